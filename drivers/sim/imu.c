@@ -72,7 +72,7 @@ static void ideal(const struct fv_sim_motion *motion, double end_s, double step_
     rest = rest || moved2 > carried_off_m_s * carried_off_m_s * step_s * step_s;
     fv_sim_quaternion(R, q);
     const double s = __builtin_sqrt(q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
-    const double rate = s > 0 && !rest ? 2 * fovea_atan2(s, q[0]) / (s * step_s) : 0;
+    const double rate = s > 0 && !rest ? 2 * fv_atan2(s, q[0]) / (s * step_s) : 0;
     for (int i = 0; i < 3; i++)
         sample->gyro[i] = rate * q[i + 1];
     for (int i = 0; i < 3 && !rest; i++)
@@ -90,15 +90,15 @@ void fv_sim_imu_sample(struct fovea_source *source, double begin_s, struct fovea
     struct fv_sim_imu *imu = &source->imu;
     const double step_s = 1 / options->imu_hz, factor = options->imu_noise,
                  white = factor / __builtin_sqrt(step_s), walk = factor * __builtin_sqrt(step_s);
-    struct fovea_random random;
+    struct fv_random random;
     ideal(&source->motion, begin_s + (double)imu->count * step_s, step_s, sample);
-    fovea_random_seed(&random, options->seed ^ (imu->count + 1) * 0xA24BAED4963EE407u);
+    fv_random_seed(&random, options->seed ^ (imu->count + 1) * 0xA24BAED4963EE407u);
     for (int i = 0; i < 3; i++) {
-        imu->gyro_bias[i] += walk * gyro_walk * fovea_random_normal(&random);
-        imu->acceleration_bias[i] += walk * acceleration_walk * fovea_random_normal(&random);
-        sample->gyro[i] += imu->gyro_bias[i] + white * gyro_noise * fovea_random_normal(&random);
+        imu->gyro_bias[i] += walk * gyro_walk * fv_random_normal(&random);
+        imu->acceleration_bias[i] += walk * acceleration_walk * fv_random_normal(&random);
+        sample->gyro[i] += imu->gyro_bias[i] + white * gyro_noise * fv_random_normal(&random);
         sample->acceleration[i] +=
-            imu->acceleration_bias[i] + white * acceleration_noise * fovea_random_normal(&random);
+            imu->acceleration_bias[i] + white * acceleration_noise * fv_random_normal(&random);
     }
     imu->count++;
 }

@@ -16,9 +16,8 @@ static const double kidnap_leave_s = 14.0, kidnap_return_s = 17.0, kidnap_back_s
 
 static void pose_matrix(const struct pose *pose, double T[12])
 {
-    const double cy = fovea_cos(pose->yaw), sy = fovea_sin(pose->yaw), cp = fovea_cos(pose->pitch);
-    const double sp = fovea_sin(pose->pitch), cr = fovea_cos(pose->roll),
-                 sr = fovea_sin(pose->roll);
+    const double cy = fv_cos(pose->yaw), sy = fv_sin(pose->yaw), cp = fv_cos(pose->pitch);
+    const double sp = fv_sin(pose->pitch), cr = fv_cos(pose->roll), sr = fv_sin(pose->roll);
     const double forward[3] = {cy * cp, sy * cp, sp}, right[3] = {sy, -cy, 0.0};
     const double down[3] = {cy * sp, sy * sp, -cp}; /* forward x right */
     for (int32_t i = 0; i < 3; i++) {
@@ -32,16 +31,16 @@ static void pose_matrix(const struct pose *pose, double T[12])
 static void look_at(struct pose *pose, double x, double y, double z)
 {
     const double dx = x - pose->position[0], dy = y - pose->position[1], dz = z - pose->position[2];
-    pose->yaw = fovea_atan2(dy, dx);
-    pose->pitch = fovea_atan2(dz, __builtin_sqrt(dx * dx + dy * dy));
+    pose->yaw = fv_atan2(dy, dx);
+    pose->pitch = fv_atan2(dz, __builtin_sqrt(dx * dx + dy * dy));
 }
 
 /* ---- a hand's tremble ------------------------------------------------------------------------ */
 
 static double tremble(const double *phase, double t)
 {
-    return 1.00 * fovea_sin(2.0 * t + phase[0]) + 0.40 * fovea_sin(5.3 * t + phase[1]) +
-           0.10 * fovea_sin(11.9 * t + phase[2]);
+    return 1.00 * fv_sin(2.0 * t + phase[0]) + 0.40 * fv_sin(5.3 * t + phase[1]) +
+           0.10 * fv_sin(11.9 * t + phase[2]);
 }
 
 static void hand(const struct fv_sim_motion *m, double t, double amount, struct pose *pose)
@@ -71,16 +70,16 @@ static void spline_add(struct fv_sim_motion *m, double x, double y, double z, do
  * round. */
 static void spline_pose(const struct fv_sim_motion *m, double t, double turns, struct pose *pose)
 {
-    const double floor_t = fovea_floor(t), f = t - floor_t, g = 1.0 - f;
+    const double floor_t = fv_floor(t), f = t - floor_t, g = 1.0 - f;
     const double weight[4] = {g * g * g / 6.0, (4.0 - 6.0 * f * f + 3.0 * f * f * f) / 6.0,
                               (4.0 - 6.0 * g * g + 3.0 * g * g * g) / 6.0, f * f * f / 6.0};
     double sum[5] = {0.0, 0.0, 0.0, 0.0, 0.0};
     for (int32_t k = 0; k < 4; k++) {
-        const double at = floor_t + k - 1, round = fovea_floor(at / m->control_count);
+        const double at = floor_t + k - 1, round = fv_floor(at / m->control_count);
         const double *c = m->control[(int32_t)(at - round * m->control_count)];
         for (int32_t i = 0; i < 5; i++)
             sum[i] += weight[k] * c[i];
-        sum[3] += weight[k] * round * turns * 2.0 * FOVEA_PI;
+        sum[3] += weight[k] * round * turns * 2.0 * FV_PI;
     }
     *pose = (struct pose){.position = {sum[0], sum[1], sum[2]}, .yaw = sum[3], .pitch = sum[4]};
 }
@@ -97,9 +96,9 @@ static void spline_ring(struct fv_sim_motion *m, double speed)
         const double along = start + m->direction * length * i / count;
         fv_sim_ring(m->lane, camera_corner_m, along + 0.4 * m->direction, ahead, &heading);
         fv_sim_ring(m->lane, camera_corner_m, along, position, &(double){0.0});
-        if (m->direction < 0.0) heading += FOVEA_PI;
-        if (i > 0 && heading + turns - last > FOVEA_PI) turns -= 2.0 * FOVEA_PI;
-        if (i > 0 && heading + turns - last < -FOVEA_PI) turns += 2.0 * FOVEA_PI;
+        if (m->direction < 0.0) heading += FV_PI;
+        if (i > 0 && heading + turns - last > FV_PI) turns -= 2.0 * FV_PI;
+        if (i > 0 && heading + turns - last < -FV_PI) turns += 2.0 * FV_PI;
         last = heading + turns;
         spline_add(m, position[0], position[1], 1.25, last, -0.06);
     }
@@ -109,11 +108,11 @@ static void spline_ring(struct fv_sim_motion *m, double speed)
  * in, a quick look. */
 static void spline_tour(struct fv_sim_motion *m)
 {
-    const double half = 0.5 * FOVEA_PI, lane_y = -m->lane[1], door_y = -m->room[1];
+    const double half = 0.5 * FV_PI, lane_y = -m->lane[1], door_y = -m->room[1];
     for (int32_t i = 0; i < 14; i++) {
-        const double angle = half + 2.0 * FOVEA_PI * (i + 7.6) / 14.0 - FOVEA_PI * 0.1;
-        spline_add(m, 1.7 * fovea_cos(angle), 1.25 * fovea_sin(angle),
-                   1.45 + 0.15 * fovea_sin(0.9 * i), angle + FOVEA_PI - 4.0 * half, -0.12);
+        const double angle = half + 2.0 * FV_PI * (i + 7.6) / 14.0 - FV_PI * 0.1;
+        spline_add(m, 1.7 * fv_cos(angle), 1.25 * fv_sin(angle), 1.45 + 0.15 * fv_sin(0.9 * i),
+                   angle + FV_PI - 4.0 * half, -0.12);
     }
     for (int32_t i = 0; i < 5; i++)
         spline_add(m, 0.0, -1.3, 1.45, 5.0 * half, -0.1);
@@ -133,8 +132,8 @@ static void spline_tour(struct fv_sim_motion *m)
         fv_sim_ring(m->lane, camera_corner_m, along + 0.4, ahead, &heading);
         fv_sim_ring(m->lane, camera_corner_m, along, position, &(double){0.0});
         if (along + 0.4 >= length) heading += 4.0 * half;
-        spline_add(m, position[0], position[1], 1.4 + 0.05 * fovea_sin(0.5 * i),
-                   8.0 * half + heading, -0.06);
+        spline_add(m, position[0], position[1], 1.4 + 0.05 * fv_sin(0.5 * i), 8.0 * half + heading,
+                   -0.06);
     }
     spline_add(m, -0.4, lane_y + 0.1, 1.40, 12.3 * half, -0.05);
     spline_add(m, -0.1, door_y - 0.8, 1.40, 12.8 * half, -0.05);
@@ -151,22 +150,21 @@ static void spline_tour(struct fv_sim_motion *m)
 static void orbit(const struct fv_sim_motion *m, double t, struct pose *pose)
 {
     const double *p = m->phase;
-    const double angle = p[20] + m->direction * (0.26 * t + 0.25 * fovea_sin(0.37 * t + p[21]));
-    const double reach =
-        1.0 + 0.09 * fovea_sin(0.23 * t + p[22]) + 0.03 * fovea_sin(0.61 * t + p[23]);
-    pose->position[0] = 1.9 * reach * fovea_cos(angle);
-    pose->position[1] = 1.45 * reach * fovea_sin(angle);
-    pose->position[2] = 1.45 + 0.15 * fovea_sin(0.41 * t + p[24]);
+    const double angle = p[20] + m->direction * (0.26 * t + 0.25 * fv_sin(0.37 * t + p[21]));
+    const double reach = 1.0 + 0.09 * fv_sin(0.23 * t + p[22]) + 0.03 * fv_sin(0.61 * t + p[23]);
+    pose->position[0] = 1.9 * reach * fv_cos(angle);
+    pose->position[1] = 1.45 * reach * fv_sin(angle);
+    pose->position[2] = 1.45 + 0.15 * fv_sin(0.41 * t + p[24]);
     pose->roll = 0.0;
-    look_at(pose, 0.7 * fovea_sin(0.19 * t + p[25]), 0.6 * fovea_sin(0.16 * t + p[26]),
-            1.05 + 0.2 * fovea_sin(0.29 * t + p[27]));
+    look_at(pose, 0.7 * fv_sin(0.19 * t + p[25]), 0.6 * fv_sin(0.16 * t + p[26]),
+            1.05 + 0.2 * fv_sin(0.29 * t + p[27]));
     hand(m, t, 1.0, pose);
 }
 
 /* Moving for 3 s (ramps of 0.5 s), standing for 2 s: the time that has passed on the way. */
 static double stopgo_time(double t)
 {
-    const double period = 5.0, way = 2.5, rounds = fovea_floor(t / period), x = t - rounds * period;
+    const double period = 5.0, way = 2.5, rounds = fv_floor(t / period), x = t - rounds * period;
     double done = way;
     if (x < 0.5) {
         const double f = x / 0.5;
@@ -193,36 +191,34 @@ static double stand_time(double t)
  * 7 s. */
 static double fast_turn(double t)
 {
-    const double x = t - 7.0 * fovea_floor(t / 7.0);
+    const double x = t - 7.0 * fv_floor(t / 7.0);
     double f = x < 3.0 ? 0.0 : x < 4.0 ? x - 3.0 : x < 5.5 ? 1.0 : x < 6.5 ? 6.5 - x : 0.0;
     f = f * f * f * (10.0 - 15.0 * f + 6.0 * f * f);
-    return f * 110.0 * FOVEA_PI / 180.0;
+    return f * 110.0 * FV_PI / 180.0;
 }
 
 static void wander(const struct fv_sim_motion *m, double t, struct pose *pose)
 {
     const double *p = m->phase;
-    pose->position[0] =
-        6.5 * (0.6 * fovea_sin(0.0710 * t + p[20]) + 0.4 * fovea_sin(0.1307 * t + p[21]));
-    pose->position[1] =
-        4.2 * (0.6 * fovea_sin(0.0837 * t + p[22]) + 0.4 * fovea_sin(0.1573 * t + p[23]));
-    pose->position[2] = 1.55 + 0.18 * fovea_sin(0.211 * t + p[24]);
-    pose->yaw = p[25] + m->direction * 0.09 * t + 0.9 * fovea_sin(0.1271 * t + p[26]);
-    pose->pitch = -0.06 + 0.08 * fovea_sin(0.173 * t + p[27]);
+    pose->position[0] = 6.5 * (0.6 * fv_sin(0.0710 * t + p[20]) + 0.4 * fv_sin(0.1307 * t + p[21]));
+    pose->position[1] = 4.2 * (0.6 * fv_sin(0.0837 * t + p[22]) + 0.4 * fv_sin(0.1573 * t + p[23]));
+    pose->position[2] = 1.55 + 0.18 * fv_sin(0.211 * t + p[24]);
+    pose->yaw = p[25] + m->direction * 0.09 * t + 0.9 * fv_sin(0.1271 * t + p[26]);
+    pose->pitch = -0.06 + 0.08 * fv_sin(0.173 * t + p[27]);
     hand(m, t, 1.0, pose);
 }
 
 static void rotate(const struct fv_sim_motion *m, double t, struct pose *pose)
 {
     const double *p = m->phase;
-    const struct pose spot = {.position = {0.6 * fovea_cos(p[20]), 0.9 * fovea_sin(p[20]), 1.5}};
+    const struct pose spot = {.position = {0.6 * fv_cos(p[20]), 0.9 * fv_sin(p[20]), 1.5}};
     *pose = spot;
     hand(m, t, 1.0, pose);
     for (int32_t i = 0; i < 3; i++)
         pose->position[i] = spot.position[i]; /* exactly: only the turning trembles */
-    pose->yaw += p[21] + m->direction * (1.6 * fovea_sin(0.35 * t + p[22]) +
-                                         0.4 * fovea_sin(0.83 * t + p[23]));
-    pose->pitch += -0.08 + 0.14 * fovea_sin(0.52 * t + p[24]);
+    pose->yaw +=
+        p[21] + m->direction * (1.6 * fv_sin(0.35 * t + p[22]) + 0.4 * fv_sin(0.83 * t + p[23]));
+    pose->pitch += -0.08 + 0.14 * fv_sin(0.52 * t + p[24]);
 }
 
 static void kidnap(const struct fv_sim_motion *m, double t, struct pose *pose)
@@ -248,11 +244,11 @@ void fv_sim_motion_create(struct fv_sim_motion *motion, const struct fv_sim_opti
     memcpy(motion->room, world->room, sizeof motion->room);
     memcpy(motion->lane, world->lane, sizeof motion->lane);
     memcpy(motion->store, world->store, sizeof motion->store);
-    struct fovea_random random;
-    fovea_random_seed(&random, options->seed ^ 0x60A7E5u);
+    struct fv_random random;
+    fv_random_seed(&random, options->seed ^ 0x60A7E5u);
     for (int32_t i = 0; i < FV_SIM_PHASES; i++)
-        motion->phase[i] = 2.0 * FOVEA_PI * fovea_random_unit(&random);
-    motion->direction = fovea_random_below(&random, 2) ? 1.0 : -1.0;
+        motion->phase[i] = 2.0 * FV_PI * fv_random_unit(&random);
+    motion->direction = fv_random_below(&random, 2) ? 1.0 : -1.0;
     if (options->trajectory == FV_SIM_CORRIDOR) spline_ring(motion, 0.75);
     if (options->trajectory == FV_SIM_TOUR) spline_tour(motion);
 }

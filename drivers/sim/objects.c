@@ -18,27 +18,27 @@ static const double ring_corner_m = 0.9;
 
 double fv_sim_ring_length(const double half[2], double corner)
 {
-    return 4.0 * (half[0] + half[1] - 2.0 * corner) + 2.0 * FOVEA_PI * corner;
+    return 4.0 * (half[0] + half[1] - 2.0 * corner) + 2.0 * FV_PI * corner;
 }
 
 void fv_sim_ring(const double half[2], double corner, double along, double position[2],
                  double *heading)
 {
-    const double arc = 0.5 * FOVEA_PI * corner, length = fv_sim_ring_length(half, corner);
-    along -= length * fovea_floor(along / length);
+    const double arc = 0.5 * FV_PI * corner, length = fv_sim_ring_length(half, corner);
+    along -= length * fv_floor(along / length);
     /* Anticlockwise from the middle of nothing: side k runs in direction k * 90 degrees, then an
      * arc to the left. */
     for (int32_t k = 0; k < 4; k++) {
         const double straight = 2.0 * (((k & 1) ? half[1] : half[0]) - corner),
-                     turn = 0.5 * FOVEA_PI * k;
+                     turn = 0.5 * FV_PI * k;
         const double c = (k == 0) - (k == 2), s = (k == 1) - (k == 3); /* cos and sin of turn */
         const double side = (k & 1) ? half[0] : half[1], reach = (k & 1) ? half[1] : half[0];
         double x = along - (reach - corner), y = -side; /* in the side's own axes */
         *heading = turn;
         if (along > straight && (along <= straight + arc || k == 3)) {
             const double angle = (along - straight) / corner;
-            x = reach - corner + corner * fovea_sin(angle);
-            y = -side + corner * (1.0 - fovea_cos(angle));
+            x = reach - corner + corner * fv_sin(angle);
+            y = -side + corner * (1.0 - fv_cos(angle));
             *heading = turn + angle;
         }
         position[0] = c * x - s * y;
@@ -54,30 +54,30 @@ void fv_sim_object_pose(const struct fv_sim_object *o, double time_s, double pos
     if (o->on_ring) {
         const double along = o->phase + o->rate * time_s;
         fv_sim_ring(o->radius, ring_corner_m, along, position, heading);
-        if (o->rate < 0.0) *heading += FOVEA_PI;
+        if (o->rate < 0.0) *heading += FV_PI;
         return;
     }
     const double angle = o->phase + o->rate * time_s;
-    const double wobble = 1.0 + o->wobble * fovea_sin(o->wobble_rate * time_s + o->wobble_phase);
+    const double wobble = 1.0 + o->wobble * fv_sin(o->wobble_rate * time_s + o->wobble_phase);
     const double slope =
-        o->wobble * o->wobble_rate * fovea_cos(o->wobble_rate * time_s + o->wobble_phase);
-    const double c = fovea_cos(angle), s = fovea_sin(angle);
+        o->wobble * o->wobble_rate * fv_cos(o->wobble_rate * time_s + o->wobble_phase);
+    const double c = fv_cos(angle), s = fv_sin(angle);
     position[0] = o->center[0] + o->radius[0] * wobble * c;
     position[1] = o->center[1] + o->radius[1] * wobble * s;
-    *heading = fovea_atan2(o->radius[1] * (wobble * c * o->rate + slope * s),
-                           o->radius[0] * (slope * c - wobble * s * o->rate));
+    *heading = fv_atan2(o->radius[1] * (wobble * c * o->rate + slope * s),
+                        o->radius[0] * (slope * c - wobble * s * o->rate));
 }
 
 /* ---- creation -------------------------------------------------------------------------------- */
 
-static double draw(struct fovea_random *random, double low, double high)
+static double draw(struct fv_random *random, double low, double high)
 {
-    return low + (high - low) * fovea_random_unit(random);
+    return low + (high - low) * fv_random_unit(random);
 }
 
 /* Ellipses in a room: persons walk outside of the camera's way, low things roll below it. */
 static void choose_ellipse(struct fv_sim_object *o, const struct fv_sim_world *world,
-                           int32_t number, struct fovea_random *random)
+                           int32_t number, struct fv_random *random)
 {
     double x = world->room[0], y = world->room[1], speed = draw(random, 0.2, 0.6);
     o->wobble = draw(random, 0.0, 0.04);
@@ -94,7 +94,7 @@ static void choose_ellipse(struct fv_sim_object *o, const struct fv_sim_world *w
         o->radius[1] = y;
         o->rate = lane ? -0.25 : 0.21;
         o->phase = (double)(world->seed % 628u) * 0.01 + 1.1 * place + 0.8 * lane;
-        o->wobble_phase = draw(random, 0.0, 2.0 * FOVEA_PI);
+        o->wobble_phase = draw(random, 0.0, 2.0 * FV_PI);
         o->wobble_rate = 0.4;
         o->wobble = 0.01;
         return;
@@ -105,14 +105,14 @@ static void choose_ellipse(struct fv_sim_object *o, const struct fv_sim_world *w
     }
     o->radius[0] = x;
     o->radius[1] = y;
-    o->rate = speed / (0.5 * (x + y)) * (fovea_random_below(random, 2) ? 1.0 : -1.0);
-    o->phase = draw(random, 0.0, 2.0 * FOVEA_PI);
+    o->rate = speed / (0.5 * (x + y)) * (fv_random_below(random, 2) ? 1.0 : -1.0);
+    o->phase = draw(random, 0.0, 2.0 * FV_PI);
     o->wobble_rate = draw(random, 0.3, 0.9);
-    o->wobble_phase = draw(random, 0.0, 2.0 * FOVEA_PI);
+    o->wobble_phase = draw(random, 0.0, 2.0 * FV_PI);
 }
 
 static void choose_ring(struct fv_sim_object *o, const struct fv_sim_world *world, int32_t number,
-                        struct fovea_random *random)
+                        struct fv_random *random)
 {
     /* Persons keep to the side; low things may be nearer to the middle. */
     const double aside = (o->object_class == FOVEA_TRUTH_PERSON ? 0.80 : draw(random, 0.45, 0.8)) *
@@ -121,7 +121,7 @@ static void choose_ring(struct fv_sim_object *o, const struct fv_sim_world *worl
     o->radius[0] = world->lane[0] + aside;
     o->radius[1] = world->lane[1] + aside;
     o->rate = draw(random, 0.3, 0.9);
-    if (fovea_random_below(random, 2)) o->rate = -o->rate;
+    if (fv_random_below(random, 2)) o->rate = -o->rate;
     o->phase = draw(random, 0.0, fv_sim_ring_length(o->radius, ring_corner_m));
 }
 
@@ -132,8 +132,8 @@ void fv_sim_objects_create(struct fv_sim_world *world, const struct fv_sim_optio
     static const enum fv_sim_material material[5] = {FV_SIM_CLOTHES, FV_SIM_BALL, FV_SIM_CONE,
                                                      FV_SIM_PARCEL, FV_SIM_CLOTHES};
     uint16_t variant[FOVEA_TRUTH_CLASS_COUNT][VARIANTS] = {{0}}, head[VARIANTS] = {0};
-    struct fovea_random random;
-    fovea_random_seed(&random, world->seed ^ 0x0B7EC75u);
+    struct fv_random random;
+    fv_random_seed(&random, world->seed ^ 0x0B7EC75u);
     for (int32_t c = 1; c < FOVEA_TRUTH_CLASS_COUNT; c++) {
         for (int32_t k = 0; k < VARIANTS && k * 4 < options->objects; k++)
             variant[c][k] = fv_sim_world_texture(world, material[c], 1.0, 1.0, 128.0, false);
@@ -202,8 +202,8 @@ static struct fv_sim_round *put_round(struct fv_sim_world *world, const double p
     struct fv_sim_round *round =
         fv_sim_world_round(world, position[0], position[1], z, height, texture);
     if (round == NULL) return NULL;
-    round->side[0] = fovea_cos(heading);
-    round->side[1] = fovea_sin(heading);
+    round->side[0] = fv_cos(heading);
+    round->side[1] = fv_sin(heading);
     round->object = (uint16_t)id;
     return round;
 }
@@ -211,9 +211,9 @@ static struct fv_sim_round *put_round(struct fv_sim_world *world, const double p
 static void put_ball(struct fv_sim_world *world, const struct fv_sim_object *o,
                      const double position[2], double heading, double time_s, int32_t id)
 {
-    const double c = fovea_cos(heading), s = fovea_sin(heading), r = ball_radius_m;
+    const double c = fv_cos(heading), s = fv_sin(heading), r = ball_radius_m;
     const double way = o->rate * time_s * (o->on_ring ? 1.0 : 0.5 * (o->radius[0] + o->radius[1]));
-    const double roll = (way < 0.0 ? -way : way) / r, cr = fovea_cos(roll), sr = fovea_sin(roll);
+    const double roll = (way < 0.0 ? -way : way) / r, cr = fv_cos(roll), sr = fv_sin(roll);
     struct fv_sim_round *round =
         fv_sim_world_round(world, position[0] + r * s, position[1] - r * c, r, 2.0 * r, o->texture);
     if (round == NULL) return;

@@ -65,7 +65,7 @@ static void turn(double R[9], const double S[9])
 static void step(struct fovea_source *source, double time_s, double step_s)
 {
     struct fv_sim_odometry *o = &source->odometry;
-    struct fovea_random random;
+    struct fv_random random;
     double T[12], R[9], t[3], moved2 = 0;
     fv_sim_motion_pose(&source->motion, time_s, T);
     if (o->count == 0) memcpy(o->last, T, sizeof T);
@@ -74,8 +74,8 @@ static void step(struct fovea_source *source, double time_s, double step_s)
     for (int i = 0; i < 3; i++)
         moved2 += t[i] * t[i];
     if (moved2 > carried_off_m_s * carried_off_m_s * step_s * step_s) return;
-    fovea_random_seed(&random, source->options.seed ^ (o->count + 1) * 0xD1B54A32D192ED03u);
-    double stretch = 1 + source->options.odometry_noise * fovea_random_normal(&random);
+    fv_random_seed(&random, source->options.seed ^ (o->count + 1) * 0xD1B54A32D192ED03u);
+    double stretch = 1 + source->options.odometry_noise * fv_random_normal(&random);
     for (int r = 0; r < 3; r++)
         for (int k = 0; k < 3; k++)
             o->position[r] += stretch * o->R[3 * r + k] * t[k];

@@ -12,12 +12,12 @@ void fv_sim_brush_open(struct fv_sim_brush *brush, struct fv_sim_texture *textur
     brush->height = texture->height;
     brush->stride = texture->level[0].stride;
     brush->scale = (int32_t)texels_per_m;
-    fovea_random_seed(&brush->random, seed);
+    fv_random_seed(&brush->random, seed);
 }
 
 int32_t fv_sim_draw(struct fv_sim_brush *brush, int32_t low, int32_t high)
 {
-    return low + (int32_t)fovea_random_below(&brush->random, (uint32_t)(high - low + 1));
+    return low + (int32_t)fv_random_below(&brush->random, (uint32_t)(high - low + 1));
 }
 
 int32_t fv_sim_mm(const struct fv_sim_brush *brush, int32_t millimetres)
@@ -123,7 +123,7 @@ void fv_sim_noise(struct fv_sim_brush *brush, int32_t x0, int32_t y0, int32_t x1
 {
     enum { STRIP = 512 };
     int32_t sum[STRIP];
-    const uint32_t seed = fovea_random_u32(&brush->random);
+    const uint32_t seed = fv_random_u32(&brush->random);
     x0 = clamp(x0, 0, brush->width);
     x1 = clamp(x1, 0, brush->width);
     y0 = clamp(y0, 0, brush->height);

@@ -11,7 +11,7 @@ struct fv_sim_brush {
     uint8_t *texels;
     int32_t width, height, stride;
     int32_t scale; /* texels per metre */
-    struct fovea_random random;
+    struct fv_random random;
 };
 
 void fv_sim_brush_open(struct fv_sim_brush *brush, struct fv_sim_texture *texture,

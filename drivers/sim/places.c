@@ -13,7 +13,7 @@ static const double detail_per_m = 150.0; /* texels per metre on furniture */
 
 struct builder {
     struct fv_sim_world *world;
-    struct fovea_random random;
+    struct fv_random random;
     uint16_t wood[2], fabric, carton[2], books[2], metal, clutter[2];
     uint16_t floor; /* texture that furniture throws shade on */
     double floor_x, floor_y,
@@ -22,18 +22,18 @@ struct builder {
 
 static double draw(struct builder *b, double low, double high)
 {
-    return low + (high - low) * fovea_random_unit(&b->random);
+    return low + (high - low) * fv_random_unit(&b->random);
 }
 
 static uint32_t pick(struct builder *b, uint32_t count)
 {
-    return fovea_random_below(&b->random, count);
+    return fv_random_below(&b->random, count);
 }
 
 static void builder_open(struct builder *b, struct fv_sim_world *world, uint64_t salt)
 {
     *b = (struct builder){.world = world};
-    fovea_random_seed(&b->random, world->seed ^ salt);
+    fv_random_seed(&b->random, world->seed ^ salt);
     for (int32_t i = 0; i < 2; i++) {
         b->wood[i] = fv_sim_world_texture(world, FV_SIM_WOOD, 1.4, 1.4, detail_per_m, false);
         b->carton[i] = fv_sim_world_texture(world, FV_SIM_CARTON, 0.9, 0.9, detail_per_m, false);
@@ -358,8 +358,8 @@ void fv_sim_place_hall(struct fv_sim_world *world)
     /* Pillars and racks round the free middle (|x| < 8, |y| < 5.5), low islands in it, banners
      * under the ceiling. */
     for (int32_t i = 0; i < 14; i++) {
-        const double angle = i * (2.0 * FOVEA_PI / 14.0) + 0.2, x = 10.6 * fovea_cos(angle),
-                     y = 7.9 * fovea_sin(angle);
+        const double angle = i * (2.0 * FV_PI / 14.0) + 0.2, x = 10.6 * fv_cos(angle),
+                     y = 7.9 * fv_sin(angle);
         if (i % 2) {
             box(b, x, y, 0.0, 0.5, 0.5, height, 0.0, b->metal, b->metal, SIDES);
             continue;

@@ -197,7 +197,7 @@ void fv_sim_paint_wall(struct fv_sim_texture *texture, double texels_per_m, uint
     struct fv_sim_brush brush, *b = &brush;
     fv_sim_brush_open(b, texture, texels_per_m, seed);
     const int32_t period = period_m > 0.0 ? (int32_t)(period_m * texels_per_m) : 0;
-    const struct fovea_random first = b->random;
+    const struct fv_random first = b->random;
     int32_t x = fv_sim_mm(b, 150), begin = x;
     while (x < b->width - fv_sim_mm(b, 300)) {
         if (period > 0 && x - begin >= period - fv_sim_mm(b, 400)) {
@@ -243,10 +243,10 @@ void fv_sim_paint_shade(struct fv_sim_texture *texture, int32_t x0, int32_t y0, 
 void fv_sim_paint_light(struct fv_sim_texture *texture, double texels_per_m, uint64_t seed)
 {
     const int32_t w = texture->width, h = texture->height, near = (int32_t)(texels_per_m * 0.7);
-    struct fovea_random random;
-    fovea_random_seed(&random, seed);
+    struct fv_random random;
+    fv_random_seed(&random, seed);
     const int32_t pool = (int32_t)(texels_per_m * 2.6),
-                  at = (int32_t)fovea_random_below(&random, (uint32_t)pool);
+                  at = (int32_t)fv_random_below(&random, (uint32_t)pool);
     for (int32_t y = 0; y < h; y++) {
         const int32_t ey = clamp((y < h - 1 - y ? y : h - 1 - y) * 256 / near, 0, 256);
         for (int32_t x = 0; x < w; x++) {

@@ -44,10 +44,10 @@ FV_WIDE static void expose(struct fv_sim_sensor *restrict sensor, const uint16_t
 
 void fv_sim_sensor_begin(struct fv_sim_sensor *sensor, double light, double noise, uint64_t seed)
 {
-    struct fovea_random random;
-    fovea_random_seed(&random, seed);
+    struct fv_random random;
+    fv_random_seed(&random, seed);
     for (int32_t j = 0; j < LANES; j++)
-        sensor->state[j] = fovea_random_u32(&random) | 1u;
+        sensor->state[j] = fv_random_u32(&random) | 1u;
     sensor->gain = (uint16_t)(light * 256.0 + 0.5);
     sensor->spread = (int16_t)(noise * 256.0 * 256.0 / spread_of_bytes + 0.5);
 }

@@ -13,8 +13,8 @@ enum { BLUR_STEPS = 8, ROLLING_ROWS = 4 };
 static enum fovea_status make_camera(const struct fv_sim_options *o, struct fovea_camera *camera,
                                      struct fovea_error *error)
 {
-    const double half = 0.5 * o->fov_deg * FOVEA_PI / 180.0;
-    double edge = fovea_tan(half); /* distorted radius at the left and right edge */
+    const double half = 0.5 * o->fov_deg * FV_PI / 180.0;
+    double edge = fv_tan(half); /* distorted radius at the left and right edge */
     *camera =
         (struct fovea_camera){.width = o->width, .height = o->height, .lens = FOVEA_LENS_RADTAN};
     camera->cx = 0.5 * (o->width - 1) + 3.2;

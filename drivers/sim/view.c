@@ -258,7 +258,7 @@ static bool set_round(struct fv_sim_surface *s, const struct fv_sim_round *round
     s->tex_du = (float)texture->width;
     s->tex_dv = (float)texture->height;
     /* Texels per metre, squared: across by the girth, along by the height. */
-    s->area = (float)((double)texture->width / (2.0 * FOVEA_PI * radius) * (double)texture->height /
+    s->area = (float)((double)texture->width / (2.0 * FV_PI * radius) * (double)texture->height /
                       round->height);
     s->slant =
         (float)(z_min > near_m ? 1.0 / z_min : 1.0 / near_m); /* nearest: for depth culling */

@@ -71,14 +71,14 @@ static void take_piece(struct fv_sim_world *world, struct fv_sim_face *face, dou
                        double height_m, double texels_per_m)
 {
     const struct fv_sim_texture *t = &world->texture[face->texture];
-    struct fovea_random random;
-    fovea_random_seed(
+    struct fv_random random;
+    fv_random_seed(
         &random, seed_for(world->seed, world->repeated ? 7u : 5000u + (uint64_t)world->face_count));
     int32_t du = (int32_t)(width_m * texels_per_m), dv = (int32_t)(height_m * texels_per_m);
     if (du > t->width) du = t->width;
     if (dv > t->height) dv = t->height;
-    const int32_t u0 = (int32_t)fovea_random_below(&random, (uint32_t)(t->width - du + 1));
-    const int32_t v0 = (int32_t)fovea_random_below(&random, (uint32_t)(t->height - dv + 1));
+    const int32_t u0 = (int32_t)fv_random_below(&random, (uint32_t)(t->width - du + 1));
+    const int32_t v0 = (int32_t)fv_random_below(&random, (uint32_t)(t->height - dv + 1));
     face->tex_u = (float)u0;
     face->tex_du = (float)du;
     face->tex_v = (float)(v0 + dv);
@@ -89,7 +89,7 @@ void fv_sim_world_box(struct fv_sim_world *world, const double center[2], double
                       const double size[3], double yaw, uint16_t side, uint16_t top, uint32_t faces,
                       double texels_per_m)
 {
-    const double c = fovea_cos(yaw), s = fovea_sin(yaw);
+    const double c = fv_cos(yaw), s = fv_sin(yaw);
     /* Corners go round anticlockwise from (-x, -y); side k runs from corner k to k + 1 and faces
      * outward. */
     static const double round_x[4] = {-0.5, 0.5, 0.5, -0.5}, round_y[4] = {-0.5, -0.5, 0.5, 0.5};

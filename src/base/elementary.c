@@ -9,7 +9,7 @@
 
 #include <string.h>
 
-double fovea_floor(double value)
+double fv_floor(double value)
 {
     if (!(value > -0x1p51 && value < 0x1p51)) return value;
     double whole = (double)(int64_t)value;
@@ -34,7 +34,7 @@ static const double half_pi_1 = 0x1.921fb544p+0, half_pi_2 = 0x1.0b4611a6p-34,
  * quadrant mod 4. */
 static int reduce_angle(double angle, double *rest, double *tail)
 {
-    double quadrant = fovea_floor(angle * 0x1.45f306dc9c883p-1 + 0.5);
+    double quadrant = fv_floor(angle * 0x1.45f306dc9c883p-1 + 0.5);
     double head = angle - quadrant * half_pi_1; /* both exact: 20 + 33 bits, then cancellation */
     double second = quadrant * half_pi_2;       /* exact */
     double r = head - second;
@@ -86,19 +86,19 @@ static double sin_shifted(double angle, int shift)
     return quadrant & 2 ? -value : value;
 }
 
-double fovea_sin(double angle_rad)
+double fv_sin(double angle_rad)
 {
     return angle_rad >= -1e6 && angle_rad <= 1e6 ? sin_shifted(angle_rad, 0) : 0.0;
 }
 
-double fovea_cos(double angle_rad)
+double fv_cos(double angle_rad)
 {
     return angle_rad >= -1e6 && angle_rad <= 1e6 ? sin_shifted(angle_rad, 1) : 1.0;
 }
 
-double fovea_tan(double angle_rad)
+double fv_tan(double angle_rad)
 {
-    return fovea_sin(angle_rad) / fovea_cos(angle_rad);
+    return fv_sin(angle_rad) / fv_cos(angle_rad);
 }
 
 /* atan(k/4), k = 0..4, as head and tail, and pi/2 likewise. */
@@ -110,7 +110,7 @@ static const double half_pi_head = 0x1.921fb54442d18p+0, half_pi_tail = 0x1.1a62
 static const double atan_series[] = {-1.0 / 3, 1.0 / 5,   -1.0 / 7, 1.0 / 9,  -1.0 / 11,
                                      1.0 / 13, -1.0 / 15, 1.0 / 17, -1.0 / 19};
 
-double fovea_atan2(double y, double x)
+double fv_atan2(double y, double x)
 {
     double a = x < 0 ? -x : x, b = y < 0 ? -y : y;
     int swapped = b > a;
@@ -150,16 +150,16 @@ static double clamp_unit(double v)
     return v > 1.0 ? 1.0 : v >= -1.0 ? v : -1.0;
 }
 
-double fovea_acos(double cosine)
+double fv_acos(double cosine)
 {
     cosine = clamp_unit(cosine);
-    return fovea_atan2(other_leg(cosine), cosine);
+    return fv_atan2(other_leg(cosine), cosine);
 }
 
-double fovea_asin(double sine)
+double fv_asin(double sine)
 {
     sine = clamp_unit(sine);
-    return fovea_atan2(sine, other_leg(sine));
+    return fv_atan2(sine, other_leg(sine));
 }
 
 /* ---- exponential and logarithm --------------------------------------------------------------- */
@@ -169,10 +169,10 @@ static const double exp_series[] = {
     1.0 / 6,      1.0 / 24,      1.0 / 120,      1.0 / 720,       1.0 / 5040,        1.0 / 40320,
     1.0 / 362880, 1.0 / 3628800, 1.0 / 39916800, 1.0 / 479001600, 1.0 / 6227020800.0};
 
-double fovea_exp(double exponent)
+double fv_exp(double exponent)
 {
     double x = exponent > 709.0 ? 709.0 : exponent >= -708.0 ? exponent : -708.0;
-    double k = fovea_floor(x * 0x1.71547652b82fep+0 + 0.5);
+    double k = fv_floor(x * 0x1.71547652b82fep+0 + 0.5);
     double head = x - k * ln2_head, tail = k * ln2_tail, r = head - tail;
     double lost = (head - r) - tail;
     double z = r * r;
@@ -187,7 +187,7 @@ double fovea_exp(double exponent)
 static const double log_series[] = {2.0 / 3,  2.0 / 5,  2.0 / 7,  2.0 / 9,  2.0 / 11, 2.0 / 13,
                                     2.0 / 15, 2.0 / 17, 2.0 / 19, 2.0 / 21, 2.0 / 23};
 
-double fovea_log(double positive)
+double fv_log(double positive)
 {
     double x = positive >= 0x1p-1022 ? positive : 0x1p-1022;
     if (x > 0x1.fffffffffffffp1023) x = 0x1.fffffffffffffp1023;
@@ -205,7 +205,7 @@ double fovea_log(double positive)
     return whole * ln2_head - ((half - (s * (half + series) + whole * ln2_tail)) - f);
 }
 
-double fovea_pow(double base, double exponent)
+double fv_pow(double base, double exponent)
 {
-    return fovea_exp(exponent * fovea_log(base));
+    return fv_exp(exponent * fv_log(base));
 }

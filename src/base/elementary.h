@@ -15,45 +15,45 @@
 extern "C" {
 #endif
 
-#define FOVEA_PI 3.14159265358979323846
+#define FV_PI 3.14159265358979323846
 
 /* |angle_rad| up to 1e6; beyond that, and for NaN, the result is 0 (sin) or 1 (cos). */
-double fovea_sin(double angle_rad);
-double fovea_cos(double angle_rad);
-double fovea_tan(double angle_rad);
+double fv_sin(double angle_rad);
+double fv_cos(double angle_rad);
+double fv_tan(double angle_rad);
 
 /* As C's atan2 for finite arguments, with atan2(0, 0) = 0; result in [-pi, pi]. */
-double fovea_atan2(double y, double x);
+double fv_atan2(double y, double x);
 
 /* Arguments are clamped to [-1, 1]. */
-double fovea_acos(double cosine);
-double fovea_asin(double sine);
+double fv_acos(double cosine);
+double fv_asin(double sine);
 
 /* exp: argument clamped to [-708, 709]. log: of the argument clamped to at least 2^-1022. */
-double fovea_exp(double exponent);
-double fovea_log(double positive);
+double fv_exp(double exponent);
+double fv_log(double positive);
 
 /* base^exponent for base > 0 as exp(exponent log base): relative error grows with |exponent log
  * base| as usual. */
-double fovea_pow(double base, double exponent);
+double fv_pow(double base, double exponent);
 
 /* Largest integer value not above `value`, |value| < 2^51. */
-double fovea_floor(double value);
+double fv_floor(double value);
 
 /* Seeded generator (xoshiro128++ 1.0 by Blackman and Vigna, public domain algorithm, seeded through
  * splitmix64). A plain struct, so that it lives in the state, is copied and replayed with it. */
-struct fovea_random {
+struct fv_random {
     uint32_t s[4];
 };
 
-void fovea_random_seed(struct fovea_random *random, uint64_t seed);
-uint32_t fovea_random_u32(struct fovea_random *random);
+void fv_random_seed(struct fv_random *random, uint64_t seed);
+uint32_t fv_random_u32(struct fv_random *random);
 /* Uniform in [0, bound), unbiased up to 2^-32 (multiply-shift); bound >= 1. */
-uint32_t fovea_random_below(struct fovea_random *random, uint32_t bound);
+uint32_t fv_random_below(struct fv_random *random, uint32_t bound);
 /* Uniform in [0, 1), 53 bits from two draws. */
-double fovea_random_unit(struct fovea_random *random);
+double fv_random_unit(struct fv_random *random);
 /* Standard normal (Box-Muller; two uniform draws per value). */
-double fovea_random_normal(struct fovea_random *random);
+double fv_random_normal(struct fv_random *random);
 
 #ifdef __cplusplus
 }

@@ -15,7 +15,7 @@ static uint32_t rotate_left(uint32_t x, int by)
     return (x << by) | (x >> (32 - by));
 }
 
-void fovea_random_seed(struct fovea_random *random, uint64_t seed)
+void fv_random_seed(struct fv_random *random, uint64_t seed)
 {
     uint64_t a = splitmix(&seed), b = splitmix(&seed);
     random->s[0] = (uint32_t)a;
@@ -26,7 +26,7 @@ void fovea_random_seed(struct fovea_random *random, uint64_t seed)
         random->s[0] = 1;
 }
 
-uint32_t fovea_random_u32(struct fovea_random *random)
+uint32_t fv_random_u32(struct fv_random *random)
 {
     uint32_t *s = random->s;
     uint32_t result = rotate_left(s[0] + s[3], 7) + s[0];
@@ -40,19 +40,19 @@ uint32_t fovea_random_u32(struct fovea_random *random)
     return result;
 }
 
-uint32_t fovea_random_below(struct fovea_random *random, uint32_t bound)
+uint32_t fv_random_below(struct fv_random *random, uint32_t bound)
 {
-    return (uint32_t)(((uint64_t)fovea_random_u32(random) * bound) >> 32);
+    return (uint32_t)(((uint64_t)fv_random_u32(random) * bound) >> 32);
 }
 
-double fovea_random_unit(struct fovea_random *random)
+double fv_random_unit(struct fv_random *random)
 {
-    uint64_t high = fovea_random_u32(random) >> 5, low = fovea_random_u32(random) >> 6;
+    uint64_t high = fv_random_u32(random) >> 5, low = fv_random_u32(random) >> 6;
     return (double)((high << 26) | low) * 0x1p-53;
 }
 
-double fovea_random_normal(struct fovea_random *random)
+double fv_random_normal(struct fv_random *random)
 {
-    double radius = __builtin_sqrt(-2.0 * fovea_log(1.0 - fovea_random_unit(random)));
-    return radius * fovea_cos(2.0 * FOVEA_PI * fovea_random_unit(random));
+    double radius = __builtin_sqrt(-2.0 * fv_log(1.0 - fv_random_unit(random)));
+    return radius * fv_cos(2.0 * FV_PI * fv_random_unit(random));
 }

@@ -75,7 +75,7 @@ static void add_centred(struct fv_head_job *j, float x, float y, float w, float 
 
 static float sigmoid(float x)
 {
-    return (float)(1.0 / (1.0 + fovea_exp(-(double)x)));
+    return (float)(1.0 / (1.0 + fv_exp(-(double)x)));
 }
 
 /* ---- classifiers ----------------------------------------------------------------------------- */
@@ -163,10 +163,8 @@ static void ssd_raw_box(struct fv_head_job *j, int64_t i, float score, int32_t c
     const struct fv_head_output *b = ssd_raw_boxes(j);
     const float cy = value_at(b, 4 * i) / scale[0] * anchor[2] + anchor[0];
     const float cx = value_at(b, 4 * i + 1) / scale[1] * anchor[3] + anchor[1];
-    const float bh =
-        (float)fovea_exp((double)value_at(b, 4 * i + 2) / (double)scale[2]) * anchor[2];
-    const float bw =
-        (float)fovea_exp((double)value_at(b, 4 * i + 3) / (double)scale[3]) * anchor[3];
+    const float bh = (float)fv_exp((double)value_at(b, 4 * i + 2) / (double)scale[2]) * anchor[2];
+    const float bw = (float)fv_exp((double)value_at(b, 4 * i + 3) / (double)scale[3]) * anchor[3];
     add_box(j, (cx - bw * 0.5f) * (float)p->width, (cy - bh * 0.5f) * (float)p->height,
             (cx + bw * 0.5f) * (float)p->width, (cy + bh * 0.5f) * (float)p->height, score,
             class_id);
@@ -265,9 +263,9 @@ static void yolov2_box(struct fv_head_job *j, int64_t item, int64_t at, float sc
                   y = (int32_t)(item / anchors / w);
     const float cx = ((float)x + sigmoid(value_at(o, at))) / (float)w * (float)p->width;
     const float cy = ((float)y + sigmoid(value_at(o, at + 1))) / (float)h * (float)p->height;
-    const float bw = j->d->anchors[2 * a] * (float)fovea_exp((double)value_at(o, at + 2)) /
-                     (float)w * (float)p->width;
-    const float bh = j->d->anchors[2 * a + 1] * (float)fovea_exp((double)value_at(o, at + 3)) /
+    const float bw = j->d->anchors[2 * a] * (float)fv_exp((double)value_at(o, at + 2)) / (float)w *
+                     (float)p->width;
+    const float bh = j->d->anchors[2 * a + 1] * (float)fv_exp((double)value_at(o, at + 3)) /
                      (float)h * (float)p->height;
     add_box(j, cx - bw * 0.5f, cy - bh * 0.5f, cx + bw * 0.5f, cy + bh * 0.5f, score, class_id);
 }
@@ -284,10 +282,10 @@ static void yolov2_scan(struct fv_head_job *j, int64_t begin, int64_t end)
             largest = (double)value_at(o, at + 5 + c) > largest ? (double)value_at(o, at + 5 + c)
                                                                 : largest;
         for (int32_t c = 0; c < classes; c++)
-            sum += fovea_exp((double)value_at(o, at + 5 + c) - largest);
+            sum += fv_exp((double)value_at(o, at + 5 + c) - largest);
         for (int32_t c = 0; c < classes; c++) {
             const float score =
-                object * (float)(fovea_exp((double)value_at(o, at + 5 + c) - largest) / sum);
+                object * (float)(fv_exp((double)value_at(o, at + 5 + c) - largest) / sum);
             if (score >= least_of(j, c)) yolov2_box(j, i, at, score, c);
         }
     }

@@ -48,14 +48,14 @@ float fv_orb_angle(uint8_t direction)
 {
     const int turned =
         direction > FV_ORB_DIRECTIONS / 2 ? direction - FV_ORB_DIRECTIONS : direction;
-    return (float)(turned * (2.0 * FOVEA_PI / FV_ORB_DIRECTIONS));
+    return (float)(turned * (2.0 * FV_PI / FV_ORB_DIRECTIONS));
 }
 
 void fv_orb_turn(float angle_rad, struct fv_orb_pattern *turned)
 {
     /* Adding and subtracting 1.5 x 2^23 rounds to the nearest whole number, ties to even. */
     const float rounder = 12582912.0f;
-    const float c = (float)fovea_cos(angle_rad), s = (float)fovea_sin(angle_rad);
+    const float c = (float)fv_cos(angle_rad), s = (float)fv_sin(angle_rad);
     for (int i = 0; i < FV_ORB_SAMPLES; i++) {
         const float x = fv_orb_places[0][i], y = fv_orb_places[1][i];
         turned->xy[2 * i] = (int8_t)((x * c - y * s + rounder) - rounder);

@@ -199,7 +199,7 @@ static void pairs_start(const struct fv_bearing_table *table, const float (*pixe
 
 static void pairs_project(const struct fovea_camera *camera, struct ray_pair *pair, int count)
 {
-    const double radius_max = fovea_tan(camera->field_max_rad);
+    const double radius_max = fv_tan(camera->field_max_rad);
     const bool rational = camera->k[5] != 0 || camera->k[6] != 0 || camera->k[7] != 0;
     for (int k = 0; k < count; k++, pair++) {
         fv_pair pixel[2];

@@ -60,12 +60,11 @@ static bool radtan_distort(const double *k, double x, double y, double out[2], d
 /* One-to-one at this angle: the derivative keeps its orientation in every direction. */
 static bool radtan_monotone(const double *k, double angle_rad)
 {
-    double r = fovea_tan(angle_rad), first = fovea_atan2(k[2], k[3]);
+    double r = fv_tan(angle_rad), first = fv_atan2(k[2], k[3]);
     int azimuths = k[2] != 0 || k[3] != 0 ? AZIMUTHS : 1;
     for (int i = 0; i < azimuths; i++) {
-        double azimuth = first + i * (2 * FOVEA_PI / AZIMUTHS), out[2], j[4];
-        if (!radtan_distort(k, r * fovea_cos(azimuth), r * fovea_sin(azimuth), out, j))
-            return false;
+        double azimuth = first + i * (2 * FV_PI / AZIMUTHS), out[2], j[4];
+        if (!radtan_distort(k, r * fv_cos(azimuth), r * fv_sin(azimuth), out, j)) return false;
         if (!(j[0] * j[3] - j[1] * j[2] > 0 && j[0] + j[3] > 0)) return false;
     }
     return true;
@@ -98,7 +97,7 @@ static bool radtan_undistort(const struct fovea_camera *camera, double u, double
                              double j[4])
 {
     const double *k = camera->k;
-    double radius_max = fovea_tan(camera->field_max_rad), distorted = __builtin_sqrt(u * u + v * v);
+    double radius_max = fv_tan(camera->field_max_rad), distorted = __builtin_sqrt(u * u + v * v);
     double ratio = distorted > 0 ? radtan_radius(k, distorted, radius_max) / distorted : 1;
     double x = u * ratio, y = v * ratio, got[2];
     bool close = false;
@@ -122,7 +121,7 @@ static enum fovea_status radtan_project(const struct fovea_camera *camera, const
     double w = 1 / p[2], x = p[0] * w, y = p[1] * w, r2 = x * x + y * y;
     double field = camera->field_max_rad;
     if (!(r2 <= field * field)) { /* tan a > a: only then is the tangent needed to tell */
-        double radius_max = fovea_tan(field);
+        double radius_max = fv_tan(field);
         if (!(r2 <= radius_max * radius_max)) return FOVEA_ERROR_ARGUMENT;
     }
     double out[2], j[4];
@@ -176,7 +175,7 @@ static enum fovea_status equidistant_project(const struct fovea_camera *camera, 
                                              double pixel[2], double jacobian[6])
 {
     double r2 = p[0] * p[0] + p[1] * p[1], r = __builtin_sqrt(r2), n2 = r2 + p[2] * p[2];
-    double angle = fovea_atan2(r, p[2]), slope;
+    double angle = fv_atan2(r, p[2]), slope;
     if (!(n2 > 0 && angle <= camera->field_max_rad) || (!(r > 0) && !(p[2] > 0)))
         return FOVEA_ERROR_ARGUMENT;
     double distorted = equidistant_distort(camera->k, angle, &slope);
@@ -229,7 +228,7 @@ static enum fovea_status equidistant_unproject(const struct fovea_camera *camera
     (void)equidistant_distort(camera->k, angle, &slope);
     bool axis = !(distorted > 1e-12);
     double c = axis ? 1 : u / distorted, s = axis ? 0 : v / distorted;
-    double sine = fovea_sin(angle), cosine = fovea_cos(angle), across = axis ? 1 : sine / distorted;
+    double sine = fv_sin(angle), cosine = fv_cos(angle), across = axis ? 1 : sine / distorted;
     if (!(slope > 0)) return FOVEA_ERROR_ARGUMENT;
     bearing[0] = axis ? u : sine * c;
     bearing[1] = axis ? v : sine * s;
@@ -312,7 +311,7 @@ enum fovea_status fovea_camera_prepare(struct fovea_camera *camera, struct fovea
         return fovea_error_set(error, FOVEA_ERROR_INPUT, "camera: found NULL, expected one");
     enum fovea_status status = camera_check(camera, error);
     if (status != FOVEA_OK) return status;
-    double limit = camera->lens == FOVEA_LENS_RADTAN ? field_limit_radtan_rad : FOVEA_PI;
+    double limit = camera->lens == FOVEA_LENS_RADTAN ? field_limit_radtan_rad : FV_PI;
     double low = 0, high = limit;
     bool folds = false;
     for (int i = 1; i <= SCAN_STEPS && !folds; i++) {

@@ -205,7 +205,7 @@ static bool optimise(const struct fv_pair *pairs, uint32_t count, double thresho
 }
 
 uint32_t fv_essential_estimate(const struct fv_pair *pairs, uint32_t count,
-                               const struct fv_sampling *sampling, struct fovea_random *random,
+                               const struct fv_sampling *sampling, struct fv_random *random,
                                struct fv_se3 *T_2_1, uint8_t *inlier)
 {
     if (count < 6) return 0;

@@ -53,7 +53,7 @@ void fv_essential_refine(const struct fv_pair *pairs, uint32_t count, double thr
  * Of the four motions the one with most inliers in front of both cameras is taken. Returns the
  * number of inliers; 0: none found, outputs untouched. */
 uint32_t fv_essential_estimate(const struct fv_pair *pairs, uint32_t count,
-                               const struct fv_sampling *sampling, struct fovea_random *random,
+                               const struct fv_sampling *sampling, struct fv_random *random,
                                struct fv_se3 *T_2_1, uint8_t *inlier);
 
 #ifdef __cplusplus

@@ -62,7 +62,7 @@ static double floor_density(const struct fv_floor_point *points, uint32_t count,
 /* A hypothesis; false for points that give none, or one too far from what is expected. */
 static bool floor_hypothesis(const struct fv_floor_point *points, uint32_t count,
                              const struct fv_floor_prior *prior, bool three,
-                             struct fovea_random *random, double down[3], double *height)
+                             struct fv_random *random, double down[3], double *height)
 {
     uint32_t index[3];
     double a[3], b[3];
@@ -79,7 +79,7 @@ static bool floor_hypothesis(const struct fv_floor_point *points, uint32_t count
                 down[i] = -down[i];
     }
     *height = fv_dot3(down, p);
-    return *height > 1e-9 && fv_dot3(down, prior->down) > fovea_cos(prior->off_max_rad);
+    return *height > 1e-9 && fv_dot3(down, prior->down) > fv_cos(prior->off_max_rad);
 }
 
 /* Weighted least squares over the inliers. The plane is x p = 1 with x = down / height: along the
@@ -134,7 +134,7 @@ static double floor_sigma(const double information[9], const double down[3], dou
 
 bool fv_floor_estimate(const struct fv_floor_point *points, uint32_t count,
                        const struct fv_floor_prior *prior, uint32_t samples, uint32_t inliers_min,
-                       struct fovea_random *random, struct fv_floor *plane)
+                       struct fv_random *random, struct fv_floor *plane)
 {
     double best = 0, down[3], height, information[9];
     struct fv_floor found = {.height = 0};
@@ -152,7 +152,7 @@ bool fv_floor_estimate(const struct fv_floor_point *points, uint32_t count,
         if (!floor_refine(points, count, prior, found.down, &found.height, information,
                           &found.inliers))
             return false;
-    if (fv_dot3(found.down, prior->down) < fovea_cos(prior->off_max_rad)) return false;
+    if (fv_dot3(found.down, prior->down) < fv_cos(prior->off_max_rad)) return false;
     found.support = floor_score(points, count, found.down, found.height);
     found.sigma = floor_sigma(information, found.down, found.height);
     double density = floor_density(points, count, found.down, found.height);

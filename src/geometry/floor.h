@@ -46,7 +46,7 @@ struct fv_floor {
  * as in it, or it is hardly denser than what stands on it. */
 bool fv_floor_estimate(const struct fv_floor_point *points, uint32_t count,
                        const struct fv_floor_prior *prior, uint32_t samples, uint32_t inliers_min,
-                       struct fovea_random *random, struct fv_floor *plane);
+                       struct fv_random *random, struct fv_floor *plane);
 
 #ifdef __cplusplus
 }

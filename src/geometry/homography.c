@@ -89,7 +89,7 @@ static bool homography_optimise(const struct fv_pair *pairs, uint32_t count, dou
 }
 
 uint32_t fv_homography_estimate(const struct fv_pair *pairs, uint32_t count,
-                                const struct fv_sampling *sampling, struct fovea_random *random,
+                                const struct fv_sampling *sampling, struct fv_random *random,
                                 double H[9], uint8_t *inlier)
 {
     if (count < 5) return 0;

@@ -18,7 +18,7 @@ extern "C" {
 
 /* Robust estimate; returns the number of inliers, 0: none found. `inlier` takes count bytes. */
 uint32_t fv_homography_estimate(const struct fv_pair *pairs, uint32_t count,
-                                const struct fv_sampling *sampling, struct fovea_random *random,
+                                const struct fv_sampling *sampling, struct fv_random *random,
                                 double H[9], uint8_t *inlier);
 
 /* Motions with |t| = 1 that explain H; returns their number: 4 or 0 (a pure rotation, or not a

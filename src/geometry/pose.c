@@ -65,7 +65,7 @@ static void angular_refine(const struct fv_observation *observations, uint32_t c
 }
 
 uint32_t fv_pose_sample(struct fv_observation *observations, uint32_t count,
-                        const struct fv_sampling *sampling, struct fovea_random *random,
+                        const struct fv_sampling *sampling, struct fv_random *random,
                         struct fv_se3 *T_cam_world)
 {
     if (count < 4) return 0;

@@ -48,7 +48,7 @@ int fv_p3p(const double bearings[3][3], const double points[3][3],
  * untouched) when none was found.
  */
 uint32_t fv_pose_sample(struct fv_observation *observations, uint32_t count,
-                        const struct fv_sampling *sampling, struct fovea_random *random,
+                        const struct fv_sampling *sampling, struct fv_random *random,
                         struct fv_se3 *T_cam_world);
 
 struct fv_pose_fit {

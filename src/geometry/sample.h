@@ -14,8 +14,7 @@ extern "C" {
 enum { FV_SAMPLE_SIZE_MAX = 8 };
 
 /* `size` different numbers below `count` (count >= size), in random order. */
-void fv_sample_distinct(struct fovea_random *random, uint32_t count, uint32_t size,
-                        uint32_t *index);
+void fv_sample_distinct(struct fv_random *random, uint32_t count, uint32_t size, uint32_t *index);
 
 /* Samples needed so that, with probability `confidence`, one holds inliers only; at least 4, at
  * most 1000000.

@@ -71,8 +71,8 @@ void fv_so3_exp(const double w[3], double R[9])
         a = 1 - square / 6;
         b = 0.5 - square / 24;
     } else {
-        double angle = __builtin_sqrt(square), half = fovea_sin(0.5 * angle);
-        a = fovea_sin(angle) / angle;
+        double angle = __builtin_sqrt(square), half = fv_sin(0.5 * angle);
+        a = fv_sin(angle) / angle;
         b = 2 * half * half / square;
     }
     R[0] = 1 - b * (w[1] * w[1] + w[2] * w[2]);
@@ -92,7 +92,7 @@ void fv_so3_log(const double R[9], double w[3])
     double q[4];
     fv_so3_to_quaternion(R, q);
     double sine = fv_norm3(q + 1);
-    double factor = sine < 1e-9 ? 2 : 2 * fovea_atan2(sine, q[0]) / sine;
+    double factor = sine < 1e-9 ? 2 : 2 * fv_atan2(sine, q[0]) / sine;
     for (int i = 0; i < 3; i++)
         w[i] = factor * q[1 + i];
 }

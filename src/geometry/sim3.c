@@ -89,14 +89,14 @@ static void sim3_coefficients(double sigma, double theta2, double *A, double *B,
     }
     bool near = fv_abs(sigma) < 0.1;
     if (near && theta < 0.1) return;
-    double grown = fovea_exp(sigma), square = sigma * sigma + theta2;
+    double grown = fv_exp(sigma), square = sigma * sigma + theta2;
     if (!near) *C = (grown - 1) / sigma;
     if (theta < 1e-5) { /* limits for small angles */
         *A = (sigma * grown - grown + 1) / (sigma * sigma);
         *B = (grown * (sigma * sigma / 2 - sigma + 1) - 1) / (sigma * sigma * sigma);
         return;
     }
-    double re = grown * fovea_cos(theta) - 1, im = grown * fovea_sin(theta);
+    double re = grown * fv_cos(theta) - 1, im = grown * fv_sin(theta);
     double f_re = (re * sigma + im * theta) / square, f_im = (im * sigma - re * theta) / square;
     *A = f_im / theta;
     *B = (*C - f_re) / theta2;
@@ -119,14 +119,14 @@ void fv_sim3_exp(const double x[7], struct fv_sim3 *S)
     sim3_matrix(x + 3, x[6], W);
     fv_so3_exp(x + 3, S->R);
     fv_rotate3(W, x, S->t);
-    S->s = fovea_exp(x[6]);
+    S->s = fv_exp(x[6]);
 }
 
 void fv_sim3_log(const struct fv_sim3 *S, double x[7])
 {
     double W[9], cofactor[9];
     fv_so3_log(S->R, x + 3);
-    x[6] = fovea_log(S->s);
+    x[6] = fv_log(S->s);
     sim3_matrix(x + 3, x[6], W);
     for (int r = 0; r < 3; r++) {
         const double *a = W + 3 * ((r + 1) % 3), *b = W + 3 * ((r + 2) % 3);

@@ -79,7 +79,7 @@ void fv_sim3_search_begin(struct fv_sim3_search *search, uint32_t samples_max);
 /* True when more samples are needed. */
 bool fv_sim3_search_more(struct fv_sim3_search *search,
                          const struct fv_correspondence *correspondences, uint32_t count,
-                         uint32_t samples, double limit, struct fovea_random *random);
+                         uint32_t samples, double limit, struct fv_random *random);
 
 /* Refine S_a_b on the errors of both cameras, pixels and (they alone give the scale, where both
  * stand in one place) distances, by Gauss-Newton with Huber weights, `steps` times, over those

@@ -114,7 +114,7 @@ void fv_sim3_search_begin(struct fv_sim3_search *search, uint32_t samples_max)
 
 bool fv_sim3_search_more(struct fv_sim3_search *search,
                          const struct fv_correspondence *correspondences, uint32_t count,
-                         uint32_t samples, double limit, struct fovea_random *random)
+                         uint32_t samples, double limit, struct fv_random *random)
 {
     if (count < 3) return false;
     for (uint32_t n = 0; n < samples && search->done < search->bound; n++, search->done++) {
@@ -255,7 +255,7 @@ static bool sim3_step(const struct fv_correspondence *correspondences, uint32_t 
     if (!fv_ldlt_solve(H, 7, g)) return false;
     fv_so3_exp(g + 3, step.R);
     fv_copy3(g, step.t);
-    step.s = fovea_exp(g[6] > 1 ? 1 : g[6] < -1 ? -1 : g[6]);
+    step.s = fv_exp(g[6] > 1 ? 1 : g[6] < -1 ? -1 : g[6]);
     fv_sim3_compose(&step, S_a_b, &moved);
     fv_so3_orthonormalise(moved.R);
     *S_a_b = moved;
@@ -283,7 +283,7 @@ double fv_sim3_turn_sigma(const struct fv_correspondence *correspondences, uint3
 {
     double H[49], g[7], variance = 0;
     correspondences_system(correspondences, count, S_a_b, H, g);
-    if (!fv_ldlt_factor(H, 7)) return FOVEA_PI;
+    if (!fv_ldlt_factor(H, 7)) return FV_PI;
     for (int axis = 3; axis < 6; axis++) {
         double column[7] = {0};
         column[axis] = 1;

@@ -13,8 +13,8 @@ bool fv_view_to_raw(const struct fv_rectified *view, const struct fovea_camera *
     const double pinhole[3] = {x, y, 1.0};
     if (view->shape == FV_VIEW_PINHOLE)
         return fovea_camera_project(camera, pinhole, raw_px, NULL) == FOVEA_OK;
-    if (x < -FOVEA_PI || x > FOVEA_PI) return false;
-    const double cylinder[3] = {fovea_sin(x), y, fovea_cos(x)};
+    if (x < -FV_PI || x > FV_PI) return false;
+    const double cylinder[3] = {fv_sin(x), y, fv_cos(x)};
     return fovea_camera_project(camera, cylinder, raw_px, NULL) == FOVEA_OK;
 }
 
@@ -29,7 +29,7 @@ static bool place_of(const struct fv_rectified *view, const struct fovea_camera 
     for (int i = 0; i < 2; i++) {
         const double at = raw[i] * FRACTION + 0.5;
         if (!(at >= -0.5 * FRACTION && at <= (size[i] - 0.5) * FRACTION)) return false;
-        const int32_t whole = (int32_t)fovea_floor(at), last = (size[i] - 1) * FRACTION - 1;
+        const int32_t whole = (int32_t)fv_floor(at), last = (size[i] - 1) * FRACTION - 1;
         place[i] = whole < 0 ? 0 : whole > last ? last : whole;
     }
     return true;

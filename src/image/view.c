@@ -28,7 +28,7 @@ static bool normalised(const struct fovea_camera *camera, enum fv_view_shape sha
     }
     const double across = __builtin_sqrt(b[0] * b[0] + b[2] * b[2]);
     if (!(across * elevation_max >= __builtin_fabs(b[1])) || across == 0) return false;
-    at[0] = fovea_atan2(b[0], b[2]);
+    at[0] = fv_atan2(b[0], b[2]);
     at[1] = b[1] / across;
     return __builtin_fabs(at[0]) <= azimuth_max;
 }

@@ -213,7 +213,7 @@ static void write_scale(struct fv_archive_state *archive, const struct fv_map *m
         return;
     put(pen, odom->map_id, 4);
     put(pen, odom->scale.source, 4);
-    put_double(pen, odom->scale.log_scale - fovea_log(odom->S_map_odom.s));
+    put_double(pen, odom->scale.log_scale - fv_log(odom->S_map_odom.s));
     put_double(pen, odom->scale.variance);
     archive->scales++;
 }

@@ -69,7 +69,7 @@ void fv_loop_carve(struct fv_loop_closer *loop, const struct fv_map_limits *limi
 void fv_loop_reset(struct fv_loop_closer *loop, uint64_t seed)
 {
     memset(loop->state, 0, sizeof *loop->state);
-    fovea_random_seed(&loop->state->random, seed);
+    fv_random_seed(&loop->state->random, seed);
 }
 
 bool fv_loop_named(const struct fv_map *map, struct fv_loop_name name)
@@ -391,7 +391,7 @@ static void effect(const struct fv_sim3 *S, const double place[3], double *shift
     fv_so3_log(S->R, rotation);
     *shift = fv_norm3(between);
     *turn = fv_norm3(rotation);
-    *scale = fv_abs(fovea_log(S->s));
+    *scale = fv_abs(fv_log(S->s));
 }
 
 bool fv_loop_plausible(const struct fv_map *map, uint32_t keyframe, uint32_t candidate,

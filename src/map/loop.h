@@ -82,7 +82,7 @@ struct fv_loop_state {
     struct fv_sim3 S_keyframe_candidate; /* cameras */
     struct fv_sim3 correction;
     struct fv_sim3_search search;
-    struct fovea_random random;
+    struct fv_random random;
     uint32_t next; /* item of the phase */
     uint32_t query_count, train_count, correspondence_count, group_count;
     uint32_t inliers;           /* of the similarity as it is refined */

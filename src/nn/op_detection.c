@@ -46,8 +46,8 @@ static void decode_boxes(const struct fv_nn_call *call, const struct state *s, i
                      w = (double)table[code[3]] / p->w_scale;
         const float cy = (float)(y * anchor[2] + anchor[0]),
                     cx = (float)(x * anchor[3] + anchor[1]);
-        const float half_h = (float)(0.5 * fovea_exp(h) * anchor[2]),
-                    half_w = (float)(0.5 * fovea_exp(w) * anchor[3]);
+        const float half_h = (float)(0.5 * fv_exp(h) * anchor[2]),
+                    half_w = (float)(0.5 * fv_exp(w) * anchor[3]);
         float *box = s->boxes + (ptrdiff_t)i * 4;
         box[0] = cy - half_h;
         box[1] = cx - half_w;

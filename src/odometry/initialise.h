@@ -106,7 +106,7 @@ double fv_initialise_parallax_px(const struct fv_initialiser *initialiser,
 
 /* Motions (T_last_first, |t| = 1) that may explain initialiser->pairs, best first; returns their
  * number. */
-uint32_t fv_initialise_motions(struct fv_initialiser *initialiser, struct fovea_random *random,
+uint32_t fv_initialise_motions(struct fv_initialiser *initialiser, struct fv_random *random,
                                uint32_t count, struct fv_se3 T[FV_INITIALISE_MOTIONS_MAX]);
 
 /* Whether two bundles ended at the same motion. */

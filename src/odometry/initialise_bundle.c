@@ -397,7 +397,7 @@ static void pull_of(const struct fv_initialiser *in, uint32_t count,
  * free, is held by a prior along it. The larger of two: by the noise, whose errors are independent;
  * and by what the parts of the image pull to either side, whose errors may be one (K.-Y. Liang and
  * S. Zeger, "Longitudinal data analysis using generalized linear models", 1986): where a thing that
- * moves bends the bundle, it pulls against all the rest. FOVEA_PI: not determined. */
+ * moves bends the bundle, it pulls against all the rest. FV_PI: not determined. */
 static double direction_sigma(struct fv_initialiser *in, uint32_t count,
                               const struct fv_initialise_bundle *b,
                               const struct fv_view views[FV_INITIALISE_VIEWS_MAX], double limit2,
@@ -412,7 +412,7 @@ static double direction_sigma(struct fv_initialiser *in, uint32_t count,
     double along[3];
     fv_block_weigh(t, 3, scale_weight, along);
     fv_normal_add_one(&fixed, at, 3, t, along, NULL, 1, NULL);
-    if (!fv_ldlt_factor(s->H, n)) return FOVEA_PI;
+    if (!fv_ldlt_factor(s->H, n)) return FV_PI;
     for (int axis = 0; axis < 3; axis++) {
         memset(s->g, 0, sizeof s->g);
         for (int k = 0; k < 3; k++)
@@ -451,7 +451,7 @@ static double track_cost(const struct fv_initialiser *in, const struct fv_initia
                    &row))
             error = row.weight * (row.error[0] * row.error[0] + row.error[1] * row.error[1]);
         if (!(error < error_max)) error = error_max;
-        cost += fovea_log(1 + error / good_error);
+        cost += fv_log(1 + error / good_error);
         *square += error;
         *fits = *fits && error < FV_CHI_SQUARE_95_2;
     }

@@ -134,8 +134,8 @@ static uint32_t try_motion(struct fv_initialiser *in, uint32_t pairs, struct fv_
     return add_motion(in, pairs, T, found, list, costs);
 }
 
-uint32_t fv_initialise_motions(struct fv_initialiser *in, struct fovea_random *random,
-                               uint32_t count, struct fv_se3 T[FV_INITIALISE_MOTIONS_MAX])
+uint32_t fv_initialise_motions(struct fv_initialiser *in, struct fv_random *random, uint32_t count,
+                               struct fv_se3 T[FV_INITIALISE_MOTIONS_MAX])
 {
     const struct fv_sampling sampling = {threshold_px / in->focal_px, 0.999, 300};
     double H[9], ratio, costs[FV_INITIALISE_MOTIONS_MAX];

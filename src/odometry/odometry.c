@@ -59,7 +59,7 @@ static void begin(struct fv_odometry *o)
 void fv_odometry_init(struct fv_odometry *o, uint64_t seed)
 {
     fv_bearing_init(&o->bearings, &o->camera);
-    fovea_random_seed(&o->state->random, seed);
+    fv_random_seed(&o->state->random, seed);
     begin(o);
 }
 

@@ -49,7 +49,7 @@ struct fv_odometry_state {
     enum fovea_tracking_state state;
     bool job_wanted; /* a keyframe was made since the last window */
     bool sound;      /* the last covariance is to be relied on (covariance.h) */
-    struct fovea_random random;
+    struct fv_random random;
     uint64_t frame_number;
     uint64_t keyframe_frame; /* number of the frame that became the last keyframe */
     uint64_t first_keyframe; /* number of that with which the last map was initialised */

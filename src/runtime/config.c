@@ -159,7 +159,7 @@ static enum fovea_status check_camera(const struct fovea_camera *camera, struct 
         status = check_real("camera cx", camera->cx, -centre_max, centre_max, error);
     if (status == FOVEA_OK)
         status = check_real("camera cy", camera->cy, -centre_max, centre_max, error);
-    if (status != FOVEA_OK || (camera->field_max_rad > 0 && camera->field_max_rad <= FOVEA_PI))
+    if (status != FOVEA_OK || (camera->field_max_rad > 0 && camera->field_max_rad <= FV_PI))
         return status;
     return fovea_error_set(
         error, FOVEA_ERROR_ARGUMENT,

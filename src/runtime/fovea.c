@@ -36,7 +36,7 @@ static void reset(struct fovea *rt)
     state->any_frame = 0;
     state->features = 0;
     memset(rt->preview.state, 0, sizeof *rt->preview.state);
-    fovea_random_seed(&state->random, rt->config.seed);
+    fv_random_seed(&state->random, rt->config.seed);
     if (rt->config.odometry.enabled) fv_odometry_reset(&rt->odometry);
     fv_detection_reset(&rt->detection);
     fv_detection_reset(&rt->detection2);

@@ -237,7 +237,7 @@ enum fovea_status fovea_init(void *memory, size_t bytes, const struct fovea_conf
         fv_message_channel(config->channel_prefix, (enum fv_message_kind)kind,
                            built->outbox.channel[kind]);
     }
-    fovea_random_seed(&built->state->random, config->seed);
+    fv_random_seed(&built->state->random, config->seed);
     *rt = built;
     return FOVEA_OK;
 }

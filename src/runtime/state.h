@@ -26,7 +26,7 @@ struct fv_state {
     uint64_t steps;           /* since fovea_init; the clock of decimation */
     uint64_t frames_in, frames_processed, steps_without_frame;
     uint64_t refused_stamp, refused_format, refused_paused;
-    struct fovea_random random;
+    struct fv_random random;
     uint32_t reset_counter;
     uint32_t features;
     uint32_t map_landmark, map_keyframe; /* from where the next piece of the map is sent */

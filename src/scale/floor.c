@@ -61,7 +61,7 @@ bool fv_scale_find_floor(struct fv_scale *scale, const struct fv_odometry *odome
         if (!landmark_as_point(scale, odometry, T_cam_world, l, &point)) continue;
         /* Reservoir: every point is kept with the same probability (J. Vitter, 1985). */
         uint32_t at =
-            met < FV_FLOOR_POINTS_MAX ? met : fovea_random_below(&scale->state->random, met + 1);
+            met < FV_FLOOR_POINTS_MAX ? met : fv_random_below(&scale->state->random, met + 1);
         met++;
         if (at < FV_FLOOR_POINTS_MAX) scale->points[at] = point;
     }

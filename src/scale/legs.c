@@ -175,7 +175,7 @@ void fv_scale_walk(struct fv_scale *scale, const struct fv_odometry *odometry)
         fv_subtract3(s->stations[i].place.at, from_outer, by_odometry);
         double moved = fv_norm3(by_odometry), seen = fv_norm3(by_map);
         if (begun && (moved < leg_least_m || seen < inner_least)) continue;
-        if (begun) legs[count++] = fovea_log(moved / seen);
+        if (begun) legs[count++] = fv_log(moved / seen);
         begun = true;
         fv_copy3(inner, from_inner);
         fv_copy3(s->stations[i].place.at, from_outer);

@@ -31,7 +31,7 @@ void fv_scale_carve(struct fv_scale *scale, const struct fovea_scale_config *con
 
 void fv_scale_init(struct fv_scale *scale, uint64_t seed)
 {
-    fovea_random_seed(&scale->state->random, seed);
+    fv_random_seed(&scale->state->random, seed);
     scale->state->map = UINT32_MAX; /* none yet: the first is taken up like any other */
 }
 
@@ -42,7 +42,7 @@ static void scale_enter(struct fv_scale_state *s, uint32_t map, const struct fv_
     s->known = brought->scale.source != FOVEA_SCALE_FREE;
     s->source = brought->scale.source;
     s->map_scale = brought->S_map_odom.s;
-    s->log_scale = s->prior = s->known ? brought->scale.log_scale - fovea_log(s->map_scale) : 0;
+    s->log_scale = s->prior = s->known ? brought->scale.log_scale - fv_log(s->map_scale) : 0;
     s->variance = s->prior_variance = brought->scale.variance;
     s->station_count = 0;
     s->station_next = s->fitted = 0;
@@ -79,7 +79,7 @@ void fv_scale_unit(struct fv_scale *scale, const struct fv_odometry *odometry)
         scale->state->variance += scale->state->known ? drift * drift : 0;
         return;
     }
-    double log_scale = fovea_log(scale->config.camera_height_m / floor.height);
+    double log_scale = fv_log(scale->config.camera_height_m / floor.height);
     scale_measure(scale, log_scale,
                   floor.sigma * floor.sigma + floor_sigma_least * floor_sigma_least);
 }
@@ -102,7 +102,7 @@ bool fv_scale_waiting(const struct fv_scale *scale, const struct fv_odometry *od
 static void scale_follow(struct fv_scale_state *s, double map_scale)
 {
     if (map_scale == s->map_scale) return;
-    const double longer = fovea_log(map_scale / s->map_scale);
+    const double longer = fv_log(map_scale / s->map_scale);
     s->log_scale -= longer; /* where nothing is known it says nothing */
     s->prior -= longer;
     s->map_scale = map_scale;
@@ -122,7 +122,7 @@ void fv_scale_step(struct fv_scale *scale, struct fv_odometry *odometry)
     if (scale->config.source == FOVEA_SCALE_ODOMETRY) fv_scale_walk(scale, odometry);
     s->started = true;
     if (!s->known) return;
-    const struct fv_map_scale kept = {s->source, 0, s->log_scale + fovea_log(s->map_scale),
+    const struct fv_map_scale kept = {s->source, 0, s->log_scale + fv_log(s->map_scale),
                                       s->variance};
     fv_odometry_keep_scale(odometry, &kept);
 }
@@ -131,6 +131,6 @@ struct fv_scale_value fv_scale_get(const struct fv_scale *scale)
 {
     const struct fv_scale_state *s = scale->state;
     if (!s->known) return (struct fv_scale_value){false, FOVEA_SCALE_FREE, 1, 0};
-    return (struct fv_scale_value){true, (enum fovea_scale_source)s->source,
-                                   fovea_exp(s->log_scale), __builtin_sqrt(s->variance)};
+    return (struct fv_scale_value){true, (enum fovea_scale_source)s->source, fv_exp(s->log_scale),
+                                   __builtin_sqrt(s->variance)};
 }

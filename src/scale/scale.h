@@ -53,7 +53,7 @@ struct fv_scale_state {
     uint32_t map;     /* that all this belongs to */
 
     /* camera_height */
-    struct fovea_random random;
+    struct fv_random random;
     uint64_t fitted; /* number of the map's next keyframe when the floor was last fitted */
 
     /* odometry */

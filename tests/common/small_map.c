@@ -35,31 +35,31 @@ void small_map_free(struct small_map *small)
     free(small->memory);
 }
 
-static void make_view(struct small_map *small, struct fovea_random *random)
+static void make_view(struct small_map *small, struct fv_random *random)
 {
     const struct fv_view view = fv_map_view(&small->map, fv_map_current(&small->map));
     struct fovea_feature features[SMALL_MAP_FEATURES] = {{0}};
     uint8_t descriptors[SMALL_MAP_FEATURES * FV_MAP_DESCRIPTOR_BYTES];
-    const uint32_t count = SMALL_MAP_FEATURES - fovea_random_below(random, 3);
+    const uint32_t count = SMALL_MAP_FEATURES - fv_random_below(random, 3);
     for (uint32_t i = 0; i < count; i++) {
-        features[i].x_px = (float)fovea_random_below(random, 3190) / 10;
-        features[i].y_px = (float)fovea_random_below(random, 2390) / 10;
-        features[i].level = (uint8_t)fovea_random_below(random, 8);
+        features[i].x_px = (float)fv_random_below(random, 3190) / 10;
+        features[i].y_px = (float)fv_random_below(random, 2390) / 10;
+        features[i].level = (uint8_t)fv_random_below(random, 8);
     }
     for (size_t i = 0; i < sizeof descriptors; i++)
-        descriptors[i] = (uint8_t)fovea_random_u32(random);
+        descriptors[i] = (uint8_t)fv_random_u32(random);
     fv_map_fill_view(&small->map, fv_map_current(&small->map), features, descriptors, count, NULL);
-    view.frame->depth = 1 + fovea_random_unit(random);
-    view.frame->stamp_ns = (int64_t)fovea_random_u32(random);
+    view.frame->depth = 1 + fv_random_unit(random);
+    view.frame->stamp_ns = (int64_t)fv_random_u32(random);
     double turn[3];
     for (int i = 0; i < 3; i++) {
-        turn[i] = 0.3 * fovea_random_normal(random);
-        view.frame->T_cam_world.t[i] = fovea_random_normal(random);
+        turn[i] = 0.3 * fv_random_normal(random);
+        view.frame->T_cam_world.t[i] = fv_random_normal(random);
     }
     fv_so3_exp(turn, view.frame->T_cam_world.R);
 }
 
-void small_map_grow(struct small_map *small, struct fovea_random *random)
+void small_map_grow(struct small_map *small, struct fv_random *random)
 {
     struct fv_map *map = &small->map;
     make_view(small, random);
@@ -70,9 +70,9 @@ void small_map_grow(struct small_map *small, struct fovea_random *random)
     map->keyframes[slot].parent =
         before != FV_MAP_NONE && map->keyframes[before].used ? before : FV_MAP_NONE;
     for (uint32_t f = 0; f < map->keyframes[slot].features; f++) {
-        uint32_t landmark = fovea_random_below(random, SMALL_MAP_LANDMARKS);
+        uint32_t landmark = fv_random_below(random, SMALL_MAP_LANDMARKS);
         if (f % 3 == 0) {
-            const double point[3] = {fovea_random_normal(random), fovea_random_normal(random), 4};
+            const double point[3] = {fv_random_normal(random), fv_random_normal(random), 4};
             const int32_t made = fv_map_add_landmark(map, point, 5);
             if (made == FV_MAP_NONE) continue;
             landmark = (uint32_t)made;

@@ -19,7 +19,7 @@ void small_map_make(struct small_map *small);
 void small_map_free(struct small_map *small);
 /* One more keyframe with features, some of which see landmarks of earlier ones and some new ones.
  */
-void small_map_grow(struct small_map *small, struct fovea_random *random);
+void small_map_grow(struct small_map *small, struct fv_random *random);
 /* The map as sealed bytes from malloc. */
 uint8_t *small_map_save(const struct small_map *small, size_t *bytes);
 /* NULL when links, counts and lists agree; else what does not. */

@@ -135,19 +135,19 @@ void fv_test_fine_or_refused(const char *command, const char *name, int turn)
         fail_msg("turn %d of %s: '%s' is not in [%s]", turn, command, wanted, text);
 }
 
-void fv_test_mutate(struct fovea_random *random, char *text, size_t *bytes)
+void fv_test_mutate(struct fv_random *random, char *text, size_t *bytes)
 {
-    uint32_t changes = 1 + fovea_random_below(random, 4);
+    uint32_t changes = 1 + fv_random_below(random, 4);
     for (uint32_t i = 0; i<changes && * bytes> 2; i++) {
-        size_t at = fovea_random_below(random, (uint32_t)*bytes - 1);
-        uint32_t kind = fovea_random_below(random, 4);
+        size_t at = fv_random_below(random, (uint32_t)*bytes - 1);
+        uint32_t kind = fv_random_below(random, 4);
         if (kind == 0) {
-            text[at] = (char)fovea_random_below(random, 256);
+            text[at] = (char)fv_random_below(random, 256);
         } else if (kind == 1) {
             memmove(text + at, text + at + 1, *bytes - at - 1);
             (*bytes)--;
         } else if (kind == 2) {
-            text[at] = ":#-[]{}\"'&*!|>%@`,\n\t 0.9"[fovea_random_below(random, 24)];
+            text[at] = ":#-[]{}\"'&*!|>%@`,\n\t 0.9"[fv_random_below(random, 24)];
         } else {
             *bytes = at + 1;
         }

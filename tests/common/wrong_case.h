@@ -20,6 +20,6 @@ int fv_test_cases(void);
 /* Write a file of fv_test_place. */
 void fv_test_put(const char *name, const char *text, size_t bytes);
 /* One to four bytes changed, removed or doubled, or the end cut off. */
-void fv_test_mutate(struct fovea_random *random, char *text, size_t *bytes);
+void fv_test_mutate(struct fv_random *random, char *text, size_t *bytes);
 
 #endif

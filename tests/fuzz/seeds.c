@@ -60,10 +60,10 @@ static void write_calibrations(const char *corpus)
 static void write_maps(const char *corpus)
 {
     struct small_map small;
-    struct fovea_random random;
+    struct fv_random random;
     fv_test_make_folder(fv_test_path(corpus, "fuzz_map"));
     small_map_make(&small);
-    fovea_random_seed(&random, 1);
+    fv_random_seed(&random, 1);
     for (int keyframes = 0; keyframes < 3; keyframes++) {
         char name[64];
         size_t bytes;

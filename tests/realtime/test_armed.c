@@ -132,14 +132,14 @@ static struct tally {
 
 static void paint(void)
 {
-    struct fovea_random random;
-    fovea_random_seed(&random, 3);
+    struct fv_random random;
+    fv_random_seed(&random, 3);
     for (int p = 0; p < PICTURES; p++) {
         for (int block = 0; block < 900; block++) {
-            const uint32_t x = fovea_random_below(&random, WIDTH - 20),
-                           y = fovea_random_below(&random, HEIGHT - 20);
-            const uint32_t size = 4 + fovea_random_below(&random, 16),
-                           grey = fovea_random_below(&random, 256);
+            const uint32_t x = fv_random_below(&random, WIDTH - 20),
+                           y = fv_random_below(&random, HEIGHT - 20);
+            const uint32_t size = 4 + fv_random_below(&random, 16),
+                           grey = fv_random_below(&random, 256);
             for (uint32_t row = y; row < y + size; row++)
                 memset(&pictures[p][row * WIDTH + x], (int)grey, size);
         }

@@ -24,7 +24,7 @@ struct set {
     descriptor *all;
     uint32_t *image; /* of each descriptor */
     uint32_t count, capacity, images;
-    struct fovea_random random;
+    struct fv_random random;
     uint8_t *file;
 };
 
@@ -126,7 +126,7 @@ static uint32_t choose_centres(struct set *set, const uint32_t *member, uint32_t
 {
     uint32_t *nearest = malloc(count * sizeof *nearest), chosen = 0;
     if (nearest == NULL) die("out of memory");
-    memcpy(centre[chosen++], set->all[member[fovea_random_below(&set->random, count)]],
+    memcpy(centre[chosen++], set->all[member[fv_random_below(&set->random, count)]],
            sizeof *centre);
     for (uint32_t i = 0; i < count; i++)
         nearest[i] = BITS;
@@ -138,7 +138,7 @@ static uint32_t choose_centres(struct set *set, const uint32_t *member, uint32_t
             sum += (double)nearest[i] * nearest[i];
         }
         if (sum <= 0) break;
-        double draw = sum * fovea_random_unit(&set->random);
+        double draw = sum * fv_random_unit(&set->random);
         uint32_t pick = 0;
         for (uint32_t i = 0; i < count; i++) {
             if (nearest[i] == 0) continue;
@@ -270,7 +270,7 @@ static void weigh(struct set *set)
     }
     uint32_t used = 0;
     for (uint32_t w = 0; w < FV_VOCABULARY_WORDS; w++) {
-        const double idf = fovea_log((double)set->images / (images[w] > 0 ? images[w] : 1));
+        const double idf = fv_log((double)set->images / (images[w] > 0 ? images[w] : 1));
         const uint32_t weight = (uint32_t)(FV_VOCABULARY_WEIGHT_ONE * idf * idf + 0.5);
         uint8_t *at =
             set->file + (size_t)FV_VOCABULARY_CENTRES * FV_DESCRIPTOR_BYTES + 2 * (size_t)w;
@@ -288,7 +288,7 @@ int main(int argc, char **argv)
 {
     if (argc != 4) die("usage: train SEED OUTPUT LIST");
     struct set set = {.file = calloc(1, FV_VOCABULARY_BYTES)};
-    fovea_random_seed(&set.random, strtoull(argv[1], NULL, 10));
+    fv_random_seed(&set.random, strtoull(argv[1], NULL, 10));
     read_list(&set, argv[3]);
     if (set.file == NULL || set.count < FV_VOCABULARY_WORDS) die("too few descriptors");
     uint32_t *member = malloc(set.count * sizeof *member);

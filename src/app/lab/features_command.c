@@ -29,8 +29,8 @@ static enum fovea_status draw(const struct fv_extract *extract, const char *path
         const uint32_t colour = level_colour[f->level];
         const float radius = f->size_px / 6, angle = extract->orb.angle_rad[i];
         fv_canvas_circle(&canvas, f->x_px, f->y_px, radius, 1, colour);
-        fv_canvas_line(&canvas, f->x_px, f->y_px, f->x_px + radius * (float)fovea_cos(angle),
-                       f->y_px + radius * (float)fovea_sin(angle), 1, colour);
+        fv_canvas_line(&canvas, f->x_px, f->y_px, f->x_px + radius * (float)fv_cos(angle),
+                       f->y_px + radius * (float)fv_sin(angle), 1, colour);
     }
     status = fv_canvas_write(&canvas, path, error);
     fv_canvas_free(&canvas);

@@ -23,7 +23,7 @@ static void unit_print(const struct fv_map_state *s, uint32_t map_id)
     if (scale->source == FOVEA_SCALE_FREE || (scale == &s->scale && s->map_id != map_id))
         printf(" of arbitrary length");
     else
-        printf(" of %.4g m (known by %s to %.1f %%)", fovea_exp(scale->log_scale),
+        printf(" of %.4g m (known by %s to %.1f %%)", fv_exp(scale->log_scale),
                scale->source == FOVEA_SCALE_ODOMETRY ? "odometry" : "the camera's height",
                100 * __builtin_sqrt(scale->variance));
 }

@@ -208,28 +208,28 @@ static void test_stamps_out_of_order(void **state)
 
 /* ---- by mutation ----------------------------------------------------------------------------- */
 
-static void mutate(struct fovea_random *random, uint8_t *bytes, size_t *count)
+static void mutate(struct fv_random *random, uint8_t *bytes, size_t *count)
 {
     static const char pieces[] = ":#-[]{}\"'&*!|>%@`,\n\t 0.9e\0\xff";
-    const uint32_t changes = 1 + fovea_random_below(random, 6);
+    const uint32_t changes = 1 + fv_random_below(random, 6);
     for (uint32_t i = 0; i<changes && * count> 2; ++i) {
-        const size_t at = fovea_random_below(random, (uint32_t)*count - 1);
-        switch (fovea_random_below(random, 5)) {
+        const size_t at = fv_random_below(random, (uint32_t)*count - 1);
+        switch (fv_random_below(random, 5)) {
         case 0:
-            bytes[at] = (uint8_t)fovea_random_below(random, 256);
+            bytes[at] = (uint8_t)fv_random_below(random, 256);
             break;
         case 1:
-            bytes[at] = (uint8_t)pieces[fovea_random_below(random, sizeof pieces - 1)];
+            bytes[at] = (uint8_t)pieces[fv_random_below(random, sizeof pieces - 1)];
             break;
         case 2:
-            bytes[at] ^= (uint8_t)(1u << fovea_random_below(random, 8));
+            bytes[at] ^= (uint8_t)(1u << fv_random_below(random, 8));
             break;
         case 3:
             memmove(bytes + at, bytes + at + 1, *count - at - 1);
             --*count;
             break;
         default:
-            if (fovea_random_below(random, 4) == 0) *count = at + 1;
+            if (fv_random_below(random, 4) == 0) *count = at + 1;
             break;
         }
     }
@@ -252,8 +252,8 @@ static void test_mutated(void **state)
         {"images", "img1.jpg"},
     };
     enum { ROUNDS = 30 };
-    struct fovea_random random;
-    fovea_random_seed(&random, 17);
+    struct fv_random random;
+    fv_random_seed(&random, 17);
     int refused = 0;
     for (size_t i = 0; i < sizeof files / sizeof files[0]; ++i) {
         char top[FV_TEST_PATH_BYTES], path[FV_TEST_PATH_BYTES];
@@ -287,8 +287,8 @@ static void test_mutated(void **state)
 static void test_mutated_log(void **state)
 {
     (void)state;
-    struct fovea_random random;
-    fovea_random_seed(&random, 23);
+    struct fv_random random;
+    fv_random_seed(&random, 23);
     char path[FV_TEST_PATH_BYTES];
     snprintf(path, sizeof path, "%s", fv_test_lcmlog(folder));
     size_t bytes;
@@ -300,10 +300,10 @@ static void test_mutated_log(void **state)
         size_t frames, count = bytes;
         memcpy(spoilt, whole, bytes);
         if (round % 2 == 0) {
-            count = 1 + fovea_random_below(&random, (uint32_t)bytes - 1);
+            count = 1 + fv_random_below(&random, (uint32_t)bytes - 1);
         } else { /* in a header */
-            const size_t at = fovea_random_below(&random, FV_TEST_FRAMES) * frame_bytes +
-                              fovea_random_below(&random, 98);
+            const size_t at = fv_random_below(&random, FV_TEST_FRAMES) * frame_bytes +
+                              fv_random_below(&random, 98);
             spoilt[at] = (uint8_t)~spoilt[at];
         }
         fv_test_write(path, spoilt, count);
@@ -336,8 +336,8 @@ static void test_mutated_calibrations(void **state)
                                   .has_T_body_cam = true,
                                   .T_body_cam = {0, 0, 1, 0.1, -1, 0, 0, 0.2, 0, -1, 0, 0.3},
                                   .rate_hz = 20};
-    struct fovea_random random;
-    fovea_random_seed(&random, 29);
+    struct fv_random random;
+    fv_random_seed(&random, 29);
     int refused = 0;
     for (int round = 0; round < 500; ++round) {
         char text[FOVEA_CALIBRATION_BYTES_MAX];

@@ -33,15 +33,13 @@ static void carve(void *context, struct fv_arena *arena)
 
 static void draw_rectangles(void)
 {
-    struct fovea_random random;
-    fovea_random_seed(&random, 11);
+    struct fv_random random;
+    fv_random_seed(&random, 11);
     memset(pixels, 100, sizeof pixels);
     for (int n = 0; n < 400; n++) {
-        const uint32_t x = fovea_random_below(&random, WIDTH),
-                       y = fovea_random_below(&random, HEIGHT);
-        const uint32_t w = 4 + fovea_random_below(&random, 40),
-                       h = 4 + fovea_random_below(&random, 40);
-        const uint8_t grey = (uint8_t)fovea_random_below(&random, 256);
+        const uint32_t x = fv_random_below(&random, WIDTH), y = fv_random_below(&random, HEIGHT);
+        const uint32_t w = 4 + fv_random_below(&random, 40), h = 4 + fv_random_below(&random, 40);
+        const uint8_t grey = (uint8_t)fv_random_below(&random, 256);
         for (uint32_t v = y; v < y + h && v < HEIGHT; v++)
             for (uint32_t u = x; u < x + w && u < WIDTH; u++)
                 pixels[v * WIDTH + u] = grey;

@@ -73,15 +73,15 @@ static void features_keep_out_of_masks(void **state)
     static struct stage stage;
     static struct fovea_config defaults;
     static uint8_t pixels[WIDTH * HEIGHT], mask[WIDTH * HEIGHT];
-    struct fovea_random random;
+    struct fv_random random;
     struct fv_kernels kernels;
-    fovea_random_seed(&random, 8);
+    fv_random_seed(&random, 8);
     memset(pixels, 90, sizeof pixels);
     for (int n = 0; n < 500; n++) { /* overlapping rectangles: corners everywhere */
-        const int x = (int)fovea_random_below(&random, WIDTH - 20),
-                  y = (int)fovea_random_below(&random, HEIGHT - 20);
-        const int grey = (int)fovea_random_below(&random, 256),
-                  size = 4 + (int)fovea_random_below(&random, 16);
+        const int x = (int)fv_random_below(&random, WIDTH - 20),
+                  y = (int)fv_random_below(&random, HEIGHT - 20);
+        const int grey = (int)fv_random_below(&random, 256),
+                  size = 4 + (int)fv_random_below(&random, 16);
         for (int row = y; row < y + size; row++)
             memset(pixels + row * WIDTH + x, grey, (size_t)size);
     }

@@ -35,20 +35,20 @@ static void carve(void *context, struct fv_arena *arena)
 static int set_up(void **state)
 {
     struct world *world = calloc(1, sizeof *world);
-    struct fovea_random random;
-    fovea_random_seed(&random, 5);
+    struct fv_random random;
+    fv_random_seed(&random, 5);
     fv_kernels_init(&world->kernels, fv_cpu_best(fv_cpu_detect()));
     world->memory = carved(carve, world);
     for (int t = 0; t < COUNT; t++) {
         for (int i = 0; i < FV_DESCRIPTOR_BYTES; i++)
-            world->trains[t][i] = (uint8_t)fovea_random_u32(&random);
+            world->trains[t][i] = (uint8_t)fv_random_u32(&random);
         if (t % 50 == 49) memcpy(world->trains[t], world->trains[t - 1], FV_DESCRIPTOR_BYTES);
     }
     for (int q = 0; q < COUNT; q++) {
         memcpy(world->queries[q], world->trains[COUNT - 1 - q], FV_DESCRIPTOR_BYTES);
-        for (uint32_t i = fovea_random_below(&random, 60); i > 0; i--)
-            world->queries[q][fovea_random_below(&random, 32)] ^=
-                (uint8_t)(1u << fovea_random_below(&random, 8));
+        for (uint32_t i = fv_random_below(&random, 60); i > 0; i--)
+            world->queries[q][fv_random_below(&random, 32)] ^=
+                (uint8_t)(1u << fv_random_below(&random, 8));
     }
     *state = world;
     return 0;

@@ -14,12 +14,12 @@
 static void direction_is_the_nearest(void **state)
 {
     (void)state;
-    struct fovea_random random;
-    fovea_random_seed(&random, 3);
+    struct fv_random random;
+    fv_random_seed(&random, 3);
     for (int i = 0; i < 200000; i++) {
-        const int bits = (int)fovea_random_below(&random, 22) + 1;
-        const int32_t x = (int32_t)fovea_random_below(&random, 2u << bits) - (1 << bits);
-        const int32_t y = (int32_t)fovea_random_below(&random, 2u << bits) - (1 << bits);
+        const int bits = (int)fv_random_below(&random, 22) + 1;
+        const int32_t x = (int32_t)fv_random_below(&random, 2u << bits) - (1 << bits);
+        const int32_t y = (int32_t)fv_random_below(&random, 2u << bits) - (1 << bits);
         if (x == 0 && y == 0) continue;
         const double off = atan2(y, x) - (double)fv_orb_angle(fv_orb_direction(x, y));
         assert_true(fabs(remainder(off, 2 * M_PI)) <= M_PI / FV_ORB_DIRECTIONS + 1e-6);

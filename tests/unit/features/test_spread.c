@@ -24,13 +24,12 @@ static void carve(void *context, struct fv_arena *arena)
 /* Corners in raster order, at each place with a chance of one in `rarity`. */
 static void offer_random(struct fv_spread *spread, uint32_t level, uint32_t rarity, uint32_t seed)
 {
-    struct fovea_random random;
-    fovea_random_seed(&random, seed + level);
+    struct fv_random random;
+    fv_random_seed(&random, seed + level);
     for (int32_t y = 19; y < height[level] - 19; y += 2)
         for (int32_t x = 19; x < width[level] - 19; x += 2)
-            if (fovea_random_below(&random, rarity) == 0)
-                fv_spread_offer(spread, level, x, y,
-                                (uint8_t)(7 + fovea_random_below(&random, 120)));
+            if (fv_random_below(&random, rarity) == 0)
+                fv_spread_offer(spread, level, x, y, (uint8_t)(7 + fv_random_below(&random, 120)));
 }
 
 static uint32_t fields_with_corner(const struct fv_corner *corners, uint32_t count)

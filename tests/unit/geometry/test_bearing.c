@@ -119,13 +119,13 @@ static void bearings_are_the_models(void **state)
     for (int c = 0; c < CAMERAS; c++) {
         struct table table;
         make_table(&table, &cameras[c]);
-        struct fovea_random random;
-        fovea_random_seed(&random, (uint64_t)c);
+        struct fv_random random;
+        fv_random_seed(&random, (uint64_t)c);
         double worst = 0, edge = 0;
         int seen = 0;
         for (int i = 0; i < POINTS; i++) {
-            const double pixel[2] = {(cameras[c].width - 1) * fovea_random_unit(&random),
-                                     (cameras[c].height - 1) * fovea_random_unit(&random)};
+            const double pixel[2] = {(cameras[c].width - 1) * fv_random_unit(&random),
+                                     (cameras[c].height - 1) * fv_random_unit(&random)};
             double bearing[3], A[6], exact[3], J[6];
             if (!fv_bearing_of(&table.bearings, &table.camera, pixel[0], pixel[1], bearing, A))
                 continue;
@@ -148,11 +148,11 @@ static void bearings_are_the_models(void **state)
 /* Pixels within and outside the image, and some that are no numbers. */
 static void fill_pixels(float (*pixels)[2], const struct fovea_camera *camera)
 {
-    struct fovea_random random;
-    fovea_random_seed(&random, 5);
+    struct fv_random random;
+    fv_random_seed(&random, 5);
     for (int i = 0; i < POINTS; i++) {
-        pixels[i][0] = (float)(camera->width * (1.2 * fovea_random_unit(&random) - 0.1));
-        pixels[i][1] = (float)(camera->height * (1.2 * fovea_random_unit(&random) - 0.1));
+        pixels[i][0] = (float)(camera->width * (1.2 * fv_random_unit(&random) - 0.1));
+        pixels[i][1] = (float)(camera->height * (1.2 * fv_random_unit(&random) - 0.1));
     }
     pixels[17][0] = NAN;
     pixels[40][1] = INFINITY;

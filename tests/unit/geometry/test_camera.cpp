@@ -52,17 +52,17 @@ static void projection_equals_opencv(void **)
 {
     fovea_camera all[6];
     int count = cameras(all);
-    fovea_random random;
-    fovea_random_seed(&random, 11);
+    fv_random random;
+    fv_random_seed(&random, 11);
     for (int c = 0; c < count; c++) {
         const fovea_camera &camera = all[c];
         cv::Mat K =
             (cv::Mat_<double>(3, 3) << camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1);
         for (int i = 0; i < 500; i++) {
-            double z = 0.5 + 5 * fovea_random_unit(&random),
+            double z = 0.5 + 5 * fv_random_unit(&random),
                    half = camera.lens == FOVEA_LENS_RADTAN ? 0.6 : 2.5;
-            double point[3] = {z * half * (2 * fovea_random_unit(&random) - 1),
-                               z * half * (2 * fovea_random_unit(&random) - 1), z};
+            double point[3] = {z * half * (2 * fv_random_unit(&random) - 1),
+                               z * half * (2 * fv_random_unit(&random) - 1), z};
             double pixel[2];
             if (fovea_camera_project(&camera, point, pixel, NULL) != FOVEA_OK) continue;
             std::vector<cv::Point3d> in{{point[0], point[1], point[2]}};

@@ -16,9 +16,9 @@
 enum { COUNT = 500 };
 static const double focal_px = 460;
 
-static double uniform(fovea_random *random, double low, double high)
+static double uniform(fv_random *random, double low, double high)
 {
-    return low + (high - low) * fovea_random_unit(random);
+    return low + (high - low) * fv_random_unit(random);
 }
 
 struct scene {
@@ -30,14 +30,13 @@ struct scene {
 
 /* Points 2 to 10 units away in a field of +-`spread` (tangent), noise of `noise_px`, a share of
  * random matches. */
-static void make_scene(scene &s, fovea_random *random, double outliers, double noise_px,
-                       double spread)
+static void make_scene(scene &s, fv_random *random, double outliers, double noise_px, double spread)
 {
     double turn[3] = {uniform(random, -.15, .15), uniform(random, -.15, .15),
                       uniform(random, -.15, .15)};
     fv_so3_exp(turn, s.T_2_1.R);
     for (double &v : s.T_2_1.t)
-        v = fovea_random_normal(random);
+        v = fv_random_normal(random);
     fv_normalise3(s.T_2_1.t);
     s.a.clear();
     s.b.clear();
@@ -49,10 +48,10 @@ static void make_scene(scene &s, fovea_random *random, double outliers, double n
         fv_se3_apply(&s.T_2_1, p, q);
         if (q[2] < 0.3) continue;
         double n = noise_px / focal_px;
-        double x1[3] = {p[0] / p[2] + n * fovea_random_normal(random),
-                        p[1] / p[2] + n * fovea_random_normal(random), 1};
-        double x2[3] = {q[0] / q[2] + n * fovea_random_normal(random),
-                        q[1] / q[2] + n * fovea_random_normal(random), 1};
+        double x1[3] = {p[0] / p[2] + n * fv_random_normal(random),
+                        p[1] / p[2] + n * fv_random_normal(random), 1};
+        double x2[3] = {q[0] / q[2] + n * fv_random_normal(random),
+                        q[1] / q[2] + n * fv_random_normal(random), 1};
         s.good[i] = uniform(random, 0, 1) >= outliers;
         if (!s.good[i]) {
             x2[0] = uniform(random, -spread, spread);
@@ -85,8 +84,8 @@ static double direction_error(const double a[3], const double b[3])
 
 static void five_exact_points_give_the_truth(void **)
 {
-    fovea_random random;
-    fovea_random_seed(&random, 21);
+    fv_random random;
+    fv_random_seed(&random, 21);
     int missed = 0;
     for (int trial = 0; trial < 500; trial++) {
         scene s;
@@ -110,8 +109,8 @@ static void five_exact_points_give_the_truth(void **)
 
 static void motions_hold_the_truth(void **)
 {
-    fovea_random random;
-    fovea_random_seed(&random, 22);
+    fv_random random;
+    fv_random_seed(&random, 22);
     for (int trial = 0; trial < 100; trial++) {
         scene s;
         make_scene(s, &random, 0, 0, 0.7);
@@ -130,8 +129,8 @@ static void estimates_hold_under_outliers(void **)
     const double shares[] = {0, 0.3, 0.5};
     for (double share : shares)
         for (int wide = 0; wide < 2; wide++) {
-            fovea_random random;
-            fovea_random_seed(&random, 23);
+            fv_random random;
+            fv_random_seed(&random, 23);
             double worst = 0, worst_direction = 0;
             for (int trial = 0; trial < 60; trial++) {
                 scene s;
@@ -163,8 +162,8 @@ static double cpu_seconds(void)
 static void faster_and_no_worse_than_opencv(void **)
 {
     cv::setNumThreads(1);
-    fovea_random random;
-    fovea_random_seed(&random, 24);
+    fv_random random;
+    fv_random_seed(&random, 24);
     double ours = 0, ransac = 0, magsac = 0;
     std::vector<double> error_ours, error_magsac;
     for (int trial = 0; trial < 40; trial++) {

@@ -13,14 +13,14 @@
 
 enum { COUNT = 300 };
 
-static double uniform(struct fovea_random *random, double low, double high)
+static double uniform(struct fv_random *random, double low, double high)
 {
-    return low + (high - low) * fovea_random_unit(random);
+    return low + (high - low) * fv_random_unit(random);
 }
 
 /* Points of the plane n p = d (camera 1), n facing the camera, seen from both; `translate` 0: a
  * pure rotation. */
-static void make_plane(struct fovea_random *random, double outliers, double noise, double translate,
+static void make_plane(struct fv_random *random, double outliers, double noise, double translate,
                        struct fv_se3 *T, struct fv_pair *pairs)
 {
     double turn[3], n[3] = {uniform(random, -.5, .5), uniform(random, -.5, .5), 1},
@@ -29,7 +29,7 @@ static void make_plane(struct fovea_random *random, double outliers, double nois
         turn[i] = uniform(random, -.15, .15);
     fv_so3_exp(turn, T->R);
     for (int i = 0; i < 3; i++)
-        T->t[i] = fovea_random_normal(random);
+        T->t[i] = fv_random_normal(random);
     (void)fv_normalise3(T->t);
     (void)fv_normalise3(n);
     for (int i = 0; i < COUNT; i++) {
@@ -41,7 +41,7 @@ static void make_plane(struct fovea_random *random, double outliers, double nois
         (void)fv_normalise3(x1);
         (void)fv_normalise3(q);
         for (int k = 0; k < 3; k++)
-            q[k] += noise * fovea_random_normal(random);
+            q[k] += noise * fv_random_normal(random);
         if (uniform(random, 0, 1) < outliers) {
             q[0] = uniform(random, -.7, .7);
             q[1] = uniform(random, -.5, .5);
@@ -69,8 +69,8 @@ static void planes_give_the_motion(void **state)
     (void)state;
     const double shares[] = {0, 0.3, 0.5};
     for (int s = 0; s < 3; s++) {
-        struct fovea_random random;
-        fovea_random_seed(&random, 41);
+        struct fv_random random;
+        fv_random_seed(&random, 41);
         double worst = 0;
         for (int trial = 0; trial < 100; trial++) {
             struct fv_se3 T, found[4];
@@ -95,8 +95,8 @@ static void planes_give_the_motion(void **state)
 static void a_rotation_is_told_from_a_motion(void **state)
 {
     (void)state;
-    struct fovea_random random;
-    fovea_random_seed(&random, 42);
+    struct fv_random random;
+    fv_random_seed(&random, 42);
     for (int trial = 0; trial < 100; trial++) {
         struct fv_se3 T, found[4];
         struct fv_pair pairs[COUNT];

@@ -22,12 +22,12 @@ struct scene {
     std::vector<cv::Point2d> a, b; /* on the plane at distance 1 */
 };
 
-double uniform(fovea_random *random, double low, double high)
+double uniform(fv_random *random, double low, double high)
 {
-    return low + (high - low) * fovea_random_unit(random);
+    return low + (high - low) * fv_random_unit(random);
 }
 
-void make_scene(scene &s, fovea_random *random, double outliers)
+void make_scene(scene &s, fv_random *random, double outliers)
 {
     fv_se3 T;
     double turn[3], n[3] = {uniform(random, -.4, .4), uniform(random, -.4, .4), 1},
@@ -47,7 +47,7 @@ void make_scene(scene &s, fovea_random *random, double outliers)
         double x1[3] = {uniform(random, -.7, .7), uniform(random, -.5, .5), 1}, x2[3];
         fv_rotate3(s.H, x1, x2);
         for (int k = 0; k < 2; k++)
-            x2[k] = x2[k] / x2[2] + fovea_random_normal(random) / focal_px;
+            x2[k] = x2[k] / x2[2] + fv_random_normal(random) / focal_px;
         x2[2] = 1;
         if (uniform(random, 0, 1) < outliers) {
             x2[0] = uniform(random, -.7, .7);
@@ -85,8 +85,8 @@ void no_worse_than_opencv(void **)
     for (double outliers : {0.0, 0.3, 0.5}) {
         double ours = 0, theirs = 0, worst = 0;
         for (int k = 0; k < scenes; k++) {
-            fovea_random random;
-            fovea_random_seed(&random, 1000 + (uint64_t)k);
+            fv_random random;
+            fv_random_seed(&random, 1000 + (uint64_t)k);
             scene s;
             make_scene(s, &random, outliers);
             const fv_sampling sampling = {2.5 / focal_px, 0.999, 1000};

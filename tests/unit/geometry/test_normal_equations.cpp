@@ -16,16 +16,16 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 typedef Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> Rows;
 
-static MatrixXd random_matrix(fovea_random *random, int rows, int columns)
+static MatrixXd random_matrix(fv_random *random, int rows, int columns)
 {
     MatrixXd M(rows, columns);
     for (int r = 0; r < rows; r++)
         for (int c = 0; c < columns; c++)
-            M(r, c) = fovea_random_normal(random);
+            M(r, c) = fv_random_normal(random);
     return M;
 }
 
-static MatrixXd random_weight(fovea_random *random, int m)
+static MatrixXd random_weight(fv_random *random, int m)
 {
     const MatrixXd root = random_matrix(random, m, m);
     return root * root.transpose() + 0.1 * MatrixXd::Identity(m, m);
@@ -60,7 +60,7 @@ struct problem {
     }
 
     /* A residual of m rows on blocks, with a full weight matrix. */
-    void add(fovea_random *random, int m, const std::vector<int> &blocks)
+    void add(fv_random *random, int m, const std::vector<int> &blocks)
     {
         const MatrixXd W = random_weight(random, m);
         const VectorXd e = random_matrix(random, m, 1);
@@ -94,7 +94,7 @@ struct landmark {
     std::vector<fv_coupling> couplings;
     double inverse[6], gradient[3];
 
-    landmark(fovea_random *random, problem *p, int at, int landmark_size,
+    landmark(fv_random *random, problem *p, int at, int landmark_size,
              const std::vector<int> &blocks)
         : size(landmark_size)
     {
@@ -102,7 +102,7 @@ struct landmark {
         VectorXd g = VectorXd::Zero(size);
         const fv_normal n = p->normal();
         for (int b : blocks) {
-            const double weight = 0.5 + fovea_random_unit(random);
+            const double weight = 0.5 + fv_random_unit(random);
             const Rows J = random_matrix(random, 2, p->size[b]);
             const MatrixXd by_landmark = random_matrix(random, 2, size);
             const VectorXd e = random_matrix(random, 2, 1);
@@ -136,7 +136,7 @@ static void assert_near(const VectorXd &found, const VectorXd &expected, double 
     if (!(off < bound)) fail_msg("relative error %g, at most %g expected", off, bound);
 }
 
-static problem fused_problem(fovea_random *random, std::vector<landmark> *landmarks)
+static problem fused_problem(fv_random *random, std::vector<landmark> *landmarks)
 {
     /* two keyframes with velocity and biases, two without, a similarity */
     problem p({6, 9, 6, 9, 6, 6, 7}, 20 * 3 + 20);
@@ -161,8 +161,8 @@ static problem fused_problem(fovea_random *random, std::vector<landmark> *landma
 static void test_mixed_blocks_are_solved_as_by_eigen(void **)
 {
     for (unsigned seed = 1; seed <= 20; seed++) {
-        fovea_random random;
-        fovea_random_seed(&random, seed);
+        fv_random random;
+        fv_random_seed(&random, seed);
         std::vector<landmark> landmarks;
         problem p = fused_problem(&random, &landmarks);
         const fv_normal n = p.normal();
@@ -190,8 +190,8 @@ static void test_mixed_blocks_are_solved_as_by_eigen(void **)
 /* A landmark is eliminated in the same way whichever block is named first. */
 static void test_order_of_couplings_does_not_matter(void **)
 {
-    fovea_random random;
-    fovea_random_seed(&random, 3);
+    fv_random random;
+    fv_random_seed(&random, 3);
     problem p({6, 9, 6, 7}, 3);
     landmark l(&random, &p, p.reduced, 3, {0, 1, 2, 3});
     std::vector<double> H = p.H, g = p.g;
@@ -208,8 +208,8 @@ static void test_order_of_couplings_does_not_matter(void **)
 /* Without g, as covariances need it, H is the same. */
 static void test_gradient_may_be_left_out(void **)
 {
-    fovea_random random, same;
-    fovea_random_seed(&random, 4);
+    fv_random random, same;
+    fv_random_seed(&random, 4);
     same = random;
     problem with({6, 9}, 0), without({6, 9}, 0);
     with.add(&random, 15, {0, 1});
@@ -226,8 +226,8 @@ static void test_gradient_may_be_left_out(void **)
 
 static void test_damping_is_a_share_of_the_diagonal(void **)
 {
-    fovea_random random;
-    fovea_random_seed(&random, 5);
+    fv_random random;
+    fv_random_seed(&random, 5);
     problem p({6}, 0), q({6}, 0);
     const double share = 0.25;
     const fv_normal at_once = p.normal(), after = q.normal();
@@ -250,8 +250,8 @@ static void test_damping_is_a_share_of_the_diagonal(void **)
 /* Row by row or all rows at once: the same but for rounding. */
 static void test_rows_may_be_added_one_by_one(void **)
 {
-    fovea_random random;
-    fovea_random_seed(&random, 9);
+    fv_random random;
+    fv_random_seed(&random, 9);
     problem p({9, 6}, 0), q({9, 6}, 0);
     const fv_normal at_once = p.normal(), one_by_one = q.normal();
     for (int i = 0; i < 5; i++) {
@@ -264,7 +264,7 @@ static void test_rows_may_be_added_one_by_one(void **)
     assert_near(Eigen::Map<VectorXd>(q.g.data(), 15), Eigen::Map<VectorXd>(p.g.data(), 15), 1e-14);
 }
 
-static std::vector<double> random_system(fovea_random *random, int n)
+static std::vector<double> random_system(fv_random *random, int n)
 {
     const Rows root = random_matrix(random, n, n);
     const Rows A = root * root.transpose() + 0.01 * n * MatrixXd::Identity(n, n);
@@ -275,8 +275,8 @@ static std::vector<double> random_system(fovea_random *random, int n)
  * unit does more than it is allowed and one column. */
 static void test_units_give_the_same_bits_as_one_go(void **)
 {
-    fovea_random random;
-    fovea_random_seed(&random, 6);
+    fv_random random;
+    fv_random_seed(&random, 6);
     for (int n : {1, 6, 15, 73, (int)FV_NORMAL_SIZE_MAX}) {
         const std::vector<double> A = random_system(&random, n);
         std::vector<double> whole = A;
@@ -304,14 +304,14 @@ static void test_units_give_the_same_bits_as_one_go(void **)
 /* Variables in units of 1e-8 and 1e8 cost no digits. */
 static void test_badly_scaled_systems_are_solved(void **)
 {
-    fovea_random random;
-    fovea_random_seed(&random, 7);
+    fv_random random;
+    fv_random_seed(&random, 7);
     for (int n : {6, 15, 60}) {
         const std::vector<double> A = random_system(&random, n);
         std::vector<double> scaled = A, g((size_t)n), x((size_t)n), unit((size_t)n);
         for (int k = 0; k < n; k++) {
-            unit[(size_t)k] = pow(10, 16 * fovea_random_unit(&random) - 8);
-            g[(size_t)k] = unit[(size_t)k] * fovea_random_normal(&random);
+            unit[(size_t)k] = pow(10, 16 * fv_random_unit(&random) - 8);
+            g[(size_t)k] = unit[(size_t)k] * fv_random_normal(&random);
         }
         VectorXd b(n), found(n);
         for (int r = 0; r < n; r++) {
@@ -331,8 +331,8 @@ static void test_badly_scaled_systems_are_solved(void **)
 /* False, and x as it was: nothing that is not a number comes back. */
 static void test_singular_systems_are_refused(void **)
 {
-    fovea_random random;
-    fovea_random_seed(&random, 8);
+    fv_random random;
+    fv_random_seed(&random, 8);
     enum { N = 21 };
     const double inf = std::numeric_limits<double>::infinity(), nan = NAN;
     const std::vector<double> good = random_system(&random, N);

@@ -17,9 +17,9 @@
 
 enum { COUNT = 500 };
 
-static double uniform(fovea_random *random, double low, double high)
+static double uniform(fv_random *random, double low, double high)
 {
-    return low + (high - low) * fovea_random_unit(random);
+    return low + (high - low) * fv_random_unit(random);
 }
 
 static fovea_camera drone_camera(void)
@@ -32,7 +32,7 @@ static fovea_camera drone_camera(void)
     return camera;
 }
 
-static void random_motion(fovea_random *random, fv_se3 *T)
+static void random_motion(fv_random *random, fv_se3 *T)
 {
     double turn[3];
     for (double &v : turn)
@@ -52,7 +52,7 @@ static double motion_error(const fv_se3 &A, const fv_se3 &B)
     return fv_norm3(w) + fv_norm3(D.t) / 5;
 }
 
-static void make_observations(const fovea_camera &camera, fovea_random *random, const fv_se3 &T,
+static void make_observations(const fovea_camera &camera, fv_random *random, const fv_se3 &T,
                               double outliers, double noise, fv_observation observations[COUNT])
 {
     for (int i = 0; i < COUNT; i++) {
@@ -65,8 +65,8 @@ static void make_observations(const fovea_camera &camera, fovea_random *random, 
         fv_se3_apply_inverse(&T, p, s.point);
         bool wrong = uniform(random, 0, 1) < outliers;
         double seen[2];
-        seen[0] = wrong ? uniform(random, 5, 745) : pixel[0] + noise * fovea_random_normal(random);
-        seen[1] = wrong ? uniform(random, 5, 475) : pixel[1] + noise * fovea_random_normal(random);
+        seen[0] = wrong ? uniform(random, 5, 745) : pixel[0] + noise * fv_random_normal(random);
+        seen[1] = wrong ? uniform(random, 5, 475) : pixel[1] + noise * fv_random_normal(random);
         assert_int_equal(fovea_camera_unproject(&camera, seen, s.bearing, NULL), FOVEA_OK);
         assert_int_equal(fovea_camera_project(&camera, s.bearing, pixel, s.A), FOVEA_OK);
         s.weight = 1;
@@ -76,8 +76,8 @@ static void make_observations(const fovea_camera &camera, fovea_random *random, 
 
 static void three_exact_points_give_the_truth(void **)
 {
-    fovea_random random;
-    fovea_random_seed(&random, 31);
+    fv_random random;
+    fv_random_seed(&random, 31);
     int missed = 0;
     for (int trial = 0; trial < 5000; trial++) {
         fv_se3 T, found[FV_P3P_SOLUTIONS_MAX];
@@ -107,8 +107,8 @@ static void sampling_and_refinement_find_the_pose(void **)
     const fovea_camera camera = drone_camera();
     const double shares[] = {0, 0.3, 0.5};
     for (double share : shares) {
-        fovea_random random;
-        fovea_random_seed(&random, 32);
+        fv_random random;
+        fv_random_seed(&random, 32);
         double worst_sample = 0, worst = 0, mean_chi = 0;
         for (int trial = 0; trial < 100; trial++) {
             fv_se3 T, found;
@@ -139,8 +139,8 @@ static void sampling_and_refinement_find_the_pose(void **)
 static void information_is_consistent(void **)
 {
     const fovea_camera camera = drone_camera();
-    fovea_random random;
-    fovea_random_seed(&random, 33);
+    fv_random random;
+    fv_random_seed(&random, 33);
     double mean = 0;
     enum { TRIALS = 300 };
     for (int trial = 0; trial < TRIALS; trial++) {
@@ -184,8 +184,8 @@ static void faster_than_opencv(void **)
         (cv::Mat_<double>(3, 3) << camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1);
     const double shares[] = {0, 0.3};
     for (double share : shares) {
-        fovea_random random;
-        fovea_random_seed(&random, 34);
+        fv_random random;
+        fv_random_seed(&random, 34);
         double ours = 0, theirs = 0, error_ours = 0, error_theirs = 0;
         for (int trial = 0; trial < 60; trial++) {
             fv_se3 T, found;
@@ -225,8 +225,8 @@ static void faster_than_opencv(void **)
 
 static void triangulation_is_exact_and_splits_errors(void **)
 {
-    fovea_random random;
-    fovea_random_seed(&random, 35);
+    fv_random random;
+    fv_random_seed(&random, 35);
     for (int trial = 0; trial < 1000; trial++) {
         fv_se3 T;
         double turn[3] = {uniform(&random, -.2, .2), uniform(&random, -.2, .2),

@@ -15,12 +15,12 @@
 enum { CORRESPONDENCES = 120 };
 static const double focal_px = 450, limit = 9.21;
 
-static double uniform(struct fovea_random *random, double low, double high)
+static double uniform(struct fv_random *random, double low, double high)
 {
-    return low + (high - low) * fovea_random_unit(random);
+    return low + (high - low) * fv_random_unit(random);
 }
 
-static void random_step(struct fovea_random *random, double size, double x[7])
+static void random_step(struct fv_random *random, double size, double x[7])
 {
     for (int i = 0; i < 7; i++)
         x[i] = size * uniform(random, -1, 1);
@@ -41,8 +41,8 @@ static double difference(const struct fv_sim3 *A, const struct fv_sim3 *B)
 static void test_exponential(void **context)
 {
     (void)context;
-    struct fovea_random random;
-    fovea_random_seed(&random, 11);
+    struct fv_random random;
+    fv_random_seed(&random, 11);
     for (int n = 0; n < 2000; n++) {
         double x[7], half[7], back[7];
         random_step(&random, pow(10, uniform(&random, -9, 0.3)), x);
@@ -79,7 +79,7 @@ static void test_exponential_by_steps(void **context)
     fv_sim3_exp(x, &S);
     fv_so3_exp(small + 3, step.R); /* to first order, the translation as it is */
     memcpy(step.t, small, sizeof step.t);
-    step.s = fovea_exp(small[6]);
+    step.s = fv_exp(small[6]);
     for (int k = 0; k < 20; k++)
         fv_sim3_compose(&step, &step, &step);
     assert_true(difference(&S, &step) < 1e-5);
@@ -88,8 +88,8 @@ static void test_exponential_by_steps(void **context)
 static void test_group(void **context)
 {
     (void)context;
-    struct fovea_random random;
-    fovea_random_seed(&random, 5);
+    struct fv_random random;
+    fv_random_seed(&random, 5);
     for (int n = 0; n < 200; n++) {
         double x[7], y[7], p[3] = {uniform(&random, -3, 3), 1, 2}, q[3], r[3];
         struct fv_sim3 A, B, C, I, one;
@@ -126,18 +126,18 @@ static void test_group(void **context)
 
 /* ---- alignment ------------------------------------------------------------------------------- */
 
-static void look(const double p[3], struct fovea_random *random, double noise_px, double bearing[3],
+static void look(const double p[3], struct fv_random *random, double noise_px, double bearing[3],
                  double A[6])
 {
-    double x = p[0] / p[2] + noise_px * fovea_random_normal(random) / focal_px,
-           y = p[1] / p[2] + noise_px * fovea_random_normal(random) / focal_px,
+    double x = p[0] / p[2] + noise_px * fv_random_normal(random) / focal_px,
+           y = p[1] / p[2] + noise_px * fv_random_normal(random) / focal_px,
            n = sqrt(x * x + y * y + 1), f = focal_px * n;
     const double b[3] = {x / n, y / n, 1 / n}, J[6] = {f, 0, -f * x, 0, f, -f * y};
     memcpy(bearing, b, sizeof b);
     memcpy(A, J, sizeof J);
 }
 
-static void make_correspondences(struct fovea_random *random, double outliers, double noise_px,
+static void make_correspondences(struct fv_random *random, double outliers, double noise_px,
                                  double distance_sigma, const struct fv_sim3 *S_a_b,
                                  struct fv_correspondence *correspondences)
 {
@@ -155,8 +155,8 @@ static void make_correspondences(struct fovea_random *random, double outliers, d
         look(m->point_b, random, noise_px, m->bearing_b, m->A_b);
         m->weight_a = m->weight_b = 1;
         m->sigma_a = m->sigma_b = distance_sigma;
-        const double longer_a = 1 + distance_sigma * fovea_random_normal(random),
-                     longer_b = 1 + distance_sigma * fovea_random_normal(random);
+        const double longer_a = 1 + distance_sigma * fv_random_normal(random),
+                     longer_b = 1 + distance_sigma * fv_random_normal(random);
         for (int k = 0; k < 3; k++) { /* landmarks are off as well, along the ray */
             m->point_a[k] *= longer_a;
             m->point_b[k] *= longer_b;
@@ -170,7 +170,7 @@ static void make_correspondences(struct fovea_random *random, double outliers, d
     }
 }
 
-static void random_similarity(struct fovea_random *random, struct fv_sim3 *S)
+static void random_similarity(struct fv_random *random, struct fv_sim3 *S)
 {
     double x[7];
     random_step(random, 0.3, x);
@@ -181,8 +181,8 @@ static void random_similarity(struct fovea_random *random, struct fv_sim3 *S)
 static void test_alignment_exact(void **context)
 {
     (void)context;
-    struct fovea_random random;
-    fovea_random_seed(&random, 21);
+    struct fv_random random;
+    fv_random_seed(&random, 21);
     for (int n = 0; n < 200; n++) {
         struct fv_sim3 truth, found;
         double a[6][3], b[6][3];
@@ -206,8 +206,8 @@ static void test_search_and_refinement(void **context)
 {
     (void)context;
     const double shares[] = {0, 0.3, 0.5};
-    struct fovea_random random;
-    fovea_random_seed(&random, 3);
+    struct fv_random random;
+    fv_random_seed(&random, 3);
     static struct fv_correspondence correspondences[CORRESPONDENCES];
     for (int n = 0; n < 90; n++) {
         struct fv_sim3 truth, found, off, inverse;
@@ -250,7 +250,7 @@ static void test_errors_along_the_ray(void **context)
 {
     (void)context;
     const double in_a[3] = {1, 0, 4}, in_b[3] = {0, 0, 4}, further = 1.1, aside_b[3] = {0, 0.1, 4};
-    struct fovea_random random;
+    struct fv_random random;
     struct fv_sim3 S_a_b, S_b_a;
     struct fv_correspondence exact = {.sigma_a = 0.05,
                                       .sigma_b = 0.05,
@@ -261,7 +261,7 @@ static void test_errors_along_the_ray(void **context)
     fv_sim3_identity(&S_a_b);
     S_a_b.t[0] = 1;
     fv_sim3_invert(&S_a_b, &S_b_a);
-    fovea_random_seed(&random, 1);
+    fv_random_seed(&random, 1);
     fv_copy3(in_a, exact.point_a);
     fv_copy3(in_b, exact.point_b);
     look(in_a, &random, 0, exact.bearing_a, exact.A_a);
@@ -296,11 +296,11 @@ static void test_certainty_of_turn(void **context)
     (void)context;
     enum { ROUNDS = 100 };
     static const double distance_sigmas[] = {0.005, 0.03, 0.05};
-    struct fovea_random random;
+    struct fv_random random;
     static struct fv_correspondence correspondences[CORRESPONDENCES];
     struct fv_sim3 truth, found, off;
     double said = 0, made = 0, x[7];
-    fovea_random_seed(&random, 17);
+    fv_random_seed(&random, 17);
     for (int n = 0; n < 3 * ROUNDS; n++) {
         if (n % ROUNDS == 0) said = made = 0;
         random_similarity(&random, &truth);
@@ -333,10 +333,10 @@ static void test_certainty_of_turn(void **context)
 static void test_search_without_truth(void **context)
 {
     (void)context;
-    struct fovea_random random;
+    struct fv_random random;
     struct fv_sim3 truth;
     static struct fv_correspondence correspondences[CORRESPONDENCES];
-    fovea_random_seed(&random, 8);
+    fv_random_seed(&random, 8);
     fv_sim3_identity(&truth);
     for (int n = 0; n < 20; n++) {
         make_correspondences(&random, 1, 0.7, 0.02, &truth, correspondences);

@@ -18,12 +18,12 @@
 static uint8_t *picture(int width, int height, int kind)
 {
     uint8_t *pixels = malloc((size_t)width * (size_t)height);
-    struct fovea_random random;
-    fovea_random_seed(&random, 5);
+    struct fv_random random;
+    fv_random_seed(&random, 5);
     for (int y = 0; y < height; y++) {
         for (int x = 0; x < width; x++) {
             const int smooth = (x * 3 + y * 2 + (x / 16 + y / 16) % 2 * 90) & 255;
-            const int noise = (int)fovea_random_below(&random, 256);
+            const int noise = (int)fv_random_below(&random, 256);
             const int extreme = (x ^ y) & 1 ? 255 : 0;
             pixels[y * width + x] = (uint8_t)(kind == 0 ? smooth : kind == 1 ? noise : extreme);
         }

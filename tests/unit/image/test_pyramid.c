@@ -28,10 +28,10 @@ static struct fovea_image grey(void)
 
 static void fill_random(void)
 {
-    struct fovea_random random;
-    fovea_random_seed(&random, 3);
+    struct fv_random random;
+    fv_random_seed(&random, 3);
     for (size_t i = 0; i < sizeof pixels; i++)
-        pixels[i] = (uint8_t)fovea_random_u32(&random);
+        pixels[i] = (uint8_t)fv_random_u32(&random);
 }
 
 static void no_sample_lies_outside(void **state)

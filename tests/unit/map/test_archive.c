@@ -30,8 +30,8 @@ static enum fovea_status read_into(struct small_map *small, const uint8_t *data,
 static struct small_map *filled(uint64_t seed, uint32_t keyframes)
 {
     struct small_map *small = malloc(sizeof *small);
-    struct fovea_random random;
-    fovea_random_seed(&random, seed);
+    struct fv_random random;
+    fv_random_seed(&random, seed);
     small_map_make(small);
     for (uint32_t k = 0; k < keyframes; k++)
         small_map_grow(small, &random);
@@ -83,10 +83,10 @@ static void test_scales(void **state)
 {
     (void)state;
     struct small_map *from = filled(6, 4), *to = filled(5, 2);
-    struct fovea_random random;
+    struct fv_random random;
     struct fovea_error error;
     size_t bytes;
-    fovea_random_seed(&random, 31);
+    fv_random_seed(&random, 31);
     struct fv_map_state *s = from->map.state;
     s->scale = (struct fv_map_scale){FOVEA_SCALE_CAMERA_HEIGHT, 0, 0.5, 0.01};
     s->S_map_odom.s = 2;
@@ -102,7 +102,7 @@ static void test_scales(void **state)
                 current.variance == 0.04);
     fv_map_enter(&to->map, 0);
     const struct fv_map_scale left = to->map.state->scale;
-    assert_true(left.source == FOVEA_SCALE_CAMERA_HEIGHT && left.log_scale == 0.5 - fovea_log(2) &&
+    assert_true(left.source == FOVEA_SCALE_CAMERA_HEIGHT && left.log_scale == 0.5 - fv_log(2) &&
                 left.variance == 0.01);
     assert_true(to->map.state->S_map_odom.s == 1 && to->map.state->odom_id == 0);
 
@@ -139,19 +139,19 @@ static void test_saved_while_it_changes(void **state)
     for (uint64_t seed = 1; seed <= seeds; seed++) {
         struct small_map *from = filled(seed, 14), *to = filled(seed, 2);
         struct fv_archive_state archive = {0};
-        struct fovea_random random;
+        struct fv_random random;
         struct fovea_error error;
         uint32_t before[SMALL_MAP_KEYFRAMES];
         const size_t capacity = fv_archive_bytes_max(&from->map.limits);
         uint8_t *data = malloc(capacity);
-        fovea_random_seed(&random, seed);
+        fv_random_seed(&random, seed);
         for (uint32_t k = 0; k < SMALL_MAP_KEYFRAMES; k++)
             before[k] = from->map.keyframes[k].used ? from->map.keyframes[k].generation : 0;
         fv_archive_begin(&archive, 5);
         for (; fv_archive_busy(&archive); units++) {
             fv_archive_unit(&archive, &from->map, &from->camera, data, capacity);
-            if (fovea_random_below(&random, 3) == 0) small_map_grow(from, &random);
-            if (fovea_random_below(&random, 5) == 0)
+            if (fv_random_below(&random, 3) == 0) small_map_grow(from, &random);
+            if (fv_random_below(&random, 5) == 0)
                 fv_map_remove_keyframe(&from->map, fv_map_most_redundant(&from->map));
         }
         const size_t bytes = fv_archive_take(&archive);
@@ -199,26 +199,26 @@ static void test_damaged_files_are_refused(void **state)
 {
     (void)state;
     struct small_map *from = filled(4, 8), *to = filled(5, 2);
-    struct fovea_random random;
+    struct fv_random random;
     struct fovea_error error;
     size_t bytes;
     uint8_t *data = small_map_save(from, &bytes), *bad = malloc(2 * bytes);
-    fovea_random_seed(&random, 8);
+    fv_random_seed(&random, 8);
     for (int n = 0; n < 1000; n++) {
         size_t length = bytes;
         memcpy(bad, data, bytes);
         if (n % 4 == 0) {
-            length = fovea_random_below(&random, (uint32_t)bytes);
+            length = fv_random_below(&random, (uint32_t)bytes);
         } else if (n % 4 == 1) { /* a run of noise */
-            const size_t at = fovea_random_below(&random, (uint32_t)bytes);
+            const size_t at = fv_random_below(&random, (uint32_t)bytes);
             for (size_t i = at; i < bytes && i < at + 1 + (size_t)n; i++)
-                bad[i] = (uint8_t)(bad[i] + 1 + fovea_random_below(&random, 255));
+                bad[i] = (uint8_t)(bad[i] + 1 + fv_random_below(&random, 255));
         } else if (n % 4 == 2) { /* something added, or doubled */
-            length += 1 + fovea_random_below(&random, (uint32_t)bytes - 1);
+            length += 1 + fv_random_below(&random, (uint32_t)bytes - 1);
             memcpy(bad + bytes, data, length - bytes);
         } else {
-            bad[fovea_random_below(&random, (uint32_t)bytes)] ^=
-                (uint8_t)(1u << fovea_random_below(&random, 8));
+            bad[fv_random_below(&random, (uint32_t)bytes)] ^=
+                (uint8_t)(1u << fv_random_below(&random, 8));
         }
         if (read_into(to, bad, length, &error) == FOVEA_OK) fail_msg("damage %d was read", n);
     }
@@ -233,17 +233,17 @@ static void test_hostile_files_do_no_harm(void **state)
 {
     (void)state;
     struct small_map *from = filled(6, 8), *to = filled(5, 2);
-    struct fovea_random random;
+    struct fv_random random;
     struct fovea_error error;
     size_t bytes;
     uint32_t refused = 0;
     uint8_t *data = small_map_save(from, &bytes), *bad = malloc(bytes);
-    fovea_random_seed(&random, 9);
+    fv_random_seed(&random, 9);
     for (int n = 0; n < 3000; n++) {
         memcpy(bad, data, bytes);
-        for (uint32_t flips = 1 + fovea_random_below(&random, 4); flips > 0; flips--) {
-            uint32_t at = fovea_random_below(&random, n % 3 == 0 ? 192 : (uint32_t)bytes);
-            bad[at] = (uint8_t)(n % 2 == 0 ? fovea_random_u32(&random) : 0xff);
+        for (uint32_t flips = 1 + fv_random_below(&random, 4); flips > 0; flips--) {
+            uint32_t at = fv_random_below(&random, n % 3 == 0 ? 192 : (uint32_t)bytes);
+            bad[at] = (uint8_t)(n % 2 == 0 ? fv_random_u32(&random) : 0xff);
         }
         fv_archive_seal(bad, bytes);
         refused += read_into(to, bad, bytes, &error) != FOVEA_OK;

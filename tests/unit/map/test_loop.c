@@ -25,7 +25,7 @@ struct world {
     struct fv_place place;
     struct fv_loop_closer loop;
     void *memory;
-    struct fovea_random random;
+    struct fv_random random;
     double point[POINTS][3];
     uint8_t descriptor[POINTS][32];
     int32_t landmark_of[POINTS]; /* newest */
@@ -51,7 +51,7 @@ static void carve(void *context, struct fv_arena *arena)
 
 static double uniform(double low, double high)
 {
-    return low + (high - low) * fovea_random_unit(&w.random);
+    return low + (high - low) * fv_random_unit(&w.random);
 }
 
 static void make_world(uint64_t seed)
@@ -72,15 +72,15 @@ static void make_world(uint64_t seed)
     fv_map_reset(&w.map);
     fv_place_clear(&w.place);
     fv_loop_reset(&w.loop, seed);
-    fovea_random_seed(&w.random, seed);
+    fv_random_seed(&w.random, seed);
     fv_sim3_identity(&w.drift);
     for (int i = 0; i < POINTS; i++) { /* on both sides of a round corridor of radius 10 */
         double angle = uniform(0, 6.283185),
                radius = uniform(0, 1) < 0.5 ? uniform(8, 9) : uniform(11, 12);
-        const double p[3] = {radius * fovea_cos(angle), uniform(-1, 1), radius * fovea_sin(angle)};
+        const double p[3] = {radius * fv_cos(angle), uniform(-1, 1), radius * fv_sin(angle)};
         fv_copy3(p, w.point[i]);
         for (int k = 0; k < 32; k++)
-            w.descriptor[i][k] = (uint8_t)fovea_random_u32(&w.random);
+            w.descriptor[i][k] = (uint8_t)fv_random_u32(&w.random);
         w.landmark_of[i] = FV_MAP_NONE;
     }
 }
@@ -89,8 +89,8 @@ static void make_world(uint64_t seed)
 static void true_pose(uint32_t n, struct fv_se3 *T_cam_world)
 {
     double angle = 6.283185307 * n / RING;
-    const double z[3] = {-fovea_sin(angle), 0, fovea_cos(angle)}, y[3] = {0, -1, 0},
-                 centre[3] = {10 * fovea_cos(angle), 0, 10 * fovea_sin(angle)};
+    const double z[3] = {-fv_sin(angle), 0, fv_cos(angle)}, y[3] = {0, -1, 0},
+                 centre[3] = {10 * fv_cos(angle), 0, 10 * fv_sin(angle)};
     double x[3], t[3];
     fv_cross3(y, z, x);
     fv_copy3(x, T_cam_world->R);
@@ -111,8 +111,8 @@ static void fill_feature(struct fovea_feature *feature, uint8_t *descriptor, int
     feature->level = w.vague ? 7 : 0;
     memcpy(descriptor, w.descriptor[i], 32);
     for (int k = 0; k < 4; k++)
-        descriptor[fovea_random_below(&w.random, 32)] ^=
-            (uint8_t)(1u << fovea_random_below(&w.random, 8));
+        descriptor[fv_random_below(&w.random, 32)] ^=
+            (uint8_t)(1u << fv_random_below(&w.random, 8));
 }
 
 /* A keyframe at the next place: what it sees, and its links, in the world as it is estimated there.
@@ -134,8 +134,8 @@ static void add_keyframe(void)
             pixel[0] < 0 || pixel[1] < 0 || pixel[0] >= 639 || pixel[1] >= 479)
             continue;
         if (w.vague && (fabs(q[0]) > ahead * q[2] || fabs(q[1]) > ahead * q[2])) continue;
-        pixel[0] += 0.3 * fovea_random_normal(&w.random);
-        pixel[1] += 0.3 * fovea_random_normal(&w.random);
+        pixel[0] += 0.3 * fv_random_normal(&w.random);
+        pixel[1] += 0.3 * fv_random_normal(&w.random);
         seen[count] = i;
         fill_feature(&features[count], &descriptors[32 * (size_t)count], i, pixel);
         count++;

@@ -32,13 +32,13 @@ static uint32_t distance(const uint8_t *a, const uint8_t *b)
 }
 
 /* Descriptors around centres of the vocabulary, so that they spread over its words. */
-static void draw_descriptors(struct fovea_random *random, uint8_t *descriptors, uint32_t count)
+static void draw_descriptors(struct fv_random *random, uint8_t *descriptors, uint32_t count)
 {
     for (uint32_t i = 0; i < count; i++) {
-        uint32_t centre = fovea_random_below(random, FV_VOCABULARY_CENTRES);
+        uint32_t centre = fv_random_below(random, FV_VOCABULARY_CENTRES);
         memcpy(descriptors + 32 * (size_t)i, fv_vocabulary_data + 32 * (size_t)centre, 32);
         for (int flip = 0; flip < 20; flip++) {
-            uint32_t bit = fovea_random_below(random, 256);
+            uint32_t bit = fv_random_below(random, 256);
             descriptors[32 * (size_t)i + bit / 8] ^= (uint8_t)(1u << (bit % 8));
         }
     }
@@ -68,8 +68,8 @@ static uint32_t word_by_search(const uint8_t *descriptor)
 static void test_words(void **state)
 {
     (void)state;
-    struct fovea_random random;
-    fovea_random_seed(&random, 5);
+    struct fv_random random;
+    fv_random_seed(&random, 5);
     _Alignas(8) static uint8_t descriptors[32 * DESCRIPTORS];
     uint16_t words[DESCRIPTORS], same[DESCRIPTORS];
     draw_descriptors(&random, descriptors, DESCRIPTORS);
@@ -104,15 +104,15 @@ static void test_index(void **state)
     _Alignas(8) static uint8_t descriptors[32 * DESCRIPTORS];
     struct fv_place place;
     struct fv_kernels kernels;
-    struct fovea_random random;
+    struct fv_random random;
     uint32_t generation[SLOTS] = {0}, scores[SLOTS];
     void *memory = carved(carve, &place);
     fv_kernels_init(&kernels, FV_CPU_SET_COUNT - 1);
-    fovea_random_seed(&random, 9);
+    fv_random_seed(&random, 9);
     fv_place_clear(&place);
     for (uint32_t step = 1; step <= 400; step++) {
-        uint32_t slot = fovea_random_below(&random, SLOTS);
-        if (fovea_random_below(&random, 4) == 0) {
+        uint32_t slot = fv_random_below(&random, SLOTS);
+        if (fv_random_below(&random, 4) == 0) {
             fv_place_remove(&place, slot);
             generation[slot] = 0;
             continue;

@@ -35,24 +35,24 @@ static void *make_graph(fv_pose_graph *graph)
     return memory;
 }
 
-static void random_step(fovea_random *random, double size, double x[7])
+static void random_step(fv_random *random, double size, double x[7])
 {
     for (int i = 0; i < 7; i++)
-        x[i] = size * fovea_random_normal(random);
+        x[i] = size * fv_random_normal(random);
 }
 
 /* A walk round a ring that ends where it began, with edges along the way, a few across neighbours,
  * and one that closes the loop; measured with noise, started from the walk as measured. */
-static void make_ring(fv_pose_graph *graph, fovea_random *random, int count, double noise,
-                      int across, std::vector<fv_sim3> *truth)
+static void make_ring(fv_pose_graph *graph, fv_random *random, int count, double noise, int across,
+                      std::vector<fv_sim3> *truth)
 {
     std::vector<fv_sim3> walk((size_t)count);
     truth->resize((size_t)count);
     for (int i = 0; i < count; i++) {
         double angle = 6.283185 * i / count;
-        const double turn[3] = {0.1 * fovea_sin(3 * angle), angle > 3.14 ? angle - 6.283185 : angle,
+        const double turn[3] = {0.1 * fv_sin(3 * angle), angle > 3.14 ? angle - 6.283185 : angle,
                                 0.2},
-                     at[3] = {8 * fovea_cos(angle), fovea_sin(2 * angle), 8 * fovea_sin(angle)};
+                     at[3] = {8 * fv_cos(angle), fv_sin(2 * angle), 8 * fv_sin(angle)};
         fv_se3 T;
         fv_so3_exp(turn, T.R);
         fv_copy3(at, T.t);
@@ -143,8 +143,8 @@ static double solve_with_ceres(const fv_pose_graph *graph)
 
 static void test_same_cost_as_ceres(void **)
 {
-    fovea_random random;
-    fovea_random_seed(&random, 17);
+    fv_random random;
+    fv_random_seed(&random, 17);
     for (int n = 0; n < 6; n++) {
         fv_pose_graph graph;
         void *memory = make_graph(&graph);
@@ -165,8 +165,8 @@ static void test_same_cost_as_ceres(void **)
 /* Without noise in the measurements the truth comes out, however far the start is off. */
 static void test_truth_without_noise(void **)
 {
-    fovea_random random;
-    fovea_random_seed(&random, 4);
+    fv_random random;
+    fv_random_seed(&random, 4);
     fv_pose_graph graph;
     void *memory = make_graph(&graph);
     std::vector<fv_sim3> truth;
@@ -193,8 +193,8 @@ static void test_truth_without_noise(void **)
  */
 static void test_edges_of_use(void **)
 {
-    fovea_random random;
-    fovea_random_seed(&random, 9);
+    fv_random random;
+    fv_random_seed(&random, 9);
     fv_pose_graph graph;
     void *memory = make_graph(&graph);
     std::vector<fv_sim3> truth;
@@ -227,8 +227,8 @@ static void test_largest(void **)
 {
     double cost[2];
     for (int n = 0; n < 2; n++) {
-        fovea_random random;
-        fovea_random_seed(&random, 2);
+        fv_random random;
+        fv_random_seed(&random, 2);
         fv_pose_graph graph;
         void *memory = make_graph(&graph);
         std::vector<fv_sim3> truth;

@@ -38,8 +38,8 @@ static void carve(void *context, struct fv_arena *arena)
 /* A view of random features; those of a lens that folds are beyond what it knows in the corners. */
 static void *make(int32_t width, int32_t height, double k1, uint64_t seed)
 {
-    struct fovea_random random;
-    fovea_random_seed(&random, seed);
+    struct fv_random random;
+    fv_random_seed(&random, seed);
     memset(&t, 0, sizeof t);
     t.camera = (struct fovea_camera){.width = width,
                                      .height = height,
@@ -54,12 +54,12 @@ static void *make(int32_t width, int32_t height, double k1, uint64_t seed)
     fv_bearing_init(&t.bearings, &t.camera);
     fv_map_reset(&t.map);
     for (int i = 0; i < FEATURES; i++) {
-        t.feature[i].x_px = (float)((width - 1) * fovea_random_unit(&random));
-        t.feature[i].y_px = (float)((height - 1) * fovea_random_unit(&random));
-        t.feature[i].level = (uint8_t)fovea_random_below(&random, 8);
+        t.feature[i].x_px = (float)((width - 1) * fv_random_unit(&random));
+        t.feature[i].y_px = (float)((height - 1) * fv_random_unit(&random));
+        t.feature[i].level = (uint8_t)fv_random_below(&random, 8);
     }
     for (size_t i = 0; i < sizeof t.descriptor; i++)
-        t.descriptor[i] = (uint8_t)fovea_random_u32(&random);
+        t.descriptor[i] = (uint8_t)fv_random_u32(&random);
     fv_map_fill_view(&t.map, fv_map_current(&t.map), t.feature, t.descriptor, FEATURES, t.from);
     return memory;
 }
@@ -133,14 +133,13 @@ static void test_search_is_a_scan(void **state)
     void *memory = make(752, 480, -0.15, 9);
     const uint32_t slot = fv_map_current(&t.map);
     const struct fv_view view = fv_map_view(&t.map, slot);
-    struct fovea_random random;
-    fovea_random_seed(&random, 2);
+    struct fv_random random;
+    fv_random_seed(&random, 2);
     for (int n = 0; n < 3000; n++) {
-        const double x = 860 * fovea_random_unit(&random) - 50,
-                     y = 580 * fovea_random_unit(&random) - 50,
-                     radius = 60 * fovea_random_unit(&random);
-        const int low = (int)fovea_random_below(&random, 8), high = low + 2;
-        const uint8_t *wanted = t.descriptor + 32 * (size_t)fovea_random_below(&random, FEATURES);
+        const double x = 860 * fv_random_unit(&random) - 50, y = 580 * fv_random_unit(&random) - 50,
+                     radius = 60 * fv_random_unit(&random);
+        const int low = (int)fv_random_below(&random, 8), high = low + 2;
+        const uint8_t *wanted = t.descriptor + 32 * (size_t)fv_random_below(&random, FEATURES);
         uint32_t best = 256;
         for (uint32_t f = 0; f < view.frame->features; f++) {
             const double dx = view.points[f].x * t.map.pixel_px - x,

@@ -30,9 +30,9 @@ struct fixture {
     void *memory;
 };
 
-static double uniform(struct fovea_random *random, double low, double high)
+static double uniform(struct fv_random *random, double low, double high)
 {
-    return low + (high - low) * fovea_random_unit(random);
+    return low + (high - low) * fv_random_unit(random);
 }
 
 static void carve(void *context, struct fv_arena *arena)
@@ -49,8 +49,8 @@ static void carve(void *context, struct fv_arena *arena)
 static void build(struct fixture *f, uint64_t seed, double pose_noise, double point_noise,
                   double pixel_noise, double outliers, int exact)
 {
-    struct fovea_random random;
-    fovea_random_seed(&random, seed);
+    struct fv_random random;
+    fv_random_seed(&random, seed);
     const struct fovea_camera camera = {
         752,     480,     FOVEA_LENS_RADTAN, 458.654,
         457.296, 367.215, 248.375,           {-0.28340811, 0.07395907, 0.00019359, 1.76187114e-05},
@@ -67,7 +67,7 @@ static void build(struct fixture *f, uint64_t seed, double pose_noise, double po
         f->points[i][2] = uniform(&random, 4, 9);
         double start[3];
         for (int k = 0; k < 3; k++)
-            start[k] = f->points[i][k] + point_noise * fovea_random_normal(&random);
+            start[k] = f->points[i][k] + point_noise * fv_random_normal(&random);
         f->landmark[i] = (uint32_t)fv_map_add_landmark(&f->map, start, 0);
     }
     for (int v = 0; v < VIEWS; v++) {
@@ -88,7 +88,7 @@ static void build(struct fixture *f, uint64_t seed, double pose_noise, double po
             if (fovea_camera_project(&f->camera, q, pixel, NULL) != FOVEA_OK) continue;
             if (uniform(&random, 0, 1) < outliers) pixel[0] += uniform(&random, -60, 60);
             for (int k = 0; k < 2; k++)
-                pixel[k] += pixel_noise * fovea_random_normal(&random);
+                pixel[k] += pixel_noise * fv_random_normal(&random);
             if (pixel[0] < 0 || pixel[1] < 0 || pixel[0] > 751 || pixel[1] > 479) continue;
             features[count].x_px = (float)pixel[0];
             features[count].y_px = (float)pixel[1];
@@ -99,7 +99,7 @@ static void build(struct fixture *f, uint64_t seed, double pose_noise, double po
         view.frame->parent = v > 0 ? v - 1 : FV_MAP_NONE;
         double step[6];
         for (int k = 0; k < 6; k++)
-            step[k] = v < exact ? 0 : pose_noise * fovea_random_normal(&random) * (k < 3 ? 1 : 0.2);
+            step[k] = v < exact ? 0 : pose_noise * fv_random_normal(&random) * (k < 3 ? 1 : 0.2);
         fv_se3_move(&view.frame->T_cam_world, step);
         uint32_t slot = fv_map_add_keyframe(&f->map, fv_map_current(&f->map));
         for (uint32_t k = 0; k < view.frame->features; k++)

@@ -22,9 +22,9 @@ struct scene {
     double noise_px, outliers; /* share of observations that are up to 40 px off */
 };
 
-static double spread(fovea_random *random, double size)
+static double spread(fv_random *random, double size)
 {
-    return size * (2 * fovea_random_unit(random) - 1);
+    return size * (2 * fv_random_unit(random) - 1);
 }
 
 static void carve(void *window, fv_arena *arena)
@@ -43,24 +43,24 @@ static void *make_window(fv_window *window)
 
 /* What a pinhole of 450 px sees of a point, with noise; bearings and derivatives as a view has
  * them. */
-static bool observe(fovea_random *random, const scene *scene, const double q[3], fv_keypoint *p)
+static bool observe(fv_random *random, const scene *scene, const double q[3], fv_keypoint *p)
 {
     const double f = 450;
-    double x = q[0] / q[2] + scene->noise_px / f * fovea_random_normal(random),
-           y = q[1] / q[2] + scene->noise_px / f * fovea_random_normal(random);
+    double x = q[0] / q[2] + scene->noise_px / f * fv_random_normal(random),
+           y = q[1] / q[2] + scene->noise_px / f * fv_random_normal(random);
     if (q[2] < 0.5 || fabs(x) > 0.9 || fabs(y) > 0.6) return false;
-    if (fovea_random_unit(random) < scene->outliers) x += spread(random, 40 / f);
+    if (fv_random_unit(random) < scene->outliers) x += spread(random, 40 / f);
     const double n = sqrt(x * x + y * y + 1);
     memset(p, 0, sizeof *p);
     p->bearing[0] = (float)(x / n), p->bearing[1] = (float)(y / n), p->bearing[2] = (float)(1 / n);
     p->A[0] = (float)(f * n), p->A[2] = (float)(-f * n * x);
     p->A[4] = (float)(f * n), p->A[5] = (float)(-f * n * y);
-    p->weight = fovea_random_unit(random) < 0.5 ? 1.0F : 0.48F;
+    p->weight = fv_random_unit(random) < 0.5 ? 1.0F : 0.48F;
     return true;
 }
 
 /* Cameras in a row, before a cloud; poses and points start off the truth. */
-static void fill(fv_window *w, fovea_random *random, const scene *scene)
+static void fill(fv_window *w, fv_random *random, const scene *scene)
 {
     std::vector<fv_se3> truth;
     for (int v = 0; v < scene->fixed + scene->moved; v++) {
@@ -72,7 +72,7 @@ static void fill(fv_window *w, fovea_random *random, const scene *scene)
         truth.push_back(T);
         const bool moved = v >= scene->fixed;
         for (int i = 0; i < 6; i++)
-            step[i] = moved ? (i < 3 ? 0.02 : 0.005) * fovea_random_normal(random) : 0;
+            step[i] = moved ? (i < 3 ? 0.02 : 0.005) * fv_random_normal(random) : 0;
         fv_se3_move(&T, step);
         (void)window_put_pose(w, &T, moved);
     }
@@ -88,7 +88,7 @@ static void fill(fv_window *w, fovea_random *random, const scene *scene)
         if (count < 3) continue;
         double start[3];
         for (int k = 0; k < 3; k++)
-            start[k] = point[k] + 0.05 * fovea_random_normal(random);
+            start[k] = point[k] + 0.05 * fv_random_normal(random);
         fv_window_put_landmark(w, start);
         for (uint32_t k = 0; k < count; k++)
             window_put_observation(w, &seen[k], by[k]);
@@ -160,8 +160,8 @@ static void test_same_cost_as_ceres(void **)
         {6, 6, 300, 1, 0.05},    {1, 5, 200, 0.8, 0.02}, /* scale is free */
         {8, 12, 600, 0.6, 0.01},
     };
-    fovea_random random;
-    fovea_random_seed(&random, 23);
+    fv_random random;
+    fv_random_seed(&random, 23);
     for (size_t n = 0; n < sizeof scenes / sizeof *scenes; n++) {
         fv_window window;
         void *memory = make_window(&window);

@@ -161,7 +161,7 @@ static void cycle(void **state)
     free(data);
 }
 
-static void mutate(struct fovea_random *random, uint8_t *data, uint32_t bytes)
+static void mutate(struct fv_random *random, uint8_t *data, uint32_t bytes)
 {
     uint32_t tensors, ops, tensor_count, op_count;
     memcpy(&tensor_count, data + 20, 4);
@@ -171,24 +171,24 @@ static void mutate(struct fovea_random *random, uint8_t *data, uint32_t bytes)
     static const int32_t values[8] = {0, 1, -1, 0x7FFFFFFF, (int32_t)0x80000000, 255, 65536, 3};
     const uint32_t starts[4] = {16, tensors, ops, 512},
                    sizes[4] = {496, tensor_count * 64, op_count * 256, bytes - 512};
-    for (uint32_t n = fovea_random_below(random, 3) + 1; n > 0; --n) {
-        const uint32_t part = fovea_random_below(random, 4),
-                       at = starts[part] + fovea_random_below(random, sizes[part] / 4) * 4;
+    for (uint32_t n = fv_random_below(random, 3) + 1; n > 0; --n) {
+        const uint32_t part = fv_random_below(random, 4),
+                       at = starts[part] + fv_random_below(random, sizes[part] / 4) * 4;
         int32_t word;
         if (at + 4 > bytes) continue;
         memcpy(&word, data + at, 4);
-        switch (fovea_random_below(random, 4)) {
+        switch (fv_random_below(random, 4)) {
         case 0:
-            word ^= (int32_t)(1u << fovea_random_below(random, 32));
+            word ^= (int32_t)(1u << fv_random_below(random, 32));
             break;
         case 1:
-            word = values[fovea_random_below(random, 8)];
+            word = values[fv_random_below(random, 8)];
             break;
         case 2:
-            word = (int32_t)((uint32_t)word + fovea_random_below(random, 17) - 8);
+            word = (int32_t)((uint32_t)word + fv_random_below(random, 17) - 8);
             break;
         default:
-            word = (int32_t)((uint32_t)word << fovea_random_below(random, 4));
+            word = (int32_t)((uint32_t)word << fv_random_below(random, 4));
             break;
         }
         memcpy(data + at, &word, 4);
@@ -198,9 +198,9 @@ static void mutate(struct fovea_random *random, uint8_t *data, uint32_t bytes)
 static void ten_thousand_mutants(void **state)
 {
     (void)state;
-    struct fovea_random random;
+    struct fv_random random;
     int taken = 0;
-    fovea_random_seed(&random, 20);
+    fv_random_seed(&random, 20);
     for (int i = 0; i < 10000; i++) {
         const struct nn_golden_model *g = &golden.models[i % golden.count];
         uint8_t *data = copy_of(g);

@@ -46,19 +46,19 @@ static double gain_of(const float *cost, int rows, int columns, const int32_t *c
 static void nothing_gains_more(void **state)
 {
     (void)state;
-    struct fovea_random random;
-    fovea_random_seed(&random, 4);
+    struct fv_random random;
+    fv_random_seed(&random, 4);
     for (int round = 0; round < 2000; round++) {
-        const int rows = 1 + (int)fovea_random_below(&random, SIDE_MAX),
-                  columns = 1 + (int)fovea_random_below(&random, SIDE_MAX);
-        const uint32_t forbidden = fovea_random_below(&random, 10),
-                       coarse = fovea_random_below(&random, 2) == 0 ? 4 : 1000;
+        const int rows = 1 + (int)fv_random_below(&random, SIDE_MAX),
+                  columns = 1 + (int)fv_random_below(&random, SIDE_MAX);
+        const uint32_t forbidden = fv_random_below(&random, 10),
+                       coarse = fv_random_below(&random, 2) == 0 ? 4 : 1000;
         float cost[SIDE_MAX * SIDE_MAX];
         int32_t column_of[SIDE_MAX];
         for (int i = 0; i < rows * columns; i++) {
-            cost[i] = fovea_random_below(&random, 10) < forbidden
+            cost[i] = fv_random_below(&random, 10) < forbidden
                           ? 1.0f
-                          : (float)fovea_random_below(&random, coarse) / (float)coarse;
+                          : (float)fv_random_below(&random, coarse) / (float)coarse;
         }
         fv_assign(cost, columns, rows, columns, &scratch, column_of);
         const double found = gain_of(cost, rows, columns, column_of),

@@ -195,7 +195,7 @@ struct object {
 
 struct motion {
     int objects;
-    void (*start)(struct object *o, struct fovea_random *random);
+    void (*start)(struct object *o, struct fv_random *random);
     void (*move)(struct object *o, int frame);
 };
 
@@ -205,13 +205,13 @@ struct outcome {
 
 /* To and fro at 1 to 3 px per frame, so through the pillar within 1.4 s; up and down in gentle
  * waves. */
-static void start_gently(struct object *o, struct fovea_random *random)
+static void start_gently(struct object *o, struct fv_random *random)
 {
-    o->at[0] = o->size + fovea_random_below(random, WIDTH - 2 * (uint32_t)o->size);
-    o->v[0] = (1.0 + fovea_random_below(random, 100) / 50.0) *
-              (fovea_random_below(random, 2) == 0 ? 1 : -1);
+    o->at[0] = o->size + fv_random_below(random, WIDTH - 2 * (uint32_t)o->size);
+    o->v[0] =
+        (1.0 + fv_random_below(random, 100) / 50.0) * (fv_random_below(random, 2) == 0 ? 1 : -1);
     for (int k = 0; k < 4; k++)
-        o->wave[k] = fovea_random_below(random, 1000) / 1000.0;
+        o->wave[k] = fv_random_below(random, 1000) / 1000.0;
 }
 
 static void move_gently(struct object *o, int frame)
@@ -220,16 +220,16 @@ static void move_gently(struct object *o, int frame)
     if (o->at[0] < o->size / 2 || o->at[0] > WIDTH - o->size / 2) o->v[0] = -o->v[0];
     o->at[1] =
         120 + 240 * o->wave[0] +
-        (20 + 20 * o->wave[1]) * fovea_sin(6.28 * o->wave[2] + frame * (0.01 + 0.02 * o->wave[3]));
+        (20 + 20 * o->wave[1]) * fv_sin(6.28 * o->wave[2] + frame * (0.01 + 0.02 * o->wave[3]));
 }
 
 /* Straight on at up to 3 px per frame either way, thrown back by all four walls at once. */
-static void start_straight(struct object *o, struct fovea_random *random)
+static void start_straight(struct object *o, struct fv_random *random)
 {
     for (int k = 0; k < 2; k++) {
-        o->at[k] = o->size + fovea_random_below(
+        o->at[k] = o->size + fv_random_below(
                                  random, (uint32_t)((k == 0 ? WIDTH : HEIGHT) - 2 * (int)o->size));
-        o->v[k] = (double)fovea_random_below(random, 120) / 20.0 - 3.0;
+        o->v[k] = (double)fv_random_below(random, 120) / 20.0 - 3.0;
     }
     if (__builtin_fabs(o->v[0]) < 1) o->v[0] = o->v[0] < 0 ? -1 : 1;
 }
@@ -258,7 +258,7 @@ static uint64_t id_of(const struct fovea_objects *tracks, const struct fovea_det
 }
 
 static void play_frame(const struct motion *motion, int frame, struct object *o,
-                       struct fovea_random *random, struct outcome *outcome)
+                       struct fv_random *random, struct outcome *outcome)
 {
     struct fovea_detection seen[OBJECTS_MAX];
     int who[OBJECTS_MAX];
@@ -269,8 +269,8 @@ static void play_frame(const struct motion *motion, int frame, struct object *o,
         outcome->gaps += o[i].hidden && !behind;
         o[i].hidden = behind;
         if (behind) continue;
-        const double shake[2] = {(double)fovea_random_below(random, 21) / 10 - 1,
-                                 (double)fovea_random_below(random, 21) / 10 - 1};
+        const double shake[2] = {(double)fv_random_below(random, 21) / 10 - 1,
+                                 (double)fv_random_below(random, 21) / 10 - 1};
         who[count] = i;
         seen[count++] = box(o[i].at[0] + shake[0], o[i].at[1] + shake[1], o[i].size,
                             1.5 * o[i].size, 0.9 + 0.01 * i);
@@ -292,11 +292,11 @@ static struct outcome play(const struct motion *motion, int scenes)
 {
     struct outcome outcome = {0, 0, 0};
     for (int scene = 0; scene < scenes; scene++) {
-        struct fovea_random random;
+        struct fv_random random;
         struct object o[OBJECTS_MAX] = {0};
-        fovea_random_seed(&random, (uint64_t)scene);
+        fv_random_seed(&random, (uint64_t)scene);
         for (int i = 0; i < motion->objects; i++) {
-            o[i].size = 24 + fovea_random_below(&random, 50);
+            o[i].size = 24 + fv_random_below(&random, 50);
             motion->start(&o[i], &random);
         }
         make();
@@ -341,7 +341,7 @@ static uint64_t swing(bool posed)
     make();
     uint64_t id = 0;
     for (int f = 0; f < 60; f++) {
-        const double angle = 0.3 * fovea_sin(0.35 * f), rotation[3] = {0, angle, 0};
+        const double angle = 0.3 * fv_sin(0.35 * f), rotation[3] = {0, angle, 0};
         struct fv_objects_inference l = {.stamp_ns = (int64_t)(f + 1) * 33333333, .posed = posed};
         double R[9], pixel[2];
         const double world[3] = {0.05, 0, 2};
@@ -473,14 +473,13 @@ static void a_hundred_objects_take_a_fifth_of_a_millisecond(void **state)
     enum { OBJECTS = 100, FRAMES = 200 };
     static int64_t took[FRAMES];
     make();
-    struct fovea_random random;
-    fovea_random_seed(&random, 9);
+    struct fv_random random;
+    fv_random_seed(&random, 9);
     double at[OBJECTS][2], v[OBJECTS][2];
     for (int i = 0; i < OBJECTS; i++) {
-        at[i][0] = fovea_random_below(&random, WIDTH),
-        at[i][1] = fovea_random_below(&random, HEIGHT);
+        at[i][0] = fv_random_below(&random, WIDTH), at[i][1] = fv_random_below(&random, HEIGHT);
         for (int k = 0; k < 2; k++)
-            v[i][k] = (double)fovea_random_below(&random, 80) / 20.0 - 2.0;
+            v[i][k] = (double)fv_random_below(&random, 80) / 20.0 - 2.0;
     }
     struct fovea_objects t = {0};
     for (int f = 0; f < FRAMES; f++) {

@@ -25,13 +25,13 @@ static uint8_t picture[WIDTH * HEIGHT];
 static int setup(void **state)
 {
     (void)state;
-    struct fovea_random random;
-    fovea_random_seed(&random, 11);
+    struct fv_random random;
+    fv_random_seed(&random, 11);
     for (int block = 0; block < 600; block++) {
-        const uint32_t x = fovea_random_below(&random, WIDTH - 20),
-                       y = fovea_random_below(&random, HEIGHT - 20);
-        const uint32_t size = 4 + fovea_random_below(&random, 16),
-                       grey = fovea_random_below(&random, 256);
+        const uint32_t x = fv_random_below(&random, WIDTH - 20),
+                       y = fv_random_below(&random, HEIGHT - 20);
+        const uint32_t size = 4 + fv_random_below(&random, 16),
+                       grey = fv_random_below(&random, 256);
         for (uint32_t row = y; row < y + size; row++)
             memset(&picture[row * WIDTH + x], (int)grey, size);
     }
@@ -333,14 +333,14 @@ static void preview_of_noise_comes_too(void **state)
 {
     (void)state;
     static uint8_t before[sizeof picture];
-    struct fovea_random random;
+    struct fv_random random;
     struct fovea_outputs outputs;
     const struct fovea_preview_config usual = config.preview;
     uint32_t previews = 0, bytes_max = 0;
     memcpy(before, picture, sizeof picture);
-    fovea_random_seed(&random, 5);
+    fv_random_seed(&random, 5);
     for (size_t i = 0; i < sizeof picture; i++)
-        picture[i] = (uint8_t)fovea_random_below(&random, 256);
+        picture[i] = (uint8_t)fv_random_below(&random, 256);
     config.preview = (struct fovea_preview_config){.period_frames = 1, .quality = 100, .level = 0};
     struct made made = make(0);
     for (int i = 0; i < 60; i++) {

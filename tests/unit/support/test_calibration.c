@@ -145,7 +145,7 @@ static void test_euroc(void **state)
 
 /* ---- round trip ------------------------------------------------------------------------------ */
 
-static void random_camera(struct fovea_random *random, enum fovea_lens lens, int coefficients,
+static void random_camera(struct fv_random *random, enum fovea_lens lens, int coefficients,
                           struct fovea_calibration *c)
 {
     memset(c, 0, sizeof *c);
@@ -153,12 +153,12 @@ static void random_camera(struct fovea_random *random, enum fovea_lens lens, int
     m->width = 752;
     m->height = 480;
     m->lens = lens;
-    m->fx = 400 + 100 * fovea_random_unit(random);
-    m->fy = 400 + 100 * fovea_random_unit(random);
-    m->cx = 370 + 10 * fovea_random_unit(random);
-    m->cy = 235 + 10 * fovea_random_unit(random);
+    m->fx = 400 + 100 * fv_random_unit(random);
+    m->fy = 400 + 100 * fv_random_unit(random);
+    m->cx = 370 + 10 * fv_random_unit(random);
+    m->cy = 235 + 10 * fv_random_unit(random);
     for (int i = 0; i < coefficients; i++)
-        m->k[i] = (fovea_random_unit(random) - 0.5) * (i == 2 || i == 3 ? 0.01 : 0.2);
+        m->k[i] = (fv_random_unit(random) - 0.5) * (i == 2 || i == 3 ? 0.01 : 0.2);
     snprintf(c->name, sizeof c->name, "cam0");
     struct fovea_error error = {.text = ""};
     if (fovea_camera_prepare(m, &error) != FOVEA_OK) fail_msg("%s", error.text);
@@ -185,8 +185,8 @@ static void test_round_trip(void **state)
 {
     (void)state;
     static const int counts[] = {0, 2, 4, 5, 8};
-    struct fovea_random random;
-    fovea_random_seed(&random, 5);
+    struct fv_random random;
+    fv_random_seed(&random, 5);
     double worst = 0.0;
     int written = 0, told = 0;
     setlocale(LC_ALL, "de_DE.UTF-8"); /* where installed: a comma must not get in */

@@ -33,9 +33,9 @@ struct file {
 static struct file make_file(uint32_t keyframes)
 {
     struct small_map small;
-    struct fovea_random random;
+    struct fv_random random;
     struct file file;
-    fovea_random_seed(&random, keyframes);
+    fv_random_seed(&random, keyframes);
     small_map_make(&small);
     for (uint32_t k = 0; k < keyframes; k++)
         small_map_grow(&small, &random);
@@ -56,16 +56,15 @@ static void test_kills(void **state)
     const char *asked = getenv("FOVEA_KILLS");
     const int kills = asked != NULL ? atoi(asked) : 100;
     const struct file files[2] = {make_file(4), make_file(9)};
-    struct fovea_random random;
+    struct fv_random random;
     int found[2] = {0, 0}, parts = 0;
-    fovea_random_seed(&random, (uint64_t)time(NULL));
+    fv_random_seed(&random, (uint64_t)time(NULL));
     assert_int_equal(fv_map_file_write(path, files[0].data, files[0].bytes, NULL), FOVEA_OK);
     for (int n = 0; n < kills; n++) {
         const pid_t child = fork();
         assert_true(child >= 0);
         if (child == 0) save_for_ever(files, n % 2);
-        nanosleep(&(struct timespec){.tv_nsec = 200000 + fovea_random_below(&random, 12000000)},
-                  NULL);
+        nanosleep(&(struct timespec){.tv_nsec = 200000 + fv_random_below(&random, 12000000)}, NULL);
         int status;
         kill(child, SIGKILL);
         assert_int_equal(waitpid(child, &status, 0), child);
@@ -331,10 +330,10 @@ static void kills_lose_no_kept_map(void **state)
     const char *asked = getenv("FOVEA_KILLS");
     const int kills = asked != NULL ? atoi(asked) : 60;
     struct file file = make_file(6);
-    struct fovea_random random;
+    struct fv_random random;
     const uint64_t seed = (uint64_t)time(NULL);
     begin_anew();
-    fovea_random_seed(&random, seed);
+    fv_random_seed(&random, seed);
     struct shared *shared =
         mmap(NULL, sizeof *shared, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
     for (int n = 0; n < kills; n++) {
@@ -348,8 +347,7 @@ static void kills_lose_no_kept_map(void **state)
                 shared->saved[1] = shared->saved[0];
                 shared->saved[0] = shared->begun;
             }
-        nanosleep(&(struct timespec){.tv_nsec = 200000 + fovea_random_below(&random, 20000000)},
-                  NULL);
+        nanosleep(&(struct timespec){.tv_nsec = 200000 + fv_random_below(&random, 20000000)}, NULL);
         int status;
         kill(child, SIGKILL);
         waitpid(child, &status, 0);

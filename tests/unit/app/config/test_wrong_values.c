@@ -85,8 +85,8 @@ static void test_mutated_configurations(void **state)
     FILE *file = open_memstream(&valid, &valid_bytes);
     fv_settings_print(file, &settings, false);
     fclose(file);
-    struct fovea_random random;
-    fovea_random_seed(&random, 11);
+    struct fv_random random;
+    fv_random_seed(&random, 11);
     for (int turn = 0; turn < TURNS; turn++) {
         char *text = malloc(valid_bytes);
         size_t bytes = valid_bytes;
@@ -152,8 +152,8 @@ static void test_calibrations(void **state)
         fv_test_put("cam.yaml", changed, (size_t)bytes);
         fv_test_refused(command, wrong_calibrations[i][2]);
     }
-    struct fovea_random random;
-    fovea_random_seed(&random, 5);
+    struct fv_random random;
+    fv_random_seed(&random, 5);
     for (int turn = 0; turn < 60; turn++) {
         char changed[sizeof calibration];
         size_t bytes = sizeof calibration - 1;

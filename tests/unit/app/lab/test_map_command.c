@@ -108,14 +108,14 @@ static int set_up(void **state)
 {
     (void)state;
     struct small_map small;
-    struct fovea_random random;
+    struct fv_random random;
     size_t bytes;
     fv_test_folder(folder);
     snprintf(map, sizeof map, "%s/a.map", folder);
     snprintf(ply, sizeof ply, "%s/a.ply", folder);
     snprintf(tum, sizeof tum, "%s/a.tum", folder);
     snprintf(png, sizeof png, "%s/a.png", folder);
-    fovea_random_seed(&random, 3);
+    fv_random_seed(&random, 3);
     small_map_make(&small);
     for (int k = 0; k < 7; k++)
         small_map_grow(&small, &random);

@@ -25,19 +25,19 @@ static int set_up(void **state)
 {
     (void)state;
     static uint8_t pixels[WIDTH * HEIGHT];
-    struct fovea_random random;
+    struct fv_random random;
     struct fovea_error error;
     if (mkdtemp(folder) == NULL) return -1;
     snprintf(in, sizeof in, "%s/in.png", folder);
     snprintf(out, sizeof out, "%s/out.png", folder);
     snprintf(camera, sizeof camera, "%s/camera.yaml", folder);
-    fovea_random_seed(&random, 2);
+    fv_random_seed(&random, 2);
     memset(pixels, 90, sizeof pixels);
     for (int n = 0; n < 400; n++) {
-        const int x = (int)fovea_random_below(&random, WIDTH - 24),
-                  y = (int)fovea_random_below(&random, HEIGHT - 24);
-        const int grey = (int)fovea_random_below(&random, 256),
-                  size = 5 + (int)fovea_random_below(&random, 18);
+        const int x = (int)fv_random_below(&random, WIDTH - 24),
+                  y = (int)fv_random_below(&random, HEIGHT - 24);
+        const int grey = (int)fv_random_below(&random, 256),
+                  size = 5 + (int)fv_random_below(&random, 18);
         for (int row = y; row < y + size; row++)
             memset(pixels + row * WIDTH + x, grey, (size_t)size);
     }

@@ -33,7 +33,7 @@
 enum { FILES_MAX = 1024, MAPS_KEPT = 10, SAFE = MAPS_KEPT - 2, SECONDS_MAX = 60 };
 
 static char folder[FV_TEST_PATH_BYTES], box[FV_TEST_PATH_BYTES + 8], map[FV_TEST_PATH_BYTES + 8];
-static struct fovea_random random_;
+static struct fv_random random_;
 static uint64_t seed;
 static int op; /* number of the operation, for messages */
 
@@ -49,7 +49,7 @@ static pid_t begin_run(uint32_t frames)
 {
     char source[128], count[16], keep[32];
     snprintf(source, sizeof source, "sim:orbit?width=320&height=240&rate=100&seed=%u",
-             (unsigned)fovea_random_below(&random_, 1 << 20));
+             (unsigned)fv_random_below(&random_, 1 << 20));
     snprintf(count, sizeof count, "%u", (unsigned)frames);
     snprintf(keep, sizeof keep, "map.keep=%d", MAPS_KEPT);
     fflush(NULL);
@@ -97,7 +97,7 @@ static int64_t now_us(void)
 
 static void wait_some(uint32_t most_ms)
 {
-    const int64_t us = 1000 * (int64_t)fovea_random_below(&random_, most_ms);
+    const int64_t us = 1000 * (int64_t)fv_random_below(&random_, most_ms);
     nanosleep(&(struct timespec){.tv_sec = us / 1000000, .tv_nsec = us % 1000000 * 1000}, NULL);
 }
 
@@ -244,18 +244,18 @@ static void wait_for_recording(void)
 
 static int operate(void)
 {
-    const int runs = 1 + (fovea_random_below(&random_, 3) == 0);
+    const int runs = 1 + (fv_random_below(&random_, 3) == 0);
     pid_t children[2];
     bool killed[2];
     int kills = 0, added = 0;
     int64_t killed_us = 0;
     for (int i = 0; i < runs; i++) {
-        killed[i] = fovea_random_below(&random_, 4) > 0;
-        children[i] = begin_run(killed[i] ? 20 + fovea_random_below(&random_, 100) : 20);
+        killed[i] = fv_random_below(&random_, 4) > 0;
+        children[i] = begin_run(killed[i] ? 20 + fv_random_below(&random_, 100) : 20);
     }
     for (int i = 0; i < runs; i++) {
         if (!killed[i]) continue;
-        if (fovea_random_below(&random_, 5) > 0) wait_for_recording();
+        if (fv_random_below(&random_, 5) > 0) wait_for_recording();
         wait_some(700);
         kill(children[i], SIGKILL);
         killed_us = now_us();
@@ -284,7 +284,7 @@ static void runs_and_kills_in_any_order_lose_nothing(void **state)
     const char *asked = getenv("FOVEA_KILLS"), *given = getenv("FOVEA_SEED");
     const int wanted = asked != NULL ? atoi(asked) : getenv("FOVEA_EMULATED") != NULL ? 2 : 6;
     seed = given != NULL ? strtoull(given, NULL, 10) : (uint64_t)time(NULL);
-    fovea_random_seed(&random_, seed);
+    fv_random_seed(&random_, seed);
     int kills = 0;
     for (op = 0; kills < wanted; op++)
         kills += operate();

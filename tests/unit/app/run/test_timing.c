@@ -27,12 +27,12 @@ static void test_percentiles_against_sorting(void **state)
     (void)state;
     enum { COUNT = 20000 };
     static int64_t values[COUNT];
-    struct fovea_random random;
-    fovea_random_seed(&random, 7);
+    struct fv_random random;
+    fv_random_seed(&random, 7);
     memset(&histogram, 0, sizeof histogram);
     int64_t sum = 0;
     for (int i = 0; i < COUNT; i++) {
-        values[i] = (int64_t)fovea_exp(fovea_random_unit(&random) * 25.0); /* 1 ns to 72 s */
+        values[i] = (int64_t)fv_exp(fv_random_unit(&random) * 25.0); /* 1 ns to 72 s */
         sum += values[i];
         fv_histogram_add(&histogram, values[i]);
     }

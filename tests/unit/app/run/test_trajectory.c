@@ -18,7 +18,7 @@
 /* Rotation by `angle` about a unit axis (Rodrigues), row-major 3x4 with zero translation. */
 static void rotation_about(const double axis[3], double angle, double T[12])
 {
-    double c = fovea_cos(angle), s = fovea_sin(angle), t = 1 - c;
+    double c = fv_cos(angle), s = fv_sin(angle), t = 1 - c;
     const double K[9] = {0, -axis[2], axis[1], axis[2], 0, -axis[0], -axis[1], axis[0], 0};
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++)
@@ -26,26 +26,26 @@ static void rotation_about(const double axis[3], double angle, double T[12])
     T[3] = T[7] = T[11] = 0;
 }
 
-static void random_rotation(struct fovea_random *random, double T[12])
+static void random_rotation(struct fv_random *random, double T[12])
 {
     double axis[3], norm = 0;
     for (int i = 0; i < 3; i++) {
-        axis[i] = fovea_random_normal(random);
+        axis[i] = fv_random_normal(random);
         norm += axis[i] * axis[i];
     }
     for (int i = 0; i < 3; i++)
         axis[i] /= sqrt(norm);
-    rotation_about(axis, (fovea_random_unit(random) * 2 - 1) * FOVEA_PI, T);
+    rotation_about(axis, (fv_random_unit(random) * 2 - 1) * FV_PI, T);
 }
 
 /* `dimensions`: of the point set: 3 in general, 2 in a plane, 1 on a line. */
-static void fit_known(struct fovea_random *random, int dimensions, double noise)
+static void fit_known(struct fv_random *random, int dimensions, double noise)
 {
     struct fv_trajectory *trajectory;
     struct fovea_error error;
     struct fv_trajectory_summary summary;
     double T[12], turn[12], axes[12], expected2 = 0;
-    const double scale = 0.3 + fovea_random_unit(random) * 4;
+    const double scale = 0.3 + fv_random_unit(random) * 4;
     const int count = 500;
     random_rotation(random, turn);
     random_rotation(random, axes);
@@ -55,14 +55,14 @@ static void fit_known(struct fovea_random *random, int dimensions, double noise)
         struct fv_trajectory_sample sample = {.stamp_ns = n, .has_truth = true};
         double p[3] = {0, 0, 0};
         for (int d = 0; d < dimensions; d++) {
-            double along = fovea_random_normal(random) * (3 - d);
+            double along = fv_random_normal(random) * (3 - d);
             for (int i = 0; i < 3; i++)
                 p[i] += along * axes[4 * i + d];
         }
         memcpy(sample.T_world_cam, T, sizeof T);
         for (int i = 0; i < 3; i++) {
             sample.T_world_cam[4 * i + 3] = p[i] + 50;
-            double q = 700 - 100 * i, e = noise * fovea_random_normal(random);
+            double q = 700 - 100 * i, e = noise * fv_random_normal(random);
             for (int j = 0; j < 3; j++)
                 q += scale * turn[4 * i + j] * (p[j] + 50);
             sample.truth_m[i] = q + e;
@@ -89,8 +89,8 @@ static void fit_known(struct fovea_random *random, int dimensions, double noise)
 static void test_similarity_is_found(void **state)
 {
     (void)state;
-    struct fovea_random random;
-    fovea_random_seed(&random, 3);
+    struct fv_random random;
+    fv_random_seed(&random, 3);
     for (int turn = 0; turn < 30; turn++)
         for (int dimensions = 1; dimensions <= 3; dimensions++) {
             fit_known(&random, dimensions, 0);
@@ -106,18 +106,18 @@ static void test_several_maps(void **state)
     (void)state;
     struct fv_trajectory *trajectory;
     struct fv_trajectory_summary summary;
-    struct fovea_random random;
-    fovea_random_seed(&random, 21);
+    struct fv_random random;
+    fv_random_seed(&random, 21);
     assert_int_equal(fv_trajectory_open(NULL, &trajectory, NULL), FOVEA_OK);
     const int per_map = 50, maps = FV_TRAJECTORY_MAPS_MAX + 10;
     for (int map = 0; map < maps; map++) {
-        double turn[12], scale = 0.5 + fovea_random_unit(&random);
+        double turn[12], scale = 0.5 + fv_random_unit(&random);
         random_rotation(&random, turn);
         for (int n = 0; n < per_map; n++) {
             struct fv_trajectory_sample sample = {.map = (uint32_t)map * 2 + 7, .has_truth = true};
             memcpy(sample.T_world_cam, turn, sizeof turn);
             for (int i = 0; i < 3; i++)
-                sample.truth_m[i] = map == 3 ? 5.0 : fovea_random_normal(&random) + map;
+                sample.truth_m[i] = map == 3 ? 5.0 : fv_random_normal(&random) + map;
             for (int i = 0; i < 3; i++) {
                 double p = i;
                 for (int j = 0; j < 3; j++)
@@ -166,8 +166,8 @@ static void test_file_and_points(void **state)
     struct fv_trajectory *trajectory;
     struct fv_trajectory_summary summary;
     struct fovea_error error;
-    struct fovea_random random;
-    fovea_random_seed(&random, 9);
+    struct fv_random random;
+    fv_random_seed(&random, 9);
     static struct fv_trajectory_sample samples[COUNT];
     assert_int_equal(fv_trajectory_open(path, &trajectory, &error), FOVEA_OK);
     for (int n = 0; n < COUNT; n++) {
