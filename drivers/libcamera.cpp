@@ -111,11 +111,12 @@ StreamRole role_of(int32_t role)
     return roles[role];
 }
 
-void tell(fovea_error *told, const std::string &uri, const char *what, double asked, double given)
+void notice_difference(fovea_error *notice, const std::string &uri, const char *what, double asked,
+                       double given)
 {
-    if (told == nullptr) return;
-    const size_t used = std::strlen(told->text);
-    std::snprintf(told->text + used, sizeof told->text - used,
+    if (notice == nullptr) return;
+    const size_t used = std::strlen(notice->text);
+    std::snprintf(notice->text + used, sizeof notice->text - used,
                   "%s%s%s: asked %g, the camera gives %g", used > 0 ? "" : uri.c_str(),
                   used > 0 ? "; " : ": ", what, asked, given);
 }
@@ -170,7 +171,7 @@ enum fovea_status Device::shape(const StreamConfiguration &stream, fovea_error *
     return FOVEA_OK;
 }
 
-enum fovea_status Device::configure(fovea_error *told, fovea_error *error)
+enum fovea_status Device::configure(fovea_error *notice, fovea_error *error)
 {
 #if FOVEA_LIBCAMERA_AT_LEAST(0, 1)
     const std::array<StreamRole, 1> roles{role_of(options_.role)};
@@ -198,9 +199,10 @@ enum fovea_status Device::configure(fovea_error *told, fovea_error *error)
     format_ = wanted;
     const enum fovea_status status = shape(stream, error);
     if (status != FOVEA_OK) return status;
-    if (asked_width > 0 && asked_width != width_) tell(told, uri_, "width", asked_width, width_);
+    if (asked_width > 0 && asked_width != width_)
+        notice_difference(notice, uri_, "width", asked_width, width_);
     if (asked_height > 0 && asked_height != height_)
-        tell(told, uri_, "height", asked_height, height_);
+        notice_difference(notice, uri_, "height", asked_height, height_);
     const int failure = camera_->configure(configuration_.get());
     if (failure != 0) return failed("configuring it", failure, error);
     stream_ = configuration_->at(0).stream();
@@ -253,7 +255,7 @@ enum fovea_status Device::allocate(fovea_error *error)
 // ---- life ---------------------------------------------------------------------------------------
 
 enum fovea_status Device::learn(const fovea_libcamera_options &options,
-                                fovea_libcamera_agreed *agreed, fovea_error *told,
+                                fovea_libcamera_agreed *agreed, fovea_error *notice,
                                 fovea_error *error)
 {
     options_ = options;
@@ -263,13 +265,14 @@ enum fovea_status Device::learn(const fovea_libcamera_options &options,
     if (failure != 0) return failed("taking hold of it", failure, error);
     acquired_ = true;
     ControlList list(camera_->controls());
-    status = configure(told, error);
+    status = configure(notice, error);
     if (status == FOVEA_OK)
         status = fv_libcamera_controls(*camera_, options_, uri_.c_str(), &list, error);
     if (status == FOVEA_OK) status = allocate(error);
     if (status == FOVEA_OK) {
         const bool can_time = fv_libcamera_has_control(*camera_, controls::FrameDurationLimits);
-        if (options_.rate_hz > 0 && !can_time) tell(told, uri_, "rate", options_.rate_hz, 0);
+        if (options_.rate_hz > 0 && !can_time)
+            notice_difference(notice, uri_, "rate", options_.rate_hz, 0);
         agreed->width = width_;
         agreed->height = height_;
         agreed->row = static_cast<int32_t>(format_ - formats);

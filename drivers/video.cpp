@@ -103,7 +103,7 @@ enum fovea_status plugin_open(const char *path, fovea_video **video, int32_t *wi
 try {
     cv::setNumThreads(1);
     cv::utils::logging::setLogLevel(
-        cv::utils::logging::LOG_LEVEL_SILENT); /* errors are told by us, in one line */
+        cv::utils::logging::LOG_LEVEL_SILENT); /* our own line reports errors */
     setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", 0); /* and FFmpeg's */
     return open_file(path, video, width, height, rate_hz, error);
 } catch (const std::exception &problem) {

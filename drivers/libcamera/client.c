@@ -393,8 +393,8 @@ static enum fovea_status find(void *of, int quit_fd, struct fovea_error *error)
     }
     if (status == FOVEA_OK) status = ask(client, FV_LIBCAMERA_FIND, error);
     if (status == FOVEA_OK) status = await_answer(client, quit_fd, NULL, NULL, error);
-    /* libcamera looks around when it starts, and then believes what it is told: a camera that came
-     * when it was not listening stays away for it. */
+    /* libcamera looks around when it starts, and then believes the kernel's events: a camera that
+     * came when it was not listening stays away for it. */
     if (status == FOVEA_GONE && now_ns() - client->started_ns > fv_libcamera_away_ns)
         end_process(client, 0);
     return status;
@@ -510,8 +510,8 @@ static enum fovea_status learn(struct fv_libcamera_client *client, bool *lost,
 
 enum fovea_status fv_libcamera_open(const struct fovea_libcamera_options *options,
                                     struct fv_libcamera_client **out,
-                                    struct fovea_libcamera_agreed *agreed, struct fovea_error *told,
-                                    struct fovea_error *error)
+                                    struct fovea_libcamera_agreed *agreed,
+                                    struct fovea_error *notice, struct fovea_error *error)
 {
     struct fv_libcamera_client *client = calloc(1, sizeof *client);
     if (client == NULL)
@@ -533,10 +533,10 @@ enum fovea_status fv_libcamera_open(const struct fovea_libcamera_options *option
     }
     client->event.agreed.id[FOVEA_LIBCAMERA_ID_BYTES - 1] = '\0';
     client->agreed = *agreed = client->event.agreed;
-    *told = client->event.told;
+    *notice = client->event.notice;
     if (grief.text[0] != '\0')
-        fovea_error_set(told, FOVEA_OK, "%.256s%s%.200s", grief.text,
-                        told->text[0] != '\0' ? "; " : "", client->event.told.text);
+        fovea_error_set(notice, FOVEA_OK, "%.256s%s%.200s", grief.text,
+                        notice->text[0] != '\0' ? "; " : "", client->event.notice.text);
     snprintf(client->uri, sizeof client->uri, "libcamera:%s", agreed->id);
     *out = client;
     return FOVEA_OK;

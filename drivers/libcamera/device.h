@@ -54,10 +54,10 @@ class Device
 
     // The requests of protocol.h.
     enum fovea_status learn(const fovea_libcamera_options &options, fovea_libcamera_agreed *agreed,
-                            fovea_error *told, fovea_error *error);
+                            fovea_error *notice, fovea_error *error);
     void know(const fovea_libcamera_options &options, const fovea_libcamera_agreed &agreed);
     enum fovea_status find(fovea_error *error);
-    // `error` may hold something to be told on success too. `descriptors` stay the camera's.
+    // `notice` may hold a line on success too. `descriptors` stay the camera's.
     enum fovea_status set_up(fv_libcamera_event *answer, int descriptors[FV_LIVE_BUFFERS_MAX]);
     enum fovea_status give(uint32_t index, fovea_error *error);
 
@@ -70,7 +70,7 @@ class Device
     enum fovea_status take(fv_libcamera_frame *frame, fovea_error *error);
 
   private:
-    enum fovea_status configure(fovea_error *told, fovea_error *error);
+    enum fovea_status configure(fovea_error *notice, fovea_error *error);
     enum fovea_status shape(const libcamera::StreamConfiguration &stream, fovea_error *error);
     enum fovea_status allocate(fovea_error *error);
     enum fovea_status stream_on(fovea_error *error);

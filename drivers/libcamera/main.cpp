@@ -90,7 +90,7 @@ void Process::answer(const fv_libcamera_request &request)
     const enum fovea_status status = guarded(error, [&] {
         switch (request.call) {
         case FV_LIBCAMERA_LEARN:
-            return device_.learn(request.options, &event.agreed, &event.told, error);
+            return device_.learn(request.options, &event.agreed, &event.notice, error);
         case FV_LIBCAMERA_FIND:
             return device_.find(error);
         case FV_LIBCAMERA_SET_UP:
@@ -170,7 +170,7 @@ int main()
     std::thread(watch).detach();
     if (std::getenv("LIBCAMERA_LOG_LEVELS") == nullptr)
         libcamera::logSetTarget(libcamera::LoggingTargetNone);
-    libcamera::logSetLevel("*", "FATAL"); // errors are told by the runtime
+    libcamera::logSetLevel("*", "FATAL"); // the runtime prints errors
     Process process;
     while (process.serve()) {
     }

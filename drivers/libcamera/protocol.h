@@ -118,8 +118,8 @@ enum fv_libcamera_event_kind { FV_LIBCAMERA_ANSWER = 1, FV_LIBCAMERA_FRAME, FV_L
 struct fv_libcamera_event {
     uint32_t version, kind;
     struct fv_libcamera_frame frame;
-    /* error.status is the status of the answer; its text may be told on success too */
-    struct fovea_error error, told;
+    /* error.status is the status of the answer; its text may be set on success too */
+    struct fovea_error error, notice;
     struct fovea_libcamera_agreed agreed; /* of LEARN */
     uint32_t buffer_count;                /* of SET_UP */
     int32_t stride_bytes;

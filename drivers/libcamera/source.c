@@ -95,12 +95,12 @@ static enum fovea_status open_camera(const char *address,
 {
     struct fovea_libcamera_options options;
     struct fovea_libcamera_agreed agreed = {.width = 0};
-    struct fovea_error told = {.text = ""};
+    struct fovea_error notice = {.text = ""};
     struct fv_libcamera_client *client = NULL;
     char uri[FOVEA_LIBCAMERA_ID_BYTES + 16];
     enum fovea_status status = fv_live_selection("libcamera", selection, error);
     if (status == FOVEA_OK) status = parse(address, &options, error);
-    if (status == FOVEA_OK) status = fv_libcamera_open(&options, &client, &agreed, &told, error);
+    if (status == FOVEA_OK) status = fv_libcamera_open(&options, &client, &agreed, &notice, error);
     if (status != FOVEA_OK) return status;
     snprintf(uri, sizeof uri, "libcamera:%s", agreed.id);
     const struct fv_live_setup setup = {
@@ -114,7 +114,7 @@ static enum fovea_status open_camera(const char *address,
         .readout_ns = options.readout_ms < 0 ? -1 : (int64_t)(options.readout_ms * 1e6),
     };
     status = fv_live_open(&fv_libcamera_live, client, &setup, selection, source, error);
-    if (status == FOVEA_OK && told.text[0] != '\0') fv_live_tell(*source, &told);
+    if (status == FOVEA_OK && notice.text[0] != '\0') fv_live_notice(*source, &notice);
     return status;
 }
 

@@ -27,9 +27,9 @@ static inline void fv_complaints_close(struct fv_complaints *complaints)
     pthread_mutex_destroy(&complaints->lock);
 }
 
-/* A line that was the last one told of its kind is not told again (until forgotten). */
+/* A line that was the last of its kind is not given again (until forgotten). */
 void fv_complaints_add(struct fv_complaints *complaints, int kind, const struct fovea_error *line);
-/* What was told of kinds first..last is news again. */
+/* Lines of kinds first..last may come again. */
 void fv_complaints_forget(struct fv_complaints *complaints, int first, int last);
 /* As fovea_source_ops.complaint. */
 enum fovea_status fv_complaints_take(struct fv_complaints *complaints, struct fovea_error *line);

@@ -19,7 +19,7 @@
 
 enum { URI_BYTES = 256 };
 
-enum complaint { TOLD, AWAY, REFUSED, BROKEN, DAMAGED, STAMPS };
+enum complaint { NOTICE, AWAY, REFUSED, BROKEN, DAMAGED, STAMPS };
 
 struct slot {
     struct fovea_frame frame;
@@ -78,9 +78,9 @@ static int64_t now_ns(void)
     return fv_clock_ns(CLOCK_MONOTONIC);
 }
 
-void fv_live_tell(struct fovea_source *source, const struct fovea_error *line)
+void fv_live_notice(struct fovea_source *source, const struct fovea_error *line)
 {
-    fv_complaints_add(&source->complaints, TOLD, line);
+    fv_complaints_add(&source->complaints, NOTICE, line);
 }
 
 enum fovea_status fv_live_complaint(struct fovea_source *source, struct fovea_error *error)

@@ -46,7 +46,7 @@ struct fv_live_ops {
      */
     enum fovea_status (*find)(void *device, int quit_fd, struct fovea_error *error);
     /* Make it stream as it did when it was opened: same size and format. FOVEA_OK: it does; `error`
-     * may then hold something to be told all the same. FOVEA_GONE: unplugged meanwhile. Negative:
+     * may then hold a notice all the same. FOVEA_GONE: unplugged meanwhile. Negative:
      * refused. Nothing is left open on failure. */
     enum fovea_status (*set_up)(void *device, int quit_fd, struct fovea_error *error);
     void (*tear_down)(void *device);
@@ -83,7 +83,7 @@ enum fovea_status fv_live_selection(const char *scheme,
                                     struct fovea_error *error);
 
 /* Said once at the next `complaint`, whichever thread asks: for what was negotiated at open. */
-void fv_live_tell(struct fovea_source *source, const struct fovea_error *line);
+void fv_live_notice(struct fovea_source *source, const struct fovea_error *line);
 
 /* The rest of fovea_source_ops, the same for all live sources. */
 const struct fovea_source_info *fv_live_info(const struct fovea_source *source);

@@ -56,7 +56,7 @@ struct fv_order {
 
 /* `readout_ns`: negative where not given. */
 void fv_order_start(struct fv_order *order, int64_t readout_ns);
-/* The camera was set up again: numbers and clocks begin anew, what was told before stays behind. */
+/* The camera was set up again: numbers and clocks begin anew, earlier ones no longer count. */
 void fv_order_again(struct fv_order *order);
 /* Count one buffer, good or bad: how many frames the driver lost before it, by its numbers. */
 uint64_t fv_order_count(struct fv_order *order, const struct fv_order_stamp *stamp);

@@ -35,7 +35,7 @@ struct fv_recovery_times {
     int64_t first_ns;                        /* since set-up, for the first frame */
     int64_t absent_ns;                       /* between looks for a camera that is away */
     int64_t backoff_min_ns, backoff_max_ns;
-    uint32_t bad_frames; /* so many in a row, and the camera is set up again */
+    uint32_t bad_frames; /* after this number in a row the camera is set up again */
 };
 
 /* For a camera of this nominal rate (0: not known): late after 2.5 periods, stalled after 10 and at
@@ -51,7 +51,7 @@ enum fv_recovery_phase {
     FV_RECOVERY_STREAMING = 4
 };
 
-/* What the state is a function of; two words, so that another thread may be told of them. */
+/* What the state is a function of; two words, so that another thread can read them. */
 struct fv_recovery_view {
     enum fv_recovery_phase phase;
     int64_t mark_ns; /* last good frame while streaming, else when the phase began */

@@ -11,7 +11,7 @@
 #include "player.h"
 #include "rig_options.h"
 
-/* What stands beside the list, as far as it is there. */
+/* Files beside the list, where they exist. */
 static enum fovea_status read_extras(struct fv_listing *listing, const char *cam, const char *mav,
                                      const struct fovea_source_selection *selection,
                                      struct fovea_source_info *info, struct fovea_error *error)

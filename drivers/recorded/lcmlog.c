@@ -1,7 +1,7 @@
 /* LCM logs with fovea.frame_t messages: our own recordings, and logs of other programs that publish
  * the type. Any channel whose last part is FRAME; frames as recorded, in any pixel format;
  * compressed ones are decoded to grey here. Damage is passed over to the next event that can be
- * read, as liblcm does, but told: as one damaged frame. */
+ * read, as liblcm does, but counted: as one damaged frame. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

@@ -7,7 +7,7 @@
  * 256 KiB.
  *
  * Frames that are missing or damaged, or whose stamp leaps ahead of the frames that follow, are
- * skipped, counted and named. Counts travel with the frames: fovea_source_ops.counts tells those up
+ * skipped, counted and named. Counts travel with the frames: fovea_source_ops.counts gives those up
  * to the frame dequeued last, so that they do not depend on how far ahead the reader is.
  *
  * Played in reverse, a frame's stamp is mirrored inside the range that is played (first +

@@ -246,7 +246,7 @@ static void paint_carton(struct fv_sim_brush *b, int32_t grey)
     }
 }
 
-/* A parcel is told from a carton by its broad edges and crossed bands. */
+/* A parcel differs from a carton by its broad edges and crossed bands. */
 static void paint_parcel(struct fv_sim_brush *b)
 {
     const int32_t w = b->width, h = b->height, grey = fv_sim_draw(b, 130, 200),

@@ -13,8 +13,8 @@ enum {
     /* A new gain shows in the frame after the next with most sensors; it is judged by what it made.
      */
     FRAMES_APART = 4,
-    /* A miss of so many levels moves the gain by its whole range: the loop is stable for cameras
-     * whose whole range changes the picture by less than twice that. */
+    /* A miss of this number of levels moves the gain by its whole range: the loop is stable for
+     * cameras whose whole range changes the picture by less than twice that. */
     LEVELS_FULL = 1024,
     GRID = 32 /* measured at GRID x GRID places, at each a square of four pixels (all colours of a
                  Bayer pattern) */

@@ -128,17 +128,17 @@ static bool read_value(const struct fv_v4l2_device *device, uint32_t id, int32_t
 }
 
 /* What the camera made of a value, in our unit, where that is not what was asked for. */
-static void tell_difference(const struct fv_v4l2_device *device, const char *what, uint32_t id,
-                            double asked, double unit, struct fovea_error *told)
+static void notice_difference(const struct fv_v4l2_device *device, const char *what, uint32_t id,
+                              double asked, double unit, struct fovea_error *notice)
 {
     int32_t value;
     if (!read_value(device, id, &value)) return;
     if (fabs(value * unit - asked) > 0.01 * fabs(asked))
-        fv_v4l2_tell(told, device, what, asked, value * unit);
+        fv_v4l2_notice(notice, device, what, asked, value * unit);
 }
 
 static enum fovea_status set_wish(const struct fv_v4l2_device *device,
-                                  const struct fv_v4l2_wish *wish, struct fovea_error *told,
+                                  const struct fv_v4l2_wish *wish, struct fovea_error *notice,
                                   struct fovea_error *error)
 {
     control_info info;
@@ -169,7 +169,7 @@ static enum fovea_status set_wish(const struct fv_v4l2_device *device,
                  : check_range(device, what, &info, value, 1, error);
     if (status == FOVEA_OK) status = write_value(device, what, &info, value, error);
     if (status == FOVEA_OK && (menu || info.type == V4L2_CTRL_TYPE_INTEGER))
-        tell_difference(device, what, info.id, (double)value, 1, told);
+        notice_difference(device, what, info.id, (double)value, 1, notice);
     return status;
 }
 
@@ -203,8 +203,8 @@ static void keep_rate(const struct fv_v4l2_device *device)
         (void)write_value(device, "exposure_dynamic_framerate", &info, 0, &unused);
 }
 
-static enum fovea_status set_exposure(const struct fv_v4l2_device *device, struct fovea_error *told,
-                                      struct fovea_error *error)
+static enum fovea_status set_exposure(const struct fv_v4l2_device *device,
+                                      struct fovea_error *notice, struct fovea_error *error)
 {
     control_info info;
     const double unit_ms = 0.1; /* of V4L2_CID_EXPOSURE_ABSOLUTE */
@@ -221,12 +221,12 @@ static enum fovea_status set_exposure(const struct fv_v4l2_device *device, struc
     enum fovea_status status = check_range(device, "exposure (ms)", &info, value, unit_ms, error);
     if (status == FOVEA_OK) status = write_value(device, "exposure", &info, value, error);
     if (status == FOVEA_OK)
-        tell_difference(device, "exposure (ms)", info.id, device->options.exposure_ms, unit_ms,
-                        told);
+        notice_difference(device, "exposure (ms)", info.id, device->options.exposure_ms, unit_ms,
+                          notice);
     return status;
 }
 
-static enum fovea_status set_gain(struct fv_v4l2_device *device, struct fovea_error *told,
+static enum fovea_status set_gain(struct fv_v4l2_device *device, struct fovea_error *notice,
                                   struct fovea_error *error)
 {
     control_info info, automatic;
@@ -247,7 +247,8 @@ static enum fovea_status set_gain(struct fv_v4l2_device *device, struct fovea_er
     const int64_t value = (int64_t)(device->options.gain + 0.5);
     status = check_range(device, "gain", &info, value, 1, error);
     if (status == FOVEA_OK) status = write_value(device, "gain", &info, value, error);
-    if (status == FOVEA_OK) tell_difference(device, "gain", info.id, device->options.gain, 1, told);
+    if (status == FOVEA_OK)
+        notice_difference(device, "gain", info.id, device->options.gain, 1, notice);
     return status;
 }
 
@@ -261,7 +262,7 @@ static int64_t known_exposure(const struct fv_v4l2_device *device)
     return (int64_t)value * 100000;
 }
 
-enum fovea_status fv_v4l2_controls_set(struct fv_v4l2_device *device, struct fovea_error *told,
+enum fovea_status fv_v4l2_controls_set(struct fv_v4l2_device *device, struct fovea_error *notice,
                                        struct fovea_error *error)
 {
     const struct fv_v4l2_options *options = &device->options;
@@ -269,10 +270,11 @@ enum fovea_status fv_v4l2_controls_set(struct fv_v4l2_device *device, struct fov
     if (options->auto_exposure_given)
         status = set_auto_exposure(device, options->auto_exposure, error);
     if (status == FOVEA_OK && options->auto_exposure_given) keep_rate(device);
-    if (status == FOVEA_OK && options->exposure_ms > 0) status = set_exposure(device, told, error);
-    if (status == FOVEA_OK) status = set_gain(device, told, error);
+    if (status == FOVEA_OK && options->exposure_ms > 0)
+        status = set_exposure(device, notice, error);
+    if (status == FOVEA_OK) status = set_gain(device, notice, error);
     for (uint32_t i = 0; i < options->wish_count && status == FOVEA_OK; ++i)
-        status = set_wish(device, &options->wishes[i], told, error);
+        status = set_wish(device, &options->wishes[i], notice, error);
     device->exposure_ns = known_exposure(device);
     return status;
 }

@@ -120,5 +120,5 @@ enum fovea_status fv_v4l2_find(struct fv_v4l2_device *device, struct fovea_error
         memcpy(device->node, nodes[i], sizeof device->node);
         return FOVEA_OK;
     }
-    return FOVEA_GONE; /* `error` tells of another camera in its place */
+    return FOVEA_GONE; /* `error` names another camera in its place */
 }

@@ -121,13 +121,14 @@ static enum fovea_status refuse_format(const struct fv_v4l2_device *device, uint
                            fv_v4l2_fourcc(given, found), fv_v4l2_fourcc(asked, wanted), list);
 }
 
-void fv_v4l2_tell(struct fovea_error *told, const struct fv_v4l2_device *device, const char *what,
-                  double asked, double given)
+void fv_v4l2_notice(struct fovea_error *notice, const struct fv_v4l2_device *device,
+                    const char *what, double asked, double given)
 {
-    if (told == NULL) return;
-    const size_t used = strlen(told->text);
-    snprintf(told->text + used, sizeof told->text - used, "%s%s%s: asked %g, the camera gives %g",
-             used > 0 ? "" : device->uri, used > 0 ? "; " : ": ", what, asked, given);
+    if (notice == NULL) return;
+    const size_t used = strlen(notice->text);
+    snprintf(notice->text + used, sizeof notice->text - used,
+             "%s%s%s: asked %g, the camera gives %g", used > 0 ? "" : device->uri,
+             used > 0 ? "; " : ": ", what, asked, given);
 }
 
 static enum fovea_status check_picture(const struct fv_v4l2_device *device,
@@ -172,7 +173,7 @@ static const struct fv_v4l2_format *shifted(const struct fv_v4l2_options *option
     return &by_shift[options->shift / 2 - 1];
 }
 
-static enum fovea_status set_format(struct fv_v4l2_device *device, struct fovea_error *told,
+static enum fovea_status set_format(struct fv_v4l2_device *device, struct fovea_error *notice,
                                     struct fovea_error *error)
 {
     struct v4l2_format format = {.type = fv_v4l2_type(device)};
@@ -199,9 +200,10 @@ static enum fovea_status set_format(struct fv_v4l2_device *device, struct fovea_
     unpack(device, &format, &given);
     status = check_picture(device, &asked, &given, error);
     if (status != FOVEA_OK) return status;
-    if (given.width != asked.width) fv_v4l2_tell(told, device, "width", asked.width, given.width);
+    if (given.width != asked.width)
+        fv_v4l2_notice(notice, device, "width", asked.width, given.width);
     if (given.height != asked.height)
-        fv_v4l2_tell(told, device, "height", asked.height, given.height);
+        fv_v4l2_notice(notice, device, "height", asked.height, given.height);
     device->agreed.format = shifted(options, fv_v4l2_format_by_fourcc(given.fourcc));
     device->agreed.width = (int32_t)given.width;
     device->agreed.height = (int32_t)given.height;
@@ -215,7 +217,7 @@ static enum fovea_status set_format(struct fv_v4l2_device *device, struct fovea_
 
 /* ---- rate ------------------------------------------------------------------------------------ */
 
-static enum fovea_status set_rate(struct fv_v4l2_device *device, struct fovea_error *told,
+static enum fovea_status set_rate(struct fv_v4l2_device *device, struct fovea_error *notice,
                                   struct fovea_error *error)
 {
     struct v4l2_streamparm parameters = {.type = fv_v4l2_type(device)};
@@ -238,14 +240,14 @@ static enum fovea_status set_rate(struct fv_v4l2_device *device, struct fovea_er
         device->agreed.rate_hz = (double)period->denominator / period->numerator;
     const double rate = device->agreed.rate_hz;
     if (asked > 0 && (rate < 0.99 * asked || rate > 1.01 * asked))
-        fv_v4l2_tell(told, device, "rate", asked, rate);
+        fv_v4l2_notice(notice, device, "rate", asked, rate);
     return FOVEA_OK;
 }
 
-enum fovea_status fv_v4l2_negotiate(struct fv_v4l2_device *device, struct fovea_error *told,
+enum fovea_status fv_v4l2_negotiate(struct fv_v4l2_device *device, struct fovea_error *notice,
                                     struct fovea_error *error)
 {
     enum fovea_status status = check_kind(device, error);
-    if (status == FOVEA_OK) status = set_format(device, told, error);
-    return status == FOVEA_OK ? set_rate(device, told, error) : status;
+    if (status == FOVEA_OK) status = set_format(device, notice, error);
+    return status == FOVEA_OK ? set_rate(device, notice, error) : status;
 }

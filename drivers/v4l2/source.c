@@ -33,7 +33,7 @@ static enum fovea_status set_up(void *of, int quit_fd, struct fovea_error *error
     enum fovea_status status = open_node(device, error);
     if (status != FOVEA_OK) return status;
     status = fv_v4l2_negotiate(device, NULL, error);
-    /* A camera that came back and now refuses a control is still better than none: it is told of.
+    /* A camera that came back and now refuses a control is still better than none: a line says so.
      */
     if (status == FOVEA_OK && fv_v4l2_controls_set(device, NULL, &refused) == FOVEA_GONE)
         status = FOVEA_GONE;
@@ -67,7 +67,7 @@ static const struct fv_live_ops live_ops = {
 };
 
 /* Look once at everything: the camera is there, gives what is asked for, and takes its controls. */
-static enum fovea_status learn(struct fv_v4l2_device *device, struct fovea_error *told,
+static enum fovea_status learn(struct fv_v4l2_device *device, struct fovea_error *notice,
                                struct fovea_error *error)
 {
     if (fv_v4l2_find(device, error) != FOVEA_OK)
@@ -76,8 +76,8 @@ static enum fovea_status learn(struct fv_v4l2_device *device, struct fovea_error
                                device->uri);
     enum fovea_status status = open_node(device, error);
     if (status != FOVEA_OK) return status;
-    status = fv_v4l2_negotiate(device, told, error);
-    if (status == FOVEA_OK) status = fv_v4l2_controls_set(device, told, error);
+    status = fv_v4l2_negotiate(device, notice, error);
+    if (status == FOVEA_OK) status = fv_v4l2_controls_set(device, notice, error);
     if (status == FOVEA_OK && !fv_v4l2_identify(device->fd, device->node, &device->identity))
         status = fv_v4l2_failed(device, "asking for it", errno, error);
     close_node(device);
@@ -91,7 +91,7 @@ static enum fovea_status open_camera(const char *address,
                                      const struct fovea_source_selection *selection,
                                      struct fovea_source **source, struct fovea_error *error)
 {
-    struct fovea_error told = {.text = ""};
+    struct fovea_error notice = {.text = ""};
     struct fv_v4l2_options options;
     enum fovea_status status = fv_live_selection("v4l2", selection, error);
     if (status == FOVEA_OK) status = fv_v4l2_options_parse(address, &options, error);
@@ -101,7 +101,7 @@ static enum fovea_status open_camera(const char *address,
     device->options = options;
     device->fd = -1;
     snprintf(device->uri, sizeof device->uri, "v4l2:%s", options.path);
-    status = learn(device, &told, error);
+    status = learn(device, &notice, error);
     if (status != FOVEA_OK) {
         free(device);
         return status == FOVEA_GONE ? FOVEA_ERROR_SYSTEM : status;
@@ -117,7 +117,7 @@ static enum fovea_status open_camera(const char *address,
         .readout_ns = options.readout_ms < 0 ? -1 : (int64_t)(options.readout_ms * 1e6),
     };
     status = fv_live_open(&live_ops, device, &setup, selection, source, error);
-    if (status == FOVEA_OK && told.text[0] != '\0') fv_live_tell(*source, &told);
+    if (status == FOVEA_OK && notice.text[0] != '\0') fv_live_notice(*source, &notice);
     return status;
 }
 

@@ -56,7 +56,7 @@ static bool map_buffer(struct fv_v4l2_device *device, uint32_t index)
     return map->memory != NULL;
 }
 
-/* Source changes (another size, no signal) are told by events where the driver has them. */
+/* Source changes (another size, no signal) are reported by events where the driver has them. */
 static void subscribe(struct fv_v4l2_device *device)
 {
     struct v4l2_event_subscription changes = {.type = V4L2_EVENT_SOURCE_CHANGE};
@@ -183,7 +183,7 @@ static int64_t left_until(int64_t deadline_ns)
     return left_ns > 0 ? left_ns : 0;
 }
 
-/* An error or a change that poll told of: what DQBUF says is the reason. */
+/* An error or a change that poll reported: what DQBUF says is the reason. */
 static enum fovea_status explain(struct fv_v4l2_device *device, short events,
                                  struct fv_live_buffer *buffer, struct fovea_error *error)
 {

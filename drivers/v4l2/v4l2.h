@@ -106,18 +106,18 @@ bool fv_v4l2_identify(int fd, const char *node, struct fv_v4l2_identity *identit
 /* Forget a serial number that another camera of this host has too. Init-only. */
 void fv_v4l2_identity_settle(struct fv_v4l2_identity *identity, const char *node);
 
-/* negotiate.c: size, format and rate, on an open node; `told` (or NULL) gets a line where they are
- * not as asked. Once the device is known, anything else than before is refused. */
-enum fovea_status fv_v4l2_negotiate(struct fv_v4l2_device *device, struct fovea_error *told,
+/* negotiate.c: size, format and rate, on an open node; `notice` (or NULL) gets a line where they
+ * are not as asked. Once the device is known, anything else than before is refused. */
+enum fovea_status fv_v4l2_negotiate(struct fv_v4l2_device *device, struct fovea_error *notice,
                                     struct fovea_error *error);
-/* Add to `told` (or NULL) that something is not as asked. */
-void fv_v4l2_tell(struct fovea_error *told, const struct fv_v4l2_device *device, const char *what,
-                  double asked, double given);
+/* Add to `notice` (or NULL) that something is not as asked. */
+void fv_v4l2_notice(struct fovea_error *notice, const struct fv_v4l2_device *device,
+                    const char *what, double asked, double given);
 
 /* controls.c: exposure, gain and controls by name, each checked against the driver's range, on an
- * open node. `told` (or NULL) gets a line where a value, read back, differs by over 1 % from what
+ * open node. `notice` (or NULL) gets a line where a value, read back, differs by over 1 % from what
  * was asked for. Sets device->exposure_ns. */
-enum fovea_status fv_v4l2_controls_set(struct fv_v4l2_device *device, struct fovea_error *told,
+enum fovea_status fv_v4l2_controls_set(struct fv_v4l2_device *device, struct fovea_error *notice,
                                        struct fovea_error *error);
 
 /* auto_gain.c: for a camera that has a gain, described by `info`, but does not move it itself.

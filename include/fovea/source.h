@@ -101,7 +101,7 @@ struct fovea_truth {
  * of them (0: all); played last first when `reverse`, with stamps that still rise. Live sources
  * refuse anything but a number of frames. `colour`: recordings of PNG and JPEG files that have
  * colours give RGB24 frames in place of grey ones; others ignore it. `camera_given`: the caller has
- * a calibration: the source's own is not needed, and one that cannot be read is as none. */
+ * a calibration: the source's own is not needed, and an unreadable one is ignored. */
 struct fovea_source_selection {
     uint64_t start;
     uint64_t step; /* at least 1 */

@@ -156,7 +156,7 @@ void fv_spread_offer(struct fv_spread *spread, uint32_t level, int32_t x, int32_
     struct fv_spread_cell *cell = cell_at(at, x, y);
     if (score < spread->threshold && score_of(cell->best[0]) >= spread->threshold) return;
     /* The smaller of each pair moves on: no branch to mispredict, where the strength of corners is
-     * anyone's guess. */
+     * random. */
     uint64_t moving = kept_of(x, y, score, index);
     for (int i = 0; i < FV_SPREAD_KEPT; i++) {
         const uint64_t here = cell->best[i];

@@ -14,7 +14,8 @@ enum {
     MATCHES_MIN = 15,
     SAMPLES_MAX = 300,
     SAMPLE_TESTS_PER_UNIT = 1500, /* correspondences tested, all samples together */
-    SAMPLE_SOLVED_TESTS = 50,     /* so many tests take as long as the closed form of a sample */
+    SAMPLE_SOLVED_TESTS =
+        50, /* this number of tests takes as long as the closed form of a sample */
     REFINEMENTS = 2,
     SAMPLED_MIN = 12,         /* correspondences that agree with the best sample */
     CORRESPONDENCES_MIN = 25, /* that agree after the guided search */

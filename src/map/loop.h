@@ -54,7 +54,7 @@ enum fv_loop_phase {
     FV_LOOP_FUSE = 9
 };
 
-/* A keyframe, named so that it can be told whether it is still there. */
+/* A keyframe, named so that its absence can be found out. */
 struct fv_loop_name {
     uint32_t slot, generation;
 };

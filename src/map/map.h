@@ -203,7 +203,7 @@ static inline uint32_t fv_map_view_count(const struct fv_map *map)
     return map->limits.keyframes + 1 + FV_MAP_WAITING_MAX;
 }
 
-/* Parts of the image, by whose errors it is told whether errors hang together, as where something
+/* Parts of the image: the errors of each show whether errors are correlated, as where something
  * moves. */
 enum {
     FV_MAP_PART_COLUMNS = 6,

@@ -125,7 +125,7 @@ struct fv_op_depthwise {
     struct fv_op_image image;
     struct fv_op_window window;
     int32_t zero_in, zero_out, act_min, act_max;
-    int32_t planes;  /* 1..3: weights are the sum of so many int8 planes */
+    int32_t planes;  /* 1..3: weights are the sum of this number of int8 planes */
     int32_t c16;     /* channels rounded up to 16 */
     int32_t weights; /* int8 [planes][kh kw][c16] */
     int32_t bias, multiplier, shift, table;

@@ -297,7 +297,7 @@ void fv_objects_update(struct fv_objects *tracker, const struct fv_objects_infer
         state->R_world_cam[i] = look->T_world_cam[i / 3 * 4 + i % 3];
 }
 
-/* ---- what is told ---------------------------------------------------------------------------- */
+/* ---- what is reported ------------------------------------------------------------------------ */
 
 void fv_objects_get(const struct fv_objects *tracker, struct fovea_objects *tracks)
 {

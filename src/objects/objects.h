@@ -60,7 +60,7 @@ struct fv_objects {
     const double *T_body_cam; /* 3x4 */
     struct fv_objects_state *state;
     struct fv_object_slot *slots; /* count_max */
-    struct fovea_object *list;    /* count_max, what is told */
+    struct fovea_object *list;    /* count_max, what is reported */
     /* scratch of a look */
     float *cost;
     int32_t *rows, *columns, *column_of; /* slots and detections in an assignment */

@@ -87,7 +87,7 @@ unplug() {
     settle
 }
 
-refusing() { # refusing URI FILE: the USB camera refuses to stream until that has been told
+refusing() { # refusing URI FILE: the USB camera refuses to stream until that has been said
     : >refused.log
     control sharpness=6
     (until grep -q 'starting to stream' refused.log; do nap 0.2; done; control sharpness=0) &
@@ -153,9 +153,9 @@ wrap_numbers() { # after 128 frames
 }
 check 'vivid: sequence numbers wrap' wrap_numbers
 check 'vivid: stamps that wrap are replaced by the time of arrival' with_vivid wrap_timestamp=1 frames=20 says='time of arrival'
-check 'vivid: a rate that it does not have is told' \
+check 'vivid: a rate that it does not have is named' \
     "$tool" read "$vivid&rate=999" frames=3 says='rate: asked 999, the camera gives'
-check 'vivid: a size that it does not have is told' \
+check 'vivid: a size that it does not have is named' \
     "$tool" read 'v4l2:/dev/video0?width=330&height=190' frames=3 says='asked 330, the camera gives'
 named() { "$tool" read "$vivid&control.brightness=77" frames=3 && says ': 77' v4l2-ctl -d /dev/video0 -C brightness; }
 check 'vivid: a control by name is set' named
@@ -172,7 +172,7 @@ second() {
     kill $first
     return $status
 }
-check 'vivid: a second reader is told that the camera is in use' second
+check 'vivid: a second reader learns that the camera is in use' second
 check 'vivid: rmmod while streaming is refused, frames go on' \
     "$tool" read "$vivid" frames=10 run='! busybox rmmod vivid'
 echo 'echo vivid.0 >/sys/bus/platform/drivers/vivid/unbind' >vivid-unplug.sh
@@ -241,7 +241,7 @@ rmmod v4l2loopback
 }
 
 # ---- fovea run on v4l2loopback: the messages are those of the same frames fed directly ------------------------------
-# Frames come as the recording grows, so that a slow machine loses none; the rate that is told is low, so that the driver does
+# Frames come as the recording grows, so that a slow machine loses none; the rate that is stated is low, so that the driver does
 # not set up the camera again while the loop works on one.
 part_runtime() {
 modprobe v4l2loopback devices=1 video_nr=10 exclusive_caps=1 max_buffers=8
@@ -282,7 +282,7 @@ check 'uvcvideo: exposure out of range is refused in milliseconds' \
 by_path=(/dev/v4l/by-path/*vhci*index0)
 check 'uvcvideo: by-path names are taken' "$tool" read "v4l2:${by_path[0]}?format=GREY" frames=3 expect="$file"
 control sharpness=5
-check 'uvcvideo: a control that the camera refuses is told' \
+check 'uvcvideo: a control that the camera refuses is named' \
     says 'gain: the camera refuses 33' "$tool" read "$grey&gain=33" open=fails
 control sharpness=0
 automatic() { # the pictures are brighter than the target, and stay so
@@ -300,7 +300,7 @@ check 'uvcvideo: corrupt MJPEG is counted and skipped, the rest is exact' \
     "$tool" read "$jpeg&control.sharpness=4" frames=8 damaged=2 expect="$frames/MJPG-320x240.raw.grey" says='damaged JPEG'
 check 'uvcvideo: truncated MJPEG is counted and skipped, the rest is exact' \
     "$tool" read "$jpeg&control.sharpness=2" frames=8 damaged=2 expect="$frames/MJPG-320x240.raw.grey"
-check 'uvcvideo: a camera that refuses to stream is told and tried again' refusing "$grey" "$file"
+check 'uvcvideo: a camera that refuses to stream is named and tried again' refusing "$grey" "$file"
 unplug
 }
 

@@ -37,7 +37,7 @@ bright() {
 check 'libcamera: a control by name is set, in its range' bright
 check 'libcamera: an unknown control is refused, those there are named' \
     says "unknown control 'Nothing'; expected one of: .*Brightness" "$tool" read "$lib&control.Nothing=1" open=fails
-check 'libcamera: a size that the camera does not have is told' \
+check 'libcamera: a size that the camera does not have is named' \
     "$tool" read 'libcamera:0?width=330&height=250' frames=3 says='the camera gives'
 control sharpness=1
 check 'libcamera: frames that never come are waited for, the rest is exact' "$tool" read "$lib" frames=10 expect="$file"
@@ -50,7 +50,7 @@ check 'libcamera: corrupt MJPEG is counted and skipped, the rest is exact' "$too
     damaged=2 expect="$frames/MJPG-320x240.raw.grey" says='damaged JPEG'
 control sharpness=0
 process='$(pidof fovea-libcamera)'
-check 'libcamera: its process aborts: told, and frames come back' \
+check 'libcamera: its process aborts: named, and frames come back' \
     "$tool" read "$lib" frames=10 expect="$file" run="kill -ABRT $process" says='signal 6' recovered=1
 check 'libcamera: its process hangs: it is killed, and frames come back' \
     "$tool" read "$lib" frames=10 expect="$file" run="kill -STOP $process" says='no frame for' recovered=1

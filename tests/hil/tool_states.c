@@ -19,12 +19,12 @@
 static const char *const pose_names[] = {"starting", "tracking", "weak", "lost", "paused"};
 static const char *const names[] = {"ok", "late", "stalled", "gone", "returning", "ended"};
 
-static struct told {
+static struct seen {
     int last_state;
     long frames, poses, pose_state[5], gone_steps;
     int64_t gone_ns, gone_since_ns;
     uint64_t delivered, damaged, dropped, recovered;
-} told = {.last_state = -1};
+} seen = {.last_state = -1};
 
 static int wanted_count, next_wanted, pose_count, next_pose;
 static const char *wanted[16];
@@ -35,32 +35,32 @@ static bool frame_came, step_has_frame, lost_too_late;
 static void take_status(const fovea_camera_status_t *status)
 {
     const int state = status->state;
-    told.delivered = (uint64_t)status->delivered;
-    told.damaged = (uint64_t)status->damaged;
-    told.dropped = (uint64_t)status->dropped;
-    told.recovered = (uint64_t)status->recovered;
+    seen.delivered = (uint64_t)status->delivered;
+    seen.damaged = (uint64_t)status->damaged;
+    seen.dropped = (uint64_t)status->dropped;
+    seen.recovered = (uint64_t)status->recovered;
     if (state < 0 || state > 5) tool_fail("unknown state %d", state);
     if (state == FOVEA_CAMERA_STATUS_T_STATE_GONE) {
-        told.gone_steps++;
-        if (told.last_state != state) told.gone_since_ns = status->now_ns;
-        told.gone_ns += status->now_ns - told.gone_since_ns;
-        told.gone_since_ns = status->now_ns;
+        seen.gone_steps++;
+        if (seen.last_state != state) seen.gone_since_ns = status->now_ns;
+        seen.gone_ns += status->now_ns - seen.gone_since_ns;
+        seen.gone_since_ns = status->now_ns;
     }
-    if (state != told.last_state)
+    if (state != seen.last_state)
         printf("camera %s after %lld frames\n", names[state], (long long)status->delivered);
-    told.last_state = state;
+    seen.last_state = state;
     if (next_wanted < wanted_count && strcmp(wanted[next_wanted], names[state]) == 0) next_wanted++;
 }
 
 static void take_pose(int state)
 {
     if (state < 0 || state > 4) tool_fail("unknown state %d of the pose", state);
-    if (state != last_pose) printf("pose %s after %ld poses\n", pose_names[state], told.poses);
+    if (state != last_pose) printf("pose %s after %ld poses\n", pose_names[state], seen.poses);
     if (next_pose < pose_count && wanted_poses[next_pose] == state) {
         next_pose++;
         lost_too_late = lost_too_late || (state == 3 && step_has_frame);
     }
-    told.pose_state[state]++;
+    seen.pose_state[state]++;
     last_pose = state;
 }
 
@@ -70,7 +70,7 @@ static void take_event(const struct fovea_log_event *event)
     fovea_camera_status_t status;
     fovea_pose_t pose;
     if (fovea_log_channel_is(event->channel, "FRAME")) {
-        told.frames++;
+        seen.frames++;
         frame_came = true;
     }
     if (fovea_log_channel_is(event->channel, "INPUTS")) { /* begins a step, behind its frame */
@@ -85,7 +85,7 @@ static void take_event(const struct fovea_log_event *event)
     if (fovea_log_channel_is(event->channel, "CAMERA_POSE") &&
         fovea_pose_t_decode(data, 0, (int)event->bytes, &pose) >= 0) {
         take_pose(pose.state);
-        told.poses++;
+        seen.poses++;
         fovea_pose_t_decode_cleanup(&pose);
     }
 }
@@ -108,13 +108,13 @@ int tool_states(int argc, char **argv)
     fovea_log_close(log);
     printf(
         "%ld frames, %ld poses (%ld starting, %ld tracking, %ld weak, %ld lost); delivered %llu, damaged %llu, dropped %llu, recovered %llu; %ld steps in %.2f s while gone\n",
-        told.frames, told.poses, told.pose_state[0], told.pose_state[1], told.pose_state[2],
-        told.pose_state[3], (unsigned long long)told.delivered, (unsigned long long)told.damaged,
-        (unsigned long long)told.dropped, (unsigned long long)told.recovered, told.gone_steps,
-        (double)told.gone_ns * 1e-9);
+        seen.frames, seen.poses, seen.pose_state[0], seen.pose_state[1], seen.pose_state[2],
+        seen.pose_state[3], (unsigned long long)seen.delivered, (unsigned long long)seen.damaged,
+        (unsigned long long)seen.dropped, (unsigned long long)seen.recovered, seen.gone_steps,
+        (double)seen.gone_ns * 1e-9);
     const bool went_on =
-        rate_hz == 0 || (told.gone_steps >= 3 &&
-                         (double)told.gone_steps >= 0.7 * rate_hz * (double)told.gone_ns * 1e-9);
+        rate_hz == 0 || (seen.gone_steps >= 3 &&
+                         (double)seen.gone_steps >= 0.7 * rate_hz * (double)seen.gone_ns * 1e-9);
     if (lost_too_late) printf("lost only when the camera was back\n");
     return next_wanted == wanted_count && next_pose == pose_count && !lost_too_late && went_on ? 0
                                                                                                : 1;

@@ -37,13 +37,13 @@ static void sleep_ms(long ms)
     nanosleep(&pause, NULL);
 }
 
-/* Run the very command that users are told. */
+/* Run the very command that users are shown. */
 static void mend_as_told(void)
 {
-    static const char told[] = FV_TRANSPORT_MEND, sudo[] = "sudo ";
-    char command[2 * sizeof told] = "set -e; ";
+    static const char line[] = FV_TRANSPORT_MEND, sudo[] = "sudo ";
+    char command[2 * sizeof line] = "set -e; ";
     size_t used = strlen(command);
-    for (const char *at = told; *at != '\0';) {
+    for (const char *at = line; *at != '\0';) {
         if (strncmp(at, sudo, sizeof sudo - 1) == 0) /* root already */
             at += sizeof sudo - 1;
         else
@@ -356,9 +356,9 @@ static void test_commands(void **state)
     expect_counts(transport, counts.commands + 1, counts.commands_refused);
     assert_int_equal(fv_transport_commands(transport), FOVEA_COMMAND_RESET);
     lcm_destroy(lcm);
-    char *told = NULL, expected[128];
+    char *printed = NULL, expected[128];
     size_t bytes;
-    FILE *out = open_memstream(&told, &bytes);
+    FILE *out = open_memstream(&printed, &bytes);
     fv_transport_tell(out, transport);
     fclose(out);
     fv_transport_counts(transport, &counts);
@@ -366,8 +366,8 @@ static void test_commands(void **state)
              "  LCM: packets dropped: 2 (type)\n"
              "  LCM: commands refused: 2 (unknown), 1 (too often), %d (loop busy)\n",
              (int)counts.commands_refused - 3);
-    assert_string_equal(told, expected);
-    free(told);
+    assert_string_equal(printed, expected);
+    free(printed);
     fv_transport_close(transport);
 }
 

@@ -144,8 +144,8 @@ def judge(sequences):
 
 def threshold_of(arguments):
     """The model's threshold of score."""
-    told = subprocess.run([arguments.fovea, "model", "info", arguments.model], check=True, capture_output=True, text=True).stdout
-    return float(re.search(r"^boxes +score at least ([0-9.]+),", told, re.MULTILINE).group(1))
+    printed = subprocess.run([arguments.fovea, "model", "info", arguments.model], check=True, capture_output=True, text=True).stdout
+    return float(re.search(r"^boxes +score at least ([0-9.]+),", printed, re.MULTILINE).group(1))
 
 
 def peers(looks, frames, published, all_boxes):

@@ -54,7 +54,7 @@ def fit(model, scenes, backgrounds, classes, steps, batch=16, rate=2e-3, seed=1,
     with multiprocessing.Pool(1, _start, (scenes, backgrounds, classes, seed, counter)) as pool:
         pending = [pool.apply_async(_batch, (batch,)) for _ in range(4)]
         recent, entered = [], time.monotonic()
-        begun, told = entered if begun is None else begun, entered
+        begun, printed = entered if begun is None else begun, entered
         limit = max(begun + 60 * minutes - entered, 1.0) if minutes else np.inf
         for step in range(steps):
             done = max(step / steps, (time.monotonic() - entered) / limit)
@@ -67,10 +67,10 @@ def fit(model, scenes, backgrounds, classes, steps, batch=16, rate=2e-3, seed=1,
             recent.append(float(train(images, grid)))
             now = time.monotonic()
             progress.show("train", step + 1, steps, f"loss {np.mean(recent):.3f}  {now - begun:.0f} s")
-            if (step + 1) % 100 == 0 or now - told > 60:
+            if (step + 1) % 100 == 0 or now - printed > 60:
                 progress.clear()
                 report(f"step {step + 1} of {steps}, loss {np.mean(recent):.3f}, {now - begun:.0f} s")
-                recent, told = [], now
+                recent, printed = [], now
             if keep is not None and (step + 1) % 500 == 0:
                 keep(step + 1)
     progress.clear()

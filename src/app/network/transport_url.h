@@ -35,7 +35,7 @@ bool fv_transport_appends(const char *url);
 enum fovea_status fv_transport_server(const char *url, struct sockaddr_in *address,
                                       struct fovea_error *error);
 
-/* Is there a route to the group, a server that answers within 2 s? Opening a log tells the rest.
+/* Is there a route to the group, a server that answers within 2 s? Opening a log shows the rest.
  * FOVEA_ERROR_SYSTEM: no, and `error` holds what mends it. */
 enum fovea_status fv_transport_reachable(const char *url, struct fovea_error *error);
 

@@ -558,28 +558,28 @@ static enum fv_recording_holds part_held(struct fv_recorder *recorder)
 enum fovea_status fv_recorder_close(struct fv_recorder *recorder,
                                     struct fv_recorder_summary *summary)
 {
-    struct fv_recorder_summary told = {.complete = true};
+    struct fv_recorder_summary closed = {.complete = true};
     if (recorder != NULL) {
         atomic_store_explicit(&recorder->stop, true, memory_order_release);
         pthread_join(recorder->thread, NULL);
-        told.complete = atomic_load(&recorder->ending) == RUNNING;
+        closed.complete = atomic_load(&recorder->ending) == RUNNING;
         const int call = fv_stall_enter(recorder->path);
         struct fovea_error why;
         const enum fv_recording_holds holds =
-            told.complete ? FV_RECORDING_ALL : part_held(recorder);
-        if (fv_recording_file_close(&recorder->place, holds, &why) != FOVEA_OK && told.complete) {
+            closed.complete ? FV_RECORDING_ALL : part_held(recorder);
+        if (fv_recording_file_close(&recorder->place, holds, &why) != FOVEA_OK && closed.complete) {
             snprintf(recorder->reason, sizeof recorder->reason, "%.180s", why.text);
             say_ended(recorder);
-            told.complete = false;
+            closed.complete = false;
         }
-        memcpy(told.path, recorder->place.output.path, sizeof told.path);
+        memcpy(closed.path, recorder->place.output.path, sizeof closed.path);
         fv_stall_leave(call);
-        told.events = recorder->written.events;
-        told.bytes = recorder->written.bytes;
-        told.turns_lost = recorder->turns_lost;
-        memcpy(told.reason, recorder->reason, sizeof told.reason);
+        closed.events = recorder->written.events;
+        closed.bytes = recorder->written.bytes;
+        closed.turns_lost = recorder->turns_lost;
+        memcpy(closed.reason, recorder->reason, sizeof closed.reason);
         release(recorder);
     }
-    if (summary != NULL) *summary = told;
-    return told.complete ? FOVEA_OK : FOVEA_ERROR_SYSTEM;
+    if (summary != NULL) *summary = closed;
+    return closed.complete ? FOVEA_OK : FOVEA_ERROR_SYSTEM;
 }

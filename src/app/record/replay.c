@@ -303,18 +303,18 @@ static void compare_number(struct replay *replay, const char *field, uint64_t fo
 static enum fovea_status end(struct replay *replay, struct fovea_error *error)
 {
     struct fv_replay_result *result = replay->result;
-    struct fv_recording_end told;
+    struct fv_recording_end stated;
     const char *problem;
     size_t at;
-    if (!fv_recording_end_decode(replay->event.data, replay->event.bytes, &told, &problem, &at))
+    if (!fv_recording_end_decode(replay->event.data, replay->event.bytes, &stated, &problem, &at))
         return refuse(replay, at, problem, error);
     expect_none_left(replay);
-    compare_number(replay, "turns", result->works, told.turns);
-    compare_number(replay, "events", replay->events, told.events);
+    compare_number(replay, "turns", result->works, stated.turns);
+    compare_number(replay, "events", replay->events, stated.events);
     compare_number(replay, "hash of all events before",
-                   fv_hash(replay->hash, told.reason, strlen(told.reason)), told.hash);
-    result->end = told.reason[0] != '\0' ? FV_REPLAY_ENDED_EARLY : FV_REPLAY_WHOLE;
-    memcpy(result->reason, told.reason, sizeof result->reason);
+                   fv_hash(replay->hash, stated.reason, strlen(stated.reason)), stated.hash);
+    result->end = stated.reason[0] != '\0' ? FV_REPLAY_ENDED_EARLY : FV_REPLAY_WHOLE;
+    memcpy(result->reason, stated.reason, sizeof result->reason);
     fv_say_clean(result->reason);
     return FOVEA_OK;
 }

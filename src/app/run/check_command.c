@@ -373,7 +373,7 @@ static enum fovea_status machine_check(struct check *check, const struct fovea_e
     return FOVEA_OK;
 }
 
-/* The table, and the block of which it tells. */
+/* The table, and the block that it describes. */
 static enum fovea_status memory_check(struct check *check, struct fovea_error *lock,
                                       struct fovea_error *error)
 {
