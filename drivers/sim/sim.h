@@ -345,7 +345,7 @@ void fv_sim_sensor_expose(struct fv_sim_sensor *sensor, const uint16_t *linear, 
 struct fv_sim_odometry {
     uint64_t count;           /* samples given */
     double last[12];          /* true T_world_cam of the last one */
-    double R[9], position[3]; /* its reading: T_odom_body */
+    double R[9], position[3]; /* its reading: T_wheel_odom_body */
 };
 
 /* The inertial sensor so far (imu.c). */

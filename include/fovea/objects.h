@@ -56,8 +56,8 @@ struct fovea_objects_config {
     /* [1, 10000], default 60: a detection farther from a track is another object */
     double max_distance_px;
     uint32_t max_disappeared; /* [0, 10000], default 20: a track unseen in more images ends */
-    /* objects stand on the floor, which is z = 0 of the body frame (T_body_cam says how high the
-     * camera is); default false */
+    /* objects stand on the floor, which is z = 0 of the body frame: T_body_cam must state the
+     * height of the camera over it; default false */
     bool ground;
     /* Height of an object of each class, metres, at most FOVEA_OBJECT_HEIGHT_MAX_M; 0: not known.
      * One standard deviation is taken to be a tenth. */

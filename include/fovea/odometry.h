@@ -66,13 +66,15 @@ struct fovea_odometry_config {
 struct fovea_pose {
     enum fovea_tracking_state state;
     bool posed; /* T_world_cam is valid */
-    /* Row-major 3x4; the world is `odom` of REP-105, continuous where loops correct the map; its
-     * unit is the metre unless the scale is free. */
+    /* Row-major 3x4; the world is the camera's frame at the start of the map, continuous where
+     * loops correct the map, as REP-105's `odom`; its unit is the metre unless the scale is free.
+     */
     double T_world_cam[12];
     /* p_map = map_scale R p_world + t with [R t] = T_map_odom (row-major 3x4): where the map, as
-     * corrected by loops, has what the continuous world has at p_world. Identity and 1 before the
-     * first correction; with a scale both are in metres, map_scale is 1, and T_map_odom takes up
-     * what a better estimate changes. */
+     * corrected by loops, has what the continuous world has at p_world. In the axes of that camera;
+     * messages have the same in those of the body. Identity and 1 before the first correction; with
+     * a scale both are in metres, map_scale is 1, and T_map_odom takes up what a better estimate
+     * changes. */
     double T_map_odom[12], map_scale;
     /* Covariance of the pose relative to its reference keyframe: upper triangle by rows of the 6x6
      * matrix over (x y z, rotation x y z) in the camera frame; lengths in the world's unit, angles
@@ -84,9 +86,10 @@ struct fovea_pose {
      * features with the oldest image held. */
     uint32_t matches, inliers;
     float quality; /* share of the landmarks predicted to be visible that are inliers, [0, 1] */
-    uint32_t reset_counter; /* rises whenever a new map is started after the first */
-    /* of the map that began this world; 0: the first. A map that it was merged into
-     * shows in T_map_odom alone */
+    /* rises with each reset, and when a new map is started after the camera was lost */
+    uint32_t reset_counter;
+    /* of the map that began this world; 0: the first; that of an older map when the camera is found
+     * again in one. A map that it was merged into shows in T_map_odom alone */
     uint32_t map_id;
     uint32_t keyframes, landmarks;        /* in all maps */
     enum fovea_scale_source scale_source; /* FOVEA_SCALE_FREE until a scale is known */

@@ -24,19 +24,21 @@ enum { FOVEA_SOURCE_FRAMES_HELD = 2 };
 
 /* On which clock a stamp was taken. */
 enum fovea_clock {
-    FOVEA_CLOCK_MONOTONIC = 0, /* CLOCK_MONOTONIC of this host */
+    /* CLOCK_MONOTONIC of the host of the camera, also when its recording is played */
+    FOVEA_CLOCK_MONOTONIC = 0,
     FOVEA_CLOCK_BOOTTIME = 1,
     FOVEA_CLOCK_REALTIME = 2, /* UTC since 1970 */
-    FOVEA_CLOCK_RECORDED = 3, /* whatever clock the recording was made with */
+    FOVEA_CLOCK_RECORDED = 3, /* whatever clock a recording of other programs was made with */
     FOVEA_CLOCK_SIMULATED = 4 /* starts at 0 with the run */
 };
 
 /* Which instant of the exposure a stamp means. */
 enum fovea_stamp_meaning {
     FOVEA_STAMP_UNKNOWN = 0,
-    FOVEA_STAMP_EXPOSURE_START = 1,
+    FOVEA_STAMP_EXPOSURE_START = 1, /* of the first row */
+    /* of the middle row where the readout time is known, else of the first (global: of all) */
     FOVEA_STAMP_EXPOSURE_MIDDLE = 2,
-    FOVEA_STAMP_EXPOSURE_END = 3
+    FOVEA_STAMP_EXPOSURE_END = 3 /* end of the frame: the last row was read out */
 };
 
 /* State of a source as the loop and LCM see it. */

@@ -29,12 +29,12 @@ static void observe(struct fv_scale *scale, const struct fovea_wheel_odometry_sa
         apart_ns(sample->stamp_ns, last) > gap_most_ns)
         s->place_count = 0;
     if (s->place_count > 0 && sample->stamp_ns <= last) return;
-    struct fv_se3 T_odom_body;
-    fv_so3_from_quaternion(sample->orientation, T_odom_body.R);
-    fv_copy3(sample->position_m, T_odom_body.t);
+    struct fv_se3 T_wheel_odom_body;
+    fv_so3_from_quaternion(sample->orientation, T_wheel_odom_body.R);
+    fv_copy3(sample->position_m, T_wheel_odom_body.t);
     struct fv_scale_place *place = &s->places[s->place_count++ % FV_SCALE_PLACES_MAX];
     place->stamp_ns = sample->stamp_ns;
-    fv_se3_apply(&T_odom_body, scale->T_body_cam.t, place->at);
+    fv_se3_apply(&T_wheel_odom_body, scale->T_body_cam.t, place->at);
 }
 
 void fv_scale_observe(struct fv_scale *scale, const struct fovea_sample *samples, uint32_t count)

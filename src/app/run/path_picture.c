@@ -333,7 +333,7 @@ static bool map_take(struct fovea *rt, const struct fovea_config *config, struct
 
 static const char *unit_of(const struct fv_trajectory_summary *path)
 {
-    return isfinite(path->scale) || path->metric ? "m" : "median depths of the first map";
+    return isfinite(path->scale) || path->metric ? "m" : "median depths at the start";
 }
 
 enum fovea_status fv_picture_map(struct fv_canvas *canvas, const struct fv_area *area,

@@ -93,8 +93,8 @@ static void scale_print(const struct fv_run *run)
     else if (wanted != FOVEA_SCALE_FREE)
         printf("  scale: not known at the end, though scale.source names %s\n", sources[wanted]);
     else
-        printf("  scale: unknown; the unit is the median depth of the first map (scale.source "
-               "gives metres)\n");
+        printf("  scale: unknown; the unit is the median depth at the start of each map "
+               "(scale.source gives metres)\n");
 }
 
 static void path_print(const struct fv_run *run, const struct fv_trajectory_summary *path,

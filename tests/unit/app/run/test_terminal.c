@@ -239,7 +239,7 @@ static void test_the_summary_says_why_nothing_was_posed(void **state)
     expect_none("scale:");
     assert_int_equal(run_source(&no_terminal, "sim:orbit", "60"), 0);
     expect_none("why no pose");
-    expect("scale: unknown; the unit is the median depth of the first map");
+    expect("scale: unknown; the unit is the median depth at the start of each map");
 }
 
 static void test_the_summary_says_how_well_scale_is_known(void **state)
