@@ -67,8 +67,7 @@ struct fovea_pose {
     enum fovea_tracking_state state;
     bool posed; /* T_world_cam is valid */
     /* Row-major 3x4; the world is the camera's frame at the start of the map, continuous where
-     * loops correct the map, as REP-105's `odom`; its unit is the metre unless the scale is free.
-     */
+     * loops correct the map, as `odom`; its unit is the metre unless the scale is free. */
     double T_world_cam[12];
     /* p_map = map_scale R p_world + t with [R t] = T_map_odom (row-major 3x4): where the map, as
      * corrected by loops, has what the continuous world has at p_world. In the axes of that camera;
