@@ -375,7 +375,9 @@ static void test_other_commands_end_by_signals(void **state)
     snprintf(made, sizeof made, "%s/made", folder);
     snprintf(log, sizeof log, "%s/sent.lcm", folder);
     snprintf(sent, sizeof sent, "file://%s?mode=w", log);
-    const char *const record[] = {RUN("sim:still"), "--frames", "90", "--record", recording, NULL};
+    /* Half a minute of small frames: a replay by the clock does not end before its signal. */
+    const char *const record[] = {
+        RUN("sim:still?width=160&height=120"), "--frames", "900", "--record", recording, NULL};
     const char *const replay[] = {"replay", "--rate", "real", "--lcm-url", sent, recording, NULL};
     const char *const export[] = {"export", "--source", "sim:still", "--frames",
                                   "100000", made,       NULL};

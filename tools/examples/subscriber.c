@@ -35,11 +35,13 @@ int main(int argc, char **argv)
     lcm_t *lcm = lcm_create(argc > 1 ? argv[1] : NULL); /* NULL: $LCM_DEFAULT_URL, or LCM's own */
     const long wanted = argc > 2 ? atol(argv[2]) : 0;   /* 0: for ever */
     if (lcm == NULL) return 1;
-    fovea_pose_t_subscribe(lcm, "FOVEA_POSE", on_pose, NULL);
+    fovea_pose_t_subscription_t *poses = fovea_pose_t_subscribe(lcm, "FOVEA_POSE", on_pose, NULL);
+    if (poses == NULL) return 1;
     printf("listening\n");
     fflush(stdout);
     while ((wanted == 0 || received < wanted) && lcm_handle(lcm) == 0) {
     }
+    fovea_pose_t_unsubscribe(lcm, poses);
     lcm_destroy(lcm);
     return received >= wanted ? 0 : 1;
 }
