@@ -29,6 +29,8 @@ enum fovea_tracking_state {
 
 /* A frame has a pose only with at least this number of landmarks that agree with it. */
 enum { FOVEA_POSED_INLIERS_MIN = 20 };
+/* A map is started only from two frames with at least this number of matched features. */
+enum { FOVEA_START_MATCHES_MIN = 80 };
 
 enum fovea_scale_source {
     FOVEA_SCALE_FREE = 0,          /* arbitrary: the unit is the median depth at the start */

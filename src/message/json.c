@@ -84,6 +84,20 @@ static int64_t integer_of(enum fv_wire wire, uint64_t bits)
     }
 }
 
+/* JSON's numbers have a point, printf's what the program's locale has there. Returns the bytes. */
+static int with_point(char *text)
+{
+    int used = 0;
+    for (const char *from = text; *from != '\0'; from++) {
+        if ((*from >= '0' && *from <= '9') || *from == '-' || *from == '+' || *from == 'e')
+            text[used++] = *from;
+        else if (used == 0 || text[used - 1] != '.')
+            text[used++] = '.';
+    }
+    text[used] = '\0';
+    return used;
+}
+
 static void put_number(struct writer *out, enum fv_wire wire, const uint8_t *data)
 {
     const uint64_t bits = fv_wire_read(data, sizes[wire]);
@@ -101,9 +115,10 @@ static void put_number(struct writer *out, enum fv_wire wire, const uint8_t *dat
         used = snprintf(text, sizeof text, "%s", bits != 0 ? "true" : "false");
     else if (!__builtin_isfinite(value))
         used = snprintf(text, sizeof text, "null");
-    else if (wire == FV_WIRE_FLOAT || wire == FV_WIRE_DOUBLE)
-        used = snprintf(text, sizeof text, "%.*g", wire == FV_WIRE_FLOAT ? 9 : 17, value);
-    else
+    else if (wire == FV_WIRE_FLOAT || wire == FV_WIRE_DOUBLE) {
+        snprintf(text, sizeof text, "%.*g", wire == FV_WIRE_FLOAT ? 9 : 17, value);
+        used = with_point(text);
+    } else
         used = snprintf(text, sizeof text, "%" PRId64, integer_of(wire, bits));
     put(out, text, (size_t)used);
 }

@@ -7,7 +7,6 @@
 #include "odometry/odometry.h"
 
 enum {
-    MATCHES_MIN = 80,     /* fewer, and the first view is given up */
     MATCHES_WANTED = 150, /* fewer, and a later one takes its place for the next frame */
     DISTANCE_MAX = 64,    /* Hamming */
     TRACKS_MAX = 800,     /* more bring nothing but time */
@@ -375,7 +374,7 @@ static uint32_t match_first(struct fv_odometry *o, const struct fv_kernels *kern
     struct fv_initialise_state *s = o->initialiser.state;
     for (int attempt = 0; attempt < 2 && s->count > 0; attempt++) {
         uint32_t count = match_views(o, kernels, s->slots[0], fv_map_current(&o->map));
-        if (count >= MATCHES_MIN) return count;
+        if (count >= FOVEA_START_MATCHES_MIN) return count;
         for (uint32_t drop = (s->count + 1) / 2; drop > 0; drop--)
             drop_first(s);
     }

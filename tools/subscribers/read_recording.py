@@ -9,6 +9,7 @@ as its size.
 """
 import json
 import math
+import os
 import re
 import struct
 import sys
@@ -75,14 +76,19 @@ def events(path):
     """Number, channel and data of each event of an LCM log."""
     with open(path, "rb") as file:
         while True:
+            at = file.tell()
             head = file.read(28)
-            if len(head) < 28:
+            if not head:
                 return
+            if len(head) < 28:
+                sys.exit(f"{path}: byte {at}: found {len(head)} bytes, expected an event: the log is cut off here")
             sync, number, _, channel_bytes, data_bytes = struct.unpack(">IQQII", head)
             if sync != 0xEDA1DA01:
-                sys.exit(f"{path}: byte {file.tell() - 28}: found no event, expected one")
-            channel = file.read(channel_bytes).decode()
-            yield number, channel, file.read(data_bytes)
+                sys.exit(f"{path}: byte {at}: found no event, expected one")
+            channel, data = file.read(channel_bytes), file.read(data_bytes)
+            if len(channel) + len(data) < channel_bytes + data_bytes:
+                sys.exit(f"{path}: byte {at}: found an event cut off, expected {channel_bytes + data_bytes} bytes after its head")
+            yield number, channel.decode(), data
 
 
 def plain(value):
@@ -100,7 +106,9 @@ def main():
     if len(sys.argv) < 2:
         sys.exit(__doc__)
     types, by_hash, prefix = {}, {}, ""
+    empty = True
     for number, channel, data in events(sys.argv[1]):
+        empty = False
         if number == 0:
             header = Reader(read_types(RECORDING), data).struct("fovea.recording_t")
             prefix = header["channel_prefix"] + "_" if header["channel_prefix"] else ""
@@ -119,6 +127,12 @@ def main():
         if reader.at != len(data):
             sys.exit(f"{sys.argv[1]}: event {number}, {channel}: found {len(data)} bytes, expected {reader.at}")
         print(json.dumps({"channel": channel, "type": name, "message": plain(message)}))
+    sys.stdout.flush()
+    if empty:
+        sys.exit(f"{sys.argv[1]}: found no event, expected a recording")
 
 
-main()
+try:
+    main()
+except BrokenPipeError:  # the reader has enough
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

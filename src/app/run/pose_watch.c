@@ -6,7 +6,6 @@
 
 /* Initialisation needs this many matches between two images (src/odometry/initialise.c): fewer, and
  * the view waited on is given up. */
-enum { START_MATCHES_MIN = 80 };
 
 void fv_watch_open(struct fv_watch *watch, bool odometry, bool by_clock)
 {
@@ -115,7 +114,7 @@ void fv_watch_step(struct fv_watch *watch, const struct fovea *rt,
     if (processed && state == FV_WATCH_STARTING) {
         watch->starting_frames++;
         watch->starting_features += stats.features;
-        watch->starting_matched += pose.matches >= START_MATCHES_MIN;
+        watch->starting_matched += pose.matches >= FOVEA_START_MATCHES_MIN;
     }
     atomic_store_explicit(&watch->now_state, (int)state, memory_order_relaxed);
     atomic_store_explicit(&watch->source_state, (int)inputs->source_state, memory_order_relaxed);
@@ -151,7 +150,7 @@ const char *fv_watch_why_no_pose(const struct fv_watch *watch, bool localise_onl
         return watch->paused ? "the run was paused all the time" : "no frame was processed";
     if (localise_only) return "the camera was never found in the loaded map";
     if (watch->starting_frames == 0) return "no state but lost was reached";
-    if (watch->starting_features < START_MATCHES_MIN * watch->starting_frames)
+    if (watch->starting_features < FOVEA_START_MATCHES_MIN * watch->starting_frames)
         return "too few corners in the images: more light, texture or focus is needed";
     if (watch->starting_matched * 4 < watch->starting_frames)
         return "too few corners were found again from image to image: the motion is too fast, or "

@@ -4,12 +4,15 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <locale.h>
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include <cmocka.h>
 
+#include "common/datasets.h"
 #include "fovea/messages.h"
 
 #include "fovea_detections_t.h"
@@ -53,6 +56,34 @@ static void numbers_arrays_and_rows(void **state)
         "\"reset_counter\": -7, \"width\": 640, \"height\": 0, \"asked\": 0, \"count\": 2, \"p_px\": [[1.5, "
         "-0.25], [null, null]], \"size_px\": [31, 0.100000001], \"level\": [0, 255], \"score\": [1, 2]}");
     assert_string_equal(fovea_message_type(data, sizeof data), "fovea.features_t");
+}
+
+/* A program may have set a locale whose numbers have a comma. */
+static void numbers_have_a_point_in_every_locale(void **state)
+{
+    (void)state;
+    char folder[FV_TEST_PATH_BYTES], command[FV_TEST_PATH_BYTES + 128];
+    uint8_t data[512], level[1] = {1}, score[1] = {1};
+    float p[2] = {1.5F, -0.25F}, size[1] = {0.1F}, *rows[1] = {p};
+    const fovea_features_t message = {
+        .count = 1, .p_px = rows, .size_px = size, .level = level, .score = score};
+    fv_test_folder(folder);
+    snprintf(command, sizeof command, "localedef -i de_DE -f UTF-8 %s/de_DE.UTF-8 >/dev/null 2>&1",
+             folder);
+    const bool made = system(command) == 0 && setenv("LOCPATH", folder, 1) == 0 &&
+                      setlocale(LC_ALL, "de_DE.UTF-8") != NULL;
+    if (made) {
+        char number[8];
+        snprintf(number, sizeof number, "%.1f", 1.5);
+        assert_string_equal(number, "1,5");
+        json_of(data, fovea_features_t_encode(data, 0, sizeof data, &message));
+        setlocale(LC_ALL, "C");
+        assert_non_null(strstr(text, "\"p_px\": [[1.5, -0.25]], \"size_px\": [0.100000001]"));
+    } else {
+        print_message("SKIPPED numbers in a locale: no localedef with de_DE here\n");
+    }
+    fv_test_folder_remove(folder);
+    if (!made) skip();
 }
 
 static void nothing_in_an_array(void **state)
@@ -151,6 +182,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(numbers_arrays_and_rows),
+        cmocka_unit_test(numbers_have_a_point_in_every_locale),
         cmocka_unit_test(nothing_in_an_array),
         cmocka_unit_test(structs_in_structs),
         cmocka_unit_test(strings_are_json_whatever_is_in_them),
