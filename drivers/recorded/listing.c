@@ -183,23 +183,65 @@ void fv_listing_set_samples(struct fv_listing *listing, const struct fv_samples 
     listing->samples = *samples;
 }
 
+struct place {
+    int64_t stamp_ns;
+    uint32_t index; /* of a frame */
+};
+
+static int compare_places(const void *a, const void *b)
+{
+    const struct place *p = a, *q = b;
+    if (p->stamp_ns != q->stamp_ns) return p->stamp_ns < q->stamp_ns ? -1 : 1;
+    return p->index < q->index ? -1 : p->index > q->index;
+}
+
+/* The frames of a list by their stamps, whatever the order in which they are listed; NULL: out of
+ * memory. The caller frees it. */
+static struct place *sort_by_stamp(const struct fv_listing *listing)
+{
+    struct place *places = malloc((listing->count + 1) * sizeof *places);
+    for (size_t i = 0; places != NULL && i < listing->count; i++)
+        places[i] = (struct place){.stamp_ns = listing->frames[i].stamp_ns, .index = (uint32_t)i};
+    if (places != NULL) qsort(places, listing->count, sizeof *places, compare_places);
+    return places;
+}
+
+/* The first frame that has the stamp. */
+static uint32_t find_stamp(const struct place *places, size_t count, int64_t stamp_ns)
+{
+    size_t low = 0, high = count;
+    while (low < high) {
+        const size_t middle = low + (high - low) / 2;
+        if (places[middle].stamp_ns < stamp_ns)
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    return low < count && places[low].stamp_ns == stamp_ns ? places[low].index : NO_PARTNER;
+}
+
 enum fovea_status fv_listing_pair(struct fv_listing *listing, struct fv_listing *second,
                                   struct fovea_error *error)
 {
-    size_t other = 0;
+    size_t pairs = 0;
+    struct place *places = sort_by_stamp(second);
     listing->second = second;
     listing->partner = malloc((listing->count + 1) * sizeof listing->partner[0]);
-    if (listing->partner == NULL)
+    if (places == NULL || listing->partner == NULL) {
+        free(places);
         return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory for a second camera",
                                second->folder);
-    for (size_t i = 0; i < listing->count; i++) {
-        const int64_t stamp_ns = listing->frames[i].stamp_ns;
-        while (other < second->count && second->frames[other].stamp_ns < stamp_ns)
-            other++;
-        const bool same = other < second->count && second->frames[other].stamp_ns == stamp_ns;
-        listing->partner[i] = same ? (uint32_t)other++ : NO_PARTNER;
     }
-    return FOVEA_OK;
+    for (size_t i = 0; i < listing->count; i++) {
+        listing->partner[i] = find_stamp(places, second->count, listing->frames[i].stamp_ns);
+        pairs += listing->partner[i] != NO_PARTNER;
+    }
+    free(places);
+    if (pairs > 0 || listing->count == 0) return FOVEA_OK;
+    return fovea_error_set(
+        error, FOVEA_ERROR_INPUT,
+        "%s: found none of the first camera's %zu stamps among %zu, expected equal stamps",
+        second->folder, listing->count, second->count);
 }
 
 /* ---- for the player -------------------------------------------------------------------------- */

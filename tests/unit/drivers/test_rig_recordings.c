@@ -136,6 +136,40 @@ static void test_euroc_rig(void **state)
     fv_test_folder_remove(top);
 }
 
+/* One stamp that leaps ahead costs its own frame the second image, wherever it stands. */
+static void test_leaping_stamps(void **state)
+{
+    const struct fovea_source_ops *ops = &fovea_source_euroc;
+    char uri[FV_TEST_PATH_BYTES], list[4096];
+    struct fovea_source *source;
+    struct fovea_frame frame;
+    struct fovea_error error;
+    (void)state;
+    const char *top = make_euroc(uri);
+    for (int of_first = 0; of_first < 2; of_first++) {
+        size_t used = 0;
+        for (int i = 0; i < FV_TEST_FRAMES; i++) {
+            const long long stamp_ns = first_ns + i * 50000000LL;
+            used += (size_t)snprintf(list + used, sizeof list - used, "%lld,%lld.png\n",
+                                     i == 3 ? stamp_ns * 2 : stamp_ns, stamp_ns);
+        }
+        fv_test_write_text(
+            fv_test_path(top, of_first ? "mav0/cam0/data.csv" : "mav0/cam1/data.csv"), list);
+        if (ops->open(uri, &everything, &source, &error) != FOVEA_OK) fail_msg("%s", error.text);
+        assert_int_equal(ops->start(source, &error), FOVEA_OK);
+        for (int n = 0; n < FV_TEST_FRAMES; n++) {
+            if (of_first && n == 3) continue; /* skipped as damaged */
+            assert_int_equal(ops->dequeue(source, INT64_MAX, &frame), FOVEA_OK);
+            assert_true(frame.stamp_ns == first_ns + n * 50000000LL);
+            assert_int_equal(frame.images[1].data == NULL, n == 3);
+            ops->requeue(source, &frame);
+        }
+        assert_int_equal(ops->dequeue(source, INT64_MAX, &frame), FOVEA_END);
+        ops->close(source);
+    }
+    fv_test_folder_remove(top);
+}
+
 /* After a jump to frame 5 only the samples of the period before it come, not all since the start.
  */
 static void test_samples_after_a_start(void **state)
@@ -227,6 +261,21 @@ static void test_kitti_rig(void **state)
     fv_test_folder_remove(top);
 }
 
+/* Two cameras of which no frames belong together are not one camera. */
+static void test_no_common_stamp(void **state)
+{
+    char uri[FV_TEST_PATH_BYTES];
+    (void)state;
+    const char *top = make_euroc(uri);
+    fv_test_write_text(fv_test_path(top, "mav0/cam1/data.csv"), "5,5.png\n6,6.png\n");
+    expect_refused(
+        &fovea_source_euroc, uri,
+        "mav0/cam1/data: found none of the first camera's 12 stamps among 2, expected equal stamps");
+    fv_test_write_text(fv_test_path(top, "mav0/cam1/data.csv"), "#none\n");
+    expect_refused(&fovea_source_euroc, uri, "12 stamps among 0, expected equal stamps");
+    fv_test_folder_remove(top);
+}
+
 static void test_wrong_options(void **state)
 {
     char uri[FV_TEST_PATH_BYTES];
@@ -245,9 +294,10 @@ static void test_wrong_options(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_euroc_rig),     cmocka_unit_test(test_samples_after_a_start),
-        cmocka_unit_test(test_damaged_imu),   cmocka_unit_test(test_kitti_rig),
-        cmocka_unit_test(test_wrong_options),
+        cmocka_unit_test(test_euroc_rig),       cmocka_unit_test(test_samples_after_a_start),
+        cmocka_unit_test(test_damaged_imu),     cmocka_unit_test(test_kitti_rig),
+        cmocka_unit_test(test_wrong_options),   cmocka_unit_test(test_leaping_stamps),
+        cmocka_unit_test(test_no_common_stamp),
     };
     return cmocka_run_group_tests(tests, fv_test_place_set_up, fv_test_place_tear_down);
 }
