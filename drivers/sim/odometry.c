@@ -82,9 +82,12 @@ static void step(struct fovea_source *source, double time_s, double step_s)
     turn(o->R, R);
 }
 
+/* INT64_MAX: never. */
 static int64_t stamp_of(double begin_s, uint64_t count, double hz)
 {
-    return hz > 0 ? (int64_t)((begin_s + (double)count / hz) * 1e9 + 0.5) : INT64_MAX;
+    static const double most_ns = 9.2e18; /* that a stamp holds */
+    const double stamp_ns = hz > 0 ? (begin_s + (double)count / hz) * 1e9 + 0.5 : most_ns;
+    return stamp_ns < most_ns ? (int64_t)stamp_ns : INT64_MAX;
 }
 
 uint32_t fv_sim_samples(struct fovea_source *source, const struct fovea_frame *frame,

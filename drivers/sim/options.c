@@ -9,6 +9,9 @@
 static const char *const lens_name[] = {"radtan", "equidistant", "pinhole", NULL};
 static const char *const textures_name[] = {"natural", "repeated", NULL};
 
+static const double sample_hz_min = 0.01; /* of a sensor; 0: there is none */
+#define SAMPLE_HZ_MAX 1000
+
 #define AT(member) offsetof(struct fv_sim_options, member)
 static const struct fv_uri_option option_table[] = {
     {"seed", FV_URI_U64, AT(seed), 0, 9007199254740992.0, "integer", NULL},
@@ -26,9 +29,9 @@ static const struct fv_uri_option option_table[] = {
     {"objects", FV_URI_I32, AT(objects), 0, FV_SIM_OBJECTS_MAX, "moving objects", NULL},
     {"textures", FV_URI_WORD, AT(textures), 0, 0, "natural or repeated", textures_name},
     {"light", FV_URI_REAL, AT(light), 0.1, 4, "factor of brightness", NULL},
-    {"odometry", FV_URI_REAL, AT(odometry_hz), 0, 1000, "Hz", NULL},
+    {"odometry", FV_URI_REAL, AT(odometry_hz), 0, SAMPLE_HZ_MAX, "Hz", NULL},
     {"odometry_noise", FV_URI_REAL, AT(odometry_noise), 0, 1, "of a step, relative", NULL},
-    {"imu", FV_URI_REAL, AT(imu_hz), 0, 1000, "Hz", NULL},
+    {"imu", FV_URI_REAL, AT(imu_hz), 0, SAMPLE_HZ_MAX, "Hz", NULL},
     {"imu_noise", FV_URI_REAL, AT(imu_noise), 0, 100, "of EuRoC's densities, factor", NULL},
     {"baseline", FV_URI_REAL, AT(baseline_m), 0, 0.4, "metres, 0: one camera", NULL},
     {"time", FV_URI_REAL, AT(time_s), 0, 100000, "seconds", NULL},
@@ -47,6 +50,14 @@ static bool was_given(uint64_t given, size_t offset)
 }
 
 /* ---- values ---------------------------------------------------------------------------------- */
+
+static enum fovea_status check_sample_rate(const char *name, double hz, struct fovea_error *error)
+{
+    if (hz == 0 || hz >= sample_hz_min) return FOVEA_OK;
+    return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                           "sim: %s: found %g Hz, expected 0 or a number in [%g, %d]", name, hz,
+                           sample_hz_min, SAMPLE_HZ_MAX);
+}
 
 static enum fovea_status check_together(const struct fv_sim_options *options,
                                         struct fovea_error *error)
@@ -67,7 +78,8 @@ static enum fovea_status check_together(const struct fv_sim_options *options,
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "sim: fov: found %g, expected at most %g degrees with this lens",
                                options->fov_deg, widest);
-    return FOVEA_OK;
+    const enum fovea_status status = check_sample_rate("odometry", options->odometry_hz, error);
+    return status == FOVEA_OK ? check_sample_rate("imu", options->imu_hz, error) : status;
 }
 
 static int32_t default_objects(enum fv_sim_trajectory trajectory)

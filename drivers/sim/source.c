@@ -169,6 +169,21 @@ static enum fovea_status select_frames(struct fovea_source *source, struct fovea
     return check_time(source, error);
 }
 
+/* What cannot be taken with the frames would lag behind them without end. */
+static enum fovea_status check_samples(const struct fovea_source *source, struct fovea_error *error)
+{
+    const struct fv_sim_options *o = &source->options;
+    const double samples_hz = o->odometry_hz + o->imu_hz,
+                 frames_hz = o->rate_hz / (double)source->selection.step;
+    if (source->deliverable == 1 || source->selection.reverse ||
+        samples_hz <= FOVEA_INPUT_SAMPLES_MAX * frames_hz)
+        return FOVEA_OK;
+    return fovea_error_set(
+        error, FOVEA_ERROR_INPUT,
+        "sim: imu, odometry: found %g samples per second beside %g frames, expected at most %d with each frame",
+        samples_hz, frames_hz, FOVEA_INPUT_SAMPLES_MAX);
+}
+
 /* The same camera again, to the right of the first, whose frame is the body's. */
 static void add_second(struct fovea_rig *rig, double baseline_m)
 {
@@ -192,6 +207,7 @@ static enum fovea_status sim_open(const char *address,
     source->options = options;
     source->selection = selection != NULL ? *selection : (struct fovea_source_selection){.step = 1};
     status = select_frames(source, error);
+    if (status == FOVEA_OK) status = check_samples(source, error);
     if (status == FOVEA_OK)
         status = make_camera(&options, &source->info.rig.cameras[0].camera, error);
     if (status == FOVEA_OK &&

@@ -65,6 +65,9 @@ static const struct {
     {"orbit?objects=49", {"objects", "'49'", "[0, 48]"}},
     {"orbit?exposure=50", {"exposure", "50", "frame period"}},
     {"orbit?fov=120", {"fov", "120", "110"}},
+    {"orbit?imu=1e-12", {"sim: imu:", "1e-12 Hz", "0 or a number in [0.01, 1000]"}},
+    {"orbit?odometry=0.009", {"sim: odometry:", "0.009 Hz", "0 or a number in [0.01, 1000]"}},
+    {"orbit?imu=1001", {"imu", "'1001'", "[0, 1000]"}},
     {"orbit?seed=1&=3", {"option", "''", "seed"}},
 };
 
@@ -138,6 +141,36 @@ static void test_open_refuses_what_cannot_be(void **state)
     fovea_source_sim.close(source);
 }
 
+/* As many samples as a step takes are played, more than that are refused. */
+static void test_samples_that_fit_a_frame(void **state)
+{
+    (void)state;
+    struct fovea_source *source = NULL;
+    struct fovea_error error;
+    struct fovea_frame frame;
+    static struct fovea_sample samples[FOVEA_INPUT_SAMPLES_MAX + 1];
+    const struct fovea_source_selection all = {.step = 1}, every_sixth = {.step = 6};
+    const char *full = "orbit?width=64&height=64&rate=4&frames=12&odometry=24&imu=1000",
+               *over = "orbit?width=64&height=64&rate=4&frames=12&odometry=25&imu=1000",
+               *slow = "orbit?width=64&height=64&rate=30&frames=30&odometry=300&imu=1000";
+    assert_int_equal(fovea_source_sim.open(over, &all, &source, &error), FOVEA_ERROR_INPUT);
+    assert_string_equal(
+        error.text,
+        "sim: imu, odometry: found 1025 samples per second beside 4 frames, expected at most 256 with each frame");
+    assert_int_equal(fovea_source_sim.open(slow, &every_sixth, &source, &error), FOVEA_ERROR_INPUT);
+    assert_non_null(strstr(error.text, "found 1300 samples per second beside 5 frames"));
+    assert_int_equal(fovea_source_sim.open(full, &all, &source, &error), FOVEA_OK);
+    assert_int_equal(fovea_source_sim.start(source, &error), FOVEA_OK);
+    for (int n = 0; n < 4; n++) {
+        assert_int_equal(fovea_source_sim.dequeue(source, INT64_MAX, &frame), FOVEA_OK);
+        assert_int_equal(
+            fovea_source_sim.samples(source, &frame, samples, FOVEA_INPUT_SAMPLES_MAX + 1),
+            n == 0 ? 2 : FOVEA_INPUT_SAMPLES_MAX);
+        fovea_source_sim.requeue(source, &frame);
+    }
+    fovea_source_sim.close(source);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -145,6 +178,7 @@ int main(void)
         cmocka_unit_test(test_values),
         cmocka_unit_test(test_wrong_ones_are_refused),
         cmocka_unit_test(test_open_refuses_what_cannot_be),
+        cmocka_unit_test(test_samples_that_fit_a_frame),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
