@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "lines.h"
+#include "support/calibration.h"
 #include "support/text.h"
 #include "support/yaml_tree.h"
 
@@ -27,7 +28,12 @@ static enum fovea_status read_sensor(const struct fovea_yaml_tree *tree, struct 
         if (status == FOVEA_OK)
             status = fovea_yaml_number(tree, node, 0, 1e6, rows[i].value, error);
     }
-    if (status == FOVEA_OK) memcpy(imu->T_body_imu, T, sizeof imu->T_body_imu);
+    if (status != FOVEA_OK) return status;
+    if (!fovea_calibration_is_rotation(T) || T[12] != 0 || T[13] != 0 || T[14] != 0 || T[15] != 1)
+        return fovea_yaml_refuse(
+            tree, data, "a rigid transform: rows of a rotation and a translation, then 0 0 0 1",
+            error);
+    memcpy(imu->T_body_imu, T, sizeof imu->T_body_imu);
     return status;
 }
 
@@ -47,15 +53,21 @@ enum fovea_status fv_euroc_imu_sensor(const char *path, struct fovea_rig_imu *im
 static enum fovea_status read_sample(const struct fv_lines *lines, const struct fv_samples *samples,
                                      struct fovea_sample *sample, struct fovea_error *error)
 {
-    double values[6];
+    enum { FIELDS = 7 };
+    double values[FIELDS - 1];
     int64_t stamp_ns;
     if (!fovea_text_integer(lines->fields[0], &stamp_ns))
         return fv_lines_refuse(lines, "timestamp", lines->fields[0], "whole nanoseconds", error);
     if (samples->count > 0 && stamp_ns <= samples->list[samples->count - 1].imu.stamp_ns)
         return fv_lines_refuse(lines, "timestamp", lines->fields[0], "one after the line before",
                                error);
+    if (lines->field_count != FIELDS)
+        return fovea_error_set(
+            error, FOVEA_ERROR_INPUT,
+            "%s:%u: angular rate and acceleration: found %zu numbers, expected %d", lines->file,
+            lines->line, lines->field_count - 1, FIELDS - 1);
     const enum fovea_status status =
-        fv_lines_numbers(lines, "angular rate and acceleration", 1, 6, values, error);
+        fv_lines_numbers(lines, "angular rate and acceleration", 1, FIELDS - 1, values, error);
     if (status != FOVEA_OK) return status;
     *sample = (struct fovea_sample){.kind = FOVEA_SAMPLE_IMU, .imu.stamp_ns = stamp_ns};
     memcpy(sample->imu.gyro, values, sizeof sample->imu.gyro);
@@ -76,5 +88,8 @@ enum fovea_status fv_euroc_imu_samples(const char *path, struct fv_samples *samp
         if (status != FOVEA_OK) break;
     }
     fv_lines_close(&lines);
-    return status == FOVEA_END ? FOVEA_OK : status;
+    if (status != FOVEA_END) return status;
+    if (samples->count > 0) return FOVEA_OK;
+    return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: found no samples, expected at least one",
+                           path);
 }

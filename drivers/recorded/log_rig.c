@@ -3,6 +3,8 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "support/calibration.h"
+
 /* Of the generated types. */
 int64_t __fovea_recording_t_get_hash(void);
 int64_t __fovea_rig_t_get_hash(void);
@@ -78,6 +80,9 @@ static enum fovea_status take_camera(struct cursor *cursor, struct fovea_rig_cam
     if (!all_finite(camera->T_body_cam, 12))
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "T_body_cam: found no finite number, expected metres");
+    if (camera->has_T_body_cam && !fovea_calibration_is_rotation(camera->T_body_cam))
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "T_body_cam: found no rotation, expected orthonormal rows");
     if (!camera->calibrated) return FOVEA_OK;
     if (lens->lens > FOVEA_LENS_EQUIDISTANT)
         return fovea_error_set(error, FOVEA_ERROR_INPUT, "lens: found %d, expected 0 or 1",
@@ -99,9 +104,13 @@ static enum fovea_status take_imu(struct cursor *cursor, struct fovea_rig *rig,
     imu->gyro_walk = noise[2];
     imu->acceleration_noise = noise[3];
     imu->acceleration_walk = noise[4];
-    if (all_finite(noise, 5) && all_finite(imu->T_body_imu, 12)) return FOVEA_OK;
+    if (cursor->short_of) return FOVEA_OK; /* said by the caller */
+    if (!all_finite(noise, 5) || !all_finite(imu->T_body_imu, 12))
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "imu: found a number that is not finite, expected finite ones");
+    if (!rig->has_imu || fovea_calibration_is_rotation(imu->T_body_imu)) return FOVEA_OK;
     return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                           "imu: found a number that is not finite, expected finite ones");
+                           "T_body_imu: found no rotation, expected orthonormal rows");
 }
 
 static enum fovea_status take_rig(struct cursor *cursor, struct fovea_rig *rig,

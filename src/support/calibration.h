@@ -84,6 +84,10 @@ enum fovea_status fovea_calibration_format_text(enum fovea_calibration_format fo
 enum fovea_status fovea_calibration_fit(struct fovea_camera *camera, int32_t width, int32_t height,
                                         bool scale, const char *origin, struct fovea_error *error);
 
+/* Whether the left 3 x 3 of a transform of 3 x 4, row by row, is a rotation: orthonormal to 1e-3,
+ * right-handed. */
+bool fovea_calibration_is_rotation(const double T[12]);
+
 #ifdef __cplusplus
 }
 #endif

@@ -34,3 +34,18 @@ enum fovea_status fovea_calibration_fit(struct fovea_camera *camera, int32_t wid
     *camera = fitted;
     return FOVEA_OK;
 }
+
+bool fovea_calibration_is_rotation(const double T[12])
+{
+    for (int i = 0; i < 3; i++) {
+        for (int j = i; j < 3; j++) {
+            const double *a = T + 4 * i, *b = T + 4 * j;
+            const double off = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] - (i == j ? 1.0 : 0.0);
+            if (!(off > -1e-3 && off < 1e-3)) return false;
+        }
+    }
+    const double determinant = T[0] * (T[5] * T[10] - T[6] * T[9]) -
+                               T[1] * (T[4] * T[10] - T[6] * T[8]) +
+                               T[2] * (T[4] * T[9] - T[5] * T[8]);
+    return determinant > 0.0;
+}

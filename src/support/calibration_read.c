@@ -141,7 +141,7 @@ static enum fovea_status read_distortion(const struct reader *r, node *list)
     return FOVEA_OK;
 }
 
-/* A rigid 4x4 or 3x4 transform; the rotation must be orthonormal to 1e-3, right-handed. */
+/* A rigid 4x4 or 3x4 transform. */
 static enum fovea_status read_transform(const struct reader *r, node *list, double T[12])
 {
     double values[16] = {0};
@@ -149,20 +149,9 @@ static enum fovea_status read_transform(const struct reader *r, node *list, doub
     node *data;
     const enum fovea_status status = read_list(r, list, 12, 16, values, &count, &data);
     if (status != FOVEA_OK) return status;
-    bool rigid = count == 12 || (count == 16 && values[12] == 0 && values[13] == 0 &&
-                                 values[14] == 0 && values[15] == 1);
-    for (int i = 0; i < 3 && rigid; i++) {
-        for (int j = i; j < 3; j++) {
-            const double *a = values + 4 * i, *b = values + 4 * j;
-            const double dot = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] - (i == j ? 1.0 : 0.0);
-            rigid = rigid && dot > -1e-3 && dot < 1e-3;
-        }
-    }
-    const double *v = values;
-    const double determinant = v[0] * (v[5] * v[10] - v[6] * v[9]) -
-                               v[1] * (v[4] * v[10] - v[6] * v[8]) +
-                               v[2] * (v[4] * v[9] - v[5] * v[8]);
-    if (!rigid || !(determinant > 0.0))
+    const bool rigid = count == 12 || (count == 16 && values[12] == 0 && values[13] == 0 &&
+                                       values[14] == 0 && values[15] == 1);
+    if (!rigid || !fovea_calibration_is_rotation(values))
         return fovea_yaml_refuse(
             r->tree, data, "a rigid transform: rows of a rotation and a translation, then 0 0 0 1",
             r->error);

@@ -44,6 +44,17 @@ static void write_second_camera(const char *top)
         "distortion_model: radial-tangential\ndistortion_coefficients: [-0.2, 0.05, 0.001, -0.001]\n");
 }
 
+static void write_imu_sensor(const char *top, const char *T_body_imu)
+{
+    char text[512];
+    snprintf(text, sizeof text,
+             "T_BS:\n  data: [%s]\n"
+             "rate_hz: 200\ngyroscope_noise_density: 1e-4\ngyroscope_random_walk: 2e-5\n"
+             "accelerometer_noise_density: 2e-3\naccelerometer_random_walk: 3e-3\n",
+             T_body_imu);
+    fv_test_write_text(fv_test_path(top, "mav0/imu0/sensor.yaml"), text);
+}
+
 /* Sample k is 5 ms after sample k - 1 and has the rate k / 7; `odd` replaces a line, from 1. */
 static void write_imu(const char *top, int line, const char *odd)
 {
@@ -60,10 +71,7 @@ static void write_imu(const char *top, int line, const char *odd)
     }
     fv_test_write_text(fv_test_path(top, "mav0/imu0/data.csv"), text);
     free(text);
-    fv_test_write_text(fv_test_path(top, "mav0/imu0/sensor.yaml"),
-                       "T_BS:\n  data: [1, 0, 0, 0.25,  0, 1, 0, 0,  0, 0, 1, 0,  0, 0, 0, 1]\n"
-                       "rate_hz: 200\ngyroscope_noise_density: 1e-4\ngyroscope_random_walk: 2e-5\n"
-                       "accelerometer_noise_density: 2e-3\naccelerometer_random_walk: 3e-3\n");
+    write_imu_sensor(top, "1, 0, 0, 0.25,  0, 1, 0, 0,  0, 0, 1, 0,  0, 0, 0, 1");
 }
 
 static const char *make_euroc(char uri[FV_TEST_PATH_BYTES])
@@ -207,6 +215,11 @@ static void expect_refused(const struct fovea_source_ops *ops, const char *uri, 
 /* One line with file and line. */
 static void test_damaged_imu(void **state)
 {
+    static const char *const transforms[] = {
+        "0, 0, 0, 0,  0, 0, 0, 0,  0, 0, 0, 0,  0, 0, 0, 0",  /* none */
+        "2, 0, 0, 0,  0, 2, 0, 0,  0, 0, 2, 0,  0, 0, 0, 1",  /* scaled */
+        "1, 0, 0, 0,  0, 1, 0, 0,  0, 0, -1, 0,  0, 0, 0, 1", /* a reflection */
+        "1, 0, 0, 0,  0, 1, 0, 0,  0, 0, 1, 0,  0, 0, 0, 2"};
     static const struct {
         int line;
         const char *odd, *said;
@@ -215,6 +228,8 @@ static void test_damaged_imu(void **state)
          "imu0/data.csv:3: angular rate and acceleration: found 'abc', expected a finite number"},
         {4, "1403638538592829376,1,2,3,4,5",
          "imu0/data.csv:4: angular rate and acceleration: found 5 numbers, expected 6"},
+        {7, "1403638538607829376,1,2,3,4,5,6,7",
+         "imu0/data.csv:7: angular rate and acceleration: found 7 numbers, expected 6"},
         {5, "x,1,2,3,4,5,6", "imu0/data.csv:5: timestamp: found 'x', expected whole nanoseconds"},
         {6, "1403638538577829376,1,2,3,4,5,6",
          "imu0/data.csv:6: timestamp: found '1403638538577829376', expected one after the line before"},
@@ -229,6 +244,17 @@ static void test_damaged_imu(void **state)
     write_imu(top, 0, "");
     fv_test_write_text(fv_test_path(top, "mav0/imu0/sensor.yaml"), "rate_hz: 200\n");
     expect_refused(&fovea_source_euroc, uri, "imu0/sensor.yaml:1: ");
+    write_imu(top, 0, "");
+    fv_test_write_text(fv_test_path(top, "mav0/imu0/data.csv"), "#timestamp [ns],w,a\n");
+    expect_refused(&fovea_source_euroc, uri,
+                   "imu0/data.csv: found no samples, expected at least one");
+    for (size_t i = 0; i < sizeof transforms / sizeof transforms[0]; i++) {
+        write_imu(top, 0, "");
+        write_imu_sensor(top, transforms[i]);
+        expect_refused(&fovea_source_euroc, uri,
+                       "imu0/sensor.yaml:2: T_BS.data: found a list of 16, expected a rigid "
+                       "transform: rows of a rotation");
+    }
     fv_test_folder_remove(top);
 }
 
