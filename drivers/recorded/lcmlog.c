@@ -18,6 +18,7 @@ struct entry {
     int64_t offset; /* of the frame's event, or of what could not be read */
     int64_t stamp_ns;
     bool stamped;
+    bool sample; /* of a sensor, damaged */
 };
 
 enum { HEADS_MAX = 8 };
@@ -172,8 +173,14 @@ static enum fovea_status make_index(struct recording *recording, struct heads *h
                            recording->path);
 }
 
+static int compare_entries(const void *a, const void *b)
+{
+    const struct entry *p = a, *q = b;
+    return p->offset < q->offset ? -1 : p->offset > q->offset;
+}
+
 /* The samples beside the frames, whose channel is known by now. Damage is passed over as in the
- * index, which has counted it; a sample that cannot be read is refused. */
+ * index, which has counted it; a sample that cannot be read becomes an entry, in its place. */
 static enum fovea_status read_samples(struct recording *recording, struct fovea_error *error)
 {
     struct fovea_log_event event;
@@ -188,11 +195,14 @@ static enum fovea_status read_samples(struct recording *recording, struct fovea_
         if (!is_own_sample(recording, event.channel)) continue;
         status = fovea_log_seek(recording->log, event.offset, error);
         if (status == FOVEA_OK) status = fovea_log_next(recording->log, &event, error);
-        if (status == FOVEA_OK) status = fovea_log_sample(recording->path, &event, &sample, error);
-        if (status == FOVEA_OK)
-            status = fv_samples_add(&recording->samples, &sample, recording->path, error);
+        if (status != FOVEA_OK) return status;
+        const struct entry damage = {.offset = event.offset, .sample = true};
+        status = fovea_log_sample(recording->path, &event, &sample, NULL) == FOVEA_OK
+                     ? fv_samples_add(&recording->samples, &sample, recording->path, error)
+                     : add_entry(recording, &damage, error);
         if (status != FOVEA_OK) return status;
     }
+    qsort(recording->entries, recording->count, sizeof recording->entries[0], compare_entries);
     fv_samples_sort(&recording->samples);
     return FOVEA_OK;
 }
@@ -203,9 +213,17 @@ static enum fovea_status read_frame(struct recording *recording, uint64_t index,
                                     struct fovea_frame *frame, struct fovea_error *error)
 {
     struct fovea_log_event event;
+    struct fovea_sample sample;
     enum fovea_status status =
         fovea_log_seek(recording->log, recording->entries[index].offset, error);
     if (status == FOVEA_OK) status = fovea_log_next(recording->log, &event, error);
+    if (status == FOVEA_OK && recording->entries[index].sample) {
+        status = fovea_log_sample(recording->path, &event, &sample, error);
+        if (status != FOVEA_OK) return status;
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "%s: found other bytes than before, expected a file at rest",
+                               recording->path);
+    }
     if (status == FOVEA_OK) status = fovea_log_frame(recording->path, &event, frame, error);
     return status;
 }

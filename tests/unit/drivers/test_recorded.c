@@ -635,6 +635,10 @@ static void test_log_rig(void **state)
     inside[8 + 3] = 5;
     assert_int_equal(fv_log_rig("x.log", &event, &found, &error), FOVEA_ERROR_INPUT);
     assert_non_null(strstr(error.text, "rig: camera_count: found 5, expected 1 to 4"));
+    inside[8 + 3] = 2;
+    memset(bytes + event.bytes - 18 * 8, 0, 8); /* T_body_imu[0] */
+    assert_int_equal(fv_log_rig("x.log", &event, &found, &error), FOVEA_ERROR_INPUT);
+    assert_non_null(strstr(error.text, "rig: T_body_imu: found no rotation, expected orthonormal"));
 }
 
 int main(void)

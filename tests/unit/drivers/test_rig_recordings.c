@@ -20,6 +20,9 @@ enum { W = FV_TEST_WIDTH, H = FV_TEST_HEIGHT, IMU_PER_FRAME = 10 };
 
 static char *const folder = fv_test_place;
 static const long long first_ns = 1403638538577829376LL;
+/* Of the generated type. */
+int64_t __fovea_imu_t_get_hash(void);
+
 static const struct fovea_source_selection everything = {.step = 1};
 
 /* Of the second camera frame 1 is not listed, and the file of frame 2 is not there. */
@@ -302,6 +305,74 @@ static void test_no_common_stamp(void **state)
     fv_test_folder_remove(top);
 }
 
+static size_t put_big_endian(uint8_t *bytes, uint64_t number, size_t count)
+{
+    for (size_t i = 0; i < count; i++)
+        bytes[i] = (uint8_t)(number >> 8 * (count - 1 - i));
+    return count;
+}
+
+/* An event with sample k at 5 ms * k after the first frame; damaged: of another type. */
+static size_t put_sample(uint8_t *bytes, int k, bool damaged)
+{
+    static const char channel[] = "FOVEA_IMU";
+    enum { DATA_BYTES = 34 + 6 * 8 };
+    const uint64_t hash = (uint64_t)__fovea_imu_t_get_hash();
+    size_t at = put_big_endian(bytes, 0xEDA1DA01, 4);
+    at += put_big_endian(bytes + at, 0, 8 + 8);
+    at += put_big_endian(bytes + at, sizeof channel - 1, 4);
+    at += put_big_endian(bytes + at, DATA_BYTES, 4);
+    memcpy(bytes + at, channel, sizeof channel - 1);
+    at += sizeof channel - 1;
+    memset(bytes + at, 0, DATA_BYTES);
+    put_big_endian(bytes + at, damaged ? ~hash : hash, 8);
+    put_big_endian(bytes + at + 8, 1000 + (uint64_t)k * 5000000, 8);
+    return at + DATA_BYTES;
+}
+
+/* A sample that cannot be read is skipped, counted and named; all others come, and all frames. */
+static void test_log_with_a_damaged_sample(void **state)
+{
+    const struct fovea_source_ops *ops = &fovea_source_lcmlog;
+    struct fovea_source *source;
+    struct fovea_source_counts counts;
+    struct fovea_sample samples[64];
+    struct fovea_frame frame;
+    struct fovea_error error;
+    size_t whole_bytes, used = 0;
+    int sample_count = 0;
+    (void)state;
+    const char *path = fv_test_lcmlog(folder);
+    uint8_t *whole = fv_test_read(path, &whole_bytes);
+    uint8_t *bytes = malloc(whole_bytes + (size_t)FV_TEST_FRAMES * IMU_PER_FRAME * 128);
+    assert_non_null(bytes);
+    for (size_t i = 0, event = whole_bytes / FV_TEST_FRAMES; i < FV_TEST_FRAMES; i++) {
+        memcpy(bytes + used, whole + i * event, event);
+        used += event;
+        for (int k = 0; k < IMU_PER_FRAME; k++)
+            used += put_sample(bytes + used, (int)i * IMU_PER_FRAME + k, i == 4 && k == 7);
+    }
+    fv_test_write(path, bytes, used);
+    if (ops->open(path, &everything, &source, &error) != FOVEA_OK) fail_msg("%s", error.text);
+    assert_int_equal(ops->start(source, &error), FOVEA_OK);
+    for (uint64_t n = 0; n < FV_TEST_FRAMES; n++) {
+        assert_int_equal(ops->dequeue(source, INT64_MAX, &frame), FOVEA_OK);
+        assert_int_equal(frame.sequence, n);
+        sample_count += (int)ops->samples(source, &frame, samples, 64);
+        ops->requeue(source, &frame);
+    }
+    assert_int_equal(ops->dequeue(source, INT64_MAX, &frame), FOVEA_END);
+    assert_int_equal(sample_count, (FV_TEST_FRAMES - 1) * IMU_PER_FRAME + 1 - 1);
+    ops->counts(source, &counts);
+    assert_int_equal(counts.damaged, 1);
+    assert_int_equal(ops->complaint(source, &error), FOVEA_OK);
+    assert_non_null(strstr(error.text, "found another type or length, expected fovea.imu_t"));
+    assert_int_equal(ops->complaint(source, &error), FOVEA_AGAIN);
+    ops->close(source);
+    free(whole);
+    free(bytes);
+}
+
 static void test_wrong_options(void **state)
 {
     char uri[FV_TEST_PATH_BYTES];
@@ -323,7 +394,7 @@ int main(void)
         cmocka_unit_test(test_euroc_rig),       cmocka_unit_test(test_samples_after_a_start),
         cmocka_unit_test(test_damaged_imu),     cmocka_unit_test(test_kitti_rig),
         cmocka_unit_test(test_wrong_options),   cmocka_unit_test(test_leaping_stamps),
-        cmocka_unit_test(test_no_common_stamp),
+        cmocka_unit_test(test_no_common_stamp), cmocka_unit_test(test_log_with_a_damaged_sample),
     };
     return cmocka_run_group_tests(tests, fv_test_place_set_up, fv_test_place_tear_down);
 }
