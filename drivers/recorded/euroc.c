@@ -59,22 +59,22 @@ static enum fovea_status read_second(struct fv_listing *listing, const char *mav
                                      const struct fovea_source_selection *selection,
                                      struct fovea_source_info *info, struct fovea_error *error)
 {
-    char cam[FV_PATH_BYTES], path[FV_PATH_BYTES];
+    char cam[FV_PATH_BYTES], calibration[FV_PATH_BYTES], list[FV_PATH_BYTES];
     struct fovea_source_info of_second = {.rate_hz = 0};
     double T_body_cam[12];
     bool has_T_body_cam;
     enum fovea_status status = fv_path_join(cam, mav, "cam1", error);
-    if (status == FOVEA_OK) status = fv_path_join(path, cam, "sensor.yaml", error);
+    if (status == FOVEA_OK) status = fv_path_join(calibration, cam, "sensor.yaml", error);
     if (status != FOVEA_OK) return status;
-    fv_listing_reads(listing, path);
-    status =
-        fv_info_set_calibration(&of_second, path, selection, T_body_cam, &has_T_body_cam, error);
+    fv_listing_reads(listing, calibration);
+    status = fv_info_set_calibration(&of_second, calibration, selection, T_body_cam,
+                                     &has_T_body_cam, error);
     if (status != FOVEA_OK) return status;
-    struct fv_listing *second = read_camera(cam, path, error);
+    struct fv_listing *second = read_camera(cam, list, error);
     if (second == NULL) return FOVEA_ERROR_INPUT;
     info->rig.camera_count = 2;
     info->rig.cameras[1] = of_second.rig.cameras[0];
-    return fv_listing_pair(listing, second, error);
+    return fv_listing_pair(listing, second, calibration, error);
 }
 
 static enum fovea_status read_imu(struct fv_listing *listing, const char *mav,

@@ -140,7 +140,8 @@ static enum fovea_status read_extras(struct fv_listing *listing, const char *fol
 
 /* The same stamps, other images. */
 static enum fovea_status read_second(struct fv_listing *listing, const char *folder,
-                                     const char *times, struct fovea_error *error)
+                                     const char *times, const char *calibration,
+                                     struct fovea_error *error)
 {
     char images[FV_PATH_BYTES];
     enum fovea_status status = fv_path_join(images, folder, "image_1", error);
@@ -154,7 +155,7 @@ static enum fovea_status read_second(struct fv_listing *listing, const char *fol
         return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory", images);
     fv_listing_reads(second, images);
     status = read_list(second, times, images, error);
-    if (status == FOVEA_OK) return fv_listing_pair(listing, second, error);
+    if (status == FOVEA_OK) return fv_listing_pair(listing, second, calibration, error);
     fv_listing_free(second);
     return status;
 }
@@ -184,7 +185,7 @@ static enum fovea_status open_kitti(const char *address,
     status = read_list(listing, times, images, error);
     if (status == FOVEA_OK) status = read_extras(listing, folder, key, selection, &info, error);
     if (status == FOVEA_OK && options.cameras == 2)
-        status = read_second(listing, folder, times, error);
+        status = read_second(listing, folder, times, info.camera_origin, error);
     if (status != FOVEA_OK) {
         fv_listing_free(listing);
         return fv_kind_hint("kitti", folder, status, error);

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "support/calibration.h"
 #include "support/decode.h"
 #include "support/log.h"
 #include "kind.h"
@@ -347,6 +348,23 @@ static enum fovea_status describe_frame(struct recording *recording, uint64_t in
     return fv_decode_probe(image->data, image->size_bytes, &info->width, &info->height, error);
 }
 
+/* The calibrations of further cameras fit the images; the first camera's size is held against them
+ * by who takes its calibration, which may scale it. */
+static enum fovea_status check_cameras(const struct fovea_source_info *info,
+                                       struct fovea_error *error)
+{
+    enum fovea_status status = FOVEA_OK;
+    for (uint32_t i = 1; i < info->rig.camera_count && status == FOVEA_OK; i++) {
+        char origin[sizeof info->camera_origin + 16];
+        struct fovea_camera camera = info->rig.cameras[i].camera;
+        snprintf(origin, sizeof origin, "%s: camera %u", info->camera_origin, i);
+        if (info->rig.cameras[i].calibrated)
+            status =
+                fovea_calibration_fit(&camera, info->width, info->height, false, origin, error);
+    }
+    return status;
+}
+
 static enum fovea_status describe(struct recording *recording,
                                   const struct fovea_source_selection *selection,
                                   struct fovea_source_info *info, size_t *frame_bytes,
@@ -364,6 +382,7 @@ static enum fovea_status describe(struct recording *recording,
         info->rig = recording->rig;
         snprintf(info->camera_origin, sizeof info->camera_origin, "%.240s", recording->path);
     }
+    if ((status = check_cameras(info, error)) != FOVEA_OK) return status;
     for (size_t i = 0; i < recording->samples.count; i++)
         info->has_wheel_odometry = info->has_wheel_odometry ||
                                    recording->samples.list[i].kind == FOVEA_SAMPLE_WHEEL_ODOMETRY;

@@ -25,8 +25,9 @@ struct fv_listing {
     size_t names_bytes, names_capacity;
     struct fv_poses poses;
     struct fv_samples samples;
-    struct fv_listing *second; /* the second camera's frames; NULL: there is one camera */
-    uint32_t *partner;         /* of each frame, in `second`; NO_PARTNER: none */
+    char calibration[FV_PATH_BYTES]; /* of a second camera: the file */
+    struct fv_listing *second;       /* the second camera's frames; NULL: there is one camera */
+    uint32_t *partner;               /* of each frame, in `second`; NO_PARTNER: none */
     struct fv_file_buffer file;
     size_t reads_count;
     char reads[FV_LISTING_READS_MAX][FV_PATH_BYTES];
@@ -221,9 +222,10 @@ static uint32_t find_stamp(const struct place *places, size_t count, int64_t sta
 }
 
 enum fovea_status fv_listing_pair(struct fv_listing *listing, struct fv_listing *second,
-                                  struct fovea_error *error)
+                                  const char *calibration, struct fovea_error *error)
 {
     size_t pairs = 0;
+    snprintf(second->calibration, sizeof second->calibration, "%s", calibration);
     struct place *places = sort_by_stamp(second);
     listing->second = second;
     listing->partner = malloc((listing->count + 1) * sizeof listing->partner[0]);
@@ -413,16 +415,19 @@ static enum fovea_status find_size(struct fv_listing *listing, const char *list_
     return FOVEA_OK;
 }
 
-/* Cameras whose calibration states no size have that of the images. */
-static enum fovea_status fit_cameras(struct fovea_source_info *info,
+/* Cameras whose calibration states no size have that of the images. The first camera's size is
+ * held against the images by who takes its calibration, which may scale it. */
+static enum fovea_status fit_cameras(const struct fv_listing *second,
+                                     struct fovea_source_info *info,
                                      const struct fovea_source_selection *selection,
                                      struct fovea_error *error)
 {
     for (uint32_t i = 0; i < FOVEA_CAMERAS_MAX; i++) {
         struct fovea_rig_camera *camera = &info->rig.cameras[i];
-        if (!camera->calibrated || camera->camera.width != 0) continue;
-        const enum fovea_status status = fovea_calibration_fit(
-            &camera->camera, info->width, info->height, false, info->camera_origin, error);
+        const char *origin = i > 0 && second != NULL ? second->calibration : info->camera_origin;
+        if (!camera->calibrated || (i == 0 && camera->camera.width != 0)) continue;
+        const enum fovea_status status =
+            fovea_calibration_fit(&camera->camera, info->width, info->height, false, origin, error);
         camera->calibrated = status == FOVEA_OK;
         if (status != FOVEA_OK && !selection->camera_given) return status; /* its own is needed */
     }
@@ -439,7 +444,7 @@ enum fovea_status fv_listing_open(struct fv_listing *listing, const char *list_f
         status = fovea_error_set(error, FOVEA_ERROR_INPUT,
                                  "%s: found no frames, expected at least one", list_file);
     if (status == FOVEA_OK) status = find_size(listing, list_file, selection->colour, info, error);
-    if (status == FOVEA_OK) status = fit_cameras(info, selection, error);
+    if (status == FOVEA_OK) status = fit_cameras(listing->second, info, selection, error);
     if (status != FOVEA_OK) {
         fv_listing_free(listing);
         return status;

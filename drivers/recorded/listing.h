@@ -32,10 +32,10 @@ void fv_listing_reads(struct fv_listing *listing, const char *path);
 void fv_listing_set_poses(struct fv_listing *listing, const struct fv_poses *poses);
 
 /* The second camera's frames: of each frame the one of `second` with the same stamp; where there is
- * none, or it cannot be read, the image is absent. Of two lists in the order of time; `second`
- * becomes the listing's own, also on error. */
+ * none, or it cannot be read, the image is absent. Refused when no frame has one. `calibration` is
+ * the second camera's file, for errors; `second` becomes the listing's own, also on error. */
 enum fovea_status fv_listing_pair(struct fv_listing *listing, struct fv_listing *second,
-                                  struct fovea_error *error);
+                                  const char *calibration, struct fovea_error *error);
 /* Samples become the listing's own. */
 void fv_listing_set_samples(struct fv_listing *listing, const struct fv_samples *samples);
 

@@ -290,6 +290,22 @@ static void test_kitti_rig(void **state)
     fv_test_folder_remove(top);
 }
 
+/* Each camera's calibration is held against the images. */
+static void test_size_of_the_second_camera(void **state)
+{
+    char uri[FV_TEST_PATH_BYTES];
+    (void)state;
+    const char *top = make_euroc(uri);
+    fv_test_write_text(fv_test_path(top, "mav0/cam1/sensor.yaml"),
+                       "sensor_type: camera\nresolution: [94, 64]\ncamera_model: pinhole\n"
+                       "intrinsics: [82, 83, 47.5, 31.5]\ndistortion_model: radial-tangential\n"
+                       "distortion_coefficients: [-0.2, 0.05, 0.001, -0.001]\n");
+    expect_refused(
+        &fovea_source_euroc, uri,
+        "mav0/cam1/sensor.yaml: image size: found 94 x 64, expected 96 x 64 as the frames have");
+    fv_test_folder_remove(top);
+}
+
 /* Two cameras of which no frames belong together are not one camera. */
 static void test_no_common_stamp(void **state)
 {
@@ -391,10 +407,15 @@ static void test_wrong_options(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_euroc_rig),       cmocka_unit_test(test_samples_after_a_start),
-        cmocka_unit_test(test_damaged_imu),     cmocka_unit_test(test_kitti_rig),
-        cmocka_unit_test(test_wrong_options),   cmocka_unit_test(test_leaping_stamps),
-        cmocka_unit_test(test_no_common_stamp), cmocka_unit_test(test_log_with_a_damaged_sample),
+        cmocka_unit_test(test_euroc_rig),
+        cmocka_unit_test(test_samples_after_a_start),
+        cmocka_unit_test(test_damaged_imu),
+        cmocka_unit_test(test_kitti_rig),
+        cmocka_unit_test(test_wrong_options),
+        cmocka_unit_test(test_leaping_stamps),
+        cmocka_unit_test(test_no_common_stamp),
+        cmocka_unit_test(test_size_of_the_second_camera),
+        cmocka_unit_test(test_log_with_a_damaged_sample),
     };
     return cmocka_run_group_tests(tests, fv_test_place_set_up, fv_test_place_tear_down);
 }
