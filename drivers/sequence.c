@@ -2,11 +2,12 @@
  *
  *     sequence:PART then PART ...       PART: URI, or URI[start=N,step=N,frames=N,reverse]
  *
- * Of each part the first camera is played. All parts are open from the start; each goes on one
- * period after the last frame of the one before. Frames come as the first part's camera would have
- * seen them: a part with another calibration is resampled (bilinear, edge pixels repeated beyond
- * its border). Truth goes with the picture, so parts of different recordings have different worlds.
- * `sequence` of a frame counts all frames played. Live sources cannot be parts. */
+ * Parts are of one camera and without samples of an inertial sensor. All parts are open from the
+ * start; each goes on one period after the last frame of the one before. Frames come as the first
+ * part's camera would have seen them: a part with another calibration is resampled (bilinear, edge
+ * pixels repeated beyond its border). Truth goes with the picture, so parts of different recordings
+ * have different worlds. `sequence` of a frame counts all frames played. Live sources cannot be
+ * parts. */
 #include <stdlib.h>
 #include <string.h>
 
@@ -126,6 +127,12 @@ static enum fovea_status open_part(struct fovea_source *source, char *text,
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "sequence: found the live source %s, expected recordings",
                                fovea_text_quote(text, quoted, sizeof quoted));
+    const struct fovea_rig *rig = &part->ops->info(part->source)->rig;
+    if (rig->camera_count > 1 || rig->has_imu)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "sequence: found %s with %s, expected one camera alone",
+                               fovea_text_quote(text, quoted, sizeof quoted),
+                               rig->has_imu ? "an inertial sensor" : "several cameras");
     return FOVEA_OK;
 }
 

@@ -115,6 +115,10 @@ static enum fovea_status open_euroc(const char *address,
     struct fv_rig_options options;
     struct fovea_source_info info = {.rate_hz = 0.0};
     enum fovea_status status = fv_rig_options("euroc", address, true, folder, &options, error);
+    if (status == FOVEA_OK && options.imu && selection->reverse)
+        return fovea_error_set(
+            error, FOVEA_ERROR_UNSUPPORTED,
+            "euroc: imu: found 1 in reverse, expected 0: a sensor's samples do not turn round");
     if (status == FOVEA_OK) status = find_mav(folder, mav, error);
     if (status == FOVEA_OK) status = fv_path_join(cam, mav, "cam0", error);
     if (status != FOVEA_OK) return status;

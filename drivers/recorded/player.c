@@ -249,6 +249,29 @@ static enum fovea_status set_order(struct fovea_source *source, uint64_t count, 
     return set_mirror(source, origin, error);
 }
 
+/* What cannot be taken with the frames would lag behind them without end. A gap between frames
+ * alone is caught up with. */
+static enum fovea_status check_samples(const struct fovea_source *source, uint64_t count,
+                                       const struct fovea_source_selection *selection,
+                                       struct fovea_error *error)
+{
+    size_t samples = 0;
+    if (source->ops->samples == NULL || source->reverse || source->count < 2) return FOVEA_OK;
+    const struct fovea_sample *list = source->ops->samples(source->recording, &samples);
+    if (samples < 2) return FOVEA_OK;
+    const double seconds =
+        ((double)fovea_sample_stamp(&list[samples - 1]) - (double)fovea_sample_stamp(&list[0])) *
+        1e-9;
+    const double frames_hz =
+        fv_player_rate(source->ops, source->recording, count) / (double)selection->step;
+    if ((double)(samples - 1) <= seconds * frames_hz * FOVEA_INPUT_SAMPLES_MAX || frames_hz <= 0)
+        return FOVEA_OK;
+    return fovea_error_set(
+        error, FOVEA_ERROR_INPUT,
+        "%.256s: found %.6g samples per second beside %.6g frames, expected at most %d with each frame",
+        source->origin, (double)(samples - 1) / seconds, frames_hz, FOVEA_INPUT_SAMPLES_MAX);
+}
+
 static enum fovea_status make_slots(struct fovea_source *source, size_t frame_bytes,
                                     struct fovea_error *error)
 {
@@ -330,6 +353,7 @@ enum fovea_status fv_player_open(const struct fv_recording_ops *ops, void *recor
     if (made->origin == NULL)
         status = fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory", origin);
     if (status == FOVEA_OK) status = set_order(made, count, origin, selection, error);
+    if (status == FOVEA_OK) status = check_samples(made, count, selection, error);
     if (status == FOVEA_OK) status = make_slots(made, frame_bytes, error);
     if (status != FOVEA_OK) {
         fv_player_close(made);

@@ -173,6 +173,11 @@ static enum fovea_status select_frames(struct fovea_source *source, struct fovea
 static enum fovea_status check_samples(const struct fovea_source *source, struct fovea_error *error)
 {
     const struct fv_sim_options *o = &source->options;
+    if (source->selection.reverse && o->imu_hz > 0)
+        return fovea_error_set(
+            error, FOVEA_ERROR_UNSUPPORTED,
+            "sim: imu: found %g Hz in reverse, expected 0: a sensor's samples do not turn round",
+            o->imu_hz);
     const double samples_hz = o->odometry_hz + o->imu_hz,
                  frames_hz = o->rate_hz / (double)source->selection.step;
     if (source->deliverable == 1 || source->selection.reverse ||

@@ -14,6 +14,8 @@
 #include <unistd.h>
 
 #include "../../../drivers/recorded/player.h"
+#include "../../../drivers/sequence.h"
+#include "../../../drivers/sim/sim.h"
 #include "common/datasets.h"
 
 enum { W = FV_TEST_WIDTH, H = FV_TEST_HEIGHT, IMU_PER_FRAME = 10 };
@@ -206,6 +208,42 @@ static void test_samples_after_a_start(void **state)
     fv_test_folder_remove(top);
 }
 
+/* 40 samples per frame: six frames hold as many as a step takes, seven do not. */
+static void test_samples_that_fit_a_frame(void **state)
+{
+    enum { SAMPLES = FV_TEST_FRAMES * 40 };
+    const struct fovea_source_selection sixth = {.step = 6}, seventh = {.step = 7};
+    char uri[FV_TEST_PATH_BYTES], *text = malloc(SAMPLES * 64);
+    struct fovea_source *source;
+    struct fovea_sample samples[FOVEA_INPUT_SAMPLES_MAX];
+    struct fovea_frame frame;
+    struct fovea_error error;
+    size_t used = 0;
+    (void)state;
+    assert_non_null(text);
+    const char *top = make_euroc(uri);
+    for (int k = 0; k < SAMPLES; k++)
+        used += (size_t)snprintf(text + used, SAMPLES * 64 - used, "%lld,0,0,0,0,0,0\n",
+                                 first_ns + k * 1250000LL);
+    fv_test_write_text(fv_test_path(top, "mav0/imu0/data.csv"), text);
+    free(text);
+    assert_int_equal(fovea_source_euroc.open(uri, &seventh, &source, &error), FOVEA_ERROR_INPUT);
+    assert_non_null(strstr(
+        error.text,
+        "found 800 samples per second beside 2.85714 frames, expected at most 256 with each frame"));
+    assert_int_equal(fovea_source_euroc.open(uri, &sixth, &source, &error), FOVEA_OK);
+    assert_int_equal(fovea_source_euroc.start(source, &error), FOVEA_OK);
+    for (int n = 0; n < 2; n++) {
+        assert_int_equal(fovea_source_euroc.dequeue(source, INT64_MAX, &frame), FOVEA_OK);
+        assert_int_equal(
+            fovea_source_euroc.samples(source, &frame, samples, FOVEA_INPUT_SAMPLES_MAX),
+            n == 0 ? 1 : 240);
+        fovea_source_euroc.requeue(source, &frame);
+    }
+    fovea_source_euroc.close(source);
+    fv_test_folder_remove(top);
+}
+
 static void expect_refused(const struct fovea_source_ops *ops, const char *uri, const char *line)
 {
     struct fovea_source *source;
@@ -389,6 +427,37 @@ static void test_log_with_a_damaged_sample(void **state)
     free(bytes);
 }
 
+/* What cannot be played of a rig is refused, not left out. */
+static void test_rig_elsewhere(void **state)
+{
+    const struct fovea_source_selection reverse = {.step = 1, .reverse = true};
+    char uri[FV_TEST_PATH_BYTES], sequence[FV_TEST_PATH_BYTES];
+    struct fovea_source *source;
+    struct fovea_error error;
+    (void)state;
+    const char *top = make_euroc(uri);
+    assert_int_equal(fovea_source_euroc.open(uri, &reverse, &source, &error),
+                     FOVEA_ERROR_UNSUPPORTED);
+    assert_string_equal(
+        error.text,
+        "euroc: imu: found 1 in reverse, expected 0: a sensor's samples do not turn round");
+    assert_int_equal(fovea_source_sim.open("orbit?imu=200", &reverse, &source, &error),
+                     FOVEA_ERROR_UNSUPPORTED);
+    assert_string_equal(
+        error.text,
+        "sim: imu: found 200 Hz in reverse, expected 0: a sensor's samples do not turn round");
+    snprintf(sequence, sizeof sequence, "euroc:%.150s then euroc:%.150s?imu=1", top, top);
+    expect_refused(&fovea_source_sequence, sequence,
+                   "with an inertial sensor, expected one camera alone");
+    snprintf(sequence, sizeof sequence, "euroc:%.150s?cameras=2[reverse]", top);
+    expect_refused(&fovea_source_sequence, sequence,
+                   "with several cameras, expected one camera alone");
+    snprintf(sequence, sizeof sequence, "euroc:%.150s then euroc:%.150s[reverse]", top, top);
+    assert_int_equal(fovea_source_sequence.open(sequence, &everything, &source, &error), FOVEA_OK);
+    fovea_source_sequence.close(source);
+    fv_test_folder_remove(top);
+}
+
 static void test_wrong_options(void **state)
 {
     char uri[FV_TEST_PATH_BYTES];
@@ -414,6 +483,8 @@ int main(void)
         cmocka_unit_test(test_wrong_options),
         cmocka_unit_test(test_leaping_stamps),
         cmocka_unit_test(test_no_common_stamp),
+        cmocka_unit_test(test_rig_elsewhere),
+        cmocka_unit_test(test_samples_that_fit_a_frame),
         cmocka_unit_test(test_size_of_the_second_camera),
         cmocka_unit_test(test_log_with_a_damaged_sample),
     };
