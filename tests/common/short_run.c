@@ -128,7 +128,9 @@ void short_run_record(const char *path, const struct short_run *run)
     expect(fovea_size(&settings->runtime, &bytes, &error), &error);
     void *memory = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, (bytes + 63) / 64 * 64);
     expect(fovea_init(memory, bytes, &settings->runtime, &rt, &error), &error);
-    const struct fovea_rig rig = {.camera_count = run->rig ? 2 : 1, .has_imu = run->rig};
+    const struct fovea_rig rig = {.camera_count = run->rig ? 2 : 1,
+                                  .has_imu = run->rig,
+                                  .imu.T_body_imu = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0}};
     struct fv_recorder_setup setup = {.path = path,
                                       .settings = settings,
                                       .kernel_set = fovea_cpu_name(rt),
