@@ -125,6 +125,7 @@ enum fovea_status fv_sim_options_parse(const char *address, struct fv_sim_option
     if (*address != '\0') address++;
     enum fovea_status status = fv_uri_options_parse(&options_table, address, &o, &given, error);
     if (status != FOVEA_OK) return status;
+    o.odometry_given = was_given(given, AT(odometry_hz));
     if (!was_given(given, AT(fov_deg)))
         o.fov_deg = o.lens == FV_SIM_LENS_EQUIDISTANT ? 105.0 : 80.0;
     if (!was_given(given, AT(frames))) o.frames = fv_sim_motion_frames(o.trajectory, o.rate_hz);

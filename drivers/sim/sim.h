@@ -63,7 +63,8 @@ struct fv_sim_options {
     double imu_hz, imu_noise; /* samples per second; 0: none. Factor of the noise densities */
     double baseline_m;        /* of a second camera to the right of the first; 0: there is none */
     double odometry_hz,
-        odometry_noise; /* samples per second; deviation of each step's length, relative */
+        odometry_noise;  /* samples per second; deviation of each step's length, relative */
+    bool odometry_given; /* the rate stands in the URI */
 };
 
 /* Parse what follows "sim:" in the URI. Every error is one line that names the option, what was

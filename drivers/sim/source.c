@@ -169,7 +169,8 @@ static enum fovea_status select_frames(struct fovea_source *source, struct fovea
     return check_time(source, error);
 }
 
-/* What cannot be taken with the frames would lag behind them without end. */
+/* What cannot be taken with the frames would lag behind them without end. Wheel odometry that was
+ * not asked for refuses no run. */
 static enum fovea_status check_samples(const struct fovea_source *source, struct fovea_error *error)
 {
     const struct fv_sim_options *o = &source->options;
@@ -180,8 +181,8 @@ static enum fovea_status check_samples(const struct fovea_source *source, struct
             o->imu_hz);
     const double samples_hz = o->odometry_hz + o->imu_hz,
                  frames_hz = o->rate_hz / (double)source->selection.step;
-    if (source->deliverable == 1 || source->selection.reverse ||
-        samples_hz <= FOVEA_INPUT_SAMPLES_MAX * frames_hz)
+    if ((o->imu_hz <= 0 && !o->odometry_given) || source->deliverable == 1 ||
+        source->selection.reverse || samples_hz <= FOVEA_INPUT_SAMPLES_MAX * frames_hz)
         return FOVEA_OK;
     return fovea_error_set(
         error, FOVEA_ERROR_INPUT,
