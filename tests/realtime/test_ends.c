@@ -94,6 +94,7 @@ static pid_t begin(const struct setting *setting, const char *const words[])
         close(STDIN_FILENO);
         close(STDOUT_FILENO);
     }
+    signal(SIGINT, SIG_DFL); /* shells let what they start in the background ignore it */
     if (setting->hangup_ignored) signal(SIGHUP, SIG_IGN);
     if (setting->fsync_stalls && !stall_fsync()) _exit(99);
     exit(fv_dispatch(argc, argv));
