@@ -86,7 +86,7 @@ enum fovea_status Device::find(fovea_error *error)
     }
     const std::vector<std::shared_ptr<Camera>> all = manager_->cameras();
     std::string list;
-    for (size_t i = 0; i < all.size(); ++i) {
+    for (size_t i = 0; i < all.size(); i++) {
         if (all[i]->id() == options_.id || std::to_string(i) == options_.id) camera_ = all[i];
         list += (i > 0 ? " " : "") + all[i]->id();
     }
@@ -221,7 +221,7 @@ void Device::survey(const FrameBuffer &buffer, fv_libcamera_buffer *size)
     };
     size_t end = offset_of(planes[0]) + planes[0].length;
     luma_only_ = false;
-    for (size_t i = 1; i < planes.size(); ++i) {
+    for (size_t i = 1; i < planes.size(); i++) {
         if (planes[i].fd.get() == planes[0].fd.get() && offset_of(planes[i]) == end)
             end += planes[i].length;
         else
@@ -242,7 +242,7 @@ enum fovea_status Device::allocate(fovea_error *error)
         return fovea_error_set(error, FOVEA_ERROR_SYSTEM,
                                "%s: found %zu buffers, expected at least %d", uri_.c_str(), used,
                                FV_LIVE_BUFFERS_MIN);
-    for (size_t i = 0; i < used; ++i) {
+    for (size_t i = 0; i < used; i++) {
         survey(*buffers[i], &sizes_[i]);
         std::unique_ptr<Request> request = camera_->createRequest(i);
         if (!request || request->addBuffer(stream_, buffers[i].get()) != 0)
@@ -335,7 +335,7 @@ enum fovea_status Device::set_up(fv_libcamera_event *answer, int descriptors[FV_
     }
     answer->buffer_count = static_cast<uint32_t>(requests_.size());
     answer->stride_bytes = stride_bytes_;
-    for (size_t i = 0; i < requests_.size(); ++i) {
+    for (size_t i = 0; i < requests_.size(); i++) {
         answer->buffers[i] = sizes_[i];
         descriptors[i] = allocator_->buffers(stream_)[i]->planes()[0].fd.get();
     }

@@ -103,7 +103,7 @@ enum fovea_status fv_plugin_load(const struct fv_plugin_name *name, const void *
 {
     char path[FV_PLUGIN_PATH_BYTES], why[256] = "";
     void *library = NULL;
-    for (int place = 0; place < FV_PLUGIN_PLACES && library == NULL; ++place) {
+    for (int place = 0; place < FV_PLUGIN_PLACES && library == NULL; place++) {
         if (!fv_plugin_path(name->file, place, path)) continue;
         if (fv_plugin_trusted(path, error) != FOVEA_OK) return FOVEA_ERROR_UNSUPPORTED;
         library = dlopen(path, RTLD_NOW | RTLD_LOCAL);

@@ -31,7 +31,7 @@ static enum fovea_status unknown_name(const char *uri, size_t length, struct fov
     const char *names[NAMES_MAX];
     char list[256] = "", word[64], quoted[FOVEA_TEXT_QUOTED_BYTES];
     size_t count = 0;
-    for (; fovea_source_table[count] != NULL && count < NAMES_MAX; ++count) {
+    for (; fovea_source_table[count] != NULL && count < NAMES_MAX; count++) {
         names[count] = fovea_source_table[count]->name;
         const size_t used = strlen(list);
         snprintf(list + used, sizeof list - used, "%s%s:", count > 0 ? " " : "", names[count]);
@@ -50,7 +50,7 @@ enum fovea_status fovea_source_find(const char *uri, const struct fovea_source_o
 {
     const char *colon = strchr(uri, ':');
     const size_t length = colon != NULL ? (size_t)(colon - uri) : strlen(uri);
-    for (size_t i = 0; colon != NULL && fovea_source_table[i] != NULL; ++i) {
+    for (size_t i = 0; colon != NULL && fovea_source_table[i] != NULL; i++) {
         const char *name = fovea_source_table[i]->name;
         if (strlen(name) != length || memcmp(name, uri, length) != 0) continue;
         *ops = fovea_source_table[i];

@@ -63,10 +63,10 @@ int64_t frame_stamp(fovea_video *video)
 void to_grey(const cv::Mat &picture, uint8_t *grey, int32_t stride_bytes)
 {
     const int channels = picture.channels();
-    for (int y = 0; y < picture.rows; ++y) {
+    for (int y = 0; y < picture.rows; y++) {
         const uint8_t *from = picture.ptr<uint8_t>(y);
         uint8_t *to = grey + static_cast<size_t>(y) * static_cast<size_t>(stride_bytes);
-        for (int x = 0; x < picture.cols; ++x, from += channels)
+        for (int x = 0; x < picture.cols; x++, from += channels)
             to[x] =
                 channels < 3
                     ? from[0]

@@ -68,7 +68,7 @@ static void set_attributes(posix_spawnattr_t *attributes)
     const struct sched_param ordinary = {.sched_priority = 0};
     sigset_t blocked, reset;
     sigemptyset(&blocked);
-    for (size_t i = 0; i < sizeof mine / sizeof mine[0]; ++i)
+    for (size_t i = 0; i < sizeof mine / sizeof mine[0]; i++)
         sigaddset(&blocked, mine[i]);
     sigfillset(&reset);
     posix_spawnattr_setsigmask(attributes, &blocked);
@@ -145,13 +145,13 @@ static bool has_ended(pid_t pid, int64_t deadline_ns, int *how)
 static void reap_left(struct fv_libcamera_client *client)
 {
     int how;
-    for (int i = 0; i < LEFT_MAX; ++i)
+    for (int i = 0; i < LEFT_MAX; i++)
         if (client->left[i] != 0 && has_ended(client->left[i], 0, &how)) client->left[i] = 0;
 }
 
 static void leave(struct fv_libcamera_client *client, pid_t pid)
 {
-    for (int i = 0; i < LEFT_MAX; ++i) {
+    for (int i = 0; i < LEFT_MAX; i++) {
         if (client->left[i] != 0) continue;
         client->left[i] = pid;
         return;
@@ -229,7 +229,7 @@ static uint32_t take_descriptors(struct msghdr *message, int descriptors[FV_LIVE
 
 static void close_all(const int *descriptors, uint32_t count)
 {
-    for (uint32_t i = 0; i < count; ++i)
+    for (uint32_t i = 0; i < count; i++)
         close(descriptors[i]);
 }
 
@@ -331,7 +331,7 @@ static enum fovea_status await_answer(struct fv_libcamera_client *client, int qu
 
 static void unmap(struct fv_libcamera_client *client)
 {
-    for (uint32_t i = 0; i < client->buffer_count; ++i) {
+    for (uint32_t i = 0; i < client->buffer_count; i++) {
         munmap(client->mappings[i].memory, client->mappings[i].bytes);
         close(client->mappings[i].fd);
     }
@@ -344,14 +344,14 @@ static enum fovea_status map(struct fv_libcamera_client *client, const int *desc
 {
     const struct fv_libcamera_event *event = &client->event;
     bool right = count == event->buffer_count && count == client->agreed.buffers;
-    for (uint32_t i = 0; i < count && right; ++i)
+    for (uint32_t i = 0; i < count && right; i++)
         right = event->buffers[i].offset < event->buffers[i].bytes;
     if (!right) {
         close_all(descriptors, count);
         return no_sense(client, error);
     }
     client->stride_bytes = event->stride_bytes;
-    for (uint32_t i = 0; i < count; ++i) {
+    for (uint32_t i = 0; i < count; i++) {
         struct mapping *mapping = &client->mappings[i];
         mapping->bytes = event->buffers[i].bytes;
         mapping->offset = event->buffers[i].offset;

@@ -169,7 +169,7 @@ enum fovea_status fv_libcamera_controls(const Camera &camera,
         const std::array<int64_t, 2> limits{duration_us, duration_us};
         list->set(controls::FrameDurationLimits, libcamera::Span<const int64_t, 2>(limits));
     }
-    for (uint32_t i = 0; i < options.wish_count && status == FOVEA_OK; ++i)
+    for (uint32_t i = 0; i < options.wish_count && status == FOVEA_OK; i++)
         status = add_wish(asked, options.wishes[i]);
     return status;
 }

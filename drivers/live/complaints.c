@@ -15,7 +15,7 @@ void fv_complaints_add(struct fv_complaints *complaints, int kind, const struct 
 void fv_complaints_forget(struct fv_complaints *complaints, int first, int last)
 {
     pthread_mutex_lock(&complaints->lock);
-    for (int kind = first; kind <= last; ++kind)
+    for (int kind = first; kind <= last; kind++)
         if (!complaints->waiting[kind]) complaints->lines[kind].text[0] = '\0';
     pthread_mutex_unlock(&complaints->lock);
 }
@@ -24,7 +24,7 @@ enum fovea_status fv_complaints_take(struct fv_complaints *complaints, struct fo
 {
     enum fovea_status status = FOVEA_AGAIN;
     pthread_mutex_lock(&complaints->lock);
-    for (int kind = 0; kind < FV_COMPLAINTS_KINDS && status == FOVEA_AGAIN; ++kind) {
+    for (int kind = 0; kind < FV_COMPLAINTS_KINDS && status == FOVEA_AGAIN; kind++) {
         if (!complaints->waiting[kind]) continue;
         complaints->waiting[kind] = false;
         if (line != NULL) *line = complaints->lines[kind];

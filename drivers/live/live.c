@@ -260,7 +260,7 @@ static enum fovea_status fill_order(struct fovea_source *source,
 
 static int free_slot(const struct fovea_source *source)
 {
-    for (uint32_t i = 0; i < source->slot_count; ++i)
+    for (uint32_t i = 0; i < source->slot_count; i++)
         if (source->slot_free[i]) return (int)i;
     return -1;
 }
@@ -379,7 +379,7 @@ static enum fovea_status make_decoder(struct fovea_source *source, struct fovea_
     }
     memset(source->decoded, 0, slot_bytes * FV_LIVE_DECODED);
     source->slot_count = FV_LIVE_DECODED;
-    for (uint32_t i = 0; i < FV_LIVE_DECODED; ++i) {
+    for (uint32_t i = 0; i < FV_LIVE_DECODED; i++) {
         source->slots[i].decoded = source->decoded + i * slot_bytes;
         source->slots[i].frame.images[0] =
             (struct fovea_image){.data = source->slots[i].decoded,
@@ -443,7 +443,7 @@ enum fovea_status fv_live_open(const struct fv_live_ops *ops, void *device,
         release(source);
         return status;
     }
-    for (uint32_t i = 0; i < source->slot_count; ++i) {
+    for (uint32_t i = 0; i < source->slot_count; i++) {
         source->slots[i].frame.image_count = 1;
         source->slots[i].frame.images[0].width = source->info.width;
         source->slots[i].frame.images[0].height = source->info.height;
@@ -475,7 +475,7 @@ enum fovea_status fv_live_start(struct fovea_source *source, struct fovea_error 
     memset(&source->free, 0, sizeof source->free);
     memset(source->held, 0, sizeof source->held);
     memset(&source->tallies, 0, sizeof source->tallies);
-    for (uint32_t i = 0; i < FV_LIVE_BUFFERS_MAX; ++i)
+    for (uint32_t i = 0; i < FV_LIVE_BUFFERS_MAX; i++)
         source->slot_free[i] = i < source->slot_count;
     source->held_count = source->out = 0;
     source->delivered = 0;

@@ -48,7 +48,7 @@ static enum fovea_status escape(const char *name, char pattern[FV_PATH_BYTES],
                                 struct fovea_error *error)
 {
     size_t used = 0;
-    for (; *name != '\0' && used + 2 < FV_PATH_BYTES; ++name) {
+    for (; *name != '\0' && used + 2 < FV_PATH_BYTES; name++) {
         if (strchr("*?[]\\", *name) != NULL) pattern[used++] = '\\';
         pattern[used++] = *name;
     }
@@ -72,7 +72,7 @@ static enum fovea_status find_files(const char *address, glob_t *found, struct f
     enum fovea_status status = there ? escape(address, name, error) : FOVEA_OK;
     if (status != FOVEA_OK) return status;
     if (there && is_folder(address)) {
-        for (size_t i = 0; i < sizeof endings / sizeof endings[0]; ++i) {
+        for (size_t i = 0; i < sizeof endings / sizeof endings[0]; i++) {
             status = fv_path_join(pattern, name, endings[i], error);
             if (status != FOVEA_OK) return status;
             const int more = glob(
@@ -93,7 +93,7 @@ static enum fovea_status add_files(struct fv_listing *listing, const glob_t *fou
                                    struct fovea_error *error)
 {
     enum fovea_status status = FOVEA_OK;
-    for (size_t i = 0; i < found->gl_pathc && status == FOVEA_OK; ++i)
+    for (size_t i = 0; i < found->gl_pathc && status == FOVEA_OK; i++)
         status =
             fv_listing_add(listing, (int64_t)(i * 1000000000 / RATE_HZ), found->gl_pathv[i], error);
     return status;

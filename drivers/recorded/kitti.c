@@ -20,7 +20,7 @@ static enum fovea_status find_extension(const char *images, const char **extensi
     enum { LOOKED_AT = 1000 };
     char name[32], path[FV_PATH_BYTES];
     *extension = extensions[0];
-    for (int i = 0; i < 2 * LOOKED_AT; ++i) {
+    for (int i = 0; i < 2 * LOOKED_AT; i++) {
         snprintf(name, sizeof name, "%06d.%s", i / 2, extensions[i % 2]);
         const enum fovea_status status = fv_path_join(path, images, name, error);
         if (status != FOVEA_OK) return status;

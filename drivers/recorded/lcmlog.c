@@ -122,7 +122,7 @@ static enum fovea_status read_head(struct recording *recording, const struct hea
 
 static void note_head(struct heads *heads, const struct fovea_log_event *event)
 {
-    for (uint32_t i = 0; i < heads->count; ++i)
+    for (uint32_t i = 0; i < heads->count; i++)
         if (strcmp(heads->channel[i], event->channel) == 0) return;
     if (heads->count == HEADS_MAX) return;
     memcpy(heads->channel[heads->count], event->channel, sizeof event->channel);
@@ -277,7 +277,7 @@ static enum fovea_status fetch(void *argument, uint64_t index, struct fv_slot *s
         status = fovea_error_set(
             error, FOVEA_ERROR_INPUT, "%s: frame %llu: image_count: found %u, expected %u",
             recording->path, (unsigned long long)index, frame.image_count, slot->frame.image_count);
-    for (uint32_t i = 0; status == FOVEA_OK && i < frame.image_count; ++i)
+    for (uint32_t i = 0; status == FOVEA_OK && i < frame.image_count; i++)
         status = fill(&frame.images[i], slot, i, recording->path, index, error);
     if (status != FOVEA_OK) return status == FOVEA_END ? FOVEA_ERROR_INPUT : status;
     slot->frame.stamp_ns = frame.stamp_ns;
@@ -320,7 +320,7 @@ static const struct fv_recording_ops lcmlog_ops = {.fetch = fetch,
 /* The first image that is there; NULL: all are absent. */
 static const struct fovea_image *first_image(const struct fovea_frame *frame)
 {
-    for (uint32_t i = 0; i < frame->image_count; ++i)
+    for (uint32_t i = 0; i < frame->image_count; i++)
         if (frame->images[i].data != NULL) return &frame->images[i];
     return NULL;
 }
@@ -372,7 +372,7 @@ static enum fovea_status describe(struct recording *recording,
 {
     struct fovea_error why = {.text = ""};
     enum fovea_status status = FOVEA_ERROR_INPUT;
-    for (uint64_t i = 0; i < recording->count && status != FOVEA_OK; ++i)
+    for (uint64_t i = 0; i < recording->count && status != FOVEA_OK; i++)
         status = describe_frame(recording, i, info, frame_bytes, i == 0 ? &why : NULL);
     if (status != FOVEA_OK)
         return fovea_error_set(error, FOVEA_ERROR_INPUT,

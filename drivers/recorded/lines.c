@@ -85,7 +85,7 @@ enum fovea_status fv_lines_refuse(const struct fv_lines *lines, const char *what
 enum fovea_status fv_lines_numbers(const struct fv_lines *lines, const char *what, size_t first,
                                    size_t count, double *values, struct fovea_error *error)
 {
-    for (size_t i = 0; i < count; ++i) {
+    for (size_t i = 0; i < count; i++) {
         if (first + i >= lines->field_count)
             return fovea_error_set(
                 error, FOVEA_ERROR_INPUT, "%s:%u: %s: found %zu numbers, expected %zu", lines->file,
@@ -108,7 +108,7 @@ bool fv_stamp_from_seconds(const char *text, int64_t *stamp_ns)
     const bool negative = *text == '-';
     int64_t value = 0;
     int fraction = -1; /* digits after the point */
-    for (text += *text == '-' || *text == '+'; *text != '\0' && fraction < 9; ++text) {
+    for (text += *text == '-' || *text == '+'; *text != '\0' && fraction < 9; text++) {
         if (*text == '.') {
             fraction = 0;
             continue;
@@ -116,7 +116,7 @@ bool fv_stamp_from_seconds(const char *text, int64_t *stamp_ns)
         value = value * 10 + (*text - '0');
         if (fraction >= 0) ++fraction;
     }
-    for (int digits = fraction < 0 ? 0 : fraction; digits < 9; ++digits)
+    for (int digits = fraction < 0 ? 0 : fraction; digits < 9; digits++)
         value *= 10;
     *stamp_ns = negative ? -value : value;
     return true;

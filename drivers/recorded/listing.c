@@ -391,18 +391,18 @@ static enum fovea_status find_size(struct fv_listing *listing, const char *list_
     struct probe probes[PROBES] = {{0}};
     struct fovea_error why = {.text = ""};
     int found = 0, best = 0, best_votes = 0;
-    for (uint64_t i = 0; i < PROBES && i < listing->count; ++i)
+    for (uint64_t i = 0; i < PROBES && i < listing->count; i++)
         found += probe_frame(listing, i * listing->count / PROBES, &probes[found],
                              found == 0 ? &why : NULL) == FOVEA_OK;
-    for (uint64_t i = 0; found == 0 && i < listing->count; ++i)
+    for (uint64_t i = 0; found == 0 && i < listing->count; i++)
         found += probe_frame(listing, i, &probes[0], i == 0 ? &why : NULL) == FOVEA_OK;
     if (found == 0)
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "%s: found no frame that can be read among %zu; the first is %.300s",
                                list_file, listing->count, why.text);
-    for (int i = 0; i < found; ++i) {
+    for (int i = 0; i < found; i++) {
         int votes = 0;
-        for (int j = 0; j < found; ++j)
+        for (int j = 0; j < found; j++)
             votes += probes[i].width == probes[j].width && probes[i].height == probes[j].height;
         if (votes > best_votes) {
             best = i;

@@ -22,7 +22,7 @@ static uint64_t take_number(struct cursor *cursor, size_t bytes)
 {
     uint64_t number = 0;
     if (cursor->bytes - cursor->at < bytes) cursor->short_of = true;
-    for (size_t i = 0; i < bytes && !cursor->short_of; ++i)
+    for (size_t i = 0; i < bytes && !cursor->short_of; i++)
         number = number << 8 | cursor->data[cursor->at++];
     return number;
 }
@@ -140,7 +140,7 @@ static enum fovea_status find_rig(struct cursor *cursor, const char *name, int64
                                   struct fovea_rig *rig, struct fovea_error *error)
 {
     const uint32_t parts = (uint32_t)take_number(cursor, 4);
-    for (uint32_t i = 0; i < parts && !cursor->short_of; ++i) {
+    for (uint32_t i = 0; i < parts && !cursor->short_of; i++) {
         const char *part = take_string(cursor);
         take_string(cursor);    /* origin */
         take_number(cursor, 8); /* hash */
@@ -176,7 +176,7 @@ enum fovea_status fv_log_rig(const char *name, const struct fovea_log_event *eve
             error, FOVEA_ERROR_UNSUPPORTED,
             "%s: byte %lld: found recording format %d%s, expected %d", name, (long long)start + 8,
             (int)format, format == 2 || format == 3 ? ", which Fovea 0.1 reads" : "", (int)FORMAT);
-    for (int i = 0; i < 4; ++i)
+    for (int i = 0; i < 4; i++)
         take_string(&cursor); /* version, machine, kernel set, source */
     take_number(&cursor, 1);  /* real_time */
     take_string(&cursor);     /* channel prefix */

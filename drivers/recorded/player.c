@@ -122,7 +122,7 @@ static bool leaps_ahead(const struct fovea_source *source, const struct reading 
     bool any = reading->any;
     int between = 0, beyond = 0;
     if (any && stamp_ns <= ahead_of) return false;
-    for (uint64_t i = 1; i <= STAMPS_AROUND; ++i) {
+    for (uint64_t i = 1; i <= STAMPS_AROUND; i++) {
         if (!stamp_at(source, reading->position + i, &other_ns)) continue;
         beyond += other_ns > stamp_ns;
         if (other_ns >= stamp_ns || (any && other_ns <= ahead_of)) continue;
@@ -157,7 +157,7 @@ static enum fovea_status fetch_next(struct fovea_source *source, struct reading 
     while (reading->position < source->count &&
            !atomic_load_explicit(&source->quit, memory_order_relaxed)) {
         struct fovea_error error = {.text = ""};
-        for (uint32_t i = 0; i < slot->frame.image_count; ++i)
+        for (uint32_t i = 0; i < slot->frame.image_count; i++)
             slot->frame.images[i].data = slot->pixels[i]; /* that were absent in the last frame */
         const enum fovea_status status = fetch_at(source, reading, slot, &error);
         if (status == FOVEA_END) break;
@@ -291,12 +291,12 @@ static enum fovea_status make_slots(struct fovea_source *source, size_t frame_by
                                image_slot_bytes * cameras);
     }
     memset(source->pixels, 0, all_bytes);
-    for (uint32_t i = 0; i < FV_PLAYER_SLOTS; ++i) {
+    for (uint32_t i = 0; i < FV_PLAYER_SLOTS; i++) {
         struct fv_slot *slot = &source->slots[i];
         slot->capacity_bytes = needed;
         slot->frame.slot = i;
         slot->frame.image_count = cameras;
-        for (uint32_t k = 0; k < cameras; ++k) {
+        for (uint32_t k = 0; k < cameras; k++) {
             slot->pixels[k] = source->pixels + (i * cameras + k) * image_slot_bytes;
             slot->frame.images[k] = (struct fovea_image){.data = slot->pixels[k],
                                                          .width = info->width,
@@ -315,7 +315,7 @@ double fv_player_rate(const struct fv_recording_ops *ops, void *recording, uint6
     int64_t steps[RATE_STEPS], before_ns = 0, now_ns;
     size_t found = 0;
     bool any = false;
-    for (uint64_t i = 0; i < count && found < RATE_STEPS; ++i) {
+    for (uint64_t i = 0; i < count && found < RATE_STEPS; i++) {
         if (ops->stamp(recording, i, &now_ns) != FOVEA_OK) continue;
         if (any && before_ns < now_ns && (before_ns >= 0 || now_ns <= INT64_MAX + before_ns)) {
             size_t at = found++;
@@ -401,7 +401,7 @@ enum fovea_status fv_player_start(struct fovea_source *source, struct fovea_erro
     source->complaints.nobody_asks = false;
     atomic_store(&source->quit, false);
     atomic_store(&source->ended, false);
-    for (int i = 0; i < FV_PLAYER_SLOTS; ++i)
+    for (int i = 0; i < FV_PLAYER_SLOTS; i++)
         fv_slot_ring_push(&source->free, (uint8_t)i);
     sem_init(&source->ready_count, 0, 0);
     sem_init(&source->free_count, 0, FV_PLAYER_SLOTS);
@@ -452,7 +452,7 @@ enum fovea_status fv_player_dequeue(struct fovea_source *source, int64_t deadlin
     source->held_count++;
     source->counts = source->slots[slot].counts;
     *frame = source->slots[slot].frame;
-    for (uint32_t i = 0; i < frame->image_count; ++i)
+    for (uint32_t i = 0; i < frame->image_count; i++)
         if (frame->images[i].data == NULL) frame->images[i] = (struct fovea_image){0};
     return FOVEA_OK;
 }

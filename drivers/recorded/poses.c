@@ -24,13 +24,13 @@ static enum fovea_status parse_pose(const struct fv_lines *lines, enum fv_poses_
     const double *found = numbers + 3;
     const int w_at = layout == FV_POSES_EUROC ? 0 : 3, x_at = layout == FV_POSES_EUROC ? 1 : 0;
     q[0] = found[w_at];
-    for (int i = 0; i < 3; ++i)
+    for (int i = 0; i < 3; i++)
         q[1 + i] = found[x_at + i];
     const double square = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
     if (!(square > 0.9025 && square < 1.1025))
         return fv_lines_refuse(lines, "rotation", lines->fields[4], "a unit quaternion", error);
     const double length = __builtin_sqrt(square);
-    for (int i = 0; i < 4; ++i)
+    for (int i = 0; i < 4; i++)
         q[i] /= length;
     return FOVEA_OK;
 }
@@ -136,7 +136,7 @@ static void to_matrix(const double q[4], const double t[3], double T[12])
     const double R[9] = {1 - 2 * (y * y + z * z), 2 * (x * y - w * z),     2 * (x * z + w * y),
                          2 * (x * y + w * z),     1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
                          2 * (x * z - w * y),     2 * (y * z + w * x),     1 - 2 * (x * x + y * y)};
-    for (int i = 0; i < 3; ++i) {
+    for (int i = 0; i < 3; i++) {
         memcpy(T + 4 * i, R + 3 * i, 3 * sizeof R[0]);
         T[4 * i + 3] = t[i];
     }
@@ -144,8 +144,8 @@ static void to_matrix(const double q[4], const double t[3], double T[12])
 
 static void compose(const double A[12], const double B[12], double C[12])
 {
-    for (int i = 0; i < 3; ++i)
-        for (int j = 0; j < 4; ++j)
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 4; j++)
             C[4 * i + j] = A[4 * i] * B[j] + A[4 * i + 1] * B[4 + j] + A[4 * i + 2] * B[8 + j] +
                            (j == 3 ? A[4 * i + 3] : 0.0);
 }
@@ -154,18 +154,18 @@ static void interpolate(const struct fv_pose *a, const struct fv_pose *b, double
                         double t[3])
 {
     double dot = 0.0, square = 0.0;
-    for (int i = 0; i < 4; ++i)
+    for (int i = 0; i < 4; i++)
         dot += a->rotation_wxyz[i] * b->rotation_wxyz[i];
     const double sign = dot < 0.0 ? -1.0 : 1.0;
-    for (int i = 0; i < 4; ++i) {
+    for (int i = 0; i < 4; i++) {
         q[i] = (1.0 - share) * a->rotation_wxyz[i] + share * sign * b->rotation_wxyz[i];
         square += q[i] * q[i];
     }
     const double length =
         __builtin_sqrt(square); /* at least 0.7: the two are less than 180 degrees apart */
-    for (int i = 0; i < 4; ++i)
+    for (int i = 0; i < 4; i++)
         q[i] /= length;
-    for (int i = 0; i < 3; ++i)
+    for (int i = 0; i < 3; i++)
         t[i] = (1.0 - share) * a->position_m[i] + share * b->position_m[i];
 }
 

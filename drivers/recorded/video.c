@@ -94,7 +94,7 @@ static enum fovea_status go_to(struct recording *recording, uint64_t index,
         if (sought) recording->position = index;
         if (!sought && open_again(recording, error) != FOVEA_OK) return FOVEA_END;
     }
-    for (; recording->position < index; ++recording->position)
+    for (; recording->position < index; recording->position++)
         if (recording->plugin->skip(recording->video, &stamp_ns) != FOVEA_OK) return FOVEA_END;
     return FOVEA_OK;
 }
@@ -174,7 +174,7 @@ static enum fovea_status prepare_reverse(struct recording *recording,
     if (recording->pixels == NULL)
         return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory for %u frames",
                                recording->path, recording->room);
-    for (uint32_t i = 0; i < recording->room; ++i)
+    for (uint32_t i = 0; i < recording->room; i++)
         recording->kept[i].pixels = recording->pixels + i * bytes;
     info->heap_bytes +=
         recording->room * bytes + recording->capacity * sizeof recording->stamps_ns[0];
@@ -187,7 +187,7 @@ static void keep(struct recording *recording, uint64_t last)
     const uint64_t before = last / recording->step;
     recording->kept_count = before + 1 < recording->room ? (uint32_t)before + 1 : recording->room;
     recording->first = last - (recording->kept_count - 1) * recording->step;
-    for (uint32_t i = 0; i < recording->kept_count; ++i) {
+    for (uint32_t i = 0; i < recording->kept_count; i++) {
         struct kept *kept = &recording->kept[i];
         const uint64_t index = recording->first + i * recording->step;
         int64_t stamp_ns;
@@ -218,7 +218,7 @@ static enum fovea_status fetch_reverse(void *argument, uint64_t index, struct fv
         *error = kept->error;
         return kept->status;
     }
-    for (int32_t y = 0; y < recording->height; ++y)
+    for (int32_t y = 0; y < recording->height; y++)
         memcpy(slot->pixels[0] + (size_t)y * (size_t)slot->frame.images[0].stride_bytes,
                kept->pixels + (size_t)y * (size_t)recording->width, (size_t)recording->width);
     describe_frame(&slot->frame, index);

@@ -60,10 +60,10 @@ int fv_v4l2_brightness(const struct fovea_image *image)
     int bits;
     uint32_t sum = 0;
     layout(image->format, &bytes, &offset, &bits);
-    for (int32_t j = 0; j < 2 * GRID; ++j) {
+    for (int32_t j = 0; j < 2 * GRID; j++) {
         const int32_t y = (2 * (j / 2) + 1) * image->height / (2 * GRID) - j % 2;
         const uint8_t *row = image->data + (ptrdiff_t)y * image->stride_bytes + offset;
-        for (int32_t i = 0; i < 2 * GRID; ++i) {
+        for (int32_t i = 0; i < 2 * GRID; i++) {
             const uint8_t *at =
                 row + (size_t)((2 * (i / 2) + 1) * image->width / (2 * GRID) - i % 2) * bytes;
             sum += bits == 8 ? at[0] : (uint32_t)(at[0] | at[1] << 8) >> (bits - 8) & 255u;

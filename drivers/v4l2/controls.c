@@ -16,7 +16,7 @@ typedef struct v4l2_query_ext_ctrl control_info;
 static void option_name(const char *name, char *out)
 {
     size_t used = 0;
-    for (bool gap = false; *name != '\0' && used < 31; ++name) {
+    for (bool gap = false; *name != '\0' && used < 31; name++) {
         const bool upper = *name >= 'A' && *name <= 'Z';
         const bool kept = upper || (*name >= 'a' && *name <= 'z') || (*name >= '0' && *name <= '9');
         if (kept && gap && used > 0) out[used++] = '_';
@@ -37,7 +37,7 @@ static enum fovea_status unknown(const struct fv_v4l2_device *device, const char
                                  char names[][32], size_t count, struct fovea_error *error)
 {
     const char *list[CONTROLS_MAX];
-    for (size_t i = 0; i < count; ++i)
+    for (size_t i = 0; i < count; i++)
         list[i] = names[i];
     return fv_uri_unknown(device->uri, "control", name, list, count, error);
 }
@@ -64,7 +64,7 @@ static enum fovea_status find_by_name(const struct fv_v4l2_device *device, const
 static bool menu_row(const struct fv_v4l2_device *device, const control_info *info,
                      const char *text, int64_t *value)
 {
-    for (int64_t i = info->minimum; i <= info->maximum && i < 64; ++i) {
+    for (int64_t i = info->minimum; i <= info->maximum && i < 64; i++) {
         struct v4l2_querymenu row = {.id = info->id, .index = (uint32_t)i};
         char name[32], wanted[FV_V4L2_WORD_BYTES];
         if (fv_v4l2_system->ioctl(device->fd, VIDIOC_QUERYMENU, &row) != 0) continue;
@@ -273,7 +273,7 @@ enum fovea_status fv_v4l2_controls_set(struct fv_v4l2_device *device, struct fov
     if (status == FOVEA_OK && options->exposure_ms > 0)
         status = set_exposure(device, notice, error);
     if (status == FOVEA_OK) status = set_gain(device, notice, error);
-    for (uint32_t i = 0; i < options->wish_count && status == FOVEA_OK; ++i)
+    for (uint32_t i = 0; i < options->wish_count && status == FOVEA_OK; i++)
         status = set_wish(device, &options->wishes[i], notice, error);
     device->exposure_ns = known_exposure(device);
     return status;

@@ -46,7 +46,7 @@ void fv_v4l2_identity_settle(struct fv_v4l2_identity *identity, const char *node
     static char nodes[FV_V4L2_NODES_MAX][FV_V4L2_PATH_BYTES]; /* init-only */
     if (identity->serial[0] == '\0') return;
     const size_t count = fv_v4l2_system->nodes(nodes);
-    for (size_t i = 0; i < count; ++i) {
+    for (size_t i = 0; i < count; i++) {
         struct fv_v4l2_identity other = {.name = ""};
         if (strcmp(nodes[i], node) == 0) continue;
         read_sysfs(nodes[i], &other);
@@ -115,7 +115,7 @@ enum fovea_status fv_v4l2_find(struct fv_v4l2_device *device, struct fovea_error
         return FOVEA_OK;
     }
     const size_t count = named_by_udev(device->options.path) ? 0 : fv_v4l2_system->nodes(nodes);
-    for (size_t i = 0; i < count; ++i) {
+    for (size_t i = 0; i < count; i++) {
         if (look_at(device, nodes[i], &unused) != FOVEA_OK) continue;
         memcpy(device->node, nodes[i], sizeof device->node);
         return FOVEA_OK;

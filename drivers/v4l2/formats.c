@@ -27,14 +27,14 @@ const char *const fv_v4l2_format_names[] = {"any", FORMATS(NAME_ROW) NULL};
 
 const struct fv_v4l2_format *fv_v4l2_format_by_fourcc(uint32_t fourcc)
 {
-    for (size_t i = 0; i < fv_v4l2_format_count; ++i)
+    for (size_t i = 0; i < fv_v4l2_format_count; i++)
         if (fv_v4l2_formats[i].fourcc == fourcc) return &fv_v4l2_formats[i];
     return NULL;
 }
 
 const char *fv_v4l2_fourcc(uint32_t fourcc, char text[5])
 {
-    for (int i = 0; i < 4; ++i) {
+    for (int i = 0; i < 4; i++) {
         const char letter = (char)(fourcc >> (8 * i) & 0x7f);
         text[i] = '?';
         if (letter >= ' ' && letter <= '~') text[i] = letter;

@@ -80,7 +80,7 @@ static const struct fv_v4l2_format *list_formats(const struct fv_v4l2_device *de
     const struct fv_v4l2_format *best = NULL;
     size_t used = 0;
     list[0] = '\0';
-    for (uint32_t i = 0; i < 64; ++i) {
+    for (uint32_t i = 0; i < 64; i++) {
         struct v4l2_fmtdesc row = {.index = i, .type = fv_v4l2_type(device)};
         char text[5];
         if (fv_v4l2_system->ioctl(device->fd, VIDIOC_ENUM_FMT, &row) != 0) break;

@@ -84,7 +84,7 @@ enum fovea_status fv_v4l2_stream_on(struct fv_v4l2_device *device, struct fovea_
     int type = (int)fv_v4l2_type(device);
     device->queued = 0;
     enum fovea_status status = ask_for_buffers(device, error);
-    for (uint32_t i = 0; i < device->buffer_count && status == FOVEA_OK; ++i) {
+    for (uint32_t i = 0; i < device->buffer_count && status == FOVEA_OK; i++) {
         if (!map_buffer(device, i))
             status = fv_v4l2_failed(device, "mapping a buffer", errno, error);
         if (status == FOVEA_OK) status = fv_v4l2_give(device, i, error);
@@ -104,7 +104,7 @@ void fv_v4l2_stream_off(struct fv_v4l2_device *device)
     /* Where the camera is away these fail, and that is fine: closing the node frees the rest. */
     if (device->streaming) (void)fv_v4l2_system->ioctl(device->fd, VIDIOC_STREAMOFF, &type);
     device->streaming = false;
-    for (uint32_t i = 0; i < FV_LIVE_BUFFERS_MAX; ++i) {
+    for (uint32_t i = 0; i < FV_LIVE_BUFFERS_MAX; i++) {
         if (device->maps[i].memory != NULL)
             fv_v4l2_system->unmap(device->maps[i].memory, device->maps[i].bytes);
         device->maps[i] = (struct fv_v4l2_buffer_map){NULL, 0};

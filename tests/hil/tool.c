@@ -25,7 +25,7 @@ static const struct tool_format formats[] = {
 
 const struct tool_format *tool_format(const char *name)
 {
-    for (size_t i = 0; i < sizeof formats / sizeof formats[0]; ++i)
+    for (size_t i = 0; i < sizeof formats / sizeof formats[0]; i++)
         if (strcmp(formats[i].name, name) == 0) return &formats[i];
     tool_fail("unknown format '%s'", name);
 }
@@ -89,7 +89,7 @@ void tool_fail(const char *format, ...)
  */
 static size_t jpeg_end(const uint8_t *data, size_t at, size_t bytes)
 {
-    for (size_t i = at + 2; i + 1 < bytes; ++i)
+    for (size_t i = at + 2; i + 1 < bytes; i++)
         if (data[i] == 0xff && data[i + 1] == 0xd9) return i + 2;
     return bytes;
 }
@@ -126,7 +126,7 @@ int main(int argc, char **argv)
     } commands[] = {{"make", tool_make}, {"write", tool_write},   {"usb", tool_usb},
                     {"read", tool_read}, {"direct", tool_direct}, {"states", tool_states}};
     setvbuf(stdout, NULL, _IOLBF, 0);
-    for (size_t i = 0; argc > 1 && i < sizeof commands / sizeof commands[0]; ++i)
+    for (size_t i = 0; argc > 1 && i < sizeof commands / sizeof commands[0]; i++)
         if (strcmp(commands[i].name, argv[1]) == 0) return commands[i].run(argc - 1, argv + 1);
     tool_fail("usage: hil-tool make|write|usb|read|direct|states ...");
 }

@@ -19,7 +19,7 @@
 /* The rows of the recorded frame are those of the picture. */
 static bool same(const fovea_image_t *image, const uint8_t *data, const uint8_t *picture)
 {
-    for (int32_t y = 0; y < image->height; ++y)
+    for (int32_t y = 0; y < image->height; y++)
         if (memcmp(data + (ptrdiff_t)y * image->stride_bytes, picture + (ptrdiff_t)y * image->width,
                    (size_t)image->width) != 0)
             return false;
@@ -66,7 +66,7 @@ int tool_direct(int argc, char **argv)
             /* The camera begins anywhere in the circle of frames, and may lose some; the order
              * stays. */
             size_t k = 0;
-            for (; k < frames.count; ++k)
+            for (; k < frames.count; k++)
                 if (same(image, pixels, frames.data + frames.at[(next + k) % frames.count])) break;
             if (k == frames.count) tool_fail("frame %zu is none of those fed", replaced);
             const size_t lost = (size_t)(frame.stamp.sequence - last_number - 1);
@@ -77,7 +77,7 @@ int tool_direct(int argc, char **argv)
             last_number = frame.stamp.sequence;
             if (replaced > 1) skipped += lost;
             next = (next + k) % frames.count;
-            for (int32_t y = 0; y < image->height; ++y)
+            for (int32_t y = 0; y < image->height; y++)
                 memcpy(pixels + (ptrdiff_t)y * image->stride_bytes,
                        frames.data + frames.at[next] + (ptrdiff_t)y * image->width,
                        (size_t)image->width);

@@ -38,8 +38,8 @@ static void put_jpeg(FILE *file, FILE *grey_file, int width, int height, int ind
     jpeg_set_quality(&jpeg, 85, TRUE);
     jpeg.restart_in_rows = 4;
     jpeg_start_compress(&jpeg, TRUE);
-    for (int y = 0; y < height; ++y) {
-        for (int x = 0; x < width; ++x) {
+    for (int y = 0; y < height; y++) {
+        for (int x = 0; x < width; x++) {
             row[3 * x] = (uint8_t)(2 * x + 3 * index);
             row[3 * x + 1] = (uint8_t)(3 * y + 7 * index);
             row[3 * x + 2] = (uint8_t)(x * y / 16);
@@ -73,7 +73,7 @@ static int make_sim(const char *uri, int count, FILE *file)
         ops->start(source, &error) != FOVEA_OK)
         tool_fail("%s", error.text);
     while (ops->dequeue(source, INT64_MAX, &frame) == FOVEA_OK) {
-        for (int32_t y = 0; y < frame.images[0].height; ++y)
+        for (int32_t y = 0; y < frame.images[0].height; y++)
             put(file, frame.images[0].data + (ptrdiff_t)y * frame.images[0].stride_bytes,
                 (size_t)frame.images[0].width);
         ops->requeue(source, &frame);
@@ -97,9 +97,9 @@ int tool_make(int argc, char **argv)
     char grey_name[512];
     snprintf(grey_name, sizeof grey_name, "%s.grey", argv[5]);
     FILE *grey = bytes == 0 ? fopen(grey_name, "wb") : NULL;
-    for (int k = 0; k < count; ++k) {
+    for (int k = 0; k < count; k++) {
         if (bytes == 0) put_jpeg(file, grey, width, height, k);
-        for (size_t i = 0; i < bytes; ++i)
+        for (size_t i = 0; i < bytes; i++)
             fputc((int)(i + i / (size_t)width * 3 + (size_t)k * 37) & 255, file);
     }
     if (grey != NULL) fclose(grey);

@@ -92,7 +92,7 @@ static void look(void)
 static void copy_rows(uint8_t **to, const uint8_t *from, size_t row_bytes, ptrdiff_t stride,
                       int32_t rows)
 {
-    for (int32_t y = 0; y < rows; ++y, *to += row_bytes)
+    for (int32_t y = 0; y < rows; y++, *to += row_bytes)
         memcpy(*to, from + y * stride, row_bytes);
 }
 
@@ -112,7 +112,7 @@ static void compact(const struct fovea_image *image)
 static void compare(const struct fovea_image *image)
 {
     compact(image);
-    for (size_t i = 0; i < reading.expected.count; ++i)
+    for (size_t i = 0; i < reading.expected.count; i++)
         if (memcmp(reading.expected.data + reading.expected.at[i], reading.compact,
                    reading.frame_bytes) == 0) {
             reading.exact++;
@@ -288,7 +288,7 @@ static bool unplug_times(void)
     if (pthread_create(&watcher, NULL, watch_machine, NULL) != 0) tool_fail("no thread");
     struct holdings before = count_holdings(); /* what counting itself keeps is there from now on */
     take_some(3);
-    for (; round < reading.times && in_time(); ++round) {
+    for (; round < reading.times && in_time(); round++) {
         if (round == 2) before = count_holdings();
         run(reading.unplug);
         if (!reach(FOVEA_SOURCE_GONE)) tool_fail("not gone after unplugging");
@@ -335,7 +335,7 @@ static void read_option(const char *text)
         {"says=", &reading.says, NULL},       {"damaged=", NULL, &reading.damaged},
         {"dropped=", NULL, &reading.dropped}, {"recovered=", NULL, &reading.recovered},
         {"pace=", &reading.pace, NULL},       {"heap_count=", &reading.heap_count, NULL}};
-    for (size_t i = 0; i < sizeof options / sizeof options[0]; ++i) {
+    for (size_t i = 0; i < sizeof options / sizeof options[0]; i++) {
         const size_t length = strlen(options[i].name);
         if (strncmp(text, options[i].name, length) != 0) continue;
         if (options[i].word != NULL) *options[i].word = text + length;
@@ -360,7 +360,7 @@ static enum fovea_status open_source(void)
 
 static enum fovea_source_state state_by_name(const char *name)
 {
-    for (int i = 0; i < 6; ++i)
+    for (int i = 0; i < 6; i++)
         if (strcmp(state_names[i], name) == 0) return (enum fovea_source_state)i;
     tool_fail("unknown state '%s'", name);
 }
@@ -370,7 +370,7 @@ int tool_read(int argc, char **argv)
     if (argc < 2) tool_fail("usage: read URI [NAME=VALUE...]");
     reading.uri = argv[1];
     reading.begin_ns = tool_now_ns();
-    for (int i = 2; i < argc; ++i)
+    for (int i = 2; i < argc; i++)
         read_option(argv[i]);
     const enum fovea_status status = open_source();
     if (reading.open != NULL) return status == FOVEA_OK;

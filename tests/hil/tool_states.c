@@ -98,7 +98,7 @@ int tool_states(int argc, char **argv)
     double rate_hz = 0;
     if (argc < 2 || fovea_log_open(argv[1], &log, &error) != FOVEA_OK)
         tool_fail("states: %s", error.text);
-    for (int i = 2; i < argc && wanted_count < 16 && pose_count < 16; ++i) {
+    for (int i = 2; i < argc && wanted_count < 16 && pose_count < 16; i++) {
         if (strncmp(argv[i], "state=", 6) == 0) wanted[wanted_count++] = argv[i] + 6;
         if (strncmp(argv[i], "pose=", 5) == 0) wanted_poses[pose_count++] = atoi(argv[i] + 5);
         if (strncmp(argv[i], "rate=", 5) == 0) rate_hz = atof(argv[i] + 5);

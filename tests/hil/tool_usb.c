@@ -218,7 +218,7 @@ static void describe(void)
     uint8_t head[14 + FORMATS_MAX] = {
         0, 0x24, 1, (uint8_t)camera.offer_count, 0, 0, 0x81, 0, OUTPUT, 0, 0, 0, 1};
     add(head, 13 + camera.offer_count);
-    for (size_t i = 0; i < camera.offer_count; ++i)
+    for (size_t i = 0; i < camera.offer_count; i++)
         describe_format(&camera.offers[i], (uint8_t)(i + 1));
     store_word(streaming + 4, camera.descriptor_bytes - streaming);
     ADD(5, 0x81, 2, WORD(512), 0);
@@ -263,7 +263,7 @@ static bool get_descriptor(uint32_t number, unsigned value, size_t wanted)
         if (index > 3) return false;
         bytes = 2 + 2 * strlen(strings[index]);
         text[0] = (uint8_t)bytes;
-        for (size_t i = 0; strings[index][i] != '\0'; ++i)
+        for (size_t i = 0; strings[index][i] != '\0'; i++)
             text[2 + 2 * i] = (uint8_t)strings[index][i];
         break;
     default:
@@ -311,7 +311,7 @@ static bool use_control(uint32_t number, unsigned request, unsigned unit, unsign
                         const uint8_t *data, size_t bytes)
 {
     struct control *control = NULL;
-    for (size_t i = 0; i < sizeof controls / sizeof controls[0]; ++i)
+    for (size_t i = 0; i < sizeof controls / sizeof controls[0]; i++)
         if (controls[i].unit == unit && controls[i].selector == selector) control = &controls[i];
     if (control == NULL) return false;
     if (request == SET_CUR) {
@@ -396,7 +396,7 @@ static void submit(const struct packet *packet)
     const uint32_t number = ntohl(packet->number), bytes = ntohl(packet->words[1]);
     if (packet->direction == 0 && bytes > 0 && bytes <= sizeof out) receive(out, bytes);
     camera.last_submitted = number;
-    for (size_t i = 0; i < camera.early_count; ++i) {
+    for (size_t i = 0; i < camera.early_count; i++) {
         if (camera.early[i].bytes != number) continue;
         reply_unlink(camera.early[i].number, -ECONNRESET);
         forget(camera.early, &camera.early_count, i);
@@ -418,7 +418,7 @@ static void take_back(const struct packet *packet)
         camera.early[camera.early_count++] = (struct pending){number, victim};
         return;
     }
-    for (size_t i = 0; i < camera.pending_count; ++i) {
+    for (size_t i = 0; i < camera.pending_count; i++) {
         if (camera.pending[i].number != victim) continue;
         forget(camera.pending, &camera.pending_count, i);
         status = -ECONNRESET;
@@ -558,7 +558,7 @@ int tool_usb(int argc, char **argv)
     for (char *name = strtok(argv[1], ","); name != NULL && camera.offer_count < FORMATS_MAX;
          name = strtok(NULL, ","))
         add_offer(name, argv[4]);
-    for (int i = 6; i < argc; ++i)
+    for (int i = 6; i < argc; i++)
         read_option(argv[i]);
     describe();
     fix_probe(camera.probe);

@@ -40,7 +40,7 @@ static void map_buffers(void)
     const int fd = output.fd;
     call(fd, VIDIOC_REQBUFS, &request, "REQBUFS");
     output.buffers = request.count < BUFFERS_MAX ? request.count : BUFFERS_MAX;
-    for (unsigned i = 0; i < output.buffers; ++i) {
+    for (unsigned i = 0; i < output.buffers; i++) {
         struct v4l2_buffer buffer = {
             .index = i, .type = V4L2_BUF_TYPE_VIDEO_OUTPUT, .memory = V4L2_MEMORY_MMAP};
         call(fd, VIDIOC_QUERYBUF, &buffer, "QUERYBUF");
@@ -69,7 +69,7 @@ static void put_mapped(long number, const uint8_t *frame, size_t bytes)
 /* v4l2loopback refuses a writer for some time after the last one died. */
 static int open_output(const char *device, const struct v4l2_format *wanted)
 {
-    for (int tries = 0; tries < 100; ++tries) {
+    for (int tries = 0; tries < 100; tries++) {
         struct v4l2_format format = *wanted;
         const int fd = open(device, O_RDWR | O_CLOEXEC);
         if (fd < 0) tool_fail("%s: %s", device, strerror(errno));
@@ -89,7 +89,7 @@ int tool_write(int argc, char **argv)
     const long count = atol(argv[7]);
     const size_t bytes = tool_frame_bytes(shape, width, height);
     struct tool_frames frames;
-    for (int i = 8; i < argc; ++i) {
+    for (int i = 8; i < argc; i++) {
         if (strncmp(argv[i], "mmap=", 5) == 0) output.buffers = atol(argv[i] + 5);
         if (strncmp(argv[i], "after=", 6) == 0) output.pace.file = argv[i] + 6;
     }
@@ -106,7 +106,7 @@ int tool_write(int argc, char **argv)
     (void)ioctl(fd, VIDIOC_S_PARM, &rate); /* not all have it */
     if (output.buffers > 0) map_buffers();
     int64_t at_ns = tool_now_ns();
-    for (long k = 0; count == 0 || k < count; ++k) {
+    for (long k = 0; count == 0 || k < count; k++) {
         const uint8_t *frame = frames.data + frames.at[(size_t)k % frames.count];
         while (!tool_pace_ready(&output.pace))
             tool_sleep_until(tool_now_ns() + 10000000);

@@ -51,7 +51,7 @@ static void test_png(void **state)
     (void)state;
     static uint8_t picture[W * H * 4], rgb[STRIDE * H], grey[STRIDE * H];
     const char *path = fv_test_path(folder, "kind.png");
-    for (int kind = 0; kind < 8; ++kind) {
+    for (int kind = 0; kind < 8; kind++) {
         const struct fv_test_png form = {
             .width = W, .height = H, .channels = 1 + kind % 4, .depth = 8, .interlaced = kind >= 4};
         fv_test_picture((uint32_t)kind, W, H, form.channels, picture);
@@ -59,10 +59,10 @@ static void test_png(void **state)
         assert_true(has_colour(path) == (form.channels >= 3));
         decode(path, true, rgb);
         decode(path, false, grey);
-        for (int i = 0; i < W * H; ++i) {
+        for (int i = 0; i < W * H; i++) {
             const uint8_t *sample = &picture[i * form.channels],
                           *found = &rgb[i / W * STRIDE + i % W * 3];
-            for (int c = 0; c < 3; ++c)
+            for (int c = 0; c < 3; c++)
                 assert_int_equal(found[c], form.channels < 3 ? sample[0] : sample[c]);
             const int weighed =
                 (9798 * found[0] + 19235 * found[1] + 3735 * found[2] + 16384) >> 15;
@@ -77,15 +77,15 @@ static void test_jpeg(void **state)
     (void)state;
     static uint8_t picture[W * H * 3], rgb[STRIDE * H];
     const char *path = fv_test_path(folder, "kind.jpg");
-    for (int kind = 0; kind < 6; ++kind) {
+    for (int kind = 0; kind < 6; kind++) {
         const int channels = kind < 2 ? 1 : 3;
-        for (int i = 0; i < W * H * channels; ++i) /* smooth, so that compression changes little */
+        for (int i = 0; i < W * H * channels; i++) /* smooth, so that compression changes little */
             picture[i] = (uint8_t)(i / channels % W + i / channels / W + 30 * (i % channels));
         fv_test_write_jpeg(path, W, H, channels, kind % 2 == 1, kind >= 4, picture);
         assert_true(has_colour(path) == (channels == 3));
         decode(path, true, rgb);
-        for (int i = 0; i < W * H; ++i) {
-            for (int c = 0; c < 3; ++c) {
+        for (int i = 0; i < W * H; i++) {
+            for (int c = 0; c < 3; c++) {
                 const int expected = picture[i * channels + (channels == 3 ? c : 0)];
                 assert_true(abs(rgb[i / W * STRIDE + i % W * 3 + c] - expected) <= 8);
             }
@@ -104,7 +104,7 @@ static void test_source(void **state)
         const char *path = fv_test_path(folder, channels == 3 ? "colour.png" : "grey.png");
         fv_test_picture(5, W, H, channels, picture);
         fv_test_write_png(path, &form, picture);
-        for (int wanted = 0; wanted <= 1; ++wanted) {
+        for (int wanted = 0; wanted <= 1; wanted++) {
             const struct fovea_source_selection selection = {.step = 1, .colour = wanted == 1};
             const struct fovea_source_ops *ops;
             const char *address;

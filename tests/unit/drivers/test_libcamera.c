@@ -118,14 +118,14 @@ static void test_frames_bit_for_bit(void **state)
     assert_int_equal(info->width, FAKE_WIDTH);
     assert_int_equal(info->height, FAKE_HEIGHT);
     assert_int_equal(info->format, FOVEA_PIXEL_GREY8);
-    for (int i = 0; i < FRAMES; ++i) {
+    for (int i = 0; i < FRAMES; i++) {
         const struct fovea_frame frame = take(source);
         took_ns[i] = fv_test_now_ns() - frame.stamp_ns;
         assert_int_equal(frame.images[0].stride_bytes, FAKE_STRIDE);
         assert_int_equal(frame.stamp_meaning, FOVEA_STAMP_EXPOSURE_START);
         assert_int_equal(frame.clock, FOVEA_CLOCK_MONOTONIC);
-        for (int32_t y = 0; y < FAKE_HEIGHT; ++y)
-            for (int32_t x = 0; x < FAKE_WIDTH; ++x)
+        for (int32_t y = 0; y < FAKE_HEIGHT; y++)
+            for (int32_t x = 0; x < FAKE_WIDTH; x++)
                 if (frame.images[0].data[y * FAKE_STRIDE + x] != fake_pixel(frame.sequence, x, y))
                     fail_msg("frame %llu differs at %d, %d", (unsigned long long)frame.sequence, x,
                              y);
@@ -160,7 +160,7 @@ static void test_frames_held_outlive_the_process(void **state)
     const struct fovea_frame frame = take(source);
     kill(atomic_load(&stage->pid), SIGKILL);
     assert_told(source, "signal 9");
-    for (int32_t y = 0; y < FAKE_HEIGHT; ++y)
+    for (int32_t y = 0; y < FAKE_HEIGHT; y++)
         assert_int_equal(frame.images[0].data[y * FAKE_STRIDE + 7],
                          fake_pixel(frame.sequence, 7, y));
     ops->requeue(source, &frame);
@@ -180,7 +180,7 @@ static void test_faults_while_streaming(void **state)
                   {FAKE_SHORT, "makes no sense"}, {FAKE_VERSION, "makes no sense"},
                   {FAKE_INDEX, "makes no sense"}, {FAKE_BROKEN, "it is on fire"},
                   {FAKE_HANG, "no frame for"},    {FAKE_DESCRIPTORS, "makes no sense"}};
-    for (size_t i = 0; i < sizeof faults / sizeof faults[0]; ++i) {
+    for (size_t i = 0; i < sizeof faults / sizeof faults[0]; i++) {
         struct fovea_source *source = start_source();
         fv_test_next_frame(source);
         atomic_store(&stage->fault, faults[i].fault);
@@ -202,7 +202,7 @@ static void test_faults_while_setting_up(void **state)
                   {FAKE_SHORT, "makes no sense"},
                   {FAKE_FEWER, "makes no sense"},
                   {FAKE_BROKEN, "it is on fire"}};
-    for (size_t i = 0; i < sizeof faults / sizeof faults[0]; ++i) {
+    for (size_t i = 0; i < sizeof faults / sizeof faults[0]; i++) {
         fv_libcamera_answer_ns = faults[i].fault == FAKE_HANG ? patience_ns : usual_ns;
         struct fovea_source *source = start_source();
         fv_test_next_frame(source);
@@ -220,7 +220,7 @@ static void test_faults_while_setting_up(void **state)
 static void test_unplugged(void **state)
 {
     (void)state;
-    for (int aborts = 0; aborts < 2; ++aborts) {
+    for (int aborts = 0; aborts < 2; aborts++) {
         struct fovea_source *source = start_source();
         fv_test_next_frame(source);
         atomic_store(&stage->away, true);
@@ -268,7 +268,7 @@ static void test_reaped_later(void **state)
     const int64_t kept_ns = fv_libcamera_patience_ns;
     struct fovea_source *source = start_source();
     fv_libcamera_patience_ns = 0;
-    for (uint32_t life = 2; life < 6; ++life) {
+    for (uint32_t life = 2; life < 6; life++) {
         fv_test_next_frame(source);
         atomic_store(&stage->fault, FAKE_BROKEN);
         wait_for_frame_of_life(source, life);
@@ -289,7 +289,7 @@ static void test_hangs_or_works(void **state)
     static const enum fake_fault faults[] = {FAKE_HANG, FAKE_BUSY};
     const int64_t idle_ns = fv_libcamera_idle_ns;
     fv_libcamera_idle_ns = 1000000000;
-    for (uint32_t i = 0; i < 2; ++i) {
+    for (uint32_t i = 0; i < 2; i++) {
         struct fovea_source *source = start_source();
         fv_test_next_frame(source);
         atomic_store(&stage->fault_at_set_up, faults[i]);
@@ -368,7 +368,7 @@ static void test_refused_at_open(void **state)
                   {FAKE_ABORT, "signal 6", 2},
                   {FAKE_HANG, "does not answer", 2}};
     struct fovea_source *source = NULL;
-    for (size_t i = 0; i < sizeof faults / sizeof faults[0]; ++i) {
+    for (size_t i = 0; i < sizeof faults / sizeof faults[0]; i++) {
         fv_libcamera_answer_ns = faults[i].fault == FAKE_HANG ? patience_ns : usual_ns;
         struct fovea_error error = {.text = ""};
         fake_stage_reset(stage);
@@ -384,7 +384,7 @@ static void test_refused_at_open(void **state)
     assert_int_equal(errno, ECHILD);
 }
 
-/* A process that ends or hangs over the opening is told of, and another opens the camera. */
+/* A process that ends or hangs over the opening is named, and another opens the camera. */
 static void test_fault_while_opening(void **state)
 {
     (void)state;
@@ -394,7 +394,7 @@ static void test_fault_while_opening(void **state)
         const char *says;
     } faults[] = {
         {FAKE_ABORT, "signal 6"}, {FAKE_HANG, "does not answer"}, {FAKE_SHORT, "makes no sense"}};
-    for (size_t i = 0; i < sizeof faults / sizeof faults[0]; ++i) {
+    for (size_t i = 0; i < sizeof faults / sizeof faults[0]; i++) {
         fv_libcamera_answer_ns = faults[i].fault == FAKE_HANG ? patience_ns : usual_ns;
         struct fovea_source *source = NULL;
         struct fovea_error error = {.text = ""};
@@ -420,7 +420,7 @@ static void test_ends_over_and_over(void **state)
     struct fake_holdings before = {0};
     long late = 0;
     struct fovea_source *source = start_source();
-    for (long i = 0; i < times; ++i) {
+    for (long i = 0; i < times; i++) {
         fv_test_next_frame(source);
         if (i == 2) before = fake_holdings();
         const int64_t begin_ns = fv_test_now_ns();

@@ -36,7 +36,7 @@ static int make_pictures(void **state)
     (void)state;
     static uint8_t samples[W * H * 3];
     fv_test_folder(folder);
-    for (uint32_t i = 0; i < PICTURES; ++i) {
+    for (uint32_t i = 0; i < PICTURES; i++) {
         const char *path = fv_test_path(folder, "picture.jpg");
         const int32_t channels = i == 0 ? 1 : 3;
         fv_test_picture(i, W, H, channels, samples);
@@ -49,7 +49,7 @@ static int make_pictures(void **state)
 static int drop_pictures(void **state)
 {
     (void)state;
-    for (int i = 0; i < PICTURES; ++i)
+    for (int i = 0; i < PICTURES; i++)
         free(pictures[i].data);
     fv_test_folder_remove(folder);
     return 0;
@@ -92,7 +92,7 @@ static size_t damage(const uint8_t *data, size_t bytes, uint8_t *out)
     case 0:
         return draw((uint32_t)bytes); /* cut off */
     case 1:                           /* bytes changed anywhere */
-        for (uint32_t i = 0, n = 1 + draw(20); i < n; ++i)
+        for (uint32_t i = 0, n = 1 + draw(20); i < n; i++)
             out[draw((uint32_t)bytes)] = (uint8_t)draw(256);
         return bytes;
     case 2: { /* a packet lost */
@@ -105,7 +105,7 @@ static size_t damage(const uint8_t *data, size_t bytes, uint8_t *out)
         memset(out + draw((uint32_t)bytes - 64), draw(2) ? 0 : 255, 64);
         return bytes;
     default: /* the header */
-        for (uint32_t i = 0; i < 3; ++i)
+        for (uint32_t i = 0; i < 3; i++)
             out[draw(200)] ^= (uint8_t)(1u << draw(8));
         return bytes;
     }
@@ -119,8 +119,8 @@ static void test_same_bits(void **state)
     struct fv_jpeg_decoder *decoder;
     struct fovea_error error = {.text = ""};
     assert_int_equal(fv_jpeg_decoder_open(W, &decoder, &error), FOVEA_OK);
-    for (int round = 0; round < 3; ++round)
-        for (int i = 0; i < PICTURES - 1; ++i) {
+    for (int round = 0; round < 3; round++)
+        for (int i = 0; i < PICTURES - 1; i++) {
             assert_int_equal(
                 fv_decode_jpeg(pictures[i].data, pictures[i].bytes, &reference, &error), FOVEA_OK);
             memset(found, round, sizeof found);
@@ -170,7 +170,7 @@ static void test_damaged(void **state)
     assert_int_equal(fv_jpeg_decoder_open(W, &decoder, &error), FOVEA_OK);
     assert_int_equal(fv_decode_jpeg(pictures[1].data, pictures[1].bytes, &reference, &error),
                      FOVEA_OK);
-    for (uint32_t i = 0; i < damaged_frames; ++i) {
+    for (uint32_t i = 0; i < damaged_frames; i++) {
         const size_t bytes = damage(pictures[1].data, pictures[1].bytes, bad);
         fv_heap_arm();
         if (fv_jpeg_decode(decoder, bad, bytes, &into, &reason) != FOVEA_OK) {
@@ -215,11 +215,11 @@ static void test_source(void **state)
     camera->height = H;
     fake_plug(camera, "/dev/video0");
     struct fovea_source *source = fv_test_start("/dev/video0?format=MJPG");
-    for (uint32_t i = 0; i < frames; ++i) {
+    for (uint32_t i = 0; i < frames; i++) {
         const struct fovea_frame frame = fv_test_next_frame(source);
         assert_int_equal(frame.images[0].format, FOVEA_PIXEL_GREY8);
         assert_true(frame.sequence % 2 == 0);
-        for (int32_t y = 0; y < H && i < 20; ++y)
+        for (int32_t y = 0; y < H && i < 20; y++)
             assert_memory_equal(frame.images[0].data + (ptrdiff_t)y * frame.images[0].stride_bytes,
                                 expected + y * STRIDE, W);
     }

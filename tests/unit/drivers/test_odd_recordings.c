@@ -48,7 +48,7 @@ static void play(const struct fovea_source_ops *ops, struct fovea_source *source
     assert_int_equal(ops->start(source, &error), FOVEA_OK);
     while ((status = ops->dequeue(source, INT64_MAX, &frame)) == FOVEA_OK && played->count < MANY) {
         played->sequence[played->count] = frame.sequence;
-        for (int32_t i = 0; i < frame.images[0].width; ++i)
+        for (int32_t i = 0; i < frame.images[0].width; i++)
             played->picture[played->count] =
                 played->picture[played->count] * 31 + frame.images[0].data[i];
         played->stamp_ns[played->count++] = frame.stamp_ns;
@@ -120,7 +120,7 @@ static void play_stamps(const int64_t *stamps, const struct fovea_source_selecti
     struct fovea_source *source;
     struct fovea_error error;
     uint64_t count = 0;
-    for (; stamps[count] != END; ++count)
+    for (; stamps[count] != END; count++)
         memory[count] = stamps[count];
     assert_int_equal(
         fv_player_open(&ops, memory, count, 0, "stamps.txt", selection, &info, &source, &error),
@@ -135,7 +135,7 @@ static void test_leaping_stamps(void **state)
 {
     static const struct {
         int64_t stamps[20];
-        uint64_t left_out[3]; /* indices, ended by 0; frame 0 is told as 100 */
+        uint64_t left_out[3]; /* indices, ended by 0; frame 0 is written as 100 */
     } cases[] = {
         {{1, 2, 3, FAR, 5, 6, 7, 8, END}, {3}},
         {{1, 2, 3, FAR, 5, 6, END}, {3}},
@@ -160,13 +160,13 @@ static void test_leaping_stamps(void **state)
     const struct fovea_source_selection everything = {.step = 1};
     struct played played;
     (void)state;
-    for (size_t c = 0; c < sizeof cases / sizeof cases[0]; ++c) {
+    for (size_t c = 0; c < sizeof cases / sizeof cases[0]; c++) {
         bool out[20] = {false};
         size_t at = 0;
-        for (int i = 0; i < 3 && cases[c].left_out[i] != 0; ++i)
+        for (int i = 0; i < 3 && cases[c].left_out[i] != 0; i++)
             out[cases[c].left_out[i] % 100] = true;
         play_stamps(cases[c].stamps, &everything, &played);
-        for (uint64_t i = 0; cases[c].stamps[i] != END; ++i) {
+        for (uint64_t i = 0; cases[c].stamps[i] != END; i++) {
             if (out[i]) continue;
             if (at == played.count || played.sequence[at++] != i)
                 fail_msg("case %zu: frame %u is missing", c, (unsigned)i);
@@ -196,7 +196,7 @@ static void test_leaps_as_they_are_played(void **state)
     assert_string_equal(
         played.complaint.text,
         "stamps.txt: frame 3: timestamp: found 4 ns, expected one before the next frames' 103 ns");
-    for (size_t i = 1; i < played.count; ++i)
+    for (size_t i = 1; i < played.count; i++)
         assert_true(played.stamp_ns[i] > played.stamp_ns[i - 1]);
     assert_true(played.stamp_ns[0] == 101 && played.stamp_ns[5] == 107);
     play_stamps(ahead, &reverse, &played); /* goes back: the loop's */
@@ -235,7 +235,7 @@ static void test_log_goes_on_after_damage(void **state)
     play_fine("lcmlog", path, &played);
     assert_int_equal(played.count, FV_TEST_FRAMES);
     assert_true(played.rate_hz > 19.99 && played.rate_hz < 20.01);
-    for (size_t at = 0; at < 28; ++at) {
+    for (size_t at = 0; at < 28; at++) {
         if (at >= 4 && at < 20) continue; /* number and time, which nobody needs */
         uint8_t *byte = &whole[5 * event + at];
         *byte = (uint8_t) ~*byte;
@@ -267,7 +267,7 @@ static void test_log_goes_on_after_damage(void **state)
     assert_int_equal(played.counts.damaged, 4);
     assert_int_equal(play_uri("lcmlog", path, &reverse, &played, &error), FOVEA_OK);
     assert_int_equal(played.count, FV_TEST_FRAMES - 4);
-    for (size_t i = 1; i < played.count; ++i)
+    for (size_t i = 1; i < played.count; i++)
         assert_true(played.stamp_ns[i] > played.stamp_ns[i - 1] &&
                     played.sequence[i] < played.sequence[i - 1]);
     free(whole);
@@ -327,7 +327,7 @@ static void test_log_head_among_others(void **state)
     (void)state;
     snprintf(path, sizeof path, "%s", fv_test_lcmlog(folder));
     uint8_t *frames = fv_test_read(path, &bytes);
-    for (int ours = 0; ours < 2; ++ours) {
+    for (int ours = 0; ours < 2; ours++) {
         struct fovea_source *source;
         struct fovea_error error;
         FILE *file = fopen(path, "wb");
@@ -336,7 +336,7 @@ static void test_log_head_among_others(void **state)
         put_head(file, "LEFT_RECORDING", 70);
         put_head(file, "FOVEA_2_RECORDING", 75);
         if (ours) put_head(file, "FOVEA_RECORDING", 90);
-        for (int i = 0; i < 12; ++i) { /* more than are looked at */
+        for (int i = 0; i < 12; i++) { /* more than are looked at */
             char channel[32];
             snprintf(channel, sizeof channel, "OTHER%d_RECORDING", i);
             put_head(file, channel, 80);
@@ -423,7 +423,7 @@ static void test_names_that_look_like_patterns(void **state)
     static const char *const names[] = {"run [1]", "a*b", "what?", "back\\slash", "all of *[?]\\"};
     struct played played;
     (void)state;
-    for (size_t i = 0; i < sizeof names / sizeof names[0]; ++i) {
+    for (size_t i = 0; i < sizeof names / sizeof names[0]; i++) {
         char from[FV_TEST_PATH_BYTES], to[FV_TEST_PATH_BYTES], file[FV_TEST_PATH_BYTES];
         snprintf(from, sizeof from, "%s", fv_test_images(folder));
         char *pattern = strrchr(from, '/');
@@ -434,7 +434,7 @@ static void test_names_that_look_like_patterns(void **state)
         play_fine("images", to, &played);
         assert_int_equal(played.count, FV_TEST_FRAMES);
         static const char *const odd[] = {"[0-9]?*.png", "[0-9]x*.png", "[0-9]?x.png", "1?*.png"};
-        for (size_t k = 0; k < sizeof odd / sizeof odd[0]; ++k) {
+        for (size_t k = 0; k < sizeof odd / sizeof odd[0]; k++) {
             char name[16];
             snprintf(name, sizeof name, "img%zu.png", 2 * k);
             assert_int_equal(rename(fv_test_path(to, name), fv_test_path(to, odd[k])), 0);
@@ -453,7 +453,7 @@ static void test_first_frame_missing(void **state)
     char top[FV_TEST_PATH_BYTES];
     (void)state;
     snprintf(top, sizeof top, "%s", fv_test_kitti(folder));
-    for (int i = 0; i < FV_TEST_FRAMES; ++i) { /* what a file holds is told by its first bytes */
+    for (int i = 0; i < FV_TEST_FRAMES; i++) { /* the first bytes say what a file holds */
         char from[64], to[64];
         snprintf(from, sizeof from, "image_0/%06d.png", i);
         snprintf(to, sizeof to, "image_0/%06d.jpg", i);
@@ -481,7 +481,7 @@ static void test_kitti_poses_beside_the_sequences(void **state)
     assert_int_equal(rename(from, fv_test_path(folder, ways[0])), 0);
     snprintf(from, sizeof from, "%s", fv_test_path(folder, "archive/sequences/07/poses.txt"));
     assert_int_equal(rename(from, fv_test_path(folder, "archive/poses/07.txt")), 0);
-    for (size_t i = 0; i < sizeof ways / sizeof ways[0]; ++i) {
+    for (size_t i = 0; i < sizeof ways / sizeof ways[0]; i++) {
         struct fovea_source *source;
         struct fovea_error error;
         const bool last =
@@ -526,13 +526,13 @@ static void test_video_in_reverse(void **state)
         return;
     }
     assert_int_equal(all.count, FRAMES);
-    for (size_t c = 0; c < sizeof reverse / sizeof reverse[0]; ++c) {
+    for (size_t c = 0; c < sizeof reverse / sizeof reverse[0]; c++) {
         const struct fovea_source_selection *s = &reverse[c];
         const uint64_t left = (FRAMES - s->start - 1) / s->step + 1,
                        count = s->frames > 0 ? s->frames : left;
         assert_int_equal(play_uri("video", path, s, &played, &error), FOVEA_OK);
         assert_int_equal(played.count, count);
-        for (size_t i = 0; i < count; ++i) {
+        for (size_t i = 0; i < count; i++) {
             const uint64_t index = s->start + (count - 1 - i) * s->step;
             assert_int_equal(played.sequence[i], index);
             assert_int_equal(played.picture[i], all.picture[index]);
@@ -559,7 +559,7 @@ static void test_byte_order_mark(void **state)
     char *list = fv_test_read(path, &bytes);
     const char *stamps = strstr(list, "\n1305");
     assert_non_null(stamps);
-    for (int comment = 0; comment < 2; ++comment) {
+    for (int comment = 0; comment < 2; comment++) {
         snprintf(text, sizeof text, "\xef\xbb\xbf%s", comment ? list : stamps + 1);
         fv_test_write_text(path, text);
         play_fine("tum", top, &played);
@@ -583,7 +583,7 @@ static void test_own_calibration_not_needed(void **state)
     const struct fovea_source_selection alone = {.step = 1},
                                         given = {.step = 1, .camera_given = true};
     (void)state;
-    for (size_t i = 0; i < sizeof sets / sizeof sets[0]; ++i) {
+    for (size_t i = 0; i < sizeof sets / sizeof sets[0]; i++) {
         struct played played;
         struct fovea_error error;
         char top[FV_TEST_PATH_BYTES];
@@ -617,7 +617,7 @@ static void test_own_head_not_needed(void **state)
     uint8_t *frames = fv_test_read(path, &bytes);
     FILE *file = fopen(path, "wb");
     assert_non_null(file);
-    for (int i = 0; i < 8; ++i)
+    for (int i = 0; i < 8; i++)
         head[i] = (uint8_t)(hash >> (56 - 8 * i));
     put_event(file, "FOVEA_RECORDING", head, sizeof head);
     assert_int_equal(fwrite(frames, 1, bytes, file), bytes);

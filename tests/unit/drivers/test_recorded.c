@@ -57,14 +57,14 @@ static void test_png_kinds(void **state)
     (void)state;
     const char *path = fv_test_path(folder, "kind.png");
     static uint8_t samples[W * H * 8], picture[W * H * 4], grey[STRIDE * H];
-    for (int kind = 0; kind < 16; ++kind) {
+    for (int kind = 0; kind < 16; kind++) {
         const struct fv_test_png form = {.width = W,
                                          .height = H,
                                          .channels = 1 + kind % 4,
                                          .depth = kind / 4 % 2 == 0 ? 8 : 16,
                                          .interlaced = kind / 8 == 1};
         fv_test_picture((uint32_t)kind, W, H, form.channels, picture);
-        for (int i = 0; i < W * H * form.channels; ++i) {
+        for (int i = 0; i < W * H * form.channels; i++) {
             if (form.depth == 8) {
                 samples[i] = picture[i];
             } else { /* the low byte must not matter */
@@ -75,7 +75,7 @@ static void test_png_kinds(void **state)
         fv_test_write_png(path, &form, samples);
         memset(grey, 0xEE, sizeof grey);
         decode(path, grey);
-        for (int i = 0; i < W * H; ++i) {
+        for (int i = 0; i < W * H; i++) {
             const uint8_t *sample = &picture[i * form.channels];
             assert_int_equal(grey[i / W * STRIDE + i % W],
                              form.channels < 3 ? sample[0] : weighted(sample));
@@ -89,15 +89,15 @@ static void test_jpeg_kinds(void **state)
     (void)state;
     const char *path = fv_test_path(folder, "kind.jpg");
     static uint8_t picture[W * H * 3], grey[STRIDE * H];
-    for (int kind = 0; kind < 6; ++kind) {
+    for (int kind = 0; kind < 6; kind++) {
         const int channels = kind < 2 ? 1 : 3;
-        for (int y = 0; y < H; ++y) /* smooth, so that compression changes little */
-            for (int x = 0; x < W; ++x)
-                for (int c = 0; c < channels; ++c)
+        for (int y = 0; y < H; y++) /* smooth, so that compression changes little */
+            for (int x = 0; x < W; x++)
+                for (int c = 0; c < channels; c++)
                     picture[(y * W + x) * channels + c] = (uint8_t)(x + y + 30 * c);
         fv_test_write_jpeg(path, W, H, channels, kind % 2 == 1, kind >= 4, picture);
         decode(path, grey);
-        for (int i = 0; i < W * H; ++i) {
+        for (int i = 0; i < W * H; i++) {
             const uint8_t *sample = &picture[i * channels];
             const int expected = channels == 1 ? sample[0] : weighted(sample);
             assert_true(abs(grey[i / W * STRIDE + i % W] - expected) <= 4);
@@ -115,7 +115,7 @@ static void test_truncated(void **state)
     const struct fv_decode_image image = {
         .pixels = grey, .width = W, .height = H, .stride_bytes = STRIDE};
     fv_test_picture(3, W, H, 1, picture);
-    for (int kind = 0; kind < 3; ++kind) {
+    for (int kind = 0; kind < 3; kind++) {
         const char *path = fv_test_path(folder, "cut");
         size_t bytes;
         if (kind == 0)
@@ -198,20 +198,20 @@ static void test_pictures_and_truth(void **state)
                 {"kitti", fv_test_kitti, 0.0, 0}};
     static struct fovea_truth truth;
     static uint8_t picture[W * H];
-    for (size_t s = 0; s < sizeof sets / sizeof sets[0]; ++s) {
+    for (size_t s = 0; s < sizeof sets / sizeof sets[0]; s++) {
         const struct fovea_source_ops *ops;
         struct fovea_source *source =
             open_uri(uri_of(sets[s].scheme, sets[s].make(folder)), &everything, &ops);
         struct fovea_frame frame;
         assert_true(ops->info(source)->has_truth && ops->info(source)->rig.cameras[0].calibrated);
         assert_true(fabs(ops->info(source)->rate_hz - 20) < 0.01);
-        for (uint32_t i = 0; i < FV_TEST_FRAMES; ++i) {
+        for (uint32_t i = 0; i < FV_TEST_FRAMES; i++) {
             assert_int_equal(ops->dequeue(source, INT64_MAX, &frame), FOVEA_OK);
             assert_int_equal(frame.sequence, i);
             assert_int_equal(frame.clock, FOVEA_CLOCK_RECORDED);
             assert_int_equal(frame.stamp_ns, sets[s].first_ns + (int64_t)i * 50000000);
             fv_test_picture(i, W, H, 1, picture);
-            for (int y = 0; y < H && sets[s].make != fv_test_tum; ++y)
+            for (int y = 0; y < H && sets[s].make != fv_test_tum; y++)
                 assert_memory_equal(frame.images[0].data + y * frame.images[0].stride_bytes,
                                     picture + y * W, W);
             assert_int_equal(ops->truth(source, &frame, &truth), FOVEA_OK);
@@ -234,7 +234,7 @@ static void test_damage_is_counted_and_named(void **state)
     const struct fv_test_png wider = {.width = W + 8, .height = H, .channels = 1, .depth = 8};
     char top[FV_TEST_PATH_BYTES], name[8][FV_TEST_PATH_BYTES];
     snprintf(top, sizeof top, "%s", fv_test_kitti(folder));
-    for (int i = 0; i < 8; ++i) {
+    for (int i = 0; i < 8; i++) {
         char file[32];
         snprintf(file, sizeof file, "image_0/%06d.png", 2 + i);
         snprintf(name[i], sizeof name[i], "%s", fv_test_path(top, file));
@@ -260,7 +260,7 @@ static void test_damage_is_counted_and_named(void **state)
     struct fovea_frame frame;
     static const uint64_t left[] = {0, 1, 10, 11};
     assert_int_equal(ops->info(source)->width, W);
-    for (size_t i = 0; i < sizeof left / sizeof left[0]; ++i) {
+    for (size_t i = 0; i < sizeof left / sizeof left[0]; i++) {
         assert_int_equal(ops->dequeue(source, INT64_MAX, &frame), FOVEA_OK);
         assert_int_equal(frame.sequence, left[i]);
         ops->counts(source, &counts); /* as of this frame, however far the reader is */
@@ -270,7 +270,7 @@ static void test_damage_is_counted_and_named(void **state)
         ops->requeue(source, &frame);
     }
     assert_int_equal(ops->dequeue(source, INT64_MAX, &frame), FOVEA_END);
-    for (int i = 2; i < 10; ++i) { /* each is named, in order */
+    for (int i = 2; i < 10; i++) { /* each is named, in order */
         struct fovea_error error = {.text = ""};
         char file[32];
         assert_int_equal(ops->complaint(source, &error), FOVEA_OK);
@@ -308,7 +308,7 @@ static void test_many_missing(void **state)
     enum { MANY = 3000 };
     static const struct fv_recording_ops nothing = {.fetch = fetch_nothing, .close = close_missing};
     const struct fovea_source_info info = {.width = W, .height = 1, .format = FOVEA_PIXEL_GREY8};
-    for (int asked = 0; asked < 2; ++asked) {
+    for (int asked = 0; asked < 2; asked++) {
         struct fovea_source *source;
         struct fovea_error error;
         struct fovea_frame frame;
@@ -318,10 +318,10 @@ static void test_many_missing(void **state)
             FOVEA_OK);
         assert_int_equal(fv_player_start(source, &error), FOVEA_OK);
         while (asked && fv_player_dequeue(source, 0, &frame) == FOVEA_AGAIN)
-            for (; fv_player_complaint(source, &error) == FOVEA_OK; ++named)
+            for (; fv_player_complaint(source, &error) == FOVEA_OK; named++)
                 assert_int_equal(strtol(error.text + strlen("frame "), NULL, 10), named);
         assert_int_equal(fv_player_dequeue(source, INT64_MAX, &frame), FOVEA_END);
-        for (; fv_player_complaint(source, &error) == FOVEA_OK; ++named)
+        for (; fv_player_complaint(source, &error) == FOVEA_OK; named++)
             if (strstr(error.text, "more frames") != NULL)
                 unnamed = (unsigned)strtoul(error.text, NULL, 10) - 1;
         assert_int_equal(named + unnamed, MANY);
@@ -442,9 +442,9 @@ static void test_start_again(void **state)
     struct fovea_source *source =
         open_uri(uri_of("images", fv_test_images(folder)), &everything, &ops);
     struct fovea_error error;
-    for (int round = 0; round < 20; ++round) { /* stopped after 0, 1, 2, ... frames */
+    for (int round = 0; round < 20; round++) { /* stopped after 0, 1, 2, ... frames */
         struct fovea_frame frame;
-        for (uint32_t i = 0; i < (uint32_t)round && i < FV_TEST_FRAMES; ++i) {
+        for (uint32_t i = 0; i < (uint32_t)round && i < FV_TEST_FRAMES; i++) {
             assert_int_equal(ops->dequeue(source, INT64_MAX, &frame), FOVEA_OK);
             assert_int_equal(frame.sequence, i);
             ops->requeue(source, &frame);
@@ -493,11 +493,11 @@ static void test_stamps(void **state)
                 {"+3", 3000000000}};
     static const char *const bad[] = {"", "x", "1e30", "99999999999", "nan", "1.2.3"};
     int64_t ns;
-    for (size_t i = 0; i < sizeof good / sizeof good[0]; ++i) {
+    for (size_t i = 0; i < sizeof good / sizeof good[0]; i++) {
         assert_true(fv_stamp_from_seconds(good[i].text, &ns));
         assert_int_equal(ns, good[i].ns);
     }
-    for (size_t i = 0; i < sizeof bad / sizeof bad[0]; ++i)
+    for (size_t i = 0; i < sizeof bad / sizeof bad[0]; i++)
         assert_false(fv_stamp_from_seconds(bad[i], &ns));
 }
 
@@ -534,7 +534,7 @@ static void test_poses(void **state)
         {"0 0 nan 0 0 0 0 1\n", ":1: pose: found 'nan', expected a finite number"},
         {"zero 0 0 0 0 0 0 1\n", ":1: timestamp: found 'zero', expected seconds"},
     };
-    for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; ++i) {
+    for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; i++) {
         fv_test_write_text(path, wrong[i].text);
         assert_int_equal(fv_poses_read(path, FV_POSES_TUM, identity, &poses, &error),
                          FOVEA_ERROR_INPUT);
@@ -610,7 +610,7 @@ static void test_log_rig(void **state)
     assert_false(found.cameras[1].calibrated || found.cameras[1].has_T_body_cam);
 
     const uint32_t size = event.bytes;
-    for (uint32_t cut = 8; cut < size; ++cut) { /* in memory of just that size, for sanitizers */
+    for (uint32_t cut = 8; cut < size; cut++) { /* in memory of just that size, for sanitizers */
         uint8_t *part = malloc(cut);
         assert_non_null(part);
         memcpy(part, bytes, cut);

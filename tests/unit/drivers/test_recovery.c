@@ -94,7 +94,7 @@ static void test_back_off_is_bounded(void **state)
     fv_recovery_broken(&r, FOVEA_ERROR_SYSTEM, now);
     assert_true(r.next_ns == now); /* after good frames at once */
     assert_int_equal(state_of(&r, now), FOVEA_SOURCE_RETURNING);
-    for (int i = 0; i < 100; ++i) {
+    for (int i = 0; i < 100; i++) {
         fv_recovery_tried(&r, FOVEA_ERROR_SYSTEM, now);
         assert_int_equal(state_of(&r, now), FOVEA_SOURCE_STALLED);
         const int64_t pause = r.next_ns - now;
@@ -104,7 +104,7 @@ static void test_back_off_is_bounded(void **state)
         now = r.next_ns;
     }
     assert_true(longest == 1000 * ms);
-    for (int i = 0; i < 10; ++i) { /* set up, but no frame comes: bounded too */
+    for (int i = 0; i < 10; i++) { /* set up, but no frame comes: bounded too */
         fv_recovery_tried(&r, FOVEA_OK, now);
         now += 3000 * ms;
         fv_recovery_broken(&r, FOVEA_ERROR_SYSTEM, now);
@@ -121,10 +121,10 @@ static void test_bad_frames(void **state)
     (void)state;
     struct fv_recovery r = started();
     fv_recovery_tried(&r, FOVEA_OK, 0);
-    for (uint32_t i = 1; i < r.times.bad_frames; ++i)
+    for (uint32_t i = 1; i < r.times.bad_frames; i++)
         assert_false(fv_recovery_bad(&r));
     fv_recovery_good(&r, 1);
-    for (uint32_t i = 1; i < r.times.bad_frames; ++i)
+    for (uint32_t i = 1; i < r.times.bad_frames; i++)
         assert_false(fv_recovery_bad(&r));
     assert_true(fv_recovery_bad(&r));
 }
@@ -136,7 +136,7 @@ static const struct fv_order_now base = {{1000000 * ms, 5000000 * ms, 1700000000
 static struct fv_order_now later(int64_t ns)
 {
     struct fv_order_now now = base;
-    for (int i = 0; i < 3; ++i)
+    for (int i = 0; i < 3; i++)
         now.clock_ns[i] += ns;
     return now;
 }
@@ -159,7 +159,7 @@ static void test_numbers(void **state)
     fv_order_start(&order, -1);
     const uint32_t numbers[] = {4294967294u, 4294967295u, 0, 1, 4, 4, 5, 2};
     const uint64_t lost[] = {0, 0, 0, 0, 2, 0, 0, 0}, told[] = {0, 1, 2, 3, 6, 7, 8, 9};
-    for (int i = 0; i < 8; ++i) {
+    for (int i = 0; i < 8; i++) {
         const struct fv_order_stamp stamp = stamp_of(base.clock_ns[0] + i * ms, numbers[i]);
         const struct fv_order_now now = later(i * ms);
         assert_true(fv_order_count(&order, &stamp) == lost[i]);
@@ -179,7 +179,7 @@ static void test_clock_found_out(void **state)
     (void)state;
     const enum fovea_clock told[3] = {FOVEA_CLOCK_MONOTONIC, FOVEA_CLOCK_BOOTTIME,
                                       FOVEA_CLOCK_MONOTONIC};
-    for (int clock = 0; clock < 3; ++clock) {
+    for (int clock = 0; clock < 3; clock++) {
         struct fv_order order;
         struct fovea_frame frame = {.sequence = 0};
         fv_order_start(&order, -1);
@@ -204,8 +204,8 @@ static void test_strange_stamps(void **state)
 {
     (void)state;
     const int64_t strange[] = {0, -1, INT64_MIN, INT64_MAX, 11000 * ms, INT64_C(1) << 62};
-    for (int known = 0; known < 2; ++known)
-        for (size_t i = 0; i < sizeof strange / sizeof strange[0]; ++i) {
+    for (int known = 0; known < 2; known++)
+        for (size_t i = 0; i < sizeof strange / sizeof strange[0]; i++) {
             struct fv_order order;
             struct fovea_frame frame = {.sequence = 0};
             fv_order_start(&order, 10 * ms);
@@ -229,7 +229,7 @@ static void test_repeated_and_backward(void **state)
     const int64_t at[] = {0, 10, 10, 5, 20};
     const enum fv_order_verdict verdict[] = {FV_ORDER_GOOD, FV_ORDER_GOOD, FV_ORDER_REPEATED,
                                              FV_ORDER_BACKWARD, FV_ORDER_GOOD};
-    for (int i = 0; i < 5; ++i) {
+    for (int i = 0; i < 5; i++) {
         const struct fv_order_stamp stamp = stamp_of(base.clock_ns[0] + at[i] * ms, (uint32_t)i);
         const struct fv_order_now now = later(30 * ms);
         before = frame;
@@ -255,7 +255,7 @@ static void test_meaning(void **state)
         {FOVEA_STAMP_EXPOSURE_END, FOVEA_STAMP_EXPOSURE_MIDDLE, 4, 0, -2},
         {FOVEA_STAMP_UNKNOWN, FOVEA_STAMP_UNKNOWN, 4, 20, 0},
     };
-    for (size_t i = 0; i < sizeof rows / sizeof rows[0]; ++i) {
+    for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
         struct fv_order order;
         struct fovea_frame frame = {.sequence = 0};
         fv_order_start(&order, rows[i].readout < 0 ? -1 : rows[i].readout * ms);

@@ -133,7 +133,7 @@ static struct row rows[] = {
 
 static struct row *row_of(const struct fovea_source_ops *ops)
 {
-    for (size_t i = 0; i < sizeof rows / sizeof rows[0]; ++i)
+    for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++)
         if (strcmp(rows[i].name, ops->name) == 0) return &rows[i];
     fail_msg("driver '%s' has no row in this test: add one", ops->name);
     return NULL;
@@ -193,8 +193,8 @@ static uint64_t hash_image(const struct fovea_image *image)
 {
     uint64_t hash = 0xcbf29ce484222325u;
     const int32_t row_bytes = fovea_image_stride_min(image->format, image->width);
-    for (int32_t y = 0; y < image->height; ++y)
-        for (int32_t x = 0; x < row_bytes; ++x)
+    for (int32_t y = 0; y < image->height; y++)
+        for (int32_t x = 0; x < row_bytes; x++)
             hash = (hash ^ image->data[(size_t)y * (size_t)image->stride_bytes + (size_t)x]) *
                    0x100000001b3u;
     return hash;
@@ -262,7 +262,7 @@ static void play_again(const struct fovea_source_ops *ops,
     ops->stop(source);
     ops->close(source);
     if (row_of(ops)->live)
-        for (size_t i = 0; i < played->count; ++i)
+        for (size_t i = 0; i < played->count; i++)
             played->frames[i].stamp_ns = 0; /* another time each time */
 }
 
@@ -274,7 +274,7 @@ static void test_table(void **state)
     const struct fovea_source_ops *ops = NULL;
     const char *address = NULL;
     struct fovea_error error;
-    for (size_t i = 0; fovea_source_table[i] != NULL; ++i) {
+    for (size_t i = 0; fovea_source_table[i] != NULL; i++) {
         const struct fovea_source_ops *each = fovea_source_table[i];
         char uri[64];
         assert_true(each->open && each->info && each->start && each->dequeue && each->requeue &&
@@ -299,7 +299,7 @@ static void test_wrong_addresses(void **state)
     (void)state;
     size_t i = 0;
     for (const struct fovea_source_ops *ops; (ops = next_driver(&i)) != NULL;) {
-        for (size_t j = 0; j < 4 && row_of(ops)->wrong[j] != NULL; ++j) {
+        for (size_t j = 0; j < 4 && row_of(ops)->wrong[j] != NULL; j++) {
             struct fovea_source *source = NULL;
             struct fovea_error error = {.text = ""};
             const enum fovea_status status =
@@ -358,7 +358,7 @@ static void test_play_without_heap(void **state)
         if (can_watch && calls != 0)
             fail_msg("%s: %lu heap calls on the loop thread", ops->name, calls);
         play_again(ops, &some, &second);
-        for (size_t j = 0; j < first.count && row_of(ops)->live; ++j)
+        for (size_t j = 0; j < first.count && row_of(ops)->live; j++)
             first.frames[j].stamp_ns = 0;
         assert_memory_equal(&first, &second,
                             sizeof first.count + first.count * sizeof first.frames[0]);
@@ -387,7 +387,7 @@ static void test_hold_limit(void **state)
         struct fovea_source *source = open_with(ops, &some);
         struct fovea_frame held[FOVEA_SOURCE_FRAMES_HELD], more;
         start(ops, source);
-        for (int j = 0; j < FOVEA_SOURCE_FRAMES_HELD; ++j)
+        for (int j = 0; j < FOVEA_SOURCE_FRAMES_HELD; j++)
             assert_int_equal(ops->dequeue(source, INT64_MAX, &held[j]), FOVEA_OK);
         const int64_t before_ns = now_ns();
         assert_int_equal(ops->dequeue(source, INT64_MAX, &more),
@@ -416,7 +416,7 @@ static void test_deadlines(void **state)
         struct fovea_source *source = open_with(ops, &some);
         struct fovea_frame frame;
         start(ops, source);
-        for (int j = 0; j < FV_TEST_FRAMES; ++j) {
+        for (int j = 0; j < FV_TEST_FRAMES; j++) {
             const int64_t before_ns = now_ns();
             const enum fovea_status status =
                 ops->dequeue(source, j % 2 == 0 ? 0 : before_ns + 2000000, &frame);
@@ -456,7 +456,7 @@ static void test_selection(void **state)
         play_again(ops, &some, &all);
         play_again(ops, &third, &chosen);
         assert_int_equal(chosen.count, 3);
-        for (size_t j = 0; j < 3; ++j)
+        for (size_t j = 0; j < 3; j++)
             assert_true(chosen.frames[j].hash == all.frames[1 + 3 * j].hash);
         if (row_of(ops)->in_order_only) {
             assert_int_equal(ops->open(row_of(ops)->address, &turned, &source, &error),
@@ -465,7 +465,7 @@ static void test_selection(void **state)
         }
         play_again(ops, &turned, &chosen);
         assert_int_equal(chosen.count, 3);
-        for (size_t j = 0; j < 3; ++j) {
+        for (size_t j = 0; j < 3; j++) {
             assert_true(chosen.frames[j].hash == all.frames[7 - 3 * j].hash);
             assert_int_equal(chosen.frames[j].has_pose, all.frames[7 - 3 * j].has_pose);
             assert_true(chosen.frames[j].x_m ==
@@ -499,7 +499,7 @@ static void test_no_leaks(void **state)
         struct played played;
         struct fovea_source *source = NULL;
         struct fovea_error error;
-        for (int round = 0; round < 6; ++round) {
+        for (int round = 0; round < 6; round++) {
             if (round == 2) before = pieces_now(); /* libraries have set themselves up by then */
             play_again(ops, &some, &played);
             source = open_with(ops, &some); /* never started */
@@ -510,7 +510,7 @@ static void test_no_leaks(void **state)
             assert_int_equal(ops->dequeue(source, INT64_MAX, &frame), FOVEA_OK);
             ops->stop(source);
             ops->close(source);
-            for (size_t j = 0; j < 4 && row_of(ops)->wrong[j] != NULL; ++j)
+            for (size_t j = 0; j < 4 && row_of(ops)->wrong[j] != NULL; j++)
                 assert_true(ops->open(row_of(ops)->wrong[j], &everything, &source, &error) < 0);
         }
         if (pieces_now() != before)
@@ -533,7 +533,7 @@ static void test_real_recordings(void **state)
         {"tum:", "handheld_7scenes_a", 640, 480, 250, 585.0},
         {"images:", "vamr_checkerboard/images", 752, 480, 92, 0},
     };
-    for (size_t i = 0; i < sizeof real / sizeof real[0]; ++i) {
+    for (size_t i = 0; i < sizeof real / sizeof real[0]; i++) {
         char uri[FV_TEST_PATH_BYTES];
         const struct fovea_source_ops *ops;
         const char *address;
@@ -582,7 +582,7 @@ static int make_recordings(void **state)
     struct fake_camera *camera = fake_new();
     camera->rate_hz = 0;
     fake_plug(camera, "/dev/video0");
-    for (size_t i = 0; i < sizeof rows / sizeof rows[0]; ++i) {
+    for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
         if (rows[i].make == NULL) continue;
         snprintf(rows[i].made, sizeof rows[i].made, "%s", rows[i].make(folder));
         rows[i].address = rows[i].made;

@@ -52,14 +52,14 @@ static void test_wrong_options(void **state)
         {"/dev/video0?control.gain", {"control.gain", "no value", "VALUE"}},
     };
     fake_plug(fake_new(), "/dev/video0");
-    for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; ++i) {
+    for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; i++) {
         struct fovea_source *source = NULL;
         struct fovea_error error = {.text = ""};
         const enum fovea_status status = ops->open(wrong[i].address, &everything, &source, &error);
         if (status != FOVEA_ERROR_INPUT)
             fail_msg("%s: %d %s", wrong[i].address, status, error.text);
         assert_null(source);
-        for (int k = 0; k < 3; ++k)
+        for (int k = 0; k < 3; k++)
             if (strstr(error.text, wrong[i].says[k]) == NULL)
                 fail_msg("%s: no \"%s\" in: %s", wrong[i].address, wrong[i].says[k], error.text);
     }
@@ -85,9 +85,9 @@ static void test_negotiation_is_told(void **state)
     assert_non_null(strstr(error.text, "rate: asked 60, the camera gives 25"));
     assert_int_equal(ops->complaint(source, &error), FOVEA_AGAIN);
     ops->close(source);
-    source =
-        fv_test_open("/dev/video0?width=96&height=64&rate=25&format=GREY"); /* nothing differs:
-                                                                               nothing is told */
+    source = fv_test_open(
+        "/dev/video0?width=96&height=64&rate=25&format=GREY"); /* nothing differs:
+                                                                  nothing is reported */
     assert_int_equal(ops->complaint(source, &error), FOVEA_AGAIN);
     ops->close(source);
     memset(camera->formats, 0, sizeof camera->formats);
@@ -141,7 +141,7 @@ static void test_open_refused(void **state)
     } rows[] = {{EBUSY, "another program"}, {EACCES, "group video"}, {ENODEV, "away"}};
     struct fake_camera *camera = fake_new();
     fake_plug(camera, "/dev/video0");
-    for (size_t i = 0; i < 3; ++i) {
+    for (size_t i = 0; i < 3; i++) {
         struct fovea_source *source = NULL;
         struct fovea_error error = {.text = ""};
         fake_fail(camera, 0, rows[i].reason, 1);
@@ -202,11 +202,11 @@ static void test_selection(void **state)
     struct fovea_error error;
     struct fovea_frame frame;
     fake_plug(fake_new(), "/dev/video0");
-    for (int i = 0; i < 3; ++i)
+    for (int i = 0; i < 3; i++)
         assert_true(ops->open("/dev/video0", &wrong[i], &source, &error) < 0);
     assert_int_equal(ops->open("/dev/video0", &few, &source, &error), FOVEA_OK);
     assert_int_equal(ops->start(source, &error), FOVEA_OK);
-    for (int i = 0; i < 5; ++i)
+    for (int i = 0; i < 5; i++)
         fv_test_next_frame(source);
     assert_int_equal(ops->dequeue(source, INT64_MAX, &frame), FOVEA_END);
     assert_int_equal(ops->state(source), FOVEA_SOURCE_ENDED);
@@ -223,7 +223,7 @@ static void check_format(struct fake_camera *camera, const char *name,
     struct fovea_source *source = fv_test_start(address);
     assert_int_equal(ops->info(source)->format, expected);
     uint64_t first = UINT64_MAX;
-    for (int i = 0; i < 6; ++i) {
+    for (int i = 0; i < 6; i++) {
         struct fovea_frame frame;
         assert_int_equal(ops->dequeue(source, fv_test_now_ns() + 5000000000, &frame), FOVEA_OK);
         if (i == 0) first = camera->made - 1 - (camera->made - 1 - frame.sequence);
@@ -233,7 +233,7 @@ static void check_format(struct fake_camera *camera, const char *name,
         assert_int_equal(frame.images[0].stride_bytes,
                          fovea_image_stride_min(expected, 96) + camera->stride_padding);
         const size_t bytes = fovea_image_bytes(expected, 64, frame.images[0].stride_bytes);
-        for (size_t k = 0; k < bytes; ++k)
+        for (size_t k = 0; k < bytes; k++)
             if (frame.images[0].data[k] != (uint8_t)(k + 37 * (size_t)frame.sequence))
                 fail_msg("%s: frame %d differs at byte %zu", name, i, k);
         ops->requeue(source, &frame);
@@ -261,7 +261,7 @@ static void test_formats(void **state)
     };
     for (int variant = 0; variant < 3;
          ++variant) { /* plain, padded rows, planes in the interface */
-        for (size_t i = 0; i < sizeof rows / sizeof rows[0]; ++i) {
+        for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
             fake_begin();
             struct fake_camera *camera = fake_new();
             camera->rate_hz = 0;
@@ -294,7 +294,7 @@ static void test_stamps(void **state)
     };
     struct fake_camera *camera = fake_new();
     fake_plug(camera, "/dev/video0");
-    for (size_t i = 0; i < sizeof rows / sizeof rows[0]; ++i) {
+    for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
         char address[64];
         camera->stamps = rows[i].stamps;
         snprintf(address, sizeof address, "/dev/video0%s", rows[i].options);
@@ -303,7 +303,7 @@ static void test_stamps(void **state)
         fake_unlock();
         struct fovea_source *source = fv_test_start(address);
         int64_t last_ns = 0;
-        for (int k = 0; k < 4; ++k) {
+        for (int k = 0; k < 4; k++) {
             const struct fovea_frame frame = fv_test_next_frame(source);
             assert_int_equal(frame.clock, rows[i].clock);
             assert_int_equal(frame.stamp_meaning, rows[i].meaning);
@@ -324,11 +324,11 @@ static void test_bad_stamps_are_skipped(void **state)
     (void)state;
     struct fake_camera *camera = fake_new();
     fake_plug(camera, "/dev/video0");
-    for (int kind = FAKE_STAMPS_REPEATED; kind <= FAKE_STAMPS_BACKWARD; ++kind) {
+    for (int kind = FAKE_STAMPS_REPEATED; kind <= FAKE_STAMPS_BACKWARD; kind++) {
         camera->stamps = (enum fake_stamps)kind;
         struct fovea_source *source = fv_test_start("/dev/video0");
         int64_t last_ns = 0;
-        for (int k = 0; k < 20; ++k) {
+        for (int k = 0; k < 20; k++) {
             const struct fovea_frame frame = fv_test_next_frame(source);
             assert_true(frame.stamp_ns > last_ns);
             last_ns = frame.stamp_ns;

@@ -28,7 +28,7 @@ static void test_damaged_frames(void **state)
     fake_plug(camera, "/dev/video0");
     struct fovea_source *source = fv_test_start("/dev/video0?format=YUYV");
     uint64_t last = 0;
-    for (int i = 0; i < 200; ++i) {
+    for (int i = 0; i < 200; i++) {
         const struct fovea_frame frame = fv_test_next_frame(source);
         assert_true(i == 0 || frame.sequence > last);
         last = frame.sequence;
@@ -41,7 +41,7 @@ static void test_damaged_frames(void **state)
     assert_true(fv_test_complains_of(source, "damaged") ||
                 fv_test_complains_of(source, "expected 12288"));
     fv_test_finish(source);
-    /* Nothing but damaged frames: the camera is set up again and again, the loop is told so. */
+    /* Nothing but damaged frames: the camera is set up again and again, the loop learns it. */
     camera->error_every = 1;
     source = fv_test_start("/dev/video0");
     assert_true(fv_test_complains_of(source, "30 damaged frames in a row"));
@@ -60,7 +60,7 @@ static void test_sequence_wraps(void **state)
     fake_plug(camera, "/dev/video0");
     camera->sequence = 4294967290u;
     struct fovea_source *source = fv_test_start("/dev/video0");
-    for (uint64_t i = 0; i < 20; ++i)
+    for (uint64_t i = 0; i < 20; i++)
         assert_true(fv_test_next_frame(source).sequence >= i);
     assert_true(fv_test_counts(source).dropped == 0);
     fv_test_finish(source);
@@ -91,7 +91,7 @@ static void test_failing_calls(void **state)
         {VIDIOC_DQBUF, EPIPE, true, "taking a frame"},
         {0, EACCES, false, "group video"},
     };
-    for (size_t i = 0; i < sizeof rows / sizeof rows[0]; ++i) {
+    for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
         fake_begin();
         struct fake_camera *camera = fake_new();
         fake_plug(camera, "/dev/video0");
@@ -188,7 +188,7 @@ static void test_loop_away(void **state)
     fv_test_next_frame(source);
     nanosleep(&(struct timespec){.tv_sec = 1, .tv_nsec = 500000000}, NULL);
     assert_true(ops->state(source) <= FOVEA_SOURCE_LATE); /* it looks every 100 ms */
-    for (int i = 0; i < 20; ++i)
+    for (int i = 0; i < 20; i++)
         fv_test_next_frame(source);
     assert_int_equal(fv_test_counts(source).recovered, 0);
     assert_int_equal(ops->complaint(source, &error), FOVEA_AGAIN);
@@ -253,7 +253,7 @@ static void test_links(void **state)
     fake_plug(camera, "/dev/video3");
     const char *const names[] = {"/dev/v4l/by-id/usb-fake-index0",
                                  "/dev/v4l/by-path/usb-port1-index0"};
-    for (int i = 0; i < 2; ++i) {
+    for (int i = 0; i < 2; i++) {
         struct fovea_source *source = fv_test_start(names[i]);
         fv_test_next_frame(source);
         fake_unplug(camera);
@@ -285,7 +285,7 @@ static void test_comes_back_different(void **state)
     fake_lock();
     camera->width_now = 0;
     camera->controls[1].refuses =
-        EPIPE; /* and now a control: frames come all the same, and it is told */
+        EPIPE; /* and now a control: frames come all the same, and it is named */
     fake_unlock();
     fv_test_next_frame(source);
     assert_true(fv_test_complains_of(source, "gain: the camera refuses 9"));
@@ -298,7 +298,7 @@ static void test_unplug_while_starting(void **state)
     static const unsigned long requests[] = {VIDIOC_QUERYCAP, VIDIOC_G_FMT,       VIDIOC_S_FMT,
                                              VIDIOC_G_PARM,   VIDIOC_S_EXT_CTRLS, VIDIOC_REQBUFS,
                                              VIDIOC_QUERYBUF, VIDIOC_QBUF,        VIDIOC_STREAMON};
-    for (size_t i = 0; i < sizeof requests / sizeof requests[0]; ++i) {
+    for (size_t i = 0; i < sizeof requests / sizeof requests[0]; i++) {
         fake_begin();
         struct fake_camera *camera = fake_new();
         fake_plug(camera, "/dev/video0");
@@ -340,7 +340,7 @@ static void test_held_over_unplug(void **state)
     while (ops->dequeue(source, fv_test_now_ns() + 100000000, &more) ==
            FOVEA_OK) /* what was under way */
         ops->requeue(source, &more);
-    for (size_t k = 0; k < held.images[0].size_bytes; ++k)
+    for (size_t k = 0; k < held.images[0].size_bytes; k++)
         assert_int_equal(held.images[0].data[k], (uint8_t)(k + 37 * (size_t)held.sequence));
     ops->requeue(source, &held); /* only now is the camera set up again */
     fv_test_next_frame(source);
@@ -356,14 +356,14 @@ static void test_few_buffers(void **state)
     camera->rate_hz = 0;
     fake_plug(camera, "/dev/video0");
     struct fovea_source *source = fv_test_start("/dev/video0?buffers=3");
-    for (int i = 0; i < 2; ++i)
+    for (int i = 0; i < 2; i++)
         assert_int_equal(ops->dequeue(source, fv_test_now_ns() + 5000000000, &held[i]), FOVEA_OK);
     assert_int_equal(ops->dequeue(source, INT64_MAX, &more), FOVEA_AGAIN);
     nanosleep(&(struct timespec){.tv_nsec = 50000000},
               NULL); /* the driver has no buffer: no error, no spinning */
     ops->requeue(source, &held[0]);
     ops->requeue(source, &held[1]);
-    for (int i = 0; i < 10; ++i)
+    for (int i = 0; i < 10; i++)
         fv_test_next_frame(source);
     assert_true(fv_test_counts(source).recovered == 0);
     fv_test_finish(source);

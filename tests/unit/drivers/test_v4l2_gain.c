@@ -28,7 +28,7 @@ static size_t fill(uint32_t index, uint8_t *data, size_t capacity)
 
 static struct fake_control *find_control(uint32_t id)
 {
-    for (int i = 0; i < FAKE_CONTROLS_MAX; ++i)
+    for (int i = 0; i < FAKE_CONTROLS_MAX; i++)
         if (camera->controls[i].id == id) return &camera->controls[i];
     fail_msg("the fake has no control %x", id);
     return NULL;
@@ -85,13 +85,13 @@ static void test_comes_to_target(void **state)
         int64_t end;   /* of the gain; -1: between */
     } rows[] = {{20, 0, 104, 120, -1},  {20, 255, 104, 120, -1}, {100, 255, 104, 120, -1},
                 {60, 16, 104, 120, -1}, {4, 0, 32, 32, 255},     {200, 255, 200, 200, 0}};
-    for (size_t i = 0; i < sizeof rows / sizeof rows[0]; ++i) {
+    for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
         light = rows[i].light;
         find_control(V4L2_CID_GAIN)->value = rows[i].begin;
         struct fovea_source *source = fv_test_start("/dev/video0?auto_gain=1&format=GREY");
-        for (int k = 0; k < 600; ++k)
+        for (int k = 0; k < 600; k++)
             fv_test_next_frame(source);
-        for (int k = 0; k < 40; ++k) {
+        for (int k = 0; k < 40; k++) {
             const int level = level_now(source);
             if (level < rows[i].low || level > rows[i].high)
                 fail_msg("row %zu: found level %d, expected [%d, %d]", i, level, rows[i].low,
@@ -109,7 +109,7 @@ static void test_goes_on_after_unplug(void **state)
     (void)state;
     light = 20;
     struct fovea_source *source = fv_test_start("/dev/video0?auto_gain=1&format=GREY");
-    for (int k = 0; k < 600; ++k)
+    for (int k = 0; k < 600; k++)
         fv_test_next_frame(source);
     const int64_t gain = gain_now();
     fake_unplug(camera);
@@ -156,11 +156,11 @@ static void test_brightness(void **state)
         {FOVEA_PIXEL_NV12, 1, {77, 0}, 77},        {FOVEA_PIXEL_RGB24, 3, {10, 77, 200}, 77},
         {FOVEA_PIXEL_BGR24, 3, {200, 77, 10}, 77},
     };
-    for (size_t i = 0; i < sizeof rows / sizeof rows[0]; ++i) {
+    for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
         const size_t bytes = 64 * 64 * (size_t)rows[i].bytes;
         uint8_t *data =
             test_malloc(bytes); /* a read beyond it is found by the test's own guard and by asan */
-        for (size_t k = 0; k < bytes; ++k)
+        for (size_t k = 0; k < bytes; k++)
             data[k] = (uint8_t)rows[i].pixel[k % (size_t)rows[i].bytes];
         const struct fovea_image image = {.data = data,
                                           .width = 64,
@@ -172,7 +172,7 @@ static void test_brightness(void **state)
     }
     /* The whole width counts: its right half is as bright as that of a grey picture. */
     static uint8_t colours[64 * 64 * 3];
-    for (size_t k = 0; k < sizeof colours; ++k)
+    for (size_t k = 0; k < sizeof colours; k++)
         colours[k] = k % 192 < 96 ? 40 : 200;
     const struct fovea_image halves = {.data = colours,
                                        .width = 64,
@@ -182,8 +182,8 @@ static void test_brightness(void **state)
     assert_int_equal(fv_v4l2_brightness(&halves), 120);
     /* The four colours of a Bayer pattern count alike. */
     static uint8_t mosaic[64 * 64];
-    for (int y = 0; y < 64; ++y)
-        for (int x = 0; x < 64; ++x)
+    for (int y = 0; y < 64; y++)
+        for (int x = 0; x < 64; x++)
             mosaic[64 * y + x] = (uint8_t)(x % 2 == 0 && y % 2 == 0 ? 200 : 40);
     const struct fovea_image bayer = {.data = mosaic,
                                       .width = 64,

@@ -51,7 +51,7 @@ static void test_unplugged_over_and_over(void **state)
     camera->serial = "A1";
     fake_plug(camera, "/dev/video0");
     struct fovea_source *source = fv_test_start("/dev/video0?gain=3");
-    for (long i = 0; i < times; ++i) {
+    for (long i = 0; i < times; i++) {
         char node[32];
         fv_test_next_frame(source);
         if (i == 2) before = count_holdings();

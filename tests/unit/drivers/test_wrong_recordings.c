@@ -135,7 +135,7 @@ static void make_recording(const char *scheme, char path[FV_TEST_PATH_BYTES])
 static void test_by_hand(void **state)
 {
     (void)state;
-    for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; ++i) {
+    for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; i++) {
         char top[FV_TEST_PATH_BYTES];
         struct fovea_error error;
         size_t frames;
@@ -172,7 +172,7 @@ static void test_long_lines_and_zero_bytes(void **state)
     assert_int_equal(try_source("tum", top, &error, &frames), FOVEA_ERROR_INPUT);
     assert_non_null(strstr(error.text, "rgb.txt:1: found a zero byte, expected text"));
     memset(text, ' ', 4000);
-    for (int i = 0; i < 100; ++i)
+    for (int i = 0; i < 100; i++)
         text[2 * i] = '1';
     text[4000] = '\0';
     fv_test_write_text(fv_test_path(top, "rgb.txt"), text);
@@ -212,7 +212,7 @@ static void mutate(struct fv_random *random, uint8_t *bytes, size_t *count)
 {
     static const char pieces[] = ":#-[]{}\"'&*!|>%@`,\n\t 0.9e\0\xff";
     const uint32_t changes = 1 + fv_random_below(random, 6);
-    for (uint32_t i = 0; i<changes && * count> 2; ++i) {
+    for (uint32_t i = 0; i<changes && * count> 2; i++) {
         const size_t at = fv_random_below(random, (uint32_t)*count - 1);
         switch (fv_random_below(random, 5)) {
         case 0:
@@ -255,14 +255,14 @@ static void test_mutated(void **state)
     struct fv_random random;
     fv_random_seed(&random, 17);
     int refused = 0;
-    for (size_t i = 0; i < sizeof files / sizeof files[0]; ++i) {
+    for (size_t i = 0; i < sizeof files / sizeof files[0]; i++) {
         char top[FV_TEST_PATH_BYTES], path[FV_TEST_PATH_BYTES];
         size_t bytes;
         make_recording(files[i][0], top);
         snprintf(path, sizeof path, "%s", fv_test_path(top, files[i][1]));
         uint8_t *whole = fv_test_read(path, &bytes), *spoilt = malloc(bytes);
         assert_non_null(spoilt);
-        for (int round = 0; round < ROUNDS; ++round) {
+        for (int round = 0; round < ROUNDS; round++) {
             struct fovea_error error;
             size_t frames, count = bytes;
             memcpy(spoilt, whole, bytes);
@@ -295,7 +295,7 @@ static void test_mutated_log(void **state)
     uint8_t *whole = fv_test_read(path, &bytes), *spoilt = malloc(bytes);
     assert_non_null(spoilt);
     const size_t frame_bytes = bytes / FV_TEST_FRAMES;
-    for (int round = 0; round < 100; ++round) {
+    for (int round = 0; round < 100; round++) {
         struct fovea_error error;
         size_t frames, count = bytes;
         memcpy(spoilt, whole, bytes);
@@ -339,7 +339,7 @@ static void test_mutated_calibrations(void **state)
     struct fv_random random;
     fv_random_seed(&random, 29);
     int refused = 0;
-    for (int round = 0; round < 500; ++round) {
+    for (int round = 0; round < 500; round++) {
         char text[FOVEA_CALIBRATION_BYTES_MAX];
         struct fovea_calibration found;
         struct fovea_error error = {.text = ""};

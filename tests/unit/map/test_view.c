@@ -158,7 +158,7 @@ static void test_search_is_a_scan(void **state)
         assert_int_equal(found.distance, best);
         assert_int_equal(found.feature == FV_MAP_NONE, best == 256);
     }
-    /* Features that do not lie cell by cell are told. */
+    /* Features that do not lie cell by cell are found out. */
     assert_true(fv_map_index_view(&t.map, slot));
     const struct fv_pixel first = view.points[0];
     view.points[0] = view.points[FEATURES - 1];

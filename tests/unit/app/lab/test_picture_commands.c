@@ -204,7 +204,7 @@ static void lost_output_is_told(void **state)
     }
 }
 
-/* A network that gives no boxes is run all the same, and it is told why the lists stay empty. */
+/* A network that gives no boxes is run all the same, and a line says why the lists stay empty. */
 static void networks_without_boxes_are_told(void **state)
 {
     (void)state;

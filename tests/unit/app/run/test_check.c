@@ -176,7 +176,7 @@ static int block_told(void)
     const char *line = strstr(out, "  the block ");
     int bytes = 0;
     if (line == NULL || sscanf(line, " the block %d", &bytes) != 1)
-        fail_msg("no block is told in:\n%s%s", out, err);
+        fail_msg("no block is stated in:\n%s%s", out, err);
     return bytes;
 }
 

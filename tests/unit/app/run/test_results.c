@@ -94,7 +94,7 @@ static void nothing_found_is_an_empty_list(void **state)
                      FOVEA_ERROR_INPUT);
 }
 
-/* As long as there is room nothing is lost, over many times the ring; without it the loss is told.
+/* As long as there is room nothing is lost, over many times the ring; without it the loss is named.
  */
 static void what_finds_no_room_is_told(void **state)
 {
