@@ -361,8 +361,8 @@ static void test_no_common_stamp(void **state)
 
 static size_t put_big_endian(uint8_t *bytes, uint64_t number, size_t count)
 {
-    for (size_t i = 0; i < count; i++)
-        bytes[i] = (uint8_t)(number >> 8 * (count - 1 - i));
+    for (size_t i = count; i-- > 0; number >>= 8)
+        bytes[i] = (uint8_t)number;
     return count;
 }
 
