@@ -171,6 +171,22 @@ static void test_samples_that_fit_a_frame(void **state)
     fovea_source_sim.close(source);
 }
 
+/* Wheel odometry comes unasked at 100 Hz: that refuses no run of every hundredth frame. */
+static void test_unasked_odometry_refuses_no_run(void **state)
+{
+    (void)state;
+    struct fovea_source *source = NULL;
+    struct fovea_error error;
+    const struct fovea_source_selection every_hundredth = {.step = 100};
+    assert_int_equal(fovea_source_sim.open("orbit?width=64&height=64&frames=300", &every_hundredth,
+                                           &source, &error),
+                     FOVEA_OK);
+    fovea_source_sim.close(source);
+    assert_int_equal(fovea_source_sim.open("orbit?width=64&height=64&frames=300&odometry=100",
+                                           &every_hundredth, &source, &error),
+                     FOVEA_ERROR_INPUT);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -179,6 +195,7 @@ int main(void)
         cmocka_unit_test(test_wrong_ones_are_refused),
         cmocka_unit_test(test_open_refuses_what_cannot_be),
         cmocka_unit_test(test_samples_that_fit_a_frame),
+        cmocka_unit_test(test_unasked_odometry_refuses_no_run),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

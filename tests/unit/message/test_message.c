@@ -1,4 +1,4 @@
-/* Encoders: what comes out decodes to what went in, fits the promised bound, and is refused a byte
+/* Encoders: their output decodes to their input, fits the promised bound, and is refused a byte
  * short. */
 #include <setjmp.h>
 #include <stdarg.h>

@@ -41,8 +41,8 @@ static void lost_and_found(void **state)
     assert_int_equal(rig.frames, BEFORE);
     assert_int_equal(rig.pose[BEFORE - 1].state, FOVEA_TRACKING_OK);
 
-    /* A late frame is waited for; from stalled on there is nothing to go on from. It is told once,
-     * at once. */
+    /* A late frame is waited for; from stalled on there is nothing to go on from. The loss
+     * is published once, at once. */
     assert_int_equal(step_without_frame(FOVEA_SOURCE_LATE), FOVEA_TRACKING_OK);
     assert_false(publishes("FOVEA_POSE"));
     assert_int_equal(step_without_frame(FOVEA_SOURCE_GONE), FOVEA_TRACKING_LOST);
