@@ -383,7 +383,7 @@ $(BUILD)/libfovea-app.a: $(APP_O) $(DRIVERS_O)
 	$(Q)$(AR) rcs $@ $^
 $(BUILD)/fovea: $(MAIN_O) $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
 	@echo "  link $@"
-	$(Q)$(CC) $(LDFLAGS) -pie -rdynamic -o $@ $(MAIN_O) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group $(LIBS_APP)
+	$(Q)$(CC) $(LDFLAGS) -pie -o $@ $(MAIN_O) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group $(LIBS_APP)
 $(BUILD)/fovea-video.so: drivers/video.cpp drivers/recorded/video_plugin.h $(BUILD)/obj/src/base/status.o Makefile
 	$(Q)$(CXX) $(filter-out -fstack-usage,$(CXXFLAGS)) -isystem /usr/include/opencv4 $(HARDLINK) -fvisibility=hidden -shared -Wl,-Bsymbolic \
 	    -o $@ $< $(BUILD)/obj/src/base/status.o -lopencv_videoio -lopencv_core
