@@ -54,7 +54,7 @@ wander() {
 
 # Loops of the simulated corridor, closed and true, over seeds; what is done is kept by seed.
 corridor() { # corridor SEEDS NEEDED OPTIONS NAME
-    $build/tests/campaign/loops "$1" "$2" "$3" ${4:+"$done_folder/$4.seeds"}
+    $build/tests/campaign/closures "$1" "$2" "$3" ${4:+"$done_folder/$4.seeds"}
 }
 
 # Processes that save maps and record to numbered files are killed at random moments: nothing that was kept is lost.

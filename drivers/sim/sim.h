@@ -252,7 +252,7 @@ void fv_sim_motion_pose(const struct fv_sim_motion *motion, double time_s, doubl
 void fv_sim_objects_clear(struct fv_sim_world *world, const struct fv_sim_motion *motion,
                           double begin_s, double end_s);
 
-/* ---- view and rendering (view.c, render.c, sensor.c) ----------------------------------------- */
+/* ---- view and rendering (scene.c, render.c, sensor.c) ---------------------------------------- */
 
 enum {
     FV_SIM_TILE = 16,

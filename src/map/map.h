@@ -239,7 +239,7 @@ static inline int fv_map_predict_level(const struct fv_landmark *l, double dista
     return level < FOVEA_PYRAMID_LEVELS_MAX ? level : -1;
 }
 
-/* ---- views (view.c) -------------------------------------------------------------------------- */
+/* ---- views (keyframe.c) ---------------------------------------------------------------------- */
 
 /* Fill the current or a waiting view: features go cell by cell, those of a cell in their order;
  * those to which the lens model knows no bearing are left out. `from`, unless NULL, gets the number

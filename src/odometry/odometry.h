@@ -20,7 +20,7 @@
 #include "geometry/pose.h"
 #include "kernels/kernels.h"
 #include "map/archive.h"
-#include "map/loop.h"
+#include "map/closure.h"
 #include "map/map.h"
 #include "map/window.h"
 #include "odometry/covariance.h"

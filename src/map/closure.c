@@ -1,4 +1,4 @@
-#include "map/loop.h"
+#include "map/closure.h"
 
 #include <string.h>
 

@@ -2,7 +2,7 @@
 #include <string.h>
 
 #include "geometry/vec.h"
-#include "map/loop.h"
+#include "map/closure.h"
 
 enum { GRAPH_PER_UNIT = 8, GRAPH_NEIGHBOURS = FV_LOOP_HELD_BY_KEYFRAME - 1, GRAPH_SHARED_MIN = 40 };
 

@@ -13,7 +13,7 @@
 
 #include "common/carved.h"
 #include "geometry/vec.h"
-#include "map/loop.h"
+#include "map/closure.h"
 
 enum { RING = 60, KEYFRAMES = 67, POINTS = 5000, FEATURES = 260, REMEMBERED = 6 };
 

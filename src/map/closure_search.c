@@ -5,7 +5,7 @@
 #include "fovea/features.h"
 #include "geometry/pose.h"
 #include "geometry/vec.h"
-#include "map/loop.h"
+#include "map/closure.h"
 #include "geometry/chi_square.h"
 
 enum {
