@@ -152,7 +152,7 @@ enum fovea_status fovea_memory(const struct fovea_config *config, struct fovea_m
 enum fovea_job {
     FOVEA_JOB_MAP = 0,     /* new landmarks, then window optimisation */
     FOVEA_JOB_DETECT = 1,  /* one or two networks that find objects */
-    FOVEA_JOB_LOOP = 2,    /* loops closed, maps merged */
+    FOVEA_JOB_CLOSURE = 2, /* loops closed, maps merged */
     FOVEA_JOB_PREVIEW = 3, /* JPEG of a pyramid level */
     FOVEA_JOB_COUNT
 };
@@ -336,8 +336,8 @@ struct fovea_stats {
     uint64_t frames_in, frames_processed, frames_refused, steps_without_frame;
     uint64_t refused_stamp, refused_format, refused_paused;
     uint32_t reset_counter;
-    uint32_t features;                  /* of the last frame */
-    uint32_t loops_closed, maps_merged; /* since the last reset */
+    uint32_t features;              /* of the last frame */
+    uint32_t closures, maps_merged; /* since the last reset */
     int64_t stage_cpu_ns[FOVEA_STAGE_COUNT],
         stage_wall_ns[FOVEA_STAGE_COUNT]; /* of the last step and work */
 };

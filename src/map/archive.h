@@ -7,7 +7,7 @@
  *     landmarks  each FV_ARCHIVE_LANDMARK_BYTES and 4 bytes per observer (keyframe slot, feature)
  *     keyframes  each FV_ARCHIVE_KEYFRAME_BYTES and FV_ARCHIVE_FEATURE_BYTES per feature, cell by
  *                cell of the grid
- *     edges      of closed loops, 16 bytes each
+ *     edges      of closures, 16 bytes each
  *     scales     of maps whose unit is known in metres, FV_ARCHIVE_SCALE_BYTES each
  *     checksum   8 bytes, FNV-1a of all before
  *

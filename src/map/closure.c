@@ -6,7 +6,7 @@
 #include "geometry/chi_square.h"
 
 enum {
-    RECENT_KEYFRAMES = 8, /* too near in time to be a loop */
+    RECENT_KEYFRAMES = 8, /* too near in time to be a closure */
     SHARED_KNOWN = 5,     /* landmarks shared, from which on two keyframes know of each other */
     SAME_PLACE_MAX = 12,  /* neighbours of a candidate that are no candidates of their own */
     QUERIES_PER_UNIT = 64,
@@ -22,7 +22,7 @@ enum {
     FOUND_MIN = 40,           /* landmarks of the group found in the keyframe */
     FOUND_BEFORE_MIN = 30,    /* in one before it */
     ASKED_BEFORE_MAX = 4,
-    BELIEF_KEYFRAMES = 6 /* keyframes for which a sighting waits for the next */
+    BELIEF_KEYFRAMES = 6 /* keyframes for which a confirmation waits for the next */
 };
 
 static const double ratio_max = 0.85;
@@ -41,100 +41,102 @@ static const double drift_slack = 0.3;     /* of the median depth */
 
 /* ---- memory ---------------------------------------------------------------------------------- */
 
-void fv_loop_carve(struct fv_loop_closer *loop, const struct fv_map_limits *limits,
-                   const struct fovea_camera *camera, struct fv_arena *persistent,
-                   struct fv_arena *job)
+void fv_closure_carve(struct fv_closure *closure, const struct fv_map_limits *limits,
+                      const struct fovea_camera *camera, struct fv_arena *persistent,
+                      struct fv_arena *job)
 {
     const struct fv_pose_graph_limits graph = {
-        limits->keyframes, limits->keyframes * FV_LOOP_HELD_BY_KEYFRAME + FV_MAP_EDGES_MAX + 1, 12,
-        200};
-    loop->camera = camera;
-    loop->state = fv_arena_take(persistent, 1, sizeof *loop->state);
-    fv_pose_graph_carve(&loop->graph, &graph, job);
-    loop->query_feature = fv_arena_take(job, limits->features, sizeof *loop->query_feature);
-    loop->train_feature = fv_arena_take(job, limits->features, sizeof *loop->train_feature);
-    loop->queries = fv_arena_take(job, limits->features, FV_MAP_DESCRIPTOR_BYTES);
-    loop->trains = fv_arena_take(job, limits->features, FV_MAP_DESCRIPTOR_BYTES);
-    loop->nearest = fv_arena_take(job, limits->features, sizeof *loop->nearest);
-    loop->second = fv_arena_take(job, limits->features, sizeof *loop->second);
-    loop->best_of_train = fv_arena_take(job, limits->features, sizeof *loop->best_of_train);
-    loop->correspondences = fv_arena_take(job, limits->features, sizeof *loop->correspondences);
-    loop->group = fv_arena_take(job, FV_LOOP_GROUP_MAX, sizeof *loop->group);
-    loop->node_of = fv_arena_take(job, limits->keyframes, sizeof *loop->node_of);
-    loop->nodes = fv_arena_take(job, limits->keyframes, sizeof *loop->nodes);
-    loop->corrections = fv_arena_take(job, limits->keyframes + 1, sizeof *loop->corrections);
-    loop->corrected = fv_arena_take(job, limits->keyframes + 1, sizeof *loop->corrected);
-    loop->scores = fv_arena_take(job, limits->keyframes, sizeof *loop->scores);
+        limits->keyframes, limits->keyframes * FV_CLOSURE_HELD_BY_KEYFRAME + FV_MAP_EDGES_MAX + 1,
+        12, 200};
+    closure->camera = camera;
+    closure->state = fv_arena_take(persistent, 1, sizeof *closure->state);
+    fv_pose_graph_carve(&closure->graph, &graph, job);
+    closure->query_feature = fv_arena_take(job, limits->features, sizeof *closure->query_feature);
+    closure->train_feature = fv_arena_take(job, limits->features, sizeof *closure->train_feature);
+    closure->queries = fv_arena_take(job, limits->features, FV_MAP_DESCRIPTOR_BYTES);
+    closure->trains = fv_arena_take(job, limits->features, FV_MAP_DESCRIPTOR_BYTES);
+    closure->nearest = fv_arena_take(job, limits->features, sizeof *closure->nearest);
+    closure->second = fv_arena_take(job, limits->features, sizeof *closure->second);
+    closure->best_of_train = fv_arena_take(job, limits->features, sizeof *closure->best_of_train);
+    closure->correspondences =
+        fv_arena_take(job, limits->features, sizeof *closure->correspondences);
+    closure->group = fv_arena_take(job, FV_CLOSURE_GROUP_MAX, sizeof *closure->group);
+    closure->node_of = fv_arena_take(job, limits->keyframes, sizeof *closure->node_of);
+    closure->nodes = fv_arena_take(job, limits->keyframes, sizeof *closure->nodes);
+    closure->corrections = fv_arena_take(job, limits->keyframes + 1, sizeof *closure->corrections);
+    closure->corrected = fv_arena_take(job, limits->keyframes + 1, sizeof *closure->corrected);
+    closure->scores = fv_arena_take(job, limits->keyframes, sizeof *closure->scores);
 }
 
-void fv_loop_reset(struct fv_loop_closer *loop, uint64_t seed)
+void fv_closure_reset(struct fv_closure *closure, uint64_t seed)
 {
-    memset(loop->state, 0, sizeof *loop->state);
-    fv_random_seed(&loop->state->random, seed);
+    memset(closure->state, 0, sizeof *closure->state);
+    fv_random_seed(&closure->state->random, seed);
 }
 
-bool fv_loop_named(const struct fv_map *map, struct fv_loop_name name)
+bool fv_closure_holds(const struct fv_map *map, struct fv_map_handle handle)
 {
-    return fv_map_holds(map, name.slot, name.generation);
+    return fv_map_holds(map, handle.slot, handle.generation);
 }
 
-static struct fv_loop_name name_of(const struct fv_map *map, uint32_t slot)
+static struct fv_map_handle handle_of(const struct fv_map *map, uint32_t slot)
 {
-    return (struct fv_loop_name){slot, map->keyframes[slot].generation};
+    return (struct fv_map_handle){slot, map->keyframes[slot].generation};
 }
 
-bool fv_loop_waiting(const struct fv_loop_closer *loop)
+bool fv_closure_waiting(const struct fv_closure *closure)
 {
-    return loop->state->phase != FV_LOOP_IDLE;
+    return closure->state->phase != FV_CLOSURE_IDLE;
 }
 
 /* ---- candidates ------------------------------------------------------------------------------ */
 
 /* Score below which a keyframe is less like the offered one than its own neighbours are. */
-static uint32_t least_score_of(struct fv_loop_closer *loop, const struct fv_map *map,
+static uint32_t least_score_of(struct fv_closure *closure, const struct fv_map *map,
                                const struct fv_place *place, const struct fv_place_words *words,
                                uint32_t slot)
 {
-    struct fv_neighbour near[FV_LOOP_NEIGHBOURS];
+    struct fv_neighbour near[FV_CLOSURE_NEIGHBOURS];
     struct fv_place_set among = {{0}};
-    uint32_t count = fv_map_neighbours(map, slot, 30, near, FV_LOOP_NEIGHBOURS),
+    uint32_t count = fv_map_neighbours(map, slot, 30, near, FV_CLOSURE_NEIGHBOURS),
              least = FV_PLACE_ONE;
     for (uint32_t i = 0; i < count; i++)
         if (fv_place_holds(place, near[i].slot, near[i].generation))
             fv_place_set_add(&among, near[i].slot);
-    fv_place_scores(place, words, &among, loop->scores);
+    fv_place_scores(place, words, &among, closure->scores);
     for (uint32_t i = 0; i < count; i++)
-        if (loop->scores[near[i].slot] > 0 && loop->scores[near[i].slot] < least)
-            least = loop->scores[near[i].slot];
+        if (closure->scores[near[i].slot] > 0 && closure->scores[near[i].slot] < least)
+            least = closure->scores[near[i].slot];
     least = (uint32_t)(score_share * least);
     return least > (uint32_t)least_score ? least : (uint32_t)least_score;
 }
 
-static void pick_candidates(struct fv_loop_closer *loop, const struct fv_map *map, uint32_t least)
+static void pick_candidates(struct fv_closure *closure, const struct fv_map *map, uint32_t least)
 {
-    struct fv_loop_state *s = loop->state;
+    struct fv_closure_state *s = closure->state;
     s->candidate_count = 0;
-    while (s->candidate_count < FV_LOOP_CANDIDATES_MAX) {
+    while (s->candidate_count < FV_CLOSURE_CANDIDATES_MAX) {
         struct fv_place_candidate best;
         struct fv_neighbour same[SAME_PLACE_MAX];
-        if (fv_place_best(loop->scores, map->limits.keyframes, least, &best, 1) == 0) return;
-        s->candidates[s->candidate_count++] = name_of(map, best.slot);
-        loop->scores[best.slot] = 0;
+        if (fv_place_best(closure->scores, map->limits.keyframes, least, &best, 1) == 0) return;
+        s->candidates[s->candidate_count++] = handle_of(map, best.slot);
+        closure->scores[best.slot] = 0;
         uint32_t count = fv_map_neighbours(map, best.slot, SHARED_KNOWN, same, SAME_PLACE_MAX);
         for (uint32_t i = 0; i < count; i++)
-            loop->scores[same[i].slot] = 0;
+            closure->scores[same[i].slot] = 0;
     }
 }
 
-void fv_loop_offer(struct fv_loop_closer *loop, const struct fv_map *map,
-                   const struct fv_place *place, const struct fv_place_words *words, uint32_t slot)
+void fv_closure_offer(struct fv_closure *closure, const struct fv_map *map,
+                      const struct fv_place *place, const struct fv_place_words *words,
+                      uint32_t slot)
 {
-    struct fv_loop_state *s = loop->state;
-    if (s->phase != FV_LOOP_IDLE) return;
+    struct fv_closure_state *s = closure->state;
+    if (s->phase != FV_CLOSURE_IDLE) return;
     uint16_t shared[FV_MAP_KEYFRAMES_MAX];
     struct fv_place_set among = {{0}};
     const struct fv_keyframe *keyframe = &map->keyframes[slot];
-    uint32_t least = least_score_of(loop, map, place, words, slot);
+    uint32_t least = least_score_of(closure, map, place, words, slot);
     fv_map_count_shared(map, slot, shared);
     for (uint32_t k = 0; k < map->limits.keyframes; k++) {
         const struct fv_keyframe *other = &map->keyframes[k];
@@ -146,12 +148,12 @@ void fv_loop_offer(struct fv_loop_closer *loop, const struct fv_map *map,
             continue;
         fv_place_set_add(&among, k);
     }
-    fv_place_scores(place, words, &among, loop->scores);
+    fv_place_scores(place, words, &among, closure->scores);
     s->counts.offered++;
-    s->keyframe = name_of(map, slot);
-    pick_candidates(loop, map, least);
+    s->keyframe = handle_of(map, slot);
+    pick_candidates(closure, map, least);
     s->candidate = s->next = 0;
-    if (s->candidate_count > 0) s->phase = FV_LOOP_MATCH;
+    if (s->candidate_count > 0) s->phase = FV_CLOSURE_MATCH;
 }
 
 /* ---- matches without prediction -------------------------------------------------------------- */
@@ -171,7 +173,7 @@ static uint32_t gather_features(const struct fv_map *map, uint32_t slot, uint16_
     return count;
 }
 
-double fv_loop_distance_sigma(const struct fv_landmark *l, const double A[6], double weight)
+double fv_closure_distance_sigma(const struct fv_landmark *l, const double A[6], double weight)
 {
     double pixels2 = 0; /* per rad, squared, twice */
     for (int k = 0; k < 6; k++)
@@ -195,142 +197,144 @@ static void side(const struct fv_map *map, const struct fv_view *view, uint32_t 
     for (int k = 0; k < 6; k++)
         A[k] = (double)p.A[k];
     *weight = (double)p.weight;
-    *sigma = fv_loop_distance_sigma(l, A, *weight);
+    *sigma = fv_closure_distance_sigma(l, A, *weight);
 }
 
-void fv_loop_side_a(const struct fv_map *map, const struct fv_view *view, uint32_t feature,
-                    struct fv_correspondence *m)
+void fv_closure_side_a(const struct fv_map *map, const struct fv_view *view, uint32_t feature,
+                       struct fv_correspondence *m)
 {
     side(map, view, feature, m->point_a, &m->sigma_a, m->bearing_a, m->A_a, &m->weight_a);
 }
 
-void fv_loop_side_b(const struct fv_map *map, const struct fv_view *view, uint32_t feature,
-                    struct fv_correspondence *m)
+void fv_closure_side_b(const struct fv_map *map, const struct fv_view *view, uint32_t feature,
+                       struct fv_correspondence *m)
 {
     side(map, view, feature, m->point_b, &m->sigma_b, m->bearing_b, m->A_b, &m->weight_b);
 }
 
 /* Correspondences of the matches that are near, clearly nearer than the second, and one to one. */
-static void make_correspondences(struct fv_loop_closer *loop, const struct fv_map *map)
+static void make_correspondences(struct fv_closure *closure, const struct fv_map *map)
 {
-    struct fv_loop_state *s = loop->state;
+    struct fv_closure_state *s = closure->state;
     struct fv_view a = fv_map_view(map, s->keyframe.slot),
                    b = fv_map_view(map, s->candidates[s->candidate].slot);
     for (uint32_t t = 0; t < s->train_count; t++)
-        loop->best_of_train[t] = FV_MATCH_NONE;
+        closure->best_of_train[t] = FV_MATCH_NONE;
     for (uint32_t q = 0; q < s->query_count; q++) {
-        if (loop->nearest[q] == FV_MATCH_NONE) continue;
-        uint32_t *best = &loop->best_of_train[loop->nearest[q] & 0xffff],
-                 distance = loop->nearest[q] >> FV_MATCH_INDEX_BITS;
+        if (closure->nearest[q] == FV_MATCH_NONE) continue;
+        uint32_t *best = &closure->best_of_train[closure->nearest[q] & 0xffff],
+                 distance = closure->nearest[q] >> FV_MATCH_INDEX_BITS;
         if (*best == FV_MATCH_NONE || distance < *best >> FV_MATCH_INDEX_BITS)
             *best = distance << FV_MATCH_INDEX_BITS | q;
     }
     s->correspondence_count = 0;
     for (uint32_t q = 0; q < s->query_count; q++) {
-        uint32_t distance = loop->nearest[q] >> FV_MATCH_INDEX_BITS,
-                 train = loop->nearest[q] & 0xffff;
-        if (loop->nearest[q] == FV_MATCH_NONE || distance > DISTANCE_MAX ||
-            (loop->best_of_train[train] & 0xffff) != q ||
-            distance > ratio_max * (loop->second[q] >> FV_MATCH_INDEX_BITS))
+        uint32_t distance = closure->nearest[q] >> FV_MATCH_INDEX_BITS,
+                 train = closure->nearest[q] & 0xffff;
+        if (closure->nearest[q] == FV_MATCH_NONE || distance > DISTANCE_MAX ||
+            (closure->best_of_train[train] & 0xffff) != q ||
+            distance > ratio_max * (closure->second[q] >> FV_MATCH_INDEX_BITS))
             continue;
-        uint32_t f = loop->query_feature[q], g = loop->train_feature[train];
+        uint32_t f = closure->query_feature[q], g = closure->train_feature[train];
         if (a.landmark[f] == FV_MAP_NONE || b.landmark[g] == FV_MAP_NONE) continue; /* gone since */
-        struct fv_correspondence *m = &loop->correspondences[s->correspondence_count++];
+        struct fv_correspondence *m = &closure->correspondences[s->correspondence_count++];
         memset(m, 0, sizeof *m);
-        fv_loop_side_a(map, &a, f, m);
-        fv_loop_side_b(map, &b, g, m);
+        fv_closure_side_a(map, &a, f, m);
+        fv_closure_side_b(map, &b, g, m);
     }
 }
 
-static void next_candidate(struct fv_loop_state *s)
+static void next_candidate(struct fv_closure_state *s)
 {
     s->next = 0;
-    s->phase = ++s->candidate < s->candidate_count ? FV_LOOP_MATCH : FV_LOOP_IDLE;
+    s->phase = ++s->candidate < s->candidate_count ? FV_CLOSURE_MATCH : FV_CLOSURE_IDLE;
 }
 
-static void match_unit(struct fv_loop_closer *loop, const struct fv_map *map,
+static void match_unit(struct fv_closure *closure, const struct fv_map *map,
                        const struct fv_kernels *kernels)
 {
-    struct fv_loop_state *s = loop->state;
+    struct fv_closure_state *s = closure->state;
     if (s->next == 0) {
-        s->query_count = gather_features(map, s->keyframe.slot, loop->query_feature, loop->queries);
-        s->train_count = gather_features(map, s->candidates[s->candidate].slot, loop->train_feature,
-                                         loop->trains);
+        s->query_count =
+            gather_features(map, s->keyframe.slot, closure->query_feature, closure->queries);
+        s->train_count = gather_features(map, s->candidates[s->candidate].slot,
+                                         closure->train_feature, closure->trains);
         s->counts.tried++;
     }
     uint32_t left = s->query_count - s->next,
              some = left < QUERIES_PER_UNIT ? left : QUERIES_PER_UNIT;
-    kernels->hamming_two_u8(loop->nearest + s->next, loop->second + s->next,
-                            loop->queries + (size_t)s->next * FV_MAP_DESCRIPTOR_BYTES,
-                            (int32_t)some, loop->trains, (int32_t)s->train_count);
+    kernels->hamming_two_u8(closure->nearest + s->next, closure->second + s->next,
+                            closure->queries + (size_t)s->next * FV_MAP_DESCRIPTOR_BYTES,
+                            (int32_t)some, closure->trains, (int32_t)s->train_count);
     s->next += some;
     if (s->next < s->query_count) return;
-    make_correspondences(loop, map);
+    make_correspondences(closure, map);
     if (s->correspondence_count < MATCHES_MIN) {
         next_candidate(s);
         return;
     }
     fv_sim3_search_begin(&s->search, SAMPLES_MAX);
-    s->phase = FV_LOOP_SAMPLE;
+    s->phase = FV_CLOSURE_SAMPLE;
 }
 
 /* ---- the similarity -------------------------------------------------------------------------- */
 
 /* Landmarks that the candidate and its neighbours see. */
-static void gather_group(struct fv_loop_closer *loop, struct fv_map *map)
+static void gather_group(struct fv_closure *closure, struct fv_map *map)
 {
-    struct fv_loop_state *s = loop->state;
-    struct fv_neighbour near[FV_LOOP_NEIGHBOURS + 1];
+    struct fv_closure_state *s = closure->state;
+    struct fv_neighbour near[FV_CLOSURE_NEIGHBOURS + 1];
     uint32_t mark = ++map->state->mark, slot = s->candidates[s->candidate].slot;
-    uint32_t count = fv_map_neighbours(map, slot, SHARED_KNOWN, near + 1, FV_LOOP_NEIGHBOURS);
+    uint32_t count = fv_map_neighbours(map, slot, SHARED_KNOWN, near + 1, FV_CLOSURE_NEIGHBOURS);
     near[0].slot = slot;
     s->group_count = 0;
     for (uint32_t i = 0; i <= count; i++) {
         struct fv_view view = fv_map_view(map, near[i].slot);
-        for (uint32_t f = 0; f < view.frame->features && s->group_count < FV_LOOP_GROUP_MAX; f++) {
+        for (uint32_t f = 0; f < view.frame->features && s->group_count < FV_CLOSURE_GROUP_MAX;
+             f++) {
             if (view.landmark[f] == FV_MAP_NONE || map->landmarks[view.landmark[f]].mark == mark)
                 continue;
             struct fv_landmark *l = &map->landmarks[view.landmark[f]];
             l->mark = mark;
-            loop->group[s->group_count++] =
-                (struct fv_loop_name){(uint32_t)view.landmark[f], l->generation};
+            closure->group[s->group_count++] =
+                (struct fv_map_handle){(uint32_t)view.landmark[f], l->generation};
         }
     }
 }
 
-static void sample_unit(struct fv_loop_closer *loop)
+static void sample_unit(struct fv_closure *closure)
 {
-    struct fv_loop_state *s = loop->state;
+    struct fv_closure_state *s = closure->state;
     uint32_t samples = SAMPLE_TESTS_PER_UNIT / (s->correspondence_count + SAMPLE_SOLVED_TESTS) + 1;
-    if (fv_sim3_search_more(&s->search, loop->correspondences, s->correspondence_count, samples,
+    if (fv_sim3_search_more(&s->search, closure->correspondences, s->correspondence_count, samples,
                             FV_CHI_SQUARE_99_2, &s->random))
         return;
     struct fv_sim3 inverse;
     fv_sim3_invert(&s->search.best, &inverse);
     for (uint32_t i = 0; i < s->correspondence_count; i++) {
         double square[2];
-        struct fv_correspondence *m = &loop->correspondences[i];
+        struct fv_correspondence *m = &closure->correspondences[i];
         m->inlier = fv_sim3_errors(m, &s->search.best, &inverse, square) &&
                     square[0] < FV_CHI_SQUARE_99_2 && square[1] < FV_CHI_SQUARE_99_2;
     }
     s->S_keyframe_candidate = s->search.best;
     s->inliers = s->search.best_inliers;
     s->next = 0;
-    s->phase = FV_LOOP_REFINE;
+    s->phase = FV_CLOSURE_REFINE;
 }
 
-static uint32_t refine(struct fv_loop_closer *loop)
+static uint32_t refine(struct fv_closure *closure)
 {
-    struct fv_loop_state *s = loop->state;
-    return fv_sim3_refine(loop->correspondences, s->correspondence_count, FV_CHI_SQUARE_99_2, 3,
+    struct fv_closure_state *s = closure->state;
+    return fv_sim3_refine(closure->correspondences, s->correspondence_count, FV_CHI_SQUARE_99_2, 3,
                           &s->S_keyframe_candidate);
 }
 
-static void refine_unit(struct fv_loop_closer *loop, struct fv_map *map)
+static void refine_unit(struct fv_closure *closure, struct fv_map *map)
 {
-    struct fv_loop_state *s = loop->state;
+    struct fv_closure_state *s = closure->state;
     if (s->next < REFINEMENTS && s->inliers >= SAMPLED_MIN) {
-        s->inliers = refine(loop);
+        s->inliers = refine(closure);
         s->next++;
         return;
     }
@@ -339,16 +343,17 @@ static void refine_unit(struct fv_loop_closer *loop, struct fv_map *map)
         return;
     }
     s->counts.sampled++;
-    gather_group(loop, map);
+    gather_group(closure, map);
     s->next = 0;
-    s->phase = FV_LOOP_GUIDED;
+    s->phase = FV_CLOSURE_GUIDED;
 }
 
 /* ---- plausibility ---------------------------------------------------------------------------- */
 
 /* Correction of the keyframe's world that makes S_keyframe_candidate true. */
-static void loop_correction(const struct fv_map *map, uint32_t keyframe, uint32_t candidate,
-                            const struct fv_sim3 *S_keyframe_candidate, struct fv_sim3 *correction)
+static void correction_between(const struct fv_map *map, uint32_t keyframe, uint32_t candidate,
+                               const struct fv_sim3 *S_keyframe_candidate,
+                               struct fv_sim3 *correction)
 {
     struct fv_sim3 T, wanted; /* S_keyframe_newworld */
     fv_sim3_from_se3(&map->keyframes[candidate].T_cam_world, 1, &T);
@@ -395,8 +400,8 @@ static void effect(const struct fv_sim3 *S, const double place[3], double *shift
     *scale = fv_abs(fv_log(S->s));
 }
 
-bool fv_loop_plausible(const struct fv_map *map, uint32_t keyframe, uint32_t candidate,
-                       const struct fv_sim3 *correction)
+bool fv_closure_plausible(const struct fv_map *map, uint32_t keyframe, uint32_t candidate,
+                          const struct fv_sim3 *correction)
 {
     const struct fv_keyframe *k = &map->keyframes[keyframe], *c = &map->keyframes[candidate];
     double centre[3], shift, turn, scale;
@@ -407,19 +412,20 @@ bool fv_loop_plausible(const struct fv_map *map, uint32_t keyframe, uint32_t can
            shift < drift_share_max * path_since(map, keyframe, c->number) + drift_slack * k->depth;
 }
 
-/* ---- sightings ------------------------------------------------------------------------------- */
+/* ---- confirmations
+ * ------------------------------------------------------------------------------- */
 
-static bool enough_found(const struct fv_loop_state *s, uint32_t least)
+static bool enough_found(const struct fv_closure_state *s, uint32_t least)
 {
     return s->found >= least && s->found >= found_share_min * s->visible;
 }
 
 /* Whether a correction says the same as what is believed, at the offered keyframe. */
-static bool same_correction(const struct fv_map *map, const struct fv_loop_state *s)
+static bool same_correction(const struct fv_map *map, const struct fv_closure_state *s)
 {
-    const struct fv_loop_belief *belief = &s->belief;
+    const struct fv_closure_belief *belief = &s->belief;
     const struct fv_keyframe *k = &map->keyframes[s->keyframe.slot];
-    if (belief->sightings == 0 || !fv_loop_named(map, belief->candidate) ||
+    if (belief->confirmations == 0 || !fv_closure_holds(map, belief->candidate) ||
         k->number > belief->number + BELIEF_KEYFRAMES ||
         map->keyframes[belief->candidate.slot].map_id !=
             map->keyframes[s->candidates[s->candidate].slot].map_id)
@@ -433,45 +439,45 @@ static bool same_correction(const struct fv_map *map, const struct fv_loop_state
     return shift < 0.1 * k->depth && turn < 0.05 && scale < 0.1;
 }
 
-/* The keyframe has been sighted, and what came before it was asked: believe, or wait for more. */
-static void judge_sighting(struct fv_loop_closer *loop, const struct fv_map *map)
+/* The keyframe has been confirmed, and what came before it was asked: believe, or wait for more. */
+static void judge_confirmation(struct fv_closure *closure, const struct fv_map *map)
 {
-    struct fv_loop_state *s = loop->state;
-    uint32_t sightings = 1 + s->seen_before;
-    if (same_correction(map, s)) sightings += s->belief.sightings;
-    s->belief = (struct fv_loop_belief){.candidate = s->candidates[s->candidate],
-                                        .correction = s->correction,
-                                        .number = map->keyframes[s->keyframe.slot].number,
-                                        .sightings = sightings};
-    if (sightings < FV_LOOP_SIGHTINGS) {
+    struct fv_closure_state *s = closure->state;
+    uint32_t confirmations = 1 + s->seen_before;
+    if (same_correction(map, s)) confirmations += s->belief.confirmations;
+    s->belief = (struct fv_closure_belief){.candidate = s->candidates[s->candidate],
+                                           .correction = s->correction,
+                                           .number = map->keyframes[s->keyframe.slot].number,
+                                           .confirmations = confirmations};
+    if (confirmations < FV_CLOSURE_CONFIRMATIONS) {
         next_candidate(s);
         return;
     }
-    s->belief.sightings = 0;
+    s->belief.confirmations = 0;
     s->next = 0;
     if (map->keyframes[s->keyframe.slot].map_id ==
         map->keyframes[s->candidates[s->candidate].slot].map_id) {
-        fv_loop_graph_begin(loop, map);
-        s->phase = FV_LOOP_GRAPH;
+        fv_closure_graph_begin(closure, map);
+        s->phase = FV_CLOSURE_GRAPH;
     } else {
-        s->phase = FV_LOOP_COMMIT;
+        s->phase = FV_CLOSURE_COMMIT;
     }
 }
 
-static void guided_done(struct fv_loop_closer *loop, const struct fv_map *map)
+static void guided_done(struct fv_closure *closure, const struct fv_map *map)
 {
-    struct fv_loop_state *s = loop->state;
+    struct fv_closure_state *s = closure->state;
     uint32_t candidate = s->candidates[s->candidate].slot, inliers = s->correspondence_count;
     for (int round = 0; round < REFINEMENTS && inliers >= CORRESPONDENCES_MIN; round++)
-        inliers = refine(loop);
+        inliers = refine(closure);
     if (inliers < CORRESPONDENCES_MIN || !enough_found(s, FOUND_MIN)) {
         next_candidate(s);
         return;
     }
-    s->counts.sighted++;
-    loop_correction(map, s->keyframe.slot, candidate, &s->S_keyframe_candidate, &s->correction);
-    if (!fv_loop_plausible(map, s->keyframe.slot, candidate, &s->correction) ||
-        fv_sim3_turn_sigma(loop->correspondences, s->correspondence_count,
+    s->counts.confirmed++;
+    correction_between(map, s->keyframe.slot, candidate, &s->S_keyframe_candidate, &s->correction);
+    if (!fv_closure_plausible(map, s->keyframe.slot, candidate, &s->correction) ||
+        fv_sim3_turn_sigma(closure->correspondences, s->correspondence_count,
                            &s->S_keyframe_candidate) > turn_sigma_max_rad) {
         s->counts.implausible++;
         next_candidate(s);
@@ -479,27 +485,28 @@ static void guided_done(struct fv_loop_closer *loop, const struct fv_map *map)
     }
     s->next = s->asked = s->seen_before = 0;
     s->before = s->keyframe;
-    s->phase = FV_LOOP_BEFORE;
+    s->phase = FV_CLOSURE_BEFORE;
 }
 
 /* Ask the next keyframe before the offered one; when there is none, or enough have been asked,
  * judge. */
-static void before_unit(struct fv_loop_closer *loop, const struct fv_map *map,
+static void before_unit(struct fv_closure *closure, const struct fv_map *map,
                         const struct fv_kernels *kernels)
 {
-    struct fv_loop_state *s = loop->state;
+    struct fv_closure_state *s = closure->state;
     if (s->next == 0) {
         int32_t parent =
-            fv_loop_named(map, s->before) ? map->keyframes[s->before.slot].parent : FV_MAP_NONE;
-        bool enough = s->asked == ASKED_BEFORE_MAX || 1 + s->seen_before >= FV_LOOP_SIGHTINGS;
+            fv_closure_holds(map, s->before) ? map->keyframes[s->before.slot].parent : FV_MAP_NONE;
+        bool enough =
+            s->asked == ASKED_BEFORE_MAX || 1 + s->seen_before >= FV_CLOSURE_CONFIRMATIONS;
         if (enough || parent == FV_MAP_NONE || !map->keyframes[parent].used ||
             map->keyframes[parent].map_id != map->keyframes[s->keyframe.slot].map_id) {
-            judge_sighting(loop, map);
+            judge_confirmation(closure, map);
             return;
         }
-        s->before = name_of(map, (uint32_t)parent);
+        s->before = handle_of(map, (uint32_t)parent);
         s->asked++;
-    } else if (!fv_loop_named(map, s->before)) {
+    } else if (!fv_closure_holds(map, s->before)) {
         s->next = 0;
         return;
     }
@@ -509,67 +516,68 @@ static void before_unit(struct fv_loop_closer *loop, const struct fv_map *map,
     fv_sim3_invert(&of_keyframe, &of_keyframe);
     fv_sim3_compose(&of_before, &of_keyframe, &between);
     fv_sim3_compose(&between, &s->S_keyframe_candidate, &between);
-    if (!fv_loop_search_group(loop, map, kernels, s->before.slot, &between)) return;
+    if (!fv_closure_search_group(closure, map, kernels, s->before.slot, &between)) return;
     s->seen_before += enough_found(s, FOUND_BEFORE_MIN);
     s->next = 0;
 }
 
 /* ---- the job --------------------------------------------------------------------------------- */
 
-/* While a sighting is made, the two keyframes must stay what they were. */
-static bool still_there(const struct fv_loop_state *s, const struct fv_map *map)
+/* While a confirmation is made, the two keyframes must stay what they were. */
+static bool still_there(const struct fv_closure_state *s, const struct fv_map *map)
 {
-    return fv_loop_named(map, s->keyframe) && fv_loop_named(map, s->candidates[s->candidate]);
+    return fv_closure_holds(map, s->keyframe) && fv_closure_holds(map, s->candidates[s->candidate]);
 }
 
-bool fv_loop_unit(struct fv_loop_closer *loop, struct fv_map *map, const struct fv_kernels *kernels,
-                  struct fv_loop_outcome *outcome)
+bool fv_closure_unit(struct fv_closure *closure, struct fv_map *map,
+                     const struct fv_kernels *kernels, struct fv_closure_outcome *outcome)
 {
-    struct fv_loop_state *s = loop->state;
+    struct fv_closure_state *s = closure->state;
     memset(outcome, 0, sizeof *outcome);
-    if (s->phase != FV_LOOP_IDLE && s->phase != FV_LOOP_FUSE && !still_there(s, map)) {
-        if (s->phase <= FV_LOOP_BEFORE)
+    if (s->phase != FV_CLOSURE_IDLE && s->phase != FV_CLOSURE_FUSE && !still_there(s, map)) {
+        if (s->phase <= FV_CLOSURE_BEFORE)
             next_candidate(s);
         else
-            s->phase = FV_LOOP_IDLE;
-        return fv_loop_waiting(loop);
+            s->phase = FV_CLOSURE_IDLE;
+        return fv_closure_waiting(closure);
     }
     switch (s->phase) {
-    case FV_LOOP_MATCH:
-        match_unit(loop, map, kernels);
+    case FV_CLOSURE_MATCH:
+        match_unit(closure, map, kernels);
         break;
-    case FV_LOOP_SAMPLE:
-        sample_unit(loop);
+    case FV_CLOSURE_SAMPLE:
+        sample_unit(closure);
         break;
-    case FV_LOOP_REFINE:
-        refine_unit(loop, map);
+    case FV_CLOSURE_REFINE:
+        refine_unit(closure, map);
         break;
-    case FV_LOOP_GUIDED:
-        if (fv_loop_search_group(loop, map, kernels, s->keyframe.slot, &s->S_keyframe_candidate))
-            guided_done(loop, map);
+    case FV_CLOSURE_GUIDED:
+        if (fv_closure_search_group(closure, map, kernels, s->keyframe.slot,
+                                    &s->S_keyframe_candidate))
+            guided_done(closure, map);
         break;
-    case FV_LOOP_BEFORE:
-        before_unit(loop, map, kernels);
+    case FV_CLOSURE_BEFORE:
+        before_unit(closure, map, kernels);
         break;
-    case FV_LOOP_GRAPH:
-        if (!fv_loop_graph_unit(loop, map)) break;
-        s->phase = fv_pose_graph_start(&loop->graph) ? FV_LOOP_SOLVE : FV_LOOP_IDLE;
+    case FV_CLOSURE_GRAPH:
+        if (!fv_closure_graph_unit(closure, map)) break;
+        s->phase = fv_pose_graph_start(&closure->graph) ? FV_CLOSURE_SOLVE : FV_CLOSURE_IDLE;
         break;
-    case FV_LOOP_SOLVE:
-        if (!fv_pose_graph_unit(&loop->graph)) s->phase = FV_LOOP_COMMIT;
+    case FV_CLOSURE_SOLVE:
+        if (!fv_pose_graph_unit(&closure->graph)) s->phase = FV_CLOSURE_COMMIT;
         break;
-    case FV_LOOP_COMMIT:
-        fv_loop_commit(loop, map, outcome);
+    case FV_CLOSURE_COMMIT:
+        fv_closure_commit(closure, map, outcome);
         s->next = 0;
-        s->phase = FV_LOOP_FUSE;
+        s->phase = FV_CLOSURE_FUSE;
         break;
-    case FV_LOOP_FUSE:
-        if (!fv_loop_fuse_unit(loop, map, kernels)) break;
+    case FV_CLOSURE_FUSE:
+        if (!fv_closure_fuse_unit(closure, map, kernels)) break;
         outcome->fused = true;
-        s->phase = FV_LOOP_IDLE;
+        s->phase = FV_CLOSURE_IDLE;
         break;
-    case FV_LOOP_IDLE:
+    case FV_CLOSURE_IDLE:
         break;
     }
-    return fv_loop_waiting(loop);
+    return fv_closure_waiting(closure);
 }

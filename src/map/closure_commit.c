@@ -1,15 +1,19 @@
-/* Loop closing: the essential graph, and what its solution does to the map. */
+/* Closures: the essential graph, and what its solution does to the map. */
 #include <string.h>
 
 #include "geometry/vec.h"
 #include "map/closure.h"
 
-enum { GRAPH_PER_UNIT = 8, GRAPH_NEIGHBOURS = FV_LOOP_HELD_BY_KEYFRAME - 1, GRAPH_SHARED_MIN = 40 };
+enum {
+    GRAPH_PER_UNIT = 8,
+    GRAPH_NEIGHBOURS = FV_CLOSURE_HELD_BY_KEYFRAME - 1,
+    GRAPH_SHARED_MIN = 40
+};
 
 /* Relative precision of an edge: translation in median depths, rotation, log scale. Drift turns
  * less than it shifts, and stretches more. */
 static const double weight_turn = 4, weight_scale = 0.25;
-static const double weight_loop = 4;
+static const double weight_closure = 4;
 
 static void edge_weight(const struct fv_keyframe *a, double factor, double weight[3])
 {
@@ -20,162 +24,162 @@ static void edge_weight(const struct fv_keyframe *a, double factor, double weigh
 
 /* ---- the essential graph --------------------------------------------------------------------- */
 
-void fv_loop_graph_begin(struct fv_loop_closer *loop, const struct fv_map *map)
+void fv_closure_graph_begin(struct fv_closure *closure, const struct fv_map *map)
 {
-    struct fv_loop_state *s = loop->state;
+    struct fv_closure_state *s = closure->state;
     const uint32_t map_id = map->keyframes[s->keyframe.slot].map_id;
     uint64_t oldest = UINT64_MAX;
     for (uint32_t k = 0; k < map->limits.keyframes; k++)
         if (map->keyframes[k].used && map->keyframes[k].map_id == map_id &&
             map->keyframes[k].number < oldest)
             oldest = map->keyframes[k].number;
-    fv_pose_graph_begin(&loop->graph);
+    fv_pose_graph_begin(&closure->graph);
     for (uint32_t k = 0; k < map->limits.keyframes; k++) {
         const struct fv_keyframe *keyframe = &map->keyframes[k];
-        loop->node_of[k] = -1;
+        closure->node_of[k] = -1;
         if (!keyframe->used || keyframe->map_id != map_id) continue;
-        struct fv_sim3 *start = &loop->corrections[k]; /* until the commit */
+        struct fv_sim3 *start = &closure->corrections[k]; /* until the commit */
         fv_sim3_from_se3(&keyframe->T_cam_world, 1, start);
-        int32_t node = fv_pose_graph_add_node(&loop->graph, start, keyframe->number == oldest);
-        loop->nodes[node] = (struct fv_loop_name){k, keyframe->generation};
-        loop->node_of[k] = (int16_t)node;
+        int32_t node = fv_pose_graph_add_node(&closure->graph, start, keyframe->number == oldest);
+        closure->nodes[node] = (struct fv_map_handle){k, keyframe->generation};
+        closure->node_of[k] = (int16_t)node;
     }
     s->next = 0;
 }
 
-static bool in_graph(const struct fv_loop_closer *loop, const struct fv_map *map, int32_t slot)
+static bool in_graph(const struct fv_closure *closure, const struct fv_map *map, int32_t slot)
 {
-    return slot >= 0 && (uint32_t)slot < map->limits.keyframes && loop->node_of[slot] >= 0 &&
-           fv_loop_named(map, loop->nodes[loop->node_of[slot]]);
+    return slot >= 0 && (uint32_t)slot < map->limits.keyframes && closure->node_of[slot] >= 0 &&
+           fv_closure_holds(map, closure->nodes[closure->node_of[slot]]);
 }
 
 /* An edge that holds two keyframes as they were to each other. */
-static void hold(struct fv_loop_closer *loop, const struct fv_map *map, uint32_t a, uint32_t b,
+static void hold(struct fv_closure *closure, const struct fv_map *map, uint32_t a, uint32_t b,
                  double factor)
 {
     struct fv_sim3 S;
     double weight[3];
-    const uint32_t i = (uint32_t)loop->node_of[a], j = (uint32_t)loop->node_of[b];
-    fv_pose_graph_between(&loop->graph, i, j, &S);
+    const uint32_t i = (uint32_t)closure->node_of[a], j = (uint32_t)closure->node_of[b];
+    fv_pose_graph_between(&closure->graph, i, j, &S);
     edge_weight(&map->keyframes[a], factor, weight);
-    (void)fv_pose_graph_add_edge(&loop->graph, i, j, &S, weight);
+    (void)fv_pose_graph_add_edge(&closure->graph, i, j, &S, weight);
 }
 
-static void hold_keyframe(struct fv_loop_closer *loop, const struct fv_map *map, uint32_t slot)
+static void hold_keyframe(struct fv_closure *closure, const struct fv_map *map, uint32_t slot)
 {
     const struct fv_keyframe *k = &map->keyframes[slot];
     struct fv_neighbour near[GRAPH_NEIGHBOURS];
-    if (in_graph(loop, map, k->parent)) hold(loop, map, slot, (uint32_t)k->parent, 1);
+    if (in_graph(closure, map, k->parent)) hold(closure, map, slot, (uint32_t)k->parent, 1);
     uint32_t count = fv_map_neighbours(map, slot, GRAPH_SHARED_MIN, near, GRAPH_NEIGHBOURS);
     for (uint32_t i = 0; i < count; i++) {
         const struct fv_keyframe *other = &map->keyframes[near[i].slot];
         if ((int32_t)near[i].slot == k->parent || (int32_t)slot == other->parent ||
-            other->number > k->number || !in_graph(loop, map, (int32_t)near[i].slot))
+            other->number > k->number || !in_graph(closure, map, (int32_t)near[i].slot))
             continue;
-        hold(loop, map, slot, near[i].slot, near[i].shared < 200 ? near[i].shared / 100.0 : 2);
+        hold(closure, map, slot, near[i].slot, near[i].shared < 200 ? near[i].shared / 100.0 : 2);
     }
 }
 
-static void hold_loops(struct fv_loop_closer *loop, const struct fv_map *map)
+static void hold_closures(struct fv_closure *closure, const struct fv_map *map)
 {
     for (uint32_t e = 0; e < FV_MAP_EDGES_MAX && e < map->state->edge_count; e++) {
         const struct fv_map_edge *edge = &map->edges[e];
         if (fv_map_holds(map, edge->a, edge->generation_a) &&
             fv_map_holds(map, edge->b, edge->generation_b) &&
-            in_graph(loop, map, (int32_t)edge->a) && in_graph(loop, map, (int32_t)edge->b))
-            hold(loop, map, edge->a, edge->b, 2);
+            in_graph(closure, map, (int32_t)edge->a) && in_graph(closure, map, (int32_t)edge->b))
+            hold(closure, map, edge->a, edge->b, 2);
     }
 }
 
-bool fv_loop_graph_unit(struct fv_loop_closer *loop, const struct fv_map *map)
+bool fv_closure_graph_unit(struct fv_closure *closure, const struct fv_map *map)
 {
-    struct fv_loop_state *s = loop->state;
-    const uint32_t nodes = loop->graph.state->node_count;
+    struct fv_closure_state *s = closure->state;
+    const uint32_t nodes = closure->graph.state->node_count;
     if (s->next == 0) { /* first, for want of room */
         double weight[3];
         const uint32_t candidate = s->candidates[s->candidate].slot;
-        edge_weight(&map->keyframes[s->keyframe.slot], weight_loop, weight);
-        (void)fv_pose_graph_add_edge(&loop->graph, (uint32_t)loop->node_of[s->keyframe.slot],
-                                     (uint32_t)loop->node_of[candidate], &s->S_keyframe_candidate,
-                                     weight);
-        hold_loops(loop, map);
+        edge_weight(&map->keyframes[s->keyframe.slot], weight_closure, weight);
+        (void)fv_pose_graph_add_edge(&closure->graph, (uint32_t)closure->node_of[s->keyframe.slot],
+                                     (uint32_t)closure->node_of[candidate],
+                                     &s->S_keyframe_candidate, weight);
+        hold_closures(closure, map);
     }
     for (uint32_t done = 0; done < GRAPH_PER_UNIT && s->next < nodes; done++, s->next++)
-        if (fv_loop_named(map, loop->nodes[s->next]))
-            hold_keyframe(loop, map, loop->nodes[s->next].slot);
+        if (fv_closure_holds(map, closure->nodes[s->next]))
+            hold_keyframe(closure, map, closure->nodes[s->next].slot);
     return s->next >= nodes;
 }
 
 /* ---- the commit ------------------------------------------------------------------------------ */
 
 /* Corrections of the keyframes that were in the graph. */
-static void correct_nodes(struct fv_loop_closer *loop, const struct fv_map *map)
+static void correct_nodes(struct fv_closure *closure, const struct fv_map *map)
 {
     for (uint32_t k = 0; k < map->limits.keyframes; k++) {
-        loop->corrected[k] = in_graph(loop, map, (int32_t)k);
-        if (!loop->corrected[k]) continue;
+        closure->corrected[k] = in_graph(closure, map, (int32_t)k);
+        if (!closure->corrected[k]) continue;
         struct fv_sim3 inverse;
-        fv_sim3_invert(&loop->graph.nodes[loop->node_of[k]].S, &inverse);
-        fv_sim3_compose(&inverse, &loop->corrections[k], &loop->corrections[k]);
+        fv_sim3_invert(&closure->graph.nodes[closure->node_of[k]].S, &inverse);
+        fv_sim3_compose(&inverse, &closure->corrections[k], &closure->corrections[k]);
     }
 }
 
 /* Keyframes made since, and the frame in work, get the correction of the nearest ancestor that has
  * one. Parents are older than their children, so each step up comes nearer to the graph. */
-static void correct_born_since(struct fv_loop_closer *loop, const struct fv_map *map,
+static void correct_born_since(struct fv_closure *closure, const struct fv_map *map,
                                uint32_t map_id)
 {
     for (uint32_t k = 0; k <= map->limits.keyframes; k++) {
         const struct fv_keyframe *keyframe = &map->keyframes[k];
         const bool current = k == fv_map_current(map);
-        if (current) loop->corrected[k] = false;
+        if (current) closure->corrected[k] = false;
         if (current ? map->state->map_id != map_id
-                    : loop->corrected[k] || !keyframe->used || keyframe->map_id != map_id)
+                    : closure->corrected[k] || !keyframe->used || keyframe->map_id != map_id)
             continue;
         int32_t at = keyframe->parent;
         for (uint32_t n = 0;
-             n < map->limits.keyframes && at != FV_MAP_NONE && !in_graph(loop, map, at); n++)
+             n < map->limits.keyframes && at != FV_MAP_NONE && !in_graph(closure, map, at); n++)
             at = map->keyframes[at].parent;
-        if (at == FV_MAP_NONE || !in_graph(loop, map, at)) continue;
-        loop->corrections[k] = loop->corrections[at];
-        loop->corrected[k] = true;
+        if (at == FV_MAP_NONE || !in_graph(closure, map, at)) continue;
+        closure->corrections[k] = closure->corrections[at];
+        closure->corrected[k] = true;
     }
 }
 
 /* One correction for all of a map. */
-static void correct_map(struct fv_loop_closer *loop, const struct fv_map *map, uint32_t map_id,
+static void correct_map(struct fv_closure *closure, const struct fv_map *map, uint32_t map_id,
                         const struct fv_sim3 *S)
 {
     for (uint32_t k = 0; k <= map->limits.keyframes; k++) {
         const struct fv_keyframe *keyframe = &map->keyframes[k];
-        loop->corrected[k] = k == fv_map_current(map)
-                                 ? map->state->map_id == map_id
-                                 : keyframe->used && keyframe->map_id == map_id;
-        loop->corrections[k] = *S;
+        closure->corrected[k] = k == fv_map_current(map)
+                                    ? map->state->map_id == map_id
+                                    : keyframe->used && keyframe->map_id == map_id;
+        closure->corrections[k] = *S;
     }
 }
 
-static void apply_corrections(const struct fv_loop_closer *loop, struct fv_map *map)
+static void apply_corrections(const struct fv_closure *closure, struct fv_map *map)
 {
     for (uint32_t i = 0; i < map->state->landmark_top; i++) {
         struct fv_landmark *l = &map->landmarks[i];
         if (!l->used || l->observer_count == 0) continue;
         const uint32_t k = l->observers[0].keyframe;
-        if (!loop->corrected[k]) continue;
+        if (!closure->corrected[k]) continue;
         double direction[3];
         const double before[3] = {l->direction[0] / (double)FV_MAP_DIRECTION_ONE,
                                   l->direction[1] / (double)FV_MAP_DIRECTION_ONE,
                                   l->direction[2] / (double)FV_MAP_DIRECTION_ONE};
-        fv_sim3_apply(&loop->corrections[k], l->point, l->point);
-        fv_rotate3(loop->corrections[k].R, before, direction);
+        fv_sim3_apply(&closure->corrections[k], l->point, l->point);
+        fv_rotate3(closure->corrections[k].R, before, direction);
         for (int c = 0; c < 3; c++)
             l->direction[c] = fv_map_direction(direction[c]);
-        l->distance *= (float)loop->corrections[k].s;
+        l->distance *= (float)closure->corrections[k].s;
     }
     for (uint32_t k = 0; k <= map->limits.keyframes; k++) {
-        if (!loop->corrected[k]) continue;
-        fv_sim3_move_pose(&loop->corrections[k], &map->keyframes[k].T_cam_world);
-        map->keyframes[k].depth *= loop->corrections[k].s;
+        if (!closure->corrected[k]) continue;
+        fv_sim3_move_pose(&closure->corrections[k], &map->keyframes[k].T_cam_world);
+        map->keyframes[k].depth *= closure->corrections[k].s;
     }
 }
 
@@ -194,36 +198,36 @@ static void join_maps(struct fv_map *map, uint32_t from, uint32_t to, uint32_t o
 }
 
 /* The group's landmarks go into the keyframe and its neighbours. */
-static void list_fusing(struct fv_loop_state *s, const struct fv_map *map)
+static void list_fusing(struct fv_closure_state *s, const struct fv_map *map)
 {
-    struct fv_neighbour near[FV_LOOP_FUSED_INTO - 1];
-    uint32_t count = fv_map_neighbours(map, s->keyframe.slot, 1, near, FV_LOOP_FUSED_INTO - 1);
+    struct fv_neighbour near[FV_CLOSURE_FUSED_INTO - 1];
+    uint32_t count = fv_map_neighbours(map, s->keyframe.slot, 1, near, FV_CLOSURE_FUSED_INTO - 1);
     s->fuse_into[0] = s->keyframe;
     for (uint32_t i = 0; i < count; i++)
-        s->fuse_into[i + 1] = (struct fv_loop_name){near[i].slot, near[i].generation};
+        s->fuse_into[i + 1] = (struct fv_map_handle){near[i].slot, near[i].generation};
     s->fuse_count = count + 1;
     s->fuse_at = 0;
 }
 
-void fv_loop_commit(struct fv_loop_closer *loop, struct fv_map *map,
-                    struct fv_loop_outcome *outcome)
+void fv_closure_commit(struct fv_closure *closure, struct fv_map *map,
+                       struct fv_closure_outcome *outcome)
 {
-    struct fv_loop_state *s = loop->state;
+    struct fv_closure_state *s = closure->state;
     const uint32_t keyframe = s->keyframe.slot, candidate = s->candidates[s->candidate].slot;
     const uint32_t own = map->keyframes[keyframe].map_id, others = map->keyframes[candidate].map_id;
     list_fusing(s, map);
     if (own == others) {
-        correct_nodes(loop, map);
-        correct_born_since(loop, map, own);
+        correct_nodes(closure, map);
+        correct_born_since(closure, map, own);
         s->counts.closed++;
     } else {
         struct fv_sim3 S = s->correction;
         const bool is_younger = own > others; /* the younger map goes to the world of the older */
         if (!is_younger) fv_sim3_invert(&S, &S);
-        correct_map(loop, map, is_younger ? own : others, &S);
+        correct_map(closure, map, is_younger ? own : others, &S);
         s->counts.merged++;
     }
-    apply_corrections(loop, map);
+    apply_corrections(closure, map);
     if (own != others)
         join_maps(map, own > others ? own : others, own > others ? others : own,
                   own > others ? candidate : keyframe);
@@ -231,7 +235,7 @@ void fv_loop_commit(struct fv_loop_closer *loop, struct fv_map *map,
     const uint32_t current = fv_map_current(map);
     outcome->committed = true;
     fv_sim3_identity(&outcome->S_new_current);
-    if (!loop->corrected[current]) return;
-    outcome->S_new_current = loop->corrections[current];
+    if (!closure->corrected[current]) return;
+    outcome->S_new_current = closure->corrections[current];
     fv_sim3_compose(&outcome->S_new_current, &map->state->S_map_odom, &map->state->S_map_odom);
 }

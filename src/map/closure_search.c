@@ -1,4 +1,4 @@
-/* Loop closing: the landmarks around a candidate, looked for in other keyframes, before and after
+/* Closures: the landmarks around a candidate, searched for in other keyframes, before and after
  * the correction. */
 #include <string.h>
 
@@ -19,10 +19,10 @@ static const double radius_guided_px = 7, radius_fuse_px = 4; /* times the level
 static const double distance_ratio_max =
     1.3; /* of two landmarks that are the same thing, from the camera */
 
-static bool in_image(const struct fv_loop_closer *loop, const struct fv_map *map, const double q[3],
+static bool in_image(const struct fv_closure *closure, const struct fv_map *map, const double q[3],
                      double pixel[2])
 {
-    return fovea_camera_project(loop->camera, q, pixel, 0) == FOVEA_OK && pixel[0] >= 0 &&
+    return fovea_camera_project(closure->camera, q, pixel, 0) == FOVEA_OK && pixel[0] >= 0 &&
            pixel[1] >= 0 && pixel[0] < map->limits.width && pixel[1] < map->limits.height;
 }
 
@@ -31,20 +31,20 @@ static bool in_image(const struct fv_loop_closer *loop, const struct fv_map *map
 /* A landmark found at a feature that has a landmark of its own: the two meet. The candidate need
  * not see the landmark, so its side says only how far it is. False when the two are not at one
  * distance. */
-static bool add_correspondence(struct fv_loop_closer *loop, const struct fv_map *map,
+static bool add_correspondence(struct fv_closure *closure, const struct fv_map *map,
                                const struct fv_view *view, uint32_t feature,
                                const struct fv_landmark *l, const double q[3],
                                const double in_candidate[3])
 {
-    struct fv_correspondence *m = &loop->correspondences[loop->state->correspondence_count];
+    struct fv_correspondence *m = &closure->correspondences[closure->state->correspondence_count];
     memset(m, 0, sizeof *m);
-    fv_loop_side_a(map, view, feature, m);
+    fv_closure_side_a(map, view, feature, m);
     double ratio = fv_norm3(q) / fv_norm3(m->point_a);
     if (ratio > distance_ratio_max || ratio * distance_ratio_max < 1) return false;
     fv_copy3(in_candidate, m->point_b);
-    m->sigma_b = fv_loop_distance_sigma(l, m->A_a, m->weight_a);
+    m->sigma_b = fv_closure_distance_sigma(l, m->A_a, m->weight_a);
     m->inlier = true;
-    loop->state->correspondence_count++;
+    closure->state->correspondence_count++;
     return true;
 }
 
@@ -57,15 +57,15 @@ struct outlook {
     uint32_t slot;
 };
 
-static void look_for(struct fv_loop_closer *loop, const struct fv_map *map,
+static void look_for(struct fv_closure *closure, const struct fv_map *map,
                      const struct fv_kernels *kernels, const struct outlook *look,
                      const struct fv_landmark *l)
 {
-    struct fv_loop_state *s = loop->state;
+    struct fv_closure_state *s = closure->state;
     double in_candidate[3], q[3], ray[3], pixel[2];
     fv_se3_apply(&look->T_candidate_world, l->point, in_candidate);
     fv_sim3_apply(&look->S_keyframe_candidate, in_candidate, q);
-    if (!in_image(loop, map, q, pixel)) return;
+    if (!in_image(closure, map, q, pixel)) return;
     fv_subtract3(l->point, look->centre, ray);
     double distance = fv_norm3(ray);
     double cosine = fv_map_cosine(l, ray, distance);
@@ -75,22 +75,22 @@ static void look_for(struct fv_loop_closer *loop, const struct fv_map *map,
     struct fv_found found = fv_map_search(map, kernels, look->slot, pixel[0], pixel[1],
                                           radius_guided_px * fv_level_scale((uint32_t)level),
                                           level - 1, level + 1, fv_map_descriptor(map, l), false);
-    if (!fv_map_found_one(&found, DISTANCE_GUIDED_MAX) || loop->nearest[found.feature] != 0 ||
+    if (!fv_map_found_one(&found, DISTANCE_GUIDED_MAX) || closure->nearest[found.feature] != 0 ||
         fv_map_error2(map, &look->view.points[found.feature], q) > 2 * FV_CHI_SQUARE_99_2)
         return;
     uint32_t feature = (uint32_t)found.feature;
     if (look->view.landmark[feature] != FV_MAP_NONE &&
-        !add_correspondence(loop, map, &look->view, feature, l, q, in_candidate))
+        !add_correspondence(closure, map, &look->view, feature, l, q, in_candidate))
         return;
-    loop->nearest[feature] = 1;
+    closure->nearest[feature] = 1;
     s->found++;
 }
 
-bool fv_loop_search_group(struct fv_loop_closer *loop, const struct fv_map *map,
-                          const struct fv_kernels *kernels, uint32_t slot,
-                          const struct fv_sim3 *S_keyframe_candidate)
+bool fv_closure_search_group(struct fv_closure *closure, const struct fv_map *map,
+                             const struct fv_kernels *kernels, uint32_t slot,
+                             const struct fv_sim3 *S_keyframe_candidate)
 {
-    struct fv_loop_state *s = loop->state;
+    struct fv_closure_state *s = closure->state;
     struct outlook look = {.view = fv_map_view(map, slot),
                            .S_keyframe_candidate = *S_keyframe_candidate,
                            .slot = slot};
@@ -99,13 +99,15 @@ bool fv_loop_search_group(struct fv_loop_closer *loop, const struct fv_map *map,
     fv_sim3_invert(S_keyframe_candidate, &inverse);
     fv_se3_apply_inverse(&look.T_candidate_world, inverse.t, look.centre);
     if (s->next == 0) {
-        memset(loop->nearest, 0, map->limits.features * sizeof *loop->nearest); /* features taken */
+        memset(closure->nearest, 0,
+               map->limits.features * sizeof *closure->nearest); /* features taken */
         s->visible = s->found = s->correspondence_count = 0;
     }
     for (uint32_t done = 0; done < GROUP_PER_UNIT && s->next < s->group_count; done++) {
-        struct fv_loop_name name = loop->group[s->next++];
-        const struct fv_landmark *l = &map->landmarks[name.slot];
-        if (l->used && l->generation == name.generation) look_for(loop, map, kernels, &look, l);
+        struct fv_map_handle handle = closure->group[s->next++];
+        const struct fv_landmark *l = &map->landmarks[handle.slot];
+        if (l->used && l->generation == handle.generation)
+            look_for(closure, map, kernels, &look, l);
     }
     return s->next >= s->group_count;
 }
@@ -114,7 +116,7 @@ bool fv_loop_search_group(struct fv_loop_closer *loop, const struct fv_map *map,
 
 /* Look for a landmark of the group in a keyframe; link it there, or make one of it and what is
  * there. */
-static void fuse_into(struct fv_loop_closer *loop, struct fv_map *map,
+static void fuse_into(struct fv_closure *closure, struct fv_map *map,
                       const struct fv_kernels *kernels, uint32_t landmark, uint32_t keyframe)
 {
     struct fv_landmark *l = &map->landmarks[landmark];
@@ -123,7 +125,7 @@ static void fuse_into(struct fv_loop_closer *loop, struct fv_map *map,
     for (uint32_t k = 0; k < l->observer_count; k++)
         if (l->observers[k].keyframe == keyframe) return;
     fv_se3_apply(&view.frame->T_cam_world, l->point, q);
-    if (!in_image(loop, map, q, pixel)) return;
+    if (!in_image(closure, map, q, pixel)) return;
     int level = fv_map_predict_level(l, fv_norm3(q));
     if (level < 0) return;
     struct fv_found found = fv_map_search(map, kernels, keyframe, pixel[0], pixel[1],
@@ -133,7 +135,7 @@ static void fuse_into(struct fv_loop_closer *loop, struct fv_map *map,
         fv_map_error2(map, &view.points[found.feature], q) > FV_CHI_SQUARE_95_2)
         return;
     int32_t other = view.landmark[found.feature];
-    loop->state->counts.fused++;
+    closure->state->counts.fused++;
     if (other == FV_MAP_NONE) {
         if (fv_map_link(map, landmark, keyframe, (uint32_t)found.feature))
             fv_map_refresh_landmark(map, landmark);
@@ -144,20 +146,20 @@ static void fuse_into(struct fv_loop_closer *loop, struct fv_map *map,
     }
 }
 
-bool fv_loop_fuse_unit(struct fv_loop_closer *loop, struct fv_map *map,
-                       const struct fv_kernels *kernels)
+bool fv_closure_fuse_unit(struct fv_closure *closure, struct fv_map *map,
+                          const struct fv_kernels *kernels)
 {
-    struct fv_loop_state *s = loop->state;
+    struct fv_closure_state *s = closure->state;
     if (s->fuse_at >= s->fuse_count) return true;
-    struct fv_loop_name into = s->fuse_into[s->fuse_at];
+    struct fv_map_handle into = s->fuse_into[s->fuse_at];
     for (uint32_t done = 0;
-         done < FUSE_PER_UNIT && s->next < s->group_count && fv_loop_named(map, into); done++) {
-        struct fv_loop_name name = loop->group[s->next++];
-        const struct fv_landmark *l = &map->landmarks[name.slot];
-        if (l->used && l->generation == name.generation)
-            fuse_into(loop, map, kernels, name.slot, into.slot);
+         done < FUSE_PER_UNIT && s->next < s->group_count && fv_closure_holds(map, into); done++) {
+        struct fv_map_handle handle = closure->group[s->next++];
+        const struct fv_landmark *l = &map->landmarks[handle.slot];
+        if (l->used && l->generation == handle.generation)
+            fuse_into(closure, map, kernels, handle.slot, into.slot);
     }
-    if (s->next < s->group_count && fv_loop_named(map, into)) return false;
+    if (s->next < s->group_count && fv_closure_holds(map, into)) return false;
     s->next = 0;
     return ++s->fuse_at >= s->fuse_count;
 }

@@ -17,8 +17,8 @@
  *
  * Rules of a full pool (keep.c). Keyframes: the most redundant one goes; redundancy is the share of
  * its landmarks that at least FV_MAP_ENOUGH_OBSERVERS others see as well. The newest
- * FV_MAP_KEEP_NEWEST of them stay, and those that an edge of a loop holds go only when no other is
- * left. Landmarks: a hand goes round the pool and takes those that were not seen for
+ * FV_MAP_KEEP_NEWEST of them stay, and those that an edge of a closure holds go only when no other
+ * is left. Landmarks: a hand goes round the pool and takes those that were not seen for
  * FV_MAP_UNSEEN_FRAMES frames, first those with few observers. */
 #ifndef FOVEA_MAP_MAP_H
 #define FOVEA_MAP_MAP_H
@@ -45,7 +45,7 @@ enum {
     FV_MAP_KEYFRAMES_MAX = 256,
     FV_MAP_WAITING_MAX = 8,      /* frames held while a start waits for parallax */
     FV_MAP_WORLDS_MAX = 8,       /* maps that were left, whose odom frame is remembered */
-    FV_MAP_EDGES_MAX = 128,      /* of closed loops; the oldest gives way */
+    FV_MAP_EDGES_MAX = 128,      /* of closures; the oldest gives way */
     FV_MAP_ENOUGH_OBSERVERS = 3, /* besides a keyframe, that make it redundant for a landmark */
     FV_MAP_KEEP_NEWEST =
         16, /* keyframes that are never culled: odometry and its window work on them */
@@ -78,7 +78,7 @@ struct fv_keyframe {
     uint32_t map_id;     /* of the map that it belongs to */
     uint16_t redundancy; /* thousandths of its landmarks that enough others see; as last rated */
     bool used;
-    bool held; /* an edge of a loop ends here */
+    bool held; /* an edge of a closure ends here */
 };
 
 struct fv_observer {
@@ -104,7 +104,7 @@ struct fv_landmark {
     struct fv_observer observers[FV_MAP_OBSERVERS_MAX]; /* the first is the reference */
 };
 
-/* Two keyframes that a closed loop ties together. */
+/* Two keyframes that a closure ties together. */
 struct fv_map_edge {
     uint32_t a, b, generation_a, generation_b;
 };
@@ -346,7 +346,7 @@ void fv_map_rate_keyframe(struct fv_map *map, uint32_t slot);
 /* The keyframe that would go next. */
 uint32_t fv_map_most_redundant(struct fv_map *map);
 
-/* Remember that a loop ties keyframes a and b. */
+/* Remember that a closure ties keyframes a and b. */
 void fv_map_add_edge(struct fv_map *map, uint32_t a, uint32_t b);
 /* Begin another map in the same pools; its world is new, S_map_odom is the identity. */
 void fv_map_begin_another(struct fv_map *map);

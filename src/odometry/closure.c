@@ -1,11 +1,12 @@
-/* The job of loops, and what a correction of the map means for the frame in work. */
+/* The job of closures, and what a correction of the map means for the frame in work. */
 #include "geometry/vec.h"
 #include "odometry/odometry.h"
 
-bool fv_odometry_loop_waiting(const struct fv_odometry *o)
+bool fv_odometry_closure_waiting(const struct fv_odometry *o)
 {
     /* While the map is saved it stays as it is. */
-    return o->config.loops && fv_loop_waiting(&o->loop) && !fv_archive_busy(o->saver.archive);
+    return o->config.closures && fv_closure_waiting(&o->closure) &&
+           !fv_archive_busy(o->saver.archive);
 }
 
 /* Lengths of the current frame's world have another unit, and its points other places. */
@@ -20,10 +21,10 @@ static void follow_correction(struct fv_odometry *o, const struct fv_sim3 *S_new
     s->job_wanted = true;
 }
 
-bool fv_odometry_loop_unit(struct fv_odometry *o, const struct fv_kernels *kernels)
+bool fv_odometry_closure_unit(struct fv_odometry *o, const struct fv_kernels *kernels)
 {
-    struct fv_loop_outcome outcome;
-    const bool left = fv_loop_unit(&o->loop, &o->map, kernels, &outcome);
+    struct fv_closure_outcome outcome;
+    const bool left = fv_closure_unit(&o->closure, &o->map, kernels, &outcome);
     if (outcome.committed) follow_correction(o, &outcome.S_new_current);
     if (outcome.fused) o->state->job_wanted = true;
     return left;

@@ -36,7 +36,7 @@ void fv_odometry_carve(struct fv_odometry *o, const struct fovea_odometry_config
                                             WINDOW_PASSES, window_settled};
     fv_window_carve(&o->window, &window, &o->map, job);
     fv_creator_carve(&o->creator, features_max, job);
-    if (config->loops) fv_loop_carve(&o->loop, &limits, &o->camera, persistent, job);
+    if (config->closures) fv_closure_carve(&o->closure, &limits, &o->camera, persistent, job);
     fv_relocaliser_carve(&o->relocaliser, config->keyframes, persistent, frame);
     o->saver.archive = fv_arena_take(persistent, 1, sizeof *o->saver.archive);
 }
@@ -47,7 +47,7 @@ static void begin(struct fv_odometry *o)
     fv_map_reset(&o->map);
     fv_window_abort(&o->window);
     fv_relocaliser_reset(&o->relocaliser);
-    if (o->config.loops) fv_loop_reset(&o->loop, o->state->random.s[0]);
+    if (o->config.closures) fv_closure_reset(&o->closure, o->state->random.s[0]);
     s->state = FOVEA_TRACKING_STARTING;
     s->localise.moving_known = s->job_wanted = false;
     s->lost_frames = s->localise.recent_count = o->initialiser.state->count = 0;

@@ -86,7 +86,7 @@ struct fv_odometry {
     /* The jobs: new landmarks, window optimisation, closures, saving. */
     struct fv_creator creator;
     struct fv_window window;
-    struct fv_loop_closer loop;
+    struct fv_closure closure;
     struct fv_saver saver;
 };
 
@@ -120,8 +120,8 @@ void fv_odometry_step(struct fv_odometry *odometry, const struct fv_kernels *ker
 bool fv_odometry_unit(struct fv_odometry *odometry, const struct fv_kernels *kernels);
 bool fv_odometry_job_waiting(const struct fv_odometry *odometry);
 /* The same for the job that closes loops and merges maps. */
-bool fv_odometry_loop_unit(struct fv_odometry *odometry, const struct fv_kernels *kernels);
-bool fv_odometry_loop_waiting(const struct fv_odometry *odometry);
+bool fv_odometry_closure_unit(struct fv_odometry *odometry, const struct fv_kernels *kernels);
+bool fv_odometry_closure_waiting(const struct fv_odometry *odometry);
 
 /* Where a save writes: the caller's buffer, which is outside the state, or NULL. */
 void fv_odometry_save_to(struct fv_odometry *odometry, uint8_t *buffer, size_t bytes);
@@ -152,8 +152,8 @@ const struct fv_keyframe *fv_odometry_keyframe_pose(const struct fv_odometry *od
                                                     struct fv_se3 *T_keyframe_cam);
 const struct fv_map *fv_odometry_map(const struct fv_odometry *odometry);
 double fv_odometry_focal_px(const struct fv_odometry *odometry);
-/* Loops closed and maps merged since the last reset. */
-struct fv_loop_closer_counts fv_odometry_loop_counts(const struct fv_odometry *odometry);
+/* Closures and merged maps since the last reset. */
+struct fv_closure_counts fv_odometry_closure_counts(const struct fv_odometry *odometry);
 /* Keep with the map what is known of its unit. */
 void fv_odometry_keep_scale(struct fv_odometry *odometry, const struct fv_map_scale *scale);
 

@@ -37,10 +37,10 @@ double fv_odometry_focal_px(const struct fv_odometry *o)
     return o->focal_px;
 }
 
-struct fv_loop_closer_counts fv_odometry_loop_counts(const struct fv_odometry *o)
+struct fv_closure_counts fv_odometry_closure_counts(const struct fv_odometry *o)
 {
-    if (!o->config.loops) return (struct fv_loop_closer_counts){0};
-    return o->loop.state->counts;
+    if (!o->config.closures) return (struct fv_closure_counts){0};
+    return o->closure.state->counts;
 }
 
 void fv_odometry_keep_scale(struct fv_odometry *o, const struct fv_map_scale *scale)

@@ -78,9 +78,9 @@ void fv_odometry_index_unit(struct fv_odometry *o, const struct fv_kernels *kern
     if (index->next < view.frame->features) return;
     fv_place_insert(&o->relocaliser.place, index->slot, index->generation, &index->words);
     index->busy = false;
-    if (o->config.loops && !o->config.localise_only &&
+    if (o->config.closures && !o->config.localise_only &&
         o->map.keyframes[index->slot].map_id == o->map.state->map_id)
-        fv_loop_offer(&o->loop, &o->map, &o->relocaliser.place, &index->words, index->slot);
+        fv_closure_offer(&o->closure, &o->map, &o->relocaliser.place, &index->words, index->slot);
 }
 
 /* ---- one candidate --------------------------------------------------------------------------- */

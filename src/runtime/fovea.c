@@ -270,9 +270,9 @@ void fovea_stats_get(const struct fovea *rt, struct fovea_stats *stats)
         .features = state->features,
     };
     if (rt->config.odometry.enabled) {
-        const struct fv_loop_closer_counts loops = fv_odometry_loop_counts(&rt->odometry);
-        stats->loops_closed = loops.closed;
-        stats->maps_merged = loops.merged;
+        const struct fv_closure_counts counts = fv_odometry_closure_counts(&rt->odometry);
+        stats->closures = counts.closed;
+        stats->maps_merged = counts.merged;
     }
     memcpy(stats->stage_cpu_ns, rt->times.cpu_ns, sizeof stats->stage_cpu_ns);
     memcpy(stats->stage_wall_ns, rt->times.wall_ns, sizeof stats->stage_wall_ns);

@@ -10,7 +10,8 @@ const struct fv_job fv_jobs[FOVEA_JOB_COUNT] = {
     [FOVEA_JOB_DETECT] = {"detect", "detect.model", 4, 56, fv_job_detect_waiting,
                           fv_job_detect_advance},
     /* The largest map corrected within 20 s. */
-    [FOVEA_JOB_LOOP] = {"loop", "map.loops", 4, 24, fv_job_loop_waiting, fv_job_loop_advance},
+    [FOVEA_JOB_CLOSURE] = {"closure", "map.closures", 4, 24, fv_job_closure_waiting,
+                           fv_job_closure_advance},
     /* A preview of 376x240 in 6 frames. */
     [FOVEA_JOB_PREVIEW] = {"preview", "preview.period_frames", 4, 8, fv_job_preview_waiting,
                            fv_job_preview_advance},

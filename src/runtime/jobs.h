@@ -22,9 +22,9 @@ struct fv_job {
 
 extern const struct fv_job fv_jobs[FOVEA_JOB_COUNT];
 
-fv_job_waiting_fn fv_job_map_waiting, fv_job_detect_waiting, fv_job_loop_waiting,
+fv_job_waiting_fn fv_job_map_waiting, fv_job_detect_waiting, fv_job_closure_waiting,
     fv_job_preview_waiting;
-fv_job_advance_fn fv_job_map_advance, fv_job_detect_advance, fv_job_loop_advance,
+fv_job_advance_fn fv_job_map_advance, fv_job_detect_advance, fv_job_closure_advance,
     fv_job_preview_advance;
 
 /* Bit per job that has units left to do. Real-time safe. */

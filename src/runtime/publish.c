@@ -35,7 +35,7 @@ static void scale_covariance(double covariance[21], double factor)
             covariance[k] *= (row < 3 ? factor : 1) * (column < 3 ? factor : 1);
 }
 
-/* `metres` per unit of the map. The continuous world has a unit of its own, which loops leave
+/* `metres` per unit of the map. The continuous world has a unit of its own, which closures leave
  * alone. */
 static void scale_pose(struct fv_publish_state *s, double metres)
 {

@@ -98,7 +98,7 @@ bool fv_scale_waiting(const struct fv_scale *scale, const struct fv_odometry *od
 
 /* ---- a frame --------------------------------------------------------------------------------- */
 
-/* A loop gave the map another unit here: what is known of a unit's metres goes with it. */
+/* A closure gave the map another unit here: what is known of a unit's metres goes with it. */
 static void scale_follow(struct fv_scale_state *s, double map_scale)
 {
     if (map_scale == s->map_scale) return;

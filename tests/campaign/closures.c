@@ -1,7 +1,8 @@
-/* Loops in the simulated corridor, seed by seed, against the truth: how many runs close their loop,
- * whether any loop is false, and how far the poses are off after closing, as a share of the path.
+/* Closures in the simulated corridor, seed by seed, against the truth: how many runs close their
+ * loop, whether any loop is false, and how far the poses are off after closing, as a share of the
+ * path.
  *
- * Usage: loops SEEDS NEEDED OPTIONS [RECORD]     exit 0 when at least NEEDED runs closed a loop,
+ * Usage: closures SEEDS NEEDED OPTIONS [RECORD]     exit 0 when at least NEEDED runs closed a loop,
  * none was false, and the map of every run that closed one is within 0.3 % of the path in the end.
  * OPTIONS go to sim:corridor, for example textures=repeated. RECORD: a file of the seeds that are
  * done, which are not run again. */
@@ -70,10 +71,10 @@ static double map_fit(const struct run *run, double *scale)
     return rms;
 }
 
-/* Hold the similarity that a loop was closed on against the true poses of its keyframes. */
+/* Hold the similarity that a closure was made on against the true poses of its keyframes. */
 static bool is_false(const struct run *run)
 {
-    const struct fv_loop_state *s = run->rt->odometry.loop.state;
+    const struct fv_closure_state *s = run->rt->odometry.closure.state;
     const struct fv_map *map = &run->rt->odometry.map;
     const struct fv_keyframe *k = &map->keyframes[s->keyframe.slot],
                              *c = &map->keyframes[s->candidates[s->candidate].slot];
@@ -122,7 +123,7 @@ static void open_run(struct run *run, const char *uri)
 
 static void one_frame(struct run *run, const struct fovea_frame *frame)
 {
-    const struct fv_loop_closer_counts *counts = &run->rt->odometry.loop.state->counts;
+    const struct fv_closure_counts *counts = &run->rt->odometry.closure.state->counts;
     struct fovea_inputs inputs = {.frame = frame, .now_ns = frame->stamp_ns, .temperature_c = NAN};
     struct fovea_outputs outputs;
     struct fovea_config config;
@@ -151,7 +152,7 @@ static void one_frame(struct run *run, const struct fovea_frame *frame)
 
 struct verdict {
     bool done;
-    unsigned closed, wrong; /* loops; false ones among them */
+    unsigned closed, wrong; /* closures; false ones among them */
     double share;           /* of the path, that the map is off in the end */
 };
 
@@ -170,7 +171,7 @@ static void run_seed(unsigned seed, const char *options, struct verdict *verdict
     double scale;
     *verdict =
         (struct verdict){true, run.closed, run.false_ones, map_fit(&run, &scale) / run.path_m};
-    const struct fv_loop_closer_counts *c = &run.rt->odometry.loop.state->counts;
+    const struct fv_closure_counts *c = &run.rt->odometry.closure.state->counts;
     printf(
         "seed %u: %u of %u posed, loops %u (false %u), map off %.4f %% of %.1f m; offered %u tried %u sampled %u sighted %u implausible %u fused %u\n",
         seed, run.posed, run.frames, run.closed, run.false_ones, 100 * verdict->share, run.path_m,
@@ -206,7 +207,7 @@ static void write_record(const char *path, unsigned seed)
 
 int main(int argc, char **argv)
 {
-    if (argc < 4 || atoi(argv[1]) > SEEDS_MAX) die("usage: loops SEEDS NEEDED OPTIONS [RECORD]");
+    if (argc < 4 || atoi(argv[1]) > SEEDS_MAX) die("usage: closures SEEDS NEEDED OPTIONS [RECORD]");
     const unsigned seeds = (unsigned)atoi(argv[1]), needed = (unsigned)atoi(argv[2]);
     unsigned found = 0, wrong = 0, far = 0;
     if (argc > 4) read_record(argv[4]);

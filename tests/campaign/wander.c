@@ -136,7 +136,7 @@ int main(int argc, char **argv)
     printf(
         "%zu of %zu frames posed; %u keyframes, %u landmarks; %u loops closed, %u maps merged, %u resets\n",
         walk.posed, walk.frames, o->map.state->keyframe_count, o->map.state->landmark_count,
-        o->loop.state->counts.closed, o->loop.state->counts.merged, o->state->reset_counter);
+        o->closure.state->counts.closed, o->closure.state->counts.merged, o->state->reset_counter);
     printf("median CPU ms per frame: %.3f early, %.3f at the end (%.3f times; at most %.2f)\n",
            first, last, last / first, ratio_max);
     printf("resident bytes: %ld early, %ld at the end; block %zu\n", walk.resident_early,

@@ -220,7 +220,7 @@ static void take_step(const struct fovea_inputs *inputs)
     tally->posed += pose.posed;
     tally->lost += pose.state == FOVEA_TRACKING_LOST;
     tally->found_again += last == FOVEA_TRACKING_LOST && pose.posed && pose.map_id == 0;
-    if (stats.loops_closed > tally->loops) tally->loops = stats.loops_closed;
+    if (stats.closures > tally->loops) tally->loops = stats.closures;
     last = pose.state;
 }
 
@@ -260,7 +260,7 @@ static void stumble(int i)
     struct fovea_inputs inputs = {.frame = i % 20 == 19 ? NULL : &frame, .now_ns = frame.stamp_ns};
     inputs.grants.features = 500;
     inputs.grants.units[FOVEA_JOB_MAP] = (uint32_t)(i % 11);
-    inputs.grants.units[FOVEA_JOB_LOOP] = (uint32_t)(i % 5);
+    inputs.grants.units[FOVEA_JOB_CLOSURE] = (uint32_t)(i % 5);
     inputs.grants.units[FOVEA_JOB_DETECT] = (uint32_t)(i % 3);
     inputs.grants.units[FOVEA_JOB_PREVIEW] = (uint32_t)(i % 7);
     if (i % 100 == 50) inputs.commands = FOVEA_COMMAND_PAUSE;

@@ -50,7 +50,7 @@ static const struct view {
 } views[] = {
     {"sim:corridor?width=752&height=480", 1, 100, JOB(MAP) | JOB(PREVIEW), false},
     {"sim:tour", 1, 100, JOB(MAP) | JOB(DETECT) | JOB(PREVIEW), true},
-    {"sim:corridor?width=320&height=240", 4, 340, JOB(LOOP), false},
+    {"sim:corridor?width=320&height=240", 4, 340, JOB(CLOSURE), false},
 };
 
 static void note(int job, int64_t took_ns)

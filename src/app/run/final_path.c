@@ -198,10 +198,10 @@ static void finish_jobs(struct fovea *rt)
 {
     struct fovea_outputs outputs;
     const struct fovea_grants grants = {
-        .units = {[FOVEA_JOB_MAP] = WORK_UNITS, [FOVEA_JOB_LOOP] = WORK_UNITS}};
+        .units = {[FOVEA_JOB_MAP] = WORK_UNITS, [FOVEA_JOB_CLOSURE] = WORK_UNITS}};
     for (int call = 0; call < WORK_CALLS_MAX; call++) {
         (void)fovea_work(rt, &grants, &outputs);
-        if (outputs.units_done[FOVEA_JOB_MAP] + outputs.units_done[FOVEA_JOB_LOOP] == 0) break;
+        if (outputs.units_done[FOVEA_JOB_MAP] + outputs.units_done[FOVEA_JOB_CLOSURE] == 0) break;
     }
 }
 

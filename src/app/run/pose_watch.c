@@ -121,7 +121,7 @@ void fv_watch_step(struct fv_watch *watch, const struct fovea *rt,
     atomic_store_explicit(&watch->lasts_ns, watch->last_ns - watch->since_ns, memory_order_relaxed);
     atomic_store_explicit(&watch->landmarks, pose.landmarks, memory_order_relaxed);
     atomic_store_explicit(&watch->keyframes, pose.keyframes, memory_order_relaxed);
-    atomic_store_explicit(&watch->closures, stats.loops_closed, memory_order_relaxed);
+    atomic_store_explicit(&watch->closures, stats.closures, memory_order_relaxed);
     atomic_store_explicit(&watch->merges, stats.maps_merged, memory_order_relaxed);
 }
 

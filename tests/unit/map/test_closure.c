@@ -1,4 +1,4 @@
-/* Loop closing and merging on a synthetic ring: points with random descriptors, keyframes whose
+/* Closures and merged maps on a synthetic ring: points with random descriptors, keyframes whose
  * estimated poses drift in place, direction and scale, and see the first points again as new
  * landmarks when they come round. */
 #include <setjmp.h>
@@ -23,7 +23,7 @@ struct world {
     struct fv_bearing_table bearings;
     struct fv_map map;
     struct fv_place place;
-    struct fv_loop_closer loop;
+    struct fv_closure closure;
     void *memory;
     struct fv_random random;
     double point[POINTS][3];
@@ -46,7 +46,7 @@ static void carve(void *context, struct fv_arena *arena)
     fv_bearing_carve(&w.bearings, limits.width, limits.height, arena);
     fv_map_carve(&w.map, &limits, &w.camera, &w.bearings, arena);
     fv_place_carve(&w.place, limits.keyframes, arena);
-    fv_loop_carve(&w.loop, &limits, &w.camera, arena, arena);
+    fv_closure_carve(&w.closure, &limits, &w.camera, arena, arena);
 }
 
 static double uniform(double low, double high)
@@ -71,7 +71,7 @@ static void make_world(uint64_t seed)
     fv_bearing_init(&w.bearings, &w.camera);
     fv_map_reset(&w.map);
     fv_place_clear(&w.place);
-    fv_loop_reset(&w.loop, seed);
+    fv_closure_reset(&w.closure, seed);
     fv_random_seed(&w.random, seed);
     fv_sim3_identity(&w.drift);
     for (int i = 0; i < POINTS; i++) { /* on both sides of a round corridor of radius 10 */
@@ -175,7 +175,7 @@ static void offer(uint32_t n)
     fv_place_words_begin(&words);
     fv_place_words_add(&words, &w.kernels, view.descriptors, view.frame->features);
     fv_place_insert(&w.place, slot, view.frame->generation, &words);
-    fv_loop_offer(&w.loop, &w.map, &w.place, &words, slot);
+    fv_closure_offer(&w.closure, &w.map, &w.place, &words, slot);
 }
 
 static void camera_in_odom(double centre[3])
@@ -192,16 +192,16 @@ static void camera_in_odom(double centre[3])
 static bool work(bool grow)
 {
     bool committed = false;
-    while (fv_loop_waiting(&w.loop)) {
-        struct fv_loop_outcome outcome;
+    while (fv_closure_waiting(&w.closure)) {
+        struct fv_closure_outcome outcome;
         double before[3], after[3];
-        if (grow && w.loop.state->phase == FV_LOOP_SOLVE && w.count < KEYFRAMES) {
+        if (grow && w.closure.state->phase == FV_CLOSURE_SOLVE && w.count < KEYFRAMES) {
             w.map.keyframes[fv_map_current(&w.map)].parent = (int32_t)w.slot[w.count - 1];
             add_keyframe();
             grow = false;
         }
         camera_in_odom(before);
-        (void)fv_loop_unit(&w.loop, &w.map, &w.kernels, &outcome);
+        (void)fv_closure_unit(&w.closure, &w.map, &w.kernels, &outcome);
         camera_in_odom(after);
         for (int k = 0; k < 3; k++)
             assert_true(fabs(after[k] - before[k]) < 1e-9);
@@ -257,17 +257,17 @@ static void test_closes_the_ring(void **context)
         closed = work(true);
     }
     assert_true(closed);
-    assert_int_equal(w.loop.state->counts.closed, 1);
+    assert_int_equal(w.closure.state->counts.closed, 1);
     assert_true(w.count < KEYFRAMES); /* with some keyframes to spare */
-    assert_true(w.loop.state->counts.fused > 50);
+    assert_true(w.closure.state->counts.fused > 50);
     assert_true(fabs(before) > 0.5);                 /* it had drifted indeed */
     for (uint32_t n = w.count - 2; n < w.count; n++) /* the last one was born meanwhile */
         if (!(fabs(distance_off(n, 2)) < 0.2))
             fail_msg("keyframe %u of %u is %.3f off, %.3f before", n, w.count, distance_off(n, 2),
                      before);
     uint16_t shared[FV_MAP_KEYFRAMES_MAX];
-    fv_map_count_shared(&w.map, w.loop.state->keyframe.slot, shared);
-    assert_true(shared[w.loop.state->candidates[w.loop.state->candidate].slot] > 20);
+    fv_map_count_shared(&w.map, w.closure.state->keyframe.slot, shared);
+    assert_true(shared[w.closure.state->candidates[w.closure.state->candidate].slot] > 20);
     assert_true(fabs(w.map.state->S_map_odom.s - 1) > 0.01);
     check_links();
     free(w.memory);
@@ -297,7 +297,7 @@ static void test_merges_maps(void **context)
         check_links();
     }
     assert_true(merged);
-    assert_int_equal(w.loop.state->counts.merged, 1);
+    assert_int_equal(w.closure.state->counts.merged, 1);
     assert_int_equal(w.map.state->map_id, w.map.keyframes[w.slot[0]].map_id);
     assert_int_equal(fv_map_count_keyframes(&w.map, w.map.state->map_id),
                      w.map.state->keyframe_count);
@@ -319,8 +319,8 @@ static void test_vague_relation_corrects_nothing(void **context)
         offer(w.count - 1);
         assert_false(work(false));
     }
-    assert_true(w.loop.state->counts.sighted > 3);
-    assert_true(w.loop.state->counts.implausible > 3);
+    assert_true(w.closure.state->counts.confirmed > 3);
+    assert_true(w.closure.state->counts.implausible > 3);
     free(w.memory);
 }
 
@@ -389,7 +389,7 @@ static bool plausible(uint32_t since, double turn_rad, double factor, double shi
     fv_sim3_apply(&S, centre, moved);
     fv_subtract3(centre, moved, S.t);
     S.t[1] += shift;
-    return fv_loop_plausible(&w.map, last, w.slot[since], &S);
+    return fv_closure_plausible(&w.map, last, w.slot[since], &S);
 }
 
 /* Drift is a share of the way, 41 in 39 steps of the ring, and some of the depth, 3. */
@@ -419,12 +419,12 @@ static void test_certainty_of_distances(void **state)
     (void)state;
     const double A[6] = {400, 0, 0, 0, 400, 0};
     struct fv_landmark l = {.spread = 0.1F, .observer_count = 4};
-    assert_true(fabs(fv_loop_distance_sigma(&l, A, 1) - sqrt(1e-4 + 1 / 6400.0)) < 1e-6);
-    assert_true(fabs(fv_loop_distance_sigma(&l, A, 0.25) - sqrt(1e-4 + 4 / 6400.0)) < 1e-6);
+    assert_true(fabs(fv_closure_distance_sigma(&l, A, 1) - sqrt(1e-4 + 1 / 6400.0)) < 1e-6);
+    assert_true(fabs(fv_closure_distance_sigma(&l, A, 0.25) - sqrt(1e-4 + 4 / 6400.0)) < 1e-6);
     l.spread = 1;
-    assert_true(fabs(fv_loop_distance_sigma(&l, A, 1) - 0.01) < 1e-3);
+    assert_true(fabs(fv_closure_distance_sigma(&l, A, 1) - 0.01) < 1e-3);
     l.spread = 0;
-    assert_true(fabs(fv_loop_distance_sigma(&l, A, 1) - 1) < 1e-3);
+    assert_true(fabs(fv_closure_distance_sigma(&l, A, 1) - 1) < 1e-3);
 
     make_world(5);
     add_keyframe();
@@ -435,8 +435,8 @@ static void test_certainty_of_distances(void **state)
     memset(&m, 0, sizeof m);
     while (view.landmark[feature] == FV_MAP_NONE)
         feature++;
-    fv_loop_side_a(&w.map, &view, feature, &m);
-    fv_loop_side_b(&w.map, &view, feature, &m);
+    fv_closure_side_a(&w.map, &view, feature, &m);
+    fv_closure_side_b(&w.map, &view, feature, &m);
     assert_true(m.sigma_a >= 0.01 && m.sigma_a == m.sigma_b && m.weight_a > 0 &&
                 m.weight_a == m.weight_b);
     assert_memory_equal(m.point_a, m.point_b, sizeof m.point_a);

@@ -171,7 +171,8 @@ static void run_grown(double factor)
     sim_rig_close(&rig);
 }
 
-/* A loop that changes the map's unit changes neither the published metres nor their uncertainty. */
+/* A closure that changes the map's unit changes neither the published metres nor their uncertainty.
+ */
 static void the_maps_unit_is_minded(void **state)
 {
     (void)state;
