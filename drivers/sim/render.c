@@ -434,7 +434,8 @@ FV_IN_WIDE void row_read(const uint16_t *from, int32_t columns, bool left, bool 
                          uint16_t *restrict line)
 {
     if (columns == FV_SIM_TILE) { /* as mostly */
-        /* A loop becomes one vector move; a fortified memcpy into a row picked by index is a call. */
+        /* A loop becomes one vector move; a fortified memcpy into a row picked by index is a call.
+         */
         for (int32_t c = 0; c < FV_SIM_TILE; c++)
             line[c + 1] = from[c];
     } else {
