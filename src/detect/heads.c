@@ -45,7 +45,9 @@ static float clamped(float value, float high)
     return value > 0.0f ? (value < high ? value : high) : 0.0f;
 }
 
-/* A box in input pixels (corner coordinates) to image pixels, cut at the image. */
+/* A box in input pixels (corner coordinates) to image pixels, cut at the image. A score above 1,
+ * which the rounding of a quantised sigmoid or product may give, is 1: whatever a model's outputs
+ * hold, no other score leaves a decoder. */
 static void add_box(struct fv_head_job *j, float x0, float y0, float x1, float y1, float score,
                     int32_t class_id)
 {
@@ -56,11 +58,11 @@ static void add_box(struct fv_head_job *j, float x0, float y0, float x1, float y
         .y_min_px = clamped((y0 - (float)v->top) / v->scale_y, height) - 0.5f,
         .x_max_px = clamped((x1 - (float)v->left) / v->scale_x, width) - 0.5f,
         .y_max_px = clamped((y1 - (float)v->top) / v->scale_y, height) - 0.5f,
-        .score = score,
+        .score = clamped(score, 1.0f),
         .class_id = class_id,
     };
     if (found.x_max_px > found.x_min_px && found.y_max_px > found.y_min_px)
-        fv_detect_keep(j->s, &found, score < threshold_of(j, class_id));
+        fv_detect_keep(j->s, &found, found.score < threshold_of(j, class_id));
 }
 
 static void add_centred(struct fv_head_job *j, float x, float y, float w, float h, float score,

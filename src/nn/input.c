@@ -13,10 +13,10 @@ enum fovea_status fv_nn_view(const struct fv_model *model, const struct fovea_im
     const struct fv_model_preprocess *p = &model->header->preprocess;
     const struct fv_model_tensor *t = &model->tensors[model->inputs[0]];
     const int colours = p->channels == 1 || p->channels == 3;
-    const int fits = t->rank == 4 && t->dims[0] == 1 && t->dims[1] == p->height &&
-                     t->dims[2] == p->width && t->dims[3] == p->channels &&
-                     (t->type == FV_TYPE_U8 || t->type == FV_TYPE_F32) &&
-                     (t->flags & FV_TENSOR_CONST) == 0;
+    const int fits =
+        model->header->input_count == 1 && t->rank == 4 && t->dims[0] == 1 &&
+        t->dims[1] == p->height && t->dims[2] == p->width && t->dims[3] == p->channels &&
+        (t->type == FV_TYPE_U8 || t->type == FV_TYPE_F32) && (t->flags & FV_TENSOR_CONST) == 0;
     if (!colours || !fits || !fv_pixel_known(image->format) || image->width < 1 ||
         image->height < 1)
         return FOVEA_ERROR_UNSUPPORTED;

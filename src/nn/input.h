@@ -28,9 +28,10 @@ struct fv_nn_view {
 /* Whether the model takes images at all: one of 8-bit grey tells. Init-only. */
 bool fv_nn_takes_images(const struct fv_model *model);
 
-/* Whether the model takes images at all (a first input of 8-bit or float [1, h, w, 1 or 3]) and
- * `image` has a format that can be read: all but the compressed ones (nn/pixel.h). Fills
- * `view`. Real-time safe. FOVEA_ERROR_UNSUPPORTED: it does not. */
+/* Whether the model takes images at all (one input and no other, 8-bit or float [1, h, w, 1 or 3]:
+ * nobody would set a second one, such as a state) and `image` has a format that can be read: all
+ * but the compressed ones (nn/pixel.h). Fills `view`. Real-time safe. FOVEA_ERROR_UNSUPPORTED: it
+ * does not. */
 enum fovea_status fv_nn_view(const struct fv_model *model, const struct fovea_image *image,
                              struct fv_nn_view *view);
 

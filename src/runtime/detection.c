@@ -15,8 +15,8 @@ static enum fovea_status check_use(const struct fv_model *model, const char *key
 {
     if (!fv_nn_takes_images(model)) {
         return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
-                               "%s: expected a first input that is an image of 1 or 3 channels",
-                               key);
+                               "%s: found %u inputs, expected one: an image of 1 or 3 channels",
+                               key, model->header->input_count);
     }
     if (!fv_detect_gives_boxes(model)) {
         return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,

@@ -76,7 +76,7 @@ def detector(target):
         net = Lowering(graph).run()
         arena, _ = plan_module.plan(net)
         with open(target, "wb") as out:
-            out.write(Writer(net, arena).bytes("detector", *use.describe(file.name, graph, net, None)))
+            out.write(Writer(net, arena).bytes("detector", *use.describe(file.name, graph, net, None)[0]))
 
 
 def main():

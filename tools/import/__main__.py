@@ -19,6 +19,7 @@ for package in ("numpy", "tflite", "flatbuffers"):
 
 import graph as graph_module  # noqa: E402
 import plan as plan_module  # noqa: E402
+import trial  # noqa: E402
 import use  # noqa: E402
 from lower import Lowering  # noqa: E402
 from write import Writer  # noqa: E402
@@ -37,11 +38,12 @@ def translate(path, arguments, fold):
     net = Lowering(graph, fold).run()
     arena, bound = plan_module.plan(net)
     writer = Writer(net, arena)
-    labels, preprocess, decoder = use.describe(path, graph, net, arguments)
+    written, trying = use.describe(path, graph, net, arguments)
     name = os.path.splitext(os.path.basename(path))[0]
-    data = writer.bytes(name, labels, preprocess, decoder)
+    data = writer.bytes(name, *written)
+    tried = trying is None or arguments is None or trial.run(data, graph, *trying)
     figures = dict(operators=len(graph.ops), steps=len(net.steps), macs=sum(s.macs for s in net.steps),
-                   weights=len(net.data), arena=arena, bound=bound, file=len(data), graph=graph, net=net)
+                   weights=len(net.data), arena=arena, bound=bound, file=len(data), graph=graph, net=net, decoder=trying[0] if trying else None, tried=tried)
     return data, figures
 
 
@@ -100,6 +102,8 @@ def main():
     except OSError as problem:
         return complain(f"{problem.filename or arguments.model}: {problem.strerror}")
     print_operators(figures["graph"])
+    if figures["decoder"]:
+        print(f"decoder {figures['decoder']}" + ("" if figures["tried"] else "; not tried on pictures: `make` builds what runs them"))
     print(f"steps {figures['steps']}, multiply-accumulates {figures['macs'] / 1e6:.1f} million, constants "
           f"{figures['weights'] / 1024:.0f} KiB, arena {figures['arena'] / 1024:.0f} KiB (no plan can go below "
           f"{figures['bound'] / 1024:.0f})")

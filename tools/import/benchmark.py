@@ -31,7 +31,7 @@ def convert(path):
     graph = graph_module.read(path)
     net = Lowering(graph).run()
     arena, _ = plan_module.plan(net)
-    data = Writer(net, arena).bytes("bench", *use.describe(path, graph, net, None))
+    data = Writer(net, arena).bytes("bench", *use.describe(path, graph, net, None)[0])
     weights = [t for t in graph.tensors if t.is8 and t.data is not None]
     return data, sum(s.macs for s in net.steps), "uint8" if weights[0].type == "UINT8" else "int8"
 

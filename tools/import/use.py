@@ -1,20 +1,21 @@
-"""How a model is used: preprocessing, labels and decoder, guessed from its shape and set by options."""
+"""How a model is used: preprocessing, labels and decoder, from the model (choose.py) and from options."""
 import argparse
 import struct
 
 import numpy as np
 
+import choose
+from choose import LABELS_MAX, origin
 from graph import ImportProblem
 
 DECODERS = ["none", "classifier", "ssd", "ssd_raw", "yolov5", "yolov8", "yolov2", "fomo", "segment"]
-LABELS_MAX = 4096  # what the loader takes
 SIDE_MAX = 8192
 ORDERS = {"rgb": 0, "bgr": 1, "grey": 2}
 
 
 def add_arguments(parser):
     parser.add_argument("--labels", help="text file, one label per line (`index name` lines are understood)")
-    parser.add_argument("--decoder", choices=DECODERS, help="default: guessed from the outputs")
+    parser.add_argument("--decoder", choices=DECODERS, help="default: the one that outputs, scores and metadata agree on; none: raw outputs only")
     parser.add_argument("--fit", choices=["stretch", "letterbox"], help="default: letterbox for YOLO, else stretch")
     parser.add_argument("--order", choices=list(ORDERS), help="colour order of the input, default rgb (grey for 1)")
     parser.add_argument("--mean", type=float, help="subtracted from pixels (0..255); default from the quantisation")
@@ -60,30 +61,23 @@ def arrange(lines):
     return lines
 
 
-def zipped_labels(path):
-    """Labels that model metadata brings along: a zip archive appended to the file holds text files."""
+def archive(path):
+    """Labels and metadata that a model brings along, in text files of a zip archive appended to it."""
     import zipfile
     try:
-        with zipfile.ZipFile(path) as archive:
-            names = sorted((n for n in archive.namelist() if n.endswith((".txt", ".json"))), key=lambda n: "label" not in n.lower())
-            text = archive.read(names[0]).decode("utf-8").strip() if names else ""
+        with zipfile.ZipFile(path) as file:
+            names = sorted((n for n in file.namelist() if n.endswith((".txt", ".json"))), key=lambda n: "label" not in n.lower())
+            text = file.read(names[0]).decode("utf-8").strip() if names else ""
     except (zipfile.BadZipFile, OSError, UnicodeDecodeError, NotImplementedError, RuntimeError):
-        return []
-    labels = named_labels(text) if text.startswith("{") else [line.strip() for line in text.splitlines()]
-    return [] if len(labels) > LABELS_MAX or any("\0" in label for label in labels) else labels
+        return [], {}
+    metadata = choose.metadata_of(text) if text.startswith("{") else {}
+    labels = named_labels(metadata) if text.startswith("{") else [line.strip() for line in text.splitlines()]
+    return [] if len(labels) > LABELS_MAX or any("\0" in label for label in labels) else labels, metadata
 
 
-def named_labels(text):
-    """From a dictionary, in Python's form or as JSON, that holds `names` by class or in their order."""
-    import ast
-    import json
-    names = None
-    for read in (json.loads, ast.literal_eval):
-        try:
-            names = read(text).get("names")
-            break
-        except (AttributeError, SyntaxError, ValueError):
-            continue
+def named_labels(metadata):
+    """From a dictionary that holds `names` by class or in their order."""
+    names = metadata.get("names")
     try:
         table = dict(enumerate(names) if isinstance(names, list) else ((int(k), v) for k, v in names.items()))
     except (AttributeError, TypeError, ValueError):
@@ -91,34 +85,18 @@ def named_labels(text):
     return [str(table.get(i, "")) for i in range(max(table) + 1)] if table and 0 <= max(table) < LABELS_MAX else []
 
 
-def origin(graph, t, names=("QUANTIZE", "DEQUANTIZE")):
-    """The tensor that t is another form of, and the operator that made it (None: an input)."""
-    made = {out: op for op in graph.ops for out in op.outputs}
-    while t in made and made[t].name in names:
-        t = made[t].inputs[0]
-    return t, made.get(t)
-
-
-def guess(graph, anchors):
-    """The decoder, from the shapes of the outputs and what makes them."""
-    if any(op.name == "TFLite_Detection_PostProcess" for op in graph.ops):
-        return "ssd"
-    shape = graph.tensors[graph.outputs[0]].shape
-    op = origin(graph, graph.outputs[0], ("QUANTIZE", "DEQUANTIZE", "CAST", "RESHAPE"))[1]
-    if op is not None and op.name == "ARG_MAX" and len(shape) >= 3:
-        return "segment"
-    if len(shape) == 2 or len(shape) == 4 and shape[:3] == (1, 1, 1):
-        return "classifier" if shape[-1] <= LABELS_MAX else "none"
-    if len(graph.outputs) == 2 and anchors and any(graph.tensors[t].shape[-1:] == (4,) for t in graph.outputs):
-        return "ssd_raw"
-    if len(shape) == 3 and shape[1] < shape[2] and shape[1] > 4:
-        return "yolov8"
-    if len(shape) == 3 and shape[2] > 5:
-        return "yolov5"
-    op = origin(graph, graph.outputs[0])[1]
-    if len(shape) == 4 and op is not None and op.name == "SOFTMAX":
-        return "fomo"
-    return "yolov2" if len(shape) == 4 and anchors else "none"
+def chosen(graph, labels, metadata, arguments):
+    """The decoder's name, and whether it was chosen here; --check compares outputs, whatever reads them."""
+    evidence = choose.Evidence(graph, labels, metadata, arguments.anchors)
+    if arguments.decoder:
+        choose.hold(evidence, arguments.decoder)
+        return arguments.decoder, False
+    try:
+        return choose.choose(evidence), True
+    except ImportProblem:
+        if getattr(arguments, "check", []) is None:
+            raise
+        return "none", False
 
 
 def classes_of(kind, graph, pairs):
@@ -136,12 +114,14 @@ def classes_of(kind, graph, pairs):
 
 
 def describe(path, graph, net, arguments):
+    """Labels, preprocessing and decoder for the file; and what a trial of the decoder needs, None where the user named it."""
     if arguments is None:
         arguments = argparse.ArgumentParser()
         add_arguments(arguments)
         arguments = arguments.parse_args([])
-    kind = arguments.decoder or guess(graph, arguments.anchors)
-    labels = zipped_labels(path) if arguments.labels is None else read_labels(arguments.labels)
+    labels, metadata = archive(path)
+    labels = labels if arguments.labels is None else read_labels(arguments.labels)
+    kind, is_chosen = chosen(graph, labels, metadata, arguments)
     shape = graph.tensors[graph.inputs[0]].shape
     shape = shape if len(shape) == 4 and max(shape[1:3]) <= SIDE_MAX else (1, 0, 0, 0)
     fit = arguments.fit or ("letterbox" if kind.startswith("yolo") else "stretch")
@@ -155,7 +135,8 @@ def describe(path, graph, net, arguments):
     channels = shape[3] if shape[3] in (1, 3) else 0
     preprocess = [int(fit == "letterbox"), shape[2], shape[1], channels, ORDERS[order], *[bits(mean)] * 3,
                   *[bits(scale)] * 3, 114]
-    return labels, preprocess, decoder_words(kind, graph, net, labels, arguments)
+    trial = (kind, mean, scale, is_share(kind, graph)) if is_chosen else None
+    return (labels, preprocess, decoder_words(kind, graph, net, labels, arguments)), trial
 
 
 def natural_range(graph):

@@ -1,0 +1,183 @@
+"""Which decoder reads a network's outputs. One is chosen only when the shapes of outputs and input, what makes the scores (shares.py), the
+metadata (task, names), the labels and the ranges of quantisation agree; trial.py then tries it on pictures. Otherwise the import
+stops with one line that names the candidates."""
+import numpy as np
+
+import shares
+from graph import ImportProblem
+
+LABELS_MAX = 4096  # what the loader takes
+STRIDES = ((8, 16, 32), (4, 8, 16, 32), (8, 16, 32, 64), (16, 32), (4, 8, 16))
+TASKS = {"detect": ("yolov5", "yolov8"), "classify": ("classifier",), "segment": (), "pose": (), "obb": ()}  # of Ultralytics' exports
+
+
+def origin(graph, t, names=("QUANTIZE", "DEQUANTIZE")):
+    """The tensor that t is another form of, and the operator that made it (None: an input)."""
+    made = {out: op for op in graph.ops for out in op.outputs}
+    while t in made and made[t].name in names:
+        t = made[t].inputs[0]
+    return t, made.get(t)
+
+
+class Evidence:
+    """What is known of a network before its decoder is."""
+
+    def __init__(self, graph, labels, metadata, anchors):
+        self.graph, self.labels, self.metadata, self.anchors = graph, labels, metadata, anchors
+        self.mask = shares.of(graph)
+        self.outs = [graph.tensors[t] for t in graph.outputs]
+        self.inputs = [t for t in graph.inputs if graph.tensors[t].data is None]
+        self.shape = tuple(self.outs[0].shape)
+        self.image = graph.tensors[self.inputs[0]].shape if self.inputs else ()
+
+    def range_of(self, tensor):
+        tensor = self.graph.tensors[origin(self.graph, tensor.index)[0]]
+        if not tensor.is8:
+            return -np.inf, np.inf
+        return tuple(float(tensor.scale0) * (v - tensor.zero_u8) for v in (0, 255))
+
+    def cells(self):
+        """Numbers of cells that the grids of a YOLO network of this input may have together."""
+        if len(self.image) != 4:
+            return set()
+        _, h, w, _ = self.image
+        return {sum(-(-h // s) * -(-w // s) for s in strides) for strides in STRIDES}
+
+
+def yolo(e, rows, n, per_cell, name):
+    """Why a tensor of `rows` numbers for each of n boxes cannot be that of this head; None: it can."""
+    first = 5 if name == "yolov5" else 4
+    known = e.mask(e.graph.outputs[0])[0]
+    known = known if name == "yolov8" else known.T
+    scores = rows - 4
+    if len(e.outs) != 1:
+        return f"has one output, found {len(e.outs)}"
+    if n not in {per_cell * c for c in e.cells()}:
+        return f"has {per_cell} box{'es' if per_cell > 1 else ''} for each cell of its grids, found {n} boxes"
+    if not known[4:].all():
+        return f"has {scores} rows of scores from LOGISTIC, found {int(known[4:].all(1).sum())}"
+    if known[:4].all(1).any():
+        return "has coordinates of boxes in rows 0 to 3, found scores from LOGISTIC"
+    return labelled(e, rows - first)
+
+
+def labelled(e, classes, extra=1):
+    """Labels there are must be as many as the classes, or one more for the background."""
+    if e.labels and not classes <= len(e.labels) <= classes + extra:
+        return f"would tell {classes} classes apart, found {len(e.labels)} labels"
+    return None
+
+
+def classifier(e):
+    found = int(np.prod(e.shape))
+    low, high = e.range_of(e.outs[0])
+    if len(e.outs) != 1:
+        return f"has one output, found {len(e.outs)}"
+    if found > LABELS_MAX:
+        return f"has at most {LABELS_MAX} classes, found {found}"
+    if not e.mask(e.graph.outputs[0]).all():
+        return f"ends in SOFTMAX or LOGISTIC, found numbers from {low:.3g} to {high:.3g}" if np.isfinite(high) else \
+            "ends in SOFTMAX or LOGISTIC"
+    return labelled(e, found) if len(e.labels) != found - 1 else None
+
+
+def fomo(e):
+    _, h, w, classes = e.shape
+    if len(e.outs) != 1:
+        return f"has one output, found {len(e.outs)}"
+    if origin(e.graph, e.graph.outputs[0])[1].name != "SOFTMAX":
+        return "ends in SOFTMAX"
+    if len(e.image) != 4 or classes < 2 or e.image[1] < 4 * h or e.image[2] < 4 * w:
+        return f"has cells of 4 x 4 pixels and more, found {h} x {w} of them"
+    return labelled(e, classes - 1)
+
+
+def ssd_raw(e):
+    tensors = sorted(e.graph.outputs, key=lambda t: e.graph.tensors[t].shape[-1:] != (4,))
+    if not e.mask(tensors[1]).all():
+        low, high = e.range_of(e.graph.tensors[tensors[1]])
+        if low < -0.05 or high > 1.05:
+            return f"has scores from 0 to 1, found {low:.3g} to {high:.3g}"
+    return None
+
+
+def candidates(e):
+    """Decoders by name that the shapes allow, with why each cannot be or None."""
+    shape, found = e.shape, {}
+    if any(op.name == "TFLite_Detection_PostProcess" for op in e.graph.ops):
+        return {"ssd": None}
+    op = origin(e.graph, e.graph.outputs[0], ("QUANTIZE", "DEQUANTIZE", "CAST", "RESHAPE"))[1]
+    if op is not None and op.name == "ARG_MAX" and len(shape) >= 3 and len(e.outs) == 1:
+        return {"segment": None}
+    if len(e.outs) == 2 and e.anchors and any(t.shape[-1:] == (4,) for t in e.outs):
+        return {"ssd_raw": ssd_raw(e)}
+    if len(shape) == 2 or len(shape) == 4 and shape[:3] == (1, 1, 1):
+        found["classifier"] = classifier(e)
+    elif len(shape) == 3 and shape[1] < shape[2] and shape[1] > 4:
+        found["yolov8"] = yolo(e, shape[1], shape[2], 1, "yolov8")
+    elif len(shape) == 3 and shape[2] > 5:
+        found["yolov5"] = yolo(e, shape[2], shape[1], 3, "yolov5")
+    elif len(shape) == 4 and e.anchors:
+        found["yolov2"] = None if len(e.outs) == 1 else f"has one output, found {len(e.outs)}"
+    elif len(shape) == 4 and op is not None and op.name == "SOFTMAX":
+        found["fomo"] = fomo(e)
+    return found
+
+
+def shape_text(e):
+    texts = [f"{t.type.lower()}[{', '.join(str(n) for n in t.shape)}]" for t in e.outs[:3]]
+    return " ".join(texts) + (f" and {len(e.outs) - 3} more" if len(e.outs) > 3 else "")
+
+
+def one_input(e):
+    if len(e.inputs) > 1:
+        name = e.graph.tensors[e.inputs[1]].name[:40]
+        raise ImportProblem(f"found {len(e.inputs)} inputs; the loop sets the first, a picture, and nothing would set {name!r}: expected "
+                            "--decoder none, for fovea model run with a file for every input")
+
+
+def choose(e):
+    """The name of the decoder. Raises ImportProblem when nothing is certain."""
+    raw = "expected --decoder none for the raw outputs"
+    one_input(e)
+    task, found = e.metadata.get("task"), candidates(e)
+    fitting = [name for name, fault in found.items() if fault is None]
+    if task in TASKS and found and not set(fitting) <= set(TASKS[task]):
+        fitting, found = [], {}
+    if task in TASKS and not fitting and not found:
+        raise ImportProblem(f"its metadata say task {task}, which no decoder here reads from {shape_text(e)}: {raw}")
+    if len(fitting) == 1:
+        return fitting[0]
+    if not found:
+        raise ImportProblem(f"found outputs {shape_text(e)}, which no decoder is certain to read: {raw}, or --decoder NAME")
+    name, fault = next(iter(found.items()))
+    raise ImportProblem(f"found outputs {shape_text(e)}; {name} {fault}: {raw}, or --decoder {name} if it is that")
+
+
+def hold(e, name):
+    """A decoder that the user names is believed, but for what it can only misread: scores from another range, inputs that nobody
+    sets."""
+    if name != "none":
+        one_input(e)
+    if name not in ("classifier", "fomo", "ssd_raw"):
+        return
+    tensors = sorted(e.graph.outputs, key=lambda t: e.graph.tensors[t].shape[-1:] != (4,))
+    t = tensors[1] if name == "ssd_raw" and len(tensors) == 2 else e.graph.outputs[0]
+    low, high = e.range_of(e.graph.tensors[t])
+    if not e.mask(t).all() and np.isfinite(high) and (low < -0.05 or high > 1.05):
+        raise ImportProblem(f"--decoder {name}: found numbers from {low:.3g} to {high:.3g}, expected scores from 0 to 1 (an export with its "
+                            "SOFTMAX or LOGISTIC), or --decoder none")
+
+
+def metadata_of(text):
+    """The dictionary that a text holds, in Python's form or as JSON; {} where it holds none."""
+    import ast
+    import json
+    for read in (json.loads, ast.literal_eval):
+        try:
+            found = read(text)
+        except (SyntaxError, ValueError, RecursionError, MemoryError):
+            continue
+        if isinstance(found, dict):
+            return found
+    return {}

@@ -1,0 +1,115 @@
+"""A decoder that was chosen is tried: the network runs on drawn pictures, and its outputs must look as that decoder's do."""
+import subprocess
+
+import numpy as np
+
+from choose import STRIDES
+from graph import ImportProblem
+
+
+def pictures(h, w, channels):
+    """A smooth one, one of rectangles on grey, one of noise; bytes."""
+    y, x = np.mgrid[0:h, 0:w] / max(h, w)
+    phase = np.arange(channels)
+    smooth = 127.5 + 80 * np.sin(7 * x[..., None] + phase) * np.cos(5 * y[..., None] - phase)
+    draw = np.random.default_rng(5)
+    blocks = np.full((h, w, channels), 110.0)
+    for _ in range(12):
+        top, left = draw.integers(0, h), draw.integers(0, w)
+        blocks[top:top + h // 4, left:left + w // 5] = draw.integers(0, 256, channels)
+    noise = draw.integers(0, 256, (h, w, channels))
+    return [np.clip(p, 0, 255).astype(np.uint8) for p in (smooth, blocks, noise)]
+
+
+def as_input(tensor, picture, mean, scale):
+    """A picture as the loop would write it; `tensor` is that of the .tflite file."""
+    real = (picture.astype(np.float64) - mean) * scale
+    if not tensor.is8:
+        return real.astype(np.float32)[None]
+    value = np.floor(real / float(tensor.scale0) + tensor.zero_u8 + 0.5)
+    value = np.clip(value, 0, 255).astype(np.uint8)
+    return ((value ^ 128).view(np.int8) if tensor.signed else value)[None]
+
+
+def real(tensor, found):
+    if not tensor.is8:
+        return found.astype(np.float64)
+    return (found.astype(np.float64) + tensor.bias8 - tensor.zero_u8) * float(tensor.scale0)
+
+
+def centres(h, w, n, per_cell):
+    """Of the cells that n boxes belong to, in shares of the size, and half a cell's size; None: another order."""
+    for strides in STRIDES:
+        at = [(s, -(-h // s), -(-w // s)) for s in strides]
+        if per_cell * sum(rows * columns for _, rows, columns in at) != n:
+            continue
+        found = []
+        for s, rows, columns in at:
+            y, x = np.mgrid[0:rows, 0:columns]
+            found.append(np.repeat(np.stack([(x.ravel() + 0.5) * s / w, (y.ravel() + 0.5) * s / h], 1), per_cell, 0))
+        return np.concatenate(found)
+    return None
+
+
+def agreement(a, b):
+    """The correlation of two lists; 0 where one is constant."""
+    a, b = a - a.mean(), b - b.mean()
+    spread = np.sqrt(np.mean(a * a) * np.mean(b * b))
+    return float(np.mean(a * b) / spread) if spread > 1e-9 else 0.0
+
+
+def boxes_look_wrong(values, h, w, per_cell, normalised):
+    """`values` [n][4 + scores]."""
+    size = 1.0 if normalised else np.array([w, h, w, h])
+    box, n = values[:, :4] / size, len(values)
+    if np.mean((box[:, 2:] >= 0) & (box[:, 2:] < 2)) < 0.98:
+        return "sizes of boxes below 0 or above twice the picture"
+    if np.mean((box[:, :2] > -0.25) & (box[:, :2] < 1.25)) < 0.98:
+        return "boxes far outside the picture"
+    cells = centres(h, w, n, per_cell)
+    if cells is not None and min(agreement(box[:, i], cells[:, i]) for i in (0, 1)) < 0.6:
+        return "boxes that do not lie near their cells"
+    sure = values[:, 4:5] * values[:, 5:] if per_cell == 3 else values[:, 4:]
+    if np.mean(sure.max(1) > 0.5) > 0.2:
+        return f"{100 * np.mean(sure.max(1) > 0.5):.0f} % of all boxes above a score of 0.5"
+    return None
+
+
+def looks_wrong(kind, values, image, normalised):
+    """What is wrong with the first output on a picture, None: nothing."""
+    if values.min() < -0.02 and kind in ("classifier", "fomo") or values.max() > 1.02 and kind in ("classifier", "fomo"):
+        return f"scores from {values.min():.3g} to {values.max():.3g}"
+    if kind == "fomo" and np.mean(values[..., 0] > 0.5) < 0.4:
+        return f"background in {100 * np.mean(values[..., 0] > 0.5):.0f} % of all cells"
+    if kind in ("yolov5", "yolov8"):
+        values = values[0].T if kind == "yolov8" else values[0]
+        return boxes_look_wrong(values, image[1], image[2], 3 if kind == "yolov5" else 1, normalised)
+    return None
+
+
+def engine(data):
+    """None where it was not built."""
+    try:
+        from engine import Engine
+        return Engine(data)
+    except (ImportError, OSError, SystemExit, subprocess.CalledProcessError):
+        return None
+
+
+def run(data, graph, kind, mean, scale, normalised):
+    """True: tried. False: the engine was not built. Raises ImportProblem when a picture's outputs do not look right."""
+    source = next(graph.tensors[t] for t in graph.inputs if graph.tensors[t].data is None)
+    if kind in ("ssd", "ssd_raw", "segment", "none") or len(source.shape) != 4 or source.shape[3] not in (1, 3):
+        return True  # said by the operator itself, or by the user's anchors
+    tried = engine(data)
+    if tried is None:
+        return False
+    out = graph.tensors[graph.outputs[0]]
+    for number, picture in enumerate(pictures(*source.shape[1:])):
+        tried.set_input(0, as_input(source, picture, mean, scale))
+        tried.run()
+        fault = looks_wrong(kind, real(out, tried.tensor(tried.outputs[0])), source.shape, normalised)
+        if fault:
+            raise ImportProblem(f"as {kind} its outputs on drawn picture {number} have {fault}: "
+                                f"expected --decoder none for the raw outputs, or --decoder {kind} if it is that")
+    return True
