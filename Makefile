@@ -64,7 +64,7 @@ endif
 
 # ---- sources ---------------------------------------------------------------------------------------------------
 LCMTYPES  := $(wildcard include/lcmtypes/*.lcm)
-LCMGEN    := $(patsubst include/lcmtypes/%.lcm,$(BUILD)/generated/%.c,$(LCMTYPES)) $(BUILD)/generated/fovea_fields.h $(BUILD)/generated/fovea_type_texts.h
+LCMGEN    := $(patsubst include/lcmtypes/%.lcm,$(BUILD)/generated/%.c,$(LCMTYPES)) $(BUILD)/generated/fovea_fields.h $(BUILD)/generated/fovea_types.h $(BUILD)/generated/fovea_type_texts.h
 KERNELS   := $(wildcard src/kernels/*.c src/kernels/c/*.c)
 ifneq (,$(findstring x86_64,$(MACHINE)))
 KERNELS   += $(wildcard src/kernels/x86/*.c)
@@ -327,6 +327,13 @@ $(BUILD)/generated/%.h: $(BUILD)/generated/%.c ;
 $(BUILD)/generated/fovea_fields.h: tools/lcm_fields.awk $(LCMTYPES)
 	@mkdir -p $(@D)
 	$(Q)awk -f $< $(LCMTYPES) >$@
+# All types at once, and a list of them: fovea_pose_t and so on.
+$(BUILD)/generated/fovea_types.h: $(LCMTYPES) Makefile
+	@mkdir -p $(@D)
+	@printf '#include "%s.h"\n' $(notdir $(LCMTYPES:.lcm=)) >$@
+	@printf '#define FV_EVERY_TYPE(ROW)' >>$@
+	@printf ' ROW(%s)' $(notdir $(LCMTYPES:.lcm=)) >>$@
+	@echo >>$@
 $(BUILD)/generated/fovea_type_texts.h: tools/lcm_text.awk $(LCMTYPES)
 	@mkdir -p $(@D)
 	$(Q)awk -f $< $(LCMTYPES) >$@

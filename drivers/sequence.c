@@ -246,6 +246,7 @@ static enum fovea_status unite(struct fovea_source *source, struct fovea_error *
     *info = *source->parts[0].ops->info(source->parts[0].source);
     info->rig.camera_count = 1;
     info->rig.has_imu = false;
+    info->sample_kinds = 0;
     const size_t bytes = (size_t)info->width * (size_t)info->height;
     uint64_t frames = 0;
     bool known = true, maps = false;

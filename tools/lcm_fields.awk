@@ -39,7 +39,7 @@ END {
     primitive["int8_t"] = "INT8"; primitive["int16_t"] = "INT16"; primitive["int32_t"] = "INT32"
     primitive["int64_t"] = "INT64"; primitive["byte"] = "BYTE"; primitive["boolean"] = "BOOLEAN"
     primitive["float"] = "FLOAT"; primitive["double"] = "DOUBLE"; primitive["string"] = "STRING"
-    for (t = 1; t <= type_count; t++) printf "#include \"%s.h\"\n", types[t]
+    print "#include \"fovea_types.h\""
     for (t = 1; t <= type_count; t++) {
         type = types[t]
         printf "\nstatic const struct fv_field fields_of_%s[] = {\n", type

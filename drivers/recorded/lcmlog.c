@@ -83,21 +83,18 @@ static bool of_one_prefix(const char *frame, const char *other, const char *last
     return length == strlen(other) - strlen(last) && memcmp(frame, other, length) == 0;
 }
 
-static const char *const sample_channels[FOVEA_SAMPLE_KIND_COUNT] = {
-    [FOVEA_SAMPLE_IMU] = "IMU", [FOVEA_SAMPLE_WHEEL_ODOMETRY] = "WHEEL_ODOMETRY"};
-
 static bool is_sample(const char *channel)
 {
     for (int kind = 0; kind < FOVEA_SAMPLE_KIND_COUNT; kind++)
-        if (fovea_log_channel_is(channel, sample_channels[kind])) return true;
+        if (fovea_log_channel_is(channel, fovea_sample_channel(kind))) return true;
     return false;
 }
 
 static bool is_own_sample(const struct recording *recording, const char *channel)
 {
     for (int kind = 0; kind < FOVEA_SAMPLE_KIND_COUNT; kind++)
-        if (fovea_log_channel_is(channel, sample_channels[kind]) &&
-            of_one_prefix(recording->channel, channel, sample_channels[kind]))
+        if (fovea_log_channel_is(channel, fovea_sample_channel(kind)) &&
+            of_one_prefix(recording->channel, channel, fovea_sample_channel(kind)))
             return true;
     return false;
 }
@@ -383,9 +380,6 @@ static enum fovea_status describe(struct recording *recording,
         snprintf(info->camera_origin, sizeof info->camera_origin, "%.240s", recording->path);
     }
     if ((status = check_cameras(info, error)) != FOVEA_OK) return status;
-    for (size_t i = 0; i < recording->samples.count; i++)
-        info->has_wheel_odometry = info->has_wheel_odometry ||
-                                   recording->samples.list[i].kind == FOVEA_SAMPLE_WHEEL_ODOMETRY;
     info->rate_hz =
         fv_player_rate(&lcmlog_ops, recording, recording->count) / (double)selection->step;
     info->heap_bytes += sizeof *recording + recording->capacity * sizeof recording->entries[0] +

@@ -249,6 +249,16 @@ static enum fovea_status set_order(struct fovea_source *source, uint64_t count, 
     return set_mirror(source, origin, error);
 }
 
+/* The kinds among its samples. */
+static void note_kinds(struct fovea_source *source)
+{
+    size_t count = 0;
+    if (source->ops->samples == NULL || source->reverse) return;
+    const struct fovea_sample *list = source->ops->samples(source->recording, &count);
+    for (size_t i = 0; i < count; i++)
+        source->info.sample_kinds |= 1u << list[i].kind;
+}
+
 /* What cannot be taken with the frames would lag behind them without end. A gap between frames
  * alone is caught up with. */
 static enum fovea_status check_samples(const struct fovea_source *source, uint64_t count,
@@ -354,6 +364,7 @@ enum fovea_status fv_player_open(const struct fv_recording_ops *ops, void *recor
         status = fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory", origin);
     if (status == FOVEA_OK) status = set_order(made, count, origin, selection, error);
     if (status == FOVEA_OK) status = check_samples(made, count, selection, error);
+    if (status == FOVEA_OK) note_kinds(made);
     if (status == FOVEA_OK) status = make_slots(made, frame_bytes, error);
     if (status != FOVEA_OK) {
         fv_player_close(made);

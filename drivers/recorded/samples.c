@@ -20,26 +20,16 @@ enum fovea_status fv_samples_add(struct fv_samples *samples, const struct fovea_
     return FOVEA_OK;
 }
 
-static int compare_values(const double *a, const double *b, int count)
-{
-    for (int i = 0; i < count; i++)
-        if (a[i] != b[i]) return a[i] < b[i] ? -1 : 1;
-    return 0;
-}
-
 static int compare(const void *a, const void *b)
 {
     const struct fovea_sample *p = a, *q = b;
     const int64_t earlier = fovea_sample_stamp(p), later = fovea_sample_stamp(q);
     if (earlier != later) return earlier < later ? -1 : 1;
     if (p->kind != q->kind) return p->kind < q->kind ? -1 : 1;
-    if (p->kind == FOVEA_SAMPLE_IMU) {
-        const int order = compare_values(p->imu.gyro, q->imu.gyro, 3);
-        return order != 0 ? order : compare_values(p->imu.acceleration, q->imu.acceleration, 3);
-    }
-    const struct fovea_wheel_odometry_sample *v = &p->wheel_odometry, *w = &q->wheel_odometry;
-    const int order = compare_values(v->position_m, w->position_m, 3);
-    return order != 0 ? order : compare_values(v->orientation, w->orientation, 4);
+    const double *v = p->any.values, *w = q->any.values;
+    for (uint32_t i = 0; i < fovea_sample_value_count(p->kind); i++)
+        if (v[i] != w[i]) return v[i] < w[i] ? -1 : 1;
+    return 0;
 }
 
 void fv_samples_sort(struct fv_samples *samples)

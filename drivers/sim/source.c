@@ -242,7 +242,9 @@ static enum fovea_status sim_open(const char *address,
     info->format = FOVEA_PIXEL_GREY8;
     info->rate_hz = options.rate_hz / (double)source->selection.step;
     info->frame_count = source->deliverable;
-    info->has_wheel_odometry = true;
+    if (!source->selection.reverse)
+        info->sample_kinds =
+            1u << FOVEA_SAMPLE_WHEEL_ODOMETRY | (options.imu_hz > 0 ? 1u << FOVEA_SAMPLE_IMU : 0);
     info->rig.camera_count = 1;
     info->rig.cameras[0].calibrated = true;
     if (options.imu_hz > 0) fv_sim_imu_describe(&options, &info->rig);

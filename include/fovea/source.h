@@ -130,7 +130,7 @@ struct fovea_source_info {
     uint64_t frame_count;    /* frames that will be delivered; 0: endless or not known */
     bool live;               /* frames come by the clock and are lost when not taken */
     bool has_truth;          /* of the first camera */
-    bool has_wheel_odometry; /* among its samples */
+    uint32_t sample_kinds;   /* of its samples: bit 1 << enum fovea_sample_kind per kind */
     struct fovea_rig rig;    /* the source's own calibration, as far as it has one */
     char camera_origin[256]; /* file that the first camera's came from, or "built in" */
     size_t heap_bytes; /* what open allocated outside the runtime's block, for the memory table */

@@ -29,8 +29,6 @@ void fv_message_channel(const char *prefix, enum fv_message_kind kind, char *nam
         [FV_MESSAGE_CAMERA_STATUS] = "CAMERA_STATUS",
         [FV_MESSAGE_COMMAND] = "COMMAND",
         [FV_MESSAGE_RUN] = "RUN",
-        [FV_MESSAGE_IMU] = "IMU",
-        [FV_MESSAGE_WHEEL_ODOMETRY] = "WHEEL_ODOMETRY",
         [FV_MESSAGE_FRAME] = "FRAME",
         [FV_MESSAGE_RECORDING] = "RECORDING",
         [FV_MESSAGE_INPUTS] = "INPUTS",
@@ -42,7 +40,11 @@ void fv_message_channel(const char *prefix, enum fv_message_kind kind, char *nam
         [FV_MESSAGE_OBJECTS] = "OBJECTS",
         [FV_MESSAGE_BOT_CORE_POSE] = "BOT_CORE_POSE",
     };
-    const char *parts[3] = {prefix, prefix[0] != '\0' ? "_" : "", suffixes[kind]};
+    const bool sampled = kind >= FV_MESSAGE_SAMPLE && kind < FV_MESSAGE_FRAME;
+    const char *suffix =
+        sampled ? fovea_sample_channel((enum fovea_sample_kind)(kind - FV_MESSAGE_SAMPLE))
+                : suffixes[kind];
+    const char *parts[3] = {prefix, prefix[0] != '\0' ? "_" : "", suffix};
     size_t used = 0;
     for (int part = 0; part < 3; part++)
         for (const char *c = parts[part]; *c != '\0' && used + 1 < FV_MESSAGE_CHANNEL_BYTES; c++)

@@ -33,9 +33,8 @@ enum fv_message_kind {
     FV_MESSAGE_OBJECTS,
     FV_MESSAGE_COMMAND, /* in */
     FV_MESSAGE_RUN,     /* of the application */
-    FV_MESSAGE_IMU,     /* this and all that follow: in recordings only */
-    FV_MESSAGE_WHEEL_ODOMETRY,
-    FV_MESSAGE_FRAME,
+    FV_MESSAGE_SAMPLE,  /* of the first sensor kind; this and all that follow: in recordings only */
+    FV_MESSAGE_FRAME = FV_MESSAGE_SAMPLE + FOVEA_SAMPLE_KIND_COUNT,
     FV_MESSAGE_RECORDING,
     FV_MESSAGE_RECORDING_END,
     FV_MESSAGE_INPUTS,
@@ -51,6 +50,12 @@ enum {
     FV_MESSAGE_NAME_BYTES_MAX = 24, /* of a frame, stage, job or kernel set, with the zero */
     FV_MESSAGE_LABEL_BYTES_MAX = 64 /* of a class, with the zero; longer labels are cut */
 };
+
+/* The message of a sample. */
+static inline enum fv_message_kind fv_message_of_sample(enum fovea_sample_kind kind)
+{
+    return (enum fv_message_kind)((int)FV_MESSAGE_SAMPLE + (int)kind);
+}
 
 /* Cut a label, at the start of a letter of UTF-8, to what a message holds. */
 void fv_message_label(const char *label, char cut[FV_MESSAGE_LABEL_BYTES_MAX]);

@@ -6,12 +6,7 @@
 #include "message/message.h"
 #include "message/wire.h"
 
-#include "fovea_frame_t.h"
-#include "fovea_grants_t.h"
-#include "fovea_imu_t.h"
-#include "fovea_inputs_t.h"
-#include "fovea_rig_t.h"
-#include "fovea_wheel_odometry_t.h"
+#include "fovea_types.h"
 
 size_t fv_message_frame_size_max(const struct fovea_frame *frame)
 {
@@ -120,30 +115,43 @@ uint32_t fv_message_rig_encode(const struct fovea_rig *rig, uint8_t *buffer, siz
     return fv_wire_encoded(fovea_rig_t_encode(buffer, 0, fv_wire_capacity(capacity), &message));
 }
 
-/* Both sample types have the same length. */
+enum { HASH_BYTES = 8 };
+
 size_t fv_message_sample_size_max(void)
 {
-    fovea_wheel_odometry_t empty;
-    memset(&empty, 0, sizeof empty);
-    return (size_t)fovea_wheel_odometry_t_encoded_size(&empty);
+    static const fovea_stamp_t stamp;
+    return HASH_BYTES + (size_t)__fovea_stamp_t_encoded_array_size(&stamp, 1) +
+           FOVEA_SAMPLE_VALUES_MAX * sizeof(double);
 }
+
+/* Every kind has its stamp and then doubles, in its struct as on the wire. */
+#define CHECK_SAMPLE(KIND, name)                                                                   \
+    _Static_assert(sizeof(fovea_##name##_t) - sizeof(fovea_stamp_t) ==                             \
+                           sizeof(struct fovea_##name##_sample) - sizeof(int64_t) &&               \
+                       sizeof(struct fovea_##name##_sample) <= sizeof(struct fovea_any_sample),    \
+                   "a sample holds the doubles of its LCM type, at most FOVEA_SAMPLE_VALUES_MAX");
+FOVEA_SAMPLE_KINDS(CHECK_SAMPLE)
 
 uint32_t fv_message_sample_encode(const struct fovea_sample *sample, const fovea_stamp_t *stamp,
                                   uint8_t *buffer, size_t capacity)
 {
-    const int32_t room = fv_wire_capacity(capacity);
-    if (sample->kind == FOVEA_SAMPLE_IMU) {
-        fovea_imu_t message = {.stamp = *stamp};
-        memcpy(message.gyro, sample->imu.gyro, sizeof message.gyro);
-        memcpy(message.acceleration, sample->imu.acceleration, sizeof message.acceleration);
-        message.stamp.time_ns = sample->imu.stamp_ns;
-        return fv_wire_encoded(fovea_imu_t_encode(buffer, 0, room, &message));
+#define HASH_OF(KIND, name) __fovea_##name##_t_get_hash,
+    static int64_t (*const hashes[])(void) = {FOVEA_SAMPLE_KINDS(HASH_OF)};
+    const uint32_t count = fovea_sample_value_count(sample->kind);
+    if (capacity < HASH_BYTES + count * sizeof(double)) return 0;
+    fovea_stamp_t own = *stamp;
+    own.time_ns = fovea_sample_stamp(sample);
+    const int room = fv_wire_capacity(capacity - HASH_BYTES - count * sizeof(double));
+    const int stamp_bytes = __fovea_stamp_t_encode_array(buffer, HASH_BYTES, room, &own, 1);
+    if (stamp_bytes < 0) return 0;
+    uint8_t *to = buffer + HASH_BYTES + stamp_bytes;
+    fv_wire_write(buffer, (uint64_t)hashes[sample->kind](), HASH_BYTES);
+    for (uint32_t i = 0; i < count; i++, to += sizeof(double)) {
+        uint64_t bits;
+        memcpy(&bits, &sample->any.values[i], sizeof bits);
+        fv_wire_write(to, bits, sizeof bits);
     }
-    fovea_wheel_odometry_t message = {.stamp = *stamp};
-    memcpy(message.position, sample->wheel_odometry.position_m, sizeof message.position);
-    memcpy(message.orientation, sample->wheel_odometry.orientation, sizeof message.orientation);
-    message.stamp.time_ns = sample->wheel_odometry.stamp_ns;
-    return fv_wire_encoded(fovea_wheel_odometry_t_encode(buffer, 0, room, &message));
+    return (uint32_t)(to - buffer);
 }
 
 /* What a step was given of things that move; false: more than there is room for. */

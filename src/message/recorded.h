@@ -32,7 +32,7 @@ size_t fv_message_image_bytes(const struct fovea_image *image);
 
 uint32_t fv_message_frame_encode(const struct fovea_frame *frame, int64_t utc_offset_ns,
                                  uint8_t *buffer, size_t capacity);
-/* An imu_t or a wheel_odometry_t; its stamp is `stamp` at the sample's own time. */
+/* A message of the sample's kind; its stamp is `stamp` at the sample's own time. */
 uint32_t fv_message_sample_encode(const struct fovea_sample *sample, const fovea_stamp_t *stamp,
                                   uint8_t *buffer, size_t capacity);
 uint32_t fv_message_rig_encode(const struct fovea_rig *rig, uint8_t *buffer, size_t capacity);

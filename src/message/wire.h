@@ -27,4 +27,10 @@ static inline uint64_t fv_wire_read(const uint8_t *data, uint32_t bytes)
     return value;
 }
 
+static inline void fv_wire_write(uint8_t *data, uint64_t value, uint32_t bytes)
+{
+    for (uint32_t i = 0; i < bytes; i++)
+        data[i] = (uint8_t)(value >> 8 * (bytes - 1 - i));
+}
+
 #endif

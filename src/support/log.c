@@ -7,9 +7,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "fovea_frame_t.h"
-#include "fovea_imu_t.h"
-#include "fovea_wheel_odometry_t.h"
+#include "fovea_types.h"
 #include "support/input.h"
 
 struct fovea_log {
@@ -191,7 +189,8 @@ bool fovea_log_channel_is(const char *channel, const char *suffix)
 
 /* ---- frames ---------------------------------------------------------------------------------- */
 
-/* Where the members of an encoded fovea.frame_t lie, and those of each fovea.image_t in it. */
+/* Where the members of an encoded fovea.frame_t lie, and those of each fovea.image_t in it. A
+ * sample's message begins with its stamp, too. */
 enum {
     AT_STAMP = 8,
     AT_CLOCK = 16,
@@ -200,6 +199,8 @@ enum {
     AT_EXPOSURE = 34,
     AT_COUNT = 42,
     AT_IMAGES = 46,
+
+    AT_SAMPLE_VALUES = 34, /* of a sample's message, behind its stamp */
 
     AT_WIDTH = 0,
     AT_HEIGHT = 4,
@@ -311,49 +312,47 @@ enum fovea_status fovea_log_frame(const char *name, const struct fovea_log_event
 
 /* ---- samples --------------------------------------------------------------------------------- */
 
-static bool take_doubles(const uint8_t *data, double *values, int count)
+/* The kind whose type a sample's event is of; FOVEA_SAMPLE_KIND_COUNT: none. */
+static enum fovea_sample_kind kind_of(const struct fovea_log_event *event)
 {
-    bool finite = true;
-    for (int i = 0; i < count; i++) {
-        const int64_t bits = read_i64(data + 8 * i);
-        memcpy(&values[i], &bits, sizeof bits);
-        finite = finite && values[i] - values[i] == 0;
-    }
-    return finite;
+#define HASH_OF(KIND, name) __fovea_##name##_t_get_hash,
+    static int64_t (*const hashes[])(void) = {FOVEA_SAMPLE_KINDS(HASH_OF)};
+    int kind = 0;
+    if (event->bytes < AT_SAMPLE_VALUES) return FOVEA_SAMPLE_KIND_COUNT;
+    const uint32_t count = (event->bytes - AT_SAMPLE_VALUES) / 8;
+    while (kind < FOVEA_SAMPLE_KIND_COUNT &&
+           (read_i64(event->data) != hashes[kind]() || fovea_sample_value_count(kind) != count))
+        kind++;
+    return (event->bytes - AT_SAMPLE_VALUES) % 8 == 0 ? (enum fovea_sample_kind)kind
+                                                      : FOVEA_SAMPLE_KIND_COUNT;
 }
 
 enum fovea_status fovea_log_sample(const char *name, const struct fovea_log_event *event,
                                    struct fovea_sample *sample, struct fovea_error *error)
 {
-    enum { AT_VALUES = 34, IMU_BYTES = AT_VALUES + 6 * 8, WHEEL_BYTES = AT_VALUES + 7 * 8 };
+#define TYPE_OF(KIND, name) " fovea." #name "_t"
     const int64_t start = event->offset + FOVEA_LOG_HEADER_BYTES + (int64_t)strlen(event->channel);
-    const uint8_t *data = event->data;
-    const int64_t hash = event->bytes >= AT_VALUES ? read_i64(data) : 0;
     struct fovea_sample found;
-    bool finite;
     memset(&found, 0, sizeof found);
-    if (hash == __fovea_imu_t_get_hash() && event->bytes == IMU_BYTES) {
-        found.kind = FOVEA_SAMPLE_IMU;
-        found.imu.stamp_ns = read_i64(data + AT_STAMP);
-        finite = take_doubles(data + AT_VALUES, found.imu.gyro, 3);
-        finite = take_doubles(data + AT_VALUES + 24, found.imu.acceleration, 3) && finite;
-    } else if (hash == __fovea_wheel_odometry_t_get_hash() && event->bytes == WHEEL_BYTES) {
-        found.kind = FOVEA_SAMPLE_WHEEL_ODOMETRY;
-        found.wheel_odometry.stamp_ns = read_i64(data + AT_STAMP);
-        finite = take_doubles(data + AT_VALUES, found.wheel_odometry.position_m, 3);
-        finite = take_doubles(data + AT_VALUES + 24, found.wheel_odometry.orientation, 4) && finite;
-    } else {
+    found.kind = kind_of(event);
+    if (found.kind == FOVEA_SAMPLE_KIND_COUNT)
         return fovea_error_set(
             error, FOVEA_ERROR_INPUT,
             "%s: byte %" PRId64
-            ": found another type or length, expected fovea.imu_t or fovea.wheel_odometry_t",
+            ": found another type or length, expected one of" FOVEA_SAMPLE_KINDS(TYPE_OF),
             name, start);
+    found.any.stamp_ns = read_i64(event->data + AT_STAMP);
+    for (uint32_t i = 0; i < fovea_sample_value_count(found.kind); i++) {
+        const uint32_t at = AT_SAMPLE_VALUES + 8 * i;
+        const int64_t bits = read_i64(event->data + at);
+        memcpy(&found.any.values[i], &bits, sizeof bits);
+        if (found.any.values[i] - found.any.values[i] != 0)
+            return fovea_error_set(
+                error, FOVEA_ERROR_INPUT,
+                "%s: byte %" PRId64
+                ": found a sample with a number that is not finite, expected none",
+                name, start + at);
     }
-    if (!finite)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                               "%s: byte %" PRId64
-                               ": found a sample with a number that is not finite, expected none",
-                               name, start + AT_VALUES);
     *sample = found;
     return FOVEA_OK;
 }

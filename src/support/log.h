@@ -73,7 +73,7 @@ bool fovea_log_channel_is(const char *channel, const char *suffix);
 enum fovea_status fovea_log_frame(const char *name, const struct fovea_log_event *event,
                                   struct fovea_frame *frame, struct fovea_error *error);
 
-/* Read an event that holds a fovea.imu_t or a fovea.wheel_odometry_t. FOVEA_ERROR_INPUT: of another
+/* Read an event that holds a sample (fovea/sensor.h), of any kind. FOVEA_ERROR_INPUT: of another
  * type or length, or with a number that is not finite; as fovea_log_frame. */
 enum fovea_status fovea_log_sample(const char *name, const struct fovea_log_event *event,
                                    struct fovea_sample *sample, struct fovea_error *error);

@@ -50,20 +50,20 @@ static void make_settings(const struct short_run *run, struct fv_settings *setti
 void short_run_samples(uint32_t n, struct fovea_sample *samples)
 {
     const int64_t first_ns = 1000 + ((int64_t)n - 1) * 50000000 + 1;
-    for (uint32_t i = 0; i <= SHORT_RUN_SAMPLES; i++) {
+    for (uint32_t i = 0; i < SHORT_RUN_IMU; i++) {
         const double value = 0.1 * (double)(n * 100 + i) / 3;
-        struct fovea_sample *sample = &samples[i];
-        *sample = (struct fovea_sample){.kind = FOVEA_SAMPLE_IMU};
-        sample->imu = (struct fovea_imu_sample){.stamp_ns = first_ns + (int64_t)i * 4000000,
-                                                .gyro = {value, -value, 1 / (value + 1)},
-                                                .acceleration = {9.8, value * value, 0}};
+        samples[i] = (struct fovea_sample){.kind = FOVEA_SAMPLE_IMU};
+        samples[i].imu = (struct fovea_imu_sample){.stamp_ns = first_ns + (int64_t)i * 4000000,
+                                                   .gyro = {value, -value, 1 / (value + 1)},
+                                                   .acceleration = {9.8, value * value, 0}};
     }
-    struct fovea_sample *last = &samples[SHORT_RUN_SAMPLES];
-    last->kind = FOVEA_SAMPLE_WHEEL_ODOMETRY;
-    last->wheel_odometry =
-        (struct fovea_wheel_odometry_sample){.stamp_ns = first_ns + 45000000,
-                                             .position_m = {0.01 * n, 1.0 / (n + 3), 0},
-                                             .orientation = {1, 0, 0, 0}};
+    for (uint32_t i = SHORT_RUN_IMU; i < SHORT_RUN_SAMPLES; i++) {
+        const int kind = (int)i - SHORT_RUN_IMU + 1;
+        samples[i] = (struct fovea_sample){.kind = (enum fovea_sample_kind)kind};
+        samples[i].any.stamp_ns = first_ns + 45000000 + kind;
+        for (uint32_t k = 0; k < fovea_sample_value_count(samples[i].kind); k++)
+            samples[i].any.values[k] = 1.0 / (n + k + 3);
+    }
 }
 
 static void record_turns(const struct short_run *run, struct fovea *rt,
@@ -88,11 +88,11 @@ static void record_turns(const struct short_run *run, struct fovea *rt,
                                       .commands = n == 20 ? FOVEA_COMMAND_RESET : 0,
                                       .utc_offset_ns = 77};
         struct fovea_outputs outputs;
-        struct fovea_sample samples[SHORT_RUN_SAMPLES + 1];
+        struct fovea_sample samples[SHORT_RUN_SAMPLES];
         if (run->rig) {
             short_run_samples(n, samples);
             inputs.samples = samples;
-            inputs.sample_count = SHORT_RUN_SAMPLES + 1;
+            inputs.sample_count = SHORT_RUN_SAMPLES;
         }
         paint(pixels, (uint32_t)run->width, (uint32_t)run->height, n);
         paint(second, (uint32_t)run->width, (uint32_t)run->height, n + 4);

@@ -8,19 +8,22 @@
 
 #include "fovea/sensor.h"
 
-enum { SHORT_RUN_SAMPLES = 10 };
+enum {
+    SHORT_RUN_IMU = 10,
+    SHORT_RUN_SAMPLES = SHORT_RUN_IMU + FOVEA_SAMPLE_KIND_COUNT - 1 /* one of every other kind */
+};
 
 struct short_run {
     int32_t width, height;
     uint32_t turns; /* every eleventh has no frame; the 20th resets */
     bool detect;    /* with the detector of the tests */
-    /* two cameras, of which the second is absent in every third frame; SHORT_RUN_SAMPLES of an
-     * inertial sensor per turn and one of wheel odometry (short_run_samples) */
+    /* two cameras, of which the second is absent in every third frame; samples of every kind per
+     * turn (short_run_samples) */
     bool rig;
     uint32_t features; /* most per frame; granted are 50 fewer at first, one more each turn */
 };
 
-/* The samples of turn n, SHORT_RUN_SAMPLES + 1 of them: no two have the same values. */
+/* The samples of turn n, SHORT_RUN_SAMPLES of them: no two have the same values. */
 void short_run_samples(uint32_t n, struct fovea_sample *samples);
 
 /* Record a run to a file; ends the program with a line on stderr when that fails. */

@@ -31,7 +31,6 @@ enum {
     SMALL_BYTES =
         32 << 10, /* inputs, grants and the messages of one turn that are not named below */
     FEATURE_BYTES = 16,
-    SAMPLE_BYTES = 256,        /* with the event's header and channel */
     OBJECTS_BYTES = 256 << 10, /* detections and tracks, as many as there may be */
     WRITE_BYTES_MAX = 1 << 20,
     POLL_NS = 4000000,
@@ -138,11 +137,6 @@ static void record_frame(struct fv_recorder *recorder, int64_t time_us,
                                           data_of(event, channel), size));
 }
 
-static enum fv_message_kind kind_of(const struct fovea_sample *sample)
-{
-    return sample->kind == FOVEA_SAMPLE_IMU ? FV_MESSAGE_IMU : FV_MESSAGE_WHEEL_ODOMETRY;
-}
-
 /* Each at its own time. */
 static void record_samples(struct fv_recorder *recorder, const struct fovea_inputs *inputs)
 {
@@ -150,7 +144,7 @@ static void record_samples(struct fv_recorder *recorder, const struct fovea_inpu
     if (inputs->frame != NULL) recorder->clock = inputs->frame->clock;
     for (uint32_t i = 0; i < inputs->sample_count; i++) {
         const struct fovea_sample *sample = &inputs->samples[i];
-        const char *channel = recorder->channels[kind_of(sample)];
+        const char *channel = recorder->channels[fv_message_of_sample(sample->kind)];
         const fovea_stamp_t stamp = {.clock = (int8_t)recorder->clock,
                                      .utc_offset_ns = inputs->utc_offset_ns,
                                      .sequence = recorder->samples[sample->kind]++};
@@ -262,8 +256,10 @@ static bool is_on(const struct fv_recorder *recorder, const uint8_t *event,
 /* Whether inputs are still to come in the turn that begins with it. */
 static bool before_inputs(const struct fv_recorder *recorder, const uint8_t *event)
 {
-    return is_on(recorder, event, FV_MESSAGE_FRAME) || is_on(recorder, event, FV_MESSAGE_IMU) ||
-           is_on(recorder, event, FV_MESSAGE_WHEEL_ODOMETRY);
+    bool sample = false;
+    for (int kind = 0; kind < FOVEA_SAMPLE_KIND_COUNT; kind++)
+        sample = sample || is_on(recorder, event, fv_message_of_sample(kind));
+    return sample || is_on(recorder, event, FV_MESSAGE_FRAME);
 }
 
 static bool begins_turn(const struct fv_recorder *recorder, const uint8_t *event)
@@ -455,10 +451,10 @@ static size_t turn_bytes(const struct fv_recorder_setup *setup)
     size_t pixels = (size_t)config->camera.width * (size_t)config->camera.height;
     for (uint32_t level = 0; level < config->preview.level; level++)
         pixels = pixels * 10 / 14;
-    const bool sensed =
-        (setup->rig != NULL && setup->rig->has_imu) || config->scale.source == FOVEA_SCALE_ODOMETRY;
+    const size_t sample_bytes =
+        FOVEA_LOG_HEADER_BYTES + FV_MESSAGE_CHANNEL_BYTES + fv_message_sample_size_max();
     return setup->frame_bytes + fv_jpeg_capacity((int32_t)pixels, 1) + SMALL_BYTES +
-           (sensed ? FOVEA_INPUT_SAMPLES_MAX * SAMPLE_BYTES : 0) +
+           FOVEA_INPUT_SAMPLES_MAX * sample_bytes +
            (size_t)config->features.count_max * FEATURE_BYTES +
            (config->detect.model != NULL ? OBJECTS_BYTES : 0) +
            (config->detect2.model != NULL ? OBJECTS_BYTES : 0);

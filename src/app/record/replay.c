@@ -209,6 +209,13 @@ static enum fovea_status take_frame(struct replay *replay, struct fovea_error *e
     return FOVEA_OK;
 }
 
+static bool is_sample(const struct replay *replay, const char *channel)
+{
+    for (int kind = 0; kind < FOVEA_SAMPLE_KIND_COUNT; kind++)
+        if (strcmp(channel, replay->channels[fv_message_of_sample(kind)]) == 0) return true;
+    return false;
+}
+
 static enum fovea_status take_sample(struct replay *replay, struct fovea_error *error)
 {
     if (replay->frame_waits)
@@ -333,8 +340,7 @@ static enum fovea_status feed(struct replay *replay, struct fovea_error *error)
             status = end(replay, error);
         else if (strcmp(channel, replay->channels[FV_MESSAGE_FRAME]) == 0)
             status = take_frame(replay, error);
-        else if (strcmp(channel, replay->channels[FV_MESSAGE_IMU]) == 0 ||
-                 strcmp(channel, replay->channels[FV_MESSAGE_WHEEL_ODOMETRY]) == 0)
+        else if (is_sample(replay, channel))
             status = take_sample(replay, error);
         else if (strcmp(channel, replay->channels[FV_MESSAGE_INPUTS]) == 0)
             status = step(replay, error);

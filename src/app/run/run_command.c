@@ -55,17 +55,19 @@ static void add_heard(struct fv_run *run, struct fovea_inputs *inputs)
     }
 }
 
+/* A source that has wheel odometry alone is asked for it only where it gives the scale. */
 static void take_samples(struct fv_run *run, struct fovea_inputs *inputs)
 {
+    const uint32_t wheel_odometry = 1u << FOVEA_SAMPLE_WHEEL_ODOMETRY;
     const struct fovea_source_ops *ops = run->setup.ops;
-    const struct fovea_source_info *info = ops->info(run->setup.source);
+    const uint32_t kinds = ops->info(run->setup.source)->sample_kinds;
     const bool wheels = run->settings.runtime.scale.source == FOVEA_SCALE_ODOMETRY;
     inputs->samples = run->samples;
     if (ops->samples != NULL && inputs->frame != NULL &&
-        (info->rig.has_imu || (wheels && info->has_wheel_odometry)))
+        (kinds & (wheels ? kinds : ~wheel_odometry)) != 0)
         inputs->sample_count =
             ops->samples(run->setup.source, inputs->frame, run->samples, FOVEA_INPUT_SAMPLES_MAX);
-    if (wheels && !info->has_wheel_odometry) add_heard(run, inputs);
+    if (wheels && (kinds & wheel_odometry) == 0) add_heard(run, inputs);
 }
 
 static void boxes_from_truth(struct fv_run *run, struct fovea_inputs *inputs)
