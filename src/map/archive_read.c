@@ -273,25 +273,25 @@ static void read_pose(struct reader *r, struct fv_se3 *T)
 
 static void read_features(struct reader *r, struct fv_map *map, uint32_t slot)
 {
-    struct fv_view view = fv_map_view(map, slot);
+    struct fv_map_frame frame = fv_map_frame_at(map, slot);
     const size_t first = r->at;
-    for (uint32_t f = 0; f < view.frame->features && r->status == FOVEA_OK; f++) {
+    for (uint32_t f = 0; f < frame.keyframe->features && r->status == FOVEA_OK; f++) {
         const size_t at = r->at;
         const uint16_t x = (uint16_t)get(r, 2), y = (uint16_t)get(r, 2);
         const uint32_t level = (uint32_t)get(r, 2), landmark = (uint32_t)get(r, 2),
                        generation = get_u32(r);
         struct fv_keypoint keypoint;
-        get_bytes(r, view.descriptors + (size_t)f * FV_MAP_DESCRIPTOR_BYTES,
+        get_bytes(r, frame.descriptors + (size_t)f * FV_MAP_DESCRIPTOR_BYTES,
                   FV_MAP_DESCRIPTOR_BYTES);
         if (level >= FOVEA_PYRAMID_LEVELS_MAX) refuse(r, at + 4, "level", level, "at most 7");
-        view.points[f] = (struct fv_pixel){x, y, (uint8_t)level, 0};
-        if (r->status == FOVEA_OK && !fv_map_keypoint(map, &view.points[f], &keypoint))
+        frame.points[f] = (struct fv_pixel){x, y, (uint8_t)level, 0};
+        if (r->status == FOVEA_OK && !fv_map_keypoint(map, &frame.points[f], &keypoint))
             refuse(r, at, "feature", f, "a pixel that the lens model knows");
         const bool holds = landmark < map->limits.landmarks && map->landmarks[landmark].used &&
                            map->landmarks[landmark].generation == generation;
-        view.landmark[f] = holds ? (int16_t)landmark : FV_MAP_NONE;
+        frame.landmark[f] = holds ? (int16_t)landmark : FV_MAP_NONE;
     }
-    if (r->status == FOVEA_OK && !fv_map_index_view(map, slot))
+    if (r->status == FOVEA_OK && !fv_map_index_frame(map, slot))
         refuse(r, first, "features of keyframe", slot, "them cell by cell of the grid");
 }
 
@@ -379,12 +379,12 @@ static void mend_landmark(struct fv_map *map, uint32_t slot)
     uint8_t kept = 0, best = 0;
     for (uint32_t i = 0; i < l->observer_count; i++) {
         const struct fv_observer o = l->observers[i];
-        const struct fv_view view = fv_map_view(map, o.keyframe);
+        const struct fv_map_frame frame = fv_map_frame_at(map, o.keyframe);
         bool again = false;
         for (uint32_t j = 0; j < kept; j++)
             again = again || l->observers[j].keyframe == o.keyframe;
-        if (!again && view.frame->used && o.feature < view.frame->features &&
-            view.landmark[o.feature] == (int32_t)slot) {
+        if (!again && frame.keyframe->used && o.feature < frame.keyframe->features &&
+            frame.landmark[o.feature] == (int32_t)slot) {
             if (i == l->best) best = kept;
             l->observers[kept++] = o;
         }
@@ -396,22 +396,22 @@ static void mend_landmark(struct fv_map *map, uint32_t slot)
 /* Links whose landmarks know of them; then what follows from links. */
 static void mend_keyframe(struct fv_map *map, uint32_t slot)
 {
-    struct fv_view view = fv_map_view(map, slot);
-    view.frame->landmarks = 0;
-    for (uint32_t f = 0; f < view.frame->features; f++) {
-        if (view.landmark[f] == FV_MAP_NONE) continue;
-        const struct fv_landmark *l = &map->landmarks[view.landmark[f]];
+    struct fv_map_frame frame = fv_map_frame_at(map, slot);
+    frame.keyframe->landmarks = 0;
+    for (uint32_t f = 0; f < frame.keyframe->features; f++) {
+        if (frame.landmark[f] == FV_MAP_NONE) continue;
+        const struct fv_landmark *l = &map->landmarks[frame.landmark[f]];
         bool known = false;
         for (uint32_t i = 0; i < l->observer_count; i++)
             known = known || (l->observers[i].keyframe == slot && l->observers[i].feature == f);
-        if (!known) view.landmark[f] = FV_MAP_NONE;
-        view.frame->landmarks += known;
+        if (!known) frame.landmark[f] = FV_MAP_NONE;
+        frame.keyframe->landmarks += known;
     }
     /* A parent is older, so that chains of parents end. */
-    const int32_t parent = view.frame->parent;
+    const int32_t parent = frame.keyframe->parent;
     if (parent < 0 || parent >= (int32_t)map->limits.keyframes || !map->keyframes[parent].used ||
-        map->keyframes[parent].number >= view.frame->number)
-        view.frame->parent = FV_MAP_NONE;
+        map->keyframes[parent].number >= frame.keyframe->number)
+        frame.keyframe->parent = FV_MAP_NONE;
 }
 
 static void mend(struct fv_map *map)

@@ -102,16 +102,16 @@ static void write_keyframe(struct pen *pen, const struct fv_keyframe *k, uint32_
     put(pen, k->held, 4);
 }
 
-static void write_feature(struct pen *pen, const struct fv_map *map, const struct fv_view *view,
-                          uint32_t f)
+static void write_feature(struct pen *pen, const struct fv_map *map,
+                          const struct fv_map_frame *frame, uint32_t f)
 {
-    const int32_t landmark = view->landmark[f];
-    put(pen, view->points[f].x, 2);
-    put(pen, view->points[f].y, 2);
-    put(pen, view->points[f].level, 2);
+    const int32_t landmark = frame->landmark[f];
+    put(pen, frame->points[f].x, 2);
+    put(pen, frame->points[f].y, 2);
+    put(pen, frame->points[f].level, 2);
     put(pen, (uint16_t)landmark, 2);
     put(pen, landmark == FV_MAP_NONE ? 0 : map->landmarks[landmark].generation, 4);
-    put_bytes(pen, view->descriptors + (size_t)f * FV_MAP_DESCRIPTOR_BYTES,
+    put_bytes(pen, frame->descriptors + (size_t)f * FV_MAP_DESCRIPTOR_BYTES,
               FV_MAP_DESCRIPTOR_BYTES);
 }
 
@@ -194,12 +194,12 @@ static void keyframes_unit(struct fv_archive_state *archive, const struct fv_map
         archive->keyframes++;
         write_keyframe(pen, &map->keyframes[archive->slot], archive->slot);
     }
-    const struct fv_view view = fv_map_view(map, archive->slot);
+    const struct fv_map_frame frame = fv_map_frame_at(map, archive->slot);
     const uint32_t left = archive->features - archive->feature;
     const uint32_t end =
         archive->feature + (left < FV_ARCHIVE_UNIT_FEATURES ? left : FV_ARCHIVE_UNIT_FEATURES);
     for (; archive->feature < end; archive->feature++)
-        write_feature(pen, map, &view, archive->feature);
+        write_feature(pen, map, &frame, archive->feature);
     if (archive->feature < archive->features) return;
     archive->feature = UINT32_MAX;
     archive->slot++;

@@ -29,7 +29,7 @@ static const double ratio_max = 0.85;
 static const double least_score = 0.1 * FV_PLACE_ONE;
 static const double score_share =
     0.6; /* of the worst neighbour's score, that a candidate must reach */
-static const double found_share_min = 0.3; /* of the group's landmarks in view */
+static const double found_share_min = 0.3; /* of the group's visible landmarks */
 static const double scale_log_max = 0.7;   /* within one map: drift does not double lengths */
 static const double turn_max_rad = 0.6;
 /* A relation less certain corrects nothing: a wall seen from afar is as tilted in the map as its
@@ -162,13 +162,13 @@ void fv_closure_offer(struct fv_closure *closure, const struct fv_map *map,
 static uint32_t gather_features(const struct fv_map *map, uint32_t slot, uint16_t *features,
                                 uint8_t *descriptors)
 {
-    struct fv_view view = fv_map_view(map, slot);
+    struct fv_map_frame frame = fv_map_frame_at(map, slot);
     uint32_t count = 0;
-    for (uint32_t f = 0; f < view.frame->features; f++) {
-        if (view.landmark[f] == FV_MAP_NONE) continue;
+    for (uint32_t f = 0; f < frame.keyframe->features; f++) {
+        if (frame.landmark[f] == FV_MAP_NONE) continue;
         features[count] = (uint16_t)f;
         memcpy(descriptors + (size_t)count++ * FV_MAP_DESCRIPTOR_BYTES,
-               view.descriptors + (size_t)f * FV_MAP_DESCRIPTOR_BYTES, FV_MAP_DESCRIPTOR_BYTES);
+               frame.descriptors + (size_t)f * FV_MAP_DESCRIPTOR_BYTES, FV_MAP_DESCRIPTOR_BYTES);
     }
     return count;
 }
@@ -185,13 +185,13 @@ double fv_closure_distance_sigma(const struct fv_landmark *l, const double A[6],
     return __builtin_sqrt(variance);
 }
 
-static void side(const struct fv_map *map, const struct fv_view *view, uint32_t feature,
+static void side(const struct fv_map *map, const struct fv_map_frame *frame, uint32_t feature,
                  double point[3], double *sigma, double bearing[3], double A[6], double *weight)
 {
-    const struct fv_landmark *l = &map->landmarks[view->landmark[feature]];
+    const struct fv_landmark *l = &map->landmarks[frame->landmark[feature]];
     struct fv_keypoint p;
-    fv_se3_apply(&view->frame->T_cam_world, l->point, point);
-    if (!fv_map_keypoint(map, &view->points[feature], &p)) memset(&p, 0, sizeof p);
+    fv_se3_apply(&frame->keyframe->T_cam_world, l->point, point);
+    if (!fv_map_keypoint(map, &frame->points[feature], &p)) memset(&p, 0, sizeof p);
     for (int k = 0; k < 3; k++)
         bearing[k] = (double)p.bearing[k];
     for (int k = 0; k < 6; k++)
@@ -200,24 +200,24 @@ static void side(const struct fv_map *map, const struct fv_view *view, uint32_t 
     *sigma = fv_closure_distance_sigma(l, A, *weight);
 }
 
-void fv_closure_side_a(const struct fv_map *map, const struct fv_view *view, uint32_t feature,
+void fv_closure_side_a(const struct fv_map *map, const struct fv_map_frame *frame, uint32_t feature,
                        struct fv_correspondence *m)
 {
-    side(map, view, feature, m->point_a, &m->sigma_a, m->bearing_a, m->A_a, &m->weight_a);
+    side(map, frame, feature, m->point_a, &m->sigma_a, m->bearing_a, m->A_a, &m->weight_a);
 }
 
-void fv_closure_side_b(const struct fv_map *map, const struct fv_view *view, uint32_t feature,
+void fv_closure_side_b(const struct fv_map *map, const struct fv_map_frame *frame, uint32_t feature,
                        struct fv_correspondence *m)
 {
-    side(map, view, feature, m->point_b, &m->sigma_b, m->bearing_b, m->A_b, &m->weight_b);
+    side(map, frame, feature, m->point_b, &m->sigma_b, m->bearing_b, m->A_b, &m->weight_b);
 }
 
 /* Correspondences of the matches that are near, clearly nearer than the second, and one to one. */
 static void make_correspondences(struct fv_closure *closure, const struct fv_map *map)
 {
     struct fv_closure_state *s = closure->state;
-    struct fv_view a = fv_map_view(map, s->keyframe.slot),
-                   b = fv_map_view(map, s->candidates[s->candidate].slot);
+    struct fv_map_frame a = fv_map_frame_at(map, s->keyframe.slot),
+                        b = fv_map_frame_at(map, s->candidates[s->candidate].slot);
     for (uint32_t t = 0; t < s->train_count; t++)
         closure->best_of_train[t] = FV_MATCH_NONE;
     for (uint32_t q = 0; q < s->query_count; q++) {
@@ -289,15 +289,15 @@ static void gather_group(struct fv_closure *closure, struct fv_map *map)
     near[0].slot = slot;
     s->group_count = 0;
     for (uint32_t i = 0; i <= count; i++) {
-        struct fv_view view = fv_map_view(map, near[i].slot);
-        for (uint32_t f = 0; f < view.frame->features && s->group_count < FV_CLOSURE_GROUP_MAX;
+        struct fv_map_frame frame = fv_map_frame_at(map, near[i].slot);
+        for (uint32_t f = 0; f < frame.keyframe->features && s->group_count < FV_CLOSURE_GROUP_MAX;
              f++) {
-            if (view.landmark[f] == FV_MAP_NONE || map->landmarks[view.landmark[f]].mark == mark)
+            if (frame.landmark[f] == FV_MAP_NONE || map->landmarks[frame.landmark[f]].mark == mark)
                 continue;
-            struct fv_landmark *l = &map->landmarks[view.landmark[f]];
+            struct fv_landmark *l = &map->landmarks[frame.landmark[f]];
             l->mark = mark;
             closure->group[s->group_count++] =
-                (struct fv_map_handle){(uint32_t)view.landmark[f], l->generation};
+                (struct fv_map_handle){(uint32_t)frame.landmark[f], l->generation};
         }
     }
 }

@@ -145,9 +145,9 @@ bool fv_closure_unit(struct fv_closure *closure, struct fv_map *map,
 bool fv_closure_holds(const struct fv_map *map, struct fv_map_handle handle);
 /* Camera a's side of a correspondence, or camera b's: the landmark of a feature in its frame, and
  * what the feature says of it. */
-void fv_closure_side_a(const struct fv_map *map, const struct fv_view *view, uint32_t feature,
+void fv_closure_side_a(const struct fv_map *map, const struct fv_map_frame *frame, uint32_t feature,
                        struct fv_correspondence *m);
-void fv_closure_side_b(const struct fv_map *map, const struct fv_view *view, uint32_t feature,
+void fv_closure_side_b(const struct fv_map *map, const struct fv_map_frame *frame, uint32_t feature,
                        struct fv_correspondence *m);
 /* Standard deviation of a landmark's distance, relative, by its parallax; A and weight: of an
  * observation of it. */

@@ -32,13 +32,13 @@ static bool in_image(const struct fv_closure *closure, const struct fv_map *map,
  * not see the landmark, so its side says only how far it is. False when the two are not at one
  * distance. */
 static bool add_correspondence(struct fv_closure *closure, const struct fv_map *map,
-                               const struct fv_view *view, uint32_t feature,
+                               const struct fv_map_frame *frame, uint32_t feature,
                                const struct fv_landmark *l, const double q[3],
                                const double in_candidate[3])
 {
     struct fv_correspondence *m = &closure->correspondences[closure->state->correspondence_count];
     memset(m, 0, sizeof *m);
-    fv_closure_side_a(map, view, feature, m);
+    fv_closure_side_a(map, frame, feature, m);
     double ratio = fv_norm3(q) / fv_norm3(m->point_a);
     if (ratio > distance_ratio_max || ratio * distance_ratio_max < 1) return false;
     fv_copy3(in_candidate, m->point_b);
@@ -50,7 +50,7 @@ static bool add_correspondence(struct fv_closure *closure, const struct fv_map *
 
 /* Landmarks of the other world as a keyframe should see them. */
 struct outlook {
-    struct fv_view view;
+    struct fv_map_frame frame;
     struct fv_sim3 S_keyframe_candidate;
     struct fv_se3 T_candidate_world;
     double centre[3]; /* of the keyframe, in the candidate's world */
@@ -76,11 +76,11 @@ static void look_for(struct fv_closure *closure, const struct fv_map *map,
                                           radius_guided_px * fv_level_scale((uint32_t)level),
                                           level - 1, level + 1, fv_map_descriptor(map, l), false);
     if (!fv_map_found_one(&found, DISTANCE_GUIDED_MAX) || closure->nearest[found.feature] != 0 ||
-        fv_map_error2(map, &look->view.points[found.feature], q) > 2 * FV_CHI_SQUARE_99_2)
+        fv_map_error2(map, &look->frame.points[found.feature], q) > 2 * FV_CHI_SQUARE_99_2)
         return;
     uint32_t feature = (uint32_t)found.feature;
-    if (look->view.landmark[feature] != FV_MAP_NONE &&
-        !add_correspondence(closure, map, &look->view, feature, l, q, in_candidate))
+    if (look->frame.landmark[feature] != FV_MAP_NONE &&
+        !add_correspondence(closure, map, &look->frame, feature, l, q, in_candidate))
         return;
     closure->nearest[feature] = 1;
     s->found++;
@@ -91,7 +91,7 @@ bool fv_closure_search_group(struct fv_closure *closure, const struct fv_map *ma
                              const struct fv_sim3 *S_keyframe_candidate)
 {
     struct fv_closure_state *s = closure->state;
-    struct outlook look = {.view = fv_map_view(map, slot),
+    struct outlook look = {.frame = fv_map_frame_at(map, slot),
                            .S_keyframe_candidate = *S_keyframe_candidate,
                            .slot = slot};
     struct fv_sim3 inverse;
@@ -120,11 +120,11 @@ static void fuse_into(struct fv_closure *closure, struct fv_map *map,
                       const struct fv_kernels *kernels, uint32_t landmark, uint32_t keyframe)
 {
     struct fv_landmark *l = &map->landmarks[landmark];
-    struct fv_view view = fv_map_view(map, keyframe);
+    struct fv_map_frame frame = fv_map_frame_at(map, keyframe);
     double q[3], pixel[2];
     for (uint32_t k = 0; k < l->observer_count; k++)
         if (l->observers[k].keyframe == keyframe) return;
-    fv_se3_apply(&view.frame->T_cam_world, l->point, q);
+    fv_se3_apply(&frame.keyframe->T_cam_world, l->point, q);
     if (!in_image(closure, map, q, pixel)) return;
     int level = fv_map_predict_level(l, fv_norm3(q));
     if (level < 0) return;
@@ -132,9 +132,9 @@ static void fuse_into(struct fv_closure *closure, struct fv_map *map,
                                           radius_fuse_px * fv_level_scale((uint32_t)level),
                                           level - 1, level + 1, fv_map_descriptor(map, l), false);
     if (found.feature == FV_MAP_NONE || found.distance > DISTANCE_FUSE_MAX ||
-        fv_map_error2(map, &view.points[found.feature], q) > FV_CHI_SQUARE_95_2)
+        fv_map_error2(map, &frame.points[found.feature], q) > FV_CHI_SQUARE_95_2)
         return;
-    int32_t other = view.landmark[found.feature];
+    int32_t other = frame.landmark[found.feature];
     closure->state->counts.fused++;
     if (other == FV_MAP_NONE) {
         if (fv_map_link(map, landmark, keyframe, (uint32_t)found.feature))

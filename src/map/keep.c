@@ -10,11 +10,11 @@ enum { RATE_AGAIN_MAX = 8 }; /* candidates rated anew before one goes: ratings m
 
 void fv_map_count_shared(const struct fv_map *map, uint32_t slot, uint16_t *shared)
 {
-    struct fv_view view = fv_map_view(map, slot);
+    struct fv_map_frame frame = fv_map_frame_at(map, slot);
     memset(shared, 0, map->limits.keyframes * sizeof *shared);
-    for (uint32_t f = 0; f < view.frame->features; f++) {
-        if (view.landmark[f] == FV_MAP_NONE) continue;
-        const struct fv_landmark *l = &map->landmarks[view.landmark[f]];
+    for (uint32_t f = 0; f < frame.keyframe->features; f++) {
+        if (frame.landmark[f] == FV_MAP_NONE) continue;
+        const struct fv_landmark *l = &map->landmarks[frame.landmark[f]];
         for (uint32_t k = 0; k < l->observer_count; k++)
             shared[l->observers[k].keyframe]++;
     }
@@ -41,14 +41,14 @@ uint32_t fv_map_neighbours(const struct fv_map *map, uint32_t slot, uint32_t sha
 
 void fv_map_rate_keyframe(struct fv_map *map, uint32_t slot)
 {
-    struct fv_view view = fv_map_view(map, slot);
+    struct fv_map_frame frame = fv_map_frame_at(map, slot);
     uint32_t known = 0, enough = 0;
-    for (uint32_t f = 0; f < view.frame->features; f++) {
-        if (view.landmark[f] == FV_MAP_NONE) continue;
+    for (uint32_t f = 0; f < frame.keyframe->features; f++) {
+        if (frame.landmark[f] == FV_MAP_NONE) continue;
         known++;
-        enough += map->landmarks[view.landmark[f]].observer_count > FV_MAP_ENOUGH_OBSERVERS;
+        enough += map->landmarks[frame.landmark[f]].observer_count > FV_MAP_ENOUGH_OBSERVERS;
     }
-    view.frame->redundancy = (uint16_t)(known > 0 ? enough * 1000 / known : 1000);
+    frame.keyframe->redundancy = (uint16_t)(known > 0 ? enough * 1000 / known : 1000);
 }
 
 /* Highest rated keyframe that may go; held ones only when `held`. Of equals the older. */
@@ -98,15 +98,15 @@ uint32_t fv_map_most_redundant(struct fv_map *map)
 
 /* ---- landmarks ------------------------------------------------------------------------------- */
 
-/* One round of the hand: landmarks not seen lately go, when they have at most `observers_max`
+/* One clock sweep: landmarks not seen lately are removed, when they have at most `observers_max`
  * observers. */
 static void sweep(struct fv_map *map, uint32_t wanted, uint32_t observers_max,
                   uint64_t frame_number)
 {
     struct fv_map_state *s = map->state;
     for (uint32_t n = 0; n < map->limits.landmarks && s->free_count < wanted; n++) {
-        uint32_t slot = s->hand;
-        s->hand = slot + 1 < map->limits.landmarks ? slot + 1 : 0;
+        uint32_t slot = s->sweep;
+        s->sweep = slot + 1 < map->limits.landmarks ? slot + 1 : 0;
         const struct fv_landmark *l = &map->landmarks[slot];
         if (l->used && l->observer_count <= observers_max &&
             (uint32_t)frame_number - l->seen > FV_MAP_UNSEEN_FRAMES)

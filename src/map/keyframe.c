@@ -1,4 +1,4 @@
-/* Views: their features in fixed point, sorted into a grid, and the search for features in it. */
+/* Keyframes and the frames beside them: features in fixed point, sorted into a grid, and the search for features in it. */
 #include <string.h>
 
 #include "geometry/pose.h"
@@ -9,19 +9,19 @@ enum { CANDIDATES_MAX = 96, RAYS_PER_TURN = 32 };
 
 static const double sigma_px = 1.0; /* of a key point of level 0; a level's scale multiplies it */
 
-struct fv_view fv_map_view(const struct fv_map *map, uint32_t slot)
+struct fv_map_frame fv_map_frame_at(const struct fv_map *map, uint32_t slot)
 {
     const size_t first = (size_t)slot * map->limits.features;
-    struct fv_view view = {.frame = map->keyframes + slot,
-                           .points = map->points + first,
-                           .descriptors = map->descriptors + first * FV_MAP_DESCRIPTOR_BYTES,
-                           .landmark = map->links + first,
-                           .cells =
-                               map->cells + (size_t)slot * (size_t)(map->columns * map->rows + 1)};
+    struct fv_map_frame frame = {.keyframe = map->keyframes + slot,
+                                 .points = map->points + first,
+                                 .descriptors = map->descriptors + first * FV_MAP_DESCRIPTOR_BYTES,
+                                 .landmark = map->links + first,
+                                 .cells = map->cells +
+                                          (size_t)slot * (size_t)(map->columns * map->rows + 1)};
     if (slot >= map->limits.keyframes)
-        view.keypoints =
+        frame.keypoints =
             map->keypoints + (size_t)(slot - map->limits.keyframes) * map->limits.features;
-    return view;
+    return frame;
 }
 
 /* ---- the grid -------------------------------------------------------------------------------- */
@@ -45,19 +45,19 @@ static uint16_t fixed(const struct fv_map *map, float px)
     return value < 0 ? 0 : value > UINT16_MAX ? UINT16_MAX : (uint16_t)value;
 }
 
-bool fv_map_index_view(const struct fv_map *map, uint32_t slot)
+bool fv_map_index_frame(const struct fv_map *map, uint32_t slot)
 {
-    const struct fv_view view = fv_map_view(map, slot);
+    const struct fv_map_frame frame = fv_map_frame_at(map, slot);
     const int32_t cells = map->columns * map->rows;
     int32_t cell = 0;
-    for (uint32_t f = 0; f < view.frame->features; f++) {
-        const int32_t next = cell_of(map, &view.points[f]);
+    for (uint32_t f = 0; f < frame.keyframe->features; f++) {
+        const int32_t next = cell_of(map, &frame.points[f]);
         if (next < cell - 1) return false;
         for (; cell <= next; cell++)
-            view.cells[cell] = (uint16_t)f;
+            frame.cells[cell] = (uint16_t)f;
     }
     for (; cell <= cells; cell++)
-        view.cells[cell] = (uint16_t)view.frame->features;
+        frame.cells[cell] = (uint16_t)frame.keyframe->features;
     return true;
 }
 
@@ -85,7 +85,7 @@ bool fv_map_keypoint(const struct fv_map *map, const struct fv_pixel *point,
     return true;
 }
 
-/* Rays of some of a view's features. */
+/* Rays of some of a frame's features. */
 static void some_rays(const struct fv_map *map, const struct fv_pixel *points, uint32_t count,
                       struct fv_ray *rays)
 {
@@ -99,12 +99,12 @@ static void some_rays(const struct fv_map *map, const struct fv_pixel *points, u
 
 void fv_map_bearings(const struct fv_map *map, uint32_t slot, float (*bearings)[3])
 {
-    const struct fv_view view = fv_map_view(map, slot);
+    const struct fv_map_frame frame = fv_map_frame_at(map, slot);
     struct fv_ray rays[RAYS_PER_TURN];
-    for (uint32_t f = 0; f < view.frame->features;) {
-        const uint32_t left = view.frame->features - f,
+    for (uint32_t f = 0; f < frame.keyframe->features;) {
+        const uint32_t left = frame.keyframe->features - f,
                        some = left < RAYS_PER_TURN ? left : RAYS_PER_TURN;
-        some_rays(map, view.points + f, some, rays);
+        some_rays(map, frame.points + f, some, rays);
         for (uint32_t i = 0; i < some; i++, f++)
             for (int k = 0; k < 3; k++)
                 bearings[f][k] = (float)rays[i].bearing[k];
@@ -124,70 +124,72 @@ double fv_map_error2(const struct fv_map *map, const struct fv_pixel *point, con
 
 /* ---- filling --------------------------------------------------------------------------------- */
 
-/* Features of the frame into the view, cell by cell. Links are scratch: the cell of each, as they
+/* Features of the image into a frame of the map, cell by cell. Links are scratch: the cell of each, as they
  * come. */
-static void sort_in(const struct fv_map *map, const struct fv_view *view,
+static void sort_in(const struct fv_map *map, const struct fv_map_frame *frame,
                     const struct fovea_feature *features, const uint8_t *descriptors,
                     uint32_t count, uint16_t *from)
 {
     const int32_t cells = map->columns * map->rows;
-    memset(view->cells, 0, (size_t)(cells + 1) * sizeof *view->cells);
+    memset(frame->cells, 0, (size_t)(cells + 1) * sizeof *frame->cells);
     for (uint32_t i = 0; i < count; i++) {
         const struct fv_pixel p = {fixed(map, features[i].x_px), fixed(map, features[i].y_px), 0,
                                    0};
-        view->landmark[i] = (int16_t)cell_of(map, &p);
-        view->cells[view->landmark[i] + 1]++;
+        frame->landmark[i] = (int16_t)cell_of(map, &p);
+        frame->cells[frame->landmark[i] + 1]++;
     }
     for (int32_t c = 0; c < cells; c++)
-        view->cells[c + 1] = (uint16_t)(view->cells[c + 1] + view->cells[c]);
-    for (uint32_t i = 0; i < count; i++) { /* cells move on to their ends, which index_view mends */
-        const uint32_t at = view->cells[view->landmark[i]]++;
-        view->points[at] =
+        frame->cells[c + 1] = (uint16_t)(frame->cells[c + 1] + frame->cells[c]);
+    for (uint32_t i = 0; i < count;
+         i++) { /* cells move on to their ends, which index_frame mends */
+        const uint32_t at = frame->cells[frame->landmark[i]]++;
+        frame->points[at] =
             (struct fv_pixel){fixed(map, features[i].x_px), fixed(map, features[i].y_px),
                               (uint8_t)features[i].level, 0};
-        memcpy(view->descriptors + (size_t)at * FV_MAP_DESCRIPTOR_BYTES,
+        memcpy(frame->descriptors + (size_t)at * FV_MAP_DESCRIPTOR_BYTES,
                descriptors + (size_t)i * FV_MAP_DESCRIPTOR_BYTES, FV_MAP_DESCRIPTOR_BYTES);
         if (from != NULL) from[at] = (uint16_t)i;
     }
 }
 
-void fv_map_fill_view(const struct fv_map *map, uint32_t slot, const struct fovea_feature *features,
-                      const uint8_t *descriptors, uint32_t count, uint16_t *from)
+void fv_map_fill_frame(const struct fv_map *map, uint32_t slot,
+                       const struct fovea_feature *features, const uint8_t *descriptors,
+                       uint32_t count, uint16_t *from)
 {
-    const struct fv_view view = fv_map_view(map, slot);
+    const struct fv_map_frame frame = fv_map_frame_at(map, slot);
     struct fv_ray rays[RAYS_PER_TURN];
     uint32_t kept = 0;
     if (count > map->limits.features) count = map->limits.features;
-    sort_in(map, &view, features, descriptors, count, from);
+    sort_in(map, &frame, features, descriptors, count, from);
     for (uint32_t f = 0; f < count;) {
         const uint32_t some = count - f < RAYS_PER_TURN ? count - f : RAYS_PER_TURN;
-        some_rays(map, view.points + f, some, rays);
+        some_rays(map, frame.points + f, some, rays);
         for (uint32_t i = 0; i < some; i++, f++) {
             if (!rays[i].seen) continue;
-            set_keypoint(rays[i].bearing, rays[i].A, view.points[f].level, &view.keypoints[kept]);
+            set_keypoint(rays[i].bearing, rays[i].A, frame.points[f].level, &frame.keypoints[kept]);
             if (kept != f) {
-                view.points[kept] = view.points[f];
-                memcpy(view.descriptors + (size_t)kept * FV_MAP_DESCRIPTOR_BYTES,
-                       view.descriptors + (size_t)f * FV_MAP_DESCRIPTOR_BYTES,
+                frame.points[kept] = frame.points[f];
+                memcpy(frame.descriptors + (size_t)kept * FV_MAP_DESCRIPTOR_BYTES,
+                       frame.descriptors + (size_t)f * FV_MAP_DESCRIPTOR_BYTES,
                        FV_MAP_DESCRIPTOR_BYTES);
                 if (from != NULL) from[kept] = from[f];
             }
             kept++;
         }
     }
-    view.frame->features = kept;
+    frame.keyframe->features = kept;
     for (uint32_t f = 0; f < kept; f++)
-        view.landmark[f] = FV_MAP_NONE;
-    (void)fv_map_index_view(map, slot);
+        frame.landmark[f] = FV_MAP_NONE;
+    (void)fv_map_index_frame(map, slot);
 }
 
-void fv_map_copy_view(struct fv_map *map, uint32_t from, uint32_t to)
+void fv_map_copy_frame(struct fv_map *map, uint32_t from, uint32_t to)
 {
-    const struct fv_view a = fv_map_view(map, from), b = fv_map_view(map, to);
-    const uint32_t generation = b.frame->generation + 1, count = a.frame->features;
-    *b.frame = *a.frame;
-    b.frame->generation = generation;
-    b.frame->landmarks = 0;
+    const struct fv_map_frame a = fv_map_frame_at(map, from), b = fv_map_frame_at(map, to);
+    const uint32_t generation = b.keyframe->generation + 1, count = a.keyframe->features;
+    *b.keyframe = *a.keyframe;
+    b.keyframe->generation = generation;
+    b.keyframe->landmarks = 0;
     memcpy(b.points, a.points, count * sizeof *b.points);
     memcpy(b.descriptors, a.descriptors, (size_t)count * FV_MAP_DESCRIPTOR_BYTES);
     memcpy(b.cells, a.cells, (size_t)(map->columns * map->rows + 1) * sizeof *b.cells);
@@ -199,9 +201,9 @@ void fv_map_copy_view(struct fv_map *map, uint32_t from, uint32_t to)
 
 /* ---- guided search --------------------------------------------------------------------------- */
 
-/* Features of the view within the square around (x, y); cut at CANDIDATES_MAX. */
-static int32_t gather(const struct fv_map *map, const struct fv_view *view, double x, double y,
-                      double radius, int level_min, int level_max, bool only_free,
+/* Features of the frame within the square around (x, y); cut at CANDIDATES_MAX. */
+static int32_t gather(const struct fv_map *map, const struct fv_map_frame *frame, double x,
+                      double y, double radius, int level_min, int level_max, bool only_free,
                       uint16_t *candidates)
 {
     const int32_t c0 = clamp((int32_t)(x - radius) / FV_MAP_CELL_PX, 0, map->columns - 1),
@@ -212,28 +214,28 @@ static int32_t gather(const struct fv_map *map, const struct fv_view *view, doub
     int32_t count = 0;
     for (int32_t r = r0; r <= r1; r++) {
         /* Cells of a row follow each other. */
-        const uint32_t first = view->cells[r * map->columns + c0],
-                       last = view->cells[r * map->columns + c1 + 1];
+        const uint32_t first = frame->cells[r * map->columns + c0],
+                       last = frame->cells[r * map->columns + c1 + 1];
         for (uint32_t f = first; f < last && count < CANDIDATES_MAX; f++) {
-            const struct fv_pixel *p = &view->points[f];
+            const struct fv_pixel *p = &frame->points[f];
             const double dx = p->x * map->pixel_px - x, dy = p->y * map->pixel_px - y;
             if (dx * dx + dy * dy > square || (int)p->level < level_min ||
                 (int)p->level > level_max)
                 continue;
-            if (only_free && view->landmark[f] != FV_MAP_NONE) continue;
+            if (only_free && frame->landmark[f] != FV_MAP_NONE) continue;
             candidates[count++] = (uint16_t)f;
         }
     }
     return count;
 }
 
-static struct fv_found nearest(const struct fv_kernels *kernels, const struct fv_view *view,
+static struct fv_found nearest(const struct fv_kernels *kernels, const struct fv_map_frame *frame,
                                const uint16_t *candidates, int32_t count, const uint8_t *descriptor)
 {
     struct fv_found found = {FV_MAP_NONE, 256, 256};
     uint16_t distances[CANDIDATES_MAX];
     if (count > 0)
-        kernels->hamming_some_u8(distances, descriptor, view->descriptors, candidates, count);
+        kernels->hamming_some_u8(distances, descriptor, frame->descriptors, candidates, count);
     for (int32_t k = 0; k < count; k++) {
         if (distances[k] < found.distance) {
             found.second = found.distance;
@@ -254,10 +256,10 @@ struct fv_found fv_map_search(const struct fv_map *map, const struct fv_kernels 
     const struct fv_found none = {FV_MAP_NONE, 256, 256};
     uint16_t candidates[CANDIDATES_MAX];
     if (!(x_px > -1e4 && x_px < 1e5 && y_px > -1e4 && y_px < 1e5)) return none;
-    const struct fv_view view = fv_map_view(map, slot);
+    const struct fv_map_frame frame = fv_map_frame_at(map, slot);
     const int32_t count =
-        gather(map, &view, x_px, y_px, radius_px, level_min, level_max, only_free, candidates);
-    return nearest(kernels, &view, candidates, count, descriptor);
+        gather(map, &frame, x_px, y_px, radius_px, level_min, level_max, only_free, candidates);
+    return nearest(kernels, &frame, candidates, count, descriptor);
 }
 
 struct fv_found fv_map_search_line(const struct fv_map *map, const struct fv_kernels *kernels,
@@ -273,13 +275,14 @@ struct fv_found fv_map_search_line(const struct fv_map *map, const struct fv_ker
         const double v = box[i] + margin;
         corner[i] = (int32_t)(v > 0 ? (v < limit ? v : limit) : 0) / FV_MAP_CELL_PX;
     }
-    const struct fv_view view = fv_map_view(map, slot);
+    const struct fv_map_frame frame = fv_map_frame_at(map, slot);
     for (int32_t r = corner[1]; r <= corner[3]; r++) {
-        const uint32_t first = view.cells[r * map->columns + corner[0]],
-                       last = view.cells[r * map->columns + corner[2] + 1];
+        const uint32_t first = frame.cells[r * map->columns + corner[0]],
+                       last = frame.cells[r * map->columns + corner[2] + 1];
         for (uint32_t f = first; f < last && count < CANDIDATES_MAX; f++) {
-            const int level = view.points[f].level;
-            if (view.landmark[f] != FV_MAP_NONE || level < level_min || level > level_max) continue;
+            const int level = frame.points[f].level;
+            if (frame.landmark[f] != FV_MAP_NONE || level < level_min || level > level_max)
+                continue;
             const double off = normal[0] * (double)bearings[f][0] +
                                normal[1] * (double)bearings[f][1] +
                                normal[2] * (double)bearings[f][2],
@@ -288,5 +291,5 @@ struct fv_found fv_map_search_line(const struct fv_map *map, const struct fv_ker
             candidates[count++] = (uint16_t)f;
         }
     }
-    return nearest(kernels, &view, candidates, count, descriptor);
+    return nearest(kernels, &frame, candidates, count, descriptor);
 }

@@ -17,9 +17,9 @@ void fv_map_carve(struct fv_map *map, const struct fv_map_limits *limits,
         map->pixel_px *= 2;
     map->columns = (limits->width + FV_MAP_CELL_PX - 1) / FV_MAP_CELL_PX;
     map->rows = (limits->height + FV_MAP_CELL_PX - 1) / FV_MAP_CELL_PX;
-    size_t views = fv_map_view_count(map), features = views * limits->features;
+    size_t frames = fv_map_frame_count(map), features = frames * limits->features;
     map->state = fv_arena_take(arena, 1, sizeof *map->state);
-    map->keyframes = fv_arena_take(arena, views, sizeof *map->keyframes);
+    map->keyframes = fv_arena_take(arena, frames, sizeof *map->keyframes);
     map->landmarks = fv_arena_take(arena, limits->landmarks, sizeof *map->landmarks);
     map->free_landmarks = fv_arena_take(arena, limits->landmarks, sizeof *map->free_landmarks);
     map->edges = fv_arena_take(arena, FV_MAP_EDGES_MAX, sizeof *map->edges);
@@ -29,12 +29,12 @@ void fv_map_carve(struct fv_map *map, const struct fv_map_limits *limits,
     map->keypoints = fv_arena_take(arena, (size_t)(1 + FV_MAP_WAITING_MAX) * limits->features,
                                    sizeof *map->keypoints);
     map->cells =
-        fv_arena_take(arena, views * (size_t)(map->columns * map->rows + 1), sizeof *map->cells);
+        fv_arena_take(arena, frames * (size_t)(map->columns * map->rows + 1), sizeof *map->cells);
 }
 
 void fv_map_reset(struct fv_map *map)
 {
-    for (uint32_t i = 0; i < fv_map_view_count(map); i++) {
+    for (uint32_t i = 0; i < fv_map_frame_count(map); i++) {
         uint32_t generation = map->keyframes[i].generation + 1;
         memset(&map->keyframes[i], 0, sizeof *map->keyframes);
         map->keyframes[i].generation = generation;
@@ -67,7 +67,7 @@ uint32_t fv_map_add_keyframe(struct fv_map *map, uint32_t from)
     uint32_t slot = 0;
     while (map->keyframes[slot].used)
         slot++;
-    fv_map_copy_view(map, from, slot);
+    fv_map_copy_frame(map, from, slot);
     map->keyframes[slot].used = true;
     map->keyframes[slot].held = false;
     map->keyframes[slot].redundancy = 0;
@@ -79,20 +79,20 @@ uint32_t fv_map_add_keyframe(struct fv_map *map, uint32_t from)
 
 void fv_map_remove_keyframe(struct fv_map *map, uint32_t slot)
 {
-    struct fv_view view = fv_map_view(map, slot);
-    for (uint32_t i = 0; i < view.frame->features; i++) {
-        int32_t landmark = view.landmark[i];
+    struct fv_map_frame frame = fv_map_frame_at(map, slot);
+    for (uint32_t i = 0; i < frame.keyframe->features; i++) {
+        int32_t landmark = frame.landmark[i];
         if (landmark == FV_MAP_NONE) continue;
         fv_map_unlink(map, (uint32_t)landmark, slot);
         if (map->landmarks[landmark].observer_count == 0)
             fv_map_remove_landmark(map, (uint32_t)landmark);
     }
-    for (uint32_t i = 0; i < fv_map_view_count(map); i++) /* children hang on to the grandparent */
+    for (uint32_t i = 0; i < fv_map_frame_count(map); i++) /* children hang on to the grandparent */
         if (map->keyframes[i].parent == (int32_t)slot)
-            map->keyframes[i].parent = view.frame->parent;
-    view.frame->used = false;
-    view.frame->generation++;
-    view.frame->features = 0;
+            map->keyframes[i].parent = frame.keyframe->parent;
+    frame.keyframe->used = false;
+    frame.keyframe->generation++;
+    frame.keyframe->features = 0;
     map->state->keyframe_count--;
 }
 
@@ -129,16 +129,16 @@ void fv_map_remove_landmark(struct fv_map *map, uint32_t landmark)
 bool fv_map_link(struct fv_map *map, uint32_t landmark, uint32_t keyframe, uint32_t feature)
 {
     struct fv_landmark *l = &map->landmarks[landmark];
-    struct fv_view view = fv_map_view(map, keyframe);
-    if (view.landmark[feature] != FV_MAP_NONE) return false;
+    struct fv_map_frame frame = fv_map_frame_at(map, keyframe);
+    if (frame.landmark[feature] != FV_MAP_NONE) return false;
     for (uint32_t i = 0; i < l->observer_count; i++)
         if (l->observers[i].keyframe == keyframe) return false;
     if (l->observer_count == FV_MAP_OBSERVERS_MAX)
         fv_map_unlink(map, landmark, l->observers[1].keyframe);
     struct fv_observer observer = {(uint16_t)keyframe, (uint16_t)feature};
     l->observers[l->observer_count++] = observer;
-    view.landmark[feature] = (int16_t)landmark;
-    view.frame->landmarks++;
+    frame.landmark[feature] = (int16_t)landmark;
+    frame.keyframe->landmarks++;
     return true;
 }
 
@@ -147,9 +147,9 @@ void fv_map_unlink(struct fv_map *map, uint32_t landmark, uint32_t keyframe)
     struct fv_landmark *l = &map->landmarks[landmark];
     for (uint32_t i = 0; i < l->observer_count; i++) {
         if (l->observers[i].keyframe != keyframe) continue;
-        struct fv_view view = fv_map_view(map, keyframe);
-        view.landmark[l->observers[i].feature] = FV_MAP_NONE;
-        view.frame->landmarks--;
+        struct fv_map_frame frame = fv_map_frame_at(map, keyframe);
+        frame.landmark[l->observers[i].feature] = FV_MAP_NONE;
+        frame.keyframe->landmarks--;
         l->observer_count--;
         for (uint32_t k = i; k < l->observer_count; k++)
             l->observers[k] = l->observers[k + 1];
@@ -203,15 +203,15 @@ void fv_map_refresh_landmark(struct fv_map *map, uint32_t landmark)
     double mean[3] = {0};
     uint32_t best = 0, best_sum = UINT32_MAX;
     for (uint32_t i = 0; i < l->observer_count; i++) {
-        struct fv_view view = fv_map_view(map, l->observers[i].keyframe);
+        struct fv_map_frame frame = fv_map_frame_at(map, l->observers[i].keyframe);
         double q[3], ray[3];
-        fv_se3_apply(&view.frame->T_cam_world, l->point, q);
+        fv_se3_apply(&frame.keyframe->T_cam_world, l->point, q);
         double distance = fv_norm3(q);
         if (i == 0) {
             l->distance = (float)distance;
-            l->level = (uint8_t)view.points[l->observers[0].feature].level;
+            l->level = (uint8_t)frame.points[l->observers[0].feature].level;
         }
-        fv_rotate_back3(view.frame->T_cam_world.R, q, ray);
+        fv_rotate_back3(frame.keyframe->T_cam_world.R, q, ray);
         for (int k = 0; k < 3; k++)
             mean[k] += ray[k] / (distance > 1e-12 ? distance : 1e-12);
         uint32_t sum = 0;

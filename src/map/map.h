@@ -1,24 +1,24 @@
 /* The map: keyframes and landmarks in pools of fixed capacity.
  *
- * Everything is linked by slot number; a slot's generation tells whether it still holds what a link
- * meant. The two links between a keyframe's feature and its landmark (view.landmark[],
- * landmark.observers[]) are kept in step by the functions below, and nothing else writes them.
+ * Everything is linked by slot number; the generation of a slot shows whether it still holds what a
+ * link was made to. The two links between a keyframe's feature and its landmark (frame.landmark[],
+ * landmark.observers[]) are kept consistent by the functions below, and nothing else writes them.
  * State holds no addresses: the addresses are in struct fv_map, which carving fills again after a
  * copy.
  *
- * Besides the keyframes there are more views: that of the current frame, and those of the
- * FV_MAP_WAITING_MAX frames that a start waits on; links of these are the start's own scratch.
- * World points are doubles. A view's features are kept in the order of its grid, as pixels in fixed
- * point (1/64 px up to 1024 pixels, 1/16 px at 4096); bearings and Jacobians follow from the lens
- * model, and are floats (6e-8 rad) where they are kept. Real-time safe; no heap.
+ * The slots after those of the keyframes hold the current frame, and the FV_MAP_WAITING_MAX frames
+ * that initialisation waits on; the links of these are scratch of initialisation. World points are
+ * doubles. A frame's features are kept in the order of its grid, as pixels in fixed point (1/64 px
+ * up to 1024 pixels, 1/16 px at 4096); bearings and Jacobians follow from the lens model, and are
+ * floats (6e-8 rad) where they are kept. Real-time safe; no heap.
  *
  * Several maps may share the pools: each keyframe names its map, and maps have worlds of their own.
  * Landmarks belong to the map of their observers; links never join keyframes of two maps.
  *
- * Rules of a full pool (keep.c). Keyframes: the most redundant one goes; redundancy is the share of
- * its landmarks that at least FV_MAP_ENOUGH_OBSERVERS others see as well. The newest
- * FV_MAP_KEEP_NEWEST of them stay, and those that an edge of a closure holds go only when no other
- * is left. Landmarks: a hand goes round the pool and takes those that were not seen for
+ * Rules of a full pool (keep.c). Keyframes: the most redundant one is removed; redundancy is the
+ * fraction of its landmarks that at least FV_MAP_ENOUGH_OBSERVERS others see as well. The newest
+ * FV_MAP_KEEP_NEWEST of them stay, and those at an edge of a closure are removed only when no other
+ * is left. Landmarks: a clock sweep over the pool removes those that were not seen for
  * FV_MAP_UNSEEN_FRAMES frames, first those with few observers. */
 #ifndef FOVEA_MAP_MAP_H
 #define FOVEA_MAP_MAP_H
@@ -41,9 +41,9 @@ enum {
     FV_MAP_OBSERVERS_MAX = 12, /* keyframes that a landmark remembers */
     FV_MAP_DESCRIPTOR_BYTES = 32,
     FV_MAP_DIRECTION_ONE = 32767,
-    FV_MAP_CELL_PX = 24, /* of the grid in which a view's features are looked up */
+    FV_MAP_CELL_PX = 24, /* of the grid in which a frame's features are found */
     FV_MAP_KEYFRAMES_MAX = 256,
-    FV_MAP_WAITING_MAX = 8,      /* frames held while a start waits for parallax */
+    FV_MAP_WAITING_MAX = 8,      /* frames held while initialisation waits for parallax */
     FV_MAP_WORLDS_MAX = 8,       /* maps that were left, whose odom frame is remembered */
     FV_MAP_EDGES_MAX = 128,      /* of closures; the oldest gives way */
     FV_MAP_ENOUGH_OBSERVERS = 3, /* besides a keyframe, that make it redundant for a landmark */
@@ -53,7 +53,7 @@ enum {
     FV_MAP_NONE = -1
 };
 
-/* A feature of a view. */
+/* A feature of a frame. */
 struct fv_pixel {
     uint16_t x, y; /* raw image, in map->pixel_px */
     uint8_t level, reserved;
@@ -69,14 +69,14 @@ struct fv_keypoint {
 struct fv_keyframe {
     struct fv_se3 T_cam_world;
     int64_t stamp_ns;
-    uint64_t number;     /* counts keyframes, oldest lowest; never starts anew */
+    uint64_t number;     /* counts keyframes, oldest lowest; never restarts */
     uint32_t generation; /* of the slot */
-    uint32_t features;   /* in its view */
-    uint32_t landmarks;  /* of its features */
+    uint32_t features;   /* it has */
+    uint32_t landmarks;  /* that its features see */
     int32_t parent;      /* slot of the keyframe that its pose is bound to; FV_MAP_NONE: none */
     double depth;        /* median depth of its landmarks when it was made */
     uint32_t map_id;     /* of the map that it belongs to */
-    uint16_t redundancy; /* thousandths of its landmarks that enough others see; as last rated */
+    uint16_t redundancy; /* thousandths of its landmarks that enough others see; as last computed */
     bool used;
     bool held; /* an edge of a closure ends here */
 };
@@ -91,7 +91,7 @@ struct fv_landmark {
     float
         spread; /* rms angle (rad) of the rays from its observers around their mean: its parallax */
     uint32_t generation; /* of the slot */
-    uint32_t mark;       /* scratch of gathering: last round that met it */
+    uint32_t mark;       /* scratch of gathering: the last round that included it */
     uint32_t born, seen; /* numbers of frames, modulo 2^32: first, and last found */
     uint16_t expected,
         found; /* frames in which it should have been, and was, seen; both halved when large */
@@ -133,7 +133,7 @@ struct fv_map_state {
     uint32_t map_id;     /* of the map that is being made or tracked */
     uint32_t map_next;   /* id of the next map; ids are never used again */
     uint32_t edge_count; /* edges written, modulo FV_MAP_EDGES_MAX the next one's place */
-    uint32_t hand;       /* landmark slot at which the search for room goes on */
+    uint32_t sweep;      /* landmark slot at which the clock sweep for room continues */
     uint32_t odom_id; /* of the frame that poses are published in; that of the map that began it */
     uint32_t left_count; /* maps left, modulo FV_MAP_WORLDS_MAX the next one's place */
     uint32_t
@@ -154,7 +154,7 @@ struct fv_map {
     const struct fovea_camera *camera;
     const struct fv_bearing_table *bearings;
     int32_t columns, rows;
-    double pixel_px; /* unit of a feature's place: a power of two */
+    double pixel_px; /* unit of a feature's position: a power of two */
     struct fv_map_state *state;
     struct fv_keyframe
         *keyframes; /* limits.keyframes, then the current frame, then the waiting ones */
@@ -162,22 +162,22 @@ struct fv_map {
     uint32_t *free_landmarks;
     struct fv_map_edge *edges; /* FV_MAP_EDGES_MAX */
     struct fv_pixel
-        *points; /* of view v: limits.features from v * limits.features; likewise the next two */
+        *points; /* of frame v: limits.features from v * limits.features; likewise the next two */
     uint8_t *descriptors;
     int16_t *links;
-    struct fv_keypoint *keypoints; /* of the current and the waiting views */
-    uint16_t *cells;               /* columns * rows + 1 per view */
+    struct fv_keypoint *keypoints; /* of the current and the waiting frames */
+    uint16_t *cells;               /* columns * rows + 1 per frame */
 };
 
-/* One view's pieces. */
-struct fv_view {
-    struct fv_keyframe *frame;
+/* A frame of the map: a keyframe, the current frame or a waiting one. */
+struct fv_map_frame {
+    struct fv_keyframe *keyframe; /* its pose and counts, of whatever kind it is */
     struct fv_pixel *points; /* cell by cell */
     uint8_t *descriptors;
     /* slot, or FV_MAP_NONE; written by fv_map_link / unlink only, except for the current
      * frame */
     int16_t *landmark;
-    struct fv_keypoint *keypoints; /* of the current and the waiting views; NULL for keyframes */
+    struct fv_keypoint *keypoints; /* of the current and the waiting frames; NULL for keyframes */
     uint16_t *cells;               /* the first feature of each cell, then the number of features */
 };
 
@@ -189,7 +189,7 @@ void fv_map_carve(struct fv_map *map, const struct fv_map_limits *limits,
 /* Empty the map; generations go on rising, so that links from before no longer hold. */
 void fv_map_reset(struct fv_map *map);
 
-struct fv_view fv_map_view(const struct fv_map *map, uint32_t slot);
+struct fv_map_frame fv_map_frame_at(const struct fv_map *map, uint32_t slot);
 static inline uint32_t fv_map_current(const struct fv_map *map)
 {
     return map->limits.keyframes;
@@ -198,7 +198,7 @@ static inline uint32_t fv_map_waiting(const struct fv_map *map, uint32_t i)
 {
     return map->limits.keyframes + 1 + i;
 }
-static inline uint32_t fv_map_view_count(const struct fv_map *map)
+static inline uint32_t fv_map_frame_count(const struct fv_map *map)
 {
     return map->limits.keyframes + 1 + FV_MAP_WAITING_MAX;
 }
@@ -239,28 +239,32 @@ static inline int fv_map_predict_level(const struct fv_landmark *l, double dista
     return level < FOVEA_PYRAMID_LEVELS_MAX ? level : -1;
 }
 
-/* ---- views (keyframe.c) ---------------------------------------------------------------------- */
+/* ---- frames (keyframe.c) ----------------------------------------------------------------------
+ */
 
-/* Fill the current or a waiting view: features go cell by cell, those of a cell in their order;
- * those to which the lens model knows no bearing are left out. `from`, unless NULL, gets the number
- * of each in `features`. At most limits.features are looked at. */
-void fv_map_fill_view(const struct fv_map *map, uint32_t slot, const struct fovea_feature *features,
-                      const uint8_t *descriptors, uint32_t count, uint16_t *from);
-/* Find the cells of a view whose features lie cell by cell. False, and of no use: they do not. */
-bool fv_map_index_view(const struct fv_map *map, uint32_t slot);
-/* What geometry needs of a feature. False, and untouched: the lens model knows no bearing there;
- * features of views have one. */
+/* Fill the current or a waiting frame: features go cell by cell, those of a cell in their order;
+ * those for which the lens model has no bearing are left out. `from`, unless NULL, gets the number
+ * of each in `features`. At most limits.features are used. */
+void fv_map_fill_frame(const struct fv_map *map, uint32_t slot,
+                       const struct fovea_feature *features, const uint8_t *descriptors,
+                       uint32_t count, uint16_t *from);
+/* Find the cells of a frame whose features are ordered by cell. False: they are not, and the frame
+ * cannot be used. */
+bool fv_map_index_frame(const struct fv_map *map, uint32_t slot);
+/* What geometry needs of a feature. False, and `keypoint` is untouched: the lens model has no bearing there;
+ * features of frames have one. */
 bool fv_map_keypoint(const struct fv_map *map, const struct fv_pixel *point,
                      struct fv_keypoint *keypoint);
-/* Bearings of a view's features, limits.features elements. */
+/* Bearings of a frame's features, limits.features elements. */
 void fv_map_bearings(const struct fv_map *map, uint32_t slot, float (*bearings)[3]);
 /* Weighted squared error of a feature that sees the point q (camera frame), px^2; 1e9 behind the
  * camera. */
 double fv_map_error2(const struct fv_map *map, const struct fv_pixel *point, const double q[3]);
-/* Copy a view with its frame to another slot; links are not copied. The slot's generation rises. */
-void fv_map_copy_view(struct fv_map *map, uint32_t from, uint32_t to);
+/* Copy a frame to another slot; links are not copied. The slot's generation rises.
+ */
+void fv_map_copy_frame(struct fv_map *map, uint32_t from, uint32_t to);
 
-/* Make a keyframe of a view (current or waiting), in the current map. When no slot is free, the
+/* Make a keyframe of a frame (current or waiting), in the current map. When no slot is free, the
  * most redundant keyframe goes. Returns its slot. */
 uint32_t fv_map_add_keyframe(struct fv_map *map, uint32_t from);
 /* Drop a keyframe; landmarks that are left with no observer go with it. */
@@ -300,7 +304,7 @@ static inline double fv_map_cosine(const struct fv_landmark *l, const double ray
            (FV_MAP_DIRECTION_ONE * length);
 }
 
-/* Make one of two landmarks that are the same thing: `keep` gets what `drop` has, as far as it has
+/* Merge two landmarks that are the same point: `keep` gets what `drop` has, as far as it has
  * room and keyframes do not see both; `drop` goes. */
 void fv_map_fuse_landmarks(struct fv_map *map, uint32_t keep, uint32_t drop);
 
@@ -311,7 +315,7 @@ struct fv_neighbour {
     uint32_t slot, generation, shared;
 };
 
-/* How many landmarks each keyframe shares with a view's links; `shared` by slot, limits.keyframes
+/* How many landmarks each keyframe shares with a frame's links; `shared` by slot, limits.keyframes
  * elements. */
 void fv_map_count_shared(const struct fv_map *map, uint32_t slot, uint16_t *shared);
 /* The keyframes that share at least `shared_min` landmarks with a keyframe, most first (of equals
@@ -394,7 +398,7 @@ static inline bool fv_map_found_one(const struct fv_found *found, uint32_t dista
            !(found->distance > ratio_max * found->second);
 }
 
-/* The feature of a view nearest to `descriptor` within radius_px of (x, y), of levels [level_min,
+/* The feature of a frame nearest to `descriptor` within radius_px of (x, y), of levels [level_min,
  * level_max]. When `only_free`, features that have a landmark are left out. */
 struct fv_found fv_map_search(const struct fv_map *map, const struct fv_kernels *kernels,
                               uint32_t slot, double x_px, double y_px, double radius_px,
@@ -403,7 +407,7 @@ struct fv_found fv_map_search(const struct fv_map *map, const struct fv_kernels 
 
 /* The feature without landmark nearest to `descriptor` within `box` (x0 y0 x1 y1, px) whose bearing
  * (of fv_map_bearings) lies within limit_rad times its level's scale of the plane with the unit
- * normal `normal` (the view's frame). */
+ * normal `normal` (camera frame). */
 struct fv_found fv_map_search_line(const struct fv_map *map, const struct fv_kernels *kernels,
                                    uint32_t slot, const float (*bearings)[3], const double box[4],
                                    const double normal[3], double limit_rad, int level_min,

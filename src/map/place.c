@@ -61,7 +61,7 @@ void fv_place_insert(struct fv_place *place, uint32_t slot, uint32_t generation,
                      const struct fv_place_words *words)
 {
     fv_place_remove(place, slot);
-    /* A view without any telling word keeps an entry that nothing finds, so that it is not made
+    /* A frame without any word of weight keeps an entry that nothing finds, so that it is not made
      * again. */
     place->slots[slot] = (struct fv_place_slot){generation, words->weight > 0 ? words->weight : 1};
     for (uint32_t k = 0; k < sizeof words->present / sizeof *words->present; k++)

@@ -1,14 +1,14 @@
-/* Place recognition: which keyframes look like a view.
+/* Place recognition: which keyframes look like a frame.
  *
- * A view is the set of visual words of its descriptors (vocabulary.h). The inverted index holds for
- * every word one bit per keyframe slot, so its size is fixed, and adding or removing a keyframe
- * cannot fail. Two views are as similar as the cosine of their weighted sets: the weight of the
+ * A frame is the set of visual words of its descriptors (vocabulary.h). The inverted index holds
+ * for every word one bit per keyframe slot, so its size is fixed, and adding or removing a keyframe
+ * cannot fail. Two frames are as similar as the cosine of their weighted sets: the weight of the
  * words they share over the root of the product of their own weights. How often a word occurs in a
- * view is left out, since repeated texture would shout down the rest (Jegou, Douze and Schmid, "On
+ * frame is left out, since repeated texture would shout down the rest (Jegou, Douze and Schmid, "On
  * the burstiness of visual elements", CVPR 2009).
  *
- * A slot's entry carries the generation of the keyframe that it was made for; fv_place_holds tells
- * whether it is still that one, so whoever frees a keyframe need not tell the index. Integer only
+ * A slot's entry carries the generation of the keyframe that it was made for; fv_place_holds says
+ * whether it is still that one, so removing a keyframe does not involve the index. Integer only
  * but for one root; no addresses in the state. Real-time safe. */
 #ifndef FOVEA_MAP_PLACE_H
 #define FOVEA_MAP_PLACE_H
@@ -25,7 +25,7 @@ extern "C" {
 
 enum {
     FV_PLACE_LANES_MAX = 4, /* of 64 keyframes each */
-    FV_PLACE_ONE = 65536,   /* the score of two equal views */
+    FV_PLACE_ONE = 65536,   /* the score of two equal frames */
     FV_PLACE_UNIT = 256     /* descriptors that a unit of work may turn to words */
 };
 
@@ -44,7 +44,7 @@ static inline bool fv_place_set_has(const struct fv_place_set *set, uint32_t slo
     return (set->lane[slot >> 6] >> (slot & 63) & 1) != 0;
 }
 
-/* The different words of a view: filled in pieces, then closed. */
+/* The different words of a frame: filled in pieces, then closed. */
 struct fv_place_words {
     uint32_t count;  /* of the list, once closed */
     uint32_t weight; /* sum over it */
@@ -73,7 +73,8 @@ void fv_place_carve(struct fv_place *place, uint32_t keyframes, struct fv_arena 
 /* Empty the index. */
 void fv_place_clear(struct fv_place *place);
 
-/* ---- words of a view ------------------------------------------------------------------------- */
+/* ---- words of a frame -------------------------------------------------------------------------
+ */
 
 void fv_place_words_begin(struct fv_place_words *words);
 /* Take in descriptors; at most FV_PLACE_UNIT of them make a unit of work. */
@@ -94,7 +95,7 @@ static inline bool fv_place_holds(const struct fv_place *place, uint32_t slot, u
 }
 
 /* Scores of all slots in `among` that have an entry; others are 0. `scores`: place->keyframes
- * elements. One unit: a view's words times the keyframes that have them. */
+ * elements. One unit: a frame's words times the keyframes that have them. */
 void fv_place_scores(const struct fv_place *place, const struct fv_place_words *words,
                      const struct fv_place_set *among, uint32_t *scores);
 

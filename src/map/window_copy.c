@@ -30,11 +30,11 @@ static void pick_keyframes(struct fv_window *w, const struct fv_map *map, uint32
 {
     struct fv_window_state *s = w->state;
     (void)add_pose(s, map, newest);
-    struct fv_view view = fv_map_view(map, newest);
+    struct fv_map_frame frame = fv_map_frame_at(map, newest);
     uint16_t shared[256] = {0};
-    for (uint32_t i = 0; i < view.frame->features; i++) {
-        if (view.landmark[i] == FV_MAP_NONE) continue;
-        const struct fv_landmark *l = &map->landmarks[view.landmark[i]];
+    for (uint32_t i = 0; i < frame.keyframe->features; i++) {
+        if (frame.landmark[i] == FV_MAP_NONE) continue;
+        const struct fv_landmark *l = &map->landmarks[frame.landmark[i]];
         for (uint32_t k = 0; k < l->observer_count; k++)
             shared[l->observers[k].keyframe]++;
     }
@@ -71,7 +71,7 @@ static void add_observations(struct fv_window *w, const struct fv_map *map,
         if (pose < 0 && s->pose_count < FV_WINDOW_POSES_MAX) pose = (int32_t)add_pose(s, map, slot);
         if (pose < 0) continue;
         struct fv_window_observation *o = &w->observations[s->observation_count++];
-        o->seen = fv_map_view(map, slot).points[l->observers[k].feature];
+        o->seen = fv_map_frame_at(map, slot).points[l->observers[k].feature];
         o->pose = (uint16_t)pose;
         w->landmarks[s->landmark_count - 1].count++;
     }
@@ -82,16 +82,16 @@ static void copy_landmarks(struct fv_window *w, struct fv_map *map, uint32_t in_
 {
     struct fv_window_state *s = w->state;
     for (uint32_t i = 0; i < in_window; i++) {
-        struct fv_view view = fv_map_view(map, s->poses[i].slot);
-        for (uint32_t f = 0; f < view.frame->features && s->landmark_count < w->limits.landmarks;
-             f++) {
-            if (view.landmark[f] == FV_MAP_NONE) continue;
-            struct fv_landmark *l = &map->landmarks[view.landmark[f]];
+        struct fv_map_frame frame = fv_map_frame_at(map, s->poses[i].slot);
+        for (uint32_t f = 0;
+             f < frame.keyframe->features && s->landmark_count < w->limits.landmarks; f++) {
+            if (frame.landmark[f] == FV_MAP_NONE) continue;
+            struct fv_landmark *l = &map->landmarks[frame.landmark[f]];
             if (l->mark == map->state->mark || l->observer_count < observers_min) continue;
             if (s->observation_count + l->observer_count > w->limits.observations) return;
             l->mark = map->state->mark;
             fv_window_put_landmark(w, l->point);
-            w->landmarks[s->landmark_count - 1].slot = (uint32_t)view.landmark[f];
+            w->landmarks[s->landmark_count - 1].slot = (uint32_t)frame.landmark[f];
             w->landmarks[s->landmark_count - 1].generation = l->generation;
             add_observations(w, map, l);
         }

@@ -36,8 +36,8 @@ void fv_covariance_carve(struct fv_covariance *c, struct fv_arena *frame)
                                  sizeof *c->joint);
 }
 
-/* An observation of a landmark, linearised: by the view's small motion (left of T_cam_world) and by
- * the point. */
+/* An observation of a landmark, linearised: by the frame's small motion (left of T_cam_world) and
+ * by the point. */
 struct fv_linear_observation {
     int pose; /* block of the system, or REFERENCE */
     double weight, rows[12], by_point[6];
@@ -54,13 +54,13 @@ struct fv_joint {
 };
 
 /* Some of the inliers, spread as they lie in the image: features are kept cell by cell. */
-static void sample_inliers(const struct fv_view *view, uint32_t inliers, struct fv_joint *j)
+static void sample_inliers(const struct fv_map_frame *frame, uint32_t inliers, struct fv_joint *j)
 {
     const uint32_t wanted = inliers < SAMPLE ? inliers : SAMPLE;
     uint32_t met = 0;
     j->sample_count = 0;
-    for (uint32_t f = 0; f < view->frame->features && j->sample_count < wanted; f++) {
-        if (view->landmark[f] == FV_MAP_NONE) continue;
+    for (uint32_t f = 0; f < frame->keyframe->features && j->sample_count < wanted; f++) {
+        if (frame->landmark[f] == FV_MAP_NONE) continue;
         if (met * wanted / inliers != (met + 1) * wanted / inliers)
             j->sample[j->sample_count++] = f;
         met++;
@@ -68,11 +68,12 @@ static void sample_inliers(const struct fv_view *view, uint32_t inliers, struct 
 }
 
 /* The keyframes that see most of the sample. */
-static void pick_poses(const struct fv_odometry *o, const struct fv_view *view, struct fv_joint *j)
+static void pick_poses(const struct fv_odometry *o, const struct fv_map_frame *frame,
+                       struct fv_joint *j)
 {
     uint16_t shared[FOVEA_ODOMETRY_KEYFRAMES_MAX] = {0};
     for (uint32_t i = 0; i < j->sample_count; i++) {
-        const struct fv_landmark *l = &o->map.landmarks[view->landmark[j->sample[i]]];
+        const struct fv_landmark *l = &o->map.landmarks[frame->landmark[j->sample[i]]];
         for (uint32_t k = 0; k < l->observer_count; k++)
             shared[l->observers[k].keyframe]++;
     }
@@ -112,21 +113,21 @@ static bool linear_observation_of(const struct fv_se3 *T, const struct fv_keypoi
     return true;
 }
 
-/* All observations of a landmark by views that take part; returns their number. */
-static int find_observations(const struct fv_odometry *o, const struct fv_view *view,
+/* All observations of a landmark by frames that take part; returns their number. */
+static int find_observations(const struct fv_odometry *o, const struct fv_map_frame *frame,
                              uint32_t feature, const struct fv_joint *j,
                              struct fv_linear_observation observations[FV_MAP_OBSERVERS_MAX + 1])
 {
-    const struct fv_landmark *l = &o->map.landmarks[view->landmark[feature]];
-    int count = linear_observation_of(&view->frame->T_cam_world, &view->keypoints[feature],
+    const struct fv_landmark *l = &o->map.landmarks[frame->landmark[feature]];
+    int count = linear_observation_of(&frame->keyframe->T_cam_world, &frame->keypoints[feature],
                                       l->point, j->poses - 1, observations);
     for (uint32_t k = 0; k < l->observer_count; k++) {
         const uint32_t slot = l->observers[k].keyframe;
-        const struct fv_view from = fv_map_view(&o->map, slot);
+        const struct fv_map_frame from = fv_map_frame_at(&o->map, slot);
         struct fv_keypoint p;
         if (j->block_of[slot] != OUTSIDE &&
             fv_map_keypoint(&o->map, &from.points[l->observers[k].feature], &p))
-            count += linear_observation_of(&from.frame->T_cam_world, &p, l->point,
+            count += linear_observation_of(&from.keyframe->T_cam_world, &p, l->point,
                                            j->block_of[slot], &observations[count]);
     }
     return count;
@@ -166,16 +167,17 @@ static void add_landmark(struct fv_joint *j, const struct fv_linear_observation 
 
 /* The unit of length is free: hold it, so that the path of the poses keeps its size about the
  * reference. */
-static void hold_scale(const struct fv_odometry *o, const struct fv_view *view, struct fv_joint *j)
+static void hold_scale(const struct fv_odometry *o, const struct fv_map_frame *frame,
+                       struct fv_joint *j)
 {
     const double origin[3] = {0, 0, 0};
     double centre[3], way[6 * FV_COVARIANCE_POSES_MAX] = {0}, square = 0;
     double weighted[6 * FV_COVARIANCE_POSES_MAX];
     fv_se3_apply_inverse(&o->map.keyframes[o->state->newest].T_cam_world, origin, centre);
     for (int k = 0; k < j->poses; k++) {
-        const struct fv_keyframe *frame =
-            k == j->poses - 1 ? view->frame : &o->map.keyframes[j->slots[k]];
-        fv_se3_apply(&frame->T_cam_world, centre, way + 6 * k);
+        const struct fv_keyframe *keyframe =
+            k == j->poses - 1 ? frame->keyframe : &o->map.keyframes[j->slots[k]];
+        fv_se3_apply(&keyframe->T_cam_world, centre, way + 6 * k);
         square += fv_dot3(way + 6 * k, way + 6 * k);
     }
     if (!(square > 0)) return;
@@ -188,19 +190,19 @@ static void hold_scale(const struct fv_odometry *o, const struct fv_view *view, 
 /* Variance of an error as the parts of the image show it: the mean square of what they pull at the
  * pose with, each on its own, in sigmas of the pose. Equal to that of the errors where these are
  * independent. */
-static double parts_variance(const struct fv_odometry *o, const struct fv_view *view,
+static double parts_variance(const struct fv_odometry *o, const struct fv_map_frame *frame,
                              const struct fv_pose_fit *fit)
 {
     double pull[FV_MAP_PARTS][6] = {{0}}, A[36], square = 0;
-    const struct fv_se3 *T = &view->frame->T_cam_world;
-    for (uint32_t f = 0; f < view->frame->features; f++) {
+    const struct fv_se3 *T = &frame->keyframe->T_cam_world;
+    for (uint32_t f = 0; f < frame->keyframe->features; f++) {
         double q[3], e[2], J[6], turn[3];
         struct fv_observation s;
-        if (view->landmark[f] == FV_MAP_NONE) continue;
-        fv_observation_from(&view->keypoints[f], o->map.landmarks[view->landmark[f]].point, &s);
+        if (frame->landmark[f] == FV_MAP_NONE) continue;
+        fv_observation_from(&frame->keypoints[f], o->map.landmarks[frame->landmark[f]].point, &s);
         fv_se3_apply(T, s.point, q);
         if (!fv_observation_error(s.bearing, s.A, q, e, J)) continue;
-        double *sum = pull[fv_map_part(&o->map, &view->points[f])];
+        double *sum = pull[fv_map_part(&o->map, &frame->points[f])];
         for (int r = 0; r < 2; r++) {
             fv_cross3(q, J + 3 * r, turn);
             for (int k = 0; k < 3; k++) {
@@ -224,13 +226,14 @@ static double parts_variance(const struct fv_odometry *o, const struct fv_view *
 /* What the map in sight is bent by: noise over the mean parallax of its landmarks. Those with more
  * of it hold the rest in place; where none has much, as in a young map, their errors have much in
  * common. */
-static double map_bend(const struct fv_odometry *o, const struct fv_view *view, double noise_px)
+static double map_bend(const struct fv_odometry *o, const struct fv_map_frame *frame,
+                       double noise_px)
 {
     double sum = 0;
     uint32_t count = 0;
-    for (uint32_t f = 0; f < view->frame->features; f++) {
-        if (view->landmark[f] == FV_MAP_NONE) continue;
-        sum += (double)o->map.landmarks[view->landmark[f]].spread;
+    for (uint32_t f = 0; f < frame->keyframe->features; f++) {
+        if (frame->landmark[f] == FV_MAP_NONE) continue;
+        sum += (double)o->map.landmarks[frame->landmark[f]].spread;
         count++;
     }
     const double mean_px = sum * o->focal_px / (count > 0 ? count : 1);
@@ -240,21 +243,21 @@ static double map_bend(const struct fv_odometry *o, const struct fv_view *view, 
 }
 
 /* The joint problem's covariance upper triangle by rows. False: not determined. */
-static bool solve_joint(struct fv_odometry *o, const struct fv_view *view, uint32_t inliers,
+static bool solve_joint(struct fv_odometry *o, const struct fv_map_frame *frame, uint32_t inliers,
                         double variance, double covariance[21])
 {
     struct fv_joint j;
     j.S = o->covariance.joint;
-    sample_inliers(view, inliers, &j);
-    pick_poses(o, view, &j);
+    sample_inliers(frame, inliers, &j);
+    pick_poses(o, frame, &j);
     for (uint32_t i = 0; i < j.sample_count; i++) {
         struct fv_linear_observation observations[FV_MAP_OBSERVERS_MAX + 1];
-        add_landmark(&j, observations, find_observations(o, view, j.sample[i], &j, observations));
+        add_landmark(&j, observations, find_observations(o, frame, j.sample[i], &j, observations));
     }
     const double information = (double)inliers / (double)j.sample_count / variance;
     for (int k = 0; k < j.size * j.size; k++)
         j.S[k] *= information;
-    hold_scale(o, view, &j);
+    hold_scale(o, frame, &j);
     const struct fv_normal normal = {j.S, NULL, j.size};
     fv_normal_damp(&normal, nearly_zero, 0);
     if (!fv_ldlt_factor(j.S, j.size)) return false;
@@ -283,25 +286,25 @@ static void solve_alone(const struct fv_pose_fit *fit, double variance, double c
 }
 
 /* Way from the reference keyframe. */
-static double way_of(const struct fv_keyframe *reference, const struct fv_view *view)
+static double way_of(const struct fv_keyframe *reference, const struct fv_map_frame *frame)
 {
     struct fv_se3 T_world_ref, T;
     fv_se3_invert(&reference->T_cam_world, &T_world_ref);
-    fv_se3_compose(&view->frame->T_cam_world, &T_world_ref, &T);
+    fv_se3_compose(&frame->keyframe->T_cam_world, &T_world_ref, &T);
     return fv_norm3(T.t);
 }
 
-bool fv_covariance_write(struct fv_odometry *o, const struct fv_view *view,
+bool fv_covariance_write(struct fv_odometry *o, const struct fv_map_frame *frame,
                          const struct fv_pose_fit *fit)
 {
     const struct fv_keyframe *reference = &o->map.keyframes[o->state->newest];
     double *covariance = o->state->pose.covariance, variance = fv_pose_variance(fit);
     if (variance < variance_min) variance = variance_min;
-    const double together = parts_variance(o, view, fit) / variance,
+    const double together = parts_variance(o, frame, fit) / variance,
                  factor = own_share * (together > 1 ? together : 1),
-                 bend = map_bend(o, view, __builtin_sqrt(variance));
+                 bend = map_bend(o, frame, __builtin_sqrt(variance));
     bool sound = together < together_max;
-    if (!solve_joint(o, view, fit->inliers, variance, covariance)) {
+    if (!solve_joint(o, frame, fit->inliers, variance, covariance)) {
         solve_alone(fit, variance, covariance);
         sound = false;
     }
@@ -310,7 +313,7 @@ bool fv_covariance_write(struct fv_odometry *o, const struct fv_view *view,
     if (bend < bend_max ||
         o->map.state->keyframe_number - o->state->first_keyframe >= YOUNG_KEYFRAMES)
         return sound;
-    const double drift = bend_share * bend * way_of(reference, view),
+    const double drift = bend_share * bend * way_of(reference, frame),
                  turn = drift / (reference->depth > 0 ? reference->depth : 1);
     for (int row = 0, k = 0; row < 6; k += 6 - row, row++)
         covariance[k] += row < 3 ? drift * drift : turn * turn;

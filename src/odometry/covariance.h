@@ -44,7 +44,7 @@ void fv_covariance_carve(struct fv_covariance *covariance, struct fv_arena *fram
 
 /* Write the covariance to state->pose, lengths in the map's unit. False: it is not to be relied on.
  * Real-time safe. */
-bool fv_covariance_write(struct fv_odometry *odometry, const struct fv_view *view,
+bool fv_covariance_write(struct fv_odometry *odometry, const struct fv_map_frame *frame,
                          const struct fv_pose_fit *fit);
 
 #ifdef __cplusplus

@@ -77,8 +77,8 @@ static void thin_out(struct fv_initialise_state *s)
 static uint32_t match_views(struct fv_odometry *o, const struct fv_kernels *kernels, uint32_t from,
                             uint32_t to)
 {
-    const struct fv_view a = fv_map_view(&o->map, from), b = fv_map_view(&o->map, to);
-    uint32_t count_a = a.frame->features, count_b = b.frame->features, count = 0;
+    const struct fv_map_frame a = fv_map_frame_at(&o->map, from), b = fv_map_frame_at(&o->map, to);
+    uint32_t count_a = a.keyframe->features, count_b = b.keyframe->features, count = 0;
     kernels->hamming_two_u8(o->matches.nearest, o->matches.second, a.descriptors, (int32_t)count_a,
                             b.descriptors, (int32_t)count_b);
     for (uint32_t i = 0; i < count_b; i++)
@@ -113,8 +113,8 @@ static uint32_t take_pairs(struct fv_odometry *o, uint32_t count,
                                                          ? TRACKS_MAX
                                                          : o->window.limits.landmarks;
     const uint32_t taken = count < limit ? count : limit;
-    const struct fv_view from = fv_map_view(&o->map, b->slots[0]),
-                         to = fv_map_view(&o->map, b->slots[last]);
+    const struct fv_map_frame from = fv_map_frame_at(&o->map, b->slots[0]),
+                              to = fv_map_frame_at(&o->map, b->slots[last]);
     for (uint32_t n = 0; n < taken; n++) {
         const uint32_t k = n * SPREAD_STEP % count, i = o->matches.nearest[k],
                        feature = o->matches.second[k];
@@ -135,11 +135,11 @@ static uint32_t take_pairs(struct fv_odometry *o, uint32_t count,
 static void note_matches(struct fv_odometry *o, uint32_t held, uint32_t count)
 {
     struct fv_initialise_state *s = o->initialiser.state;
-    const struct fv_view view = fv_map_view(&o->map, s->slots[held]);
-    for (uint32_t f = 0; f < view.frame->features; f++)
-        view.landmark[f] = FV_MAP_NONE;
+    const struct fv_map_frame frame = fv_map_frame_at(&o->map, s->slots[held]);
+    for (uint32_t f = 0; f < frame.keyframe->features; f++)
+        frame.landmark[f] = FV_MAP_NONE;
     for (uint32_t k = 0; k < count; k++)
-        view.landmark[o->matches.second[k]] = (int16_t)o->matches.nearest[k];
+        frame.landmark[o->matches.second[k]] = (int16_t)o->matches.nearest[k];
     s->matched[held] = s->frames[0];
 }
 
@@ -158,16 +158,16 @@ static void match_stale(struct fv_odometry *o, const struct fv_kernels *kernels)
 static void extend_tracks(struct fv_odometry *o, uint32_t tracks,
                           const struct fv_initialise_bundle *b)
 {
-    const struct fv_view first = fv_map_view(&o->map, b->slots[0]);
-    for (uint32_t f = 0; f < first.frame->features; f++)
+    const struct fv_map_frame first = fv_map_frame_at(&o->map, b->slots[0]);
+    for (uint32_t f = 0; f < first.keyframe->features; f++)
         first.landmark[f] = FV_MAP_NONE;
     for (uint32_t n = 0; n < tracks; n++)
         first.landmark[o->initialiser.tracks[n].feature[0]] = (int16_t)n;
     for (uint32_t v = 1; v + 1 < b->view_count; v++) {
-        const struct fv_view view = fv_map_view(&o->map, b->slots[v]);
-        for (uint32_t f = 0; f < view.frame->features; f++) {
+        const struct fv_map_frame frame = fv_map_frame_at(&o->map, b->slots[v]);
+        for (uint32_t f = 0; f < frame.keyframe->features; f++) {
             const int32_t track =
-                view.landmark[f] == FV_MAP_NONE ? FV_MAP_NONE : first.landmark[view.landmark[f]];
+                frame.landmark[f] == FV_MAP_NONE ? FV_MAP_NONE : first.landmark[frame.landmark[f]];
             if (track != FV_MAP_NONE) o->initialiser.tracks[track].feature[v] = (int32_t)f;
         }
     }
@@ -190,7 +190,7 @@ static void hold(struct fv_odometry *o, uint32_t matches, uint64_t first)
     const uint32_t held = s->count++;
     s->frames[held] = o->state->frame_number;
     s->matched[held] = 0;
-    fv_map_copy_view(&o->map, fv_map_current(&o->map), s->slots[held]);
+    fv_map_copy_frame(&o->map, fv_map_current(&o->map), s->slots[held]);
     o->map.keyframes[s->slots[held]].T_cam_world =
         s->guess; /* as long as the first view stays the same */
     if (held > 0 && s->frames[0] == first) note_matches(o, held, matches);
@@ -317,7 +317,7 @@ static void add_track(struct fv_odometry *o, const struct fv_initialise_bundle *
                       const uint32_t *keyframes, uint32_t track, double scale)
 {
     const uint32_t last = b->view_count - 1;
-    const struct fv_view current = fv_map_view(&o->map, fv_map_current(&o->map));
+    const struct fv_map_frame current = fv_map_frame_at(&o->map, fv_map_current(&o->map));
     double point[3];
     for (int k = 0; k < 3; k++)
         point[k] = scale / o->initialiser.depths[track].value * o->initialiser.pairs[track].x1[k];

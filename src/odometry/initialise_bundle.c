@@ -68,16 +68,16 @@ static void move(struct fv_se3 *T, const double step[6])
         T->t[k] += step[k];
 }
 
-static const struct fv_keypoint *keypoint_of(const struct fv_view *view,
+static const struct fv_keypoint *keypoint_of(const struct fv_map_frame *frame,
                                              const struct fv_feature_track *track, uint32_t v)
 {
-    return &view->keypoints[track->feature[v]];
+    return &frame->keypoints[track->feature[v]];
 }
 
 static bool row_of(const struct fv_initialise_bundle *b,
-                   const struct fv_view views[FV_INITIALISE_VIEWS_MAX], const struct fv_pair *pair,
-                   const struct fv_feature_track *track, double inverse_depth, uint32_t v,
-                   struct fv_initialise_row *row)
+                   const struct fv_map_frame views[FV_INITIALISE_VIEWS_MAX],
+                   const struct fv_pair *pair, const struct fv_feature_track *track,
+                   double inverse_depth, uint32_t v, struct fv_initialise_row *row)
 {
     const struct fv_keypoint *p = keypoint_of(&views[v], track, v),
                              *first = keypoint_of(&views[0], track, 0);
@@ -122,7 +122,7 @@ static double robust(struct fv_initialise_row *row, double limit2)
 
 /* Move view v until it fits the points. False: too few are seen. */
 static bool place_view(struct fv_initialiser *in, uint32_t count,
-                       const struct fv_view views[FV_INITIALISE_VIEWS_MAX],
+                       const struct fv_map_frame views[FV_INITIALISE_VIEWS_MAX],
                        struct fv_initialise_bundle *b, uint32_t v)
 {
     double limit2 = align_limit2;
@@ -147,10 +147,10 @@ static bool place_view(struct fv_initialiser *in, uint32_t count,
 }
 
 static void find_views(const struct fv_initialiser *in, const struct fv_initialise_bundle *b,
-                       struct fv_view views[FV_INITIALISE_VIEWS_MAX])
+                       struct fv_map_frame views[FV_INITIALISE_VIEWS_MAX])
 {
     for (uint32_t v = 0; v < b->view_count; v++)
-        views[v] = fv_map_view(in->map, b->slots[v]);
+        views[v] = fv_map_frame_at(in->map, b->slots[v]);
 }
 
 /* Part of the way from the first to the last view. */
@@ -168,7 +168,7 @@ static void go_part(const struct fv_se3 *whole, double share, struct fv_se3 *T)
 bool fv_initialise_guess_motion(struct fv_initialiser *in, uint32_t count,
                                 const struct fv_se3 *T_last_first, struct fv_initialise_bundle *b)
 {
-    struct fv_view views[FV_INITIALISE_VIEWS_MAX];
+    struct fv_map_frame views[FV_INITIALISE_VIEWS_MAX];
     const uint32_t last = b->view_count - 1;
     uint32_t placed = 0;
     find_views(in, b, views);
@@ -189,7 +189,7 @@ bool fv_initialise_guess_again(struct fv_initialiser *in, uint32_t count,
                                struct fv_initialise_bundle *b)
 {
     const struct fv_initialise_state *s = in->state;
-    struct fv_view views[FV_INITIALISE_VIEWS_MAX];
+    struct fv_map_frame views[FV_INITIALISE_VIEWS_MAX];
     const uint32_t last = b->view_count - 1;
     if (s->guessed != s->frames[0]) return false;
     find_views(in, b, views);
@@ -197,7 +197,7 @@ bool fv_initialise_guess_again(struct fv_initialiser *in, uint32_t count,
     for (uint32_t i = 0; i < count; i++)
         in->depths[i].value = (double)in->guessed_depth[in->tracks[i].feature[0]];
     for (uint32_t v = 1; v <= last; v++) {
-        b->T_view_first[v] = v == last ? s->guess : views[v].frame->T_cam_world;
+        b->T_view_first[v] = v == last ? s->guess : views[v].keyframe->T_cam_world;
         if (!place_view(in, count, views, b, v)) return false;
     }
     return true;
@@ -206,7 +206,7 @@ bool fv_initialise_guess_again(struct fv_initialiser *in, uint32_t count,
 bool fv_initialise_guess_reversed(struct fv_initialiser *in, uint32_t count,
                                   struct fv_initialise_bundle *b)
 {
-    struct fv_view views[FV_INITIALISE_VIEWS_MAX];
+    struct fv_map_frame views[FV_INITIALISE_VIEWS_MAX];
     double sum = 0;
     find_views(in, b, views);
     for (uint32_t i = 0; i < count; i++)
@@ -225,13 +225,13 @@ void fv_initialise_note_guess(struct fv_initialiser *in, uint64_t now, uint32_t 
                               const struct fv_initialise_bundle *b)
 {
     struct fv_initialise_state *s = in->state;
-    const struct fv_view first = fv_map_view(in->map, b->slots[0]);
+    const struct fv_map_frame first = fv_map_frame_at(in->map, b->slots[0]);
     double sum = 0;
     s->guess = b->T_view_first[b->view_count - 1];
     s->guessed = s->frames[0];
     for (uint32_t i = 0; i < count; i++)
         sum += in->depths[i].value;
-    for (uint32_t f = 0; f < first.frame->features; f++)
+    for (uint32_t f = 0; f < first.keyframe->features; f++)
         in->guessed_depth[f] = (float)(sum / count);
     for (uint32_t i = 0; i < all; i++) {
         double depth = in->depths[i].value;
@@ -249,7 +249,7 @@ void fv_initialise_note_guess(struct fv_initialiser *in, uint64_t now, uint32_t 
 
 /* Add a track: its blocks, with its inverse depth eliminated. Returns its cost. */
 static double add_rows(struct fv_initialiser *in, const struct fv_initialise_bundle *b,
-                       const struct fv_view views[FV_INITIALISE_VIEWS_MAX], uint32_t track,
+                       const struct fv_map_frame views[FV_INITIALISE_VIEWS_MAX], uint32_t track,
                        double damping, double limit2, const struct fv_normal *normal)
 {
     struct fv_initialise_depth *d = &in->depths[track];
@@ -280,7 +280,7 @@ static double add_rows(struct fv_initialiser *in, const struct fv_initialise_bun
 
 /* Normal equations at the present poses and depths; returns the cost. */
 static double build(struct fv_initialiser *in, uint32_t count, const struct fv_initialise_bundle *b,
-                    const struct fv_view views[FV_INITIALISE_VIEWS_MAX], double damping,
+                    const struct fv_map_frame views[FV_INITIALISE_VIEWS_MAX], double damping,
                     double limit2, struct fv_initialise_system *s)
 {
     double cost = 0;
@@ -324,7 +324,7 @@ static bool take_step(struct fv_initialiser *in, uint32_t count, struct fv_initi
 
 /* Levenberg's and Marquardt's steps until nothing is gained. */
 static void minimise(struct fv_initialiser *in, uint32_t count,
-                     const struct fv_view views[FV_INITIALISE_VIEWS_MAX],
+                     const struct fv_map_frame views[FV_INITIALISE_VIEWS_MAX],
                      struct fv_initialise_bundle *b, double limit2, struct fv_initialise_system *s)
 {
     struct fv_se3 before[FV_INITIALISE_VIEWS_MAX];
@@ -370,7 +370,7 @@ static void normalise(struct fv_initialiser *in, uint32_t count, struct fv_initi
  * minimum all of it adds up to nothing. */
 static void pull_of(const struct fv_initialiser *in, uint32_t count,
                     const struct fv_initialise_bundle *b,
-                    const struct fv_view views[FV_INITIALISE_VIEWS_MAX], double limit2,
+                    const struct fv_map_frame views[FV_INITIALISE_VIEWS_MAX], double limit2,
                     double pull[FV_MAP_PARTS][SYSTEM_MAX])
 {
     memset(pull, 0, FV_MAP_PARTS * sizeof pull[0]);
@@ -400,8 +400,8 @@ static void pull_of(const struct fv_initialiser *in, uint32_t count,
  * moves bends the bundle, it pulls against all the rest. FV_PI: not determined. */
 static double direction_sigma(struct fv_initialiser *in, uint32_t count,
                               const struct fv_initialise_bundle *b,
-                              const struct fv_view views[FV_INITIALISE_VIEWS_MAX], double limit2,
-                              struct fv_initialise_system *s)
+                              const struct fv_map_frame views[FV_INITIALISE_VIEWS_MAX],
+                              double limit2, struct fv_initialise_system *s)
 {
     const double *t = b->T_view_first[b->view_count - 1].t;
     double variance = 0, variance_parts = 0, pull[FV_MAP_PARTS][SYSTEM_MAX];
@@ -437,7 +437,7 @@ static double direction_sigma(struct fv_initialiser *in, uint32_t count,
  * (Cauchy's weights) at the scale of a good match lets a slightly bent geometry, which explains a
  * moving thing as well, lose to the right one. */
 static double track_cost(const struct fv_initialiser *in, const struct fv_initialise_bundle *b,
-                         const struct fv_view views[FV_INITIALISE_VIEWS_MAX], uint32_t track,
+                         const struct fv_map_frame views[FV_INITIALISE_VIEWS_MAX], uint32_t track,
                          bool *fits, double *square)
 {
     double cost = 0;
@@ -460,7 +460,7 @@ static double track_cost(const struct fv_initialiser *in, const struct fv_initia
 
 /* Cost, points and noise of the bundle. */
 static void judge(struct fv_initialiser *in, uint32_t count,
-                  const struct fv_view views[FV_INITIALISE_VIEWS_MAX],
+                  const struct fv_map_frame views[FV_INITIALISE_VIEWS_MAX],
                   struct fv_initialise_bundle *b)
 {
     const struct fv_se3 *last = &b->T_view_first[b->view_count - 1];
@@ -490,7 +490,7 @@ void fv_initialise_adjust(struct fv_initialiser *in, uint32_t count, enum fv_ini
                           struct fv_initialise_bundle *b)
 {
     struct fv_initialise_system system;
-    struct fv_view views[FV_INITIALISE_VIEWS_MAX];
+    struct fv_map_frame views[FV_INITIALISE_VIEWS_MAX];
     find_views(in, b, views);
     for (int stage = (int)trust; stage < STAGES; stage++)
         minimise(in, count, views, b, stage_limit2[stage], &system);
@@ -508,7 +508,7 @@ void fv_initialise_adjust(struct fv_initialiser *in, uint32_t count, enum fv_ini
 double fv_initialise_turn_cost(struct fv_initialiser *in, uint32_t count,
                                const struct fv_initialise_bundle *b)
 {
-    struct fv_view views[FV_INITIALISE_VIEWS_MAX];
+    struct fv_map_frame views[FV_INITIALISE_VIEWS_MAX];
     struct fv_initialise_bundle turn = *b;
     double cost = 0, square;
     bool fits;

@@ -94,19 +94,19 @@ void fv_odometry_make_keyframe(struct fv_odometry *o)
                      LANDMARKS_ROOM < o->map.limits.landmarks / 4 ? LANDMARKS_ROOM
                                                                   : o->map.limits.landmarks / 4,
                      s->frame_number);
-    struct fv_view current = fv_map_view(&o->map, fv_map_current(&o->map));
+    struct fv_map_frame current = fv_map_frame_at(&o->map, fv_map_current(&o->map));
     double depth = current_depth(o);
     uint32_t slot = fv_map_add_keyframe(&o->map, fv_map_current(&o->map));
     struct fv_keyframe *keyframe = &o->map.keyframes[slot];
     keyframe->depth = depth;
-    for (uint32_t f = 0; f < current.frame->features; f++) {
+    for (uint32_t f = 0; f < current.keyframe->features; f++) {
         int32_t landmark = current.landmark[f];
         /* Making room may have taken landmarks that the frame had matched. */
         if (landmark == FV_MAP_NONE || !o->map.landmarks[landmark].used) continue;
         if (fv_map_link(&o->map, (uint32_t)landmark, slot, f))
             fv_map_refresh_landmark(&o->map, (uint32_t)landmark);
     }
-    current.frame->parent = (int32_t)slot;
+    current.keyframe->parent = (int32_t)slot;
     s->newest = slot;
     s->keyframe_frame = s->frame_number;
     s->keyframe_matches = keyframe->landmarks;

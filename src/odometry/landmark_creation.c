@@ -59,7 +59,7 @@ static void begin_creation(struct fv_odometry *o, uint32_t keyframe)
 
 /* From keyframe a to neighbour b. */
 struct line_search {
-    struct fv_view a, b;
+    struct fv_map_frame a, b;
     struct fv_se3 T_b_a, T_a_b;
     double depth;
 };
@@ -68,12 +68,12 @@ static void line_begin(const struct fv_odometry *o, uint32_t a, uint32_t b,
                        struct line_search *search)
 {
     struct fv_se3 T_world_a;
-    search->a = fv_map_view(&o->map, a);
-    search->b = fv_map_view(&o->map, b);
-    fv_se3_invert(&search->a.frame->T_cam_world, &T_world_a);
-    fv_se3_compose(&search->b.frame->T_cam_world, &T_world_a, &search->T_b_a);
+    search->a = fv_map_frame_at(&o->map, a);
+    search->b = fv_map_frame_at(&o->map, b);
+    fv_se3_invert(&search->a.keyframe->T_cam_world, &T_world_a);
+    fv_se3_compose(&search->b.keyframe->T_cam_world, &T_world_a, &search->T_b_a);
     fv_se3_invert(&search->T_b_a, &search->T_a_b);
-    search->depth = search->a.frame->depth;
+    search->depth = search->a.keyframe->depth;
 }
 
 /* Box of the part of the line between the nearest plausible depth and infinity; false when it is
@@ -100,7 +100,7 @@ static bool line_box(const struct fv_odometry *o, const struct line_search *sear
            box[1] < o->map.limits.height;
 }
 
-/* Triangulate and check: parallax, errors in both views, and sizes that agree with the levels.
+/* Triangulate and check: parallax, errors in both frames, and sizes that agree with the levels.
  * `point` in a's frame. */
 static bool new_point(const struct fv_odometry *o, const struct line_search *search,
                       const double x1[3], uint32_t feature_a, uint32_t feature_b, double point[3])
@@ -141,7 +141,7 @@ static void create_from_feature(struct fv_odometry *o, const struct fv_kernels *
                            search->a.descriptors + (size_t)feature * FV_MAP_DESCRIPTOR_BYTES);
     if (!fv_map_found_one(&found, DISTANCE_CREATE_MAX)) return;
     if (!new_point(o, search, bearing, feature, (uint32_t)found.feature, point)) return;
-    fv_se3_apply_inverse(&search->a.frame->T_cam_world, point, world);
+    fv_se3_apply_inverse(&search->a.keyframe->T_cam_world, point, world);
     int32_t landmark = fv_map_add_landmark(&o->map, world, o->state->frame_number);
     if (landmark == FV_MAP_NONE) return;
     (void)fv_map_link(&o->map, (uint32_t)landmark, o->state->creation.keyframe, feature);
@@ -164,20 +164,21 @@ static void triangulate_unit(struct fv_odometry *o, const struct fv_kernels *ker
         g->next = 0;
         return;
     }
-    struct fv_view view = fv_map_view(&o->map, g->keyframe);
+    struct fv_map_frame frame = fv_map_frame_at(&o->map, g->keyframe);
     if (neighbour_holds(o, g->neighbour)) {
         struct line_search search;
         line_begin(o, g->keyframe, g->neighbours[g->neighbour], &search);
         if (g->next == 0) fv_map_bearings(&o->map, g->neighbours[g->neighbour], o->creator.line);
-        for (uint32_t done = 0; done < UNIT_FEATURES && g->next < view.frame->features; g->next++) {
-            if (view.landmark[g->next] != FV_MAP_NONE) continue;
+        for (uint32_t done = 0; done < UNIT_FEATURES && g->next < frame.keyframe->features;
+             g->next++) {
+            if (frame.landmark[g->next] != FV_MAP_NONE) continue;
             create_from_feature(o, kernels, &search, g->neighbours[g->neighbour], g->next);
             done++;
         }
     } else {
-        g->next = view.frame->features;
+        g->next = frame.keyframe->features;
     }
-    if (g->next == view.frame->features) {
+    if (g->next == frame.keyframe->features) {
         g->neighbour++;
         g->next = 0;
     }
@@ -204,11 +205,11 @@ static void fuse(struct fv_odometry *o, const struct fv_kernels *kernels, uint32
                  uint32_t keyframe)
 {
     struct fv_landmark *l = &o->map.landmarks[landmark];
-    struct fv_view view = fv_map_view(&o->map, keyframe);
+    struct fv_map_frame frame = fv_map_frame_at(&o->map, keyframe);
     double q[3], pixel[2];
     for (uint32_t k = 0; k < l->observer_count; k++)
         if (l->observers[k].keyframe == keyframe) return;
-    fv_se3_apply(&view.frame->T_cam_world, l->point, q);
+    fv_se3_apply(&frame.keyframe->T_cam_world, l->point, q);
     if (fovea_camera_project(&o->camera, q, pixel, 0) != FOVEA_OK || pixel[0] < 0 || pixel[1] < 0 ||
         pixel[0] >= o->map.limits.width || pixel[1] >= o->map.limits.height)
         return;
@@ -218,7 +219,7 @@ static void fuse(struct fv_odometry *o, const struct fv_kernels *kernels, uint32
                                           3 * fv_level_scale((uint32_t)level), level - 1, level + 1,
                                           fv_map_descriptor(&o->map, l), true);
     if (found.feature == FV_MAP_NONE || found.distance > DISTANCE_FUSE_MAX ||
-        fv_map_error2(&o->map, &view.points[found.feature], q) > FV_CHI_SQUARE_95_2)
+        fv_map_error2(&o->map, &frame.points[found.feature], q) > FV_CHI_SQUARE_95_2)
         return;
     if (fv_map_link(&o->map, landmark, keyframe, (uint32_t)found.feature))
         fv_map_refresh_landmark(&o->map, landmark);
@@ -227,15 +228,15 @@ static void fuse(struct fv_odometry *o, const struct fv_kernels *kernels, uint32
 static void fuse_unit(struct fv_odometry *o, const struct fv_kernels *kernels)
 {
     struct fv_creation_state *g = &o->state->creation;
-    struct fv_view view = fv_map_view(&o->map, g->keyframe);
-    for (uint32_t done = 0; done < UNIT_FEATURES && g->next < view.frame->features; g->next++) {
-        int32_t landmark = view.landmark[g->next];
+    struct fv_map_frame frame = fv_map_frame_at(&o->map, g->keyframe);
+    for (uint32_t done = 0; done < UNIT_FEATURES && g->next < frame.keyframe->features; g->next++) {
+        int32_t landmark = frame.landmark[g->next];
         if (landmark == FV_MAP_NONE || o->map.landmarks[landmark].observer_count >= 4) continue;
         for (uint32_t i = 0; i < g->neighbour_count; i++)
             if (neighbour_holds(o, i)) fuse(o, kernels, (uint32_t)landmark, g->neighbours[i]);
         done++;
     }
-    if (g->next == view.frame->features) end_creation(o);
+    if (g->next == frame.keyframe->features) end_creation(o);
 }
 
 /* ---- the job's part -------------------------------------------------------------------------- */

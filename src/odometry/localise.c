@@ -14,7 +14,7 @@ static const double radius_first_px = 12, radius_wide_px = 30; /* times the leve
 static const double local_widen =
     4; /* of the local map's search, where it makes up for a poor first stage */
 static const double found_share_low =
-    0.2; /* of the landmarks in view: less, and the search is widened */
+    0.2; /* of the visible landmarks: less, and the search is widened */
 
 void fv_localiser_carve(struct fv_localiser *l, uint32_t features_max, struct fv_arena *persistent,
                         struct fv_arena *frame)
@@ -32,20 +32,20 @@ void fv_matches_carve(struct fv_matches *m, uint32_t features_max, struct fv_are
     m->second = fv_arena_take_raw(frame, features_max, sizeof *m->second);
 }
 
-void fv_matches_clear(const struct fv_matches *m, const struct fv_view *view)
+void fv_matches_clear(const struct fv_matches *m, const struct fv_map_frame *frame)
 {
-    for (uint32_t f = 0; f < view->frame->features; f++) {
-        view->landmark[f] = FV_MAP_NONE;
+    for (uint32_t f = 0; f < frame->keyframe->features; f++) {
+        frame->landmark[f] = FV_MAP_NONE;
         m->distance[f] = UINT16_MAX;
     }
 }
 
 /* Take feature `f` for a landmark, unless a nearer one has it. */
-static void take(const struct fv_matches *m, const struct fv_view *view, uint32_t f,
+static void take(const struct fv_matches *m, const struct fv_map_frame *frame, uint32_t f,
                  uint32_t landmark, uint32_t distance)
 {
-    if (view->landmark[f] != FV_MAP_NONE && m->distance[f] <= distance) return;
-    view->landmark[f] = (int16_t)landmark;
+    if (frame->landmark[f] != FV_MAP_NONE && m->distance[f] <= distance) return;
+    frame->landmark[f] = (int16_t)landmark;
     m->distance[f] = (uint16_t)distance;
 }
 
@@ -60,10 +60,11 @@ static bool project_landmark(const struct fv_odometry *o, const struct fv_se3 *T
 
 /* First stage: the landmarks of the last frame around where `T` predicts them. */
 static uint32_t match_recent(struct fv_odometry *o, const struct fv_kernels *kernels,
-                             const struct fv_view *view, const struct fv_se3 *T, double radius_px)
+                             const struct fv_map_frame *frame, const struct fv_se3 *T,
+                             double radius_px)
 {
     uint32_t matches = 0;
-    fv_matches_clear(&o->matches, view);
+    fv_matches_clear(&o->matches, frame);
     for (uint32_t i = 0; i < o->state->localise.recent_count; i++) {
         const struct fv_recent *r = &o->localiser.recent[i];
         const struct fv_landmark *l = &o->map.landmarks[r->landmark];
@@ -75,19 +76,19 @@ static uint32_t match_recent(struct fv_odometry *o, const struct fv_kernels *ker
                           radius_px * fv_level_scale(r->level), (int)r->level - 1,
                           (int)r->level + 1, fv_map_descriptor(&o->map, l), false);
         if (!fv_map_found_one(&found, DISTANCE_PREDICTED_MAX)) continue;
-        take(&o->matches, view, (uint32_t)found.feature, r->landmark, found.distance);
+        take(&o->matches, frame, (uint32_t)found.feature, r->landmark, found.distance);
         matches++;
     }
     return matches;
 }
 
 /* Observations of all matched features; returns their number. */
-uint32_t fv_odometry_collect_observations(struct fv_odometry *o, const struct fv_view *view)
+uint32_t fv_odometry_collect_observations(struct fv_odometry *o, const struct fv_map_frame *frame)
 {
     uint32_t count = 0;
-    for (uint32_t f = 0; f < view->frame->features; f++) {
-        if (view->landmark[f] == FV_MAP_NONE) continue;
-        fv_observation_from(&view->keypoints[f], o->map.landmarks[view->landmark[f]].point,
+    for (uint32_t f = 0; f < frame->keyframe->features; f++) {
+        if (frame->landmark[f] == FV_MAP_NONE) continue;
+        fv_observation_from(&frame->keypoints[f], o->map.landmarks[frame->landmark[f]].point,
                             &o->localiser.observations[count]);
         o->localiser.observed_feature[count++] = f;
     }
@@ -95,41 +96,42 @@ uint32_t fv_odometry_collect_observations(struct fv_odometry *o, const struct fv
 }
 
 /* Refine over all matches, forget those that do not fit; `settle`: by the noise found. */
-static uint32_t refine(struct fv_odometry *o, const struct fv_view *view, int rounds, int steps,
-                       bool settle, struct fv_se3 *T, struct fv_pose_fit *fit)
+static uint32_t refine(struct fv_odometry *o, const struct fv_map_frame *frame, int rounds,
+                       int steps, bool settle, struct fv_se3 *T, struct fv_pose_fit *fit)
 {
-    uint32_t count = fv_odometry_collect_observations(o, view);
+    uint32_t count = fv_odometry_collect_observations(o, frame);
     if (count < 6 || !fv_pose_refine(o->localiser.observations, count, rounds, steps, T, fit))
         return 0;
     if (settle && !fv_pose_settle(o->localiser.observations, count, T, fit)) return 0;
     for (uint32_t i = 0; i < count; i++)
         if (!o->localiser.observations[i].inlier)
-            view->landmark[o->localiser.observed_feature[i]] = FV_MAP_NONE;
+            frame->landmark[o->localiser.observed_feature[i]] = FV_MAP_NONE;
     return fit->inliers;
 }
 
-uint32_t fv_odometry_refine(struct fv_odometry *o, const struct fv_view *view, int rounds,
+uint32_t fv_odometry_refine(struct fv_odometry *o, const struct fv_map_frame *frame, int rounds,
                             int steps, struct fv_se3 *T, struct fv_pose_fit *fit)
 {
-    return refine(o, view, rounds, steps, false, T, fit);
+    return refine(o, frame, rounds, steps, false, T, fit);
 }
 
 /* ---- local map ------------------------------------------------------------------------------- */
 
 /* Landmarks of the keyframes with most votes in `shared` (which is used up), except those matched
  * already. */
-static uint32_t gather_local(struct fv_odometry *o, const struct fv_view *view, uint16_t *shared)
+static uint32_t gather_local(struct fv_odometry *o, const struct fv_map_frame *frame,
+                             uint16_t *shared)
 {
     uint32_t count = 0, mark = ++o->map.state->mark;
     shared[o->state->newest] = UINT16_MAX; /* always */
-    for (uint32_t f = 0; f < view->frame->features; f++)
-        if (view->landmark[f] != FV_MAP_NONE) o->map.landmarks[view->landmark[f]].mark = mark;
+    for (uint32_t f = 0; f < frame->keyframe->features; f++)
+        if (frame->landmark[f] != FV_MAP_NONE) o->map.landmarks[frame->landmark[f]].mark = mark;
     for (int round = 0; round < FV_LOCAL_KEYFRAMES_MAX; round++) {
         const uint32_t best = fv_map_best_shared(&o->map, shared);
         if (shared[best] == 0) break;
         shared[best] = 0;
-        struct fv_view from = fv_map_view(&o->map, best);
-        for (uint32_t f = 0; f < from.frame->features && count < FV_LOCAL_LANDMARKS_MAX; f++) {
+        struct fv_map_frame from = fv_map_frame_at(&o->map, best);
+        for (uint32_t f = 0; f < from.keyframe->features && count < FV_LOCAL_LANDMARKS_MAX; f++) {
             if (from.landmark[f] == FV_MAP_NONE || o->map.landmarks[from.landmark[f]].mark == mark)
                 continue;
             o->map.landmarks[from.landmark[f]].mark = mark;
@@ -139,14 +141,15 @@ static uint32_t gather_local(struct fv_odometry *o, const struct fv_view *view, 
     return count;
 }
 
-/* Second stage: the rest of the local map, close to where the refined pose sees it. Returns how
- * many are in view. */
+/* Second stage: the rest of the local map, close to where the refined pose sees it. Returns
+ * the number of visible landmarks. */
 uint32_t fv_odometry_match_local(struct fv_odometry *o, const struct fv_kernels *kernels,
-                                 const struct fv_view *view, const struct fv_se3 *T, double widen)
+                                 const struct fv_map_frame *frame, const struct fv_se3 *T,
+                                 double widen)
 {
     uint16_t shared[FOVEA_ODOMETRY_KEYFRAMES_MAX];
     fv_map_count_shared(&o->map, fv_map_current(&o->map), shared);
-    uint32_t count = gather_local(o, view, shared), visible = 0;
+    uint32_t count = gather_local(o, frame, shared), visible = 0;
     for (uint32_t i = 0; i < count; i++) {
         struct fv_landmark *l = &o->map.landmarks[o->localiser.local[i]];
         double q[3], pixel[2], ray[3];
@@ -163,7 +166,7 @@ uint32_t fv_odometry_match_local(struct fv_odometry *o, const struct fv_kernels 
             fv_map_search(&o->map, kernels, fv_map_current(&o->map), pixel[0], pixel[1], radius,
                           level - 1, level + 1, fv_map_descriptor(&o->map, l), true);
         if (!fv_map_found_one(&found, DISTANCE_PREDICTED_MAX)) continue;
-        take(&o->matches, view, (uint32_t)found.feature, o->localiser.local[i], found.distance);
+        take(&o->matches, frame, (uint32_t)found.feature, o->localiser.local[i], found.distance);
     }
     return visible;
 }
@@ -171,12 +174,12 @@ uint32_t fv_odometry_match_local(struct fv_odometry *o, const struct fv_kernels 
 /* ---- the whole ------------------------------------------------------------------------------- */
 
 /* Remember what this frame saw, for the next one and for the landmarks' records. */
-static void remember(struct fv_odometry *o, const struct fv_view *view)
+static void remember(struct fv_odometry *o, const struct fv_map_frame *frame)
 {
     o->state->localise.recent_count = 0;
-    for (uint32_t f = 0; f < view->frame->features; f++) {
-        if (view->landmark[f] == FV_MAP_NONE) continue;
-        struct fv_landmark *l = &o->map.landmarks[view->landmark[f]];
+    for (uint32_t f = 0; f < frame->keyframe->features; f++) {
+        if (frame->landmark[f] == FV_MAP_NONE) continue;
+        struct fv_landmark *l = &o->map.landmarks[frame->landmark[f]];
         l->found++;
         l->seen = (uint32_t)o->state->frame_number;
         if (l->expected < l->found) l->expected = l->found;
@@ -184,35 +187,35 @@ static void remember(struct fv_odometry *o, const struct fv_view *view)
             l->expected /= 2;
             l->found /= 2;
         }
-        struct fv_recent recent = {(uint32_t)view->landmark[f], l->generation,
-                                   view->points[f].level};
+        struct fv_recent recent = {(uint32_t)frame->landmark[f], l->generation,
+                                   frame->points[f].level};
         o->localiser.recent[o->state->localise.recent_count++] = recent;
     }
 }
 
 /* First stage: a rough pose with matches to build on. */
 static bool rough_pose(struct fv_odometry *o, const struct fv_kernels *kernels,
-                       const struct fv_view *view, const struct fv_se3 *last, struct fv_se3 *T,
-                       struct fv_pose_fit *fit)
+                       const struct fv_map_frame *frame, const struct fv_se3 *last,
+                       struct fv_se3 *T, struct fv_pose_fit *fit)
 {
     if (o->state->state != FOVEA_TRACKING_LOST) {
         *T = *last;
         if (o->state->localise.moving_known) fv_se3_compose(&o->state->localise.motion, last, T);
         struct fv_se3 predicted = *T;
-        uint32_t matches = match_recent(o, kernels, view, T, radius_first_px);
+        uint32_t matches = match_recent(o, kernels, frame, T, radius_first_px);
         if (matches >= INLIERS_FIRST_MIN &&
-            refine(o, view, 2, 4, true, T, fit) >= INLIERS_FIRST_MIN)
+            refine(o, frame, 2, 4, true, T, fit) >= INLIERS_FIRST_MIN)
             return true;
         *T = predicted;
-        matches = match_recent(o, kernels, view, T, radius_wide_px);
+        matches = match_recent(o, kernels, frame, T, radius_wide_px);
         if (matches >= INLIERS_FIRST_MIN &&
-            fv_odometry_refine(o, view, 3, 5, T, fit) >= INLIERS_FIRST_MIN)
+            fv_odometry_refine(o, frame, 3, 5, T, fit) >= INLIERS_FIRST_MIN)
             return true;
         /* Too few of what the last frame saw is left, as in fast driving: the local map tells more.
          */
         *T = predicted;
-        (void)fv_odometry_match_local(o, kernels, view, T, local_widen);
-        if (fv_odometry_refine(o, view, 3, 5, T, fit) >= INLIERS_FIRST_MIN) return true;
+        (void)fv_odometry_match_local(o, kernels, frame, T, local_widen);
+        if (fv_odometry_refine(o, frame, 3, 5, T, fit) >= INLIERS_FIRST_MIN) return true;
     }
     if (o->state->state == FOVEA_TRACKING_LOST) return fv_odometry_relocalise(o, kernels, T, fit);
     return fv_odometry_try_keyframe(o, kernels, o->state->newest, T, fit);
@@ -220,39 +223,39 @@ static bool rough_pose(struct fv_odometry *o, const struct fv_kernels *kernels,
 
 void fv_odometry_confirm(struct fv_odometry *o)
 {
-    struct fv_view view = fv_map_view(&o->map, fv_map_current(&o->map));
-    struct fv_se3 T = view.frame->T_cam_world;
+    struct fv_map_frame frame = fv_map_frame_at(&o->map, fv_map_current(&o->map));
+    struct fv_se3 T = frame.keyframe->T_cam_world;
     struct fv_pose_fit fit;
-    uint32_t inliers = fv_odometry_refine(o, &view, 1, 3, &T, &fit);
+    uint32_t inliers = fv_odometry_refine(o, &frame, 1, 3, &T, &fit);
     if (inliers == 0) return;
     o->state->pose.inliers = inliers;
-    o->state->sound = fv_covariance_write(o, &view, &fit);
+    o->state->sound = fv_covariance_write(o, &frame, &fit);
 }
 
 uint32_t fv_odometry_localise(struct fv_odometry *o, const struct fv_kernels *kernels)
 {
-    struct fv_view view = fv_map_view(&o->map, fv_map_current(&o->map));
-    struct fv_se3 last = view.frame->T_cam_world, T, inverse;
+    struct fv_map_frame frame = fv_map_frame_at(&o->map, fv_map_current(&o->map));
+    struct fv_se3 last = frame.keyframe->T_cam_world, T, inverse;
     struct fv_pose_fit fit;
-    if (!rough_pose(o, kernels, &view, &last, &T, &fit)) return 0;
-    uint32_t known = fit.inliers, visible = fv_odometry_match_local(o, kernels, &view, &T, 1);
-    o->state->pose.matches = fv_odometry_collect_observations(o, &view);
-    uint32_t inliers = refine(o, &view, 2, 4, true, &T, &fit);
+    if (!rough_pose(o, kernels, &frame, &last, &T, &fit)) return 0;
+    uint32_t known = fit.inliers, visible = fv_odometry_match_local(o, kernels, &frame, &T, 1);
+    o->state->pose.matches = fv_odometry_collect_observations(o, &frame);
+    uint32_t inliers = refine(o, &frame, 2, 4, true, &T, &fit);
     if (inliers <
         found_share_low * (visible + known)) { /* a wrong rough pose finds what agrees with it */
-        (void)fv_odometry_match_local(o, kernels, &view, &T, local_widen);
-        o->state->pose.matches = fv_odometry_collect_observations(o, &view);
-        inliers = fv_odometry_refine(o, &view, 3, 5, &T, &fit);
+        (void)fv_odometry_match_local(o, kernels, &frame, &T, local_widen);
+        o->state->pose.matches = fv_odometry_collect_observations(o, &frame);
+        inliers = fv_odometry_refine(o, &frame, 3, 5, &T, &fit);
     }
     if (inliers < FOVEA_POSED_INLIERS_MIN) return 0;
     fv_se3_invert(&last, &inverse);
     fv_se3_compose(&T, &inverse, &o->state->localise.motion);
     o->state->localise.moving_known = o->state->state != FOVEA_TRACKING_LOST;
-    view.frame->T_cam_world = T;
+    frame.keyframe->T_cam_world = T;
     o->state->pose.inliers = inliers;
     o->state->pose.quality = (float)inliers / (float)(visible + known);
     if (o->state->pose.quality > 1) o->state->pose.quality = 1;
-    o->state->sound = fv_covariance_write(o, &view, &fit);
-    remember(o, &view);
+    o->state->sound = fv_covariance_write(o, &frame, &fit);
+    remember(o, &frame);
     return inliers;
 }

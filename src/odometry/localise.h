@@ -48,8 +48,8 @@ struct fv_odometry;
 void fv_localiser_carve(struct fv_localiser *localiser, uint32_t features_max,
                         struct fv_arena *persistent, struct fv_arena *frame);
 void fv_matches_carve(struct fv_matches *matches, uint32_t features_max, struct fv_arena *frame);
-/* Forget the view's matches. */
-void fv_matches_clear(const struct fv_matches *matches, const struct fv_view *view);
+/* Forget the frame's matches. */
+void fv_matches_clear(const struct fv_matches *matches, const struct fv_map_frame *frame);
 
 /* A key point that sees a point of the world. */
 static inline void fv_observation_from(const struct fv_keypoint *p, const double point[3],
@@ -65,16 +65,18 @@ static inline void fv_observation_from(const struct fv_keypoint *p, const double
     s->inlier = true;
 }
 
-/* Pose of the current view against the local map; number of inliers (0: failed). */
+/* Pose of the current frame against the local map; number of inliers (0: failed). */
 uint32_t fv_odometry_localise(struct fv_odometry *odometry, const struct fv_kernels *kernels);
 /* Pieces that relocalisation shares: make observations of the matches, returning their number;
  * refine over them and forget those that do not fit; match the local map around them (`widen` times
- * the usual radius), returning how many landmarks are in view. */
-uint32_t fv_odometry_collect_observations(struct fv_odometry *odometry, const struct fv_view *view);
-uint32_t fv_odometry_refine(struct fv_odometry *odometry, const struct fv_view *view, int rounds,
-                            int steps, struct fv_se3 *T, struct fv_pose_fit *fit);
+ * the usual radius), returning the number of visible landmarks. */
+uint32_t fv_odometry_collect_observations(struct fv_odometry *odometry,
+                                          const struct fv_map_frame *frame);
+uint32_t fv_odometry_refine(struct fv_odometry *odometry, const struct fv_map_frame *frame,
+                            int rounds, int steps, struct fv_se3 *T, struct fv_pose_fit *fit);
 uint32_t fv_odometry_match_local(struct fv_odometry *odometry, const struct fv_kernels *kernels,
-                                 const struct fv_view *view, const struct fv_se3 *T, double widen);
+                                 const struct fv_map_frame *frame, const struct fv_se3 *T,
+                                 double widen);
 
 #ifdef __cplusplus
 }

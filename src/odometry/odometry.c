@@ -96,11 +96,11 @@ enum fovea_status fv_odometry_load(struct fv_odometry *o, const struct fv_kernel
     return FOVEA_OK;
 }
 
-/* Fill the current view from the frame's features. */
+/* Fill the current frame of the map from the image's features. */
 static void odometry_fill_view(struct fv_odometry *o, const struct fv_odometry_input *input)
 {
     const uint32_t current = fv_map_current(&o->map);
-    fv_map_fill_view(&o->map, current, input->features, input->descriptors, input->count, NULL);
+    fv_map_fill_frame(&o->map, current, input->features, input->descriptors, input->count, NULL);
     o->map.keyframes[current].stamp_ns = input->stamp_ns;
 }
 
@@ -134,13 +134,13 @@ static enum fovea_tracking_state confidence(const struct fv_odometry *o, uint32_
     return good ? FOVEA_TRACKING_OK : FOVEA_TRACKING_WEAK;
 }
 
-/* Pose of a view in the world that poses are published in. */
+/* Pose of a frame in the world that poses are published in. */
 static void published_pose(const struct fv_odometry *o, const struct fv_sim3 *S_odom_map,
-                           uint32_t view, struct fv_se3 *T_odom_cam)
+                           uint32_t frame, struct fv_se3 *T_odom_cam)
 {
     struct fv_sim3 S_odom_cam;
     struct fv_se3 T_map_cam;
-    fv_se3_invert(&o->map.keyframes[view].T_cam_world, &T_map_cam);
+    fv_se3_invert(&o->map.keyframes[frame].T_cam_world, &T_map_cam);
     fv_sim3_from_se3(&T_map_cam, 1, &S_odom_cam);
     fv_sim3_compose(S_odom_map, &S_odom_cam, &S_odom_cam);
     memcpy(T_odom_cam->R, S_odom_cam.R, sizeof T_odom_cam->R);

@@ -16,9 +16,9 @@ enum {
 
 static const double ratio_max = 0.85;
 static const double least_score =
-    0.12 * FV_PLACE_ONE;                    /* below, views have no more in common than any two */
+    0.12 * FV_PLACE_ONE;                    /* below, frames have no more in common than two arbitrary ones */
 static const double inlier_share_min = 0.5; /* of the matches of the guided search */
-/* Inliers of the landmarks that the pose should see, and of the view's features: one of the two
+/* Inliers of the landmarks that the pose should see, and of the frame's features: one of the two
  * must be reached. In simulation, at a wrong place that has one thing in common with the right one
  * (a bookcase of the same make) 0.05 to 0.29 and up to 0.08 are found, seldom both; at the right
  * one 0.2 and more of both, where the map is bent too. */
@@ -69,13 +69,13 @@ void fv_odometry_index_unit(struct fv_odometry *o, const struct fv_kernels *kern
         index->next = 0;
         fv_place_words_begin(&index->words);
     }
-    const struct fv_view view = fv_map_view(&o->map, index->slot);
-    const uint32_t left = view.frame->features - index->next,
+    const struct fv_map_frame frame = fv_map_frame_at(&o->map, index->slot);
+    const uint32_t left = frame.keyframe->features - index->next,
                    some = left < FV_PLACE_UNIT ? left : FV_PLACE_UNIT;
     fv_place_words_add(&index->words, kernels,
-                       view.descriptors + (size_t)index->next * FV_MAP_DESCRIPTOR_BYTES, some);
+                       frame.descriptors + (size_t)index->next * FV_MAP_DESCRIPTOR_BYTES, some);
     index->next += some;
-    if (index->next < view.frame->features) return;
+    if (index->next < frame.keyframe->features) return;
     fv_place_insert(&o->relocaliser.place, index->slot, index->generation, &index->words);
     index->busy = false;
     if (o->config.closures && !o->config.localise_only &&
@@ -89,23 +89,23 @@ void fv_odometry_index_unit(struct fv_odometry *o, const struct fv_kernels *kern
  */
 static uint32_t gather_keyframe(struct fv_odometry *o, uint32_t slot, uint32_t mark, uint32_t count)
 {
-    const struct fv_view view = fv_map_view(&o->map, slot);
-    for (uint32_t f = 0; f < view.frame->features && count < FV_RELOCALISE_LANDMARKS; f++) {
-        if (view.landmark[f] == FV_MAP_NONE || o->map.landmarks[view.landmark[f]].mark == mark)
+    const struct fv_map_frame frame = fv_map_frame_at(&o->map, slot);
+    for (uint32_t f = 0; f < frame.keyframe->features && count < FV_RELOCALISE_LANDMARKS; f++) {
+        if (frame.landmark[f] == FV_MAP_NONE || o->map.landmarks[frame.landmark[f]].mark == mark)
             continue;
-        struct fv_landmark *l = &o->map.landmarks[view.landmark[f]];
+        struct fv_landmark *l = &o->map.landmarks[frame.landmark[f]];
         l->mark = mark;
         memcpy(o->relocaliser.gathered + (size_t)count * FV_MAP_DESCRIPTOR_BYTES,
                fv_map_descriptor(&o->map, l), FV_MAP_DESCRIPTOR_BYTES);
-        o->localiser.local[count++] = (uint32_t)view.landmark[f];
+        o->localiser.local[count++] = (uint32_t)frame.landmark[f];
     }
     return count;
 }
 
-/* Match the view's descriptors with those of the landmarks around a keyframe; each landmark is
+/* Match the frame's descriptors with those of the landmarks around a keyframe; each landmark is
  * given to the nearest. */
 static uint32_t match_keyframe(struct fv_odometry *o, const struct fv_kernels *kernels,
-                               const struct fv_view *view, uint32_t slot)
+                               const struct fv_map_frame *frame, uint32_t slot)
 {
     struct fv_neighbour neighbours[FV_RELOCALISE_NEIGHBOURS];
     const uint32_t mark = ++o->map.state->mark;
@@ -113,16 +113,16 @@ static uint32_t match_keyframe(struct fv_odometry *o, const struct fv_kernels *k
     uint32_t count = gather_keyframe(o, slot, mark, 0), matches = 0;
     for (uint32_t i = 0; i < near; i++)
         count = gather_keyframe(o, neighbours[i].slot, mark, count);
-    kernels->hamming_two_u8(o->matches.nearest, o->matches.second, view->descriptors,
-                            (int32_t)view->frame->features, o->relocaliser.gathered,
+    kernels->hamming_two_u8(o->matches.nearest, o->matches.second, frame->descriptors,
+                            (int32_t)frame->keyframe->features, o->relocaliser.gathered,
                             (int32_t)count);
-    fv_matches_clear(&o->matches, view);
-    for (uint32_t f = 0; f < view->frame->features; f++) {
+    fv_matches_clear(&o->matches, frame);
+    for (uint32_t f = 0; f < frame->keyframe->features; f++) {
         const uint32_t distance = o->matches.nearest[f] >> FV_MATCH_INDEX_BITS;
         if (o->matches.nearest[f] == FV_MATCH_NONE || distance > DISTANCE_MAX ||
             distance > ratio_max * (o->matches.second[f] >> FV_MATCH_INDEX_BITS))
             continue;
-        view->landmark[f] = (int16_t)o->localiser.local[o->matches.nearest[f] & 0xffff];
+        frame->landmark[f] = (int16_t)o->localiser.local[o->matches.nearest[f] & 0xffff];
         matches++;
     }
     return matches;
@@ -140,24 +140,24 @@ static uint32_t inliers_wanted(uint32_t features)
 bool fv_odometry_try_keyframe(struct fv_odometry *o, const struct fv_kernels *kernels,
                               uint32_t slot, struct fv_se3 *T, struct fv_pose_fit *fit)
 {
-    const struct fv_view view = fv_map_view(&o->map, fv_map_current(&o->map));
-    if (match_keyframe(o, kernels, &view, slot) < MATCHES_MIN) return false;
-    const uint32_t observations = fv_odometry_collect_observations(o, &view);
+    const struct fv_map_frame frame = fv_map_frame_at(&o->map, fv_map_current(&o->map));
+    if (match_keyframe(o, kernels, &frame, slot) < MATCHES_MIN) return false;
+    const uint32_t observations = fv_odometry_collect_observations(o, &frame);
     const struct fv_sampling sampling = {4.0 / o->focal_px, 0.99, SAMPLES_MAX};
     if (fv_pose_sample(o->localiser.observations, observations, &sampling, &o->state->random, T) <
         SAMPLED_INLIERS_MIN)
         return false;
     for (uint32_t i = 0; i < observations; i++)
         if (!o->localiser.observations[i].inlier)
-            view.landmark[o->localiser.observed_feature[i]] = FV_MAP_NONE;
-    if (fv_odometry_refine(o, &view, 3, 5, T, fit) < SAMPLED_INLIERS_MIN) return false;
-    const uint32_t visible = fit->inliers + fv_odometry_match_local(o, kernels, &view, T, 2);
-    const uint32_t matches = fv_odometry_collect_observations(o, &view);
-    if (fv_odometry_refine(o, &view, 3, 5, T, fit) < inliers_wanted(view.frame->features))
+            frame.landmark[o->localiser.observed_feature[i]] = FV_MAP_NONE;
+    if (fv_odometry_refine(o, &frame, 3, 5, T, fit) < SAMPLED_INLIERS_MIN) return false;
+    const uint32_t visible = fit->inliers + fv_odometry_match_local(o, kernels, &frame, T, 2);
+    const uint32_t matches = fv_odometry_collect_observations(o, &frame);
+    if (fv_odometry_refine(o, &frame, 3, 5, T, fit) < inliers_wanted(frame.keyframe->features))
         return false;
     return fit->inliers > inlier_share_min * matches &&
            (fit->inliers > found_share_min * visible ||
-            fit->inliers > view_share_min * view.frame->features);
+            fit->inliers > view_share_min * frame.keyframe->features);
 }
 
 /* ---- all candidates -------------------------------------------------------------------------- */
@@ -177,14 +177,14 @@ bool fv_odometry_relocalise(struct fv_odometry *o, const struct fv_kernels *kern
                             struct fv_se3 *T, struct fv_pose_fit *fit)
 {
     struct fv_relocaliser *r = &o->relocaliser;
-    const struct fv_view view = fv_map_view(&o->map, fv_map_current(&o->map));
+    const struct fv_map_frame frame = fv_map_frame_at(&o->map, fv_map_current(&o->map));
     struct fv_place_set among = {{0}};
     for (uint32_t k = 0; k < o->map.limits.keyframes; k++)
         if (o->map.keyframes[k].used &&
             fv_place_holds(&r->place, k, o->map.keyframes[k].generation))
             fv_place_set_add(&among, k);
     fv_place_words_begin(r->words);
-    fv_place_words_add(r->words, kernels, view.descriptors, view.frame->features);
+    fv_place_words_add(r->words, kernels, frame.descriptors, frame.keyframe->features);
     fv_place_scores(&r->place, r->words, &among, r->scores);
     for (int attempt = 0; attempt < FV_RELOCALISE_TRIES; attempt++) {
         struct fv_place_candidate best;
@@ -201,6 +201,6 @@ bool fv_odometry_relocalise(struct fv_odometry *o, const struct fv_kernels *kern
         for (uint32_t i = 0; i < count; i++)
             r->scores[same[i].slot] = 0;
     }
-    fv_matches_clear(&o->matches, &view);
+    fv_matches_clear(&o->matches, &frame);
     return false;
 }

@@ -39,7 +39,7 @@ struct fv_index_state {
 struct fv_relocaliser {
     struct fv_place place;
     struct fv_index_state *index; /* persistent */
-    struct fv_place_words *words; /* frame part: of the current view */
+    struct fv_place_words *words; /* frame part: of the current frame */
     uint32_t *scores;             /* frame part */
     uint8_t *gathered;            /* frame part: descriptors of landmarks around a candidate */
 };
@@ -55,13 +55,13 @@ void fv_relocaliser_reset(struct fv_relocaliser *relocaliser);
 bool fv_odometry_index_waiting(const struct fv_odometry *odometry);
 void fv_odometry_index_unit(struct fv_odometry *odometry, const struct fv_kernels *kernels);
 
-/* Pose of the current view against the neighbourhood of one keyframe, without prediction: sampled,
- * refined, and verified by guided search. True: T and the view's links to landmarks are set.
+/* Pose of the current frame against the neighbourhood of one keyframe, without prediction: sampled,
+ * refined, and verified by guided search. True: T and the frame's links to landmarks are set.
  */
 bool fv_odometry_try_keyframe(struct fv_odometry *odometry, const struct fv_kernels *kernels,
                               uint32_t slot, struct fv_se3 *T, struct fv_pose_fit *fit);
 
-/* The same against the keyframes most like the view, of all maps. On success the keyframe found is
+/* The same against the keyframes most like the frame, of all maps. On success the keyframe found is
  * the newest: its map is the current one, and the frame's pose is bound to it. */
 bool fv_odometry_relocalise(struct fv_odometry *odometry, const struct fv_kernels *kernels,
                             struct fv_se3 *T, struct fv_pose_fit *fit);

@@ -37,7 +37,7 @@ void small_map_free(struct small_map *small)
 
 static void make_view(struct small_map *small, struct fv_random *random)
 {
-    const struct fv_view view = fv_map_view(&small->map, fv_map_current(&small->map));
+    const struct fv_map_frame frame = fv_map_frame_at(&small->map, fv_map_current(&small->map));
     struct fovea_feature features[SMALL_MAP_FEATURES] = {{0}};
     uint8_t descriptors[SMALL_MAP_FEATURES * FV_MAP_DESCRIPTOR_BYTES];
     const uint32_t count = SMALL_MAP_FEATURES - fv_random_below(random, 3);
@@ -48,15 +48,15 @@ static void make_view(struct small_map *small, struct fv_random *random)
     }
     for (size_t i = 0; i < sizeof descriptors; i++)
         descriptors[i] = (uint8_t)fv_random_u32(random);
-    fv_map_fill_view(&small->map, fv_map_current(&small->map), features, descriptors, count, NULL);
-    view.frame->depth = 1 + fv_random_unit(random);
-    view.frame->stamp_ns = (int64_t)fv_random_u32(random);
+    fv_map_fill_frame(&small->map, fv_map_current(&small->map), features, descriptors, count, NULL);
+    frame.keyframe->depth = 1 + fv_random_unit(random);
+    frame.keyframe->stamp_ns = (int64_t)fv_random_u32(random);
     double turn[3];
     for (int i = 0; i < 3; i++) {
         turn[i] = 0.3 * fv_random_normal(random);
-        view.frame->T_cam_world.t[i] = fv_random_normal(random);
+        frame.keyframe->T_cam_world.t[i] = fv_random_normal(random);
     }
-    fv_so3_exp(turn, view.frame->T_cam_world.R);
+    fv_so3_exp(turn, frame.keyframe->T_cam_world.R);
 }
 
 void small_map_grow(struct small_map *small, struct fv_random *random)
@@ -103,25 +103,25 @@ uint8_t *small_map_save(const struct small_map *small, size_t *bytes)
 
 static const char *keyframe_trouble(const struct fv_map *map, uint32_t slot)
 {
-    const struct fv_view view = fv_map_view(map, slot);
+    const struct fv_map_frame frame = fv_map_frame_at(map, slot);
     uint32_t links = 0;
-    if (view.frame->features > map->limits.features) return "a keyframe has too many features";
-    for (uint32_t f = 0; f < view.frame->features; f++) {
-        if (view.landmark[f] == FV_MAP_NONE) continue;
-        if (view.landmark[f] < 0 || (uint32_t)view.landmark[f] >= map->limits.landmarks)
+    if (frame.keyframe->features > map->limits.features) return "a keyframe has too many features";
+    for (uint32_t f = 0; f < frame.keyframe->features; f++) {
+        if (frame.landmark[f] == FV_MAP_NONE) continue;
+        if (frame.landmark[f] < 0 || (uint32_t)frame.landmark[f] >= map->limits.landmarks)
             return "a link leads nowhere";
-        const struct fv_landmark *l = &map->landmarks[view.landmark[f]];
+        const struct fv_landmark *l = &map->landmarks[frame.landmark[f]];
         bool known = false;
         for (uint32_t i = 0; i < l->observer_count; i++)
             known = known || (l->observers[i].keyframe == slot && l->observers[i].feature == f);
         if (!l->used || !known) return "a landmark does not know its observer";
         links++;
     }
-    const int32_t parent = view.frame->parent;
+    const int32_t parent = frame.keyframe->parent;
     if (parent != FV_MAP_NONE && (parent < 0 || (uint32_t)parent >= map->limits.keyframes ||
                                   !map->keyframes[parent].used || parent == (int32_t)slot))
         return "a parent is none";
-    return links == view.frame->landmarks ? NULL : "a keyframe's landmarks are miscounted";
+    return links == frame.keyframe->landmarks ? NULL : "a keyframe's landmarks are miscounted";
 }
 
 const char *small_map_trouble(const struct fv_map *map)
@@ -137,7 +137,7 @@ const char *small_map_trouble(const struct fv_map *map)
             const struct fv_observer o = l->observers[k];
             if (o.keyframe >= map->limits.keyframes || !map->keyframes[o.keyframe].used ||
                 o.feature >= map->keyframes[o.keyframe].features ||
-                fv_map_view(map, o.keyframe).landmark[o.feature] != (int32_t)i)
+                fv_map_frame_at(map, o.keyframe).landmark[o.feature] != (int32_t)i)
                 return "an observer does not know its landmark";
         }
     }

@@ -63,12 +63,13 @@ static void test_there_and_back(void **state)
         assert_memory_equal(again, data, bytes);
         for (uint32_t k = 0; k < from->map.limits.keyframes;
              k++) { /* what is not stored is made again */
-            const struct fv_view a = fv_map_view(&from->map, k), b = fv_map_view(&to->map, k);
-            if (!a.frame->used) continue;
-            assert_memory_equal(a.points, b.points, a.frame->features * sizeof *a.points);
+            const struct fv_map_frame a = fv_map_frame_at(&from->map, k),
+                                      b = fv_map_frame_at(&to->map, k);
+            if (!a.keyframe->used) continue;
+            assert_memory_equal(a.points, b.points, a.keyframe->features * sizeof *a.points);
             assert_memory_equal(a.cells, b.cells,
                                 (size_t)(from->map.columns * from->map.rows + 1) * sizeof *a.cells);
-            assert_int_equal(a.frame->landmarks, b.frame->landmarks);
+            assert_int_equal(a.keyframe->landmarks, b.keyframe->landmarks);
         }
         free(again);
         free(data);

@@ -120,7 +120,7 @@ static void fill_feature(struct fovea_feature *feature, uint8_t *descriptor, int
 static void add_keyframe(void)
 {
     const uint32_t n = w.count, current = fv_map_current(&w.map);
-    struct fv_view view = fv_map_view(&w.map, current);
+    struct fv_map_frame frame = fv_map_frame_at(&w.map, current);
     static int seen[FEATURES];
     static struct fovea_feature features[FEATURES];
     static uint8_t descriptors[FEATURES * 32];
@@ -140,14 +140,14 @@ static void add_keyframe(void)
         fill_feature(&features[count], &descriptors[32 * (size_t)count], i, pixel);
         count++;
     }
-    fv_map_fill_view(&w.map, current, features, descriptors, count, from);
-    assert_int_equal(view.frame->features, count);
-    view.frame->stamp_ns = n;
-    view.frame->T_cam_world = w.truth[n];
-    view.frame->depth = 3 * w.drift.s;
-    fv_sim3_move_pose(&w.drift, &view.frame->T_cam_world);
+    fv_map_fill_frame(&w.map, current, features, descriptors, count, from);
+    assert_int_equal(frame.keyframe->features, count);
+    frame.keyframe->stamp_ns = n;
+    frame.keyframe->T_cam_world = w.truth[n];
+    frame.keyframe->depth = 3 * w.drift.s;
+    fv_sim3_move_pose(&w.drift, &frame.keyframe->T_cam_world);
     uint32_t slot = fv_map_add_keyframe(&w.map, current);
-    view.frame->parent = (int32_t)slot;
+    frame.keyframe->parent = (int32_t)slot;
     for (uint32_t f = 0; f < count; f++) {
         int i = seen[from[f]];
         if (w.landmark_of[i] == FV_MAP_NONE || w.seen_by[i] + REMEMBERED < n) {
@@ -171,10 +171,10 @@ static void offer(uint32_t n)
 {
     static struct fv_place_words words;
     const uint32_t slot = w.slot[n];
-    struct fv_view view = fv_map_view(&w.map, slot);
+    struct fv_map_frame frame = fv_map_frame_at(&w.map, slot);
     fv_place_words_begin(&words);
-    fv_place_words_add(&words, &w.kernels, view.descriptors, view.frame->features);
-    fv_place_insert(&w.place, slot, view.frame->generation, &words);
+    fv_place_words_add(&words, &w.kernels, frame.descriptors, frame.keyframe->features);
+    fv_place_insert(&w.place, slot, frame.keyframe->generation, &words);
     fv_closure_offer(&w.closure, &w.map, &w.place, &words, slot);
 }
 
@@ -231,10 +231,11 @@ static void check_links(void)
         const struct fv_landmark *l = &w.map.landmarks[i];
         if (!l->used) continue;
         for (uint32_t k = 0; k < l->observer_count; k++) {
-            struct fv_view view = fv_map_view(&w.map, l->observers[k].keyframe);
-            assert_true(view.frame->used);
-            assert_int_equal(view.landmark[l->observers[k].feature], i);
-            assert_int_equal(view.frame->map_id, w.map.keyframes[l->observers[0].keyframe].map_id);
+            struct fv_map_frame frame = fv_map_frame_at(&w.map, l->observers[k].keyframe);
+            assert_true(frame.keyframe->used);
+            assert_int_equal(frame.landmark[l->observers[k].feature], i);
+            assert_int_equal(frame.keyframe->map_id,
+                             w.map.keyframes[l->observers[0].keyframe].map_id);
         }
     }
 }
@@ -429,14 +430,14 @@ static void test_certainty_of_distances(void **state)
     make_world(5);
     add_keyframe();
     add_keyframe();
-    const struct fv_view view = fv_map_view(&w.map, w.slot[0]);
+    const struct fv_map_frame frame = fv_map_frame_at(&w.map, w.slot[0]);
     struct fv_correspondence m;
     uint32_t feature = 0;
     memset(&m, 0, sizeof m);
-    while (view.landmark[feature] == FV_MAP_NONE)
+    while (frame.landmark[feature] == FV_MAP_NONE)
         feature++;
-    fv_closure_side_a(&w.map, &view, feature, &m);
-    fv_closure_side_b(&w.map, &view, feature, &m);
+    fv_closure_side_a(&w.map, &frame, feature, &m);
+    fv_closure_side_b(&w.map, &frame, feature, &m);
     assert_true(m.sigma_a >= 0.01 && m.sigma_a == m.sigma_b && m.weight_a > 0 &&
                 m.weight_a == m.weight_b);
     assert_memory_equal(m.point_a, m.point_b, sizeof m.point_a);

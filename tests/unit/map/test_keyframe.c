@@ -1,5 +1,5 @@
-/* Views: features sorted into the grid without losing any, where they were to half a unit, with the
- * bearings of the lens model; searches find what a scan of all features finds. */
+/* Frames: features sorted into the grid without losing any, where they were to half a unit, with
+ * the bearings of the lens model; searches find what a scan of all features finds. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -35,7 +35,8 @@ static void carve(void *context, struct fv_arena *arena)
     fv_map_carve(&t.map, &limits, &t.camera, &t.bearings, arena);
 }
 
-/* A view of random features; those of a lens that folds are beyond what it knows in the corners. */
+/* A frame of random features; those of a lens that folds are beyond what it knows in the corners.
+ */
 static void *make(int32_t width, int32_t height, double k1, uint64_t seed)
 {
     struct fv_random random;
@@ -60,7 +61,7 @@ static void *make(int32_t width, int32_t height, double k1, uint64_t seed)
     }
     for (size_t i = 0; i < sizeof t.descriptor; i++)
         t.descriptor[i] = (uint8_t)fv_random_u32(&random);
-    fv_map_fill_view(&t.map, fv_map_current(&t.map), t.feature, t.descriptor, FEATURES, t.from);
+    fv_map_fill_frame(&t.map, fv_map_current(&t.map), t.feature, t.descriptor, FEATURES, t.from);
     return memory;
 }
 
@@ -76,31 +77,31 @@ static void test_features_stay_what_they_are(void **state)
                  {4096, 3000, 0.05, 1.0 / 16}};
     for (size_t n = 0; n < sizeof cases / sizeof cases[0]; n++) {
         void *memory = make(cases[n].width, cases[n].height, cases[n].k1, n + 1);
-        const struct fv_view view = fv_map_view(&t.map, fv_map_current(&t.map));
+        const struct fv_map_frame frame = fv_map_frame_at(&t.map, fv_map_current(&t.map));
         bool seen[FEATURES] = {false};
         assert_true(t.map.pixel_px == cases[n].px);
-        assert_int_equal(view.frame->features, FEATURES);
+        assert_int_equal(frame.keyframe->features, FEATURES);
         fv_map_bearings(&t.map, fv_map_current(&t.map), t.bearing);
         for (uint32_t f = 0; f < FEATURES; f++) {
             const struct fovea_feature *o = &t.feature[t.from[f]];
             struct fv_keypoint k;
             assert_false(seen[t.from[f]]);
             seen[t.from[f]] = true;
-            const double x = view.points[f].x * t.map.pixel_px,
-                         y = view.points[f].y * t.map.pixel_px;
+            const double x = frame.points[f].x * t.map.pixel_px,
+                         y = frame.points[f].y * t.map.pixel_px;
             assert_true(fv_abs(x - (double)o->x_px) <= t.map.pixel_px / 2 &&
                         fv_abs(y - (double)o->y_px) <= t.map.pixel_px / 2);
-            assert_int_equal(view.points[f].level, o->level);
-            assert_memory_equal(view.descriptors + 32 * (size_t)f,
+            assert_int_equal(frame.points[f].level, o->level);
+            assert_memory_equal(frame.descriptors + 32 * (size_t)f,
                                 t.descriptor + 32 * (size_t)t.from[f], 32);
-            assert_true(fv_map_keypoint(&t.map, &view.points[f], &k));
-            assert_memory_equal(&k, &view.keypoints[f], sizeof k);
+            assert_true(fv_map_keypoint(&t.map, &frame.points[f], &k));
+            assert_memory_equal(&k, &frame.keypoints[f], sizeof k);
             assert_memory_equal(k.bearing, t.bearing[f], sizeof k.bearing);
             const double q[3] = {(double)k.bearing[0], (double)k.bearing[1], (double)k.bearing[2]};
             double pixel[2];
             assert_int_equal(fovea_camera_project(&t.camera, q, pixel, NULL), FOVEA_OK);
             assert_true(fv_abs(pixel[0] - x) < 2e-3 && fv_abs(pixel[1] - y) < 2e-3);
-            assert_true(fv_map_error2(&t.map, &view.points[f], q) < 1e-5);
+            assert_true(fv_map_error2(&t.map, &frame.points[f], q) < 1e-5);
         }
         free(memory);
     }
@@ -111,7 +112,7 @@ static void test_beyond_the_lens(void **state)
 {
     (void)state;
     void *memory = make(752, 480, -0.6, 5);
-    const struct fv_view view = fv_map_view(&t.map, fv_map_current(&t.map));
+    const struct fv_map_frame frame = fv_map_frame_at(&t.map, fv_map_current(&t.map));
     uint32_t known = 0;
     for (int i = 0; i < FEATURES; i++) {
         const double pixel[2] = {(double)t.feature[i].x_px, (double)t.feature[i].y_px};
@@ -119,10 +120,10 @@ static void test_beyond_the_lens(void **state)
         known += fovea_camera_unproject(&t.camera, pixel, bearing, NULL) == FOVEA_OK;
     }
     assert_true(known > 100 && known < FEATURES);
-    assert_in_range(view.frame->features, known - known / 10,
+    assert_in_range(frame.keyframe->features, known - known / 10,
                     known); /* the table's border loses a few */
-    for (uint32_t f = 0; f < view.frame->features; f++)
-        assert_memory_equal(view.descriptors + 32 * (size_t)f,
+    for (uint32_t f = 0; f < frame.keyframe->features; f++)
+        assert_memory_equal(frame.descriptors + 32 * (size_t)f,
                             t.descriptor + 32 * (size_t)t.from[f], 32);
     free(memory);
 }
@@ -132,7 +133,7 @@ static void test_search_is_a_scan(void **state)
     (void)state;
     void *memory = make(752, 480, -0.15, 9);
     const uint32_t slot = fv_map_current(&t.map);
-    const struct fv_view view = fv_map_view(&t.map, slot);
+    const struct fv_map_frame frame = fv_map_frame_at(&t.map, slot);
     struct fv_random random;
     fv_random_seed(&random, 2);
     for (int n = 0; n < 3000; n++) {
@@ -141,16 +142,16 @@ static void test_search_is_a_scan(void **state)
         const int low = (int)fv_random_below(&random, 8), high = low + 2;
         const uint8_t *wanted = t.descriptor + 32 * (size_t)fv_random_below(&random, FEATURES);
         uint32_t best = 256;
-        for (uint32_t f = 0; f < view.frame->features; f++) {
-            const double dx = view.points[f].x * t.map.pixel_px - x,
-                         dy = view.points[f].y * t.map.pixel_px - y;
-            if (dx * dx + dy * dy > radius * radius || view.points[f].level < low ||
-                view.points[f].level > high)
+        for (uint32_t f = 0; f < frame.keyframe->features; f++) {
+            const double dx = frame.points[f].x * t.map.pixel_px - x,
+                         dy = frame.points[f].y * t.map.pixel_px - y;
+            if (dx * dx + dy * dy > radius * radius || frame.points[f].level < low ||
+                frame.points[f].level > high)
                 continue;
             uint32_t distance = 0;
             for (int i = 0; i < 32; i++)
                 distance += (uint32_t)__builtin_popcount(
-                    (unsigned)(wanted[i] ^ view.descriptors[32 * (size_t)f + (size_t)i]));
+                    (unsigned)(wanted[i] ^ frame.descriptors[32 * (size_t)f + (size_t)i]));
             if (distance < best) best = distance;
         }
         const struct fv_found found =
@@ -159,11 +160,11 @@ static void test_search_is_a_scan(void **state)
         assert_int_equal(found.feature == FV_MAP_NONE, best == 256);
     }
     /* Features that do not lie cell by cell are found out. */
-    assert_true(fv_map_index_view(&t.map, slot));
-    const struct fv_pixel first = view.points[0];
-    view.points[0] = view.points[FEATURES - 1];
-    view.points[FEATURES - 1] = first;
-    assert_false(fv_map_index_view(&t.map, slot));
+    assert_true(fv_map_index_frame(&t.map, slot));
+    const struct fv_pixel first = frame.points[0];
+    frame.points[0] = frame.points[FEATURES - 1];
+    frame.points[FEATURES - 1] = first;
+    assert_false(fv_map_index_frame(&t.map, slot));
     free(memory);
 }
 

@@ -1,5 +1,5 @@
 /* The vocabulary and the place index: words against an exhaustive search of the tree, the index
- * against sets counted one by one, and views of one simulated place found among others. */
+ * against sets counted one by one, and frames of one simulated place found among others. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -190,7 +190,7 @@ static void words_of_world(uint32_t world, struct fv_place_words words[2])
     ops->close(source);
 }
 
-/* Views of several worlds, each seen again a second later: the same world comes first, and clearly
+/* Frames of several worlds, each seen again a second later: the same world comes first, and clearly
  * so. */
 static void test_places(void **state)
 {

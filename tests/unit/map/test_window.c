@@ -45,7 +45,7 @@ static void carve(void *context, struct fv_arena *arena)
     fv_window_carve(&f->window, &window, &f->map, arena);
 }
 
-/* A row of views that look at a cloud; the first `exact` poses and no points are exact. */
+/* A row of frames that look at a cloud; the first `exact` poses and no points are exact. */
 static void build(struct fixture *f, uint64_t seed, double pose_noise, double point_noise,
                   double pixel_noise, double outliers, int exact)
 {
@@ -77,7 +77,7 @@ static void build(struct fixture *f, uint64_t seed, double pose_noise, double po
         f->truth[v].t[0] = -0.8 * v;
         f->truth[v].t[1] = uniform(&random, -.1, .1);
         f->truth[v].t[2] = uniform(&random, -.1, .1);
-        struct fv_view view = fv_map_view(&f->map, fv_map_current(&f->map));
+        struct fv_map_frame frame = fv_map_frame_at(&f->map, fv_map_current(&f->map));
         static const uint8_t descriptors[POINTS * FV_MAP_DESCRIPTOR_BYTES];
         struct fovea_feature features[POINTS] = {{0}};
         uint16_t from[POINTS];
@@ -94,15 +94,15 @@ static void build(struct fixture *f, uint64_t seed, double pose_noise, double po
             features[count].y_px = (float)pixel[1];
             seen[count++] = i;
         }
-        fv_map_fill_view(&f->map, fv_map_current(&f->map), features, descriptors, count, from);
-        view.frame->T_cam_world = f->truth[v];
-        view.frame->parent = v > 0 ? v - 1 : FV_MAP_NONE;
+        fv_map_fill_frame(&f->map, fv_map_current(&f->map), features, descriptors, count, from);
+        frame.keyframe->T_cam_world = f->truth[v];
+        frame.keyframe->parent = v > 0 ? v - 1 : FV_MAP_NONE;
         double step[6];
         for (int k = 0; k < 6; k++)
             step[k] = v < exact ? 0 : pose_noise * fv_random_normal(&random) * (k < 3 ? 1 : 0.2);
-        fv_se3_move(&view.frame->T_cam_world, step);
+        fv_se3_move(&frame.keyframe->T_cam_world, step);
         uint32_t slot = fv_map_add_keyframe(&f->map, fv_map_current(&f->map));
-        for (uint32_t k = 0; k < view.frame->features; k++)
+        for (uint32_t k = 0; k < frame.keyframe->features; k++)
             assert_true(fv_map_link(&f->map, f->landmark[seen[from[k]]], slot, k));
     }
 }
@@ -196,9 +196,9 @@ static void commit_respects_what_changed(void **state)
     const double place[3] = {1, 2, 3};
     int32_t reused = fv_map_add_landmark(&f.map, place, 1);
     assert_int_equal(reused, f.landmark[7]); /* same slot, new generation */
-    struct fv_view view = fv_map_view(&f.map, VIEWS - 1);
+    struct fv_map_frame frame = fv_map_frame_at(&f.map, VIEWS - 1);
     uint32_t feature = 0;
-    while (view.landmark[feature] != FV_MAP_NONE)
+    while (frame.landmark[feature] != FV_MAP_NONE)
         feature++;
     assert_true(fv_map_link(&f.map, (uint32_t)reused, VIEWS - 1, feature));
     struct fv_se3 before = f.map.keyframes[VIEWS - 1].T_cam_world;

@@ -41,7 +41,7 @@ static void *make_window(fv_window *window)
     return memory;
 }
 
-/* What a pinhole of 450 px sees of a point, with noise; bearings and derivatives as a view has
+/* What a pinhole of 450 px sees of a point, with noise; bearings and derivatives as a frame has
  * them. */
 static bool observe(fv_random *random, const scene *scene, const double q[3], fv_keypoint *p)
 {

@@ -141,7 +141,7 @@ static void grow_map(double factor)
             o->map.landmarks[i].point[k] *= factor;
         o->map.landmarks[i].distance *= (float)factor;
     }
-    for (uint32_t v = 0; v < fv_map_view_count(&o->map); v++) {
+    for (uint32_t v = 0; v < fv_map_frame_count(&o->map); v++) {
         for (int k = 0; k < 3; k++)
             o->map.keyframes[v].T_cam_world.t[k] *= factor;
         o->map.keyframes[v].depth *= factor;
