@@ -62,16 +62,16 @@ FV_IN_WIDE void trace_round(const struct fv_sim_surface *s, const float *restric
     }
 }
 
-FV_WIDE static void trace(const struct fv_sim_view *view, const uint16_t *list, int32_t list_count,
-                          const float *x, const float *y, int32_t count, float *inverse_z,
-                          int32_t *hit)
+FV_WIDE static void trace(const struct fv_sim_scene *scene, const uint16_t *list,
+                          int32_t list_count, const float *x, const float *y, int32_t count,
+                          float *inverse_z, int32_t *hit)
 {
     for (int32_t i = 0; i < count; i++) {
         inverse_z[i] = 0.0f;
         hit[i] = -1;
     }
     for (int32_t k = 0; k < list_count; k++) {
-        const struct fv_sim_surface *s = &view->surface[list[k]];
+        const struct fv_sim_surface *s = &scene->surface[list[k]];
         if (s->is_round)
             trace_round(s, x, y, count, inverse_z, hit, k);
         else if (s->disc)
@@ -81,10 +81,10 @@ FV_WIDE static void trace(const struct fv_sim_view *view, const uint16_t *list, 
     }
 }
 
-void fv_sim_trace(const struct fv_sim_view *view, const uint16_t *list, int32_t list_count,
+void fv_sim_trace(const struct fv_sim_scene *scene, const uint16_t *list, int32_t list_count,
                   const float *x, const float *y, int32_t count, float *inverse_z, int32_t *hit)
 {
-    trace(view, list, list_count, x, y, count, inverse_z, hit);
+    trace(scene, list, list_count, x, y, count, inverse_z, hit);
 }
 
 /* ---- what it looks like ---------------------------------------------------------------------- */
@@ -319,7 +319,7 @@ FV_IN_WIDE void sort_by_hit(const int32_t *restrict hit, int32_t count, int32_t 
 }
 
 /* Trace and shade samples; `seen` takes surface index + 1. */
-FV_WIDE static void see(const struct fv_sim_view *view, const uint16_t *list, int32_t list_count,
+FV_WIDE static void see(const struct fv_sim_scene *scene, const uint16_t *list, int32_t list_count,
                         const float *x, const float *y, int32_t count, float pixel_area,
                         uint16_t *restrict light, uint16_t *restrict seen)
 {
@@ -327,7 +327,7 @@ FV_WIDE static void see(const struct fv_sim_view *view, const uint16_t *list, in
     int32_t hit[SAMPLES];
     uint16_t out[SAMPLES];
     struct sorted sorted;
-    trace(view, list, list_count, x, y, count, inverse_z, hit);
+    trace(scene, list, list_count, x, y, count, inverse_z, hit);
     int32_t other = 0;
     for (int32_t i = 0; i < count; i++)
         other |= hit[i] ^ hit[0];
@@ -337,7 +337,7 @@ FV_WIDE static void see(const struct fv_sim_view *view, const uint16_t *list, in
         seen[i] = other == 0 ? first : 0;
     }
     if (other == 0) {
-        if (first > 0) shade(&view->surface[first - 1], x, y, inverse_z, count, pixel_area, light);
+        if (first > 0) shade(&scene->surface[first - 1], x, y, inverse_z, count, pixel_area, light);
         return;
     }
     sort_by_hit(hit, count, list_count, &sorted);
@@ -350,7 +350,7 @@ FV_WIDE static void see(const struct fv_sim_view *view, const uint16_t *list, in
             py[j] = y[at[j]];
             pz[j] = inverse_z[at[j]];
         }
-        shade(&view->surface[list[k]], px, py, pz, n, pixel_area, out);
+        shade(&scene->surface[list[k]], px, py, pz, n, pixel_area, out);
         for (int32_t j = 0; j < n; j++) {
             light[at[j]] = out[j];
             seen[at[j]] = (uint16_t)(list[k] + 1);
@@ -361,7 +361,7 @@ FV_WIDE static void see(const struct fv_sim_view *view, const uint16_t *list, in
 /* ---- tiles ----------------------------------------------------------------------------------- */
 
 struct job {
-    const struct fv_sim_view *view;
+    const struct fv_sim_scene *scene;
     const struct fv_sim_raster *raster;
     struct fv_sim_canvas *canvas;
     int32_t y_begin, y_end;
@@ -396,12 +396,12 @@ static void first_pass(const struct job *job, int32_t tile, const uint16_t *list
     if (r1 <= r0) return;
     const int32_t samples = (r1 - r0) * FV_SIM_TILE;
     if (covered) {
-        shade(&job->view->surface[list[0]], raster->x + first, raster->y + first, NULL, samples,
+        shade(&job->scene->surface[list[0]], raster->x + first, raster->y + first, NULL, samples,
               raster->pixel_area[tile], light);
         for (int32_t i = 0; i < samples; i++)
             seen[i] = (uint16_t)(list[0] + 1);
     } else {
-        see(job->view, list, count, raster->x + first, raster->y + first, samples,
+        see(job->scene, list, count, raster->x + first, raster->y + first, samples,
             raster->pixel_area[tile], light, seen);
     }
     for (int32_t r = r0; r < r1; r++) {
@@ -513,7 +513,7 @@ static void second_pass(const struct job *job, int32_t tile, const uint16_t *lis
                 y[4 * j + k] = tile_y[p] + sub_x[k] * yx + sub_y[k] * yy;
             }
         }
-        see(job->view, list, count, x, y, 4 * n, raster->pixel_area[tile], light, seen);
+        see(job->scene, list, count, x, y, 4 * n, raster->pixel_area[tile], light, seen);
         for (int32_t j = 0; j < n; j++) {
             const int32_t p = edge[first + j], sum = light[4 * j] + light[4 * j + 1] +
                                                      light[4 * j + 2] + light[4 * j + 3];
@@ -543,13 +543,13 @@ static void block_pass(const struct job *job, int32_t bx, int32_t by, bool secon
         }
     }
     bool covered;
-    const int32_t block_count = fv_sim_view_cull(job->view, NULL, 0, &bound, in_block, &covered);
+    const int32_t block_count = fv_sim_scene_cull(job->scene, NULL, 0, &bound, in_block, &covered);
     for (int32_t y = by; y < y_end; y++) {
         if ((y + 1) * FV_SIM_TILE <= job->y_begin || y * FV_SIM_TILE >= job->y_end) continue;
         for (int32_t x = bx; x < x_end; x++) {
             const int32_t tile = y * raster->tiles_x + x;
-            const int32_t count = fv_sim_view_cull(job->view, in_block, block_count,
-                                                   &raster->bound[tile], in_tile, &covered);
+            const int32_t count = fv_sim_scene_cull(job->scene, in_block, block_count,
+                                                    &raster->bound[tile], in_tile, &covered);
             if (!second)
                 first_pass(job, tile, in_tile, count, covered);
             else if (!covered)
@@ -577,10 +577,10 @@ static void blocks_finish(const struct job *job, int32_t by)
         canvas->finished(canvas->context, canvas->linear + row_start(job, y_begin), y_begin, y_end);
 }
 
-void fv_sim_render(const struct fv_sim_view *view, const struct fv_sim_raster *raster,
+void fv_sim_render(const struct fv_sim_scene *scene, const struct fv_sim_raster *raster,
                    int32_t y_begin, int32_t y_end, struct fv_sim_canvas *canvas)
 {
-    const struct job job = {view, raster, canvas, y_begin, y_end};
+    const struct job job = {scene, raster, canvas, y_begin, y_end};
     const int32_t first = y_begin / FV_SIM_BLOCK_ROWS * FV_SIM_BLOCK_TILES;
     int32_t by = first;
     for (; by < raster->tiles_y && by * FV_SIM_TILE < y_end; by += FV_SIM_BLOCK_TILES) {

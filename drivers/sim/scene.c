@@ -270,23 +270,23 @@ static bool set_round(struct fv_sim_surface *s, const struct fv_sim_round *round
     return true;
 }
 
-void fv_sim_view_set(struct fv_sim_view *view, const struct fv_sim_world *world,
-                     const double T_world_cam[12], const struct fv_sim_rect *bound)
+void fv_sim_scene_set(struct fv_sim_scene *scene, const struct fv_sim_world *world,
+                      const double T_world_cam[12], const struct fv_sim_rect *bound)
 {
     int32_t count = 0;
     for (int32_t i = 0; i < world->face_count; i++) {
         const struct fv_sim_face *face = &world->face[i];
-        if (set_face(&view->surface[count], face, &world->texture[face->texture], T_world_cam,
+        if (set_face(&scene->surface[count], face, &world->texture[face->texture], T_world_cam,
                      bound))
             count++;
     }
     for (int32_t i = 0; i < world->round_count; i++) {
         const struct fv_sim_round *round = &world->round[i];
-        if (set_round(&view->surface[count], round, &world->texture[round->texture], T_world_cam,
+        if (set_round(&scene->surface[count], round, &world->texture[round->texture], T_world_cam,
                       bound))
             count++;
     }
-    view->surface_count = count;
+    scene->surface_count = count;
 }
 
 /* ---- what may be seen in a rectangle of bearings --------------------------------------------- */
@@ -330,16 +330,17 @@ static bool may_show(const struct fv_sim_surface *s, const struct fv_sim_rect *r
     return true;
 }
 
-int32_t fv_sim_view_cull(const struct fv_sim_view *view, const uint16_t *from, int32_t from_count,
-                         const struct fv_sim_rect *bound, uint16_t *list, bool *covered)
+int32_t fv_sim_scene_cull(const struct fv_sim_scene *scene, const uint16_t *from,
+                          int32_t from_count, const struct fv_sim_rect *bound, uint16_t *list,
+                          bool *covered)
 {
     float near_of[FV_SIM_SURFACES_MAX], cover = -1.0f;
     int32_t count = 0, cover_at = -1, kept = 0;
-    if (from == NULL) from_count = view->surface_count;
+    if (from == NULL) from_count = scene->surface_count;
     for (int32_t i = 0; i < from_count; i++) {
         const uint16_t index = from == NULL ? (uint16_t)i : from[i];
         float nearest, filled;
-        if (!may_show(&view->surface[index], bound, &nearest, &filled)) continue;
+        if (!may_show(&scene->surface[index], bound, &nearest, &filled)) continue;
         if (filled > cover) {
             cover = filled;
             cover_at = index;

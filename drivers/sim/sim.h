@@ -252,7 +252,7 @@ void fv_sim_motion_pose(const struct fv_sim_motion *motion, double time_s, doubl
 void fv_sim_objects_clear(struct fv_sim_world *world, const struct fv_sim_motion *motion,
                           double begin_s, double end_s);
 
-/* ---- view and rendering (scene.c, render.c, sensor.c) ---------------------------------------- */
+/* ---- scene and rendering (scene.c, render.c, sensor.c) --------------------------------------- */
 
 enum {
     FV_SIM_TILE = 16,
@@ -293,7 +293,7 @@ struct fv_sim_raster {
                           |ray| */
 };
 
-struct fv_sim_view {
+struct fv_sim_scene {
     int32_t surface_count;
     struct fv_sim_surface surface[FV_SIM_SURFACES_MAX];
 };
@@ -301,12 +301,13 @@ struct fv_sim_view {
 bool fv_sim_raster_create(struct fv_sim_raster *raster, const struct fovea_camera *camera);
 void fv_sim_raster_free(struct fv_sim_raster *raster);
 /* Turn the world into surfaces for one camera pose; what cannot be seen is left out. */
-void fv_sim_view_set(struct fv_sim_view *view, const struct fv_sim_world *world,
-                     const double T_world_cam[12], const struct fv_sim_rect *bound);
-/* Surfaces of `from` (NULL: all of the view) that may be seen in `bound`; returns how many.
+void fv_sim_scene_set(struct fv_sim_scene *scene, const struct fv_sim_world *world,
+                      const double T_world_cam[12], const struct fv_sim_rect *bound);
+/* Surfaces of `from` (NULL: all of the scene) that may be seen in `bound`; returns how many.
  * `*covered` says whether the first one is alone and fills the bound. */
-int32_t fv_sim_view_cull(const struct fv_sim_view *view, const uint16_t *from, int32_t from_count,
-                         const struct fv_sim_rect *bound, uint16_t *list, bool *covered);
+int32_t fv_sim_scene_cull(const struct fv_sim_scene *scene, const uint16_t *from,
+                          int32_t from_count, const struct fv_sim_rect *bound, uint16_t *list,
+                          bool *covered);
 
 /* Working memory of the renderer. It may hold fewer rows than the image has: pixel row y is at row
  * y % rows. */
@@ -321,11 +322,11 @@ struct fv_sim_canvas {
 };
 
 /* Light of the pixel rows [y_begin, y_end) into the canvas. Real-time safe. */
-void fv_sim_render(const struct fv_sim_view *view, const struct fv_sim_raster *raster,
+void fv_sim_render(const struct fv_sim_scene *scene, const struct fv_sim_raster *raster,
                    int32_t y_begin, int32_t y_end, struct fv_sim_canvas *canvas);
 /* Which surface each of `count` <= FV_SIM_TILE_PIXELS rays meets (index into `list`, -1: none), and
  * 1/z there. */
-void fv_sim_trace(const struct fv_sim_view *view, const uint16_t *list, int32_t list_count,
+void fv_sim_trace(const struct fv_sim_scene *scene, const uint16_t *list, int32_t list_count,
                   const float *x, const float *y, int32_t count, float *inverse_z, int32_t *hit);
 
 /* Light to grey levels with noise, a pure function of the arguments: begun for each frame, then
@@ -364,7 +365,7 @@ struct fovea_source {
     struct fv_sim_canvas canvas;
     struct fv_sim_sensor sensor;
     struct fv_sim_world world;
-    struct fv_sim_view view;
+    struct fv_sim_scene scene;
     double aside_m; /* of the camera that is rendered, to the right of the first */
     uint8_t *image[FOVEA_SOURCE_FRAMES_HELD][2];    /* by camera */
     uint64_t image_index[FOVEA_SOURCE_FRAMES_HELD]; /* trajectory frame shown in it */
@@ -384,7 +385,7 @@ struct fovea_source {
 
 /* Time on the trajectory at the middle of exposure of a frame's middle row. */
 double fv_sim_frame_time(const struct fovea_source *source, uint64_t index);
-/* Set the view for an instant, for surfaces that may show in pixel rows [y_begin, y_end). */
+/* Set the scene for an instant, for surfaces that may show in pixel rows [y_begin, y_end). */
 void fv_sim_look(struct fovea_source *source, double time_s, int32_t y_begin, int32_t y_end);
 /* Rolling shutter: rows that share an instant, and their delay against the middle row, seconds. */
 int32_t fv_sim_band_rows(const struct fovea_source *source);

@@ -299,7 +299,7 @@ void fv_sim_look(struct fovea_source *source, double time_s, int32_t y_begin, in
     fv_sim_motion_pose(&source->motion, time_s, T_world_cam);
     for (int i = 0; i < 3 && source->aside_m > 0; i++)
         T_world_cam[4 * i + 3] += T_world_cam[4 * i] * source->aside_m;
-    fv_sim_view_set(&source->view, &source->world, T_world_cam, &bound);
+    fv_sim_scene_set(&source->scene, &source->world, T_world_cam, &bound);
 }
 
 double fv_sim_row_delay(const struct fovea_source *source, int32_t y_begin, int32_t y_end)
@@ -321,7 +321,7 @@ static void render_instant(struct fovea_source *source, double time_s)
     for (int32_t y = 0; y < height; y += band) {
         const int32_t end = y + band < height ? y + band : height;
         fv_sim_look(source, time_s + fv_sim_row_delay(source, y, end), y, end);
-        fv_sim_render(&source->view, &source->raster, y, end, &source->canvas);
+        fv_sim_render(&source->scene, &source->raster, y, end, &source->canvas);
     }
 }
 

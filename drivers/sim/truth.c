@@ -25,13 +25,13 @@ static void trace_tile(struct fovea_source *source, int32_t tile, const uint16_t
     float inverse_z[FV_SIM_TILE_PIXELS];
     int32_t hit[FV_SIM_TILE_PIXELS];
     const size_t first = (size_t)tile * FV_SIM_TILE_PIXELS;
-    fv_sim_trace(&source->view, list, count, raster->x + first, raster->y + first,
+    fv_sim_trace(&source->scene, list, count, raster->x + first, raster->y + first,
                  FV_SIM_TILE_PIXELS, inverse_z, hit);
     for (int32_t i = 0; i < FV_SIM_TILE_PIXELS; i++) {
         const int32_t x = tx + i % FV_SIM_TILE, y = ty + i / FV_SIM_TILE;
         if (x >= raster->width || y < y_begin || y >= y_end) continue;
         const size_t at = (size_t)y * (size_t)raster->width + (size_t)x;
-        const int32_t object = hit[i] < 0 ? 0 : source->view.surface[list[hit[i]]].object;
+        const int32_t object = hit[i] < 0 ? 0 : source->scene.surface[list[hit[i]]].object;
         source->depth_m[at] = hit[i] < 0 ? 0.0f : 1.0f / inverse_z[i];
         source->object_map[at] = (uint8_t)object;
         source->class_mask[at] =
@@ -51,8 +51,8 @@ static void trace_image(struct fovea_source *source, double time_s)
         for (int32_t ty = y / FV_SIM_TILE; ty * FV_SIM_TILE < end; ty++) {
             for (int32_t tx = 0; tx < raster->tiles_x; tx++) {
                 const int32_t tile = ty * raster->tiles_x + tx;
-                const int32_t count =
-                    fv_sim_view_cull(&source->view, NULL, 0, &raster->bound[tile], list, &covered);
+                const int32_t count = fv_sim_scene_cull(&source->scene, NULL, 0,
+                                                        &raster->bound[tile], list, &covered);
                 trace_tile(source, tile, list, count, y, end);
             }
         }
@@ -84,11 +84,11 @@ struct alone {
     struct fv_sim_rect bound;
 };
 
-static void find_surfaces(const struct fv_sim_view *view, int32_t object, struct alone *alone)
+static void find_surfaces(const struct fv_sim_scene *scene, int32_t object, struct alone *alone)
 {
     *alone = (struct alone){.bound = {aside, -aside, aside, -aside}};
-    for (int32_t i = 0; i < view->surface_count && alone->count < 16; i++) {
-        const struct fv_sim_surface *s = &view->surface[i];
+    for (int32_t i = 0; i < scene->surface_count && alone->count < 16; i++) {
+        const struct fv_sim_surface *s = &scene->surface[i];
         if (s->object != object) continue;
         alone->list[alone->count++] = (uint16_t)i;
         alone->bound.x_min = s->x_min < alone->bound.x_min ? s->x_min : alone->bound.x_min;
@@ -116,8 +116,8 @@ static int32_t pixels_inside(const struct fovea_source *source, const struct alo
         const int32_t tx = tile % raster->tiles_x * FV_SIM_TILE,
                       ty = tile / raster->tiles_x * FV_SIM_TILE;
         const size_t first = (size_t)tile * FV_SIM_TILE_PIXELS;
-        fv_sim_trace(&source->view, alone->list, alone->count, raster->x + first, raster->y + first,
-                     FV_SIM_TILE_PIXELS, inverse_z, hit);
+        fv_sim_trace(&source->scene, alone->list, alone->count, raster->x + first,
+                     raster->y + first, FV_SIM_TILE_PIXELS, inverse_z, hit);
         for (int32_t i = 0; i < FV_SIM_TILE_PIXELS; i++)
             sum += hit[i] >= 0 && tx + i % FV_SIM_TILE < raster->width &&
                    ty + i / FV_SIM_TILE < raster->height;
@@ -139,7 +139,7 @@ static double pixels_outside(const struct fovea_source *source, const struct alo
             x[c] = (float)((double)alone->bound.x_min + (c + 0.5) * step_x);
             y[c] = (float)((double)alone->bound.y_min + (r + 0.5) * step_y);
         }
-        fv_sim_trace(&source->view, alone->list, alone->count, x, y, GRID, inverse_z, hit);
+        fv_sim_trace(&source->scene, alone->list, alone->count, x, y, GRID, inverse_z, hit);
         for (int32_t c = 0; c < GRID; c++) {
             double pixel[2], j[6];
             if (hit[c] < 0) continue;
@@ -158,7 +158,7 @@ static double pixels_outside(const struct fovea_source *source, const struct alo
 static float visible_share(const struct fovea_source *source, int32_t object, int32_t visible)
 {
     struct alone alone;
-    find_surfaces(&source->view, object, &alone);
+    find_surfaces(&source->scene, object, &alone);
     const int32_t inside = pixels_inside(source, &alone);
     const double whole = inside + pixels_outside(source, &alone);
     return visible >= whole ? 1.0f : (float)(visible / whole);
@@ -180,7 +180,7 @@ enum fovea_status fv_sim_truth(struct fovea_source *source, const struct fovea_f
     truth->has_pose = true;
     fv_sim_world_place(&source->world, time_s);
     fv_sim_motion_pose(&source->motion, time_s, truth->T_world_cam);
-    fv_sim_view_set(&source->view, &source->world, truth->T_world_cam, &everywhere);
+    fv_sim_scene_set(&source->scene, &source->world, truth->T_world_cam, &everywhere);
     truth->box_count = 0;
     for (int32_t i = 0; i < source->world.object_count; i++) {
         const struct tally *t = &tally[i + 1];

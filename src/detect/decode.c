@@ -165,7 +165,7 @@ static void scan_some(struct fv_head_job *j, const struct fv_head *head,
 }
 
 enum fovea_status fv_detect_decode_unit(const struct fv_model *model, uint8_t *arena,
-                                        const struct fv_nn_view *view,
+                                        const struct fv_nn_input_fit *fit,
                                         const struct fv_detect_limits *limits,
                                         struct fv_detect_scratch *s)
 {
@@ -174,7 +174,7 @@ enum fovea_status fv_detect_decode_unit(const struct fv_model *model, uint8_t *a
     struct fv_detect_progress *progress = &s->progress;
     struct fv_head_job j = {.model = model,
                             .d = d,
-                            .view = view,
+                            .fit = fit,
                             .s = s,
                             .score_threshold = limits->score,
                             .floor = limits->floor};
@@ -219,12 +219,12 @@ int32_t fv_detect_decode_take(const struct fv_model *model, const struct fv_dete
 }
 
 int32_t fv_detect_decode(const struct fv_model *model, uint8_t *arena,
-                         const struct fv_nn_view *view, struct fv_detect_scratch *scratch,
+                         const struct fv_nn_input_fit *fit, struct fv_detect_scratch *scratch,
                          struct fovea_detection *detections, int32_t capacity)
 {
     const struct fv_detect_limits none = {.count = 0};
     fv_detect_decode_start(scratch);
-    while (fv_detect_decode_unit(model, arena, view, &none, scratch) == FOVEA_AGAIN)
+    while (fv_detect_decode_unit(model, arena, fit, &none, scratch) == FOVEA_AGAIN)
         continue;
     return fv_detect_decode_take(model, &none, scratch, detections, capacity, NULL);
 }

@@ -57,7 +57,7 @@ const char *fv_detect_label(const struct fv_model *model, int32_t class_id);
  * then take. Outputs whose shape does not fit the decoder give nothing. Real-time safe. */
 void fv_detect_decode_start(struct fv_detect_scratch *scratch);
 enum fovea_status fv_detect_decode_unit(const struct fv_model *model, uint8_t *arena,
-                                        const struct fv_nn_view *view,
+                                        const struct fv_nn_input_fit *fit,
                                         const struct fv_detect_limits *limits,
                                         struct fv_detect_scratch *scratch);
 /* At most `capacity` detections by falling score (ties: order of the outputs). Returns how many.
@@ -70,7 +70,7 @@ int32_t fv_detect_decode_take(const struct fv_model *model, const struct fv_dete
 
 /* All units at once, with the model's own limits. */
 int32_t fv_detect_decode(const struct fv_model *model, uint8_t *arena,
-                         const struct fv_nn_view *view, struct fv_detect_scratch *scratch,
+                         const struct fv_nn_input_fit *fit, struct fv_detect_scratch *scratch,
                          struct fovea_detection *detections, int32_t capacity);
 
 #ifdef __cplusplus

@@ -51,7 +51,7 @@ static float clamped(float value, float high)
 static void add_box(struct fv_head_job *j, float x0, float y0, float x1, float y1, float score,
                     int32_t class_id)
 {
-    const struct fv_nn_view *v = j->view;
+    const struct fv_nn_input_fit *v = j->fit;
     const float width = (float)v->image_width, height = (float)v->image_height;
     const struct fovea_detection found = {
         .x_min_px = clamped((x0 - (float)v->left) / v->scale_x, width) - 0.5f,
@@ -293,8 +293,7 @@ static void yolov2_scan(struct fv_head_job *j, int64_t begin, int64_t end)
     }
 }
 
-/* ---- FOMO: cells of a class that touch are one object; its box is theirs, its score the best ---
- */
+/* ---- FOMO: cells of a class that touch are one object; its box is theirs, its score the best - */
 
 /* A grid of cells by classes, of which the first is background. */
 struct grid {

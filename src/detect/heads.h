@@ -15,7 +15,7 @@ struct fv_head_output {
 struct fv_head_job {
     const struct fv_model *model;
     const struct fv_model_decode *d;
-    const struct fv_nn_view *view;
+    const struct fv_nn_input_fit *fit;
     struct fv_detect_scratch *s;
     const float *thresholds; /* by class, or NULL */
     float score_threshold;   /* for every class, beside its own */

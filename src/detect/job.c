@@ -25,7 +25,7 @@ static void decode_some(const struct fv_detect_memory *memory)
 {
     struct fv_detect_job *job = memory->job;
     const struct fv_nn_job *nn = &memory->nn;
-    if (fv_detect_decode_unit(nn->model, nn->arena, &job->nn.view, &memory->limits,
+    if (fv_detect_decode_unit(nn->model, nn->arena, &job->nn.fit, &memory->limits,
                               memory->scratch) != FOVEA_OK)
         return;
     job->count = fv_detect_decode_take(nn->model, &memory->limits, memory->scratch, job->found,

@@ -3,8 +3,8 @@
 #include "fovea/image.h"
 #include "image/rectify.h"
 
-/* Largest X/Z and Y/Z of a pinhole view (75 degrees); largest angle and Y / sqrt(X^2 + Z^2) (60
- * degrees) of a cylinder. */
+/* Largest X/Z and Y/Z of a pinhole image (75 degrees); largest angle and Y / sqrt(X^2 + Z^2)
+ * (60 degrees) of a cylinder. */
 static const double tangent_max = 3.7320508075688772, azimuth_max = 3.1,
                     elevation_max = 1.7320508075688772;
 
@@ -12,15 +12,15 @@ struct bounds {
     double low[2], high[2];
 };
 
-/* Direction of a raw pixel in the view's own coordinates before scaling; false where the model
- * refuses it or the view cannot show it. */
-static bool normalised(const struct fovea_camera *camera, enum fv_view_shape shape, double x_px,
-                       double y_px, double at[2])
+/* Direction of a raw pixel in the rectified image's own coordinates before scaling; false where the
+ * model refuses it or the rectified image cannot show it. */
+static bool normalised(const struct fovea_camera *camera, enum fv_rectified_shape shape,
+                       double x_px, double y_px, double at[2])
 {
     const double pixel[2] = {x_px, y_px};
     double b[3];
     if (fovea_camera_unproject(camera, pixel, b, NULL) != FOVEA_OK) return false;
-    if (shape == FV_VIEW_PINHOLE) {
+    if (shape == FV_RECTIFIED_PINHOLE) {
         if (!(b[2] > 0)) return false;
         at[0] = b[0] / b[2];
         at[1] = b[1] / b[2];
@@ -35,8 +35,8 @@ static bool normalised(const struct fovea_camera *camera, enum fv_view_shape sha
 
 /* Nearest visible point on the way from the border pixel to the image's centre: where the model
  * ends inside the image, the edge of what it covers stands for the border. */
-static bool edge_point(const struct fovea_camera *camera, enum fv_view_shape shape, double x_px,
-                       double y_px, double at[2])
+static bool edge_point(const struct fovea_camera *camera, enum fv_rectified_shape shape,
+                       double x_px, double y_px, double at[2])
 {
     enum { STEPS = 64 };
     for (int i = STEPS; i > 0; i--) {
@@ -58,7 +58,7 @@ static void widen(struct bounds *outer, const double at[2])
 
 /* Bounds of all border rays (outer), and of the rectangle between the innermost ones of each side
  * (inner). */
-static bool border_bounds(const struct fovea_camera *camera, enum fv_view_shape shape,
+static bool border_bounds(const struct fovea_camera *camera, enum fv_rectified_shape shape,
                           struct bounds *outer, struct bounds *inner)
 {
     const double right = camera->width - 1, bottom = camera->height - 1;
@@ -86,9 +86,10 @@ static bool border_bounds(const struct fovea_camera *camera, enum fv_view_shape 
     return true;
 }
 
-enum fovea_status fv_view_choose(const struct fovea_camera *camera, enum fv_view_shape shape,
-                                 enum fv_view_fit fit, int32_t width, int32_t height,
-                                 struct fv_rectified *view, struct fovea_error *error)
+enum fovea_status fv_rectified_choose(const struct fovea_camera *camera,
+                                      enum fv_rectified_shape shape, enum fv_rectified_fit fit,
+                                      int32_t width, int32_t height, struct fv_rectified *rectified,
+                                      struct fovea_error *error)
 {
     struct bounds outer, inner;
     if (width < FOVEA_IMAGE_WIDTH_MIN || width > FOVEA_IMAGE_WIDTH_MAX ||
@@ -101,30 +102,30 @@ enum fovea_status fv_view_choose(const struct fovea_camera *camera, enum fv_view
         return fovea_error_set(
             error, FOVEA_ERROR_ARGUMENT,
             "rectification: the camera model covers nothing towards a border of its image");
-    const struct bounds *shown = fit == FV_VIEW_CROP ? &inner : &outer;
+    const struct bounds *shown = fit == FV_RECTIFIED_CROP ? &inner : &outer;
     const double across = shown->high[0] - shown->low[0], down = shown->high[1] - shown->low[1];
     if (!(across > 1e-6 && down > 1e-6))
         return fovea_error_set(
             error, FOVEA_ERROR_ARGUMENT,
-            "rectification: no rectangle of this %s view is seen everywhere; keep all instead",
-            shape == FV_VIEW_PINHOLE ? "pinhole" : "cylinder");
+            "rectification: no rectangle of this %s rectified is seen everywhere; keep all instead",
+            shape == FV_RECTIFIED_PINHOLE ? "pinhole" : "cylinder");
     const double fx = (width - 1) / across, fy = (height - 1) / down;
-    const double f = fit == FV_VIEW_CROP ? (fx > fy ? fx : fy) : (fx < fy ? fx : fy);
-    view->shape = shape;
-    view->width = width;
-    view->height = height;
-    view->fx = view->fy = f;
-    view->cx = 0.5 * (width - 1) - f * 0.5 * (shown->low[0] + shown->high[0]);
-    view->cy = 0.5 * (height - 1) - f * 0.5 * (shown->low[1] + shown->high[1]);
+    const double f = fit == FV_RECTIFIED_CROP ? (fx > fy ? fx : fy) : (fx < fy ? fx : fy);
+    rectified->shape = shape;
+    rectified->width = width;
+    rectified->height = height;
+    rectified->fx = rectified->fy = f;
+    rectified->cx = 0.5 * (width - 1) - f * 0.5 * (shown->low[0] + shown->high[0]);
+    rectified->cy = 0.5 * (height - 1) - f * 0.5 * (shown->low[1] + shown->high[1]);
     return FOVEA_OK;
 }
 
-bool fv_view_from_raw(const struct fv_rectified *view, const struct fovea_camera *camera,
-                      double x_px, double y_px, double view_px[2])
+bool fv_rectified_from_raw(const struct fv_rectified *rectified, const struct fovea_camera *camera,
+                           double x_px, double y_px, double rectified_px[2])
 {
     double at[2];
-    if (!normalised(camera, view->shape, x_px, y_px, at)) return false;
-    view_px[0] = view->fx * at[0] + view->cx;
-    view_px[1] = view->fy * at[1] + view->cy;
+    if (!normalised(camera, rectified->shape, x_px, y_px, at)) return false;
+    rectified_px[0] = rectified->fx * at[0] + rectified->cx;
+    rectified_px[1] = rectified->fy * at[1] + rectified->cy;
     return true;
 }

@@ -6,12 +6,13 @@
 
 enum { FRACTION = 64, COLUMN_MAX = 14, ROW_MAX = 2 };
 
-bool fv_view_to_raw(const struct fv_rectified *view, const struct fovea_camera *camera, double x_px,
-                    double y_px, double raw_px[2])
+bool fv_rectified_to_raw(const struct fv_rectified *rectified, const struct fovea_camera *camera,
+                         double x_px, double y_px, double raw_px[2])
 {
-    const double x = (x_px - view->cx) / view->fx, y = (y_px - view->cy) / view->fy;
+    const double x = (x_px - rectified->cx) / rectified->fx,
+                 y = (y_px - rectified->cy) / rectified->fy;
     const double pinhole[3] = {x, y, 1.0};
-    if (view->shape == FV_VIEW_PINHOLE)
+    if (rectified->shape == FV_RECTIFIED_PINHOLE)
         return fovea_camera_project(camera, pinhole, raw_px, NULL) == FOVEA_OK;
     if (x < -FV_PI || x > FV_PI) return false;
     const double cylinder[3] = {fv_sin(x), y, fv_cos(x)};
@@ -20,12 +21,12 @@ bool fv_view_to_raw(const struct fv_rectified *view, const struct fovea_camera *
 
 /* One output pixel's place in the raw image in 1/64 pixel. False: outside. The image reaches half a
  * pixel beyond the outermost pixel centres; there the outermost pixels are repeated. */
-static bool place_of(const struct fv_rectified *view, const struct fovea_camera *camera, int32_t x,
-                     int32_t y, int32_t place[2])
+static bool place_of(const struct fv_rectified *rectified, const struct fovea_camera *camera,
+                     int32_t x, int32_t y, int32_t place[2])
 {
     double raw[2];
     const int32_t size[2] = {camera->width, camera->height};
-    if (x >= view->width || !fv_view_to_raw(view, camera, x, y, raw)) return false;
+    if (x >= rectified->width || !fv_rectified_to_raw(rectified, camera, x, y, raw)) return false;
     for (int i = 0; i < 2; i++) {
         const double at = raw[i] * FRACTION + 0.5;
         if (!(at >= -0.5 * FRACTION && at <= (size[i] - 0.5) * FRACTION)) return false;
@@ -40,11 +41,11 @@ struct fv_places {
     int32_t at[FV_REMAP_BLOCK][2]; /* 1/64 pixels */
 };
 
-static void block_places(const struct fv_rectified *view, const struct fovea_camera *camera,
+static void block_places(const struct fv_rectified *rectified, const struct fovea_camera *camera,
                          int32_t x, int32_t y, struct fv_places *places)
 {
     for (int i = 0; i < FV_REMAP_BLOCK; i++)
-        places->inside[i] = place_of(view, camera, x + i, y, places->at[i]);
+        places->inside[i] = place_of(rectified, camera, x + i, y, places->at[i]);
 }
 
 /* Fit the places into a window. False: they do not. */
@@ -94,11 +95,11 @@ static void fill_scattered(const struct fv_places *places, struct fv_remap_pixel
 static uint32_t fill_map(const struct fv_rectify *rectify, const struct fovea_camera *camera)
 {
     uint32_t scattered = 0;
-    for (int32_t y = 0; y < rectify->view.height; y++) {
+    for (int32_t y = 0; y < rectify->rectified.height; y++) {
         for (int32_t k = 0; k < rectify->blocks_per_row; k++) {
             struct fv_places places;
             struct fv_remap_block block;
-            block_places(&rectify->view, camera, k * FV_REMAP_BLOCK, y, &places);
+            block_places(&rectify->rectified, camera, k * FV_REMAP_BLOCK, y, &places);
             if (!fill_window(camera, &places, &block)) {
                 memset(&block, 0, sizeof block);
                 block.first = scattered;
@@ -115,15 +116,15 @@ static uint32_t fill_map(const struct fv_rectify *rectify, const struct fovea_ca
 }
 
 void fv_rectify_carve(struct fv_rectify *rectify, const struct fovea_camera *camera,
-                      const struct fv_rectified *view, struct fv_arena *persistent)
+                      const struct fv_rectified *rectified, struct fv_arena *persistent)
 {
-    *rectify = (struct fv_rectify){.view = *view};
-    rectify->blocks_per_row = (view->width + FV_REMAP_BLOCK - 1) / FV_REMAP_BLOCK;
+    *rectify = (struct fv_rectify){.rectified = *rectified};
+    rectify->blocks_per_row = (rectified->width + FV_REMAP_BLOCK - 1) / FV_REMAP_BLOCK;
     rectify->stride_bytes =
-        (view->width + FV_CACHE_LINE_BYTES - 1) / FV_CACHE_LINE_BYTES * FV_CACHE_LINE_BYTES;
+        (rectified->width + FV_CACHE_LINE_BYTES - 1) / FV_CACHE_LINE_BYTES * FV_CACHE_LINE_BYTES;
     rectify->scattered_count = fill_map(rectify, camera);
     rectify->blocks =
-        fv_arena_take_raw(persistent, (size_t)view->height * (size_t)rectify->blocks_per_row,
+        fv_arena_take_raw(persistent, (size_t)rectified->height * (size_t)rectify->blocks_per_row,
                           sizeof *rectify->blocks);
     rectify->scattered =
         fv_arena_take_raw(persistent, rectify->scattered_count, sizeof *rectify->scattered);
@@ -133,7 +134,7 @@ void fv_rectify_carve(struct fv_rectify *rectify, const struct fovea_camera *cam
 void fv_rectify_run(const struct fv_rectify *rectify, const struct fv_kernels *kernels,
                     const struct fv_plane *source, const struct fv_plane *out)
 {
-    for (int32_t y = 0; y < rectify->view.height; y++)
+    for (int32_t y = 0; y < rectify->rectified.height; y++)
         kernels->remap_row_u8(fv_plane_row(out, y), source->pixels, source->stride,
                               rectify->blocks + (ptrdiff_t)y * rectify->blocks_per_row,
                               rectify->blocks_per_row, rectify->scattered);

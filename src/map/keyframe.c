@@ -1,4 +1,5 @@
-/* Keyframes and the frames beside them: features in fixed point, sorted into a grid, and the search for features in it. */
+/* Keyframes and the frames beside them: features in fixed point, sorted into a grid, and the search
+ * for features in it. */
 #include <string.h>
 
 #include "geometry/pose.h"
@@ -124,8 +125,8 @@ double fv_map_error2(const struct fv_map *map, const struct fv_pixel *point, con
 
 /* ---- filling --------------------------------------------------------------------------------- */
 
-/* Features of the image into a frame of the map, cell by cell. Links are scratch: the cell of each, as they
- * come. */
+/* Features of the image into a frame of the map, cell by cell. Links are scratch: the cell of each,
+ * as they come. */
 static void sort_in(const struct fv_map *map, const struct fv_map_frame *frame,
                     const struct fovea_feature *features, const uint8_t *descriptors,
                     uint32_t count, uint16_t *from)

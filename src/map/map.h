@@ -172,7 +172,7 @@ struct fv_map {
 /* A frame of the map: a keyframe, the current frame or a waiting one. */
 struct fv_map_frame {
     struct fv_keyframe *keyframe; /* its pose and counts, of whatever kind it is */
-    struct fv_pixel *points; /* cell by cell */
+    struct fv_pixel *points;      /* cell by cell */
     uint8_t *descriptors;
     /* slot, or FV_MAP_NONE; written by fv_map_link / unlink only, except for the current
      * frame */
@@ -239,8 +239,7 @@ static inline int fv_map_predict_level(const struct fv_landmark *l, double dista
     return level < FOVEA_PYRAMID_LEVELS_MAX ? level : -1;
 }
 
-/* ---- frames (keyframe.c) ----------------------------------------------------------------------
- */
+/* ---- frames (keyframe.c) --------------------------------------------------------------------- */
 
 /* Fill the current or a waiting frame: features go cell by cell, those of a cell in their order;
  * those for which the lens model has no bearing are left out. `from`, unless NULL, gets the number
@@ -251,8 +250,8 @@ void fv_map_fill_frame(const struct fv_map *map, uint32_t slot,
 /* Find the cells of a frame whose features are ordered by cell. False: they are not, and the frame
  * cannot be used. */
 bool fv_map_index_frame(const struct fv_map *map, uint32_t slot);
-/* What geometry needs of a feature. False, and `keypoint` is untouched: the lens model has no bearing there;
- * features of frames have one. */
+/* What geometry needs of a feature. False, and `keypoint` is untouched: the lens model has no
+ * bearing there; features of frames have one. */
 bool fv_map_keypoint(const struct fv_map *map, const struct fv_pixel *point,
                      struct fv_keypoint *keypoint);
 /* Bearings of a frame's features, limits.features elements. */

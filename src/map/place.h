@@ -73,8 +73,7 @@ void fv_place_carve(struct fv_place *place, uint32_t keyframes, struct fv_arena 
 /* Empty the index. */
 void fv_place_clear(struct fv_place *place);
 
-/* ---- words of a frame -------------------------------------------------------------------------
- */
+/* ---- words of a frame ------------------------------------------------------------------------ */
 
 void fv_place_words_begin(struct fv_place_words *words);
 /* Take in descriptors; at most FV_PLACE_UNIT of them make a unit of work. */

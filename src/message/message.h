@@ -168,7 +168,7 @@ struct fv_message_detections {
     uint32_t reset_counter;
     const char *model;      /* cut as labels are */
     int32_t width, height;  /* of the raw image */
-    int8_t rectified_shape; /* enum fv_view_shape; -1: none */
+    int8_t rectified_shape; /* enum fv_rectified_shape; -1: none */
     double rectified[4];    /* fx fy cx cy */
     uint32_t count;
     const struct fovea_detection *detections;

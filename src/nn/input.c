@@ -7,8 +7,8 @@
 
 enum { WEIGHT_BITS = 15, WEIGHT_ONE = 1 << WEIGHT_BITS };
 
-enum fovea_status fv_nn_view(const struct fv_model *model, const struct fovea_image *image,
-                             struct fv_nn_view *view)
+enum fovea_status fv_nn_input_fit_of(const struct fv_model *model, const struct fovea_image *image,
+                                     struct fv_nn_input_fit *fit)
 {
     const struct fv_model_preprocess *p = &model->header->preprocess;
     const struct fv_model_tensor *t = &model->tensors[model->inputs[0]];
@@ -20,33 +20,33 @@ enum fovea_status fv_nn_view(const struct fv_model *model, const struct fovea_im
     if (!colours || !fits || !fv_pixel_known(image->format) || image->width < 1 ||
         image->height < 1)
         return FOVEA_ERROR_UNSUPPORTED;
-    *view = (struct fv_nn_view){.image_width = image->width,
-                                .image_height = image->height,
-                                .width = p->width,
-                                .height = p->height};
+    *fit = (struct fv_nn_input_fit){.image_width = image->width,
+                                    .image_height = image->height,
+                                    .width = p->width,
+                                    .height = p->height};
     if (p->fit == FV_FIT_LETTERBOX) {
         if ((int64_t)p->width * image->height < (int64_t)p->height * image->width) {
-            view->height = (int32_t)(((int64_t)image->height * p->width * 2 + image->width) /
-                                     (2 * (int64_t)image->width));
+            fit->height = (int32_t)(((int64_t)image->height * p->width * 2 + image->width) /
+                                    (2 * (int64_t)image->width));
         } else {
-            view->width = (int32_t)(((int64_t)image->width * p->height * 2 + image->height) /
-                                    (2 * (int64_t)image->height));
+            fit->width = (int32_t)(((int64_t)image->width * p->height * 2 + image->height) /
+                                   (2 * (int64_t)image->height));
         }
-        view->width = view->width < 1 ? 1 : view->width;
-        view->height = view->height < 1 ? 1 : view->height;
-        view->left = (p->width - view->width) / 2;
-        view->top = (p->height - view->height) / 2;
+        fit->width = fit->width < 1 ? 1 : fit->width;
+        fit->height = fit->height < 1 ? 1 : fit->height;
+        fit->left = (p->width - fit->width) / 2;
+        fit->top = (p->height - fit->height) / 2;
     }
-    view->scale_x = (float)view->width / (float)image->width;
-    view->scale_y = (float)view->height / (float)image->height;
+    fit->scale_x = (float)fit->width / (float)image->width;
+    fit->scale_y = (float)fit->height / (float)image->height;
     return FOVEA_OK;
 }
 
 bool fv_nn_takes_images(const struct fv_model *model)
 {
     const struct fovea_image image = {.width = 1, .height = 1, .format = FOVEA_PIXEL_GREY8};
-    struct fv_nn_view view;
-    return fv_nn_view(model, &image, &view) == FOVEA_OK;
+    struct fv_nn_input_fit fit;
+    return fv_nn_input_fit_of(model, &image, &fit) == FOVEA_OK;
 }
 
 /* Lower neighbour and weight of the upper one for target `at` of `count` over `size` source pixels.
@@ -153,29 +153,29 @@ struct block {
     int32_t shown[BLOCK_ROWS], up[BLOCK_ROWS], down[BLOCK_ROWS], wy[BLOCK_ROWS];
 };
 
-static void block_begin(const struct fovea_image *image, const struct fv_nn_view *view,
+static void block_begin(const struct fovea_image *image, const struct fv_nn_input_fit *fit,
                         int32_t begin, int32_t end, struct block *b)
 {
     b->begin = begin;
     b->count = end - begin < BLOCK_ROWS ? end - begin : BLOCK_ROWS;
     for (int32_t i = 0; i < b->count; i++) {
-        const int32_t iy = begin + i - view->top;
-        b->shown[i] = iy >= 0 && iy < view->height;
+        const int32_t iy = begin + i - fit->top;
+        b->shown[i] = iy >= 0 && iy < fit->height;
         if (b->shown[i])
-            source_of(iy, view->height, image->height, &b->up[i], &b->down[i], &b->wy[i]);
+            source_of(iy, fit->height, image->height, &b->up[i], &b->down[i], &b->wy[i]);
     }
 }
 
 static void fill_column(const struct fv_model *model, const struct tables *tables,
-                        const struct fovea_image *image, const struct fv_nn_view *view,
+                        const struct fovea_image *image, const struct fv_nn_input_fit *fit,
                         const struct block *b, int32_t x, uint8_t *input)
 {
     const struct fv_model_preprocess *p = &model->header->preprocess;
     const bool plain = image->format == FOVEA_PIXEL_GREY8 || image->format == FOVEA_PIXEL_RGB24 ||
                        image->format == FOVEA_PIXEL_BGR24;
-    const int32_t ix = x - view->left, is_shown = ix >= 0 && ix < view->width;
+    const int32_t ix = x - fit->left, is_shown = ix >= 0 && ix < fit->width;
     int32_t columns[2] = {0, 0}, wx = 0;
-    if (is_shown) source_of(ix, view->width, image->width, &columns[0], &columns[1], &wx);
+    if (is_shown) source_of(ix, fit->width, image->width, &columns[0], &columns[1], &wx);
     for (int32_t i = 0; i < b->count; i++) {
         uint8_t rgb[3] = {(uint8_t)p->pad, (uint8_t)p->pad, (uint8_t)p->pad};
         const int32_t rows[2] = {b->up[i], b->down[i]};
@@ -193,51 +193,51 @@ static void fill_column(const struct fv_model *model, const struct tables *table
 /* A grey frame of the network's own size needs no interpolation: most cameras' case, and thirty
  * times faster. */
 static bool is_direct(const struct fv_model *model, const struct fovea_image *image,
-                      const struct fv_nn_view *view)
+                      const struct fv_nn_input_fit *fit)
 {
     return image->format == FOVEA_PIXEL_GREY8 && model->header->preprocess.channels == 1 &&
-           view->width == image->width && view->height == image->height &&
+           fit->width == image->width && fit->height == image->height &&
            model->tensors[model->inputs[0]].type == FV_TYPE_U8;
 }
 
 int32_t fv_nn_rows_per_unit(const struct fv_model *model, const struct fovea_image *image,
-                            const struct fv_nn_view *view)
+                            const struct fv_nn_input_fit *fit)
 {
     enum { PIXELS = 9600, PIXELS_DIRECT = 96000 };
-    const int32_t pixels = is_direct(model, image, view) ? PIXELS_DIRECT : PIXELS,
+    const int32_t pixels = is_direct(model, image, fit) ? PIXELS_DIRECT : PIXELS,
                   width = model->header->preprocess.width;
     return width >= pixels ? 1 : pixels / (width < 1 ? 1 : width);
 }
 
 static void fill_direct(const struct fv_model *model, const uint8_t table[256],
-                        const struct fovea_image *image, const struct fv_nn_view *view, int32_t y,
-                        uint8_t *input)
+                        const struct fovea_image *image, const struct fv_nn_input_fit *fit,
+                        int32_t y, uint8_t *input)
 {
-    const int32_t width = model->header->preprocess.width, iy = y - view->top;
+    const int32_t width = model->header->preprocess.width, iy = y - fit->top;
     const uint8_t pad = table[(uint8_t)model->header->preprocess.pad];
     uint8_t *to = input + (ptrdiff_t)y * width;
     memset(to, pad, (size_t)width);
-    if (iy < 0 || iy >= view->height) return;
+    if (iy < 0 || iy >= fit->height) return;
     const uint8_t *from = image->data + (ptrdiff_t)iy * image->stride_bytes;
-    for (int32_t x = 0; x < view->width; x++)
-        to[view->left + x] = table[from[x]];
+    for (int32_t x = 0; x < fit->width; x++)
+        to[fit->left + x] = table[from[x]];
 }
 
 void fv_nn_fill(const struct fv_model *model, const struct fovea_image *image,
-                const struct fv_nn_view *view, uint8_t *arena, int32_t begin, int32_t end)
+                const struct fv_nn_input_fit *fit, uint8_t *arena, int32_t begin, int32_t end)
 {
     uint8_t *input = fv_nn_tensor(model, arena, model->inputs[0]);
     struct tables tables;
     struct block block = {.count = 0};
     make_tables(model, &tables);
-    if (is_direct(model, image, view)) {
+    if (is_direct(model, image, fit)) {
         for (int32_t y = begin; y < end; y++)
-            fill_direct(model, tables.byte[0], image, view, y, input);
+            fill_direct(model, tables.byte[0], image, fit, y, input);
         return;
     }
     for (int32_t y = begin; y < end; y += block.count) {
-        block_begin(image, view, y, end, &block);
+        block_begin(image, fit, y, end, &block);
         for (int32_t x = 0; x < model->header->preprocess.width; x++)
-            fill_column(model, &tables, image, view, &block, x, input);
+            fill_column(model, &tables, image, fit, &block, x, input);
     }
 }

@@ -12,15 +12,15 @@ void fv_nn_job_carve(struct fv_nn_job *job, const struct fv_model *model,
 
 enum fovea_status fv_nn_job_start(const struct fv_nn_job *job, const struct fovea_image *image)
 {
-    struct fv_nn_view view;
+    struct fv_nn_input_fit fit;
     struct fovea_image copied;
     if (!fv_nn_job_idle(job)) return FOVEA_AGAIN;
-    const enum fovea_status status = fv_nn_view(job->model, image, &view);
+    const enum fovea_status status = fv_nn_input_fit_of(job->model, image, &fit);
     if (status != FOVEA_OK) return status;
     if (fv_pixel_copy(image, job->pixels, job->pixel_bytes, &copied) != FOVEA_OK)
         return FOVEA_ERROR_UNSUPPORTED;
     *job->state = (struct fv_nn_job_state){.phase = FV_NN_JOB_FILL,
-                                           .view = view,
+                                           .fit = fit,
                                            .width = copied.width,
                                            .height = copied.height,
                                            .stride_bytes = copied.stride_bytes,
@@ -38,9 +38,9 @@ static void fill_some(const struct fv_nn_job *job)
                                       .format = (enum fovea_pixel_format)s->format,
                                       .size_bytes = job->pixel_bytes};
     const int32_t height = job->model->header->preprocess.height,
-                  rows = fv_nn_rows_per_unit(job->model, &image, &s->view);
+                  rows = fv_nn_rows_per_unit(job->model, &image, &s->fit);
     const int32_t end = rows < height - s->row ? s->row + rows : height;
-    fv_nn_fill(job->model, &image, &s->view, job->arena, s->row, end);
+    fv_nn_fill(job->model, &image, &s->fit, job->arena, s->row, end);
     s->row = end;
     if (end == height) s->phase = FV_NN_JOB_RUN;
 }

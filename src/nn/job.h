@@ -28,7 +28,7 @@ enum fv_nn_job_phase {
 struct fv_nn_job_state {
     int32_t phase, row; /* enum fv_nn_job_phase; of the input, the next to be filled */
     struct fv_nn_progress progress;
-    struct fv_nn_view view;                      /* how the picture lies in the input */
+    struct fv_nn_input_fit fit;                  /* how the picture lies in the input */
     int32_t width, height, stride_bytes, format; /* of the copied picture */
 };
 

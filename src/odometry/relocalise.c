@@ -16,7 +16,7 @@ enum {
 
 static const double ratio_max = 0.85;
 static const double least_score =
-    0.12 * FV_PLACE_ONE;                    /* below, frames have no more in common than two arbitrary ones */
+    0.12 * FV_PLACE_ONE; /* below, frames have no more in common than two arbitrary ones */
 static const double inlier_share_min = 0.5; /* of the matches of the guided search */
 /* Inliers of the landmarks that the pose should see, and of the frame's features: one of the two
  * must be reached. In simulation, at a wrong place that has one thing in common with the right one

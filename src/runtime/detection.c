@@ -37,10 +37,12 @@ enum fovea_status fv_detection_prepare(struct fv_detection *detection, const cha
     if (status == FOVEA_OK) status = check_use(&detection->model, key, error);
     if (status != FOVEA_OK) return status;
     /* As `fovea rectify` does unasked; a lens too wide for a pinhole gets a cylinder. */
-    for (int shape = FV_VIEW_PINHOLE; shape <= FV_VIEW_CYLINDER && !detection->has_view; shape++) {
-        detection->has_view =
-            fv_view_choose(camera, (enum fv_view_shape)shape, FV_VIEW_CROP, camera->width,
-                           camera->height, &detection->view, NULL) == FOVEA_OK;
+    for (int shape = FV_RECTIFIED_PINHOLE;
+         shape <= FV_RECTIFIED_CYLINDER && !detection->has_rectified; shape++) {
+        detection->has_rectified =
+            fv_rectified_choose(camera, (enum fv_rectified_shape)shape, FV_RECTIFIED_CROP,
+                                camera->width, camera->height, &detection->rectified,
+                                NULL) == FOVEA_OK;
     }
     detection->enabled = true;
     return FOVEA_OK;
@@ -125,7 +127,7 @@ bool fv_detection_offer(struct fv_detection *detection, const struct fovea_frame
 }
 
 /* The box in the rectified image around the corners and edge middles of one in the raw image;
- * points that the view does not show are left out. Empty where none is shown. */
+ * points that the rectified image does not show are left out. Empty where none is shown. */
 static void rectify_box(const struct fv_detection *detection, const struct fovea_camera *camera,
                         const struct fovea_detection *found, float box[4])
 {
@@ -138,7 +140,8 @@ static void rectify_box(const struct fv_detection *detection, const struct fovea
     double low[2] = {1e9, 1e9}, high[2] = {-1e9, -1e9};
     for (int i = 0; i < 9; i++) {
         double at[2];
-        if (i == 4 || !fv_view_from_raw(&detection->view, camera, x[i % 3], y[i / 3], at)) continue;
+        if (i == 4 || !fv_rectified_from_raw(&detection->rectified, camera, x[i % 3], y[i / 3], at))
+            continue;
         for (int k = 0; k < 2; k++) {
             low[k] = at[k] < low[k] ? at[k] : low[k];
             high[k] = at[k] > high[k] ? at[k] : high[k];
@@ -162,7 +165,7 @@ static bool map_some(struct fv_detection *detection, const struct fovea_camera *
     for (; state->mapped < end; state->mapped++) {
         float *box = state->rectified[state->mapped];
         memset(box, 0, 4 * sizeof *box);
-        if (detection->has_view) rectify_box(detection, camera, &found[state->mapped], box);
+        if (detection->has_rectified) rectify_box(detection, camera, &found[state->mapped], box);
     }
     return state->mapped == count;
 }
@@ -206,9 +209,9 @@ uint32_t fv_detection_encode(const struct fv_detection *detection,
         .model = fv_model_name(&detection->model),
         .width = config->camera.width,
         .height = config->camera.height,
-        .rectified_shape = detection->has_view ? (int8_t)detection->view.shape : -1,
-        .rectified = {detection->view.fx, detection->view.fy, detection->view.cx,
-                      detection->view.cy},
+        .rectified_shape = detection->has_rectified ? (int8_t)detection->rectified.shape : -1,
+        .rectified = {detection->rectified.fx, detection->rectified.fy, detection->rectified.cx,
+                      detection->rectified.cy},
         .count = count,
         .detections = found,
         .names = names,

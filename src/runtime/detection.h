@@ -28,13 +28,13 @@ struct fv_detection {
     struct fv_detect_memory memory;
     struct fv_detection_state *state;
     void *message_scratch;
-    bool has_view;
-    struct fv_rectified view; /* the rectified image */
+    bool has_rectified;
+    struct fv_rectified rectified; /* the rectified image */
 };
 
-/* Check the model of `settings`, which must take images and give boxes; choose the rectified view.
- * Init-only. FOVEA_ERROR_*: `error` begins with `key`, that of the model. Nothing is enabled
- * without a model. */
+/* Check the model of `settings`, which must take images and give boxes; choose the rectified
+ * image. Init-only. FOVEA_ERROR_*: `error` begins with `key`, that of the model. Nothing is
+ * enabled without a model. */
 enum fovea_status fv_detection_prepare(struct fv_detection *detection, const char *key,
                                        const struct fovea_detect_config *settings,
                                        const struct fovea_camera *camera,

@@ -35,19 +35,20 @@ void opencv_camera(const struct fovea_camera &camera, cv::Mat &K, cv::Mat &D)
 
 struct fv_rectified crop(const struct fovea_camera &camera)
 {
-    struct fv_rectified view;
-    fv_view_choose(&camera, FV_VIEW_PINHOLE, FV_VIEW_CROP, camera.width, camera.height, &view,
-                   nullptr);
-    return view;
+    struct fv_rectified rectified;
+    fv_rectified_choose(&camera, FV_RECTIFIED_PINHOLE, FV_RECTIFIED_CROP, camera.width,
+                        camera.height, &rectified, nullptr);
+    return rectified;
 }
 
 Run remap_opencv(const Input &input)
 {
     const struct fovea_camera camera = drone();
-    const struct fv_rectified view = crop(camera);
+    const struct fv_rectified rectified = crop(camera);
     cv::Mat K, D, map_1, map_2;
     opencv_camera(camera, K, D);
-    const cv::Mat P = (cv::Mat_<double>(3, 3) << view.fx, 0, view.cx, 0, view.fy, view.cy, 0, 0, 1);
+    const cv::Mat P = (cv::Mat_<double>(3, 3) << rectified.fx, 0, rectified.cx, 0, rectified.fy,
+                       rectified.cy, 0, 0, 1);
     cv::initUndistortRectifyMap(K, D, cv::noArray(), P, input.image.size(), CV_16SC2, map_1, map_2);
     const cv::Mat image = input.image;
     return [=] {
@@ -60,17 +61,18 @@ const bench::Stage rectify(
     "rectify to a pinhole", "752x480", "remap, linear, fixed-point maps",
     [](const Input &input, const struct fv_kernels &kernels) -> Run {
         const struct fovea_camera camera = drone();
-        const struct fv_rectified view = crop(camera);
+        const struct fv_rectified rectified = crop(camera);
         auto map = std::make_shared<struct fv_rectify>();
-        auto block = std::make_shared<bench::Block>(
-            [&](struct fv_arena *arena) { fv_rectify_carve(map.get(), &camera, &view, arena); });
+        auto block = std::make_shared<bench::Block>([&](struct fv_arena *arena) {
+            fv_rectify_carve(map.get(), &camera, &rectified, arena);
+        });
         auto out = std::make_shared<std::vector<uint8_t>>(
-            static_cast<size_t>(map->stride_bytes * view.height));
+            static_cast<size_t>(map->stride_bytes * rectified.height));
         const cv::Mat image = input.image;
         return [=] {
             (void)block;
             const struct fv_plane source = bench::plane(image),
-                                  result = {out->data(), view.width, view.height,
+                                  result = {out->data(), rectified.width, rectified.height,
                                             map->stride_bytes};
             fv_rectify_run(map.get(), &kernels, &source, &result);
         };

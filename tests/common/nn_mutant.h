@@ -21,7 +21,7 @@ static inline void nn_mutant_seal(uint8_t *data, size_t bytes)
 }
 
 /* The outputs read by every decoder, whatever the file's own. */
-static inline void nn_mutant_decode(const struct fv_model *model, const struct fv_nn_view *view,
+static inline void nn_mutant_decode(const struct fv_model *model, const struct fv_nn_input_fit *fit,
                                     uint8_t *arena)
 {
     struct fv_detect_scratch *scratch = malloc(sizeof *scratch);
@@ -33,7 +33,7 @@ static inline void nn_mutant_decode(const struct fv_model *model, const struct f
     if (header.decode.anchor_data == 0) header.decode.anchor_data = FV_MODEL_HEADER_BYTES;
     if (header.decode.anchor_count == 0) header.decode.anchor_count = 2;
     for (header.decode.kind = 0; header.decode.kind < FV_DECODER_COUNT; header.decode.kind++) {
-        fv_detect_decode(&read, arena, view, scratch, found, FOVEA_DETECTIONS_MAX);
+        fv_detect_decode(&read, arena, fit, scratch, found, FOVEA_DETECTIONS_MAX);
     }
     free(scratch);
 }
@@ -74,18 +74,18 @@ static inline int nn_mutant_run(const uint8_t *data, size_t bytes)
                                       .stride_bytes = 48,
                                       .format = FOVEA_PIXEL_RGB24,
                                       .size_bytes = sizeof pixels};
-    struct fv_nn_view view;
-    if (fv_nn_view(&model, &image, &view) == FOVEA_OK) {
-        fv_nn_fill(&model, &image, &view, arena, 0, model.header->preprocess.height);
+    struct fv_nn_input_fit fit;
+    if (fv_nn_input_fit_of(&model, &image, &fit) == FOVEA_OK) {
+        fv_nn_fill(&model, &image, &fit, arena, 0, model.header->preprocess.height);
     } else {
-        view = (struct fv_nn_view){.image_width = 16,
-                                   .image_height = 16,
-                                   .width = 16,
-                                   .height = 16,
-                                   .scale_x = 1,
-                                   .scale_y = 1};
+        fit = (struct fv_nn_input_fit){.image_width = 16,
+                                       .image_height = 16,
+                                       .width = 16,
+                                       .height = 16,
+                                       .scale_x = 1,
+                                       .scale_y = 1};
     }
-    nn_mutant_decode(&model, &view, arena);
+    nn_mutant_decode(&model, &fit, arena);
     free(arena);
     return 1;
 }

@@ -127,24 +127,24 @@ double crookedness_of_board(const std::vector<cv::Point2f> &corners)
 
 struct Rectifier {
     struct fv_kernels kernels;
-    struct fv_rectified view;
+    struct fv_rectified rectified;
     struct fv_rectify map;
     std::unique_ptr<bench::Block> block;
 
     explicit Rectifier(const struct fovea_camera &camera)
     {
         fv_kernels_init(&kernels, fv_cpu_best(fv_cpu_detect()));
-        fv_view_choose(&camera, FV_VIEW_PINHOLE, FV_VIEW_CROP, camera.width, camera.height, &view,
-                       nullptr);
+        fv_rectified_choose(&camera, FV_RECTIFIED_PINHOLE, FV_RECTIFIED_CROP, camera.width,
+                            camera.height, &rectified, nullptr);
         block = std::make_unique<bench::Block>(
-            [&](struct fv_arena *arena) { fv_rectify_carve(&map, &camera, &view, arena); });
+            [&](struct fv_arena *arena) { fv_rectify_carve(&map, &camera, &rectified, arena); });
     }
     cv::Mat run(const cv::Mat &image) const
     {
-        cv::Mat out(view.height, map.stride_bytes, CV_8U);
+        cv::Mat out(rectified.height, map.stride_bytes, CV_8U);
         const struct fv_plane source = bench::plane(image), result = bench::plane(out);
         fv_rectify_run(&map, &kernels, &source, &result);
-        return out.colRange(0, view.width).clone();
+        return out.colRange(0, rectified.width).clone();
     }
 };
 

@@ -32,16 +32,16 @@ struct fovea_camera camera_of(enum fovea_lens lens, int width, int height, doubl
     return camera;
 }
 
-cv::Mat rectified(const struct fovea_camera &camera, const struct fv_rectified &view,
+cv::Mat resampled(const struct fovea_camera &camera, const struct fv_rectified &rectified,
                   const cv::Mat &image, const struct fv_kernels &kernels)
 {
     struct fv_rectify rectify;
     bench::Block block(
-        [&](struct fv_arena *arena) { fv_rectify_carve(&rectify, &camera, &view, arena); });
-    cv::Mat out(view.height, rectify.stride_bytes, CV_8U);
+        [&](struct fv_arena *arena) { fv_rectify_carve(&rectify, &camera, &rectified, arena); });
+    cv::Mat out(rectified.height, rectify.stride_bytes, CV_8U);
     const struct fv_plane source = bench::plane(image), result = bench::plane(out);
     fv_rectify_run(&rectify, &kernels, &source, &result);
-    return out.colRange(0, view.width).clone();
+    return out.colRange(0, rectified.width).clone();
 }
 
 double bilinear(const cv::Mat &image, double x, double y)
@@ -69,20 +69,20 @@ cv::Mat smooth_image(int width, int height)
     return image;
 }
 
-bool check_exact(const char *name, const struct fovea_camera &camera, enum fv_view_shape shape,
-                 enum fv_view_fit fit, int width, int height,
+bool check_exact(const char *name, const struct fovea_camera &camera, enum fv_rectified_shape shape,
+                 enum fv_rectified_fit fit, int width, int height,
                  const std::vector<struct fv_kernels> &sets)
 {
-    struct fv_rectified view;
+    struct fv_rectified rectified;
     struct fovea_error error;
-    if (fv_view_choose(&camera, shape, fit, width, height, &view, &error) != FOVEA_OK) {
+    if (fv_rectified_choose(&camera, shape, fit, width, height, &rectified, &error) != FOVEA_OK) {
         std::printf("FAILED %s: %s\n", name, error.text);
         return false;
     }
     const cv::Mat image = smooth_image(camera.width, camera.height);
-    const cv::Mat out = rectified(camera, view, image, sets.front());
+    const cv::Mat out = resampled(camera, rectified, image, sets.front());
     for (const auto &kernels : sets)
-        if (cv::norm(out, rectified(camera, view, image, kernels), cv::NORM_INF) != 0) {
+        if (cv::norm(out, resampled(camera, rectified, image, kernels), cv::NORM_INF) != 0) {
             std::printf("FAILED %s: kernels %s differ\n", name, fv_cpu_set_name(kernels.set));
             return false;
         }
@@ -91,8 +91,8 @@ bool check_exact(const char *name, const struct fovea_camera &camera, enum fv_vi
     for (int y = 0; y < height; y++)
         for (int x = 0; x < width; x++) {
             double raw[2];
-            const bool visible = fv_view_to_raw(&view, &camera, x, y, raw) && raw[0] > -0.49 &&
-                                 raw[1] > -0.49 && raw[0] < camera.width - 0.51 &&
+            const bool visible = fv_rectified_to_raw(&rectified, &camera, x, y, raw) &&
+                                 raw[0] > -0.49 && raw[1] > -0.49 && raw[0] < camera.width - 0.51 &&
                                  raw[1] < camera.height - 0.51;
             if (visible)
                 worst = std::max(worst,
@@ -101,20 +101,20 @@ bool check_exact(const char *name, const struct fovea_camera &camera, enum fv_vi
         }
     const double share = static_cast<double>(seen) / (static_cast<double>(width) * height);
     std::printf("%-34s f %6.1f, %5.1f %% of pixels seen, worst difference %.2f grey levels\n", name,
-                view.fx, 100 * share, worst);
-    return worst < 2 && share > (fit == FV_VIEW_CROP ? 0.9999 : 0.3) &&
-           (fit == FV_VIEW_CROP || share < 1);
+                rectified.fx, 100 * share, worst);
+    return worst < 2 && share > (fit == FV_RECTIFIED_CROP ? 0.9999 : 0.3) &&
+           (fit == FV_RECTIFIED_CROP || share < 1);
 }
 
-/* Without distortion the view is the camera, and its image the image. */
+/* Without distortion the rectified image is the camera, and its image the image. */
 bool check_identity(const struct fv_kernels &kernels)
 {
     const struct fovea_camera camera =
         camera_of(FOVEA_LENS_RADTAN, 333, 222, 300, 300, 160, 110, {});
-    const struct fv_rectified view = {FV_VIEW_PINHOLE, 333, 222, 300, 300, 160, 110};
+    const struct fv_rectified rectified = {FV_RECTIFIED_PINHOLE, 333, 222, 300, 300, 160, 110};
     cv::Mat image(222, 333, CV_8U);
     cv::RNG(4).fill(image, cv::RNG::UNIFORM, 0, 256);
-    const cv::Mat out = rectified(camera, view, image, kernels);
+    const cv::Mat out = resampled(camera, rectified, image, kernels);
     const cv::Rect inner(0, 0, 332, 221);
     if (cv::norm(out(inner), image(inner), cv::NORM_INF) == 0) return true;
     std::printf("FAILED identity\n");
@@ -132,15 +132,16 @@ bool check_remap(const struct fv_kernels &kernels)
     const struct fovea_camera camera =
         camera_of(FOVEA_LENS_RADTAN, 752, 480, 458.654, 457.296, 367.215, 248.375,
                   {-0.28340811, 0.07395907, 0.00019359, 1.76187114e-05});
-    struct fv_rectified view;
-    if (fv_view_choose(&camera, FV_VIEW_PINHOLE, FV_VIEW_CROP, 752, 480, &view, nullptr) !=
-        FOVEA_OK)
+    struct fv_rectified rectified;
+    if (fv_rectified_choose(&camera, FV_RECTIFIED_PINHOLE, FV_RECTIFIED_CROP, 752, 480, &rectified,
+                            nullptr) != FOVEA_OK)
         return false;
     const cv::Mat K =
         (cv::Mat_<double>(3, 3) << camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1);
     const cv::Mat D =
         (cv::Mat_<double>(1, 4) << camera.k[0], camera.k[1], camera.k[2], camera.k[3]);
-    const cv::Mat P = (cv::Mat_<double>(3, 3) << view.fx, 0, view.cx, 0, view.fy, view.cy, 0, 0, 1);
+    const cv::Mat P = (cv::Mat_<double>(3, 3) << rectified.fx, 0, rectified.cx, 0, rectified.fy,
+                       rectified.cy, 0, 0, 1);
     cv::Mat x, y, exact, fixed, expected, map_1, map_2, difference;
     cv::initUndistortRectifyMap(K, D, cv::noArray(), P, image.size(), CV_32F, x, y);
     cv::Mat wide;
@@ -149,7 +150,7 @@ bool check_remap(const struct fv_kernels &kernels)
     cv::convertMaps(x, y, map_1, map_2, CV_16SC2);
     cv::remap(image, fixed, map_1, map_2, cv::INTER_LINEAR);
     cv::Mat ours;
-    rectified(camera, view, image, kernels).convertTo(ours, CV_32F);
+    resampled(camera, rectified, image, kernels).convertTo(ours, CV_32F);
     fixed.convertTo(fixed, CV_32F);
     const cv::Rect inner(1, 1, 750, 478);
     const double error = cv::norm(ours(inner), exact(inner), cv::NORM_L1) / inner.area();
@@ -177,23 +178,23 @@ int main()
         camera_of(FOVEA_LENS_EQUIDISTANT, 960, 600, 227.37, 226.55, 471.42, 305.64,
                   {0.02474, -0.02245, 0.0188, -0.00682});
     bool good = check_identity(sets.back());
-    good =
-        check_exact("drone, pinhole, crop", drone, FV_VIEW_PINHOLE, FV_VIEW_CROP, 752, 480, sets) &&
-        good;
-    good = check_exact("drone, pinhole, keep all, odd size", drone, FV_VIEW_PINHOLE,
-                       FV_VIEW_KEEP_ALL, 641, 399, sets) &&
+    good = check_exact("drone, pinhole, crop", drone, FV_RECTIFIED_PINHOLE, FV_RECTIFIED_CROP, 752,
+                       480, sets) &&
            good;
-    good = check_exact("drone, cylinder, crop", drone, FV_VIEW_CYLINDER, FV_VIEW_CROP, 640, 480,
-                       sets) &&
+    good = check_exact("drone, pinhole, keep all, odd size", drone, FV_RECTIFIED_PINHOLE,
+                       FV_RECTIFIED_KEEP_ALL, 641, 399, sets) &&
            good;
-    good = check_exact("fisheye, cylinder, keep all", fisheye, FV_VIEW_CYLINDER, FV_VIEW_KEEP_ALL,
-                       960, 600, sets) &&
+    good = check_exact("drone, cylinder, crop", drone, FV_RECTIFIED_CYLINDER, FV_RECTIFIED_CROP,
+                       640, 480, sets) &&
            good;
-    good = check_exact("fisheye, pinhole, keep all", fisheye, FV_VIEW_PINHOLE, FV_VIEW_KEEP_ALL,
-                       960, 600, sets) &&
+    good = check_exact("fisheye, cylinder, keep all", fisheye, FV_RECTIFIED_CYLINDER,
+                       FV_RECTIFIED_KEEP_ALL, 960, 600, sets) &&
            good;
-    good = check_exact("fisheye, pinhole, crop, small", fisheye, FV_VIEW_PINHOLE, FV_VIEW_CROP, 160,
-                       120, sets) &&
+    good = check_exact("fisheye, pinhole, keep all", fisheye, FV_RECTIFIED_PINHOLE,
+                       FV_RECTIFIED_KEEP_ALL, 960, 600, sets) &&
+           good;
+    good = check_exact("fisheye, pinhole, crop, small", fisheye, FV_RECTIFIED_PINHOLE,
+                       FV_RECTIFIED_CROP, 160, 120, sets) &&
            good;
     good = check_remap(sets.back()) && good;
     return good ? 0 : 1;

@@ -158,8 +158,7 @@ static void wait_until_grown(const char *path, off_t bytes)
     RUN("sim:wander?width=160&height=120"), "--set", "record_buffer=1000", "--rate", "real",       \
         "--record", recording, "--save-map", map
 
-/* ---- in order ----------------------------------------------------------------------------------
- */
+/* ---- in order -------------------------------------------------------------------------------- */
 
 /* Ended in order: the map is there, and the recording has its end. */
 static void expect_whole(void)
@@ -230,8 +229,7 @@ static void test_a_stray_signal_changes_nothing(void **state)
     expect_whole();
 }
 
-/* ---- what stalls -------------------------------------------------------------------------------
- */
+/* ---- what stalls ----------------------------------------------------------------------------- */
 
 /* A run whose output nobody reads: it says so, and the signal ends it. */
 static void stalled_run(const char *const words[], const char *line, const char *lost)
@@ -366,8 +364,7 @@ static void test_a_quiet_run_leaves_no_picture(void **state)
     assert_int_equal(chdir(before), 0);
 }
 
-/* ---- other commands ----------------------------------------------------------------------------
- */
+/* ---- other commands -------------------------------------------------------------------------- */
 
 static void test_other_commands_end_by_signals(void **state)
 {

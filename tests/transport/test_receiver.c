@@ -28,8 +28,7 @@ enum { PORT = 7667, WAIT_MS = 2000 };
 
 static char build[512]; /* folder that this program was built into */
 
-/* ---- receivers that count ---------------------------------------------------------------------
- */
+/* ---- receivers that count -------------------------------------------------------------------- */
 
 struct ear {
     struct fv_receiver *receiver;
@@ -80,8 +79,7 @@ static uint64_t dropped(const struct ear *ear, enum fv_drop reason)
     return counts.dropped[reason];
 }
 
-/* ---- packets -----------------------------------------------------------------------------------
- */
+/* ---- packets --------------------------------------------------------------------------------- */
 
 static size_t packet_make(uint8_t packet[1400], const char *magic, const char *channel,
                           size_t bytes)
@@ -129,8 +127,7 @@ static void route_to(const char *interface)
     run(command);
 }
 
-/* ---- who is heard ------------------------------------------------------------------------------
- */
+/* ---- who is heard ---------------------------------------------------------------------------- */
 
 struct ears {
     struct ear loopback, eth0, any;
@@ -337,8 +334,7 @@ static void test_programs_with_liblcm_are_heard(void **state)
     route_to("eth0");
 }
 
-/* ---- what is no message ------------------------------------------------------------------------
- */
+/* ---- what is no message ---------------------------------------------------------------------- */
 
 static void test_names_and_lengths_are_exact(void **state)
 {
@@ -479,8 +475,7 @@ static void test_a_flood_takes_no_memory(void **state)
     ear_close(&ear);
 }
 
-/* ---- what is not heard at all ------------------------------------------------------------------
- */
+/* ---- what is not heard at all ---------------------------------------------------------------- */
 
 static void test_nothing_is_opened_where_nothing_is_to_be_heard(void **state)
 {

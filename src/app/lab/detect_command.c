@@ -52,10 +52,10 @@ static void engine_close(struct engine *engine)
 static enum fovea_status look_at(struct engine *engine, const struct fovea_image *image)
 {
     const struct fv_model *model = &engine->file.model;
-    struct fv_nn_view view;
-    const enum fovea_status status = fv_nn_view(model, image, &view);
+    struct fv_nn_input_fit fit;
+    const enum fovea_status status = fv_nn_input_fit_of(model, image, &fit);
     if (status != FOVEA_OK) return status;
-    fv_nn_fill(model, image, &view, engine->arena, 0, model->header->preprocess.height);
+    fv_nn_fill(model, image, &fit, engine->arena, 0, model->header->preprocess.height);
     struct fv_nn_progress progress = {0, 0};
     const uint32_t units =
         engine->units == 0 || engine->units > 1u << 30 ? 1u << 30 : (uint32_t)engine->units;
@@ -63,7 +63,7 @@ static enum fovea_status look_at(struct engine *engine, const struct fovea_image
     while (fv_nn_run(model, &engine->kernels, engine->arena, &progress, units, &done) ==
            FOVEA_AGAIN)
         continue;
-    engine->count = fv_detect_decode(model, engine->arena, &view, engine->scratch, engine->found,
+    engine->count = fv_detect_decode(model, engine->arena, &fit, engine->scratch, engine->found,
                                      FOVEA_DETECTIONS_MAX);
     return FOVEA_OK;
 }

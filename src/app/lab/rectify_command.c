@@ -32,17 +32,17 @@ static bool read_size(const char *text, const struct fovea_image *image, int32_t
         if (!fovea_text_integer(word, &across) || !fovea_text_integer(text + length + 1, &down))
             return false;
         if (across < 0 || across > 99999 || down < 0 || down > 99999)
-            return false; /* the view knows its own bounds */
+            return false; /* the rectified image knows its own bounds */
     }
     *width = (int32_t)across;
     *height = (int32_t)down;
     return true;
 }
 
-static enum fovea_status choose_view(const struct request *request,
-                                     const struct fovea_camera *camera,
-                                     const struct fovea_image *image, struct fv_rectified *view,
-                                     struct fovea_error *error)
+static enum fovea_status choose_rectified(const struct request *request,
+                                          const struct fovea_camera *camera,
+                                          const struct fovea_image *image,
+                                          struct fv_rectified *rectified, struct fovea_error *error)
 {
     int32_t width, height;
     const bool cylinder = request->shape != NULL && strcmp(request->shape, "cylinder") == 0;
@@ -57,29 +57,30 @@ static enum fovea_status choose_view(const struct request *request,
     if (!read_size(request->size, image, &width, &height))
         return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
                                "--size: found '%.100s', expected WIDTHxHEIGHT", request->size);
-    return fv_view_choose(camera, cylinder ? FV_VIEW_CYLINDER : FV_VIEW_PINHOLE,
-                          request->keep_all ? FV_VIEW_KEEP_ALL : FV_VIEW_CROP, width, height, view,
-                          error);
+    return fv_rectified_choose(camera, cylinder ? FV_RECTIFIED_CYLINDER : FV_RECTIFIED_PINHOLE,
+                               request->keep_all ? FV_RECTIFIED_KEEP_ALL : FV_RECTIFIED_CROP, width,
+                               height, rectified, error);
 }
 
-static enum fovea_status write_camera(const char *path, const struct fv_rectified *view,
+static enum fovea_status write_camera(const char *path, const struct fv_rectified *rectified,
                                       struct fovea_error *error)
 {
     struct fovea_calibration calibration = {0};
-    calibration.camera.width = view->width;
-    calibration.camera.height = view->height;
+    calibration.camera.width = rectified->width;
+    calibration.camera.height = rectified->height;
     calibration.camera.lens = FOVEA_LENS_RADTAN;
-    calibration.camera.fx = view->fx;
-    calibration.camera.fy = view->fy;
-    calibration.camera.cx = view->cx;
-    calibration.camera.cy = view->cy;
+    calibration.camera.fx = rectified->fx;
+    calibration.camera.fy = rectified->fy;
+    calibration.camera.cx = rectified->cx;
+    calibration.camera.cy = rectified->cy;
     return fovea_calibration_write(path, FOVEA_CALIBRATION_ROS, &calibration, NULL, error);
 }
 
 /* Map, resample, write. */
 static enum fovea_status resample(const struct fovea_camera *camera,
-                                  const struct fv_rectified *view, const struct fovea_image *image,
-                                  const char *path, struct fovea_error *error)
+                                  const struct fv_rectified *rectified,
+                                  const struct fovea_image *image, const char *path,
+                                  struct fovea_error *error)
 {
     struct fv_rectify rectify;
     struct fv_kernels kernels;
@@ -89,21 +90,21 @@ static enum fovea_status resample(const struct fovea_camera *camera,
     if (status != FOVEA_OK) return status;
     fv_kernels_init(&kernels, cpu);
     fv_arena_count(&arena);
-    fv_rectify_carve(&rectify, camera, view, &arena);
-    const size_t out_bytes = (size_t)rectify.stride_bytes * (size_t)view->height;
+    fv_rectify_carve(&rectify, camera, rectified, &arena);
+    const size_t out_bytes = (size_t)rectify.stride_bytes * (size_t)rectified->height;
     fv_arena_take_raw(&arena, out_bytes, 1);
     const size_t bytes = arena.used;
     void *memory = fv_aligned_new(bytes);
     if (memory == NULL)
         return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "out of memory: %zu bytes", bytes);
     fv_arena_init(&arena, memory, bytes);
-    fv_rectify_carve(&rectify, camera, view, &arena);
+    fv_rectify_carve(&rectify, camera, rectified, &arena);
     const struct fv_plane source =
         fv_plane_of(image->data, image->width, image->height, image->stride_bytes);
-    const struct fv_plane out = {fv_arena_take_raw(&arena, out_bytes, 1), view->width, view->height,
-                                 rectify.stride_bytes};
+    const struct fv_plane out = {fv_arena_take_raw(&arena, out_bytes, 1), rectified->width,
+                                 rectified->height, rectify.stride_bytes};
     fv_rectify_run(&rectify, &kernels, &source, &out);
-    const struct fovea_image result = {out.pixels,           view->width,       view->height,
+    const struct fovea_image result = {out.pixels,           rectified->width,  rectified->height,
                                        rectify.stride_bytes, FOVEA_PIXEL_GREY8, out_bytes};
     status = fv_picture_write(path, &result, error);
     free(memory);
@@ -115,7 +116,7 @@ static enum fovea_status rectify(const struct request *request, const char *in, 
 {
     struct fovea_calibration calibration;
     struct fovea_image image = {0};
-    struct fv_rectified view;
+    struct fv_rectified rectified;
     enum fovea_status status =
         fovea_calibration_read(request->camera, request->which, &calibration, error);
     if (status == FOVEA_OK) status = fv_picture_read(in, &image, error);
@@ -123,14 +124,14 @@ static enum fovea_status rectify(const struct request *request, const char *in, 
         status = fovea_calibration_fit(&calibration.camera, image.width, image.height,
                                        request->scale, request->camera, error);
     if (status == FOVEA_OK)
-        status = choose_view(request, &calibration.camera, &image, &view, error);
-    if (status == FOVEA_OK) status = resample(&calibration.camera, &view, &image, out, error);
+        status = choose_rectified(request, &calibration.camera, &image, &rectified, error);
+    if (status == FOVEA_OK) status = resample(&calibration.camera, &rectified, &image, out, error);
     if (status == FOVEA_OK && request->calibration != NULL)
-        status = write_camera(request->calibration, &view, error);
+        status = write_camera(request->calibration, &rectified, error);
     if (status == FOVEA_OK)
         printf("%s of %d x %d pixels, f %.4f, centre %.4f %.4f\n",
-               view.shape == FV_VIEW_PINHOLE ? "pinhole" : "cylinder", view.width, view.height,
-               view.fx, view.cx, view.cy);
+               rectified.shape == FV_RECTIFIED_PINHOLE ? "pinhole" : "cylinder", rectified.width,
+               rectified.height, rectified.fx, rectified.cx, rectified.cy);
     free((void *)(uintptr_t)image.data);
     return status;
 }

@@ -9,8 +9,7 @@
 
 #include "app/network/receiver_packet.h"
 
-/* ---- the stream: type, length and bytes of a channel, length and bytes of a message -----------
- */
+/* ---- the stream: type, length and bytes of a channel, length and bytes of a message ---------- */
 
 enum fv_tcpq_part {
     FV_TCPQ_MAGIC,
@@ -42,8 +41,7 @@ void fv_tcpq_begin(struct fv_tcpq_stream *stream, struct fv_receiver_table *tabl
 bool fv_tcpq_feed(struct fv_tcpq_stream *stream, const uint8_t *bytes, size_t count,
                   uint32_t *taken);
 
-/* ---- the connection ---------------------------------------------------------------------------
- */
+/* ---- the connection -------------------------------------------------------------------------- */
 
 enum { FV_TCPQ_RETRY_MS = 1000 };
 

@@ -26,7 +26,7 @@ enum fovea_status fv_run_picture(const char *path, const struct fv_run_picture *
                                  struct fovea *rt, const struct fovea_config *config,
                                  struct fovea_error *error);
 
-/* ---- parts, one file each, drawn into an area of the sheet ---- */
+/* ---- parts, one file each, drawn into an area of the sheet ----------------------------------- */
 
 struct fv_area {
     int left, top, width, height;

@@ -41,7 +41,7 @@ static void describe(int32_t kind, int32_t width, int32_t height)
     tensors[1] = (struct fv_model_tensor){.storage = 1};
 }
 
-static struct fv_nn_view view_of(int32_t width, int32_t height)
+static struct fv_nn_input_fit view_of(int32_t width, int32_t height)
 {
     const uint8_t pixel = 0;
     const struct fovea_image image = {.data = &pixel,
@@ -49,9 +49,9 @@ static struct fv_nn_view view_of(int32_t width, int32_t height)
                                       .height = height,
                                       .stride_bytes = width,
                                       .format = FOVEA_PIXEL_GREY8};
-    struct fv_nn_view view;
-    assert_int_equal(fv_nn_view(&model, &image, &view), FOVEA_OK);
-    return view;
+    struct fv_nn_input_fit fit;
+    assert_int_equal(fv_nn_input_fit_of(&model, &image, &fit), FOVEA_OK);
+    return fit;
 }
 
 /* ---- against the other computation ----------------------------------------------------------- */
@@ -114,8 +114,8 @@ static void heads_give_what_they_stand_for(void **state)
             read_head();
             assert_non_null(fgets(line, sizeof line, file));
             read_bytes();
-            const struct fv_nn_view view = view_of(WIDTH, HEIGHT);
-            count = fv_detect_decode(&model, arena, &view, &scratch, found, FOVEA_DETECTIONS_MAX);
+            const struct fv_nn_input_fit fit = view_of(WIDTH, HEIGHT);
+            count = fv_detect_decode(&model, arena, &fit, &scratch, found, FOVEA_DETECTIONS_MAX);
             at = 0;
             cases++;
         } else if (strncmp(line, "box ", 4) == 0) {
@@ -180,8 +180,8 @@ static void the_best_of_too_many_are_kept(void **state)
     static struct fovea_detection found[FOVEA_DETECTIONS_MAX];
     make_rows(ROWS, rising);
     header.decode.score_threshold = 0.001f;
-    const struct fv_nn_view view = view_of(256, 256);
-    assert_int_equal(fv_detect_decode(&model, arena, &view, &scratch, found, FOVEA_DETECTIONS_MAX),
+    const struct fv_nn_input_fit fit = view_of(256, 256);
+    assert_int_equal(fv_detect_decode(&model, arena, &fit, &scratch, found, FOVEA_DETECTIONS_MAX),
                      FOVEA_DETECTIONS_MAX);
     for (int i = 0; i < FOVEA_DETECTIONS_MAX; i++) {
         /* scores fall by one step every ten; among equals the earlier row comes first */
@@ -207,9 +207,9 @@ static void units_go_on_where_the_last_one_ended(void **state)
     int units = 1;
     make_rows(12000, at_the_seam); /* of 7 values: a unit reads 9362 rows */
     header.decode.score_threshold = 0.2f;
-    const struct fv_nn_view view = view_of(256, 256);
+    const struct fv_nn_input_fit fit = view_of(256, 256);
     fv_detect_decode_start(&scratch);
-    for (; fv_detect_decode_unit(&model, arena, &view, &none, &scratch) == FOVEA_AGAIN; units++)
+    for (; fv_detect_decode_unit(&model, arena, &fit, &none, &scratch) == FOVEA_AGAIN; units++)
         assert_true(units < 10);
     assert_int_equal(units, 4); /* two of the scan, the sort, the suppression */
     assert_int_equal(fv_detect_decode_take(&model, &none, &scratch, found, 4, NULL), 3);
@@ -220,19 +220,19 @@ static void thresholds_by_class_hold(void **state)
     (void)state;
     struct fovea_detection found[4];
     make_rows(8, both);
-    const struct fv_nn_view view = view_of(256, 256);
+    const struct fv_nn_input_fit fit = view_of(256, 256);
     header.decode.score_threshold = 0.2f;
     header.decode.class_agnostic = 0;
-    assert_int_equal(fv_detect_decode(&model, arena, &view, &scratch, found, 4), 2);
+    assert_int_equal(fv_detect_decode(&model, arena, &fit, &scratch, found, 4), 2);
     assert_int_equal(found[0].class_id, 1);
     thresholds[1] = 0.2f; /* of class 0, at offset 4 */
     thresholds[2] = 0.5f;
     header.decode.thresholds = 4;
-    assert_int_equal(fv_detect_decode(&model, arena, &view, &scratch, found, 4), 1);
+    assert_int_equal(fv_detect_decode(&model, arena, &fit, &scratch, found, 4), 1);
     assert_int_equal(found[0].class_id, 0);
     header.decode.class_agnostic = 1;
     thresholds[2] = 0.2f;
-    assert_int_equal(fv_detect_decode(&model, arena, &view, &scratch, found, 4), 1);
+    assert_int_equal(fv_detect_decode(&model, arena, &fit, &scratch, found, 4), 1);
     assert_int_equal(found[0].class_id, 1);
 }
 
@@ -240,9 +240,9 @@ static void thresholds_by_class_hold(void **state)
 static int32_t decode_down_to(float floor, struct fovea_detection *found, int32_t *uncertain)
 {
     const struct fv_detect_limits limits = {.floor = floor};
-    const struct fv_nn_view view = view_of(256, 256);
+    const struct fv_nn_input_fit fit = view_of(256, 256);
     fv_detect_decode_start(&scratch);
-    while (fv_detect_decode_unit(&model, arena, &view, &limits, &scratch) == FOVEA_AGAIN)
+    while (fv_detect_decode_unit(&model, arena, &fit, &limits, &scratch) == FOVEA_AGAIN)
         continue;
     return fv_detect_decode_take(&model, &limits, &scratch, found, 4, uncertain);
 }
@@ -303,8 +303,8 @@ static int32_t decode_ssd(const int32_t order[4], struct fovea_detection found[4
                                  .ops = &op,
                                  .inputs = inputs,
                                  .outputs = listed};
-    const struct fv_nn_view view = view_of(WIDTH, HEIGHT);
-    return fv_detect_decode(&ssd, arena, &view, &scratch, found, 4);
+    const struct fv_nn_input_fit fit = view_of(WIDTH, HEIGHT);
+    return fv_detect_decode(&ssd, arena, &fit, &scratch, found, 4);
 }
 
 /* Models of the TensorFlow 2 detection API list them by scores, boxes, number, classes. */
@@ -364,8 +364,8 @@ static void ssd_before_its_post_processing(void **state)
             header.decode.box_scales[i] = i < 2 ? 10 : 5;
         memcpy(arena, boxes, sizeof boxes);
         memcpy(arena + sizeof boxes, scores, sizeof scores);
-        const struct fv_nn_view view = view_of(WIDTH, HEIGHT);
-        assert_int_equal(fv_detect_decode(&raw, arena, &view, &scratch, found, 4), 2);
+        const struct fv_nn_input_fit fit = view_of(WIDTH, HEIGHT);
+        assert_int_equal(fv_detect_decode(&raw, arena, &fit, &scratch, found, 4), 2);
         assert_int_equal(found[0].class_id, 0);
         near_to((double)found[0].x_min_px + 0.5, 0.375 * WIDTH, WIDTH);
         near_to((double)found[0].y_max_px + 0.5, 0.75 * HEIGHT, HEIGHT);
@@ -404,8 +404,8 @@ static void foreign_shapes_give_nothing(void **state)
             header.decode.anchor_data = FV_MODEL_HEADER_BYTES;
             header.decode.score_threshold = 0.5f;
             memset(arena, 0, 64);
-            const struct fv_nn_view view = view_of(WIDTH, HEIGHT);
-            const int32_t count = fv_detect_decode(&odd, arena, &view, &scratch, found, 4);
+            const struct fv_nn_input_fit fit = view_of(WIDTH, HEIGHT);
+            const int32_t count = fv_detect_decode(&odd, arena, &fit, &scratch, found, 4);
             if (count != 0) fail_msg("decoder %d, %d axes: found %d boxes", kind, rank, count);
         }
     }

@@ -106,21 +106,21 @@ static void what_does_not_fit_is_refused(void **state)
     free(block);
 }
 
-/* A letterboxed view maps the input back to the image. */
+/* A letterboxed fit maps the input back to the image. */
 static void letterbox_keeps_the_shape(void **state)
 {
     (void)state;
-    struct fv_nn_view view;
+    struct fv_nn_input_fit fit;
     struct fv_model_header header = *model.header;
     struct fv_model boxed = model;
     header.preprocess.fit = FV_FIT_LETTERBOX;
     boxed.header = &header;
-    assert_int_equal(fv_nn_view(&boxed, &image, &view), FOVEA_OK);
-    assert_int_equal(view.width, 64);
-    assert_int_equal(view.height, 36);
-    assert_int_equal(view.left, 0);
-    assert_int_equal(view.top, 6);
-    assert_true(view.scale_x == view.scale_y);
+    assert_int_equal(fv_nn_input_fit_of(&boxed, &image, &fit), FOVEA_OK);
+    assert_int_equal(fit.width, 64);
+    assert_int_equal(fit.height, 36);
+    assert_int_equal(fit.left, 0);
+    assert_int_equal(fit.top, 6);
+    assert_true(fit.scale_x == fit.scale_y);
 }
 
 /* Grey frames of the network's own size take a short way; the long one, which other formats take,
@@ -152,12 +152,12 @@ static void grey_of_the_right_size_is_filled_alike(void **state)
     uint8_t *filled[2];
     const size_t bytes = fv_nn_arena_bytes(&model);
     for (int i = 0; i < 2; i++) {
-        struct fv_nn_view view;
+        struct fv_nn_input_fit fit;
         filled[i] = calloc(1, bytes);
-        assert_int_equal(fv_nn_view(&boxed, &images[i], &view), FOVEA_OK);
-        assert_int_equal(view.top, (IN_HEIGHT - SHOWN) / 2);
-        fv_nn_fill(&boxed, &images[i], &view, filled[i], 0, 7);
-        fv_nn_fill(&boxed, &images[i], &view, filled[i], 7, IN_HEIGHT);
+        assert_int_equal(fv_nn_input_fit_of(&boxed, &images[i], &fit), FOVEA_OK);
+        assert_int_equal(fit.top, (IN_HEIGHT - SHOWN) / 2);
+        fv_nn_fill(&boxed, &images[i], &fit, filled[i], 0, 7);
+        fv_nn_fill(&boxed, &images[i], &fit, filled[i], 7, IN_HEIGHT);
     }
     assert_memory_equal(filled[0], filled[1], bytes);
     for (int i = 0; i < 2; i++)

@@ -216,16 +216,16 @@ static void rectified_boxes_hold_the_raw_ones(void **state)
 {
     (void)state;
     struct made made = make();
-    struct fv_rectified view;
+    struct fv_rectified rectified;
     fovea_detections_t out;
     const struct fovea_message *message = turn(made.rt, 0, 100000);
     assert_int_equal(fovea_detections_t_decode(message->data, 0, (int)message->bytes, &out),
                      message->bytes);
-    assert_int_equal(
-        fv_view_choose(&config.camera, FV_VIEW_PINHOLE, FV_VIEW_CROP, WIDTH, HEIGHT, &view, &error),
-        FOVEA_OK);
-    assert_int_equal(out.rectified_shape, FV_VIEW_PINHOLE);
-    assert_true(out.rectified_fx == view.fx && out.rectified_cy == view.cy);
+    assert_int_equal(fv_rectified_choose(&config.camera, FV_RECTIFIED_PINHOLE, FV_RECTIFIED_CROP,
+                                         WIDTH, HEIGHT, &rectified, &error),
+                     FOVEA_OK);
+    assert_int_equal(out.rectified_shape, FV_RECTIFIED_PINHOLE);
+    assert_true(out.rectified_fx == rectified.fx && out.rectified_cy == rectified.cy);
     for (int d = 0; d < out.count; d++) {
         const fovea_box_t *box = &out.detections[d].box, *around = &out.detections[d].rectified_box;
         double low[2] = {1e9, 1e9}, high[2] = {-1e9, -1e9};
@@ -237,8 +237,8 @@ static void rectified_boxes_hold_the_raw_ones(void **state)
             const double y =
                 (double)box->y_min_px + share[i][1] * (double)(box->y_max_px - box->y_min_px);
             double at[2], raw[2];
-            assert_true(fv_view_from_raw(&view, &config.camera, x, y, at));
-            assert_true(fv_view_to_raw(&view, &config.camera, at[0], at[1], raw));
+            assert_true(fv_rectified_from_raw(&rectified, &config.camera, x, y, at));
+            assert_true(fv_rectified_to_raw(&rectified, &config.camera, at[0], at[1], raw));
             assert_true(__builtin_fabs(raw[0] - x) < 1e-6 && __builtin_fabs(raw[1] - y) < 1e-6);
             for (int k = 0; k < 2; k++) {
                 low[k] = at[k] < low[k] ? at[k] : low[k];

@@ -130,8 +130,7 @@ static void test_a_claim_of_gigabytes_is_passed_over(void **state)
     assert_int_equal(heard.last, 9);
 }
 
-/* ---- a server of the test's own ---------------------------------------------------------------
- */
+/* ---- a server of the test's own -------------------------------------------------------------- */
 
 static int open_server(char url[64])
 {
