@@ -249,14 +249,25 @@ static enum fovea_status set_order(struct fovea_source *source, uint64_t count, 
     return set_mirror(source, origin, error);
 }
 
-/* The kinds among its samples. */
-static void note_kinds(struct fovea_source *source)
+/* The kinds among its samples. In reverse they are left out, and the inertial sensor with them: a
+ * sensor's motion does not turn round with the pictures. Sources that are asked for samples refuse
+ * that; a recording that just holds some says so. */
+static void note_samples(struct fovea_source *source)
 {
     size_t count = 0;
-    if (source->ops->samples == NULL || source->reverse) return;
+    struct fovea_error left_out;
+    if (source->ops->samples == NULL) return;
     const struct fovea_sample *list = source->ops->samples(source->recording, &count);
-    for (size_t i = 0; i < count; i++)
+    for (size_t i = 0; i < count && !source->reverse; i++)
         source->info.sample_kinds |= 1u << list[i].kind;
+    if (!source->reverse) return;
+    source->info.rig.has_imu = false;
+    memset(&source->info.rig.imu, 0, sizeof source->info.rig.imu);
+    fovea_error_set(
+        &left_out, FOVEA_ERROR_UNSUPPORTED,
+        "%.300s: played in reverse without its %zu samples of sensors: they do not turn round",
+        source->origin, count);
+    if (count > 0) complain(&source->complaints, &left_out);
 }
 
 /* What cannot be taken with the frames would lag behind them without end. A gap between frames
@@ -364,7 +375,7 @@ enum fovea_status fv_player_open(const struct fv_recording_ops *ops, void *recor
         status = fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory", origin);
     if (status == FOVEA_OK) status = set_order(made, count, origin, selection, error);
     if (status == FOVEA_OK) status = check_samples(made, count, selection, error);
-    if (status == FOVEA_OK) note_kinds(made);
+    if (status == FOVEA_OK) note_samples(made);
     if (status == FOVEA_OK) status = make_slots(made, frame_bytes, error);
     if (status != FOVEA_OK) {
         fv_player_close(made);
@@ -511,7 +522,6 @@ static size_t sample_after(const struct fovea_sample *list, size_t count, int64_
     return low;
 }
 
-/* None in reverse: a sensor's motion does not turn round with the pictures. */
 uint32_t fv_player_samples(struct fovea_source *source, const struct fovea_frame *frame,
                            struct fovea_sample *samples, uint32_t count_max)
 {
@@ -519,7 +529,7 @@ uint32_t fv_player_samples(struct fovea_source *source, const struct fovea_frame
     const int64_t period_ns = rate_hz > 0.1 ? (int64_t)(1e9 / rate_hz) : INT64_C(1000000000);
     size_t count = 0;
     uint32_t taken = 0;
-    if (source->ops->samples == NULL || source->reverse) return 0;
+    if (source->info.sample_kinds == 0) return 0;
     const struct fovea_sample *list = source->ops->samples(source->recording, &count);
     int64_t from_ns;
     if (__builtin_sub_overflow(frame->stamp_ns, period_ns, &from_ns)) from_ns = INT64_MIN;

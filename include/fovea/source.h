@@ -175,8 +175,9 @@ struct fovea_source_ops {
                         struct fovea_sample *samples, uint32_t count_max);
     void (*counts)(const struct fovea_source *source, struct fovea_source_counts *counts);
     enum fovea_source_state (*state)(const struct fovea_source *source);
-    /* One line about the next frame that was skipped (file and reason), FOVEA_AGAIN when there is
-     * nothing to say. To be asked a few times a second. Off the loop thread. */
+    /* One line about the next frame that was skipped (file and reason), or at the start about what
+     * is left out of all; FOVEA_AGAIN when there is nothing to say. To be asked a few times a
+     * second. Off the loop thread. */
     enum fovea_status (*complaint)(struct fovea_source *source, struct fovea_error *error);
     /* Call `visit` with the path of every file that the open source has read or may read, and of
      * every folder whose files it takes as they are there, so that nothing of it is written over.

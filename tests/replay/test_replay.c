@@ -418,6 +418,31 @@ static void check_fed_again(const char *path)
     ops->close(source);
 }
 
+/* In reverse the pictures come alone, and one line says so. */
+static void check_fed_in_reverse(const char *path)
+{
+    static const struct fovea_source_selection backwards = {.step = 1, .reverse = true};
+    const struct fovea_source_ops *ops = &fovea_source_lcmlog;
+    struct fovea_sample found[FOVEA_INPUT_SAMPLES_MAX];
+    struct fovea_source *source;
+    struct fovea_frame frame;
+    struct fovea_error error;
+    uint32_t frames = 0;
+    assert_int_equal(ops->open(path, &backwards, &source, &error), FOVEA_OK);
+    const struct fovea_source_info *info = ops->info(source);
+    assert_true(info->rig.camera_count == 2 && !info->rig.has_imu && info->sample_kinds == 0);
+    assert_int_equal(ops->complaint(source, &error), FOVEA_OK);
+    assert_non_null(strstr(error.text, ": played in reverse without its "));
+    assert_int_equal(ops->complaint(source, &error), FOVEA_AGAIN);
+    assert_int_equal(ops->start(source, &error), FOVEA_OK);
+    for (; ops->dequeue(source, INT64_MAX, &frame) == FOVEA_OK; frames++) {
+        assert_int_equal(ops->samples(source, &frame, found, FOVEA_INPUT_SAMPLES_MAX), 0);
+        ops->requeue(source, &frame);
+    }
+    assert_int_equal(frames, info->frame_count);
+    ops->close(source);
+}
+
 /* One of the samples is taken out of the log. */
 static void check_missing_sample(const uint8_t *bytes, size_t count)
 {
@@ -460,6 +485,7 @@ static void test_rig(void **state)
     if (result.different) fail_msg("%s", result.difference);
     assert_true(result.end == FV_REPLAY_WHOLE && result.frames == TURNS - 3);
     check_fed_again(changed);
+    check_fed_in_reverse(changed);
 
     struct fovea_log *log;
     struct fovea_log_event event;
