@@ -362,7 +362,7 @@ static void hand_out(struct fovea_source *source, uint32_t slot, struct fovea_fr
     *frame = held->own;
     frame->stamp_ns = source->last_ns;
     frame->clock = FOVEA_CLOCK_RECORDED;
-    frame->sequence = source->position - 1;
+    frame->sequence = frame->index = source->position - 1;
     frame->slot = slot;
     for (uint32_t i = 1; i < frame->image_count; i++)
         frame->images[i] = (struct fovea_image){0};

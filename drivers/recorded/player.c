@@ -140,6 +140,7 @@ static enum fovea_status fetch_at(const struct fovea_source *source, const struc
     const enum fovea_status status = source->ops->fetch(source->recording, index, slot, error);
     int64_t *stamp_ns = &slot->frame.stamp_ns, found_ns = *stamp_ns, next_ns = 0;
     if (status != FOVEA_OK) return status;
+    slot->frame.index = index;
     if (source->reverse) *stamp_ns = mirrored(source, found_ns);
     if (!leaps_ahead(source, reading, *stamp_ns, &next_ns)) return FOVEA_OK;
     return fovea_error_set(

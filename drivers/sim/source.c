@@ -382,6 +382,7 @@ static enum fovea_status sim_dequeue(struct fovea_source *source, int64_t deadli
         .clock = FOVEA_CLOCK_SIMULATED,
         .stamp_meaning = FOVEA_STAMP_EXPOSURE_MIDDLE,
         .sequence = index,
+        .index = index,
         .slot = slot,
     };
     for (uint32_t k = 0; k < cameras; k++)

@@ -60,8 +60,11 @@ struct fovea_frame {
     int64_t exposure_ns; /* 0: not known */
     enum fovea_clock clock;
     enum fovea_stamp_meaning stamp_meaning;
-    uint64_t sequence; /* index in the recording, or the driver's counter; gaps mean lost frames */
-    uint32_t slot;     /* the driver's own: which buffer to requeue */
+    /* index in the recording, or the driver's counter; gaps mean lost frames. Of a frame that an
+     * LCM log holds: as recorded. */
+    uint64_t sequence;
+    uint64_t index;       /* what fovea_source_selection.start counts; live sources: 0 */
+    uint32_t slot;        /* the driver's own: which buffer to requeue */
     uint32_t image_count; /* cameras of the rig, absent images among them; at least 1 */
 };
 

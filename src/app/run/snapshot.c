@@ -67,6 +67,7 @@ void fv_snapshot_step(struct fv_snapshot *snapshot, const struct fovea *rt,
     if (snapshot->memory != NULL) pixels_copy(snapshot, view, frame);
     view->stamp_ns = frame->stamp_ns;
     view->sequence = frame->sequence;
+    view->index = frame->index;
     view->score = pose->posed ? pose->inliers : 0;
     view->box_count = 0;
     view->whole = false;
@@ -143,7 +144,7 @@ static bool frame_take(struct fv_snapshot *snapshot, const struct fovea_source_o
     while (status == FOVEA_AGAIN);
     if (status == FOVEA_OK) {
         const struct fovea_image *image = &frame.images[0];
-        if (frame.sequence == view->sequence && image->size_bytes == view->image.size_bytes)
+        if (frame.index == view->index && image->size_bytes == view->image.size_bytes)
             snapshot->memory = malloc(image->size_bytes);
         if (snapshot->memory != NULL) {
             memcpy(snapshot->memory, image->data, image->size_bytes);
@@ -161,7 +162,7 @@ bool fv_snapshot_fetch(struct fv_snapshot *snapshot, const char *uri, bool colou
     const struct fv_snapshot_view *best = fv_snapshot_best(snapshot);
     if (best == NULL || best->image.data != NULL) return best != NULL;
     const struct fovea_source_selection selection = {
-        .start = best->sequence, .step = 1, .frames = 1, .colour = colour, .camera_given = true};
+        .start = best->index, .step = 1, .frames = 1, .colour = colour, .camera_given = true};
     const struct fovea_source_ops *ops;
     const char *address;
     struct fovea_source *source;

@@ -27,7 +27,7 @@ struct fv_snapshot_view {
     bool whole;
     uint32_t score;
     int64_t stamp_ns;
-    uint64_t sequence;
+    uint64_t sequence, index;
     struct fovea_image image; /* in the snapshot's memory; data NULL until fv_snapshot_fetch */
     uint32_t feature_count, box_count;
     struct fovea_feature features[FV_SNAPSHOT_FEATURES_MAX];

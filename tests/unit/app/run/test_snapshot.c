@@ -4,11 +4,15 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include <cmocka.h>
 
 #include "app/run/snapshot.h"
+#include "common/short_run.h"
 #include "common/sim_rig.h"
 
 static struct sim_rig rig;
@@ -135,6 +139,55 @@ static void test_a_frame_of_a_recording_is_read_again(void **state)
     fv_snapshot_close(&snapshot);
 }
 
+/* Of an LCM log, whose frames keep the numbers that they had when they were recorded. */
+static void check_read_again(const char *uri, bool reverse)
+{
+    static const struct fovea_pose pose = {.posed = true, .inliers = 50};
+    static uint8_t pixels[320 * 240];
+    const struct fovea_source_selection selection = {.step = 1, .reverse = reverse};
+    const struct fovea_source_ops *ops;
+    const char *address;
+    struct fovea_source *source;
+    struct fovea_frame frame;
+    struct fovea_error error;
+    uint64_t sequence = 0;
+    assert_int_equal(fovea_source_find(uri, &ops, &address, &error), FOVEA_OK);
+    if (ops->open(address, &selection, &source, &error) != FOVEA_OK) fail_msg("%s", error.text);
+    assert_int_equal(ops->start(source, &error), FOVEA_OK);
+    assert_true(fv_snapshot_open(&snapshot, 0, false));
+    for (int n = 0; n < 14; n++) {
+        assert_int_equal(ops->dequeue(source, INT64_MAX, &frame), FOVEA_OK);
+        sequence = frame.sequence;
+        memcpy(pixels, frame.images[0].data, sizeof pixels);
+        if (n == 13) fv_snapshot_step(&snapshot, rig.rt, &frame, &pose);
+        ops->requeue(source, &frame);
+    }
+    ops->stop(source);
+    ops->close(source);
+    assert_true(fv_snapshot_fetch(&snapshot, uri, false));
+    const struct fv_snapshot_view *best = fv_snapshot_best(&snapshot);
+    assert_int_equal(best->sequence, sequence);
+    assert_int_not_equal(best->index, sequence);
+    assert_int_equal(best->image.size_bytes, sizeof pixels);
+    assert_memory_equal(best->image.data, pixels, sizeof pixels);
+    fv_snapshot_close(&snapshot);
+}
+
+static void test_a_frame_of_a_log_is_read_again_by_its_place(void **state)
+{
+    (void)state;
+    static const struct short_run run = {.width = 320, .height = 240, .turns = 40, .features = 100};
+    char folder[] = "/tmp/fovea-snapshot-XXXXXX", path[64], uri[80];
+    assert_non_null(mkdtemp(folder));
+    snprintf(path, sizeof path, "%s/run.lcm", folder);
+    snprintf(uri, sizeof uri, "lcmlog:%s", path);
+    short_run_record(path,
+                     &run); /* every eleventh turn has no frame: numbers run ahead of places */
+    check_read_again(uri, false);
+    check_read_again(uri, true);
+    assert_int_equal(unlink(path) | rmdir(folder), 0);
+}
+
 static void test_a_frame_that_cannot_be_read_again_leaves_none(void **state)
 {
     (void)state;
@@ -173,6 +226,7 @@ int main(void)
         cmocka_unit_test(test_the_frame_with_most_objects_stays),
         cmocka_unit_test(test_a_frame_that_is_too_large_is_left_out),
         cmocka_unit_test(test_a_frame_of_a_recording_is_read_again),
+        cmocka_unit_test(test_a_frame_of_a_log_is_read_again_by_its_place),
         cmocka_unit_test(test_a_frame_that_cannot_be_read_again_leaves_none),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
