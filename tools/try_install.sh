@@ -28,8 +28,8 @@ int main(void)
     struct fovea *rt;
     size_t bytes;
     fovea_config_default(&config);
-    config.camera = (struct fovea_camera){.width = 640, .height = 480, .fx = 500, .fy = 500, .cx = 320, .cy = 240};
-    if (fovea_camera_prepare(&config.camera, &error) != FOVEA_OK) return 1;
+    config.rig.cameras[0].camera = (struct fovea_camera){.width = 640, .height = 480, .fx = 500, .fy = 500, .cx = 320, .cy = 240};
+    if (fovea_camera_prepare(&config.rig.cameras[0].camera, &error) != FOVEA_OK) return 1;
     if (fovea_size(&config, &bytes, &error) != FOVEA_OK) return 1;
     void *memory = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, (bytes + 63) / 64 * 64);
     if (fovea_init(memory, bytes, &config, &rt, &error) != FOVEA_OK) return 1;

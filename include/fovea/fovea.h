@@ -2,7 +2,7 @@
  *
  *     struct fovea_config config;
  *     fovea_config_default(&config);
- *     config.camera = ...;           // the calibration, through fovea_camera_prepare
+ *     config.rig.cameras[0].camera = ...;  // the calibration, through fovea_camera_prepare
  *     size_t bytes;
  *     fovea_size(&config, &bytes, &error);
  *     void *memory = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, bytes);
@@ -32,6 +32,7 @@
 #include "fovea/features.h"
 #include "fovea/image.h"
 #include "fovea/odometry.h"
+#include "fovea/rig.h"
 #include "fovea/sensor.h"
 #include "fovea/source.h"
 #include "fovea/status.h"
@@ -61,8 +62,11 @@ struct fovea_preview_config {
 };
 
 struct fovea_config {
-    /* prepared by fovea_camera_prepare; width x height is the frame size */
-    struct fovea_camera camera;
+    /* The cameras, each with its mask, and the inertial sensor. Default: one camera, whose
+     * calibration is still to be filled in, at the place of the body. Odometry uses the first
+     * camera: it must be calibrated, have a T_body_cam (default identity), and give images of
+     * its calibration's width x height. Masks are copied by fovea_init. */
+    struct fovea_rig rig;
     struct fovea_features_config features;
     struct fovea_odometry_config odometry;
     struct fovea_detect_config detect;
@@ -74,18 +78,11 @@ struct fovea_config {
     struct fovea_preview_config preview;
     uint64_t seed; /* of the random generator in the state, default 1 */
 
-    /* Static mask: width x height bytes, 0 where features are ignored; NULL: none. Copied by
-     * fovea_init. */
-    const uint8_t *mask;
-
     /* A map to start with, saved with the same camera; NULL: none. Read by fovea_init only. Errors
      * contain the name, for example the file's path. */
     const uint8_t *map;
     size_t map_bytes;
     const char *map_name;
-
-    /* row-major 3x4: camera points to the robot's body frame, metres; default identity */
-    double T_body_cam[12];
 
     /* [1, 31] bytes of letters, digits and _ / . -, default "FOVEA": put before channel names. */
     char channel_prefix[32];

@@ -22,12 +22,16 @@ extern "C" {
 enum { FOVEA_CAMERAS_MAX = 4 };
 
 struct fovea_rig_camera {
-    bool calibrated; /* `camera` is known, prepared by fovea_camera_prepare */
+    /* `camera` is known, prepared by fovea_camera_prepare; false: of it at most width and height,
+     * those of the images */
+    bool calibrated;
     bool has_T_body_cam;
     struct fovea_camera camera;
-    double T_body_cam[12]; /* row-major 3x4, metres; where has_T_body_cam */
-    /* Pixels that this camera never sees the world in: width x height bytes, 0 where features are
-     * ignored; NULL: none. Owned by whoever made the rig. */
+    /* row-major 3x4, metres; where has_T_body_cam; of the first camera of a configuration default
+     * identity */
+    double T_body_cam[12];
+    /* Pixels that this camera never sees the world in: camera.width x camera.height bytes, 0 where
+     * features are ignored; NULL: none. Owned by whoever made the rig. */
     const uint8_t *mask;
 };
 

@@ -81,9 +81,9 @@ static void fill_camera(const struct fovea_rig_camera *from, fovea_rig_camera_t 
     const struct fovea_camera *camera = &from->camera;
     *to =
         (fovea_rig_camera_t){.calibrated = from->calibrated, .has_body_cam = from->has_T_body_cam};
+    to->width = camera->width;
+    to->height = camera->height;
     if (from->calibrated) {
-        to->width = camera->width;
-        to->height = camera->height;
         to->lens = (int8_t)camera->lens;
         to->fx = camera->fx;
         to->fy = camera->fy;

@@ -1,6 +1,7 @@
 #include "runtime/config.h"
 
 #include <stddef.h>
+#include <stdio.h>
 #include <string.h>
 
 #include "base/elementary.h"
@@ -13,6 +14,8 @@ void fovea_config_default(struct fovea_config *config)
 #define FV_KEY(name, kind, member, min, max, value, unit, words, cost, help)                       \
     FV_CONFIG_SET_##kind(config->member, max, value);
 #include "runtime/config.def"
+    config->rig.camera_count = 1;
+    config->rig.cameras[0].calibrated = config->rig.cameras[0].has_T_body_cam = true;
 }
 
 /* ---- single keys ----------------------------------------------------------------------------- */
@@ -115,18 +118,19 @@ static enum fovea_status check_prefix(const char prefix[32], struct fovea_error 
 
 /* A rotation must be orthonormal to 1e-3: figures typed with four digits pass, a transposed scale
  * does not. */
-static enum fovea_status check_rotation(const double T[12], struct fovea_error *error)
+static enum fovea_status check_rotation(const char *name, const double T[12],
+                                        struct fovea_error *error)
 {
     for (int a = 0; a < 3; a++) {
         for (int b = a; b < 3; b++) {
             const double dot =
                 T[4 * a] * T[4 * b] + T[4 * a + 1] * T[4 * b + 1] + T[4 * a + 2] * T[4 * b + 2];
             const double off = dot - (a == b ? 1.0 : 0.0);
-            if (off > 1e-3 || off < -1e-3) {
+            if (!(off <= 1e-3 && off >= -1e-3)) {
                 return fovea_error_set(
                     error, FOVEA_ERROR_ARGUMENT,
-                    "T_body_cam: found %g as product of rows %d and %d of its rotation, expected %d: orthonormal rows",
-                    dot, a, b, a == b);
+                    "%s: found %g as product of rows %d and %d of its rotation, expected %d: orthonormal rows",
+                    name, dot, a, b, a == b);
             }
         }
     }
@@ -135,36 +139,96 @@ static enum fovea_status check_rotation(const double T[12], struct fovea_error *
                                T[2] * (T[4] * T[9] - T[5] * T[8]);
     if (determinant < 0) {
         return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
-                               "T_body_cam: found a reflection, expected a rotation");
+                               "%s: found a reflection, expected a rotation", name);
     }
     return FOVEA_OK;
 }
 
+static enum fovea_status check_size(const char *name, const struct fovea_camera *camera,
+                                    struct fovea_error *error)
+{
+    char member[64];
+    snprintf(member, sizeof member, "%s width", name);
+    const enum fovea_status status =
+        check_whole(member, camera->width, FOVEA_IMAGE_WIDTH_MIN, FOVEA_IMAGE_WIDTH_MAX, error);
+    if (status != FOVEA_OK) return status;
+    snprintf(member, sizeof member, "%s height", name);
+    return check_whole(member, camera->height, FOVEA_IMAGE_HEIGHT_MIN, FOVEA_IMAGE_HEIGHT_MAX,
+                       error);
+}
+
 /* The checks of fovea_camera_prepare without which a camera that was not prepared would give wrong
  * results unnoticed. */
-static enum fovea_status check_camera(const struct fovea_camera *camera, struct fovea_error *error)
+static enum fovea_status check_camera(const char *name, const struct fovea_camera *camera,
+                                      struct fovea_error *error)
 {
-    enum fovea_status status = check_whole("camera width", camera->width, FOVEA_IMAGE_WIDTH_MIN,
-                                           FOVEA_IMAGE_WIDTH_MAX, error);
-    if (status == FOVEA_OK)
-        status = check_whole("camera height", camera->height, FOVEA_IMAGE_HEIGHT_MIN,
-                             FOVEA_IMAGE_HEIGHT_MAX, error);
-    const double focal_min = FOVEA_CAMERA_FOCAL_MIN_PX, focal_max = FOVEA_CAMERA_FOCAL_MAX_PX,
-                 centre_max = FOVEA_CAMERA_CENTRE_MAX_PX;
-    if (status == FOVEA_OK)
-        status = check_real("camera fx", camera->fx, focal_min, focal_max, error);
-    if (status == FOVEA_OK)
-        status = check_real("camera fy", camera->fy, focal_min, focal_max, error);
-    if (status == FOVEA_OK)
-        status = check_real("camera cx", camera->cx, -centre_max, centre_max, error);
-    if (status == FOVEA_OK)
-        status = check_real("camera cy", camera->cy, -centre_max, centre_max, error);
+    const double focal_max = FOVEA_CAMERA_FOCAL_MAX_PX, centre_max = FOVEA_CAMERA_CENTRE_MAX_PX;
+    const struct {
+        const char *name;
+        double value, min, max;
+    } members[] = {{"fx", camera->fx, FOVEA_CAMERA_FOCAL_MIN_PX, focal_max},
+                   {"fy", camera->fy, FOVEA_CAMERA_FOCAL_MIN_PX, focal_max},
+                   {"cx", camera->cx, -centre_max, centre_max},
+                   {"cy", camera->cy, -centre_max, centre_max}};
+    enum fovea_status status = check_size(name, camera, error);
+    for (size_t i = 0; i < sizeof members / sizeof members[0] && status == FOVEA_OK; i++) {
+        char member[64];
+        snprintf(member, sizeof member, "%s %s", name, members[i].name);
+        status = check_real(member, members[i].value, members[i].min, members[i].max, error);
+    }
     if (status != FOVEA_OK || (camera->field_max_rad > 0 && camera->field_max_rad <= FV_PI))
         return status;
-    return fovea_error_set(
-        error, FOVEA_ERROR_ARGUMENT,
-        "camera field_max_rad: found %g, expected what fovea_camera_prepare sets",
-        camera->field_max_rad);
+    return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                           "%s field_max_rad: found %g, expected what fovea_camera_prepare sets",
+                           name, camera->field_max_rad);
+}
+
+static enum fovea_status check_rig_camera(uint32_t index, const struct fovea_rig_camera *camera,
+                                          struct fovea_error *error)
+{
+    static const char *const names[FOVEA_CAMERAS_MAX] = {
+        "camera", "rig.cameras[1].camera", "rig.cameras[2].camera", "rig.cameras[3].camera"};
+    static const char *const places[FOVEA_CAMERAS_MAX] = {"T_body_cam", "rig.cameras[1].T_body_cam",
+                                                          "rig.cameras[2].T_body_cam",
+                                                          "rig.cameras[3].T_body_cam"};
+    const char *name = names[index];
+    enum fovea_status status = FOVEA_OK;
+    if (index == 0 && !(camera->calibrated && camera->has_T_body_cam))
+        return fovea_error_set(
+            error, FOVEA_ERROR_ARGUMENT,
+            "rig.cameras[0]: found no %s, expected that of the camera for odometry",
+            camera->calibrated ? "T_body_cam" : "calibration");
+    if (camera->calibrated)
+        status = check_camera(name, &camera->camera, error);
+    else if (camera->mask != NULL)
+        status = check_size(name, &camera->camera, error);
+    if (status != FOVEA_OK || !camera->has_T_body_cam) return status;
+    return check_rotation(places[index], camera->T_body_cam, error);
+}
+
+static enum fovea_status check_imu(const struct fovea_rig_imu *imu, struct fovea_error *error)
+{
+    const struct {
+        const char *name;
+        double value;
+    } members[] = {{"rig.imu.rate_hz", imu->rate_hz},
+                   {"rig.imu.gyro_noise", imu->gyro_noise},
+                   {"rig.imu.gyro_walk", imu->gyro_walk},
+                   {"rig.imu.acceleration_noise", imu->acceleration_noise},
+                   {"rig.imu.acceleration_walk", imu->acceleration_walk}};
+    enum fovea_status status = check_rotation("rig.imu.T_body_imu", imu->T_body_imu, error);
+    for (size_t i = 0; i < sizeof members / sizeof members[0] && status == FOVEA_OK; i++)
+        status = check_real(members[i].name, members[i].value, 0, 1e12, error);
+    return status;
+}
+
+static enum fovea_status check_rig(const struct fovea_rig *rig, struct fovea_error *error)
+{
+    enum fovea_status status =
+        check_whole("rig.camera_count", rig->camera_count, 1, FOVEA_CAMERAS_MAX, error);
+    for (uint32_t i = 0; status == FOVEA_OK && i < rig->camera_count; i++)
+        status = check_rig_camera(i, &rig->cameras[i], error);
+    return status == FOVEA_OK && rig->has_imu ? check_imu(&rig->imu, error) : status;
 }
 
 bool fv_config_movable(const struct fovea_config *config)
@@ -210,12 +274,11 @@ enum fovea_status fv_config_check(const struct fovea_config *config, struct fove
 {
     if (config == NULL)
         return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "config: found NULL, expected one");
-    enum fovea_status status = check_camera(&config->camera, error);
+    enum fovea_status status = FOVEA_OK;
     for (size_t i = 0; i < sizeof keys / sizeof keys[0] && status == FOVEA_OK; i++)
         status = check_key(&keys[i], config, error);
+    if (status == FOVEA_OK) status = check_rig(&config->rig, error);
     if (status == FOVEA_OK) status = check_pairs(config, error);
     if (status == FOVEA_OK) status = check_heights(&config->objects, error);
-    if (status == FOVEA_OK) status = check_prefix(config->channel_prefix, error);
-    if (status == FOVEA_OK) status = check_rotation(config->T_body_cam, error);
-    return status;
+    return status == FOVEA_OK ? check_prefix(config->channel_prefix, error) : status;
 }

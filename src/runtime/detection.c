@@ -183,7 +183,7 @@ bool fv_detection_advance(struct fv_detection *detection, const struct fovea_con
     }
     while (*done < units) {
         ++*done;
-        if (!map_some(detection, &config->camera)) continue;
+        if (!map_some(detection, &config->rig.cameras[0].camera)) continue;
         state->mapping = 0;
         state->found_frame = state->frame;
         state->inferences++;
@@ -207,8 +207,8 @@ uint32_t fv_detection_encode(const struct fv_detection *detection,
         .stamp = fv_frame_id_stamp(&detection->state->found_frame),
         .reset_counter = reset_counter,
         .model = fv_model_name(&detection->model),
-        .width = config->camera.width,
-        .height = config->camera.height,
+        .width = config->rig.cameras[0].camera.width,
+        .height = config->rig.cameras[0].camera.height,
         .rectified_shape = detection->has_rectified ? (int8_t)detection->rectified.shape : -1,
         .rectified = {detection->rectified.fx, detection->rectified.fy, detection->rectified.cx,
                       detection->rectified.cy},

@@ -16,8 +16,8 @@ static void encode_features(struct fovea *rt, uint32_t asked, struct fovea_outpu
     struct fv_message_features message = {
         .stamp = last_stamp(rt),
         .reset_counter = fv_reset_counter(rt),
-        .width = rt->config.camera.width,
-        .height = rt->config.camera.height,
+        .width = rt->config.rig.cameras[0].camera.width,
+        .height = rt->config.rig.cameras[0].camera.height,
         .asked = asked,
     };
     message.features = fovea_features_get(rt, &message.count);
@@ -36,8 +36,8 @@ static void encode_camera_status(struct fovea *rt, const struct fovea_inputs *in
         .stamp = last_stamp(rt),
         .now_ns = inputs->now_ns,
         .state = inputs->source_state,
-        .width = rt->config.camera.width,
-        .height = rt->config.camera.height,
+        .width = rt->config.rig.cameras[0].camera.width,
+        .height = rt->config.rig.cameras[0].camera.height,
         .pixel_format =
             fovea_pixel_format_name((enum fovea_pixel_format)rt->state->frame.pixel_format),
         .exposure_ns = rt->state->frame.exposure_ns,

@@ -64,8 +64,10 @@ static bool admit(struct fovea *rt, const struct fovea_frame *frame)
     const struct fovea_image *image = &frame->images[0];
     if (state->paused) {
         state->refused_paused++;
-    } else if (fovea_image_check(image) != FOVEA_OK || image->width != rt->config.camera.width ||
-               image->height != rt->config.camera.height || image->format == FOVEA_PIXEL_MJPEG) {
+    } else if (fovea_image_check(image) != FOVEA_OK ||
+               image->width != rt->config.rig.cameras[0].camera.width ||
+               image->height != rt->config.rig.cameras[0].camera.height ||
+               image->format == FOVEA_PIXEL_MJPEG) {
         state->refused_format++;
     } else if (state->any_frame && frame->stamp_ns <= state->frame.stamp_ns) {
         state->refused_stamp++;
@@ -117,7 +119,7 @@ static void process(struct fovea *rt, const struct fovea_inputs *inputs)
 
     begin = stage_begin(rt);
     const struct fv_plane *mask = fv_boxes_mask(
-        &rt->boxes, rt->mask.pixels != NULL ? &rt->mask : NULL, inputs->frame->stamp_ns);
+        &rt->boxes, rt->masks[0].pixels != NULL ? &rt->masks[0] : NULL, inputs->frame->stamp_ns);
     rt->state->features =
         fv_features_find(&rt->features, &rt->kernels, &rt->pyramid, mask, inputs->grants.features);
     if (rt->config.odometry.enabled) {

@@ -59,20 +59,31 @@ static void carve_outbox(struct fovea *rt, struct fv_arena *arena)
         fv_arena_take(arena, fv_message_features_scratch_bytes(count_max), 1);
 }
 
+/* A copy of the mask of each camera that has one. */
+static void carve_masks(struct fovea *rt, struct fv_arena *arena)
+{
+    for (uint32_t i = 0; i < rt->config.rig.camera_count; i++) {
+        const struct fovea_rig_camera *seen = &rt->config.rig.cameras[i];
+        const int32_t width = seen->camera.width, height = seen->camera.height;
+        rt->masks[i] = (struct fv_plane){.width = width, .height = height, .stride = width};
+        if (seen->mask != NULL)
+            rt->masks[i].pixels = fv_arena_take(arena, (size_t)width * (size_t)height, 1);
+    }
+}
+
 /* Give every stage its pieces, for rt->config, from the arenas of the parts. */
 static void carve(struct fovea *rt, struct fv_arena arenas[FOVEA_MEMORY_PART_COUNT],
                   struct fovea_memory_table *table)
 {
     const struct fovea_config *config = &rt->config;
-    const int32_t width = config->camera.width, height = config->camera.height;
+    const struct fovea_rig_camera *first = &config->rig.cameras[0];
+    const int32_t width = first->camera.width, height = first->camera.height;
     size_t before[FOVEA_MEMORY_PART_COUNT] = {arenas[PERSISTENT].used, arenas[JOB].used,
                                               arenas[FRAME].used};
 
     rt->state = fv_arena_take(&arenas[PERSISTENT], 1, sizeof *rt->state);
     book(table, "runtime", arenas, before);
-    rt->mask = (struct fv_plane){.width = width, .height = height, .stride = width};
-    if (config->mask != NULL)
-        rt->mask.pixels = fv_arena_take(&arenas[PERSISTENT], (size_t)width * (size_t)height, 1);
+    carve_masks(rt, &arenas[PERSISTENT]);
     book(table, "mask", arenas, before);
     fv_pyramid_carve(&rt->pyramid, width, height, config->features.pyramid_levels, &arenas[FRAME]);
     book(table, "pyramid", arenas, before);
@@ -82,21 +93,21 @@ static void carve(struct fovea *rt, struct fv_arena arenas[FOVEA_MEMORY_PART_COU
         const uint32_t count_max = config->features.count_max;
         fv_orb_carve(&rt->orb, count_max, &rt->pyramid, &arenas[FRAME]);
         book(table, "descriptors", arenas, before);
-        fv_odometry_carve(&rt->odometry, &config->odometry, &rt->config.camera, count_max,
-                          &arenas[PERSISTENT], &arenas[JOB], &arenas[FRAME]);
+        fv_odometry_carve(&rt->odometry, &config->odometry, &rt->config.rig.cameras[0].camera,
+                          count_max, &arenas[PERSISTENT], &arenas[JOB], &arenas[FRAME]);
         book(table, "odometry", arenas, before);
-        fv_scale_carve(&rt->scale, &config->scale, config->T_body_cam, &arenas[PERSISTENT],
+        fv_scale_carve(&rt->scale, &config->scale, first->T_body_cam, &arenas[PERSISTENT],
                        &arenas[FRAME]);
         book(table, "scale", arenas, before);
-        fv_publish_carve(&rt->publish, config->T_body_cam, &arenas[PERSISTENT]);
+        fv_publish_carve(&rt->publish, first->T_body_cam, &arenas[PERSISTENT]);
         book(table, "publish", arenas, before);
         fv_boxes_carve(&rt->boxes, width, height, &arenas[PERSISTENT], &arenas[FRAME]);
         book(table, "boxes", arenas, before);
     }
-    fv_detection_carve(&rt->detection, &config->camera, fv_detection_floor(&config->objects),
+    fv_detection_carve(&rt->detection, &first->camera, fv_detection_floor(&config->objects),
                        &arenas[PERSISTENT], &arenas[JOB], &arenas[FRAME]);
     book(table, "detection", arenas, before);
-    fv_detection_carve(&rt->detection2, &config->camera, 0, &arenas[PERSISTENT], &arenas[JOB],
+    fv_detection_carve(&rt->detection2, &first->camera, 0, &arenas[PERSISTENT], &arenas[JOB],
                        &arenas[FRAME]);
     book(table, "detection2", arenas, before);
     fv_object_stage_carve(&rt->objects, config, &rt->detection, &arenas[PERSISTENT],
@@ -117,11 +128,11 @@ static enum fovea_status measure(struct fovea *rt, const struct fovea_config *co
     if (status != FOVEA_OK) return status;
     memset(rt, 0, sizeof *rt);
     rt->config = *config;
-    status = fv_detection_prepare(&rt->detection, "detect.model", &config->detect, &config->camera,
-                                  error);
+    const struct fovea_camera *camera = &config->rig.cameras[0].camera;
+    status = fv_detection_prepare(&rt->detection, "detect.model", &config->detect, camera, error);
     if (status == FOVEA_OK)
-        status = fv_detection_prepare(&rt->detection2, "detect2.model", &config->detect2,
-                                      &config->camera, error);
+        status =
+            fv_detection_prepare(&rt->detection2, "detect2.model", &config->detect2, camera, error);
     if (status != FOVEA_OK) return status;
     struct fv_arena arenas[FOVEA_MEMORY_PART_COUNT], head;
     for (int part = 0; part < FOVEA_MEMORY_PART_COUNT; part++)
@@ -181,7 +192,8 @@ static void place(struct fovea *rt, bool keep)
         arenas[part].keep = keep;
     }
     carve(rt, arenas, NULL);
-    if (rt->mask.pixels != NULL && keep) rt->config.mask = rt->mask.pixels;
+    for (uint32_t i = 0; keep && i < rt->config.rig.camera_count; i++)
+        rt->config.rig.cameras[i].mask = rt->masks[i].pixels;
 }
 
 static enum fovea_status check_block(const void *memory, size_t bytes, size_t needed,
@@ -217,10 +229,12 @@ enum fovea_status fovea_init(void *memory, size_t bytes, const struct fovea_conf
     *built = measured;
     place(built, false);
     fv_kernels_init(&built->kernels, cpu);
-    if (built->mask.pixels != NULL) {
-        memcpy(built->mask.pixels, config->mask,
-               (size_t)config->camera.width * (size_t)config->camera.height);
-        built->config.mask = built->mask.pixels;
+    for (uint32_t i = 0; i < config->rig.camera_count; i++) {
+        const struct fv_plane *mask = &built->masks[i];
+        if (mask->pixels == NULL) continue;
+        memcpy(mask->pixels, config->rig.cameras[i].mask,
+               (size_t)mask->width * (size_t)mask->height);
+        built->config.rig.cameras[i].mask = mask->pixels;
     }
     if (config->odometry.enabled) {
         fv_odometry_init(&built->odometry, config->seed);

@@ -8,8 +8,8 @@ void fv_object_stage_carve(struct fv_object_stage *tracking, const struct fovea_
 {
     tracking->enabled = detection->enabled && config->objects.mode != FOVEA_OBJECTS_OFF;
     if (!tracking->enabled) return;
-    fv_objects_carve(&tracking->tracker, &config->objects, &config->camera, config->T_body_cam,
-                     persistent, frame);
+    fv_objects_carve(&tracking->tracker, &config->objects, &config->rig.cameras[0].camera,
+                     config->rig.cameras[0].T_body_cam, persistent, frame);
     tracking->state = fv_arena_take(persistent, 1, sizeof *tracking->state);
     tracking->message_scratch =
         fv_arena_take(frame,
@@ -65,14 +65,14 @@ uint32_t fv_object_stage_encode(const struct fv_object_stage *tracking,
     struct fv_message_objects message = {
         .stamp = fv_frame_id_stamp(&detection->state->found_frame),
         .reset_counter = reset_counter,
-        .width = config->camera.width,
-        .height = config->camera.height,
+        .width = config->rig.cameras[0].camera.width,
+        .height = config->rig.cameras[0].camera.height,
         .count = tracks.count,
         .tracks = tracks.list,
         .names = names,
     };
     /* What is located in the world is so in metres, where T_body_cam holds with its lever arm. */
-    memcpy(message.T_odom_world, config->T_body_cam, sizeof message.T_odom_world);
+    memcpy(message.T_odom_world, config->rig.cameras[0].T_body_cam, sizeof message.T_odom_world);
     return fv_message_objects_encode(&message, tracking->message_scratch, buffer, capacity);
 }
 

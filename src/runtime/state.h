@@ -48,14 +48,14 @@ struct fv_outbox {
 };
 
 struct fovea {
-    struct fovea_config config; /* mask points at the copy below */
+    struct fovea_config config; /* masks point at the copies below */
     struct fv_kernels kernels;
     uint8_t *part_base[FOVEA_MEMORY_PART_COUNT];
     size_t part_bytes[FOVEA_MEMORY_PART_COUNT];
     size_t block_bytes;
 
     struct fv_state *state;
-    struct fv_plane mask; /* pixels NULL: none */
+    struct fv_plane masks[FOVEA_CAMERAS_MAX]; /* by camera; pixels NULL: none */
     struct fv_pyramid pyramid;
     struct fv_features features;
     struct fv_orb orb;

@@ -110,7 +110,7 @@ void run_recording(const char *title, const std::string &uri, uint32_t features,
     }
     struct fovea_config config;
     fovea_config_default(&config);
-    config.camera = ops->info(source)->rig.cameras[0].camera;
+    config.rig.cameras[0].camera = ops->info(source)->rig.cameras[0].camera;
     config.features.count_max = features;
     std::vector<Contender> all;
     for (const char *set : {"", "sse4", "neon"}) {
@@ -133,8 +133,8 @@ void run_recording(const char *title, const std::string &uri, uint32_t features,
         orb->detectAndCompute(image, cv::noArray(), points, descriptors);
         orb_us.push_back(cpu_us() - start);
     }
-    const std::string pixels =
-        std::to_string(config.camera.width) + "x" + std::to_string(config.camera.height);
+    const std::string pixels = std::to_string(config.rig.cameras[0].camera.width) + "x" +
+                               std::to_string(config.rig.cameras[0].camera.height);
     ops->stop(source);
     ops->close(source);
     for (const Contender &c : all) {

@@ -112,10 +112,11 @@ static void open_run(struct run *run, const char *uri)
         die(error.text);
     struct fovea_config config;
     fovea_config_default(&config);
-    config.camera = run->ops->info(run->source)->rig.cameras[0].camera;
+    config.rig.cameras[0].camera = run->ops->info(run->source)->rig.cameras[0].camera;
     config.preview.period_frames = 0;
     size_t bytes;
-    if (fovea_camera_prepare(&config.camera, &error) || fovea_size(&config, &bytes, &error))
+    if (fovea_camera_prepare(&config.rig.cameras[0].camera, &error) ||
+        fovea_size(&config, &bytes, &error))
         die(error.text);
     void *memory = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, (bytes + 4095) / 4096 * 4096);
     if (memory == NULL || fovea_init(memory, bytes, &config, &run->rt, &error)) die(error.text);

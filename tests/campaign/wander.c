@@ -77,8 +77,9 @@ static void begin(struct walk *walk, const char *uri)
     struct fovea_config *config = &walk->config;
     fovea_config_default(config);
     config->odometry.keyframes = FOVEA_ODOMETRY_KEYFRAMES_MAX;
-    config->camera = walk->ops->info(walk->source)->rig.cameras[0].camera;
-    if (fovea_camera_prepare(&config->camera, &error) || fovea_size(config, &walk->bytes, &error))
+    config->rig.cameras[0].camera = walk->ops->info(walk->source)->rig.cameras[0].camera;
+    if (fovea_camera_prepare(&config->rig.cameras[0].camera, &error) ||
+        fovea_size(config, &walk->bytes, &error))
         die(error.text);
     const size_t whole = (walk->bytes + 4095) / 4096 * 4096;
     void *memory = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, whole);

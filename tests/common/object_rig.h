@@ -26,7 +26,7 @@ static inline int setup(void **state)
     struct fovea_config all;
     fovea_config_default(&all);
     config = all.objects;
-    memcpy(T_body_cam, all.T_body_cam, sizeof T_body_cam);
+    memcpy(T_body_cam, all.rig.cameras[0].T_body_cam, sizeof T_body_cam);
     camera = (struct fovea_camera){
         .width = WIDTH, .height = HEIGHT, .fx = 400, .fy = 400, .cx = 319.5, .cy = 239.5};
     return fovea_camera_prepare(&camera, &error) == FOVEA_OK ? 0 : -1;

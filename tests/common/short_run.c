@@ -30,13 +30,22 @@ static void make_settings(const struct short_run *run, struct fv_settings *setti
     struct fovea_error error;
     struct fovea_config *config = &settings->runtime;
     fv_settings_default(settings);
-    config->camera = (struct fovea_camera){.width = run->width,
-                                           .height = run->height,
-                                           .fx = run->width,
-                                           .fy = run->width,
-                                           .cx = 0.5 * run->width,
-                                           .cy = 0.5 * run->height};
-    expect(fovea_camera_prepare(&config->camera, &error), &error);
+    config->rig.cameras[0].camera = (struct fovea_camera){.width = run->width,
+                                                          .height = run->height,
+                                                          .fx = run->width,
+                                                          .fy = run->width,
+                                                          .cx = 0.5 * run->width,
+                                                          .cy = 0.5 * run->height};
+    expect(fovea_camera_prepare(&config->rig.cameras[0].camera, &error), &error);
+    if (run->rig) {
+        static const struct fovea_rig_imu imu = {
+            .T_body_imu = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0}};
+        config->rig.camera_count = 2;
+        config->rig.has_imu = true;
+        config->rig.imu = imu;
+        config->rig.cameras[1].camera.width = run->width;
+        config->rig.cameras[1].camera.height = run->height;
+    }
     config->features.count_max = run->features;
     config->odometry.keyframes =
         8; /* a block of 2 MB in place of 7: clearing it takes most of a replay */
@@ -117,6 +126,18 @@ static void record_turns(const struct short_run *run, struct fovea *rt,
     free(second);
 }
 
+/* For every camera of the rig: its left eighth is black. The caller frees the one memory of all. */
+static uint8_t *add_masks(struct fovea_rig *rig)
+{
+    const int32_t width = rig->cameras[0].camera.width, height = rig->cameras[0].camera.height;
+    uint8_t *mask = malloc((size_t)width * (size_t)height);
+    for (int32_t i = 0; i < width * height; i++)
+        mask[i] = i % width < width / 8 ? 0 : 255;
+    for (uint32_t i = 0; i < rig->camera_count; i++)
+        rig->cameras[i].mask = mask;
+    return mask;
+}
+
 void short_run_record(const char *path, const struct short_run *run)
 {
     struct fv_settings *settings = malloc(sizeof *settings);
@@ -125,22 +146,21 @@ void short_run_record(const char *path, const struct short_run *run)
     struct fv_recorder *recorder = NULL;
     size_t bytes = 0;
     make_settings(run, settings);
+    uint8_t *mask = run->rig ? add_masks(&settings->runtime.rig) : NULL;
     expect(fovea_size(&settings->runtime, &bytes, &error), &error);
     void *memory = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, (bytes + 63) / 64 * 64);
     expect(fovea_init(memory, bytes, &settings->runtime, &rt, &error), &error);
-    const struct fovea_rig rig = {.camera_count = run->rig ? 2 : 1,
-                                  .has_imu = run->rig,
-                                  .imu.T_body_imu = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0}};
+    const uint32_t cameras = settings->runtime.rig.camera_count;
     struct fv_recorder_setup setup = {.path = path,
                                       .settings = settings,
                                       .kernel_set = fovea_cpu_name(rt),
-                                      .rig = &rig,
-                                      .frame_bytes = rig.camera_count * (size_t)run->width *
-                                                     (size_t)run->height};
+                                      .frame_bytes =
+                                          cameras * (size_t)run->width * (size_t)run->height};
     expect(fv_recorder_open(&setup, &recorder, &error), &error);
     record_turns(run, rt, &settings->runtime, recorder);
     snprintf(error.text, sizeof error.text, "%s: not complete", path);
     expect(fv_recorder_close(recorder, NULL), &error);
     free(memory);
+    free(mask);
     free(settings);
 }

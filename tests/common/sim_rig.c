@@ -23,7 +23,7 @@ void sim_rig_open(struct sim_rig *rig, const char *uri, int start, int frames)
         rig->ops->start(rig->source, &error))
         fail_msg("%s", error.text);
     fovea_config_default(&rig->config);
-    rig->config.camera = rig->ops->info(rig->source)->rig.cameras[0].camera;
+    rig->config.rig.cameras[0].camera = rig->ops->info(rig->source)->rig.cameras[0].camera;
 }
 
 void sim_rig_build(struct sim_rig *rig)

@@ -37,8 +37,9 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t bytes)
     fv_settings_print(file, &back, true);
     fclose(file);
     expect(text_bytes == again_bytes && memcmp(text, again, text_bytes) == 0);
-    expect(memcmp(settings.runtime.T_body_cam, back.runtime.T_body_cam,
-                  sizeof back.runtime.T_body_cam) == 0);
+    expect(memcmp(settings.runtime.rig.cameras[0].T_body_cam,
+                  back.runtime.rig.cameras[0].T_body_cam,
+                  sizeof back.runtime.rig.cameras[0].T_body_cam) == 0);
     free(text);
     free(again);
     return 0;

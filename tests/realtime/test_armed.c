@@ -188,7 +188,7 @@ static int build(void **state)
     size_t bytes;
     paint();
     fovea_config_default(&config);
-    if (!film(&config.camera)) return -1;
+    if (!film(&config.rig.cameras[0].camera)) return -1;
     config.preview.period_frames = 3;
     config.detect.model = detector_model(&config.detect.model_bytes);
     if (config.detect.model == NULL) return -1;

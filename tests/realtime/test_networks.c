@@ -76,17 +76,17 @@ static struct made make(const struct fovea_image *image)
     struct fovea_error error;
     size_t bytes = 0;
     fovea_config_default(&made.config);
-    made.config.camera = (struct fovea_camera){.width = image->width,
-                                               .height = image->height,
-                                               .fx = 500,
-                                               .fy = 500,
-                                               .cx = image->width / 2,
-                                               .cy = image->height / 2};
+    made.config.rig.cameras[0].camera = (struct fovea_camera){.width = image->width,
+                                                              .height = image->height,
+                                                              .fx = 500,
+                                                              .fy = 500,
+                                                              .cx = image->width / 2,
+                                                              .cy = image->height / 2};
     made.config.odometry.enabled = false;
     made.config.preview.period_frames = 0;
     made.config.detect.model = model.data;
     made.config.detect.model_bytes = model.bytes;
-    assert_int_equal(fovea_camera_prepare(&made.config.camera, &error), FOVEA_OK);
+    assert_int_equal(fovea_camera_prepare(&made.config.rig.cameras[0].camera, &error), FOVEA_OK);
     if (fovea_size(&made.config, &bytes, &error) != FOVEA_OK) fail_msg("%s", error.text);
     made.memory = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, bytes);
     assert_int_equal(fovea_init(made.memory, bytes, &made.config, &made.rt, &error), FOVEA_OK);

@@ -93,7 +93,7 @@ static void run(const struct view *view)
     fovea_config_default(&config);
     assert_int_equal(fovea_source_find(view->uri, &ops, &address, &error), FOVEA_OK);
     assert_int_equal(ops->open(address, &everything, &source, &error), FOVEA_OK);
-    config.camera = ops->info(source)->rig.cameras[0].camera;
+    config.rig.cameras[0].camera = ops->info(source)->rig.cameras[0].camera;
     if (view->detects) config.detect.model = detector_model(&config.detect.model_bytes);
     assert_int_equal(fovea_size(&config, &bytes, &error), FOVEA_OK);
     void *memory = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, (bytes + 63) / 64 * 64);

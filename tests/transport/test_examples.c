@@ -59,7 +59,7 @@ static void loop_matches(const char *program)
     char path[640], command[1400], line[256], expected[256];
     if (!there(program, path)) skip();
     frames_write();
-    const struct fovea_camera *camera = &rig.config.camera;
+    const struct fovea_camera *camera = &rig.config.rig.cameras[0].camera;
     snprintf(command, sizeof command, "%s 320 240 %.17g %.17g %.17g %.17g 30 <%s", path, camera->fx,
              camera->fy, camera->cx, camera->cy, frames_path);
     FILE *output = popen(command, "r");

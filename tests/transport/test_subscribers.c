@@ -160,10 +160,10 @@ static void run_runtime(uint64_t sent[CHANNELS])
     struct fovea *rt;
     size_t bytes;
     fovea_config_default(&config);
-    config.camera = (struct fovea_camera){
+    config.rig.cameras[0].camera = (struct fovea_camera){
         .width = WIDTH, .height = HEIGHT, .fx = 300, .fy = 300, .cx = 160, .cy = 120};
     config.detect.model = detector_model(&config.detect.model_bytes);
-    assert_int_equal(fovea_camera_prepare(&config.camera, &error), FOVEA_OK);
+    assert_int_equal(fovea_camera_prepare(&config.rig.cameras[0].camera, &error), FOVEA_OK);
     if (fovea_size(&config, &bytes, &error) != FOVEA_OK) fail_msg("%s", error.text);
     void *memory = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, (bytes + 63) / 64 * 64);
     assert_int_equal(fovea_init(memory, bytes, &config, &rt, &error), FOVEA_OK);

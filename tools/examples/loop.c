@@ -40,19 +40,20 @@ int main(int argc, char **argv)
 
     /* What is to be done. Every member that is not set keeps its default. */
     fovea_config_default(&config);
-    config.camera.width = atoi(argv[1]);
-    config.camera.height = atoi(argv[2]);
-    config.camera.fx = atof(argv[3]);
-    config.camera.fy = atof(argv[4]);
-    config.camera.cx = atof(argv[5]);
-    config.camera.cy = atof(argv[6]);
-    if (fovea_camera_prepare(&config.camera, &error) != FOVEA_OK) return fail("camera", &error);
+    struct fovea_camera *camera = &config.rig.cameras[0].camera;
+    camera->width = atoi(argv[1]);
+    camera->height = atoi(argv[2]);
+    camera->fx = atof(argv[3]);
+    camera->fy = atof(argv[4]);
+    camera->cx = atof(argv[5]);
+    camera->cy = atof(argv[6]);
+    if (fovea_camera_prepare(camera, &error) != FOVEA_OK) return fail("camera", &error);
 
     /* All memory, before the first frame. */
     if (fovea_size(&config, &bytes, &error) != FOVEA_OK) return fail("configuration", &error);
     const size_t whole = (bytes + FOVEA_BLOCK_ALIGNMENT - 1) & ~(size_t)(FOVEA_BLOCK_ALIGNMENT - 1);
     void *block = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, whole);
-    const size_t frame_bytes = (size_t)config.camera.width * (size_t)config.camera.height;
+    const size_t frame_bytes = (size_t)camera->width * (size_t)camera->height;
     unsigned char *pixels = malloc(frame_bytes);
     if (block == NULL || pixels == NULL) return 1;
     if (fovea_init(block, bytes, &config, &rt, &error) != FOVEA_OK) return fail("start", &error);
@@ -64,9 +65,9 @@ int main(int argc, char **argv)
         struct fovea_outputs outputs; /* LCM messages, encoded: send them or ignore them */
         struct fovea_frame frame = {
             .images = {{.data = pixels,
-                        .width = config.camera.width,
-                        .height = config.camera.height,
-                        .stride_bytes = config.camera.width,
+                        .width = camera->width,
+                        .height = camera->height,
+                        .stride_bytes = camera->width,
                         .format = FOVEA_PIXEL_GREY8,
                         .size_bytes = frame_bytes}},
             .image_count = 1,

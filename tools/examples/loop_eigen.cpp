@@ -22,7 +22,7 @@ class Runtime
     {
         fovea_error error;
         size_t bytes;
-        if (fovea_camera_prepare(&config_.camera, &error) != FOVEA_OK ||
+        if (fovea_camera_prepare(&config_.rig.cameras[0].camera, &error) != FOVEA_OK ||
             fovea_size(&config_, &bytes, &error) != FOVEA_OK)
             throw std::runtime_error(error.text);
         block_.resize(bytes + FOVEA_BLOCK_ALIGNMENT);
@@ -69,21 +69,22 @@ static int run(int argc, char **argv)
     static const char *const states[] = {"starting", "tracking", "weak", "lost"};
     fovea_config config;
     fovea_config_default(&config);
-    config.camera.width = std::atoi(argv[1]);
-    config.camera.height = std::atoi(argv[2]);
-    config.camera.fx = std::atof(argv[3]);
-    config.camera.fy = std::atof(argv[4]);
-    config.camera.cx = std::atof(argv[5]);
-    config.camera.cy = std::atof(argv[6]);
+    fovea_camera &camera = config.rig.cameras[0].camera;
+    camera.width = std::atoi(argv[1]);
+    camera.height = std::atoi(argv[2]);
+    camera.fx = std::atof(argv[3]);
+    camera.fy = std::atof(argv[4]);
+    camera.cx = std::atof(argv[5]);
+    camera.cy = std::atof(argv[6]);
     Runtime runtime(config);
-    std::vector<std::uint8_t> pixels(size_t(config.camera.width) * size_t(config.camera.height));
+    std::vector<std::uint8_t> pixels(size_t(camera.width) * size_t(camera.height));
     const double period_s = 1.0 / (argc > 7 ? std::atof(argv[7]) : 30.0);
     std::optional<Eigen::Vector3d> last;
     double length = 0;
     for (unsigned n = 0; std::fread(pixels.data(), 1, pixels.size(), stdin) == pixels.size(); n++) {
         fovea_frame frame{};
-        frame.images[0] = {pixels.data(),       config.camera.width, config.camera.height,
-                           config.camera.width, FOVEA_PIXEL_GREY8,   pixels.size()};
+        frame.images[0] = {pixels.data(), camera.width,      camera.height,
+                           camera.width,  FOVEA_PIXEL_GREY8, pixels.size()};
         frame.image_count = 1;
         frame.stamp_ns = std::int64_t(n * period_s * 1e9);
         frame.clock = FOVEA_CLOCK_RECORDED;

@@ -401,12 +401,13 @@ void fv_settings_blame(const struct fv_settings *settings, const char *key,
 enum fovea_status fv_settings_check(const struct fv_settings *settings, struct fovea_error *error)
 {
     struct fovea_config runtime = settings->runtime;
-    if (runtime.camera.width == 0) { /* not known before the source is open */
-        runtime.camera = (struct fovea_camera){.width = FOVEA_IMAGE_WIDTH_MIN,
-                                               .height = FOVEA_IMAGE_HEIGHT_MIN,
-                                               .fx = 1,
-                                               .fy = 1,
-                                               .field_max_rad = 1};
+    struct fovea_camera *camera = &runtime.rig.cameras[0].camera;
+    if (camera->width == 0) { /* not known before the source is open */
+        *camera = (struct fovea_camera){.width = FOVEA_IMAGE_WIDTH_MIN,
+                                        .height = FOVEA_IMAGE_HEIGHT_MIN,
+                                        .fx = 1,
+                                        .fy = 1,
+                                        .field_max_rad = 1};
     }
     const bool load = settings->map_load[0] != '\0', save = settings->map_save[0] != '\0';
     enum fovea_status status = fv_config_check(&runtime, error);

@@ -32,12 +32,12 @@ enum fv_movable_boxes { FV_MOVABLE_NONE = 0, FV_MOVABLE_TRUTH = 1 };
 enum { FV_SETTINGS_PATH_BYTES = 1024, FV_SETTINGS_KEYS_MAX = 128 };
 
 struct fv_settings {
-    struct fovea_config runtime; /* camera and mask pixels are filled in when the source is open */
+    struct fovea_config runtime; /* its rig is filled in when the source is open */
 
     char source[FV_SETTINGS_PATH_BYTES]; /* URI */
     char camera[FV_SETTINGS_PATH_BYTES]; /* calibration file; "": the source's own */
     bool camera_scale;                   /* fit a calibration of another size by scaling it */
-    char mask[FV_SETTINGS_PATH_BYTES];   /* picture; "": none */
+    char masks[FOVEA_CAMERAS_MAX][FV_SETTINGS_PATH_BYTES]; /* picture for each camera; "": none */
     char map_load[FV_SETTINGS_PATH_BYTES], map_save[FV_SETTINGS_PATH_BYTES]; /* "": none */
     uint32_t map_keep;                                                       /* saved maps */
     bool map_overwrite; /* also by one with under half of the landmarks */

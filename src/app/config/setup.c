@@ -8,6 +8,7 @@
 #include "app/config/map_file.h"
 #include "app/config/classes.h"
 #include "app/config/mask.h"
+#include "geometry/se3.h"
 #include "map/archive.h"
 #include "support/calibration.h"
 
@@ -83,7 +84,7 @@ static enum fovea_status camera_read(struct fv_settings *settings, struct fovea_
     struct fovea_calibration calibration;
     if (settings->camera[0] == '\0') return FOVEA_OK;
     enum fovea_status status = fovea_calibration_read(settings->camera, NULL, &calibration, error);
-    if (status == FOVEA_OK) settings->runtime.camera = calibration.camera;
+    if (status == FOVEA_OK) settings->runtime.rig.cameras[0].camera = calibration.camera;
     if (status != FOVEA_OK) fv_settings_blame(settings, "camera", error);
     return status;
 }
@@ -126,7 +127,7 @@ bool fv_setup_wants_colour(const struct fv_setup *setup)
 static enum fovea_status camera_fit(struct fv_settings *settings,
                                     const struct fovea_source_info *info, struct fovea_error *error)
 {
-    struct fovea_camera *camera = &settings->runtime.camera;
+    struct fovea_camera *camera = &settings->runtime.rig.cameras[0].camera;
     const char *origin = settings->camera[0] != '\0' ? settings->camera : info->camera_origin;
     if (settings->camera[0] == '\0') {
         if (!info->rig.cameras[0].calibrated)
@@ -138,6 +139,86 @@ static enum fovea_status camera_fit(struct fv_settings *settings,
     }
     return fovea_calibration_fit(camera, info->width, info->height, settings->camera_scale, origin,
                                  error);
+}
+
+/* `T_source` takes points of a sensor to the source's body, where `T_body_source` begins. */
+static void place(const struct fv_se3 *T_body_source, const double T_source[12], double T_body[12])
+{
+    struct fv_se3 T;
+    fv_se3_from_rows(T_source, &T);
+    fv_se3_compose(T_body_source, &T, &T);
+    fv_se3_to_rows(&T, T_body);
+}
+
+/* What the source has beside its first camera, whose place on the body the settings state: the rest
+ * of the rig comes along, so that it has the body of the settings too. */
+static enum fovea_status rig_join(struct fv_settings *settings,
+                                  const struct fovea_source_info *info, struct fovea_error *error)
+{
+    const struct fovea_rig *from = &info->rig;
+    struct fovea_rig *rig = &settings->runtime.rig;
+    struct fv_se3 T_body_source, T_source_cam;
+    const bool placed = from->cameras[0].has_T_body_cam;
+    if (from->has_imu && !placed)
+        return fovea_error_set(
+            error, FOVEA_ERROR_INPUT,
+            "%.200s: found an inertial sensor, but no place of the first camera on its body, expected both",
+            settings->source);
+    rig->camera_count = from->camera_count;
+    rig->has_imu = from->has_imu;
+    fv_se3_from_rows(rig->cameras[0].T_body_cam, &T_body_source);
+    if (placed) {
+        fv_se3_from_rows(from->cameras[0].T_body_cam, &T_source_cam);
+        fv_se3_invert(&T_source_cam, &T_source_cam);
+        fv_se3_compose(&T_body_source, &T_source_cam, &T_body_source);
+    }
+    for (uint32_t i = 1; i < from->camera_count; i++) {
+        struct fovea_rig_camera *camera = &rig->cameras[i];
+        *camera = from->cameras[i];
+        camera->has_T_body_cam = camera->has_T_body_cam && placed;
+        if (camera->has_T_body_cam)
+            place(&T_body_source, from->cameras[i].T_body_cam, camera->T_body_cam);
+    }
+    rig->imu = from->imu;
+    if (from->has_imu) place(&T_body_source, from->imu.T_body_imu, rig->imu.T_body_imu);
+    return FOVEA_OK;
+}
+
+static enum fovea_status rig_fit(struct fv_settings *settings, const struct fovea_source_info *info,
+                                 struct fovea_error *error)
+{
+    struct fovea_rig *rig = &settings->runtime.rig;
+    enum fovea_status status = camera_fit(settings, info, error);
+    if (status == FOVEA_OK) status = rig_join(settings, info, error);
+    for (uint32_t i = 1; i < rig->camera_count && status == FOVEA_OK; i++) {
+        struct fovea_rig_camera *camera = &rig->cameras[i];
+        if (camera->calibrated) continue;
+        camera->camera = (struct fovea_camera){.width = info->width, .height = info->height};
+    }
+    return status;
+}
+
+static enum fovea_status masks_read(struct fv_settings *settings, struct fv_setup *setup,
+                                    struct fovea_error *error)
+{
+    static const char *const keys[FOVEA_CAMERAS_MAX] = {"mask", "mask2", "mask3", "mask4"};
+    struct fovea_rig *rig = &settings->runtime.rig;
+    enum fovea_status status = FOVEA_OK;
+    for (uint32_t i = 0; i < FOVEA_CAMERAS_MAX && status == FOVEA_OK; i++) {
+        const struct fovea_camera *camera = &rig->cameras[i].camera;
+        if (settings->masks[i][0] == '\0') continue;
+        if (i < rig->camera_count)
+            status = fv_mask_read(settings->masks[i], camera->width, camera->height,
+                                  &setup->masks[i], error);
+        else
+            status = fovea_error_set(error, FOVEA_ERROR_INPUT,
+                                     "%s: found '%.200s', expected none: the source has %u %s",
+                                     keys[i], settings->masks[i], rig->camera_count,
+                                     rig->camera_count == 1 ? "camera" : "cameras");
+        rig->cameras[i].mask = setup->masks[i];
+        if (status != FOVEA_OK) fv_settings_blame(settings, keys[i], error);
+    }
+    return status;
 }
 
 static enum fovea_status map_read(struct fv_settings *settings, struct fv_setup *setup,
@@ -163,13 +244,7 @@ static enum fovea_status map_read(struct fv_settings *settings, struct fv_setup 
 enum fovea_status fv_setup_read(struct fv_settings *settings, struct fv_setup *setup,
                                 struct fovea_error *error)
 {
-    const struct fovea_camera *camera = &settings->runtime.camera;
-    enum fovea_status status = FOVEA_OK;
-    if (settings->mask[0] != '\0') {
-        status = fv_mask_read(settings->mask, camera->width, camera->height, &setup->mask, error);
-        settings->runtime.mask = setup->mask;
-        if (status != FOVEA_OK) fv_settings_blame(settings, "mask", error);
-    }
+    enum fovea_status status = masks_read(settings, setup, error);
     if (status == FOVEA_OK) status = map_read(settings, setup, error);
     return status == FOVEA_OK ? fv_settings_check(settings, error) : status;
 }
@@ -192,7 +267,7 @@ enum fovea_status fv_setup_open(struct fv_settings *settings,
         fv_settings_blame(settings, "source", error);
         return status;
     }
-    status = camera_fit(settings, setup->ops->info(setup->source), error);
+    status = rig_fit(settings, setup->ops->info(setup->source), error);
     return status == FOVEA_OK ? fv_setup_read(settings, setup, error) : status;
 }
 
@@ -218,7 +293,7 @@ enum fovea_status fv_setup_check_files(struct fv_settings *settings, struct fove
     } else {
         status = camera_read(settings, error);
         if (status == FOVEA_OK) status = model_read(settings, &setup, error);
-        if (status == FOVEA_OK && settings->runtime.camera.width > 0)
+        if (status == FOVEA_OK && settings->runtime.rig.cameras[0].camera.width > 0)
             status = fv_setup_read(settings, &setup, error);
     }
     if (status == FOVEA_OK && setup.map != NULL) {
@@ -239,7 +314,8 @@ void fv_setup_close_source(struct fv_setup *setup)
 void fv_setup_close(struct fv_setup *setup)
 {
     fv_setup_close_source(setup);
-    free(setup->mask);
+    for (int i = 0; i < FOVEA_CAMERAS_MAX; i++)
+        free(setup->masks[i]);
     free(setup->map);
     fv_model_file_free(&setup->model);
     fv_model_file_free(&setup->model2);

@@ -1,4 +1,4 @@
-/* From settings to something that runs: the source opened, the camera and the mask found and
+/* From settings to something that runs: the source opened, the rig with its masks found and
  * fitted. What `fovea run` and `fovea check` share. Init-only. */
 #ifndef FOVEA_APP_CONFIG_SETUP_H
 #define FOVEA_APP_CONFIG_SETUP_H
@@ -27,20 +27,20 @@ enum fovea_status fv_setup_settings(const struct fv_setup_options *options,
 struct fv_setup {
     const struct fovea_source_ops *ops;
     struct fovea_source *source;        /* open, not started */
-    uint8_t *mask, *map;                /* NULL: none */
+    uint8_t *masks[FOVEA_CAMERAS_MAX];  /* by camera; NULL: none */
+    uint8_t *map;                       /* NULL: none */
     struct fv_model_file model, model2; /* data NULL: none */
 };
 
-/* Open settings->source, and fill in settings->runtime.camera, .mask, .map, .detect.model and
- * .detect2.model.
- * FOVEA_ERROR_SYSTEM: the machine's fault; other errors are wrong input. On an error with `ops` but
- * no `source`, it is the source that does not open. What else is there is for fv_setup_close in any
- * case. */
+/* Open settings->source, and fill in settings->runtime: .rig, .map, .detect.model and
+ * .detect2.model. FOVEA_ERROR_SYSTEM: the machine's fault; other errors are wrong input. On an
+ * error with `ops` but no `source`, it is the source that does not open. What else is there is for
+ * fv_setup_close in any case. */
 enum fovea_status fv_setup_open(struct fv_settings *settings,
                                 const struct fovea_source_selection *selection,
                                 struct fv_setup *setup, struct fovea_error *error);
-/* The part of it that comes after the source: mask and map, for the size of frames that the
- * camera's calibration states. */
+/* The part of it that comes after the source: masks, for the sizes that the cameras of the rig
+ * have, and map. */
 enum fovea_status fv_setup_read(struct fv_settings *settings, struct fv_setup *setup,
                                 struct fovea_error *error);
 /* Open and read all files that the settings name, and close them again: calibration, network,

@@ -448,7 +448,8 @@ static enum fovea_status start_thread(struct fv_recorder *recorder, struct fovea
 static size_t turn_bytes(const struct fv_recorder_setup *setup)
 {
     const struct fovea_config *config = &setup->settings->runtime;
-    size_t pixels = (size_t)config->camera.width * (size_t)config->camera.height;
+    const struct fovea_camera *camera = &config->rig.cameras[0].camera;
+    size_t pixels = (size_t)camera->width * (size_t)camera->height;
     for (uint32_t level = 0; level < config->preview.level; level++)
         pixels = pixels * 10 / 14;
     const size_t sample_bytes =
@@ -515,7 +516,7 @@ enum fovea_status fv_recorder_open(const struct fv_recorder_setup *setup,
     enum fovea_status status = FOVEA_OK;
     opened->place.output = FV_OUTPUT_CLOSED;
     status =
-        fv_recording_header_encode(setup->settings, setup->rig, setup->identity, setup->kernel_set,
+        fv_recording_header_encode(setup->settings, setup->identity, setup->kernel_set,
                                    setup->real_time, &opened->header, &opened->header_bytes, error);
     if (status == FOVEA_OK) status = make_ring(opened, setup, error);
     if (status == FOVEA_OK) status = open_place(opened, setup, error);
@@ -533,7 +534,7 @@ size_t fv_recorder_bytes(const struct fv_recorder_setup *setup)
     struct fovea_error error;
     uint8_t *header = NULL;
     uint32_t header_bytes = 0;
-    if (fv_recording_header_encode(setup->settings, setup->rig, setup->identity, setup->kernel_set,
+    if (fv_recording_header_encode(setup->settings, setup->identity, setup->kernel_set,
                                    setup->real_time, &header, &header_bytes, &error) != FOVEA_OK)
         return 0;
     free(header);

@@ -33,8 +33,7 @@ struct fv_recorder;
 struct fv_recorder_setup {
     const char *path; /* FILE or DIR/, as recording_file.h says */
     const struct fv_settings
-        *settings;               /* as the runtime was initialised: camera fitted, mask loaded */
-    const struct fovea_rig *rig; /* of the source; NULL: the camera of `settings` alone */
+        *settings; /* as the runtime was initialised: rig fitted, masks loaded */
     const struct fv_identity *identity; /* NULL: none */
     const char *kernel_set;
     bool real_time;

@@ -15,6 +15,7 @@
 #include "message/recorded.h"
 
 #include "fovea_recording_t.h"
+#include "fovea_rig_t.h"
 
 #if defined(__clang__)
 #define COMPILER "clang " __clang_version__
@@ -31,7 +32,9 @@
 #define PROCESSOR "unknown processor"
 #endif
 
-enum { PARTS_MAX = 9 };
+enum { PARTS_MAX = 8 + FOVEA_CAMERAS_MAX };
+
+static const char *const mask_parts[FOVEA_CAMERAS_MAX] = {"mask", "mask2", "mask3", "mask4"};
 
 static void add_part(fovea_recording_t *message, const char *name, const char *origin,
                      const void *data, size_t bytes)
@@ -72,28 +75,30 @@ static enum fovea_status encode(const fovea_recording_t *message, uint8_t **data
     return FOVEA_OK;
 }
 
-/* The rig of the run: the source's, with the first camera as the settings have it. The caller frees
- * it. */
-static uint8_t *rig_bytes(const struct fovea_camera *camera, const struct fovea_rig *rig,
-                          uint32_t *bytes)
+/* The caller frees it. */
+static uint8_t *rig_bytes(const struct fovea_rig *rig, uint32_t *bytes)
 {
-    struct fovea_rig used = {.camera_count = 1};
     const size_t capacity = fv_message_rig_size_max();
     uint8_t *data = malloc(capacity);
-    if (rig != NULL) used = *rig;
-    used.cameras[0].calibrated = true;
-    used.cameras[0].camera = *camera;
-    if (data != NULL) *bytes = fv_message_rig_encode(&used, data, capacity);
+    if (data != NULL) *bytes = fv_message_rig_encode(rig, data, capacity);
     return data;
 }
 
+static void add_masks(fovea_recording_t *message, const struct fv_settings *settings)
+{
+    const struct fovea_rig *rig = &settings->runtime.rig;
+    for (uint32_t i = 0; i < rig->camera_count; i++)
+        if (rig->cameras[i].mask != NULL)
+            add_part(message, mask_parts[i], settings->masks[i], rig->cameras[i].mask,
+                     (size_t)rig->cameras[i].camera.width * (size_t)rig->cameras[i].camera.height);
+}
+
 enum fovea_status fv_recording_header_encode(const struct fv_settings *settings,
-                                             const struct fovea_rig *rig,
                                              const struct fv_identity *identity,
                                              const char *kernel_set, bool real_time, uint8_t **data,
                                              uint32_t *bytes, struct fovea_error *error)
 {
-    const struct fovea_camera *camera = &settings->runtime.camera;
+    const struct fovea_camera *camera = &settings->runtime.rig.cameras[0].camera;
     struct fovea_calibration calibration = {.camera = *camera};
     char calibration_text[FOVEA_CALIBRATION_BYTES_MAX];
     enum fovea_status status = fovea_calibration_format_text(FOVEA_CALIBRATION_ROS, &calibration,
@@ -103,7 +108,7 @@ enum fovea_status fv_recording_header_encode(const struct fv_settings *settings,
     uint32_t rig_size = 0;
     char *text = settings_text(settings, &text_bytes);
     char *types = fv_recording_types_text(&types_bytes);
-    uint8_t *rig_data = rig_bytes(camera, rig, &rig_size);
+    uint8_t *rig_data = rig_bytes(&settings->runtime.rig, &rig_size);
     if (text == NULL || types == NULL || rig_data == NULL) {
         free(text);
         free(types);
@@ -126,9 +131,7 @@ enum fovea_status fv_recording_header_encode(const struct fv_settings *settings,
     add_part(&message, "calibration", settings->camera, calibration_text, strlen(calibration_text));
     add_part(&message, "rig", "", rig_data, rig_size);
     add_part(&message, "types", "", types, types_bytes);
-    if (settings->runtime.mask != NULL)
-        add_part(&message, "mask", settings->mask, settings->runtime.mask,
-                 (size_t)camera->width * (size_t)camera->height);
+    add_masks(&message, settings);
     if (settings->runtime.map != NULL)
         add_part(&message, "map", settings->map_load, settings->runtime.map,
                  settings->runtime.map_bytes);
@@ -176,22 +179,97 @@ static const fovea_recording_part_t *find_part(const fovea_recording_t *message,
     return NULL;
 }
 
-static enum fovea_status read_mask(const struct source *from, const fovea_recording_part_t *part,
-                                   struct fv_recording_header *header, struct fovea_error *error)
+static void take_camera(const fovea_rig_camera_t *from, struct fovea_rig_camera *to)
 {
-    struct fovea_config *config = &header->settings.runtime;
-    int64_t expected = (int64_t)config->camera.width * config->camera.height;
-    if (part->size_bytes != expected)
+    struct fovea_camera *camera = &to->camera;
+    *to = (struct fovea_rig_camera){.calibrated = from->calibrated,
+                                    .has_T_body_cam = from->has_body_cam,
+                                    .camera = {.width = from->width,
+                                               .height = from->height,
+                                               .lens = (enum fovea_lens)from->lens,
+                                               .fx = from->fx,
+                                               .fy = from->fy,
+                                               .cx = from->cx,
+                                               .cy = from->cy}};
+    memcpy(camera->k, from->k, sizeof camera->k);
+    memcpy(to->T_body_cam, from->body_cam, sizeof to->T_body_cam);
+}
+
+static void take_imu(const fovea_rig_t *from, struct fovea_rig_imu *imu)
+{
+    *imu = (struct fovea_rig_imu){.rate_hz = from->imu_rate_hz,
+                                  .gyro_noise = from->gyro_noise,
+                                  .gyro_walk = from->gyro_walk,
+                                  .acceleration_noise = from->acceleration_noise,
+                                  .acceleration_walk = from->acceleration_walk,
+                                  .time_offset_ns = from->imu_time_offset_ns};
+    memcpy(imu->T_body_imu, from->body_imu, sizeof imu->T_body_imu);
+}
+
+/* The rig but for its first camera, whose calibration and place have parts of their own. */
+static enum fovea_status read_rig(const struct source *from, const fovea_recording_part_t *part,
+                                  struct fovea_rig *rig, struct fovea_error *error)
+{
+    const char *problem = "it cannot be decoded";
+    size_t at = 0;
+    fovea_rig_t read;
+    memset(&read, 0, sizeof read);
+    if (!fv_message_check("fovea.rig_t", part->data, (size_t)part->size_bytes, &problem, &at) ||
+        fovea_rig_t_decode(part->data, 0, part->size_bytes, &read) < 0)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: byte %" PRId64 ": rig: byte %zu: %s",
+                               from->name, from->offset, at, problem);
+    enum fovea_status status = FOVEA_OK;
+    struct fovea_error why = {.text = ""};
+    if (read.camera_count < 1 || read.camera_count > FOVEA_CAMERAS_MAX)
+        status =
+            fovea_error_set(&why, FOVEA_ERROR_INPUT, "camera_count: found %d, expected 1 to %d",
+                            read.camera_count, FOVEA_CAMERAS_MAX);
+    for (int32_t i = 1; status == FOVEA_OK && i < read.camera_count; i++) {
+        take_camera(&read.cameras[i], &rig->cameras[i]);
+        if (rig->cameras[i].calibrated)
+            status = fovea_camera_prepare(&rig->cameras[i].camera, &why);
+    }
+    if (status == FOVEA_OK) {
+        rig->camera_count = (uint32_t)read.camera_count;
+        rig->has_imu = read.has_imu;
+        take_imu(&read, &rig->imu);
+    }
+    fovea_rig_t_decode_cleanup(&read);
+    return status == FOVEA_OK
+               ? FOVEA_OK
+               : fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: byte %" PRId64 ": rig: %.256s",
+                                 from->name, from->offset, why.text);
+}
+
+static enum fovea_status read_mask(const struct source *from, const fovea_recording_part_t *part,
+                                   struct fovea_rig_camera *camera, uint8_t **mask,
+                                   struct fovea_error *error)
+{
+    const int64_t expected = (int64_t)camera->camera.width * camera->camera.height;
+    if (part->size_bytes != expected || expected == 0)
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                               "%s: byte %" PRId64 ": mask: found %" PRId32
+                               "%s: byte %" PRId64 ": %s: found %" PRId32
                                " bytes, expected %" PRId64,
-                               from->name, from->offset, part->size_bytes, expected);
-    header->mask = malloc((size_t)expected);
-    if (header->mask == NULL)
-        return fovea_error_set(error, FOVEA_ERROR_MEMORY, "%s: no memory for the mask", from->name);
-    memcpy(header->mask, part->data, (size_t)expected);
-    config->mask = header->mask;
+                               from->name, from->offset, part->name, part->size_bytes, expected);
+    *mask = malloc((size_t)expected);
+    if (*mask == NULL)
+        return fovea_error_set(error, FOVEA_ERROR_MEMORY, "%s: no memory for a mask", from->name);
+    memcpy(*mask, part->data, (size_t)expected);
+    camera->mask = *mask;
     return FOVEA_OK;
+}
+
+static enum fovea_status read_masks(const struct source *from, const fovea_recording_t *message,
+                                    struct fv_recording_header *header, struct fovea_error *error)
+{
+    struct fovea_rig *rig = &header->settings.runtime.rig;
+    enum fovea_status status = FOVEA_OK;
+    for (uint32_t i = 0; i < rig->camera_count && status == FOVEA_OK; i++) {
+        const fovea_recording_part_t *part = find_part(message, mask_parts[i]);
+        if (part != NULL)
+            status = read_mask(from, part, &rig->cameras[i], &header->masks[i], error);
+    }
+    return status;
 }
 
 static enum fovea_status read_map(const struct source *from, const fovea_recording_part_t *part,
@@ -247,16 +325,17 @@ static enum fovea_status read_parts(const struct source *from, const fovea_recor
     if (status != FOVEA_OK) return status;
     const fovea_recording_part_t *configuration = find_part(message, "configuration");
     const fovea_recording_part_t *calibration = find_part(message, "calibration");
-    const fovea_recording_part_t *mask = find_part(message, "mask");
+    const fovea_recording_part_t *rig = find_part(message, "rig");
     const fovea_recording_part_t *map = find_part(message, "map");
     const fovea_recording_part_t *run = find_part(message, "run");
     const fovea_recording_part_t *types = find_part(message, "types");
-    if (configuration == NULL || calibration == NULL || types == NULL)
+    if (configuration == NULL || calibration == NULL || rig == NULL || types == NULL)
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "%s: byte %" PRId64 ": found no %s, expected one", from->name,
                                from->offset,
                                configuration == NULL ? "configuration"
                                : calibration == NULL ? "calibration"
+                               : rig == NULL         ? "rig"
                                                      : "description of the types");
     status = fv_recording_types_check(from->name, from->offset, (const char *)types->data,
                                       (size_t)types->size_bytes, error);
@@ -277,8 +356,9 @@ static enum fovea_status read_parts(const struct source *from, const fovea_recor
                                          (size_t)calibration->size_bytes, NULL, &read, error);
     }
     if (status != FOVEA_OK) return status;
-    header->settings.runtime.camera = read.camera;
-    if (mask != NULL) status = read_mask(from, mask, header, error);
+    header->settings.runtime.rig.cameras[0].camera = read.camera;
+    status = read_rig(from, rig, &header->settings.runtime.rig, error);
+    if (status == FOVEA_OK) status = read_masks(from, message, header, error);
     if (map != NULL && status == FOVEA_OK) status = read_map(from, map, header, error);
     return status == FOVEA_OK ? read_models(from, message, header, error) : status;
 }
@@ -318,11 +398,13 @@ enum fovea_status fv_recording_header_decode(const char *name, int64_t offset, c
         snprintf(header->machine, sizeof header->machine, "%s", message.machine);
         snprintf(header->kernel_set, sizeof header->kernel_set, "%s", message.kernel_set);
     } else {
-        free(header->mask);
+        for (int i = 0; i < FOVEA_CAMERAS_MAX; i++)
+            free(header->masks[i]);
+        memset(header->masks, 0, sizeof header->masks);
         free(header->model);
         free(header->model2);
         free(header->map);
-        header->mask = header->map = NULL;
+        header->map = NULL;
         header->model = header->model2 = NULL;
     }
     fovea_recording_t_decode_cleanup(&message);

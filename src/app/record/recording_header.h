@@ -1,4 +1,4 @@
-/* The first message of a recording: configuration, calibration, mask, loaded map and model as bytes
+/* The first message of a recording: configuration, rig, masks, loaded map and models as bytes
  * with their hashes, so that a replay needs no other file. */
 #ifndef FOVEA_APP_RECORD_RECORDING_HEADER_H
 #define FOVEA_APP_RECORD_RECORDING_HEADER_H
@@ -12,20 +12,18 @@
 #include "fovea/source.h"
 #include "fovea/status.h"
 
-/* Encode the header of a run whose settings are complete (camera fitted, mask loaded). `rig` is
- * that of the source, its first camera calibrated as the settings say; NULL: their camera alone.
- * `identity` may be NULL. `*data` is the caller's to free. Init-only. */
+/* Encode the header of a run whose settings are complete (rig fitted, masks loaded). `identity` may
+ * be NULL. `*data` is the caller's to free. Init-only. */
 enum fovea_status fv_recording_header_encode(const struct fv_settings *settings,
-                                             const struct fovea_rig *rig,
                                              const struct fv_identity *identity,
                                              const char *kernel_set, bool real_time, uint8_t **data,
                                              uint32_t *bytes, struct fovea_error *error);
 
-/* What a header held. `mask` is the caller's to free; settings.runtime.mask points to it. */
+/* What a header held. */
 struct fv_recording_header {
     struct fv_settings settings;
-    uint8_t *mask;
-    uint8_t *map; /* the caller's to free; settings.runtime.map points to it */
+    uint8_t *masks[FOVEA_CAMERAS_MAX]; /* the caller's to free; those of settings.runtime.rig */
+    uint8_t *map;                      /* the caller's to free; settings.runtime.map points to it */
     /* the caller's to free, too; settings.runtime.detect.model and .detect2.model point to them */
     void *model, *model2;
     bool real_time;

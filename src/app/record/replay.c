@@ -379,7 +379,8 @@ enum fovea_status fv_replay(const char *path, bool stop_at_difference, fv_replay
     if (status == FOVEA_OK) status = build(replay, error);
     if (status == FOVEA_OK) status = feed(replay, error);
     fovea_log_close(replay->log);
-    free(replay->header.mask);
+    for (int i = 0; i < FOVEA_CAMERAS_MAX; i++)
+        free(replay->header.masks[i]);
     free(replay->header.model);
     free(replay->header.model2);
     free(replay->header.map);

@@ -72,7 +72,6 @@ static size_t recorder_bytes(const struct check *check)
 {
     const struct fv_recorder_setup setup = {
         .settings = &check->settings,
-        .rig = &check->setup.ops->info(check->setup.source)->rig,
         .kernel_set = "",
         .real_time = fv_setup_real_time(&check->settings, &check->setup),
         .frame_bytes = fv_setup_frame_bytes(&check->setup),
@@ -80,15 +79,27 @@ static size_t recorder_bytes(const struct check *check)
     return fv_recorder_bytes(&setup);
 }
 
+static size_t masks_bytes(const struct check *check)
+{
+    const struct fovea_rig *rig = &check->settings.runtime.rig;
+    size_t bytes = 0;
+    for (uint32_t i = 0; i < rig->camera_count; i++)
+        if (rig->cameras[i].mask != NULL)
+            bytes += (size_t)rig->cameras[i].camera.width * (size_t)rig->cameras[i].camera.height;
+    return bytes;
+}
+
 static enum fovea_status memory_print(struct check *check, size_t lcm_bytes,
                                       struct fovea_error *error)
 {
     struct fovea_memory_table table;
     size_t parts[FOVEA_MEMORY_PART_COUNT];
+    const struct fovea_camera *camera = &check->settings.runtime.rig.cameras[0].camera;
+    const size_t masks = masks_bytes(check);
     enum fovea_status status = fovea_memory(&check->settings.runtime, &table, error);
     if (status != FOVEA_OK) return status;
-    printf("memory of %s, %d x %d, in bytes\n", check->settings.source,
-           check->settings.runtime.camera.width, check->settings.runtime.camera.height);
+    printf("memory of %s, %d x %d, in bytes\n", check->settings.source, camera->width,
+           camera->height);
     for (uint32_t i = 0; i < table.count; i++)
         memory_row(table.rows[i].owner, fv_report_part_name(table.rows[i].part),
                    table.rows[i].bytes);
@@ -111,10 +122,7 @@ static enum fovea_status memory_print(struct check *check, size_t lcm_bytes,
     memory_row("stack of the loop", "outside", FV_THREAD_STACK_BYTES);
     if (check->setup.source != NULL)
         memory_row("recorder, if recording", "outside", recorder_bytes(check));
-    if (check->settings.mask[0] != '\0')
-        memory_row("mask", "outside",
-                   (size_t)check->settings.runtime.camera.width *
-                       (size_t)check->settings.runtime.camera.height);
+    if (masks > 0) memory_row("masks", "outside", masks);
     if (check->setup.map != NULL)
         memory_row("map, until started", "outside", check->settings.runtime.map_bytes);
     if (check->settings.map_save[0] != '\0')
@@ -348,8 +356,8 @@ static enum fovea_status bench(struct check *check, struct fovea_error *error)
     line(check, OK, "frame rate",
          "this board can hold %.0f Hz: of %" PRIu64
          " frames at %d x %d 99 %% took at most %.2f ms (mean %.2f), 85 %% of a period is used",
-         850.0 / p99_ms, loop.counts.processed, check->settings.runtime.camera.width,
-         check->settings.runtime.camera.height, p99_ms, mean_ms);
+         850.0 / p99_ms, loop.counts.processed, check->settings.runtime.rig.cameras[0].camera.width,
+         check->settings.runtime.rig.cameras[0].camera.height, p99_ms, mean_ms);
     double rate_hz = loop.ops->info(loop.source)->rate_hz;
     if (rate_hz > 850.0 / p99_ms)
         line(check, WARNING, "frame rate",
@@ -393,7 +401,7 @@ static enum fovea_status check_without_source(struct check *check, enum fovea_st
 {
     struct fovea_error other = {0}, lock = {0};
     enum fovea_status status = FOVEA_OK;
-    if (check->settings.runtime.camera.width > 0) {
+    if (check->settings.runtime.rig.cameras[0].camera.width > 0) {
         status = fv_setup_read(&check->settings, &check->setup, &other);
         if (status == FOVEA_OK) status = memory_check(check, &lock, &other);
     } else {

@@ -270,7 +270,6 @@ static enum fovea_status recorder_open(struct fv_run *run, struct fovea_error *e
     struct fv_recorder_setup setup = {
         .path = run->settings.record,
         .settings = &run->settings,
-        .rig = &run->setup.ops->info(run->setup.source)->rig,
         .identity = &run->identity,
         .kernel_set = fovea_cpu_name(run->loop.rt),
         .real_time = run->loop.real_time,

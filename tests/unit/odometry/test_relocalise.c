@@ -48,7 +48,7 @@ static void open_world(struct world *world, uint64_t start, const uint8_t *map, 
     assert_int_equal(world->ops->open(address, &selection, &world->source, &error), FOVEA_OK);
     assert_int_equal(world->ops->start(world->source, &error), FOVEA_OK);
     fovea_config_default(&world->config);
-    world->config.camera = world->ops->info(world->source)->rig.cameras[0].camera;
+    world->config.rig.cameras[0].camera = world->ops->info(world->source)->rig.cameras[0].camera;
     world->config.preview.period_frames = 0;
     world->config.map_every = 1;
     world->config.map = map;

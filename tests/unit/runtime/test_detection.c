@@ -28,17 +28,17 @@ static int setup(void **state)
     for (int i = 0; i < WIDTH * HEIGHT; i++)
         picture[i] = (uint8_t)((i % WIDTH / 20 * 37 + i / WIDTH / 15 * 91) ^ (i * 7 & 15));
     fovea_config_default(&config);
-    config.camera = (struct fovea_camera){.width = WIDTH,
-                                          .height = HEIGHT,
-                                          .fx = 200,
-                                          .fy = 205,
-                                          .cx = 161,
-                                          .cy = 118,
-                                          .k = {-0.2, 0.04, 1e-3, -5e-4}};
+    config.rig.cameras[0].camera = (struct fovea_camera){.width = WIDTH,
+                                                         .height = HEIGHT,
+                                                         .fx = 200,
+                                                         .fy = 205,
+                                                         .cx = 161,
+                                                         .cy = 118,
+                                                         .k = {-0.2, 0.04, 1e-3, -5e-4}};
     config.odometry.enabled = false;
     config.detect.model = detector_model(&config.detect.model_bytes);
     if (config.detect.model == NULL) return -1;
-    return fovea_camera_prepare(&config.camera, &error) == FOVEA_OK ? 0 : -1;
+    return fovea_camera_prepare(&config.rig.cameras[0].camera, &error) == FOVEA_OK ? 0 : -1;
 }
 
 struct made {
@@ -221,8 +221,8 @@ static void rectified_boxes_hold_the_raw_ones(void **state)
     const struct fovea_message *message = turn(made.rt, 0, 100000);
     assert_int_equal(fovea_detections_t_decode(message->data, 0, (int)message->bytes, &out),
                      message->bytes);
-    assert_int_equal(fv_rectified_choose(&config.camera, FV_RECTIFIED_PINHOLE, FV_RECTIFIED_CROP,
-                                         WIDTH, HEIGHT, &rectified, &error),
+    assert_int_equal(fv_rectified_choose(&config.rig.cameras[0].camera, FV_RECTIFIED_PINHOLE,
+                                         FV_RECTIFIED_CROP, WIDTH, HEIGHT, &rectified, &error),
                      FOVEA_OK);
     assert_int_equal(out.rectified_shape, FV_RECTIFIED_PINHOLE);
     assert_true(out.rectified_fx == rectified.fx && out.rectified_cy == rectified.cy);
@@ -237,8 +237,9 @@ static void rectified_boxes_hold_the_raw_ones(void **state)
             const double y =
                 (double)box->y_min_px + share[i][1] * (double)(box->y_max_px - box->y_min_px);
             double at[2], raw[2];
-            assert_true(fv_rectified_from_raw(&rectified, &config.camera, x, y, at));
-            assert_true(fv_rectified_to_raw(&rectified, &config.camera, at[0], at[1], raw));
+            assert_true(fv_rectified_from_raw(&rectified, &config.rig.cameras[0].camera, x, y, at));
+            assert_true(
+                fv_rectified_to_raw(&rectified, &config.rig.cameras[0].camera, at[0], at[1], raw));
             assert_true(__builtin_fabs(raw[0] - x) < 1e-6 && __builtin_fabs(raw[1] - y) < 1e-6);
             for (int k = 0; k < 2; k++) {
                 low[k] = at[k] < low[k] ? at[k] : low[k];

@@ -36,9 +36,9 @@ static int setup(void **state)
             memset(&picture[row * WIDTH + x], (int)grey, size);
     }
     fovea_config_default(&config);
-    config.camera = (struct fovea_camera){
+    config.rig.cameras[0].camera = (struct fovea_camera){
         .width = WIDTH, .height = HEIGHT, .fx = 200, .fy = 200, .cx = 160, .cy = 120};
-    assert_int_equal(fovea_camera_prepare(&config.camera, &error), FOVEA_OK);
+    assert_int_equal(fovea_camera_prepare(&config.rig.cameras[0].camera, &error), FOVEA_OK);
     return 0;
 }
 
@@ -117,36 +117,36 @@ static void bad_configurations_are_refused(void **state)
     assert_int_equal(fovea_size(&config, &bytes, &error), FOVEA_ERROR_ARGUMENT);
     assert_string_equal(error.text, "features.count_max: found 4001, expected 100 to 4000");
     config = good;
-    config.camera.width = -5;
+    config.rig.cameras[0].camera.width = -5;
     assert_int_equal(fovea_size(&config, &bytes, &error), FOVEA_ERROR_ARGUMENT);
     assert_string_equal(error.text, "camera width: found -5, expected 64 to 4096");
     config = good;
-    config.camera.field_max_rad =
+    config.rig.cameras[0].camera.field_max_rad =
         0; /* as before fovea_camera_prepare: every point would be out of its field */
     assert_int_equal(fovea_size(&config, &bytes, &error), FOVEA_ERROR_ARGUMENT);
     assert_non_null(strstr(error.text, "fovea_camera_prepare"));
     config = good;
-    config.camera.fy = NAN;
+    config.rig.cameras[0].camera.fy = NAN;
     assert_int_equal(fovea_size(&config, &bytes, &error), FOVEA_ERROR_ARGUMENT);
     assert_string_equal(error.text, "camera fy: found nan, expected 0.001 to 1e+06");
     const struct {
         double *value, wrong;
-    } of_camera[] = {{&config.camera.fx, 0},
-                     {&config.camera.cx, NAN},
-                     {&config.camera.cy, 2e5},
-                     {&config.camera.fy, INFINITY},
-                     {&config.camera.field_max_rad, 4},
-                     {&config.camera.field_max_rad, NAN}};
+    } of_camera[] = {{&config.rig.cameras[0].camera.fx, 0},
+                     {&config.rig.cameras[0].camera.cx, NAN},
+                     {&config.rig.cameras[0].camera.cy, 2e5},
+                     {&config.rig.cameras[0].camera.fy, INFINITY},
+                     {&config.rig.cameras[0].camera.field_max_rad, 4},
+                     {&config.rig.cameras[0].camera.field_max_rad, NAN}};
     for (size_t i = 0; i < sizeof of_camera / sizeof of_camera[0]; i++) {
         config = good;
         *of_camera[i].value = of_camera[i].wrong;
         assert_int_equal(fovea_size(&config, &bytes, &error), FOVEA_ERROR_ARGUMENT);
     }
     config = good;
-    config.T_body_cam[0] = 2;
+    config.rig.cameras[0].T_body_cam[0] = 2;
     assert_int_equal(fovea_size(&config, &bytes, &error), FOVEA_ERROR_ARGUMENT);
     config = good;
-    config.T_body_cam[0] = -1;
+    config.rig.cameras[0].T_body_cam[0] = -1;
     assert_int_equal(fovea_size(&config, &bytes, &error), FOVEA_ERROR_ARGUMENT);
     config = good;
     memcpy(config.channel_prefix, "a b", 4);
@@ -412,10 +412,10 @@ static void masked_pixels_give_no_features(void **state)
     uint8_t *mask = malloc(WIDTH * HEIGHT);
     for (int i = 0; i < WIDTH * HEIGHT; i++)
         mask[i] = i % WIDTH < WIDTH / 2 ? 0 : 255;
-    config.mask = mask;
+    config.rig.cameras[0].mask = mask;
     struct made made = make(0);
     free(mask); /* the runtime has its own copy */
-    config.mask = NULL;
+    config.rig.cameras[0].mask = NULL;
     struct fovea_outputs outputs;
     struct fovea_frame frame = frame_at(1000000);
     step(made.rt, &frame, &outputs);

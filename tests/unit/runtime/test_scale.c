@@ -299,7 +299,7 @@ static void a_lever_arm_is_minded(void **state)
     fv_se3_from_rows(T_body_cam, &B);
     fv_se3_invert(&B, &inverse);
     sim_rig_open(&rig, "sim:orbit?width=320&height=240", 30, 200);
-    memcpy(rig.config.T_body_cam, T_body_cam, sizeof T_body_cam);
+    memcpy(rig.config.rig.cameras[0].T_body_cam, T_body_cam, sizeof T_body_cam);
     rig.config.scale.source = FOVEA_SCALE_ODOMETRY;
     sim_rig_build(&rig);
     while (sim_rig_next(&rig)) {

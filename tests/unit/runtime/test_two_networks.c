@@ -43,10 +43,10 @@ static void configure(struct fovea_config *config, const struct model *first,
                       const struct model *second)
 {
     fovea_config_default(config);
-    config->camera = (struct fovea_camera){
+    config->rig.cameras[0].camera = (struct fovea_camera){
         .width = WIDTH, .height = HEIGHT, .fx = 200, .fy = 205, .cx = 161, .cy = 118};
     config->odometry.enabled = false;
-    assert_int_equal(fovea_camera_prepare(&config->camera, &error), FOVEA_OK);
+    assert_int_equal(fovea_camera_prepare(&config->rig.cameras[0].camera, &error), FOVEA_OK);
     config->detect.model = first->data;
     config->detect.model_bytes = first->bytes;
     if (second == NULL) return;

@@ -127,10 +127,12 @@ static void headers_name_range_and_default_of_every_key(void **state)
     (void)state;
     for (size_t i = 0; i < sizeof members / sizeof members[0]; i++) {
         const struct member *member = &members[i];
-        const char *dot = strchr(member->path, '.'), *name = dot != NULL ? dot + 1 : member->path;
+        const char *dot = strrchr(member->path, '.'), *name = dot != NULL ? dot + 1 : member->path;
         char structure[64] = "fovea_config", comment[1024], range[64];
         /* "detect2.count_max" is of the second struct fovea_detect_config */
-        if (dot != NULL)
+        if (strncmp(member->path, "rig.cameras", 11) == 0)
+            snprintf(structure, sizeof structure, "fovea_rig_camera");
+        else if (dot != NULL)
             snprintf(structure, sizeof structure, "fovea_%.*s_config",
                      (int)strcspn(member->path, ".2"), member->path);
         const size_t at = declaration(structure, name);

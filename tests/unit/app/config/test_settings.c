@@ -97,7 +97,7 @@ static void test_changed_values_read_back(void **state)
     assert_int_equal(settings.runtime.features.count_max, 321);
     assert_int_equal(settings.cpu, 1);
     assert_int_equal(settings.commands, FOVEA_COMMAND_SAVE | FOVEA_COMMAND_RESET);
-    assert_true(settings.runtime.T_body_cam[7] == 1e-17);
+    assert_true(settings.runtime.rig.cameras[0].T_body_cam[7] == 1e-17);
     char *text = printed(&settings, true);
     fv_settings_default(&back);
     assert_int_equal(fv_settings_parse(&back, "printed", text, strlen(text), &error), FOVEA_OK);
@@ -115,7 +115,8 @@ static void test_transform_with_its_last_row(void **state)
         parse(
             "T_body_cam:\n  - [0, 0, 1, 0.1]\n  - [-1, 0, 0, 0.2]\n  - [0, -1, 0, 0.3]\n  - [0, 0, 0, 1]\n"),
         FOVEA_OK);
-    assert_true(settings.runtime.T_body_cam[3] == 0.1 && settings.runtime.T_body_cam[11] == 0.3);
+    assert_true(settings.runtime.rig.cameras[0].T_body_cam[3] == 0.1 &&
+                settings.runtime.rig.cameras[0].T_body_cam[11] == 0.3);
     assert_int_equal(fv_settings_check(&settings, &error), FOVEA_OK);
     assert_int_equal(parse("T_body_cam: [1,0,0,0,0,1,0,0,0,0,1,0,0,0,0,2]\n"), FOVEA_ERROR_INPUT);
     assert_non_null(strstr(

@@ -22,9 +22,9 @@
 #include "support/log.h"
 #include "message/recorded.h"
 
-enum { WIDTH = 640, HEIGHT = 480, IMAGE_BYTES = WIDTH * HEIGHT };
+enum { WIDTH = 640, HEIGHT = 480, IMAGE_BYTES = WIDTH * HEIGHT, WIDTH2 = 320, HEIGHT2 = 200 };
 
-static uint8_t pixels[IMAGE_BYTES], mask[IMAGE_BYTES];
+static uint8_t pixels[IMAGE_BYTES], mask[IMAGE_BYTES], mask2[WIDTH2 * HEIGHT2];
 static char folder[] = "/tmp/fovea-test-XXXXXX";
 static char path[96];
 static bool masked = true;
@@ -41,15 +41,39 @@ static void make_settings(struct fv_settings *settings)
                                   .cy = 248.375,
                                   .k = {-0.28340811, 0.07395907, 0.00019359, 1.76187114e-05}};
     assert_int_equal(fovea_camera_prepare(&camera, NULL), FOVEA_OK);
-    settings->runtime.camera = camera;
-    settings->runtime.mask = masked ? mask : NULL;
+    settings->runtime.rig.cameras[0].camera = camera;
+    settings->runtime.rig.cameras[0].mask = masked ? mask : NULL;
     settings->runtime.seed = 1234567890123456789u;
-    settings->runtime.T_body_cam[3] = 0.1;
+    settings->runtime.rig.cameras[0].T_body_cam[3] = 0.1;
     settings->runtime.preview.level = 0;
     snprintf(settings->runtime.channel_prefix, sizeof settings->runtime.channel_prefix,
              "ROBOT/LEFT");
     for (int i = 0; i < IMAGE_BYTES; i++)
         mask[i] = i % 3 == 0;
+    for (int i = 0; i < WIDTH2 * HEIGHT2; i++)
+        mask2[i] = i % 5 == 0;
+}
+
+/* A second camera of another size, a third that is not calibrated, and an inertial sensor. */
+static void add_rig(struct fovea_rig *rig)
+{
+    rig->camera_count = 3;
+    rig->cameras[1] = rig->cameras[0];
+    rig->cameras[1].camera.width = WIDTH2;
+    rig->cameras[1].camera.height = HEIGHT2;
+    rig->cameras[1].camera.k[2] = 0;
+    rig->cameras[1].T_body_cam[7] = -1.0 / 3;
+    rig->cameras[1].mask = mask2;
+    assert_int_equal(fovea_camera_prepare(&rig->cameras[1].camera, NULL), FOVEA_OK);
+    rig->cameras[2] = (struct fovea_rig_camera){.camera = {.width = 64, .height = 80}};
+    rig->has_imu = true;
+    rig->imu = (struct fovea_rig_imu){.T_body_imu = {0, 0, 1, 0.1, 1, 0, 0, 0.2, 0, 1, 0, 0.3},
+                                      .rate_hz = 200,
+                                      .gyro_noise = 1e-4,
+                                      .gyro_walk = 2e-5,
+                                      .acceleration_noise = 3e-3,
+                                      .acceleration_walk = 4e-3,
+                                      .time_offset_ns = -12345};
 }
 
 static struct fv_recorder *open_recorder(size_t ring_bytes)
@@ -124,13 +148,15 @@ static void check_header(const struct fovea_log_event *event)
                                    &error) != FOVEA_OK)
         fail_msg("%s", error.text);
     const struct fovea_config *found = &header->settings.runtime, *expected = &settings->runtime;
-    assert_memory_equal(&found->camera, &expected->camera, sizeof found->camera);
-    assert_memory_equal(found->T_body_cam, expected->T_body_cam, sizeof found->T_body_cam);
+    const struct fovea_rig_camera *camera = &found->rig.cameras[0],
+                                  *wanted = &expected->rig.cameras[0];
+    assert_memory_equal(&camera->camera, &wanted->camera, sizeof camera->camera);
+    assert_memory_equal(camera->T_body_cam, wanted->T_body_cam, sizeof camera->T_body_cam);
     assert_true(found->seed == expected->seed);
     assert_string_equal(found->channel_prefix, "ROBOT/LEFT");
-    assert_memory_equal(header->mask, mask, sizeof mask);
-    assert_ptr_equal(found->mask, header->mask);
-    free(header->mask);
+    assert_memory_equal(header->masks[0], mask, sizeof mask);
+    assert_ptr_equal(camera->mask, header->masks[0]);
+    free(header->masks[0]);
 
     uint8_t *damaged = malloc(event->bytes); /* one bit of the mask: its hash tells */
     memcpy(damaged, event->data, event->bytes);
@@ -140,6 +166,40 @@ static void check_header(const struct fovea_log_event *event)
         FOVEA_ERROR_INPUT);
     assert_non_null(strstr(error.text, "mask: found hash"));
     free(damaged);
+    free(settings);
+    free(header);
+}
+
+static void a_header_keeps_the_whole_rig(void **state)
+{
+    struct fv_recording_header *header = malloc(sizeof *header);
+    struct fv_settings *settings = malloc(sizeof *settings);
+    struct fovea_error error;
+    uint8_t *data = NULL;
+    uint32_t bytes = 0;
+    (void)state;
+    make_settings(settings);
+    add_rig(&settings->runtime.rig);
+    if (fv_recording_header_encode(settings, NULL, "", false, &data, &bytes, &error) != FOVEA_OK ||
+        fv_recording_header_decode("x", 0, data, bytes, header, &error) != FOVEA_OK)
+        fail_msg("%s", error.text);
+    const struct fovea_rig *found = &header->settings.runtime.rig,
+                           *expected = &settings->runtime.rig;
+    assert_int_equal(found->camera_count, 3);
+    for (uint32_t i = 0; i < 3; i++) {
+        const struct fovea_rig_camera *a = &found->cameras[i], *b = &expected->cameras[i];
+        assert_true(a->calibrated == b->calibrated && a->has_T_body_cam == b->has_T_body_cam);
+        assert_memory_equal(&a->camera, &b->camera, sizeof a->camera);
+        assert_memory_equal(a->T_body_cam, b->T_body_cam, sizeof a->T_body_cam);
+        assert_true((a->mask != NULL) == (b->mask != NULL) && a->mask == header->masks[i]);
+    }
+    assert_memory_equal(found->cameras[0].mask, mask, sizeof mask);
+    assert_memory_equal(found->cameras[1].mask, mask2, sizeof mask2);
+    assert_true(found->has_imu);
+    assert_memory_equal(&found->imu, &expected->imu, sizeof found->imu);
+    free(header->masks[0]);
+    free(header->masks[1]);
+    free(data);
     free(settings);
     free(header);
 }
@@ -465,9 +525,13 @@ int main(void)
     if (mkdtemp(folder) == NULL) return 1;
     snprintf(path, sizeof path, "%s/log", folder);
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_round_trip),       cmocka_unit_test(test_limited_file),
-        cmocka_unit_test(test_limited_numbered), cmocka_unit_test(test_full_disk),
-        cmocka_unit_test(test_slow_disk),        cmocka_unit_test(test_paced_by_a_slow_disk),
+        cmocka_unit_test(a_header_keeps_the_whole_rig),
+        cmocka_unit_test(test_round_trip),
+        cmocka_unit_test(test_limited_file),
+        cmocka_unit_test(test_limited_numbered),
+        cmocka_unit_test(test_full_disk),
+        cmocka_unit_test(test_slow_disk),
+        cmocka_unit_test(test_paced_by_a_slow_disk),
         cmocka_unit_test(test_cannot_open),
     };
     int failed = cmocka_run_group_tests(tests, NULL, NULL);

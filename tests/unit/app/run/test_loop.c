@@ -92,12 +92,12 @@ static int set_up(void **state)
     (void)state;
     struct fovea_error error;
     fovea_config_default(&config);
-    config.camera = (struct fovea_camera){
+    config.rig.cameras[0].camera = (struct fovea_camera){
         .width = SIDE, .height = SIDE, .fx = 60, .fy = 60, .cx = 31.5, .cy = 31.5};
     config.preview.level = 0;
     config.features.pyramid_levels = 1;
     config.clock = fv_timing_clock;
-    assert_int_equal(fovea_camera_prepare(&config.camera, &error), FOVEA_OK);
+    assert_int_equal(fovea_camera_prepare(&config.rig.cameras[0].camera, &error), FOVEA_OK);
     if (fovea_size(&config, &bytes, &error) != FOVEA_OK) fail_msg("%s", error.text);
     memory = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, (bytes + 63) / 64 * 64);
     memset(&source, 0, sizeof source);

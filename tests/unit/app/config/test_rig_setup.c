@@ -1,0 +1,134 @@
+/* From the rig of a source and the settings to the rig of the configuration. */
+#include <math.h>
+#include <png.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+#include <cmocka.h>
+
+#include "app/config/setup.h"
+
+enum { WIDTH = 96, HEIGHT = 64 };
+
+static char path[] = "/tmp/fovea-rig-XXXXXX";
+static struct fv_settings settings;
+static struct fovea_error error;
+
+static enum fovea_status open_with(const char *source, const char *const *sets,
+                                   struct fv_setup *setup)
+{
+    const struct fovea_source_selection all = {.step = 1, .frames = 2};
+    struct fv_setup_options options = {.source = source};
+    for (; *sets != NULL; sets++)
+        options.sets.values[options.sets.count++] = *sets;
+    enum fovea_status status = fv_setup_settings(&options, &settings, &error);
+    return status == FOVEA_OK ? fv_setup_open(&settings, &all, setup, &error) : status;
+}
+
+static void expect_refused(const char *source, const char *set, const char *text)
+{
+    const char *const sets[] = {set, NULL};
+    struct fv_setup setup = {0};
+    assert_int_equal(open_with(source, sets, &setup), FOVEA_ERROR_INPUT);
+    fv_setup_close(&setup);
+    if (strstr(error.text, text) == NULL) fail_msg("found \"%s\", expected %s", error.text, text);
+}
+
+static void write_mask(int width, int height)
+{
+    static uint8_t pixels[WIDTH * HEIGHT];
+    png_image png = {.version = PNG_IMAGE_VERSION,
+                     .width = (png_uint_32)width,
+                     .height = (png_uint_32)height,
+                     .format = PNG_FORMAT_GRAY};
+    for (int i = 0; i < width * height; i++)
+        pixels[i] = i < 10 ? 0 : 255;
+    assert_int_not_equal(png_image_write_to_file(&png, path, 0, pixels, 0, NULL), 0);
+}
+
+/* A camera that looks ahead, and is 0.3 m before the body's origin and 0.5 m above it: what lies to
+ * the right of it (its x) lies to the right of the body, which is its -y. */
+static void the_rig_has_the_body_of_the_settings(void **state)
+{
+    static const double ahead[12] = {0, 0, 1, 0.3, -1, 0, 0, 0, 0, -1, 0, 0.5};
+    const char *const sets[] = {"T_body_cam=[[0, 0, 1, 0.3], [-1, 0, 0, 0], [0, -1, 0, 0.5]]",
+                                NULL};
+    struct fv_setup setup = {0};
+    (void)state;
+    if (open_with("sim:orbit?width=96&height=64&baseline=0.25&imu=200", sets, &setup) != FOVEA_OK)
+        fail_msg("%s", error.text);
+    const struct fovea_rig *rig = &settings.runtime.rig;
+    assert_int_equal(rig->camera_count, 2);
+    assert_true(rig->has_imu && rig->imu.rate_hz == 200 && rig->imu.gyro_noise > 0);
+    assert_true(rig->cameras[1].calibrated && rig->cameras[1].has_T_body_cam);
+    assert_int_equal(rig->cameras[1].camera.width, WIDTH);
+    for (int i = 0; i < 12; i++) {
+        const double second = ahead[i] - (i == 7 ? 0.25 : 0);
+        assert_true(fabs(rig->cameras[0].T_body_cam[i] - ahead[i]) == 0);
+        assert_true(fabs(rig->cameras[1].T_body_cam[i] - second) < 1e-12);
+        assert_true(fabs(rig->imu.T_body_imu[i] - ahead[i]) < 1e-12);
+    }
+    fv_setup_close(&setup);
+}
+
+static void masks_go_to_their_cameras(void **state)
+{
+    char set[64];
+    const char *const sets[] = {set, NULL};
+    struct fv_setup setup = {0};
+    (void)state;
+    snprintf(set, sizeof set, "mask2=%s", path);
+    write_mask(WIDTH, HEIGHT);
+    if (open_with("sim:orbit?width=96&height=64&baseline=0.25", sets, &setup) != FOVEA_OK)
+        fail_msg("%s", error.text);
+    const struct fovea_rig *rig = &settings.runtime.rig;
+    assert_null(rig->cameras[0].mask);
+    assert_non_null(rig->cameras[1].mask);
+    assert_true(rig->cameras[1].mask[9] == 0 && rig->cameras[1].mask[10] == 255);
+    fv_setup_close(&setup);
+}
+
+static void wrong_masks_are_refused(void **state)
+{
+    char set[64];
+    (void)state;
+    write_mask(WIDTH, HEIGHT);
+    snprintf(set, sizeof set, "mask2=%s", path);
+    expect_refused("sim:orbit?width=96&height=64", set, "expected none: the source has 1 camera");
+    snprintf(set, sizeof set, "mask3=%s", path);
+    expect_refused("sim:orbit?width=96&height=64&baseline=0.25", set,
+                   "expected none: the source has 2 cameras");
+    write_mask(WIDTH, HEIGHT - 1);
+    snprintf(set, sizeof set, "mask2=%s", path);
+    expect_refused("sim:orbit?width=96&height=64&baseline=0.25", set,
+                   "mask: found 96 x 63 pixels, expected 96 x 64 as the frames");
+    expect_refused("sim:orbit?width=96&height=64&baseline=0.25", "mask2=/nowhere.png",
+                   "/nowhere.png");
+}
+
+static int make_file(void **state)
+{
+    (void)state;
+    const int file = mkstemp(path);
+    return file < 0 || close(file) != 0 ? -1 : 0;
+}
+
+static int remove_file(void **state)
+{
+    (void)state;
+    return unlink(path);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(the_rig_has_the_body_of_the_settings),
+        cmocka_unit_test(masks_go_to_their_cameras),
+        cmocka_unit_test(wrong_masks_are_refused),
+    };
+    return cmocka_run_group_tests(tests, make_file, remove_file);
+}
