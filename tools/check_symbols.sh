@@ -55,7 +55,7 @@ compare() {
     done
 }
 # shellcheck disable=SC2046
-compare libfovea $(ls include/fovea/*.h | grep -v /messages.h)
-compare libfovea-messages include/fovea/messages.h
+compare libfovea $(ls include/fovea/*.h | grep -v /fields.h)
+compare libfovea-messages include/fovea/fields.h
 [ $bad -eq 0 ] && echo "symbols: ok"
 exit $bad

@@ -50,12 +50,12 @@ END {
             fixed = size == "" ? 1 : (size ~ /^[0-9]+$/ ? size : 0)
             if (!fixed && !((type, size) in position)) { print type ": unknown count " size >"/dev/stderr"; exit 1 }
             if (rows[type, n] && !(kind in primitive && kind != "string")) { print type ": rows of " kind >"/dev/stderr"; exit 1 }
-            printf "    {\"%s\", FV_WIRE_%s, %d, %d, %d, %d, %d},\n", names[type, n], wire, size != "", fixed, rows[type, n], \
+            printf "    {\"%s\", FOVEA_WIRE_%s, %d, %d, %d, %d, %d},\n", names[type, n], wire, size != "", fixed, rows[type, n], \
                    fixed ? -1 : position[type, size], wire == "STRUCT" ? index_of[kind] : -1
         }
         print "};"
     }
-    print "\nstatic const struct fv_type fv_types[] = {"
+    print "\nstatic const struct fovea_type fv_types[] = {"
     for (t = 1; t <= type_count; t++)
         printf "    {\"%s\", fields_of_%s, %d, __%s_get_hash},\n", full[types[t]], types[t], field_count[types[t]], types[t]
     print "};"

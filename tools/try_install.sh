@@ -74,26 +74,80 @@ C
 # shellcheck disable=SC2046
 ${CXX:-c++} -Wall -Wextra -Werror -o "$place/from-c++" "$place/user.cpp" $(pkg-config --cflags --libs fovea)
 LD_LIBRARY_PATH="$place/lib" "$place/from-c++"
-# Messages as JSON, by the library that needs nothing of the runtime.
+# Any message as JSON and field by field, by the library that needs nothing of the runtime: all those of a recording.
 cat >"$place/json.c" <<'C'
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
-#include <fovea/messages.h>
+#include <fovea/fields.h>
 
-int main(void)
+static size_t number(const uint8_t *at)
 {
-    uint8_t data[8 + 26] = {0};
-    char text[256];
-    size_t length;
+    return (size_t)at[0] << 24 | (size_t)at[1] << 16 | (size_t)at[2] << 8 | at[3];
+}
+
+/* One message: its channel, its JSON, and the fields that hold a stamp's time. */
+static int print(const char *channel, const uint8_t *data, size_t bytes)
+{
     struct fovea_error error;
-    if (fovea_message_json(data, sizeof data, text, sizeof text, &length, &error) != FOVEA_ERROR_INPUT) return 1;
-    if (fovea_message_type(data, sizeof data) != NULL) return 1;
-    return strstr(error.text, "no known type") != NULL ? 0 : 1;
+    struct fovea_fields fields;
+    struct fovea_field field;
+    size_t length = 0;
+    if (fovea_message_json(data, bytes, NULL, 0, &length, &error) != FOVEA_OK)
+        return fprintf(stderr, "%s: %s\n", channel, error.text), 1;
+    char *text = malloc(length + 1);
+    if (text == NULL || fovea_message_json(data, bytes, text, length + 1, &length, &error) != FOVEA_OK) return 1;
+    printf("{\"channel\": \"%s\", \"message\": %s", channel, text);
+    free(text);
+    if (fovea_fields_begin(&fields, data, bytes) != FOVEA_OK) return 1;
+    enum fovea_status status;
+    while ((status = fovea_fields_next(&fields, &field)) == FOVEA_OK)
+        if (strcmp(field.path, "stamp.time_ns") == 0)
+            printf(", \"time_ns\": %lld, \"time_s\": %.9g", (long long)fovea_field_integer(&field, 0),
+                   1e-9 * fovea_field_number(&field, 0));
+    puts("}");
+    return status == FOVEA_END ? 0 : 1;
+}
+
+int main(int count, char **arguments)
+{
+    FILE *log = fopen(arguments[count - 1], "rb");
+    uint8_t head[28];
+    char channel[64];
+    while (log != NULL && fread(head, sizeof head, 1, log) == 1) {
+        const size_t channel_bytes = number(head + 20), bytes = number(head + 24);
+        uint8_t *data = malloc(bytes);
+        if (data == NULL || channel_bytes >= sizeof channel || fread(channel, channel_bytes, 1, log) != 1) return 1;
+        channel[channel_bytes] = '\0';
+        if (fread(data, bytes, 1, log) != 1 || print(channel, data, bytes) != 0) return 1;
+        data[0] ^= 1; /* of no known type any more */
+        struct fovea_error error;
+        size_t length;
+        if (fovea_message_json(data, bytes, NULL, 0, &length, &error) != FOVEA_ERROR_INPUT) return 1;
+        if (fovea_message_type(data, bytes) != NULL) return 1;
+        free(data);
+    }
+    return log != NULL ? 0 : 1;
 }
 C
 # shellcheck disable=SC2046
 ${CC:-cc} -Wall -Wextra -Werror -o "$place/json" "$place/json.c" $(pkg-config --cflags --libs fovea-messages)
-LD_LIBRARY_PATH="$place/lib" "$place/json"
+"$place/bin/fovea" run --quiet --source 'sim:orbit?imu=200' --frames 6 --set lcm_url= --record "$place/run.lcm" --picture none
+LD_LIBRARY_PATH="$place/lib" "$place/json" "$place/run.lcm" >"$place/run.json"
+python3 - "$place/run.json" <<'PYTHON'
+import json, sys
+found = {}
+for line in open(sys.argv[1]):
+    event = json.loads(line)
+    found[event["channel"]] = event["message"]["type"]
+    if "stamp" in event["message"]:
+        assert event["time_ns"] == event["message"]["stamp"]["time_ns"], event
+        assert abs(event["time_s"] - 1e-9 * event["time_ns"]) < 1e-6, event
+for channel, expected in (("RECORDING", "recording_t"), ("FRAME", "frame_t"), ("IMU", "imu_t"), ("POSE", "pose_t"),
+                          ("STATISTICS", "statistics_t"), ("RECORDING_END", "recording_end_t")):
+    if found.get("FOVEA_" + channel) != "fovea." + expected:
+        sys.exit("FOVEA_%s: found %s, expected fovea.%s" % (channel, found.get("FOVEA_" + channel), expected))
+PYTHON
 LD_LIBRARY_PATH="$place/lib" ldd "$place/json" | grep -q 'libfovea\.so' && { echo "libfovea-messages needs libfovea"; exit 1; }
 mkdir "$place/static-only" && cp "$place/lib/libfovea.a" "$place/static-only"
 # shellcheck disable=SC2046

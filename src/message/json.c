@@ -1,5 +1,5 @@
-/* Messages as JSON (fovea/messages.h). */
-#include "fovea/messages.h"
+/* Messages as JSON (fovea/fields.h). */
+#include "fovea/fields.h"
 
 #include <inttypes.h>
 #include <stdbool.h>
@@ -66,18 +66,19 @@ static void put_string(struct writer *out, const uint8_t *data, size_t bytes)
 }
 
 static const uint8_t sizes[] = {
-    [FV_WIRE_INT8] = 1,  [FV_WIRE_BYTE] = 1,  [FV_WIRE_BOOLEAN] = 1, [FV_WIRE_INT16] = 2,
-    [FV_WIRE_INT32] = 4, [FV_WIRE_INT64] = 8, [FV_WIRE_FLOAT] = 4,   [FV_WIRE_DOUBLE] = 8,
+    [FOVEA_WIRE_INT8] = 1,  [FOVEA_WIRE_BYTE] = 1,   [FOVEA_WIRE_BOOLEAN] = 1,
+    [FOVEA_WIRE_INT16] = 2, [FOVEA_WIRE_INT32] = 4,  [FOVEA_WIRE_INT64] = 8,
+    [FOVEA_WIRE_FLOAT] = 4, [FOVEA_WIRE_DOUBLE] = 8,
 };
 
-static int64_t integer_of(enum fv_wire wire, uint64_t bits)
+static int64_t integer_of(enum fovea_wire wire, uint64_t bits)
 {
     switch (wire) {
-    case FV_WIRE_INT8:
+    case FOVEA_WIRE_INT8:
         return (int8_t)bits;
-    case FV_WIRE_INT16:
+    case FOVEA_WIRE_INT16:
         return (int16_t)bits;
-    case FV_WIRE_INT32:
+    case FOVEA_WIRE_INT32:
         return (int32_t)bits;
     default:
         return (int64_t)bits;
@@ -98,7 +99,7 @@ static int with_point(char *text)
     return used;
 }
 
-static void put_number(struct writer *out, enum fv_wire wire, const uint8_t *data)
+static void put_number(struct writer *out, enum fovea_wire wire, const uint8_t *data)
 {
     const uint64_t bits = fv_wire_read(data, sizes[wire]);
     const uint32_t low = (uint32_t)bits;
@@ -107,16 +108,16 @@ static void put_number(struct writer *out, enum fv_wire wire, const uint8_t *dat
     float narrow;
     int used = 0;
     memcpy(&narrow, &low, sizeof narrow);
-    if (wire == FV_WIRE_FLOAT)
+    if (wire == FOVEA_WIRE_FLOAT)
         value = (double)narrow;
-    else if (wire == FV_WIRE_DOUBLE)
+    else if (wire == FOVEA_WIRE_DOUBLE)
         memcpy(&value, &bits, sizeof value);
-    if (wire == FV_WIRE_BOOLEAN)
+    if (wire == FOVEA_WIRE_BOOLEAN)
         used = snprintf(text, sizeof text, "%s", bits != 0 ? "true" : "false");
     else if (!__builtin_isfinite(value))
         used = snprintf(text, sizeof text, "null");
-    else if (wire == FV_WIRE_FLOAT || wire == FV_WIRE_DOUBLE) {
-        snprintf(text, sizeof text, "%.*g", wire == FV_WIRE_FLOAT ? 9 : 17, value);
+    else if (wire == FOVEA_WIRE_FLOAT || wire == FOVEA_WIRE_DOUBLE) {
+        snprintf(text, sizeof text, "%.*g", wire == FOVEA_WIRE_FLOAT ? 9 : 17, value);
         used = with_point(text);
     } else
         used = snprintf(text, sizeof text, "%" PRId64, integer_of(wire, bits));
@@ -129,17 +130,17 @@ struct printing {
     const uint8_t *at;
     int32_t depth;
     struct {
-        const struct fv_type *type;
+        const struct fovea_type *type;
         int32_t field, element, count;
         bool open; /* the name of the field is written, its elements follow */
-        int64_t values[FV_FIELDS_MAX];
-    } level[FV_NESTING_MAX];
+        int64_t values[FOVEA_FIELDS_MAX];
+    } level[FOVEA_NESTING_MAX];
 };
 
 /* One number, one row of numbers or one string. */
 static void put_element(struct printing *p, const struct fv_field *field)
 {
-    if (field->wire == FV_WIRE_STRING) {
+    if (field->wire == FOVEA_WIRE_STRING) {
         const uint32_t bytes = (uint32_t)fv_wire_read(p->at, 4);
         put_string(&p->out, p->at + 4, bytes - 1);
         p->at += 4 + bytes;
@@ -153,7 +154,7 @@ static void put_element(struct printing *p, const struct fv_field *field)
     if (field->row > 0) put(&p->out, "]", 1);
 }
 
-static void begin_struct(struct printing *p, const struct fv_type *type)
+static void begin_struct(struct printing *p, const struct fovea_type *type)
 {
     memset(&p->level[p->depth], 0, sizeof p->level[0]);
     p->level[p->depth].type = type;
@@ -172,15 +173,15 @@ static void begin_field(struct printing *p, const struct fv_field *field)
     p->level[p->depth].count = field->count_field < 0
                                    ? field->count
                                    : (int32_t)p->level[p->depth].values[field->count_field];
-    if (!field->array && field->wire < FV_WIRE_FLOAT)
+    if (!field->array && field->wire < FOVEA_WIRE_FLOAT)
         p->level[p->depth].values[number] =
             integer_of(field->wire, fv_wire_read(p->at, sizes[field->wire]));
 }
 
-static void print_message(struct printing *p, const struct fv_type *types)
+static void print_message(struct printing *p, const struct fovea_type *types)
 {
     while (p->depth >= 0) { /* every turn begins a field, or ends an element, a field or a struct */
-        const struct fv_type *type = p->level[p->depth].type;
+        const struct fovea_type *type = p->level[p->depth].type;
         if (p->level[p->depth].field == type->field_count) {
             put(&p->out, "}", 1);
             p->depth--;
@@ -196,7 +197,7 @@ static void print_message(struct printing *p, const struct fv_type *types)
             continue;
         }
         if (p->level[p->depth].element > 0) put(&p->out, ", ", 2);
-        if (field->wire == FV_WIRE_STRUCT) {
+        if (field->wire == FOVEA_WIRE_STRUCT) {
             p->depth++;
             begin_struct(p, &types[field->nested]);
             continue;
@@ -208,14 +209,14 @@ static void print_message(struct printing *p, const struct fv_type *types)
 
 const char *fovea_message_type(const uint8_t *data, size_t bytes)
 {
-    const struct fv_type *type = fv_message_type_of(data, bytes);
+    const struct fovea_type *type = fv_message_type_of(data, bytes);
     return type != NULL ? type->name : NULL;
 }
 
 enum fovea_status fovea_message_json(const uint8_t *data, size_t bytes, char *text, size_t capacity,
                                      size_t *length, struct fovea_error *error)
 {
-    const struct fv_type *type = fv_message_type_of(data, bytes);
+    const struct fovea_type *type = fv_message_type_of(data, bytes);
     const char *problem;
     size_t at;
     int32_t count;

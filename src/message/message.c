@@ -13,7 +13,7 @@
 void fv_message_prepare(void)
 {
     int32_t count;
-    const struct fv_type *types = fv_message_types(&count);
+    const struct fovea_type *types = fv_message_types(&count);
     for (int32_t i = 0; i < count; i++)
         (void)types[i].hash();
 }

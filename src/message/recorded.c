@@ -220,14 +220,14 @@ uint32_t fv_message_grants_encode(int64_t now_ns, const struct fovea_grants *gra
 
 /* Reads the numbers of a checked message in the order of its fields. */
 struct reader {
-    struct fv_walk walk;
-    struct fv_leaf leaf;
+    struct fovea_fields walk;
+    struct fovea_field leaf;
 };
 
 static uint64_t next_bits(struct reader *reader)
 {
-    const struct fv_leaf *leaf = &reader->leaf;
-    if (fv_message_leaf(&reader->walk, &reader->leaf) != FOVEA_OK || leaf->count == 0) return 0;
+    const struct fovea_field *leaf = &reader->leaf;
+    if (fovea_fields_next(&reader->walk, &reader->leaf) != FOVEA_OK || leaf->count == 0) return 0;
     return fv_wire_read(leaf->data, leaf->bytes / leaf->count);
 }
 
@@ -266,8 +266,7 @@ static bool begin(struct reader *reader, const char *type, const uint8_t *data, 
                   const char **problem, size_t *at)
 {
     if (!fv_message_check(type, data, bytes, problem, at)) return false;
-    fv_message_walk(&reader->walk, fv_message_type_of(data, bytes), data, bytes);
-    return true;
+    return fovea_fields_begin(&reader->walk, data, bytes) == FOVEA_OK;
 }
 
 /* The next field as a number of elements, at most `most`. */

@@ -49,14 +49,14 @@ static void mend_hashes(uint8_t *log, size_t bytes)
 {
     if (bytes < 28) return;
     size_t at = 28 + (size_t)read_big(log + 20), end = at + read_big(log + 24);
-    const struct fv_type *type =
+    const struct fovea_type *type =
         at < end && end <= bytes ? fv_message_type_of(log + at, end - at) : NULL;
     if (type == NULL || strcmp(type->name, "fovea.recording_t") != 0) return;
-    struct fv_walk walk;
-    struct fv_leaf leaf;
+    struct fovea_fields walk;
+    struct fovea_field leaf;
     uint8_t *hash = NULL;
-    fv_message_walk(&walk, type, log + at, end - at);
-    while (fv_message_leaf(&walk, &leaf) == FOVEA_OK) {
+    (void)fovea_fields_begin(&walk, log + at, end - at);
+    while (fovea_fields_next(&walk, &leaf) == FOVEA_OK) {
         const char *dot = strrchr(leaf.path, '.');
         if (dot != NULL && strcmp(dot, ".hash") == 0) hash = log + at + leaf.offset;
         if (dot != NULL && strcmp(dot, ".data") == 0 && hash != NULL) {

@@ -79,15 +79,15 @@ static enum fovea_status replay_flipped(size_t at, uint8_t bits, struct fv_repla
 
 /* Offset in the file of a field of the n-th event on a channel, and its bytes; 0: there is no such
  * field. */
-static size_t find_field(const char *channel, int n, int number, struct fv_leaf *leaf)
+static size_t find_field(const char *channel, int n, int number, struct fovea_field *leaf)
 {
     size_t at = find_data(channel, n);
-    struct fv_walk walk;
+    struct fovea_fields walk;
     const size_t event = at - strlen(channel) - FOVEA_LOG_HEADER_BYTES;
     const size_t bytes = (size_t)whole[event + 27] | (size_t)whole[event + 26] << 8 |
                          (size_t)whole[event + 25] << 16;
-    fv_message_walk(&walk, fv_message_type_of(whole + at, bytes), whole + at, bytes);
-    while (fv_message_leaf(&walk, leaf) == FOVEA_OK)
+    assert_int_equal(fovea_fields_begin(&walk, whole + at, bytes), FOVEA_OK);
+    while (fovea_fields_next(&walk, leaf) == FOVEA_OK)
         if (number-- == 0) return at + leaf->offset;
     return 0;
 }
@@ -177,7 +177,7 @@ static void test_changed_statistics(void **state)
 {
     (void)state;
     uint32_t compared = 0, left_out = 0;
-    struct fv_leaf leaf;
+    struct fovea_field leaf;
     size_t at;
     for (int field = 0; (at = find_field("FOVEA_STATISTICS", 2, field, &leaf)) != 0; field++) {
         struct fv_replay_result result;
@@ -190,7 +190,7 @@ static void test_changed_statistics(void **state)
             strncmp(leaf.path, "stages[", 7) == 0 && strstr(leaf.path, "_ns") != NULL;
         const bool machine =
             strcmp(leaf.path, "version") == 0 || strcmp(leaf.path, "kernel_set") == 0;
-        const size_t low = leaf.wire == FV_WIRE_STRING ? 0 : leaf.bytes / leaf.count - 1;
+        const size_t low = leaf.wire == FOVEA_WIRE_STRING ? 0 : leaf.bytes / leaf.count - 1;
         if (replay_flipped(at + low, 1, &result, &error) != FOVEA_OK)
             fail_msg("%s: %s", leaf.path, error.text);
         if (!reading && !machine) named = count ? "FOVEA_STATISTICS" : leaf.path;
@@ -279,13 +279,13 @@ static void test_cut_off(void **state)
 /* Change a field of the n-th event of a channel in its lowest bit: that must be found. */
 static void expect_edits_found(const char *channel, int n)
 {
-    struct fv_leaf leaf;
+    struct fovea_field leaf;
     size_t at;
     for (int field = 0; (at = find_field(channel, n, field, &leaf)) != 0; field++) {
         struct fv_replay_result result;
         struct fovea_error error;
-        const size_t low = leaf.wire == FV_WIRE_STRING ? 0 : leaf.bytes / leaf.count - 1;
-        if (leaf.bytes == 0 || (leaf.wire == FV_WIRE_STRING && leaf.bytes == 1)) continue;
+        const size_t low = leaf.wire == FOVEA_WIRE_STRING ? 0 : leaf.bytes / leaf.count - 1;
+        if (leaf.bytes == 0 || (leaf.wire == FOVEA_WIRE_STRING && leaf.bytes == 1)) continue;
         const enum fovea_status status = replay_flipped(at + low, 1, &result, &error);
         if (status == FOVEA_OK && !result.different)
             fail_msg("%s: %s: the edit passes", channel, leaf.path);
@@ -319,7 +319,7 @@ static void test_texts_are_printable(void **state)
     (void)state;
     struct fv_replay_result result;
     struct fovea_error error;
-    struct fv_leaf leaf;
+    struct fovea_field leaf;
     const size_t version = find_field("FOVEA_RECORDING", 0, 1, &leaf),
                  reason = find_field("FOVEA_RECORDING_END", 0, 3, &leaf);
     assert_string_equal(leaf.path, "reason");

@@ -14,10 +14,10 @@ enum { TEXTS = (int)(sizeof fv_type_texts / sizeof fv_type_texts[0]), NAME_BYTES
 
 static const char mark[] = "//! type ";
 
-static const struct fv_type *find_type(const char *name)
+static const struct fovea_type *find_type(const char *name)
 {
     int32_t count;
-    const struct fv_type *types = fv_message_types(&count);
+    const struct fovea_type *types = fv_message_types(&count);
     for (int32_t i = 0; i < count; i++)
         if (strcmp(types[i].name, name) == 0) return &types[i];
     return NULL;
@@ -29,7 +29,7 @@ char *fv_recording_types_text(size_t *bytes)
     FILE *stream = open_memstream(&text, bytes);
     if (stream == NULL) return NULL;
     for (int i = 0; i < TEXTS; i++) {
-        const struct fv_type *type = find_type(fv_type_texts[i].name);
+        const struct fovea_type *type = find_type(fv_type_texts[i].name);
         if (type == NULL) continue;
         fprintf(stream, "%s%s %016" PRIx64 "\n%s\n", mark, type->name, (uint64_t)type->hash(),
                 fv_type_texts[i].text);
@@ -83,7 +83,7 @@ static enum fovea_status check_line(struct reading *reading, const char *line, s
                                "%s: byte %" PRId64
                                ": types: line %d: found no name and hash of a type, expected them",
                                reading->name, reading->offset, reading->line);
-    const struct fv_type *type = find_type(found.name);
+    const struct fovea_type *type = find_type(found.name);
     if (type == NULL) return FOVEA_OK;
     if ((uint64_t)type->hash() != found.hash)
         return fovea_error_set(error, FOVEA_ERROR_UNSUPPORTED,

@@ -10,7 +10,7 @@
 
 #include <cmocka.h>
 
-#include "fovea/messages.h"
+#include "fovea/fields.h"
 #include "message/fields.h"
 
 #include "fovea_types.h"
@@ -56,7 +56,7 @@ static int64_t update_text(int64_t hash, const char *text)
         hash = update(hash, *text);
     return hash;
 }
-static uint64_t hash_of(const struct fv_type *types, const struct fv_type *type)
+static uint64_t hash_of(const struct fovea_type *types, const struct fovea_type *type)
 {
     static const char *const names[] = {"int8_t",  "byte",  "boolean", "int16_t", "int32_t",
                                         "int64_t", "float", "double",  "string"};
@@ -65,7 +65,7 @@ static uint64_t hash_of(const struct fv_type *types, const struct fv_type *type)
     for (int i = 0; i < type->field_count; i++) {
         const struct fv_field *field = &type->fields[i];
         own = update_text(own, field->name);
-        if (field->wire == FV_WIRE_STRUCT)
+        if (field->wire == FOVEA_WIRE_STRUCT)
             nested += hash_of(types, &types[field->nested]);
         else
             own = update_text(own, names[field->wire]);
@@ -90,7 +90,7 @@ static void test_hashes(void **state)
 {
     (void)state;
     int32_t count;
-    const struct fv_type *types = fv_message_types(&count);
+    const struct fovea_type *types = fv_message_types(&count);
     assert_int_equal(count, sizeof trips / sizeof trips[0]);
     for (int i = 0; i < count; i++)
         if (hash_of(types, &types[i]) != (uint64_t)types[i].hash())
@@ -104,10 +104,11 @@ static void put(uint8_t *out, size_t *at, uint64_t value, int bytes)
 }
 
 /* A random message of a type, made from the table alone. */
-static void make(const struct fv_type *types, const struct fv_type *type, uint8_t *out, size_t *at)
+static void make(const struct fovea_type *types, const struct fovea_type *type, uint8_t *out,
+                 size_t *at)
 {
     static const int sizes[] = {1, 1, 1, 2, 4, 8, 4, 8};
-    int32_t counts[FV_FIELDS_MAX] = {0};
+    int32_t counts[FOVEA_FIELDS_MAX] = {0};
     for (int i = 0; i < type->field_count; i++) {
         const struct fv_field *field = &type->fields[i];
         bool counts_others = false;
@@ -116,9 +117,9 @@ static void make(const struct fv_type *types, const struct fv_type *type, uint8_
         int32_t count = field->count_field >= 0 ? counts[field->count_field] : field->count;
         if (field->row > 0) count *= field->row;
         for (int32_t element = 0; element < count; element++) {
-            if (field->wire == FV_WIRE_STRUCT) {
+            if (field->wire == FOVEA_WIRE_STRUCT) {
                 make(types, &types[field->nested], out, at);
-            } else if (field->wire == FV_WIRE_STRING) {
+            } else if (field->wire == FOVEA_WIRE_STRING) {
                 uint32_t length = draw(9);
                 put(out, at, length + 1, 4);
                 for (uint32_t c = 0; c < length; c++)
@@ -134,7 +135,8 @@ static void make(const struct fv_type *types, const struct fv_type *type, uint8_
     }
 }
 
-static size_t make_message(const struct fv_type *types, const struct fv_type *type, uint8_t *out)
+static size_t make_message(const struct fovea_type *types, const struct fovea_type *type,
+                           uint8_t *out)
 {
     size_t at = 0;
     put(out, &at, (uint64_t)type->hash(), 8);
@@ -147,7 +149,7 @@ static void test_round_trips(void **state)
     (void)state;
     static uint8_t in[1 << 16], out[1 << 16];
     int32_t count;
-    const struct fv_type *types = fv_message_types(&count);
+    const struct fovea_type *types = fv_message_types(&count);
     for (int i = 0; i < count; i++)
         for (int round = 0; round < 200; round++) {
             size_t bytes = make_message(types, &types[i], in), at;
@@ -172,7 +174,7 @@ static void test_damage(void **state)
     static uint8_t whole[1 << 16], out[1 << 16];
     static char text[1 << 12];
     int32_t count;
-    const struct fv_type *types = fv_message_types(&count);
+    const struct fovea_type *types = fv_message_types(&count);
     uint32_t refused = 0, passed = 0;
     for (int round = 0; round < 20000; round++) {
         int which = (int)draw((uint32_t)count);

@@ -13,7 +13,7 @@
 #include <cmocka.h>
 
 #include "common/datasets.h"
-#include "fovea/messages.h"
+#include "fovea/fields.h"
 
 #include "fovea_detections_t.h"
 #include "fovea_features_t.h"
@@ -178,6 +178,72 @@ static void what_is_no_message_is_refused(void **state)
     assert_int_equal(length, 77);
 }
 
+static void go_to(struct fovea_fields *fields, const char *path, struct fovea_field *field)
+{
+    do
+        assert_int_equal(fovea_fields_next(fields, field), FOVEA_OK);
+    while (strcmp(field->path, path) != 0);
+}
+
+static void fields_come_one_by_one_with_their_numbers(void **state)
+{
+    (void)state;
+    uint8_t data[512], level[2] = {0, 255}, score[2] = {1, 2};
+    float p[2][2] = {{1.5F, -0.25F}, {NAN, 3e18F}}, size[2] = {-31.75F, INFINITY};
+    float *rows[2] = {p[0], p[1]};
+    const fovea_features_t message = {.stamp = {.time_ns = INT64_MIN, .clock = -1},
+                                      .reset_counter = -7,
+                                      .count = 2,
+                                      .p_px = rows,
+                                      .size_px = size,
+                                      .level = level,
+                                      .score = score};
+    const int bytes = fovea_features_t_encode(data, 0, sizeof data, &message);
+    struct fovea_fields fields;
+    struct fovea_field field;
+    assert_int_equal(fovea_fields_begin(&fields, data, (size_t)bytes), FOVEA_OK);
+    go_to(&fields, "stamp.time_ns", &field);
+    assert_true(fovea_field_integer(&field, 0) == INT64_MIN);
+    assert_true(fovea_field_number(&field, 0) == -9223372036854775808.0);
+    go_to(&fields, "stamp.clock", &field);
+    assert_true(fovea_field_integer(&field, 0) == -1 && fovea_field_number(&field, 0) == -1.0);
+    go_to(&fields, "p_px", &field);
+    assert_true(field.count == 4 && field.row == 2);
+    assert_true(fovea_field_number(&field, 1) == -0.25 && fovea_field_integer(&field, 0) == 1);
+    assert_true(isnan(fovea_field_number(&field, 2)) && fovea_field_integer(&field, 2) == 0);
+    assert_true(fovea_field_integer(&field, 3) == (int64_t)3e18F);
+    assert_true(fovea_field_number(&field, 4) == 0.0 && fovea_field_integer(&field, 4) == 0);
+    go_to(&fields, "size_px", &field);
+    assert_true(fovea_field_integer(&field, 0) == -31 && fovea_field_integer(&field, 1) == 0);
+    go_to(&fields, "level", &field);
+    assert_true(fovea_field_integer(&field, 1) == 255 && fovea_field_number(&field, 1) == 255.0);
+    go_to(&fields, "score", &field);
+    assert_int_equal(fovea_fields_next(&fields, &field), FOVEA_END);
+}
+
+static void fields_of_what_is_no_message_say_why(void **state)
+{
+    (void)state;
+    uint8_t data[256];
+    struct fovea_fields fields;
+    struct fovea_field field;
+    const fovea_grants_t message = {.now_ns = 5};
+    const int bytes = fovea_grants_t_encode(data, 0, sizeof data, &message);
+    assert_int_equal(fovea_fields_begin(&fields, data, (size_t)bytes - 1), FOVEA_OK);
+    enum fovea_status status;
+    while ((status = fovea_fields_next(&fields, &field)) == FOVEA_OK)
+        assert_true(fovea_field_number(&field, 0) == (strcmp(field.path, "now_ns") == 0 ? 5 : 0));
+    assert_int_equal(status, FOVEA_ERROR_INPUT);
+    assert_string_equal(fields.problem, "a field reaches past the end of the message");
+    assert_int_equal(fields.at, bytes - 4);
+    assert_int_equal(fovea_fields_next(&fields, &field), FOVEA_ERROR_INPUT);
+    data[0] ^= 1;
+    assert_int_equal(fovea_fields_begin(&fields, data, (size_t)bytes), FOVEA_ERROR_INPUT);
+    assert_int_equal(fovea_fields_next(&fields, &field), FOVEA_ERROR_INPUT);
+    assert_string_equal(fields.problem, "of no known type");
+    assert_int_equal(fovea_fields_begin(&fields, data, 7), FOVEA_ERROR_INPUT);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -188,6 +254,8 @@ int main(void)
         cmocka_unit_test(strings_are_json_whatever_is_in_them),
         cmocka_unit_test(the_room_given_is_enough_or_said),
         cmocka_unit_test(what_is_no_message_is_refused),
+        cmocka_unit_test(fields_come_one_by_one_with_their_numbers),
+        cmocka_unit_test(fields_of_what_is_no_message_say_why),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -27,10 +27,10 @@ static int setup(void **state)
     return 0;
 }
 
-static const struct fv_type *find_type(const char *name)
+static const struct fovea_type *find_type(const char *name)
 {
     int32_t count;
-    const struct fv_type *types = fv_message_types(&count);
+    const struct fovea_type *types = fv_message_types(&count);
     for (int32_t i = 0; i < count; i++)
         if (strcmp(types[i].name, name) == 0) return &types[i];
     fail_msg("found no type %s", name);
@@ -43,13 +43,13 @@ static void every_type_is_a_stamp_and_the_doubles_of_its_struct(void **state)
 {
     (void)state;
     for (int kind = 0; kind < FOVEA_SAMPLE_KIND_COUNT; kind++) {
-        const struct fv_type *type = find_type(names[kind]);
+        const struct fovea_type *type = find_type(names[kind]);
         int32_t doubles = 0;
         assert_string_equal(type->fields[0].name, "stamp");
-        assert_int_equal(type->fields[0].wire, FV_WIRE_STRUCT);
+        assert_int_equal(type->fields[0].wire, FOVEA_WIRE_STRUCT);
         for (int32_t i = 1; i < type->field_count; i++) {
             const struct fv_field *field = &type->fields[i];
-            if (field->wire != FV_WIRE_DOUBLE || field->count < 1)
+            if (field->wire != FOVEA_WIRE_DOUBLE || field->count < 1)
                 fail_msg("%s: %s: found no fixed number of doubles", type->name, field->name);
             doubles += field->count * (field->row > 0 ? field->row : 1);
         }

@@ -34,7 +34,7 @@ static void every_type_is_described(void **state)
 {
     (void)state;
     int32_t count;
-    const struct fv_type *types = fv_message_types(&count);
+    const struct fovea_type *types = fv_message_types(&count);
     assert_int_equal(strlen(text), text_bytes);
     for (int32_t i = 0; i < count; i++) {
         char line[128], definition[128];
