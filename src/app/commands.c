@@ -36,8 +36,12 @@ const struct fv_command fv_commands[] = {
     {"detect", "find objects in pictures with an int8 network", fv_command_detect,
      "One line of JSON is printed for each picture.",
      "fovea detect --model src/detect/shipped.fvm photo.png --draw boxes"},
-    {"model", "print what a model file holds and needs, and its speed here", fv_command_model,
-     "FILE is a network made by tools/import.", "fovea model info src/detect/shipped.fvm"},
+    {"model", "print what a model file holds and its speed, write its raw outputs",
+     fv_command_model,
+     "FILE is a network made by tools/import. info prints what it holds and needs, and its speed here. "
+     "run writes its raw outputs for pictures, or for .npy arrays of the inputs' types and shapes: "
+     "output0 and so on, whose first axis is the run.",
+     "fovea model info src/detect/shipped.fvm\nfovea model run mine.fvm photo.png --out outputs.npz"},
     {"export", "write the frames of a source, and their truth, as files", fv_command_export,
      "DIR gets one PNG per frame and, where the source knows the truth, COCO annotations.",
      "fovea export --source sim: --frames 100 frames"},

@@ -101,15 +101,31 @@ static enum fovea_status check_header(const struct fv_model_header *h, size_t by
     return FOVEA_OK;
 }
 
-static enum fovea_status check_labels(const struct fv_model_header *h, const uint8_t *base,
-                                      const char *name, struct fovea_error *error)
+/* How many zero-terminated texts fill `bytes` bytes at `text`; -1: the last one does not end. */
+static int64_t texts_in(const uint8_t *text, uint32_t bytes)
 {
-    uint32_t zeros = 0;
-    for (uint32_t i = 0; i < h->label_bytes; i++)
-        zeros += base[h->labels + i] == 0;
-    const int ended = h->label_bytes == 0 || base[h->labels + h->label_bytes - 1] == 0;
-    if (zeros != h->label_count || !ended)
-        return fail(error, name, h->labels, "the number of labels", zeros, "as many as stated");
+    int64_t zeros = 0;
+    for (uint32_t i = 0; i < bytes; i++)
+        zeros += text[i] == 0;
+    return bytes == 0 || text[bytes - 1] == 0 ? zeros : -1;
+}
+
+static enum fovea_status check_texts(const struct fv_model_header *h, const uint8_t *base,
+                                     const char *name, struct fovea_error *error)
+{
+    const int64_t labels = texts_in(base + h->labels, h->label_bytes);
+    if (labels != (int64_t)h->label_count)
+        return fail(error, name, h->labels, "the number of labels", labels, "as many as stated");
+    if (h->output_names == 0) return FOVEA_OK;
+    const size_t at = offsetof(struct fv_model_header, output_names);
+    if (h->output_names < FV_MODEL_HEADER_BYTES || h->output_names > h->file_bytes ||
+        h->output_name_bytes > h->file_bytes - h->output_names)
+        return fail(error, name, at, "the offset of the outputs' names", h->output_names,
+                    "a place inside the file");
+    const int64_t names = texts_in(base + h->output_names, h->output_name_bytes);
+    if (names != (int64_t)h->output_count)
+        return fail(error, name, at, "the number of the outputs' names", names,
+                    "as many as outputs");
     return FOVEA_OK;
 }
 
@@ -341,7 +357,7 @@ enum fovea_status fv_model_open(const void *data, size_t bytes, const char *name
         .inputs = (const int32_t *)(const void *)(base + h->inputs),
         .outputs = (const int32_t *)(const void *)(base + h->outputs),
     };
-    status = check_labels(h, base, name, error);
+    status = check_texts(h, base, name, error);
     if (status == FOVEA_OK) status = check_tensors(&m, name, error);
     if (status == FOVEA_OK) status = check_ops(&m, name, error);
     if (status == FOVEA_OK) status = check_use(&m, name, error);
@@ -349,14 +365,26 @@ enum fovea_status fv_model_open(const void *data, size_t bytes, const char *name
     return status;
 }
 
+/* Text `index` of those that stand at `text`. */
+static const char *text_at(const char *text, uint32_t index)
+{
+    for (uint32_t i = 0; i < index; i++)
+        text += strlen(text) + 1;
+    return text;
+}
+
 const char *fv_model_label(const struct fv_model *model, int32_t index)
 {
     const struct fv_model_header *h = model->header;
     if (index < 0 || (uint32_t)index >= h->label_count) return NULL;
-    const char *label = (const char *)model->base + h->labels;
-    for (int32_t i = 0; i < index; i++)
-        label += strlen(label) + 1;
-    return label;
+    return text_at((const char *)model->base + h->labels, (uint32_t)index);
+}
+
+const char *fv_model_output_name(const struct fv_model *model, uint32_t index)
+{
+    const struct fv_model_header *h = model->header;
+    if (h->output_names == 0 || index >= h->output_count) return NULL;
+    return text_at((const char *)model->base + h->output_names, index);
 }
 
 const char *fv_model_kind_name(int32_t kind)

@@ -1,10 +1,10 @@
 /* The model file (.fvm): one flat, little-endian, 64-byte aligned block that is used where it lies.
  *
  * Layout: header (512 bytes), tensor records (64 bytes each), operator records (256 bytes each),
- * indices of the input and output tensors, labels (zero-terminated), constant data, 64 bytes of
- * zeros that kernels may read past the end. Everything refers to everything by offset or index;
- * nothing is patched at load. `checksum` is CRC-32 (IEEE 802.3, as in zlib) of all bytes from 16 to
- * the end. tools/import writes it (write.py and layout.py mirror this page).
+ * indices of the input and output tensors, labels and names of outputs (zero-terminated), constant
+ * data, 64 bytes of zeros that kernels may read past the end. Everything refers to everything by
+ * offset or index; nothing is patched at load. `checksum` is CRC-32 (IEEE 802.3, as in zlib) of all
+ * bytes from 16 to the end. tools/import writes it (write.py and layout.py mirror this page).
  *
  * 8-bit tensors are unsigned here: an int8 value q is held as q + 128 and its zero point moved
  * along. Quantised arithmetic only sees (value - zero point), so one set of kernels serves both
@@ -279,7 +279,8 @@ struct fv_model_header {
     uint32_t data, data_bytes;
     uint32_t arena_bytes; /* slack included */
     uint32_t macs_low, macs_high;
-    uint32_t unused[3];
+    uint32_t output_names, output_name_bytes; /* zero-terminated, one per output; 0: none */
+    uint32_t unused;
     char name[64];
     struct fv_model_preprocess preprocess;
     struct fv_model_decode decode;
@@ -308,6 +309,8 @@ static inline uint32_t fv_model_label_count(const struct fv_model *model)
 {
     return model->header->label_count;
 }
+/* Name of an output in the .tflite file, or NULL. Any thread. */
+const char *fv_model_output_name(const struct fv_model *model, uint32_t index);
 static inline const char *fv_model_name(const struct fv_model *model)
 {
     return model->header->name;

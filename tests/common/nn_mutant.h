@@ -35,6 +35,10 @@ static inline void nn_mutant_decode(const struct fv_model *model, const struct f
     for (header.decode.kind = 0; header.decode.kind < FV_DECODER_COUNT; header.decode.kind++) {
         fv_detect_decode(&read, arena, fit, scratch, found, FOVEA_DETECTIONS_MAX);
     }
+    for (uint32_t i = 0; i < header.output_count; i++)
+        if (fv_model_output_name(model, i) != NULL &&
+            strlen(fv_model_output_name(model, i)) > 1u << 28)
+            abort();
     free(scratch);
 }
 

@@ -68,9 +68,10 @@ class Written:
 
     def __init__(self, raw):
         self.raw = raw
-        words = struct.unpack_from("<20I", raw, 4)
+        words = struct.unpack_from("<22I", raw, 4)
         at, count = words[13], words[12]
         self.labels = raw[at:].split(b"\0")[:count]
+        self.names = raw[words[20]:words[20] + words[21]].split(b"\0")[:-1]
         self.mean, self.scale = struct.unpack_from("<f", raw, 160 + 20)[0], struct.unpack_from("<f", raw, 160 + 32)[0]
         d = struct.unpack_from("<2i2f4i16f4i4f", raw, 224)
         self.decoder, self.classes, self.score, self.iou, _, _, self.normalised, self.pairs = DECODERS[d[0]], *d[1:8]
@@ -207,7 +208,9 @@ def states(bench):
     model = b.bytes([x, s], [y])
     bench.refused("a second input", model, "nothing would set 't1'")
     bench.refused("and a decoder", model, "nothing would set 't1'", "--decoder", "segment")
-    bench.holds("raw outputs of two inputs", getattr(bench.run(model, "--decoder", "none"), "decoder", ""), "none")
+    found = bench.run(model, "--decoder", "none")
+    bench.holds("raw outputs of two inputs", getattr(found, "decoder", ""), "none")
+    bench.holds("the name of the output", getattr(found, "names", []) == [b"t2"], True)
 
 
 def ranges(bench):

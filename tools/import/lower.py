@@ -132,6 +132,7 @@ class Lowering:
                 raise ImportProblem(f"{self.describe(op)}: {self.fault(op, problem)}") from problem
         for t in self.g.outputs:
             self.net.outputs.append(self.dense_input(t))
+            self.net.names[self.net.values[self.net.outputs[-1]].source] = self.tensor(t).name
         self.finish_lifetimes()
         return self.net
 

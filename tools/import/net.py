@@ -70,6 +70,7 @@ class Net:
     blobs: dict = field(default_factory=dict)
     inputs: list = field(default_factory=list)
     outputs: list = field(default_factory=list)
+    names: dict = field(default_factory=dict)  # of output tensors in the .tflite file
 
     def blob(self, array):
         """Place constant data; returns its offset in the data section plus 1 (0 means none). Equal data is shared."""

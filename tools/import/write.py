@@ -78,6 +78,10 @@ class Writer:
                 *(outs + [-1] * (4 - len(outs))), step.rows, scratch, cost] + \
             words + [0] * (PARAM_WORDS - len(words))
 
+    def output_name(self, i):
+        """Of the .tflite file, at most 63 bytes, without what an encoding cuts in two."""
+        return self.net.names.get(self.net.values[i].source, "").replace("\0", "").encode()[:63].decode(errors="ignore").encode()
+
     def bytes(self, name, labels, preprocess, decoder):
         net = self.net
         for step in net.steps:
@@ -93,7 +97,9 @@ class Writer:
         at_ops = align(at_tensors + count_t * TENSOR_WORDS * 4)
         at_io = align(at_ops + count_o * OP_WORDS * 4)
         at_labels = align(at_io + 4 * (len(net.inputs) + len(net.outputs)))
-        at_data = align(at_labels + len(label_data))
+        name_data = b"".join(self.output_name(i) + b"\0" for i in net.outputs)
+        at_names = at_labels + len(label_data)
+        at_data = align(at_names + len(name_data))
         total = align(at_data + len(net.data)) + ALIGN
         out = bytearray(total)
         for t in self.tensors:
@@ -105,13 +111,14 @@ class Writer:
         io = [self.value_tensor(i) for i in net.inputs + net.outputs]
         struct.pack_into(f"<{len(io)}i", out, at_io, *io)
         out[at_labels:at_labels + len(label_data)] = label_data
+        out[at_names:at_names + len(name_data)] = name_data
         out[at_data:at_data + len(net.data)] = net.data
         decoder = [w + at_data - 1 if i in DECODER_BLOBS and w else w for i, w in enumerate(decoder)]
         macs = sum(s.macs for s in net.steps)
         head = [VERSION, total, 0, 0, count_t, at_tensors, count_o, at_ops, len(net.inputs), at_io, len(net.outputs),
                 at_io + 4 * len(net.inputs), len(labels), at_labels, len(label_data), at_data, len(net.data),
-                self.arena_bytes + ARENA_SLACK, macs & 0xffffffff, macs >> 32]
-        struct.pack_into("<4s20I", out, 0, MAGIC, *head)
+                self.arena_bytes + ARENA_SLACK, macs & 0xffffffff, macs >> 32, at_names, len(name_data)]
+        struct.pack_into("<4s22I", out, 0, MAGIC, *head)
         struct.pack_into("<64s", out, 96, name.encode()[:63])
         struct.pack_into("<16i", out, 160, *(preprocess + [0] * (16 - len(preprocess))))
         struct.pack_into("<64i", out, 224, *(decoder + [0] * (64 - len(decoder))))

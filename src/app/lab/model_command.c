@@ -1,4 +1,5 @@
-/* fovea model info: what is in a model file, what it costs, and how fast it runs here. */
+/* fovea model: info says what is in a model file, what it costs, and how fast it runs here; run
+ * writes its raw outputs. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -7,6 +8,7 @@
 #include "support/aligned.h"
 #include "app/config/model_file.h"
 #include "app/config/options.h"
+#include "app/lab/model_run.h"
 #include "support/say.h"
 #include "detect/decode.h"
 #include "drivers/clock.h"
@@ -153,12 +155,26 @@ static int info(const char *path)
 
 int fv_command_model(int argc, char **argv)
 {
-    const struct fv_option options[] = {{0}};
+    const char *out = NULL;
+    const struct fv_option options[] = {
+        {"out", "FILE", FV_OPTION_TEXT, &out,
+         "for run: the outputs as .npz, output0 and so on, with scale and zero_point"},
+        {0},
+    };
     int first;
     const enum fv_options_result result =
-        fv_options_parse(options, "info FILE", 2, 2, argc, argv, &first);
+        fv_options_parse(options, "info FILE | run FILE INPUT...", 2, 1 << 20, argc, argv, &first);
     if (result != FV_OPTIONS_READ) return result == FV_OPTIONS_HELP ? FV_EXIT_OK : FV_EXIT_WRONG;
-    if (strcmp(argv[first], "info") != 0)
-        return fv_say_wrong("model: unknown action '%s'; expected info", argv[first]);
-    return info(argv[first + 1]);
+    const char *action = argv[first], *path = argv[first + 1];
+    const int inputs = argc - first - 2;
+    if (strcmp(action, "run") == 0) {
+        if (inputs == 0) return fv_say_wrong("model run: expected pictures or .npy files");
+        if (out == NULL) return fv_say_wrong("model run: --out FILE is missing");
+        return fv_model_run(path, argv + first + 2, inputs, out);
+    }
+    if (strcmp(action, "info") != 0)
+        return fv_say_wrong("model: unknown action '%s'; expected info or run", action);
+    if (inputs > 0) return fv_say_wrong("model info: found %d files, expected one", inputs + 1);
+    if (out != NULL) return fv_say_wrong("model info: --out: found, expected with run alone");
+    return info(path);
 }
