@@ -118,11 +118,12 @@ test:  ## install what is missing, build, and run the tests
 	@tools/run_tests.sh $(BUILD) $(EMULATOR)
 
 # Everything else that must hold: other compiler, layers, symbols, style, sanitizers. Under tsan, which is some ten times
-# slower, run the tests of code with more than one thread: the loop, the readers, live cameras, the recorder, LCM.
-THREADED := unit/base/test_ring unit/app/run/test_loop unit/app/record/test_recorder unit/drivers/test_recorded unit/drivers/test_wrong_recordings \
-            unit/drivers/test_odd_recordings unit/drivers/test_recovery unit/drivers/test_v4l2 unit/drivers/test_v4l2_faults \
-            unit/drivers/test_v4l2_gain unit/drivers/test_v4l2_unplug unit/drivers/test_libcamera \
-            replay/test_replay realtime/test_run transport/test_transport transport/test_receiver
+# slower, run the tests of code with more than one thread: the loop, the readers, live cameras, the recorder, sender and receiver of LCM.
+THREADED := unit/base/test_ring unit/app/run/test_loop unit/app/record/test_recorder unit/app/network/test_sender_file \
+            unit/app/network/test_sender_link unit/app/network/test_sender_preview unit/drivers/test_recorded \
+            unit/drivers/test_wrong_recordings unit/drivers/test_odd_recordings unit/drivers/test_rig_recordings unit/drivers/test_recovery \
+            unit/drivers/test_v4l2 unit/drivers/test_v4l2_faults unit/drivers/test_v4l2_gain unit/drivers/test_v4l2_unplug \
+            unit/drivers/test_libcamera replay/test_replay realtime/test_run transport/test_transport transport/test_receiver transport/test_sending
 check:  ## layers, format, symbols, stack, hardening, headers, clang build, clang-tidy, tests under asan+ubsan and tsan, a trial installation
 	@tools/install.sh build test check
 	@$(MAKE) --no-print-directory -j$(JOBS) all
@@ -144,7 +145,7 @@ check:  ## layers, format, symbols, stack, hardening, headers, clang build, clan
 TSANMAKE = $(MAKE) --no-print-directory -j$(JOBS) BUILD=build-tsan SAN=tsan
 .PHONY: tsan
 tsan:  ## the tests of code with threads, under tsan
-	@$(TSANMAKE) all $(THREADED:%=build-tsan/tests/%) build-tsan/subscribe build-tsan/command build-tsan/python/fovea/__init__.py
+	@$(TSANMAKE) $(THREADED:%=build-tsan/tests/%) build-tsan/fovea build-tsan/subscribe build-tsan/command build-tsan/python/fovea/__init__.py
 	@FOVEA_TESTS="$(THREADED)" tools/run_tests.sh build-tsan
 
 # Real kernel drivers in a virtual machine: no camera is needed. Results in build-hil/results; cached between runs.
@@ -216,6 +217,10 @@ evaluate: all $(BUILD)/venv/evo $(BUILD)/venv-tracking/ready  ## the recordings 
 CAMPAIGN := $(patsubst tests/%.c,$(BUILD)/tests/%,$(wildcard tests/campaign/*.c))
 campaign: all $(CAMPAIGN)  ## the long proofs, resumable: hours
 	@tools/campaign.sh
+
+# So that several of its targets may then be made beside each other.
+.PHONY: programs
+programs: all tests $(CAMPAIGN) $(BUILD)/hil-tool $(BUILD)/hil-count.so  ## build all that tests, samples and the virtual machine run
 
 sample: all $(CAMPAIGN)  ## five minutes of the campaign: real time at 60 Hz, a long run in fixed memory, every fuzz target, replays everywhere; PARTS="..." only these
 	@tools/campaign.sh --sample $(PARTS)

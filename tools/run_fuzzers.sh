@@ -20,5 +20,6 @@ if [ "$1" = --one ]; then # --one BUILD SECONDS FUZZER
     exit 1
 fi
 
-find "$1/fuzz" -type f -perm -u+x -name 'fuzz_*' | sort | xargs -P "$(nproc)" -n 1 "$0" --one "$1" "$2" ||
+# The longest first, so that all processors have work to the end.
+find "$1/fuzz" -type f -perm -u+x -name 'fuzz_*' | sort | awk '/fuzz_receiver$/ { print } !/fuzz_receiver$/ { rest = rest $0 "\n" } END { printf "%s", rest }' | xargs -P "$(nproc)" -n 1 "$0" --one "$1" "$2" ||
     { echo "fuzzing found faults"; exit 1; }

@@ -1,6 +1,7 @@
 #!/bin/sh
-# Run the test programs of a build, as many at a time as there are processors, those that look at the clock or the network
-# alone; say which failed, what was skipped and which took most processor time.
+# Run the test programs of a build: one more at a time than there are processors, since many wait; beside them those of networks, which
+# may share one network, one after the other; in the end those that judge speed, alone. Say which failed, what was skipped and which
+# took most processor time.
 # Usage: tools/run_tests.sh BUILD [EMULATOR...]     FOVEA_TESTS="unit/base/test_ring ..." runs only these, FOVEA_TESTS_WITHOUT="..." all but these
 set -u
 
@@ -34,14 +35,16 @@ fi
 for name in ${FOVEA_TESTS_WITHOUT:-}; do tests=$(echo "$tests" | grep -vxF "$build/tests/$name"); done
 alone=$(for test in $tests; do
     name=${test#"$build"/}
-    case $name in */realtime/test_units | */transport/* | */app/run/test_loop) echo "$test"; continue ;; esac
     [ -n "${FOVEA_TIMED:-}" ] && grep -qs FOVEA_TIMED "$name.c" "$name.cpp" && echo "$test"
 done)
-together=$(echo "$tests" | grep -vxF "${alone:-none}")
+networked=$(echo "$tests" | grep -E '/(transport/[^/]*|app/run/test_loop)$')
+together=$(echo "$tests" | grep -vxF "${alone:-none}" | grep -vxF "${networked:-none}")
 
 rm -rf "$build/test-log"
 mkdir -p "$build/test-log"
-printf '%s\n' $together | xargs -P "$(nproc)" -I '{}' "$0" --one "$build" '{}' "$@"
+for test in $networked; do "$0" --one "$build" "$test" "$@"; done &
+printf '%s\n' $together | xargs -P $(($(nproc) + 1)) -I '{}' "$0" --one "$build" '{}' "$@"
+wait
 for test in $alone; do "$0" --one "$build" "$test" "$@"; done
 
 sort -k 2 "$build/test-log/verdicts" | while read -r verdict test name _; do

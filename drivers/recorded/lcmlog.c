@@ -352,7 +352,7 @@ static enum fovea_status check_cameras(const struct fovea_source_info *info,
 {
     enum fovea_status status = FOVEA_OK;
     for (uint32_t i = 1; i < info->rig.camera_count && status == FOVEA_OK; i++) {
-        char origin[sizeof info->camera_origin + 16];
+        char origin[sizeof info->camera_origin + 24];
         struct fovea_camera camera = info->rig.cameras[i].camera;
         snprintf(origin, sizeof origin, "%s: camera %u", info->camera_origin, i);
         if (info->rig.cameras[i].calibrated)

@@ -416,7 +416,6 @@ static void watch(struct fv_run *run)
     if (terminal) fv_say_status("%s", "");
     complaints(run);
     fv_run_changes_say(run);
-    fv_watch_close(&run->watch);
 }
 
 static enum fovea_status run_loop(struct fv_run *run, struct fovea_error *error)
@@ -449,6 +448,7 @@ static enum fovea_status run_loop(struct fv_run *run, struct fovea_error *error)
     if (rights.why.text[0] != '\0') fv_say("fovea run: %s", rights.why.text);
     watch(run);
     pthread_join(thread, NULL);
+    fv_watch_close(&run->watch); /* the loop's until here */
     if (loop->status < 0)
         return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%.200s: the source failed (%s)",
                                run->settings.source, fovea_status_name(loop->status));
