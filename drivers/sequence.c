@@ -141,7 +141,9 @@ static enum fovea_status open_part(struct fovea_source *source, char *text,
 static bool same_camera(const struct fovea_source_info *a, const struct fovea_source_info *b)
 {
     const struct fovea_camera *p = &a->rig.cameras[0].camera, *q = &b->rig.cameras[0].camera;
-    if (a->width != b->width || a->height != b->height || a->format != b->format) return false;
+    if (a->cameras[0].width != b->cameras[0].width ||
+        a->cameras[0].height != b->cameras[0].height || a->format != b->format)
+        return false;
     if (!a->rig.cameras[0].calibrated || !b->rig.cameras[0].calibrated) return true;
     for (size_t i = 0; i < sizeof p->k / sizeof p->k[0]; i++)
         if (p->k[i] != q->k[i]) return false;
@@ -162,26 +164,29 @@ static enum fovea_status make_map(const struct fovea_source_info *to, struct par
     if (same_camera(to, from)) return FOVEA_OK;
     if (!to->rig.cameras[0].calibrated || !from->rig.cameras[0].calibrated ||
         to->format != FOVEA_PIXEL_GREY8 || from->format != FOVEA_PIXEL_GREY8 ||
-        from->width > PLACE_MAX || from->height > PLACE_MAX)
+        from->cameras[0].width > PLACE_MAX || from->cameras[0].height > PLACE_MAX)
         return fovea_error_set(
             error, FOVEA_ERROR_INPUT,
             "sequence: found a part of %d x %d pixels after one of %d x %d, expected the same or grey pictures of known cameras, at most %d each way",
-            from->width, from->height, to->width, to->height, PLACE_MAX);
-    part->map = malloc((size_t)to->width * (size_t)to->height * sizeof *part->map);
+            from->cameras[0].width, from->cameras[0].height, to->cameras[0].width,
+            to->cameras[0].height, PLACE_MAX);
+    part->map =
+        malloc((size_t)to->cameras[0].width * (size_t)to->cameras[0].height * sizeof *part->map);
     if (part->map == NULL)
         return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "sequence: out of memory");
     const struct fovea_camera *seen = &to->rig.cameras[0].camera,
                               *taken = &from->rig.cameras[0].camera;
     struct from *at = part->map;
-    for (int32_t y = 0; y < to->height; y++)
-        for (int32_t x = 0; x < to->width; x++, at++) {
+    for (int32_t y = 0; y < to->cameras[0].height; y++)
+        for (int32_t x = 0; x < to->cameras[0].width; x++, at++) {
             const double pixel[2] = {x, y};
             double bearing[3], place[2] = {0, 0};
             *at = (struct from){0, 0}; /* where the lens sees nothing: the corner */
             if (fovea_camera_unproject(seen, pixel, bearing, NULL) != FOVEA_OK ||
                 fovea_camera_project(taken, bearing, place, NULL) != FOVEA_OK)
                 continue;
-            *at = (struct from){fixed(place[0], from->width), fixed(place[1], from->height)};
+            *at = (struct from){fixed(place[0], from->cameras[0].width),
+                                fixed(place[1], from->cameras[0].height)};
         }
     return FOVEA_OK;
 }
@@ -191,7 +196,7 @@ static void resample(const struct fovea_source_info *info, const struct from *ma
                      const struct fovea_image *from, uint8_t *to)
 {
     const int32_t one = 1 << FRACTION_BITS;
-    const size_t count = (size_t)info->width * (size_t)info->height;
+    const size_t count = (size_t)info->cameras[0].width * (size_t)info->cameras[0].height;
     for (size_t i = 0; i < count; i++) {
         const int32_t x = map[i].x >> FRACTION_BITS, y = map[i].y >> FRACTION_BITS;
         const int32_t u = map[i].x & (one - 1), v = map[i].y & (one - 1);
@@ -247,7 +252,7 @@ static enum fovea_status unite(struct fovea_source *source, struct fovea_error *
     info->rig.camera_count = 1;
     info->rig.has_imu = false;
     info->sample_kinds = 0;
-    const size_t bytes = (size_t)info->width * (size_t)info->height;
+    const size_t bytes = (size_t)info->cameras[0].width * (size_t)info->cameras[0].height;
     uint64_t frames = 0;
     bool known = true, maps = false;
     info->heap_bytes = sizeof *source;
@@ -370,12 +375,12 @@ static void hand_out(struct fovea_source *source, uint32_t slot, struct fovea_fr
     if (part->map == NULL) return;
     resample(&source->info, part->map, &held->own.images[0], held->pixels);
     frame->images[0] = (struct fovea_image){.data = held->pixels,
-                                            .width = source->info.width,
-                                            .height = source->info.height,
-                                            .stride_bytes = source->info.width,
+                                            .width = source->info.cameras[0].width,
+                                            .height = source->info.cameras[0].height,
+                                            .stride_bytes = source->info.cameras[0].width,
                                             .format = FOVEA_PIXEL_GREY8,
-                                            .size_bytes = (size_t)source->info.width *
-                                                          (size_t)source->info.height};
+                                            .size_bytes = (size_t)source->info.cameras[0].width *
+                                                          (size_t)source->info.cameras[0].height};
 }
 
 static enum fovea_status sequence_dequeue(struct fovea_source *source, int64_t deadline_ns,

@@ -368,10 +368,11 @@ enum fovea_status fv_live_selection(const char *scheme,
 
 static enum fovea_status make_decoder(struct fovea_source *source, struct fovea_error *error)
 {
-    const int32_t stride = (source->info.width + 63) / 64 * 64;
-    const size_t bytes = (size_t)stride * (size_t)source->info.height + 64;
+    const int32_t stride = (source->info.cameras[0].width + 63) / 64 * 64;
+    const size_t bytes = (size_t)stride * (size_t)source->info.cameras[0].height + 64;
     const size_t slot_bytes = (bytes + 63) / 64 * 64;
-    enum fovea_status status = fv_jpeg_decoder_open(source->info.width, &source->jpeg, error);
+    enum fovea_status status =
+        fv_jpeg_decoder_open(source->info.cameras[0].width, &source->jpeg, error);
     if (status != FOVEA_OK) return status;
     if (posix_memalign((void **)&source->decoded, 64, slot_bytes * FV_LIVE_DECODED) != 0) {
         source->decoded = NULL;
@@ -381,10 +382,10 @@ static enum fovea_status make_decoder(struct fovea_source *source, struct fovea_
     source->slot_count = FV_LIVE_DECODED;
     for (uint32_t i = 0; i < FV_LIVE_DECODED; i++) {
         source->slots[i].decoded = source->decoded + i * slot_bytes;
-        source->slots[i].frame.images[0] =
-            (struct fovea_image){.data = source->slots[i].decoded,
-                                 .stride_bytes = stride,
-                                 .size_bytes = (size_t)stride * (size_t)source->info.height};
+        source->slots[i].frame.images[0] = (struct fovea_image){
+            .data = source->slots[i].decoded,
+            .stride_bytes = stride,
+            .size_bytes = (size_t)stride * (size_t)source->info.cameras[0].height};
     }
     source->info.format = FOVEA_PIXEL_GREY8;
     source->info.heap_bytes +=
@@ -445,8 +446,8 @@ enum fovea_status fv_live_open(const struct fv_live_ops *ops, void *device,
     }
     for (uint32_t i = 0; i < source->slot_count; i++) {
         source->slots[i].frame.image_count = 1;
-        source->slots[i].frame.images[0].width = source->info.width;
-        source->slots[i].frame.images[0].height = source->info.height;
+        source->slots[i].frame.images[0].width = source->info.cameras[0].width;
+        source->slots[i].frame.images[0].height = source->info.cameras[0].height;
         source->slots[i].frame.images[0].format = source->info.format;
     }
     *out = source;

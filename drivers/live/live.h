@@ -63,7 +63,7 @@ struct fv_live_ops {
 
 struct fv_live_setup {
     const char *uri; /* named in complaints; copied */
-    /* width, height, rate_hz, and the format of the device (MJPEG becomes grey8) */
+    /* cameras[0], rate_hz, and the format of the device (MJPEG becomes grey8) */
     struct fovea_source_info info;
     size_t frame_bytes_min; /* a raw frame with fewer is truncated; 0: by size, format and stride */
     uint32_t buffers;       /* how many the device has at most */

@@ -74,7 +74,8 @@ static enum fovea_status read_second(struct fv_listing *listing, const char *mav
     if (second == NULL) return FOVEA_ERROR_INPUT;
     info->rig.camera_count = 2;
     info->rig.cameras[1] = of_second.rig.cameras[0];
-    return fv_listing_pair(listing, second, calibration, error);
+    info->cameras[1] = of_second.cameras[0];
+    return fv_listing_pair(listing, second, error);
 }
 
 static enum fovea_status read_imu(struct fv_listing *listing, const char *mav,

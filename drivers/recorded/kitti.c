@@ -74,7 +74,7 @@ static enum fovea_status take_projection(const struct fv_lines *lines, uint32_t 
         .camera = {.lens = FOVEA_LENS_RADTAN, .fx = P[0], .fy = P[5], .cx = P[2], .cy = P[6]},
         .T_body_cam = {1, 0, 0, (P[11] * P[2] - P[3]) / P[0], 0, 1, 0, (P[11] * P[6] - P[7]) / P[5],
                        0, 0, 1, -P[11]}};
-    snprintf(info->camera_origin, sizeof info->camera_origin, "%s", lines->file);
+    snprintf(info->cameras[at].origin, sizeof info->cameras[at].origin, "%s", lines->file);
     return FOVEA_OK;
 }
 
@@ -140,8 +140,7 @@ static enum fovea_status read_extras(struct fv_listing *listing, const char *fol
 
 /* The same stamps, other images. */
 static enum fovea_status read_second(struct fv_listing *listing, const char *folder,
-                                     const char *times, const char *calibration,
-                                     struct fovea_error *error)
+                                     const char *times, struct fovea_error *error)
 {
     char images[FV_PATH_BYTES];
     enum fovea_status status = fv_path_join(images, folder, "image_1", error);
@@ -155,7 +154,7 @@ static enum fovea_status read_second(struct fv_listing *listing, const char *fol
         return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory", images);
     fv_listing_reads(second, images);
     status = read_list(second, times, images, error);
-    if (status == FOVEA_OK) return fv_listing_pair(listing, second, calibration, error);
+    if (status == FOVEA_OK) return fv_listing_pair(listing, second, error);
     fv_listing_free(second);
     return status;
 }
@@ -185,7 +184,7 @@ static enum fovea_status open_kitti(const char *address,
     status = read_list(listing, times, images, error);
     if (status == FOVEA_OK) status = read_extras(listing, folder, key, selection, &info, error);
     if (status == FOVEA_OK && options.cameras == 2)
-        status = read_second(listing, folder, times, info.camera_origin, error);
+        status = read_second(listing, folder, times, error);
     if (status != FOVEA_OK) {
         fv_listing_free(listing);
         return fv_kind_hint("kitti", folder, status, error);

@@ -253,7 +253,7 @@ static enum fovea_status fill(const struct fovea_image *from, struct fv_slot *sl
                                fovea_pixel_format_name(from->format), to->width, to->height,
                                fovea_pixel_format_name(to->format));
     const size_t bytes = fovea_image_bytes(from->format, from->height, from->stride_bytes);
-    if (bytes > slot->capacity_bytes)
+    if (bytes > slot->capacity_bytes[camera])
         return fovea_error_set(
             error, FOVEA_ERROR_INPUT,
             "%s: frame %llu: found a stride of %d bytes, expected that of the first", path,
@@ -314,72 +314,90 @@ static const struct fv_recording_ops lcmlog_ops = {.fetch = fetch,
 
 /* ---- opening --------------------------------------------------------------------------------- */
 
-/* The first image that is there; NULL: all are absent. */
-static const struct fovea_image *first_image(const struct fovea_frame *frame)
+/* What is stated of a camera's image: size and bytes, with its stride. */
+static enum fovea_status describe_image(const struct fovea_image *image,
+                                        struct fovea_source_camera *camera, size_t *image_bytes,
+                                        struct fovea_error *error)
 {
-    for (uint32_t i = 0; i < frame->image_count; i++)
-        if (frame->images[i].data != NULL) return &frame->images[i];
-    return NULL;
+    camera->width = image->width;
+    camera->height = image->height;
+    *image_bytes = image->format == FOVEA_PIXEL_MJPEG ? 0 : image->size_bytes;
+    if (image->format != FOVEA_PIXEL_MJPEG) return FOVEA_OK;
+    return fv_decode_probe(image->data, image->size_bytes, &camera->width, &camera->height, error);
 }
 
-/* Size and format from the first frame that can be read. */
+/* Format and sizes from a frame, as far as no frame before it stated them. */
 static enum fovea_status describe_frame(struct recording *recording, uint64_t index,
-                                        struct fovea_source_info *info, size_t *frame_bytes,
+                                        struct fovea_source_info *info, size_t *image_bytes,
                                         struct fovea_error *error)
 {
     struct fovea_frame frame;
-    const enum fovea_status status = read_frame(recording, index, &frame, error);
+    const bool first = info->rig.camera_count == 0;
+    enum fovea_status status = read_frame(recording, index, &frame, error);
     if (status != FOVEA_OK) return status;
-    const struct fovea_image *image = first_image(&frame);
-    if (image == NULL)
+    bool any = false;
+    for (uint32_t i = 0; i < frame.image_count && status == FOVEA_OK; i++) {
+        const struct fovea_image *image = &frame.images[i];
+        if (image->data == NULL || info->cameras[i].width != 0) continue;
+        status = describe_image(image, &info->cameras[i], &image_bytes[i], error);
+        if (first && !any)
+            info->format = image->format == FOVEA_PIXEL_MJPEG ? FOVEA_PIXEL_GREY8 : image->format;
+        if (first) info->heap_bytes += image->size_bytes;
+        any = true;
+    }
+    if (status == FOVEA_OK && first && !any)
         return fovea_error_set(error, FOVEA_ERROR_INPUT, "all its images are absent");
-    *info = (struct fovea_source_info){.width = image->width,
-                                       .height = image->height,
-                                       .format = image->format,
-                                       .rig.camera_count = frame.image_count,
-                                       .heap_bytes = image->size_bytes};
-    *frame_bytes = image->size_bytes;
-    if (image->format != FOVEA_PIXEL_MJPEG) return FOVEA_OK;
-    info->format = FOVEA_PIXEL_GREY8;
-    *frame_bytes = 0;
-    return fv_decode_probe(image->data, image->size_bytes, &info->width, &info->height, error);
+    if (status == FOVEA_OK && first) info->rig.camera_count = frame.image_count;
+    return status;
 }
 
-/* The calibrations of further cameras fit the images; the first camera's size is held against them
- * by who takes its calibration, which may scale it. */
-static enum fovea_status check_cameras(const struct fovea_source_info *info,
-                                       struct fovea_error *error)
+/* The sizes of cameras whose image is absent in the first frame, from the frames after it, or from
+ * the rig that the log describes, or as the first camera's. */
+static void describe_absent(struct recording *recording, uint64_t next,
+                            struct fovea_source_info *info, size_t *image_bytes)
 {
-    enum fovea_status status = FOVEA_OK;
-    for (uint32_t i = 1; i < info->rig.camera_count && status == FOVEA_OK; i++) {
-        char origin[sizeof info->camera_origin + 24];
-        struct fovea_camera camera = info->rig.cameras[i].camera;
-        snprintf(origin, sizeof origin, "%s: camera %u", info->camera_origin, i);
-        if (info->rig.cameras[i].calibrated)
-            status =
-                fovea_calibration_fit(&camera, info->width, info->height, false, origin, error);
+    enum { LOOKED_AT = 64 };
+    const struct fovea_rig *rig = &recording->rig;
+    for (uint64_t i = next; i < next + LOOKED_AT && i < recording->count; i++) {
+        bool all = true;
+        for (uint32_t k = 0; k < info->rig.camera_count; k++)
+            all = all && info->cameras[k].width != 0;
+        if (all) return;
+        (void)describe_frame(recording, i, info, image_bytes, NULL);
     }
-    return status;
+    uint32_t stated = 0;
+    while (info->cameras[stated].width == 0)
+        stated++;
+    for (uint32_t k = 0; k < info->rig.camera_count; k++) {
+        struct fovea_source_camera *camera = &info->cameras[k];
+        const bool known = k < rig->camera_count && rig->cameras[k].camera.width != 0;
+        if (camera->width != 0) continue;
+        camera->width = known ? rig->cameras[k].camera.width : info->cameras[stated].width;
+        camera->height = known ? rig->cameras[k].camera.height : info->cameras[stated].height;
+    }
 }
 
 static enum fovea_status describe(struct recording *recording,
                                   const struct fovea_source_selection *selection,
-                                  struct fovea_source_info *info, size_t *frame_bytes,
+                                  struct fovea_source_info *info, size_t *image_bytes,
                                   struct fovea_error *error)
 {
     struct fovea_error why = {.text = ""};
     enum fovea_status status = FOVEA_ERROR_INPUT;
-    for (uint64_t i = 0; i < recording->count && status != FOVEA_OK; i++)
-        status = describe_frame(recording, i, info, frame_bytes, i == 0 ? &why : NULL);
+    uint64_t next = 0;
+    for (; next < recording->count && status != FOVEA_OK; next++) {
+        *info = (struct fovea_source_info){.rate_hz = 0.0};
+        status = describe_frame(recording, next, info, image_bytes, next == 0 ? &why : NULL);
+    }
     if (status != FOVEA_OK)
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "%s: found no frame that can be read among %zu; the first: %.256s",
                                recording->path, recording->count, why.text);
-    if (recording->rig.camera_count > 0) {
-        info->rig = recording->rig;
-        snprintf(info->camera_origin, sizeof info->camera_origin, "%.240s", recording->path);
-    }
-    if ((status = check_cameras(info, error)) != FOVEA_OK) return status;
+    describe_absent(recording, next, info, image_bytes);
+    if (recording->rig.camera_count > 0) info->rig = recording->rig;
+    for (uint32_t i = 0; i < recording->rig.camera_count; i++)
+        snprintf(info->cameras[i].origin, sizeof info->cameras[i].origin, "%.230s: camera %u",
+                 recording->path, i);
     info->rate_hz =
         fv_player_rate(&lcmlog_ops, recording, recording->count) / (double)selection->step;
     info->heap_bytes += sizeof *recording + recording->capacity * sizeof recording->entries[0] +
@@ -393,7 +411,7 @@ static enum fovea_status open_lcmlog(const char *address,
 {
     struct fovea_source_info info;
     struct heads heads = {.count = 0};
-    size_t frame_bytes = 0;
+    size_t image_bytes[FOVEA_CAMERAS_MAX] = {0};
     struct recording *recording = calloc(1, sizeof *recording);
     if (recording == NULL || (recording->path = strdup(address)) == NULL) {
         free(recording);
@@ -403,12 +421,12 @@ static enum fovea_status open_lcmlog(const char *address,
     if (status == FOVEA_OK) status = make_index(recording, &heads, error);
     if (status == FOVEA_OK) status = read_head(recording, &heads, selection, error);
     if (status == FOVEA_OK) status = read_samples(recording, error);
-    if (status == FOVEA_OK) status = describe(recording, selection, &info, &frame_bytes, error);
+    if (status == FOVEA_OK) status = describe(recording, selection, &info, image_bytes, error);
     if (status != FOVEA_OK) {
         close_recording(recording);
         return fv_kind_hint("lcmlog", address, status, error);
     }
-    return fv_player_open(&lcmlog_ops, recording, recording->count, frame_bytes, address, selection,
+    return fv_player_open(&lcmlog_ops, recording, recording->count, image_bytes, address, selection,
                           &info, source, error);
 }
 

@@ -25,9 +25,10 @@ struct fv_listing {
     size_t names_bytes, names_capacity;
     struct fv_poses poses;
     struct fv_samples samples;
-    char calibration[FV_PATH_BYTES]; /* of a second camera: the file */
-    struct fv_listing *second;       /* the second camera's frames; NULL: there is one camera */
-    uint32_t *partner;               /* of each frame, in `second`; NO_PARTNER: none */
+    uint32_t other_count;
+    struct fv_listing
+        *others[FOVEA_CAMERAS_MAX - 1]; /* the frames of the cameras after the first */
+    uint32_t *partner; /* of such a one: its frame for each of the first's; NO_PARTNER: none */
     struct fv_file_buffer file;
     size_t reads_count;
     char reads[FV_LISTING_READS_MAX][FV_PATH_BYTES];
@@ -65,7 +66,7 @@ enum fovea_status fv_info_set_calibration(struct fovea_source_info *info, const 
     info->rig.cameras[0].has_T_body_cam = calibration.has_T_body_cam;
     memcpy(info->rig.cameras[0].T_body_cam, calibration.T_body_cam, sizeof calibration.T_body_cam);
     info->rate_hz = calibration.rate_hz;
-    snprintf(info->camera_origin, sizeof info->camera_origin, "%s", path);
+    snprintf(info->cameras[0].origin, sizeof info->cameras[0].origin, "%s", path);
     if (T_body_cam != NULL) {
         memcpy(T_body_cam, calibration.T_body_cam, sizeof calibration.T_body_cam);
         *has_T_body_cam = calibration.has_T_body_cam;
@@ -100,7 +101,8 @@ static void free_one(struct fv_listing *listing)
 void fv_listing_free(struct fv_listing *listing)
 {
     if (listing == NULL) return;
-    if (listing->second != NULL) free_one(listing->second);
+    for (uint32_t i = 0; i < listing->other_count; i++)
+        free_one(listing->others[i]);
     free_one(listing);
 }
 
@@ -221,29 +223,28 @@ static uint32_t find_stamp(const struct place *places, size_t count, int64_t sta
     return low < count && places[low].stamp_ns == stamp_ns ? places[low].index : NO_PARTNER;
 }
 
-enum fovea_status fv_listing_pair(struct fv_listing *listing, struct fv_listing *second,
-                                  const char *calibration, struct fovea_error *error)
+enum fovea_status fv_listing_pair(struct fv_listing *listing, struct fv_listing *other,
+                                  struct fovea_error *error)
 {
     size_t pairs = 0;
-    snprintf(second->calibration, sizeof second->calibration, "%s", calibration);
-    struct place *places = sort_by_stamp(second);
-    listing->second = second;
-    listing->partner = malloc((listing->count + 1) * sizeof listing->partner[0]);
-    if (places == NULL || listing->partner == NULL) {
+    struct place *places = sort_by_stamp(other);
+    listing->others[listing->other_count++] = other;
+    other->partner = malloc((listing->count + 1) * sizeof other->partner[0]);
+    if (places == NULL || other->partner == NULL) {
         free(places);
-        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory for a second camera",
-                               second->folder);
+        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory for another camera",
+                               other->folder);
     }
     for (size_t i = 0; i < listing->count; i++) {
-        listing->partner[i] = find_stamp(places, second->count, listing->frames[i].stamp_ns);
-        pairs += listing->partner[i] != NO_PARTNER;
+        other->partner[i] = find_stamp(places, other->count, listing->frames[i].stamp_ns);
+        pairs += other->partner[i] != NO_PARTNER;
     }
     free(places);
     if (pairs > 0 || listing->count == 0) return FOVEA_OK;
     return fovea_error_set(
         error, FOVEA_ERROR_INPUT,
         "%s: found none of the first camera's %zu stamps among %zu, expected equal stamps",
-        second->folder, listing->count, second->count);
+        other->folder, listing->count, other->count);
 }
 
 /* ---- for the player -------------------------------------------------------------------------- */
@@ -275,16 +276,16 @@ static enum fovea_status fetch_image(struct fv_listing *listing, uint64_t index,
                               : fovea_error_set(error, status, "%s: %.256s", path, reason.text);
 }
 
-/* The second camera's image; when there is none it is absent, and `error` names a file that was
- * listed.
- */
-static void fetch_second(struct fv_listing *listing, uint64_t index, struct fv_slot *slot,
-                         struct fovea_error *error)
+/* The image of a camera after the first; when there is none it is absent, and `error` names a file
+ * that was listed. */
+static void fetch_other(struct fv_listing *other, uint32_t camera, uint64_t index,
+                        struct fv_slot *slot, struct fovea_error *error)
 {
-    const uint32_t partner = listing->partner[index];
-    if (partner == NO_PARTNER || fetch_image(listing->second, partner, &slot->frame.images[1],
-                                             slot->pixels[1], error) != FOVEA_OK)
-        slot->frame.images[1].data = NULL;
+    struct fovea_image *image = &slot->frame.images[camera];
+    const uint32_t partner = other->partner[index];
+    if (partner == NO_PARTNER ||
+        fetch_image(other, partner, image, slot->pixels[camera], error) != FOVEA_OK)
+        image->data = NULL;
 }
 
 static enum fovea_status fetch(void *recording, uint64_t index, struct fv_slot *slot,
@@ -294,7 +295,8 @@ static enum fovea_status fetch(void *recording, uint64_t index, struct fv_slot *
     const enum fovea_status status =
         fetch_image(listing, index, &slot->frame.images[0], slot->pixels[0], error);
     if (status != FOVEA_OK) return status;
-    if (listing->second != NULL) fetch_second(listing, index, slot, error);
+    for (uint32_t i = 0; i < listing->other_count; i++)
+        fetch_other(listing->others[i], i + 1, index, slot, error);
     slot->frame.stamp_ns = listing->frames[index].stamp_ns;
     slot->frame.exposure_ns = 0;
     slot->frame.clock = FOVEA_CLOCK_RECORDED;
@@ -336,7 +338,8 @@ static void visit_all(const void *recording, void (*visit)(void *context, const 
 {
     const struct fv_listing *listing = recording;
     visit_one(listing, visit, context);
-    if (listing->second != NULL) visit_one(listing->second, visit, context);
+    for (uint32_t i = 0; i < listing->other_count; i++)
+        visit_one(listing->others[i], visit, context);
 }
 
 static void close_listing(void *recording)
@@ -383,10 +386,10 @@ static enum fovea_status probe_frame(struct fv_listing *listing, uint64_t index,
     return FOVEA_OK;
 }
 
-/* The size that most probed frames have, the earlier one when equally many. All frames are asked
- * when none of the five can be read. */
-static enum fovea_status find_size(struct fv_listing *listing, const char *list_file, bool colour,
-                                   struct fovea_source_info *info, struct fovea_error *error)
+/* The size that most probed frames of a camera have, the earlier one when equally many. All frames
+ * are asked when none of the five can be read. */
+static enum fovea_status find_size(struct fv_listing *listing, const char *list_file,
+                                   struct probe *size, struct fovea_error *error)
 {
     struct probe probes[PROBES] = {{0}};
     struct fovea_error why = {.text = ""};
@@ -409,25 +412,39 @@ static enum fovea_status find_size(struct fv_listing *listing, const char *list_
             best_votes = votes;
         }
     }
-    info->width = probes[best].width;
-    info->height = probes[best].height;
-    info->format = colour && probes[best].colour ? FOVEA_PIXEL_RGB24 : FOVEA_PIXEL_GREY8;
+    *size = probes[best];
     return FOVEA_OK;
 }
 
-/* Cameras whose calibration states no size have that of the images. The first camera's size is
- * held against the images by who takes its calibration, which may scale it. */
-static enum fovea_status fit_cameras(const struct fv_listing *second,
-                                     struct fovea_source_info *info,
+/* The size of each camera's images; the first camera's colour is that of all. */
+static enum fovea_status find_sizes(struct fv_listing *listing, const char *list_file, bool colour,
+                                    struct fovea_source_info *info, struct fovea_error *error)
+{
+    struct probe size;
+    enum fovea_status status = FOVEA_OK;
+    for (uint32_t i = 0; i <= listing->other_count && status == FOVEA_OK; i++) {
+        struct fv_listing *camera = i == 0 ? listing : listing->others[i - 1];
+        status = find_size(camera, i == 0 ? list_file : camera->folder, &size, error);
+        if (status != FOVEA_OK) return status;
+        info->cameras[i].width = size.width;
+        info->cameras[i].height = size.height;
+        if (i == 0) info->format = colour && size.colour ? FOVEA_PIXEL_RGB24 : FOVEA_PIXEL_GREY8;
+    }
+    return FOVEA_OK;
+}
+
+/* Cameras whose calibration states no size have that of the images. Another size is held against
+ * the images by who takes the calibration, which may scale it. */
+static enum fovea_status fit_cameras(struct fovea_source_info *info,
                                      const struct fovea_source_selection *selection,
                                      struct fovea_error *error)
 {
     for (uint32_t i = 0; i < FOVEA_CAMERAS_MAX; i++) {
         struct fovea_rig_camera *camera = &info->rig.cameras[i];
-        const char *origin = i > 0 && second != NULL ? second->calibration : info->camera_origin;
-        if (!camera->calibrated || (i == 0 && camera->camera.width != 0)) continue;
-        const enum fovea_status status =
-            fovea_calibration_fit(&camera->camera, info->width, info->height, false, origin, error);
+        const struct fovea_source_camera *seen = &info->cameras[i];
+        if (!camera->calibrated || camera->camera.width != 0) continue;
+        const enum fovea_status status = fovea_calibration_fit(
+            &camera->camera, seen->width, seen->height, false, seen->origin, error);
         camera->calibrated = status == FOVEA_OK;
         if (status != FOVEA_OK && !selection->camera_given) return status; /* its own is needed */
     }
@@ -443,8 +460,8 @@ enum fovea_status fv_listing_open(struct fv_listing *listing, const char *list_f
     if (listing->count == 0)
         status = fovea_error_set(error, FOVEA_ERROR_INPUT,
                                  "%s: found no frames, expected at least one", list_file);
-    if (status == FOVEA_OK) status = find_size(listing, list_file, selection->colour, info, error);
-    if (status == FOVEA_OK) status = fit_cameras(listing->second, info, selection, error);
+    if (status == FOVEA_OK) status = find_sizes(listing, list_file, selection->colour, info, error);
+    if (status == FOVEA_OK) status = fit_cameras(info, selection, error);
     if (status != FOVEA_OK) {
         fv_listing_free(listing);
         return status;
@@ -456,10 +473,10 @@ enum fovea_status fv_listing_open(struct fv_listing *listing, const char *list_f
                        listing->names_capacity + listing->poses.heap_bytes +
                        listing->file.capacity +
                        listing->samples.capacity * sizeof listing->samples.list[0];
-    if (listing->second != NULL)
+    for (uint32_t i = 0; i < listing->other_count; i++)
         info->heap_bytes += sizeof *listing + listing->count * sizeof listing->partner[0] +
-                            listing->second->capacity * sizeof listing->frames[0] +
-                            listing->second->names_capacity;
-    return fv_player_open(&listing_ops, listing, listing->count, 0, list_file, selection, info,
+                            listing->others[i]->capacity * sizeof listing->frames[0] +
+                            listing->others[i]->names_capacity;
+    return fv_player_open(&listing_ops, listing, listing->count, NULL, list_file, selection, info,
                           source, error);
 }

@@ -31,17 +31,19 @@ void fv_listing_reads(struct fv_listing *listing, const char *path);
 /* Poses become the listing's own. */
 void fv_listing_set_poses(struct fv_listing *listing, const struct fv_poses *poses);
 
-/* The second camera's frames: of each frame the one of `second` with the same stamp; where there is
- * none, or it cannot be read, the image is absent. Refused when no frame has one. `calibration` is
- * the second camera's file, for errors; `second` becomes the listing's own, also on error. */
-enum fovea_status fv_listing_pair(struct fv_listing *listing, struct fv_listing *second,
-                                  const char *calibration, struct fovea_error *error);
+/* The frames of the rig's next camera, up to FOVEA_CAMERAS_MAX: of each frame the one of `other`
+ * with the same stamp; where there is none, or it cannot be read, the image is absent. Its images
+ * may have another size. Refused when no frame has one. `other` becomes the listing's own, also on
+ * error. */
+enum fovea_status fv_listing_pair(struct fv_listing *listing, struct fv_listing *other,
+                                  struct fovea_error *error);
 /* Samples become the listing's own. */
 void fv_listing_set_samples(struct fv_listing *listing, const struct fv_samples *samples);
 
-/* Make a source of a finished list. The frame size is the one that most of five frames, spread over
- * the list, state. `info` holds what the data set says of itself: cameras (0 x 0 becomes the frame
- * size), camera_origin, rate_hz (0: taken from the stamps). `list_file` names the list in errors.
+/* Make a source of a finished list. The size of a camera's images is the one that most of five of
+ * them, spread over its list, state. `info` holds what the data set says of itself: the rig
+ * (cameras of 0 x 0 get the size of their images), the cameras' origin, rate_hz (0: taken from the
+ * stamps). `list_file` names the list in errors.
  * The listing is owned by the source, and freed on error. */
 enum fovea_status fv_listing_open(struct fv_listing *listing, const char *list_file,
                                   const struct fovea_source_selection *selection,

@@ -294,41 +294,52 @@ static enum fovea_status check_samples(const struct fovea_source *source, uint64
         source->origin, (double)(samples - 1) / seconds, frames_hz, FOVEA_INPUT_SAMPLES_MAX);
 }
 
-static enum fovea_status make_slots(struct fovea_source *source, size_t frame_bytes,
+/* The image of a camera as it comes; a row is a whole number of cache lines. */
+static struct fovea_image image_of(const struct fovea_source_info *info, uint32_t camera)
+{
+    const struct fovea_source_camera *seen = &info->cameras[camera];
+    const int32_t row_bytes = fovea_image_stride_min(info->format, seen->width);
+    const int32_t stride = (row_bytes + 63) / 64 * 64;
+    return (struct fovea_image){.width = seen->width,
+                                .height = seen->height,
+                                .stride_bytes = stride,
+                                .format = info->format,
+                                .size_bytes =
+                                    fovea_image_bytes(info->format, seen->height, stride)};
+}
+
+static enum fovea_status make_slots(struct fovea_source *source, const size_t *image_bytes,
                                     struct fovea_error *error)
 {
-    const struct fovea_source_info *info = &source->info;
-    const int32_t row_bytes = fovea_image_stride_min(info->format, info->width);
-    const int32_t stride = (row_bytes + 63) / 64 * 64;
-    const size_t image_bytes = fovea_image_bytes(info->format, info->height, stride);
-    const size_t needed = image_bytes > frame_bytes ? image_bytes : frame_bytes;
-    const size_t image_slot_bytes =
-        (needed + 127) / 64 * 64; /* a line more, for kernels that read past the end */
-    const uint32_t cameras = info->rig.camera_count;
-    const size_t all_bytes = image_slot_bytes * FV_PLAYER_SLOTS * cameras;
-    if (posix_memalign((void **)&source->pixels, 64, all_bytes) != 0) {
+    const uint32_t cameras = source->info.rig.camera_count;
+    struct fovea_image images[FOVEA_CAMERAS_MAX];
+    size_t capacity[FOVEA_CAMERAS_MAX], begin[FOVEA_CAMERAS_MAX], frame_bytes = 0;
+    for (uint32_t k = 0; k < cameras; k++) {
+        images[k] = image_of(&source->info, k);
+        capacity[k] = images[k].size_bytes;
+        if (image_bytes != NULL && image_bytes[k] > capacity[k]) capacity[k] = image_bytes[k];
+        begin[k] = frame_bytes; /* a line more, for kernels that read past the end */
+        frame_bytes += (capacity[k] + 127) / 64 * 64;
+    }
+    if (posix_memalign((void **)&source->pixels, 64, frame_bytes * FV_PLAYER_SLOTS) != 0) {
         source->pixels = NULL;
         return fovea_error_set(error, FOVEA_ERROR_SYSTEM,
                                "out of memory for %d frames of %zu bytes", FV_PLAYER_SLOTS,
-                               image_slot_bytes * cameras);
+                               frame_bytes);
     }
-    memset(source->pixels, 0, all_bytes);
+    memset(source->pixels, 0, frame_bytes * FV_PLAYER_SLOTS);
     for (uint32_t i = 0; i < FV_PLAYER_SLOTS; i++) {
         struct fv_slot *slot = &source->slots[i];
-        slot->capacity_bytes = needed;
         slot->frame.slot = i;
         slot->frame.image_count = cameras;
         for (uint32_t k = 0; k < cameras; k++) {
-            slot->pixels[k] = source->pixels + (i * cameras + k) * image_slot_bytes;
-            slot->frame.images[k] = (struct fovea_image){.data = slot->pixels[k],
-                                                         .width = info->width,
-                                                         .height = info->height,
-                                                         .stride_bytes = stride,
-                                                         .format = info->format,
-                                                         .size_bytes = image_bytes};
+            slot->capacity_bytes[k] = capacity[k];
+            slot->pixels[k] = source->pixels + i * frame_bytes + begin[k];
+            slot->frame.images[k] = images[k];
+            slot->frame.images[k].data = slot->pixels[k];
         }
     }
-    source->info.heap_bytes += all_bytes + sizeof *source;
+    source->info.heap_bytes += frame_bytes * FV_PLAYER_SLOTS + sizeof *source;
     return FOVEA_OK;
 }
 
@@ -353,7 +364,7 @@ double fv_player_rate(const struct fv_recording_ops *ops, void *recording, uint6
 }
 
 enum fovea_status fv_player_open(const struct fv_recording_ops *ops, void *recording,
-                                 uint64_t count, size_t frame_bytes, const char *origin,
+                                 uint64_t count, const size_t *image_bytes, const char *origin,
                                  const struct fovea_source_selection *selection,
                                  const struct fovea_source_info *info, struct fovea_source **source,
                                  struct fovea_error *error)
@@ -377,7 +388,7 @@ enum fovea_status fv_player_open(const struct fv_recording_ops *ops, void *recor
     if (status == FOVEA_OK) status = set_order(made, count, origin, selection, error);
     if (status == FOVEA_OK) status = check_samples(made, count, selection, error);
     if (status == FOVEA_OK) note_samples(made);
-    if (status == FOVEA_OK) status = make_slots(made, frame_bytes, error);
+    if (status == FOVEA_OK) status = make_slots(made, image_bytes, error);
     if (status != FOVEA_OK) {
         fv_player_close(made);
         return status;

@@ -25,7 +25,7 @@ struct fv_slot {
     struct fovea_frame frame;
     struct fovea_source_counts counts;
     uint8_t *pixels[FOVEA_CAMERAS_MAX]; /* of as many cameras as the rig has */
-    size_t capacity_bytes;              /* at each of them */
+    size_t capacity_bytes[FOVEA_CAMERAS_MAX];
 };
 
 /* A recording as the player sees it. `fetch` and `stamp` are called by one thread at a time. */
@@ -54,12 +54,12 @@ struct fv_recording_ops {
 };
 
 /* Make a source of an open recording of `count` frames (0: not known, played to the end), with
- * images of at least `frame_bytes` (0: as size and format need; `fetch` may set the image's stride
- * and size_bytes within capacity_bytes). `info` is complete but for frame_count (a camera_count of
- * 0 becomes 1); heap_bytes is what the recording itself holds. The recording is closed with the
- * source, and also on error. `origin` names the recording in errors. */
+ * images of at least `image_bytes` by camera (NULL: as size and format need; `fetch` may set an
+ * image's stride and size_bytes within capacity_bytes). `info` is complete but for frame_count (a
+ * camera_count of 0 becomes 1); heap_bytes is what the recording itself holds. The recording is
+ * closed with the source, and also on error. `origin` names the recording in errors. */
 enum fovea_status fv_player_open(const struct fv_recording_ops *ops, void *recording,
-                                 uint64_t count, size_t frame_bytes, const char *origin,
+                                 uint64_t count, const size_t *image_bytes, const char *origin,
                                  const struct fovea_source_selection *selection,
                                  const struct fovea_source_info *info, struct fovea_source **source,
                                  struct fovea_error *error);

@@ -70,8 +70,8 @@ static enum fovea_status open_video_file(struct recording *recording,
                                          struct fovea_source_info *info, struct fovea_error *error)
 {
     recording->position = 0;
-    return recording->plugin->open(recording->path, &recording->video, &info->width, &info->height,
-                                   &info->rate_hz, error);
+    return recording->plugin->open(recording->path, &recording->video, &info->cameras[0].width,
+                                   &info->cameras[0].height, &info->rate_hz, error);
 }
 
 static enum fovea_status open_again(struct recording *recording, struct fovea_error *error)
@@ -276,10 +276,11 @@ static enum fovea_status open_video(const char *address,
         status = open_video_file(recording, &info, error);
     struct fovea_error reason = {.text = ""};
     if (status == FOVEA_OK &&
-        (status = fv_decode_check_size(info.width, info.height, &reason)) != FOVEA_OK)
+        (status = fv_decode_check_size(info.cameras[0].width, info.cameras[0].height, &reason)) !=
+            FOVEA_OK)
         fovea_error_set(error, status, "%s: %.256s", address, reason.text);
-    recording->width = info.width;
-    recording->height = info.height;
+    recording->width = info.cameras[0].width;
+    recording->height = info.cameras[0].height;
     info.heap_bytes = sizeof *recording;
     if (status == FOVEA_OK && recording->plugin != NULL && selection->step > 0)
         status = selection->reverse ? prepare_reverse(recording, selection, &info, error)
@@ -290,7 +291,7 @@ static enum fovea_status open_video(const char *address,
     }
     if (selection->step > 1) info.rate_hz /= (double)selection->step;
     return fv_player_open(selection->reverse ? &reverse_ops : &video_ops, recording,
-                          recording->count, 0, address, selection, &info, source, error);
+                          recording->count, NULL, address, selection, &info, source, error);
 }
 
 const struct fovea_source_ops fovea_source_video =

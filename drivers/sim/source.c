@@ -237,8 +237,6 @@ static enum fovea_status sim_open(const char *address,
                              options.time_s + (seconds < 600.0 ? seconds : 600.0));
     }
     struct fovea_source_info *info = &source->info;
-    info->width = options.width;
-    info->height = options.height;
     info->format = FOVEA_PIXEL_GREY8;
     info->rate_hz = options.rate_hz / (double)source->selection.step;
     info->frame_count = source->deliverable;
@@ -250,7 +248,9 @@ static enum fovea_status sim_open(const char *address,
     if (options.imu_hz > 0) fv_sim_imu_describe(&options, &info->rig);
     if (options.baseline_m > 0) add_second(&info->rig, options.baseline_m);
     info->has_truth = true;
-    snprintf(info->camera_origin, sizeof info->camera_origin, "built in");
+    for (uint32_t i = 0; i < info->rig.camera_count; i++)
+        info->cameras[i] = (struct fovea_source_camera){
+            .width = options.width, .height = options.height, .origin = "built in"};
     *out = source;
     return FOVEA_OK;
 }

@@ -52,8 +52,8 @@ enum fovea_source_state {
 };
 
 /* What the cameras of a rig saw at one stamp: an image per camera, in the rig's order. A camera
- * that gave none has an empty image (`data` NULL, all else 0). Images of a source all have the size
- * and the format of its info. */
+ * that gave none has an empty image (`data` NULL, all else 0). All images of a camera have the size
+ * that the source's info states of it; cameras may differ. All images have the info's format. */
 struct fovea_frame {
     struct fovea_image images[FOVEA_CAMERAS_MAX];
     int64_t stamp_ns;
@@ -126,16 +126,22 @@ struct fovea_source_counts {
     uint64_t recovered; /* times the camera came back */
 };
 
+/* What a source states of one camera beside its calibration, which may be of another size. */
+struct fovea_source_camera {
+    int32_t width, height; /* of all its images */
+    char origin[256];      /* file that its calibration came from, or "built in"; "": it has none */
+};
+
 struct fovea_source_info {
-    int32_t width, height; /* of every image */
-    enum fovea_pixel_format format;
-    double rate_hz;          /* nominal; 0: not known */
-    uint64_t frame_count;    /* frames that will be delivered; 0: endless or not known */
-    bool live;               /* frames come by the clock and are lost when not taken */
-    bool has_truth;          /* of the first camera */
-    uint32_t sample_kinds;   /* of its samples: bit 1 << enum fovea_sample_kind per kind */
-    struct fovea_rig rig;    /* the source's own calibration, as far as it has one */
-    char camera_origin[256]; /* file that the first camera's came from, or "built in" */
+    struct fovea_source_camera
+        cameras[FOVEA_CAMERAS_MAX]; /* as many as the rig has, in its order */
+    enum fovea_pixel_format format; /* of every image */
+    double rate_hz;                 /* nominal; 0: not known */
+    uint64_t frame_count;           /* frames that will be delivered; 0: endless or not known */
+    bool live;                      /* frames come by the clock and are lost when not taken */
+    bool has_truth;                 /* of the first camera */
+    uint32_t sample_kinds;          /* of its samples: bit 1 << enum fovea_sample_kind per kind */
+    struct fovea_rig rig;           /* the source's own calibration, as far as it has one */
     size_t heap_bytes; /* what open allocated outside the runtime's block, for the memory table */
 };
 

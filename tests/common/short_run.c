@@ -43,8 +43,8 @@ static void make_settings(const struct short_run *run, struct fv_settings *setti
         config->rig.camera_count = 2;
         config->rig.has_imu = true;
         config->rig.imu = imu;
-        config->rig.cameras[1].camera.width = run->width;
-        config->rig.cameras[1].camera.height = run->height;
+        config->rig.cameras[1].camera.width = run->width * 3 / 4;
+        config->rig.cameras[1].camera.height = run->height * 3 / 4;
     }
     config->features.count_max = run->features;
     config->odometry.keyframes =
@@ -78,6 +78,7 @@ void short_run_samples(uint32_t n, struct fovea_sample *samples)
 static void record_turns(const struct short_run *run, struct fovea *rt,
                          const struct fovea_config *config, struct fv_recorder *recorder)
 {
+    const int32_t width2 = run->width * 3 / 4, height2 = run->height * 3 / 4;
     size_t bytes = (size_t)run->width * (size_t)run->height;
     uint8_t *pixels = malloc(bytes), *second = malloc(bytes);
     for (uint32_t n = 0; n < run->turns; n++) {
@@ -104,11 +105,15 @@ static void record_turns(const struct short_run *run, struct fovea *rt,
             inputs.sample_count = SHORT_RUN_SAMPLES;
         }
         paint(pixels, (uint32_t)run->width, (uint32_t)run->height, n);
-        paint(second, (uint32_t)run->width, (uint32_t)run->height, n + 4);
+        paint(second, (uint32_t)width2, (uint32_t)height2, n + 4);
         if (run->rig) frame.image_count = 2;
         if (run->rig && n % 3 != 2) {
-            frame.images[1] = frame.images[0];
-            frame.images[1].data = second;
+            frame.images[1] = (struct fovea_image){.data = second,
+                                                   .width = width2,
+                                                   .height = height2,
+                                                   .stride_bytes = width2,
+                                                   .format = FOVEA_PIXEL_GREY8,
+                                                   .size_bytes = (size_t)width2 * (size_t)height2};
         }
         fovea_grants_fixed(config, &inputs.grants);
         uint32_t granted = run->features - 50 + n;

@@ -17,7 +17,8 @@ struct short_run {
     int32_t width, height;
     uint32_t turns; /* every eleventh has no frame; the 20th resets */
     bool detect;    /* with the detector of the tests */
-    /* two cameras, each with a mask, of which the second is absent in every third frame; samples of
+    /* two cameras, each with a mask, of which the second has images of 3/4 of the width and height
+     * and is absent in every third frame; samples of
      * every kind per turn (short_run_samples) */
     bool rig;
     uint32_t features; /* most per frame; granted are 50 fewer at first, one more each turn */

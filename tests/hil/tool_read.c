@@ -376,12 +376,13 @@ int tool_read(int argc, char **argv)
     if (reading.open != NULL) return status == FOVEA_OK;
     if (status != FOVEA_OK) return 1;
     const struct fovea_source_info *info = reading.ops->info(reading.source);
-    reading.frame_bytes = fovea_image_bytes(info->format, info->height,
-                                            fovea_image_stride_min(info->format, info->width));
+    reading.frame_bytes =
+        fovea_image_bytes(info->format, info->cameras[0].height,
+                          fovea_image_stride_min(info->format, info->cameras[0].width));
     reading.compact = malloc(reading.frame_bytes);
     if (reading.expect != NULL)
         tool_frames_read(&reading.expected, reading.expect, reading.frame_bytes);
-    printf("open: %d x %d %s at %.2f Hz\n", info->width, info->height,
+    printf("open: %d x %d %s at %.2f Hz\n", info->cameras[0].width, info->cameras[0].height,
            fovea_pixel_format_name(info->format), info->rate_hz);
     look();
     bool good = true;

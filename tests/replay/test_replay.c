@@ -412,6 +412,10 @@ static void check_fed_again(const char *path)
             }
         }
         assert_int_equal(count, at);
+        assert_int_equal(frame.images[0].width, WIDTH);
+        if (frame.images[1].data != NULL)
+            assert_true(frame.images[1].width == WIDTH * 3 / 4 &&
+                        frame.images[1].height == HEIGHT * 3 / 4);
         ops->requeue(source, &frame);
     }
     assert_true(turn >= TURNS - 1);
@@ -496,13 +500,15 @@ static void test_rig(void **state)
         if (strcmp(event.channel, "FOVEA_FRAME") != 0) continue;
         assert_int_equal(fovea_log_frame(changed, &event, &frame, &error), FOVEA_OK);
         assert_int_equal(frame.image_count, 2);
+        assert_int_equal(frame.images[1].width, frames == 2 ? 0 : WIDTH * 3 / 4);
         assert_int_equal(frame.images[1].data == NULL, frames++ == 2);
     }
     const size_t third = (size_t)event.offset;
     fovea_log_close(log);
     assert_int_equal(fovea_text_read(changed, 1 << 28, &bytes, &count, &error), FOVEA_OK);
     check_missing_sample((uint8_t *)bytes, count);
-    const size_t turn = WIDTH * HEIGHT; /* back into the second image of the second frame */
+    const size_t turn =
+        WIDTH * HEIGHT * 9 / 16; /* back into the second image of the second frame */
     size_t at = third;
     while (memcmp(bytes + at, "FOVEA_INPUTS", 12) != 0)
         at--;

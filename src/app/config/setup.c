@@ -128,7 +128,7 @@ static enum fovea_status camera_fit(struct fv_settings *settings,
                                     const struct fovea_source_info *info, struct fovea_error *error)
 {
     struct fovea_camera *camera = &settings->runtime.rig.cameras[0].camera;
-    const char *origin = settings->camera[0] != '\0' ? settings->camera : info->camera_origin;
+    const char *origin = settings->camera[0] != '\0' ? settings->camera : info->cameras[0].origin;
     if (settings->camera[0] == '\0') {
         if (!info->rig.cameras[0].calibrated)
             return fovea_error_set(
@@ -137,8 +137,8 @@ static enum fovea_status camera_fit(struct fv_settings *settings,
                 settings->source);
         *camera = info->rig.cameras[0].camera;
     }
-    return fovea_calibration_fit(camera, info->width, info->height, settings->camera_scale, origin,
-                                 error);
+    return fovea_calibration_fit(camera, info->cameras[0].width, info->cameras[0].height,
+                                 settings->camera_scale, origin, error);
 }
 
 /* `T_source` takes points of a sensor to the source's body, where `T_body_source` begins. */
@@ -192,8 +192,12 @@ static enum fovea_status rig_fit(struct fv_settings *settings, const struct fove
     if (status == FOVEA_OK) status = rig_join(settings, info, error);
     for (uint32_t i = 1; i < rig->camera_count && status == FOVEA_OK; i++) {
         struct fovea_rig_camera *camera = &rig->cameras[i];
-        if (camera->calibrated) continue;
-        camera->camera = (struct fovea_camera){.width = info->width, .height = info->height};
+        const struct fovea_source_camera *seen = &info->cameras[i];
+        if (camera->calibrated)
+            status = fovea_calibration_fit(&camera->camera, seen->width, seen->height,
+                                           settings->camera_scale, seen->origin, error);
+        else
+            camera->camera = (struct fovea_camera){.width = seen->width, .height = seen->height};
     }
     return status;
 }
@@ -331,9 +335,11 @@ bool fv_setup_real_time(const struct fv_settings *settings, const struct fv_setu
 size_t fv_setup_frame_bytes(const struct fv_setup *setup)
 {
     const struct fovea_source_info *info = setup->ops->info(setup->source);
-    return info->rig.camera_count *
-           fovea_image_bytes(info->format, info->height,
-                             fovea_image_stride_min(info->format, info->width));
+    size_t bytes = 0;
+    for (uint32_t i = 0; i < info->rig.camera_count; i++)
+        bytes += fovea_image_bytes(info->format, info->cameras[i].height,
+                                   fovea_image_stride_min(info->format, info->cameras[i].width));
+    return bytes;
 }
 
 enum fv_exit fv_setup_exit(enum fovea_status status)

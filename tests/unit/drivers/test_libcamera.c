@@ -115,8 +115,8 @@ static void test_frames_bit_for_bit(void **state)
     static int64_t took_ns[FRAMES];
     struct fovea_source *source = start_source();
     const struct fovea_source_info *info = ops->info(source);
-    assert_int_equal(info->width, FAKE_WIDTH);
-    assert_int_equal(info->height, FAKE_HEIGHT);
+    assert_int_equal(info->cameras[0].width, FAKE_WIDTH);
+    assert_int_equal(info->cameras[0].height, FAKE_HEIGHT);
     assert_int_equal(info->format, FOVEA_PIXEL_GREY8);
     for (int i = 0; i < FRAMES; i++) {
         const struct fovea_frame frame = take(source);

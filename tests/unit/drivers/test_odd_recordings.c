@@ -115,7 +115,7 @@ static void play_stamps(const int64_t *stamps, const struct fovea_source_selecti
     static const struct fv_recording_ops ops = {
         .fetch = fetch_stamp, .stamp = stamp, .close = close_nothing};
     static const struct fovea_source_ops source_ops = FV_PLAYER_OPS("stamps", "", NULL);
-    const struct fovea_source_info info = {.width = W, .height = 1, .format = FOVEA_PIXEL_GREY8};
+    const struct fovea_source_info info = {.cameras[0] = {W, 1, ""}, .format = FOVEA_PIXEL_GREY8};
     int64_t memory[MANY];
     struct fovea_source *source;
     struct fovea_error error;
@@ -123,7 +123,7 @@ static void play_stamps(const int64_t *stamps, const struct fovea_source_selecti
     for (; stamps[count] != END; count++)
         memory[count] = stamps[count];
     assert_int_equal(
-        fv_player_open(&ops, memory, count, 0, "stamps.txt", selection, &info, &source, &error),
+        fv_player_open(&ops, memory, count, NULL, "stamps.txt", selection, &info, &source, &error),
         FOVEA_OK);
     play(&source_ops, source, played);
     assert_int_equal(played->counts.delivered + played->counts.damaged, count);
@@ -201,7 +201,7 @@ static void test_leaps_as_they_are_played(void **state)
     assert_true(played.stamp_ns[0] == 101 && played.stamp_ns[5] == 107);
     play_stamps(ahead, &reverse, &played); /* goes back: the loop's */
     assert_int_equal(played.count, 9);
-    const struct fovea_source_info info = {.width = W, .height = 1, .format = FOVEA_PIXEL_GREY8};
+    const struct fovea_source_info info = {.cameras[0] = {W, 1, ""}, .format = FOVEA_PIXEL_GREY8};
     static const struct fv_recording_ops ops = {
         .fetch = fetch_stamp, .stamp = stamp, .close = close_nothing};
     static const struct fovea_source_ops source_ops = FV_PLAYER_OPS("stamps", "", NULL);
@@ -209,11 +209,11 @@ static void test_leaps_as_they_are_played(void **state)
     struct fovea_source *source;
     struct fovea_error error;
     memcpy(memory, ahead, sizeof memory);
-    assert_int_equal(fv_player_open(&ops, memory, 9, 0, "x", &second, &info, &source, &error),
+    assert_int_equal(fv_player_open(&ops, memory, 9, NULL, "x", &second, &info, &source, &error),
                      FOVEA_OK);
     play(&source_ops, source, &played);
     assert_int_equal(played.count, 5);
-    assert_int_equal(fv_player_open(&ops, memory, 9, 0, "x", &odd, &info, &source, &error),
+    assert_int_equal(fv_player_open(&ops, memory, 9, NULL, "x", &odd, &info, &source, &error),
                      FOVEA_OK);
     play(&source_ops, source, &played);
     assert_int_equal(played.count, 3);

@@ -259,7 +259,7 @@ static void test_damage_is_counted_and_named(void **state)
     struct fovea_source_counts counts;
     struct fovea_frame frame;
     static const uint64_t left[] = {0, 1, 10, 11};
-    assert_int_equal(ops->info(source)->width, W);
+    assert_int_equal(ops->info(source)->cameras[0].width, W);
     for (size_t i = 0; i < sizeof left / sizeof left[0]; i++) {
         assert_int_equal(ops->dequeue(source, INT64_MAX, &frame), FOVEA_OK);
         assert_int_equal(frame.sequence, left[i]);
@@ -307,15 +307,15 @@ static void test_many_missing(void **state)
     (void)state;
     enum { MANY = 3000 };
     static const struct fv_recording_ops nothing = {.fetch = fetch_nothing, .close = close_missing};
-    const struct fovea_source_info info = {.width = W, .height = 1, .format = FOVEA_PIXEL_GREY8};
+    const struct fovea_source_info info = {.cameras[0] = {W, 1, ""}, .format = FOVEA_PIXEL_GREY8};
     for (int asked = 0; asked < 2; asked++) {
         struct fovea_source *source;
         struct fovea_error error;
         struct fovea_frame frame;
         unsigned named = 0, unnamed = 0;
-        assert_int_equal(
-            fv_player_open(&nothing, NULL, MANY, 0, "nothing", &everything, &info, &source, &error),
-            FOVEA_OK);
+        assert_int_equal(fv_player_open(&nothing, NULL, MANY, NULL, "nothing", &everything, &info,
+                                        &source, &error),
+                         FOVEA_OK);
         assert_int_equal(fv_player_start(source, &error), FOVEA_OK);
         while (asked && fv_player_dequeue(source, 0, &frame) == FOVEA_AGAIN)
             for (; fv_player_complaint(source, &error) == FOVEA_OK; named++)
@@ -365,7 +365,7 @@ static enum fovea_status fetch_two(void *recording, uint64_t index, struct fv_sl
     (void)recording;
     (void)error;
     for (int i = 0; i < 2; i++)
-        memset(slot->pixels[i], (int)(10 * index) + i, W * H);
+        memset(slot->pixels[i], (int)(10 * index) + i, slot->capacity_bytes[i]);
     if (index % 2 == 1) slot->frame.images[1].data = NULL;
     slot->frame.stamp_ns = (int64_t)index;
     slot->frame.sequence = index;
@@ -378,12 +378,13 @@ static void test_two_cameras(void **state)
     (void)state;
     static const struct fv_recording_ops two = {.fetch = fetch_two, .close = close_nothing};
     enum { FRAMES = 3 * FV_PLAYER_SLOTS };
-    const struct fovea_source_info info = {
-        .width = W, .height = H, .format = FOVEA_PIXEL_GREY8, .rig.camera_count = 2};
+    const struct fovea_source_info info = {.cameras = {{W, H, ""}, {W - 32, 3 * H, ""}},
+                                           .format = FOVEA_PIXEL_GREY8,
+                                           .rig.camera_count = 2};
     struct fovea_source *source = NULL;
     struct fovea_error error = {.text = ""};
     assert_int_equal(
-        fv_player_open(&two, NULL, FRAMES, 0, "two", &everything, &info, &source, &error),
+        fv_player_open(&two, NULL, FRAMES, NULL, "two", &everything, &info, &source, &error),
         FOVEA_OK);
     assert_int_equal(fv_player_start(source, &error), FOVEA_OK);
     for (int n = 0; n < FRAMES; n++) {
@@ -397,7 +398,9 @@ static void test_two_cameras(void **state)
             assert_true(frame.images[1].width == 0 && frame.images[1].size_bytes == 0);
         } else {
             assert_int_equal(fovea_image_check(&frame.images[1]), FOVEA_OK);
+            assert_true(frame.images[1].width == W - 32 && frame.images[1].height == 3 * H);
             assert_int_equal(frame.images[1].data[0], 10 * n + 1);
+            assert_int_equal(frame.images[1].data[frame.images[1].size_bytes - 1], 10 * n + 1);
         }
         fv_player_requeue(source, &frame);
     }
@@ -410,13 +413,14 @@ static void test_deadline_passes_while_decoding(void **state)
 {
     (void)state;
     static const struct fv_recording_ops slow = {.fetch = fetch_when_let, .close = close_nothing};
-    const struct fovea_source_info info = {.width = W, .height = H, .format = FOVEA_PIXEL_GREY8};
+    const struct fovea_source_info info = {.cameras[0] = {W, H, ""}, .format = FOVEA_PIXEL_GREY8};
     struct fovea_source *source = NULL;
     struct fovea_error error = {.text = ""};
     struct fovea_frame frame;
     sem_init(&let_come, 0, 0);
-    assert_int_equal(fv_player_open(&slow, NULL, 3, 0, "slow", &everything, &info, &source, &error),
-                     FOVEA_OK);
+    assert_int_equal(
+        fv_player_open(&slow, NULL, 3, NULL, "slow", &everything, &info, &source, &error),
+        FOVEA_OK);
     assert_int_equal(fv_player_start(source, &error), FOVEA_OK);
     assert_int_equal(fv_player_dequeue(source, 0, &frame), FOVEA_AGAIN);
     const int64_t before_ns = now_ns();

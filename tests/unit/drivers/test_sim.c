@@ -308,7 +308,7 @@ static void test_frames_say_what_they_are(void **state)
         open_source("still?width=96&height=80&rate=20&exposure=4&noise=3", NULL);
     const struct fovea_source_info *info = sim_ops()->info(source);
     assert_true(info->rig.cameras[0].calibrated && info->has_truth && !info->live);
-    assert_int_equal(info->width, 96);
+    assert_int_equal(info->cameras[0].width, 96);
     assert_int_equal(info->rig.cameras[0].camera.width, 96);
     assert_true(info->rig.cameras[0].camera.field_max_rad > 0.5);
     assert_int_equal(info->frame_count, 600);

@@ -235,8 +235,8 @@ static void play(const struct fovea_source_ops *ops, struct fovea_source *source
         assert_int_equal(has_pose_alone, has_pose);
         if (has_pose) assert_memory_equal(pose_alone, truth.T_world_cam, sizeof pose_alone);
         assert_int_equal(fovea_image_check(&frame.images[0]), FOVEA_OK);
-        assert_int_equal(frame.images[0].width, ops->info(source)->width);
-        assert_int_equal(frame.images[0].height, ops->info(source)->height);
+        assert_int_equal(frame.images[0].width, ops->info(source)->cameras[0].width);
+        assert_int_equal(frame.images[0].height, ops->info(source)->cameras[0].height);
         assert_int_equal(frame.images[0].format, ops->info(source)->format);
         const size_t i = played->count++;
         played->frames[i].hash = hash_image(&frame.images[0]);
@@ -319,19 +319,20 @@ static void test_info(void **state)
     for (const struct fovea_source_ops *ops; (ops = next_driver(&i)) != NULL;) {
         struct fovea_source *source = open_with(ops, &some);
         const struct fovea_source_info *info = ops->info(source);
-        assert_true(info->width >= FOVEA_IMAGE_WIDTH_MIN && info->width <= FOVEA_IMAGE_WIDTH_MAX);
-        assert_true(info->height >= FOVEA_IMAGE_HEIGHT_MIN &&
-                    info->height <= FOVEA_IMAGE_HEIGHT_MAX);
+        assert_true(info->cameras[0].width >= FOVEA_IMAGE_WIDTH_MIN &&
+                    info->cameras[0].width <= FOVEA_IMAGE_WIDTH_MAX);
+        assert_true(info->cameras[0].height >= FOVEA_IMAGE_HEIGHT_MIN &&
+                    info->cameras[0].height <= FOVEA_IMAGE_HEIGHT_MAX);
         assert_true(info->format < FOVEA_PIXEL_FORMAT_COUNT);
         assert_true(info->rate_hz > 0 && info->rate_hz < 1000);
         assert_true(info->heap_bytes > 0);
         if (!row_of(ops)->length_unknown) assert_int_equal(info->frame_count, FV_TEST_FRAMES);
         if (info->rig.cameras[0].calibrated) {
-            assert_int_equal(info->rig.cameras[0].camera.width, info->width);
-            assert_int_equal(info->rig.cameras[0].camera.height, info->height);
+            assert_int_equal(info->rig.cameras[0].camera.width, info->cameras[0].width);
+            assert_int_equal(info->rig.cameras[0].camera.height, info->cameras[0].height);
             assert_true(info->rig.cameras[0].camera.fx > 0 &&
                         info->rig.cameras[0].camera.field_max_rad > 0);
-            assert_true(info->camera_origin[0] != '\0');
+            assert_true(info->cameras[0].origin[0] != '\0');
         }
         ops->close(source);
     }
@@ -549,8 +550,8 @@ static void test_real_recordings(void **state)
         const struct fovea_source_selection few = {.step = 10};
         if (ops->open(address, &few, &source, &error) != FOVEA_OK) fail_msg("%s", error.text);
         const struct fovea_source_info *info = ops->info(source);
-        assert_int_equal(info->width, real[i].width);
-        assert_int_equal(info->height, real[i].height);
+        assert_int_equal(info->cameras[0].width, real[i].width);
+        assert_int_equal(info->cameras[0].height, real[i].height);
         assert_int_equal(info->frame_count, (real[i].count + 9) / 10);
         assert_int_equal(info->rig.cameras[0].calibrated, real[i].fx > 0);
         if (info->rig.cameras[0].calibrated)

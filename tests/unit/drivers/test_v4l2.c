@@ -74,8 +74,8 @@ static void test_negotiation_is_told(void **state)
     struct fovea_source *source =
         fv_test_open("/dev/video0?width=640&height=480&rate=60&format=YUYV");
     const struct fovea_source_info *info = ops->info(source);
-    assert_int_equal(info->width, 96);
-    assert_int_equal(info->height, 64);
+    assert_int_equal(info->cameras[0].width, 96);
+    assert_int_equal(info->cameras[0].height, 64);
     assert_int_equal(info->format, FOVEA_PIXEL_YUYV);
     assert_true(info->rate_hz == 25.0 && info->live && !info->rig.cameras[0].calibrated);
     struct fovea_error error;

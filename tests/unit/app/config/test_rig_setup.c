@@ -11,6 +11,7 @@
 #include <cmocka.h>
 
 #include "app/config/setup.h"
+#include "common/datasets.h"
 
 enum { WIDTH = 96, HEIGHT = 64 };
 
@@ -110,17 +111,61 @@ static void wrong_masks_are_refused(void **state)
                    "/nowhere.png");
 }
 
+/* The second camera's images are 64 x 80; its calibration is of `width` x `height`. */
+static const char *make_euroc(int width, int height)
+{
+    enum { W2 = 64, H2 = 80 };
+    static const struct fv_test_png form = {.width = W2, .height = H2, .channels = 1, .depth = 8};
+    static char top[FV_TEST_PATH_BYTES];
+    static uint8_t pixels[W2 * H2];
+    char text[512];
+    snprintf(top, sizeof top, "%s", fv_test_euroc(fv_test_place));
+    fv_test_make_folder(fv_test_path(top, "mav0/cam1"));
+    fv_test_make_folder(fv_test_path(top, "mav0/cam1/data"));
+    fv_test_write_text(fv_test_path(top, "mav0/cam1/data.csv"), "1403638538577829376,1.png\n");
+    fv_test_write_png(fv_test_path(top, "mav0/cam1/data/1.png"), &form, pixels);
+    snprintf(text, sizeof text,
+             "sensor_type: camera\nresolution: [%d, %d]\ncamera_model: pinhole\n"
+             "intrinsics: [80, 80, 31.5, 39.5]\ndistortion_model: radial-tangential\n"
+             "distortion_coefficients: [-0.2, 0.05, 0.001, -0.001]\n",
+             width, height);
+    fv_test_write_text(fv_test_path(top, "mav0/cam1/sensor.yaml"), text);
+    return top;
+}
+
+static void each_calibration_is_fitted_to_its_cameras_images(void **state)
+{
+    char uri[FV_TEST_PATH_BYTES + 32];
+    const char *const none[] = {NULL}, *const scaled[] = {"camera_scale=true", NULL};
+    struct fv_setup setup = {0};
+    (void)state;
+    const char *top = make_euroc(32, 40);
+    snprintf(uri, sizeof uri, "euroc:%s?cameras=2", top);
+    assert_int_equal(open_with(uri, none, &setup), FOVEA_ERROR_INPUT);
+    fv_setup_close(&setup);
+    assert_non_null(strstr(error.text, "mav0/cam1/sensor.yaml: image size: found 32 x 40, "
+                                       "expected 64 x 80 as the frames have"));
+    if (open_with(uri, scaled, &setup) != FOVEA_OK) fail_msg("%s", error.text);
+    const struct fovea_rig *rig = &settings.runtime.rig;
+    assert_true(rig->cameras[0].camera.width == WIDTH && rig->cameras[0].camera.fx == 80);
+    assert_true(rig->cameras[1].camera.width == 64 && rig->cameras[1].camera.height == 80);
+    assert_true(rig->cameras[1].camera.fx == 160 && rig->cameras[1].camera.cx == 63.5);
+    assert_int_equal(fv_setup_frame_bytes(&setup), WIDTH * HEIGHT + 64 * 80);
+    fv_setup_close(&setup);
+    fv_test_folder_remove(top);
+}
+
 static int make_file(void **state)
 {
-    (void)state;
     const int file = mkstemp(path);
+    if (fv_test_place_set_up(state) != 0) return -1;
     return file < 0 || close(file) != 0 ? -1 : 0;
 }
 
 static int remove_file(void **state)
 {
-    (void)state;
-    return unlink(path);
+    const int place = fv_test_place_tear_down(state);
+    return unlink(path) != 0 ? -1 : place;
 }
 
 int main(void)
@@ -129,6 +174,7 @@ int main(void)
         cmocka_unit_test(the_rig_has_the_body_of_the_settings),
         cmocka_unit_test(masks_go_to_their_cameras),
         cmocka_unit_test(wrong_masks_are_refused),
+        cmocka_unit_test(each_calibration_is_fitted_to_its_cameras_images),
     };
     return cmocka_run_group_tests(tests, make_file, remove_file);
 }
