@@ -33,6 +33,11 @@ const struct fv_command fv_commands[] = {
     {"rectify", "remove the lens distortion of a picture", fv_command_rectify,
      "IN is a PNG or JPEG file; OUT is written as PNG.",
      "fovea rectify --camera camera.yaml in.png out.png --write-camera out.yaml"},
+    {"image", "run a chain of image operations on a picture", fv_command_image,
+     "IN is a PNG or JPEG file; OUT is written as PNG, in grey levels.",
+     "fovea image in.png out.png --operations denoise,sharpen\n"
+     "fovea image in.png out.png --operations contrast_enhancement --limit 3\n"
+     "fovea image in.jpg out.png --white-balance"},
     {"detect", "find objects in pictures with an int8 network", fv_command_detect,
      "One line of JSON is printed for each picture.",
      "fovea detect --model src/detect/shipped.fvm photo.png --draw boxes"},

@@ -14,6 +14,7 @@
 
 #include "kernels/contracts/corner.h"
 #include "kernels/contracts/fast.h"
+#include "kernels/contracts/filter.h"
 #include "kernels/contracts/grey.h"
 #include "kernels/contracts/hamming.h"
 #include "kernels/contracts/orb.h"

@@ -1,4 +1,4 @@
-/* fovea features, match, rectify and detect on a drawn picture, and on wrong input. */
+/* fovea features, match, rectify, image and detect on a drawn picture, and on wrong input. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -102,6 +102,12 @@ static void commands_write_pictures(void **state)
         FV_EXIT_OK);
     size_of(out, 320, 200);
     assert_int_equal(
+        CALL(fv_command_image, "image", in, out, "--operations", "denoise,normalize,sharpen"),
+        FV_EXIT_OK);
+    size_of(out, WIDTH, HEIGHT);
+    assert_int_equal(CALL(fv_command_image, "image", in, out, "--white-balance"), FV_EXIT_OK);
+    size_of(out, WIDTH, HEIGHT);
+    assert_int_equal(
         CALL(fv_command_rectify, "rectify", in, out, "--camera", camera, "--view", "cylinder"),
         FV_EXIT_OK);
     size_of(out, WIDTH, HEIGHT);
@@ -118,6 +124,16 @@ static void wrong_input_is_told(void **state)
                      FV_EXIT_FAILED);
     assert_int_equal(CALL(fv_command_match, "match", in), FV_EXIT_WRONG);
     assert_int_equal(CALL(fv_command_match, "match", in, in, "--ratio", "0"), FV_EXIT_WRONG);
+    assert_int_equal(CALL(fv_command_image, "image", in, out), FV_EXIT_WRONG);
+    assert_int_equal(CALL(fv_command_image, "image", in, out, "--operations", "denoise,blur"),
+                     FV_EXIT_WRONG);
+    assert_int_equal(
+        CALL(fv_command_image, "image", in, out, "--operations", "denoise", "--size", "4"),
+        FV_EXIT_WRONG);
+    assert_int_equal(
+        CALL(fv_command_image, "image", in, out, "--operations", "gamma", "--gamma", "x"),
+        FV_EXIT_WRONG);
+    assert_int_equal(CALL(fv_command_image, "image", in, in, "--white-balance"), FV_EXIT_WRONG);
     assert_int_equal(CALL(fv_command_rectify, "rectify", in, out), FV_EXIT_WRONG);
     assert_int_equal(CALL(fv_command_rectify, "rectify", in, out, "--camera", in), FV_EXIT_WRONG);
     assert_int_equal(

@@ -1,0 +1,85 @@
+#define FV_NAME(kernel) fv_k_##kernel##__avx512
+#include "kernels/filter_loops.h"
+
+#include <immintrin.h>
+
+/* Sums down the columns, less 32768. */
+static inline void gauss_columns(uint16_t *column, const uint8_t *const *rows, int32_t width,
+                                 const uint16_t *weights, int32_t radius)
+{
+    const uint8_t *row[2 * FV_GAUSS_RADIUS_MAX + 1];
+    for (int32_t i = 0; i <= 2 * radius; i++)
+        row[i] = rows[i];
+    for (int32_t x = 0; x < width; x++) {
+        uint16_t sum = (uint16_t)(weights[0] * row[radius][x] + 32768u);
+        for (int32_t i = 1; i <= radius; i++)
+            sum =
+                (uint16_t)(sum + weights[i] * (uint16_t)(row[radius - i][x] + row[radius + i][x]));
+        column[x] = sum;
+    }
+    for (int32_t i = 1; i <= radius; i++) {
+        column[-i] = column[i];
+        column[width - 1 + i] = column[width - 1 - i];
+    }
+}
+
+/* Weights of the pairs (x - radius, x - radius + 1), (x - radius + 2, ...), ... for outputs at even
+ * and at odd places of a vector, which both read the pairs that begin at even places. */
+struct gauss_pairs {
+    __m512i even[4], odd[4];
+};
+
+static inline int32_t gauss_weight(const uint16_t *weights, int32_t radius, int32_t tap)
+{
+    const int32_t distance = tap < radius ? radius - tap : tap - radius;
+    return tap < 0 || distance > radius ? 0 : weights[distance];
+}
+
+static inline void gauss_pairs_make(struct gauss_pairs *pairs, const uint16_t *weights,
+                                    int32_t radius)
+{
+    for (int32_t k = 0; k <= radius; k++) {
+        pairs->even[k] = _mm512_set1_epi32(gauss_weight(weights, radius, 2 * k + 1) << 16 |
+                                           gauss_weight(weights, radius, 2 * k));
+        pairs->odd[k] = _mm512_set1_epi32(gauss_weight(weights, radius, 2 * k) << 16 |
+                                          gauss_weight(weights, radius, 2 * k - 1));
+    }
+}
+
+static inline __m512i gauss_thirty_two(const uint16_t *column, const struct gauss_pairs *pairs,
+                                       int32_t radius)
+{
+    const __m512i bias = _mm512_set1_epi32(256 * 32768 + 32768);
+    __m512i even = bias, odd = bias;
+    for (int32_t k = 0; k <= radius; k++) {
+        const __m512i c = _mm512_loadu_si512(column - radius + 2 * k);
+        even = _mm512_add_epi32(even, _mm512_madd_epi16(c, pairs->even[k]));
+        odd = _mm512_add_epi32(odd, _mm512_madd_epi16(c, pairs->odd[k]));
+    }
+    return _mm512_mask_blend_epi16(0xaaaaaaaau, _mm512_srli_epi32(even, 16), odd);
+}
+
+static inline void gauss_row(uint8_t *out, const uint8_t *const *rows, int32_t width,
+                             const uint16_t *weights, int32_t radius, uint16_t *scratch)
+{
+    uint16_t *column = scratch + 16;
+    struct gauss_pairs pairs;
+    gauss_columns(column, rows, width, weights, radius);
+    gauss_pairs_make(&pairs, weights, radius);
+    for (int32_t x = 0; x < width; x += 32) {
+        const __mmask32 mask = width - x >= 32 ? 0xffffffffu : (1u << (width - x)) - 1u;
+        _mm512_mask_cvtepi16_storeu_epi8(out + x, mask,
+                                         gauss_thirty_two(column + x, &pairs, radius));
+    }
+}
+
+void fv_k_gauss_row_u8__avx512(uint8_t *out, const uint8_t *const *rows, int32_t width,
+                               const uint16_t *weights, int32_t radius, uint16_t *scratch)
+{
+    if (radius == 1)
+        gauss_row(out, rows, width, weights, 1, scratch);
+    else if (radius == 2)
+        gauss_row(out, rows, width, weights, 2, scratch);
+    else
+        gauss_row(out, rows, width, weights, 3, scratch);
+}
