@@ -1,7 +1,7 @@
 /* Preprocessing beside OpenCV on real images of odd sizes, with every kernel set of this processor:
  * equal to the bit where fovea/preprocess.h says so, else within one grey level.
  *
- *   test_preprocess_opencv [FOLDER [LIMIT]]     default: 8 images of $FOVEA_DATA; LIMIT 0: all */
+ *   test_preprocess_opencv [FOLDER [LIMIT]]     default: 3 images of $FOVEA_DATA; LIMIT 0: all */
 #include "oracle/images.h"
 
 #include <cmath>
@@ -209,12 +209,12 @@ bool compare(const Comparison &c, const std::string &name, const cv::Mat &image,
 
 int main(int argc, char **argv)
 {
-    const size_t limit = argc > 2 ? std::strtoul(argv[2], nullptr, 10) : 8;
+    const size_t limit = argc > 2 ? std::strtoul(argv[2], nullptr, 10) : 3;
     std::vector<std::string> names =
         images_under(argc > 1 ? argv[1] : data_folder(), limit == 0 ? 1000000 : limit);
     if (names.empty()) {
         std::printf("SKIPPED images of %s: not there\n", data_folder().c_str());
-        names = images_under("/usr/share/doc/opencv-doc/examples/data", 8);
+        names = images_under("/usr/share/doc/opencv-doc/examples/data", 3);
     }
     std::vector<struct fv_kernels> sets;
     for (int set = 0; set < FV_CPU_SET_COUNT; set++) {
