@@ -150,15 +150,15 @@ static void compose(const double A[12], const double B[12], double C[12])
                            (j == 3 ? A[4 * i + 3] : 0.0);
 }
 
-static void interpolate(const struct fv_pose *a, const struct fv_pose *b, double share, double q[4],
-                        double t[3])
+static void interpolate(const struct fv_pose *a, const struct fv_pose *b, double fraction,
+                        double q[4], double t[3])
 {
     double dot = 0.0, square = 0.0;
     for (int i = 0; i < 4; i++)
         dot += a->rotation_wxyz[i] * b->rotation_wxyz[i];
     const double sign = dot < 0.0 ? -1.0 : 1.0;
     for (int i = 0; i < 4; i++) {
-        q[i] = (1.0 - share) * a->rotation_wxyz[i] + share * sign * b->rotation_wxyz[i];
+        q[i] = (1.0 - fraction) * a->rotation_wxyz[i] + fraction * sign * b->rotation_wxyz[i];
         square += q[i] * q[i];
     }
     const double length =
@@ -166,7 +166,7 @@ static void interpolate(const struct fv_pose *a, const struct fv_pose *b, double
     for (int i = 0; i < 4; i++)
         q[i] /= length;
     for (int i = 0; i < 3; i++)
-        t[i] = (1.0 - share) * a->position_m[i] + share * b->position_m[i];
+        t[i] = (1.0 - fraction) * a->position_m[i] + fraction * b->position_m[i];
 }
 
 bool fv_poses_at(const struct fv_poses *poses, int64_t stamp_ns, uint64_t index,
@@ -188,15 +188,15 @@ bool fv_poses_at(const struct fv_poses *poses, int64_t stamp_ns, uint64_t index,
     }
     if (low == 0) return false;
     const struct fv_pose *a = &poses->by_stamp[low - 1], *b = low < poses->count ? a + 1 : a;
-    double q[4], t[3], T_world_body[12], share = 0.0;
+    double q[4], t[3], T_world_body[12], fraction = 0.0;
     if (stamp_ns != a->stamp_ns) {
         /* Unsigned: stamps of a hostile file may be further apart than an int64_t holds. */
         const uint64_t gap = (uint64_t)b->stamp_ns - (uint64_t)a->stamp_ns,
                        into = (uint64_t)stamp_ns - (uint64_t)a->stamp_ns;
         if (a == b || gap > (uint64_t)FV_POSES_GAP_NS) return false;
-        share = (double)into / (double)gap;
+        fraction = (double)into / (double)gap;
     }
-    interpolate(a, b, share, q, t);
+    interpolate(a, b, fraction, q, t);
     to_matrix(q, t, T_world_body);
     compose(T_world_body, poses->T_body_cam, T_world_cam);
     return true;

@@ -99,9 +99,9 @@ static void choose_ellipse(struct fv_sim_object *o, const struct fv_sim_world *w
         o->wobble = 0.01;
         return;
     } else {
-        const double share = draw(random, 0.25, 0.78);
-        x = share * (x - 0.9);
-        y = share * (y - 0.9);
+        const double fraction = draw(random, 0.25, 0.78);
+        x = fraction * (x - 0.9);
+        y = fraction * (y - 0.9);
     }
     o->radius[0] = x;
     o->radius[1] = y;

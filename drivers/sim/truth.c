@@ -155,7 +155,7 @@ static double pixels_outside(const struct fovea_source *source, const struct alo
     return sum;
 }
 
-static float visible_share(const struct fovea_source *source, int32_t object, int32_t visible)
+static float visible_fraction(const struct fovea_source *source, int32_t object, int32_t visible)
 {
     struct alone alone;
     find_surfaces(&source->scene, object, &alone);
@@ -192,7 +192,7 @@ enum fovea_status fv_sim_truth(struct fovea_source *source, const struct fovea_f
             .y_min_px = (float)t->y_min,
             .x_max_px = (float)t->x_max,
             .y_max_px = (float)t->y_max,
-            .visible_share = visible_share(source, i + 1, t->visible),
+            .visible_fraction = visible_fraction(source, i + 1, t->visible),
         };
     }
     truth->depth_m = source->depth_m;

@@ -1,5 +1,5 @@
 /* Automatic gain for cameras that have a gain but no automatism of their own: the camera thread
- * measures how bright the frames are and moves the gain by a share of what is missing (an
+ * measures how bright the frames are and moves the gain by a fraction of what is missing (an
  * integrating controller). */
 #include <errno.h>
 #include <stdlib.h>

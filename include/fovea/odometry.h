@@ -86,7 +86,7 @@ struct fovea_pose {
     /* Landmarks matched, and of them those that agree. While starting, matches are those of
      * features with the oldest image held. */
     uint32_t matches, inliers;
-    float quality; /* share of the landmarks predicted to be visible that are inliers, [0, 1] */
+    float quality; /* fraction of the landmarks predicted to be visible that are inliers, [0, 1] */
     /* rises with each reset, and when a new map is started after the camera was lost */
     uint32_t reset_counter;
     /* of the map that began this world; 0: the first; that of an older map when the camera is found

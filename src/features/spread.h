@@ -1,20 +1,21 @@
 /* Spread: pick corners so that they cover the image rather than crowd on its strongest texture.
  *
- * Each level is due a share of the features, which falls by 5/6 from level to level, as side
+ * Each level is due a fraction of the features, which falls by 5/6 from level to level, as side
  * lengths do, and gives its strongest corners. (Where only strength counts, per_cell being
  * FV_SPREAD_KEPT, it falls by 29/30: coarse corners are less exact but survive blur and change of
  * scale; measured on the Oxford affine sets.) It is cut into square cells, about as many as its
- * share: a cell gives at most `per_cell` (more where too few would be found), and when any of its
- * corners reaches `threshold` those below do not count. What a coarse level lacks goes to the finer
- * ones, what is then left to the coarser. Beside that, the frame is cut into FV_SPREAD_COVER x
- * FV_SPREAD_COVER fields: where the strong corners leave fields empty, the strongest corner of such
- * a field over all levels takes the place of the weakest elsewhere, until FV_SPREAD_WANTED fields
- * hold one. (Where only strength counts, a corner of a field counts by its score times the scale of
- * its level, of the two coarsest by half of the next one's: in weak texture the fine corners are
- * the first that blur takes away. On the Oxford sets it raises the matching score of blurred images
- * by a twentieth and costs the others a hundredth; photographs warped and blurred by hand agree.)
- * Strong corners match best, covered fields tie the geometry down. Ties go to the earlier in raster
- * order; corners of the fields to the coarser level. Integer, bounded, deterministic. */
+ * fraction: a cell gives at most `per_cell` (more where too few would be found), and when any of
+ * its corners reaches `threshold` those below do not count. What a coarse level lacks goes to the
+ * finer ones, what is then left to the coarser. Beside that, the frame is cut into FV_SPREAD_COVER
+ * x FV_SPREAD_COVER fields: where the strong corners leave fields empty, the strongest corner of
+ * such a field over all levels takes the place of the weakest elsewhere, until FV_SPREAD_WANTED
+ * fields hold one. (Where only strength counts, a corner of a field counts by its score times the
+ * scale of its level, of the two coarsest by half of the next one's: in weak texture the fine
+ * corners are the first that blur takes away. On the Oxford sets it raises the matching score of
+ * blurred images by a twentieth and costs the others a hundredth; photographs warped and blurred by
+ * hand agree.) Strong corners match best, covered fields tie the geometry down. Ties go to the
+ * earlier in raster order; corners of the fields to the coarser level. Integer, bounded,
+ * deterministic. */
 #ifndef FOVEA_FEATURES_SPREAD_H
 #define FOVEA_FEATURES_SPREAD_H
 
@@ -48,7 +49,7 @@ struct fv_spread_cell {
      * 16 and 8 bits. */
     uint64_t best[FV_SPREAD_KEPT];
     uint8_t count;    /* kept */
-    uint8_t eligible; /* of them, the first so many may be picked for their strength */
+    uint8_t eligible; /* number of them, the first, that may be picked for their strength */
     uint8_t taken;    /* a bit for each that is picked */
 };
 

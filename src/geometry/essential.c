@@ -113,7 +113,7 @@ static void normal_equations(const struct fv_pair *pairs, uint32_t count, double
     for (uint32_t i = 0; i < count; i++) {
         double r = residual_row(T, E, u, v, &pairs[i], row), r2 = r * r;
         if (r2 > limit2) continue;
-        double share = r2 / limit2, weight = (1 - share) * (1 - share);
+        double fraction = r2 / limit2, weight = (1 - fraction) * (1 - fraction);
         for (int a = 0; a < 5; a++) {
             double scaled = weight * row[a];
             g[a] += scaled * r;

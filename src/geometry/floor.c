@@ -34,9 +34,9 @@ static double floor_score(const struct fv_floor_point *points, uint32_t count, c
 {
     double score = 0;
     for (uint32_t i = 0; i < count; i++) {
-        double e = floor_residual(down, height, &points[i]), share = e * e / (gate * gate);
-        if (share < 1)
-            score += floor_weight(&points[i]) * (1 - share);
+        double e = floor_residual(down, height, &points[i]), fraction = e * e / (gate * gate);
+        if (fraction < 1)
+            score += floor_weight(&points[i]) * (1 - fraction);
         else if (e > 0)
             score -= floor_weight(&points[i]);
     }

@@ -23,11 +23,11 @@ void fv_normal_add(const struct fv_normal *n, const struct fv_residual_block *bl
     }
 }
 
-void fv_normal_damp(const struct fv_normal *n, double share, double extra)
+void fv_normal_damp(const struct fv_normal *n, double fraction, double extra)
 {
     for (int k = 0; k < n->size; k++) {
         double *diagonal = n->H + (n->size + 1) * k;
-        *diagonal = *diagonal * (1 + share) + extra;
+        *diagonal = *diagonal * (1 + fraction) + extra;
     }
 }
 

@@ -8,7 +8,7 @@
  * others only (landmarks) are eliminated one at a time by the Schur complement, and their own steps
  * follow from the solution of the rest (B. Triggs et al., "Bundle adjustment: a modern synthesis",
  * 2000, section 6). The reduced system is dense and is solved by LDL^T (linear.h), in one go or
- * some columns per unit. Levenberg-Marquardt's damping adds a share of the diagonal.
+ * some columns per unit. Levenberg-Marquardt's damping adds a fraction of the diagonal.
  *
  * The caller owns all storage; struct fv_normal is a view of it, made where it is used, so that
  * state holds no addresses. The order of operations is fixed: results have the same bits on every
@@ -134,8 +134,8 @@ FV_BLOCK_INLINE void fv_normal_add_rows(const struct fv_normal *normal, int firs
     }
 }
 
-/* diagonal = (1 + share) diagonal + extra. */
-void fv_normal_damp(const struct fv_normal *normal, double share, double extra);
+/* diagonal = (1 + fraction) diagonal + extra. */
+void fv_normal_damp(const struct fv_normal *normal, double fraction, double extra);
 
 /* ---- landmarks: eliminated by the Schur complement ------------------------------------------- */
 

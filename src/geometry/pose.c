@@ -7,7 +7,7 @@
 #include "geometry/vec.h"
 #include "geometry/chi_square.h"
 
-static const double settled_variance_min =
+static const double noise_variance_min =
     0.08; /* px^2 of level 0: matches are not better than that */
 
 /* ---- sampling -------------------------------------------------------------------------------- */
@@ -228,12 +228,12 @@ bool fv_pose_refine(struct fv_observation *observations, uint32_t count, int rou
     return true;
 }
 
-bool fv_pose_settle(struct fv_observation *observations, uint32_t count, struct fv_se3 *T_cam_world,
-                    struct fv_pose_fit *fit)
+bool fv_pose_refine_to_noise(struct fv_observation *observations, uint32_t count,
+                             struct fv_se3 *T_cam_world, struct fv_pose_fit *fit)
 {
     struct fv_se3 T = *T_cam_world;
     double variance = fv_pose_variance(fit), moved;
-    if (variance < settled_variance_min) variance = settled_variance_min;
+    if (variance < noise_variance_min) variance = noise_variance_min;
     const double limit2 = variance * FV_CHI_SQUARE_99_2;
     if (limit2 >= FV_CHI_SQUARE_95_2) return true;
     for (int step = 0; step < 2; step++) {

@@ -75,8 +75,8 @@ double fv_pose_variance(const struct fv_pose_fit *fit);
  * (chi-square, 99 %, 2 dof) times its variance, and never more than before. Where matches are good
  * to a third of a pixel, what is a pixel off is a thing that moves. Two steps. False when the
  * system is singular (pose untouched). */
-bool fv_pose_settle(struct fv_observation *observations, uint32_t count, struct fv_se3 *T_cam_world,
-                    struct fv_pose_fit *fit);
+bool fv_pose_refine_to_noise(struct fv_observation *observations, uint32_t count,
+                             struct fv_se3 *T_cam_world, struct fv_pose_fit *fit);
 
 #ifdef __cplusplus
 }

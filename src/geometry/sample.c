@@ -19,11 +19,11 @@ void fv_sample_distinct(struct fv_random *random, uint32_t count, uint32_t size,
     }
 }
 
-uint32_t fv_sample_bound(double inlier_share, uint32_t size, double confidence)
+uint32_t fv_sample_bound(double inlier_fraction, uint32_t size, double confidence)
 {
     double all = 1;
     for (uint32_t k = 0; k < size; k++)
-        all *= inlier_share;
+        all *= inlier_fraction;
     if (!(all > 1e-5)) return 1000000;
     if (all > 0.999) return 4;
     double needed = fv_log(1 - confidence) / fv_log(1 - all);

@@ -19,7 +19,7 @@ void fv_sample_distinct(struct fv_random *random, uint32_t count, uint32_t size,
 /* Samples needed so that, with probability `confidence`, one holds inliers only; at least 4, at
  * most 1000000.
  */
-uint32_t fv_sample_bound(double inlier_share, uint32_t size, double confidence);
+uint32_t fv_sample_bound(double inlier_fraction, uint32_t size, double confidence);
 
 #ifdef __cplusplus
 }

@@ -15,10 +15,10 @@ bool fv_triangulate(const struct fv_se3 *T, const double x1[3], const double x2[
     /* On it, errors e1 + e2 = gap with e1/d1, e2/d2 the angles: e1^2/d1^2 + e2^2/d2^2 is least at
      * e1 ~ d1^2.
      */
-    double share = d1 * d1 / (d1 * d1 + d2 * d2), in_2[3], moved[3];
+    double fraction = d1 * d1 / (d1 * d1 + d2 * d2), in_2[3], moved[3];
     for (int i = 0; i < 3; i++) {
         double on_1 = d1 * q[i] + T->t[i], on_2 = d2 * x2[i];
-        in_2[i] = on_1 + share * (on_2 - on_1);
+        in_2[i] = on_1 + fraction * (on_2 - on_1);
         moved[i] = in_2[i] - T->t[i];
     }
     fv_rotate_back3(T->R, moved, point);

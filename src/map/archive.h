@@ -44,7 +44,7 @@ enum {
     FV_ARCHIVE_SCALE_BYTES = 24,
     FV_ARCHIVE_SCALES_MAX = FV_MAP_WORLDS_MAX + 1,
     FV_ARCHIVE_CHECKSUM_BYTES = 8,
-    FV_ARCHIVE_UNIT_LANDMARKS = 512, /* slots looked at in a unit */
+    FV_ARCHIVE_UNIT_LANDMARKS = 512, /* slots read in a unit */
     FV_ARCHIVE_UNIT_FEATURES = 1024  /* written in a unit */
 };
 

@@ -27,17 +27,17 @@ enum {
 
 static const double ratio_max = 0.85;
 static const double least_score = 0.1 * FV_PLACE_ONE;
-static const double score_share =
+static const double score_fraction =
     0.6; /* of the worst neighbour's score, that a candidate must reach */
-static const double found_share_min = 0.3; /* of the group's visible landmarks */
-static const double scale_log_max = 0.7;   /* within one map: drift does not double lengths */
+static const double found_fraction_min = 0.3; /* of the group's visible landmarks */
+static const double scale_log_max = 0.7;      /* within one map: drift does not double lengths */
 static const double turn_max_rad = 0.6;
 /* A relation less certain corrects nothing: a wall seen from afar is as tilted in the map as its
  * few degrees allow. */
 static const double turn_sigma_max_rad = 0.02;
 static const double distance_sigma_least = 0.01;
-static const double drift_share_max = 0.1; /* of the path since the candidate */
-static const double drift_slack = 0.3;     /* of the median depth */
+static const double drift_fraction_max = 0.1; /* of the path since the candidate */
+static const double drift_slack = 0.3;        /* of the median depth */
 
 /* ---- memory ---------------------------------------------------------------------------------- */
 
@@ -107,7 +107,7 @@ static uint32_t least_score_of(struct fv_closure *closure, const struct fv_map *
     for (uint32_t i = 0; i < count; i++)
         if (closure->scores[near[i].slot] > 0 && closure->scores[near[i].slot] < least)
             least = closure->scores[near[i].slot];
-    least = (uint32_t)(score_share * least);
+    least = (uint32_t)(score_fraction * least);
     return least > (uint32_t)least_score ? least : (uint32_t)least_score;
 }
 
@@ -409,7 +409,8 @@ bool fv_closure_plausible(const struct fv_map *map, uint32_t keyframe, uint32_t 
     centre_of(k, centre);
     effect(correction, centre, &shift, &turn, &scale);
     return turn < turn_max_rad && scale < scale_log_max &&
-           shift < drift_share_max * path_since(map, keyframe, c->number) + drift_slack * k->depth;
+           shift <
+               drift_fraction_max * path_since(map, keyframe, c->number) + drift_slack * k->depth;
 }
 
 /* ---- confirmations
@@ -417,7 +418,7 @@ bool fv_closure_plausible(const struct fv_map *map, uint32_t keyframe, uint32_t 
 
 static bool enough_found(const struct fv_closure_state *s, uint32_t least)
 {
-    return s->found >= least && s->found >= found_share_min * s->visible;
+    return s->found >= least && s->found >= found_fraction_min * s->visible;
 }
 
 /* Whether a correction says the same as what is believed, at the offered keyframe. */

@@ -49,7 +49,7 @@ static bool add_correspondence(struct fv_closure *closure, const struct fv_map *
 }
 
 /* Landmarks of the other world as a keyframe should see them. */
-struct outlook {
+struct guided {
     struct fv_map_frame frame;
     struct fv_sim3 S_keyframe_candidate;
     struct fv_se3 T_candidate_world;
@@ -57,30 +57,30 @@ struct outlook {
     uint32_t slot;
 };
 
-static void look_for(struct fv_closure *closure, const struct fv_map *map,
-                     const struct fv_kernels *kernels, const struct outlook *look,
-                     const struct fv_landmark *l)
+static void search_one(struct fv_closure *closure, const struct fv_map *map,
+                       const struct fv_kernels *kernels, const struct guided *guided,
+                       const struct fv_landmark *l)
 {
     struct fv_closure_state *s = closure->state;
     double in_candidate[3], q[3], ray[3], pixel[2];
-    fv_se3_apply(&look->T_candidate_world, l->point, in_candidate);
-    fv_sim3_apply(&look->S_keyframe_candidate, in_candidate, q);
+    fv_se3_apply(&guided->T_candidate_world, l->point, in_candidate);
+    fv_sim3_apply(&guided->S_keyframe_candidate, in_candidate, q);
     if (!in_image(closure, map, q, pixel)) return;
-    fv_subtract3(l->point, look->centre, ray);
+    fv_subtract3(l->point, guided->centre, ray);
     double distance = fv_norm3(ray);
     double cosine = fv_map_cosine(l, ray, distance);
     int level = fv_map_predict_level(l, distance);
     if (cosine < 0.6 || level < 0) return;
     s->visible++;
-    struct fv_found found = fv_map_search(map, kernels, look->slot, pixel[0], pixel[1],
+    struct fv_found found = fv_map_search(map, kernels, guided->slot, pixel[0], pixel[1],
                                           radius_guided_px * fv_level_scale((uint32_t)level),
                                           level - 1, level + 1, fv_map_descriptor(map, l), false);
     if (!fv_map_found_one(&found, DISTANCE_GUIDED_MAX) || closure->nearest[found.feature] != 0 ||
-        fv_map_error2(map, &look->frame.points[found.feature], q) > 2 * FV_CHI_SQUARE_99_2)
+        fv_map_error2(map, &guided->frame.points[found.feature], q) > 2 * FV_CHI_SQUARE_99_2)
         return;
     uint32_t feature = (uint32_t)found.feature;
-    if (look->frame.landmark[feature] != FV_MAP_NONE &&
-        !add_correspondence(closure, map, &look->frame, feature, l, q, in_candidate))
+    if (guided->frame.landmark[feature] != FV_MAP_NONE &&
+        !add_correspondence(closure, map, &guided->frame, feature, l, q, in_candidate))
         return;
     closure->nearest[feature] = 1;
     s->found++;
@@ -91,13 +91,13 @@ bool fv_closure_search_group(struct fv_closure *closure, const struct fv_map *ma
                              const struct fv_sim3 *S_keyframe_candidate)
 {
     struct fv_closure_state *s = closure->state;
-    struct outlook look = {.frame = fv_map_frame_at(map, slot),
-                           .S_keyframe_candidate = *S_keyframe_candidate,
-                           .slot = slot};
+    struct guided guided = {.frame = fv_map_frame_at(map, slot),
+                            .S_keyframe_candidate = *S_keyframe_candidate,
+                            .slot = slot};
     struct fv_sim3 inverse;
-    look.T_candidate_world = map->keyframes[s->candidates[s->candidate].slot].T_cam_world;
+    guided.T_candidate_world = map->keyframes[s->candidates[s->candidate].slot].T_cam_world;
     fv_sim3_invert(S_keyframe_candidate, &inverse);
-    fv_se3_apply_inverse(&look.T_candidate_world, inverse.t, look.centre);
+    fv_se3_apply_inverse(&guided.T_candidate_world, inverse.t, guided.centre);
     if (s->next == 0) {
         memset(closure->nearest, 0,
                map->limits.features * sizeof *closure->nearest); /* features taken */
@@ -107,7 +107,7 @@ bool fv_closure_search_group(struct fv_closure *closure, const struct fv_map *ma
         struct fv_map_handle handle = closure->group[s->next++];
         const struct fv_landmark *l = &map->landmarks[handle.slot];
         if (l->used && l->generation == handle.generation)
-            look_for(closure, map, kernels, &look, l);
+            search_one(closure, map, kernels, &guided, l);
     }
     return s->next >= s->group_count;
 }

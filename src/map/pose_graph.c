@@ -8,7 +8,7 @@
 enum { UNIT_LINEARISE = 40, UNIT_JUDGE = 150 /* edges */, UNIT_ITERATIONS = 2 };
 
 static const struct fv_damping damping_rule = {.fall = 0.1, .floor = 1e-12, .rise = 30};
-static const double converged_share = 1e-8; /* of the cost: a step that saves less is the last */
+static const double converged_fraction = 1e-8; /* of the cost: a step that saves less is the last */
 
 void fv_pose_graph_carve(struct fv_pose_graph *g, const struct fv_pose_graph_limits *limits,
                          struct fv_arena *job)
@@ -294,17 +294,17 @@ static void judge(struct fv_pose_graph *g)
     s->next = 0;
     bool last = s->step >= g->limits.steps;
     if (s->cost <= s->cost_before) {
-        bool converged = s->cost_before - s->cost <= converged_share * s->cost_before;
+        bool converged = s->cost_before - s->cost <= converged_fraction * s->cost_before;
         s->damping = fv_damping_lower(&damping_rule, s->damping);
         s->phase = last || converged ? FV_GRAPH_DONE : FV_GRAPH_LINEARISE;
         return;
     }
     for (uint32_t k = 0; k < s->ordered; k++)
         g->nodes[g->order[k]].S = g->nodes[g->order[k]].before;
-    bool settled = s->cost - s->cost_before <= converged_share * s->cost_before;
+    bool converged = s->cost - s->cost_before <= converged_fraction * s->cost_before;
     s->cost = s->cost_before;
     s->damping = fv_damping_raise(&damping_rule, s->damping);
-    s->phase = last || settled || s->damping > 1e6 ? FV_GRAPH_DONE : FV_GRAPH_FACTOR;
+    s->phase = last || converged || s->damping > 1e6 ? FV_GRAPH_DONE : FV_GRAPH_FACTOR;
 }
 
 static void judge_unit(struct fv_pose_graph *g)

@@ -5,7 +5,8 @@
 #include "geometry/normal_equations.h"
 #include "map/pose_graph.h"
 
-static const double residual_share = 1e-8; /* of the first squared residual, where iterating ends */
+static const double residual_fraction =
+    1e-8; /* of the first squared residual, where iterating ends */
 
 /* out += M x, or M^T x. */
 static void add_product(const double M[49], bool transposed, const double x[7], double out[7])
@@ -45,8 +46,8 @@ static void damp(const struct fv_graph_node *node, double damping, double D[49])
         D[8 * a] += damping * node->diagonal[8 * a] + 1e-12;
 }
 
-/* Diagonal blocks of the tree alone: a node has the share of the edge to its parent, and of those
- * to its children. */
+/* Diagonal blocks of the tree alone: a node has the fraction of the edge to its parent, and of
+ * those to its children. */
 static void tree_blocks(struct fv_pose_graph *g)
 {
     for (uint32_t k = 0; k < g->state->ordered; k++) {
@@ -190,5 +191,5 @@ bool fv_graph_solve_more(struct fv_pose_graph *g)
             node->direction[i] = node->preconditioned[i] + ratio * node->direction[i];
     }
     s->rho = rho;
-    return rho > residual_share * s->rho_start;
+    return rho > residual_fraction * s->rho_start;
 }

@@ -199,7 +199,7 @@ static void end_pass(struct fv_window *w)
     bool last = s->pass >= s->passes;
     if (better) {
         bool converged = s->pass > FV_WINDOW_STEPS_MIN && s->step_pending &&
-                         s->cost > s->cost_before * (1 - w->limits.settled);
+                         s->cost > s->cost_before * (1 - w->limits.converged);
         s->accepted_any = s->accepted_any || (!first && s->step_pending);
         if (s->step_pending) s->damping = fv_damping_lower(&damping_rule, s->damping);
         s->cost_before = s->cost;

@@ -145,7 +145,7 @@ static void put(const struct fv_model *model, const struct tables *t, uint8_t *i
 
 enum {
     BLOCK_ROWS = 16
-}; /* that share where a column looks: the division there costs more than the sample */
+}; /* that fraction where a column looks: the division there costs more than the sample */
 
 /* Where rows of a block look. */
 struct block {

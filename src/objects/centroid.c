@@ -14,12 +14,13 @@ static double distance2(const struct fv_object_slot *slot, const struct fovea_de
 
 /* Nearest detection of the slot's class that is free, or -1. */
 static int32_t nearest(const struct fv_objects *tracker, const struct fv_object_slot *slot,
-                       const struct fv_objects_inference *look, double *best)
+                       const struct fv_objects_inference *inference, double *best)
 {
     int32_t found = -1;
-    for (uint32_t d = 0; d < look->count; d++) {
-        if (tracker->taken[d] || look->detections[d].class_id != slot->track.class_id) continue;
-        const double distance = distance2(slot, &look->detections[d]);
+    for (uint32_t d = 0; d < inference->count; d++) {
+        if (tracker->taken[d] || inference->detections[d].class_id != slot->track.class_id)
+            continue;
+        const double distance = distance2(slot, &inference->detections[d]);
         if (found >= 0 && distance >= *best) continue;
         *best = distance;
         found = (int32_t)d;
@@ -48,7 +49,8 @@ static void place_at(struct fv_object_slot *slot, const struct fovea_detection *
     hold(slot, (double)d->x_min_px, (double)d->y_min_px, (double)d->x_max_px, (double)d->y_max_px);
 }
 
-void fv_objects_match_centroid(struct fv_objects *tracker, const struct fv_objects_inference *look)
+void fv_objects_match_centroid(struct fv_objects *tracker,
+                               const struct fv_objects_inference *inference)
 {
     const double limit = tracker->config->max_distance_px * tracker->config->max_distance_px;
     const uint32_t slots = tracker->config->count_max;
@@ -65,16 +67,16 @@ void fv_objects_match_centroid(struct fv_objects *tracker, const struct fv_objec
             double distance = 0;
             int32_t *near = &tracker->column_of[i];
             if (*near == -2 || (*near >= 0 && tracker->taken[*near]))
-                *near = nearest(tracker, s, look, &distance);
+                *near = nearest(tracker, s, inference, &distance);
             if (*near < 0) continue;
-            distance = distance2(s, &look->detections[*near]);
+            distance = distance2(s, &inference->detections[*near]);
             if (slot >= 0 ? distance >= least : distance > least) continue;
             least = distance;
             slot = (int32_t)i;
         }
         if (slot < 0) return;
         const int32_t d = tracker->column_of[slot];
-        fv_objects_take(tracker, &tracker->slots[slot], look, (uint32_t)d);
-        place_at(&tracker->slots[slot], &look->detections[d]);
+        fv_objects_take(tracker, &tracker->slots[slot], inference, (uint32_t)d);
+        place_at(&tracker->slots[slot], &inference->detections[d]);
     }
 }

@@ -6,8 +6,8 @@
 
 #include "geometry/se3.h"
 
-static const double height_share = 0.1;    /* deviation of a class's height */
-static const double edge_share = 0.03;     /* deviation of a box's edge, of the box's height */
+static const double height_fraction = 0.1; /* deviation of a class's height */
+static const double edge_fraction = 0.03;  /* deviation of a box's edge, of the box's height */
 static const double tilt_sigma_rad = 0.01; /* of the camera over the floor */
 static const double range_max_m = 1000.0,
                     walk_m_s = 1.0; /* a velocity gains so much within a second */
@@ -31,7 +31,7 @@ static double dot(const double a[3], const double b[3])
 
 static double edge_sigma_px(const struct fv_object_slot *slot)
 {
-    const double sigma = edge_share * slot->box[FV_OBJECT_H].x;
+    const double sigma = edge_fraction * slot->box[FV_OBJECT_H].x;
     return sigma > 0.5 ? sigma : 0.5;
 }
 
@@ -59,13 +59,14 @@ static bool by_size(const struct fv_objects *tracker, const struct fv_object_slo
     if (!(chord > 1e-6)) return false;
     const double half_sine = 0.5 * chord, half_cosine = __builtin_sqrt(1.0 - half_sine * half_sine);
     const double range = 0.5 * height_m * half_cosine / half_sine;
-    const double share = 1.4 * edge_sigma_px(slot) / slot->box[FV_OBJECT_H].x;
+    const double fraction = 1.4 * edge_sigma_px(slot) / slot->box[FV_OBJECT_H].x;
     if (!(range < range_max_m)) return false;
     const double across = edge_sigma_px(slot) / tracker->camera->fy * range;
     memcpy(place->along, middle, sizeof middle);
     for (int i = 0; i < 3; i++)
         place->at[i] = range * middle[i];
-    place->range_variance = range * range * (share * share + height_share * height_share);
+    place->range_variance =
+        range * range * (fraction * fraction + height_fraction * height_fraction);
     place->across_variance = across * across;
     return true;
 }
@@ -85,12 +86,12 @@ static bool by_floor(const struct fv_objects *tracker, const struct fv_object_sl
     if (!(range < range_max_m)) return false;
     const double pixel_rad = edge_sigma_px(slot) / tracker->camera->fy,
                  cosine = __builtin_sqrt(1.0 - down * down);
-    const double share =
+    const double fraction =
         __builtin_sqrt(pixel_rad * pixel_rad + tilt_sigma_rad * tilt_sigma_rad) * cosine / down;
     memcpy(place->along, foot, sizeof foot);
     for (int i = 0; i < 3; i++)
         place->at[i] = range * foot[i];
-    place->range_variance = range * range * share * share;
+    place->range_variance = range * range * fraction * fraction;
     place->across_variance = range * range * pixel_rad * pixel_rad;
     return true;
 }
@@ -130,15 +131,15 @@ static void scale_to(double full[9], const double variance[3])
 }
 
 static void filter_place(struct fv_object_slot *slot, const struct place *place,
-                         const struct fv_objects_inference *look)
+                         const struct fv_objects_inference *inference)
 {
     struct fv_se3 T;
     double at[3], full[9];
-    fv_se3_from_rows(look->T_world_cam, &T);
+    fv_se3_from_rows(inference->T_world_cam, &T);
     fv_se3_apply(&T, place->at, at);
-    covariance_of(place, look->T_world_cam, full);
-    const bool goes_on = slot->has_place && slot->world == look->world;
-    const double dt_s = (double)(look->stamp_ns - slot->place_ns) * 1e-9;
+    covariance_of(place, inference->T_world_cam, full);
+    const bool goes_on = slot->has_place && slot->world == inference->world;
+    const double dt_s = (double)(inference->stamp_ns - slot->place_ns) * 1e-9;
     for (int i = 0; i < 3; i++) {
         if (goes_on) {
             fv_filter_predict(&slot->place[i], dt_s, walk_m_s * walk_m_s);
@@ -148,8 +149,8 @@ static void filter_place(struct fv_object_slot *slot, const struct place *place,
         }
     }
     slot->has_place = 1;
-    slot->world = look->world;
-    slot->place_ns = look->stamp_ns;
+    slot->world = inference->world;
+    slot->place_ns = inference->stamp_ns;
     for (int i = 0; i < 3; i++) {
         slot->track.position_m[i] = slot->place[i].x;
         slot->track.velocity_m_s[i] = slot->place[i].v;
@@ -163,7 +164,7 @@ static void filter_place(struct fv_object_slot *slot, const struct place *place,
 }
 
 void fv_objects_locate(const struct fv_objects *tracker, struct fv_object_slot *slot,
-                       const struct fv_objects_inference *look)
+                       const struct fv_objects_inference *inference)
 {
     const struct fovea_objects_config *config = tracker->config;
     const int32_t c = slot->track.class_id;
@@ -175,8 +176,8 @@ void fv_objects_locate(const struct fv_objects *tracker, struct fv_object_slot *
     if (!(height_m > 0.0 && by_size(tracker, slot, height_m, &place)) &&
         !(config->ground && by_floor(tracker, slot, &place)))
         return;
-    if (look->posed && look->metric) {
-        filter_place(slot, &place, look);
+    if (inference->posed && inference->metric) {
+        filter_place(slot, &place, inference);
         return;
     }
     double full[9];

@@ -2,12 +2,12 @@
 
 #include <string.h>
 
-/* Noise of a box in shares of its size: measurements of 5 %, a velocity that is unknown to two
+/* Noise of a box in fractions of its size: measurements of 5 %, a velocity that is unknown to two
  * sizes per second at first and gains two sizes per second within a second (twice what DeepSORT and
  * BoT-SORT take at 30 Hz: objects that turn). */
-static const double measured_share = 0.05, velocity_share = 2.0, drift_share = 2.0;
+static const double measured_fraction = 0.05, velocity_fraction = 2.0, drift_fraction = 2.0;
 /* Sizes change more slowly than places. */
-static const double size_velocity_share = 0.3, size_drift_share = 0.2;
+static const double size_velocity_fraction = 0.3, size_drift_fraction = 0.2;
 
 static double larger(double a, double b)
 {
@@ -67,8 +67,8 @@ static void turn(const struct fv_objects *tracker, struct fv_object_slot *slot, 
 
 static void predict(struct fv_object_slot *slot, double dt_s)
 {
-    const double size = size_of(slot), drift = drift_share * size,
-                 size_drift = size_drift_share * size;
+    const double size = size_of(slot), drift = drift_fraction * size,
+                 size_drift = size_drift_fraction * size;
     for (int k = 0; k < FV_OBJECT_NUMBERS; k++) {
         const bool is_place = k < FV_OBJECT_W;
         /* Unseen, a size is better left as it was: a box that shrank behind an edge would go on
@@ -83,26 +83,27 @@ static void predict(struct fv_object_slot *slot, double dt_s)
 
 /* R_now_before, and whether it is known. */
 static bool rotation_since(const struct fv_objects_state *state,
-                           const struct fv_objects_inference *look, double R[9])
+                           const struct fv_objects_inference *inference, double R[9])
 {
-    if (!look->posed || !state->posed || look->world != state->world) return false;
+    if (!inference->posed || !state->posed || inference->world != state->world) return false;
     for (int i = 0; i < 3; i++) {
         for (int j = 0; j < 3; j++) {
             double sum = 0;
             for (int k = 0; k < 3; k++)
-                sum += look->T_world_cam[4 * k + i] * state->R_world_cam[3 * k + j];
+                sum += inference->T_world_cam[4 * k + i] * state->R_world_cam[3 * k + j];
             R[3 * i + j] = sum;
         }
     }
     return true;
 }
 
-static void predict_all(struct fv_objects *tracker, const struct fv_objects_inference *look)
+static void predict_all(struct fv_objects *tracker, const struct fv_objects_inference *inference)
 {
     double R[9];
     const struct fv_objects_state *state = tracker->state;
-    const double dt_s = state->started ? (double)(look->stamp_ns - state->stamp_ns) * 1e-9 : 0.0;
-    const bool turned = rotation_since(state, look, R);
+    const double dt_s =
+        state->started ? (double)(inference->stamp_ns - state->stamp_ns) * 1e-9 : 0.0;
+    const bool turned = rotation_since(state, inference, R);
     for (uint32_t i = 0; i < tracker->config->count_max; i++) {
         struct fv_object_slot *slot = &tracker->slots[i];
         slot->matched = 0;
@@ -122,22 +123,22 @@ static struct measured measure(const struct fovea_detection *d)
 {
     const double x0 = (double)d->x_min_px, y0 = (double)d->y_min_px, x1 = (double)d->x_max_px,
                  y1 = (double)d->y_max_px;
-    const double sigma = larger(measured_share * 0.5 * (x1 - x0 + y1 - y0), 0.5);
+    const double sigma = larger(measured_fraction * 0.5 * (x1 - x0 + y1 - y0), 0.5);
     return (struct measured){{0.5 * (x0 + x1), 0.5 * (y0 + y1), x1 - x0, y1 - y0},
                              {sigma, sigma, 1.4 * sigma, 1.4 * sigma}};
 }
 
 void fv_objects_take(struct fv_objects *tracker, struct fv_object_slot *slot,
-                     const struct fv_objects_inference *look, uint32_t detection)
+                     const struct fv_objects_inference *inference, uint32_t detection)
 {
-    const struct fovea_detection *d = &look->detections[detection];
+    const struct fovea_detection *d = &inference->detections[detection];
     const struct measured m = measure(d);
     for (int k = 0; k < FV_OBJECT_NUMBERS; k++)
         fv_filter_update(&slot->box[k], m.number[k], m.sigma[k] * m.sigma[k]);
     slot->track.score = d->score;
     slot->score_sum += (double)d->score;
     slot->track.class_id = d->class_id;
-    slot->track.seen_ns = look->stamp_ns;
+    slot->track.seen_ns = inference->stamp_ns;
     slot->track.hits++;
     slot->track.unseen = 0;
     slot->matched = 1;
@@ -145,9 +146,9 @@ void fv_objects_take(struct fv_objects *tracker, struct fv_object_slot *slot,
 }
 
 static void begin(struct fv_objects *tracker, struct fv_object_slot *slot,
-                  const struct fv_objects_inference *look, uint32_t detection)
+                  const struct fv_objects_inference *inference, uint32_t detection)
 {
-    const struct fovea_detection *d = &look->detections[detection];
+    const struct fovea_detection *d = &inference->detections[detection];
     const struct measured m = measure(d);
     memset(slot, 0, sizeof *slot);
     slot->used = slot->matched = 1;
@@ -155,20 +156,20 @@ static void begin(struct fv_objects *tracker, struct fv_object_slot *slot,
     slot->track = (struct fovea_object){.id = ++tracker->state->next_id,
                                         .class_id = d->class_id,
                                         .score = d->score,
-                                        .first_ns = look->stamp_ns,
-                                        .seen_ns = look->stamp_ns,
+                                        .first_ns = inference->stamp_ns,
+                                        .seen_ns = inference->stamp_ns,
                                         .hits = 1};
     const double size = 0.5 * (m.number[FV_OBJECT_W] + m.number[FV_OBJECT_H]);
     for (int k = 0; k < FV_OBJECT_NUMBERS; k++) {
         fv_filter_start(&slot->box[k], m.number[k], m.sigma[k],
-                        (k < FV_OBJECT_W ? velocity_share : size_velocity_share) * size);
+                        (k < FV_OBJECT_W ? velocity_fraction : size_velocity_fraction) * size);
     }
     tracker->taken[detection] = 1;
 }
 
 /* ---- the pool -------------------------------------------------------------------------------- */
 
-/* Whether `a` is given up before `b`; neither was seen in this look. */
+/* Whether `a` is given up before `b`; neither was seen in this inference. */
 static bool weaker(const struct fv_object_slot *a, const struct fv_object_slot *b)
 {
     const bool tentative_a = a->track.state == FOVEA_OBJECT_TENTATIVE,
@@ -191,16 +192,16 @@ static struct fv_object_slot *room(struct fv_objects *tracker)
     return weakest;
 }
 
-static void begin_new(struct fv_objects *tracker, const struct fv_objects_inference *look)
+static void begin_new(struct fv_objects *tracker, const struct fv_objects_inference *inference)
 {
     const struct fovea_objects_config *config = tracker->config;
     const double least = config->mode == FOVEA_OBJECTS_SORT ? config->score_new : 0.0;
-    for (uint32_t d = 0; d < look->count; d++) {
-        if (tracker->taken[d] || (double)look->detections[d].score < least) continue;
+    for (uint32_t d = 0; d < inference->count; d++) {
+        if (tracker->taken[d] || (double)inference->detections[d].score < least) continue;
         struct fv_object_slot *slot = room(tracker);
         if (slot == NULL)
             return; /* detections come by falling score: none of the others has more right */
-        begin(tracker, slot, look, d);
+        begin(tracker, slot, inference, d);
     }
 }
 
@@ -266,35 +267,35 @@ static void tell(struct fv_objects *tracker, const struct fovea_object *track)
     tracker->list[at] = *track;
 }
 
-void fv_objects_update(struct fv_objects *tracker, const struct fv_objects_inference *look)
+void fv_objects_update(struct fv_objects *tracker, const struct fv_objects_inference *inference)
 {
     struct fv_objects_state *state = tracker->state;
-    if (state->started && state->stamp_ns >= look->stamp_ns) return;
-    memset(tracker->taken, 0, look->count + look->uncertain);
-    predict_all(tracker, look);
+    if (state->started && state->stamp_ns >= inference->stamp_ns) return;
+    memset(tracker->taken, 0, inference->count + inference->uncertain);
+    predict_all(tracker, inference);
     if (tracker->config->mode == FOVEA_OBJECTS_SORT)
-        fv_objects_match_sort(tracker, look);
+        fv_objects_match_sort(tracker, inference);
     else
-        fv_objects_match_centroid(tracker, look);
-    begin_new(tracker, look);
+        fv_objects_match_centroid(tracker, inference);
+    begin_new(tracker, inference);
     state->listed = 0;
     for (uint32_t i = 0; i < tracker->config->count_max; i++) {
         struct fv_object_slot *slot = &tracker->slots[i];
         if (!slot->used) continue;
         const bool was_believed = slot->track.state != FOVEA_OBJECT_TENTATIVE;
-        age(tracker, slot, look->stamp_ns);
+        age(tracker, slot, inference->stamp_ns);
         describe(slot);
-        fv_objects_locate(tracker, slot, look);
+        fv_objects_locate(tracker, slot, inference);
         if (slot->track.state != FOVEA_OBJECT_ENDED || was_believed) tell(tracker, &slot->track);
     }
     state->updates++;
     state->started = 1;
-    state->stamp_ns = look->stamp_ns;
-    state->sequence = look->sequence;
-    state->posed = look->posed;
-    state->world = look->world;
+    state->stamp_ns = inference->stamp_ns;
+    state->sequence = inference->sequence;
+    state->posed = inference->posed;
+    state->world = inference->world;
     for (int i = 0; i < 9; i++)
-        state->R_world_cam[i] = look->T_world_cam[i / 3 * 4 + i % 3];
+        state->R_world_cam[i] = inference->T_world_cam[i / 3 * 4 + i % 3];
 }
 
 /* ---- what is reported ------------------------------------------------------------------------ */

@@ -16,7 +16,7 @@
 extern "C" {
 #endif
 
-/* An image that was looked at, and what was found in it. */
+/* An inference: an image, and what a network found in it. */
 struct fv_objects_inference {
     int64_t stamp_ns;
     uint64_t sequence;
@@ -32,20 +32,20 @@ struct fv_objects_inference {
 enum { FV_OBJECT_X = 0, FV_OBJECT_Y, FV_OBJECT_W, FV_OBJECT_H, FV_OBJECT_NUMBERS };
 
 struct fv_object_slot {
-    struct fovea_object track; /* as of the last look */
+    struct fovea_object track; /* as of the last inference */
     struct fv_filter box[FV_OBJECT_NUMBERS];
     struct fv_filter place[3];                   /* in the world */
     uint64_t world;                              /* of `place` */
     int64_t place_ns;                            /* when `place` was last measured */
     double score_sum;                            /* over its detections */
-    uint32_t used, has_place, matched, reserved; /* matched: in this look */
+    uint32_t used, has_place, matched, reserved; /* matched: in this inference */
 };
 
 struct fv_objects_state {
     uint64_t next_id, updates, confirmed, sequence, world;
     int64_t stamp_ns;
     uint32_t posed, listed, started, reserved; /* started: the stamp and what follows hold */
-    double R_world_cam[9];                     /* of the last look */
+    double R_world_cam[9];                     /* of the last inference */
 };
 
 /* One side of a pair that may be matched: a prediction or a detection. */
@@ -61,7 +61,7 @@ struct fv_objects {
     struct fv_objects_state *state;
     struct fv_object_slot *slots; /* count_max */
     struct fovea_object *list;    /* count_max, what is reported */
-    /* scratch of a look */
+    /* scratch of an inference */
     float *cost;
     int32_t *rows, *columns, *column_of; /* slots and detections in an assignment */
     struct fv_object_side *sides;        /* by detection */
@@ -78,28 +78,30 @@ void fv_objects_carve(struct fv_objects *tracker, const struct fovea_objects_con
 /* Forget all tracks; ids go on. */
 void fv_objects_reset(struct fv_objects *tracker);
 
-/* Take a look into account. Looks must come in the order of their stamps; one that does not is
- * passed over. */
-void fv_objects_update(struct fv_objects *tracker, const struct fv_objects_inference *look);
+/* Take an inference into account. Inferences must come in the order of their stamps; one that does
+ * not is passed over. */
+void fv_objects_update(struct fv_objects *tracker, const struct fv_objects_inference *inference);
 
 void fv_objects_get(const struct fv_objects *tracker, struct fovea_objects *tracks);
 
-/* Boxes (x_min y_min x_max y_max) of movable classes in the last look, tracked or coasting. At most
- * `capacity`; returns how many. */
+/* Boxes (x_min y_min x_max y_max) of movable classes in the last inference, tracked or coasting. At
+ * most `capacity`; returns how many. */
 uint32_t fv_objects_movable(const struct fv_objects *tracker, float (*boxes)[4], uint32_t capacity);
 
 /* ---- parts, one file each -------------------------------------------------------------------- */
 
 /* locate.c: where a track that was just seen is. */
 void fv_objects_locate(const struct fv_objects *tracker, struct fv_object_slot *slot,
-                       const struct fv_objects_inference *look);
-/* sort.c and centroid.c: match the detections of a look with the predicted slots; sets
+                       const struct fv_objects_inference *inference);
+/* sort.c and centroid.c: match the detections of an inference with the predicted slots; sets
  * slot->matched and tracker->taken. */
-void fv_objects_match_sort(struct fv_objects *tracker, const struct fv_objects_inference *look);
-void fv_objects_match_centroid(struct fv_objects *tracker, const struct fv_objects_inference *look);
+void fv_objects_match_sort(struct fv_objects *tracker,
+                           const struct fv_objects_inference *inference);
+void fv_objects_match_centroid(struct fv_objects *tracker,
+                               const struct fv_objects_inference *inference);
 /* track.c: a detection becomes part of a track. */
 void fv_objects_take(struct fv_objects *tracker, struct fv_object_slot *slot,
-                     const struct fv_objects_inference *look, uint32_t detection);
+                     const struct fv_objects_inference *inference, uint32_t detection);
 
 #ifdef __cplusplus
 }

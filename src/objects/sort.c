@@ -5,7 +5,7 @@
  * pairs pass which are farther, as boxes are that something cuts off. Sizes deviate by a tenth
  * besides what the filter knows. */
 static const double distance_gate = 16.0, overlap_gate = 0.3, overlap_gate_low = 0.4,
-                    far_gate = 40.0, size_share = 0.1;
+                    far_gate = 40.0, size_fraction = 0.1;
 
 /* What the cost needs of a prediction and of a detection, worked out once for all their pairs. */
 static void row_of(const struct fv_object_slot *slot, struct fv_object_side *side)
@@ -39,8 +39,8 @@ static void column_of(const struct fovea_detection *d, struct fv_object_side *si
         .y_variance = sigma * sigma,
         .x_reach = reach,
         .y_reach = reach,
-        .w_variance = size_share * size_share * (x1 - x0) * (x1 - x0) + sigma * sigma,
-        .h_variance = size_share * size_share * (y1 - y0) * (y1 - y0) + sigma * sigma,
+        .w_variance = size_fraction * size_fraction * (x1 - x0) * (x1 - x0) + sigma * sigma,
+        .h_variance = size_fraction * size_fraction * (y1 - y0) * (y1 - y0) + sigma * sigma,
         .class_id = d->class_id};
 }
 
@@ -87,13 +87,13 @@ static float cost_of(const struct fv_object_side *a, const struct fv_object_side
 }
 
 /* One assignment of the slots in tracker->rows to the detections in tracker->columns. */
-static void assign(struct fv_objects *tracker, const struct fv_objects_inference *look,
+static void assign(struct fv_objects *tracker, const struct fv_objects_inference *inference,
                    int32_t rows, int32_t columns, bool only_overlap)
 {
     if (rows == 0 || columns == 0) return;
     struct fv_object_side *columns_of = tracker->sides, row;
     for (int32_t c = 0; c < columns; c++)
-        column_of(&look->detections[tracker->columns[c]], &columns_of[c]);
+        column_of(&inference->detections[tracker->columns[c]], &columns_of[c]);
     for (int32_t r = 0; r < rows; r++) {
         row_of(&tracker->slots[tracker->rows[r]], &row);
         for (int32_t c = 0; c < columns; c++)
@@ -102,27 +102,27 @@ static void assign(struct fv_objects *tracker, const struct fv_objects_inference
     fv_assign(tracker->cost, columns, rows, columns, tracker->assign, tracker->column_of);
     for (int32_t r = 0; r < rows; r++) {
         if (tracker->column_of[r] < 0) continue;
-        fv_objects_take(tracker, &tracker->slots[tracker->rows[r]], look,
+        fv_objects_take(tracker, &tracker->slots[tracker->rows[r]], inference,
                         (uint32_t)tracker->columns[tracker->column_of[r]]);
     }
 }
 
 /* Detections of the first stage, or those of the second. */
 static int32_t gather_detections(const struct fv_objects *tracker,
-                                 const struct fv_objects_inference *look, bool first)
+                                 const struct fv_objects_inference *inference, bool first)
 {
     const struct fovea_objects_config *config = tracker->config;
     int32_t count = 0;
-    for (uint32_t d = 0; d < look->count + look->uncertain; d++) {
-        const double score = (double)look->detections[d].score;
-        const bool high = d < look->count && score >= config->score_high;
+    for (uint32_t d = 0; d < inference->count + inference->uncertain; d++) {
+        const double score = (double)inference->detections[d].score;
+        const bool high = d < inference->count && score >= config->score_high;
         if (!tracker->taken[d] && high == first && score >= config->score_low)
             tracker->columns[count++] = (int32_t)d;
     }
     return count;
 }
 
-/* Slots that were not matched yet; `fresh`: only those that were seen in the look before. */
+/* Slots that were not matched yet; `fresh`: only those that were seen in the inference before. */
 static int32_t gather_slots(const struct fv_objects *tracker, bool fresh)
 {
     int32_t count = 0;
@@ -136,10 +136,10 @@ static int32_t gather_slots(const struct fv_objects *tracker, bool fresh)
 
 /* Tentative tracks take part in the first stage: else a track whose object has just gone behind
  * something would take the detections of the one that comes out there. */
-void fv_objects_match_sort(struct fv_objects *tracker, const struct fv_objects_inference *look)
+void fv_objects_match_sort(struct fv_objects *tracker, const struct fv_objects_inference *inference)
 {
-    assign(tracker, look, gather_slots(tracker, false), gather_detections(tracker, look, true),
-           false);
-    assign(tracker, look, gather_slots(tracker, true), gather_detections(tracker, look, false),
-           true);
+    assign(tracker, inference, gather_slots(tracker, false),
+           gather_detections(tracker, inference, true), false);
+    assign(tracker, inference, gather_slots(tracker, true),
+           gather_detections(tracker, inference, false), true);
 }

@@ -22,13 +22,13 @@ static const double scale_sigma =
     0.01; /* of the window's unit of length against that of the whole path */
 static const double nearly = 1e-6,
                     nearly_zero = 1e-9; /* added to diagonals, relative: no parallax is any depth */
-static const double own_share = 0.75;   /* of the variance that inliers show: their landmarks' own
-                                           errors are in it, and counted again */
+static const double own_fraction = 0.75; /* of the variance that inliers show: their landmarks' own
+                                         errors are in it, and counted again */
 static const double together_max =
     3; /* parts' variance over that of the errors: more, and something moves */
 static const double young_spread_px =
     20; /* below it, landmarks' errors have much in common; above, less and less */
-static const double bend_max = 0.05, bend_share = 0.2;
+static const double bend_max = 0.05, bend_fraction = 0.2;
 
 void fv_covariance_carve(struct fv_covariance *c, struct fv_arena *frame)
 {
@@ -223,7 +223,7 @@ static double parts_variance(const struct fv_odometry *o, const struct fv_map_fr
     return square / 6;
 }
 
-/* What the map in sight is bent by: noise over the mean parallax of its landmarks. Those with more
+/* How far the visible map is bent: noise over the mean parallax of its landmarks. Those with more
  * of it hold the rest in place; where none has much, as in a young map, their errors have much in
  * common. */
 static double map_bend(const struct fv_odometry *o, const struct fv_map_frame *frame,
@@ -301,19 +301,19 @@ bool fv_covariance_write(struct fv_odometry *o, const struct fv_map_frame *frame
     double *covariance = o->state->pose.covariance, variance = fv_pose_variance(fit);
     if (variance < variance_min) variance = variance_min;
     const double together = parts_variance(o, frame, fit) / variance,
-                 factor = own_share * (together > 1 ? together : 1),
+                 factor = own_fraction * (together > 1 ? together : 1),
                  bend = map_bend(o, frame, __builtin_sqrt(variance));
-    bool sound = together < together_max;
+    bool reliable = together < together_max;
     if (!solve_joint(o, frame, fit->inliers, variance, covariance)) {
         solve_alone(fit, variance, covariance);
-        sound = false;
+        reliable = false;
     }
     for (int k = 0; k < 21; k++)
         covariance[k] *= factor;
     if (bend < bend_max ||
         o->map.state->keyframe_number - o->state->first_keyframe >= YOUNG_KEYFRAMES)
-        return sound;
-    const double drift = bend_share * bend * way_of(reference, frame),
+        return reliable;
+    const double drift = bend_fraction * bend * way_of(reference, frame),
                  turn = drift / (reference->depth > 0 ? reference->depth : 1);
     for (int row = 0, k = 0; row < 6; k += 6 - row, row++)
         covariance[k] += row < 3 ? drift * drift : turn * turn;

@@ -19,7 +19,7 @@
  *
  * Not to be relied on, whatever its size: where the parts' variance is three times that of the
  * errors or more; and while the map is young (fewer than ten keyframes) and bends, which is that
- * noise over the mean parallax of the landmarks in sight leaves 5 % open. Then a share of that,
+ * noise over the mean parallax of the visible landmarks leaves 5 % open. Then a fraction of that,
  * over the way from the reference, is added. */
 #ifndef FOVEA_ODOMETRY_COVARIANCE_H
 #define FOVEA_ODOMETRY_COVARIANCE_H

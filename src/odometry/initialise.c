@@ -1,4 +1,4 @@
-/* The first map: which views to look at, and whether to believe what they say. */
+/* The first map: which views to use, and whether their motion can be trusted. */
 #include "odometry/initialise.h"
 
 #include <string.h>
@@ -20,8 +20,8 @@ enum {
 static const double ratio_max = 0.8;
 static const double direction_sigma_max_rad =
     0.05; /* of the baseline; more, and the first map may be bent */
-static const double points_share_min = 0.6; /* of the tracks, that must fit in all views */
-static const double parallax_share_min =
+static const double points_fraction_min = 0.6; /* of the tracks, that must fit in all views */
+static const double parallax_fraction_min =
     0.3; /* of the points: of fewer, a thing that moves may be the cause */
 static const double turn_cost_min =
     1.5; /* times the cost: less, and the camera may only have turned */
@@ -209,22 +209,22 @@ static void choose_views(const struct fv_odometry *o, struct fv_initialise_bundl
     const uint32_t middle = between < FV_INITIALISE_MIDDLE_MAX ? between : FV_INITIALISE_MIDDLE_MAX;
     b->view_count = middle + 2;
     b->slots[0] = s->slots[0];
-    b->share[0] = 0;
+    b->fraction[0] = 0;
     for (uint32_t m = 0; m < middle; m++) {
         const uint32_t at = ready[(2 * m + 1) * between / (2 * middle)];
         b->slots[m + 1] = s->slots[at];
-        b->share[m + 1] = (double)(s->frames[at] - s->frames[0]) / span;
+        b->fraction[m + 1] = (double)(s->frames[at] - s->frames[0]) / span;
     }
     b->slots[middle + 1] = fv_map_current(&o->map);
-    b->share[middle + 1] = 1;
+    b->fraction[middle + 1] = 1;
 }
 
 /* Whether a bundle of this number of tracks is good enough for the first map. */
 static bool serves(const struct fv_initialise_bundle *b, uint32_t tracks,
                    uint32_t parallax_points_min)
 {
-    return b->points >= points_share_min * tracks && b->parallax_points >= parallax_points_min &&
-           b->parallax_points >= parallax_share_min * b->points &&
+    return b->points >= points_fraction_min * tracks && b->parallax_points >= parallax_points_min &&
+           b->parallax_points >= parallax_fraction_min * b->points &&
            b->direction_sigma <= direction_sigma_max_rad;
 }
 
@@ -286,7 +286,7 @@ static bool choose(struct fv_odometry *o, uint32_t tracks, struct fv_initialise_
 
 /* The chosen motion, adjusted on all tracks, must hold as well, and explain them far better than
  * turning alone. */
-static bool settle(struct fv_odometry *o, uint32_t tracks, struct fv_initialise_bundle *b)
+static bool confirm(struct fv_odometry *o, uint32_t tracks, struct fv_initialise_bundle *b)
 {
     const double turn_cost = fv_initialise_turn_cost(&o->initialiser, tracks, b);
     if (!fv_initialise_guess_again(&o->initialiser, tracks, b)) return false;
@@ -393,7 +393,7 @@ bool fv_odometry_initialise(struct fv_odometry *o, const struct fv_kernels *kern
         memset(&bundle, 0, sizeof bundle);
         choose_views(o, &bundle);
         const uint32_t tracks = take_pairs(o, matches, &bundle);
-        if (tracks > 0 && choose(o, tracks, &bundle) && settle(o, tracks, &bundle)) {
+        if (tracks > 0 && choose(o, tracks, &bundle) && confirm(o, tracks, &bundle)) {
             fv_window_abort(&o->window);
             make_first_map(o, tracks, &bundle);
             s->count = 0;

@@ -58,7 +58,7 @@ struct fv_feature_track {
 struct fv_initialise_bundle {
     uint32_t view_count;
     uint32_t slots[FV_INITIALISE_VIEWS_MAX];
-    double share[FV_INITIALISE_VIEWS_MAX]; /* of the time between the first and the last */
+    double fraction[FV_INITIALISE_VIEWS_MAX]; /* of the time between the first and the last */
     struct fv_se3 T_view_first[FV_INITIALISE_VIEWS_MAX]; /* |t| of the last is 1 */
     double cost;                                         /* robust, over all tracks */
     double noise; /* of an error, in sigmas of its key points */

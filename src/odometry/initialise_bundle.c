@@ -26,7 +26,7 @@ static const double good_error = 0.05;   /* px^2 of level 0 */
 static const double variance_min = 0.05; /* px^2 of level 0: matches are not better than that */
 static const double parallax_some_px =
     2.5; /* of a landmark: less, and noise decides how far it is */
-static const double point_share_min =
+static const double point_fraction_min =
     0.5; /* of the tracks, that fit the motion before both cameras */
 static const double stage_limit2[] = {100, 25, 6}; /* px^2 of level 0 */
 enum { STAGES = sizeof stage_limit2 / sizeof stage_limit2[0], TIGHT_ROUNDS = 2 };
@@ -154,13 +154,13 @@ static void find_views(const struct fv_initialiser *in, const struct fv_initiali
 }
 
 /* Part of the way from the first to the last view. */
-static void go_part(const struct fv_se3 *whole, double share, struct fv_se3 *T)
+static void go_part(const struct fv_se3 *whole, double fraction, struct fv_se3 *T)
 {
     double turn[3];
     fv_so3_log(whole->R, turn);
     for (int k = 0; k < 3; k++) {
-        turn[k] *= share;
-        T->t[k] = whole->t[k] * share;
+        turn[k] *= fraction;
+        T->t[k] = whole->t[k] * fraction;
     }
     fv_so3_exp(turn, T->R);
 }
@@ -177,9 +177,9 @@ bool fv_initialise_guess_motion(struct fv_initialiser *in, uint32_t count,
     for (uint32_t i = 0; i < count; i++)
         placed +=
             fv_initialise_inverse_depth(in, &in->pairs[i], T_last_first, &in->depths[i].value);
-    if (placed < point_share_min * count) return false;
+    if (placed < point_fraction_min * count) return false;
     for (uint32_t v = 1; v < last; v++) {
-        go_part(T_last_first, b->share[v], &b->T_view_first[v]);
+        go_part(T_last_first, b->fraction[v], &b->T_view_first[v]);
         if (!place_view(in, count, views, b, v)) return false;
     }
     return true;

@@ -12,8 +12,8 @@ static const double threshold_px = 2.0;
 static const double refine_px = 0.5;    /* of a good match: what moves lies beyond */
 static const double place_limit_px = 4; /* in the last view, which takes the error of both */
 static const double same_rotation_rad = 0.01, same_direction_cosine = 0.99;
-static const double mismatch_share_max = 0.5;
-static const double cost_share_max =
+static const double mismatch_fraction_max = 0.5;
+static const double cost_fraction_max =
     1.5; /* of the best one's cost, above which a motion is out of the question */
 
 bool fv_initialise_inverse_depth(const struct fv_initialiser *in, const struct fv_pair *pair,
@@ -86,7 +86,8 @@ static uint32_t add_motion(struct fv_initialiser *in, uint32_t pairs, const stru
 {
     uint32_t parallax;
     double cost = motion_cost(in, pairs, T, &parallax);
-    if (cost > mismatch_share_max * pairs || parallax < FV_INITIALISE_POINTS_MIN / 2) return count;
+    if (cost > mismatch_fraction_max * pairs || parallax < FV_INITIALISE_POINTS_MIN / 2)
+        return count;
     if (count == FV_INITIALISE_MOTIONS_MAX && cost < costs[count - 1])
         count--; /* the worst gives way */
     for (uint32_t i = 0; i < count; i++)
@@ -124,7 +125,7 @@ static void face_points(const struct fv_pair *pairs, uint32_t count, struct fv_s
         T->t[k] = -T->t[k];
 }
 
-/* Follow a motion to its own minimum over some of the pairs, then look at it on all. */
+/* Follow a motion to its own minimum over some of the pairs, then judge it on all. */
 static uint32_t try_motion(struct fv_initialiser *in, uint32_t pairs, struct fv_se3 *T,
                            uint32_t found, struct fv_se3 *list, double *costs)
 {
@@ -150,8 +151,8 @@ uint32_t fv_initialise_motions(struct fv_initialiser *in, struct fv_random *rand
     int plane_count = fit_plane >= FIT_MIN ? fv_homography_motions(H, planes, &ratio) : 0;
     for (int k = 0; k < plane_count; k++)
         found = try_motion(in, count, &planes[k], found, T, costs);
-    /* A little turn and a little translation look much alike: every direction is followed to where
-     * it leads.
+    /* A small rotation and a small translation look almost the same: every direction is followed to
+     * where it leads.
      */
     for (int k = 14; k < 27; k++) { /* its opposite comes by itself: see try_motion */
         struct fv_se3 other = motion;
@@ -162,7 +163,7 @@ uint32_t fv_initialise_motions(struct fv_initialiser *in, struct fv_random *rand
         if (fv_normalise3(other.t)) found = try_motion(in, count, &other, found, T, costs);
     }
     uint32_t kept = 0;
-    while (kept < found && costs[kept] <= cost_share_max * costs[0] + 10)
+    while (kept < found && costs[kept] <= cost_fraction_max * costs[0] + 10)
         kept++;
     return kept;
 }

@@ -9,9 +9,9 @@ enum {
     MATCHES_LOW = 100      /* fewer, and any change of view is worth a keyframe */
 };
 
-static const double kept_share =
+static const double kept_fraction =
     0.7; /* of the matches of the last keyframe, below which one is needed */
-static const double kept_share_urgent = 0.5; /* at which it may not wait */
+static const double kept_fraction_urgent = 0.5; /* at which it may not wait */
 static const double parallax_wanted_rad =
     0.12; /* travelled over median depth: a new keyframe adds depth */
 static const double parallax_least_rad =
@@ -69,16 +69,16 @@ bool fv_odometry_keyframe_needed(struct fv_odometry *o, uint32_t inliers)
 {
     const struct fv_odometry_state *s = o->state;
     uint64_t apart = s->frame_number - s->keyframe_frame;
-    double share = (double)inliers / (s->keyframe_matches > 0 ? s->keyframe_matches : 1);
+    double fraction = (double)inliers / (s->keyframe_matches > 0 ? s->keyframe_matches : 1);
     double depth = current_depth(o);
     double parallax = distance_to(o, s->newest) / depth;
     note_stillness(o, depth);
     if (s->still.frames >= STILL_FRAMES) return false;
     if (s->creation.pending_count == FV_CREATION_PENDING_MAX || parallax < parallax_least_rad)
         return false;
-    if (share < kept_share_urgent || inliers < MATCHES_LOW / 2) return true;
+    if (fraction < kept_fraction_urgent || inliers < MATCHES_LOW / 2) return true;
     if (apart < FRAMES_APART_MIN) return false;
-    return share < kept_share || parallax > parallax_wanted_rad || inliers < MATCHES_LOW;
+    return fraction < kept_fraction || parallax > parallax_wanted_rad || inliers < MATCHES_LOW;
 }
 
 void fv_odometry_queue(struct fv_odometry *o, uint32_t keyframe)

@@ -1,5 +1,5 @@
 /* New landmarks of a keyframe: features without one are matched along epipolar lines in its
- * neighbours, triangulated, checked, and looked for in the other neighbours. */
+ * neighbours, triangulated, checked, and searched for in the other neighbours. */
 #include <string.h>
 
 #include "geometry/triangulate.h"
@@ -15,7 +15,7 @@ enum {
 };
 
 static const double cos_parallax_max = 0.99996; /* half a degree */
-static const double baseline_share_min =
+static const double baseline_fraction_min =
     0.03; /* of the median depth: nearer neighbours give no depth */
 static const double depth_near =
     0.15; /* of the median depth: where the search along the line starts */
@@ -32,7 +32,7 @@ static bool baseline_serves(const struct fv_odometry *o, uint32_t a, uint32_t b)
     struct fv_se3 T_world_b, T;
     fv_se3_invert(&o->map.keyframes[b].T_cam_world, &T_world_b);
     fv_se3_compose(&o->map.keyframes[a].T_cam_world, &T_world_b, &T);
-    return fv_norm3(T.t) > baseline_share_min * o->map.keyframes[a].depth;
+    return fv_norm3(T.t) > baseline_fraction_min * o->map.keyframes[a].depth;
 }
 
 static void begin_creation(struct fv_odometry *o, uint32_t keyframe)
@@ -77,7 +77,7 @@ static void line_begin(const struct fv_odometry *o, uint32_t a, uint32_t b,
 }
 
 /* Box of the part of the line between the nearest plausible depth and infinity; false when it is
- * out of sight. */
+ * outside the image. */
 static bool line_box(const struct fv_odometry *o, const struct line_search *search,
                      const double bearing[3], double box[4])
 {

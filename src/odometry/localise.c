@@ -13,7 +13,7 @@ enum {
 static const double radius_first_px = 12, radius_wide_px = 30; /* times the level's scale */
 static const double local_widen =
     4; /* of the local map's search, where it makes up for a poor first stage */
-static const double found_share_low =
+static const double found_fraction_low =
     0.2; /* of the visible landmarks: less, and the search is widened */
 
 void fv_localiser_carve(struct fv_localiser *l, uint32_t features_max, struct fv_arena *persistent,
@@ -95,14 +95,15 @@ uint32_t fv_odometry_collect_observations(struct fv_odometry *o, const struct fv
     return count;
 }
 
-/* Refine over all matches, forget those that do not fit; `settle`: by the noise found. */
+/* Refine over all matches, forget those that do not fit; `to_noise`: then with the limit that the
+ * noise found allows. */
 static uint32_t refine(struct fv_odometry *o, const struct fv_map_frame *frame, int rounds,
-                       int steps, bool settle, struct fv_se3 *T, struct fv_pose_fit *fit)
+                       int steps, bool to_noise, struct fv_se3 *T, struct fv_pose_fit *fit)
 {
     uint32_t count = fv_odometry_collect_observations(o, frame);
     if (count < 6 || !fv_pose_refine(o->localiser.observations, count, rounds, steps, T, fit))
         return 0;
-    if (settle && !fv_pose_settle(o->localiser.observations, count, T, fit)) return 0;
+    if (to_noise && !fv_pose_refine_to_noise(o->localiser.observations, count, T, fit)) return 0;
     for (uint32_t i = 0; i < count; i++)
         if (!o->localiser.observations[i].inlier)
             frame->landmark[o->localiser.observed_feature[i]] = FV_MAP_NONE;
@@ -229,7 +230,7 @@ void fv_odometry_confirm(struct fv_odometry *o)
     uint32_t inliers = fv_odometry_refine(o, &frame, 1, 3, &T, &fit);
     if (inliers == 0) return;
     o->state->pose.inliers = inliers;
-    o->state->sound = fv_covariance_write(o, &frame, &fit);
+    o->state->covariance_reliable = fv_covariance_write(o, &frame, &fit);
 }
 
 uint32_t fv_odometry_localise(struct fv_odometry *o, const struct fv_kernels *kernels)
@@ -242,7 +243,7 @@ uint32_t fv_odometry_localise(struct fv_odometry *o, const struct fv_kernels *ke
     o->state->pose.matches = fv_odometry_collect_observations(o, &frame);
     uint32_t inliers = refine(o, &frame, 2, 4, true, &T, &fit);
     if (inliers <
-        found_share_low * (visible + known)) { /* a wrong rough pose finds what agrees with it */
+        found_fraction_low * (visible + known)) { /* a wrong rough pose finds what agrees with it */
         (void)fv_odometry_match_local(o, kernels, &frame, &T, local_widen);
         o->state->pose.matches = fv_odometry_collect_observations(o, &frame);
         inliers = fv_odometry_refine(o, &frame, 3, 5, &T, &fit);
@@ -255,7 +256,7 @@ uint32_t fv_odometry_localise(struct fv_odometry *o, const struct fv_kernels *ke
     o->state->pose.inliers = inliers;
     o->state->pose.quality = (float)inliers / (float)(visible + known);
     if (o->state->pose.quality > 1) o->state->pose.quality = 1;
-    o->state->sound = fv_covariance_write(o, &frame, &fit);
+    o->state->covariance_reliable = fv_covariance_write(o, &frame, &fit);
     remember(o, &frame);
     return inliers;
 }

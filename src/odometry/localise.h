@@ -1,8 +1,8 @@
 /* Localisation: the pose of a frame against the local map.
  *
- * The landmarks of the last frame are looked for where constant motion predicts them, then those of
- * the keyframes that share most landmarks with the frame; the pose is refined on both. Where that
- * fails, relocalisation takes over (relocalise.h). Bounded by the features and by
+ * The landmarks of the last frame are searched for where constant motion predicts them, then those
+ * of the keyframes that share most landmarks with the frame; the pose is refined on both. Where
+ * that fails, relocalisation takes over (relocalise.h). Bounded by the features and by
  * FV_LOCAL_LANDMARKS_MAX. Real-time safe. */
 #ifndef FOVEA_ODOMETRY_LOCALISE_H
 #define FOVEA_ODOMETRY_LOCALISE_H

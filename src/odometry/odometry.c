@@ -12,7 +12,7 @@ enum {
     MAP_KEYFRAMES_MIN = 5
 };
 
-static const double window_settled =
+static const double window_converged =
     1e-4; /* of the cost; what is left is far below the pixels' noise */
 
 void fv_odometry_carve(struct fv_odometry *o, const struct fovea_odometry_config *config,
@@ -33,7 +33,7 @@ void fv_odometry_carve(struct fv_odometry *o, const struct fovea_odometry_config
     fv_matches_carve(&o->matches, features_max, frame);
     fv_covariance_carve(&o->covariance, frame);
     const struct fv_window_limits window = {config->window, WINDOW_LANDMARKS, WINDOW_OBSERVATIONS,
-                                            WINDOW_PASSES, window_settled};
+                                            WINDOW_PASSES, window_converged};
     fv_window_carve(&o->window, &window, &o->map, job);
     fv_creator_carve(&o->creator, features_max, job);
     if (config->closures) fv_closure_carve(&o->closure, &limits, &o->camera, persistent, job);
@@ -130,7 +130,7 @@ static void write_rows(const double R[9], const double t[3], double rows[12])
 /* Few landmarks, or a covariance that is not to be relied on: weak. */
 static enum fovea_tracking_state confidence(const struct fv_odometry *o, uint32_t inliers)
 {
-    const bool good = inliers >= o->config.inliers_good && o->state->sound;
+    const bool good = inliers >= o->config.inliers_good && o->state->covariance_reliable;
     return good ? FOVEA_TRACKING_OK : FOVEA_TRACKING_WEAK;
 }
 

@@ -47,8 +47,8 @@ struct fv_reference_state {
 
 struct fv_odometry_state {
     enum fovea_tracking_state state;
-    bool job_wanted; /* a keyframe was made since the last window */
-    bool sound;      /* the last covariance is to be relied on (covariance.h) */
+    bool job_wanted;          /* a keyframe was made since the last window */
+    bool covariance_reliable; /* that of the last pose (covariance.h) */
     struct fv_random random;
     uint64_t frame_number;
     uint64_t keyframe_frame; /* number of the frame that became the last keyframe */
@@ -108,7 +108,7 @@ void fv_odometry_init(struct fv_odometry *odometry, uint64_t seed);
 void fv_odometry_reset(struct fv_odometry *odometry);
 
 /* No frame has come for too long to go on from the last pose: a tracked state becomes `lost`, and
- * the next frame is looked for in the map. Returns whether that is news. Real-time safe. */
+ * the next frame is relocalised in the map. Returns whether that is news. Real-time safe. */
 bool fv_odometry_interrupt(struct fv_odometry *odometry);
 
 /* Pose of a frame. Writes state->pose. Real-time safe: bounded by the features and landmarks

@@ -11,18 +11,18 @@ enum {
     SAMPLES_MAX = 300,
     SAMPLED_INLIERS_MIN = 12,
     SHARED_SAME_PLACE = 20, /* landmarks shared, by which two candidates are one place */
-    SAME_PLACE_MAX = 12     /* neighbours looked at for that */
+    SAME_PLACE_MAX = 12     /* neighbours compared for that */
 };
 
 static const double ratio_max = 0.85;
 static const double least_score =
     0.12 * FV_PLACE_ONE; /* below, frames have no more in common than two arbitrary ones */
-static const double inlier_share_min = 0.5; /* of the matches of the guided search */
+static const double inlier_fraction_min = 0.5; /* of the matches of the guided search */
 /* Inliers of the landmarks that the pose should see, and of the frame's features: one of the two
  * must be reached. In simulation, at a wrong place that has one thing in common with the right one
  * (a bookcase of the same make) 0.05 to 0.29 and up to 0.08 are found, seldom both; at the right
  * one 0.2 and more of both, where the map is bent too. */
-static const double found_share_min = 0.25, view_share_min = 0.125;
+static const double found_fraction_min = 0.25, view_fraction_min = 0.125;
 
 void fv_relocaliser_carve(struct fv_relocaliser *r, uint32_t keyframes, struct fv_arena *persistent,
                           struct fv_arena *frame)
@@ -155,9 +155,9 @@ bool fv_odometry_try_keyframe(struct fv_odometry *o, const struct fv_kernels *ke
     const uint32_t matches = fv_odometry_collect_observations(o, &frame);
     if (fv_odometry_refine(o, &frame, 3, 5, T, fit) < inliers_wanted(frame.keyframe->features))
         return false;
-    return fit->inliers > inlier_share_min * matches &&
-           (fit->inliers > found_share_min * visible ||
-            fit->inliers > view_share_min * frame.keyframe->features);
+    return fit->inliers > inlier_fraction_min * matches &&
+           (fit->inliers > found_fraction_min * visible ||
+            fit->inliers > view_fraction_min * frame.keyframe->features);
 }
 
 /* ---- all candidates -------------------------------------------------------------------------- */

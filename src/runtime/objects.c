@@ -38,7 +38,7 @@ void fv_object_stage_update(struct fv_object_stage *tracking,
 {
     const struct fv_object_stage_state *state = tracking->state;
     if (!tracking->enabled) return;
-    struct fv_objects_inference look = {
+    struct fv_objects_inference inference = {
         .stamp_ns = detections->stamp_ns,
         .sequence = detections->sequence,
         .detections = detections->list,
@@ -48,8 +48,8 @@ void fv_object_stage_update(struct fv_object_stage *tracking,
         .metric = state->metric != 0,
         .world = state->world,
     };
-    memcpy(look.T_world_cam, state->T_world_cam, sizeof look.T_world_cam);
-    fv_objects_update(&tracking->tracker, &look);
+    memcpy(inference.T_world_cam, state->T_world_cam, sizeof inference.T_world_cam);
+    fv_objects_update(&tracking->tracker, &inference);
 }
 
 uint32_t fv_object_stage_encode(const struct fv_object_stage *tracking,

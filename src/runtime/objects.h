@@ -1,5 +1,5 @@
 /* The tracker within the runtime: it takes what the detector found, with the pose of the image that
- * was looked at, and hands out one message per look. */
+ * was given to the network, and gives one message per inference. */
 #ifndef FOVEA_RUNTIME_OBJECTS_H
 #define FOVEA_RUNTIME_OBJECTS_H
 
@@ -8,7 +8,7 @@
 #include "runtime/detection.h"
 #include "objects/objects.h"
 
-/* Pose of the image that the detector looks at. No addresses and no padding: copied and hashed as
+/* Pose of the image that the detector was given. No addresses and no padding: copied and hashed as
  * bytes. */
 struct fv_object_stage_state {
     double T_world_cam[12];

@@ -66,9 +66,9 @@ static int scale_place_at(const struct fv_scale_state *s, int64_t stamp_ns, doub
     if (low == oldest) return 0;
     const struct fv_scale_place *a = &s->places[(low - 1) % FV_SCALE_PLACES_MAX];
     if (apart_ns(a->stamp_ns, b->stamp_ns) > gap_most_ns) return 0;
-    double share = (double)(stamp_ns - a->stamp_ns) / (double)(b->stamp_ns - a->stamp_ns);
+    double fraction = (double)(stamp_ns - a->stamp_ns) / (double)(b->stamp_ns - a->stamp_ns);
     for (int i = 0; i < 3; i++)
-        at[i] = a->at[i] + share * (b->at[i] - a->at[i]);
+        at[i] = a->at[i] + fraction * (b->at[i] - a->at[i]);
     return 1;
 }
 
@@ -85,7 +85,7 @@ static void scale_sort(double *values, uint32_t count)
 
 /* Mean of the legs within three deviations of their median; the deviation is that of their middle
  * (1.4826 times the median of distances, for normal errors). */
-static void scale_settle(struct fv_scale_state *s, double *legs, uint32_t count)
+static void scale_refine(struct fv_scale_state *s, double *legs, uint32_t count)
 {
     double off[FV_SCALE_STATIONS_MAX], sum = 0;
     uint32_t used = 0;
@@ -180,5 +180,5 @@ void fv_scale_walk(struct fv_scale *scale, const struct fv_odometry *odometry)
         fv_copy3(inner, from_inner);
         fv_copy3(s->stations[i].place.at, from_outer);
     }
-    scale_settle(s, legs, count);
+    scale_refine(s, legs, count);
 }

@@ -92,7 +92,7 @@ bool fv_scale_waiting(const struct fv_scale *scale, const struct fv_odometry *od
     if (scale->config.source != FOVEA_SCALE_CAMERA_HEIGHT || !pose->posed ||
         s->map != pose->map_id || behind == 0)
         return false;
-    /* After the window is settled, unless it never is. */
+    /* After the window has converged, unless it never does. */
     return behind >= KEYFRAMES_BEHIND_MAX || !fv_odometry_job_waiting(odometry);
 }
 

@@ -24,12 +24,12 @@ void fv_progress_show(struct fv_progress *progress, uint64_t frames, double frac
     if (!progress->terminal) return;
     const int64_t now = now_ns(), passed = now - progress->shown_ns;
     if (progress->shown_ns != 0 && passed < SHORTEST_NS) return;
-    char share[32] = "", rate[32] = "";
-    if (fraction >= 0.0) snprintf(share, sizeof share, "  %.0f %%", 100.0 * fraction);
+    char percent[32] = "", rate[32] = "";
+    if (fraction >= 0.0) snprintf(percent, sizeof percent, "  %.0f %%", 100.0 * fraction);
     if (progress->shown_ns != 0)
         snprintf(rate, sizeof rate, "  %.0f Hz",
                  (double)(frames - progress->frames) * 1e9 / (double)passed);
-    fv_say_status("%s  frame %" PRIu64 "%s%s", progress->what, frames, share, rate);
+    fv_say_status("%s  frame %" PRIu64 "%s%s", progress->what, frames, percent, rate);
     progress->shown_ns = now;
     progress->frames = frames;
 }

@@ -1,6 +1,6 @@
 /* Closures in the simulated corridor, seed by seed, against the truth: how many runs close their
- * loop, whether any loop is false, and how far the poses are off after closing, as a share of the
- * path.
+ * loop, whether any loop is false, and how far the poses are off after closing, as a fraction of
+ * the path.
  *
  * Usage: closures SEEDS NEEDED OPTIONS [RECORD]     exit 0 when at least NEEDED runs closed a loop,
  * none was false, and the map of every run that closed one is within 0.3 % of the path in the end.
@@ -18,7 +18,7 @@
 #include "runtime/state.h"
 
 enum { FRAMES_MAX = 4096 };
-static const double share_max = 0.003, off_max_m = 0.5, turn_max_rad = 0.15;
+static const double fraction_max = 0.003, off_max_m = 0.5, turn_max_rad = 0.15;
 
 struct run {
     struct fovea *rt;
@@ -154,7 +154,7 @@ static void one_frame(struct run *run, const struct fovea_frame *frame)
 struct verdict {
     bool done;
     unsigned closed, wrong; /* closures; false ones among them */
-    double share;           /* of the path, that the map is off in the end */
+    double fraction;        /* of the path, that the map is off in the end */
 };
 
 static void run_seed(unsigned seed, const char *options, struct verdict *verdict)
@@ -175,8 +175,8 @@ static void run_seed(unsigned seed, const char *options, struct verdict *verdict
     const struct fv_closure_counts *c = &run.rt->odometry.closure.state->counts;
     printf(
         "seed %u: %u of %u posed, loops %u (false %u), map off %.4f %% of %.1f m; offered %u tried %u sampled %u sighted %u implausible %u fused %u\n",
-        seed, run.posed, run.frames, run.closed, run.false_ones, 100 * verdict->share, run.path_m,
-        c->offered, c->tried, c->sampled, c->sighted, c->implausible, c->fused);
+        seed, run.posed, run.frames, run.closed, run.false_ones, 100 * verdict->fraction,
+        run.path_m, c->offered, c->tried, c->sampled, c->sighted, c->implausible, c->fused);
     fflush(stdout);
     run.ops->stop(run.source);
     run.ops->close(run.source);
@@ -192,7 +192,7 @@ static void read_record(const char *path)
     unsigned seed;
     struct verdict verdict = {.done = true};
     while (file != NULL && fscanf(file, "%u %u %u %lf\n", &seed, &verdict.closed, &verdict.wrong,
-                                  &verdict.share) == 4)
+                                  &verdict.fraction) == 4)
         if (seed <= SEEDS_MAX) verdicts[seed] = verdict;
     if (file != NULL) fclose(file);
 }
@@ -202,7 +202,7 @@ static void write_record(const char *path, unsigned seed)
     FILE *file = fopen(path, "a");
     if (file == NULL) die("the record cannot be written");
     fprintf(file, "%u %u %u %.9f\n", seed, verdicts[seed].closed, verdicts[seed].wrong,
-            verdicts[seed].share);
+            verdicts[seed].fraction);
     fclose(file);
 }
 
@@ -220,10 +220,10 @@ int main(int argc, char **argv)
         }
         found += verdict->closed > 0;
         wrong += verdict->wrong;
-        far += verdict->closed > 0 && !(verdict->share <= share_max);
+        far += verdict->closed > 0 && !(verdict->fraction <= fraction_max);
     }
     printf(
         "%u of %u runs closed their loop (%u needed), %u loops false, %u maps off by more than %.1f %%\n",
-        found, seeds, needed, wrong, far, 100 * share_max);
+        found, seeds, needed, wrong, far, 100 * fraction_max);
     return found >= needed && wrong == 0 && far == 0 ? 0 : 1;
 }

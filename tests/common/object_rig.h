@@ -49,10 +49,10 @@ static inline struct fovea_detection box(double x, double y, double w, double h,
                                     (float)(y + h / 2), (float)score,       0};
 }
 
-/* A look at 30 Hz, that found so many and so many more below the model's threshold; the tracks
- * after it. */
-static inline struct fovea_objects look_unsure(int frame, const struct fovea_detection *found,
-                                               uint32_t count, uint32_t uncertain)
+/* An inference at 30 Hz that found `count` objects, and `uncertain` more below the model's
+ * threshold; the tracks after it. */
+static inline struct fovea_objects infer_unsure(int frame, const struct fovea_detection *found,
+                                                uint32_t count, uint32_t uncertain)
 {
     const struct fv_objects_inference l = {.stamp_ns = (int64_t)(frame + 1) * 33333333,
                                            .sequence = (uint64_t)frame,
@@ -65,10 +65,10 @@ static inline struct fovea_objects look_unsure(int frame, const struct fovea_det
     return tracks;
 }
 
-static inline struct fovea_objects look(int frame, const struct fovea_detection *found,
-                                        uint32_t count)
+static inline struct fovea_objects infer(int frame, const struct fovea_detection *found,
+                                         uint32_t count)
 {
-    return look_unsure(frame, found, count, 0);
+    return infer_unsure(frame, found, count, 0);
 }
 
 #endif

@@ -5,7 +5,8 @@
  * A match is a pair of mutually nearest descriptors; it is right when the homography brings one
  * point within 2.5 pixels of the other in both images. Score = right matches / features of image 1
  * that lie in image 2 (or the other way round, whichever are fewer). Also printed: median distance
- * of the right matches in image 2, and the share of 16 x 16 cells of image 1 that hold a feature.
+ * of the right matches in image 2, and the fraction of 16 x 16 cells of image 1 that hold a
+ * feature.
  *
  *   test_affine [COUNT]     default 1000 */
 #include "oracle/images.h"

@@ -99,11 +99,11 @@ bool check_exact(const char *name, const struct fovea_camera &camera, enum fv_re
                                  std::abs(out.at<uint8_t>(y, x) - bilinear(image, raw[0], raw[1])));
             seen += visible;
         }
-    const double share = static_cast<double>(seen) / (static_cast<double>(width) * height);
+    const double fraction = static_cast<double>(seen) / (static_cast<double>(width) * height);
     std::printf("%-34s f %6.1f, %5.1f %% of pixels seen, worst difference %.2f grey levels\n", name,
-                rectified.fx, 100 * share, worst);
-    return worst < 2 && share > (fit == FV_RECTIFIED_CROP ? 0.9999 : 0.3) &&
-           (fit == FV_RECTIFIED_CROP || share < 1);
+                rectified.fx, 100 * fraction, worst);
+    return worst < 2 && fraction > (fit == FV_RECTIFIED_CROP ? 0.9999 : 0.3) &&
+           (fit == FV_RECTIFIED_CROP || fraction < 1);
 }
 
 /* Without distortion the rectified image is the camera, and its image the image. */

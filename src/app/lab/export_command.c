@@ -4,7 +4,7 @@
  * DIR/000000.png ..., DIR/truth.json and, with --masks, DIR/000000.mask.png (the class of every
  * pixel). For training and evaluating detectors and trackers. Boxes are COCO's: [left, top, width,
  * height], (0, 0) the corner of the first pixel; `track_id` is constant over the run and `visible`
- * the visible share. */
+ * the visible fraction. */
 #include <errno.h>
 #include <inttypes.h>
 #include <stdio.h>
@@ -61,7 +61,8 @@ static enum fovea_status write_truth(struct export_run *export, const struct fov
             "%s\n  {\"id\": %" PRIu64 ", \"image_id\": %" PRIu64
             ", \"category_id\": %d, \"track_id\": %u, \"bbox\": [%.2f, %.2f, %.2f, %.2f], \"area\": %.2f, \"iscrowd\": 0, \"visible\": %.4f}",
             export->boxes == 0 ? "" : ",", export->boxes + 1, export->frames, (int)b->object_class,
-            b->id, (double)b->x_min_px, (double)b->y_min_px, w, h, w * h, (double)b->visible_share);
+            b->id, (double)b->x_min_px, (double)b->y_min_px, w, h, w * h,
+            (double)b->visible_fraction);
         export->boxes++;
     }
     if (!export->masks || truth.class_mask == NULL) return FOVEA_OK;

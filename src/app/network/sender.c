@@ -189,7 +189,7 @@ static void say_once(struct fv_sender *sender, int result, const char *name)
     fv_say("%s: a message was not sent, since %s; more are counted", name, lines[result]);
 }
 
-static void settle(struct fv_sender *sender, uint64_t at, int result)
+static void account(struct fv_sender *sender, uint64_t at, int result)
 {
     struct channel *channel = &sender->channels[at];
     count(result == FV_OUTLET_SENT ? &channel->sent : &channel->dropped[result]);
@@ -249,7 +249,7 @@ static bool serve(struct fv_sender *sender, enum fv_sender_class class, int64_t 
     if (result == FV_OUTLET_BUSY) result = give_up(sender, class, front, bytes, now_ns);
     if (result == FV_OUTLET_BUSY) return false;
     if (class == FV_SENDER_PREVIEWS && result == FV_OUTLET_SENT) sender->preview_ns = 0;
-    settle(sender, front->channel, result);
+    account(sender, front->channel, result);
     fv_ring_release(&sender->rings[class], front->size);
     return true;
 }
@@ -267,7 +267,7 @@ static bool serve_repeated(struct fv_sender *sender, int64_t now_ns)
                                         sender->repeated, sender->repeated_bytes};
     int result = sender->outlet->send(sender->outlet, &message, now_ns);
     if (result == FV_OUTLET_BUSY && now_ns - sender->repeated_ns < repeat_ns) return false;
-    settle(sender, REPEATED, result == FV_OUTLET_BUSY ? FV_TRANSPORT_DROP_LATE : result);
+    account(sender, REPEATED, result == FV_OUTLET_BUSY ? FV_TRANSPORT_DROP_LATE : result);
     sender->repeat_due = false;
     return true;
 }
@@ -286,7 +286,7 @@ static bool preview_overdue(struct fv_sender *sender, int64_t now_ns)
 static bool serve_one(struct fv_sender *sender, int64_t now_ns)
 {
     if (sender->outlet->paced)
-        fv_link_look(&sender->link, sender->outlet->bulk_left(sender->outlet), now_ns);
+        fv_link_observe(&sender->link, sender->outlet->bulk_left(sender->outlet), now_ns);
     if (!sender->outlet->begun(sender->outlet, FV_SENDER_STATE) && serve_repeated(sender, now_ns))
         return true;
     if (serve(sender, FV_SENDER_STATE, now_ns)) return true;
@@ -309,10 +309,10 @@ static void drop_rest(struct fv_sender *sender)
 {
     size_t bytes;
     const struct record *front;
-    if (sender->repeat_due) settle(sender, REPEATED, FV_TRANSPORT_DROP_END);
+    if (sender->repeat_due) account(sender, REPEATED, FV_TRANSPORT_DROP_END);
     for (int class = 0; class < FV_SENDER_CLASSES; class ++) {
         while ((front = front_of(sender, (enum fv_sender_class) class, &bytes)) != NULL) {
-            settle(sender, front->channel, FV_TRANSPORT_DROP_END);
+            account(sender, front->channel, FV_TRANSPORT_DROP_END);
             fv_ring_release(&sender->rings[class], front->size);
         }
     }

@@ -55,7 +55,7 @@ static void learn(struct fv_link *link, size_t batch, int64_t now_ns)
     }
 }
 
-void fv_link_look(struct fv_link *link, bool left, int64_t now_ns)
+void fv_link_observe(struct fv_link *link, bool left, int64_t now_ns)
 {
     if (link->batch == 0) {
         if (now_ns - link->grown_ns >= growth_ns)

@@ -50,7 +50,7 @@ void fv_link_sent(struct fv_link *link, size_t bytes, int64_t now_ns);
 
 /* `left`: nothing of the bulk is on the host any more. To be called often, every millisecond or so.
  */
-void fv_link_look(struct fv_link *link, bool left, int64_t now_ns);
+void fv_link_observe(struct fv_link *link, bool left, int64_t now_ns);
 
 /* The interface's queue had no room. */
 void fv_link_refused(struct fv_link *link, int64_t now_ns);

@@ -325,7 +325,7 @@ static void *loop_body(void *argument)
 }
 
 /* Frames at full speed through the loop; what 99 of 100 need must fit in 85 % of a period (the
- * governor's share). */
+ * governor's part). */
 static enum fovea_status bench(struct check *check, struct fovea_error *error)
 {
     static struct fv_timings timings;

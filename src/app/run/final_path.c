@@ -143,7 +143,7 @@ static void leave(struct fv_final *final, uint32_t count, const struct fovea_key
     send(final, &message);
 }
 
-void fv_final_look(struct fv_final *final, const struct fovea *rt)
+void fv_final_observe(struct fv_final *final, const struct fovea *rt)
 {
     if (final == NULL) return;
     uint32_t count = fovea_keyframes_get(rt, final->now, FOVEA_ODOMETRY_KEYFRAMES_MAX);
@@ -304,7 +304,7 @@ void fv_final_finish(struct fv_final *final, struct fovea *rt,
     if (final == NULL) return;
     fv_final_drain(final);
     finish_jobs(rt);
-    fv_final_look(final, rt);
+    fv_final_observe(final, rt);
     /* Now all that are left leave. */
     for (uint32_t i = 0; i < FOVEA_ODOMETRY_KEYFRAMES_MAX; i++) {
         if (!final->before[i].used) continue;

@@ -26,7 +26,7 @@ enum fovea_status fv_final_open(const char *path, struct fv_final **final,
 void fv_final_frame(struct fv_final *final, const struct fovea_pose *pose,
                     const struct fv_trajectory_sample *published);
 /* Look at the map's keyframes; after every step and every work. Loop thread, real-time safe. */
-void fv_final_look(struct fv_final *final, const struct fovea *rt);
+void fv_final_observe(struct fv_final *final, const struct fovea *rt);
 /* Whether there is room for a turn. Loop thread. */
 bool fv_final_room(struct fv_final *final);
 

@@ -17,10 +17,11 @@
 
 enum { LEGEND = 24, SIDE_LINES = 8 };
 
-static const double level_max = 0.3;    /* of the path's extent: thinner, and its plane is level */
-static const double upright_min = 0.8;  /* cosine between the plane's normal and the cameras' up */
-static const double gap_max_s = 1.0;    /* between path points, across which a time is looked up */
-static const double stray_share = 0.02; /* of landmarks on each side that do not widen the view */
+static const double level_max = 0.3;   /* of the path's extent: thinner, and its plane is level */
+static const double upright_min = 0.8; /* cosine between the plane's normal and the cameras' up */
+static const double gap_max_s = 1.0;   /* between path points, across which a time is looked up */
+static const double stray_fraction =
+    0.02; /* of landmarks on each side that do not widen the view */
 
 /* From a map's world to that of the path that is drawn: q = scale R p + t. */
 struct placing {
@@ -46,9 +47,9 @@ static bool path_at(const struct fv_trajectory_summary *path, int64_t stamp_ns, 
             to <= from || (double)(to - from) * 1e-9 > gap_max_s || isnan(path->centres[i][0]) ||
             isnan(path->centres[i - 1][0]))
             continue;
-        const double share = (double)(stamp_ns - from) / (double)(to - from);
+        const double fraction = (double)(stamp_ns - from) / (double)(to - from);
         for (int k = 0; k < 3; k++)
-            centre[k] = (1.0 - share) * path->centres[i - 1][k] + share * path->centres[i][k];
+            centre[k] = (1.0 - fraction) * path->centres[i - 1][k] + fraction * path->centres[i][k];
         return true;
     }
     return false;
@@ -182,7 +183,7 @@ static void widen_landmarks(struct view *view, const struct fv_map_open *open, u
         }
         if (count == 0) break;
         qsort(values, count, sizeof *values, by_value);
-        const uint32_t stray = (uint32_t)(stray_share * count);
+        const uint32_t stray = (uint32_t)(stray_fraction * count);
         view->low[a] = fmin(view->low[a], values[stray]);
         view->high[a] = fmax(view->high[a], values[count - 1 - stray]);
     }

@@ -23,8 +23,8 @@ struct axes {
 
 static float value_y(const struct axes *axes, double ms)
 {
-    const double share = ms / axes->top_ms;
-    return (float)(axes->plot.top + axes->plot.height * (share > 1.0 ? 0.0 : 1.0 - share));
+    const double fraction = ms / axes->top_ms;
+    return (float)(axes->plot.top + axes->plot.height * (fraction > 1.0 ? 0.0 : 1.0 - fraction));
 }
 
 static float bin_x(const struct axes *axes, const struct fv_curve *curve, uint32_t bin)
@@ -126,8 +126,8 @@ static void bar_draw(struct fv_canvas *canvas, const struct fv_area *area, int b
     const int left = area->left + BARS, room = area->width - BARS - NUMBERS_WIDTH;
     int end[2];
     for (int i = 0; i < 2; i++) {
-        const double share = values[1 + i] / top_ms;
-        end[i] = left + (int)((share > 1.0 ? 1.0 : share) * room);
+        const double fraction = values[1 + i] / top_ms;
+        end[i] = left + (int)((fraction > 1.0 ? 1.0 : fraction) * room);
     }
     fv_canvas_letters(canvas, area->left + NAMES, base, FV_PICTURE_TEXT_PX, FV_PICTURE_INK,
                       bar->name);

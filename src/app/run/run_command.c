@@ -100,7 +100,7 @@ static void step_done(void *context, const struct fovea_inputs *inputs,
     fv_transport_publish(run->transport, outputs);
     fv_recorder_step(run->recorder, inputs, outputs);
     fv_watch_step(&run->watch, run->loop.rt, inputs, pose != NULL);
-    fv_final_look(run->final, run->loop.rt);
+    fv_final_observe(run->final, run->loop.rt);
     if (pose != NULL) fv_snapshot_step(&run->snapshot, run->loop.rt, inputs->frame, pose);
     if (pose == NULL || !pose->posed) return;
     struct fv_trajectory_sample sample = {.stamp_ns = inputs->frame->stamp_ns,
@@ -133,7 +133,7 @@ static void work_done(void *context, const struct fovea_inputs *inputs,
     fv_transport_publish(run->transport, outputs);
     fv_recorder_work(run->recorder, inputs, grants, outputs);
     fv_keeper_work(&run->keeper, outputs);
-    fv_final_look(run->final, run->loop.rt);
+    fv_final_observe(run->final, run->loop.rt);
     struct fovea_detections detections;
     fovea_detections_get(run->loop.rt, &detections);
     count_second(run);
@@ -147,7 +147,7 @@ static void work_done(void *context, const struct fovea_inputs *inputs,
     if (run->all_boxes) detections.count += detections.uncertain;
     fv_results_add(run->results, &detections, &tracks);
     fv_snapshot_work(&run->snapshot, &detections, &tracks);
-    if (tracks.updates > 0) fv_trails_look(&run->trails, &tracks);
+    if (tracks.updates > 0) fv_trails_observe(&run->trails, &tracks);
 }
 
 static void *loop_body(void *argument)

@@ -38,13 +38,13 @@ int64_t fv_histogram_mean(const struct fv_histogram *histogram)
     return histogram->count > 0 ? histogram->sum_ns / (int64_t)histogram->count : 0;
 }
 
-int64_t fv_histogram_percentile(const struct fv_histogram *histogram, double share)
+int64_t fv_histogram_percentile(const struct fv_histogram *histogram, double fraction)
 {
     uint64_t seen = 0;
     if (histogram->count == 0) return 0;
     for (uint32_t i = 0; i < FV_HISTOGRAM_BUCKETS; i++) {
         seen += histogram->buckets[i];
-        if ((double)seen < share * (double)histogram->count) continue;
+        if ((double)seen < fraction * (double)histogram->count) continue;
         return value_of(i) < histogram->max_ns ? value_of(i) : histogram->max_ns;
     }
     return histogram->max_ns;

@@ -27,9 +27,10 @@ struct fv_histogram {
 /* Negative values count as 0. */
 void fv_histogram_add(struct fv_histogram *histogram, int64_t value_ns);
 int64_t fv_histogram_mean(const struct fv_histogram *histogram); /* 0 when empty */
-/* The smallest value that at least `share` (in (0, 1]) of the samples do not exceed; 0 when empty.
+/* The smallest value that at least `fraction` (in (0, 1]) of the samples do not exceed; 0 when
+ * empty.
  */
-int64_t fv_histogram_percentile(const struct fv_histogram *histogram, double share);
+int64_t fv_histogram_percentile(const struct fv_histogram *histogram, double fraction);
 
 /* Largest and mean value per bin. Bins hold `stride` frames each; when all are full, neighbours
  * merge. */

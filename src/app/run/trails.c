@@ -14,7 +14,7 @@ static void thin(struct fv_trails *trails)
     if (trails->stride <= UINT32_MAX / 2) trails->stride *= 2;
 }
 
-void fv_trails_look(struct fv_trails *trails, const struct fovea_objects *tracks)
+void fv_trails_observe(struct fv_trails *trails, const struct fovea_objects *tracks)
 {
     if (trails->stride == 0) {
         trails->stride = 1;

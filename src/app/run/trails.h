@@ -20,6 +20,6 @@ struct fv_trails {
 };
 
 /* Zeroed memory is empty trails. Loop thread, real-time safe. */
-void fv_trails_look(struct fv_trails *trails, const struct fovea_objects *tracks);
+void fv_trails_observe(struct fv_trails *trails, const struct fovea_objects *tracks);
 
 #endif

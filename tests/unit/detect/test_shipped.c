@@ -39,7 +39,7 @@ static void judge(const struct fv_detect_job *job, const struct fovea_truth *tru
     for (uint32_t k = 0; k < truth->box_count; k++) {
         const struct fovea_truth_box *b = &truth->boxes[k];
         const float w = b->x_max_px - b->x_min_px, h = b->y_max_px - b->y_min_px;
-        if (b->visible_share < 0.5f || (w < 24.0f && h < 24.0f)) continue;
+        if (b->visible_fraction < 0.5f || (w < 24.0f && h < 24.0f)) continue;
         score->objects++;
         for (int32_t i = 0; i < job->count; i++)
             if (job->found[i].class_id == (int32_t)b->object_class - 1 &&

@@ -79,7 +79,7 @@ static uint64_t hash_at(const char *address, uint64_t start, uint64_t *truth_has
         for (uint32_t i = 0; i < truth.box_count; i++) {
             const struct fovea_truth_box *b = &truth.boxes[i];
             const float values[5] = {b->x_min_px, b->y_min_px, b->x_max_px, b->y_max_px,
-                                     b->visible_share};
+                                     b->visible_fraction};
             *truth_hash = hash_bytes(*truth_hash, &b->id, sizeof b->id);
             *truth_hash = hash_bytes(*truth_hash, values, sizeof values);
         }

@@ -231,9 +231,9 @@ static void test_boxes(void **state)
             const struct fovea_truth_box *box = &truth.boxes[i];
             const struct fv_sim_object *o = &source->world.object[box->id - 1];
             assert_int_equal(box->object_class, o->object_class);
-            assert_true(box->visible_share > 0.0f && box->visible_share <= 1.0f);
+            assert_true(box->visible_fraction > 0.0f && box->visible_fraction <= 1.0f);
             assert_true(box->x_min_px < box->x_max_px && box->y_min_px < box->y_max_px);
-            if (box->visible_share < 1.0f || box->x_min_px < 1 || box->y_min_px < 1 ||
+            if (box->visible_fraction < 1.0f || box->x_min_px < 1 || box->y_min_px < 1 ||
                 box->x_max_px > 639 || box->y_max_px > 479)
                 continue;
             double position[2], heading;
@@ -266,10 +266,10 @@ static void test_boxes(void **state)
         assert_true(checked[c] >= 5);
 }
 
-/* An object that leaves the image keeps its share of the whole, and one behind another loses what
- * is hidden.
+/* An object that leaves the image keeps its fraction of the whole, and one behind another loses
+ * what is hidden.
  */
-static void test_visible_share(void **state)
+static void test_visible_fraction(void **state)
 {
     (void)state;
     struct fovea_frame frame;
@@ -287,7 +287,7 @@ static void test_visible_share(void **state)
         assert_int_equal(fovea_source_sim.truth(part, &inner, &narrow), FOVEA_OK);
         for (uint32_t i = 0; i < narrow.box_count; i++) {
             for (uint32_t k = 0; k < wide.box_count; k++) {
-                if (wide.boxes[k].id != narrow.boxes[i].id || wide.boxes[k].visible_share < 1.0f)
+                if (wide.boxes[k].id != narrow.boxes[i].id || wide.boxes[k].visible_fraction < 1.0f)
                     continue;
                 double visible = 0, whole = 0;
                 const uint8_t id = (uint8_t)narrow.boxes[i].id;
@@ -296,14 +296,15 @@ static void test_visible_share(void **state)
                 for (int32_t p = 0; p < 320 * 240; p++)
                     visible += part->object_map[p] == id;
                 if (whole < 200 || visible / whole > 0.97) continue;
-                assert_true(fabs(visible / whole - (double)narrow.boxes[i].visible_share) < 0.04);
+                assert_true(fabs(visible / whole - (double)narrow.boxes[i].visible_fraction) <
+                            0.04);
                 compared++;
             }
         }
         close_source(source);
         close_source(part);
     }
-    print_message("visible share: %d cut objects agree with a wider image\n", compared);
+    print_message("visible fraction: %d cut objects agree with a wider image\n", compared);
     assert_true(compared >= 5);
 }
 
@@ -465,10 +466,8 @@ static void test_truth_needs_a_held_frame(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_depth_and_classes),
-        cmocka_unit_test(test_boxes),
-        cmocka_unit_test(test_visible_share),
-        cmocka_unit_test(test_pictures_fit),
+        cmocka_unit_test(test_depth_and_classes),        cmocka_unit_test(test_boxes),
+        cmocka_unit_test(test_visible_fraction),         cmocka_unit_test(test_pictures_fit),
         cmocka_unit_test(test_truth_needs_a_held_frame),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -28,7 +28,7 @@ struct scene {
     bool good[COUNT];
 };
 
-/* Points 2 to 10 units away in a field of +-`spread` (tangent), noise of `noise_px`, a share of
+/* Points 2 to 10 units away in a field of +-`spread` (tangent), noise of `noise_px`, a fraction of
  * random matches. */
 static void make_scene(scene &s, fv_random *random, double outliers, double noise_px, double spread)
 {
@@ -126,26 +126,26 @@ static void motions_hold_the_truth(void **)
 
 static void estimates_hold_under_outliers(void **)
 {
-    const double shares[] = {0, 0.3, 0.5};
-    for (double share : shares)
+    const double fractions[] = {0, 0.3, 0.5};
+    for (double fraction : fractions)
         for (int wide = 0; wide < 2; wide++) {
             fv_random random;
             fv_random_seed(&random, 23);
             double worst = 0, worst_direction = 0;
             for (int trial = 0; trial < 60; trial++) {
                 scene s;
-                make_scene(s, &random, share, 0.5, wide ? 2.5 : 0.7);
+                make_scene(s, &random, fraction, 0.5, wide ? 2.5 : 0.7);
                 fv_sampling sampling = {2.0 / focal_px, 0.999, 500};
                 fv_se3 T;
                 uint8_t inlier[COUNT];
                 uint32_t inliers =
                     fv_essential_estimate(s.pairs, COUNT, &sampling, &random, &T, inlier);
-                assert_true(inliers > 0.9 * (1 - share) * COUNT);
+                assert_true(inliers > 0.9 * (1 - fraction) * COUNT);
                 worst = fmax(worst, rotation_error(T.R, s.T_2_1.R));
                 worst_direction = fmax(worst_direction, direction_error(T.t, s.T_2_1.t));
             }
             printf("outliers %.0f %% spread %s: worst rotation %.3f deg, direction %.3f deg\n",
-                   100 * share, wide ? "wide" : "narrow", worst, worst_direction);
+                   100 * fraction, wide ? "wide" : "narrow", worst, worst_direction);
             assert_true(worst < 0.3 && worst_direction < 2);
         }
 }

@@ -51,7 +51,7 @@ static void other_point(struct fv_random *random, double height, double low, dou
 static void floors_are_found_among_outliers(void **state)
 {
     (void)state;
-    static const double shares[] = {0, .3, .5};
+    static const double fractions[] = {0, .3, .5};
     for (int s = 0; s < 3; s++) {
         double worst_height = 0, worst_angle = 0, squares = 0;
         for (uint64_t seed = 1; seed <= 50; seed++) {
@@ -63,7 +63,7 @@ static void floors_are_found_among_outliers(void **state)
             double height = uniform(&random, 0.2, 2);
             (void)fv_normalise3(down);
             for (int i = 0; i < COUNT; i++) {
-                if (fv_random_unit(&random) < shares[s])
+                if (fv_random_unit(&random) < fractions[s])
                     other_point(&random, height, .1, .95, &points[i]);
                 else
                     floor_point(&random, down, height, 0.03, &points[i]);
@@ -76,7 +76,7 @@ static void floors_are_found_among_outliers(void **state)
         }
         printf(
             "outliers %.0f %%: worst height %.2f %%, angle %.2f deg; squared error over variance %.2f\n",
-            100 * shares[s], 100 * worst_height, worst_angle * 180 / FV_PI, squares / 50);
+            100 * fractions[s], 100 * worst_height, worst_angle * 180 / FV_PI, squares / 50);
         assert_true(worst_height < 0.05 && worst_angle < 0.03);
     }
 }

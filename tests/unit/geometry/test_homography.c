@@ -67,7 +67,7 @@ static double motion_error(const struct fv_se3 *A, const struct fv_se3 *B)
 static void planes_give_the_motion(void **state)
 {
     (void)state;
-    const double shares[] = {0, 0.3, 0.5};
+    const double fractions[] = {0, 0.3, 0.5};
     for (int s = 0; s < 3; s++) {
         struct fv_random random;
         fv_random_seed(&random, 41);
@@ -77,17 +77,17 @@ static void planes_give_the_motion(void **state)
             struct fv_pair pairs[COUNT];
             uint8_t inlier[COUNT];
             double H[9], ratio, best = 1e9;
-            make_plane(&random, shares[s], 0.5 / 460, 1, &T, pairs);
+            make_plane(&random, fractions[s], 0.5 / 460, 1, &T, pairs);
             struct fv_sampling sampling = {3.0 / 460, 0.999, 300};
             uint32_t inliers = fv_homography_estimate(pairs, COUNT, &sampling, &random, H, inlier);
-            assert_true(inliers > 0.85 * (1 - shares[s]) * COUNT);
+            assert_true(inliers > 0.85 * (1 - fractions[s]) * COUNT);
             assert_int_equal(fv_homography_motions(H, found, &ratio), 4);
             assert_true(ratio > 0.1 && ratio < 0.6);
             for (int k = 0; k < 4; k++)
                 best = fmin(best, motion_error(&found[k], &T));
             worst = fmax(worst, best);
         }
-        printf("outliers %.0f %%: worst motion error %.4f rad\n", 100 * shares[s], worst);
+        printf("outliers %.0f %%: worst motion error %.4f rad\n", 100 * fractions[s], worst);
         assert_true(worst < 0.2);
     }
 }

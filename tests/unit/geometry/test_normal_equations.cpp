@@ -229,15 +229,15 @@ static void test_damping_is_a_share_of_the_diagonal(void **)
     fv_random random;
     fv_random_seed(&random, 5);
     problem p({6}, 0), q({6}, 0);
-    const double share = 0.25;
+    const double fraction = 0.25;
     const fv_normal at_once = p.normal(), after = q.normal();
     for (int i = 0; i < 5; i++) {
         const Rows J = random_matrix(&random, 2, 6);
         const double e[2] = {1, -2};
-        fv_normal_add_one(&at_once, 0, 6, J.data(), J.data(), e, 2, &share);
+        fv_normal_add_one(&at_once, 0, 6, J.data(), J.data(), e, 2, &fraction);
         fv_normal_add_one(&after, 0, 6, J.data(), J.data(), e, 2, NULL);
     }
-    fv_normal_damp(&after, share, 0);
+    fv_normal_damp(&after, fraction, 0);
     assert_near(Eigen::Map<VectorXd>(p.H.data(), 36), Eigen::Map<VectorXd>(q.H.data(), 36), 1e-14);
     fv_normal_damp(&after, 0, 0.5);
     for (int k = 0; k < 6; k++)

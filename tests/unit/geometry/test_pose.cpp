@@ -105,8 +105,8 @@ static void three_exact_points_give_the_truth(void **)
 static void sampling_and_refinement_find_the_pose(void **)
 {
     const fovea_camera camera = drone_camera();
-    const double shares[] = {0, 0.3, 0.5};
-    for (double share : shares) {
+    const double fractions[] = {0, 0.3, 0.5};
+    for (double fraction : fractions) {
         fv_random random;
         fv_random_seed(&random, 32);
         double worst_sample = 0, worst = 0, mean_chi = 0;
@@ -115,10 +115,10 @@ static void sampling_and_refinement_find_the_pose(void **)
             fv_observation observations[COUNT];
             fv_pose_fit fit;
             random_motion(&random, &T);
-            make_observations(camera, &random, T, share, 1, observations);
+            make_observations(camera, &random, T, fraction, 1, observations);
             fv_sampling sampling = {3.0 / 458, 0.999, 300};
             uint32_t inliers = fv_pose_sample(observations, COUNT, &sampling, &random, &found);
-            assert_true(inliers > 0.85 * (1 - share) * COUNT);
+            assert_true(inliers > 0.85 * (1 - fraction) * COUNT);
             worst_sample = fmax(worst_sample, motion_error(found, T));
             assert_true(fv_pose_refine(observations, COUNT, 3, 5, &found, &fit));
             worst = fmax(worst, motion_error(found, T));
@@ -126,7 +126,7 @@ static void sampling_and_refinement_find_the_pose(void **)
         }
         printf(
             "outliers %.0f %%: worst pose error sampled %.4f, refined %.4f; chi-square per observation %.3f\n",
-            100 * share, worst_sample, worst, mean_chi);
+            100 * fraction, worst_sample, worst, mean_chi);
         assert_true(worst_sample < 0.03 && worst < 0.003);
         assert_true(mean_chi > 1.4 &&
                     mean_chi < 2.0); /* two residuals of unit variance, cut at 95 % */
@@ -182,8 +182,8 @@ static void faster_than_opencv(void **)
     assert_int_equal(fovea_camera_prepare(&camera, NULL), FOVEA_OK);
     cv::Mat K =
         (cv::Mat_<double>(3, 3) << camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1);
-    const double shares[] = {0, 0.3};
-    for (double share : shares) {
+    const double fractions[] = {0, 0.3};
+    for (double fraction : fractions) {
         fv_random random;
         fv_random_seed(&random, 34);
         double ours = 0, theirs = 0, error_ours = 0, error_theirs = 0;
@@ -191,7 +191,7 @@ static void faster_than_opencv(void **)
             fv_se3 T, found;
             fv_observation observations[COUNT];
             random_motion(&random, &T);
-            make_observations(camera, &random, T, share, 0.5, observations);
+            make_observations(camera, &random, T, fraction, 0.5, observations);
             std::vector<cv::Point3d> points;
             std::vector<cv::Point2d> pixels;
             for (const fv_observation &s : observations) {
@@ -217,7 +217,7 @@ static void faster_than_opencv(void **)
         }
         printf(
             "outliers %.0f %%: ours %.1f us, OpenCV %.1f us (ratio %.3f); mean error %.5f, OpenCV %.5f\n",
-            100 * share, 1e6 * ours / 60, 1e6 * theirs / 60, ours / theirs, error_ours,
+            100 * fraction, 1e6 * ours / 60, 1e6 * theirs / 60, ours / theirs, error_ours,
             error_theirs);
         if (getenv("FOVEA_TIMED") != NULL) assert_true(ours <= 0.6 * theirs);
     }

@@ -205,20 +205,20 @@ static void test_alignment_exact(void **context)
 static void test_search_and_refinement(void **context)
 {
     (void)context;
-    const double shares[] = {0, 0.3, 0.5};
+    const double fractions[] = {0, 0.3, 0.5};
     struct fv_random random;
     fv_random_seed(&random, 3);
     static struct fv_correspondence correspondences[CORRESPONDENCES];
     for (int n = 0; n < 90; n++) {
         struct fv_sim3 truth, found, off, inverse;
-        double share = shares[n % 3], x[7];
+        double fraction = fractions[n % 3], x[7];
         random_similarity(&random, &truth);
-        make_correspondences(&random, share, 0.7, 0.005, &truth, correspondences);
+        make_correspondences(&random, fraction, 0.7, 0.005, &truth, correspondences);
         struct fv_sim3_search search;
         fv_sim3_search_begin(&search, 300);
         while (fv_sim3_search_more(&search, correspondences, CORRESPONDENCES, 7, limit, &random))
             ;
-        assert_true(search.best_inliers > 0.5 * (1 - share) * CORRESPONDENCES);
+        assert_true(search.best_inliers > 0.5 * (1 - fraction) * CORRESPONDENCES);
         found = search.best;
         for (int i = 0; i < CORRESPONDENCES; i++) {
             double square[2];
@@ -230,10 +230,11 @@ static void test_search_and_refinement(void **context)
         uint32_t inliers = 0;
         for (int round = 0; round < 3; round++)
             inliers = fv_sim3_refine(correspondences, CORRESPONDENCES, limit, 4, &found);
-        assert_true(inliers >= 0.85 * (1 - share) * CORRESPONDENCES);
-        for (int i = 0; i < share * CORRESPONDENCES; i++)
+        assert_true(inliers >= 0.85 * (1 - fraction) * CORRESPONDENCES);
+        for (int i = 0; i < fraction * CORRESPONDENCES; i++)
             if (correspondences[i].inlier) inliers--;
-        assert_true(inliers >= 0.85 * (1 - share) * CORRESPONDENCES); /* few outliers among them */
+        assert_true(inliers >=
+                    0.85 * (1 - fraction) * CORRESPONDENCES); /* few outliers among them */
         fv_sim3_invert(&truth, &inverse);
         fv_sim3_compose(&inverse, &found, &off);
         fv_sim3_log(&off, x);

@@ -393,7 +393,7 @@ static bool plausible(uint32_t since, double turn_rad, double factor, double shi
     return fv_closure_plausible(&w.map, last, w.slot[since], &S);
 }
 
-/* Drift is a share of the way, 41 in 39 steps of the ring, and some of the depth, 3. */
+/* Drift is a fraction of the way, 41 in 39 steps of the ring, and some of the depth, 3. */
 static void test_no_larger_than_drift(void **state)
 {
     (void)state;

@@ -19,7 +19,7 @@ enum { LANDMARKS_MAX = 600, OBSERVATIONS_MAX = 9000, PASSES = 200 };
 
 struct scene {
     int fixed, moved, landmarks;
-    double noise_px, outliers; /* share of observations that are up to 40 px off */
+    double noise_px, outliers; /* fraction of observations that are up to 40 px off */
 };
 
 static double spread(fv_random *random, double size)

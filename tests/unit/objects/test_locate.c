@@ -71,7 +71,7 @@ static void the_floor_gives_a_place(void **state)
     double pixel[2];
     fovea_camera_project(&camera, foot, pixel, NULL);
     const struct fovea_detection d = box(pixel[0], pixel[1] - 40, 30, 80, 0.9);
-    const struct fovea_objects t = look(0, &d, 1);
+    const struct fovea_objects t = infer(0, &d, 1);
     assert_int_equal(t.list[0].located, 1);
     for (int i = 0; i < 3; i++)
         assert_true(__builtin_fabs(t.list[0].position_m[i] - foot[i]) < 0.01);

@@ -40,7 +40,7 @@ static void tracks_live_and_end(void **state)
     struct fovea_objects t;
     for (int f = 0; f < 5; f++) {
         const struct fovea_detection d = box(100 + 4 * f, 100, 40, 60, 0.9);
-        t = look(f, &d, 1);
+        t = infer(f, &d, 1);
         assert_int_equal(t.count, 1);
         assert_int_equal(t.list[0].id, 1);
         assert_int_equal(t.list[0].state, f < 1 ? FOVEA_OBJECT_TENTATIVE : FOVEA_OBJECT_CONFIRMED);
@@ -50,23 +50,23 @@ static void tracks_live_and_end(void **state)
     assert_int_equal(t.list[0].hits, 5);
     int f = 5;
     for (; f < 80; f++) {
-        t = look(f, NULL, 0);
+        t = infer(f, NULL, 0);
         assert_int_equal(t.count, 1);
         if (t.list[0].state == FOVEA_OBJECT_ENDED) break;
         assert_int_equal(t.list[0].state, FOVEA_OBJECT_COASTING);
         assert_int_equal(t.list[0].unseen, f - 4);
     }
     assert_in_range(f, 64, 66); /* two seconds after frame 4 */
-    t = look(f + 1, NULL, 0);
+    t = infer(f + 1, NULL, 0);
     assert_int_equal(t.count, 0);
     /* Seen once and never again: never told as ended. A new one has a new id. */
     const struct fovea_detection d = box(300, 300, 40, 60, 0.9);
-    t = look(f + 2, &d, 1);
+    t = infer(f + 2, &d, 1);
     assert_int_equal(t.list[0].id, 2);
-    t = look(f + 3, NULL, 0);
+    t = infer(f + 3, NULL, 0);
     assert_int_equal(t.count, 0);
     fv_objects_reset(&tracker);
-    t = look(0, &d, 1); /* time may start anew, ids do not */
+    t = infer(0, &d, 1); /* time may restart, ids do not */
     assert_int_equal(t.list[0].id, 3);
     free(block);
 }
@@ -78,7 +78,7 @@ static int state_after(int sightings, double score)
     const struct fovea_detection d = box(100, 100, 40, 60, score);
     make();
     for (int f = 0; f < sightings; f++)
-        t = look(f, &d, 1);
+        t = infer(f, &d, 1);
     assert_int_equal(t.count, 1);
     const int state = t.list[0].state;
     assert_int_equal(t.confirmed, state == FOVEA_OBJECT_CONFIRMED);
@@ -104,7 +104,7 @@ static void what_is_below_the_threshold_starts_no_track(void **state)
     for (int f = 0; f < 20; f++) {
         const struct fovea_detection d[2] = {box(100 + 2 * f, 100, 40, 60, 0.7),
                                              box(400, 300, 50, 50, 0.7)};
-        t = f < 5 ? look_unsure(f, d, 1, 1) : look_unsure(f, d, 0, 2);
+        t = f < 5 ? infer_unsure(f, d, 1, 1) : infer_unsure(f, d, 0, 2);
         assert_int_equal(t.count, 1);
     }
     assert_int_equal(t.list[0].state, FOVEA_OBJECT_CONFIRMED);
@@ -120,7 +120,7 @@ static void what_is_below_the_threshold_ends_no_coasting(void **state)
     struct fovea_objects t;
     const struct fovea_detection d = box(100, 100, 40, 60, 0.7);
     for (int f = 0; f < 12; f++)
-        t = look_unsure(f, &d, f < 5, f >= 8);
+        t = infer_unsure(f, &d, f < 5, f >= 8);
     assert_int_equal(t.count, 1);
     assert_int_equal(t.list[0].state, FOVEA_OBJECT_COASTING);
     assert_int_equal(t.list[0].hits, 5);
@@ -135,7 +135,7 @@ static void uncertain_detections_hold_a_track_but_start_none(void **state)
     for (int f = 0; f < 20; f++) {
         const struct fovea_detection d[2] = {box(100 + 2 * f, 100, 40, 60, f < 5 ? 0.9 : 0.2),
                                              box(400, 300, 50, 50, 0.3)};
-        t = look(f, d, 2);
+        t = infer(f, d, 2);
         assert_int_equal(t.count, 1);
     }
     assert_int_equal(t.list[0].state, FOVEA_OBJECT_CONFIRMED);
@@ -151,7 +151,7 @@ static void classes_do_not_mix(void **state)
     for (int f = 0; f < 10; f++) {
         struct fovea_detection d = box(100, 100, 40, 60, 0.9);
         d.class_id = f < 5 ? 1 : 2;
-        t = look(f, &d, 1);
+        t = infer(f, &d, 1);
     }
     assert_int_equal(t.count, 2);
     assert_true(t.list[0].class_id == 1 && t.list[0].state == FOVEA_OBJECT_COASTING);
@@ -168,11 +168,11 @@ static void a_full_pool_gives_up_its_weakest(void **state)
                                              box(250, 50, 30, 30, 0.9), box(350, 50, 30, 30, 0.8)};
     struct fovea_objects t;
     for (int f = 0; f < 4; f++)
-        t = look(f, first, 4);
+        t = infer(f, first, 4);
     assert_int_equal(t.count, 3); /* all seen just now: none goes */
     assert_int_equal(id_at(&t, &first[3]), 0);
     for (int f = 4; f < 8; f++)
-        t = look(f, first + 1, 3);
+        t = infer(f, first + 1, 3);
     assert_int_equal(t.count, 3);
     assert_int_equal(id_at(&t, &first[1]), 2);
     assert_int_equal(id_at(&t, &first[2]), 3);
@@ -279,7 +279,7 @@ static void play_frame(const struct motion *motion, int frame, struct object *o,
                                   __builtin_fabs(o[i].at[1] - o[j].at[1]) < 5;
         }
     }
-    const struct fovea_objects t = look(frame, seen, count);
+    const struct fovea_objects t = infer(frame, seen, count);
     for (uint32_t d = 0; d < count; d++) {
         const uint64_t id = id_of(&t, &seen[d]), before = o[who[d]].id;
         if (id == 0) continue; /* tentative */
@@ -405,7 +405,7 @@ static void one_pedestrian_seen_every_third_frame_is_one_track(void **state)
             const struct fovea_detection d =
                 box(boxes[f][0] + boxes[f][2] / 2, boxes[f][1] + boxes[f][3] / 2, boxes[f][2],
                     boxes[f][3], 0.9);
-            const struct fovea_objects t = look(f, &d, 1);
+            const struct fovea_objects t = infer(f, &d, 1);
             assert_int_equal(t.count, 1);
             assert_int_equal(t.list[0].id, 1);
         }
@@ -425,17 +425,17 @@ static void centroids_match_up_to_a_distance(void **state)
     const struct fovea_detection b[2] = {
         box(125, 100, 20, 20, 0.9),
         box(160, 100, 20, 20, 0.9)}; /* nearest pairs first: 15, then 25 is too far from... */
-    struct fovea_objects t = look(0, a, 2);
+    struct fovea_objects t = infer(0, a, 2);
     assert_int_equal(t.count, 2);
     assert_int_equal(t.list[0].state, FOVEA_OBJECT_CONFIRMED);
-    t = look(1, b, 2);
+    t = infer(1, b, 2);
     assert_int_equal(id_at(&t, &b[0]), 2); /* 15 px from the second, 25 from the first */
     assert_int_equal(id_at(&t, &b[1]), 3); /* 60 px from the first: another */
     for (int f = 2; f < 5; f++)
-        t = look(f, b, 2);
+        t = infer(f, b, 2);
     assert_int_equal(t.list[0].id, 1);
-    assert_int_equal(t.list[0].state, FOVEA_OBJECT_ENDED); /* the fourth look without it */
-    t = look(5, b, 2);
+    assert_int_equal(t.list[0].state, FOVEA_OBJECT_ENDED); /* the fourth inference without it */
+    t = infer(5, b, 2);
     assert_int_equal(t.count, 2);
     config.mode = FOVEA_OBJECTS_SORT;
     config.max_distance_px = 60;
@@ -451,7 +451,7 @@ static void boxes_of_movable_classes_are_told(void **state)
     make();
     struct fovea_detection d[2] = {box(100, 100, 40, 60, 0.9), box(300, 200, 40, 60, 0.9)};
     d[1].class_id = 2;
-    look(0, d, 2);
+    infer(0, d, 2);
     assert_int_equal(fv_objects_movable(&tracker, boxes, 4), 1);
     assert_true(boxes[0][0] == 280.0f && boxes[0][3] == 230.0f);
     config.movable[0] = 0;

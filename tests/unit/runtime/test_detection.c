@@ -125,7 +125,8 @@ static void slices_give_the_same_with_the_stamp_of_the_image(void **state)
     free(sliced.memory);
 }
 
-/* Tracks come with each look, carry the stamp of its image, and are what fovea_objects_get gives.
+/* Tracks come with each inference, carry the stamp of its image, and are what fovea_objects_get
+ * gives.
  */
 static void tracks_follow_the_looks(void **state)
 {
@@ -230,12 +231,12 @@ static void rectified_boxes_hold_the_raw_ones(void **state)
         const fovea_box_t *box = &out.detections[d].box, *around = &out.detections[d].rectified_box;
         double low[2] = {1e9, 1e9}, high[2] = {-1e9, -1e9};
         for (int i = 0; i < 4 * 2; i++) { /* corners and middles of the sides, by the way back */
-            const double share[8][2] = {{0, 0}, {.5, 0}, {1, 0}, {1, .5},
-                                        {1, 1}, {.5, 1}, {0, 1}, {0, .5}};
+            const double fraction[8][2] = {{0, 0}, {.5, 0}, {1, 0}, {1, .5},
+                                           {1, 1}, {.5, 1}, {0, 1}, {0, .5}};
             const double x =
-                (double)box->x_min_px + share[i][0] * (double)(box->x_max_px - box->x_min_px);
+                (double)box->x_min_px + fraction[i][0] * (double)(box->x_max_px - box->x_min_px);
             const double y =
-                (double)box->y_min_px + share[i][1] * (double)(box->y_max_px - box->y_min_px);
+                (double)box->y_min_px + fraction[i][1] * (double)(box->y_max_px - box->y_min_px);
             double at[2], raw[2];
             assert_true(fv_rectified_from_raw(&rectified, &config.rig.cameras[0].camera, x, y, at));
             assert_true(

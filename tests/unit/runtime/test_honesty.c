@@ -254,12 +254,12 @@ static void the_covariance_is_honest(void **state)
         all_seeds.sum += c.sum;
     }
     const double mean = all_seeds.sum / all_seeds.posed,
-                 share = (double)all_seeds.falsely / all_seeds.posed;
+                 fraction = (double)all_seeds.falsely / all_seeds.posed;
     printf(
         "%d seeds: squared error %.2f per degree of freedom, falsely confident %.2f %%, weak %.1f %%\n",
-        seeds, mean, 100 * share, 100.0 * all_seeds.weak / all_seeds.posed);
+        seeds, mean, 100 * fraction, 100.0 * all_seeds.weak / all_seeds.posed);
     assert_true(mean >= 0.5 && mean <= 2);
-    assert_true(share <= 0.005);
+    assert_true(fraction <= 0.005);
 }
 
 /* An orbit is followed to 0.5 % of its path. In this one things walk about while the map starts:
@@ -269,13 +269,13 @@ static void things_that_walk_do_not_bend_the_start(void **state)
 {
     (void)state;
     run_source("sim:orbit?seed=7&width=640&height=480", 0, 300);
-    const double share = sim_rig_path_error(&rig);
+    const double fraction = sim_rig_path_error(&rig);
     int posed = 0;
     for (int n = 0; n < rig.frames; n++)
         posed += rig.pose[n].posed;
     printf("orbit: %d of %d frames posed, off by %.2f %% of the path\n", posed, rig.frames,
-           100 * share);
-    assert_true(posed >= rig.frames - 14 && share <= 0.005);
+           100 * fraction);
+    assert_true(posed >= rig.frames - 14 && fraction <= 0.005);
 }
 
 int main(void)

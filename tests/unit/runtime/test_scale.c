@@ -364,12 +364,12 @@ static void without_scale_no_bot_core_pose(void **state)
     }
 }
 
-/* Features in boxes, and the largest share of the image that boxes covered. */
-static int features_in_boxes(bool masked, double *share)
+/* Features in boxes, and the largest fraction of the image that boxes covered. */
+static int features_in_boxes(bool masked, double *fraction)
 {
     static struct fovea_truth truth;
     int inside = 0;
-    *share = 0;
+    *fraction = 0;
     sim_rig_open(&rig, "sim:still?width=400&height=300&objects=48&seed=3", 0, 12);
     sim_rig_build(&rig);
     while (sim_rig_next(&rig)) {
@@ -385,7 +385,7 @@ static int features_in_boxes(bool masked, double *share)
                 rig.inputs.boxes[rig.inputs.box_count++] =
                     (struct fovea_box){t->x_min_px, t->y_min_px, t->x_max_px, t->y_max_px};
         }
-        *share = fmax(*share, area / (400.0 * 300.0));
+        *fraction = fmax(*fraction, area / (400.0 * 300.0));
         sim_rig_process(&rig);
         const struct fovea_feature *f = fovea_features_get(rig.rt, &count);
         for (uint32_t i = 0; i < count; i++)
@@ -401,11 +401,11 @@ static int features_in_boxes(bool masked, double *share)
 static void nothing_is_taken_in_boxes(void **state)
 {
     (void)state;
-    double share;
-    int open = features_in_boxes(false, &share), masked = features_in_boxes(true, &share);
+    double fraction;
+    int open = features_in_boxes(false, &fraction), masked = features_in_boxes(true, &fraction);
     printf("boxes: cover up to %.0f %%; %d features in them without a mask, %d with it\n",
-           100 * share, open, masked);
-    assert_true(share > 0.15 && open > 100);
+           100 * fraction, open, masked);
+    assert_true(fraction > 0.15 && open > 100);
     assert_int_equal(masked, 0);
 }
 

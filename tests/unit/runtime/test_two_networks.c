@@ -1,5 +1,5 @@
-/* Two networks at once: each finds what it finds alone, and neither takes the other's share of the
- * grant. */
+/* Two networks at once: each finds what it finds alone, and neither takes the other's fraction of
+ * the grant. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -25,11 +25,11 @@ static struct model small = {.path = "tests/golden/detector.fvm"},
 static struct fovea_error error;
 
 /* What a network found in one frame. */
-struct look {
+struct inference {
     uint32_t count;
     struct fovea_detection list[FOVEA_DETECTIONS_MAX];
 };
-static struct look alone[2][FRAMES]; /* of `small` and `shipped` */
+static struct inference alone[2][FRAMES]; /* of `small` and `shipped` */
 
 struct made {
     struct fovea_config config;
@@ -122,12 +122,13 @@ static int teardown(void **state)
     return 0;
 }
 
-/* The last look is that of the network alone on the same frame. */
-static void assert_as_alone(const struct fovea_detections *found, const struct look looks[FRAMES])
+/* The last inference is that of the network alone on the same frame. */
+static void assert_as_alone(const struct fovea_detections *found,
+                            const struct inference inferences[FRAMES])
 {
-    const struct look *look = &looks[found->sequence];
-    assert_int_equal(found->count, look->count);
-    assert_memory_equal(found->list, look->list, look->count * sizeof *look->list);
+    const struct inference *inference = &inferences[found->sequence];
+    assert_int_equal(found->count, inference->count);
+    assert_memory_equal(found->list, inference->list, inference->count * sizeof *inference->list);
 }
 
 /* Messages of a channel among the outputs of the last work. */
@@ -165,12 +166,12 @@ static void with_a_large_grant_both_look_at_every_frame(void **state)
     free(made.memory);
 }
 
-/* Less than either network needs for a look. */
+/* Less than either network needs for an inference. */
 static void a_small_grant_is_shared_and_changes_no_box(void **state)
 {
     (void)state;
     struct made made;
-    uint64_t looks[2] = {0}, longest[2] = {0}, since[2] = {0};
+    uint64_t inferences[2] = {0}, longest[2] = {0}, since[2] = {0};
     make(&made, &small, &shipped);
     for (int i = 0; i < FRAMES; i++) {
         struct fovea_detections found[2];
@@ -180,8 +181,8 @@ static void a_small_grant_is_shared_and_changes_no_box(void **state)
         fovea_detections2_get(made.rt, &found[1]);
         for (int m = 0; m < 2; m++) {
             since[m]++;
-            if (found[m].inferences == looks[m]) continue;
-            assert_int_equal(found[m].inferences, ++looks[m]);
+            if (found[m].inferences == inferences[m]) continue;
+            assert_int_equal(found[m].inferences, ++inferences[m]);
             assert_as_alone(&found[m], alone[m]);
             longest[m] = since[m] > longest[m] ? since[m] : longest[m];
             since[m] = 0;
@@ -191,7 +192,7 @@ static void a_small_grant_is_shared_and_changes_no_box(void **state)
         assert_true(made.outputs.units_done[FOVEA_JOB_DETECT] == FEW || complete == 2);
     }
     for (int m = 0; m < 2; m++)
-        assert_true(looks[m] >= 2 && longest[m] <= FRAMES / 2);
+        assert_true(inferences[m] >= 2 && longest[m] <= FRAMES / 2);
     free(made.memory);
 }
 

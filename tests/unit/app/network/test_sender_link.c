@@ -32,7 +32,7 @@ static void a_millisecond(struct world *world)
     world->queued -= out;
     world->credit -= out;
     if (world->credit > world->burst) world->credit = world->burst;
-    fv_link_look(&world->link, world->queued < 0.5, world->now_ns);
+    fv_link_observe(&world->link, world->queued < 0.5, world->now_ns);
     const int64_t wait_ms = (int64_t)(world->queued / world->rate);
     if (wait_ms > world->longest_ms) world->longest_ms = wait_ms;
 }
@@ -92,7 +92,7 @@ static void a_late_look_does_not_make_a_link_slow(void **state)
         offer(&world, FEATURES_BYTES);
         world.queued = 0;
         world.now_ns += 1000 * (int64_t)MS;
-        fv_link_look(&world.link, true, world.now_ns);
+        fv_link_observe(&world.link, true, world.now_ns);
     }
     assert_int_equal(world.passed, 10);
     assert_false(world.link.slow);

@@ -37,10 +37,10 @@ static void test_percentiles_against_sorting(void **state)
         fv_histogram_add(&histogram, values[i]);
     }
     qsort(values, COUNT, sizeof values[0], compare);
-    const double shares[] = {0.01, 0.1, 0.25, 0.5, 0.9, 0.99, 0.999, 1.0};
-    for (size_t i = 0; i < sizeof shares / sizeof shares[0]; i++) {
-        double exact = (double)values[(int)ceil(shares[i] * COUNT) - 1];
-        double got = (double)fv_histogram_percentile(&histogram, shares[i]);
+    const double fractions[] = {0.01, 0.1, 0.25, 0.5, 0.9, 0.99, 0.999, 1.0};
+    for (size_t i = 0; i < sizeof fractions / sizeof fractions[0]; i++) {
+        double exact = (double)values[(int)ceil(fractions[i] * COUNT) - 1];
+        double got = (double)fv_histogram_percentile(&histogram, fractions[i]);
         assert_true(fabs(got - exact) <= exact * 0.004 + 0.5);
     }
     assert_int_equal(fv_histogram_mean(&histogram), sum / COUNT);

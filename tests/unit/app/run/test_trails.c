@@ -27,7 +27,7 @@ static void a_long_run_is_thinned_evenly(void **state)
                                              .stamp_ns = 5000000000 + look * INT64_C(100000000),
                                              .count = TRACKS + 1,
                                              .list = list};
-        fv_trails_look(&trails, &tracks);
+        fv_trails_observe(&trails, &tracks);
         assert_true(trails.count <= FV_TRAILS_MAX);
     }
     assert_int_equal(trails.looks, LOOKS);
