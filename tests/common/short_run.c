@@ -81,7 +81,7 @@ static void record_turns(const struct short_run *run, struct fovea *rt,
     const int32_t width2 = run->width * 3 / 4, height2 = run->height * 3 / 4;
     size_t bytes = (size_t)run->width * (size_t)run->height;
     uint8_t *pixels = malloc(bytes), *second = malloc(bytes);
-    for (uint32_t n = 0; n < run->turns; n++) {
+    for (uint32_t n = 0; n < run->iterations; n++) {
         struct fovea_frame frame = {.image_count = 1,
                                     .images[0] = {.data = pixels,
                                                   .width = run->width,

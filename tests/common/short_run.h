@@ -15,16 +15,16 @@ enum {
 
 struct short_run {
     int32_t width, height;
-    uint32_t turns; /* every eleventh has no frame; the 20th resets */
-    bool detect;    /* with the detector of the tests */
+    uint32_t iterations; /* every eleventh has no frame; the 20th resets */
+    bool detect;         /* with the detector of the tests */
     /* two cameras, each with a mask, of which the second has images of 3/4 of the width and height
      * and is absent in every third frame; samples of
-     * every kind per turn (short_run_samples) */
+     * every kind per iteration (short_run_samples) */
     bool rig;
-    uint32_t features; /* most per frame; granted are 50 fewer at first, one more each turn */
+    uint32_t features; /* most per frame; granted are 50 fewer at first, one more each iteration */
 };
 
-/* The samples of turn n, SHORT_RUN_SAMPLES of them: no two have the same values. */
+/* The samples of iteration n, SHORT_RUN_SAMPLES of them: no two have the same values. */
 void short_run_samples(uint32_t n, struct fovea_sample *samples);
 
 /* Record a run to a file; ends the program with a line on stderr when that fails. */

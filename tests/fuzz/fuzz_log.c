@@ -26,7 +26,7 @@ static char path[64];
 int LLVMFuzzerInitialize(int *argc, char ***argv)
 {
     const struct short_run run = {
-        .width = 64, .height = 64, .turns = 12, .features = 150, .detect = true};
+        .width = 64, .height = 64, .iterations = 12, .features = 150, .detect = true};
     (void)argc;
     (void)argv;
     file = memfd_create("log", 0);

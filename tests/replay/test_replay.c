@@ -18,7 +18,7 @@
 #include "support/text.h"
 #include "message/fields.h"
 
-enum { WIDTH = 160, HEIGHT = 120, TURNS = 40 };
+enum { WIDTH = 160, HEIGHT = 120, ITERATIONS = 40 };
 
 static char folder[] = "/tmp/fovea-test-XXXXXX";
 static char good[64], changed[64];
@@ -27,8 +27,11 @@ static size_t whole_bytes;
 
 static void make_recording(void)
 {
-    const struct short_run run = {
-        .width = WIDTH, .height = HEIGHT, .turns = TURNS, .features = 200, .detect = true};
+    const struct short_run run = {.width = WIDTH,
+                                  .height = HEIGHT,
+                                  .iterations = ITERATIONS,
+                                  .features = 200,
+                                  .detect = true};
     short_run_record(good, &run);
     struct fovea_error error;
     char *text;
@@ -115,12 +118,12 @@ static void test_equal(void **state)
     if (fv_replay(good, true, NULL, NULL, &result, &error) != FOVEA_OK) fail_msg("%s", error.text);
     if (result.different) fail_msg("%s", result.difference);
     assert_int_equal(result.end, FV_REPLAY_WHOLE);
-    assert_int_equal(result.frames, TURNS - 3);
-    assert_int_equal(result.steps, TURNS);
-    assert_int_equal(result.works, TURNS);
-    assert_int_equal(result.messages_with_readings, TURNS / 4);
+    assert_int_equal(result.frames, ITERATIONS - 3);
+    assert_int_equal(result.steps, ITERATIONS);
+    assert_int_equal(result.works, ITERATIONS);
+    assert_int_equal(result.messages_with_readings, ITERATIONS / 4);
     assert_true(result.messages_equal >
-                2 * TURNS - 3); /* features, camera status and some previews */
+                2 * ITERATIONS - 3); /* features, camera status and some previews */
 }
 
 static void test_differences(void **state)
@@ -268,9 +271,9 @@ static void test_cut_off(void **state)
         expect_cut(cut, &refused);
     assert_true(refused > 20);
     /* Where one event ends and the next begins, as when the program was killed. */
-    for (int turn = TURNS - 4; turn < TURNS; turn++) {
-        expect_cut(find_event("FOVEA_GRANTS", turn), &none);
-        expect_cut(find_event("FOVEA_INPUTS", turn), &none);
+    for (int iteration = ITERATIONS - 4; iteration < ITERATIONS; iteration++) {
+        expect_cut(find_event("FOVEA_GRANTS", iteration), &none);
+        expect_cut(find_event("FOVEA_INPUTS", iteration), &none);
     }
     expect_cut(find_event("FOVEA_RECORDING_END", 0), &none);
     assert_int_equal(none, 0);
@@ -381,8 +384,8 @@ static void test_other_formats(void **state)
     whole[format] = 4;
 }
 
-/* What a source of the recorded log gives: samples bit by bit as they were recorded. A turn without
- * a frame has its samples with the next frame. */
+/* What a source of the recorded log gives: samples bit by bit as they were recorded. An iteration
+ * without a frame has its samples with the next frame. */
 static void check_fed_again(const char *path)
 {
     static const struct fovea_source_selection everything = {.step = 1};
@@ -391,7 +394,7 @@ static void check_fed_again(const char *path)
     struct fovea_source *source;
     struct fovea_frame frame;
     struct fovea_error error;
-    uint32_t turn = 0;
+    uint32_t iteration = 0;
     assert_int_equal(ops->open(path, &everything, &source, &error), FOVEA_OK);
     const struct fovea_source_info *info = ops->info(source);
     assert_true(info->rig.camera_count == 2 && info->rig.has_imu);
@@ -400,8 +403,8 @@ static void check_fed_again(const char *path)
     while (ops->dequeue(source, INT64_MAX, &frame) == FOVEA_OK) {
         const uint32_t count = ops->samples(source, &frame, found, FOVEA_INPUT_SAMPLES_MAX);
         uint32_t at = 0;
-        for (; turn <= frame.sequence; turn++) {
-            short_run_samples(turn, expected);
+        for (; iteration <= frame.sequence; iteration++) {
+            short_run_samples(iteration, expected);
             assert_true(count >= at + SHORT_RUN_SAMPLES);
             for (int i = 0; i < SHORT_RUN_SAMPLES; i++, at++) {
                 const uint32_t values = fovea_sample_value_count(expected[i].kind);
@@ -418,7 +421,7 @@ static void check_fed_again(const char *path)
                         frame.images[1].height == HEIGHT * 3 / 4);
         ops->requeue(source, &frame);
     }
-    assert_true(turn >= TURNS - 1);
+    assert_true(iteration >= ITERATIONS - 1);
     ops->close(source);
 }
 
@@ -478,7 +481,7 @@ static void test_rig(void **state)
 {
     (void)state;
     const struct short_run run = {
-        .width = WIDTH, .height = HEIGHT, .turns = TURNS, .features = 200, .rig = true};
+        .width = WIDTH, .height = HEIGHT, .iterations = ITERATIONS, .features = 200, .rig = true};
     struct fv_replay_result result;
     struct fovea_error error;
     char *bytes;
@@ -487,7 +490,7 @@ static void test_rig(void **state)
     if (fv_replay(changed, true, NULL, NULL, &result, &error) != FOVEA_OK)
         fail_msg("%s", error.text);
     if (result.different) fail_msg("%s", result.difference);
-    assert_true(result.end == FV_REPLAY_WHOLE && result.frames == TURNS - 3);
+    assert_true(result.end == FV_REPLAY_WHOLE && result.frames == ITERATIONS - 3);
     check_fed_again(changed);
     check_fed_in_reverse(changed);
 
@@ -507,12 +510,12 @@ static void test_rig(void **state)
     fovea_log_close(log);
     assert_int_equal(fovea_text_read(changed, 1 << 28, &bytes, &count, &error), FOVEA_OK);
     check_missing_sample((uint8_t *)bytes, count);
-    const size_t turn =
+    const size_t iteration =
         WIDTH * HEIGHT * 9 / 16; /* back into the second image of the second frame */
     size_t at = third;
     while (memcmp(bytes + at, "FOVEA_INPUTS", 12) != 0)
         at--;
-    bytes[at - turn / 2] ^= 1;
+    bytes[at - iteration / 2] ^= 1;
     write_changed((uint8_t *)bytes, count);
     free(bytes);
     assert_int_equal(fv_replay(changed, true, NULL, NULL, &result, &error), FOVEA_OK);

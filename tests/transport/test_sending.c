@@ -166,7 +166,7 @@ static bool join_networks(void)
 
 struct sending {
     struct fv_transport *transport;
-    int turns;
+    int iterations;
     int64_t late_ns;            /* the loop itself, at most: a busy machine */
     int64_t longest_ns, cpu_ns; /* of the hand-overs: the longest, all together */
     bool filtered;              /* no system call but sleeping was permitted */
@@ -204,7 +204,7 @@ static void add(struct fovea_outputs *outputs, int kind)
                                .bytes = kind == PREVIEW ? preview_bytes : sizes[kind]};
 }
 
-static void turn(struct sending *sending, int i)
+static void iteration(struct sending *sending, int i)
 {
     struct fovea_outputs outputs = {0};
     const int64_t begin_ns = fv_clock_ns(CLOCK_MONOTONIC);
@@ -253,20 +253,20 @@ static void *loop(void *context)
     struct timespec due;
     sending->filtered = forbid_system_calls();
     clock_gettime(CLOCK_MONOTONIC, &due);
-    for (int i = 0; i < sending->turns; i++) {
+    for (int i = 0; i < sending->iterations; i++) {
         clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &due, NULL);
         const int64_t late_ns = fv_clock_ns(CLOCK_MONOTONIC) - fv_clock_from_timespec(due);
         if (late_ns > sending->late_ns) sending->late_ns = late_ns;
-        turn(sending, i);
+        iteration(sending, i);
         due = fv_clock_timespec(fv_clock_from_timespec(due) + FV_SECOND_NS / RATE_HZ);
     }
     return NULL;
 }
 
-static void start(struct sending *sending, const char *url, int turns)
+static void start(struct sending *sending, const char *url, int iterations)
 {
     struct fovea_error error;
-    *sending = (struct sending){.turns = turns};
+    *sending = (struct sending){.iterations = iterations};
     memset(heard, 0, sizeof *heard);
     if (fv_transport_open(url, 1, &sending->transport, &error) != FOVEA_OK)
         fail_msg("%s", error.text);
@@ -366,18 +366,18 @@ static void slow_link(const char *shape)
     fv_transport_tell(stdout, sending.transport);
     fv_transport_close(sending.transport);
     assert_int_equal(heard->damaged, 0);
-    assert_int_equal(heard->messages[POSE], sending.turns);
-    assert_int_equal(heard->messages[CAMERA_POSE], sending.turns);
-    assert_int_equal(heard->messages[STATUS], sending.turns);
+    assert_int_equal(heard->messages[POSE], sending.iterations);
+    assert_int_equal(heard->messages[CAMERA_POSE], sending.iterations);
+    assert_int_equal(heard->messages[STATUS], sending.iterations);
     assert_true(heard->messages[PREVIEW] >= (uint64_t)(seconds + 4) / 5);
-    print_message("  %s: pose p50 %.1f ms p99 %.1f ms max %.1f ms; hand-over %.3f ms mean CPU, "
-                  "%.3f ms longest wall; previews of %d bytes, at most %.1f s apart; loop late by "
-                  "%.1f ms at most\n",
-                  shape, (double)percentile_ns(0.5) * 1e-6, (double)percentile_ns(0.99) * 1e-6,
-                  (double)percentile_ns(1) * 1e-6, (double)sending.cpu_ns * 1e-6 / sending.turns,
-                  (double)sending.longest_ns * 1e-6,
-                  (int)(heard->preview_bytes / heard->messages[PREVIEW]),
-                  seconds_between_previews(), (double)sending.late_ns * 1e-6);
+    print_message(
+        "  %s: pose p50 %.1f ms p99 %.1f ms max %.1f ms; hand-over %.3f ms mean CPU, "
+        "%.3f ms longest wall; previews of %d bytes, at most %.1f s apart; loop late by "
+        "%.1f ms at most\n",
+        shape, (double)percentile_ns(0.5) * 1e-6, (double)percentile_ns(0.99) * 1e-6,
+        (double)percentile_ns(1) * 1e-6, (double)sending.cpu_ns * 1e-6 / sending.iterations,
+        (double)sending.longest_ns * 1e-6, (int)(heard->preview_bytes / heard->messages[PREVIEW]),
+        seconds_between_previews(), (double)sending.late_ns * 1e-6);
     if (long_seconds() == 0) return;
     assert_true(percentile_ns(0.99) < 100000000);
     assert_true(seconds_between_previews() < 5.0);
@@ -397,12 +397,12 @@ static void every_pose_passes_a_slow_link_with_a_long_queue(void **state)
 
 /* ---- links that do not work ------------------------------------------------------------------ */
 
-/* One turn after the other until the child has heard a pose that was sent after `from`. */
+/* One iteration after the other until the child has heard a pose that was sent after `from`. */
 static void send_until_heard(struct sending *sending)
 {
     const uint64_t before = heard->messages[POSE];
     for (int i = 1; i < 600 && heard->messages[POSE] < before + 3; i++) {
-        turn(sending, i);
+        iteration(sending, i);
         sleep_ms(20);
     }
     assert_true(heard->messages[POSE] >= before + 3);
@@ -413,7 +413,7 @@ static void expect_drops(struct sending *sending, enum fv_transport_drop reason)
     struct fv_transport_sent sent;
     uint64_t counted = 0;
     for (int i = 1; i < 600 && counted < 10; i++) {
-        turn(sending, i);
+        iteration(sending, i);
         sleep_ms(5);
         fv_transport_sent(sending->transport, &sent);
         counted = find(&sent, POSE)->dropped[reason];
@@ -494,7 +494,7 @@ static void await(int descriptor, struct sending *sending)
 {
     struct pollfd wait = {.fd = descriptor, .events = POLLIN};
     for (int i = 1; i < 2000 && poll(&wait, 1, 10) == 0; i++)
-        turn(sending, i);
+        iteration(sending, i);
     assert_true(wait.revents != 0);
 }
 
@@ -548,13 +548,13 @@ static void a_server_that_stops_reading_stops_nothing(void **state)
     start(&sending, url, 0);
     const int peer = server_greet(server, &sending);
     for (int i = 0; i < 20; i++) {
-        turn(&sending, i);
+        iteration(&sending, i);
         sleep_ms(2);
     }
     for (int i = 0; i < 30; i++)
         take_message(peer);
     for (int i = 0; i < 1500; i++) { /* 22 MB, more than the kernel holds for a connection */
-        turn(&sending, i);
+        iteration(&sending, i);
         if (i % 2 == 0) sleep_ms(1);
     }
     fv_transport_sent(sending.transport, &sent);
@@ -562,7 +562,7 @@ static void a_server_that_stops_reading_stops_nothing(void **state)
     close(peer); /* it is connected to again */
     const int again = server_greet(server, &sending);
     for (int i = 0; i < 20; i++) {
-        turn(&sending, i);
+        iteration(&sending, i);
         sleep_ms(2);
     }
     take_message(again);

@@ -41,8 +41,8 @@ void fv_sender_repeat(struct fv_sender *sender, const char *channel, const uint8
 void fv_sender_put(struct fv_sender *sender, const struct fovea_message *message);
 
 /* Whether each ring is about half empty, or this have been asked in vain for a second, as where a
- * server does not read. For frames that do not come by the clock: to be asked before a turn. Loop
- * thread. */
+ * server does not read. For frames that do not come by the clock: to be asked before an iteration.
+ * Loop thread. */
 bool fv_sender_room(struct fv_sender *sender);
 
 /* Send what is left, for at most FV_SENDER_FINISH_MS; drop the rest; end the thread. Where a disk

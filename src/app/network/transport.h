@@ -59,8 +59,8 @@ void fv_transport_repeat(struct fv_transport *transport, const char *channel, co
 /* Hand over the messages of a step or a work for sending. Loop thread, wait-free. */
 void fv_transport_publish(struct fv_transport *transport, const struct fovea_outputs *outputs);
 
-/* Whether there is room for a turn, or it was asked for in vain for a second. Where frames do not
- * come by the clock: ask before a turn. Loop thread. */
+/* Whether there is room for an iteration, or it was asked for in vain for a second. Where frames do
+ * not come by the clock: ask before an iteration. Loop thread. */
 bool fv_transport_room(struct fv_transport *transport);
 
 /* Send what waits, for at most a second and a half, and end sending: counts are exact then.

@@ -29,7 +29,7 @@
 enum {
     PACED_FRAMES = 4, /* the loop waits for the disk: no need to hold more */
     SMALL_BYTES =
-        32 << 10, /* inputs, grants and the messages of one turn that are not named below */
+        32 << 10, /* inputs, grants and the messages of one iteration that are not named below */
     FEATURE_BYTES = 16,
     OBJECTS_BYTES = 256 << 10, /* detections and tracks, as many as there may be */
     WRITE_BYTES_MAX = 1 << 20,
@@ -41,19 +41,19 @@ enum ending { RUNNING = 0, ENDED_SLOW = 1, ENDED_FAILED = 2 };
 
 /* How far the log goes: up to here it could end. */
 struct extent {
-    uint64_t events, bytes, turns, hash;
+    uint64_t events, bytes, iterations, hash;
     int64_t time_us; /* of the last event */
 };
 
 struct fv_recorder {
     struct fv_ring ring;
     void *ring_memory;
-    size_t turn_bytes;               /* room that pace waits for */
+    size_t iteration_bytes;          /* room that pace waits for */
     char path[FV_OUTPUT_PATH_BYTES]; /* of the file that is written */
     char channels[FV_MESSAGE_KIND_COUNT][FV_MESSAGE_CHANNEL_BYTES];
 
     /* The loop thread's. */
-    uint8_t *header; /* encoded recording_t, sent with the first turn since it needs a time */
+    uint8_t *header; /* encoded recording_t, sent with the first iteration since it needs a time */
     uint32_t header_bytes;
     bool started;
     int64_t event_number;
@@ -68,11 +68,11 @@ struct fv_recorder {
     /* The writer's. */
     pthread_t thread;
     struct fv_recording_file place;
-    int file;              /* of `place` */
-    int looks;             /* since the file was looked for */
-    struct extent written; /* whole events */
-    struct extent turn;    /* those before the last turn that has begun */
-    bool turn_begun;       /* by samples or a frame: the inputs that follow belong to it */
+    int file;                /* of `place` */
+    int looks;               /* since the file was looked for */
+    struct extent written;   /* whole events */
+    struct extent iteration; /* those before the last iteration that has begun */
+    bool turn_begun;         /* by samples or a frame: the inputs that follow belong to it */
     char reason[FV_RECORDING_END_REASON_BYTES];
 };
 
@@ -208,7 +208,7 @@ static void sleep_a_little(void)
 
 bool fv_recorder_room(struct fv_recorder *recorder)
 {
-    return recorder == NULL || fv_ring_room(&recorder->ring) >= recorder->turn_bytes ||
+    return recorder == NULL || fv_ring_room(&recorder->ring) >= recorder->iteration_bytes ||
            atomic_load(&recorder->ending) != RUNNING;
 }
 
@@ -253,7 +253,7 @@ static bool is_on(const struct fv_recorder *recorder, const uint8_t *event,
            memcmp(event + FOVEA_LOG_HEADER_BYTES, channel, strlen(channel)) == 0;
 }
 
-/* Whether inputs are still to come in the turn that begins with it. */
+/* Whether inputs are still to come in the iteration that begins with it. */
 static bool before_inputs(const struct fv_recorder *recorder, const uint8_t *event)
 {
     bool sample = false;
@@ -262,7 +262,7 @@ static bool before_inputs(const struct fv_recorder *recorder, const uint8_t *eve
     return sample || is_on(recorder, event, FV_MESSAGE_FRAME);
 }
 
-static bool begins_turn(const struct fv_recorder *recorder, const uint8_t *event)
+static bool begins_iteration(const struct fv_recorder *recorder, const uint8_t *event)
 {
     return !recorder->turn_begun &&
            (before_inputs(recorder, event) || is_on(recorder, event, FV_MESSAGE_INPUTS));
@@ -272,9 +272,9 @@ static void count_event(struct fv_recorder *recorder, const uint8_t *event)
 {
     const size_t head_bytes = FOVEA_LOG_HEADER_BYTES + channel_bytes_of(event);
     struct extent *written = &recorder->written;
-    if (begins_turn(recorder, event)) {
-        recorder->turn = *written;
-        written->turns++;
+    if (begins_iteration(recorder, event)) {
+        recorder->iteration = *written;
+        written->iterations++;
     }
     recorder->turn_begun = before_inputs(recorder, event);
     written->hash = fv_recording_hash_event(written->hash, event, head_bytes, event + head_bytes,
@@ -312,7 +312,8 @@ static bool write_end(struct fv_recorder *recorder)
     const size_t channel_bytes = strlen(channel),
                  head_bytes = FOVEA_LOG_HEADER_BYTES + channel_bytes;
     uint8_t event[FOVEA_LOG_HEADER_BYTES + FV_MESSAGE_CHANNEL_BYTES + FV_RECORDING_END_BYTES_MAX];
-    struct fv_recording_end end = {.turns = at->turns, .events = at->events, .hash = at->hash};
+    struct fv_recording_end end = {
+        .iterations = at->iterations, .events = at->events, .hash = at->hash};
     if (at->events == 0) return true;
     memcpy(end.reason, recorder->reason, sizeof end.reason);
     const uint32_t bytes =
@@ -334,20 +335,21 @@ static bool cut_to(struct fv_recorder *recorder, const struct extent *extent)
     return lseek(recorder->file, (off_t)extent->bytes, SEEK_SET) >= 0;
 }
 
-/* End the log before the run, after a whole turn: the one that is written, when `between_turns`,
- * and else (or when that leaves no room for the log's own end) the one before it. */
+/* End the log before the run, after a whole iteration: the one that is written, when
+ * `between_iterations`, and else (or when that leaves no room for the log's own end) the one before
+ * it. */
 static void end_early(struct fv_recorder *recorder, enum ending ending, const char *reason,
-                      bool between_turns)
+                      bool between_iterations)
 {
-    const struct extent turn = recorder->turn;
+    const struct extent iteration = recorder->iteration;
     snprintf(recorder->reason, sizeof recorder->reason, "%s", reason);
     atomic_store(&recorder->ending, ending);
-    if (between_turns && cut_to(recorder, &recorder->written) && write_end(recorder)) return;
-    if (cut_to(recorder, &turn)) {
-        if (!write_end(recorder)) cut_to(recorder, &turn);
+    if (between_iterations && cut_to(recorder, &recorder->written) && write_end(recorder)) return;
+    if (cut_to(recorder, &iteration)) {
+        if (!write_end(recorder)) cut_to(recorder, &iteration);
     } else {
         snprintf(recorder->reason, sizeof recorder->reason,
-                 "%.120s, and its end could not be cut to a whole turn", reason);
+                 "%.120s, and its end could not be cut to a whole iteration", reason);
     }
 }
 
@@ -364,7 +366,7 @@ static bool write_some(struct fv_recorder *recorder)
     for (; at < bytes && at + event_bytes(data + at) <= done; at += event_bytes(data + at))
         count_event(recorder, data + at);
     if (problem != NULL)
-        end_early(recorder, ENDED_FAILED, problem, begins_turn(recorder, data + at));
+        end_early(recorder, ENDED_FAILED, problem, begins_iteration(recorder, data + at));
     else
         fv_ring_release(&recorder->ring, bytes);
     return problem == NULL;
@@ -443,9 +445,9 @@ static enum fovea_status start_thread(struct fv_recorder *recorder, struct fovea
                            recorder->path, strerror(failed));
 }
 
-/* The most that a turn takes: the level that a preview shows has at most 1 / 1.4 of the pixels of
- * the one below it. */
-static size_t turn_bytes(const struct fv_recorder_setup *setup)
+/* The most that an iteration takes: the level that a preview shows has at most 1 / 1.4 of the
+ * pixels of the one below it. */
+static size_t iteration_bytes(const struct fv_recorder_setup *setup)
 {
     const struct fovea_config *config = &setup->settings->runtime;
     const struct fovea_camera *camera = &config->rig.cameras[0].camera;
@@ -463,7 +465,7 @@ static size_t turn_bytes(const struct fv_recorder_setup *setup)
 
 static size_t ring_bytes(const struct fv_recorder_setup *setup, size_t header_bytes)
 {
-    const size_t turn = turn_bytes(setup), least = 2 * (turn + header_bytes) + 4096;
+    const size_t iteration = iteration_bytes(setup), least = 2 * (iteration + header_bytes) + 4096;
     const size_t frames = setup->real_time ? setup->settings->record_buffer : PACED_FRAMES;
     const size_t bytes = setup->ring_bytes != 0 ? setup->ring_bytes : frames * setup->frame_bytes;
     return ((bytes > least ? bytes : least) + 63) / 64 * 64;
@@ -473,7 +475,7 @@ static enum fovea_status make_ring(struct fv_recorder *recorder,
                                    const struct fv_recorder_setup *setup, struct fovea_error *error)
 {
     const size_t bytes = ring_bytes(setup, recorder->header_bytes);
-    recorder->turn_bytes = turn_bytes(setup) + recorder->header_bytes;
+    recorder->iteration_bytes = iteration_bytes(setup) + recorder->header_bytes;
     recorder->ring_memory = fv_aligned_zeroed(bytes); /* touches every page before the loop */
     if (recorder->ring_memory == NULL)
         return fovea_error_set(error, FOVEA_ERROR_MEMORY, "%s: no memory for %zu bytes of buffer",
@@ -542,13 +544,13 @@ size_t fv_recorder_bytes(const struct fv_recorder_setup *setup)
            FV_THREAD_STACK_BYTES;
 }
 
-/* Of a run whose recording ended early: one without a turn is of no use. */
+/* Of a run whose recording ended early: one without an iteration is of no use. */
 static enum fv_recording_holds part_held(struct fv_recorder *recorder)
 {
-    if (recorder->written.turns > 0 || !recorder->place.numbered) return FV_RECORDING_PART;
+    if (recorder->written.iterations > 0 || !recorder->place.numbered) return FV_RECORDING_PART;
     const size_t length = strlen(recorder->reason);
     snprintf(recorder->reason + length, sizeof recorder->reason - length,
-             "; it held no turn and is removed");
+             "; it held no iteration and is removed");
     return FV_RECORDING_NONE;
 }
 

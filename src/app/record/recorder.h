@@ -3,16 +3,17 @@
  *
  * The loop thread copies into a preallocated ring and never waits, allocates or enters the system;
  * a thread of its own writes. When the disk is full or the ring overflows because the disk is slow,
- * the recording ends at a whole turn, the log's last message and one line on stderr say why, what
- * came later is counted, and the run goes on. For recorded input at full speed fv_recorder_pace
- * lets the loop wait for the disk instead. A write that stalls is in the table of support/stall.h.
+ * the recording ends at a whole iteration, the log's last message and one line on stderr say why,
+ * what came later is counted, and the run goes on. For recorded input at full speed
+ * fv_recorder_pace lets the loop wait for the disk instead. A write that stalls is in the table of
+ * support/stall.h.
  *
  *     fv_recorder_open(&setup, &recorder, &error);          // before the loop
- *     for each turn:
- *         fv_recorder_pace(recorder);                   // only with --rate max, before the turn
- *         fovea_step(...);  fv_recorder_step(recorder, &inputs, &outputs);
- *         fovea_work(...);  fv_recorder_work(recorder, &inputs, &grants, &outputs);
- *     fv_recorder_close(recorder, &summary);                 // after the loop
+ *     for each iteration:
+ *         fv_recorder_pace(recorder);                   // only with --rate max, before the
+ * iteration fovea_step(...);  fv_recorder_step(recorder, &inputs, &outputs); fovea_work(...);
+ * fv_recorder_work(recorder, &inputs, &grants, &outputs); fv_recorder_close(recorder, &summary); //
+ * after the loop
  *
  * Every function takes NULL for "not recording". */
 #ifndef FOVEA_APP_RECORD_RECORDER_H
@@ -58,8 +59,8 @@ void fv_recorder_step(struct fv_recorder *recorder, const struct fovea_inputs *i
 void fv_recorder_work(struct fv_recorder *recorder, const struct fovea_inputs *inputs,
                       const struct fovea_grants *grants, const struct fovea_outputs *outputs);
 
-/* Whether the ring has room for a whole turn, or the recording has ended; and waiting until it is
- * so. Not for frames that come by the clock. */
+/* Whether the ring has room for a whole iteration, or the recording has ended; and waiting until it
+ * is so. Not for frames that come by the clock. */
 bool fv_recorder_room(struct fv_recorder *recorder);
 void fv_recorder_pace(struct fv_recorder *recorder);
 

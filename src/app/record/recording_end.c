@@ -34,7 +34,7 @@ uint32_t fv_recording_end_encode(const struct fv_recording_end *end, uint8_t *bu
                                  size_t capacity)
 {
     const fovea_recording_end_t message = {
-        .turns = (int64_t)end->turns,
+        .iterations = (int64_t)end->iterations,
         .events = (int64_t)end->events,
         .hash = (int64_t)fv_hash(end->hash, end->reason, strlen(end->reason)),
         .reason = (char *)end->reason, /* lcm-gen knows no const; it only reads */
@@ -54,7 +54,7 @@ bool fv_recording_end_decode(const uint8_t *data, size_t bytes, struct fv_record
         *at = 0;
         return false;
     }
-    *end = (struct fv_recording_end){.turns = (uint64_t)message.turns,
+    *end = (struct fv_recording_end){.iterations = (uint64_t)message.iterations,
                                      .events = (uint64_t)message.events,
                                      .hash = (uint64_t)message.hash};
     snprintf(end->reason, sizeof end->reason, "%s", message.reason);

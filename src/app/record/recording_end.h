@@ -1,5 +1,5 @@
-/* The last message of a recording, which tells that the log is whole: how many turns and events
- * came before it, the hash of all their bytes, and whether the recording ended with the run.
+/* The last message of a recording, which tells that the log is whole: how many iterations and
+ * events came before it, the hash of all their bytes, and whether the recording ended with the run.
  * Real-time safe but for the decoder. */
 #ifndef FOVEA_APP_RECORD_RECORDING_END_H
 #define FOVEA_APP_RECORD_RECORDING_END_H
@@ -13,7 +13,7 @@
 enum { FV_RECORDING_END_REASON_BYTES = 192, FV_RECORDING_END_BYTES_MAX = 256 };
 
 struct fv_recording_end {
-    uint64_t turns, events,
+    uint64_t iterations, events,
         hash; /* hash: of the events alone when encoding, of reason too when decoded */
     char reason[FV_RECORDING_END_REASON_BYTES]; /* why the recording ended before the run; "": with
                                                    it */

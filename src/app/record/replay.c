@@ -316,7 +316,7 @@ static enum fovea_status end(struct replay *replay, struct fovea_error *error)
     if (!fv_recording_end_decode(replay->event.data, replay->event.bytes, &stated, &problem, &at))
         return refuse(replay, at, problem, error);
     expect_none_left(replay);
-    compare_number(replay, "turns", result->works, stated.turns);
+    compare_number(replay, "iterations", result->works, stated.iterations);
     compare_number(replay, "events", replay->events, stated.events);
     compare_number(replay, "hash of all events before",
                    fv_hash(replay->hash, stated.reason, strlen(stated.reason)), stated.hash);

@@ -17,7 +17,8 @@
 
 /* How a recording ends. */
 enum fv_replay_end {
-    FV_REPLAY_CUT_OFF = 0, /* within a turn or without its last message: the rest is missing */
+    FV_REPLAY_CUT_OFF =
+        0, /* within an iteration or without its last message: the rest is missing */
     FV_REPLAY_ENDED_EARLY, /* the recording ended before the run, as `reason` says */
     FV_REPLAY_WHOLE
 };

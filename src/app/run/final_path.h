@@ -27,7 +27,7 @@ void fv_final_frame(struct fv_final *final, const struct fovea_pose *pose,
                     const struct fv_trajectory_sample *published);
 /* Look at the map's keyframes; after every step and every work. Loop thread, real-time safe. */
 void fv_final_observe(struct fv_final *final, const struct fovea *rt);
-/* Whether there is room for a turn. Loop thread. */
+/* Whether there is room for an iteration. Loop thread. */
 bool fv_final_room(struct fv_final *final);
 
 /* Take what has come. The thread that opened it; at least four times a second. */

@@ -146,7 +146,8 @@ static void fill_inputs(struct fv_loop *loop, const struct fovea_frame *frame, i
     if (loop->hooks.sense != NULL) loop->hooks.sense(loop->hooks.context, inputs);
 }
 
-/* ---- one turn -------------------------------------------------------------------------------- */
+/* ---- one iteration
+ * -------------------------------------------------------------------------------- */
 
 struct span {
     int64_t wall_ns, cpu_ns;
@@ -190,7 +191,7 @@ static void account(struct fv_loop *loop, struct span step, struct span work, in
     atomic_store_explicit(&loop->shared->step_ns, step.cpu_ns, memory_order_relaxed);
 }
 
-static void turn(struct fv_loop *loop, const struct fovea_frame *frame, int64_t late_ns)
+static void iteration(struct fv_loop *loop, const struct fovea_frame *frame, int64_t late_ns)
 {
     const struct fv_loop_hooks *hooks = &loop->hooks;
     struct fovea_inputs inputs;
@@ -250,7 +251,7 @@ void fv_loop_run(struct fv_loop *loop)
         if (loop->hooks.pace != NULL && !loop->real_time) loop->hooks.pace(loop->hooks.context);
         enum taken taken = take_frame(loop, &frame, &late_ns);
         if (taken == TAKEN_END) break;
-        turn(loop, taken == TAKEN_FRAME ? &frame : NULL, late_ns);
+        iteration(loop, taken == TAKEN_FRAME ? &frame : NULL, late_ns);
         if (taken == TAKEN_FRAME) loop->ops->requeue(loop->source, &frame);
         if (loop->frames_max > 0 && loop->counts.in >= loop->frames_max) break;
     }

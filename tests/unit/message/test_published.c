@@ -276,7 +276,7 @@ static void the_most_detections_fit_a_packet(void **state)
     free(scratch);
 }
 
-/* A quarter turn around z and a shift, so that each axis shows where it went. */
+/* A quarter iteration around z and a shift, so that each axis shows where it went. */
 static void the_most_objects_fit_a_packet(void **state)
 {
     (void)state;

@@ -253,7 +253,7 @@ static void check_turn(struct fovea_log *log, uint32_t n)
     expect_event(log, &event, "ROBOT/LEFT_X");
 }
 
-/* The log's last event; the turns that it tells of. */
+/* The log's last event; the iterations that it tells of. */
 static uint64_t check_end(struct fovea_log *log, const char *reason)
 {
     struct fovea_log_event event;
@@ -264,22 +264,22 @@ static uint64_t check_end(struct fovea_log *log, const char *reason)
     if (!fv_recording_end_decode(event.data, event.bytes, &end, &why, &at)) fail_msg("%s", why);
     assert_string_equal(end.reason, reason);
     assert_true(end.events == (uint64_t)event.number);
-    return end.turns;
+    return end.iterations;
 }
 
 static void test_round_trip(void **state)
 {
     (void)state;
-    enum { TURNS = 100 };
+    enum { ITERATIONS = 100 };
     struct fv_recorder *recorder = open_recorder(0);
-    for (uint32_t n = 0; n < TURNS; n++) {
+    for (uint32_t n = 0; n < ITERATIONS; n++) {
         fv_recorder_pace(recorder);
         record_turn(recorder, n);
     }
     struct fv_recorder_summary summary;
     assert_int_equal(fv_recorder_close(recorder, &summary), FOVEA_OK);
     assert_true(summary.complete && summary.turns_lost == 0 &&
-                summary.events == 1 + 4 * TURNS + TURNS * 3 / 4 + 1);
+                summary.events == 1 + 4 * ITERATIONS + ITERATIONS * 3 / 4 + 1);
 
     struct fovea_log *log;
     struct fovea_log_event event;
@@ -287,7 +287,7 @@ static void test_round_trip(void **state)
     assert_int_equal(fovea_log_open(path, &log, &error), FOVEA_OK);
     expect_event(log, &event, "ROBOT/LEFT_RECORDING");
     check_header(&event);
-    for (uint32_t n = 0; n < TURNS; n++)
+    for (uint32_t n = 0; n < ITERATIONS; n++)
         check_turn(log, n);
     check_end(log, "");
     assert_int_equal(fovea_log_next(log, &event, &error), FOVEA_END);
@@ -303,8 +303,8 @@ static void test_round_trip(void **state)
     assert_int_equal(events, summary.events);
 }
 
-/* Every event of the file is whole, every turn too, and the last tells why no more came; returns
- * their number. */
+/* Every event of the file is whole, every iteration too, and the last tells why no more came;
+ * returns their number. */
 static uint64_t count_whole(const char *reason)
 {
     struct fovea_log *log;
@@ -314,18 +314,18 @@ static uint64_t count_whole(const char *reason)
     enum fovea_status status;
     assert_int_equal(fovea_log_open(path, &log, &error), FOVEA_OK);
     int64_t last = 0;
-    uint64_t turns = 0;
+    uint64_t iterations = 0;
     while ((status = fovea_log_next(log, &event, &error)) == FOVEA_OK) {
         events++;
         last = event.offset;
-        turns += strcmp(event.channel, "ROBOT/LEFT_GRANTS") == 0;
+        iterations += strcmp(event.channel, "ROBOT/LEFT_GRANTS") == 0;
     }
     if (status != FOVEA_END) fail_msg("%s", error.text);
     assert_int_equal(fovea_log_seek(log, 0, &error), FOVEA_OK);
     expect_event(log, &event, "ROBOT/LEFT_RECORDING");
-    for (uint32_t n = 0; n < turns; n++)
+    for (uint32_t n = 0; n < iterations; n++)
         check_turn(log, n);
-    assert_int_equal(check_end(log, reason), turns);
+    assert_int_equal(check_end(log, reason), iterations);
     assert_int_equal(event.offset < last, true);
     fovea_log_close(log);
     return events;
@@ -333,14 +333,14 @@ static uint64_t count_whole(const char *reason)
 
 static void record_below(rlim_t bytes_max)
 {
-    enum { TURNS = 48 };
+    enum { ITERATIONS = 48 };
     struct rlimit before, limit;
     getrlimit(RLIMIT_FSIZE, &before);
     limit = before;
     limit.rlim_cur = bytes_max;
     setrlimit(RLIMIT_FSIZE, &limit);
     struct fv_recorder *recorder = open_recorder(0);
-    for (uint32_t n = 0; n < TURNS; n++) {
+    for (uint32_t n = 0; n < ITERATIONS; n++) {
         fv_recorder_pace(recorder);
         record_turn(recorder, n);
     }
@@ -356,8 +356,8 @@ static void record_below(rlim_t bytes_max)
     assert_int_equal(count_whole("File too large"), summary.events);
 }
 
-/* Wherever in a turn the file is full: in a frame, in what follows it, right after a turn, and in
- * the log's own end. */
+/* Wherever in an iteration the file is full: in a frame, in what follows it, right after an
+ * iteration, and in the log's own end. */
 static void test_limited_file(void **state)
 {
     (void)state;
@@ -377,7 +377,7 @@ static void test_limited_file(void **state)
 }
 
 /* Ended early, a numbered recording does not get the name of those that ended in order; without a
- * turn it goes. */
+ * iteration it goes. */
 static void test_limited_numbered(void **state)
 {
     struct rlimit before, limit;
@@ -386,19 +386,20 @@ static void test_limited_numbered(void **state)
     snprintf(path, sizeof path, "%s/box/", folder);
     getrlimit(RLIMIT_FSIZE, &before);
     limit = before;
-    for (int turns = 0; turns <= 2; turns++) { /* that there is room for, of two */
+    for (int iterations = 0; iterations <= 2; iterations++) { /* that there is room for, of two */
         struct fv_recorder *recorder = open_recorder(0);
-        limit.rlim_cur = (rlim_t)(turns * 2 + 1) * IMAGE_BYTES; /* with the mask in the header */
+        limit.rlim_cur =
+            (rlim_t)(iterations * 2 + 1) * IMAGE_BYTES; /* with the mask in the header */
         setrlimit(RLIMIT_FSIZE, &limit);
         record_turn(recorder, 1);
         record_turn(recorder, 2);
         const enum fovea_status status = fv_recorder_close(recorder, &summary);
         setrlimit(RLIMIT_FSIZE, &before);
-        assert_int_equal(status, turns < 2 ? FOVEA_ERROR_SYSTEM : FOVEA_OK);
-        assert_int_equal(strstr(summary.path, ".open.lcm") != NULL, turns < 2);
-        assert_int_equal(access(summary.path, F_OK), turns > 0 ? 0 : -1);
-        assert_int_equal(strstr(summary.reason, "it held no turn") != NULL, turns == 0);
-        if (turns > 0) unlink(summary.path);
+        assert_int_equal(status, iterations < 2 ? FOVEA_ERROR_SYSTEM : FOVEA_OK);
+        assert_int_equal(strstr(summary.path, ".open.lcm") != NULL, iterations < 2);
+        assert_int_equal(access(summary.path, F_OK), iterations > 0 ? 0 : -1);
+        assert_int_equal(strstr(summary.reason, "it held no iteration") != NULL, iterations == 0);
+        if (iterations > 0) unlink(summary.path);
     }
     rmdir(path);
     snprintf(path, sizeof path, "%s/log", folder);
@@ -465,8 +466,8 @@ static void *drain_slowly(void *context)
     return NULL;
 }
 
-/* Where the loop waits for the disk, its slowness loses nothing: not in turns with a preview of the
- * whole size either. */
+/* Where the loop waits for the disk, its slowness loses nothing: not in iterations with a preview
+ * of the whole size either. */
 static void test_paced_by_a_slow_disk(void **state)
 {
     (void)state;

@@ -176,7 +176,8 @@ static void check_read_again(const char *uri, bool reverse)
 static void test_a_frame_of_a_log_is_read_again_by_its_place(void **state)
 {
     (void)state;
-    static const struct short_run run = {.width = 320, .height = 240, .turns = 40, .features = 100};
+    static const struct short_run run = {
+        .width = 320, .height = 240, .iterations = 40, .features = 100};
     char folder[] = "/tmp/fovea-snapshot-XXXXXX", path[64], uri[80];
     assert_non_null(mkdtemp(folder));
     snprintf(path, sizeof path, "%s/run.lcm", folder);
