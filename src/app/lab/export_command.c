@@ -1,10 +1,11 @@
 /* fovea export: frames of any source as PNG files, with their truth as COCO annotations where the
  * source knows it.
  *
- * DIR/000000.png ..., DIR/truth.json and, with --masks, DIR/000000.mask.png (the class of every
- * pixel). For training and evaluating detectors and trackers. Boxes are COCO's: [left, top, width,
- * height], (0, 0) the corner of the first pixel; `track_id` is constant over the run and `visible`
- * the visible fraction. */
+ * DIR/000000.png ..., of a rig DIR/000000.cam1.png ... too (where the camera gave an image),
+ * DIR/truth.json and, with --masks, DIR/000000.mask.png (the class of every pixel). The truth is
+ * that of the first camera, whose images alone it lists. For training and evaluating detectors and
+ * trackers. Boxes are COCO's: [left, top, width, height], (0, 0) the corner of the first pixel;
+ * `track_id` is constant over the run and `visible` the visible fraction. */
 #include <errno.h>
 #include <inttypes.h>
 #include <stdio.h>
@@ -32,6 +33,7 @@ struct export_run {
     struct fovea_source *source;
     FILE *images, *annotations; /* the two lists of the JSON, joined at the end */
     uint64_t frames, boxes;
+    uint64_t others;   /* images of the cameras after the first */
     uint64_t expected; /* frames; 0: not known */
     struct fv_progress progress;
 };
@@ -74,9 +76,25 @@ static enum fovea_status write_truth(struct export_run *export, const struct fov
     return write_picture(export, ".mask", &mask, error);
 }
 
+/* The images of the cameras after the first. */
+static enum fovea_status write_others(struct export_run *export, const struct fovea_frame *frame,
+                                      struct fovea_error *error)
+{
+    enum fovea_status status = FOVEA_OK;
+    for (uint32_t i = 1; i < frame->image_count && status == FOVEA_OK; i++) {
+        char suffix[16];
+        if (frame->images[i].data == NULL) continue;
+        snprintf(suffix, sizeof suffix, ".cam%u", i);
+        status = write_picture(export, suffix, &frame->images[i], error);
+        export->others += status == FOVEA_OK;
+    }
+    return status;
+}
+
 static enum fovea_status write_frame(struct export_run *export, const struct fovea_frame *frame,
                                      struct fovea_error *error)
 {
+    if (frame->images[0].data == NULL) return FOVEA_OK; /* nothing to number */
     if (frame->images[0].format != FOVEA_PIXEL_GREY8)
         return fovea_error_set(error, FOVEA_ERROR_UNSUPPORTED,
                                "export: found frames in colour, expected grey ones");
@@ -86,6 +104,7 @@ static enum fovea_status write_frame(struct export_run *export, const struct fov
             export->frames == 0 ? "" : ",", export->frames, export->frames, frame->images[0].width,
             frame->images[0].height, frame->stamp_ns);
     enum fovea_status status = write_picture(export, "", &frame->images[0], error);
+    if (status == FOVEA_OK) status = write_others(export, frame, error);
     if (status == FOVEA_OK) status = write_truth(export, frame, error);
     export->frames++;
     return status;
@@ -199,7 +218,8 @@ int fv_command_export(int argc, char **argv)
     if (status != FOVEA_OK)
         return status == FOVEA_ERROR_SYSTEM ? fv_say_failed("%s", error.text)
                                             : fv_say_wrong("%s", error.text);
-    printf("%" PRIu64 " frames, %" PRIu64 " boxes in %s\n", export.frames, export.boxes,
-           export.folder);
+    printf("%" PRIu64 " frames, ", export.frames);
+    if (export.others > 0) printf("%" PRIu64 " images of other cameras, ", export.others);
+    printf("%" PRIu64 " boxes in %s\n", export.boxes, export.folder);
     return FV_EXIT_OK;
 }

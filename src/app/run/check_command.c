@@ -2,6 +2,7 @@
  * question, each ok, warning or failed, with what to do about it. */
 #include <inttypes.h>
 #include <malloc.h>
+#include <math.h>
 #include <stdarg.h>
 #include <string.h>
 #include <sys/resource.h>
@@ -281,6 +282,59 @@ static size_t lcm_bytes(const struct check *check)
 
 /* ---- the camera ------------------------------------------------------------------------------ */
 
+/* How far two sensors of the body are apart. */
+static double distance(const double a[12], const double b[12])
+{
+    double sum = 0;
+    for (int i = 3; i < 12; i += 4)
+        sum += (a[i] - b[i]) * (a[i] - b[i]);
+    return sqrt(sum);
+}
+
+/* A line for each camera after the first. */
+static void others_check(struct check *check, const struct fovea_frame *frame)
+{
+    const struct fovea_rig *rig = &check->settings.runtime.rig;
+    for (uint32_t i = 1; i < rig->camera_count; i++) {
+        const struct fovea_rig_camera *camera = &rig->cameras[i];
+        const struct fovea_image *image = &frame->images[i];
+        char what[16], place[48] = "no place on the body";
+        snprintf(what, sizeof what, "camera %u", i);
+        if (camera->has_T_body_cam)
+            snprintf(place, sizeof place, "%.3f m from the first",
+                     distance(camera->T_body_cam, rig->cameras[0].T_body_cam));
+        if (image->data == NULL)
+            line(check, WARNING, what, "gives no image with the first frame; %s, %s",
+                 camera->calibrated ? "calibrated" : "not calibrated", place);
+        else
+            line(check, camera->calibrated && camera->has_T_body_cam ? OK : WARNING, what,
+                 "%d x %d %s, %s, %s", image->width, image->height,
+                 fovea_pixel_format_name(image->format),
+                 camera->calibrated ? "calibrated" : "not calibrated", place);
+    }
+}
+
+/* The inertial sensor, and whether it gives samples with the first frame. */
+static void imu_check(struct check *check, const struct fovea_frame *frame)
+{
+    static struct fovea_sample samples[FOVEA_INPUT_SAMPLES_MAX];
+    const struct fovea_rig *rig = &check->settings.runtime.rig;
+    const struct fovea_rig_imu *imu = &rig->imu;
+    const struct fovea_source_ops *ops = check->setup.ops;
+    uint32_t found = 0;
+    if (!rig->has_imu) return;
+    const uint32_t count = ops->samples != NULL ? ops->samples(check->setup.source, frame, samples,
+                                                               FOVEA_INPUT_SAMPLES_MAX)
+                                                : 0;
+    for (uint32_t i = 0; i < count; i++)
+        found += samples[i].kind == FOVEA_SAMPLE_IMU;
+    line(check, found > 0 ? OK : WARNING, "IMU",
+         "%g Hz, samples with the first frame: %u; %.3f m from the first camera; noise %.2g "
+         "rad/s/sqrt(Hz), %.2g m/s^2/sqrt(Hz); %.3f ms to add to its stamps",
+         imu->rate_hz, found, distance(imu->T_body_imu, rig->cameras[0].T_body_cam),
+         imu->gyro_noise, imu->acceleration_noise, (double)imu->time_offset_ns * 1e-6);
+}
+
 static void camera_check(struct check *check)
 {
     const struct fovea_source_ops *ops = check->setup.ops;
@@ -305,6 +359,8 @@ static void camera_check(struct check *check)
         line(check, OK, "camera", "%s answers: %d x %d %s after %.0f ms", check->settings.source,
              frame.images[0].width, frame.images[0].height,
              fovea_pixel_format_name(frame.images[0].format), (double)(now_ns - begin_ns) * 1e-6);
+        others_check(check, &frame);
+        imu_check(check, &frame);
         ops->requeue(source, &frame);
     } else {
         line(check, FAILED, "camera",

@@ -11,6 +11,7 @@
 #include <cmocka.h>
 
 #include "app/command.h"
+#include "common/datasets.h"
 #include "support/picture.h"
 #include "fovea/source.h"
 
@@ -97,6 +98,40 @@ static void writes_frames_masks_and_truth(void **state)
     assert_int_equal(written, boxes);
 }
 
+/* Of a rig every camera's images are written, at their own sizes; an absent one leaves no file. */
+static void writes_every_camera_of_a_rig(void **state)
+{
+    enum { W2 = 64, H2 = 80 };
+    static const struct fv_test_png form = {.width = W2, .height = H2, .channels = 1, .depth = 8};
+    uint8_t pixels[W2 * H2];
+    char uri[FV_TEST_PATH_BYTES + 32], path[128];
+    struct fovea_image image;
+    struct fovea_error error;
+    (void)state;
+    const char *top = fv_test_euroc(folder);
+    fv_test_make_folder(fv_test_path(top, "mav0/cam1"));
+    fv_test_make_folder(fv_test_path(top, "mav0/cam1/data"));
+    fv_test_write_text(fv_test_path(top, "mav0/cam1/data.csv"), "1403638538627829376,b.png\n");
+    fv_test_picture(7, W2, H2, 1, pixels);
+    fv_test_write_png(fv_test_path(top, "mav0/cam1/data/b.png"), &form, pixels);
+    snprintf(uri, sizeof uri, "euroc:%s?cameras=2", top);
+    snprintf(target, sizeof target, "%s/rig", folder);
+    assert_int_equal(export_frames(uri, "3"), FV_EXIT_OK);
+    for (int i = 0; i < 3; i++) {
+        snprintf(path, sizeof path, "%s/%06d.png", target, i);
+        assert_int_equal(fv_picture_read(path, &image, &error), FOVEA_OK);
+        assert_int_equal(image.width, FV_TEST_WIDTH);
+        free((void *)(uintptr_t)image.data);
+        snprintf(path, sizeof path, "%s/%06d.cam1.png", target, i);
+        assert_int_equal(access(path, F_OK), i == 1 ? 0 : -1); /* the second frame's alone */
+    }
+    snprintf(path, sizeof path, "%s/000001.cam1.png", target);
+    assert_int_equal(fv_picture_read(path, &image, &error), FOVEA_OK);
+    assert_true(image.width == W2 && image.height == H2);
+    assert_memory_equal(image.data, pixels, sizeof pixels);
+    free((void *)(uintptr_t)image.data);
+}
+
 /* A folder that is there already may hold somebody's work; an endless source would fill the disk.
  */
 static void refuses_wrong_input(void **state)
@@ -112,6 +147,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(writes_frames_masks_and_truth),
+        cmocka_unit_test(writes_every_camera_of_a_rig),
         cmocka_unit_test(refuses_wrong_input),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);

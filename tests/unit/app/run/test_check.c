@@ -143,7 +143,8 @@ static void test_who_may_command_is_said(void **state)
 static void test_frame_rate(void **state)
 {
     (void)state;
-    assert_int_equal(check("fovea check --bench --source sim:still?frames=40 --set lcm_url="), 0);
+    assert_int_equal(
+        check("fovea check --bench --source sim:still?frames=40 --set lcm_url=memq://"), 0);
     assert_tells(out, "this board can hold");
     assert_tells(out, "of 40 frames at 640 x 480");
 }
@@ -155,7 +156,7 @@ static void test_without_the_camera(void **state)
         "failed   camera       v4l2:/dev/fovea_none: found no such device, expected a camera: is it plugged in?\n";
     char command[256];
     (void)state;
-    assert_int_equal(check("fovea check --source v4l2:/dev/fovea_none --set lcm_url="), 2);
+    assert_int_equal(check("fovea check --source v4l2:/dev/fovea_none --set lcm_url=memq://"), 2);
     assert_string_equal(err, absent);
     assert_machine_told();
     assert_tells(
@@ -219,10 +220,10 @@ static void test_kernels(void **state)
 {
     (void)state;
     setenv("FOVEA_CPU", "c", 1);
-    assert_int_equal(check("fovea check --source sim:still --set lcm_url="), 0);
+    assert_int_equal(check("fovea check --source sim:still --set lcm_url=memq://"), 0);
     assert_tells(out, "\nwarning  kernels      set c, though this processor has ");
     setenv("FOVEA_CPU", "mmx", 1);
-    assert_int_equal(check("fovea check --source v4l2:/dev/fovea_none --set lcm_url="), 2);
+    assert_int_equal(check("fovea check --source v4l2:/dev/fovea_none --set lcm_url=memq://"), 2);
     assert_tells(err, "FOVEA_CPU: found 'mmx'");
     unsetenv("FOVEA_CPU");
 }
@@ -231,7 +232,7 @@ static void test_without_rights(void **state)
 {
     (void)state;
     as_nobody = true;
-    assert_int_equal(check("fovea check --source sim:still --set lcm_url="), 0);
+    assert_int_equal(check("fovea check --source sim:still --set lcm_url=memq://"), 0);
     assert_tells(
         out,
         "\nwarning  scheduling   no SCHED_FIFO: not permitted; 'ulimit -r 40' or CAP_SYS_NICE would permit it");
@@ -277,9 +278,28 @@ static int camera_remove(void **state)
     return unlink(camera);
 }
 
+/* A line for each camera of a rig and for its inertial sensor, and the masks of all in the memory.
+ */
+static void every_sensor_of_a_rig_is_shown(void **state)
+{
+    (void)state;
+    assert_int_equal(
+        check(
+            "fovea check --source sim:orbit?width=160&height=120&baseline=0.25&imu=200 --set lcm_url=memq://"),
+        FV_EXIT_OK);
+    assert_tells(out,
+                 "ok       camera 1     160 x 120 grey8, calibrated, 0.250 m from the first\n");
+    assert_tells(out,
+                 "ok       IMU          200 Hz, samples with the first frame: 1; 0.000 m from");
+    check("fovea check --source sim:orbit?width=160&height=120 --set lcm_url=memq://");
+    assert_null(strstr(out, "camera 1"));
+    assert_null(strstr(out, "IMU"));
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(every_sensor_of_a_rig_is_shown),
         cmocka_unit_test(test_everything_is_told),
         cmocka_unit_test(test_who_may_command_is_said),
         cmocka_unit_test(test_frame_rate),
