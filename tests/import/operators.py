@@ -242,6 +242,44 @@ def pad(c):
     return [x], [y]
 
 
+def pad_value(c):
+    (x,), (y,) = pad(c)
+    name, inputs, outputs, _, fields, custom = c.b.ops.pop()
+    value = c.b.tensor(c.dtype, (1,), 0.05, 3, c.values((1,)))
+    c.b.op("PADV2", inputs + [value], outputs, "PadV2")
+    return [x], [y]
+
+
+def slice_(c):
+    rank = c.int(1, 4)
+    shape = [c.int(1, 20) for _ in range(rank)]
+    first = [c.int(0, n - 1) for n in shape]
+    sizes = [c.int(1, n - f) for n, f in zip(shape, first)]
+    x, y = c.q(shape, 0.05, 3), c.q(sizes, 0.05, 3)
+    said = [-1 if f + n == m and c.int(0, 1) else n for f, n, m in zip(first, sizes, shape)]
+    c.b.op("SLICE", [x, c.b.const("int32", first), c.b.const("int32", said)], [y], "Slice")
+    return [x], [y]
+
+
+def gather(c):
+    rank = c.int(1, 4)
+    shape = [c.int(1, 12) for _ in range(rank)]
+    axis, count = c.int(0, rank - 1), c.int(1, 20)
+    indices = c.choose([c.int(0, shape[axis] - 1) for _ in range(count)], list(range(shape[axis])))
+    x = c.q(shape, 0.05, 3)
+    y = c.q([*shape[:axis], len(indices), *shape[axis + 1:]], 0.05, 3)
+    c.b.op("GATHER", [x, c.b.const("int32", indices)], [y], "Gather", Axis=axis)
+    return [x], [y]
+
+
+def signed(build):
+    """Operators that the reference has for int8 alone."""
+    def built(c):
+        c.kind = c.dtype = "int8"
+        return build(c)
+    return built
+
+
 def pool(name):
     def build(c):
         kh, kw, sy, sx, _, h, w, padding = window(c)
@@ -506,7 +544,9 @@ CASES = {
     "LEAKY_RELU": unary("LEAKY_RELU", "LeakyRelu", Alpha=None), "HARD_SWISH": unary("HARD_SWISH"),
     "QUANTIZE": quantize, "DEQUANTIZE": dequantize, "BATCH_MATMUL": batch_matmul, "ARG_MAX": arg_max, "CAST": cast,
     "SPACE_TO_DEPTH": space_to_depth, "TRANSPOSE_CONV": transpose_conv, "TFLite_Detection_PostProcess": detection,
-    "FULLY_CONNECTED, computed": computed_weights,
+    "FULLY_CONNECTED, computed": computed_weights, "SLICE": slice_, "GATHER": gather, "PADV2": pad_value,
+    "EXP": signed(unary("EXP", "Exp")), "LOG": signed(unary("LOG")), "ABS": signed(unary("ABS", "Abs")), "GELU": unary("GELU", "Gelu"),
+    "GELU, approximate": unary("GELU", "Gelu", Approximate=True),
 }
 
 

@@ -213,6 +213,24 @@ def states(bench):
     bench.holds("the name of the output", getattr(found, "names", []) == [b"t2"], True)
 
 
+def refusals(bench):
+    """What to do instead, in 200 letters and the file's name at most."""
+    for weights in ("int8", "float32"):
+        b = Builder()
+        x, y = b.tensor("float32", (1, 8, 8, 3)), b.tensor("float32", (1, 8, 8, 4))
+        w = b.const(weights, np.ones((4, 3, 3, 3)), **({"scale": 0.1, "zero": 0} if weights == "int8" else {}))
+        b.op("CONV_2D", [x, w], [y], "Conv2D", StrideH=1, StrideW=1, DilationHFactor=1, DilationWFactor=1, Padding=0)
+        bench.refused(f"real numbers by {weights} weights", b.bytes([x], [y]), "export full integer quantisation")
+    b = Builder()
+    x = [b.tensor("int8", (1, 8, 8, 3), 0.1, 0) for _ in range(40)]
+    y = b.tensor("int8", (1, 8, 8, 3), 0.1, 0)
+    b.op("ADD_N", x, [y], "AddN")
+    b.op("CUMSUM", [y, b.const("int32", 1)], [b.tensor("int8", (1, 8, 8, 3), 0.1, 0)], "Cumsum")
+    status, line = bench.run(b.bytes(x[:1], [y]))
+    bench.holds("an operator of many inputs is refused in 200 letters",
+                (status, "ADD_N: not supported" in line, "nor CUMSUM" in line, len(line.split(": ", 1)[1]) <= 201), (2, 1, 1, 1))
+
+
 def ranges(bench):
     for scale, zero, mean, factor in ((1 / 255, -128, 0, 1 / 255), (2 / 255, -1, 127.5, 1 / 127.5), (0.99, -128, 0, 1),
                                       (0.02, -10, 118, 0.02)):
@@ -383,7 +401,7 @@ def files(bench):
 def main():
     with tempfile.TemporaryDirectory() as folder:
         bench = Bench(folder)
-        for test in (guesses, heads, states, ranges, thresholds, labels, anchors, loaded, units, archived, files, damaged):
+        for test in (guesses, heads, states, refusals, ranges, thresholds, labels, anchors, loaded, units, archived, files, damaged):
             test(bench)
     return 1 if bench.wrong else 0
 

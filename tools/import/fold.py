@@ -5,6 +5,7 @@ import quant
 
 CONVOLUTIONS = ("CONV_2D", "DEPTHWISE_CONV_2D")
 RELU_BOUNDS = {"RELU": (0.0, None), "RELU6": (0.0, 6.0), "RELU_N1_TO_1": (-1.0, 1.0), "RELU_0_TO_1": (0.0, 1.0)}
+REAL = {"LOGISTIC": quant.logistic, "TANH": quant.tanh, "EXP": quant.exp_f32, "LOG": quant.log}  # tables by float arithmetic
 BINARIES = ("ADD", "SUB", "MUL", "MAXIMUM", "MINIMUM", "PRELU")
 
 
@@ -50,10 +51,13 @@ class Folder:
         if not (ti.is8 and to.is8):
             return None
         s_in, z_in, s_out, z_out = ti.scale0, ti.zero_u8, to.scale0, to.zero_u8
-        if op.name == "LOGISTIC":
-            return op.inputs[0], quant.float_table(ti, to, quant.logistic)
-        if op.name == "TANH":
-            return op.inputs[0], quant.float_table(ti, to, quant.tanh)
+        if op.name in REAL:
+            return op.inputs[0], quant.float_table(ti, to, REAL[op.name])
+        if op.name == "GELU":
+            approximate = op.options is not None and op.options.Approximate()
+            return op.inputs[0], quant.float_table(ti, to, quant.gelu_approximate if approximate else quant.gelu)
+        if op.name == "ABS" and ti.signed:
+            return op.inputs[0], quant.absolute(s_in, z_in, s_out, z_out)
         if op.name in RELU_BOUNDS:
             return op.inputs[0], quant.relu(s_in, z_in, s_out, z_out, *RELU_BOUNDS[op.name])
         if op.name == "LEAKY_RELU":

@@ -7,7 +7,12 @@ from graph import FAULTS, ImportProblem
 from layout import ARENA_SLACK
 from net import Net
 
-UNARY = ("LOGISTIC", "TANH", "RELU", "RELU6", "RELU_N1_TO_1", "RELU_0_TO_1", "LEAKY_RELU", "HARD_SWISH")
+REFUSAL_MAX = 200
+UNARY = ("LOGISTIC", "TANH", "RELU", "RELU6", "RELU_N1_TO_1", "RELU_0_TO_1", "LEAKY_RELU", "HARD_SWISH", "EXP", "LOG", "GELU", "ABS")
+
+
+def shortened(text, most=REFUSAL_MAX):
+    return text if len(text) <= most else text[:most - 3] + "..."
 
 
 class Lowering:
@@ -114,9 +119,13 @@ class Lowering:
         table = {}
         for module in (lower_conv, lower_data, lower_math):
             table.update(module.OPERATORS)
+        self.refuse_real()
         missing = sorted({op.name for op in self.g.ops if op.name not in table and op.name not in UNARY})
         if missing:
-            raise ImportProblem("; ".join(self.describe_missing(op) for op in self.g.ops if op.name in missing))
+            first = next(op for op in self.g.ops if op.name in missing)
+            others = [name for name in missing if name != first.name]
+            raise ImportProblem(shortened(self.describe_missing(first), REFUSAL_MAX - 60) +
+                                (shortened(f"; nor {', '.join(others)}", 60) if others else ""))
         for t in self.g.inputs:
             if self.tensor(t).data is None:
                 self.net.inputs.append(self.output(t))
@@ -136,13 +145,25 @@ class Lowering:
         self.finish_lifetimes()
         return self.net
 
+    def refuse_real(self):
+        """Layers that multiply real numbers: a file of floats, or of the dynamic range kind."""
+        for op in self.g.ops:
+            if op.name not in ("CONV_2D", "DEPTHWISE_CONV_2D", "FULLY_CONNECTED", "TRANSPOSE_CONV"):
+                continue
+            tensors = [self.tensor(t) for t in op.inputs if t >= 0]
+            data = tensors[2 if op.name == "TRANSPOSE_CONV" else 0]
+            if data.type in ("FLOAT32", "INT16"):
+                kind = "dynamic range quantisation" if any(t.is8 for t in tensors) else data.type.lower()
+                raise ImportProblem(f"operator {op.index} {op.name}: found {kind}, expected int8 or uint8 throughout: export full integer "
+                                    "quantisation, with a representative data set")
+
     def describe(self, op, what=""):
         def shapes(indices):
             return " ".join(f"{self.tensor(t).type.lower()}{list(self.tensor(t).shape)}" for t in indices if t >= 0)
         return f"operator {op.index} {op.name}{what}; inputs {shapes(op.inputs)}, outputs {shapes(op.outputs)}"
 
     def describe_missing(self, op):
-        return self.describe(op, ": not supported")
+        return shortened(self.describe(op, ": not supported"))
 
     def fault(self, op, problem):
         """Why an operator's numbers cannot be worked with."""

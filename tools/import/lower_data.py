@@ -120,6 +120,34 @@ def take(low, op, source, t_out, first, shape, stride):
     emit_strided(low, op, source, out, shape, [s * k for s, k in zip(strides, stride)], dst, src_first=at)
 
 
+def slice_(low, op):
+    """SLICE: a box by its first elements and sizes, of which -1 reaches to the end."""
+    source = low.input(op.inputs[0])
+    first, sizes = low.const_int(op.inputs[1], op, "the beginning"), low.const_int(op.inputs[2], op, "the size")
+    shape = [m - f if n < 0 else n for f, n, m in zip(first, sizes, low.net.values[source].shape)]
+    take(low, op, source, op.outputs[0], first, shape, [1] * len(shape))
+
+
+GATHER_MAX = 64  # copies that one operator may become
+
+
+def gather(low, op):
+    """Constant indices along one axis: a copy for each run of neighbours."""
+    indices = low.const_int(op.inputs[1], op, "the list of indices")
+    source = low.input(op.inputs[0])
+    v = low.net.values[source]
+    axis = (op.options.Axis() if op.options else 0) % len(v.shape)
+    runs = [i for i in range(len(indices)) if i == 0 or indices[i] != indices[i - 1] + 1]
+    if len(runs) > GATHER_MAX or (op.options and op.options.BatchDims()) or not 0 <= min(indices) <= max(indices) < v.shape[axis]:
+        raise ImportProblem(low.describe_missing(op) + f" ({len(runs)} runs of indices, at most {GATHER_MAX} work)")
+    out = low.output(op.outputs[0])
+    src = value_strides(v)
+    dst = dense_strides((*v.shape[:axis], len(indices), *v.shape[axis + 1:]), TYPE_BYTES[v.type])
+    for at, end in zip(runs, runs[1:] + [len(indices)]):
+        part = (*v.shape[:axis], end - at, *v.shape[axis + 1:])
+        emit_strided(low, op, source, out, part, src, dst, src_first=indices[at] * src[axis], dst_first=at * dst[axis])
+
+
 def split(low, op):
     t_axis, t_in = (op.inputs[0], op.inputs[1]) if op.name == "SPLIT" else (op.inputs[2], op.inputs[0])
     axis = low.const_int(t_axis, op, "the axis")[0]
@@ -203,11 +231,21 @@ def pad(low, op):
     v = low.net.values[source]
     out = low.output(op.outputs[0])
     vo = low.net.values[out]
-    fill = vo.zero if low.tensor(op.outputs[0]).is8 else 0
+    fill = pad_value(low, op, vo)
     emit_fill(low, op, out, fill)
     strides = value_strides(vo)
     at = sum(int(a) * s for a, s in zip(pads[:, 0], strides))
     emit_strided(low, op, source, out, v.shape, value_strides(v), strides, dst_first=at)
+
+
+def pad_value(low, op, vo):
+    """The byte around: the zero point, or what PADV2 says."""
+    if op.name == "PAD":
+        return vo.zero if low.tensor(op.outputs[0]).is8 else 0
+    value, ti = low.tensor(op.inputs[2]), low.tensor(op.inputs[0])
+    if not value.is8 or value.data is None or value.type != ti.type:
+        raise ImportProblem(low.describe_missing(op))
+    return int(value.unsigned().ravel()[0])
 
 
 def space_to_batch(low, op):
@@ -302,5 +340,5 @@ def dequantize(low, op):
 
 OPERATORS = {"RESHAPE": reshape, "SQUEEZE": reshape, "EXPAND_DIMS": reshape, "TRANSPOSE": transpose,
              "STRIDED_SLICE": strided_slice, "SPLIT": split, "SPLIT_V": split, "UNPACK": unpack, "PACK": pack,
-             "CONCATENATION": concatenation, "PAD": pad, "TILE": tile, "SPACE_TO_DEPTH": space_to_depth, "SPACE_TO_BATCH_ND": space_to_batch,
+             "CONCATENATION": concatenation, "PAD": pad, "PADV2": pad, "SLICE": slice_, "GATHER": gather, "TILE": tile, "SPACE_TO_DEPTH": space_to_depth, "SPACE_TO_BATCH_ND": space_to_batch,
              "DEPTH_TO_SPACE": space_to_depth, "CAST": cast, "QUANTIZE": quantize, "DEQUANTIZE": dequantize}

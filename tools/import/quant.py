@@ -95,8 +95,9 @@ def float_table(t_in, t_out, function):
 
     def one(v):
         x = f32(t_in.scale0 * f32(v - t_in.bias8 - zero_in))
-        rescaled = f32(round_away_f32(f32(function(x) * inverse)))
-        return int(f32(rescaled + f32(zero_out))) + t_out.bias8
+        with np.errstate(over="ignore"):
+            rescaled = f32(round_away_f32(f32(function(x) * inverse)))
+        return int(min(max(float(f32(rescaled + f32(zero_out))), -1e9), 1e9)) + t_out.bias8
     return table(one)
 
 
@@ -111,6 +112,26 @@ def logistic(x):
 
 def tanh(x):
     return f32(math.tanh(float(x)))
+
+
+def gelu(x):
+    """x times the normal distribution's share below it, by the error function."""
+    return f32(f32(f32(0.5) * x) * f32(f32(1) + f32(math.erf(float(f32(x * f32(math.sqrt(0.5))))))))
+
+
+def gelu_approximate(x):
+    cubed = f32(f32(f32(f32(0.044715) * x) * x) * x)
+    return f32(f32(f32(0.5) * x) * f32(f32(1) + tanh(f32(f32(math.sqrt(2 / math.pi)) * f32(x + cubed)))))
+
+
+def log(x):
+    return f32(math.log(float(x))) if x > 0 else f32(-np.inf)
+
+
+def absolute(s_in, z_in, s_out, z_out):
+    m, s = quantize_multiplier(float(s_in) / float(s_out))
+    same = s_in == s_out
+    return table(lambda v: (abs(v - z_in) if same else mbqm(abs(v - z_in), m, s)) + z_out)
 
 
 def relu(s_in, z_in, s_out, z_out, low, high):
