@@ -1,6 +1,7 @@
 #include "support/files.h"
 
 #include <errno.h>
+#include <fcntl.h>
 #include <limits.h>
 #include <stdbool.h>
 #include <stdio.h>
@@ -27,6 +28,14 @@ static bool folder_of(const char *path, struct stat *about)
 static bool same_inode(const struct stat *a, const struct stat *b)
 {
     return a->st_dev == b->st_dev && a->st_ino == b->st_ino;
+}
+
+bool fv_files_same(const char *one, const char *other, bool follow)
+{
+    struct stat a, b;
+    const int flags = follow ? 0 : AT_SYMLINK_NOFOLLOW;
+    return fstatat(AT_FDCWD, one, &a, flags) == 0 && fstatat(AT_FDCWD, other, &b, flags) == 0 &&
+           same_inode(&a, &b);
 }
 
 static bool given(const char *path)

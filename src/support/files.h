@@ -20,8 +20,12 @@ struct fv_file {
 enum fovea_status fv_files_apart(const struct fv_file *written, const struct fv_file *read,
                                  struct fovea_error *error);
 
-/* The same for what a source reads, one file or folder at a time: of a folder, every file in it
- * counts. One stat per file, so that a million of frames may be looked at. */
+/* Whether both paths are there and lead to one file; without `follow`, whether they are names of
+ * one file themselves, for a symbolic link is then a file of its own. */
+bool fv_files_same(const char *one, const char *other, bool follow);
+
+/* As fv_files_apart for what a source reads, one file or folder at a time: of a folder, every file
+ * in it counts. One stat per file, so that a million of frames may be looked at. */
 enum { FV_FILES_WATCHED_MAX = 32 };
 
 struct fv_files_identity {

@@ -11,6 +11,7 @@
 
 #include "base/hash.h"
 #include "map/archive.h"
+#include "support/files.h"
 #include "support/input.h"
 #include "support/output.h"
 #include "support/stall.h"
@@ -87,13 +88,6 @@ static bool older_name(char name[FV_OUTPUT_PART_BYTES], const char *path, uint32
            (int)FV_OUTPUT_PART_BYTES;
 }
 
-static bool same_file(const char *one, const char *other)
-{
-    struct stat a, b;
-    return lstat(one, &a) == 0 && lstat(other, &b) == 0 && a.st_dev == b.st_dev &&
-           a.st_ino == b.st_ino;
-}
-
 /* Make PATH.1 another name of what is at PATH, which stays there; 0, or why not. */
 static int link_first(const char *path, const char *first)
 {
@@ -113,7 +107,7 @@ static int keep_older(const char *path, uint32_t keep)
     struct stat there;
     if (keep < 2 || lstat(path, &there) != 0 || !S_ISREG(there.st_mode)) return 0;
     if (!older_name(to, path, 1)) return ENAMETOOLONG;
-    if (same_file(path, to)) return 0; /* a save that died after this */
+    if (fv_files_same(path, to, false)) return 0; /* a save that died after this */
     uint32_t free_number = 1;
     while (free_number < keep - 1 && older_name(to, path, free_number) && lstat(to, &there) == 0)
         free_number++;

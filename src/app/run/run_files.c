@@ -3,7 +3,6 @@
 
 #include <stdio.h>
 #include <string.h>
-#include <sys/stat.h>
 
 #include "app/config/map_file.h"
 #include "app/network/transport_url.h"
@@ -62,13 +61,6 @@ static void list_maps(const struct fv_run *run, struct written *written, int cou
         }
 }
 
-static bool same_file(const char *one, const char *other)
-{
-    struct stat a, b;
-    return stat(one, &a) == 0 && stat(other, &b) == 0 && a.st_dev == b.st_dev &&
-           a.st_ino == b.st_ino;
-}
-
 /* Each name of the maps apart from `others`, not from the other maps: after a death in a save two
  * of them may be one file. */
 static enum fovea_status maps_apart(const struct fv_file *maps, const struct fv_file *others,
@@ -87,7 +79,7 @@ static enum fovea_status loaded_apart(const struct fv_run *run, const struct fv_
 {
     const struct fv_file loaded[] = {{"--map", run->settings.map_load}, {0}};
     const enum fovea_status status = fv_files_apart(outputs, loaded, error);
-    if (status != FOVEA_OK || same_file(run->settings.map_load, run->settings.map_save))
+    if (status != FOVEA_OK || fv_files_same(run->settings.map_load, run->settings.map_save, true))
         return status;
     return maps_apart(maps, loaded, error);
 }

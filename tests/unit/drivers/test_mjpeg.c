@@ -24,7 +24,7 @@ static uint32_t damaged_frames = DAMAGED;
 
 /* ---- pictures -------------------------------------------------------------------------------- */
 
-static char folder[FV_TEST_PATH_BYTES];
+static char *const folder = fv_test_place;
 static struct {
     uint8_t *data;
     size_t bytes;
@@ -33,9 +33,8 @@ static uint8_t expected[H * STRIDE], found[H * STRIDE];
 
 static int make_pictures(void **state)
 {
-    (void)state;
     static uint8_t samples[W * H * 3];
-    fv_test_folder(folder);
+    if (fv_test_place_set_up(state) != 0) return -1;
     for (uint32_t i = 0; i < PICTURES; i++) {
         const char *path = fv_test_path(folder, "picture.jpg");
         const int32_t channels = i == 0 ? 1 : 3;
@@ -48,11 +47,9 @@ static int make_pictures(void **state)
 
 static int drop_pictures(void **state)
 {
-    (void)state;
     for (int i = 0; i < PICTURES; i++)
         free(pictures[i].data);
-    fv_test_folder_remove(folder);
-    return 0;
+    return fv_test_place_tear_down(state);
 }
 
 static const struct fv_decode_image into = {

@@ -23,7 +23,8 @@
 #include "common/datasets.h"
 #include "common/small_map.h"
 
-static char folder[FV_TEST_PATH_BYTES], path[FV_TEST_PATH_BYTES + 16];
+static char *const folder = fv_test_place;
+static char path[FV_TEST_PATH_BYTES + 16];
 
 struct file {
     uint8_t *data;
@@ -369,16 +370,8 @@ static void kills_lose_no_kept_map(void **state)
 
 static int set_up(void **state)
 {
-    (void)state;
-    fv_test_folder(folder);
+    if (fv_test_place_set_up(state) != 0) return -1;
     snprintf(path, sizeof path, "%s/a.map", folder);
-    return 0;
-}
-
-static int tear_down(void **state)
-{
-    (void)state;
-    fv_test_folder_remove(folder);
     return 0;
 }
 
@@ -393,5 +386,5 @@ int main(void)
         cmocka_unit_test(a_name_that_grows_too_long_is_refused_at_once),
         cmocka_unit_test(kills_lose_no_kept_map),
     };
-    return cmocka_run_group_tests(tests, set_up, tear_down);
+    return cmocka_run_group_tests(tests, set_up, fv_test_place_tear_down);
 }

@@ -16,7 +16,8 @@
 #include "common/datasets.h"
 #include "common/small_map.h"
 
-static char folder[FV_TEST_PATH_BYTES], map[FV_TEST_PATH_BYTES + 16], ply[FV_TEST_PATH_BYTES + 16],
+static char *const folder = fv_test_place;
+static char map[FV_TEST_PATH_BYTES + 16], ply[FV_TEST_PATH_BYTES + 16],
     tum[FV_TEST_PATH_BYTES + 16], png[FV_TEST_PATH_BYTES + 16];
 static uint32_t keyframes, landmarks;
 
@@ -106,11 +107,10 @@ static void test_many_maps(void **state)
 
 static int set_up(void **state)
 {
-    (void)state;
     struct small_map small;
     struct fv_random random;
     size_t bytes;
-    fv_test_folder(folder);
+    if (fv_test_place_set_up(state) != 0) return -1;
     snprintf(map, sizeof map, "%s/a.map", folder);
     snprintf(ply, sizeof ply, "%s/a.ply", folder);
     snprintf(tum, sizeof tum, "%s/a.tum", folder);
@@ -128,13 +128,6 @@ static int set_up(void **state)
     return failed;
 }
 
-static int tear_down(void **state)
-{
-    (void)state;
-    fv_test_folder_remove(folder);
-    return 0;
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -142,5 +135,5 @@ int main(void)
         cmocka_unit_test(test_wrong_words),
         cmocka_unit_test(test_many_maps),
     };
-    return cmocka_run_group_tests(tests, set_up, tear_down);
+    return cmocka_run_group_tests(tests, set_up, fv_test_place_tear_down);
 }

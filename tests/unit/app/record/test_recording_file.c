@@ -18,7 +18,8 @@
 #include "app/record/recording_file.h"
 #include "common/datasets.h"
 
-static char folder[FV_TEST_PATH_BYTES], box[FV_TEST_PATH_BYTES + 8];
+static char *const folder = fv_test_place;
+static char box[FV_TEST_PATH_BYTES + 8];
 
 static void begin(struct fv_recording_file *file, uint32_t keep)
 {
@@ -214,16 +215,8 @@ static void a_deleted_recording_is_no_success(void **state)
 
 static int set_up(void **state)
 {
-    (void)state;
-    fv_test_folder(folder);
+    if (fv_test_place_set_up(state) != 0) return -1;
     snprintf(box, sizeof box, "%s/box/", folder);
-    return 0;
-}
-
-static int tear_down(void **state)
-{
-    (void)state;
-    fv_test_folder_remove(folder);
     return 0;
 }
 
@@ -238,5 +231,5 @@ int main(void)
         cmocka_unit_test(one_run_at_a_time_on_a_file),
         cmocka_unit_test(a_deleted_recording_is_no_success),
     };
-    return cmocka_run_group_tests(tests, set_up, tear_down);
+    return cmocka_run_group_tests(tests, set_up, fv_test_place_tear_down);
 }

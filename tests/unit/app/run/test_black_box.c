@@ -32,7 +32,8 @@
 
 enum { FILES_MAX = 1024, MAPS_KEPT = 10, SAFE = MAPS_KEPT - 2, SECONDS_MAX = 60 };
 
-static char folder[FV_TEST_PATH_BYTES], box[FV_TEST_PATH_BYTES + 8], map[FV_TEST_PATH_BYTES + 8];
+static char *const folder = fv_test_place;
+static char box[FV_TEST_PATH_BYTES + 8], map[FV_TEST_PATH_BYTES + 8];
 static struct fv_random random_;
 static uint64_t seed;
 static int op; /* number of the operation, for messages */
@@ -298,17 +299,9 @@ static void runs_and_kills_in_any_order_lose_nothing(void **state)
 
 static int set_up(void **state)
 {
-    (void)state;
-    fv_test_folder(folder);
+    if (fv_test_place_set_up(state) != 0) return -1;
     snprintf(box, sizeof box, "%s/box/", folder);
     snprintf(map, sizeof map, "%s/map", folder);
-    return 0;
-}
-
-static int tear_down(void **state)
-{
-    (void)state;
-    fv_test_folder_remove(folder);
     return 0;
 }
 
@@ -317,5 +310,5 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(runs_and_kills_in_any_order_lose_nothing),
     };
-    return cmocka_run_group_tests(tests, set_up, tear_down);
+    return cmocka_run_group_tests(tests, set_up, fv_test_place_tear_down);
 }

@@ -22,7 +22,8 @@
 
 enum { TEXT_MAX = 4096, FILES_MAX = 128, SECONDS_MAX = 60 };
 
-static char folder[FV_TEST_PATH_BYTES], line[TEXT_MAX];
+static char *const folder = fv_test_place;
+static char line[TEXT_MAX];
 static const char *load; /* a setting more for the next run; NULL: none */
 
 /* Run `fovea run` in a process of its own; what it says on stderr is in `line`. */
@@ -244,19 +245,11 @@ static void a_loaded_map_is_not_renamed_away(void **state)
 
 static int set_up(void **state)
 {
-    (void)state;
-    fv_test_folder(folder);
+    if (fv_test_place_set_up(state) != 0) return -1;
     fv_test_write_text(fv_test_path(folder, "camera"),
                        "image_width: 96\nimage_height: 64\n"
                        "camera_matrix: {rows: 3, cols: 3, data: [80, 0, 48, 0, 80, 32, 0, 0, 1]}\n"
                        "distortion_coefficients: {rows: 1, cols: 4, data: [0, 0, 0, 0]}\n");
-    return 0;
-}
-
-static int tear_down(void **state)
-{
-    (void)state;
-    fv_test_folder_remove(folder);
     return 0;
 }
 
@@ -269,5 +262,5 @@ int main(void)
         cmocka_unit_test(an_output_beside_a_data_set_is_written),
         cmocka_unit_test(a_loaded_map_is_not_renamed_away),
     };
-    return cmocka_run_group_tests(tests, set_up, tear_down);
+    return cmocka_run_group_tests(tests, set_up, fv_test_place_tear_down);
 }
