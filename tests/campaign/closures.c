@@ -174,9 +174,9 @@ static void run_seed(unsigned seed, const char *options, struct verdict *verdict
         (struct verdict){true, run.closed, run.false_ones, map_fit(&run, &scale) / run.path_m};
     const struct fv_closure_counts *c = &run.rt->odometry.closure.state->counts;
     printf(
-        "seed %u: %u of %u posed, loops %u (false %u), map off %.4f %% of %.1f m; offered %u tried %u sampled %u sighted %u implausible %u fused %u\n",
+        "seed %u: %u of %u posed, loops %u (false %u), map off %.4f %% of %.1f m; offered %u tried %u sampled %u confirmed %u implausible %u fused %u\n",
         seed, run.posed, run.frames, run.closed, run.false_ones, 100 * verdict->fraction,
-        run.path_m, c->offered, c->tried, c->sampled, c->sighted, c->implausible, c->fused);
+        run.path_m, c->offered, c->tried, c->sampled, c->confirmed, c->implausible, c->fused);
     fflush(stdout);
     run.ops->stop(run.source);
     run.ops->close(run.source);
