@@ -68,20 +68,20 @@ static void sample_inliers(const struct fv_map_frame *frame, uint32_t inliers, s
 }
 
 /* The keyframes that see most of the sample. */
-static void pick_poses(const struct fv_odometry *o, const struct fv_map_frame *frame,
+static void pick_poses(const struct fv_map *map, uint32_t newest, const struct fv_map_frame *frame,
                        struct fv_joint *j)
 {
     uint16_t shared[FOVEA_ODOMETRY_KEYFRAMES_MAX] = {0};
     for (uint32_t i = 0; i < j->sample_count; i++) {
-        const struct fv_landmark *l = &o->map.landmarks[frame->landmark[j->sample[i]]];
+        const struct fv_landmark *l = &map->landmarks[frame->landmark[j->sample[i]]];
         for (uint32_t k = 0; k < l->observer_count; k++)
             shared[l->observers[k].keyframe]++;
     }
     memset(j->block_of, OUTSIDE, sizeof j->block_of);
-    j->block_of[o->state->newest] = REFERENCE;
-    shared[o->state->newest] = 0;
+    j->block_of[newest] = REFERENCE;
+    shared[newest] = 0;
     for (j->poses = 0; j->poses < FREE; j->poses++) {
-        const uint32_t best = fv_map_best_shared(&o->map, shared);
+        const uint32_t best = fv_map_best_shared(map, shared);
         if (shared[best] < SHARED_MIN) break;
         shared[best] = 0;
         j->slots[j->poses] = best;
@@ -114,19 +114,19 @@ static bool linear_observation_of(const struct fv_se3 *T, const struct fv_keypoi
 }
 
 /* All observations of a landmark by frames that take part; returns their number. */
-static int find_observations(const struct fv_odometry *o, const struct fv_map_frame *frame,
+static int find_observations(const struct fv_map *map, const struct fv_map_frame *frame,
                              uint32_t feature, const struct fv_joint *j,
                              struct fv_linear_observation observations[FV_MAP_OBSERVERS_MAX + 1])
 {
-    const struct fv_landmark *l = &o->map.landmarks[frame->landmark[feature]];
+    const struct fv_landmark *l = &map->landmarks[frame->landmark[feature]];
     int count = linear_observation_of(&frame->keyframe->T_cam_world, &frame->keypoints[feature],
                                       l->point, j->poses - 1, observations);
     for (uint32_t k = 0; k < l->observer_count; k++) {
         const uint32_t slot = l->observers[k].keyframe;
-        const struct fv_map_frame from = fv_map_frame_at(&o->map, slot);
+        const struct fv_map_frame from = fv_map_frame_at(map, slot);
         struct fv_keypoint p;
         if (j->block_of[slot] != OUTSIDE &&
-            fv_map_keypoint(&o->map, &from.points[l->observers[k].feature], &p))
+            fv_map_keypoint(map, &from.points[l->observers[k].feature], &p))
             count += linear_observation_of(&from.keyframe->T_cam_world, &p, l->point,
                                            j->block_of[slot], &observations[count]);
     }
@@ -167,16 +167,16 @@ static void add_landmark(struct fv_joint *j, const struct fv_linear_observation 
 
 /* The unit of length is free: hold it, so that the path of the poses keeps its size about the
  * reference. */
-static void hold_scale(const struct fv_odometry *o, const struct fv_map_frame *frame,
+static void hold_scale(const struct fv_map *map, uint32_t newest, const struct fv_map_frame *frame,
                        struct fv_joint *j)
 {
     const double origin[3] = {0, 0, 0};
     double centre[3], way[6 * FV_COVARIANCE_POSES_MAX] = {0}, square = 0;
     double weighted[6 * FV_COVARIANCE_POSES_MAX];
-    fv_se3_apply_inverse(&o->map.keyframes[o->state->newest].T_cam_world, origin, centre);
+    fv_se3_apply_inverse(&map->keyframes[newest].T_cam_world, origin, centre);
     for (int k = 0; k < j->poses; k++) {
         const struct fv_keyframe *keyframe =
-            k == j->poses - 1 ? frame->keyframe : &o->map.keyframes[j->slots[k]];
+            k == j->poses - 1 ? frame->keyframe : &map->keyframes[j->slots[k]];
         fv_se3_apply(&keyframe->T_cam_world, centre, way + 6 * k);
         square += fv_dot3(way + 6 * k, way + 6 * k);
     }
@@ -190,7 +190,7 @@ static void hold_scale(const struct fv_odometry *o, const struct fv_map_frame *f
 /* Variance of an error as the parts of the image show it: the mean square of what they pull at the
  * pose with, each on its own, in sigmas of the pose. Equal to that of the errors where these are
  * independent. */
-static double parts_variance(const struct fv_odometry *o, const struct fv_map_frame *frame,
+static double parts_variance(const struct fv_map *map, const struct fv_map_frame *frame,
                              const struct fv_pose_fit *fit)
 {
     double pull[FV_MAP_PARTS][6] = {{0}}, A[36], square = 0;
@@ -199,10 +199,10 @@ static double parts_variance(const struct fv_odometry *o, const struct fv_map_fr
         double q[3], e[2], J[6], turn[3];
         struct fv_observation s;
         if (frame->landmark[f] == FV_MAP_NONE) continue;
-        fv_observation_from(&frame->keypoints[f], o->map.landmarks[frame->landmark[f]].point, &s);
+        fv_observation_from(&frame->keypoints[f], map->landmarks[frame->landmark[f]].point, &s);
         fv_se3_apply(T, s.point, q);
         if (!fv_observation_error(s.bearing, s.A, q, e, J)) continue;
-        double *sum = pull[fv_map_part(&o->map, &frame->points[f])];
+        double *sum = pull[fv_map_part(map, &frame->points[f])];
         for (int r = 0; r < 2; r++) {
             fv_cross3(q, J + 3 * r, turn);
             for (int k = 0; k < 3; k++) {
@@ -226,17 +226,17 @@ static double parts_variance(const struct fv_odometry *o, const struct fv_map_fr
 /* How far the visible map is bent: noise over the mean parallax of its landmarks. Those with more
  * of it hold the rest in place; where none has much, as in a young map, their errors have much in
  * common. */
-static double map_bend(const struct fv_odometry *o, const struct fv_map_frame *frame,
+static double map_bend(const struct fv_map *map, double focal_px, const struct fv_map_frame *frame,
                        double noise_px)
 {
     double sum = 0;
     uint32_t count = 0;
     for (uint32_t f = 0; f < frame->keyframe->features; f++) {
         if (frame->landmark[f] == FV_MAP_NONE) continue;
-        sum += (double)o->map.landmarks[frame->landmark[f]].spread;
+        sum += (double)map->landmarks[frame->landmark[f]].spread;
         count++;
     }
-    const double mean_px = sum * o->focal_px / (count > 0 ? count : 1);
+    const double mean_px = sum * focal_px / (count > 0 ? count : 1);
     if (!(mean_px > noise_px)) return 1;
     const double bend = noise_px / mean_px * young_spread_px / mean_px;
     return bend < 1 ? bend : 1;
@@ -249,15 +249,16 @@ static bool solve_joint(struct fv_odometry *o, const struct fv_map_frame *frame,
     struct fv_joint j;
     j.S = o->covariance.joint;
     sample_inliers(frame, inliers, &j);
-    pick_poses(o, frame, &j);
+    pick_poses(&o->map, o->state->newest, frame, &j);
     for (uint32_t i = 0; i < j.sample_count; i++) {
         struct fv_linear_observation observations[FV_MAP_OBSERVERS_MAX + 1];
-        add_landmark(&j, observations, find_observations(o, frame, j.sample[i], &j, observations));
+        add_landmark(&j, observations,
+                     find_observations(&o->map, frame, j.sample[i], &j, observations));
     }
     const double information = (double)inliers / (double)j.sample_count / variance;
     for (int k = 0; k < j.size * j.size; k++)
         j.S[k] *= information;
-    hold_scale(o, frame, &j);
+    hold_scale(&o->map, o->state->newest, frame, &j);
     const struct fv_normal normal = {j.S, NULL, j.size};
     fv_normal_damp(&normal, nearly_zero, 0);
     if (!fv_ldlt_factor(j.S, j.size)) return false;
@@ -300,9 +301,9 @@ bool fv_covariance_write(struct fv_odometry *o, const struct fv_map_frame *frame
     const struct fv_keyframe *reference = &o->map.keyframes[o->state->newest];
     double *covariance = o->state->pose.covariance, variance = fv_pose_variance(fit);
     if (variance < variance_min) variance = variance_min;
-    const double together = parts_variance(o, frame, fit) / variance,
+    const double together = parts_variance(&o->map, frame, fit) / variance,
                  factor = own_fraction * (together > 1 ? together : 1),
-                 bend = map_bend(o, frame, __builtin_sqrt(variance));
+                 bend = map_bend(&o->map, o->focal_px, frame, __builtin_sqrt(variance));
     bool reliable = together < together_max;
     if (!solve_joint(o, frame, fit->inliers, variance, covariance)) {
         solve_alone(fit, variance, covariance);

@@ -74,32 +74,32 @@ static void thin_out(struct fv_initialise_state *s)
 
 /* Matches of one view's features in another: nearest, clearly nearer than the second, one to one.
  * nearest[k] and second[k] are rewritten to the features of match k; returns their number. */
-static uint32_t match_views(struct fv_odometry *o, const struct fv_kernels *kernels, uint32_t from,
-                            uint32_t to)
+static uint32_t match_views(struct fv_map *map, struct fv_matches *matches,
+                            const struct fv_kernels *kernels, uint32_t from, uint32_t to)
 {
-    const struct fv_map_frame a = fv_map_frame_at(&o->map, from), b = fv_map_frame_at(&o->map, to);
+    const struct fv_map_frame a = fv_map_frame_at(map, from), b = fv_map_frame_at(map, to);
     uint32_t count_a = a.keyframe->features, count_b = b.keyframe->features, count = 0;
-    kernels->hamming_two_u8(o->matches.nearest, o->matches.second, a.descriptors, (int32_t)count_a,
+    kernels->hamming_two_u8(matches->nearest, matches->second, a.descriptors, (int32_t)count_a,
                             b.descriptors, (int32_t)count_b);
     for (uint32_t i = 0; i < count_b; i++)
-        o->matches.distance[i] = UINT16_MAX;
+        matches->distance[i] = UINT16_MAX;
     for (uint32_t i = 0; i < count_a; i++) {
-        uint32_t distance = o->matches.nearest[i] >> FV_MATCH_INDEX_BITS,
-                 feature = o->matches.nearest[i] & 0xffff;
-        if (o->matches.nearest[i] != FV_MATCH_NONE && distance < o->matches.distance[feature])
-            o->matches.distance[feature] = (uint16_t)distance;
+        uint32_t distance = matches->nearest[i] >> FV_MATCH_INDEX_BITS,
+                 feature = matches->nearest[i] & 0xffff;
+        if (matches->nearest[i] != FV_MATCH_NONE && distance < matches->distance[feature])
+            matches->distance[feature] = (uint16_t)distance;
     }
     for (uint32_t i = 0; i < count_a; i++) {
-        uint32_t distance = o->matches.nearest[i] >> FV_MATCH_INDEX_BITS,
-                 feature = o->matches.nearest[i] & 0xffff;
-        if (o->matches.nearest[i] == FV_MATCH_NONE || distance > DISTANCE_MAX ||
-            distance != o->matches.distance[feature] ||
-            distance > ratio_max * (o->matches.second[i] >> FV_MATCH_INDEX_BITS))
+        uint32_t distance = matches->nearest[i] >> FV_MATCH_INDEX_BITS,
+                 feature = matches->nearest[i] & 0xffff;
+        if (matches->nearest[i] == FV_MATCH_NONE || distance > DISTANCE_MAX ||
+            distance != matches->distance[feature] ||
+            distance > ratio_max * (matches->second[i] >> FV_MATCH_INDEX_BITS))
             continue;
-        o->matches.distance[feature] =
+        matches->distance[feature] =
             0; /* taken: an equal one later is left out, unless it is a perfect match */
-        o->matches.nearest[count] = i;
-        o->matches.second[count++] = feature;
+        matches->nearest[count] = i;
+        matches->second[count++] = feature;
     }
     return count;
 }
@@ -132,14 +132,15 @@ static uint32_t take_pairs(struct fv_odometry *o, uint32_t count,
 
 /* Links of a view's features to those of the first view: nearest[] and second[] hold the matches.
  */
-static void note_matches(struct fv_odometry *o, uint32_t held, uint32_t count)
+static void note_matches(struct fv_map *map, struct fv_matches *matches,
+                         struct fv_initialiser *initialiser, uint32_t held, uint32_t count)
 {
-    struct fv_initialise_state *s = o->initialiser.state;
-    const struct fv_map_frame frame = fv_map_frame_at(&o->map, s->slots[held]);
+    struct fv_initialise_state *s = initialiser->state;
+    const struct fv_map_frame frame = fv_map_frame_at(map, s->slots[held]);
     for (uint32_t f = 0; f < frame.keyframe->features; f++)
         frame.landmark[f] = FV_MAP_NONE;
     for (uint32_t k = 0; k < count; k++)
-        frame.landmark[o->matches.second[k]] = (int16_t)o->matches.nearest[k];
+        frame.landmark[matches->second[k]] = (int16_t)matches->nearest[k];
     s->matched[held] = s->frames[0];
 }
 
@@ -149,26 +150,27 @@ static void match_stale(struct fv_odometry *o, const struct fv_kernels *kernels)
     const struct fv_initialise_state *s = o->initialiser.state;
     for (uint32_t i = s->count; i-- > 1;)
         if (s->matched[i] != s->frames[0]) {
-            note_matches(o, i, match_views(o, kernels, s->slots[0], s->slots[i]));
+            note_matches(&o->map, &o->matches, &o->initialiser, i,
+                         match_views(&o->map, &o->matches, kernels, s->slots[0], s->slots[i]));
             return;
         }
 }
 
 /* Find the tracks in the views in between. */
-static void extend_tracks(struct fv_odometry *o, uint32_t tracks,
+static void extend_tracks(struct fv_map *map, struct fv_initialiser *initialiser, uint32_t tracks,
                           const struct fv_initialise_bundle *b)
 {
-    const struct fv_map_frame first = fv_map_frame_at(&o->map, b->slots[0]);
+    const struct fv_map_frame first = fv_map_frame_at(map, b->slots[0]);
     for (uint32_t f = 0; f < first.keyframe->features; f++)
         first.landmark[f] = FV_MAP_NONE;
     for (uint32_t n = 0; n < tracks; n++)
-        first.landmark[o->initialiser.tracks[n].feature[0]] = (int16_t)n;
+        first.landmark[initialiser->tracks[n].feature[0]] = (int16_t)n;
     for (uint32_t v = 1; v + 1 < b->view_count; v++) {
-        const struct fv_map_frame frame = fv_map_frame_at(&o->map, b->slots[v]);
+        const struct fv_map_frame frame = fv_map_frame_at(map, b->slots[v]);
         for (uint32_t f = 0; f < frame.keyframe->features; f++) {
             const int32_t track =
                 frame.landmark[f] == FV_MAP_NONE ? FV_MAP_NONE : first.landmark[frame.landmark[f]];
-            if (track != FV_MAP_NONE) o->initialiser.tracks[track].feature[v] = (int32_t)f;
+            if (track != FV_MAP_NONE) initialiser->tracks[track].feature[v] = (int32_t)f;
         }
     }
 }
@@ -193,7 +195,8 @@ static void hold(struct fv_odometry *o, uint32_t matches, uint64_t first)
     fv_map_copy_frame(&o->map, fv_map_current(&o->map), s->slots[held]);
     o->map.keyframes[s->slots[held]].T_cam_world =
         s->guess; /* as long as the first view stays the same */
-    if (held > 0 && s->frames[0] == first) note_matches(o, held, matches);
+    if (held > 0 && s->frames[0] == first)
+        note_matches(&o->map, &o->matches, &o->initialiser, held, matches);
 }
 
 /* ---- choosing -------------------------------------------------------------------------------- */
@@ -230,15 +233,15 @@ static bool serves(const struct fv_initialise_bundle *b, uint32_t tracks,
 
 /* Keep the better of two bundles in `best`, and the cost of the best one that ended at another
  * motion in `rival`. */
-static void compare(struct fv_odometry *o, uint32_t tried, uint32_t tracks,
-                    const struct fv_initialise_bundle *candidate, struct fv_initialise_bundle *best,
-                    double *rival)
+static void compare(struct fv_initialiser *initialiser, uint64_t frame_number, uint32_t tried,
+                    uint32_t tracks, const struct fv_initialise_bundle *candidate,
+                    struct fv_initialise_bundle *best, double *rival)
 {
     const bool same = best->cost < 1e300 && fv_initialise_same(best, candidate);
     if (candidate->cost < best->cost) {
         if (!same) *rival = best->cost;
         *best = *candidate;
-        fv_initialise_note_guess(&o->initialiser, o->state->frame_number, tried, tracks, best);
+        fv_initialise_note_guess(initialiser, frame_number, tried, tracks, best);
     } else if (!same && candidate->cost < *rival) {
         *rival = candidate->cost;
     }
@@ -255,10 +258,10 @@ static bool choose(struct fv_odometry *o, uint32_t tracks, struct fv_initialise_
                    parallax_points_min = FV_INITIALISE_POINTS_MIN * tried / tracks / 2;
     double rival = 1e300;
     best->cost = 1e300;
-    extend_tracks(o, tracks, best);
+    extend_tracks(&o->map, &o->initialiser, tracks, best);
     if (fv_initialise_guess_again(&o->initialiser, tried, &candidate)) {
         fv_initialise_adjust(&o->initialiser, tried, FV_INITIALISE_FAIR, &candidate);
-        compare(o, tried, tracks, &candidate, best, &rival);
+        compare(&o->initialiser, o->state->frame_number, tried, tracks, &candidate, best, &rival);
     }
     if (!(best->cost < 1e300 && serves(best, tried, parallax_points_min)) &&
         o->state->frame_number - s->sampled < SAMPLING_FRAMES)
@@ -273,12 +276,12 @@ static bool choose(struct fv_odometry *o, uint32_t tracks, struct fv_initialise_
         if (!fv_initialise_guess_motion(&o->initialiser, tried, &motions[k / 2], &candidate))
             continue;
         fv_initialise_adjust(&o->initialiser, tried, trusts[k % 2], &candidate);
-        compare(o, tried, tracks, &candidate, best, &rival);
+        compare(&o->initialiser, o->state->frame_number, tried, tracks, &candidate, best, &rival);
     }
     candidate = *best;
     if (best->cost < 1e300 && fv_initialise_guess_reversed(&o->initialiser, tried, &candidate)) {
         fv_initialise_adjust(&o->initialiser, tried, FV_INITIALISE_ROUGH, &candidate);
-        compare(o, tried, tracks, &candidate, best, &rival);
+        compare(&o->initialiser, o->state->frame_number, tried, tracks, &candidate, best, &rival);
     }
     return best->cost < 1e300 && rival >= rival_cost_min * best->cost &&
            serves(best, tried, parallax_points_min);
@@ -286,11 +289,12 @@ static bool choose(struct fv_odometry *o, uint32_t tracks, struct fv_initialise_
 
 /* The chosen motion, adjusted on all tracks, must hold as well, and explain them far better than
  * turning alone. */
-static bool confirm(struct fv_odometry *o, uint32_t tracks, struct fv_initialise_bundle *b)
+static bool confirm(struct fv_initialiser *initialiser, uint32_t tracks,
+                    struct fv_initialise_bundle *b)
 {
-    const double turn_cost = fv_initialise_turn_cost(&o->initialiser, tracks, b);
-    if (!fv_initialise_guess_again(&o->initialiser, tracks, b)) return false;
-    fv_initialise_adjust(&o->initialiser, tracks, FV_INITIALISE_FINE, b);
+    const double turn_cost = fv_initialise_turn_cost(initialiser, tracks, b);
+    if (!fv_initialise_guess_again(initialiser, tracks, b)) return false;
+    fv_initialise_adjust(initialiser, tracks, FV_INITIALISE_FINE, b);
     return serves(b, tracks, FV_INITIALISE_POINTS_MIN) && turn_cost >= turn_cost_min * b->cost;
 }
 
@@ -373,7 +377,8 @@ static uint32_t match_first(struct fv_odometry *o, const struct fv_kernels *kern
 {
     struct fv_initialise_state *s = o->initialiser.state;
     for (int attempt = 0; attempt < 2 && s->count > 0; attempt++) {
-        uint32_t count = match_views(o, kernels, s->slots[0], fv_map_current(&o->map));
+        uint32_t count =
+            match_views(&o->map, &o->matches, kernels, s->slots[0], fv_map_current(&o->map));
         if (count >= FOVEA_START_MATCHES_MIN) return count;
         for (uint32_t drop = (s->count + 1) / 2; drop > 0; drop--)
             drop_first(s);
@@ -393,7 +398,7 @@ bool fv_odometry_initialise(struct fv_odometry *o, const struct fv_kernels *kern
         memset(&bundle, 0, sizeof bundle);
         choose_views(o, &bundle);
         const uint32_t tracks = take_pairs(o, matches, &bundle);
-        if (tracks > 0 && choose(o, tracks, &bundle) && confirm(o, tracks, &bundle)) {
+        if (tracks > 0 && choose(o, tracks, &bundle) && confirm(&o->initialiser, tracks, &bundle)) {
             fv_window_abort(&o->window);
             make_first_map(o, tracks, &bundle);
             s->count = 0;

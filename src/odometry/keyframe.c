@@ -38,11 +38,11 @@ static double current_depth(const struct fv_odometry *o)
     return __builtin_sqrt(low * high);
 }
 
-static double distance_to(const struct fv_odometry *o, uint32_t keyframe)
+static double distance_to(const struct fv_map *map, uint32_t keyframe)
 {
     struct fv_se3 T_world_cam, T;
-    fv_se3_invert(&o->map.keyframes[fv_map_current(&o->map)].T_cam_world, &T_world_cam);
-    fv_se3_compose(&o->map.keyframes[keyframe].T_cam_world, &T_world_cam, &T);
+    fv_se3_invert(&map->keyframes[fv_map_current(map)].T_cam_world, &T_world_cam);
+    fv_se3_compose(&map->keyframes[keyframe].T_cam_world, &T_world_cam, &T);
     return fv_norm3(T.t);
 }
 
@@ -71,7 +71,7 @@ bool fv_odometry_keyframe_needed(struct fv_odometry *o, uint32_t inliers)
     uint64_t apart = s->frame_number - s->keyframe_frame;
     double fraction = (double)inliers / (s->keyframe_matches > 0 ? s->keyframe_matches : 1);
     double depth = current_depth(o);
-    double parallax = distance_to(o, s->newest) / depth;
+    double parallax = distance_to(&o->map, s->newest) / depth;
     note_stillness(o, depth);
     if (s->still.frames >= STILL_FRAMES) return false;
     if (s->creation.pending_count == FV_CREATION_PENDING_MAX || parallax < parallax_least_rad)

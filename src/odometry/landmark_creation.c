@@ -27,12 +27,12 @@ void fv_creator_carve(struct fv_creator *c, uint32_t features_max, struct fv_are
 
 /* ---- neighbours ------------------------------------------------------------------------------ */
 
-static bool baseline_serves(const struct fv_odometry *o, uint32_t a, uint32_t b)
+static bool baseline_serves(const struct fv_map *map, uint32_t a, uint32_t b)
 {
     struct fv_se3 T_world_b, T;
-    fv_se3_invert(&o->map.keyframes[b].T_cam_world, &T_world_b);
-    fv_se3_compose(&o->map.keyframes[a].T_cam_world, &T_world_b, &T);
-    return fv_norm3(T.t) > baseline_fraction_min * o->map.keyframes[a].depth;
+    fv_se3_invert(&map->keyframes[b].T_cam_world, &T_world_b);
+    fv_se3_compose(&map->keyframes[a].T_cam_world, &T_world_b, &T);
+    return fv_norm3(T.t) > baseline_fraction_min * map->keyframes[a].depth;
 }
 
 static void begin_creation(struct fv_odometry *o, uint32_t keyframe)
@@ -46,7 +46,7 @@ static void begin_creation(struct fv_odometry *o, uint32_t keyframe)
         const uint32_t best = fv_map_best_shared(&o->map, shared);
         if (shared[best] == 0) break;
         shared[best] = 0;
-        if (!baseline_serves(o, keyframe, best)) continue;
+        if (!baseline_serves(&o->map, keyframe, best)) continue;
         g->neighbour_generations[g->neighbour_count] = o->map.keyframes[best].generation;
         g->neighbours[g->neighbour_count++] = best;
     }
@@ -64,12 +64,11 @@ struct line_search {
     double depth;
 };
 
-static void line_begin(const struct fv_odometry *o, uint32_t a, uint32_t b,
-                       struct line_search *search)
+static void line_begin(const struct fv_map *map, uint32_t a, uint32_t b, struct line_search *search)
 {
     struct fv_se3 T_world_a;
-    search->a = fv_map_frame_at(&o->map, a);
-    search->b = fv_map_frame_at(&o->map, b);
+    search->a = fv_map_frame_at(map, a);
+    search->b = fv_map_frame_at(map, b);
     fv_se3_invert(&search->a.keyframe->T_cam_world, &T_world_a);
     fv_se3_compose(&search->b.keyframe->T_cam_world, &T_world_a, &search->T_b_a);
     fv_se3_invert(&search->T_b_a, &search->T_a_b);
@@ -78,42 +77,42 @@ static void line_begin(const struct fv_odometry *o, uint32_t a, uint32_t b,
 
 /* Box of the part of the line between the nearest plausible depth and infinity; false when it is
  * outside the image. */
-static bool line_box(const struct fv_odometry *o, const struct line_search *search,
+static bool line_box(const struct fv_map *map, const struct line_search *search,
                      const double bearing[3], double box[4])
 {
     double q[3], far[2], near[2];
     fv_rotate3(search->T_b_a.R, bearing, q);
-    if (fovea_camera_project(&o->camera, q, far, 0) != FOVEA_OK) return false;
+    if (fovea_camera_project(map->camera, q, far, 0) != FOVEA_OK) return false;
     double along = depth_near * search->depth;
     bool seen = false;
     for (int attempt = 0; attempt < 4 && !seen; attempt++, along *= 2) {
         double p[3] = {along * bearing[0], along * bearing[1], along * bearing[2]};
         fv_se3_apply(&search->T_b_a, p, q);
-        seen = fovea_camera_project(&o->camera, q, near, 0) == FOVEA_OK;
+        seen = fovea_camera_project(map->camera, q, near, 0) == FOVEA_OK;
     }
     if (!seen) return false;
     box[0] = far[0] < near[0] ? far[0] : near[0];
     box[1] = far[1] < near[1] ? far[1] : near[1];
     box[2] = far[0] < near[0] ? near[0] : far[0];
     box[3] = far[1] < near[1] ? near[1] : far[1];
-    return box[2] > 0 && box[3] > 0 && box[0] < o->map.limits.width &&
-           box[1] < o->map.limits.height;
+    return box[2] > 0 && box[3] > 0 && box[0] < map->limits.width && box[1] < map->limits.height;
 }
 
 /* Triangulate and check: parallax, errors in both frames, and sizes that agree with the levels.
  * `point` in a's frame. */
-static bool new_point(const struct fv_odometry *o, const struct line_search *search,
-                      const double x1[3], uint32_t feature_a, uint32_t feature_b, double point[3])
+static bool new_point(const struct fv_map *map, const struct fv_creator *creator,
+                      const struct line_search *search, const double x1[3], uint32_t feature_a,
+                      uint32_t feature_b, double point[3])
 {
     const struct fv_pixel *p = &search->a.points[feature_a], *r = &search->b.points[feature_b];
     double x2[3], q[3], cosine;
     for (int i = 0; i < 3; i++)
-        x2[i] = (double)o->creator.line[feature_b][i];
+        x2[i] = (double)creator->line[feature_b][i];
     if (!fv_triangulate(&search->T_b_a, x1, x2, point, &cosine) || cosine > cos_parallax_max)
         return false;
     fv_se3_apply(&search->T_b_a, point, q);
-    if (fv_map_error2(&o->map, p, point) > FV_CHI_SQUARE_95_2 ||
-        fv_map_error2(&o->map, r, q) > FV_CHI_SQUARE_95_2)
+    if (fv_map_error2(map, p, point) > FV_CHI_SQUARE_95_2 ||
+        fv_map_error2(map, r, q) > FV_CHI_SQUARE_95_2)
         return false;
     double distances = fv_norm3(q) / fv_norm3(point),
            levels = fv_level_scale(r->level) / fv_level_scale(p->level);
@@ -131,7 +130,7 @@ static void create_from_feature(struct fv_odometry *o, const struct fv_kernels *
     if (!fv_map_keypoint(&o->map, &search->a.points[feature], &p)) return;
     for (int i = 0; i < 3; i++)
         bearing[i] = (double)p.bearing[i];
-    if (!line_box(o, search, bearing, box)) return;
+    if (!line_box(&o->map, search, bearing, box)) return;
     fv_rotate3(search->T_b_a.R, bearing, q);
     fv_cross3(search->T_b_a.t, q, normal);
     if (!fv_normalise3(normal)) return;
@@ -140,7 +139,8 @@ static void create_from_feature(struct fv_odometry *o, const struct fv_kernels *
                            normal, 2.0 / o->focal_px, level - 2, level + 2,
                            search->a.descriptors + (size_t)feature * FV_MAP_DESCRIPTOR_BYTES);
     if (!fv_map_found_one(&found, DISTANCE_CREATE_MAX)) return;
-    if (!new_point(o, search, bearing, feature, (uint32_t)found.feature, point)) return;
+    if (!new_point(&o->map, &o->creator, search, bearing, feature, (uint32_t)found.feature, point))
+        return;
     fv_se3_apply_inverse(&search->a.keyframe->T_cam_world, point, world);
     int32_t landmark = fv_map_add_landmark(&o->map, world, o->state->frame_number);
     if (landmark == FV_MAP_NONE) return;
@@ -149,10 +149,11 @@ static void create_from_feature(struct fv_odometry *o, const struct fv_kernels *
     fv_map_refresh_landmark(&o->map, (uint32_t)landmark);
 }
 
-static bool neighbour_holds(const struct fv_odometry *o, uint32_t i)
+static bool neighbour_holds(const struct fv_map *map, const struct fv_creation_state *creation,
+                            uint32_t i)
 {
-    const struct fv_creation_state *g = &o->state->creation;
-    const struct fv_keyframe *k = &o->map.keyframes[g->neighbours[i]];
+    const struct fv_creation_state *g = creation;
+    const struct fv_keyframe *k = &map->keyframes[g->neighbours[i]];
     return k->used && k->generation == g->neighbour_generations[i];
 }
 
@@ -165,9 +166,9 @@ static void triangulate_unit(struct fv_odometry *o, const struct fv_kernels *ker
         return;
     }
     struct fv_map_frame frame = fv_map_frame_at(&o->map, g->keyframe);
-    if (neighbour_holds(o, g->neighbour)) {
+    if (neighbour_holds(&o->map, &o->state->creation, g->neighbour)) {
         struct line_search search;
-        line_begin(o, g->keyframe, g->neighbours[g->neighbour], &search);
+        line_begin(&o->map, g->keyframe, g->neighbours[g->neighbour], &search);
         if (g->next == 0) fv_map_bearings(&o->map, g->neighbours[g->neighbour], o->creator.line);
         for (uint32_t done = 0; done < UNIT_FEATURES && g->next < frame.keyframe->features;
              g->next++) {
@@ -201,28 +202,28 @@ static void end_creation(struct fv_odometry *o)
 /* ---- fusing ---------------------------------------------------------------------------------- */
 
 /* Look for a landmark in a keyframe that does not see it yet. */
-static void fuse(struct fv_odometry *o, const struct fv_kernels *kernels, uint32_t landmark,
+static void fuse(struct fv_map *map, const struct fv_kernels *kernels, uint32_t landmark,
                  uint32_t keyframe)
 {
-    struct fv_landmark *l = &o->map.landmarks[landmark];
-    struct fv_map_frame frame = fv_map_frame_at(&o->map, keyframe);
+    struct fv_landmark *l = &map->landmarks[landmark];
+    struct fv_map_frame frame = fv_map_frame_at(map, keyframe);
     double q[3], pixel[2];
     for (uint32_t k = 0; k < l->observer_count; k++)
         if (l->observers[k].keyframe == keyframe) return;
     fv_se3_apply(&frame.keyframe->T_cam_world, l->point, q);
-    if (fovea_camera_project(&o->camera, q, pixel, 0) != FOVEA_OK || pixel[0] < 0 || pixel[1] < 0 ||
-        pixel[0] >= o->map.limits.width || pixel[1] >= o->map.limits.height)
+    if (fovea_camera_project(map->camera, q, pixel, 0) != FOVEA_OK || pixel[0] < 0 ||
+        pixel[1] < 0 || pixel[0] >= map->limits.width || pixel[1] >= map->limits.height)
         return;
     const int level = fv_map_predict_level(l, fv_norm3(q));
     if (level < 0) return;
-    struct fv_found found = fv_map_search(&o->map, kernels, keyframe, pixel[0], pixel[1],
+    struct fv_found found = fv_map_search(map, kernels, keyframe, pixel[0], pixel[1],
                                           3 * fv_level_scale((uint32_t)level), level - 1, level + 1,
-                                          fv_map_descriptor(&o->map, l), true);
+                                          fv_map_descriptor(map, l), true);
     if (found.feature == FV_MAP_NONE || found.distance > DISTANCE_FUSE_MAX ||
-        fv_map_error2(&o->map, &frame.points[found.feature], q) > FV_CHI_SQUARE_95_2)
+        fv_map_error2(map, &frame.points[found.feature], q) > FV_CHI_SQUARE_95_2)
         return;
-    if (fv_map_link(&o->map, landmark, keyframe, (uint32_t)found.feature))
-        fv_map_refresh_landmark(&o->map, landmark);
+    if (fv_map_link(map, landmark, keyframe, (uint32_t)found.feature))
+        fv_map_refresh_landmark(map, landmark);
 }
 
 static void fuse_unit(struct fv_odometry *o, const struct fv_kernels *kernels)
@@ -233,7 +234,8 @@ static void fuse_unit(struct fv_odometry *o, const struct fv_kernels *kernels)
         int32_t landmark = frame.landmark[g->next];
         if (landmark == FV_MAP_NONE || o->map.landmarks[landmark].observer_count >= 4) continue;
         for (uint32_t i = 0; i < g->neighbour_count; i++)
-            if (neighbour_holds(o, i)) fuse(o, kernels, (uint32_t)landmark, g->neighbours[i]);
+            if (neighbour_holds(&o->map, &o->state->creation, i))
+                fuse(&o->map, kernels, (uint32_t)landmark, g->neighbours[i]);
         done++;
     }
     if (g->next == frame.keyframe->features) end_creation(o);

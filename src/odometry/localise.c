@@ -49,13 +49,13 @@ static void take(const struct fv_matches *m, const struct fv_map_frame *frame, u
     m->distance[f] = (uint16_t)distance;
 }
 
-static bool project_landmark(const struct fv_odometry *o, const struct fv_se3 *T,
+static bool project_landmark(const struct fv_map *map, const struct fv_se3 *T,
                              const struct fv_landmark *l, double q[3], double pixel[2])
 {
     fv_se3_apply(T, l->point, q);
-    if (fovea_camera_project(&o->camera, q, pixel, 0) != FOVEA_OK) return false;
-    return pixel[0] >= 0 && pixel[1] >= 0 && pixel[0] < o->map.limits.width &&
-           pixel[1] < o->map.limits.height;
+    if (fovea_camera_project(map->camera, q, pixel, 0) != FOVEA_OK) return false;
+    return pixel[0] >= 0 && pixel[1] >= 0 && pixel[0] < map->limits.width &&
+           pixel[1] < map->limits.height;
 }
 
 /* First stage: the landmarks of the last frame around where `T` predicts them. */
@@ -69,7 +69,8 @@ static uint32_t match_recent(struct fv_odometry *o, const struct fv_kernels *ker
         const struct fv_recent *r = &o->localiser.recent[i];
         const struct fv_landmark *l = &o->map.landmarks[r->landmark];
         double q[3], pixel[2];
-        if (!l->used || l->generation != r->generation || !project_landmark(o, T, l, q, pixel))
+        if (!l->used || l->generation != r->generation ||
+            !project_landmark(&o->map, T, l, q, pixel))
             continue;
         struct fv_found found =
             fv_map_search(&o->map, kernels, fv_map_current(&o->map), pixel[0], pixel[1],
@@ -83,60 +84,63 @@ static uint32_t match_recent(struct fv_odometry *o, const struct fv_kernels *ker
 }
 
 /* Observations of all matched features; returns their number. */
-uint32_t fv_odometry_collect_observations(struct fv_odometry *o, const struct fv_map_frame *frame)
+uint32_t fv_localiser_collect(struct fv_localiser *localiser, const struct fv_map *map,
+                              const struct fv_map_frame *frame)
 {
     uint32_t count = 0;
     for (uint32_t f = 0; f < frame->keyframe->features; f++) {
         if (frame->landmark[f] == FV_MAP_NONE) continue;
-        fv_observation_from(&frame->keypoints[f], o->map.landmarks[frame->landmark[f]].point,
-                            &o->localiser.observations[count]);
-        o->localiser.observed_feature[count++] = f;
+        fv_observation_from(&frame->keypoints[f], map->landmarks[frame->landmark[f]].point,
+                            &localiser->observations[count]);
+        localiser->observed_feature[count++] = f;
     }
     return count;
 }
 
 /* Refine over all matches, forget those that do not fit; `to_noise`: then with the limit that the
  * noise found allows. */
-static uint32_t refine(struct fv_odometry *o, const struct fv_map_frame *frame, int rounds,
-                       int steps, bool to_noise, struct fv_se3 *T, struct fv_pose_fit *fit)
+static uint32_t refine(struct fv_localiser *localiser, const struct fv_map *map,
+                       const struct fv_map_frame *frame, int rounds, int steps, bool to_noise,
+                       struct fv_se3 *T, struct fv_pose_fit *fit)
 {
-    uint32_t count = fv_odometry_collect_observations(o, frame);
-    if (count < 6 || !fv_pose_refine(o->localiser.observations, count, rounds, steps, T, fit))
+    uint32_t count = fv_localiser_collect(localiser, map, frame);
+    if (count < 6 || !fv_pose_refine(localiser->observations, count, rounds, steps, T, fit))
         return 0;
-    if (to_noise && !fv_pose_refine_to_noise(o->localiser.observations, count, T, fit)) return 0;
+    if (to_noise && !fv_pose_refine_to_noise(localiser->observations, count, T, fit)) return 0;
     for (uint32_t i = 0; i < count; i++)
-        if (!o->localiser.observations[i].inlier)
-            frame->landmark[o->localiser.observed_feature[i]] = FV_MAP_NONE;
+        if (!localiser->observations[i].inlier)
+            frame->landmark[localiser->observed_feature[i]] = FV_MAP_NONE;
     return fit->inliers;
 }
 
-uint32_t fv_odometry_refine(struct fv_odometry *o, const struct fv_map_frame *frame, int rounds,
-                            int steps, struct fv_se3 *T, struct fv_pose_fit *fit)
+uint32_t fv_localiser_refine(struct fv_localiser *localiser, const struct fv_map *map,
+                             const struct fv_map_frame *frame, int rounds, int steps,
+                             struct fv_se3 *T, struct fv_pose_fit *fit)
 {
-    return refine(o, frame, rounds, steps, false, T, fit);
+    return refine(localiser, map, frame, rounds, steps, false, T, fit);
 }
 
 /* ---- local map ------------------------------------------------------------------------------- */
 
 /* Landmarks of the keyframes with most votes in `shared` (which is used up), except those matched
  * already. */
-static uint32_t gather_local(struct fv_odometry *o, const struct fv_map_frame *frame,
-                             uint16_t *shared)
+static uint32_t gather_local(struct fv_localiser *localiser, struct fv_map *map, uint32_t newest,
+                             const struct fv_map_frame *frame, uint16_t *shared)
 {
-    uint32_t count = 0, mark = ++o->map.state->mark;
-    shared[o->state->newest] = UINT16_MAX; /* always */
+    uint32_t count = 0, mark = ++map->state->mark;
+    shared[newest] = UINT16_MAX; /* always */
     for (uint32_t f = 0; f < frame->keyframe->features; f++)
-        if (frame->landmark[f] != FV_MAP_NONE) o->map.landmarks[frame->landmark[f]].mark = mark;
+        if (frame->landmark[f] != FV_MAP_NONE) map->landmarks[frame->landmark[f]].mark = mark;
     for (int round = 0; round < FV_LOCAL_KEYFRAMES_MAX; round++) {
-        const uint32_t best = fv_map_best_shared(&o->map, shared);
+        const uint32_t best = fv_map_best_shared(map, shared);
         if (shared[best] == 0) break;
         shared[best] = 0;
-        struct fv_map_frame from = fv_map_frame_at(&o->map, best);
+        struct fv_map_frame from = fv_map_frame_at(map, best);
         for (uint32_t f = 0; f < from.keyframe->features && count < FV_LOCAL_LANDMARKS_MAX; f++) {
-            if (from.landmark[f] == FV_MAP_NONE || o->map.landmarks[from.landmark[f]].mark == mark)
+            if (from.landmark[f] == FV_MAP_NONE || map->landmarks[from.landmark[f]].mark == mark)
                 continue;
-            o->map.landmarks[from.landmark[f]].mark = mark;
-            o->localiser.local[count++] = (uint32_t)from.landmark[f];
+            map->landmarks[from.landmark[f]].mark = mark;
+            localiser->local[count++] = (uint32_t)from.landmark[f];
         }
     }
     return count;
@@ -150,11 +154,12 @@ uint32_t fv_odometry_match_local(struct fv_odometry *o, const struct fv_kernels 
 {
     uint16_t shared[FOVEA_ODOMETRY_KEYFRAMES_MAX];
     fv_map_count_shared(&o->map, fv_map_current(&o->map), shared);
-    uint32_t count = gather_local(o, frame, shared), visible = 0;
+    uint32_t count = gather_local(&o->localiser, &o->map, o->state->newest, frame, shared),
+             visible = 0;
     for (uint32_t i = 0; i < count; i++) {
         struct fv_landmark *l = &o->map.landmarks[o->localiser.local[i]];
         double q[3], pixel[2], ray[3];
-        if (!project_landmark(o, T, l, q, pixel)) continue;
+        if (!project_landmark(&o->map, T, l, q, pixel)) continue;
         double distance = fv_norm3(q);
         fv_rotate_back3(T->R, q, ray);
         double cosine = fv_map_cosine(l, ray, distance);
@@ -205,18 +210,19 @@ static bool rough_pose(struct fv_odometry *o, const struct fv_kernels *kernels,
         struct fv_se3 predicted = *T;
         uint32_t matches = match_recent(o, kernels, frame, T, radius_first_px);
         if (matches >= INLIERS_FIRST_MIN &&
-            refine(o, frame, 2, 4, true, T, fit) >= INLIERS_FIRST_MIN)
+            refine(&o->localiser, &o->map, frame, 2, 4, true, T, fit) >= INLIERS_FIRST_MIN)
             return true;
         *T = predicted;
         matches = match_recent(o, kernels, frame, T, radius_wide_px);
         if (matches >= INLIERS_FIRST_MIN &&
-            fv_odometry_refine(o, frame, 3, 5, T, fit) >= INLIERS_FIRST_MIN)
+            fv_localiser_refine(&o->localiser, &o->map, frame, 3, 5, T, fit) >= INLIERS_FIRST_MIN)
             return true;
         /* Too few of what the last frame saw is left, as in fast driving: the local map tells more.
          */
         *T = predicted;
         (void)fv_odometry_match_local(o, kernels, frame, T, local_widen);
-        if (fv_odometry_refine(o, frame, 3, 5, T, fit) >= INLIERS_FIRST_MIN) return true;
+        if (fv_localiser_refine(&o->localiser, &o->map, frame, 3, 5, T, fit) >= INLIERS_FIRST_MIN)
+            return true;
     }
     if (o->state->state == FOVEA_TRACKING_LOST) return fv_odometry_relocalise(o, kernels, T, fit);
     return fv_odometry_try_keyframe(o, kernels, o->state->newest, T, fit);
@@ -227,7 +233,7 @@ void fv_odometry_confirm(struct fv_odometry *o)
     struct fv_map_frame frame = fv_map_frame_at(&o->map, fv_map_current(&o->map));
     struct fv_se3 T = frame.keyframe->T_cam_world;
     struct fv_pose_fit fit;
-    uint32_t inliers = fv_odometry_refine(o, &frame, 1, 3, &T, &fit);
+    uint32_t inliers = fv_localiser_refine(&o->localiser, &o->map, &frame, 1, 3, &T, &fit);
     if (inliers == 0) return;
     o->state->pose.inliers = inliers;
     o->state->covariance_reliable = fv_covariance_write(o, &frame, &fit);
@@ -240,13 +246,13 @@ uint32_t fv_odometry_localise(struct fv_odometry *o, const struct fv_kernels *ke
     struct fv_pose_fit fit;
     if (!rough_pose(o, kernels, &frame, &last, &T, &fit)) return 0;
     uint32_t known = fit.inliers, visible = fv_odometry_match_local(o, kernels, &frame, &T, 1);
-    o->state->pose.matches = fv_odometry_collect_observations(o, &frame);
-    uint32_t inliers = refine(o, &frame, 2, 4, true, &T, &fit);
+    o->state->pose.matches = fv_localiser_collect(&o->localiser, &o->map, &frame);
+    uint32_t inliers = refine(&o->localiser, &o->map, &frame, 2, 4, true, &T, &fit);
     if (inliers <
         found_fraction_low * (visible + known)) { /* a wrong rough pose finds what agrees with it */
         (void)fv_odometry_match_local(o, kernels, &frame, &T, local_widen);
-        o->state->pose.matches = fv_odometry_collect_observations(o, &frame);
-        inliers = fv_odometry_refine(o, &frame, 3, 5, &T, &fit);
+        o->state->pose.matches = fv_localiser_collect(&o->localiser, &o->map, &frame);
+        inliers = fv_localiser_refine(&o->localiser, &o->map, &frame, 3, 5, &T, &fit);
     }
     if (inliers < FOVEA_POSED_INLIERS_MIN) return 0;
     fv_se3_invert(&last, &inverse);

@@ -70,10 +70,11 @@ uint32_t fv_odometry_localise(struct fv_odometry *odometry, const struct fv_kern
 /* Pieces that relocalisation shares: make observations of the matches, returning their number;
  * refine over them and forget those that do not fit; match the local map around them (`widen` times
  * the usual radius), returning the number of visible landmarks. */
-uint32_t fv_odometry_collect_observations(struct fv_odometry *odometry,
-                                          const struct fv_map_frame *frame);
-uint32_t fv_odometry_refine(struct fv_odometry *odometry, const struct fv_map_frame *frame,
-                            int rounds, int steps, struct fv_se3 *T, struct fv_pose_fit *fit);
+uint32_t fv_localiser_collect(struct fv_localiser *localiser, const struct fv_map *map,
+                              const struct fv_map_frame *frame);
+uint32_t fv_localiser_refine(struct fv_localiser *localiser, const struct fv_map *map,
+                             const struct fv_map_frame *frame, int rounds, int steps,
+                             struct fv_se3 *T, struct fv_pose_fit *fit);
 uint32_t fv_odometry_match_local(struct fv_odometry *odometry, const struct fv_kernels *kernels,
                                  const struct fv_map_frame *frame, const struct fv_se3 *T,
                                  double widen);

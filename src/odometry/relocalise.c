@@ -43,25 +43,24 @@ void fv_relocaliser_reset(struct fv_relocaliser *r)
 /* ---- the index ------------------------------------------------------------------------------- */
 
 /* A keyframe without an entry; FV_MAP_NONE: all have one. */
-static int32_t unindexed(const struct fv_odometry *o)
+static int32_t unindexed(const struct fv_map *map, const struct fv_place *place)
 {
-    for (uint32_t k = 0; k < o->map.limits.keyframes; k++)
-        if (o->map.keyframes[k].used &&
-            !fv_place_holds(&o->relocaliser.place, k, o->map.keyframes[k].generation))
+    for (uint32_t k = 0; k < map->limits.keyframes; k++)
+        if (map->keyframes[k].used && !fv_place_holds(place, k, map->keyframes[k].generation))
             return (int32_t)k;
     return FV_MAP_NONE;
 }
 
 bool fv_odometry_index_waiting(const struct fv_odometry *o)
 {
-    return unindexed(o) != FV_MAP_NONE;
+    return unindexed(&o->map, &o->relocaliser.place) != FV_MAP_NONE;
 }
 
 void fv_odometry_index_unit(struct fv_odometry *o, const struct fv_kernels *kernels)
 {
     struct fv_index_state *index = o->relocaliser.index;
     if (!index->busy || !fv_map_holds(&o->map, index->slot, index->generation)) {
-        const int32_t slot = unindexed(o);
+        const int32_t slot = unindexed(&o->map, &o->relocaliser.place);
         index->busy = slot != FV_MAP_NONE;
         if (!index->busy) return;
         index->slot = (uint32_t)slot;
@@ -87,17 +86,19 @@ void fv_odometry_index_unit(struct fv_odometry *o, const struct fv_kernels *kern
 
 /* Landmarks that a keyframe sees, into o->localiser.local from `count` on; returns the new count.
  */
-static uint32_t gather_keyframe(struct fv_odometry *o, uint32_t slot, uint32_t mark, uint32_t count)
+static uint32_t gather_keyframe(struct fv_map *map, struct fv_localiser *localiser,
+                                struct fv_relocaliser *relocaliser, uint32_t slot, uint32_t mark,
+                                uint32_t count)
 {
-    const struct fv_map_frame frame = fv_map_frame_at(&o->map, slot);
+    const struct fv_map_frame frame = fv_map_frame_at(map, slot);
     for (uint32_t f = 0; f < frame.keyframe->features && count < FV_RELOCALISE_LANDMARKS; f++) {
-        if (frame.landmark[f] == FV_MAP_NONE || o->map.landmarks[frame.landmark[f]].mark == mark)
+        if (frame.landmark[f] == FV_MAP_NONE || map->landmarks[frame.landmark[f]].mark == mark)
             continue;
-        struct fv_landmark *l = &o->map.landmarks[frame.landmark[f]];
+        struct fv_landmark *l = &map->landmarks[frame.landmark[f]];
         l->mark = mark;
-        memcpy(o->relocaliser.gathered + (size_t)count * FV_MAP_DESCRIPTOR_BYTES,
-               fv_map_descriptor(&o->map, l), FV_MAP_DESCRIPTOR_BYTES);
-        o->localiser.local[count++] = (uint32_t)frame.landmark[f];
+        memcpy(relocaliser->gathered + (size_t)count * FV_MAP_DESCRIPTOR_BYTES,
+               fv_map_descriptor(map, l), FV_MAP_DESCRIPTOR_BYTES);
+        localiser->local[count++] = (uint32_t)frame.landmark[f];
     }
     return count;
 }
@@ -110,9 +111,11 @@ static uint32_t match_keyframe(struct fv_odometry *o, const struct fv_kernels *k
     struct fv_neighbour neighbours[FV_RELOCALISE_NEIGHBOURS];
     const uint32_t mark = ++o->map.state->mark;
     uint32_t near = fv_map_neighbours(&o->map, slot, 1, neighbours, FV_RELOCALISE_NEIGHBOURS);
-    uint32_t count = gather_keyframe(o, slot, mark, 0), matches = 0;
+    uint32_t count = gather_keyframe(&o->map, &o->localiser, &o->relocaliser, slot, mark, 0),
+             matches = 0;
     for (uint32_t i = 0; i < near; i++)
-        count = gather_keyframe(o, neighbours[i].slot, mark, count);
+        count = gather_keyframe(&o->map, &o->localiser, &o->relocaliser, neighbours[i].slot, mark,
+                                count);
     kernels->hamming_two_u8(o->matches.nearest, o->matches.second, frame->descriptors,
                             (int32_t)frame->keyframe->features, o->relocaliser.gathered,
                             (int32_t)count);
@@ -142,7 +145,7 @@ bool fv_odometry_try_keyframe(struct fv_odometry *o, const struct fv_kernels *ke
 {
     const struct fv_map_frame frame = fv_map_frame_at(&o->map, fv_map_current(&o->map));
     if (match_keyframe(o, kernels, &frame, slot) < MATCHES_MIN) return false;
-    const uint32_t observations = fv_odometry_collect_observations(o, &frame);
+    const uint32_t observations = fv_localiser_collect(&o->localiser, &o->map, &frame);
     const struct fv_sampling sampling = {4.0 / o->focal_px, 0.99, SAMPLES_MAX};
     if (fv_pose_sample(o->localiser.observations, observations, &sampling, &o->state->random, T) <
         SAMPLED_INLIERS_MIN)
@@ -150,10 +153,12 @@ bool fv_odometry_try_keyframe(struct fv_odometry *o, const struct fv_kernels *ke
     for (uint32_t i = 0; i < observations; i++)
         if (!o->localiser.observations[i].inlier)
             frame.landmark[o->localiser.observed_feature[i]] = FV_MAP_NONE;
-    if (fv_odometry_refine(o, &frame, 3, 5, T, fit) < SAMPLED_INLIERS_MIN) return false;
+    if (fv_localiser_refine(&o->localiser, &o->map, &frame, 3, 5, T, fit) < SAMPLED_INLIERS_MIN)
+        return false;
     const uint32_t visible = fit->inliers + fv_odometry_match_local(o, kernels, &frame, T, 2);
-    const uint32_t matches = fv_odometry_collect_observations(o, &frame);
-    if (fv_odometry_refine(o, &frame, 3, 5, T, fit) < inliers_wanted(frame.keyframe->features))
+    const uint32_t matches = fv_localiser_collect(&o->localiser, &o->map, &frame);
+    if (fv_localiser_refine(&o->localiser, &o->map, &frame, 3, 5, T, fit) <
+        inliers_wanted(frame.keyframe->features))
         return false;
     return fit->inliers > inlier_fraction_min * matches &&
            (fit->inliers > found_fraction_min * visible ||
