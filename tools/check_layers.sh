@@ -94,6 +94,10 @@ grep -rnoE --include='*.[ch]' --include='*.cpp' '^ *# *include "[^"]+"' drivers 
         esac
     done >>"$offences"
 
+# A static function needs no prefix: fv_ and fovea_ are for those that other files call.
+grep -rnE --include='*.c' --include='*.cpp' '^static [^=;]*[ *](fv|fovea)_[a-z0-9_]+\(' src drivers |
+    sed -E 's/^([^:]*:[0-9]+):.*[ *]((fv|fovea)_[a-z0-9_]+)\(.*/\1: static function \2 with the prefix of shared ones/' >>"$offences" || true
+
 if [ -s "$offences" ]; then
     cat "$offences"
     exit 1

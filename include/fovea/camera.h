@@ -1,4 +1,5 @@
-/* Camera models: where a direction lands in the raw image, and which direction a pixel looks.
+/* Camera models: the pixel of the raw image that a direction projects to, and the direction of a
+ * pixel.
  *
  * Camera frame: x right, y down, z forward (REP-103 optical frame). Pixels: (0, 0) is the centre of
  * the top left pixel. Two lens models:
@@ -44,8 +45,8 @@ struct fovea_camera {
     double field_max_rad;
 };
 
-/* Check the parameters (finite, focal lengths positive, centre within two image sizes, a direction
- * to at least 40 % of the image) and compute `field_max_rad`. Must be called once before
+/* Check the parameters (finite, focal lengths positive, centre within two image sizes, at least 40
+ * % of the image with a direction) and compute `field_max_rad`. Must be called once before
  * projecting. Init-only. Returns FOVEA_OK, or FOVEA_ERROR_INPUT with the offending value in
  * `error`. */
 enum fovea_status fovea_camera_prepare(struct fovea_camera *camera, struct fovea_error *error);

@@ -34,12 +34,12 @@ struct fovea_detect_config {
 
     /* [1, 1000000], default 1: run on every n-th frame, if the network is free then */
     uint32_t period_frames;
-    uint32_t count_max; /* [1, 300], default 100: detections of one image, best first; costs message
-                           size */
+    uint32_t count_max; /* [1, 300], default 100: detections of one image, best first; affects the
+                           size of the message */
     double score_threshold; /* [0, 1], default 0: the model's own; above: at least this for every
                                class */
-    double iou_threshold;   /* [0, 1], default 0: the model's own overlap above which the lesser box
-                               goes */
+    double iou_threshold;   /* [0, 1], default 0: the model's own overlap above which the box of
+                               lower score is removed */
 };
 
 /* Detections of the last completed inference, in memory of the runtime's block. */

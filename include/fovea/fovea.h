@@ -48,7 +48,7 @@ extern "C" {
 enum { FOVEA_BLOCK_ALIGNMENT = 64 };
 
 /* ---- configuration -----------------------------------------------------------------------------
- * Ranges and defaults stand here for the reader; they are those of docs/configuration.md. */
+ * Ranges and defaults are repeated here for the reader; docs/configuration.md has the same. */
 
 /* Wall and thread-CPU clock for stage times; called twice per stage. Never influences results. */
 typedef void (*fovea_clock_function)(void *context, int64_t *wall_ns, int64_t *cpu_ns);
@@ -62,8 +62,8 @@ struct fovea_preview_config {
 };
 
 struct fovea_config {
-    /* The cameras, each with its mask, and the inertial sensor. Default: one camera, whose
-     * calibration is still to be filled in, at the place of the body. Odometry uses the first
+    /* The cameras, each with its mask, and the inertial sensor. Default: one camera at the
+     * origin of the body, whose calibration the caller fills in. Odometry uses the first
      * camera: it must be calibrated, have a T_body_cam (default identity), and give images of
      * its calibration's width x height. Masks are copied by fovea_init. */
     struct fovea_rig rig;
@@ -74,7 +74,7 @@ struct fovea_config {
      * of FOVEA_JOB_DETECT. Tracks follow from the first alone. */
     struct fovea_detect_config detect2;
     struct fovea_scale_config scale;
-    struct fovea_objects_config objects; /* of detected objects */
+    struct fovea_objects_config objects; /* tracking of detected objects */
     struct fovea_preview_config preview;
     uint64_t seed; /* of the random generator in the state, default 1 */
 
@@ -190,7 +190,7 @@ struct fovea_inputs {
     struct fovea_grants grants;
 
     /* Samples of sensors that have come since the last step, in the order of their stamps, at most
-     * FOVEA_INPUT_SAMPLES_MAX. The caller's; not looked at after the step. */
+     * FOVEA_INPUT_SAMPLES_MAX. Owned by the caller; not read after the step. */
     uint32_t sample_count;
     const struct fovea_sample *samples;
 

@@ -1,8 +1,8 @@
-/* Images: a view of pixels that somebody else owns.
+/* Images: a description of pixels that the caller owns.
  *
  * Rows are `stride_bytes` apart, top row first. Multi-plane formats (NV12, YU12) have their planes
  * one after the other in the same buffer, chroma stride as in V4L2 (NV12: stride_bytes; YU12:
- * stride_bytes / 2). For FOVEA_PIXEL_MJPEG the view is `size_bytes` of compressed data and the
+ * stride_bytes / 2). For FOVEA_PIXEL_MJPEG the image is `size_bytes` of compressed data and the
  * stride is 0. */
 #ifndef FOVEA_IMAGE_H
 #define FOVEA_IMAGE_H
@@ -64,7 +64,7 @@ int32_t fovea_image_stride_min(enum fovea_pixel_format format, int32_t width);
  * Any thread. */
 size_t fovea_image_bytes(enum fovea_pixel_format format, int32_t height, int32_t stride_bytes);
 
-/* Whether the view is consistent: known format, size within FOVEA_IMAGE_* limits, stride and
+/* Whether the description is consistent: known format, size within FOVEA_IMAGE_* limits, stride and
  * size_bytes large enough. Returns FOVEA_OK or FOVEA_ERROR_ARGUMENT. Real-time safe, any thread. */
 enum fovea_status fovea_image_check(const struct fovea_image *image);
 

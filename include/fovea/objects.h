@@ -10,8 +10,8 @@
  * nearest centroids are matched up to a distance; a track that is unseen for too long ends.
  *
  * An id is given once per run, also across resets. A full pool gives up its weakest track: a
- * tentative one first, then one that coasts, then the one of the fewest sightings; a detection that
- * starts a track never displaces one that was seen just now.
+ * tentative one first, then one that coasts, then the one with the fewest detections; a detection
+ * that starts a track never displaces one that was seen in the same image.
  *
  * Time is that of the images (their stamps), so results do not depend on when they were computed.
  */
@@ -34,7 +34,7 @@ enum fovea_objects_mode {
 };
 
 enum fovea_object_state {
-    FOVEA_OBJECT_TENTATIVE = 0, /* seen, but not often enough to be believed */
+    FOVEA_OBJECT_TENTATIVE = 0, /* seen, but not yet often enough to be confirmed */
     FOVEA_OBJECT_CONFIRMED = 1, /* seen in the image that the list belongs to */
     FOVEA_OBJECT_COASTING = 2,  /* confirmed before, not seen in this image: its box is predicted */
     FOVEA_OBJECT_ENDED = 3      /* given up with this image; listed once, for the last time */
@@ -76,7 +76,7 @@ struct fovea_object {
     float x_min_px, y_min_px, x_max_px,
         y_max_px;          /* estimated box, raw image, as of the list's stamp */
     float x_px_s, y_px_s;  /* velocity of its centre, the camera's rotation taken out */
-    uint32_t hits, unseen; /* detections in all; images looked at since the last one */
+    uint32_t hits, unseen; /* detections in all; images processed since the last one */
 
     /* Where it is: 0 unknown, 1 in the camera frame of the image (metres; the pose has no metric
      * scale), 2 in the world. */
@@ -88,12 +88,12 @@ struct fovea_object {
     double velocity_covariance_m2_s2[6]; /* of the velocity, likewise; in the world only */
 };
 
-/* The tracks as of the last image that was looked at, in memory of the runtime's block. */
+/* The tracks as of the last image that the network processed, in memory of the runtime's block. */
 struct fovea_objects {
     uint64_t updates;   /* since fovea_init; nothing below holds while 0 */
     int64_t stamp_ns;   /* of the image */
     uint64_t sequence;  /* its frame's number */
-    uint64_t confirmed; /* tracks that were, since fovea_init */
+    uint64_t confirmed; /* tracks confirmed since fovea_init */
     uint32_t count;
     const struct fovea_object *list; /* by rising id */
 };

@@ -1,10 +1,10 @@
 /* Monocular visual odometry: the pose of the camera, from its images alone.
  *
  * Features are matched against landmarks of the local map, predicted by a motion model; the pose
- * minimises the robust pixel error of the matches. Keyframes are kept when the view has changed;
- * their landmarks and poses are optimised together by a job. The world frame is the camera frame of
- * the first keyframe; without a scale source its unit is such that the median depth at the start
- * is 1.
+ * minimises the robust pixel error of the matches. Keyframes are kept when the image has changed
+ * enough; their landmarks and poses are optimised together by a job. The world frame is the camera
+ * frame of the first keyframe; without a scale source its unit is such that the median depth at the
+ * start is 1.
  *
  * After Klein and Murray (ISMAR 2007) and Mur-Artal, Montiel and Tardos (T-RO 2015). */
 #ifndef FOVEA_ODOMETRY_H
@@ -69,19 +69,19 @@ struct fovea_pose {
     enum fovea_tracking_state state;
     bool posed; /* T_world_cam is valid */
     /* Row-major 3x4; the world is the camera's frame at the start of the map, continuous where
-     * loops correct the map, as `odom`; its unit is the metre unless the scale is free. */
+     * closures correct the map, as `odom`; its unit is the metre unless the scale is free. */
     double T_world_cam[12];
     /* p_map = map_scale R p_world + t with [R t] = T_map_odom (row-major 3x4): where the map, as
-     * corrected by loops, has what the continuous world has at p_world. In the axes of that camera;
-     * messages have the same in those of the body. Identity and 1 before the first correction; with
-     * a scale both are in metres, map_scale is 1, and T_map_odom takes up what a better estimate
-     * changes. */
+     * corrected by closures, has the point that the continuous world has at p_world. In the axes of
+     * that camera; messages have the same in those of the body. Identity and 1 before the first
+     * correction; with a scale both are in metres, map_scale is 1, and T_map_odom contains what a
+     * better estimate changes. */
     double T_map_odom[12], map_scale;
     /* Covariance of the pose relative to its reference keyframe: upper triangle by rows of the 6x6
      * matrix over (x y z, rotation x y z) in the camera frame; lengths in the world's unit, angles
      * in rad. From the joint information of the frame, its landmarks and their keyframes, at the
-     * noise that the frame shows, plus what moved the reference since its own pose was published.
-     * The uncertainty of the scale is not included. */
+     * noise that the frame shows, plus the corrections of the reference since its own pose was
+     * published. The uncertainty of the scale is not included. */
     double covariance[21];
     /* Landmarks matched, and of them those that agree. While starting, matches are those of
      * features with the oldest image held. */

@@ -22,7 +22,7 @@ extern "C" {
 enum { FOVEA_CAMERAS_MAX = 4 };
 
 struct fovea_rig_camera {
-    /* `camera` is known, prepared by fovea_camera_prepare; false: of it at most width and height,
+    /* `camera` is known, prepared by fovea_camera_prepare; false: at most its width and height are,
      * those of the images */
     bool calibrated;
     bool has_T_body_cam;

@@ -8,16 +8,11 @@
 enum {
     RECENT_KEYFRAMES = 8, /* too near in time to be a closure */
     SHARED_KNOWN = 5,     /* landmarks shared, from which on two keyframes know of each other */
-    SAME_PLACE_MAX = 12,  /* neighbours of a candidate that are no candidates of their own */
     QUERIES_PER_UNIT = 64,
-    DISTANCE_MAX = 60, /* Hamming, without prediction */
-    MATCHES_MIN = 15,
-    SAMPLES_MAX = 300,
     SAMPLE_TESTS_PER_UNIT = 1500, /* correspondences tested, all samples together */
     SAMPLE_SOLVED_TESTS =
         50, /* this number of tests takes as long as the closed form of a sample */
     REFINEMENTS = 2,
-    SAMPLED_MIN = 12,         /* correspondences that agree with the best sample */
     CORRESPONDENCES_MIN = 25, /* that agree after the guided search */
     FOUND_MIN = 40,           /* landmarks of the group found in the keyframe */
     FOUND_BEFORE_MIN = 30,    /* in one before it */
@@ -25,7 +20,6 @@ enum {
     BELIEF_KEYFRAMES = 6 /* keyframes for which a confirmation waits for the next */
 };
 
-static const double ratio_max = 0.85;
 static const double least_score = 0.1 * FV_PLACE_ONE;
 static const double score_fraction =
     0.6; /* of the worst neighbour's score, that a candidate must reach */
@@ -117,11 +111,12 @@ static void pick_candidates(struct fv_closure *closure, const struct fv_map *map
     s->candidate_count = 0;
     while (s->candidate_count < FV_CLOSURE_CANDIDATES_MAX) {
         struct fv_place_candidate best;
-        struct fv_neighbour same[SAME_PLACE_MAX];
+        struct fv_neighbour same[FV_PLACE_NEIGHBOURS_MAX];
         if (fv_place_best(closure->scores, map->limits.keyframes, least, &best, 1) == 0) return;
         s->candidates[s->candidate_count++] = handle_of(map, best.slot);
         closure->scores[best.slot] = 0;
-        uint32_t count = fv_map_neighbours(map, best.slot, SHARED_KNOWN, same, SAME_PLACE_MAX);
+        uint32_t count =
+            fv_map_neighbours(map, best.slot, SHARED_KNOWN, same, FV_PLACE_NEIGHBOURS_MAX);
         for (uint32_t i = 0; i < count; i++)
             closure->scores[same[i].slot] = 0;
     }
@@ -231,9 +226,9 @@ static void make_correspondences(struct fv_closure *closure, const struct fv_map
     for (uint32_t q = 0; q < s->query_count; q++) {
         uint32_t distance = closure->nearest[q] >> FV_MATCH_INDEX_BITS,
                  train = closure->nearest[q] & 0xffff;
-        if (closure->nearest[q] == FV_MATCH_NONE || distance > DISTANCE_MAX ||
+        if (closure->nearest[q] == FV_MATCH_NONE || distance > FV_PLACE_DISTANCE_MAX ||
             (closure->best_of_train[train] & 0xffff) != q ||
-            distance > ratio_max * (closure->second[q] >> FV_MATCH_INDEX_BITS))
+            distance > FV_PLACE_RATIO_MAX * (closure->second[q] >> FV_MATCH_INDEX_BITS))
             continue;
         uint32_t f = closure->query_feature[q], g = closure->train_feature[train];
         if (a.landmark[f] == FV_MAP_NONE || b.landmark[g] == FV_MAP_NONE) continue; /* gone since */
@@ -269,11 +264,11 @@ static void match_unit(struct fv_closure *closure, const struct fv_map *map,
     s->next += some;
     if (s->next < s->query_count) return;
     make_correspondences(closure, map);
-    if (s->correspondence_count < MATCHES_MIN) {
+    if (s->correspondence_count < FV_PLACE_MATCHES_MIN) {
         next_candidate(s);
         return;
     }
-    fv_sim3_search_begin(&s->search, SAMPLES_MAX);
+    fv_sim3_search_begin(&s->search, FV_PLACE_SAMPLES_MAX);
     s->phase = FV_CLOSURE_SAMPLE;
 }
 
@@ -333,12 +328,12 @@ static uint32_t refine(struct fv_closure *closure)
 static void refine_unit(struct fv_closure *closure, struct fv_map *map)
 {
     struct fv_closure_state *s = closure->state;
-    if (s->next < REFINEMENTS && s->inliers >= SAMPLED_MIN) {
+    if (s->next < REFINEMENTS && s->inliers >= FV_PLACE_SAMPLED_MIN) {
         s->inliers = refine(closure);
         s->next++;
         return;
     }
-    if (s->inliers < SAMPLED_MIN) {
+    if (s->inliers < FV_PLACE_SAMPLED_MIN) {
         next_candidate(s);
         return;
     }

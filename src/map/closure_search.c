@@ -8,12 +8,7 @@
 #include "map/closure.h"
 #include "geometry/chi_square.h"
 
-enum {
-    GROUP_PER_UNIT = 300,
-    FUSE_PER_UNIT = 120,
-    DISTANCE_GUIDED_MAX = 64,
-    DISTANCE_FUSE_MAX = 50
-};
+enum { GROUP_PER_UNIT = 300, FUSE_PER_UNIT = 120, DISTANCE_GUIDED_MAX = 64 };
 
 static const double radius_guided_px = 7, radius_fuse_px = 4; /* times the level's scale */
 static const double distance_ratio_max =
@@ -131,7 +126,7 @@ static void fuse_into(struct fv_closure *closure, struct fv_map *map,
     struct fv_found found = fv_map_search(map, kernels, keyframe, pixel[0], pixel[1],
                                           radius_fuse_px * fv_level_scale((uint32_t)level),
                                           level - 1, level + 1, fv_map_descriptor(map, l), false);
-    if (found.feature == FV_MAP_NONE || found.distance > DISTANCE_FUSE_MAX ||
+    if (found.feature == FV_MAP_NONE || found.distance > FV_MAP_FUSE_DISTANCE_MAX ||
         fv_map_error2(map, &frame.points[found.feature], q) > FV_CHI_SQUARE_95_2)
         return;
     int32_t other = frame.landmark[found.feature];

@@ -50,8 +50,13 @@ enum {
     FV_MAP_KEEP_NEWEST =
         16, /* keyframes that are never culled: odometry and its window work on them */
     FV_MAP_UNSEEN_FRAMES = 60, /* before a landmark may be taken from a full pool */
+    FV_MAP_FUSE_DISTANCE_MAX =
+        50, /* Hamming, of a feature and a landmark that are the same point */
     FV_MAP_NONE = -1
 };
+
+/* px^2 of level 0: matches are not better than that, however well the few of a frame agree. */
+#define FV_MAP_VARIANCE_MIN 0.05
 
 /* A feature of a frame. */
 struct fv_pixel {

@@ -26,8 +26,18 @@ extern "C" {
 enum {
     FV_PLACE_LANES_MAX = 4, /* of 64 keyframes each */
     FV_PLACE_ONE = 65536,   /* the score of two equal frames */
-    FV_PLACE_UNIT = 256     /* descriptors that a unit of work may turn to words */
+    FV_PLACE_UNIT = 256,    /* descriptors that a unit of work may turn to words */
+    /* Of the search for a pose at a place that was recognised, relocalisation and closures alike.
+     */
+    FV_PLACE_DISTANCE_MAX = 60, /* Hamming, of a match without prediction */
+    FV_PLACE_MATCHES_MIN = 15,  /* to sample on */
+    FV_PLACE_SAMPLES_MAX = 300,
+    FV_PLACE_SAMPLED_MIN = 12,   /* matches that agree with the best sample */
+    FV_PLACE_NEIGHBOURS_MAX = 12 /* of a candidate, that are the same place */
 };
+
+/* Largest distance of a match over that of the second nearest, without prediction. */
+#define FV_PLACE_RATIO_MAX 0.85
 
 /* A set of keyframe slots. */
 struct fv_place_set {

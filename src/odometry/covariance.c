@@ -17,7 +17,6 @@ enum {
     YOUNG_KEYFRAMES = 10
 };
 
-static const double variance_min = 0.05; /* px^2 of level 0: matches are not better than that */
 static const double scale_sigma =
     0.01; /* of the window's unit of length against that of the whole path */
 static const double nearly = 1e-6,
@@ -300,7 +299,7 @@ bool fv_covariance_write(struct fv_odometry *o, const struct fv_map_frame *frame
 {
     const struct fv_keyframe *reference = &o->map.keyframes[o->state->newest];
     double *covariance = o->state->pose.covariance, variance = fv_pose_variance(fit);
-    if (variance < variance_min) variance = variance_min;
+    if (variance < FV_MAP_VARIANCE_MIN) variance = FV_MAP_VARIANCE_MIN;
     const double together = parts_variance(&o->map, frame, fit) / variance,
                  factor = own_fraction * (together > 1 ? together : 1),
                  bend = map_bend(&o->map, o->focal_px, frame, __builtin_sqrt(variance));

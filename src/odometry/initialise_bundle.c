@@ -20,10 +20,9 @@ enum {
     ALIGN_TRACKS = 120 /* on which a view in between is placed at first */
 };
 
-static const double gain_min = 1e-3;     /* of the cost: smaller, and the minimum is reached */
-static const double error_max = 9;       /* px^2 of level 0: a mismatch says no more than that */
-static const double good_error = 0.05;   /* px^2 of level 0 */
-static const double variance_min = 0.05; /* px^2 of level 0: matches are not better than that */
+static const double gain_min = 1e-3;   /* of the cost: smaller, and the minimum is reached */
+static const double error_max = 9;     /* px^2 of level 0: a mismatch says no more than that */
+static const double good_error = 0.05; /* px^2 of level 0 */
 static const double parallax_some_px =
     2.5; /* of a landmark: less, and noise decides how far it is */
 static const double point_fraction_min =
@@ -483,7 +482,7 @@ static void judge(struct fv_initialiser *in, uint32_t count,
             FV_INITIALISE_PARALLAX_PX;
     }
     const double variance = freedom > 0 ? squares / freedom : 1;
-    b->noise = __builtin_sqrt(variance > variance_min ? variance : variance_min);
+    b->noise = __builtin_sqrt(variance > FV_MAP_VARIANCE_MIN ? variance : FV_MAP_VARIANCE_MIN);
 }
 
 void fv_initialise_adjust(struct fv_initialiser *in, uint32_t count, enum fv_initialise_trust trust,

@@ -7,12 +7,7 @@
 #include "odometry/odometry.h"
 #include "geometry/chi_square.h"
 
-enum {
-    UNIT_FEATURES = 96,
-    DISTANCE_CREATE_MAX = 50,
-    DISTANCE_FUSE_MAX = 50,
-    CULL_EXPECTED_MIN = 8
-};
+enum { UNIT_FEATURES = 96, DISTANCE_CREATE_MAX = 50, CULL_EXPECTED_MIN = 8 };
 
 static const double cos_parallax_max = 0.99996; /* half a degree */
 static const double baseline_fraction_min =
@@ -219,7 +214,7 @@ static void fuse(struct fv_map *map, const struct fv_kernels *kernels, uint32_t 
     struct fv_found found = fv_map_search(map, kernels, keyframe, pixel[0], pixel[1],
                                           3 * fv_level_scale((uint32_t)level), level - 1, level + 1,
                                           fv_map_descriptor(map, l), true);
-    if (found.feature == FV_MAP_NONE || found.distance > DISTANCE_FUSE_MAX ||
+    if (found.feature == FV_MAP_NONE || found.distance > FV_MAP_FUSE_DISTANCE_MAX ||
         fv_map_error2(map, &frame.points[found.feature], q) > FV_CHI_SQUARE_95_2)
         return;
     if (fv_map_link(map, landmark, keyframe, (uint32_t)found.feature))

@@ -5,16 +5,8 @@
 #include "geometry/vec.h"
 #include "odometry/odometry.h"
 
-enum {
-    DISTANCE_MAX = 60, /* Hamming, of a match without prediction */
-    MATCHES_MIN = 15,  /* to sample on */
-    SAMPLES_MAX = 300,
-    SAMPLED_INLIERS_MIN = 12,
-    SHARED_SAME_PLACE = 20, /* landmarks shared, by which two candidates are one place */
-    SAME_PLACE_MAX = 12     /* neighbours compared for that */
-};
+enum { SHARED_SAME_PLACE = 20 }; /* landmarks shared, by which two candidates are one place */
 
-static const double ratio_max = 0.85;
 static const double least_score =
     0.12 * FV_PLACE_ONE; /* below, frames have no more in common than two arbitrary ones */
 static const double inlier_fraction_min = 0.5; /* of the matches of the guided search */
@@ -122,8 +114,8 @@ static uint32_t match_keyframe(struct fv_odometry *o, const struct fv_kernels *k
     fv_matches_clear(&o->matches, frame);
     for (uint32_t f = 0; f < frame->keyframe->features; f++) {
         const uint32_t distance = o->matches.nearest[f] >> FV_MATCH_INDEX_BITS;
-        if (o->matches.nearest[f] == FV_MATCH_NONE || distance > DISTANCE_MAX ||
-            distance > ratio_max * (o->matches.second[f] >> FV_MATCH_INDEX_BITS))
+        if (o->matches.nearest[f] == FV_MATCH_NONE || distance > FV_PLACE_DISTANCE_MAX ||
+            distance > FV_PLACE_RATIO_MAX * (o->matches.second[f] >> FV_MATCH_INDEX_BITS))
             continue;
         frame->landmark[f] = (int16_t)o->localiser.local[o->matches.nearest[f] & 0xffff];
         matches++;
@@ -144,16 +136,16 @@ bool fv_odometry_try_keyframe(struct fv_odometry *o, const struct fv_kernels *ke
                               uint32_t slot, struct fv_se3 *T, struct fv_pose_fit *fit)
 {
     const struct fv_map_frame frame = fv_map_frame_at(&o->map, fv_map_current(&o->map));
-    if (match_keyframe(o, kernels, &frame, slot) < MATCHES_MIN) return false;
+    if (match_keyframe(o, kernels, &frame, slot) < FV_PLACE_MATCHES_MIN) return false;
     const uint32_t observations = fv_localiser_collect(&o->localiser, &o->map, &frame);
-    const struct fv_sampling sampling = {4.0 / o->focal_px, 0.99, SAMPLES_MAX};
+    const struct fv_sampling sampling = {4.0 / o->focal_px, 0.99, FV_PLACE_SAMPLES_MAX};
     if (fv_pose_sample(o->localiser.observations, observations, &sampling, &o->state->random, T) <
-        SAMPLED_INLIERS_MIN)
+        FV_PLACE_SAMPLED_MIN)
         return false;
     for (uint32_t i = 0; i < observations; i++)
         if (!o->localiser.observations[i].inlier)
             frame.landmark[o->localiser.observed_feature[i]] = FV_MAP_NONE;
-    if (fv_localiser_refine(&o->localiser, &o->map, &frame, 3, 5, T, fit) < SAMPLED_INLIERS_MIN)
+    if (fv_localiser_refine(&o->localiser, &o->map, &frame, 3, 5, T, fit) < FV_PLACE_SAMPLED_MIN)
         return false;
     const uint32_t visible = fit->inliers + fv_odometry_match_local(o, kernels, &frame, T, 2);
     const uint32_t matches = fv_localiser_collect(&o->localiser, &o->map, &frame);
@@ -193,7 +185,7 @@ bool fv_odometry_relocalise(struct fv_odometry *o, const struct fv_kernels *kern
     fv_place_scores(&r->place, r->words, &among, r->scores);
     for (int attempt = 0; attempt < FV_RELOCALISE_TRIES; attempt++) {
         struct fv_place_candidate best;
-        struct fv_neighbour same[SAME_PLACE_MAX];
+        struct fv_neighbour same[FV_PLACE_NEIGHBOURS_MAX];
         if (fv_place_best(r->scores, o->map.limits.keyframes, (uint32_t)least_score, &best, 1) == 0)
             break;
         if (fv_odometry_try_keyframe(o, kernels, best.slot, T, fit)) {
@@ -202,7 +194,7 @@ bool fv_odometry_relocalise(struct fv_odometry *o, const struct fv_kernels *kern
         }
         r->scores[best.slot] = 0; /* and its neighbours: the next try is another place */
         const uint32_t count =
-            fv_map_neighbours(&o->map, best.slot, SHARED_SAME_PLACE, same, SAME_PLACE_MAX);
+            fv_map_neighbours(&o->map, best.slot, SHARED_SAME_PLACE, same, FV_PLACE_NEIGHBOURS_MAX);
         for (uint32_t i = 0; i < count; i++)
             r->scores[same[i].slot] = 0;
     }
