@@ -28,7 +28,8 @@ struct fovea_detect_config {
     /* A model file (.fvm, made by tools/import) of `model_bytes` bytes in memory, at a multiple of
      * 64, which stays the caller's and must stay as it is while the runtime is in use: it is read
      * in place and shared by copies of the runtime. Checked from end to end by fovea_size and
-     * fovea_init. NULL: no detection. */
+     * fovea_init. A model without a decoder gives no detections: its raw outputs leave as messages
+     * (tensors_t). NULL: no network. */
     const void *model;
     size_t model_bytes;
 

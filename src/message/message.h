@@ -12,6 +12,7 @@
 #include <stdint.h>
 
 #include "fovea/fovea.h"
+#include "fovea/network.h"
 #include "fovea_stamp_t.h"
 
 #ifdef __cplusplus
@@ -31,9 +32,11 @@ enum fv_message_kind {
     FV_MESSAGE_DETECTIONS2, /* of the second network */
     FV_MESSAGE_MAP,
     FV_MESSAGE_OBJECTS,
-    FV_MESSAGE_COMMAND, /* in */
-    FV_MESSAGE_RUN,     /* of the application */
-    FV_MESSAGE_SAMPLE,  /* of the first sensor kind; this and all that follow: in recordings only */
+    FV_MESSAGE_TENSORS,  /* of the first network, if it has no decoder */
+    FV_MESSAGE_TENSORS2, /* of the second */
+    FV_MESSAGE_COMMAND,  /* in */
+    FV_MESSAGE_RUN,      /* of the application */
+    FV_MESSAGE_SAMPLE, /* of the first sensor kind; this and all that follow: in recordings only */
     FV_MESSAGE_FRAME = FV_MESSAGE_SAMPLE + FOVEA_SAMPLE_KIND_COUNT,
     FV_MESSAGE_RECORDING,
     FV_MESSAGE_RECORDING_END,
@@ -181,6 +184,23 @@ size_t fv_message_detections_size_max(uint32_t count_max, size_t label_bytes);
 size_t fv_message_detections_scratch_bytes(uint32_t count_max, size_t label_bytes);
 uint32_t fv_message_detections_encode(const struct fv_message_detections *in, void *scratch,
                                       uint8_t *buffer, size_t capacity);
+
+/* Raw outputs of a network, or pieces of them. */
+enum { FV_MESSAGE_TENSORS_MAX = 16, FV_MESSAGE_TENSOR_BYTES_MAX = 50000 };
+struct fv_message_tensor {
+    struct fovea_tensor tensor; /* the whole, of no 64-bit type; its `data` is not read */
+    size_t first_byte, size_bytes;
+    const uint8_t *data; /* of the piece */
+};
+struct fv_message_tensors {
+    fovea_stamp_t stamp; /* of the image looked at */
+    const char *model;   /* cut as labels are */
+    uint32_t count;
+    struct fv_message_tensor pieces[FV_MESSAGE_TENSORS_MAX];
+};
+/* A message with at most FV_MESSAGE_TENSOR_BYTES_MAX bytes of data fits FV_MESSAGE_PACKET_BYTES. */
+uint32_t fv_message_tensors_encode(const struct fv_message_tensors *in, uint8_t *buffer,
+                                   size_t capacity);
 
 /* A piece of the map: places [first, last) of each pool, and what is in them. */
 enum { FV_MESSAGE_MAP_LANDMARKS = 256, FV_MESSAGE_MAP_KEYFRAMES = 8 };

@@ -3,6 +3,8 @@
 #include <stddef.h>
 #include <string.h>
 
+#include "runtime/tensors.h"
+
 enum {
     BOXES_PER_UNIT = 16, /* of 8 points each, about 1 us per point here */
     PIXEL_BYTES_MAX = 3  /* of the formats that the detector reads */
@@ -17,11 +19,6 @@ static enum fovea_status check_use(const struct fv_model *model, const char *key
         return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
                                "%s: found %u inputs, expected one: an image of 1 or 3 channels",
                                key, model->header->input_count);
-    }
-    if (!fv_detect_gives_boxes(model)) {
-        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
-                               "%s: found decoder %d, expected one that gives boxes", key,
-                               model->header->decode.kind);
     }
     return FOVEA_OK;
 }
@@ -45,6 +42,7 @@ enum fovea_status fv_detection_prepare(struct fv_detection *detection, const cha
                                 NULL) == FOVEA_OK;
     }
     detection->enabled = true;
+    detection->raw = !fv_detect_gives_boxes(&detection->model);
     return FOVEA_OK;
 }
 
@@ -69,11 +67,11 @@ void fv_detection_carve(struct fv_detection *detection, const struct fovea_camer
                                   .iou = (float)detection->settings.iou_threshold,
                                   .count = (int32_t)detection->settings.count_max,
                                   .floor = floor};
-    detection->message_scratch =
-        fv_arena_take(frame,
-                      fv_message_detections_scratch_bytes(detection->settings.count_max,
-                                                          fv_detection_label_bytes(detection)),
-                      1);
+    const size_t scratch =
+        detection->raw ? FV_MESSAGE_TENSOR_BYTES_MAX
+                       : fv_message_detections_scratch_bytes(detection->settings.count_max,
+                                                             fv_detection_label_bytes(detection));
+    detection->message_scratch = fv_arena_take(frame, scratch, 1);
 }
 
 size_t fv_detection_label_bytes(const struct fv_detection *detection)
@@ -88,6 +86,7 @@ size_t fv_detection_label_bytes(const struct fv_detection *detection)
 
 size_t fv_detection_message_bytes(const struct fv_detection *detection)
 {
+    if (detection->raw) return FV_MESSAGE_PACKET_BYTES;
     return fv_message_detections_size_max(detection->settings.count_max,
                                           fv_detection_label_bytes(detection));
 }
@@ -122,8 +121,10 @@ bool fv_detection_offer(struct fv_detection *detection, const struct fovea_frame
         fv_detect_start(&detection->memory, &frame->images[0], id->stamp_ns, id->sequence);
     if (status == FOVEA_ERROR_UNSUPPORTED)
         status = fv_detect_start(&detection->memory, &grey, id->stamp_ns, id->sequence);
-    if (status == FOVEA_OK) detection->state->frame = *id;
-    return status == FOVEA_OK;
+    if (status != FOVEA_OK) return false;
+    detection->state->frame = *id;
+    if (detection->raw) detection->state->mapped = 0;
+    return true;
 }
 
 /* The box in the rectified image around the corners and edge middles of one in the raw image;
@@ -170,12 +171,25 @@ static bool map_some(struct fv_detection *detection, const struct fovea_camera *
     return state->mapped == count;
 }
 
+/* The network alone; then each message takes a unit. */
+static bool advance_raw(struct fv_detection *detection, const struct fv_kernels *kernels,
+                        uint32_t units, uint32_t *done)
+{
+    const struct fv_nn_job *nn = &detection->memory.nn;
+    if (!fv_nn_job_done(nn) && fv_nn_job_advance(nn, kernels, units, done) != FOVEA_OK)
+        return false;
+    if (*done == units) return false;
+    ++*done;
+    return true;
+}
+
 bool fv_detection_advance(struct fv_detection *detection, const struct fovea_config *config,
                           const struct fv_kernels *kernels, uint32_t units, uint32_t *done)
 {
     struct fv_detection_state *state = detection->state;
     *done = 0;
     if (!fv_detection_waiting(detection) || units == 0) return false;
+    if (detection->raw) return advance_raw(detection, kernels, units, done);
     if (!state->mapping) {
         if (fv_detect_advance(&detection->memory, kernels, units, done) != FOVEA_OK) return false;
         state->mapping = 1;
@@ -194,10 +208,25 @@ bool fv_detection_advance(struct fv_detection *detection, const struct fovea_con
 
 /* ---- what was found -------------------------------------------------------------------------- */
 
-uint32_t fv_detection_encode(const struct fv_detection *detection,
-                             const struct fovea_config *config, uint32_t reset_counter,
-                             uint8_t *buffer, size_t capacity)
+/* The next message of a raw network's outputs; the last one ends the inference. */
+static uint32_t encode_raw(struct fv_detection *detection, uint8_t *buffer, size_t capacity)
 {
+    struct fv_detection_state *state = detection->state;
+    const struct fv_nn_job *nn = &detection->memory.nn;
+    const fovea_stamp_t stamp = fv_frame_id_stamp(&state->frame);
+    const uint32_t bytes = fv_tensors_encode(&detection->model, nn->arena, &stamp, &state->mapped,
+                                             detection->message_scratch, buffer, capacity);
+    if (state->mapped < fv_tensors_bytes(&detection->model)) return bytes;
+    fv_nn_job_end(nn);
+    state->found_frame = state->frame;
+    state->inferences++;
+    return bytes;
+}
+
+uint32_t fv_detection_encode(struct fv_detection *detection, const struct fovea_config *config,
+                             uint32_t reset_counter, uint8_t *buffer, size_t capacity)
+{
+    if (detection->raw) return encode_raw(detection, buffer, capacity);
     uint32_t count, uncertain;
     const struct fovea_detection *found = fv_detect_found(&detection->memory, &count, &uncertain);
     const char *names[FOVEA_DETECTIONS_MAX];

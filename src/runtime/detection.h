@@ -17,12 +17,14 @@
 struct fv_detection_state {
     struct fv_frame_id frame, found_frame; /* under way; of the last completed inference */
     uint64_t inferences;                   /* completed */
-    uint32_t mapping, mapped; /* boxes are being mapped to the rectified image; how many are */
+    uint32_t mapping;                      /* boxes are being mapped to the rectified image */
+    uint32_t mapped; /* how many are; of a raw network, bytes of outputs that were sent */
     float rectified[FOVEA_DETECTIONS_MAX][4];
 };
 
 struct fv_detection {
     bool enabled;
+    bool raw; /* no decoder gives boxes: its outputs are sent as they are */
     struct fovea_detect_config settings; /* of this detector */
     struct fv_model model;               /* in the caller's bytes */
     struct fv_detect_memory memory;
@@ -32,7 +34,7 @@ struct fv_detection {
     struct fv_rectified rectified; /* the rectified image */
 };
 
-/* Check the model of `settings`, which must take images and give boxes; choose the rectified
+/* Check the model of `settings`, which must take images; choose the rectified
  * image. Init-only. FOVEA_ERROR_*: `error` begins with `key`, that of the model. Nothing is
  * enabled without a model. */
 enum fovea_status fv_detection_prepare(struct fv_detection *detection, const char *key,
@@ -61,15 +63,16 @@ bool fv_detection_offer(struct fv_detection *detection, const struct fovea_frame
 
 bool fv_detection_waiting(const struct fv_detection *detection);
 
-/* Do at most `units` units, `*done` of them. True: an inference is complete, and its detections are
- * in job->found. */
+/* Do at most `units` units, `*done` of them. True: a message is due, fv_detection_encode: an
+ * inference is complete, and its detections are in job->found, or its outputs are there, of which
+ * one message holds a part. */
 bool fv_detection_advance(struct fv_detection *detection, const struct fovea_config *config,
                           const struct fv_kernels *kernels, uint32_t units, uint32_t *done);
 
-/* Encode the detections of the last inference. Returns the bytes. */
-uint32_t fv_detection_encode(const struct fv_detection *detection,
-                             const struct fovea_config *config, uint32_t reset_counter,
-                             uint8_t *buffer, size_t capacity);
+/* Encode the detections of the last inference, or the next part of a raw network's outputs. Returns
+ * the bytes. */
+uint32_t fv_detection_encode(struct fv_detection *detection, const struct fovea_config *config,
+                             uint32_t reset_counter, uint8_t *buffer, size_t capacity);
 
 void fv_detection_get(const struct fv_detection *detection, struct fovea_detections *detections);
 /* "" where there is none. */

@@ -1,5 +1,5 @@
-/* The job of the one or two networks that find objects, and the tracks that follow from the
- * detections of the first. */
+/* The job of the one or two networks that find objects, or whose raw outputs are sent, and the
+ * tracks that follow from the detections of the first. */
 #include "runtime/config.h"
 #include "runtime/jobs.h"
 
@@ -26,11 +26,22 @@ static void track(struct fovea *rt, struct fovea_outputs *outputs)
                   fv_object_stage_movable(&rt->objects, movable));
 }
 
+/* Whether the outputs of this work call hold a message of this kind. */
+static bool is_sent(const struct fovea *rt, enum fv_message_kind kind,
+                    const struct fovea_outputs *outputs)
+{
+    for (uint32_t i = 0; i < outputs->message_count; i++)
+        if (outputs->messages[i].data == rt->outbox.buffer[kind]) return true;
+    return false;
+}
+
 /* Returns the units done; `*complete`: a message went to the outputs. */
 static uint32_t advance(struct fovea *rt, struct fv_detection *detection, enum fv_message_kind kind,
                         uint32_t units, bool *complete, struct fovea_outputs *outputs)
 {
     uint32_t done = 0;
+    *complete = false;
+    if (is_sent(rt, kind, outputs)) return 0; /* a raw network may have more to send */
     *complete = fv_detection_advance(detection, &rt->config, &rt->kernels, units, &done);
     if (*complete)
         fv_output_add(rt, kind,
@@ -44,7 +55,8 @@ static uint32_t advance_first(struct fovea *rt, uint32_t units, struct fovea_out
 {
     bool complete;
     const uint32_t done =
-        advance(rt, &rt->detection, FV_MESSAGE_DETECTIONS, units, &complete, outputs);
+        advance(rt, &rt->detection, rt->detection.raw ? FV_MESSAGE_TENSORS : FV_MESSAGE_DETECTIONS,
+                units, &complete, outputs);
     if (complete && rt->objects.enabled) track(rt, outputs);
     return done;
 }
@@ -58,6 +70,8 @@ uint32_t fv_job_detect_advance(struct fovea *rt, uint32_t units, struct fovea_ou
     if (!fv_detection_waiting(&rt->detection2)) return advance_first(rt, units, outputs);
     uint32_t done =
         fv_detection_waiting(&rt->detection) ? advance_first(rt, units - units / 2, outputs) : 0;
-    done += advance(rt, &rt->detection2, FV_MESSAGE_DETECTIONS2, units - done, &complete, outputs);
+    done += advance(rt, &rt->detection2,
+                    rt->detection2.raw ? FV_MESSAGE_TENSORS2 : FV_MESSAGE_DETECTIONS2, units - done,
+                    &complete, outputs);
     return done + advance_first(rt, units - done, outputs);
 }

@@ -43,11 +43,12 @@ static void carve_outbox(struct fovea *rt, struct fv_arena *arena)
     carve_buffer(outbox, FV_MESSAGE_PREVIEW, fv_message_preview_size_max(rt->preview.jpeg_capacity),
                  arena);
     if (rt->detection2.enabled)
-        carve_buffer(outbox, FV_MESSAGE_DETECTIONS2, fv_detection_message_bytes(&rt->detection2),
-                     arena);
-    if (rt->detection.enabled) {
-        carve_buffer(outbox, FV_MESSAGE_DETECTIONS, fv_detection_message_bytes(&rt->detection),
-                     arena);
+        carve_buffer(outbox, rt->detection2.raw ? FV_MESSAGE_TENSORS2 : FV_MESSAGE_DETECTIONS2,
+                     fv_detection_message_bytes(&rt->detection2), arena);
+    if (rt->detection.enabled)
+        carve_buffer(outbox, rt->detection.raw ? FV_MESSAGE_TENSORS : FV_MESSAGE_DETECTIONS,
+                     fv_detection_message_bytes(&rt->detection), arena);
+    if (rt->detection.enabled && !rt->detection.raw) {
         carve_buffer(outbox, FV_MESSAGE_OBJECTS,
                      fv_message_objects_size_max(rt->config.objects.count_max,
                                                  fv_detection_label_bytes(&rt->detection)),

@@ -286,10 +286,11 @@ static void wrong_models_are_refused(void **state)
     assert_non_null(strstr(error.text, "detect.model: byte 12"));
     copy[config.detect.model_bytes / 2] ^= 1;
     struct fv_model_header *header = (struct fv_model_header *)(void *)copy;
-    header->decode.kind = FV_DECODER_SEGMENT;
+    header->preprocess.channels = 2;
     header->checksum = fv_model_checksum(copy + 16, config.detect.model_bytes - 16);
     assert_int_equal(fovea_size(&config, &bytes, &error), FOVEA_ERROR_ARGUMENT);
-    assert_string_equal(error.text, "detect.model: found decoder 8, expected one that gives boxes");
+    assert_string_equal(error.text,
+                        "detect.model: found 1 inputs, expected one: an image of 1 or 3 channels");
     config = good;
     config.detect.score_threshold = 1.5;
     assert_int_equal(fovea_size(&config, &bytes, &error), FOVEA_ERROR_ARGUMENT);
