@@ -38,6 +38,10 @@ const struct fv_command fv_commands[] = {
      "fovea image in.png out.png --operations denoise,sharpen\n"
      "fovea image in.png out.png --operations contrast_enhancement --limit 3\n"
      "fovea image in.jpg out.png --white-balance"},
+    {"edges", "find the edges of a picture", fv_command_edges,
+     "IN is a PNG or JPEG file; OUT is written as PNG, with edges white.",
+     "fovea edges in.png out.png --method canny --low 50 --high 150\n"
+     "fovea edges in.png out.png --method scharr --high 800"},
     {"detect", "find objects in pictures with an int8 network", fv_command_detect,
      "One line of JSON is printed for each picture.",
      "fovea detect --model src/detect/shipped.fvm photo.png --draw boxes"},

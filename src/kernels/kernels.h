@@ -13,6 +13,7 @@
 #include "kernels/cpu.h"
 
 #include "kernels/contracts/corner.h"
+#include "kernels/contracts/edge.h"
 #include "kernels/contracts/fast.h"
 #include "kernels/contracts/filter.h"
 #include "kernels/contracts/grey.h"

@@ -1,4 +1,5 @@
-/* fovea features, match, rectify, image and detect on a drawn picture, and on wrong input. */
+/* fovea features, match, rectify, image, edges and detect on a drawn picture, and on wrong input.
+ */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -107,6 +108,9 @@ static void commands_write_pictures(void **state)
     size_of(out, WIDTH, HEIGHT);
     assert_int_equal(CALL(fv_command_image, "image", in, out, "--white-balance"), FV_EXIT_OK);
     size_of(out, WIDTH, HEIGHT);
+    assert_int_equal(CALL(fv_command_edges, "edges", in, out, "--method", "canny", "--norm", "l2"),
+                     FV_EXIT_OK);
+    size_of(out, WIDTH, HEIGHT);
     assert_int_equal(
         CALL(fv_command_rectify, "rectify", in, out, "--camera", camera, "--view", "cylinder"),
         FV_EXIT_OK);
@@ -133,6 +137,9 @@ static void wrong_input_is_told(void **state)
     assert_int_equal(
         CALL(fv_command_image, "image", in, out, "--operations", "gamma", "--gamma", "x"),
         FV_EXIT_WRONG);
+    assert_int_equal(CALL(fv_command_edges, "edges", in, out, "--method", "kanny"), FV_EXIT_WRONG);
+    assert_int_equal(CALL(fv_command_edges, "edges", in, out, "--low", "200"), FV_EXIT_WRONG);
+    assert_int_equal(CALL(fv_command_edges, "edges", in, out, "--high", "1e9"), FV_EXIT_WRONG);
     assert_int_equal(CALL(fv_command_image, "image", in, in, "--white-balance"), FV_EXIT_WRONG);
     assert_int_equal(CALL(fv_command_rectify, "rectify", in, out), FV_EXIT_WRONG);
     assert_int_equal(CALL(fv_command_rectify, "rectify", in, out, "--camera", in), FV_EXIT_WRONG);

@@ -1,0 +1,241 @@
+/* Edges by derivatives, non-maximum suppression and hysteresis (fovea/edges.h). */
+#include "fovea/edges.h"
+
+#include <stdbool.h>
+#include <string.h>
+
+#include "base/arena.h"
+#include "base/elementary.h"
+#include "image/hysteresis.h"
+#include "image/plane.h"
+#include "kernels/kernels.h"
+
+enum { PAD = 16 }; /* elements before the first magnitude of a row; as many follow the last */
+
+struct fovea_edges {
+    struct fv_kernels kernels;
+    struct fovea_edges_config config;
+    int32_t width, height;
+    int32_t low, high;     /* thresholds of whole magnitudes */
+    int32_t *magnitude[3]; /* rows y - 1, y, y + 1, by y % 3 */
+    int16_t *dx[3], *dy[3];
+    struct fv_hysteresis hysteresis;
+};
+
+static const char *const names[FOVEA_EDGE_METHOD_COUNT] = {
+    [FOVEA_EDGES_CANNY] = "canny",
+    [FOVEA_EDGES_SOBEL] = "sobel",
+    [FOVEA_EDGES_SCHARR] = "scharr",
+    [FOVEA_EDGES_LAPLACIAN] = "laplacian",
+};
+
+const char *fovea_edge_method_name(enum fovea_edge_method method)
+{
+    return (unsigned)method < FOVEA_EDGE_METHOD_COUNT ? names[method] : "unknown";
+}
+
+void fovea_edges_config_default(struct fovea_edges_config *config)
+{
+    *config = (struct fovea_edges_config){.low = 50, .high = 150, .laplacian_size = 1};
+}
+
+static enum fovea_status check(const struct fovea_edges_config *config, int32_t width,
+                               int32_t height, struct fovea_error *error)
+{
+    const struct {
+        const char *name;
+        double value, low, high;
+    } ranges[] = {
+        {"method", config->method, 0, FOVEA_EDGE_METHOD_COUNT - 1},
+        {"norm", config->norm, 0, FOVEA_GRADIENT_L2},
+        {"high", (double)config->high, 0, 32767},
+        {"low", (double)config->low, 0,
+         config->method == FOVEA_EDGES_CANNY ? (double)config->high : 32767},
+        {"width", width, FOVEA_IMAGE_WIDTH_MIN, FOVEA_IMAGE_WIDTH_MAX},
+        {"height", height, FOVEA_IMAGE_HEIGHT_MIN, FOVEA_IMAGE_HEIGHT_MAX},
+    };
+    for (size_t i = 0; i < sizeof ranges / sizeof ranges[0]; i++)
+        if (!(ranges[i].value >= ranges[i].low && ranges[i].value <= ranges[i].high))
+            return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "%s: found %g, expected %g to %g",
+                                   ranges[i].name, ranges[i].value, ranges[i].low, ranges[i].high);
+    if (config->laplacian_size != 1 && config->laplacian_size != 3)
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                               "laplacian_size: found %u, expected 1 or 3", config->laplacian_size);
+    return FOVEA_OK;
+}
+
+static struct fovea_edges *carve(const struct fovea_edges_config *config, int32_t width,
+                                 int32_t height, struct fv_arena *arena)
+{
+    struct fovea_edges counted = {0};
+    struct fovea_edges *made = fv_arena_take(arena, 1, sizeof *made);
+    struct fovea_edges *edges = made == NULL ? &counted : made;
+    edges->config = *config;
+    edges->width = width;
+    edges->height = height;
+    for (int i = 0; i < 3; i++) {
+        int32_t *row = fv_arena_take(arena, (size_t)width + 2 * PAD, sizeof *row);
+        edges->magnitude[i] = row == NULL ? NULL : row + PAD;
+        edges->dx[i] = fv_arena_take(arena, (size_t)width, sizeof *edges->dx[i]);
+        edges->dy[i] = fv_arena_take(arena, (size_t)width, sizeof *edges->dy[i]);
+    }
+    fv_hysteresis_carve(&edges->hysteresis, width, height, arena);
+    return made;
+}
+
+size_t fovea_edges_size(const struct fovea_edges_config *config, int32_t width, int32_t height,
+                        struct fovea_error *error)
+{
+    struct fv_arena arena;
+    if (check(config, width, height, error) != FOVEA_OK) return 0;
+    fv_arena_count(&arena);
+    carve(config, width, height, &arena);
+    return arena.used;
+}
+
+/* The largest whole magnitude that is not above a threshold: of squares with L2. */
+static int32_t whole(float threshold, bool squared)
+{
+    const double t = (double)threshold;
+    return (int32_t)fv_floor(squared ? t * t : t);
+}
+
+enum fovea_status fovea_edges_init(struct fovea_edges **edges,
+                                   const struct fovea_edges_config *config, int32_t width,
+                                   int32_t height, void *memory, size_t bytes,
+                                   struct fovea_error *error)
+{
+    struct fv_arena arena;
+    enum fv_cpu_set set;
+    const size_t needed = fovea_edges_size(config, width, height, error);
+    if (needed == 0) return FOVEA_ERROR_ARGUMENT;
+    if (memory == NULL || bytes < needed || (uintptr_t)memory % FV_CACHE_LINE_BYTES != 0)
+        return fovea_error_set(error, FOVEA_ERROR_MEMORY,
+                               "memory: found %zu bytes, expected %zu at a multiple of 64", bytes,
+                               needed);
+    const enum fovea_status status = fv_cpu_from_environment(&set, error);
+    if (status != FOVEA_OK) return status;
+    fv_arena_init(&arena, memory, bytes);
+    struct fovea_edges *made = carve(config, width, height, &arena);
+    const bool squared =
+        config->norm == FOVEA_GRADIENT_L2 && config->method != FOVEA_EDGES_LAPLACIAN;
+    fv_kernels_init(&made->kernels, set);
+    made->low = whole(config->low, squared);
+    made->high = whole(config->high, squared);
+    *edges = made;
+    return FOVEA_OK;
+}
+
+/* The rows above, at and below y; beyond the image those reflected, or the edge repeated. */
+static void rows_at(const struct fv_plane *plane, int32_t y, bool repeat, const uint8_t *rows[3])
+{
+    const int32_t last = plane->height - 1;
+    const int32_t above = y > 0 ? y - 1 : repeat ? 0 : 1;
+    const int32_t below = y < last ? y + 1 : repeat ? last : last - 1;
+    rows[0] = fv_plane_row(plane, above);
+    rows[1] = fv_plane_row(plane, y);
+    rows[2] = fv_plane_row(plane, below);
+}
+
+/* One row of derivatives; dx or dy may be NULL. */
+static void differentiate(const struct fovea_edges *edges, const struct fv_plane *plane, int32_t y,
+                          bool repeat, int16_t *dx, int16_t *dy)
+{
+    const struct fv_kernels *kernels = &edges->kernels;
+    const bool scharr = edges->config.method == FOVEA_EDGES_SCHARR;
+    const int32_t side = scharr ? 3 : 1, centre = scharr ? 10 : 2;
+    const uint8_t *rows[3];
+    rows_at(plane, y, repeat, rows);
+    if (edges->config.method == FOVEA_EDGES_LAPLACIAN) {
+        kernels->laplacian_row_s16(dx, rows, plane->width, edges->config.laplacian_size == 3);
+        return; /* dy, where there is one, stays 0 */
+    }
+    if (dx != NULL) kernels->derivative_x_row_s16(dx, rows, plane->width, side, centre, repeat);
+    if (dy != NULL) kernels->derivative_y_row_s16(dy, rows, plane->width, side, centre, repeat);
+}
+
+/* Derivatives and magnitudes of row y, in the ring of rows. */
+static void measure_row(struct fovea_edges *edges, const struct fv_plane *plane, int32_t y)
+{
+    const bool canny = edges->config.method == FOVEA_EDGES_CANNY;
+    const bool squared =
+        edges->config.norm == FOVEA_GRADIENT_L2 && edges->config.method != FOVEA_EDGES_LAPLACIAN;
+    differentiate(edges, plane, y, canny, edges->dx[y % 3], edges->dy[y % 3]);
+    edges->kernels.magnitude_row_s32(edges->magnitude[y % 3], edges->dx[y % 3], edges->dy[y % 3],
+                                     plane->width, squared);
+}
+
+static void clear_row(struct fovea_edges *edges, int32_t y)
+{
+    memset(edges->magnitude[y % 3], 0, (size_t)edges->width * sizeof(int32_t));
+}
+
+/* Beyond the image magnitudes are 0. */
+static void run_canny(struct fovea_edges *edges, const struct fv_plane *plane)
+{
+    clear_row(edges, 2); /* above row 0 */
+    measure_row(edges, plane, 0);
+    for (int32_t y = 0; y < plane->height; y++) {
+        if (y + 1 < plane->height)
+            measure_row(edges, plane, y + 1);
+        else
+            clear_row(edges, y + 1);
+        const int32_t *const rows[3] = {edges->magnitude[(y + 2) % 3], edges->magnitude[y % 3],
+                                        edges->magnitude[(y + 1) % 3]};
+        edges->kernels.thin_row_s32(
+            fv_hysteresis_weak(&edges->hysteresis, y), fv_hysteresis_edges(&edges->hysteresis, y),
+            rows, edges->dx[y % 3], edges->dy[y % 3], plane->width, edges->low, edges->high);
+    }
+    fv_hysteresis_run(&edges->hysteresis);
+}
+
+static void run_threshold(struct fovea_edges *edges, const struct fv_plane *plane)
+{
+    for (int32_t y = 0; y < plane->height; y++) {
+        uint64_t *words = fv_hysteresis_edges(&edges->hysteresis, y);
+        measure_row(edges, plane, y);
+        memset(words, 0, (size_t)(plane->width + 63) / 64 * sizeof *words);
+        for (int32_t x = 0; x < plane->width; x++)
+            words[x / 64] |= (uint64_t)(edges->magnitude[y % 3][x] > edges->high) << (63 - x % 64);
+    }
+}
+
+static bool fits(const struct fovea_edges *edges, const struct fovea_image *image)
+{
+    return fovea_image_check(image) == FOVEA_OK && image->format == FOVEA_PIXEL_GREY8 &&
+           image->width == edges->width && image->height == edges->height;
+}
+
+enum fovea_status fovea_edges_run(struct fovea_edges *edges, const struct fovea_image *image,
+                                  uint8_t *bits, int32_t stride_bytes)
+{
+    const int32_t row_bytes = (edges->width + 7) / 8;
+    if (!fits(edges, image) || stride_bytes < row_bytes) return FOVEA_ERROR_ARGUMENT;
+    const struct fv_plane plane =
+        fv_plane_of(image->data, image->width, image->height, image->stride_bytes);
+    if (edges->config.method == FOVEA_EDGES_CANNY)
+        run_canny(edges, &plane);
+    else
+        run_threshold(edges, &plane);
+    for (int32_t y = 0; y < edges->height; y++) {
+        const uint64_t *words = fv_hysteresis_edges(&edges->hysteresis, y);
+        uint8_t *row = bits + (int64_t)y * stride_bytes;
+        for (int32_t i = 0; i < row_bytes; i++)
+            row[i] = (uint8_t)(words[i / 8] >> (56 - i % 8 * 8));
+    }
+    return FOVEA_OK;
+}
+
+enum fovea_status fovea_edges_gradient(struct fovea_edges *edges, const struct fovea_image *image,
+                                       int16_t *dx, int16_t *dy, int32_t stride)
+{
+    const bool laplacian = edges->config.method == FOVEA_EDGES_LAPLACIAN;
+    if (!fits(edges, image) || stride < edges->width || (laplacian && (dx == NULL || dy != NULL)))
+        return FOVEA_ERROR_ARGUMENT;
+    const struct fv_plane plane =
+        fv_plane_of(image->data, image->width, image->height, image->stride_bytes);
+    for (int32_t y = 0; y < edges->height; y++)
+        differentiate(edges, &plane, y, false, dx == NULL ? NULL : dx + (int64_t)y * stride,
+                      dy == NULL ? NULL : dy + (int64_t)y * stride);
+    return FOVEA_OK;
+}
