@@ -23,7 +23,7 @@ void fv_odometry_gate_init(struct fv_odometry_gate *gate, const struct fv_odomet
     if (limits->turn_rad_s == 0) gate->limits.turn_rad_s = HUGE_VAL;
 }
 
-/* A pose as odometry: finite, with a quaternion that is one, at a time that nanoseconds can tell.
+/* A pose as odometry: finite, with a quaternion that is one, at a time that fits nanoseconds.
  */
 static bool sample_from(const bot_core_pose_t *pose, struct fovea_wheel_odometry_sample *sample)
 {

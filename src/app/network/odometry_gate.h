@@ -22,7 +22,7 @@ struct fv_odometry_limits {
 
 enum fv_odometry_verdict {
     FV_ODOMETRY_TAKEN,
-    FV_ODOMETRY_MALFORMED, /* not finite, no rotation, no time that nanoseconds can tell */
+    FV_ODOMETRY_MALFORMED, /* not finite, no rotation, no time that fits nanoseconds */
     FV_ODOMETRY_OLD,       /* not after the last sample */
     FV_ODOMETRY_TOO_FAST,  /* farther from the last sample than the limits allow */
     FV_ODOMETRY_BUSY,      /* the loop has not yet taken those before */

@@ -37,7 +37,7 @@ void fv_groups_wanted(const char *listen, struct in_addr group, struct fv_interf
 
 bool fv_interfaces_have(const struct fv_interfaces *interfaces, unsigned index);
 
-/* Leave all, to join anew. */
+/* Leave all, to join again. */
 void fv_groups_leave(struct fv_groups *groups);
 /* Leave and join until `groups` is joined on `wanted`. 0, or the errno of the first join that
  * failed; the others are tried all the same. */

@@ -1,7 +1,7 @@
 /* LCM's tcpq protocol: a connection to an LCM server, without ever waiting for it.
  *
  * Both sides begin with a magic number and a version; then a message is: 1 (publish), length of the
- * channel, channel, length of the data, data; 32 bits, big-endian. A lost connection is made anew,
+ * channel, channel, length of the data, data; 32 bits, big-endian. A lost connection is made again,
  * tried once a second; meanwhile messages are dropped. */
 #include <errno.h>
 #include <netdb.h>

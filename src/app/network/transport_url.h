@@ -27,7 +27,7 @@ void fv_transport_udpm(const char *url, struct sockaddr_in *address);
 /* Time-to-live of a complete udpm URL. */
 int fv_transport_ttl(const char *url);
 
-/* Whether a well-formed file URL appends to the log (mode=a) instead of beginning it anew. */
+/* Whether a well-formed file URL appends to the log (mode=a) instead of replacing it. */
 bool fv_transport_appends(const char *url);
 
 /* Address of the server that a well-formed tcpq URL names. FOVEA_ERROR_SYSTEM: its name is not

@@ -1,4 +1,4 @@
-/* The last message of a recording, which tells that the log is whole: how many iterations and
+/* The last message of a recording, which shows that the log is whole: how many iterations and
  * events came before it, the hash of all their bytes, and whether the recording ended with the run.
  * Real-time safe but for the decoder. */
 #ifndef FOVEA_APP_RECORD_RECORDING_END_H

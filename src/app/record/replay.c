@@ -34,7 +34,7 @@ struct replay {
     uint64_t sequence; /* of the last frame, for telling where a difference is */
     struct fovea_outputs outputs;
     uint32_t compared;     /* of outputs.messages */
-    uint64_t events, hash; /* of the log so far, as its end tells them */
+    uint64_t events, hash; /* of the log so far, as its end states them */
 
     bool stop_at_difference;
     fv_replay_function sent;

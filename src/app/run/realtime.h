@@ -13,7 +13,7 @@
 
 /* Map `bytes` of zeroed memory, lock it when asked to, and touch every page. Whether it could be
  * locked is in
- * `*locked`; if not, `why` tells. FOVEA_ERROR_SYSTEM: no memory. */
+ * `*locked`; if not, `why` says so. FOVEA_ERROR_SYSTEM: no memory. */
 enum fovea_status fv_realtime_map(size_t bytes, bool lock, void **memory, bool *locked,
                                   struct fovea_error *why);
 void fv_realtime_unmap(void *memory, size_t bytes);

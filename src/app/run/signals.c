@@ -88,7 +88,7 @@ static double seconds(int64_t ns)
 }
 
 /* Say once that a call stalls, and that it has gone on. */
-static void tell(struct watch *watch, const struct fv_stall *call, int64_t now)
+static void report(struct watch *watch, const struct fv_stall *call, int64_t now)
 {
     char text[LINE_BYTES];
     const bool stalls = call->id != 0 && now - call->since_ns >= FV_SIGNALS_STALL_MS * 1000000LL;
@@ -122,7 +122,7 @@ static void look(struct watch *watch, int64_t now)
     struct fv_stall call = {0};
     int64_t moved_ns;
     const bool waits = fv_stall_longest(&call, &moved_ns);
-    tell(watch, &call, now);
+    report(watch, &call, now);
     if (watch->first == 0 || now - watch->first_ns < patience_ns) return;
     if (waits && now - call.since_ns >= patience_ns && now - moved_ns >= patience_ns)
         end_stalled(watch, &call, now);

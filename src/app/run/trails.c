@@ -1,6 +1,6 @@
 #include "app/run/trails.h"
 
-/* Every other look goes; those that stay are numbered anew. */
+/* Drop every other entry; the rest is renumbered. */
 static void thin(struct fv_trails *trails)
 {
     uint32_t kept = 0;

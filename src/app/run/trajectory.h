@@ -4,7 +4,7 @@
  * The file has the TUM format: one line "time x y z qx qy qz qw" per posed frame, time in seconds,
  * T_world_cam as it was published with that frame. The error is the root mean square distance of
  * the camera centres to the truth after the best similarity transform (Umeyama, PAMI 1991), from
- * running sums. Maps that were started anew after a loss are each aligned by themselves: the first
+ * running sums. Maps that were started after a loss are each aligned by themselves: the first
  * FV_TRAJECTORY_MAPS_MAX of them, later ones are not judged. */
 #ifndef FOVEA_APP_RUN_TRAJECTORY_H
 #define FOVEA_APP_RUN_TRAJECTORY_H
