@@ -86,6 +86,10 @@ TEXT_PLUGIN := $(if $(SAN)$(CROSS),,$(if $(wildcard /usr/include/freetype2/ft2bu
 # So is the program that keeps libcamera in a process of its own, where libcamera is installed.
 LIBCAMERA_PLUGIN := $(if $(SAN)$(CROSS),,$(if $(wildcard /usr/include/libcamera/libcamera/libcamera.h /usr/local/include/libcamera/libcamera/libcamera.h),$(BUILD)/fovea-libcamera))
 
+# So is the calibration program, where OpenCV and Ceres are installed: nothing of them is in any other program.
+CALIBRATE_CXX := $(filter-out src/calibrate/main.cpp,$(wildcard src/calibrate/*.cpp))
+CALIBRATE := $(if $(SAN)$(CROSS),,$(if $(and $(wildcard /usr/include/opencv4/opencv2/calib3d.hpp),$(wildcard /usr/include/ceres/ceres.h)),$(BUILD)/fovea-calibrate))
+
 objs = $(patsubst %.c,$(BUILD)/obj/%.o,$(filter %.c,$(1))) $(patsubst %.cpp,$(BUILD)/obj/%.o,$(filter %.cpp,$(1)))
 GEN_O     := $(patsubst %.c,%.o,$(filter %.c,$(LCMGEN)))
 CORE_O    := $(call objs,$(CORE_C)) $(GEN_O)
@@ -102,7 +106,7 @@ LIBS_APP  := -llcm -lyaml -lpng -ljpeg -lz -ldl -lm
 .DELETE_ON_ERROR:
 .SECONDARY:
 
-all: $(VIDEO_PLUGIN) $(TEXT_PLUGIN) $(LIBCAMERA_PLUGIN) $(BUILD)/fovea $(BUILD)/libfovea.a $(BUILD)/libfovea.so $(BUILD)/libfovea-messages.so $(BUILD)/fovea.pc  ## build the program and the libraries
+all: $(VIDEO_PLUGIN) $(TEXT_PLUGIN) $(LIBCAMERA_PLUGIN) $(CALIBRATE) $(BUILD)/fovea $(BUILD)/libfovea.a $(BUILD)/libfovea.so $(BUILD)/libfovea-messages.so $(BUILD)/fovea.pc  ## build the program and the libraries
 
 help:  ## this list
 	@awk -F':.*## ' '/^[a-z-]+:.*## /{printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -305,6 +309,7 @@ install: all man  ## install program, manual pages, libraries, headers and messa
 	install -d $(DESTDIR)$(PREFIX)/bin $(DESTDIR)$(PREFIX)/lib/pkgconfig $(DESTDIR)$(PREFIX)/include/fovea \
 	           $(DESTDIR)$(PREFIX)/share/fovea/lcmtypes $(DESTDIR)$(PREFIX)/share/man/man1
 	install -m 755 $(BUILD)/fovea $(DESTDIR)$(PREFIX)/bin/
+	$(if $(CALIBRATE),install -m 755 $(CALIBRATE) $(DESTDIR)$(PREFIX)/bin/)
 	install -m 644 $(BUILD)/libfovea.a $(DESTDIR)$(PREFIX)/lib/
 	$(if $(LIBCAMERA_PLUGIN),install -D -m 755 $(LIBCAMERA_PLUGIN) $(DESTDIR)$(PREFIX)/lib/fovea/fovea-libcamera)
 	$(if $(VIDEO_PLUGIN),install -D -m 755 $(VIDEO_PLUGIN) $(DESTDIR)$(PREFIX)/lib/fovea/fovea-video.so)
@@ -409,6 +414,13 @@ $(LIBCAMERA_O): CXXFLAGS += $(patsubst -I%,-isystem %,$(shell pkg-config --cflag
 $(BUILD)/fovea-libcamera: $(LIBCAMERA_O) $(BUILD)/obj/src/base/status.o $(BUILD)/obj/src/image/image.o Makefile
 	@echo "  link $@"
 	$(Q)$(CXX) $(LDFLAGS) -pie -o $@ $(filter %.o,$^) $(shell pkg-config --libs libcamera)
+CALIBRATE_O := $(call objs,$(CALIBRATE_CXX))
+CALIBRATE_LIBS := -lopencv_calib3d -lopencv_imgproc -lopencv_core -lceres -lglog
+$(BUILD)/obj/src/calibrate/%.o: CXXFLAGS += -isystem /usr/include/eigen3 -isystem /usr/include/opencv4
+$(BUILD)/fovea-calibrate: $(BUILD)/obj/src/calibrate/main.o $(CALIBRATE_O) $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
+	@echo "  link $@"
+	$(Q)$(CXX) $(LDFLAGS) -pie -o $@ $(filter %.o,$^) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group \
+	    $(CALIBRATE_LIBS) $(LIBS_APP)
 $(BUILD)/fovea.pc: tools/fovea.pc.in include/fovea/fovea.h
 	$(Q)sed 's|@PREFIX@|$(PREFIX)|; s|@VERSION@|$(VERSION)|' $< >$@
 
@@ -470,6 +482,11 @@ OPENCV_LIBS = -lopencv_calib3d -lopencv_features2d -lopencv_imgcodecs -lopencv_i
 BESIDE_CERES := map/test_pose_graph map/test_window_ceres
 $(BESIDE_CERES:%=$(BUILD)/tests/unit/%): ORACLE_LIBS := -lceres -lglog
 $(BESIDE_CERES:%=$(BUILD)/obj/tests/unit/%.o) $(BUILD)/obj/tests/unit/geometry/test_normal_equations.o: CXXFLAGS += -isystem /usr/include/eigen3
+# Calibration is tested by its functions.
+CALIBRATE_TESTS := $(patsubst tests/%.cpp,$(BUILD)/tests/%,$(wildcard tests/unit/calibrate/*.cpp))
+$(CALIBRATE_TESTS): $(CALIBRATE_O)
+$(CALIBRATE_TESTS): TEST_MORE := $(CALIBRATE_O)
+$(CALIBRATE_TESTS): ORACLE_LIBS := -lceres -lglog
 $(BUILD)/obj/tests/%.o: CFLAGS += -Itests
 $(BUILD)/obj/tests/%.o: CXXFLAGS += -Itests -isystem /usr/include/opencv4
 

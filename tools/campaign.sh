@@ -72,6 +72,11 @@ cameras() { # cameras UNPLUGGED DAMAGED
     build-asan/tests/unit/drivers/test_mjpeg "$2"
 }
 
+# Cameras calibrated from simulated boards: as near to the truth as stated.
+calibration() { # calibration CAMERAS
+    make --no-print-directory "$build/tests/unit/calibrate/test_simulated" && FOVEA_LONG=$1 "$build/tests/unit/calibrate/test_simulated"
+}
+
 # A million mutated packets on every input from a network, under asan+ubsan.
 packets() {
     make --no-print-directory BUILD=build-asan SAN=asan build-asan/tests/campaign/packets && build-asan/tests/campaign/packets "$1"
@@ -129,6 +134,7 @@ else
     part fuzz make --no-print-directory fuzz FUZZ_SECONDS=1200
     part networks tools/check_networks.sh "$build" 40
     part honest honest 10
+    part calibration calibration 100
     part bare-debian tools/try_bare_debian.sh
     part libcamera tools/check_libcamera.sh
 fi

@@ -7,6 +7,7 @@ packages() {
     case $1 in
     build) echo gcc g++ make pkg-config liblcm-dev liblcm-bin libyaml-dev libpng-dev libjpeg62-turbo-dev \
                 zlib1g-dev libfreetype-dev fonts-dejavu-core ;;
+    calibrate) echo libopencv-core-dev libopencv-imgproc-dev libopencv-calib3d-dev libceres-dev ;;
     test)  echo libcmocka-dev libopencv-core-dev libopencv-imgproc-dev libopencv-features2d-dev \
                 libopencv-calib3d-dev libopencv-imgcodecs-dev libceres-dev python3 python3-venv iproute2 iptables ;;
     bench) echo libopencv-core-dev libopencv-imgproc-dev libopencv-features2d-dev libopencv-calib3d-dev \

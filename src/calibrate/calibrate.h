@@ -1,0 +1,101 @@
+/* What the parts of fovea-calibrate share: boards, views, models and solutions. Nothing of OpenCV
+ * or Ceres stands here, so that few files need their headers.
+ *
+ * A view is one picture of the board. Pixels are Fovea's: (0, 0) is the centre of the top left
+ * pixel. Board points are in metres, z = 0 on a flat board, x along the rows of corners. */
+#ifndef FOVEA_CALIBRATE_CALIBRATE_H
+#define FOVEA_CALIBRATE_CALIBRATE_H
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "fovea/camera.h"
+
+namespace calibrate
+{
+
+using Pixel = std::array<double, 2>;
+using Point = std::array<double, 3>;
+/* Board to camera: angle-axis (radians), then translation (metres). */
+using Pose = std::array<double, 6>;
+
+struct Board {
+    int columns = 0, rows = 0; /* inner corners */
+    double square_m = 0;
+    std::vector<Point> points() const; /* row by row */
+};
+
+/* chessboard:9x6:0.025. False, with a line, for anything else. */
+bool board_parse(const std::string &text, Board &board, std::string &error);
+
+struct View {
+    std::string name;           /* file or frame number */
+    std::vector<Pixel> corners; /* as Board::points; empty: no board was found */
+    double edge_px = 0;         /* 10 to 90 % width of its edges; a blurred picture has wide ones */
+    std::string left_out;       /* why it is not used; empty: it is used */
+};
+
+enum class Model { radtan, rational, equidistant };
+const char *model_name(Model model);
+
+enum { PARAMETERS_MAX = 4 + FOVEA_LENS_COEFFICIENTS };
+/* Names in the order of parameters: fx fy cx cy, then the coefficients of fovea_camera::k. */
+const char *parameter_name(Model model, int parameter);
+int coefficient_count(Model model); /* 5, 8 or 4 */
+
+struct SolveOptions {
+    Model model = Model::radtan;
+    bool equal_focal = false; /* fx = fy */
+    bool reject = true;       /* leave outlying corners and views out */
+    bool bend = false;        /* estimate how the board is bent (two parameters) */
+};
+
+struct LeftOut { /* a corner */
+    int view, corner;
+    double error_px;
+};
+
+/* Standard deviation of projection in its worst direction, at infinity; NaN where the model has no
+ * ray. Cells of a grid over the image, row by row, taken at their centres. */
+struct Uncertainty {
+    int columns = 0, rows = 0;
+    std::vector<double> stdev_px;
+};
+
+struct Solution {
+    Model model = Model::radtan;
+    fovea_camera camera = {}; /* not prepared */
+    std::vector<Pose> poses;  /* of all views; of those left out, the last that was tried */
+    std::array<double, 2> bend_m = {0, 0}; /* height of the middle above the edges, along x and y */
+    std::vector<std::string> left_out;     /* per view: why, or empty */
+    std::vector<LeftOut> corners_left_out; /* of views that are used */
+    std::vector<std::vector<double>> errors_px; /* per view and corner, 2-D; of all views posed */
+    int corners_used = 0;
+    double rms_px = 0;   /* 2-D, as OpenCV: sqrt of the mean squared distance */
+    double noise_px = 0; /* of one coordinate: residuals over degrees of freedom */
+    std::array<double, PARAMETERS_MAX> stdev = {}; /* of fx fy cx cy k...; 0: held */
+    /* Of fx fy cx cy k..., PARAMETERS_MAX squared, row by row. */
+    std::vector<double> covariance;
+    Uncertainty uncertainty;
+};
+
+/* Camera and poses from nothing but the pictures. `views` with corners and no reason to be left out
+ * take part, at least two. False, with a line, where none can be found. */
+bool solve(const Board &board, const std::vector<View> &views, int width, int height,
+           const SolveOptions &options, Solution &solution, std::string &error);
+
+/* A first guess for solve: a focal length and the poses by it, the rest of the camera ideal.
+ * `root_mean_square_px` judges it. */
+bool initial_guess(const Board &board, const std::vector<View> &views, int width, int height,
+                   bool equidistant, fovea_camera &camera, std::vector<Pose> &poses,
+                   std::string &error);
+
+/* RMS over views that the solve does not see, in `folds` parts of all used views: each is posed by
+ * the camera of the others. Negative: one of the parts could not be solved. */
+double held_out_rms_px(const Board &board, const std::vector<View> &views, const Solution &solution,
+                       int folds, const SolveOptions &options);
+
+} // namespace calibrate
+#endif

@@ -1,0 +1,174 @@
+/* fovea-calibrate camera: pictures of a board to a camera file and a verdict. */
+#include <cstring>
+#include <ctime>
+
+#include "calibrate/command.h"
+#include "calibrate/pictures.h"
+#include "calibrate/report.h"
+#include "support/text.h"
+extern "C" {
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wshadow" /* it has a struct and a function of one name */
+#include "support/files.h"
+#pragma GCC diagnostic pop
+#include "support/say.h"
+}
+
+namespace calibrate
+{
+namespace
+{
+
+constexpr int FOLDS = 5, VIEWS_MAX_DEFAULT = 40, VIEWS_MAX_LIMIT = 500;
+/* A model with more coefficients must be better by this in pictures held out. */
+constexpr double BETTER = .95;
+
+struct Given {
+    std::string source, target, model = "auto", out, json, bend = "no", views, corners = "own",
+                                name;
+};
+
+bool models_of(const std::string &text, std::vector<Model> &models)
+{
+    for (const Model model : {Model::radtan, Model::equidistant, Model::rational})
+        if (text == "auto" || text == model_name(model)) models.push_back(model);
+    return !models.empty();
+}
+
+std::string now_text()
+{
+    const std::time_t now = std::time(nullptr);
+    std::tm parts;
+    char text[32];
+    gmtime_r(&now, &parts);
+    std::strftime(text, sizeof text, "%Y-%m-%dT%H:%M:%SZ", &parts);
+    return text;
+}
+
+/* Solve by each model and keep the one with the least error in pictures held out; the first of them
+ * where the gain is small. False: none could be solved. */
+bool choose_model(const std::vector<Model> &models, int width, int height, SolveOptions options,
+                  Report &report, std::string &error)
+{
+    bool any = false;
+    for (const Model model : models) {
+        options.model = model;
+        Solution solution;
+        std::string why;
+        if (fv_say_terminal()) fv_say_status("solving: %s", model_name(model));
+        const bool solved =
+            solve(report.board, report.views, width, height, options, solution, why);
+        const double held_out =
+            solved ? held_out_rms_px(report.board, report.views, solution, FOLDS, options) : -1;
+        report.compared.push_back({model, solved, solution.rms_px, held_out});
+        if (!solved && error.empty()) error = why;
+        const bool better =
+            held_out >= 0 && (report.held_out_px < 0 || held_out < BETTER * report.held_out_px);
+        if (!solved || (any && !better)) continue;
+        any = true;
+        report.solution = solution;
+        report.held_out_px = held_out;
+    }
+    if (fv_say_terminal()) fv_say_status("%s", "");
+    return any;
+}
+
+int check(const Given &given, std::vector<Model> &models, Board &board, int64_t &views_max)
+{
+    std::string error;
+    if (given.source.empty())
+        return fv_say_wrong("fovea-calibrate camera: found no --source, expected a folder of "
+                            "pictures or the URI of a camera ('fovea run --help' lists them)");
+    if (given.target.empty())
+        return fv_say_wrong("fovea-calibrate camera: found no --target, expected the board, as "
+                            "chessboard:9x6:0.025");
+    if (!board_parse(given.target, board, error)) return fv_say_wrong("%s", error.c_str());
+    if (!models_of(given.model, models))
+        return fv_say_wrong("--model: found '%s', expected auto, radtan, rational or equidistant",
+                            given.model.c_str());
+    if (given.bend != "no" && given.bend != "yes")
+        return fv_say_wrong("--bend: found '%s', expected yes or no", given.bend.c_str());
+    if (given.corners != "own" && given.corners != "opencv")
+        return fv_say_wrong("--corners: found '%s', expected own or opencv", given.corners.c_str());
+    views_max = VIEWS_MAX_DEFAULT;
+    if (!given.views.empty() && (!fovea_text_integer(given.views.c_str(), &views_max) ||
+                                 views_max < 2 || views_max > VIEWS_MAX_LIMIT))
+        return fv_say_wrong("--views: found '%s', expected a number from 2 to %d",
+                            given.views.c_str(), VIEWS_MAX_LIMIT);
+    const fv_file written[] = {{"--out", given.out.c_str()}, {"--json", given.json.c_str()}, {}};
+    const std::string folder = given.source + "/";
+    const fv_file read[] = {
+        {"--source", given.source.find(':') == std::string::npos ? folder.c_str() : nullptr}, {}};
+    fovea_error why;
+    const char *blame;
+    if (fv_files_apart(written, read, &why) != FOVEA_OK) return fv_say_wrong("%s", why.text);
+    if (fv_files_writable(written, &blame, &why) != FOVEA_OK)
+        return fv_say_wrong("%s: %s", blame, why.text);
+    return FV_EXIT_OK;
+}
+
+int write(const Given &given, const Report &report)
+{
+    fovea_error error;
+    if (!given.json.empty() && report_json(report, given.json.c_str(), &error) != FOVEA_OK)
+        return fv_say_failed("%s", error.text);
+    if (given.out.empty() || report.solution.corners_used == 0) return FV_EXIT_OK;
+    if (report.verdict.grade == Grade::fail) {
+        fv_say("%s: not written, as the calibration fails", given.out.c_str());
+        return FV_EXIT_OK;
+    }
+    if (report_camera(report, given.out.c_str(), &error) != FOVEA_OK)
+        return fv_say_failed("%s", error.text);
+    return FV_EXIT_OK;
+}
+
+} // namespace
+
+int command_camera(int argc, char **argv)
+{
+    Given given;
+    const std::vector<Option> options = {
+        {"source", "URI|FOLDER", &given.source,
+         "camera or recording, or folder of PNG and JPEG files"},
+        {"target", "BOARD", &given.target, "chessboard:COLUMNSxROWS:SQUARE, inner corners, metres"},
+        {"model", "MODEL", &given.model, "auto (default), radtan, rational or equidistant"},
+        {"out", "FILE", &given.out, "write the camera file; not when the verdict is fail"},
+        {"json", "FILE", &given.json, "write the verdict with all its numbers"},
+        {"name", "NAME", &given.name, "name of the camera in its file"},
+        {"views", "N", &given.views, "pictures to take from a URI (default 40)"},
+        {"bend", "yes|no", &given.bend, "estimate how the board is bent (default no)"},
+        {"corners", "own|opencv", &given.corners,
+         "refinement of corners; opencv: cornerSubPix of 11, as OpenCV's calibration program"},
+    };
+    std::vector<std::string> operands;
+    int status;
+    if (!options_parse(argc, argv, options, "", 0, operands, &status)) return status;
+    std::vector<Model> models;
+    int64_t views_max;
+    Report report;
+    status = check(given, models, report.board, views_max);
+    if (status != FV_EXIT_OK) return status;
+    Collection collection;
+    fovea_error why;
+    const Refinement refinement = given.corners == "own" ? Refinement::OWN : Refinement::OPENCV_11;
+    if (collect(given.source, report.board, refinement, (int)views_max, collection, &why) !=
+        FOVEA_OK)
+        return fv_say_wrong("%s", why.text);
+    report.views = collection.views;
+    report.camera_name = given.name;
+    report.date = now_text();
+    leave_out_blurred(report.views);
+    SolveOptions how;
+    how.bend = given.bend == "yes";
+    std::string error;
+    if (choose_model(models, collection.width, collection.height, how, report, error))
+        report.verdict = judge(report.views, report.solution, report.held_out_px);
+    else
+        report.verdict = {Grade::fail, {{Grade::fail, error}}, 0, 0, 0, 0, 0};
+    report_print(report);
+    status = write(given, report);
+    if (status != FV_EXIT_OK) return status;
+    return report.verdict.grade == Grade::fail ? FV_EXIT_FAILED : FV_EXIT_OK;
+}
+
+} // namespace calibrate

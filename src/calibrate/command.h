@@ -1,0 +1,25 @@
+/* Commands of fovea-calibrate, and their options. */
+#ifndef FOVEA_CALIBRATE_COMMAND_H
+#define FOVEA_CALIBRATE_COMMAND_H
+
+#include <string>
+#include <vector>
+
+namespace calibrate
+{
+
+struct Option {
+    const char *name;    /* without the dashes */
+    const char *value;   /* what the help calls its value */
+    std::string *target; /* "" when it is not given */
+    const char *help;
+};
+
+/* argv[0] is the command's name. False: leave with `*status`; help or one line was printed. */
+bool options_parse(int argc, char **argv, const std::vector<Option> &options, const char *operands,
+                   size_t operand_count, std::vector<std::string> &found, int *status);
+
+int command_camera(int argc, char **argv);
+
+} // namespace calibrate
+#endif

@@ -1,0 +1,23 @@
+/* Views from a source of Fovea or from a folder of pictures. */
+#ifndef FOVEA_CALIBRATE_PICTURES_H
+#define FOVEA_CALIBRATE_PICTURES_H
+
+#include "calibrate/detect.h"
+
+namespace calibrate
+{
+
+struct Collection {
+    std::vector<View> views;
+    int width = 0, height = 0; /* of the views that are not left out for their size */
+};
+
+/* `source` is a folder of PNG and JPEG files or the URI of a source. All pictures of a folder, and
+ * all frames of a recording of at most `views_max`, are taken; of other sources, the first
+ * `views_max` frames whose board is new and, of a live camera, still. FOVEA_ERROR_INPUT: there is
+ * none, or it cannot be read. */
+fovea_status collect(const std::string &source, const Board &board, Refinement refinement,
+                     int views_max, Collection &collection, fovea_error *error);
+
+} // namespace calibrate
+#endif

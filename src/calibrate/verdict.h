@@ -1,0 +1,34 @@
+/* Whether a calibration can be trusted, and why not. */
+#ifndef FOVEA_CALIBRATE_VERDICT_H
+#define FOVEA_CALIBRATE_VERDICT_H
+
+#include "calibrate/calibrate.h"
+
+namespace calibrate
+{
+
+enum class Grade { pass, doubtful, fail };
+const char *grade_name(Grade grade);
+
+struct Reason {
+    Grade grade;
+    std::string text; /* what was found, what is expected, what to do */
+};
+
+struct Verdict {
+    Grade grade = Grade::pass;
+    std::vector<Reason> reasons; /* of the grade or below; empty after pass */
+    double coverage = 0; /* share of cells that the lens sees which hold a corner that is used */
+    double tilt_rad = 0; /* largest angle between the normals of two boards */
+    double uncertainty_seen_px = 0; /* worst where corners are */
+    int views_used = 0, views_with_board = 0;
+};
+
+/* `held_out_px` from held_out_rms_px. Views are those that were solved. */
+Verdict judge(const std::vector<View> &views, const Solution &solution, double held_out_px);
+
+/* Leave out the views whose edges are much wider than the others'. */
+void leave_out_blurred(std::vector<View> &views);
+
+} // namespace calibrate
+#endif
