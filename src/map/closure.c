@@ -36,13 +36,11 @@ static const double drift_slack = 0.3;        /* of the median depth */
 /* ---- memory ---------------------------------------------------------------------------------- */
 
 void fv_closure_carve(struct fv_closure *closure, const struct fv_map_limits *limits,
-                      const struct fovea_camera *camera, struct fv_arena *persistent,
-                      struct fv_arena *job)
+                      struct fv_arena *persistent, struct fv_arena *job)
 {
     const struct fv_pose_graph_limits graph = {
         limits->keyframes, limits->keyframes * FV_CLOSURE_HELD_BY_KEYFRAME + FV_MAP_EDGES_MAX + 1,
         12, 200};
-    closure->camera = camera;
     closure->state = fv_arena_take(persistent, 1, sizeof *closure->state);
     fv_pose_graph_carve(&closure->graph, &graph, job);
     closure->query_feature = fv_arena_take(job, limits->features, sizeof *closure->query_feature);

@@ -22,7 +22,6 @@
 #ifndef FOVEA_MAP_CLOSURE_H
 #define FOVEA_MAP_CLOSURE_H
 
-#include "fovea/camera.h"
 #include "map/map.h"
 #include "map/place.h"
 #include "map/pose_graph.h"
@@ -96,7 +95,6 @@ struct fv_closure_state {
 };
 
 struct fv_closure {
-    const struct fovea_camera *camera;
     struct fv_closure_state *state;
     struct fv_pose_graph graph;
     /* Job part. */
@@ -113,10 +111,8 @@ struct fv_closure {
     uint32_t *scores;
 };
 
-/* `camera` stays the caller's and must be set again after a copy, as carving does. */
 void fv_closure_carve(struct fv_closure *closure, const struct fv_map_limits *limits,
-                      const struct fovea_camera *camera, struct fv_arena *persistent,
-                      struct fv_arena *job);
+                      struct fv_arena *persistent, struct fv_arena *job);
 /* Forget what was confirmed and drop the work in progress. */
 void fv_closure_reset(struct fv_closure *closure, uint64_t seed);
 

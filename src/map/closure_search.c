@@ -14,17 +14,10 @@ static const double radius_guided_px = 7, radius_fuse_px = 4; /* times the level
 static const double distance_ratio_max =
     1.3; /* of two landmarks that are the same thing, from the camera */
 
-static bool in_image(const struct fv_closure *closure, const struct fv_map *map, const double q[3],
-                     double pixel[2])
-{
-    return fovea_camera_project(closure->camera, q, pixel, 0) == FOVEA_OK && pixel[0] >= 0 &&
-           pixel[1] >= 0 && pixel[0] < map->limits.width && pixel[1] < map->limits.height;
-}
-
 /* ---- before the correction ------------------------------------------------------------------- */
 
-/* A landmark found at a feature that has a landmark of its own: the two meet. The candidate need
- * not see the landmark, so its side says only how far it is. False when the two are not at one
+/* A landmark found at a feature that has a landmark of its own: the two correspond. The candidate
+ * need not see the landmark, so its side says only how far it is. False when the two are not at one
  * distance. */
 static bool add_correspondence(struct fv_closure *closure, const struct fv_map *map,
                                const struct fv_map_frame *frame, uint32_t feature,
@@ -60,7 +53,7 @@ static void search_one(struct fv_closure *closure, const struct fv_map *map,
     double in_candidate[3], q[3], ray[3], pixel[2];
     fv_se3_apply(&guided->T_candidate_world, l->point, in_candidate);
     fv_sim3_apply(&guided->S_keyframe_candidate, in_candidate, q);
-    if (!in_image(closure, map, q, pixel)) return;
+    if (!fv_map_project(map, q, pixel)) return;
     fv_subtract3(l->point, guided->centre, ray);
     double distance = fv_norm3(ray);
     double cosine = fv_map_cosine(l, ray, distance);
@@ -109,30 +102,18 @@ bool fv_closure_search_group(struct fv_closure *closure, const struct fv_map *ma
 
 /* ---- after it: fusing ------------------------------------------------------------------------ */
 
-/* Look for a landmark of the group in a keyframe; link it there, or make one of it and what is
- * there. */
+/* Search for a landmark of the group in a keyframe; link it there, or fuse it with the landmark of
+ * the feature found. */
 static void fuse_into(struct fv_closure *closure, struct fv_map *map,
                       const struct fv_kernels *kernels, uint32_t landmark, uint32_t keyframe)
 {
     struct fv_landmark *l = &map->landmarks[landmark];
-    struct fv_map_frame frame = fv_map_frame_at(map, keyframe);
-    double q[3], pixel[2];
-    for (uint32_t k = 0; k < l->observer_count; k++)
-        if (l->observers[k].keyframe == keyframe) return;
-    fv_se3_apply(&frame.keyframe->T_cam_world, l->point, q);
-    if (!in_image(closure, map, q, pixel)) return;
-    int level = fv_map_predict_level(l, fv_norm3(q));
-    if (level < 0) return;
-    struct fv_found found = fv_map_search(map, kernels, keyframe, pixel[0], pixel[1],
-                                          radius_fuse_px * fv_level_scale((uint32_t)level),
-                                          level - 1, level + 1, fv_map_descriptor(map, l), false);
-    if (found.feature == FV_MAP_NONE || found.distance > FV_MAP_FUSE_DISTANCE_MAX ||
-        fv_map_error2(map, &frame.points[found.feature], q) > FV_CHI_SQUARE_95_2)
-        return;
-    int32_t other = frame.landmark[found.feature];
+    const int32_t feature = fv_map_find_landmark(map, kernels, l, keyframe, radius_fuse_px, false);
+    if (feature == FV_MAP_NONE) return;
+    const int32_t other = fv_map_frame_at(map, keyframe).landmark[feature];
     closure->state->counts.fused++;
     if (other == FV_MAP_NONE) {
-        if (fv_map_link(map, landmark, keyframe, (uint32_t)found.feature))
+        if (fv_map_link(map, landmark, keyframe, (uint32_t)feature))
             fv_map_refresh_landmark(map, landmark);
     } else if (map->landmarks[other].observer_count > l->observer_count) {
         fv_map_fuse_landmarks(map, (uint32_t)other, landmark);

@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "geometry/pose.h"
+#include "geometry/chi_square.h"
 #include "geometry/vec.h"
 #include "map/map.h"
 
@@ -261,6 +262,27 @@ struct fv_found fv_map_search(const struct fv_map *map, const struct fv_kernels 
     const int32_t count =
         gather(map, &frame, x_px, y_px, radius_px, level_min, level_max, only_free, candidates);
     return nearest(kernels, &frame, candidates, count, descriptor);
+}
+
+int32_t fv_map_find_landmark(const struct fv_map *map, const struct fv_kernels *kernels,
+                             const struct fv_landmark *l, uint32_t keyframe, double radius_px,
+                             bool only_free)
+{
+    const struct fv_map_frame frame = fv_map_frame_at(map, keyframe);
+    double q[3], pixel[2];
+    for (uint32_t k = 0; k < l->observer_count; k++)
+        if (l->observers[k].keyframe == keyframe) return FV_MAP_NONE;
+    fv_se3_apply(&frame.keyframe->T_cam_world, l->point, q);
+    if (!fv_map_project(map, q, pixel)) return FV_MAP_NONE;
+    const int level = fv_map_predict_level(l, fv_norm3(q));
+    if (level < 0) return FV_MAP_NONE;
+    const struct fv_found found = fv_map_search(
+        map, kernels, keyframe, pixel[0], pixel[1], radius_px * fv_level_scale((uint32_t)level),
+        level - 1, level + 1, fv_map_descriptor(map, l), only_free);
+    if (found.feature == FV_MAP_NONE || found.distance > FV_MAP_FUSE_DISTANCE_MAX ||
+        fv_map_error2(map, &frame.points[found.feature], q) > FV_CHI_SQUARE_95_2)
+        return FV_MAP_NONE;
+    return found.feature;
 }
 
 struct fv_found fv_map_search_line(const struct fv_map *map, const struct fv_kernels *kernels,

@@ -28,6 +28,7 @@
 
 #include "base/arena.h"
 #include "geometry/se3.h"
+#include "fovea/camera.h"
 #include "fovea/features.h"
 #include "geometry/bearing.h"
 #include "geometry/sim3.h"
@@ -408,6 +409,20 @@ struct fv_found fv_map_search(const struct fv_map *map, const struct fv_kernels 
                               uint32_t slot, double x_px, double y_px, double radius_px,
                               int level_min, int level_max, const uint8_t *descriptor,
                               bool only_free);
+
+/* Pixel of a point in the camera frame; false where the image does not show it. */
+static inline bool fv_map_project(const struct fv_map *map, const double q[3], double pixel[2])
+{
+    return fovea_camera_project(map->camera, q, pixel, 0) == FOVEA_OK && pixel[0] >= 0 &&
+           pixel[1] >= 0 && pixel[0] < map->limits.width && pixel[1] < map->limits.height;
+}
+
+/* The feature of a keyframe that shows a landmark which that keyframe does not see yet, within
+ * radius_px (times its level's scale) of where it should appear; FV_MAP_NONE: none fits. When
+ * `only_free`, features that have a landmark are left out. */
+int32_t fv_map_find_landmark(const struct fv_map *map, const struct fv_kernels *kernels,
+                             const struct fv_landmark *l, uint32_t keyframe, double radius_px,
+                             bool only_free);
 
 /* The feature without landmark nearest to `descriptor` within `box` (x0 y0 x1 y1, px) whose bearing
  * (of fv_map_bearings) lies within limit_rad times its level's scale of the plane with the unit

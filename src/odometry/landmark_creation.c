@@ -9,6 +9,7 @@
 
 enum { UNIT_FEATURES = 96, DISTANCE_CREATE_MAX = 50, CULL_EXPECTED_MIN = 8 };
 
+static const double radius_fuse_px = 3;         /* times the level's scale */
 static const double cos_parallax_max = 0.99996; /* half a degree */
 static const double baseline_fraction_min =
     0.03; /* of the median depth: nearer neighbours give no depth */
@@ -196,28 +197,13 @@ static void end_creation(struct fv_odometry *o)
 
 /* ---- fusing ---------------------------------------------------------------------------------- */
 
-/* Look for a landmark in a keyframe that does not see it yet. */
+/* Search for a landmark in a keyframe that does not see it yet. */
 static void fuse(struct fv_map *map, const struct fv_kernels *kernels, uint32_t landmark,
                  uint32_t keyframe)
 {
-    struct fv_landmark *l = &map->landmarks[landmark];
-    struct fv_map_frame frame = fv_map_frame_at(map, keyframe);
-    double q[3], pixel[2];
-    for (uint32_t k = 0; k < l->observer_count; k++)
-        if (l->observers[k].keyframe == keyframe) return;
-    fv_se3_apply(&frame.keyframe->T_cam_world, l->point, q);
-    if (fovea_camera_project(map->camera, q, pixel, 0) != FOVEA_OK || pixel[0] < 0 ||
-        pixel[1] < 0 || pixel[0] >= map->limits.width || pixel[1] >= map->limits.height)
-        return;
-    const int level = fv_map_predict_level(l, fv_norm3(q));
-    if (level < 0) return;
-    struct fv_found found = fv_map_search(map, kernels, keyframe, pixel[0], pixel[1],
-                                          3 * fv_level_scale((uint32_t)level), level - 1, level + 1,
-                                          fv_map_descriptor(map, l), true);
-    if (found.feature == FV_MAP_NONE || found.distance > FV_MAP_FUSE_DISTANCE_MAX ||
-        fv_map_error2(map, &frame.points[found.feature], q) > FV_CHI_SQUARE_95_2)
-        return;
-    if (fv_map_link(map, landmark, keyframe, (uint32_t)found.feature))
+    const int32_t feature = fv_map_find_landmark(map, kernels, &map->landmarks[landmark], keyframe,
+                                                 radius_fuse_px, true);
+    if (feature != FV_MAP_NONE && fv_map_link(map, landmark, keyframe, (uint32_t)feature))
         fv_map_refresh_landmark(map, landmark);
 }
 

@@ -53,9 +53,7 @@ static bool project_landmark(const struct fv_map *map, const struct fv_se3 *T,
                              const struct fv_landmark *l, double q[3], double pixel[2])
 {
     fv_se3_apply(T, l->point, q);
-    if (fovea_camera_project(map->camera, q, pixel, 0) != FOVEA_OK) return false;
-    return pixel[0] >= 0 && pixel[1] >= 0 && pixel[0] < map->limits.width &&
-           pixel[1] < map->limits.height;
+    return fv_map_project(map, q, pixel);
 }
 
 /* First stage: the landmarks of the last frame around where `T` predicts them. */

@@ -36,7 +36,7 @@ void fv_odometry_carve(struct fv_odometry *o, const struct fovea_odometry_config
                                             WINDOW_PASSES, window_converged};
     fv_window_carve(&o->window, &window, &o->map, job);
     fv_creator_carve(&o->creator, features_max, job);
-    if (config->closures) fv_closure_carve(&o->closure, &limits, &o->camera, persistent, job);
+    if (config->closures) fv_closure_carve(&o->closure, &limits, persistent, job);
     fv_relocaliser_carve(&o->relocaliser, config->keyframes, persistent, frame);
     o->saver.archive = fv_arena_take(persistent, 1, sizeof *o->saver.archive);
 }

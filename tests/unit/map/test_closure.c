@@ -46,7 +46,7 @@ static void carve(void *context, struct fv_arena *arena)
     fv_bearing_carve(&w.bearings, limits.width, limits.height, arena);
     fv_map_carve(&w.map, &limits, &w.camera, &w.bearings, arena);
     fv_place_carve(&w.place, limits.keyframes, arena);
-    fv_closure_carve(&w.closure, &limits, &w.camera, arena, arena);
+    fv_closure_carve(&w.closure, &limits, arena, arena);
 }
 
 static double uniform(double low, double high)
