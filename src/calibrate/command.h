@@ -20,6 +20,8 @@ bool options_parse(int argc, char **argv, const std::vector<Option> &options, co
                    size_t operand_count, std::vector<std::string> &found, int *status);
 
 int command_camera(int argc, char **argv);
+int command_target(int argc, char **argv);  /* a board to print */
+int command_convert(int argc, char **argv); /* a camera file of another format */
 
 } // namespace calibrate
 #endif

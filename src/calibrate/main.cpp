@@ -20,6 +20,8 @@ struct Command {
 
 const Command commands[] = {
     {"camera", "calibrate a camera from pictures of a chessboard", command_camera},
+    {"target", "write a chessboard to print, as PDF at exact size", command_target},
+    {"convert", "write a camera file in another format", command_convert},
 };
 
 int usage()

@@ -1,0 +1,112 @@
+/* fovea-calibrate target and convert: boards to print, and camera files of other programs. */
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+
+#include "calibrate/command.h"
+#include "calibrate/page.h"
+#include "support/calibration.h"
+#include "support/input.h"
+#include "support/text.h"
+extern "C" {
+#include "support/output.h"
+#include "support/say.h"
+}
+
+namespace calibrate
+{
+namespace
+{
+
+int write_text(const std::string &path, const std::string &text)
+{
+    fv_output output;
+    fovea_error error;
+    if (fv_output_open(&output, path.c_str(), FV_OUTPUT_WHOLE, &error) != FOVEA_OK)
+        return fv_say_wrong("%s", error.text);
+    FILE *stream = fv_output_stream(&output);
+    if (stream == nullptr) {
+        fv_output_discard(&output);
+        return fv_say_failed("%s: out of memory", path.c_str());
+    }
+    (void)fwrite(text.data(), 1, text.size(), stream); /* a failure shows when it is closed */
+    if (fv_output_close(&output, &error) != FOVEA_OK) return fv_say_failed("%s", error.text);
+    return FV_EXIT_OK;
+}
+
+/* Whether a file has the date, errors and deviations that report_camera adds. */
+bool has_own_section(const std::string &path)
+{
+    char *text;
+    size_t bytes;
+    if (fovea_text_read(path.c_str(), (size_t)FV_INPUT_YAML_BYTES_MAX, &text, &bytes, nullptr) !=
+        FOVEA_OK)
+        return false;
+    const bool has = std::strstr(text, "\ncalibration:\n") != nullptr;
+    std::free(text);
+    return has;
+}
+
+bool format_of(const std::string &name, fovea_calibration_format &format)
+{
+    for (int i = 0; i < FOVEA_CALIBRATION_FORMAT_COUNT; i++) {
+        format = (fovea_calibration_format)i;
+        if (name == fovea_calibration_format_name(format)) return true;
+    }
+    return false;
+}
+
+} // namespace
+
+int command_target(int argc, char **argv)
+{
+    std::string target, page = "a4", out;
+    const std::vector<Option> options = {
+        {"target", "BOARD", &target, "chessboard:COLUMNSxROWS:SQUARE, inner corners, metres"},
+        {"page", "PAGE", &page, "a4 (default), letter or a3"},
+        {"out", "FILE", &out, "write the PDF there"},
+    };
+    std::vector<std::string> operands;
+    int status;
+    if (!options_parse(argc, argv, options, "", 0, operands, &status)) return status;
+    Board board;
+    std::string pdf, error;
+    if (out.empty())
+        return fv_say_wrong("fovea-calibrate target: found no --out, expected a file name");
+    if (!board_parse(target, board, error) || !page_write(board, page, pdf, error))
+        return fv_say_wrong("%s", error.c_str());
+    return write_text(out, pdf);
+}
+
+int command_convert(int argc, char **argv)
+{
+    std::string format_name = "ros", which;
+    const std::vector<Option> options = {
+        {"format", "FORMAT", &format_name,
+         "of OUT: ros (default; Fovea's own), ros-message, opencv, kalibr or euroc"},
+        {"which", "CAMERA", &which, "camera of a camchain, as cam1 (default: the first)"},
+    };
+    std::vector<std::string> operands;
+    int status;
+    if (!options_parse(argc, argv, options, "IN OUT", 2, operands, &status)) return status;
+    fovea_calibration_format format;
+    if (!format_of(format_name, format))
+        return fv_say_wrong(
+            "--format: found '%s', expected ros, ros-message, opencv, kalibr or euroc",
+            format_name.c_str());
+    fovea_calibration calibration;
+    fovea_error error, lost;
+    if (fovea_calibration_read(operands[0].c_str(), which.empty() ? nullptr : which.c_str(),
+                               &calibration, &error) != FOVEA_OK)
+        return fv_say_wrong("%s", error.text);
+    char text[FOVEA_CALIBRATION_BYTES_MAX];
+    if (fovea_calibration_format_text(format, &calibration, text, &lost, &error) != FOVEA_OK)
+        return fv_say_wrong("%s: %s", operands[0].c_str(), error.text);
+    if (lost.text[0] != '\0') fv_say("%s: lost: %s", operands[1].c_str(), lost.text);
+    if (has_own_section(operands[0]))
+        fv_say("%s: lost: date, errors and standard deviations of the calibration",
+               operands[1].c_str());
+    return write_text(operands[1], text);
+}
+
+} // namespace calibrate
