@@ -6,7 +6,9 @@
  * stands for the interval that ends at its stamp: the mean angular rate turns the attitude at its
  * begin exactly into that at its end, and the mean specific force, in the attitude half-way,
  * changes the velocity by what it changes. So samples without noise, integrated in this way, give
- * the motion back. A body that is carried off in an instant (`kidnap`) reads rest there. */
+ * the motion back. A body that is carried off in an instant (`kidnap`) reads rest there. Biases
+ * begin at values drawn from the seed and walk on. A sample stands for what is at its stamp plus
+ * the time offset. */
 
 static const double gravity_m_s2 = 9.80665;
 static const double carried_off_m_s = 20.0;
@@ -26,6 +28,9 @@ void fv_sim_imu_describe(const struct fv_sim_options *options, struct fovea_rig 
     rig->imu.gyro_walk = options->imu_noise * gyro_walk;
     rig->imu.acceleration_noise = options->imu_noise * acceleration_noise;
     rig->imu.acceleration_walk = options->imu_noise * acceleration_walk;
+    if (options->imu_offset_known)
+        rig->imu.time_offset_ns =
+            (int64_t)(options->imu_offset_ms * 1e6 + (options->imu_offset_ms < 0 ? -0.5 : 0.5));
     rig->cameras[0].has_T_body_cam = true;
     memcpy(rig->cameras[0].T_body_cam, identity, sizeof identity);
 }
@@ -84,6 +89,17 @@ static void ideal(const struct fv_sim_motion *motion, double end_s, double step_
     if (!rest) turn_back(half, sample->acceleration);
 }
 
+/* The biases that the sensor begins with. */
+static void begin_biases(const struct fv_sim_options *options, struct fv_sim_imu *imu)
+{
+    struct fv_random random;
+    fv_random_seed(&random, options->seed ^ 0xB1A5E5u);
+    for (int i = 0; i < 3; i++) {
+        imu->gyro_bias[i] = options->gyro_bias_rad_s * fv_random_normal(&random);
+        imu->acceleration_bias[i] = options->acceleration_bias_m_s2 * fv_random_normal(&random);
+    }
+}
+
 void fv_sim_imu_sample(struct fovea_source *source, double begin_s, struct fovea_imu_sample *sample)
 {
     const struct fv_sim_options *options = &source->options;
@@ -91,6 +107,8 @@ void fv_sim_imu_sample(struct fovea_source *source, double begin_s, struct fovea
     const double step_s = 1 / options->imu_hz, factor = options->imu_noise,
                  white = factor / __builtin_sqrt(step_s), walk = factor * __builtin_sqrt(step_s);
     struct fv_random random;
+    if (imu->count == 0) begin_biases(options, imu);
+    begin_s += options->imu_offset_ms * 1e-3;
     ideal(&source->motion, begin_s + (double)imu->count * step_s, step_s, sample);
     fv_random_seed(&random, options->seed ^ (imu->count + 1) * 0xA24BAED4963EE407u);
     for (int i = 0; i < 3; i++) {

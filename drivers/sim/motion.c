@@ -187,12 +187,15 @@ static double stand_time(double t)
     return t < 5.5 ? t : 5.75 - 0.5 * (f * f * f - 0.5 * f * f * f * f);
 }
 
-/* A turn of 110 degrees within a second (3.6 rad/s at its fastest) at 3 s, and back at 5.5 s, every
- * 7 s. */
-static double fast_turn(double t)
+/* A turn of 110 degrees within `turn_s` at 3 s, and back at 5.5 s, every 7 s. At its fastest it has
+ * 15/8 of its mean rate: 3.6 rad/s where it takes a second. */
+static double fast_turn(double t, double turn_s)
 {
-    const double x = t - 7.0 * fv_floor(t / 7.0);
-    double f = x < 3.0 ? 0.0 : x < 4.0 ? x - 3.0 : x < 5.5 ? 1.0 : x < 6.5 ? 6.5 - x : 0.0;
+    const double x = t - 7.0 * fv_floor(t / 7.0), there = 3.0 + turn_s, back = 5.5 + turn_s;
+    double f = x < 3.0 || x >= back ? 0.0
+               : x < there          ? (x - 3.0) / turn_s
+               : x < 5.5            ? 1.0
+                                    : (back - x) / turn_s;
     f = f * f * f * (10.0 - 15.0 * f + 6.0 * f * f);
     return f * 110.0 * FV_PI / 180.0;
 }
@@ -241,6 +244,7 @@ void fv_sim_motion_create(struct fv_sim_motion *motion, const struct fv_sim_opti
 {
     memset(motion, 0, sizeof *motion);
     motion->trajectory = options->trajectory;
+    motion->turn_s = FV_SIM_TURN_DEG_S / options->turn_rate_deg_s;
     memcpy(motion->room, world->room, sizeof motion->room);
     memcpy(motion->lane, world->lane, sizeof motion->lane);
     memcpy(motion->store, world->store, sizeof motion->store);
@@ -286,7 +290,7 @@ void fv_sim_motion_pose(const struct fv_sim_motion *m, double t, double T_world_
         break;
     case FV_SIM_FAST:
         orbit(m, 0.6 * t, &pose);
-        pose.yaw += m->direction * fast_turn(t);
+        pose.yaw += m->direction * fast_turn(t, m->turn_s);
         pose.pitch *= 0.4; /* not at the floor while turned outward */
         break;
     case FV_SIM_KIDNAP:

@@ -33,6 +33,11 @@ static const struct fv_uri_option option_table[] = {
     {"odometry_noise", FV_URI_REAL, AT(odometry_noise), 0, 1, "of a step, relative", NULL},
     {"imu", FV_URI_REAL, AT(imu_hz), 0, SAMPLE_HZ_MAX, "Hz", NULL},
     {"imu_noise", FV_URI_REAL, AT(imu_noise), 0, 100, "of EuRoC's densities, factor", NULL},
+    {"gyro_bias", FV_URI_REAL, AT(gyro_bias_rad_s), 0, 1, "rad/s", NULL},
+    {"acceleration_bias", FV_URI_REAL, AT(acceleration_bias_m_s2), 0, 10, "m/s^2", NULL},
+    {"imu_offset", FV_URI_REAL, AT(imu_offset_ms), -100, 100, "milliseconds", NULL},
+    {"imu_offset_known", FV_URI_FLAG, AT(imu_offset_known), 0, 1, "0 or 1", NULL},
+    {"turn_rate", FV_URI_REAL, AT(turn_rate_deg_s), 140, 1000, "degrees per second", NULL},
     {"baseline", FV_URI_REAL, AT(baseline_m), 0, 0.4, "metres, 0: one camera", NULL},
     {"time", FV_URI_REAL, AT(time_s), 0, 100000, "seconds", NULL},
 };
@@ -78,6 +83,10 @@ static enum fovea_status check_together(const struct fv_sim_options *options,
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "sim: fov: found %g, expected at most %g degrees with this lens",
                                options->fov_deg, widest);
+    if (options->trajectory != FV_SIM_FAST && options->turn_rate_deg_s != FV_SIM_TURN_DEG_S)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "sim: turn_rate: found %g with the trajectory %s, expected fast",
+                               options->turn_rate_deg_s, trajectory_name[options->trajectory]);
     const enum fovea_status status = check_sample_rate("odometry", options->odometry_hz, error);
     return status == FOVEA_OK ? check_sample_rate("imu", options->imu_hz, error) : status;
 }
@@ -110,7 +119,9 @@ enum fovea_status fv_sim_options_parse(const char *address, struct fv_sim_option
                                .light = 1.0,
                                .odometry_hz = 100.0,
                                .odometry_noise = 0.05,
-                               .imu_noise = 1.0};
+                               .imu_noise = 1.0,
+                               .imu_offset_known = true,
+                               .turn_rate_deg_s = FV_SIM_TURN_DEG_S};
     char word[FV_URI_WORD_BYTES];
     uint64_t given;
     fv_uri_next_word(&address, "?", word);

@@ -61,7 +61,12 @@ struct fv_sim_options {
     double light;
     double time_s;            /* of frame 0 on the trajectory */
     double imu_hz, imu_noise; /* samples per second; 0: none. Factor of the noise densities */
-    double baseline_m;        /* of a second camera to the right of the first; 0: there is none */
+    /* standard deviation of each axis' bias at the begin */
+    double gyro_bias_rad_s, acceleration_bias_m_s2;
+    double imu_offset_ms;   /* what is to be added to the samples' stamps for the cameras' clock */
+    bool imu_offset_known;  /* the rig states it */
+    double turn_rate_deg_s; /* of `fast` at its fastest */
+    double baseline_m;      /* of a second camera to the right of the first; 0: there is none */
     double odometry_hz,
         odometry_noise;  /* samples per second; deviation of each step's length, relative */
     bool odometry_given; /* the rate stands in the URI */
@@ -231,12 +236,16 @@ double fv_sim_ring_length(const double half[2], double corner);
 
 /* ---- motion (motion.c) ----------------------------------------------------------------------- */
 
+#define FV_SIM_TURN_DEG_S                                                                          \
+    206.25 /* of `fast` where nothing else is asked for: 110 degrees in a second */
+
 enum { FV_SIM_SPLINE_MAX = 160, FV_SIM_PHASES = 32 };
 
 struct fv_sim_motion {
     enum fv_sim_trajectory trajectory;
     double phase[FV_SIM_PHASES];
     double direction; /* +1 or -1: which way round */
+    double turn_s;    /* how long a turn of `fast` takes */
     double room[2], lane[2], store[3];
     int32_t control_count; /* uniform cubic B-spline, one control point a second: x y z yaw pitch */
     double control[FV_SIM_SPLINE_MAX][5];

@@ -219,87 +219,6 @@ static void test_second_camera(void **state)
     close_source(source);
 }
 
-/* q <- q turned by the rotation vector r. */
-static void turn_by(double q[4], const double r[3])
-{
-    const double angle = sqrt(r[0] * r[0] + r[1] * r[1] + r[2] * r[2]);
-    const double s = angle > 0 ? sin(angle / 2) / angle : 0.5, c = cos(angle / 2);
-    const double p[4] = {q[0], q[1], q[2], q[3]}, d[4] = {c, s * r[0], s * r[1], s * r[2]};
-    q[0] = p[0] * d[0] - p[1] * d[1] - p[2] * d[2] - p[3] * d[3];
-    q[1] = p[0] * d[1] + p[1] * d[0] + p[2] * d[3] - p[3] * d[2];
-    q[2] = p[0] * d[2] - p[1] * d[3] + p[2] * d[0] + p[3] * d[1];
-    q[3] = p[0] * d[3] + p[1] * d[2] - p[2] * d[1] + p[3] * d[0];
-}
-
-static void rows_of(const double q[4], double R[9])
-{
-    const double w = q[0], x = q[1], y = q[2], z = q[3];
-    const double rows[9] = {
-        1 - 2 * (y * y + z * z), 2 * (x * y - w * z),     2 * (x * z + w * y),
-        2 * (x * y + w * z),     1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
-        2 * (x * z - w * y),     2 * (y * z + w * x),     1 - 2 * (x * x + y * y)};
-    memcpy(R, rows, sizeof rows);
-}
-
-/* Samples without noise, integrated for 30 s from the true pose and velocity, give the pose back
- * within 1 mm and 0.01 degrees. */
-static void test_imu_gives_the_motion_back(void **state)
-{
-    (void)state;
-    static struct fovea_sample samples[FOVEA_INPUT_SAMPLES_MAX];
-    struct fovea_frame frame;
-    struct fovea_source *source =
-        open_source("orbit?width=64&height=64&imu=200&imu_noise=0&odometry=0&objects=0", NULL);
-    const double step_s = 1.0 / 200;
-    double T[12], q[4], R[9], p[3], v[3], before[12], after[12];
-    uint64_t integrated = 0;
-    assert_true(sim_ops()->info(source)->rig.has_imu);
-    const double begin_s = fv_sim_frame_time(source, 0);
-    fv_sim_motion_pose(&source->motion, begin_s, T);
-    fv_sim_motion_pose(&source->motion, begin_s - 1e-4, before);
-    fv_sim_motion_pose(&source->motion, begin_s + 1e-4, after);
-    const double first[9] = {T[0], T[1], T[2], T[4], T[5], T[6], T[8], T[9], T[10]};
-    fv_sim_quaternion(first, q);
-    for (int i = 0; i < 3; i++) {
-        p[i] = T[4 * i + 3];
-        v[i] = (after[4 * i + 3] - before[4 * i + 3]) / 2e-4;
-    }
-    for (int n = 0; n < 899; n++) {
-        assert_int_equal(sim_ops()->dequeue(source, 0, &frame), FOVEA_OK);
-        const uint32_t count = sim_ops()->samples(source, &frame, samples, FOVEA_INPUT_SAMPLES_MAX);
-        for (uint32_t k = n == 0 ? 1 : 0; k < count; k++, integrated++) { /* sample 0: before */
-            const struct fovea_imu_sample *s = &samples[k].imu;
-            const double half[3] = {s->gyro[0] * step_s / 2, s->gyro[1] * step_s / 2,
-                                    s->gyro[2] * step_s / 2};
-            assert_int_equal(samples[k].kind, FOVEA_SAMPLE_IMU);
-            turn_by(q, half);
-            rows_of(q, R);
-            turn_by(q, half);
-            for (int i = 0; i < 3; i++) {
-                double a = i == 2 ? -9.80665 : 0;
-                for (int c = 0; c < 3; c++)
-                    a += R[3 * i + c] * s->acceleration[c];
-                p[i] += v[i] * step_s + a * step_s * step_s / 2;
-                v[i] += a * step_s;
-            }
-        }
-        sim_ops()->requeue(source, &frame);
-    }
-    fv_sim_motion_pose(&source->motion, begin_s + (double)integrated * step_s, T);
-    rows_of(q, R);
-    double off2 = 0, trace = 0;
-    for (int i = 0; i < 3; i++) {
-        off2 += (p[i] - T[4 * i + 3]) * (p[i] - T[4 * i + 3]);
-        for (int c = 0; c < 3; c++)
-            trace += R[3 * i + c] * T[4 * i + c];
-    }
-    const double angle_deg = acos(fmin(1, (trace - 1) / 2)) * 57.29578;
-    printf("imu: %d samples, off by %.4f mm, %.5f degrees\n", (int)integrated, 1e3 * sqrt(off2),
-           angle_deg);
-    assert_true(integrated > 5900 && sqrt(off2) < 1e-3 && angle_deg < 0.01);
-    close_source(source);
-}
-
 static void test_frames_say_what_they_are(void **state)
 {
     (void)state;
@@ -414,7 +333,6 @@ int main(void)
         cmocka_unit_test(test_frames_say_what_they_are),
         cmocka_unit_test(test_noise),
         cmocka_unit_test(test_second_camera),
-        cmocka_unit_test(test_imu_gives_the_motion_back),
         cmocka_unit_test(test_timing),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

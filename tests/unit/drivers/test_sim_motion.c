@@ -238,9 +238,32 @@ static void test_wander_never_repeats(void **state)
     close_scene(&scene);
 }
 
+/* The turns of `fast` have the rate that is asked for, at their fastest; its orbit and a hand's
+ * tremble add a little. */
+static void test_turn_rate(void **state)
+{
+    static const struct {
+        const char *address;
+        double deg_s;
+    } runs[] = {{"fast", 206.25}, {"fast?turn_rate=300", 300}, {"fast?turn_rate=150", 150}};
+    (void)state;
+    for (size_t n = 0; n < sizeof runs / sizeof runs[0]; n++) {
+        struct scene scene = open_scene(runs[n].address);
+        double a[12], b[12], fastest = 0;
+        for (double t = 0; t < 14; t += 0.002) {
+            fv_sim_motion_pose(scene.motion, t, a);
+            fv_sim_motion_pose(scene.motion, t + 0.002, b);
+            fastest = fmax(fastest, turn_between(a, b) / 0.002 * 180 / FV_PI);
+        }
+        assert_true(fastest > runs[n].deg_s - 20 && fastest < runs[n].deg_s + 20);
+        close_scene(&scene);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_turn_rate),
         cmocka_unit_test(test_speeds),
         cmocka_unit_test(test_clear_of_everything),
         cmocka_unit_test(test_loops_close),

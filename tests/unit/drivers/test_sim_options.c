@@ -68,6 +68,10 @@ static const struct {
     {"orbit?imu=1e-12", {"sim: imu:", "1e-12 Hz", "0 or a number in [0.01, 1000]"}},
     {"orbit?odometry=0.009", {"sim: odometry:", "0.009 Hz", "0 or a number in [0.01, 1000]"}},
     {"orbit?imu=1001", {"imu", "'1001'", "[0, 1000]"}},
+    {"orbit?turn_rate=300", {"sim: turn_rate:", "300 with the trajectory orbit", "expected fast"}},
+    {"fast?turn_rate=139", {"turn_rate", "'139'", "[140, 1000]"}},
+    {"orbit?imu_offset=101", {"imu_offset", "'101'", "[-100, 100]"}},
+    {"orbit?gyro_bias=-1", {"gyro_bias", "'-1'", "[0, 1]"}},
     {"orbit?seed=1&=3", {"option", "''", "seed"}},
 };
 
