@@ -5,7 +5,7 @@
  * so that they cover the image, with a fraction for each level (spread.h), and keep
  * FV_FEATURES_BORDER_PX from the border of their level, so that a descriptor's patch fits. The
  * order is fixed: by level from coarse to fine, then cell by cell. Integer only up to the final
- * scaling of places. */
+ * scaling of positions. */
 #ifndef FOVEA_FEATURES_FEATURES_H
 #define FOVEA_FEATURES_FEATURES_H
 

@@ -112,9 +112,9 @@ static void describe_one(const struct fv_orb *orb, const struct fv_kernels *kern
                       along[quarter], across[quarter]);
 }
 
-/* Corners of one level, whose results go to the same places of `angle_rad` and `descriptors`. They
- * come roughly from top to bottom: in small groups, and with no more smoothed than the group needs,
- * all stays in the nearest cache. */
+/* Corners of one level, whose results go to the same positions of `angle_rad` and `descriptors`.
+ * They come roughly from top to bottom: in small groups, and with no more smoothed than the group
+ * needs, all stays in the nearest cache. */
 static void describe_level(struct fv_orb *orb, const struct fv_kernels *kernels,
                            const struct fv_plane *level, const struct fv_corner *corners,
                            uint32_t count, float *angle_rad, uint8_t *descriptors)

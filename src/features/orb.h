@@ -2,12 +2,12 @@
  * and Bradski, "ORB: an efficient alternative to SIFT or SURF", ICCV 2011).
  *
  * Orientation is the direction from the corner to the intensity centroid of the circle of radius 15
- * around it. The descriptor compares 256 pairs of pixels of the smoothed level, their places turned
- * by the orientation and rounded to whole pixels. Pattern, circle, smoothing (7x7 Gaussian, sigma
- * 2) and rounding are those of OpenCV's ORB. Given the same level and angle, descriptors equal
- * those made from cv::GaussianBlur's bit-exact result; cv::ORB itself blurs a sub-image, which
- * OpenCV does in floating point whose rounding differs between processors: there about one grey
- * level in 70 differs by 1. */
+ * around it. The descriptor compares 256 pairs of pixels of the smoothed level, their positions
+ * turned by the orientation and rounded to whole pixels. Pattern, circle, smoothing (7x7 Gaussian,
+ * sigma 2) and rounding are those of OpenCV's ORB. Given the same level and angle, descriptors
+ * equal those made from cv::GaussianBlur's bit-exact result; cv::ORB itself blurs a sub-image,
+ * which OpenCV does in floating point whose rounding differs between processors: there about one
+ * grey level in 70 differs by 1. */
 #ifndef FOVEA_FEATURES_ORB_H
 #define FOVEA_FEATURES_ORB_H
 
@@ -32,7 +32,8 @@ enum { FV_ORB_DIRECTIONS = 256, FV_ORB_QUARTER = FV_ORB_DIRECTIONS / 4 };
 
 enum { FV_ORB_SAMPLES = 2 * FV_BRIEF_BITS };
 
-/* Places of the samples, x and y in turn, the first members of all pairs before the second ones. */
+/* Positions of the samples, x and y in turn, the first members of all pairs before the second ones.
+ */
 struct fv_orb_pattern {
     int8_t xy[2 * FV_ORB_SAMPLES];
 };
@@ -74,7 +75,7 @@ float fv_orb_angle(uint8_t direction);
  */
 void fv_orb_turn(float angle_rad, struct fv_orb_pattern *turned);
 
-/* The unturned places: x of all samples, then y of all. */
+/* The unturned positions: x of all samples, then y of all. */
 extern const int8_t fv_orb_places[2][FV_ORB_SAMPLES];
 
 #ifdef __cplusplus

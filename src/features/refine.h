@@ -1,5 +1,5 @@
-/* Places of corners to a fraction of a pixel: the peak of a quadratic that is fitted to the corner
- * strength around them.
+/* Positions of corners to a fraction of a pixel: the peak of a quadratic that is fitted to the
+ * corner strength around them.
  *
  * FAST decides only which whole pixel is the strongest. The strength of its 5 x 5 surroundings
  * (contracts/corner.h) is fitted by a quadratic, weighted by a Gaussian of one pixel, and its peak

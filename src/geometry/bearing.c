@@ -26,7 +26,7 @@ void fv_bearing_init(struct fv_bearing_table *table, const struct fovea_camera *
     }
 }
 
-/* The cell of the table that a pixel lies in, and its place there. */
+/* The cell of the table that a pixel lies in, and its position in it. */
 struct cell {
     const struct fv_bearing_node *node; /* top left */
     double u, v;                        /* [0, 1] from there */

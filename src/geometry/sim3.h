@@ -82,7 +82,7 @@ bool fv_sim3_search_more(struct fv_sim3_search *search,
                          uint32_t samples, double limit, struct fv_random *random);
 
 /* Refine S_a_b on the errors of both cameras, pixels and (they alone give the scale, where both
- * stand in one place) distances, by Gauss-Newton with Huber weights, `steps` times, over those
+ * stand at one position) distances, by Gauss-Newton with Huber weights, `steps` times, over those
  * marked as inliers; afterwards all are sorted anew with `limit`. Returns the number of inliers, 0
  * when the system is singular.
  */

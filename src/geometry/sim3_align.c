@@ -32,7 +32,7 @@ bool fv_sim3_align(const double (*a)[3], const double (*b)[3], uint32_t count, s
             }
     }
     fv_eigen_symmetric(spread, 3, values, V);
-    if (!(values[1] > 1e-6 * values[0])) return false; /* on a line, or in one place */
+    if (!(values[1] > 1e-6 * values[0])) return false; /* on a line, or at one position */
     double N[16] = {M[0] + M[4] + M[8], M[5] - M[7],        M[6] - M[2],        M[1] - M[3],
                     M[5] - M[7],        M[0] - M[4] - M[8], M[1] + M[3],        M[6] + M[2],
                     M[6] - M[2],        M[1] + M[3],        M[4] - M[0] - M[8], M[5] + M[7],
@@ -181,22 +181,22 @@ static void add_rows(const struct camera_rows *r, double H[49], double g[7])
     add_row(by_u, -robust / of_u, together, H, g);
 }
 
-/* The row of an error whose derivative by q is J. A step moves `place` by u + w x place + sigma
- * place; q goes with it, or, with `back`, against it through the inverse transform. */
-static void step_row(const double J[3], const double place[3], const struct fv_sim3 *back,
+/* The row of an error whose derivative by q is J. A step moves `position` by u + w x position +
+ * sigma position; q goes with it, or, with `back`, against it through the inverse transform. */
+static void step_row(const double J[3], const double position[3], const struct fv_sim3 *back,
                      double row[7])
 {
-    double by_place[3];
+    double by_position[3];
     if (back) {
-        fv_rotate_back3(back->R, J, by_place);
+        fv_rotate_back3(back->R, J, by_position);
         for (int k = 0; k < 3; k++)
-            by_place[k] *= -back->s;
+            by_position[k] *= -back->s;
     } else {
-        fv_copy3(J, by_place);
+        fv_copy3(J, by_position);
     }
-    fv_copy3(by_place, row);
-    fv_cross3(place, by_place, row + 3);
-    row[6] = fv_dot3(by_place, place);
+    fv_copy3(by_position, row);
+    fv_cross3(position, by_position, row + 3);
+    row[6] = fv_dot3(by_position, position);
 }
 
 /* The step x moves S_a_b to (u, exp w, exp sigma) applied after it: q' = exp(sigma) exp(w) q + u.
@@ -208,7 +208,7 @@ static void correspondence_system(const struct fv_correspondence *m, const struc
     double q[3], along[3], J[9];
     move_point(S_a_b, m->point_b, m->sigma_b, q, along);
     if (!fv_observation_error(m->bearing_a, m->A_a, q, r.e, J)) return;
-    /* Pixels alone leave the scale open when both cameras stand in one place: the distances are
+    /* Pixels alone leave the scale open when both cameras stand at one position: the distances are
      * held against each other. */
     const double per_sigma = 1 / m->sigma_a, length = fv_norm3(m->point_a);
     r.e[2] = (fv_dot3(m->bearing_a, q) / length - 1) * per_sigma;

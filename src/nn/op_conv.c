@@ -168,7 +168,7 @@ void fv_nn_op_conv(const struct fv_nn_call *call, int32_t begin, int32_t end)
     if (is_pointwise(c)) {
         const ptrdiff_t step = c->image.in_stride;
         const int32_t most = c->single_rounding ? FV_MODEL_CONV_PIXELS
-                                                : last - first; /* the scratch holds so many */
+                                                : last - first; /* the scratch holds this number */
         for (int32_t p = first; p < last; p += most) {
             multiply(call, &gemm, call->in[0] + p * step, step, p,
                      last - p < most ? last - p : most);

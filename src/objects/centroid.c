@@ -44,7 +44,7 @@ static void restore(struct fv_object_slot *slot)
     hold(slot, (double)t->x_min_px, (double)t->y_min_px, (double)t->x_max_px, (double)t->y_max_px);
 }
 
-static void place_at(struct fv_object_slot *slot, const struct fovea_detection *d)
+static void move_to(struct fv_object_slot *slot, const struct fovea_detection *d)
 {
     hold(slot, (double)d->x_min_px, (double)d->y_min_px, (double)d->x_max_px, (double)d->y_max_px);
 }
@@ -77,6 +77,6 @@ void fv_objects_match_centroid(struct fv_objects *tracker,
         if (slot < 0) return;
         const int32_t d = tracker->column_of[slot];
         fv_objects_take(tracker, &tracker->slots[slot], inference, (uint32_t)d);
-        place_at(&tracker->slots[slot], &inference->detections[d]);
+        move_to(&tracker->slots[slot], &inference->detections[d]);
     }
 }

@@ -12,7 +12,7 @@ static const double tilt_sigma_rad = 0.01; /* of the camera over the floor */
 static const double range_max_m = 1000.0,
                     walk_m_s = 1.0; /* a velocity gains so much within a second */
 
-struct place {
+struct position {
     double at[3];    /* camera frame */
     double along[3]; /* unit vector towards it */
     double range_variance, across_variance;
@@ -45,7 +45,7 @@ static bool is_cut(const struct fv_objects *tracker, const struct fv_object_slot
 }
 
 static bool by_size(const struct fv_objects *tracker, const struct fv_object_slot *slot,
-                    double height_m, struct place *place)
+                    double height_m, struct position *position)
 {
     double top[3], bottom[3], middle[3];
     const double x = slot->box[FV_OBJECT_X].x, y = slot->box[FV_OBJECT_Y].x,
@@ -62,17 +62,17 @@ static bool by_size(const struct fv_objects *tracker, const struct fv_object_slo
     const double fraction = 1.4 * edge_sigma_px(slot) / slot->box[FV_OBJECT_H].x;
     if (!(range < range_max_m)) return false;
     const double across = edge_sigma_px(slot) / tracker->camera->fy * range;
-    memcpy(place->along, middle, sizeof middle);
+    memcpy(position->along, middle, sizeof middle);
     for (int i = 0; i < 3; i++)
-        place->at[i] = range * middle[i];
-    place->range_variance =
+        position->at[i] = range * middle[i];
+    position->range_variance =
         range * range * (fraction * fraction + height_fraction * height_fraction);
-    place->across_variance = across * across;
+    position->across_variance = across * across;
     return true;
 }
 
 static bool by_floor(const struct fv_objects *tracker, const struct fv_object_slot *slot,
-                     struct place *place)
+                     struct position *position)
 {
     double foot[3];
     const double *T = tracker->T_body_cam;
@@ -88,28 +88,30 @@ static bool by_floor(const struct fv_objects *tracker, const struct fv_object_sl
                  cosine = __builtin_sqrt(1.0 - down * down);
     const double fraction =
         __builtin_sqrt(pixel_rad * pixel_rad + tilt_sigma_rad * tilt_sigma_rad) * cosine / down;
-    memcpy(place->along, foot, sizeof foot);
+    memcpy(position->along, foot, sizeof foot);
     for (int i = 0; i < 3; i++)
-        place->at[i] = range * foot[i];
-    place->range_variance = range * range * fraction * fraction;
-    place->across_variance = range * range * pixel_rad * pixel_rad;
+        position->at[i] = range * foot[i];
+    position->range_variance = range * range * fraction * fraction;
+    position->across_variance = range * range * pixel_rad * pixel_rad;
     return true;
 }
 
 /* Covariance across and along the ray, turned by R (NULL: camera frame). */
-static void covariance_of(const struct place *place, const double *T_world_cam, double full[9])
+static void covariance_of(const struct position *position, const double *T_world_cam,
+                          double full[9])
 {
     double along[3];
     for (int i = 0; i < 3; i++) {
         along[i] = T_world_cam == NULL
-                       ? place->along[i]
+                       ? position->along[i]
                        : dot((const double[3]){T_world_cam[4 * i], T_world_cam[4 * i + 1],
                                                T_world_cam[4 * i + 2]},
-                             place->along);
+                             position->along);
     }
     for (int i = 0; i < 9; i++) {
-        full[i] = (place->range_variance - place->across_variance) * along[i / 3] * along[i % 3] +
-                  (i % 4 == 0 ? place->across_variance : 0.0);
+        full[i] =
+            (position->range_variance - position->across_variance) * along[i / 3] * along[i % 3] +
+            (i % 4 == 0 ? position->across_variance : 0.0);
     }
 }
 
@@ -130,35 +132,37 @@ static void scale_to(double full[9], const double variance[3])
         full[i] *= scale[i / 3] * scale[i % 3];
 }
 
-static void filter_place(struct fv_object_slot *slot, const struct place *place,
-                         const struct fv_objects_inference *inference)
+static void filter_position(struct fv_object_slot *slot, const struct position *position,
+                            const struct fv_objects_inference *inference)
 {
     struct fv_se3 T;
     double at[3], full[9];
     fv_se3_from_rows(inference->T_world_cam, &T);
-    fv_se3_apply(&T, place->at, at);
-    covariance_of(place, inference->T_world_cam, full);
-    const bool goes_on = slot->has_place && slot->world == inference->world;
-    const double dt_s = (double)(inference->stamp_ns - slot->place_ns) * 1e-9;
+    fv_se3_apply(&T, position->at, at);
+    covariance_of(position, inference->T_world_cam, full);
+    const bool goes_on = slot->has_position && slot->world == inference->world;
+    const double dt_s = (double)(inference->stamp_ns - slot->position_ns) * 1e-9;
     for (int i = 0; i < 3; i++) {
         if (goes_on) {
-            fv_filter_predict(&slot->place[i], dt_s, walk_m_s * walk_m_s);
-            fv_filter_update(&slot->place[i], at[i], full[4 * i]);
+            fv_filter_predict(&slot->position[i], dt_s, walk_m_s * walk_m_s);
+            fv_filter_update(&slot->position[i], at[i], full[4 * i]);
         } else {
-            fv_filter_start(&slot->place[i], at[i], __builtin_sqrt(full[4 * i]), walk_m_s);
+            fv_filter_start(&slot->position[i], at[i], __builtin_sqrt(full[4 * i]), walk_m_s);
         }
     }
-    slot->has_place = 1;
+    slot->has_position = 1;
     slot->world = inference->world;
-    slot->place_ns = inference->stamp_ns;
+    slot->position_ns = inference->stamp_ns;
     for (int i = 0; i < 3; i++) {
-        slot->track.position_m[i] = slot->place[i].x;
-        slot->track.velocity_m_s[i] = slot->place[i].v;
+        slot->track.position_m[i] = slot->position[i].x;
+        slot->track.velocity_m_s[i] = slot->position[i].v;
     }
     /* The filter works axis by axis; the measurement's shape is kept, scaled to its variances. */
-    scale_to(full, (const double[3]){slot->place[0].xx, slot->place[1].xx, slot->place[2].xx});
+    scale_to(full,
+             (const double[3]){slot->position[0].xx, slot->position[1].xx, slot->position[2].xx});
     upper(full, slot->track.covariance_m2);
-    scale_to(full, (const double[3]){slot->place[0].vv, slot->place[1].vv, slot->place[2].vv});
+    scale_to(full,
+             (const double[3]){slot->position[0].vv, slot->position[1].vv, slot->position[2].vv});
     upper(full, slot->track.velocity_covariance_m2_s2);
     slot->track.located = 2;
 }
@@ -170,20 +174,20 @@ void fv_objects_locate(const struct fv_objects *tracker, struct fv_object_slot *
     const int32_t c = slot->track.class_id;
     const double height_m =
         c >= 0 && c < FOVEA_OBJECT_CLASSES_MAX ? (double)config->height_m[c] : 0.0;
-    struct place place;
+    struct position position;
     slot->track.located = 0;
     if (!slot->matched || (height_m <= 0.0 && !config->ground) || is_cut(tracker, slot)) return;
-    if (!(height_m > 0.0 && by_size(tracker, slot, height_m, &place)) &&
-        !(config->ground && by_floor(tracker, slot, &place)))
+    if (!(height_m > 0.0 && by_size(tracker, slot, height_m, &position)) &&
+        !(config->ground && by_floor(tracker, slot, &position)))
         return;
     if (inference->posed && inference->metric) {
-        filter_place(slot, &place, inference);
+        filter_position(slot, &position, inference);
         return;
     }
     double full[9];
-    covariance_of(&place, NULL, full);
+    covariance_of(&position, NULL, full);
     upper(full, slot->track.covariance_m2);
-    memcpy(slot->track.position_m, place.at, sizeof place.at);
+    memcpy(slot->track.position_m, position.at, sizeof position.at);
     memset(slot->track.velocity_m_s, 0, sizeof slot->track.velocity_m_s);
     memset(slot->track.velocity_covariance_m2_s2, 0, sizeof slot->track.velocity_covariance_m2_s2);
     slot->track.located = 1;

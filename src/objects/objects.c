@@ -6,7 +6,7 @@
  * sizes per second at first and gains two sizes per second within a second (twice what DeepSORT and
  * BoT-SORT take at 30 Hz: objects that turn). */
 static const double measured_fraction = 0.05, velocity_fraction = 2.0, drift_fraction = 2.0;
-/* Sizes change more slowly than places. */
+/* Sizes change more slowly than positions. */
 static const double size_velocity_fraction = 0.3, size_drift_fraction = 0.2;
 
 static double larger(double a, double b)

@@ -34,11 +34,11 @@ enum { FV_OBJECT_X = 0, FV_OBJECT_Y, FV_OBJECT_W, FV_OBJECT_H, FV_OBJECT_NUMBERS
 struct fv_object_slot {
     struct fovea_object track; /* as of the last inference */
     struct fv_filter box[FV_OBJECT_NUMBERS];
-    struct fv_filter place[3];                   /* in the world */
-    uint64_t world;                              /* of `place` */
-    int64_t place_ns;                            /* when `place` was last measured */
-    double score_sum;                            /* over its detections */
-    uint32_t used, has_place, matched, reserved; /* matched: in this inference */
+    struct fv_filter position[3];                   /* in the world */
+    uint64_t world;                                 /* of `position` */
+    int64_t position_ns;                            /* when `position` was last measured */
+    double score_sum;                               /* over its detections */
+    uint32_t used, has_position, matched, reserved; /* matched: in this inference */
 };
 
 struct fv_objects_state {

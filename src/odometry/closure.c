@@ -9,13 +9,13 @@ bool fv_odometry_closure_waiting(const struct fv_odometry *o)
            !fv_archive_busy(o->saver.archive);
 }
 
-/* Lengths of the current frame's world have another unit, and its points other places. */
+/* Lengths of the current frame's world have another unit, and its points other positions. */
 static void follow_correction(struct fv_odometry *o, const struct fv_sim3 *S_new_old)
 {
     struct fv_odometry_state *s = o->state;
     for (int k = 0; k < 3; k++)
         s->localise.motion.t[k] *= S_new_old->s;
-    fv_sim3_apply(S_new_old, s->still.place, s->still.place);
+    fv_sim3_apply(S_new_old, s->still.position, s->still.position);
     if (o->window.state->phase == FV_WINDOW_IDLE) return;
     fv_window_abort(&o->window); /* its copy is of the map before */
     s->job_wanted = true;

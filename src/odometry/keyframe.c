@@ -46,22 +46,22 @@ static double distance_to(const struct fv_map *map, uint32_t keyframe)
     return fv_norm3(T.t);
 }
 
-/* Count the frames for which the camera has stayed within `still_move_rad` of one place, seen from
- * the scene.
+/* Count the frames for which the camera has stayed within `still_move_rad` of one position, seen
+ * from the scene.
  */
 static void note_stillness(struct fv_odometry *o, double depth)
 {
     struct fv_odometry_state *s = o->state;
     const struct fv_se3 *T = &o->map.keyframes[fv_map_current(&o->map)].T_cam_world;
     const double origin[3] = {0, 0, 0};
-    double place[3], between[3];
-    fv_se3_apply_inverse(T, origin, place);
-    fv_subtract3(place, s->still.place, between);
+    double position[3], between[3];
+    fv_se3_apply_inverse(T, origin, position);
+    fv_subtract3(position, s->still.position, between);
     if (fv_norm3(between) < still_move_rad * depth) {
         s->still.frames++;
     } else {
         s->still.frames = 0;
-        fv_copy3(place, s->still.place);
+        fv_copy3(position, s->still.position);
     }
 }
 

@@ -36,7 +36,7 @@ extern "C" {
 /* For how long the camera has stayed in one place. */
 struct fv_still_state {
     uint32_t frames;
-    double place[3]; /* world */
+    double position[3]; /* world */
 };
 
 /* Keyframe that the last pose hangs on, and T_world_cam as published with its own frame. */

@@ -92,7 +92,7 @@ double p99(std::vector<double> values)
     return values[values.size() * 99 / 100];
 }
 
-/* Rows for one recording with so many features. */
+/* Rows for one recording with a number of features. */
 void run_recording(const char *title, const std::string &uri, uint32_t features,
                    std::vector<Result> &results)
 {

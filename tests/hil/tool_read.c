@@ -8,7 +8,7 @@
  *   held=MS      hold each frame for so long before it is compared
  *   run=COMMAND  run it after five frames, and go on
  *   says=WORDS   go on until some complaint holds these words
- *   damaged=N dropped=N recovered=N   go on until so many are counted
+ *   damaged=N dropped=N recovered=N   go on until these counts are reached
  *   until=STATE  end when the source is in this state instead
  *   times=N unplug=COMMAND plug=COMMAND
  *                N times: unplug, wait for `gone`, plug, wait for a frame; 99 %

@@ -312,7 +312,7 @@ def loaded(bench):
 
 
 def units(bench):
-    """No row of a large layer is more than a unit's work: 4 million multiply-accumulates, or so many bytes of weights by three."""
+    """No row of a large layer is more than a unit's work: 4 million multiply-accumulates, or that number of bytes of weights by three."""
     for what, shape, weights in (("connected", (1, 2000), (3000, 2000)), ("convolution", (1, 7, 7, 512), (512, 3, 3, 512))):
         b = Builder()
         x, y = b.tensor("int8", shape, 0.03, 0), b.tensor("int8", (*shape[:-1], weights[0]), 1.0, 0)

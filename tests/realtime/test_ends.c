@@ -36,7 +36,7 @@ struct setting {
     int output;          /* becomes stdout; -1: /dev/null */
     bool fsync_stalls;   /* fsync and fdatasync never return */
     bool hangup_ignored; /* as nohup does */
-    int descriptors;     /* at most so many; 0: as it is */
+    int descriptors;     /* at most this number; 0: as it is */
     bool closed;         /* the standard streams, but for stderr */
     rlim_t file_bytes;   /* no file may be larger; 0: as it is */
 };
@@ -142,7 +142,7 @@ static off_t size_of(const char *path)
     return stat(path, &about) == 0 ? about.st_size : 0;
 }
 
-/* Until a file has so many bytes: what writes it works. */
+/* Until a file has this number of bytes: what writes it works. */
 static void wait_until_grown(const char *path, off_t bytes)
 {
     for (int tenths = 0; tenths < 10 * PATIENCE_S && size_of(path) < bytes; tenths++)

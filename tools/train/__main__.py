@@ -151,7 +151,7 @@ def main():
     own.add_argument("--coco", help="COCO annotations (JSON)")
     own.add_argument("-o", "--output", required=True, help="the .fvm file to write; a .tflite is left beside it")
     own.add_argument("--minutes", type=float, default=10, help="training ends so long after the start, default 10; quantising and judging come after it")
-    own.add_argument("--steps", type=int, default=1500, help="at most so many steps of 8 pictures, default 1500")
+    own.add_argument("--steps", type=int, default=1500, help="the most steps, of 8 pictures each, default 1500")
     shipped = commands.add_parser("shipped", help="train the detector that comes with Fovea")
     shipped.add_argument("--fovea", default="build/fovea")
     shipped.add_argument("--work", default="build/train", help="where scenes and photographs are kept")

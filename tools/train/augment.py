@@ -7,7 +7,7 @@ import numpy as np
 WIDTH, HEIGHT, STRIDE = 640, 480, 8
 VISIBLE_MIN, VISIBLE_IGNORE = 0.5, 0.2  # objects between these are neither right nor wrong
 SIZE_MIN, SIZE_IGNORE = 11, 5           # longer side in pixels of the network's input
-SMALL_PX, SMALL_MOST = 48, 8            # a scene is drawn the more often the more small objects it has, up to so many
+SMALL_PX, SMALL_MOST = 48, 8            # a scene is drawn the more often the more small objects it has, up to this number
 PHOTO_SHARE = 0.32                      # of the samples: photographs alone
 
 

@@ -35,7 +35,7 @@ def _batch(size):
 
 def fit(model, scenes, backgrounds, classes, steps, batch=16, rate=2e-3, seed=1, report=print, keep=None, minutes=None, begun=None,
         rise=200):
-    """Trains in place for so many steps, or fewer where `minutes` since `begun` (now, unless given; of time.monotonic) are up before.
+    """Trains in place for a number of steps, or fewer where `minutes` since `begun` (now, unless given; of time.monotonic) are up before.
     The rate rises over `rise` steps and falls as half a cosine over the rest, by steps or by time, whichever is farther. `keep(step)`
     is called now and then. Returns the steps made. With one worker, and steps alone, the result depends on the seed alone, up to the
     order in which the library's threads add."""

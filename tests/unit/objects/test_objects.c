@@ -71,7 +71,7 @@ static void tracks_live_and_end(void **state)
     free(block);
 }
 
-/* State after so many equal sightings. */
+/* State after `hits` equal detections. */
 static int state_after(int sightings, double score)
 {
     struct fovea_objects t = {0};

@@ -8,6 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "common/grey_frame.h"
 #include "common/detector.h"
 #include "fovea/fovea.h"
 #include "image/rectify.h"
@@ -56,21 +57,12 @@ static struct made make(void)
     return made;
 }
 
-/* One turn with so many units; the detections message, or NULL. */
-static const struct fovea_message *turn(struct fovea *rt, int i, uint32_t units)
+/* One iteration with `units` units; the detections message, or NULL. */
+static const struct fovea_message *iterate(struct fovea *rt, int i, uint32_t units)
 {
     static struct fovea_outputs outputs;
-    const struct fovea_frame frame = {
-        .image_count = 1,
-        .images[0] = {.data = picture,
-                      .width = WIDTH,
-                      .height = HEIGHT,
-                      .stride_bytes = WIDTH,
-                      .format = FOVEA_PIXEL_GREY8,
-                      .size_bytes = sizeof picture},
-        .stamp_ns = (i + 1) * 1000,
-        .sequence = (uint64_t)i + 100,
-    };
+    const struct fovea_frame frame =
+        grey_frame(picture, WIDTH, HEIGHT, (i + 1) * 1000, (uint64_t)i + 100);
     struct fovea_inputs inputs = {.frame = &frame, .now_ns = frame.stamp_ns};
     fovea_grants_fixed(&config, &inputs.grants);
     fovea_step(rt, &inputs, &outputs);
@@ -92,13 +84,13 @@ static void slices_give_the_same_with_the_stamp_of_the_image(void **state)
     struct fovea_detections all, some;
     fovea_detections_get(whole.rt, &all);
     assert_int_equal(all.inferences, 0);
-    assert_non_null(turn(whole.rt, 0, 100000));
+    assert_non_null(iterate(whole.rt, 0, 100000));
     fovea_detections_get(whole.rt, &all);
     assert_int_equal(all.inferences, 1);
     assert_in_range(all.count, 1, 100);
     int looked_at = 0, inferences = 0;
     for (int i = 0; i < FRAMES; i++) {
-        const struct fovea_message *message = turn(sliced.rt, i, 2);
+        const struct fovea_message *message = iterate(sliced.rt, i, 2);
         if (message == NULL) continue;
         fovea_detections_t decoded;
         assert_int_equal(fovea_detections_t_decode(message->data, 0, (int)message->bytes, &decoded),
@@ -137,17 +129,8 @@ static void tracks_follow_the_looks(void **state)
     uint32_t confirmed = 0;
     for (int i = 0; i < 5; i++) {
         static struct fovea_outputs outputs;
-        const struct fovea_frame frame = {
-            .image_count = 1,
-            .images[0] = {.data = picture,
-                          .width = WIDTH,
-                          .height = HEIGHT,
-                          .stride_bytes = WIDTH,
-                          .format = FOVEA_PIXEL_GREY8,
-                          .size_bytes = sizeof picture},
-            .stamp_ns = (i + 1) * 33333333,
-            .sequence = (uint64_t)i + 100,
-        };
+        const struct fovea_frame frame =
+            grey_frame(picture, WIDTH, HEIGHT, (i + 1) * 33333333, (uint64_t)i + 100);
         struct fovea_inputs inputs = {.frame = &frame, .now_ns = frame.stamp_ns};
         fovea_grants_fixed(&config, &inputs.grants);
         fovea_step(made.rt, &inputs, &outputs);
@@ -189,12 +172,12 @@ static void limits_hold(void **state)
     (void)state;
     struct fovea_detections all, fewer;
     struct made made = make(), limited;
-    turn(made.rt, 0, 100000);
+    iterate(made.rt, 0, 100000);
     fovea_detections_get(made.rt, &all);
     assert_true(all.count > 2);
     config.detect.count_max = 2;
     limited = make();
-    turn(limited.rt, 0, 100000);
+    iterate(limited.rt, 0, 100000);
     fovea_detections_get(limited.rt, &fewer);
     assert_int_equal(fewer.count, 2);
     assert_memory_equal(fewer.list, all.list, 2 * sizeof *all.list);
@@ -202,7 +185,7 @@ static void limits_hold(void **state)
     config.detect.count_max = 100;
     config.detect.score_threshold = (double)all.list[1].score;
     limited = make();
-    turn(limited.rt, 0, 100000);
+    iterate(limited.rt, 0, 100000);
     fovea_detections_get(limited.rt, &fewer);
     assert_true(fewer.count >= 2 && fewer.list[fewer.count - 1].score >= all.list[1].score);
     assert_true(fewer.count == all.count || all.list[fewer.count].score < all.list[1].score);
@@ -219,7 +202,7 @@ static void rectified_boxes_hold_the_raw_ones(void **state)
     struct made made = make();
     struct fv_rectified rectified;
     fovea_detections_t out;
-    const struct fovea_message *message = turn(made.rt, 0, 100000);
+    const struct fovea_message *message = iterate(made.rt, 0, 100000);
     assert_int_equal(fovea_detections_t_decode(message->data, 0, (int)message->bytes, &out),
                      message->bytes);
     assert_int_equal(fv_rectified_choose(&config.rig.cameras[0].camera, FV_RECTIFIED_PINHOLE,
@@ -261,12 +244,12 @@ static void a_reset_forgets_the_look_under_way(void **state)
     (void)state;
     struct made made = make();
     struct fovea_outputs outputs;
-    turn(made.rt, 0, 3);
+    iterate(made.rt, 0, 3);
     const struct fovea_inputs reset = {.frame = NULL, .commands = FOVEA_COMMAND_RESET};
     fovea_step(made.rt, &reset, &outputs);
     assert_int_equal(outputs.jobs_waiting & 1u << FOVEA_JOB_DETECT, 0);
     struct fovea_detections found;
-    assert_non_null(turn(made.rt, 7, 100000));
+    assert_non_null(iterate(made.rt, 7, 100000));
     fovea_detections_get(made.rt, &found);
     assert_int_equal(found.sequence, 107);
     assert_int_equal(found.inferences, 1);

@@ -9,6 +9,7 @@
 #include <string.h>
 
 #include "base/elementary.h"
+#include "common/grey_frame.h"
 #include "fovea/fovea.h"
 #include "message/fields.h"
 #include "message/message.h"
@@ -60,17 +61,7 @@ static struct made make(uint8_t fill)
 
 static struct fovea_frame frame_at(int64_t stamp_ns)
 {
-    return (struct fovea_frame){
-        .image_count = 1,
-        .images[0] = {.data = picture,
-                      .width = WIDTH,
-                      .height = HEIGHT,
-                      .stride_bytes = WIDTH,
-                      .format = FOVEA_PIXEL_GREY8,
-                      .size_bytes = sizeof picture},
-        .stamp_ns = stamp_ns,
-        .sequence = (uint64_t)(stamp_ns / 1000),
-    };
+    return grey_frame(picture, WIDTH, HEIGHT, stamp_ns, (uint64_t)(stamp_ns / 1000));
 }
 
 static enum fovea_status step(struct fovea *rt, const struct fovea_frame *frame,

@@ -10,6 +10,7 @@
 
 #include <cmocka.h>
 
+#include "common/grey_frame.h"
 #include "fovea/fovea.h"
 
 enum { WIDTH = 320, HEIGHT = 240, FRAMES = 100, FEW = 10, MODEL_MAX = 1 << 22, PLENTY = 100000 };
@@ -63,24 +64,15 @@ static void make(struct made *made, const struct model *first, const struct mode
                      FOVEA_OK);
 }
 
-/* Step and work on frame `i` with so many units for the networks. */
-static void turn(struct made *made, struct fovea *rt, int i, uint32_t units)
+/* Step and work on frame `i` with `units` units for the networks. */
+static void iterate(struct made *made, struct fovea *rt, int i, uint32_t units)
 {
     static uint8_t picture[WIDTH * HEIGHT];
     for (int k = 0; k < WIDTH * HEIGHT; k++)
         picture[k] =
             (uint8_t)(((k % WIDTH + 3 * i) / 20 * 37 + k / WIDTH / 15 * 91) ^ (k * 7 & 15));
-    const struct fovea_frame frame = {
-        .image_count = 1,
-        .images[0] = {.data = picture,
-                      .width = WIDTH,
-                      .height = HEIGHT,
-                      .stride_bytes = WIDTH,
-                      .format = FOVEA_PIXEL_GREY8,
-                      .size_bytes = sizeof picture},
-        .stamp_ns = (i + 1) * 1000,
-        .sequence = (uint64_t)i,
-    };
+    const struct fovea_frame frame =
+        grey_frame(picture, WIDTH, HEIGHT, (i + 1) * 1000, (uint64_t)i);
     struct fovea_inputs inputs = {.frame = &frame, .now_ns = frame.stamp_ns};
     fovea_grants_fixed(&made->config, &inputs.grants);
     fovea_step(rt, &inputs, &made->outputs);
@@ -103,7 +95,7 @@ static int setup(void **state)
         make(&made, models[m], NULL);
         for (int i = 0; i < FRAMES; i++) {
             struct fovea_detections found;
-            turn(&made, made.rt, i, PLENTY);
+            iterate(&made, made.rt, i, PLENTY);
             fovea_detections_get(made.rt, &found);
             assert_int_equal(found.sequence, i);
             alone[m][i].count = found.count;
@@ -148,7 +140,7 @@ static void with_a_large_grant_both_look_at_every_frame(void **state)
     make(&made, &small, &shipped);
     for (int i = 0; i < FRAMES / 8; i++) {
         struct fovea_detections first, second;
-        turn(&made, made.rt, i, PLENTY);
+        iterate(&made, made.rt, i, PLENTY);
         fovea_detections_get(made.rt, &first);
         fovea_detections2_get(made.rt, &second);
         assert_int_equal(first.sequence, i);
@@ -176,7 +168,7 @@ static void a_small_grant_is_shared_and_changes_no_box(void **state)
     for (int i = 0; i < FRAMES; i++) {
         struct fovea_detections found[2];
         int complete = 0;
-        turn(&made, made.rt, i, FEW);
+        iterate(&made, made.rt, i, FEW);
         fovea_detections_get(made.rt, &found[0]);
         fovea_detections2_get(made.rt, &found[1]);
         for (int m = 0; m < 2; m++) {
@@ -203,15 +195,15 @@ static void a_copy_goes_on_with_both(void **state)
     struct fovea *copy;
     make(&made, &small, &shipped);
     for (int i = 0; i < 5; i++)
-        turn(&made, made.rt, i, FEW);
+        iterate(&made, made.rt, i, FEW);
     void *memory = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, made.bytes);
     assert_int_equal(fovea_copy(made.rt, memory, made.bytes, &copy), FOVEA_OK);
     for (int i = 5; i < FRAMES; i++)
-        turn(&made, made.rt, i, FEW);
+        iterate(&made, made.rt, i, FEW);
     const uint64_t hash = fovea_state_hash(made.rt);
     memset(made.memory, 0xa5, made.bytes);
     for (int i = 5; i < FRAMES; i++)
-        turn(&made, copy, i, FEW);
+        iterate(&made, copy, i, FEW);
     assert_true(fovea_state_hash(copy) == hash);
     struct fovea_detections second;
     fovea_detections2_get(copy, &second);

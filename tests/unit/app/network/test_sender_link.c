@@ -9,7 +9,8 @@
 
 enum { MS = 1000000, FEATURES_BYTES = 14000 };
 
-/* A link of so many bytes a millisecond behind a queue; a burst passes at once after rest. */
+/* A link of a given rate (bytes per millisecond) behind a queue; a burst passes at once after rest.
+ */
 struct world {
     struct fv_link link;
     int64_t now_ns;
