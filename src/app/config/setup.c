@@ -124,17 +124,44 @@ bool fv_setup_wants_colour(const struct fv_setup *setup)
     return takes_colour(&setup->model) || takes_colour(&setup->model2);
 }
 
+/* Whether the configuration asks for what needs the camera's calibration: poses, or positions of
+ * objects. Detection, tracking in the image and previews need none. */
+static bool measures(const struct fv_settings *settings)
+{
+    return settings->runtime.odometry.enabled || settings->runtime.objects.ground ||
+           settings->heights[0] != '\0';
+}
+
+/* A camera without distortion for a run in which nothing is measured by it: it sees 60 degrees
+ * across. */
+static struct fovea_camera nominal_camera(int32_t width, int32_t height)
+{
+    const double focal_px = 0.8660254037844386 * width; /* half the width over tan(30 degrees) */
+    return (struct fovea_camera){.width = width,
+                                 .height = height,
+                                 .fx = focal_px,
+                                 .fy = focal_px,
+                                 .cx = 0.5 * (width - 1),
+                                 .cy = 0.5 * (height - 1)};
+}
+
 static enum fovea_status camera_fit(struct fv_settings *settings,
                                     const struct fovea_source_info *info, struct fovea_error *error)
 {
     struct fovea_camera *camera = &settings->runtime.rig.cameras[0].camera;
     const char *origin = settings->camera[0] != '\0' ? settings->camera : info->cameras[0].origin;
     if (settings->camera[0] == '\0') {
+        if (!info->rig.cameras[0].calibrated && !measures(settings)) {
+            *camera = nominal_camera(info->cameras[0].width, info->cameras[0].height);
+            return fovea_camera_prepare(camera, error);
+        }
         if (!info->rig.cameras[0].calibrated)
             return fovea_error_set(
                 error, FOVEA_ERROR_INPUT,
-                "%.200s: camera: found no calibration with this source, expected --camera FILE",
-                settings->source);
+                "%.200s: camera: found no calibration with this source, expected --camera FILE "
+                "('fovea-calibrate camera --source %.100s --target chessboard:9x6:0.025 --out "
+                "camera.yaml' makes one) or --set odometry.enabled=false",
+                settings->source, settings->source);
         *camera = info->rig.cameras[0].camera;
     }
     return fovea_calibration_fit(camera, info->cameras[0].width, info->cameras[0].height,

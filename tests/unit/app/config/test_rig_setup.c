@@ -76,6 +76,33 @@ static void the_rig_has_the_body_of_the_settings(void **state)
     fv_setup_close(&setup);
 }
 
+/* A picture with no camera.yaml beside it: detection runs, and what measures says how to calibrate.
+ */
+static void only_what_measures_needs_a_calibration(void **state)
+{
+    static const char *const measuring[] = {"odometry.enabled=true", "objects.ground=true",
+                                            "objects.heights=person:1.7"};
+    char source[128];
+    (void)state;
+    write_mask(WIDTH, HEIGHT);
+    snprintf(source, sizeof source, "images:%s", path);
+    for (size_t i = 0; i < sizeof measuring / sizeof *measuring; i++) {
+        const char *const sets[] = {"odometry.enabled=false", measuring[i], NULL};
+        struct fv_setup setup = {0};
+        assert_int_equal(open_with(source, sets, &setup), FOVEA_ERROR_INPUT);
+        fv_setup_close(&setup);
+        if (strstr(error.text, "'fovea-calibrate camera --source images:") == NULL)
+            fail_msg("found \"%s\", expected the command that calibrates", error.text);
+    }
+    const char *const sets[] = {"odometry.enabled=false", NULL};
+    struct fv_setup setup = {0};
+    if (open_with(source, sets, &setup) != FOVEA_OK) fail_msg("%s", error.text);
+    const struct fovea_camera *camera = &settings.runtime.rig.cameras[0].camera;
+    assert_int_equal(camera->width, WIDTH);
+    assert_true(camera->field_max_rad > 0.5);
+    fv_setup_close(&setup);
+}
+
 static void masks_go_to_their_cameras(void **state)
 {
     char set[64];
@@ -172,6 +199,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_rig_has_the_body_of_the_settings),
+        cmocka_unit_test(only_what_measures_needs_a_calibration),
         cmocka_unit_test(masks_go_to_their_cameras),
         cmocka_unit_test(wrong_masks_are_refused),
         cmocka_unit_test(each_calibration_is_fitted_to_its_cameras_images),
