@@ -2,12 +2,13 @@
  *
  *     sequence:PART then PART ...       PART: URI, or URI[start=N,step=N,frames=N,reverse]
  *
- * Parts are of one camera and without samples of an inertial sensor. All parts are open from the
- * start; each goes on one period after the last frame of the one before. Frames come as the first
- * part's camera would have seen them: a part with another calibration is resampled (bilinear, edge
- * pixels repeated beyond its border). Truth goes with the picture, so parts of different recordings
- * have different worlds. `sequence` of a frame counts all frames played. Live sources cannot be
- * parts. */
+ * Parts have as many cameras as the first one, at the same places, and all of them or none an
+ * inertial sensor; samples of other sensors are left out, as those of two parts do not go together.
+ * All parts are open from the start; each goes on one period after the last frame of the one
+ * before. Frames come as the first part's cameras would have seen them: images of a camera with
+ * another calibration are resampled (bilinear, edge pixels repeated beyond the border). Truth goes
+ * with the picture, so parts of different recordings have different worlds. `sequence` of a frame
+ * counts all frames played. Live sources cannot be parts. */
 #include <stdlib.h>
 #include <string.h>
 
@@ -30,14 +31,15 @@ struct from {
 struct part {
     const struct fovea_source_ops *ops;
     struct fovea_source *source;
-    struct from *map; /* NULL: the picture fits as it is */
+    struct from *map[FOVEA_CAMERAS_MAX]; /* by camera; NULL: its pictures fit as they are */
 };
 
 struct held {
     bool used;
     uint32_t part;
-    struct fovea_frame own; /* as the part gave it */
-    uint8_t *pixels;        /* of a resampled picture */
+    struct fovea_frame own;             /* as the part gave it */
+    int64_t move_ns;                    /* added to its stamps */
+    uint8_t *pixels[FOVEA_CAMERAS_MAX]; /* of resampled pictures */
 };
 
 struct fovea_source { /* NOLINT(clang-analyzer-optin.performance.Padding): in order of meaning */
@@ -102,6 +104,28 @@ static enum fovea_status read_selection(char *text, struct fovea_source_selectio
     return FOVEA_OK;
 }
 
+static bool same_place(const double a[12], const double b[12])
+{
+    for (int i = 0; i < 12; i++)
+        if (!(a[i] - b[i] < 1e-6 && b[i] - a[i] < 1e-6)) return false;
+    return true;
+}
+
+/* In what a part's rig is not that of the first part, beside its calibrations; NULL: in nothing. */
+static const char *rig_differs(const struct fovea_rig *first, const struct fovea_rig *rig)
+{
+    if (rig->camera_count != first->camera_count) return "other numbers of cameras";
+    for (uint32_t i = 0; i < rig->camera_count && rig->camera_count > 1; i++)
+        if (rig->cameras[i].has_T_body_cam != first->cameras[i].has_T_body_cam ||
+            !same_place(rig->cameras[i].T_body_cam, first->cameras[i].T_body_cam))
+            return "other places of cameras";
+    if (rig->has_imu != first->has_imu) return "other inertial sensors";
+    if (rig->has_imu && (rig->imu.time_offset_ns != first->imu.time_offset_ns ||
+                         !same_place(rig->imu.T_body_imu, first->imu.T_body_imu)))
+        return "other places or clocks of inertial sensors";
+    return NULL;
+}
+
 static enum fovea_status open_part(struct fovea_source *source, char *text,
                                    struct fovea_error *error)
 {
@@ -127,26 +151,26 @@ static enum fovea_status open_part(struct fovea_source *source, char *text,
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "sequence: found the live source %s, expected recordings",
                                fovea_text_quote(text, quoted, sizeof quoted));
-    const struct fovea_rig *rig = &part->ops->info(part->source)->rig;
-    if (rig->camera_count > 1 || rig->has_imu)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                               "sequence: found %s with %s, expected one camera alone",
-                               fovea_text_quote(text, quoted, sizeof quoted),
-                               rig->has_imu ? "an inertial sensor" : "several cameras");
-    return FOVEA_OK;
+    const char *differs = rig_differs(&source->parts[0].ops->info(source->parts[0].source)->rig,
+                                      &part->ops->info(part->source)->rig);
+    if (differs == NULL) return FOVEA_OK;
+    return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                           "sequence: found %s with %s, expected those of the first part",
+                           fovea_text_quote(text, quoted, sizeof quoted), differs);
 }
 
 /* ---- one camera for all ---------------------------------------------------------------------- */
 
-static bool same_camera(const struct fovea_source_info *a, const struct fovea_source_info *b)
+static bool same_camera(const struct fovea_source_info *a, const struct fovea_source_info *b,
+                        uint32_t i)
 {
-    const struct fovea_camera *p = &a->rig.cameras[0].camera, *q = &b->rig.cameras[0].camera;
-    if (a->cameras[0].width != b->cameras[0].width ||
-        a->cameras[0].height != b->cameras[0].height || a->format != b->format)
+    const struct fovea_camera *p = &a->rig.cameras[i].camera, *q = &b->rig.cameras[i].camera;
+    if (a->cameras[i].width != b->cameras[i].width ||
+        a->cameras[i].height != b->cameras[i].height || a->format != b->format)
         return false;
-    if (!a->rig.cameras[0].calibrated || !b->rig.cameras[0].calibrated) return true;
-    for (size_t i = 0; i < sizeof p->k / sizeof p->k[0]; i++)
-        if (p->k[i] != q->k[i]) return false;
+    if (!a->rig.cameras[i].calibrated || !b->rig.cameras[i].calibrated) return true;
+    for (size_t k = 0; k < sizeof p->k / sizeof p->k[0]; k++)
+        if (p->k[k] != q->k[k]) return false;
     return p->lens == q->lens && p->fx == q->fx && p->fy == q->fy && p->cx == q->cx &&
            p->cy == q->cy;
 }
@@ -157,46 +181,47 @@ static uint16_t fixed(double place, int32_t size)
     return (uint16_t)((place < 0 ? 0 : place > most ? most : place) * (1 << FRACTION_BITS) + 0.5);
 }
 
-static enum fovea_status make_map(const struct fovea_source_info *to, struct part *part,
+/* Of camera i. */
+static enum fovea_status make_map(const struct fovea_source_info *to, struct part *part, uint32_t i,
                                   struct fovea_error *error)
 {
     const struct fovea_source_info *from = part->ops->info(part->source);
-    if (same_camera(to, from)) return FOVEA_OK;
-    if (!to->rig.cameras[0].calibrated || !from->rig.cameras[0].calibrated ||
+    if (same_camera(to, from, i)) return FOVEA_OK;
+    if (!to->rig.cameras[i].calibrated || !from->rig.cameras[i].calibrated ||
         to->format != FOVEA_PIXEL_GREY8 || from->format != FOVEA_PIXEL_GREY8 ||
-        from->cameras[0].width > PLACE_MAX || from->cameras[0].height > PLACE_MAX)
+        from->cameras[i].width > PLACE_MAX || from->cameras[i].height > PLACE_MAX)
         return fovea_error_set(
             error, FOVEA_ERROR_INPUT,
             "sequence: found a part of %d x %d pixels after one of %d x %d, expected the same or grey pictures of known cameras, at most %d each way",
-            from->cameras[0].width, from->cameras[0].height, to->cameras[0].width,
-            to->cameras[0].height, PLACE_MAX);
-    part->map =
-        malloc((size_t)to->cameras[0].width * (size_t)to->cameras[0].height * sizeof *part->map);
-    if (part->map == NULL)
+            from->cameras[i].width, from->cameras[i].height, to->cameras[i].width,
+            to->cameras[i].height, PLACE_MAX);
+    part->map[i] =
+        malloc((size_t)to->cameras[i].width * (size_t)to->cameras[i].height * sizeof *part->map[i]);
+    if (part->map[i] == NULL)
         return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "sequence: out of memory");
-    const struct fovea_camera *seen = &to->rig.cameras[0].camera,
-                              *taken = &from->rig.cameras[0].camera;
-    struct from *at = part->map;
-    for (int32_t y = 0; y < to->cameras[0].height; y++)
-        for (int32_t x = 0; x < to->cameras[0].width; x++, at++) {
+    const struct fovea_camera *seen = &to->rig.cameras[i].camera,
+                              *taken = &from->rig.cameras[i].camera;
+    struct from *at = part->map[i];
+    for (int32_t y = 0; y < to->cameras[i].height; y++)
+        for (int32_t x = 0; x < to->cameras[i].width; x++, at++) {
             const double pixel[2] = {x, y};
             double bearing[3], place[2] = {0, 0};
             *at = (struct from){0, 0}; /* where the lens sees nothing: the corner */
             if (fovea_camera_unproject(seen, pixel, bearing, NULL) != FOVEA_OK ||
                 fovea_camera_project(taken, bearing, place, NULL) != FOVEA_OK)
                 continue;
-            *at = (struct from){fixed(place[0], from->cameras[0].width),
-                                fixed(place[1], from->cameras[0].height)};
+            *at = (struct from){fixed(place[0], from->cameras[i].width),
+                                fixed(place[1], from->cameras[i].height)};
         }
     return FOVEA_OK;
 }
 
 /* Bilinear, rounded. */
-static void resample(const struct fovea_source_info *info, const struct from *map,
+static void resample(const struct fovea_source_camera *seen, const struct from *map,
                      const struct fovea_image *from, uint8_t *to)
 {
     const int32_t one = 1 << FRACTION_BITS;
-    const size_t count = (size_t)info->cameras[0].width * (size_t)info->cameras[0].height;
+    const size_t count = (size_t)seen->width * (size_t)seen->height;
     for (size_t i = 0; i < count; i++) {
         const int32_t x = map[i].x >> FRACTION_BITS, y = map[i].y >> FRACTION_BITS;
         const int32_t u = map[i].x & (one - 1), v = map[i].y & (one - 1);
@@ -215,10 +240,12 @@ static void sequence_close(struct fovea_source *source)
 {
     for (uint32_t i = 0; i < source->count; i++) {
         source->parts[i].ops->close(source->parts[i].source);
-        free(source->parts[i].map);
+        for (int k = 0; k < FOVEA_CAMERAS_MAX; k++)
+            free(source->parts[i].map[k]);
     }
     for (int i = 0; i < FOVEA_SOURCE_FRAMES_HELD; i++)
-        free(source->held[i].pixels);
+        for (int k = 0; k < FOVEA_CAMERAS_MAX; k++)
+            free(source->held[i].pixels[k]);
     free(source);
 }
 
@@ -245,34 +272,53 @@ static uint64_t frames_of(const struct fovea_source_selection *selection, uint64
     return selection->frames > 0 && selection->frames < left ? selection->frames : left;
 }
 
+/* What a resampled picture of camera i takes. */
+static size_t picture_bytes(const struct fovea_source_info *info, uint32_t i)
+{
+    return (size_t)info->cameras[i].width * (size_t)info->cameras[i].height;
+}
+
+/* The maps of a part, and memory for the pictures that they make, once for all parts. */
+static enum fovea_status make_maps(struct fovea_source *source, struct part *part,
+                                   struct fovea_error *error)
+{
+    struct fovea_source_info *info = &source->info;
+    for (uint32_t i = 0; i < info->rig.camera_count; i++) {
+        const size_t bytes = picture_bytes(info, i);
+        const enum fovea_status status = make_map(info, part, i, error);
+        if (status != FOVEA_OK) return status;
+        if (part->map[i] == NULL) continue;
+        info->heap_bytes += bytes * sizeof(struct from);
+        for (int k = 0; k < FOVEA_SOURCE_FRAMES_HELD; k++) {
+            uint8_t **pixels = &source->held[k].pixels[i];
+            if (*pixels != NULL) continue;
+            *pixels = malloc(bytes);
+            if (*pixels == NULL)
+                return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "sequence: out of memory");
+            info->heap_bytes += bytes;
+        }
+    }
+    return FOVEA_OK;
+}
+
 static enum fovea_status unite(struct fovea_source *source, struct fovea_error *error)
 {
     struct fovea_source_info *info = &source->info;
     *info = *source->parts[0].ops->info(source->parts[0].source);
-    info->rig.camera_count = 1;
-    info->rig.has_imu = false;
-    info->sample_kinds = 0;
-    const size_t bytes = (size_t)info->cameras[0].width * (size_t)info->cameras[0].height;
+    info->sample_kinds &= 1u << FOVEA_SAMPLE_IMU;
     uint64_t frames = 0;
-    bool known = true, maps = false;
+    bool known = true;
     info->heap_bytes = sizeof *source;
     info->has_truth = true;
     for (uint32_t i = 0; i < source->count; i++) {
-        const enum fovea_status status = make_map(info, &source->parts[i], error);
+        const enum fovea_status status = make_maps(source, &source->parts[i], error);
         if (status != FOVEA_OK) return status;
         const struct fovea_source_info *own = source->parts[i].ops->info(source->parts[i].source);
         known = known && own->frame_count > 0;
         frames += own->frame_count;
-        maps = maps || source->parts[i].map != NULL;
-        info->heap_bytes +=
-            own->heap_bytes + (source->parts[i].map != NULL ? bytes * sizeof(struct from) : 0);
+        info->heap_bytes += own->heap_bytes;
+        info->sample_kinds &= own->sample_kinds;
         info->has_truth = info->has_truth && own->has_truth;
-    }
-    for (int i = 0; maps && i < FOVEA_SOURCE_FRAMES_HELD; i++) {
-        source->held[i].pixels = malloc(bytes);
-        if (source->held[i].pixels == NULL)
-            return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "sequence: out of memory");
-        info->heap_bytes += bytes;
     }
     source->period_ns = (int64_t)(1e9 / (info->rate_hz > 0 ? info->rate_hz : 30));
     info->frame_count = known ? frames_of(&source->selection, frames) : source->selection.frames;
@@ -369,18 +415,51 @@ static void hand_out(struct fovea_source *source, uint32_t slot, struct fovea_fr
     frame->clock = FOVEA_CLOCK_RECORDED;
     frame->sequence = frame->index = source->position - 1;
     frame->slot = slot;
-    for (uint32_t i = 1; i < frame->image_count; i++)
-        frame->images[i] = (struct fovea_image){0};
-    frame->image_count = 1;
-    if (part->map == NULL) return;
-    resample(&source->info, part->map, &held->own.images[0], held->pixels);
-    frame->images[0] = (struct fovea_image){.data = held->pixels,
-                                            .width = source->info.cameras[0].width,
-                                            .height = source->info.cameras[0].height,
-                                            .stride_bytes = source->info.cameras[0].width,
-                                            .format = FOVEA_PIXEL_GREY8,
-                                            .size_bytes = (size_t)source->info.cameras[0].width *
-                                                          (size_t)source->info.cameras[0].height};
+    held->move_ns = source->move_ns;
+    for (uint32_t i = 0; i < frame->image_count && i < source->info.rig.camera_count; i++) {
+        const struct fovea_source_camera *seen = &source->info.cameras[i];
+        const struct fovea_image *own = &held->own.images[i];
+        if (part->map[i] == NULL || own->data == NULL) continue;
+        resample(seen, part->map[i], own, held->pixels[i]);
+        frame->images[i] = (struct fovea_image){.data = held->pixels[i],
+                                                .width = seen->width,
+                                                .height = seen->height,
+                                                .stride_bytes = seen->width,
+                                                .format = FOVEA_PIXEL_GREY8,
+                                                .size_bytes = picture_bytes(&source->info, i)};
+    }
+}
+
+/* Inertial samples of the frame's part, on the clock of the sequence. */
+static uint32_t take_samples(struct fovea_source *source, const struct held *held,
+                             struct fovea_sample *samples, uint32_t count_max)
+{
+    const struct part *part = &source->parts[held->part];
+    uint32_t kept = 0;
+    if (part->ops->samples == NULL || source->info.sample_kinds == 0) return 0;
+    const uint32_t count = part->ops->samples(part->source, &held->own, samples, count_max);
+    for (uint32_t i = 0; i < count; i++) {
+        if (samples[i].kind != FOVEA_SAMPLE_IMU) continue;
+        samples[kept] = samples[i];
+        samples[kept++].any.stamp_ns += held->move_ns;
+    }
+    return kept;
+}
+
+/* Of a frame before the first that is played. */
+static void drop_samples(const struct part *part, const struct fovea_frame *own)
+{
+    enum { AT_ONCE = 16 };
+    struct fovea_sample gone[AT_ONCE];
+    while (part->ops->samples != NULL &&
+           part->ops->samples(part->source, own, gone, AT_ONCE) == AT_ONCE)
+        continue;
+}
+
+static uint32_t sequence_samples(struct fovea_source *source, const struct fovea_frame *frame,
+                                 struct fovea_sample *samples, uint32_t count_max)
+{
+    return take_samples(source, &source->held[frame->slot], samples, count_max);
 }
 
 static enum fovea_status sequence_dequeue(struct fovea_source *source, int64_t deadline_ns,
@@ -405,6 +484,7 @@ static enum fovea_status sequence_dequeue(struct fovea_source *source, int64_t d
         if (status != FOVEA_OK) return status;
         (void)moved_stamp(source, held->own.stamp_ns);
         if (!chosen(source)) {
+            if (source->position <= source->selection.start) drop_samples(part, &held->own);
             part->ops->requeue(part->source, &held->own);
             continue;
         }
@@ -434,7 +514,7 @@ static enum fovea_status sequence_truth(struct fovea_source *source,
     const struct part *part = &source->parts[held->part];
     if (part->ops->truth == NULL) return FOVEA_ERROR_UNSUPPORTED;
     const enum fovea_status status = part->ops->truth(part->source, &held->own, truth);
-    if (status != FOVEA_OK || part->map == NULL) return status;
+    if (status != FOVEA_OK || part->map[0] == NULL) return status;
     truth->box_count = 0; /* these and the maps belong to the part's own picture */
     truth->depth_m = NULL;
     truth->class_mask = NULL;
@@ -500,6 +580,7 @@ const struct fovea_source_ops fovea_source_sequence = {
     .close = sequence_close,
     .truth = sequence_truth,
     .truth_pose = sequence_truth_pose,
+    .samples = sequence_samples,
     .counts = sequence_counts,
     .state = sequence_state,
     .complaint = sequence_complaint,

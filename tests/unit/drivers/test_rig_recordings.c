@@ -479,14 +479,71 @@ static void test_rig_elsewhere(void **state)
         "sim: imu: found 200 Hz in reverse, expected 0: a sensor's samples do not turn round");
     snprintf(sequence, sizeof sequence, "euroc:%.150s then euroc:%.150s?imu=1", top, top);
     expect_refused(&fovea_source_sequence, sequence,
-                   "with an inertial sensor, expected one camera alone");
-    snprintf(sequence, sizeof sequence, "euroc:%.150s?cameras=2[reverse]", top);
+                   "with other inertial sensors, expected those of the first part");
+    snprintf(sequence, sizeof sequence, "euroc:%.150s?cameras=2 then euroc:%.150s", top, top);
     expect_refused(&fovea_source_sequence, sequence,
-                   "with several cameras, expected one camera alone");
+                   "with other numbers of cameras, expected those of the first part");
+    snprintf(sequence, sizeof sequence,
+             "sim:orbit?width=96&height=64&baseline=0.1 then sim:orbit?width=96&height=64&"
+             "baseline=0.2");
+    expect_refused(&fovea_source_sequence, sequence,
+                   "with other places of cameras, expected those of the first part");
     snprintf(sequence, sizeof sequence, "euroc:%.150s then euroc:%.150s[reverse]", top, top);
     assert_int_equal(fovea_source_sequence.open(sequence, &everything, &source, &error), FOVEA_OK);
     fovea_source_sequence.close(source);
     fv_test_folder_remove(top);
+}
+
+/* Two parts of a rig, one after the other: every image of both cameras, the second part's resampled
+ * where its cameras have other sizes, and the inertial samples without a gap in their stamps. */
+static void test_sequence_of_rigs(void **state)
+{
+    static const char address[] =
+        "sim:orbit?width=96&height=64&rate=20&imu=200&baseline=0.1&frames=6 then "
+        "sim:orbit?width=128&height=96&rate=20&imu=200&baseline=0.1&frames=6&seed=2";
+    const struct fovea_source_ops *ops = &fovea_source_sequence;
+    struct fovea_source *source;
+    struct fovea_sample samples[FOVEA_INPUT_SAMPLES_MAX];
+    struct fovea_frame frame;
+    struct fovea_error error;
+    int64_t last_ns = 0;
+    uint32_t all = 0;
+    (void)state;
+    if (ops->open(address, &everything, &source, &error) != FOVEA_OK) fail_msg("%s", error.text);
+    const struct fovea_source_info *info = ops->info(source);
+    assert_true(info->rig.camera_count == 2 && info->rig.has_imu && info->frame_count == 12);
+    assert_int_equal(info->sample_kinds, 1u << FOVEA_SAMPLE_IMU);
+    assert_int_equal(ops->start(source, &error), FOVEA_OK);
+    for (int n = 0; n < 12; n++) {
+        assert_int_equal(ops->dequeue(source, INT64_MAX, &frame), FOVEA_OK);
+        assert_true(frame.image_count == 2 && frame.stamp_ns == n * 50000000LL);
+        for (int i = 0; i < 2; i++) {
+            assert_true(frame.images[i].width == W && frame.images[i].height == H);
+            assert_int_equal(fovea_image_check(&frame.images[i]), FOVEA_OK);
+        }
+        assert_true(frame.images[0].data != frame.images[1].data);
+        assert_memory_not_equal(frame.images[0].data, frame.images[1].data, W * H);
+        const uint32_t count = ops->samples(source, &frame, samples, FOVEA_INPUT_SAMPLES_MAX);
+        for (uint32_t i = 0; i < count; i++, all++) {
+            assert_int_equal(samples[i].kind, FOVEA_SAMPLE_IMU);
+            if (n != 6) assert_true(all == 0 || samples[i].imu.stamp_ns == last_ns + 5000000);
+            last_ns = samples[i].imu.stamp_ns;
+        }
+        assert_true(last_ns == frame.stamp_ns);
+        ops->requeue(source, &frame);
+    }
+    assert_int_equal(ops->dequeue(source, INT64_MAX, &frame), FOVEA_END);
+    assert_int_equal(all, 2 * (1 + 5 * IMU_PER_FRAME));
+    ops->close(source);
+
+    /* After a start only the samples of the period before it come. */
+    const struct fovea_source_selection later = {.start = 4, .step = 1};
+    assert_int_equal(ops->open(address, &later, &source, &error), FOVEA_OK);
+    assert_int_equal(ops->start(source, &error), FOVEA_OK);
+    assert_int_equal(ops->dequeue(source, INT64_MAX, &frame), FOVEA_OK);
+    assert_int_equal(ops->samples(source, &frame, samples, FOVEA_INPUT_SAMPLES_MAX), IMU_PER_FRAME);
+    ops->requeue(source, &frame);
+    ops->close(source);
 }
 
 static void test_wrong_options(void **state)
@@ -515,6 +572,7 @@ int main(void)
         cmocka_unit_test(test_leaping_stamps),
         cmocka_unit_test(test_no_common_stamp),
         cmocka_unit_test(test_rig_elsewhere),
+        cmocka_unit_test(test_sequence_of_rigs),
         cmocka_unit_test(test_samples_that_fit_a_frame),
         cmocka_unit_test(test_size_of_the_second_camera),
         cmocka_unit_test(test_log_with_a_damaged_sample),
