@@ -58,6 +58,40 @@ static struct fv_nn_add add_of(const struct fv_op_binary *p)
                               .act_max = p->act_max};
 }
 
+/* The kernel for rows that are packed, but for the larger and smaller of two. */
+static fv_k_nn_add_u8_fn *row_kernel(const struct fv_kernels *kernels, int32_t function)
+{
+    switch (function) {
+    case FV_BINARY_ADD:
+        return kernels->nn_add_u8;
+    case FV_BINARY_SUB:
+        return kernels->nn_sub_u8;
+    case FV_BINARY_MUL:
+        return kernels->nn_mul_u8;
+    case FV_BINARY_PRELU:
+        return kernels->nn_prelu_u8;
+    default:
+        return NULL;
+    }
+}
+
+/* `rows` packed rows, which axis 4 tells apart. */
+static void packed_rows(const struct fv_op_binary *p, const struct fv_kernels *kernels,
+                        const struct fv_nn_add *add, const uint8_t *a, const uint8_t *b,
+                        uint8_t *out, const uint8_t *table, int32_t rows)
+{
+    const int32_t count = p->dims[5];
+    fv_k_nn_add_u8_fn *kernel = row_kernel(kernels, p->function);
+    if (kernel != NULL) kernel(add, a, p->a[4], b, p->b[4], out, p->out[4], rows, count);
+    for (int32_t r = 0; r < rows; r++, out += p->out[4]) {
+        if (p->function == FV_BINARY_MAX)
+            kernels->nn_max_u8(a + r * (ptrdiff_t)p->a[4], b + r * (ptrdiff_t)p->b[4], out, count);
+        if (p->function == FV_BINARY_MIN)
+            kernels->nn_min_u8(a + r * (ptrdiff_t)p->a[4], b + r * (ptrdiff_t)p->b[4], out, count);
+        if (table != NULL) kernels->nn_table_u8(table, out, out, count);
+    }
+}
+
 void fv_nn_op_binary(const struct fv_nn_call *call, int32_t begin, int32_t end)
 {
     const struct fv_op_binary *p = &call->op->u.binary;
@@ -66,17 +100,16 @@ void fv_nn_op_binary(const struct fv_nn_call *call, int32_t begin, int32_t end)
     const int packed = p->a[5] == 1 && p->b[5] == 1 && p->out[5] == 1;
     const struct fv_nn_add add = add_of(p);
     const uint8_t *table = p->table == 0 ? NULL : call->model->base + p->table;
-    const int sums = packed && p->function == FV_BINARY_ADD && table == NULL;
     for (int32_t row = begin, rows; row < end; row += rows) {
         ptrdiff_t at[3];
         row_offsets(p->dims, row, strides, at, 3);
         const uint8_t *a = call->in[0] + at[0], *b = call->in[1] + at[1];
         uint8_t *out = call->out[0] + at[2];
         rows = 1;
-        if (sums) { /* rows up to the end of axis 4 at once */
+        if (packed) { /* rows up to the end of axis 4 at once */
             const int32_t left = p->dims[4] - row % p->dims[4];
             rows = left < end - row ? left : end - row;
-            call->kernels->nn_add_u8(&add, a, p->a[4], b, p->b[4], out, p->out[4], rows, count);
+            packed_rows(p, call->kernels, &add, a, b, out, table, rows);
             continue;
         }
         for (int32_t i = 0; i < count; i++) {

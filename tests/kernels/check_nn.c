@@ -308,6 +308,66 @@ void bench_nn_add_u8(struct check *check, fv_k_nn_add_u8_fn *variant)
             256, 256, 256);
 }
 
+/* Their shifts reach further than those of sums: products are small. */
+static struct fv_nn_add draw_product(struct check *check)
+{
+    struct fv_nn_add p = draw_add(check);
+    p.s_a = check_between(check, -8, 3);
+    p.s_out = check_between(check, -20, 2);
+    return p;
+}
+
+static void check_products(struct check *check, fv_k_nn_add_u8_fn *reference,
+                           fv_k_nn_add_u8_fn *variant)
+{
+    const int32_t count = check_between(check, 1, 300), rows = check_between(check, 1, 5);
+    const ptrdiff_t lda = count + check_between(check, 0, 20),
+                    ldb = check_between(check, 0, 1) ? 0 : lda;
+    const size_t bytes = (size_t)((rows - 1) * lda + count);
+    const struct fv_nn_add p = draw_product(check);
+    uint8_t *a = check_buffer(check, bytes, 1, 0),
+            *b = check_buffer(check, ldb == 0 ? (size_t)count : bytes, 1, 0);
+    uint8_t *expected = check_buffer(check, bytes, 1, 0), *found = check_buffer(check, bytes, 1, 0);
+    check_fill(check, a, bytes);
+    check_fill(check, b, ldb == 0 ? (size_t)count : bytes);
+    memcpy(found, a, bytes);
+    memcpy(expected, a, bytes);
+    reference(&p, a, lda, b, ldb, expected, lda, rows, count);
+    variant(&p, found, lda, b, ldb, found, lda, rows, count);
+    check_equal(check, "out", expected, found, bytes);
+}
+
+void check_nn_sub_u8(struct check *check, fv_k_nn_sub_u8_fn *reference, fv_k_nn_sub_u8_fn *variant)
+{
+    check_nn_add_u8(check, reference, variant);
+}
+
+void bench_nn_sub_u8(struct check *check, fv_k_nn_sub_u8_fn *variant)
+{
+    bench_nn_add_u8(check, variant);
+}
+
+void check_nn_mul_u8(struct check *check, fv_k_nn_mul_u8_fn *reference, fv_k_nn_mul_u8_fn *variant)
+{
+    check_products(check, reference, variant);
+}
+
+void bench_nn_mul_u8(struct check *check, fv_k_nn_mul_u8_fn *variant)
+{
+    bench_nn_add_u8(check, variant);
+}
+
+void check_nn_prelu_u8(struct check *check, fv_k_nn_prelu_u8_fn *reference,
+                       fv_k_nn_prelu_u8_fn *variant)
+{
+    check_products(check, reference, variant);
+}
+
+void bench_nn_prelu_u8(struct check *check, fv_k_nn_prelu_u8_fn *variant)
+{
+    bench_nn_add_u8(check, variant);
+}
+
 void check_nn_max_u8(struct check *check, fv_k_nn_max_u8_fn *reference, fv_k_nn_max_u8_fn *variant)
 {
     const int32_t count = check_between(check, 1, 300);
@@ -327,6 +387,16 @@ void bench_nn_max_u8(struct check *check, fv_k_nn_max_u8_fn *variant)
 {
     snprintf(check->size, sizeof check->size, "65536");
     variant(bench_scratch(), bench_scratch() + (1 << 20), bench_scratch() + (2 << 20), 65536);
+}
+
+void check_nn_min_u8(struct check *check, fv_k_nn_min_u8_fn *reference, fv_k_nn_min_u8_fn *variant)
+{
+    check_nn_max_u8(check, reference, variant);
+}
+
+void bench_nn_min_u8(struct check *check, fv_k_nn_min_u8_fn *variant)
+{
+    bench_nn_max_u8(check, variant);
 }
 
 void check_nn_transpose_u8(struct check *check, fv_k_nn_transpose_u8_fn *reference,

@@ -27,6 +27,68 @@ void fv_k_nn_add_u8__c(const struct fv_nn_add *p, const uint8_t *a, ptrdiff_t ld
         add_row(p, a + r * lda, b + r * ldb, out + r * ldo, count);
 }
 
+static void sub_row(const struct fv_nn_add *p, const uint8_t *a, const uint8_t *b, uint8_t *out,
+                    int32_t count)
+{
+    for (int32_t i = 0; i < count; i++) {
+        const int32_t x = fv_nn_requantize((a[i] - p->zero_a) * (1 << 20), p->m_a, p->s_a);
+        const int32_t y = fv_nn_requantize((b[i] - p->zero_b) * (1 << 20), p->m_b, p->s_b);
+        const int32_t difference = (int32_t)((uint32_t)x - (uint32_t)y);
+        const int32_t scaled = fv_nn_requantize(difference, p->m_out, p->s_out);
+        out[i] = fv_nn_output(scaled, p->zero_out, p->act_min, p->act_max);
+    }
+}
+
+void fv_k_nn_sub_u8__c(const struct fv_nn_add *p, const uint8_t *a, ptrdiff_t lda, const uint8_t *b,
+                       ptrdiff_t ldb, uint8_t *out, ptrdiff_t ldo, int32_t rows, int32_t count)
+{
+    for (int32_t r = 0; r < rows; r++)
+        sub_row(p, a + r * lda, b + r * ldb, out + r * ldo, count);
+}
+
+static void mul_row(const struct fv_nn_add *p, const uint8_t *a, const uint8_t *b, uint8_t *out,
+                    int32_t count)
+{
+    for (int32_t i = 0; i < count; i++) {
+        const int32_t product = (a[i] - p->zero_a) * (b[i] - p->zero_b);
+        const int32_t scaled = fv_nn_requantize(product, p->m_out, p->s_out);
+        out[i] = fv_nn_output(scaled, p->zero_out, p->act_min, p->act_max);
+    }
+}
+
+void fv_k_nn_mul_u8__c(const struct fv_nn_add *p, const uint8_t *a, ptrdiff_t lda, const uint8_t *b,
+                       ptrdiff_t ldb, uint8_t *out, ptrdiff_t ldo, int32_t rows, int32_t count)
+{
+    for (int32_t r = 0; r < rows; r++)
+        mul_row(p, a + r * lda, b + r * ldb, out + r * ldo, count);
+}
+
+static void prelu_row(const struct fv_nn_add *p, const uint8_t *a, const uint8_t *b, uint8_t *out,
+                      int32_t count)
+{
+    for (int32_t i = 0; i < count; i++) {
+        const int32_t x = a[i] - p->zero_a;
+        const int32_t scaled = x >= 0
+                                   ? fv_nn_requantize(x, p->m_a, p->s_a)
+                                   : fv_nn_requantize(x * (b[i] - p->zero_b), p->m_out, p->s_out);
+        out[i] = fv_nn_output(scaled, p->zero_out, p->act_min, p->act_max);
+    }
+}
+
+void fv_k_nn_prelu_u8__c(const struct fv_nn_add *p, const uint8_t *a, ptrdiff_t lda,
+                         const uint8_t *b, ptrdiff_t ldb, uint8_t *out, ptrdiff_t ldo, int32_t rows,
+                         int32_t count)
+{
+    for (int32_t r = 0; r < rows; r++)
+        prelu_row(p, a + r * lda, b + r * ldb, out + r * ldo, count);
+}
+
+void fv_k_nn_min_u8__c(const uint8_t *a, const uint8_t *b, uint8_t *out, int32_t count)
+{
+    for (int32_t i = 0; i < count; i++)
+        out[i] = a[i] < b[i] ? a[i] : b[i];
+}
+
 void fv_k_nn_max_u8__c(const uint8_t *a, const uint8_t *b, uint8_t *out, int32_t count)
 {
     for (int32_t i = 0; i < count; i++)

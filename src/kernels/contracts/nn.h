@@ -78,8 +78,16 @@ typedef void fv_k_nn_add_u8_fn(const struct fv_nn_add *add, const uint8_t *a, pt
                                const uint8_t *b, ptrdiff_t ldb, uint8_t *out, ptrdiff_t ldo,
                                int32_t rows, int32_t count);
 
+/* The same for other operators, with x = a[r lda + i] - zero_a and y = b[r ldb + i] - zero_b: the
+ * difference in place of the sum; the product, requantize(x y) by m_out and s_out; PRELU, which is
+ * requantize(x) by m_a and s_a where x >= 0, else the product. Shifts that these use for a product
+ * or for x are in [-31, 30]. */
+typedef fv_k_nn_add_u8_fn fv_k_nn_sub_u8_fn, fv_k_nn_mul_u8_fn, fv_k_nn_prelu_u8_fn;
+
 /* out[i] = max(a[i], b[i]); a == out is allowed. */
 typedef void fv_k_nn_max_u8_fn(const uint8_t *a, const uint8_t *b, uint8_t *out, int32_t count);
+/* out[i] = min(a[i], b[i]); likewise. Compilers find the vectors of its loop by themselves. */
+typedef fv_k_nn_max_u8_fn fv_k_nn_min_u8_fn;
 
 /* One row of a bilinear resize whose weights are multiples of 2^-bits, bits <= 10. Entries as in
  * the model file: lower and upper source column, weight of the upper one in [0, 2^bits]. */
