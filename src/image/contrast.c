@@ -98,18 +98,14 @@ static void make_tables(struct fv_contrast *contrast, const struct fv_kernels *k
 
 /* Tables of the tiles around a row of pixels, blended by its place between their centres, in 1/256
  * grey level. */
-static void blend_tables(struct fv_contrast *contrast, int32_t y)
+static void blend_tables(struct fv_contrast *contrast, const struct fv_kernels *kernels, int32_t y)
 {
     const int32_t at = place(y, contrast->tile_height), above = tile_before(at);
-    const uint32_t weight = (uint32_t)(at - 4096 * above);
     const int32_t top = above < 0 ? 0 : above, bottom = smaller(above + 1, contrast->tiles - 1);
-    for (int32_t tile = 0; tile < contrast->tiles; tile++) {
-        const uint8_t *a = contrast->tables[top * contrast->tiles + tile];
-        const uint8_t *b = contrast->tables[bottom * contrast->tiles + tile];
-        for (int i = 0; i < 256; i++)
-            contrast->blended[tile][i] =
-                (uint16_t)((a[i] * (4096 - weight) + b[i] * weight + 8) >> 4);
-    }
+    for (int32_t tile = 0; tile < contrast->tiles; tile++)
+        kernels->contrast_blend_u16(
+            contrast->blended[tile], contrast->tables[top * contrast->tiles + tile],
+            contrast->tables[bottom * contrast->tiles + tile], at - 4096 * above);
 }
 
 void fv_contrast_run(struct fv_contrast *contrast, const struct fv_kernels *kernels,
@@ -117,7 +113,7 @@ void fv_contrast_run(struct fv_contrast *contrast, const struct fv_kernels *kern
 {
     make_tables(contrast, kernels, in);
     for (int32_t y = 0; y < in->height; y++) {
-        blend_tables(contrast, y);
+        blend_tables(contrast, kernels, y);
         for (int32_t i = 0, x = 0; i <= contrast->tiles; i++) {
             const int32_t left = i == 0 ? 0 : i - 1, right = smaller(i, contrast->tiles - 1);
             if (contrast->ends[i] <= x) continue;

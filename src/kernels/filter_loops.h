@@ -63,3 +63,10 @@ void FV_NAME(range_u8)(uint8_t range[2], const uint8_t *in, int32_t count)
     range[0] = low;
     range[1] = high;
 }
+
+void FV_NAME(contrast_blend_u16)(uint16_t *restrict out, const uint8_t *a, const uint8_t *b,
+                                 int32_t weight)
+{
+    for (int32_t i = 0; i < 256; i++)
+        out[i] = (uint16_t)((a[i] * (4096 - weight) + b[i] * weight + 8) >> 4);
+}

@@ -179,6 +179,26 @@ void bench_bilateral_row_u8(struct check *check, fv_k_bilateral_row_u8_fn *varia
     }
 }
 
+void check_contrast_blend_u16(struct check *check, fv_k_contrast_blend_u16_fn *reference,
+                              fv_k_contrast_blend_u16_fn *variant)
+{
+    const uint8_t *a = filled(check, 256), *b = filled(check, 256);
+    const int32_t weight = check_between(check, 0, 4096);
+    uint16_t *expected = check_buffer(check, 512, 2, 0), *found = check_buffer(check, 512, 2, 0);
+    reference(expected, a, b, weight);
+    variant(found, a, b, weight);
+    check_equal(check, "table", expected, found, 512);
+}
+
+void bench_contrast_blend_u16(struct check *check, fv_k_contrast_blend_u16_fn *variant)
+{
+    strcpy(check->size, "480 x 8 tables");
+    uint16_t *out = (uint16_t *)(void *)bench_scratch();
+    for (int i = 0; i < 480 * 8; i++)
+        variant(out + i % 8 * 256, bench_image() + i % 100 * BENCH_STRIDE,
+                bench_image() + i % 100 * BENCH_STRIDE + 300, i);
+}
+
 static void contrast_inputs(struct check *check, uint16_t left[256], uint16_t right[256],
                             uint16_t *weights, int32_t count)
 {

@@ -45,6 +45,11 @@ typedef void fv_k_histogram_u8_fn(uint32_t counts[4][256], const uint8_t *in, in
 typedef void fv_k_bilateral_row_u8_fn(uint8_t *out, const uint8_t *const *rows, int32_t width,
                                       const uint16_t weights[3][256]);
 
+/* out[i] = (a[i] (4096 - weight) + b[i] weight + 8) >> 4 for i in [0, 256), weight in [0, 4096]:
+ * two tables of grey levels to one in 1/256 grey level. */
+typedef void fv_k_contrast_blend_u16_fn(uint16_t out[256], const uint8_t a[256],
+                                        const uint8_t b[256], int32_t weight);
+
 /* Blend two tables of 16 bits from pixel to pixel: out[i] = (left[in[i]] (4096 - w) +
  * right[in[i]] w + 2^19) >> 20 with w = weights[i] in [0, 4096], i < count; entries are at most
  * 65280. in == out is allowed. */

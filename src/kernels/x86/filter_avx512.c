@@ -83,3 +83,51 @@ void fv_k_gauss_row_u8__avx512(uint8_t *out, const uint8_t *const *rows, int32_t
     else
         gauss_row(out, rows, width, weights, 3, scratch);
 }
+
+/* One of 256 words for each of 32 indices: 64 at a time, chosen by the two upper bits. */
+static inline __m512i table_words(__m512i index, const __m512i part[8], __mmask32 bit6,
+                                  __mmask32 bit7)
+{
+    const __m512i lower =
+        _mm512_mask_mov_epi16(_mm512_permutex2var_epi16(part[0], index, part[1]), bit6,
+                              _mm512_permutex2var_epi16(part[2], index, part[3]));
+    const __m512i upper =
+        _mm512_mask_mov_epi16(_mm512_permutex2var_epi16(part[4], index, part[5]), bit6,
+                              _mm512_permutex2var_epi16(part[6], index, part[7]));
+    return _mm512_mask_mov_epi16(lower, bit7, upper);
+}
+
+static inline __m128i contrast_sixteen(__m256i left, __m256i right, __m256i weight)
+{
+    const __m512i a = _mm512_cvtepu16_epi32(left), b = _mm512_cvtepu16_epi32(right);
+    const __m512i moved = _mm512_mullo_epi32(_mm512_sub_epi32(b, a), _mm512_cvtepu16_epi32(weight));
+    const __m512i sum =
+        _mm512_add_epi32(_mm512_slli_epi32(a, FV_CONTRAST_BITS),
+                         _mm512_add_epi32(moved, _mm512_set1_epi32(1 << (FV_CONTRAST_BITS + 7))));
+    return _mm512_cvtepi32_epi8(_mm512_srli_epi32(sum, FV_CONTRAST_BITS + 8));
+}
+
+void fv_k_contrast_row_u8__avx512(uint8_t *out, const uint8_t *in, int32_t count,
+                                  const uint16_t left[256], const uint16_t right[256],
+                                  const uint16_t *weights)
+{
+    __m512i a[8], b[8];
+    for (int i = 0; i < 8; i++) {
+        a[i] = _mm512_loadu_si512(left + 32 * i);
+        b[i] = _mm512_loadu_si512(right + 32 * i);
+    }
+    for (int32_t i = 0; i < count; i += 32) {
+        const __mmask32 mask = count - i >= 32 ? 0xffffffffu : (1u << (count - i)) - 1u;
+        const __m512i index = _mm512_cvtepu8_epi16(_mm256_maskz_loadu_epi8(mask, in + i));
+        const __m512i weight = _mm512_maskz_loadu_epi16(mask, weights + i);
+        const __mmask32 bit6 = _mm512_test_epi16_mask(index, _mm512_set1_epi16(64));
+        const __mmask32 bit7 = _mm512_test_epi16_mask(index, _mm512_set1_epi16(128));
+        const __m512i l = table_words(index, a, bit6, bit7), r = table_words(index, b, bit6, bit7);
+        const __m128i low = contrast_sixteen(_mm512_castsi512_si256(l), _mm512_castsi512_si256(r),
+                                             _mm512_castsi512_si256(weight));
+        const __m128i high =
+            contrast_sixteen(_mm512_extracti64x4_epi64(l, 1), _mm512_extracti64x4_epi64(r, 1),
+                             _mm512_extracti64x4_epi64(weight, 1));
+        _mm256_mask_storeu_epi8(out + i, mask, _mm256_set_m128i(high, low));
+    }
+}
