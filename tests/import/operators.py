@@ -400,6 +400,16 @@ def unary(name, options=None, out=None, **fields):
     return build
 
 
+def root(name):
+    """Of what is not below zero: the reference stops there."""
+    def build(c):
+        shape = [c.int(1, 9) for _ in range(c.int(1, 4))]
+        x, y = c.q(shape, float(np.exp(c.r.uniform(-5, -2))), -128), c.q(shape)
+        c.b.op(name, [x], [y])
+        return [x], [y]
+    return build
+
+
 def softmax(c):
     shape = [c.int(1, 5) for _ in range(c.int(0, 2))] + [c.int(1, 60)]
     x = c.q([1] + shape, float(np.exp(c.r.uniform(-4, 0))))
@@ -546,6 +556,7 @@ CASES = {
     "SPACE_TO_DEPTH": space_to_depth, "TRANSPOSE_CONV": transpose_conv, "TFLite_Detection_PostProcess": detection,
     "FULLY_CONNECTED, computed": computed_weights, "SLICE": slice_, "GATHER": gather, "PADV2": pad_value,
     "EXP": signed(unary("EXP", "Exp")), "LOG": signed(unary("LOG")), "ABS": signed(unary("ABS", "Abs")), "GELU": unary("GELU", "Gelu"),
+    "NEG": signed(unary("NEG", "Neg")), "SQRT": signed(root("SQRT")), "RSQRT": signed(root("RSQRT")),
     "GELU, approximate": unary("GELU", "Gelu", Approximate=True),
 }
 

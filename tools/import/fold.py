@@ -6,6 +6,7 @@ import quant
 CONVOLUTIONS = ("CONV_2D", "DEPTHWISE_CONV_2D")
 RELU_BOUNDS = {"RELU": (0.0, None), "RELU6": (0.0, 6.0), "RELU_N1_TO_1": (-1.0, 1.0), "RELU_0_TO_1": (0.0, 1.0)}
 REAL = {"LOGISTIC": quant.logistic, "TANH": quant.tanh, "EXP": quant.exp_f32, "LOG": quant.log}  # tables by float arithmetic
+ROOTS = {"SQRT": quant.square_root, "RSQRT": quant.rsqrt}
 BINARIES = ("ADD", "SUB", "MUL", "MAXIMUM", "MINIMUM", "PRELU")
 
 
@@ -58,6 +59,10 @@ class Folder:
             return op.inputs[0], quant.float_table(ti, to, quant.gelu_approximate if approximate else quant.gelu)
         if op.name == "ABS" and ti.signed:
             return op.inputs[0], quant.absolute(s_in, z_in, s_out, z_out)
+        if op.name == "NEG" and ti.signed:
+            return op.inputs[0], quant.negative()
+        if op.name in ROOTS and ti.signed:
+            return op.inputs[0], ROOTS[op.name](s_in, z_in, s_out, z_out)
         if op.name in RELU_BOUNDS:
             return op.inputs[0], quant.relu(s_in, z_in, s_out, z_out, *RELU_BOUNDS[op.name])
         if op.name == "LEAKY_RELU":

@@ -134,6 +134,45 @@ def absolute(s_in, z_in, s_out, z_out):
     return table(lambda v: (abs(v - z_in) if same else mbqm(abs(v - z_in), m, s)) + z_out)
 
 
+def negative():
+    """NEG of int8: the reference negates the byte whatever its zero point, and -128 stays."""
+    return np.array([((128 - v) % 256 + 128) % 256 for v in range(256)], np.uint8)
+
+
+def inverse_root(value):
+    """1 / sqrt(value) as a multiplier and a shift, by five steps of Newton's method in fixed point (LiteRT's
+    GetInvSqrtQuantizedMultiplierExp)."""
+    if value <= 1:
+        return (1 << 31) - 1, 0
+    pairs = (31 - value.bit_length()) // 2 - 1
+    shift, value = 11 - pairs, value << 2 * pairs
+
+    def widened(x, bits):
+        return max(-(1 << 31), min((1 << 31) - 1, x << bits))
+    half, one_and_half, x = rdpot(value >> 1, 1), (1 << 28) + (1 << 27), 1 << 28
+    for _ in range(5):
+        cubed = widened(srdhm(srdhm(x, x), x), 6)
+        x = widened(srdhm(one_and_half, x) - srdhm(half, cubed), 3)
+    x = srdhm(x, 1518500250)
+    return (x << -shift, 0) if shift < 0 else (x, -shift)
+
+
+def rsqrt(s_in, z_in, s_out, z_out):
+    m, s = quantize_multiplier(1 / (math.sqrt(float(s_in)) * float(s_out)))
+
+    def one(v):
+        if v <= z_in:  # below zero the reference stops
+            return 255
+        multiplier, shift = inverse_root(v - z_in)
+        return mbqm(mbqm(1, multiplier, shift + 20), m, s - 20) + z_out
+    return table(one)
+
+
+def square_root(s_in, z_in, s_out, z_out):
+    """Cut, not rounded."""
+    return table(lambda v: int(f32(f32(np.sqrt(f32(s_in * f32(max(v - z_in, 0))))) / f32(s_out))) + z_out)
+
+
 def relu(s_in, z_in, s_out, z_out, low, high):
     """RELU, RELU6, RELU_N1_TO_1: `low` and `high` are real bounds, high may be None."""
     m, s = quantize_multiplier(float(f32(s_in) / f32(s_out)))
