@@ -94,8 +94,9 @@ static pid_t begin(const struct setting *setting, const char *const words[])
         close(STDIN_FILENO);
         close(STDOUT_FILENO);
     }
-    signal(SIGINT, SIG_DFL); /* shells let what they start in the background ignore it */
-    if (setting->hangup_ignored) signal(SIGHUP, SIG_IGN);
+    signal(SIGINT, SIG_DFL); /* shells let what they start in the background ignore it, and nohup
+                                ignores hangups */
+    signal(SIGHUP, setting->hangup_ignored ? SIG_IGN : SIG_DFL);
     if (setting->fsync_stalls && !stall_fsync()) _exit(99);
     exit(fv_dispatch(argc, argv));
 }
