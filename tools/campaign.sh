@@ -114,7 +114,7 @@ if [ -n "$sample" ]; then
     part kills kills 200
     part kidnap tools/evaluate/kidnap.sh 2
     part packets packets 50000
-    part fuzz make --no-print-directory fuzz FUZZ_SECONDS="${FUZZ_SECONDS:-8}"
+    part fuzz make --no-print-directory fuzz FUZZ_SECONDS="${FUZZ_SECONDS:-6}"
     part networks tools/check_networks.sh "$build" 1 best
 else
     part realtime realtime 36000

@@ -233,6 +233,22 @@ static void close_all(const int *descriptors, uint32_t count)
         close(descriptors[i]);
 }
 
+/* Another process made it: what is true or false is one of the two, and texts end. */
+static bool is_sound(struct fv_libcamera_event *event)
+{
+    const bool *const flags[] = {&event->frame.damaged, &event->frame.stamp.clock_known,
+                                 &event->frame.stamp.sequence_known};
+    for (size_t i = 0; i < sizeof flags / sizeof flags[0]; i++) {
+        uint8_t byte;
+        memcpy(&byte, flags[i], sizeof byte);
+        if (byte > 1) return false;
+    }
+    event->error.text[FOVEA_ERROR_TEXT_BYTES - 1] = '\0';
+    event->notice.text[FOVEA_ERROR_TEXT_BYTES - 1] = '\0';
+    event->agreed.id[FOVEA_LIBCAMERA_ID_BYTES - 1] = '\0';
+    return true;
+}
+
 /* The next message, if one is there, into `event`. FOVEA_AGAIN: none. `descriptors`: NULL where
  * none are expected. */
 static enum fovea_status receive(struct fv_libcamera_client *client, int *descriptors,
@@ -256,10 +272,10 @@ static enum fovea_status receive(struct fv_libcamera_client *client, int *descri
         take_descriptors(&message, descriptors != NULL ? descriptors : unexpected);
     if (descriptors == NULL) close_all(unexpected, came);
     if (count != NULL) *count = came;
-    const struct fv_libcamera_event *event = &client->event;
+    struct fv_libcamera_event *event = &client->event;
     if ((size_t)bytes >= offsetof(struct fv_libcamera_event, frame) &&
         event->version == FV_LIBCAMERA_VERSION &&
-        (size_t)bytes == fv_libcamera_event_bytes(event->kind))
+        (size_t)bytes == fv_libcamera_event_bytes(event->kind) && is_sound(event))
         return FOVEA_OK;
     if (descriptors != NULL) close_all(descriptors, came);
     if (count != NULL) *count = 0;
@@ -322,7 +338,6 @@ static enum fovea_status await_answer(struct fv_libcamera_client *client, int qu
         }
         if (status == FOVEA_AGAIN) wait_for_message(client, quit_fd, deadline_ns);
     }
-    client->event.error.text[FOVEA_ERROR_TEXT_BYTES - 1] = '\0';
     if (client->event.error.text[0] != '\0' && error != NULL) *error = client->event.error;
     return client->event.error.status;
 }
@@ -427,7 +442,6 @@ static enum fovea_status use_event(struct fv_libcamera_client *client,
 {
     struct fv_libcamera_event *event = &client->event;
     if (event->kind == FV_LIBCAMERA_BROKEN) {
-        event->error.text[FOVEA_ERROR_TEXT_BYTES - 1] = '\0';
         *error = event->error;
         if (event->error.status == FOVEA_GONE) end_process(client, 0);
         return event->error.status == FOVEA_GONE ? FOVEA_GONE : FOVEA_ERROR_SYSTEM;
@@ -531,7 +545,6 @@ enum fovea_status fv_libcamera_open(const struct fovea_libcamera_options *option
         close_client(client);
         return status > 0 ? FOVEA_ERROR_SYSTEM : status;
     }
-    client->event.agreed.id[FOVEA_LIBCAMERA_ID_BYTES - 1] = '\0';
     client->agreed = *agreed = client->event.agreed;
     *notice = client->event.notice;
     if (grief.text[0] != '\0')

@@ -26,13 +26,14 @@ int fv_groups_watch(void)
     return -1;
 }
 
-/* Whether an interface was deleted; news that were cut may hold that too. */
-static bool tells_of_deletion(const uint8_t *news, size_t bytes)
+bool fv_groups_tell_of_deletion(const uint8_t *news, size_t bytes)
 {
     struct nlmsghdr header;
-    for (size_t at = 0; at + sizeof header <= bytes; at += NLMSG_ALIGN(header.nlmsg_len)) {
+    for (size_t at = 0; at + sizeof header <= bytes; at += NLMSG_ALIGN((size_t)header.nlmsg_len)) {
         memcpy(&header, news + at, sizeof header);
-        if (header.nlmsg_type == RTM_DELLINK || header.nlmsg_len < sizeof header) return true;
+        if (header.nlmsg_type == RTM_DELLINK || header.nlmsg_len < sizeof header ||
+            header.nlmsg_len > bytes - at)
+            return true;
     }
     return false;
 }
@@ -46,13 +47,12 @@ bool fv_groups_changed(int watch, bool *deleted)
         const ssize_t bytes = recv(watch, news, sizeof news, 0);
         if (bytes < 0 && errno != ENOBUFS && errno != EINTR) break;
         changed = true; /* ENOBUFS: news were lost, so anything may have changed */
-        *deleted = *deleted || bytes < 0 || tells_of_deletion(news, (size_t)bytes);
+        *deleted = *deleted || bytes < 0 || fv_groups_tell_of_deletion(news, (size_t)bytes);
     }
     return changed;
 }
 
-/* The RTA_OIF of an answer to RTM_GETROUTE; 0: none. */
-static unsigned route_interface(const uint8_t *answer, size_t bytes)
+unsigned fv_groups_route_interface(const uint8_t *answer, size_t bytes)
 {
     struct nlmsghdr header;
     struct rtattr attribute;
@@ -96,7 +96,7 @@ unsigned fv_groups_route(struct in_addr group)
     ssize_t bytes = send(asking, &question, sizeof question, 0);
     if (bytes > 0) bytes = recv(asking, answer, sizeof answer, 0);
     close(asking);
-    return bytes > 0 ? route_interface(answer, (size_t)bytes) : 0;
+    return bytes > 0 ? fv_groups_route_interface(answer, (size_t)bytes) : 0;
 }
 
 bool fv_interfaces_have(const struct fv_interfaces *interfaces, unsigned index)

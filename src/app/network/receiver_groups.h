@@ -5,6 +5,8 @@
 
 #include <netinet/in.h>
 #include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
 
 enum { FV_GROUPS_MAX = 20 }; /* net.ipv4.igmp_max_memberships, unless somebody raised it */
 
@@ -26,6 +28,11 @@ int fv_groups_watch(void);
 /* Read all news there is. True: something may have changed. `deleted`: an interface may have gone,
  * and another may have come under its number, on which nothing is joined. */
 bool fv_groups_changed(int watch, bool *deleted);
+
+/* What both read. Whether an interface was deleted: news that were cut may hold that too. The
+ * RTA_OIF of an answer to RTM_GETROUTE, 0: none. */
+bool fv_groups_tell_of_deletion(const uint8_t *news, size_t bytes);
+unsigned fv_groups_route_interface(const uint8_t *answer, size_t bytes);
 
 /* The interface of the group's route, 0: it has none. */
 unsigned fv_groups_route(struct in_addr group);
