@@ -1,4 +1,4 @@
-/* Recordings that are odd and yet to be played: stamps that leap, logs with damage inside, names
+/* Recordings that are odd and yet to be played: stamps that leap, names
  * that look like patterns, a calibration that is not needed, a video backwards. */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -14,74 +14,11 @@
 
 #include "../../../drivers/recorded/player.h"
 #include "common/datasets.h"
-#include "fovea_recording_t.h"
-#include "message/message.h"
-#include "message/recorded.h"
+#include "common/played.h"
 
-enum { W = FV_TEST_WIDTH, H = FV_TEST_HEIGHT, MANY = 256 };
+enum { W = FV_TEST_WIDTH, H = FV_TEST_HEIGHT };
 
 static char *const folder = fv_test_place;
-
-/* What came of a recording: sequences of the frames, and its counts; the first complaint. */
-struct played {
-    uint64_t sequence[MANY];
-    int64_t stamp_ns[MANY];
-    uint32_t picture[MANY]; /* a sum over it */
-    size_t count;
-    struct fovea_source_counts counts;
-    double rate_hz;
-    bool has_camera;
-    struct fovea_camera camera;
-    struct fovea_error complaint;
-};
-
-static void play(const struct fovea_source_ops *ops, struct fovea_source *source,
-                 struct played *played)
-{
-    struct fovea_frame frame;
-    struct fovea_error error;
-    enum fovea_status status;
-    memset(played, 0, sizeof *played);
-    played->rate_hz = ops->info(source)->rate_hz;
-    played->has_camera = ops->info(source)->rig.cameras[0].calibrated;
-    played->camera = ops->info(source)->rig.cameras[0].camera;
-    assert_int_equal(ops->start(source, &error), FOVEA_OK);
-    while ((status = ops->dequeue(source, INT64_MAX, &frame)) == FOVEA_OK && played->count < MANY) {
-        played->sequence[played->count] = frame.sequence;
-        for (int32_t i = 0; i < frame.images[0].width; i++)
-            played->picture[played->count] =
-                played->picture[played->count] * 31 + frame.images[0].data[i];
-        played->stamp_ns[played->count++] = frame.stamp_ns;
-        ops->requeue(source, &frame);
-    }
-    assert_int_equal(status, FOVEA_END);
-    ops->counts(source, &played->counts);
-    (void)ops->complaint(source, &played->complaint);
-    ops->stop(source);
-    ops->close(source);
-}
-
-static enum fovea_status play_uri(const char *scheme, const char *address,
-                                  const struct fovea_source_selection *selection,
-                                  struct played *played, struct fovea_error *error)
-{
-    char uri[FV_TEST_PATH_BYTES + 16];
-    const struct fovea_source_ops *ops;
-    struct fovea_source *source;
-    snprintf(uri, sizeof uri, "%s:%s", scheme, address);
-    assert_int_equal(fovea_source_find(uri, &ops, &address, error), FOVEA_OK);
-    const enum fovea_status status = ops->open(address, selection, &source, error);
-    if (status == FOVEA_OK) play(ops, source, played);
-    return status;
-}
-
-static void play_fine(const char *scheme, const char *address, struct played *played)
-{
-    static const struct fovea_source_selection everything = {.step = 1};
-    struct fovea_error error = {.text = ""};
-    if (play_uri(scheme, address, &everything, played, &error) != FOVEA_OK)
-        fail_msg("%s", error.text);
-}
 
 /* ---- stamps ---------------------------------------------------------------------------------- */
 
@@ -116,7 +53,7 @@ static void play_stamps(const int64_t *stamps, const struct fovea_source_selecti
         .fetch = fetch_stamp, .stamp = stamp, .close = close_nothing};
     static const struct fovea_source_ops source_ops = FV_PLAYER_OPS("stamps", "", NULL);
     const struct fovea_source_info info = {.cameras[0] = {W, 1, ""}, .format = FOVEA_PIXEL_GREY8};
-    int64_t memory[MANY];
+    int64_t memory[PLAYED_MAX];
     struct fovea_source *source;
     struct fovea_error error;
     uint64_t count = 0;
@@ -125,7 +62,7 @@ static void play_stamps(const int64_t *stamps, const struct fovea_source_selecti
     assert_int_equal(
         fv_player_open(&ops, memory, count, NULL, "stamps.txt", selection, &info, &source, &error),
         FOVEA_OK);
-    play(&source_ops, source, played);
+    played_source(&source_ops, source, played);
     assert_int_equal(played->counts.delivered + played->counts.damaged, count);
 }
 
@@ -211,207 +148,13 @@ static void test_leaps_as_they_are_played(void **state)
     memcpy(memory, ahead, sizeof memory);
     assert_int_equal(fv_player_open(&ops, memory, 9, NULL, "x", &second, &info, &source, &error),
                      FOVEA_OK);
-    play(&source_ops, source, &played);
+    played_source(&source_ops, source, &played);
     assert_int_equal(played.count, 5);
     assert_int_equal(fv_player_open(&ops, memory, 9, NULL, "x", &odd, &info, &source, &error),
                      FOVEA_OK);
-    play(&source_ops, source, &played);
+    played_source(&source_ops, source, &played);
     assert_int_equal(played.count, 3);
     assert_int_equal(played.counts.damaged, 1);
-}
-
-/* ---- logs ------------------------------------------------------------------------------------ */
-
-/* The header of one event is spoilt: that frame is lost, all others come. */
-static void test_log_goes_on_after_damage(void **state)
-{
-    struct played played;
-    char path[FV_TEST_PATH_BYTES];
-    size_t bytes;
-    (void)state;
-    snprintf(path, sizeof path, "%s", fv_test_lcmlog(folder));
-    uint8_t *whole = fv_test_read(path, &bytes);
-    const size_t event = bytes / FV_TEST_FRAMES;
-    play_fine("lcmlog", path, &played);
-    assert_int_equal(played.count, FV_TEST_FRAMES);
-    assert_true(played.rate_hz > 19.99 && played.rate_hz < 20.01);
-    for (size_t at = 0; at < 28; at++) {
-        if (at >= 4 && at < 20) continue; /* number and time, which nobody needs */
-        uint8_t *byte = &whole[5 * event + at];
-        *byte = (uint8_t) ~*byte;
-        fv_test_write(path, whole, bytes);
-        *byte = (uint8_t) ~*byte;
-        play_fine("lcmlog", path, &played);
-        /* A length may swallow a neighbour. */
-        if (played.count + 2 < FV_TEST_FRAMES || played.count == FV_TEST_FRAMES)
-            fail_msg("byte %zu: %zu frames", at, played.count);
-        assert_true(played.counts.damaged > 0);
-        assert_int_equal(played.sequence[played.count - 1], FV_TEST_FRAMES - 1);
-        if (at < 4) {
-            char place[64];
-            assert_int_equal(played.count, FV_TEST_FRAMES - 1);
-            assert_int_equal(played.counts.damaged, 1);
-            snprintf(place, sizeof place, ": byte %zu: found ", 5 * event);
-            assert_non_null(strstr(played.complaint.text, place));
-        }
-    }
-    /* A piece of a header gone, one from inside a frame, whose length then swallows the next one's
-     * head, and the end of the file; in reverse too. */
-    const struct fovea_source_selection reverse = {.step = 1, .reverse = true};
-    struct fovea_error error;
-    memmove(whole + 7 * event + 50, whole + 7 * event + 150, bytes - 7 * event - 150);
-    memmove(whole + 3 * event + 10, whole + 3 * event + 90, bytes - 3 * event - 90);
-    fv_test_write(path, whole, bytes - 180 - 40);
-    play_fine("lcmlog", path, &played);
-    assert_int_equal(played.count, FV_TEST_FRAMES - 4);
-    assert_int_equal(played.counts.damaged, 4);
-    assert_int_equal(play_uri("lcmlog", path, &reverse, &played, &error), FOVEA_OK);
-    assert_int_equal(played.count, FV_TEST_FRAMES - 4);
-    for (size_t i = 1; i < played.count; i++)
-        assert_true(played.stamp_ns[i] > played.stamp_ns[i - 1] &&
-                    played.sequence[i] < played.sequence[i - 1]);
-    free(whole);
-}
-
-static void put_number(FILE *file, uint64_t number, int bytes)
-{
-    while (bytes-- > 0)
-        assert_true(fputc((int)(number >> (8 * bytes) & 0xff), file) != EOF);
-}
-
-static void put_event(FILE *file, const char *channel, const void *data, size_t bytes)
-{
-    put_number(file, 0xEDA1DA01, 4);
-    put_number(file, 0, 8);
-    put_number(file, 0, 8);
-    put_number(file, strlen(channel), 4);
-    put_number(file, bytes, 4);
-    assert_int_equal(fwrite(channel, 1, strlen(channel), file), strlen(channel));
-    assert_int_equal(fwrite(data, 1, bytes, file), bytes);
-}
-
-/* The head of a recording of ours, with a focal length. */
-static void put_head(FILE *file, const char *channel, int focal)
-{
-    static char none[] = "", name[] = "rig";
-    uint8_t bytes[2048], rig_bytes[2048];
-    const struct fovea_rig rig = {
-        .camera_count = 1,
-        .cameras[0] = {
-            .calibrated = true,
-            .camera = {.width = W, .height = H, .fx = focal, .fy = focal, .cx = 48, .cy = 32}}};
-    fovea_recording_part_t part = {
-        .name = name,
-        .origin = none,
-        .size_bytes = (int32_t)fv_message_rig_encode(&rig, rig_bytes, sizeof rig_bytes),
-        .data = rig_bytes};
-    fovea_recording_t head = {.format = FOVEA_RECORDING_T_FORMAT,
-                              .version = none,
-                              .machine = none,
-                              .kernel_set = none,
-                              .source = none,
-                              .channel_prefix = none,
-                              .part_count = 1,
-                              .parts = &part};
-    const int size = fovea_recording_t_encode(bytes, 0, sizeof bytes, &head);
-    assert_true(size > 0);
-    put_event(file, channel, bytes, (size_t)size);
-}
-
-/* A logger that hears all: other messages come first, and the head of another camera. */
-static void test_log_head_among_others(void **state)
-{
-    const struct fovea_source_selection everything = {.step = 1};
-    char path[FV_TEST_PATH_BYTES];
-    size_t bytes;
-    (void)state;
-    snprintf(path, sizeof path, "%s", fv_test_lcmlog(folder));
-    uint8_t *frames = fv_test_read(path, &bytes);
-    for (int ours = 0; ours < 2; ours++) {
-        struct fovea_source *source;
-        struct fovea_error error;
-        FILE *file = fopen(path, "wb");
-        assert_non_null(file);
-        put_event(file, "BASE_POSE", "anything", 8);
-        put_head(file, "LEFT_RECORDING", 70);
-        put_head(file, "FOVEA_2_RECORDING", 75);
-        if (ours) put_head(file, "FOVEA_RECORDING", 90);
-        for (int i = 0; i < 12; i++) { /* more than are looked at */
-            char channel[32];
-            snprintf(channel, sizeof channel, "OTHER%d_RECORDING", i);
-            put_head(file, channel, 80);
-        }
-        assert_int_equal(fwrite(frames, 1, bytes, file), bytes);
-        assert_int_equal(fclose(file), 0);
-        assert_int_equal(fovea_source_lcmlog.open(path, &everything, &source, &error), FOVEA_OK);
-        const struct fovea_source_info *info = fovea_source_lcmlog.info(source);
-        assert_int_equal(info->rig.cameras[0].calibrated, ours);
-        if (ours) assert_true(info->rig.cameras[0].camera.fx == 90);
-        fovea_source_lcmlog.close(source);
-    }
-    free(frames);
-}
-
-/* Two cameras: an absent image stays absent, and a frame with another number of images is damaged.
- */
-static void test_log_of_two_cameras(void **state)
-{
-    const struct fovea_source_selection everything = {.step = 1};
-    static const uint32_t counts[] = {2, 2, 1, 2};
-    const char *path = fv_test_path(folder, "two.lcmlog");
-    static uint8_t pixels[W * H], bytes[3 * W * H];
-    struct fovea_source *source;
-    struct fovea_frame frame;
-    struct fovea_error error;
-    (void)state;
-    FILE *file = fopen(path, "wb");
-    assert_non_null(file);
-    fv_message_prepare();
-    for (uint32_t i = 0; i < 4; i++) {
-        const struct fovea_image image = {pixels, W, H, W, FOVEA_PIXEL_GREY8, sizeof pixels};
-        frame = (struct fovea_frame){.image_count = counts[i], .stamp_ns = i, .sequence = i};
-        frame.images[i == 0 ? 1 : 0] = image; /* of the first frame the first camera's is absent */
-        if (i == 3) frame.images[1] = image;
-        put_event(file, "FOVEA_FRAME", bytes,
-                  fv_message_frame_encode(&frame, 0, bytes, sizeof bytes));
-    }
-    assert_int_equal(fclose(file), 0);
-    assert_int_equal(fovea_source_lcmlog.open(path, &everything, &source, &error), FOVEA_OK);
-    assert_int_equal(fovea_source_lcmlog.info(source)->rig.camera_count, 2);
-    assert_int_equal(fovea_source_lcmlog.start(source, &error), FOVEA_OK);
-    for (uint32_t i = 0; i < 4; i++) {
-        if (counts[i] != 2) continue;
-        assert_int_equal(fovea_source_lcmlog.dequeue(source, INT64_MAX, &frame), FOVEA_OK);
-        assert_int_equal(frame.sequence, i);
-        assert_int_equal(frame.image_count, 2);
-        assert_int_equal(frame.images[0].data == NULL, i == 0);
-        assert_int_equal(frame.images[1].data == NULL, i == 1);
-        fovea_source_lcmlog.requeue(source, &frame);
-    }
-    assert_int_equal(fovea_source_lcmlog.dequeue(source, INT64_MAX, &frame), FOVEA_END);
-    assert_int_equal(fovea_source_lcmlog.complaint(source, &error), FOVEA_OK);
-    assert_non_null(strstr(error.text, "frame 2: image_count: found 1, expected 2"));
-    fovea_source_lcmlog.close(source);
-}
-
-/* A log in which no frame can be read is refused by its first damage. */
-static void test_log_of_nothing(void **state)
-{
-    const struct fovea_source_selection everything = {.step = 1};
-    static uint8_t noise[8192];
-    struct played played;
-    struct fovea_error error;
-    const char *path = fv_test_path(folder, "noise.lcmlog");
-    (void)state;
-    for (size_t i = 0; i + 4 <= sizeof noise; i += 4) /* sync words */
-        memcpy(noise + i, "\xED\xA1\xDA\x01", 4);
-    static const char event[] =
-        "\xED\xA1\xDA\x01................\0\0\0\x04\0\0\0\0NAME"; /* and one event */
-    memcpy(noise + sizeof noise / 2, event, sizeof event - 1);
-    fv_test_write(path, noise, sizeof noise);
-    assert_int_equal(play_uri("lcmlog", path, &everything, &played, &error), FOVEA_ERROR_INPUT);
-    assert_memory_equal(error.text, path, strlen(path));
-    assert_memory_equal(error.text + strlen(path), ": byte 20: channel length", 25);
 }
 
 /* ---- names ----------------------------------------------------------------------------------- */
@@ -431,7 +174,7 @@ static void test_names_that_look_like_patterns(void **state)
         if (strchr(pattern, '*') != NULL) *pattern = '\0'; /* its folder */
         snprintf(to, sizeof to, "%s", fv_test_path(folder, names[i]));
         assert_int_equal(rename(from, to), 0);
-        play_fine("images", to, &played);
+        played_fine("images", to, &played);
         assert_int_equal(played.count, FV_TEST_FRAMES);
         static const char *const odd[] = {"[0-9]?*.png", "[0-9]x*.png", "[0-9]?x.png", "1?*.png"};
         for (size_t k = 0; k < sizeof odd / sizeof odd[0]; k++) {
@@ -440,7 +183,7 @@ static void test_names_that_look_like_patterns(void **state)
             assert_int_equal(rename(fv_test_path(to, name), fv_test_path(to, odd[k])), 0);
         }
         snprintf(file, sizeof file, "%s", fv_test_path(to, odd[0]));
-        play_fine("images", file, &played);
+        played_fine("images", file, &played);
         assert_int_equal(played.count, 1);
         fv_test_folder_remove(to);
     }
@@ -460,7 +203,7 @@ static void test_first_frame_missing(void **state)
         assert_int_equal(rename(fv_test_path(top, from), fv_test_path(top, to)), 0);
     }
     assert_int_equal(unlink(fv_test_path(top, "image_0/000000.jpg")), 0);
-    play_fine("kitti", top, &played);
+    played_fine("kitti", top, &played);
     assert_int_equal(played.count, FV_TEST_FRAMES - 1);
     assert_int_equal(played.counts.missing, 1);
     assert_non_null(strstr(played.complaint.text, "000000.jpg: cannot be opened"));
@@ -521,7 +264,7 @@ static void test_video_in_reverse(void **state)
     char path[FV_TEST_PATH_BYTES];
     (void)state;
     snprintf(path, sizeof path, "%s", fv_test_long_video(folder, FRAMES));
-    if (play_uri("video", path, &everything, &all, &error) == FOVEA_ERROR_UNSUPPORTED) {
+    if (played_uri("video", path, &everything, &all, &error) == FOVEA_ERROR_UNSUPPORTED) {
         print_message("SKIPPED videos: %s\n", error.text);
         return;
     }
@@ -530,7 +273,7 @@ static void test_video_in_reverse(void **state)
         const struct fovea_source_selection *s = &reverse[c];
         const uint64_t left = (FRAMES - s->start - 1) / s->step + 1,
                        count = s->frames > 0 ? s->frames : left;
-        assert_int_equal(play_uri("video", path, s, &played, &error), FOVEA_OK);
+        assert_int_equal(played_uri("video", path, s, &played, &error), FOVEA_OK);
         assert_int_equal(played.count, count);
         for (size_t i = 0; i < count; i++) {
             const uint64_t index = s->start + (count - 1 - i) * s->step;
@@ -539,9 +282,10 @@ static void test_video_in_reverse(void **state)
             assert_true(i == 0 || played.stamp_ns[i] > played.stamp_ns[i - 1]);
         }
     }
-    assert_int_equal(play_uri("video", path, &late, &played, &error), FOVEA_ERROR_ARGUMENT);
+    assert_int_equal(played_uri("video", path, &late, &played, &error), FOVEA_ERROR_ARGUMENT);
     assert_non_null(strstr(error.text, "start: found 150, expected less than its 150 frames"));
-    assert_int_equal(play_uri("video", path, &late_reverse, &played, &error), FOVEA_ERROR_ARGUMENT);
+    assert_int_equal(played_uri("video", path, &late_reverse, &played, &error),
+                     FOVEA_ERROR_ARGUMENT);
 }
 
 /* ---- text ------------------------------------------------------------------------------------ */
@@ -562,7 +306,7 @@ static void test_byte_order_mark(void **state)
     for (int comment = 0; comment < 2; comment++) {
         snprintf(text, sizeof text, "\xef\xbb\xbf%s", comment ? list : stamps + 1);
         fv_test_write_text(path, text);
-        play_fine("tum", top, &played);
+        played_fine("tum", top, &played);
         assert_int_equal(played.count, FV_TEST_FRAMES);
     }
     free(list);
@@ -588,45 +332,18 @@ static void test_own_calibration_not_needed(void **state)
         struct fovea_error error;
         char top[FV_TEST_PATH_BYTES];
         snprintf(top, sizeof top, "%s", sets[i].make(folder));
-        assert_int_equal(play_uri(sets[i].scheme, top, &given, &played, &error), FOVEA_OK);
+        assert_int_equal(played_uri(sets[i].scheme, top, &given, &played, &error), FOVEA_OK);
         assert_true(played.has_camera && played.camera.width == W &&
                     played.camera.field_max_rad > 0);
         fv_test_write_text(fv_test_path(top, sets[i].file), sets[i].wrong);
-        assert_int_equal(play_uri(sets[i].scheme, top, &alone, &played, &error), FOVEA_ERROR_INPUT);
+        assert_int_equal(played_uri(sets[i].scheme, top, &alone, &played, &error),
+                         FOVEA_ERROR_INPUT);
         assert_non_null(strstr(error.text, sets[i].file));
-        assert_int_equal(play_uri(sets[i].scheme, top, &given, &played, &error), FOVEA_OK);
+        assert_int_equal(played_uri(sets[i].scheme, top, &given, &played, &error), FOVEA_OK);
         assert_int_equal(played.count, FV_TEST_FRAMES);
         assert_false(played.has_camera);
         fv_test_folder_remove(top);
     }
-}
-
-/* The same of a log's own: the head of a recording of ours, here cut off behind the type's hash. */
-static void test_own_head_not_needed(void **state)
-{
-    const struct fovea_source_selection alone = {.step = 1},
-                                        given = {.step = 1, .camera_given = true};
-    const uint64_t hash = (uint64_t)__fovea_recording_t_get_hash();
-    struct played played;
-    struct fovea_error error;
-    char path[FV_TEST_PATH_BYTES];
-    uint8_t head[8];
-    size_t bytes;
-    (void)state;
-    snprintf(path, sizeof path, "%s", fv_test_lcmlog(folder));
-    uint8_t *frames = fv_test_read(path, &bytes);
-    FILE *file = fopen(path, "wb");
-    assert_non_null(file);
-    for (int i = 0; i < 8; i++)
-        head[i] = (uint8_t)(hash >> (56 - 8 * i));
-    put_event(file, "FOVEA_RECORDING", head, sizeof head);
-    assert_int_equal(fwrite(frames, 1, bytes, file), bytes);
-    assert_int_equal(fclose(file), 0);
-    assert_int_equal(play_uri("lcmlog", path, &alone, &played, &error), FOVEA_ERROR_INPUT);
-    assert_int_equal(play_uri("lcmlog", path, &given, &played, &error), FOVEA_OK);
-    assert_int_equal(played.count, FV_TEST_FRAMES);
-    assert_false(played.has_camera);
-    free(frames);
 }
 
 int main(void)
@@ -634,17 +351,12 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_leaping_stamps),
         cmocka_unit_test(test_leaps_as_they_are_played),
-        cmocka_unit_test(test_log_goes_on_after_damage),
-        cmocka_unit_test(test_log_head_among_others),
-        cmocka_unit_test(test_log_of_two_cameras),
-        cmocka_unit_test(test_log_of_nothing),
         cmocka_unit_test(test_names_that_look_like_patterns),
         cmocka_unit_test(test_first_frame_missing),
         cmocka_unit_test(test_kitti_poses_beside_the_sequences),
         cmocka_unit_test(test_video_in_reverse),
         cmocka_unit_test(test_byte_order_mark),
         cmocka_unit_test(test_own_calibration_not_needed),
-        cmocka_unit_test(test_own_head_not_needed),
     };
     return cmocka_run_group_tests(tests, fv_test_place_set_up, fv_test_place_tear_down);
 }
