@@ -260,6 +260,12 @@ python-types: $(BUILD)/python/fovea/__init__.py  ## make the message types for P
 $(BUILD)/python/fovea/__init__.py: $(LCMTYPES)
 	@rm -rf $(BUILD)/python && mkdir -p $(BUILD)/python
 	$(Q)lcm-gen -p --ppath $(BUILD)/python $(LCMTYPES)
+$(BUILD)/cpp/fovea/pose_t.hpp: $(LCMTYPES)
+	@rm -rf $(BUILD)/cpp && mkdir -p $(BUILD)/cpp
+	$(Q)lcm-gen -x --cpp-hpath $(BUILD)/cpp $(LCMTYPES)
+$(BUILD)/subscribe-cpp: tools/subscribers/subscribe.cpp $(BUILD)/cpp/fovea/pose_t.hpp
+	@echo "  $(notdir $(CXX)) $<"
+	$(Q)$(CXX) $(filter-out -fstack-usage,$(CXXFLAGS)) -isystem $(BUILD)/cpp $(LDFLAGS) -pie -o $@ $< -llcm
 $(BUILD)/subscribe: $(BUILD)/obj/tools/subscribers/subscribe.o $(GEN_O)
 	@echo "  link $@"
 	$(Q)$(CC) $(LDFLAGS) -pie -o $@ $^ -llcm
@@ -432,7 +438,7 @@ TEST_HELP := $(call objs,$(filter-out tests/common/wrong_case.c,$(wildcard tests
 # The jar is tested where there is a Java to build it: 200 MB that no other test needs.
 JAR       := $(if $(and $(wildcard /usr/share/java/lcm.jar),$(shell command -v javac)),$(BUILD)/fovea-types.jar)
 .PHONY: tests
-tests: $(TESTS) $(EXAMPLES) $(BUILD)/subscribe $(BUILD)/command $(BUILD)/python/fovea/__init__.py $(if $(CROSS)$(SAN),,$(BUILD)/venv-lcm/ready $(BUILD)/venv-import/ready $(JAR))
+tests: $(TESTS) $(EXAMPLES) $(BUILD)/subscribe $(BUILD)/command $(BUILD)/python/fovea/__init__.py $(if $(CROSS)$(SAN),,$(BUILD)/subscribe-cpp $(BUILD)/venv-lcm/ready $(BUILD)/venv-import/ready $(JAR))
 
 # LCM for the Python subscriber comes from PyPI; where that cannot be reached its test says so and is skipped.
 $(BUILD)/venv-lcm/ready:

@@ -1,10 +1,12 @@
-/* The example subscribers in C and Python each receive every message of 1,000 frames at 200 Hz, in
- * a network of the test's own. */
+/* The subscribers in C, C++ and Python each receive every message of 1,000 frames at 200 Hz, and
+ * the one in Java, whose socket has only the room that the system gives by default, every message
+ * that is sent after it printed those before; in a network of the test's own. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
 #include <libgen.h>
+#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -25,7 +27,9 @@
 
 #define IDLE_S "8" /* on a busy machine Python and the runtime take seconds to start */
 
-enum { FRAMES = 1000, PERIOD_NS = 5000000, WIDTH = 320, HEIGHT = 240 };
+#define LCM_JAR "/usr/share/java/lcm.jar"
+
+enum { FRAMES = 1000, FOLLOWED_FRAMES = 60, PERIOD_NS = 5000000, WIDTH = 320, HEIGHT = 240 };
 
 enum { CHANNELS = 9 };
 static const char *const suffixes[CHANNELS] = {"FEATURES", "CAMERA_STATUS", "STATISTICS",
@@ -39,6 +43,7 @@ static char build[512]; /* folder that this program was built into */
 struct subscriber {
     pid_t process;
     FILE *output;
+    uint64_t lines; /* about messages, as far as it was followed */
 };
 
 /* Start one and wait until it listens. */
@@ -47,18 +52,30 @@ static void start(struct subscriber *subscriber, char *const arguments[])
     int ends[2];
     char line[256];
     assert_int_equal(pipe(ends), 0);
+    subscriber->lines = 0;
     subscriber->process = fork();
     if (subscriber->process == 0) {
         dup2(ends[1], STDOUT_FILENO);
         close(ends[0]);
         close(ends[1]);
-        execv(arguments[0], arguments);
+        execvp(arguments[0], arguments);
         _exit(127);
     }
     close(ends[1]);
     subscriber->output = fdopen(ends[0], "r");
     if (fgets(line, sizeof line, subscriber->output) == NULL || strcmp(line, "listening\n") != 0)
         fail_msg("%s does not listen", arguments[0]);
+}
+
+/* Wait until it has printed a line about each of so many messages; it ends itself when none comes.
+ */
+static void follow(struct subscriber *subscriber, uint64_t messages)
+{
+    char line[512];
+    for (; subscriber->lines < messages; subscriber->lines++)
+        if (fgets(line, sizeof line, subscriber->output) == NULL || strncmp(line, "FOVEA_", 6) != 0)
+            fail_msg("found the subscriber's end after %llu messages, expected %llu",
+                     (unsigned long long)subscriber->lines, (unsigned long long)messages);
 }
 
 /* Wait for its end; it must have got as many messages as were sent on each channel. */
@@ -103,9 +120,18 @@ static void count_and_publish(struct fv_transport *transport, const struct fovea
     fv_transport_publish(transport, outputs);
 }
 
-/* 1,000 frames of noise, which is full of corners, at 200 Hz through the runtime and out. */
+static uint64_t sum(const uint64_t sent[CHANNELS])
+{
+    uint64_t messages = 0;
+    for (int i = 0; i < CHANNELS; i++)
+        messages += sent[i];
+    return messages;
+}
+
+/* Frames of noise, which is full of corners, through the runtime and out: 1,000 at 200 Hz, or fewer
+ * as `follower` prints them. */
 static void run(struct fovea *rt, const struct fovea_config *config, struct fv_transport *transport,
-                uint64_t sent[CHANNELS])
+                struct subscriber *follower, uint64_t sent[CHANNELS])
 {
     static uint8_t pixels[WIDTH * HEIGHT];
     struct timespec due;
@@ -113,7 +139,7 @@ static void run(struct fovea *rt, const struct fovea_config *config, struct fv_t
     clock_gettime(CLOCK_MONOTONIC, &due);
     for (int i = 0; i < WIDTH * HEIGHT; i++)
         pixels[i] = (uint8_t)((noise = noise * 1664525u + 1013904223u) >> 24);
-    for (uint32_t n = 0; n < FRAMES; n++) {
+    for (uint32_t n = 0; n < (follower != NULL ? FOLLOWED_FRAMES : FRAMES); n++) {
         struct fovea_frame frame = {.image_count = 1,
                                     .images[0] = {.data = pixels,
                                                   .width = WIDTH,
@@ -126,11 +152,12 @@ static void run(struct fovea *rt, const struct fovea_config *config, struct fv_t
         struct fovea_inputs inputs = {.frame = &frame, .now_ns = frame.stamp_ns};
         struct fovea_outputs outputs;
         fovea_grants_fixed(config, &inputs.grants);
-        clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &due, NULL);
+        if (follower == NULL) clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &due, NULL);
         fovea_step(rt, &inputs, &outputs);
         count_and_publish(transport, &outputs, sent);
         fovea_work(rt, &inputs.grants, &outputs);
         count_and_publish(transport, &outputs, sent);
+        if (follower != NULL) follow(follower, sum(sent));
         due.tv_nsec += PERIOD_NS;
         due.tv_sec += due.tv_nsec / 1000000000;
         due.tv_nsec %= 1000000000;
@@ -152,7 +179,7 @@ static void publish_truncated(struct fv_transport *transport)
     fv_transport_publish(transport, &outputs);
 }
 
-static void run_runtime(uint64_t sent[CHANNELS])
+static void run_runtime(struct subscriber *follower, uint64_t sent[CHANNELS])
 {
     struct fovea_config config;
     struct fovea_error error;
@@ -169,7 +196,7 @@ static void run_runtime(uint64_t sent[CHANNELS])
     assert_int_equal(fovea_init(memory, bytes, &config, &rt, &error), FOVEA_OK);
     if (fv_transport_open(URL, 0, &transport, &error) != FOVEA_OK) fail_msg("%s", error.text);
     publish_truncated(transport);
-    run(rt, &config, transport, sent);
+    run(rt, &config, transport, follower, sent);
     struct fv_transport_counts counts;
     fv_transport_finish(transport);
     fv_transport_counts(transport, &counts);
@@ -178,14 +205,26 @@ static void run_runtime(uint64_t sent[CHANNELS])
     free(memory);
 }
 
+/* False: `file`, which it needs, is not there. */
+static bool can_start(const char *language, const char *file)
+{
+    if (access(file, R_OK) == 0) return true;
+    print_message("SKIPPED the %s subscriber: no %s\n", language, file);
+    return false;
+}
+
 static void test_every_message(void **state)
 {
     (void)state;
-    char in_c[640], python[640], types[640];
+    char in_c[640], in_cpp[640], python[640], types[640], ready[640];
     snprintf(in_c, sizeof in_c, "%s/subscribe", build);
+    snprintf(in_cpp, sizeof in_cpp, "%s/subscribe-cpp", build);
     snprintf(python, sizeof python, "%s/venv-lcm/bin/python", build);
     snprintf(types, sizeof types, "%s/python", build);
+    snprintf(ready, sizeof ready, "%s/venv-lcm/ready", build);
     char *const c_arguments[] = {in_c, (char *)"--quiet", (char *)"--idle", (char *)IDLE_S, NULL};
+    char *const cpp_arguments[] = {in_cpp, (char *)"--quiet", (char *)"--idle", (char *)IDLE_S,
+                                   NULL};
     char *const python_arguments[] = {python,
                                       (char *)"tools/subscribers/subscribe.py",
                                       (char *)"--quiet",
@@ -194,24 +233,39 @@ static void test_every_message(void **state)
                                       (char *)"--types",
                                       types,
                                       NULL};
-    char ready[640];
-    snprintf(ready, sizeof ready, "%s/venv-lcm/ready", build);
-    bool with_python = access(ready, R_OK) == 0;
-    struct subscriber first, second;
+    const bool with_cpp = can_start("C++", in_cpp), with_python = can_start("Python", ready);
+    struct subscriber first, second, third;
     uint64_t sent[CHANNELS] = {0};
     start(&first, c_arguments);
-    if (with_python)
-        start(&second, python_arguments);
-    else
-        print_message("SKIPPED the Python subscriber: no Python package lcm in %s/venv-lcm\n",
-                      build);
-    run_runtime(sent);
+    if (with_cpp) start(&second, cpp_arguments);
+    if (with_python) start(&third, python_arguments);
+    run_runtime(NULL, sent);
     assert_int_equal(sent[0], FRAMES); /* features */
     assert_int_equal(sent[4], FRAMES); /* poses */
     for (int i = 0; i < CHANNELS; i++)
         assert_true(sent[i] > 0);
     expect(&first, "C", sent);
-    if (with_python) expect(&second, "Python", sent);
+    if (with_cpp) expect(&second, "C++", sent);
+    if (with_python) expect(&third, "Python", sent);
+}
+
+static void test_every_message_in_java(void **state)
+{
+    (void)state;
+    char types[640], path[1400];
+    snprintf(types, sizeof types, "%s/fovea-types.jar", build);
+    snprintf(path, sizeof path, "%s:" LCM_JAR, types);
+    char *const arguments[] = {
+        (char *)"java",   (char *)"-cp", path, (char *)"tools/subscribers/Subscribe.java",
+        (char *)"--idle", (char *)"60",  NULL};
+    if (!can_start("Java", types) || !can_start("Java", LCM_JAR)) skip();
+    struct subscriber subscriber;
+    uint64_t sent[CHANNELS] = {0};
+    start(&subscriber, arguments);
+    run_runtime(&subscriber, sent);
+    assert_int_equal(sent[0], FOLLOWED_FRAMES);
+    kill(subscriber.process, SIGTERM);
+    expect(&subscriber, "Java", sent);
 }
 
 /* Under qemu-user a child would need the kernel to know the format. */
@@ -250,6 +304,7 @@ int main(int argc, char **argv)
         printf("SKIPPED test_subscribers: no network namespace of its own, and %s\n", error.text);
         return 0;
     }
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_every_message)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_every_message),
+                                       cmocka_unit_test(test_every_message_in_java)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
