@@ -1,5 +1,6 @@
 /* Every end of a run is an end: signals end it in order, a stray one changes nothing, and a disk or
  * pipe that stalls holds neither the run nor its end. Each run is a process of its own. */
+#include <errno.h>
 #include <fcntl.h>
 #include <linux/audit.h>
 #include <linux/filter.h>
@@ -35,6 +36,7 @@ static char recording[64], map[64], errors[64];
 struct setting {
     int output;          /* becomes stdout; -1: /dev/null */
     bool fsync_stalls;   /* fsync and fdatasync never return */
+    bool fsync_fails;    /* they return EIO */
     bool hangup_ignored; /* as nohup does */
     int descriptors;     /* at most this number; 0: as it is */
     bool closed;         /* the standard streams, but for stderr */
@@ -43,20 +45,30 @@ struct setting {
 
 static const struct setting ordinary = {.output = -1};
 
-/* The calls are handed to a listener that never answers. False: not permitted here. */
-static bool stall_fsync(void)
+/* What becomes of the calls. False: not permitted here. */
+static bool filter_fsync(uint32_t action, unsigned flags)
 {
     struct sock_filter rules[] = {
         BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(struct seccomp_data, nr)),
         BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, SYS_fsync, 2, 0),
         BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, SYS_fdatasync, 1, 0),
         BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ALLOW),
-        BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_USER_NOTIF),
+        BPF_STMT(BPF_RET | BPF_K, action),
     };
     const struct sock_fprog filter = {sizeof rules / sizeof *rules, rules};
     return prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) == 0 &&
-           syscall(SYS_seccomp, SECCOMP_SET_MODE_FILTER, SECCOMP_FILTER_FLAG_NEW_LISTENER,
-                   &filter) >= 0;
+           syscall(SYS_seccomp, SECCOMP_SET_MODE_FILTER, flags, &filter) >= 0;
+}
+
+/* To a listener that never answers. */
+static bool stall_fsync(void)
+{
+    return filter_fsync(SECCOMP_RET_USER_NOTIF, SECCOMP_FILTER_FLAG_NEW_LISTENER);
+}
+
+static bool fail_fsync(void)
+{
+    return filter_fsync(SECCOMP_RET_ERRNO | EIO, 0);
 }
 
 static bool fsync_can_stall(void)
@@ -98,6 +110,7 @@ static pid_t begin(const struct setting *setting, const char *const words[])
                                 ignores hangups */
     signal(SIGHUP, setting->hangup_ignored ? SIG_IGN : SIG_DFL);
     if (setting->fsync_stalls && !stall_fsync()) _exit(99);
+    if (setting->fsync_fails && !fail_fsync()) _exit(99);
     exit(fv_dispatch(argc, argv));
 }
 
@@ -331,6 +344,28 @@ static void test_a_stalled_disk_ends(void **state)
     unlink(recording);
 }
 
+/* The messages are all written, but the disk does not keep them. */
+static void test_a_log_that_does_not_last_fails_the_run(void **state)
+{
+    char log[64], url[96];
+    const struct setting failing = {.output = -1, .fsync_fails = true};
+    (void)state;
+    if (!fsync_can_stall()) {
+        print_message("SKIPPED a log that does not last: no seccomp filter here\n");
+        skip();
+    }
+    snprintf(log, sizeof log, "%s/messages.lcm", folder);
+    snprintf(url, sizeof url, "lcm_url=file://%s?mode=w", log);
+    const char *const words[] = {"run",       "--quiet", "--source", "sim:still", "--frames",
+                                 "5",         "--set",   url,        "--set",     "loop.priority=0",
+                                 "--picture", "none",    NULL};
+    assert_int_equal(end(begin(&ordinary, words)), FV_EXIT_OK);
+    assert_int_equal(end(begin(&failing, words)), FV_EXIT_FAILED);
+    expect_said("lcm_url: ");
+    expect_said("Input/output error");
+    unlink(log);
+}
+
 /* Too few descriptors are no fault of the network. */
 static void test_too_few_descriptors_are_named(void **state)
 {
@@ -409,6 +444,7 @@ int main(void)
         cmocka_unit_test(test_a_stalled_trajectory_ends),
         cmocka_unit_test(test_what_stalls_for_a_while_goes_on),
         cmocka_unit_test(test_a_stalled_disk_ends),
+        cmocka_unit_test(test_a_log_that_does_not_last_fails_the_run),
         cmocka_unit_test(test_too_few_descriptors_are_named),
         cmocka_unit_test(test_a_quiet_run_leaves_no_picture),
         cmocka_unit_test(test_other_commands_end_by_signals),

@@ -27,6 +27,7 @@ static const int64_t state_age_ns = 1000000000; /* a state that could not be sen
 static const int64_t queue_age_ns = 100000000;  /* one that the interface's queue refused, then */
 static const int64_t preview_age_ns = 1000000000; /* a preview is next then */
 static const int64_t room_wait_ns = 1000000000;
+static const int64_t stalled_ns = 1000000000; /* what takes nothing for so long has stalled */
 static const int64_t repeat_ns = 1000000000;
 
 /* A quarter of a second at 200 Hz; an object message may have 256 KiB. */
@@ -58,7 +59,9 @@ struct fv_sender {
 
     int64_t full_ns; /* the loop's: since when it finds no room; 0: it does */
 
-    struct fv_outlet *outlet;
+    struct fv_outlet *outlet;       /* NULL: closed */
+    enum fv_transport_drop stalled; /* the outlet's */
+    atomic_int_fast64_t taken_ns;   /* when the outlet last took a message, or none waited for it */
     struct fv_link link;
     struct fv_preview_fit fit;
     uint8_t shrunk[FV_LINK_DATAGRAM_BYTES];
@@ -120,19 +123,32 @@ static void count(atomic_uint_fast64_t *counter)
     atomic_fetch_add_explicit(counter, 1, memory_order_relaxed);
 }
 
+/* Any thread. */
+static bool stalled(const struct fv_sender *sender, int64_t now_ns)
+{
+    return now_ns - atomic_load_explicit(&sender->taken_ns, memory_order_relaxed) > stalled_ns;
+}
+
+static void taken(struct fv_sender *sender, int64_t now_ns)
+{
+    atomic_store_explicit(&sender->taken_ns, now_ns, memory_order_relaxed);
+}
+
 void fv_sender_put(struct fv_sender *sender, const struct fovea_message *message)
 {
     const uint32_t at = channel_find(sender, message->channel);
     if (at == FV_TRANSPORT_CHANNELS) return; /* of no channel that the runtime has */
     struct channel *channel = &sender->channels[at];
     const size_t size = (sizeof(struct record) + message->bytes + 7) / 8 * 8;
+    const int64_t now_ns = fv_clock_ns(CLOCK_MONOTONIC);
     count(&channel->offered);
     uint8_t *room = fv_ring_reserve(&sender->rings[channel->class], size);
     if (room == NULL) {
-        count(&channel->dropped[FV_TRANSPORT_DROP_BUSY]);
+        count(
+            &channel->dropped[stalled(sender, now_ns) ? sender->stalled : FV_TRANSPORT_DROP_BUSY]);
         return;
     }
-    const struct record record = {(uint32_t)size, message->bytes, at, fv_clock_ns(CLOCK_MONOTONIC)};
+    const struct record record = {(uint32_t)size, message->bytes, at, now_ns};
     memcpy(room, &record, sizeof record);
     memcpy(room + sizeof record, message->data, message->bytes);
     fv_ring_commit(&sender->rings[channel->class], size);
@@ -181,7 +197,7 @@ static void say_once(struct fv_sender *sender, int result, const char *name)
     static const char *const lines[FV_TRANSPORT_DROPS] = {
         [FV_TRANSPORT_DROP_ROUTE] = "found no way to the network",
         [FV_TRANSPORT_DROP_FIREWALL] = "the system forbids it (a firewall?)",
-        [FV_TRANSPORT_DROP_SERVER] = "the LCM server is away",
+        [FV_TRANSPORT_DROP_SERVER] = "the LCM server is away or does not read",
         [FV_TRANSPORT_DROP_FILE] = "the log cannot be written",
     };
     if (sender->said[result] || lines[result] == NULL) return;
@@ -193,7 +209,10 @@ static void account(struct fv_sender *sender, uint64_t at, int result)
 {
     struct channel *channel = &sender->channels[at];
     count(result == FV_OUTLET_SENT ? &channel->sent : &channel->dropped[result]);
-    if (result != FV_OUTLET_SENT) say_once(sender, result, channel->name);
+    if (result == FV_OUTLET_SENT)
+        taken(sender, fv_clock_ns(CLOCK_MONOTONIC));
+    else
+        say_once(sender, result, channel->name);
 }
 
 /* Send, held against the link where that has no other bound. */
@@ -227,9 +246,12 @@ static int give_up(struct fv_sender *sender, enum fv_sender_class class, const s
                    size_t bytes, int64_t now_ns)
 {
     if (sender->outlet->begun(sender->outlet, class)) return FV_OUTLET_BUSY;
-    if (class != FV_SENDER_STATE)
-        return newer_waits(front, bytes) ? FV_TRANSPORT_DROP_NEWER : FV_OUTLET_BUSY;
-    return now_ns - front->put_ns > state_age_ns ? FV_TRANSPORT_DROP_LATE : FV_OUTLET_BUSY;
+    const bool state = class == FV_SENDER_STATE;
+    if (state ? now_ns - front->put_ns <= state_age_ns : !newer_waits(front, bytes))
+        return FV_OUTLET_BUSY;
+    if (sender->stalled != FV_TRANSPORT_DROP_BUSY && stalled(sender, now_ns))
+        return (int)sender->stalled;
+    return state ? FV_TRANSPORT_DROP_LATE : FV_TRANSPORT_DROP_NEWER;
 }
 
 /* The oldest message of a class, once. False: there is none, or it waits. */
@@ -328,7 +350,9 @@ static void *send_all(void *context)
         if (stop && until_ns == INT64_MAX) until_ns = now_ns + FV_SENDER_FINISH_MS * 1000000LL;
         if (now_ns >= until_ns) break;
         if (serve_one(sender, now_ns)) continue;
-        if (stop && !any_waits(sender)) break;
+        const bool waits = any_waits(sender);
+        if (stop && !waits) break;
+        if (!waits) taken(sender, now_ns);
         sleep_ns(POLL_NS);
     }
     drop_rest(sender);
@@ -358,7 +382,7 @@ static enum fovea_status outlet_open(const char *url, struct fv_outlet **outlet,
 
 static void release(struct fv_sender *sender)
 {
-    if (sender->outlet != NULL) sender->outlet->close(sender->outlet);
+    if (sender->outlet != NULL) (void)sender->outlet->close(sender->outlet);
     for (int class = 0; class < FV_SENDER_CLASSES; class ++)
         free(sender->memory[class]);
     free(sender);
@@ -385,6 +409,8 @@ enum fovea_status fv_sender_open(const char *url, struct fv_sender **sender,
     enum fovea_status status = rings_make(opened, error);
     if (status == FOVEA_OK) status = outlet_open(url, &opened->outlet, error);
     int failed = 0;
+    if (status == FOVEA_OK) opened->stalled = opened->outlet->stalled;
+    taken(opened, fv_clock_ns(CLOCK_MONOTONIC));
     if (status == FOVEA_OK) failed = fv_thread_start(&opened->thread, send_all, opened);
     if (failed != 0)
         status = fovea_error_set(error, FOVEA_ERROR_SYSTEM, "no thread to send LCM messages: %s",
@@ -417,6 +443,14 @@ bool fv_sender_finish(struct fv_sender *sender)
     sender->joined = pthread_timedjoin_np(sender->thread, NULL, &until) == 0;
     sender->left_behind = !sender->joined;
     return sender->joined;
+}
+
+bool fv_sender_sync(struct fv_sender *sender)
+{
+    if (!fv_sender_finish(sender) || sender->outlet == NULL) return true;
+    const bool lasts = sender->outlet->close(sender->outlet);
+    sender->outlet = NULL;
+    return lasts;
 }
 
 void fv_sender_counts(const struct fv_sender *sender, struct fv_transport_sent *counts)

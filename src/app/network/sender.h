@@ -51,6 +51,10 @@ bool fv_sender_room(struct fv_sender *sender);
 enum { FV_SENDER_FINISH_MS = 1000 };
 bool fv_sender_finish(struct fv_sender *sender);
 
+/* After fv_sender_finish: sync and close what was sent to. False: a log may not last; one line has
+ * said so. What did not end in time counts as dropped, not here. Once; init-only. */
+bool fv_sender_sync(struct fv_sender *sender);
+
 /* Exact after fv_sender_finish; before that, messages may be waiting. */
 void fv_sender_counts(const struct fv_sender *sender, struct fv_transport_sent *counts);
 

@@ -94,17 +94,20 @@ static int log_send(struct fv_outlet *outlet, const struct fv_outgoing *message,
     return FV_OUTLET_SENT;
 }
 
-static void log_close(struct fv_outlet *outlet)
+static bool log_close(struct fv_outlet *outlet)
 {
     struct log_outlet *log = (struct log_outlet *)outlet;
     struct fovea_error error;
+    enum fovea_status status = FOVEA_OK;
     const int call = fv_stall_enter(log->output.path);
     if (log->number == 0)
         fv_output_discard(&log->output);
-    else if (fv_output_close(&log->output, &error) != FOVEA_OK)
-        fv_say("lcm_url: %s", error.text);
+    else
+        status = fv_output_close(&log->output, &error);
+    if (status != FOVEA_OK) fv_say("lcm_url: %s", error.text);
     fv_stall_leave(call);
     free(log);
+    return status == FOVEA_OK;
 }
 
 enum fovea_status fv_outlet_file(const char *url, struct fv_outlet **outlet,
@@ -114,7 +117,11 @@ enum fovea_status fv_outlet_file(const char *url, struct fv_outlet **outlet,
     struct fovea_error why;
     struct log_outlet *log = calloc(1, sizeof *log);
     if (log == NULL) return fovea_error_set(error, FOVEA_ERROR_MEMORY, "no memory for LCM");
-    log->outlet = (struct fv_outlet){false, log_send, never_begun, always_left, log_close};
+    log->outlet = (struct fv_outlet){.stalled = FV_TRANSPORT_DROP_FILE,
+                                     .send = log_send,
+                                     .begun = never_begun,
+                                     .bulk_left = always_left,
+                                     .close = log_close};
     fv_transport_file(url, path);
     const enum fovea_status status =
         fv_transport_appends(url) ? fv_output_append(&log->output, path, &why)
@@ -136,16 +143,20 @@ static int send_nowhere(struct fv_outlet *outlet, const struct fv_outgoing *mess
     return FV_OUTLET_SENT;
 }
 
-static void nowhere_close(struct fv_outlet *outlet)
+static bool nowhere_close(struct fv_outlet *outlet)
 {
     free(outlet);
+    return true;
 }
 
 enum fovea_status fv_outlet_nowhere(struct fv_outlet **outlet, struct fovea_error *error)
 {
     struct fv_outlet *nowhere = calloc(1, sizeof *nowhere);
     if (nowhere == NULL) return fovea_error_set(error, FOVEA_ERROR_MEMORY, "no memory for LCM");
-    *nowhere = (struct fv_outlet){false, send_nowhere, never_begun, always_left, nowhere_close};
+    *nowhere = (struct fv_outlet){.send = send_nowhere,
+                                  .begun = never_begun,
+                                  .bulk_left = always_left,
+                                  .close = nowhere_close};
     *outlet = nowhere;
     return FOVEA_OK;
 }

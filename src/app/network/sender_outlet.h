@@ -28,13 +28,16 @@ struct fv_outgoing {
 
 struct fv_outlet {
     bool paced; /* by sender_link.h: nothing else says when the link is full */
+    /* What a message counts as that is dropped while nothing has been taken for a second. */
+    enum fv_transport_drop stalled;
     /* Try to send. FV_OUTLET_BUSY: try again with the same message later. */
     int (*send)(struct fv_outlet *outlet, const struct fv_outgoing *message, int64_t now_ns);
     /* A part of the class's message has gone: it must not be exchanged for another one. */
     bool (*begun)(const struct fv_outlet *outlet, enum fv_sender_class class);
     /* Nothing of the classes after FV_SENDER_STATE is on this host any more. */
     bool (*bulk_left)(struct fv_outlet *outlet);
-    void (*close)(struct fv_outlet *outlet); /* frees it */
+    /* Free it. False: what was sent may not last; one line has said so. */
+    bool (*close)(struct fv_outlet *outlet);
 };
 
 /* Each makes one for a checked URL of its kind, with no more than the open() of a log that could

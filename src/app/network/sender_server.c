@@ -172,10 +172,11 @@ static bool server_bulk_left(struct fv_outlet *outlet)
     return true;
 }
 
-static void server_close(struct fv_outlet *outlet)
+static bool server_close(struct fv_outlet *outlet)
 {
     leave((struct server *)outlet);
     free(outlet);
+    return true;
 }
 
 enum fovea_status fv_outlet_server(const char *url, struct fv_outlet **outlet,
@@ -183,8 +184,11 @@ enum fovea_status fv_outlet_server(const char *url, struct fv_outlet **outlet,
 {
     struct server *server = calloc(1, sizeof *server);
     if (server == NULL) return fovea_error_set(error, FOVEA_ERROR_MEMORY, "no memory for LCM");
-    server->outlet =
-        (struct fv_outlet){false, server_send, server_begun, server_bulk_left, server_close};
+    server->outlet = (struct fv_outlet){.stalled = FV_TRANSPORT_DROP_SERVER,
+                                        .send = server_send,
+                                        .begun = server_begun,
+                                        .bulk_left = server_bulk_left,
+                                        .close = server_close};
     enum fovea_status status = fv_transport_server(url, &server->to, error);
     if (status != FOVEA_OK) {
         free(server);

@@ -160,12 +160,13 @@ static bool udp_bulk_left(struct fv_outlet *outlet)
     return true;
 }
 
-static void udp_close(struct fv_outlet *outlet)
+static bool udp_close(struct fv_outlet *outlet)
 {
     struct udp *udp = (struct udp *)outlet;
     for (int class = 0; class < FV_SENDER_CLASSES; class ++)
         if (udp->sockets[class] >= 0) close(udp->sockets[class]);
     free(udp);
+    return true;
 }
 
 static bool set(int socket, int level, int option, int value)
@@ -188,14 +189,18 @@ enum fovea_status fv_outlet_udp(const char *url, struct fv_outlet **outlet,
 {
     struct udp *udp = calloc(1, sizeof *udp);
     if (udp == NULL) return fovea_error_set(error, FOVEA_ERROR_MEMORY, "no memory for LCM");
-    udp->outlet = (struct fv_outlet){true, udp_send, udp_begun, udp_bulk_left, udp_close};
+    udp->outlet = (struct fv_outlet){.paced = true,
+                                     .send = udp_send,
+                                     .begun = udp_begun,
+                                     .bulk_left = udp_bulk_left,
+                                     .close = udp_close};
     fv_transport_udpm(url, &udp->to);
     for (int class = 0; class < FV_SENDER_CLASSES; class ++)
         udp->sockets[class] = -1;
     for (int class = 0; class < FV_SENDER_CLASSES; class ++) {
         if (open_socket(udp, (enum fv_sender_class) class, fv_transport_ttl(url))) continue;
         const int failed = errno;
-        udp_close(&udp->outlet);
+        (void)udp_close(&udp->outlet);
         return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: no socket to send from: %s", url,
                                strerror(failed));
     }

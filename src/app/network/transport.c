@@ -133,6 +133,11 @@ uint64_t fv_transport_lost(const struct fv_transport *transport, uint64_t *offer
     return lost;
 }
 
+bool fv_transport_sync(struct fv_transport *transport)
+{
+    return transport == NULL || fv_sender_sync(transport->sender);
+}
+
 void fv_transport_counts(const struct fv_transport *transport, struct fv_transport_counts *counts)
 {
     memset(counts, 0, sizeof *counts);

@@ -79,16 +79,15 @@ uint32_t fv_transport_odometry(struct fv_transport *transport,
 
 /* Why a message was not sent. */
 enum fv_transport_drop {
-    FV_TRANSPORT_DROP_BUSY = 0, /* no room in its ring: the sending thread was behind, or
-                                    what it sends to (a server, a disk) took nothing */
+    FV_TRANSPORT_DROP_BUSY = 0, /* no room in its ring: the sending thread was behind */
     FV_TRANSPORT_DROP_NEWER,    /* the link was busy until a newer one of the channel came */
     FV_TRANSPORT_DROP_LONG,     /* longer than what the link takes in 80 ms */
     FV_TRANSPORT_DROP_LATE,     /* it could not be sent for a second */
     FV_TRANSPORT_DROP_QUEUE,    /* the interface's queue was full */
     FV_TRANSPORT_DROP_ROUTE,    /* no route, interface down */
     FV_TRANSPORT_DROP_FIREWALL, /* forbidden by the system */
-    FV_TRANSPORT_DROP_SERVER,   /* tcpq: no connection */
-    FV_TRANSPORT_DROP_FILE,     /* file: could not be written */
+    FV_TRANSPORT_DROP_SERVER,   /* tcpq: no connection, or the server took nothing for a second */
+    FV_TRANSPORT_DROP_FILE,     /* file: could not be written, or the disk took nothing for one */
     FV_TRANSPORT_DROP_END,      /* was left when the program ended */
     FV_TRANSPORT_DROPS
 };
@@ -111,6 +110,10 @@ void fv_transport_sent(const struct fv_transport *transport, struct fv_transport
 /* How many messages the log of a file URL does not hold, of `*offered` in all; 0 for other URLs,
  * which promise nothing. After fv_transport_finish. */
 uint64_t fv_transport_lost(const struct fv_transport *transport, uint64_t *offered);
+
+/* Sync and close the log of a file URL. False: it may not last; one line has said so. After
+ * fv_transport_finish, once; it waits for the disk. */
+bool fv_transport_sync(struct fv_transport *transport);
 
 struct fv_transport_counts {
     uint64_t sent, dropped;              /* messages of all channels */

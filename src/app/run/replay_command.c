@@ -129,9 +129,10 @@ int fv_command_replay(int argc, char **argv)
     fv_transport_finish(sending.transport);
     uint64_t offered;
     const uint64_t lost = fv_transport_lost(sending.transport, &offered);
+    const bool lasts = fv_transport_sync(sending.transport);
     fv_transport_close(sending.transport);
     const enum fv_exit end = report(argv[first], verify, status, &result, &error);
-    if (lost == 0) return end;
+    if (lost == 0) return end == FV_EXIT_OK && !lasts ? FV_EXIT_FAILED : end;
     return fv_say_failed("%s: %" PRIu64 " of %" PRIu64 " messages could not be written", log, lost,
                          offered);
 }

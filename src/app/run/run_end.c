@@ -210,9 +210,10 @@ static enum fv_exit log_end(const struct fv_run *run)
 {
     uint64_t offered;
     const uint64_t lost = fv_transport_lost(run->transport, &offered);
-    if (lost == 0) return FV_EXIT_OK;
-    return fv_say_failed("%s: %" PRIu64 " of %" PRIu64 " messages could not be written",
-                         run->settings.lcm_url, lost, offered);
+    if (lost > 0)
+        return fv_say_failed("%s: %" PRIu64 " of %" PRIu64 " messages could not be written",
+                             run->settings.lcm_url, lost, offered);
+    return fv_transport_sync(run->transport) ? FV_EXIT_OK : FV_EXIT_FAILED;
 }
 
 enum fv_exit fv_run_report(struct fv_run *run)
