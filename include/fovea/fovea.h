@@ -94,6 +94,10 @@ struct fovea_config {
     uint32_t camera_status_every; /* [0, 1000000], default 1 */
     uint32_t map_every;           /* [0, 1000000], default 5 */
 
+    /* degrees, [0, 170], default 0; above 0: the calibration of the first camera is a guess from
+     * its horizontal field of view, which the caller made; poses are marked `uncalibrated`. */
+    double camera_fov_deg;
+
     /* Stage clock, or NULL for no stage times. */
     fovea_clock_function clock;
     void *clock_context;

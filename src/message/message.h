@@ -86,6 +86,7 @@ struct fv_message_pose {
     const char *parent_frame, *child_frame; /* at most FV_MESSAGE_NAME_BYTES_MAX with the zero */
     const struct fovea_pose *pose;          /* state, scale and counts */
     bool paused;           /* the frame was not processed: state `paused`, no pose and no counts */
+    bool uncalibrated;     /* the camera model is a guess */
     bool scale_configured; /* a source of the scale is configured */
     struct fv_message_transform T_parent_child;
     double covariance[21]; /* of the child */

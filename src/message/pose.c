@@ -74,6 +74,7 @@ uint32_t fv_message_pose_encode(const struct fv_message_pose *in, uint8_t *buffe
     memset(&message, 0, sizeof message);
     message.stamp = in->stamp;
     message.state = in->paused ? FOVEA_POSE_T_STATE_PAUSED : (int8_t)pose->state;
+    message.uncalibrated = in->uncalibrated;
     message.reset_counter = (int32_t)pose->reset_counter;
     message.map_id = posed ? (int32_t)pose->map_id : -1;
     message.parent_frame = name_of(in->parent_frame);

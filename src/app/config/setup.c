@@ -8,6 +8,7 @@
 #include "app/config/map_file.h"
 #include "app/config/classes.h"
 #include "app/config/mask.h"
+#include "base/elementary.h"
 #include "geometry/se3.h"
 #include "map/archive.h"
 #include "support/calibration.h"
@@ -69,6 +70,7 @@ enum fovea_status fv_setup_settings(const struct fv_setup_options *options,
         status = fv_settings_set(settings, options->sets.values[i], error);
     if (status == FOVEA_OK) status = set(settings, "source", "source", options->source, error);
     if (status == FOVEA_OK) status = set(settings, "camera", "camera", options->camera, error);
+    if (status == FOVEA_OK) status = set(settings, "camera_fov", "fov", options->fov, error);
     if (status == FOVEA_OK) status = set(settings, "rate", "rate", options->rate, error);
     if (status == FOVEA_OK) status = set(settings, "record", "record", options->record, error);
     if (status == FOVEA_OK) status = set(settings, "map.load", "map", options->map, error);
@@ -132,11 +134,11 @@ static bool measures(const struct fv_settings *settings)
            settings->heights[0] != '\0';
 }
 
-/* A camera without distortion for a run in which nothing is measured by it: it sees 60 degrees
- * across. */
-static struct fovea_camera nominal_camera(int32_t width, int32_t height)
+/* A camera without distortion that sees `fov_deg` across. */
+static struct fovea_camera rough_camera(int32_t width, int32_t height, double fov_deg)
 {
-    const double focal_px = 0.8660254037844386 * width; /* half the width over tan(30 degrees) */
+    const double half = fov_deg * 0.008726646259971648; /* radians */
+    const double focal_px = 0.5 * width * fv_cos(half) / fv_sin(half);
     return (struct fovea_camera){.width = width,
                                  .height = height,
                                  .fx = focal_px,
@@ -148,22 +150,29 @@ static struct fovea_camera nominal_camera(int32_t width, int32_t height)
 static enum fovea_status camera_fit(struct fv_settings *settings,
                                     const struct fovea_source_info *info, struct fovea_error *error)
 {
+    enum { FOV_WHERE_NOTHING_IS_MEASURED_DEG = 60 };
     struct fovea_camera *camera = &settings->runtime.rig.cameras[0].camera;
-    const char *origin = settings->camera[0] != '\0' ? settings->camera : info->cameras[0].origin;
-    if (settings->camera[0] == '\0') {
-        if (!info->rig.cameras[0].calibrated && !measures(settings)) {
-            *camera = nominal_camera(info->cameras[0].width, info->cameras[0].height);
-            return fovea_camera_prepare(camera, error);
-        }
-        if (!info->rig.cameras[0].calibrated)
-            return fovea_error_set(
-                error, FOVEA_ERROR_INPUT,
-                "%.200s: camera: found no calibration with this source, expected --camera FILE "
-                "('fovea-calibrate camera --source %.100s --target chessboard:9x6:0.025 --out "
-                "camera.yaml' makes one) or --set odometry.enabled=false",
-                settings->source, settings->source);
-        *camera = info->rig.cameras[0].camera;
+    const bool given = settings->camera[0] != '\0', own = info->rig.cameras[0].calibrated;
+    const char *origin = given ? settings->camera : info->cameras[0].origin;
+    const double fov_deg = settings->runtime.camera_fov_deg;
+    if (fov_deg > 0 && (given || own))
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "camera_fov: found %g, expected 0 beside the calibration %s",
+                               fov_deg, origin);
+    if (!given && !own && (fov_deg > 0 || !measures(settings))) {
+        *camera = rough_camera(info->cameras[0].width, info->cameras[0].height,
+                               fov_deg > 0 ? fov_deg : FOV_WHERE_NOTHING_IS_MEASURED_DEG);
+        return fovea_camera_prepare(camera, error);
     }
+    if (!given && !own)
+        return fovea_error_set(
+            error, FOVEA_ERROR_INPUT,
+            "%.200s: camera: found no calibration with this source, expected --camera FILE "
+            "('fovea-calibrate camera --source %.100s --target chessboard:9x6:0.025 --out "
+            "camera.yaml' makes one), --fov DEGREES for rough poses, or --set "
+            "odometry.enabled=false",
+            settings->source, settings->source);
+    if (!given) *camera = info->rig.cameras[0].camera;
     return fovea_calibration_fit(camera, info->cameras[0].width, info->cameras[0].height,
                                  settings->camera_scale, origin, error);
 }

@@ -11,7 +11,7 @@
 
 /* Options that every command with a configuration has. */
 struct fv_setup_options {
-    const char *config, *source, *camera, *rate, *record, *model, *map, *save_map;
+    const char *config, *source, *camera, *fov, *rate, *record, *model, *map, *save_map;
     struct fv_option_list sets;
 };
 

@@ -168,6 +168,8 @@ static enum fv_options_result options_read(struct fv_run *run, int argc, char **
         {"source", "URI", FV_OPTION_TEXT, &run->options.source, FV_SETUP_SOURCE_HELP},
         {"camera", "FILE", FV_OPTION_TEXT, &run->options.camera,
          "calibration file; default: the source's own"},
+        {"fov", "DEGREES", FV_OPTION_TEXT, &run->options.fov,
+         "without a calibration: horizontal field of view, for rough poses marked uncalibrated"},
         {"rate", "max|real", FV_OPTION_TEXT, &run->options.rate,
          "max: process every frame; real: follow the clock and drop late frames"},
         {"frames", "N", FV_OPTION_POSITIVE, &run->selection.frames, "end after N frames"},

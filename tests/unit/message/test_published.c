@@ -69,6 +69,7 @@ static struct fv_message_pose pose_input(void)
                                  .parent_frame = "odom",
                                  .child_frame = "body",
                                  .pose = &posed,
+                                 .uncalibrated = true,
                                  .scale_configured = true,
                                  .moving = true,
                                  .change_count = 3,
@@ -108,7 +109,7 @@ static void a_pose_comes_back(void **state)
     fovea_pose_t out = pose_round_trip(&in);
     assert_true(out.stamp.time_ns == stamp.time_ns && out.stamp.sequence == 77);
     assert_int_equal(out.state, FOVEA_POSE_T_STATE_TRACKING);
-    assert_true(!out.uncalibrated && out.reset_counter == 4 && out.map_id == 6);
+    assert_true(out.uncalibrated && out.reset_counter == 4 && out.map_id == 6);
     assert_string_equal(out.parent_frame, "odom");
     assert_string_equal(out.child_frame, "body");
     assert_counts_up(out.position, 3, 10);

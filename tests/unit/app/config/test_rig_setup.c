@@ -101,6 +101,11 @@ static void only_what_measures_needs_a_calibration(void **state)
     assert_int_equal(camera->width, WIDTH);
     assert_true(camera->field_max_rad > 0.5);
     fv_setup_close(&setup);
+    const char *const rough[] = {"camera_fov=90", NULL};
+    if (open_with(source, rough, &setup) != FOVEA_OK) fail_msg("%s", error.text);
+    assert_true(fabs(camera->fx - 0.5 * WIDTH) < 1e-9);
+    fv_setup_close(&setup);
+    expect_refused("sim:orbit", "camera_fov=90", "expected 0 beside the calibration built in");
 }
 
 static void masks_go_to_their_cameras(void **state)
