@@ -169,16 +169,25 @@ static void test_log_of_two_cameras(void **state)
     assert_non_null(file);
     fv_message_prepare();
     for (uint32_t i = 0; i < 4; i++) {
-        const struct fovea_image image = {pixels, W, H, W, FOVEA_PIXEL_GREY8, sizeof pixels};
+        const struct fovea_image image = {pixels, W, H, W, FOVEA_PIXEL_GREY8, sizeof pixels},
+                                 other = {pixels,
+                                          W - 32,
+                                          H + 8,
+                                          W - 32,
+                                          FOVEA_PIXEL_GREY8,
+                                          (W - 32) * (H + 8)};
         frame = (struct fovea_frame){.image_count = counts[i], .stamp_ns = i, .sequence = i};
-        frame.images[i == 0 ? 1 : 0] = image; /* of the first frame the first camera's is absent */
-        if (i == 3) frame.images[1] = image;
+        if (i > 0) frame.images[0] = image; /* of the first frame the first camera's is absent */
+        if (i == 0 || i == 3) frame.images[1] = other;
         put_event(file, "FOVEA_FRAME", bytes,
                   fv_message_frame_encode(&frame, 0, bytes, sizeof bytes));
     }
     assert_int_equal(fclose(file), 0);
     assert_int_equal(fovea_source_lcmlog.open(path, &everything, &source, &error), FOVEA_OK);
-    assert_int_equal(fovea_source_lcmlog.info(source)->rig.camera_count, 2);
+    const struct fovea_source_info *info = fovea_source_lcmlog.info(source);
+    assert_int_equal(info->rig.camera_count, 2);
+    assert_true(info->cameras[0].width == W && info->cameras[0].height == H);
+    assert_true(info->cameras[1].width == W - 32 && info->cameras[1].height == H + 8);
     assert_int_equal(fovea_source_lcmlog.start(source, &error), FOVEA_OK);
     for (uint32_t i = 0; i < 4; i++) {
         if (counts[i] != 2) continue;
@@ -187,6 +196,8 @@ static void test_log_of_two_cameras(void **state)
         assert_int_equal(frame.image_count, 2);
         assert_int_equal(frame.images[0].data == NULL, i == 0);
         assert_int_equal(frame.images[1].data == NULL, i == 1);
+        assert_int_equal(frame.images[0].width, i == 0 ? 0 : W);
+        assert_int_equal(frame.images[1].width, i == 1 ? 0 : W - 32);
         fovea_source_lcmlog.requeue(source, &frame);
     }
     assert_int_equal(fovea_source_lcmlog.dequeue(source, INT64_MAX, &frame), FOVEA_END);
