@@ -61,7 +61,7 @@ corridor() { # corridor SEEDS NEEDED OPTIONS NAME
 kills() {
     make --no-print-directory "$build/tests/unit/app/config/test_map_file" && FOVEA_KILLS=$1 "$build/tests/unit/app/config/test_map_file" || return 1
     make --no-print-directory "$build/tests/unit/app/run/test_black_box" &&
-        FOVEA_KILLS=$(($1 < 200 ? $1 : 200)) "$build/tests/unit/app/run/test_black_box"
+        FOVEA_KILLS=$(($1 < 200 ? $1 : 200)) FOVEA_LONG=$([ -n "$sample" ] || echo 1) "$build/tests/unit/app/run/test_black_box"
 }
 
 # Cameras on the fake device: unplugged over and over, and damaged motion JPEG under asan.

@@ -294,7 +294,8 @@ static void runs_and_kills_in_any_order_lose_nothing(void **state)
                   (unsigned long long)seed, op, kills, known_count, closed_count,
                   (double)oldest_us * 1e-3);
     /* A loaded machine may hold up the loop, so time is judged in the campaign only. */
-    if (asked != NULL) assert_true(oldest_us < 1000000);
+    const char *campaign = getenv("FOVEA_LONG");
+    if (campaign != NULL && *campaign != '\0') assert_true(oldest_us < 1000000);
 }
 
 static int set_up(void **state)
