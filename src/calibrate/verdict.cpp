@@ -19,6 +19,7 @@ constexpr double PROJECTION_PASS_PX = 1, PROJECTION_DOUBTFUL_PX = 3;
 constexpr double COVERAGE_PASS = .55, COVERAGE_DOUBTFUL = .2;
 constexpr double TILT_PASS_RAD = .35, TILT_DOUBTFUL_RAD = .09;
 constexpr double LEFT_OUT_PASS = .34;
+constexpr double FOUND_PASS = .4; /* share of pictures in which the board was found */
 constexpr double EDGE_PASS_PX = 5;
 constexpr int CELL_COLUMNS = 6, CELL_ROWS = 5;
 
@@ -161,6 +162,11 @@ void judge_views(const std::vector<View> &views, const Solution &solution, Verdi
     if (grade != Grade::pass)
         add(verdict, grade, "%d pictures are used, expected %d or more: take more pictures",
             verdict.views_used, VIEWS_PASS);
+    if (verdict.views_with_board < FOUND_PASS * (double)views.size())
+        add(verdict, Grade::doubtful,
+            "the board was found in %d of %zu pictures: check the numbers of inner corners in "
+            "--target, and that the whole board is in the pictures",
+            verdict.views_with_board, views.size());
     const int left_out = verdict.views_with_board - verdict.views_used;
     if (left_out > LEFT_OUT_PASS * verdict.views_with_board)
         add(verdict, Grade::doubtful,

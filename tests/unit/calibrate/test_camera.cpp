@@ -8,6 +8,7 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <cstring>
 #include <string>
 #include <unistd.h>
 
@@ -144,6 +145,20 @@ static void few_or_frontal_views_are_not_trusted(void **)
         assert_true(error.size() > 0);
 }
 
+static void a_board_that_is_rarely_found_is_doubted(void **)
+{
+    Board board;
+    Collection collection = left_views(Refinement::OWN, board);
+    View none;
+    none.left_out = "no board";
+    collection.views.resize(3 * collection.views.size(), none);
+    const Solution solution = solved(board, collection, SolveOptions());
+    const Verdict verdict = judge(collection.views, solution, solution.rms_px);
+    assert_int_equal(verdict.grade, Grade::doubtful);
+    assert_int_equal(verdict.reasons.size(), 1);
+    assert_non_null(std::strstr(verdict.reasons[0].text.c_str(), "found in 13 of 39 pictures"));
+}
+
 static void a_blurred_view_is_left_out(void **)
 {
     std::vector<View> views(5);
@@ -206,6 +221,7 @@ int main()
         cmocka_unit_test(a_fisheye_agrees_with_an_independent_fit),
         cmocka_unit_test(corners_and_views_that_are_wrong_are_named),
         cmocka_unit_test(few_or_frontal_views_are_not_trusted),
+        cmocka_unit_test(a_board_that_is_rarely_found_is_doubted),
         cmocka_unit_test(a_blurred_view_is_left_out),
         cmocka_unit_test(the_camera_file_reads_as_the_same_camera),
         cmocka_unit_test(targets_are_read_strictly),
