@@ -88,7 +88,7 @@ honest() {
     make --no-print-directory $build/tests/unit/runtime/test_honesty && FOVEA_LONG=1 $build/tests/unit/runtime/test_honesty || return 1
     for seed in $(seq 1 "$1"); do
         line=$($build/fovea run --source "sim:orbit?seed=$seed" --picture none --set lcm_url= \
-            --set scale.source=odometry --set movable_boxes=truth --trajectory-final "$done_folder/orbit.tum" | grep posed) || return 1
+            --set scale.source=wheel_odometry --set movable_boxes=truth --trajectory-final "$done_folder/orbit.tum" | grep posed) || return 1
         echo "seed $seed:$line"
         echo "$line" | awk '{
             n = split($0, part, "RMS error")

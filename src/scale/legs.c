@@ -39,7 +39,7 @@ static void observe(struct fv_scale *scale, const struct fovea_wheel_odometry_sa
 
 void fv_scale_observe(struct fv_scale *scale, const struct fovea_sample *samples, uint32_t count)
 {
-    if (scale->config.source != FOVEA_SCALE_ODOMETRY) return;
+    if (scale->config.source != FOVEA_SCALE_WHEEL_ODOMETRY) return;
     for (uint32_t i = 0; i < count && i < FOVEA_INPUT_SAMPLES_MAX; i++)
         if (samples[i].kind == FOVEA_SAMPLE_WHEEL_ODOMETRY)
             observe(scale, &samples[i].wheel_odometry);
@@ -104,7 +104,7 @@ static void scale_refine(struct fv_scale_state *s, double *legs, uint32_t count)
     }
     if (count < LEGS_FEW && sigma < sigma_few) sigma = sigma_few;
     s->known = true;
-    s->source = FOVEA_SCALE_ODOMETRY;
+    s->source = FOVEA_SCALE_WHEEL_ODOMETRY;
     s->log_scale = sum / used;
     s->variance = sigma * sigma / used + sigma_least * sigma_least;
     if (s->prior_variance > 0) { /* what the map brought, weighed by how sure the two are */

@@ -119,7 +119,7 @@ void fv_scale_step(struct fv_scale *scale, struct fv_odometry *odometry)
     /* What a map's first pose says of the floor is used at once. */
     if (!s->started && scale->config.source == FOVEA_SCALE_CAMERA_HEIGHT)
         fv_scale_unit(scale, odometry);
-    if (scale->config.source == FOVEA_SCALE_ODOMETRY) fv_scale_walk(scale, odometry);
+    if (scale->config.source == FOVEA_SCALE_WHEEL_ODOMETRY) fv_scale_walk(scale, odometry);
     s->started = true;
     if (!s->known) return;
     const struct fv_map_scale kept = {s->source, 0, s->log_scale + fv_log(s->map_scale),

@@ -47,7 +47,7 @@ struct fv_settings {
     char listen[16];                          /* who is heard: network/receiver.h */
     uint32_t commands;                        /* struct fv_command_rules: from_network */
     char command_key[FV_SETTINGS_PATH_BYTES]; /* file; "": none */
-    char odometry_channel[64]; /* of bot_core.pose_t, for scale.source: odometry; "": none */
+    char odometry_channel[64]; /* of bot_core.pose_t, for scale.source: wheel_odometry; "": none */
     double odometry_max_m_s, odometry_max_rad_s; /* faster samples are left out; 0: no limit */
     int movable_boxes;                           /* enum fv_movable_boxes */
     char record[FV_SETTINGS_PATH_BYTES];         /* "": none */

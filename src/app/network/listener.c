@@ -44,9 +44,10 @@ static void say_too_fast(struct fv_listener *listener)
     const struct fv_odometry_limits *limits = &listener->odometry_gate.limits;
     if (listener->said_too_fast) return;
     listener->said_too_fast = true;
-    fv_say("odometry: a sample is farther from the last one than scale.odometry_max_m_s (%g) and "
-           "scale.odometry_max_rad_s (%g) allow; such samples are left out",
-           limits->speed_m_s, limits->turn_rad_s);
+    fv_say(
+        "wheel odometry: a sample is farther from the last one than scale.wheel_odometry_max_m_s (%g) and "
+        "scale.wheel_odometry_max_rad_s (%g) allow; such samples are left out",
+        limits->speed_m_s, limits->turn_rad_s);
 }
 
 static void take_odometry(void *context, const struct fv_received *received)

@@ -61,7 +61,7 @@ static void take_samples(struct fv_run *run, struct fovea_inputs *inputs)
     const uint32_t wheel_odometry = 1u << FOVEA_SAMPLE_WHEEL_ODOMETRY;
     const struct fovea_source_ops *ops = run->setup.ops;
     const uint32_t kinds = ops->info(run->setup.source)->sample_kinds;
-    const bool wheels = run->settings.runtime.scale.source == FOVEA_SCALE_ODOMETRY;
+    const bool wheels = run->settings.runtime.scale.source == FOVEA_SCALE_WHEEL_ODOMETRY;
     inputs->samples = run->samples;
     if (ops->samples != NULL && inputs->frame != NULL &&
         (kinds & (wheels ? kinds : ~wheel_odometry)) != 0)
@@ -239,7 +239,7 @@ static enum fovea_status transport_open(struct fv_run *run, struct fovea_error *
     const struct fv_settings *settings = &run->settings;
     enum fovea_status status =
         fv_transport_open_early(settings->lcm_url, settings->lcm_ttl, &run->transport, error);
-    const bool odometry = settings->runtime.scale.source == FOVEA_SCALE_ODOMETRY;
+    const bool odometry = settings->runtime.scale.source == FOVEA_SCALE_WHEEL_ODOMETRY;
     const struct fv_receiver_channel others =
         fv_identity_row(settings->runtime.channel_prefix, &run->others);
     struct fv_transport_ears ears = {

@@ -331,7 +331,7 @@ static int compare_doubles(const void *a, const void *b)
 }
 
 /* Two frames of one trajectory with their truths. */
-struct sight {
+struct visible {
     struct fovea_source *source;
     struct fovea_frame frame;
     struct fovea_truth truth;
@@ -339,7 +339,7 @@ struct sight {
 
 /* Where the second frame shows what the first has at (x, y), by depth and pose. False: outside it,
  * or hidden there. */
-static bool seen_again(const struct sight *a, const struct sight *b, int32_t x, int32_t y,
+static bool seen_again(const struct visible *a, const struct visible *b, int32_t x, int32_t y,
                        double pixel[2])
 {
     double bearing[3], world[3], c[3];
@@ -406,7 +406,7 @@ static int find_shifts(const struct fit fits[TILES], double shifts[TILES], doubl
  * best, tile by tile. */
 static void check_pictures(const char *address, uint64_t start, uint64_t later)
 {
-    static struct sight a, b;
+    static struct visible a, b;
     static struct fit fits[TILES];
     static double differences[640 * 480], shifts[TILES];
     int count = 0;

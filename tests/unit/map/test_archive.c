@@ -95,11 +95,11 @@ static void test_scales(void **state)
     assert_int_equal(s->scale.source, FOVEA_SCALE_FREE);
     for (int k = 0; k < 3; k++)
         small_map_grow(from, &random);
-    s->scale = (struct fv_map_scale){FOVEA_SCALE_ODOMETRY, 0, -1.25, 0.04};
+    s->scale = (struct fv_map_scale){FOVEA_SCALE_WHEEL_ODOMETRY, 0, -1.25, 0.04};
     uint8_t *data = small_map_save(from, &bytes);
     if (read_into(to, data, bytes, &error) != FOVEA_OK) fail_msg("%s", error.text);
     const struct fv_map_scale current = to->map.state->scale;
-    assert_true(current.source == FOVEA_SCALE_ODOMETRY && current.log_scale == -1.25 &&
+    assert_true(current.source == FOVEA_SCALE_WHEEL_ODOMETRY && current.log_scale == -1.25 &&
                 current.variance == 0.04);
     fv_map_enter(&to->map, 0);
     const struct fv_map_scale left = to->map.state->scale;

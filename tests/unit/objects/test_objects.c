@@ -72,12 +72,12 @@ static void tracks_live_and_end(void **state)
 }
 
 /* State after `hits` equal detections. */
-static int state_after(int sightings, double score)
+static int state_after(int hits, double score)
 {
     struct fovea_objects t = {0};
     const struct fovea_detection d = box(100, 100, 40, 60, score);
     make();
-    for (int f = 0; f < sightings; f++)
+    for (int f = 0; f < hits; f++)
         t = infer(f, &d, 1);
     assert_int_equal(t.count, 1);
     const int state = t.list[0].state;
@@ -112,7 +112,7 @@ static void what_is_below_the_threshold_starts_no_track(void **state)
     free(block);
 }
 
-/* Nor does it bring back a track that was out of sight, whatever its score. */
+/* Nor does it bring back a track that was not visible, whatever its score. */
 static void what_is_below_the_threshold_ends_no_coasting(void **state)
 {
     (void)state;
@@ -324,7 +324,7 @@ static void crossings_and_occlusions_keep_ids(void **state)
     assert_true(outcome.gaps > 50 && outcome.crossings > 5);
 }
 
-/* Against the filter's model of motion, out of sight as well: an id is lost less than once in a
+/* Against the filter's model of motion, invisible as well: an id is lost less than once in a
  * hundred times behind the pillar. */
 static void abrupt_turns_cost_few_ids(void **state)
 {

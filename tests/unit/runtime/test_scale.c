@@ -34,7 +34,7 @@ static void odometry_gives_metres(void **state)
 {
     (void)state;
     sim_rig_open(&rig, "sim:orbit?width=400&height=300&odometry_noise=0.1", 0, 240);
-    rig.config.scale.source = FOVEA_SCALE_ODOMETRY;
+    rig.config.scale.source = FOVEA_SCALE_WHEEL_ODOMETRY;
     sim_rig_build(&rig);
     while (sim_rig_next(&rig)) {
         take_samples();
@@ -47,7 +47,7 @@ static void odometry_gives_metres(void **state)
     double scale = sim_rig_scale(&rig, 120, rig.frames);
     printf("odometry: scale off by %+.2f %%, said to be sure to %.2f %%\n", 100 * (scale - 1),
            100 * last->scale_sigma);
-    assert_int_equal(last->scale_source, FOVEA_SCALE_ODOMETRY);
+    assert_int_equal(last->scale_source, FOVEA_SCALE_WHEEL_ODOMETRY);
     assert_true(fabs(scale - 1) < 0.02);
     assert_true(last->scale_sigma > 0.002 && last->scale_sigma < 0.05);
     saved_scale = last->scale;
@@ -62,7 +62,7 @@ static void a_wrong_stamp_does_not_end_odometry(void **state)
 {
     (void)state;
     sim_rig_open(&rig, "sim:orbit?width=320&height=240", 30, 150);
-    rig.config.scale.source = FOVEA_SCALE_ODOMETRY;
+    rig.config.scale.source = FOVEA_SCALE_WHEEL_ODOMETRY;
     sim_rig_build(&rig);
     while (sim_rig_next(&rig)) {
         take_samples();
@@ -72,7 +72,7 @@ static void a_wrong_stamp_does_not_end_odometry(void **state)
     }
     double scale = sim_rig_scale(&rig, 100, rig.frames);
     printf("odometry after a wrong stamp: scale off by %+.2f %%\n", 100 * (scale - 1));
-    assert_int_equal(rig.pose[rig.frames - 1].scale_source, FOVEA_SCALE_ODOMETRY);
+    assert_int_equal(rig.pose[rig.frames - 1].scale_source, FOVEA_SCALE_WHEEL_ODOMETRY);
     assert_true(fabs(scale - 1) < 0.02);
     sim_rig_close(&rig);
 }
@@ -94,7 +94,7 @@ static void a_saved_map_keeps_its_scale(void **state)
         double scale = sim_rig_scale(&rig, 20, rig.frames);
         printf("saved map, %s: scale off by %+.2f %%\n", localise_only ? "localised" : "mapped on",
                100 * (scale - 1));
-        assert_int_equal(last->scale_source, FOVEA_SCALE_ODOMETRY);
+        assert_int_equal(last->scale_source, FOVEA_SCALE_WHEEL_ODOMETRY);
         assert_true(fabs(last->scale / saved_scale - 1) < 1e-9 && last->scale_sigma > 0.002 &&
                     last->map_scale == 1);
         assert_true(fabs(scale - 1) < 0.02);
@@ -300,7 +300,7 @@ static void a_lever_arm_is_minded(void **state)
     fv_se3_invert(&B, &inverse);
     sim_rig_open(&rig, "sim:orbit?width=320&height=240", 30, 200);
     memcpy(rig.config.rig.cameras[0].T_body_cam, T_body_cam, sizeof T_body_cam);
-    rig.config.scale.source = FOVEA_SCALE_ODOMETRY;
+    rig.config.scale.source = FOVEA_SCALE_WHEEL_ODOMETRY;
     sim_rig_build(&rig);
     while (sim_rig_next(&rig)) {
         fv_se3_from_rows(rig.truth[rig.frames], &T);
@@ -349,7 +349,7 @@ static void without_scale_no_bot_core_pose(void **state)
     for (int allow = 0; allow < 2; allow++) {
         int sent = 0, posed = 0;
         sim_rig_open(&rig, "sim:orbit?width=320&height=240", 0, 50);
-        rig.config.scale.source = FOVEA_SCALE_ODOMETRY; /* which never comes */
+        rig.config.scale.source = FOVEA_SCALE_WHEEL_ODOMETRY; /* which never comes */
         rig.config.scale.allow_unscaled = allow;
         sim_rig_build(&rig);
         while (sim_rig_next(&rig)) {

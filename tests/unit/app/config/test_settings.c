@@ -81,7 +81,7 @@ static void test_changed_values_read_back(void **state)
         "listen=eth0",
         "commands=[save, reset]",
         "command_key=k",
-        "scale.odometry_max_m_s=0.5",
+        "scale.wheel_odometry_max_m_s=0.5",
         "channel_prefix=LEFT/cam-1.a_b",
         "features.count_max=321",
         "features.threshold=30",

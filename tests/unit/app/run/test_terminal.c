@@ -255,10 +255,14 @@ static void test_the_summary_says_why_nothing_was_posed(void **state)
 static void test_the_summary_says_how_well_scale_is_known(void **state)
 {
     (void)state;
-    const char *const words[] = {
-        "fovea", "run",      "--source", ORBIT,    "--set", "lcm_url=", "--picture",
-        "none",  "--frames", "300",      "--rate", "max",   "--set",    "scale.source=odometry",
-        NULL};
+    const char *const words[] = {"fovea",     "run",
+                                 "--source",  ORBIT,
+                                 "--set",     "lcm_url=",
+                                 "--picture", "none",
+                                 "--frames",  "300",
+                                 "--rate",    "max",
+                                 "--set",     "scale.source=wheel_odometry",
+                                 NULL};
     assert_int_equal(run(&no_terminal, words), 0);
     expect("scale: metres, from wheel or leg odometry, to ");
     expect(" % (1 sigma)\n");
