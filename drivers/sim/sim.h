@@ -395,7 +395,7 @@ struct fovea_source {
 /* Time on the trajectory at the middle of exposure of a frame's middle row. */
 double fv_sim_frame_time(const struct fovea_source *source, uint64_t index);
 /* Set the scene for an instant, for surfaces that may show in pixel rows [y_begin, y_end). */
-void fv_sim_look(struct fovea_source *source, double time_s, int32_t y_begin, int32_t y_end);
+void fv_sim_set_scene(struct fovea_source *source, double time_s, int32_t y_begin, int32_t y_end);
 /* Rolling shutter: rows that share an instant, and their delay against the middle row, seconds. */
 int32_t fv_sim_band_rows(const struct fovea_source *source);
 double fv_sim_row_delay(const struct fovea_source *source, int32_t y_begin, int32_t y_end);

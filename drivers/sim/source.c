@@ -291,7 +291,7 @@ static struct fv_sim_rect rows_bound(const struct fv_sim_raster *raster, int32_t
     return all;
 }
 
-void fv_sim_look(struct fovea_source *source, double time_s, int32_t y_begin, int32_t y_end)
+void fv_sim_set_scene(struct fovea_source *source, double time_s, int32_t y_begin, int32_t y_end)
 {
     double T_world_cam[12];
     const struct fv_sim_rect bound = rows_bound(&source->raster, y_begin, y_end);
@@ -320,7 +320,7 @@ static void render_instant(struct fovea_source *source, double time_s)
     const int32_t height = source->options.height, band = fv_sim_band_rows(source);
     for (int32_t y = 0; y < height; y += band) {
         const int32_t end = y + band < height ? y + band : height;
-        fv_sim_look(source, time_s + fv_sim_row_delay(source, y, end), y, end);
+        fv_sim_set_scene(source, time_s + fv_sim_row_delay(source, y, end), y, end);
         fv_sim_render(&source->scene, &source->raster, y, end, &source->canvas);
     }
 }

@@ -47,7 +47,7 @@ static void trace_image(struct fovea_source *source, double time_s)
     bool covered;
     for (int32_t y = 0; y < height; y += band) {
         const int32_t end = y + band < height ? y + band : height;
-        fv_sim_look(source, time_s + fv_sim_row_delay(source, y, end), y, end);
+        fv_sim_set_scene(source, time_s + fv_sim_row_delay(source, y, end), y, end);
         for (int32_t ty = y / FV_SIM_TILE; ty * FV_SIM_TILE < end; ty++) {
             for (int32_t tx = 0; tx < raster->tiles_x; tx++) {
                 const int32_t tile = ty * raster->tiles_x + tx;

@@ -7,7 +7,7 @@
 #include "geometry/vec.h"
 #include "map/map.h"
 
-enum { CANDIDATES_MAX = 96, RAYS_PER_TURN = 32 };
+enum { CANDIDATES_MAX = 96, RAYS_PER_BATCH = 32 };
 
 static const double sigma_px = 1.0; /* of a key point of level 0; a level's scale multiplies it */
 
@@ -91,7 +91,7 @@ bool fv_map_keypoint(const struct fv_map *map, const struct fv_pixel *point,
 static void some_rays(const struct fv_map *map, const struct fv_pixel *points, uint32_t count,
                       struct fv_ray *rays)
 {
-    float pixels[RAYS_PER_TURN][2];
+    float pixels[RAYS_PER_BATCH][2];
     for (uint32_t i = 0; i < count; i++) {
         pixels[i][0] = (float)(points[i].x * map->pixel_px);
         pixels[i][1] = (float)(points[i].y * map->pixel_px);
@@ -102,10 +102,10 @@ static void some_rays(const struct fv_map *map, const struct fv_pixel *points, u
 void fv_map_bearings(const struct fv_map *map, uint32_t slot, float (*bearings)[3])
 {
     const struct fv_map_frame frame = fv_map_frame_at(map, slot);
-    struct fv_ray rays[RAYS_PER_TURN];
+    struct fv_ray rays[RAYS_PER_BATCH];
     for (uint32_t f = 0; f < frame.keyframe->features;) {
         const uint32_t left = frame.keyframe->features - f,
-                       some = left < RAYS_PER_TURN ? left : RAYS_PER_TURN;
+                       some = left < RAYS_PER_BATCH ? left : RAYS_PER_BATCH;
         some_rays(map, frame.points + f, some, rays);
         for (uint32_t i = 0; i < some; i++, f++)
             for (int k = 0; k < 3; k++)
@@ -159,12 +159,12 @@ void fv_map_fill_frame(const struct fv_map *map, uint32_t slot,
                        uint32_t count, uint16_t *from)
 {
     const struct fv_map_frame frame = fv_map_frame_at(map, slot);
-    struct fv_ray rays[RAYS_PER_TURN];
+    struct fv_ray rays[RAYS_PER_BATCH];
     uint32_t kept = 0;
     if (count > map->limits.features) count = map->limits.features;
     sort_in(map, &frame, features, descriptors, count, from);
     for (uint32_t f = 0; f < count;) {
-        const uint32_t some = count - f < RAYS_PER_TURN ? count - f : RAYS_PER_TURN;
+        const uint32_t some = count - f < RAYS_PER_BATCH ? count - f : RAYS_PER_BATCH;
         some_rays(map, frame.points + f, some, rays);
         for (uint32_t i = 0; i < some; i++, f++) {
             if (!rays[i].seen) continue;

@@ -41,13 +41,13 @@ static int64_t cpu_ns(void)
 
 #define JOB(name) (1u << FOVEA_JOB_##name)
 
-/* What is looked at, and the jobs that are timed there. Map and preview begin with the frames; the
+/* Sources, and the jobs that are timed there. Map and preview begin with the frames; the
  * way through the corridor closes a loop. */
-static const struct view {
+static const struct scenario {
     const char *uri;
     uint32_t step, frames, timed;
     bool detects;
-} views[] = {
+} scenarios[] = {
     {"sim:corridor?width=752&height=480", 1, 100, JOB(MAP) | JOB(PREVIEW), false},
     {"sim:tour", 1, 100, JOB(MAP) | JOB(DETECT) | JOB(PREVIEW), true},
     {"sim:corridor?width=320&height=240", 4, 340, JOB(CLOSURE), false},
@@ -79,9 +79,10 @@ static void work_one_by_one(struct fovea *rt, const struct fovea_grants *granted
     }
 }
 
-static void run(const struct view *view)
+static void run(const struct scenario *scenario)
 {
-    const struct fovea_source_selection everything = {.step = view->step, .frames = view->frames};
+    const struct fovea_source_selection everything = {.step = scenario->step,
+                                                      .frames = scenario->frames};
     const struct fovea_source_ops *ops;
     const char *address;
     struct fovea_source *source;
@@ -91,10 +92,10 @@ static void run(const struct view *view)
     struct fovea *rt;
     size_t bytes;
     fovea_config_default(&config);
-    assert_int_equal(fovea_source_find(view->uri, &ops, &address, &error), FOVEA_OK);
+    assert_int_equal(fovea_source_find(scenario->uri, &ops, &address, &error), FOVEA_OK);
     assert_int_equal(ops->open(address, &everything, &source, &error), FOVEA_OK);
     config.rig.cameras[0].camera = ops->info(source)->rig.cameras[0].camera;
-    if (view->detects) config.detect.model = detector_model(&config.detect.model_bytes);
+    if (scenario->detects) config.detect.model = detector_model(&config.detect.model_bytes);
     assert_int_equal(fovea_size(&config, &bytes, &error), FOVEA_OK);
     void *memory = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, (bytes + 63) / 64 * 64);
     assert_non_null(memory);
@@ -105,7 +106,7 @@ static void run(const struct view *view)
         struct fovea_outputs outputs;
         fovea_grants_fixed(&config, &inputs.grants);
         fovea_step(rt, &inputs, &outputs);
-        work_one_by_one(rt, &inputs.grants, view->timed);
+        work_one_by_one(rt, &inputs.grants, scenario->timed);
         ops->requeue(source, &frame);
     }
     ops->stop(source);
@@ -144,8 +145,8 @@ static void test_units_are_bounded(void **state)
     bool good = false;
     for (int i = 0; i < REPEATS_MAX && !good; i++) {
         next_unit = 0;
-        for (size_t v = 0; v < sizeof views / sizeof views[0]; v++)
-            run(&views[v]);
+        for (size_t v = 0; v < sizeof scenarios / sizeof scenarios[0]; v++)
+            run(&scenarios[v]);
         if (i + 1 >= REPEATS) good = judged_good();
     }
     assert_true(good);

@@ -85,11 +85,11 @@ static float sheet_y(const struct place *place, float y_px)
     return (float)place->top + (y_px + 0.5F) * place->scale;
 }
 
-static void features_draw(struct fv_canvas *canvas, const struct fv_snapshot_view *view,
+static void features_draw(struct fv_canvas *canvas, const struct fv_snapshot_frame *shot,
                           const struct place *place)
 {
-    for (uint32_t i = 0; i < view->feature_count; i++) {
-        const struct fovea_feature *f = &view->features[i];
+    for (uint32_t i = 0; i < shot->feature_count; i++) {
+        const struct fovea_feature *f = &shot->features[i];
         const float radius = 1.6F + 0.55F * (float)f->level;
         fv_canvas_circle(canvas, sheet_x(place, f->x_px), sheet_y(place, f->y_px), radius, 1.1F,
                          f->level < 3 ? 0x39d353 : 0xb6e34a);
@@ -98,14 +98,14 @@ static void features_draw(struct fv_canvas *canvas, const struct fv_snapshot_vie
 
 /* The ways of the objects in view, up to this image. */
 static void ways_draw(struct fv_canvas *canvas, const struct fv_trails *trails,
-                      const struct fv_snapshot_view *view, const struct place *place)
+                      const struct fv_snapshot_frame *shot, const struct place *place)
 {
-    const float now_s = (float)((double)(view->stamp_ns - trails->first_ns) * 1e-9);
-    for (uint32_t b = 0; b < view->box_count; b++) {
+    const float now_s = (float)((double)(shot->stamp_ns - trails->first_ns) * 1e-9);
+    for (uint32_t b = 0; b < shot->box_count; b++) {
         const struct fv_trail_point *last = NULL;
         for (uint32_t i = 0; i < trails->count; i++) {
             const struct fv_trail_point *p = &trails->points[i];
-            if (p->id != view->boxes[b].id || p->time_s > now_s + 1e-4F ||
+            if (p->id != shot->boxes[b].id || p->time_s > now_s + 1e-4F ||
                 p->time_s < now_s - (float)way_s)
                 continue;
             if (last != NULL)
@@ -143,20 +143,20 @@ static void box_draw(struct fv_canvas *canvas, const struct fv_snapshot_box *box
 void fv_picture_frame(struct fv_canvas *canvas, const struct fv_area *area,
                       const struct fv_run_picture *picture, const struct fovea *rt)
 {
-    const struct fv_snapshot_view *view = picture->snapshot;
+    const struct fv_snapshot_frame *shot = picture->snapshot;
     char title[96];
-    snprintf(title, sizeof title, "frame %llu: %u features%s", (unsigned long long)view->sequence,
-             (unsigned)view->feature_count,
-             view->box_count > 0 ? ", objects with id, score and way" : "");
+    snprintf(title, sizeof title, "frame %llu: %u features%s", (unsigned long long)shot->sequence,
+             (unsigned)shot->feature_count,
+             shot->box_count > 0 ? ", objects with id, score and way" : "");
     const struct fv_area rest = fv_picture_title(canvas, area, title);
-    uint8_t *grey = malloc((size_t)view->image.width * (size_t)view->image.height);
+    uint8_t *grey = malloc((size_t)shot->image.width * (size_t)shot->image.height);
     if (grey == NULL) return;
-    const struct fovea_image image = shown_image(&view->image, grey);
+    const struct fovea_image image = shown_image(&shot->image, grey);
     const struct place place = place_of(&rest, &image);
     image_draw(canvas, &image, &place);
     free(grey);
-    features_draw(canvas, view, &place);
-    ways_draw(canvas, picture->trails, view, &place);
-    for (uint32_t i = 0; i < view->box_count; i++)
-        box_draw(canvas, &view->boxes[i], &place, rt);
+    features_draw(canvas, shot, &place);
+    ways_draw(canvas, picture->trails, shot, &place);
+    for (uint32_t i = 0; i < shot->box_count; i++)
+        box_draw(canvas, &shot->boxes[i], &place, rt);
 }

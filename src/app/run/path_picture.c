@@ -21,7 +21,7 @@ static const double level_max = 0.3;   /* of the path's extent: thinner, and its
 static const double upright_min = 0.8; /* cosine between the plane's normal and the cameras' up */
 static const double gap_max_s = 1.0;   /* between path points, across which a time is looked up */
 static const double stray_fraction =
-    0.02; /* of landmarks on each side that do not widen the view */
+    0.02; /* of landmarks on each side that do not widen the projection */
 
 /* From a map's world to that of the path that is drawn: q = scale R p + t. */
 struct placing {
@@ -29,8 +29,8 @@ struct placing {
     double scale, R[9], t[3];
 };
 
-/* From path to sheet. */
-struct view {
+/* From the path to the sheet: the plane of `axis`, seen from `up`. */
+struct projection {
     double axis[2][3], up[3], low[2], high[2];
     double px_per_unit;
     struct fv_area plot;
@@ -85,7 +85,7 @@ static void place_point(const struct placing *placing, const double p[3], double
         q[i] = placing->scale * fv_dot3(placing->R + 3 * i, p) + placing->t[i];
 }
 
-/* ---- the view from above --------------------------------------------------------------------- */
+/* ---- the projection from above --------------------------------------------------------------- */
 
 /* Mean of the keyframes' upward direction (-y of the camera), in the path's world. */
 static void cameras_up(const struct fv_map_open *open, uint32_t map_id,
@@ -133,7 +133,7 @@ static void path_directions(const struct fv_trajectory_summary *path, double val
 /* The axes of the sheet: right, along the path's longest level extent, and away from the reader's
  * feet; seen from above. */
 static void axes_choose(const struct fv_trajectory_summary *path, const double camera_up[3],
-                        struct view *view)
+                        struct projection *projection)
 {
     double values[3], V[9], up[3];
     path_directions(path, values, V);
@@ -147,18 +147,18 @@ static void axes_choose(const struct fv_trajectory_summary *path, const double c
     const double *longest = fabs(fv_dot3(V, up)) < 0.9 ? V : V + 3;
     const double along = fv_dot3(longest, up);
     for (int k = 0; k < 3; k++)
-        view->axis[0][k] = longest[k] - along * up[k];
-    normalise(view->axis[0]);
-    fv_cross3(up, view->axis[0], view->axis[1]);
-    memcpy(view->up, up, sizeof up);
+        projection->axis[0][k] = longest[k] - along * up[k];
+    normalise(projection->axis[0]);
+    fv_cross3(up, projection->axis[0], projection->axis[1]);
+    memcpy(projection->up, up, sizeof up);
 }
 
-static void widen(struct view *view, const double p[3])
+static void widen(struct projection *projection, const double p[3])
 {
     for (int a = 0; a < 2; a++) {
-        const double at = fv_dot3(view->axis[a], p);
-        view->low[a] = fmin(view->low[a], at);
-        view->high[a] = fmax(view->high[a], at);
+        const double at = fv_dot3(projection->axis[a], p);
+        projection->low[a] = fmin(projection->low[a], at);
+        projection->high[a] = fmax(projection->high[a], at);
     }
 }
 
@@ -168,8 +168,8 @@ static int by_value(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-static void widen_landmarks(struct view *view, const struct fv_map_open *open, uint32_t map_id,
-                            const struct placing *placing)
+static void widen_landmarks(struct projection *projection, const struct fv_map_open *open,
+                            uint32_t map_id, const struct placing *placing)
 {
     const uint32_t all = open->map.limits.landmarks;
     double *values = malloc(all * sizeof *values), q[3];
@@ -179,45 +179,48 @@ static void widen_landmarks(struct view *view, const struct fv_map_open *open, u
             const struct fv_landmark *l = &open->map.landmarks[i];
             if (!l->used || fv_map_open_map_of(open, l) != map_id) continue;
             place_point(placing, l->point, q);
-            values[count++] = fv_dot3(view->axis[a], q);
+            values[count++] = fv_dot3(projection->axis[a], q);
         }
         if (count == 0) break;
         qsort(values, count, sizeof *values, by_value);
         const uint32_t stray = (uint32_t)(stray_fraction * count);
-        view->low[a] = fmin(view->low[a], values[stray]);
-        view->high[a] = fmax(view->high[a], values[count - 1 - stray]);
+        projection->low[a] = fmin(projection->low[a], values[stray]);
+        projection->high[a] = fmax(projection->high[a], values[count - 1 - stray]);
     }
     free(values);
 }
 
-static void view_fit(struct view *view)
+static void projection_fit(struct projection *projection)
 {
-    const double sides[2] = {view->plot.width, view->plot.height};
-    view->px_per_unit = INFINITY;
+    const double sides[2] = {projection->plot.width, projection->plot.height};
+    projection->px_per_unit = INFINITY;
     for (int a = 0; a < 2; a++)
-        if (view->high[a] > view->low[a])
-            view->px_per_unit =
-                fmin(view->px_per_unit, 0.94 * sides[a] / (view->high[a] - view->low[a]));
-    if (!isfinite(view->px_per_unit)) view->px_per_unit = 1.0;
+        if (projection->high[a] > projection->low[a])
+            projection->px_per_unit =
+                fmin(projection->px_per_unit,
+                     0.94 * sides[a] / (projection->high[a] - projection->low[a]));
+    if (!isfinite(projection->px_per_unit)) projection->px_per_unit = 1.0;
 }
 
-static bool to_sheet(const struct view *view, const double p[3], float at[2])
+static bool to_sheet(const struct projection *projection, const double p[3], float at[2])
 {
     double from[2];
     for (int a = 0; a < 2; a++)
         from[a] =
-            (fv_dot3(view->axis[a], p) - (view->low[a] + view->high[a]) / 2) * view->px_per_unit;
-    at[0] = (float)(view->plot.left + view->plot.width / 2.0 + from[0]);
-    at[1] = (float)(view->plot.top + view->plot.height / 2.0 - from[1]);
-    return fabs(from[0]) < view->plot.width / 2.0 && fabs(from[1]) < view->plot.height / 2.0;
+            (fv_dot3(projection->axis[a], p) - (projection->low[a] + projection->high[a]) / 2) *
+            projection->px_per_unit;
+    at[0] = (float)(projection->plot.left + projection->plot.width / 2.0 + from[0]);
+    at[1] = (float)(projection->plot.top + projection->plot.height / 2.0 - from[1]);
+    return fabs(from[0]) < projection->plot.width / 2.0 &&
+           fabs(from[1]) < projection->plot.height / 2.0;
 }
 
 /* ---- drawing --------------------------------------------------------------------------------- */
 
-static void grid(struct fv_canvas *canvas, const struct view *view, double tick)
+static void grid(struct fv_canvas *canvas, const struct projection *projection, double tick)
 {
-    const struct fv_area *plot = &view->plot;
-    const double pitch = tick * view->px_per_unit;
+    const struct fv_area *plot = &projection->plot;
+    const double pitch = tick * projection->px_per_unit;
     fv_canvas_fill(canvas, plot->left, plot->top, plot->width, plot->height, 0xfafafa);
     for (int k = 0; k * pitch < plot->width; k++)
         fv_canvas_fill(canvas, plot->left + (int)(k * pitch), plot->top, 1, plot->height,
@@ -228,7 +231,7 @@ static void grid(struct fv_canvas *canvas, const struct view *view, double tick)
 }
 
 /* Landmarks that many keyframes see are dark. */
-static void landmarks_draw(struct fv_canvas *canvas, const struct view *view,
+static void landmarks_draw(struct fv_canvas *canvas, const struct projection *projection,
                            const struct fv_map_open *open, uint32_t map_id,
                            const struct placing *placing)
 {
@@ -238,13 +241,13 @@ static void landmarks_draw(struct fv_canvas *canvas, const struct view *view,
         float at[2];
         if (!l->used || fv_map_open_map_of(open, l) != map_id) continue;
         place_point(placing, l->point, q);
-        if (!to_sheet(view, q, at)) continue;
+        if (!to_sheet(projection, q, at)) continue;
         const uint32_t grey = l->observer_count > 8 ? 0x48 : 0xb8 - 0x0e * l->observer_count;
         fv_canvas_disc(canvas, at[0], at[1], 0.9F, grey << 16 | grey << 8 | grey);
     }
 }
 
-static void closures_draw(struct fv_canvas *canvas, const struct view *view,
+static void closures_draw(struct fv_canvas *canvas, const struct projection *projection,
                           const struct fv_map_open *open, uint32_t map_id,
                           const struct placing *placing)
 {
@@ -257,26 +260,26 @@ static void closures_draw(struct fv_canvas *canvas, const struct view *view,
             double p[3], q[3];
             fv_map_open_centre(open, ends[e], p);
             place_point(placing, p, q);
-            (void)to_sheet(view, q, at[e]);
+            (void)to_sheet(projection, q, at[e]);
         }
         fv_canvas_line(canvas, at[0][0], at[0][1], at[1][0], at[1][1], 3.0F, 0xd62728);
         fv_canvas_circle(canvas, at[0][0], at[0][1], 8.0F, 2.0F, 0xd62728);
     }
 }
 
-static void path_draw(struct fv_canvas *canvas, const struct view *view,
+static void path_draw(struct fv_canvas *canvas, const struct projection *projection,
                       const struct fv_trajectory_summary *path)
 {
     float last[2] = {0}, at[2];
     for (uint32_t i = 0; path->truths != NULL && i < path->points; i++) {
-        (void)to_sheet(view, path->truths[i], at);
+        (void)to_sheet(projection, path->truths[i], at);
         if (i > 0) fv_canvas_line(canvas, last[0], last[1], at[0], at[1], 5.0F, FV_PICTURE_TRUTH);
         memcpy(last, at, sizeof last);
     }
     bool drawn = false;
     for (uint32_t i = 0; i < path->points; i++) {
         if (isnan(path->centres[i][0])) continue;
-        (void)to_sheet(view, path->centres[i], at);
+        (void)to_sheet(projection, path->centres[i], at);
         if (!drawn || path->map_of[i] != path->map_of[i - 1])
             fv_canvas_circle(canvas, at[0], at[1], 7.0F, 2.0F, FV_PICTURE_OURS);
         else
@@ -287,11 +290,11 @@ static void path_draw(struct fv_canvas *canvas, const struct view *view,
     if (drawn) fv_canvas_disc(canvas, last[0], last[1], 6.0F, FV_PICTURE_OURS);
 }
 
-static void scale_bar(struct fv_canvas *canvas, const struct view *view, double tick,
+static void scale_bar(struct fv_canvas *canvas, const struct projection *projection, double tick,
                       const char *unit)
 {
-    const struct fv_area *plot = &view->plot;
-    const int length = (int)(tick * view->px_per_unit), left = plot->left + 14,
+    const struct fv_area *plot = &projection->plot;
+    const int length = (int)(tick * projection->px_per_unit), left = plot->left + 14,
               base = plot->top + plot->height - 14;
     char label[64];
     snprintf(label, sizeof label, "%.4g %s", tick, unit);
@@ -343,29 +346,29 @@ enum fovea_status fv_picture_map(struct fv_canvas *canvas, const struct fv_area 
 {
     static struct fv_map_open open; /* large */
     const struct fv_trajectory_summary *path = picture->path;
-    struct view view = {.low = {INFINITY, INFINITY}, .high = {-INFINITY, -INFINITY}};
+    struct projection projection = {.low = {INFINITY, INFINITY}, .high = {-INFINITY, -INFINITY}};
     struct placing placing = {.found = false};
     double up[3] = {0};
     uint32_t map_id = 0;
     const bool mapped = map_take(rt, config, &open, &map_id);
     if (mapped) placing_fit(&open, map_id, path, &placing);
     if (placing.found) cameras_up(&open, map_id, &placing, up);
-    axes_choose(path, up, &view);
+    axes_choose(path, up, &projection);
     const struct fv_area rest = fv_picture_title(
         canvas, area, placing.found ? "map and path, from above" : "path, from above");
-    view.plot = (struct fv_area){rest.left, rest.top, rest.width, rest.height - LEGEND};
+    projection.plot = (struct fv_area){rest.left, rest.top, rest.width, rest.height - LEGEND};
     for (uint32_t i = 0; i < path->points; i++) {
-        widen(&view, path->centres[i]); /* NaN widens nothing */
-        if (path->truths != NULL) widen(&view, path->truths[i]);
+        widen(&projection, path->centres[i]); /* NaN widens nothing */
+        if (path->truths != NULL) widen(&projection, path->truths[i]);
     }
-    if (placing.found) widen_landmarks(&view, &open, map_id, &placing);
-    view_fit(&view);
-    const double tick = fv_picture_tick(view.plot.width / view.px_per_unit, SIDE_LINES);
-    grid(canvas, &view, tick);
-    if (placing.found) landmarks_draw(canvas, &view, &open, map_id, &placing);
-    path_draw(canvas, &view, path);
-    if (placing.found) closures_draw(canvas, &view, &open, map_id, &placing);
-    scale_bar(canvas, &view, tick, unit_of(path));
+    if (placing.found) widen_landmarks(&projection, &open, map_id, &placing);
+    projection_fit(&projection);
+    const double tick = fv_picture_tick(projection.plot.width / projection.px_per_unit, SIDE_LINES);
+    grid(canvas, &projection, tick);
+    if (placing.found) landmarks_draw(canvas, &projection, &open, map_id, &placing);
+    path_draw(canvas, &projection, path);
+    if (placing.found) closures_draw(canvas, &projection, &open, map_id, &placing);
+    scale_bar(canvas, &projection, tick, unit_of(path));
     legend(canvas, area, path->truths != NULL && isfinite(path->scale),
            placing.found && open.map.state->edge_count > 0, placing.found);
     if (mapped) fv_map_open_free(&open);

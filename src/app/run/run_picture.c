@@ -148,7 +148,7 @@ static void part_draw(enum part part, struct fv_canvas *canvas, const struct fv_
 }
 
 /* Height of the row in which the frame has the width of a column. */
-static int upper_height(const struct fv_snapshot_view *snapshot)
+static int upper_height(const struct fv_snapshot_frame *snapshot)
 {
     if (snapshot == NULL) return UPPER_MAX;
     const int wanted = TITLE + COLUMN * snapshot->image.height / snapshot->image.width + 8;

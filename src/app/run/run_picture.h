@@ -16,8 +16,8 @@ struct fv_run_picture {
     const struct fv_report *report;
     const struct fv_trajectory_summary *path;
     const struct fv_trails *trails;
-    const struct fv_watch *watch;            /* closed */
-    const struct fv_snapshot_view *snapshot; /* NULL: none */
+    const struct fv_watch *watch;             /* closed */
+    const struct fv_snapshot_frame *snapshot; /* NULL: none */
 };
 
 /* FOVEA_ERROR_SYSTEM: the picture could not be written, or there is no memory for it. `rt` has

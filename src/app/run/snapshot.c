@@ -11,15 +11,15 @@ enum {
 
 size_t fv_snapshot_bytes(size_t frame_bytes)
 {
-    return 2 * (frame_bytes + sizeof(struct fv_snapshot_view));
+    return 2 * (frame_bytes + sizeof(struct fv_snapshot_frame));
 }
 
 bool fv_snapshot_open(struct fv_snapshot *snapshot, size_t frame_bytes, bool detecting)
 {
     *snapshot = (struct fv_snapshot){.detecting = detecting, .frame_bytes = frame_bytes};
     if (frame_bytes > 0) snapshot->memory = malloc(2 * frame_bytes);
-    snapshot->views = calloc(2, sizeof *snapshot->views);
-    if (snapshot->views != NULL && (snapshot->memory != NULL || frame_bytes == 0)) return true;
+    snapshot->frames = calloc(2, sizeof *snapshot->frames);
+    if (snapshot->frames != NULL && (snapshot->memory != NULL || frame_bytes == 0)) return true;
     fv_snapshot_close(snapshot);
     return false;
 }
@@ -27,80 +27,80 @@ bool fv_snapshot_open(struct fv_snapshot *snapshot, size_t frame_bytes, bool det
 void fv_snapshot_close(struct fv_snapshot *snapshot)
 {
     free(snapshot->memory);
-    free(snapshot->views);
+    free(snapshot->frames);
     *snapshot = (struct fv_snapshot){0};
 }
 
-static struct fv_snapshot_view *other(struct fv_snapshot *snapshot)
+static struct fv_snapshot_frame *other(struct fv_snapshot *snapshot)
 {
-    return &snapshot->views[1 - snapshot->best];
+    return &snapshot->frames[1 - snapshot->best];
 }
 
-/* The other view is whole: keep it when it is the better one. */
+/* The other frame is whole: keep it when it is the better one. */
 static void judge(struct fv_snapshot *snapshot)
 {
-    struct fv_snapshot_view *made = other(snapshot), *kept = &snapshot->views[snapshot->best];
+    struct fv_snapshot_frame *made = other(snapshot), *kept = &snapshot->frames[snapshot->best];
     made->whole = true;
     snapshot->pending = false;
     if (!kept->whole || made->score >= kept->score) snapshot->best = 1 - snapshot->best;
 }
 
-static void pixels_copy(struct fv_snapshot *snapshot, struct fv_snapshot_view *view,
+static void pixels_copy(struct fv_snapshot *snapshot, struct fv_snapshot_frame *shot,
                         const struct fovea_frame *frame)
 {
-    uint8_t *pixels = snapshot->memory + (view == snapshot->views ? 0 : snapshot->frame_bytes);
+    uint8_t *pixels = snapshot->memory + (shot == snapshot->frames ? 0 : snapshot->frame_bytes);
     memcpy(pixels, frame->images[0].data, frame->images[0].size_bytes);
-    view->image.data = pixels;
+    shot->image.data = pixels;
 }
 
 void fv_snapshot_step(struct fv_snapshot *snapshot, const struct fovea *rt,
                       const struct fovea_frame *frame, const struct fovea_pose *pose)
 {
     const uint64_t step = snapshot->steps++;
-    if (snapshot->views == NULL ||
+    if (snapshot->frames == NULL ||
         (snapshot->memory != NULL && frame->images[0].size_bytes > snapshot->frame_bytes) ||
         (snapshot->copied > 0 && step - snapshot->copied < FRAMES_APART))
         return;
-    struct fv_snapshot_view *view = other(snapshot);
-    view->image = frame->images[0];
-    view->image.data = NULL;
-    if (snapshot->memory != NULL) pixels_copy(snapshot, view, frame);
-    view->stamp_ns = frame->stamp_ns;
-    view->sequence = frame->sequence;
-    view->index = frame->index;
-    view->score = pose->posed ? pose->inliers : 0;
-    view->box_count = 0;
-    view->whole = false;
-    const struct fovea_feature *features = fovea_features_get(rt, &view->feature_count);
-    if (view->feature_count > FV_SNAPSHOT_FEATURES_MAX)
-        view->feature_count = FV_SNAPSHOT_FEATURES_MAX;
-    memcpy(view->features, features, view->feature_count * sizeof *features);
+    struct fv_snapshot_frame *shot = other(snapshot);
+    shot->image = frame->images[0];
+    shot->image.data = NULL;
+    if (snapshot->memory != NULL) pixels_copy(snapshot, shot, frame);
+    shot->stamp_ns = frame->stamp_ns;
+    shot->sequence = frame->sequence;
+    shot->index = frame->index;
+    shot->score = pose->posed ? pose->inliers : 0;
+    shot->box_count = 0;
+    shot->whole = false;
+    const struct fovea_feature *features = fovea_features_get(rt, &shot->feature_count);
+    if (shot->feature_count > FV_SNAPSHOT_FEATURES_MAX)
+        shot->feature_count = FV_SNAPSHOT_FEATURES_MAX;
+    memcpy(shot->features, features, shot->feature_count * sizeof *features);
     snapshot->copied = step;
     snapshot->pending = snapshot->detecting;
     if (!snapshot->detecting) judge(snapshot);
 }
 
-static void boxes_of_tracks(struct fv_snapshot_view *view, const struct fovea_objects *tracks)
+static void boxes_of_tracks(struct fv_snapshot_frame *shot, const struct fovea_objects *tracks)
 {
-    for (uint32_t i = 0; i < tracks->count && view->box_count < FV_SNAPSHOT_BOXES_MAX; i++) {
+    for (uint32_t i = 0; i < tracks->count && shot->box_count < FV_SNAPSHOT_BOXES_MAX; i++) {
         const struct fovea_object *t = &tracks->list[i];
         if (t->state != FOVEA_OBJECT_CONFIRMED && t->state != FOVEA_OBJECT_COASTING) continue;
         const bool coasting = t->state == FOVEA_OBJECT_COASTING;
-        view->boxes[view->box_count++] =
+        shot->boxes[shot->box_count++] =
             (struct fv_snapshot_box){t->x_min_px, t->y_min_px, t->x_max_px,     t->y_max_px,
                                      t->score,    t->class_id, (uint32_t)t->id, coasting};
-        view->score += coasting ? 0 : OBJECT_SCORE;
+        shot->score += coasting ? 0 : OBJECT_SCORE;
     }
 }
 
-static void boxes_of_detections(struct fv_snapshot_view *view,
+static void boxes_of_detections(struct fv_snapshot_frame *shot,
                                 const struct fovea_detections *detections)
 {
-    for (uint32_t i = 0; i < detections->count && view->box_count < FV_SNAPSHOT_BOXES_MAX; i++) {
+    for (uint32_t i = 0; i < detections->count && shot->box_count < FV_SNAPSHOT_BOXES_MAX; i++) {
         const struct fovea_detection *d = &detections->list[i];
-        view->boxes[view->box_count++] = (struct fv_snapshot_box){
+        shot->boxes[shot->box_count++] = (struct fv_snapshot_box){
             d->x_min_px, d->y_min_px, d->x_max_px, d->y_max_px, d->score, d->class_id, 0, false};
-        view->score += OBJECT_SCORE;
+        shot->score += OBJECT_SCORE;
     }
 }
 
@@ -108,23 +108,23 @@ void fv_snapshot_work(struct fv_snapshot *snapshot, const struct fovea_detection
                       const struct fovea_objects *tracks)
 {
     if (!snapshot->pending || detections->inferences == 0) return;
-    struct fv_snapshot_view *view = other(snapshot);
-    if (detections->stamp_ns > view->stamp_ns) { /* this image was passed over: take the next */
+    struct fv_snapshot_frame *shot = other(snapshot);
+    if (detections->stamp_ns > shot->stamp_ns) { /* this image was passed over: take the next */
         snapshot->pending = false;
         snapshot->copied = 0;
     }
-    if (detections->stamp_ns != view->stamp_ns) return;
-    if (tracks->updates > 0 && tracks->stamp_ns == view->stamp_ns)
-        boxes_of_tracks(view, tracks);
+    if (detections->stamp_ns != shot->stamp_ns) return;
+    if (tracks->updates > 0 && tracks->stamp_ns == shot->stamp_ns)
+        boxes_of_tracks(shot, tracks);
     else
-        boxes_of_detections(view, detections);
+        boxes_of_detections(shot, detections);
     judge(snapshot);
 }
 
-const struct fv_snapshot_view *fv_snapshot_best(const struct fv_snapshot *snapshot)
+const struct fv_snapshot_frame *fv_snapshot_best(const struct fv_snapshot *snapshot)
 {
-    return snapshot->views != NULL && snapshot->views[snapshot->best].whole
-               ? &snapshot->views[snapshot->best]
+    return snapshot->frames != NULL && snapshot->frames[snapshot->best].whole
+               ? &snapshot->frames[snapshot->best]
                : NULL;
 }
 
@@ -134,7 +134,7 @@ const struct fv_snapshot_view *fv_snapshot_best(const struct fv_snapshot *snapsh
 static bool frame_take(struct fv_snapshot *snapshot, const struct fovea_source_ops *ops,
                        struct fovea_source *source)
 {
-    struct fv_snapshot_view *view = &snapshot->views[snapshot->best];
+    struct fv_snapshot_frame *shot = &snapshot->frames[snapshot->best];
     struct fovea_error error;
     struct fovea_frame frame;
     enum fovea_status status = ops->start(source, &error);
@@ -144,22 +144,22 @@ static bool frame_take(struct fv_snapshot *snapshot, const struct fovea_source_o
     while (status == FOVEA_AGAIN);
     if (status == FOVEA_OK) {
         const struct fovea_image *image = &frame.images[0];
-        if (frame.index == view->index && image->size_bytes == view->image.size_bytes)
+        if (frame.index == shot->index && image->size_bytes == shot->image.size_bytes)
             snapshot->memory = malloc(image->size_bytes);
         if (snapshot->memory != NULL) {
             memcpy(snapshot->memory, image->data, image->size_bytes);
-            view->image = *image;
-            view->image.data = snapshot->memory;
+            shot->image = *image;
+            shot->image.data = snapshot->memory;
         }
         ops->requeue(source, &frame);
     }
     ops->stop(source);
-    return view->image.data != NULL;
+    return shot->image.data != NULL;
 }
 
 bool fv_snapshot_fetch(struct fv_snapshot *snapshot, const char *uri, bool colour)
 {
-    const struct fv_snapshot_view *best = fv_snapshot_best(snapshot);
+    const struct fv_snapshot_frame *best = fv_snapshot_best(snapshot);
     if (best == NULL || best->image.data != NULL) return best != NULL;
     const struct fovea_source_selection selection = {
         .start = best->index, .step = 1, .frames = 1, .colour = colour, .camera_given = true};

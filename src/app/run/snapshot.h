@@ -23,7 +23,7 @@ struct fv_snapshot_box {
     bool coasting; /* predicted, not seen in this image */
 };
 
-struct fv_snapshot_view {
+struct fv_snapshot_frame {
     bool whole;
     uint32_t score;
     int64_t stamp_ns;
@@ -37,11 +37,11 @@ struct fv_snapshot_view {
 struct fv_snapshot {
     bool detecting;
     size_t frame_bytes;
-    uint8_t *memory;                /* two frames; NULL where frame_bytes is 0 */
-    uint32_t best;                  /* view that is kept; the other is being filled */
-    bool pending;                   /* the other waits for its detections */
-    uint64_t steps, copied;         /* frames so far; with which one the last copy was made */
-    struct fv_snapshot_view *views; /* two; NULL: no snapshot is wanted */
+    uint8_t *memory;                  /* two frames; NULL where frame_bytes is 0 */
+    uint32_t best;                    /* frame that is kept; the other is being filled */
+    bool pending;                     /* the other waits for its detections */
+    uint64_t steps, copied;           /* frames so far; with which one the last copy was made */
+    struct fv_snapshot_frame *frames; /* two; NULL: no snapshot is wanted */
 };
 
 /* Bytes that an open snapshot takes. */
@@ -59,7 +59,7 @@ void fv_snapshot_work(struct fv_snapshot *snapshot, const struct fovea_detection
                       const struct fovea_objects *tracks);
 
 /* The frame that was kept; NULL: none. After the loop's last call. */
-const struct fv_snapshot_view *fv_snapshot_best(const struct fv_snapshot *snapshot);
+const struct fv_snapshot_frame *fv_snapshot_best(const struct fv_snapshot *snapshot);
 
 /* Read the pixels of the frame that was kept again, from a source that is opened for it. False: it
  * has none, or they cannot be read any more; the snapshot then is empty. */

@@ -58,7 +58,7 @@ static void test_boxes_go_to_the_image_of_their_stamp(void **state)
     detected(first_ns - 1, 3);
     assert_null(fv_snapshot_best(&snapshot)); /* of an earlier image */
     detected(first_ns, 2);
-    const struct fv_snapshot_view *best = fv_snapshot_best(&snapshot);
+    const struct fv_snapshot_frame *best = fv_snapshot_best(&snapshot);
     assert_non_null(best);
     assert_true(best->stamp_ns == first_ns);
     assert_int_equal(best->box_count, 2);
@@ -88,7 +88,7 @@ static void test_the_frame_with_most_objects_stays(void **state)
     assert_true(fv_snapshot_open(&snapshot, 320 * 240, true));
     const int64_t first_ns = offer();
     tracked(first_ns, list, 3);
-    const struct fv_snapshot_view *best = fv_snapshot_best(&snapshot);
+    const struct fv_snapshot_frame *best = fv_snapshot_best(&snapshot);
     assert_int_equal(best->box_count, 2); /* not the tentative one */
     assert_int_equal(best->boxes[0].id, 7);
     assert_true(best->boxes[1].coasting);
@@ -122,7 +122,7 @@ static void test_a_frame_of_a_recording_is_read_again(void **state)
     const int64_t stamp_ns = offer();
     assert_null(fv_snapshot_best(&snapshot)->image.data);
     assert_true(fv_snapshot_fetch(&snapshot, "sim:orbit?width=320&height=240", false));
-    const struct fv_snapshot_view *best = fv_snapshot_best(&snapshot);
+    const struct fv_snapshot_frame *best = fv_snapshot_best(&snapshot);
     assert_non_null(best->image.data);
     assert_true(best->stamp_ns == stamp_ns);
     /* The pixels are those of this frame: the runtime finds the same features in them. */
@@ -165,7 +165,7 @@ static void check_read_again(const char *uri, bool reverse)
     ops->stop(source);
     ops->close(source);
     assert_true(fv_snapshot_fetch(&snapshot, uri, false));
-    const struct fv_snapshot_view *best = fv_snapshot_best(&snapshot);
+    const struct fv_snapshot_frame *best = fv_snapshot_best(&snapshot);
     assert_int_equal(best->sequence, sequence);
     assert_int_not_equal(best->index, sequence);
     assert_int_equal(best->image.size_bytes, sizeof pixels);
