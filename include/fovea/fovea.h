@@ -149,13 +149,24 @@ enum fovea_status fovea_memory(const struct fovea_config *config, struct fovea_m
 
 /* ---- the loop -------------------------------------------------------------------------------- */
 
-/* Jobs that fovea_work advances, in order of priority. */
+/* The one list of jobs that fovea_work advances, in order of priority:
+ *   map      new landmarks, then window optimisation
+ *   detect   one or two networks that find objects
+ *   closure  loops closed, maps merged
+ *   preview  JPEG of a pyramid level
+ * From a row (constant, name) follow the constant FOVEA_JOB_MAP, the job's name and its stage; the
+ * rest stands in the job's own file (src/runtime/jobs.h). */
+#define FOVEA_JOBS(ROW)                                                                            \
+    ROW(MAP, map)                                                                                  \
+    ROW(DETECT, detect)                                                                            \
+    ROW(CLOSURE, closure)                                                                          \
+    ROW(PREVIEW, preview)
+
 enum fovea_job {
-    FOVEA_JOB_MAP = 0,     /* new landmarks, then window optimisation */
-    FOVEA_JOB_DETECT = 1,  /* one or two networks that find objects */
-    FOVEA_JOB_CLOSURE = 2, /* loops closed, maps merged */
-    FOVEA_JOB_PREVIEW = 3, /* JPEG of a pyramid level */
-    FOVEA_JOB_COUNT
+#define FOVEA_JOB_CONSTANT(NAME, name) FOVEA_JOB_##NAME,
+    FOVEA_JOBS(FOVEA_JOB_CONSTANT)
+#undef FOVEA_JOB_CONSTANT
+        FOVEA_JOB_COUNT
 };
 
 /* What the governor allows: the only way in which time influences results. Recorded with every

@@ -35,12 +35,9 @@ static void reset(struct fovea *rt)
     state->reset_counter++;
     state->any_frame = 0;
     state->features = 0;
-    memset(rt->preview.state, 0, sizeof *rt->preview.state);
     fv_random_seed(&state->random, rt->config.seed);
     if (rt->config.odometry.enabled) fv_odometry_reset(&rt->odometry);
-    fv_detection_reset(&rt->detection);
-    fv_detection_reset(&rt->detection2);
-    fv_object_stage_reset(&rt->objects);
+    fv_jobs_reset(rt);
 }
 
 static void take_commands(struct fovea *rt, uint32_t commands)
@@ -85,24 +82,6 @@ static void remember(struct fv_state *state, const struct fovea_frame *frame, in
 }
 
 /* ---- the loop -------------------------------------------------------------------------------- */
-
-static void ask_preview(struct fovea *rt)
-{
-    const bool due = fv_every(rt->state->frames_processed - 1, rt->config.preview.period_frames);
-    if (due || rt->preview.state->due) fv_preview_ask(&rt->preview, &rt->state->frame);
-}
-
-static void offer_detection(struct fovea *rt, const struct fovea_frame *frame)
-{
-    const uint64_t number = rt->state->frames_processed - 1;
-    if (fv_every(number, rt->config.detect2.period_frames))
-        (void)fv_detection_offer(&rt->detection2, frame, &rt->state->frame, &rt->pyramid);
-    if (!fv_every(number, rt->config.detect.period_frames)) return;
-    if (!fv_detection_offer(&rt->detection, frame, &rt->state->frame, &rt->pyramid)) return;
-    struct fovea_pose pose;
-    fovea_pose_get(rt, &pose);
-    fv_object_stage_note(&rt->objects, &pose);
-}
 
 /* After odometry has the pose of a frame, or knows that it has none. */
 static void publish_pose(struct fovea *rt)
@@ -167,8 +146,7 @@ enum fovea_status fovea_step(struct fovea *rt, const struct fovea_inputs *inputs
     if (processed) {
         remember(rt->state, inputs->frame, inputs->utc_offset_ns);
         process(rt, inputs);
-        offer_detection(rt, inputs->frame);
-        ask_preview(rt);
+        fv_jobs_frame(rt, inputs->frame);
     }
     const struct instant begin = stage_begin(rt);
     fv_encode(rt, inputs, processed, interrupted, outputs);
@@ -187,7 +165,7 @@ enum fovea_status fovea_work(struct fovea *rt, const struct fovea_grants *grants
     rt->work_grants = *grants;
     for (int job = 0; job < FOVEA_JOB_COUNT; job++) {
         const struct instant begin = stage_begin(rt);
-        rt->units_done[job] = fv_jobs[job].advance(rt, grants->units[job], outputs);
+        rt->units_done[job] = fv_jobs[job]->advance(rt, grants->units[job], outputs);
         outputs->units_done[job] = rt->units_done[job];
         stage_end(rt, (enum fovea_stage)(FOVEA_STAGE_JOBS + job), begin);
     }

@@ -18,7 +18,7 @@ void fovea_grants_fixed(const struct fovea_config *config, struct fovea_grants *
 {
     grants->features = config->features.count_max;
     for (int job = 0; job < FOVEA_JOB_COUNT; job++)
-        grants->units[job] = fv_jobs[job].units_fixed;
+        grants->units[job] = fv_jobs[job]->units_fixed;
 }
 
 void fovea_governor_init(struct fovea_governor *governor, const struct fovea_config *config,
@@ -60,8 +60,8 @@ void fovea_governor_work(struct fovea_governor *governor, int64_t step_ns, uint3
 {
     int64_t left_ns = usable_ns(governor) - step_ns;
     for (int job = 0; job < FOVEA_JOB_COUNT; job++) {
-        grants->units[job] = fv_jobs[job].units_min;
-        left_ns -= (jobs_waiting >> job & 1) ? fv_jobs[job].units_min * governor->unit_ns[job] : 0;
+        grants->units[job] = fv_jobs[job]->units_min;
+        left_ns -= (jobs_waiting >> job & 1) ? fv_jobs[job]->units_min * governor->unit_ns[job] : 0;
     }
     for (int job = 0; job < FOVEA_JOB_COUNT && left_ns > 0; job++) {
         if (!(jobs_waiting >> job & 1)) continue;

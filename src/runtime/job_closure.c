@@ -1,16 +1,24 @@
 /* The job that closes loops and merges maps. */
 #include "runtime/jobs.h"
 
-bool fv_job_closure_waiting(const struct fovea *rt)
+static bool waiting(const struct fovea *rt)
 {
     return rt->config.odometry.enabled && fv_odometry_closure_waiting(&rt->odometry);
 }
 
-uint32_t fv_job_closure_advance(struct fovea *rt, uint32_t units, struct fovea_outputs *outputs)
+static uint32_t advance(struct fovea *rt, uint32_t units, struct fovea_outputs *outputs)
 {
     (void)outputs;
     uint32_t done = 0;
-    for (; done < units && fv_job_closure_waiting(rt); done++)
+    for (; done < units && waiting(rt); done++)
         fv_odometry_closure_unit(&rt->odometry, &rt->kernels);
     return done;
 }
+
+/* The odometry carves, feeds and resets what the job works on. The largest map is corrected within
+ * 20 s. */
+const struct fv_job fv_job_closure = {.key = "map.closures",
+                                      .units_min = 4,
+                                      .units_fixed = 24,
+                                      .waiting = waiting,
+                                      .advance = advance};

@@ -3,7 +3,7 @@
 #include "runtime/config.h"
 #include "runtime/jobs.h"
 
-bool fv_job_detect_waiting(const struct fovea *rt)
+static bool waiting(const struct fovea *rt)
 {
     return fv_detection_waiting(&rt->detection) || fv_detection_waiting(&rt->detection2);
 }
@@ -36,8 +36,9 @@ static bool is_sent(const struct fovea *rt, enum fv_message_kind kind,
 }
 
 /* Returns the units done; `*complete`: a message went to the outputs. */
-static uint32_t advance(struct fovea *rt, struct fv_detection *detection, enum fv_message_kind kind,
-                        uint32_t units, bool *complete, struct fovea_outputs *outputs)
+static uint32_t advance_one(struct fovea *rt, struct fv_detection *detection,
+                            enum fv_message_kind kind, uint32_t units, bool *complete,
+                            struct fovea_outputs *outputs)
 {
     uint32_t done = 0;
     *complete = false;
@@ -54,9 +55,9 @@ static uint32_t advance(struct fovea *rt, struct fv_detection *detection, enum f
 static uint32_t advance_first(struct fovea *rt, uint32_t units, struct fovea_outputs *outputs)
 {
     bool complete;
-    const uint32_t done =
-        advance(rt, &rt->detection, rt->detection.raw ? FV_MESSAGE_TENSORS : FV_MESSAGE_DETECTIONS,
-                units, &complete, outputs);
+    const uint32_t done = advance_one(
+        rt, &rt->detection, rt->detection.raw ? FV_MESSAGE_TENSORS : FV_MESSAGE_DETECTIONS, units,
+        &complete, outputs);
     if (complete && rt->objects.enabled) track(rt, outputs);
     return done;
 }
@@ -64,14 +65,60 @@ static uint32_t advance_first(struct fovea *rt, uint32_t units, struct fovea_out
 /* Two networks that have work share the grant: half each, and what one leaves is for the other.
  * Each completes at most one inference per work call: its message's buffer is in use until the
  * next, and it gets its next image from the next step. */
-uint32_t fv_job_detect_advance(struct fovea *rt, uint32_t units, struct fovea_outputs *outputs)
+static uint32_t advance(struct fovea *rt, uint32_t units, struct fovea_outputs *outputs)
 {
     bool complete;
     if (!fv_detection_waiting(&rt->detection2)) return advance_first(rt, units, outputs);
     uint32_t done =
         fv_detection_waiting(&rt->detection) ? advance_first(rt, units - units / 2, outputs) : 0;
-    done += advance(rt, &rt->detection2,
-                    rt->detection2.raw ? FV_MESSAGE_TENSORS2 : FV_MESSAGE_DETECTIONS2, units - done,
-                    &complete, outputs);
+    done += advance_one(rt, &rt->detection2,
+                        rt->detection2.raw ? FV_MESSAGE_TENSORS2 : FV_MESSAGE_DETECTIONS2,
+                        units - done, &complete, outputs);
     return done + advance_first(rt, units - done, outputs);
 }
+
+static void carve(struct fovea *rt, struct fv_carving *carving)
+{
+    const struct fovea_config *config = &rt->config;
+    const struct fovea_camera *camera = &config->rig.cameras[0].camera;
+    struct fv_arena *persistent = &carving->arenas[FOVEA_MEMORY_PERSISTENT],
+                    *job = &carving->arenas[FOVEA_MEMORY_JOB],
+                    *frame = &carving->arenas[FOVEA_MEMORY_FRAME];
+    fv_detection_carve(&rt->detection, camera, fv_detection_floor(&config->objects), persistent,
+                       job, frame);
+    fv_carving_book(carving, "detection");
+    fv_detection_carve(&rt->detection2, camera, 0, persistent, job, frame);
+    fv_carving_book(carving, "detection2");
+    fv_object_stage_carve(&rt->objects, config, &rt->detection, persistent, frame);
+    fv_carving_book(carving, "tracking");
+}
+
+static void offer(struct fovea *rt, const struct fovea_frame *frame)
+{
+    const uint64_t number = rt->state->frames_processed - 1;
+    if (fv_every(number, rt->config.detect2.period_frames))
+        (void)fv_detection_offer(&rt->detection2, frame, &rt->state->frame, &rt->pyramid);
+    if (!fv_every(number, rt->config.detect.period_frames)) return;
+    if (!fv_detection_offer(&rt->detection, frame, &rt->state->frame, &rt->pyramid)) return;
+    struct fovea_pose pose;
+    fovea_pose_get(rt, &pose);
+    fv_object_stage_note(&rt->objects, &pose);
+}
+
+static void reset(struct fovea *rt)
+{
+    fv_detection_reset(&rt->detection);
+    fv_detection_reset(&rt->detection2);
+    fv_object_stage_reset(&rt->objects);
+}
+
+/* Min: a millisecond, 300 million multiply-accumulates within 20 frames. Fixed: the shipped
+ * detector within two frames, ssd_mobilenet_v1 at 300 x 300 within 7. */
+const struct fv_job fv_job_detect = {.key = "detect.model",
+                                     .units_min = 4,
+                                     .units_fixed = 56,
+                                     .waiting = waiting,
+                                     .advance = advance,
+                                     .carve = carve,
+                                     .frame = offer,
+                                     .reset = reset};

@@ -1,17 +1,17 @@
 /* The map's job: saving, new landmarks, the window, the place index, and the scale by the floor. */
 #include "runtime/jobs.h"
 
-bool fv_job_map_waiting(const struct fovea *rt)
+static bool waiting(const struct fovea *rt)
 {
     return rt->config.odometry.enabled &&
            (fv_odometry_job_waiting(&rt->odometry) || fv_scale_waiting(&rt->scale, &rt->odometry));
 }
 
-uint32_t fv_job_map_advance(struct fovea *rt, uint32_t units, struct fovea_outputs *outputs)
+static uint32_t advance(struct fovea *rt, uint32_t units, struct fovea_outputs *outputs)
 {
     uint32_t done = 0;
     if (!rt->config.odometry.enabled) return 0;
-    for (; done < units && fv_job_map_waiting(rt); done++) {
+    for (; done < units && waiting(rt); done++) {
         if (fv_scale_waiting(&rt->scale, &rt->odometry))
             fv_scale_unit(&rt->scale, &rt->odometry);
         else
@@ -20,3 +20,12 @@ uint32_t fv_job_map_advance(struct fovea *rt, uint32_t units, struct fovea_outpu
     outputs->map_bytes = fv_odometry_save_take(&rt->odometry);
     return done;
 }
+
+/* The odometry carves, feeds and resets what the job works on. A window of five iterations takes
+ * six frames at most, when keyframes are not close together, since new landmarks go first;
+ * keyframes of a car follow each other by two frames. */
+const struct fv_job fv_job_map = {.key = "odometry.enabled",
+                                  .units_min = 24,
+                                  .units_fixed = 56,
+                                  .waiting = waiting,
+                                  .advance = advance};

@@ -1,7 +1,9 @@
 /* The preview's job: a JPEG of a pyramid level. */
+#include <string.h>
+
 #include "runtime/jobs.h"
 
-bool fv_job_preview_waiting(const struct fovea *rt)
+static bool waiting(const struct fovea *rt)
 {
     return fv_preview_waiting(&rt->preview);
 }
@@ -23,7 +25,7 @@ static void send_preview(struct fovea *rt, struct fovea_outputs *outputs)
                   outputs);
 }
 
-uint32_t fv_job_preview_advance(struct fovea *rt, uint32_t units, struct fovea_outputs *outputs)
+static uint32_t advance(struct fovea *rt, uint32_t units, struct fovea_outputs *outputs)
 {
     const struct fv_plane *level = fv_pyramid_level(&rt->pyramid, rt->config.preview.level);
     uint32_t done = 0;
@@ -36,3 +38,32 @@ uint32_t fv_job_preview_advance(struct fovea *rt, uint32_t units, struct fovea_o
     }
     return done;
 }
+
+static void carve(struct fovea *rt, struct fv_carving *carving)
+{
+    const struct fv_plane *level = fv_pyramid_level(&rt->pyramid, rt->config.preview.level);
+    fv_preview_carve(&rt->preview, level->width, level->height,
+                     &carving->arenas[FOVEA_MEMORY_PERSISTENT], &carving->arenas[FOVEA_MEMORY_JOB]);
+}
+
+static void ask(struct fovea *rt, const struct fovea_frame *frame)
+{
+    (void)frame;
+    const bool due = fv_every(rt->state->frames_processed - 1, rt->config.preview.period_frames);
+    if (due || rt->preview.state->due) fv_preview_ask(&rt->preview, &rt->state->frame);
+}
+
+static void reset(struct fovea *rt)
+{
+    memset(rt->preview.state, 0, sizeof *rt->preview.state);
+}
+
+/* A preview of 376x240 in 6 frames. */
+const struct fv_job fv_job_preview = {.key = "preview.period_frames",
+                                      .units_min = 4,
+                                      .units_fixed = 8,
+                                      .waiting = waiting,
+                                      .advance = advance,
+                                      .carve = carve,
+                                      .frame = ask,
+                                      .reset = reset};

@@ -3,17 +3,16 @@
 
 #include "base/hash.h"
 #include "runtime/config.h"
-#include "runtime/state.h"
+#include "runtime/jobs.h"
 
 enum { PERSISTENT = FOVEA_MEMORY_PERSISTENT, JOB = FOVEA_MEMORY_JOB, FRAME = FOVEA_MEMORY_FRAME };
 
-/* Book what `owner` took since the last entry, part by part. */
-static void book(struct fovea_memory_table *table, const char *owner, const struct fv_arena *arenas,
-                 size_t *before)
+void fv_carving_book(struct fv_carving *carving, const char *owner)
 {
+    struct fovea_memory_table *table = carving->table;
     for (int part = 0; part < FOVEA_MEMORY_PART_COUNT; part++) {
-        const size_t bytes = arenas[part].used - before[part];
-        before[part] = arenas[part].used;
+        const size_t bytes = carving->arenas[part].used - carving->booked[part];
+        carving->booked[part] = carving->arenas[part].used;
         if (table == NULL || bytes == 0 || table->count >= FOVEA_MEMORY_ROWS_MAX) continue;
         struct fovea_memory_row *row = &table->rows[table->count++];
         memset(row, 0, sizeof *row);
@@ -72,53 +71,40 @@ static void carve_masks(struct fovea *rt, struct fv_arena *arena)
     }
 }
 
-/* Give every stage its pieces, for rt->config, from the arenas of the parts. */
-static void carve(struct fovea *rt, struct fv_arena arenas[FOVEA_MEMORY_PART_COUNT],
-                  struct fovea_memory_table *table)
+/* Give every stage and job its pieces, for rt->config, from the arenas of the parts. */
+static void carve(struct fovea *rt, struct fv_carving *carving)
 {
     const struct fovea_config *config = &rt->config;
     const struct fovea_rig_camera *first = &config->rig.cameras[0];
     const int32_t width = first->camera.width, height = first->camera.height;
-    size_t before[FOVEA_MEMORY_PART_COUNT] = {arenas[PERSISTENT].used, arenas[JOB].used,
-                                              arenas[FRAME].used};
+    struct fv_arena *arenas = carving->arenas;
 
     rt->state = fv_arena_take(&arenas[PERSISTENT], 1, sizeof *rt->state);
-    book(table, "runtime", arenas, before);
+    fv_carving_book(carving, "runtime");
     carve_masks(rt, &arenas[PERSISTENT]);
-    book(table, "mask", arenas, before);
+    fv_carving_book(carving, "mask");
     fv_pyramid_carve(&rt->pyramid, width, height, config->features.pyramid_levels, &arenas[FRAME]);
-    book(table, "pyramid", arenas, before);
+    fv_carving_book(carving, "pyramid");
     fv_features_carve(&rt->features, &config->features, &rt->pyramid, &arenas[FRAME]);
-    book(table, "features", arenas, before);
+    fv_carving_book(carving, "features");
     if (config->odometry.enabled) {
         const uint32_t count_max = config->features.count_max;
         fv_orb_carve(&rt->orb, count_max, &rt->pyramid, &arenas[FRAME]);
-        book(table, "descriptors", arenas, before);
+        fv_carving_book(carving, "descriptors");
         fv_odometry_carve(&rt->odometry, &config->odometry, &rt->config.rig.cameras[0].camera,
                           count_max, &arenas[PERSISTENT], &arenas[JOB], &arenas[FRAME]);
-        book(table, "odometry", arenas, before);
+        fv_carving_book(carving, "odometry");
         fv_scale_carve(&rt->scale, &config->scale, first->T_body_cam, &arenas[PERSISTENT],
                        &arenas[FRAME]);
-        book(table, "scale", arenas, before);
+        fv_carving_book(carving, "scale");
         fv_publish_carve(&rt->publish, first->T_body_cam, &arenas[PERSISTENT]);
-        book(table, "publish", arenas, before);
+        fv_carving_book(carving, "publish");
         fv_boxes_carve(&rt->boxes, width, height, &arenas[PERSISTENT], &arenas[FRAME]);
-        book(table, "boxes", arenas, before);
+        fv_carving_book(carving, "boxes");
     }
-    fv_detection_carve(&rt->detection, &first->camera, fv_detection_floor(&config->objects),
-                       &arenas[PERSISTENT], &arenas[JOB], &arenas[FRAME]);
-    book(table, "detection", arenas, before);
-    fv_detection_carve(&rt->detection2, &first->camera, 0, &arenas[PERSISTENT], &arenas[JOB],
-                       &arenas[FRAME]);
-    book(table, "detection2", arenas, before);
-    fv_object_stage_carve(&rt->objects, config, &rt->detection, &arenas[PERSISTENT],
-                          &arenas[FRAME]);
-    book(table, "tracking", arenas, before);
-    const struct fv_plane *level = fv_pyramid_level(&rt->pyramid, config->preview.level);
-    fv_preview_carve(&rt->preview, level->width, level->height, &arenas[PERSISTENT], &arenas[JOB]);
-    book(table, "preview", arenas, before);
+    fv_jobs_carve(rt, carving);
     carve_outbox(rt, &arenas[FRAME]);
-    book(table, "messages", arenas, before);
+    fv_carving_book(carving, "messages");
 }
 
 /* Carve in counting mode: fills part_bytes and block_bytes. */
@@ -135,9 +121,10 @@ static enum fovea_status measure(struct fovea *rt, const struct fovea_config *co
         status =
             fv_detection_prepare(&rt->detection2, "detect2.model", &config->detect2, camera, error);
     if (status != FOVEA_OK) return status;
-    struct fv_arena arenas[FOVEA_MEMORY_PART_COUNT], head;
+    struct fv_carving carving = {.table = table};
+    struct fv_arena head;
     for (int part = 0; part < FOVEA_MEMORY_PART_COUNT; part++)
-        fv_arena_count(&arenas[part]);
+        fv_arena_count(&carving.arenas[part]);
     fv_arena_count(&head);
     fv_arena_take(&head, 1, sizeof *rt);
     if (table != NULL) {
@@ -145,13 +132,13 @@ static enum fovea_status measure(struct fovea *rt, const struct fovea_config *co
         memcpy(table->rows[0].owner, "head", sizeof "head");
         table->rows[0].bytes = head.used;
     }
-    carve(rt, arenas, table);
+    carve(rt, &carving);
     rt->block_bytes = head.used;
     for (int part = 0; part < FOVEA_MEMORY_PART_COUNT; part++) {
-        if (arenas[part].exhausted)
+        if (carving.arenas[part].exhausted)
             return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "memory: sizes overflow");
-        rt->part_bytes[part] = arenas[part].used;
-        rt->block_bytes += arenas[part].used;
+        rt->part_bytes[part] = carving.arenas[part].used;
+        rt->block_bytes += carving.arenas[part].used;
     }
     return FOVEA_OK;
 }
@@ -185,14 +172,14 @@ enum fovea_status fovea_memory(const struct fovea_config *config, struct fovea_m
 static void place(struct fovea *rt, bool keep)
 {
     uint8_t *next = (uint8_t *)rt + rt->block_bytes;
-    struct fv_arena arenas[FOVEA_MEMORY_PART_COUNT];
+    struct fv_carving carving = {.table = NULL};
     for (int part = FOVEA_MEMORY_PART_COUNT - 1; part >= 0; part--) {
         next -= rt->part_bytes[part];
         rt->part_base[part] = next;
-        fv_arena_init(&arenas[part], next, rt->part_bytes[part]);
-        arenas[part].keep = keep;
+        fv_arena_init(&carving.arenas[part], next, rt->part_bytes[part]);
+        carving.arenas[part].keep = keep;
     }
-    carve(rt, arenas, NULL);
+    carve(rt, &carving);
     for (uint32_t i = 0; keep && i < rt->config.rig.camera_count; i++)
         rt->config.rig.cameras[i].mask = rt->masks[i].pixels;
 }

@@ -47,6 +47,18 @@ struct fv_outbox {
     void *features_scratch;
 };
 
+/* Block being carved: the arenas of its parts, and the memory table that is kept of them. */
+struct fv_carving {
+    struct fv_arena arenas[FOVEA_MEMORY_PART_COUNT];
+    size_t booked[FOVEA_MEMORY_PART_COUNT]; /* bytes that have an owner */
+    struct fovea_memory_table *table;       /* NULL: none is kept */
+};
+
+/* Book what was taken since the last call as `owner`'s, part by part. */
+void fv_carving_book(struct fv_carving *carving, const char *owner);
+
+enum { FV_JOB_PIECES_MAX = 4 };
+
 struct fovea {
     struct fovea_config config; /* masks point at the copies below */
     struct fv_kernels kernels;
@@ -66,6 +78,7 @@ struct fovea {
     struct fv_publish publish;
     struct fv_boxes boxes;
     struct fv_preview preview;
+    void *job_pieces[FOVEA_JOB_COUNT][FV_JOB_PIECES_MAX]; /* what a job carved for itself alone */
     struct fv_outbox outbox;
 
     /* Of the last step and work, for the statistics message; clocks or copies of inputs, never

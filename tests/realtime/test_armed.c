@@ -29,8 +29,8 @@ int main(void)
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "common/detector.h"
 #include "common/heap_calls.h"
+#include "common/job_switch.h"
 #include "base/elementary.h"
 #include "fovea/fovea.h"
 #include "fovea/source.h"
@@ -189,9 +189,7 @@ static int build(void **state)
     paint();
     fovea_config_default(&config);
     if (!film(&config.rig.cameras[0].camera)) return -1;
-    config.preview.period_frames = 3;
-    config.detect.model = detector_model(&config.detect.model_bytes);
-    if (config.detect.model == NULL) return -1;
+    if (!job_switch_all(&config, 3)) return -1;
     if (fovea_size(&config, &bytes, &error) != FOVEA_OK) return -1;
     void *memory = map_pages(bytes, MAP_PRIVATE),
          *saved = map_pages(fovea_map_bytes_max(&config), MAP_PRIVATE);
@@ -255,14 +253,13 @@ static void walk(int i)
 /* Pictures that fit nothing, missing frames, refused frames, commands, resets. */
 static void stumble(int i)
 {
+    static const int cycles[4] = {11, 3, 5, 7}; /* of the units that are granted to a job */
     struct fovea_frame frame = frame_of(pictures[i % PICTURES], i);
     if (i % 50 == 49) frame.stamp_ns -= 1000000000;
     struct fovea_inputs inputs = {.frame = i % 20 == 19 ? NULL : &frame, .now_ns = frame.stamp_ns};
     inputs.grants.features = 500;
-    inputs.grants.units[FOVEA_JOB_MAP] = (uint32_t)(i % 11);
-    inputs.grants.units[FOVEA_JOB_CLOSURE] = (uint32_t)(i % 5);
-    inputs.grants.units[FOVEA_JOB_DETECT] = (uint32_t)(i % 3);
-    inputs.grants.units[FOVEA_JOB_PREVIEW] = (uint32_t)(i % 7);
+    for (int job = 0; job < FOVEA_JOB_COUNT; job++)
+        inputs.grants.units[job] = (uint32_t)(i % cycles[job % 4]);
     if (i % 100 == 50) inputs.commands = FOVEA_COMMAND_PAUSE;
     if (i % 100 == 55) inputs.commands = FOVEA_COMMAND_RESUME;
     if (i % 1000 == 755) inputs.commands = FOVEA_COMMAND_RESUME | FOVEA_COMMAND_SAVE;

@@ -1,16 +1,14 @@
 /* The table of jobs: each row is whole, its stage bears its name, its key is a key of the
- * configuration, and switched off by that key the job has no work. */
+ * configuration, switched on by that key the job has work, and switched off by it none. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
 #include <cmocka.h>
-#include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "app/config/settings.h"
-#include "common/detector.h"
+#include "common/job_switch.h"
 #include "common/sim_rig.h"
 #include "runtime/jobs.h"
 
@@ -18,22 +16,27 @@ enum { FRAMES = 60 };
 #define WAY "sim:orbit?width=320&height=240&lens=pinhole&fov=70&rate=3"
 
 static struct sim_rig rig;
-static struct fv_settings settings;
+
+static bool is_key(const char *name)
+{
+    for (size_t i = 0; i < fv_settings_key_count; i++)
+        if (strcmp(fv_settings_keys[i].name, name) == 0) return true;
+    return false;
+}
 
 static void rows_are_whole_and_bear_names_of_their_own(void **state)
 {
     (void)state;
     for (int job = 0; job < FOVEA_JOB_COUNT; job++) {
-        const struct fv_job *row = &fv_jobs[job];
-        assert_true(row->name != NULL && row->key != NULL);
+        const struct fv_job *row = fv_jobs[job];
+        const char *name = fovea_job_name((enum fovea_job)job);
+        assert_true(is_key(row->key));
         assert_true(row->waiting != NULL && row->advance != NULL);
         assert_in_range(row->units_min, 1, row->units_fixed);
-        assert_string_equal(fovea_job_name((enum fovea_job)job), row->name);
         assert_string_equal(fovea_job_key((enum fovea_job)job), row->key);
-        assert_string_equal(fovea_stage_name((enum fovea_stage)(FOVEA_STAGE_JOBS + job)),
-                            row->name);
+        assert_string_equal(fovea_stage_name((enum fovea_stage)(FOVEA_STAGE_JOBS + job)), name);
         for (int stage = 0; stage < FOVEA_STAGE_JOBS + job; stage++)
-            assert_string_not_equal(fovea_stage_name((enum fovea_stage)stage), row->name);
+            assert_string_not_equal(fovea_stage_name((enum fovea_stage)stage), name);
     }
     assert_string_equal(fovea_job_name(FOVEA_JOB_COUNT), "unknown");
     assert_string_equal(fovea_job_key(FOVEA_JOB_COUNT), "");
@@ -51,8 +54,8 @@ static void the_schedules_follow_from_the_rows(void **state)
     fovea_governor_next(&governor, &rig.config, &short_of_time);
     fovea_governor_work(&governor, 2000000, UINT32_MAX, &short_of_time);
     for (int job = 0; job < FOVEA_JOB_COUNT; job++) {
-        assert_int_equal(fixed.units[job], fv_jobs[job].units_fixed);
-        assert_int_equal(short_of_time.units[job], fv_jobs[job].units_min);
+        assert_int_equal(fixed.units[job], fv_jobs[job]->units_fixed);
+        assert_int_equal(short_of_time.units[job], fv_jobs[job]->units_min);
     }
 }
 
@@ -72,28 +75,7 @@ static uint32_t jobs_seen(void)
 static void open_with_all_jobs(void)
 {
     sim_rig_open(&rig, WAY, 0, FRAMES);
-    rig.config.detect.model = detector_model(&rig.config.detect.model_bytes);
-    assert_non_null(rig.config.detect.model);
-    rig.config.preview.period_frames = 4;
-}
-
-/* Off, empty or 0, as the kind of the key has it. */
-static void switch_off(const char *key)
-{
-    char assignment[64];
-    struct fovea_error error;
-    const struct fv_settings_key *row = NULL;
-    for (size_t i = 0; i < fv_settings_key_count; i++)
-        if (strcmp(fv_settings_keys[i].name, key) == 0) row = &fv_settings_keys[i];
-    if (row == NULL) fail_msg("%s: no key of the configuration", key);
-    fv_settings_default(&settings);
-    settings.runtime = rig.config;
-    snprintf(assignment, sizeof assignment, "%s=%s", key,
-             row->kind == FV_CONFIG_BOOL ? "false" : (row->kind == FV_CONFIG_U32 ? "0" : ""));
-    if (fv_settings_set(&settings, assignment, &error) != FOVEA_OK) fail_msg("%s", error.text);
-    rig.config = settings.runtime;
-    if (settings.model[0] == 0 && strcmp(key, "detect.model") == 0)
-        rig.config.detect.model = NULL; /* the program reads the file that the key names */
+    assert_true(job_switch_all(&rig.config, 4));
 }
 
 static void a_job_waits_for_work_and_never_when_its_key_is_off(void **state)
@@ -103,7 +85,7 @@ static void a_job_waits_for_work_and_never_when_its_key_is_off(void **state)
     assert_int_equal(jobs_seen(), (1u << FOVEA_JOB_COUNT) - 1);
     for (int job = 0; job < FOVEA_JOB_COUNT; job++) {
         open_with_all_jobs();
-        switch_off(fv_jobs[job].key);
+        assert_true(job_switch(&rig.config, (enum fovea_job)job, 0));
         assert_int_equal(jobs_seen() & 1u << job, 0);
     }
 }
