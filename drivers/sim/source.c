@@ -411,7 +411,7 @@ static enum fovea_source_state sim_state(const struct fovea_source *source)
 const struct fovea_source_ops fovea_source_sim = {
     .name = "sim",
     .help =
-        "[TRAJECTORY][?OPTION=VALUE&...]  simulated camera: tour (default), orbit, corridor, rotate, stopgo, fast, kidnap, wander, still, stand; options seed width height rate frames lens fov noise blur rolling exposure readout objects textures light odometry odometry_noise imu imu_noise baseline time",
+        "[TRAJECTORY][?OPTION=VALUE&...]  simulated camera: tour (default), orbit, corridor, rotate, stopgo, fast, kidnap, wander, still, stand; options seed width height rate frames lens fov noise blur rolling exposure readout objects textures light odometry odometry_noise imu imu_noise gyro_bias acceleration_bias imu_offset imu_offset_known turn_rate baseline time",
     .open = sim_open,
     .info = sim_info,
     .start = sim_start,

@@ -129,9 +129,9 @@ void fv_man_program(void)
     fv_man_synopsis(NULL, "COMMAND [OPTION]...\n\nfovea --version\n\nfovea --man");
     fv_man_section("DESCRIPTION");
     fv_man_text(
-        "A camera goes in; poses, maps, detections, tracks and features go out as LCM messages, "
-        "every frame, from one real-time loop in one block of memory. A run can be recorded and "
-        "replayed bit for bit.");
+        "Takes the frames of a camera and sends poses, maps, detections, objects and features as "
+        "LCM messages, every frame, from one real-time loop in one block of memory. A run can be "
+        "recorded and replayed bit for bit.");
     fv_man_section("COMMANDS");
     for (const struct fv_command *command = fv_commands; command->name != NULL; command++)
         fv_man_item(command->name, NULL, command->help);

@@ -198,7 +198,7 @@ static enum fovea_status rig_join(struct fv_settings *settings,
     if (from->has_imu && !placed)
         return fovea_error_set(
             error, FOVEA_ERROR_INPUT,
-            "%.200s: found an inertial sensor, but no place of the first camera on its body, expected both",
+            "%.200s: found an inertial sensor, but no pose of the first camera on the body, expected both",
             settings->source);
     rig->camera_count = from->camera_count;
     rig->has_imu = from->has_imu;

@@ -104,9 +104,9 @@ int fv_command_edges(int argc, char **argv)
         {"method", "NAME", FV_OPTION_TEXT, &request.method,
          "canny (default), or sobel, scharr or laplacian with one threshold"},
         {"low", "N", FV_OPTION_TEXT, &request.low,
-         "gradient above which a pixel connected with an edge is one (default 50)"},
+         "canny: gradient above which a pixel connected to an edge is an edge pixel (default 50)"},
         {"high", "N", FV_OPTION_TEXT, &request.high,
-         "gradient above which a pixel is an edge (default 150)"},
+         "gradient above which a pixel is an edge pixel (default 150)"},
         {"norm", "NAME", FV_OPTION_TEXT, &request.norm, "of the gradient: l1 (default) or l2"},
         {0},
     };

@@ -42,7 +42,7 @@ enum fovea_status fv_command_key_read(const char *path, uint8_t key[FV_SIPHASH_K
     else if (!S_ISREG(file.st_mode))
         found = "no ordinary file";
     else if (file.st_mode & 077)
-        found = "a file that others than its owner may use (chmod 600 mends that)";
+        found = "a file that others than its owner may use (chmod 600 remedies that)";
     else if (file.st_uid != 0 && file.st_uid != geteuid())
         found = "a file of another user";
     if (found == NULL && (bytes = read(descriptor, text, sizeof text)) < 0) found = strerror(errno);

@@ -46,7 +46,7 @@ static void say_too_fast(struct fv_listener *listener)
     listener->said_too_fast = true;
     fv_say(
         "wheel odometry: a sample is farther from the last one than scale.wheel_odometry_max_m_s (%g) and "
-        "scale.wheel_odometry_max_rad_s (%g) allow; such samples are left out",
+        "scale.wheel_odometry_max_rad_s (%g) allow; such samples are dropped",
         limits->speed_m_s, limits->turn_rad_s);
 }
 

@@ -98,10 +98,9 @@ static void update_groups(struct fv_receiver *receiver)
     const bool absent = named && wanted[WAY_NETWORK].count == 0;
     receiver->said = failed != 0 || absent;
     if (failed != 0)
-        fv_say("%s: an interface cannot be listened on: %s", receiver->url, strerror(failed));
+        fv_say("%s: cannot listen on an interface: %s", receiver->url, strerror(failed));
     else if (absent)
-        fv_say("listen: %s: there is no such interface now; it is listened on as soon as it is "
-               "there",
+        fv_say("listen: %s: there is no such interface now; listening starts when it appears",
                receiver->listen);
 }
 

@@ -201,9 +201,10 @@ static bool connected(struct fv_tcpq *tcpq)
     if (getsockopt(tcpq->tcp, SOL_SOCKET, SO_ERROR, &failed, &bytes) != 0 || failed != 0)
         return false;
     if (tcpq->host_only && !server_is_here(tcpq->tcp)) {
-        fv_say("%s: the LCM server is on another host, so nothing is heard from it; to hear it: "
-               "listen: any",
-               tcpq->url);
+        fv_say(
+            "%s: the LCM server is on another host, so its messages are ignored; to receive them: "
+            "listen: any",
+            tcpq->url);
         tcpq->refused = true;
         return false;
     }

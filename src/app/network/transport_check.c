@@ -84,7 +84,7 @@ static enum fovea_status check_multicast(const char *url, struct fovea_error *er
     if (udp < 0 && (errno == EMFILE || errno == ENFILE)) return no_descriptor(url, error);
     if (udp < 0)
         return fovea_error_set(error, FOVEA_ERROR_SYSTEM,
-                               "%s: a program cannot bind to the group (%s); this mends it: %s",
+                               "%s: a program cannot bind to the group (%s); this remedies it: %s",
                                url, strerror(errno), FV_TRANSPORT_MEND);
     const bool open = open_receiver(&address, &came, &receiver, &reason) == FOVEA_OK;
     for (int i = 0; i < TRIES && open && !came; i++) {
@@ -99,10 +99,11 @@ static enum fovea_status check_multicast(const char *url, struct fovea_error *er
     if (!came && gone) return no_descriptor(url, error);
     if (came) return FOVEA_OK;
     if (!open) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s", reason.text);
-    return fovea_error_set(
-        error, FOVEA_ERROR_SYSTEM, "%s: messages %s; this mends it where there is no network: %s",
-        url, sent ? "are sent but do not reach a subscriber on this host" : "cannot be sent",
-        FV_TRANSPORT_MEND);
+    return fovea_error_set(error, FOVEA_ERROR_SYSTEM,
+                           "%s: messages %s; on a host without a network this remedies it: %s", url,
+                           sent ? "are sent but do not reach a subscriber on this host"
+                                : "cannot be sent",
+                           FV_TRANSPORT_MEND);
 }
 
 enum fovea_status fv_transport_check(const char *url, uint32_t ttl, struct fovea_error *error)

@@ -177,7 +177,7 @@ static enum fovea_status check_route(const char *url, struct fovea_error *error)
     if (probe >= 0) close(probe);
     if (failed == 0) return FOVEA_OK;
     return fovea_error_set(error, FOVEA_ERROR_SYSTEM,
-                           "%s: no route for LCM messages (%s); this mends it: %s", url,
+                           "%s: no route for LCM messages (%s); this remedies it: %s", url,
                            strerror(failed), FV_TRANSPORT_MEND);
 }
 

@@ -397,7 +397,7 @@ static void look_for_file(struct fv_recorder *recorder)
     fv_stall_leave(call);
     if (recorder->looks < 0)
         fv_say(
-            "%s: the recording was deleted or moved while the run writes it; it goes on, and what a deleted file holds is lost with the run's end",
+            "%s: the recording was deleted or moved during the run; the run goes on, and a deleted recording is lost when the run ends",
             recorder->path);
 }
 

@@ -170,7 +170,7 @@ static void rights_check(struct check *check)
     pthread_join(thread, NULL);
     if (rights.why.text[0] != '\0' && priority > 0 && !rights.fifo)
         line(check, WARNING, "scheduling",
-             "%s (for good: 'USER - rtprio %" PRIu32 "' in /etc/security/limits.conf)",
+             "%s (permanently: 'USER - rtprio %" PRIu32 "' in /etc/security/limits.conf)",
              rights.why.text, priority);
     else if (rights.why.text[0] != '\0')
         line(check, WARNING, "scheduling", "%s: set loop.cpu to one from 0 to %ld, or to -1",
@@ -186,10 +186,10 @@ static void rights_check(struct check *check)
 static void lock_check(struct check *check, bool locked, const char *why)
 {
     if (!check->settings.lock_memory)
-        line(check, WARNING, "memory lock", "not asked for: loop.lock_memory is false");
+        line(check, WARNING, "memory lock", "not requested: loop.lock_memory is false");
     else if (!locked)
         line(check, WARNING, "memory lock",
-             "%s (for good: 'USER - memlock unlimited' in /etc/security/limits.conf)", why);
+             "%s (permanently: 'USER - memlock unlimited' in /etc/security/limits.conf)", why);
     else
         line(check, OK, "memory lock", "the block is locked");
 }
@@ -216,26 +216,25 @@ static void commands_check(struct check *check)
     struct fovea_error error = {0};
     const enum fv_transport_kind kind = fv_transport_kind_of(settings->lcm_url);
     if (kind != FV_TRANSPORT_UDPM && kind != FV_TRANSPORT_TCPQ)
-        line(check, WARNING, "commands", "nobody is heard: lcm_url only sends, or is empty");
+        line(check, WARNING, "commands", "none is received: lcm_url only sends, or is empty");
     else if (strcmp(settings->listen, "none") == 0)
-        line(check, WARNING, "commands", "nobody is heard: listen is none");
+        line(check, WARNING, "commands", "none is received: listen is none");
     else if (settings->command_key[0] != '\0' &&
              fv_command_key_read(settings->command_key, key, &error) != FOVEA_OK) {
         line(check, FAILED, "commands", "%s", error.text);
         check->wrong = true;
     } else if (settings->command_key[0] != '\0')
-        line(check, OK, "commands", "are taken from who knows the key in %s",
-             settings->command_key);
+        line(check, OK, "commands", "are accepted with the key in %s", settings->command_key);
     else if (network && settings->commands != FV_COMMAND_AUTO && settings->commands != 0)
         line(check, WARNING, "commands",
-             "are taken from everybody who reaches %s: a command_key would ask for a proof",
+             "are accepted from everybody who reaches %s: set command_key to require a proof",
              strcmp(settings->listen, "any") == 0 ? "this host" : settings->listen);
     else if (kind == FV_TRANSPORT_TCPQ && settings->commands == FV_COMMAND_AUTO)
         line(check, WARNING, "commands",
-             "none is taken: those of a server count as sent from a network (set commands or "
+             "none is accepted: those of a server count as sent from a network (set commands or "
              "command_key)");
     else
-        line(check, OK, "commands", "are taken from programs on this host");
+        line(check, OK, "commands", "are accepted from programs on this host");
 }
 
 static void lcm_check(struct check *check)
@@ -260,7 +259,7 @@ static void lcm_check(struct check *check)
              "the server at %s answers; when it stops reading, messages are dropped", url);
         return;
     default:
-        line(check, WARNING, "LCM", "%s has no subscribers: udpm:// has", url);
+        line(check, WARNING, "LCM", "%s reaches no subscribers; udpm:// does", url);
         return;
     }
 }
@@ -298,7 +297,7 @@ static void others_check(struct check *check, const struct fovea_frame *frame)
     for (uint32_t i = 1; i < rig->camera_count; i++) {
         const struct fovea_rig_camera *camera = &rig->cameras[i];
         const struct fovea_image *image = &frame->images[i];
-        char what[16], place[48] = "no place on the body";
+        char what[16], place[48] = "no pose on the body";
         snprintf(what, sizeof what, "camera %u", i);
         if (camera->has_T_body_cam)
             snprintf(place, sizeof place, "%.3f m from the first",
@@ -363,9 +362,10 @@ static void camera_check(struct check *check)
         imu_check(check, &frame);
         ops->requeue(source, &frame);
     } else {
-        line(check, FAILED, "camera",
-             "%s gives no frame within 5 s (%s): is it plugged in, and used by nobody else?",
-             check->settings.source, fovea_status_name(status));
+        line(
+            check, FAILED, "camera",
+            "%s gives no frame within 5 s (%s): is it plugged in, and not used by another program?",
+            check->settings.source, fovea_status_name(status));
     }
     ops->stop(source);
     while (ops->complaint != NULL && ops->complaint(source, &error) != FOVEA_AGAIN)

@@ -96,7 +96,7 @@ static void features_draw(struct fv_canvas *canvas, const struct fv_snapshot_fra
     }
 }
 
-/* The ways of the objects in view, up to this image. */
+/* The paths of the objects in the image, up to its time. */
 static void ways_draw(struct fv_canvas *canvas, const struct fv_trails *trails,
                       const struct fv_snapshot_frame *shot, const struct place *place)
 {
@@ -147,7 +147,7 @@ void fv_picture_frame(struct fv_canvas *canvas, const struct fv_area *area,
     char title[96];
     snprintf(title, sizeof title, "frame %llu: %u features%s", (unsigned long long)shot->sequence,
              (unsigned)shot->feature_count,
-             shot->box_count > 0 ? ", objects with id, score and way" : "");
+             shot->box_count > 0 ? ", objects with id, score and path" : "");
     const struct fv_area rest = fv_picture_title(canvas, area, title);
     uint8_t *grey = malloc((size_t)shot->image.width * (size_t)shot->image.height);
     if (grey == NULL) return;

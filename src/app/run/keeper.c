@@ -74,7 +74,7 @@ static enum fovea_status save(const struct fv_keeper *keeper, bool overwrite, si
         fv_map_file_save(settings->map_save, &rules, keeper->buffer, bytes, &saved, error);
     if (status == FOVEA_OK && saved.beside)
         fv_say(
-            "%s: found %u landmarks in the map there and %u in the new one, less than half: the new one is saved as %s" FV_MAP_FILE_SMALL
+            "%s: found %u landmarks in this map and %u in the new one, less than half: the new one is saved as %s" FV_MAP_FILE_SMALL
             "; map.overwrite: true replaces the other",
             settings->map_save, (unsigned)saved.landmarks_there, (unsigned)saved.landmarks,
             settings->map_save);

@@ -192,7 +192,8 @@ enum fovea_status fv_results_close(struct fv_results *results, struct fovea_erro
     }
     if (status == FOVEA_OK && results->lost > 0)
         status = fovea_error_set(
-            error, FOVEA_ERROR_SYSTEM, "%.200s: found no time to write %" PRIu64 " lists",
+            error, FOVEA_ERROR_SYSTEM,
+            "%.200s: %" PRIu64 " lists are missing: they came faster than they could be written",
             detections->file != NULL ? detections->path : results->outputs[TRACKS].path,
             results->lost);
     free(results);

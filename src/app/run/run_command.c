@@ -304,7 +304,7 @@ static void remarks(const struct fv_run *run)
     if (fv_setup_wants_colour(&run->setup) &&
         run->setup.ops->info(run->setup.source)->format == FOVEA_PIXEL_GREY8)
         fv_say(
-            "fovea run: the network takes colour and this source gives grey levels: all its channels get these");
+            "fovea run: the network takes colour and this source gives grey levels: each channel gets the grey level");
 }
 
 /* Last what cuts files: by then all that can be wrong with the input has been said. */

@@ -124,9 +124,9 @@ static void test_who_may_command_is_said(void **state)
         const char *sets, *line;
         int status;
     } cases[] = {
-        {"lcm_url=memq://", "\nwarning  commands     nobody is heard", 0},
-        {"listen=none", "\nwarning  commands     nobody is heard", 0},
-        {"listen=loopback", "\nok       commands     are taken from programs on this host", 0},
+        {"lcm_url=memq://", "\nwarning  commands     none is received", 0},
+        {"listen=none", "\nwarning  commands     none is received", 0},
+        {"listen=loopback", "\nok       commands     are accepted from programs on this host", 0},
         {"command_key=/tmp", "\nfailed   commands     command_key: /tmp: found no ordinary file",
          2},
     };
