@@ -23,8 +23,8 @@ enum {
 enum fake_stamps {
     FAKE_STAMPS_MONOTONIC = 0, /* start of exposure, as flagged */
     FAKE_STAMPS_END,           /* end of frame, as flagged */
-    FAKE_STAMPS_BOOTTIME,      /* clock not told */
-    FAKE_STAMPS_REALTIME,      /* clock not told */
+    FAKE_STAMPS_BOOTTIME,      /* clock not stated */
+    FAKE_STAMPS_REALTIME,      /* clock not stated */
     FAKE_STAMPS_STRANGE,       /* of no clock at all */
     FAKE_STAMPS_REPEATED,      /* every other frame has that of the one before */
     FAKE_STAMPS_BACKWARD       /* every third frame lies before the one before */

@@ -219,7 +219,7 @@ def class_thresholds(arguments, labels, first_label, classes):
 
 
 def is_share(kind, graph):
-    """Whether boxes are shares of the input's size rather than pixels: told by the range of the 8-bit output."""
+    """Whether boxes are shares of the input's size rather than pixels, by the range of the 8-bit output."""
     out = graph.tensors[origin(graph, graph.outputs[0])[0]]
     return kind in ("yolov5", "yolov8") and out.is8 and float(out.scale0) * 256 < max(4.0, graph.tensors[graph.inputs[0]].shape[2] / 8)
 

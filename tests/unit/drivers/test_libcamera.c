@@ -341,7 +341,7 @@ static void test_started_again_after_a_hang(void **state)
     fv_test_finish(source);
 }
 
-/* It cannot be started for a while: told, tried again with bounded back-off, got over. */
+/* It cannot be started for a while: reported, tried again with bounded back-off, and recovered. */
 static void test_cannot_be_started(void **state)
 {
     (void)state;

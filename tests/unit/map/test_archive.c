@@ -78,7 +78,7 @@ static void test_there_and_back(void **state)
     }
 }
 
-/* Scales of the maps whose unit is known, per unit of their points; twice told or impossible ones
+/* Scales of the maps whose unit is known, per unit of their points; repeated or impossible ones
  * are refused. */
 static void test_scales(void **state)
 {

@@ -59,7 +59,7 @@ static void tracks_live_and_end(void **state)
     assert_in_range(f, 64, 66); /* two seconds after frame 4 */
     t = infer(f + 1, NULL, 0);
     assert_int_equal(t.count, 0);
-    /* Seen once and never again: never told as ended. A new one has a new id. */
+    /* Seen once and never again: never reported as ended. A new one has a new id. */
     const struct fovea_detection d = box(300, 300, 40, 60, 0.9);
     t = infer(f + 2, &d, 1);
     assert_int_equal(t.list[0].id, 2);
