@@ -5,7 +5,7 @@ import numpy as np
 import slices
 
 SAME = ("QUANTIZE", "DEQUANTIZE", "CAST", "SOFTMAX", "LOGISTIC", "TANH", "RELU", "RELU6", "RELU_N1_TO_1", "RELU_0_TO_1",
-        "LEAKY_RELU", "HARD_SWISH")
+        "LEAKY_RELU", "HARD_SWISH", "EXP", "LOG", "ABS", "GELU", "NEG", "SQRT", "RSQRT")
 BROADCAST = ("ADD", "SUB", "MUL", "MAXIMUM", "MINIMUM", "PRELU")
 
 
@@ -102,6 +102,19 @@ def _strided_slice(op, ins):
     return slices.box(op.options, *(_numbers(t) for t in ins[1:4]), ins[0].shape)[3]
 
 
+def _slice(op, ins):
+    return [n - first if size < 0 else size for first, size, n in zip(_numbers(ins[1]), _numbers(ins[2]), ins[0].shape)]
+
+
+def _gather(op, ins):
+    shape, axis = ins[0].shape, (op.options.Axis() if op.options else 0) % len(ins[0].shape)
+    return [*shape[:axis], *ins[1].shape, *shape[axis + 1:]]
+
+
+def _pad(op, ins):
+    return [n + sum(p) for n, p in zip(ins[0].shape, np.reshape(_numbers(ins[1]), (-1, 2)))]
+
+
 def _space_to_depth(op, ins):
     (n, h, w, c), b = ins[0].shape, op.options.BlockSize()
     return [n, h // b, w // b, c * b * b] if op.name == "SPACE_TO_DEPTH" else [n, h * b, w * b, c // (b * b)]
@@ -131,7 +144,7 @@ RULES = {"CONV_2D": _conv, "DEPTHWISE_CONV_2D": _conv, "MAX_POOL_2D": _pool, "AV
          "RESHAPE": _reshape, "SQUEEZE": _squeeze, "EXPAND_DIMS": _expand_dims, "CONCATENATION": _concatenation,
          "PACK": _pack, "UNPACK": _unpack, "STRIDED_SLICE": _strided_slice,
          "TRANSPOSE": lambda op, ins: [ins[0].shape[i] for i in _numbers(ins[1])],
-         "PAD": lambda op, ins: [n + sum(p) for n, p in zip(ins[0].shape, np.reshape(_numbers(ins[1]), (-1, 2)))],
+         "PAD": _pad, "PADV2": _pad, "SLICE": _slice, "GATHER": _gather,
          "TILE": lambda op, ins: [n * k for n, k in zip(ins[0].shape, _numbers(ins[1]))],
          "MEAN": _reduce, "REDUCE_MAX": _reduce, "REDUCE_MIN": _reduce, "ARG_MAX": _arg_max, "ARG_MIN": _arg_max,
          "SPACE_TO_DEPTH": _space_to_depth, "DEPTH_TO_SPACE": _space_to_depth, "SPACE_TO_BATCH_ND": _batches,
@@ -140,7 +153,7 @@ RULES.update({name: lambda op, ins: [ins[0].shape[0], *_numbers(ins[1]), ins[0].
               for name in ("RESIZE_BILINEAR", "RESIZE_NEAREST_NEIGHBOR")})
 RULES.update({name: lambda op, ins: ins[0].shape for name in SAME})
 RULES.update({name: lambda op, ins: np.broadcast_shapes(ins[0].shape, ins[1].shape) for name in BROADCAST})
-CONSTANTS = {"RESHAPE": [1], "EXPAND_DIMS": [1], "TRANSPOSE": [1], "PAD": [1], "TILE": [1], "MEAN": [1], "REDUCE_MAX": [1],
+CONSTANTS = {"RESHAPE": [1], "EXPAND_DIMS": [1], "TRANSPOSE": [1], "PAD": [1], "PADV2": [1], "SLICE": [1, 2], "TILE": [1], "MEAN": [1], "REDUCE_MAX": [1],
              "REDUCE_MIN": [1], "ARG_MAX": [1], "ARG_MIN": [1], "RESIZE_BILINEAR": [1], "RESIZE_NEAREST_NEIGHBOR": [1],
              "TRANSPOSE_CONV": [0], "STRIDED_SLICE": [1, 2, 3], "SPACE_TO_BATCH_ND": [1, 2], "BATCH_TO_SPACE_ND": [1, 2],
              "SPLIT": [0], "SPLIT_V": [1, 2]}  # inputs that the rules need to know

@@ -297,7 +297,7 @@ static void others_check(struct check *check, const struct fovea_frame *frame)
     for (uint32_t i = 1; i < rig->camera_count; i++) {
         const struct fovea_rig_camera *camera = &rig->cameras[i];
         const struct fovea_image *image = &frame->images[i];
-        char what[16], place[48] = "no pose on the body";
+        char what[24], place[48] = "no pose on the body";
         snprintf(what, sizeof what, "camera %u", i);
         if (camera->has_T_body_cam)
             snprintf(place, sizeof place, "%.3f m from the first",
