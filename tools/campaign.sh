@@ -77,6 +77,11 @@ calibration() { # calibration CAMERAS
     make --no-print-directory "$build/tests/unit/calibrate/test_simulated" && FOVEA_LONG=$1 "$build/tests/unit/calibrate/test_simulated"
 }
 
+# All tests of the build that clang optimises, with those in C++, which need OpenCV and Ceres.
+clang_tests() {
+    make --no-print-directory -j"$(nproc)" BUILD=build-clang CC=clang CXX=clang++ all tests && tools/run_tests.sh build-clang
+}
+
 # A million mutated packets on every input from a network, under asan+ubsan.
 packets() {
     make --no-print-directory BUILD=build-asan SAN=asan build-asan/tests/campaign/packets && build-asan/tests/campaign/packets "$1"
@@ -124,6 +129,8 @@ else
     part wander wander 108000
     part cameras cameras 1000 20000
     part hil make --no-print-directory hil
+    part cross make --no-print-directory cross
+    part clang clang_tests
     part everywhere tests/replay/everywhere.sh --all 200
     part kills kills 1000
     part slow-links slow_links
