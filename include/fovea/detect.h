@@ -49,7 +49,7 @@ struct fovea_detections {
     int64_t stamp_ns;    /* of the image */
     uint64_t sequence;   /* its frame's number */
     uint32_t count;
-    /* detections after the first `count` of the list: below the threshold, for the tracker
+    /* detections after the first `count` of the list: below the threshold, for the objects
      * (objects.score_low) */
     uint32_t uncertain;
     const struct fovea_detection *list; /* by falling score */

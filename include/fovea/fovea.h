@@ -71,10 +71,10 @@ struct fovea_config {
     struct fovea_odometry_config odometry;
     struct fovea_detect_config detect;
     /* Of a second network beside the first, which must then have a model too. Both share the units
-     * of FOVEA_JOB_DETECT. Tracks follow from the first alone. */
+     * of FOVEA_JOB_DETECT. Objects follow from the first alone. */
     struct fovea_detect_config detect2;
     struct fovea_scale_config scale;
-    struct fovea_objects_config objects; /* tracking of detected objects */
+    struct fovea_objects_config objects; /* detected objects, followed over images */
     struct fovea_preview_config preview;
     uint64_t seed; /* of the random generator in the state, default 1 */
 
@@ -264,9 +264,9 @@ void fovea_pose_get(const struct fovea *rt, struct fovea_pose *pose);
  * until the next fovea_work. */
 void fovea_detections_get(const struct fovea *rt, struct fovea_detections *detections);
 
-/* The tracks as of the last completed inference; `updates` is 0 without one. Valid until the next
+/* The objects as of the last completed inference; `updates` is 0 without one. Valid until the next
  * fovea_work. */
-void fovea_objects_get(const struct fovea *rt, struct fovea_objects *tracks);
+void fovea_objects_get(const struct fovea *rt, struct fovea_objects *objects);
 
 /* Name of a class of the configured model, "" where it has none. Any thread. */
 const char *fovea_detect_label(const struct fovea *rt, int32_t class_id);

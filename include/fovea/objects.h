@@ -1,17 +1,18 @@
-/* Tracks: objects with an id, from the detections of one image after the other.
+/* Objects with an id, from the detections of one image after the other.
  *
  * Two modes. `sort`: a Kalman filter of constant velocity for the centre and size of each box; the
  * camera's rotation between two images, known from the odometry, moves the prediction; detections
  * are assigned to predictions at least total cost (overlap and Mahalanobis distance, gated, by
  * class), first the certain detections, then the uncertain ones (also below the model's threshold)
- * to tracks that were seen just before. After Bewley et al., "Simple online and realtime tracking",
- * ICIP 2016 (filter and assignment); Zhang et al., "ByteTrack", ECCV 2022 (two stages by score);
- * Aharon et al., "BoT-SORT", 2022 (camera motion, noise in proportion to the box). `centroid`: the
- * nearest centroids are matched up to a distance; a track that is unseen for too long ends.
+ * to objects that were seen just before. After Bewley et al., "Simple online and realtime
+ * tracking", ICIP 2016 (filter and assignment); Zhang et al., "ByteTrack", ECCV 2022 (two stages by
+ * score); Aharon et al., "BoT-SORT", 2022 (camera motion, noise in proportion to the box).
+ * `centroid`: the nearest centroids are matched up to a distance; an object that is unseen for too
+ * long ends.
  *
- * An id is given once per run, also across resets. A full pool gives up its weakest track: a
- * tentative one first, then one that coasts, then the one with the fewest detections; a detection
- * that starts a track never displaces one that was seen in the same image.
+ * An id is given once per run, also across resets. A full pool gives up its weakest object:
+ * a tentative one first, then one that coasts, then the one with the fewest detections; a detection
+ * that starts an object never displaces one that was seen in the same image.
  *
  * Time is that of the images (their stamps), so results do not depend on when they were computed.
  */
@@ -45,17 +46,18 @@ struct fovea_objects_config {
     /* [1, 256], default 128; memory: 2.2 kB each, with the costs of 300 detections */
     uint32_t count_max;
     /* Of `sort`. */
-    /* [1, 100], default 2: detections in a row that confirm a track, */
+    /* [1, 100], default 2: detections in a row that confirm an object, */
     uint32_t confirm_hits;
     double score_confirm; /* [0, 1], default 0.5: when their mean score is at least this */
     double score_high;    /* [0, 1], default 0.4: least score of the first stage */
     double score_low;     /* [0, 1], default 0.2: least score of the second stage */
-    double score_new;     /* [0, 1], default 0.4: least score of a detection that starts a track */
-    double coast_s;       /* [0, 60], default 2: a confirmed track unseen for longer ends */
+    /* [0, 1], default 0.4: least score of a detection that starts an object */
+    double score_new;
+    double coast_s; /* [0, 60], default 2: a confirmed object unseen for longer ends */
     /* Of `centroid`. */
-    /* [1, 10000], default 60: a detection farther from a track is another object */
+    /* [1, 10000], default 60: a detection farther from an object is another one */
     double max_distance_px;
-    uint32_t max_disappeared; /* [0, 10000], default 20: a track unseen in more images ends */
+    uint32_t max_disappeared; /* [0, 10000], default 20: an object unseen in more images ends */
     /* objects stand on the floor, which is z = 0 of the body frame: T_body_cam must state the
      * height of the camera over it; default false */
     bool ground;
@@ -88,12 +90,12 @@ struct fovea_object {
     double velocity_covariance_m2_s2[6]; /* of the velocity, likewise; in the world only */
 };
 
-/* The tracks as of the last image that the network processed, in memory of the runtime's block. */
+/* The objects as of the last image that the network processed, in memory of the runtime's block. */
 struct fovea_objects {
     uint64_t updates;   /* since fovea_init; nothing below holds while 0 */
     int64_t stamp_ns;   /* of the image */
     uint64_t sequence;  /* its frame's number */
-    uint64_t confirmed; /* tracks confirmed since fovea_init */
+    uint64_t confirmed; /* objects confirmed since fovea_init */
     uint32_t count;
     const struct fovea_object *list; /* by rising id */
 };

@@ -210,10 +210,10 @@ const char *fovea_detect2_label(const struct fovea *rt, int32_t class_id)
     return fv_detection_label(&rt->detection2, class_id);
 }
 
-void fovea_objects_get(const struct fovea *rt, struct fovea_objects *tracks)
+void fovea_objects_get(const struct fovea *rt, struct fovea_objects *objects)
 {
-    memset(tracks, 0, sizeof *tracks);
-    if (rt->objects.enabled) fv_objects_get(&rt->objects.tracker, tracks);
+    memset(objects, 0, sizeof *objects);
+    if (rt->objects.enabled) fv_objects_get(&rt->objects.tracker, objects);
 }
 
 uint32_t fovea_keyframes_get(const struct fovea *rt, struct fovea_keyframe *list,

@@ -192,7 +192,7 @@ static enum fv_options_result options_read(struct fv_run *run, int argc, char **
         {"detections", "FILE", FV_OPTION_TEXT, &run->detections_path,
          "write the detections of the network as COCO results JSON"},
         {"all-boxes", NULL, FV_OPTION_FLAG, &run->all_boxes,
-         "add to --detections those below the threshold, which the tracker uses"},
+         "add to --detections those below the threshold, which objects may use"},
         {"objects", "FILE", FV_OPTION_TEXT, &run->objects_path,
          "write the objects as MOTChallenge text"},
         {"record", "FILE|DIR/", FV_OPTION_TEXT, &run->options.record,
