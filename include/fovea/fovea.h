@@ -152,7 +152,7 @@ enum fovea_status fovea_memory(const struct fovea_config *config, struct fovea_m
 /* The one list of jobs that fovea_work advances, in order of priority:
  *   map      new landmarks, then window optimisation
  *   detect   one or two networks that find objects
- *   closure  loops closed, maps merged
+ *   closure  closures found, maps merged
  *   preview  JPEG of a pyramid level
  * From a row (constant, name) follow the constant FOVEA_JOB_MAP, the job's name and its stage; the
  * rest stands in the job's own file (src/runtime/jobs.h). */

@@ -57,7 +57,7 @@ struct fovea_odometry_config {
     /* [3, 12], default 8: keyframes optimised together; time grows with the square */
     uint32_t window;
     uint32_t inliers_good; /* [20, 200], default 40: fewer inliers make the state `weak` */
-    bool closures;         /* default true: close loops and merge maps */
+    bool closures;         /* default true: find closures and merge maps */
     /* [1, 10000], default 15: a new map is started after this number of lost frames */
     uint32_t lost_frames_reset;
     /* default false; true: the loaded map stays as it is, and no other map is started */

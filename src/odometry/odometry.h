@@ -119,7 +119,7 @@ void fv_odometry_step(struct fv_odometry *odometry, const struct fv_kernels *ker
 /* One unit of the map's job, at most about 0.25 ms; true when units are left. Real-time safe. */
 bool fv_odometry_unit(struct fv_odometry *odometry, const struct fv_kernels *kernels);
 bool fv_odometry_job_waiting(const struct fv_odometry *odometry);
-/* The same for the job that closes loops and merges maps. */
+/* The same for the job that finds closures and merges maps. */
 bool fv_odometry_closure_unit(struct fv_odometry *odometry, const struct fv_kernels *kernels);
 bool fv_odometry_closure_waiting(const struct fv_odometry *odometry);
 

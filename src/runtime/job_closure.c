@@ -1,4 +1,4 @@
-/* The job that closes loops and merges maps. */
+/* The job that finds closures and merges maps. */
 #include "runtime/jobs.h"
 
 static bool waiting(const struct fovea *rt)

@@ -135,7 +135,7 @@ int main(int argc, char **argv)
     const double first = median(walk.spent + early, early_end - early),
                  last = median(walk.spent + late, walk.frames - late);
     printf(
-        "%zu of %zu frames posed; %u keyframes, %u landmarks; %u loops closed, %u maps merged, %u resets\n",
+        "%zu of %zu frames posed; %u keyframes, %u landmarks; %u closures, %u maps merged, %u resets\n",
         walk.posed, walk.frames, o->map.state->keyframe_count, o->map.state->landmark_count,
         o->closure.state->counts.closed, o->closure.state->counts.merged, o->state->reset_counter);
     printf("median CPU ms per frame: %.3f early, %.3f at the end (%.3f times; at most %.2f)\n",

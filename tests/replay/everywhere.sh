@@ -41,11 +41,11 @@ record() { # record LOG COMMAND...
     "$@" run --source 'sim:?seed=5&width=320&height=240' --frames "$frames" --record "$log" --set preview.period_frames=7 ${all:+--model src/detect/shipped.fvm}
 }
 
-# What was seen by a corridor at 8 Hz, which comes round and closes: loops and their graphs are float work from end to end.
+# What was seen by a corridor at 8 Hz, which returns to its start: closures and their graphs are float work from end to end.
 record_loop() {
     build/fovea run --source 'sim:corridor?seed=1&width=240&height=180&rate=8' --record "$folder/loop.lcm" --picture none \
         --set preview.period_frames=0 --set lcm_url= | tee "$folder/loop.txt"
-    grep -q ' 1 loop closed' "$folder/loop.txt"
+    grep -q ' 1 closure' "$folder/loop.txt"
 }
 run "record a loop on x86" record_loop
 run "record on x86" record "$folder/x86.lcm" build/fovea

@@ -54,7 +54,7 @@ static void info_print(const struct fv_map_open *open, const char *path)
            c->lens == FOVEA_LENS_RADTAN ? "radtan" : "equidistant", c->fx, c->fy, c->cx, c->cy);
     printf("  keyframes  %u (slots for %u), %u frames seen\n", map->state->keyframe_count,
            map->limits.keyframes, (unsigned)open->info.frame_number);
-    printf("  landmarks  %u (slots for %u), closed loops %u\n", map->state->landmark_count,
+    printf("  landmarks  %u (slots for %u), closures %u\n", map->state->landmark_count,
            map->limits.landmarks, map->state->edge_count);
     for (uint32_t id = 0; any && next_map(open, &id); id++) {
         const uint32_t count = fv_map_open_order(open, id, slots);

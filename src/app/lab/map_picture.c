@@ -10,7 +10,7 @@
 #define INK 0x222222
 #define GREY 0xe4e4e4
 #define COVISIBLE 0xb8d4b8
-#define LOOP 0xd02020
+#define CLOSURE 0xd02020
 #define PATH 0x1f5fa8
 
 enum {
@@ -147,7 +147,7 @@ static void draw_graph(struct fv_canvas *canvas, const struct fv_map_open *open,
     for (uint32_t i = 0; i < map->state->edge_count && i < FV_MAP_EDGES_MAX; i++)
         for (uint32_t k = 0; k < count; k++)
             if (slots[k] == map->edges[i].a)
-                draw_line(canvas, open, panel, map->edges[i].a, map->edges[i].b, 2.5F, LOOP);
+                draw_line(canvas, open, panel, map->edges[i].a, map->edges[i].b, 2.5F, CLOSURE);
     for (uint32_t i = 1; i < count; i++)
         draw_line(canvas, open, panel, slots[i - 1], slots[i], 1.4F, PATH);
     for (uint32_t i = 0; i < count; i++) {
@@ -190,7 +190,7 @@ enum fovea_status fv_map_panel(struct fv_canvas *canvas, const struct fv_map_ope
                    line);
     int x = fv_canvas_text(canvas, EDGE, 38, 1, PATH, "keyframes in order (ring: the first)   ");
     x = fv_canvas_text(canvas, x, 38, 1, 0x609060, "covisible (30 landmarks and more)   ");
-    x = fv_canvas_text(canvas, x, 38, 1, LOOP, "closed loops   ");
+    x = fv_canvas_text(canvas, x, 38, 1, CLOSURE, "closures   ");
     fv_canvas_text(canvas, x, 38, 1, INK, "landmarks, dark: seen often");
     return FOVEA_OK;
 }

@@ -313,7 +313,7 @@ static void legend(struct fv_canvas *canvas, const struct fv_area *area, bool tr
                               "path (ring: a map starts, disc: end)");
     if (truth) x = fv_picture_legend(canvas, x, base, FV_PICTURE_TRUTH, "truth");
     if (landmarks) x = fv_picture_legend(canvas, x, base, 0x707070, "landmarks");
-    if (closures) fv_picture_legend(canvas, x, base, 0xd62728, "closed loop");
+    if (closures) fv_picture_legend(canvas, x, base, 0xd62728, "closure");
 }
 
 /* ---- the part -------------------------------------------------------------------------------- */

@@ -107,7 +107,7 @@ static void path_print(const struct fv_run *run, const struct fv_trajectory_summ
     struct fovea_stats stats;
     char count[FV_TEXT_COUNT_BYTES];
     fovea_stats_get(run->loop.rt, &stats);
-    if (stats.closures > 0) printf(", %s closed", fv_text_count(stats.closures, "loop", count));
+    if (stats.closures > 0) printf(", %s", fv_text_count(stats.closures, "closure", count));
     if (stats.maps_merged > 0)
         printf(", %s merged", fv_text_count(stats.maps_merged, "map", count));
     error_print("", path);
