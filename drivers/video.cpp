@@ -52,8 +52,8 @@ int64_t frame_stamp(fovea_video *video)
     int64_t stamp_ns =
         static_cast<int64_t>(static_cast<double>(video->position) * 1e9 / video->rate_hz);
     if (position_ms >= 0.0 && position_ms < 1e12) {
-        const int64_t told_ns = static_cast<int64_t>(position_ms * 1e6);
-        if (told_ns > video->last_ns) stamp_ns = told_ns;
+        const int64_t reported_ns = static_cast<int64_t>(position_ms * 1e6);
+        if (reported_ns > video->last_ns) stamp_ns = reported_ns;
     }
     if (stamp_ns <= video->last_ns) stamp_ns = video->last_ns + 1;
     video->last_ns = stamp_ns;

@@ -234,7 +234,7 @@ static void close_all(const int *descriptors, uint32_t count)
 }
 
 /* Another process made it: what is true or false is one of the two, and texts end. */
-static bool is_sound(struct fv_libcamera_event *event)
+static bool is_well_formed(struct fv_libcamera_event *event)
 {
     const bool *const flags[] = {&event->frame.damaged, &event->frame.stamp.clock_known,
                                  &event->frame.stamp.sequence_known};
@@ -275,7 +275,7 @@ static enum fovea_status receive(struct fv_libcamera_client *client, int *descri
     struct fv_libcamera_event *event = &client->event;
     if ((size_t)bytes >= offsetof(struct fv_libcamera_event, frame) &&
         event->version == FV_LIBCAMERA_VERSION &&
-        (size_t)bytes == fv_libcamera_event_bytes(event->kind) && is_sound(event))
+        (size_t)bytes == fv_libcamera_event_bytes(event->kind) && is_well_formed(event))
         return FOVEA_OK;
     if (descriptors != NULL) close_all(descriptors, came);
     if (count != NULL) *count = 0;
@@ -534,8 +534,8 @@ enum fovea_status fv_libcamera_open(const struct fovea_libcamera_options *option
     client->request.options = *options;
     snprintf(client->uri, sizeof client->uri, "libcamera:%s", options->id);
     bool lost;
-    struct fovea_error grief = {.text = ""}, untold;
-    if (error == NULL) error = &untold;
+    struct fovea_error grief = {.text = ""}, unused;
+    if (error == NULL) error = &unused;
     enum fovea_status status = learn(client, &lost, error);
     if (lost) { /* one fault of libcamera's, as while streaming: another process may do */
         grief = *error;

@@ -42,7 +42,7 @@ FV_IN_WIDE void trace_disc(const struct fv_sim_surface *s, const float *restrict
 
 /* |D t - p|^2 - s^2 = q0 + q1 s + q2 s^2 with s = t D.a - p.a, for D = (x, y, 1): A t^2 - 2 B t + C
  * = 0 with constant C > 0 (the camera is outside), so that 1/t = (B + sqrt(B^2 - A C)) / C is the
- * nearer meeting. */
+ * nearer intersection. */
 FV_IN_WIDE void trace_round(const struct fv_sim_surface *s, const float *restrict x,
                             const float *restrict y, int32_t count, float *restrict best,
                             int32_t *restrict hit, int32_t number)

@@ -134,8 +134,8 @@ static enum fovea_status check_time(const struct fovea_source *source, struct fo
 {
     static const double seconds_max = 9e9;
     const struct fovea_source_selection *s = &source->selection;
-    const bool all_told = s->frames > 0 || s->reverse || source->deliverable == 1;
-    const double steps = all_told ? (double)(source->deliverable - 1) : 1.0;
+    const bool count_known = s->frames > 0 || s->reverse || source->deliverable == 1;
+    const double steps = count_known ? (double)(source->deliverable - 1) : 1.0;
     const double last_s = ((double)s->start + (double)s->step * steps) / source->options.rate_hz;
     if (last_s <= seconds_max) return FOVEA_OK;
     return fovea_error_set(

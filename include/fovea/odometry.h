@@ -18,7 +18,7 @@ extern "C" {
 #endif
 
 enum fovea_tracking_state {
-    FOVEA_TRACKING_STARTING = 0, /* no map yet: waiting for enough parallax between two views */
+    FOVEA_TRACKING_STARTING = 0, /* no map yet: waiting for enough parallax between two frames */
     /* pose from at least inliers_good landmarks, with a reliable covariance */
     FOVEA_TRACKING_OK = 1,
     /* pose from at least FOVEA_POSED_INLIERS_MIN landmarks: fewer than inliers_good, or of a young

@@ -28,7 +28,7 @@ double sample(const Grey &image, double x, double y)
 bool refine_corner(const Grey &image, double half, Pixel &corner)
 {
     constexpr int iterations_max = 30;
-    constexpr double settled_px = 1e-4;
+    constexpr double converged_px = 1e-4;
     const int reach = (int)std::ceil(half);
     const double sigma = .6 * half;
     Pixel at = corner;
@@ -54,7 +54,7 @@ bool refine_corner(const Grey &image, double half, Pixel &corner)
         at[0] += dx;
         at[1] += dy;
         if (std::hypot(at[0] - corner[0], at[1] - corner[1]) > 2 * half) return false;
-        if (std::hypot(dx, dy) < settled_px) break;
+        if (std::hypot(dx, dy) < converged_px) break;
     }
     corner = at;
     return true;

@@ -92,14 +92,14 @@ Guess pose_by(const fovea_camera &camera, const std::vector<Point> &points, doub
 
 } // namespace
 
-/* Focal lengths between these shares of the image's width are tried, each with every view; the one
- * with the least error wins. A view counts at most so much, so that a wrong board decides nothing.
- */
+/* Focal lengths between these fractions of the image's width are tried, each with every view; the
+ * one with the least error wins. The error of a view is limited, so that a wrong board decides
+ * nothing. */
 bool initial_guess(const Board &board, const std::vector<View> &views, int width, int height,
                    bool equidistant, fovea_camera &camera, std::vector<Pose> &poses,
                    std::string &error)
 {
-    constexpr double share_min = .12, share_max = 8, step = 1.08, error_max_px = 30;
+    constexpr double fraction_min = .12, fraction_max = 8, step = 1.08, error_max_px = 30;
     const std::vector<Point> points = board.points();
     const double unit = board.square_m * std::max(board.columns, board.rows);
     double best = INFINITY;
@@ -111,12 +111,12 @@ bool initial_guess(const Board &board, const std::vector<View> &views, int width
                 " with the board, expected 2 or more";
         return false;
     }
-    for (double share = share_min; share < share_max; share *= step) {
+    for (double fraction = fraction_min; fraction < fraction_max; fraction *= step) {
         fovea_camera tried = {};
         tried.width = width;
         tried.height = height;
         tried.lens = equidistant ? FOVEA_LENS_EQUIDISTANT : FOVEA_LENS_RADTAN;
-        tried.fx = tried.fy = share * std::max(width, height);
+        tried.fx = tried.fy = fraction * std::max(width, height);
         tried.cx = .5 * (width - 1);
         tried.cy = .5 * (height - 1);
         std::vector<Pose> found(views.size());

@@ -19,7 +19,7 @@ constexpr double PROJECTION_PASS_PX = 1, PROJECTION_DOUBTFUL_PX = 3;
 constexpr double COVERAGE_PASS = .55, COVERAGE_DOUBTFUL = .2;
 constexpr double TILT_PASS_RAD = .35, TILT_DOUBTFUL_RAD = .09;
 constexpr double LEFT_OUT_PASS = .34;
-constexpr double FOUND_PASS = .4; /* share of pictures in which the board was found */
+constexpr double FOUND_PASS = .4; /* fraction of pictures in which the board was found */
 constexpr double EDGE_PASS_PX = 5;
 constexpr int CELL_COLUMNS = 6, CELL_ROWS = 5;
 

@@ -18,7 +18,7 @@ struct Reason {
 struct Verdict {
     Grade grade = Grade::pass;
     std::vector<Reason> reasons; /* of the grade or below; empty after pass */
-    double coverage = 0; /* share of cells that the lens sees which hold a corner that is used */
+    double coverage = 0; /* fraction of cells that the lens sees which hold a corner that is used */
     double tilt_rad = 0; /* largest angle between the normals of two boards */
     double uncertainty_seen_px = 0; /* worst where corners are */
     int views_used = 0, views_with_board = 0;

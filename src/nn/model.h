@@ -258,7 +258,7 @@ struct fv_model_decode {
     int32_t kind, classes;
     float score_threshold, iou_threshold;
     int32_t class_agnostic, max_detections;
-    int32_t normalised; /* box coordinates are shares of the input size, not pixels */
+    int32_t normalised; /* box coordinates are fractions of the input size, not pixels */
     int32_t anchor_count;
     float anchors[16];   /* width, height pairs (YOLOv2: in cells) */
     int32_t first_label; /* index of the label of class 0 */

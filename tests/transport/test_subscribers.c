@@ -67,8 +67,7 @@ static void start(struct subscriber *subscriber, char *const arguments[])
         fail_msg("%s does not listen", arguments[0]);
 }
 
-/* Wait until it has printed a line about each of so many messages; it ends itself when none comes.
- */
+/* Wait until it has printed `messages` lines, one per message; it ends itself when none comes. */
 static void follow(struct subscriber *subscriber, uint64_t messages)
 {
     char line[512];

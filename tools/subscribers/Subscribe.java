@@ -166,7 +166,7 @@ public final class Subscribe {
         }
     }
 
-    /** Until nothing has come for so many milliseconds (0: for ever). */
+    /** Until nothing has come for `idleMs` milliseconds (0: for ever). */
     private void listen(MessageAggregator messages, long idleMs) {
         for (MessageAggregator.Message message; (message = idleMs > 0 ? messages.getNextMessage(idleMs) : messages.getNextMessage()) != null;)
             synchronized (this) {

@@ -161,7 +161,7 @@ static void draw_graph(struct fv_canvas *canvas, const struct fv_map_open *open,
 }
 
 enum fovea_status fv_map_panel(struct fv_canvas *canvas, const struct fv_map_open *open,
-                               const char *name, uint32_t map_id, int views)
+                               const char *name, uint32_t map_id, int panel_count)
 {
     struct panel panels[2] = {
         {.right = 0, .up = 2, .up_sign = 1, .top = TOP, .title = "from above: x right, z up"},
@@ -176,9 +176,9 @@ enum fovea_status fv_map_panel(struct fv_canvas *canvas, const struct fv_map_ope
     for (uint32_t i = 0; i < open->map.limits.landmarks; i++)
         landmarks += open->map.landmarks[i].used &&
                      fv_map_open_map_of(open, &open->map.landmarks[i]) == map_id;
-    enum fovea_status status = fv_canvas_create(canvas, WIDTH, TOP + views * PANEL, 0xffffff);
+    enum fovea_status status = fv_canvas_create(canvas, WIDTH, TOP + panel_count * PANEL, 0xffffff);
     if (status != FOVEA_OK) return status;
-    for (int i = 0; i < views; i++) {
+    for (int i = 0; i < panel_count; i++) {
         fit(open, map_id, &panels[i]);
         draw_grid(canvas, &panels[i]);
         draw_landmarks(canvas, open, map_id, &panels[i]);

@@ -57,7 +57,7 @@ struct fv_recorder {
     uint32_t header_bytes;
     bool started;
     int64_t event_number;
-    uint64_t turns_lost;
+    uint64_t steps_lost;
     int64_t samples[FOVEA_SAMPLE_KIND_COUNT]; /* so far */
     enum fovea_clock clock;                   /* of the frames, of which the last said so */
 
@@ -72,7 +72,7 @@ struct fv_recorder {
     int looks;               /* since the file was looked for */
     struct extent written;   /* whole events */
     struct extent iteration; /* those before the last iteration that has begun */
-    bool turn_begun;         /* by samples or a frame: the inputs that follow belong to it */
+    bool iteration_begun;    /* by samples or a frame: the inputs that follow belong to it */
     char reason[FV_RECORDING_END_REASON_BYTES];
 };
 
@@ -166,7 +166,7 @@ void fv_recorder_step(struct fv_recorder *recorder, const struct fovea_inputs *i
 {
     if (recorder == NULL) return;
     if (atomic_load_explicit(&recorder->ending, memory_order_relaxed) != RUNNING) {
-        recorder->turns_lost++;
+        recorder->steps_lost++;
         return;
     }
     int64_t time_us = event_time_us(inputs);
@@ -264,7 +264,7 @@ static bool before_inputs(const struct fv_recorder *recorder, const uint8_t *eve
 
 static bool begins_iteration(const struct fv_recorder *recorder, const uint8_t *event)
 {
-    return !recorder->turn_begun &&
+    return !recorder->iteration_begun &&
            (before_inputs(recorder, event) || is_on(recorder, event, FV_MESSAGE_INPUTS));
 }
 
@@ -276,7 +276,7 @@ static void count_event(struct fv_recorder *recorder, const uint8_t *event)
         recorder->iteration = *written;
         written->iterations++;
     }
-    recorder->turn_begun = before_inputs(recorder, event);
+    recorder->iteration_begun = before_inputs(recorder, event);
     written->hash = fv_recording_hash_event(written->hash, event, head_bytes, event + head_bytes,
                                             data_bytes_of(event));
     written->time_us = (int64_t)fv_wire_read(event + 12, 8);
@@ -575,7 +575,7 @@ enum fovea_status fv_recorder_close(struct fv_recorder *recorder,
         fv_stall_leave(call);
         closed.events = recorder->written.events;
         closed.bytes = recorder->written.bytes;
-        closed.turns_lost = recorder->turns_lost;
+        closed.steps_lost = recorder->steps_lost;
         memcpy(closed.reason, recorder->reason, sizeof closed.reason);
         release(recorder);
     }

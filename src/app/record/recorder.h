@@ -66,7 +66,7 @@ void fv_recorder_pace(struct fv_recorder *recorder);
 
 struct fv_recorder_summary {
     uint64_t events, bytes; /* written; whole events only, the log's own end among them */
-    uint64_t turns_lost;    /* steps that came after the recording had ended */
+    uint64_t steps_lost;    /* steps that came after the recording had ended */
     bool complete;          /* everything was written */
     char reason[FV_RECORDING_END_REASON_BYTES]; /* why not, "" when complete */
     char path[FV_OUTPUT_PATH_BYTES];            /* of the file, as it is called now */

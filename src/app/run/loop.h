@@ -87,7 +87,7 @@ struct fv_loop {
     int64_t last_stamp_ns, last_due_ns;
     int64_t mark_wall_ns, mark_cpu_ns; /* when the loop last was in time */
     bool any_frame;
-    bool waiting; /* the last turn of a live source was without a frame */
+    bool waiting; /* the last iteration of a live source was without a frame */
 };
 
 /* Run until the source ends, `frames_max` is reached or `shared->stop` is set. The source must have

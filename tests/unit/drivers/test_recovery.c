@@ -158,13 +158,13 @@ static void test_numbers(void **state)
     struct fovea_frame frame = {.sequence = 0};
     fv_order_start(&order, -1);
     const uint32_t numbers[] = {4294967294u, 4294967295u, 0, 1, 4, 4, 5, 2};
-    const uint64_t lost[] = {0, 0, 0, 0, 2, 0, 0, 0}, told[] = {0, 1, 2, 3, 6, 7, 8, 9};
+    const uint64_t lost[] = {0, 0, 0, 0, 2, 0, 0, 0}, expected[] = {0, 1, 2, 3, 6, 7, 8, 9};
     for (int i = 0; i < 8; i++) {
         const struct fv_order_stamp stamp = stamp_of(base.clock_ns[0] + i * ms, numbers[i]);
         const struct fv_order_now now = later(i * ms);
         assert_true(fv_order_count(&order, &stamp) == lost[i]);
         assert_int_equal(fv_order_frame(&order, &stamp, &now, &frame), FV_ORDER_GOOD);
-        assert_true(frame.sequence == told[i]);
+        assert_true(frame.sequence == expected[i]);
     }
     fv_order_again(&order); /* a restart is no loss, and numbers go on */
     const struct fv_order_stamp stamp = stamp_of(base.clock_ns[0] + 20 * ms, 1000);
@@ -177,8 +177,8 @@ static void test_numbers(void **state)
 static void test_clock_found_out(void **state)
 {
     (void)state;
-    const enum fovea_clock told[3] = {FOVEA_CLOCK_MONOTONIC, FOVEA_CLOCK_BOOTTIME,
-                                      FOVEA_CLOCK_MONOTONIC};
+    const enum fovea_clock expected[3] = {FOVEA_CLOCK_MONOTONIC, FOVEA_CLOCK_BOOTTIME,
+                                          FOVEA_CLOCK_MONOTONIC};
     for (int clock = 0; clock < 3; clock++) {
         struct fv_order order;
         struct fovea_frame frame = {.sequence = 0};
@@ -186,8 +186,8 @@ static void test_clock_found_out(void **state)
         struct fv_order_stamp stamp = stamp_of(base.clock_ns[clock] - 3 * ms, 0);
         stamp.clock_known = false;
         assert_int_equal(fv_order_frame(&order, &stamp, &base, &frame), FV_ORDER_GOOD);
-        assert_int_equal(frame.clock, told[clock]);
-        assert_true(frame.stamp_ns == base.clock_ns[told[clock]] - 3 * ms);
+        assert_int_equal(frame.clock, expected[clock]);
+        assert_true(frame.stamp_ns == base.clock_ns[expected[clock]] - 3 * ms);
         assert_int_equal(frame.stamp_meaning, FOVEA_STAMP_EXPOSURE_START);
         /* It comes back with stamps of another clock: they are moved to the first one. */
         fv_order_again(&order);
@@ -195,8 +195,8 @@ static void test_clock_found_out(void **state)
         stamp.clock_known = false;
         const struct fv_order_now now = later(7 * ms);
         assert_int_equal(fv_order_frame(&order, &stamp, &now, &frame), FV_ORDER_GOOD);
-        assert_int_equal(frame.clock, told[clock]);
-        assert_true(frame.stamp_ns == base.clock_ns[told[clock]] + 5 * ms);
+        assert_int_equal(frame.clock, expected[clock]);
+        assert_true(frame.stamp_ns == base.clock_ns[expected[clock]] + 5 * ms);
     }
 }
 
@@ -244,7 +244,7 @@ static void test_meaning(void **state)
 {
     (void)state;
     static const struct {
-        enum fovea_stamp_meaning given, told;
+        enum fovea_stamp_meaning given, expected;
         int64_t exposure, readout, shift;
     } rows[] = {
         {FOVEA_STAMP_EXPOSURE_START, FOVEA_STAMP_EXPOSURE_MIDDLE, 4, -1, 2},
@@ -263,7 +263,7 @@ static void test_meaning(void **state)
         stamp.meaning = rows[i].given;
         stamp.exposure_ns = rows[i].exposure * ms;
         assert_int_equal(fv_order_frame(&order, &stamp, &base, &frame), FV_ORDER_GOOD);
-        assert_int_equal(frame.stamp_meaning, rows[i].told);
+        assert_int_equal(frame.stamp_meaning, rows[i].expected);
         assert_true(frame.stamp_ns == base.clock_ns[0] + (rows[i].shift - 50) * ms);
         assert_true(frame.exposure_ns == rows[i].exposure * ms);
     }

@@ -33,7 +33,7 @@ static void close_source(struct fovea_source *source)
 
 /* ---- rays by brute force --------------------------------------------------------------------- */
 
-/* First meeting of the ray o + t d with a face, or infinity: plane, then the two coordinates. */
+/* Intersection of the ray o + t d with a face, or infinity: plane, then the two coordinates. */
 static double meet_face(const struct fv_sim_face *f, const double o[3], const double d[3])
 {
     const double *u = f->u, *v = f->v;

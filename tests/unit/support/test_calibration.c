@@ -188,7 +188,7 @@ static void test_round_trip(void **state)
     struct fv_random random;
     fv_random_seed(&random, 5);
     double worst = 0.0;
-    int written = 0, told = 0;
+    int written = 0, unsupported = 0;
     setlocale(LC_ALL, "de_DE.UTF-8"); /* where installed: a comma must not get in */
     for (int round = 0; round < 40; round++) {
         for (int format = 0; format < FOVEA_CALIBRATION_FORMAT_COUNT; format++) {
@@ -205,7 +205,7 @@ static void test_round_trip(void **state)
             if (short_format && !fisheye && c.camera.k[4] != 0) { /* it says what would be lost */
                 assert_int_equal(status, FOVEA_ERROR_UNSUPPORTED);
                 assert_memory_equal(error.text, "k3: found ", 10);
-                ++told;
+                ++unsupported;
                 continue;
             }
             assert_int_equal(status, FOVEA_OK);
@@ -221,7 +221,7 @@ static void test_round_trip(void **state)
     }
     setlocale(LC_ALL, "C");
     assert_true(worst == 0.0); /* all bits are kept: better than the 1e-9 px asked for */
-    assert_true(written > 150 && told > 10);
+    assert_true(written > 150 && unsupported > 10);
 }
 
 static void test_write_file_and_lost(void **state)

@@ -278,7 +278,7 @@ static void test_round_trip(void **state)
     }
     struct fv_recorder_summary summary;
     assert_int_equal(fv_recorder_close(recorder, &summary), FOVEA_OK);
-    assert_true(summary.complete && summary.turns_lost == 0 &&
+    assert_true(summary.complete && summary.steps_lost == 0 &&
                 summary.events == 1 + 4 * ITERATIONS + ITERATIONS * 3 / 4 + 1);
 
     struct fovea_log *log;
@@ -350,7 +350,7 @@ static void record_below(rlim_t bytes_max)
     struct stat info;
     stat(path, &info);
     assert_string_equal(summary.reason, "File too large");
-    assert_true(summary.turns_lost > 0 && !summary.complete);
+    assert_true(summary.steps_lost > 0 && !summary.complete);
     assert_int_equal(info.st_size, summary.bytes);
     assert_true(info.st_size > (off_t)bytes_max - IMAGE_BYTES - 4096);
     assert_int_equal(count_whole("File too large"), summary.events);
@@ -454,7 +454,7 @@ static void test_slow_disk(void **state)
     close(reader);
     snprintf(path, sizeof path, "%s/log", folder);
     assert_non_null(strstr(summary.reason, "the disk is too slow"));
-    assert_in_range(summary.turns_lost, 60, 99);
+    assert_in_range(summary.steps_lost, 60, 99);
     assert_true(summary.events > 5 * 10);
 }
 
