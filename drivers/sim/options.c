@@ -29,8 +29,9 @@ static const struct fv_uri_option option_table[] = {
     {"objects", FV_URI_I32, AT(objects), 0, FV_SIM_OBJECTS_MAX, "moving objects", NULL},
     {"textures", FV_URI_WORD, AT(textures), 0, 0, "natural or repeated", textures_name},
     {"light", FV_URI_REAL, AT(light), 0.1, 4, "factor of brightness", NULL},
-    {"odometry", FV_URI_REAL, AT(odometry_hz), 0, SAMPLE_HZ_MAX, "Hz", NULL},
-    {"odometry_noise", FV_URI_REAL, AT(odometry_noise), 0, 1, "of a step, relative", NULL},
+    {"wheel_odometry", FV_URI_REAL, AT(wheel_odometry_hz), 0, SAMPLE_HZ_MAX, "Hz", NULL},
+    {"wheel_odometry_noise", FV_URI_REAL, AT(wheel_odometry_noise), 0, 1, "of a step, relative",
+     NULL},
     {"imu", FV_URI_REAL, AT(imu_hz), 0, SAMPLE_HZ_MAX, "Hz", NULL},
     {"imu_noise", FV_URI_REAL, AT(imu_noise), 0, 100, "of EuRoC's densities, factor", NULL},
     {"gyro_bias", FV_URI_REAL, AT(gyro_bias_rad_s), 0, 1, "rad/s", NULL},
@@ -87,7 +88,8 @@ static enum fovea_status check_together(const struct fv_sim_options *options,
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "sim: turn_rate: found %g with the trajectory %s, expected fast",
                                options->turn_rate_deg_s, trajectory_name[options->trajectory]);
-    const enum fovea_status status = check_sample_rate("odometry", options->odometry_hz, error);
+    const enum fovea_status status =
+        check_sample_rate("wheel_odometry", options->wheel_odometry_hz, error);
     return status == FOVEA_OK ? check_sample_rate("imu", options->imu_hz, error) : status;
 }
 
@@ -117,8 +119,8 @@ enum fovea_status fv_sim_options_parse(const char *address, struct fv_sim_option
                                .exposure_ms = 5.0,
                                .readout_ms = 20.0,
                                .light = 1.0,
-                               .odometry_hz = 100.0,
-                               .odometry_noise = 0.05,
+                               .wheel_odometry_hz = 100.0,
+                               .wheel_odometry_noise = 0.05,
                                .imu_noise = 1.0,
                                .imu_offset_known = true,
                                .turn_rate_deg_s = FV_SIM_TURN_DEG_S};
@@ -136,7 +138,7 @@ enum fovea_status fv_sim_options_parse(const char *address, struct fv_sim_option
     if (*address != '\0') address++;
     enum fovea_status status = fv_uri_options_parse(&options_table, address, &o, &given, error);
     if (status != FOVEA_OK) return status;
-    o.odometry_given = was_given(given, AT(odometry_hz));
+    o.wheel_odometry_given = was_given(given, AT(wheel_odometry_hz));
     if (!was_given(given, AT(fov_deg)))
         o.fov_deg = o.lens == FV_SIM_LENS_EQUIDISTANT ? 105.0 : 80.0;
     if (!was_given(given, AT(frames))) o.frames = fv_sim_motion_frames(o.trajectory, o.rate_hz);

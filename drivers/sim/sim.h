@@ -67,9 +67,9 @@ struct fv_sim_options {
     bool imu_offset_known;  /* the rig states it */
     double turn_rate_deg_s; /* of `fast` at its fastest */
     double baseline_m;      /* of a second camera to the right of the first; 0: there is none */
-    double odometry_hz,
-        odometry_noise;  /* samples per second; deviation of each step's length, relative */
-    bool odometry_given; /* the rate stands in the URI */
+    double wheel_odometry_hz,
+        wheel_odometry_noise;  /* samples per second; deviation of each step's length, relative */
+    bool wheel_odometry_given; /* the rate stands in the URI */
 };
 
 /* Parse what follows "sim:" in the URI. Every error is one line that names the option, what was
@@ -352,8 +352,8 @@ void fv_sim_sensor_expose(struct fv_sim_sensor *sensor, const uint16_t *linear, 
 
 /* ---- the source (source.c, truth.c) ---------------------------------------------------------- */
 
-/* Where odometry stands. */
-struct fv_sim_odometry {
+/* Where wheel odometry stands. */
+struct fv_sim_wheel_odometry {
     uint64_t count;           /* samples given */
     double last[12];          /* true T_world_cam of the last one */
     double R[9], position[3]; /* its reading: T_wheel_odom_body */
@@ -382,7 +382,7 @@ struct fovea_source {
     uint64_t deliverable; /* frames that the selection leaves; 0: endless */
     uint64_t delivered;
     bool started;
-    struct fv_sim_odometry odometry;
+    struct fv_sim_wheel_odometry wheel_odometry;
     struct fv_sim_imu imu;
     uint8_t *grey;     /* the image that is rendered */
     uint16_t *exposed; /* light of the whole frame, only with blur (the mean of instants) or a

@@ -179,14 +179,14 @@ static enum fovea_status check_samples(const struct fovea_source *source, struct
             error, FOVEA_ERROR_UNSUPPORTED,
             "sim: imu: found %g Hz in reverse, expected 0: a sensor's samples do not turn round",
             o->imu_hz);
-    const double samples_hz = o->odometry_hz + o->imu_hz,
+    const double samples_hz = o->wheel_odometry_hz + o->imu_hz,
                  frames_hz = o->rate_hz / (double)source->selection.step;
-    if ((o->imu_hz <= 0 && !o->odometry_given) || source->deliverable == 1 ||
+    if ((o->imu_hz <= 0 && !o->wheel_odometry_given) || source->deliverable == 1 ||
         source->selection.reverse || samples_hz <= FOVEA_INPUT_SAMPLES_MAX * frames_hz)
         return FOVEA_OK;
     return fovea_error_set(
         error, FOVEA_ERROR_INPUT,
-        "sim: imu, odometry: found %g samples per second beside %g frames, expected at most %d with each frame",
+        "sim: imu, wheel_odometry: found %g samples per second beside %g frames, expected at most %d with each frame",
         samples_hz, frames_hz, FOVEA_INPUT_SAMPLES_MAX);
 }
 
@@ -411,7 +411,7 @@ static enum fovea_source_state sim_state(const struct fovea_source *source)
 const struct fovea_source_ops fovea_source_sim = {
     .name = "sim",
     .help =
-        "[TRAJECTORY][?OPTION=VALUE&...]  simulated camera: tour (default), orbit, corridor, rotate, stopgo, fast, kidnap, wander, still, stand; options seed width height rate frames lens fov noise blur rolling exposure readout objects textures light odometry odometry_noise imu imu_noise gyro_bias acceleration_bias imu_offset imu_offset_known turn_rate baseline time",
+        "[TRAJECTORY][?OPTION=VALUE&...]  simulated camera: tour (default), orbit, corridor, rotate, stopgo, fast, kidnap, wander, still, stand; options seed width height rate frames lens fov noise blur rolling exposure readout objects textures light wheel_odometry wheel_odometry_noise imu imu_noise gyro_bias acceleration_bias imu_offset imu_offset_known turn_rate baseline time",
     .open = sim_open,
     .info = sim_info,
     .start = sim_start,

@@ -1,5 +1,5 @@
-/* The scale from wheel or leg odometry: what the camera moved by odometry over what it moved in the
- * map. */
+/* The scale from wheel or leg odometry: what the camera moved by it over what it moved in the map.
+ */
 #include <string.h>
 
 #include "geometry/vec.h"
@@ -7,7 +7,7 @@
 
 static const double leg_least_m = 0.2; /* shorter ones measure noise */
 static const double inner_least =
-    1e-3; /* units of the map: less is no motion, whatever odometry says */
+    1e-3; /* units of the map: less is no motion, whatever wheel odometry says */
 static const double sigma_leg_least = 0.01; /* of one leg, relative */
 static const double sigma_few = 0.1; /* of one leg, while there are too few to show their spread */
 static const double sigma_least = 0.005;       /* of them all: what no number of legs takes away */
@@ -45,7 +45,7 @@ void fv_scale_observe(struct fv_scale *scale, const struct fovea_sample *samples
             observe(scale, &samples[i].wheel_odometry);
 }
 
-/* -1: odometry has not come so far yet; 0: it begins later or has a gap there; 1: found. */
+/* -1: wheel odometry has not come so far yet; 0: it begins later or has a gap there; 1: found. */
 static int scale_place_at(const struct fv_scale_state *s, int64_t stamp_ns, double at[3])
 {
     uint64_t oldest =
@@ -137,8 +137,8 @@ static void scale_note_keyframes(struct fv_scale_state *s, const struct fv_map *
     }
 }
 
-/* Ask odometry for the places of stations; forget those that it does not know or the map no longer
- * holds. */
+/* Ask wheel odometry for the places of stations; forget those that it does not know or the map no
+ * longer holds. */
 static void scale_place_stations(struct fv_scale_state *s, const struct fv_map *map)
 {
     uint32_t kept = 0;

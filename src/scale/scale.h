@@ -7,10 +7,11 @@
  *
  * camera_height: a unit of work after each keyframe fits the floor to the landmarks below the
  * camera (geometry/floor.h); the logarithm of the scale is then filtered (Kalman, one state,
- * drifting with every keyframe since the scale of a monocular map does). odometry: between the last
- * keyframes, the camera's displacement by odometry is divided by that in the map; the middle of
- * these legs counts, and their spread gives the uncertainty. A new map starts with the scale
- * unknown; one that was left or loaded with the scale that it had, which new measurements add to.
+ * drifting with every keyframe since the scale of a monocular map does). wheel_odometry: between
+ * the last keyframes, the camera's displacement by wheel odometry is divided by that in the map;
+ * the middle of these legs counts, and their spread gives the uncertainty. A new map starts with
+ * the scale unknown; one that was left or loaded with the scale that it had, which new measurements
+ * add to.
  *
  * State holds no addresses. Real-time safe: every function is bounded; no heap. */
 #ifndef FOVEA_SCALE_SCALE_H
@@ -30,7 +31,7 @@ extern "C" {
 
 enum { FV_SCALE_PLACES_MAX = 512, FV_SCALE_STATIONS_MAX = 32 };
 
-/* Where the camera was by odometry. */
+/* Where the camera was by wheel odometry. */
 struct fv_scale_place {
     int64_t stamp_ns;
     double at[3];
@@ -39,7 +40,7 @@ struct fv_scale_place {
 /* A keyframe, whose place by the map is looked up anew each time: optimisation moves it. */
 struct fv_scale_station {
     uint32_t slot, generation;
-    bool placed; /* odometry has come so far */
+    bool placed; /* wheel odometry has come so far */
     struct fv_scale_place place;
 };
 
@@ -56,9 +57,9 @@ struct fv_scale_state {
     struct fv_random random;
     uint64_t fitted; /* number of the map's next keyframe when the floor was last fitted */
 
-    /* odometry */
+    /* wheel odometry */
     uint64_t place_count; /* that have come; the last ones are kept, in a ring */
-    struct fv_scale_place places[FV_SCALE_PLACES_MAX]; /* of the camera, by odometry */
+    struct fv_scale_place places[FV_SCALE_PLACES_MAX]; /* of the camera, by wheel odometry */
     uint32_t station_count;
     uint64_t station_next; /* number of the first keyframe that is no station yet */
     struct fv_scale_station stations[FV_SCALE_STATIONS_MAX]; /* oldest first */
@@ -103,7 +104,7 @@ void fv_scale_unit(struct fv_scale *scale, const struct fv_odometry *odometry);
 /* Fit the floor to the map as the current frame sees it; false when none is found. */
 bool fv_scale_find_floor(struct fv_scale *scale, const struct fv_odometry *odometry,
                          struct fv_floor *floor);
-/* Hold the keyframes against odometry. */
+/* Hold the keyframes against wheel odometry. */
 void fv_scale_walk(struct fv_scale *scale, const struct fv_odometry *odometry);
 
 #ifdef __cplusplus

@@ -137,7 +137,7 @@ static void drain(struct fv_transport *transport, struct fv_receiver *viewer)
     while (fv_receiver_handle(viewer, 0) > 0)
         continue;
     (void)fv_transport_commands(transport);
-    while (fv_transport_odometry(transport, samples, 64) > 0)
+    while (fv_transport_wheel_odometry(transport, samples, 64) > 0)
         continue;
 }
 
@@ -177,8 +177,10 @@ int main(int argc, char **argv)
     struct sockaddr_in to = {.sin_family = AF_INET, .sin_port = htons(7667)};
     if (count == 0) die("usage: packets COUNT");
     if (!own_network_enter() || !own_network_mend()) die("no network of its own");
-    const struct fv_transport_ears ears = {
-        .listen = "any", .prefix = "T", .odometry_channel = "ODOM", .odometry_limits = {3, 6}};
+    const struct fv_transport_ears ears = {.listen = "any",
+                                           .prefix = "T",
+                                           .wheel_odometry_channel = "ODOM",
+                                           .wheel_odometry_limits = {3, 6}};
     const struct fv_receiver_channel rows[] = {
         {.name = "T_FEATURES", .type = "fovea.features_t", .bytes_max = 1024, .take = take},
         {.name = "T_ANY", .bytes_max = 600, .take = take}};
@@ -198,9 +200,9 @@ int main(int argc, char **argv)
     struct fv_transport_counts counts;
     fv_transport_counts(transport, &counts);
     printf("%" PRIu64 " packets: listener took %" PRIu64 ", commands %" PRIu64 " refused %" PRIu64
-           ", odometry %" PRIu64 " refused %" PRIu64 "; dropped",
-           count, counts.received.taken, counts.commands, counts.commands_refused, counts.odometry,
-           counts.odometry_refused);
+           ", wheel odometry %" PRIu64 " refused %" PRIu64 "; dropped",
+           count, counts.received.taken, counts.commands, counts.commands_refused,
+           counts.wheel_odometry, counts.wheel_odometry_refused);
     for (int i = 0; i < FV_DROP_COUNT; i++)
         printf(" %s %" PRIu64, fv_drop_name((enum fv_drop)i), counts.received.dropped[i]);
     printf("; resident %" PRIu64 " kB before, %" PRIu64 " after%s\n", before, after,

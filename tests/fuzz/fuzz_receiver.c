@@ -8,7 +8,7 @@
 #include <string.h>
 
 #include "app/network/command_gate.h"
-#include "app/network/odometry_gate.h"
+#include "app/network/wheel_odometry_gate.h"
 #include "app/network/receiver_packet.h"
 #include "app/network/receiver_tcpq.h"
 
@@ -21,7 +21,7 @@ enum { RUN = 77, STREAM_BYTES = 256 };
 
 static struct fv_receiver_table table;
 static struct fv_command_gate open_gate, keyed_gate;
-static struct fv_odometry_gate odometry;
+static struct fv_wheel_odometry_gate odometry;
 static uint8_t *stream_buffer; /* on the heap, where each byte beyond it is seen */
 
 static void expect(bool holds)
@@ -38,12 +38,12 @@ static void take_command(void *context, const struct fv_received *received)
     if (verdict == FV_COMMAND_TAKEN) expect((bits & ~(uint32_t)FV_COMMAND_ALL) == 0);
 }
 
-static void take_odometry(void *context, const struct fv_received *received)
+static void take_wheel_odometry(void *context, const struct fv_received *received)
 {
     bot_core_pose_t pose;
     struct fovea_wheel_odometry_sample sample;
     expect(bot_core_pose_t_decode(received->data, 0, (int)received->bytes, &pose) >= 0);
-    if (fv_odometry_gate_judge(context, &pose, &sample) != FV_ODOMETRY_TAKEN) return;
+    if (fv_wheel_odometry_gate_judge(context, &pose, &sample) != FV_WHEEL_ODOMETRY_TAKEN) return;
     for (int i = 0; i < 3; i++)
         expect(sample.position_m[i] > -1e9 && sample.position_m[i] < 1e9);
     expect(sample.stamp_ns >= 0);
@@ -67,12 +67,12 @@ int LLVMFuzzerInitialize(int *argc, char ***argv)
     fv_message_prepare();
     fv_command_gate_init(&keyed_gate, &rules);
     fv_command_gate_init(&open_gate, &unkeyed);
-    fv_odometry_gate_init(&odometry, &(struct fv_odometry_limits){3, 6});
+    fv_wheel_odometry_gate_init(&odometry, &(struct fv_wheel_odometry_limits){3, 6});
     table.count = 4;
     table.rows[0] =
         (struct fv_receiver_channel){"C", "fovea.command_t", 128, take_command, &open_gate};
     table.rows[1] =
-        (struct fv_receiver_channel){"O", "bot_core.pose_t", 256, take_odometry, &odometry};
+        (struct fv_receiver_channel){"O", "bot_core.pose_t", 256, take_wheel_odometry, &odometry};
     table.rows[2] = (struct fv_receiver_channel){"R", NULL, 64, take_any, &sum};
     table.rows[3] =
         (struct fv_receiver_channel){"F", "fovea.features_t", STREAM_BYTES, take_any, &sum};

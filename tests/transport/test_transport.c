@@ -390,8 +390,8 @@ static void test_odometry(void **state)
         .utime = 1000002, .pos = {1, -2, 3}, .orientation = {0.603, 0, 0.804, 0}};
     const struct fv_transport_ears ears = {.listen = "loopback",
                                            .prefix = "T",
-                                           .odometry_channel = "ODOM.1",
-                                           .odometry_limits = {3, 6}};
+                                           .wheel_odometry_channel = "ODOM.1",
+                                           .wheel_odometry_limits = {3, 6}};
     bot_core_pose_t wrong[7] = {good, good, good, good, good, good, good}, next = good;
     if (fv_transport_open(URL, 0, &transport, &error) != FOVEA_OK ||
         fv_transport_listen(transport, &ears, &error) != FOVEA_OK)
@@ -418,17 +418,17 @@ static void test_odometry(void **state)
     struct fv_transport_counts counts;
     for (int i = 0; i < 500; i++) {
         fv_transport_counts(transport, &counts);
-        if (counts.odometry >= 2 && counts.odometry_refused >= 7) break;
+        if (counts.wheel_odometry >= 2 && counts.wheel_odometry_refused >= 7) break;
         sleep_ms(10);
     }
-    assert_int_equal(counts.odometry, 2);
-    assert_int_equal(counts.odometry_verdicts[FV_ODOMETRY_MALFORMED], 5);
-    assert_int_equal(counts.odometry_verdicts[FV_ODOMETRY_OLD], 1);
-    assert_int_equal(counts.odometry_verdicts[FV_ODOMETRY_TOO_FAST], 1);
-    assert_int_equal(counts.odometry_refused, 7);
+    assert_int_equal(counts.wheel_odometry, 2);
+    assert_int_equal(counts.wheel_odometry_verdicts[FV_WHEEL_ODOMETRY_MALFORMED], 5);
+    assert_int_equal(counts.wheel_odometry_verdicts[FV_WHEEL_ODOMETRY_OLD], 1);
+    assert_int_equal(counts.wheel_odometry_verdicts[FV_WHEEL_ODOMETRY_TOO_FAST], 1);
+    assert_int_equal(counts.wheel_odometry_refused, 7);
     assert_int_equal(counts.received.dropped[FV_DROP_TYPE], 1);
-    assert_int_equal(fv_transport_odometry(transport, samples, 1), 1);
-    assert_int_equal(fv_transport_odometry(transport, samples + 1, 7), 1);
+    assert_int_equal(fv_transport_wheel_odometry(transport, samples, 1), 1);
+    assert_int_equal(fv_transport_wheel_odometry(transport, samples + 1, 7), 1);
     assert_int_equal(samples[0].stamp_ns, 1000002000);
     assert_int_equal(samples[1].stamp_ns, 1000003000);
     assert_true(samples[0].position_m[0] == 1 && samples[0].position_m[1] == -2 &&

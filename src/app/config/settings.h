@@ -47,13 +47,15 @@ struct fv_settings {
     char listen[16];                          /* who is heard: network/receiver.h */
     uint32_t commands;                        /* struct fv_command_rules: from_network */
     char command_key[FV_SETTINGS_PATH_BYTES]; /* file; "": none */
-    char odometry_channel[64]; /* of bot_core.pose_t, for scale.source: wheel_odometry; "": none */
-    double odometry_max_m_s, odometry_max_rad_s; /* faster samples are left out; 0: no limit */
-    int movable_boxes;                           /* enum fv_movable_boxes */
-    char record[FV_SETTINGS_PATH_BYTES];         /* "": none */
-    uint32_t record_keep;                        /* of numbered recordings; 0: all */
-    uint32_t record_buffer;          /* frames that may wait for the disk in real time */
-    char movable[256], heights[512]; /* lists of classes (app/classes.h) */
+    /* LCM channel of bot_core.pose_t, for scale.source: wheel_odometry; "": none */
+    char wheel_odometry_channel[64];
+    /* faster samples are left out; 0: no limit */
+    double wheel_odometry_max_m_s, wheel_odometry_max_rad_s;
+    int movable_boxes;                   /* enum fv_movable_boxes */
+    char record[FV_SETTINGS_PATH_BYTES]; /* "": none */
+    uint32_t record_keep;                /* of numbered recordings; 0: all */
+    uint32_t record_buffer;              /* frames that may wait for the disk in real time */
+    char movable[256], heights[512];     /* lists of classes (app/classes.h) */
     /* "": no detection; the runtime gets its bytes when the source is open */
     char model[FV_SETTINGS_PATH_BYTES], model2[FV_SETTINGS_PATH_BYTES];
     uint32_t priority; /* SCHED_FIFO; 0: ordinary scheduling */

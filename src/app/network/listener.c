@@ -19,7 +19,8 @@ enum {
 void fv_listener_init(struct fv_listener *listener)
 {
     fv_ring_init(&listener->commands, listener->commands_memory, sizeof listener->commands_memory);
-    fv_ring_init(&listener->odometry, listener->odometry_memory, sizeof listener->odometry_memory);
+    fv_ring_init(&listener->wheel_odometry, listener->wheel_odometry_memory,
+                 sizeof listener->wheel_odometry_memory);
 }
 
 static void take_command(void *context, const struct fv_received *received)
@@ -41,7 +42,7 @@ static void take_command(void *context, const struct fv_received *received)
 /* A robot that is faster than its limits is a wrong limit more often than an attack. */
 static void say_too_fast(struct fv_listener *listener)
 {
-    const struct fv_odometry_limits *limits = &listener->odometry_gate.limits;
+    const struct fv_wheel_odometry_limits *limits = &listener->wheel_odometry_gate.limits;
     if (listener->said_too_fast) return;
     listener->said_too_fast = true;
     fv_say(
@@ -50,23 +51,23 @@ static void say_too_fast(struct fv_listener *listener)
         limits->speed_m_s, limits->turn_rad_s);
 }
 
-static void take_odometry(void *context, const struct fv_received *received)
+static void take_wheel_odometry(void *context, const struct fv_received *received)
 {
     struct fv_listener *listener = context;
     bot_core_pose_t pose;
     struct fovea_wheel_odometry_sample sample;
     if (bot_core_pose_t_decode(received->data, 0, (int)received->bytes, &pose) < 0) return;
-    const enum fv_odometry_verdict verdict =
-        fv_odometry_gate_judge(&listener->odometry_gate, &pose, &sample);
-    if (verdict == FV_ODOMETRY_TOO_FAST) say_too_fast(listener);
-    if (verdict != FV_ODOMETRY_TAKEN) return;
-    uint8_t *room = fv_ring_reserve(&listener->odometry, sizeof sample);
+    const enum fv_wheel_odometry_verdict verdict =
+        fv_wheel_odometry_gate_judge(&listener->wheel_odometry_gate, &pose, &sample);
+    if (verdict == FV_WHEEL_ODOMETRY_TOO_FAST) say_too_fast(listener);
+    if (verdict != FV_WHEEL_ODOMETRY_TAKEN) return;
+    uint8_t *room = fv_ring_reserve(&listener->wheel_odometry, sizeof sample);
     if (room != NULL) {
         memcpy(room, &sample, sizeof sample);
-        fv_ring_commit(&listener->odometry, sizeof sample);
+        fv_ring_commit(&listener->wheel_odometry, sizeof sample);
     }
-    fv_odometry_gate_count(&listener->odometry_gate,
-                           room != NULL ? FV_ODOMETRY_TAKEN : FV_ODOMETRY_BUSY);
+    fv_wheel_odometry_gate_count(&listener->wheel_odometry_gate,
+                                 room != NULL ? FV_WHEEL_ODOMETRY_TAKEN : FV_WHEEL_ODOMETRY_BUSY);
 }
 
 static void *run(void *context)
@@ -88,12 +89,12 @@ static uint32_t fill_table(struct fv_listener *listener, const struct fv_transpo
                                            .take = take_command,
                                            .context = listener};
     fv_message_channel(ears->prefix, FV_MESSAGE_COMMAND, rows[0].name);
-    if (ears->odometry_channel != NULL && ears->odometry_channel[0] != '\0') {
+    if (ears->wheel_odometry_channel != NULL && ears->wheel_odometry_channel[0] != '\0') {
         rows[count] = (struct fv_receiver_channel){.type = "bot_core.pose_t",
                                                    .bytes_max = ODOMETRY_BYTES_MAX,
-                                                   .take = take_odometry,
+                                                   .take = take_wheel_odometry,
                                                    .context = listener};
-        snprintf(rows[count].name, sizeof rows[count].name, "%s", ears->odometry_channel);
+        snprintf(rows[count].name, sizeof rows[count].name, "%s", ears->wheel_odometry_channel);
         count++;
     }
     for (uint32_t i = 0; i < ears->more_count && count < FV_RECEIVER_CHANNELS_MAX; i++)
@@ -107,7 +108,7 @@ enum fovea_status fv_listener_start(struct fv_listener *listener, const char *ur
     struct fv_receiver_channel rows[FV_RECEIVER_CHANNELS_MAX];
     if (listener->receiver != NULL) return FOVEA_OK;
     fv_command_gate_init(&listener->gate, &ears->rules);
-    fv_odometry_gate_init(&listener->odometry_gate, &ears->odometry_limits);
+    fv_wheel_odometry_gate_init(&listener->wheel_odometry_gate, &ears->wheel_odometry_limits);
     const struct fv_receiver_setup setup = {url, ears->listen, rows,
                                             fill_table(listener, ears, rows)};
     enum fovea_status status = fv_receiver_open(&setup, &listener->receiver, error);
@@ -137,16 +138,16 @@ uint32_t fv_listener_commands(struct fv_listener *listener)
     return all;
 }
 
-uint32_t fv_listener_odometry(struct fv_listener *listener,
-                              struct fovea_wheel_odometry_sample *samples, uint32_t count_max)
+uint32_t fv_listener_wheel_odometry(struct fv_listener *listener,
+                                    struct fovea_wheel_odometry_sample *samples, uint32_t count_max)
 {
     uint32_t count = 0;
     for (; count < count_max; count++) {
         size_t bytes;
-        const uint8_t *data = fv_ring_peek(&listener->odometry, &bytes);
+        const uint8_t *data = fv_ring_peek(&listener->wheel_odometry, &bytes);
         if (data == NULL) break;
         memcpy(&samples[count], data, sizeof samples[count]);
-        fv_ring_release(&listener->odometry, sizeof samples[count]);
+        fv_ring_release(&listener->wheel_odometry, sizeof samples[count]);
     }
     return count;
 }
@@ -157,12 +158,13 @@ void fv_listener_counts(const struct fv_listener *listener, struct fv_transport_
         counts->command_verdicts[i] = atomic_load(&listener->gate.counts[i]);
         counts->commands_refused += i != FV_COMMAND_TAKEN ? counts->command_verdicts[i] : 0;
     }
-    for (int i = 0; i < FV_ODOMETRY_VERDICTS; i++) {
-        counts->odometry_verdicts[i] = atomic_load(&listener->odometry_gate.counts[i]);
-        counts->odometry_refused += i != FV_ODOMETRY_TAKEN ? counts->odometry_verdicts[i] : 0;
+    for (int i = 0; i < FV_WHEEL_ODOMETRY_VERDICTS; i++) {
+        counts->wheel_odometry_verdicts[i] = atomic_load(&listener->wheel_odometry_gate.counts[i]);
+        counts->wheel_odometry_refused +=
+            i != FV_WHEEL_ODOMETRY_TAKEN ? counts->wheel_odometry_verdicts[i] : 0;
     }
     counts->commands = counts->command_verdicts[FV_COMMAND_TAKEN];
-    counts->odometry = counts->odometry_verdicts[FV_ODOMETRY_TAKEN];
+    counts->wheel_odometry = counts->wheel_odometry_verdicts[FV_WHEEL_ODOMETRY_TAKEN];
     fv_receiver_counts(listener->receiver, &counts->received);
 }
 

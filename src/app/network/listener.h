@@ -1,5 +1,5 @@
 /* The receiving half of a transport: a receiver (receiver.h) in a thread of its own, and wait-free
- * rings of commands and odometry from there to the loop. */
+ * rings of commands and wheel odometry from there to the loop. */
 #ifndef FOVEA_APP_NETWORK_LISTENER_H
 #define FOVEA_APP_NETWORK_LISTENER_H
 
@@ -15,19 +15,19 @@
 
 enum {
     FV_LISTENER_COMMAND_BYTES = 256,
-    FV_LISTENER_ODOMETRY_BYTES = 1 << 15 /* half a second at 1 kHz */
+    FV_LISTENER_WHEEL_ODOMETRY_BYTES = 1 << 15 /* half a second at 1 kHz */
 };
 
 struct fv_listener {
     struct fv_ring commands; /* of uint32_t, from the listener to the loop */
     uint8_t commands_memory[FV_LISTENER_COMMAND_BYTES];
-    struct fv_ring odometry; /* of struct fovea_wheel_odometry_sample, likewise */
-    uint8_t odometry_memory[FV_LISTENER_ODOMETRY_BYTES];
+    struct fv_ring wheel_odometry; /* of struct fovea_wheel_odometry_sample, likewise */
+    uint8_t wheel_odometry_memory[FV_LISTENER_WHEEL_ODOMETRY_BYTES];
     struct fv_receiver *receiver; /* NULL: nothing is heard */
     pthread_t thread;
     atomic_bool stop;
-    struct fv_command_gate gate;           /* the thread's */
-    struct fv_odometry_gate odometry_gate; /* likewise */
+    struct fv_command_gate gate;                       /* the thread's */
+    struct fv_wheel_odometry_gate wheel_odometry_gate; /* likewise */
     bool said_too_fast;
 };
 
@@ -39,10 +39,11 @@ enum fovea_status fv_listener_start(struct fv_listener *listener, const char *ur
                                     const struct fv_transport_ears *ears,
                                     struct fovea_error *error);
 
-/* As fv_transport_commands and fv_transport_odometry. */
+/* As fv_transport_commands and fv_transport_wheel_odometry. */
 uint32_t fv_listener_commands(struct fv_listener *listener);
-uint32_t fv_listener_odometry(struct fv_listener *listener,
-                              struct fovea_wheel_odometry_sample *samples, uint32_t count_max);
+uint32_t fv_listener_wheel_odometry(struct fv_listener *listener,
+                                    struct fovea_wheel_odometry_sample *samples,
+                                    uint32_t count_max);
 
 /* Adds to the numbers of what came in. */
 void fv_listener_counts(const struct fv_listener *listener, struct fv_transport_counts *counts);

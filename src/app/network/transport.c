@@ -82,10 +82,12 @@ uint32_t fv_transport_commands(struct fv_transport *transport)
     return transport != NULL ? fv_listener_commands(&transport->listener) : 0;
 }
 
-uint32_t fv_transport_odometry(struct fv_transport *transport,
-                               struct fovea_wheel_odometry_sample *samples, uint32_t count_max)
+uint32_t fv_transport_wheel_odometry(struct fv_transport *transport,
+                                     struct fovea_wheel_odometry_sample *samples,
+                                     uint32_t count_max)
 {
-    return transport != NULL ? fv_listener_odometry(&transport->listener, samples, count_max) : 0;
+    return transport != NULL ? fv_listener_wheel_odometry(&transport->listener, samples, count_max)
+                             : 0;
 }
 
 bool fv_transport_room(struct fv_transport *transport)
@@ -177,10 +179,10 @@ static void tell_received(FILE *out, const struct fv_transport_counts *counts)
         tell_count(out, &before, counts->command_verdicts[i],
                    fv_command_verdict_name((enum fv_command_verdict)i));
     end_list(out, before);
-    before = "  LCM: odometry refused:";
-    for (int i = FV_ODOMETRY_TAKEN + 1; i < FV_ODOMETRY_VERDICTS; i++)
-        tell_count(out, &before, counts->odometry_verdicts[i],
-                   fv_odometry_verdict_name((enum fv_odometry_verdict)i));
+    before = "  LCM: wheel odometry refused:";
+    for (int i = FV_WHEEL_ODOMETRY_TAKEN + 1; i < FV_WHEEL_ODOMETRY_VERDICTS; i++)
+        tell_count(out, &before, counts->wheel_odometry_verdicts[i],
+                   fv_wheel_odometry_verdict_name((enum fv_wheel_odometry_verdict)i));
     end_list(out, before);
 }
 

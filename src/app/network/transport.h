@@ -10,7 +10,7 @@
 #include <stdio.h>
 
 #include "app/network/command_gate.h"
-#include "app/network/odometry_gate.h"
+#include "app/network/wheel_odometry_gate.h"
 #include "app/network/receiver.h"
 #include "fovea/fovea.h"
 
@@ -37,16 +37,16 @@ enum fovea_status fv_transport_open_early(const char *url, uint32_t ttl,
 
 /* What a transport hears. */
 struct fv_transport_ears {
-    const char *listen;           /* whom: receiver.h */
-    const char *prefix;           /* commands come on <prefix>_COMMAND */
-    const char *odometry_channel; /* of bot_core.pose_t; NULL or "": none */
-    struct fv_odometry_limits odometry_limits;
+    const char *listen;                 /* whom: receiver.h */
+    const char *prefix;                 /* commands come on <prefix>_COMMAND */
+    const char *wheel_odometry_channel; /* of bot_core.pose_t; NULL or "": none */
+    struct fv_wheel_odometry_limits wheel_odometry_limits;
     struct fv_command_rules rules;
     const struct fv_receiver_channel *more; /* further channels; handlers run on the thread */
     uint32_t more_count;
 };
 
-/* Hear commands, odometry and `ears->more` in a thread of its own. Init-only. */
+/* Hear commands, wheel odometry and `ears->more` in a thread of its own. Init-only. */
 enum fovea_status fv_transport_listen(struct fv_transport *transport,
                                       const struct fv_transport_ears *ears,
                                       struct fovea_error *error);
@@ -74,8 +74,9 @@ uint32_t fv_transport_commands(struct fv_transport *transport);
 /* Odometry that has come since the last call, oldest first, at most `count_max`; what there is no
  * room for waits. Stamps are those of the messages in nanoseconds. Returns the number. Loop thread,
  * wait-free. */
-uint32_t fv_transport_odometry(struct fv_transport *transport,
-                               struct fovea_wheel_odometry_sample *samples, uint32_t count_max);
+uint32_t fv_transport_wheel_odometry(struct fv_transport *transport,
+                                     struct fovea_wheel_odometry_sample *samples,
+                                     uint32_t count_max);
 
 /* Why a message was not sent. */
 enum fv_transport_drop {
@@ -116,10 +117,11 @@ uint64_t fv_transport_lost(const struct fv_transport *transport, uint64_t *offer
 bool fv_transport_sync(struct fv_transport *transport);
 
 struct fv_transport_counts {
-    uint64_t sent, dropped;              /* messages of all channels */
-    uint64_t commands, commands_refused; /* taken; refused, whatever the reason */
-    uint64_t odometry, odometry_refused; /* likewise */
-    uint64_t command_verdicts[FV_COMMAND_VERDICTS], odometry_verdicts[FV_ODOMETRY_VERDICTS];
+    uint64_t sent, dropped;                          /* messages of all channels */
+    uint64_t commands, commands_refused;             /* taken; refused, whatever the reason */
+    uint64_t wheel_odometry, wheel_odometry_refused; /* likewise */
+    uint64_t command_verdicts[FV_COMMAND_VERDICTS],
+        wheel_odometry_verdicts[FV_WHEEL_ODOMETRY_VERDICTS];
     struct fv_receiver_counts received;
 };
 void fv_transport_counts(const struct fv_transport *transport, struct fv_transport_counts *counts);

@@ -43,8 +43,8 @@ static void add_heard(struct fv_run *run, struct fovea_inputs *inputs)
     enum { HEARD_MAX = 64 };
     struct fovea_wheel_odometry_sample heard[HEARD_MAX];
     const uint32_t room = FOVEA_INPUT_SAMPLES_MAX - inputs->sample_count,
-                   count = fv_transport_odometry(run->transport, heard,
-                                                 room < HEARD_MAX ? room : HEARD_MAX);
+                   count = fv_transport_wheel_odometry(run->transport, heard,
+                                                       room < HEARD_MAX ? room : HEARD_MAX);
     for (uint32_t i = 0; i < count; i++) {
         uint32_t at = inputs->sample_count++;
         heard[i].stamp_ns -= inputs->utc_offset_ns;
@@ -247,9 +247,10 @@ static enum fovea_status transport_open(struct fv_run *run, struct fovea_error *
         .more = &others,
         .more_count = 1,
         .rules = {.from_network = settings->commands, .run_id = run->run_id},
-        .odometry_limits = {settings->odometry_max_m_s, settings->odometry_max_rad_s},
+        .wheel_odometry_limits = {settings->wheel_odometry_max_m_s,
+                                  settings->wheel_odometry_max_rad_s},
         .prefix = settings->runtime.channel_prefix,
-        .odometry_channel = odometry ? settings->odometry_channel : NULL,
+        .wheel_odometry_channel = odometry ? settings->wheel_odometry_channel : NULL,
     };
     const char *without = "no LCM messages";
     ears.rules.keyed = settings->command_key[0] != '\0';

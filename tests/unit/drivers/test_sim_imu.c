@@ -138,7 +138,8 @@ static void ideal_samples_give_the_motion_back(void **state)
         char address[160];
         double off_m, off_deg;
         snprintf(address, sizeof address,
-                 "%swidth=64&height=64&imu=200&imu_noise=0&odometry=0&objects=0", runs[i].address);
+                 "%swidth=64&height=64&imu=200&imu_noise=0&wheel_odometry=0&objects=0",
+                 runs[i].address);
         struct fovea_source *source = open_source(address);
         const uint32_t count = take_samples(source, 899);
         assert_true(count > 5900);
@@ -162,7 +163,7 @@ static void biases_begin_as_asked_for(void **state)
     for (int seed = 1; seed <= SEEDS; seed++) {
         char address[160];
         snprintf(address, sizeof address,
-                 "still?width=64&height=64&imu=200&imu_noise=0&odometry=0&objects=0&seed=%d&"
+                 "still?width=64&height=64&imu=200&imu_noise=0&wheel_odometry=0&objects=0&seed=%d&"
                  "gyro_bias=0.02&acceleration_bias=0.3",
                  seed);
         struct fovea_source *source = open_source(address);
@@ -190,7 +191,7 @@ static void who_is_carried_off_reads_rest(void **state)
 {
     (void)state;
     struct fovea_source *source =
-        open_source("kidnap?width=64&height=64&imu=200&imu_noise=0&odometry=0&objects=0");
+        open_source("kidnap?width=64&height=64&imu=200&imu_noise=0&wheel_odometry=0&objects=0");
     const uint32_t count = take_samples(source, 600);
     const double leaps_s[] = {14.0, 17.0};
     for (size_t i = 0; i < 2; i++) {

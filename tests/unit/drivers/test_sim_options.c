@@ -66,7 +66,8 @@ static const struct {
     {"orbit?exposure=50", {"exposure", "50", "frame period"}},
     {"orbit?fov=120", {"fov", "120", "110"}},
     {"orbit?imu=1e-12", {"sim: imu:", "1e-12 Hz", "0 or a number in [0.01, 1000]"}},
-    {"orbit?odometry=0.009", {"sim: odometry:", "0.009 Hz", "0 or a number in [0.01, 1000]"}},
+    {"orbit?wheel_odometry=0.009",
+     {"sim: wheel_odometry:", "0.009 Hz", "0 or a number in [0.01, 1000]"}},
     {"orbit?imu=1001", {"imu", "'1001'", "[0, 1000]"}},
     {"orbit?turn_rate=300", {"sim: turn_rate:", "300 with the trajectory orbit", "expected fast"}},
     {"fast?turn_rate=139", {"turn_rate", "'139'", "[140, 1000]"}},
@@ -154,13 +155,13 @@ static void test_samples_that_fit_a_frame(void **state)
     struct fovea_frame frame;
     static struct fovea_sample samples[FOVEA_INPUT_SAMPLES_MAX + 1];
     const struct fovea_source_selection all = {.step = 1}, every_sixth = {.step = 6};
-    const char *full = "orbit?width=64&height=64&rate=4&frames=12&odometry=24&imu=1000",
-               *over = "orbit?width=64&height=64&rate=4&frames=12&odometry=25&imu=1000",
-               *slow = "orbit?width=64&height=64&rate=30&frames=30&odometry=300&imu=1000";
+    const char *full = "orbit?width=64&height=64&rate=4&frames=12&wheel_odometry=24&imu=1000",
+               *over = "orbit?width=64&height=64&rate=4&frames=12&wheel_odometry=25&imu=1000",
+               *slow = "orbit?width=64&height=64&rate=30&frames=30&wheel_odometry=300&imu=1000";
     assert_int_equal(fovea_source_sim.open(over, &all, &source, &error), FOVEA_ERROR_INPUT);
     assert_string_equal(
         error.text,
-        "sim: imu, odometry: found 1025 samples per second beside 4 frames, expected at most 256 with each frame");
+        "sim: imu, wheel_odometry: found 1025 samples per second beside 4 frames, expected at most 256 with each frame");
     assert_int_equal(fovea_source_sim.open(slow, &every_sixth, &source, &error), FOVEA_ERROR_INPUT);
     assert_non_null(strstr(error.text, "found 1300 samples per second beside 5 frames"));
     assert_int_equal(fovea_source_sim.open(full, &all, &source, &error), FOVEA_OK);
@@ -186,7 +187,7 @@ static void test_unasked_odometry_refuses_no_run(void **state)
                                            &source, &error),
                      FOVEA_OK);
     fovea_source_sim.close(source);
-    assert_int_equal(fovea_source_sim.open("orbit?width=64&height=64&frames=300&odometry=100",
+    assert_int_equal(fovea_source_sim.open("orbit?width=64&height=64&frames=300&wheel_odometry=100",
                                            &every_hundredth, &source, &error),
                      FOVEA_ERROR_INPUT);
 }

@@ -33,7 +33,7 @@ static void take_samples(void)
 static void odometry_gives_metres(void **state)
 {
     (void)state;
-    sim_rig_open(&rig, "sim:orbit?width=400&height=300&odometry_noise=0.1", 0, 240);
+    sim_rig_open(&rig, "sim:orbit?width=400&height=300&wheel_odometry_noise=0.1", 0, 240);
     rig.config.scale.source = FOVEA_SCALE_WHEEL_ODOMETRY;
     sim_rig_build(&rig);
     while (sim_rig_next(&rig)) {

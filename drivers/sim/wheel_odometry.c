@@ -2,9 +2,9 @@
 
 #include <string.h>
 
-/* Odometry of the body that carries the camera, at a rate of its own and with errors of each step:
- * what wheels or legs would tell. The body's frame is the camera's, so T_body_cam is the identity.
- * A body that is carried off does not turn its wheels: such steps are left out. */
+/* Wheel odometry of the body that carries the camera, at a rate of its own and with errors of each
+ * step: what wheels or legs report. The body's frame is the camera's, so T_body_cam is the
+ * identity. A body that is carried off does not turn its wheels: such steps are left out. */
 
 static const double carried_off_m_s = 20.0;
 
@@ -64,7 +64,7 @@ static void turn(double R[9], const double S[9])
 
 static void step(struct fovea_source *source, double time_s, double step_s)
 {
-    struct fv_sim_odometry *o = &source->odometry;
+    struct fv_sim_wheel_odometry *o = &source->wheel_odometry;
     struct fv_random random;
     double T[12], R[9], t[3], moved2 = 0;
     fv_sim_motion_pose(&source->motion, time_s, T);
@@ -75,7 +75,7 @@ static void step(struct fovea_source *source, double time_s, double step_s)
         moved2 += t[i] * t[i];
     if (moved2 > carried_off_m_s * carried_off_m_s * step_s * step_s) return;
     fv_random_seed(&random, source->options.seed ^ (o->count + 1) * 0xD1B54A32D192ED03u);
-    double stretch = 1 + source->options.odometry_noise * fv_random_normal(&random);
+    double stretch = 1 + source->options.wheel_odometry_noise * fv_random_normal(&random);
     for (int r = 0; r < 3; r++)
         for (int k = 0; k < 3; k++)
             o->position[r] += stretch * o->R[3 * r + k] * t[k];
@@ -94,27 +94,28 @@ uint32_t fv_sim_samples(struct fovea_source *source, const struct fovea_frame *f
                         struct fovea_sample *samples, uint32_t count_max)
 {
     const struct fv_sim_options *options = &source->options;
-    struct fv_sim_odometry *o = &source->odometry;
+    struct fv_sim_wheel_odometry *o = &source->wheel_odometry;
     const double begin_s = (double)source->selection.start / options->rate_hz;
     uint32_t count = 0;
     if (source->selection.reverse) return 0;
     if (o->count == 0) memcpy(o->R, (const double[9]){1, 0, 0, 0, 1, 0, 0, 0, 1}, sizeof o->R);
     for (; count < count_max; count++) {
-        const int64_t odometry_ns = stamp_of(begin_s, o->count, options->odometry_hz),
+        const int64_t wheel_odometry_ns = stamp_of(begin_s, o->count, options->wheel_odometry_hz),
                       imu_ns = stamp_of(begin_s, source->imu.count, options->imu_hz);
         struct fovea_sample *sample = &samples[count];
-        if ((odometry_ns < imu_ns ? odometry_ns : imu_ns) > frame->stamp_ns) break;
-        if (imu_ns <= odometry_ns) {
+        if ((wheel_odometry_ns < imu_ns ? wheel_odometry_ns : imu_ns) > frame->stamp_ns) break;
+        if (imu_ns <= wheel_odometry_ns) {
             sample->kind = FOVEA_SAMPLE_IMU;
             sample->imu.stamp_ns = imu_ns;
             fv_sim_imu_sample(source, fv_sim_frame_time(source, 0) + begin_s, &sample->imu);
             continue;
         }
         sample->kind = FOVEA_SAMPLE_WHEEL_ODOMETRY;
-        sample->wheel_odometry.stamp_ns = odometry_ns;
+        sample->wheel_odometry.stamp_ns = wheel_odometry_ns;
         step(source,
-             fv_sim_frame_time(source, 0) + (begin_s + (double)o->count / options->odometry_hz),
-             1 / options->odometry_hz);
+             fv_sim_frame_time(source, 0) +
+                 (begin_s + (double)o->count / options->wheel_odometry_hz),
+             1 / options->wheel_odometry_hz);
         o->count++;
         memcpy(sample->wheel_odometry.position_m, o->position, sizeof o->position);
         fv_sim_quaternion(o->R, sample->wheel_odometry.orientation);

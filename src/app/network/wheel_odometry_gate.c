@@ -1,21 +1,22 @@
-#include "app/network/odometry_gate.h"
+#include "app/network/wheel_odometry_gate.h"
 
 #include <math.h>
 #include <string.h>
 
 static const double jitter_s = 0.1;
 
-const char *fv_odometry_verdict_name(enum fv_odometry_verdict verdict)
+const char *fv_wheel_odometry_verdict_name(enum fv_wheel_odometry_verdict verdict)
 {
-    static const char *const names[FV_ODOMETRY_VERDICTS] = {
-        [FV_ODOMETRY_TAKEN] = "taken",      [FV_ODOMETRY_MALFORMED] = "malformed",
-        [FV_ODOMETRY_OLD] = "out of order", [FV_ODOMETRY_TOO_FAST] = "too fast",
-        [FV_ODOMETRY_BUSY] = "loop busy",
+    static const char *const names[FV_WHEEL_ODOMETRY_VERDICTS] = {
+        [FV_WHEEL_ODOMETRY_TAKEN] = "taken",      [FV_WHEEL_ODOMETRY_MALFORMED] = "malformed",
+        [FV_WHEEL_ODOMETRY_OLD] = "out of order", [FV_WHEEL_ODOMETRY_TOO_FAST] = "too fast",
+        [FV_WHEEL_ODOMETRY_BUSY] = "loop busy",
     };
     return names[verdict];
 }
 
-void fv_odometry_gate_init(struct fv_odometry_gate *gate, const struct fv_odometry_limits *limits)
+void fv_wheel_odometry_gate_init(struct fv_wheel_odometry_gate *gate,
+                                 const struct fv_wheel_odometry_limits *limits)
 {
     memset(gate, 0, sizeof *gate);
     gate->limits = *limits;
@@ -23,7 +24,7 @@ void fv_odometry_gate_init(struct fv_odometry_gate *gate, const struct fv_odomet
     if (limits->turn_rad_s == 0) gate->limits.turn_rad_s = HUGE_VAL;
 }
 
-/* A pose as odometry: finite, with a quaternion that is one, at a time that fits nanoseconds.
+/* A pose as wheel odometry: finite, with a quaternion that is one, at a time that fits nanoseconds.
  */
 static bool sample_from(const bot_core_pose_t *pose, struct fovea_wheel_odometry_sample *sample)
 {
@@ -69,19 +70,20 @@ static double use_room(double room, double limit, double dt_s, double moved)
     return fmin(left, limit * jitter_s);
 }
 
-static enum fv_odometry_verdict judge(struct fv_odometry_gate *gate, const bot_core_pose_t *pose,
-                                      struct fovea_wheel_odometry_sample *sample)
+static enum fv_wheel_odometry_verdict judge(struct fv_wheel_odometry_gate *gate,
+                                            const bot_core_pose_t *pose,
+                                            struct fovea_wheel_odometry_sample *sample)
 {
-    const struct fv_odometry_limits *limits = &gate->limits;
-    if (!sample_from(pose, sample)) return FV_ODOMETRY_MALFORMED;
+    const struct fv_wheel_odometry_limits *limits = &gate->limits;
+    if (!sample_from(pose, sample)) return FV_WHEEL_ODOMETRY_MALFORMED;
     if (gate->any) {
         const double dt_s = (double)(sample->stamp_ns - gate->last.stamp_ns) * 1e-9;
-        if (sample->stamp_ns <= gate->last.stamp_ns) return FV_ODOMETRY_OLD;
+        if (sample->stamp_ns <= gate->last.stamp_ns) return FV_WHEEL_ODOMETRY_OLD;
         const double room_m =
             use_room(gate->room_m, limits->speed_m_s, dt_s, distance_m(sample, &gate->last));
         const double room_rad = use_room(gate->room_rad, limits->turn_rad_s, dt_s,
                                          angle_rad(sample->orientation, gate->last.orientation));
-        if (room_m < 0 || room_rad < 0) return FV_ODOMETRY_TOO_FAST;
+        if (room_m < 0 || room_rad < 0) return FV_WHEEL_ODOMETRY_TOO_FAST;
         gate->room_m = room_m;
         gate->room_rad = room_rad;
     } else {
@@ -90,19 +92,20 @@ static enum fv_odometry_verdict judge(struct fv_odometry_gate *gate, const bot_c
     }
     gate->any = true;
     gate->last = *sample;
-    return FV_ODOMETRY_TAKEN;
+    return FV_WHEEL_ODOMETRY_TAKEN;
 }
 
-void fv_odometry_gate_count(struct fv_odometry_gate *gate, enum fv_odometry_verdict verdict)
+void fv_wheel_odometry_gate_count(struct fv_wheel_odometry_gate *gate,
+                                  enum fv_wheel_odometry_verdict verdict)
 {
     atomic_fetch_add_explicit(&gate->counts[verdict], 1, memory_order_relaxed);
 }
 
-enum fv_odometry_verdict fv_odometry_gate_judge(struct fv_odometry_gate *gate,
-                                                const bot_core_pose_t *pose,
-                                                struct fovea_wheel_odometry_sample *sample)
+enum fv_wheel_odometry_verdict
+fv_wheel_odometry_gate_judge(struct fv_wheel_odometry_gate *gate, const bot_core_pose_t *pose,
+                             struct fovea_wheel_odometry_sample *sample)
 {
-    const enum fv_odometry_verdict verdict = judge(gate, pose, sample);
-    if (verdict != FV_ODOMETRY_TAKEN) fv_odometry_gate_count(gate, verdict);
+    const enum fv_wheel_odometry_verdict verdict = judge(gate, pose, sample);
+    if (verdict != FV_WHEEL_ODOMETRY_TAKEN) fv_wheel_odometry_gate_count(gate, verdict);
     return verdict;
 }
