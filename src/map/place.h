@@ -49,11 +49,6 @@ static inline void fv_place_set_add(struct fv_place_set *set, uint32_t slot)
     set->lane[slot >> 6] |= UINT64_C(1) << (slot & 63);
 }
 
-static inline bool fv_place_set_has(const struct fv_place_set *set, uint32_t slot)
-{
-    return (set->lane[slot >> 6] >> (slot & 63) & 1) != 0;
-}
-
 /* The different words of a frame: filled in pieces, then closed. */
 struct fv_place_words {
     uint32_t count;  /* of the list, once closed */
