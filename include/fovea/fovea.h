@@ -216,8 +216,8 @@ struct fovea_inputs {
     uint32_t box_count;
     struct fovea_box boxes[FOVEA_INPUT_BOXES_MAX];
 
-    /* Measured by the application, published in the statistics message only, never used for
-     * results. */
+    /* Measured by the application, never used for results. Every pose message and the statistics
+     * message state the latency, the statistics message alone the rest. */
     int64_t latency_ns;  /* from the stamp to the call of fovea_step; 0: unknown */
     float temperature_c; /* of the processor; NaN where unknown */
     uint64_t resident_bytes;

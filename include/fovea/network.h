@@ -30,7 +30,7 @@ enum fovea_tensor_type {
     FOVEA_TENSOR_UINT8 = 1,
     FOVEA_TENSOR_INT32 = 3,
     FOVEA_TENSOR_FLOAT32 = 4,
-    FOVEA_TENSOR_INT64 = 5
+    FOVEA_TENSOR_INT64 = 5 /* in tensors_t messages INT32, values beyond its range the nearest */
 };
 
 /* The real value of an 8-bit element q is scale (q - zero_point); of other types it is the element

@@ -20,6 +20,7 @@ size_t fv_tensors_bytes(const struct fv_model *model)
     return bytes;
 }
 
+/* Messages have no 64-bit integers: the nearest value of 32 bits. */
 static int32_t narrowed(int64_t value)
 {
     return value > INT32_MAX ? INT32_MAX : value < INT32_MIN ? INT32_MIN : (int32_t)value;
