@@ -4,9 +4,6 @@
 
 #include "app/run/timing.h"
 
-/* Initialisation needs this many matches between two images (src/odometry/initialise.c): fewer, and
- * the view waited on is given up. */
-
 void fv_watch_open(struct fv_watch *watch, bool odometry, bool by_clock)
 {
     memset(watch, 0, sizeof *watch);

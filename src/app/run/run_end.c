@@ -86,8 +86,9 @@ static void scale_print(const struct fv_run *run)
     struct fovea_pose pose;
     fovea_pose_get(run->loop.rt, &pose);
     const enum fovea_scale_source wanted = run->settings.runtime.scale.source;
-    if (run->loop.counts.tracked == 0) return;
-    if (pose.scale_source != FOVEA_SCALE_FREE)
+    if (run->loop.counts.tracked == 0)
+        printf("  scale: unknown, as no frame has a pose\n");
+    else if (pose.scale_source != FOVEA_SCALE_FREE)
         printf("  scale: metres, from %s, to %.2g %% (1 sigma)\n", sources[pose.scale_source],
                100.0 * pose.scale_sigma);
     else if (wanted != FOVEA_SCALE_FREE)

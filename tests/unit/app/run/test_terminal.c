@@ -246,7 +246,7 @@ static void test_the_summary_says_why_nothing_was_posed(void **state)
     expect("why no pose: too few corners in the images");
     assert_int_equal(run_source(&no_terminal, "sim:rotate?width=320&height=240", "120"), 0);
     expect("why no pose: never enough parallax");
-    expect_none("scale:");
+    expect("\n  scale: unknown, as no frame has a pose\n");
     assert_int_equal(run_source(&no_terminal, ORBIT, "60"), 0);
     expect_none("why no pose");
     expect("scale: unknown; the unit is the median depth at the start of each map");
