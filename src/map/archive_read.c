@@ -118,8 +118,12 @@ static void read_envelope(struct reader *r)
     const uint32_t version = get_u32(r), order = get_u32(r);
     if (order == 0x04030201)
         refuse(r, 12, "byte order mark", order, "that of a little-endian file");
-    if (version != FV_ARCHIVE_VERSION)
-        refuse(r, 8, "version", version, "3: saved by another Fovea, map the place again");
+    if (version < FV_ARCHIVE_VERSION)
+        refuse(r, 8, "version of the map format", version,
+               "3: only the Fovea before 0.1 that saved it reads it, map the place again");
+    else if (version > FV_ARCHIVE_VERSION)
+        refuse(r, 8, "version of the map format", version,
+               "3: a later Fovea saved it and reads it, or map the place again");
     if (order != 0x01020304) refuse(r, 12, "byte order mark", order, "16909060");
     const uint64_t bytes = get(r, 8);
     if (bytes != r->bytes)

@@ -60,8 +60,13 @@ static enum fovea_status check_header(const struct fv_model_header *h, size_t by
             (unsigned)(uint8_t)h->magic[0], (unsigned)(uint8_t)h->magic[1],
             (unsigned)(uint8_t)h->magic[2], (unsigned)(uint8_t)h->magic[3]);
     }
-    if (h->version != FV_MODEL_VERSION)
-        return fail(error, name, 4, "the version", h->version, "2; import the .tflite file anew");
+    if (h->version < FV_MODEL_VERSION)
+        return fail(error, name, 4, "the version of the model format", h->version,
+                    "2: only the Fovea before 0.1 that made it reads it, import the .tflite file "
+                    "again");
+    if (h->version > FV_MODEL_VERSION)
+        return fail(error, name, 4, "the version of the model format", h->version,
+                    "2: a later Fovea made it and reads it, or import the .tflite file again");
     if (h->file_bytes != bytes)
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "%s: byte 8: the stated size is %llu, expected the file's %zu", name,

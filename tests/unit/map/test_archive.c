@@ -271,8 +271,9 @@ static void test_foreign_files_are_refused(void **state)
         const char *expected;
     } cases[] = {
         {0, 'G', "byte 0: first byte"},
-        {8, 1, "byte 8: version: found 1, expected 3: saved by another Fovea"},
-        {8, 2, "byte 8: version: found 2, expected 3: saved by another Fovea"},
+        {8, 1, "byte 8: version of the map format: found 1, expected 3: only the Fovea before 0.1"},
+        {8, 2, "byte 8: version of the map format: found 2, expected 3: only the Fovea before 0.1"},
+        {8, 4, "byte 8: version of the map format: found 4, expected 3: a later Fovea saved it"},
     };
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
         const uint8_t kept = data[cases[i].at];
