@@ -5,6 +5,7 @@
 
 #include "support/input.h"
 #include "app/config/classes.h"
+#include "app/config/settings_renamed.h"
 #include "app/network/command_gate.h"
 #include "app/network/transport_url.h"
 #include "support/utf8.h"
@@ -65,12 +66,29 @@ static enum fovea_status take_flags(const struct reading *r, const struct fv_set
     return FOVEA_OK;
 }
 
+/* One of the key's words; a word of 0.1 is refused with that of now. */
+static enum fovea_status take_choice(const struct reading *r, const struct fv_settings_key *key,
+                                     const struct fovea_yaml_node *node, int *choice)
+{
+    size_t index = 0;
+    char expected[128];
+    const char *now =
+        node->kind == FOVEA_YAML_SCALAR ? fv_settings_renamed_value(key->name, node->value) : NULL;
+    if (now != NULL) {
+        snprintf(expected, sizeof expected, "'%s': Fovea 0.1 reads the old word", now);
+        return fovea_yaml_refuse(r->tree, node, expected, r->error);
+    }
+    const enum fovea_status status =
+        fovea_yaml_choice(r->tree, node, key->choices, choice_count(key), &index, r->error);
+    if (status == FOVEA_OK) *choice = (int)index;
+    return status;
+}
+
 static enum fovea_status take(const struct reading *r, const struct fv_settings_key *key,
                               const struct fovea_yaml_node *node)
 {
     char *target = (char *)r->settings + key->offset;
     int64_t whole = 0;
-    size_t index = 0;
     const char *text = NULL;
     enum fovea_status status = FOVEA_OK;
     switch (key->kind) {
@@ -92,10 +110,7 @@ static enum fovea_status take(const struct reading *r, const struct fv_settings_
         if (status == FOVEA_OK) strcpy(target, text);
         return status;
     case FV_CONFIG_CHOICE:
-        status =
-            fovea_yaml_choice(r->tree, node, key->choices, choice_count(key), &index, r->error);
-        if (status == FOVEA_OK) *(int *)target = (int)index;
-        return status;
+        return take_choice(r, key, node, (int *)target);
     case FV_CONFIG_FLAGS:
         return take_flags(r, key, node, (uint32_t *)target);
     case FV_CONFIG_TRANSFORM:
@@ -182,11 +197,29 @@ static const char *name_by_words(const char *name)
     return best;
 }
 
+/* A whole section of 0.1 is named by its first key where that is one of 0.1 too. */
+static enum fovea_status refuse_renamed(const struct reading *r, const struct fovea_yaml_node *node,
+                                        const char *now)
+{
+    char path[FOVEA_YAML_PATH_BYTES], name[128];
+    if (node->kind == FOVEA_YAML_MAPPING && node->first != NULL) {
+        snprintf(name, sizeof name, "%.60s.%.60s", node->key, node->first->key);
+        const char *inner = fv_settings_renamed(name);
+        if (inner != NULL) now = inner, node = node->first;
+    }
+    return fovea_error_set(r->error, FOVEA_ERROR_INPUT,
+                           "%s:%u: %s: found a key that Fovea 0.1 reads, expected its name now, "
+                           "'%s'",
+                           r->tree->file, node->line, fovea_yaml_path(node, path), now);
+}
+
 static enum fovea_status unknown(const struct reading *r, const struct fovea_yaml_node *node,
                                  const char *name)
 {
     char path[FOVEA_YAML_PATH_BYTES];
     static char section[64];
+    const char *now = fv_settings_renamed(name);
+    if (now != NULL) return refuse_renamed(r, node, now);
     const char *nearest = name_nearest(name);
     size_t length = 0;
     /* A section may be mistyped as a whole: then its name is what is near. */
@@ -342,6 +375,11 @@ enum fovea_status fv_settings_set(struct fv_settings *settings, const char *assi
     snprintf(name, sizeof name, "%.*s", (int)length, assignment);
     const char *value = assignment + length + 1;
     const struct fv_settings_key *key = key_find(name);
+    const char *now = key == NULL ? fv_settings_renamed(name) : NULL;
+    if (now != NULL)
+        return fovea_error_set(
+            error, FOVEA_ERROR_INPUT,
+            "--set: %s: found a key that Fovea 0.1 reads, expected its name now, '%s'", name, now);
     if (key == NULL) {
         const char *nearest = name_nearest(name);
         if (nearest == NULL) nearest = name_by_words(name);

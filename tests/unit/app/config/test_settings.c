@@ -257,6 +257,57 @@ static void test_wrong_assignments(void **state)
     free(longest);
 }
 
+/* Every key of 0.1 that is gone, in a file and with --set. */
+static void test_keys_of_0_1_are_refused_with_their_names_now(void **state)
+{
+    static const char *const renamed[][2] = {
+        {"T_base_cam", "T_body_cam"},
+        {"map.loops", "map.closures"},
+        {"scale.odometry_channel", "scale.wheel_odometry_channel"},
+        {"track.coast_s", "objects.coast_s"},
+        {"track.confirm_hits", "objects.confirm_hits"},
+        {"track.ground", "objects.ground"},
+        {"track.heights", "objects.heights"},
+        {"track.max_disappeared", "objects.max_disappeared"},
+        {"track.max_distance_px", "objects.max_distance_px"},
+        {"track.mode", "objects.mode"},
+        {"track.movable", "objects.movable"},
+        {"track.score_confirm", "objects.score_confirm"},
+        {"track.score_high", "objects.score_high"},
+        {"track.score_low", "objects.score_low"},
+        {"track.score_new", "objects.score_new"},
+        {"track.tracks_max", "objects.count_max"},
+    };
+    (void)state;
+    for (size_t i = 0; i < sizeof renamed / sizeof renamed[0]; i++) {
+        const char *old = renamed[i][0], *dot = strchr(old, '.');
+        char text[128], found[160];
+        bool known = false;
+        for (size_t k = 0; k < fv_settings_key_count; k++)
+            known |= strcmp(fv_settings_keys[k].name, renamed[i][1]) == 0;
+        assert_true(known);
+        snprintf(text, sizeof text, "%.*s%s%s: 1\n", dot != NULL ? (int)(dot - old) : 0, old,
+                 dot != NULL ? ":\n  " : "", dot != NULL ? dot + 1 : old);
+        snprintf(found, sizeof found,
+                 "robot.yaml:%d: %s: found a key that Fovea 0.1 reads, expected its name now, '%s'",
+                 dot != NULL ? 2 : 1, old, renamed[i][1]);
+        assert_int_equal(parse(text), FOVEA_ERROR_INPUT);
+        assert_string_equal(error.text, found);
+        snprintf(text, sizeof text, "%s=1", old);
+        snprintf(found, sizeof found,
+                 "--set: %s: found a key that Fovea 0.1 reads, expected its name now, '%s'", old,
+                 renamed[i][1]);
+        assert_int_equal(fv_settings_set(&settings, text, &error), FOVEA_ERROR_INPUT);
+        assert_string_equal(error.text, found);
+    }
+    assert_int_equal(parse("scale:\n  source: odometry\n"), FOVEA_ERROR_INPUT);
+    assert_string_equal(error.text, "robot.yaml:2: scale.source: found 'odometry', expected "
+                                    "'wheel_odometry': Fovea 0.1 reads the old word");
+    assert_int_equal(parse("track:\n  nothing: 1\n"), FOVEA_ERROR_INPUT);
+    assert_string_equal(error.text, "robot.yaml:1: track: found a key that Fovea 0.1 reads, "
+                                    "expected its name now, 'objects'");
+}
+
 static void test_every_key_is_ranged(void **state)
 {
     (void)state;
@@ -310,6 +361,7 @@ int main(void)
         cmocka_unit_test(test_wrong_together),
         cmocka_unit_test(test_movable_classes),
         cmocka_unit_test(test_wrong_assignments),
+        cmocka_unit_test(test_keys_of_0_1_are_refused_with_their_names_now),
         cmocka_unit_test(test_every_key_is_ranged),
         cmocka_unit_test(test_transform_with_its_last_row),
     };
