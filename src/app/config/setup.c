@@ -147,10 +147,12 @@ static struct fovea_camera rough_camera(int32_t width, int32_t height, double fo
                                  .cy = 0.5 * (height - 1)};
 }
 
+/* `rough`: where a calibration is lacking, a camera of 60 degrees stands in for it. */
 static enum fovea_status camera_fit(struct fv_settings *settings,
-                                    const struct fovea_source_info *info, struct fovea_error *error)
+                                    const struct fovea_source_info *info, bool rough,
+                                    struct fovea_error *error)
 {
-    enum { FOV_WHERE_NOTHING_IS_MEASURED_DEG = 60 };
+    enum { FOV_WHERE_NONE_IS_STATED_DEG = 60 };
     struct fovea_camera *camera = &settings->runtime.rig.cameras[0].camera;
     const bool given = settings->camera[0] != '\0', own = info->rig.cameras[0].calibrated;
     const char *origin = given ? settings->camera : info->cameras[0].origin;
@@ -159,9 +161,9 @@ static enum fovea_status camera_fit(struct fv_settings *settings,
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "camera_fov: found %g, expected 0 beside the calibration %s",
                                fov_deg, origin);
-    if (!given && !own && (fov_deg > 0 || !measures(settings))) {
+    if (!given && !own && (fov_deg > 0 || rough || !measures(settings))) {
         *camera = rough_camera(info->cameras[0].width, info->cameras[0].height,
-                               fov_deg > 0 ? fov_deg : FOV_WHERE_NOTHING_IS_MEASURED_DEG);
+                               fov_deg > 0 ? fov_deg : FOV_WHERE_NONE_IS_STATED_DEG);
         return fovea_camera_prepare(camera, error);
     }
     if (!given && !own)
@@ -221,10 +223,10 @@ static enum fovea_status rig_join(struct fv_settings *settings,
 }
 
 static enum fovea_status rig_fit(struct fv_settings *settings, const struct fovea_source_info *info,
-                                 struct fovea_error *error)
+                                 bool rough, struct fovea_error *error)
 {
     struct fovea_rig *rig = &settings->runtime.rig;
-    enum fovea_status status = camera_fit(settings, info, error);
+    enum fovea_status status = camera_fit(settings, info, rough, error);
     if (status == FOVEA_OK) status = rig_join(settings, info, error);
     for (uint32_t i = 1; i < rig->camera_count && status == FOVEA_OK; i++) {
         struct fovea_rig_camera *camera = &rig->cameras[i];
@@ -307,7 +309,22 @@ enum fovea_status fv_setup_open(struct fv_settings *settings,
         fv_settings_blame(settings, "source", error);
         return status;
     }
-    status = rig_fit(settings, setup->ops->info(setup->source), error);
+    status = rig_fit(settings, setup->ops->info(setup->source), false, error);
+    return status == FOVEA_OK ? fv_setup_read(settings, setup, error) : status;
+}
+
+bool fv_setup_lacks_calibration(const struct fv_settings *settings, const struct fv_setup *setup)
+{
+    return setup->source != NULL && settings->camera[0] == '\0' &&
+           settings->runtime.camera_fov_deg == 0 &&
+           !setup->ops->info(setup->source)->rig.cameras[0].calibrated && measures(settings);
+}
+
+enum fovea_status fv_setup_open_rough(struct fv_settings *settings, struct fv_setup *setup,
+                                      struct fovea_error *error)
+{
+    const enum fovea_status status =
+        rig_fit(settings, setup->ops->info(setup->source), true, error);
     return status == FOVEA_OK ? fv_setup_read(settings, setup, error) : status;
 }
 

@@ -39,6 +39,12 @@ struct fv_setup {
 enum fovea_status fv_setup_open(struct fv_settings *settings,
                                 const struct fovea_source_selection *selection,
                                 struct fv_setup *setup, struct fovea_error *error);
+/* Whether this is what fv_setup_open failed for: the source is open but nothing gives its first
+ * camera a calibration, which the settings ask for; and the same setup with a rough calibration in
+ * its place, by which memory and times can be stated. */
+bool fv_setup_lacks_calibration(const struct fv_settings *settings, const struct fv_setup *setup);
+enum fovea_status fv_setup_open_rough(struct fv_settings *settings, struct fv_setup *setup,
+                                      struct fovea_error *error);
 /* The part of it that comes after the source: masks, for the sizes that the cameras of the rig
  * have, and map. */
 enum fovea_status fv_setup_read(struct fv_settings *settings, struct fv_setup *setup,

@@ -34,6 +34,7 @@ struct check {
     bool locked;
     bool failed, wrong; /* a line failed; because of wrong input */
     bool absent;        /* the camera did not open */
+    bool rough;         /* the calibration that the settings ask for is lacking */
 };
 
 enum verdict { OK, WARNING, FAILED };
@@ -334,6 +335,31 @@ static void imu_check(struct check *check, const struct fovea_frame *frame)
          imu->gyro_noise, imu->acceleration_noise, (double)imu->time_offset_ns * 1e-6);
 }
 
+/* What of the configuration needs the camera's calibration, where it is rough or lacking. */
+static void calibration_check(struct check *check)
+{
+    const struct fv_settings *settings = &check->settings;
+    const char *const needs[] = {settings->runtime.odometry.enabled ? "odometry.enabled" : "",
+                                 settings->runtime.objects.ground ? "objects.ground" : "",
+                                 settings->heights[0] != '\0' ? "objects.heights" : ""};
+    char list[64] = "";
+    if (settings->runtime.camera_fov_deg > 0)
+        line(check, WARNING, "calibration",
+             "rough, from a field of view of %g degrees: poses are marked uncalibrated",
+             settings->runtime.camera_fov_deg);
+    if (!check->rough) return;
+    for (size_t i = 0; i < sizeof needs / sizeof needs[0]; i++) {
+        const size_t used = strlen(list);
+        snprintf(list + used, sizeof list - used, "%s%s",
+                 used > 0 && needs[i][0] != '\0' ? ", " : "", needs[i]);
+    }
+    line(check, WARNING, "calibration",
+         "none, and 'fovea run' needs one for %s: 'fovea-calibrate camera --source %s --target "
+         "chessboard:9x6:0.025 --out camera.yaml' makes one for --camera; --fov DEGREES gives "
+         "rough poses",
+         list, settings->source);
+}
+
 static void camera_check(struct check *check)
 {
     const struct fovea_source_ops *ops = check->setup.ops;
@@ -355,9 +381,13 @@ static void camera_check(struct check *check)
         if (status == FOVEA_GONE) nanosleep(&(struct timespec){.tv_nsec = 50000000}, NULL);
     }
     if (status == FOVEA_OK) {
-        line(check, OK, "camera", "%s answers: %d x %d %s after %.0f ms", check->settings.source,
+        const double rate_hz = ops->info(source)->rate_hz;
+        char rate[32] = "";
+        if (rate_hz > 0) snprintf(rate, sizeof rate, " at %.4g Hz", rate_hz);
+        line(check, OK, "camera", "%s answers: %d x %d %s%s after %.0f ms", check->settings.source,
              frame.images[0].width, frame.images[0].height,
-             fovea_pixel_format_name(frame.images[0].format), (double)(now_ns - begin_ns) * 1e-6);
+             fovea_pixel_format_name(frame.images[0].format), rate,
+             (double)(now_ns - begin_ns) * 1e-6);
         others_check(check, &frame);
         imu_check(check, &frame);
         ops->requeue(source, &frame);
@@ -483,6 +513,9 @@ static enum fovea_status check_all(struct check *check, struct fovea_error *erro
     status = fv_setup_open(&check->settings, &selection, &check->setup, error);
     if (status != FOVEA_OK && check->setup.ops != NULL && check->setup.source == NULL)
         return check_without_source(check, status, error);
+    check->rough =
+        status != FOVEA_OK && fv_setup_lacks_calibration(&check->settings, &check->setup);
+    if (check->rough) status = fv_setup_open_rough(&check->settings, &check->setup, error);
     if (status != FOVEA_OK) return status;
     check->source_bytes = heap_bytes() - before;
     config->clock = fv_timing_clock;
@@ -491,6 +524,7 @@ static enum fovea_status check_all(struct check *check, struct fovea_error *erro
     status = fovea_init(check->memory, check->bytes, config, &check->rt, error);
     if (status == FOVEA_OK) status = machine_check(check, &lock, error);
     if (status != FOVEA_OK) return status;
+    calibration_check(check);
     if (!check->bench) camera_check(check);
     return check->bench ? bench(check, error) : FOVEA_OK;
 }
@@ -504,6 +538,8 @@ int fv_command_check(int argc, char **argv)
         {"source", "URI", FV_OPTION_TEXT, &check.options.source, FV_SETUP_SOURCE_HELP},
         {"camera", "FILE", FV_OPTION_TEXT, &check.options.camera,
          "calibration file; default: the source's own"},
+        {"fov", "DEGREES", FV_OPTION_TEXT, &check.options.fov,
+         "for a camera without a calibration: its horizontal field of view"},
         {"rate", "max|real", FV_OPTION_TEXT, &check.options.rate,
          "as for run; the memory of the recorder depends on it"},
         {"set", "KEY=VALUE", FV_OPTION_LIST, &check.options.sets,

@@ -115,7 +115,7 @@ static void test_everything_is_told(void **state)
         assert_tells(out, owners[i]);
     assert_machine_told();
     assert_answers("memory lock");
-    assert_tells(out, "\nok       camera       sim:still answers: 640 x 480 grey8");
+    assert_tells(out, "\nok       camera       sim:still answers: 640 x 480 grey8 at 30 Hz after ");
 }
 
 static void test_who_may_command_is_said(void **state)
@@ -296,6 +296,47 @@ static void every_sensor_of_a_rig_is_shown(void **state)
     assert_null(strstr(out, "IMU"));
 }
 
+/* A source without a calibration gets every line, and one that says how to make it. */
+static void test_without_a_calibration(void **state)
+{
+    static uint8_t white[320 * 240];
+    char folder[] = "/tmp/fovea_check_pictures_XXXXXX", picture[64], command[256], expected[256];
+    (void)state;
+    assert_non_null(mkdtemp(folder));
+    memset(white, 255, sizeof white);
+    snprintf(picture, sizeof picture, "%s/1.png", folder);
+    fv_test_write_png(picture, &(struct fv_test_png){320, 240, 1, 8, false}, white);
+    snprintf(command, sizeof command, "fovea check --source images:%s/*.png --set lcm_url=memq://",
+             folder);
+    assert_int_equal(check(command), FV_EXIT_OK);
+    assert_string_equal(err, "");
+    assert_machine_told();
+    assert_tells(out, ", 320 x 240, in bytes\n");
+    assert_true(block_told() > 0);
+    assert_tells(out, " answers: 320 x 240 grey8 ");
+    assert_tells(out, "\nwarning  calibration  none, and 'fovea run' needs one for "
+                      "odometry.enabled: ");
+    snprintf(expected, sizeof expected, "'fovea-calibrate camera --source images:%s/*.png ",
+             folder);
+    assert_tells(out, expected);
+    strcat(command, " --set objects.ground=true");
+    assert_int_equal(check(command), FV_EXIT_OK);
+    assert_tells(out, " for odometry.enabled, objects.ground: ");
+    snprintf(command, sizeof command,
+             "fovea check --source images:%s/*.png --set lcm_url=memq:// --fov 70", folder);
+    assert_int_equal(check(command), FV_EXIT_OK);
+    assert_tells(out, "\nwarning  calibration  rough, from a field of view of 70 degrees");
+    assert_null(strstr(out, "fovea-calibrate"));
+    snprintf(command, sizeof command,
+             "fovea check --source images:%s/*.png --set lcm_url=memq:// --set "
+             "odometry.enabled=false",
+             folder);
+    assert_int_equal(check(command), FV_EXIT_OK);
+    assert_null(strstr(out, "calibration "));
+    unlink(picture);
+    rmdir(folder);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -306,6 +347,7 @@ int main(void)
         cmocka_unit_test(test_without_the_camera),
         cmocka_unit_test(test_without_the_camera_with_a_mask),
         cmocka_unit_test(test_without_the_camera_with_a_network),
+        cmocka_unit_test(test_without_a_calibration),
         cmocka_unit_test(test_kernels),
         cmocka_unit_test(test_without_rights),
     };
