@@ -90,12 +90,34 @@ static void a_job_waits_for_work_and_never_when_its_key_is_off(void **state)
     }
 }
 
+/* The detector and the preview are in the middle of the last image when the command comes. */
+static void a_reset_leaves_no_job_with_work(void **state)
+{
+    (void)state;
+    open_with_all_jobs();
+    sim_rig_build(&rig);
+    for (int i = 0; i < 8 && sim_rig_next(&rig); i++)
+        sim_rig_process(&rig);
+    assert_true(sim_rig_next(&rig));
+    fovea_step(rig.rt, &rig.inputs, &rig.outputs);
+    assert_true(rig.outputs.jobs_waiting & 1u << FOVEA_JOB_DETECT);
+    assert_true(rig.outputs.jobs_waiting & 1u << FOVEA_JOB_PREVIEW);
+    struct fovea_inputs command = rig.inputs;
+    command.frame = NULL;
+    command.sample_count = 0;
+    command.commands = FOVEA_COMMAND_RESET;
+    fovea_step(rig.rt, &command, &rig.outputs);
+    assert_int_equal(rig.outputs.jobs_waiting, 0);
+    sim_rig_close(&rig);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(rows_are_whole_and_bear_names_of_their_own),
         cmocka_unit_test(the_schedules_follow_from_the_rows),
         cmocka_unit_test(a_job_waits_for_work_and_never_when_its_key_is_off),
+        cmocka_unit_test(a_reset_leaves_no_job_with_work),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
