@@ -173,7 +173,7 @@ enum fovea_status Device::shape(const StreamConfiguration &stream, fovea_error *
 
 enum fovea_status Device::configure(fovea_error *notice, fovea_error *error)
 {
-#if FOVEA_LIBCAMERA_AT_LEAST(0, 1)
+#if FV_LIBCAMERA_AT_LEAST(0, 1)
     const std::array<StreamRole, 1> roles{role_of(options_.role)};
 #else
     const libcamera::StreamRoles roles{role_of(options_.role)};
@@ -254,9 +254,8 @@ enum fovea_status Device::allocate(fovea_error *error)
 
 // ---- life ---------------------------------------------------------------------------------------
 
-enum fovea_status Device::learn(const fovea_libcamera_options &options,
-                                fovea_libcamera_agreed *agreed, fovea_error *notice,
-                                fovea_error *error)
+enum fovea_status Device::learn(const fv_libcamera_options &options, fv_libcamera_agreed *agreed,
+                                fovea_error *notice, fovea_error *error)
 {
     options_ = options;
     enum fovea_status status = find(error);
@@ -286,7 +285,7 @@ enum fovea_status Device::learn(const fovea_libcamera_options &options,
     return status == FOVEA_GONE ? FOVEA_ERROR_SYSTEM : status;
 }
 
-void Device::know(const fovea_libcamera_options &options, const fovea_libcamera_agreed &agreed)
+void Device::know(const fv_libcamera_options &options, const fv_libcamera_agreed &agreed)
 {
     options_ = options;
     id_ = agreed.id;

@@ -67,7 +67,7 @@ static enum fovea_status read_option(const char *option, struct fovea_source_sel
     } const names[] = {{"start=", &selection->start},
                        {"step=", &selection->step},
                        {"frames=", &selection->frames}};
-    char quoted[FOVEA_TEXT_QUOTED_BYTES];
+    char quoted[FV_TEXT_QUOTED_BYTES];
     if (strcmp(option, "reverse") == 0) {
         selection->reverse = true;
         return FOVEA_OK;
@@ -76,13 +76,13 @@ static enum fovea_status read_option(const char *option, struct fovea_source_sel
         int64_t value;
         const size_t length = strlen(names[i].name);
         if (strncmp(option, names[i].name, length) != 0) continue;
-        if (!fovea_text_integer(option + length, &value) || value < 0) break;
+        if (!fv_text_integer(option + length, &value) || value < 0) break;
         *names[i].value = (uint64_t)value;
         return FOVEA_OK;
     }
     return fovea_error_set(error, FOVEA_ERROR_INPUT,
                            "sequence: found %s, expected start=N, step=N, frames=N or reverse",
-                           fovea_text_quote(option, quoted, sizeof quoted));
+                           fv_text_quote(option, quoted, sizeof quoted));
 }
 
 /* Take the brackets at the end of a part off it. */
@@ -130,7 +130,7 @@ static enum fovea_status open_part(struct fovea_source *source, char *text,
                                    struct fovea_error *error)
 {
     struct fovea_source_selection selection;
-    char quoted[FOVEA_TEXT_QUOTED_BYTES];
+    char quoted[FV_TEXT_QUOTED_BYTES];
     const char *address;
     if (source->count == PARTS_MAX)
         return fovea_error_set(error, FOVEA_ERROR_INPUT, "sequence: found more than %d parts",
@@ -140,23 +140,23 @@ static enum fovea_status open_part(struct fovea_source *source, char *text,
     selection.camera_given = source->selection.camera_given;
     if (status == FOVEA_OK) status = fovea_source_find(text, &part->ops, &address, error);
     if (status != FOVEA_OK) return status;
-    if (part->ops == &fovea_source_sequence)
+    if (part->ops == &fv_source_sequence)
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "sequence: found %s as a part, expected no sequence",
-                               fovea_text_quote(text, quoted, sizeof quoted));
+                               fv_text_quote(text, quoted, sizeof quoted));
     status = part->ops->open(address, &selection, &part->source, error);
     if (status != FOVEA_OK) return status;
     source->count++;
     if (part->ops->info(part->source)->live)
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "sequence: found the live source %s, expected recordings",
-                               fovea_text_quote(text, quoted, sizeof quoted));
+                               fv_text_quote(text, quoted, sizeof quoted));
     const char *differs = rig_differs(&source->parts[0].ops->info(source->parts[0].source)->rig,
                                       &part->ops->info(part->source)->rig);
     if (differs == NULL) return FOVEA_OK;
     return fovea_error_set(error, FOVEA_ERROR_INPUT,
                            "sequence: found %s with %s, expected those of the first part",
-                           fovea_text_quote(text, quoted, sizeof quoted), differs);
+                           fv_text_quote(text, quoted, sizeof quoted), differs);
 }
 
 /* ---- one camera for all ---------------------------------------------------------------------- */
@@ -567,7 +567,7 @@ static void sequence_reads(const struct fovea_source *source,
             source->parts[i].ops->reads(source->parts[i].source, visit, context);
 }
 
-const struct fovea_source_ops fovea_source_sequence = {
+const struct fovea_source_ops fv_source_sequence = {
     .name = "sequence",
     .help =
         "URI[SELECTION] then URI[SELECTION]...  recordings one after the other; a selection is start=N,step=K,frames=N,reverse",

@@ -4,6 +4,6 @@
 
 #include "fovea/source.h"
 
-extern const struct fovea_source_ops fovea_source_sequence;
+extern const struct fovea_source_ops fv_source_sequence;
 
 #endif

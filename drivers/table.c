@@ -11,16 +11,16 @@
 #include "sim/sim.h"
 
 const struct fovea_source_ops *const fovea_source_table[] = {
-    &fovea_source_sim,
-    &fovea_source_euroc,
-    &fovea_source_tum,
-    &fovea_source_kitti,
-    &fovea_source_images,
-    &fovea_source_lcmlog,
-    &fovea_source_video,
-    &fovea_source_sequence,
-    &fovea_source_v4l2,
-    &fovea_source_libcamera,
+    &fv_source_sim,
+    &fv_source_euroc,
+    &fv_source_tum,
+    &fv_source_kitti,
+    &fv_source_images,
+    &fv_source_lcmlog,
+    &fv_source_video,
+    &fv_source_sequence,
+    &fv_source_v4l2,
+    &fv_source_libcamera,
     NULL,
 };
 
@@ -29,7 +29,7 @@ enum { NAMES_MAX = 32 };
 static enum fovea_status unknown_name(const char *uri, size_t length, struct fovea_error *error)
 {
     const char *names[NAMES_MAX];
-    char list[256] = "", word[64], quoted[FOVEA_TEXT_QUOTED_BYTES];
+    char list[256] = "", word[64], quoted[FV_TEXT_QUOTED_BYTES];
     size_t count = 0;
     for (; fovea_source_table[count] != NULL && count < NAMES_MAX; count++) {
         names[count] = fovea_source_table[count]->name;
@@ -38,9 +38,9 @@ static enum fovea_status unknown_name(const char *uri, size_t length, struct fov
     }
     snprintf(word, sizeof word, "%.*s", (int)(length < sizeof word ? length : sizeof word - 1),
              uri);
-    const char *nearest = fovea_text_nearest(word, names, count);
+    const char *nearest = fv_text_nearest(word, names, count);
     return fovea_error_set(error, FOVEA_ERROR_INPUT, "source: found %s, expected one of %s%s%s%s",
-                           fovea_text_quote(uri, quoted, sizeof quoted), list,
+                           fv_text_quote(uri, quoted, sizeof quoted), list,
                            nearest != NULL ? " (did you mean " : "", nearest != NULL ? nearest : "",
                            nearest != NULL ? ":?)" : "");
 }

@@ -10,7 +10,7 @@
 
 #include "recorded/video_plugin.h"
 
-struct fovea_video {
+struct fv_video {
     cv::VideoCapture capture;
     cv::Mat picture;
     double rate_hz = 0.0;
@@ -24,10 +24,10 @@ struct fovea_video {
 namespace
 {
 
-enum fovea_status open_file(const char *path, fovea_video **video, int32_t *width, int32_t *height,
+enum fovea_status open_file(const char *path, fv_video **video, int32_t *width, int32_t *height,
                             double *rate_hz, fovea_error *error)
 {
-    auto made = std::make_unique<fovea_video>();
+    auto made = std::make_unique<fv_video>();
     made->path = path;
     if (!made->capture.open(path) || !made->capture.read(made->picture) || made->picture.empty())
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
@@ -46,7 +46,7 @@ enum fovea_status open_file(const char *path, fovea_video **video, int32_t *widt
 
 // The container's time of the frame read last where it goes forward, else the frame number at the
 // nominal rate.
-int64_t frame_stamp(fovea_video *video)
+int64_t frame_stamp(fv_video *video)
 {
     const double position_ms = video->capture.get(cv::CAP_PROP_POS_MSEC);
     int64_t stamp_ns =
@@ -75,7 +75,7 @@ void to_grey(const cv::Mat &picture, uint8_t *grey, int32_t stride_bytes)
     }
 }
 
-bool next_frame(fovea_video *video, int64_t *stamp_ns)
+bool next_frame(fv_video *video, int64_t *stamp_ns)
 {
     if (!video->grabbed && !video->capture.grab()) return false;
     video->grabbed = false;
@@ -84,7 +84,7 @@ bool next_frame(fovea_video *video, int64_t *stamp_ns)
     return true;
 }
 
-enum fovea_status read_frame(fovea_video *video, uint8_t *grey, int32_t stride_bytes,
+enum fovea_status read_frame(fv_video *video, uint8_t *grey, int32_t stride_bytes,
                              int64_t *stamp_ns, fovea_error *error)
 {
     if (!next_frame(video, stamp_ns)) return FOVEA_END;
@@ -98,8 +98,8 @@ enum fovea_status read_frame(fovea_video *video, uint8_t *grey, int32_t stride_b
     return FOVEA_OK;
 }
 
-enum fovea_status plugin_open(const char *path, fovea_video **video, int32_t *width,
-                              int32_t *height, double *rate_hz, fovea_error *error)
+enum fovea_status plugin_open(const char *path, fv_video **video, int32_t *width, int32_t *height,
+                              double *rate_hz, fovea_error *error)
 try {
     cv::setNumThreads(1);
     cv::utils::logging::setLogLevel(
@@ -111,14 +111,14 @@ try {
                            problem.what());
 }
 
-enum fovea_status plugin_skip(fovea_video *video, int64_t *stamp_ns)
+enum fovea_status plugin_skip(fv_video *video, int64_t *stamp_ns)
 try {
     return next_frame(video, stamp_ns) ? FOVEA_OK : FOVEA_END;
 } catch (const std::exception &) {
     return FOVEA_END;
 }
 
-int plugin_more(fovea_video *video)
+int plugin_more(fv_video *video)
 try {
     video->grabbed = video->grabbed || video->capture.grab();
     return video->grabbed;
@@ -128,7 +128,7 @@ try {
 
 // Containers of odd rates and odd key frames are led astray by a number; the time of the picture
 // found says where it is.
-enum fovea_status plugin_seek(fovea_video *video, uint64_t index, int64_t stamp_ns)
+enum fovea_status plugin_seek(fv_video *video, uint64_t index, int64_t stamp_ns)
 try {
     if (!video->capture.set(cv::CAP_PROP_POS_FRAMES, static_cast<double>(index)) ||
         !video->capture.grab())
@@ -145,7 +145,7 @@ try {
     return FOVEA_ERROR_UNSUPPORTED;
 }
 
-enum fovea_status plugin_read(fovea_video *video, uint8_t *grey, int32_t stride_bytes,
+enum fovea_status plugin_read(fv_video *video, uint8_t *grey, int32_t stride_bytes,
                               int64_t *stamp_ns, fovea_error *error)
 try {
     return read_frame(video, grey, stride_bytes, stamp_ns, error);
@@ -153,7 +153,7 @@ try {
     return FOVEA_END;
 }
 
-void plugin_close(fovea_video *video)
+void plugin_close(fv_video *video)
 {
     delete video;
 }
@@ -161,12 +161,12 @@ void plugin_close(fovea_video *video)
 } // namespace
 
 extern "C" {
-extern __attribute__((visibility("default"))) const struct fovea_video_plugin fovea_video_plugin_2;
-const struct fovea_video_plugin fovea_video_plugin_2 = {FOVEA_VIDEO_PLUGIN_VERSION,
-                                                        plugin_open,
-                                                        plugin_skip,
-                                                        plugin_more,
-                                                        plugin_seek,
-                                                        plugin_read,
-                                                        plugin_close};
+extern __attribute__((visibility("default"))) const struct fv_video_plugin fovea_video_plugin_2;
+const struct fv_video_plugin fovea_video_plugin_2 = {FV_VIDEO_PLUGIN_VERSION,
+                                                     plugin_open,
+                                                     plugin_skip,
+                                                     plugin_more,
+                                                     plugin_seek,
+                                                     plugin_read,
+                                                     plugin_close};
 }

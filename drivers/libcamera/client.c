@@ -35,8 +35,8 @@ struct mapping {
 enum { LEFT_MAX = 4 };
 
 struct fv_libcamera_client {
-    char uri[FOVEA_LIBCAMERA_ID_BYTES + 16];
-    struct fovea_libcamera_agreed agreed;
+    char uri[FV_LIBCAMERA_ID_BYTES + 16];
+    struct fv_libcamera_agreed agreed;
     pid_t pid;  /* 0: no process */
     int socket; /* -1: likewise */
     int64_t started_ns;
@@ -82,7 +82,7 @@ static void set_attributes(posix_spawnattr_t *attributes)
 /* 0, or an errno value. */
 static int spawn(const char *path, int socket, pid_t *pid)
 {
-    char name[] = FOVEA_LIBCAMERA_PROGRAM;
+    char name[] = FV_LIBCAMERA_PROGRAM;
     char *arguments[] = {name, NULL};
     posix_spawn_file_actions_t files;
     posix_spawnattr_t attributes;
@@ -103,7 +103,7 @@ static enum fovea_status start_process(struct fv_libcamera_client *client,
                                        struct fovea_error *error)
 {
     static const struct fv_plugin_name name = {
-        .scheme = "libcamera", .file = FOVEA_LIBCAMERA_PROGRAM, .package = "libcamera-dev"};
+        .scheme = "libcamera", .file = FV_LIBCAMERA_PROGRAM, .package = "libcamera-dev"};
     char path[FV_PLUGIN_PATH_BYTES];
     int place = 0, ends[2];
     while (place < FV_PLUGIN_PLACES && !fv_plugin_path(name.file, place, path))
@@ -245,7 +245,7 @@ static bool is_well_formed(struct fv_libcamera_event *event)
     }
     event->error.text[FOVEA_ERROR_TEXT_BYTES - 1] = '\0';
     event->notice.text[FOVEA_ERROR_TEXT_BYTES - 1] = '\0';
-    event->agreed.id[FOVEA_LIBCAMERA_ID_BYTES - 1] = '\0';
+    event->agreed.id[FV_LIBCAMERA_ID_BYTES - 1] = '\0';
     return true;
 }
 
@@ -522,10 +522,10 @@ static enum fovea_status learn(struct fv_libcamera_client *client, bool *lost,
     return status;
 }
 
-enum fovea_status fv_libcamera_open(const struct fovea_libcamera_options *options,
+enum fovea_status fv_libcamera_open(const struct fv_libcamera_options *options,
                                     struct fv_libcamera_client **out,
-                                    struct fovea_libcamera_agreed *agreed,
-                                    struct fovea_error *notice, struct fovea_error *error)
+                                    struct fv_libcamera_agreed *agreed, struct fovea_error *notice,
+                                    struct fovea_error *error)
 {
     struct fv_libcamera_client *client = calloc(1, sizeof *client);
     if (client == NULL)

@@ -32,10 +32,10 @@ extern _Atomic int64_t fv_libcamera_patience_ns; /* set while a source runs, too
 /* Start a process and let it find the camera, configure it once and let it go again; one that ends
  * or hangs over it is followed by another, once. `notice` gets a line of that and where not all is
  * as asked. Negative: `error` says why, nothing is left. Init-only. */
-enum fovea_status fv_libcamera_open(const struct fovea_libcamera_options *options,
+enum fovea_status fv_libcamera_open(const struct fv_libcamera_options *options,
                                     struct fv_libcamera_client **client,
-                                    struct fovea_libcamera_agreed *agreed,
-                                    struct fovea_error *notice, struct fovea_error *error);
+                                    struct fv_libcamera_agreed *agreed, struct fovea_error *notice,
+                                    struct fovea_error *error);
 
 size_t fv_libcamera_heap_bytes(void);
 

@@ -99,7 +99,7 @@ enum fovea_status add_number(const Asked &asked, const ControlId &id, const char
     return FOVEA_OK;
 }
 
-enum fovea_status add_wish(const Asked &asked, const fovea_libcamera_wish &wish)
+enum fovea_status add_wish(const Asked &asked, const fv_libcamera_wish &wish)
 {
     std::string names;
     const ControlId *id = control_named(asked.camera, wish.name, &names);
@@ -118,11 +118,11 @@ enum fovea_status add_wish(const Asked &asked, const fovea_libcamera_wish &wish)
 }
 
 // Which of exposure time and gain are automatic.
-enum fovea_status add_modes(const Asked &asked, const fovea_libcamera_options &options)
+enum fovea_status add_modes(const Asked &asked, const fv_libcamera_options &options)
 {
     const bool manual_time =
         options.exposure_ms > 0 || (options.auto_exposure_given && !options.auto_exposure);
-#if FOVEA_LIBCAMERA_AT_LEAST(0, 5)
+#if FV_LIBCAMERA_AT_LEAST(0, 5)
     // Each is automatic or manual on its own: a fixed time with automatic gain is possible.
     enum fovea_status status = FOVEA_OK;
     if (options.auto_exposure_given)
@@ -152,9 +152,8 @@ bool fv_libcamera_has_control(const Camera &camera, const ControlId &id)
     return camera.controls().find(id.id()) != camera.controls().end();
 }
 
-enum fovea_status fv_libcamera_controls(const Camera &camera,
-                                        const fovea_libcamera_options &options, const char *uri,
-                                        ControlList *list, fovea_error *error)
+enum fovea_status fv_libcamera_controls(const Camera &camera, const fv_libcamera_options &options,
+                                        const char *uri, ControlList *list, fovea_error *error)
 {
     const Asked asked = {camera, uri, list, error};
     enum fovea_status status = add_modes(asked, options);

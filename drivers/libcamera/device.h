@@ -53,9 +53,9 @@ class Device
     Device &operator=(const Device &) = delete;
 
     // The requests of protocol.h.
-    enum fovea_status learn(const fovea_libcamera_options &options, fovea_libcamera_agreed *agreed,
+    enum fovea_status learn(const fv_libcamera_options &options, fv_libcamera_agreed *agreed,
                             fovea_error *notice, fovea_error *error);
-    void know(const fovea_libcamera_options &options, const fovea_libcamera_agreed &agreed);
+    void know(const fv_libcamera_options &options, const fv_libcamera_agreed &agreed);
     enum fovea_status find(fovea_error *error);
     // `notice` may hold a line on success too. `descriptors` stay the camera's.
     enum fovea_status set_up(fv_libcamera_event *answer, int descriptors[FV_LIVE_BUFFERS_MAX]);
@@ -81,7 +81,7 @@ class Device
     void disconnected();
     void ring();
 
-    fovea_libcamera_options options_{};
+    fv_libcamera_options options_{};
     std::string id_, uri_ = "libcamera";
     std::unique_ptr<libcamera::CameraManager> manager_;
     std::shared_ptr<libcamera::Camera> camera_;

@@ -39,28 +39,28 @@
 extern "C" {
 #endif
 
-#define FOVEA_LIBCAMERA_PROGRAM "fovea-libcamera"
+#define FV_LIBCAMERA_PROGRAM "fovea-libcamera"
 enum {
     FV_LIBCAMERA_VERSION = 3,
     FV_LIBCAMERA_SOCKET = 3, /* the process's descriptor */
-    FOVEA_LIBCAMERA_WISHES_MAX = 16,
-    FOVEA_LIBCAMERA_ID_BYTES = 200
+    FV_LIBCAMERA_WISHES_MAX = 16,
+    FV_LIBCAMERA_ID_BYTES = 200
 };
 
-enum fovea_libcamera_role {
-    FOVEA_ROLE_VIDEO = 0,
-    FOVEA_ROLE_VIEWFINDER,
-    FOVEA_ROLE_STILL,
-    FOVEA_ROLE_RAW
+enum fv_libcamera_role {
+    FV_LIBCAMERA_ROLE_VIDEO = 0,
+    FV_LIBCAMERA_ROLE_VIEWFINDER,
+    FV_LIBCAMERA_ROLE_STILL,
+    FV_LIBCAMERA_ROLE_RAW
 };
 
 /* A control by libcamera's name for it ("Brightness"), and the value as given. */
-struct fovea_libcamera_wish {
+struct fv_libcamera_wish {
     char name[64], value[64];
 };
 
-struct fovea_libcamera_options {
-    char id[FOVEA_LIBCAMERA_ID_BYTES]; /* a camera's id, or its place in libcamera's list */
+struct fv_libcamera_options {
+    char id[FV_LIBCAMERA_ID_BYTES]; /* a camera's id, or its place in libcamera's list */
     int32_t role;
     int32_t format;        /* row of FV_LIBCAMERA_FORMATS plus 1; 0: as the role has it */
     int32_t width, height; /* 0: as the role has it */
@@ -71,17 +71,17 @@ struct fovea_libcamera_options {
     double readout_ms; /* negative: not given */
     int32_t buffers;
     uint32_t wish_count;
-    struct fovea_libcamera_wish wishes[FOVEA_LIBCAMERA_WISHES_MAX];
+    struct fv_libcamera_wish wishes[FV_LIBCAMERA_WISHES_MAX];
 };
 
 /* What was agreed on. */
-struct fovea_libcamera_agreed {
+struct fv_libcamera_agreed {
     int32_t width, height;
     int32_t row;                    /* of FV_LIBCAMERA_FORMATS: the camera's */
     enum fovea_pixel_format format; /* of the frames as they are handed on */
     double rate_hz;                 /* 0: not known */
     uint32_t buffers;
-    char id[FOVEA_LIBCAMERA_ID_BYTES];
+    char id[FV_LIBCAMERA_ID_BYTES];
 };
 
 enum fv_libcamera_call {
@@ -95,8 +95,8 @@ enum fv_libcamera_call {
 /* From the program. GIVE, FIND and SET_UP end before `options`. */
 struct fv_libcamera_request {
     uint32_t version, call, index;
-    struct fovea_libcamera_options options;
-    struct fovea_libcamera_agreed agreed; /* KNOW */
+    struct fv_libcamera_options options;
+    struct fv_libcamera_agreed agreed; /* KNOW */
 };
 
 /* One buffer: `bytes` of its descriptor are to be mapped, the picture begins at `offset`. */
@@ -120,8 +120,8 @@ struct fv_libcamera_event {
     struct fv_libcamera_frame frame;
     /* error.status is the status of the answer; its text may be set on success too */
     struct fovea_error error, notice;
-    struct fovea_libcamera_agreed agreed; /* of LEARN */
-    uint32_t buffer_count;                /* of SET_UP */
+    struct fv_libcamera_agreed agreed; /* of LEARN */
+    uint32_t buffer_count;             /* of SET_UP */
     int32_t stride_bytes;
     struct fv_libcamera_buffer buffers[FV_LIVE_BUFFERS_MAX];
 };

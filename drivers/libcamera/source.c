@@ -10,7 +10,7 @@
 static const char *const format_names[] = {"any", FV_LIBCAMERA_FORMATS(NAME_ROW) NULL};
 static const char *const role_names[] = {"video", "viewfinder", "still", "raw", NULL};
 
-#define AT(member) offsetof(struct fovea_libcamera_options, member)
+#define AT(member) offsetof(struct fv_libcamera_options, member)
 enum { EXPOSURE = 5, AUTO_EXPOSURE = 7, AUTO_GAIN = 8 }; /* rows of the table */
 static const struct fv_uri_option option_table[] = {
     {"width", FV_URI_I32, AT(width), FOVEA_IMAGE_WIDTH_MIN, FOVEA_IMAGE_WIDTH_MAX, "pixels", NULL},
@@ -33,18 +33,18 @@ static const struct fv_uri_option option_table[] = {
 static enum fovea_status add_wish(void *to, const char *name, const char *value,
                                   struct fovea_error *error)
 {
-    struct fovea_libcamera_options *options = to;
-    char quoted[FOVEA_TEXT_QUOTED_BYTES];
-    struct fovea_libcamera_wish *wish = &options->wishes[options->wish_count];
-    if (options->wish_count == FOVEA_LIBCAMERA_WISHES_MAX)
+    struct fv_libcamera_options *options = to;
+    char quoted[FV_TEXT_QUOTED_BYTES];
+    struct fv_libcamera_wish *wish = &options->wishes[options->wish_count];
+    if (options->wish_count == FV_LIBCAMERA_WISHES_MAX)
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "libcamera: control.: found more than %d, expected fewer",
-                               FOVEA_LIBCAMERA_WISHES_MAX);
+                               FV_LIBCAMERA_WISHES_MAX);
     if (name[0] == '\0' || strlen(name) >= sizeof wish->name || strlen(value) >= sizeof wish->value)
         return fovea_error_set(
             error, FOVEA_ERROR_INPUT,
             "libcamera: control.: found %s, expected a name and a value of less than %zu bytes",
-            fovea_text_quote(name, quoted, sizeof quoted), sizeof wish->name);
+            fv_text_quote(name, quoted, sizeof quoted), sizeof wish->name);
     options->wish_count++;
     memcpy(wish->name, name, strlen(name) + 1);
     memcpy(wish->value, value, strlen(value) + 1);
@@ -54,17 +54,17 @@ static enum fovea_status add_wish(void *to, const char *name, const char *value,
 static const struct fv_uri_table options_table = {
     "libcamera", option_table, sizeof option_table / sizeof option_table[0], "control.", add_wish};
 
-static enum fovea_status parse(const char *address, struct fovea_libcamera_options *options,
+static enum fovea_status parse(const char *address, struct fv_libcamera_options *options,
                                struct fovea_error *error)
 {
-    struct fovea_libcamera_options o = {.gain = -1, .readout_ms = -1, .buffers = 4};
-    char quoted[FOVEA_TEXT_QUOTED_BYTES];
+    struct fv_libcamera_options o = {.gain = -1, .readout_ms = -1, .buffers = 4};
+    char quoted[FV_TEXT_QUOTED_BYTES];
     uint64_t given;
     const size_t length = strcspn(address, "?");
     if (length == 0 || length >= sizeof o.id)
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "libcamera: found %s, expected a camera's id or its number from 0",
-                               fovea_text_quote(address, quoted, sizeof quoted));
+                               fv_text_quote(address, quoted, sizeof quoted));
     memcpy(o.id, address, length);
     address += length;
     if (*address == '?') address++;
@@ -93,11 +93,11 @@ static enum fovea_status open_camera(const char *address,
                                      const struct fovea_source_selection *selection,
                                      struct fovea_source **source, struct fovea_error *error)
 {
-    struct fovea_libcamera_options options;
-    struct fovea_libcamera_agreed agreed = {.width = 0};
+    struct fv_libcamera_options options;
+    struct fv_libcamera_agreed agreed = {.width = 0};
     struct fovea_error notice = {.text = ""};
     struct fv_libcamera_client *client = NULL;
-    char uri[FOVEA_LIBCAMERA_ID_BYTES + 16];
+    char uri[FV_LIBCAMERA_ID_BYTES + 16];
     enum fovea_status status = fv_live_selection("libcamera", selection, error);
     if (status == FOVEA_OK) status = parse(address, &options, error);
     if (status == FOVEA_OK) status = fv_libcamera_open(&options, &client, &agreed, &notice, error);
@@ -117,6 +117,6 @@ static enum fovea_status open_camera(const char *address,
     return status;
 }
 
-const struct fovea_source_ops fovea_source_libcamera = FV_LIVE_OPS(
+const struct fovea_source_ops fv_source_libcamera = FV_LIVE_OPS(
     "libcamera", "ID[?width=..&format=..]  camera by libcamera: its id, or its number from 0",
     open_camera);

@@ -105,7 +105,7 @@ enum fovea_status fv_live_complaint(struct fovea_source *source, struct fovea_er
         .state = fv_live_state, .complaint = fv_live_complaint                                     \
     }
 
-extern const struct fovea_source_ops fovea_source_v4l2, fovea_source_libcamera;
+extern const struct fovea_source_ops fv_source_v4l2, fv_source_libcamera;
 
 #ifdef __cplusplus
 }

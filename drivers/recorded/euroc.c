@@ -48,7 +48,7 @@ static struct fv_listing *read_camera(const char *cam, char list[FV_PATH_BYTES],
     }
     fv_listing_reads(listing, list);
     fv_listing_reads(listing, data);
-    if (fv_listing_read(listing, list, ",", fovea_text_integer, "whole nanoseconds", error) ==
+    if (fv_listing_read(listing, list, ",", fv_text_integer, "whole nanoseconds", error) ==
         FOVEA_OK)
         return listing;
     fv_listing_free(listing);
@@ -136,7 +136,7 @@ static enum fovea_status open_euroc(const char *address,
     return fv_listing_open(listing, list, selection, &info, source, error);
 }
 
-const struct fovea_source_ops fovea_source_euroc = FV_PLAYER_OPS(
+const struct fovea_source_ops fv_source_euroc = FV_PLAYER_OPS(
     "euroc",
     "DIR[?OPTION=VALUE&...]  EuRoC data set in ASL layout (DIR/mav0/cam0); options cameras (1 or 2), imu (0 or 1)",
     open_euroc);

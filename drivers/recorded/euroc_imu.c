@@ -7,7 +7,7 @@
 #include "support/text.h"
 #include "support/yaml_tree.h"
 
-static enum fovea_status read_sensor(const struct fovea_yaml_tree *tree, struct fovea_rig_imu *imu,
+static enum fovea_status read_sensor(const struct fv_yaml_tree *tree, struct fovea_rig_imu *imu,
                                      struct fovea_error *error)
 {
     const struct {
@@ -18,19 +18,18 @@ static enum fovea_status read_sensor(const struct fovea_yaml_tree *tree, struct 
                 {"gyroscope_random_walk", &imu->gyro_walk},
                 {"accelerometer_noise_density", &imu->acceleration_noise},
                 {"accelerometer_random_walk", &imu->acceleration_walk}};
-    const struct fovea_yaml_node *node = NULL, *data = NULL;
+    const struct fv_yaml_node *node = NULL, *data = NULL;
     double T[16];
-    enum fovea_status status = fovea_yaml_require(tree, tree->root, "T_BS", &node, error);
-    if (status == FOVEA_OK) status = fovea_yaml_require(tree, node, "data", &data, error);
-    if (status == FOVEA_OK) status = fovea_yaml_numbers(tree, data, 16, 16, T, NULL, error);
+    enum fovea_status status = fv_yaml_require(tree, tree->root, "T_BS", &node, error);
+    if (status == FOVEA_OK) status = fv_yaml_require(tree, node, "data", &data, error);
+    if (status == FOVEA_OK) status = fv_yaml_numbers(tree, data, 16, 16, T, NULL, error);
     for (size_t i = 0; i < sizeof rows / sizeof rows[0] && status == FOVEA_OK; i++) {
-        status = fovea_yaml_require(tree, tree->root, rows[i].key, &node, error);
-        if (status == FOVEA_OK)
-            status = fovea_yaml_number(tree, node, 0, 1e6, rows[i].value, error);
+        status = fv_yaml_require(tree, tree->root, rows[i].key, &node, error);
+        if (status == FOVEA_OK) status = fv_yaml_number(tree, node, 0, 1e6, rows[i].value, error);
     }
     if (status != FOVEA_OK) return status;
-    if (!fovea_calibration_is_rotation(T) || T[12] != 0 || T[13] != 0 || T[14] != 0 || T[15] != 1)
-        return fovea_yaml_refuse(
+    if (!fv_calibration_is_rotation(T) || T[12] != 0 || T[13] != 0 || T[14] != 0 || T[15] != 1)
+        return fv_yaml_refuse(
             tree, data, "a rigid transform: rows of a rotation and a translation, then 0 0 0 1",
             error);
     memcpy(imu->T_body_imu, T, sizeof imu->T_body_imu);
@@ -40,12 +39,12 @@ static enum fovea_status read_sensor(const struct fovea_yaml_tree *tree, struct 
 enum fovea_status fv_euroc_imu_sensor(const char *path, struct fovea_rig_imu *imu,
                                       struct fovea_error *error)
 {
-    struct fovea_yaml_tree *tree;
-    enum fovea_status status = fovea_yaml_read(path, &tree, error);
+    struct fv_yaml_tree *tree;
+    enum fovea_status status = fv_yaml_read(path, &tree, error);
     if (status != FOVEA_OK) return status;
     *imu = (struct fovea_rig_imu){.rate_hz = 0};
     status = read_sensor(tree, imu, error);
-    fovea_yaml_free(tree);
+    fv_yaml_free(tree);
     return status;
 }
 
@@ -56,7 +55,7 @@ static enum fovea_status read_sample(const struct fv_lines *lines, const struct 
     enum { FIELDS = 7 };
     double values[FIELDS - 1];
     int64_t stamp_ns;
-    if (!fovea_text_integer(lines->fields[0], &stamp_ns))
+    if (!fv_text_integer(lines->fields[0], &stamp_ns))
         return fv_lines_refuse(lines, "timestamp", lines->fields[0], "whole nanoseconds", error);
     if (samples->count > 0 && stamp_ns <= samples->list[samples->count - 1].imu.stamp_ns)
         return fv_lines_refuse(lines, "timestamp", lines->fields[0], "one after the line before",

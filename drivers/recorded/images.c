@@ -152,5 +152,5 @@ static enum fovea_status open_images(const char *address,
     return fv_kind_hint("images", address, open_files(address, selection, source, error), error);
 }
 
-const struct fovea_source_ops fovea_source_images =
+const struct fovea_source_ops fv_source_images =
     FV_PLAYER_OPS("images", "GLOB  images by pattern or folder, 30 per second", open_images);

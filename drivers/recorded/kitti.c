@@ -192,7 +192,7 @@ static enum fovea_status open_kitti(const char *address,
     return fv_listing_open(listing, times, selection, &info, source, error);
 }
 
-const struct fovea_source_ops fovea_source_kitti = FV_PLAYER_OPS(
+const struct fovea_source_ops fv_source_kitti = FV_PLAYER_OPS(
     "kitti",
     "DIR[?cameras=2]  KITTI odometry sequence (DIR/image_0, DIR/times.txt); with two cameras DIR/image_1 too",
     open_kitti);

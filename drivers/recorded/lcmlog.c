@@ -8,7 +8,7 @@
 
 #include "support/calibration.h"
 #include "support/decode.h"
-#include "support/log.h"
+#include "support/lcmlog.h"
 #include "kind.h"
 #include "listing.h"
 #include "log_rig.h"
@@ -27,16 +27,16 @@ enum { HEADS_MAX = 8 };
 /* The first head of each recorder that the log holds. */
 struct heads {
     uint32_t count;
-    char channel[HEADS_MAX][FOVEA_LOG_CHANNEL_BYTES];
+    char channel[HEADS_MAX][FV_LCMLOG_CHANNEL_BYTES];
     int64_t offset[HEADS_MAX];
 };
 
 struct recording {
     char *path;
-    struct fovea_log *log;
+    struct fv_lcmlog *log;
     struct entry *entries;
     size_t count, capacity;
-    char channel[FOVEA_LOG_CHANNEL_BYTES]; /* of the first frame; frames on others are another
+    char channel[FV_LCMLOG_CHANNEL_BYTES]; /* of the first frame; frames on others are another
                                               camera's */
     struct fv_samples samples;             /* of the same recorder as the frames */
     bool sampled;                          /* the log holds some */
@@ -47,7 +47,7 @@ static void close_recording(void *argument)
 {
     struct recording *recording = argument;
     if (recording == NULL) return;
-    if (recording->log != NULL) fovea_log_close(recording->log);
+    if (recording->log != NULL) fv_lcmlog_close(recording->log);
     fv_samples_free(&recording->samples);
     free(recording->entries);
     free(recording->path);
@@ -86,14 +86,14 @@ static bool of_one_prefix(const char *frame, const char *other, const char *last
 static bool is_sample(const char *channel)
 {
     for (int kind = 0; kind < FOVEA_SAMPLE_KIND_COUNT; kind++)
-        if (fovea_log_channel_is(channel, fovea_sample_channel(kind))) return true;
+        if (fv_lcmlog_channel_is(channel, fovea_sample_channel(kind))) return true;
     return false;
 }
 
 static bool is_own_sample(const struct recording *recording, const char *channel)
 {
     for (int kind = 0; kind < FOVEA_SAMPLE_KIND_COUNT; kind++)
-        if (fovea_log_channel_is(channel, fovea_sample_channel(kind)) &&
+        if (fv_lcmlog_channel_is(channel, fovea_sample_channel(kind)) &&
             of_one_prefix(recording->channel, channel, fovea_sample_channel(kind)))
             return true;
     return false;
@@ -105,19 +105,19 @@ static enum fovea_status read_head(struct recording *recording, const struct hea
                                    const struct fovea_source_selection *selection,
                                    struct fovea_error *error)
 {
-    struct fovea_log_event event;
+    struct fv_lcmlog_event event;
     uint32_t i = 0;
     while (i < heads->count && !of_one_prefix(recording->channel, heads->channel[i], "RECORDING"))
         ++i;
-    if (i == heads->count || fovea_log_seek(recording->log, heads->offset[i], NULL) != FOVEA_OK ||
-        fovea_log_next(recording->log, &event, NULL) != FOVEA_OK)
+    if (i == heads->count || fv_lcmlog_seek(recording->log, heads->offset[i], NULL) != FOVEA_OK ||
+        fv_lcmlog_next(recording->log, &event, NULL) != FOVEA_OK)
         return FOVEA_OK;
     const enum fovea_status status = fv_log_rig(recording->path, &event, &recording->rig, error);
     const bool needed = !selection->camera_given || status == FOVEA_ERROR_UNSUPPORTED;
     return status < 0 && needed ? status : FOVEA_OK;
 }
 
-static void note_head(struct heads *heads, const struct fovea_log_event *event)
+static void note_head(struct heads *heads, const struct fv_lcmlog_event *event)
 {
     for (uint32_t i = 0; i < heads->count; i++)
         if (strcmp(heads->channel[i], event->channel) == 0) return;
@@ -126,14 +126,14 @@ static void note_head(struct heads *heads, const struct fovea_log_event *event)
     heads->offset[heads->count++] = event->offset;
 }
 
-static enum fovea_status add_frame(struct recording *recording, const struct fovea_log_event *event,
+static enum fovea_status add_frame(struct recording *recording, const struct fv_lcmlog_event *event,
                                    struct fovea_error *error)
 {
     struct entry entry = {.offset = event->offset};
     if (recording->channel[0] == '\0')
         memcpy(recording->channel, event->channel, sizeof recording->channel);
     if (strcmp(event->channel, recording->channel) != 0) return FOVEA_OK;
-    entry.stamped = fovea_log_frame_stamp(recording->log, event, &entry.stamp_ns) == FOVEA_OK;
+    entry.stamped = fv_lcmlog_frame_stamp(recording->log, event, &entry.stamp_ns) == FOVEA_OK;
     return add_entry(recording, &entry, error);
 }
 
@@ -142,24 +142,24 @@ static enum fovea_status add_frame(struct recording *recording, const struct fov
 static enum fovea_status make_index(struct recording *recording, struct heads *heads,
                                     struct fovea_error *error)
 {
-    struct fovea_log_event event;
+    struct fv_lcmlog_event event;
     struct fovea_error first = {.text = ""};
     struct entry damage = {.offset = 0};
     bool in_damage = false;
     enum fovea_status status;
-    while ((status = fovea_log_skim(recording->log, &event, first.text[0] ? NULL : &first)) !=
+    while ((status = fv_lcmlog_skim(recording->log, &event, first.text[0] ? NULL : &first)) !=
            FOVEA_END) {
         if (status != FOVEA_OK) {
             damage.offset = event.offset;
             status = in_damage ? FOVEA_OK : add_entry(recording, &damage, error);
             in_damage = true;
-            if (status == FOVEA_OK) status = fovea_log_resync(recording->log);
+            if (status == FOVEA_OK) status = fv_lcmlog_resync(recording->log);
             if (status == FOVEA_END) break;
         } else {
             in_damage = false;
-            if (fovea_log_channel_is(event.channel, "RECORDING")) note_head(heads, &event);
+            if (fv_lcmlog_channel_is(event.channel, "RECORDING")) note_head(heads, &event);
             recording->sampled = recording->sampled || is_sample(event.channel);
-            if (fovea_log_channel_is(event.channel, "FRAME"))
+            if (fv_lcmlog_channel_is(event.channel, "FRAME"))
                 status = add_frame(recording, &event, error);
         }
         if (status != FOVEA_OK) return status;
@@ -181,21 +181,21 @@ static int compare_entries(const void *a, const void *b)
  * index, which has counted it; a sample that cannot be read becomes an entry, in its place. */
 static enum fovea_status read_samples(struct recording *recording, struct fovea_error *error)
 {
-    struct fovea_log_event event;
+    struct fv_lcmlog_event event;
     struct fovea_sample sample;
-    enum fovea_status status = fovea_log_seek(recording->log, 0, error);
+    enum fovea_status status = fv_lcmlog_seek(recording->log, 0, error);
     if (!recording->sampled || status != FOVEA_OK) return status;
-    while ((status = fovea_log_skim(recording->log, &event, NULL)) != FOVEA_END) {
+    while ((status = fv_lcmlog_skim(recording->log, &event, NULL)) != FOVEA_END) {
         if (status != FOVEA_OK) {
-            if (fovea_log_resync(recording->log) == FOVEA_END) break;
+            if (fv_lcmlog_resync(recording->log) == FOVEA_END) break;
             continue;
         }
         if (!is_own_sample(recording, event.channel)) continue;
-        status = fovea_log_seek(recording->log, event.offset, error);
-        if (status == FOVEA_OK) status = fovea_log_next(recording->log, &event, error);
+        status = fv_lcmlog_seek(recording->log, event.offset, error);
+        if (status == FOVEA_OK) status = fv_lcmlog_next(recording->log, &event, error);
         if (status != FOVEA_OK) return status;
         const struct entry damage = {.offset = event.offset, .sample = true};
-        status = fovea_log_sample(recording->path, &event, &sample, NULL) == FOVEA_OK
+        status = fv_lcmlog_sample(recording->path, &event, &sample, NULL) == FOVEA_OK
                      ? fv_samples_add(&recording->samples, &sample, recording->path, error)
                      : add_entry(recording, &damage, error);
         if (status != FOVEA_OK) return status;
@@ -210,19 +210,19 @@ static enum fovea_status read_samples(struct recording *recording, struct fovea_
 static enum fovea_status read_frame(struct recording *recording, uint64_t index,
                                     struct fovea_frame *frame, struct fovea_error *error)
 {
-    struct fovea_log_event event;
+    struct fv_lcmlog_event event;
     struct fovea_sample sample;
     enum fovea_status status =
-        fovea_log_seek(recording->log, recording->entries[index].offset, error);
-    if (status == FOVEA_OK) status = fovea_log_next(recording->log, &event, error);
+        fv_lcmlog_seek(recording->log, recording->entries[index].offset, error);
+    if (status == FOVEA_OK) status = fv_lcmlog_next(recording->log, &event, error);
     if (status == FOVEA_OK && recording->entries[index].sample) {
-        status = fovea_log_sample(recording->path, &event, &sample, error);
+        status = fv_lcmlog_sample(recording->path, &event, &sample, error);
         if (status != FOVEA_OK) return status;
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "%s: found other bytes than before, expected a file at rest",
                                recording->path);
     }
-    if (status == FOVEA_OK) status = fovea_log_frame(recording->path, &event, frame, error);
+    if (status == FOVEA_OK) status = fv_lcmlog_frame(recording->path, &event, frame, error);
     return status;
 }
 
@@ -417,7 +417,7 @@ static enum fovea_status open_lcmlog(const char *address,
         free(recording);
         return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory", address);
     }
-    enum fovea_status status = fovea_log_open(address, &recording->log, error);
+    enum fovea_status status = fv_lcmlog_open(address, &recording->log, error);
     if (status == FOVEA_OK) status = make_index(recording, &heads, error);
     if (status == FOVEA_OK) status = read_head(recording, &heads, selection, error);
     if (status == FOVEA_OK) status = read_samples(recording, error);
@@ -430,5 +430,5 @@ static enum fovea_status open_lcmlog(const char *address,
                           &info, source, error);
 }
 
-const struct fovea_source_ops fovea_source_lcmlog =
+const struct fovea_source_ops fv_source_lcmlog =
     FV_PLAYER_OPS("lcmlog", "FILE  frames in an LCM log (fovea.frame_t)", open_lcmlog);

@@ -12,7 +12,7 @@ enum fovea_status fv_lines_open(struct fv_lines *lines, const char *path, struct
     char *text;
     size_t bytes;
     const enum fovea_status status =
-        fovea_text_read(path, FV_INPUT_LIST_BYTES_MAX, &text, &bytes, error);
+        fv_text_read(path, FV_INPUT_LIST_BYTES_MAX, &text, &bytes, error);
     if (status != FOVEA_OK) return status;
     static const char mark[] = "\xef\xbb\xbf"; /* with which some editors begin UTF-8 */
     const bool marked = bytes >= sizeof mark - 1 && memcmp(text, mark, sizeof mark - 1) == 0;
@@ -76,8 +76,8 @@ enum fovea_status fv_lines_next(struct fv_lines *lines, const char *separators,
 enum fovea_status fv_lines_refuse(const struct fv_lines *lines, const char *what, const char *field,
                                   const char *expected, struct fovea_error *error)
 {
-    char quoted[FOVEA_TEXT_QUOTED_BYTES] = "nothing";
-    if (field != NULL) fovea_text_quote(field, quoted, sizeof quoted);
+    char quoted[FV_TEXT_QUOTED_BYTES] = "nothing";
+    if (field != NULL) fv_text_quote(field, quoted, sizeof quoted);
     return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s:%u: %s: found %s, expected %s",
                            lines->file, lines->line, what, quoted, expected);
 }
@@ -91,7 +91,7 @@ enum fovea_status fv_lines_numbers(const struct fv_lines *lines, const char *wha
                 error, FOVEA_ERROR_INPUT, "%s:%u: %s: found %zu numbers, expected %zu", lines->file,
                 lines->line, what, lines->field_count - (first < lines->field_count ? first : 0),
                 count);
-        if (!fovea_text_number(lines->fields[first + i], &values[i]))
+        if (!fv_text_number(lines->fields[first + i], &values[i]))
             return fv_lines_refuse(lines, what, lines->fields[first + i], "a finite number", error);
     }
     return FOVEA_OK;
@@ -100,7 +100,7 @@ enum fovea_status fv_lines_numbers(const struct fv_lines *lines, const char *wha
 bool fv_stamp_from_seconds(const char *text, int64_t *stamp_ns)
 {
     double seconds;
-    if (!fovea_text_number(text, &seconds) || seconds < -9.2e9 || seconds > 9.2e9) return false;
+    if (!fv_text_number(text, &seconds) || seconds < -9.2e9 || seconds > 9.2e9) return false;
     if (strpbrk(text, "eE") != NULL) {
         *stamp_ns = (int64_t)(seconds * 1e9 + (seconds < 0 ? -0.5 : 0.5));
         return true;

@@ -57,9 +57,9 @@ enum fovea_status fv_info_set_calibration(struct fovea_source_info *info, const 
                                           double T_body_cam[12], bool *has_T_body_cam,
                                           struct fovea_error *error)
 {
-    struct fovea_calibration calibration;
+    struct fv_calibration calibration;
     if (!fv_path_exists(path)) return FOVEA_OK;
-    const enum fovea_status status = fovea_calibration_read(path, NULL, &calibration, error);
+    const enum fovea_status status = fv_calibration_read(path, NULL, &calibration, error);
     if (status != FOVEA_OK) return selection->camera_given ? FOVEA_OK : status;
     info->rig.cameras[0].camera = calibration.camera;
     info->rig.cameras[0].calibrated = true;
@@ -443,7 +443,7 @@ static enum fovea_status fit_cameras(struct fovea_source_info *info,
         struct fovea_rig_camera *camera = &info->rig.cameras[i];
         const struct fovea_source_camera *seen = &info->cameras[i];
         if (!camera->calibrated || camera->camera.width != 0) continue;
-        const enum fovea_status status = fovea_calibration_fit(
+        const enum fovea_status status = fv_calibration_fit(
             &camera->camera, seen->width, seen->height, false, seen->origin, error);
         camera->calibrated = status == FOVEA_OK;
         if (status != FOVEA_OK && !selection->camera_given) return status; /* its own is needed */

@@ -80,7 +80,7 @@ static enum fovea_status take_camera(struct cursor *cursor, struct fovea_rig_cam
     if (!all_finite(camera->T_body_cam, 12))
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "T_body_cam: found no finite number, expected metres");
-    if (camera->has_T_body_cam && !fovea_calibration_is_rotation(camera->T_body_cam))
+    if (camera->has_T_body_cam && !fv_calibration_is_rotation(camera->T_body_cam))
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "T_body_cam: found no rotation, expected orthonormal rows");
     if (!camera->calibrated) return FOVEA_OK;
@@ -108,7 +108,7 @@ static enum fovea_status take_imu(struct cursor *cursor, struct fovea_rig *rig,
     if (!all_finite(noise, 5) || !all_finite(imu->T_body_imu, 12))
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "imu: found a number that is not finite, expected finite ones");
-    if (!rig->has_imu || fovea_calibration_is_rotation(imu->T_body_imu)) return FOVEA_OK;
+    if (!rig->has_imu || fv_calibration_is_rotation(imu->T_body_imu)) return FOVEA_OK;
     return fovea_error_set(error, FOVEA_ERROR_INPUT,
                            "T_body_imu: found no rotation, expected orthonormal rows");
 }
@@ -164,11 +164,11 @@ static enum fovea_status find_rig(struct cursor *cursor, const char *name, int64
         (long long)start + (long long)cursor->at);
 }
 
-enum fovea_status fv_log_rig(const char *name, const struct fovea_log_event *event,
+enum fovea_status fv_log_rig(const char *name, const struct fv_lcmlog_event *event,
                              struct fovea_rig *rig, struct fovea_error *error)
 {
     struct cursor cursor = {.data = event->data, .bytes = event->bytes};
-    const int64_t start = event->offset + FOVEA_LOG_HEADER_BYTES + (int64_t)strlen(event->channel);
+    const int64_t start = event->offset + FV_LCMLOG_HEADER_BYTES + (int64_t)strlen(event->channel);
     if (take_number(&cursor, 8) != (uint64_t)__fovea_recording_t_get_hash()) return FOVEA_AGAIN;
     const int32_t format = (int32_t)take_number(&cursor, 4);
     if (format != FORMAT && !cursor.short_of)

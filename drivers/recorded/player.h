@@ -99,7 +99,7 @@ void fv_player_reads(const struct fovea_source *source,
         .reads = fv_player_reads                                                                   \
     }
 
-extern const struct fovea_source_ops fovea_source_euroc, fovea_source_tum, fovea_source_kitti,
-    fovea_source_images, fovea_source_lcmlog, fovea_source_video;
+extern const struct fovea_source_ops fv_source_euroc, fv_source_tum, fv_source_kitti,
+    fv_source_images, fv_source_lcmlog, fv_source_video;
 
 #endif

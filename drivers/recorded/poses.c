@@ -13,7 +13,7 @@ static enum fovea_status parse_pose(const struct fv_lines *lines, enum fv_poses_
 {
     const char *stamp = lines->fields[0];
     double numbers[7];
-    if (layout == FV_POSES_EUROC ? !fovea_text_integer(stamp, &pose->stamp_ns)
+    if (layout == FV_POSES_EUROC ? !fv_text_integer(stamp, &pose->stamp_ns)
                                  : !fv_stamp_from_seconds(stamp, &pose->stamp_ns))
         return fv_lines_refuse(lines, "timestamp", stamp,
                                layout == FV_POSES_EUROC ? "whole nanoseconds" : "seconds", error);

@@ -51,5 +51,5 @@ static enum fovea_status open_tum(const char *address,
     return fv_listing_open(listing, list, selection, &info, source, error);
 }
 
-const struct fovea_source_ops fovea_source_tum =
+const struct fovea_source_ops fv_source_tum =
     FV_PLAYER_OPS("tum", "DIR  recording in TUM RGB-D layout (DIR/rgb.txt)", open_tum);

@@ -26,9 +26,9 @@ struct kept {
 
 struct recording {
     char *path;
-    const struct fovea_video_plugin *plugin;
-    struct fovea_video *video; /* NULL: it could not be opened again */
-    uint64_t position;         /* of the next frame */
+    const struct fv_video_plugin *plugin;
+    struct fv_video *video; /* NULL: it could not be opened again */
+    uint64_t position;      /* of the next frame */
     int32_t width, height;
 
     /* In reverse only. */
@@ -54,10 +54,10 @@ static void close_recording(void *argument)
 static enum fovea_status load(struct recording *recording, struct fovea_error *error)
 {
     static const struct fv_plugin_name name = {.scheme = "video",
-                                               .file = FOVEA_VIDEO_PLUGIN_FILE,
-                                               .symbol = FOVEA_VIDEO_PLUGIN_SYMBOL,
+                                               .file = FV_VIDEO_PLUGIN_FILE,
+                                               .symbol = FV_VIDEO_PLUGIN_SYMBOL,
                                                .package = "libopencv-videoio-dev",
-                                               .version = FOVEA_VIDEO_PLUGIN_VERSION};
+                                               .version = FV_VIDEO_PLUGIN_VERSION};
     const void *table;
     const enum fovea_status status = fv_plugin_load(&name, &table, error);
     if (status == FOVEA_OK) recording->plugin = table;
@@ -294,5 +294,5 @@ static enum fovea_status open_video(const char *address,
                           recording->count, NULL, address, selection, &info, source, error);
 }
 
-const struct fovea_source_ops fovea_source_video =
+const struct fovea_source_ops fv_source_video =
     FV_PLAYER_OPS("video", "FILE  video, through the OpenCV plug-in", open_video);

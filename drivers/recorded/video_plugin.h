@@ -12,28 +12,28 @@
 extern "C" {
 #endif
 
-enum { FOVEA_VIDEO_PLUGIN_VERSION = 2 };
-#define FOVEA_VIDEO_PLUGIN_FILE "fovea-video.so"
-#define FOVEA_VIDEO_PLUGIN_SYMBOL "fovea_video_plugin_2"
+enum { FV_VIDEO_PLUGIN_VERSION = 2 };
+#define FV_VIDEO_PLUGIN_FILE "fovea-video.so"
+#define FV_VIDEO_PLUGIN_SYMBOL "fovea_video_plugin_2"
 
-struct fovea_video;
+struct fv_video;
 
-struct fovea_video_plugin {
+struct fv_video_plugin {
     int version;
-    enum fovea_status (*open)(const char *path, struct fovea_video **video, int32_t *width,
+    enum fovea_status (*open)(const char *path, struct fv_video **video, int32_t *width,
                               int32_t *height, double *rate_hz, struct fovea_error *error);
     /* Go past one frame without decoding it to pixels. FOVEA_END after the last. */
-    enum fovea_status (*skip)(struct fovea_video *video, int64_t *stamp_ns);
+    enum fovea_status (*skip)(struct fv_video *video, int64_t *stamp_ns);
     /* Whether there is a next frame. */
-    int (*more)(struct fovea_video *video);
+    int (*more)(struct fv_video *video);
     /* Make frame `index`, of that stamp when read in order, the next one. FOVEA_ERROR_UNSUPPORTED:
      * what the file's index led to is not known to be it; then only closing is of use. */
-    enum fovea_status (*seek)(struct fovea_video *video, uint64_t index, int64_t stamp_ns);
+    enum fovea_status (*seek)(struct fv_video *video, uint64_t index, int64_t stamp_ns);
     /* The next frame as grey levels, by the formula of decode.h. FOVEA_ERROR_INPUT: it is damaged,
      * the next may not be. */
-    enum fovea_status (*read)(struct fovea_video *video, uint8_t *grey, int32_t stride_bytes,
+    enum fovea_status (*read)(struct fv_video *video, uint8_t *grey, int32_t stride_bytes,
                               int64_t *stamp_ns, struct fovea_error *error);
-    void (*close)(struct fovea_video *video);
+    void (*close)(struct fv_video *video);
 };
 
 #ifdef __cplusplus

@@ -414,6 +414,6 @@ void fv_sim_imu_sample(struct fovea_source *source, double begin_s,
 uint32_t fv_sim_samples(struct fovea_source *source, const struct fovea_frame *frame,
                         struct fovea_sample *samples, uint32_t count_max);
 
-extern const struct fovea_source_ops fovea_source_sim;
+extern const struct fovea_source_ops fv_source_sim;
 
 #endif

@@ -408,7 +408,7 @@ static enum fovea_source_state sim_state(const struct fovea_source *source)
     return ended ? FOVEA_SOURCE_ENDED : FOVEA_SOURCE_OK;
 }
 
-const struct fovea_source_ops fovea_source_sim = {
+const struct fovea_source_ops fv_source_sim = {
     .name = "sim",
     .help =
         "[TRAJECTORY][?OPTION=VALUE&...]  simulated camera: tour (default), orbit, corridor, rotate, stopgo, fast, kidnap, wander, still, stand; options seed width height rate frames lens fov noise blur rolling exposure readout objects textures light wheel_odometry wheel_odometry_noise imu imu_noise gyro_bias acceleration_bias imu_offset imu_offset_known turn_rate baseline time",

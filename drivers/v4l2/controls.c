@@ -142,7 +142,7 @@ static enum fovea_status set_wish(const struct fv_v4l2_device *device,
                                   struct fovea_error *error)
 {
     control_info info;
-    char what[FV_V4L2_WORD_BYTES + 16], quoted[FOVEA_TEXT_QUOTED_BYTES];
+    char what[FV_V4L2_WORD_BYTES + 16], quoted[FV_TEXT_QUOTED_BYTES];
     int64_t value = 0;
     snprintf(what, sizeof what, "control.%s", wish->name);
     enum fovea_status status = find_by_name(device, wish->name, &info, error);
@@ -156,12 +156,12 @@ static enum fovea_status set_wish(const struct fv_v4l2_device *device,
         return fovea_error_set(error, FOVEA_ERROR_UNSUPPORTED,
                                "%s: %s: found a control of type %u, expected a number", device->uri,
                                what, info.type);
-    const bool read = fovea_text_integer(wish->value, &value) ||
+    const bool read = fv_text_integer(wish->value, &value) ||
                       (menu && menu_row(device, &info, wish->value, &value));
     if (!read || (menu && !menu_has(device, &info, value)))
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "%s: %s: found %s, expected %s in [%lld, %lld]", device->uri, what,
-                               fovea_text_quote(wish->value, quoted, sizeof quoted),
+                               fv_text_quote(wish->value, quoted, sizeof quoted),
                                menu ? "a row of the menu, by name or number," : "a whole number",
                                (long long)info.minimum, (long long)info.maximum);
     status = info.type == V4L2_CTRL_TYPE_BITMASK

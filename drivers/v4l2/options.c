@@ -28,7 +28,7 @@ static enum fovea_status add_wish(void *to, const char *name, const char *value,
                                   struct fovea_error *error)
 {
     struct fv_v4l2_options *options = to;
-    char quoted[FOVEA_TEXT_QUOTED_BYTES];
+    char quoted[FV_TEXT_QUOTED_BYTES];
     if (options->wish_count == FV_V4L2_WISHES_MAX)
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "v4l2: control.: found more than %d, expected fewer",
@@ -38,7 +38,7 @@ static enum fovea_status add_wish(void *to, const char *name, const char *value,
         return fovea_error_set(
             error, FOVEA_ERROR_INPUT,
             "v4l2: control.: found %s, expected a name and a value of less than %d bytes",
-            fovea_text_quote(name, quoted, sizeof quoted), FV_V4L2_WORD_BYTES);
+            fv_text_quote(name, quoted, sizeof quoted), FV_V4L2_WORD_BYTES);
     struct fv_v4l2_wish *wish = &options->wishes[options->wish_count++];
     memcpy(wish->name, name, strlen(name) + 1);
     memcpy(wish->value, value, strlen(value) + 1);
@@ -81,14 +81,14 @@ enum fovea_status fv_v4l2_options_parse(const char *address, struct fv_v4l2_opti
                                         struct fovea_error *error)
 {
     struct fv_v4l2_options o = {.gain = -1, .readout_ms = -1, .buffers = 4, .shift = 8};
-    char quoted[FOVEA_TEXT_QUOTED_BYTES];
+    char quoted[FV_TEXT_QUOTED_BYTES];
     uint64_t given;
     const size_t length = strcspn(address, "?");
     if (length == 0 || length >= sizeof o.path || address[0] != '/')
         return fovea_error_set(
             error, FOVEA_ERROR_INPUT,
             "v4l2: found %s, expected the path of a device, as /dev/video0 or /dev/v4l/by-id/...",
-            fovea_text_quote(address, quoted, sizeof quoted));
+            fv_text_quote(address, quoted, sizeof quoted));
     memcpy(o.path, address, length);
     address += length;
     if (*address == '?') address++;

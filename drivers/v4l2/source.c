@@ -120,5 +120,5 @@ static enum fovea_status open_camera(const char *address,
     return status;
 }
 
-const struct fovea_source_ops fovea_source_v4l2 = FV_LIVE_OPS(
+const struct fovea_source_ops fv_source_v4l2 = FV_LIVE_OPS(
     "v4l2", "DEVICE[?width=..&format=..]  camera by Video4Linux, as /dev/video0", open_camera);

@@ -28,7 +28,7 @@ static int unknown(const char *name)
     size_t count = 0;
     for (; fv_commands[count].name != NULL && count < NAMES_MAX; count++)
         names[count] = fv_commands[count].name;
-    const char *nearest = fovea_text_nearest(name, names, count);
+    const char *nearest = fv_text_nearest(name, names, count);
     return fv_say_wrong("fovea: unknown %s '%s'%s%s%s ('fovea help' lists all)",
                         name[0] == '-' ? "option" : "command", name,
                         nearest ? ", nearest is '" : "", nearest ? nearest : "",

@@ -26,17 +26,17 @@ bool board_parse(const std::string &text, Board &board, std::string &error)
     const std::string kind = "chessboard:";
     const size_t cross = text.find('x'), colon = text.rfind(':');
     if (text.compare(0, kind.size(), kind) == 0 && cross != std::string::npos && colon > cross &&
-        fovea_text_integer(text.substr(kind.size(), cross - kind.size()).c_str(), &columns) &&
-        fovea_text_integer(text.substr(cross + 1, colon - cross - 1).c_str(), &rows) &&
-        fovea_text_number(text.substr(colon + 1).c_str(), &square) && columns >= corners_min &&
+        fv_text_integer(text.substr(kind.size(), cross - kind.size()).c_str(), &columns) &&
+        fv_text_integer(text.substr(cross + 1, colon - cross - 1).c_str(), &rows) &&
+        fv_text_number(text.substr(colon + 1).c_str(), &square) && columns >= corners_min &&
         columns <= corners_max && rows >= corners_min && rows <= corners_max && square > 0 &&
         square <= square_max_m) {
         board = {(int)columns, (int)rows, square};
         return true;
     }
-    char quoted[FOVEA_TEXT_QUOTED_BYTES];
+    char quoted[FV_TEXT_QUOTED_BYTES];
     error =
-        std::string("--target: found ") + fovea_text_quote(text.c_str(), quoted, sizeof quoted) +
+        std::string("--target: found ") + fv_text_quote(text.c_str(), quoted, sizeof quoted) +
         ", expected chessboard:COLUMNSxROWS:SQUARE with inner corners (3 to 50) and the side of "
         "a square in metres, as chessboard:9x6:0.025";
     return false;

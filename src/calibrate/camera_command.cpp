@@ -91,7 +91,7 @@ int check(const Given &given, std::vector<Model> &models, Board &board, int64_t 
     if (given.corners != "own" && given.corners != "opencv")
         return fv_say_wrong("--corners: found '%s', expected own or opencv", given.corners.c_str());
     views_max = VIEWS_MAX_DEFAULT;
-    if (!given.views.empty() && (!fovea_text_integer(given.views.c_str(), &views_max) ||
+    if (!given.views.empty() && (!fv_text_integer(given.views.c_str(), &views_max) ||
                                  views_max < 2 || views_max > VIEWS_MAX_LIMIT))
         return fv_say_wrong("--views: found '%s', expected a number from 2 to %d",
                             given.views.c_str(), VIEWS_MAX_LIMIT);

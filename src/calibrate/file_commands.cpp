@@ -39,7 +39,7 @@ bool has_own_section(const std::string &path)
 {
     char *text;
     size_t bytes;
-    if (fovea_text_read(path.c_str(), (size_t)FV_INPUT_YAML_BYTES_MAX, &text, &bytes, nullptr) !=
+    if (fv_text_read(path.c_str(), (size_t)FV_INPUT_YAML_BYTES_MAX, &text, &bytes, nullptr) !=
         FOVEA_OK)
         return false;
     const bool has = std::strstr(text, "\ncalibration:\n") != nullptr;
@@ -47,11 +47,11 @@ bool has_own_section(const std::string &path)
     return has;
 }
 
-bool format_of(const std::string &name, fovea_calibration_format &format)
+bool format_of(const std::string &name, fv_calibration_format &format)
 {
-    for (int i = 0; i < FOVEA_CALIBRATION_FORMAT_COUNT; i++) {
-        format = (fovea_calibration_format)i;
-        if (name == fovea_calibration_format_name(format)) return true;
+    for (int i = 0; i < FV_CALIBRATION_FORMAT_COUNT; i++) {
+        format = (fv_calibration_format)i;
+        if (name == fv_calibration_format_name(format)) return true;
     }
     return false;
 }
@@ -89,18 +89,18 @@ int command_convert(int argc, char **argv)
     std::vector<std::string> operands;
     int status;
     if (!options_parse(argc, argv, options, "IN OUT", 2, operands, &status)) return status;
-    fovea_calibration_format format;
+    fv_calibration_format format;
     if (!format_of(format_name, format))
         return fv_say_wrong(
             "--format: found '%s', expected ros, ros-message, opencv, kalibr or euroc",
             format_name.c_str());
-    fovea_calibration calibration;
+    fv_calibration calibration;
     fovea_error error, lost;
-    if (fovea_calibration_read(operands[0].c_str(), which.empty() ? nullptr : which.c_str(),
-                               &calibration, &error) != FOVEA_OK)
+    if (fv_calibration_read(operands[0].c_str(), which.empty() ? nullptr : which.c_str(),
+                            &calibration, &error) != FOVEA_OK)
         return fv_say_wrong("%s", error.text);
-    char text[FOVEA_CALIBRATION_BYTES_MAX];
-    if (fovea_calibration_format_text(format, &calibration, text, &lost, &error) != FOVEA_OK)
+    char text[FV_CALIBRATION_BYTES_MAX];
+    if (fv_calibration_format_text(format, &calibration, text, &lost, &error) != FOVEA_OK)
         return fv_say_wrong("%s: %s", operands[0].c_str(), error.text);
     if (lost.text[0] != '\0') fv_say("%s: lost: %s", operands[1].c_str(), lost.text);
     if (has_own_section(operands[0]))

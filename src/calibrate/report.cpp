@@ -180,12 +180,12 @@ double view_rms_px(const Solution &solution, size_t view)
 
 fovea_status report_camera(const Report &report, const char *path, fovea_error *error)
 {
-    fovea_calibration calibration = {};
+    fv_calibration calibration = {};
     calibration.camera = report.solution.camera;
     snprintf(calibration.name, sizeof calibration.name, "%s", report.camera_name.c_str());
-    char text[FOVEA_CALIBRATION_BYTES_MAX];
+    char text[FV_CALIBRATION_BYTES_MAX];
     const fovea_status status =
-        fovea_calibration_format_text(FOVEA_CALIBRATION_ROS, &calibration, text, nullptr, error);
+        fv_calibration_format_text(FV_CALIBRATION_ROS, &calibration, text, nullptr, error);
     if (status != FOVEA_OK) return status;
     return write_file(path, error, [&](FILE *file) {
         fputs(text, file);

@@ -28,39 +28,39 @@
 extern "C" {
 #endif
 
-enum fovea_calibration_format {
-    FOVEA_CALIBRATION_ROS = 0,         /* camera_matrix, distortion_coefficients */
-    FOVEA_CALIBRATION_ROS_MESSAGE = 1, /* K, D, R, P */
-    FOVEA_CALIBRATION_OPENCV = 2,
-    FOVEA_CALIBRATION_KALIBR = 3,
-    FOVEA_CALIBRATION_EUROC = 4,
-    FOVEA_CALIBRATION_FORMAT_COUNT
+enum fv_calibration_format {
+    FV_CALIBRATION_ROS = 0,         /* camera_matrix, distortion_coefficients */
+    FV_CALIBRATION_ROS_MESSAGE = 1, /* K, D, R, P */
+    FV_CALIBRATION_OPENCV = 2,
+    FV_CALIBRATION_KALIBR = 3,
+    FV_CALIBRATION_EUROC = 4,
+    FV_CALIBRATION_FORMAT_COUNT
 };
 
-struct fovea_calibration {
-    struct fovea_camera camera; /* prepared; 0 x 0 where the file does not state the size */
-    enum fovea_calibration_format format; /* as found by reading; ignored by writing */
+struct fv_calibration {
+    struct fovea_camera camera;        /* prepared; 0 x 0 where the file does not state the size */
+    enum fv_calibration_format format; /* as found by reading; ignored by writing */
     char name[64]; /* camera_name, or the key of a camchain ("cam0"); "" where not stated */
     bool has_T_body_cam;
     double T_body_cam[12]; /* row-major 3x4: camera points to the body or IMU frame, metres */
     double rate_hz;        /* 0: not stated */
 };
 
-enum { FOVEA_CALIBRATION_BYTES_MAX = 4096 }; /* of a file that is written */
+enum { FV_CALIBRATION_BYTES_MAX = 4096 }; /* of a file that is written */
 
 /* Name of a format: ros, ros-message, opencv, kalibr, euroc. NULL out of range. */
-const char *fovea_calibration_format_name(enum fovea_calibration_format format);
+const char *fv_calibration_format_name(enum fv_calibration_format format);
 
 /* Read a calibration file, or text that errors call `name`. `which` chooses the camera of a
  * camchain
  * ("cam1"), NULL takes the first. FOVEA_ERROR_INPUT: malformed; FOVEA_ERROR_UNSUPPORTED: a model
  * that Fovea does not have. Init-only. */
-enum fovea_status fovea_calibration_read(const char *path, const char *which,
-                                         struct fovea_calibration *calibration,
-                                         struct fovea_error *error);
-enum fovea_status fovea_calibration_parse(const char *name, const char *text, size_t bytes,
-                                          const char *which, struct fovea_calibration *calibration,
-                                          struct fovea_error *error);
+enum fovea_status fv_calibration_read(const char *path, const char *which,
+                                      struct fv_calibration *calibration,
+                                      struct fovea_error *error);
+enum fovea_status fv_calibration_parse(const char *name, const char *text, size_t bytes,
+                                       const char *which, struct fv_calibration *calibration,
+                                       struct fovea_error *error);
 
 /* Write a calibration. Numbers keep all their bits, so reading the file again gives the same
  * camera. A camera that the format cannot hold (k3 to k6 in Kalibr and EuRoC files; a size that is
@@ -68,25 +68,24 @@ enum fovea_status fovea_calibration_parse(const char *name, const char *text, si
  * What else the format has no place for (T_body_cam, rate, name) is named in `lost` (which may be
  * NULL): "" when nothing is. A file is replaced as a whole or not at all; a device or pipe is
  * written to. Init-only. */
-enum fovea_status fovea_calibration_write(const char *path, enum fovea_calibration_format format,
-                                          const struct fovea_calibration *calibration,
-                                          struct fovea_error *lost, struct fovea_error *error);
-enum fovea_status fovea_calibration_format_text(enum fovea_calibration_format format,
-                                                const struct fovea_calibration *calibration,
-                                                char text[FOVEA_CALIBRATION_BYTES_MAX],
-                                                struct fovea_error *lost,
-                                                struct fovea_error *error);
+enum fovea_status fv_calibration_write(const char *path, enum fv_calibration_format format,
+                                       const struct fv_calibration *calibration,
+                                       struct fovea_error *lost, struct fovea_error *error);
+enum fovea_status fv_calibration_format_text(enum fv_calibration_format format,
+                                             const struct fv_calibration *calibration,
+                                             char text[FV_CALIBRATION_BYTES_MAX],
+                                             struct fovea_error *lost, struct fovea_error *error);
 
 /* Make a camera fit frames of width x height, and prepare it. A size that is not stated becomes the
  * frames'. Another size is refused (FOVEA_ERROR_INPUT), or, when `scale` is set and the shape
  * agrees to a pixel, the focal lengths and the centre are scaled, pixel centres staying whole
  * numbers. `origin` names the calibration in errors. Init-only. */
-enum fovea_status fovea_calibration_fit(struct fovea_camera *camera, int32_t width, int32_t height,
-                                        bool scale, const char *origin, struct fovea_error *error);
+enum fovea_status fv_calibration_fit(struct fovea_camera *camera, int32_t width, int32_t height,
+                                     bool scale, const char *origin, struct fovea_error *error);
 
 /* Whether the left 3 x 3 of a transform of 3 x 4, row by row, is a rotation: orthonormal to 1e-3,
  * right-handed. */
-bool fovea_calibration_is_rotation(const double T[12]);
+bool fv_calibration_is_rotation(const double T[12]);
 
 #ifdef __cplusplus
 }

@@ -2,8 +2,8 @@
 
 #include <stdlib.h>
 
-enum fovea_status fovea_calibration_fit(struct fovea_camera *camera, int32_t width, int32_t height,
-                                        bool scale, const char *origin, struct fovea_error *error)
+enum fovea_status fv_calibration_fit(struct fovea_camera *camera, int32_t width, int32_t height,
+                                     bool scale, const char *origin, struct fovea_error *error)
 {
     struct fovea_camera fitted = *camera;
     const bool stated = camera->width > 0 && camera->height > 0;
@@ -35,7 +35,7 @@ enum fovea_status fovea_calibration_fit(struct fovea_camera *camera, int32_t wid
     return FOVEA_OK;
 }
 
-bool fovea_calibration_is_rotation(const double T[12])
+bool fv_calibration_is_rotation(const double T[12])
 {
     for (int i = 0; i < 3; i++) {
         for (int j = i; j < 3; j++) {

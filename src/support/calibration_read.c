@@ -7,18 +7,18 @@
 #include "support/yaml_tree.h"
 
 struct reader {
-    const struct fovea_yaml_tree *tree;
-    struct fovea_calibration *calibration;
+    const struct fv_yaml_tree *tree;
+    struct fv_calibration *calibration;
     struct fovea_error *error;
 };
 
-typedef const struct fovea_yaml_node node;
+typedef const struct fv_yaml_node node;
 
 /* The first of several spellings that is there, or NULL. */
 static node *any_of(node *parent, const char *const *keys)
 {
     for (; *keys != NULL; keys++) {
-        node *child = fovea_yaml_child(parent, *keys);
+        node *child = fv_yaml_child(parent, *keys);
         if (child != NULL) return child;
     }
     return NULL;
@@ -26,7 +26,7 @@ static node *any_of(node *parent, const char *const *keys)
 
 static enum fovea_status unsupported(const struct reader *r, node *where, const char *expected)
 {
-    fovea_yaml_refuse(r->tree, where, expected, r->error);
+    fv_yaml_refuse(r->tree, where, expected, r->error);
     if (r->error != NULL) r->error->status = FOVEA_ERROR_UNSUPPORTED;
     return FOVEA_ERROR_UNSUPPORTED;
 }
@@ -40,25 +40,25 @@ static enum fovea_status read_list(const struct reader *r, node *list, size_t co
 {
     *data = list;
     enum fovea_status status;
-    if (list->kind == FOVEA_YAML_MAPPING &&
-        (status = fovea_yaml_require(r->tree, list, "data", data, r->error)) != FOVEA_OK)
+    if (list->kind == FV_YAML_MAPPING &&
+        (status = fv_yaml_require(r->tree, list, "data", data, r->error)) != FOVEA_OK)
         return status;
     size_t found;
-    status = fovea_yaml_numbers(r->tree, *data, count_min, count_max, values, &found, r->error);
+    status = fv_yaml_numbers(r->tree, *data, count_min, count_max, values, &found, r->error);
     if (status != FOVEA_OK) return status;
     *count = found;
-    node *rows = fovea_yaml_child(list, "rows"), *cols = fovea_yaml_child(list, "cols");
+    node *rows = fv_yaml_child(list, "rows"), *cols = fv_yaml_child(list, "cols");
     if (rows == NULL || cols == NULL) return FOVEA_OK;
     int64_t row_count, col_count;
-    if ((status = fovea_yaml_integer(r->tree, rows, 0, 64, &row_count, r->error)) != FOVEA_OK)
+    if ((status = fv_yaml_integer(r->tree, rows, 0, 64, &row_count, r->error)) != FOVEA_OK)
         return status;
-    if ((status = fovea_yaml_integer(r->tree, cols, 0, 64, &col_count, r->error)) != FOVEA_OK)
+    if ((status = fv_yaml_integer(r->tree, cols, 0, 64, &col_count, r->error)) != FOVEA_OK)
         return status;
     const long long product = row_count * col_count;
     if ((size_t)product == found) return FOVEA_OK;
     char expected[64];
     snprintf(expected, sizeof expected, "a list of rows x cols = %lld numbers", product);
-    return fovea_yaml_refuse(r->tree, *data, expected, r->error);
+    return fv_yaml_refuse(r->tree, *data, expected, r->error);
 }
 
 #define TEXT_OF(number) #number
@@ -75,10 +75,10 @@ static enum fovea_status set_pinhole(const struct reader *r, node *data, const d
             i < 2 ? value >= FOVEA_CAMERA_FOCAL_MIN_PX && value <= FOVEA_CAMERA_FOCAL_MAX_PX
                   : value >= -FOVEA_CAMERA_CENTRE_MAX_PX && value <= FOVEA_CAMERA_CENTRE_MAX_PX;
         if (fits) continue;
-        return fovea_yaml_refuse(r->tree, fovea_yaml_leaf(data, index[i]),
-                                 i < 2 ? "a focal length in " FOCAL_RANGE " pixels"
-                                       : "an image centre in " CENTRE_RANGE " pixels",
-                                 r->error);
+        return fv_yaml_refuse(r->tree, fv_yaml_leaf(data, index[i]),
+                              i < 2 ? "a focal length in " FOCAL_RANGE " pixels"
+                                    : "an image centre in " CENTRE_RANGE " pixels",
+                              r->error);
     }
     struct fovea_camera *camera = &r->calibration->camera;
     camera->fx = values[index[0]];
@@ -101,7 +101,7 @@ static enum fovea_status read_camera_matrix(const struct reader *r, node *matrix
     if (status != FOVEA_OK) return status;
     for (size_t i = 0; i < 5; i++)
         if (K[fixed[i]] != fixed_value[i])
-            return unsupported(r, fovea_yaml_leaf(data, fixed[i]),
+            return unsupported(r, fv_yaml_leaf(data, fixed[i]),
                                i == 0   ? "0 (a camera with skew is not supported)"
                                : i == 4 ? "1 as the last element of a camera matrix"
                                         : "0 at this place of a camera matrix");
@@ -124,18 +124,17 @@ static enum fovea_status read_distortion(const struct reader *r, node *list)
             ? count == 0 || count >= 4
             : count == 0 || count == 4 || count == 5 || count == 8 || count == 12 || count == 14;
     if (!known_count)
-        return fovea_yaml_refuse(r->tree, data,
-                                 camera->lens == FOVEA_LENS_EQUIDISTANT
-                                     ? "a list of 4 numbers: k1 k2 k3 k4"
-                                     : "a list of 4, 5, 8, 12 or 14 numbers",
-                                 r->error);
+        return fv_yaml_refuse(r->tree, data,
+                              camera->lens == FOVEA_LENS_EQUIDISTANT
+                                  ? "a list of 4 numbers: k1 k2 k3 k4"
+                                  : "a list of 4, 5, 8, 12 or 14 numbers",
+                              r->error);
     for (size_t i = 0; i < count; i++) {
         if (i >= held && k[i] != 0.0)
-            return unsupported(r, fovea_yaml_leaf(data, i),
-                               "0 (this term is not in the lens model)");
+            return unsupported(r, fv_yaml_leaf(data, i), "0 (this term is not in the lens model)");
         if (!(k[i] >= -1e6 && k[i] <= 1e6))
-            return fovea_yaml_refuse(r->tree, fovea_yaml_leaf(data, i), "a number in [-1e6, 1e6]",
-                                     r->error);
+            return fv_yaml_refuse(r->tree, fv_yaml_leaf(data, i), "a number in [-1e6, 1e6]",
+                                  r->error);
         if (i < held) camera->k[i] = k[i];
     }
     return FOVEA_OK;
@@ -151,8 +150,8 @@ static enum fovea_status read_transform(const struct reader *r, node *list, doub
     if (status != FOVEA_OK) return status;
     const bool rigid = count == 12 || (count == 16 && values[12] == 0 && values[13] == 0 &&
                                        values[14] == 0 && values[15] == 1);
-    if (!rigid || !fovea_calibration_is_rotation(values))
-        return fovea_yaml_refuse(
+    if (!rigid || !fv_calibration_is_rotation(values))
+        return fv_yaml_refuse(
             r->tree, data, "a rigid transform: rows of a rotation and a translation, then 0 0 0 1",
             r->error);
     memcpy(T, values, 12 * sizeof T[0]);
@@ -174,10 +173,9 @@ static enum fovea_status read_size(const struct reader *r, node *width_node, nod
 {
     int64_t width, height;
     enum fovea_status status;
-    if ((status = fovea_yaml_integer(r->tree, width_node, 1, 65535, &width, r->error)) != FOVEA_OK)
+    if ((status = fv_yaml_integer(r->tree, width_node, 1, 65535, &width, r->error)) != FOVEA_OK)
         return status;
-    if ((status = fovea_yaml_integer(r->tree, height_node, 1, 65535, &height, r->error)) !=
-        FOVEA_OK)
+    if ((status = fv_yaml_integer(r->tree, height_node, 1, 65535, &height, r->error)) != FOVEA_OK)
         return status;
     r->calibration->camera.width = (int32_t)width;
     r->calibration->camera.height = (int32_t)height;
@@ -187,10 +185,10 @@ static enum fovea_status read_size(const struct reader *r, node *width_node, nod
 static enum fovea_status read_resolution(const struct reader *r, node *parent)
 {
     node *list;
-    enum fovea_status status = fovea_yaml_require(r->tree, parent, "resolution", &list, r->error);
+    enum fovea_status status = fv_yaml_require(r->tree, parent, "resolution", &list, r->error);
     if (status != FOVEA_OK) return status;
-    if (list->kind != FOVEA_YAML_SEQUENCE || list->count != 2)
-        return fovea_yaml_refuse(r->tree, list, "a list of 2 numbers: width, height", r->error);
+    if (list->kind != FV_YAML_SEQUENCE || list->count != 2)
+        return fv_yaml_refuse(r->tree, list, "a list of 2 numbers: width, height", r->error);
     return read_size(r, list->first, list->first->next);
 }
 
@@ -199,9 +197,9 @@ static enum fovea_status read_intrinsics(const struct reader *r, node *parent)
     static const size_t order[4] = {0, 1, 2, 3};
     double values[4] = {0};
     node *list;
-    enum fovea_status status = fovea_yaml_require(r->tree, parent, "intrinsics", &list, r->error);
+    enum fovea_status status = fv_yaml_require(r->tree, parent, "intrinsics", &list, r->error);
     if (status != FOVEA_OK) return status;
-    if ((status = fovea_yaml_numbers(r->tree, list, 4, 4, values, NULL, r->error)) != FOVEA_OK)
+    if ((status = fv_yaml_numbers(r->tree, list, 4, 4, values, NULL, r->error)) != FOVEA_OK)
         return status;
     return set_pinhole(r, list, values, order);
 }
@@ -219,7 +217,7 @@ static const struct model {
 static enum fovea_status read_model(const struct reader *r, node *name)
 {
     for (size_t i = 0; i < sizeof models / sizeof models[0]; i++) {
-        if (name->kind != FOVEA_YAML_SCALAR || strcmp(name->value, models[i].name) != 0) continue;
+        if (name->kind != FV_YAML_SCALAR || strcmp(name->value, models[i].name) != 0) continue;
         r->calibration->camera.lens = models[i].lens;
         return FOVEA_OK;
     }
@@ -231,10 +229,9 @@ static enum fovea_status read_model(const struct reader *r, node *name)
 static enum fovea_status read_name(const struct reader *r, node *name)
 {
     const char *text = "";
-    if (name == NULL || (name->kind == FOVEA_YAML_SCALAR && name->value[0] == '\0'))
-        return FOVEA_OK;
+    if (name == NULL || (name->kind == FV_YAML_SCALAR && name->value[0] == '\0')) return FOVEA_OK;
     const enum fovea_status status =
-        fovea_yaml_string(r->tree, name, sizeof r->calibration->name - 1, &text, r->error);
+        fv_yaml_string(r->tree, name, sizeof r->calibration->name - 1, &text, r->error);
     if (status == FOVEA_OK) snprintf(r->calibration->name, sizeof r->calibration->name, "%s", text);
     return status;
 }
@@ -262,10 +259,10 @@ static enum fovea_status refuse_binning(const struct reader *r)
     static const char *const keys[] = {"binning_x", "binning_y"};
     static const char *const offsets[] = {"x_offset", "y_offset"};
     for (int i = 0; i < 2; i++) {
-        node *binning = fovea_yaml_child(r->tree->root, keys[i]);
+        node *binning = fv_yaml_child(r->tree->root, keys[i]);
         if (binning != NULL && strcmp(binning->value, "0") != 0 && strcmp(binning->value, "1") != 0)
             return unsupported(r, binning, "0 or 1 (calibrate the images as they come)");
-        node *offset = fovea_yaml_child(fovea_yaml_child(r->tree->root, "roi"), offsets[i]);
+        node *offset = fv_yaml_child(fv_yaml_child(r->tree->root, "roi"), offsets[i]);
         if (offset != NULL && strcmp(offset->value, "0") != 0)
             return unsupported(r, offset, "0 (calibrate the images as they come)");
     }
@@ -278,35 +275,35 @@ static enum fovea_status read_matrix_format(const struct reader *r)
     node *root = r->tree->root, *matrix = any_of(root, matrix_keys),
          *distortion = any_of(root, distortion_keys);
     node *width = any_of(root, width_keys), *height = any_of(root, height_keys);
-    node *model = fovea_yaml_child(root, "distortion_model"),
-         *fisheye = fovea_yaml_child(root, "fisheye_model");
+    node *model = fv_yaml_child(root, "distortion_model"),
+         *fisheye = fv_yaml_child(root, "fisheye_model");
     enum fovea_status status;
-    r->calibration->format = model == NULL            ? FOVEA_CALIBRATION_OPENCV
-                             : matrix->key[1] == '\0' ? FOVEA_CALIBRATION_ROS_MESSAGE
-                                                      : FOVEA_CALIBRATION_ROS;
+    r->calibration->format = model == NULL            ? FV_CALIBRATION_OPENCV
+                             : matrix->key[1] == '\0' ? FV_CALIBRATION_ROS_MESSAGE
+                                                      : FV_CALIBRATION_ROS;
     if (distortion == NULL)
-        return fovea_yaml_require(r->tree, root, matrix->key[1] == '\0' ? "D" : distortion_keys[0],
-                                  &distortion, r->error);
+        return fv_yaml_require(r->tree, root, matrix->key[1] == '\0' ? "D" : distortion_keys[0],
+                               &distortion, r->error);
     if (width != NULL && height == NULL)
-        return fovea_yaml_require(r->tree, root,
-                                  width->key[0] == 'i' ? height_keys[0] : height_keys[2], &height,
-                                  r->error);
+        return fv_yaml_require(r->tree, root,
+                               width->key[0] == 'i' ? height_keys[0] : height_keys[2], &height,
+                               r->error);
     if (width == NULL && height != NULL)
-        return fovea_yaml_require(
-            r->tree, root, height->key[0] == 'i' ? width_keys[0] : width_keys[2], &width, r->error);
+        return fv_yaml_require(r->tree, root, height->key[0] == 'i' ? width_keys[0] : width_keys[2],
+                               &width, r->error);
     if (width != NULL && (status = read_size(r, width, height)) != FOVEA_OK) return status;
     if (model != NULL && (status = read_model(r, model)) != FOVEA_OK) return status;
     if (fisheye != NULL) {
         bool is_fisheye;
         int64_t flag;
-        if (fovea_yaml_integer(r->tree, fisheye, 0, 1, &flag, NULL) == FOVEA_OK)
+        if (fv_yaml_integer(r->tree, fisheye, 0, 1, &flag, NULL) == FOVEA_OK)
             is_fisheye = flag == 1;
-        else if ((status = fovea_yaml_bool(r->tree, fisheye, &is_fisheye, r->error)) != FOVEA_OK)
+        else if ((status = fv_yaml_bool(r->tree, fisheye, &is_fisheye, r->error)) != FOVEA_OK)
             return status;
         if (is_fisheye) r->calibration->camera.lens = FOVEA_LENS_EQUIDISTANT;
     }
     if ((status = refuse_binning(r)) != FOVEA_OK) return status;
-    if ((status = read_name(r, fovea_yaml_child(root, "camera_name"))) != FOVEA_OK) return status;
+    if ((status = read_name(r, fv_yaml_child(root, "camera_name"))) != FOVEA_OK) return status;
     if ((status = read_camera_matrix(r, matrix)) != FOVEA_OK) return status;
     return read_distortion(r, distortion);
 }
@@ -317,19 +314,19 @@ static enum fovea_status read_pinhole_format(const struct reader *r, node *paren
 {
     node *projection, *model, *distortion;
     enum fovea_status status;
-    if ((status = fovea_yaml_require(r->tree, parent, "camera_model", &projection, r->error)) !=
+    if ((status = fv_yaml_require(r->tree, parent, "camera_model", &projection, r->error)) !=
         FOVEA_OK)
         return status;
-    if (projection->kind != FOVEA_YAML_SCALAR || strcmp(projection->value, "pinhole") != 0)
+    if (projection->kind != FV_YAML_SCALAR || strcmp(projection->value, "pinhole") != 0)
         return unsupported(r, projection, "pinhole");
     if ((status = read_intrinsics(r, parent)) != FOVEA_OK) return status;
     if ((status = read_resolution(r, parent)) != FOVEA_OK) return status;
-    if ((status = fovea_yaml_require(r->tree, parent, "distortion_model", &model, r->error)) !=
+    if ((status = fv_yaml_require(r->tree, parent, "distortion_model", &model, r->error)) !=
         FOVEA_OK)
         return status;
     if ((status = read_model(r, model)) != FOVEA_OK) return status;
     if (strcmp(model->value, "none") == 0) return FOVEA_OK;
-    if ((status = fovea_yaml_require(r->tree, parent, distortion_key, &distortion, r->error)) !=
+    if ((status = fv_yaml_require(r->tree, parent, distortion_key, &distortion, r->error)) !=
         FOVEA_OK)
         return status;
     return read_distortion(r, distortion);
@@ -337,13 +334,13 @@ static enum fovea_status read_pinhole_format(const struct reader *r, node *paren
 
 static enum fovea_status read_euroc(const struct reader *r)
 {
-    node *root = r->tree->root, *transform = fovea_yaml_child(root, "T_BS"),
-         *rate = fovea_yaml_child(root, "rate_hz");
-    r->calibration->format = FOVEA_CALIBRATION_EUROC;
+    node *root = r->tree->root, *transform = fv_yaml_child(root, "T_BS"),
+         *rate = fv_yaml_child(root, "rate_hz");
+    r->calibration->format = FV_CALIBRATION_EUROC;
     enum fovea_status status = read_pinhole_format(r, root, "distortion_coefficients");
     if (status != FOVEA_OK) return status;
-    if (rate != NULL && (status = fovea_yaml_number(r->tree, rate, 0, 1e6, &r->calibration->rate_hz,
-                                                    r->error)) != FOVEA_OK)
+    if (rate != NULL && (status = fv_yaml_number(r->tree, rate, 0, 1e6, &r->calibration->rate_hz,
+                                                 r->error)) != FOVEA_OK)
         return status;
     if (transform == NULL) return FOVEA_OK;
     r->calibration->has_T_body_cam = true;
@@ -352,11 +349,11 @@ static enum fovea_status read_euroc(const struct reader *r)
 
 static enum fovea_status read_kalibr(const struct reader *r, node *camera)
 {
-    r->calibration->format = FOVEA_CALIBRATION_KALIBR;
+    r->calibration->format = FV_CALIBRATION_KALIBR;
     snprintf(r->calibration->name, sizeof r->calibration->name, "%.63s", camera->key);
     enum fovea_status status = read_pinhole_format(r, camera, "distortion_coeffs");
     if (status != FOVEA_OK) return status;
-    node *transform = fovea_yaml_child(camera, "T_cam_imu");
+    node *transform = fv_yaml_child(camera, "T_cam_imu");
     if (transform == NULL) return FOVEA_OK;
     double T_cam_body[12] = {0};
     if ((status = read_transform(r, transform, T_cam_body)) != FOVEA_OK) return status;
@@ -370,9 +367,8 @@ static enum fovea_status read_kalibr(const struct reader *r, node *camera)
 /* The camera of a camchain: a mapping below a key "camN". */
 static node *find_camchain(node *root, const char *which)
 {
-    for (node *each = root->first; root->kind == FOVEA_YAML_MAPPING && each != NULL;
-         each = each->next)
-        if (each->kind == FOVEA_YAML_MAPPING && strncmp(each->key, "cam", 3) == 0 &&
+    for (node *each = root->first; root->kind == FV_YAML_MAPPING && each != NULL; each = each->next)
+        if (each->kind == FV_YAML_MAPPING && strncmp(each->key, "cam", 3) == 0 &&
             each->key[3] >= '0' && each->key[3] <= '9' &&
             (which == NULL || strcmp(each->key, which) == 0))
             return each;
@@ -384,13 +380,13 @@ static enum fovea_status read_any(const struct reader *r, const char *which)
     node *root = r->tree->root, *missing;
     if (which != NULL || find_camchain(root, NULL) != NULL) {
         node *camera = find_camchain(root, which);
-        if (camera == NULL) return fovea_yaml_require(r->tree, root, which, &missing, r->error);
+        if (camera == NULL) return fv_yaml_require(r->tree, root, which, &missing, r->error);
         return read_kalibr(r, camera);
     }
     if (any_of(root, matrix_keys) != NULL) return read_matrix_format(r);
-    if (fovea_yaml_child(root, "intrinsics") != NULL || fovea_yaml_child(root, "T_BS") != NULL)
+    if (fv_yaml_child(root, "intrinsics") != NULL || fv_yaml_child(root, "T_BS") != NULL)
         return read_euroc(r);
-    if (root->count == 0 || root->kind != FOVEA_YAML_MAPPING)
+    if (root->count == 0 || root->kind != FV_YAML_MAPPING)
         return fovea_error_set(
             r->error, FOVEA_ERROR_INPUT,
             "%s:%u: found no keys, expected a camera calibration (camera_matrix, K, intrinsics or cam0)",
@@ -401,22 +397,21 @@ static enum fovea_status read_any(const struct reader *r, const char *which)
     for (size_t i = 0; heads[i] != NULL; i++)
         for (node *each = root->first; each != NULL; each = each->next)
             if (strcmp(each->key, heads[i]) == 0)
-                return fovea_yaml_refuse(r->tree, each, "a mapping with the keys of a camera",
-                                         r->error);
-            else if (strlen(each->key) > 3 && fovea_text_nearest(each->key, &heads[i], 1) != NULL)
-                return fovea_yaml_require(r->tree, root, heads[i], &missing, r->error);
-    char quoted[FOVEA_TEXT_QUOTED_BYTES];
+                return fv_yaml_refuse(r->tree, each, "a mapping with the keys of a camera",
+                                      r->error);
+            else if (strlen(each->key) > 3 && fv_text_nearest(each->key, &heads[i], 1) != NULL)
+                return fv_yaml_require(r->tree, root, heads[i], &missing, r->error);
+    char quoted[FV_TEXT_QUOTED_BYTES];
     return fovea_error_set(
         r->error, FOVEA_ERROR_INPUT,
         "%s:%u: found the key %s first, expected one of camera_matrix, K, intrinsics, cam0 in the file",
-        r->tree->file, root->first->line,
-        fovea_text_quote(root->first->key, quoted, sizeof quoted));
+        r->tree->file, root->first->line, fv_text_quote(root->first->key, quoted, sizeof quoted));
 }
 
-static enum fovea_status read_tree(const struct fovea_yaml_tree *tree, const char *which,
-                                   struct fovea_calibration *calibration, struct fovea_error *error)
+static enum fovea_status read_tree(const struct fv_yaml_tree *tree, const char *which,
+                                   struct fv_calibration *calibration, struct fovea_error *error)
 {
-    struct fovea_calibration found = {0};
+    struct fv_calibration found = {0};
     const struct reader reader = {.tree = tree, .calibration = &found, .error = error};
     enum fovea_status status = read_any(&reader, which);
     if (status != FOVEA_OK) return status;
@@ -427,26 +422,25 @@ static enum fovea_status read_tree(const struct fovea_yaml_tree *tree, const cha
     return FOVEA_OK;
 }
 
-enum fovea_status fovea_calibration_parse(const char *name, const char *text, size_t bytes,
-                                          const char *which, struct fovea_calibration *calibration,
-                                          struct fovea_error *error)
+enum fovea_status fv_calibration_parse(const char *name, const char *text, size_t bytes,
+                                       const char *which, struct fv_calibration *calibration,
+                                       struct fovea_error *error)
 {
-    struct fovea_yaml_tree *tree;
-    enum fovea_status status = fovea_yaml_parse(name, text, bytes, &tree, error);
+    struct fv_yaml_tree *tree;
+    enum fovea_status status = fv_yaml_parse(name, text, bytes, &tree, error);
     if (status != FOVEA_OK) return status;
     status = read_tree(tree, which, calibration, error);
-    fovea_yaml_free(tree);
+    fv_yaml_free(tree);
     return status;
 }
 
-enum fovea_status fovea_calibration_read(const char *path, const char *which,
-                                         struct fovea_calibration *calibration,
-                                         struct fovea_error *error)
+enum fovea_status fv_calibration_read(const char *path, const char *which,
+                                      struct fv_calibration *calibration, struct fovea_error *error)
 {
-    struct fovea_yaml_tree *tree;
-    enum fovea_status status = fovea_yaml_read(path, &tree, error);
+    struct fv_yaml_tree *tree;
+    enum fovea_status status = fv_yaml_read(path, &tree, error);
     if (status != FOVEA_OK) return status;
     status = read_tree(tree, which, calibration, error);
-    fovea_yaml_free(tree);
+    fv_yaml_free(tree);
     return status;
 }

@@ -8,12 +8,12 @@
 
 #include "support/output.h"
 
-static const char *const format_names[FOVEA_CALIBRATION_FORMAT_COUNT] = {
-    "ros", "ros-message", "opencv", "kalibr", "euroc"};
+static const char *const format_names[FV_CALIBRATION_FORMAT_COUNT] = {"ros", "ros-message",
+                                                                      "opencv", "kalibr", "euroc"};
 
-const char *fovea_calibration_format_name(enum fovea_calibration_format format)
+const char *fv_calibration_format_name(enum fv_calibration_format format)
 {
-    return (unsigned)format < FOVEA_CALIBRATION_FORMAT_COUNT ? format_names[format] : NULL;
+    return (unsigned)format < FV_CALIBRATION_FORMAT_COUNT ? format_names[format] : NULL;
 }
 
 /* ---- text ------------------------------------------------------------------------------------ */
@@ -28,11 +28,11 @@ __attribute__((format(printf, 2, 3))) static void put(struct writer *w, const ch
     va_list arguments;
     va_start(arguments, format);
     const int length =
-        vsnprintf(w->text + w->used, FOVEA_CALIBRATION_BYTES_MAX - w->used, format, arguments);
+        vsnprintf(w->text + w->used, FV_CALIBRATION_BYTES_MAX - w->used, format, arguments);
     va_end(arguments);
     w->used += (size_t)length;
-    if (w->used >= FOVEA_CALIBRATION_BYTES_MAX)
-        w->used = FOVEA_CALIBRATION_BYTES_MAX - 1; /* cannot be: sizes are fixed */
+    if (w->used >= FV_CALIBRATION_BYTES_MAX)
+        w->used = FV_CALIBRATION_BYTES_MAX - 1; /* cannot be: sizes are fixed */
 }
 
 /* "1, 2, 3" with all bits of each number, and always with a point so that no reader takes it for an
@@ -96,7 +96,7 @@ static const char *ros_model(const struct fovea_camera *camera)
     return coefficient_count(camera, 5) == 8 ? "rational_polynomial" : "plumb_bob";
 }
 
-static void write_ros(struct writer *w, const struct fovea_calibration *c, bool message)
+static void write_ros(struct writer *w, const struct fv_calibration *c, bool message)
 {
     const struct fovea_camera *m = &c->camera;
     const double K[9] = {m->fx, 0, m->cx, 0, m->fy, m->cy, 0, 0, 1},
@@ -120,7 +120,7 @@ static void write_ros(struct writer *w, const struct fovea_calibration *c, bool 
     put_matrix(w, "projection_matrix", false, 3, 4, P);
 }
 
-static void write_opencv(struct writer *w, const struct fovea_calibration *c)
+static void write_opencv(struct writer *w, const struct fv_calibration *c)
 {
     const struct fovea_camera *m = &c->camera;
     const double K[9] = {m->fx, 0, m->cx, 0, m->fy, m->cy, 0, 0, 1};
@@ -137,7 +137,7 @@ static bool is_chain_key(const char *name)
            strspn(name + 3, "0123456789") == strlen(name + 3);
 }
 
-static void write_kalibr(struct writer *w, const struct fovea_calibration *c)
+static void write_kalibr(struct writer *w, const struct fv_calibration *c)
 {
     const struct fovea_camera *m = &c->camera;
     const double intrinsics[4] = {m->fx, m->fy, m->cx, m->cy};
@@ -161,7 +161,7 @@ static void write_kalibr(struct writer *w, const struct fovea_calibration *c)
     put(w, "  resolution: [%d, %d]\n", m->width, m->height);
 }
 
-static void write_euroc(struct writer *w, const struct fovea_calibration *c)
+static void write_euroc(struct writer *w, const struct fv_calibration *c)
 {
     const struct fovea_camera *m = &c->camera;
     const double intrinsics[4] = {m->fx, m->fy, m->cx, m->cy};
@@ -185,21 +185,21 @@ static void write_euroc(struct writer *w, const struct fovea_calibration *c)
 
 /* ---- what a format cannot hold --------------------------------------------------------------- */
 
-static enum fovea_status refuse_lossy(enum fovea_calibration_format format,
+static enum fovea_status refuse_lossy(enum fv_calibration_format format,
                                       const struct fovea_camera *camera, struct fovea_error *error)
 {
     static const char *const names[] = {"k3", "k4", "k5", "k6"};
-    const char *name = fovea_calibration_format_name(format);
+    const char *name = fv_calibration_format_name(format);
     if (name == NULL)
         return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
                                "calibration format: found %d, expected 0 to %d", (int)format,
-                               FOVEA_CALIBRATION_FORMAT_COUNT - 1);
+                               FV_CALIBRATION_FORMAT_COUNT - 1);
     if (camera->width <= 0 || camera->height <= 0)
         return fovea_error_set(
             error, FOVEA_ERROR_UNSUPPORTED,
             "image size: found none in the calibration, expected one to write the format %s", name);
     if (camera->lens == FOVEA_LENS_EQUIDISTANT ||
-        (format != FOVEA_CALIBRATION_KALIBR && format != FOVEA_CALIBRATION_EUROC))
+        (format != FV_CALIBRATION_KALIBR && format != FV_CALIBRATION_EUROC))
         return FOVEA_OK;
     for (int i = 0; i < 4; i++)
         if (camera->k[4 + i] != 0)
@@ -210,30 +210,30 @@ static enum fovea_status refuse_lossy(enum fovea_calibration_format format,
     return FOVEA_OK;
 }
 
-static void name_lost(enum fovea_calibration_format format, const struct fovea_calibration *c,
+static void name_lost(enum fv_calibration_format format, const struct fv_calibration *c,
                       struct fovea_error *lost)
 {
-    const bool transform = c->has_T_body_cam && format != FOVEA_CALIBRATION_KALIBR &&
-                           format != FOVEA_CALIBRATION_EUROC;
-    const bool rate = c->rate_hz > 0 && format != FOVEA_CALIBRATION_EUROC;
-    const bool name = c->name[0] != '\0' && format != FOVEA_CALIBRATION_ROS &&
-                      !(format == FOVEA_CALIBRATION_KALIBR && is_chain_key(c->name));
+    const bool transform =
+        c->has_T_body_cam && format != FV_CALIBRATION_KALIBR && format != FV_CALIBRATION_EUROC;
+    const bool rate = c->rate_hz > 0 && format != FV_CALIBRATION_EUROC;
+    const bool name = c->name[0] != '\0' && format != FV_CALIBRATION_ROS &&
+                      !(format == FV_CALIBRATION_KALIBR && is_chain_key(c->name));
     if (lost == NULL) return;
     if (!transform && !rate && !name) {
         fovea_error_set(lost, FOVEA_OK, "%s", "");
         return;
     }
     fovea_error_set(lost, FOVEA_OK, "the format %s has no place for:%s%s%s",
-                    fovea_calibration_format_name(format), transform ? " T_body_cam" : "",
+                    fv_calibration_format_name(format), transform ? " T_body_cam" : "",
                     rate ? " rate_hz" : "", name ? " name" : "");
 }
 
 /* ---- writing --------------------------------------------------------------------------------- */
 
-enum fovea_status fovea_calibration_format_text(enum fovea_calibration_format format,
-                                                const struct fovea_calibration *calibration,
-                                                char text[FOVEA_CALIBRATION_BYTES_MAX],
-                                                struct fovea_error *lost, struct fovea_error *error)
+enum fovea_status fv_calibration_format_text(enum fv_calibration_format format,
+                                             const struct fv_calibration *calibration,
+                                             char text[FV_CALIBRATION_BYTES_MAX],
+                                             struct fovea_error *lost, struct fovea_error *error)
 {
     const enum fovea_status status = refuse_lossy(format, &calibration->camera, error);
     if (status != FOVEA_OK) return status;
@@ -243,16 +243,16 @@ enum fovea_status fovea_calibration_format_text(enum fovea_calibration_format fo
     const locale_t before = uselocale(c);
     struct writer writer = {.text = text};
     switch (format) {
-    case FOVEA_CALIBRATION_ROS:
+    case FV_CALIBRATION_ROS:
         write_ros(&writer, calibration, false);
         break;
-    case FOVEA_CALIBRATION_ROS_MESSAGE:
+    case FV_CALIBRATION_ROS_MESSAGE:
         write_ros(&writer, calibration, true);
         break;
-    case FOVEA_CALIBRATION_OPENCV:
+    case FV_CALIBRATION_OPENCV:
         write_opencv(&writer, calibration);
         break;
-    case FOVEA_CALIBRATION_KALIBR:
+    case FV_CALIBRATION_KALIBR:
         write_kalibr(&writer, calibration);
         break;
     default:
@@ -265,14 +265,13 @@ enum fovea_status fovea_calibration_format_text(enum fovea_calibration_format fo
     return FOVEA_OK;
 }
 
-enum fovea_status fovea_calibration_write(const char *path, enum fovea_calibration_format format,
-                                          const struct fovea_calibration *calibration,
-                                          struct fovea_error *lost, struct fovea_error *error)
+enum fovea_status fv_calibration_write(const char *path, enum fv_calibration_format format,
+                                       const struct fv_calibration *calibration,
+                                       struct fovea_error *lost, struct fovea_error *error)
 {
-    char text[FOVEA_CALIBRATION_BYTES_MAX];
+    char text[FV_CALIBRATION_BYTES_MAX];
     struct fv_output output;
-    enum fovea_status status =
-        fovea_calibration_format_text(format, calibration, text, lost, error);
+    enum fovea_status status = fv_calibration_format_text(format, calibration, text, lost, error);
     if (status != FOVEA_OK) return status;
     status = fv_output_open(&output, path, FV_OUTPUT_WHOLE, error);
     if (status != FOVEA_OK)

@@ -150,8 +150,7 @@ enum fovea_status fv_colour_read(const char *path, struct fovea_image *image,
 {
     char *text;
     size_t bytes;
-    enum fovea_status status =
-        fovea_text_read(path, FV_INPUT_PICTURE_BYTES_MAX, &text, &bytes, error);
+    enum fovea_status status = fv_text_read(path, FV_INPUT_PICTURE_BYTES_MAX, &text, &bytes, error);
     if (status != FOVEA_OK) return status;
     const uint8_t *data = (const uint8_t *)text;
     static const uint8_t png[4] = {0x89, 'P', 'N', 'G'};

@@ -50,8 +50,8 @@ static enum fovea_status read_all(int descriptor, const char *path, size_t max_b
                            used);
 }
 
-enum fovea_status fovea_text_read(const char *path, size_t max_bytes, char **text, size_t *bytes,
-                                  struct fovea_error *error)
+enum fovea_status fv_text_read(const char *path, size_t max_bytes, char **text, size_t *bytes,
+                               struct fovea_error *error)
 {
     struct fovea_error reason;
     const int descriptor = fv_input_open(path, (int64_t)max_bytes, NULL, &reason);
@@ -87,7 +87,7 @@ static bool is_decimal(const char *text, bool whole)
     return *p == '\0';
 }
 
-bool fovea_text_number(const char *text, double *value)
+bool fv_text_number(const char *text, double *value)
 {
     if (!is_decimal(text, false)) return false;
     const locale_t c = newlocale(LC_ALL_MASK, "C", (locale_t)0);
@@ -99,7 +99,7 @@ bool fovea_text_number(const char *text, double *value)
     return true;
 }
 
-bool fovea_text_integer(const char *text, int64_t *value)
+bool fv_text_integer(const char *text, int64_t *value)
 {
     if (!is_decimal(text, true)) return false;
     errno = 0;
@@ -118,7 +118,7 @@ bool fv_text_shown(uint32_t code)
            !(code >= 0x2066 && code <= 0x2069);
 }
 
-const char *fovea_text_quote(const char *text, char *quoted, size_t bytes)
+const char *fv_text_quote(const char *text, char *quoted, size_t bytes)
 {
     enum { SHOWN = 48, TAIL = 5 /* "...'" and the zero */ };
     size_t used = 0;
@@ -182,7 +182,7 @@ static int distance(const char *a, size_t m, const char *b, size_t n)
     return rows[m % 3][n];
 }
 
-const char *fovea_text_nearest(const char *word, const char *const *names, size_t name_count)
+const char *fv_text_nearest(const char *word, const char *const *names, size_t name_count)
 {
     const size_t length = strnlen(word, COMPARED);
     const char *nearest = NULL;

@@ -20,14 +20,14 @@ void fv_uri_next_word(const char **at, const char *stops, char word[FV_URI_WORD_
 enum fovea_status fv_uri_unknown(const char *scheme, const char *what, const char *found,
                                  const char *const *names, size_t count, struct fovea_error *error)
 {
-    char quoted[FOVEA_TEXT_QUOTED_BYTES], list[256];
-    const char *like = fovea_text_nearest(found, names, count);
+    char quoted[FV_TEXT_QUOTED_BYTES], list[256];
+    const char *like = fv_text_nearest(found, names, count);
     size_t used = 0;
     list[0] = '\0';
     for (size_t i = 0; i < count && used < sizeof list; i++)
         used +=
             (size_t)snprintf(list + used, sizeof list - used, "%s%s", i == 0 ? "" : " ", names[i]);
-    fovea_text_quote(found, quoted, sizeof quoted);
+    fv_text_quote(found, quoted, sizeof quoted);
     return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: unknown %s %s%s%s%s expected one of: %s",
                            scheme, what, quoted, like != NULL ? ", did you mean '" : ";",
                            like != NULL ? like : "", like != NULL ? "'?" : "", list);
@@ -48,12 +48,12 @@ static bool store_number(void *to, const struct fv_uri_option *option, const cha
     double value;
     int64_t whole;
     if (option->kind == FV_URI_REAL) {
-        if (!fovea_text_number(text, &value) || value < option->low || value > option->high)
+        if (!fv_text_number(text, &value) || value < option->low || value > option->high)
             return false;
         *(double *)to = value;
         return true;
     }
-    if (!fovea_text_integer(text, &whole) || whole < (int64_t)option->low ||
+    if (!fv_text_integer(text, &whole) || whole < (int64_t)option->low ||
         whole > (int64_t)option->high)
         return false; /* bounds are whole here; as doubles, 2^53 and one more are the same */
     if (option->kind == FV_URI_U64) *(uint64_t *)to = (uint64_t)whole;
@@ -71,11 +71,11 @@ static int digits_of(double bound)
 static enum fovea_status store(const struct fv_uri_table *table, const struct fv_uri_option *option,
                                const char *value, void *options, struct fovea_error *error)
 {
-    char quoted[FOVEA_TEXT_QUOTED_BYTES];
+    char quoted[FV_TEXT_QUOTED_BYTES];
     void *to = (char *)options + option->offset;
     const bool word = option->kind == FV_URI_WORD;
     if (word ? store_word(to, option, value) : store_number(to, option, value)) return FOVEA_OK;
-    fovea_text_quote(value, quoted, sizeof quoted);
+    fv_text_quote(value, quoted, sizeof quoted);
     if (word)
         return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: %s: found %s, expected %s",
                                table->scheme, option->name, quoted, option->unit);

@@ -9,9 +9,9 @@
 /* The parser runs twice over the text: once counting nodes and bytes, once filling memory of
  * exactly that size. */
 struct block {
-    struct fovea_yaml_tree tree;
+    struct fv_yaml_tree tree;
     char *text;
-    struct fovea_yaml_node nodes[];
+    struct fv_yaml_node nodes[];
 };
 
 struct builder {
@@ -23,12 +23,12 @@ struct builder {
     uint32_t documents, depth;
     yaml_mark_t document; /* where the last one starts */
     struct level {
-        struct fovea_yaml_node *node,
+        struct fv_yaml_node *node,
             *last; /* the collection and its youngest child; NULL when counting */
         bool mapping, has_key;
         uint32_t count, key_line;
         char *key;
-    } levels[FOVEA_YAML_DEPTH_MAX];
+    } levels[FV_YAML_DEPTH_MAX];
 };
 
 static enum fovea_status refuse(struct builder *b, const yaml_mark_t *mark, const char *found,
@@ -53,34 +53,34 @@ static char *copy_text(struct builder *b, const yaml_event_t *event)
 
 static enum fovea_status take_key(struct builder *b, struct level *level, const yaml_event_t *event)
 {
-    char found[FOVEA_TEXT_QUOTED_BYTES + 64], quoted[FOVEA_TEXT_QUOTED_BYTES];
+    char found[FV_TEXT_QUOTED_BYTES + 64], quoted[FV_TEXT_QUOTED_BYTES];
     if (event->type != YAML_SCALAR_EVENT)
         return refuse(b, &event->start_mark, "a collection as a key", "a plain key");
-    if (level->count >= FOVEA_YAML_KEYS_MAX)
+    if (level->count >= FV_YAML_KEYS_MAX)
         return refuse(b, &event->start_mark, "more keys than one mapping may have", "at most 1024");
     level->key = copy_text(b, event);
     level->key_line = (uint32_t)event->start_mark.line + 1;
     level->has_key = true;
     if (b->block == NULL) return FOVEA_OK;
-    const struct fovea_yaml_node *earlier = fovea_yaml_child(level->node, level->key);
+    const struct fv_yaml_node *earlier = fv_yaml_child(level->node, level->key);
     if (earlier == NULL) return FOVEA_OK;
     snprintf(found, sizeof found, "the key %s again (first on line %u)",
-             fovea_text_quote(level->key, quoted, sizeof quoted), earlier->line);
+             fv_text_quote(level->key, quoted, sizeof quoted), earlier->line);
     return refuse(b, &event->start_mark, found, "each key once");
 }
 
 /* Append a node to the collection on top of the stack. */
 static enum fovea_status add_node(struct builder *b, const yaml_event_t *event,
-                                  enum fovea_yaml_kind kind, struct fovea_yaml_node **added)
+                                  enum fv_yaml_kind kind, struct fv_yaml_node **added)
 {
-    if (b->nodes >= FOVEA_YAML_NODES_MAX)
+    if (b->nodes >= FV_YAML_NODES_MAX)
         return refuse(b, &event->start_mark, "more values than a file may have", "at most 65536");
     struct level *level = b->depth > 0 ? &b->levels[b->depth - 1] : NULL;
-    struct fovea_yaml_node *node = b->block != NULL ? &b->block->nodes[b->nodes] : NULL;
+    struct fv_yaml_node *node = b->block != NULL ? &b->block->nodes[b->nodes] : NULL;
     b->nodes++;
     *added = node;
     if (node != NULL) {
-        *node = (struct fovea_yaml_node){
+        *node = (struct fv_yaml_node){
             .kind = kind, .value = "", .line = (uint32_t)event->start_mark.line + 1};
         if (level != NULL) {
             node->parent = level->node;
@@ -108,14 +108,13 @@ static enum fovea_status add_value(struct builder *b, const yaml_event_t *event)
 {
     struct level *level = b->depth > 0 ? &b->levels[b->depth - 1] : NULL;
     if (level != NULL && level->mapping && !level->has_key) return take_key(b, level, event);
-    const enum fovea_yaml_kind kind = event->type == YAML_SCALAR_EVENT ? FOVEA_YAML_SCALAR
-                                      : event->type == YAML_MAPPING_START_EVENT
-                                          ? FOVEA_YAML_MAPPING
-                                          : FOVEA_YAML_SEQUENCE;
-    struct fovea_yaml_node *node = NULL;
+    const enum fv_yaml_kind kind = event->type == YAML_SCALAR_EVENT          ? FV_YAML_SCALAR
+                                   : event->type == YAML_MAPPING_START_EVENT ? FV_YAML_MAPPING
+                                                                             : FV_YAML_SEQUENCE;
+    struct fv_yaml_node *node = NULL;
     const enum fovea_status status = add_node(b, event, kind, &node);
     if (status != FOVEA_OK) return status;
-    if (kind == FOVEA_YAML_SCALAR) {
+    if (kind == FV_YAML_SCALAR) {
         const char *text = copy_text(b, event);
         if (node != NULL) {
             node->value = text;
@@ -123,9 +122,9 @@ static enum fovea_status add_value(struct builder *b, const yaml_event_t *event)
         }
         return FOVEA_OK;
     }
-    if (b->depth >= FOVEA_YAML_DEPTH_MAX)
+    if (b->depth >= FV_YAML_DEPTH_MAX)
         return refuse(b, &event->start_mark, "collections nested too deeply", "at most 32 levels");
-    b->levels[b->depth++] = (struct level){.node = node, .mapping = kind == FOVEA_YAML_MAPPING};
+    b->levels[b->depth++] = (struct level){.node = node, .mapping = kind == FV_YAML_MAPPING};
     return FOVEA_OK;
 }
 
@@ -230,24 +229,24 @@ static struct block *block_new(const struct builder *counted)
 {
     const size_t name_bytes = strlen(counted->file) + 1;
     const size_t nodes_bytes =
-        (counted->nodes + 1) * sizeof(struct fovea_yaml_node); /* one for an empty root */
+        (counted->nodes + 1) * sizeof(struct fv_yaml_node); /* one for an empty root */
     struct block *block = malloc(sizeof *block + nodes_bytes + counted->bytes + name_bytes);
     if (block == NULL) return NULL;
     block->text = (char *)block->nodes + nodes_bytes;
     char *name = block->text + counted->bytes;
     memcpy(name, counted->file, name_bytes);
-    block->nodes[0] = (struct fovea_yaml_node){.kind = FOVEA_YAML_MAPPING, .line = 1, .value = ""};
-    block->tree = (struct fovea_yaml_tree){
+    block->nodes[0] = (struct fv_yaml_node){.kind = FV_YAML_MAPPING, .line = 1, .value = ""};
+    block->tree = (struct fv_yaml_tree){
         .file = name, .root = block->nodes, .node_count = (uint32_t)counted->nodes};
     return block;
 }
 
-enum fovea_status fovea_yaml_parse(const char *name, const char *text, size_t bytes,
-                                   struct fovea_yaml_tree **tree, struct fovea_error *error)
+enum fovea_status fv_yaml_parse(const char *name, const char *text, size_t bytes,
+                                struct fv_yaml_tree **tree, struct fovea_error *error)
 {
-    if (bytes > FOVEA_YAML_BYTES_MAX)
+    if (bytes > FV_YAML_BYTES_MAX)
         return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: found %zu bytes, expected at most %d",
-                               name, bytes, (int)FOVEA_YAML_BYTES_MAX);
+                               name, bytes, (int)FV_YAML_BYTES_MAX);
     const size_t skipped = head_bytes(text, bytes);
     text += skipped;
     bytes -= skipped;
@@ -266,27 +265,27 @@ enum fovea_status fovea_yaml_parse(const char *name, const char *text, size_t by
     return FOVEA_OK;
 }
 
-enum fovea_status fovea_yaml_read(const char *path, struct fovea_yaml_tree **tree,
-                                  struct fovea_error *error)
+enum fovea_status fv_yaml_read(const char *path, struct fv_yaml_tree **tree,
+                               struct fovea_error *error)
 {
     char *text;
     size_t bytes;
-    enum fovea_status status = fovea_text_read(path, FV_INPUT_YAML_BYTES_MAX, &text, &bytes, error);
+    enum fovea_status status = fv_text_read(path, FV_INPUT_YAML_BYTES_MAX, &text, &bytes, error);
     if (status != FOVEA_OK) return status;
-    status = fovea_yaml_parse(path, text, bytes, tree, error);
+    status = fv_yaml_parse(path, text, bytes, tree, error);
     free(text);
     return status;
 }
 
-void fovea_yaml_free(struct fovea_yaml_tree *tree)
+void fv_yaml_free(struct fv_yaml_tree *tree)
 {
     free(tree); /* the first member of its block */
 }
 
-const struct fovea_yaml_node *fovea_yaml_child(const struct fovea_yaml_node *node, const char *key)
+const struct fv_yaml_node *fv_yaml_child(const struct fv_yaml_node *node, const char *key)
 {
-    if (node == NULL || node->kind != FOVEA_YAML_MAPPING) return NULL;
-    for (const struct fovea_yaml_node *child = node->first; child != NULL; child = child->next)
+    if (node == NULL || node->kind != FV_YAML_MAPPING) return NULL;
+    for (const struct fv_yaml_node *child = node->first; child != NULL; child = child->next)
         if (strcmp(child->key, key) == 0) return child;
     return NULL;
 }

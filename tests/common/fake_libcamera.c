@@ -59,7 +59,7 @@ struct fake_stage *fake_stage_open(void)
     memcpy(stage->folder, folder, sizeof folder);
     setenv(STAGE, path, 1);
     setenv("FOVEA_PLUGINS", folder, 1);
-    name_in(stage, FOVEA_LIBCAMERA_PROGRAM, path);
+    name_in(stage, FV_LIBCAMERA_PROGRAM, path);
     if (symlink(self, path) != 0) die(path);
     return stage;
 }
@@ -81,7 +81,7 @@ void fake_stage_reset(struct fake_stage *stage)
 void fake_stage_hide(struct fake_stage *stage, bool hidden)
 {
     char shown[128], away[128];
-    name_in(stage, FOVEA_LIBCAMERA_PROGRAM, shown);
+    name_in(stage, FV_LIBCAMERA_PROGRAM, shown);
     name_in(stage, "hidden", away);
     if (rename(hidden ? shown : away, hidden ? away : shown) != 0) die(shown);
 }
@@ -89,7 +89,7 @@ void fake_stage_hide(struct fake_stage *stage, bool hidden)
 void fake_stage_close(struct fake_stage *stage)
 {
     char path[128];
-    name_in(stage, FOVEA_LIBCAMERA_PROGRAM, path);
+    name_in(stage, FV_LIBCAMERA_PROGRAM, path);
     unlink(path);
     name_in(stage, "stage", path);
     unlink(path);
@@ -251,12 +251,12 @@ static void send_frame(void)
 
 static void learn(struct fv_libcamera_event *event)
 {
-    event->agreed = (struct fovea_libcamera_agreed){.width = FAKE_WIDTH,
-                                                    .height = FAKE_HEIGHT,
-                                                    .format = FOVEA_PIXEL_GREY8,
-                                                    .rate_hz = 100,
-                                                    .buffers = BUFFERS,
-                                                    .id = "a camera"};
+    event->agreed = (struct fv_libcamera_agreed){.width = FAKE_WIDTH,
+                                                 .height = FAKE_HEIGHT,
+                                                 .format = FOVEA_PIXEL_GREY8,
+                                                 .rate_hz = 100,
+                                                 .buffers = BUFFERS,
+                                                 .id = "a camera"};
 }
 
 static void set_up(struct fv_libcamera_event *event)
@@ -314,7 +314,7 @@ static void act(void)
 
 bool fake_libcamera_is_me(const char *name)
 {
-    return strcmp(name, FOVEA_LIBCAMERA_PROGRAM) == 0;
+    return strcmp(name, FV_LIBCAMERA_PROGRAM) == 0;
 }
 
 int fake_libcamera_run(void)

@@ -21,7 +21,7 @@ struct fovea_source *fv_test_open(const char *address)
     static const struct fovea_source_selection everything = {.step = 1};
     struct fovea_source *source = NULL;
     struct fovea_error error = {.text = ""};
-    if (fovea_source_v4l2.open(address, &everything, &source, &error) != FOVEA_OK)
+    if (fv_source_v4l2.open(address, &everything, &source, &error) != FOVEA_OK)
         fail_msg("%s: %s", address, error.text);
     return source;
 }
@@ -30,14 +30,14 @@ struct fovea_source *fv_test_start(const char *address)
 {
     struct fovea_source *source = fv_test_open(address);
     struct fovea_error error;
-    assert_int_equal(fovea_source_v4l2.start(source, &error), FOVEA_OK);
+    assert_int_equal(fv_source_v4l2.start(source, &error), FOVEA_OK);
     return source;
 }
 
 void fv_test_finish(struct fovea_source *source)
 {
-    fovea_source_v4l2.stop(source);
-    fovea_source_v4l2.close(source);
+    fv_source_v4l2.stop(source);
+    fv_source_v4l2.close(source);
 }
 
 struct fovea_frame fv_test_next_frame(struct fovea_source *source)
@@ -47,13 +47,13 @@ struct fovea_frame fv_test_next_frame(struct fovea_source *source)
     const int64_t end_ns = fv_test_now_ns() + 10000000000;
     enum fovea_status status;
     do
-        status = fovea_source_v4l2.dequeue(source, end_ns, &frame);
+        status = fv_source_v4l2.dequeue(source, end_ns, &frame);
     while (status != FOVEA_OK && status >= 0 && fv_test_now_ns() < end_ns);
     if (status != FOVEA_OK) {
-        (void)fovea_source_v4l2.complaint(source, &error);
+        (void)fv_source_v4l2.complaint(source, &error);
         fail_msg("no frame: %s: %s", fovea_status_name(status), error.text);
     }
-    fovea_source_v4l2.requeue(source, &frame);
+    fv_source_v4l2.requeue(source, &frame);
     return frame;
 }
 
@@ -61,16 +61,16 @@ void fv_test_wait_for_state(struct fovea_source *source, enum fovea_source_state
 {
     struct fovea_frame frame;
     const int64_t end_ns = fv_test_now_ns() + 10000000000;
-    while (fovea_source_v4l2.state(source) != wanted && fv_test_now_ns() < end_ns)
-        if (fovea_source_v4l2.dequeue(source, fv_test_now_ns() + 1000000, &frame) == FOVEA_OK)
-            fovea_source_v4l2.requeue(source, &frame);
-    assert_int_equal(fovea_source_v4l2.state(source), wanted);
+    while (fv_source_v4l2.state(source) != wanted && fv_test_now_ns() < end_ns)
+        if (fv_source_v4l2.dequeue(source, fv_test_now_ns() + 1000000, &frame) == FOVEA_OK)
+            fv_source_v4l2.requeue(source, &frame);
+    assert_int_equal(fv_source_v4l2.state(source), wanted);
 }
 
 struct fovea_source_counts fv_test_counts(struct fovea_source *source)
 {
     struct fovea_source_counts counts;
-    fovea_source_v4l2.counts(source, &counts);
+    fv_source_v4l2.counts(source, &counts);
     return counts;
 }
 
@@ -79,7 +79,7 @@ bool fv_test_complains_of(struct fovea_source *source, const char *words)
     struct fovea_error error;
     const int64_t end_ns = fv_test_now_ns() + 3000000000;
     do {
-        while (fovea_source_v4l2.complaint(source, &error) == FOVEA_OK)
+        while (fv_source_v4l2.complaint(source, &error) == FOVEA_OK)
             if (strstr(error.text, words) != NULL) return true;
         nanosleep(&(struct timespec){.tv_nsec = 1000000}, NULL);
     } while (fv_test_now_ns() < end_ns);

@@ -7,7 +7,7 @@
 
 #include "fovea/source.h"
 
-extern const struct fovea_source_ops fovea_source_v4l2; /* drivers/live/live.h */
+extern const struct fovea_source_ops fv_source_v4l2; /* drivers/live/live.h */
 
 int64_t fv_test_now_ns(void);
 

@@ -38,8 +38,7 @@ static inline int nn_golden_set_up(void **state)
     char *file;
     size_t bytes;
     (void)state;
-    if (fovea_text_read("tests/golden/nn_operators.bin", 1 << 28, &file, &bytes, &error) !=
-            FOVEA_OK ||
+    if (fv_text_read("tests/golden/nn_operators.bin", 1 << 28, &file, &bytes, &error) != FOVEA_OK ||
         bytes == 0 || bytes % 64 != 0) {
         fprintf(stderr, "tests/golden/nn_operators.bin: %s\n", error.text);
         return -1;

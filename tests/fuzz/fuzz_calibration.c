@@ -15,21 +15,20 @@ static void check_line(const struct fovea_error *error)
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t bytes)
 {
-    struct fovea_calibration found, again;
+    struct fv_calibration found, again;
     struct fovea_error error = {.text = ""}, lost;
-    if (fovea_calibration_parse("fuzz", (const char *)data, bytes, NULL, &found, &error) !=
-        FOVEA_OK) {
+    if (fv_calibration_parse("fuzz", (const char *)data, bytes, NULL, &found, &error) != FOVEA_OK) {
         check_line(&error);
         return 0;
     }
-    for (int format = 0; format < FOVEA_CALIBRATION_FORMAT_COUNT; format++) {
-        char text[FOVEA_CALIBRATION_BYTES_MAX];
-        if (fovea_calibration_format_text((enum fovea_calibration_format)format, &found, text,
-                                          &lost, &error) != FOVEA_OK) {
+    for (int format = 0; format < FV_CALIBRATION_FORMAT_COUNT; format++) {
+        char text[FV_CALIBRATION_BYTES_MAX];
+        if (fv_calibration_format_text((enum fv_calibration_format)format, &found, text, &lost,
+                                       &error) != FOVEA_OK) {
             check_line(&error);
             continue;
         }
-        if (fovea_calibration_parse("again", text, strlen(text), NULL, &again, &error) != FOVEA_OK)
+        if (fv_calibration_parse("again", text, strlen(text), NULL, &again, &error) != FOVEA_OK)
             abort();
         if (again.camera.fx != found.camera.fx || again.camera.cy != found.camera.cy ||
             again.camera.lens != found.camera.lens || again.camera.width != found.camera.width)

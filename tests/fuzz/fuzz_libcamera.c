@@ -23,7 +23,7 @@ static struct fv_libcamera_event sensible(uint32_t kind)
     event.version = FV_LIBCAMERA_VERSION;
     event.kind = kind;
     event.frame.bytes = 100;
-    event.agreed = (struct fovea_libcamera_agreed){
+    event.agreed = (struct fv_libcamera_agreed){
         .width = 64, .height = 48, .format = FOVEA_PIXEL_GREY8, .buffers = BUFFERS};
     event.buffer_count = BUFFERS;
     event.stride_bytes = 64;

@@ -34,7 +34,7 @@ int LLVMFuzzerInitialize(int *argc, char ***argv)
     short_run_record(path, &run);
     struct fovea_error error;
     char *text;
-    if (fovea_text_read(path, 1 << 28, &text, &good_bytes, &error) != FOVEA_OK) abort();
+    if (fv_text_read(path, 1 << 28, &text, &good_bytes, &error) != FOVEA_OK) abort();
     good = (uint8_t *)text;
     return 0;
 }

@@ -36,23 +36,23 @@ static void write_pictures(const char *corpus)
 
 static void write_calibrations(const char *corpus)
 {
-    struct fovea_calibration c = {
+    struct fv_calibration c = {
         .camera = {.width = 640, .height = 480, .fx = 500, .fy = 501, .cx = 320, .cy = 240},
         .name = "cam0",
         .has_T_body_cam = true,
         .T_body_cam = {1, 0, 0, 0.1, 0, 1, 0, 0.2, 0, 0, 1, 0.3},
         .rate_hz = 20};
     fv_test_make_folder(fv_test_path(corpus, "fuzz_calibration"));
-    for (int format = 0; format < FOVEA_CALIBRATION_FORMAT_COUNT; format++) {
-        char name[64], text[FOVEA_CALIBRATION_BYTES_MAX];
+    for (int format = 0; format < FV_CALIBRATION_FORMAT_COUNT; format++) {
+        char name[64], text[FV_CALIBRATION_BYTES_MAX];
         struct fovea_error error;
         c.camera.lens = format % 2 == 0 ? FOVEA_LENS_RADTAN : FOVEA_LENS_EQUIDISTANT;
         c.camera.k[0] = -0.1;
-        if (fovea_calibration_format_text((enum fovea_calibration_format)format, &c, text, NULL,
-                                          &error) != FOVEA_OK)
+        if (fv_calibration_format_text((enum fv_calibration_format)format, &c, text, NULL,
+                                       &error) != FOVEA_OK)
             abort();
         snprintf(name, sizeof name, "fuzz_calibration/%s.yaml",
-                 fovea_calibration_format_name((enum fovea_calibration_format)format));
+                 fv_calibration_format_name((enum fv_calibration_format)format));
         fv_test_write_text(fv_test_path(corpus, name), text);
     }
 }

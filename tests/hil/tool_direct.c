@@ -13,7 +13,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "support/log.h"
+#include "support/lcmlog.h"
 #include "fovea_frame_t.h"
 
 /* The rows of the recorded frame are those of the picture. */
@@ -26,11 +26,11 @@ static bool same(const fovea_image_t *image, const uint8_t *data, const uint8_t 
     return true;
 }
 
-static void put_event(FILE *out, const struct fovea_log_event *event, const uint8_t *data)
+static void put_event(FILE *out, const struct fv_lcmlog_event *event, const uint8_t *data)
 {
     const uint32_t name_bytes = (uint32_t)strlen(event->channel);
     const uint64_t number = (uint64_t)event->number, time_us = (uint64_t)event->time_us;
-    const uint32_t head[7] = {htonl(FOVEA_LOG_SYNC),    htonl((uint32_t)(number >> 32)),
+    const uint32_t head[7] = {htonl(FV_LCMLOG_SYNC),    htonl((uint32_t)(number >> 32)),
                               htonl((uint32_t)number),  htonl((uint32_t)(time_us >> 32)),
                               htonl((uint32_t)time_us), htonl(name_bytes),
                               htonl(event->bytes)};
@@ -41,21 +41,21 @@ static void put_event(FILE *out, const struct fovea_log_event *event, const uint
 
 int tool_direct(int argc, char **argv)
 {
-    struct fovea_log *log;
-    struct fovea_log_event event;
+    struct fv_lcmlog *log;
+    struct fv_lcmlog_event event;
     struct fovea_error error = {.text = ""};
     struct tool_frames frames = {.data = NULL};
     if (argc != 4) tool_fail("usage: direct RECORDING FRAMES OUT");
-    if (fovea_log_open(argv[1], &log, &error) != FOVEA_OK) tool_fail("%s", error.text);
+    if (fv_lcmlog_open(argv[1], &log, &error) != FOVEA_OK) tool_fail("%s", error.text);
     FILE *out = fopen(argv[3], "wb");
     if (out == NULL) tool_fail("%s: cannot be written", argv[3]);
     size_t next = 0, replaced = 0, skipped = 0;
     int64_t last_number = 0;
     enum fovea_status status;
-    while ((status = fovea_log_next(log, &event, &error)) == FOVEA_OK) {
+    while ((status = fv_lcmlog_next(log, &event, &error)) == FOVEA_OK) {
         uint8_t *data = malloc(event.bytes);
         memcpy(data, event.data, event.bytes);
-        if (fovea_log_channel_is(event.channel, "FRAME")) {
+        if (fv_lcmlog_channel_is(event.channel, "FRAME")) {
             fovea_frame_t frame;
             if (fovea_frame_t_decode(data, 0, (int)event.bytes, &frame) < 0)
                 tool_fail("a frame cannot be decoded");
@@ -90,7 +90,7 @@ int tool_direct(int argc, char **argv)
     }
     if (status != FOVEA_END) tool_fail("%s", error.text);
     fclose(out);
-    fovea_log_close(log);
+    fv_lcmlog_close(log);
     printf("%zu frames replaced, %zu of those fed were not seen\n", replaced, skipped);
     return replaced > 0 && skipped <= frames.count / 2 ? 0 : 1;
 }

@@ -12,7 +12,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "support/log.h"
+#include "support/lcmlog.h"
 #include "fovea_camera_status_t.h"
 #include "fovea_pose_t.h"
 
@@ -64,25 +64,25 @@ static void take_pose(int state)
     last_pose = state;
 }
 
-static void take_event(const struct fovea_log_event *event)
+static void take_event(const struct fv_lcmlog_event *event)
 {
     uint8_t *data = (uint8_t *)(uintptr_t)event->data;
     fovea_camera_status_t status;
     fovea_pose_t pose;
-    if (fovea_log_channel_is(event->channel, "FRAME")) {
+    if (fv_lcmlog_channel_is(event->channel, "FRAME")) {
         seen.frames++;
         frame_came = true;
     }
-    if (fovea_log_channel_is(event->channel, "INPUTS")) { /* begins a step, behind its frame */
+    if (fv_lcmlog_channel_is(event->channel, "INPUTS")) { /* begins a step, behind its frame */
         step_has_frame = frame_came;
         frame_came = false;
     }
-    if (fovea_log_channel_is(event->channel, "CAMERA_STATUS") &&
+    if (fv_lcmlog_channel_is(event->channel, "CAMERA_STATUS") &&
         fovea_camera_status_t_decode(data, 0, (int)event->bytes, &status) >= 0) {
         take_status(&status);
         fovea_camera_status_t_decode_cleanup(&status);
     }
-    if (fovea_log_channel_is(event->channel, "CAMERA_POSE") &&
+    if (fv_lcmlog_channel_is(event->channel, "CAMERA_POSE") &&
         fovea_pose_t_decode(data, 0, (int)event->bytes, &pose) >= 0) {
         take_pose(pose.state);
         seen.poses++;
@@ -92,20 +92,20 @@ static void take_event(const struct fovea_log_event *event)
 
 int tool_states(int argc, char **argv)
 {
-    struct fovea_log *log;
-    struct fovea_log_event event;
+    struct fv_lcmlog *log;
+    struct fv_lcmlog_event event;
     struct fovea_error error = {.text = ""};
     double rate_hz = 0;
-    if (argc < 2 || fovea_log_open(argv[1], &log, &error) != FOVEA_OK)
+    if (argc < 2 || fv_lcmlog_open(argv[1], &log, &error) != FOVEA_OK)
         tool_fail("states: %s", error.text);
     for (int i = 2; i < argc && wanted_count < 16 && pose_count < 16; i++) {
         if (strncmp(argv[i], "state=", 6) == 0) wanted[wanted_count++] = argv[i] + 6;
         if (strncmp(argv[i], "pose=", 5) == 0) wanted_poses[pose_count++] = atoi(argv[i] + 5);
         if (strncmp(argv[i], "rate=", 5) == 0) rate_hz = atof(argv[i] + 5);
     }
-    while (fovea_log_next(log, &event, &error) == FOVEA_OK)
+    while (fv_lcmlog_next(log, &event, &error) == FOVEA_OK)
         take_event(&event);
-    fovea_log_close(log);
+    fv_lcmlog_close(log);
     printf(
         "%ld frames, %ld poses (%ld starting, %ld tracking, %ld weak, %ld lost); delivered %llu, damaged %llu, dropped %llu, recovered %llu; %ld steps in %.2f s while gone\n",
         seen.frames, seen.poses, seen.pose_state[0], seen.pose_state[1], seen.pose_state[2],

@@ -74,23 +74,23 @@ static int end(pid_t child)
     return WIFEXITED(status) ? WEXITSTATUS(status) : 1000 + status;
 }
 
-static struct fovea_yaml_tree *stats_read(void)
+static struct fv_yaml_tree *stats_read(void)
 {
-    struct fovea_yaml_tree *tree;
+    struct fv_yaml_tree *tree;
     struct fovea_error error;
-    if (fovea_yaml_read(stats_path, &tree, &error) != FOVEA_OK) fail_msg("%s", error.text);
+    if (fv_yaml_read(stats_path, &tree, &error) != FOVEA_OK) fail_msg("%s", error.text);
     return tree;
 }
 
-static int64_t value(const struct fovea_yaml_tree *tree, const char *section, const char *key)
+static int64_t value(const struct fv_yaml_tree *tree, const char *section, const char *key)
 {
     int64_t whole = -1;
     struct fovea_error error;
-    const struct fovea_yaml_node *node =
-        section != NULL ? fovea_yaml_child(tree->root, section) : tree->root;
-    node = node != NULL ? fovea_yaml_child(node, key) : NULL;
+    const struct fv_yaml_node *node =
+        section != NULL ? fv_yaml_child(tree->root, section) : tree->root;
+    node = node != NULL ? fv_yaml_child(node, key) : NULL;
     if (node == NULL) fail_msg("no %s in the JSON", key);
-    if (fovea_yaml_integer(tree, node, 0, INT64_MAX, &whole, &error) != FOVEA_OK)
+    if (fv_yaml_integer(tree, node, 0, INT64_MAX, &whole, &error) != FOVEA_OK)
         fail_msg("%s", error.text);
     return whole;
 }
@@ -101,7 +101,7 @@ static void assert_fine(const char *source, int64_t frames, int64_t resident_max
     struct stat info;
     int status = end(begin(source, more));
     if (status != FV_EXIT_OK) fail_msg("%s: exit status %d", source, status);
-    struct fovea_yaml_tree *tree = stats_read();
+    struct fv_yaml_tree *tree = stats_read();
     assert_int_equal(value(tree, "frames", "in"), frames);
     assert_int_equal(value(tree, "frames", "processed"), frames);
     assert_int_equal(value(tree, "frames", "dropped"), 0);
@@ -113,7 +113,7 @@ static void assert_fine(const char *source, int64_t frames, int64_t resident_max
         if (!emulated && resident > resident_max)
             fail_msg("%s: %lld bytes resident", source, (long long)resident);
     }
-    fovea_yaml_free(tree);
+    fv_yaml_free(tree);
     assert_int_equal(stat(picture_path, &info), 0);
     assert_true(info.st_size > 1000);
 }
@@ -150,10 +150,10 @@ static void test_program(void **state)
     }
     assert_int_equal(wait4(child, &status, 0, &used), child);
     assert_int_equal(status, 0);
-    struct fovea_yaml_tree *tree = stats_read();
+    struct fv_yaml_tree *tree = stats_read();
     int64_t resident = value(tree, "memory", "resident_max_bytes"),
             whole = (int64_t)used.ru_maxrss << 10;
-    fovea_yaml_free(tree);
+    fv_yaml_free(tree);
     if (resident > RESIDENT_MAX_BYTES) fail_msg("%lld bytes resident", (long long)resident);
     if (whole > RESIDENT_MAX_BYTES)
         fail_msg("%lld bytes resident when the picture was drawn", (long long)whole);
@@ -217,9 +217,9 @@ static void test_signals_end_cleanly(void **state)
         wait_until_it_runs(recording);
         kill(child, signals[i]);
         assert_int_equal(end(child), FV_EXIT_OK);
-        struct fovea_yaml_tree *tree = stats_read();
+        struct fv_yaml_tree *tree = stats_read();
         assert_true(value(tree, "frames", "processed") > 0);
-        fovea_yaml_free(tree);
+        fv_yaml_free(tree);
         unlink(recording);
     }
 }
@@ -266,9 +266,9 @@ static void test_signals_before_the_first_frame(void **state)
         fcntl(held, F_SETLEASE, F_UNLCK);
         close(held);
         assert_int_equal(end(child), FV_EXIT_OK);
-        struct fovea_yaml_tree *tree = stats_read();
+        struct fv_yaml_tree *tree = stats_read();
         assert_int_equal(value(tree, "frames", "processed"), 0);
-        fovea_yaml_free(tree);
+        fv_yaml_free(tree);
     }
     FILE *file = fopen(map, "r");
     assert_true(file != NULL && fgets(text, sizeof text, file) != NULL && fclose(file) == 0);

@@ -14,7 +14,7 @@
 #include "app/record/replay.h"
 #include "common/short_run.h"
 #include "../../drivers/recorded/player.h"
-#include "support/log.h"
+#include "support/lcmlog.h"
 #include "support/text.h"
 #include "message/fields.h"
 
@@ -35,7 +35,7 @@ static void make_recording(void)
     short_run_record(good, &run);
     struct fovea_error error;
     char *text;
-    if (fovea_text_read(good, 1 << 28, &text, &whole_bytes, &error) != FOVEA_OK) abort();
+    if (fv_text_read(good, 1 << 28, &text, &whole_bytes, &error) != FOVEA_OK) abort();
     whole = (uint8_t *)text;
 }
 
@@ -51,15 +51,15 @@ static void write_changed(const uint8_t *bytes, size_t count)
 /* Offset in the file of the data of the n-th event on a channel. */
 static size_t find_data(const char *channel, int n)
 {
-    struct fovea_log *log;
-    struct fovea_log_event event;
+    struct fv_lcmlog *log;
+    struct fv_lcmlog_event event;
     struct fovea_error error;
     size_t found = 0;
-    assert_int_equal(fovea_log_open(good, &log, &error), FOVEA_OK);
-    while (found == 0 && fovea_log_skim(log, &event, &error) == FOVEA_OK)
+    assert_int_equal(fv_lcmlog_open(good, &log, &error), FOVEA_OK);
+    while (found == 0 && fv_lcmlog_skim(log, &event, &error) == FOVEA_OK)
         if (strcmp(event.channel, channel) == 0 && n-- == 0)
-            found = (size_t)event.offset + FOVEA_LOG_HEADER_BYTES + strlen(channel);
-    fovea_log_close(log);
+            found = (size_t)event.offset + FV_LCMLOG_HEADER_BYTES + strlen(channel);
+    fv_lcmlog_close(log);
     assert_true(found > 0);
     return found;
 }
@@ -67,7 +67,7 @@ static size_t find_data(const char *channel, int n)
 /* Where that event begins. */
 static size_t find_event(const char *channel, int n)
 {
-    return find_data(channel, n) - strlen(channel) - FOVEA_LOG_HEADER_BYTES;
+    return find_data(channel, n) - strlen(channel) - FV_LCMLOG_HEADER_BYTES;
 }
 
 /* Replay the good log with one byte flipped. */
@@ -86,7 +86,7 @@ static size_t find_field(const char *channel, int n, int number, struct fovea_fi
 {
     size_t at = find_data(channel, n);
     struct fovea_fields walk;
-    const size_t event = at - strlen(channel) - FOVEA_LOG_HEADER_BYTES;
+    const size_t event = at - strlen(channel) - FV_LCMLOG_HEADER_BYTES;
     const size_t bytes = (size_t)whole[event + 27] | (size_t)whole[event + 26] << 8 |
                          (size_t)whole[event + 25] << 16;
     assert_int_equal(fovea_fields_begin(&walk, whole + at, bytes), FOVEA_OK);
@@ -211,7 +211,7 @@ static void test_missing_message(void **state)
     struct fv_replay_result result;
     struct fovea_error error;
     size_t data = find_data("FOVEA_FEATURES", 5),
-           event = data - strlen("FOVEA_FEATURES") - FOVEA_LOG_HEADER_BYTES;
+           event = data - strlen("FOVEA_FEATURES") - FV_LCMLOG_HEADER_BYTES;
     size_t bytes = (size_t)whole[event + 27] | (size_t)whole[event + 26] << 8;
     size_t end = data + bytes;
     uint8_t *shorter = malloc(whole_bytes);
@@ -308,7 +308,7 @@ static void test_every_edit(void **state)
     struct fv_replay_result result;
     struct fovea_error error;
     const size_t event = find_event("FOVEA_GRANTS", 9);
-    for (size_t at = event; at < event + FOVEA_LOG_HEADER_BYTES;
+    for (size_t at = event; at < event + FV_LCMLOG_HEADER_BYTES;
          at++) /* sync, number, time, sizes */
         assert_true(replay_flipped(at, 1, &result, &error) != FOVEA_OK || result.different);
     replay_flipped(event + 11, 1, &result, &error);
@@ -389,7 +389,7 @@ static void test_other_formats(void **state)
 static void check_fed_again(const char *path)
 {
     static const struct fovea_source_selection everything = {.step = 1};
-    const struct fovea_source_ops *ops = &fovea_source_lcmlog;
+    const struct fovea_source_ops *ops = &fv_source_lcmlog;
     struct fovea_sample found[FOVEA_INPUT_SAMPLES_MAX], expected[SHORT_RUN_SAMPLES];
     struct fovea_source *source;
     struct fovea_frame frame;
@@ -429,7 +429,7 @@ static void check_fed_again(const char *path)
 static void check_fed_in_reverse(const char *path)
 {
     static const struct fovea_source_selection backwards = {.step = 1, .reverse = true};
-    const struct fovea_source_ops *ops = &fovea_source_lcmlog;
+    const struct fovea_source_ops *ops = &fv_source_lcmlog;
     struct fovea_sample found[FOVEA_INPUT_SAMPLES_MAX];
     struct fovea_source *source;
     struct fovea_frame frame;
@@ -454,18 +454,18 @@ static void check_fed_in_reverse(const char *path)
 static void check_missing_sample(const uint8_t *bytes, size_t count)
 {
     struct fv_replay_result result;
-    struct fovea_log *log;
-    struct fovea_log_event event;
+    struct fv_lcmlog *log;
+    struct fv_lcmlog_event event;
     struct fovea_error error;
     uint8_t *less = malloc(count);
     assert_non_null(less);
-    assert_int_equal(fovea_log_open(changed, &log, &error), FOVEA_OK);
+    assert_int_equal(fv_lcmlog_open(changed, &log, &error), FOVEA_OK);
     do
-        assert_int_equal(fovea_log_next(log, &event, &error), FOVEA_OK);
+        assert_int_equal(fv_lcmlog_next(log, &event, &error), FOVEA_OK);
     while (strcmp(event.channel, "FOVEA_IMU") != 0);
-    fovea_log_close(log);
+    fv_lcmlog_close(log);
     const size_t at = (size_t)event.offset,
-                 behind = at + FOVEA_LOG_HEADER_BYTES + strlen("FOVEA_IMU") + event.bytes;
+                 behind = at + FV_LCMLOG_HEADER_BYTES + strlen("FOVEA_IMU") + event.bytes;
     memcpy(less, bytes, at);
     memcpy(less + at, bytes + behind, count - behind);
     write_changed(less, count - (behind - at));
@@ -494,21 +494,21 @@ static void test_rig(void **state)
     check_fed_again(changed);
     check_fed_in_reverse(changed);
 
-    struct fovea_log *log;
-    struct fovea_log_event event;
+    struct fv_lcmlog *log;
+    struct fv_lcmlog_event event;
     struct fovea_frame frame;
-    assert_int_equal(fovea_log_open(changed, &log, &error), FOVEA_OK);
+    assert_int_equal(fv_lcmlog_open(changed, &log, &error), FOVEA_OK);
     for (int frames = 0; frames < 3;) {
-        assert_int_equal(fovea_log_next(log, &event, &error), FOVEA_OK);
+        assert_int_equal(fv_lcmlog_next(log, &event, &error), FOVEA_OK);
         if (strcmp(event.channel, "FOVEA_FRAME") != 0) continue;
-        assert_int_equal(fovea_log_frame(changed, &event, &frame, &error), FOVEA_OK);
+        assert_int_equal(fv_lcmlog_frame(changed, &event, &frame, &error), FOVEA_OK);
         assert_int_equal(frame.image_count, 2);
         assert_int_equal(frame.images[1].width, frames == 2 ? 0 : WIDTH * 3 / 4);
         assert_int_equal(frame.images[1].data == NULL, frames++ == 2);
     }
     const size_t third = (size_t)event.offset;
-    fovea_log_close(log);
-    assert_int_equal(fovea_text_read(changed, 1 << 28, &bytes, &count, &error), FOVEA_OK);
+    fv_lcmlog_close(log);
+    assert_int_equal(fv_text_read(changed, 1 << 28, &bytes, &count, &error), FOVEA_OK);
     check_missing_sample((uint8_t *)bytes, count);
     const size_t iteration =
         WIDTH * HEIGHT * 9 / 16; /* back into the second image of the second frame */

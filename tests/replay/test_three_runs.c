@@ -15,7 +15,7 @@
 
 #include "app/command.h"
 #include "common/data_folder.h"
-#include "support/log.h"
+#include "support/lcmlog.h"
 
 enum { RUNS = 3 };
 
@@ -61,29 +61,29 @@ static void run(const char *source, const char *frames, const char *log)
 }
 
 /* The next event of those that must be equal; false at the end. */
-static bool next(struct fovea_log *log, struct fovea_log_event *event)
+static bool next(struct fv_lcmlog *log, struct fv_lcmlog_event *event)
 {
     static const char *const measured[] = {"RECORDING", "INPUTS", "STATISTICS", "RECORDING_END"};
     struct fovea_error error;
     for (;;) {
-        const enum fovea_status status = fovea_log_next(log, event, &error);
+        const enum fovea_status status = fv_lcmlog_next(log, event, &error);
         bool skip = false;
         if (status == FOVEA_END) return false;
         if (status != FOVEA_OK) fail_msg("%s", error.text);
         for (size_t i = 0; i < sizeof measured / sizeof measured[0]; i++)
-            skip = skip || fovea_log_channel_is(event->channel, measured[i]);
+            skip = skip || fv_lcmlog_channel_is(event->channel, measured[i]);
         if (!skip) return true;
     }
 }
 
 static void expect_equal(const char *first, const char *second)
 {
-    struct fovea_log *logs[2];
-    struct fovea_log_event a, b;
+    struct fv_lcmlog *logs[2];
+    struct fv_lcmlog_event a, b;
     struct fovea_error error;
     uint32_t events = 0;
-    assert_int_equal(fovea_log_open(first, &logs[0], &error), FOVEA_OK);
-    assert_int_equal(fovea_log_open(second, &logs[1], &error), FOVEA_OK);
+    assert_int_equal(fv_lcmlog_open(first, &logs[0], &error), FOVEA_OK);
+    assert_int_equal(fv_lcmlog_open(second, &logs[1], &error), FOVEA_OK);
     while (next(logs[0], &a)) {
         assert_true(next(logs[1], &b));
         assert_string_equal(a.channel, b.channel);
@@ -94,8 +94,8 @@ static void expect_equal(const char *first, const char *second)
     }
     assert_false(next(logs[1], &b));
     assert_true(events > 100);
-    fovea_log_close(logs[0]);
-    fovea_log_close(logs[1]);
+    fv_lcmlog_close(logs[0]);
+    fv_lcmlog_close(logs[1]);
 }
 
 static void expect_runs_equal(const char *source, const char *frames)
@@ -144,18 +144,18 @@ static void expect_verdict(const char *log, int status, const char *text)
 static void test_verdicts(void **state)
 {
     (void)state;
-    struct fovea_log *log;
-    struct fovea_log_event event;
+    struct fv_lcmlog *log;
+    struct fv_lcmlog_event event;
     struct fovea_error error;
     int64_t last = 0, grants = 0;
     run("sim:?width=320&height=240&seed=3", "10", paths[0]);
     expect_verdict(paths[0], FV_EXIT_OK, "");
-    assert_int_equal(fovea_log_open(paths[0], &log, &error), FOVEA_OK);
-    while (fovea_log_next(log, &event, &error) == FOVEA_OK) {
+    assert_int_equal(fv_lcmlog_open(paths[0], &log, &error), FOVEA_OK);
+    while (fv_lcmlog_next(log, &event, &error) == FOVEA_OK) {
         last = event.offset;
-        if (fovea_log_channel_is(event.channel, "GRANTS")) grants = event.offset;
+        if (fv_lcmlog_channel_is(event.channel, "GRANTS")) grants = event.offset;
     }
-    fovea_log_close(log);
+    fv_lcmlog_close(log);
     assert_int_equal(truncate(paths[0], last), 0); /* as when the program was killed there */
     expect_verdict(paths[0], FV_EXIT_FAILED,
                    "found no end of the recording after 10 frames, expected one");

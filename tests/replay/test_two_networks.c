@@ -13,7 +13,7 @@
 
 #include "app/command.h"
 #include "app/record/replay.h"
-#include "support/log.h"
+#include "support/lcmlog.h"
 #include "support/text.h"
 
 static char path[] = "/tmp/fovea-two-XXXXXX";
@@ -45,18 +45,18 @@ static void record(void)
 /* Offset in the file of the last message of a channel, and how many there are. */
 static size_t find(const char *channel, int *count)
 {
-    struct fovea_log *log;
-    struct fovea_log_event event;
+    struct fv_lcmlog *log;
+    struct fv_lcmlog_event event;
     struct fovea_error error;
     size_t found = 0;
     *count = 0;
-    assert_int_equal(fovea_log_open(path, &log, &error), FOVEA_OK);
-    while (fovea_log_skim(log, &event, &error) == FOVEA_OK) {
+    assert_int_equal(fv_lcmlog_open(path, &log, &error), FOVEA_OK);
+    while (fv_lcmlog_skim(log, &event, &error) == FOVEA_OK) {
         if (strcmp(event.channel, channel) != 0) continue;
-        found = (size_t)event.offset + FOVEA_LOG_HEADER_BYTES + strlen(channel);
+        found = (size_t)event.offset + FV_LCMLOG_HEADER_BYTES + strlen(channel);
         ++*count;
     }
-    fovea_log_close(log);
+    fv_lcmlog_close(log);
     return found;
 }
 

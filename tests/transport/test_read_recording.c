@@ -12,7 +12,7 @@
 
 #include <cmocka.h>
 
-#include "support/log.h"
+#include "support/lcmlog.h"
 
 #include "fovea_pose_t.h"
 
@@ -47,11 +47,11 @@ static FILE *read_with_python(const char *suffix)
     return lines;
 }
 
-static struct fovea_log *open_recording(void)
+static struct fv_lcmlog *open_recording(void)
 {
-    struct fovea_log *log = NULL;
+    struct fv_lcmlog *log = NULL;
     struct fovea_error error;
-    if (fovea_log_open(recording, &log, &error) != FOVEA_OK) fail_msg("%s", error.text);
+    if (fv_lcmlog_open(recording, &log, &error) != FOVEA_OK) fail_msg("%s", error.text);
     return log;
 }
 
@@ -59,12 +59,12 @@ static void every_message_is_read(void **state)
 {
     (void)state;
     static char line[1 << 20];
-    struct fovea_log_event event;
+    struct fv_lcmlog_event event;
     struct fovea_error error;
     FILE *lines = read_with_python("");
-    struct fovea_log *log = open_recording();
+    struct fv_lcmlog *log = open_recording();
     int events = 0;
-    while (fovea_log_next(log, &event, &error) == FOVEA_OK) {
+    while (fv_lcmlog_next(log, &event, &error) == FOVEA_OK) {
         char start[160];
         snprintf(start, sizeof start, "{\"channel\": \"%s\", \"type\": ", event.channel);
         if (fgets(line, sizeof line, lines) == NULL || strncmp(line, start, strlen(start)) != 0)
@@ -74,19 +74,19 @@ static void every_message_is_read(void **state)
     assert_null(fgets(line, sizeof line, lines));
     assert_int_equal(pclose(lines), 0);
     assert_in_range(events, 400, 1000);
-    fovea_log_close(log);
+    fv_lcmlog_close(log);
 }
 
 static void the_numbers_are_those_of_the_decoders(void **state)
 {
     (void)state;
     static char line[1 << 16];
-    struct fovea_log_event event;
+    struct fv_lcmlog_event event;
     struct fovea_error error;
     FILE *lines = read_with_python("POSE");
-    struct fovea_log *log = open_recording();
+    struct fv_lcmlog *log = open_recording();
     int posed = 0;
-    while (fovea_log_next(log, &event, &error) == FOVEA_OK) {
+    while (fv_lcmlog_next(log, &event, &error) == FOVEA_OK) {
         fovea_pose_t pose;
         double p[3];
         if (strcmp(event.channel, "FOVEA_POSE") != 0) continue;
@@ -108,7 +108,7 @@ static void the_numbers_are_those_of_the_decoders(void **state)
     assert_null(fgets(line, sizeof line, lines));
     assert_int_equal(pclose(lines), 0);
     assert_true(posed > 20);
-    fovea_log_close(log);
+    fv_lcmlog_close(log);
 }
 
 int main(int argc, char **argv)

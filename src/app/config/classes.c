@@ -24,7 +24,7 @@ static int32_t class_of(const struct fv_model *model, const char *name)
         const char *label = fv_model_label(model, i);
         if (strcmp(label, name) == 0) return i - first < FOVEA_OBJECT_CLASSES_MAX ? i - first : -1;
     }
-    if (!fovea_text_number(name, &number) || !(number >= 0 && number < FOVEA_OBJECT_CLASSES_MAX))
+    if (!fv_text_number(name, &number) || !(number >= 0 && number < FOVEA_OBJECT_CLASSES_MAX))
         return -1;
     return number == (double)(int32_t)number ? (int32_t)number : -1;
 }
@@ -60,9 +60,9 @@ static void take_moving(struct fovea_objects_config *track, const struct fv_mode
 static enum fovea_status refuse(const char *key, const char *entry, const char *expected,
                                 struct fovea_error *error)
 {
-    char quoted[FOVEA_TEXT_QUOTED_BYTES];
+    char quoted[FV_TEXT_QUOTED_BYTES];
     return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: found %s, expected %s", key,
-                           fovea_text_quote(entry, quoted, sizeof quoted), expected);
+                           fv_text_quote(entry, quoted, sizeof quoted), expected);
 }
 
 static enum fovea_status refuse_height(const char *entry, struct fovea_error *error)
@@ -84,7 +84,7 @@ static enum fovea_status refuse_number(const char *entry, struct fovea_error *er
 static bool take_height(char *entry, double *height)
 {
     char *colon = strrchr(entry, ':');
-    if (colon == NULL || colon == entry || !fovea_text_number(colon + 1, height) ||
+    if (colon == NULL || colon == entry || !fv_text_number(colon + 1, height) ||
         !(*height > 0 && *height <= FOVEA_OBJECT_HEIGHT_MAX_M))
         return false;
     *colon = '\0';
@@ -96,9 +96,8 @@ enum fovea_status fv_classes_check(const struct fv_settings *settings, struct fo
     char entry[ENTRY_BYTES];
     double number;
     for (const char *list = settings->movable; next(&list, entry);)
-        if (fovea_text_number(entry, &number) &&
-            !(number >= 0 && number < FOVEA_OBJECT_CLASSES_MAX &&
-              number == (double)(int32_t)number))
+        if (fv_text_number(entry, &number) && !(number >= 0 && number < FOVEA_OBJECT_CLASSES_MAX &&
+                                                number == (double)(int32_t)number))
             return refuse_number(entry, error);
     for (const char *list = settings->heights; next(&list, entry);)
         if (!take_height(entry, &number)) return refuse_height(entry, error);

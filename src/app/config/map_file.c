@@ -203,7 +203,7 @@ enum fovea_status fv_map_file_read(const char *path, uint8_t **data, size_t *byt
 {
     char *text;
     const enum fovea_status status =
-        fovea_text_read(path, FV_INPUT_MAP_BYTES_MAX, &text, bytes, error);
+        fv_text_read(path, FV_INPUT_MAP_BYTES_MAX, &text, bytes, error);
     if (status == FOVEA_OK) *data = (uint8_t *)text;
     return status;
 }

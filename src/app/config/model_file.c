@@ -13,7 +13,7 @@ enum fovea_status fv_model_file_read(const char *path, struct fv_model_file *fil
     char *data;
     *file = (struct fv_model_file){.data = NULL};
     enum fovea_status status =
-        fovea_text_read(path, FV_INPUT_MODEL_BYTES_MAX, &data, &file->bytes, error);
+        fv_text_read(path, FV_INPUT_MODEL_BYTES_MAX, &data, &file->bytes, error);
     if (status != FOVEA_OK) return status;
     if (file->bytes >= 8 && memcmp(data + 4, "TFL3", 4) == 0) {
         free(data);

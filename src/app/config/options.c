@@ -76,7 +76,7 @@ static enum fv_options_result unknown(const struct fv_option *options, const cha
     size_t count = 0;
     for (; options[count].name != NULL && count < FV_OPTIONS_MAX; count++)
         names[count] = options[count].name;
-    const char *nearest = fovea_text_nearest(name + dash, names, count);
+    const char *nearest = fv_text_nearest(name + dash, names, count);
     fv_say("fovea %s: unknown option '%s%s'%s%s%s ('fovea %s --help' lists all)", command,
            argument[0] == '-' ? "" : "--", name, nearest ? ", nearest is '--" : "",
            nearest ? nearest : "", nearest ? "'" : "", command);

@@ -16,7 +16,7 @@
 
 struct reading {
     struct fv_settings *settings;
-    const struct fovea_yaml_tree *tree;
+    const struct fv_yaml_tree *tree;
     struct fovea_error *error;
     bool from_set;
 };
@@ -30,35 +30,35 @@ static size_t choice_count(const struct fv_settings_key *key)
 }
 
 /* Three rows of four numbers; a fourth row may follow that is that of every rigid motion. */
-static enum fovea_status take_transform(const struct reading *r, const struct fovea_yaml_node *node,
+static enum fovea_status take_transform(const struct reading *r, const struct fv_yaml_node *node,
                                         double T[12])
 {
     double all[16];
-    if (fovea_yaml_numbers(r->tree, node, 16, 16, all, NULL, NULL) != FOVEA_OK || all[12] != 0 ||
+    if (fv_yaml_numbers(r->tree, node, 16, 16, all, NULL, NULL) != FOVEA_OK || all[12] != 0 ||
         all[13] != 0 || all[14] != 0 || all[15] != 1)
-        return fovea_yaml_numbers(r->tree, node, 12, 12, T, NULL, r->error);
+        return fv_yaml_numbers(r->tree, node, 12, 12, T, NULL, r->error);
     memcpy(T, all, 12 * sizeof T[0]);
     return FOVEA_OK;
 }
 
 /* A list of words, or one word; `auto` alone. */
 static enum fovea_status take_flags(const struct reading *r, const struct fv_settings_key *key,
-                                    const struct fovea_yaml_node *node, uint32_t *flags)
+                                    const struct fv_yaml_node *node, uint32_t *flags)
 {
     static const char *const automatic[] = {"auto"};
-    const struct fovea_yaml_node *leaf;
+    const struct fv_yaml_node *leaf;
     uint32_t found = 0;
     size_t index;
-    if (node->kind == FOVEA_YAML_SCALAR &&
-        fovea_yaml_choice(r->tree, node, automatic, 1, &index, NULL) == FOVEA_OK) {
+    if (node->kind == FV_YAML_SCALAR &&
+        fv_yaml_choice(r->tree, node, automatic, 1, &index, NULL) == FOVEA_OK) {
         *flags = (uint32_t)key->max;
         return FOVEA_OK;
     }
-    if (node->kind == FOVEA_YAML_MAPPING)
-        return fovea_yaml_refuse(r->tree, node, "a list like [save, pause], or auto", r->error);
-    for (size_t i = 0; (leaf = fovea_yaml_leaf(node, i)) != NULL; i++) {
+    if (node->kind == FV_YAML_MAPPING)
+        return fv_yaml_refuse(r->tree, node, "a list like [save, pause], or auto", r->error);
+    for (size_t i = 0; (leaf = fv_yaml_leaf(node, i)) != NULL; i++) {
         const enum fovea_status status =
-            fovea_yaml_choice(r->tree, leaf, key->choices, choice_count(key), &index, r->error);
+            fv_yaml_choice(r->tree, leaf, key->choices, choice_count(key), &index, r->error);
         if (status != FOVEA_OK) return status;
         found |= 1u << index;
     }
@@ -68,24 +68,24 @@ static enum fovea_status take_flags(const struct reading *r, const struct fv_set
 
 /* One of the key's words; a word of 0.1 is refused with that of now. */
 static enum fovea_status take_choice(const struct reading *r, const struct fv_settings_key *key,
-                                     const struct fovea_yaml_node *node, int *choice)
+                                     const struct fv_yaml_node *node, int *choice)
 {
     size_t index = 0;
     char expected[128];
     const char *now =
-        node->kind == FOVEA_YAML_SCALAR ? fv_settings_renamed_value(key->name, node->value) : NULL;
+        node->kind == FV_YAML_SCALAR ? fv_settings_renamed_value(key->name, node->value) : NULL;
     if (now != NULL) {
         snprintf(expected, sizeof expected, "'%s': Fovea 0.1 reads the old word", now);
-        return fovea_yaml_refuse(r->tree, node, expected, r->error);
+        return fv_yaml_refuse(r->tree, node, expected, r->error);
     }
     const enum fovea_status status =
-        fovea_yaml_choice(r->tree, node, key->choices, choice_count(key), &index, r->error);
+        fv_yaml_choice(r->tree, node, key->choices, choice_count(key), &index, r->error);
     if (status == FOVEA_OK) *choice = (int)index;
     return status;
 }
 
 static enum fovea_status take(const struct reading *r, const struct fv_settings_key *key,
-                              const struct fovea_yaml_node *node)
+                              const struct fv_yaml_node *node)
 {
     char *target = (char *)r->settings + key->offset;
     int64_t whole = 0;
@@ -95,18 +95,18 @@ static enum fovea_status take(const struct reading *r, const struct fv_settings_
     case FV_CONFIG_U32:
     case FV_CONFIG_U64:
     case FV_CONFIG_I32:
-        status = fovea_yaml_integer(r->tree, node, key->min, key->max, &whole, r->error);
+        status = fv_yaml_integer(r->tree, node, key->min, key->max, &whole, r->error);
         if (status == FOVEA_OK && key->kind == FV_CONFIG_U32) *(uint32_t *)target = (uint32_t)whole;
         if (status == FOVEA_OK && key->kind == FV_CONFIG_U64) *(uint64_t *)target = (uint64_t)whole;
         if (status == FOVEA_OK && key->kind == FV_CONFIG_I32) *(int32_t *)target = (int32_t)whole;
         return status;
     case FV_CONFIG_REAL:
-        return fovea_yaml_number(r->tree, node, key->real_min, key->real_max, (double *)target,
-                                 r->error);
+        return fv_yaml_number(r->tree, node, key->real_min, key->real_max, (double *)target,
+                              r->error);
     case FV_CONFIG_BOOL:
-        return fovea_yaml_bool(r->tree, node, (bool *)target, r->error);
+        return fv_yaml_bool(r->tree, node, (bool *)target, r->error);
     case FV_CONFIG_TEXT:
-        status = fovea_yaml_string(r->tree, node, (size_t)key->max, &text, r->error);
+        status = fv_yaml_string(r->tree, node, (size_t)key->max, &text, r->error);
         if (status == FOVEA_OK) strcpy(target, text);
         return status;
     case FV_CONFIG_CHOICE:
@@ -154,11 +154,10 @@ static const char *name_nearest(const char *name)
         names[i] = fv_settings_keys[i].name;
         leaves[i] = names[i] + section_length(names[i]) + (strchr(names[i], '.') != NULL);
     }
-    const char *nearest = fovea_text_nearest(name, names, fv_settings_key_count);
+    const char *nearest = fv_text_nearest(name, names, fv_settings_key_count);
     if (nearest != NULL) return nearest;
     const char *dot = strrchr(name, '.');
-    const char *leaf =
-        fovea_text_nearest(dot != NULL ? dot + 1 : name, leaves, fv_settings_key_count);
+    const char *leaf = fv_text_nearest(dot != NULL ? dot + 1 : name, leaves, fv_settings_key_count);
     for (size_t i = 0; leaf != NULL && i < fv_settings_key_count; i++)
         if (leaves[i] == leaf) return names[i];
     return NULL;
@@ -198,11 +197,11 @@ static const char *name_by_words(const char *name)
 }
 
 /* A whole section of 0.1 is named by its first key where that is one of 0.1 too. */
-static enum fovea_status refuse_renamed(const struct reading *r, const struct fovea_yaml_node *node,
+static enum fovea_status refuse_renamed(const struct reading *r, const struct fv_yaml_node *node,
                                         const char *now)
 {
-    char path[FOVEA_YAML_PATH_BYTES], name[128];
-    if (node->kind == FOVEA_YAML_MAPPING && node->first != NULL) {
+    char path[FV_YAML_PATH_BYTES], name[128];
+    if (node->kind == FV_YAML_MAPPING && node->first != NULL) {
         snprintf(name, sizeof name, "%.60s.%.60s", node->key, node->first->key);
         const char *inner = fv_settings_renamed(name);
         if (inner != NULL) now = inner, node = node->first;
@@ -210,13 +209,13 @@ static enum fovea_status refuse_renamed(const struct reading *r, const struct fo
     return fovea_error_set(r->error, FOVEA_ERROR_INPUT,
                            "%s:%u: %s: found a key that Fovea 0.1 reads, expected its name now, "
                            "'%s'",
-                           r->tree->file, node->line, fovea_yaml_path(node, path), now);
+                           r->tree->file, node->line, fv_yaml_path(node, path), now);
 }
 
-static enum fovea_status unknown(const struct reading *r, const struct fovea_yaml_node *node,
+static enum fovea_status unknown(const struct reading *r, const struct fv_yaml_node *node,
                                  const char *name)
 {
-    char path[FOVEA_YAML_PATH_BYTES];
+    char path[FV_YAML_PATH_BYTES];
     static char section[64];
     const char *now = fv_settings_renamed(name);
     if (now != NULL) return refuse_renamed(r, node, now);
@@ -228,17 +227,17 @@ static enum fovea_status unknown(const struct reading *r, const struct fovea_yam
         if (length == 0 || length >= sizeof section) continue;
         snprintf(section, sizeof section, "%.*s", (int)length, fv_settings_keys[i].name);
         const char *const one[] = {section};
-        nearest = fovea_text_nearest(name, one, 1);
+        nearest = fv_text_nearest(name, one, 1);
     }
     if (nearest == NULL) nearest = name_by_words(name);
     return fovea_error_set(
         r->error, FOVEA_ERROR_INPUT,
         "%s:%u: %s: found an unknown key, expected a known one%s%s%s ('fovea config' lists all)",
-        r->tree->file, node->line, fovea_yaml_path(node, path), nearest ? ", nearest is '" : "",
+        r->tree->file, node->line, fv_yaml_path(node, path), nearest ? ", nearest is '" : "",
         nearest ? nearest : "", nearest ? "'" : "");
 }
 
-static enum fovea_status take_key(const struct reading *r, const struct fovea_yaml_node *node,
+static enum fovea_status take_key(const struct reading *r, const struct fv_yaml_node *node,
                                   const char *name)
 {
     const struct fv_settings_key *key = key_find(name);
@@ -256,24 +255,23 @@ static enum fovea_status take_key(const struct reading *r, const struct fovea_ya
 
 static enum fovea_status take_tree(const struct reading *r)
 {
-    const struct fovea_yaml_node *root = r->tree->root;
-    if (root->kind != FOVEA_YAML_MAPPING)
-        return fovea_yaml_refuse(r->tree, root, "keys with values ('fovea config' shows how)",
-                                 r->error);
-    for (const struct fovea_yaml_node *node = root->first; node != NULL; node = node->next) {
+    const struct fv_yaml_node *root = r->tree->root;
+    if (root->kind != FV_YAML_MAPPING)
+        return fv_yaml_refuse(r->tree, root, "keys with values ('fovea config' shows how)",
+                              r->error);
+    for (const struct fv_yaml_node *node = root->first; node != NULL; node = node->next) {
         enum fovea_status status = FOVEA_OK;
         if (!is_section(node->key)) {
             status = take_key(r, node, node->key);
             if (status != FOVEA_OK) return status;
             continue;
         }
-        bool empty = node->kind == FOVEA_YAML_SCALAR && !node->quoted &&
+        bool empty = node->kind == FV_YAML_SCALAR && !node->quoted &&
                      (node->value[0] == '\0' || strcmp(node->value, "~") == 0 ||
                       strcmp(node->value, "null") == 0);
-        if (node->kind != FOVEA_YAML_MAPPING && !empty)
-            return fovea_yaml_refuse(r->tree, node, "a section with keys in it", r->error);
-        for (const struct fovea_yaml_node *child = node->first; child != NULL;
-             child = child->next) {
+        if (node->kind != FV_YAML_MAPPING && !empty)
+            return fv_yaml_refuse(r->tree, node, "a section with keys in it", r->error);
+        for (const struct fv_yaml_node *child = node->first; child != NULL; child = child->next) {
             char name[128];
             snprintf(name, sizeof name, "%.60s.%.60s", node->key, child->key);
             status = take_key(r, child, name);
@@ -286,14 +284,14 @@ static enum fovea_status take_tree(const struct reading *r)
 enum fovea_status fv_settings_parse(struct fv_settings *settings, const char *name,
                                     const char *text, size_t bytes, struct fovea_error *error)
 {
-    struct fovea_yaml_tree *tree;
-    enum fovea_status status = fovea_yaml_parse(name, text, bytes, &tree, error);
+    struct fv_yaml_tree *tree;
+    enum fovea_status status = fv_yaml_parse(name, text, bytes, &tree, error);
     if (status != FOVEA_OK) return status;
     snprintf(settings->file, sizeof settings->file, "%s", name);
     memset(settings->line, 0, sizeof settings->line);
     struct reading reading = {settings, tree, error, false};
     status = take_tree(&reading);
-    fovea_yaml_free(tree);
+    fv_yaml_free(tree);
     return status;
 }
 
@@ -302,7 +300,7 @@ enum fovea_status fv_settings_read(struct fv_settings *settings, const char *pat
 {
     char *text;
     size_t bytes;
-    enum fovea_status status = fovea_text_read(path, FV_INPUT_YAML_BYTES_MAX, &text, &bytes, error);
+    enum fovea_status status = fv_text_read(path, FV_INPUT_YAML_BYTES_MAX, &text, &bytes, error);
     if (status != FOVEA_OK) return status;
     status = fv_settings_parse(settings, path, text, bytes, error);
     free(text);
@@ -314,17 +312,17 @@ enum fovea_status fv_settings_read(struct fv_settings *settings, const char *pat
 static enum fovea_status set_refuse(const char *key, const char *found, const char *expected,
                                     struct fovea_error *error)
 {
-    char quoted[FOVEA_TEXT_QUOTED_BYTES];
+    char quoted[FV_TEXT_QUOTED_BYTES];
     return fovea_error_set(error, FOVEA_ERROR_INPUT, "--set: %s: found %s, expected %s", key,
-                           fovea_text_quote(found, quoted, sizeof quoted), expected);
+                           fv_text_quote(found, quoted, sizeof quoted), expected);
 }
 
 /* "1, seed: 2" is more than a value. */
-static bool one_value(const struct fovea_yaml_tree *tree, bool in_section)
+static bool one_value(const struct fv_yaml_tree *tree, bool in_section)
 {
-    const struct fovea_yaml_node *value = tree->root;
+    const struct fv_yaml_node *value = tree->root;
     for (int level = 0; level <= (int)in_section; level++) {
-        if (value->kind != FOVEA_YAML_MAPPING || value->count != 1) return false;
+        if (value->kind != FV_YAML_MAPPING || value->count != 1) return false;
         value = value->first;
     }
     return true;
@@ -352,14 +350,14 @@ static enum fovea_status set_parsed(struct fv_settings *settings, const char *na
     int bytes = section > 0 ? snprintf(text, sizeof text, "{%.*s: {%s: %s}}", section, name,
                                        name + section + 1, value)
                             : snprintf(text, sizeof text, "{%s: %s}", name, value);
-    struct fovea_yaml_tree *tree;
-    if (fovea_yaml_parse("--set", text, (size_t)bytes, &tree, NULL) != FOVEA_OK)
+    struct fv_yaml_tree *tree;
+    if (fv_yaml_parse("--set", text, (size_t)bytes, &tree, NULL) != FOVEA_OK)
         return set_refuse(name, value, "one value", error);
     struct reading reading = {settings, tree, error, true};
     const bool one = one_value(tree, section > 0);
     enum fovea_status status =
         one ? take_tree(&reading) : set_refuse(name, value, "one value", error);
-    fovea_yaml_free(tree);
+    fv_yaml_free(tree);
     drop_line(error);
     return status;
 }
@@ -367,11 +365,11 @@ static enum fovea_status set_parsed(struct fv_settings *settings, const char *na
 enum fovea_status fv_settings_set(struct fv_settings *settings, const char *assignment,
                                   struct fovea_error *error)
 {
-    char name[64], quoted[FOVEA_TEXT_QUOTED_BYTES];
+    char name[64], quoted[FV_TEXT_QUOTED_BYTES];
     size_t length = strcspn(assignment, "=");
     if (assignment[length] == '\0' || length == 0 || length >= sizeof name)
         return fovea_error_set(error, FOVEA_ERROR_INPUT, "--set: found %s, expected key=value",
-                               fovea_text_quote(assignment, quoted, sizeof quoted));
+                               fv_text_quote(assignment, quoted, sizeof quoted));
     snprintf(name, sizeof name, "%.*s", (int)length, assignment);
     const char *value = assignment + length + 1;
     const struct fv_settings_key *key = key_find(name);
@@ -386,7 +384,7 @@ enum fovea_status fv_settings_set(struct fv_settings *settings, const char *assi
         return fovea_error_set(
             error, FOVEA_ERROR_INPUT,
             "--set: %s: found an unknown key, expected a known one%s%s%s ('fovea config' lists all)",
-            fovea_text_quote(name, quoted, sizeof quoted), nearest ? ", nearest is '" : "",
+            fv_text_quote(name, quoted, sizeof quoted), nearest ? ", nearest is '" : "",
             nearest ? nearest : "", nearest ? "'" : "");
     }
     if (key->kind != FV_CONFIG_TEXT) return set_parsed(settings, name, value, error);

@@ -89,7 +89,7 @@ static void number(FILE *file, double value)
     for (int digits = 15; digits <= 17; digits++) {
         double back;
         snprintf(text, sizeof text, "%.*g", digits, value);
-        if (fovea_text_number(text, &back) && back == value) break;
+        if (fv_text_number(text, &back) && back == value) break;
     }
     fputs(text, file);
 }

@@ -83,9 +83,9 @@ enum fovea_status fv_setup_settings(const struct fv_setup_options *options,
 /* The file is looked at before the source is opened: what is quickly wrong is quickly said. */
 static enum fovea_status camera_read(struct fv_settings *settings, struct fovea_error *error)
 {
-    struct fovea_calibration calibration;
+    struct fv_calibration calibration;
     if (settings->camera[0] == '\0') return FOVEA_OK;
-    enum fovea_status status = fovea_calibration_read(settings->camera, NULL, &calibration, error);
+    enum fovea_status status = fv_calibration_read(settings->camera, NULL, &calibration, error);
     if (status == FOVEA_OK) settings->runtime.rig.cameras[0].camera = calibration.camera;
     if (status != FOVEA_OK) fv_settings_blame(settings, "camera", error);
     return status;
@@ -175,8 +175,8 @@ static enum fovea_status camera_fit(struct fv_settings *settings,
             "odometry.enabled=false",
             settings->source, settings->source);
     if (!given) *camera = info->rig.cameras[0].camera;
-    return fovea_calibration_fit(camera, info->cameras[0].width, info->cameras[0].height,
-                                 settings->camera_scale, origin, error);
+    return fv_calibration_fit(camera, info->cameras[0].width, info->cameras[0].height,
+                              settings->camera_scale, origin, error);
 }
 
 /* `T_source` takes points of a sensor to the source's body, where `T_body_source` begins. */
@@ -232,8 +232,8 @@ static enum fovea_status rig_fit(struct fv_settings *settings, const struct fove
         struct fovea_rig_camera *camera = &rig->cameras[i];
         const struct fovea_source_camera *seen = &info->cameras[i];
         if (camera->calibrated)
-            status = fovea_calibration_fit(&camera->camera, seen->width, seen->height,
-                                           settings->camera_scale, seen->origin, error);
+            status = fv_calibration_fit(&camera->camera, seen->width, seen->height,
+                                        settings->camera_scale, seen->origin, error);
         else
             camera->camera = (struct fovea_camera){.width = seen->width, .height = seen->height};
     }

@@ -23,7 +23,7 @@ static enum fovea_status read_number(const char *name, const char *text, float *
 {
     double number;
     if (text == NULL) return FOVEA_OK;
-    if (!fovea_text_number(text, &number) || number < -1e6 || number > 1e6)
+    if (!fv_text_number(text, &number) || number < -1e6 || number > 1e6)
         return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
                                "--%s: found '%.100s', expected a number from 0 to 32767", name,
                                text);

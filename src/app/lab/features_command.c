@@ -76,7 +76,7 @@ static bool read_box(const char *text, struct fv_mask_box *box)
         if (length >= sizeof word || (text[length] == ',') != (i < 3)) return false;
         memcpy(word, text, length);
         word[length] = '\0';
-        if (!fovea_text_number(word, &value) || value < -1e6 || value > 1e6) return false;
+        if (!fv_text_number(word, &value) || value < -1e6 || value > 1e6) return false;
         *sides[i] = (float)value;
         text += length + (i < 3);
     }

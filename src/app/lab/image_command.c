@@ -25,7 +25,7 @@ static enum fovea_status read_float(const char *name, const char *text, float *v
 {
     double number;
     if (text == NULL) return FOVEA_OK;
-    if (!fovea_text_number(text, &number) || number < -1e6 || number > 1e6)
+    if (!fv_text_number(text, &number) || number < -1e6 || number > 1e6)
         return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
                                "--%s: found '%.100s', expected a number", name, text);
     *value = (float)number;
@@ -37,7 +37,7 @@ static enum fovea_status read_count(const char *name, const char *text, uint32_t
 {
     int64_t number;
     if (text == NULL) return FOVEA_OK;
-    if (!fovea_text_integer(text, &number) || number < 0 || number > 1000)
+    if (!fv_text_integer(text, &number) || number < 0 || number > 1000)
         return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
                                "--%s: found '%.100s', expected a whole number", name, text);
     *value = (uint32_t)number;

@@ -170,7 +170,7 @@ static enum fv_exit carry_out(const struct asked *asked, const struct fv_map_ope
     if (asked->world != NULL) {
         int64_t number = -1;
         map_id = 0;
-        if (fovea_text_integer(asked->world, &number) && number >= 0 && number <= UINT32_MAX)
+        if (fv_text_integer(asked->world, &number) && number >= 0 && number <= UINT32_MAX)
             map_id = (uint32_t)number;
         if (number != (int64_t)map_id || fv_map_count_keyframes(&open->map, map_id) == 0)
             return fv_say_wrong(

@@ -119,8 +119,7 @@ enum fovea_status fv_npy_read(const char *path, struct fv_npy *array, struct fov
     char *file;
     size_t bytes;
     *array = (struct fv_npy){.file = NULL};
-    enum fovea_status status =
-        fovea_text_read(path, FV_INPUT_MODEL_BYTES_MAX, &file, &bytes, error);
+    enum fovea_status status = fv_text_read(path, FV_INPUT_MODEL_BYTES_MAX, &file, &bytes, error);
     if (status != FOVEA_OK) return status;
     status = fv_npy_parse(path, (const uint8_t *)file, bytes, array, error);
     if (status != FOVEA_OK) {

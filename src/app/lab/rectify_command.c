@@ -29,7 +29,7 @@ static bool read_size(const char *text, const struct fovea_image *image, int32_t
         if (length >= sizeof word || text[length] == '\0') return false;
         memcpy(word, text, length);
         word[length] = '\0';
-        if (!fovea_text_integer(word, &across) || !fovea_text_integer(text + length + 1, &down))
+        if (!fv_text_integer(word, &across) || !fv_text_integer(text + length + 1, &down))
             return false;
         if (across < 0 || across > 99999 || down < 0 || down > 99999)
             return false; /* the rectified image knows its own bounds */
@@ -65,7 +65,7 @@ static enum fovea_status choose_rectified(const struct request *request,
 static enum fovea_status write_camera(const char *path, const struct fv_rectified *rectified,
                                       struct fovea_error *error)
 {
-    struct fovea_calibration calibration = {0};
+    struct fv_calibration calibration = {0};
     calibration.camera.width = rectified->width;
     calibration.camera.height = rectified->height;
     calibration.camera.lens = FOVEA_LENS_RADTAN;
@@ -73,7 +73,7 @@ static enum fovea_status write_camera(const char *path, const struct fv_rectifie
     calibration.camera.fy = rectified->fy;
     calibration.camera.cx = rectified->cx;
     calibration.camera.cy = rectified->cy;
-    return fovea_calibration_write(path, FOVEA_CALIBRATION_ROS, &calibration, NULL, error);
+    return fv_calibration_write(path, FV_CALIBRATION_ROS, &calibration, NULL, error);
 }
 
 /* Map, resample, write. */
@@ -114,15 +114,15 @@ static enum fovea_status resample(const struct fovea_camera *camera,
 static enum fovea_status rectify(const struct request *request, const char *in, const char *out,
                                  struct fovea_error *error)
 {
-    struct fovea_calibration calibration;
+    struct fv_calibration calibration;
     struct fovea_image image = {0};
     struct fv_rectified rectified;
     enum fovea_status status =
-        fovea_calibration_read(request->camera, request->which, &calibration, error);
+        fv_calibration_read(request->camera, request->which, &calibration, error);
     if (status == FOVEA_OK) status = fv_picture_read(in, &image, error);
     if (status == FOVEA_OK)
-        status = fovea_calibration_fit(&calibration.camera, image.width, image.height,
-                                       request->scale, request->camera, error);
+        status = fv_calibration_fit(&calibration.camera, image.width, image.height, request->scale,
+                                    request->camera, error);
     if (status == FOVEA_OK)
         status = choose_rectified(request, &calibration.camera, &image, &rectified, error);
     if (status == FOVEA_OK) status = resample(&calibration.camera, &rectified, &image, out, error);

@@ -14,7 +14,7 @@
 #include "app/network/sender_outlet.h"
 #include "app/network/transport_url.h"
 #include "drivers/clock.h"
-#include "support/log.h"
+#include "support/lcmlog.h"
 #include "support/output.h"
 #include "support/say.h"
 #include "support/stall.h"
@@ -73,7 +73,7 @@ static bool log_write(struct log_outlet *log, struct iovec *parts, int count)
 static int log_send(struct fv_outlet *outlet, const struct fv_outgoing *message, int64_t now_ns)
 {
     struct log_outlet *log = (struct log_outlet *)outlet;
-    uint8_t header[FOVEA_LOG_HEADER_BYTES];
+    uint8_t header[FV_LCMLOG_HEADER_BYTES];
     const size_t named = strlen(message->channel);
     (void)now_ns;
     const uint32_t lengths[] = {htonl((uint32_t)named), htonl(message->bytes)};
@@ -81,7 +81,7 @@ static int log_send(struct fv_outlet *outlet, const struct fv_outgoing *message,
         htobe64((uint64_t)log->number),
         htobe64((uint64_t)(fv_clock_ns(CLOCK_REALTIME) / 1000)),
     };
-    const uint32_t sync = htonl(FOVEA_LOG_SYNC);
+    const uint32_t sync = htonl(FV_LCMLOG_SYNC);
     memcpy(header, &sync, 4);
     memcpy(header + 4, numbers, sizeof numbers);
     memcpy(header + 20, lengths, sizeof lengths);

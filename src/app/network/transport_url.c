@@ -72,7 +72,7 @@ static bool query_take(const char **at, const char *name, char value[16])
 static bool number_within(const char *text, int64_t low, int64_t high)
 {
     int64_t value;
-    return fovea_text_integer(text, &value) && value >= low && value <= high;
+    return fv_text_integer(text, &value) && value >= low && value <= high;
 }
 
 static const char *udpm_expected(const struct parts *parts)
@@ -124,7 +124,7 @@ void fv_transport_udpm(const char *url, struct sockaddr_in *address)
     int64_t port = 7667;
     memset(address, 0, sizeof *address);
     if (!split(url, FV_TRANSPORT_UDPM, &parts)) return;
-    fovea_text_integer(parts.port, &port);
+    fv_text_integer(parts.port, &port);
     address->sin_family = AF_INET;
     address->sin_port = htons((uint16_t)port);
     inet_pton(AF_INET, parts.host[0] != '\0' ? parts.host : "239.255.76.67", &address->sin_addr);

@@ -20,7 +20,7 @@
 #include "base/hash.h"
 #include "base/ring.h"
 #include "drivers/thread.h"
-#include "support/log.h"
+#include "support/lcmlog.h"
 #include "image/jpeg.h"
 #include "message/message.h"
 #include "message/recorded.h"
@@ -84,14 +84,14 @@ static uint8_t *event_begin(struct fv_recorder *recorder, const char *channel, s
     if (atomic_load_explicit(&recorder->ending, memory_order_relaxed) != RUNNING) return NULL;
     size_t channel_bytes = strlen(channel);
     uint8_t *event =
-        fv_ring_reserve(&recorder->ring, FOVEA_LOG_HEADER_BYTES + channel_bytes + bytes_max);
+        fv_ring_reserve(&recorder->ring, FV_LCMLOG_HEADER_BYTES + channel_bytes + bytes_max);
     if (event == NULL) {
         int running = RUNNING;
         atomic_compare_exchange_strong(&recorder->ending, &running, ENDED_SLOW);
         return NULL;
     }
     /* A log holds the bytes alone. NOLINTNEXTLINE(bugprone-not-null-terminated-result) */
-    memcpy(event + FOVEA_LOG_HEADER_BYTES, channel, channel_bytes);
+    memcpy(event + FV_LCMLOG_HEADER_BYTES, channel, channel_bytes);
     return event;
 }
 
@@ -100,12 +100,12 @@ static void event_end(struct fv_recorder *recorder, uint8_t *event, const char *
 {
     size_t channel_bytes = strlen(channel);
     fv_recording_event_head(event, recorder->event_number++, time_us, channel_bytes, bytes);
-    fv_ring_commit(&recorder->ring, FOVEA_LOG_HEADER_BYTES + channel_bytes + bytes);
+    fv_ring_commit(&recorder->ring, FV_LCMLOG_HEADER_BYTES + channel_bytes + bytes);
 }
 
 static uint8_t *data_of(uint8_t *event, const char *channel)
 {
-    return event + FOVEA_LOG_HEADER_BYTES + strlen(channel);
+    return event + FV_LCMLOG_HEADER_BYTES + strlen(channel);
 }
 
 static void record_copy(struct fv_recorder *recorder, const char *channel, int64_t time_us,
@@ -233,7 +233,7 @@ static uint32_t data_bytes_of(const uint8_t *event)
 
 static size_t event_bytes(const uint8_t *event)
 {
-    return FOVEA_LOG_HEADER_BYTES + (size_t)channel_bytes_of(event) + data_bytes_of(event);
+    return FV_LCMLOG_HEADER_BYTES + (size_t)channel_bytes_of(event) + data_bytes_of(event);
 }
 
 /* The bytes of the whole events within the first `limit` bytes of `data`, at least one. */
@@ -250,7 +250,7 @@ static bool is_on(const struct fv_recorder *recorder, const uint8_t *event,
 {
     const char *channel = recorder->channels[kind];
     return channel_bytes_of(event) == strlen(channel) &&
-           memcmp(event + FOVEA_LOG_HEADER_BYTES, channel, strlen(channel)) == 0;
+           memcmp(event + FV_LCMLOG_HEADER_BYTES, channel, strlen(channel)) == 0;
 }
 
 /* Whether inputs are still to come in the iteration that begins with it. */
@@ -270,7 +270,7 @@ static bool begins_iteration(const struct fv_recorder *recorder, const uint8_t *
 
 static void count_event(struct fv_recorder *recorder, const uint8_t *event)
 {
-    const size_t head_bytes = FOVEA_LOG_HEADER_BYTES + channel_bytes_of(event);
+    const size_t head_bytes = FV_LCMLOG_HEADER_BYTES + channel_bytes_of(event);
     struct extent *written = &recorder->written;
     if (begins_iteration(recorder, event)) {
         recorder->iteration = *written;
@@ -310,8 +310,8 @@ static bool write_end(struct fv_recorder *recorder)
     const struct extent *at = &recorder->written;
     const char *channel = recorder->channels[FV_MESSAGE_RECORDING_END];
     const size_t channel_bytes = strlen(channel),
-                 head_bytes = FOVEA_LOG_HEADER_BYTES + channel_bytes;
-    uint8_t event[FOVEA_LOG_HEADER_BYTES + FV_MESSAGE_CHANNEL_BYTES + FV_RECORDING_END_BYTES_MAX];
+                 head_bytes = FV_LCMLOG_HEADER_BYTES + channel_bytes;
+    uint8_t event[FV_LCMLOG_HEADER_BYTES + FV_MESSAGE_CHANNEL_BYTES + FV_RECORDING_END_BYTES_MAX];
     struct fv_recording_end end = {
         .iterations = at->iterations, .events = at->events, .hash = at->hash};
     if (at->events == 0) return true;
@@ -320,7 +320,7 @@ static bool write_end(struct fv_recorder *recorder)
         fv_recording_end_encode(&end, event + head_bytes, FV_RECORDING_END_BYTES_MAX);
     fv_recording_event_head(event, (int64_t)at->events, at->time_us, channel_bytes, bytes);
     /* A log holds the bytes alone. NOLINTNEXTLINE(bugprone-not-null-terminated-result) */
-    memcpy(event + FOVEA_LOG_HEADER_BYTES, channel, channel_bytes);
+    memcpy(event + FV_LCMLOG_HEADER_BYTES, channel, channel_bytes);
     if (write_bytes(recorder->file, recorder->path, event, head_bytes + bytes) < head_bytes + bytes)
         return false;
     recorder->written.events++;
@@ -455,7 +455,7 @@ static size_t iteration_bytes(const struct fv_recorder_setup *setup)
     for (uint32_t level = 0; level < config->preview.level; level++)
         pixels = pixels * 10 / 14;
     const size_t sample_bytes =
-        FOVEA_LOG_HEADER_BYTES + FV_MESSAGE_CHANNEL_BYTES + fv_message_sample_size_max();
+        FV_LCMLOG_HEADER_BYTES + FV_MESSAGE_CHANNEL_BYTES + fv_message_sample_size_max();
     return setup->frame_bytes + fv_jpeg_capacity((int32_t)pixels, 1) + SMALL_BYTES +
            FOVEA_INPUT_SAMPLES_MAX * sample_bytes +
            (size_t)config->features.count_max * FEATURE_BYTES +

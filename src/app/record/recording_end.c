@@ -14,10 +14,10 @@ static void write_big(uint8_t *out, uint64_t value, int bytes)
         out[i] = (uint8_t)value;
 }
 
-void fv_recording_event_head(uint8_t head[FOVEA_LOG_HEADER_BYTES], int64_t number, int64_t time_us,
+void fv_recording_event_head(uint8_t head[FV_LCMLOG_HEADER_BYTES], int64_t number, int64_t time_us,
                              size_t channel_bytes, uint32_t bytes)
 {
-    write_big(head, FOVEA_LOG_SYNC, 4);
+    write_big(head, FV_LCMLOG_SYNC, 4);
     write_big(head + 4, (uint64_t)number, 8);
     write_big(head + 12, (uint64_t)time_us, 8);
     write_big(head + 20, channel_bytes, 4);

@@ -8,7 +8,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "support/log.h"
+#include "support/lcmlog.h"
 
 enum { FV_RECORDING_END_REASON_BYTES = 192, FV_RECORDING_END_BYTES_MAX = 256 };
 
@@ -20,7 +20,7 @@ struct fv_recording_end {
 };
 
 /* Write the 28 bytes that stand before every event of a log. */
-void fv_recording_event_head(uint8_t head[FOVEA_LOG_HEADER_BYTES], int64_t number, int64_t time_us,
+void fv_recording_event_head(uint8_t head[FV_LCMLOG_HEADER_BYTES], int64_t number, int64_t time_us,
                              size_t channel_bytes, uint32_t bytes);
 
 /* Go on with the hash of a recording (first FV_HASH_START) by one event, in the two pieces that a

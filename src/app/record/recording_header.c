@@ -99,10 +99,10 @@ enum fovea_status fv_recording_header_encode(const struct fv_settings *settings,
                                              uint32_t *bytes, struct fovea_error *error)
 {
     const struct fovea_camera *camera = &settings->runtime.rig.cameras[0].camera;
-    struct fovea_calibration calibration = {.camera = *camera};
-    char calibration_text[FOVEA_CALIBRATION_BYTES_MAX];
-    enum fovea_status status = fovea_calibration_format_text(FOVEA_CALIBRATION_ROS, &calibration,
-                                                             calibration_text, NULL, error);
+    struct fv_calibration calibration = {.camera = *camera};
+    char calibration_text[FV_CALIBRATION_BYTES_MAX];
+    enum fovea_status status =
+        fv_calibration_format_text(FV_CALIBRATION_ROS, &calibration, calibration_text, NULL, error);
     if (status != FOVEA_OK) return status;
     size_t text_bytes = 0, types_bytes = 0;
     uint32_t rig_size = 0;
@@ -349,11 +349,11 @@ static enum fovea_status read_parts(const struct source *from, const fovea_recor
     snprintf(label, sizeof label, "%.128s: configuration", from->name);
     status = fv_settings_parse(&header->settings, label, (const char *)configuration->data,
                                (size_t)configuration->size_bytes, error);
-    struct fovea_calibration read;
+    struct fv_calibration read;
     if (status == FOVEA_OK) {
         snprintf(label, sizeof label, "%.128s: calibration", from->name);
-        status = fovea_calibration_parse(label, (const char *)calibration->data,
-                                         (size_t)calibration->size_bytes, NULL, &read, error);
+        status = fv_calibration_parse(label, (const char *)calibration->data,
+                                      (size_t)calibration->size_bytes, NULL, &read, error);
     }
     if (status != FOVEA_OK) return status;
     header->settings.runtime.rig.cameras[0].camera = read.camera;

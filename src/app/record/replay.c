@@ -9,15 +9,15 @@
 #include "app/record/recording_header.h"
 #include "support/say.h"
 #include "base/hash.h"
-#include "support/log.h"
+#include "support/lcmlog.h"
 #include "message/fields.h"
 #include "message/message.h"
 #include "message/recorded.h"
 
 struct replay {
     const char *path;
-    struct fovea_log *log;
-    struct fovea_log_event event;
+    struct fv_lcmlog *log;
+    struct fv_lcmlog_event event;
     struct fv_recording_header header;
     char channels[FV_MESSAGE_KIND_COUNT][FV_MESSAGE_CHANNEL_BYTES];
     void *memory;
@@ -42,9 +42,9 @@ struct replay {
     struct fv_replay_result *result;
 };
 
-static int64_t data_offset(const struct fovea_log_event *event)
+static int64_t data_offset(const struct fv_lcmlog_event *event)
 {
-    return event->offset + FOVEA_LOG_HEADER_BYTES + (int64_t)strlen(event->channel);
+    return event->offset + FV_LCMLOG_HEADER_BYTES + (int64_t)strlen(event->channel);
 }
 
 static enum fovea_status refuse(const struct replay *replay, size_t at, const char *text,
@@ -57,13 +57,13 @@ static enum fovea_status refuse(const struct replay *replay, size_t at, const ch
 /* Take the event that was read into the hash of the log. */
 static void count_event(struct replay *replay)
 {
-    const struct fovea_log_event *event = &replay->event;
+    const struct fv_lcmlog_event *event = &replay->event;
     const size_t channel_bytes = strlen(event->channel);
-    uint8_t head[FOVEA_LOG_HEADER_BYTES + FOVEA_LOG_CHANNEL_BYTES];
+    uint8_t head[FV_LCMLOG_HEADER_BYTES + FV_LCMLOG_CHANNEL_BYTES];
     fv_recording_event_head(head, event->number, event->time_us, channel_bytes, event->bytes);
-    memcpy(head + FOVEA_LOG_HEADER_BYTES, event->channel, channel_bytes + 1);
+    memcpy(head + FV_LCMLOG_HEADER_BYTES, event->channel, channel_bytes + 1);
     replay->hash = fv_recording_hash_event(
-        replay->hash, head, FOVEA_LOG_HEADER_BYTES + channel_bytes, event->data, event->bytes);
+        replay->hash, head, FV_LCMLOG_HEADER_BYTES + channel_bytes, event->data, event->bytes);
     replay->events++;
 }
 
@@ -71,12 +71,12 @@ static void count_event(struct replay *replay)
 
 static enum fovea_status read_header(struct replay *replay, struct fovea_error *error)
 {
-    enum fovea_status status = fovea_log_next(replay->log, &replay->event, error);
+    enum fovea_status status = fv_lcmlog_next(replay->log, &replay->event, error);
     if (status == FOVEA_END)
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "%s: byte 0: found nothing, expected a recording", replay->path);
     if (status != FOVEA_OK) return status;
-    if (!fovea_log_channel_is(replay->event.channel, "RECORDING"))
+    if (!fv_lcmlog_channel_is(replay->event.channel, "RECORDING"))
         return fovea_error_set(
             error, FOVEA_ERROR_INPUT,
             "%s: byte 0: found a log that begins with channel %s, expected a recording of fovea run (..._RECORDING)",
@@ -134,7 +134,7 @@ static void note_difference(struct replay *replay, const char *channel, const ch
 /* A recorded message: the next that the runtime sent must be the same. */
 static void compare(struct replay *replay)
 {
-    const struct fovea_log_event *event = &replay->event;
+    const struct fv_lcmlog_event *event = &replay->event;
     if (replay->compared == replay->outputs.message_count) {
         note_difference(replay, event->channel, "", "no more messages", "one as recorded");
         return;
@@ -181,7 +181,7 @@ static void compare_pixels(struct replay *replay, uint64_t expected)
 static enum fovea_status take_frame(struct replay *replay, struct fovea_error *error)
 {
     struct fovea_frame frame;
-    enum fovea_status status = fovea_log_frame(replay->path, &replay->event, &frame, error);
+    enum fovea_status status = fv_lcmlog_frame(replay->path, &replay->event, &frame, error);
     if (status != FOVEA_OK) return status;
     if (replay->frame_waits)
         return refuse(replay, 0, "found a second frame for one step, expected inputs", error);
@@ -223,7 +223,7 @@ static enum fovea_status take_sample(struct replay *replay, struct fovea_error *
                       error);
     if (replay->sample_count == FOVEA_INPUT_SAMPLES_MAX)
         return refuse(replay, 0, "found more samples than one step takes, expected inputs", error);
-    return fovea_log_sample(replay->path, &replay->event, &replay->samples[replay->sample_count++],
+    return fv_lcmlog_sample(replay->path, &replay->event, &replay->samples[replay->sample_count++],
                             error);
 }
 
@@ -330,7 +330,7 @@ static enum fovea_status feed(struct replay *replay, struct fovea_error *error)
 {
     enum fovea_status status;
     replay->result->end = FV_REPLAY_CUT_OFF;
-    while ((status = fovea_log_next(replay->log, &replay->event, error)) == FOVEA_OK) {
+    while ((status = fv_lcmlog_next(replay->log, &replay->event, error)) == FOVEA_OK) {
         const char *channel = replay->event.channel;
         replay->result->offset = replay->event.offset;
         if (replay->result->end != FV_REPLAY_CUT_OFF)
@@ -374,11 +374,11 @@ enum fovea_status fv_replay(const char *path, bool stop_at_difference, fv_replay
     replay->result = result;
     replay->hash = FV_HASH_START;
     fv_message_prepare();
-    enum fovea_status status = fovea_log_open(path, &replay->log, error);
+    enum fovea_status status = fv_lcmlog_open(path, &replay->log, error);
     if (status == FOVEA_OK) status = read_header(replay, error);
     if (status == FOVEA_OK) status = build(replay, error);
     if (status == FOVEA_OK) status = feed(replay, error);
-    fovea_log_close(replay->log);
+    fv_lcmlog_close(replay->log);
     for (int i = 0; i < FOVEA_CAMERAS_MAX; i++)
         free(replay->header.masks[i]);
     free(replay->header.model);

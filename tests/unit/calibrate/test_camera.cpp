@@ -186,9 +186,9 @@ static void the_camera_file_reads_as_the_same_camera(void **)
     assert_true(file >= 0);
     close(file);
     fovea_error error;
-    fovea_calibration read;
+    fv_calibration read;
     assert_int_equal(report_camera(report, path, &error), FOVEA_OK);
-    const fovea_status status = fovea_calibration_read(path, nullptr, &read, &error);
+    const fovea_status status = fv_calibration_read(path, nullptr, &read, &error);
     unlink(path);
     if (status != FOVEA_OK) fail_msg("%s", error.text);
     const fovea_camera &camera = report.solution.camera;

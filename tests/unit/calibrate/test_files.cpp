@@ -112,9 +112,9 @@ static int convert(const std::string &in, const std::string &out, const char *fo
 
 static fovea_camera read_camera(const std::string &path)
 {
-    fovea_calibration calibration;
+    fv_calibration calibration;
     fovea_error error;
-    if (fovea_calibration_read(path.c_str(), nullptr, &calibration, &error) != FOVEA_OK)
+    if (fv_calibration_read(path.c_str(), nullptr, &calibration, &error) != FOVEA_OK)
         fail_msg("%s", error.text);
     return calibration.camera;
 }
@@ -143,13 +143,12 @@ static void converted_files_project_alike(void **)
 {
     const Folder folder;
     for (const fovea_lens lens : {FOVEA_LENS_RADTAN, FOVEA_LENS_EQUIDISTANT}) {
-        fovea_calibration calibration = {};
+        fv_calibration calibration = {};
         calibration.camera = {640, 480, lens, 401.1, 402.7, 318.3, 243.9, {-.2, .05, 1e-3, -2e-3},
                               0};
         fovea_error error;
-        assert_int_equal(fovea_calibration_write(folder.file("in.yaml").c_str(),
-                                                 FOVEA_CALIBRATION_ROS, &calibration, nullptr,
-                                                 &error),
+        assert_int_equal(fv_calibration_write(folder.file("in.yaml").c_str(), FV_CALIBRATION_ROS,
+                                              &calibration, nullptr, &error),
                          FOVEA_OK);
         for (const char *format : {"ros", "ros-message", "opencv", "kalibr", "euroc"}) {
             assert_int_equal(convert(folder.file("in.yaml"), folder.file("out.yaml"), format), 0);
@@ -163,12 +162,12 @@ static void converted_files_project_alike(void **)
 static void what_a_format_cannot_hold_is_refused(void **)
 {
     const Folder folder;
-    fovea_calibration calibration = {};
+    fv_calibration calibration = {};
     calibration.camera = {
         640, 480, FOVEA_LENS_RADTAN, 401, 402, 318, 243, {-.2, .05, 1e-3, -2e-3, .01}, 0};
     fovea_error error;
-    assert_int_equal(fovea_calibration_write(folder.file("in.yaml").c_str(), FOVEA_CALIBRATION_ROS,
-                                             &calibration, nullptr, &error),
+    assert_int_equal(fv_calibration_write(folder.file("in.yaml").c_str(), FV_CALIBRATION_ROS,
+                                          &calibration, nullptr, &error),
                      FOVEA_OK);
     assert_int_equal(convert(folder.file("in.yaml"), folder.file("out.yaml"), "kalibr"), 2);
     assert_int_not_equal(access(folder.file("out.yaml").c_str(), F_OK), 0);

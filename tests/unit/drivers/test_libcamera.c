@@ -27,7 +27,7 @@ static long times = 20;
 static const int64_t usual_ns = 30000000000,
                      patience_ns = 1500000000; /* for an answer; where none comes */
 static struct fake_stage *stage;
-static const struct fovea_source_ops *const ops = &fovea_source_libcamera;
+static const struct fovea_source_ops *const ops = &fv_source_libcamera;
 
 static struct fovea_source *start_source(void)
 {

@@ -66,7 +66,7 @@ static void test_log_rig(void **state)
 {
     (void)state;
     uint8_t bytes[2048], rig[2048];
-    struct fovea_log_event event = {.channel = "FOVEA_RECORDING", .data = bytes};
+    struct fv_lcmlog_event event = {.channel = "FOVEA_RECORDING", .data = bytes};
     struct fovea_rig found;
     struct fovea_error error = {.text = ""};
     event.bytes = encode_head(4, "rig", rig, bytes, sizeof bytes);

@@ -144,11 +144,11 @@ static void test_log_head_among_others(void **state)
         }
         assert_int_equal(fwrite(frames, 1, bytes, file), bytes);
         assert_int_equal(fclose(file), 0);
-        assert_int_equal(fovea_source_lcmlog.open(path, &everything, &source, &error), FOVEA_OK);
-        const struct fovea_source_info *info = fovea_source_lcmlog.info(source);
+        assert_int_equal(fv_source_lcmlog.open(path, &everything, &source, &error), FOVEA_OK);
+        const struct fovea_source_info *info = fv_source_lcmlog.info(source);
         assert_int_equal(info->rig.cameras[0].calibrated, ours);
         if (ours) assert_true(info->rig.cameras[0].camera.fx == 90);
-        fovea_source_lcmlog.close(source);
+        fv_source_lcmlog.close(source);
     }
     free(frames);
 }
@@ -183,27 +183,27 @@ static void test_log_of_two_cameras(void **state)
                   fv_message_frame_encode(&frame, 0, bytes, sizeof bytes));
     }
     assert_int_equal(fclose(file), 0);
-    assert_int_equal(fovea_source_lcmlog.open(path, &everything, &source, &error), FOVEA_OK);
-    const struct fovea_source_info *info = fovea_source_lcmlog.info(source);
+    assert_int_equal(fv_source_lcmlog.open(path, &everything, &source, &error), FOVEA_OK);
+    const struct fovea_source_info *info = fv_source_lcmlog.info(source);
     assert_int_equal(info->rig.camera_count, 2);
     assert_true(info->cameras[0].width == W && info->cameras[0].height == H);
     assert_true(info->cameras[1].width == W - 32 && info->cameras[1].height == H + 8);
-    assert_int_equal(fovea_source_lcmlog.start(source, &error), FOVEA_OK);
+    assert_int_equal(fv_source_lcmlog.start(source, &error), FOVEA_OK);
     for (uint32_t i = 0; i < 4; i++) {
         if (counts[i] != 2) continue;
-        assert_int_equal(fovea_source_lcmlog.dequeue(source, INT64_MAX, &frame), FOVEA_OK);
+        assert_int_equal(fv_source_lcmlog.dequeue(source, INT64_MAX, &frame), FOVEA_OK);
         assert_int_equal(frame.sequence, i);
         assert_int_equal(frame.image_count, 2);
         assert_int_equal(frame.images[0].data == NULL, i == 0);
         assert_int_equal(frame.images[1].data == NULL, i == 1);
         assert_int_equal(frame.images[0].width, i == 0 ? 0 : W);
         assert_int_equal(frame.images[1].width, i == 1 ? 0 : W - 32);
-        fovea_source_lcmlog.requeue(source, &frame);
+        fv_source_lcmlog.requeue(source, &frame);
     }
-    assert_int_equal(fovea_source_lcmlog.dequeue(source, INT64_MAX, &frame), FOVEA_END);
-    assert_int_equal(fovea_source_lcmlog.complaint(source, &error), FOVEA_OK);
+    assert_int_equal(fv_source_lcmlog.dequeue(source, INT64_MAX, &frame), FOVEA_END);
+    assert_int_equal(fv_source_lcmlog.complaint(source, &error), FOVEA_OK);
     assert_non_null(strstr(error.text, "frame 2: image_count: found 1, expected 2"));
-    fovea_source_lcmlog.close(source);
+    fv_source_lcmlog.close(source);
 }
 
 /* A log in which no frame can be read is refused by its first damage. */

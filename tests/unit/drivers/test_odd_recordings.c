@@ -234,10 +234,10 @@ static void test_kitti_poses_beside_the_sequences(void **state)
                                     fv_test_path(folder, "archive/others")),
                              0);
         assert_int_equal(
-            fovea_source_kitti.open(fv_test_path(folder, ways[i]), &everything, &source, &error),
+            fv_source_kitti.open(fv_test_path(folder, ways[i]), &everything, &source, &error),
             FOVEA_OK);
-        assert_true(fovea_source_kitti.info(source)->has_truth == !last);
-        fovea_source_kitti.close(source);
+        assert_true(fv_source_kitti.info(source)->has_truth == !last);
+        fv_source_kitti.close(source);
     }
     snprintf(top, sizeof top, "%s", fv_test_path(folder, "archive"));
     fv_test_folder_remove(top);

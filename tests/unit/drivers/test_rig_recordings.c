@@ -107,7 +107,7 @@ static void check_rig(const struct fovea_source_info *info)
 static void test_euroc_rig(void **state)
 {
     char uri[FV_TEST_PATH_BYTES];
-    const struct fovea_source_ops *ops = &fovea_source_euroc;
+    const struct fovea_source_ops *ops = &fv_source_euroc;
     struct fovea_source *source;
     struct fovea_sample samples[64];
     struct fovea_frame frame;
@@ -152,7 +152,7 @@ static void test_euroc_rig(void **state)
 /* One stamp that leaps ahead costs its own frame the second image, wherever it stands. */
 static void test_leaping_stamps(void **state)
 {
-    const struct fovea_source_ops *ops = &fovea_source_euroc;
+    const struct fovea_source_ops *ops = &fv_source_euroc;
     char uri[FV_TEST_PATH_BYTES], list[4096];
     struct fovea_source *source;
     struct fovea_frame frame;
@@ -195,16 +195,16 @@ static void test_samples_after_a_start(void **state)
     struct fovea_error error;
     (void)state;
     const char *top = make_euroc(uri);
-    assert_int_equal(fovea_source_euroc.open(uri, &later, &source, &error), FOVEA_OK);
-    assert_int_equal(fovea_source_euroc.start(source, &error), FOVEA_OK);
+    assert_int_equal(fv_source_euroc.open(uri, &later, &source, &error), FOVEA_OK);
+    assert_int_equal(fv_source_euroc.start(source, &error), FOVEA_OK);
     for (int n = 5; n < 9; n += 2) {
-        assert_int_equal(fovea_source_euroc.dequeue(source, INT64_MAX, &frame), FOVEA_OK);
-        assert_int_equal(fovea_source_euroc.samples(source, &frame, samples, 64),
+        assert_int_equal(fv_source_euroc.dequeue(source, INT64_MAX, &frame), FOVEA_OK);
+        assert_int_equal(fv_source_euroc.samples(source, &frame, samples, 64),
                          2 * IMU_PER_FRAME); /* a period of this run is two frames */
         assert_true(samples[2 * IMU_PER_FRAME - 1].imu.stamp_ns == frame.stamp_ns);
-        fovea_source_euroc.requeue(source, &frame);
+        fv_source_euroc.requeue(source, &frame);
     }
-    fovea_source_euroc.close(source);
+    fv_source_euroc.close(source);
     fv_test_folder_remove(top);
 }
 
@@ -227,20 +227,19 @@ static void test_samples_that_fit_a_frame(void **state)
                                  first_ns + k * 1250000LL);
     fv_test_write_text(fv_test_path(top, "mav0/imu0/data.csv"), text);
     free(text);
-    assert_int_equal(fovea_source_euroc.open(uri, &seventh, &source, &error), FOVEA_ERROR_INPUT);
+    assert_int_equal(fv_source_euroc.open(uri, &seventh, &source, &error), FOVEA_ERROR_INPUT);
     assert_non_null(strstr(
         error.text,
         "found 800 samples per second beside 2.85714 frames, expected at most 256 with each frame"));
-    assert_int_equal(fovea_source_euroc.open(uri, &sixth, &source, &error), FOVEA_OK);
-    assert_int_equal(fovea_source_euroc.start(source, &error), FOVEA_OK);
+    assert_int_equal(fv_source_euroc.open(uri, &sixth, &source, &error), FOVEA_OK);
+    assert_int_equal(fv_source_euroc.start(source, &error), FOVEA_OK);
     for (int n = 0; n < 2; n++) {
-        assert_int_equal(fovea_source_euroc.dequeue(source, INT64_MAX, &frame), FOVEA_OK);
-        assert_int_equal(
-            fovea_source_euroc.samples(source, &frame, samples, FOVEA_INPUT_SAMPLES_MAX),
-            n == 0 ? 1 : 240);
-        fovea_source_euroc.requeue(source, &frame);
+        assert_int_equal(fv_source_euroc.dequeue(source, INT64_MAX, &frame), FOVEA_OK);
+        assert_int_equal(fv_source_euroc.samples(source, &frame, samples, FOVEA_INPUT_SAMPLES_MAX),
+                         n == 0 ? 1 : 240);
+        fv_source_euroc.requeue(source, &frame);
     }
-    fovea_source_euroc.close(source);
+    fv_source_euroc.close(source);
     fv_test_folder_remove(top);
 }
 
@@ -280,19 +279,18 @@ static void test_damaged_imu(void **state)
     const char *top = make_euroc(uri);
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
         write_imu(top, cases[i].line, cases[i].odd);
-        expect_refused(&fovea_source_euroc, uri, cases[i].said);
+        expect_refused(&fv_source_euroc, uri, cases[i].said);
     }
     write_imu(top, 0, "");
     fv_test_write_text(fv_test_path(top, "mav0/imu0/sensor.yaml"), "rate_hz: 200\n");
-    expect_refused(&fovea_source_euroc, uri, "imu0/sensor.yaml:1: ");
+    expect_refused(&fv_source_euroc, uri, "imu0/sensor.yaml:1: ");
     write_imu(top, 0, "");
     fv_test_write_text(fv_test_path(top, "mav0/imu0/data.csv"), "#timestamp [ns],w,a\n");
-    expect_refused(&fovea_source_euroc, uri,
-                   "imu0/data.csv: found no samples, expected at least one");
+    expect_refused(&fv_source_euroc, uri, "imu0/data.csv: found no samples, expected at least one");
     for (size_t i = 0; i < sizeof transforms / sizeof transforms[0]; i++) {
         write_imu(top, 0, "");
         write_imu_sensor(top, transforms[i]);
-        expect_refused(&fovea_source_euroc, uri,
+        expect_refused(&fv_source_euroc, uri,
                        "imu0/sensor.yaml:2: T_BS.data: found a list of 16, expected a rigid "
                        "transform: rows of a rotation");
     }
@@ -302,7 +300,7 @@ static void test_damaged_imu(void **state)
 /* The baseline comes from the second projection: P1 = K [I | t], t = (-0.5, 0, 0). */
 static void test_kitti_rig(void **state)
 {
-    const struct fovea_source_ops *ops = &fovea_source_kitti;
+    const struct fovea_source_ops *ops = &fv_source_kitti;
     char top[FV_TEST_PATH_BYTES], uri[FV_TEST_PATH_BYTES];
     struct fovea_source *source;
     struct fovea_frame frame;
@@ -334,7 +332,7 @@ static void test_size_of_the_second_camera(void **state)
 {
     enum { W2 = 64, H2 = 80 };
     static const struct fv_test_png form = {.width = W2, .height = H2, .channels = 1, .depth = 8};
-    const struct fovea_source_ops *ops = &fovea_source_euroc;
+    const struct fovea_source_ops *ops = &fv_source_euroc;
     char uri[FV_TEST_PATH_BYTES], name[64];
     uint8_t pixels[W2 * H2];
     struct fovea_source *source;
@@ -382,10 +380,10 @@ static void test_no_common_stamp(void **state)
     const char *top = make_euroc(uri);
     fv_test_write_text(fv_test_path(top, "mav0/cam1/data.csv"), "5,5.png\n6,6.png\n");
     expect_refused(
-        &fovea_source_euroc, uri,
+        &fv_source_euroc, uri,
         "mav0/cam1/data: found none of the first camera's 12 stamps among 2, expected equal stamps");
     fv_test_write_text(fv_test_path(top, "mav0/cam1/data.csv"), "#none\n");
-    expect_refused(&fovea_source_euroc, uri, "12 stamps among 0, expected equal stamps");
+    expect_refused(&fv_source_euroc, uri, "12 stamps among 0, expected equal stamps");
     fv_test_folder_remove(top);
 }
 
@@ -417,7 +415,7 @@ static size_t put_sample(uint8_t *bytes, int k, bool damaged)
 /* A sample that cannot be read is skipped, counted and named; all others come, and all frames. */
 static void test_log_with_a_damaged_sample(void **state)
 {
-    const struct fovea_source_ops *ops = &fovea_source_lcmlog;
+    const struct fovea_source_ops *ops = &fv_source_lcmlog;
     struct fovea_source *source;
     struct fovea_source_counts counts;
     struct fovea_sample samples[64];
@@ -467,30 +465,29 @@ static void test_rig_elsewhere(void **state)
     struct fovea_error error;
     (void)state;
     const char *top = make_euroc(uri);
-    assert_int_equal(fovea_source_euroc.open(uri, &reverse, &source, &error),
-                     FOVEA_ERROR_UNSUPPORTED);
+    assert_int_equal(fv_source_euroc.open(uri, &reverse, &source, &error), FOVEA_ERROR_UNSUPPORTED);
     assert_string_equal(
         error.text,
         "euroc: imu: found 1 in reverse, expected 0: a sensor's samples do not turn round");
-    assert_int_equal(fovea_source_sim.open("orbit?imu=200", &reverse, &source, &error),
+    assert_int_equal(fv_source_sim.open("orbit?imu=200", &reverse, &source, &error),
                      FOVEA_ERROR_UNSUPPORTED);
     assert_string_equal(
         error.text,
         "sim: imu: found 200 Hz in reverse, expected 0: a sensor's samples do not turn round");
     snprintf(sequence, sizeof sequence, "euroc:%.150s then euroc:%.150s?imu=1", top, top);
-    expect_refused(&fovea_source_sequence, sequence,
+    expect_refused(&fv_source_sequence, sequence,
                    "with other inertial sensors, expected those of the first part");
     snprintf(sequence, sizeof sequence, "euroc:%.150s?cameras=2 then euroc:%.150s", top, top);
-    expect_refused(&fovea_source_sequence, sequence,
+    expect_refused(&fv_source_sequence, sequence,
                    "with other numbers of cameras, expected those of the first part");
     snprintf(sequence, sizeof sequence,
              "sim:orbit?width=96&height=64&baseline=0.1 then sim:orbit?width=96&height=64&"
              "baseline=0.2");
-    expect_refused(&fovea_source_sequence, sequence,
+    expect_refused(&fv_source_sequence, sequence,
                    "with other places of cameras, expected those of the first part");
     snprintf(sequence, sizeof sequence, "euroc:%.150s then euroc:%.150s[reverse]", top, top);
-    assert_int_equal(fovea_source_sequence.open(sequence, &everything, &source, &error), FOVEA_OK);
-    fovea_source_sequence.close(source);
+    assert_int_equal(fv_source_sequence.open(sequence, &everything, &source, &error), FOVEA_OK);
+    fv_source_sequence.close(source);
     fv_test_folder_remove(top);
 }
 
@@ -501,7 +498,7 @@ static void test_sequence_of_rigs(void **state)
     static const char address[] =
         "sim:orbit?width=96&height=64&rate=20&imu=200&baseline=0.1&frames=6 then "
         "sim:orbit?width=128&height=96&rate=20&imu=200&baseline=0.1&frames=6&seed=2";
-    const struct fovea_source_ops *ops = &fovea_source_sequence;
+    const struct fovea_source_ops *ops = &fv_source_sequence;
     struct fovea_source *source;
     struct fovea_sample samples[FOVEA_INPUT_SAMPLES_MAX];
     struct fovea_frame frame;
@@ -552,12 +549,12 @@ static void test_wrong_options(void **state)
     (void)state;
     const char *top = make_euroc(uri);
     snprintf(uri, sizeof uri, "%.200s?cameras=3", top);
-    expect_refused(&fovea_source_euroc, uri,
+    expect_refused(&fv_source_euroc, uri,
                    "euroc: cameras: found '3', expected a whole number in [1, 2]");
     snprintf(uri, sizeof uri, "%.200s?gyro=1", top);
-    expect_refused(&fovea_source_euroc, uri, "gyro");
+    expect_refused(&fv_source_euroc, uri, "gyro");
     snprintf(uri, sizeof uri, "%.200s?imu=1", top);
-    expect_refused(&fovea_source_kitti, uri, "imu");
+    expect_refused(&fv_source_kitti, uri, "imu");
     fv_test_folder_remove(top);
 }
 

@@ -14,7 +14,7 @@
 enum { RATE_HZ = 200, SAMPLES_MAX = 6200 };
 
 static const double gravity_m_s2 = 9.80665;
-static const struct fovea_source_ops *const ops = &fovea_source_sim;
+static const struct fovea_source_ops *const ops = &fv_source_sim;
 static struct fovea_imu_sample list[SAMPLES_MAX];
 
 static struct fovea_source *open_source(const char *address)

@@ -104,12 +104,12 @@ static void test_open_refuses_what_cannot_be(void **state)
     struct fovea_error error;
     const struct fovea_source_selection late = {.start = 900, .step = 1}, still = {.step = 0},
                                         back = {.step = 1, .reverse = true};
-    assert_int_equal(fovea_source_sim.open("orbit", &late, &source, &error), FOVEA_ERROR_ARGUMENT);
-    assert_int_equal(fovea_source_sim.open("orbit", &still, &source, &error), FOVEA_ERROR_ARGUMENT);
-    assert_int_equal(fovea_source_sim.open("wander", &back, &source, &error), FOVEA_ERROR_ARGUMENT);
+    assert_int_equal(fv_source_sim.open("orbit", &late, &source, &error), FOVEA_ERROR_ARGUMENT);
+    assert_int_equal(fv_source_sim.open("orbit", &still, &source, &error), FOVEA_ERROR_ARGUMENT);
+    assert_int_equal(fv_source_sim.open("wander", &back, &source, &error), FOVEA_ERROR_ARGUMENT);
     /* A tall fisheye image whose corners would look backward. */
-    assert_int_equal(fovea_source_sim.open("orbit?lens=equidistant&fov=130&width=640&height=1280",
-                                           NULL, &source, &error),
+    assert_int_equal(fv_source_sim.open("orbit?lens=equidistant&fov=130&width=640&height=1280",
+                                        NULL, &source, &error),
                      FOVEA_ERROR_INPUT);
     assert_non_null(strstr(error.text, "fov"));
     /* Frames whose time no stamp can hold. */
@@ -120,30 +120,29 @@ static void test_open_refuses_what_cannot_be(void **state)
         {.start = 1, .step = INT64_MAX},
         {.step = 1, .frames = 300000000000, .reverse = true}};
     for (size_t i = 0; i < sizeof far_off / sizeof far_off[0]; i++) {
-        assert_int_equal(fovea_source_sim.open("wander?rate=30", &far_off[i], &source, &error),
+        assert_int_equal(fv_source_sim.open("wander?rate=30", &far_off[i], &source, &error),
                          FOVEA_ERROR_ARGUMENT);
         assert_non_null(strstr(error.text, "expected at most 9e+09 s"));
     }
     assert_int_equal(
-        fovea_source_sim.open("orbit?frames=9007199254740992&rate=1", &far_off[1], &source, &error),
+        fv_source_sim.open("orbit?frames=9007199254740992&rate=1", &far_off[1], &source, &error),
         FOVEA_ERROR_ARGUMENT);
     const struct fovea_source_selection backwards = {.step = 1, .reverse = true},
                                         first = {.step = INT64_MAX};
     assert_int_equal(
-        fovea_source_sim.open("orbit?frames=9007199254740992&rate=1", &backwards, &source, &error),
+        fv_source_sim.open("orbit?frames=9007199254740992&rate=1", &backwards, &source, &error),
         FOVEA_ERROR_ARGUMENT);
     assert_null(source);
-    assert_int_equal(fovea_source_sim.open("orbit?width=64&height=64", &first, &source, &error),
+    assert_int_equal(fv_source_sim.open("orbit?width=64&height=64", &first, &source, &error),
                      FOVEA_OK);
-    fovea_source_sim.close(source); /* its one frame is at 0 */
+    fv_source_sim.close(source); /* its one frame is at 0 */
     const struct fovea_source_selection long_after = {.start = 200000000000, .step = 1};
-    assert_int_equal(fovea_source_sim.open("wander?rate=30", &long_after, &source, &error),
-                     FOVEA_OK);
-    fovea_source_sim.close(source);
+    assert_int_equal(fv_source_sim.open("wander?rate=30", &long_after, &source, &error), FOVEA_OK);
+    fv_source_sim.close(source);
     assert_int_equal(
-        fovea_source_sim.open("orbit?frames=9007199254740992&rate=1", NULL, &source, &error),
+        fv_source_sim.open("orbit?frames=9007199254740992&rate=1", NULL, &source, &error),
         FOVEA_OK);
-    fovea_source_sim.close(source);
+    fv_source_sim.close(source);
 }
 
 /* As many samples as a step takes are played, more than that are refused. */
@@ -158,22 +157,22 @@ static void test_samples_that_fit_a_frame(void **state)
     const char *full = "orbit?width=64&height=64&rate=4&frames=12&wheel_odometry=24&imu=1000",
                *over = "orbit?width=64&height=64&rate=4&frames=12&wheel_odometry=25&imu=1000",
                *slow = "orbit?width=64&height=64&rate=30&frames=30&wheel_odometry=300&imu=1000";
-    assert_int_equal(fovea_source_sim.open(over, &all, &source, &error), FOVEA_ERROR_INPUT);
+    assert_int_equal(fv_source_sim.open(over, &all, &source, &error), FOVEA_ERROR_INPUT);
     assert_string_equal(
         error.text,
         "sim: imu, wheel_odometry: found 1025 samples per second beside 4 frames, expected at most 256 with each frame");
-    assert_int_equal(fovea_source_sim.open(slow, &every_sixth, &source, &error), FOVEA_ERROR_INPUT);
+    assert_int_equal(fv_source_sim.open(slow, &every_sixth, &source, &error), FOVEA_ERROR_INPUT);
     assert_non_null(strstr(error.text, "found 1300 samples per second beside 5 frames"));
-    assert_int_equal(fovea_source_sim.open(full, &all, &source, &error), FOVEA_OK);
-    assert_int_equal(fovea_source_sim.start(source, &error), FOVEA_OK);
+    assert_int_equal(fv_source_sim.open(full, &all, &source, &error), FOVEA_OK);
+    assert_int_equal(fv_source_sim.start(source, &error), FOVEA_OK);
     for (int n = 0; n < 4; n++) {
-        assert_int_equal(fovea_source_sim.dequeue(source, INT64_MAX, &frame), FOVEA_OK);
+        assert_int_equal(fv_source_sim.dequeue(source, INT64_MAX, &frame), FOVEA_OK);
         assert_int_equal(
-            fovea_source_sim.samples(source, &frame, samples, FOVEA_INPUT_SAMPLES_MAX + 1),
+            fv_source_sim.samples(source, &frame, samples, FOVEA_INPUT_SAMPLES_MAX + 1),
             n == 0 ? 2 : FOVEA_INPUT_SAMPLES_MAX);
-        fovea_source_sim.requeue(source, &frame);
+        fv_source_sim.requeue(source, &frame);
     }
-    fovea_source_sim.close(source);
+    fv_source_sim.close(source);
 }
 
 /* Wheel odometry comes unasked at 100 Hz: that refuses no run of every hundredth frame. */
@@ -183,12 +182,12 @@ static void test_unasked_odometry_refuses_no_run(void **state)
     struct fovea_source *source = NULL;
     struct fovea_error error;
     const struct fovea_source_selection every_hundredth = {.step = 100};
-    assert_int_equal(fovea_source_sim.open("orbit?width=64&height=64&frames=300", &every_hundredth,
-                                           &source, &error),
+    assert_int_equal(fv_source_sim.open("orbit?width=64&height=64&frames=300", &every_hundredth,
+                                        &source, &error),
                      FOVEA_OK);
-    fovea_source_sim.close(source);
-    assert_int_equal(fovea_source_sim.open("orbit?width=64&height=64&frames=300&wheel_odometry=100",
-                                           &every_hundredth, &source, &error),
+    fv_source_sim.close(source);
+    assert_int_equal(fv_source_sim.open("orbit?width=64&height=64&frames=300&wheel_odometry=100",
+                                        &every_hundredth, &source, &error),
                      FOVEA_ERROR_INPUT);
 }
 

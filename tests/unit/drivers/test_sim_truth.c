@@ -18,17 +18,17 @@ static struct fovea_source *open_at(const char *address, uint64_t start, struct 
     struct fovea_source *source = NULL;
     struct fovea_error error;
     const struct fovea_source_selection selection = {.start = start, .step = 1};
-    if (fovea_source_sim.open(address, &selection, &source, &error) != FOVEA_OK)
+    if (fv_source_sim.open(address, &selection, &source, &error) != FOVEA_OK)
         fail_msg("%s", error.text);
-    assert_int_equal(fovea_source_sim.start(source, &error), FOVEA_OK);
-    assert_int_equal(fovea_source_sim.dequeue(source, 0, frame), FOVEA_OK);
+    assert_int_equal(fv_source_sim.start(source, &error), FOVEA_OK);
+    assert_int_equal(fv_source_sim.dequeue(source, 0, frame), FOVEA_OK);
     return source;
 }
 
 static void close_source(struct fovea_source *source)
 {
-    fovea_source_sim.stop(source);
-    fovea_source_sim.close(source);
+    fv_source_sim.stop(source);
+    fv_source_sim.close(source);
 }
 
 /* ---- rays by brute force --------------------------------------------------------------------- */
@@ -107,7 +107,7 @@ static void check_rays(const char *address, uint64_t start)
     struct fovea_frame frame;
     static struct fovea_truth truth;
     struct fovea_source *source = open_at(address, start, &frame);
-    assert_int_equal(fovea_source_sim.truth(source, &frame, &truth), FOVEA_OK);
+    assert_int_equal(fv_source_sim.truth(source, &frame, &truth), FOVEA_OK);
     const struct fv_sim_world *w = &source->world;
     const double *T = truth.T_world_cam, o[3] = {T[3], T[7], T[11]};
     int wrong = 0, count = 0, rounds = 0;
@@ -226,7 +226,7 @@ static void test_boxes(void **state)
         struct fovea_frame frame;
         static struct fovea_truth truth;
         struct fovea_source *source = open_at("orbit?objects=16&seed=3", start, &frame);
-        assert_int_equal(fovea_source_sim.truth(source, &frame, &truth), FOVEA_OK);
+        assert_int_equal(fv_source_sim.truth(source, &frame, &truth), FOVEA_OK);
         for (uint32_t i = 0; i < truth.box_count; i++) {
             const struct fovea_truth_box *box = &truth.boxes[i];
             const struct fv_sim_object *o = &source->world.object[box->id - 1];
@@ -283,8 +283,8 @@ static void test_visible_fraction(void **state)
         struct fovea_frame inner;
         struct fovea_source *part = open_at(
             "orbit?objects=16&seed=8&lens=pinhole&width=320&height=240&fov=45.5288", start, &inner);
-        assert_int_equal(fovea_source_sim.truth(source, &frame, &wide), FOVEA_OK);
-        assert_int_equal(fovea_source_sim.truth(part, &inner, &narrow), FOVEA_OK);
+        assert_int_equal(fv_source_sim.truth(source, &frame, &wide), FOVEA_OK);
+        assert_int_equal(fv_source_sim.truth(part, &inner, &narrow), FOVEA_OK);
         for (uint32_t i = 0; i < narrow.box_count; i++) {
             for (uint32_t k = 0; k < wide.box_count; k++) {
                 if (wide.boxes[k].id != narrow.boxes[i].id || wide.boxes[k].visible_fraction < 1.0f)
@@ -413,8 +413,8 @@ static void check_pictures(const char *address, uint64_t start, uint64_t later)
     memset(fits, 0, sizeof fits);
     a.source = open_at(address, start, &a.frame);
     b.source = open_at(address, later, &b.frame);
-    assert_int_equal(fovea_source_sim.truth(a.source, &a.frame, &a.truth), FOVEA_OK);
-    assert_int_equal(fovea_source_sim.truth(b.source, &b.frame, &b.truth), FOVEA_OK);
+    assert_int_equal(fv_source_sim.truth(a.source, &a.frame, &a.truth), FOVEA_OK);
+    assert_int_equal(fv_source_sim.truth(b.source, &b.frame, &b.truth), FOVEA_OK);
     const int32_t width = a.frame.images[0].width, height = a.frame.images[0].height;
     for (int32_t y = 2; y < height - 2; y++) {
         for (int32_t x = 2; x < width - 2; x++) {
@@ -458,8 +458,8 @@ static void test_truth_needs_a_held_frame(void **state)
     struct fovea_frame frame;
     static struct fovea_truth truth;
     struct fovea_source *source = open_at("still?width=64&height=64", 0, &frame);
-    fovea_source_sim.requeue(source, &frame);
-    assert_int_equal(fovea_source_sim.truth(source, &frame, &truth), FOVEA_ERROR_ARGUMENT);
+    fv_source_sim.requeue(source, &frame);
+    assert_int_equal(fv_source_sim.truth(source, &frame, &truth), FOVEA_ERROR_ARGUMENT);
     close_source(source);
 }
 

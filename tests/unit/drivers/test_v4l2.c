@@ -15,7 +15,7 @@
 #include "common/live_source.h"
 
 static const struct fovea_source_selection everything = {.step = 1};
-static const struct fovea_source_ops *const ops = &fovea_source_v4l2;
+static const struct fovea_source_ops *const ops = &fv_source_v4l2;
 
 /* ---- opening --------------------------------------------------------------------------------- */
 

@@ -13,7 +13,7 @@
 #include "common/fake_camera.h"
 #include "common/live_source.h"
 
-static const struct fovea_source_ops *const ops = &fovea_source_v4l2;
+static const struct fovea_source_ops *const ops = &fv_source_v4l2;
 
 /* ---- faults ---------------------------------------------------------------------------------- */
 

@@ -325,32 +325,32 @@ static void test_mutated_log(void **state)
 static void test_mutated_calibrations(void **state)
 {
     (void)state;
-    struct fovea_calibration c = {.camera = {.width = 640,
-                                             .height = 480,
-                                             .fx = 500,
-                                             .fy = 501,
-                                             .cx = 320,
-                                             .cy = 240,
-                                             .k = {-0.2, 0.05}},
-                                  .name = "cam0",
-                                  .has_T_body_cam = true,
-                                  .T_body_cam = {0, 0, 1, 0.1, -1, 0, 0, 0.2, 0, -1, 0, 0.3},
-                                  .rate_hz = 20};
+    struct fv_calibration c = {.camera = {.width = 640,
+                                          .height = 480,
+                                          .fx = 500,
+                                          .fy = 501,
+                                          .cx = 320,
+                                          .cy = 240,
+                                          .k = {-0.2, 0.05}},
+                               .name = "cam0",
+                               .has_T_body_cam = true,
+                               .T_body_cam = {0, 0, 1, 0.1, -1, 0, 0, 0.2, 0, -1, 0, 0.3},
+                               .rate_hz = 20};
     struct fv_random random;
     fv_random_seed(&random, 29);
     int refused = 0;
     for (int round = 0; round < 500; round++) {
-        char text[FOVEA_CALIBRATION_BYTES_MAX];
-        struct fovea_calibration found;
+        char text[FV_CALIBRATION_BYTES_MAX];
+        struct fv_calibration found;
         struct fovea_error error = {.text = ""};
-        const enum fovea_calibration_format format =
-            (enum fovea_calibration_format)(round % FOVEA_CALIBRATION_FORMAT_COUNT);
-        assert_int_equal(fovea_calibration_format_text(format, &c, text, NULL, &error), FOVEA_OK);
+        const enum fv_calibration_format format =
+            (enum fv_calibration_format)(round % FV_CALIBRATION_FORMAT_COUNT);
+        assert_int_equal(fv_calibration_format_text(format, &c, text, NULL, &error), FOVEA_OK);
         size_t count = strlen(text);
         mutate(&random, (uint8_t *)text, &count);
         ++cases;
         const enum fovea_status status =
-            fovea_calibration_parse("cam.yaml", text, count, NULL, &found, &error);
+            fv_calibration_parse("cam.yaml", text, count, NULL, &found, &error);
         if (status == FOVEA_OK) {
             assert_true(found.camera.fx > 0 && found.camera.field_max_rad > 0);
             continue;

@@ -9,7 +9,7 @@
 
 #include <cmocka.h>
 
-#include "support/log.h"
+#include "support/lcmlog.h"
 #include "message/fields.h"
 #include "message/message.h"
 #include "message/recorded.h"
@@ -262,10 +262,10 @@ static void test_frames_without_loss(void **state)
             fv_message_frame_encode(&in, -5, buffer, fv_message_frame_size_max(&in));
         assert_int_equal(bytes, fv_message_frame_size_max(&in));
         assert_well_formed("fovea.frame_t", buffer, bytes);
-        const struct fovea_log_event event = {
+        const struct fv_lcmlog_event event = {
             .channel = "FOVEA_FRAME", .bytes = bytes, .data = buffer};
         struct fovea_error error;
-        if (fovea_log_frame("log", &event, &out, &error) != FOVEA_OK) fail_msg("%s", error.text);
+        if (fv_lcmlog_frame("log", &event, &out, &error) != FOVEA_OK) fail_msg("%s", error.text);
         assert_int_equal(out.image_count, FOVEA_CAMERAS_MAX);
         assert_true(out.images[1].data == NULL && out.images[3].data == NULL);
         assert_int_equal(out.images[2].size_bytes, compressed ? 333 : whole);

@@ -14,7 +14,7 @@
 #include "message/fields.h"
 #include "message/message.h"
 #include "message/recorded.h"
-#include "support/log.h"
+#include "support/lcmlog.h"
 
 static const char *const names[] = {
 #define NAME(KIND, name) "fovea." #name "_t",
@@ -80,9 +80,9 @@ static void make(struct fovea_sample *sample, int kind)
         sample->any.values[i] = (i % 2 == 0 ? 1.0 : -1.0) / (3.0 + i + 10.0 * kind);
 }
 
-static struct fovea_log_event event_of(const uint8_t *data, uint32_t bytes)
+static struct fv_lcmlog_event event_of(const uint8_t *data, uint32_t bytes)
 {
-    struct fovea_log_event event = {.offset = 1000, .bytes = bytes, .data = data};
+    struct fv_lcmlog_event event = {.offset = 1000, .bytes = bytes, .data = data};
     snprintf(event.channel, sizeof event.channel, "ANY");
     return event;
 }
@@ -104,8 +104,8 @@ static void samples_come_back_with_every_bit(void **state)
             fv_message_sample_encode(&sample, &stamp, data, fv_message_sample_size_max());
         if (!fv_message_check(names[kind], data, bytes, &problem, &at))
             fail_msg("%s: byte %zu: %s", names[kind], at, problem);
-        const struct fovea_log_event event = event_of(data, bytes);
-        if (fovea_log_sample("log", &event, &found, &error) != FOVEA_OK)
+        const struct fv_lcmlog_event event = event_of(data, bytes);
+        if (fv_lcmlog_sample("log", &event, &found, &error) != FOVEA_OK)
             fail_msg("%s: %s", names[kind], error.text);
         assert_memory_equal(&found, &sample, sizeof found);
         assert_int_equal(fv_message_sample_encode(&sample, &stamp, data, bytes), bytes);
@@ -127,13 +127,13 @@ static void samples_that_hold_no_number_or_are_cut_off_are_refused(void **state)
         const uint32_t last = fovea_sample_value_count(sample.kind) - 1;
         sample.any.values[last] = (double)NAN;
         const uint32_t bytes = fv_message_sample_encode(&sample, &stamp, data, sizeof data);
-        struct fovea_log_event event = event_of(data, bytes);
-        assert_int_equal(fovea_log_sample("log", &event, &found, &error), FOVEA_ERROR_INPUT);
+        struct fv_lcmlog_event event = event_of(data, bytes);
+        assert_int_equal(fv_lcmlog_sample("log", &event, &found, &error), FOVEA_ERROR_INPUT);
         snprintf(expected, sizeof expected, "log: byte %zu: found a sample with a number that",
-                 1000 + FOVEA_LOG_HEADER_BYTES + strlen("ANY") + 34 + 8 * (size_t)last);
+                 1000 + FV_LCMLOG_HEADER_BYTES + strlen("ANY") + 34 + 8 * (size_t)last);
         if (strstr(error.text, expected) == NULL) fail_msg("%s", error.text);
         for (event.bytes = 0; event.bytes < bytes; event.bytes++) {
-            assert_int_equal(fovea_log_sample("log", &event, &found, &error), FOVEA_ERROR_INPUT);
+            assert_int_equal(fv_lcmlog_sample("log", &event, &found, &error), FOVEA_ERROR_INPUT);
             assert_non_null(strstr(error.text, names[kind]));
         }
     }

@@ -20,22 +20,21 @@
 #include "support/calibration.h"
 #include "base/elementary.h"
 
-static struct fovea_calibration parse(const char *text)
+static struct fv_calibration parse(const char *text)
 {
-    struct fovea_calibration calibration;
+    struct fv_calibration calibration;
     struct fovea_error error = {.text = ""};
-    if (fovea_calibration_parse("c.yaml", text, strlen(text), NULL, &calibration, &error) !=
-        FOVEA_OK)
+    if (fv_calibration_parse("c.yaml", text, strlen(text), NULL, &calibration, &error) != FOVEA_OK)
         fail_msg("%s", error.text);
     return calibration;
 }
 
 static void refused(enum fovea_status status, const char *text, const char *line)
 {
-    struct fovea_calibration calibration;
+    struct fv_calibration calibration;
     struct fovea_error error = {.text = ""};
-    assert_int_equal(
-        fovea_calibration_parse("c.yaml", text, strlen(text), NULL, &calibration, &error), status);
+    assert_int_equal(fv_calibration_parse("c.yaml", text, strlen(text), NULL, &calibration, &error),
+                     status);
     assert_string_equal(error.text, line);
     assert_int_equal(error.status, status);
 }
@@ -45,13 +44,13 @@ static void refused(enum fovea_status status, const char *text, const char *line
 static void test_ros(void **state)
 {
     (void)state;
-    struct fovea_calibration c = parse(
+    struct fv_calibration c = parse(
         "image_width: 640\nimage_height: 480\ncamera_name: head\n"
         "camera_matrix:\n  rows: 3\n  cols: 3\n  data: [585.5, 0, 320, 0, 586, 240, 0, 0, 1]\n"
         "distortion_model: plumb_bob\n"
         "distortion_coefficients:\n  rows: 1\n  cols: 5\n  data: [0.1, -0.2, 0.003, 0.004, 0.05]\n"
         "rectification_matrix:\n  rows: 3\n  cols: 3\n  data: [1, 0, 0, 0, 1, 0, 0, 0, 1]\n");
-    assert_int_equal(c.format, FOVEA_CALIBRATION_ROS);
+    assert_int_equal(c.format, FV_CALIBRATION_ROS);
     assert_int_equal(c.camera.width, 640);
     assert_int_equal(c.camera.height, 480);
     assert_int_equal(c.camera.lens, FOVEA_LENS_RADTAN);
@@ -64,7 +63,7 @@ static void test_ros(void **state)
     c = parse(
         "height: 480\nwidth: 640\ndistortion_model: rational_polynomial\nD: [1, 2, 3e-3, 4e-3, 5, 6, 7, 8]\n"
         "K: [500, 0, 320, 0, 500, 240, 0, 0, 1]\nbinning_x: 0\nroi: {x_offset: 0, y_offset: 0}\n");
-    assert_int_equal(c.format, FOVEA_CALIBRATION_ROS_MESSAGE);
+    assert_int_equal(c.format, FV_CALIBRATION_ROS_MESSAGE);
     assert_true(c.camera.k[5] == 6 && c.camera.k[7] == 8);
     c = parse(
         "height: 480\nwidth: 640\ndistortion_model: equidistant\nd:\n- 0.1\n- 0.2\n- 0.0\n- 0.0\n"
@@ -76,7 +75,7 @@ static void test_ros(void **state)
 static void test_opencv(void **state)
 {
     (void)state;
-    struct fovea_calibration c = parse(
+    struct fv_calibration c = parse(
         "%YAML:1.0\n---\ncalibration_time: \"Thu 1 Jan\"\nimage_width: 640\nimage_height: 480\n"
         "camera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n"
         "   data: [ 5.3591573396163199e+02, 0., 3.4228315473308373e+02, 0.,\n"
@@ -84,7 +83,7 @@ static void test_opencv(void **state)
         "distortion_coefficients: !!opencv-matrix\n   rows: 5\n   cols: 1\n   dt: d\n"
         "   data: [ -2.6637260909660682e-01, -3.8588898922304653e-02,\n"
         "       1.7831947042852964e-03, -2.8122100441115472e-04, 2.3839153080878486e-01 ]\n");
-    assert_int_equal(c.format, FOVEA_CALIBRATION_OPENCV);
+    assert_int_equal(c.format, FV_CALIBRATION_OPENCV);
     assert_true(c.camera.fx == 535.91573396163199 && c.camera.k[4] == 0.23839153080878486);
     c = parse(
         "cameraMatrix: [[300, 0, 100], [0, 301, 101], [0, 0, 1]]\ndistCoeffs: [[0.1, 0.2, 0, 0]]\n"
@@ -107,8 +106,8 @@ static const char camchain[] =
 static void test_kalibr(void **state)
 {
     (void)state;
-    struct fovea_calibration c = parse(camchain);
-    assert_int_equal(c.format, FOVEA_CALIBRATION_KALIBR);
+    struct fv_calibration c = parse(camchain);
+    assert_int_equal(c.format, FV_CALIBRATION_KALIBR);
     assert_string_equal(c.name, "cam0");
     assert_int_equal(c.camera.lens, FOVEA_LENS_EQUIDISTANT);
     assert_int_equal(c.camera.height, 513);
@@ -118,11 +117,11 @@ static void test_kalibr(void **state)
                 fabs(c.T_body_cam[11] - 0.2) < 1e-15);
     struct fovea_error error;
     assert_int_equal(
-        fovea_calibration_parse("c.yaml", camchain, sizeof camchain - 1, "cam1", &c, &error),
+        fv_calibration_parse("c.yaml", camchain, sizeof camchain - 1, "cam1", &c, &error),
         FOVEA_OK);
     assert_true(c.camera.fx == 200 && !c.has_T_body_cam);
     assert_int_equal(
-        fovea_calibration_parse("c.yaml", camchain, sizeof camchain - 1, "cam2", &c, &error),
+        fv_calibration_parse("c.yaml", camchain, sizeof camchain - 1, "cam2", &c, &error),
         FOVEA_ERROR_INPUT);
     assert_non_null(strstr(error.text, "expected 'cam2'"));
 }
@@ -130,7 +129,7 @@ static void test_kalibr(void **state)
 static void test_euroc(void **state)
 {
     (void)state;
-    struct fovea_calibration c = parse(
+    struct fv_calibration c = parse(
         "sensor_type: camera\ncomment: VI-Sensor cam0 (MT9M034)\nT_BS:\n  cols: 4\n  rows: 4\n"
         "  data: [0.0148655429818, -0.999880929698, 0.00414029679422, -0.0216401454975,\n"
         "         0.999557249008, 0.0149672133247, 0.025715529948, -0.064676986768,\n"
@@ -138,7 +137,7 @@ static void test_euroc(void **state)
         "         0.0, 0.0, 0.0, 1.0]\nrate_hz: 20\nresolution: [752, 480]\ncamera_model: pinhole\n"
         "intrinsics: [458.654, 457.296, 367.215, 248.375] #fu, fv, cu, cv\ndistortion_model: radial-tangential\n"
         "distortion_coefficients: [-0.28340811, 0.07395907, 0.00019359, 1.76187114e-05]\n");
-    assert_int_equal(c.format, FOVEA_CALIBRATION_EUROC);
+    assert_int_equal(c.format, FV_CALIBRATION_EUROC);
     assert_true(c.rate_hz == 20 && c.camera.k[3] == 1.76187114e-05 &&
                 c.T_body_cam[7] == -0.064676986768);
 }
@@ -146,7 +145,7 @@ static void test_euroc(void **state)
 /* ---- round trip ------------------------------------------------------------------------------ */
 
 static void random_camera(struct fv_random *random, enum fovea_lens lens, int coefficients,
-                          struct fovea_calibration *c)
+                          struct fv_calibration *c)
 {
     memset(c, 0, sizeof *c);
     struct fovea_camera *m = &c->camera;
@@ -191,17 +190,17 @@ static void test_round_trip(void **state)
     int written = 0, unsupported = 0;
     setlocale(LC_ALL, "de_DE.UTF-8"); /* where installed: a comma must not get in */
     for (int round = 0; round < 40; round++) {
-        for (int format = 0; format < FOVEA_CALIBRATION_FORMAT_COUNT; format++) {
-            struct fovea_calibration c, again;
-            char text[FOVEA_CALIBRATION_BYTES_MAX];
+        for (int format = 0; format < FV_CALIBRATION_FORMAT_COUNT; format++) {
+            struct fv_calibration c, again;
+            char text[FV_CALIBRATION_BYTES_MAX];
             struct fovea_error error = {.text = ""}, lost;
             const bool fisheye = round % 2 == 1;
             random_camera(&random, fisheye ? FOVEA_LENS_EQUIDISTANT : FOVEA_LENS_RADTAN,
                           fisheye ? 4 : counts[round / 2 % 5], &c);
             const bool short_format =
-                format == FOVEA_CALIBRATION_KALIBR || format == FOVEA_CALIBRATION_EUROC;
-            const enum fovea_status status = fovea_calibration_format_text(
-                (enum fovea_calibration_format)format, &c, text, &lost, &error);
+                format == FV_CALIBRATION_KALIBR || format == FV_CALIBRATION_EUROC;
+            const enum fovea_status status = fv_calibration_format_text(
+                (enum fv_calibration_format)format, &c, text, &lost, &error);
             if (short_format && !fisheye && c.camera.k[4] != 0) { /* it says what would be lost */
                 assert_int_equal(status, FOVEA_ERROR_UNSUPPORTED);
                 assert_memory_equal(error.text, "k3: found ", 10);
@@ -228,40 +227,39 @@ static void test_write_file_and_lost(void **state)
 {
     (void)state;
     char folder[FV_TEST_PATH_BYTES];
-    struct fovea_calibration c = parse(camchain), again;
+    struct fv_calibration c = parse(camchain), again;
     struct fovea_error lost = {.text = "?"}, error = {.text = ""};
     fv_test_folder(folder);
     const char *path = fv_test_path(folder, "c.yaml");
-    assert_int_equal(fovea_calibration_write(path, FOVEA_CALIBRATION_KALIBR, &c, &lost, &error),
+    assert_int_equal(fv_calibration_write(path, FV_CALIBRATION_KALIBR, &c, &lost, &error),
                      FOVEA_OK);
     assert_string_equal(lost.text, "");
-    assert_int_equal(fovea_calibration_read(path, NULL, &again, &error), FOVEA_OK);
+    assert_int_equal(fv_calibration_read(path, NULL, &again, &error), FOVEA_OK);
     for (int i = 0; i < 12; i++)
         assert_true(fabs(again.T_body_cam[i] - c.T_body_cam[i]) < 1e-15);
-    assert_int_equal(fovea_calibration_write(path, FOVEA_CALIBRATION_OPENCV, &c, &lost, &error),
+    assert_int_equal(fv_calibration_write(path, FV_CALIBRATION_OPENCV, &c, &lost, &error),
                      FOVEA_OK);
     assert_string_equal(lost.text, "the format opencv has no place for: T_body_cam name");
     c.camera.width = 0;
-    assert_int_equal(fovea_calibration_write(path, FOVEA_CALIBRATION_ROS, &c, &lost, &error),
+    assert_int_equal(fv_calibration_write(path, FV_CALIBRATION_ROS, &c, &lost, &error),
                      FOVEA_ERROR_UNSUPPORTED);
-    assert_int_equal(fovea_calibration_read(path, NULL, &again, &error),
+    assert_int_equal(fv_calibration_read(path, NULL, &again, &error),
                      FOVEA_OK); /* the old file stands */
-    assert_int_equal(again.format, FOVEA_CALIBRATION_OPENCV);
+    assert_int_equal(again.format, FV_CALIBRATION_OPENCV);
     c.camera.width = 512;
     snprintf(c.name, sizeof c.name, "it's \"odd\": \\ # \n");
-    assert_int_equal(fovea_calibration_write(path, FOVEA_CALIBRATION_ROS, &c, &lost, &error),
-                     FOVEA_OK);
-    assert_int_equal(fovea_calibration_read(path, NULL, &again, &error), FOVEA_OK);
+    assert_int_equal(fv_calibration_write(path, FV_CALIBRATION_ROS, &c, &lost, &error), FOVEA_OK);
+    assert_int_equal(fv_calibration_read(path, NULL, &again, &error), FOVEA_OK);
     assert_string_equal(again.name, c.name);
-    assert_int_equal(fovea_calibration_write(fv_test_path(folder, "no/such/c.yaml"),
-                                             FOVEA_CALIBRATION_ROS, &c, &lost, &error),
+    assert_int_equal(fv_calibration_write(fv_test_path(folder, "no/such/c.yaml"),
+                                          FV_CALIBRATION_ROS, &c, &lost, &error),
                      FOVEA_ERROR_SYSTEM);
     assert_non_null(strstr(error.text, "cannot be written"));
     /* A device takes the text and stays what it is; here by a link, which stays as well. */
     struct stat there;
     const char *device = fv_test_path(folder, "device.yaml");
     assert_int_equal(symlink("/dev/full", device), 0);
-    assert_int_equal(fovea_calibration_write(device, FOVEA_CALIBRATION_ROS, &c, &lost, &error),
+    assert_int_equal(fv_calibration_write(device, FV_CALIBRATION_ROS, &c, &lost, &error),
                      FOVEA_ERROR_SYSTEM);
     assert_non_null(strstr(error.text, "device.yaml: cannot be written: No space left"));
     assert_true(lstat(device, &there) == 0 && S_ISLNK(there.st_mode));
@@ -273,22 +271,22 @@ static void test_write_file_and_lost(void **state)
 static void test_fit(void **state)
 {
     (void)state;
-    struct fovea_calibration c =
+    struct fv_calibration c =
         parse("cameraMatrix: [300, 0, 319.5, 0, 300, 239.5, 0, 0, 1]\ndistCoeffs: []\n");
     struct fovea_error error = {.text = ""};
     struct fovea_camera camera = c.camera;
-    assert_int_equal(fovea_calibration_fit(&camera, 640, 480, false, "c.yaml", &error), FOVEA_OK);
+    assert_int_equal(fv_calibration_fit(&camera, 640, 480, false, "c.yaml", &error), FOVEA_OK);
     assert_int_equal(camera.width, 640);
-    assert_int_equal(fovea_calibration_fit(&camera, 640, 480, false, "c.yaml", &error), FOVEA_OK);
-    assert_int_equal(fovea_calibration_fit(&camera, 320, 240, false, "c.yaml", &error),
+    assert_int_equal(fv_calibration_fit(&camera, 640, 480, false, "c.yaml", &error), FOVEA_OK);
+    assert_int_equal(fv_calibration_fit(&camera, 320, 240, false, "c.yaml", &error),
                      FOVEA_ERROR_INPUT);
     assert_string_equal(
         error.text, "c.yaml: image size: found 640 x 480, expected 320 x 240 as the frames have");
     assert_int_equal(camera.width, 640);
-    assert_int_equal(fovea_calibration_fit(&camera, 320, 240, true, "c.yaml", &error), FOVEA_OK);
+    assert_int_equal(fv_calibration_fit(&camera, 320, 240, true, "c.yaml", &error), FOVEA_OK);
     /* The centre of the image stays its centre, with pixel centres at whole numbers. */
     assert_true(camera.fx == 150 && camera.cx == 159.5 && camera.cy == 119.5);
-    assert_int_equal(fovea_calibration_fit(&camera, 320, 200, true, "c.yaml", &error),
+    assert_int_equal(fv_calibration_fit(&camera, 320, 200, true, "c.yaml", &error),
                      FOVEA_ERROR_INPUT);
     assert_non_null(strstr(error.text, "expected the shape of the frames"));
 }
@@ -374,12 +372,12 @@ static void test_refused(void **state)
 static void test_centre_far_outside(void **state)
 {
     (void)state;
-    struct fovea_calibration calibration;
+    struct fv_calibration calibration;
     struct fovea_error error = {.text = ""};
     static const char text[] =
         SIZE "camera_matrix: {data: [500, 0, 9999, 0, 500, 240, 0, 0, 1]}\n" COEFFICIENTS;
     assert_int_equal(
-        fovea_calibration_parse("c.yaml", text, sizeof text - 1, NULL, &calibration, &error),
+        fv_calibration_parse("c.yaml", text, sizeof text - 1, NULL, &calibration, &error),
         FOVEA_ERROR_INPUT);
     assert_memory_equal(error.text, "c.yaml: ", 8);
     assert_non_null(strstr(error.text, "9999"));
@@ -396,13 +394,13 @@ static void test_published_files(void **state)
                  {"calib_stereo_pinhole/left_intrinsics_published.yml", 535.91573396163199}};
     for (size_t i = 0; i < sizeof files / sizeof files[0]; i++) {
         const char *path = fv_test_path(fv_data_folder(), files[i].file);
-        struct fovea_calibration calibration;
+        struct fv_calibration calibration;
         struct fovea_error error;
         if (access(path, R_OK) != 0) {
             print_message("SKIPPED %s: not there\n", files[i].file);
             continue;
         }
-        if (fovea_calibration_read(path, NULL, &calibration, &error) != FOVEA_OK)
+        if (fv_calibration_read(path, NULL, &calibration, &error) != FOVEA_OK)
             fail_msg("%s", error.text);
         assert_true(calibration.camera.fx == files[i].fx);
     }

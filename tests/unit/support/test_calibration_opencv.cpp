@@ -27,17 +27,16 @@ static void test_opencv_reads_and_writes(void **state)
              << 0.25;
         file << "image_points" << cv::Mat(13, 54, CV_32FC2, cv::Scalar(1.5, 2.5));
     }
-    struct fovea_calibration found;
+    struct fv_calibration found;
     struct fovea_error error, lost;
-    if (fovea_calibration_read(path, nullptr, &found, &error) != FOVEA_OK)
-        fail_msg("%s", error.text);
+    if (fv_calibration_read(path, nullptr, &found, &error) != FOVEA_OK) fail_msg("%s", error.text);
     assert_int_equal(found.camera.width, 752);
     assert_true(found.camera.fx == K.at<double>(0, 0) && found.camera.cy == K.at<double>(1, 2));
     for (int i = 0; i < 8; i++)
         assert_true(found.camera.k[i] == D.at<double>(i));
 
     const char *ours = fv_test_path(folder, "ours.yml");
-    assert_int_equal(fovea_calibration_write(ours, FOVEA_CALIBRATION_OPENCV, &found, &lost, &error),
+    assert_int_equal(fv_calibration_write(ours, FV_CALIBRATION_OPENCV, &found, &lost, &error),
                      FOVEA_OK);
     cv::Mat K_again, D_again;
     const cv::FileStorage file(ours, cv::FileStorage::READ);

@@ -11,20 +11,20 @@
 
 #include "support/yaml_tree.h"
 
-static struct fovea_yaml_tree *parse(const char *text)
+static struct fv_yaml_tree *parse(const char *text)
 {
-    struct fovea_yaml_tree *tree = NULL;
+    struct fv_yaml_tree *tree = NULL;
     struct fovea_error error = {0};
-    if (fovea_yaml_parse("f.yaml", text, strlen(text), &tree, &error) != FOVEA_OK)
+    if (fv_yaml_parse("f.yaml", text, strlen(text), &tree, &error) != FOVEA_OK)
         fail_msg("%s", error.text);
     return tree;
 }
 
 static void refused(const char *text, size_t bytes, const char *line)
 {
-    struct fovea_yaml_tree *tree = NULL;
+    struct fv_yaml_tree *tree = NULL;
     struct fovea_error error = {0};
-    assert_int_equal(fovea_yaml_parse("f.yaml", text, bytes, &tree, &error), FOVEA_ERROR_INPUT);
+    assert_int_equal(fv_yaml_parse("f.yaml", text, bytes, &tree, &error), FOVEA_ERROR_INPUT);
     assert_null(tree);
     assert_string_equal(error.text, line);
 }
@@ -32,38 +32,38 @@ static void refused(const char *text, size_t bytes, const char *line)
 static void test_structure(void **state)
 {
     (void)state;
-    struct fovea_yaml_tree *tree =
+    struct fv_yaml_tree *tree =
         parse("# comment\na: 1\nb:\n  - x\n  - {c: 2.5, d: [3, 4]}\ne: 'q'\n");
-    assert_int_equal(tree->root->kind, FOVEA_YAML_MAPPING);
+    assert_int_equal(tree->root->kind, FV_YAML_MAPPING);
     assert_int_equal(tree->root->count, 3);
-    const struct fovea_yaml_node *b = fovea_yaml_child(tree->root, "b");
+    const struct fv_yaml_node *b = fv_yaml_child(tree->root, "b");
     assert_non_null(b);
     assert_int_equal(b->line, 3);
-    assert_int_equal(b->kind, FOVEA_YAML_SEQUENCE);
+    assert_int_equal(b->kind, FV_YAML_SEQUENCE);
     assert_int_equal(b->count, 2);
-    const struct fovea_yaml_node *d = fovea_yaml_child(b->first->next, "d");
+    const struct fv_yaml_node *d = fv_yaml_child(b->first->next, "d");
     assert_non_null(d);
     assert_int_equal(d->line, 5);
-    char path[FOVEA_YAML_PATH_BYTES];
-    assert_string_equal(fovea_yaml_path(d->first->next, path), "b[1].d[1]");
-    assert_string_equal(fovea_yaml_path(tree->root, path), "the file");
-    assert_true(fovea_yaml_child(tree->root, "e")->quoted);
-    assert_null(fovea_yaml_child(tree->root, "z"));
-    fovea_yaml_free(tree);
+    char path[FV_YAML_PATH_BYTES];
+    assert_string_equal(fv_yaml_path(d->first->next, path), "b[1].d[1]");
+    assert_string_equal(fv_yaml_path(tree->root, path), "the file");
+    assert_true(fv_yaml_child(tree->root, "e")->quoted);
+    assert_null(fv_yaml_child(tree->root, "z"));
+    fv_yaml_free(tree);
 }
 
 /* As editors of other systems write it. Bytes are counted from the start of the file. */
 static void test_byte_order_mark(void **state)
 {
     (void)state;
-    struct fovea_yaml_tree *tree = parse("\xef\xbb\xbf"
-                                         "a: 1\r\nb: 2\r\n");
+    struct fv_yaml_tree *tree = parse("\xef\xbb\xbf"
+                                      "a: 1\r\nb: 2\r\n");
     assert_int_equal(tree->root->count, 2);
-    assert_int_equal(fovea_yaml_child(tree->root, "b")->line, 2);
-    fovea_yaml_free(tree);
+    assert_int_equal(fv_yaml_child(tree->root, "b")->line, 2);
+    fv_yaml_free(tree);
     tree = parse("\xef\xbb\xbf%YAML:1.0\n---\nrows: 3\n");
-    assert_int_equal(fovea_yaml_child(tree->root, "rows")->line, 3);
-    fovea_yaml_free(tree);
+    assert_int_equal(fv_yaml_child(tree->root, "rows")->line, 3);
+    fv_yaml_free(tree);
     refused("\xef\xbb\xbf"
             "a: \xff\n",
             8, "f.yaml: byte 6: not YAML: invalid leading UTF-8 octet");
@@ -73,13 +73,13 @@ static void test_byte_order_mark(void **state)
 static void test_empty_and_opencv_head(void **state)
 {
     (void)state;
-    struct fovea_yaml_tree *tree = parse("");
-    assert_int_equal(tree->root->kind, FOVEA_YAML_MAPPING);
+    struct fv_yaml_tree *tree = parse("");
+    assert_int_equal(tree->root->kind, FV_YAML_MAPPING);
     assert_int_equal(tree->root->count, 0);
-    fovea_yaml_free(tree);
+    fv_yaml_free(tree);
     tree = parse("%YAML:1.0\n---\nK: !!opencv-matrix\n   rows: 3\n");
-    assert_int_equal(fovea_yaml_child(tree->root, "K")->line, 3);
-    fovea_yaml_free(tree);
+    assert_int_equal(fv_yaml_child(tree->root, "K")->line, 3);
+    fv_yaml_free(tree);
     refused("%YAML 3.0\n---\na: 1\n", 19,
             "f.yaml:1: column 1: not YAML: found incompatible YAML document");
 }
@@ -106,7 +106,7 @@ static void test_refused(void **state)
 static void test_limits(void **state)
 {
     (void)state;
-    const size_t bytes = FOVEA_YAML_BYTES_MAX + 1;
+    const size_t bytes = FV_YAML_BYTES_MAX + 1;
     char *text = malloc(bytes);
     assert_non_null(text);
     memset(text, ' ', bytes);
@@ -130,91 +130,88 @@ static void test_limits(void **state)
 static void test_values(void **state)
 {
     (void)state;
-    struct fovea_yaml_tree *tree =
+    struct fv_yaml_tree *tree =
         parse("n: 2.5\ni: -3\nb: Yes\ns: hello\nc: mid\nm: [[1, 2], [3, 4e-1]]\nq: '7'\n"
               "nan: .nan\ninf: 1e999\nhex: 0x10\n~: null\n");
-    const struct fovea_yaml_node *root = tree->root;
+    const struct fv_yaml_node *root = tree->root;
     struct fovea_error error;
     double number = 0;
     int64_t integer = 0;
     bool truth = false;
     const char *text = NULL;
     size_t choice = 0, count = 0;
-    assert_int_equal(fovea_yaml_number(tree, fovea_yaml_child(root, "n"), 0, 3, &number, &error),
+    assert_int_equal(fv_yaml_number(tree, fv_yaml_child(root, "n"), 0, 3, &number, &error),
                      FOVEA_OK);
     assert_true(number == 2.5);
-    assert_int_equal(fovea_yaml_number(tree, fovea_yaml_child(root, "n"), 0, 2, &number, &error),
+    assert_int_equal(fv_yaml_number(tree, fv_yaml_child(root, "n"), 0, 2, &number, &error),
                      FOVEA_ERROR_INPUT);
     assert_string_equal(error.text, "f.yaml:1: n: found '2.5', expected a number in [0, 2]");
     const char *const no_numbers[] = {"q", "nan", "inf", "hex", "m", "s"};
     for (size_t i = 0; i < 6; i++) {
-        const struct fovea_yaml_node *node = fovea_yaml_child(root, no_numbers[i]);
-        assert_int_equal(fovea_yaml_number(tree, node, -1e300, 1e300, &number, &error),
+        const struct fv_yaml_node *node = fv_yaml_child(root, no_numbers[i]);
+        assert_int_equal(fv_yaml_number(tree, node, -1e300, 1e300, &number, &error),
                          FOVEA_ERROR_INPUT);
     }
     assert_true(number == 2.5);
-    assert_int_equal(fovea_yaml_integer(tree, fovea_yaml_child(root, "i"), -3, 3, &integer, &error),
+    assert_int_equal(fv_yaml_integer(tree, fv_yaml_child(root, "i"), -3, 3, &integer, &error),
                      FOVEA_OK);
     assert_int_equal(integer, -3);
-    assert_int_equal(fovea_yaml_integer(tree, fovea_yaml_child(root, "n"), -3, 3, &integer, &error),
+    assert_int_equal(fv_yaml_integer(tree, fv_yaml_child(root, "n"), -3, 3, &integer, &error),
                      FOVEA_ERROR_INPUT);
     assert_string_equal(error.text, "f.yaml:1: n: found '2.5', expected a whole number in [-3, 3]");
-    assert_int_equal(fovea_yaml_bool(tree, fovea_yaml_child(root, "b"), &truth, &error), FOVEA_OK);
+    assert_int_equal(fv_yaml_bool(tree, fv_yaml_child(root, "b"), &truth, &error), FOVEA_OK);
     assert_true(truth);
-    assert_int_equal(fovea_yaml_bool(tree, fovea_yaml_child(root, "i"), &truth, &error),
+    assert_int_equal(fv_yaml_bool(tree, fv_yaml_child(root, "i"), &truth, &error),
                      FOVEA_ERROR_INPUT);
-    assert_int_equal(fovea_yaml_string(tree, fovea_yaml_child(root, "s"), 5, &text, &error),
-                     FOVEA_OK);
+    assert_int_equal(fv_yaml_string(tree, fv_yaml_child(root, "s"), 5, &text, &error), FOVEA_OK);
     assert_string_equal(text, "hello");
-    assert_int_equal(fovea_yaml_string(tree, fovea_yaml_child(root, "s"), 4, &text, &error),
+    assert_int_equal(fv_yaml_string(tree, fv_yaml_child(root, "s"), 4, &text, &error),
                      FOVEA_ERROR_INPUT);
     const char *const choices[] = {"low", "mid"};
-    assert_int_equal(
-        fovea_yaml_choice(tree, fovea_yaml_child(root, "c"), choices, 2, &choice, &error),
-        FOVEA_OK);
+    assert_int_equal(fv_yaml_choice(tree, fv_yaml_child(root, "c"), choices, 2, &choice, &error),
+                     FOVEA_OK);
     assert_int_equal(choice, 1);
-    assert_int_equal(
-        fovea_yaml_choice(tree, fovea_yaml_child(root, "s"), choices, 2, &choice, &error),
-        FOVEA_ERROR_INPUT);
+    assert_int_equal(fv_yaml_choice(tree, fv_yaml_child(root, "s"), choices, 2, &choice, &error),
+                     FOVEA_ERROR_INPUT);
     assert_string_equal(error.text, "f.yaml:4: s: found 'hello', expected one of low, mid");
     double m[4] = {0};
-    assert_int_equal(fovea_yaml_numbers(tree, fovea_yaml_child(root, "m"), 1, 4, m, &count, &error),
+    assert_int_equal(fv_yaml_numbers(tree, fv_yaml_child(root, "m"), 1, 4, m, &count, &error),
                      FOVEA_OK);
     assert_int_equal(count, 4);
     assert_true(m[0] == 1 && m[3] == 0.4);
-    assert_int_equal(fovea_yaml_numbers(tree, fovea_yaml_child(root, "m"), 3, 3, m, &count, &error),
+    assert_int_equal(fv_yaml_numbers(tree, fv_yaml_child(root, "m"), 3, 3, m, &count, &error),
                      FOVEA_ERROR_INPUT);
     assert_string_equal(error.text, "f.yaml:6: m: found a list of 2, expected a list of 3 numbers");
-    fovea_yaml_free(tree);
+    fv_yaml_free(tree);
 }
 
 static void test_require_names_the_nearest(void **state)
 {
     (void)state;
-    struct fovea_yaml_tree *tree = parse("x: 1\ncamera_matirx: 2\n");
-    const struct fovea_yaml_node *child = NULL;
+    struct fv_yaml_tree *tree = parse("x: 1\ncamera_matirx: 2\n");
+    const struct fv_yaml_node *child = NULL;
     struct fovea_error error;
-    assert_int_equal(fovea_yaml_require(tree, tree->root, "camera_matrix", &child, &error),
+    assert_int_equal(fv_yaml_require(tree, tree->root, "camera_matrix", &child, &error),
                      FOVEA_ERROR_INPUT);
     assert_string_equal(
         error.text, "f.yaml:2: the file: found the key 'camera_matirx', expected 'camera_matrix'");
-    assert_int_equal(fovea_yaml_require(tree, tree->root, "image_width", &child, &error),
+    assert_int_equal(fv_yaml_require(tree, tree->root, "image_width", &child, &error),
                      FOVEA_ERROR_INPUT);
     assert_string_equal(error.text, "f.yaml:1: the file: found no key 'image_width', expected it");
-    fovea_yaml_free(tree);
+    fv_yaml_free(tree);
 }
 
 static void test_files(void **state)
 {
     (void)state;
-    struct fovea_yaml_tree *tree = NULL;
+    struct fv_yaml_tree *tree = NULL;
     struct fovea_error error;
-    assert_int_equal(fovea_yaml_read("/nonexistent.yaml", &tree, &error), FOVEA_ERROR_INPUT);
+    assert_int_equal(fv_yaml_read("/nonexistent.yaml", &tree, &error), FOVEA_ERROR_INPUT);
     assert_string_equal(error.text,
                         "/nonexistent.yaml: cannot be opened: No such file or directory");
-    assert_int_equal(fovea_yaml_read("/", &tree, &error), FOVEA_ERROR_INPUT);
+    assert_int_equal(fv_yaml_read("/", &tree, &error), FOVEA_ERROR_INPUT);
     assert_string_equal(error.text, "/: found a directory, expected a file");
-    assert_int_equal(fovea_yaml_read("/dev/zero", &tree, &error), FOVEA_ERROR_INPUT);
+    assert_int_equal(fv_yaml_read("/dev/zero", &tree, &error), FOVEA_ERROR_INPUT);
     assert_string_equal(error.text, "/dev/zero: found a device, expected a file");
 }
 
@@ -226,21 +223,21 @@ static void test_text(void **state)
     const char *const bad[] = {"",   " 1", "1 ", "nan",   "inf", "0x1", "1e",
                                "e5", ".",  "-",  "1e400", "1,5", "--1"};
     for (size_t i = 0; i < sizeof bad / sizeof bad[0]; i++) {
-        assert_false(fovea_text_number(bad[i], &number));
-        assert_false(fovea_text_integer(bad[i], &integer));
+        assert_false(fv_text_number(bad[i], &number));
+        assert_false(fv_text_integer(bad[i], &integer));
     }
     assert_true(number == 7 && integer == 7);
-    assert_true(fovea_text_number("-.5e-3", &number) && number == -0.0005);
-    assert_true(fovea_text_integer("-9223372036854775808", &integer) && integer == INT64_MIN);
-    assert_false(fovea_text_integer("9223372036854775808", &integer));
-    char quoted[FOVEA_TEXT_QUOTED_BYTES];
-    assert_string_equal(fovea_text_quote("a\nb\xff", quoted, sizeof quoted), "'a\\x0Ab\\xFF'");
+    assert_true(fv_text_number("-.5e-3", &number) && number == -0.0005);
+    assert_true(fv_text_integer("-9223372036854775808", &integer) && integer == INT64_MIN);
+    assert_false(fv_text_integer("9223372036854775808", &integer));
+    char quoted[FV_TEXT_QUOTED_BYTES];
+    assert_string_equal(fv_text_quote("a\nb\xff", quoted, sizeof quoted), "'a\\x0Ab\\xFF'");
     /* UTF-8 as it was typed, but nothing that steers a terminal or turns the text about. */
-    assert_string_equal(fovea_text_quote("R\xc3\xb6hre \xe8\xb7\xaf", quoted, sizeof quoted),
+    assert_string_equal(fv_text_quote("R\xc3\xb6hre \xe8\xb7\xaf", quoted, sizeof quoted),
                         "'R\xc3\xb6hre \xe8\xb7\xaf'");
-    assert_string_equal(fovea_text_quote("\xc2\x9b"
-                                         "a\xe2\x80\xae",
-                                         quoted, sizeof quoted),
+    assert_string_equal(fv_text_quote("\xc2\x9b"
+                                      "a\xe2\x80\xae",
+                                      quoted, sizeof quoted),
                         "'\\xC2\\x9Ba\\xE2\\x80\\xAE'");
     char count[FV_TEXT_COUNT_BYTES];
     assert_string_equal(fv_text_count(1, "loop", count), "1 loop");
@@ -248,14 +245,14 @@ static void test_text(void **state)
     char same[100];
     memset(same, 'z', 99);
     same[99] = '\0';
-    assert_int_equal(strlen(fovea_text_quote(same, quoted, sizeof quoted)), 48 + 5);
+    assert_int_equal(strlen(fv_text_quote(same, quoted, sizeof quoted)), 48 + 5);
     memset(same, '\n', 99);
-    assert_int_equal(strlen(fovea_text_quote(same, quoted, sizeof quoted)), 4 * 48 + 5);
-    assert_string_equal(fovea_text_quote(same, quoted, 16), "'\\x0A\\x0A...'");
+    assert_int_equal(strlen(fv_text_quote(same, quoted, sizeof quoted)), 4 * 48 + 5);
+    assert_string_equal(fv_text_quote(same, quoted, 16), "'\\x0A\\x0A...'");
     const char *const names[] = {"euroc", "tum", "kitti", "images"};
-    assert_string_equal(fovea_text_nearest("Eruoc", names, 4), "euroc");
-    assert_string_equal(fovea_text_nearest("kiti", names, 4), "kitti");
-    assert_null(fovea_text_nearest("webcam", names, 4));
+    assert_string_equal(fv_text_nearest("Eruoc", names, 4), "euroc");
+    assert_string_equal(fv_text_nearest("kiti", names, 4), "kitti");
+    assert_null(fv_text_nearest("webcam", names, 4));
 }
 
 int main(void)

@@ -44,8 +44,7 @@ static int headers_read(void **state)
     for (size_t i = 0; i < found.gl_pathc; i++) {
         char *text;
         size_t bytes;
-        assert_int_equal(fovea_text_read(found.gl_pathv[i], 1 << 20, &text, &bytes, &error),
-                         FOVEA_OK);
+        assert_int_equal(fv_text_read(found.gl_pathv[i], 1 << 20, &text, &bytes, &error), FOVEA_OK);
         headers = realloc(headers, used + bytes + 1);
         memcpy(headers + used, text, bytes);
         used += bytes;
@@ -236,7 +235,7 @@ static void the_manual_is_that_of_the_table(void **state)
     fv_settings_markdown(file, &settings);
     fclose(file);
     assert_int_equal(
-        fovea_text_read("docs/configuration.md", 1 << 20, &committed, &committed_bytes, &error),
+        fv_text_read("docs/configuration.md", 1 << 20, &committed, &committed_bytes, &error),
         FOVEA_OK);
     if (made_bytes != committed_bytes || memcmp(made, committed, made_bytes) != 0)
         fail_msg("docs/configuration.md is not of this table of keys: run make docs");

@@ -15,7 +15,7 @@
 #include <unistd.h>
 
 #include "app/network/transport.h"
-#include "support/log.h"
+#include "support/lcmlog.h"
 #include "support/stall.h"
 
 enum { MESSAGES = 3 };
@@ -49,16 +49,16 @@ static uint64_t dropped(const struct fv_transport_channel *channel)
 
 static uint64_t events_in(const char *path)
 {
-    struct fovea_log *log;
-    struct fovea_log_event event;
+    struct fv_lcmlog *log;
+    struct fv_lcmlog_event event;
     struct fovea_error error;
     uint64_t events = 0;
-    assert_int_equal(fovea_log_open(path, &log, &error), FOVEA_OK);
+    assert_int_equal(fv_lcmlog_open(path, &log, &error), FOVEA_OK);
     enum fovea_status status;
-    while ((status = fovea_log_next(log, &event, &error)) == FOVEA_OK)
+    while ((status = fv_lcmlog_next(log, &event, &error)) == FOVEA_OK)
         events++;
     assert_int_equal(status, FOVEA_END);
-    fovea_log_close(log);
+    fv_lcmlog_close(log);
     return events;
 }
 

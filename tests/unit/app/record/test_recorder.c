@@ -19,7 +19,7 @@
 #include "app/record/recorder.h"
 #include "app/record/recording_end.h"
 #include "app/record/recording_header.h"
-#include "support/log.h"
+#include "support/lcmlog.h"
 #include "message/recorded.h"
 
 enum { WIDTH = 640, HEIGHT = 480, IMAGE_BYTES = WIDTH * HEIGHT, WIDTH2 = 320, HEIGHT2 = 200 };
@@ -130,15 +130,15 @@ static void record_turn(struct fv_recorder *recorder, uint32_t n)
     fv_recorder_work(recorder, &inputs, &grants, &outputs);
 }
 
-static void expect_event(struct fovea_log *log, struct fovea_log_event *event, const char *channel)
+static void expect_event(struct fv_lcmlog *log, struct fv_lcmlog_event *event, const char *channel)
 {
     struct fovea_error error = {0};
-    if (fovea_log_next(log, event, &error) != FOVEA_OK)
+    if (fv_lcmlog_next(log, event, &error) != FOVEA_OK)
         fail_msg("expected %s: %s", channel, error.text);
     assert_string_equal(event->channel, channel);
 }
 
-static void check_header(const struct fovea_log_event *event)
+static void check_header(const struct fv_lcmlog_event *event)
 {
     struct fv_recording_header *header = malloc(sizeof *header);
     struct fv_settings *settings = malloc(sizeof *settings);
@@ -204,16 +204,16 @@ static void a_header_keeps_the_whole_rig(void **state)
     free(header);
 }
 
-static void check_turn(struct fovea_log *log, uint32_t n)
+static void check_turn(struct fv_lcmlog *log, uint32_t n)
 {
-    struct fovea_log_event event;
+    struct fv_lcmlog_event event;
     struct fovea_error error;
     const char *why;
     size_t at;
     if (n % 4 != 3) {
         struct fovea_frame frame;
         expect_event(log, &event, "ROBOT/LEFT_FRAME");
-        if (fovea_log_frame(path, &event, &frame, &error) != FOVEA_OK) fail_msg("%s", error.text);
+        if (fv_lcmlog_frame(path, &event, &frame, &error) != FOVEA_OK) fail_msg("%s", error.text);
         assert_true(frame.stamp_ns == 1000000000LL + n * 10000000LL && frame.sequence == n &&
                     frame.exposure_ns == 777);
         assert_true(frame.clock == FOVEA_CLOCK_SIMULATED &&
@@ -254,9 +254,9 @@ static void check_turn(struct fovea_log *log, uint32_t n)
 }
 
 /* The log's last event; the iterations that it tells of. */
-static uint64_t check_end(struct fovea_log *log, const char *reason)
+static uint64_t check_end(struct fv_lcmlog *log, const char *reason)
 {
-    struct fovea_log_event event;
+    struct fv_lcmlog_event event;
     struct fv_recording_end end;
     const char *why;
     size_t at;
@@ -281,17 +281,17 @@ static void test_round_trip(void **state)
     assert_true(summary.complete && summary.steps_lost == 0 &&
                 summary.events == 1 + 4 * ITERATIONS + ITERATIONS * 3 / 4 + 1);
 
-    struct fovea_log *log;
-    struct fovea_log_event event;
+    struct fv_lcmlog *log;
+    struct fv_lcmlog_event event;
     struct fovea_error error;
-    assert_int_equal(fovea_log_open(path, &log, &error), FOVEA_OK);
+    assert_int_equal(fv_lcmlog_open(path, &log, &error), FOVEA_OK);
     expect_event(log, &event, "ROBOT/LEFT_RECORDING");
     check_header(&event);
     for (uint32_t n = 0; n < ITERATIONS; n++)
         check_turn(log, n);
     check_end(log, "");
-    assert_int_equal(fovea_log_next(log, &event, &error), FOVEA_END);
-    fovea_log_close(log);
+    assert_int_equal(fv_lcmlog_next(log, &event, &error), FOVEA_END);
+    fv_lcmlog_close(log);
 
     lcm_eventlog_t *standard = lcm_eventlog_create(path, "r"); /* LCM's own tools read it */
     uint64_t events = 0;
@@ -307,27 +307,27 @@ static void test_round_trip(void **state)
  * returns their number. */
 static uint64_t count_whole(const char *reason)
 {
-    struct fovea_log *log;
-    struct fovea_log_event event;
+    struct fv_lcmlog *log;
+    struct fv_lcmlog_event event;
     struct fovea_error error;
     uint64_t events = 0;
     enum fovea_status status;
-    assert_int_equal(fovea_log_open(path, &log, &error), FOVEA_OK);
+    assert_int_equal(fv_lcmlog_open(path, &log, &error), FOVEA_OK);
     int64_t last = 0;
     uint64_t iterations = 0;
-    while ((status = fovea_log_next(log, &event, &error)) == FOVEA_OK) {
+    while ((status = fv_lcmlog_next(log, &event, &error)) == FOVEA_OK) {
         events++;
         last = event.offset;
         iterations += strcmp(event.channel, "ROBOT/LEFT_GRANTS") == 0;
     }
     if (status != FOVEA_END) fail_msg("%s", error.text);
-    assert_int_equal(fovea_log_seek(log, 0, &error), FOVEA_OK);
+    assert_int_equal(fv_lcmlog_seek(log, 0, &error), FOVEA_OK);
     expect_event(log, &event, "ROBOT/LEFT_RECORDING");
     for (uint32_t n = 0; n < iterations; n++)
         check_turn(log, n);
     assert_int_equal(check_end(log, reason), iterations);
     assert_int_equal(event.offset < last, true);
-    fovea_log_close(log);
+    fv_lcmlog_close(log);
     return events;
 }
 
@@ -362,15 +362,15 @@ static void test_limited_file(void **state)
 {
     (void)state;
     record_below(10000001);
-    struct fovea_log *log;
-    struct fovea_log_event event;
+    struct fv_lcmlog *log;
+    struct fv_lcmlog_event event;
     struct fovea_error error;
     int64_t ends[64];
     int events = 0;
-    assert_int_equal(fovea_log_open(path, &log, &error), FOVEA_OK);
-    while (events < 64 && fovea_log_next(log, &event, &error) == FOVEA_OK)
+    assert_int_equal(fv_lcmlog_open(path, &log, &error), FOVEA_OK);
+    while (events < 64 && fv_lcmlog_next(log, &event, &error) == FOVEA_OK)
         ends[events++] = event.offset;
-    fovea_log_close(log);
+    fv_lcmlog_close(log);
     for (int i = events - 12; i < events; i++)
         for (int more = 0; more < 3; more++)
             record_below((rlim_t)(ends[i] + (more == 2 ? 200 : 40 * more)));

@@ -28,7 +28,7 @@
 #include "base/elementary.h"
 #include "common/datasets.h"
 #include "map/archive.h"
-#include "support/log.h"
+#include "support/lcmlog.h"
 
 enum { FILES_MAX = 1024, MAPS_KEPT = 10, SAFE = MAPS_KEPT - 2, SECONDS_MAX = 60 };
 
@@ -125,21 +125,21 @@ static uint64_t hash_of(const char *path)
 /* One that was killed: every event up to the cut is well-formed. `killed_us`: 0, or when. */
 static void read_killed(const char *path, int64_t killed_us)
 {
-    struct fovea_log *log;
-    struct fovea_log_event event = {.time_us = 0};
+    struct fv_lcmlog *log;
+    struct fv_lcmlog_event event = {.time_us = 0};
     struct fovea_error error;
     enum fovea_status status;
     struct stat about;
     int count = 0;
     bool ended = false;
-    if (fovea_log_open(path, &log, &error) != FOVEA_OK) FAIL("%s", error.text);
-    while ((status = fovea_log_next(log, &event, &error)) == FOVEA_OK) {
-        ended = fovea_log_channel_is(event.channel, "RECORDING_END");
+    if (fv_lcmlog_open(path, &log, &error) != FOVEA_OK) FAIL("%s", error.text);
+    while ((status = fv_lcmlog_next(log, &event, &error)) == FOVEA_OK) {
+        ended = fv_lcmlog_channel_is(event.channel, "RECORDING_END");
         count++;
     }
     /* Only the last event may be cut off. */
     if (status != FOVEA_END && strstr(error.text, "cut off") == NULL) FAIL("%s", error.text);
-    fovea_log_close(log);
+    fv_lcmlog_close(log);
     assert_int_equal(stat(path, &about), 0);
     const int64_t age_us =
         killed_us - about.st_mtim.tv_sec * INT64_C(1000000) - about.st_mtim.tv_nsec / 1000;

@@ -265,19 +265,19 @@ static void test_planted_heap_call_is_counted(void **state)
 
 /* ---- JSON, which is YAML too ----------------------------------------------------------------- */
 
-static int64_t whole(const struct fovea_yaml_tree *tree, const struct fovea_yaml_node *node,
+static int64_t whole(const struct fv_yaml_tree *tree, const struct fv_yaml_node *node,
                      const char *key)
 {
     struct fovea_error error;
-    const struct fovea_yaml_node *child;
+    const struct fv_yaml_node *child;
     int64_t value = -1;
-    if (fovea_yaml_require(tree, node, key, &child, &error) != FOVEA_OK) fail_msg("%s", error.text);
-    if (fovea_yaml_integer(tree, child, 0, INT64_MAX, &value, &error) != FOVEA_OK)
+    if (fv_yaml_require(tree, node, key, &child, &error) != FOVEA_OK) fail_msg("%s", error.text);
+    if (fv_yaml_integer(tree, child, 0, INT64_MAX, &value, &error) != FOVEA_OK)
         fail_msg("%s", error.text);
     return value;
 }
 
-static void assert_times(const struct fovea_yaml_tree *tree, const struct fovea_yaml_node *node)
+static void assert_times(const struct fv_yaml_tree *tree, const struct fv_yaml_node *node)
 {
     static const char *const prefixes[] = {"", "wall_"};
     assert_non_null(node);
@@ -301,7 +301,7 @@ static void test_json(void **state)
     char *text = NULL;
     size_t text_bytes = 0;
     struct fovea_error error;
-    struct fovea_yaml_tree *tree;
+    struct fv_yaml_tree *tree;
     fv_loop_run(&loop);
     struct fv_report report = {.source = "made:\"up\"\n\\",
                                .kernel_set = "c",
@@ -315,29 +315,28 @@ static void test_json(void **state)
     FILE *file = open_memstream(&text, &text_bytes);
     fv_report_json(file, &report);
     fclose(file);
-    if (fovea_yaml_parse("json", text, text_bytes, &tree, &error) != FOVEA_OK)
+    if (fv_yaml_parse("json", text, text_bytes, &tree, &error) != FOVEA_OK)
         fail_msg("%s", error.text);
-    const struct fovea_yaml_node *frames = fovea_yaml_child(tree->root, "frames");
+    const struct fv_yaml_node *frames = fv_yaml_child(tree->root, "frames");
     assert_int_equal(whole(tree, frames, "in"), 100);
     assert_int_equal(whole(tree, frames, "processed"), 100);
     assert_int_equal(whole(tree, frames, "dropped"), 0);
     assert_int_equal(whole(tree, frames, "tracked"), 0);
     assert_int_equal(whole(tree, frames, "lost"), 0);
     for (int i = 0; i < FOVEA_STAGE_COUNT; i++)
-        assert_times(tree,
-                     fovea_yaml_child(fovea_yaml_child(tree->root, "stages"), fovea_stage_name(i)));
-    assert_times(tree, fovea_yaml_child(tree->root, "step"));
-    assert_times(tree, fovea_yaml_child(tree->root, "work"));
-    assert_times(tree, fovea_yaml_child(tree->root, "frame"));
-    const struct fovea_yaml_node *parts = fovea_yaml_child(tree->root, "memory");
+        assert_times(tree, fv_yaml_child(fv_yaml_child(tree->root, "stages"), fovea_stage_name(i)));
+    assert_times(tree, fv_yaml_child(tree->root, "step"));
+    assert_times(tree, fv_yaml_child(tree->root, "work"));
+    assert_times(tree, fv_yaml_child(tree->root, "frame"));
+    const struct fv_yaml_node *parts = fv_yaml_child(tree->root, "memory");
     assert_int_equal(whole(tree, parts, "persistent"), 1);
     assert_int_equal(whole(tree, parts, "job"), 2);
     assert_int_equal(whole(tree, parts, "frame"), 3);
     assert_int_equal(whole(tree, parts, "resident_bytes"), 7);
     assert_int_equal(whole(tree, parts, "anonymous_bytes"), 5);
     if (fv_heap_counted()) assert_int_equal(whole(tree, tree->root, "heap_calls_after_init"), 0);
-    assert_string_equal(fovea_yaml_child(tree->root, "source")->value, report.source);
-    fovea_yaml_free(tree);
+    assert_string_equal(fv_yaml_child(tree->root, "source")->value, report.source);
+    fv_yaml_free(tree);
     free(text);
 }
 

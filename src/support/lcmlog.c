@@ -1,4 +1,4 @@
-#include "support/log.h"
+#include "support/lcmlog.h"
 
 #include <errno.h>
 #include <inttypes.h>
@@ -10,7 +10,7 @@
 #include "fovea_types.h"
 #include "support/input.h"
 
-struct fovea_log {
+struct fv_lcmlog {
     FILE *file;
     char *path;
     int64_t size, offset; /* bytes of the file; where the next event starts */
@@ -18,7 +18,7 @@ struct fovea_log {
     size_t capacity;
 };
 
-enum fovea_status fovea_log_open(const char *path, struct fovea_log **log,
+enum fovea_status fv_lcmlog_open(const char *path, struct fv_lcmlog **log,
                                  struct fovea_error *error)
 {
     struct fovea_error reason;
@@ -31,7 +31,7 @@ enum fovea_status fovea_log_open(const char *path, struct fovea_log **log,
         close(descriptor);
         return fovea_error_set(error, FOVEA_ERROR_MEMORY, "%s: no memory to open it", path);
     }
-    struct fovea_log *opened = calloc(1, sizeof *opened);
+    struct fv_lcmlog *opened = calloc(1, sizeof *opened);
     char *name = strdup(path);
     if (opened == NULL || name == NULL) {
         free(opened);
@@ -46,7 +46,7 @@ enum fovea_status fovea_log_open(const char *path, struct fovea_log **log,
     return FOVEA_OK;
 }
 
-void fovea_log_close(struct fovea_log *log)
+void fv_lcmlog_close(struct fv_lcmlog *log)
 {
     if (log == NULL) return;
     fclose(log->file);
@@ -65,7 +65,7 @@ static int64_t read_i64(const uint8_t *bytes)
     return (int64_t)((uint64_t)read_u32(bytes) << 32 | read_u32(bytes + 4));
 }
 
-static enum fovea_status cut_off(const struct fovea_log *log, int64_t needed,
+static enum fovea_status cut_off(const struct fv_lcmlog *log, int64_t needed,
                                  struct fovea_error *error)
 {
     return fovea_error_set(error, FOVEA_ERROR_INPUT,
@@ -75,33 +75,33 @@ static enum fovea_status cut_off(const struct fovea_log *log, int64_t needed,
 }
 
 /* Header and channel of the event at log->offset; leaves the file at the event's data. */
-static enum fovea_status read_head(struct fovea_log *log, struct fovea_log_event *event,
+static enum fovea_status read_head(struct fv_lcmlog *log, struct fv_lcmlog_event *event,
                                    struct fovea_error *error)
 {
-    uint8_t head[FOVEA_LOG_HEADER_BYTES];
+    uint8_t head[FV_LCMLOG_HEADER_BYTES];
     int64_t left = log->size - log->offset;
     event->offset = log->offset;
     if (left <= 0) return FOVEA_END;
-    if (left < FOVEA_LOG_HEADER_BYTES || fread(head, sizeof head, 1, log->file) != 1)
-        return cut_off(log, FOVEA_LOG_HEADER_BYTES, error);
+    if (left < FV_LCMLOG_HEADER_BYTES || fread(head, sizeof head, 1, log->file) != 1)
+        return cut_off(log, FV_LCMLOG_HEADER_BYTES, error);
     uint32_t sync = read_u32(head), channel_bytes = read_u32(head + 20),
              data_bytes = read_u32(head + 24);
-    if (sync != FOVEA_LOG_SYNC)
+    if (sync != FV_LCMLOG_SYNC)
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "%s: byte %" PRId64 ": found %08" PRIx32
                                ", expected an LCM event (%08x)",
-                               log->path, log->offset, sync, FOVEA_LOG_SYNC);
-    if (channel_bytes < 1 || channel_bytes >= FOVEA_LOG_CHANNEL_BYTES)
+                               log->path, log->offset, sync, FV_LCMLOG_SYNC);
+    if (channel_bytes < 1 || channel_bytes >= FV_LCMLOG_CHANNEL_BYTES)
         return fovea_error_set(
             error, FOVEA_ERROR_INPUT,
             "%s: byte %" PRId64 ": channel length: found %" PRIu32 ", expected 1 to %d", log->path,
-            log->offset + 20, channel_bytes, FOVEA_LOG_CHANNEL_BYTES - 1);
-    if (data_bytes > FOVEA_LOG_DATA_BYTES_MAX)
+            log->offset + 20, channel_bytes, FV_LCMLOG_CHANNEL_BYTES - 1);
+    if (data_bytes > FV_LCMLOG_DATA_BYTES_MAX)
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "%s: byte %" PRId64 ": data length: found %" PRIu32
                                ", expected at most %d",
-                               log->path, log->offset + 24, data_bytes, FOVEA_LOG_DATA_BYTES_MAX);
-    int64_t whole = (int64_t)FOVEA_LOG_HEADER_BYTES + channel_bytes + data_bytes;
+                               log->path, log->offset + 24, data_bytes, FV_LCMLOG_DATA_BYTES_MAX);
+    int64_t whole = (int64_t)FV_LCMLOG_HEADER_BYTES + channel_bytes + data_bytes;
     if (left < whole || fread(event->channel, channel_bytes, 1, log->file) != 1)
         return cut_off(log, whole, error);
     event->channel[channel_bytes] = '\0';
@@ -110,7 +110,7 @@ static enum fovea_status read_head(struct fovea_log *log, struct fovea_log_event
             return fovea_error_set(
                 error, FOVEA_ERROR_INPUT,
                 "%s: byte %" PRId64 ": channel name: found byte %d, expected printable ASCII",
-                log->path, log->offset + FOVEA_LOG_HEADER_BYTES + i, event->channel[i]);
+                log->path, log->offset + FV_LCMLOG_HEADER_BYTES + i, event->channel[i]);
     event->number = read_i64(head + 4);
     event->time_us = read_i64(head + 12);
     event->bytes = data_bytes;
@@ -119,7 +119,7 @@ static enum fovea_status read_head(struct fovea_log *log, struct fovea_log_event
 }
 
 /* Make room for `bytes`, which are known to be in the file. */
-static enum fovea_status reserve(struct fovea_log *log, size_t bytes, struct fovea_error *error)
+static enum fovea_status reserve(struct fv_lcmlog *log, size_t bytes, struct fovea_error *error)
 {
     if (bytes <= log->capacity && log->buffer != NULL) return FOVEA_OK;
     size_t capacity = bytes + bytes / 4 + 4096;
@@ -133,14 +133,14 @@ static enum fovea_status reserve(struct fovea_log *log, size_t bytes, struct fov
     return FOVEA_OK;
 }
 
-enum fovea_status fovea_log_next(struct fovea_log *log, struct fovea_log_event *event,
+enum fovea_status fv_lcmlog_next(struct fv_lcmlog *log, struct fv_lcmlog_event *event,
                                  struct fovea_error *error)
 {
     enum fovea_status status = read_head(log, event, error);
     if (status == FOVEA_OK) status = reserve(log, event->bytes, error);
     if (status != FOVEA_OK) return status;
     int64_t whole =
-        (int64_t)FOVEA_LOG_HEADER_BYTES + (int64_t)strlen(event->channel) + event->bytes;
+        (int64_t)FV_LCMLOG_HEADER_BYTES + (int64_t)strlen(event->channel) + event->bytes;
     if (event->bytes > 0 && fread(log->buffer, event->bytes, 1, log->file) != 1)
         return cut_off(log, whole, error); /* shortened while being read */
     event->data = log->buffer;
@@ -148,17 +148,17 @@ enum fovea_status fovea_log_next(struct fovea_log *log, struct fovea_log_event *
     return FOVEA_OK;
 }
 
-enum fovea_status fovea_log_skim(struct fovea_log *log, struct fovea_log_event *event,
+enum fovea_status fv_lcmlog_skim(struct fv_lcmlog *log, struct fv_lcmlog_event *event,
                                  struct fovea_error *error)
 {
     enum fovea_status status = read_head(log, event, error);
     if (status != FOVEA_OK) return status;
-    return fovea_log_seek(
-        log, log->offset + FOVEA_LOG_HEADER_BYTES + (int64_t)strlen(event->channel) + event->bytes,
+    return fv_lcmlog_seek(
+        log, log->offset + FV_LCMLOG_HEADER_BYTES + (int64_t)strlen(event->channel) + event->bytes,
         error);
 }
 
-enum fovea_status fovea_log_seek(struct fovea_log *log, int64_t offset, struct fovea_error *error)
+enum fovea_status fv_lcmlog_seek(struct fv_lcmlog *log, int64_t offset, struct fovea_error *error)
 {
     if (fseeko(log->file, offset, SEEK_SET) != 0)
         return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: byte %" PRId64 ": %s", log->path,
@@ -167,20 +167,20 @@ enum fovea_status fovea_log_seek(struct fovea_log *log, int64_t offset, struct f
     return FOVEA_OK;
 }
 
-enum fovea_status fovea_log_resync(struct fovea_log *log)
+enum fovea_status fv_lcmlog_resync(struct fv_lcmlog *log)
 {
     uint32_t window = 0;
     int64_t at = log->offset + 1;
     if (fseeko(log->file, at, SEEK_SET) != 0) return FOVEA_END;
     for (int byte; (byte = getc_unlocked(log->file)) != EOF;) {
         window = window << 8 | (uint32_t)byte;
-        if (++at > log->offset + 4 && window == FOVEA_LOG_SYNC)
-            return fovea_log_seek(log, at - 4, NULL) == FOVEA_OK ? FOVEA_OK : FOVEA_END;
+        if (++at > log->offset + 4 && window == FV_LCMLOG_SYNC)
+            return fv_lcmlog_seek(log, at - 4, NULL) == FOVEA_OK ? FOVEA_OK : FOVEA_END;
     }
     return FOVEA_END;
 }
 
-bool fovea_log_channel_is(const char *channel, const char *suffix)
+bool fv_lcmlog_channel_is(const char *channel, const char *suffix)
 {
     size_t length = strlen(channel), tail = strlen(suffix);
     if (length < tail || strcmp(channel + length - tail, suffix) != 0) return false;
@@ -210,16 +210,16 @@ enum {
     AT_DATA = 17
 };
 
-enum fovea_status fovea_log_frame_stamp(struct fovea_log *log, const struct fovea_log_event *event,
+enum fovea_status fv_lcmlog_frame_stamp(struct fv_lcmlog *log, const struct fv_lcmlog_event *event,
                                         int64_t *stamp_ns)
 {
     uint8_t head[AT_STAMP + 8];
     const int64_t back = log->offset,
-                  data = event->offset + FOVEA_LOG_HEADER_BYTES + (int64_t)strlen(event->channel);
+                  data = event->offset + FV_LCMLOG_HEADER_BYTES + (int64_t)strlen(event->channel);
     if (event->bytes < sizeof head || fseeko(log->file, data, SEEK_SET) != 0)
         return FOVEA_ERROR_INPUT;
     const bool read = fread(head, sizeof head, 1, log->file) == 1;
-    if (fovea_log_seek(log, back, NULL) != FOVEA_OK || !read ||
+    if (fv_lcmlog_seek(log, back, NULL) != FOVEA_OK || !read ||
         read_i64(head) != __fovea_frame_t_get_hash())
         return FOVEA_ERROR_INPUT;
     *stamp_ns = read_i64(head + AT_STAMP);
@@ -228,7 +228,7 @@ enum fovea_status fovea_log_frame_stamp(struct fovea_log *log, const struct fove
 
 /* An image that ends before `bytes`; `*at` moves behind it. One whose numbers are all 0 is absent.
  */
-static enum fovea_status take_image(const struct fovea_log_event *event, size_t *at,
+static enum fovea_status take_image(const struct fv_lcmlog_event *event, size_t *at,
                                     struct fovea_image *image, struct fovea_error *reason)
 {
     const uint8_t *data = event->data + *at;
@@ -255,7 +255,7 @@ static enum fovea_status take_image(const struct fovea_log_event *event, size_t 
                            size_bytes);
 }
 
-static enum fovea_status take_images(const struct fovea_log_event *event, struct fovea_frame *frame,
+static enum fovea_status take_images(const struct fv_lcmlog_event *event, struct fovea_frame *frame,
                                      size_t *at, struct fovea_error *reason)
 {
     *at = AT_COUNT;
@@ -277,10 +277,10 @@ static enum fovea_status take_images(const struct fovea_log_event *event, struct
                            event->bytes - *at);
 }
 
-enum fovea_status fovea_log_frame(const char *name, const struct fovea_log_event *event,
+enum fovea_status fv_lcmlog_frame(const char *name, const struct fv_lcmlog_event *event,
                                   struct fovea_frame *frame, struct fovea_error *error)
 {
-    const int64_t start = event->offset + FOVEA_LOG_HEADER_BYTES + (int64_t)strlen(event->channel);
+    const int64_t start = event->offset + FV_LCMLOG_HEADER_BYTES + (int64_t)strlen(event->channel);
     const uint8_t *data = event->data;
     if (event->bytes < AT_IMAGES || read_i64(data) != __fovea_frame_t_get_hash())
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
@@ -313,7 +313,7 @@ enum fovea_status fovea_log_frame(const char *name, const struct fovea_log_event
 /* ---- samples --------------------------------------------------------------------------------- */
 
 /* The kind whose type a sample's event is of; FOVEA_SAMPLE_KIND_COUNT: none. */
-static enum fovea_sample_kind kind_of(const struct fovea_log_event *event)
+static enum fovea_sample_kind kind_of(const struct fv_lcmlog_event *event)
 {
 #define HASH_OF(KIND, name) __fovea_##name##_t_get_hash,
     static int64_t (*const hashes[])(void) = {FOVEA_SAMPLE_KINDS(HASH_OF)};
@@ -327,11 +327,11 @@ static enum fovea_sample_kind kind_of(const struct fovea_log_event *event)
                                                       : FOVEA_SAMPLE_KIND_COUNT;
 }
 
-enum fovea_status fovea_log_sample(const char *name, const struct fovea_log_event *event,
+enum fovea_status fv_lcmlog_sample(const char *name, const struct fv_lcmlog_event *event,
                                    struct fovea_sample *sample, struct fovea_error *error)
 {
 #define TYPE_OF(KIND, name) " fovea." #name "_t"
-    const int64_t start = event->offset + FOVEA_LOG_HEADER_BYTES + (int64_t)strlen(event->channel);
+    const int64_t start = event->offset + FV_LCMLOG_HEADER_BYTES + (int64_t)strlen(event->channel);
     struct fovea_sample found;
     memset(&found, 0, sizeof found);
     found.kind = kind_of(event);

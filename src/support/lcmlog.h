@@ -8,8 +8,8 @@
  *
  * Memory: one buffer on the heap, as large as the largest event read. Not real-time safe; one
  * thread per log. Of the drivers and the command: not in the library, and not installed. */
-#ifndef FOVEA_SUPPORT_LOG_H
-#define FOVEA_SUPPORT_LOG_H
+#ifndef FOVEA_SUPPORT_LCMLOG_H
+#define FOVEA_SUPPORT_LCMLOG_H
 
 #include <stdbool.h>
 #include <stdint.h>
@@ -22,65 +22,65 @@ extern "C" {
 #endif
 
 enum {
-    FOVEA_LOG_CHANNEL_BYTES = 64, /* LCM's limit, zero included */
-    FOVEA_LOG_HEADER_BYTES = 28,
-    FOVEA_LOG_DATA_BYTES_MAX = 1 << 28
+    FV_LCMLOG_CHANNEL_BYTES = 64, /* LCM's limit, zero included */
+    FV_LCMLOG_HEADER_BYTES = 28,
+    FV_LCMLOG_DATA_BYTES_MAX = 1 << 28
 };
-#define FOVEA_LOG_SYNC 0xEDA1DA01u
+#define FV_LCMLOG_SYNC 0xEDA1DA01u
 
-struct fovea_log_event {
+struct fv_lcmlog_event {
     int64_t offset; /* of the event in the file, bytes */
     int64_t number; /* as the writer counted */
     int64_t time_us;
-    char channel[FOVEA_LOG_CHANNEL_BYTES];
+    char channel[FV_LCMLOG_CHANNEL_BYTES];
     uint32_t bytes;
     const uint8_t *data; /* in memory of the log, valid until the next read; NULL when skimming */
 };
 
-struct fovea_log;
+struct fv_lcmlog;
 
 /* Open a log for reading. FOVEA_ERROR_INPUT: cannot be opened, or not a regular file. */
-enum fovea_status fovea_log_open(const char *path, struct fovea_log **log,
+enum fovea_status fv_lcmlog_open(const char *path, struct fv_lcmlog **log,
                                  struct fovea_error *error);
-void fovea_log_close(struct fovea_log *log);
+void fv_lcmlog_close(struct fv_lcmlog *log);
 
 /* Next event with its data. FOVEA_END after the last one; FOVEA_ERROR_INPUT: `error` names file,
  * byte, found, expected. After an error event->offset is the place of what could not be read, and
- * the position is not defined (fovea_log_seek and fovea_log_resync mend that). */
-enum fovea_status fovea_log_next(struct fovea_log *log, struct fovea_log_event *event,
+ * the position is not defined (fv_lcmlog_seek and fv_lcmlog_resync mend that). */
+enum fovea_status fv_lcmlog_next(struct fv_lcmlog *log, struct fv_lcmlog_event *event,
                                  struct fovea_error *error);
 
 /* The same without reading the data: quick, for making an index. */
-enum fovea_status fovea_log_skim(struct fovea_log *log, struct fovea_log_event *event,
+enum fovea_status fv_lcmlog_skim(struct fv_lcmlog *log, struct fv_lcmlog_event *event,
                                  struct fovea_error *error);
 
 /* Go on with the event at `offset`, from an earlier event, or 0. */
-enum fovea_status fovea_log_seek(struct fovea_log *log, int64_t offset, struct fovea_error *error);
+enum fovea_status fv_lcmlog_seek(struct fv_lcmlog *log, int64_t offset, struct fovea_error *error);
 
 /* After an error: go on with the next sync word behind the place of what could not be read. By
  * chance it may stand inside data: what follows it is then rarely an event. FOVEA_END: there is
  * none. */
-enum fovea_status fovea_log_resync(struct fovea_log *log);
+enum fovea_status fv_lcmlog_resync(struct fv_lcmlog *log);
 
 /* Whether the channel's last part is `suffix`: "FOVEA_FRAME" and "FRAME" end in "FRAME", "SUBFRAME"
  * does not.
  */
-bool fovea_log_channel_is(const char *channel, const char *suffix);
+bool fv_lcmlog_channel_is(const char *channel, const char *suffix);
 
 /* Read an event that holds a fovea.frame_t. Its images point into the event's data; its clock is
  * that of the recording and its sequence that of the recorded frame. FOVEA_ERROR_INPUT: other type,
  * or sizes that do not fit; `name` (the file) and the byte stand in `error`. */
-enum fovea_status fovea_log_frame(const char *name, const struct fovea_log_event *event,
+enum fovea_status fv_lcmlog_frame(const char *name, const struct fv_lcmlog_event *event,
                                   struct fovea_frame *frame, struct fovea_error *error);
 
 /* Read an event that holds a sample (fovea/sensor.h), of any kind. FOVEA_ERROR_INPUT: of another
- * type or length, or with a number that is not finite; as fovea_log_frame. */
-enum fovea_status fovea_log_sample(const char *name, const struct fovea_log_event *event,
+ * type or length, or with a number that is not finite; as fv_lcmlog_frame. */
+enum fovea_status fv_lcmlog_sample(const char *name, const struct fv_lcmlog_event *event,
                                    struct fovea_sample *sample, struct fovea_error *error);
 
 /* Stamp of a frame that was skimmed, without reading its picture; the log stays where it is.
  * FOVEA_ERROR_INPUT: it holds no fovea.frame_t. */
-enum fovea_status fovea_log_frame_stamp(struct fovea_log *log, const struct fovea_log_event *event,
+enum fovea_status fv_lcmlog_frame_stamp(struct fv_lcmlog *log, const struct fv_lcmlog_event *event,
                                         int64_t *stamp_ns);
 
 #ifdef __cplusplus
