@@ -1,4 +1,4 @@
-/* From a network's outputs to detections in pixels of the image it looked at. */
+/* From a network's outputs to detections in pixels of the image that it was given. */
 #ifndef FOVEA_DETECT_DECODE_H
 #define FOVEA_DETECT_DECODE_H
 

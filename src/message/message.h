@@ -168,7 +168,7 @@ uint32_t fv_message_preview_encode(const struct fv_message_preview *in, uint8_t 
                                    size_t capacity);
 
 struct fv_message_detections {
-    fovea_stamp_t stamp; /* of the image looked at */
+    fovea_stamp_t stamp; /* of the image that the network took */
     uint32_t reset_counter;
     const char *model;      /* cut as labels are */
     int32_t width, height;  /* of the raw image */
@@ -194,7 +194,7 @@ struct fv_message_tensor {
     const uint8_t *data; /* of the piece */
 };
 struct fv_message_tensors {
-    fovea_stamp_t stamp; /* of the image looked at */
+    fovea_stamp_t stamp; /* of the image that the network took */
     const char *model;   /* cut as labels are */
     uint32_t count;
     struct fv_message_tensor pieces[FV_MESSAGE_TENSORS_MAX];
@@ -229,13 +229,13 @@ size_t fv_message_map_size_max(void);
 uint32_t fv_message_map_encode(const struct fv_message_map *in, uint8_t *buffer, size_t capacity);
 
 struct fv_message_objects {
-    fovea_stamp_t stamp; /* of the image looked at */
+    fovea_stamp_t stamp; /* of the image that the network took */
     uint32_t reset_counter;
     int32_t width, height;   /* of the raw image */
-    double T_odom_world[12]; /* row-major 3x4: from the frame that located tracks are in */
+    double T_odom_world[12]; /* row-major 3x4: from the frame that located objects are in */
     uint32_t count;
-    const struct fovea_object *tracks;
-    const char *const *names; /* of the classes, one per track */
+    const struct fovea_object *objects;
+    const char *const *names; /* of the classes, one per object */
 };
 size_t fv_message_objects_size_max(uint32_t count_max, size_t label_bytes);
 /* Scratch that encoding needs, 8-byte aligned. */

@@ -48,17 +48,17 @@ static void move_covariance(const double T[12], const double c[6], float moved[6
 }
 
 /* Where the object is, in `odom` or in the camera's frame. */
-static void fill_location(fovea_object_t *out, const struct fovea_object *track,
+static void fill_location(fovea_object_t *out, const struct fovea_object *object,
                           const double T_odom_world[12])
 {
     static const double unmoved[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
-    const double *T = track->located == FOVEA_OBJECT_T_LOCATED_ODOM ? T_odom_world : unmoved;
-    out->located = (int8_t)track->located;
-    if (!track->located) return;
-    move(T, true, track->position_m, out->position_m);
-    move_covariance(T, track->covariance_m2, out->covariance_m2);
-    move(T, false, track->velocity_m_s, out->velocity_m_s);
-    move_covariance(T, track->velocity_covariance_m2_s2, out->velocity_covariance_m2_s2);
+    const double *T = object->located == FOVEA_OBJECT_T_LOCATED_ODOM ? T_odom_world : unmoved;
+    out->located = (int8_t)object->located;
+    if (!object->located) return;
+    move(T, true, object->position_m, out->position_m);
+    move_covariance(T, object->covariance_m2, out->covariance_m2);
+    move(T, false, object->velocity_m_s, out->velocity_m_s);
+    move_covariance(T, object->velocity_covariance_m2_s2, out->velocity_covariance_m2_s2);
 }
 
 uint32_t fv_message_objects_encode(const struct fv_message_objects *in, void *scratch,
@@ -67,22 +67,22 @@ uint32_t fv_message_objects_encode(const struct fv_message_objects *in, void *sc
     fovea_object_t *list = scratch;
     char(*cut)[FV_MESSAGE_LABEL_BYTES_MAX] = (void *)(list + in->count);
     for (uint32_t i = 0; i < in->count; i++) {
-        const struct fovea_object *track = &in->tracks[i];
+        const struct fovea_object *object = &in->objects[i];
         const bool whole = strlen(in->names[i]) < FV_MESSAGE_LABEL_BYTES_MAX;
         if (!whole) fv_message_label(in->names[i], cut[i]);
         list[i] = (fovea_object_t){
-            .id = (int64_t)track->id,
-            .class_id = track->class_id,
+            .id = (int64_t)object->id,
+            .class_id = object->class_id,
             .class_name = whole ? (char *)in->names[i] : cut[i], /* lcm-gen only reads it */
-            .state = (int8_t)track->state,
-            .score = track->score,
-            .box = {track->x_min_px, track->y_min_px, track->x_max_px, track->y_max_px},
-            .velocity_px_s = {track->x_px_s, track->y_px_s},
-            .age_ns = in->stamp.time_ns - track->first_ns,
-            .unseen_ns = in->stamp.time_ns - track->seen_ns,
-            .hits = (int32_t)track->hits,
+            .state = (int8_t)object->state,
+            .score = object->score,
+            .box = {object->x_min_px, object->y_min_px, object->x_max_px, object->y_max_px},
+            .velocity_px_s = {object->x_px_s, object->y_px_s},
+            .age_ns = in->stamp.time_ns - object->first_ns,
+            .unseen_ns = in->stamp.time_ns - object->seen_ns,
+            .hits = (int32_t)object->hits,
         };
-        fill_location(&list[i], track, in->T_odom_world);
+        fill_location(&list[i], object, in->T_odom_world);
     }
     const fovea_objects_t message = {
         .stamp = in->stamp,

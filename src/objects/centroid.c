@@ -6,9 +6,9 @@ static double distance2(const struct fv_object_slot *slot, const struct fovea_de
 {
     /* Of where it was seen last: textbooks' centroid trackers do not predict. */
     const double dx = 0.5 * ((double)d->x_min_px + (double)d->x_max_px) -
-                      0.5 * ((double)slot->track.x_min_px + (double)slot->track.x_max_px);
+                      0.5 * ((double)slot->object.x_min_px + (double)slot->object.x_max_px);
     const double dy = 0.5 * ((double)d->y_min_px + (double)d->y_max_px) -
-                      0.5 * ((double)slot->track.y_min_px + (double)slot->track.y_max_px);
+                      0.5 * ((double)slot->object.y_min_px + (double)slot->object.y_max_px);
     return dx * dx + dy * dy;
 }
 
@@ -18,7 +18,7 @@ static int32_t nearest(const struct fv_objects *tracker, const struct fv_object_
 {
     int32_t found = -1;
     for (uint32_t d = 0; d < inference->count; d++) {
-        if (tracker->taken[d] || inference->detections[d].class_id != slot->track.class_id)
+        if (tracker->taken[d] || inference->detections[d].class_id != slot->object.class_id)
             continue;
         const double distance = distance2(slot, &inference->detections[d]);
         if (found >= 0 && distance >= *best) continue;
@@ -40,7 +40,7 @@ static void hold(struct fv_object_slot *slot, double x0, double y0, double x1, d
 
 static void restore(struct fv_object_slot *slot)
 {
-    const struct fovea_object *t = &slot->track;
+    const struct fovea_object *t = &slot->object;
     hold(slot, (double)t->x_min_px, (double)t->y_min_px, (double)t->x_max_px, (double)t->y_max_px);
 }
 

@@ -1,4 +1,4 @@
-/* Where a track is in metres: from the height of its class, which gives the range, or from the
+/* Where an object is in metres: from the height of its class, which gives the range, or from the
  * floor, which its foot stands on. */
 #include "objects/objects.h"
 
@@ -38,7 +38,7 @@ static double edge_sigma_px(const struct fv_object_slot *slot)
 /* Box cut by the image's border: its height and its foot are not to be trusted. */
 static bool is_cut(const struct fv_objects *tracker, const struct fv_object_slot *slot)
 {
-    const struct fovea_object *t = &slot->track;
+    const struct fovea_object *t = &slot->object;
     return t->x_min_px < 1.0f || t->y_min_px < 1.0f ||
            t->x_max_px > (float)tracker->camera->width - 2.0f ||
            t->y_max_px > (float)tracker->camera->height - 2.0f;
@@ -154,28 +154,28 @@ static void filter_position(struct fv_object_slot *slot, const struct position *
     slot->world = inference->world;
     slot->position_ns = inference->stamp_ns;
     for (int i = 0; i < 3; i++) {
-        slot->track.position_m[i] = slot->position[i].x;
-        slot->track.velocity_m_s[i] = slot->position[i].v;
+        slot->object.position_m[i] = slot->position[i].x;
+        slot->object.velocity_m_s[i] = slot->position[i].v;
     }
     /* The filter works axis by axis; the measurement's shape is kept, scaled to its variances. */
     scale_to(full,
              (const double[3]){slot->position[0].xx, slot->position[1].xx, slot->position[2].xx});
-    upper(full, slot->track.covariance_m2);
+    upper(full, slot->object.covariance_m2);
     scale_to(full,
              (const double[3]){slot->position[0].vv, slot->position[1].vv, slot->position[2].vv});
-    upper(full, slot->track.velocity_covariance_m2_s2);
-    slot->track.located = 2;
+    upper(full, slot->object.velocity_covariance_m2_s2);
+    slot->object.located = 2;
 }
 
 void fv_objects_locate(const struct fv_objects *tracker, struct fv_object_slot *slot,
                        const struct fv_objects_inference *inference)
 {
     const struct fovea_objects_config *config = tracker->config;
-    const int32_t c = slot->track.class_id;
+    const int32_t c = slot->object.class_id;
     const double height_m =
         c >= 0 && c < FOVEA_OBJECT_CLASSES_MAX ? (double)config->height_m[c] : 0.0;
     struct position position;
-    slot->track.located = 0;
+    slot->object.located = 0;
     if (!slot->matched || (height_m <= 0.0 && !config->ground) || is_cut(tracker, slot)) return;
     if (!(height_m > 0.0 && by_size(tracker, slot, height_m, &position)) &&
         !(config->ground && by_floor(tracker, slot, &position)))
@@ -186,9 +186,10 @@ void fv_objects_locate(const struct fv_objects *tracker, struct fv_object_slot *
     }
     double full[9];
     covariance_of(&position, NULL, full);
-    upper(full, slot->track.covariance_m2);
-    memcpy(slot->track.position_m, position.at, sizeof position.at);
-    memset(slot->track.velocity_m_s, 0, sizeof slot->track.velocity_m_s);
-    memset(slot->track.velocity_covariance_m2_s2, 0, sizeof slot->track.velocity_covariance_m2_s2);
-    slot->track.located = 1;
+    upper(full, slot->object.covariance_m2);
+    memcpy(slot->object.position_m, position.at, sizeof position.at);
+    memset(slot->object.velocity_m_s, 0, sizeof slot->object.velocity_m_s);
+    memset(slot->object.velocity_covariance_m2_s2, 0,
+           sizeof slot->object.velocity_covariance_m2_s2);
+    slot->object.located = 1;
 }

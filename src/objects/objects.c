@@ -20,17 +20,17 @@ void fv_objects_carve(struct fv_objects *tracker, const struct fovea_objects_con
                       const struct fovea_camera *camera, const double T_body_cam[12],
                       struct fv_arena *persistent, struct fv_arena *frame)
 {
-    const size_t tracks = config->count_max;
+    const size_t objects = config->count_max;
     tracker->config = config;
     tracker->camera = camera;
     tracker->T_body_cam = T_body_cam;
     tracker->state = fv_arena_take(persistent, 1, sizeof *tracker->state);
-    tracker->slots = fv_arena_take(persistent, tracks, sizeof *tracker->slots);
-    tracker->list = fv_arena_take(persistent, tracks, sizeof *tracker->list);
-    tracker->cost = fv_arena_take(frame, tracks * FOVEA_DETECTIONS_MAX, sizeof *tracker->cost);
-    tracker->rows = fv_arena_take(frame, tracks, sizeof *tracker->rows);
+    tracker->slots = fv_arena_take(persistent, objects, sizeof *tracker->slots);
+    tracker->list = fv_arena_take(persistent, objects, sizeof *tracker->list);
+    tracker->cost = fv_arena_take(frame, objects * FOVEA_DETECTIONS_MAX, sizeof *tracker->cost);
+    tracker->rows = fv_arena_take(frame, objects, sizeof *tracker->rows);
     tracker->columns = fv_arena_take(frame, FOVEA_DETECTIONS_MAX, sizeof *tracker->columns);
-    tracker->column_of = fv_arena_take(frame, tracks, sizeof *tracker->column_of);
+    tracker->column_of = fv_arena_take(frame, objects, sizeof *tracker->column_of);
     tracker->sides = fv_arena_take(frame, FOVEA_DETECTIONS_MAX, sizeof *tracker->sides);
     tracker->taken = fv_arena_take(frame, FOVEA_DETECTIONS_MAX, 1);
     tracker->assign = fv_arena_take(frame, 1, sizeof *tracker->assign);
@@ -73,7 +73,7 @@ static void predict(struct fv_object_slot *slot, double dt_s)
         const bool is_place = k < FV_OBJECT_W;
         /* Unseen, a size is better left as it was: a box that shrank behind an edge would go on
          * shrinking. */
-        if (!is_place && slot->track.unseen > 0)
+        if (!is_place && slot->object.unseen > 0)
             slot->box[k].v = slot->box[k].vv = slot->box[k].xv = 0;
         fv_filter_predict(&slot->box[k], dt_s, is_place ? drift * drift : size_drift * size_drift);
     }
@@ -135,12 +135,12 @@ void fv_objects_take(struct fv_objects *tracker, struct fv_object_slot *slot,
     const struct measured m = measure(d);
     for (int k = 0; k < FV_OBJECT_NUMBERS; k++)
         fv_filter_update(&slot->box[k], m.number[k], m.sigma[k] * m.sigma[k]);
-    slot->track.score = d->score;
+    slot->object.score = d->score;
     slot->score_sum += (double)d->score;
-    slot->track.class_id = d->class_id;
-    slot->track.seen_ns = inference->stamp_ns;
-    slot->track.hits++;
-    slot->track.unseen = 0;
+    slot->object.class_id = d->class_id;
+    slot->object.seen_ns = inference->stamp_ns;
+    slot->object.hits++;
+    slot->object.unseen = 0;
     slot->matched = 1;
     tracker->taken[detection] = 1;
 }
@@ -153,12 +153,12 @@ static void begin(struct fv_objects *tracker, struct fv_object_slot *slot,
     memset(slot, 0, sizeof *slot);
     slot->used = slot->matched = 1;
     slot->score_sum = (double)d->score;
-    slot->track = (struct fovea_object){.id = ++tracker->state->next_id,
-                                        .class_id = d->class_id,
-                                        .score = d->score,
-                                        .first_ns = inference->stamp_ns,
-                                        .seen_ns = inference->stamp_ns,
-                                        .hits = 1};
+    slot->object = (struct fovea_object){.id = ++tracker->state->next_id,
+                                         .class_id = d->class_id,
+                                         .score = d->score,
+                                         .first_ns = inference->stamp_ns,
+                                         .seen_ns = inference->stamp_ns,
+                                         .hits = 1};
     const double size = 0.5 * (m.number[FV_OBJECT_W] + m.number[FV_OBJECT_H]);
     for (int k = 0; k < FV_OBJECT_NUMBERS; k++) {
         fv_filter_start(&slot->box[k], m.number[k], m.sigma[k],
@@ -172,15 +172,15 @@ static void begin(struct fv_objects *tracker, struct fv_object_slot *slot,
 /* Whether `a` is given up before `b`; neither was seen in this inference. */
 static bool weaker(const struct fv_object_slot *a, const struct fv_object_slot *b)
 {
-    const bool tentative_a = a->track.state == FOVEA_OBJECT_TENTATIVE,
-               tentative_b = b->track.state == FOVEA_OBJECT_TENTATIVE;
+    const bool tentative_a = a->object.state == FOVEA_OBJECT_TENTATIVE,
+               tentative_b = b->object.state == FOVEA_OBJECT_TENTATIVE;
     if (tentative_a != tentative_b) return tentative_a;
-    if (a->track.unseen != b->track.unseen) return a->track.unseen > b->track.unseen;
-    if (a->track.hits != b->track.hits) return a->track.hits < b->track.hits;
-    return a->track.id > b->track.id;
+    if (a->object.unseen != b->object.unseen) return a->object.unseen > b->object.unseen;
+    if (a->object.hits != b->object.hits) return a->object.hits < b->object.hits;
+    return a->object.id > b->object.id;
 }
 
-/* A free slot, or that of the weakest track; NULL when all were seen just now. */
+/* A free slot, or that of the weakest object; NULL when all were seen just now. */
 static struct fv_object_slot *room(struct fv_objects *tracker)
 {
     struct fv_object_slot *weakest = NULL;
@@ -212,37 +212,38 @@ static bool is_over(const struct fv_objects *tracker, const struct fv_object_slo
 {
     const struct fovea_objects_config *config = tracker->config;
     if (slot->matched) return false;
-    if (config->mode == FOVEA_OBJECTS_CENTROID) return slot->track.unseen > config->max_disappeared;
-    if (slot->track.state == FOVEA_OBJECT_TENTATIVE) return true;
+    if (config->mode == FOVEA_OBJECTS_CENTROID)
+        return slot->object.unseen > config->max_disappeared;
+    if (slot->object.state == FOVEA_OBJECT_TENTATIVE) return true;
     const double x = slot->box[FV_OBJECT_X].x, y = slot->box[FV_OBJECT_Y].x, size = size_of(slot);
     const bool gone = x < -size || y < -size || x > tracker->camera->width + size ||
                       y > tracker->camera->height + size;
-    return gone || (double)(stamp_ns - slot->track.seen_ns) * 1e-9 > config->coast_s;
+    return gone || (double)(stamp_ns - slot->object.seen_ns) * 1e-9 > config->coast_s;
 }
 
-/* Whether the object of a track that was seen just now is believed to be there. A detector that
+/* Whether an object that was seen just now is believed to be there. A detector that
  * errs often does so again in the next image, with a score as low: repetition alone proves little.
  */
 static bool is_believed(const struct fv_objects *tracker, const struct fv_object_slot *slot)
 {
     const struct fovea_objects_config *config = tracker->config;
-    if (config->mode == FOVEA_OBJECTS_CENTROID || slot->track.state != FOVEA_OBJECT_TENTATIVE)
+    if (config->mode == FOVEA_OBJECTS_CENTROID || slot->object.state != FOVEA_OBJECT_TENTATIVE)
         return true;
-    return slot->track.hits >= config->confirm_hits &&
-           slot->score_sum >= config->score_confirm * slot->track.hits;
+    return slot->object.hits >= config->confirm_hits &&
+           slot->score_sum >= config->score_confirm * slot->object.hits;
 }
 
 static void age(struct fv_objects *tracker, struct fv_object_slot *slot, int64_t stamp_ns)
 {
-    if (!slot->matched) slot->track.unseen++;
+    if (!slot->matched) slot->object.unseen++;
     if (is_over(tracker, slot, stamp_ns)) {
         slot->used = 0;
-        slot->track.state = FOVEA_OBJECT_ENDED;
+        slot->object.state = FOVEA_OBJECT_ENDED;
     } else if (slot->matched && is_believed(tracker, slot)) {
-        tracker->state->confirmed += slot->track.state == FOVEA_OBJECT_TENTATIVE;
-        slot->track.state = FOVEA_OBJECT_CONFIRMED;
-    } else if (slot->track.state == FOVEA_OBJECT_CONFIRMED) {
-        slot->track.state = FOVEA_OBJECT_COASTING;
+        tracker->state->confirmed += slot->object.state == FOVEA_OBJECT_TENTATIVE;
+        slot->object.state = FOVEA_OBJECT_CONFIRMED;
+    } else if (slot->object.state == FOVEA_OBJECT_CONFIRMED) {
+        slot->object.state = FOVEA_OBJECT_COASTING;
     }
 }
 
@@ -250,21 +251,21 @@ static void describe(struct fv_object_slot *slot)
 {
     const struct fv_filter *box = slot->box;
     const double w = 0.5 * box[FV_OBJECT_W].x, h = 0.5 * box[FV_OBJECT_H].x;
-    slot->track.x_min_px = (float)(box[FV_OBJECT_X].x - w);
-    slot->track.x_max_px = (float)(box[FV_OBJECT_X].x + w);
-    slot->track.y_min_px = (float)(box[FV_OBJECT_Y].x - h);
-    slot->track.y_max_px = (float)(box[FV_OBJECT_Y].x + h);
-    slot->track.x_px_s = (float)box[FV_OBJECT_X].v;
-    slot->track.y_px_s = (float)box[FV_OBJECT_Y].v;
+    slot->object.x_min_px = (float)(box[FV_OBJECT_X].x - w);
+    slot->object.x_max_px = (float)(box[FV_OBJECT_X].x + w);
+    slot->object.y_min_px = (float)(box[FV_OBJECT_Y].x - h);
+    slot->object.y_max_px = (float)(box[FV_OBJECT_Y].x + h);
+    slot->object.x_px_s = (float)box[FV_OBJECT_X].v;
+    slot->object.y_px_s = (float)box[FV_OBJECT_Y].v;
 }
 
 /* Into the list, which is kept by rising id. */
-static void tell(struct fv_objects *tracker, const struct fovea_object *track)
+static void tell(struct fv_objects *tracker, const struct fovea_object *object)
 {
     uint32_t at = tracker->state->listed++;
-    for (; at > 0 && tracker->list[at - 1].id > track->id; at--)
+    for (; at > 0 && tracker->list[at - 1].id > object->id; at--)
         tracker->list[at] = tracker->list[at - 1];
-    tracker->list[at] = *track;
+    tracker->list[at] = *object;
 }
 
 void fv_objects_update(struct fv_objects *tracker, const struct fv_objects_inference *inference)
@@ -282,11 +283,11 @@ void fv_objects_update(struct fv_objects *tracker, const struct fv_objects_infer
     for (uint32_t i = 0; i < tracker->config->count_max; i++) {
         struct fv_object_slot *slot = &tracker->slots[i];
         if (!slot->used) continue;
-        const bool was_believed = slot->track.state != FOVEA_OBJECT_TENTATIVE;
+        const bool was_believed = slot->object.state != FOVEA_OBJECT_TENTATIVE;
         age(tracker, slot, inference->stamp_ns);
         describe(slot);
         fv_objects_locate(tracker, slot, inference);
-        if (slot->track.state != FOVEA_OBJECT_ENDED || was_believed) tell(tracker, &slot->track);
+        if (slot->object.state != FOVEA_OBJECT_ENDED || was_believed) tell(tracker, &slot->object);
     }
     state->updates++;
     state->started = 1;
@@ -300,22 +301,22 @@ void fv_objects_update(struct fv_objects *tracker, const struct fv_objects_infer
 
 /* ---- what is reported ------------------------------------------------------------------------ */
 
-void fv_objects_get(const struct fv_objects *tracker, struct fovea_objects *tracks)
+void fv_objects_get(const struct fv_objects *tracker, struct fovea_objects *objects)
 {
     const struct fv_objects_state *state = tracker->state;
-    *tracks = (struct fovea_objects){.updates = state->updates,
-                                     .confirmed = state->confirmed,
-                                     .stamp_ns = state->stamp_ns,
-                                     .sequence = state->sequence,
-                                     .count = state->listed,
-                                     .list = tracker->list};
+    *objects = (struct fovea_objects){.updates = state->updates,
+                                      .confirmed = state->confirmed,
+                                      .stamp_ns = state->stamp_ns,
+                                      .sequence = state->sequence,
+                                      .count = state->listed,
+                                      .list = tracker->list};
 }
 
 uint32_t fv_objects_movable(const struct fv_objects *tracker, float (*boxes)[4], uint32_t capacity)
 {
     uint32_t count = 0;
     for (uint32_t i = 0; i < tracker->config->count_max && count < capacity; i++) {
-        const struct fovea_object *t = &tracker->slots[i].track;
+        const struct fovea_object *t = &tracker->slots[i].object;
         const int32_t c = t->class_id;
         if (!tracker->slots[i].used || c < 0 || c >= FOVEA_OBJECT_CLASSES_MAX ||
             (tracker->config->movable[c / 32] >> c % 32 & 1) == 0)

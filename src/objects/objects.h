@@ -1,7 +1,7 @@
 /* The tracker: what fovea/objects.h says, on detections handed in image by image.
  *
  * All state lies in pieces carved from the caller's block and holds no addresses. Real-time safe;
- * 100 tracks and 100 detections take about 0.1 ms here. */
+ * 100 objects and 100 detections take about 0.1 ms here. */
 #ifndef FOVEA_SRC_OBJECTS_H
 #define FOVEA_SRC_OBJECTS_H
 
@@ -22,17 +22,18 @@ struct fv_objects_inference {
     uint64_t sequence;
     const struct fovea_detection
         *detections; /* by falling score; with the uncertain ones at most FOVEA_DETECTIONS_MAX */
-    uint32_t count, uncertain; /* the uncertain ones come last; they go on tracks but start none */
-    bool posed;                /* T_world_cam holds */
-    bool metric;               /* and its unit is the metre */
-    uint64_t world;            /* poses of equal `world` share a frame */
-    double T_world_cam[12];    /* row-major 3x4, of the image */
+    uint32_t count,
+        uncertain;          /* the uncertain ones come last; they continue objects but start none */
+    bool posed;             /* T_world_cam holds */
+    bool metric;            /* and its unit is the metre */
+    uint64_t world;         /* poses of equal `world` share a frame */
+    double T_world_cam[12]; /* row-major 3x4, of the image */
 };
 
 enum { FV_OBJECT_X = 0, FV_OBJECT_Y, FV_OBJECT_W, FV_OBJECT_H, FV_OBJECT_NUMBERS };
 
 struct fv_object_slot {
-    struct fovea_object track; /* as of the last inference */
+    struct fovea_object object; /* as of the last inference */
     struct fv_filter box[FV_OBJECT_NUMBERS];
     struct fv_filter position[3];                   /* in the world */
     uint64_t world;                                 /* of `position` */
@@ -75,14 +76,14 @@ void fv_objects_carve(struct fv_objects *tracker, const struct fovea_objects_con
                       const struct fovea_camera *camera, const double T_body_cam[12],
                       struct fv_arena *persistent, struct fv_arena *frame);
 
-/* Forget all tracks; ids go on. */
+/* Forget all objects; ids go on. */
 void fv_objects_reset(struct fv_objects *tracker);
 
 /* Take an inference into account. Inferences must come in the order of their stamps; one that does
  * not is passed over. */
 void fv_objects_update(struct fv_objects *tracker, const struct fv_objects_inference *inference);
 
-void fv_objects_get(const struct fv_objects *tracker, struct fovea_objects *tracks);
+void fv_objects_get(const struct fv_objects *tracker, struct fovea_objects *objects);
 
 /* Boxes (x_min y_min x_max y_max) of movable classes in the last inference, tracked or coasting. At
  * most `capacity`; returns how many. */
@@ -90,7 +91,7 @@ uint32_t fv_objects_movable(const struct fv_objects *tracker, float (*boxes)[4],
 
 /* ---- parts, one file each -------------------------------------------------------------------- */
 
-/* locate.c: where a track that was just seen is. */
+/* locate.c: where an object that was just seen is. */
 void fv_objects_locate(const struct fv_objects *tracker, struct fv_object_slot *slot,
                        const struct fv_objects_inference *inference);
 /* sort.c and centroid.c: match the detections of an inference with the predicted slots; sets
@@ -99,7 +100,7 @@ void fv_objects_match_sort(struct fv_objects *tracker,
                            const struct fv_objects_inference *inference);
 void fv_objects_match_centroid(struct fv_objects *tracker,
                                const struct fv_objects_inference *inference);
-/* track.c: a detection becomes part of a track. */
+/* objects.c: a detection becomes part of an object. */
 void fv_objects_take(struct fv_objects *tracker, struct fv_object_slot *slot,
                      const struct fv_objects_inference *inference, uint32_t detection);
 

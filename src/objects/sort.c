@@ -21,7 +21,7 @@ static void row_of(const struct fv_object_slot *slot, struct fv_object_side *sid
                                     .y_reach = __builtin_sqrt(distance_gate * b[FV_OBJECT_Y].xx),
                                     .w_variance = b[FV_OBJECT_W].xx,
                                     .h_variance = b[FV_OBJECT_H].xx,
-                                    .class_id = slot->track.class_id};
+                                    .class_id = slot->object.class_id};
 }
 
 static void column_of(const struct fovea_detection *d, struct fv_object_side *side)
@@ -128,13 +128,13 @@ static int32_t gather_slots(const struct fv_objects *tracker, bool fresh)
     int32_t count = 0;
     for (uint32_t i = 0; i < tracker->config->count_max; i++) {
         const struct fv_object_slot *slot = &tracker->slots[i];
-        const bool fits = !fresh || slot->track.unseen == 0;
+        const bool fits = !fresh || slot->object.unseen == 0;
         if (slot->used && !slot->matched && fits) tracker->rows[count++] = (int32_t)i;
     }
     return count;
 }
 
-/* Tentative tracks take part in the first stage: else a track whose object has just gone behind
+/* Tentative objects take part in the first stage: else an object that has just gone behind
  * something would take the detections of the one that comes out there. */
 void fv_objects_match_sort(struct fv_objects *tracker, const struct fv_objects_inference *inference)
 {

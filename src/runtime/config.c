@@ -260,12 +260,12 @@ static enum fovea_status check_pairs(const struct fovea_config *config, struct f
     return FOVEA_OK;
 }
 
-static enum fovea_status check_heights(const struct fovea_objects_config *track,
+static enum fovea_status check_heights(const struct fovea_objects_config *objects,
                                        struct fovea_error *error)
 {
     enum fovea_status status = FOVEA_OK;
     for (int i = 0; i < FOVEA_OBJECT_CLASSES_MAX && status == FOVEA_OK; i++)
-        status = check_real("objects.heights", (double)track->height_m[i], 0,
+        status = check_real("objects.heights", (double)objects->height_m[i], 0,
                             FOVEA_OBJECT_HEIGHT_MAX_M, error);
     return status;
 }

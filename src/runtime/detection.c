@@ -47,11 +47,11 @@ enum fovea_status fv_detection_prepare(struct fv_detection *detection, const cha
 }
 
 /* What the tracker's second stage takes of what is below the threshold. */
-float fv_detection_floor(const struct fovea_objects_config *track)
+float fv_detection_floor(const struct fovea_objects_config *objects)
 {
     const float least = 0.01f;
-    if (track->mode != FOVEA_OBJECTS_SORT) return 0.0f;
-    return (float)track->score_low > least ? (float)track->score_low : least;
+    if (objects->mode != FOVEA_OBJECTS_SORT) return 0.0f;
+    return (float)objects->score_low > least ? (float)objects->score_low : least;
 }
 
 void fv_detection_carve(struct fv_detection *detection, const struct fovea_camera *camera,

@@ -47,7 +47,7 @@ void fv_detection_carve(struct fv_detection *detection, const struct fovea_camer
                         float floor, struct fv_arena *persistent, struct fv_arena *job,
                         struct fv_arena *frame);
 /* The floor of a tracker with this configuration. */
-float fv_detection_floor(const struct fovea_objects_config *track);
+float fv_detection_floor(const struct fovea_objects_config *objects);
 
 /* Bytes that a message takes at most. */
 size_t fv_detection_label_bytes(const struct fv_detection *detection); /* of the longest label */

@@ -1,5 +1,5 @@
 /* The job of the one or two networks that find objects, or whose raw outputs are sent, and the
- * tracks that follow from the detections of the first. */
+ * objects that follow from the detections of the first. */
 #include "runtime/config.h"
 #include "runtime/jobs.h"
 
@@ -9,7 +9,7 @@ static bool waiting(const struct fovea *rt)
 }
 
 /* The tracker takes the detections; what moves on its own is kept out of the map from now on. */
-static void track(struct fovea *rt, struct fovea_outputs *outputs)
+static void update_objects(struct fovea *rt, struct fovea_outputs *outputs)
 {
     struct fovea_detections detections;
     struct fovea_box movable[FOVEA_INPUT_BOXES_MAX];
@@ -58,7 +58,7 @@ static uint32_t advance_first(struct fovea *rt, uint32_t units, struct fovea_out
     const uint32_t done = advance_one(
         rt, &rt->detection, rt->detection.raw ? FV_MESSAGE_TENSORS : FV_MESSAGE_DETECTIONS, units,
         &complete, outputs);
-    if (complete && rt->objects.enabled) track(rt, outputs);
+    if (complete && rt->objects.enabled) update_objects(rt, outputs);
     return done;
 }
 

@@ -59,17 +59,17 @@ uint32_t fv_object_stage_encode(const struct fv_object_stage *tracking,
                                 uint8_t *buffer, size_t capacity)
 {
     const char *names[FOVEA_OBJECTS_MAX];
-    struct fovea_objects tracks;
-    fv_objects_get(&tracking->tracker, &tracks);
-    for (uint32_t i = 0; i < tracks.count; i++)
-        names[i] = fv_detection_label(detection, tracks.list[i].class_id);
+    struct fovea_objects objects;
+    fv_objects_get(&tracking->tracker, &objects);
+    for (uint32_t i = 0; i < objects.count; i++)
+        names[i] = fv_detection_label(detection, objects.list[i].class_id);
     struct fv_message_objects message = {
         .stamp = fv_frame_id_stamp(&detection->state->found_frame),
         .reset_counter = reset_counter,
         .width = config->rig.cameras[0].camera.width,
         .height = config->rig.cameras[0].camera.height,
-        .count = tracks.count,
-        .tracks = tracks.list,
+        .count = objects.count,
+        .objects = objects.list,
         .names = names,
     };
     /* What is located in the world is so in metres, where T_body_cam holds with its lever arm. */

@@ -28,7 +28,7 @@ void fv_object_stage_carve(struct fv_object_stage *tracking, const struct fovea_
                            const struct fv_detection *detection, struct fv_arena *persistent,
                            struct fv_arena *frame);
 
-/* Forget all tracks. Real-time safe, as all that follows. */
+/* Forget all objects. Real-time safe, as all that follows. */
 void fv_object_stage_reset(struct fv_object_stage *tracking);
 /* The detector took the frame with this pose. */
 void fv_object_stage_note(struct fv_object_stage *tracking, const struct fovea_pose *pose);
@@ -36,7 +36,7 @@ void fv_object_stage_note(struct fv_object_stage *tracking, const struct fovea_p
 void fv_object_stage_update(struct fv_object_stage *tracking,
                             const struct fovea_detections *detections);
 
-/* Encode the tracks as of the last inference, with the stamp of its frame, located in `odom`.
+/* Encode the objects as of the last inference, with the stamp of its frame, located in `odom`.
  * Returns the bytes. */
 uint32_t fv_object_stage_encode(const struct fv_object_stage *tracking,
                                 const struct fovea_config *config,

@@ -1,5 +1,5 @@
-/* A tracker behind a pinhole camera, and looks at 30 Hz that are given to it. For one file of a
- * program. */
+/* A tracker behind a pinhole camera, and inferences at 30 Hz that are given to it. For one file of
+ * a program. */
 #ifndef FOVEA_TESTS_OBJECT_RIG_H
 #define FOVEA_TESTS_OBJECT_RIG_H
 
@@ -50,7 +50,7 @@ static inline struct fovea_detection box(double x, double y, double w, double h,
 }
 
 /* An inference at 30 Hz that found `count` objects, and `uncertain` more below the model's
- * threshold; the tracks after it. */
+ * threshold; the objects after it. */
 static inline struct fovea_objects infer_unsure(int frame, const struct fovea_detection *found,
                                                 uint32_t count, uint32_t uncertain)
 {
@@ -59,10 +59,10 @@ static inline struct fovea_objects infer_unsure(int frame, const struct fovea_de
                                            .detections = found,
                                            .count = count,
                                            .uncertain = uncertain};
-    struct fovea_objects tracks;
+    struct fovea_objects objects;
     fv_objects_update(&tracker, &l);
-    fv_objects_get(&tracker, &tracks);
-    return tracks;
+    fv_objects_get(&tracker, &objects);
+    return objects;
 }
 
 static inline struct fovea_objects infer(int frame, const struct fovea_detection *found,

@@ -43,17 +43,17 @@ static bool next(const char **list, char entry[ENTRY_BYTES])
     return length > 0;
 }
 
-static void take_movable(struct fovea_objects_config *track, int32_t c)
+static void take_movable(struct fovea_objects_config *objects, int32_t c)
 {
-    track->movable[c / 32] |= 1u << c % 32;
+    objects->movable[c / 32] |= 1u << c % 32;
 }
 
 /* The network's classes that are known to move. */
-static void take_moving(struct fovea_objects_config *track, const struct fv_model *model)
+static void take_moving(struct fovea_objects_config *objects, const struct fv_model *model)
 {
     for (size_t i = 0; i < sizeof moves / sizeof moves[0]; i++) {
         const int32_t c = class_of(model, moves[i]);
-        if (c >= 0) take_movable(track, c);
+        if (c >= 0) take_movable(objects, c);
     }
 }
 
@@ -107,14 +107,14 @@ enum fovea_status fv_classes_check(const struct fv_settings *settings, struct fo
 enum fovea_status fv_classes_resolve(struct fv_settings *settings, const struct fv_model *model,
                                      struct fovea_error *error)
 {
-    struct fovea_objects_config *track = &settings->runtime.objects;
+    struct fovea_objects_config *objects = &settings->runtime.objects;
     char entry[ENTRY_BYTES];
     for (const char *list = settings->movable; next(&list, entry);) {
         const int32_t c = class_of(model, entry);
         if (c >= 0)
-            take_movable(track, c);
+            take_movable(objects, c);
         else if (strcmp(entry, "auto") == 0)
-            take_moving(track, model);
+            take_moving(objects, model);
         else
             return refuse("objects.movable", entry,
                           "auto, labels or numbers of the network's classes", error);
@@ -126,7 +126,7 @@ enum fovea_status fv_classes_resolve(struct fv_settings *settings, const struct 
         if (c < 0)
             return refuse("objects.heights", entry, "a label or number of the network's classes",
                           error);
-        track->height_m[c] = (float)height;
+        objects->height_m[c] = (float)height;
     }
     return FOVEA_OK;
 }

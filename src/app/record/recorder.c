@@ -31,7 +31,7 @@ enum {
     SMALL_BYTES =
         32 << 10, /* inputs, grants and the messages of one iteration that are not named below */
     FEATURE_BYTES = 16,
-    OBJECTS_BYTES = 256 << 10, /* detections and tracks, as many as there may be */
+    OBJECTS_BYTES = 256 << 10, /* detections and objects, as many as there may be */
     WRITE_BYTES_MAX = 1 << 20,
     POLL_NS = 4000000,
     LOOK_POLLS = 64 /* between looks whether the file is still there: 0.3 s */

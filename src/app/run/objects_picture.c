@@ -57,7 +57,7 @@ static void point_draw(struct fv_canvas *canvas, const struct fv_trails *trails,
         const struct fv_trail_point *before = &trails->points[k];
         if (before->id != p->id) continue;
         fv_canvas_line(canvas, time_x(axes, before->time_s), column_y(axes, before->x_px), x, y,
-                       before->look + 1 == p->look ? 2.4F : 0.6F, colour);
+                       before->inference + 1 == p->inference ? 2.4F : 0.6F, colour);
         return;
     }
     snprintf(label, sizeof label, "%u", p->id);

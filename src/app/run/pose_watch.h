@@ -57,7 +57,7 @@ struct fv_watch {
     _Atomic uint64_t changes_lost; /* that found no room */
     _Atomic int now_state, source_state;
     _Atomic int64_t lasts_ns; /* how long the state has lasted */
-    _Atomic uint32_t landmarks, keyframes, closures, merges, objects;
+    _Atomic uint32_t landmarks, keyframes, closures, merges, detections;
 };
 
 void fv_watch_open(struct fv_watch *watch, bool odometry, bool by_clock);

@@ -11,7 +11,7 @@
 
 enum { RING_BYTES = 1 << 20 }; /* a second of full lists at 30 Hz */
 
-enum kind { DETECTIONS, TRACKS, KINDS };
+enum kind { DETECTIONS, OBJECTS, KINDS };
 
 struct output {
     struct fv_output output;
@@ -91,7 +91,7 @@ static size_t record_bytes(enum kind kind, uint32_t count)
 bool fv_results_room(struct fv_results *results)
 {
     const size_t most =
-        record_bytes(DETECTIONS, FOVEA_DETECTIONS_MAX) + record_bytes(TRACKS, FOVEA_OBJECTS_MAX);
+        record_bytes(DETECTIONS, FOVEA_DETECTIONS_MAX) + record_bytes(OBJECTS, FOVEA_OBJECTS_MAX);
     return results == NULL || fv_ring_room(&results->ring) >= most;
 }
 
@@ -111,11 +111,12 @@ static void add(struct fv_results *results, enum kind kind, uint64_t sequence, c
 }
 
 void fv_results_add(struct fv_results *results, const struct fovea_detections *detections,
-                    const struct fovea_objects *tracks)
+                    const struct fovea_objects *objects)
 {
     if (results == NULL) return;
     add(results, DETECTIONS, detections->sequence, detections->list, detections->count);
-    if (tracks->updates > 0) add(results, TRACKS, tracks->sequence, tracks->list, tracks->count);
+    if (objects->updates > 0)
+        add(results, OBJECTS, objects->sequence, objects->list, objects->count);
 }
 
 /* ---- the other side -------------------------------------------------------------------------- */
@@ -139,17 +140,17 @@ static void write_detection(struct fv_results *results, uint64_t sequence, const
     output->written++;
 }
 
-static void write_track(struct fv_results *results, uint64_t sequence, const void *row)
+static void write_object(struct fv_results *results, uint64_t sequence, const void *row)
 {
-    struct fovea_object track;
-    struct output *output = &results->outputs[TRACKS];
-    memcpy(&track, row, sizeof track);
-    if (track.state != FOVEA_OBJECT_CONFIRMED) return;
+    struct fovea_object object;
+    struct output *output = &results->outputs[OBJECTS];
+    memcpy(&object, row, sizeof object);
+    if (object.state != FOVEA_OBJECT_CONFIRMED) return;
     const int bytes =
         fprintf(output->file, "%" PRIu64 ",%" PRIu64 ",%.2f,%.2f,%.2f,%.2f,%.4f,-1,-1,-1\n",
-                sequence + 1, track.id, (double)track.x_min_px + 1, (double)track.y_min_px + 1,
-                (double)track.x_max_px - (double)track.x_min_px,
-                (double)track.y_max_px - (double)track.y_min_px, (double)track.score);
+                sequence + 1, object.id, (double)object.x_min_px + 1, (double)object.y_min_px + 1,
+                (double)object.x_max_px - (double)object.x_min_px,
+                (double)object.y_max_px - (double)object.y_min_px, (double)object.score);
     results->failed |= bytes < 0;
     output->written++;
 }
@@ -157,7 +158,7 @@ static void write_track(struct fv_results *results, uint64_t sequence, const voi
 void fv_results_drain(struct fv_results *results)
 {
     static void (*const write[KINDS])(struct fv_results *, uint64_t,
-                                      const void *) = {write_detection, write_track};
+                                      const void *) = {write_detection, write_object};
     size_t bytes;
     const uint8_t *data;
     if (results == NULL) return;
@@ -194,7 +195,7 @@ enum fovea_status fv_results_close(struct fv_results *results, struct fovea_erro
         status = fovea_error_set(
             error, FOVEA_ERROR_SYSTEM,
             "%.200s: %" PRIu64 " lists are missing: they came faster than they could be written",
-            detections->file != NULL ? detections->path : results->outputs[TRACKS].path,
+            detections->file != NULL ? detections->path : results->outputs[OBJECTS].path,
             results->lost);
     free(results);
     return status;

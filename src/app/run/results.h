@@ -1,4 +1,4 @@
-/* What was detected and tracked, from the loop thread through a wait-free ring to files that
+/* Detections and objects, from the loop thread through a wait-free ring to files that
  * evaluation tools read. All memory is taken at open, whatever the length of the run.
  *
  * Detections are written as a COCO results file: one JSON array of {"image_id", "category_id",
@@ -6,8 +6,9 @@
  * the class's number counted from 1 (for a network with COCO's 90 classes: COCO's own), bbox in
  * pixels of the raw image from the top left corner of its top left pixel.
  *
- * Tracks are written as MOTChallenge text: one line "frame,id,left,top,width,height,score,-1,-1,-1"
- * per track that was seen in the image; frames and pixels count from 1. */
+ * Objects are written as MOTChallenge text: one line
+ * "frame,id,left,top,width,height,score,-1,-1,-1" per object that was seen in the image; frames and
+ * pixels count from 1. */
 #ifndef FOVEA_APP_RUN_RESULTS_H
 #define FOVEA_APP_RUN_RESULTS_H
 
@@ -29,10 +30,10 @@ enum fovea_status fv_results_open(const char *detections_path, const char *objec
 /* Bytes that open results take. */
 size_t fv_results_bytes(void);
 
-/* Hand over what a look found, and the tracks as of it. When the ring is full they are counted as
- * lost. Loop thread, real-time safe. */
+/* Hand over what an inference found, and the objects after it. When the ring is full they are
+ * counted as lost. Loop thread, real-time safe. */
 void fv_results_add(struct fv_results *results, const struct fovea_detections *detections,
-                    const struct fovea_objects *tracks);
+                    const struct fovea_objects *objects);
 /* Whether there is room for more; for a loop that may wait. Loop thread. */
 bool fv_results_room(struct fv_results *results);
 

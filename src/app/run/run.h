@@ -58,9 +58,9 @@ struct fv_run {
     char recording[FV_OUTPUT_PATH_BYTES]; /* the file that it writes */
     struct fv_trajectory *trajectory;
     struct fv_results *results;
-    uint64_t inferences;            /* of the first network, whose results were taken */
-    uint64_t objects, tracks;       /* found in them; confirmed */
-    uint64_t inferences2, objects2; /* of the second network */
+    uint64_t inferences;               /* of the first network, whose results were taken */
+    uint64_t detections, objects;      /* found in them; confirmed */
+    uint64_t inferences2, detections2; /* of the second network */
     struct fv_trails trails;
     struct fv_watch watch;
     struct fv_snapshot snapshot;

@@ -123,7 +123,7 @@ static void count_second(struct fv_run *run)
     fovea_detections2_get(run->loop.rt, &detections);
     if (detections.inferences == run->inferences2) return;
     run->inferences2 = detections.inferences;
-    run->objects2 += detections.count;
+    run->detections2 += detections.count;
 }
 
 static void work_done(void *context, const struct fovea_inputs *inputs,
@@ -139,15 +139,15 @@ static void work_done(void *context, const struct fovea_inputs *inputs,
     count_second(run);
     if (detections.inferences == run->inferences) return;
     run->inferences = detections.inferences;
-    struct fovea_objects tracks;
-    fovea_objects_get(run->loop.rt, &tracks);
-    run->objects += detections.count;
-    atomic_store_explicit(&run->watch.objects, detections.count, memory_order_relaxed);
-    run->tracks = tracks.confirmed;
+    struct fovea_objects objects;
+    fovea_objects_get(run->loop.rt, &objects);
+    run->detections += detections.count;
+    atomic_store_explicit(&run->watch.detections, detections.count, memory_order_relaxed);
+    run->objects = objects.confirmed;
     if (run->all_boxes) detections.count += detections.uncertain;
-    fv_results_add(run->results, &detections, &tracks);
-    fv_snapshot_work(&run->snapshot, &detections, &tracks);
-    if (tracks.updates > 0) fv_trails_observe(&run->trails, &tracks);
+    fv_results_add(run->results, &detections, &objects);
+    fv_snapshot_work(&run->snapshot, &detections, &objects);
+    if (objects.updates > 0) fv_trails_observe(&run->trails, &objects);
 }
 
 static void *loop_body(void *argument)

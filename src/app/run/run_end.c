@@ -124,13 +124,14 @@ static void path_print(const struct fv_run *run, const struct fv_trajectory_summ
 static void found_print(const struct fv_run *run)
 {
     if (run->settings.model[0] == '\0') return;
-    printf("  found %" PRIu64 " objects in %" PRIu64 " images", run->objects, run->inferences);
+    printf("  found %" PRIu64 " detections in %" PRIu64 " images", run->detections,
+           run->inferences);
     if (run->settings.runtime.objects.mode != FOVEA_OBJECTS_OFF)
-        printf(", %" PRIu64 " tracks", run->tracks);
+        printf(", %" PRIu64 " objects", run->objects);
     printf("\n");
     if (run->settings.model2[0] != '\0')
-        printf("  the second network found %" PRIu64 " objects in %" PRIu64 " images\n",
-               run->objects2, run->inferences2);
+        printf("  the second network found %" PRIu64 " detections in %" PRIu64 " images\n",
+               run->detections2, run->inferences2);
 }
 
 static enum fv_exit path_failed(const char *file, const struct fv_trajectory_summary *summary)

@@ -115,7 +115,8 @@ static void map_fields(struct fields *fields, struct fv_run *run)
     if (atomic_load(&watch->closures) > 0)
         add_count(fields, atomic_load(&watch->closures), "closure");
     if (atomic_load(&watch->merges) > 0) add_count(fields, atomic_load(&watch->merges), "merge");
-    if (run->settings.model[0] != '\0') add_count(fields, atomic_load(&watch->objects), "object");
+    if (run->settings.model[0] != '\0')
+        add_count(fields, atomic_load(&watch->detections), "detection");
 }
 
 void fv_run_status_show(struct fv_run *run, struct fv_run_pace *pace)

@@ -80,10 +80,10 @@ void fv_snapshot_step(struct fv_snapshot *snapshot, const struct fovea *rt,
     if (!snapshot->detecting) judge(snapshot);
 }
 
-static void boxes_of_tracks(struct fv_snapshot_frame *shot, const struct fovea_objects *tracks)
+static void boxes_of_objects(struct fv_snapshot_frame *shot, const struct fovea_objects *objects)
 {
-    for (uint32_t i = 0; i < tracks->count && shot->box_count < FV_SNAPSHOT_BOXES_MAX; i++) {
-        const struct fovea_object *t = &tracks->list[i];
+    for (uint32_t i = 0; i < objects->count && shot->box_count < FV_SNAPSHOT_BOXES_MAX; i++) {
+        const struct fovea_object *t = &objects->list[i];
         if (t->state != FOVEA_OBJECT_CONFIRMED && t->state != FOVEA_OBJECT_COASTING) continue;
         const bool coasting = t->state == FOVEA_OBJECT_COASTING;
         shot->boxes[shot->box_count++] =
@@ -105,7 +105,7 @@ static void boxes_of_detections(struct fv_snapshot_frame *shot,
 }
 
 void fv_snapshot_work(struct fv_snapshot *snapshot, const struct fovea_detections *detections,
-                      const struct fovea_objects *tracks)
+                      const struct fovea_objects *objects)
 {
     if (!snapshot->pending || detections->inferences == 0) return;
     struct fv_snapshot_frame *shot = other(snapshot);
@@ -114,8 +114,8 @@ void fv_snapshot_work(struct fv_snapshot *snapshot, const struct fovea_detection
         snapshot->copied = 0;
     }
     if (detections->stamp_ns != shot->stamp_ns) return;
-    if (tracks->updates > 0 && tracks->stamp_ns == shot->stamp_ns)
-        boxes_of_tracks(shot, tracks);
+    if (objects->updates > 0 && objects->stamp_ns == shot->stamp_ns)
+        boxes_of_objects(shot, objects);
     else
         boxes_of_detections(shot, detections);
     judge(snapshot);

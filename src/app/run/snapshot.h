@@ -56,7 +56,7 @@ void fv_snapshot_close(struct fv_snapshot *snapshot);
 void fv_snapshot_step(struct fv_snapshot *snapshot, const struct fovea *rt,
                       const struct fovea_frame *frame, const struct fovea_pose *pose);
 void fv_snapshot_work(struct fv_snapshot *snapshot, const struct fovea_detections *detections,
-                      const struct fovea_objects *tracks);
+                      const struct fovea_objects *objects);
 
 /* The frame that was kept; NULL: none. After the loop's last call. */
 const struct fv_snapshot_frame *fv_snapshot_best(const struct fv_snapshot *snapshot);

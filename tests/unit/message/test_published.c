@@ -281,28 +281,28 @@ static void the_most_detections_fit_a_packet(void **state)
 static void the_most_objects_fit_a_packet(void **state)
 {
     (void)state;
-    static struct fovea_object tracks[FOVEA_OBJECTS_MAX];
+    static struct fovea_object objects[FOVEA_OBJECTS_MAX];
     static const char *names[FOVEA_OBJECTS_MAX];
     char label[200];
     memset(label, 'x', sizeof label);
     label[199] = '\0';
     for (int i = 0; i < FOVEA_OBJECTS_MAX; i++) {
-        tracks[i] = (struct fovea_object){.id = (uint64_t)i + 1,
-                                          .class_id = i,
-                                          .state = FOVEA_OBJECT_CONFIRMED,
-                                          .score = 0.5F,
-                                          .x_min_px = 1,
-                                          .y_max_px = 2,
-                                          .x_px_s = 3,
-                                          .y_px_s = 4,
-                                          .hits = 7,
-                                          .located = (uint32_t)(i % 3),
-                                          .first_ns = stamp.time_ns - 1000,
-                                          .seen_ns = stamp.time_ns - 10,
-                                          .position_m = {1, 2, 3},
-                                          .velocity_m_s = {4, 5, 6},
-                                          .covariance_m2 = {1, 0.5, 0.25, 2, 0.125, 3},
-                                          .velocity_covariance_m2_s2 = {4, 0, 0, 5, 0, 6}};
+        objects[i] = (struct fovea_object){.id = (uint64_t)i + 1,
+                                           .class_id = i,
+                                           .state = FOVEA_OBJECT_CONFIRMED,
+                                           .score = 0.5F,
+                                           .x_min_px = 1,
+                                           .y_max_px = 2,
+                                           .x_px_s = 3,
+                                           .y_px_s = 4,
+                                           .hits = 7,
+                                           .located = (uint32_t)(i % 3),
+                                           .first_ns = stamp.time_ns - 1000,
+                                           .seen_ns = stamp.time_ns - 10,
+                                           .position_m = {1, 2, 3},
+                                           .velocity_m_s = {4, 5, 6},
+                                           .covariance_m2 = {1, 0.5, 0.25, 2, 0.125, 3},
+                                           .velocity_covariance_m2_s2 = {4, 0, 0, 5, 0, 6}};
         names[i] = label;
     }
     const struct fv_message_objects in = {.stamp = stamp,
@@ -311,7 +311,7 @@ static void the_most_objects_fit_a_packet(void **state)
                                           .height = 480,
                                           .T_odom_world = {0, -1, 0, 10, 1, 0, 0, 20, 0, 0, 1, 30},
                                           .count = FOVEA_OBJECTS_MAX,
-                                          .tracks = tracks,
+                                          .objects = objects,
                                           .names = names};
     const size_t bound = fv_message_objects_size_max(FOVEA_OBJECTS_MAX, 199);
     void *scratch = malloc(fv_message_objects_scratch_bytes(FOVEA_OBJECTS_MAX, 199));

@@ -1,4 +1,4 @@
-/* Places of tracks in metres: by a known height, by the floor. */
+/* Places of objects in metres: by a known height, by the floor. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>

@@ -15,11 +15,11 @@
 #include "base/elementary.h"
 #include "geometry/se3.h"
 
-/* The track in the list that overlaps a box by half and more; 0: none. */
-static uint64_t id_at(const struct fovea_objects *tracks, const struct fovea_detection *d)
+/* The object in the list that overlaps a box by half and more; 0: none. */
+static uint64_t id_at(const struct fovea_objects *objects, const struct fovea_detection *d)
 {
-    for (uint32_t i = 0; i < tracks->count; i++) {
-        const struct fovea_object *t = &tracks->list[i];
+    for (uint32_t i = 0; i < objects->count; i++) {
+        const struct fovea_object *t = &objects->list[i];
         const float w = (t->x_max_px < d->x_max_px ? t->x_max_px : d->x_max_px) -
                         (t->x_min_px > d->x_min_px ? t->x_min_px : d->x_min_px);
         const float h = (t->y_max_px < d->y_max_px ? t->y_max_px : d->y_max_px) -
@@ -33,7 +33,7 @@ static uint64_t id_at(const struct fovea_objects *tracks, const struct fovea_det
 
 /* ---- life ------------------------------------------------------------------------------------ */
 
-static void tracks_live_and_end(void **state)
+static void objects_live_and_end(void **state)
 {
     (void)state;
     make();
@@ -94,9 +94,9 @@ static void good_scores_confirm_and_poor_ones_never(void **state)
     assert_int_equal(state_after(30, 0.45), FOVEA_OBJECT_TENTATIVE);
 }
 
-/* What is below the model's threshold goes on a track, seen just before, whatever the scores of the
- * tracker say; it starts none. */
-static void what_is_below_the_threshold_starts_no_track(void **state)
+/* What is below the model's threshold continues an object seen just before, whatever the scores of
+ * the tracker say; it starts none. */
+static void what_is_below_the_threshold_starts_no_object(void **state)
 {
     (void)state;
     make();
@@ -112,7 +112,7 @@ static void what_is_below_the_threshold_starts_no_track(void **state)
     free(block);
 }
 
-/* Nor does it bring back a track that was not visible, whatever its score. */
+/* It does not bring back an object that was not visible, whatever its score. */
 static void what_is_below_the_threshold_ends_no_coasting(void **state)
 {
     (void)state;
@@ -127,7 +127,7 @@ static void what_is_below_the_threshold_ends_no_coasting(void **state)
     free(block);
 }
 
-static void uncertain_detections_hold_a_track_but_start_none(void **state)
+static void uncertain_detections_hold_an_object_but_start_none(void **state)
 {
     (void)state;
     make();
@@ -246,13 +246,13 @@ static void move_and_bounce(struct object *o, int frame)
     }
 }
 
-/* A detection's score tells which one a track took. */
-static uint64_t id_of(const struct fovea_objects *tracks, const struct fovea_detection *d)
+/* A detection's score tells which one an object took. */
+static uint64_t id_of(const struct fovea_objects *objects, const struct fovea_detection *d)
 {
     uint64_t id = 0;
-    for (uint32_t k = 0; k < tracks->count; k++) {
-        if (tracks->list[k].state == FOVEA_OBJECT_CONFIRMED && tracks->list[k].score == d->score)
-            id = tracks->list[k].id;
+    for (uint32_t k = 0; k < objects->count; k++) {
+        if (objects->list[k].state == FOVEA_OBJECT_CONFIRMED && objects->list[k].score == d->score)
+            id = objects->list[k].id;
     }
     return id;
 }
@@ -386,7 +386,7 @@ static bool read_truth(const char *path, double (*boxes)[4], int *count)
     return true;
 }
 
-static void one_pedestrian_seen_every_third_frame_is_one_track(void **state)
+static void one_pedestrian_seen_every_third_frame_is_one_object(void **state)
 {
     (void)state;
     static double boxes[2001][4];
@@ -521,17 +521,17 @@ static void a_hundred_objects_take_a_fifth_of_a_millisecond(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(tracks_live_and_end),
+        cmocka_unit_test(objects_live_and_end),
         cmocka_unit_test(good_scores_confirm_and_poor_ones_never),
-        cmocka_unit_test(what_is_below_the_threshold_starts_no_track),
+        cmocka_unit_test(what_is_below_the_threshold_starts_no_object),
         cmocka_unit_test(what_is_below_the_threshold_ends_no_coasting),
-        cmocka_unit_test(uncertain_detections_hold_a_track_but_start_none),
+        cmocka_unit_test(uncertain_detections_hold_an_object_but_start_none),
         cmocka_unit_test(classes_do_not_mix),
         cmocka_unit_test(a_full_pool_gives_up_its_weakest),
         cmocka_unit_test(crossings_and_occlusions_keep_ids),
         cmocka_unit_test(abrupt_turns_cost_few_ids),
         cmocka_unit_test(turns_of_the_camera_are_taken_out),
-        cmocka_unit_test(one_pedestrian_seen_every_third_frame_is_one_track),
+        cmocka_unit_test(one_pedestrian_seen_every_third_frame_is_one_object),
         cmocka_unit_test(centroids_match_up_to_a_distance),
         cmocka_unit_test(boxes_of_movable_classes_are_told),
         cmocka_unit_test(a_hundred_objects_take_a_fifth_of_a_millisecond),

@@ -117,15 +117,15 @@ static void slices_give_the_same_with_the_stamp_of_the_image(void **state)
     free(sliced.memory);
 }
 
-/* Tracks come with each inference, carry the stamp of its image, and are what fovea_objects_get
+/* Objects come with each inference, carry the stamp of its image, and are what fovea_objects_get
  * gives.
  */
-static void tracks_follow_the_looks(void **state)
+static void objects_follow_the_inferences(void **state)
 {
     (void)state;
     config.objects.score_high = config.objects.score_new = config.objects.score_confirm = 0.3;
     struct made made = make();
-    struct fovea_objects tracks;
+    struct fovea_objects objects;
     uint32_t confirmed = 0;
     for (int i = 0; i < 5; i++) {
         static struct fovea_outputs outputs;
@@ -144,21 +144,21 @@ static void tracks_follow_the_looks(void **state)
         fovea_objects_t out;
         assert_int_equal(fovea_objects_t_decode(message->data, 0, (int)message->bytes, &out),
                          message->bytes);
-        fovea_objects_get(made.rt, &tracks);
-        assert_int_equal(tracks.updates, i + 1);
-        assert_int_equal(tracks.sequence, 100 + i);
+        fovea_objects_get(made.rt, &objects);
+        assert_int_equal(objects.updates, i + 1);
+        assert_int_equal(objects.sequence, 100 + i);
         assert_int_equal(out.stamp.time_ns, frame.stamp_ns);
-        assert_int_equal(out.count, tracks.count);
+        assert_int_equal(out.count, objects.count);
         assert_true(out.count > 0);
         confirmed = 0;
-        for (uint32_t t = 0; t < tracks.count; t++) {
-            const struct fovea_object *track = &tracks.list[t];
+        for (uint32_t t = 0; t < objects.count; t++) {
+            const struct fovea_object *held = &objects.list[t];
             const fovea_object_t *object = &out.objects[t];
-            assert_true(object->id == (int64_t)track->id && object->state == track->state &&
-                        object->box.x_max_px == track->x_max_px);
-            assert_true(object->age_ns == tracks.stamp_ns - track->first_ns &&
-                        object->unseen_ns == tracks.stamp_ns - track->seen_ns);
-            confirmed += track->state == FOVEA_OBJECT_CONFIRMED;
+            assert_true(object->id == (int64_t)held->id && object->state == held->state &&
+                        object->box.x_max_px == held->x_max_px);
+            assert_true(object->age_ns == objects.stamp_ns - held->first_ns &&
+                        object->unseen_ns == objects.stamp_ns - held->seen_ns);
+            confirmed += held->state == FOVEA_OBJECT_CONFIRMED;
         }
         fovea_objects_t_decode_cleanup(&out);
     }
@@ -286,7 +286,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(slices_give_the_same_with_the_stamp_of_the_image),
-        cmocka_unit_test(tracks_follow_the_looks),
+        cmocka_unit_test(objects_follow_the_inferences),
         cmocka_unit_test(limits_hold),
         cmocka_unit_test(rectified_boxes_hold_the_raw_ones),
         cmocka_unit_test(a_reset_forgets_the_look_under_way),

@@ -1,5 +1,5 @@
-/* Files of detections and tracks: what stands in them, byte for byte; nothing found; a full ring; a
- * full disk. */
+/* Files of detections and objects: what stands in them, byte for byte; nothing found; a full ring;
+ * a full disk. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -47,7 +47,7 @@ static const struct fovea_detection found[2] = {{9.5f, 19.5f, 29.5f, 59.5f, 0.75
                                                 {-0.5f, -0.5f, 1.5f, 2.5f, 0.5f, 3}};
 
 /* COCO counts from the corner of the first pixel, MOTChallenge from 1 at its middle; only confirmed
- * tracks were seen. */
+ * objects were seen. */
 static void what_is_handed_over_is_written(void **state)
 {
     (void)state;
@@ -63,13 +63,13 @@ static void what_is_handed_over_is_written(void **state)
         {.id = 6, .state = FOVEA_OBJECT_TENTATIVE, .score = 0.5f, .x_max_px = 7, .y_max_px = 8}};
     const struct fovea_detections none = {.inferences = 1, .sequence = 6},
                                   two = {.inferences = 2, .sequence = 7, .count = 2, .list = found};
-    const struct fovea_objects no_tracks = {.updates = 0},
-                               tracks = {.updates = 2, .sequence = 7, .count = 3, .list = list};
+    const struct fovea_objects no_objects = {.updates = 0},
+                               objects = {.updates = 2, .sequence = 7, .count = 3, .list = list};
     struct fv_results *results;
     struct fovea_error error;
     assert_int_equal(fv_results_open(detections_path, objects_path, &results, &error), FOVEA_OK);
-    fv_results_add(results, &none, &no_tracks);
-    fv_results_add(results, &two, &tracks);
+    fv_results_add(results, &none, &no_objects);
+    fv_results_add(results, &two, &objects);
     assert_int_equal(fv_results_close(results, &error), FOVEA_OK); /* which drains */
     holds(
         detections_path,
@@ -102,24 +102,24 @@ static void what_finds_no_room_is_told(void **state)
     static struct fovea_detection many[FOVEA_DETECTIONS_MAX];
     const struct fovea_detections full = {
         .inferences = 1, .count = FOVEA_DETECTIONS_MAX, .list = many};
-    const struct fovea_objects no_tracks = {.updates = 0};
+    const struct fovea_objects no_objects = {.updates = 0};
     struct fv_results *results;
     struct fovea_error error;
     assert_int_equal(fv_results_open(detections_path, NULL, &results, &error), FOVEA_OK);
     for (int n = 0; n < 1000; n++) {
         if (!fv_results_room(results)) fv_results_drain(results);
-        fv_results_add(results, &full, &no_tracks);
+        fv_results_add(results, &full, &no_objects);
     }
     assert_int_equal(fv_results_close(results, &error), FOVEA_OK);
     assert_int_equal(fv_results_open(detections_path, NULL, &results, &error), FOVEA_OK);
     while (fv_results_room(results))
-        fv_results_add(results, &full, &no_tracks);
+        fv_results_add(results, &full, &no_objects);
     for (int n = 0; n < 100; n++)
-        fv_results_add(results, &full, &no_tracks);
+        fv_results_add(results, &full, &no_objects);
     assert_int_equal(fv_results_close(results, &error), FOVEA_ERROR_SYSTEM);
     assert_non_null(strstr(error.text, "found.json"));
     assert_int_equal(fv_results_open("/dev/full", NULL, &results, &error), FOVEA_OK);
-    fv_results_add(results, &full, &no_tracks);
+    fv_results_add(results, &full, &no_objects);
     assert_int_equal(fv_results_close(results, &error), FOVEA_ERROR_SYSTEM);
     assert_non_null(strstr(error.text, "/dev/full"));
 }

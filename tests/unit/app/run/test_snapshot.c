@@ -38,16 +38,16 @@ static void detected(int64_t stamp_ns, uint32_t count)
     static const struct fovea_detection list[3];
     const struct fovea_detections detections = {
         .inferences = 1, .stamp_ns = stamp_ns, .count = count, .list = list};
-    const struct fovea_objects tracks = {.updates = 0};
-    fv_snapshot_work(&snapshot, &detections, &tracks);
+    const struct fovea_objects objects = {.updates = 0};
+    fv_snapshot_work(&snapshot, &detections, &objects);
 }
 
 static void tracked(int64_t stamp_ns, const struct fovea_object *list, uint32_t count)
 {
     const struct fovea_detections detections = {.inferences = 1, .stamp_ns = stamp_ns};
-    const struct fovea_objects tracks = {
+    const struct fovea_objects objects = {
         .updates = 1, .stamp_ns = stamp_ns, .count = count, .list = list};
-    fv_snapshot_work(&snapshot, &detections, &tracks);
+    fv_snapshot_work(&snapshot, &detections, &objects);
 }
 
 static void test_boxes_go_to_the_image_of_their_stamp(void **state)
