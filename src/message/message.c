@@ -1,5 +1,6 @@
 #include "message/message.h"
 
+#include <math.h>
 #include <string.h>
 
 #include "message/fields.h"
@@ -80,44 +81,67 @@ void fv_message_label(const char *label, char cut[FV_MESSAGE_LABEL_BYTES_MAX])
 
 /* ---- features -------------------------------------------------------------------------------- */
 
+/* Of the encoded feature, and of its arrays: position, size, orientation, response, level. */
+enum { FEATURE_FLOATS = 5, FEATURE_BYTES = FEATURE_FLOATS * sizeof(float) + 1 };
+
+#define METHOD "fast"
+
 size_t fv_message_features_size_max(uint32_t count_max)
 {
     fovea_features_t empty;
     memset(&empty, 0, sizeof empty);
-    return (size_t)fovea_features_t_encoded_size(&empty) +
-           (size_t)count_max * (3 * sizeof(float) + 2);
+    empty.method = (char *)METHOD;
+    const uint32_t pieces = count_max == 0 ? 1 : (count_max - 1) / FOVEA_FEATURES_T_COUNT_MAX + 1;
+    return pieces * (size_t)fovea_features_t_encoded_size(&empty) +
+           (size_t)count_max * FEATURE_BYTES;
 }
 
 size_t fv_message_features_scratch_bytes(uint32_t count_max)
 {
-    return (size_t)count_max * (sizeof(float *) + 3 * sizeof(float) + 2);
+    const uint32_t count =
+        count_max < FOVEA_FEATURES_T_COUNT_MAX ? count_max : FOVEA_FEATURES_T_COUNT_MAX;
+    return (size_t)count * (sizeof(float *) + FEATURE_BYTES);
+}
+
+uint32_t fv_message_features_piece(const struct fv_message_features *in)
+{
+    const uint32_t left = in->count - in->first;
+    return left < FOVEA_FEATURES_T_COUNT_MAX ? left : FOVEA_FEATURES_T_COUNT_MAX;
 }
 
 uint32_t fv_message_features_encode(const struct fv_message_features *in, void *scratch,
                                     uint8_t *buffer, size_t capacity)
 {
-    float **p_px = scratch, *position = (float *)(void *)(p_px + in->count),
-          *size_px = position + 2 * (size_t)in->count;
-    uint8_t *level = (uint8_t *)(size_px + in->count), *score = level + in->count;
-    for (uint32_t i = 0; i < in->count; i++) {
+    const uint32_t count = fv_message_features_piece(in);
+    float **p_px = scratch, *position = (float *)(void *)(p_px + count),
+          *size_px = position + 2 * (size_t)count, *orientation = size_px + count,
+          *response = orientation + count;
+    uint8_t *level = (uint8_t *)(response + count);
+    for (uint32_t i = 0; i < count; i++) {
+        const struct fovea_feature *feature = &in->features[in->first + i];
         p_px[i] = position + 2 * (size_t)i;
-        p_px[i][0] = in->features[i].x_px;
-        p_px[i][1] = in->features[i].y_px;
-        size_px[i] = in->features[i].size_px;
-        level[i] = in->features[i].level;
-        score[i] = in->features[i].score;
+        p_px[i][0] = feature->x_px;
+        p_px[i][1] = feature->y_px;
+        size_px[i] = feature->size_px;
+        orientation[i] = NAN;
+        response[i] = feature->score;
+        level[i] = feature->level;
     }
-    fovea_features_t message = {
+    const fovea_features_t message = {
         .stamp = in->stamp,
         .reset_counter = (int32_t)in->reset_counter,
         .width = in->width,
         .height = in->height,
         .asked = (int32_t)in->asked,
-        .count = (int32_t)in->count,
+        .method = (char *)METHOD, /* lcm-gen knows no const; it only reads */
+        .total = (int32_t)in->count,
+        .first = (int32_t)in->first,
+        .count = (int32_t)count,
         .p_px = p_px,
         .size_px = size_px,
+        .orientation = orientation,
+        .response = response,
         .level = level,
-        .score = score,
     };
     return fv_wire_encoded(
         fovea_features_t_encode(buffer, 0, fv_wire_capacity(capacity), &message));

@@ -116,12 +116,16 @@ struct fv_message_features {
     uint32_t reset_counter;
     int32_t width, height; /* of the raw image */
     uint32_t asked;        /* features granted */
-    uint32_t count;
+    uint32_t count;        /* of the frame */
+    uint32_t first;        /* the first one of this piece */
     const struct fovea_feature *features;
 };
+/* Of all pieces of a frame with `count_max` features. */
 size_t fv_message_features_size_max(uint32_t count_max);
-/* Scratch that encoding needs, 8-byte aligned: the message holds one array per member. */
+/* Scratch that encoding a piece needs, 8-byte aligned: the message holds one array per member. */
 size_t fv_message_features_scratch_bytes(uint32_t count_max);
+/* The piece from `first` on: fv_message_features_piece features. */
+uint32_t fv_message_features_piece(const struct fv_message_features *in);
 uint32_t fv_message_features_encode(const struct fv_message_features *in, void *scratch,
                                     uint8_t *buffer, size_t capacity);
 

@@ -22,11 +22,16 @@ static void encode_features(struct fovea *rt, uint32_t asked, struct fovea_outpu
     };
     message.features = fovea_features_get(rt, &message.count);
     struct fv_outbox *outbox = &rt->outbox;
-    fv_output_add(rt, FV_MESSAGE_FEATURES,
-                  fv_message_features_encode(&message, outbox->features_scratch,
-                                             outbox->buffer[FV_MESSAGE_FEATURES],
-                                             outbox->capacity[FV_MESSAGE_FEATURES]),
-                  outputs);
+    const size_t capacity = outbox->capacity[FV_MESSAGE_FEATURES];
+    size_t at = 0;
+    do {
+        const uint32_t bytes =
+            fv_message_features_encode(&message, outbox->features_scratch,
+                                       outbox->buffer[FV_MESSAGE_FEATURES] + at, capacity - at);
+        fv_output_add_piece(rt, FV_MESSAGE_FEATURES, at, bytes, outputs);
+        message.first += fv_message_features_piece(&message);
+        at += bytes;
+    } while (message.first < message.count);
 }
 
 static void encode_camera_status(struct fovea *rt, const struct fovea_inputs *inputs,

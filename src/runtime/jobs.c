@@ -33,16 +33,22 @@ void fv_jobs_reset(struct fovea *rt)
         if (fv_jobs[job]->reset != NULL) fv_jobs[job]->reset(rt);
 }
 
-void fv_output_add(struct fovea *rt, enum fv_message_kind kind, uint32_t bytes,
-                   struct fovea_outputs *outputs)
+void fv_output_add_piece(struct fovea *rt, enum fv_message_kind kind, size_t at, uint32_t bytes,
+                         struct fovea_outputs *outputs)
 {
     if (bytes == 0 || outputs->message_count >= FOVEA_MESSAGES_MAX) return;
     outputs->messages[outputs->message_count++] = (struct fovea_message){
         .channel = rt->outbox.channel[kind],
-        .data = rt->outbox.buffer[kind],
+        .data = rt->outbox.buffer[kind] + at,
         .bytes = bytes,
         .volatile_values = kind == FV_MESSAGE_STATISTICS,
     };
+}
+
+void fv_output_add(struct fovea *rt, enum fv_message_kind kind, uint32_t bytes,
+                   struct fovea_outputs *outputs)
+{
+    fv_output_add_piece(rt, kind, 0, bytes, outputs);
 }
 
 uint32_t fv_jobs_waiting(const struct fovea *rt)

@@ -47,8 +47,10 @@ void fv_jobs_reset(struct fovea *rt);
 uint32_t fv_jobs_waiting(const struct fovea *rt);
 
 /* Put a message of `bytes` encoded bytes among the outputs; one of 0 bytes (it did not fit its
- * buffer) is left out. */
+ * buffer) is left out. A piece begins at byte `at` of the kind's buffer. */
 void fv_output_add(struct fovea *rt, enum fv_message_kind kind, uint32_t bytes,
                    struct fovea_outputs *outputs);
+void fv_output_add_piece(struct fovea *rt, enum fv_message_kind kind, size_t at, uint32_t bytes,
+                         struct fovea_outputs *outputs);
 
 #endif

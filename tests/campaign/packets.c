@@ -63,7 +63,8 @@ static void make_seeds(void)
     fovea_features_t features;
     static uint8_t none[1]; /* memcpy wants an address also for no bytes */
     memset(&features, 0, sizeof features);
-    features.level = features.score = none;
+    features.method = (char *)"fast";
+    features.level = none;
     size_t at = begin(0, "LC02", "T_COMMAND");
     seeds[0].bytes =
         at + (size_t)fovea_command_t_encode(seeds[0].data, (int)at, PACKET_BYTES, &command);

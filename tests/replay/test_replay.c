@@ -133,7 +133,7 @@ static void test_differences(void **state)
     expect_difference("FOVEA_FEATURES", 7, 8 + 7, "stamp.time_ns",
                       "found 350001000, expected 350001001");
     expect_difference("FOVEA_FEATURES", 7, 35 + 4 + 3, "width", "found 160, expected 161");
-    expect_difference("FOVEA_FEATURES", 7, 55 + 4 * 5, "p_px[2][1]", "found ");
+    expect_difference("FOVEA_FEATURES", 7, 72 + 4 * 5, "p_px[2][1]", "found ");
     expect_difference("FOVEA_CAMERA_STATUS", 3, 35 + 8, "state", "found 0, expected 1");
     expect_difference("FOVEA_DETECTIONS", 1, 8 + 7, "stamp.time_ns", "found ");
     expect_difference("FOVEA_PREVIEW", 0, 55 + 100, "jpeg[100]", "found ");

@@ -169,6 +169,7 @@ static void publish_truncated(struct fv_transport *transport)
     uint8_t data[16];
     fovea_features_t empty;
     memset(&empty, 0, sizeof empty);
+    empty.method = (char *)"";
     uint8_t whole[128];
     assert_true(fovea_features_t_encode(whole, 0, sizeof whole, &empty) > (int)sizeof data);
     memcpy(data, whole, sizeof data);

@@ -209,15 +209,21 @@ static void test_first_difference(void **state)
     (void)state;
     float p[3][2] = {{1.0f, 4.0f}, {2.0f, 5.0f}, {3.0f, 6.0f}}, size[3] = {7.0f, 7.0f, 7.0f};
     float *rows[3] = {p[0], p[1], p[2]};
-    uint8_t level[3] = {0, 1, 2}, score[3] = {20, 30, 40}, a[512], b[512];
-    fovea_features_t message = {
-        .count = 3, .p_px = rows, .size_px = size, .level = level, .score = score};
+    float orientation[3] = {0}, response[3] = {20.0f, 30.0f, 40.0f};
+    uint8_t level[3] = {0, 1, 2}, a[512], b[512];
+    fovea_features_t message = {.method = (char *)"fast",
+                                .count = 3,
+                                .p_px = rows,
+                                .size_px = size,
+                                .orientation = orientation,
+                                .response = response,
+                                .level = level};
     message.stamp.sequence = 41;
     int bytes = fovea_features_t_encode(a, 0, sizeof a, &message);
     struct fv_difference difference;
 
     p[1][1] = 5.5f;
-    score[2] = 41;
+    level[2] = 41;
     assert_int_equal(fovea_features_t_encode(b, 0, sizeof b, &message), bytes);
     assert_false(fv_message_compare(a, (size_t)bytes, b, (size_t)bytes, &difference));
     assert_string_equal(difference.field, "p_px[1][1]");

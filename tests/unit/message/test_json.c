@@ -37,24 +37,28 @@ static const char *json_of(const uint8_t *data, int bytes)
 static void numbers_arrays_and_rows(void **state)
 {
     (void)state;
-    uint8_t data[512], level[2] = {0, 255}, score[2] = {1, 2};
-    float p[2][2] = {{1.5F, -0.25F}, {NAN, INFINITY}}, size[2] = {31, 0.1F};
+    uint8_t data[512], level[2] = {0, 255};
+    float p[2][2] = {{1.5F, -0.25F}, {NAN, INFINITY}}, size[2] = {31, 0.1F}, zero[2] = {0};
     float *rows[2] = {p[0], p[1]};
     const fovea_features_t message = {
         .stamp = {.time_ns = INT64_MIN, .clock = -1, .meaning = 3, .sequence = INT64_MAX},
         .reset_counter = -7,
         .width = 640,
+        .method = (char *)"fast",
+        .total = 2,
         .count = 2,
         .p_px = rows,
         .size_px = size,
-        .level = level,
-        .score = score};
+        .orientation = zero,
+        .response = zero,
+        .level = level};
     assert_string_equal(
         json_of(data, fovea_features_t_encode(data, 0, sizeof data, &message)),
         "{\"type\": \"fovea.features_t\", \"stamp\": {\"time_ns\": -9223372036854775808, \"clock\": -1, "
         "\"meaning\": 3, \"utc_offset_ns\": 0, \"sequence\": 9223372036854775807}, \"camera\": 0, "
-        "\"reset_counter\": -7, \"width\": 640, \"height\": 0, \"asked\": 0, \"count\": 2, \"p_px\": [[1.5, "
-        "-0.25], [null, null]], \"size_px\": [31, 0.100000001], \"level\": [0, 255], \"score\": [1, 2]}");
+        "\"reset_counter\": -7, \"width\": 640, \"height\": 0, \"asked\": 0, \"method\": \"fast\", "
+        "\"total\": 2, \"first\": 0, \"count\": 2, \"p_px\": [[1.5, -0.25], [null, null]], \"size_px\": [31, "
+        "0.100000001], \"orientation\": [0, 0], \"response\": [0, 0], \"level\": [0, 255]}");
     assert_string_equal(fovea_message_type(data, sizeof data), "fovea.features_t");
 }
 
@@ -63,10 +67,15 @@ static void numbers_have_a_point_in_every_locale(void **state)
 {
     (void)state;
     char folder[FV_TEST_PATH_BYTES], command[FV_TEST_PATH_BYTES + 128];
-    uint8_t data[512], level[1] = {1}, score[1] = {1};
-    float p[2] = {1.5F, -0.25F}, size[1] = {0.1F}, *rows[1] = {p};
-    const fovea_features_t message = {
-        .count = 1, .p_px = rows, .size_px = size, .level = level, .score = score};
+    uint8_t data[512], level[1] = {1};
+    float p[2] = {1.5F, -0.25F}, size[1] = {0.1F}, zero[1] = {0}, *rows[1] = {p};
+    const fovea_features_t message = {.method = (char *)"",
+                                      .count = 1,
+                                      .p_px = rows,
+                                      .size_px = size,
+                                      .orientation = zero,
+                                      .response = zero,
+                                      .level = level};
     fv_test_folder(folder);
     snprintf(command, sizeof command, "localedef -i de_DE -f UTF-8 %s/de_DE.UTF-8 >/dev/null 2>&1",
              folder);
@@ -112,7 +121,7 @@ static void structs_in_structs(void **state)
     assert_non_null(strstr(
         found,
         "\"detections\": [{\"class_id\": 1, \"class_name\": \"a\", \"score\": 0.5, \"box\": {\"x_min_px\": "
-        "1, \"y_min_px\": 2, \"x_max_px\": 3, \"y_max_px\": 4}, \"rectified_box\": {\"x_min_px\": 0, "));
+        "1, \"y_min_px\": 2, \"x_max_px\": 3, \"y_max_px\": 4}, \"angle\": 0, \"rectified_box\": {\"x_min_px\": 0, "));
     assert_non_null(strstr(found, "}}, {\"class_id\": 2, \"class_name\": \"b\", "));
     assert_non_null(strstr(found, "\"x_max_px\": 7, \"y_max_px\": 8}}]}"));
 }
@@ -188,16 +197,18 @@ static void go_to(struct fovea_fields *fields, const char *path, struct fovea_fi
 static void fields_come_one_by_one_with_their_numbers(void **state)
 {
     (void)state;
-    uint8_t data[512], level[2] = {0, 255}, score[2] = {1, 2};
-    float p[2][2] = {{1.5F, -0.25F}, {NAN, 3e18F}}, size[2] = {-31.75F, INFINITY};
+    uint8_t data[512], level[2] = {0, 255};
+    float p[2][2] = {{1.5F, -0.25F}, {NAN, 3e18F}}, size[2] = {-31.75F, INFINITY}, zero[2] = {0};
     float *rows[2] = {p[0], p[1]};
     const fovea_features_t message = {.stamp = {.time_ns = INT64_MIN, .clock = -1},
                                       .reset_counter = -7,
+                                      .method = (char *)"",
                                       .count = 2,
                                       .p_px = rows,
                                       .size_px = size,
-                                      .level = level,
-                                      .score = score};
+                                      .orientation = zero,
+                                      .response = zero,
+                                      .level = level};
     const int bytes = fovea_features_t_encode(data, 0, sizeof data, &message);
     struct fovea_fields fields;
     struct fovea_field field;
@@ -217,7 +228,6 @@ static void fields_come_one_by_one_with_their_numbers(void **state)
     assert_true(fovea_field_integer(&field, 0) == -31 && fovea_field_integer(&field, 1) == 0);
     go_to(&fields, "level", &field);
     assert_true(fovea_field_integer(&field, 1) == 255 && fovea_field_number(&field, 1) == 255.0);
-    go_to(&fields, "score", &field);
     assert_int_equal(fovea_fields_next(&fields, &field), FOVEA_END);
 }
 

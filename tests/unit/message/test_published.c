@@ -15,6 +15,7 @@
 #include "message/message.h"
 
 #include "fovea_detections_t.h"
+#include "fovea_features_t.h"
 #include "fovea_map_t.h"
 #include "fovea_objects_t.h"
 #include "fovea_pose_t.h"
@@ -391,7 +392,7 @@ static void every_kind_fits_a_packet(void **state)
                             fv_message_statistics_size_max(),
                             fv_message_camera_status_size_max(),
                             fv_message_map_size_max(),
-                            fv_message_features_size_max(FOVEA_FEATURES_MAX),
+                            fv_message_features_size_max(FOVEA_FEATURES_T_COUNT_MAX),
                             fv_message_objects_size_max(FOVEA_OBJECTS_MAX, 1000),
                             fv_message_detections_size_max(FOVEA_DETECTIONS_MAX, 1000)};
     for (size_t i = 0; i < sizeof sizes / sizeof sizes[0]; i++)

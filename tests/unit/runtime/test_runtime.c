@@ -14,6 +14,7 @@
 #include "message/fields.h"
 #include "message/message.h"
 
+#include "fovea_features_t.h"
 #include "fovea_pose_t.h"
 #include "fovea_preview_t.h"
 
@@ -418,6 +419,50 @@ static void masked_pixels_give_no_features(void **state)
     free(made.memory);
 }
 
+/* More than one message holds: the pieces follow each other and are of this frame. */
+static void many_features_are_sent_in_pieces(void **state)
+{
+    (void)state;
+    enum { SIDE = 640, HIGH = 480 };
+    const struct fovea_config usual = config;
+    uint8_t *noise = malloc(SIDE * HIGH);
+    struct fv_random random;
+    fv_random_seed(&random, 5);
+    for (int i = 0; i < SIDE * HIGH; i++)
+        noise[i] = (uint8_t)fv_random_below(&random, 256);
+    config.rig.cameras[0].camera = (struct fovea_camera){
+        .width = SIDE, .height = HIGH, .fx = 400, .fy = 400, .cx = 320, .cy = 240};
+    assert_int_equal(fovea_camera_prepare(&config.rig.cameras[0].camera, &error), FOVEA_OK);
+    config.features.count_max = FOVEA_FEATURES_MAX;
+    config.features.per_cell = 8;
+    struct made made = make(0);
+    const struct fovea_frame frame = grey_frame(noise, SIDE, HIGH, 1000000, 1);
+    struct fovea_outputs outputs;
+    uint32_t count;
+    int32_t sent = 0;
+    step(made.rt, &frame, &outputs);
+    const struct fovea_feature *features = fovea_features_get(made.rt, &count);
+    assert_in_range(count, FOVEA_FEATURES_T_COUNT_MAX + 1, FOVEA_FEATURES_MAX);
+    for (uint32_t i = 0; i < outputs.message_count; i++) {
+        const struct fovea_message *message = &outputs.messages[i];
+        fovea_features_t out;
+        if (strcmp(message->channel, "FOVEA_FEATURES") != 0) continue;
+        assert_int_equal(fovea_features_t_decode(message->data, 0, (int)message->bytes, &out),
+                         message->bytes);
+        assert_true(out.stamp.time_ns == 1000000 && out.first == sent &&
+                    out.total == (int32_t)count);
+        for (int32_t k = 0; k < out.count; k++)
+            assert_true(out.p_px[k][0] == features[sent + k].x_px &&
+                        out.response[k] == features[sent + k].score);
+        sent += out.count;
+        fovea_features_t_decode_cleanup(&out);
+    }
+    assert_int_equal(sent, count);
+    free(made.memory);
+    free(noise);
+    config = usual;
+}
+
 static void decimation_is_kept(void **state)
 {
     (void)state;
@@ -450,6 +495,7 @@ int main(void)
         cmocka_unit_test(preview_of_noise_comes_too),
         cmocka_unit_test(preview_takes_the_granted_units_and_keeps_its_stamp),
         cmocka_unit_test(masked_pixels_give_no_features),
+        cmocka_unit_test(many_features_are_sent_in_pieces),
         cmocka_unit_test(decimation_is_kept),
     };
     return cmocka_run_group_tests(tests, setup, NULL);
