@@ -425,6 +425,8 @@ enum fovea_status fv_live_open(const struct fv_live_ops *ops, void *device,
     source->frames_max = selection->frames;
     source->frame_bytes_min = setup->frame_bytes_min;
     source->readout_ns = setup->readout_ns;
+    source->info.rig.cameras[0].has_readout = setup->readout_ns >= 0;
+    source->info.rig.cameras[0].readout_ns = setup->readout_ns < 0 ? 0 : setup->readout_ns;
     source->slot_count = setup->buffers;
     snprintf(source->uri, sizeof source->uri, "%s", setup->uri);
     if (setup->times != NULL)

@@ -103,7 +103,7 @@ enum fv_order_verdict fv_order_frame(struct fv_order *order, const struct fv_ord
     frame->stamp_meaning = !placed         ? FOVEA_STAMP_UNKNOWN
                            : shift_ns != 0 ? FOVEA_STAMP_EXPOSURE_MIDDLE
                                            : stamp->meaning;
-    frame->exposure_ns = stamp->exposure_ns;
+    frame->exposure_ns[0] = stamp->exposure_ns;
     frame->sequence = order->sequence;
     return FV_ORDER_GOOD;
 }

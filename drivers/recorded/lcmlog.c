@@ -278,7 +278,8 @@ static enum fovea_status fetch(void *argument, uint64_t index, struct fv_slot *s
         status = fill(&frame.images[i], slot, i, recording->path, index, error);
     if (status != FOVEA_OK) return status == FOVEA_END ? FOVEA_ERROR_INPUT : status;
     slot->frame.stamp_ns = frame.stamp_ns;
-    slot->frame.exposure_ns = frame.exposure_ns;
+    memcpy(slot->frame.offset_ns, frame.offset_ns, sizeof frame.offset_ns);
+    memcpy(slot->frame.exposure_ns, frame.exposure_ns, sizeof frame.exposure_ns);
     slot->frame.clock = frame.clock;
     slot->frame.stamp_meaning = frame.stamp_meaning;
     slot->frame.sequence = frame.sequence;

@@ -298,7 +298,7 @@ static enum fovea_status fetch(void *recording, uint64_t index, struct fv_slot *
     for (uint32_t i = 0; i < listing->other_count; i++)
         fetch_other(listing->others[i], i + 1, index, slot, error);
     slot->frame.stamp_ns = listing->frames[index].stamp_ns;
-    slot->frame.exposure_ns = 0;
+    slot->frame.exposure_ns[0] = 0;
     slot->frame.clock = FOVEA_CLOCK_RECORDED;
     slot->frame.stamp_meaning = FOVEA_STAMP_UNKNOWN;
     slot->frame.sequence = index;

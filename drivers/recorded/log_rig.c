@@ -74,6 +74,8 @@ static enum fovea_status take_camera(struct cursor *cursor, struct fovea_rig_cam
     for (int i = 0; i < 4; i++)
         take_numbers(cursor, members[i], 1);
     take_numbers(cursor, lens->k, FOVEA_LENS_COEFFICIENTS);
+    camera->has_readout = take_number(cursor, 1) != 0;
+    camera->readout_ns = (int64_t)take_number(cursor, 8);
     camera->has_T_body_cam = take_number(cursor, 1) != 0;
     take_numbers(cursor, camera->T_body_cam, 12);
     if (cursor->short_of) return FOVEA_OK; /* said by the caller */
@@ -94,18 +96,23 @@ static enum fovea_status take_imu(struct cursor *cursor, struct fovea_rig *rig,
                                   struct fovea_error *error)
 {
     struct fovea_rig_imu *imu = &rig->imu;
-    double noise[5];
+    double noise[7];
     rig->has_imu = take_number(cursor, 1) != 0;
     take_numbers(cursor, imu->T_body_imu, 12);
-    take_numbers(cursor, noise, 5);
+    take_numbers(cursor, noise, 7);
+    take_numbers(cursor, imu->gyro_correction, 12);
+    take_numbers(cursor, imu->acceleration_correction, 12);
     imu->time_offset_ns = (int64_t)take_number(cursor, 8);
     imu->rate_hz = noise[0];
     imu->gyro_noise = noise[1];
     imu->gyro_walk = noise[2];
     imu->acceleration_noise = noise[3];
     imu->acceleration_walk = noise[4];
+    imu->gyro_range = noise[5];
+    imu->acceleration_range = noise[6];
     if (cursor->short_of) return FOVEA_OK; /* said by the caller */
-    if (!all_finite(noise, 5) || !all_finite(imu->T_body_imu, 12))
+    if (!all_finite(noise, 7) || !all_finite(imu->T_body_imu, 12) ||
+        !all_finite(imu->gyro_correction, 12) || !all_finite(imu->acceleration_correction, 12))
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "imu: found a number that is not finite, expected finite ones");
     if (!rig->has_imu || fv_calibration_is_rotation(imu->T_body_imu)) return FOVEA_OK;

@@ -101,7 +101,7 @@ static enum fovea_status go_to(struct recording *recording, uint64_t index,
 
 static void describe_frame(struct fovea_frame *frame, uint64_t index)
 {
-    frame->exposure_ns = 0;
+    frame->exposure_ns[0] = 0;
     frame->clock = FOVEA_CLOCK_RECORDED;
     frame->stamp_meaning = FOVEA_STAMP_UNKNOWN;
     frame->sequence = index;

@@ -245,6 +245,9 @@ static enum fovea_status sim_open(const char *address,
             1u << FOVEA_SAMPLE_WHEEL_ODOMETRY | (options.imu_hz > 0 ? 1u << FOVEA_SAMPLE_IMU : 0);
     info->rig.camera_count = 1;
     info->rig.cameras[0].calibrated = true;
+    info->rig.cameras[0].has_readout = true;
+    if (options.rolling)
+        info->rig.cameras[0].readout_ns = (int64_t)(options.readout_ms * 1e6 + 0.5);
     if (options.imu_hz > 0) fv_sim_imu_describe(&options, &info->rig);
     if (options.baseline_m > 0) add_second(&info->rig, options.baseline_m);
     info->has_truth = true;
@@ -378,17 +381,18 @@ static enum fovea_status sim_dequeue(struct fovea_source *source, int64_t deadli
     *frame = (struct fovea_frame){
         .image_count = cameras,
         .stamp_ns = frame_stamp(source, n),
-        .exposure_ns = (int64_t)(o->exposure_ms * 1e6 + 0.5),
         .clock = FOVEA_CLOCK_SIMULATED,
         .stamp_meaning = FOVEA_STAMP_EXPOSURE_MIDDLE,
         .sequence = index,
         .index = index,
         .slot = slot,
     };
-    for (uint32_t k = 0; k < cameras; k++)
+    for (uint32_t k = 0; k < cameras; k++) {
+        frame->exposure_ns[k] = (int64_t)(o->exposure_ms * 1e6 + 0.5);
         frame->images[k] =
             (struct fovea_image){source->image[slot][k], o->width,      o->height, o->width,
                                  FOVEA_PIXEL_GREY8,      (size_t)pixels};
+    }
     return FOVEA_OK;
 }
 

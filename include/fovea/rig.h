@@ -26,7 +26,10 @@ struct fovea_rig_camera {
      * those of the images */
     bool calibrated;
     bool has_T_body_cam;
+    bool has_readout; /* `readout_ns` is known */
     struct fovea_camera camera;
+    /* nanoseconds from the exposure of the first row to that of the last; 0: global shutter */
+    int64_t readout_ns;
     /* row-major 3x4, metres; where has_T_body_cam; of the first camera of a configuration default
      * identity */
     double T_body_cam[12];
@@ -44,7 +47,12 @@ struct fovea_rig_imu {
     double gyro_walk;      /* rad/s^2/sqrt(Hz) */
     double acceleration_noise; /* m/s^2/sqrt(Hz) */
     double acceleration_walk;  /* m/s^3/sqrt(Hz) */
-    int64_t time_offset_ns;    /* add to a sample's stamp for the cameras' clock */
+    double gyro_range;         /* largest rate that an axis can report, rad/s; 0: not known */
+    double acceleration_range; /* likewise, m/s^2 */
+    /* Row-major 3x4: take a measured sample (and 1) to the true one, both in the sensor's frame:
+     * scale, misalignment and constant bias. All 0: not stated. */
+    double gyro_correction[12], acceleration_correction[12];
+    int64_t time_offset_ns; /* add to a sample's stamp for the cameras' clock */
 };
 
 struct fovea_rig {

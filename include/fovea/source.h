@@ -57,7 +57,8 @@ enum fovea_source_state {
 struct fovea_frame {
     struct fovea_image images[FOVEA_CAMERAS_MAX];
     int64_t stamp_ns;
-    int64_t exposure_ns; /* 0: not known */
+    int64_t offset_ns[FOVEA_CAMERAS_MAX]; /* of each image: to add to stamp_ns for its own stamp */
+    int64_t exposure_ns[FOVEA_CAMERAS_MAX]; /* of each image; 0: not known */
     enum fovea_clock clock;
     enum fovea_stamp_meaning stamp_meaning;
     /* index in the recording, or the driver's counter; gaps mean lost frames. Of a frame that an

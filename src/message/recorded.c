@@ -10,7 +10,7 @@
 
 size_t fv_message_frame_size_max(const struct fovea_frame *frame)
 {
-    enum { IMAGE_BYTES = 4 + 4 + 4 + 1 + 4 };
+    enum { IMAGE_BYTES = 4 + 4 + 4 + 1 + 8 + 8 + 4 };
     fovea_frame_t empty;
     memset(&empty, 0, sizeof empty);
     size_t bytes = (size_t)fovea_frame_t_encoded_size(&empty);
@@ -21,7 +21,7 @@ size_t fv_message_frame_size_max(const struct fovea_frame *frame)
 
 size_t fv_message_rig_size_max(void)
 {
-    enum { CAMERA_BYTES = 2 * 1 + 2 * 4 + 1 + (4 + 8 + 12) * 8 };
+    enum { CAMERA_BYTES = 3 * 1 + 2 * 4 + 1 + 8 + (4 + 8 + 12) * 8 };
     fovea_rig_t empty;
     memset(&empty, 0, sizeof empty);
     return (size_t)fovea_rig_t_encoded_size(&empty) + FOVEA_CAMERAS_MAX * CAMERA_BYTES;
@@ -63,13 +63,14 @@ uint32_t fv_message_frame_encode(const struct fovea_frame *frame, int64_t utc_of
             .height = image->height,
             .stride_bytes = image->stride_bytes,
             .pixel_format = (int8_t)image->format,
+            .offset_ns = frame->offset_ns[i],
+            .exposure_ns = frame->exposure_ns[i],
             .size_bytes = (int32_t)fv_message_image_bytes(image),
             .data = (uint8_t *)image->data, /* lcm-gen knows no const; it only reads */
         };
     }
     const fovea_frame_t message = {
         .stamp = fv_message_stamp(frame, utc_offset_ns),
-        .exposure_ns = frame->exposure_ns,
         .image_count = (int32_t)frame->image_count,
         .images = images,
     };
@@ -79,8 +80,10 @@ uint32_t fv_message_frame_encode(const struct fovea_frame *frame, int64_t utc_of
 static void fill_camera(const struct fovea_rig_camera *from, fovea_rig_camera_t *to)
 {
     const struct fovea_camera *camera = &from->camera;
-    *to =
-        (fovea_rig_camera_t){.calibrated = from->calibrated, .has_body_cam = from->has_T_body_cam};
+    *to = (fovea_rig_camera_t){.calibrated = from->calibrated,
+                               .has_readout = from->has_readout,
+                               .has_body_cam = from->has_T_body_cam};
+    if (from->has_readout) to->readout_ns = from->readout_ns;
     to->width = camera->width;
     to->height = camera->height;
     if (from->calibrated) {
@@ -110,6 +113,11 @@ uint32_t fv_message_rig_encode(const struct fovea_rig *rig, uint8_t *buffer, siz
         message.gyro_walk = imu->gyro_walk;
         message.acceleration_noise = imu->acceleration_noise;
         message.acceleration_walk = imu->acceleration_walk;
+        message.gyro_range = imu->gyro_range;
+        message.acceleration_range = imu->acceleration_range;
+        memcpy(message.gyro_correction, imu->gyro_correction, sizeof message.gyro_correction);
+        memcpy(message.acceleration_correction, imu->acceleration_correction,
+               sizeof message.acceleration_correction);
         message.imu_time_offset_ns = imu->time_offset_ns;
     }
     return fv_wire_encoded(fovea_rig_t_encode(buffer, 0, fv_wire_capacity(capacity), &message));

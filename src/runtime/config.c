@@ -215,7 +215,9 @@ static enum fovea_status check_imu(const struct fovea_rig_imu *imu, struct fovea
                    {"rig.imu.gyro_noise", imu->gyro_noise},
                    {"rig.imu.gyro_walk", imu->gyro_walk},
                    {"rig.imu.acceleration_noise", imu->acceleration_noise},
-                   {"rig.imu.acceleration_walk", imu->acceleration_walk}};
+                   {"rig.imu.acceleration_walk", imu->acceleration_walk},
+                   {"rig.imu.gyro_range", imu->gyro_range},
+                   {"rig.imu.acceleration_range", imu->acceleration_range}};
     enum fovea_status status = check_rotation("rig.imu.T_body_imu", imu->T_body_imu, error);
     for (size_t i = 0; i < sizeof members / sizeof members[0] && status == FOVEA_OK; i++)
         status = check_real(members[i].name, members[i].value, 0, 1e12, error);

@@ -4,7 +4,7 @@ struct fv_frame_id fv_frame_id(const struct fovea_frame *frame, int64_t utc_offs
 {
     return (struct fv_frame_id){
         .stamp_ns = frame->stamp_ns,
-        .exposure_ns = frame->exposure_ns,
+        .exposure_ns = frame->exposure_ns[0],
         .utc_offset_ns = utc_offset_ns,
         .sequence = frame->sequence,
         .clock = (uint32_t)frame->clock,

@@ -196,9 +196,8 @@ enum {
     AT_CLOCK = 16,
     AT_MEANING = 17,
     AT_SEQUENCE = 26,
-    AT_EXPOSURE = 34,
-    AT_COUNT = 42,
-    AT_IMAGES = 46,
+    AT_COUNT = 34,
+    AT_IMAGES = 38,
 
     AT_SAMPLE_VALUES = 34, /* of a sample's message, behind its stamp */
 
@@ -206,9 +205,13 @@ enum {
     AT_HEIGHT = 4,
     AT_STRIDE = 8,
     AT_FORMAT = 12,
-    AT_SIZE = 13,
-    AT_DATA = 17
+    AT_OFFSET = 13,
+    AT_EXPOSURE = 21,
+    AT_SIZE = 29,
+    AT_DATA = 33
 };
+
+enum { OFFSET_MAX_NS = 1000000000 };
 
 enum fovea_status fv_lcmlog_frame_stamp(struct fv_lcmlog *log, const struct fv_lcmlog_event *event,
                                         int64_t *stamp_ns)
@@ -255,6 +258,20 @@ static enum fovea_status take_image(const struct fv_lcmlog_event *event, size_t 
                            size_bytes);
 }
 
+/* When the image whose members lie at `data` was taken. */
+static enum fovea_status take_times(const uint8_t *data, uint32_t camera, struct fovea_frame *frame,
+                                    struct fovea_error *reason)
+{
+    const int64_t offset_ns = read_i64(data + AT_OFFSET);
+    if (offset_ns < -OFFSET_MAX_NS || offset_ns > OFFSET_MAX_NS)
+        return fovea_error_set(reason, FOVEA_ERROR_INPUT,
+                               "offset_ns: found %" PRId64 ", expected %d to %d", offset_ns,
+                               -OFFSET_MAX_NS, OFFSET_MAX_NS);
+    frame->offset_ns[camera] = offset_ns;
+    frame->exposure_ns[camera] = read_i64(data + AT_EXPOSURE);
+    return FOVEA_OK;
+}
+
 static enum fovea_status take_images(const struct fv_lcmlog_event *event, struct fovea_frame *frame,
                                      size_t *at, struct fovea_error *reason)
 {
@@ -267,7 +284,9 @@ static enum fovea_status take_images(const struct fv_lcmlog_event *event, struct
     *at = AT_IMAGES;
     for (uint32_t i = 0; i < frame->image_count; i++) {
         const size_t begin = *at;
-        if (take_image(event, at, &frame->images[i], reason) == FOVEA_OK) continue;
+        if (take_image(event, at, &frame->images[i], reason) == FOVEA_OK &&
+            take_times(event->data + begin, i, frame, reason) == FOVEA_OK)
+            continue;
         *at = begin;
         return FOVEA_ERROR_INPUT;
     }
@@ -296,7 +315,6 @@ enum fovea_status fv_lcmlog_frame(const char *name, const struct fv_lcmlog_event
             FOVEA_STAMP_EXPOSURE_END);
     struct fovea_frame found = {
         .stamp_ns = read_i64(data + AT_STAMP),
-        .exposure_ns = read_i64(data + AT_EXPOSURE),
         .clock = (enum fovea_clock)data[AT_CLOCK],
         .stamp_meaning = (enum fovea_stamp_meaning)data[AT_MEANING],
         .sequence = (uint64_t)read_i64(data + AT_SEQUENCE),

@@ -316,7 +316,7 @@ const char *fv_test_lcmlog(const char *folder)
         put_number(file, i, 8, true);
         put_number(file, 1700000000000000 + i * 50000, 8, true);
         put_number(file, sizeof channel - 1, 4, true);
-        put_number(file, 8 + 26 + 8 + 4 + 12 + 1 + 4 + sizeof pixels, 4, true);
+        put_number(file, 8 + 26 + 4 + 12 + 1 + 8 + 8 + 4 + sizeof pixels, 4, true);
         put_bytes(file, channel, sizeof channel - 1);
         put_number(file, (uint64_t)__fovea_frame_t_get_hash(), 8, true);
         put_number(file, 1000 + (uint64_t)i * 50000000, 8,
@@ -325,12 +325,13 @@ const char *fv_test_lcmlog(const char *folder)
         put_number(file, FOVEA_STAMP_EXPOSURE_MIDDLE, 1, true);
         put_number(file, 0, 8, true);
         put_number(file, i, 8, true);
-        put_number(file, 5000000, 8, true); /* exposure */
-        put_number(file, 1, 4, true);       /* images */
+        put_number(file, 1, 4, true); /* images */
         put_number(file, FV_TEST_WIDTH, 4, true);
         put_number(file, FV_TEST_HEIGHT, 4, true);
         put_number(file, FV_TEST_WIDTH, 4, true);
         put_number(file, FOVEA_PIXEL_GREY8, 1, true);
+        put_number(file, 0, 8, true);       /* offset */
+        put_number(file, 5000000, 8, true); /* exposure */
         put_number(file, sizeof pixels, 4, true);
         put_bytes(file, pixels, sizeof pixels);
     }

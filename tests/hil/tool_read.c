@@ -136,7 +136,7 @@ static bool take(int64_t deadline_ns)
             "%.3f first frame: %d x %d %s, clock %d, meaning %d, exposure %.4f ms, age %.1f ms\n",
             since(), frame.images[0].width, frame.images[0].height,
             fovea_pixel_format_name(frame.images[0].format), frame.clock, frame.stamp_meaning,
-            (double)frame.exposure_ns * 1e-6, (double)(tool_now_ns() - frame.stamp_ns) * 1e-6);
+            (double)frame.exposure_ns[0] * 1e-6, (double)(tool_now_ns() - frame.stamp_ns) * 1e-6);
     if (reading.taken > 0 &&
         (frame.stamp_ns <= reading.last_stamp_ns || frame.sequence <= reading.last_sequence))
         reading.backward = true;

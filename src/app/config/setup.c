@@ -203,6 +203,8 @@ static enum fovea_status rig_join(struct fv_settings *settings,
             "%.200s: found an inertial sensor, but no pose of the first camera on the body, expected both",
             settings->source);
     rig->camera_count = from->camera_count;
+    rig->cameras[0].has_readout = from->cameras[0].has_readout;
+    rig->cameras[0].readout_ns = from->cameras[0].readout_ns;
     rig->has_imu = from->has_imu;
     fv_se3_from_rows(rig->cameras[0].T_body_cam, &T_body_source);
     if (placed) {

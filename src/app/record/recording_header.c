@@ -183,6 +183,8 @@ static void take_camera(const fovea_rig_camera_t *from, struct fovea_rig_camera 
 {
     struct fovea_camera *camera = &to->camera;
     *to = (struct fovea_rig_camera){.calibrated = from->calibrated,
+                                    .has_readout = from->has_readout,
+                                    .readout_ns = from->readout_ns,
                                     .has_T_body_cam = from->has_body_cam,
                                     .camera = {.width = from->width,
                                                .height = from->height,
@@ -202,7 +204,12 @@ static void take_imu(const fovea_rig_t *from, struct fovea_rig_imu *imu)
                                   .gyro_walk = from->gyro_walk,
                                   .acceleration_noise = from->acceleration_noise,
                                   .acceleration_walk = from->acceleration_walk,
+                                  .gyro_range = from->gyro_range,
+                                  .acceleration_range = from->acceleration_range,
                                   .time_offset_ns = from->imu_time_offset_ns};
+    memcpy(imu->gyro_correction, from->gyro_correction, sizeof imu->gyro_correction);
+    memcpy(imu->acceleration_correction, from->acceleration_correction,
+           sizeof imu->acceleration_correction);
     memcpy(imu->T_body_imu, from->body_imu, sizeof imu->T_body_imu);
 }
 
@@ -230,6 +237,8 @@ static enum fovea_status read_rig(const struct source *from, const fovea_recordi
             status = fovea_camera_prepare(&rig->cameras[i].camera, &why);
     }
     if (status == FOVEA_OK) {
+        rig->cameras[0].has_readout = read.cameras[0].has_readout;
+        rig->cameras[0].readout_ns = read.cameras[0].readout_ns;
         rig->camera_count = (uint32_t)read.camera_count;
         rig->has_imu = read.has_imu;
         take_imu(&read, &rig->imu);

@@ -17,6 +17,8 @@ static const struct fovea_rig written_rig = {
     .camera_count = 2,
     .has_imu = true,
     .cameras = {{.calibrated = true,
+                 .has_readout = true,
+                 .readout_ns = 12345678,
                  .has_T_body_cam = true,
                  .camera = {.width = 96,
                             .height = 64,
@@ -33,6 +35,10 @@ static const struct fovea_rig written_rig = {
             .gyro_walk = 2,
             .acceleration_noise = 3,
             .acceleration_walk = 4,
+            .gyro_range = 5,
+            .acceleration_range = 6,
+            .gyro_correction = {1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12},
+            .acceleration_correction = {12, 11, 10, 9, 8, 7, 6, 5, 4, 3, 2, 1},
             .time_offset_ns = -5}};
 
 /* A head whose part `name` is the rig above. */
@@ -76,6 +82,7 @@ static void test_log_rig(void **state)
     const struct fovea_rig_camera *first = &found.cameras[0];
     assert_true(first->calibrated && first->camera.fy == 81 && first->camera.field_max_rad > 0.5);
     assert_true(first->camera.lens == FOVEA_LENS_EQUIDISTANT && first->T_body_cam[3] == 0.25);
+    assert_true(first->has_readout && first->readout_ns == 12345678);
     assert_false(found.cameras[1].calibrated || found.cameras[1].has_T_body_cam);
 
     const uint32_t size = event.bytes;
@@ -99,13 +106,13 @@ static void test_log_rig(void **state)
     event.bytes = encode_head(4, "rig", rig, bytes, sizeof bytes);
     uint8_t *inside = bytes + event.bytes - fv_message_rig_size_max() +
                       (FOVEA_CAMERAS_MAX - 2) *
-                          ((fv_message_rig_size_max() - 8 - 4 - 1 - 18 * 8) / FOVEA_CAMERAS_MAX);
+                          ((fv_message_rig_size_max() - 8 - 4 - 1 - 44 * 8) / FOVEA_CAMERAS_MAX);
     assert_int_equal(inside[8 + 3], 2);
     inside[8 + 3] = 5;
     assert_int_equal(fv_log_rig("x.log", &event, &found, &error), FOVEA_ERROR_INPUT);
     assert_non_null(strstr(error.text, "rig: camera_count: found 5, expected 1 to 4"));
     inside[8 + 3] = 2;
-    memset(bytes + event.bytes - 18 * 8, 0, 8); /* T_body_imu[0] */
+    memset(bytes + event.bytes - 44 * 8, 0, 8); /* T_body_imu[0] */
     assert_int_equal(fv_log_rig("x.log", &event, &found, &error), FOVEA_ERROR_INPUT);
     assert_non_null(strstr(error.text, "rig: T_body_imu: found no rotation, expected orthonormal"));
 }

@@ -265,7 +265,7 @@ static void test_meaning(void **state)
         assert_int_equal(fv_order_frame(&order, &stamp, &base, &frame), FV_ORDER_GOOD);
         assert_int_equal(frame.stamp_meaning, rows[i].expected);
         assert_true(frame.stamp_ns == base.clock_ns[0] + (rows[i].shift - 50) * ms);
-        assert_true(frame.exposure_ns == rows[i].exposure * ms);
+        assert_true(frame.exposure_ns[0] == rows[i].exposure * ms);
     }
 }
 

@@ -238,7 +238,7 @@ static void test_frames_say_what_they_are(void **state)
     assert_int_equal(fovea_image_check(&a.images[0]), FOVEA_OK);
     assert_int_equal(a.stamp_ns, 0);
     assert_int_equal(b.stamp_ns, 50000000);
-    assert_int_equal(b.exposure_ns, 4000000);
+    assert_int_equal(b.exposure_ns[0], 4000000);
     assert_int_equal(b.clock, FOVEA_CLOCK_SIMULATED);
     assert_int_equal(b.stamp_meaning, FOVEA_STAMP_EXPOSURE_MIDDLE);
     sim_ops()->requeue(source, &a);

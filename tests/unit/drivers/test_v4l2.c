@@ -310,7 +310,7 @@ static void test_stamps(void **state)
             assert_true(frame.stamp_ns > last_ns && frame.stamp_ns < fv_test_now_ns() + 20000000);
             assert_true(frame.stamp_ns > fv_test_now_ns() - 8000000000);
             last_ns = frame.stamp_ns;
-            assert_int_equal(frame.exposure_ns,
+            assert_int_equal(frame.exposure_ns[0],
                              strstr(rows[i].options, "exposure") != NULL ? 5000000 : 0);
         }
         if (rows[i].stamps == FAKE_STAMPS_STRANGE)

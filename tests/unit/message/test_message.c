@@ -4,6 +4,7 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -55,7 +56,7 @@ static void test_channels(void **state)
 static void test_features(void **state)
 {
     (void)state;
-    for (uint32_t count = 0; count <= FOVEA_FEATURES_MAX; count += 1000) {
+    for (uint32_t count = 0; count <= FOVEA_FEATURES_T_COUNT_MAX; count += 500) {
         struct fovea_feature *features = calloc(count + 1, sizeof *features);
         for (uint32_t i = 0; i < count; i++)
             features[i] = (struct fovea_feature){.x_px = (float)i + 0.25f,
@@ -82,16 +83,52 @@ static void test_features(void **state)
         assert_stamp(&out.stamp);
         assert_true(out.reset_counter == 3 && out.width == 752 && out.height == 480 &&
                     out.asked == 1000);
-        assert_int_equal(out.count, count);
+        assert_true(out.count == (int32_t)count && out.total == out.count && out.first == 0);
+        assert_string_equal(out.method, "fast");
         for (uint32_t i = 0; i < count; i++)
             assert_true(out.p_px[i][0] == features[i].x_px && out.p_px[i][1] == features[i].y_px &&
                         out.size_px[i] == 31.0f && out.level[i] == features[i].level &&
-                        out.score[i] == features[i].score);
+                        isnan(out.orientation[i]) && out.response[i] == features[i].score);
         fovea_features_t_decode_cleanup(&out);
         free(scratch);
         free(buffer);
         free(features);
     }
+}
+
+/* More features than one message holds: two of one packet each, which fill the buffer. */
+static void test_features_in_pieces(void **state)
+{
+    (void)state;
+    static struct fovea_feature features[FOVEA_FEATURES_MAX];
+    for (int i = 0; i < FOVEA_FEATURES_MAX; i++)
+        features[i] = (struct fovea_feature){.x_px = (float)i, .level = (uint8_t)(i % 8)};
+    struct fv_message_features in = {
+        .stamp = fv_message_stamp(&frame, -5), .count = FOVEA_FEATURES_MAX, .features = features};
+    const size_t bound = fv_message_features_size_max(FOVEA_FEATURES_MAX);
+    uint8_t *buffer = malloc(bound);
+    void *scratch = malloc(fv_message_features_scratch_bytes(FOVEA_FEATURES_MAX));
+    size_t at = 0;
+    for (int piece = 0; piece < 2; piece++) {
+        const uint32_t bytes = fv_message_features_encode(&in, scratch, buffer + at, bound - at);
+        fovea_features_t out;
+        assert_in_range(bytes, 1, FV_MESSAGE_PACKET_BYTES - FV_MESSAGE_CHANNEL_BYTES);
+        assert_well_formed("fovea.features_t", buffer + at, bytes);
+        assert_int_equal(fovea_features_t_decode(buffer + at, 0, (int)bytes, &out), bytes);
+        assert_true(out.total == FOVEA_FEATURES_MAX && out.first == (int32_t)in.first);
+        assert_int_equal(out.count, piece == 0 ? FOVEA_FEATURES_T_COUNT_MAX
+                                               : FOVEA_FEATURES_MAX - FOVEA_FEATURES_T_COUNT_MAX);
+        for (int i = 0; i < out.count; i++)
+            assert_true(out.p_px[i][0] == (float)(out.first + i) &&
+                        out.level[i] == (out.first + i) % 8);
+        in.first += (uint32_t)out.count;
+        at += bytes;
+        fovea_features_t_decode_cleanup(&out);
+    }
+    assert_int_equal(at, bound);
+    assert_int_equal(in.first, in.count);
+    free(scratch);
+    free(buffer);
 }
 
 static const char longest_name[] = "a name of 23 characters";
@@ -232,6 +269,36 @@ static void test_preview(void **state)
     fovea_preview_t_decode_cleanup(&out);
 }
 
+/* An image that claims to be of another hour. */
+static void test_a_frame_of_far_apart_images_is_refused(void **state)
+{
+    (void)state;
+    static uint8_t pixels[64 * 64], buffer[64 * 64 + 256];
+    struct fovea_frame in = frame, out;
+    in.image_count = 1;
+    in.images[0] = (struct fovea_image){pixels, 64, 64, 64, FOVEA_PIXEL_GREY8, sizeof pixels};
+    const struct {
+        int64_t offset_ns;
+        enum fovea_status status;
+    } rows[] = {{-1000000000, FOVEA_OK},
+                {1000000000, FOVEA_OK},
+                {1000000001, FOVEA_ERROR_INPUT},
+                {INT64_MIN, FOVEA_ERROR_INPUT}};
+    for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
+        struct fovea_error error = {.text = ""};
+        in.offset_ns[0] = rows[i].offset_ns;
+        const struct fv_lcmlog_event event = {
+            .channel = "FOVEA_FRAME",
+            .bytes = fv_message_frame_encode(&in, 0, buffer, sizeof buffer),
+            .data = buffer};
+        assert_int_equal(fv_lcmlog_frame("log", &event, &out, &error), rows[i].status);
+        if (rows[i].status == FOVEA_OK)
+            assert_true(out.offset_ns[0] == rows[i].offset_ns);
+        else
+            assert_non_null(strstr(error.text, "offset_ns: found "));
+    }
+}
+
 /* Frames of recordings: every byte of every format comes back, rows with padding too, the last one
  * with and without it. */
 static void test_frames_without_loss(void **state)
@@ -247,7 +314,10 @@ static void test_frames_without_loss(void **state)
         const int32_t stride = compressed ? 0 : fovea_image_stride_min(format, W) + PADDING;
         const size_t whole = compressed ? 777 : fovea_image_bytes(format, H, stride);
         struct fovea_frame in = frame, out;
-        in.exposure_ns = 12345678901;
+        for (int i = 0; i < FOVEA_CAMERAS_MAX; i++) {
+            in.offset_ns[i] = i % 2 == 0 ? -4000000 * i : 0;
+            in.exposure_ns[i] = i % 2 == 0 ? 12345678901 + i : 0;
+        }
         in.images[0] =
             (struct fovea_image){pixels, W, H, stride, format, whole + (n % 2 == 0 ? 10 : 0)};
         if (n % 2 == 1 && !compressed)
@@ -274,8 +344,9 @@ static void test_frames_without_loss(void **state)
         assert_memory_equal(out.images[0].data, pixels, kept);
         assert_true(out.images[0].width == W && out.images[0].height == H &&
                     out.images[0].stride_bytes == stride);
-        assert_true(out.images[0].format == format && out.stamp_ns == in.stamp_ns &&
-                    out.exposure_ns == in.exposure_ns);
+        assert_true(out.images[0].format == format && out.stamp_ns == in.stamp_ns);
+        assert_memory_equal(out.offset_ns, in.offset_ns, sizeof out.offset_ns);
+        assert_memory_equal(out.exposure_ns, in.exposure_ns, sizeof out.exposure_ns);
         assert_true(out.sequence == 77 && out.clock == in.clock &&
                     out.stamp_meaning == in.stamp_meaning);
     }
@@ -285,9 +356,14 @@ int main(void)
 {
     fv_message_prepare();
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_channels),   cmocka_unit_test(test_features),
-        cmocka_unit_test(test_statistics), cmocka_unit_test(test_camera_status),
-        cmocka_unit_test(test_preview),    cmocka_unit_test(test_frames_without_loss),
+        cmocka_unit_test(test_channels),
+        cmocka_unit_test(test_features),
+        cmocka_unit_test(test_features_in_pieces),
+        cmocka_unit_test(test_statistics),
+        cmocka_unit_test(test_camera_status),
+        cmocka_unit_test(test_preview),
+        cmocka_unit_test(test_frames_without_loss),
+        cmocka_unit_test(test_a_frame_of_far_apart_images_is_refused),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

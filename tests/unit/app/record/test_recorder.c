@@ -58,7 +58,10 @@ static void make_settings(struct fv_settings *settings)
 static void add_rig(struct fovea_rig *rig)
 {
     rig->camera_count = 3;
+    rig->cameras[0].has_readout = true;
+    rig->cameras[0].readout_ns = 15000000;
     rig->cameras[1] = rig->cameras[0];
+    rig->cameras[1].readout_ns = 0;
     rig->cameras[1].camera.width = WIDTH2;
     rig->cameras[1].camera.height = HEIGHT2;
     rig->cameras[1].camera.k[2] = 0;
@@ -67,13 +70,18 @@ static void add_rig(struct fovea_rig *rig)
     assert_int_equal(fovea_camera_prepare(&rig->cameras[1].camera, NULL), FOVEA_OK);
     rig->cameras[2] = (struct fovea_rig_camera){.camera = {.width = 64, .height = 80}};
     rig->has_imu = true;
-    rig->imu = (struct fovea_rig_imu){.T_body_imu = {0, 0, 1, 0.1, 1, 0, 0, 0.2, 0, 1, 0, 0.3},
-                                      .rate_hz = 200,
-                                      .gyro_noise = 1e-4,
-                                      .gyro_walk = 2e-5,
-                                      .acceleration_noise = 3e-3,
-                                      .acceleration_walk = 4e-3,
-                                      .time_offset_ns = -12345};
+    rig->imu =
+        (struct fovea_rig_imu){.T_body_imu = {0, 0, 1, 0.1, 1, 0, 0, 0.2, 0, 1, 0, 0.3},
+                               .rate_hz = 200,
+                               .gyro_noise = 1e-4,
+                               .gyro_walk = 2e-5,
+                               .acceleration_noise = 3e-3,
+                               .acceleration_walk = 4e-3,
+                               .gyro_range = 8.7,
+                               .acceleration_range = 78.5,
+                               .gyro_correction = {1.01, 0, 0, 1e-3, 0, 1, 0.02},
+                               .acceleration_correction = {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 2, -1},
+                               .time_offset_ns = -12345};
 }
 
 static struct fv_recorder *open_recorder(size_t ring_bytes)
@@ -103,7 +111,7 @@ static void record_turn(struct fv_recorder *recorder, uint32_t n)
                                               .format = FOVEA_PIXEL_GREY8,
                                               .size_bytes = IMAGE_BYTES},
                                 .stamp_ns = 1000000000LL + n * 10000000LL,
-                                .exposure_ns = 777,
+                                .exposure_ns = {777},
                                 .clock = FOVEA_CLOCK_SIMULATED,
                                 .stamp_meaning = FOVEA_STAMP_EXPOSURE_MIDDLE,
                                 .sequence = n};
@@ -189,6 +197,7 @@ static void a_header_keeps_the_whole_rig(void **state)
     for (uint32_t i = 0; i < 3; i++) {
         const struct fovea_rig_camera *a = &found->cameras[i], *b = &expected->cameras[i];
         assert_true(a->calibrated == b->calibrated && a->has_T_body_cam == b->has_T_body_cam);
+        assert_true(a->has_readout == b->has_readout && a->readout_ns == b->readout_ns);
         assert_memory_equal(&a->camera, &b->camera, sizeof a->camera);
         assert_memory_equal(a->T_body_cam, b->T_body_cam, sizeof a->T_body_cam);
         assert_true((a->mask != NULL) == (b->mask != NULL) && a->mask == header->masks[i]);
@@ -215,7 +224,7 @@ static void check_turn(struct fv_lcmlog *log, uint32_t n)
         expect_event(log, &event, "ROBOT/LEFT_FRAME");
         if (fv_lcmlog_frame(path, &event, &frame, &error) != FOVEA_OK) fail_msg("%s", error.text);
         assert_true(frame.stamp_ns == 1000000000LL + n * 10000000LL && frame.sequence == n &&
-                    frame.exposure_ns == 777);
+                    frame.exposure_ns[0] == 777);
         assert_true(frame.clock == FOVEA_CLOCK_SIMULATED &&
                     frame.stamp_meaning == FOVEA_STAMP_EXPOSURE_MIDDLE);
         assert_true(frame.images[0].width == WIDTH && frame.images[0].height == HEIGHT &&
