@@ -2,7 +2,7 @@
 
 #include <string.h>
 
-/* A simulated inertial sensor in the frame of the first camera, which is the body's. A sample
+/* A simulated inertial sensor, anywhere on the body. A sample
  * stands for the interval that ends at its stamp: the mean angular rate turns the attitude at its
  * begin exactly into that at its end, and the mean specific force, in the attitude half-way,
  * changes the velocity by what it changes. So samples without noise, integrated in this way, give
@@ -18,11 +18,16 @@ static const double half_step_s = 1e-3; /* of the velocity's difference quotient
 static const double gyro_noise = 1.6968e-4, gyro_walk = 1.9393e-5;
 static const double acceleration_noise = 2e-3, acceleration_walk = 3e-3;
 
-void fv_sim_imu_describe(const struct fv_sim_options *options, struct fovea_rig *rig)
+/* The sensor so far. */
+struct state {
+    double gyro_bias[3], acceleration_bias[3];
+};
+
+static void describe(const struct fv_sim_options *options, struct fovea_rig *rig)
 {
     static const double identity[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
     rig->has_imu = true;
-    memcpy(rig->imu.T_body_imu, identity, sizeof identity);
+    fv_sim_pose_rows(&options->imu_pose, rig->imu.T_body_imu);
     rig->imu.rate_hz = options->imu_hz;
     rig->imu.gyro_noise = options->imu_noise * gyro_noise;
     rig->imu.gyro_walk = options->imu_noise * gyro_walk;
@@ -35,12 +40,19 @@ void fv_sim_imu_describe(const struct fv_sim_options *options, struct fovea_rig 
     memcpy(rig->cameras[0].T_body_cam, identity, sizeof identity);
 }
 
-/* Velocity in the world; false: the body is carried off about this time. */
-static bool velocity(const struct fv_sim_motion *motion, double time_s, double v[3])
+static void pose(const struct fovea_source *source, double time_s, double T_world_imu[12])
+{
+    fv_sim_motion_pose(&source->motion, time_s, T_world_imu);
+    fv_sim_compose(T_world_imu, source->info.rig.imu.T_body_imu, T_world_imu);
+}
+
+/* Velocity in the world, its own: beside the body's origin it holds what turning adds. false: the
+ * body is carried off about this time. */
+static bool velocity(const struct fovea_source *source, double time_s, double v[3])
 {
     double before[12], after[12], moved2 = 0;
-    fv_sim_motion_pose(motion, time_s - half_step_s, before);
-    fv_sim_motion_pose(motion, time_s + half_step_s, after);
+    pose(source, time_s - half_step_s, before);
+    pose(source, time_s + half_step_s, after);
     for (int i = 0; i < 3; i++) {
         v[i] = (after[4 * i + 3] - before[4 * i + 3]) / (2 * half_step_s);
         moved2 += v[i] * v[i];
@@ -62,18 +74,18 @@ static void turn_back(const double q[4], double v[3])
 }
 
 /* What an ideal sensor reads over [end_s - step_s, end_s]. */
-static void ideal(const struct fv_sim_motion *motion, double end_s, double step_s,
+static void ideal(const struct fovea_source *source, double end_s, double step_s,
                   struct fovea_imu_sample *sample)
 {
     double a[12], b[12], R[9], t[3], q[4], v0[3], v1[3], force[3] = {0, 0, gravity_m_s2};
     double moved2 = 0;
-    fv_sim_motion_pose(motion, end_s - step_s, a);
-    fv_sim_motion_pose(motion, end_s, b);
+    pose(source, end_s - step_s, a);
+    pose(source, end_s, b);
     fv_sim_relative(a, b, R, t);
     for (int i = 0; i < 3; i++)
         moved2 += t[i] * t[i];
-    bool rest = !velocity(motion, end_s - step_s, v0);
-    rest = !velocity(motion, end_s, v1) || rest;
+    bool rest = !velocity(source, end_s - step_s, v0);
+    rest = !velocity(source, end_s, v1) || rest;
     rest = rest || moved2 > carried_off_m_s * carried_off_m_s * step_s * step_s;
     fv_sim_quaternion(R, q);
     const double s = __builtin_sqrt(q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
@@ -90,7 +102,7 @@ static void ideal(const struct fv_sim_motion *motion, double end_s, double step_
 }
 
 /* The biases that the sensor begins with. */
-static void begin_biases(const struct fv_sim_options *options, struct fv_sim_imu *imu)
+static void begin_biases(const struct fv_sim_options *options, struct state *imu)
 {
     struct fv_random random;
     fv_random_seed(&random, options->seed ^ 0xB1A5E5u);
@@ -100,23 +112,32 @@ static void begin_biases(const struct fv_sim_options *options, struct fv_sim_imu
     }
 }
 
-void fv_sim_imu_sample(struct fovea_source *source, double begin_s, struct fovea_imu_sample *sample)
+static void sample(const struct fovea_source *source, void *state, uint64_t n, double begin_s,
+                   struct fovea_sample *out)
 {
     const struct fv_sim_options *options = &source->options;
-    struct fv_sim_imu *imu = &source->imu;
+    struct state *imu = state;
     const double step_s = 1 / options->imu_hz, factor = options->imu_noise,
                  white = factor / __builtin_sqrt(step_s), walk = factor * __builtin_sqrt(step_s);
     struct fv_random random;
-    if (imu->count == 0) begin_biases(options, imu);
-    begin_s += options->imu_offset_ms * 1e-3;
-    ideal(&source->motion, begin_s + (double)imu->count * step_s, step_s, sample);
-    fv_random_seed(&random, options->seed ^ (imu->count + 1) * 0xA24BAED4963EE407u);
+    if (n == 0) begin_biases(options, imu);
+    begin_s = fv_sim_frame_time(source, 0) + begin_s + options->imu_offset_ms * 1e-3;
+    ideal(source, begin_s + (double)n * step_s, step_s, &out->imu);
+    fv_random_seed(&random, options->seed ^ (n + 1) * 0xA24BAED4963EE407u);
     for (int i = 0; i < 3; i++) {
         imu->gyro_bias[i] += walk * gyro_walk * fv_random_normal(&random);
         imu->acceleration_bias[i] += walk * acceleration_walk * fv_random_normal(&random);
-        sample->gyro[i] += imu->gyro_bias[i] + white * gyro_noise * fv_random_normal(&random);
-        sample->acceleration[i] +=
+        out->imu.gyro[i] += imu->gyro_bias[i] + white * gyro_noise * fv_random_normal(&random);
+        out->imu.acceleration[i] +=
             imu->acceleration_bias[i] + white * acceleration_noise * fv_random_normal(&random);
     }
-    imu->count++;
 }
+
+const struct fv_sim_body_sensor fv_sim_imu = {
+    .kind = FOVEA_SAMPLE_IMU,
+    .name = "imu",
+    .hz = offsetof(struct fv_sim_options, imu_hz),
+    .state_bytes = sizeof(struct state),
+    .describe = describe,
+    .sample = sample,
+};

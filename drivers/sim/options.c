@@ -2,45 +2,27 @@
 
 #include <string.h>
 
-#include "support/uri_options.h"
-
 /* ---- the table of options -------------------------------------------------------------------- */
 
 static const char *const lens_name[] = {"radtan", "equidistant", "pinhole", NULL};
 static const char *const textures_name[] = {"natural", "repeated", NULL};
 
+#define AT_BODY                                                                                    \
+    {                                                                                              \
+        {0},                                                                                       \
+        {                                                                                          \
+            0                                                                                      \
+        }                                                                                          \
+    } /* a pose: the body's own */
+
 static const double sample_hz_min = 0.01; /* of a sensor; 0: there is none */
-#define SAMPLE_HZ_MAX 1000
 
 #define AT(member) offsetof(struct fv_sim_options, member)
 static const struct fv_uri_option option_table[] = {
-    {"seed", FV_URI_U64, AT(seed), 0, 9007199254740992.0, "integer", NULL},
-    {"width", FV_URI_I32, AT(width), 64, 2048, "pixels", NULL},
-    {"height", FV_URI_I32, AT(height), 64, 2048, "pixels", NULL},
-    {"rate", FV_URI_REAL, AT(rate_hz), 1, 1000, "Hz", NULL},
-    {"frames", FV_URI_U64, AT(frames), 0, 9007199254740992.0, "frames, 0: endless", NULL},
-    {"lens", FV_URI_WORD, AT(lens), 0, 0, "radtan, equidistant or pinhole", lens_name},
-    {"fov", FV_URI_REAL, AT(fov_deg), 30, 130, "degrees across", NULL},
-    {"noise", FV_URI_REAL, AT(noise), 0, 20, "grey levels", NULL},
-    {"blur", FV_URI_FLAG, AT(blur), 0, 1, "0 or 1", NULL},
-    {"rolling", FV_URI_FLAG, AT(rolling), 0, 1, "0 or 1", NULL},
-    {"exposure", FV_URI_REAL, AT(exposure_ms), 0.05, 100, "milliseconds", NULL},
-    {"readout", FV_URI_REAL, AT(readout_ms), 0, 100, "milliseconds", NULL},
-    {"objects", FV_URI_I32, AT(objects), 0, FV_SIM_OBJECTS_MAX, "moving objects", NULL},
-    {"textures", FV_URI_WORD, AT(textures), 0, 0, "natural or repeated", textures_name},
-    {"light", FV_URI_REAL, AT(light), 0.1, 4, "factor of brightness", NULL},
-    {"wheel_odometry", FV_URI_REAL, AT(wheel_odometry_hz), 0, SAMPLE_HZ_MAX, "Hz", NULL},
-    {"wheel_odometry_noise", FV_URI_REAL, AT(wheel_odometry_noise), 0, 1, "of a step, relative",
-     NULL},
-    {"imu", FV_URI_REAL, AT(imu_hz), 0, SAMPLE_HZ_MAX, "Hz", NULL},
-    {"imu_noise", FV_URI_REAL, AT(imu_noise), 0, 100, "of EuRoC's densities, factor", NULL},
-    {"gyro_bias", FV_URI_REAL, AT(gyro_bias_rad_s), 0, 1, "rad/s", NULL},
-    {"acceleration_bias", FV_URI_REAL, AT(acceleration_bias_m_s2), 0, 10, "m/s^2", NULL},
-    {"imu_offset", FV_URI_REAL, AT(imu_offset_ms), -100, 100, "milliseconds", NULL},
-    {"imu_offset_known", FV_URI_FLAG, AT(imu_offset_known), 0, 1, "0 or 1", NULL},
-    {"turn_rate", FV_URI_REAL, AT(turn_rate_deg_s), 140, 1000, "degrees per second", NULL},
-    {"baseline", FV_URI_REAL, AT(baseline_m), 0, 0.4, "metres, 0: one camera", NULL},
-    {"time", FV_URI_REAL, AT(time_s), 0, 100000, "seconds", NULL},
+#define FV_SIM_OPTION(name, kind, type, member, value, low, high, unit, words)                     \
+    {name, FV_URI_##kind, AT(member), low, high, unit, words},
+#include "options.def"
+#undef FV_SIM_OPTION
 };
 static const struct fv_uri_table options_table = {
     "sim", option_table, sizeof option_table / sizeof option_table[0], NULL, NULL};
@@ -48,10 +30,10 @@ static const struct fv_uri_table options_table = {
 static const char *const trajectory_name[FV_SIM_TRAJECTORY_COUNT] = {
     "tour", "orbit", "corridor", "rotate", "stopgo", "fast", "kidnap", "wander", "still", "stand"};
 
-static bool was_given(uint64_t given, size_t offset)
+bool fv_sim_option_given(const struct fv_sim_options *options, size_t offset)
 {
     for (size_t i = 0; i < options_table.count; i++)
-        if (option_table[i].offset == offset) return (given >> i & 1) != 0;
+        if (option_table[i].offset == offset) return (options->given >> i & 1) != 0;
     return false;
 }
 
@@ -62,7 +44,26 @@ static enum fovea_status check_sample_rate(const char *name, double hz, struct f
     if (hz == 0 || hz >= sample_hz_min) return FOVEA_OK;
     return fovea_error_set(error, FOVEA_ERROR_INPUT,
                            "sim: %s: found %g Hz, expected 0 or a number in [%g, %d]", name, hz,
-                           sample_hz_min, SAMPLE_HZ_MAX);
+                           sample_hz_min, FV_SIM_SAMPLE_HZ_MAX);
+}
+
+/* Cameras are numbered without a gap, and each has one pose. */
+static enum fovea_status check_cameras(const struct fv_sim_options *options,
+                                       struct fovea_error *error)
+{
+    const bool second = fv_sim_option_given(options, AT(camera2)),
+               third = fv_sim_option_given(options, AT(camera3)),
+               fourth = fv_sim_option_given(options, AT(camera4));
+    if (second && options->baseline_m > 0)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "sim: baseline: found %g beside camera2, expected one of the two",
+                               options->baseline_m);
+    const bool two = second || options->baseline_m > 0;
+    if ((third && !two) || (fourth && !third))
+        return fovea_error_set(
+            error, FOVEA_ERROR_INPUT, "sim: %s: found it without %s, expected both",
+            third && !two ? "camera3" : "camera4", third && !two ? "camera2" : "camera3");
+    return FOVEA_OK;
 }
 
 static enum fovea_status check_together(const struct fv_sim_options *options,
@@ -88,9 +89,10 @@ static enum fovea_status check_together(const struct fv_sim_options *options,
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "sim: turn_rate: found %g with the trajectory %s, expected fast",
                                options->turn_rate_deg_s, trajectory_name[options->trajectory]);
-    const enum fovea_status status =
+    enum fovea_status status =
         check_sample_rate("wheel_odometry", options->wheel_odometry_hz, error);
-    return status == FOVEA_OK ? check_sample_rate("imu", options->imu_hz, error) : status;
+    if (status == FOVEA_OK) status = check_sample_rate("imu", options->imu_hz, error);
+    return status == FOVEA_OK ? check_cameras(options, error) : status;
 }
 
 static int32_t default_objects(enum fv_sim_trajectory trajectory)
@@ -110,22 +112,13 @@ static int32_t default_objects(enum fv_sim_trajectory trajectory)
 enum fovea_status fv_sim_options_parse(const char *address, struct fv_sim_options *options,
                                        struct fovea_error *error)
 {
-    struct fv_sim_options o = {.trajectory = FV_SIM_TRAJECTORY_COUNT,
-                               .seed = 1,
-                               .width = 640,
-                               .height = 480,
-                               .rate_hz = 30.0,
-                               .noise = 2.0,
-                               .exposure_ms = 5.0,
-                               .readout_ms = 20.0,
-                               .light = 1.0,
-                               .wheel_odometry_hz = 100.0,
-                               .wheel_odometry_noise = 0.05,
-                               .imu_noise = 1.0,
-                               .imu_offset_known = true,
-                               .turn_rate_deg_s = FV_SIM_TURN_DEG_S};
+    struct fv_sim_options o = {
+        .trajectory = FV_SIM_TRAJECTORY_COUNT,
+#define FV_SIM_OPTION(name, kind, type, member, value, low, high, unit, words) .member = value,
+#include "options.def"
+#undef FV_SIM_OPTION
+    };
     char word[FV_URI_WORD_BYTES];
-    uint64_t given;
     fv_uri_next_word(&address, "?", word);
     for (int32_t i = 0; i < FV_SIM_TRAJECTORY_COUNT; i++) {
         if (strcmp(word, trajectory_name[i]) == 0) o.trajectory = (enum fv_sim_trajectory)i;
@@ -136,12 +129,12 @@ enum fovea_status fv_sim_options_parse(const char *address, struct fv_sim_option
                               error);
     o.objects = default_objects(o.trajectory);
     if (*address != '\0') address++;
-    enum fovea_status status = fv_uri_options_parse(&options_table, address, &o, &given, error);
+    enum fovea_status status = fv_uri_options_parse(&options_table, address, &o, &o.given, error);
     if (status != FOVEA_OK) return status;
-    o.wheel_odometry_given = was_given(given, AT(wheel_odometry_hz));
-    if (!was_given(given, AT(fov_deg)))
+    if (!fv_sim_option_given(&o, AT(fov_deg)))
         o.fov_deg = o.lens == FV_SIM_LENS_EQUIDISTANT ? 105.0 : 80.0;
-    if (!was_given(given, AT(frames))) o.frames = fv_sim_motion_frames(o.trajectory, o.rate_hz);
+    if (!fv_sim_option_given(&o, AT(frames)))
+        o.frames = fv_sim_motion_frames(o.trajectory, o.rate_hz);
     status = check_together(&o, error);
     if (status == FOVEA_OK) *options = o;
     return status;

@@ -24,6 +24,7 @@
 #include "fovea/camera.h"
 #include "base/elementary.h"
 #include "fovea/source.h"
+#include "support/uri_options.h"
 
 /* ---- options (options.c) --------------------------------------------------------------------- */
 
@@ -45,32 +46,21 @@ enum fv_sim_lens { FV_SIM_LENS_RADTAN, FV_SIM_LENS_EQUIDISTANT, FV_SIM_LENS_PINH
 
 enum fv_sim_textures { FV_SIM_TEXTURES_NATURAL, FV_SIM_TEXTURES_REPEATED };
 
+enum { FV_SIM_SAMPLE_HZ_MAX = 1000 };
+
+#define FV_SIM_TURN_DEG_S                                                                          \
+    206.25 /* of `fast` where nothing else is asked for: 110 degrees in a second */
+
 struct fv_sim_options {
     enum fv_sim_trajectory trajectory;
-    uint64_t seed;
-    int32_t width, height;
-    double rate_hz;
-    uint64_t frames; /* 0: endless */
-    enum fv_sim_lens lens;
-    double fov_deg; /* horizontal field of view */
-    double noise;   /* standard deviation, grey levels */
-    bool blur, rolling;
-    double exposure_ms, readout_ms;
-    int32_t objects;
-    enum fv_sim_textures textures;
-    double light;
-    double time_s;            /* of frame 0 on the trajectory */
-    double imu_hz, imu_noise; /* samples per second; 0: none. Factor of the noise densities */
-    /* standard deviation of each axis' bias at the begin */
-    double gyro_bias_rad_s, acceleration_bias_m_s2;
-    double imu_offset_ms;   /* what is to be added to the samples' stamps for the cameras' clock */
-    bool imu_offset_known;  /* the rig states it */
-    double turn_rate_deg_s; /* of `fast` at its fastest */
-    double baseline_m;      /* of a second camera to the right of the first; 0: there is none */
-    double wheel_odometry_hz,
-        wheel_odometry_noise;  /* samples per second; deviation of each step's length, relative */
-    bool wheel_odometry_given; /* the rate stands in the URI */
+#define FV_SIM_OPTION(name, kind, type, member, value, low, high, unit, words) type member;
+#include "options.def"
+#undef FV_SIM_OPTION
+    uint64_t given; /* which options stand in the address; fv_sim_option_given */
 };
+
+/* Whether the option of a member (its offset in the struct) stands in the address. */
+bool fv_sim_option_given(const struct fv_sim_options *options, size_t offset);
 
 /* Parse what follows "sim:" in the URI. Every error is one line that names the option, what was
  * found and what is expected. Init-only. */
@@ -236,9 +226,6 @@ double fv_sim_ring_length(const double half[2], double corner);
 
 /* ---- motion (motion.c) ----------------------------------------------------------------------- */
 
-#define FV_SIM_TURN_DEG_S                                                                          \
-    206.25 /* of `fast` where nothing else is asked for: 110 degrees in a second */
-
 enum { FV_SIM_SPLINE_MAX = 160, FV_SIM_PHASES = 32 };
 
 struct fv_sim_motion {
@@ -352,17 +339,34 @@ void fv_sim_sensor_expose(struct fv_sim_sensor *sensor, const uint16_t *linear, 
 
 /* ---- the source (source.c, truth.c) ---------------------------------------------------------- */
 
-/* Where wheel odometry stands. */
-struct fv_sim_wheel_odometry {
-    uint64_t count;           /* samples given */
-    double last[12];          /* true T_world_cam of the last one */
-    double R[9], position[3]; /* its reading: T_wheel_odom_body */
+/* A sensor on the body beside the cameras: a row of the list below, defined in its own file. */
+struct fv_sim_body_sensor {
+    enum fovea_sample_kind kind;
+    const char *name;   /* of the option that holds its rate */
+    size_t hz;          /* offset of that option in the options, samples per second; 0: none */
+    size_t state_bytes; /* that it keeps from sample to sample, zero at first */
+    /* Describe it in the rig; NULL: the rig has no room for this kind. */
+    void (*describe)(const struct fv_sim_options *options, struct fovea_rig *rig);
+    /* Fill in sample n (each is requested once, in order) but its stamp, in a run whose first frame
+     * is `begin_s` after frame 0. */
+    void (*sample)(const struct fovea_source *source, void *state, uint64_t n, double begin_s,
+                   struct fovea_sample *sample);
 };
 
-/* The inertial sensor so far (imu.c). */
-struct fv_sim_imu {
-    uint64_t count; /* samples that came */
-    double gyro_bias[3], acceleration_bias[3];
+/* All of them; of two samples with one stamp, that of the earlier row comes first. */
+#define FV_SIM_BODY_SENSORS(ROW)                                                                   \
+    ROW(imu)                                                                                       \
+    ROW(wheel_odometry)
+
+#define FV_SIM_BODY_SENSOR_DECLARE(name) extern const struct fv_sim_body_sensor fv_sim_##name;
+FV_SIM_BODY_SENSORS(FV_SIM_BODY_SENSOR_DECLARE)
+#undef FV_SIM_BODY_SENSOR_DECLARE
+
+enum {
+#define FV_SIM_BODY_SENSOR_INDEX(name) FV_SIM_BODY_SENSOR_##name,
+    FV_SIM_BODY_SENSORS(FV_SIM_BODY_SENSOR_INDEX)
+#undef FV_SIM_BODY_SENSOR_INDEX
+        FV_SIM_BODY_SENSOR_COUNT
 };
 
 struct fovea_source {
@@ -375,16 +379,16 @@ struct fovea_source {
     struct fv_sim_sensor sensor;
     struct fv_sim_world world;
     struct fv_sim_scene scene;
-    double aside_m; /* of the camera that is rendered, to the right of the first */
-    uint8_t *image[FOVEA_SOURCE_FRAMES_HELD][2];    /* by camera */
+    uint32_t camera; /* of the rig, which the scene is seen by */
+    uint8_t *image[FOVEA_SOURCE_FRAMES_HELD][FOVEA_CAMERAS_MAX];
     uint64_t image_index[FOVEA_SOURCE_FRAMES_HELD]; /* trajectory frame shown in it */
     bool held[FOVEA_SOURCE_FRAMES_HELD];
     uint64_t deliverable; /* frames that the selection leaves; 0: endless */
     uint64_t delivered;
     bool started;
-    struct fv_sim_wheel_odometry wheel_odometry;
-    struct fv_sim_imu imu;
-    uint8_t *grey;     /* the image that is rendered */
+    void *sensor_state[FV_SIM_BODY_SENSOR_COUNT];
+    uint64_t sample_count[FV_SIM_BODY_SENSOR_COUNT]; /* that came */
+    uint8_t *grey;                                   /* the image that is rendered */
     uint16_t *exposed; /* light of the whole frame, only with blur (the mean of instants) or a
                           rolling shutter */
     float *depth_m;    /* truth; pages untouched until asked for */
@@ -404,13 +408,21 @@ enum fovea_status fv_sim_truth(struct fovea_source *source, const struct fovea_f
 enum fovea_status fv_sim_truth_pose(struct fovea_source *source, const struct fovea_frame *frame,
                                     double T_world_cam[12]);
 
-/* From a to b: R = Ra^T Rb, t = Ra^T (tb - ta); and a rotation as a unit quaternion with w >= 0. */
+/* Rigid transforms of three rows [R t] (pose.c). From a to b: R = Ra^T Rb, t = Ra^T (tb - ta); a
+ * then b; what an option states; and a rotation as a unit quaternion with w >= 0. */
 void fv_sim_relative(const double a[12], const double b[12], double R[9], double t[3]);
+void fv_sim_compose(const double a[12], const double b[12], double T[12]);
+void fv_sim_pose_rows(const struct fv_uri_pose *pose, double T[12]);
 void fv_sim_quaternion(const double R[9], double q[4]);
-/* Describe the sensor in a rig; the next sample, of a run that begins at `begin_s` (imu.c). */
-void fv_sim_imu_describe(const struct fv_sim_options *options, struct fovea_rig *rig);
-void fv_sim_imu_sample(struct fovea_source *source, double begin_s,
-                       struct fovea_imu_sample *sample);
+
+/* Cameras of the rig that the options ask for, on a body whose frame is the first camera's
+ * (rig.c). */
+enum fovea_status fv_sim_rig_describe(const struct fv_sim_options *options, struct fovea_rig *rig,
+                                      struct fovea_error *error);
+/* Add the sensors to the source's info; refuse what cannot be taken with the frames
+ * (body_sensors.c). */
+enum fovea_status fv_sim_body_sensors_open(struct fovea_source *source, struct fovea_error *error);
+void fv_sim_body_sensors_close(struct fovea_source *source);
 uint32_t fv_sim_samples(struct fovea_source *source, const struct fovea_frame *frame,
                         struct fovea_sample *samples, uint32_t count_max);
 

@@ -6,42 +6,6 @@
 
 enum { BLUR_STEPS = 8, ROLLING_ROWS = 4 };
 
-/* ---- the camera ------------------------------------------------------------------------------ */
-
-/* Calibration with the asked field of view across; coefficients like those of a common
- * machine-vision lens, scaled so that they bend equally at the edge of any field. */
-static enum fovea_status make_camera(const struct fv_sim_options *o, struct fovea_camera *camera,
-                                     struct fovea_error *error)
-{
-    const double half = 0.5 * o->fov_deg * FV_PI / 180.0;
-    double edge = fv_tan(half); /* distorted radius at the left and right edge */
-    *camera =
-        (struct fovea_camera){.width = o->width, .height = o->height, .lens = FOVEA_LENS_RADTAN};
-    camera->cx = 0.5 * (o->width - 1) + 3.2;
-    camera->cy = 0.5 * (o->height - 1) - 1.7;
-    if (o->lens == FV_SIM_LENS_RADTAN) {
-        const double scale = 0.84 / edge < 1.0 ? 0.84 / edge : 1.0, s2 = scale * scale;
-        camera->k[0] = -0.28 * s2;
-        camera->k[1] = 0.075 * s2 * s2;
-        camera->k[2] = 2e-4;
-        camera->k[3] = -1e-4;
-        const double r2 = edge * edge;
-        edge *= 1.0 + camera->k[0] * r2 + camera->k[1] * r2 * r2;
-    } else if (o->lens == FV_SIM_LENS_EQUIDISTANT) {
-        camera->lens = FOVEA_LENS_EQUIDISTANT;
-        camera->k[0] = 0.02;
-        camera->k[1] = -0.012;
-        camera->k[2] = 0.004;
-        camera->k[3] = -0.0008;
-        const double h2 = half * half;
-        edge = half * (1.0 + h2 * (camera->k[0] +
-                                   h2 * (camera->k[1] + h2 * (camera->k[2] + h2 * camera->k[3]))));
-    }
-    camera->fx = 0.5 * o->width / edge;
-    camera->fy = camera->fx * 1.001;
-    return fovea_camera_prepare(camera, error);
-}
-
 double fv_sim_frame_time(const struct fovea_source *source, uint64_t index)
 {
     const double delay = source->options.rolling ? 0.5 * source->options.readout_ms : 0.0;
@@ -60,8 +24,9 @@ static void sim_close(struct fovea_source *source)
     free(source->canvas.surface);
     free(source->exposed);
     for (int32_t i = 0; i < FOVEA_SOURCE_FRAMES_HELD; i++)
-        for (int k = 0; k < 2; k++)
+        for (int k = 0; k < FOVEA_CAMERAS_MAX; k++)
             free(source->image[i][k]);
+    fv_sim_body_sensors_close(source);
     free(source->depth_m);
     free(source->class_mask);
     free(source->object_map);
@@ -95,7 +60,7 @@ static bool allocate(struct fovea_source *source)
         source->options.height < FV_SIM_CANVAS_ROWS ? source->options.height : FV_SIM_CANVAS_ROWS;
     const size_t in_canvas = (size_t)source->options.width * (size_t)rows;
     const bool whole = source->options.blur || source->options.rolling;
-    const uint32_t cameras = source->options.baseline_m > 0 ? 2 : 1;
+    const uint32_t cameras = source->info.rig.camera_count;
     const size_t tiles = pixels / FV_SIM_TILE_PIXELS + 1;
     source->canvas = (struct fv_sim_canvas){.linear = calloc(in_canvas, sizeof(uint16_t)),
                                             .surface = calloc(in_canvas, sizeof(uint16_t)),
@@ -169,38 +134,6 @@ static enum fovea_status select_frames(struct fovea_source *source, struct fovea
     return check_time(source, error);
 }
 
-/* What cannot be taken with the frames would lag behind them without end. Wheel odometry that was
- * not asked for refuses no run. */
-static enum fovea_status check_samples(const struct fovea_source *source, struct fovea_error *error)
-{
-    const struct fv_sim_options *o = &source->options;
-    if (source->selection.reverse && o->imu_hz > 0)
-        return fovea_error_set(
-            error, FOVEA_ERROR_UNSUPPORTED,
-            "sim: imu: found %g Hz in reverse, expected 0: a sensor's samples do not turn round",
-            o->imu_hz);
-    const double samples_hz = o->wheel_odometry_hz + o->imu_hz,
-                 frames_hz = o->rate_hz / (double)source->selection.step;
-    if ((o->imu_hz <= 0 && !o->wheel_odometry_given) || source->deliverable == 1 ||
-        source->selection.reverse || samples_hz <= FOVEA_INPUT_SAMPLES_MAX * frames_hz)
-        return FOVEA_OK;
-    return fovea_error_set(
-        error, FOVEA_ERROR_INPUT,
-        "sim: imu, wheel_odometry: found %g samples per second beside %g frames, expected at most %d with each frame",
-        samples_hz, frames_hz, FOVEA_INPUT_SAMPLES_MAX);
-}
-
-/* The same camera again, to the right of the first, whose frame is the body's. */
-static void add_second(struct fovea_rig *rig, double baseline_m)
-{
-    static const double identity[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
-    rig->camera_count = 2;
-    rig->cameras[0].has_T_body_cam = true;
-    memcpy(rig->cameras[0].T_body_cam, identity, sizeof identity);
-    rig->cameras[1] = rig->cameras[0];
-    rig->cameras[1].T_body_cam[3] = baseline_m;
-}
-
 static enum fovea_status sim_open(const char *address,
                                   const struct fovea_source_selection *selection,
                                   struct fovea_source **out, struct fovea_error *error)
@@ -213,9 +146,8 @@ static enum fovea_status sim_open(const char *address,
     source->options = options;
     source->selection = selection != NULL ? *selection : (struct fovea_source_selection){.step = 1};
     status = select_frames(source, error);
-    if (status == FOVEA_OK) status = check_samples(source, error);
-    if (status == FOVEA_OK)
-        status = make_camera(&options, &source->info.rig.cameras[0].camera, error);
+    if (status == FOVEA_OK) status = fv_sim_rig_describe(&options, &source->info.rig, error);
+    if (status == FOVEA_OK) status = fv_sim_body_sensors_open(source, error);
     if (status == FOVEA_OK &&
         !fv_sim_raster_create(&source->raster, &source->info.rig.cameras[0].camera))
         status = fovea_error_set(
@@ -240,16 +172,6 @@ static enum fovea_status sim_open(const char *address,
     info->format = FOVEA_PIXEL_GREY8;
     info->rate_hz = options.rate_hz / (double)source->selection.step;
     info->frame_count = source->deliverable;
-    if (!source->selection.reverse)
-        info->sample_kinds =
-            1u << FOVEA_SAMPLE_WHEEL_ODOMETRY | (options.imu_hz > 0 ? 1u << FOVEA_SAMPLE_IMU : 0);
-    info->rig.camera_count = 1;
-    info->rig.cameras[0].calibrated = true;
-    info->rig.cameras[0].has_readout = true;
-    if (options.rolling)
-        info->rig.cameras[0].readout_ns = (int64_t)(options.readout_ms * 1e6 + 0.5);
-    if (options.imu_hz > 0) fv_sim_imu_describe(&options, &info->rig);
-    if (options.baseline_m > 0) add_second(&info->rig, options.baseline_m);
     info->has_truth = true;
     for (uint32_t i = 0; i < info->rig.camera_count; i++)
         info->cameras[i] = (struct fovea_source_camera){
@@ -300,8 +222,9 @@ void fv_sim_set_scene(struct fovea_source *source, double time_s, int32_t y_begi
     const struct fv_sim_rect bound = rows_bound(&source->raster, y_begin, y_end);
     fv_sim_world_place(&source->world, time_s);
     fv_sim_motion_pose(&source->motion, time_s, T_world_cam);
-    for (int i = 0; i < 3 && source->aside_m > 0; i++)
-        T_world_cam[4 * i + 3] += T_world_cam[4 * i] * source->aside_m;
+    if (source->camera > 0)
+        fv_sim_compose(T_world_cam, source->info.rig.cameras[source->camera].T_body_cam,
+                       T_world_cam);
     fv_sim_scene_set(&source->scene, &source->world, T_world_cam, &bound);
 }
 
@@ -370,11 +293,11 @@ static enum fovea_status sim_dequeue(struct fovea_source *source, int64_t deadli
     const uint64_t seed = o->seed ^ (index + 1) * 0x9E3779B97F4A7C15u;
     const uint32_t cameras = source->info.rig.camera_count;
     for (uint32_t k = 0; k < cameras; k++) {
-        source->aside_m = k * o->baseline_m;
+        source->camera = k;
         render_frame(source, fv_sim_frame_time(source, index), seed + k * 0xC2B2AE3D27D4EB4Fu,
                      source->image[slot][k]);
     }
-    source->aside_m = 0; /* truth is that of the first camera */
+    source->camera = 0; /* truth is that of the first camera */
     source->image_index[slot] = index;
     source->held[slot] = true;
     source->delivered++;
@@ -415,7 +338,11 @@ static enum fovea_source_state sim_state(const struct fovea_source *source)
 const struct fovea_source_ops fv_source_sim = {
     .name = "sim",
     .help =
-        "[TRAJECTORY][?OPTION=VALUE&...]  simulated camera: tour (default), orbit, corridor, rotate, stopgo, fast, kidnap, wander, still, stand; options seed width height rate frames lens fov noise blur rolling exposure readout objects textures light wheel_odometry wheel_odometry_noise imu imu_noise gyro_bias acceleration_bias imu_offset imu_offset_known turn_rate baseline time",
+        "[TRAJECTORY][?OPTION=VALUE&...]  simulated camera: tour (default), orbit, corridor, rotate, stopgo, fast, kidnap, wander, still, stand; options"
+#define FV_SIM_OPTION(name, kind, type, member, value, low, high, unit, words) " " name
+#include "options.def"
+#undef FV_SIM_OPTION
+    ,
     .open = sim_open,
     .info = sim_info,
     .start = sim_start,

@@ -62,6 +62,26 @@ static bool store_number(void *to, const struct fv_uri_option *option, const cha
     return true;
 }
 
+static bool store_pose(struct fv_uri_pose *to, const struct fv_uri_option *option, const char *text)
+{
+    double value[6] = {0, 0, 0, 0, 0, 0};
+    char word[FV_URI_WORD_BYTES];
+    int count = 0;
+    while (count < 6) {
+        const double low = count < 3 ? option->low : -180, high = count < 3 ? option->high : 180;
+        fv_uri_next_word(&text, ",", word);
+        if (!fv_text_number(word, &value[count]) || value[count] < low || value[count] > high)
+            return false;
+        count++;
+        if (*text == '\0' || count == 6) break;
+        text++;
+    }
+    if (*text != '\0' || (count != 3 && count != 6)) return false;
+    memcpy(to->position_m, value, sizeof to->position_m);
+    memcpy(to->rotation_deg, value + 3, sizeof to->rotation_deg);
+    return true;
+}
+
 /* Behind the point, for a bound: none where it is whole. */
 static int digits_of(double bound)
 {
@@ -73,9 +93,18 @@ static enum fovea_status store(const struct fv_uri_table *table, const struct fv
 {
     char quoted[FV_TEXT_QUOTED_BYTES];
     void *to = (char *)options + option->offset;
-    const bool word = option->kind == FV_URI_WORD;
-    if (word ? store_word(to, option, value) : store_number(to, option, value)) return FOVEA_OK;
+    const bool word = option->kind == FV_URI_WORD, pose = option->kind == FV_URI_POSE;
+    if (word   ? store_word(to, option, value)
+        : pose ? store_pose(to, option, value)
+               : store_number(to, option, value))
+        return FOVEA_OK;
     fv_text_quote(value, quoted, sizeof quoted);
+    if (pose)
+        return fovea_error_set(
+            error, FOVEA_ERROR_INPUT,
+            "%s: %s: found %s, expected X,Y,Z or X,Y,Z,RX,RY,RZ in [%.*f, %.*f] metres and [-180, 180] degrees (%s)",
+            table->scheme, option->name, quoted, digits_of(option->low), option->low,
+            digits_of(option->high), option->high, option->unit);
     if (word)
         return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: %s: found %s, expected %s",
                                table->scheme, option->name, quoted, option->unit);

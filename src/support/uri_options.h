@@ -16,6 +16,13 @@ enum fv_uri_kind {
     FV_URI_REAL, /* double */
     FV_URI_FLAG, /* bool */
     FV_URI_WORD, /* int32_t (or an enum): index in `words` */
+    FV_URI_POSE, /* struct fv_uri_pose: X,Y,Z or X,Y,Z,RX,RY,RZ */
+};
+
+/* Where something is fixed: low to high of its option hold for the position; rotations about the x,
+ * y and z axis, each at most 180 degrees either way, about fixed axes in this order. */
+struct fv_uri_pose {
+    double position_m[3], rotation_deg[3];
 };
 
 struct fv_uri_option {

@@ -219,6 +219,85 @@ static void test_second_camera(void **state)
     close_source(source);
 }
 
+/* Mean difference of grey levels where camera `from` and camera `to` see the same: by the depth of
+ * `from`, or (NULL) of cameras with one centre. `*count`: pixels that both see. */
+static double difference(const struct fovea_frame *frame, const struct fovea_rig *rig, int from,
+                         int to, const float *depth_m, int *count)
+{
+    const struct fovea_image *image = &frame->images[from];
+    const double *A = rig->cameras[from].T_body_cam, *B = rig->cameras[to].T_body_cam;
+    double sum = 0;
+    *count = 0;
+    for (int y = 0; y < image->height; y++)
+        for (int x = 0; x < image->width; x++) {
+            double b[3], body[3], p[3], pixel[2];
+            const double z = depth_m != NULL ? (double)depth_m[y * image->width + x] : 1;
+            if (fovea_camera_unproject(&rig->cameras[from].camera, (const double[2]){x, y}, b,
+                                       NULL) != FOVEA_OK)
+                continue;
+            for (int i = 0; i < 3; i++)
+                body[i] = (A[4 * i] * b[0] + A[4 * i + 1] * b[1] + A[4 * i + 2] * b[2]) * z / b[2] +
+                          A[4 * i + 3] - B[4 * i + 3];
+            for (int i = 0; i < 3; i++)
+                p[i] = B[i] * body[0] + B[4 + i] * body[1] + B[8 + i] * body[2];
+            if (p[2] < 0.1 ||
+                fovea_camera_project(&rig->cameras[to].camera, p, pixel, NULL) != FOVEA_OK)
+                continue;
+            const int u = (int)floor(pixel[0]), v = (int)floor(pixel[1]);
+            if (u < 0 || v < 0 || u + 1 >= image->width || v + 1 >= image->height) continue;
+            const uint8_t *at = frame->images[to].data + v * image->width + u;
+            const double fu = pixel[0] - u, fv = pixel[1] - v;
+            const double there = (1 - fv) * ((1 - fu) * at[0] + fu * at[1]) +
+                                 fv * ((1 - fu) * at[image->width] + fu * at[image->width + 1]);
+            sum += fabs(image->data[y * image->width + x] - there);
+            ++*count;
+        }
+    return sum / (*count > 0 ? *count : 1);
+}
+
+/* Cameras stand in any pose on the body: toed and tilted ones see what the first sees, moved by its
+ * depth, and four that look ahead, right, back and left see all round without a gap. */
+static void test_rig(void **state)
+{
+    (void)state;
+    static struct fovea_truth truth;
+    struct fovea_frame frame;
+    int count;
+    struct fovea_source *source = open_source(
+        "orbit?width=320&height=240&noise=0&lens=pinhole&objects=0&camera2=0.2,0.05,-0.1,4,-8,6&"
+        "camera3=-0.15,-0.1,0.05,-6,10,-90&camera4=0,0,0",
+        NULL);
+    const struct fovea_rig *rig = &sim_ops()->info(source)->rig;
+    assert_int_equal(rig->camera_count, 4);
+    assert_int_equal(sim_ops()->dequeue(source, 0, &frame), FOVEA_OK);
+    assert_int_equal(frame.image_count, 4);
+    assert_memory_equal(frame.images[0].data, frame.images[3].data, 320 * 240);
+    assert_int_equal(sim_ops()->truth(source, &frame, &truth), FOVEA_OK);
+    for (int k = 1; k < 3; k++) {
+        const double moved = difference(&frame, rig, 0, k, truth.depth_m, &count);
+        print_message("camera %d: %d pixels in common, off by %.2f grey levels\n", k + 1, count,
+                      moved);
+        assert_true(count > 30000 && moved < 6);
+    }
+    sim_ops()->requeue(source, &frame);
+    close_source(source);
+    source = open_source("wander?width=320&height=240&noise=0&lens=pinhole&fov=100&objects=0&"
+                         "camera2=0,0,0,0,90,0&camera3=0,0,0,0,180,0&camera4=0,0,0,0,-90,0",
+                         NULL);
+    rig = &sim_ops()->info(source)->rig;
+    assert_int_equal(sim_ops()->dequeue(source, 0, &frame), FOVEA_OK);
+    assert_true(rig->cameras[1].T_body_cam[2] > 1 - 1e-12);
+    assert_true(rig->cameras[2].T_body_cam[10] < -1 + 1e-12);
+    for (int k = 0; k < 4; k++) {
+        const double seam = difference(&frame, rig, k, (k + 1) % 4, NULL, &count);
+        print_message("cameras %d and %d: %d pixels at the seam, off by %.2f grey levels\n", k + 1,
+                      (k + 1) % 4 + 1, count, seam);
+        assert_true(count > 1000 && seam < 6);
+        assert_true(difference(&frame, rig, k, (k + 2) % 4, NULL, &count) == 0 && count == 0);
+    }
+    close_source(source);
+}
+
 static void test_frames_say_what_they_are(void **state)
 {
     (void)state;
@@ -333,6 +412,7 @@ int main(void)
         cmocka_unit_test(test_frames_say_what_they_are),
         cmocka_unit_test(test_noise),
         cmocka_unit_test(test_second_camera),
+        cmocka_unit_test(test_rig),
         cmocka_unit_test(test_timing),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -76,6 +76,13 @@ static void rows_of(const double q[4], double R[9])
     memcpy(R, rows, sizeof rows);
 }
 
+/* True pose of the sensor. */
+static void true_pose(const struct fovea_source *source, double time_s, double T_world_imu[12])
+{
+    fv_sim_motion_pose(&source->motion, time_s, T_world_imu);
+    fv_sim_compose(T_world_imu, ops->info(source)->rig.imu.T_body_imu, T_world_imu);
+}
+
 /* From the true pose and velocity at `begin_s`, through samples 1 to `last`: how far the pose is
  * off the true one then. */
 static void integrate(const struct fovea_source *source, double begin_s, uint32_t last,
@@ -83,9 +90,9 @@ static void integrate(const struct fovea_source *source, double begin_s, uint32_
 {
     const double step_s = 1.0 / RATE_HZ;
     double T[12], q[4], R[9], p[3], v[3], before[12], after[12];
-    fv_sim_motion_pose(&source->motion, begin_s, T);
-    fv_sim_motion_pose(&source->motion, begin_s - 1e-4, before);
-    fv_sim_motion_pose(&source->motion, begin_s + 1e-4, after);
+    true_pose(source, begin_s, T);
+    true_pose(source, begin_s - 1e-4, before);
+    true_pose(source, begin_s + 1e-4, after);
     const double first[9] = {T[0], T[1], T[2], T[4], T[5], T[6], T[8], T[9], T[10]};
     fv_sim_quaternion(first, q);
     for (int i = 0; i < 3; i++) {
@@ -106,7 +113,7 @@ static void integrate(const struct fovea_source *source, double begin_s, uint32_
             v[i] += a * step_s;
         }
     }
-    fv_sim_motion_pose(&source->motion, begin_s + (double)last * step_s, T);
+    true_pose(source, begin_s + (double)last * step_s, T);
     rows_of(q, R);
     double off2 = 0, trace = 0;
     for (int i = 0; i < 3; i++) {
@@ -132,6 +139,8 @@ static void ideal_samples_give_the_motion_back(void **state)
         {"stopgo?", 0, 0},
         {"orbit?imu_offset=12.5&", 0.0125, 12500000},
         {"orbit?imu_offset=-7&imu_offset_known=0&", -0.007, 0},
+        {"orbit?imu_pose=0.3,-0.2,0.5,20,-35,140&", 0, 0},
+        {"fast?turn_rate=300&imu_pose=-0.4,0.1,0.3,90,0,-90&", 0, 0},
     };
     (void)state;
     for (size_t i = 0; i < sizeof runs / sizeof runs[0]; i++) {
@@ -145,12 +154,55 @@ static void ideal_samples_give_the_motion_back(void **state)
         assert_true(count > 5900);
         integrate(source, fv_sim_frame_time(source, 0) + runs[i].offset_s, count - 1, &off_m,
                   &off_deg);
-        print_message("%-42s %u samples, off by %.4f mm, %.5f degrees\n", runs[i].address, count,
+        print_message("%-50s %u samples, off by %.4f mm, %.5f degrees\n", runs[i].address, count,
                       1e3 * off_m, off_deg);
         assert_true(off_m < 1e-3 && off_deg < 0.01);
         assert_true(ops->info(source)->rig.imu.time_offset_ns == runs[i].stated_ns);
         close_source(source);
     }
+}
+
+static void cross(const double a[3], const double b[3], double out[3])
+{
+    for (int i = 0; i < 3; i++)
+        out[i] = a[(i + 1) % 3] * b[(i + 2) % 3] - a[(i + 2) % 3] * b[(i + 1) % 3];
+}
+
+/* Beside the body's origin, at the arm r, the sensor reads w x (w x r) + dw/dt x r more. */
+static void an_arm_adds_what_turning_accelerates(void **state)
+{
+    static const char at_origin[] =
+        "fast?turn_rate=300&width=64&height=64&imu=200&imu_noise=0&wheel_odometry=0&objects=0";
+    static const double arm[3] = {0.4, -0.3, 0.2};
+    static struct fovea_imu_sample origin[SAMPLES_MAX];
+    char address[160];
+    double largest = 0, off = 0;
+    (void)state;
+    struct fovea_source *source = open_source(at_origin);
+    const uint32_t count = take_samples(source, 200);
+    close_source(source);
+    memcpy(origin, list, sizeof origin);
+    snprintf(address, sizeof address, "%s&imu_pose=0.4,-0.3,0.2", at_origin);
+    source = open_source(address);
+    assert_int_equal(take_samples(source, 200), count);
+    close_source(source);
+    for (uint32_t k = 1; k + 1 < count; k++) {
+        double faster[3], tangential[3], velocity[3], centripetal[3];
+        for (int i = 0; i < 3; i++)
+            faster[i] = (origin[k + 1].gyro[i] - origin[k - 1].gyro[i]) * RATE_HZ / 2;
+        cross(faster, arm, tangential);
+        cross(origin[k].gyro, arm, velocity);
+        cross(origin[k].gyro, velocity, centripetal);
+        for (int i = 0; i < 3; i++) {
+            assert_true(fabs(list[k].gyro[i] - origin[k].gyro[i]) < 1e-9);
+            const double more = tangential[i] + centripetal[i],
+                         read = list[k].acceleration[i] - origin[k].acceleration[i];
+            largest = fmax(largest, fabs(more));
+            off = fmax(off, fabs(read - more));
+        }
+    }
+    print_message("an arm adds up to %.2f m/s^2, off by at most %.3f\n", largest, off);
+    assert_true(largest > 8 && off < 0.012 * largest);
 }
 
 /* At rest and without noise only gravity and the biases are read: others for each seed, of the
@@ -219,6 +271,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(ideal_samples_give_the_motion_back),
+        cmocka_unit_test(an_arm_adds_what_turning_accelerates),
         cmocka_unit_test(biases_begin_as_asked_for),
         cmocka_unit_test(who_is_carried_off_reads_rest),
     };

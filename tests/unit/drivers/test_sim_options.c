@@ -74,6 +74,15 @@ static const struct {
     {"orbit?imu_offset=101", {"imu_offset", "'101'", "[-100, 100]"}},
     {"orbit?gyro_bias=-1", {"gyro_bias", "'-1'", "[0, 1]"}},
     {"orbit?seed=1&=3", {"option", "''", "seed"}},
+    {"orbit?camera2=1,2", {"camera2", "'1,2'", "X,Y,Z or X,Y,Z,RX,RY,RZ in [-10, 10] metres"}},
+    {"orbit?camera2=1,2,3,4", {"camera2", "'1,2,3,4'", "[-180, 180] degrees"}},
+    {"orbit?camera2=1,2,3,4,5,6,", {"camera2", "'1,2,3,4,5,6,'", "second camera"}},
+    {"orbit?camera2=11,0,0", {"camera2", "'11,0,0'", "[-10, 10]"}},
+    {"orbit?camera2=0,0,0,0,181,0", {"camera2", "181", "[-180, 180]"}},
+    {"orbit?imu_pose=0,a,0", {"imu_pose", "'0,a,0'", "of the sensor"}},
+    {"orbit?camera3=0,0,0", {"sim: camera3:", "without camera2", "both"}},
+    {"orbit?camera2=0,0,0&camera4=0,0,0", {"sim: camera4:", "without camera3", "both"}},
+    {"orbit?camera2=0.1,0,0&baseline=0.1", {"sim: baseline:", "0.1 beside camera2", "one of"}},
 };
 
 static void test_wrong_ones_are_refused(void **state)
