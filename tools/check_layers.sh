@@ -95,56 +95,6 @@ grep -rnoE --include='*.[ch]' --include='*.cpp' '^ *# *include "[^"]+"' drivers 
         esac
     done >>"$offences"
 
-# A static function needs no prefix: fv_ and fovea_ are for those that other files call.
-grep -rnE --include='*.c' --include='*.cpp' '^static [^=;]*[ *](fv|fovea)_[a-z0-9_]+\(' src drivers |
-    sed -E 's/^([^:]*:[0-9]+):.*[ *]((fv|fovea)_[a-z0-9_]+)\(.*/\1: static function \2 with the prefix of shared ones/' >>"$offences" || true
-
-# fovea_ and FOVEA_ are for what is installed: each word of the code that begins so is one of include/fovea/ (there in full, or as a prefix
-# that a list pastes names to), of a message type, an include guard, or one of these: what the plug-ins export, and the sanitizers' builds.
-exported='fovea_video_plugin_2|fovea_lettering|FOVEA_SANITIZED'
-installed=$(mktemp)
-trap 'rm -f "$offences" "$installed"' EXIT
-grep -ohE '\b(fovea|FOVEA)_[A-Za-z0-9_]+(##)?' include/fovea/*.h | sort -u >"$installed"
-types=$(find include/lcmtypes -name 'fovea_*.lcm' | sed 's|.*/\(.*\)\.lcm|\1##|')
-printf '%s\n' "$types" >>"$installed"
-printf '%s\n' "$types" | tr a-z A-Z >>"$installed"
-find src drivers tools \( -name '*.[ch]' -o -name '*.cpp' -o -name '*.def' \) -exec awk -v exported="^($exported)\$" '
-    function known(word,    bytes) {
-        if (word in names || word ~ exported || word ~ /^FOVEA_.*_H$/) return 1
-        for (bytes = length(word); bytes > 6; bytes--)
-            if (substr(word, 1, bytes) in prefixes) return 1
-        return 0
-    }
-    FILENAME == ARGV[1] {
-        if (sub(/##$/, "")) prefixes[$0]
-        else names[$0]
-        next
-    }
-    FNR == 1 { comment = 0 }
-    /^ *# *include/ { next }
-    {
-        code = ""
-        for (rest = $0; rest != "";)
-            if (comment) {
-                if ((end = index(rest, "*/")) == 0) break
-                rest = substr(rest, end + 2)
-                comment = 0
-            } else if (match(rest, /\/\*|\/\/|"([^"\\]|\\.)*"|\047([^\047\\]|\\.)+\047/)) {
-                code = code substr(rest, 1, RSTART - 1) " "
-                kind = substr(rest, RSTART, 2)
-                comment = kind == "/*"
-                rest = kind == "//" ? "" : substr(rest, RSTART + RLENGTH)
-            } else {
-                code = code rest
-                rest = ""
-            }
-        for (; match(code, /[A-Za-z0-9_]+/); code = substr(code, RSTART + RLENGTH)) {
-            word = substr(code, RSTART, RLENGTH)
-            if (word ~ /^(fovea|FOVEA)_./ && !known(word))
-                printf "%s:%d: %s is not in include/fovea/: names that are not installed begin with fv_ or FV_\n", FILENAME, FNR, word
-        }
-    }' "$installed" {} + >>"$offences"
-
 if [ -s "$offences" ]; then
     cat "$offences"
     exit 1

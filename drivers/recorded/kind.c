@@ -47,7 +47,9 @@ static bool has_images(const char *path)
     return found;
 }
 
-const char *fv_kind_of(const char *path)
+/* The name of the source that plays it: "euroc", "tum", "kitti", "lcmlog", "images"; NULL: none is
+ * known. */
+static const char *kind_of(const char *path)
 {
     if (holds(path, "mav0/cam0/data.csv") || holds(path, "cam0/data.csv")) return "euroc";
     if (holds(path, "rgb.txt")) return "tum";
@@ -60,7 +62,7 @@ const char *fv_kind_of(const char *path)
 enum fovea_status fv_kind_hint(const char *name, const char *path, enum fovea_status status,
                                struct fovea_error *error)
 {
-    const char *kind = status == FOVEA_OK || error == NULL ? NULL : fv_kind_of(path);
+    const char *kind = status == FOVEA_OK || error == NULL ? NULL : kind_of(path);
     if (kind == NULL || strcmp(kind, name) == 0) return status;
     const size_t used = strlen(error->text);
     snprintf(error->text + used, sizeof error->text - used, "; this looks like %s:%.200s", kind,

@@ -5,10 +5,6 @@
 
 #include "fovea/status.h"
 
-/* The name of the source that plays it: "euroc", "tum", "kitti", "lcmlog", "images"; NULL: none is
- * known. */
-const char *fv_kind_of(const char *path);
-
 /* Append "; this looks like KIND:PATH" to the error of a source `name` that could not open `path`,
  * where it looks like another kind. Returns the error's status. */
 enum fovea_status fv_kind_hint(const char *name, const char *path, enum fovea_status status,

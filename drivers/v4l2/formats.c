@@ -22,12 +22,12 @@
 #define TABLE_ROW(name, fourcc, format) {name, fourcc, format},
 #define NAME_ROW(name, fourcc, format) name,
 const struct fv_v4l2_format fv_v4l2_formats[] = {FORMATS(TABLE_ROW)};
-const size_t fv_v4l2_format_count = sizeof fv_v4l2_formats / sizeof fv_v4l2_formats[0];
+static const size_t format_count = sizeof fv_v4l2_formats / sizeof fv_v4l2_formats[0];
 const char *const fv_v4l2_format_names[] = {"any", FORMATS(NAME_ROW) NULL};
 
 const struct fv_v4l2_format *fv_v4l2_format_by_fourcc(uint32_t fourcc)
 {
-    for (size_t i = 0; i < fv_v4l2_format_count; i++)
+    for (size_t i = 0; i < format_count; i++)
         if (fv_v4l2_formats[i].fourcc == fourcc) return &fv_v4l2_formats[i];
     return NULL;
 }

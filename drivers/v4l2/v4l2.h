@@ -47,7 +47,6 @@ struct fv_v4l2_format {
 
 /* In the order of preference when none is asked for. */
 extern const struct fv_v4l2_format fv_v4l2_formats[];
-extern const size_t fv_v4l2_format_count;
 /* "any" and the names of fv_v4l2_formats, ended by NULL. */
 extern const char *const fv_v4l2_format_names[];
 

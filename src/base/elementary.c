@@ -139,29 +139,6 @@ double fv_atan2(double y, double x)
     return y < 0 ? -(head + rest) : head + rest;
 }
 
-/* sqrt(1 - v^2) without cancellation. */
-static double other_leg(double v)
-{
-    return __builtin_sqrt(v > -0.5 && v < 0.5 ? 1.0 - v * v : (1.0 - v) * (1.0 + v));
-}
-
-static double clamp_unit(double v)
-{
-    return v > 1.0 ? 1.0 : v >= -1.0 ? v : -1.0;
-}
-
-double fv_acos(double cosine)
-{
-    cosine = clamp_unit(cosine);
-    return fv_atan2(other_leg(cosine), cosine);
-}
-
-double fv_asin(double sine)
-{
-    sine = clamp_unit(sine);
-    return fv_atan2(sine, other_leg(sine));
-}
-
 /* ---- exponential and logarithm --------------------------------------------------------------- */
 
 static const double ln2_head = 0x1.62e42feep-1, ln2_tail = 0x1.a39ef35793c76p-33;

@@ -25,10 +25,6 @@ double fv_tan(double angle_rad);
 /* As C's atan2 for finite arguments, with atan2(0, 0) = 0; result in [-pi, pi]. */
 double fv_atan2(double y, double x);
 
-/* Arguments are clamped to [-1, 1]. */
-double fv_acos(double cosine);
-double fv_asin(double sine);
-
 /* exp: argument clamped to [-708, 709]. log: of the argument clamped to at least 2^-1022. */
 double fv_exp(double exponent);
 double fv_log(double positive);

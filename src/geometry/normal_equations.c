@@ -8,21 +8,6 @@ void fv_normal_clear(const struct fv_normal *n)
     if (n->g) memset(n->g, 0, (size_t)n->size * sizeof *n->g);
 }
 
-void fv_normal_add(const struct fv_normal *n, const struct fv_residual_block *blocks, int count,
-                   const double *error, int m)
-{
-    for (int i = 0; i < count; i++) {
-        const struct fv_residual_block *a = &blocks[i];
-        fv_normal_add_one(n, a->first, a->size, a->J, a->WJ, error, m, NULL);
-        for (int k = 0; k < count; k++) {
-            const struct fv_residual_block *b = &blocks[k];
-            if (b->first < a->first)
-                fv_block_add_inner(n->H + a->first * n->size + b->first, n->size, a->WJ, a->size,
-                                   b->J, b->size, m, 1, false);
-        }
-    }
-}
-
 void fv_normal_damp(const struct fv_normal *n, double fraction, double extra)
 {
     for (int k = 0; k < n->size; k++) {
@@ -146,18 +131,6 @@ void fv_landmark_step(int landmark_size, const double *v, const double *gradient
 }
 
 /* ---- solution -------------------------------------------------------------------------------- */
-
-bool fv_normal_factor_more(const struct fv_normal *n, int *column, int multiplications)
-{
-    int end = *column, cost = 0;
-    while (end < n->size && cost < multiplications) {
-        cost += (end + 1) * (n->size - end); /* of this column */
-        end++;
-    }
-    if (!fv_ldlt_columns(n->H, n->size, *column, end)) return false;
-    *column = end;
-    return true;
-}
 
 bool fv_normal_solve(const struct fv_normal *n, double *x)
 {

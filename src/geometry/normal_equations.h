@@ -83,22 +83,14 @@ struct fv_normal {
     int size;  /* [1, FV_NORMAL_SIZE_MAX] */
 };
 
-/* A block that a residual depends on: rows [first, first + size) of the system, J and W J (m x
- * size, row-major). */
-struct fv_residual_block {
-    const double *J, *WJ;
-    int first, size;
-};
-
 /* H = 0, g = 0. */
 void fv_normal_clear(const struct fv_normal *normal);
 
-/* Add a residual of m rows that depends on `count` blocks, which do not overlap, in any order. */
-void fv_normal_add(const struct fv_normal *normal, const struct fv_residual_block *blocks,
-                   int count, const double *error, int m);
-
-/* The same for one block, inlined. Unless `damping` is NULL, its product with what the residual
- * adds to the diagonal is added as well: a system that is built so needs no fv_normal_damp. */
+/* Add a residual of m rows that depends on the variables [first, first + size), by J and W J (m x
+ * size, row-major), inlined. One that depends on several blocks is added to each; the block of H
+ * between two, a after b, is fv_block_add_inner of W J of a and J of b. Unless `damping` is NULL,
+ * its product with what the residual adds to the diagonal is added as well: a system that is built
+ * so needs no fv_normal_damp. */
 FV_BLOCK_INLINE void fv_normal_add_one(const struct fv_normal *normal, int first, int size,
                                        const double *J, const double *WJ, const double *error,
                                        int m, const double *damping)
@@ -159,14 +151,9 @@ void fv_landmark_step(int landmark_size, const double *inverse, const double *gr
 
 /* ---- solution -------------------------------------------------------------------------------- */
 
-/* Factor H in place as fv_ldlt_factor does, from `*column` on: 0 at first, and `size` when all is
- * done. Stops after the column that uses up `multiplications`; call it again until `*column` is
- * `size`. False: the system is singular, not positive definite or not finite, and no more calls are
- * allowed. */
-bool fv_normal_factor_more(const struct fv_normal *normal, int *column, int multiplications);
-
-/* Factor H at once and solve: x = H^-1 g. False as above, or when g is not finite; x is then
- * untouched. x may be g. */
+/* Factor H in place (fv_ldlt_factor; fv_ldlt_columns does it in units) and solve: x = H^-1 g.
+ * False: the system is singular, not positive definite or not finite; x is then untouched. x may be
+ * g. */
 bool fv_normal_solve(const struct fv_normal *normal, double *x);
 
 /* ---- damping --------------------------------------------------------------------------------- */

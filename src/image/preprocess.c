@@ -76,7 +76,8 @@ static enum fovea_status check_parameters(const struct fovea_preprocess_config *
     return FOVEA_OK;
 }
 
-enum fovea_status fv_preprocess_check(const struct fovea_preprocess_config *config,
+/* Whether every parameter is in its range; `error` names the first that is not. Init-only. */
+static enum fovea_status check_config(const struct fovea_preprocess_config *config,
                                       struct fovea_error *error)
 {
     enum fovea_status status = check_parameters(config, error);
@@ -219,7 +220,7 @@ static struct fovea_preprocess *carve(const struct fovea_preprocess_config *conf
 static enum fovea_status check_all(const struct fovea_preprocess_config *config, int32_t width,
                                    int32_t height, struct fovea_error *error)
 {
-    enum fovea_status status = fv_preprocess_check(config, error);
+    enum fovea_status status = check_config(config, error);
     if (status == FOVEA_OK)
         status = check_range("width", width, FOVEA_IMAGE_WIDTH_MIN, FOVEA_IMAGE_WIDTH_MAX, error);
     if (status == FOVEA_OK)

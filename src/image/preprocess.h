@@ -26,10 +26,6 @@ struct fv_preprocess {
     struct fv_contrast contrast; /* carved where the chain has it */
 };
 
-/* Whether every parameter is in its range; `error` names the first that is not. Init-only. */
-enum fovea_status fv_preprocess_check(const struct fovea_preprocess_config *config,
-                                      struct fovea_error *error);
-
 /* Take the memory of a checked chain for planes of width x height. Init-only. */
 void fv_preprocess_carve(struct fv_preprocess *chain, const struct fovea_preprocess_config *config,
                          int32_t width, int32_t height, struct fv_arena *arena);

@@ -58,11 +58,6 @@ struct fv_difference {
     char expected[FV_FIELD_VALUE_BYTES], found[FV_FIELD_VALUE_BYTES];
 };
 
-/* Whether a field describes the moment or the machine, not the run, so that another run of the same
- * inputs fills it otherwise: the readings of clocks in fovea.statistics_t, its version and its
- * kernel set. `path` as in struct fovea_field. */
-bool fv_message_field_is_volatile(const struct fovea_type *type, const char *path);
-
 /* Compare two messages bit for bit, all but the volatile fields. True: equal. False: the first
  * field that differs, and both values. */
 bool fv_message_compare(const uint8_t *expected, size_t expected_bytes, const uint8_t *found,

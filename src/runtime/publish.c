@@ -125,11 +125,6 @@ static struct fv_se3 usable_T_body_cam(const struct fv_publish *publish)
     return T_body_cam;
 }
 
-struct fv_se3 fv_publish_T_odom_world(const struct fv_publish *publish)
-{
-    return usable_T_body_cam(publish);
-}
-
 /* T_odom_cam = B T_world_cam and T_odom_body = B T_world_cam B^-1 with B = T_body_cam. */
 struct fv_se3 fv_publish_child_pose(const struct fv_publish *publish, enum fv_publish_child child)
 {

@@ -76,7 +76,6 @@ void fv_publish_covariance(const struct fv_publish *publish, enum fv_publish_chi
 struct fv_se3 fv_publish_keyframe_pose(const struct fv_publish *publish,
                                        enum fv_publish_child child);
 struct fv_publish_change fv_publish_last_change(const struct fv_publish *publish);
-struct fv_se3 fv_publish_T_odom_world(const struct fv_publish *publish);
 /* S_map_odom in the published unit. */
 struct fv_sim3 fv_publish_map(const struct fv_publish *publish);
 /* S_map_own: from the own frame and unit of the current map to `map`. */

@@ -63,7 +63,9 @@ static int claim(const char *part, mode_t mode)
     return -1;
 }
 
-bool fv_output_locked(const char *path)
+/* Whether some program holds the lock of the file at `path`. A file that cannot be opened is not
+ * locked. */
+static bool is_locked(const char *path)
 {
     const int file = open(path, O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
     if (file < 0) return false;
@@ -141,7 +143,7 @@ static int open_named(struct fv_output *output, enum fv_output_kind kind)
     if (output->file < 0) return errno;
     output->named = true;
     if (replaces && fchmod(output->file, there.st_mode & 0777) != 0) return errno;
-    if (fv_output_locked(output->path)) return EBUSY;
+    if (is_locked(output->path)) return EBUSY;
     return kind == FV_OUTPUT_WHOLE ? 0 : fv_output_place(output);
 }
 
@@ -155,7 +157,7 @@ static int open_end(struct fv_output *output)
     if (output->file < 0) return errno;
     output->named = output->placed = true;
     if (fstat(output->file, &about) != 0 || !S_ISREG(about.st_mode)) return ENODEV;
-    if (!lock(output->file) || !names(output->path, output->file) || fv_output_locked(output->part))
+    if (!lock(output->file) || !names(output->path, output->file) || is_locked(output->part))
         return EBUSY;
     return lseek(output->file, 0, SEEK_END) < 0 ? errno : 0;
 }
@@ -235,7 +237,8 @@ FILE *fv_output_stream(struct fv_output *output)
     return output->stream;
 }
 
-bool fv_output_sync_folder(const char *path)
+/* Sync the folder that `path` is in, so that a power cut does not undo a rename. */
+static bool sync_folder(const char *path)
 {
     char folder[FV_OUTPUT_PATH_BYTES];
     const char *slash = strrchr(path, '/');
@@ -273,7 +276,7 @@ enum fovea_status fv_output_close(struct fv_output *output, struct fovea_error *
     if (output->file < 0) return FOVEA_OK;
     int why = flush(output);
     if (why == 0) why = fv_output_place(output);
-    const bool synced = !output->placed || fv_output_sync_folder(output->path);
+    const bool synced = !output->placed || sync_folder(output->path);
     const bool left = output->named && !output->placed && names(output->part, output->file);
     if (left) unlink(output->part);
     const int closed = close_file(output);

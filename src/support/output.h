@@ -62,17 +62,11 @@ void fv_output_discard(struct fv_output *output);
 /* Whether its name still leads to it: false when it was deleted, moved or replaced. */
 bool fv_output_there(const struct fv_output *output);
 
-/* Sync the folder that `path` is in, so that a power cut does not undo a rename. */
-bool fv_output_sync_folder(const char *path);
-
 /* Create PATH exclusively and lock it, for a name that nothing has yet. EEXIST and other reasons
  * are returned; 0: it is open. */
 int fv_output_create(struct fv_output *output, const char *path);
 /* Give an output that is in its place another name in the same folder; the lock stays. 0 or errno:
  * EEXIST when the name is taken. */
 int fv_output_rename(struct fv_output *output, const char *path);
-/* Whether some program holds the lock of the file at `path`. A file that cannot be opened is not
- * locked. */
-bool fv_output_locked(const char *path);
 
 #endif

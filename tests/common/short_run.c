@@ -3,6 +3,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 
 #include "app/record/recorder.h"
 #include "common/detector.h"
@@ -118,7 +119,8 @@ static void record_turns(const struct short_run *run, struct fovea *rt,
         fovea_grants_fixed(config, &inputs.grants);
         uint32_t granted = run->features - 50 + n;
         inputs.grants.features = granted < run->features ? granted : run->features;
-        fv_recorder_pace(recorder);
+        while (!fv_recorder_room(recorder))
+            nanosleep(&(struct timespec){.tv_nsec = 1000000}, NULL);
         fovea_step(rt, &inputs, &outputs);
         fv_recorder_step(recorder, &inputs, &outputs);
         struct fovea_grants grants = inputs.grants;

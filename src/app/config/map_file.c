@@ -67,19 +67,6 @@ enum fovea_status fv_map_file_probe(const char *path, struct fovea_error *error)
     return status == FOVEA_OK ? FOVEA_OK : FOVEA_ERROR_INPUT;
 }
 
-enum fovea_status fv_map_file_write(const char *path, const uint8_t *data, size_t bytes,
-                                    struct fovea_error *error)
-{
-    struct fv_output output;
-    if (fv_output_open(&output, path, FV_OUTPUT_WHOLE, error) != FOVEA_OK)
-        return FOVEA_ERROR_SYSTEM;
-    if (write_all(output.file, data, bytes)) return fv_output_close(&output, error);
-    const int reason = errno;
-    fv_output_discard(&output);
-    return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%.200s: the map cannot be written: %s", path,
-                           strerror(reason));
-}
-
 /* ---- keeping older ones ---------------------------------------------------------------------- */
 
 static bool older_name(char name[FV_OUTPUT_PART_BYTES], const char *path, uint32_t number)

@@ -23,7 +23,8 @@ enum fovea_status fv_map_file_probe(const char *path, struct fovea_error *error)
  * to PATH.small.1 and so on, unless `overwrite`: a run that was lost, or a reset before a save,
  * shall not push out what was built in hours. A file that is cut or damaged counts as no map.
  *
- * While another program saves there, it is waited for, at most 2 s. No heap call.
+ * The temporary name is PATH.part; one that an earlier death left is removed. While another program
+ * saves there, it is waited for, at most 2 s. No heap call.
  * FOVEA_ERROR_SYSTEM: PATH is as it was; `error` names it and the reason. */
 struct fv_map_file_rules {
     uint32_t keep; /* 1 to FV_MAP_FILE_KEEP_MAX */
@@ -41,12 +42,6 @@ enum { FV_MAP_FILE_KEEP_MAX = 10 };
 enum fovea_status fv_map_file_save(const char *path, const struct fv_map_file_rules *rules,
                                    const uint8_t *data, size_t bytes,
                                    struct fv_map_file_saved *saved, struct fovea_error *error);
-
-/* Replace the file by these bytes and keep nothing. The temporary name is PATH.part; one that an
- * earlier death left is removed. FOVEA_ERROR_SYSTEM: the file is as it was; `error` names it
- * and the reason. */
-enum fovea_status fv_map_file_write(const char *path, const uint8_t *data, size_t bytes,
-                                    struct fovea_error *error);
 
 /* Read a whole file into memory from malloc. FOVEA_ERROR_INPUT: not there, no regular file, or
  * larger than any map. */

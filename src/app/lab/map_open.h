@@ -8,8 +8,6 @@
 #include "fovea/odometry.h"
 #include "map/archive.h"
 
-enum { FV_MAP_PANEL_WIDTH = 900, FV_MAP_PANEL_HEIGHT = 684 }; /* of one view */
-
 struct fv_map_open {
     struct fv_archive_info info;
     struct fovea_camera camera; /* of the map */
@@ -41,9 +39,5 @@ void fv_map_open_centre(const struct fv_map_open *open, uint32_t slot, double ce
 /* Top and side view of one map as PNG (map_picture.c). */
 enum fovea_status fv_map_picture(const struct fv_map_open *open, const char *name, uint32_t map_id,
                                  const char *path, struct fovea_error *error);
-/* The same on a canvas, to be freed by the caller; `panel_count` 1: only from above.
- * FOVEA_ERROR_SYSTEM: no memory. */
-enum fovea_status fv_map_panel(struct fv_canvas *canvas, const struct fv_map_open *open,
-                               const char *name, uint32_t map_id, int panel_count);
 
 #endif

@@ -14,9 +14,10 @@
 #define PATH 0x1f5fa8
 
 enum {
-    WIDTH = FV_MAP_PANEL_WIDTH,
+    WIDTH = 900,
     TOP = 64,
-    PANEL = FV_MAP_PANEL_HEIGHT - TOP,
+    PANELS = 2,
+    PANEL = 620,
     EDGE = 24,
     COVISIBLE_MIN = 30,
     NEIGHBOURS_MAX = 64
@@ -160,10 +161,11 @@ static void draw_graph(struct fv_canvas *canvas, const struct fv_map_open *open,
     }
 }
 
-enum fovea_status fv_map_panel(struct fv_canvas *canvas, const struct fv_map_open *open,
-                               const char *name, uint32_t map_id, int panel_count)
+/* On a canvas that the caller frees. FOVEA_ERROR_SYSTEM: no memory. */
+static enum fovea_status draw_map(struct fv_canvas *canvas, const struct fv_map_open *open,
+                                  const char *name, uint32_t map_id)
 {
-    struct panel panels[2] = {
+    struct panel panels[PANELS] = {
         {.right = 0, .up = 2, .up_sign = 1, .top = TOP, .title = "from above: x right, z up"},
         {.right = 2,
          .up = 1,
@@ -176,9 +178,9 @@ enum fovea_status fv_map_panel(struct fv_canvas *canvas, const struct fv_map_ope
     for (uint32_t i = 0; i < open->map.limits.landmarks; i++)
         landmarks += open->map.landmarks[i].used &&
                      fv_map_open_map_of(open, &open->map.landmarks[i]) == map_id;
-    enum fovea_status status = fv_canvas_create(canvas, WIDTH, TOP + panel_count * PANEL, 0xffffff);
+    enum fovea_status status = fv_canvas_create(canvas, WIDTH, TOP + PANELS * PANEL, 0xffffff);
     if (status != FOVEA_OK) return status;
-    for (int i = 0; i < panel_count; i++) {
+    for (int i = 0; i < PANELS; i++) {
         fit(open, map_id, &panels[i]);
         draw_grid(canvas, &panels[i]);
         draw_landmarks(canvas, open, map_id, &panels[i]);
@@ -199,7 +201,7 @@ enum fovea_status fv_map_picture(const struct fv_map_open *open, const char *nam
                                  const char *path, struct fovea_error *error)
 {
     struct fv_canvas canvas;
-    enum fovea_status status = fv_map_panel(&canvas, open, name, map_id, 2);
+    enum fovea_status status = draw_map(&canvas, open, name, map_id);
     if (status != FOVEA_OK)
         return fovea_error_set(error, status, "%.200s: no memory for the picture", path);
     status = fv_canvas_write(&canvas, path, error);

@@ -73,7 +73,8 @@ unsigned fv_groups_route_interface(const uint8_t *answer, size_t bytes)
     return 0;
 }
 
-unsigned fv_groups_route(struct in_addr group)
+/* The interface of the group's route, 0: it has none. */
+static unsigned route(struct in_addr group)
 {
     struct {
         struct nlmsghdr header;
@@ -135,7 +136,7 @@ void fv_groups_wanted(const char *listen, struct in_addr group, struct fv_interf
 {
     of_host->count = of_network->count = 0;
     add(of_host, if_nametoindex("lo"));
-    add(of_host, fv_groups_route(group));
+    add(of_host, route(group));
     if (strcmp(listen, "any") == 0)
         add_all(of_network);
     else if (strcmp(listen, "loopback") != 0)

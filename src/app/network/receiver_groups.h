@@ -34,9 +34,6 @@ bool fv_groups_changed(int watch, bool *deleted);
 bool fv_groups_tell_of_deletion(const uint8_t *news, size_t bytes);
 unsigned fv_groups_route_interface(const uint8_t *answer, size_t bytes);
 
-/* The interface of the group's route, 0: it has none. */
-unsigned fv_groups_route(struct in_addr group);
-
 /* Which interfaces `listen` (receiver.h) wants joined: for the socket that hears this host, and for
  * the one that hears the network. What does not exist now is left out. */
 void fv_groups_wanted(const char *listen, struct in_addr group, struct fv_interfaces *of_host,

@@ -212,12 +212,6 @@ bool fv_recorder_room(struct fv_recorder *recorder)
            atomic_load(&recorder->ending) != RUNNING;
 }
 
-void fv_recorder_pace(struct fv_recorder *recorder)
-{
-    while (!fv_recorder_room(recorder))
-        sleep_a_little();
-}
-
 /* ---- the writer ------------------------------------------------------------------------------ */
 
 /* Lengths as an event's header states them. */

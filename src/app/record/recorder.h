@@ -5,15 +5,16 @@
  * a thread of its own writes. When the disk is full or the ring overflows because the disk is slow,
  * the recording ends at a whole iteration, the log's last message and one line on stderr say why,
  * what came later is counted, and the run goes on. For recorded input at full speed
- * fv_recorder_pace lets the loop wait for the disk instead. A write that stalls is in the table of
- * support/stall.h.
+ * the loop waits instead until fv_recorder_room says that the disk has caught up. A write that
+ * stalls is in the table of support/stall.h.
  *
- *     fv_recorder_open(&setup, &recorder, &error);          // before the loop
+ *     fv_recorder_open(&setup, &recorder, &error);
  *     for each iteration:
- *         fv_recorder_pace(recorder);                   // only with --rate max, before the
- * iteration fovea_step(...);  fv_recorder_step(recorder, &inputs, &outputs); fovea_work(...);
- * fv_recorder_work(recorder, &inputs, &grants, &outputs); fv_recorder_close(recorder, &summary); //
- * after the loop
+ *         fovea_step(...);
+ *         fv_recorder_step(recorder, &inputs, &outputs);
+ *         fovea_work(...);
+ *         fv_recorder_work(recorder, &inputs, &grants, &outputs);
+ *     fv_recorder_close(recorder, &summary);
  *
  * Every function takes NULL for "not recording". */
 #ifndef FOVEA_APP_RECORD_RECORDER_H
@@ -59,10 +60,9 @@ void fv_recorder_step(struct fv_recorder *recorder, const struct fovea_inputs *i
 void fv_recorder_work(struct fv_recorder *recorder, const struct fovea_inputs *inputs,
                       const struct fovea_grants *grants, const struct fovea_outputs *outputs);
 
-/* Whether the ring has room for a whole iteration, or the recording has ended; and waiting until it
- * is so. Not for frames that come by the clock. */
+/* Whether the ring has room for a whole iteration, or the recording has ended. What waits for it
+ * is input at full speed, not frames that come by the clock. */
 bool fv_recorder_room(struct fv_recorder *recorder);
-void fv_recorder_pace(struct fv_recorder *recorder);
 
 struct fv_recorder_summary {
     uint64_t events, bytes; /* written; whole events only, the log's own end among them */

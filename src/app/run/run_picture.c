@@ -97,8 +97,9 @@ static uint32_t state_colour(int state)
     return colours[state >= 0 && state < FV_WATCH_STATES ? state : 0];
 }
 
-void fv_picture_ribbon(struct fv_canvas *canvas, const struct fv_area *area,
-                       const struct fv_run_picture *picture)
+/* The states of the pose over time. */
+static void ribbon_draw(struct fv_canvas *canvas, const struct fv_area *area,
+                        const struct fv_run_picture *picture)
 {
     const struct fv_watch_ribbon *ribbon = &picture->watch->ribbon;
     const double seconds = seconds_of(picture->watch), tick = fv_picture_tick(seconds, 12);
@@ -213,7 +214,7 @@ static enum fovea_status sheet_draw(struct fv_canvas *canvas, const struct fv_ru
     if (status == FOVEA_OK) {
         const struct fv_area ribbon = {MARGIN, HEAD, WIDTH - 2 * MARGIN, RIBBON};
         head(canvas, picture);
-        fv_picture_ribbon(canvas, &ribbon, picture);
+        ribbon_draw(canvas, &ribbon, picture);
         for (int i = 0; i < PARTS; i++)
             if (has[i] && i != MAP) part_draw((enum part)i, canvas, &area[i], picture, rt);
         if (has[MAP]) panel_place(canvas, &area[MAP], &panel);

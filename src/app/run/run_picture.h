@@ -54,8 +54,6 @@ double fv_picture_tick(double range, int lines);
 /* Colour of an object, by its class. */
 uint32_t fv_picture_class_colour(int32_t class_id);
 
-void fv_picture_ribbon(struct fv_canvas *canvas, const struct fv_area *area,
-                       const struct fv_run_picture *picture);
 void fv_picture_frame(struct fv_canvas *canvas, const struct fv_area *area,
                       const struct fv_run_picture *picture, const struct fovea *rt);
 enum fovea_status fv_picture_map(struct fv_canvas *canvas, const struct fv_area *area,

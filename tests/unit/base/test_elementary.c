@@ -12,7 +12,7 @@
 #include "base/elementary.h"
 
 enum { SAMPLES = 200000 };
-static const uint64_t GOLDEN = 0xa11bd294576f5c3b;
+static const uint64_t GOLDEN = 0x5a4b05aa894a1421;
 static const double tolerance = 4e-16;
 
 /* Magnitudes from `low` to `high`, evenly in the logarithm, both signs. */
@@ -66,15 +66,9 @@ static void inverse_circle_functions_match_long_double(void **state)
         double y = wide(&random, i & 1 ? 1e-300 : 0.01, i & 1 ? 1e300 : 100);
         long double want = atan2l(y, x);
         if (fabsl(want) > 1e-290L) within("atan2", y / x, fv_atan2(y, x), want, fabsl(want));
-        double u = 2 * fv_random_unit(&random) - 1;
-        if (i % 3 == 0) u = 1 - wide(&random, 1e-16, 1);
-        if (u < -1 || u > 1) continue;
-        within("acos", u, fv_acos(u), acosl(u), larger(acosl(u), 1e-12L));
-        within("asin", u, fv_asin(u), asinl(u), larger(fabsl(asinl(u)), 1e-300L));
     }
     assert_true(fv_atan2(0, 0) == 0 && fv_atan2(0, -1) == FV_PI && fv_atan2(1, 0) == FV_PI / 2);
     assert_true(fv_atan2(-1, 0) == -FV_PI / 2 && fv_atan2(5e-324, 5e-324) == FV_PI / 4);
-    assert_true(fv_acos(2) == 0 && fv_acos(-2) == FV_PI && fv_asin(2) == FV_PI / 2);
 }
 
 static void exponentials_match_long_double(void **state)
@@ -116,8 +110,13 @@ static void bits_are_the_same_everywhere(void **state)
     for (int i = 0; i < 20000; i++) {
         double x = (fv_random_unit(&random) - 0.5) * (i % 3 ? 20 : 2e6),
                y = fv_random_normal(&random);
-        double values[] = {fv_sin(x),  fv_cos(x), fv_tan(x),     fv_atan2(y, x),        fv_acos(y),
-                           fv_asin(y), fv_exp(y), fv_log(y * y), fv_pow(y * y + 0.1, y)};
+        double values[] = {fv_sin(x),
+                           fv_cos(x),
+                           fv_tan(x),
+                           fv_atan2(y, x),
+                           fv_exp(y),
+                           fv_log(y * y),
+                           fv_pow(y * y + 0.1, y)};
         for (size_t k = 0; k < sizeof values / sizeof values[0]; k++) {
             uint64_t bits;
             memcpy(&bits, &values[k], sizeof bits);

@@ -45,10 +45,19 @@ static struct file make_file(uint32_t keyframes)
     return file;
 }
 
+/* Whatever was there, and without keeping it. */
+static enum fovea_status write_map(const char *to, const uint8_t *data, size_t bytes,
+                                   struct fovea_error *error)
+{
+    const struct fv_map_file_rules alone = {.keep = 1, .overwrite = true};
+    struct fv_map_file_saved saved;
+    return fv_map_file_save(to, &alone, data, bytes, &saved, error);
+}
+
 static void save_for_ever(const struct file files[2], int first)
 {
     for (int n = first;; n = !n)
-        if (fv_map_file_write(path, files[n].data, files[n].bytes, NULL) != FOVEA_OK) _exit(1);
+        if (write_map(path, files[n].data, files[n].bytes, NULL) != FOVEA_OK) _exit(1);
 }
 
 static void test_kills(void **state)
@@ -60,7 +69,7 @@ static void test_kills(void **state)
     struct fv_random random;
     int found[2] = {0, 0}, parts = 0;
     fv_random_seed(&random, (uint64_t)time(NULL));
-    assert_int_equal(fv_map_file_write(path, files[0].data, files[0].bytes, NULL), FOVEA_OK);
+    assert_int_equal(write_map(path, files[0].data, files[0].bytes, NULL), FOVEA_OK);
     for (int n = 0; n < kills; n++) {
         const pid_t child = fork();
         assert_true(child >= 0);
@@ -99,7 +108,7 @@ static void test_errors(void **state)
     (void)state;
     struct fovea_error error;
     struct file file = make_file(2), read;
-    assert_int_equal(fv_map_file_write("/nonexistent/a.map", file.data, file.bytes, &error),
+    assert_int_equal(write_map("/nonexistent/a.map", file.data, file.bytes, &error),
                      FOVEA_ERROR_SYSTEM);
     assert_non_null(strstr(error.text, "/nonexistent/a.map"));
     assert_int_equal(fv_map_file_read("/nonexistent/a.map", &read.data, &read.bytes, &error),
@@ -109,7 +118,7 @@ static void test_errors(void **state)
     assert_int_equal(fv_map_file_probe(folder, &error), FOVEA_ERROR_INPUT);
     assert_int_equal(fv_map_file_probe("/dev/null", &error), FOVEA_ERROR_INPUT);
     /* A full disk leaves the old map, and no other file. */
-    assert_int_equal(fv_map_file_write(path, file.data, file.bytes, &error), FOVEA_OK);
+    assert_int_equal(write_map(path, file.data, file.bytes, &error), FOVEA_OK);
     char part[sizeof path + 8];
     snprintf(part, sizeof part, "%s.part", path);
     (void)unlink(part);
@@ -120,16 +129,16 @@ static void test_errors(void **state)
     const struct rlimit little = {100, before.rlim_max};
     signal(SIGXFSZ, SIG_IGN);
     assert_int_equal(setrlimit(RLIMIT_FSIZE, &little), 0);
-    assert_int_equal(fv_map_file_write(path, file.data, file.bytes, &error), FOVEA_ERROR_SYSTEM);
+    assert_int_equal(write_map(path, file.data, file.bytes, &error), FOVEA_ERROR_SYSTEM);
     assert_int_equal(setrlimit(RLIMIT_FSIZE, &before), 0);
     assert_non_null(strstr(error.text, "File too large"));
     assert_int_equal(access(part, F_OK), -1);
     /* A link planted at the temporary name is not followed. */
     char victim[sizeof path + 8];
     snprintf(victim, sizeof victim, "%s.victim", path);
-    assert_int_equal(fv_map_file_write(victim, file.data, 100, &error), FOVEA_OK);
+    assert_int_equal(write_map(victim, file.data, 100, &error), FOVEA_OK);
     assert_int_equal(symlink(victim, part), 0);
-    assert_int_equal(fv_map_file_write(path, file.data, file.bytes, &error), FOVEA_OK);
+    assert_int_equal(write_map(path, file.data, file.bytes, &error), FOVEA_OK);
     assert_int_equal(fv_map_file_read(victim, &read.data, &read.bytes, &error), FOVEA_OK);
     assert_int_equal(read.bytes, 100);
     free(read.data);
@@ -230,7 +239,7 @@ static void spoil(const struct file *file, size_t bytes, size_t flipped)
 {
     struct fovea_error error;
     file->data[flipped] ^= 1;
-    assert_int_equal(fv_map_file_write(path, file->data, bytes, &error), FOVEA_OK);
+    assert_int_equal(write_map(path, file->data, bytes, &error), FOVEA_OK);
     file->data[flipped] ^= 1;
 }
 

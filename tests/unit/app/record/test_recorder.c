@@ -11,6 +11,7 @@
 #include <string.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
+#include <time.h>
 #include <unistd.h>
 
 #include <cmocka.h>
@@ -276,13 +277,19 @@ static uint64_t check_end(struct fv_lcmlog *log, const char *reason)
     return end.iterations;
 }
 
+static void wait_for_room(struct fv_recorder *recorder)
+{
+    while (!fv_recorder_room(recorder))
+        nanosleep(&(struct timespec){.tv_nsec = 1000000}, NULL);
+}
+
 static void test_round_trip(void **state)
 {
     (void)state;
     enum { ITERATIONS = 100 };
     struct fv_recorder *recorder = open_recorder(0);
     for (uint32_t n = 0; n < ITERATIONS; n++) {
-        fv_recorder_pace(recorder);
+        wait_for_room(recorder);
         record_turn(recorder, n);
     }
     struct fv_recorder_summary summary;
@@ -350,7 +357,7 @@ static void record_below(rlim_t bytes_max)
     setrlimit(RLIMIT_FSIZE, &limit);
     struct fv_recorder *recorder = open_recorder(0);
     for (uint32_t n = 0; n < ITERATIONS; n++) {
-        fv_recorder_pace(recorder);
+        wait_for_room(recorder);
         record_turn(recorder, n);
     }
     struct fv_recorder_summary summary;
@@ -420,7 +427,7 @@ static void test_full_disk(void **state)
     snprintf(path, sizeof path, "/dev/full");
     struct fv_recorder *recorder = open_recorder(0);
     for (uint32_t n = 0; n < 50; n++) {
-        fv_recorder_pace(recorder);
+        wait_for_room(recorder);
         record_turn(recorder, n);
     }
     struct fv_recorder_summary summary;
@@ -501,7 +508,7 @@ static void test_paced_by_a_slow_disk(void **state)
     for (uint32_t n = 0; n < 40; n++) {
         const struct fovea_inputs inputs = {.now_ns = n};
         const struct fovea_grants grants = {0};
-        fv_recorder_pace(recorder);
+        wait_for_room(recorder);
         record_turn(recorder, n);
         fv_recorder_work(recorder, &inputs, &grants, &outputs);
     }
