@@ -310,7 +310,8 @@ static void test_signals_end_the_set_up(void **state)
 
 static void test_unwritable_results_fail(void **state)
 {
-    const char *const options[] = {"--stats", "--trajectory", "--trajectory-final", "--record"};
+    const char *const options[] = {"--stats", "--trajectory", "--trajectory-final", "--truth",
+                                   "--record"};
     (void)state;
     if (access("/dev/full", W_OK) != 0) {
         print_message("SKIPPED /dev/full: not there\n");

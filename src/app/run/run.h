@@ -34,6 +34,7 @@ enum fv_run_output {
     FV_RUN_PICTURE,
     FV_RUN_DETECTIONS,
     FV_RUN_OBJECTS,
+    FV_RUN_TRUTH,
     FV_RUN_OUTPUT_COUNT
 };
 
@@ -41,7 +42,7 @@ struct fv_run {
     struct fv_setup_options options;
     struct fovea_source_selection selection;
     const char *stats_path, *trajectory_path, *final_path, *picture_path, *detections_path,
-        *objects_path;
+        *objects_path, *truth_path;
     bool quiet, all_boxes;
 
     struct fv_settings settings;
@@ -56,7 +57,7 @@ struct fv_run {
     struct fv_transport *transport;
     struct fv_recorder *recorder;
     char recording[FV_OUTPUT_PATH_BYTES]; /* the file that it writes */
-    struct fv_trajectory *trajectory;
+    struct fv_trajectory *trajectory, *truth;
     struct fv_results *results;
     uint64_t inferences;               /* of the first network, whose results were taken */
     uint64_t detections, objects;      /* found in them; confirmed */

@@ -25,8 +25,8 @@ static void pace(void *context)
     struct fv_run *run = context;
     while (!atomic_load_explicit(&run->shared.stop, memory_order_relaxed) &&
            (!fv_recorder_room(run->recorder) || !fv_transport_room(run->transport) ||
-            !fv_trajectory_room(run->trajectory) || !fv_final_room(run->final) ||
-            !fv_results_room(run->results)))
+            !fv_trajectory_room(run->trajectory) || !fv_trajectory_room(run->truth) ||
+            !fv_final_room(run->final) || !fv_results_room(run->results)))
         nanosleep(&(struct timespec){.tv_nsec = 1000000}, NULL);
 }
 
@@ -93,6 +93,20 @@ static void sense(void *context, struct fovea_inputs *inputs)
         boxes_from_truth(run, inputs);
 }
 
+/* What the source knows of the frame's pose, into `sample` and the file that asks for it. */
+static void take_truth(struct fv_run *run, const struct fovea_frame *frame,
+                       struct fv_trajectory_sample *sample)
+{
+    const struct fovea_source_ops *ops = run->setup.ops;
+    struct fv_trajectory_sample known = {.stamp_ns = frame->stamp_ns, .metric = true};
+    sample->has_truth = ops->truth_pose != NULL &&
+                        ops->truth_pose(run->setup.source, frame, known.T_world_cam) == FOVEA_OK;
+    if (!sample->has_truth) return;
+    for (int i = 0; i < 3; i++)
+        sample->truth_m[i] = known.T_world_cam[4 * i + 3];
+    fv_trajectory_add(run->truth, &known);
+}
+
 static void step_done(void *context, const struct fovea_inputs *inputs,
                       const struct fovea_outputs *outputs, const struct fovea_pose *pose)
 {
@@ -102,17 +116,13 @@ static void step_done(void *context, const struct fovea_inputs *inputs,
     fv_watch_step(&run->watch, run->loop.rt, inputs, pose != NULL);
     fv_final_observe(run->final, run->loop.rt);
     if (pose != NULL) fv_snapshot_step(&run->snapshot, run->loop.rt, inputs->frame, pose);
-    if (pose == NULL || !pose->posed) return;
+    if (pose == NULL || (!pose->posed && run->truth == NULL)) return;
     struct fv_trajectory_sample sample = {.stamp_ns = inputs->frame->stamp_ns,
                                           .map = pose->map_id,
                                           .metric = pose->scale_source != FOVEA_SCALE_FREE};
-    const struct fovea_source_ops *ops = run->setup.ops;
+    take_truth(run, inputs->frame, &sample);
+    if (!pose->posed) return;
     memcpy(sample.T_world_cam, pose->T_world_cam, sizeof sample.T_world_cam);
-    double truth[12] = {0};
-    sample.has_truth = ops->truth_pose != NULL &&
-                       ops->truth_pose(run->setup.source, inputs->frame, truth) == FOVEA_OK;
-    for (int i = 0; i < 3; i++)
-        sample.truth_m[i] = truth[4 * i + 3];
     fv_trajectory_add(run->trajectory, &sample);
     fv_final_frame(run->final, pose, &sample);
 }
@@ -184,6 +194,8 @@ static enum fv_options_result options_read(struct fv_run *run, int argc, char **
          "write T_world_cam of every frame with a pose, as published, in TUM format"},
         {"trajectory-final", "FILE", FV_OPTION_TEXT, &run->final_path,
          "write the same poses after all optimisation, at the end of the run"},
+        {"truth", "FILE", FV_OPTION_TEXT, &run->truth_path,
+         "write T_world_cam of every processed frame as the source knows it, in TUM format"},
         {"picture", "FILE", FV_OPTION_TEXT, &run->picture_path,
          "draw states, a frame, map, objects and timings into FILE (default " FV_RUN_PICTURE_FILE
          "; none: do not draw)"},
@@ -313,6 +325,12 @@ static enum fovea_status open_all(struct fv_run *run, struct fovea_error *error)
 {
     enum fovea_status status = fv_setup_open(&run->settings, &run->selection, &run->setup, error);
     if (status == FOVEA_OK) status = fv_run_files_source(run, error);
+    if (status == FOVEA_OK && run->truth_path != NULL &&
+        !run->setup.ops->info(run->setup.source)->has_truth)
+        status = fovea_error_set(
+            error, FOVEA_ERROR_INPUT,
+            "fovea run: --truth: found no truth in %.400s, expected a source that knows its poses",
+            run->settings.source);
     if (status != FOVEA_OK) return status;
     run->loop.real_time = fv_setup_real_time(&run->settings, &run->setup);
     status = runtime_open(run, error);
@@ -330,6 +348,8 @@ static enum fovea_status open_all(struct fv_run *run, struct fovea_error *error)
     if (status == FOVEA_OK) status = recorder_open(run, error);
     if (status == FOVEA_OK)
         status = fv_trajectory_open(run->trajectory_path, &run->trajectory, error);
+    if (status == FOVEA_OK && run->truth_path != NULL)
+        status = fv_trajectory_open(run->truth_path, &run->truth, error);
     if (status == FOVEA_OK)
         status = fv_results_open(run->detections_path, run->objects_path, &run->results, error);
     if (status == FOVEA_OK && run->final_path != NULL)
@@ -351,6 +371,7 @@ static void outputs_open(struct fv_run *run)
         [FV_RUN_STATS] = run->stats_path,           [FV_RUN_TRAJECTORY] = run->trajectory_path,
         [FV_RUN_FINAL] = run->final_path,           [FV_RUN_PICTURE] = run->picture_path,
         [FV_RUN_DETECTIONS] = run->detections_path, [FV_RUN_OBJECTS] = run->objects_path,
+        [FV_RUN_TRUTH] = run->truth_path,
     };
     for (int i = 0; i < FV_RUN_OUTPUT_COUNT; i++) {
         run->outputs[i] = paths[i];
@@ -363,6 +384,7 @@ static void close_all(struct fv_run *run)
     fv_recorder_close(run->recorder, NULL);
     fv_transport_close(run->transport);
     fv_trajectory_close(run->trajectory);
+    fv_trajectory_close(run->truth);
     fv_results_close(run->results, NULL);
     fv_final_close(run->final);
     fv_keeper_close(&run->keeper);
@@ -387,6 +409,9 @@ static void drain(struct fv_run *run)
 {
     int call = fv_stall_enter(run->trajectory_path != NULL ? run->trajectory_path : "a path");
     fv_trajectory_drain(run->trajectory);
+    fv_stall_leave(call);
+    call = fv_stall_enter(run->truth_path != NULL ? run->truth_path : "the truth");
+    fv_trajectory_drain(run->truth);
     fv_stall_leave(call);
     call = fv_stall_enter(run->settings.map_save);
     fv_keeper_tend(&run->keeper);

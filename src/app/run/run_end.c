@@ -159,6 +159,7 @@ void fv_run_lost(const void *context, char *text, size_t bytes)
         [FV_RUN_PICTURE] = "the picture",
         [FV_RUN_DETECTIONS] = "the end of the detections",
         [FV_RUN_OBJECTS] = "the end of the objects",
+        [FV_RUN_TRUTH] = "the end of the truth",
     };
     const struct fv_run *run = context;
     const unsigned unwritten = atomic_load(&run->unwritten);
@@ -222,7 +223,7 @@ enum fv_exit fv_run_report(struct fv_run *run)
 {
     struct fovea_memory_table table;
     struct fovea_error error;
-    struct fv_trajectory_summary path, final;
+    struct fv_trajectory_summary path, final, truth;
     struct fv_transport_sent sent;
     fv_transport_finish(run->transport);
     fv_transport_sent(run->transport, &sent);
@@ -243,6 +244,10 @@ enum fv_exit fv_run_report(struct fv_run *run)
     int call = fv_stall_enter(name_of(run, FV_RUN_TRAJECTORY));
     fv_trajectory_finish(run->trajectory, &path);
     fv_run_written(run, FV_RUN_TRAJECTORY);
+    fv_stall_leave(call);
+    call = fv_stall_enter(name_of(run, FV_RUN_TRUTH));
+    fv_trajectory_finish(run->truth, &truth);
+    fv_run_written(run, FV_RUN_TRUTH);
     fv_stall_leave(call);
     call = fv_stall_enter(name_of(run, FV_RUN_FINAL));
     fv_final_finish(run->final, run->loop.rt, &final);
@@ -272,6 +277,7 @@ enum fv_exit fv_run_report(struct fv_run *run)
         if (recorded) recording_print(&recording);
     }
     if (path.failed != 0 || path.lost > 0) return path_failed(run->trajectory_path, &path);
+    if (truth.failed != 0 || truth.lost > 0) return path_failed(run->truth_path, &truth);
     if (results != FOVEA_OK) return fv_say_failed("%s", error.text);
     if (final.failed != 0 || final.lost > 0) return path_failed(run->final_path, &final);
     if (end == FV_EXIT_OK) end = picture;

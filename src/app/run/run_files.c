@@ -12,7 +12,7 @@
 
 enum {
     MAPS_MAX = 2 * FV_MAP_FILE_KEEP_MAX,
-    WRITTEN_MAX = 9,
+    WRITTEN_MAX = 10,
     WRITTEN_RECORD = 0,
     MAP_NAME_BYTES = FV_SETTINGS_PATH_BYTES + 16
 };
@@ -30,13 +30,10 @@ static int list_written(const struct fv_run *run, struct written *written)
 {
     const bool drawn = run->picture_path != NULL && strcmp(run->picture_path, "none") != 0;
     const struct fv_file files[] = {
-        {"--record", run->settings.record},
-        {"--stats", run->stats_path},
-        {"--trajectory", run->trajectory_path},
-        {"--trajectory-final", run->final_path},
-        {"--picture", drawn ? run->picture_path : NULL},
-        {"--detections", run->detections_path},
-        {"--objects", run->objects_path},
+        {"--record", run->settings.record},     {"--stats", run->stats_path},
+        {"--trajectory", run->trajectory_path}, {"--trajectory-final", run->final_path},
+        {"--truth", run->truth_path},           {"--picture", drawn ? run->picture_path : NULL},
+        {"--detections", run->detections_path}, {"--objects", run->objects_path},
     };
     int count = sizeof files / sizeof files[0];
     memset(written->files, 0, sizeof written->files);

@@ -49,6 +49,7 @@ static void test_results_are_kept(void **state)
         {"--trajectory-final=", "--trajectory-final|''"},
         {"--objects=", "--objects|''"},
         {"--stats=", "--stats|''"},
+        {"--truth @/other", "--truth|found no truth in images:"},
     };
     static const char small[] =
         "image_width: 96\nimage_height: 64\nK: [80, 0, 48, 0, 81, 32, 0, 0, 1]\nD: [0, 0, 0, 0]\n";

@@ -118,8 +118,10 @@ static const struct row {
 /* Half of the files each time, and each option with some: what differs is only the row's name. */
 static void no_file_of_a_source_is_written_over(void **state)
 {
-    static const char *const options[] = {"--record",     "--stats",    "--picture",
-                                          "--trajectory", "--save-map", "--trajectory-final"};
+    static const char *const options[] = {"--record",    "--stats",    "--picture",
+                                          "--truth",     "--save-map", "--trajectory-final",
+                                          "--trajectory"};
+    const int option_count = sizeof options / sizeof options[0];
     int option = 0;
     (void)state;
     for (size_t r = 0; r < sizeof rows / sizeof rows[0]; r++) {
@@ -138,7 +140,7 @@ static void no_file_of_a_source_is_written_over(void **state)
         memcpy(files, found.path, sizeof files);
         assert_true(count > 0);
         for (int i = 0; i < count; i += i < 3 ? 1 : 4)
-            assert_refused(source, options[option++ % 6], files[i]);
+            assert_refused(source, options[option++ % option_count], files[i]);
         /* By a hard link and a soft one from elsewhere, and by the temporary name. */
         char links[FV_TEST_PATH_BYTES + 16];
         snprintf(links, sizeof links, "%s/links", folder);

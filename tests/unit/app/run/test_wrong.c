@@ -127,6 +127,8 @@ static const char *const wrong_arguments[][2] = {
      "--trajectory|odometry.enabled"},
     {"fovea run --source sim: --set odometry.enabled=false --trajectory-final @/no.tum",
      "--trajectory-final|odometry.enabled"},
+    {"fovea run --source sim: --truth=", "--truth|''"},
+    {"fovea run --source sim:orbit --frames 2 --truth @/none/x", "--truth|@/none/x"},
     {"fovea run --source sim: --map @/no.map --stats @/no.map", "--stats|the file of --map"},
     {"fovea run --source sim: --map @/no.map --save-map @/no.map --picture @/no.map",
      "--picture|@/no.map|--save-map"},
