@@ -11,11 +11,13 @@ python=$(tools/networks_python.sh "$build") || {
     echo "SKIPPED networks: the packages tflite, numpy and ai-edge-litert cannot be installed"
     exit 0
 }
-make --no-print-directory BUILD="$build" "$build/libfovea.a" >/dev/null
+make --no-print-directory BUILD="$build" "$build/libfovea.a" "$build/fovea" >/dev/null
 export BUILD="$build"
 failed=0
 echo "== uses"
 "$python" tests/import/uses.py || failed=1
+echo "== decoders"
+"$python" tests/import/decoders.py || failed=1
 for test in operators variants odd; do
     echo "== $test, sizes left open"
     "$python" "tests/import/$test.py" --open --rounds "$rounds" || failed=1

@@ -1,7 +1,9 @@
-/* Detections: objects that an int8 network finds in an image.
+/* Detections: what an int8 network finds in an image: objects with boxes, keypoints, masks, or the
+ * classes of the whole image, as the decoder gives that its model file names.
  *
  * A network reads an image resized to its input (stretched, or letterboxed with its shape kept);
- * boxes are given in pixels of that image, (0, 0) the centre of the top left pixel, max exclusive.
+ * boxes and points are given in pixels of that image, (0, 0) the centre of the top left pixel, max
+ * exclusive.
  *
  * In the runtime detection is a job: an image is copied when the job is free, the network runs in
  * units of at most 0.25 ms over as many frames as it takes, and its boxes are published with the
@@ -16,7 +18,11 @@
 extern "C" {
 #endif
 
-enum { FOVEA_DETECTIONS_MAX = 300 };
+enum {
+    FOVEA_DETECTIONS_MAX = 300,
+    FOVEA_KEYPOINT_SETS_MAX = 100, /* detections with keypoints, of one image */
+    FOVEA_KEYPOINTS_MAX = 3000     /* of all of them */
+};
 
 struct fovea_detection {
     float x_min_px, y_min_px, x_max_px, y_max_px;
@@ -24,12 +30,19 @@ struct fovea_detection {
     int32_t class_id; /* index into the model's classes, background not counted */
 };
 
+/* A point in pixels of the image; it may lie outside of it. */
+struct fovea_keypoint {
+    float x_px, y_px;
+    float score; /* 0 to 1; NaN: the model gives none */
+};
+
 struct fovea_detect_config {
     /* A model file (.fvm, made by tools/import) of `model_bytes` bytes in memory, at a multiple of
      * 64, which stays the caller's and must stay as it is while the runtime is in use: it is read
      * in place and shared by copies of the runtime. Checked from end to end by fovea_size and
-     * fovea_init. A model without a decoder gives no detections: its raw outputs leave as messages
-     * (tensors_t). NULL: no network. */
+     * fovea_init. Its decoder says which messages leave: detections_t, keypoints_t, classes_t,
+     * segmentation_t; without one no detections are made, and its raw outputs leave (tensors_t).
+     * NULL: no network. */
     const void *model;
     size_t model_bytes;
 
@@ -52,7 +65,11 @@ struct fovea_detections {
     /* detections after the first `count` of the list: below the threshold, for the objects
      * (objects.score_low) */
     uint32_t uncertain;
-    const struct fovea_detection *list; /* by falling score */
+    /* By falling score. Of a classifier the boxes are the whole image, of keypoints without a box
+     * they are 0. */
+    const struct fovea_detection *list;
+    uint32_t set_count, point_count; /* the first set_count of the list have this many keypoints */
+    const struct fovea_keypoint *points; /* set after set; NULL: the model gives none */
 };
 
 #ifdef __cplusplus

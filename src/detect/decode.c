@@ -16,9 +16,35 @@ const char *fv_detect_label(const struct fv_model *model, int32_t class_id)
     return label != NULL ? label : "";
 }
 
-int fv_detect_gives_boxes(const struct fv_model *model)
+uint32_t fv_detect_gives(const struct fv_model *model)
 {
-    return fv_head_of(model->header->decode.kind) != NULL;
+    const struct fv_head *head = fv_head_of(model->header->decode.kind);
+    if (head == NULL) return 0;
+    return fv_detect_point_count(model) > 0 ? head->gives
+                                            : head->gives & ~(uint32_t)FV_DETECT_POINTS;
+}
+
+const char *fv_detect_decoder_name(const struct fv_model *model)
+{
+    static const char *const names[FV_DECODER_COUNT] = {
+        "none",    "classifier", "ssd",       "ssd_raw",     "yolov5",     "yolov8",     "yolov2",
+        "fomo",    "segment",    "embedding", "yolov8_pose", "yolov8_seg", "yolov8_obb", "end2end",
+        "movenet", "blaze",      "landmarks", "yolox",       "yolov3"};
+    return names[model->header->decode.kind];
+}
+
+int32_t fv_detect_point_count(const struct fv_model *model)
+{
+    const struct fv_head *head = fv_head_of(model->header->decode.kind);
+    return head != NULL && head->points != NULL ? model->header->decode.point_count : 0;
+}
+
+int32_t fv_detect_sets_max(const struct fv_model *model)
+{
+    const int32_t each = fv_detect_point_count(model);
+    if (each == 0) return 0;
+    const int32_t most = FOVEA_KEYPOINTS_MAX / each;
+    return most < FOVEA_KEYPOINT_SETS_MAX ? most : FOVEA_KEYPOINT_SETS_MAX;
 }
 
 /* ---- the best candidates: a heap with the worst on top --------------------------------------- */
@@ -52,15 +78,16 @@ static void rise(struct fv_detect_candidate *heap, int32_t at)
     heap[at] = item;
 }
 
-void fv_detect_keep(struct fv_detect_scratch *s, const struct fovea_detection *found, int uncertain)
+void fv_detect_keep(struct fv_detect_scratch *s, const struct fovea_detection *found, int64_t item,
+                    int uncertain)
 {
-    const struct fv_detect_candidate item = {
-        .found = *found, .order = s->offered++, .uncertain = uncertain};
+    const struct fv_detect_candidate offered = {
+        .found = *found, .order = s->offered++, .item = (int32_t)item, .uncertain = uncertain};
     if (s->count < FV_DETECT_CANDIDATES_MAX) {
-        s->heap[s->count] = item;
+        s->heap[s->count] = offered;
         rise(s->heap, s->count++);
-    } else if (better(&item, &s->heap[0])) {
-        s->heap[0] = item;
+    } else if (better(&offered, &s->heap[0])) {
+        s->heap[0] = offered;
         sink(s->heap, 0, s->count);
     }
 }
@@ -72,6 +99,7 @@ static void sort(struct fv_detect_scratch *s)
     for (int32_t left = s->count; left > 0; --left) {
         s->sure += !s->heap[0].uncertain;
         s->candidates[left - 1] = s->heap[0].found;
+        s->items[left - 1] = s->heap[0].item;
         s->heap[0] = s->heap[left - 1];
         sink(s->heap, 0, left - 1);
     }
@@ -92,22 +120,24 @@ static float overlap(const struct fovea_detection *a, const struct fovea_detecti
     return both / (area_a + area_b - both);
 }
 
-/* Go on from progress->at until about `pairs` pairs were compared; true when all were. */
-static int suppress_some(struct fovea_detection *list, int32_t count, float iou, int class_agnostic,
-                         uint8_t *dropped, struct fv_detect_progress *progress, int32_t pairs)
+/* Go on from progress.at until about PAIRS_PER_UNIT pairs were compared; true when all were. */
+static int suppress_some(struct fv_detect_scratch *s, float iou, int class_agnostic)
 {
-    for (; progress->at < count && pairs > 0; progress->at++) {
+    struct fv_detect_progress *progress = &s->progress;
+    struct fovea_detection *list = s->candidates;
+    for (int32_t pairs = PAIRS_PER_UNIT; progress->at < s->count && pairs > 0; progress->at++) {
         const int32_t i = (int32_t)progress->at;
-        if (dropped[i]) continue;
+        if (s->dropped[i]) continue;
         const struct fovea_detection best = list[i];
-        for (int32_t k = i + 1; k < count; k++) {
-            if (dropped[k] || (!class_agnostic && list[k].class_id != best.class_id)) continue;
-            if (overlap(&best, &list[k]) > iou) dropped[k] = 1;
+        for (int32_t k = i + 1; k < s->count; k++) {
+            if (s->dropped[k] || (!class_agnostic && list[k].class_id != best.class_id)) continue;
+            if (overlap(&best, &list[k]) > iou) s->dropped[k] = 1;
         }
+        s->items[progress->left] = s->items[i];
         list[progress->left++] = best;
-        pairs -= count - i;
+        pairs -= s->count - i;
     }
-    return progress->at == count;
+    return progress->at == s->count;
 }
 
 /* ---- all of it, in units --------------------------------------------------------------------- */
@@ -164,10 +194,37 @@ static void scan_some(struct fv_head_job *j, const struct fv_head *head,
     if (end == items) progress->phase = FV_DECODE_SORT;
 }
 
+/* Of those held, the detections that the limits leave. */
+static int32_t sure_count(const struct fv_model *model, const struct fv_detect_limits *limits,
+                          const struct fv_detect_scratch *s)
+{
+    const int32_t most = model->header->decode.max_detections;
+    int32_t count = s->sure;
+    if (most > 0 && count > most) count = most;
+    if (limits->count > 0 && count > limits->count) count = limits->count;
+    return count;
+}
+
+static void read_points(const struct fv_head_job *j, const struct fv_head *head,
+                        const struct fv_detect_limits *limits, struct fovea_keypoint *points)
+{
+    const int32_t sets = fv_detect_sets_max(j->model), each = j->d->point_count;
+    const int32_t sure = sure_count(j->model, limits, j->s), count = sure < sets ? sure : sets;
+    for (int32_t i = 0; i < count; i++)
+        head->points(j, j->s->items[i], points + (ptrdiff_t)i * each);
+}
+
+/* The next phase: keypoints, where they are wanted, or the end. */
+static enum fovea_status after_boxes(struct fv_detect_scratch *s, int points)
+{
+    s->progress.phase = FV_DECODE_POINTS;
+    return points ? FOVEA_AGAIN : FOVEA_OK;
+}
+
 enum fovea_status fv_detect_decode_unit(const struct fv_model *model, uint8_t *arena,
                                         const struct fv_nn_input_fit *fit,
                                         const struct fv_detect_limits *limits,
-                                        struct fv_detect_scratch *s)
+                                        struct fv_detect_scratch *s, struct fovea_keypoint *points)
 {
     const struct fv_model_decode *d = &model->header->decode;
     const struct fv_head *head = fv_head_of(d->kind);
@@ -180,6 +237,7 @@ enum fovea_status fv_detect_decode_unit(const struct fv_model *model, uint8_t *a
                             .floor = limits->floor};
     if (head == NULL) return FOVEA_OK;
     const int due = head->boxes_overlap || (d->kind == FV_DECODER_SSD && d->class_agnostic);
+    const int pointed = points != NULL && fv_detect_point_count(model) > 0;
     switch (progress->phase) {
     case FV_DECODE_SCAN:
         open_outputs(model, arena, &j);
@@ -189,15 +247,17 @@ enum fovea_status fv_detect_decode_unit(const struct fv_model *model, uint8_t *a
         sort(s);
         *progress = (struct fv_detect_progress){.phase = FV_DECODE_SUPPRESS};
         memset(s->dropped, 0, sizeof s->dropped);
-        return due ? FOVEA_AGAIN : FOVEA_OK;
-    default:
-        if (!suppress_some(s->candidates, s->count,
-                           limits->iou > 0.0f ? limits->iou : d->iou_threshold, d->class_agnostic,
-                           s->dropped, progress, PAIRS_PER_UNIT)) {
+        return due ? FOVEA_AGAIN : after_boxes(s, pointed);
+    case FV_DECODE_SUPPRESS:
+        if (!suppress_some(s, limits->iou > 0.0f ? limits->iou : d->iou_threshold,
+                           d->class_agnostic))
             return FOVEA_AGAIN;
-        }
         s->count = progress->left;
         s->sure = sure_left(s);
+        return after_boxes(s, pointed);
+    default:
+        open_outputs(model, arena, &j);
+        read_points(&j, head, limits, points);
         return FOVEA_OK;
     }
 }
@@ -206,10 +266,7 @@ int32_t fv_detect_decode_take(const struct fv_model *model, const struct fv_dete
                               const struct fv_detect_scratch *s, struct fovea_detection *detections,
                               int32_t capacity, int32_t *uncertain)
 {
-    const int32_t most = model->header->decode.max_detections;
-    int32_t count = s->sure;
-    if (most > 0 && count > most) count = most;
-    if (limits->count > 0 && count > limits->count) count = limits->count;
+    int32_t count = sure_count(model, limits, s);
     if (count > capacity) count = capacity;
     memcpy(detections, s->candidates, (size_t)count * sizeof *detections);
     if (uncertain == NULL) return count;
@@ -220,11 +277,12 @@ int32_t fv_detect_decode_take(const struct fv_model *model, const struct fv_dete
 
 int32_t fv_detect_decode(const struct fv_model *model, uint8_t *arena,
                          const struct fv_nn_input_fit *fit, struct fv_detect_scratch *scratch,
-                         struct fovea_detection *detections, int32_t capacity)
+                         struct fovea_keypoint *points, struct fovea_detection *detections,
+                         int32_t capacity)
 {
     const struct fv_detect_limits none = {.count = 0};
     fv_detect_decode_start(scratch);
-    while (fv_detect_decode_unit(model, arena, fit, &none, scratch) == FOVEA_AGAIN)
+    while (fv_detect_decode_unit(model, arena, fit, &none, scratch, points) == FOVEA_AGAIN)
         continue;
     return fv_detect_decode_take(model, &none, scratch, detections, capacity, NULL);
 }

@@ -2,82 +2,83 @@
 
 #include <string.h>
 
-#include "base/elementary.h"
 #include "nn/run.h"
 
-static int64_t count_of(const struct fv_head_output *o)
+/* ---- candidates ------------------------------------------------------------------------------ */
+
+const struct fv_head_output *fv_head_role(const struct fv_head_job *j, int32_t role)
 {
-    int64_t count = 1;
-    for (int32_t i = 0; i < o->t->rank; i++)
-        count *= o->t->dims[i];
-    return count;
+    const int32_t place = j->d->roles[role] > 0 ? j->d->roles[role] - 1 : role;
+    return place < j->out_count ? &j->out[place] : NULL;
 }
 
-static int32_t last_dim(const struct fv_head_output *o)
-{
-    return o->t->rank > 0 ? o->t->dims[o->t->rank - 1] : 0;
-}
-
-static float value_at(const struct fv_head_output *o, int64_t i)
-{
-    if (o->t->type == FV_TYPE_F32) return ((const float *)(const void *)o->data)[i];
-    if (o->t->type == FV_TYPE_U8) return o->t->scale * (float)(o->data[i] - o->t->zero);
-    if (o->t->type == FV_TYPE_I32) return (float)((const int32_t *)(const void *)o->data)[i];
-    return (float)((const int64_t *)(const void *)o->data)[i];
-}
-
-static float threshold_of(const struct fv_head_job *j, int32_t class_id)
+float fv_head_threshold(const struct fv_head_job *j, int32_t class_id)
 {
     const float own = j->thresholds != NULL && class_id < j->d->classes ? j->thresholds[class_id]
                                                                         : j->d->score_threshold;
     return own > j->score_threshold ? own : j->score_threshold;
 }
 
-/* What a score must be at least to be taken at all. */
-static float least_of(const struct fv_head_job *j, int32_t class_id)
+float fv_head_least(const struct fv_head_job *j, int32_t class_id)
 {
-    const float threshold = threshold_of(j, class_id);
+    const float threshold = fv_head_threshold(j, class_id);
     return j->floor > 0.0f && j->floor < threshold ? j->floor : threshold;
 }
 
-static float clamped(float value, float high)
+/* A score above 1, which the rounding of a quantised sigmoid or product may give, is 1: whatever a
+ * model's outputs hold, no other score leaves a decoder. */
+static void keep(struct fv_head_job *j, int64_t item, struct fovea_detection *found, float score,
+                 int32_t class_id)
 {
-    return value > 0.0f ? (value < high ? value : high) : 0.0f;
+    found->score = clamped(score, 1.0f);
+    found->class_id = class_id;
+    fv_detect_keep(j->s, found, item, found->score < fv_head_threshold(j, class_id));
 }
 
-/* A box in input pixels (corner coordinates) to image pixels, cut at the image. A score above 1,
- * which the rounding of a quantised sigmoid or product may give, is 1: whatever a model's outputs
- * hold, no other score leaves a decoder. */
-static void add_box(struct fv_head_job *j, float x0, float y0, float x1, float y1, float score,
-                    int32_t class_id)
+void fv_head_add_box(struct fv_head_job *j, int64_t item, float x0, float y0, float x1, float y1,
+                     float score, int32_t class_id)
 {
     const struct fv_nn_input_fit *v = j->fit;
     const float width = (float)v->image_width, height = (float)v->image_height;
-    const struct fovea_detection found = {
+    struct fovea_detection found = {
         .x_min_px = clamped((x0 - (float)v->left) / v->scale_x, width) - 0.5f,
         .y_min_px = clamped((y0 - (float)v->top) / v->scale_y, height) - 0.5f,
         .x_max_px = clamped((x1 - (float)v->left) / v->scale_x, width) - 0.5f,
         .y_max_px = clamped((y1 - (float)v->top) / v->scale_y, height) - 0.5f,
-        .score = clamped(score, 1.0f),
-        .class_id = class_id,
     };
     if (found.x_max_px > found.x_min_px && found.y_max_px > found.y_min_px)
-        fv_detect_keep(j->s, &found, found.score < threshold_of(j, class_id));
+        keep(j, item, &found, score, class_id);
 }
 
-static void add_centred(struct fv_head_job *j, float x, float y, float w, float h, float score,
-                        int32_t class_id)
+void fv_head_add_centred(struct fv_head_job *j, int64_t item, float x, float y, float w, float h,
+                         float score, int32_t class_id)
 {
     const struct fv_model_preprocess *p = &j->model->header->preprocess;
     const float sx = j->d->normalised ? (float)p->width : 1.0f,
                 sy = j->d->normalised ? (float)p->height : 1.0f;
-    add_box(j, (x - w * 0.5f) * sx, (y - h * 0.5f) * sy, (x + w * 0.5f) * sx, (y + h * 0.5f) * sy,
-            score, class_id);
+    fv_head_add_box(j, item, (x - w * 0.5f) * sx, (y - h * 0.5f) * sy, (x + w * 0.5f) * sx,
+                    (y + h * 0.5f) * sy, score, class_id);
 }
 
-static float sigmoid(float x)
+void fv_head_add_plain(struct fv_head_job *j, int64_t item, float score, int32_t class_id)
 {
-    return (float)(1.0 / (1.0 + fv_exp(-(double)x)));
+    struct fovea_detection found = {0};
+    keep(j, item, &found, score, class_id);
+}
+
+/* A number whatever a network's real outputs hold. */
+static float plain(float value)
+{
+    const float far = 1e6f;
+    return value > -far ? (value < far ? value : far) : -far;
+}
+
+struct fovea_keypoint fv_head_keypoint(const struct fv_head_job *j, float x, float y, float score)
+{
+    const struct fv_nn_input_fit *v = j->fit;
+    return (struct fovea_keypoint){.x_px = plain((x - (float)v->left) / v->scale_x - 0.5f),
+                                   .y_px = plain((y - (float)v->top) / v->scale_y - 0.5f),
+                                   .score = score == score ? clamped(score, 1.0f) : score};
 }
 
 /* ---- classifiers ----------------------------------------------------------------------------- */
@@ -95,8 +96,8 @@ static void classifier_scan(struct fv_head_job *j, int64_t begin, int64_t end)
     for (int64_t i = begin > background ? begin : background; i < end; i++) {
         const float score = value_at(&j->out[0], i);
         const int32_t class_id = (int32_t)i - background;
-        if (score >= least_of(j, class_id))
-            add_box(j, 0, 0, (float)p->width, (float)p->height, score, class_id);
+        if (score >= fv_head_least(j, class_id))
+            fv_head_add_box(j, i, 0, 0, (float)p->width, (float)p->height, score, class_id);
     }
 }
 
@@ -121,9 +122,9 @@ static void ssd_scan(struct fv_head_job *j, int64_t begin, int64_t end)
         const float score = value_at(&j->out[2], i), class_value = value_at(&j->out[1], i);
         const int32_t class_id =
             class_value >= 0.0f && class_value < 4096.0f ? (int32_t)class_value : 0;
-        if (!(score >= least_of(j, class_id))) continue;
-        add_box(j, value_at(b, 4 * i + 1) * w, value_at(b, 4 * i) * h, value_at(b, 4 * i + 3) * w,
-                value_at(b, 4 * i + 2) * h, score, class_id);
+        if (!(score >= fv_head_least(j, class_id))) continue;
+        fv_head_add_box(j, i, value_at(b, 4 * i + 1) * w, value_at(b, 4 * i) * h,
+                        value_at(b, 4 * i + 3) * w, value_at(b, 4 * i + 2) * h, score, class_id);
     }
 }
 
@@ -167,9 +168,9 @@ static void ssd_raw_box(struct fv_head_job *j, int64_t i, float score, int32_t c
     const float cx = value_at(b, 4 * i + 1) / scale[1] * anchor[3] + anchor[1];
     const float bh = (float)fv_exp((double)value_at(b, 4 * i + 2) / (double)scale[2]) * anchor[2];
     const float bw = (float)fv_exp((double)value_at(b, 4 * i + 3) / (double)scale[3]) * anchor[3];
-    add_box(j, (cx - bw * 0.5f) * (float)p->width, (cy - bh * 0.5f) * (float)p->height,
-            (cx + bw * 0.5f) * (float)p->width, (cy + bh * 0.5f) * (float)p->height, score,
-            class_id);
+    fv_head_add_box(j, i, (cx - bw * 0.5f) * (float)p->width, (cy - bh * 0.5f) * (float)p->height,
+                    (cx + bw * 0.5f) * (float)p->width, (cy + bh * 0.5f) * (float)p->height, score,
+                    class_id);
 }
 
 static void ssd_raw_scan(struct fv_head_job *j, int64_t begin, int64_t end)
@@ -179,116 +180,7 @@ static void ssd_raw_scan(struct fv_head_job *j, int64_t begin, int64_t end)
     for (int64_t i = begin; i < end; i++) {
         for (int64_t c = 1; c < columns; c++) {
             const float score = value_at(scores, i * columns + c);
-            if (score >= least_of(j, (int32_t)c - 1)) ssd_raw_box(j, i, score, (int32_t)c - 1);
-        }
-    }
-}
-
-/* ---- YOLOv5: rows of centre, size, objectness, classes --------------------------------------- */
-
-static int64_t yolov5_items(const struct fv_head_job *j, int64_t *cost)
-{
-    const int32_t columns = last_dim(&j->out[0]);
-    *cost = columns;
-    return columns < 6 ? 0 : count_of(&j->out[0]) / columns;
-}
-
-static void yolov5_scan(struct fv_head_job *j, int64_t begin, int64_t end)
-{
-    const struct fv_head_output *o = &j->out[0];
-    const int32_t columns = last_dim(&j->out[0]);
-    for (int64_t r = begin; r < end; r++) {
-        const int64_t at = r * columns;
-        const float object = value_at(o, at + 4);
-        for (int32_t c = 0; c < columns - 5; c++) {
-            const float score = object * value_at(o, at + 5 + c);
-            if (score >= least_of(j, c))
-                add_centred(j, value_at(o, at), value_at(o, at + 1), value_at(o, at + 2),
-                            value_at(o, at + 3), score, c);
-        }
-    }
-}
-
-/* ---- YOLOv8 and YOLO11: columns of centre, size, classes; the best class of each counts ------ */
-
-static int64_t yolov8_items(const struct fv_head_job *j, int64_t *cost)
-{
-    const struct fv_model_tensor *t = j->out[0].t;
-    if (t->rank < 2) return 0;
-    const int64_t n = t->dims[t->rank - 1];
-    *cost = count_of(&j->out[0]) / n;
-    return *cost > 4 ? n : 0;
-}
-
-static void yolov8_scan(struct fv_head_job *j, int64_t begin, int64_t end)
-{
-    const struct fv_head_output *o = &j->out[0];
-    const int64_t n = o->t->dims[o->t->rank - 1], rows = count_of(o) / n;
-    for (int64_t i = begin; i < end; i++) {
-        int32_t best = 0;
-        float score = value_at(o, 4 * n + i);
-        for (int32_t c = 1; c < rows - 4; c++) {
-            const float other = value_at(o, (4 + c) * n + i);
-            if (other > score) {
-                score = other;
-                best = c;
-            }
-        }
-        if (score >= least_of(j, best))
-            add_centred(j, value_at(o, i), value_at(o, n + i), value_at(o, 2 * n + i),
-                        value_at(o, 3 * n + i), score, best);
-    }
-}
-
-/* ---- YOLOv2 and its tiny kin: a grid of cells with several anchors each, everything before its
- * activation --- */
-
-enum { EXP_COST = 16 }; /* an exponential beside a value read */
-
-static int64_t yolov2_items(const struct fv_head_job *j, int64_t *cost)
-{
-    const struct fv_model_tensor *t = j->out[0].t;
-    const int32_t anchors = j->d->anchor_count;
-    if (t->rank != 4 || anchors < 1 || t->dims[3] % anchors != 0 || t->dims[3] / anchors < 6)
-        return 0;
-    *cost = (int64_t)t->dims[3] / anchors * EXP_COST;
-    return (int64_t)t->dims[1] * t->dims[2] * anchors;
-}
-
-static void yolov2_box(struct fv_head_job *j, int64_t item, int64_t at, float score,
-                       int32_t class_id)
-{
-    const struct fv_head_output *o = &j->out[0];
-    const struct fv_model_preprocess *p = &j->model->header->preprocess;
-    const int32_t h = o->t->dims[1], w = o->t->dims[2], anchors = j->d->anchor_count;
-    const int32_t a = (int32_t)(item % anchors), x = (int32_t)(item / anchors % w),
-                  y = (int32_t)(item / anchors / w);
-    const float cx = ((float)x + sigmoid(value_at(o, at))) / (float)w * (float)p->width;
-    const float cy = ((float)y + sigmoid(value_at(o, at + 1))) / (float)h * (float)p->height;
-    const float bw = j->d->anchors[2 * a] * (float)fv_exp((double)value_at(o, at + 2)) / (float)w *
-                     (float)p->width;
-    const float bh = j->d->anchors[2 * a + 1] * (float)fv_exp((double)value_at(o, at + 3)) /
-                     (float)h * (float)p->height;
-    add_box(j, cx - bw * 0.5f, cy - bh * 0.5f, cx + bw * 0.5f, cy + bh * 0.5f, score, class_id);
-}
-
-static void yolov2_scan(struct fv_head_job *j, int64_t begin, int64_t end)
-{
-    const struct fv_head_output *o = &j->out[0];
-    const int32_t columns = o->t->dims[3] / j->d->anchor_count, classes = columns - 5;
-    for (int64_t i = begin; i < end; i++) {
-        const int64_t at = i * columns;
-        const float object = sigmoid(value_at(o, at + 4));
-        double sum = 0, largest = (double)value_at(o, at + 5);
-        for (int32_t c = 1; c < classes; c++)
-            largest = (double)value_at(o, at + 5 + c) > largest ? (double)value_at(o, at + 5 + c)
-                                                                : largest;
-        for (int32_t c = 0; c < classes; c++)
-            sum += fv_exp((double)value_at(o, at + 5 + c) - largest);
-        for (int32_t c = 0; c < classes; c++) {
-            const float score =
-                object * (float)(fv_exp((double)value_at(o, at + 5 + c) - largest) / sum);
-            if (score >= least_of(j, c)) yolov2_box(j, i, at, score, c);
+            if (score >= fv_head_least(j, (int32_t)c - 1)) ssd_raw_box(j, i, score, (int32_t)c - 1);
         }
     }
 }
@@ -355,28 +247,37 @@ static void fomo_scan(struct fv_head_job *j, int64_t begin, int64_t end)
     const int32_t cells = g.h * g.w;
     const float cell_w = (float)p->width / (float)g.w, cell_h = (float)p->height / (float)g.h;
     for (g.class_id = (int32_t)begin; g.class_id < (int32_t)end; g.class_id++) {
-        g.threshold = threshold_of(j, g.class_id);
+        g.threshold = fv_head_threshold(j, g.class_id);
         memset(j->s->seen, 0, (size_t)cells);
         for (int32_t start = 0; start < cells; start++) {
             if (j->s->seen[start] || !is_object(&g, start)) continue;
             const struct cells c = grow(&g, start, j->s->seen, j->s->stack);
-            add_box(j, (float)c.x0 * cell_w, (float)c.y0 * cell_h, (float)(c.x1 + 1) * cell_w,
-                    (float)(c.y1 + 1) * cell_h, c.score, g.class_id);
+            fv_head_add_box(j, start, (float)c.x0 * cell_w, (float)c.y0 * cell_h,
+                            (float)(c.x1 + 1) * cell_w, (float)(c.y1 + 1) * cell_h, c.score,
+                            g.class_id);
         }
     }
 }
 
 const struct fv_head *fv_head_of(int32_t decoder)
 {
-    static const struct fv_head heads[FV_DECODER_COUNT] = {
-        [FV_DECODER_CLASSIFIER] = {classifier_items, classifier_scan, 0},
-        [FV_DECODER_SSD] = {ssd_items, ssd_scan, 0},
-        [FV_DECODER_SSD_RAW] = {ssd_raw_items, ssd_raw_scan, 1},
-        [FV_DECODER_YOLOV5] = {yolov5_items, yolov5_scan, 1},
-        [FV_DECODER_YOLOV8] = {yolov8_items, yolov8_scan, 1},
-        [FV_DECODER_YOLOV2] = {yolov2_items, yolov2_scan, 1},
-        [FV_DECODER_FOMO] = {fomo_items, fomo_scan, 0}};
-    return decoder >= 0 && decoder < FV_DECODER_COUNT && heads[decoder].scan != NULL
-               ? &heads[decoder]
-               : NULL;
+    static const struct fv_head classifier = {classifier_items, classifier_scan, 0,
+                                              FV_DETECT_CLASSES, NULL},
+                                ssd = {ssd_items, ssd_scan, 0, FV_DETECT_BOXES, NULL},
+                                ssd_raw = {ssd_raw_items, ssd_raw_scan, 1, FV_DETECT_BOXES, NULL},
+                                fomo = {fomo_items, fomo_scan, 0, FV_DETECT_BOXES, NULL};
+    static const struct fv_head *const heads[FV_DECODER_COUNT] = {
+        [FV_DECODER_CLASSIFIER] = &classifier,
+        [FV_DECODER_SSD] = &ssd,
+        [FV_DECODER_SSD_RAW] = &ssd_raw,
+        [FV_DECODER_YOLOV5] = &fv_head_yolov5,
+        [FV_DECODER_YOLOV8] = &fv_head_yolov8,
+        [FV_DECODER_YOLOV2] = &fv_head_yolov2,
+        [FV_DECODER_FOMO] = &fomo,
+        [FV_DECODER_YOLOV8_POSE] = &fv_head_yolov8_pose,
+        [FV_DECODER_END2END] = &fv_head_end2end,
+        [FV_DECODER_MOVENET] = &fv_head_movenet,
+        [FV_DECODER_BLAZE] = &fv_head_blaze,
+        [FV_DECODER_LANDMARKS] = &fv_head_landmarks};
+    return decoder >= 0 && decoder < FV_DECODER_COUNT ? heads[decoder] : NULL;
 }

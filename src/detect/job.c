@@ -6,6 +6,8 @@ void fv_detect_carve(struct fv_detect_memory *memory, struct fv_arena *arena,
     *memory = (struct fv_detect_memory){.job = NULL};
     memory->job = fv_arena_take(arena, 1, sizeof *memory->job);
     memory->scratch = fv_arena_take(arena, 1, sizeof *memory->scratch);
+    const int32_t points = fv_detect_sets_max(model) * fv_detect_point_count(model);
+    if (points > 0) memory->points = fv_arena_take(arena, (size_t)points, sizeof *memory->points);
     struct fv_nn_job_state *state = memory->job == NULL ? NULL : &memory->job->nn; /* counting */
     fv_nn_job_carve(&memory->nn, model, state, pixel_bytes, arena);
 }
@@ -25,8 +27,8 @@ static void decode_some(const struct fv_detect_memory *memory)
 {
     struct fv_detect_job *job = memory->job;
     const struct fv_nn_job *nn = &memory->nn;
-    if (fv_detect_decode_unit(nn->model, nn->arena, &job->nn.fit, &memory->limits,
-                              memory->scratch) != FOVEA_OK)
+    if (fv_detect_decode_unit(nn->model, nn->arena, &job->nn.fit, &memory->limits, memory->scratch,
+                              memory->points) != FOVEA_OK)
         return;
     job->count = fv_detect_decode_take(nn->model, &memory->limits, memory->scratch, job->found,
                                        FOVEA_DETECTIONS_MAX, &job->uncertain);

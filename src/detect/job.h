@@ -32,6 +32,7 @@ struct fv_detect_memory {
     struct fv_nn_job nn;
     struct fv_detect_job *job;
     struct fv_detect_scratch *scratch;
+    struct fovea_keypoint *points;  /* of the first of job->found, as many each; NULL: none */
     struct fv_detect_limits limits; /* the caller sets them after carving; all 0 unless set */
 };
 

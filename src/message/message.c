@@ -41,6 +41,10 @@ void fv_message_channel(const char *prefix, enum fv_message_kind kind, char *nam
         [FV_MESSAGE_OBJECTS] = "OBJECTS",
         [FV_MESSAGE_TENSORS] = "TENSORS",
         [FV_MESSAGE_TENSORS2] = "TENSORS2",
+        [FV_MESSAGE_KEYPOINTS] = "KEYPOINTS",
+        [FV_MESSAGE_KEYPOINTS2] = "KEYPOINTS2",
+        [FV_MESSAGE_CLASSES] = "CLASSES",
+        [FV_MESSAGE_CLASSES2] = "CLASSES2",
         [FV_MESSAGE_BOT_CORE_POSE] = "BOT_CORE_POSE",
     };
     const bool sampled = kind >= FV_MESSAGE_SAMPLE && kind < FV_MESSAGE_FRAME;

@@ -32,11 +32,15 @@ enum fv_message_kind {
     FV_MESSAGE_DETECTIONS2, /* of the second network */
     FV_MESSAGE_MAP,
     FV_MESSAGE_OBJECTS,
-    FV_MESSAGE_TENSORS,  /* of the first network, if it has no decoder */
-    FV_MESSAGE_TENSORS2, /* of the second */
-    FV_MESSAGE_COMMAND,  /* in */
-    FV_MESSAGE_RUN,      /* of the application */
-    FV_MESSAGE_SAMPLE, /* of the first sensor kind; this and all that follow: in recordings only */
+    FV_MESSAGE_TENSORS,   /* of the first network, if it has no decoder */
+    FV_MESSAGE_TENSORS2,  /* of the second; likewise below */
+    FV_MESSAGE_KEYPOINTS, /* if its decoder gives them */
+    FV_MESSAGE_KEYPOINTS2,
+    FV_MESSAGE_CLASSES,
+    FV_MESSAGE_CLASSES2,
+    FV_MESSAGE_COMMAND, /* in */
+    FV_MESSAGE_RUN,     /* of the application */
+    FV_MESSAGE_SAMPLE,  /* of the first sensor kind; this and all that follow: in recordings only */
     FV_MESSAGE_FRAME = FV_MESSAGE_SAMPLE + FOVEA_SAMPLE_KIND_COUNT,
     FV_MESSAGE_RECORDING,
     FV_MESSAGE_RECORDING_END,
@@ -189,6 +193,35 @@ size_t fv_message_detections_size_max(uint32_t count_max, size_t label_bytes);
 size_t fv_message_detections_scratch_bytes(uint32_t count_max, size_t label_bytes);
 uint32_t fv_message_detections_encode(const struct fv_message_detections *in, void *scratch,
                                       uint8_t *buffer, size_t capacity);
+
+/* The first `count` detections with `point_count` keypoints each, in `points` set after set. */
+struct fv_message_keypoints {
+    fovea_stamp_t stamp;   /* of the image looked at */
+    const char *model;     /* cut as labels are */
+    int32_t width, height; /* of the raw image */
+    uint32_t count, point_count;
+    const struct fovea_detection *detections;
+    const char *const *names; /* of the classes, one per detection */
+    const struct fovea_keypoint *points;
+};
+size_t fv_message_keypoints_size_max(uint32_t sets, uint32_t points); /* points of each set */
+/* Scratch that encoding needs, 8-byte aligned. */
+size_t fv_message_keypoints_scratch_bytes(uint32_t sets, uint32_t points);
+uint32_t fv_message_keypoints_encode(const struct fv_message_keypoints *in, void *scratch,
+                                     uint8_t *buffer, size_t capacity);
+
+/* Classes of the whole image: of the detections only class and score are read. */
+enum { FV_MESSAGE_CLASSES_MAX = 100 };
+struct fv_message_classes {
+    fovea_stamp_t stamp; /* of the image looked at */
+    const char *model;   /* cut as labels are */
+    uint32_t count;      /* at most FV_MESSAGE_CLASSES_MAX */
+    const struct fovea_detection *detections;
+    const char *const *names; /* of the classes, one per detection */
+};
+size_t fv_message_classes_size_max(uint32_t count_max);
+uint32_t fv_message_classes_encode(const struct fv_message_classes *in, uint8_t *buffer,
+                                   size_t capacity);
 
 /* Raw outputs of a network, or pieces of them. */
 enum { FV_MESSAGE_TENSORS_MAX = 16, FV_MESSAGE_TENSOR_BYTES_MAX = 50000 };

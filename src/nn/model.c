@@ -336,6 +336,22 @@ static enum fovea_status check_use(const struct fv_model *m, const char *name,
         if (!finite_between(d->anchors[i], 0, 1e6f))
             return fail(error, name, to + 32, "an anchor", i, "0 to 1e6");
     }
+    if (d->point_count < 0 || d->point_count > FV_MODEL_POINTS_MAX)
+        return fail(error, name, to + 128, "the number of keypoints", d->point_count, "0 to 1000");
+    const int32_t least = d->point_count > 0 ? 2 : 0;
+    if (d->point_values < least || d->point_values > FV_MODEL_POINT_VALUES_MAX)
+        return fail(error, name, to + 132, "the numbers of a keypoint", d->point_values, "2 to 8");
+    if (d->point_score < 0 || d->point_score >= d->point_values + (d->point_count == 0))
+        return fail(error, name, to + 136, "the number that is a keypoint's score", d->point_score,
+                    "one that it has");
+    if (d->coefficients < 0 || d->coefficients > FV_MODEL_COEFFICIENTS_MAX)
+        return fail(error, name, to + 156, "the coefficients of a mask", d->coefficients,
+                    "0 to 256");
+    for (size_t i = 0; i < sizeof d->roles / sizeof *d->roles; i++) {
+        if (d->roles[i] < 0 || (uint32_t)d->roles[i] > m->header->output_count)
+            return fail(error, name, to + 144 + 4 * i, "an output of the decoder", d->roles[i],
+                        "one of the file's");
+    }
     if (d->thresholds != 0 &&
         (d->thresholds < 0 || !fits(m->header, (uint32_t)d->thresholds, (uint64_t)d->classes, 4))) {
         return fail(error, name, to + 104, "the thresholds' offset", d->thresholds,

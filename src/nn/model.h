@@ -244,16 +244,30 @@ struct fv_model_preprocess {
 
 enum fv_model_decoder {
     FV_DECODER_NONE = 0,
-    FV_DECODER_CLASSIFIER,
-    FV_DECODER_SSD,     /* outputs of FV_OP_DETECTION */
-    FV_DECODER_SSD_RAW, /* box encodings and scores with anchors in the file */
-    FV_DECODER_YOLOV5,  /* [n][5 + classes]: centre, size, objectness, classes */
-    FV_DECODER_YOLOV8,  /* [4 + classes][n] */
-    FV_DECODER_YOLOV2,  /* [h][w][anchors (5 + classes)] */
-    FV_DECODER_FOMO,    /* [h][w][1 + classes], class 0 is background */
-    FV_DECODER_SEGMENT, /* [h][w] class indices, or [h][w][classes] scores */
+    FV_DECODER_CLASSIFIER,  /* scores of the whole image */
+    FV_DECODER_SSD,         /* outputs of FV_OP_DETECTION */
+    FV_DECODER_SSD_RAW,     /* box encodings and scores with anchors in the file */
+    FV_DECODER_YOLOV5,      /* [n][5 + classes]: centre, size, objectness, classes */
+    FV_DECODER_YOLOV8,      /* [4 + classes][n] */
+    FV_DECODER_YOLOV2,      /* [h][w][anchors (5 + classes)] */
+    FV_DECODER_FOMO,        /* [h][w][1 + classes], class 0 is background */
+    FV_DECODER_SEGMENT,     /* [h][w] class indices, or [h][w][classes] scores */
+    FV_DECODER_EMBEDDING,   /* numbers that only other embeddings compare with: raw outputs */
+    FV_DECODER_YOLOV8_POSE, /* [4 + classes + points * values][n] */
+    FV_DECODER_YOLOV8_SEG,  /* [4 + classes + coefficients][n], and prototypes [h][w][coefficients]
+                             */
+    FV_DECODER_YOLOV8_OBB,  /* [4 + classes + 1][n]: boxes turned about their centre by the last */
+    FV_DECODER_END2END, /* [n][6 + points * values]: corners, score, class; no suppression is due */
+    FV_DECODER_MOVENET, /* [points][3]: y x score; or [n][points * 3 + 5], corners and score last */
+    FV_DECODER_BLAZE,   /* [n][4 + points * 2] and [n][1] against anchors */
+    FV_DECODER_LANDMARKS, /* [points][values] of one object, and its score */
+    FV_DECODER_YOLOX,     /* [n][5 + classes], in cells of 8, 16, 32 and 64 pixels */
+    FV_DECODER_YOLOV3,    /* several [h][w][anchors (5 + classes)], before their activation */
     FV_DECODER_COUNT
 };
+enum { FV_LOGITS_SCORES = 1, FV_LOGITS_POINTS = 2 };
+enum { FV_ROLE_BOXES = 0, FV_ROLE_SCORES, FV_ROLE_PROTOTYPES };
+enum { FV_MODEL_POINTS_MAX = 1000, FV_MODEL_POINT_VALUES_MAX = 8, FV_MODEL_COEFFICIENTS_MAX = 256 };
 struct fv_model_decode {
     int32_t kind, classes;
     float score_threshold, iou_threshold;
@@ -266,7 +280,14 @@ struct fv_model_decode {
     int32_t thresholds;  /* offset of float[classes], 0: score_threshold for all */
     int32_t anchor_data; /* SSD_RAW: offset of float[n][4] */
     float box_scales[4]; /* SSD_RAW: y x h w */
-    int32_t reserved[32];
+    /* Keypoints of each object, the numbers of each, and which of these is its score (0: none). */
+    int32_t point_count, point_values, point_score;
+    int32_t logits; /* bits FV_LOGITS_*: what is still before its LOGISTIC */
+    /* The output, counted from 1, that holds boxes or points, scores, prototypes; 0: the first,
+     * second, third. */
+    int32_t roles[3];
+    int32_t coefficients; /* of a mask */
+    int32_t reserved[24];
 };
 
 struct fv_model_header {

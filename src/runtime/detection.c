@@ -42,7 +42,7 @@ enum fovea_status fv_detection_prepare(struct fv_detection *detection, const cha
                                 NULL) == FOVEA_OK;
     }
     detection->enabled = true;
-    detection->raw = !fv_detect_gives_boxes(&detection->model);
+    detection->gives = fv_detect_gives(&detection->model);
     return FOVEA_OK;
 }
 
@@ -52,6 +52,41 @@ float fv_detection_floor(const struct fovea_objects_config *objects)
     const float least = 0.01f;
     if (objects->mode != FOVEA_OBJECTS_SORT) return 0.0f;
     return (float)objects->score_low > least ? (float)objects->score_low : least;
+}
+
+static uint32_t least_u32(uint32_t a, uint32_t b)
+{
+    return a < b ? a : b;
+}
+
+/* Of one message. */
+static uint32_t sets_max(const struct fv_detection *detection)
+{
+    return least_u32(detection->settings.count_max,
+                     (uint32_t)fv_detect_sets_max(&detection->model));
+}
+
+static uint32_t points_of(const struct fv_detection *detection)
+{
+    return (uint32_t)fv_detect_point_count(&detection->model);
+}
+
+static uint32_t classes_max(const struct fv_detection *detection)
+{
+    return least_u32(detection->settings.count_max, FV_MESSAGE_CLASSES_MAX);
+}
+
+/* For the message that needs most; one is encoded at a time. */
+static size_t scratch_bytes(const struct fv_detection *detection)
+{
+    if (detection->gives == 0) return FV_MESSAGE_TENSOR_BYTES_MAX;
+    const size_t boxes = fv_message_detections_scratch_bytes(detection->settings.count_max,
+                                                             fv_detection_label_bytes(detection));
+    const size_t points =
+        (detection->gives & FV_DETECT_POINTS) == 0
+            ? 0
+            : fv_message_keypoints_scratch_bytes(sets_max(detection), points_of(detection));
+    return points > boxes ? points : boxes;
 }
 
 void fv_detection_carve(struct fv_detection *detection, const struct fovea_camera *camera,
@@ -67,11 +102,28 @@ void fv_detection_carve(struct fv_detection *detection, const struct fovea_camer
                                   .iou = (float)detection->settings.iou_threshold,
                                   .count = (int32_t)detection->settings.count_max,
                                   .floor = floor};
-    const size_t scratch =
-        detection->raw ? FV_MESSAGE_TENSOR_BYTES_MAX
-                       : fv_message_detections_scratch_bytes(detection->settings.count_max,
-                                                             fv_detection_label_bytes(detection));
-    detection->message_scratch = fv_arena_take(frame, scratch, 1);
+    detection->message_scratch = fv_arena_take(frame, scratch_bytes(detection), 1);
+}
+
+bool fv_detection_sends(const struct fv_detection *detection, enum fv_detection_message message)
+{
+    static const uint32_t bits[FV_DETECTION_MESSAGE_COUNT] = {
+        [FV_DETECTION_BOXES] = FV_DETECT_BOXES,
+        [FV_DETECTION_KEYPOINTS] = FV_DETECT_POINTS,
+        [FV_DETECTION_CLASSES] = FV_DETECT_CLASSES};
+    if (!detection->enabled) return false;
+    return message == FV_DETECTION_TENSORS ? detection->gives == 0
+                                           : (detection->gives & bits[message]) != 0;
+}
+
+enum fv_message_kind fv_detection_kind(enum fv_detection_message message, int network)
+{
+    static const enum fv_message_kind kinds[FV_DETECTION_MESSAGE_COUNT][2] = {
+        [FV_DETECTION_BOXES] = {FV_MESSAGE_DETECTIONS, FV_MESSAGE_DETECTIONS2},
+        [FV_DETECTION_KEYPOINTS] = {FV_MESSAGE_KEYPOINTS, FV_MESSAGE_KEYPOINTS2},
+        [FV_DETECTION_CLASSES] = {FV_MESSAGE_CLASSES, FV_MESSAGE_CLASSES2},
+        [FV_DETECTION_TENSORS] = {FV_MESSAGE_TENSORS, FV_MESSAGE_TENSORS2}};
+    return kinds[message][network];
 }
 
 size_t fv_detection_label_bytes(const struct fv_detection *detection)
@@ -84,11 +136,20 @@ size_t fv_detection_label_bytes(const struct fv_detection *detection)
     return longest;
 }
 
-size_t fv_detection_message_bytes(const struct fv_detection *detection)
+size_t fv_detection_message_bytes(const struct fv_detection *detection,
+                                  enum fv_detection_message message)
 {
-    if (detection->raw) return FV_MESSAGE_PACKET_BYTES;
-    return fv_message_detections_size_max(detection->settings.count_max,
-                                          fv_detection_label_bytes(detection));
+    switch (message) {
+    case FV_DETECTION_BOXES:
+        return fv_message_detections_size_max(detection->settings.count_max,
+                                              fv_detection_label_bytes(detection));
+    case FV_DETECTION_KEYPOINTS:
+        return fv_message_keypoints_size_max(sets_max(detection), points_of(detection));
+    case FV_DETECTION_CLASSES:
+        return fv_message_classes_size_max(classes_max(detection));
+    default:
+        return FV_MESSAGE_PACKET_BYTES;
+    }
 }
 
 /* ---- the job --------------------------------------------------------------------------------- */
@@ -123,7 +184,7 @@ bool fv_detection_offer(struct fv_detection *detection, const struct fovea_frame
         status = fv_detect_start(&detection->memory, &grey, id->stamp_ns, id->sequence);
     if (status != FOVEA_OK) return false;
     detection->state->frame = *id;
-    if (detection->raw) detection->state->mapped = 0;
+    if (detection->gives == 0) detection->state->mapped = 0;
     return true;
 }
 
@@ -189,7 +250,7 @@ bool fv_detection_advance(struct fv_detection *detection, const struct fovea_con
     struct fv_detection_state *state = detection->state;
     *done = 0;
     if (!fv_detection_waiting(detection) || units == 0) return false;
-    if (detection->raw) return advance_raw(detection, kernels, units, done);
+    if (detection->gives == 0) return advance_raw(detection, kernels, units, done);
     if (!state->mapping) {
         if (fv_detect_advance(&detection->memory, kernels, units, done) != FOVEA_OK) return false;
         state->mapping = 1;
@@ -197,7 +258,9 @@ bool fv_detection_advance(struct fv_detection *detection, const struct fovea_con
     }
     while (*done < units) {
         ++*done;
-        if (!map_some(detection, &config->rig.cameras[0].camera)) continue;
+        if (fv_detection_sends(detection, FV_DETECTION_BOXES) &&
+            !map_some(detection, &config->rig.cameras[0].camera))
+            continue;
         state->mapping = 0;
         state->found_frame = state->frame;
         state->inferences++;
@@ -207,6 +270,13 @@ bool fv_detection_advance(struct fv_detection *detection, const struct fovea_con
 }
 
 /* ---- what was found -------------------------------------------------------------------------- */
+
+static void names_of(const struct fv_detection *detection, const struct fovea_detection *found,
+                     uint32_t count, const char **names)
+{
+    for (uint32_t i = 0; i < count; i++)
+        names[i] = fv_detect_label(&detection->model, found[i].class_id);
+}
 
 /* The next message of a raw network's outputs; the last one ends the inference. */
 static uint32_t encode_raw(struct fv_detection *detection, uint8_t *buffer, size_t capacity)
@@ -223,15 +293,14 @@ static uint32_t encode_raw(struct fv_detection *detection, uint8_t *buffer, size
     return bytes;
 }
 
-uint32_t fv_detection_encode(struct fv_detection *detection, const struct fovea_config *config,
-                             uint32_t reset_counter, uint8_t *buffer, size_t capacity)
+static uint32_t encode_boxes(const struct fv_detection *detection,
+                             const struct fovea_config *config, uint32_t reset_counter,
+                             uint8_t *buffer, size_t capacity)
 {
-    if (detection->raw) return encode_raw(detection, buffer, capacity);
+    const char *names[FOVEA_DETECTIONS_MAX];
     uint32_t count, uncertain;
     const struct fovea_detection *found = fv_detect_found(&detection->memory, &count, &uncertain);
-    const char *names[FOVEA_DETECTIONS_MAX];
-    for (uint32_t i = 0; i < count; i++)
-        names[i] = fv_detect_label(&detection->model, found[i].class_id);
+    names_of(detection, found, count, names);
     const struct fv_message_detections message = {
         .stamp = fv_frame_id_stamp(&detection->state->found_frame),
         .reset_counter = reset_counter,
@@ -249,6 +318,62 @@ uint32_t fv_detection_encode(struct fv_detection *detection, const struct fovea_
     return fv_message_detections_encode(&message, detection->message_scratch, buffer, capacity);
 }
 
+static uint32_t encode_keypoints(const struct fv_detection *detection,
+                                 const struct fovea_config *config, uint8_t *buffer,
+                                 size_t capacity)
+{
+    const char *names[FOVEA_DETECTIONS_MAX];
+    struct fovea_detections found;
+    fv_detection_get(detection, &found);
+    names_of(detection, found.list, found.set_count, names);
+    const struct fv_message_keypoints message = {
+        .stamp = fv_frame_id_stamp(&detection->state->found_frame),
+        .model = fv_model_name(&detection->model),
+        .width = config->rig.cameras[0].camera.width,
+        .height = config->rig.cameras[0].camera.height,
+        .count = found.set_count,
+        .point_count = found.point_count,
+        .detections = found.list,
+        .names = names,
+        .points = found.points,
+    };
+    return fv_message_keypoints_encode(&message, detection->message_scratch, buffer, capacity);
+}
+
+static uint32_t encode_classes(const struct fv_detection *detection, uint8_t *buffer,
+                               size_t capacity)
+{
+    const char *names[FOVEA_DETECTIONS_MAX];
+    uint32_t count, uncertain;
+    const struct fovea_detection *found = fv_detect_found(&detection->memory, &count, &uncertain);
+    count = least_u32(count, FV_MESSAGE_CLASSES_MAX);
+    names_of(detection, found, count, names);
+    const struct fv_message_classes message = {
+        .stamp = fv_frame_id_stamp(&detection->state->found_frame),
+        .model = fv_model_name(&detection->model),
+        .count = count,
+        .detections = found,
+        .names = names,
+    };
+    return fv_message_classes_encode(&message, buffer, capacity);
+}
+
+uint32_t fv_detection_encode(struct fv_detection *detection, enum fv_detection_message message,
+                             const struct fovea_config *config, uint32_t reset_counter,
+                             uint8_t *buffer, size_t capacity)
+{
+    switch (message) {
+    case FV_DETECTION_BOXES:
+        return encode_boxes(detection, config, reset_counter, buffer, capacity);
+    case FV_DETECTION_KEYPOINTS:
+        return encode_keypoints(detection, config, buffer, capacity);
+    case FV_DETECTION_CLASSES:
+        return encode_classes(detection, buffer, capacity);
+    default:
+        return encode_raw(detection, buffer, capacity);
+    }
+}
+
 void fv_detection_get(const struct fv_detection *detection, struct fovea_detections *detections)
 {
     memset(detections, 0, sizeof *detections);
@@ -262,6 +387,9 @@ void fv_detection_get(const struct fv_detection *detection, struct fovea_detecti
         .count = count,
         .uncertain = uncertain,
         .list = found,
+        .set_count = least_u32(count, (uint32_t)fv_detect_sets_max(&detection->model)),
+        .point_count = points_of(detection),
+        .points = detection->memory.points,
     };
 }
 

@@ -1,6 +1,6 @@
-/* A detector within the runtime: it takes a frame when it is free, runs its network on it (an
- * inference) and encodes the detections as one message, with the stamp of that frame and boxes in
- * the raw and the rectified image. */
+/* A network within the runtime: it takes a frame when it is free, runs on it (an inference) and
+ * encodes what its decoder gives, a message for each kind of result, with the stamp of that frame;
+ * boxes are in the raw and the rectified image. */
 #ifndef FOVEA_RUNTIME_DETECTION_H
 #define FOVEA_RUNTIME_DETECTION_H
 
@@ -24,7 +24,7 @@ struct fv_detection_state {
 
 struct fv_detection {
     bool enabled;
-    bool raw; /* no decoder gives boxes: its outputs are sent as they are */
+    uint32_t gives;                      /* bits FV_DETECT_*; 0: its outputs are sent as they are */
     struct fovea_detect_config settings; /* of this detector */
     struct fv_model model;               /* in the caller's bytes */
     struct fv_detect_memory memory;
@@ -49,9 +49,22 @@ void fv_detection_carve(struct fv_detection *detection, const struct fovea_camer
 /* The floor of a tracker with this configuration. */
 float fv_detection_floor(const struct fovea_objects_config *objects);
 
+/* The kinds of message that a network sends, in the order in which they leave. */
+enum fv_detection_message {
+    FV_DETECTION_BOXES = 0,
+    FV_DETECTION_KEYPOINTS,
+    FV_DETECTION_CLASSES,
+    FV_DETECTION_TENSORS,
+    FV_DETECTION_MESSAGE_COUNT
+};
+bool fv_detection_sends(const struct fv_detection *detection, enum fv_detection_message message);
+/* Its kind for the first network (0) or the second (1). */
+enum fv_message_kind fv_detection_kind(enum fv_detection_message message, int network);
+
 /* Bytes that a message takes at most. */
 size_t fv_detection_label_bytes(const struct fv_detection *detection); /* of the longest label */
-size_t fv_detection_message_bytes(const struct fv_detection *detection);
+size_t fv_detection_message_bytes(const struct fv_detection *detection,
+                                  enum fv_detection_message message);
 
 /* Give up the inference under way. Real-time safe, as all that follows. */
 void fv_detection_reset(struct fv_detection *detection);
@@ -63,16 +76,17 @@ bool fv_detection_offer(struct fv_detection *detection, const struct fovea_frame
 
 bool fv_detection_waiting(const struct fv_detection *detection);
 
-/* Do at most `units` units, `*done` of them. True: a message is due, fv_detection_encode: an
- * inference is complete, and its detections are in job->found, or its outputs are there, of which
- * one message holds a part. */
+/* Do at most `units` units, `*done` of them. True: each message that the network sends is due,
+ * fv_detection_encode: an inference is complete, and its detections are in job->found, or its
+ * outputs are there, of which one message holds a part. */
 bool fv_detection_advance(struct fv_detection *detection, const struct fovea_config *config,
                           const struct fv_kernels *kernels, uint32_t units, uint32_t *done);
 
-/* Encode the detections of the last inference, or the next part of a raw network's outputs. Returns
+/* Encode a message about the last inference, or the next part of a raw network's outputs. Returns
  * the bytes. */
-uint32_t fv_detection_encode(struct fv_detection *detection, const struct fovea_config *config,
-                             uint32_t reset_counter, uint8_t *buffer, size_t capacity);
+uint32_t fv_detection_encode(struct fv_detection *detection, enum fv_detection_message message,
+                             const struct fovea_config *config, uint32_t reset_counter,
+                             uint8_t *buffer, size_t capacity);
 
 void fv_detection_get(const struct fv_detection *detection, struct fovea_detections *detections);
 /* "" where there is none. */

@@ -26,38 +26,49 @@ static void update_objects(struct fovea *rt, struct fovea_outputs *outputs)
                   fv_object_stage_movable(&rt->objects, movable));
 }
 
-/* Whether the outputs of this work call hold a message of this kind. */
-static bool is_sent(const struct fovea *rt, enum fv_message_kind kind,
-                    const struct fovea_outputs *outputs)
+/* Whether the outputs of this work call hold a message of this network. */
+static bool is_sent(const struct fovea *rt, int network, const struct fovea_outputs *outputs)
 {
-    for (uint32_t i = 0; i < outputs->message_count; i++)
-        if (outputs->messages[i].data == rt->outbox.buffer[kind]) return true;
+    for (uint32_t i = 0; i < outputs->message_count; i++) {
+        for (int m = 0; m < FV_DETECTION_MESSAGE_COUNT; m++) {
+            const enum fv_message_kind kind =
+                fv_detection_kind((enum fv_detection_message)m, network);
+            if (outputs->messages[i].data == rt->outbox.buffer[kind]) return true;
+        }
+    }
     return false;
 }
 
-/* Returns the units done; `*complete`: a message went to the outputs. */
-static uint32_t advance_one(struct fovea *rt, struct fv_detection *detection,
-                            enum fv_message_kind kind, uint32_t units, bool *complete,
-                            struct fovea_outputs *outputs)
+static void send(struct fovea *rt, struct fv_detection *detection, int network,
+                 struct fovea_outputs *outputs)
+{
+    for (int i = 0; i < FV_DETECTION_MESSAGE_COUNT; i++) {
+        const enum fv_detection_message message = (enum fv_detection_message)i;
+        if (!fv_detection_sends(detection, message)) continue;
+        const enum fv_message_kind kind = fv_detection_kind(message, network);
+        const uint32_t bytes =
+            fv_detection_encode(detection, message, &rt->config, fv_reset_counter(rt),
+                                rt->outbox.buffer[kind], rt->outbox.capacity[kind]);
+        fv_output_add(rt, kind, bytes, outputs);
+    }
+}
+
+/* Returns the units done; `*complete`: messages went to the outputs. */
+static uint32_t advance_one(struct fovea *rt, struct fv_detection *detection, int network,
+                            uint32_t units, bool *complete, struct fovea_outputs *outputs)
 {
     uint32_t done = 0;
     *complete = false;
-    if (is_sent(rt, kind, outputs)) return 0; /* a raw network may have more to send */
+    if (is_sent(rt, network, outputs)) return 0; /* a raw network may have more to send */
     *complete = fv_detection_advance(detection, &rt->config, &rt->kernels, units, &done);
-    if (*complete)
-        fv_output_add(rt, kind,
-                      fv_detection_encode(detection, &rt->config, fv_reset_counter(rt),
-                                          rt->outbox.buffer[kind], rt->outbox.capacity[kind]),
-                      outputs);
+    if (*complete) send(rt, detection, network, outputs);
     return done;
 }
 
 static uint32_t advance_first(struct fovea *rt, uint32_t units, struct fovea_outputs *outputs)
 {
     bool complete;
-    const uint32_t done = advance_one(
-        rt, &rt->detection, rt->detection.raw ? FV_MESSAGE_TENSORS : FV_MESSAGE_DETECTIONS, units,
-        &complete, outputs);
+    const uint32_t done = advance_one(rt, &rt->detection, 0, units, &complete, outputs);
     if (complete && rt->objects.enabled) update_objects(rt, outputs);
     return done;
 }
@@ -71,9 +82,7 @@ static uint32_t advance(struct fovea *rt, uint32_t units, struct fovea_outputs *
     if (!fv_detection_waiting(&rt->detection2)) return advance_first(rt, units, outputs);
     uint32_t done =
         fv_detection_waiting(&rt->detection) ? advance_first(rt, units - units / 2, outputs) : 0;
-    done += advance_one(rt, &rt->detection2,
-                        rt->detection2.raw ? FV_MESSAGE_TENSORS2 : FV_MESSAGE_DETECTIONS2,
-                        units - done, &complete, outputs);
+    done += advance_one(rt, &rt->detection2, 1, units - done, &complete, outputs);
     return done + advance_first(rt, units - done, outputs);
 }
 

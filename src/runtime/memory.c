@@ -29,6 +29,17 @@ static void carve_buffer(struct fv_outbox *outbox, enum fv_message_kind kind, si
     outbox->buffer[kind] = fv_arena_take(arena, capacity, 1);
 }
 
+static void carve_network(struct fv_outbox *outbox, const struct fv_detection *detection,
+                          int network, struct fv_arena *arena)
+{
+    for (int i = 0; i < FV_DETECTION_MESSAGE_COUNT; i++) {
+        const enum fv_detection_message message = (enum fv_detection_message)i;
+        if (fv_detection_sends(detection, message))
+            carve_buffer(outbox, fv_detection_kind(message, network),
+                         fv_detection_message_bytes(detection, message), arena);
+    }
+}
+
 static void carve_outbox(struct fovea *rt, struct fv_arena *arena)
 {
     struct fv_outbox *outbox = &rt->outbox;
@@ -41,13 +52,9 @@ static void carve_outbox(struct fovea *rt, struct fv_arena *arena)
     carve_buffer(outbox, FV_MESSAGE_CAMERA_STATUS, fv_message_camera_status_size_max(), arena);
     carve_buffer(outbox, FV_MESSAGE_PREVIEW, fv_message_preview_size_max(rt->preview.jpeg_capacity),
                  arena);
-    if (rt->detection2.enabled)
-        carve_buffer(outbox, rt->detection2.raw ? FV_MESSAGE_TENSORS2 : FV_MESSAGE_DETECTIONS2,
-                     fv_detection_message_bytes(&rt->detection2), arena);
-    if (rt->detection.enabled)
-        carve_buffer(outbox, rt->detection.raw ? FV_MESSAGE_TENSORS : FV_MESSAGE_DETECTIONS,
-                     fv_detection_message_bytes(&rt->detection), arena);
-    if (rt->detection.enabled && !rt->detection.raw) {
+    carve_network(outbox, &rt->detection2, 1, arena);
+    carve_network(outbox, &rt->detection, 0, arena);
+    if (fv_detection_sends(&rt->detection, FV_DETECTION_BOXES)) {
         carve_buffer(outbox, FV_MESSAGE_OBJECTS,
                      fv_message_objects_size_max(rt->config.objects.count_max,
                                                  fv_detection_label_bytes(&rt->detection)),

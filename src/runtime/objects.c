@@ -6,8 +6,8 @@ void fv_object_stage_carve(struct fv_object_stage *tracking, const struct fovea_
                            const struct fv_detection *detection, struct fv_arena *persistent,
                            struct fv_arena *frame)
 {
-    tracking->enabled =
-        detection->enabled && !detection->raw && config->objects.mode != FOVEA_OBJECTS_OFF;
+    tracking->enabled = fv_detection_sends(detection, FV_DETECTION_BOXES) &&
+                        config->objects.mode != FOVEA_OBJECTS_OFF;
     if (!tracking->enabled) return;
     fv_objects_carve(&tracking->tracker, &config->objects, &config->rig.cameras[0].camera,
                      config->rig.cameras[0].T_body_cam, persistent, frame);

@@ -3,12 +3,14 @@ metadata (task, names), the labels and the ranges of quantisation agree; trial.p
 stops with one line that names the candidates."""
 import numpy as np
 
+import details
 import shares
 from graph import ImportProblem
 
 LABELS_MAX = 4096  # what the loader takes
 STRIDES = ((8, 16, 32), (4, 8, 16, 32), (8, 16, 32, 64), (16, 32), (4, 8, 16))
-TASKS = {"detect": ("yolov5", "yolov8"), "classify": ("classifier",), "segment": (), "pose": (), "obb": ()}  # of Ultralytics' exports
+TASKS = {"detect": ("yolov5", "yolov8", "end2end"), "classify": ("classifier",), "segment": (), "pose": ("yolov8_pose", "end2end"),
+         "obb": ()}  # of Ultralytics' exports
 
 
 def origin(graph, t, names=("QUANTIZE", "DEQUANTIZE")):
@@ -22,8 +24,9 @@ def origin(graph, t, names=("QUANTIZE", "DEQUANTIZE")):
 class Evidence:
     """What is known of a network before its decoder is."""
 
-    def __init__(self, graph, labels, metadata, anchors):
-        self.graph, self.labels, self.metadata, self.anchors = graph, labels, metadata, anchors
+    def __init__(self, graph, labels, metadata, arguments):
+        self.graph, self.labels, self.metadata, self.arguments = graph, labels, metadata, arguments
+        self.anchors = arguments.anchors
         self.mask = shares.of(graph)
         self.outs = [graph.tensors[t] for t in graph.outputs]
         self.inputs = [t for t in graph.inputs if graph.tensors[t].data is None]
@@ -101,6 +104,52 @@ def ssd_raw(e):
     return None
 
 
+def end2end(e):
+    """Rows of corners, score and class: the metadata must say so, since classes are no shares and other rows look alike."""
+    if e.metadata.get("end2end") not in (True, "True", "true"):
+        return "needs metadata that say end2end"
+    points = details.asked_points(e.arguments, e.metadata) or (0, 0)
+    if e.shape[2] != 6 + points[0] * points[1]:
+        return f"has {6 + points[0] * points[1]} numbers in a row, found {e.shape[2]}"
+    return None
+
+
+def movenet(e):
+    """Of one person: the third number of each keypoint is a score."""
+    if e.shape[-2] != 17 or len(e.outs) != 1:
+        return f"has 17 keypoints in one output, found {e.shape[-2]}"
+    low, high = e.range_of(e.outs[0])
+    if np.isfinite(high) and (low < -0.5 or high > 1.5):
+        return f"has shares of the picture, found numbers from {low:.3g} to {high:.3g}"
+    return None if e.mask(e.graph.outputs[0]).reshape(-1, 3)[:, 2].all() else "has scores from LOGISTIC in every third number"
+
+
+def blaze(e):
+    key = details.blaze_pair(e)[1]
+    if key not in details.BLAZE:
+        return f"is not known with {key[1]} boxes of {key[2]} keypoints for {key[0]} pixels"
+    low, high = e.range_of(e.outs[0])
+    return f"has boxes in pixels, found numbers from {low:.3g} to {high:.3g}" if np.isfinite(high) and high - low < 8 else None
+
+
+def landmarks(e):
+    form = details.landmark_form(e)
+    if form is None:
+        return "is not known with this input"
+    outputs, ones = details.landmark_outputs(e, form[0] * form[1])
+    return None if ones and len(e.outs) <= 4 else f"has an output of one number, the score, found {len(ones)}"
+
+
+def several(e):
+    """Candidates of networks of several outputs."""
+    if details.blaze_pair(e):
+        return {"blaze": blaze(e)}
+    if len(e.image) == 4 and len(e.outs) <= 4 and any(int(np.prod(t.shape)) >= 20 for t in e.outs) and \
+            details.landmark_outputs(e, 0)[1]:
+        return {"landmarks": landmarks(e)}
+    return {}
+
+
 def candidates(e):
     """Decoders by name that the shapes allow, with why each cannot be or None."""
     shape, found = e.shape, {}
@@ -111,10 +160,21 @@ def candidates(e):
         return {"segment": None}
     if len(e.outs) == 2 and e.anchors and any(t.shape[-1:] == (4,) for t in e.outs):
         return {"ssd_raw": ssd_raw(e)}
-    if len(shape) == 2 or len(shape) == 4 and shape[:3] == (1, 1, 1):
+    if len(e.outs) > 1 and several(e):
+        return several(e)
+    last = origin(e.graph, e.graph.outputs[0])[1]
+    if len(shape) == 2 and last is not None and last.name == "L2_NORMALIZATION":
+        found["embedding"] = None
+    elif len(shape) == 2 or len(shape) == 4 and shape[:3] == (1, 1, 1):
         found["classifier"] = classifier(e)
+    elif len(shape) == 4 and shape[:2] == (1, 1) and shape[3] == 3:
+        found["movenet"] = movenet(e)
     elif len(shape) == 3 and shape[1] < shape[2] and shape[1] > 4:
         found["yolov8"] = yolo(e, shape[1], shape[2], 1, "yolov8")
+        if found["yolov8"] and shape[2] in e.cells() and len(e.outs) == 1:
+            found["yolov8_pose"] = details.pose_fault(e, e.arguments) or labelled(e, details.rows_of(e)[1])
+    elif len(shape) == 3 and shape[2] >= 6 and shape[1] in (100, 300):
+        found["end2end"] = end2end(e)
     elif len(shape) == 3 and shape[2] > 5:
         found["yolov5"] = yolo(e, shape[2], shape[1], 3, "yolov5")
     elif len(shape) == 4 and e.anchors:
@@ -142,7 +202,7 @@ def choose(e):
     one_input(e)
     task, found = e.metadata.get("task"), candidates(e)
     fitting = [name for name, fault in found.items() if fault is None]
-    if task in TASKS and found and not set(fitting) <= set(TASKS[task]):
+    if task in TASKS and found and not (set(fitting) or set(found)) <= set(TASKS[task]):
         fitting, found = [], {}
     if task in TASKS and not fitting and not found:
         raise ImportProblem(f"its metadata say task {task}, which no decoder here reads from {shape_text(e)}: {raw}")
@@ -151,7 +211,8 @@ def choose(e):
     if not found:
         raise ImportProblem(f"found outputs {shape_text(e)}, which no decoder is certain to read: {raw}, or --decoder NAME")
     name, fault = next(iter(found.items()))
-    raise ImportProblem(f"found outputs {shape_text(e)}; {name} {fault}: {raw}, or --decoder {name} if it is that")
+    named = " or ".join(f"--decoder {other}" for other in found)
+    raise ImportProblem(f"found outputs {shape_text(e)}; {name} {fault}: {raw}, or {named} if it is that")
 
 
 def hold(e, name):

@@ -75,6 +75,38 @@ def boxes_look_wrong(values, h, w, per_cell, normalised):
     return None
 
 
+def points_look_wrong(points, size):
+    """`points` [...][2], in the unit of `size`."""
+    inside = (points > -size) & (points < 2 * size)
+    return "keypoints far outside the picture" if np.mean(inside) < 0.9 else None
+
+
+def details_look_wrong(kind, outs, image, normalised, known):
+    """The same for decoders with details, of all outputs in the order of their roles."""
+    size = np.array([1.0, 1.0] if normalised else [image[2], image[1]])
+    first = outs[0]
+    if kind == "yolov8_pose":
+        values = first[0].T
+        points = values[:, 4 + known.classes:].reshape(len(values), known.points, known.values)[..., :2]
+        return boxes_look_wrong(values[:, :4 + known.classes], image[1], image[2], 1, normalised) or points_look_wrong(points, size)
+    if kind == "movenet":
+        values = first.reshape(-1, 3) if first.shape[-1] == 3 else first.reshape(-1, first.shape[-1])[:, :-5].reshape(-1, 3)
+        shares = values[:, 2]
+        return points_look_wrong(values[:, :2], 1.0) or (None if shares.min() > -0.02 and shares.max() < 1.02 else "scores beyond 0 to 1")
+    if kind == "blaze":
+        scores = outs[1] if not known.logits else 1 / (1 + np.exp(-outs[1]))
+        if np.mean(scores > 0.5) > 0.2:
+            return f"{100 * np.mean(scores > 0.5):.0f} % of all boxes above a score of 0.5"
+        return points_look_wrong(first[0, :, :2] + known.anchors[:, 1::-1] * size, size)
+    if kind == "landmarks":
+        return points_look_wrong(first.reshape(known.points, known.values)[:, :2], size)
+    if kind == "end2end":
+        rows = first[0]
+        if (np.diff(rows[:, 4]) > 0.02).any() or rows[:, 4].min() < -0.02 or rows[:, 4].max() > 1.02:
+            return "scores that do not fall from row to row"
+    return None
+
+
 def looks_wrong(kind, values, image, normalised):
     """What is wrong with the first output on a picture, None: nothing."""
     if values.min() < -0.02 and kind in ("classifier", "fomo") or values.max() > 1.02 and kind in ("classifier", "fomo"):
@@ -96,19 +128,26 @@ def engine(data):
         return None
 
 
-def run(data, graph, kind, mean, scale, normalised):
+def by_role(outs, known):
+    """Outputs in the order of their roles."""
+    places = [role - 1 if role else i for i, role in enumerate(known.roles)]
+    return [outs[i] for i in places if i < len(outs)]
+
+
+def run(data, graph, kind, mean, scale, normalised, known):
     """True: tried. False: the engine was not built. Raises ImportProblem when a picture's outputs do not look right."""
     source = next(graph.tensors[t] for t in graph.inputs if graph.tensors[t].data is None)
-    if kind in ("ssd", "ssd_raw", "segment", "none") or len(source.shape) != 4 or source.shape[3] not in (1, 3):
+    if kind in ("ssd", "ssd_raw", "segment", "none", "embedding") or len(source.shape) != 4 or source.shape[3] not in (1, 3):
         return True  # said by the operator itself, or by the user's anchors
     tried = engine(data)
     if tried is None:
         return False
-    out = graph.tensors[graph.outputs[0]]
     for number, picture in enumerate(pictures(*source.shape[1:])):
         tried.set_input(0, as_input(source, picture, mean, scale))
         tried.run()
-        fault = looks_wrong(kind, real(out, tried.tensor(tried.outputs[0])), source.shape, normalised)
+        outs = [real(graph.tensors[t], tried.tensor(i)) for t, i in zip(graph.outputs, tried.outputs)]
+        fault = looks_wrong(kind, outs[0], source.shape, normalised) if known is None else \
+            details_look_wrong(kind, by_role(outs, known), source.shape, normalised, known)
         if fault:
             raise ImportProblem(f"as {kind} its outputs on drawn picture {number} have {fault}: "
                                 f"expected --decoder none for the raw outputs, or --decoder {kind} if it is that")

@@ -5,10 +5,12 @@ import struct
 import numpy as np
 
 import choose
+import details
 from choose import LABELS_MAX, origin
 from graph import ImportProblem
 
-DECODERS = ["none", "classifier", "ssd", "ssd_raw", "yolov5", "yolov8", "yolov2", "fomo", "segment"]
+DECODERS = ["none", "classifier", "ssd", "ssd_raw", "yolov5", "yolov8", "yolov2", "fomo", "segment", "embedding", "yolov8_pose", "yolov8_seg",
+            "yolov8_obb", "end2end", "movenet", "blaze", "landmarks", "yolox", "yolov3"]
 SIDE_MAX = 8192
 ORDERS = {"rgb": 0, "bgr": 1, "grey": 2}
 
@@ -20,7 +22,9 @@ def add_arguments(parser):
     parser.add_argument("--order", choices=list(ORDERS), help="colour order of the input, default rgb (grey for 1)")
     parser.add_argument("--mean", type=float, help="subtracted from pixels (0..255); default from the quantisation")
     parser.add_argument("--scale", type=float, help="multiplies (pixel - mean); default from the quantisation")
-    parser.add_argument("--score", type=float, default=0.25, help="score threshold, default 0.25")
+    parser.add_argument("--score", type=float, help="score threshold, default 0.25, of classifiers 0")
+    parser.add_argument("--most", type=int, help="detections of one image at most, default 300, of classifiers 5: the best are kept")
+    parser.add_argument("--points", metavar="COUNT,VALUES", help="keypoints of each object, and numbers of each: x, y, and in poses a score")
     parser.add_argument("--class-score", action="append", default=[], metavar="CLASS=SCORE",
                         help="threshold of one class, by label or number; may be given several times")
     parser.add_argument("--iou", type=float, default=0.5, help="overlap threshold of suppression, default 0.5")
@@ -85,9 +89,8 @@ def named_labels(metadata):
     return [str(table.get(i, "")) for i in range(max(table) + 1)] if table and 0 <= max(table) < LABELS_MAX else []
 
 
-def chosen(graph, labels, metadata, arguments):
+def chosen(evidence, arguments):
     """The decoder's name, and whether it was chosen here; --check compares outputs, whatever reads them."""
-    evidence = choose.Evidence(graph, labels, metadata, arguments.anchors)
     if arguments.decoder:
         choose.hold(evidence, arguments.decoder)
         return arguments.decoder, False
@@ -121,10 +124,12 @@ def describe(path, graph, net, arguments):
         arguments = arguments.parse_args([])
     labels, metadata = archive(path)
     labels = labels if arguments.labels is None else read_labels(arguments.labels)
-    kind, is_chosen = chosen(graph, labels, metadata, arguments)
+    evidence = choose.Evidence(graph, labels, metadata, arguments)
+    kind, is_chosen = chosen(evidence, arguments)
+    known = details.of(kind, evidence, arguments)
     shape = graph.tensors[graph.inputs[0]].shape
     shape = shape if len(shape) == 4 and max(shape[1:3]) <= SIDE_MAX else (1, 0, 0, 0)
-    fit = arguments.fit or ("letterbox" if kind.startswith("yolo") else "stretch")
+    fit = arguments.fit or ("letterbox" if kind.startswith(("yolo", "end2end", "movenet", "blaze")) else "stretch")
     order = arguments.order or ("grey" if shape[3] == 1 else "rgb")
     mean, scale = natural_range(graph)
     mean = mean if arguments.mean is None else arguments.mean
@@ -135,8 +140,8 @@ def describe(path, graph, net, arguments):
     channels = shape[3] if shape[3] in (1, 3) else 0
     preprocess = [int(fit == "letterbox"), shape[2], shape[1], channels, ORDERS[order], *[bits(mean)] * 3,
                   *[bits(scale)] * 3, 114]
-    trial = (kind, mean, scale, is_share(kind, graph)) if is_chosen else None
-    return (labels, preprocess, decoder_words(kind, graph, net, labels, arguments)), trial
+    trial = (kind, mean, scale, is_share(kind, graph, known), known) if is_chosen else None
+    return (labels, preprocess, decoder_words(kind, graph, net, labels, arguments, known)), trial
 
 
 def natural_range(graph):
@@ -205,9 +210,9 @@ def share(text, what):
     return found[0]
 
 
-def class_thresholds(arguments, labels, first_label, classes):
+def class_thresholds(arguments, score, labels, first_label, classes):
     """A threshold for every class."""
-    table = np.full(classes, arguments.score, np.float32)
+    table = np.full(classes, score, np.float32)
     for entry in arguments.class_score:
         name, _, text = entry.rpartition("=")
         known = labels[first_label:first_label + classes]
@@ -218,27 +223,38 @@ def class_thresholds(arguments, labels, first_label, classes):
     return table
 
 
-def is_share(kind, graph):
+def is_share(kind, graph, known):
     """Whether boxes are shares of the input's size rather than pixels, by the range of the 8-bit output."""
-    out = graph.tensors[origin(graph, graph.outputs[0])[0]]
-    return kind in ("yolov5", "yolov8") and out.is8 and float(out.scale0) * 256 < max(4.0, graph.tensors[graph.inputs[0]].shape[2] / 8)
+    if known is not None and known.normalised is not None:
+        return bool(known.normalised)
+    t = graph.outputs[known.roles[0] - 1 if known is not None and known.roles[0] else 0]
+    out = graph.tensors[origin(graph, t)[0]]
+    return (kind in ("yolov5", "yolov8") or known is not None) and out.is8 and \
+        float(out.scale0) * 256 < max(4.0, graph.tensors[graph.inputs[0]].shape[2] / 8)
 
 
-def decoder_words(kind, graph, net, labels, arguments):
+def decoder_words(kind, graph, net, labels, arguments, known):
     """struct fv_model_decode; places of tables count from the data as those of operators do."""
+    score = (0.0 if kind == "classifier" else 0.25) if arguments.score is None else share(arguments.score, "--score")
+    most = (5 if kind == "classifier" else 300) if arguments.most is None else arguments.most
+    if not 1 <= most <= 300:
+        raise ImportProblem(f"--most: found {most}, expected 1 to 300")
     pairs = yolo_anchors(arguments.anchors) if kind == "yolov2" else []
     if kind == "yolov2" and not pairs:
         raise ImportProblem("--decoder yolov2: the anchors are missing, expected --anchors W,H,W,H...")
-    classes = max(classes_of(kind, graph, len(pairs) // 2), 0)
+    classes = known.classes if known is not None else max(classes_of(kind, graph, len(pairs) // 2), 0)
     if classes > LABELS_MAX:
         raise ImportProblem(f"--decoder {kind}: found {classes} classes, expected at most {LABELS_MAX}")
     background = int(kind == "classifier" and classes == 1001)
     first_label = int(bool(labels) and len(labels) == classes - background + 1 and labels[0].lower() in ("background", "???"))
-    table = net.blob(class_thresholds(arguments, labels, first_label, classes)) if arguments.class_score else 0
+    table = net.blob(class_thresholds(arguments, score, labels, first_label, classes)) if arguments.class_score else 0
     boxes = net.blob(ssd_anchors(arguments.anchors, graph)) if kind == "ssd_raw" else 0
     scales = numbers(arguments.box_scales, "--box-scales", 1e-6) if boxes else [0] * 4
+    if known is not None and known.anchors is not None:
+        boxes = net.blob(known.anchors)
     if len(scales) != 4:
         raise ImportProblem(f"--box-scales: found {len(scales)} numbers, expected four")
-    return [DECODERS.index(kind), classes, bits(share(arguments.score, "--score")), bits(share(arguments.iou, "--iou")),
-            int(arguments.agnostic), 300, int(is_share(kind, graph)), len(pairs) // 2, *[bits(v) for v in pairs],
-            *[0] * (16 - len(pairs)), first_label, background, table, boxes, *[bits(v) for v in scales]]
+    return [DECODERS.index(kind), classes, bits(score), bits(share(arguments.iou, "--iou")),
+            int(arguments.agnostic), most, int(is_share(kind, graph, known)), len(pairs) // 2, *[bits(v) for v in pairs],
+            *[0] * (16 - len(pairs)), first_label, background, table, boxes, *[bits(v) for v in scales],
+            *(known or details.Details()).words()]

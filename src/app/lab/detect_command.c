@@ -10,9 +10,9 @@
 #include "support/canvas.h"
 #include "support/colour.h"
 #include "support/files.h"
-#include "support/json.h"
 #include "app/config/model_file.h"
 #include "app/config/options.h"
+#include "app/lab/found.h"
 #include "support/say.h"
 #include "detect/decode.h"
 #include "nn/run.h"
@@ -22,8 +22,7 @@ struct engine {
     struct fv_kernels kernels;
     uint8_t *arena;
     struct fv_detect_scratch *scratch;
-    struct fovea_detection found[FOVEA_DETECTIONS_MAX];
-    int32_t count;
+    struct fv_found found;
     uint64_t units; /* run this many at a time; 0: all */
 };
 
@@ -63,32 +62,11 @@ static enum fovea_status look_at(struct engine *engine, const struct fovea_image
     while (fv_nn_run(model, &engine->kernels, engine->arena, &progress, units, &done) ==
            FOVEA_AGAIN)
         continue;
-    engine->count = fv_detect_decode(model, engine->arena, &fit, engine->scratch, engine->found,
-                                     FOVEA_DETECTIONS_MAX);
+    struct fv_found *found = &engine->found;
+    found->model = model;
+    found->count = fv_detect_decode(model, engine->arena, &fit, engine->scratch, found->points,
+                                    found->list, FOVEA_DETECTIONS_MAX);
     return FOVEA_OK;
-}
-
-static const char *label_of(const struct engine *engine, int32_t class_id)
-{
-    const char *label = fv_model_label(&engine->file.model,
-                                       class_id + engine->file.model.header->decode.first_label);
-    return label == NULL ? "" : label;
-}
-
-static void print_line(const struct engine *engine, const char *path,
-                       const struct fovea_image *image)
-{
-    printf("{\"image\": ");
-    fv_json_text(stdout, path);
-    printf(", \"width\": %d, \"height\": %d, \"detections\": [", image->width, image->height);
-    for (int32_t i = 0; i < engine->count; i++) {
-        const struct fovea_detection *d = &engine->found[i];
-        printf("%s{\"class\": %d, \"label\": ", i == 0 ? "" : ", ", d->class_id);
-        fv_json_text(stdout, label_of(engine, d->class_id));
-        printf(", \"score\": %.6f, \"box_px\": [%.3f, %.3f, %.3f, %.3f]}", (double)d->score,
-               (double)d->x_min_px, (double)d->y_min_px, (double)d->x_max_px, (double)d->y_max_px);
-    }
-    printf("]}\n");
 }
 
 /* The part of a picture's name that its drawing keeps. */
@@ -131,12 +109,11 @@ static enum fovea_status check_stems(char **paths, int count, const char *folder
     return status;
 }
 
-/* dir/name.png with the boxes and their labels. */
+/* dir/name.png with what was found. */
 static enum fovea_status draw(const struct engine *engine, const char *path,
                               const struct fovea_image *image, const char *folder,
                               struct fovea_error *error)
 {
-    static const uint32_t colours[6] = {0xff5544, 0x44cc66, 0x4499ff, 0xffdd33, 0xbb77ff, 0x33ccbb};
     char target[1024];
     int length;
     const char *name = stem(path, &length);
@@ -148,20 +125,7 @@ static enum fovea_status draw(const struct engine *engine, const char *path,
     status = fv_canvas_create(&canvas, image->width, image->height, 0);
     if (status != FOVEA_OK) return fovea_error_set(error, status, "%.300s: out of memory", target);
     fv_canvas_image(&canvas, 0, 0, image);
-    for (int32_t i = engine->count - 1; i >= 0; --i) {
-        const struct fovea_detection *d = &engine->found[i];
-        const uint32_t colour = colours[d->class_id % 6];
-        char text[96];
-        snprintf(text, sizeof text, "%.60s %d%%", label_of(engine, d->class_id),
-                 (int)(d->score * 100.0f + 0.5f));
-        fv_canvas_box(&canvas, d->x_min_px, d->y_min_px, d->x_max_px, d->y_max_px, 2, colour);
-        const int height = FV_CANVAS_TEXT_HEIGHT + 4,
-                  above = (int)d->y_min_px - height; /* a label hides no small object */
-        const int left = (int)d->x_min_px + (above < 0 ? 2 : 0),
-                  top = above < 0 ? (int)d->y_min_px + 2 : above;
-        fv_canvas_fill(&canvas, left, top, fv_canvas_text_width(1, text) + 4, height, colour);
-        fv_canvas_text(&canvas, left + 2, top + 2, 1, 0x000000, text);
-    }
+    fv_found_draw(&engine->found, &canvas);
     status = fv_canvas_write(&canvas, target, error);
     fv_canvas_free(&canvas);
     return status;
@@ -169,12 +133,12 @@ static enum fovea_status draw(const struct engine *engine, const char *path,
 
 int fv_command_detect(int argc, char **argv)
 {
-    struct engine engine = {.count = 0};
+    static struct engine engine; /* too large for the stack */
     const char *model = NULL, *folder = NULL;
     const struct fv_option options[] = {
         {"model", "FILE", FV_OPTION_TEXT, &model, "model file (.fvm) made by tools/import"},
         {"draw", "DIR", FV_OPTION_TEXT, &folder,
-         "write each picture with its boxes as PNG into DIR, which is created if it does not exist"},
+         "write each picture with what was found as PNG into DIR, which is created if it does not exist"},
         {"units", "N", FV_OPTION_COUNT, &engine.units,
          "run N units at a time, as the loop does (same results)"},
         {0},
@@ -195,8 +159,9 @@ int fv_command_detect(int argc, char **argv)
     else if (folder != NULL && mkdir(folder, 0777) != 0 && errno != EEXIST)
         status =
             fv_say_wrong("--draw %.300s: the folder cannot be made: %s", folder, strerror(errno));
-    if (!fv_detect_gives_boxes(&engine.file.model))
-        fv_say("%s: its decoder gives no boxes: the lists stay empty", model);
+    if (fv_detect_gives(&engine.file.model) == 0)
+        fv_say("%s: its decoder is %s, the lists stay empty: fovea model run gives its outputs",
+               model, fv_detect_decoder_name(&engine.file.model));
     for (int i = first; i < argc && status == FV_EXIT_OK; i++) {
         struct fovea_image image;
         if (fv_colour_read(argv[i], &image, &error) != FOVEA_OK) {
@@ -206,7 +171,7 @@ int fv_command_detect(int argc, char **argv)
         if (look_at(&engine, &image) != FOVEA_OK) {
             status = fv_say_wrong("%s: its first input is not an image of 1 or 3 channels", model);
         } else {
-            print_line(&engine, argv[i], &image);
+            fv_found_print(&engine.found, argv[i], &image);
             if (folder != NULL) {
                 const enum fovea_status drawn = draw(&engine, argv[i], &image, folder, &error);
                 if (drawn == FOVEA_ERROR_INPUT)

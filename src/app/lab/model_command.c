@@ -49,6 +49,25 @@ static void print_operators(const struct fv_model *model)
     printf("\n");
 }
 
+static void print_decoder(const struct fv_model *model)
+{
+    const struct fv_model_decode *d = &model->header->decode;
+    const uint32_t gives = fv_detect_gives(model);
+    printf("%-10s%s", "decoder", fv_detect_decoder_name(model));
+    if (gives == 0) printf(": raw outputs");
+    if ((gives & FV_DETECT_CLASSES) != 0) printf(": classes of the image");
+    if ((gives & FV_DETECT_BOXES) != 0) printf(": boxes");
+    if ((gives & FV_DETECT_POINTS) != 0)
+        printf("%s%d keypoints", (gives & FV_DETECT_BOXES) != 0 ? ", " : ": ",
+               fv_detect_point_count(model));
+    printf("\n");
+    if (gives == 0) return;
+    printf("%-10sscore at least %g%s", "limits", (double)d->score_threshold,
+           d->thresholds != 0 ? " or as classes have it" : "");
+    if ((gives & FV_DETECT_BOXES) != 0) printf(", overlap at most %g", (double)d->iou_threshold);
+    printf(", at most %d\n", d->max_detections);
+}
+
 /* The best of several runs on this processor: milliseconds and the longest unit. */
 static enum fovea_status time_model(const struct fv_model *model, const struct fv_kernels *kernels,
                                     double *best_ms, double *unit_ms)
@@ -130,12 +149,7 @@ static int info(const char *path)
     print_operators(model);
     printf("%-10s%.1f million multiply-accumulates, %u labels\n", "work", macs * 1e-6,
            h->label_count);
-    if (fv_detect_gives_boxes(model)) {
-        printf("%-10sscore at least %g%s, overlap at most %g\n", "boxes",
-               (double)h->decode.score_threshold,
-               h->decode.thresholds != 0 ? " or as classes have it" : "",
-               (double)h->decode.iou_threshold);
-    }
+    print_decoder(model);
     printf("%-10sconstants %u bytes, arena %u bytes, file %zu bytes\n", "memory", h->data_bytes,
            h->arena_bytes, file.bytes);
     double best_ms, unit_ms;

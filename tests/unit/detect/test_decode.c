@@ -115,7 +115,8 @@ static void heads_give_what_they_stand_for(void **state)
             assert_non_null(fgets(line, sizeof line, file));
             read_bytes();
             const struct fv_nn_input_fit fit = view_of(WIDTH, HEIGHT);
-            count = fv_detect_decode(&model, arena, &fit, &scratch, found, FOVEA_DETECTIONS_MAX);
+            count =
+                fv_detect_decode(&model, arena, &fit, &scratch, NULL, found, FOVEA_DETECTIONS_MAX);
             at = 0;
             cases++;
         } else if (strncmp(line, "box ", 4) == 0) {
@@ -181,8 +182,9 @@ static void the_best_of_too_many_are_kept(void **state)
     make_rows(ROWS, rising);
     header.decode.score_threshold = 0.001f;
     const struct fv_nn_input_fit fit = view_of(256, 256);
-    assert_int_equal(fv_detect_decode(&model, arena, &fit, &scratch, found, FOVEA_DETECTIONS_MAX),
-                     FOVEA_DETECTIONS_MAX);
+    assert_int_equal(
+        fv_detect_decode(&model, arena, &fit, &scratch, NULL, found, FOVEA_DETECTIONS_MAX),
+        FOVEA_DETECTIONS_MAX);
     for (int i = 0; i < FOVEA_DETECTIONS_MAX; i++) {
         /* scores fall by one step every ten; among equals the earlier row comes first */
         const int32_t row = ROWS - 10 - i / 10 * 10 + i % 10;
@@ -209,7 +211,8 @@ static void units_go_on_where_the_last_one_ended(void **state)
     header.decode.score_threshold = 0.2f;
     const struct fv_nn_input_fit fit = view_of(256, 256);
     fv_detect_decode_start(&scratch);
-    for (; fv_detect_decode_unit(&model, arena, &fit, &none, &scratch) == FOVEA_AGAIN; units++)
+    for (; fv_detect_decode_unit(&model, arena, &fit, &none, &scratch, NULL) == FOVEA_AGAIN;
+         units++)
         assert_true(units < 10);
     assert_int_equal(units, 4); /* two of the scan, the sort, the suppression */
     assert_int_equal(fv_detect_decode_take(&model, &none, &scratch, found, 4, NULL), 3);
@@ -223,16 +226,16 @@ static void thresholds_by_class_hold(void **state)
     const struct fv_nn_input_fit fit = view_of(256, 256);
     header.decode.score_threshold = 0.2f;
     header.decode.class_agnostic = 0;
-    assert_int_equal(fv_detect_decode(&model, arena, &fit, &scratch, found, 4), 2);
+    assert_int_equal(fv_detect_decode(&model, arena, &fit, &scratch, NULL, found, 4), 2);
     assert_int_equal(found[0].class_id, 1);
     thresholds[1] = 0.2f; /* of class 0, at offset 4 */
     thresholds[2] = 0.5f;
     header.decode.thresholds = 4;
-    assert_int_equal(fv_detect_decode(&model, arena, &fit, &scratch, found, 4), 1);
+    assert_int_equal(fv_detect_decode(&model, arena, &fit, &scratch, NULL, found, 4), 1);
     assert_int_equal(found[0].class_id, 0);
     header.decode.class_agnostic = 1;
     thresholds[2] = 0.2f;
-    assert_int_equal(fv_detect_decode(&model, arena, &fit, &scratch, found, 4), 1);
+    assert_int_equal(fv_detect_decode(&model, arena, &fit, &scratch, NULL, found, 4), 1);
     assert_int_equal(found[0].class_id, 1);
 }
 
@@ -242,7 +245,7 @@ static int32_t decode_down_to(float floor, struct fovea_detection *found, int32_
     const struct fv_detect_limits limits = {.floor = floor};
     const struct fv_nn_input_fit fit = view_of(256, 256);
     fv_detect_decode_start(&scratch);
-    while (fv_detect_decode_unit(&model, arena, &fit, &limits, &scratch) == FOVEA_AGAIN)
+    while (fv_detect_decode_unit(&model, arena, &fit, &limits, &scratch, NULL) == FOVEA_AGAIN)
         continue;
     return fv_detect_decode_take(&model, &limits, &scratch, found, 4, uncertain);
 }
@@ -304,7 +307,7 @@ static int32_t decode_ssd(const int32_t order[4], struct fovea_detection found[4
                                  .inputs = inputs,
                                  .outputs = listed};
     const struct fv_nn_input_fit fit = view_of(WIDTH, HEIGHT);
-    return fv_detect_decode(&ssd, arena, &fit, &scratch, found, 4);
+    return fv_detect_decode(&ssd, arena, &fit, &scratch, NULL, found, 4);
 }
 
 /* Models of the TensorFlow 2 detection API list them by scores, boxes, number, classes. */
@@ -365,7 +368,7 @@ static void ssd_before_its_post_processing(void **state)
         memcpy(arena, boxes, sizeof boxes);
         memcpy(arena + sizeof boxes, scores, sizeof scores);
         const struct fv_nn_input_fit fit = view_of(WIDTH, HEIGHT);
-        assert_int_equal(fv_detect_decode(&raw, arena, &fit, &scratch, found, 4), 2);
+        assert_int_equal(fv_detect_decode(&raw, arena, &fit, &scratch, NULL, found, 4), 2);
         assert_int_equal(found[0].class_id, 0);
         near_to((double)found[0].x_min_px + 0.5, 0.375 * WIDTH, WIDTH);
         near_to((double)found[0].y_max_px + 0.5, 0.75 * HEIGHT, HEIGHT);
@@ -405,7 +408,7 @@ static void foreign_shapes_give_nothing(void **state)
             header.decode.score_threshold = 0.5f;
             memset(arena, 0, 64);
             const struct fv_nn_input_fit fit = view_of(WIDTH, HEIGHT);
-            const int32_t count = fv_detect_decode(&odd, arena, &fit, &scratch, found, 4);
+            const int32_t count = fv_detect_decode(&odd, arena, &fit, &scratch, NULL, found, 4);
             if (count != 0) fail_msg("decoder %d, %d axes: found %d boxes", kind, rank, count);
         }
     }

@@ -14,7 +14,9 @@
 #include "message/fields.h"
 #include "message/message.h"
 
+#include "fovea_classes_t.h"
 #include "fovea_detections_t.h"
+#include "fovea_keypoints_t.h"
 #include "fovea_features_t.h"
 #include "fovea_map_t.h"
 #include "fovea_objects_t.h"
@@ -278,6 +280,91 @@ static void the_most_detections_fit_a_packet(void **state)
     free(scratch);
 }
 
+/* 30 keypoints of 100 objects, and one object of 3000 keypoints. */
+static void the_most_keypoints_fit_a_packet(void **state)
+{
+    (void)state;
+    static struct fovea_detection found[FOVEA_KEYPOINT_SETS_MAX];
+    static struct fovea_keypoint points[FOVEA_KEYPOINTS_MAX];
+    static const char *names[FOVEA_KEYPOINT_SETS_MAX];
+    static const uint32_t sets[2] = {FOVEA_KEYPOINT_SETS_MAX, 1};
+    char label[200];
+    memset(label, 'x', sizeof label);
+    label[199] = '\0';
+    for (int i = 0; i < FOVEA_KEYPOINTS_MAX; i++)
+        points[i] = (struct fovea_keypoint){(float)i, (float)-i, i % 2 == 0 ? NAN : 0.5F};
+    for (int i = 0; i < FOVEA_KEYPOINT_SETS_MAX; i++) {
+        found[i] = (struct fovea_detection){
+            .class_id = i, .score = 1.0F / (float)(i + 1), .x_min_px = (float)i, .y_max_px = 7};
+        names[i] = label;
+    }
+    for (int k = 0; k < 2; k++) {
+        const uint32_t each = FOVEA_KEYPOINTS_MAX / sets[k];
+        const struct fv_message_keypoints in = {.stamp = stamp,
+                                                .model = label,
+                                                .width = 752,
+                                                .height = 480,
+                                                .count = sets[k],
+                                                .point_count = each,
+                                                .detections = found,
+                                                .names = names,
+                                                .points = points};
+        const size_t bound = fv_message_keypoints_size_max(sets[k], each);
+        void *scratch = malloc(fv_message_keypoints_scratch_bytes(sets[k], each));
+        uint8_t *data = malloc(bound);
+        const uint32_t bytes = fv_message_keypoints_encode(&in, scratch, data, bound);
+        assert_int_equal(bytes, bound);
+        assert_fits_packet("fovea.keypoints_t", data, bytes);
+        fovea_keypoints_t out;
+        assert_int_equal(fovea_keypoints_t_decode(data, 0, (int)bytes, &out), bytes);
+        assert_true(out.count == (int)sets[k] && out.width == 752 && out.height == 480);
+        for (int i = 0; i < out.count; i++) {
+            const fovea_keypoint_set_t *set = &out.sets[i];
+            assert_true(set->class_id == i && set->score == found[i].score &&
+                        set->box.x_min_px == (float)i && set->box.y_max_px == 7);
+            assert_int_equal(set->point_count, each);
+            for (int p = 0; p < set->point_count; p++) {
+                const int n = i * set->point_count + p;
+                assert_true(set->p_px[p][0] == (float)n && set->p_px[p][1] == (float)-n);
+                assert_int_equal(isnan(set->point_score[p]), n % 2 == 0);
+            }
+        }
+        fovea_keypoints_t_decode_cleanup(&out);
+        free(data);
+        free(scratch);
+    }
+}
+
+static void the_most_classes_come_back(void **state)
+{
+    (void)state;
+    static struct fovea_detection found[FV_MESSAGE_CLASSES_MAX];
+    static const char *names[FV_MESSAGE_CLASSES_MAX];
+    for (int i = 0; i < FV_MESSAGE_CLASSES_MAX; i++) {
+        found[i] = (struct fovea_detection){.class_id = 1000 - i, .score = 0.5F};
+        names[i] = i % 2 == 0
+                       ? "even"
+                       : "a label of more than sixty-three bytes, which a message cuts: here";
+    }
+    const struct fv_message_classes in = {.stamp = stamp,
+                                          .model = "m",
+                                          .count = FV_MESSAGE_CLASSES_MAX,
+                                          .detections = found,
+                                          .names = names};
+    uint8_t data[16384];
+    assert_in_range(fv_message_classes_size_max(FV_MESSAGE_CLASSES_MAX), 1, sizeof data);
+    const uint32_t bytes = fv_message_classes_encode(&in, data, sizeof data);
+    assert_fits_packet("fovea.classes_t", data, bytes);
+    fovea_classes_t out;
+    assert_int_equal(fovea_classes_t_decode(data, 0, (int)bytes, &out), bytes);
+    assert_int_equal(out.count, FV_MESSAGE_CLASSES_MAX);
+    for (int i = 0; i < out.count; i++) {
+        assert_true(out.classes[i].class_id == 1000 - i && out.classes[i].score == 0.5F);
+        assert_int_equal(strlen(out.classes[i].class_name), i % 2 == 0 ? 4 : 63);
+    }
+    fovea_classes_t_decode_cleanup(&out);
+}
+
 /* A quarter iteration around z and a shift, so that each axis shows where it went. */
 static void the_most_objects_fit_a_packet(void **state)
 {
@@ -394,7 +481,10 @@ static void every_kind_fits_a_packet(void **state)
                             fv_message_map_size_max(),
                             fv_message_features_size_max(FOVEA_FEATURES_T_COUNT_MAX),
                             fv_message_objects_size_max(FOVEA_OBJECTS_MAX, 1000),
-                            fv_message_detections_size_max(FOVEA_DETECTIONS_MAX, 1000)};
+                            fv_message_detections_size_max(FOVEA_DETECTIONS_MAX, 1000),
+                            fv_message_keypoints_size_max(FOVEA_KEYPOINT_SETS_MAX, 30),
+                            fv_message_keypoints_size_max(1, FOVEA_KEYPOINTS_MAX),
+                            fv_message_classes_size_max(FV_MESSAGE_CLASSES_MAX)};
     for (size_t i = 0; i < sizeof sizes / sizeof sizes[0]; i++)
         assert_in_range(sizes[i], 1, FV_MESSAGE_PACKET_BYTES - 8 - FV_MESSAGE_CHANNEL_BYTES);
 }
@@ -422,6 +512,8 @@ int main(void)
         cmocka_unit_test(the_scale_is_free_or_initialising_until_it_is_known),
         cmocka_unit_test(long_labels_are_cut_between_letters),
         cmocka_unit_test(the_most_detections_fit_a_packet),
+        cmocka_unit_test(the_most_keypoints_fit_a_packet),
+        cmocka_unit_test(the_most_classes_come_back),
         cmocka_unit_test(the_most_objects_fit_a_packet),
         cmocka_unit_test(the_largest_piece_of_the_map_comes_back),
         cmocka_unit_test(every_kind_fits_a_packet),

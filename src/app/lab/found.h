@@ -1,0 +1,23 @@
+/* What a network found in a picture, as a line of JSON and drawn. */
+#ifndef FOVEA_APP_LAB_FOUND_H
+#define FOVEA_APP_LAB_FOUND_H
+
+#include "detect/decode.h"
+#include "support/canvas.h"
+
+struct fv_found {
+    const struct fv_model *model;
+    int32_t count;
+    struct fovea_detection list[FOVEA_DETECTIONS_MAX];
+    struct fovea_keypoint points[FOVEA_KEYPOINTS_MAX]; /* of the first of the list */
+};
+
+/* One line on stdout: "detections" with the members that the model's decoder gives ("box_px",
+ * "keypoints_px"), or "classes". */
+void fv_found_print(const struct fv_found *found, const char *path,
+                    const struct fovea_image *image);
+
+/* Onto the picture, the best on top. */
+void fv_found_draw(const struct fv_found *found, struct fv_canvas *canvas);
+
+#endif

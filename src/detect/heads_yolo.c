@@ -1,0 +1,158 @@
+/* Heads of the YOLO family. */
+#include "detect/heads.h"
+
+/* ---- YOLOv5: rows of centre, size, objectness, classes --------------------------------------- */
+
+static int64_t yolov5_items(const struct fv_head_job *j, int64_t *cost)
+{
+    const int32_t columns = last_dim(&j->out[0]);
+    *cost = columns;
+    return columns < 6 ? 0 : count_of(&j->out[0]) / columns;
+}
+
+static void yolov5_scan(struct fv_head_job *j, int64_t begin, int64_t end)
+{
+    const struct fv_head_output *o = &j->out[0];
+    const int32_t columns = last_dim(&j->out[0]);
+    for (int64_t r = begin; r < end; r++) {
+        const int64_t at = r * columns;
+        const float object = value_at(o, at + 4);
+        for (int32_t c = 0; c < columns - 5; c++) {
+            const float score = object * value_at(o, at + 5 + c);
+            if (score >= fv_head_least(j, c))
+                fv_head_add_centred(j, r, value_at(o, at), value_at(o, at + 1), value_at(o, at + 2),
+                                    value_at(o, at + 3), score, c);
+        }
+    }
+}
+
+/* ---- YOLOv8 and YOLO11: columns of centre, size, classes; the best class of each counts. After
+ * the classes stand the keypoints, or the coefficients of a mask.
+ * ---------------------------------- */
+
+static int64_t yolov8_rows(const struct fv_head_output *o)
+{
+    return o->t->rank < 2 ? 0 : count_of(o) / o->t->dims[o->t->rank - 1];
+}
+
+static int64_t yolov8_items(const struct fv_head_job *j, int64_t *cost)
+{
+    const struct fv_head_output *o = fv_head_role(j, FV_ROLE_BOXES);
+    if (o == NULL) return 0;
+    *cost = yolov8_rows(o);
+    return *cost > 4 ? o->t->dims[o->t->rank - 1] : 0;
+}
+
+/* Only classes stand after the box, or `classes` of the file and what else it says. */
+static int64_t yolov8_classes(const struct fv_head_job *j)
+{
+    const int64_t rows = yolov8_rows(fv_head_role(j, FV_ROLE_BOXES));
+    const int64_t others = (int64_t)j->d->point_count * j->d->point_values + j->d->coefficients;
+    return rows - 4 - others;
+}
+
+static int64_t yolov8_more_items(const struct fv_head_job *j, int64_t *cost)
+{
+    const int64_t n = yolov8_items(j, cost);
+    return n > 0 && yolov8_classes(j) > 0 ? n : 0;
+}
+
+static int64_t yolov8_pose_items(const struct fv_head_job *j, int64_t *cost)
+{
+    return j->d->point_count > 0 ? yolov8_more_items(j, cost) : 0;
+}
+
+static void yolov8_scan(struct fv_head_job *j, int64_t begin, int64_t end)
+{
+    const struct fv_head_output *o = fv_head_role(j, FV_ROLE_BOXES);
+    const int64_t n = o->t->dims[o->t->rank - 1], classes = yolov8_classes(j);
+    for (int64_t i = begin; i < end; i++) {
+        int32_t best = 0;
+        float score = value_at(o, 4 * n + i);
+        for (int32_t c = 1; c < classes; c++) {
+            const float other = value_at(o, (4 + c) * n + i);
+            if (other > score) {
+                score = other;
+                best = c;
+            }
+        }
+        if (score >= fv_head_least(j, best))
+            fv_head_add_centred(j, i, value_at(o, i), value_at(o, n + i), value_at(o, 2 * n + i),
+                                value_at(o, 3 * n + i), score, best);
+    }
+}
+
+static void yolov8_points(const struct fv_head_job *j, int64_t item, struct fovea_keypoint *points)
+{
+    const struct fv_head_output *o = fv_head_role(j, FV_ROLE_BOXES);
+    const struct fv_model_preprocess *p = &j->model->header->preprocess;
+    const int64_t n = o->t->dims[o->t->rank - 1], values = j->d->point_values;
+    const float sx = j->d->normalised ? (float)p->width : 1.0f,
+                sy = j->d->normalised ? (float)p->height : 1.0f;
+    int64_t row = 4 + yolov8_classes(j);
+    for (int32_t k = 0; k < j->d->point_count; k++, row += values) {
+        const float score = j->d->point_score > 0
+                                ? value_at(o, (row + j->d->point_score) * n + item)
+                                : __builtin_nanf("");
+        points[k] = fv_head_keypoint(j, value_at(o, row * n + item) * sx,
+                                     value_at(o, (row + 1) * n + item) * sy, score);
+    }
+}
+
+/* ---- YOLOv2 and its tiny kin: a grid of cells with several anchors each, everything before its
+ * activation --- */
+
+static int64_t yolov2_items(const struct fv_head_job *j, int64_t *cost)
+{
+    const struct fv_model_tensor *t = j->out[0].t;
+    const int32_t anchors = j->d->anchor_count;
+    if (t->rank != 4 || anchors < 1 || t->dims[3] % anchors != 0 || t->dims[3] / anchors < 6)
+        return 0;
+    *cost = (int64_t)t->dims[3] / anchors * FV_HEAD_EXP_COST;
+    return (int64_t)t->dims[1] * t->dims[2] * anchors;
+}
+
+static void yolov2_box(struct fv_head_job *j, int64_t item, int64_t at, float score,
+                       int32_t class_id)
+{
+    const struct fv_head_output *o = &j->out[0];
+    const struct fv_model_preprocess *p = &j->model->header->preprocess;
+    const int32_t h = o->t->dims[1], w = o->t->dims[2], anchors = j->d->anchor_count;
+    const int32_t a = (int32_t)(item % anchors), x = (int32_t)(item / anchors % w),
+                  y = (int32_t)(item / anchors / w);
+    const float cx = ((float)x + sigmoid(value_at(o, at))) / (float)w * (float)p->width;
+    const float cy = ((float)y + sigmoid(value_at(o, at + 1))) / (float)h * (float)p->height;
+    const float bw = j->d->anchors[2 * a] * (float)fv_exp((double)value_at(o, at + 2)) / (float)w *
+                     (float)p->width;
+    const float bh = j->d->anchors[2 * a + 1] * (float)fv_exp((double)value_at(o, at + 3)) /
+                     (float)h * (float)p->height;
+    fv_head_add_box(j, item, cx - bw * 0.5f, cy - bh * 0.5f, cx + bw * 0.5f, cy + bh * 0.5f, score,
+                    class_id);
+}
+
+static void yolov2_scan(struct fv_head_job *j, int64_t begin, int64_t end)
+{
+    const struct fv_head_output *o = &j->out[0];
+    const int32_t columns = o->t->dims[3] / j->d->anchor_count, classes = columns - 5;
+    for (int64_t i = begin; i < end; i++) {
+        const int64_t at = i * columns;
+        const float object = sigmoid(value_at(o, at + 4));
+        double sum = 0, largest = (double)value_at(o, at + 5);
+        for (int32_t c = 1; c < classes; c++)
+            largest = (double)value_at(o, at + 5 + c) > largest ? (double)value_at(o, at + 5 + c)
+                                                                : largest;
+        for (int32_t c = 0; c < classes; c++)
+            sum += fv_exp((double)value_at(o, at + 5 + c) - largest);
+        for (int32_t c = 0; c < classes; c++) {
+            const float score =
+                object * (float)(fv_exp((double)value_at(o, at + 5 + c) - largest) / sum);
+            if (score >= fv_head_least(j, c)) yolov2_box(j, i, at, score, c);
+        }
+    }
+}
+
+const struct fv_head fv_head_yolov2 = {yolov2_items, yolov2_scan, 1, FV_DETECT_BOXES, NULL};
+const struct fv_head fv_head_yolov5 = {yolov5_items, yolov5_scan, 1, FV_DETECT_BOXES, NULL};
+const struct fv_head fv_head_yolov8 = {yolov8_items, yolov8_scan, 1, FV_DETECT_BOXES, NULL};
+const struct fv_head fv_head_yolov8_pose = {yolov8_pose_items, yolov8_scan, 1,
+                                            FV_DETECT_BOXES | FV_DETECT_POINTS, yolov8_points};

@@ -1,0 +1,189 @@
+"""What a decoder of keypoints, masks or anchors needs to know of a network beside its kind: which output is what, how many keypoints of
+how many numbers, what is still before its LOGISTIC, and the anchors. Each function gives a Details, or raises ImportProblem."""
+import dataclasses
+
+import numpy as np
+
+from graph import ImportProblem
+
+POINTS_MAX, VALUES_MAX, COEFFICIENTS_MAX = 1000, 8, 256
+LOGITS_SCORES, LOGITS_POINTS = 1, 2
+
+# Networks of MediaPipe, by the input's side and the number of boxes: (stride, boxes per cell) of each grid, the keypoints of a box.
+# Anchors are as large as the input, at the centres of cells (mediapipe/modules/*/*_detection*.pbtxt, SsdAnchorsCalculator).
+BLAZE = {(128, 896, 6): ((8, 2), (16, 6)), (256, 896, 6): ((16, 2), (32, 6)), (192, 2304, 6): ((4, 1),),
+         (128, 896, 7): ((8, 2), (16, 6)), (192, 2016, 7): ((8, 2), (16, 6)), (256, 2944, 7): ((8, 2), (16, 2), (32, 6)),
+         (128, 896, 4): ((8, 2), (16, 6)), (224, 2254, 4): ((8, 2), (16, 2), (32, 6))}
+# Landmarks by the input's side and the numbers of the output: keypoints, and numbers of each.
+LANDMARKS = {(192, 1404): (468, 3), (256, 1434): (478, 3), (192, 136): (68, 2), (224, 63): (21, 3), (256, 63): (21, 3),
+             (256, 195): (39, 5)}
+
+
+@dataclasses.dataclass
+class Details:
+    classes: int = 1
+    points: int = 0
+    values: int = 0
+    point_score: int = 0
+    logits: int = 0
+    roles: tuple = (0, 0, 0)
+    coefficients: int = 0
+    anchors: np.ndarray = None
+    normalised: int = None  # None: by the range of the output
+
+    def words(self):
+        return [self.points, self.values, self.point_score, self.logits, *self.roles, self.coefficients]
+
+
+def wrong(name, e, expected):
+    shapes = " ".join(str([int(n) for n in t.shape]) for t in e.outs[:4])
+    raise ImportProblem(f"--decoder {name}: found outputs {shapes[:80]}, expected {expected}")
+
+
+def asked_points(arguments, metadata):
+    """(count, numbers of each) by --points or the metadata; None: neither says it."""
+    text = arguments.points
+    if text is None:
+        shape = metadata.get("kpt_shape")
+        text = ",".join(str(n) for n in shape) if isinstance(shape, (list, tuple)) else None
+    if text is None:
+        return None
+    parts = text.split(",")
+    if len(parts) != 2 or not all(p.strip().isdecimal() for p in parts) or \
+            not (1 <= int(parts[0]) <= POINTS_MAX and 2 <= int(parts[1]) <= VALUES_MAX):
+        raise ImportProblem(f"--points: found {text[:40]!r}, expected COUNT,VALUES: up to {POINTS_MAX} keypoints of 2 to {VALUES_MAX} numbers")
+    return int(parts[0]), int(parts[1])
+
+
+def rows_of(e, output=0):
+    """Of a head with columns: which rows are shares, and the number of classes after the box that this says (0: it does not)."""
+    known = e.mask(e.graph.outputs[output])
+    rows = known[0].all(1) if known.ndim == 3 else np.zeros(0, bool)
+    classes = 0
+    while 4 + classes < len(rows) and rows[4 + classes]:
+        classes += 1
+    return rows, classes
+
+
+def pose(e, arguments):
+    if len(e.shape) != 3 or len(e.outs) != 1:
+        wrong("yolov8_pose", e, "one of [1, 4 + classes + keypoints, boxes]")
+    rows, classes = rows_of(e)
+    rest = len(rows) - 4 - classes
+    asked = asked_points(arguments, e.metadata)
+    if asked is None and rest and rest % 3 == 0 and (rows[4 + classes:].reshape(-1, 3) == [False, False, True]).all():
+        asked = rest // 3, 3
+    if asked is None:
+        raise ImportProblem(f"--decoder yolov8_pose: found {rest} numbers after the classes, expected --points COUNT,VALUES")
+    count, values = asked
+    classes = len(rows) - 4 - count * values
+    if classes < 1:
+        wrong("yolov8_pose", e, f"4 numbers, classes and {count} keypoints of {values} for each box")
+    return Details(classes, count, values, 2 if values == 3 else 0)
+
+
+def pose_fault(e, arguments):
+    """Why a tensor cannot be that of a YOLOv8 pose; None: it can."""
+    rows, classes = rows_of(e)
+    rest, asked = rows[4 + classes:], asked_points(arguments, e.metadata)
+    if rows[:4].any() or not classes:
+        return "has coordinates in rows 0 to 3, then scores from LOGISTIC"
+    if len(rest) == 0 or asked and asked[0] * asked[1] != len(rest):
+        return f"has {asked[0] * asked[1] if asked else 'some'} numbers after the classes, found {len(rest)}"
+    if len(rest) % 3 == 0 and (rest.reshape(-1, 3) == [False, False, True]).all():
+        return None
+    return None if asked and asked[1] == 2 and not rest.any() else "has x, y and a score from LOGISTIC for each keypoint"
+
+
+def end2end(e, arguments):
+    columns, asked = e.shape[-1] if len(e.shape) == 3 else 0, asked_points(arguments, e.metadata)
+    count, values = asked or (0, 0)
+    if columns != 6 + count * values or len(e.outs) != 1:
+        wrong("end2end", e, "one of [1, n, 6 and --points COUNT,VALUES]")
+    return Details(max(len(e.labels), 1), count, values, 2 if values == 3 else 0)
+
+
+def movenet(e, arguments):
+    shape = e.shape
+    single = shape[-1] == 3 and int(np.prod(shape)) == 3 * shape[-2] if len(shape) > 1 else False
+    count = shape[-2] if single else (shape[-1] - 5) // 3 if len(shape) == 3 and (shape[-1] - 5) % 3 == 0 else 0
+    if len(e.outs) != 1 or not 1 <= count <= POINTS_MAX:
+        wrong("movenet", e, "one of [1, 1, keypoints, 3] or [1, n, 3 keypoints + 5]")
+    return Details(1, int(count), 3, 2, normalised=1)
+
+
+def grid(side, levels):
+    """[n][4]: centre y and x in shares of the side, height and width 1."""
+    centres = []
+    for stride, boxes in levels:
+        cells = -(-side // stride)
+        y, x = np.mgrid[0:cells, 0:cells]
+        centres.append(np.repeat(np.stack([(y.ravel() + 0.5) / cells, (x.ravel() + 0.5) / cells], 1), boxes, 0))
+    found = np.concatenate(centres)
+    return np.concatenate([found, np.ones_like(found)], 1).astype(np.float32)
+
+
+def blaze_pair(e):
+    """Indices of the outputs of boxes and scores, and what BLAZE is asked; None: no such outputs."""
+    if len(e.outs) != 2 or len(e.image) != 4 or e.image[1] != e.image[2]:
+        return None
+    shapes = [tuple(t.shape) for t in e.outs]
+    boxes = int(shapes[0][-1] == 1)
+    if len(shapes[boxes]) != 3 or shapes[1 - boxes] != (*shapes[boxes][:2], 1) or shapes[boxes][2] % 2 or shapes[boxes][2] <= 4:
+        return None
+    return boxes, (int(e.image[1]), int(shapes[boxes][1]), (int(shapes[boxes][2]) - 4) // 2)
+
+
+def blaze(e, arguments):
+    pair = blaze_pair(e)
+    if pair is None or pair[1] not in BLAZE:
+        wrong("blaze", e, "[1, n, 4 + 2 keypoints] and [1, n, 1] of a face, palm or pose detector of MediaPipe")
+    boxes, key = pair
+    logits = 0 if e.mask(e.graph.outputs[1 - boxes]).all() else LOGITS_SCORES
+    return Details(1, key[2], 2, 0, logits, (boxes + 1, 2 - boxes, 0), anchors=grid(key[0], BLAZE[key]), normalised=0)
+
+
+def landmark_outputs(e, count):
+    """Outputs of so many numbers, that of the largest range first, and those of one number."""
+    sizes = [int(np.prod(t.shape)) for t in e.outs]
+
+    def width(i):
+        low, high = e.range_of(e.outs[i])
+        return high - low
+    return sorted((i for i, n in enumerate(sizes) if n == count), key=lambda i: -width(i)), [i for i, n in enumerate(sizes) if n == 1]
+
+
+def landmark_form(e):
+    """(keypoints, numbers of each) of a known network; None: it is none."""
+    side = int(e.image[1]) if len(e.image) == 4 and e.image[1] == e.image[2] else 0
+    for (known, count), form in LANDMARKS.items():
+        if known == side and any(int(np.prod(t.shape)) == count for t in e.outs):
+            return form
+    return None
+
+
+def landmarks(e, arguments):
+    form = asked_points(arguments, {}) or landmark_form(e)
+    if form is None:
+        raise ImportProblem("--decoder landmarks: no network that is known here, expected --points COUNT,VALUES")
+    outputs, ones = landmark_outputs(e, form[0] * form[1])
+    if not outputs:
+        wrong("landmarks", e, f"one of {form[0] * form[1]} numbers")
+    logits = 0
+    if ones and not e.mask(e.graph.outputs[ones[0]]).all():
+        logits = LOGITS_SCORES
+    if form[1] == 5:
+        logits |= LOGITS_POINTS
+    if not ones and len(e.outs) > 1:
+        wrong("landmarks", e, "an output of one number, the score, beside them")
+    roles = (outputs[0] + 1, ones[0] + 1 if ones else 0, 0)
+    low, high = e.range_of(e.outs[outputs[0]])
+    return Details(1, form[0], form[1], 3 if form[1] == 5 else 0, logits, roles, normalised=int(np.isfinite(high) and high - low < 8))
+
+
+DETAILS = {"yolov8_pose": pose, "end2end": end2end, "movenet": movenet, "blaze": blaze, "landmarks": landmarks}
+
+
+def of(kind, e, arguments):
+    """Details of a decoder that has any, else None."""
+    return DETAILS[kind](e, arguments) if kind in DETAILS else None
