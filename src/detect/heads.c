@@ -12,7 +12,7 @@ const struct fv_head_output *fv_head_role(const struct fv_head_job *j, int32_t r
     return place < j->out_count ? &j->out[place] : NULL;
 }
 
-float fv_head_threshold(const struct fv_head_job *j, int32_t class_id)
+static float threshold_of(const struct fv_head_job *j, int32_t class_id)
 {
     const float own = j->thresholds != NULL && class_id < j->d->classes ? j->thresholds[class_id]
                                                                         : j->d->score_threshold;
@@ -21,7 +21,7 @@ float fv_head_threshold(const struct fv_head_job *j, int32_t class_id)
 
 float fv_head_least(const struct fv_head_job *j, int32_t class_id)
 {
-    const float threshold = fv_head_threshold(j, class_id);
+    const float threshold = threshold_of(j, class_id);
     return j->floor > 0.0f && j->floor < threshold ? j->floor : threshold;
 }
 
@@ -32,7 +32,7 @@ static void keep(struct fv_head_job *j, int64_t item, struct fovea_detection *fo
 {
     found->score = clamped(score, 1.0f);
     found->class_id = class_id;
-    fv_detect_keep(j->s, found, item, found->score < fv_head_threshold(j, class_id));
+    fv_detect_keep(j->s, found, item, found->score < threshold_of(j, class_id));
 }
 
 void fv_head_add_box(struct fv_head_job *j, int64_t item, float x0, float y0, float x1, float y1,
@@ -247,7 +247,7 @@ static void fomo_scan(struct fv_head_job *j, int64_t begin, int64_t end)
     const int32_t cells = g.h * g.w;
     const float cell_w = (float)p->width / (float)g.w, cell_h = (float)p->height / (float)g.h;
     for (g.class_id = (int32_t)begin; g.class_id < (int32_t)end; g.class_id++) {
-        g.threshold = fv_head_threshold(j, g.class_id);
+        g.threshold = threshold_of(j, g.class_id);
         memset(j->s->seen, 0, (size_t)cells);
         for (int32_t start = 0; start < cells; start++) {
             if (j->s->seen[start] || !is_object(&g, start)) continue;

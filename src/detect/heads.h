@@ -46,8 +46,6 @@ const struct fv_head_output *fv_head_role(const struct fv_head_job *job, int32_t
 
 /* What a score must be at least to be taken at all. */
 float fv_head_least(const struct fv_head_job *job, int32_t class_id);
-/* Its threshold. */
-float fv_head_threshold(const struct fv_head_job *job, int32_t class_id);
 
 /* A candidate with a box in input pixels (corner coordinates), which is cut at the image; of no
  * area: none. `item` is where its keypoints are found again. */
