@@ -301,14 +301,21 @@ $(BUILD)/train-vocabulary: $(BUILD)/obj/tools/vocabulary/train.o $(BUILD)/libfov
 	@echo "  link $@"
 	$(Q)$(CXX) $(LDFLAGS) -pie -o $@ $< -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group $(LIBS_APP)
 
-# Manual pages: one of the program and one of each command, from the tables that --help prints.
+# Manual pages: one of each program and one of each command, from the tables that --help prints.
 MAN := $(BUILD)/man/fovea.1 $(patsubst %,$(BUILD)/man/fovea-%.1,$(shell sed -n 's/^    {"\([a-z]*\)", .*/\1/p' src/app/commands.c))
 RUN_HERE = $(if $(CROSS),$(or $(EMULATOR),tools/emulate.sh)) $(BUILD)/fovea
+CALIBRATE_MAN := $(if $(CALIBRATE),$(BUILD)/man/fovea-calibrate.1 $(patsubst %,$(BUILD)/man/fovea-calibrate-%.1,$(shell sed -n 's/^    {"\([a-z]*\)", .*/\1/p' src/calibrate/commands.cpp)))
 .PHONY: man
-man: $(MAN)  ## make the manual pages: man -l build/man/fovea.1
+man: $(MAN) $(CALIBRATE_MAN)  ## make the manual pages: man -l build/man/fovea.1
 $(BUILD)/man/fovea.1: $(BUILD)/fovea
 	@mkdir -p $(@D)
 	$(Q)$(RUN_HERE) --man >$@
+$(BUILD)/man/fovea-calibrate.1: $(CALIBRATE)
+	@mkdir -p $(@D)
+	$(Q)$(CALIBRATE) --man >$@
+$(BUILD)/man/fovea-calibrate-%.1: $(CALIBRATE)
+	@mkdir -p $(@D)
+	$(Q)$(CALIBRATE) $* --man >$@
 $(BUILD)/man/fovea-%.1: $(BUILD)/fovea
 	@mkdir -p $(@D)
 	$(Q)$(RUN_HERE) $* --man >$@
@@ -329,7 +336,7 @@ install: all man  ## install program, manual pages, libraries, headers and messa
 	ln -sf libfovea-messages.so.$(VERSION) $(DESTDIR)$(PREFIX)/lib/$(MESSAGES_SONAME)
 	ln -sf $(MESSAGES_SONAME) $(DESTDIR)$(PREFIX)/lib/libfovea-messages.so
 	install -m 644 include/fovea/*.h $(DESTDIR)$(PREFIX)/include/fovea/
-	install -m 644 $(MAN) $(DESTDIR)$(PREFIX)/share/man/man1/
+	install -m 644 $(MAN) $(CALIBRATE_MAN) $(DESTDIR)$(PREFIX)/share/man/man1/
 	install -m 644 src/detect/shipped.fvm $(DESTDIR)$(PREFIX)/share/fovea/
 	install -m 644 include/lcmtypes/*.lcm $(DESTDIR)$(PREFIX)/share/fovea/lcmtypes/
 	sed 's|@PREFIX@|$(PREFIX)|; s|@VERSION@|$(VERSION)|' tools/fovea.pc.in >$(DESTDIR)$(PREFIX)/lib/pkgconfig/fovea.pc

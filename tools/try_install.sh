@@ -49,11 +49,13 @@ soname=$(readelf -d "$place/lib/libfovea.so" | sed -n 's/.*SONAME.*\[\(.*\)\]/\1
 grep -qx "Version: $version" "$place/lib/pkgconfig/fovea.pc" || { echo "fovea.pc is not of version $version"; exit 1; }
 grep -m 1 '^## ' CHANGELOG.md | grep -q "^## $version" || { echo "CHANGELOG.md does not begin with version $version"; exit 1; }
 
-# Every command has its manual page.
-"$place/bin/fovea" help | awk '/^  [a-z]/ && $1 != "help" { print $1 }' | while read -r command; do
-    grep -q '^.TH FOVEA' "$place/share/man/man1/fovea-$command.1" || { echo "fovea $command has no manual page"; exit 1; }
+# Every program and command has its manual page.
+for program in fovea fovea-calibrate; do
+    [ -x "$place/bin/$program" ] || continue
+    { echo; "$place/bin/$program" help | awk '/^  [a-z]/ && $1 != "help" { print "-" $1 }'; } | while read -r command; do
+        grep -q '^.TH FOVEA' "$place/share/man/man1/$program$command.1" || { echo "$program$command has no manual page"; exit 1; }
+    done
 done
-grep -q '^.TH FOVEA 1' "$place/share/man/man1/fovea.1"
 
 export PKG_CONFIG_PATH="$place/lib/pkgconfig"
 # shellcheck disable=SC2046

@@ -8,6 +8,7 @@
 #include "app/command.h"
 #include "app/config/man.h"
 #include "app/config/options.h"
+#include "support/man.h"
 #include "support/say.h"
 #include "fovea/fovea.h"
 #include "support/text.h"
@@ -17,7 +18,8 @@ static void help_print(void)
     printf("usage: fovea COMMAND [OPTION]...\n\n");
     for (const struct fv_command *command = fv_commands; command->name != NULL; command++)
         printf("  %-10s %s\n", command->name, command->help);
-    printf("  %-10s %s\n", "help", "this list; 'fovea COMMAND --help' lists its options");
+    printf("  %-10s %s\n", "help",
+           "this list; 'fovea help COMMAND' and 'fovea COMMAND --help' list its options");
     printf("\n  --version  print the version\n  --man      print the manual page\n");
 }
 
@@ -42,6 +44,11 @@ static const struct fv_command *command_find(const char *name)
     return NULL;
 }
 
+static bool is_help(const char *word)
+{
+    return strcmp(word, "help") == 0 || strcmp(word, "--help") == 0 || strcmp(word, "-h") == 0;
+}
+
 static int dispatch(int argc, char **argv)
 {
     if (argc < 2) return fv_say_wrong("fovea: no command given ('fovea help' lists all)");
@@ -53,9 +60,8 @@ static int dispatch(int argc, char **argv)
         fv_man_program();
         return FV_EXIT_OK;
     }
-    bool help = strcmp(argv[1], "help") == 0 || strcmp(argv[1], "--help") == 0 ||
-                strcmp(argv[1], "-h") == 0;
-    if (help && argc == 2) {
+    const bool help = is_help(argv[1]);
+    if (help && (argc == 2 || is_help(argv[2]))) {
         help_print();
         return FV_EXIT_OK;
     }

@@ -8,6 +8,18 @@
 namespace calibrate
 {
 
+struct Command {
+    const char *name, *help; /* one line, no full stop */
+    int (*run)(int argc, char **argv);
+    const char *description; /* sentences for the manual page */
+    const char *examples;    /* command lines, one per line */
+};
+
+extern const std::vector<Command> commands;
+
+/* The manual page of the program itself. */
+void man_program();
+
 struct Option {
     const char *name;    /* without the dashes */
     const char *value;   /* what the help calls its value */
@@ -15,7 +27,8 @@ struct Option {
     const char *help;
 };
 
-/* argv[0] is the command's name. False: leave with `*status`; help or one line was printed. */
+/* argv[0] is the command's name. False: leave with `*status`; help, the manual page or one line was
+ * printed. */
 bool options_parse(int argc, char **argv, const std::vector<Option> &options, const char *operands,
                    size_t operand_count, std::vector<std::string> &found, int *status);
 

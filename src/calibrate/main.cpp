@@ -13,25 +13,20 @@ namespace calibrate
 namespace
 {
 
-struct Command {
-    const char *name, *help;
-    int (*run)(int argc, char **argv);
-};
-
-const Command commands[] = {
-    {"camera", "calibrate a camera from pictures of a chessboard", command_camera},
-    {"target", "write a chessboard to print, as PDF at exact size", command_target},
-    {"convert", "write a camera file in another format", command_convert},
-};
-
 int usage()
 {
     printf("usage: fovea-calibrate COMMAND [OPTION]...\n\n");
     for (const Command &command : commands)
         printf("  %-10s %s\n", command.name, command.help);
-    printf("  %-10s %s\n\n  --version  print the version\n", "help",
-           "this list; 'fovea-calibrate COMMAND --help' lists its options");
+    printf("  %-10s %s\n\n  --version  print the version\n  --man      print the manual page\n",
+           "help", "this list; 'fovea-calibrate COMMAND --help' lists its options");
     return FV_EXIT_OK;
+}
+
+bool is_help(const char *word)
+{
+    return std::strcmp(word, "help") == 0 || std::strcmp(word, "--help") == 0 ||
+           std::strcmp(word, "-h") == 0;
 }
 
 int dispatch(int argc, char **argv)
@@ -42,12 +37,19 @@ int dispatch(int argc, char **argv)
         printf("fovea-calibrate %s\n", FOVEA_VERSION);
         return FV_EXIT_OK;
     }
-    for (const char *help : {"help", "--help", "-h"})
-        if (std::strcmp(argv[1], help) == 0) return usage();
+    if (std::strcmp(argv[1], "--man") == 0) {
+        man_program();
+        return FV_EXIT_OK;
+    }
+    const bool help = is_help(argv[1]);
+    if (help && (argc == 2 || is_help(argv[2]))) return usage();
+    const char *name = argv[help ? 2 : 1];
+    char listing[] = "--help", *options[] = {argv[help ? 2 : 1], listing, nullptr};
     for (const Command &command : commands)
-        if (std::strcmp(argv[1], command.name) == 0) return command.run(argc - 1, argv + 1);
+        if (std::strcmp(name, command.name) == 0)
+            return help ? command.run(2, options) : command.run(argc - 1, argv + 1);
     return fv_say_wrong("fovea-calibrate: unknown command '%s' ('fovea-calibrate help' lists all)",
-                        argv[1]);
+                        name);
 }
 
 } // namespace

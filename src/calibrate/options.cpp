@@ -1,7 +1,9 @@
 #include "calibrate/command.h"
 
 #include <cstdio>
+#include <cstring>
 
+#include "support/man.h"
 extern "C" {
 #include "support/say.h"
 }
@@ -9,19 +11,56 @@ extern "C" {
 namespace calibrate
 {
 
+namespace
+{
+
+void help_print(const char *command, const std::vector<Option> &options, const char *operands)
+{
+    printf("usage: fovea-calibrate %s [OPTION]...%s%s\n\n", command, operands[0] != '\0' ? " " : "",
+           operands);
+    for (const Option &option : options) {
+        const std::string name = std::string("--") + option.name + " " + option.value;
+        printf("  %-24s %s\n", name.c_str(), option.help);
+    }
+    printf("  %-24s %s\n  %-24s %s\n", "--help", "this text", "--man",
+           "the manual page, for 'man -l'");
+}
+
+void man_print(const char *name, const std::vector<Option> &options, const char *operands)
+{
+    const std::string rest =
+        std::string("[OPTION]...") + (operands[0] != '\0' ? " " : "") + operands;
+    for (const Command &command : commands) {
+        if (std::strcmp(command.name, name) != 0) continue;
+        fv_man_begin("fovea-calibrate", name, command.help);
+        fv_man_synopsis("fovea-calibrate", name, rest.c_str());
+        fv_man_section("DESCRIPTION");
+        fv_man_text(command.description);
+        fv_man_section("OPTIONS");
+        for (const Option &option : options)
+            fv_man_item((std::string("--") + option.name).c_str(), option.value, option.help);
+        fv_man_item("--help", nullptr, "list the options");
+        fv_man_item("--man", nullptr, "print this page");
+        fv_man_section("EXAMPLES");
+        fv_man_example(command.examples);
+    }
+    fv_man_reference("fovea-calibrate", nullptr, true);
+    for (const Command &other : commands)
+        if (std::strcmp(other.name, name) != 0)
+            fv_man_reference("fovea-calibrate", other.name, false);
+    putchar('\n');
+}
+
+} // namespace
+
 bool options_parse(int argc, char **argv, const std::vector<Option> &options, const char *operands,
                    size_t operand_count, std::vector<std::string> &found, int *status)
 {
     const char *command = argv[0];
     for (int i = 1; i < argc; i++) {
         const std::string word = argv[i];
-        if (word == "--help" || word == "-h") {
-            printf("usage: fovea-calibrate %s [OPTION]...%s%s\n\n", command,
-                   operands[0] != '\0' ? " " : "", operands);
-            for (const Option &option : options) {
-                const std::string name = std::string("--") + option.name + " " + option.value;
-                printf("  %-24s %s\n", name.c_str(), option.help);
-            }
+        if (word == "--help" || word == "-h" || word == "--man") {
+            (word == "--man" ? man_print : help_print)(command, options, operands);
             *status = FV_EXIT_OK;
             return false;
         }

@@ -7,7 +7,7 @@
 #include <string.h>
 
 #include "app/command.h"
-#include "app/config/man.h"
+#include "support/man.h"
 #include "support/say.h"
 #include "support/text.h"
 
@@ -45,8 +45,8 @@ static void man_print(const struct fv_option *options, const char *name, const c
     const struct fv_command *command = command_of(name);
     char rest[128];
     snprintf(rest, sizeof rest, "[OPTION]...%s%s", *operands ? " " : "", operands);
-    fv_man_begin(name, command->help != NULL ? command->help : "");
-    fv_man_synopsis(name, rest);
+    fv_man_begin("fovea", name, command->help != NULL ? command->help : "");
+    fv_man_synopsis("fovea", name, rest);
     if (command->name != NULL) {
         fv_man_section("DESCRIPTION");
         fv_man_text(command->description);

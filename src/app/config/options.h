@@ -52,7 +52,7 @@ enum fv_options_result fv_options_parse(const struct fv_option *options, const c
                                         int *first);
 
 /* Whether the last FV_OPTIONS_HELP printed a manual page. The command may add sections to it
- * (app/config/man.h); fv_dispatch ends it with examples and references. */
+ * (support/man.h); fv_dispatch ends it with examples and references. */
 bool fv_options_man_printed(void);
 
 #endif

@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "app/config/man.h"
+#include "support/man.h"
 #include "app/config/settings.h"
 
 static const char head[] =

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "app/config/man.h"
+#include "support/man.h"
 #include "app/config/map_file.h"
 #include "app/config/classes.h"
 #include "app/config/mask.h"

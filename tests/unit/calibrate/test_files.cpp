@@ -8,6 +8,9 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <fstream>
+#include <iterator>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include "support/calibration.h"
@@ -175,6 +178,45 @@ static void what_a_format_cannot_hold_is_refused(void **)
     assert_int_equal(convert(folder.file("no.yaml"), folder.file("out.yaml"), "ros"), 2);
 }
 
+/* What a command prints in a process of its own. */
+static std::string printed(const Command &command, const char *option)
+{
+    const Folder folder;
+    const std::string file = folder.file("out");
+    std::fflush(nullptr);
+    const pid_t child = fork();
+    if (child == 0) {
+        std::string words[2] = {command.name, option};
+        char *arguments[] = {&words[0][0], &words[1][0], nullptr};
+        if (std::freopen(file.c_str(), "w", stdout) == nullptr) _exit(99);
+        const int left = command.run(2, arguments);
+        std::fflush(nullptr);
+        _exit(left);
+    }
+    int status = -1;
+    assert_int_equal(waitpid(child, &status, 0), child);
+    assert_int_equal(status, 0);
+    std::ifstream stream(file);
+    return {std::istreambuf_iterator<char>(stream), std::istreambuf_iterator<char>()};
+}
+
+static void every_option_of_the_help_is_in_the_manual_page(void **)
+{
+    for (const Command &command : commands) {
+        const std::string help = printed(command, "--help"), page = printed(command, "--man");
+        assert_int_equal(page.find(".TH FOVEA"), 0);
+        int options = 0;
+        for (size_t at = help.find("\n  --"); at != std::string::npos;
+             at = help.find("\n  --", at + 1), options++) {
+            std::string item = "\\fB\\-\\-";
+            item += help.substr(at + 5, help.find(' ', at + 5) - at - 5) + "\\fR";
+            if (page.find(item) == std::string::npos) fail_msg("%s: no %s", command.name, &item[0]);
+        }
+        assert_true(options >= 4); /* --help, --man and at least two of its own */
+        assert_true(page.find(command.help) != std::string::npos);
+    }
+}
+
 int main()
 {
     const CMUnitTest tests[] = {
@@ -183,6 +225,7 @@ int main()
         cmocka_unit_test(a_board_that_does_not_fit_is_refused),
         cmocka_unit_test(converted_files_project_alike),
         cmocka_unit_test(what_a_format_cannot_hold_is_refused),
+        cmocka_unit_test(every_option_of_the_help_is_in_the_manual_page),
     };
     return cmocka_run_group_tests(tests, nullptr, nullptr);
 }

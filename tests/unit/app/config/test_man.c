@@ -83,6 +83,16 @@ static void every_option_of_the_help_is_in_the_page(void **state)
     }
 }
 
+static void the_help_of_help_is_the_list_of_commands(void **state)
+{
+    (void)state;
+    printed(NULL, "help", help);
+    for (const struct fv_command *command = fv_commands; command->name != NULL; command++)
+        assert_non_null(strstr(help, command->help));
+    printed("help", "--help", page);
+    assert_string_equal(page, help);
+}
+
 static void the_page_of_the_program_lists_every_command(void **state)
 {
     (void)state;
@@ -150,6 +160,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(every_option_of_the_help_is_in_the_page),
+        cmocka_unit_test(the_help_of_help_is_the_list_of_commands),
         cmocka_unit_test(the_page_of_the_program_lists_every_command),
         cmocka_unit_test(the_page_of_config_lists_every_key),
         cmocka_unit_test(lines_begin_with_no_macro_but_ours),

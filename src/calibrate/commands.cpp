@@ -1,0 +1,56 @@
+/* The table of commands, and their manual pages. */
+#include <cstdio>
+
+#include "calibrate/command.h"
+#include "support/man.h"
+
+namespace calibrate
+{
+
+const std::vector<Command> commands = {
+    {"camera", "calibrate a camera from pictures of a chessboard", command_camera,
+     "Chessboards are found in the pictures of a folder, or in the frames of a camera or recording. "
+     "The model of the lens is fitted to their corners, and the verdict - pass, doubtful or fail - "
+     "says whether the camera file can be trusted, with the remedy where it cannot. A live camera "
+     "takes a picture by itself whenever the board is still and in a new place, until --views are "
+     "taken or SIGINT ends it.",
+     "fovea-calibrate camera --source pictures/ --target chessboard:9x6:0.025 --out camera.yaml\n"
+     "fovea-calibrate camera --source v4l2:/dev/video0 --target chessboard:9x6:0.025 "
+     "--out camera.yaml"},
+    {"target", "write a chessboard to print, as PDF at exact size", command_target,
+     "COLUMNS and ROWS count the inner corners; SQUARE is the side of a square in metres. Print at "
+     "100 %, and measure a square afterwards.",
+     "fovea-calibrate target --target chessboard:9x6:0.025 --page a4 --out board.pdf"},
+    {"convert", "write a camera file in another format", command_convert,
+     "IN is a camera file of any format that Fovea reads. What OUT's format cannot hold is named in "
+     "a line, or refused.",
+     "fovea-calibrate convert camera.yaml chain.yaml --format kalibr"},
+};
+
+void man_program()
+{
+    fv_man_begin("fovea-calibrate", nullptr, "calibrate a camera for fovea");
+    fv_man_synopsis("fovea-calibrate", nullptr,
+                    "COMMAND [OPTION]...\n\nfovea-calibrate --version\n\nfovea-calibrate --man");
+    fv_man_section("DESCRIPTION");
+    fv_man_text("Makes a camera file from pictures of a board, and says whether the file can be "
+                "trusted.");
+    fv_man_section("COMMANDS");
+    for (const Command &command : commands)
+        fv_man_item(command.name, nullptr, command.help);
+    fv_man_item("help", nullptr, "list the commands, or the options of the command named after it");
+    fv_man_section("OPTIONS");
+    fv_man_item("--version", nullptr, "print the version");
+    fv_man_item("--help", nullptr, "list the commands; of a command: list its options");
+    fv_man_item("--man", nullptr, "print this page; of a command: print its page");
+    fv_man_section("EXIT STATUS");
+    fv_man_item("0", nullptr, "success");
+    fv_man_item("1", nullptr, "the verdict is fail, or the machine failed");
+    fv_man_item("2", nullptr, "wrong input: one line names what was found and what was expected");
+    fv_man_reference("fovea", nullptr, true);
+    for (const Command &command : commands)
+        fv_man_reference("fovea-calibrate", command.name, false);
+    putchar('\n');
+}
+
+} // namespace calibrate
