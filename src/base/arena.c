@@ -12,6 +12,19 @@ void fv_arena_init(struct fv_arena *arena, void *base, size_t capacity)
     *arena = (struct fv_arena){.base = base, .capacity = capacity};
 }
 
+enum fovea_status fv_arena_check_block(const void *memory, size_t bytes, size_t needed,
+                                       struct fovea_error *error)
+{
+    if (memory == NULL || (uintptr_t)memory % FV_CACHE_LINE_BYTES != 0)
+        return fovea_error_set(error, FOVEA_ERROR_MEMORY,
+                               "memory: found address %p, expected a multiple of %d", memory,
+                               FV_CACHE_LINE_BYTES);
+    if (bytes < needed)
+        return fovea_error_set(error, FOVEA_ERROR_MEMORY,
+                               "memory: found %zu bytes, expected at least %zu", bytes, needed);
+    return FOVEA_OK;
+}
+
 void *fv_arena_take_raw(struct fv_arena *arena, size_t count, size_t size)
 {
     const size_t line = FV_CACHE_LINE_BYTES;

@@ -13,6 +13,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "fovea/status.h"
+
 #ifdef __cplusplus
 extern "C" {
 #endif
@@ -29,6 +31,11 @@ struct fv_arena {
 
 void fv_arena_count(struct fv_arena *arena);
 void fv_arena_init(struct fv_arena *arena, void *base, size_t capacity);
+
+/* Whether a block that a caller hands over can hold `needed` bytes, and begins at a cache line.
+ * FOVEA_ERROR_MEMORY: `error` (NULL: none) says what was found and what was expected. */
+enum fovea_status fv_arena_check_block(const void *memory, size_t bytes, size_t needed,
+                                       struct fovea_error *error);
 
 /* `count` elements of `size` bytes, zeroed unless rebasing. NULL when counting, or when it does not
  * fit (then arena->exhausted is set). Real-time safe. */

@@ -109,11 +109,8 @@ enum fovea_status fovea_edges_init(struct fovea_edges **edges,
     enum fv_cpu_set set;
     const size_t needed = fovea_edges_size(config, width, height, error);
     if (needed == 0) return FOVEA_ERROR_ARGUMENT;
-    if (memory == NULL || bytes < needed || (uintptr_t)memory % FV_CACHE_LINE_BYTES != 0)
-        return fovea_error_set(error, FOVEA_ERROR_MEMORY,
-                               "memory: found %zu bytes, expected %zu at a multiple of 64", bytes,
-                               needed);
-    const enum fovea_status status = fv_cpu_from_environment(&set, error);
+    enum fovea_status status = fv_arena_check_block(memory, bytes, needed, error);
+    if (status == FOVEA_OK) status = fv_cpu_from_environment(&set, error);
     if (status != FOVEA_OK) return status;
     fv_arena_init(&arena, memory, bytes);
     struct fovea_edges *made = carve(config, width, height, &arena);

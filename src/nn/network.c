@@ -50,11 +50,8 @@ enum fovea_status fovea_network_init(void *memory, size_t bytes, const void *mod
     enum fovea_status status = fovea_network_size(model, model_bytes, &needed, error);
     if (status == FOVEA_OK) status = fv_model_open(model, model_bytes, "model", &opened, error);
     if (status == FOVEA_OK) status = fv_cpu_from_environment(&cpu, error);
+    if (status == FOVEA_OK) status = fv_arena_check_block(memory, bytes, needed, error);
     if (status != FOVEA_OK) return status;
-    if (bytes < needed || (uintptr_t)memory % FV_CACHE_LINE_BYTES != 0)
-        return fovea_error_set(error, FOVEA_ERROR_MEMORY,
-                               "found a block of %zu bytes, expected %zu at a multiple of 64",
-                               bytes, needed);
     fv_arena_init(&arena, memory, bytes);
     struct fovea_network *n = fv_arena_take(&arena, 1, sizeof *n);
     if (n == NULL) return FOVEA_ERROR_MEMORY;

@@ -191,20 +191,8 @@ static void place(struct fovea *rt, bool keep)
         rt->config.rig.cameras[i].mask = rt->masks[i].pixels;
 }
 
-static enum fovea_status check_block(const void *memory, size_t bytes, size_t needed,
-                                     struct fovea_error *error)
-{
-    if (memory == NULL || (uintptr_t)memory % FOVEA_BLOCK_ALIGNMENT != 0) {
-        return fovea_error_set(error, FOVEA_ERROR_MEMORY,
-                               "memory: found address %p, expected a multiple of %d", memory,
-                               FOVEA_BLOCK_ALIGNMENT);
-    }
-    if (bytes < needed) {
-        return fovea_error_set(error, FOVEA_ERROR_MEMORY,
-                               "memory: found %zu bytes, expected at least %zu", bytes, needed);
-    }
-    return FOVEA_OK;
-}
+_Static_assert((int)FOVEA_BLOCK_ALIGNMENT == (int)FV_CACHE_LINE_BYTES,
+               "what the caller is asked for is what is checked");
 
 enum fovea_status fovea_init(void *memory, size_t bytes, const struct fovea_config *config,
                              struct fovea **rt, struct fovea_error *error)
@@ -215,7 +203,8 @@ enum fovea_status fovea_init(void *memory, size_t bytes, const struct fovea_conf
         return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
                                "rt: found NULL, expected a place for the runtime");
     enum fovea_status status = measure(&measured, config, NULL, error);
-    if (status == FOVEA_OK) status = check_block(memory, bytes, measured.block_bytes, error);
+    if (status == FOVEA_OK)
+        status = fv_arena_check_block(memory, bytes, measured.block_bytes, error);
     if (status == FOVEA_OK) status = fv_cpu_from_environment(&cpu, error);
     if (status != FOVEA_OK) return status;
 
@@ -254,7 +243,7 @@ enum fovea_status fovea_init(void *memory, size_t bytes, const struct fovea_conf
 enum fovea_status fovea_copy(const struct fovea *rt, void *memory, size_t bytes,
                              struct fovea **copy)
 {
-    const enum fovea_status status = check_block(memory, bytes, rt->block_bytes, NULL);
+    const enum fovea_status status = fv_arena_check_block(memory, bytes, rt->block_bytes, NULL);
     if (status != FOVEA_OK) return status;
     memcpy(memory, rt, rt->block_bytes);
     place(memory, true);

@@ -145,6 +145,8 @@ static void a_block_that_is_too_small_is_refused(void **state)
     (void)state;
     struct fovea_network *network = NULL;
     struct fovea_error error;
+    assert_int_equal(fovea_network_init(NULL, memory_bytes, file, file_bytes, &network, &error),
+                     FOVEA_ERROR_MEMORY);
     assert_int_equal(
         fovea_network_init(memory, memory_bytes - 1, file, file_bytes, &network, &error),
         FOVEA_ERROR_MEMORY);
