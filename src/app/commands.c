@@ -27,7 +27,9 @@ const struct fv_command fv_commands[] = {
      "commands and grants again, and makes the same messages on every machine.",
      "fovea replay run.lcm --verify\nfovea replay run.lcm --lcm-url udpm://239.255.76.67:7667"},
     {"features", "find, describe and draw the features of a picture", fv_command_features,
-     "IMAGE is a PNG or JPEG file.", "fovea features photo.png --draw out.png"},
+     "IMAGE is a PNG or JPEG file.",
+     "fovea features photo.png --draw out.png\n"
+     "fovea features photo.png --method sift --max 500 --draw out.png --json >out.json"},
     {"match", "match the features of two pictures", fv_command_match,
      "A and B are PNG or JPEG files.", "fovea match a.png b.png --draw matches.png"},
     {"rectify", "remove the lens distortion of a picture", fv_command_rectify,

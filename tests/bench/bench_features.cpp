@@ -2,10 +2,14 @@
 #include "bench/bench.h"
 #include "bench/memory.h"
 
+#include <cstdlib>
+#include <memory>
+
 #include <opencv2/features2d.hpp>
 
 #include "features/fast.h"
 #include "features/features.h"
+#include "fovea/extract.h"
 
 using bench::Input;
 using bench::Run;
@@ -66,3 +70,43 @@ static const bench::Stage features(
         };
     },
     nullptr);
+
+/* An extractor of a method, and OpenCV's. */
+static Run extract(const Input &input, const struct fv_kernels &kernels,
+                   enum fovea_feature_method method, uint32_t count)
+{
+    struct fovea_extract_config config;
+    struct fovea_extract *extract = nullptr;
+    const cv::Mat image = input.image;
+    fovea_extract_config_default(&config, method);
+    config.count_max = count;
+    setenv("FOVEA_CPU", fv_cpu_set_name(kernels.set), 1);
+    const size_t bytes = fovea_extract_size(&config, image.cols, image.rows, nullptr);
+    const std::shared_ptr<void> memory(std::aligned_alloc(64, (bytes + 63) / 64 * 64), std::free);
+    fovea_extract_init(&extract, &config, image.cols, image.rows, memory.get(), bytes, nullptr);
+    unsetenv("FOVEA_CPU");
+    return [=] {
+        (void)memory; /* kept alive with the run */
+        const struct fovea_image view = {
+            image.data,        image.cols,
+            image.rows,        static_cast<int32_t>(image.step),
+            FOVEA_PIXEL_GREY8, image.step * static_cast<size_t>(image.rows)};
+        struct fovea_extracted found;
+        fovea_extract_run(extract, &view, nullptr, &found);
+    };
+}
+
+static const bench::Stage sift(
+    "SIFT, 500 features", "752x480", "SIFT",
+    [](const Input &input, const struct fv_kernels &kernels) {
+        return extract(input, kernels, FOVEA_FEATURES_SIFT, 500);
+    },
+    [](const Input &input) -> Run {
+        const cv::Mat image = input.image;
+        const auto detector = cv::SIFT::create(500);
+        return [=] {
+            std::vector<cv::KeyPoint> points;
+            cv::Mat descriptors;
+            detector->detectAndCompute(image, cv::noArray(), points, descriptors);
+        };
+    });

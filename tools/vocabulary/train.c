@@ -46,14 +46,14 @@ static uint32_t distance(const descriptor a, const descriptor b)
 
 static void take(struct set *set, const struct fv_extract *extract)
 {
-    const uint32_t count = extract->features.count;
+    const uint32_t count = extract->found.count;
     if (set->count + count > set->capacity) {
         set->capacity = 2 * set->capacity + count;
         set->all = realloc(set->all, set->capacity * sizeof *set->all);
         set->image = realloc(set->image, set->capacity * sizeof *set->image);
         if (set->all == NULL || set->image == NULL) die("out of memory");
     }
-    memcpy(set->all[set->count], extract->orb.descriptors, (size_t)count * FV_DESCRIPTOR_BYTES);
+    memcpy(set->all[set->count], extract->found.descriptors, (size_t)count * FV_DESCRIPTOR_BYTES);
     for (uint32_t i = 0; i < count; i++)
         set->image[set->count + i] = set->images;
     set->count += count;
@@ -61,7 +61,7 @@ static void take(struct set *set, const struct fv_extract *extract)
 }
 
 static void take_picture(struct set *set, const char *path,
-                         const struct fovea_features_config *config)
+                         const struct fovea_extract_config *config)
 {
     struct fovea_error error;
     struct fv_extract extract;
@@ -73,7 +73,7 @@ static void take_picture(struct set *set, const char *path,
 }
 
 static void take_frames(struct set *set, const char *uri, uint64_t step,
-                        const struct fovea_features_config *config)
+                        const struct fovea_extract_config *config)
 {
     const struct fovea_source_ops *ops;
     const char *address;
@@ -99,9 +99,9 @@ static void take_frames(struct set *set, const char *uri, uint64_t step,
 
 static void read_list(struct set *set, const char *path)
 {
-    struct fovea_features_config config;
+    struct fovea_extract_config config;
     struct fovea_error error;
-    if (fv_extract_config(FEATURES, &config, &error) != FOVEA_OK) die(error.text);
+    if (fv_extract_config(NULL, NULL, FEATURES, &config, &error) != FOVEA_OK) die(error.text);
     FILE *list = fopen(path, "r");
     if (list == NULL) die("no list");
     char line[4096], uri[4096];

@@ -1,18 +1,15 @@
-/* Features and descriptors of one picture, for the commands that look at pictures: the stages of
- * the loop on memory of their own. The heap is used. */
+/* Features and descriptors of one picture, for the commands that look at pictures: fovea/extract.h
+ * on memory of its own. The heap is used. */
 #ifndef FOVEA_APP_LAB_EXTRACT_H
 #define FOVEA_APP_LAB_EXTRACT_H
 
-#include "features/features.h"
 #include "features/mask.h"
-#include "features/orb.h"
+#include "fovea/extract.h"
 
 struct fv_extract {
     struct fovea_image image; /* data from malloc */
-    struct fv_kernels kernels;
-    struct fv_pyramid pyramid;
-    struct fv_features features;
-    struct fv_orb orb;
+    struct fovea_extract_config config;
+    struct fovea_extracted found; /* in `memory` */
     void *memory;
 };
 
@@ -26,18 +23,17 @@ struct fv_extract_ignore {
 /* Read a picture and find its features; `ignore` may be NULL. Errors are one line. Freed with
  * fv_extract_free, also after errors. */
 enum fovea_status fv_extract(const char *path, const struct fv_extract_ignore *ignore,
-                             const struct fovea_features_config *config, struct fv_extract *extract,
+                             const struct fovea_extract_config *config, struct fv_extract *extract,
                              struct fovea_error *error);
 /* The same for an image in memory, which is copied. */
 enum fovea_status fv_extract_image(const struct fovea_image *image,
                                    const struct fv_extract_ignore *ignore,
-                                   const struct fovea_features_config *config,
+                                   const struct fovea_extract_config *config,
                                    struct fv_extract *extract, struct fovea_error *error);
 void fv_extract_free(struct fv_extract *extract);
 
-/* Take what the commands' options say, checked: `max` in [FOVEA_FEATURES_MIN, FOVEA_FEATURES_MAX].
- */
-enum fovea_status fv_extract_config(uint64_t max, struct fovea_features_config *config,
-                                    struct fovea_error *error);
+/* What the commands' options say, checked; NULL for what is not given. */
+enum fovea_status fv_extract_config(const char *method, const char *descriptor, uint64_t max,
+                                    struct fovea_extract_config *config, struct fovea_error *error);
 
 #endif

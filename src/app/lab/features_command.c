@@ -9,28 +9,35 @@
 #include "app/config/options.h"
 #include "support/say.h"
 #include "base/elementary.h"
+#include "features/scale_space.h"
 #include "support/text.h"
 
-/* From fine (warm) to coarse (cold) levels. */
-static const uint32_t level_colour[FOVEA_PYRAMID_LEVELS_MAX] = {
-    0xff5544, 0xff9933, 0xffdd33, 0xaadd33, 0x44cc66, 0x33ccbb, 0x4499ff, 0xbb77ff};
+enum { LEVEL_COLOURS = 8 };
 
-/* Each feature as a circle of a third of its patch, with a hand that shows its direction. */
+/* From fine (warm) to coarse (cold) levels. */
+static const uint32_t level_colour[LEVEL_COLOURS] = {0xff5544, 0xff9933, 0xffdd33, 0xaadd33,
+                                                     0x44cc66, 0x33ccbb, 0x4499ff, 0xbb77ff};
+
+/* Each feature as a circle with a hand that shows its direction: SIFT of its size, others of a
+ * third of their patch. */
 static enum fovea_status draw(const struct fv_extract *extract, const char *path,
                               struct fovea_error *error)
 {
     struct fv_canvas canvas;
+    const float part = extract->config.descriptor == FOVEA_DESCRIPTOR_FLOAT ? 1 : 1.f / 3;
     enum fovea_status status =
         fv_canvas_create(&canvas, extract->image.width, extract->image.height, 0);
     if (status != FOVEA_OK) return fovea_error_set(error, status, "%.300s: out of memory", path);
     fv_canvas_image(&canvas, 0, 0, &extract->image);
-    for (uint32_t i = 0; i < extract->features.count; i++) {
-        const struct fovea_feature *f = &extract->features.list[i];
-        const uint32_t colour = level_colour[f->level];
-        const float radius = f->size_px / 6, angle = extract->orb.angle_rad[i];
+    for (uint32_t i = 0; i < extract->found.count; i++) {
+        const struct fovea_local_feature *f = &extract->found.features[i];
+        const uint32_t colour =
+            level_colour[f->level < LEVEL_COLOURS ? f->level : LEVEL_COLOURS - 1];
+        const float radius = f->size_px / 2 * part;
         fv_canvas_circle(&canvas, f->x_px, f->y_px, radius, 1, colour);
-        fv_canvas_line(&canvas, f->x_px, f->y_px, f->x_px + radius * (float)fv_cos(angle),
-                       f->y_px + radius * (float)fv_sin(angle), 1, colour);
+        fv_canvas_line(&canvas, f->x_px, f->y_px,
+                       f->x_px + radius * (float)fv_cos((double)f->angle_rad),
+                       f->y_px + radius * (float)fv_sin((double)f->angle_rad), 1, colour);
     }
     status = fv_canvas_write(&canvas, path, error);
     fv_canvas_free(&canvas);
@@ -39,16 +46,20 @@ static enum fovea_status draw(const struct fv_extract *extract, const char *path
 
 static void print_json(const struct fv_extract *extract)
 {
-    printf("{\"width\": %d, \"height\": %d, \"kernel_set\": \"%s\", \"features\": [",
-           extract->image.width, extract->image.height, fv_cpu_set_name(extract->kernels.set));
-    for (uint32_t i = 0; i < extract->features.count; i++) {
-        const struct fovea_feature *f = &extract->features.list[i];
+    const struct fovea_extracted *found = &extract->found;
+    printf(
+        "{\"width\": %d, \"height\": %d, \"method\": \"%s\", \"descriptor\": \"%s\", \"features\": [",
+        extract->image.width, extract->image.height,
+        fovea_feature_method_name(extract->config.method),
+        fovea_descriptor_name(extract->config.descriptor));
+    for (uint32_t i = 0; i < found->count; i++) {
+        const struct fovea_local_feature *f = &found->features[i];
         printf(
-            "%s\n  {\"x_px\": %.4f, \"y_px\": %.4f, \"size_px\": %.3f, \"level\": %d, \"score\": %d, \"angle_rad\": %.6f, \"descriptor\": \"",
+            "%s\n  {\"x_px\": %.4f, \"y_px\": %.4f, \"size_px\": %.3f, \"level\": %u, \"response\": %g, \"angle_rad\": %.6f, \"descriptor\": \"",
             i == 0 ? "" : ",", (double)f->x_px, (double)f->y_px, (double)f->size_px, f->level,
-            f->score, (double)extract->orb.angle_rad[i]);
-        for (int k = 0; k < FV_DESCRIPTOR_BYTES; k++)
-            printf("%02x", extract->orb.descriptors[(size_t)i * FV_DESCRIPTOR_BYTES + (size_t)k]);
+            (double)f->response, (double)f->angle_rad);
+        for (uint32_t k = 0; k < found->descriptor_bytes; k++)
+            printf("%02x", found->descriptors[(size_t)i * found->descriptor_bytes + k]);
         printf("\"}");
     }
     printf("\n]}\n");
@@ -56,12 +67,15 @@ static void print_json(const struct fv_extract *extract)
 
 static void print_summary(const struct fv_extract *extract)
 {
-    uint32_t on_level[FOVEA_PYRAMID_LEVELS_MAX] = {0};
-    for (uint32_t i = 0; i < extract->features.count; i++)
-        on_level[extract->features.list[i].level]++;
-    printf("%u features in %d x %d pixels, by level:", extract->features.count,
-           extract->image.width, extract->image.height);
-    for (uint32_t level = 0; level < extract->pyramid.levels; level++)
+    uint32_t on_level[FV_SCALE_OCTAVES_MAX] = {0}, levels = 1;
+    for (uint32_t i = 0; i < extract->found.count; i++) {
+        const uint32_t level = extract->found.features[i].level;
+        on_level[level]++;
+        if (level >= levels) levels = level + 1;
+    }
+    printf("%u features in %d x %d pixels, by level:", extract->found.count, extract->image.width,
+           extract->image.height);
+    for (uint32_t level = 0; level < levels; level++)
         printf(" %u", on_level[level]);
     printf("\n");
 }
@@ -86,10 +100,14 @@ static bool read_box(const char *text, struct fv_mask_box *box)
 int fv_command_features(int argc, char **argv)
 {
     uint64_t max = 500;
-    const char *picture = NULL, *mask = NULL;
+    const char *picture = NULL, *mask = NULL, *method = NULL, *descriptor = NULL;
     bool json = false;
     struct fv_option_list ignored = {0};
     const struct fv_option options[] = {
+        {"method", "NAME", FV_OPTION_TEXT, &method,
+         "orb (default): corners on a pyramid; fast: corners of the picture itself; sift"},
+        {"descriptor", "NAME", FV_OPTION_TEXT, &descriptor,
+         "binary (default of orb, fast), patch (9x9 pixels), or float (sift)"},
         {"max", "N", FV_OPTION_COUNT, &max, "most features to find (default 500)"},
         {"mask", "FILE", FV_OPTION_TEXT, &mask,
          "PNG of the size of the picture, black where features are ignored"},
@@ -104,12 +122,12 @@ int fv_command_features(int argc, char **argv)
         fv_options_parse(options, "IMAGE", 1, 1, argc, argv, &first);
     if (result != FV_OPTIONS_READ) return result == FV_OPTIONS_HELP ? FV_EXIT_OK : FV_EXIT_WRONG;
 
-    struct fovea_features_config config;
+    struct fovea_extract_config config;
     struct fovea_error error;
     struct fv_extract extract;
     const struct fv_file written[] = {{"--draw", picture}, {0}},
                          read[] = {{"IMAGE", argv[first]}, {"--mask", mask}, {0}};
-    if (fv_extract_config(max, &config, &error) != FOVEA_OK ||
+    if (fv_extract_config(method, descriptor, max, &config, &error) != FOVEA_OK ||
         fv_files_apart(written, read, &error) != FOVEA_OK)
         return fv_say_wrong("%s", error.text);
     struct fv_mask_box boxes[FV_OPTION_LIST_MAX];

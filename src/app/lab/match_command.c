@@ -26,8 +26,8 @@ static enum fovea_status draw(const struct fv_extract *a, const struct fv_extrac
     fv_canvas_image(&canvas, 0, 0, &a->image);
     fv_canvas_image(&canvas, shift, 0, &b->image);
     for (uint32_t i = 0; i < count; i++) {
-        const struct fovea_feature *p = &a->features.list[matches[i].query],
-                                   *q = &b->features.list[matches[i].train];
+        const struct fovea_local_feature *p = &a->found.features[matches[i].query],
+                                         *q = &b->found.features[matches[i].train];
         const uint32_t colour = colours[i % 6];
         fv_canvas_line(&canvas, p->x_px, p->y_px, q->x_px + (float)shift, q->y_px, 1, colour);
         fv_canvas_disc(&canvas, p->x_px, p->y_px, 2.5f, colour);
@@ -41,10 +41,10 @@ static enum fovea_status draw(const struct fv_extract *a, const struct fv_extrac
 static void print_json(const struct fv_extract *a, const struct fv_extract *b,
                        const struct fv_match *matches, uint32_t count)
 {
-    printf("{\"features\": [%u, %u], \"matches\": [", a->features.count, b->features.count);
+    printf("{\"features\": [%u, %u], \"matches\": [", a->found.count, b->found.count);
     for (uint32_t i = 0; i < count; i++) {
-        const struct fovea_feature *p = &a->features.list[matches[i].query],
-                                   *q = &b->features.list[matches[i].train];
+        const struct fovea_local_feature *p = &a->found.features[matches[i].query],
+                                         *q = &b->found.features[matches[i].train];
         printf(
             "%s\n  {\"a\": %u, \"b\": %u, \"a_px\": [%.4f, %.4f], \"b_px\": [%.4f, %.4f], \"distance\": %u}",
             i == 0 ? "" : ",", matches[i].query, matches[i].train, (double)p->x_px, (double)p->y_px,
@@ -79,20 +79,23 @@ static enum fv_exit match(const struct fv_extract *a, const struct fv_extract *b
 {
     struct fovea_error error;
     struct fv_matcher matcher;
+    struct fv_kernels kernels;
+    enum fv_cpu_set cpu;
     void *memory;
+    if (fv_cpu_from_environment(&cpu, &error) != FOVEA_OK) return fv_say_wrong("%s", error.text);
+    fv_kernels_init(&kernels, cpu);
     struct fv_match *matches = take_memory(count_max, &matcher, &memory);
     if (matches == NULL) return fv_say_failed("out of memory");
     const struct fv_match_rules rules = {FV_MATCH_DISTANCE_ANY, ratio_q8, true};
-    const uint32_t count =
-        fv_match_all(&matcher, &a->kernels, a->orb.descriptors, a->features.count,
-                     b->orb.descriptors, b->features.count, &rules, matches);
+    const uint32_t count = fv_match_all(&matcher, &kernels, a->found.descriptors, a->found.count,
+                                        b->found.descriptors, b->found.count, &rules, matches);
     enum fv_exit status = FV_EXIT_OK;
     if (picture != NULL && draw(a, b, matches, count, picture, &error) != FOVEA_OK)
         status = fv_say_failed("%s", error.text);
     else if (json)
         print_json(a, b, matches, count);
     else
-        printf("%u matches of %u and %u features\n", count, a->features.count, b->features.count);
+        printf("%u matches of %u and %u features\n", count, a->found.count, b->found.count);
     free(memory);
     return status;
 }
@@ -115,14 +118,14 @@ int fv_command_match(int argc, char **argv)
         fv_options_parse(options, "A B", 2, 2, argc, argv, &first);
     if (result != FV_OPTIONS_READ) return result == FV_OPTIONS_HELP ? FV_EXIT_OK : FV_EXIT_WRONG;
 
-    struct fovea_features_config config;
+    struct fovea_extract_config config;
     struct fovea_error error;
     struct fv_extract a, b;
     if (ratio < 1 || ratio > 100)
         return fv_say_wrong("--ratio: found %" PRIu64 ", expected 1 to 100 (percent)", ratio);
     const struct fv_file written[] = {{"--draw", picture}, {0}},
                          read[] = {{"A", argv[first]}, {"B", argv[first + 1]}, {0}};
-    if (fv_extract_config(max, &config, &error) != FOVEA_OK ||
+    if (fv_extract_config(NULL, NULL, max, &config, &error) != FOVEA_OK ||
         fv_files_apart(written, read, &error) != FOVEA_OK)
         return fv_say_wrong("%s", error.text);
     enum fv_exit status;

@@ -167,22 +167,23 @@ static void words_of_world(uint32_t world, struct fv_place_words words[2])
     struct fovea_source *source;
     struct fovea_error error;
     struct fovea_frame frame;
-    struct fovea_features_config config;
+    struct fovea_extract_config config;
+    struct fv_kernels kernels;
     const struct fovea_source_selection selection = {.start = 60, .step = 30, .frames = 2};
     char uri[96];
     snprintf(uri, sizeof uri, "sim:orbit?seed=%u&width=480&height=360&objects=0", world);
     assert_int_equal(fovea_source_find(uri, &ops, &address, &error), FOVEA_OK);
     assert_int_equal(ops->open(address, &selection, &source, &error), FOVEA_OK);
     assert_int_equal(ops->start(source, &error), FOVEA_OK);
-    assert_int_equal(fv_extract_config(600, &config, &error), FOVEA_OK);
+    fv_kernels_init(&kernels, fv_cpu_best(fv_cpu_detect()));
+    assert_int_equal(fv_extract_config(NULL, NULL, 600, &config, &error), FOVEA_OK);
     for (int i = 0; i < 2; i++) {
         struct fv_extract extract;
         assert_int_equal(ops->dequeue(source, INT64_MAX, &frame), FOVEA_OK);
         assert_int_equal(fv_extract_image(&frame.images[0], NULL, &config, &extract, &error),
                          FOVEA_OK);
         fv_place_words_begin(&words[i]);
-        fv_place_words_add(&words[i], &extract.kernels, extract.orb.descriptors,
-                           extract.features.count);
+        fv_place_words_add(&words[i], &kernels, extract.found.descriptors, extract.found.count);
         fv_extract_free(&extract);
         ops->requeue(source, &frame);
     }

@@ -94,6 +94,9 @@ static void commands_write_pictures(void **state)
     (void)state;
     assert_int_equal(CALL(fv_command_features, "features", in, "--draw", out), FV_EXIT_OK);
     size_of(out, WIDTH, HEIGHT);
+    assert_int_equal(CALL(fv_command_features, "features", in, "--draw", out, "--method", "sift"),
+                     FV_EXIT_OK);
+    size_of(out, WIDTH, HEIGHT);
     assert_int_equal(CALL(fv_command_match, "match", in, in, "--draw", out), FV_EXIT_OK);
     size_of(out, 2 * WIDTH, HEIGHT);
     assert_int_equal(CALL(fv_command_rectify, "rectify", in, out, "--camera", camera), FV_EXIT_OK);
@@ -122,8 +125,12 @@ static void wrong_input_is_told(void **state)
     (void)state;
     assert_int_equal(CALL(fv_command_features, "features", "nowhere.png"), FV_EXIT_WRONG);
     assert_int_equal(CALL(fv_command_features, "features", camera), FV_EXIT_WRONG);
-    assert_int_equal(CALL(fv_command_features, "features", in, "--max", "7"), FV_EXIT_WRONG);
+    assert_int_equal(CALL(fv_command_features, "features", in, "--max", "0"), FV_EXIT_WRONG);
     assert_int_equal(CALL(fv_command_features, "features", in, "--ignore", "4,4,2"), FV_EXIT_WRONG);
+    assert_int_equal(CALL(fv_command_features, "features", in, "--method", "shift"), FV_EXIT_WRONG);
+    assert_int_equal(
+        CALL(fv_command_features, "features", in, "--method", "sift", "--descriptor", "binary"),
+        FV_EXIT_WRONG);
     assert_int_equal(CALL(fv_command_features, "features", in, "--draw", "/nowhere/x.png"),
                      FV_EXIT_FAILED);
     assert_int_equal(CALL(fv_command_match, "match", in), FV_EXIT_WRONG);

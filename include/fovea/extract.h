@@ -1,0 +1,113 @@
+/* Extraction: local features of a grey image with their descriptors, by one of several methods.
+ *
+ * Works on memory of the caller:
+ *
+ *     size_t bytes = fovea_extract_size(&config, width, height, &error);
+ *     fovea_extract_init(&extract, &config, width, height, memory, bytes, &error);
+ *     fovea_extract_run(extract, &image, NULL, &found);
+ *
+ * Results are equal on every kernel set, compiler and architecture.
+ *
+ * Sources: SIFT: Lowe, "Distinctive image features from scale-invariant keypoints", IJCV 2004. */
+#ifndef FOVEA_EXTRACT_H
+#define FOVEA_EXTRACT_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "fovea/image.h"
+#include "fovea/status.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+enum fovea_feature_method {
+    FOVEA_FEATURES_ORB = 0,  /* FAST corners on every level of a pyramid, with orientations */
+    FOVEA_FEATURES_FAST = 1, /* FAST corners of the image itself, upright */
+    FOVEA_FEATURES_SIFT = 2, /* extremes of differences of Gaussians in scale */
+    FOVEA_FEATURE_METHOD_COUNT
+};
+
+enum fovea_descriptor {
+    FOVEA_DESCRIPTOR_BINARY = 0, /* 32 bytes: 256 bits, compared by Hamming distance */
+    /* 81 bytes: 9 x 9 pixels around the feature on its level, shifted and scaled to mean 128 and
+     * standard deviation 32; compared by Euclidean distance */
+    FOVEA_DESCRIPTOR_PATCH = 1,
+    /* SIFT: 128 bytes, real values of the unit vector times 512, rounded and limited to 255, as in
+     * Lowe's program; compared by Euclidean distance */
+    FOVEA_DESCRIPTOR_FLOAT = 2,
+    FOVEA_DESCRIPTOR_COUNT
+};
+
+enum { FOVEA_EXTRACT_COUNT_MAX = 20000 };
+
+struct fovea_extract_config {
+    enum fovea_feature_method method; /* default ORB */
+    /* default: the method's own. SIFT has FLOAT alone, the others BINARY (their own) or PATCH */
+    enum fovea_descriptor descriptor;
+    uint32_t count_max; /* [1, 20000], default 500: the strongest are kept */
+    uint32_t levels;    /* [1, 8], default 8: of the pyramid (ORB) */
+    uint32_t threshold; /* [2, 100] grey levels, default 7: of FAST and ORB */
+    /* [0.1, 50] grey levels, default 3.4: least difference of Gaussians (SIFT) */
+    float contrast;
+    /* [1, 100], default 10: largest ratio of the two curvatures, which is high on edges (SIFT) */
+    float edge_ratio;
+    /* 0, or 1 (default): SIFT starts with the image at twice its size, which gives more and
+     * finer features for four times the memory and about three times the time */
+    uint32_t doubled;
+};
+
+/* A feature, positions with the centre of the first pixel at 0. */
+struct fovea_local_feature {
+    float x_px, y_px; /* in the image */
+    float size_px;    /* diameter of what it stands for: SIFT 2 sigma, others the patch */
+    float angle_rad;  /* clockwise in the image from +x, (-pi, pi]; 0 where the method has none */
+    float response;   /* strength, in the method's unit: FAST score, grey levels (SIFT) */
+    uint32_t level;   /* of the pyramid, or octave; 0 the finest */
+};
+
+/* What was found: in the caller's memory block, valid until the next run. */
+struct fovea_extracted {
+    uint32_t count;
+    const struct fovea_local_feature
+        *features;              /* SIFT: strongest first; ORB: coarse levels first */
+    const uint8_t *descriptors; /* count x descriptor_bytes */
+    uint32_t descriptor_bytes;
+};
+
+/* An extractor in the caller's memory. */
+struct fovea_extract;
+
+/* A method with its own descriptor, every parameter at its default. Any thread. */
+void fovea_extract_config_default(struct fovea_extract_config *config,
+                                  enum fovea_feature_method method);
+
+/* Names as in configurations ("orb", "fast", "sift"; "binary", "patch", "float"); "unknown" out of
+ * range. Any thread. */
+const char *fovea_feature_method_name(enum fovea_feature_method method);
+const char *fovea_descriptor_name(enum fovea_descriptor descriptor);
+
+/* Bytes that an extractor for images of width x height (within FOVEA_IMAGE_*) needs. 0 when a
+ * parameter is out of its range: `error` names it. Init-only. */
+size_t fovea_extract_size(const struct fovea_extract_config *config, int32_t width, int32_t height,
+                          struct fovea_error *error);
+
+/* Build an extractor in `memory`, 64-byte aligned, which stays the caller's and must outlive it.
+ * Errors: FOVEA_ERROR_ARGUMENT (a parameter), FOVEA_ERROR_MEMORY (size or alignment). Init-only. */
+enum fovea_status fovea_extract_init(struct fovea_extract **extract,
+                                     const struct fovea_extract_config *config, int32_t width,
+                                     int32_t height, void *memory, size_t bytes,
+                                     struct fovea_error *error);
+
+/* Find and describe the features of a grey8 image of its size. `mask`, when not NULL, is a grey8
+ * image of the same size: no feature where it is 0. FOVEA_ERROR_ARGUMENT: an image does not fit,
+ * and `found` is untouched. Real-time safe: time is at most proportional to pixels and count_max.
+ * One thread per extractor. */
+enum fovea_status fovea_extract_run(struct fovea_extract *extract, const struct fovea_image *image,
+                                    const struct fovea_image *mask, struct fovea_extracted *found);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,245 @@
+/* Local features by any method, in memory of the caller (fovea/extract.h). */
+#include "fovea/extract.h"
+
+#include <stdbool.h>
+
+#include "base/arena.h"
+#include "features/features.h"
+#include "features/orb.h"
+#include "features/patch.h"
+#include "features/sift.h"
+#include "kernels/kernels.h"
+
+enum { FAST_THRESHOLD = 20 }; /* corners of it hide weaker ones near them, as in the loop */
+
+/* Corners on a pyramid. */
+struct corners {
+    struct fv_pyramid pyramid;
+    struct fv_features features;
+    struct fv_orb orb;
+    struct fovea_local_feature *list;
+    uint8_t *patches;
+};
+
+struct fovea_extract {
+    struct fv_kernels kernels;
+    struct fovea_extract_config config;
+    int32_t width, height;
+    union {
+        struct corners corners;
+        struct fv_sift sift;
+    } with;
+};
+
+struct method {
+    const char *name;
+    enum fovea_descriptor own;
+    bool others; /* descriptors that are not its own: binary or patch */
+    void (*carve)(struct fovea_extract *extract, struct fv_arena *arena);
+    void (*run)(struct fovea_extract *extract, const struct fovea_image *image,
+                const struct fv_plane *mask, struct fovea_extracted *found);
+};
+
+static void corners_carve(struct fovea_extract *extract, struct fv_arena *arena)
+{
+    struct corners *corners = &extract->with.corners;
+    const struct fovea_extract_config *config = &extract->config;
+    const uint32_t count = config->count_max;
+    const struct fovea_features_config features = {
+        .count_max = count,
+        .pyramid_levels = config->method == FOVEA_FEATURES_FAST ? 1 : config->levels,
+        .threshold = config->threshold > FAST_THRESHOLD ? config->threshold : FAST_THRESHOLD,
+        .threshold_min = config->threshold,
+        .per_cell = FV_SPREAD_KEPT,
+    };
+    fv_pyramid_carve(&corners->pyramid, extract->width, extract->height, features.pyramid_levels,
+                     arena);
+    fv_features_carve(&corners->features, &features, &corners->pyramid, arena);
+    fv_orb_carve(&corners->orb, count, &corners->pyramid, arena);
+    corners->list = fv_arena_take(arena, count, sizeof *corners->list);
+    if (config->descriptor == FOVEA_DESCRIPTOR_PATCH)
+        corners->patches = fv_arena_take(arena, count, FV_PATCH_BYTES);
+}
+
+static void corners_run(struct fovea_extract *extract, const struct fovea_image *image,
+                        const struct fv_plane *mask, struct fovea_extracted *found)
+{
+    struct corners *corners = &extract->with.corners;
+    const bool patches = extract->config.descriptor == FOVEA_DESCRIPTOR_PATCH;
+    fv_pyramid_build(&corners->pyramid, &extract->kernels, image);
+    const uint32_t count =
+        fv_features_find(&corners->features, &extract->kernels, &corners->pyramid,
+                         mask->pixels != NULL ? mask : NULL, extract->config.count_max);
+    fv_orb_describe(&corners->orb, &extract->kernels, &corners->pyramid, corners->features.corners,
+                    count);
+    for (uint32_t i = 0; i < count; i++) {
+        const struct fovea_feature *feature = &corners->features.list[i];
+        const struct fv_corner *corner = &corners->features.corners[i];
+        corners->list[i] = (struct fovea_local_feature){
+            .x_px = feature->x_px,
+            .y_px = feature->y_px,
+            .size_px = feature->size_px,
+            .angle_rad = corners->orb.angle_rad[i],
+            .response = feature->score,
+            .level = feature->level,
+        };
+        if (patches)
+            fv_patch_describe(&corners->pyramid.level[corner->level], corner->x, corner->y,
+                              corners->patches + (size_t)i * FV_PATCH_BYTES);
+    }
+    *found = (struct fovea_extracted){
+        .count = count,
+        .features = corners->list,
+        .descriptors = patches ? corners->patches : corners->orb.descriptors,
+        .descriptor_bytes = patches ? FV_PATCH_BYTES : FV_DESCRIPTOR_BYTES,
+    };
+}
+
+static void sift_carve(struct fovea_extract *extract, struct fv_arena *arena)
+{
+    fv_sift_carve(&extract->with.sift, &extract->config, extract->width, extract->height, arena);
+}
+
+static void sift_run(struct fovea_extract *extract, const struct fovea_image *image,
+                     const struct fv_plane *mask, struct fovea_extracted *found)
+{
+    struct fv_sift *sift = &extract->with.sift;
+    const struct fv_plane plane =
+        fv_plane_of(image->data, image->width, image->height, image->stride_bytes);
+    const uint32_t count = fv_sift_run(sift, &extract->kernels, &plane, mask);
+    *found = (struct fovea_extracted){count, sift->features, sift->descriptors, FV_SIFT_BYTES};
+}
+
+static const struct method methods[FOVEA_FEATURE_METHOD_COUNT] = {
+    [FOVEA_FEATURES_ORB] = {"orb", FOVEA_DESCRIPTOR_BINARY, true, corners_carve, corners_run},
+    [FOVEA_FEATURES_FAST] = {"fast", FOVEA_DESCRIPTOR_BINARY, true, corners_carve, corners_run},
+    [FOVEA_FEATURES_SIFT] = {"sift", FOVEA_DESCRIPTOR_FLOAT, false, sift_carve, sift_run},
+};
+
+static const char *const descriptors[FOVEA_DESCRIPTOR_COUNT] = {
+    [FOVEA_DESCRIPTOR_BINARY] = "binary",
+    [FOVEA_DESCRIPTOR_PATCH] = "patch",
+    [FOVEA_DESCRIPTOR_FLOAT] = "float",
+};
+
+const char *fovea_feature_method_name(enum fovea_feature_method method)
+{
+    return (unsigned)method < FOVEA_FEATURE_METHOD_COUNT ? methods[method].name : "unknown";
+}
+
+const char *fovea_descriptor_name(enum fovea_descriptor descriptor)
+{
+    return (unsigned)descriptor < FOVEA_DESCRIPTOR_COUNT ? descriptors[descriptor] : "unknown";
+}
+
+void fovea_extract_config_default(struct fovea_extract_config *config,
+                                  enum fovea_feature_method method)
+{
+    *config = (struct fovea_extract_config){
+        .method = method,
+        .descriptor = (unsigned)method < FOVEA_FEATURE_METHOD_COUNT ? methods[method].own
+                                                                    : FOVEA_DESCRIPTOR_BINARY,
+        .count_max = 500,
+        .levels = FOVEA_PYRAMID_LEVELS_MAX,
+        .threshold = 7,
+        .contrast = 3.4f,
+        .edge_ratio = 10,
+        .doubled = 1,
+    };
+}
+
+static enum fovea_status check(const struct fovea_extract_config *config, int32_t width,
+                               int32_t height, struct fovea_error *error)
+{
+    const struct {
+        const char *name;
+        double value, low, high;
+    } ranges[] = {
+        {"method", config->method, 0, FOVEA_FEATURE_METHOD_COUNT - 1},
+        {"descriptor", config->descriptor, 0, FOVEA_DESCRIPTOR_COUNT - 1},
+        {"count_max", config->count_max, 1, FOVEA_EXTRACT_COUNT_MAX},
+        {"levels", config->levels, 1, FOVEA_PYRAMID_LEVELS_MAX},
+        {"threshold", config->threshold, 2, 100},
+        {"contrast", (double)config->contrast, .1f, 50},
+        {"edge_ratio", (double)config->edge_ratio, 1, 100},
+        {"doubled", config->doubled, 0, 1},
+        {"width", width, FOVEA_IMAGE_WIDTH_MIN, FOVEA_IMAGE_WIDTH_MAX},
+        {"height", height, FOVEA_IMAGE_HEIGHT_MIN, FOVEA_IMAGE_HEIGHT_MAX},
+    };
+    for (size_t i = 0; i < sizeof ranges / sizeof ranges[0]; i++)
+        if (!(ranges[i].value >= ranges[i].low && ranges[i].value <= ranges[i].high))
+            return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "%s: found %g, expected %g to %g",
+                                   ranges[i].name, ranges[i].value, ranges[i].low, ranges[i].high);
+    const struct method *method = &methods[config->method];
+    if (config->descriptor == method->own ||
+        (method->others && config->descriptor != FOVEA_DESCRIPTOR_FLOAT))
+        return FOVEA_OK;
+    return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                           "descriptor: found %s, expected %s%s for %s",
+                           descriptors[config->descriptor], descriptors[method->own],
+                           method->others ? " or patch" : "", method->name);
+}
+
+static struct fovea_extract *carve(const struct fovea_extract_config *config, int32_t width,
+                                   int32_t height, struct fv_arena *arena)
+{
+    struct fovea_extract counted = {0};
+    struct fovea_extract *made = fv_arena_take(arena, 1, sizeof *made);
+    struct fovea_extract *extract = made == NULL ? &counted : made;
+    extract->config = *config;
+    extract->width = width;
+    extract->height = height;
+    methods[config->method].carve(extract, arena);
+    return made;
+}
+
+size_t fovea_extract_size(const struct fovea_extract_config *config, int32_t width, int32_t height,
+                          struct fovea_error *error)
+{
+    struct fv_arena arena;
+    if (check(config, width, height, error) != FOVEA_OK) return 0;
+    fv_arena_count(&arena);
+    carve(config, width, height, &arena);
+    return arena.used;
+}
+
+enum fovea_status fovea_extract_init(struct fovea_extract **extract,
+                                     const struct fovea_extract_config *config, int32_t width,
+                                     int32_t height, void *memory, size_t bytes,
+                                     struct fovea_error *error)
+{
+    enum fv_cpu_set set;
+    enum fovea_status status = check(config, width, height, error);
+    if (status == FOVEA_OK) status = fv_cpu_from_environment(&set, error);
+    if (status != FOVEA_OK) return status;
+    const size_t needed = fovea_extract_size(config, width, height, error);
+    if (memory == NULL || bytes < needed)
+        return fovea_error_set(error, FOVEA_ERROR_MEMORY, "memory: found %zu bytes, expected %zu",
+                               memory == NULL ? 0 : bytes, needed);
+    if ((uintptr_t)memory % FV_CACHE_LINE_BYTES != 0)
+        return fovea_error_set(error, FOVEA_ERROR_MEMORY, "memory: not aligned to %d bytes",
+                               FV_CACHE_LINE_BYTES);
+    struct fv_arena arena;
+    fv_arena_init(&arena, memory, bytes);
+    *extract = carve(config, width, height, &arena);
+    fv_kernels_init(&(*extract)->kernels, set);
+    return FOVEA_OK;
+}
+
+static bool fits(const struct fovea_extract *extract, const struct fovea_image *image)
+{
+    return fovea_image_check(image) == FOVEA_OK && image->format == FOVEA_PIXEL_GREY8 &&
+           image->width == extract->width && image->height == extract->height;
+}
+
+enum fovea_status fovea_extract_run(struct fovea_extract *extract, const struct fovea_image *image,
+                                    const struct fovea_image *mask, struct fovea_extracted *found)
+{
+    if (!fits(extract, image) || (mask != NULL && !fits(extract, mask)))
+        return FOVEA_ERROR_ARGUMENT;
+    struct fv_plane hidden = {0};
+    if (mask != NULL)
+        hidden = fv_plane_of(mask->data, mask->width, mask->height, mask->stride_bytes);
+    methods[extract->config.method].run(extract, image, &hidden, found);
+    return FOVEA_OK;
+}
