@@ -93,26 +93,23 @@ static void publish_pose(struct fovea *rt)
 static void process(struct fovea *rt, const struct fovea_inputs *inputs)
 {
     struct instant begin = stage_begin(rt);
-    fv_pyramid_build(&rt->pyramid, &rt->kernels, &inputs->frame->images[0]);
+    fv_front_end_take(&rt->front_end, &rt->kernels, &inputs->frame->images[0]);
     stage_end(rt, FOVEA_STAGE_PYRAMID, begin);
 
     begin = stage_begin(rt);
     const struct fv_plane *mask = fv_boxes_mask(
         &rt->boxes, rt->masks[0].pixels != NULL ? &rt->masks[0] : NULL, inputs->frame->stamp_ns);
     rt->state->features =
-        fv_features_find(&rt->features, &rt->kernels, &rt->pyramid, mask, inputs->grants.features);
-    if (rt->config.odometry.enabled) {
-        fv_orb_describe(&rt->orb, &rt->kernels, &rt->pyramid, rt->features.corners,
-                        rt->features.count);
-    }
+        fv_front_end_find(&rt->front_end, &rt->kernels, mask, inputs->grants.features);
     stage_end(rt, FOVEA_STAGE_FEATURES, begin);
 
     if (!rt->config.odometry.enabled) return;
     begin = stage_begin(rt);
+    const struct fv_front_end_found found = fv_front_end_found(&rt->front_end);
     const struct fv_odometry_input input = {.stamp_ns = inputs->frame->stamp_ns,
-                                            .count = rt->features.count,
-                                            .features = rt->features.list,
-                                            .descriptors = rt->orb.descriptors};
+                                            .count = found.count,
+                                            .features = found.features,
+                                            .descriptors = found.descriptors};
     fv_odometry_step(&rt->odometry, &rt->kernels, &input);
     publish_pose(rt);
     stage_end(rt, FOVEA_STAGE_ODOMETRY, begin);
@@ -178,7 +175,7 @@ enum fovea_status fovea_work(struct fovea *rt, const struct fovea_grants *grants
 const struct fovea_feature *fovea_features_get(const struct fovea *rt, uint32_t *count)
 {
     *count = rt->state->features;
-    return rt->features.list;
+    return fv_front_end_found(&rt->front_end).features;
 }
 
 void fovea_pose_get(const struct fovea *rt, struct fovea_pose *pose)

@@ -3,6 +3,12 @@
 
 #include "runtime/jobs.h"
 
+/* The level of the pyramid that is shown. */
+static const struct fv_plane *shown_level(const struct fovea *rt)
+{
+    return fv_pyramid_level(fv_front_end_pyramid(&rt->front_end), rt->config.preview.level);
+}
+
 static bool waiting(const struct fovea *rt)
 {
     return fv_preview_waiting(&rt->preview);
@@ -27,7 +33,7 @@ static void send_preview(struct fovea *rt, struct fovea_outputs *outputs)
 
 static uint32_t advance(struct fovea *rt, uint32_t units, struct fovea_outputs *outputs)
 {
-    const struct fv_plane *level = fv_pyramid_level(&rt->pyramid, rt->config.preview.level);
+    const struct fv_plane *level = shown_level(rt);
     uint32_t done = 0;
     while (done < units && fv_preview_waiting(&rt->preview)) {
         done++;
@@ -41,7 +47,7 @@ static uint32_t advance(struct fovea *rt, uint32_t units, struct fovea_outputs *
 
 static void carve(struct fovea *rt, struct fv_carving *carving)
 {
-    const struct fv_plane *level = fv_pyramid_level(&rt->pyramid, rt->config.preview.level);
+    const struct fv_plane *level = shown_level(rt);
     fv_preview_carve(&rt->preview, level->width, level->height,
                      &carving->arenas[FOVEA_MEMORY_PERSISTENT], &carving->arenas[FOVEA_MEMORY_JOB]);
 }

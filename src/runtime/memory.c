@@ -90,16 +90,16 @@ static void carve(struct fovea *rt, struct fv_carving *carving)
     fv_carving_book(carving, "runtime");
     carve_masks(rt, &arenas[PERSISTENT]);
     fv_carving_book(carving, "mask");
-    fv_pyramid_carve(&rt->pyramid, width, height, config->features.pyramid_levels, &arenas[FRAME]);
+    fv_front_end_carve_pyramid(&rt->front_end, &config->features, width, height, &arenas[FRAME]);
     fv_carving_book(carving, "pyramid");
-    fv_features_carve(&rt->features, &config->features, &rt->pyramid, &arenas[FRAME]);
+    fv_front_end_carve_features(&rt->front_end, &config->features, &arenas[FRAME]);
     fv_carving_book(carving, "features");
     if (config->odometry.enabled) {
-        const uint32_t count_max = config->features.count_max;
-        fv_orb_carve(&rt->orb, count_max, &rt->pyramid, &arenas[FRAME]);
+        fv_front_end_carve_descriptors(&rt->front_end, &arenas[FRAME]);
         fv_carving_book(carving, "descriptors");
         fv_odometry_carve(&rt->odometry, &config->odometry, &rt->config.rig.cameras[0].camera,
-                          count_max, &arenas[PERSISTENT], &arenas[JOB], &arenas[FRAME]);
+                          config->features.count_max, &arenas[PERSISTENT], &arenas[JOB],
+                          &arenas[FRAME]);
         fv_carving_book(carving, "odometry");
         fv_scale_carve(&rt->scale, &config->scale, first->T_body_cam, &arenas[PERSISTENT],
                        &arenas[FRAME]);

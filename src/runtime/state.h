@@ -3,11 +3,9 @@
 #define FOVEA_RUNTIME_STATE_H
 
 #include "base/arena.h"
-#include "features/features.h"
 #include "base/elementary.h"
+#include "features/front_end.h"
 #include "fovea/fovea.h"
-#include "image/pyramid.h"
-#include "features/orb.h"
 #include "kernels/kernels.h"
 #include "message/message.h"
 #include "odometry/odometry.h"
@@ -68,9 +66,7 @@ struct fovea {
 
     struct fv_state *state;
     struct fv_plane masks[FOVEA_CAMERAS_MAX]; /* by camera; pixels NULL: none */
-    struct fv_pyramid pyramid;
-    struct fv_features features;
-    struct fv_orb orb;
+    struct fv_front_end front_end;            /* of the first camera, which odometry uses */
     struct fv_odometry odometry;
     struct fv_detection detection, detection2; /* the tracker uses the first */
     struct fv_object_stage objects;

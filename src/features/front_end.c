@@ -1,0 +1,40 @@
+#include "features/front_end.h"
+
+void fv_front_end_carve_pyramid(struct fv_front_end *f, const struct fovea_features_config *config,
+                                int32_t width, int32_t height, struct fv_arena *frame)
+{
+    fv_pyramid_carve(&f->pyramid, width, height, config->pyramid_levels, frame);
+}
+
+void fv_front_end_carve_features(struct fv_front_end *f, const struct fovea_features_config *config,
+                                 struct fv_arena *frame)
+{
+    fv_features_carve(&f->features, config, &f->pyramid, frame);
+}
+
+void fv_front_end_carve_descriptors(struct fv_front_end *f, struct fv_arena *frame)
+{
+    fv_orb_carve(&f->orb, f->features.config.count_max, &f->pyramid, frame);
+    f->describes = true;
+}
+
+void fv_front_end_take(struct fv_front_end *f, const struct fv_kernels *kernels,
+                       const struct fovea_image *image)
+{
+    fv_pyramid_build(&f->pyramid, kernels, image);
+}
+
+uint32_t fv_front_end_find(struct fv_front_end *f, const struct fv_kernels *kernels,
+                           const struct fv_plane *mask, uint32_t count_asked)
+{
+    const uint32_t count = fv_features_find(&f->features, kernels, &f->pyramid, mask, count_asked);
+    if (f->describes) fv_orb_describe(&f->orb, kernels, &f->pyramid, f->features.corners, count);
+    return count;
+}
+
+struct fv_front_end_found fv_front_end_found(const struct fv_front_end *f)
+{
+    return (struct fv_front_end_found){.count = f->features.count,
+                                       .features = f->features.list,
+                                       .descriptors = f->describes ? f->orb.descriptors : NULL};
+}
