@@ -245,11 +245,14 @@ bool fv_map_landmark_at(const struct fv_map *map, uint32_t slot, uint32_t *map_i
     return true;
 }
 
-const struct fv_keyframe *fv_map_keyframe_at(const struct fv_map *map, uint32_t slot,
-                                             struct fv_se3 *T_world_cam)
+bool fv_map_keyframe_at(const struct fv_map *map, uint32_t slot, struct fv_map_keyframe *keyframe)
 {
-    const struct fv_keyframe *keyframe = &map->keyframes[slot];
-    if (!keyframe->used) return NULL;
-    if (T_world_cam != NULL) fv_se3_invert(&keyframe->T_cam_world, T_world_cam);
-    return keyframe;
+    const struct fv_keyframe *kept = &map->keyframes[slot];
+    if (!kept->used) return false;
+    keyframe->map_id = kept->map_id;
+    keyframe->parent = kept->parent;
+    keyframe->number = kept->number;
+    keyframe->stamp_ns = kept->stamp_ns;
+    fv_se3_invert(&kept->T_cam_world, &keyframe->T_world_cam);
+    return true;
 }

@@ -371,10 +371,16 @@ uint32_t fv_map_count_keyframes(const struct fv_map *map, uint32_t map_id);
 /* Map and position (its world) of the landmark in a slot below limits.landmarks. False: none. */
 bool fv_map_landmark_at(const struct fv_map *map, uint32_t slot, uint32_t *map_id,
                         double position[3]);
-/* The keyframe in a slot below limits.keyframes; its pose, unless NULL, in the world of its map.
- * NULL: none. */
-const struct fv_keyframe *fv_map_keyframe_at(const struct fv_map *map, uint32_t slot,
-                                             struct fv_se3 *T_world_cam);
+/* What others may know of a keyframe. */
+struct fv_map_keyframe {
+    uint32_t map_id;
+    int32_t parent; /* slot of the keyframe that its pose is bound to; FV_MAP_NONE: none */
+    uint64_t number;
+    int64_t stamp_ns;
+    struct fv_se3 T_world_cam; /* in the world of its map */
+};
+/* The keyframe in a slot below limits.keyframes. False: none, and `keyframe` is untouched. */
+bool fv_map_keyframe_at(const struct fv_map *map, uint32_t slot, struct fv_map_keyframe *keyframe);
 struct fv_map_slots {
     uint32_t keyframes, landmarks;
 };

@@ -147,9 +147,13 @@ const struct fovea_pose *fv_odometry_pose(const struct fv_odometry *odometry);
 uint32_t fv_odometry_reset_counter(const struct fv_odometry *odometry);
 /* The last frame's pose in the world of the map. */
 void fv_odometry_map_pose(const struct fv_odometry *odometry, struct fv_se3 *T_map_cam);
-/* The same relative to its reference keyframe, which is returned. */
-const struct fv_keyframe *fv_odometry_keyframe_pose(const struct fv_odometry *odometry,
-                                                    struct fv_se3 *T_keyframe_cam);
+/* The same relative to its reference keyframe. */
+struct fv_odometry_reference {
+    uint64_t number; /* of the keyframe */
+    int64_t stamp_ns;
+    struct fv_se3 T_keyframe_cam;
+};
+struct fv_odometry_reference fv_odometry_reference(const struct fv_odometry *odometry);
 const struct fv_map *fv_odometry_map(const struct fv_odometry *odometry);
 double fv_odometry_focal_px(const struct fv_odometry *odometry);
 /* Closures and merged maps since the last reset. */

@@ -17,14 +17,15 @@ void fv_odometry_map_pose(const struct fv_odometry *o, struct fv_se3 *T_map_cam)
 }
 
 /* By way of the world of the map, which corrections move against that of the pose. */
-const struct fv_keyframe *fv_odometry_keyframe_pose(const struct fv_odometry *o,
-                                                    struct fv_se3 *T_keyframe_cam)
+struct fv_odometry_reference fv_odometry_reference(const struct fv_odometry *o)
 {
     const struct fv_keyframe *keyframe = &o->map.keyframes[o->state->newest];
+    struct fv_odometry_reference reference = {.number = keyframe->number,
+                                              .stamp_ns = keyframe->stamp_ns};
     struct fv_se3 T_map_cam;
     fv_odometry_map_pose(o, &T_map_cam);
-    fv_se3_compose(&keyframe->T_cam_world, &T_map_cam, T_keyframe_cam);
-    return keyframe;
+    fv_se3_compose(&keyframe->T_cam_world, &T_map_cam, &reference.T_keyframe_cam);
+    return reference;
 }
 
 const struct fv_map *fv_odometry_map(const struct fv_odometry *o)

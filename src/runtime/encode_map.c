@@ -26,19 +26,18 @@ static void add_landmarks(const struct fv_map *map, struct fv_message_map *messa
 static void add_keyframes(const struct fv_map *map, struct fv_message_map *message)
 {
     for (int32_t slot = message->keyframe_first; slot < message->keyframe_last; slot++) {
-        struct fv_se3 T;
-        const struct fv_keyframe *keyframe = fv_map_keyframe_at(map, (uint32_t)slot, &T);
-        if (keyframe == NULL) continue;
+        struct fv_map_keyframe keyframe;
+        if (!fv_map_keyframe_at(map, (uint32_t)slot, &keyframe)) continue;
         struct fv_message_keyframe *out = &message->keyframes[message->keyframe_count++];
         double q[4];
-        fv_so3_to_quaternion(T.R, q);
+        fv_so3_to_quaternion(keyframe.T_world_cam.R, q);
         out->slot = slot;
-        out->map_id = (int32_t)keyframe->map_id;
-        out->parent = keyframe->parent;
-        out->number = (int64_t)keyframe->number;
-        out->stamp_ns = keyframe->stamp_ns;
+        out->map_id = (int32_t)keyframe.map_id;
+        out->parent = keyframe.parent;
+        out->number = (int64_t)keyframe.number;
+        out->stamp_ns = keyframe.stamp_ns;
         for (int k = 0; k < 3; k++)
-            out->position[k] = (float)T.t[k];
+            out->position[k] = (float)keyframe.T_world_cam.t[k];
         for (int k = 0; k < 4; k++)
             out->orientation[k] = (float)q[k];
     }

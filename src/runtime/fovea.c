@@ -221,13 +221,12 @@ uint32_t fovea_keyframes_get(const struct fovea *rt, struct fovea_keyframe *list
     const uint32_t slots = fv_map_slot_counts(map).keyframes,
                    count = count_max < slots ? count_max : slots;
     for (uint32_t i = 0; i < count; i++) {
-        struct fv_se3 T_world_cam;
-        const struct fv_keyframe *keyframe = fv_map_keyframe_at(map, i, &T_world_cam);
-        list[i] = (struct fovea_keyframe){.used = keyframe != NULL};
-        if (keyframe == NULL) continue;
-        list[i].map_id = keyframe->map_id;
-        list[i].number = keyframe->number;
-        fv_se3_to_rows(&T_world_cam, list[i].T_world_cam);
+        struct fv_map_keyframe keyframe;
+        list[i] = (struct fovea_keyframe){.used = fv_map_keyframe_at(map, i, &keyframe)};
+        if (!list[i].used) continue;
+        list[i].map_id = keyframe.map_id;
+        list[i].number = keyframe.number;
+        fv_se3_to_rows(&keyframe.T_world_cam, list[i].T_world_cam);
     }
     return count;
 }

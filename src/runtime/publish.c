@@ -95,11 +95,10 @@ static void publish_camera(struct fv_publish_state *s, const struct fv_odometry 
         if (s->metric) keep_scale(pose, &before);
         return;
     }
-    struct fv_se3 T_keyframe_cam;
-    const struct fv_keyframe *keyframe = fv_odometry_keyframe_pose(odometry, &T_keyframe_cam);
-    pose->reference_keyframe = keyframe->number;
-    pose->keyframe_stamp_ns = keyframe->stamp_ns;
-    fv_se3_to_rows(&T_keyframe_cam, pose->T_keyframe_cam);
+    const struct fv_odometry_reference reference = fv_odometry_reference(odometry);
+    pose->reference_keyframe = reference.number;
+    pose->keyframe_stamp_ns = reference.stamp_ns;
+    fv_se3_to_rows(&reference.T_keyframe_cam, pose->T_keyframe_cam);
     const struct fv_scale_value value = fv_scale_get(scale);
     if (!value.known) {
         s->unscaled = 1;
