@@ -1,9 +1,11 @@
 #include "detect/job.h"
 
 void fv_detect_carve(struct fv_detect_memory *memory, struct fv_arena *arena,
-                     const struct fv_model *model, size_t pixel_bytes)
+                     const struct fv_model *model, const struct fv_detect_limits *limits,
+                     size_t pixel_bytes)
 {
     *memory = (struct fv_detect_memory){.job = NULL};
+    if (limits != NULL) memory->limits = *limits;
     memory->job = fv_arena_take(arena, 1, sizeof *memory->job);
     memory->scratch = fv_arena_take(arena, 1, sizeof *memory->scratch);
     const int32_t points = fv_detect_sets_max(model) * fv_detect_point_count(model);

@@ -32,13 +32,15 @@ struct fv_detect_memory {
     struct fv_nn_job nn;
     struct fv_detect_job *job;
     struct fv_detect_scratch *scratch;
-    struct fovea_keypoint *points;  /* of the first of job->found, as many each; NULL: none */
-    struct fv_detect_limits limits; /* the caller sets them after carving; all 0 unless set */
+    struct fovea_keypoint *points; /* of the first of job->found, as many each; NULL: none */
+    struct fv_detect_limits limits;
 };
 
-/* Carve the pieces for images of up to `pixel_bytes` bytes. Works in counting mode. Init-only. */
+/* Carve the pieces for images of up to `pixel_bytes` bytes. `limits`: NULL for the model's own.
+ * Works in counting mode. Init-only. */
 void fv_detect_carve(struct fv_detect_memory *memory, struct fv_arena *arena,
-                     const struct fv_model *model, size_t pixel_bytes);
+                     const struct fv_model *model, const struct fv_detect_limits *limits,
+                     size_t pixel_bytes);
 
 /* Take an image, as fv_nn_job_start does. */
 enum fovea_status fv_detect_start(const struct fv_detect_memory *memory,
@@ -51,6 +53,12 @@ enum fovea_status fv_detect_advance(const struct fv_detect_memory *memory,
                                     const struct fv_kernels *kernels, uint32_t units,
                                     uint32_t *done);
 
+/* The network's job, for a user that takes its outputs and not the boxes. */
+static inline const struct fv_nn_job *fv_detect_network(const struct fv_detect_memory *memory)
+{
+    return &memory->nn;
+}
+
 bool fv_detect_idle(const struct fv_detect_memory *memory);
 /* Give up the image under way. */
 void fv_detect_stop(const struct fv_detect_memory *memory);
@@ -58,6 +66,11 @@ void fv_detect_stop(const struct fv_detect_memory *memory);
  * the next fv_detect_advance. */
 const struct fovea_detection *fv_detect_found(const struct fv_detect_memory *memory,
                                               uint32_t *count, uint32_t *uncertain);
+/* Keypoints of the first of them, as many each; NULL: none. Valid as long. */
+static inline const struct fovea_keypoint *fv_detect_points(const struct fv_detect_memory *memory)
+{
+    return memory->points;
+}
 
 #ifdef __cplusplus
 }

@@ -63,6 +63,11 @@ static inline bool fv_nn_job_done(const struct fv_nn_job *job)
 {
     return job->state->phase == FV_NN_JOB_DONE;
 }
+/* Where fv_tensor_read and others find the outputs of a job that is done. */
+static inline uint8_t *fv_nn_job_arena(const struct fv_nn_job *job)
+{
+    return job->arena;
+}
 /* The user is finished with the outputs, or gives up the picture under way. */
 static inline void fv_nn_job_end(const struct fv_nn_job *job)
 {

@@ -332,6 +332,19 @@ static inline uint32_t fv_model_label_count(const struct fv_model *model)
 }
 /* Name of an output in the .tflite file, or NULL. Any thread. */
 const char *fv_model_output_name(const struct fv_model *model, uint32_t index);
+/* How many inputs and outputs it has, and the tensor that output `index` is. Any thread. */
+static inline uint32_t fv_model_input_count(const struct fv_model *model)
+{
+    return model->header->input_count;
+}
+static inline uint32_t fv_model_output_count(const struct fv_model *model)
+{
+    return model->header->output_count;
+}
+static inline int32_t fv_model_output(const struct fv_model *model, uint32_t index)
+{
+    return model->outputs[index];
+}
 static inline const char *fv_model_name(const struct fv_model *model)
 {
     return model->header->name;

@@ -18,7 +18,7 @@ static enum fovea_status check_use(const struct fv_model *model, const char *key
     if (!fv_nn_takes_images(model)) {
         return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
                                "%s: found %u inputs, expected one: an image of 1 or 3 channels",
-                               key, model->header->input_count);
+                               key, fv_model_input_count(model));
     }
     return FOVEA_OK;
 }
@@ -96,12 +96,11 @@ void fv_detection_carve(struct fv_detection *detection, const struct fovea_camer
     if (!detection->enabled) return;
     const size_t pixels = (size_t)camera->width * (size_t)camera->height;
     detection->state = fv_arena_take(persistent, 1, sizeof *detection->state);
-    fv_detect_carve(&detection->memory, job, &detection->model, pixels * PIXEL_BYTES_MAX);
-    detection->memory.limits =
-        (struct fv_detect_limits){.score = (float)detection->settings.score_threshold,
-                                  .iou = (float)detection->settings.iou_threshold,
-                                  .count = (int32_t)detection->settings.count_max,
-                                  .floor = floor};
+    const struct fv_detect_limits limits = {.score = (float)detection->settings.score_threshold,
+                                            .iou = (float)detection->settings.iou_threshold,
+                                            .count = (int32_t)detection->settings.count_max,
+                                            .floor = floor};
+    fv_detect_carve(&detection->memory, job, &detection->model, &limits, pixels * PIXEL_BYTES_MAX);
     detection->message_scratch = fv_arena_take(frame, scratch_bytes(detection), 1);
 }
 
@@ -236,7 +235,7 @@ static bool map_some(struct fv_detection *detection, const struct fovea_camera *
 static bool advance_raw(struct fv_detection *detection, const struct fv_kernels *kernels,
                         uint32_t units, uint32_t *done)
 {
-    const struct fv_nn_job *nn = &detection->memory.nn;
+    const struct fv_nn_job *nn = fv_detect_network(&detection->memory);
     if (!fv_nn_job_done(nn) && fv_nn_job_advance(nn, kernels, units, done) != FOVEA_OK)
         return false;
     if (*done == units) return false;
@@ -282,10 +281,11 @@ static void names_of(const struct fv_detection *detection, const struct fovea_de
 static uint32_t encode_raw(struct fv_detection *detection, uint8_t *buffer, size_t capacity)
 {
     struct fv_detection_state *state = detection->state;
-    const struct fv_nn_job *nn = &detection->memory.nn;
+    const struct fv_nn_job *nn = fv_detect_network(&detection->memory);
     const fovea_stamp_t stamp = fv_frame_id_stamp(&state->frame);
-    const uint32_t bytes = fv_tensors_encode(&detection->model, nn->arena, &stamp, &state->mapped,
-                                             detection->message_scratch, buffer, capacity);
+    const uint32_t bytes =
+        fv_tensors_encode(&detection->model, fv_nn_job_arena(nn), &stamp, &state->mapped,
+                          detection->message_scratch, buffer, capacity);
     if (state->mapped < fv_tensors_bytes(&detection->model)) return bytes;
     fv_nn_job_end(nn);
     state->found_frame = state->frame;
@@ -389,7 +389,7 @@ void fv_detection_get(const struct fv_detection *detection, struct fovea_detecti
         .list = found,
         .set_count = least_u32(count, (uint32_t)fv_detect_sets_max(&detection->model)),
         .point_count = points_of(detection),
-        .points = detection->memory.points,
+        .points = fv_detect_points(&detection->memory),
     };
 }
 

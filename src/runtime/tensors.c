@@ -8,15 +8,16 @@ enum { WIDE_BYTES = 8, ELEMENT_BYTES = 4 };
 
 static size_t bytes_of(const struct fv_model *model, int32_t tensor)
 {
-    const size_t bytes = fv_tensor_bytes(model, tensor);
-    return model->tensors[tensor].type == FV_TYPE_I64 ? bytes / WIDE_BYTES * ELEMENT_BYTES : bytes;
+    struct fovea_tensor t;
+    fv_tensor_describe(model, tensor, &t);
+    return t.type == FOVEA_TENSOR_INT64 ? t.bytes / WIDE_BYTES * ELEMENT_BYTES : t.bytes;
 }
 
 size_t fv_tensors_bytes(const struct fv_model *model)
 {
     size_t bytes = 0;
-    for (uint32_t i = 0; i < model->header->output_count; i++)
-        bytes += bytes_of(model, model->outputs[i]);
+    for (uint32_t i = 0; i < fv_model_output_count(model); i++)
+        bytes += bytes_of(model, fv_model_output(model, i));
     return bytes;
 }
 
@@ -30,7 +31,9 @@ static int32_t narrowed(int64_t value)
 static void read_piece(const struct fv_model *model, int32_t tensor, uint8_t *arena, size_t first,
                        size_t count, uint8_t *out)
 {
-    if (model->tensors[tensor].type != FV_TYPE_I64) {
+    struct fovea_tensor t;
+    fv_tensor_describe(model, tensor, &t);
+    if (t.type != FOVEA_TENSOR_INT64) {
         fv_tensor_read_some(model, tensor, arena, first, count, out);
         return;
     }
@@ -47,9 +50,9 @@ static void read_piece(const struct fv_model *model, int32_t tensor, uint8_t *ar
 
 static void describe(const struct fv_model *model, uint32_t output, struct fovea_tensor *t)
 {
-    fv_tensor_describe(model, model->outputs[output], t);
+    fv_tensor_describe(model, fv_model_output(model, output), t);
     fv_tensor_output_name(model, output, t->name);
-    t->bytes = bytes_of(model, model->outputs[output]);
+    t->bytes = bytes_of(model, fv_model_output(model, output));
     if (t->type == FOVEA_TENSOR_INT64) t->type = FOVEA_TENSOR_INT32;
 }
 
@@ -58,8 +61,8 @@ uint32_t fv_tensors_encode(const struct fv_model *model, uint8_t *arena, const f
 {
     struct fv_message_tensors message = {.stamp = *stamp, .model = fv_model_name(model)};
     size_t skip = *sent, used = 0;
-    for (uint32_t i = 0; i < model->header->output_count; i++) {
-        const int32_t tensor = model->outputs[i];
+    for (uint32_t i = 0; i < fv_model_output_count(model); i++) {
+        const int32_t tensor = fv_model_output(model, i);
         const size_t bytes = bytes_of(model, tensor);
         if (skip >= bytes) { /* in earlier messages */
             skip -= bytes;

@@ -165,10 +165,10 @@ static void no_unit_takes_more_than_a_quarter_of_a_millisecond(void **state)
     }
     fv_kernels_init(&kernels, fv_cpu_best(fv_cpu_detect()));
     fv_arena_count(&arena);
-    fv_detect_carve(&memory, &arena, &model.model, image.size_bytes);
+    fv_detect_carve(&memory, &arena, &model.model, NULL, image.size_bytes);
     void *block = aligned_alloc(64, arena.used);
     fv_arena_init(&arena, block, arena.used);
-    fv_detect_carve(&memory, &arena, &model.model, image.size_bytes);
+    fv_detect_carve(&memory, &arena, &model.model, NULL, image.size_bytes);
     int units = 0, longest = 0;
     for (int run = 0; run < RUNS || (run < RUNS_MAX && best[longest] > 250000); run++) {
         assert_int_equal(fv_detect_start(&memory, &image, 1, 1), FOVEA_OK);

@@ -45,7 +45,7 @@ static int tear_down(void **state)
 
 static void carve(void *memory, struct fv_arena *arena)
 {
-    fv_detect_carve(memory, arena, &model, sizeof pixels);
+    fv_detect_carve(memory, arena, &model, NULL, sizeof pixels);
 }
 
 static const struct fovea_image image = {.data = pixels,

@@ -89,7 +89,7 @@ static void finds_rendered_objects(void **state)
     assert_non_null(block);
     memset(block, 0, ARENA_BYTES);
     fv_arena_init(&arena, block, ARENA_BYTES);
-    fv_detect_carve(&memory, &arena, &file.model, 640 * 480);
+    fv_detect_carve(&memory, &arena, &file.model, NULL, 640 * 480);
     assert_int_equal(fovea_source_find("sim:orbit?seed=7000001&objects=24", &ops, &address, &error),
                      FOVEA_OK);
     assert_int_equal(ops->open(address, &selection, &source, &error), FOVEA_OK);
