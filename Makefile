@@ -203,9 +203,11 @@ bench:  ## install what is missing, then time every stage and kernel beside Open
 	    --compiler "$$($(CC) --version | head -n 1)" --flags "$(OPT) $(FP)"
 	@tools/bench_networks.sh $(BUILD)
 
-$(BUILD)/venv/evo:
-	python3 -m venv $(BUILD)/venv
-	$(BUILD)/venv/bin/pip install -q evo numpy
+$(BUILD)/venv-sweep/ready:
+	@tools/install.sh evaluate
+	python3 -m venv $(BUILD)/venv-sweep
+	$(BUILD)/venv-sweep/bin/pip install -q --disable-pip-version-check distributed==2026.8.0 pyarrow==26.0.1 duckdb==2.0.0 numpy
+	@touch $@
 	@touch $@
 $(BUILD)/venv-tracking/ready:
 	python3 -m venv $(BUILD)/venv-tracking
@@ -216,8 +218,9 @@ pictures: all  ## renew the picture of README.md: a simulated run
 	@tools/install.sh pictures
 	$(BUILD)/fovea run --quiet --source sim:tour --frames 900 --set lcm_url= --model src/detect/shipped.fvm --picture $(PICTURE)
 	convert $(PICTURE) -strip -filter Lanczos -resize 1280x -dither None -colors 128 -define png:compression-level=9 docs/run.png
-evaluate: all $(BUILD)/venv/evo $(BUILD)/venv-tracking/ready  ## the recordings with truth over seeds and starts, the tracker beside SORT and ByteTrack: rewrites the committed tables
-	$(BUILD)/venv/bin/python tools/evaluate/evaluate.py --fovea $(BUILD)/fovea --output tools/evaluate/odometry.md
+evaluate: all $(BUILD)/venv-sweep/ready $(BUILD)/venv-tracking/ready  ## the recordings with truth over seeds and start frames, the tracker beside SORT and ByteTrack: rewrites the committed tables
+	$(BUILD)/venv-sweep/bin/python tools/evaluate odometry --binary $(BUILD)/fovea
+	$(BUILD)/venv-sweep/bin/python tools/evaluate road --binary $(BUILD)/fovea
 	$(BUILD)/venv-tracking/bin/python tools/evaluate/tracking.py --fovea $(BUILD)/fovea --output tools/evaluate/tracking.md
 
 CAMPAIGN := $(patsubst tests/%.c,$(BUILD)/tests/%,$(wildcard tests/campaign/*.c))

@@ -105,6 +105,11 @@ honest() {
     done
 }
 
+# Sweeps of tools/evaluate: interrupted, with a worker killed, two versions side by side.
+sweeps() {
+    make --no-print-directory "$build/venv-sweep/ready" && "$build/venv-sweep/bin/python" tests/evaluate/sweeps.py
+}
+
 # A minute on each slow link: every pose in time in the other network, a preview every 5 s.
 slow_links() {
     make --no-print-directory "$build/tests/transport/test_sending" && FOVEA_LONG=60 "$build/tests/transport/test_sending"
@@ -136,6 +141,7 @@ else
     part slow-links slow_links
     part kidnap tools/evaluate/kidnap.sh 100
     part revisits tools/evaluate/revisits.sh
+    part sweeps sweeps
     part packets packets 1000000
     part commands $build/tests/campaign/commands $build/fovea 1800
     part fuzz make --no-print-directory fuzz FUZZ_SECONDS=1200

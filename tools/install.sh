@@ -12,6 +12,7 @@ packages() {
                 libopencv-calib3d-dev libopencv-imgcodecs-dev libceres-dev python3 python3-venv iproute2 iptables ;;
     bench) echo libopencv-core-dev libopencv-imgproc-dev libopencv-features2d-dev libopencv-calib3d-dev \
                 libopencv-imgcodecs-dev opencv-doc python3 python3-venv ;;
+    evaluate) echo python3 python3-venv ;;
     check) echo ccache clang clang-format clang-tidy libclang-rt-14-dev python3 ;;
     cross) echo gcc-aarch64-linux-gnu g++-aarch64-linux-gnu qemu-user llvm-19 ;;
     pictures) echo imagemagick ;;

@@ -102,37 +102,45 @@ def plain(value):
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def main():
-    if len(sys.argv) < 2:
-        sys.exit(__doc__)
-    types, by_hash, prefix = {}, {}, ""
+def messages(path, suffixes=()):
+    """Channel, type and members of each message of a recording, of those on the channels PREFIX_SUFFIX alone where any are given."""
+    types, by_hash, channels = {}, {}, []
     empty = True
-    for number, channel, data in events(sys.argv[1]):
+    for number, channel, data in events(path):
         empty = False
         if number == 0:
             header = Reader(read_types(RECORDING), data).struct("fovea.recording_t")
             prefix = header["channel_prefix"] + "_" if header["channel_prefix"] else ""
             text = [part["data"] for part in header["parts"] if part["name"] == "types"]
             if not text:
-                sys.exit(f"{sys.argv[1]}: found no part `types`, expected a recording of format 4 or later")
+                sys.exit(f"{path}: found no part `types`, expected a recording of format 4 or later")
             types = read_types(text[0].decode())
             by_hash = {code: name for name, (code, _) in types.items()}
-        if len(sys.argv) > 2 and channel not in [prefix + suffix for suffix in sys.argv[2:]]:
+            channels = [prefix + suffix for suffix in suffixes]
+        if suffixes and channel not in channels:
             continue
         name = by_hash.get(struct.unpack_from(">Q", data)[0])
         if name is None:
-            sys.exit(f"{sys.argv[1]}: event {number}, {channel}: found a type without description, expected one")
+            sys.exit(f"{path}: event {number}, {channel}: found a type without description, expected one")
         reader = Reader(types, data)
         message = reader.struct(name)
         if reader.at != len(data):
-            sys.exit(f"{sys.argv[1]}: event {number}, {channel}: found {len(data)} bytes, expected {reader.at}")
+            sys.exit(f"{path}: event {number}, {channel}: found {len(data)} bytes, expected {reader.at}")
+        yield channel, name, message
+    if empty:
+        sys.exit(f"{path}: found no event, expected a recording")
+
+
+def main():
+    if len(sys.argv) < 2:
+        sys.exit(__doc__)
+    for channel, name, message in messages(sys.argv[1], sys.argv[2:]):
         print(json.dumps({"channel": channel, "type": name, "message": plain(message)}))
     sys.stdout.flush()
-    if empty:
-        sys.exit(f"{sys.argv[1]}: found no event, expected a recording")
 
 
-try:
-    main()
-except BrokenPipeError:  # the reader has enough
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+if __name__ == "__main__":
+    try:
+        main()
+    except BrokenPipeError:  # the reader has enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -1,0 +1,252 @@
+"""What a run's poses are worth against the truth, for each of its maps alone. Needs numpy.
+
+Poses of different maps are never put together: each map has a unit and a world of its own. Truth belongs to a frame by the frame's
+own stamp, which the run wrote with both.
+"""
+import numpy as np
+
+POSED = (1, 2, 5)  # pose_t: tracking, weak, coasting
+STATES = ("starting", "tracking", "weak", "lost", "paused", "coasting")
+POSES_MIN = 10        # of a map that is judged
+WINDOW = 10           # frames over which scale is local
+WINDOW_M = 0.1        # least motion of the truth in it, and in a single step
+APART = 50            # frames between the poses of the longer relative error
+CHI2_999 = 22.4577    # of 6 degrees of freedom: 99.9 % are below
+DRIFT_PATH_M = 10.0   # a shorter path says nothing about drift per 100 m
+
+# How well the truth itself is known, metres: of positions, by kind of recording.
+TRUTH_ERROR_M = {"kitti": 0.05, "tum": 0.02, "euroc": 0.005}
+
+# What a map must hold: root mean square and largest error, as fractions of the true path, beyond the truth's own error; and
+# the largest local scale over the smallest.
+RMSE_SHARE, MAX_SHARE, SCALE_RATIO = 0.015, 0.04, 1.5
+
+
+def truth_error_m(source):
+    """Of a source's URI, also of one that wraps or chains others: the worst of them."""
+    return max((error for kind, error in TRUTH_ERROR_M.items() if kind + ":" in source), default=0.0)
+
+
+def rotation(q):
+    """Of a unit quaternion w x y z."""
+    w, x, y, z = np.asarray(q, float) / np.linalg.norm(q)
+    return np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+                     [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+                     [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)]])
+
+
+def skew(v):
+    return np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
+
+
+def rotation_vector(R):
+    """Axis times angle of a rotation by less than 180 degrees."""
+    sine = 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
+    length = np.linalg.norm(sine)
+    angle = np.arctan2(length, 0.5 * (np.trace(R) - 1))
+    return sine if length < 1e-12 else sine * (angle / length)
+
+
+def logarithm(R, t):
+    """(rho, omega) with exp of it the motion (R, t)."""
+    omega = rotation_vector(R)
+    angle2 = omega @ omega
+    if angle2 < 1e-8:
+        factor = 1 / 12 + angle2 / 720
+    else:
+        angle = np.sqrt(angle2)
+        factor = (1 - 0.5 * angle / np.tan(0.5 * angle)) / angle2
+    turned = np.cross(omega, t)
+    return np.concatenate([t - 0.5 * turned + factor * np.cross(omega, turned), omega])
+
+
+def similarity(p, q):
+    """Scale, rotation and translation that take points p best to q (S. Umeyama, PAMI 1991); None without extent."""
+    p0, q0 = p.mean(0), q.mean(0)
+    spread = ((p - p0) ** 2).sum()
+    if not spread > 0 or not ((q - q0) ** 2).sum() > 0:
+        return None
+    U, D, Vt = np.linalg.svd((q - q0).T @ (p - p0))
+    sign = np.array([1, 1, np.sign(np.linalg.det(U) * np.linalg.det(Vt))])
+    R = U @ np.diag(sign) @ Vt
+    scale = (D * sign).sum() / spread
+    return scale, R, q0 - scale * R @ p0
+
+
+def distances(p, q):
+    """Of points p from q after the best similarity; None without one."""
+    fit = similarity(p, q)
+    if fit is None:
+        return None
+    scale, R, t = fit
+    return np.linalg.norm(scale * p @ R.T + t - q, axis=1)
+
+
+def root_mean_square(values):
+    return float(np.sqrt(np.mean(np.square(values)))) if len(values) else float("nan")
+
+
+def relative(Ra, ta, Rb, tb):
+    """T_a^-1 T_b."""
+    return Ra.T @ Rb, Ra.T @ (tb - ta)
+
+
+def one_unit(run):
+    """Bring all poses of each map to the map's last unit and frame: pose_t states each change, p_new = s R p_old + t."""
+    changes = {}  # map: {count: (s, R, t)}
+    for i in np.flatnonzero(run["map"] >= 0):
+        changes.setdefault(int(run["map"][i]), {}).setdefault(int(run["change_count"][i]), run["change"][i])
+    for i in np.flatnonzero(run["map"] >= 0):
+        known = changes[int(run["map"][i])]
+        for count in range(int(run["change_count"][i]) + 1, max(known) + 1):
+            if count not in known:
+                continue
+            s, R, t = known[count]
+            run["position"][i] = s * R @ run["position"][i] + t
+            run["R"][i] = R @ run["R"][i]
+            run["keyframe_position"][i] = s * run["keyframe_position"][i]
+            run["covariance"][i, :3] *= s
+            run["covariance"][i, :, :3] *= s
+
+
+def nees(error, covariance):
+    """Squared error in units of its covariance; NaN where that is none."""
+    try:
+        value = float(error @ np.linalg.solve(covariance, error))
+    except np.linalg.LinAlgError:
+        return float("nan")
+    return value if np.isfinite(value) and value >= 0 else float("nan")
+
+
+def against_keyframe(run, i, scale, truth_at):
+    """Error of T_keyframe_child in metres and degrees, and its NEES; NaN at the keyframe itself and where its truth is not known."""
+    k = truth_at.get(int(run["keyframe_stamp_ns"][i]))
+    if k is None or k == i or not run["has_truth"][i]:
+        return np.full(3, np.nan)
+    R, t = relative(run["truth_R"][k], run["truth_position"][k], run["truth_R"][i], run["truth_position"][i])
+    Re, te = run["keyframe_R"][i], run["keyframe_position"][i]
+    error = logarithm(*relative(Re, te, R, t / scale))
+    return np.array([scale * np.linalg.norm(error[:3]), np.degrees(np.linalg.norm(error[3:])), nees(error, run["covariance"][i])])
+
+
+def against_earlier(run, j, i, scale):
+    """Error of the motion from pose j to pose i in metres and degrees, and its NEES by the sum of both stated covariances: no
+    message states the covariance of a motion yet, and errors that both keyframes share are in neither."""
+    Re, te = relative(run["R"][j], run["position"][j], run["R"][i], run["position"][i])
+    R, t = relative(run["truth_R"][j], run["truth_position"][j], run["truth_R"][i], run["truth_position"][i])
+    error = logarithm(*relative(Re, te, R, t / scale))
+    adjoint = np.zeros((6, 6))  # of the motion's inverse: takes the earlier pose's error to the later one's frame
+    back = -Re.T @ te
+    adjoint[:3, :3] = adjoint[3:, 3:] = Re.T
+    adjoint[:3, 3:] = skew(back) @ Re.T
+    both = run["covariance"][i] + adjoint @ run["covariance"][j] @ adjoint.T
+    return np.array([scale * np.linalg.norm(error[:3]), np.degrees(np.linalg.norm(error[3:])), nees(error, both)])
+
+
+def second_apart(run, indices, scale, frames):
+    """Root mean square error of the motion over one second: metres, degrees."""
+    inside = set(indices.tolist())
+    pairs = [(i - frames, i) for i in indices if i - frames in inside]
+    errors = np.array([against_earlier(run, j, i, scale)[:2] for j, i in pairs]).reshape(-1, 2)
+    return root_mean_square(errors[:, 0]), root_mean_square(errors[:, 1])
+
+
+def local_scales(run, indices, scale, window):
+    """Estimated over true distance between frames `window` apart, by frame index; of frames that are all posed in this map."""
+    inside = np.zeros(len(run["map"]), bool)
+    inside[indices] = True
+    found = {}
+    for i in indices:
+        j = i - window
+        if j < 0 or not inside[j:i + 1].all():
+            continue
+        true = np.linalg.norm(run["truth_position"][i] - run["truth_position"][j])
+        if true >= WINDOW_M:
+            found[int(i)] = scale * np.linalg.norm(run["position"][i] - run["position"][j]) / true
+    return found
+
+
+def drift_percent(run, indices, scales):
+    """Change of scale per 100 m of true path, percent, by the line through the logarithms of the local scales."""
+    steps = np.linalg.norm(np.diff(run["truth_position"][indices], axis=0), axis=1)
+    way = dict(zip(indices.tolist(), np.concatenate([[0], np.cumsum(steps)])))
+    if len(scales) < 5 or max(way.values()) < DRIFT_PATH_M or min(scales.values()) <= 0:
+        return float("nan")
+    x = np.array([way[i] for i in scales])
+    y = np.log(list(scales.values()))
+    if np.ptp(x) < DRIFT_PATH_M / 2:
+        return float("nan")
+    return float(100 * np.expm1(100 * np.polyfit(x, y, 1)[0]))
+
+
+def ratio(scales):
+    values = scales.values()
+    return max(values) / min(values) if values and min(values) > 0 else float("nan")
+
+
+def share_outside(values):
+    known = values[np.isfinite(values)]
+    return float((known > CHI2_999).mean()) if len(known) else float("nan")
+
+
+def mean_or_nan(values):
+    known = values[np.isfinite(values)]
+    return float(known.mean()) if len(known) else float("nan")
+
+
+def judge_map(run, map_id, indices, own_error_m, per_second):
+    """Metrics of the poses `indices` of one map; fills in the run's columns of single frames."""
+    p, q = run["position"][indices], run["truth_position"][indices]
+    row = {"map": int(map_id), "poses": len(indices), "first_frame": int(run["frame"][indices[0]]),
+           "last_frame": int(run["frame"][indices[-1]]), "quality_first": float(run["quality"][indices[1:POSES_MIN]].min()),
+           "weak": int((run["state"][indices] == 2).sum()),
+           "path_m": float(np.linalg.norm(np.diff(q, axis=0), axis=1).sum())}
+    fit = similarity(p, q)
+    if fit is None or not fit[0] > 0:  # nothing moved, or all poses are one point
+        return row
+    scale, R, t = fit
+    error = np.linalg.norm(scale * p @ R.T + t - q, axis=1)
+    run["aligned"][indices] = scale * p @ R.T + t
+    run["error_m"][indices] = error
+    run["sigma_m"][indices] = scale * np.sqrt(np.trace(run["covariance"][indices, :3, :3], axis1=1, axis2=2))
+    scales = local_scales(run, indices, scale, WINDOW)
+    for i, value in scales.items():
+        run["local_scale"][i] = value
+    truth_at = {int(stamp): i for i, stamp in enumerate(run["stamp_ns"]) if run["has_truth"][i]}
+    inside = set(indices.tolist())
+    for i in indices:
+        run["keyframe_error"][i] = against_keyframe(run, i, scale, truth_at)
+        if i - APART in inside:
+            run["apart_error"][i] = against_earlier(run, i - APART, i, scale)
+    row.update(scale=float(scale), rmse_m=root_mean_square(error), max_m=float(error.max()),
+               scale_ratio=ratio(scales), step_ratio=ratio(local_scales(run, indices, scale, 1)),
+               drift_percent_100m=drift_percent(run, indices, scales),
+               nees6_keyframe=mean_or_nan(run["keyframe_error"][indices, 2]) / 6,
+               outside_keyframe=share_outside(run["keyframe_error"][indices, 2]),
+               nees6_apart=mean_or_nan(run["apart_error"][indices, 2]) / 6,
+               outside_apart=share_outside(run["apart_error"][indices, 2]))
+    row["rpe_m"], row["rpe_deg"] = second_apart(run, indices, scale, per_second)
+    final = indices[np.isfinite(run["final"][indices, 0])]
+    ends = distances(run["final"][final], run["truth_position"][final]) if len(final) >= 3 else None
+    row["final_rmse_m"] = root_mean_square(ends) if ends is not None else float("nan")
+    row["good_error"] = (row["rmse_m"] <= RMSE_SHARE * row["path_m"] + own_error_m
+                         and row["max_m"] <= MAX_SHARE * row["path_m"] + own_error_m)
+    row["good_scale"] = not row["scale_ratio"] > SCALE_RATIO
+    return row
+
+
+def judge(run, source):
+    """Metrics of each map of a run with at least POSES_MIN poses; `run` gets the columns of single frames."""
+    n = len(run["frame"])
+    for name, width in (("error_m", 0), ("sigma_m", 0), ("local_scale", 0), ("aligned", 3), ("keyframe_error", 3), ("apart_error", 3)):
+        run[name] = np.full((n, width) if width else n, np.nan)
+    one_unit(run)
+    steps_ns = np.diff(run["stamp_ns"])
+    per_second = max(int(round(1e9 / np.median(steps_ns))), 1) if n > 1 else 1
+    posed = np.isin(run["state"], POSED) & (run["map"] >= 0) & run["has_truth"]
+    rows = []
+    for map_id in np.unique(run["map"][posed]):
+        indices = np.flatnonzero(posed & (run["map"] == map_id))
+        if len(indices) >= POSES_MIN:
+            rows.append(judge_map(run, map_id, indices, truth_error_m(source), per_second))
+    return rows
