@@ -4,7 +4,7 @@
 
 static double distance2(const struct fv_object_slot *slot, const struct fovea_detection *d)
 {
-    /* Of where it was seen last: textbooks' centroid trackers do not predict. */
+    /* From where it was seen last: centroid matching does not predict. */
     const double dx = 0.5 * ((double)d->x_min_px + (double)d->x_max_px) -
                       0.5 * ((double)slot->object.x_min_px + (double)slot->object.x_max_px);
     const double dy = 0.5 * ((double)d->y_min_px + (double)d->y_max_px) -
@@ -13,12 +13,12 @@ static double distance2(const struct fv_object_slot *slot, const struct fovea_de
 }
 
 /* Nearest detection of the slot's class that is free, or -1. */
-static int32_t nearest(const struct fv_objects *tracker, const struct fv_object_slot *slot,
+static int32_t nearest(const struct fv_objects *objects, const struct fv_object_slot *slot,
                        const struct fv_objects_inference *inference, double *best)
 {
     int32_t found = -1;
     for (uint32_t d = 0; d < inference->count; d++) {
-        if (tracker->taken[d] || inference->detections[d].class_id != slot->object.class_id)
+        if (objects->taken[d] || inference->detections[d].class_id != slot->object.class_id)
             continue;
         const double distance = distance2(slot, &inference->detections[d]);
         if (found >= 0 && distance >= *best) continue;
@@ -28,7 +28,7 @@ static int32_t nearest(const struct fv_objects *tracker, const struct fv_object_
     return found;
 }
 
-/* A centroid tracker holds what it saw: no filter. */
+/* Set the object to the detection: centroid matching does not filter. */
 static void hold(struct fv_object_slot *slot, double x0, double y0, double x1, double y1)
 {
     const double held[FV_OBJECT_NUMBERS] = {0.5 * (x0 + x1), 0.5 * (y0 + y1), x1 - x0, y1 - y0};
@@ -49,25 +49,25 @@ static void move_to(struct fv_object_slot *slot, const struct fovea_detection *d
     hold(slot, (double)d->x_min_px, (double)d->y_min_px, (double)d->x_max_px, (double)d->y_max_px);
 }
 
-void fv_objects_match_centroid(struct fv_objects *tracker,
+void fv_objects_match_centroid(struct fv_objects *objects,
                                const struct fv_objects_inference *inference)
 {
-    const double limit = tracker->config->max_distance_px * tracker->config->max_distance_px;
-    const uint32_t slots = tracker->config->count_max;
+    const double limit = objects->config->max_distance_px * objects->config->max_distance_px;
+    const uint32_t slots = objects->config->count_max;
     for (uint32_t i = 0; i < slots; i++) {
-        if (tracker->slots[i].used) restore(&tracker->slots[i]);
-        tracker->column_of[i] = -2; /* nearest not known */
+        if (objects->slots[i].used) restore(&objects->slots[i]);
+        objects->column_of[i] = -2; /* nearest not known */
     }
     for (uint32_t round = 0; round < slots; round++) {
         double least = limit;
         int32_t slot = -1;
         for (uint32_t i = 0; i < slots; i++) {
-            struct fv_object_slot *s = &tracker->slots[i];
+            struct fv_object_slot *s = &objects->slots[i];
             if (!s->used || s->matched) continue;
             double distance = 0;
-            int32_t *near = &tracker->column_of[i];
-            if (*near == -2 || (*near >= 0 && tracker->taken[*near]))
-                *near = nearest(tracker, s, inference, &distance);
+            int32_t *near = &objects->column_of[i];
+            if (*near == -2 || (*near >= 0 && objects->taken[*near]))
+                *near = nearest(objects, s, inference, &distance);
             if (*near < 0) continue;
             distance = distance2(s, &inference->detections[*near]);
             if (slot >= 0 ? distance >= least : distance > least) continue;
@@ -75,8 +75,8 @@ void fv_objects_match_centroid(struct fv_objects *tracker,
             slot = (int32_t)i;
         }
         if (slot < 0) return;
-        const int32_t d = tracker->column_of[slot];
-        fv_objects_take(tracker, &tracker->slots[slot], inference, (uint32_t)d);
-        move_to(&tracker->slots[slot], &inference->detections[d]);
+        const int32_t d = objects->column_of[slot];
+        fv_objects_take(objects, &objects->slots[slot], inference, (uint32_t)d);
+        move_to(&objects->slots[slot], &inference->detections[d]);
     }
 }

@@ -18,10 +18,10 @@ struct position {
     double range_variance, across_variance;
 };
 
-static bool bearing(const struct fv_objects *tracker, double x, double y, double b[3])
+static bool bearing(const struct fv_objects *objects, double x, double y, double b[3])
 {
     const double pixel[2] = {x, y};
-    return fovea_camera_unproject(tracker->camera, pixel, b, NULL) == FOVEA_OK;
+    return fovea_camera_unproject(objects->camera, pixel, b, NULL) == FOVEA_OK;
 }
 
 static double dot(const double a[3], const double b[3])
@@ -36,22 +36,22 @@ static double edge_sigma_px(const struct fv_object_slot *slot)
 }
 
 /* Box cut by the image's border: its height and its foot are not to be trusted. */
-static bool is_cut(const struct fv_objects *tracker, const struct fv_object_slot *slot)
+static bool is_cut(const struct fv_objects *objects, const struct fv_object_slot *slot)
 {
     const struct fovea_object *t = &slot->object;
     return t->x_min_px < 1.0f || t->y_min_px < 1.0f ||
-           t->x_max_px > (float)tracker->camera->width - 2.0f ||
-           t->y_max_px > (float)tracker->camera->height - 2.0f;
+           t->x_max_px > (float)objects->camera->width - 2.0f ||
+           t->y_max_px > (float)objects->camera->height - 2.0f;
 }
 
-static bool by_size(const struct fv_objects *tracker, const struct fv_object_slot *slot,
+static bool by_size(const struct fv_objects *objects, const struct fv_object_slot *slot,
                     double height_m, struct position *position)
 {
     double top[3], bottom[3], middle[3];
     const double x = slot->box[FV_OBJECT_X].x, y = slot->box[FV_OBJECT_Y].x,
                  half = 0.5 * slot->box[FV_OBJECT_H].x;
-    if (!bearing(tracker, x, y - half, top) || !bearing(tracker, x, y + half, bottom) ||
-        !bearing(tracker, x, y, middle))
+    if (!bearing(objects, x, y - half, top) || !bearing(objects, x, y + half, bottom) ||
+        !bearing(objects, x, y, middle))
         return false;
     const double difference[3] = {top[0] - bottom[0], top[1] - bottom[1], top[2] - bottom[2]};
     const double chord = __builtin_sqrt(
@@ -61,7 +61,7 @@ static bool by_size(const struct fv_objects *tracker, const struct fv_object_slo
     const double range = 0.5 * height_m * half_cosine / half_sine;
     const double fraction = 1.4 * edge_sigma_px(slot) / slot->box[FV_OBJECT_H].x;
     if (!(range < range_max_m)) return false;
-    const double across = edge_sigma_px(slot) / tracker->camera->fy * range;
+    const double across = edge_sigma_px(slot) / objects->camera->fy * range;
     memcpy(position->along, middle, sizeof middle);
     for (int i = 0; i < 3; i++)
         position->at[i] = range * middle[i];
@@ -71,12 +71,12 @@ static bool by_size(const struct fv_objects *tracker, const struct fv_object_slo
     return true;
 }
 
-static bool by_floor(const struct fv_objects *tracker, const struct fv_object_slot *slot,
+static bool by_floor(const struct fv_objects *objects, const struct fv_object_slot *slot,
                      struct position *position)
 {
     double foot[3];
-    const double *T = tracker->T_body_cam;
-    if (!bearing(tracker, slot->box[FV_OBJECT_X].x,
+    const double *T = objects->T_body_cam;
+    if (!bearing(objects, slot->box[FV_OBJECT_X].x,
                  slot->box[FV_OBJECT_Y].x + 0.5 * slot->box[FV_OBJECT_H].x, foot))
         return false;
     const double down = -(T[8] * foot[0] + T[9] * foot[1] +
@@ -84,7 +84,7 @@ static bool by_floor(const struct fv_objects *tracker, const struct fv_object_sl
     if (!(down > 0.02) || !(T[11] > 0.01)) return false;
     const double range = T[11] / down;
     if (!(range < range_max_m)) return false;
-    const double pixel_rad = edge_sigma_px(slot) / tracker->camera->fy,
+    const double pixel_rad = edge_sigma_px(slot) / objects->camera->fy,
                  cosine = __builtin_sqrt(1.0 - down * down);
     const double fraction =
         __builtin_sqrt(pixel_rad * pixel_rad + tilt_sigma_rad * tilt_sigma_rad) * cosine / down;
@@ -167,18 +167,18 @@ static void filter_position(struct fv_object_slot *slot, const struct position *
     slot->object.located = 2;
 }
 
-void fv_objects_locate(const struct fv_objects *tracker, struct fv_object_slot *slot,
+void fv_objects_locate(const struct fv_objects *objects, struct fv_object_slot *slot,
                        const struct fv_objects_inference *inference)
 {
-    const struct fovea_objects_config *config = tracker->config;
+    const struct fovea_objects_config *config = objects->config;
     const int32_t c = slot->object.class_id;
     const double height_m =
         c >= 0 && c < FOVEA_OBJECT_CLASSES_MAX ? (double)config->height_m[c] : 0.0;
     struct position position;
     slot->object.located = 0;
-    if (!slot->matched || (height_m <= 0.0 && !config->ground) || is_cut(tracker, slot)) return;
-    if (!(height_m > 0.0 && by_size(tracker, slot, height_m, &position)) &&
-        !(config->ground && by_floor(tracker, slot, &position)))
+    if (!slot->matched || (height_m <= 0.0 && !config->ground) || is_cut(objects, slot)) return;
+    if (!(height_m > 0.0 && by_size(objects, slot, height_m, &position)) &&
+        !(config->ground && by_floor(objects, slot, &position)))
         return;
     if (inference->posed && inference->metric) {
         filter_position(slot, &position, inference);

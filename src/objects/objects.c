@@ -16,31 +16,31 @@ static double larger(double a, double b)
 
 /* ---- memory ---------------------------------------------------------------------------------- */
 
-void fv_objects_carve(struct fv_objects *tracker, const struct fovea_objects_config *config,
+void fv_objects_carve(struct fv_objects *objects, const struct fovea_objects_config *config,
                       const struct fovea_camera *camera, const double T_body_cam[12],
                       struct fv_arena *persistent, struct fv_arena *frame)
 {
-    const size_t objects = config->count_max;
-    tracker->config = config;
-    tracker->camera = camera;
-    tracker->T_body_cam = T_body_cam;
-    tracker->state = fv_arena_take(persistent, 1, sizeof *tracker->state);
-    tracker->slots = fv_arena_take(persistent, objects, sizeof *tracker->slots);
-    tracker->list = fv_arena_take(persistent, objects, sizeof *tracker->list);
-    tracker->cost = fv_arena_take(frame, objects * FOVEA_DETECTIONS_MAX, sizeof *tracker->cost);
-    tracker->rows = fv_arena_take(frame, objects, sizeof *tracker->rows);
-    tracker->columns = fv_arena_take(frame, FOVEA_DETECTIONS_MAX, sizeof *tracker->columns);
-    tracker->column_of = fv_arena_take(frame, objects, sizeof *tracker->column_of);
-    tracker->sides = fv_arena_take(frame, FOVEA_DETECTIONS_MAX, sizeof *tracker->sides);
-    tracker->taken = fv_arena_take(frame, FOVEA_DETECTIONS_MAX, 1);
-    tracker->assign = fv_arena_take(frame, 1, sizeof *tracker->assign);
+    const size_t count = config->count_max;
+    objects->config = config;
+    objects->camera = camera;
+    objects->T_body_cam = T_body_cam;
+    objects->state = fv_arena_take(persistent, 1, sizeof *objects->state);
+    objects->slots = fv_arena_take(persistent, count, sizeof *objects->slots);
+    objects->list = fv_arena_take(persistent, count, sizeof *objects->list);
+    objects->cost = fv_arena_take(frame, count * FOVEA_DETECTIONS_MAX, sizeof *objects->cost);
+    objects->rows = fv_arena_take(frame, count, sizeof *objects->rows);
+    objects->columns = fv_arena_take(frame, FOVEA_DETECTIONS_MAX, sizeof *objects->columns);
+    objects->column_of = fv_arena_take(frame, count, sizeof *objects->column_of);
+    objects->sides = fv_arena_take(frame, FOVEA_DETECTIONS_MAX, sizeof *objects->sides);
+    objects->taken = fv_arena_take(frame, FOVEA_DETECTIONS_MAX, 1);
+    objects->assign = fv_arena_take(frame, 1, sizeof *objects->assign);
 }
 
-void fv_objects_reset(struct fv_objects *tracker)
+void fv_objects_reset(struct fv_objects *objects)
 {
-    const struct fv_objects_state before = *tracker->state;
-    memset(tracker->slots, 0, tracker->config->count_max * sizeof *tracker->slots);
-    *tracker->state = (struct fv_objects_state){
+    const struct fv_objects_state before = *objects->state;
+    memset(objects->slots, 0, objects->config->count_max * sizeof *objects->slots);
+    *objects->state = (struct fv_objects_state){
         .next_id = before.next_id, .updates = before.updates, .confirmed = before.confirmed};
 }
 
@@ -53,14 +53,14 @@ static double size_of(const struct fv_object_slot *slot)
 
 /* Shift of a box's centre when the camera has turned: R takes bearings of the image before to this
  * one's. */
-static void turn(const struct fv_objects *tracker, struct fv_object_slot *slot, const double R[9])
+static void turn(const struct fv_objects *objects, struct fv_object_slot *slot, const double R[9])
 {
     const double before[2] = {slot->box[FV_OBJECT_X].x, slot->box[FV_OBJECT_Y].x};
     double b[3], turned[3], now[2];
-    if (fovea_camera_unproject(tracker->camera, before, b, NULL) != FOVEA_OK) return;
+    if (fovea_camera_unproject(objects->camera, before, b, NULL) != FOVEA_OK) return;
     for (int i = 0; i < 3; i++)
         turned[i] = R[3 * i] * b[0] + R[3 * i + 1] * b[1] + R[3 * i + 2] * b[2];
-    if (fovea_camera_project(tracker->camera, turned, now, NULL) != FOVEA_OK) return;
+    if (fovea_camera_project(objects->camera, turned, now, NULL) != FOVEA_OK) return;
     slot->box[FV_OBJECT_X].x = now[0];
     slot->box[FV_OBJECT_Y].x = now[1];
 }
@@ -97,18 +97,18 @@ static bool rotation_since(const struct fv_objects_state *state,
     return true;
 }
 
-static void predict_all(struct fv_objects *tracker, const struct fv_objects_inference *inference)
+static void predict_all(struct fv_objects *objects, const struct fv_objects_inference *inference)
 {
     double R[9];
-    const struct fv_objects_state *state = tracker->state;
+    const struct fv_objects_state *state = objects->state;
     const double dt_s =
         state->started ? (double)(inference->stamp_ns - state->stamp_ns) * 1e-9 : 0.0;
     const bool turned = rotation_since(state, inference, R);
-    for (uint32_t i = 0; i < tracker->config->count_max; i++) {
-        struct fv_object_slot *slot = &tracker->slots[i];
+    for (uint32_t i = 0; i < objects->config->count_max; i++) {
+        struct fv_object_slot *slot = &objects->slots[i];
         slot->matched = 0;
         if (!slot->used) continue;
-        if (turned) turn(tracker, slot, R);
+        if (turned) turn(objects, slot, R);
         predict(slot, dt_s);
     }
 }
@@ -128,7 +128,7 @@ static struct measured measure(const struct fovea_detection *d)
                              {sigma, sigma, 1.4 * sigma, 1.4 * sigma}};
 }
 
-void fv_objects_take(struct fv_objects *tracker, struct fv_object_slot *slot,
+void fv_objects_take(struct fv_objects *objects, struct fv_object_slot *slot,
                      const struct fv_objects_inference *inference, uint32_t detection)
 {
     const struct fovea_detection *d = &inference->detections[detection];
@@ -142,10 +142,10 @@ void fv_objects_take(struct fv_objects *tracker, struct fv_object_slot *slot,
     slot->object.hits++;
     slot->object.unseen = 0;
     slot->matched = 1;
-    tracker->taken[detection] = 1;
+    objects->taken[detection] = 1;
 }
 
-static void begin(struct fv_objects *tracker, struct fv_object_slot *slot,
+static void begin(struct fv_objects *objects, struct fv_object_slot *slot,
                   const struct fv_objects_inference *inference, uint32_t detection)
 {
     const struct fovea_detection *d = &inference->detections[detection];
@@ -153,7 +153,7 @@ static void begin(struct fv_objects *tracker, struct fv_object_slot *slot,
     memset(slot, 0, sizeof *slot);
     slot->used = slot->matched = 1;
     slot->score_sum = (double)d->score;
-    slot->object = (struct fovea_object){.id = ++tracker->state->next_id,
+    slot->object = (struct fovea_object){.id = ++objects->state->next_id,
                                          .class_id = d->class_id,
                                          .score = d->score,
                                          .first_ns = inference->stamp_ns,
@@ -164,7 +164,7 @@ static void begin(struct fv_objects *tracker, struct fv_object_slot *slot,
         fv_filter_start(&slot->box[k], m.number[k], m.sigma[k],
                         (k < FV_OBJECT_W ? velocity_fraction : size_velocity_fraction) * size);
     }
-    tracker->taken[detection] = 1;
+    objects->taken[detection] = 1;
 }
 
 /* ---- the pool -------------------------------------------------------------------------------- */
@@ -181,66 +181,66 @@ static bool weaker(const struct fv_object_slot *a, const struct fv_object_slot *
 }
 
 /* A free slot, or that of the weakest object; NULL when all were seen just now. */
-static struct fv_object_slot *room(struct fv_objects *tracker)
+static struct fv_object_slot *room(struct fv_objects *objects)
 {
     struct fv_object_slot *weakest = NULL;
-    for (uint32_t i = 0; i < tracker->config->count_max; i++) {
-        struct fv_object_slot *slot = &tracker->slots[i];
+    for (uint32_t i = 0; i < objects->config->count_max; i++) {
+        struct fv_object_slot *slot = &objects->slots[i];
         if (!slot->used) return slot;
         if (!slot->matched && (weakest == NULL || weaker(slot, weakest))) weakest = slot;
     }
     return weakest;
 }
 
-static void begin_new(struct fv_objects *tracker, const struct fv_objects_inference *inference)
+static void begin_new(struct fv_objects *objects, const struct fv_objects_inference *inference)
 {
-    const struct fovea_objects_config *config = tracker->config;
+    const struct fovea_objects_config *config = objects->config;
     const double least = config->mode == FOVEA_OBJECTS_SORT ? config->score_new : 0.0;
     for (uint32_t d = 0; d < inference->count; d++) {
-        if (tracker->taken[d] || (double)inference->detections[d].score < least) continue;
-        struct fv_object_slot *slot = room(tracker);
+        if (objects->taken[d] || (double)inference->detections[d].score < least) continue;
+        struct fv_object_slot *slot = room(objects);
         if (slot == NULL)
             return; /* detections come by falling score: none of the others has more right */
-        begin(tracker, slot, inference, d);
+        begin(objects, slot, inference, d);
     }
 }
 
 /* ---- life ------------------------------------------------------------------------------------ */
 
-static bool is_over(const struct fv_objects *tracker, const struct fv_object_slot *slot,
+static bool is_over(const struct fv_objects *objects, const struct fv_object_slot *slot,
                     int64_t stamp_ns)
 {
-    const struct fovea_objects_config *config = tracker->config;
+    const struct fovea_objects_config *config = objects->config;
     if (slot->matched) return false;
     if (config->mode == FOVEA_OBJECTS_CENTROID)
         return slot->object.unseen > config->max_disappeared;
     if (slot->object.state == FOVEA_OBJECT_TENTATIVE) return true;
     const double x = slot->box[FV_OBJECT_X].x, y = slot->box[FV_OBJECT_Y].x, size = size_of(slot);
-    const bool gone = x < -size || y < -size || x > tracker->camera->width + size ||
-                      y > tracker->camera->height + size;
+    const bool gone = x < -size || y < -size || x > objects->camera->width + size ||
+                      y > objects->camera->height + size;
     return gone || (double)(stamp_ns - slot->object.seen_ns) * 1e-9 > config->coast_s;
 }
 
 /* Whether an object that was seen just now is believed to be there. A detector that
  * errs often does so again in the next image, with a score as low: repetition alone proves little.
  */
-static bool is_believed(const struct fv_objects *tracker, const struct fv_object_slot *slot)
+static bool is_believed(const struct fv_objects *objects, const struct fv_object_slot *slot)
 {
-    const struct fovea_objects_config *config = tracker->config;
+    const struct fovea_objects_config *config = objects->config;
     if (config->mode == FOVEA_OBJECTS_CENTROID || slot->object.state != FOVEA_OBJECT_TENTATIVE)
         return true;
     return slot->object.hits >= config->confirm_hits &&
            slot->score_sum >= config->score_confirm * slot->object.hits;
 }
 
-static void age(struct fv_objects *tracker, struct fv_object_slot *slot, int64_t stamp_ns)
+static void age(struct fv_objects *objects, struct fv_object_slot *slot, int64_t stamp_ns)
 {
     if (!slot->matched) slot->object.unseen++;
-    if (is_over(tracker, slot, stamp_ns)) {
+    if (is_over(objects, slot, stamp_ns)) {
         slot->used = 0;
         slot->object.state = FOVEA_OBJECT_ENDED;
-    } else if (slot->matched && is_believed(tracker, slot)) {
-        tracker->state->confirmed += slot->object.state == FOVEA_OBJECT_TENTATIVE;
+    } else if (slot->matched && is_believed(objects, slot)) {
+        objects->state->confirmed += slot->object.state == FOVEA_OBJECT_TENTATIVE;
         slot->object.state = FOVEA_OBJECT_CONFIRMED;
     } else if (slot->object.state == FOVEA_OBJECT_CONFIRMED) {
         slot->object.state = FOVEA_OBJECT_COASTING;
@@ -259,35 +259,36 @@ static void describe(struct fv_object_slot *slot)
     slot->object.y_px_s = (float)box[FV_OBJECT_Y].v;
 }
 
-/* Into the list, which is kept by rising id. */
-static void tell(struct fv_objects *tracker, const struct fovea_object *object)
+/* Insert into the list, which is sorted by rising id. */
+static void list_object(struct fv_objects *objects, const struct fovea_object *object)
 {
-    uint32_t at = tracker->state->listed++;
-    for (; at > 0 && tracker->list[at - 1].id > object->id; at--)
-        tracker->list[at] = tracker->list[at - 1];
-    tracker->list[at] = *object;
+    uint32_t at = objects->state->listed++;
+    for (; at > 0 && objects->list[at - 1].id > object->id; at--)
+        objects->list[at] = objects->list[at - 1];
+    objects->list[at] = *object;
 }
 
-void fv_objects_update(struct fv_objects *tracker, const struct fv_objects_inference *inference)
+void fv_objects_update(struct fv_objects *objects, const struct fv_objects_inference *inference)
 {
-    struct fv_objects_state *state = tracker->state;
+    struct fv_objects_state *state = objects->state;
     if (state->started && state->stamp_ns >= inference->stamp_ns) return;
-    memset(tracker->taken, 0, inference->count + inference->uncertain);
-    predict_all(tracker, inference);
-    if (tracker->config->mode == FOVEA_OBJECTS_SORT)
-        fv_objects_match_sort(tracker, inference);
+    memset(objects->taken, 0, inference->count + inference->uncertain);
+    predict_all(objects, inference);
+    if (objects->config->mode == FOVEA_OBJECTS_SORT)
+        fv_objects_match_sort(objects, inference);
     else
-        fv_objects_match_centroid(tracker, inference);
-    begin_new(tracker, inference);
+        fv_objects_match_centroid(objects, inference);
+    begin_new(objects, inference);
     state->listed = 0;
-    for (uint32_t i = 0; i < tracker->config->count_max; i++) {
-        struct fv_object_slot *slot = &tracker->slots[i];
+    for (uint32_t i = 0; i < objects->config->count_max; i++) {
+        struct fv_object_slot *slot = &objects->slots[i];
         if (!slot->used) continue;
         const bool was_believed = slot->object.state != FOVEA_OBJECT_TENTATIVE;
-        age(tracker, slot, inference->stamp_ns);
+        age(objects, slot, inference->stamp_ns);
         describe(slot);
-        fv_objects_locate(tracker, slot, inference);
-        if (slot->object.state != FOVEA_OBJECT_ENDED || was_believed) tell(tracker, &slot->object);
+        fv_objects_locate(objects, slot, inference);
+        if (slot->object.state != FOVEA_OBJECT_ENDED || was_believed)
+            list_object(objects, &slot->object);
     }
     state->updates++;
     state->started = 1;
@@ -301,25 +302,25 @@ void fv_objects_update(struct fv_objects *tracker, const struct fv_objects_infer
 
 /* ---- what is reported ------------------------------------------------------------------------ */
 
-void fv_objects_get(const struct fv_objects *tracker, struct fovea_objects *objects)
+void fv_objects_get(const struct fv_objects *objects, struct fovea_objects *list)
 {
-    const struct fv_objects_state *state = tracker->state;
-    *objects = (struct fovea_objects){.updates = state->updates,
-                                      .confirmed = state->confirmed,
-                                      .stamp_ns = state->stamp_ns,
-                                      .sequence = state->sequence,
-                                      .count = state->listed,
-                                      .list = tracker->list};
+    const struct fv_objects_state *state = objects->state;
+    *list = (struct fovea_objects){.updates = state->updates,
+                                   .confirmed = state->confirmed,
+                                   .stamp_ns = state->stamp_ns,
+                                   .sequence = state->sequence,
+                                   .count = state->listed,
+                                   .list = objects->list};
 }
 
-uint32_t fv_objects_movable(const struct fv_objects *tracker, float (*boxes)[4], uint32_t capacity)
+uint32_t fv_objects_movable(const struct fv_objects *objects, float (*boxes)[4], uint32_t capacity)
 {
     uint32_t count = 0;
-    for (uint32_t i = 0; i < tracker->config->count_max && count < capacity; i++) {
-        const struct fovea_object *t = &tracker->slots[i].object;
+    for (uint32_t i = 0; i < objects->config->count_max && count < capacity; i++) {
+        const struct fovea_object *t = &objects->slots[i].object;
         const int32_t c = t->class_id;
-        if (!tracker->slots[i].used || c < 0 || c >= FOVEA_OBJECT_CLASSES_MAX ||
-            (tracker->config->movable[c / 32] >> c % 32 & 1) == 0)
+        if (!objects->slots[i].used || c < 0 || c >= FOVEA_OBJECT_CLASSES_MAX ||
+            (objects->config->movable[c / 32] >> c % 32 & 1) == 0)
             continue;
         const float box[4] = {t->x_min_px, t->y_min_px, t->x_max_px, t->y_max_px};
         memcpy(boxes[count++], box, sizeof box);

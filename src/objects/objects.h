@@ -1,4 +1,4 @@
-/* The tracker: what fovea/objects.h says, on detections handed in image by image.
+/* Multi-object tracking as fovea/objects.h describes it, on the detections of one image at a time.
  *
  * All state lies in pieces carved from the caller's block and holds no addresses. Real-time safe;
  * 100 objects and 100 detections take about 0.1 ms here. */
@@ -72,36 +72,36 @@ struct fv_objects {
 
 /* `config`, `camera` and `T_body_cam` must stay where they are. Works in counting mode. Init-only.
  */
-void fv_objects_carve(struct fv_objects *tracker, const struct fovea_objects_config *config,
+void fv_objects_carve(struct fv_objects *objects, const struct fovea_objects_config *config,
                       const struct fovea_camera *camera, const double T_body_cam[12],
                       struct fv_arena *persistent, struct fv_arena *frame);
 
 /* Forget all objects; ids go on. */
-void fv_objects_reset(struct fv_objects *tracker);
+void fv_objects_reset(struct fv_objects *objects);
 
 /* Take an inference into account. Inferences must come in the order of their stamps; one that does
  * not is passed over. */
-void fv_objects_update(struct fv_objects *tracker, const struct fv_objects_inference *inference);
+void fv_objects_update(struct fv_objects *objects, const struct fv_objects_inference *inference);
 
-void fv_objects_get(const struct fv_objects *tracker, struct fovea_objects *objects);
+void fv_objects_get(const struct fv_objects *objects, struct fovea_objects *list);
 
 /* Boxes (x_min y_min x_max y_max) of movable classes in the last inference, tracked or coasting. At
  * most `capacity`; returns how many. */
-uint32_t fv_objects_movable(const struct fv_objects *tracker, float (*boxes)[4], uint32_t capacity);
+uint32_t fv_objects_movable(const struct fv_objects *objects, float (*boxes)[4], uint32_t capacity);
 
 /* ---- parts, one file each -------------------------------------------------------------------- */
 
 /* locate.c: where an object that was just seen is. */
-void fv_objects_locate(const struct fv_objects *tracker, struct fv_object_slot *slot,
+void fv_objects_locate(const struct fv_objects *objects, struct fv_object_slot *slot,
                        const struct fv_objects_inference *inference);
 /* sort.c and centroid.c: match the detections of an inference with the predicted slots; sets
- * slot->matched and tracker->taken. */
-void fv_objects_match_sort(struct fv_objects *tracker,
+ * slot->matched and objects->taken. */
+void fv_objects_match_sort(struct fv_objects *objects,
                            const struct fv_objects_inference *inference);
-void fv_objects_match_centroid(struct fv_objects *tracker,
+void fv_objects_match_centroid(struct fv_objects *objects,
                                const struct fv_objects_inference *inference);
 /* objects.c: a detection becomes part of an object. */
-void fv_objects_take(struct fv_objects *tracker, struct fv_object_slot *slot,
+void fv_objects_take(struct fv_objects *objects, struct fv_object_slot *slot,
                      const struct fv_objects_inference *inference, uint32_t detection);
 
 #ifdef __cplusplus

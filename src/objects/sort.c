@@ -86,60 +86,60 @@ static float cost_of(const struct fv_object_side *a, const struct fv_object_side
     return (float)(1.0 - 0.5 * iou - 0.5 / (1.0 + 0.25 * far));
 }
 
-/* One assignment of the slots in tracker->rows to the detections in tracker->columns. */
-static void assign(struct fv_objects *tracker, const struct fv_objects_inference *inference,
+/* One assignment of the slots in objects->rows to the detections in objects->columns. */
+static void assign(struct fv_objects *objects, const struct fv_objects_inference *inference,
                    int32_t rows, int32_t columns, bool only_overlap)
 {
     if (rows == 0 || columns == 0) return;
-    struct fv_object_side *columns_of = tracker->sides, row;
+    struct fv_object_side *columns_of = objects->sides, row;
     for (int32_t c = 0; c < columns; c++)
-        column_of(&inference->detections[tracker->columns[c]], &columns_of[c]);
+        column_of(&inference->detections[objects->columns[c]], &columns_of[c]);
     for (int32_t r = 0; r < rows; r++) {
-        row_of(&tracker->slots[tracker->rows[r]], &row);
+        row_of(&objects->slots[objects->rows[r]], &row);
         for (int32_t c = 0; c < columns; c++)
-            tracker->cost[r * columns + c] = cost_of(&row, &columns_of[c], only_overlap);
+            objects->cost[r * columns + c] = cost_of(&row, &columns_of[c], only_overlap);
     }
-    fv_assign(tracker->cost, columns, rows, columns, tracker->assign, tracker->column_of);
+    fv_assign(objects->cost, columns, rows, columns, objects->assign, objects->column_of);
     for (int32_t r = 0; r < rows; r++) {
-        if (tracker->column_of[r] < 0) continue;
-        fv_objects_take(tracker, &tracker->slots[tracker->rows[r]], inference,
-                        (uint32_t)tracker->columns[tracker->column_of[r]]);
+        if (objects->column_of[r] < 0) continue;
+        fv_objects_take(objects, &objects->slots[objects->rows[r]], inference,
+                        (uint32_t)objects->columns[objects->column_of[r]]);
     }
 }
 
 /* Detections of the first stage, or those of the second. */
-static int32_t gather_detections(const struct fv_objects *tracker,
+static int32_t gather_detections(const struct fv_objects *objects,
                                  const struct fv_objects_inference *inference, bool first)
 {
-    const struct fovea_objects_config *config = tracker->config;
+    const struct fovea_objects_config *config = objects->config;
     int32_t count = 0;
     for (uint32_t d = 0; d < inference->count + inference->uncertain; d++) {
         const double score = (double)inference->detections[d].score;
         const bool high = d < inference->count && score >= config->score_high;
-        if (!tracker->taken[d] && high == first && score >= config->score_low)
-            tracker->columns[count++] = (int32_t)d;
+        if (!objects->taken[d] && high == first && score >= config->score_low)
+            objects->columns[count++] = (int32_t)d;
     }
     return count;
 }
 
 /* Slots that were not matched yet; `fresh`: only those that were seen in the inference before. */
-static int32_t gather_slots(const struct fv_objects *tracker, bool fresh)
+static int32_t gather_slots(const struct fv_objects *objects, bool fresh)
 {
     int32_t count = 0;
-    for (uint32_t i = 0; i < tracker->config->count_max; i++) {
-        const struct fv_object_slot *slot = &tracker->slots[i];
+    for (uint32_t i = 0; i < objects->config->count_max; i++) {
+        const struct fv_object_slot *slot = &objects->slots[i];
         const bool fits = !fresh || slot->object.unseen == 0;
-        if (slot->used && !slot->matched && fits) tracker->rows[count++] = (int32_t)i;
+        if (slot->used && !slot->matched && fits) objects->rows[count++] = (int32_t)i;
     }
     return count;
 }
 
 /* Tentative objects take part in the first stage: else an object that has just gone behind
  * something would take the detections of the one that comes out there. */
-void fv_objects_match_sort(struct fv_objects *tracker, const struct fv_objects_inference *inference)
+void fv_objects_match_sort(struct fv_objects *objects, const struct fv_objects_inference *inference)
 {
-    assign(tracker, inference, gather_slots(tracker, false),
-           gather_detections(tracker, inference, true), false);
-    assign(tracker, inference, gather_slots(tracker, true),
-           gather_detections(tracker, inference, false), true);
+    assign(objects, inference, gather_slots(objects, false),
+           gather_detections(objects, inference, true), false);
+    assign(objects, inference, gather_slots(objects, true),
+           gather_detections(objects, inference, false), true);
 }

@@ -46,7 +46,7 @@ enum fovea_status fv_detection_prepare(struct fv_detection *detection, const cha
     return FOVEA_OK;
 }
 
-/* What the tracker's second stage takes of what is below the threshold. */
+/* The lowest score that the second stage of matching objects takes. */
 float fv_detection_floor(const struct fovea_objects_config *objects)
 {
     const float least = 0.01f;

@@ -42,11 +42,11 @@ enum fovea_status fv_detection_prepare(struct fv_detection *detection, const cha
                                        const struct fovea_camera *camera,
                                        struct fovea_error *error);
 
-/* `floor`: detections down to this score are kept behind the others, for the tracker; 0: none. */
+/* `floor`: detections down to this score are kept behind the others, for objects; 0: none. */
 void fv_detection_carve(struct fv_detection *detection, const struct fovea_camera *camera,
                         float floor, struct fv_arena *persistent, struct fv_arena *job,
                         struct fv_arena *frame);
-/* The floor of a tracker with this configuration. */
+/* The floor that objects with this configuration need. */
 float fv_detection_floor(const struct fovea_objects_config *objects);
 
 /* The kinds of message that a network sends, in the order in which they leave. */

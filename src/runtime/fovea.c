@@ -210,7 +210,7 @@ const char *fovea_detect2_label(const struct fovea *rt, int32_t class_id)
 void fovea_objects_get(const struct fovea *rt, struct fovea_objects *objects)
 {
     memset(objects, 0, sizeof *objects);
-    if (rt->objects.enabled) fv_objects_get(&rt->objects.tracker, objects);
+    if (rt->objects.enabled) fv_objects_get(&rt->objects.pool, objects);
 }
 
 uint32_t fovea_keyframes_get(const struct fovea *rt, struct fovea_keyframe *list,

@@ -8,7 +8,7 @@ static bool waiting(const struct fovea *rt)
     return fv_detection_waiting(&rt->detection) || fv_detection_waiting(&rt->detection2);
 }
 
-/* The tracker takes the detections; what moves on its own is kept out of the map from now on. */
+/* Objects take the detections; what moves on its own is kept out of the map from now on. */
 static void update_objects(struct fovea *rt, struct fovea_outputs *outputs)
 {
     struct fovea_detections detections;
@@ -99,7 +99,7 @@ static void carve(struct fovea *rt, struct fv_carving *carving)
     fv_detection_carve(&rt->detection2, camera, 0, persistent, job, frame);
     fv_carving_book(carving, "detection2");
     fv_object_stage_carve(&rt->objects, config, &rt->detection, persistent, frame);
-    fv_carving_book(carving, "tracking");
+    fv_carving_book(carving, "objects");
 }
 
 static void offer(struct fovea *rt, const struct fovea_frame *frame)

@@ -68,7 +68,7 @@ struct fovea {
     struct fv_plane masks[FOVEA_CAMERAS_MAX]; /* by camera; pixels NULL: none */
     struct fv_front_end front_end;            /* of the first camera, which odometry uses */
     struct fv_odometry odometry;
-    struct fv_detection detection, detection2; /* the tracker uses the first */
+    struct fv_detection detection, detection2; /* objects use the first */
     struct fv_object_stage objects;
     struct fv_scale scale;
     struct fv_publish publish;

@@ -1,4 +1,4 @@
-/* A tracker behind a pinhole camera, and inferences at 30 Hz that are given to it. For one file of
+/* Objects before a pinhole camera, and inferences at 30 Hz that are given to it. For one file of
  * a program. */
 #ifndef FOVEA_TESTS_OBJECT_RIG_H
 #define FOVEA_TESTS_OBJECT_RIG_H
@@ -16,7 +16,7 @@ enum { WIDTH = 640, HEIGHT = 480 };
 static struct fovea_camera camera;
 static struct fovea_objects_config config;
 static double T_body_cam[12];
-static struct fv_objects tracker;
+static struct fv_objects pool;
 static void *block;
 
 static inline int setup(void **state)
@@ -35,7 +35,7 @@ static inline int setup(void **state)
 static inline void carve(void *context, struct fv_arena *arena)
 {
     (void)context;
-    fv_objects_carve(&tracker, &config, &camera, T_body_cam, arena, arena);
+    fv_objects_carve(&pool, &config, &camera, T_body_cam, arena, arena);
 }
 
 static inline void make(void)
@@ -60,8 +60,8 @@ static inline struct fovea_objects infer_unsure(int frame, const struct fovea_de
                                            .count = count,
                                            .uncertain = uncertain};
     struct fovea_objects objects;
-    fv_objects_update(&tracker, &l);
-    fv_objects_get(&tracker, &objects);
+    fv_objects_update(&pool, &l);
+    fv_objects_get(&pool, &objects);
     return objects;
 }
 

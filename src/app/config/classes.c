@@ -15,7 +15,7 @@ static const char *const moves[] = {
     "frisbee",  "skis",    "snowboard", "sports ball", "kite",      "skateboard", "surfboard",
     "suitcase", "ball",    "box",       "cone"};
 
-/* The class called so, or whose number it is; -1: none that the tracker can hold. */
+/* The class with this name or number; -1: none that the mask of movable classes can hold. */
 static int32_t class_of(const struct fv_model *model, const char *name)
 {
     const int32_t first = model->header->decode.first_label;

@@ -217,7 +217,7 @@ static void iteration(struct fv_loop *loop, const struct fovea_frame *frame, int
     if (loop->real_time) fovea_governor_learn(&loop->governor, step.cpu_ns, work.cpu_ns, &outputs);
     if (status == FOVEA_OK) account(loop, step, work, inputs.latency_ns);
     loop->counts.processed += status == FOVEA_OK;
-    loop->counts.tracked += status == FOVEA_OK && pose.posed;
+    loop->counts.posed += status == FOVEA_OK && pose.posed;
     loop->counts.lost += status == FOVEA_OK && pose.state == FOVEA_TRACKING_LOST;
     loop->counts.refused += frame != NULL && status != FOVEA_OK;
     loop->counts.without_frame += frame == NULL;

@@ -52,7 +52,7 @@ struct fv_loop_hooks {
 struct fv_loop_counts {
     uint64_t in;        /* frames taken from the source */
     uint64_t processed; /* of these: went through a step */
-    uint64_t tracked;   /* of the processed: with a pose */
+    uint64_t posed;     /* of the processed: with a pose */
     uint64_t lost;      /* of the processed: state `lost`; the rest was looking for a start */
     uint64_t refused;   /* of these: not taken by the step (stamp, format, paused) */
     uint64_t late;      /* of these: dropped since the loop was busy or had no processor time */

@@ -47,8 +47,8 @@ static void frames_json(FILE *file, const struct fv_loop *loop)
     const struct fovea_source_counts *source = &loop->source_counts;
     fprintf(file,
             "  \"frames\": {\"in\": %" PRIu64 ", \"processed\": %" PRIu64 ", \"dropped\": %" PRIu64
-            ", \"tracked\": %" PRIu64 ", \"lost\": %" PRIu64 ",\n",
-            counts->in, counts->processed, counts->late + source->dropped, counts->tracked,
+            ", \"posed\": %" PRIu64 ", \"lost\": %" PRIu64 ",\n",
+            counts->in, counts->processed, counts->late + source->dropped, counts->posed,
             counts->lost);
     fprintf(file,
             "             \"refused\": %" PRIu64 ", \"late\": %" PRIu64

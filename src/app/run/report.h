@@ -25,11 +25,11 @@ const char *fv_report_part_name(enum fovea_memory_part part);
 
 void fv_report_summary(FILE *file, const struct fv_report *report);
 
-/* JSON: frames {in processed dropped tracked lost ...}; stages by name, step, work, frame, each
+/* JSON: frames {in processed dropped posed lost ...}; stages by name, step, work, frame, each
  * with mean_ns p50_ns p99_ns max_ns of the loop thread's CPU time and the same of wall time as
  * wall_*; memory; lcm: per channel the messages offered, sent and dropped by reason;
  * heap_calls_after_init (null where this build cannot count). Frames that were
- * dropped came too late or were lost by the source; tracked and lost count frames with and without
+ * dropped came too late or were lost by the source; posed and lost count frames with and without
  * a pose, of those for which one was sought. */
 void fv_report_json(FILE *file, const struct fv_report *report);
 

@@ -86,7 +86,7 @@ static void scale_print(const struct fv_run *run)
     struct fovea_pose pose;
     fovea_pose_get(run->loop.rt, &pose);
     const enum fovea_scale_source wanted = run->settings.runtime.scale.source;
-    if (run->loop.counts.tracked == 0)
+    if (run->loop.counts.posed == 0)
         printf("  scale: unknown, as no frame has a pose\n");
     else if (pose.scale_source != FOVEA_SCALE_FREE)
         printf("  scale: metres, from %s, to %.2g %% (1 sigma)\n", sources[pose.scale_source],
@@ -103,7 +103,7 @@ static void path_print(const struct fv_run *run, const struct fv_trajectory_summ
 {
     const struct fv_loop_counts *counts = &run->loop.counts;
     if (!run->settings.runtime.odometry.enabled) return;
-    printf("  posed %" PRIu64 " of %" PRIu64 " frames, lost %" PRIu64, counts->tracked,
+    printf("  posed %" PRIu64 " of %" PRIu64 " frames, lost %" PRIu64, counts->posed,
            counts->processed, counts->lost);
     struct fovea_stats stats;
     char count[FV_TEXT_COUNT_BYTES];
@@ -114,7 +114,7 @@ static void path_print(const struct fv_run *run, const struct fv_trajectory_summ
     error_print("", path);
     error_print("after all optimisation ", final);
     printf("\n");
-    if (counts->tracked == 0)
+    if (counts->posed == 0)
         printf("  why no pose: %s\n",
                fv_watch_why_no_pose(&run->watch, run->settings.runtime.odometry.localise_only));
     states_print(&run->watch);

@@ -76,7 +76,7 @@ static void head(struct fv_canvas *canvas, const struct fv_run_picture *picture)
         snprintf(line, sizeof line,
                  "%d x %d, %" PRIu64 " frames in %.1f s, kernel set %s; posed %" PRIu64 " frames",
                  report->width, report->height, counts->processed, seconds_of(picture->watch),
-                 report->kernel_set, counts->tracked);
+                 report->kernel_set, counts->posed);
     if (isfinite(path->error_m))
         snprintf(line + length, sizeof line - (size_t)length,
                  "; RMS error %.4g m (%.2f %%) over %.4g m", path->error_m,

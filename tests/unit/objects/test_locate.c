@@ -35,8 +35,8 @@ static void places_are_in_metres(void **state)
             box(a[0], 0.5 * (a[1] + b[1]), b[1] - a[1], b[1] - a[1], 0.9);
         l.detections = &d;
         l.count = 1;
-        fv_objects_update(&tracker, &l);
-        fv_objects_get(&tracker, &t);
+        fv_objects_update(&pool, &l);
+        fv_objects_get(&pool, &t);
     }
     assert_int_equal(t.list[0].located, 2);
     static const int diagonal[3] = {0, 3, 5};

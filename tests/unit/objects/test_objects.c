@@ -1,4 +1,4 @@
-/* The tracker: ids through crossings, gaps and turns of the camera; life cycle; the pool; its time.
+/* Objects: ids through crossings, gaps and turns of the camera; life cycle; the pool; its time.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -65,7 +65,7 @@ static void objects_live_and_end(void **state)
     assert_int_equal(t.list[0].id, 2);
     t = infer(f + 3, NULL, 0);
     assert_int_equal(t.count, 0);
-    fv_objects_reset(&tracker);
+    fv_objects_reset(&pool);
     t = infer(0, &d, 1); /* time may restart, ids do not */
     assert_int_equal(t.list[0].id, 3);
     free(block);
@@ -94,8 +94,8 @@ static void good_scores_confirm_and_poor_ones_never(void **state)
     assert_int_equal(state_after(30, 0.45), FOVEA_OBJECT_TENTATIVE);
 }
 
-/* What is below the model's threshold continues an object seen just before, whatever the scores of
- * the tracker say; it starts none. */
+/* A detection below the model's threshold continues an object seen just before, whatever the limits
+ * of score are; it starts none. */
 static void what_is_below_the_threshold_starts_no_object(void **state)
 {
     (void)state;
@@ -356,9 +356,9 @@ static uint64_t swing(bool posed)
         const struct fovea_detection d = box(pixel[0], pixel[1], 20, 20, 0.9);
         l.detections = &d;
         l.count = 1;
-        fv_objects_update(&tracker, &l);
+        fv_objects_update(&pool, &l);
         struct fovea_objects t;
-        fv_objects_get(&tracker, &t);
+        fv_objects_get(&pool, &t);
         id = t.list[t.count - 1].id;
         if (posed && f > 10) assert_true(__builtin_fabs((double)t.list[0].x_px_s) < 60);
     }
@@ -452,7 +452,7 @@ static void boxes_of_movable_classes_are_told(void **state)
     struct fovea_detection d[2] = {box(100, 100, 40, 60, 0.9), box(300, 200, 40, 60, 0.9)};
     d[1].class_id = 2;
     infer(0, d, 2);
-    assert_int_equal(fv_objects_movable(&tracker, boxes, 4), 1);
+    assert_int_equal(fv_objects_movable(&pool, boxes, 4), 1);
     assert_true(boxes[0][0] == 280.0f && boxes[0][3] == 230.0f);
     config.movable[0] = 0;
     free(block);
@@ -501,9 +501,9 @@ static void a_hundred_objects_take_a_fifth_of_a_millisecond(void **state)
             d[i] = box(at[i][0] - 0.8 * f, at[i][1], 30, 40, 0.9);
         }
         const int64_t begin = cpu_ns();
-        fv_objects_update(&tracker, &l);
+        fv_objects_update(&pool, &l);
         took[f] = cpu_ns() - begin;
-        fv_objects_get(&tracker, &t);
+        fv_objects_get(&pool, &t);
     }
     assert_in_range(t.count, 90, 128);
     for (int i = 1; i < FRAMES; i++)

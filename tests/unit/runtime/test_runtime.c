@@ -208,7 +208,7 @@ static void frames_are_processed_and_odd_ones_refused(void **state)
     free(made.memory);
 }
 
-/* Both poses, of that frame, in a state that is none of the tracker's, without numbers. */
+/* Both poses, of that frame, in a state that odometry does not have, without numbers. */
 static void assert_paused(const struct fovea_outputs *outputs, const struct fovea_frame *frame)
 {
     static const char *const channels[] = {"FOVEA_POSE", "FOVEA_CAMERA_POSE"};

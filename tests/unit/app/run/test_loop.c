@@ -321,7 +321,7 @@ static void test_json(void **state)
     assert_int_equal(whole(tree, frames, "in"), 100);
     assert_int_equal(whole(tree, frames, "processed"), 100);
     assert_int_equal(whole(tree, frames, "dropped"), 0);
-    assert_int_equal(whole(tree, frames, "tracked"), 0);
+    assert_int_equal(whole(tree, frames, "posed"), 0);
     assert_int_equal(whole(tree, frames, "lost"), 0);
     for (int i = 0; i < FOVEA_STAGE_COUNT; i++)
         assert_times(tree, fv_yaml_child(fv_yaml_child(tree->root, "stages"), fovea_stage_name(i)));
