@@ -86,9 +86,8 @@ struct fovea_truth_box {
     uint32_t id; /* constant over the run, from 1 */
     enum fovea_truth_class object_class;
     float x_min_px, y_min_px, x_max_px, y_max_px;
-    float visible_fraction; /* visible pixels / pixels if nothing occluded it and the image were
-                             * larger
-                             */
+    /* visible pixels / pixels if nothing occluded it and the image were larger */
+    float visible_fraction;
 };
 
 /* What is exactly known about a frame. Members that a source does not know are absent: has_pose

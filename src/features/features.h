@@ -2,7 +2,7 @@
  *
  * Corners are those of FAST-9/16 with non-maximum suppression (fast.h) at config.threshold_min;
  * where a cell of the grid holds any corner of config.threshold, only those count. They are picked
- * so that they cover the image, with a fraction for each level (spread.h), and keep
+ * so that they cover the image, with a quota for each level (spread.h), and keep
  * FV_FEATURES_BORDER_PX from the border of their level, so that a descriptor's patch fits. The
  * order is fixed: by level from coarse to fine, then cell by cell. Integer only up to the final
  * scaling of positions. */

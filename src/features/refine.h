@@ -25,7 +25,7 @@ extern "C" {
  * middle, each part within 0.75 pixel; 0 0 where there is no peak. */
 void fv_refine_peak(const uint8_t *scores, float offset_px[2]);
 
-/* Set x_px and y_px of features[i] to the refined place of corners[i], in the raw image. Corners
+/* Set x_px and y_px of features[i] to the refined position of corners[i], in the raw image. Corners
  * keep FV_CORNER_MARGIN_PX from the border of their level. Real-time safe; constant time per
  * corner. */
 void fv_refine_corners(const struct fv_kernels *kernels, const struct fv_pyramid *pyramid,

@@ -13,8 +13,8 @@ enum {
     WORTH_MAX = 640
 };
 
-/* Shares of the levels fall by (over - 1) / over from each to the next. */
-static uint32_t fraction_of(uint32_t level, uint32_t levels, uint32_t count, uint32_t over)
+/* Features that a level is due of `count`; falls by (over - 1) / over from level to level. */
+static uint32_t quota_of(uint32_t level, uint32_t levels, uint32_t count, uint32_t over)
 {
     uint64_t part = 0, sum = 0, weight = 1;
     for (uint32_t i = 0; i < levels; i++)
@@ -38,7 +38,7 @@ void fv_spread_carve(struct fv_spread *spread, uint32_t levels, const int32_t wi
         *level = (struct fv_spread_level){.width = width[i], .height = height[i]};
         level->field_x = (uint32_t)(scale / (uint32_t)width[0]);
         level->field_y = (uint32_t)(scale / (uint32_t)height[0]);
-        level->cells_max = fraction_of(i, levels, count_max, OVER_EVEN) + 1;
+        level->cells_max = quota_of(i, levels, count_max, OVER_EVEN) + 1;
         level->cells = fv_arena_take(frame, level->cells_max, sizeof *level->cells);
     }
 }
@@ -64,11 +64,9 @@ static int32_t multiplied(int32_t numerator, uint32_t inverse_q32)
     return (int32_t)((uint64_t)(uint32_t)numerator * inverse_q32 >> 32);
 }
 
-static void begin_level(struct fv_spread_level *level, uint32_t fraction)
+static void begin_level(struct fv_spread_level *level, uint32_t quota)
 {
-    const uint32_t cells = fraction < 1                  ? 1
-                           : fraction < level->cells_max ? fraction
-                                                         : level->cells_max;
+    const uint32_t cells = quota < 1 ? 1 : quota < level->cells_max ? quota : level->cells_max;
     level->cell_px = square_root((uint32_t)level->width * (uint32_t)level->height / cells);
     if (level->cell_px < CELL_MIN_PX) level->cell_px = CELL_MIN_PX;
     /* Cells cut by the border make more than asked: widen until they fit, at most until one cell
@@ -105,7 +103,7 @@ void fv_spread_begin(struct fv_spread *spread, uint32_t count, uint8_t threshold
     memset(spread->cover, 0, FV_SPREAD_FIELDS * sizeof *spread->cover);
     for (uint32_t i = 0; i < spread->levels; i++) {
         spread->worth_q8[i] = worth_of_level(i, per_cell);
-        begin_level(&spread->level[i], fraction_of(i, spread->levels, count, OVER_EVEN));
+        begin_level(&spread->level[i], quota_of(i, spread->levels, count, OVER_EVEN));
     }
 }
 
@@ -205,14 +203,14 @@ static void rank_levels(struct fv_spread *spread, struct ranking rankings[])
     } while (total < spread->count && ++per_cell <= FV_SPREAD_KEPT);
 }
 
-/* Share `count` picks out: coarse to fine, each level up to what it and the coarser ones are due;
- * then what is left, fine to coarse. */
-static void fraction_out(const struct fv_spread *spread, uint32_t count, struct ranking rankings[])
+/* Divide `count` picks among the levels: coarse to fine, each level up to what it and the coarser
+ * ones are due; then the rest, fine to coarse. */
+static void divide(const struct fv_spread *spread, uint32_t count, struct ranking rankings[])
 {
     const uint32_t over = spread->per_cell < FV_SPREAD_KEPT ? OVER_EVEN : OVER_STRONGEST;
     uint32_t due = 0, done = 0;
     for (uint32_t i = spread->levels; i-- > 0;) {
-        due += fraction_of(i, spread->levels, count, over);
+        due += quota_of(i, spread->levels, count, over);
         if (due > count || i == 0) due = count;
         const uint32_t room = due - done;
         rankings[i].room = room < rankings[i].total ? room : rankings[i].total;
@@ -326,23 +324,23 @@ static uint32_t top_up(struct fv_spread_level *level, uint32_t room)
 
 uint32_t fv_spread_pick(struct fv_spread *spread, struct fv_corner *corners)
 {
-    /* Fields to fill cost strong corners, whose loss empties further fields: a few turns come
-     * close. Each looks ahead by what the last one added, so that rather too many strong ones are
-     * given up, and some taken back at the end. */
-    enum { TURNS = 4 };
+    /* Fields to fill cost strong corners, whose loss empties further fields: a few iterations
+     * come close. Each looks ahead by what the last one added, so that rather too many strong ones
+     * are given up, and some taken back at the end. */
+    enum { ITERATIONS = 4 };
     struct ranking rankings[FOVEA_PYRAMID_LEVELS_MAX];
     bool has[FV_SPREAD_FIELDS];
     uint32_t strong = spread->count, fill = 0, picked = 0;
     rank_levels(spread, rankings);
-    for (int turn = 0; turn < TURNS; turn++) {
+    for (int iteration = 0; iteration < ITERATIONS; iteration++) {
         const uint32_t before = fill;
         memset(has, 0, sizeof has);
-        fraction_out(spread, strong, rankings);
+        divide(spread, strong, rankings);
         for (uint32_t i = 0; i < spread->levels; i++)
             take_strongest(&spread->level[i], &rankings[i], has);
         fill = fields_to_fill(spread, has);
-        const uint32_t ahead = fill + (turn > 0 && fill > before ? fill - before : 0);
-        if (turn < TURNS - 1) strong = spread->count > ahead ? spread->count - ahead : 0;
+        const uint32_t ahead = fill + (iteration > 0 && fill > before ? fill - before : 0);
+        if (iteration < ITERATIONS - 1) strong = spread->count > ahead ? spread->count - ahead : 0;
     }
     uint32_t left = spread->count;
     for (uint32_t i = 0; i < spread->levels; i++)

@@ -1,10 +1,10 @@
 /* Spread: pick corners so that they cover the image rather than crowd on its strongest texture.
  *
- * Each level is due a fraction of the features, which falls by 5/6 from level to level, as side
+ * Each level has a quota of the features, which falls by 5/6 from level to level, as side
  * lengths do, and gives its strongest corners. (Where only strength counts, per_cell being
  * FV_SPREAD_KEPT, it falls by 29/30: coarse corners are less exact but survive blur and change of
  * scale; measured on the Oxford affine sets.) It is cut into square cells, about as many as its
- * fraction: a cell gives at most `per_cell` (more where too few would be found), and when any of
+ * quota: a cell gives at most `per_cell` (more where too few would be found), and when any of
  * its corners reaches `threshold` those below do not count. What a coarse level lacks goes to the
  * finer ones, what is then left to the coarser. Beside that, the frame is cut into FV_SPREAD_COVER
  * x FV_SPREAD_COVER fields: where the strong corners leave fields empty, the strongest corner of

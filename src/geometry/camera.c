@@ -15,14 +15,14 @@ enum {
     AZIMUTHS = 16,
     RADIAL_STEPS = 60,
     PLANE_STEPS = 20,
-    FRACTION_COLUMNS = 16,
-    FRACTION_ROWS = 12
+    GRID_COLUMNS = 16,
+    GRID_ROWS = 12
 };
 
 static const double field_limit_radtan_rad = 1.56; /* the image plane reaches infinity at pi/2 */
 static const double field_min_rad =
     0.02; /* a lens that folds back earlier is a wrong calibration */
-static const double fraction_min =
+static const double fraction_seen_min =
     0.4; /* of the image that sees something: a circular fish-eye leaves the corners dark */
 static const double residual_max = 1e-9; /* of unprojection, on the plane at distance 1 */
 
@@ -295,14 +295,14 @@ static double fraction_seen(const struct fovea_camera *camera)
 {
     int seen = 0;
     if (camera->width == 0) return 1;
-    for (int i = 0; i < FRACTION_COLUMNS * FRACTION_ROWS; i++) {
-        const int column = i % FRACTION_COLUMNS, row = i / FRACTION_COLUMNS;
-        const double pixel[2] = {(column + 0.5) / FRACTION_COLUMNS * camera->width,
-                                 (row + 0.5) / FRACTION_ROWS * camera->height};
+    for (int i = 0; i < GRID_COLUMNS * GRID_ROWS; i++) {
+        const int column = i % GRID_COLUMNS, row = i / GRID_COLUMNS;
+        const double pixel[2] = {(column + 0.5) / GRID_COLUMNS * camera->width,
+                                 (row + 0.5) / GRID_ROWS * camera->height};
         double bearing[3];
         seen += fovea_camera_unproject(camera, pixel, bearing, NULL) == FOVEA_OK;
     }
-    return (double)seen / (FRACTION_COLUMNS * FRACTION_ROWS);
+    return (double)seen / (GRID_COLUMNS * GRID_ROWS);
 }
 
 enum fovea_status fovea_camera_prepare(struct fovea_camera *camera, struct fovea_error *error)
@@ -330,11 +330,11 @@ enum fovea_status fovea_camera_prepare(struct fovea_camera *camera, struct fovea
             low, field_min_rad);
     camera->field_max_rad = low;
     const double seen = fraction_seen(camera);
-    if (seen < fraction_min)
+    if (seen < fraction_seen_min)
         return fovea_error_set(
             error, FOVEA_ERROR_INPUT,
             "camera distortion: folds back at %.2f rad from the axis, so that only %.0f %% of the image sees anything, expected at least %.0f %%",
-            low, 100 * seen, 100 * fraction_min);
+            low, 100 * seen, 100 * fraction_seen_min);
     return FOVEA_OK;
 }
 

@@ -1,11 +1,11 @@
 /* Pyramid: the frame as grey levels, each 5/6 of the size of the one before (scale 1.2).
  *
  * Level 0 is the frame, converted to grey. Pixel (x, y) of level n+1 is the bilinear sample of
- * level n at (1.2 x + 0.1, 1.2 y + 0.1): pixel centres map by exactly 1.2, so the place in the raw
- * image is 1.2^level (x + 0.5) - 0.5 with no rounding of sizes in it. Since 1.2 = 6/5, six pixels
- * make five with only the weights .9/.1 .7/.3 .5/.5 .3/.7 .1/.9, kept in 1/128: 115/13 90/38 64/64
- * 38/90 13/115. Rows are blended first, then columns, each rounded half up to 8 bits. A level is 5
- * floor(w/6) + max(0, w mod 6 - 1) wide, w that of the level before, so that no sample lies
+ * level n at (1.2 x + 0.1, 1.2 y + 0.1): pixel centres map by exactly 1.2, so the position in the
+ * raw image is 1.2^level (x + 0.5) - 0.5 with no rounding of sizes in it. Since 1.2 = 6/5, six
+ * pixels make five with only the weights .9/.1 .7/.3 .5/.5 .3/.7 .1/.9, kept in 1/128: 115/13 90/38
+ * 64/64 38/90 13/115. Rows are blended first, then columns, each rounded half up to 8 bits. A level
+ * is 5 floor(w/6) + max(0, w mod 6 - 1) wide, w that of the level before, so that no sample lies
  * outside. Integer only: the same bits with every kernel set. */
 #ifndef FOVEA_IMAGE_PYRAMID_H
 #define FOVEA_IMAGE_PYRAMID_H

@@ -380,13 +380,13 @@ static double path_since(const struct fv_map *map, uint32_t keyframe, uint64_t n
     return length;
 }
 
-/* What a similarity does at a place: how far it moves it, turns, and scales (as a logarithm). */
-static void effect(const struct fv_sim3 *S, const double place[3], double *shift, double *turn,
+/* Shift, rotation and scale (as a logarithm) of a similarity at a position. */
+static void effect(const struct fv_sim3 *S, const double position[3], double *shift, double *turn,
                    double *scale)
 {
     double moved[3], between[3], rotation[3];
-    fv_sim3_apply(S, place, moved);
-    fv_subtract3(moved, place, between);
+    fv_sim3_apply(S, position, moved);
+    fv_subtract3(moved, position, between);
     fv_so3_log(S->R, rotation);
     *shift = fv_norm3(between);
     *turn = fv_norm3(rotation);

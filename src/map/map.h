@@ -323,8 +323,8 @@ struct fv_neighbour {
 /* How many landmarks each keyframe shares with a frame's links; `shared` by slot, limits.keyframes
  * elements. */
 void fv_map_count_shared(const struct fv_map *map, uint32_t slot, uint16_t *shared);
-/* The keyframes that fraction at least `shared_min` landmarks with a keyframe, most first (of
- * equals the newer), at most `max` (itself left out). Returns their number. */
+/* The keyframes that share at least `shared_min` landmarks with a keyframe, most first (of equals
+ * the newer), at most `max` (itself left out). Returns their number. */
 uint32_t fv_map_neighbours(const struct fv_map *map, uint32_t slot, uint32_t shared_min,
                            struct fv_neighbour *neighbours, uint32_t max);
 /* The slot with most in `shared`; of equals the lowest, or the newest keyframe. */

@@ -46,8 +46,8 @@ static void damp(const struct fv_graph_node *node, double damping, double D[49])
         D[8 * a] += damping * node->diagonal[8 * a] + 1e-12;
 }
 
-/* Diagonal blocks of the tree alone: a node has the fraction of the edge to its parent, and of
- * those to its children. */
+/* Diagonal blocks of the tree alone: the sum over the edges of a node to its parent and to
+ * its children. */
 static void tree_blocks(struct fv_pose_graph *g)
 {
     for (uint32_t k = 0; k < g->state->ordered; k++) {

@@ -213,7 +213,7 @@ static void end_pass(struct fv_window *w)
     if (last)
         s->phase = FV_WINDOW_DONE;
     else
-        begin_pass(s); /* at the old place, with more damping */
+        begin_pass(s); /* at the old position, with more damping */
 }
 
 bool fv_window_unit(struct fv_window *w)

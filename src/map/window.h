@@ -29,9 +29,7 @@ struct fv_window_limits {
     uint32_t landmarks;    /* [100, 4000] */
     uint32_t observations; /* of all of them */
     uint32_t passes;       /* over the window: one more than Levenberg-Marquardt steps; [4, 200] */
-    /* fraction of the cost: a step that saves no more, from the FV_WINDOW_STEPS_MINth on, is the
-     * last
-     */
+    /* fraction of the cost: from step FV_WINDOW_STEPS_MIN on, one that saves no more is the last */
     double converged;
 };
 

@@ -126,7 +126,7 @@ static enum fovea_status read_numbers(struct fovea_fields *walk, const struct fv
 enum fovea_status fovea_fields_next(struct fovea_fields *walk, struct fovea_field *leaf)
 {
     if (walk->problem != NULL) return FOVEA_ERROR_INPUT;
-    for (;;) { /* every turn consumes bytes, ends a field, or ends a struct */
+    for (;;) { /* every iteration consumes bytes, ends a field, or ends a struct */
         const struct fovea_type *type = walk->level[walk->depth].type;
         int32_t *field_number = &walk->level[walk->depth].field,
                 *element = &walk->level[walk->depth].element;

@@ -180,7 +180,8 @@ static void begin_field(struct printing *p, const struct fv_field *field)
 
 static void print_message(struct printing *p, const struct fovea_type *types)
 {
-    while (p->depth >= 0) { /* every turn begins a field, or ends an element, a field or a struct */
+    while (p->depth >=
+           0) { /* every iteration begins a field, or ends an element, a field or a struct */
         const struct fovea_type *type = p->level[p->depth].type;
         if (p->level[p->depth].field == type->field_count) {
             put(&p->out, "}", 1);

@@ -143,11 +143,10 @@ static void put(const struct fv_model *model, const struct tables *t, uint8_t *i
     }
 }
 
-enum {
-    BLOCK_ROWS = 16
-}; /* that fraction where a column looks: the division there costs more than the sample */
+/* Rows that share the sampled columns: the division for a column costs more than the sample. */
+enum { BLOCK_ROWS = 16 };
 
-/* Where rows of a block look. */
+/* Where rows of a block sample. */
 struct block {
     int32_t begin, count;
     int32_t shown[BLOCK_ROWS], up[BLOCK_ROWS], down[BLOCK_ROWS], wy[BLOCK_ROWS];

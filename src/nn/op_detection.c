@@ -142,8 +142,8 @@ static int32_t next_class(const struct state *s, int32_t anchor, int32_t after)
 
 /* ---- steps: each row of the operator is one -------------------------------------------------- */
 
-/* Selections of a class that one step makes. */
-static int32_t fraction(const struct fv_op_detection *p)
+/* Of one class. */
+static int32_t selections_per_step(const struct fv_op_detection *p)
 {
     const int32_t most = PAIRS_PER_STEP / p->anchors;
     return most < 1 ? 1 : most;
@@ -152,7 +152,7 @@ static int32_t fraction(const struct fv_op_detection *p)
 static int32_t steps_per_class(const struct fv_op_detection *p)
 {
     const int32_t limit = p->per_class < p->anchors ? p->per_class : p->anchors;
-    return limit < 1 ? 1 : (limit - 1) / fraction(p) + 1;
+    return limit < 1 ? 1 : (limit - 1) / selections_per_step(p) + 1;
 }
 
 int32_t fv_nn_detection_rows(const struct fv_op_detection *p)
@@ -219,7 +219,7 @@ static void regular_step(const struct state *s, int32_t step)
             s->score[i] = s->scores[(ptrdiff_t)i * s->columns + p->class_offset + c];
         suppress_begin(s);
     }
-    suppress_some(s, fraction(p), p->per_class);
+    suppress_some(s, selections_per_step(p), p->per_class);
     if (step % steps == steps - 1) merge_class(s, c);
 }
 

@@ -137,8 +137,8 @@ static void copy_row(const struct fv_op_copy *p, const uint8_t *table,
     }
 }
 
-/* Rows that fraction all axes but the last two form a matrix; when bytes run along opposite axes it
- * is a transposition. */
+/* Rows that share all axes but the last two form a matrix; when bytes run along opposite axes it is
+ * a transposition. */
 static int is_transpose(const struct fv_op_copy *p)
 {
     return p->element_bytes == 1 && p->table == 0 && p->src[4] == 1 && p->dst[5] == 1 &&

@@ -6,7 +6,7 @@
 #include "odometry/odometry.h"
 
 enum {
-    DISTANCE_PREDICTED_MAX = 80, /* Hamming, where the place is predicted */
+    DISTANCE_PREDICTED_MAX = 80, /* Hamming, where the position is predicted */
     INLIERS_FIRST_MIN = 12       /* of the first stage, to go on */
 };
 

@@ -4,7 +4,7 @@
 
 #include "runtime/state.h"
 
-/* The next piece: FV_MESSAGE_MAP_LANDMARKS places of landmarks and FV_MESSAGE_MAP_KEYFRAMES of
+/* The next piece: FV_MESSAGE_MAP_LANDMARKS slots of landmarks and FV_MESSAGE_MAP_KEYFRAMES of
  * keyframes. Real-time safe. */
 void fv_encode_map(struct fovea *rt, struct fovea_outputs *outputs);
 

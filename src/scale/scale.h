@@ -1,5 +1,5 @@
-/* Metric scale of a monocular map, from the height of the camera over the floor or from wheel or
- * leg odometry.
+/* Metric scale of a monocular map, from the height of the camera over the floor or from wheel
+ * odometry.
  *
  * The map keeps the unit that it was started with. What is estimated is one number, metres per unit
  * of the map; runtime/publish.c applies it to the pose that is published. Odometry does not know
@@ -9,9 +9,9 @@
  * camera (geometry/floor.h); the logarithm of the scale is then filtered (Kalman, one state,
  * drifting with every keyframe since the scale of a monocular map does). wheel_odometry: between
  * the last keyframes, the camera's displacement by wheel odometry is divided by that in the map;
- * the middle of these legs counts, and their spread gives the uncertainty. A new map starts with
- * the scale unknown; one that was left or loaded with the scale that it had, which new measurements
- * add to.
+ * the mean of these ratios without outliers counts, and their spread gives the uncertainty. A new
+ * map starts with the scale unknown; one that was left or loaded with the scale that it had, which
+ * new measurements add to.
  *
  * State holds no addresses. Real-time safe: every function is bounded; no heap. */
 #ifndef FOVEA_SCALE_SCALE_H
@@ -29,19 +29,19 @@
 extern "C" {
 #endif
 
-enum { FV_SCALE_PLACES_MAX = 512, FV_SCALE_STATIONS_MAX = 32 };
+enum { FV_SCALE_POSITIONS_MAX = 512, FV_SCALE_STATIONS_MAX = 32 };
 
-/* Where the camera was by wheel odometry. */
-struct fv_scale_place {
+/* Position of the camera by wheel odometry. */
+struct fv_scale_position {
     int64_t stamp_ns;
-    double at[3];
+    double at[3]; /* metres */
 };
 
-/* A keyframe, whose place by the map is looked up anew each time: optimisation moves it. */
+/* A keyframe. Its position by the map is read each time, since optimisation moves it. */
 struct fv_scale_station {
     uint32_t slot, generation;
-    bool placed; /* wheel odometry has come so far */
-    struct fv_scale_place place;
+    bool positioned; /* wheel odometry has come so far */
+    struct fv_scale_position position;
 };
 
 struct fv_scale_state {
@@ -50,7 +50,7 @@ struct fv_scale_state {
     uint32_t source;              /* that it is known from */
     double log_scale, variance;   /* natural logarithm of metres per unit, and its variance */
     double prior, prior_variance; /* the same, as the map brought it; a variance of 0: nothing */
-    double map_scale; /* units of the map per unit of the continuous world, when last looked at */
+    double map_scale; /* units of the map per unit of the continuous world, at the last step */
     uint32_t map;     /* that all this belongs to */
 
     /* camera_height */
@@ -58,8 +58,9 @@ struct fv_scale_state {
     uint64_t fitted; /* number of the map's next keyframe when the floor was last fitted */
 
     /* wheel odometry */
-    uint64_t place_count; /* that have come; the last ones are kept, in a ring */
-    struct fv_scale_place places[FV_SCALE_PLACES_MAX]; /* of the camera, by wheel odometry */
+    uint64_t position_count; /* that have come; the last ones are kept, in a ring */
+    struct fv_scale_position
+        positions[FV_SCALE_POSITIONS_MAX]; /* of the camera, by wheel odometry */
     uint32_t station_count;
     uint64_t station_next; /* number of the first keyframe that is no station yet */
     struct fv_scale_station stations[FV_SCALE_STATIONS_MAX]; /* oldest first */
@@ -95,7 +96,7 @@ struct fv_scale_value {
 };
 struct fv_scale_value fv_scale_get(const struct fv_scale *scale);
 
-/* The floor's turn to be fitted, and one unit that does it. */
+/* Whether the floor waits to be fitted, and one unit that fits it. */
 bool fv_scale_waiting(const struct fv_scale *scale, const struct fv_odometry *odometry);
 void fv_scale_unit(struct fv_scale *scale, const struct fv_odometry *odometry);
 

@@ -120,7 +120,7 @@ void fv_test_refused(const char *command, const char *names)
         if (strstr(text, name) == NULL) fail_msg("%s: '%s' is not in [%s]", command, name, text);
 }
 
-void fv_test_fine_or_refused(const char *command, const char *name, int turn)
+void fv_test_fine_or_refused(const char *command, const char *name, int iteration)
 {
     char wanted[256];
     const char *text;
@@ -129,10 +129,10 @@ void fv_test_fine_or_refused(const char *command, const char *name, int turn)
     replace_folder(name, wanted, sizeof wanted);
     if (WIFEXITED(status) && WEXITSTATUS(status) == FV_EXIT_OK) return;
     if (!WIFEXITED(status) || WEXITSTATUS(status) != FV_EXIT_WRONG)
-        fail_msg("turn %d of %s: wait status %x: [%s]", turn, command, status, text);
+        fail_msg("iteration %d of %s: wait status %x: [%s]", iteration, command, status, text);
     assert_one_line(command, text);
     if (strstr(text, wanted) == NULL)
-        fail_msg("turn %d of %s: '%s' is not in [%s]", turn, command, wanted, text);
+        fail_msg("iteration %d of %s: '%s' is not in [%s]", iteration, command, wanted, text);
 }
 
 void fv_test_mutate(struct fv_random *random, char *text, size_t *bytes)

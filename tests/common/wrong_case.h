@@ -12,8 +12,8 @@
 int fv_test_command(const char *command, const char **text);
 /* `names`: what the line must contain, separated by '|'. */
 void fv_test_refused(const char *command, const char *names);
-/* Ends in order, or with a line that contains `name`; `turn` is printed otherwise. */
-void fv_test_fine_or_refused(const char *command, const char *name, int turn);
+/* Ends in order, or with a line that contains `name`; `iteration` is printed otherwise. */
+void fv_test_fine_or_refused(const char *command, const char *name, int iteration);
 /* How many commands of the two above there were. */
 int fv_test_cases(void);
 

@@ -95,26 +95,26 @@ void check_brief_u8(struct check *check, fv_k_brief_u8_fn *reference, fv_k_brief
     enum { REACH = 21, MARGIN = REACH + 3 };
     const struct patch patch = random_patch(check, MARGIN);
     const uint8_t *centre = patch.image + random_centre(check, &patch, MARGIN);
-    int8_t places[4 * FV_BRIEF_BITS];
+    int8_t positions[4 * FV_BRIEF_BITS];
     for (int i = 0; i < 4 * FV_BRIEF_BITS; i++)
-        places[i] = (int8_t)check_between(check, -REACH, REACH);
+        positions[i] = (int8_t)check_between(check, -REACH, REACH);
     const int32_t sign = check_between(check, 0, 1) ? 1 : -1, upright = check_between(check, 0, 1);
     const int32_t along = upright ? sign : sign * patch.stride,
                   across = upright ? sign * patch.stride : -sign;
     uint8_t *expected = check_buffer(check, FV_DESCRIPTOR_BYTES, 1, 0);
     uint8_t *found = check_buffer(check, FV_DESCRIPTOR_BYTES, 1, 0);
-    reference(expected, centre, places, along, across);
-    variant(found, centre, places, along, across);
+    reference(expected, centre, positions, along, across);
+    variant(found, centre, positions, along, across);
     check_equal(check, "descriptor", expected, found, FV_DESCRIPTOR_BYTES);
 }
 
 void bench_brief_u8(struct check *check, fv_k_brief_u8_fn *variant)
 {
     strcpy(check->size, "1000 features");
-    int8_t places[4 * FV_BRIEF_BITS];
+    int8_t positions[4 * FV_BRIEF_BITS];
     for (int i = 0; i < 4 * FV_BRIEF_BITS; i++)
-        places[i] = (int8_t)(i * 31 % 37 - 18);
+        positions[i] = (int8_t)(i * 31 % 37 - 18);
     for (int i = 0; i < BENCH_FEATURES; i++)
-        variant(bench_scratch() + FV_DESCRIPTOR_BYTES * i, bench_image() + bench_centre(i), places,
-                1, BENCH_STRIDE);
+        variant(bench_scratch() + FV_DESCRIPTOR_BYTES * i, bench_image() + bench_centre(i),
+                positions, 1, BENCH_STRIDE);
 }

@@ -1,4 +1,4 @@
-/* The kernel's fraction of the receiver: a classic BPF program for a UDP socket. */
+/* The part of the receiver that runs in the kernel: a classic BPF program for a UDP socket. */
 #ifndef FOVEA_APP_NETWORK_RECEIVER_FILTER_H
 #define FOVEA_APP_NETWORK_RECEIVER_FILTER_H
 

@@ -46,12 +46,13 @@ void fv_k_moments_u8__c(int32_t *m, const uint8_t *image, ptrdiff_t stride, cons
 }
 
 void fv_k_brief_u8__c(uint8_t descriptor[FV_DESCRIPTOR_BYTES], const uint8_t *centre,
-                      const int8_t places[4 * FV_BRIEF_BITS], int32_t along, int32_t across)
+                      const int8_t positions[4 * FV_BRIEF_BITS], int32_t along, int32_t across)
 {
     for (int i = 0; i < FV_DESCRIPTOR_BYTES; i++) {
         unsigned byte = 0;
         for (int bit = 0; bit < 8; bit++) {
-            const int8_t *first = places + 2 * (8 * i + bit), *second = first + 2 * FV_BRIEF_BITS;
+            const int8_t *first = positions + 2 * (8 * i + bit),
+                         *second = first + 2 * FV_BRIEF_BITS;
             const int less = centre[along * first[0] + across * first[1]] <
                              centre[along * second[0] + across * second[1]];
             byte |= (unsigned)less << bit;

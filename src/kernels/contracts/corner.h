@@ -1,4 +1,5 @@
-/* Contract of the kernel that scores the surroundings of found corners, for their sub-pixel places.
+/* Contract of the kernel that scores the surroundings of found corners, for their sub-pixel
+ * positions.
  */
 #ifndef FOVEA_KERNELS_CONTRACTS_CORNER_H
 #define FOVEA_KERNELS_CONTRACTS_CORNER_H

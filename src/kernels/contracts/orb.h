@@ -36,11 +36,11 @@ typedef void fv_k_blur7_row_u8_fn(uint8_t *out, const uint8_t *const rows[7], in
 typedef void fv_k_moments_u8_fn(int32_t *m, const uint8_t *image, ptrdiff_t stride,
                                 const int32_t *centres, int32_t count);
 
-/* 256 comparisons around a pixel. Sample i lies at the byte offset along * places[2i] + across *
- * places[2i + 1] from `centre`; |along|, |across| < 32768. Bit i (bit i % 8 of byte i / 8) is set
- * where sample i < sample 256 + i. Reads up to 3 bytes after each sample. */
+/* 256 comparisons around a pixel. Sample i lies at the byte offset along * positions[2i] + across *
+ * positions[2i + 1] from `centre`; |along|, |across| < 32768. Bit i (bit i % 8 of byte i / 8) is
+ * set where sample i < sample 256 + i. Reads up to 3 bytes after each sample. */
 typedef void fv_k_brief_u8_fn(uint8_t descriptor[FV_DESCRIPTOR_BYTES], const uint8_t *centre,
-                              const int8_t places[4 * FV_BRIEF_BITS], int32_t along,
+                              const int8_t positions[4 * FV_BRIEF_BITS], int32_t along,
                               int32_t across);
 
 /* Half widths of the rows of the circle of radius 15, from the middle row outwards. */

@@ -129,11 +129,11 @@ void fv_k_moments_u8__neon(int32_t *m, const uint8_t *image, ptrdiff_t stride,
 /* Sampled into arrays first: the vector loads that compare come long after the byte stores that
  * they need. */
 static inline void brief_sample(uint8_t samples[2 * FV_BRIEF_BITS], const uint8_t *centre,
-                                const int8_t *places, int16_t along, int16_t across)
+                                const int8_t *positions, int16_t along, int16_t across)
 {
     for (int i = 0; i < 2 * FV_BRIEF_BITS; i += 8) {
-        const int8x8x2_t place = vld2_s8(places + 2 * i);
-        const int16x8_t x = vmovl_s8(place.val[0]), y = vmovl_s8(place.val[1]);
+        const int8x8x2_t position = vld2_s8(positions + 2 * i);
+        const int16x8_t x = vmovl_s8(position.val[0]), y = vmovl_s8(position.val[1]);
         int32_t offset[8];
         vst1q_s32(offset,
                   vmlal_n_s16(vmull_n_s16(vget_low_s16(x), along), vget_low_s16(y), across));
@@ -145,13 +145,13 @@ static inline void brief_sample(uint8_t samples[2 * FV_BRIEF_BITS], const uint8_
 }
 
 void fv_k_brief_u8__neon(uint8_t descriptor[FV_DESCRIPTOR_BYTES], const uint8_t *centre,
-                         const int8_t places[4 * FV_BRIEF_BITS], int32_t along, int32_t across)
+                         const int8_t positions[4 * FV_BRIEF_BITS], int32_t along, int32_t across)
 {
     static const uint8_t bit_of_lane[16] = {1, 2, 4, 8, 16, 32, 64, 128,
                                             1, 2, 4, 8, 16, 32, 64, 128};
     const uint8x16_t bits = vld1q_u8(bit_of_lane);
     uint8_t samples[2 * FV_BRIEF_BITS];
-    brief_sample(samples, centre, places, (int16_t)along, (int16_t)across);
+    brief_sample(samples, centre, positions, (int16_t)along, (int16_t)across);
     for (int i = 0; i < FV_BRIEF_BITS; i += 16) {
         const uint8x16_t a = vld1q_u8(samples + i), b = vld1q_u8(samples + FV_BRIEF_BITS + i);
         const uint8x16_t less = vandq_u8(vcltq_u8(a, b), bits);

@@ -100,21 +100,21 @@ void fv_k_moments_u8__avx2(int32_t *m, const uint8_t *image, ptrdiff_t stride,
     }
 }
 
-static inline __m256i brief_eight(const uint8_t *centre, const int8_t *places, __m256i step)
+static inline __m256i brief_eight(const uint8_t *centre, const int8_t *positions, __m256i step)
 {
-    const __m256i place = _mm256_cvtepi8_epi16(_mm_loadu_si128((const __m128i *)places));
+    const __m256i position = _mm256_cvtepi8_epi16(_mm_loadu_si128((const __m128i *)positions));
     const __m256i words = _mm256_i32gather_epi32((const int *)(const void *)centre,
-                                                 _mm256_madd_epi16(place, step), 1);
+                                                 _mm256_madd_epi16(position, step), 1);
     return _mm256_and_si256(words, _mm256_set1_epi32(255));
 }
 
 void fv_k_brief_u8__avx2(uint8_t descriptor[FV_DESCRIPTOR_BYTES], const uint8_t *centre,
-                         const int8_t places[4 * FV_BRIEF_BITS], int32_t along, int32_t across)
+                         const int8_t positions[4 * FV_BRIEF_BITS], int32_t along, int32_t across)
 {
     const __m256i step = _mm256_set1_epi32((int32_t)((uint32_t)across << 16 | (uint16_t)along));
-    for (int i = 0; i < FV_DESCRIPTOR_BYTES; i++, places += 16) {
-        const __m256i a = brief_eight(centre, places, step);
-        const __m256i b = brief_eight(centre, places + 2 * FV_BRIEF_BITS, step);
+    for (int i = 0; i < FV_DESCRIPTOR_BYTES; i++, positions += 16) {
+        const __m256i a = brief_eight(centre, positions, step);
+        const __m256i b = brief_eight(centre, positions + 2 * FV_BRIEF_BITS, step);
         descriptor[i] = (uint8_t)_mm256_movemask_ps(_mm256_castsi256_ps(_mm256_cmpgt_epi32(b, a)));
     }
 }

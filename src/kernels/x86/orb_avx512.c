@@ -91,20 +91,20 @@ void fv_k_moments_u8__avx512(int32_t *m, const uint8_t *image, ptrdiff_t stride,
     }
 }
 
-static inline __m512i brief_sixteen(const uint8_t *centre, const int8_t *places, __m512i step)
+static inline __m512i brief_sixteen(const uint8_t *centre, const int8_t *positions, __m512i step)
 {
-    const __m512i place = _mm512_cvtepi8_epi16(_mm256_loadu_si256((const __m256i *)places));
-    const __m512i words = _mm512_i32gather_epi32(_mm512_madd_epi16(place, step), centre, 1);
+    const __m512i position = _mm512_cvtepi8_epi16(_mm256_loadu_si256((const __m256i *)positions));
+    const __m512i words = _mm512_i32gather_epi32(_mm512_madd_epi16(position, step), centre, 1);
     return _mm512_and_si512(words, _mm512_set1_epi32(255));
 }
 
 void fv_k_brief_u8__avx512(uint8_t descriptor[FV_DESCRIPTOR_BYTES], const uint8_t *centre,
-                           const int8_t places[4 * FV_BRIEF_BITS], int32_t along, int32_t across)
+                           const int8_t positions[4 * FV_BRIEF_BITS], int32_t along, int32_t across)
 {
     const __m512i step = _mm512_set1_epi32((int32_t)((uint32_t)across << 16 | (uint16_t)along));
-    for (int i = 0; i < FV_DESCRIPTOR_BYTES; i += 2, places += 32) {
-        const __m512i a = brief_sixteen(centre, places, step);
-        const __m512i b = brief_sixteen(centre, places + 2 * FV_BRIEF_BITS, step);
+    for (int i = 0; i < FV_DESCRIPTOR_BYTES; i += 2, positions += 32) {
+        const __m512i a = brief_sixteen(centre, positions, step);
+        const __m512i b = brief_sixteen(centre, positions + 2 * FV_BRIEF_BITS, step);
         const __mmask16 less = _mm512_cmplt_epu32_mask(a, b);
         descriptor[i] = (uint8_t)less;
         descriptor[i + 1] = (uint8_t)(less >> 8);

@@ -122,11 +122,12 @@ void fv_k_moments_u8__sse4(int32_t *m, const uint8_t *image, ptrdiff_t stride,
 /* Sampled into arrays first: the vector loads that compare come long after the byte stores that
  * they need. */
 static inline void brief_sample(uint8_t samples[2 * FV_BRIEF_BITS], const uint8_t *centre,
-                                const int8_t *places, __m128i step)
+                                const int8_t *positions, __m128i step)
 {
     for (int i = 0; i < 2 * FV_BRIEF_BITS; i += 4) {
-        const __m128i place = _mm_cvtepi8_epi16(_mm_loadl_epi64((const __m128i *)(places + 2 * i)));
-        const __m128i offset = _mm_madd_epi16(place, step);
+        const __m128i position =
+            _mm_cvtepi8_epi16(_mm_loadl_epi64((const __m128i *)(positions + 2 * i)));
+        const __m128i offset = _mm_madd_epi16(position, step);
         const uint64_t low = (uint64_t)_mm_cvtsi128_si64(offset),
                        high = (uint64_t)_mm_extract_epi64(offset, 1);
         samples[i] = centre[(int32_t)low];
@@ -137,10 +138,10 @@ static inline void brief_sample(uint8_t samples[2 * FV_BRIEF_BITS], const uint8_
 }
 
 void fv_k_brief_u8__sse4(uint8_t descriptor[FV_DESCRIPTOR_BYTES], const uint8_t *centre,
-                         const int8_t places[4 * FV_BRIEF_BITS], int32_t along, int32_t across)
+                         const int8_t positions[4 * FV_BRIEF_BITS], int32_t along, int32_t across)
 {
     uint8_t samples[2 * FV_BRIEF_BITS];
-    brief_sample(samples, centre, places,
+    brief_sample(samples, centre, positions,
                  _mm_set1_epi32((int32_t)((uint32_t)across << 16 | (uint16_t)along)));
     for (int i = 0; i < FV_BRIEF_BITS; i += 16) {
         const __m128i a = _mm_loadu_si128((const __m128i *)(samples + i));

@@ -96,8 +96,8 @@ static void view(const struct fovea_outputs *outputs)
     }
 }
 
-/* One turn; bytes of a map that is complete after it, else 0. */
-static size_t turn(struct world *world, uint32_t commands, struct fovea_pose *pose)
+/* One iteration; bytes of a map that is complete after it, else 0. */
+static size_t iterate(struct world *world, uint32_t commands, struct fovea_pose *pose)
 {
     static struct fovea_inputs inputs;
     static struct fovea_outputs outputs;
@@ -139,7 +139,7 @@ static void test_carried_off_and_back(void **state)
     saved = malloc(capacity);
     for (int n = 0; n < FRAMES; n++) {
         if (n == SAVE) fovea_map_save_to(world.rt, saved, capacity);
-        const size_t bytes = turn(&world, n == SAVE ? FOVEA_COMMAND_SAVE : 0, &poses[n]);
+        const size_t bytes = iterate(&world, n == SAVE ? FOVEA_COMMAND_SAVE : 0, &poses[n]);
         if (bytes > 0) saved_bytes = bytes;
         saving += n >= SAVE && saved_bytes == 0;
         away +=
@@ -172,7 +172,7 @@ static void test_found_in_a_saved_map(void **state)
     fovea_map_seal(saved, saved_bytes);
     open_world(&world, (uint64_t)from, saved, saved_bytes);
     for (int n = 0; n < frames; n++) {
-        (void)turn(&world, 0, &pose);
+        (void)iterate(&world, 0, &pose);
         if (n == 0) first = pose;
         if (!pose.posed) continue;
         posed++;

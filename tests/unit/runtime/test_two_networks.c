@@ -1,5 +1,5 @@
-/* Two networks at once: each finds what it finds alone, and neither takes the other's fraction of
- * the grant. */
+/* Two networks at once: each finds what it finds alone, and neither takes the other's part of the
+ * grant. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>

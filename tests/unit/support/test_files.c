@@ -193,11 +193,11 @@ static void a_second_writer_is_refused_and_a_dead_one_is_not(void **state)
 static void many_writers_of_one_path_take_turns(void **state)
 {
     (void)state;
-    enum { WRITERS = 4, TURNS = 100 };
+    enum { WRITERS = 4, WRITES = 100 };
     put(in("sum"), "0");
     for (int w = 0; w < WRITERS; w++)
         if (fork() == 0) {
-            for (int done = 0; done < TURNS;) {
+            for (int done = 0; done < WRITES;) {
                 struct fv_output output;
                 int number;
                 if (fv_output_open(&output, in("sum"), FV_OUTPUT_WHOLE, NULL) != FOVEA_OK) continue;

@@ -77,7 +77,7 @@ static void test_wrong_keys(void **state)
 static void test_mutated_configurations(void **state)
 {
     (void)state;
-    enum { TURNS = 120 };
+    enum { ITERATIONS = 120 };
     static struct fv_settings settings;
     char *valid = NULL;
     size_t valid_bytes = 0;
@@ -87,14 +87,14 @@ static void test_mutated_configurations(void **state)
     fclose(file);
     struct fv_random random;
     fv_random_seed(&random, 11);
-    for (int turn = 0; turn < TURNS; turn++) {
+    for (int iteration = 0; iteration < ITERATIONS; iteration++) {
         char *text = malloc(valid_bytes);
         size_t bytes = valid_bytes;
         memcpy(text, valid, bytes);
         fv_test_mutate(&random, text, &bytes);
         fv_test_put("mutated.yaml", text, bytes);
         free(text);
-        fv_test_fine_or_refused("fovea config --check @/mutated.yaml", "@/mutated.yaml", turn);
+        fv_test_fine_or_refused("fovea config --check @/mutated.yaml", "@/mutated.yaml", iteration);
     }
     free(valid);
 }
@@ -154,13 +154,13 @@ static void test_calibrations(void **state)
     }
     struct fv_random random;
     fv_random_seed(&random, 5);
-    for (int turn = 0; turn < 60; turn++) {
+    for (int iteration = 0; iteration < 60; iteration++) {
         char changed[sizeof calibration];
         size_t bytes = sizeof calibration - 1;
         memcpy(changed, calibration, sizeof calibration);
         fv_test_mutate(&random, changed, &bytes);
         fv_test_put("cam.yaml", changed, bytes);
-        fv_test_fine_or_refused(command, "@/cam.yaml", turn);
+        fv_test_fine_or_refused(command, "@/cam.yaml", iteration);
     }
 }
 

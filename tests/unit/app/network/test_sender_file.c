@@ -28,7 +28,7 @@ static struct fv_transport *open_log(const char *url)
     return transport;
 }
 
-static void turn(struct fv_transport *transport)
+static void iterate(struct fv_transport *transport)
 {
     static const uint8_t data[14000];
     const struct fovea_outputs outputs = {
@@ -78,7 +78,7 @@ static void a_log_on_a_full_disk_stays_whole(void **state)
     setrlimit(RLIMIT_FSIZE, &small);
     transport = open_log(url);
     for (int i = 0; i < 50; i++) {
-        turn(transport);
+        iterate(transport);
         nanosleep(&(struct timespec){.tv_nsec = 2000000}, NULL);
     }
     fv_transport_finish(transport);
@@ -95,7 +95,7 @@ static void a_log_on_a_full_disk_stays_whole(void **state)
     fv_transport_close(transport);
     snprintf(url, sizeof url, "file://%s?mode=a", path); /* and can be gone on with */
     transport = open_log(url);
-    turn(transport);
+    iterate(transport);
     fv_transport_close(transport);
     assert_int_equal(events_in(path), all + MESSAGES);
     unlink(path);
@@ -181,10 +181,10 @@ static void a_link_is_not_followed(void **state)
     assert_refused(url_of("link", "a"), "link");
     assert_refused(url_of("empty", "a"), "link");
     transport = open_log(url_of("link", "w")); /* replaced, as with every other output */
-    turn(transport);
+    iterate(transport);
     fv_transport_close(transport);
     transport = open_log(url_of("empty", "w"));
-    turn(transport);
+    iterate(transport);
     fv_transport_close(transport);
     assert_kept("victim");
     assert_int_equal(access(in_folder("made"), F_OK), -1);
@@ -213,10 +213,10 @@ static void one_program_writes_a_log(void **state)
     (void)state;
     static const char *const modes[] = {"w", "a"};
     for (int first = 0; first < 2; first++)
-        for (int turns = 0; turns < 2; turns++) {
+        for (int iterations = 0; iterations < 2; iterations++) {
             keep("log");
             struct fv_transport *transport = open_log(url_of("log", modes[first]));
-            if (turns > 0) turn(transport);
+            if (iterations > 0) iterate(transport);
             for (int second = 0; second < 2; second++)
                 assert_refused(url_of("log", modes[second]), "another program");
             fv_transport_close(transport);
@@ -232,7 +232,7 @@ static void what_a_log_lacks_is_counted(void **state)
     struct rlimit limit, small;
     uint64_t offered;
     struct fv_transport *transport = open_log(url_of("log", "w"));
-    turn(transport);
+    iterate(transport);
     fv_transport_finish(transport);
     assert_int_equal(fv_transport_lost(transport, &offered), 0);
     assert_int_equal(offered, MESSAGES);
@@ -243,7 +243,7 @@ static void what_a_log_lacks_is_counted(void **state)
     small.rlim_cur = 100;
     setrlimit(RLIMIT_FSIZE, &small);
     transport = open_log(url_of("log", "w"));
-    turn(transport);
+    iterate(transport);
     fv_transport_finish(transport);
     setrlimit(RLIMIT_FSIZE, &limit);
     assert_int_equal(fv_transport_lost(transport, &offered), MESSAGES);
@@ -272,7 +272,7 @@ static void a_log_that_stalls_is_known(void **state)
     snprintf(url, sizeof url, "file:///dev/fd/%d?mode=w", ends[1]);
     struct fv_transport *transport = open_log(url);
     for (int i = 0; i < 20; i++)
-        turn(transport); /* 300 kB; a pipe takes 64 */
+        iterate(transport); /* 300 kB; a pipe takes 64 */
     for (int i = 0; i < 5000 && strncmp(call.name, "/dev/fd/", 8) != 0; i++) {
         nanosleep(&(struct timespec){.tv_nsec = 2000000}, NULL);
         fv_stall_longest(&call, &moved_ns);

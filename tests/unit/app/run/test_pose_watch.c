@@ -18,7 +18,7 @@ static struct fv_watch watch;
 enum { FRAMES = 60, PERIOD_NS = 33333333 };
 
 /* One frame of the simulated camera with these commands, noted by the watch. */
-static void turn(uint32_t commands)
+static void iterate(uint32_t commands)
 {
     struct fovea_outputs outputs;
     assert_true(sim_rig_next(&rig));
@@ -61,7 +61,7 @@ static void test_each_change_is_reported_once_with_its_time(void **state)
     int changes = 0;
     assert_false(fv_watch_take(&watch, &change));
     for (uint64_t frame = 1; frame <= FRAMES; frame++) {
-        turn(frame == 41 ? FOVEA_COMMAND_PAUSE : frame == 51 ? FOVEA_COMMAND_RESUME : 0);
+        iterate(frame == 41 ? FOVEA_COMMAND_PAUSE : frame == 51 ? FOVEA_COMMAND_RESUME : 0);
         const enum fv_watch_state now =
             frame > 40 && frame <= 50 ? FV_WATCH_PAUSED : expected_state();
         if (now != before) {
@@ -94,7 +94,7 @@ static void test_the_ribbon_keeps_the_worst_state_of_a_bin(void **state)
     rig.config.odometry.enabled = false;
     sim_rig_build(&rig);
     fv_watch_open(&watch, false, false);
-    turn(0);
+    iterate(0);
     assert_int_equal(watch.ribbon.state[0], FV_WATCH_RUNNING);
     struct fovea_inputs inputs = rig.inputs; /* frames that the runtime does not see */
     for (int i = 1; i < 4 * FV_WATCH_BINS; i++) {
@@ -115,7 +115,7 @@ static void test_changes_that_nobody_takes_are_counted(void **state)
     sim_rig_open(&rig, "sim:orbit?width=64&height=64", 0, FRAMES);
     sim_rig_build(&rig);
     fv_watch_open(&watch, true, false);
-    turn(0);
+    iterate(0);
     const struct fovea_inputs inputs = rig.inputs;
     int changes = 1;
     for (; changes < 3 * FV_WATCH_CHANGES_MAX; changes++) {

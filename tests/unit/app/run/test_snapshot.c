@@ -183,7 +183,7 @@ static void test_a_frame_of_a_log_is_read_again_by_its_place(void **state)
     snprintf(path, sizeof path, "%s/run.lcm", folder);
     snprintf(uri, sizeof uri, "lcmlog:%s", path);
     short_run_record(path,
-                     &run); /* every eleventh turn has no frame: numbers run ahead of places */
+                     &run); /* every eleventh iteration has no frame: numbers run ahead of places */
     check_read_again(uri, false);
     check_read_again(uri, true);
     assert_int_equal(unlink(path) | rmdir(folder), 0);

@@ -91,7 +91,7 @@ static void test_similarity_is_found(void **state)
     (void)state;
     struct fv_random random;
     fv_random_seed(&random, 3);
-    for (int turn = 0; turn < 30; turn++)
+    for (int iteration = 0; iteration < 30; iteration++)
         for (int dimensions = 1; dimensions <= 3; dimensions++) {
             fit_known(&random, dimensions, 0);
             fit_known(&random, dimensions, 0.01);
