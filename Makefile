@@ -209,19 +209,19 @@ $(BUILD)/venv-sweep/ready:
 	$(BUILD)/venv-sweep/bin/pip install -q --disable-pip-version-check distributed==2026.8.0 pyarrow==26.0.1 duckdb==2.0.0 numpy
 	@touch $@
 	@touch $@
-$(BUILD)/venv-tracking/ready:
-	python3 -m venv $(BUILD)/venv-tracking
-	$(BUILD)/venv-tracking/bin/pip install -q trackers==2.6.1 trackeval==1.3.0 numpy
+$(BUILD)/venv-objects/ready:
+	python3 -m venv $(BUILD)/venv-objects
+	$(BUILD)/venv-objects/bin/pip install -q trackers==2.6.1 trackeval==1.3.0 numpy
 	@touch $@
 PICTURE := $(BUILD)/run-picture.png
 pictures: all  ## renew the picture of README.md: a simulated run
 	@tools/install.sh pictures
 	$(BUILD)/fovea run --quiet --source sim:tour --frames 900 --set lcm_url= --model src/detect/shipped.fvm --picture $(PICTURE)
 	convert $(PICTURE) -strip -filter Lanczos -resize 1280x -dither None -colors 128 -define png:compression-level=9 docs/run.png
-evaluate: all $(BUILD)/venv-sweep/ready $(BUILD)/venv-tracking/ready  ## the recordings with truth over seeds and start frames, the tracker beside SORT and ByteTrack: rewrites the committed tables
+evaluate: all $(BUILD)/venv-sweep/ready $(BUILD)/venv-objects/ready  ## the recordings with truth over seeds and start frames, objects beside SORT and ByteTrack: rewrites the committed tables
 	$(BUILD)/venv-sweep/bin/python tools/evaluate odometry --binary $(BUILD)/fovea
 	$(BUILD)/venv-sweep/bin/python tools/evaluate road --binary $(BUILD)/fovea
-	$(BUILD)/venv-tracking/bin/python tools/evaluate/tracking.py --fovea $(BUILD)/fovea --output tools/evaluate/tracking.md
+	$(BUILD)/venv-objects/bin/python tools/evaluate/objects.py --fovea $(BUILD)/fovea --output tools/evaluate/objects.md
 
 CAMPAIGN := $(patsubst tests/%.c,$(BUILD)/tests/%,$(wildcard tests/campaign/*.c))
 campaign: all $(CAMPAIGN)  ## the long proofs, resumable: hours

@@ -2,7 +2,7 @@
 """Estimate the inner loops of the NEON kernels with llvm-mca, on Cortex-A72, Cortex-A76 and Neoverse N1.
 
 For each kernel: its vector loops (innermost ones; where several, the fattest), instructions, and cycles per pass on each
-core; for matrix products also multiply-adds per cycle, and their share of what the core does when it is given nothing but
+core; for matrix products also multiply-adds per cycle, and the fraction of what the core does when it is given nothing but
 independent products of that kind. The model knows pipelines, not caches: loads hit, branches are
 predicted.
 

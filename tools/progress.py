@@ -13,8 +13,8 @@ def show(what, done, total, more=""):
     if not sys.stderr.isatty() or (now - _shown < 0.2 and done < total):
         return
     _shown = now
-    share = f"  {100 * done / total:.0f} %" if total else ""
-    line = f"{what}  {done}/{total}{share}{'  ' if more else ''}{more}"
+    percent = f"  {100 * done / total:.0f} %" if total else ""
+    line = f"{what}  {done}/{total}{percent}{'  ' if more else ''}{more}"
     sys.stderr.write("\r\033[K" + line[:shutil.get_terminal_size().columns - 1])
     sys.stderr.flush()
 

@@ -52,7 +52,8 @@ static enum fovea_status add_wish(void *to, const char *name, const char *value,
 }
 
 static const struct fv_uri_table options_table = {
-    "libcamera", option_table, sizeof option_table / sizeof option_table[0], "control.", add_wish};
+    "libcamera", option_table, sizeof option_table / sizeof option_table[0],
+    "control.",  add_wish,     NULL};
 
 static enum fovea_status parse(const char *address, struct fv_libcamera_options *options,
                                struct fovea_error *error)

@@ -431,5 +431,5 @@ static enum fovea_status open_lcmlog(const char *address,
                           &info, source, error);
 }
 
-const struct fovea_source_ops fv_source_lcmlog =
-    FV_PLAYER_OPS("lcmlog", "FILE  frames in an LCM log (fovea.frame_t)", open_lcmlog);
+const struct fovea_source_ops fv_source_lcmlog = FV_PLAYER_OPS(
+    "lcmlog", "FILE  frames and sensor samples in an LCM log (fovea.frame_t)", open_lcmlog);

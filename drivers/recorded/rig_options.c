@@ -13,7 +13,7 @@ enum fovea_status fv_rig_options(const char *scheme, const char *address, bool i
     static const struct fv_uri_option rows[] = {
         {"cameras", FV_URI_I32, offsetof(struct fv_rig_options, cameras), 1, 2, "cameras", NULL},
         {"imu", FV_URI_FLAG, offsetof(struct fv_rig_options, imu), 0, 1, "0 or 1", NULL}};
-    const struct fv_uri_table table = {scheme, rows, imu_known ? 2 : 1, NULL, NULL};
+    const struct fv_uri_table table = {scheme, rows, imu_known ? 2 : 1, NULL, NULL, NULL};
     const char *mark = strrchr(address, '?');
     uint64_t given;
     *options = (struct fv_rig_options){.cameras = 1};

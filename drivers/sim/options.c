@@ -24,8 +24,10 @@ static const struct fv_uri_option option_table[] = {
 #include "options.def"
 #undef FV_SIM_OPTION
 };
+static const char *const renamed[][2] = {
+    {"odometry", "wheel_odometry"}, {"odometry_noise", "wheel_odometry_noise"}, {NULL, NULL}};
 static const struct fv_uri_table options_table = {
-    "sim", option_table, sizeof option_table / sizeof option_table[0], NULL, NULL};
+    "sim", option_table, sizeof option_table / sizeof option_table[0], NULL, NULL, renamed};
 
 static const char *const trajectory_name[FV_SIM_TRAJECTORY_COUNT] = {
     "tour", "orbit", "corridor", "rotate", "stopgo", "fast", "kidnap", "wander", "still", "stand"};

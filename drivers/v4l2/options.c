@@ -46,7 +46,7 @@ static enum fovea_status add_wish(void *to, const char *name, const char *value,
 }
 
 static const struct fv_uri_table options_table = {
-    "v4l2", option_table, sizeof option_table / sizeof option_table[0], "control.", add_wish};
+    "v4l2", option_table, sizeof option_table / sizeof option_table[0], "control.", add_wish, NULL};
 
 static enum fovea_status check_together(const struct fv_v4l2_options *options,
                                         struct fovea_error *error)

@@ -47,8 +47,9 @@ extern "C" {
 
 enum { FOVEA_BLOCK_ALIGNMENT = 64 };
 
-/* ---- configuration -----------------------------------------------------------------------------
- * Ranges and defaults are repeated here for the reader; docs/configuration.md has the same. */
+/* ---- configuration --------------------------------------------------------------------------- */
+
+/* Ranges and defaults are repeated here for the reader; docs/configuration.md has the same. */
 
 /* Wall and thread-CPU clock for stage times; called twice per stage. Never influences results. */
 typedef void (*fovea_clock_function)(void *context, int64_t *wall_ns, int64_t *cpu_ns);

@@ -128,9 +128,10 @@ static void ssd_scan(struct fv_head_job *j, int64_t begin, int64_t end)
     }
 }
 
-/* ---- SSD before its post-processing
- * ------------------------------------------------------------------------ Box encodings [n][4] and
- * scores [n][1 + classes], in either order, with the anchors of the file; class 0 is background. */
+/* ---- SSD before its post-processing ---------------------------------------------------------- */
+
+/* Box encodings [n][4] and scores [n][1 + classes], in either order, with the anchors of the file;
+ * class 0 is background. */
 
 static const struct fv_head_output *ssd_raw_boxes(const struct fv_head_job *j)
 {

@@ -406,8 +406,7 @@ bool fv_closure_plausible(const struct fv_map *map, uint32_t keyframe, uint32_t 
                drift_fraction_max * path_since(map, keyframe, c->number) + drift_slack * k->depth;
 }
 
-/* ---- confirmations
- * ------------------------------------------------------------------------------- */
+/* ---- confirmations --------------------------------------------------------------------------- */
 
 static bool enough_found(const struct fv_closure_state *s, uint32_t least)
 {

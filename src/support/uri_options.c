@@ -115,6 +115,19 @@ static enum fovea_status store(const struct fv_uri_table *table, const struct fv
         option->low, digits_of(option->high), option->high, option->unit);
 }
 
+/* The error for a name of 0.1 that has another one now; FOVEA_OK for all others. */
+static enum fovea_status refuse_renamed(const struct fv_uri_table *table, const char *name,
+                                        struct fovea_error *error)
+{
+    for (size_t i = 0; table->renamed != NULL && table->renamed[i][0] != NULL; i++)
+        if (strcmp(name, table->renamed[i][0]) == 0)
+            return fovea_error_set(
+                error, FOVEA_ERROR_INPUT,
+                "%s: %s: found an option that Fovea 0.1 reads, expected its name now, '%s'",
+                table->scheme, name, table->renamed[i][1]);
+    return FOVEA_OK;
+}
+
 /* One "name=value". */
 static enum fovea_status parse_option(const struct fv_uri_table *table, char *text, void *options,
                                       uint64_t *given, struct fovea_error *error)
@@ -136,6 +149,7 @@ static enum fovea_status parse_option(const struct fv_uri_table *table, char *te
         *given |= UINT64_C(1) << i;
     }
     names[table->count] = table->other_prefix;
+    if (option == NULL && refuse_renamed(table, text, error) != FOVEA_OK) return FOVEA_ERROR_INPUT;
     if (option == NULL && !other)
         return fv_uri_unknown(table->scheme, "option", text, names, table->count + (prefix > 0),
                               error);

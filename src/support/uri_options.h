@@ -43,6 +43,7 @@ struct fv_uri_table {
     const char *other_prefix;
     enum fovea_status (*other)(void *options, const char *name, const char *value,
                                struct fovea_error *error);
+    const char *const (*renamed)[2]; /* {old, now}, ended by {NULL}; NULL where there are none */
 };
 
 /* Read all of `text` into `options`, which holds the defaults. Bit i of `*given` is set when row i

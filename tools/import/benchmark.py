@@ -2,7 +2,7 @@
 
     python3 tools/import/benchmark.py [--json FILE] [--program build/fovea] MODEL.tflite...
 
-Prints a table of milliseconds (ours, LiteRT with XNNPACK), their ratio, GMAC/s and the share of what the matrix kernel
+Prints a table of milliseconds (ours, LiteRT with XNNPACK), their ratio, GMAC/s and the fraction of what the matrix kernel
 reaches here. Needs tflite, numpy and ai-edge-litert."""
 import argparse
 import json
@@ -84,7 +84,7 @@ def main():
         print(f"{name[:42]:42} {kind:6} {ours:8.3f} {theirs:9.3f} {ours / theirs:6.2f} {rate:7.1f} {rate / best:7.0%}",
               flush=True)
         rows.append(dict(name=name, form=kind, ours_ms=ours, litert_xnnpack_ms=theirs, ratio=ours / theirs,
-                         gmacs_per_s=rate, share_of_peak=rate / best))
+                         gmacs_per_s=rate, fraction_of_peak=rate / best))
     for kind in ("int8", "uint8"):
         ratios = [r["ratio"] for r in rows if r["form"] == kind]
         if ratios:

@@ -304,9 +304,9 @@ def detection_steps(p):
     anchors, decode = p["anchors"], (p["anchors"] - 1) // 64 + 1
     if not p["regular_nms"]:
         return decode + p["max_detections"] + 2, max(24 * anchors, 64 * (1200 + 8 * p["classes"]))
-    share = max((1 << 17) // anchors, 1)
-    per_class = (max(min(p["per_class"], anchors), 1) - 1) // share + 1
-    return decode + p["classes"] * per_class + 1, 24 * min(share, max(p["per_class"], 1)) * anchors
+    selections = max((1 << 17) // anchors, 1)
+    per_class = (max(min(p["per_class"], anchors), 1) - 1) // selections + 1
+    return decode + p["classes"] * per_class + 1, 24 * min(selections, max(p["per_class"], 1)) * anchors
 
 
 OPERATORS = {name: binary for name in BINARY}

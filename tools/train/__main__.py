@@ -65,9 +65,9 @@ def rate_photos(model, photographs):
     for k in range(len(photographs.photos)):
         only = augment.Backgrounds(photographs.photos[k:k + 1], [], np.ones(1))
         found.append(len(convert.decode(convert.run_float(model, augment.photo_crop(rng, only, augment.WIDTH, augment.HEIGHT)), 0.2)))
-    share = 1.0 + np.minimum(found, 8) / 2
+    probability = 1.0 + np.minimum(found, 8) / 2
     print(f"{sum(found)} boxes seen on {len(found)} photographs", flush=True)
-    return photographs._replace(share=share / share.sum())
+    return photographs._replace(probability=probability / probability.sum())
 
 
 def whole(scenes, count, seed):
@@ -88,8 +88,8 @@ def finish(trained, scenes, held_out, photographs, names, output, score):
     keras.config.set_dtype_policy("float32")
     model = network.build(len(names))
     model.set_weights(trained.get_weights())
-    rng, shares = np.random.default_rng(7), augment.scene_shares(scenes)
-    images = [augment.sample(rng, scenes, shares, photographs, len(names))[0] for _ in range(min(CALIBRATION_IMAGES, 2 * len(scenes)))]
+    rng, probabilities = np.random.default_rng(7), augment.scene_probabilities(scenes)
+    images = [augment.sample(rng, scenes, probabilities, photographs, len(names))[0] for _ in range(min(CALIBRATION_IMAGES, 2 * len(scenes)))]
     data = convert.to_tflite(model, images)
     tflite = os.path.splitext(output)[0] + ".tflite"
     with open(tflite, "wb") as file:

@@ -8,27 +8,27 @@ WIDTH, HEIGHT, STRIDE = 640, 480, 8
 VISIBLE_MIN, VISIBLE_IGNORE = 0.5, 0.2  # objects between these are neither right nor wrong
 SIZE_MIN, SIZE_IGNORE = 11, 5           # longer side in pixels of the network's input
 SMALL_PX, SMALL_MOST = 48, 8            # a scene is drawn the more often the more small objects it has, up to this number
-PHOTO_SHARE = 0.32                      # of the samples: photographs alone
+PHOTO_FRACTION = 0.32                   # of the samples: photographs alone
 
 
 class Backgrounds(NamedTuple):
-    photos: list       # grey
-    stamps: list       # cut out things that are none of the classes: (grey, alpha from 0 to 1)
-    share: np.ndarray  # how often each photo is drawn
+    photos: list             # grey
+    stamps: list             # cut out things that are none of the classes: (grey, alpha from 0 to 1)
+    probability: np.ndarray  # how often each photo is drawn
 
 
-def scene_shares(scenes):
+def scene_probabilities(scenes):
     """How often each scene is drawn."""
     count = []
     for _, _, boxes in scenes:
         size = np.maximum(boxes[:, 3] - boxes[:, 1], boxes[:, 4] - boxes[:, 2])
         count.append(((boxes[:, 5] >= VISIBLE_MIN) & (size >= SIZE_MIN) & (size < SMALL_PX)).sum())
-    share = 1.0 + np.minimum(count, SMALL_MOST)
-    return share / share.sum()
+    probability = 1.0 + np.minimum(count, SMALL_MOST)
+    return probability / probability.sum()
 
 
 def photo_crop(rng, backgrounds, width, height):
-    photo = backgrounds.photos[rng.choice(len(backgrounds.photos), p=backgrounds.share)]
+    photo = backgrounds.photos[rng.choice(len(backgrounds.photos), p=backgrounds.probability)]
     h, w = photo.shape
     scale = rng.uniform(max(0.25, 240 / min(h, w)), 1.0)
     ch, cw = max(32, int(min(h, w * 0.75) * scale)), max(32, int(min(w, h / 0.75) * scale))
@@ -109,7 +109,7 @@ def mosaic(rng, draw):
 
 
 def cut(boxes, width, height):
-    """Cut boxes at the border; the visible share falls with what is lost."""
+    """Cut boxes at the border; the visible fraction falls with what is lost."""
     area = np.maximum((boxes[:, 3] - boxes[:, 1]) * (boxes[:, 4] - boxes[:, 2]), 1e-6)
     result = boxes.copy()
     result[:, [1, 3]] = np.clip(boxes[:, [1, 3]], 0, width)
@@ -172,15 +172,15 @@ def targets(boxes, classes):
     return grid
 
 
-def sample(rng, scenes, shares, backgrounds, classes):
+def sample(rng, scenes, probabilities, backgrounds, classes):
     def draw():
-        scene = scenes[rng.choice(len(scenes), p=shares)]
+        scene = scenes[rng.choice(len(scenes), p=probabilities)]
         if backgrounds and scene[1] is not None and rng.random() < 0.3:
             return over_photo(rng, scene, backgrounds)
         return scene[0], scene[2]
 
     kind = rng.random()
-    if backgrounds and kind < PHOTO_SHARE:
+    if backgrounds and kind < PHOTO_FRACTION:
         image, boxes = photo_crop(rng, backgrounds, WIDTH, HEIGHT), np.zeros((0, 6), np.float32)
         if rng.random() < 0.4:
             image = stamp(rng, image, backgrounds.stamps)

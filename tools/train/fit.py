@@ -24,12 +24,12 @@ def _start(scenes, backgrounds, classes, seed, counter):
     with counter.get_lock():
         number = counter.value
         counter.value += 1
-    _worker.update(scenes=scenes, shares=augment.scene_shares(scenes), backgrounds=backgrounds, classes=classes,
+    _worker.update(scenes=scenes, probabilities=augment.scene_probabilities(scenes), backgrounds=backgrounds, classes=classes,
                    rng=np.random.default_rng([seed, number]))
 
 
 def _batch(size):
-    made = [augment.sample(*(_worker[k] for k in ("rng", "scenes", "shares", "backgrounds", "classes"))) for _ in range(size)]
+    made = [augment.sample(*(_worker[k] for k in ("rng", "scenes", "probabilities", "backgrounds", "classes"))) for _ in range(size)]
     return np.stack([m[0] for m in made])[..., None], np.stack([m[1] for m in made])
 
 

@@ -21,7 +21,7 @@ def read_image(path):
 
 
 def read_yolo(folder):
-    """DIR/classes.txt, and beside each picture (or in DIR/labels for DIR/images) a .txt with `class x y w h` per line, shares of the
+    """DIR/classes.txt, and beside each picture (or in DIR/labels for DIR/images) a .txt with `class x y w h` per line, fractions of the
     picture. Returns (names, scenes); a picture without a text file has no objects."""
     names_path = os.path.join(folder, "classes.txt")
     if not os.path.exists(names_path):
@@ -57,7 +57,7 @@ def read_yolo_text(path, classes, shape):
             if c != int(c) or not 0 <= c < classes:
                 raise LabelProblem(f"{path}:{number}: found class {c:g}, expected 0 to {classes - 1} (classes.txt)")
             if not (0 <= x <= 1 and 0 <= y <= 1 and 0 < w <= 1 and 0 < h <= 1):
-                raise LabelProblem(f"{path}:{number}: found {x:g} {y:g} {w:g} {h:g}, expected shares of the picture from 0 to 1")
+                raise LabelProblem(f"{path}:{number}: found {x:g} {y:g} {w:g} {h:g}, expected fractions of the picture from 0 to 1")
             rows.append((c, (x - w / 2) * width, (y - h / 2) * height, (x + w / 2) * width, (y + h / 2) * height, 1.0))
     return rows
 

@@ -31,7 +31,7 @@ def render(fovea, uri, frames, step, folder):
 
 
 def read(folder):
-    """List of (image, mask, boxes); a box is (class from 0, left, top, right, bottom, visible share), in pixels."""
+    """List of (image, mask, boxes); a box is (class from 0, left, top, right, bottom, visible fraction), in pixels."""
     with open(os.path.join(folder, "truth.json"), encoding="utf-8") as file:
         truth = json.load(file)
     boxes = {image["id"]: [] for image in truth["images"]}

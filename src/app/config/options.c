@@ -64,6 +64,23 @@ static void man_print(const struct fv_option *options, const char *name, const c
 
 /* ---- reading --------------------------------------------------------------------------------- */
 
+/* Every option of 0.1 that has another name now; CHANGELOG.md lists them. */
+static const struct {
+    const char *command, *old, *now;
+} renamed[] = {
+    {"map", "world", "map"},
+    {"rectify", "view", "shape"},
+    {"run", "tracks", "objects"},
+};
+
+static const char *name_now(const char *command, const char *name)
+{
+    for (size_t i = 0; i < sizeof renamed / sizeof renamed[0]; i++)
+        if (strcmp(renamed[i].command, command) == 0 && strcmp(renamed[i].old, name) == 0)
+            return renamed[i].now;
+    return NULL;
+}
+
 static enum fv_options_result unknown(const struct fv_option *options, const char *command,
                                       const char *argument)
 {
@@ -72,8 +89,14 @@ static enum fv_options_result unknown(const struct fv_option *options, const cha
     const size_t dash = argument[0] == '-'; /* "-frames" for "--frames" */
     size_t length = strcspn(argument, "=");
     snprintf(name, sizeof name, "%.*s", (int)(length < 63 ? length : 63), argument);
-    const char *names[FV_OPTIONS_MAX];
+    const char *names[FV_OPTIONS_MAX], *now = name_now(command, name + dash);
     size_t count = 0;
+    if (now != NULL) {
+        fv_say(
+            "fovea %s: --%s: found an option that Fovea 0.1 reads, expected its name now, '--%s'",
+            command, name + dash, now);
+        return FV_OPTIONS_WRONG;
+    }
     for (; options[count].name != NULL && count < FV_OPTIONS_MAX; count++)
         names[count] = options[count].name;
     const char *nearest = fv_text_nearest(name + dash, names, count);

@@ -157,7 +157,7 @@ static enum fv_exit tum_write(const struct fv_map_open *open, uint32_t map_id, c
 /* ---- the command ----------------------------------------------------------------------------- */
 
 struct asked {
-    const char *action, *file, *picture, *ply, *tum, *world;
+    const char *action, *file, *picture, *ply, *tum, *map;
 };
 
 static enum fv_exit carry_out(const struct asked *asked, const struct fv_map_open *open)
@@ -167,15 +167,15 @@ static enum fv_exit carry_out(const struct asked *asked, const struct fv_map_ope
     if (strcmp(asked->action, "info") == 0) return (info_print(open, asked->file), FV_EXIT_OK);
     if (!fv_map_open_largest(open, &map_id))
         return fv_say_wrong("%s: found no keyframes, nothing to show", asked->file);
-    if (asked->world != NULL) {
+    if (asked->map != NULL) {
         int64_t number = -1;
         map_id = 0;
-        if (fv_text_integer(asked->world, &number) && number >= 0 && number <= UINT32_MAX)
+        if (fv_text_integer(asked->map, &number) && number >= 0 && number <= UINT32_MAX)
             map_id = (uint32_t)number;
         if (number != (int64_t)map_id || fv_map_count_keyframes(&open->map, map_id) == 0)
             return fv_say_wrong(
-                "fovea map: --world: found '%.40s', expected one of the maps that 'fovea map info' lists",
-                asked->world);
+                "fovea map: --map: found '%.40s', expected one of the maps that 'fovea map info' lists",
+                asked->map);
     }
     if (asked->picture != NULL) {
         if (fv_map_picture(open, asked->file, map_id, asked->picture, &error) == FOVEA_OK)
@@ -199,7 +199,7 @@ static const char *trouble(const struct asked *asked, int operands)
     if (export && asked->ply == NULL && asked->tum == NULL) return "export needs --ply or --tum";
     if (!export && (asked->ply != NULL || asked->tum != NULL))
         return "--ply and --tum belong to export";
-    if (!export && !draw && asked->world != NULL) return "--world belongs to export and draw";
+    if (!export && !draw && asked->map != NULL) return "--map belongs to export and draw";
     return NULL;
 }
 
@@ -211,7 +211,7 @@ int fv_command_map(int argc, char **argv)
          "export: write landmarks and keyframes as a point cloud"},
         {"tum", "FILE", FV_OPTION_TEXT, &asked.tum,
          "export: write T_world_cam of the keyframes in TUM format"},
-        {"world", "N", FV_OPTION_TEXT, &asked.world,
+        {"map", "N", FV_OPTION_TEXT, &asked.map,
          "number of the map, where the file holds several (default the one with most keyframes)"},
         {0},
     };

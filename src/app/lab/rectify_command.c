@@ -1,4 +1,4 @@
-/* fovea rectify: a picture without its lens's distortion. */
+/* fovea rectify: a picture without the distortion of its lens. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -48,12 +48,12 @@ static enum fovea_status choose_rectified(const struct request *request,
     const bool cylinder = request->shape != NULL && strcmp(request->shape, "cylinder") == 0;
     if (request->shape != NULL && !cylinder && strcmp(request->shape, "pinhole") != 0)
         return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
-                               "--view: found '%.100s', expected pinhole or cylinder",
+                               "--shape: found '%.100s', expected pinhole or cylinder",
                                request->shape);
     if (cylinder && request->calibration != NULL)
         return fovea_error_set(
             error, FOVEA_ERROR_ARGUMENT,
-            "--write-camera: calibration files hold no cylinder, expected --view pinhole");
+            "--write-camera: calibration files hold no cylinder, expected --shape pinhole");
     if (!read_size(request->size, image, &width, &height))
         return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
                                "--size: found '%.100s', expected WIDTHxHEIGHT", request->size);
@@ -146,10 +146,10 @@ int fv_command_rectify(int argc, char **argv)
          "camera of a camera chain file (default the first)"},
         {"scale-camera", NULL, FV_OPTION_FLAG, &request.scale,
          "scale a calibration that was made at another resolution"},
-        {"view", "SHAPE", FV_OPTION_TEXT, &request.shape,
-         "pinhole (default) or cylinder, for wide fisheyes"},
+        {"shape", "SHAPE", FV_OPTION_TEXT, &request.shape,
+         "pinhole (default), or cylinder for wide fisheyes"},
         {"keep-all", NULL, FV_OPTION_FLAG, &request.keep_all,
-         "keep the whole view of the camera, with black margins"},
+         "keep the whole field of the camera, with black margins"},
         {"size", "WxH", FV_OPTION_TEXT, &request.size,
          "size of the result (default that of the picture)"},
         {"write-camera", "FILE", FV_OPTION_TEXT, &request.calibration,

@@ -146,8 +146,7 @@ static void fill_inputs(struct fv_loop *loop, const struct fovea_frame *frame, i
     if (loop->hooks.sense != NULL) loop->hooks.sense(loop->hooks.context, inputs);
 }
 
-/* ---- one iteration
- * -------------------------------------------------------------------------------- */
+/* ---- one iteration --------------------------------------------------------------------------- */
 
 struct span {
     int64_t wall_ns, cpu_ns;

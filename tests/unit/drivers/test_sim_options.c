@@ -73,6 +73,8 @@ static const struct {
     {"fast?turn_rate=139", {"turn_rate", "'139'", "[140, 1000]"}},
     {"orbit?imu_offset=101", {"imu_offset", "'101'", "[-100, 100]"}},
     {"orbit?gyro_bias=-1", {"gyro_bias", "'-1'", "[0, 1]"}},
+    {"orbit?odometry=50", {"sim: odometry:", "Fovea 0.1", "'wheel_odometry'"}},
+    {"orbit?odometry_noise=1", {"sim: odometry_noise:", "0.1", "'wheel_odometry_noise'"}},
     {"orbit?seed=1&=3", {"option", "''", "seed"}},
     {"orbit?camera2=1,2", {"camera2", "'1,2'", "X,Y,Z or X,Y,Z,RX,RY,RZ in [-10, 10] metres"}},
     {"orbit?camera2=1,2,3,4", {"camera2", "'1,2,3,4'", "[-180, 180] degrees"}},

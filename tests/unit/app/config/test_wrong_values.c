@@ -164,6 +164,14 @@ static void test_calibrations(void **state)
     }
 }
 
+static void options_of_0_1_are_refused_with_their_name_now(void **state)
+{
+    (void)state;
+    fv_test_refused("fovea run --source sim:orbit --tracks a.csv", "--tracks|0.1|'--objects'");
+    fv_test_refused("fovea map draw a.map a.png --world=1", "--world|0.1|'--map'");
+    fv_test_refused("fovea rectify a.png b.png --view cylinder", "--view|0.1|'--shape'");
+}
+
 static void test_there_were_enough(void **state)
 {
     (void)state;
@@ -174,8 +182,11 @@ static void test_there_were_enough(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_wrong_values),           cmocka_unit_test(test_wrong_keys),
-        cmocka_unit_test(test_mutated_configurations), cmocka_unit_test(test_calibrations),
+        cmocka_unit_test(test_wrong_values),
+        cmocka_unit_test(test_wrong_keys),
+        cmocka_unit_test(test_mutated_configurations),
+        cmocka_unit_test(test_calibrations),
+        cmocka_unit_test(options_of_0_1_are_refused_with_their_name_now),
         cmocka_unit_test(test_there_were_enough),
     };
     return cmocka_run_group_tests(tests, fv_test_place_set_up, fv_test_place_tear_down);

@@ -73,14 +73,13 @@ static void test_wrong_words(void **state)
     assert_int_equal(call("draw", map, NULL, NULL, NULL, NULL), FV_EXIT_WRONG);
     assert_int_equal(call("export", map, NULL, NULL, NULL, NULL), FV_EXIT_WRONG);
     assert_int_equal(call("info", map, "--ply", ply, NULL, NULL), FV_EXIT_WRONG);
-    assert_int_equal(call("info", map, "--world", "0", NULL, NULL),
-                     FV_EXIT_WRONG); /* it tells of all */
+    assert_int_equal(call("info", map, "--map", "0", NULL, NULL), FV_EXIT_WRONG); /* it lists all */
     assert_int_equal(call("draw", map, map, NULL, NULL, NULL),
                      FV_EXIT_WRONG); /* over what it reads */
-    assert_int_equal(call("draw", map, png, "--world", "7", NULL), FV_EXIT_WRONG);
-    assert_int_equal(call("draw", map, png, "--world", "4294967296", NULL),
+    assert_int_equal(call("draw", map, png, "--map", "7", NULL), FV_EXIT_WRONG);
+    assert_int_equal(call("draw", map, png, "--map", "4294967296", NULL),
                      FV_EXIT_WRONG); /* 0, and 2^32 */
-    assert_int_equal(call("draw", map, png, "--world", "-4294967296", NULL), FV_EXIT_WRONG);
+    assert_int_equal(call("draw", map, png, "--map", "-4294967296", NULL), FV_EXIT_WRONG);
     assert_int_equal(call("info", "/nonexistent", NULL, NULL, NULL, NULL), FV_EXIT_WRONG);
     assert_int_equal(call("info", ply, NULL, NULL, NULL, NULL), FV_EXIT_WRONG); /* no map */
     assert_int_equal(call("info", map, NULL, NULL, NULL, NULL), FV_EXIT_OK);    /* still there */

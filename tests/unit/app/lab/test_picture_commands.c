@@ -115,7 +115,7 @@ static void commands_write_pictures(void **state)
                      FV_EXIT_OK);
     size_of(out, WIDTH, HEIGHT);
     assert_int_equal(
-        CALL(fv_command_rectify, "rectify", in, out, "--camera", camera, "--view", "cylinder"),
+        CALL(fv_command_rectify, "rectify", in, out, "--camera", camera, "--shape", "cylinder"),
         FV_EXIT_OK);
     size_of(out, WIDTH, HEIGHT);
 }
@@ -151,7 +151,7 @@ static void wrong_input_is_told(void **state)
     assert_int_equal(CALL(fv_command_rectify, "rectify", in, out), FV_EXIT_WRONG);
     assert_int_equal(CALL(fv_command_rectify, "rectify", in, out, "--camera", in), FV_EXIT_WRONG);
     assert_int_equal(
-        CALL(fv_command_rectify, "rectify", in, out, "--camera", camera, "--view", "cube"),
+        CALL(fv_command_rectify, "rectify", in, out, "--camera", camera, "--shape", "cube"),
         FV_EXIT_WRONG);
     assert_int_equal(
         CALL(fv_command_rectify, "rectify", in, out, "--camera", camera, "--size", "9x9"),

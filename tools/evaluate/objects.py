@@ -1,12 +1,12 @@
-"""The tracker on simulated scenes with crossings and occlusions, beside plain SORT and ByteTrack on the same detections; and how good
-those are.
+"""Objects with ids on simulated scenes with crossings and occlusions, beside plain SORT and ByteTrack on the same detections; and the
+quality of these detections.
 
-Usage: tracking.py [--fovea build/fovea] [--model FILE.fvm] [--scenes 20] [--frames 300] [--first-seed N] [--work DIR] [--output FILE]
-`fovea run` writes detections and tracks; SORT and ByteTrack (package `trackers`) get its detections, at the rate of the images that
-were looked at, and the tracker's own thresholds of score, for theirs are made for other detectors. They run twice: on the detections
-that are published, and on those with the boxes below the model's threshold that the tracker is given for its second stage. MOTA, IDF1
-and HOTA of all scenes together come from `trackeval`, at IoU 0.5 and without regard to class, as SORT knows none. Objects count that
-are at least 12 px long and half visible; what lies on others is passed over."""
+Usage: objects.py [--fovea build/fovea] [--model FILE.fvm] [--scenes 20] [--frames 300] [--first-seed N] [--work DIR] [--output FILE]
+`fovea run` writes detections and objects; SORT and ByteTrack (package `trackers`) get its detections, at the rate of the inferences,
+and Fovea's thresholds of score, for theirs are made for other detectors. They run twice: on the detections that are published, and on
+those with the boxes below the model's threshold that Fovea's second stage of matching takes. MOTA, IDF1 and HOTA of all scenes
+together come from `trackeval`, at IoU 0.5 and without regard to class, as SORT knows none. Objects count that are at least 12 px long
+and half visible; boxes on others are ignored."""
 import argparse
 import contextlib
 import io
@@ -29,9 +29,9 @@ sys.path.append(os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
 
 import progress  # noqa: E402
 
-FIRST_SEED = 7_000_000  # neither trained on nor in detector.py; the tracker's settings were chosen on 20 seeds from 7,500,000 on
+FIRST_SEED = 7_000_000  # neither trained on nor in detector.py; the settings of objects were chosen on 20 seeds from 7,500,000 on
 WAYS = ["orbit", "wander", "still", "wander"]
-# Thresholds as src/runtime/config.c has them; 60 frames of 30 Hz are the two seconds for which tracks coast.
+# Thresholds as src/runtime/config.c has them; 60 frames of 30 Hz are the two seconds for which objects coast.
 SCORE_HIGH, SCORE_NEW = 0.4, 0.4
 SORT = {"track_activation_threshold": SCORE_NEW, "lost_track_buffer": 60}
 BYTETRACK = {"track_activation_threshold": SCORE_NEW, "high_conf_det_threshold": SCORE_HIGH, "lost_track_buffer": 60}
@@ -56,7 +56,7 @@ def read_detections(path):
     return found
 
 
-def read_tracks(path):
+def read_objects(path):
     """Rows (id, corners) by frame."""
     found = {}
     with open(path, encoding="utf-8") as file:
@@ -68,7 +68,7 @@ def read_tracks(path):
 
 
 def read_truth(folder, step):
-    """Rows (id, corners, counts, class) by frame. As in MOTChallenge, what leaves the view comes back under a new id."""
+    """Rows (id, corners, counts, class) by frame. As in MOTChallenge, an object that leaves the image comes back under a new id."""
     with open(os.path.join(folder, "truth.json"), encoding="utf-8") as file:
         truth = json.load(file)
     found = {image["id"] * step: [] for image in truth["images"]}
@@ -84,18 +84,18 @@ def read_truth(folder, step):
     return found
 
 
-def looked_at(frames, detections):
-    """The frames that were looked at: those with detections, and in longer gaps those that found nothing. And the step to export
-    so that all are among them."""
+def inferences_of(frames, detections):
+    """The step to export so that every frame of an inference is among the exported ones, and these frames: those with detections, and
+    in longer gaps those without."""
     seen = [0, *sorted(detections), frames]
     step = int(np.median(np.diff(seen))) or 1
-    looks = sorted({f for a, b in zip(seen, seen[1:]) for f in range(a, b, step) if f == a or b - f >= step} - {frames})
-    return int(np.gcd.reduce(looks)) or 1, looks
+    inferences = sorted({f for a, b in zip(seen, seen[1:]) for f in range(a, b, step) if f == a or b - f >= step} - {frames})
+    return int(np.gcd.reduce(inferences)) or 1, inferences
 
 
-def peer(tracker, looks, detections):
+def peer(tracker, inferences, detections):
     result = {}
-    for frame in looks:
+    for frame in inferences:
         rows = detections.get(frame, [])
         given = supervision.Detections(xyxy=xyxy(rows), confidence=np.array([r[5] for r in rows], float),
                                        class_id=np.array([r[0] for r in rows], int))
@@ -112,11 +112,11 @@ def overlaps(a, b):
     return both / np.maximum(area[0][:, None] + area[1][None] - both, 1e-9)
 
 
-def sequence(looks, truth, tracks):
-    """What trackeval's metrics take. Tracks that lie on an object that does not count, and on none that does, are passed over."""
+def sequence(inferences, truth, tracks):
+    """What trackeval's metrics take. Tracks that lie on an object that does not count, and on none that does, are ignored."""
     ids = {"gt": {}, "tracker": {}}
-    data = {f"{kind}_ids": [] for kind in ids} | {"similarity_scores": [], "num_timesteps": len(looks)}
-    for frame in looks:
+    data = {f"{kind}_ids": [] for kind in ids} | {"similarity_scores": [], "num_timesteps": len(inferences)}
+    for frame in inferences:
         objects, own = [t for t in truth[frame] if t[5]], tracks.get(frame, [])
         hidden = xyxy([t for t in truth[frame] if not t[5]])
         similar = overlaps(xyxy(objects), xyxy(own))
@@ -148,30 +148,30 @@ def threshold_of(arguments):
     return float(re.search(r"^boxes +score at least ([0-9.]+),", printed, re.MULTILINE).group(1))
 
 
-def peers(looks, frames, published, all_boxes):
-    """Tracks by name of tracker, of the published detections and of all that were handed on."""
-    rate, tracks = 30 * len(looks) / frames, {}
+def peers(inferences, frames, published, all_boxes):
+    """Tracks by name of the peer, of the published detections and of all boxes."""
+    rate, tracks = 30 * len(inferences) / frames, {}
     for what, detections in (("", published), (", all boxes", all_boxes)):
-        tracks["SORT" + what] = peer(trackers.SORTTracker(frame_rate=rate, **SORT), looks, detections)
-        tracks["ByteTrack" + what] = peer(trackers.ByteTrackTracker(frame_rate=rate, **BYTETRACK), looks, detections)
+        tracks["SORT" + what] = peer(trackers.SORTTracker(frame_rate=rate, **SORT), inferences, detections)
+        tracks["ByteTrack" + what] = peer(trackers.ByteTrackTracker(frame_rate=rate, **BYTETRACK), inferences, detections)
     return tracks
 
 
 def run(arguments, index, folder):
-    """Detections, tracks, truth and the frames looked at."""
-    uri, paths = address(index, arguments.first_seed), [os.path.join(folder, name) for name in ("found.json", "tracks.txt")]
+    """Detections, objects, truth and the frames of inferences."""
+    uri, paths = address(index, arguments.first_seed), [os.path.join(folder, name) for name in ("found.json", "objects.txt")]
     subprocess.run([arguments.fovea, "run", "--quiet", "--source", uri, "--frames", str(arguments.frames), "--model", arguments.model,
                     "--detections", paths[0], "--all-boxes", "--objects", paths[1], "--picture", "none", "--set", "lcm_url=", *arguments.extra], check=True)
     detections = read_detections(paths[0])
-    step, looks = looked_at(arguments.frames, detections)
+    step, inferences = inferences_of(arguments.frames, detections)
     truth = os.path.join(arguments.work or folder, f"truth-{arguments.first_seed + index}-{step}-{arguments.frames}")
     if not os.path.exists(os.path.join(truth, "truth.json")):
-        subprocess.run([arguments.fovea, "export", "--source", uri, "--step", str(step), "--frames", str(looks[-1] // step + 1), truth],
+        subprocess.run([arguments.fovea, "export", "--source", uri, "--step", str(step), "--frames", str(inferences[-1] // step + 1), truth],
                        check=True, stdout=subprocess.DEVNULL)
         for name in os.listdir(truth):
             if name.endswith(".png"):
                 os.remove(os.path.join(truth, name))
-    return detections, read_tracks(paths[1]), read_truth(truth, step), looks
+    return detections, read_objects(paths[1]), read_truth(truth, step), inferences
 
 
 def main():
@@ -187,14 +187,14 @@ def main():
     arguments = parser.parse_args()
     sequences, rows, totals, threshold = {}, [], [0] * len(NAMES), threshold_of(arguments)
     for index in range(arguments.scenes):
-        progress.show("evaluate tracking", index, arguments.scenes, address(index, arguments.first_seed))
+        progress.show("evaluate objects", index, arguments.scenes, address(index, arguments.first_seed))
         folder = tempfile.mkdtemp()
-        all_boxes, tracks, truth, looks = run(arguments, index, folder)
+        all_boxes, objects, truth, inferences = run(arguments, index, folder)
         shutil.rmtree(folder)
         detections = {frame: [d for d in list_ if d[5] >= threshold] for frame, list_ in all_boxes.items()}
-        for name, found in {"fovea": tracks, **peers(looks, arguments.frames, detections, all_boxes)}.items():
-            sequences.setdefault(name, []).append(sequence(looks, truth, found))
-        for frame in looks:
+        for name, found in {"fovea": objects, **peers(inferences, arguments.frames, detections, all_boxes)}.items():
+            sequences.setdefault(name, []).append(sequence(inferences, truth, found))
+        for frame in inferences:
             boxes = [(t[6], *t[1:6]) for t in truth[frame]]
             rows += detector.judge(detections.get(frame, []), boxes)
             for box in boxes:
@@ -205,11 +205,11 @@ def main():
 
 
 def report(arguments, sequences, rows, totals):
-    lines = [f"`tools/evaluate/tracking.py --scenes {arguments.scenes}`, detections by `{arguments.model}`. What left the view counts as a new object "
-             "when it returns. \"All boxes\": with those below the model's threshold, which the tracker is given too.", "",
+    lines = [f"`tools/evaluate/objects.py --scenes {arguments.scenes}`, detections by `{arguments.model}`. An object that leaves the image counts as "
+             "a new one when it returns. \"All boxes\": with those below the model's threshold, which Fovea's second stage of matching takes too.", "",
              f"{arguments.scenes} scenes of {arguments.frames} frames, {sum(s['num_gt_ids'] for s in sequences['fovea'])} objects, "
-             f"{sum(totals)} boxes in the frames looked at.", "",
-             "| tracker | MOTA | IDF1 | HOTA | switches | missed | false |", "| --- | --- | --- | --- | --- | --- | --- |"]
+             f"{sum(totals)} boxes in the frames of inferences.", "",
+             "| program | MOTA | IDF1 | HOTA | switches | missed | false |", "| --- | --- | --- | --- | --- | --- | --- |"]
     for name, list_ in sequences.items():
         cells = [f"{value:.3f}" if isinstance(value, float) else str(value) for value in judge(list_).values()]
         lines.append(" | ".join([f"| {name}", *cells]) + " |")
