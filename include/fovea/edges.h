@@ -7,8 +7,9 @@
  *     fovea_edges_run(edges, &image, bits, (width + 7) / 8);
  *
  * Canny's detector (PAMI 1986): Sobel derivatives with repeated image borders, non-maximum
- * suppression along four directions, and hysteresis: of the pixels whose gradient is above `low`
- * those are edges that are connected, by any of eight neighbours, with one above `high`.
+ * suppression along four directions, and hysteresis: a pixel whose gradient is above `low` is an
+ * edge if a chain of such pixels, each one of the eight neighbours of the next, connects it with
+ * one above `high`.
  *
  * Results are integer, equal on every kernel set, compiler and architecture, and equal to OpenCV
  * 4.6 to the bit. */
@@ -50,7 +51,7 @@ struct fovea_edges_config {
 /* A detector in the caller's memory. */
 struct fovea_edges;
 
-/* Canny, and every parameter at its default. Any thread. */
+/* Set the method to Canny and every parameter to its default. Any thread. */
 void fovea_edges_config_default(struct fovea_edges_config *config);
 
 /* Name as in configurations and messages ("canny", ...); "unknown" out of range. Any thread. */

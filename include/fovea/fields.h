@@ -1,11 +1,12 @@
-/* What a message of Fovea holds, as JSON or field by field, without decoding it: for programs that
- * print, log or forward what Fovea sends. Library libfovea-messages, which needs nothing of the
- * runtime.
+/* The content of a message of Fovea, as JSON or field by field, without decoding it: for programs
+ * that print, log or forward messages. Library libfovea-messages, which does not need the runtime.
  *
- * A message that comes from a network is checked before anything of it is used; the decoders that
- * lcm-gen makes allocate what a message asks for, negative counts included. The fields of every
- * type are known from include/lcmtypes/. No memory of its own, bounded by the message's length. Any
- * thread, after the first call of the process has returned. */
+ * A message that comes from a network is checked before any part of it is used; the decoders that
+ * lcm-gen makes allocate whatever size a message states, negative counts included. The fields of
+ * every type are known from include/lcmtypes/. The functions use no memory of their own, and time
+ * in proportion to the message's length. Any thread, after the first call of the process has
+ * returned.
+ */
 #ifndef FOVEA_FIELDS_H
 #define FOVEA_FIELDS_H
 
@@ -23,10 +24,10 @@ const char *fovea_message_type(const uint8_t *data, size_t bytes);
 
 /* Write a message as one JSON object on one line, its members named as the fields of its type,
  * after a member "type". Numbers keep their value; NaN and infinities, which JSON lacks, are null;
- * bytes of a string that are no UTF-8 become U+FFFD. `*length` is what the whole text takes,
- * without its zero, also when it does not fit `capacity` and is cut; call again with more room
- * then. FOVEA_ERROR_INPUT: the message is of no known type or not well-formed; `error` says where.
- */
+ * bytes of a string that are not UTF-8 become U+FFFD. `*length` is the length of the whole text
+ * without its zero, also when the text does not fit `capacity` and is cut; then call again with
+ * more room. FOVEA_ERROR_INPUT: the type of the message is unknown, or the message is not
+ * well-formed; `error` names the byte. */
 enum fovea_status fovea_message_json(const uint8_t *data, size_t bytes, char *text, size_t capacity,
                                      size_t *length, struct fovea_error *error);
 
@@ -72,7 +73,7 @@ struct fovea_fields {
     } level[FOVEA_NESTING_MAX];
 };
 
-/* Begin with a message, which stays where it is. FOVEA_ERROR_INPUT: it is of no known type. */
+/* Begin with a message, which stays where it is. FOVEA_ERROR_INPUT: its type is unknown. */
 enum fovea_status fovea_fields_begin(struct fovea_fields *fields, const uint8_t *data,
                                      size_t bytes);
 
@@ -80,8 +81,8 @@ enum fovea_status fovea_fields_begin(struct fovea_fields *fields, const uint8_t 
  * FOVEA_ERROR_INPUT: it is not, and fields->problem and fields->at say why and where. */
 enum fovea_status fovea_fields_next(struct fovea_fields *fields, struct fovea_field *field);
 
-/* Number `i` of a field, below its count: rounded to a double, or to an integer towards 0. 0 of a
- * string; an integer that int64_t does not hold is 0, too. */
+/* Number `i` of a field, below its count: rounded to a double, or to an integer towards 0. A string
+ * gives 0, and so does an integer that int64_t cannot hold. */
 double fovea_field_number(const struct fovea_field *field, uint32_t i);
 int64_t fovea_field_integer(const struct fovea_field *field, uint32_t i);
 

@@ -1,6 +1,6 @@
-/* An int8 network by itself: inputs in, output tensors out, with what turns them into real numbers.
- * For networks whose outputs no decoder of the library reads (key points, masks, embeddings), and
- * for programs that have their own.
+/* An int8 network by itself: it takes inputs and gives output tensors, with the scales that convert
+ * them to real numbers. For networks whose outputs no decoder of the library reads (masks,
+ * embeddings), and for programs that have their own.
  *
  * All memory is one block of the caller's. The model file (.fvm, made by tools/import) stays the
  * caller's too, and must stay as it is while the network is in use: it is read in place. Every
@@ -67,7 +67,7 @@ enum fovea_status fovea_network_output(const struct fovea_network *network, uint
                                        struct fovea_tensor *tensor);
 
 /* Set an input to `bytes` bytes of elements as its tensor says, row-major. FOVEA_ERROR_ARGUMENT:
- * there is no such input, its size is another, or a run is under way. */
+ * there is no such input, its size differs, or a run is under way. */
 enum fovea_status fovea_network_set(struct fovea_network *network, uint32_t index, const void *data,
                                     size_t bytes);
 

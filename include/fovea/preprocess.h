@@ -1,4 +1,4 @@
-/* Preprocessing: operations on grey images before features are looked for.
+/* Preprocessing: operations on grey images before the search for features.
  *
  * A chain is an ordered list of operations with their parameters. It works on memory of the caller,
  * in place or from one image to another, and keeps no more than some rows of pixels:
@@ -79,7 +79,7 @@ struct fovea_preprocess_config {
 /* A chain in the caller's memory. */
 struct fovea_preprocess;
 
-/* No operations, and every parameter at its default. Any thread. */
+/* Set no operations and every parameter to its default. Any thread. */
 void fovea_preprocess_config_default(struct fovea_preprocess_config *config);
 
 /* Name as in configurations ("denoise", "contrast_enhancement", ...); "unknown" out of range. Any

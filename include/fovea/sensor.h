@@ -28,8 +28,8 @@ struct fovea_imu_sample {
     double acceleration[3]; /* specific force, m/s^2: at rest it points up, against gravity */
 };
 
-/* Where the robot is by its wheels or legs: T_wheel_odom_body, in the frame wheel_odom, where this
- * odometry began. It is not the frame odom of poses. */
+/* Pose of the robot's body by its wheels or legs: T_wheel_odom_body, in the frame wheel_odom, which
+ * is where this odometry began. It is not the frame odom of poses. */
 struct fovea_wheel_odometry_sample {
     int64_t stamp_ns;
     double position_m[3];

@@ -120,7 +120,7 @@ struct fovea_source_selection {
 /* What went wrong with single frames since start, counted by the source. */
 struct fovea_source_counts {
     uint64_t delivered;
-    uint64_t missing; /* listed but not there */
+    uint64_t missing; /* listed but absent */
     /* truncated, undecodable, wrong size, or a stamp that leaps ahead of the frames around it */
     uint64_t damaged;
     uint64_t dropped;   /* lost by the driver or overrun */
@@ -186,12 +186,12 @@ struct fovea_source_ops {
     void (*counts)(const struct fovea_source *source, struct fovea_source_counts *counts);
     enum fovea_source_state (*state)(const struct fovea_source *source);
     /* One line about the next frame that was skipped (file and reason), or at the start about what
-     * is left out of all; FOVEA_AGAIN when there is nothing to say. To be asked a few times a
+     * is left out of all; FOVEA_AGAIN when there is none. To be called a few times a
      * second. Off the loop thread. */
     enum fovea_status (*complaint)(struct fovea_source *source, struct fovea_error *error);
     /* Call `visit` with the path of every file that the open source has read or may read, and of
-     * every folder whose files it takes as they are there, so that nothing of it is written over.
-     * NULL: it reads no files. Not on the loop thread. */
+     * every folder of which it reads all files, so that none of them is overwritten. NULL: it reads
+     * no files. Not on the loop thread. */
     void (*reads)(const struct fovea_source *source, void (*visit)(void *context, const char *path),
                   void *context);
 };

@@ -24,7 +24,7 @@ enum fovea_status {
     /* Errors. */
     FOVEA_ERROR_ARGUMENT = -1,    /* a value is out of its documented range */
     FOVEA_ERROR_INPUT = -2,       /* a file, message or stream is malformed or does not fit */
-    FOVEA_ERROR_MEMORY = -3,      /* the block that was handed in is too small or misaligned */
+    FOVEA_ERROR_MEMORY = -3,      /* the caller's block is too small or misaligned */
     FOVEA_ERROR_SYSTEM = -4,      /* the operating system refused; the error text says what */
     FOVEA_ERROR_UNSUPPORTED = -5, /* well-formed, but not something this build can do */
 };
