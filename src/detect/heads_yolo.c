@@ -26,9 +26,10 @@ static void yolov5_scan(struct fv_head_job *j, int64_t begin, int64_t end)
     }
 }
 
-/* ---- YOLOv8 and YOLO11: columns of centre, size, classes; the best class of each counts. After
- * the classes stand the keypoints, or the coefficients of a mask.
- * ---------------------------------- */
+/* ---- YOLOv8 and YOLO11 ----------------------------------------------------------------------- */
+
+/* Columns of centre, size and classes; the best class of each counts. Keypoints, or the
+ * coefficients of a mask, follow the classes. */
 
 static int64_t yolov8_rows(const struct fv_head_output *o)
 {
@@ -99,8 +100,9 @@ static void yolov8_points(const struct fv_head_job *j, int64_t item, struct fove
     }
 }
 
-/* ---- YOLOv2 and its tiny kin: a grid of cells with several anchors each, everything before its
- * activation --- */
+/* ---- YOLOv2 and tiny YOLOv2 ------------------------------------------------------------------ */
+
+/* A grid of cells with several anchors each; all values come before their activation. */
 
 static int64_t yolov2_items(const struct fv_head_job *j, int64_t *cost)
 {

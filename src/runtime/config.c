@@ -188,9 +188,9 @@ static enum fovea_status check_rig_camera(uint32_t index, const struct fovea_rig
 {
     static const char *const names[FOVEA_CAMERAS_MAX] = {
         "camera", "rig.cameras[1].camera", "rig.cameras[2].camera", "rig.cameras[3].camera"};
-    static const char *const keys[FOVEA_CAMERAS_MAX] = {"T_body_cam", "rig.cameras[1].T_body_cam",
-                                                        "rig.cameras[2].T_body_cam",
-                                                        "rig.cameras[3].T_body_cam"};
+    static const char *const poses[FOVEA_CAMERAS_MAX] = {"T_body_cam", "rig.cameras[1].T_body_cam",
+                                                         "rig.cameras[2].T_body_cam",
+                                                         "rig.cameras[3].T_body_cam"};
     const char *name = names[index];
     enum fovea_status status = FOVEA_OK;
     if (index == 0 && !(camera->calibrated && camera->has_T_body_cam))
@@ -203,7 +203,7 @@ static enum fovea_status check_rig_camera(uint32_t index, const struct fovea_rig
     else if (camera->mask != NULL)
         status = check_size(name, &camera->camera, error);
     if (status != FOVEA_OK || !camera->has_T_body_cam) return status;
-    return check_rotation(keys[index], camera->T_body_cam, error);
+    return check_rotation(poses[index], camera->T_body_cam, error);
 }
 
 static enum fovea_status check_imu(const struct fovea_rig_imu *imu, struct fovea_error *error)

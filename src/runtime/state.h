@@ -85,7 +85,7 @@ struct fovea {
     uint32_t units_done[FOVEA_JOB_COUNT];
 };
 
-/* How often a new world was started: by command, or since tracking was lost for long. */
+/* How often a new world was started: by command, or since the camera was lost for long. */
 static inline uint32_t fv_reset_counter(const struct fovea *rt)
 {
     return rt->config.odometry.enabled ? fv_odometry_reset_counter(&rt->odometry)
