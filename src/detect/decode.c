@@ -19,9 +19,13 @@ const char *fv_detect_label(const struct fv_model *model, int32_t class_id)
 uint32_t fv_detect_gives(const struct fv_model *model)
 {
     const struct fv_head *head = fv_head_of(model->header->decode.kind);
+    int32_t width, height;
     if (head == NULL) return 0;
-    return fv_detect_point_count(model) > 0 ? head->gives
-                                            : head->gives & ~(uint32_t)FV_DETECT_POINTS;
+    uint32_t gives = head->gives;
+    fv_detect_mask_size(model, &width, &height);
+    if (fv_detect_point_count(model) == 0) gives &= ~(uint32_t)FV_DETECT_POINTS;
+    if (width == 0) gives &= ~(uint32_t)FV_DETECT_MASK;
+    return gives;
 }
 
 const char *fv_detect_decoder_name(const struct fv_model *model)
@@ -214,17 +218,39 @@ static void read_points(const struct fv_head_job *j, const struct fv_head *head,
         head->points(j, j->s->items[i], points + (ptrdiff_t)i * each);
 }
 
-/* The next phase: keypoints, where they are wanted, or the end. */
-static enum fovea_status after_boxes(struct fv_detect_scratch *s, int points)
+/* After the list: keypoints or a mask, where they are wanted, or the end. */
+static enum fovea_status after_list(const struct fv_model *model, struct fv_detect_scratch *s,
+                                    const struct fv_detect_room *room)
 {
-    s->progress.phase = FV_DECODE_POINTS;
-    return points ? FOVEA_AGAIN : FOVEA_OK;
+    const uint32_t gives = room == NULL ? 0 : fv_detect_gives(model);
+    if ((gives & FV_DETECT_POINTS) != 0 && room->points != NULL)
+        s->progress.phase = FV_DECODE_POINTS;
+    else if ((gives & FV_DETECT_MASK) != 0 && room->pixels != NULL)
+        s->progress.phase = FV_DECODE_CLEAR;
+    else
+        return FOVEA_OK;
+    return FOVEA_AGAIN;
+}
+
+static enum fovea_status mask_some(const struct fv_head_job *j,
+                                   const struct fv_detect_limits *limits,
+                                   const struct fv_detect_room *room)
+{
+    struct fv_detect_scratch *s = j->s;
+    struct fv_detect_progress *progress = &s->progress;
+    const bool whole =
+        j->d->kind == FV_DECODER_SEGMENT
+            ? fv_detect_mask_classes(j, room->mask, room->pixels, &progress->at)
+            : fv_detect_mask_objects(j, s->candidates, s->items, sure_count(j->model, limits, s),
+                                     room->mask, room->pixels, &progress->at, &progress->left);
+    return whole ? FOVEA_OK : FOVEA_AGAIN;
 }
 
 enum fovea_status fv_detect_decode_unit(const struct fv_model *model, uint8_t *arena,
                                         const struct fv_nn_input_fit *fit,
                                         const struct fv_detect_limits *limits,
-                                        struct fv_detect_scratch *s, struct fovea_keypoint *points)
+                                        struct fv_detect_scratch *s,
+                                        const struct fv_detect_room *room)
 {
     const struct fv_model_decode *d = &model->header->decode;
     const struct fv_head *head = fv_head_of(d->kind);
@@ -237,28 +263,32 @@ enum fovea_status fv_detect_decode_unit(const struct fv_model *model, uint8_t *a
                             .floor = limits->floor};
     if (head == NULL) return FOVEA_OK;
     const int due = head->boxes_overlap || (d->kind == FV_DECODER_SSD && d->class_agnostic);
-    const int pointed = points != NULL && fv_detect_point_count(model) > 0;
+    open_outputs(model, arena, &j);
     switch (progress->phase) {
     case FV_DECODE_SCAN:
-        open_outputs(model, arena, &j);
         scan_some(&j, head, progress);
         return FOVEA_AGAIN;
     case FV_DECODE_SORT:
         sort(s);
         *progress = (struct fv_detect_progress){.phase = FV_DECODE_SUPPRESS};
         memset(s->dropped, 0, sizeof s->dropped);
-        return due ? FOVEA_AGAIN : after_boxes(s, pointed);
+        return due ? FOVEA_AGAIN : after_list(model, s, room);
     case FV_DECODE_SUPPRESS:
         if (!suppress_some(s, limits->iou > 0.0f ? limits->iou : d->iou_threshold,
                            d->class_agnostic))
             return FOVEA_AGAIN;
         s->count = progress->left;
         s->sure = sure_left(s);
-        return after_boxes(s, pointed);
-    default:
-        open_outputs(model, arena, &j);
-        read_points(&j, head, limits, points);
+        return after_list(model, s, room);
+    case FV_DECODE_POINTS:
+        read_points(&j, head, limits, room->points);
         return FOVEA_OK;
+    case FV_DECODE_CLEAR:
+        fv_detect_mask_clear(model, room->mask, room->pixels);
+        *progress = (struct fv_detect_progress){.phase = FV_DECODE_MASK};
+        return FOVEA_AGAIN;
+    default:
+        return mask_some(&j, limits, room);
     }
 }
 
@@ -277,12 +307,12 @@ int32_t fv_detect_decode_take(const struct fv_model *model, const struct fv_dete
 
 int32_t fv_detect_decode(const struct fv_model *model, uint8_t *arena,
                          const struct fv_nn_input_fit *fit, struct fv_detect_scratch *scratch,
-                         struct fovea_keypoint *points, struct fovea_detection *detections,
+                         const struct fv_detect_room *room, struct fovea_detection *detections,
                          int32_t capacity)
 {
     const struct fv_detect_limits none = {.count = 0};
     fv_detect_decode_start(scratch);
-    while (fv_detect_decode_unit(model, arena, fit, &none, scratch, points) == FOVEA_AGAIN)
+    while (fv_detect_decode_unit(model, arena, fit, &none, scratch, room) == FOVEA_AGAIN)
         continue;
     return fv_detect_decode_take(model, &none, scratch, detections, capacity, NULL);
 }

@@ -2,6 +2,7 @@
 #ifndef FOVEA_DETECT_DECODE_H
 #define FOVEA_DETECT_DECODE_H
 
+#include "detect/mask.h"
 #include "nn/input.h"
 #include "fovea/detect.h"
 #include "nn/model.h"
@@ -31,10 +32,18 @@ struct fv_detect_candidate {
     int32_t uncertain; /* below the threshold */
 };
 
-enum fv_decode_phase { FV_DECODE_SCAN = 0, FV_DECODE_SORT, FV_DECODE_SUPPRESS, FV_DECODE_POINTS };
+enum fv_decode_phase {
+    FV_DECODE_SCAN = 0,
+    FV_DECODE_SORT,
+    FV_DECODE_SUPPRESS,
+    FV_DECODE_POINTS,
+    FV_DECODE_CLEAR,
+    FV_DECODE_MASK
+};
 struct fv_detect_progress {
-    int64_t at;          /* item of the scan, or candidate of the suppression, that comes next */
-    int32_t phase, left; /* candidates that the suppression has left so far */
+    int64_t at; /* item of the scan, or candidate of the suppression, that comes next */
+    int32_t phase;
+    int32_t left; /* candidates that the suppression has left so far; then the row of a mask */
 };
 
 /* Scratch of the decoders, in job memory. */
@@ -54,7 +63,15 @@ struct fv_detect_scratch {
 enum {
     FV_DETECT_BOXES = 1,
     FV_DETECT_POINTS = 2,
-    FV_DETECT_CLASSES = 4 /* of the whole image */
+    FV_DETECT_CLASSES = 4, /* of the whole image */
+    FV_DETECT_MASK = 8
+};
+
+/* Room for what is not in the list of detections; NULL: it is left out. */
+struct fv_detect_room {
+    struct fovea_keypoint *points; /* of fv_detect_sets_max detections */
+    struct fv_detect_mask *mask;   /* with pixels, of fv_detect_mask_size */
+    uint8_t *pixels;
 };
 
 /* Bits of the above for the model's decoder; 0: none, its outputs leave as they are. */
@@ -69,15 +86,14 @@ int32_t fv_detect_sets_max(const struct fv_model *model);
 const char *fv_detect_label(const struct fv_model *model, int32_t class_id);
 
 /* Decode the outputs of a finished run in units of bounded cost: start, then unit until FOVEA_OK,
- * then take. Outputs whose shape does not fit the decoder give nothing. Real-time safe. `points`:
- * room for the keypoints of fv_detect_sets_max detections, which the last unit writes; NULL: they
- * are left out. */
+ * then take. Outputs whose shape does not fit the decoder give nothing. Real-time safe. The last
+ * unit writes the keypoints. */
 void fv_detect_decode_start(struct fv_detect_scratch *scratch);
 enum fovea_status fv_detect_decode_unit(const struct fv_model *model, uint8_t *arena,
                                         const struct fv_nn_input_fit *fit,
                                         const struct fv_detect_limits *limits,
                                         struct fv_detect_scratch *scratch,
-                                        struct fovea_keypoint *points);
+                                        const struct fv_detect_room *room);
 /* At most `capacity` detections by falling score (ties: order of the outputs). Returns how many.
  * Behind them go the uncertain ones, which suppress no others, as far as there is room; `uncertain`
  * takes how many, NULL: none are wanted. */
@@ -89,7 +105,7 @@ int32_t fv_detect_decode_take(const struct fv_model *model, const struct fv_dete
 /* All units at once, with the model's own limits. */
 int32_t fv_detect_decode(const struct fv_model *model, uint8_t *arena,
                          const struct fv_nn_input_fit *fit, struct fv_detect_scratch *scratch,
-                         struct fovea_keypoint *points, struct fovea_detection *detections,
+                         const struct fv_detect_room *room, struct fovea_detection *detections,
                          int32_t capacity);
 
 #ifdef __cplusplus

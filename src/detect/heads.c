@@ -260,13 +260,23 @@ static void fomo_scan(struct fv_head_job *j, int64_t begin, int64_t end)
     }
 }
 
+/* ---- a class for each pixel: mask.c reads it ------------------------------------------------- */
+
+static int64_t segment_items(const struct fv_head_job *j, int64_t *cost)
+{
+    (void)j;
+    *cost = 1;
+    return 0;
+}
+
 const struct fv_head *fv_head_of(int32_t decoder)
 {
     static const struct fv_head classifier = {classifier_items, classifier_scan, 0,
                                               FV_DETECT_CLASSES, NULL},
                                 ssd = {ssd_items, ssd_scan, 0, FV_DETECT_BOXES, NULL},
                                 ssd_raw = {ssd_raw_items, ssd_raw_scan, 1, FV_DETECT_BOXES, NULL},
-                                fomo = {fomo_items, fomo_scan, 0, FV_DETECT_BOXES, NULL};
+                                fomo = {fomo_items, fomo_scan, 0, FV_DETECT_BOXES, NULL},
+                                segment = {segment_items, NULL, 0, FV_DETECT_MASK, NULL};
     static const struct fv_head *const heads[FV_DECODER_COUNT] = {
         [FV_DECODER_CLASSIFIER] = &classifier,
         [FV_DECODER_SSD] = &ssd,
@@ -275,6 +285,8 @@ const struct fv_head *fv_head_of(int32_t decoder)
         [FV_DECODER_YOLOV8] = &fv_head_yolov8,
         [FV_DECODER_YOLOV2] = &fv_head_yolov2,
         [FV_DECODER_FOMO] = &fomo,
+        [FV_DECODER_SEGMENT] = &segment,
+        [FV_DECODER_YOLOV8_SEG] = &fv_head_yolov8_seg,
         [FV_DECODER_YOLOV8_POSE] = &fv_head_yolov8_pose,
         [FV_DECODER_END2END] = &fv_head_end2end,
         [FV_DECODER_MOVENET] = &fv_head_movenet,

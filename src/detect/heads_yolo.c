@@ -58,6 +58,13 @@ static int64_t yolov8_more_items(const struct fv_head_job *j, int64_t *cost)
     return n > 0 && yolov8_classes(j) > 0 ? n : 0;
 }
 
+static int64_t yolov8_seg_items(const struct fv_head_job *j, int64_t *cost)
+{
+    int32_t width, height;
+    fv_detect_mask_size(j->model, &width, &height);
+    return width > 0 ? yolov8_more_items(j, cost) : 0;
+}
+
 static int64_t yolov8_pose_items(const struct fv_head_job *j, int64_t *cost)
 {
     return j->d->point_count > 0 ? yolov8_more_items(j, cost) : 0;
@@ -156,5 +163,7 @@ static void yolov2_scan(struct fv_head_job *j, int64_t begin, int64_t end)
 const struct fv_head fv_head_yolov2 = {yolov2_items, yolov2_scan, 1, FV_DETECT_BOXES, NULL};
 const struct fv_head fv_head_yolov5 = {yolov5_items, yolov5_scan, 1, FV_DETECT_BOXES, NULL};
 const struct fv_head fv_head_yolov8 = {yolov8_items, yolov8_scan, 1, FV_DETECT_BOXES, NULL};
+const struct fv_head fv_head_yolov8_seg = {yolov8_seg_items, yolov8_scan, 1,
+                                           FV_DETECT_BOXES | FV_DETECT_MASK, NULL};
 const struct fv_head fv_head_yolov8_pose = {yolov8_pose_items, yolov8_scan, 1,
                                             FV_DETECT_BOXES | FV_DETECT_POINTS, yolov8_points};

@@ -9,7 +9,14 @@ void fv_detect_carve(struct fv_detect_memory *memory, struct fv_arena *arena,
     memory->job = fv_arena_take(arena, 1, sizeof *memory->job);
     memory->scratch = fv_arena_take(arena, 1, sizeof *memory->scratch);
     const int32_t points = fv_detect_sets_max(model) * fv_detect_point_count(model);
-    if (points > 0) memory->points = fv_arena_take(arena, (size_t)points, sizeof *memory->points);
+    struct fv_detect_room *room = &memory->room;
+    int32_t width, height;
+    fv_detect_mask_size(model, &width, &height);
+    if (points > 0) room->points = fv_arena_take(arena, (size_t)points, sizeof *room->points);
+    if (width > 0) {
+        room->mask = fv_arena_take(arena, 1, sizeof *room->mask);
+        room->pixels = fv_arena_take(arena, (size_t)width * (size_t)height, 1);
+    }
     struct fv_nn_job_state *state = memory->job == NULL ? NULL : &memory->job->nn; /* counting */
     fv_nn_job_carve(&memory->nn, model, state, pixel_bytes, arena);
 }
@@ -30,7 +37,7 @@ static void decode_some(const struct fv_detect_memory *memory)
     struct fv_detect_job *job = memory->job;
     const struct fv_nn_job *nn = &memory->nn;
     if (fv_detect_decode_unit(nn->model, nn->arena, &job->nn.fit, &memory->limits, memory->scratch,
-                              memory->points) != FOVEA_OK)
+                              &memory->room) != FOVEA_OK)
         return;
     job->count = fv_detect_decode_take(nn->model, &memory->limits, memory->scratch, job->found,
                                        FOVEA_DETECTIONS_MAX, &job->uncertain);
@@ -72,4 +79,15 @@ const struct fovea_detection *fv_detect_found(const struct fv_detect_memory *mem
     *count = (uint32_t)memory->job->count;
     *uncertain = (uint32_t)memory->job->uncertain;
     return memory->job->found;
+}
+
+const struct fv_detect_mask *fv_detect_mask_of(const struct fv_detect_memory *memory,
+                                               const uint8_t **pixels,
+                                               struct fv_detect_mask_place *place)
+{
+    const struct fv_detect_mask *mask = memory->room.mask;
+    *pixels = memory->room.pixels;
+    *place =
+        fv_detect_mask_place(memory->nn.model, &memory->job->nn.fit, mask->width, mask->height);
+    return mask;
 }

@@ -32,7 +32,7 @@ struct fv_detect_memory {
     struct fv_nn_job nn;
     struct fv_detect_job *job;
     struct fv_detect_scratch *scratch;
-    struct fovea_keypoint *points; /* of the first of job->found, as many each; NULL: none */
+    struct fv_detect_room room; /* keypoints of the first of job->found; the mask */
     struct fv_detect_limits limits;
 };
 
@@ -69,8 +69,12 @@ const struct fovea_detection *fv_detect_found(const struct fv_detect_memory *mem
 /* Keypoints of the first of them, as many each; NULL: none. Valid as long. */
 static inline const struct fovea_keypoint *fv_detect_points(const struct fv_detect_memory *memory)
 {
-    return memory->points;
+    return memory->room.points;
 }
+/* Its mask, with pixels and place; the model's decoder gives one. Valid until the next run ends. */
+const struct fv_detect_mask *fv_detect_mask_of(const struct fv_detect_memory *memory,
+                                               const uint8_t **pixels,
+                                               struct fv_detect_mask_place *place);
 
 #ifdef __cplusplus
 }

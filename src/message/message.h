@@ -38,6 +38,8 @@ enum fv_message_kind {
     FV_MESSAGE_KEYPOINTS2,
     FV_MESSAGE_CLASSES,
     FV_MESSAGE_CLASSES2,
+    FV_MESSAGE_SEGMENTATION,
+    FV_MESSAGE_SEGMENTATION2,
     FV_MESSAGE_COMMAND, /* in */
     FV_MESSAGE_RUN,     /* of the application */
     FV_MESSAGE_SAMPLE,  /* of the first sensor kind; this and all that follow: in recordings only */
@@ -222,6 +224,30 @@ struct fv_message_classes {
 size_t fv_message_classes_size_max(uint32_t count_max);
 uint32_t fv_message_classes_encode(const struct fv_message_classes *in, uint8_t *buffer,
                                    size_t capacity);
+
+/* A mask, from row `*row` on. */
+enum { FV_MESSAGE_SEGMENTS_MAX = 64 };
+struct fv_message_segment {
+    int32_t class_id, object; /* object -1: all pixels of the class */
+    const char *name;         /* of the class */
+    float score, fraction;
+};
+struct fv_message_segmentation {
+    fovea_stamp_t stamp;   /* of the image looked at */
+    const char *model;     /* cut as labels are */
+    int32_t width, height; /* of the mask; rows of at most 12,000 pixels */
+    double raw_scale[2], raw_offset[2];
+    uint32_t count; /* at most FV_MESSAGE_SEGMENTS_MAX */
+    struct fv_message_segment segments[FV_MESSAGE_SEGMENTS_MAX];
+    const uint8_t *pixels; /* row by row */
+    const uint8_t *index;  /* [256]: of what a pixel holds, into the segments; 255: none */
+};
+size_t fv_message_segmentation_size_max(void);
+/* Scratch that encoding needs, 4-byte aligned. */
+size_t fv_message_segmentation_scratch_bytes(void);
+/* As many rows as one message holds; `*row` moves on by them. */
+uint32_t fv_message_segmentation_encode(const struct fv_message_segmentation *in, int32_t *row,
+                                        void *scratch, uint8_t *buffer, size_t capacity);
 
 /* Raw outputs of a network, or pieces of them. */
 enum { FV_MESSAGE_TENSORS_MAX = 16, FV_MESSAGE_TENSOR_BYTES_MAX = 50000 };

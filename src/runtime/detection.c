@@ -86,7 +86,10 @@ static size_t scratch_bytes(const struct fv_detection *detection)
         (detection->gives & FV_DETECT_POINTS) == 0
             ? 0
             : fv_message_keypoints_scratch_bytes(sets_max(detection), points_of(detection));
-    return points > boxes ? points : boxes;
+    const size_t mask =
+        (detection->gives & FV_DETECT_MASK) == 0 ? 0 : fv_message_segmentation_scratch_bytes();
+    const size_t list = points > boxes ? points : boxes;
+    return mask > list ? mask : list;
 }
 
 void fv_detection_carve(struct fv_detection *detection, const struct fovea_camera *camera,
@@ -109,10 +112,17 @@ bool fv_detection_sends(const struct fv_detection *detection, enum fv_detection_
     static const uint32_t bits[FV_DETECTION_MESSAGE_COUNT] = {
         [FV_DETECTION_BOXES] = FV_DETECT_BOXES,
         [FV_DETECTION_KEYPOINTS] = FV_DETECT_POINTS,
-        [FV_DETECTION_CLASSES] = FV_DETECT_CLASSES};
+        [FV_DETECTION_CLASSES] = FV_DETECT_CLASSES,
+        [FV_DETECTION_SEGMENTATION] = FV_DETECT_MASK};
     if (!detection->enabled) return false;
     return message == FV_DETECTION_TENSORS ? detection->gives == 0
                                            : (detection->gives & bits[message]) != 0;
+}
+
+bool fv_detection_due(const struct fv_detection *detection, enum fv_detection_message message)
+{
+    return fv_detection_sends(detection, message) &&
+           (detection->state->mask_row == 0 || message == FV_DETECTION_SEGMENTATION);
 }
 
 enum fv_message_kind fv_detection_kind(enum fv_detection_message message, int network)
@@ -121,6 +131,7 @@ enum fv_message_kind fv_detection_kind(enum fv_detection_message message, int ne
         [FV_DETECTION_BOXES] = {FV_MESSAGE_DETECTIONS, FV_MESSAGE_DETECTIONS2},
         [FV_DETECTION_KEYPOINTS] = {FV_MESSAGE_KEYPOINTS, FV_MESSAGE_KEYPOINTS2},
         [FV_DETECTION_CLASSES] = {FV_MESSAGE_CLASSES, FV_MESSAGE_CLASSES2},
+        [FV_DETECTION_SEGMENTATION] = {FV_MESSAGE_SEGMENTATION, FV_MESSAGE_SEGMENTATION2},
         [FV_DETECTION_TENSORS] = {FV_MESSAGE_TENSORS, FV_MESSAGE_TENSORS2}};
     return kinds[message][network];
 }
@@ -146,6 +157,8 @@ size_t fv_detection_message_bytes(const struct fv_detection *detection,
         return fv_message_keypoints_size_max(sets_max(detection), points_of(detection));
     case FV_DETECTION_CLASSES:
         return fv_message_classes_size_max(classes_max(detection));
+    case FV_DETECTION_SEGMENTATION:
+        return fv_message_segmentation_size_max();
     default:
         return FV_MESSAGE_PACKET_BYTES;
     }
@@ -157,13 +170,14 @@ void fv_detection_reset(struct fv_detection *detection)
 {
     if (!detection->enabled) return;
     fv_detect_stop(&detection->memory);
-    detection->state->mapping = 0;
+    detection->state->mapping = FV_DETECTION_IDLE;
+    detection->state->mask_row = 0;
 }
 
 bool fv_detection_waiting(const struct fv_detection *detection)
 {
     return detection->enabled &&
-           (!fv_detect_idle(&detection->memory) || detection->state->mapping != 0);
+           (!fv_detect_idle(&detection->memory) || detection->state->mapping != FV_DETECTION_IDLE);
 }
 
 bool fv_detection_offer(struct fv_detection *detection, const struct fovea_frame *frame,
@@ -250,9 +264,13 @@ bool fv_detection_advance(struct fv_detection *detection, const struct fovea_con
     *done = 0;
     if (!fv_detection_waiting(detection) || units == 0) return false;
     if (detection->gives == 0) return advance_raw(detection, kernels, units, done);
-    if (!state->mapping) {
+    if (state->mapping == FV_DETECTION_SENDING) {
+        ++*done;
+        return true;
+    }
+    if (state->mapping == FV_DETECTION_IDLE) {
         if (fv_detect_advance(&detection->memory, kernels, units, done) != FOVEA_OK) return false;
-        state->mapping = 1;
+        state->mapping = FV_DETECTION_MAPPING;
         state->mapped = 0;
     }
     while (*done < units) {
@@ -260,7 +278,8 @@ bool fv_detection_advance(struct fv_detection *detection, const struct fovea_con
         if (fv_detection_sends(detection, FV_DETECTION_BOXES) &&
             !map_some(detection, &config->rig.cameras[0].camera))
             continue;
-        state->mapping = 0;
+        state->mapping =
+            (detection->gives & FV_DETECT_MASK) != 0 ? FV_DETECTION_SENDING : FV_DETECTION_IDLE;
         state->found_frame = state->frame;
         state->inferences++;
         return true;
@@ -358,6 +377,41 @@ static uint32_t encode_classes(const struct fv_detection *detection, uint8_t *bu
     return fv_message_classes_encode(&message, buffer, capacity);
 }
 
+/* The next rows of the mask; the last ones make the network free. */
+static uint32_t encode_mask(struct fv_detection *detection, uint8_t *buffer, size_t capacity)
+{
+    struct fv_detection_state *state = detection->state;
+    struct fv_detect_mask_place place;
+    const uint8_t *pixels;
+    const struct fv_detect_mask *mask = fv_detect_mask_of(&detection->memory, &pixels, &place);
+    struct fv_message_segmentation message = {
+        .stamp = fv_frame_id_stamp(&state->found_frame),
+        .model = fv_model_name(&detection->model),
+        .width = mask->width,
+        .height = mask->height,
+        .raw_scale = {place.scale[0], place.scale[1]},
+        .raw_offset = {place.offset[0], place.offset[1]},
+        .count = (uint32_t)mask->count,
+        .pixels = pixels,
+        .index = mask->index,
+    };
+    for (int32_t i = 0; i < mask->count; i++) {
+        const struct fv_detect_segment *s = &mask->segments[i];
+        message.segments[i] = (struct fv_message_segment){
+            .class_id = s->class_id,
+            .object = s->object,
+            .name = fv_detect_label(&detection->model, s->class_id),
+            .score = s->score,
+            .fraction = (float)s->pixels / (float)(mask->width * mask->height)};
+    }
+    const uint32_t bytes = fv_message_segmentation_encode(
+        &message, &state->mask_row, detection->message_scratch, buffer, capacity);
+    if (state->mask_row < mask->height) return bytes;
+    state->mapping = FV_DETECTION_IDLE;
+    state->mask_row = 0;
+    return bytes;
+}
+
 uint32_t fv_detection_encode(struct fv_detection *detection, enum fv_detection_message message,
                              const struct fovea_config *config, uint32_t reset_counter,
                              uint8_t *buffer, size_t capacity)
@@ -369,6 +423,8 @@ uint32_t fv_detection_encode(struct fv_detection *detection, enum fv_detection_m
         return encode_keypoints(detection, config, buffer, capacity);
     case FV_DETECTION_CLASSES:
         return encode_classes(detection, buffer, capacity);
+    case FV_DETECTION_SEGMENTATION:
+        return encode_mask(detection, buffer, capacity);
     default:
         return encode_raw(detection, buffer, capacity);
     }

@@ -13,12 +13,17 @@
 #include "message/message.h"
 #include "runtime/frame_id.h"
 
+/* After the decoder: boxes are mapped to the rectified image, then a mask is sent piece by piece.
+ */
+enum fv_detection_mapping { FV_DETECTION_IDLE = 0, FV_DETECTION_MAPPING, FV_DETECTION_SENDING };
+
 /* No addresses and no padding: copied and hashed as bytes. */
 struct fv_detection_state {
     struct fv_frame_id frame, found_frame; /* under way; of the last completed inference */
     uint64_t inferences;                   /* completed */
-    uint32_t mapping;                      /* boxes are being mapped to the rectified image */
+    uint32_t mapping;                      /* enum fv_detection_mapping */
     uint32_t mapped; /* how many are; of a raw network, bytes of outputs that were sent */
+    int32_t mask_row, reserved; /* rows of the mask that were sent */
     float rectified[FOVEA_DETECTIONS_MAX][4];
 };
 
@@ -54,10 +59,13 @@ enum fv_detection_message {
     FV_DETECTION_BOXES = 0,
     FV_DETECTION_KEYPOINTS,
     FV_DETECTION_CLASSES,
+    FV_DETECTION_SEGMENTATION, /* in as many messages as the mask needs, one per work call */
     FV_DETECTION_TENSORS,
     FV_DETECTION_MESSAGE_COUNT
 };
 bool fv_detection_sends(const struct fv_detection *detection, enum fv_detection_message message);
+/* Whether it is due now: of a mask that takes several messages, the others left with the first. */
+bool fv_detection_due(const struct fv_detection *detection, enum fv_detection_message message);
 /* Its kind for the first network (0) or the second (1). */
 enum fv_message_kind fv_detection_kind(enum fv_detection_message message, int network);
 

@@ -44,7 +44,7 @@ static void send(struct fovea *rt, struct fv_detection *detection, int network,
 {
     for (int i = 0; i < FV_DETECTION_MESSAGE_COUNT; i++) {
         const enum fv_detection_message message = (enum fv_detection_message)i;
-        if (!fv_detection_sends(detection, message)) continue;
+        if (!fv_detection_due(detection, message)) continue;
         const enum fv_message_kind kind = fv_detection_kind(message, network);
         const uint32_t bytes =
             fv_detection_encode(detection, message, &rt->config, fv_reset_counter(rt),
@@ -53,15 +53,17 @@ static void send(struct fovea *rt, struct fv_detection *detection, int network,
     }
 }
 
-/* Returns the units done; `*complete`: messages went to the outputs. */
+/* Returns the units done; `*complete`: an inference is complete and messages went to the outputs;
+ * the rest of a mask follows in later calls. */
 static uint32_t advance_one(struct fovea *rt, struct fv_detection *detection, int network,
                             uint32_t units, bool *complete, struct fovea_outputs *outputs)
 {
     uint32_t done = 0;
     *complete = false;
     if (is_sent(rt, network, outputs)) return 0; /* a raw network may have more to send */
-    *complete = fv_detection_advance(detection, &rt->config, &rt->kernels, units, &done);
-    if (*complete) send(rt, detection, network, outputs);
+    const bool due = fv_detection_advance(detection, &rt->config, &rt->kernels, units, &done);
+    *complete = due && fv_detection_due(detection, FV_DETECTION_BOXES);
+    if (due) send(rt, detection, network, outputs);
     return done;
 }
 

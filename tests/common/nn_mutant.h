@@ -27,19 +27,27 @@ static inline void nn_mutant_decode(const struct fv_model *model, const struct f
     struct fv_detect_scratch *scratch = malloc(sizeof *scratch);
     struct fovea_detection found[FOVEA_DETECTIONS_MAX];
     static struct fovea_keypoint points[FOVEA_KEYPOINTS_MAX];
+    static struct fv_detect_mask mask;
+    struct fv_detect_room room = {.points = points, .mask = &mask};
     struct fv_model_header header = *model->header;
     struct fv_model read = *model;
     if (scratch == NULL) abort();
     read.header = &header;
     if (header.decode.anchor_data == 0) header.decode.anchor_data = FV_MODEL_HEADER_BYTES;
     if (header.decode.anchor_count == 0) header.decode.anchor_count = 2;
+    if (header.decode.coefficients == 0) header.decode.coefficients = 4;
     if (header.decode.point_count == 0) {
         header.decode.point_count = 5;
         header.decode.point_values = 3;
         header.decode.point_score = 2;
     }
     for (header.decode.kind = 0; header.decode.kind < FV_DECODER_COUNT; header.decode.kind++) {
-        fv_detect_decode(&read, arena, fit, scratch, points, found, FOVEA_DETECTIONS_MAX);
+        int32_t width, height;
+        fv_detect_mask_size(&read, &width, &height);
+        room.pixels = malloc((size_t)width * (size_t)height + 1);
+        if (room.pixels == NULL) abort();
+        fv_detect_decode(&read, arena, fit, scratch, &room, found, FOVEA_DETECTIONS_MAX);
+        free(room.pixels);
     }
     for (uint32_t i = 0; i < header.output_count; i++)
         if (fv_model_output_name(model, i) != NULL &&

@@ -115,6 +115,27 @@ def pose(classes=2, points=5):
     return b.bytes([b.image], [b.turned(b.joined(levels, 1))])
 
 
+def seg(classes=2, coefficients=8):
+    b = Drawn(7)
+    levels = []
+    for stride in (8, 16, 32):
+        parts = [near(b, stride, 1), sizes(b, stride), b.grid(stride, classes, middle=-2.0)]
+        signs = b.tensor("int8", (1, (b.side // stride) ** 2, coefficients), **SHARE)  # around 0, by the scale of the shares
+        b.op("ADD", [b.grid(stride, coefficients, share=False, spread=0.5, scale=1 / 128),
+                     b.const("int8", np.zeros((1, 1, 1)), scale=1 / 128, zero=0)], [signs], "Add")
+        levels.append(b.joined(parts + [signs], 2))
+    prototypes = b.grid(4, coefficients, share=False, spread=4.0, scale=1 / 8)
+    return b.bytes([b.image], [b.turned(b.joined(levels, 1)), b.rows(prototypes, (1, 16, 16, coefficients))])
+
+
+def segment(classes=5):
+    b = Drawn(8)
+    numbers = b.rows(b.grid(2, classes, share=False, spread=4.0, scale=1 / 8), (1, 32, 32, classes))
+    out = b.tensor("int8", (1, 32, 32, classes), **SHARE)
+    b.op("SOFTMAX", [numbers], [out], "Softmax", Beta=1.0)
+    return b.bytes([b.image], [out])
+
+
 def blaze():
     b = Drawn(2, 128)
     boxes, scores = [], []
@@ -169,7 +190,7 @@ def classifier():
 # name: network, options, whether the decoder must be chosen by itself
 CASES = {"yolov8_pose": (pose, (), True), "blaze": (blaze, (), True), "landmarks": (landmarks, ("--score", "0.1"), True),
          "movenet": (movenet, ("--score", "0.05"), True), "end2end": (end2end, ("--decoder", "end2end"), False),
-         "classifier": (classifier, (), True)}
+         "classifier": (classifier, (), True), "yolov8_seg": (seg, (), True), "segment": (segment, ("--labels", "LABELS"), True)}
 
 
 def program(*arguments, cpu=None):
@@ -207,6 +228,28 @@ def differs(found, expected):
     return None
 
 
+def mask_of(seen):
+    """The mask of a line: the segment of each pixel, -1 where there is none."""
+    runs = np.array(seen["runs"])
+    return np.repeat(runs[:, 0], runs[:, 1]).reshape(seen["height"], seen["width"])
+
+
+def masks_differ(seen, expected):
+    """Why the masks differ, by the intersection over union of each segment; None: they do not."""
+    found, segments = mask_of(seen), seen["segments"]
+    if found.shape != expected.shape:
+        return f"a mask of {found.shape}, expected {expected.shape}"
+    found = np.where(expected == heads.DOUBT, heads.DOUBT, found)
+    numbers = [s["object"] if s["object"] >= 0 else s["class"] for s in segments]
+    if not set(np.unique(expected)) - {-1, heads.DOUBT} <= set(numbers):
+        return f"segments {numbers}, expected {np.unique(expected)}"
+    for i, number in enumerate(numbers):
+        a, b = found == i, expected == number
+        if (a | b).any() and (a & b).sum() < IOU_MIN * (a | b).sum():
+            return f"segment {number}: {(a & b).sum()} of {(a | b).sum()} pixels agree"
+    return None
+
+
 def main():
     pictures = sys.argv[1:] or sorted(glob.glob(os.path.join(os.environ.get("FOVEA_DATA", ROOT + "/../shared/data"), "images", "*.jpg")))[:6]
     if not pictures:
@@ -218,12 +261,17 @@ def main():
             source, model = os.path.join(folder, name + ".tflite"), os.path.join(folder, name + ".fvm")
             with open(source, "wb") as file:
                 file.write(make())
+            labels = os.path.join(folder, "labels.txt")
+            with open(labels, "w", encoding="ascii") as file:
+                file.write("sky\nroad\ntree\nwall\ncat\n")
+            options = [labels if o == "LABELS" else o for o in options]
             ran = subprocess.run([sys.executable, os.path.join(ROOT, "tools", "import"), source, "-o", model, *options], capture_output=True,
                                  text=True, check=False)
             if ran.returncode or chosen and f"decoder {name}" not in ran.stdout:
                 print(f"WRONG  {name}: import: {ran.stderr.strip() or ran.stdout}")
                 failed += 1
                 continue
+            chosen_pixels = 0
             lines = program("detect", "--model", model, *pictures)
             same = lines == program("detect", "--model", model, *pictures, cpu="c") == program("detect", "--model", model, "--units", "1", *pictures)
             outs, objects = outputs_of(model, pictures, folder), 0
@@ -232,8 +280,14 @@ def main():
                 seen = json.loads(line)
                 expected = heads.DECODERS[name]([o[number] for o in outs], seen["width"], seen["height"])
                 listed = seen["classes" if "classes" in seen else "detections"]
+                if "mask" in seen:
+                    expected, mask = expected
+                    fault = fault or masks_differ(seen["mask"], mask)
+                    chosen_pixels += int((mask >= 0).sum())
                 fault = fault or differs(listed, expected)
-                objects += len(listed)
+                objects += len(listed) + ("mask" in seen and not listed)
+            if "segment" in name or "seg" in name:
+                fault = fault or (None if chosen_pixels > 100 else f"{chosen_pixels} pixels in all masks")
             fault = fault or (None if objects else "nothing found in any photograph")
             failed += fault is not None
             print(f"{'WRONG ' if fault else 'equal '} {name}: {objects} found in {len(pictures)} photographs" + (f": {fault}" if fault else ""))

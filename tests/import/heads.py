@@ -66,6 +66,47 @@ def yolov8_pose(outs, width, height, side=64, classes=2):
     return limited(suppressed(found), 5)
 
 
+DOUBT = -2  # a pixel of a mask that may have either value
+
+
+def place(fit, side, w, h):
+    """Of the mask's pixel (x, y) in the picture."""
+    x, y = np.meshgrid((np.arange(w) + 0.5) * side / w, (np.arange(h) + 0.5) * side / h)
+    return (x - fit.left) / fit.sx - 0.5, (y - fit.top) / fit.sy - 0.5
+
+
+def yolov8_seg(outs, width, height, side=64, classes=2):
+    fit, columns, found = Fit(side, width, height), outs[0][0].astype(float), []
+    for v in columns.T:
+        c = int(np.argmax(v[4:4 + classes]))
+        x, y, w, h = v[:4] * side
+        box = fit.box(x - w / 2, y - h / 2, x + w / 2, y + h / 2)
+        if v[4 + c] >= 0.25 and box:
+            found.append(dict(entry(c, v[4 + c], box), v=v))
+    found = suppressed(found)
+    prototypes = outs[1][0].astype(float)
+    x, y = place(fit, side, *prototypes.shape[1::-1])
+    mask = np.full(prototypes.shape[:2], -1)
+    for i, f in reversed(list(enumerate(found[:64]))):
+        x0, y0, x1, y1 = f["box_px"]
+        share = sigmoid(prototypes @ f["v"][4 + classes:])
+        mask[(share > 0.5) & (x >= x0) & (x < x1) & (y >= y0) & (y < y1)] = i
+    for f in found[:64]:  # centres on an edge, where rounding decides
+        x0, y0, x1, y1 = f["box_px"]
+        mask[(np.minimum(np.abs(x - x0), np.abs(x - x1)) < 1e-3) | (np.minimum(np.abs(y - y0), np.abs(y - y1)) < 1e-3)] = DOUBT
+    for f in found:
+        del f["v"]
+    return found, mask
+
+
+def segment(outs, width, height, side=64):
+    fit, scores = Fit(side, width, height, False), outs[0][0].astype(float)
+    x, y = place(fit, side, *scores.shape[1::-1])
+    mask = np.argmax(scores, -1)
+    mask[(x < -0.5) | (x >= width - 0.5) | (y < -0.5) | (y >= height - 0.5)] = -1
+    return [], mask
+
+
 def limited(found, points):
     """Keypoints of the first sets only: 100, and 3000 points in all."""
     for f in found[min(100, 3000 // points):]:
@@ -117,4 +158,4 @@ def classifier(outs, width, height):
 
 
 DECODERS = {"yolov8_pose": yolov8_pose, "blaze": blaze, "movenet": movenet, "landmarks": landmarks, "end2end": end2end,
-            "classifier": classifier}
+            "classifier": classifier, "yolov8_seg": yolov8_seg, "segment": segment}

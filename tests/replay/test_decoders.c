@@ -1,5 +1,5 @@
-/* Networks with decoders of keypoints and classes in the loop: each is heard on its own channels
- * and on no other, and a recording of them replays bit for bit. */
+/* Networks with decoders of keypoints, classes and masks in the loop: each is heard on its own
+ * channels and on no other, and a recording of them replays bit for bit. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -93,33 +93,36 @@ static int heard(const char *path, const char *channel, size_t *at)
     return count;
 }
 
-static void decoders_are_heard_and_replay(void **state)
+static const char *const channels[] = {"DETECTIONS",   "KEYPOINTS", "CLASSES",
+                                       "SEGMENTATION", "TENSORS",   "OBJECTS"};
+
+/* Two networks, of which the first is heard on one channel alone, the second on another; their
+ * recording replays, and a difference in a message of the first is found. */
+static void replays(const struct fv_model_decode *one, const char *first_channel,
+                    const struct fv_model_decode *other, const char *second_channel)
 {
-    (void)state;
     char folder[] = "/tmp/fovea-decoders-XXXXXX", first[PATH_BYTES], second[PATH_BYTES],
-         path[PATH_BYTES];
+         path[PATH_BYTES], name[PATH_BYTES];
     struct fv_replay_result result;
     struct fovea_error error;
     assert_non_null(mkdtemp(folder));
-    snprintf(first, sizeof first, "%s/points.fvm", folder);
-    snprintf(second, sizeof second, "%s/classes.fvm", folder);
+    snprintf(first, sizeof first, "%s/first.fvm", folder);
+    snprintf(second, sizeof second, "%s/second.fvm", folder);
     snprintf(path, sizeof path, "%s/run.lcm", folder);
-    const struct fv_model_decode points = {.kind = FV_DECODER_LANDMARKS,
-                                           .point_count = output_count() / 2,
-                                           .point_values = 2,
-                                           .max_detections = 300},
-                                 classes = {.kind = FV_DECODER_CLASSIFIER, .max_detections = 5};
-    make_model(first, &points);
-    make_model(second, &classes);
+    make_model(first, one);
+    make_model(second, other);
     record(first, second, path);
-    static const char *const silent[] = {"FOVEA_DETECTIONS", "FOVEA_DETECTIONS2", "FOVEA_OBJECTS",
-                                         "FOVEA_TENSORS",    "FOVEA_TENSORS2",    "FOVEA_CLASSES",
-                                         "FOVEA_KEYPOINTS2"};
     size_t at = 0;
-    for (size_t i = 0; i < sizeof silent / sizeof *silent; i++)
-        assert_int_equal(heard(path, silent[i], &at), 0);
-    assert_true(heard(path, "FOVEA_CLASSES2", &at) > 3);
-    assert_true(heard(path, "FOVEA_KEYPOINTS", &at) > 3);
+    for (size_t i = 0; i < sizeof channels / sizeof *channels; i++) {
+        snprintf(name, sizeof name, "FOVEA_%s", channels[i]);
+        const int found = heard(path, name, &at);
+        assert_true(strcmp(channels[i], first_channel) == 0 ? found > 3 : found == 0);
+        snprintf(name, sizeof name, "FOVEA_%s2", channels[i]);
+        const int others = heard(path, name, &at);
+        assert_true(strcmp(channels[i], second_channel) == 0 ? others > 3 : others == 0);
+    }
+    snprintf(name, sizeof name, "FOVEA_%s", first_channel);
+    heard(path, name, &at);
     assert_int_equal(fv_replay(path, true, NULL, NULL, &result, &error), FOVEA_OK);
     if (result.different) fail_msg("%s", result.difference);
     assert_int_equal(result.steps, FRAMES);
@@ -133,15 +136,28 @@ static void decoders_are_heard_and_replay(void **state)
     fclose(file);
     assert_int_equal(fv_replay(path, true, NULL, NULL, &result, &error), FOVEA_OK);
     assert_true(result.different);
-    assert_non_null(strstr(result.difference, "FOVEA_KEYPOINTS"));
+    assert_non_null(strstr(result.difference, name));
     unlink(path);
     unlink(first);
     unlink(second);
     rmdir(folder);
 }
 
+static void keypoints_classes_and_masks_replay(void **state)
+{
+    (void)state;
+    const struct fv_model_decode points = {.kind = FV_DECODER_LANDMARKS,
+                                           .point_count = output_count() / 2,
+                                           .point_values = 2,
+                                           .max_detections = 300},
+                                 classes = {.kind = FV_DECODER_CLASSIFIER, .max_detections = 5},
+                                 mask = {.kind = FV_DECODER_SEGMENT};
+    replays(&points, "KEYPOINTS", &classes, "CLASSES");
+    replays(&mask, "SEGMENTATION", &points, "KEYPOINTS");
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(decoders_are_heard_and_replay)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(keypoints_classes_and_masks_replay)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

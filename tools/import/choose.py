@@ -9,7 +9,7 @@ from graph import ImportProblem
 
 LABELS_MAX = 4096  # what the loader takes
 STRIDES = ((8, 16, 32), (4, 8, 16, 32), (8, 16, 32, 64), (16, 32), (4, 8, 16))
-TASKS = {"detect": ("yolov5", "yolov8", "end2end"), "classify": ("classifier",), "segment": (), "pose": ("yolov8_pose", "end2end"),
+TASKS = {"detect": ("yolov5", "yolov8", "end2end"), "classify": ("classifier",), "segment": ("yolov8_seg",), "pose": ("yolov8_pose", "end2end"),
          "obb": ()}  # of Ultralytics' exports
 
 
@@ -144,6 +144,9 @@ def several(e):
     """Candidates of networks of several outputs."""
     if details.blaze_pair(e):
         return {"blaze": blaze(e)}
+    if details.prototypes(e):
+        boxes = details.prototypes(e)[0]
+        return {"yolov8_seg": details.seg_fault(e, e.arguments) or labelled(e, details.rows_of(e, boxes)[1])}
     if len(e.image) == 4 and len(e.outs) <= 4 and any(int(np.prod(t.shape)) >= 20 for t in e.outs) and \
             details.landmark_outputs(e, 0)[1]:
         return {"landmarks": landmarks(e)}
@@ -181,6 +184,8 @@ def candidates(e):
         found["yolov2"] = None if len(e.outs) == 1 else f"has one output, found {len(e.outs)}"
     elif len(shape) == 4 and op is not None and op.name == "SOFTMAX":
         found["fomo"] = fomo(e)
+        if found["fomo"]:
+            found["segment"] = None if len(e.outs) == 1 and len(e.labels) == shape[3] else f"needs {shape[3]} labels, found {len(e.labels)}"
     return found
 
 

@@ -95,6 +95,47 @@ def pose_fault(e, arguments):
     return None if asked and asked[1] == 2 and not rest.any() else "has x, y and a score from LOGISTIC for each keypoint"
 
 
+def prototypes(e):
+    """Indices of the outputs of boxes and prototypes; None: no such outputs."""
+    if len(e.outs) != 2 or sorted(len(t.shape) for t in e.outs) != [3, 4]:
+        return None
+    boxes = int(len(e.outs[0].shape) == 4)
+    return boxes, 1 - boxes
+
+
+def seg(e, arguments):
+    pair = prototypes(e)
+    if pair is None:
+        wrong("yolov8_seg", e, "[1, 4 + classes + coefficients, n] and prototypes [1, h, w, coefficients]")
+    coefficients = int(e.outs[pair[1]].shape[3])
+    classes = int(e.outs[pair[0]].shape[1]) - 4 - coefficients
+    if classes < 1 or coefficients > COEFFICIENTS_MAX:
+        wrong("yolov8_seg", e, f"4 numbers, classes and {coefficients} coefficients for each box")
+    return Details(classes, roles=(pair[0] + 1, 0, pair[1] + 1), coefficients=coefficients)
+
+
+def seg_fault(e, arguments):
+    """Why two outputs cannot be those of a YOLOv8 segmentation; None: they can."""
+    boxes, other = prototypes(e)
+    rows, classes = rows_of(e, boxes)
+    coefficients = e.outs[other].shape[3]
+    if e.outs[boxes].shape[2] not in e.cells():
+        return f"has a box for each cell of its grids, found {e.outs[boxes].shape[2]}"
+    if rows[:4].any() or not classes or len(rows) != 4 + classes + coefficients or rows[4 + classes:].any():
+        return f"has scores from LOGISTIC in all rows between 4 and {coefficients} coefficients"
+    return None
+
+
+def segment(e, arguments):
+    """Classes by pixel, or scores of each: as many classes as scores; 0: the output holds their numbers."""
+    shape = e.shape
+    channels = int(shape[3]) if len(shape) == 4 else 1
+    if len(e.outs) != 1 or not 2 <= len(shape) <= 4 or channels > 254:
+        wrong("segment", e, "one of [1, h, w], [1, h, w, 1] or [1, h, w, up to 254 classes]")
+    score = channels == 1 and e.mask(e.graph.outputs[0]).all()
+    return Details(channels if channels > 1 or score else 0, normalised=0)
+
+
 def end2end(e, arguments):
     columns, asked = e.shape[-1] if len(e.shape) == 3 else 0, asked_points(arguments, e.metadata)
     count, values = asked or (0, 0)
@@ -181,7 +222,7 @@ def landmarks(e, arguments):
     return Details(1, form[0], form[1], 3 if form[1] == 5 else 0, logits, roles, normalised=int(np.isfinite(high) and high - low < 8))
 
 
-DETAILS = {"yolov8_pose": pose, "end2end": end2end, "movenet": movenet, "blaze": blaze, "landmarks": landmarks}
+DETAILS = {"yolov8_pose": pose, "yolov8_seg": seg, "segment": segment, "end2end": end2end, "movenet": movenet, "blaze": blaze, "landmarks": landmarks}
 
 
 def of(kind, e, arguments):

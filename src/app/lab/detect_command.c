@@ -36,7 +36,8 @@ static enum fovea_status engine_open(struct engine *engine, const char *path,
     fv_kernels_init(&engine->kernels, set);
     engine->arena = fv_aligned_zeroed(fv_nn_arena_bytes(&engine->file.model));
     engine->scratch = calloc(1, sizeof *engine->scratch);
-    if (engine->arena == NULL || engine->scratch == NULL)
+    if (engine->arena == NULL || engine->scratch == NULL ||
+        fv_found_open(&engine->found, &engine->file.model) != FOVEA_OK)
         return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%.300s: out of memory", path);
     return FOVEA_OK;
 }
@@ -45,16 +46,17 @@ static void engine_close(struct engine *engine)
 {
     free(engine->arena);
     free(engine->scratch);
+    fv_found_close(&engine->found);
     fv_model_file_free(&engine->file);
 }
 
 static enum fovea_status look_at(struct engine *engine, const struct fovea_image *image)
 {
     const struct fv_model *model = &engine->file.model;
-    struct fv_nn_input_fit fit;
-    const enum fovea_status status = fv_nn_input_fit_of(model, image, &fit);
+    struct fv_found *found = &engine->found;
+    const enum fovea_status status = fv_nn_input_fit_of(model, image, &found->fit);
     if (status != FOVEA_OK) return status;
-    fv_nn_fill(model, image, &fit, engine->arena, 0, model->header->preprocess.height);
+    fv_nn_fill(model, image, &found->fit, engine->arena, 0, model->header->preprocess.height);
     struct fv_nn_progress progress = {0, 0};
     const uint32_t units =
         engine->units == 0 || engine->units > 1u << 30 ? 1u << 30 : (uint32_t)engine->units;
@@ -62,10 +64,8 @@ static enum fovea_status look_at(struct engine *engine, const struct fovea_image
     while (fv_nn_run(model, &engine->kernels, engine->arena, &progress, units, &done) ==
            FOVEA_AGAIN)
         continue;
-    struct fv_found *found = &engine->found;
-    found->model = model;
-    found->count = fv_detect_decode(model, engine->arena, &fit, engine->scratch, found->points,
-                                    found->list, FOVEA_DETECTIONS_MAX);
+    found->count = fv_detect_decode(model, engine->arena, &found->fit, engine->scratch,
+                                    &found->room, found->list, FOVEA_DETECTIONS_MAX);
     return FOVEA_OK;
 }
 

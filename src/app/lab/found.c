@@ -1,8 +1,25 @@
 #include "app/lab/found.h"
 
 #include <stdio.h>
+#include <stdlib.h>
 
 #include "support/json.h"
+
+enum fovea_status fv_found_open(struct fv_found *found, const struct fv_model *model)
+{
+    int32_t width, height;
+    found->model = model;
+    found->room = (struct fv_detect_room){.points = found->points, .mask = &found->mask};
+    fv_detect_mask_size(model, &width, &height);
+    if (width == 0) return FOVEA_OK;
+    found->room.pixels = calloc((size_t)width * (size_t)height, 1);
+    return found->room.pixels == NULL ? FOVEA_ERROR_SYSTEM : FOVEA_OK;
+}
+
+void fv_found_close(struct fv_found *found)
+{
+    free(found->room.pixels);
+}
 
 /* ---- JSON ------------------------------------------------------------------------------------ */
 
@@ -34,6 +51,34 @@ static void print_points(const struct fv_found *found, int32_t set)
     printf("]");
 }
 
+/* Runs as [segment, pixels], segment -1 where there is none. */
+static void print_mask(const struct fv_found *found)
+{
+    const struct fv_detect_mask *m = &found->mask;
+    const struct fv_detect_mask_place place =
+        fv_detect_mask_place(found->model, &found->fit, m->width, m->height);
+    const int32_t pixels = m->width * m->height;
+    printf(", \"mask\": {\"width\": %d, \"height\": %d, \"raw_scale\": [%.9g, %.9g], "
+           "\"raw_offset\": [%.9g, %.9g], \"segments\": [",
+           m->width, m->height, place.scale[0], place.scale[1], place.offset[0], place.offset[1]);
+    for (int32_t i = 0; i < m->count; i++) {
+        const struct fv_detect_segment *s = &m->segments[i];
+        printf("%s{\"class\": %d, \"label\": ", i == 0 ? "" : ", ", s->class_id);
+        fv_json_text(stdout, fv_detect_label(found->model, s->class_id));
+        printf(", \"object\": %d, \"fraction\": %.6f}", s->object,
+               (double)s->pixels / (double)pixels);
+    }
+    printf("], \"runs\": [");
+    for (int32_t at = 0, length; at < pixels; at += length) {
+        const uint8_t segment = m->index[found->room.pixels[at]];
+        for (length = 1; at + length < pixels; length++)
+            if (m->index[found->room.pixels[at + length]] != segment) break;
+        printf("%s[%d, %d]", at == 0 ? "" : ", ", segment == FV_DETECT_NO_SEGMENT ? -1 : segment,
+               length);
+    }
+    printf("]}");
+}
+
 void fv_found_print(const struct fv_found *found, const char *path, const struct fovea_image *image)
 {
     const uint32_t gives = fv_detect_gives(found->model);
@@ -52,7 +97,9 @@ void fv_found_print(const struct fv_found *found, const char *path, const struct
         if (i < set_count(found)) print_points(found, i);
         printf("}");
     }
-    printf("]}\n");
+    printf("]");
+    if ((gives & FV_DETECT_MASK) != 0) print_mask(found);
+    printf("}\n");
 }
 
 /* ---- drawn ----------------------------------------------------------------------------------- */
@@ -105,9 +152,33 @@ static void draw_points(const struct fv_found *found, struct fv_canvas *canvas, 
     }
 }
 
+/* Half of the segment's colour over the picture. */
+static void draw_mask(const struct fv_found *found, struct fv_canvas *canvas)
+{
+    const struct fv_detect_mask *m = &found->mask;
+    const struct fv_detect_mask_place place =
+        fv_detect_mask_place(found->model, &found->fit, m->width, m->height);
+    for (int y = 0; y < canvas->height; y++) {
+        const int row = (int)((y - place.offset[1]) / place.scale[1] + 0.5);
+        for (int x = 0; x < canvas->width; x++) {
+            const int column = (int)((x - place.offset[0]) / place.scale[0] + 0.5);
+            if (row < 0 || row >= m->height || column < 0 || column >= m->width) continue;
+            const uint8_t segment =
+                m->index[found->room.pixels[(ptrdiff_t)row * m->width + column]];
+            if (segment == FV_DETECT_NO_SEGMENT) continue;
+            const struct fv_detect_segment *s = &m->segments[segment];
+            const uint32_t colour = colour_of(s->object < 0 ? s->class_id : s->object);
+            uint8_t *pixel = canvas->rgb + 3 * ((ptrdiff_t)y * canvas->width + x);
+            for (int k = 0; k < 3; k++)
+                pixel[k] = (uint8_t)((pixel[k] + (colour >> (16 - 8 * k) & 0xff)) / 2);
+        }
+    }
+}
+
 void fv_found_draw(const struct fv_found *found, struct fv_canvas *canvas)
 {
     const uint32_t gives = fv_detect_gives(found->model);
+    if ((gives & FV_DETECT_MASK) != 0) draw_mask(found, canvas);
     for (int32_t i = found->count - 1; i >= 0; i--) {
         if ((gives & FV_DETECT_BOXES) != 0) draw_box(found, canvas, i);
         if ((gives & FV_DETECT_CLASSES) != 0)

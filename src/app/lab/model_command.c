@@ -60,6 +60,8 @@ static void print_decoder(const struct fv_model *model)
     if ((gives & FV_DETECT_POINTS) != 0)
         printf("%s%d keypoints", (gives & FV_DETECT_BOXES) != 0 ? ", " : ": ",
                fv_detect_point_count(model));
+    if ((gives & FV_DETECT_MASK) != 0)
+        printf("%s", (gives & FV_DETECT_BOXES) != 0 ? ", masks" : ": a mask");
     printf("\n");
     if (gives == 0) return;
     printf("%-10sscore at least %g%s", "limits", (double)d->score_threshold,

@@ -113,7 +113,8 @@ static int32_t decode(void)
                                       .format = FOVEA_PIXEL_GREY8};
     struct fv_nn_input_fit fit;
     assert_int_equal(fv_nn_input_fit_of(&model, &image, &fit), FOVEA_OK);
-    return fv_detect_decode(&model, arena, &fit, &scratch, points, found, FOVEA_DETECTIONS_MAX);
+    const struct fv_detect_room room = {.points = points};
+    return fv_detect_decode(&model, arena, &fit, &scratch, &room, found, FOVEA_DETECTIONS_MAX);
 }
 
 static void near_to(double value, double expected, double allowed)

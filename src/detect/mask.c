@@ -1,0 +1,229 @@
+#include "detect/mask.h"
+
+#include <string.h>
+
+#include "detect/heads.h"
+
+enum { PRODUCTS_PER_UNIT = 1 << 17, LABELS_PER_UNIT = 1 << 15 };
+
+/* ---- the grid -------------------------------------------------------------------------------- */
+
+static const struct fv_model_tensor *output_of(const struct fv_model *model, int32_t role)
+{
+    const int32_t given = model->header->decode.roles[role], place = given > 0 ? given - 1 : role;
+    if ((uint32_t)place >= model->header->output_count) return NULL;
+    return &model->tensors[model->outputs[place]];
+}
+
+/* Of a network that labels pixels: [h][w], [1][h][w] or [1][h][w][channels]. */
+static int32_t channels_of(const struct fv_model_tensor *t)
+{
+    return t->rank == 4 ? t->dims[3] : 1;
+}
+
+void fv_detect_mask_size(const struct fv_model *model, int32_t *width, int32_t *height)
+{
+    const struct fv_model_decode *d = &model->header->decode;
+    const bool labelled = d->kind == FV_DECODER_SEGMENT;
+    *width = *height = 0;
+    if (!labelled && d->kind != FV_DECODER_YOLOV8_SEG) return;
+    const struct fv_model_tensor *t =
+        output_of(model, labelled ? FV_ROLE_BOXES : FV_ROLE_PROTOTYPES);
+    if (t == NULL || t->rank < 2 || t->rank > 4) return;
+    if (labelled ? channels_of(t) >= FV_DETECT_NO_SEGMENT
+                 : t->rank != 4 || d->coefficients < 1 || t->dims[3] != d->coefficients)
+        return;
+    const int32_t first = t->rank == 2 ? 0 : 1, h = t->dims[first], w = t->dims[first + 1];
+    if ((t->rank > 2 && t->dims[0] != 1) || w > FV_DETECT_MASK_SIDE_MAX ||
+        (int64_t)h * w > FV_DETECT_MASK_PIXELS_MAX)
+        return;
+    *width = w;
+    *height = h;
+}
+
+struct fv_detect_mask_place fv_detect_mask_place(const struct fv_model *model,
+                                                 const struct fv_nn_input_fit *fit, int32_t width,
+                                                 int32_t height)
+{
+    const struct fv_model_preprocess *p = &model->header->preprocess;
+    const double sx = (double)p->width / width, sy = (double)p->height / height;
+    return (struct fv_detect_mask_place){
+        .scale = {sx / (double)fit->scale_x, sy / (double)fit->scale_y},
+        .offset = {(0.5 * sx - fit->left) / (double)fit->scale_x - 0.5,
+                   (0.5 * sy - fit->top) / (double)fit->scale_y - 0.5}};
+}
+
+/* The pixels of one axis whose centres lie in [low, high) of the image. */
+struct span {
+    int32_t first, last; /* last exclusive */
+};
+
+static struct span span_of(const struct fv_detect_mask_place *place, int axis, double low,
+                           double high, int32_t size)
+{
+    struct span s = {0, size};
+    while (s.first < size && place->scale[axis] * s.first + place->offset[axis] < low)
+        s.first++;
+    while (s.last > s.first && place->scale[axis] * (s.last - 1) + place->offset[axis] >= high)
+        s.last--;
+    return s;
+}
+
+void fv_detect_mask_clear(const struct fv_model *model, struct fv_detect_mask *mask,
+                          uint8_t *pixels)
+{
+    memset(mask, 0, sizeof *mask);
+    memset(mask->index, FV_DETECT_NO_SEGMENT, sizeof mask->index);
+    fv_detect_mask_size(model, &mask->width, &mask->height);
+    memset(pixels, FV_DETECT_NO_SEGMENT, (size_t)mask->width * (size_t)mask->height);
+}
+
+/* ---- objects by prototypes ------------------------------------------------------------------- */
+
+/* Coefficients of an object: whole numbers beside a scale above 0, or real ones. */
+struct coefficients {
+    bool whole;
+    int32_t count, zero; /* zero: of the prototypes */
+    int16_t whole_value[FV_MODEL_COEFFICIENTS_MAX];
+    float value[FV_MODEL_COEFFICIENTS_MAX];
+};
+
+static void read_coefficients(const struct fv_head_job *j, const struct fv_head_output *prototypes,
+                              int32_t item, struct coefficients *c)
+{
+    const struct fv_head_output *o = fv_head_role(j, FV_ROLE_BOXES);
+    const int64_t n = last_dim(o), rows = n > 0 ? count_of(o) / n : 0;
+    c->count = j->d->coefficients;
+    c->whole = o->t->type == FV_TYPE_U8 && prototypes->t->type == FV_TYPE_U8;
+    c->zero = prototypes->t->zero;
+    for (int32_t i = 0; i < c->count; i++) {
+        const int64_t at = (rows - c->count + i) * n + item;
+        c->value[i] = value_at(o, at);
+        c->whole_value[i] = c->whole ? (int16_t)(o->data[at] - o->t->zero) : 0;
+    }
+}
+
+static bool is_inside(const struct coefficients *c, const struct fv_head_output *prototypes,
+                      int64_t pixel)
+{
+    const int64_t at = pixel * c->count;
+    if (c->whole) {
+        const uint8_t *from = prototypes->data + at;
+        int32_t sum = 0;
+        for (int32_t i = 0; i < c->count; i++)
+            sum += c->whole_value[i] * (from[i] - c->zero);
+        return sum > 0;
+    }
+    double sum = 0;
+    for (int32_t i = 0; i < c->count; i++)
+        sum += (double)c->value[i] * (double)value_at(prototypes, at + i);
+    return sum > 0;
+}
+
+bool fv_detect_mask_objects(const struct fv_head_job *j, const struct fovea_detection *objects,
+                            const int32_t *items, int32_t count, struct fv_detect_mask *mask,
+                            uint8_t *pixels, int64_t *object, int32_t *row)
+{
+    const struct fv_head_output *prototypes = fv_head_role(j, FV_ROLE_PROTOTYPES);
+    const struct fv_detect_mask_place place =
+        fv_detect_mask_place(j->model, j->fit, mask->width, mask->height);
+    if (count > FV_DETECT_SEGMENTS_MAX) count = FV_DETECT_SEGMENTS_MAX;
+    if (*object >= count) return true;
+    const int32_t i = (int32_t)*object;
+    const struct fovea_detection *d = &objects[i];
+    const struct span x = span_of(&place, 0, (double)d->x_min_px, (double)d->x_max_px, mask->width),
+                      y = span_of(&place, 1, (double)d->y_min_px, (double)d->y_max_px,
+                                  mask->height);
+    struct coefficients c;
+    read_coefficients(j, prototypes, items[i], &c);
+    uint32_t taken = 0;
+    int32_t left = PRODUCTS_PER_UNIT;
+    if (*row < y.first) *row = y.first;
+    for (; *row < y.last && left > 0; ++*row, left -= (x.last - x.first) * c.count) {
+        for (int32_t k = x.first; k < x.last; k++) {
+            const int64_t at = (int64_t)*row * mask->width + k;
+            if (pixels[at] != FV_DETECT_NO_SEGMENT || !is_inside(&c, prototypes, at)) continue;
+            pixels[at] = (uint8_t)i;
+            taken++;
+        }
+    }
+    mask->pixels[i] += taken;
+    if (*row < y.last) return false;
+    mask->segments[i] = (struct fv_detect_segment){
+        .class_id = d->class_id, .object = i, .score = d->score, .pixels = mask->pixels[i]};
+    mask->index[i] = (uint8_t)i;
+    mask->count = i + 1;
+    *row = 0;
+    return ++*object == count;
+}
+
+/* ---- a class for each pixel ------------------------------------------------------------------ */
+
+/* The class of a pixel: its number, or the place of its largest score; of one score whether it
+ * reaches the threshold. */
+static int32_t class_of(const struct fv_head_job *j, const struct fv_head_output *o,
+                        int32_t channels, int64_t pixel)
+{
+    const int64_t at = pixel * channels;
+    if (channels == 1) {
+        const float value = value_at(o, at);
+        if (j->d->classes == 1) return value >= fv_head_least(j, 0) ? 0 : -1;
+        return value > -0.5f && value < (float)FV_DETECT_NO_SEGMENT ? (int32_t)(value + 0.5f) : -1;
+    }
+    int32_t best = 0;
+    float largest = value_at(o, at);
+    for (int32_t c = 1; c < channels; c++) {
+        const float value = value_at(o, at + c);
+        if (value > largest) {
+            largest = value;
+            best = c;
+        }
+    }
+    return best;
+}
+
+/* The classes that most pixels have, by their number. */
+static void list_classes(struct fv_detect_mask *mask)
+{
+    bool listed[FV_DETECT_NO_SEGMENT] = {false};
+    for (int n = 0; n < FV_DETECT_SEGMENTS_MAX; n++) {
+        int best = -1;
+        for (int c = 0; c < FV_DETECT_NO_SEGMENT; c++)
+            if (!listed[c] && mask->pixels[c] > 0 &&
+                (best < 0 || mask->pixels[c] > mask->pixels[best]))
+                best = c;
+        if (best < 0) break;
+        listed[best] = true;
+    }
+    for (int c = 0; c < FV_DETECT_NO_SEGMENT; c++) {
+        if (!listed[c]) continue;
+        mask->segments[mask->count] = (struct fv_detect_segment){
+            .class_id = c, .object = -1, .score = __builtin_nanf(""), .pixels = mask->pixels[c]};
+        mask->index[c] = (uint8_t)mask->count++;
+    }
+}
+
+bool fv_detect_mask_classes(const struct fv_head_job *j, struct fv_detect_mask *mask,
+                            uint8_t *pixels, int64_t *at)
+{
+    const struct fv_head_output *o = fv_head_role(j, FV_ROLE_BOXES);
+    const struct fv_detect_mask_place place =
+        fv_detect_mask_place(j->model, j->fit, mask->width, mask->height);
+    const int32_t channels = channels_of(o->t);
+    const struct span x = span_of(&place, 0, -0.5, j->fit->image_width - 0.5, mask->width),
+                      y = span_of(&place, 1, -0.5, j->fit->image_height - 0.5, mask->height);
+    int32_t left = LABELS_PER_UNIT / channels + 1;
+    const int64_t end = (int64_t)y.last * mask->width;
+    if (*at < (int64_t)y.first * mask->width) *at = (int64_t)y.first * mask->width;
+    for (; *at < end && left > 0; ++*at, --left) {
+        const int32_t column = (int32_t)(*at % mask->width);
+        if (column < x.first || column >= x.last) continue;
+        const int32_t class_id = class_of(j, o, channels, *at);
+        if (class_id < 0 || class_id >= FV_DETECT_NO_SEGMENT) continue;
+        pixels[*at] = (uint8_t)class_id;
+        mask->pixels[class_id]++;
+    }
+    if (*at < end) return false;
+    list_classes(mask);
+    return true;
+}

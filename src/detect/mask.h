@@ -1,0 +1,65 @@
+/* Masks: which class, or which object, each pixel of a grid over the network's input shows.
+ *
+ * Of a network with prototypes (Bolya et al., "YOLACT", ICCV 2019; YOLOv8's form) an object has the
+ * pixels whose centre lies in its box and where its coefficients times the prototypes are above 0,
+ * which is a share above one half; where objects overlap, the one of the better score has the
+ * pixel. The products are whole numbers where the outputs are bytes, so they are exact. Of a
+ * network that labels each pixel, the pixel has its class, or that of its largest score.
+ *
+ * Pixels whose centre the image does not cover (borders of a letterbox) have none. No addresses in
+ * the state. Real-time safe. */
+#ifndef FOVEA_DETECT_MASK_H
+#define FOVEA_DETECT_MASK_H
+
+#include "fovea/detect.h"
+#include "nn/input.h"
+#include "nn/model.h"
+
+struct fv_head_job;
+
+enum {
+    FV_DETECT_SEGMENTS_MAX = 64,
+    FV_DETECT_NO_SEGMENT = 255,
+    FV_DETECT_MASK_SIDE_MAX = 8192,
+    FV_DETECT_MASK_PIXELS_MAX = 1 << 20
+};
+
+/* An object, or all pixels of a class. */
+struct fv_detect_segment {
+    int32_t class_id, object; /* object: in the list of detections; -1: all of the class */
+    float score;              /* of the object; NaN: none */
+    uint32_t pixels;
+};
+
+struct fv_detect_mask {
+    int32_t width, height, count;
+    struct fv_detect_segment segments[FV_DETECT_SEGMENTS_MAX];
+    /* What a pixel holds, as index into the segments, FV_DETECT_NO_SEGMENT: none. */
+    uint8_t index[256];
+    uint32_t pixels[256]; /* that hold it */
+};
+
+/* x_raw = scale x + offset takes centres of the mask's pixels to the image. */
+struct fv_detect_mask_place {
+    double scale[2], offset[2];
+};
+
+/* Size of the model's mask, 0 x 0 where its decoder gives none or its outputs do not fit. */
+void fv_detect_mask_size(const struct fv_model *model, int32_t *width, int32_t *height);
+struct fv_detect_mask_place fv_detect_mask_place(const struct fv_model *model,
+                                                 const struct fv_nn_input_fit *fit, int32_t width,
+                                                 int32_t height);
+
+/* No pixel has a segment. */
+void fv_detect_mask_clear(const struct fv_model *model, struct fv_detect_mask *mask,
+                          uint8_t *pixels);
+/* Go on with the pixels of `count` objects, the best first, whose boxes and items are given: one
+ * unit from `*object` and `*row` on. True: complete. */
+bool fv_detect_mask_objects(const struct fv_head_job *job, const struct fovea_detection *objects,
+                            const int32_t *items, int32_t count, struct fv_detect_mask *mask,
+                            uint8_t *pixels, int64_t *object, int32_t *row);
+/* The same for a network that labels each pixel: one unit from pixel `*at` on. */
+bool fv_detect_mask_classes(const struct fv_head_job *job, struct fv_detect_mask *mask,
+                            uint8_t *pixels, int64_t *at);
+
+#endif
