@@ -8,7 +8,9 @@
  *
  * Results are equal on every kernel set, compiler and architecture.
  *
- * Sources: SIFT: Lowe, "Distinctive image features from scale-invariant keypoints", IJCV 2004. */
+ * Sources: Harris: Harris and Stephens, "A combined corner and edge detector", 1988; Shi and
+ * Tomasi, "Good features to track", CVPR 1994; SIFT: Lowe, "Distinctive image features from
+ * scale-invariant keypoints", IJCV 2004. */
 #ifndef FOVEA_EXTRACT_H
 #define FOVEA_EXTRACT_H
 
@@ -23,9 +25,11 @@ extern "C" {
 #endif
 
 enum fovea_feature_method {
-    FOVEA_FEATURES_ORB = 0,  /* FAST corners on every level of a pyramid, with orientations */
-    FOVEA_FEATURES_FAST = 1, /* FAST corners of the image itself, upright */
-    FOVEA_FEATURES_SIFT = 2, /* extremes of differences of Gaussians in scale */
+    FOVEA_FEATURES_ORB = 0,        /* FAST corners on every level of a pyramid, with orientations */
+    FOVEA_FEATURES_FAST = 1,       /* FAST corners of the image itself */
+    FOVEA_FEATURES_SIFT = 2,       /* extremes of differences of Gaussians in scale */
+    FOVEA_FEATURES_HARRIS = 3,     /* corners by det - k trace^2 of the matrix of derivatives */
+    FOVEA_FEATURES_SHI_TOMASI = 4, /* corners by its least eigenvalue */
     FOVEA_FEATURE_METHOD_COUNT
 };
 
@@ -47,8 +51,11 @@ struct fovea_extract_config {
     /* default: the method's own. SIFT has FLOAT alone, the others BINARY (their own) or PATCH */
     enum fovea_descriptor descriptor;
     uint32_t count_max; /* [1, 20000], default 500: the strongest are kept */
+    /* 1: orientations are 0, and descriptors are told apart better between images that are not
+     * turned against each other. Default 0 for ORB and SIFT, 1 for the others */
+    uint32_t upright;
     uint32_t levels;    /* [1, 8], default 8: of the pyramid (ORB) */
-    uint32_t threshold; /* [2, 100] grey levels, default 7: of FAST and ORB */
+    uint32_t threshold; /* [2, 100] grey levels, default 7 for ORB, 20 for FAST: of corners */
     /* [0.1, 50] grey levels, default 3.4: least difference of Gaussians (SIFT) */
     float contrast;
     /* [1, 100], default 10: largest ratio of the two curvatures, which is high on edges (SIFT) */
@@ -56,6 +63,13 @@ struct fovea_extract_config {
     /* 0, or 1 (default): SIFT starts with the image at twice its size, which gives more and
      * finer features for four times the memory and about three times the time */
     uint32_t doubled;
+    float harris_k; /* [0, 0.25], default 0.04 (Harris) */
+    /* [0, 1], default 0.01: least response as a fraction of the largest of the image (Harris, Shi
+     * and Tomasi) */
+    float quality;
+    /* [0, 256] pixels, default 0: of two corners that are nearer only the stronger counts; the
+     * strongest 4 x count_max are looked at (Harris, Shi and Tomasi) */
+    float distance_px;
 };
 
 /* A feature, positions with the centre of the first pixel at 0. */
@@ -63,15 +77,17 @@ struct fovea_local_feature {
     float x_px, y_px; /* in the image */
     float size_px;    /* diameter of what it stands for: SIFT 2 sigma, others the patch */
     float angle_rad;  /* clockwise in the image from +x, (-pi, pi]; 0 where the method has none */
-    float response;   /* strength, in the method's unit: FAST score, grey levels (SIFT) */
-    uint32_t level;   /* of the pyramid, or octave; 0 the finest */
+    /* Strength, in the method's unit: FAST score; grey levels (SIFT); grey levels per pixel to the
+     * fourth (Harris) or second power (Shi and Tomasi) */
+    float response;
+    uint32_t level; /* of the pyramid, or octave; 0 the finest */
 };
 
 /* What was found: in the caller's memory block, valid until the next run. */
 struct fovea_extracted {
     uint32_t count;
     const struct fovea_local_feature
-        *features;              /* SIFT: strongest first; ORB: coarse levels first */
+        *features;              /* ORB: coarse levels first; others: strongest first */
     const uint8_t *descriptors; /* count x descriptor_bytes */
     uint32_t descriptor_bytes;
 };
@@ -83,8 +99,8 @@ struct fovea_extract;
 void fovea_extract_config_default(struct fovea_extract_config *config,
                                   enum fovea_feature_method method);
 
-/* Names as in configurations ("orb", "fast", "sift"; "binary", "patch", "float"); "unknown" out of
- * range. Any thread. */
+/* Names as in configurations ("orb", "shi_tomasi", ...; "binary", "patch", "float"); "unknown" out
+ * of range. Any thread. */
 const char *fovea_feature_method_name(enum fovea_feature_method method);
 const char *fovea_descriptor_name(enum fovea_descriptor descriptor);
 

@@ -5,17 +5,23 @@
 
 #include "base/arena.h"
 #include "features/features.h"
+#include "features/harris.h"
 #include "features/orb.h"
 #include "features/patch.h"
 #include "features/sift.h"
+#include "features/strongest.h"
 #include "kernels/kernels.h"
 
 enum { FAST_THRESHOLD = 20 }; /* corners of it hide weaker ones near them, as in the loop */
 
-/* Corners on a pyramid. */
+/* Corners on a pyramid, or on the image as its level 0. */
 struct corners {
     struct fv_pyramid pyramid;
     struct fv_features features;
+    struct fv_fast_scratch fast;
+    struct fv_strongest strongest; /* of FAST */
+    struct fv_harris harris;
+    struct fv_corner *places; /* of FAST, Harris and Shi-Tomasi, on level 0 */
     struct fv_orb orb;
     struct fovea_local_feature *list;
     uint8_t *patches;
@@ -34,57 +40,35 @@ struct fovea_extract {
 struct method {
     const char *name;
     enum fovea_descriptor own;
-    bool others; /* descriptors that are not its own: binary or patch */
+    bool others;  /* descriptors that are not its own: binary or patch */
+    bool upright; /* by default */
     void (*carve)(struct fovea_extract *extract, struct fv_arena *arena);
     void (*run)(struct fovea_extract *extract, const struct fovea_image *image,
                 const struct fv_plane *mask, struct fovea_extracted *found);
 };
 
-static void corners_carve(struct fovea_extract *extract, struct fv_arena *arena)
+static void carve_descriptors(struct fovea_extract *extract, struct fv_arena *arena)
 {
     struct corners *corners = &extract->with.corners;
-    const struct fovea_extract_config *config = &extract->config;
-    const uint32_t count = config->count_max;
-    const struct fovea_features_config features = {
-        .count_max = count,
-        .pyramid_levels = config->method == FOVEA_FEATURES_FAST ? 1 : config->levels,
-        .threshold = config->threshold > FAST_THRESHOLD ? config->threshold : FAST_THRESHOLD,
-        .threshold_min = config->threshold,
-        .per_cell = FV_SPREAD_KEPT,
-    };
-    fv_pyramid_carve(&corners->pyramid, extract->width, extract->height, features.pyramid_levels,
-                     arena);
-    fv_features_carve(&corners->features, &features, &corners->pyramid, arena);
+    const uint32_t count = extract->config.count_max;
     fv_orb_carve(&corners->orb, count, &corners->pyramid, arena);
+    corners->orb.upright = extract->config.upright != 0;
     corners->list = fv_arena_take(arena, count, sizeof *corners->list);
-    if (config->descriptor == FOVEA_DESCRIPTOR_PATCH)
+    if (extract->config.descriptor == FOVEA_DESCRIPTOR_PATCH)
         corners->patches = fv_arena_take(arena, count, FV_PATCH_BYTES);
 }
 
-static void corners_run(struct fovea_extract *extract, const struct fovea_image *image,
-                        const struct fv_plane *mask, struct fovea_extracted *found)
+/* Orientations and descriptors of the features in corners->list. */
+static void describe(struct fovea_extract *extract, const struct fv_corner *places, uint32_t count,
+                     struct fovea_extracted *found)
 {
     struct corners *corners = &extract->with.corners;
     const bool patches = extract->config.descriptor == FOVEA_DESCRIPTOR_PATCH;
-    fv_pyramid_build(&corners->pyramid, &extract->kernels, image);
-    const uint32_t count =
-        fv_features_find(&corners->features, &extract->kernels, &corners->pyramid,
-                         mask->pixels != NULL ? mask : NULL, extract->config.count_max);
-    fv_orb_describe(&corners->orb, &extract->kernels, &corners->pyramid, corners->features.corners,
-                    count);
+    fv_orb_describe(&corners->orb, &extract->kernels, &corners->pyramid, places, count);
     for (uint32_t i = 0; i < count; i++) {
-        const struct fovea_feature *feature = &corners->features.list[i];
-        const struct fv_corner *corner = &corners->features.corners[i];
-        corners->list[i] = (struct fovea_local_feature){
-            .x_px = feature->x_px,
-            .y_px = feature->y_px,
-            .size_px = feature->size_px,
-            .angle_rad = corners->orb.angle_rad[i],
-            .response = feature->score,
-            .level = feature->level,
-        };
+        corners->list[i].angle_rad = corners->orb.angle_rad[i];
         if (patches)
-            fv_patch_describe(&corners->pyramid.level[corner->level], corner->x, corner->y,
+            fv_patch_describe(&corners->pyramid.level[places[i].level], places[i].x, places[i].y,
                               corners->patches + (size_t)i * FV_PATCH_BYTES);
     }
     *found = (struct fovea_extracted){
@@ -93,6 +77,123 @@ static void corners_run(struct fovea_extract *extract, const struct fovea_image 
         .descriptors = patches ? corners->patches : corners->orb.descriptors,
         .descriptor_bytes = patches ? FV_PATCH_BYTES : FV_DESCRIPTOR_BYTES,
     };
+}
+
+static void orb_carve(struct fovea_extract *extract, struct fv_arena *arena)
+{
+    struct corners *corners = &extract->with.corners;
+    const struct fovea_extract_config *config = &extract->config;
+    const struct fovea_features_config features = {
+        .count_max = config->count_max,
+        .pyramid_levels = config->levels,
+        .threshold = config->threshold > FAST_THRESHOLD ? config->threshold : FAST_THRESHOLD,
+        .threshold_min = config->threshold,
+        .per_cell = FV_SPREAD_KEPT,
+    };
+    fv_pyramid_carve(&corners->pyramid, extract->width, extract->height, features.pyramid_levels,
+                     arena);
+    fv_features_carve(&corners->features, &features, &corners->pyramid, arena);
+    carve_descriptors(extract, arena);
+}
+
+static void orb_run(struct fovea_extract *extract, const struct fovea_image *image,
+                    const struct fv_plane *mask, struct fovea_extracted *found)
+{
+    struct corners *corners = &extract->with.corners;
+    fv_pyramid_build(&corners->pyramid, &extract->kernels, image);
+    const uint32_t count =
+        fv_features_find(&corners->features, &extract->kernels, &corners->pyramid,
+                         mask->pixels != NULL ? mask : NULL, extract->config.count_max);
+    for (uint32_t i = 0; i < count; i++) {
+        const struct fovea_feature *feature = &corners->features.list[i];
+        corners->list[i] = (struct fovea_local_feature){
+            .x_px = feature->x_px,
+            .y_px = feature->y_px,
+            .size_px = feature->size_px,
+            .response = feature->score,
+            .level = feature->level,
+        };
+    }
+    describe(extract, corners->features.corners, count, found);
+}
+
+static void carve_one_level(struct fovea_extract *extract, struct fv_arena *arena)
+{
+    struct corners *corners = &extract->with.corners;
+    fv_pyramid_carve(&corners->pyramid, extract->width, extract->height, 1, arena);
+    corners->places = fv_arena_take(arena, extract->config.count_max, sizeof *corners->places);
+    carve_descriptors(extract, arena);
+}
+
+static void fast_carve(struct fovea_extract *extract, struct fv_arena *arena)
+{
+    struct corners *corners = &extract->with.corners;
+    fv_fast_carve(&corners->fast, extract->width, arena);
+    fv_strongest_carve(&corners->strongest, extract->config.count_max, arena);
+    carve_one_level(extract, arena);
+}
+
+static void fast_search(struct corners *corners, const struct fv_kernels *kernels,
+                        uint32_t threshold, const struct fv_plane *mask)
+{
+    struct fv_fast scan;
+    fv_fast_begin(&scan, kernels, &corners->pyramid.level[0], FV_FEATURES_BORDER_PX,
+                  (int32_t)threshold, &corners->fast);
+    fv_strongest_begin(&corners->strongest);
+    while (fv_fast_next(&scan))
+        for (int32_t i = 0; i < scan.count; i++) {
+            const int32_t x = scan.columns[i];
+            if (mask->pixels != NULL && fv_plane_row(mask, scan.y)[x] == 0) continue;
+            fv_strongest_offer(&corners->strongest, scan.scores[x], x, scan.y);
+        }
+    fv_strongest_sort(&corners->strongest);
+}
+
+static void fast_run(struct fovea_extract *extract, const struct fovea_image *image,
+                     const struct fv_plane *mask, struct fovea_extracted *found)
+{
+    struct corners *corners = &extract->with.corners;
+    fv_pyramid_build(&corners->pyramid, &extract->kernels, image);
+    fast_search(corners, &extract->kernels, extract->config.threshold, mask);
+    for (uint32_t i = 0; i < corners->strongest.count; i++) {
+        const int32_t x = fv_strongest_x(&corners->strongest, i);
+        const int32_t y = fv_strongest_y(&corners->strongest, i);
+        corners->places[i] = (struct fv_corner){.x = (uint16_t)x, .y = (uint16_t)y};
+        corners->list[i] = (struct fovea_local_feature){
+            .x_px = (float)x,
+            .y_px = (float)y,
+            .size_px = FV_FEATURES_PATCH_PX,
+            .response = (float)fv_strongest_response(&corners->strongest, i),
+        };
+    }
+    describe(extract, corners->places, corners->strongest.count, found);
+}
+
+static void harris_carve(struct fovea_extract *extract, struct fv_arena *arena)
+{
+    fv_harris_carve(&extract->with.corners.harris, &extract->config, extract->width,
+                    extract->height, FV_FEATURES_BORDER_PX, arena);
+    carve_one_level(extract, arena);
+}
+
+static void harris_run(struct fovea_extract *extract, const struct fovea_image *image,
+                       const struct fv_plane *mask, struct fovea_extracted *found)
+{
+    struct corners *corners = &extract->with.corners;
+    fv_pyramid_build(&corners->pyramid, &extract->kernels, image);
+    const uint32_t count =
+        fv_harris_find(&corners->harris, &extract->kernels, &corners->pyramid.level[0], mask);
+    for (uint32_t i = 0; i < count; i++) {
+        const struct fv_harris_corner *corner = &corners->harris.corners[i];
+        corners->places[i] = (struct fv_corner){.x = corner->x, .y = corner->y};
+        corners->list[i] = (struct fovea_local_feature){
+            .x_px = corner->x_px,
+            .y_px = corner->y_px,
+            .size_px = FV_FEATURES_PATCH_PX,
+            .response = corner->response,
+        };
+    }
+    describe(extract, corners->places, count, found);
 }
 
 static void sift_carve(struct fovea_extract *extract, struct fv_arena *arena)
@@ -111,9 +212,13 @@ static void sift_run(struct fovea_extract *extract, const struct fovea_image *im
 }
 
 static const struct method methods[FOVEA_FEATURE_METHOD_COUNT] = {
-    [FOVEA_FEATURES_ORB] = {"orb", FOVEA_DESCRIPTOR_BINARY, true, corners_carve, corners_run},
-    [FOVEA_FEATURES_FAST] = {"fast", FOVEA_DESCRIPTOR_BINARY, true, corners_carve, corners_run},
-    [FOVEA_FEATURES_SIFT] = {"sift", FOVEA_DESCRIPTOR_FLOAT, false, sift_carve, sift_run},
+    [FOVEA_FEATURES_ORB] = {"orb", FOVEA_DESCRIPTOR_BINARY, true, false, orb_carve, orb_run},
+    [FOVEA_FEATURES_FAST] = {"fast", FOVEA_DESCRIPTOR_BINARY, true, true, fast_carve, fast_run},
+    [FOVEA_FEATURES_SIFT] = {"sift", FOVEA_DESCRIPTOR_FLOAT, false, false, sift_carve, sift_run},
+    [FOVEA_FEATURES_HARRIS] = {"harris", FOVEA_DESCRIPTOR_BINARY, true, true, harris_carve,
+                               harris_run},
+    [FOVEA_FEATURES_SHI_TOMASI] = {"shi_tomasi", FOVEA_DESCRIPTOR_BINARY, true, true, harris_carve,
+                                   harris_run},
 };
 
 static const char *const descriptors[FOVEA_DESCRIPTOR_COUNT] = {
@@ -141,10 +246,13 @@ void fovea_extract_config_default(struct fovea_extract_config *config,
                                                                     : FOVEA_DESCRIPTOR_BINARY,
         .count_max = 500,
         .levels = FOVEA_PYRAMID_LEVELS_MAX,
-        .threshold = 7,
+        .threshold = method == FOVEA_FEATURES_ORB ? 7 : FAST_THRESHOLD,
         .contrast = 3.4f,
         .edge_ratio = 10,
         .doubled = 1,
+        .harris_k = .04f,
+        .quality = .01f,
+        .upright = (unsigned)method < FOVEA_FEATURE_METHOD_COUNT && methods[method].upright,
     };
 }
 
@@ -163,6 +271,10 @@ static enum fovea_status check(const struct fovea_extract_config *config, int32_
         {"contrast", (double)config->contrast, .1f, 50},
         {"edge_ratio", (double)config->edge_ratio, 1, 100},
         {"doubled", config->doubled, 0, 1},
+        {"upright", config->upright, 0, 1},
+        {"harris_k", (double)config->harris_k, 0, .25},
+        {"quality", (double)config->quality, 0, 1},
+        {"distance_px", (double)config->distance_px, 0, 256},
         {"width", width, FOVEA_IMAGE_WIDTH_MIN, FOVEA_IMAGE_WIDTH_MAX},
         {"height", height, FOVEA_IMAGE_HEIGHT_MIN, FOVEA_IMAGE_HEIGHT_MAX},
     };

@@ -134,7 +134,8 @@ static void describe_level(struct fv_orb *orb, const struct fv_kernels *kernels,
         kernels->moments_u8(moments, level->pixels, level->stride, centres, group);
         for (int i = 0; i < group; i++) {
             const uint32_t k = start + (uint32_t)i;
-            const uint8_t direction = fv_orb_direction(moments[2 * i], moments[2 * i + 1]);
+            const uint8_t direction =
+                orb->upright ? 0 : fv_orb_direction(moments[2 * i], moments[2 * i + 1]);
             angle_rad[k] = fv_orb_angle(direction);
             describe_one(orb, kernels, orb->smooth + centres[i], level->stride, direction,
                          descriptors + (size_t)k * FV_DESCRIPTOR_BYTES);

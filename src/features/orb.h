@@ -44,6 +44,7 @@ struct fv_orb {
     uint8_t *descriptors;          /* FV_DESCRIPTOR_BYTES each, 64-byte aligned */
     struct fv_orb_pattern *turned; /* the pattern in the directions of the first quarter */
     bool turned_ready;             /* filled by the first describe */
+    bool upright;                  /* all orientations are 0; set after carving */
     uint8_t *smooth;     /* the smoothed level in work; rows far from corners are undefined */
     uint8_t *row_needed; /* one flag per row of it */
     uint16_t *row;       /* scratch of the blur */

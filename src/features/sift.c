@@ -15,6 +15,7 @@ void fv_sift_carve(struct fv_sift *sift, const struct fovea_extract_config *conf
     sift->room = config->count_max + config->count_max / 4 + 16;
     sift->contrast = config->contrast;
     sift->edge_ratio = config->edge_ratio;
+    sift->upright = config->upright != 0;
     sift->extremes = fv_arena_take(arena, sift->room, sizeof *sift->extremes);
     sift->marks = fv_arena_take(arena, stride, sizeof *sift->marks);
     sift->peaks = fv_arena_take(arena, 2 * FV_SCALE_DIFFERENCES * stride, sizeof *sift->peaks);
@@ -242,10 +243,12 @@ uint32_t fv_sift_run(struct fv_sift *sift, const struct fv_kernels *kernels,
     for (uint32_t i = 0; i < sift->extreme_count && count < sift->count_max; i++) {
         const struct fv_sift_extreme *extreme = &sift->extremes[i];
         const double pixel = fv_scale_pixel(&sift->space, extreme->octave);
-        float angles[ORIENTATIONS_MAX];
+        float angles[ORIENTATIONS_MAX] = {0};
         const uint32_t left = sift->count_max - count;
-        const uint32_t made = fv_sift_orient(sift, extreme, angles,
-                                             left < ORIENTATIONS_MAX ? left : ORIENTATIONS_MAX);
+        const uint32_t made =
+            sift->upright ? 1
+                          : fv_sift_orient(sift, extreme, angles,
+                                           left < ORIENTATIONS_MAX ? left : ORIENTATIONS_MAX);
         for (uint32_t k = 0; k < made; k++, count++) {
             sift->features[count] = (struct fovea_local_feature){
                 .x_px = (float)fv_scale_place(&sift->space, extreme->octave, extreme->x),

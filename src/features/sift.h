@@ -38,6 +38,7 @@ struct fv_sift {
     uint32_t count_max, room; /* of extremes: more than count_max, as some are found twice */
     uint32_t extreme_count;
     float contrast, edge_ratio;
+    bool upright;                     /* one feature of each extreme, with orientation 0 */
     struct fv_sift_extreme *extremes; /* a heap, the weakest first, while they are searched */
     uint16_t *marks;
     int16_t *peaks; /* scratch */

@@ -21,6 +21,7 @@
 #include "kernels/contracts/orb.h"
 #include "kernels/contracts/pyramid.h"
 #include "kernels/contracts/remap.h"
+#include "kernels/contracts/response.h"
 #include "kernels/contracts/scale.h"
 #include "kernels/contracts/nn.h"
 

@@ -1,9 +1,9 @@
 /* Every feature method beside OpenCV's on the Oxford affine sets (Mikolajczyk et al., IJCV 2005):
  * image 1 against images 2 to 6, related by known homographies, the same number of features asked
- * of both. Held for SIFT: the mean over the pairs of repeatability and of matching score
- * (feature_score.h) is at least OpenCV's less 0.005, and no pair is more than 0.04 below. FAST and
- * ORB spread their features over the image, which costs repeatability, and are printed alone
- * (test_affine holds ORB's matching score). Also prints the time of both on image 1.
+ * of both. Held for SIFT, Harris and Shi-Tomasi: the mean over the pairs of repeatability and of
+ * matching score (feature_score.h) is at least OpenCV's less 0.005, and no pair is more than 0.04
+ * below. ORB spreads its features over the image, and FAST finds few in the last ones: both are
+ * printed alone (test_affine holds ORB's matching score). Also prints the time of both on image 1.
  *
  *   test_features_opencv [METHOD [COUNT]]     default: every method, 1000 features */
 #include "oracle/images.h"
@@ -89,17 +89,23 @@ Method method_of(enum fovea_feature_method method, int count)
     fovea_extract_config_default(&made.config, method);
     made.config.count_max = static_cast<uint32_t>(count);
     made.norm = made.config.descriptor == FOVEA_DESCRIPTOR_BINARY ? cv::NORM_HAMMING : cv::NORM_L2;
-    made.held = method == FOVEA_FEATURES_SIFT;
+    made.held = method != FOVEA_FEATURES_ORB && method != FOVEA_FEATURES_FAST;
     cv::Ptr<cv::Feature2D> detector, descriptor = cv::ORB::create(count);
     if (method == FOVEA_FEATURES_SIFT) detector = descriptor = cv::SIFT::create(count);
     if (method == FOVEA_FEATURES_ORB) detector = descriptor;
+    if (method == FOVEA_FEATURES_HARRIS || method == FOVEA_FEATURES_SHI_TOMASI)
+        detector = cv::GFTTDetector::create(count, .01, 1, 3, method == FOVEA_FEATURES_HARRIS);
     made.theirs = [=](const cv::Mat &image, std::vector<cv::KeyPoint> &points, cv::Mat &out) {
         if (detector == descriptor) {
             detector->detectAndCompute(image, cv::noArray(), points, out);
             return;
         }
-        cv::FAST(image, points, 20);
-        cv::KeyPointsFilter::retainBest(points, count);
+        if (detector) {
+            detector->detect(image, points);
+        } else {
+            cv::FAST(image, points, 20);
+            cv::KeyPointsFilter::retainBest(points, count);
+        }
         descriptor->compute(image, points, out);
     };
     return made;

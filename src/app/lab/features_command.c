@@ -101,13 +101,16 @@ int fv_command_features(int argc, char **argv)
 {
     uint64_t max = 500;
     const char *picture = NULL, *mask = NULL, *method = NULL, *descriptor = NULL;
-    bool json = false;
+    bool json = false, upright = false;
     struct fv_option_list ignored = {0};
     const struct fv_option options[] = {
         {"method", "NAME", FV_OPTION_TEXT, &method,
-         "orb (default): corners on a pyramid; fast: corners of the picture itself; sift"},
+         "orb (default): FAST corners on a pyramid; fast, harris, shi_tomasi: corners of the picture "
+         "itself; sift"},
         {"descriptor", "NAME", FV_OPTION_TEXT, &descriptor,
-         "binary (default of orb, fast), patch (9x9 pixels), or float (sift)"},
+         "binary (default of corners) or patch (9x9 pixels) of corners; float of sift"},
+        {"upright", NULL, FV_OPTION_FLAG, &upright,
+         "leave orientations out (orb, sift; others have none)"},
         {"max", "N", FV_OPTION_COUNT, &max, "most features to find (default 500)"},
         {"mask", "FILE", FV_OPTION_TEXT, &mask,
          "PNG of the size of the picture, black where features are ignored"},
@@ -130,6 +133,7 @@ int fv_command_features(int argc, char **argv)
     if (fv_extract_config(method, descriptor, max, &config, &error) != FOVEA_OK ||
         fv_files_apart(written, read, &error) != FOVEA_OK)
         return fv_say_wrong("%s", error.text);
+    if (upright) config.upright = 1;
     struct fv_mask_box boxes[FV_OPTION_LIST_MAX];
     for (int i = 0; i < ignored.count; i++)
         if (!read_box(ignored.values[i], &boxes[i]))

@@ -239,8 +239,10 @@ static void every_method_gives_the_same_on_every_kernel_set_and_machine(void **s
         uint64_t hash;
     } cases[] = {
         {FOVEA_FEATURES_ORB, FOVEA_DESCRIPTOR_BINARY, 0x953419b23238d183},
-        {FOVEA_FEATURES_FAST, FOVEA_DESCRIPTOR_PATCH, 0x5d9bb8dcf0a5fb3e},
+        {FOVEA_FEATURES_FAST, FOVEA_DESCRIPTOR_PATCH, 0x27fa902ae65f9243},
         {FOVEA_FEATURES_SIFT, FOVEA_DESCRIPTOR_FLOAT, 0xfaea80ffd80587cc},
+        {FOVEA_FEATURES_HARRIS, FOVEA_DESCRIPTOR_BINARY, 0x9d5dc0c3b12cfcb2},
+        {FOVEA_FEATURES_SHI_TOMASI, FOVEA_DESCRIPTOR_PATCH, 0x7f7d35e94a000881},
     };
     draw_squares(11);
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
@@ -300,6 +302,48 @@ static void empty_images_have_no_features(void **state)
     }
 }
 
+/* Corners of a drawn square of odd size, brighter by 100 than the rest. */
+static void harris_and_shi_tomasi_find_the_corners_of_a_square(void **state)
+{
+    (void)state;
+    enum { FIRST = 50, LAST = 110 };
+    memset(pixels, 60, sizeof pixels);
+    for (int y = FIRST; y <= LAST; y++)
+        memset(pixels + y * STRIDE + FIRST, 160, LAST - FIRST + 1);
+    for (int m = FOVEA_FEATURES_HARRIS; m <= FOVEA_FEATURES_SHI_TOMASI; m++) {
+        struct fovea_extract_config config = config_of((enum fovea_feature_method)m, 100);
+        config.quality = .5f;
+        const struct fovea_extracted found = run(&config, NULL);
+        int seen = 0;
+        assert_in_range(found.count, 4, 16);
+        for (uint32_t i = 0; i < found.count; i++) {
+            const struct fovea_local_feature *f = &found.features[i];
+            assert_true(f->response > 0 && f->angle_rad == 0);
+            for (int corner = 0; corner < 4; corner++)
+                if (distance_of(f, corner & 1 ? LAST + .5 : FIRST - .5,
+                                corner & 2 ? LAST + .5 : FIRST - .5) < 1.5)
+                    seen |= 1 << corner;
+        }
+        assert_int_equal(seen, 15);
+    }
+}
+
+static void corners_keep_their_distance(void **state)
+{
+    (void)state;
+    draw_squares(13);
+    struct fovea_extract_config config = config_of(FOVEA_FEATURES_SHI_TOMASI, 60);
+    const float strongest = run(&config, NULL).features[0].response;
+    config.distance_px = 12.5f;
+    const struct fovea_extracted found = run(&config, NULL);
+    assert_in_range(found.count, 15, 60);
+    assert_true(found.features[0].response == strongest);
+    for (uint32_t i = 0; i < found.count; i++)
+        for (uint32_t k = 0; k < i; k++)
+            assert_true(distance_of(&found.features[i], (double)found.features[k].x_px,
+                                    (double)found.features[k].y_px) > 12.5 - 1.5);
+}
+
 static void wrong_parameters_are_named(void **state)
 {
     (void)state;
@@ -352,6 +396,8 @@ int main(void)
         cmocka_unit_test(every_method_gives_the_same_on_every_kernel_set_and_machine),
         cmocka_unit_test(a_patch_is_free_of_brightness_and_contrast),
         cmocka_unit_test(empty_images_have_no_features),
+        cmocka_unit_test(harris_and_shi_tomasi_find_the_corners_of_a_square),
+        cmocka_unit_test(corners_keep_their_distance),
         cmocka_unit_test(wrong_parameters_are_named),
     };
     return cmocka_run_group_tests(tests, NULL, tear_down);
