@@ -35,7 +35,7 @@ enum { FOVEA_START_MATCHES_MIN = 80 };
 enum fovea_scale_source {
     FOVEA_SCALE_FREE = 0,          /* arbitrary: the unit is the median depth at the start */
     FOVEA_SCALE_CAMERA_HEIGHT = 1, /* metres, from the height of the camera over the floor */
-    FOVEA_SCALE_WHEEL_ODOMETRY = 2 /* metres, from wheel or leg odometry */
+    FOVEA_SCALE_WHEEL_ODOMETRY = 2 /* metres, from wheel odometry */
 };
 
 struct fovea_scale_config {

@@ -27,7 +27,7 @@ extern "C" {
 enum { FV_ORB_MARGIN_PX = 19 };
 
 /* Orientation is one of this number of directions, 1.4 degrees apart (Rublee et al. take 30): then
- * the turned pattern comes out of a table, and a quarter turn of it is a swap of coordinates. */
+ * the turned pattern is read from a table, and a quarter turn of it is a swap of coordinates. */
 enum { FV_ORB_DIRECTIONS = 256, FV_ORB_QUARTER = FV_ORB_DIRECTIONS / 4 };
 
 enum { FV_ORB_SAMPLES = 2 * FV_BRIEF_BITS };

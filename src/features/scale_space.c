@@ -136,7 +136,7 @@ double fv_scale_pixel(const struct fv_scale_space *space, uint32_t octave)
     return (double)(1u << octave) * (space->doubled ? .5 : 1);
 }
 
-double fv_scale_place(const struct fv_scale_space *space, uint32_t octave, double at)
+double fv_scale_in_image(const struct fv_scale_space *space, uint32_t octave, double at)
 {
     return at * fv_scale_pixel(space, octave) - (space->doubled ? .25 : 0);
 }

@@ -49,8 +49,8 @@ void fv_scale_space_build(struct fv_scale_space *space, const struct fv_kernels 
 /* Pixels of the image per pixel of an octave. */
 double fv_scale_pixel(const struct fv_scale_space *space, uint32_t octave);
 
-/* Place in the image, x or y, of a place in an octave. */
-double fv_scale_place(const struct fv_scale_space *space, uint32_t octave, double at);
+/* Position in the image, x or y, of a position in an octave. */
+double fv_scale_in_image(const struct fv_scale_space *space, uint32_t octave, double at);
 
 static inline const uint16_t *fv_scale_row(const struct fv_scale_octave *octave, int32_t level,
                                            int32_t y)

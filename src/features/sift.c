@@ -83,7 +83,7 @@ static void sort(struct fv_sift *sift)
     sift->extreme_count = count;
 }
 
-/* Differences of Gaussians around a place of an octave: [layer][row][column], grey levels. */
+/* Differences of Gaussians around a position of an octave: [layer][row][column], grey levels. */
 struct cube {
     double d[3][3][3];
 };
@@ -142,9 +142,9 @@ static int32_t step_of(double offset)
 }
 
 /* Move to where the quadratic says that the extreme is; false when it leaves the octave or does not
- * settle. */
-static bool settle(const struct fv_scale_octave *octave, int32_t *layer, int32_t *x, int32_t *y,
-                   struct cube *cube, struct quadratic *q, double at[3])
+ * converge. */
+static bool converge(const struct fv_scale_octave *octave, int32_t *layer, int32_t *x, int32_t *y,
+                     struct cube *cube, struct quadratic *q, double at[3])
 {
     for (int step = 0; step < STEPS_MAX; step++) {
         cube_take(octave, *layer, *x, *y, cube);
@@ -168,7 +168,7 @@ static void refine(struct fv_sift *sift, uint32_t octave, int32_t layer, int32_t
     struct cube cube;
     struct quadratic q;
     double at[3];
-    if (!settle(&sift->space.octave[octave], &layer, &x, &y, &cube, &q, at)) return;
+    if (!converge(&sift->space.octave[octave], &layer, &x, &y, &cube, &q, at)) return;
     const double value =
         cube.d[1][1][1] +
         (q.gradient[0] * at[0] + q.gradient[1] * at[1] + q.gradient[2] * at[2]) / 2;
@@ -189,8 +189,8 @@ static void refine(struct fv_sift *sift, uint32_t octave, int32_t layer, int32_t
     };
     if (mask->pixels != NULL) {
         const struct fv_scale_space *space = &sift->space;
-        const int32_t column = (int32_t)(fv_scale_place(space, octave, extreme.x) + .5);
-        const int32_t row = (int32_t)(fv_scale_place(space, octave, extreme.y) + .5);
+        const int32_t column = (int32_t)(fv_scale_in_image(space, octave, extreme.x) + .5);
+        const int32_t row = (int32_t)(fv_scale_in_image(space, octave, extreme.y) + .5);
         if (fv_plane_row(mask, row < mask->height
                                    ? row
                                    : mask->height -
@@ -251,8 +251,8 @@ uint32_t fv_sift_run(struct fv_sift *sift, const struct fv_kernels *kernels,
                                            left < ORIENTATIONS_MAX ? left : ORIENTATIONS_MAX);
         for (uint32_t k = 0; k < made; k++, count++) {
             sift->features[count] = (struct fovea_local_feature){
-                .x_px = (float)fv_scale_place(&sift->space, extreme->octave, extreme->x),
-                .y_px = (float)fv_scale_place(&sift->space, extreme->octave, extreme->y),
+                .x_px = (float)fv_scale_in_image(&sift->space, extreme->octave, extreme->x),
+                .y_px = (float)fv_scale_in_image(&sift->space, extreme->octave, extreme->y),
                 .size_px = (float)(2 * fv_sift_sigma(extreme) * pixel),
                 .angle_rad = angles[k],
                 .response = extreme->response,

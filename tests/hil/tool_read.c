@@ -167,7 +167,7 @@ static void run(const char *command)
 }
 
 /* The counts asked for have been reached, and the words have been said. */
-static bool told_enough(void)
+static bool reported_enough(void)
 {
     struct fovea_source_counts counts;
     reading.ops->counts(reading.source, &counts);
@@ -205,7 +205,7 @@ static void take_all(void)
             printf("heap calls per frame: other process %.1f\n",
                    (double)(heap_calls_there() - there_before) / frames);
     }
-    while (!told_enough() && in_time())
+    while (!reported_enough() && in_time())
         take(tool_now_ns() + 50000000);
 }
 
@@ -392,7 +392,7 @@ int tool_read(int argc, char **argv)
         good = reach(state_by_name(reading.until));
     else
         take_all();
-    if (reading.times == 0 && !told_enough()) good = false;
+    if (reading.times == 0 && !reported_enough()) good = false;
     struct fovea_source_counts counts;
     reading.ops->counts(reading.source, &counts);
     printf(

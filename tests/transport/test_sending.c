@@ -298,7 +298,7 @@ static const struct fv_transport_channel *find(const struct fv_transport_sent *s
     return NULL;
 }
 
-static void settle(struct fv_transport *transport, struct fv_transport_sent *sent)
+static void finish(struct fv_transport *transport, struct fv_transport_sent *sent)
 {
     uint64_t before, now = 0;
     fv_transport_finish(transport);
@@ -355,7 +355,7 @@ static void slow_link(const char *shape)
     assert_true(command(text));
     start(&sending, URL, seconds * RATE_HZ);
     run(&sending);
-    settle(sending.transport, &sent);
+    finish(sending.transport, &sent);
     assert_true(command("tc qdisc del dev v0 root"));
     for (int kind = 0; kind < KINDS; kind++) { /* what is counted as sent arrived, whole */
         const struct fv_transport_channel *channel = find(&sent, kind);
@@ -436,7 +436,7 @@ static void an_interface_goes_down_and_comes_back(void **state)
     expect_drops(&sending, FV_TRANSPORT_DROP_ROUTE);
     assert_true(route_here());
     send_until_heard(&sending);
-    settle(sending.transport, &sent);
+    finish(sending.transport, &sent);
     fv_transport_close(sending.transport);
 }
 
@@ -453,7 +453,7 @@ static void a_firewall_is_counted(void **state)
     expect_drops(&sending, FV_TRANSPORT_DROP_FIREWALL);
     assert_true(command("iptables -F OUTPUT"));
     send_until_heard(&sending);
-    settle(sending.transport, &sent);
+    finish(sending.transport, &sent);
     fv_transport_close(sending.transport);
 }
 
@@ -467,7 +467,7 @@ static void a_full_queue_is_not_counted_as_sent(void **state)
     assert_true(command("tc qdisc replace dev v0 root tbf rate 8kbit burst 2kb limit 3000"));
     start(&sending, URL, RATE_HZ * 2);
     run(&sending);
-    settle(sending.transport, &sent);
+    finish(sending.transport, &sent);
     assert_true(command("tc qdisc del dev v0 root"));
     assert_true(find(&sent, POSE)->dropped[FV_TRANSPORT_DROP_QUEUE] > 0);
     sleep_ms(100);

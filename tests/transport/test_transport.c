@@ -38,7 +38,7 @@ static void sleep_ms(long ms)
 }
 
 /* Run the very command that users are shown. */
-static void mend_as_told(void)
+static void mend_as_shown(void)
 {
     static const char line[] = FV_TRANSPORT_MEND, sudo[] = "sudo ";
     char command[2 * sizeof line] = "set -e; ";
@@ -124,11 +124,11 @@ static void test_missing_route(void **state)
         print_message("SKIPPED the command that mends it: not root, or no program ip\n");
         assert_true(own_network_mend());
     } else { /* here the loopback is down; the second time a route leads nowhere */
-        mend_as_told();
+        mend_as_shown();
         assert_int_equal(system("ip route del 224.0.0.0/4; ip route add unreachable 224.0.0.0/4"),
                          0);
         assert_int_equal(fv_transport_check(URL, 0, &error), FOVEA_ERROR_SYSTEM);
-        mend_as_told();
+        mend_as_shown();
     }
     if (fv_transport_check(URL, 0, &error) != FOVEA_OK) fail_msg("%s", error.text);
     expect_sent_and_heard(transport, &outputs);
@@ -270,7 +270,7 @@ static void test_liblcm_receives(void **state)
 }
 
 /* Wait until nothing more comes; returns what has. */
-static struct fv_transport_counts settled(struct fv_transport *transport)
+static struct fv_transport_counts finished(struct fv_transport *transport)
 {
     struct fv_transport_counts counts, before;
     fv_transport_counts(transport, &counts);
@@ -347,7 +347,7 @@ static void test_commands(void **state)
         send_command(lcm, FOVEA_COMMAND_PAUSE);
         sleep_ms(1);
     }
-    counts = settled(transport);
+    counts = finished(transport);
     for (int i = 0; i < 10; i++)
         (void)fv_transport_commands(transport);
     assert_true(counts.commands_refused > 3);

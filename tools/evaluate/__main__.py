@@ -150,7 +150,7 @@ def read_arguments():
     each.add_argument("--source", action="append", required=True, help="URI; {1..100} in it: each of these numbers; may be repeated")
     each.add_argument("--starts", default="0", help="start frames: 0-30, 0-60/5, 3,7 or all (that leave 15 frames)")
     each.add_argument("--steps", default="1", help="of --step: 1-3")
-    each.add_argument("--frames", default="0", help="at most so many frames; 0: all")
+    each.add_argument("--frames", default="0", help="most frames of a run; 0: all")
     each.add_argument("--reverse", choices=("no", "yes", "both"), default="no")
     each.add_argument("--crop", action="append", metavar="PIXELS", help="take no features this near the sides: N or LEFT,TOP,RIGHT,BOTTOM; may be repeated")
     each.add_argument("--set", action="append", metavar="KEY=V|V", help="values of a key of the configuration; may be repeated: all combinations")

@@ -34,7 +34,7 @@ def from_markdown(text):
     return table(lines[0], lines[2:])
 
 
-def told(run):
+def described(run):
     """A run in words."""
     words = [tables.name_of(run["source"]), f"start {run['start']}", f"step {run['step']}"] + (["reverse"] if run["reverse"] else [])
     words += [f"{run['frames_max']} frames"] if run["frames_max"] else []
@@ -97,7 +97,7 @@ def worst(db, folder, count, pictures):
     for i, row in enumerate(found):
         line = (f"{row['poses']} poses on {row['path_m']:.1f} m: RMSE {row['rmse_m']:.3f} m ({100 * row['rmse_m'] / row['path_m']:.2f} %), largest {row['max_m']:.3f} m; "
                 f"scale ratio {tables.number(row['scale_ratio'], '.2f')}, of steps {tables.number(row['step_ratio'], '.2f')}; least quality at first {row['quality_first']:.2f}")
-        parts.append(f"<div class=case><h3>{escape.escape(told(row))}, map {row['map']} ({escape.escape(row['version'])})</h3><p>{line}</p>"
+        parts.append(f"<div class=case><h3>{escape.escape(described(row))}, map {row['map']} ({escape.escape(row['version'])})</h3><p>{line}</p>"
                      + drawn(db, row, row["map"]) + (picture(row, folder) if i < pictures else "") + "</div>")
     return "".join(parts)
 
@@ -107,7 +107,7 @@ def failures(db):
     if not found:
         return ""
     return "<h2>Runs that failed</h2>" + table(["run", "version", "status", "first line"],
-                                               [[told(r), r["version"], r["status"], r["complaint"]] for r in found])
+                                               [[described(r), r["version"], r["status"], r["complaint"]] for r in found])
 
 
 def version_hash(db, name):
@@ -147,12 +147,12 @@ def side_by_side(db, names, count):
                        f"{p['differ_frame']} (the {p['differ_i'] + 1}th), {STATE_NAMES[p['old_state']]} / {STATE_NAMES[p['new_state']]}")
     parts.append("<p>Runs that differ, those that became worse first. They are the same to the bit up to the first differing frame.</p>" + table(
         ["run", "first differing frame, states", "maps beyond a bar", "RMSE % of the worst map", "step ratio", "posed"],
-        [[told(p), first(p), f"{p['old_bad']} / {p['new_bad']}", f"{number(p['old_rmse'])} / {number(p['new_rmse'])}",
+        [[described(p), first(p), f"{p['old_bad']} / {p['new_bad']}", f"{number(p['old_rmse'])} / {number(p['new_rmse'])}",
           f"{number(p['old_ratio'])} / {number(p['new_ratio'])}", f"{p['old_posed']} / {p['new_posed']}"] for p in changed[:200]]))
     for p in [each for each in changed if each["differ_i"] is not None][:count]:
         a, b = frames_of(db, p["run"]), frames_of(db, p["new_run"])
         mark = p["differ_frame"]
-        parts.append(f"<div class=case><h3>{escape.escape(told(p))}: first differing frame {mark}</h3>"
+        parts.append(f"<div class=case><h3>{escape.escape(described(p))}: first differing frame {mark}</h3>"
                      + svg.path(points(a, "truth_"), {names[0]: points(a), names[1]: points(b)}) + "<div>" + svg.ribbon(a["state"]) + "<br>" + svg.ribbon(b["state"])
                      + "<br>" + svg.curves(a["frame"], {names[0]: a["error_m"], names[1]: b["error_m"]}, "error, m", mark) + "</div></div>")
     return "".join(parts)

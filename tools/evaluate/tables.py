@@ -59,8 +59,8 @@ def summary(db, keys):
         FROM chosen c LEFT JOIN maps m ON m.run = c.run AND c.frames >= {plan.FRAMES_LEFT} GROUP BY ALL ORDER BY ALL""")
     head = ["source", "version", "runs (failed)", "maps", "error beyond the bar", "scale beyond 1.5", f"steps beyond {WRONG_RATIO:g}",
             "RMSE %, median (worst)", "scale ratio, worst", "drift % per 100 m", "keyframe: NEES/6, % outside 99.9 %", "50 frames: the same"]
-    told = lambda r: name_of(r["source"]) + "".join(f", {key}={value}" for key, value in json.loads(r["set"]).items())
-    return markdown(head, [[told(r), r["version"], f"{r['runs']} ({r['failed']})", str(r["maps"]), str(r["bad_error"] or 0), str(r["bad_scale"] or 0),
+    described = lambda r: name_of(r["source"]) + "".join(f", {key}={value}" for key, value in json.loads(r["set"]).items())
+    return markdown(head, [[described(r), r["version"], f"{r['runs']} ({r['failed']})", str(r["maps"]), str(r["bad_error"] or 0), str(r["bad_scale"] or 0),
                             str(r["wrong"] or 0), f"{number(r['rmse'], '.2f')} ({number(r['rmse_worst'], '.2f')})", number(r["ratio_worst"], ".2f"),
                             number(r["drift"], ".1f"), f"{number(r['nees'], '.2f')}, {number(r['outside'], '.1f')}",
                             f"{number(r['nees_apart'], '.2f')}, {number(r['outside_apart'], '.1f')}"] for r in found])

@@ -81,7 +81,7 @@ static void scale_print(const struct fv_run *run)
     static const char *const sources[] = {
         [FOVEA_SCALE_FREE] = "",
         [FOVEA_SCALE_CAMERA_HEIGHT] = "the camera's height over the floor",
-        [FOVEA_SCALE_WHEEL_ODOMETRY] = "wheel or leg odometry",
+        [FOVEA_SCALE_WHEEL_ODOMETRY] = "wheel odometry",
     };
     struct fovea_pose pose;
     fovea_pose_get(run->loop.rt, &pose);

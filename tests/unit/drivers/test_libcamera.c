@@ -56,7 +56,7 @@ static void take_any(struct fovea_source *source)
 }
 
 /* Lines go by until one holds these words. */
-static void assert_told(struct fovea_source *source, const char *words)
+static void assert_reported(struct fovea_source *source, const char *words)
 {
     struct fovea_error error;
     const int64_t end_ns = fv_test_now_ns() + 15000000000;
@@ -159,7 +159,7 @@ static void test_frames_held_outlive_the_process(void **state)
     struct fovea_source *source = start_source();
     const struct fovea_frame frame = take(source);
     kill(atomic_load(&stage->pid), SIGKILL);
-    assert_told(source, "signal 9");
+    assert_reported(source, "signal 9");
     for (int32_t y = 0; y < FAKE_HEIGHT; y++)
         assert_int_equal(frame.images[0].data[y * FAKE_STRIDE + 7],
                          fake_pixel(frame.sequence, 7, y));
@@ -184,7 +184,7 @@ static void test_faults_while_streaming(void **state)
         struct fovea_source *source = start_source();
         fv_test_next_frame(source);
         atomic_store(&stage->fault, faults[i].fault);
-        assert_told(source, faults[i].says);
+        assert_reported(source, faults[i].says);
         wait_for_frame_of_life(source, 2);
         assert_int_equal(fv_test_counts(source).recovered, 1);
         fv_test_finish(source);
@@ -208,7 +208,7 @@ static void test_faults_while_setting_up(void **state)
         fv_test_next_frame(source);
         atomic_store(&stage->fault_at_set_up, faults[i].fault);
         kill(atomic_load(&stage->pid), SIGKILL);
-        assert_told(source, faults[i].says);
+        assert_reported(source, faults[i].says);
         wait_for_frame_of_life(source, 3);
         assert_int_equal(fv_test_counts(source).recovered, 1);
         fv_test_finish(source);
@@ -226,7 +226,7 @@ static void test_unplugged(void **state)
         atomic_store(&stage->away, true);
         if (aborts) atomic_store(&stage->fault, FAKE_ABORT);
         assert_state_in_time(source, FOVEA_SOURCE_GONE);
-        assert_told(source, aborts ? "signal 6" : "is away");
+        assert_reported(source, aborts ? "signal 6" : "is away");
         usleep(200000); /* looked for all the while, by one process */
         assert_int_equal(atomic_load(&stage->lives), 2);
         assert_int_equal(ops->state(source), FOVEA_SOURCE_GONE);
@@ -294,7 +294,7 @@ static void test_hangs_or_works(void **state)
         fv_test_next_frame(source);
         atomic_store(&stage->fault_at_set_up, faults[i]);
         kill(atomic_load(&stage->pid), SIGKILL);
-        if (faults[i] == FAKE_HANG) assert_told(source, "does not answer"); /* within 15 s */
+        if (faults[i] == FAKE_HANG) assert_reported(source, "does not answer"); /* within 15 s */
         wait_for_life(source, faults[i] == FAKE_HANG ? 3 : 2);
         wait_for_frame_of_life(source, 2);
         assert_int_equal(atomic_load(&stage->lives), faults[i] == FAKE_HANG ? 3 : 2);
@@ -349,7 +349,7 @@ static void test_cannot_be_started(void **state)
     fv_test_next_frame(source);
     fake_stage_hide(stage, true);
     kill(atomic_load(&stage->pid), SIGKILL);
-    assert_told(source, "found no plug-in fovea-libcamera");
+    assert_reported(source, "found no plug-in fovea-libcamera");
     assert_state_in_time(source, FOVEA_SOURCE_STALLED);
     fake_stage_hide(stage, false);
     wait_for_frame_of_life(source, 2);
@@ -402,7 +402,7 @@ static void test_fault_while_opening(void **state)
         atomic_store(&stage->fault_at_learn, faults[i].fault);
         if (ops->open("0", &everything, &source, &error) != FOVEA_OK) fail_msg("%s", error.text);
         assert_int_equal(ops->start(source, &error), FOVEA_OK);
-        assert_told(source, faults[i].says);
+        assert_reported(source, faults[i].says);
         fv_test_next_frame(source);
         assert_int_equal(atomic_load(&stage->lives), 2);
         fv_test_finish(source);

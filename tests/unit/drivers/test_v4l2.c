@@ -65,7 +65,7 @@ static void test_wrong_options(void **state)
     }
 }
 
-static void test_negotiation_is_told(void **state)
+static void test_negotiation_is_reported(void **state)
 {
     (void)state;
     struct fake_camera *camera = fake_new();
@@ -103,7 +103,7 @@ static void test_negotiation_is_told(void **state)
     assert_non_null(strstr(error.text, "expected GREY; the camera gives: H264 YUYV"));
 }
 
-static void assert_told(const char *address, const char *says)
+static void assert_reported(const char *address, const char *says)
 {
     struct fovea_error error = {.text = ""};
     struct fovea_source *source = fv_test_open(address);
@@ -113,23 +113,23 @@ static void assert_told(const char *address, const char *says)
 }
 
 /* An exposure or a gain that lies between what the camera can give, or that it makes another of. */
-static void test_controls_that_differ_are_told(void **state)
+static void test_controls_that_differ_are_reported(void **state)
 {
     (void)state;
     struct fake_camera *camera = fake_new();
     fake_plug(camera, "/dev/video0");
-    assert_told("/dev/video0?exposure=5&gain=40&control.brightness=-8", NULL);
-    assert_told("/dev/video0?exposure=0.56", "exposure (ms): asked 0.56, the camera gives 0.6");
-    assert_told("/dev/video0?gain=1.4", "gain: asked 1.4, the camera gives 1");
-    assert_told(
+    assert_reported("/dev/video0?exposure=5&gain=40&control.brightness=-8", NULL);
+    assert_reported("/dev/video0?exposure=0.56", "exposure (ms): asked 0.56, the camera gives 0.6");
+    assert_reported("/dev/video0?gain=1.4", "gain: asked 1.4, the camera gives 1");
+    assert_reported(
         "/dev/video0?exposure=0.56&gain=1.4&width=640&height=480",
         "width: asked 640, the camera gives 96; height: asked 480, the camera gives 64; exposure (ms): asked 0.56, the camera gives 0.6; gain: asked 1.4, the camera gives 1");
     camera->grain = 16;
-    assert_told(
+    assert_reported(
         "/dev/video0?exposure=5&gain=40",
         "exposure (ms): asked 5, the camera gives 4.8; gain: asked 40, the camera gives 32");
-    assert_told("/dev/video0?control.brightness=-8",
-                "control.brightness: asked -8, the camera gives 0");
+    assert_reported("/dev/video0?control.brightness=-8",
+                    "control.brightness: asked -8, the camera gives 0");
 }
 
 static void test_open_refused(void **state)
@@ -347,8 +347,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         TEST(test_wrong_options),
-        TEST(test_negotiation_is_told),
-        TEST(test_controls_that_differ_are_told),
+        TEST(test_negotiation_is_reported),
+        TEST(test_controls_that_differ_are_reported),
         TEST(test_open_refused),
         TEST(test_controls),
         TEST(test_selection),

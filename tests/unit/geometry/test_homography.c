@@ -92,7 +92,7 @@ static void planes_give_the_motion(void **state)
     }
 }
 
-static void a_rotation_is_told_from_a_motion(void **state)
+static void a_rotation_is_distinguished_from_a_motion(void **state)
 {
     (void)state;
     struct fv_random random;
@@ -115,7 +115,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(planes_give_the_motion),
-        cmocka_unit_test(a_rotation_is_told_from_a_motion),
+        cmocka_unit_test(a_rotation_is_distinguished_from_a_motion),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

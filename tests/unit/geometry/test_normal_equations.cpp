@@ -241,7 +241,7 @@ static void test_gradient_may_be_left_out(void **)
     assert_memory_equal(with.H.data(), without.H.data(), with.H.size() * sizeof(double));
 }
 
-static void test_damping_is_a_share_of_the_diagonal(void **)
+static void test_damping_is_a_fraction_of_the_diagonal(void **)
 {
     fv_random random;
     fv_random_seed(&random, 5);
@@ -370,7 +370,7 @@ int main(void)
         cmocka_unit_test(test_mixed_blocks_are_solved_as_by_eigen),
         cmocka_unit_test(test_order_of_couplings_does_not_matter),
         cmocka_unit_test(test_gradient_may_be_left_out),
-        cmocka_unit_test(test_damping_is_a_share_of_the_diagonal),
+        cmocka_unit_test(test_damping_is_a_fraction_of_the_diagonal),
         cmocka_unit_test(test_rows_may_be_added_one_by_one),
         cmocka_unit_test(test_units_give_the_same_bits_as_one_go),
         cmocka_unit_test(test_badly_scaled_systems_are_solved),

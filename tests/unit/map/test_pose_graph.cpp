@@ -162,7 +162,7 @@ static void test_same_cost_as_ceres(void **)
     }
 }
 
-/* Without noise in the measurements the truth comes out, however far the start is off. */
+/* Without noise in the measurements the truth is found, however far the start is off. */
 static void test_truth_without_noise(void **)
 {
     fv_random random;

@@ -443,7 +443,7 @@ static void centroids_match_up_to_a_distance(void **state)
     free(block);
 }
 
-static void boxes_of_movable_classes_are_told(void **state)
+static void boxes_of_movable_classes_are_listed(void **state)
 {
     (void)state;
     float boxes[4][4];
@@ -533,7 +533,7 @@ int main(void)
         cmocka_unit_test(turns_of_the_camera_are_taken_out),
         cmocka_unit_test(one_pedestrian_seen_every_third_frame_is_one_object),
         cmocka_unit_test(centroids_match_up_to_a_distance),
-        cmocka_unit_test(boxes_of_movable_classes_are_told),
+        cmocka_unit_test(boxes_of_movable_classes_are_listed),
         cmocka_unit_test(a_hundred_objects_take_a_fifth_of_a_millisecond),
     };
     return cmocka_run_group_tests(tests, setup, NULL);

@@ -120,7 +120,7 @@ static void commands_write_pictures(void **state)
     size_of(out, WIDTH, HEIGHT);
 }
 
-static void wrong_input_is_told(void **state)
+static void wrong_input_is_reported(void **state)
 {
     (void)state;
     assert_int_equal(CALL(fv_command_features, "features", "nowhere.png"), FV_EXIT_WRONG);
@@ -209,7 +209,7 @@ static void what_is_read_is_never_written_over(void **state)
 }
 
 /* Standard output of the child is full: it ends with the status of what could not be written. */
-static void lost_output_is_told(void **state)
+static void lost_output_is_reported(void **state)
 {
     (void)state;
     const char *const lines[][6] = {{"fovea", "features", "--json", in},
@@ -235,7 +235,7 @@ static void lost_output_is_told(void **state)
 }
 
 /* A network that gives no boxes is run all the same, and a line says why the lists stay empty. */
-static void networks_without_boxes_are_told(void **state)
+static void networks_without_boxes_are_reported(void **state)
 {
     (void)state;
     static _Alignas(64) uint8_t model[1 << 14];
@@ -269,10 +269,10 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(commands_write_pictures),
-        cmocka_unit_test(wrong_input_is_told),
+        cmocka_unit_test(wrong_input_is_reported),
         cmocka_unit_test(what_is_read_is_never_written_over),
-        cmocka_unit_test(lost_output_is_told),
-        cmocka_unit_test(networks_without_boxes_are_told), /* writes over the camera */
+        cmocka_unit_test(lost_output_is_reported),
+        cmocka_unit_test(networks_without_boxes_are_reported), /* writes over the camera */
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }

@@ -84,7 +84,7 @@ static void assert_answers(const char *question)
     fail_msg("'%s' is not asked in:\n%s%s", question, out, err);
 }
 
-static void assert_machine_told(void)
+static void assert_machine_reported(void)
 {
     assert_answers("kernels");
     assert_answers("scheduling");
@@ -92,7 +92,7 @@ static void assert_machine_told(void)
     assert_answers("commands");
 }
 
-static void test_everything_is_told(void **state)
+static void test_everything_is_reported(void **state)
 {
     static const char *const owners[] = {"pyramid",
                                          "features",
@@ -113,7 +113,7 @@ static void test_everything_is_told(void **state)
     assert_tells(out, "memory of sim:still, 640 x 480");
     for (size_t i = 0; i < sizeof owners / sizeof owners[0]; i++)
         assert_tells(out, owners[i]);
-    assert_machine_told();
+    assert_machine_reported();
     assert_answers("memory lock");
     assert_tells(out, "\nok       camera       sim:still answers: 640 x 480 grey8 at 30 Hz after ");
 }
@@ -158,7 +158,7 @@ static void test_without_the_camera(void **state)
     (void)state;
     assert_int_equal(check("fovea check --source v4l2:/dev/fovea_none --set lcm_url=memq://"), 2);
     assert_string_equal(err, absent);
-    assert_machine_told();
+    assert_machine_reported();
     assert_tells(
         out,
         "memory of v4l2:/dev/fovea_none: known when it answers, or with a calibration that states the size of its frames");
@@ -166,13 +166,13 @@ static void test_without_the_camera(void **state)
              "fovea check --source v4l2:/dev/fovea_none --set lcm_url= --camera %s", camera);
     assert_int_equal(check(command), 2);
     assert_string_equal(err, absent);
-    assert_machine_told();
+    assert_machine_reported();
     assert_answers("memory lock");
     assert_tells(out, "memory of v4l2:/dev/fovea_none, 752 x 480");
     assert_tells(out, "the block");
 }
 
-static int block_told(void)
+static int block_reported(void)
 {
     const char *line = strstr(out, "  the block ");
     int bytes = 0;
@@ -193,12 +193,12 @@ static void test_without_the_camera_with_a_mask(void **state)
     snprintf(command, sizeof command,
              "fovea check --memory-only --source v4l2:/dev/fovea_none --camera %s", camera);
     assert_int_equal(check(command), 2);
-    const int without = block_told();
+    const int without = block_reported();
     snprintf(command, sizeof command,
              "fovea check --memory-only --source v4l2:/dev/fovea_none --camera %s --set mask=%s",
              camera, mask);
     assert_int_equal(check(command), 2);
-    assert_int_equal(block_told() - without, sizeof white);
+    assert_int_equal(block_reported() - without, sizeof white);
     unlink(mask);
 }
 
@@ -310,9 +310,9 @@ static void test_without_a_calibration(void **state)
              folder);
     assert_int_equal(check(command), FV_EXIT_OK);
     assert_string_equal(err, "");
-    assert_machine_told();
+    assert_machine_reported();
     assert_tells(out, ", 320 x 240, in bytes\n");
-    assert_true(block_told() > 0);
+    assert_true(block_reported() > 0);
     assert_tells(out, " answers: 320 x 240 grey8 ");
     assert_tells(out, "\nwarning  calibration  none, and 'fovea run' needs one for "
                       "odometry.enabled: ");
@@ -341,7 +341,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(every_sensor_of_a_rig_is_shown),
-        cmocka_unit_test(test_everything_is_told),
+        cmocka_unit_test(test_everything_is_reported),
         cmocka_unit_test(test_who_may_command_is_said),
         cmocka_unit_test(test_frame_rate),
         cmocka_unit_test(test_without_the_camera),

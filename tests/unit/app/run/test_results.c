@@ -96,7 +96,7 @@ static void nothing_found_is_an_empty_list(void **state)
 
 /* As long as there is room nothing is lost, over many times the ring; without it the loss is named.
  */
-static void what_finds_no_room_is_told(void **state)
+static void what_finds_no_room_is_reported(void **state)
 {
     (void)state;
     static struct fovea_detection many[FOVEA_DETECTIONS_MAX];
@@ -129,7 +129,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(what_is_handed_over_is_written),
         cmocka_unit_test(nothing_found_is_an_empty_list),
-        cmocka_unit_test(what_finds_no_room_is_told),
+        cmocka_unit_test(what_finds_no_room_is_reported),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }

@@ -264,7 +264,7 @@ static void test_the_summary_says_how_well_scale_is_known(void **state)
                                  "--set",     "scale.source=wheel_odometry",
                                  NULL};
     assert_int_equal(run(&no_terminal, words), 0);
-    expect("scale: metres, from wheel or leg odometry, to ");
+    expect("scale: metres, from wheel odometry, to ");
     expect(" % (1 sigma)\n");
 }
 
