@@ -382,8 +382,9 @@ isa_flags = $(if $(findstring _sse4.c,$(1)),-msse4.2 -mpopcnt)\
 # Loops that the compiler vectorises take whole registers.
 $(BUILD)/obj/src/kernels/x86/filter_avx512.o $(BUILD)/obj/src/kernels/x86/edge_avx512.o $(BUILD)/obj/src/kernels/x86/response_avx512.o: CFLAGS += -mprefer-vector-width=512
 
-# Only the application may see the drivers' own headers.
-$(BUILD)/obj/src/app/%.o: CFLAGS += -I.
+# Only programs and tests may see the drivers' own headers.
+$(BUILD)/obj/src/app/%.o $(BUILD)/obj/tests/%.o $(BUILD)/obj/tools/%.o: CFLAGS += -I.
+$(BUILD)/obj/src/calibrate/%.o $(BUILD)/obj/tests/%.o: CXXFLAGS += -I.
 
 $(BUILD)/obj/%.o: %.c | $(LCMGEN)
 	@mkdir -p $(@D)

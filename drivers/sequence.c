@@ -12,6 +12,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "table.h"
 #include "fovea/source.h"
 #include "support/text.h"
 #include "sequence.h"
@@ -138,7 +139,7 @@ static enum fovea_status open_part(struct fovea_source *source, char *text,
     struct part *part = &source->parts[source->count];
     enum fovea_status status = read_selection(text, &selection, error);
     selection.camera_given = source->selection.camera_given;
-    if (status == FOVEA_OK) status = fovea_source_find(text, &part->ops, &address, error);
+    if (status == FOVEA_OK) status = fv_source_find(text, &part->ops, &address, error);
     if (status != FOVEA_OK) return status;
     if (part->ops == &fv_source_sequence)
         return fovea_error_set(error, FOVEA_ERROR_INPUT,

@@ -1,16 +1,17 @@
 /* The drivers built in. A new driver adds its table here;
  * tests/unit/drivers/test_source_conformance.c then runs against it. */
+#include "table.h"
+
 #include <stdio.h>
 #include <string.h>
 
-#include "fovea/source.h"
 #include "support/text.h"
 #include "live/live.h"
 #include "recorded/player.h"
 #include "sequence.h"
 #include "sim/sim.h"
 
-const struct fovea_source_ops *const fovea_source_table[] = {
+const struct fovea_source_ops *const fv_source_table[] = {
     &fv_source_sim,
     &fv_source_euroc,
     &fv_source_tum,
@@ -31,8 +32,8 @@ static enum fovea_status unknown_name(const char *uri, size_t length, struct fov
     const char *names[NAMES_MAX];
     char list[256] = "", word[64], quoted[FV_TEXT_QUOTED_BYTES];
     size_t count = 0;
-    for (; fovea_source_table[count] != NULL && count < NAMES_MAX; count++) {
-        names[count] = fovea_source_table[count]->name;
+    for (; fv_source_table[count] != NULL && count < NAMES_MAX; count++) {
+        names[count] = fv_source_table[count]->name;
         const size_t used = strlen(list);
         snprintf(list + used, sizeof list - used, "%s%s:", count > 0 ? " " : "", names[count]);
     }
@@ -45,15 +46,15 @@ static enum fovea_status unknown_name(const char *uri, size_t length, struct fov
                            nearest != NULL ? ":?)" : "");
 }
 
-enum fovea_status fovea_source_find(const char *uri, const struct fovea_source_ops **ops,
-                                    const char **address, struct fovea_error *error)
+enum fovea_status fv_source_find(const char *uri, const struct fovea_source_ops **ops,
+                                 const char **address, struct fovea_error *error)
 {
     const char *colon = strchr(uri, ':');
     const size_t length = colon != NULL ? (size_t)(colon - uri) : strlen(uri);
-    for (size_t i = 0; colon != NULL && fovea_source_table[i] != NULL; i++) {
-        const char *name = fovea_source_table[i]->name;
+    for (size_t i = 0; colon != NULL && fv_source_table[i] != NULL; i++) {
+        const char *name = fv_source_table[i]->name;
         if (strlen(name) != length || memcmp(name, uri, length) != 0) continue;
-        *ops = fovea_source_table[i];
+        *ops = fv_source_table[i];
         *address = colon + 1;
         return FOVEA_OK;
     }

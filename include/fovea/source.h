@@ -196,15 +196,6 @@ struct fovea_source_ops {
                   void *context);
 };
 
-/* All drivers built in, ended by NULL (drivers/table.c): of the `fovea` command, not in the
- * library. */
-extern const struct fovea_source_ops *const fovea_source_table[];
-
-/* The driver for a URI "name:address" and where its address starts; an error that lists the known
- * names otherwise. Of the command, too. */
-enum fovea_status fovea_source_find(const char *uri, const struct fovea_source_ops **ops,
-                                    const char **address, struct fovea_error *error);
-
 #ifdef __cplusplus
 }
 #endif

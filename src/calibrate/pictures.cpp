@@ -8,6 +8,7 @@
 #include <map>
 #include <sys/stat.h>
 
+#include "drivers/table.h"
 #include "fovea/source.h"
 #include "image/grey.h"
 #include "kernels/cpu.h"
@@ -131,7 +132,7 @@ struct Frames {
 fovea_status open_source(const std::string &uri, Frames &frames, fovea_error *error)
 {
     const char *address;
-    fovea_status status = fovea_source_find(uri.c_str(), &frames.ops, &address, error);
+    fovea_status status = fv_source_find(uri.c_str(), &frames.ops, &address, error);
     if (status != FOVEA_OK) return status;
     fovea_source_selection selection = {};
     selection.step = 1;

@@ -12,6 +12,7 @@
 #include <opencv2/features2d.hpp>
 
 #include "fovea/fovea.h"
+#include "drivers/table.h"
 #include "fovea/source.h"
 #include "oracle/images.h"
 
@@ -102,7 +103,7 @@ void run_recording(const char *title, const std::string &uri, uint32_t features,
     struct fovea_source *source;
     struct fovea_source_selection all_frames = {};
     all_frames.step = 1;
-    if (fovea_source_find(uri.c_str(), &ops, &address, &error) != FOVEA_OK ||
+    if (fv_source_find(uri.c_str(), &ops, &address, &error) != FOVEA_OK ||
         ops->open(address, &all_frames, &source, &error) != FOVEA_OK ||
         ops->start(source, &error) != FOVEA_OK) {
         std::printf("SKIPPED the odometry on a recording: %s\n", error.text);

@@ -13,6 +13,7 @@
 
 #include "app/run/trajectory.h"
 #include "fovea/fovea.h"
+#include "drivers/table.h"
 #include "fovea/source.h"
 #include "geometry/vec.h"
 #include "runtime/state.h"
@@ -107,7 +108,7 @@ static void open_run(struct run *run, const char *uri)
     const char *address;
     const struct fovea_source_selection all = {.step = 1, .frames = FRAMES_MAX};
     memset(run, 0, sizeof *run);
-    if (fovea_source_find(uri, &run->ops, &address, &error) ||
+    if (fv_source_find(uri, &run->ops, &address, &error) ||
         run->ops->open(address, &all, &run->source, &error) || run->ops->start(run->source, &error))
         die(error.text);
     struct fovea_config config;

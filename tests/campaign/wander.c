@@ -15,6 +15,7 @@
 #include <unistd.h>
 
 #include "fovea/fovea.h"
+#include "drivers/table.h"
 #include "fovea/source.h"
 #include "runtime/state.h"
 
@@ -70,7 +71,7 @@ static void begin(struct walk *walk, const char *uri)
     const char *address;
     struct fovea_error error;
     const struct fovea_source_selection all = {.step = 1, .frames = walk->frames};
-    if (fovea_source_find(uri, &walk->ops, &address, &error) ||
+    if (fv_source_find(uri, &walk->ops, &address, &error) ||
         walk->ops->open(address, &all, &walk->source, &error) ||
         walk->ops->start(walk->source, &error))
         die(error.text);

@@ -1,3 +1,4 @@
+#include "drivers/table.h"
 #include "common/played.h"
 
 #include <setjmp.h>
@@ -47,7 +48,7 @@ enum fovea_status played_uri(const char *scheme, const char *address,
     const struct fovea_source_ops *ops;
     struct fovea_source *source;
     snprintf(uri, sizeof uri, "%s:%s", scheme, address);
-    assert_int_equal(fovea_source_find(uri, &ops, &address, error), FOVEA_OK);
+    assert_int_equal(fv_source_find(uri, &ops, &address, error), FOVEA_OK);
     const enum fovea_status status = ops->open(address, selection, &source, error);
     if (status == FOVEA_OK) played_source(ops, source, played);
     return status;

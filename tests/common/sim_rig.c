@@ -1,3 +1,4 @@
+#include "drivers/table.h"
 #include "common/sim_rig.h"
 
 #include <setjmp.h>
@@ -18,7 +19,7 @@ void sim_rig_open(struct sim_rig *rig, const char *uri, int start, int frames)
     const struct fovea_source_selection selection = {
         .start = (uint64_t)start, .step = 1, .frames = (uint64_t)frames};
     memset(rig, 0, sizeof *rig);
-    if (frames > SIM_RIG_FRAMES_MAX || fovea_source_find(uri, &rig->ops, &address, &error) ||
+    if (frames > SIM_RIG_FRAMES_MAX || fv_source_find(uri, &rig->ops, &address, &error) ||
         rig->ops->open(address, &selection, &rig->source, &error) ||
         rig->ops->start(rig->source, &error))
         fail_msg("%s", error.text);

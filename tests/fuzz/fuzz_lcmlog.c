@@ -5,6 +5,7 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
+#include "drivers/table.h"
 #include "fovea/source.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t bytes);
@@ -17,7 +18,7 @@ static void play(const char *uri, bool reverse)
     struct fovea_source *source;
     struct fovea_frame frame;
     struct fovea_error error = {.text = ""};
-    if (fovea_source_find(uri, &ops, &address, &error) != FOVEA_OK) abort();
+    if (fv_source_find(uri, &ops, &address, &error) != FOVEA_OK) abort();
     if (ops->open(address, &selection, &source, &error) != FOVEA_OK) {
         if (error.text[0] == '\0' || strchr(error.text, '\n') != NULL) abort();
         return;

@@ -7,6 +7,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "drivers/table.h"
 #include "fovea/source.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
@@ -65,7 +66,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     put("times.txt", (const uint8_t *)"0.0\n0.1\n", 8);
     put(lists[kind], data + 1, size - 1);
     snprintf(uri, sizeof uri, sources[kind], folder);
-    if (fovea_source_find(uri, &ops, &address, &error) != FOVEA_OK) abort();
+    if (fv_source_find(uri, &ops, &address, &error) != FOVEA_OK) abort();
     if (ops->open(address, &all, &source, &error) == FOVEA_OK) ops->close(source);
     return 0;
 }

@@ -11,6 +11,7 @@
 #include "app/record/replay.h"
 #include "base/hash.h"
 #include "common/short_run.h"
+#include "drivers/table.h"
 #include "fovea/source.h"
 #include "support/text.h"
 #include "message/fields.h"
@@ -98,7 +99,7 @@ static void play(void)
     const char *address;
     char uri[80];
     snprintf(uri, sizeof uri, "lcmlog:%s", path);
-    if (fovea_source_find(uri, &ops, &address, &error) != FOVEA_OK) abort();
+    if (fv_source_find(uri, &ops, &address, &error) != FOVEA_OK) abort();
     if (ops->open(address, &all, &source, &error) != FOVEA_OK) return;
     if (ops->start(source, &error) == FOVEA_OK) {
         volatile uint32_t sum = 0;

@@ -13,6 +13,7 @@
 #include <jpeglib.h>
 
 #include "support/decode.h"
+#include "drivers/table.h"
 #include "fovea/source.h"
 
 static void put(FILE *file, const void *data, size_t bytes)
@@ -68,7 +69,7 @@ static int make_sim(const char *uri, int count, FILE *file)
     struct fovea_source *source;
     struct fovea_frame frame;
     struct fovea_error error;
-    if (fovea_source_find(uri, &ops, &address, &error) != FOVEA_OK ||
+    if (fv_source_find(uri, &ops, &address, &error) != FOVEA_OK ||
         ops->open(address, &selection, &source, &error) != FOVEA_OK ||
         ops->start(source, &error) != FOVEA_OK)
         tool_fail("%s", error.text);

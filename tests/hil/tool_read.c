@@ -31,6 +31,7 @@
 #include <string.h>
 
 #include "common/heap_calls.h"
+#include "drivers/table.h"
 #include "fovea/source.h"
 
 /* ---- heap calls, of this thread and of all --------------------------------------------------- */
@@ -350,7 +351,7 @@ static enum fovea_status open_source(void)
     static const struct fovea_source_selection selection = {.step = 1};
     const char *address;
     struct fovea_error error = {.text = ""};
-    enum fovea_status status = fovea_source_find(reading.uri, &reading.ops, &address, &error);
+    enum fovea_status status = fv_source_find(reading.uri, &reading.ops, &address, &error);
     if (status == FOVEA_OK)
         status = reading.ops->open(address, &selection, &reading.source, &error);
     if (status == FOVEA_OK) status = reading.ops->start(reading.source, &error);

@@ -33,6 +33,7 @@ int main(void)
 #include "common/job_switch.h"
 #include "base/elementary.h"
 #include "fovea/fovea.h"
+#include "drivers/table.h"
 #include "fovea/source.h"
 
 enum { WIDTH = 320, HEIGHT = 240, STEPS = 10000, PICTURES = 4 };
@@ -163,8 +164,7 @@ static bool film(struct fovea_camera *camera)
     struct fovea_error error;
     corridor = map_pages((size_t)CORRIDOR * sizeof *corridor, MAP_PRIVATE);
     if (corridor == NULL ||
-        fovea_source_find("sim:corridor?width=320&height=240", &ops, &address, &error) !=
-            FOVEA_OK ||
+        fv_source_find("sim:corridor?width=320&height=240", &ops, &address, &error) != FOVEA_OK ||
         ops->open(address, &selection, &source, &error) != FOVEA_OK ||
         ops->start(source, &error) != FOVEA_OK)
         return false;

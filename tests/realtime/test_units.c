@@ -13,6 +13,7 @@
 #include "app/run/timing.h"
 #include "common/job_switch.h"
 #include "fovea/fovea.h"
+#include "drivers/table.h"
 #include "fovea/source.h"
 
 /* Every unit is timed so often, and on while some are held up by what runs beside them: the least
@@ -93,7 +94,7 @@ static void run(const struct scenario *scenario)
     struct fovea *rt;
     size_t bytes;
     fovea_config_default(&config);
-    assert_int_equal(fovea_source_find(scenario->uri, &ops, &address, &error), FOVEA_OK);
+    assert_int_equal(fv_source_find(scenario->uri, &ops, &address, &error), FOVEA_OK);
     assert_int_equal(ops->open(address, &everything, &source, &error), FOVEA_OK);
     config.rig.cameras[0].camera = ops->info(source)->rig.cameras[0].camera;
     assert_true(job_switch_all(&config, 4));

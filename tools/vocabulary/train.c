@@ -13,6 +13,7 @@
 
 #include "app/lab/extract.h"
 #include "base/elementary.h"
+#include "drivers/table.h"
 #include "fovea/source.h"
 #include "map/vocabulary.h"
 
@@ -81,7 +82,7 @@ static void take_frames(struct set *set, const char *uri, uint64_t step,
     struct fovea_error error;
     struct fovea_frame frame;
     const struct fovea_source_selection selection = {.step = step};
-    if (fovea_source_find(uri, &ops, &address, &error) != FOVEA_OK ||
+    if (fv_source_find(uri, &ops, &address, &error) != FOVEA_OK ||
         ops->open(address, &selection, &source, &error) != FOVEA_OK ||
         ops->start(source, &error) != FOVEA_OK)
         die(error.text);

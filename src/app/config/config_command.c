@@ -7,6 +7,7 @@
 #include "app/config/options.h"
 #include "app/config/setup.h"
 #include "support/say.h"
+#include "drivers/table.h"
 #include "fovea/source.h"
 
 int fv_command_config(int argc, char **argv)
@@ -38,7 +39,7 @@ int fv_command_config(int argc, char **argv)
     if (fv_settings_check(&settings, &error) != FOVEA_OK) return fv_say_wrong("%s", error.text);
     const struct fovea_source_ops *ops;
     const char *address;
-    enum fovea_status status = fovea_source_find(settings.source, &ops, &address, &error);
+    enum fovea_status status = fv_source_find(settings.source, &ops, &address, &error);
     if (status != FOVEA_OK) {
         fv_settings_blame(&settings, "source", &error);
         return fv_say_wrong("%s", error.text);

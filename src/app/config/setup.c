@@ -1,3 +1,4 @@
+#include "drivers/table.h"
 #include "app/config/setup.h"
 
 #include <stdio.h>
@@ -50,7 +51,7 @@ void fv_setup_sources_print(void)
         fv_man_section("SOURCES");
     else
         printf("\nsources:\n");
-    for (const struct fovea_source_ops *const *ops = fovea_source_table; *ops != NULL; ops++) {
+    for (const struct fovea_source_ops *const *ops = fv_source_table; *ops != NULL; ops++) {
         if (man)
             source_man(*ops);
         else
@@ -302,7 +303,7 @@ enum fovea_status fv_setup_open(struct fv_settings *settings,
     enum fovea_status status = camera_read(settings, error);
     if (status == FOVEA_OK) status = model_read(settings, setup, error);
     if (status != FOVEA_OK) return status;
-    status = fovea_source_find(settings->source, &setup->ops, &address, error);
+    status = fv_source_find(settings->source, &setup->ops, &address, error);
     struct fovea_source_selection chosen = *selection;
     chosen.colour = fv_setup_wants_colour(setup);
     chosen.camera_given = settings->camera[0] != '\0';
@@ -342,7 +343,7 @@ enum fovea_status fv_setup_check_files(struct fv_settings *settings, struct fove
     struct fv_setup setup = {0};
     struct fv_archive_info info;
     const char *address;
-    enum fovea_status status = fovea_source_find(settings->source, &setup.ops, &address, error);
+    enum fovea_status status = fv_source_find(settings->source, &setup.ops, &address, error);
     if (status != FOVEA_OK) {
         fv_settings_blame(settings, "source", error);
         return status;

@@ -19,6 +19,7 @@
 #include "support/say.h"
 #include "support/output.h"
 #include "app/config/setup.h"
+#include "drivers/table.h"
 #include "fovea/source.h"
 
 static const char *const class_names[FOVEA_TRUTH_CLASS_COUNT] = {"background", "ball", "cone",
@@ -201,7 +202,7 @@ int fv_command_export(int argc, char **argv)
     if (result != FV_OPTIONS_READ) return result == FV_OPTIONS_HELP ? FV_EXIT_OK : FV_EXIT_WRONG;
     struct fovea_error error;
     export.folder = argv[first];
-    if (fovea_source_find(uri, &export.ops, &address, &error) != FOVEA_OK)
+    if (fv_source_find(uri, &export.ops, &address, &error) != FOVEA_OK)
         return fv_say_wrong("%s", error.text);
     if (export.ops->open(address, &selection, &export.source, &error) != FOVEA_OK)
         return fv_say_wrong("%s", error.text);

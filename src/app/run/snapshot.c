@@ -1,3 +1,4 @@
+#include "drivers/table.h"
 #include "app/run/snapshot.h"
 
 #include <malloc.h>
@@ -168,7 +169,7 @@ bool fv_snapshot_fetch(struct fv_snapshot *snapshot, const char *uri, bool colou
     struct fovea_source *source;
     struct fovea_error error;
     bool taken = false;
-    if (fovea_source_find(uri, &ops, &address, &error) == FOVEA_OK &&
+    if (fv_source_find(uri, &ops, &address, &error) == FOVEA_OK &&
         ops->open(address, &selection, &source, &error) == FOVEA_OK) {
         taken = frame_take(snapshot, ops, source);
         ops->close(source);

@@ -10,6 +10,7 @@
 
 #include "app/config/model_file.h"
 #include "detect/job.h"
+#include "drivers/table.h"
 #include "fovea/source.h"
 
 enum { ARENA_BYTES = 8 << 20, FRAMES = 12, UNITS_MAX = 100000 };
@@ -90,7 +91,7 @@ static void finds_rendered_objects(void **state)
     memset(block, 0, ARENA_BYTES);
     fv_arena_init(&arena, block, ARENA_BYTES);
     fv_detect_carve(&memory, &arena, &file.model, NULL, 640 * 480);
-    assert_int_equal(fovea_source_find("sim:orbit?seed=7000001&objects=24", &ops, &address, &error),
+    assert_int_equal(fv_source_find("sim:orbit?seed=7000001&objects=24", &ops, &address, &error),
                      FOVEA_OK);
     assert_int_equal(ops->open(address, &selection, &source, &error), FOVEA_OK);
     assert_int_equal(ops->start(source, &error), FOVEA_OK);

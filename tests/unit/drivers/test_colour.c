@@ -12,6 +12,7 @@
 
 #include "support/decode.h"
 #include "common/datasets.h"
+#include "drivers/table.h"
 #include "fovea/source.h"
 
 enum { W = FV_TEST_WIDTH, H = FV_TEST_HEIGHT, STRIDE = 3 * W + 7 };
@@ -113,7 +114,7 @@ static void test_source(void **state)
             struct fovea_error error;
             struct fovea_frame frame;
             strcat(uri, path);
-            if (fovea_source_find(uri, &ops, &address, &error) != FOVEA_OK ||
+            if (fv_source_find(uri, &ops, &address, &error) != FOVEA_OK ||
                 ops->open(address, &selection, &source, &error) != FOVEA_OK ||
                 ops->start(source, &error) != FOVEA_OK ||
                 ops->dequeue(source, INT64_MAX, &frame) != FOVEA_OK)

@@ -12,6 +12,7 @@
 
 #include "common/data_folder.h"
 #include "common/datasets.h"
+#include "drivers/table.h"
 #include "fovea/source.h"
 
 static void real_recordings_are_what_they_are_said_to_be(void **state)
@@ -37,7 +38,7 @@ static void real_recordings_are_what_they_are_said_to_be(void **state)
         struct fovea_error error;
         struct fovea_frame frame;
         snprintf(uri, sizeof uri, "%s%s/%s", real[i].uri, fv_data_folder(), real[i].folder);
-        assert_int_equal(fovea_source_find(uri, &ops, &address, &error), FOVEA_OK);
+        assert_int_equal(fv_source_find(uri, &ops, &address, &error), FOVEA_OK);
         if (access(address, R_OK) != 0) {
             print_message("SKIPPED %s: not there\n", real[i].folder);
             continue;

@@ -16,6 +16,7 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "drivers/table.h"
 #include "support/decode.h"
 #include "../../../drivers/recorded/lines.h"
 #include "../../../drivers/recorded/player.h"
@@ -168,7 +169,7 @@ static struct fovea_source *open_uri(const char *uri,
     const char *address;
     struct fovea_source *source = NULL;
     struct fovea_error error = {.text = ""};
-    if (fovea_source_find(uri, ops, &address, &error) != FOVEA_OK ||
+    if (fv_source_find(uri, ops, &address, &error) != FOVEA_OK ||
         (*ops)->open(address, selection, &source, &error) != FOVEA_OK ||
         (*ops)->start(source, &error) != FOVEA_OK)
         fail_msg("%s", error.text);

@@ -13,6 +13,7 @@
 #include <cmocka.h>
 
 #include "../../../drivers/sim/sim.h"
+#include "drivers/table.h"
 #include "fovea/source.h"
 
 static struct fovea_source *open_source(const char *address,
@@ -24,7 +25,7 @@ static struct fovea_source *open_source(const char *address,
     struct fovea_source *source = NULL;
     struct fovea_error error;
     snprintf(uri, sizeof uri, "sim:%s", address);
-    assert_int_equal(fovea_source_find(uri, &ops, &rest, &error), FOVEA_OK);
+    assert_int_equal(fv_source_find(uri, &ops, &rest, &error), FOVEA_OK);
     if (ops->open(rest, selection, &source, &error) != FOVEA_OK) fail_msg("%s", error.text);
     assert_int_equal(ops->start(source, &error), FOVEA_OK);
     return source;
@@ -35,7 +36,7 @@ static const struct fovea_source_ops *sim_ops(void)
     const struct fovea_source_ops *ops = NULL;
     const char *rest;
     struct fovea_error error;
-    assert_int_equal(fovea_source_find("sim:", &ops, &rest, &error), FOVEA_OK);
+    assert_int_equal(fv_source_find("sim:", &ops, &rest, &error), FOVEA_OK);
     return ops;
 }
 

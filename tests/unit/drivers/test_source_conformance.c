@@ -16,6 +16,7 @@
 
 #include "common/datasets.h"
 #include "common/fake_camera.h"
+#include "drivers/table.h"
 #include "fovea/source.h"
 
 /* ---- heap calls of one thread, and pieces not given back ------------------------------------- */
@@ -161,8 +162,8 @@ static void start(const struct fovea_source_ops *ops, struct fovea_source *sourc
  * camera (it has its tests in the virtual machine, tests/hil). */
 static const struct fovea_source_ops *next_driver(size_t *i)
 {
-    while (fovea_source_table[*i] != NULL) {
-        const struct fovea_source_ops *ops = fovea_source_table[(*i)++];
+    while (fv_source_table[*i] != NULL) {
+        const struct fovea_source_ops *ops = fv_source_table[(*i)++];
         const bool camera = strcmp(ops->name, "libcamera") == 0;
         struct fovea_source *source;
         struct fovea_error error;
@@ -273,23 +274,23 @@ static void test_table(void **state)
     const struct fovea_source_ops *ops = NULL;
     const char *address = NULL;
     struct fovea_error error;
-    for (size_t i = 0; fovea_source_table[i] != NULL; i++) {
-        const struct fovea_source_ops *each = fovea_source_table[i];
+    for (size_t i = 0; fv_source_table[i] != NULL; i++) {
+        const struct fovea_source_ops *each = fv_source_table[i];
         char uri[64];
         assert_true(each->open && each->info && each->start && each->dequeue && each->requeue &&
                     each->stop && each->close);
         assert_true(each->help != NULL && strchr(each->help, '\n') == NULL);
         snprintf(uri, sizeof uri, "%s:a:b", each->name);
-        assert_int_equal(fovea_source_find(uri, &ops, &address, &error), FOVEA_OK);
+        assert_int_equal(fv_source_find(uri, &ops, &address, &error), FOVEA_OK);
         assert_ptr_equal(ops, each);
         assert_string_equal(address, "a:b");
         assert_non_null(row_of(each));
     }
     ops = NULL;
-    assert_int_equal(fovea_source_find("euorc:x", &ops, &address, &error), FOVEA_ERROR_INPUT);
+    assert_int_equal(fv_source_find("euorc:x", &ops, &address, &error), FOVEA_ERROR_INPUT);
     assert_non_null(strstr(error.text, "did you mean euroc:?"));
-    assert_int_equal(fovea_source_find("euroc", &ops, &address, &error), FOVEA_ERROR_INPUT);
-    assert_int_equal(fovea_source_find("", &ops, &address, &error), FOVEA_ERROR_INPUT);
+    assert_int_equal(fv_source_find("euroc", &ops, &address, &error), FOVEA_ERROR_INPUT);
+    assert_int_equal(fv_source_find("", &ops, &address, &error), FOVEA_ERROR_INPUT);
     assert_null(ops);
 }
 

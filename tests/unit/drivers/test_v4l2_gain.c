@@ -11,6 +11,7 @@
 #include <string.h>
 
 #include "../../../drivers/v4l2/v4l2.h"
+#include "drivers/table.h"
 #include "common/fake_camera.h"
 #include "common/live_source.h"
 
@@ -66,7 +67,7 @@ static int level_now(struct fovea_source *source)
     struct fovea_frame frame;
     const struct fovea_source_ops *ops;
     const char *address;
-    assert_int_equal(fovea_source_find("v4l2:/dev/video0", &ops, &address, NULL), FOVEA_OK);
+    assert_int_equal(fv_source_find("v4l2:/dev/video0", &ops, &address, NULL), FOVEA_OK);
     assert_int_equal(ops->dequeue(source, fv_test_now_ns() + 5000000000, &frame), FOVEA_OK);
     const int level = frame.images[0].data[0];
     ops->requeue(source, &frame);
@@ -129,7 +130,7 @@ static void test_refused(void **state)
     const char *address;
     struct fovea_source *source = NULL;
     struct fovea_error error = {.text = ""};
-    assert_int_equal(fovea_source_find("v4l2:/dev/video0?auto_gain=1", &ops, &address, NULL),
+    assert_int_equal(fv_source_find("v4l2:/dev/video0?auto_gain=1", &ops, &address, NULL),
                      FOVEA_OK);
     find_control(V4L2_CID_GAIN)->refuses = EPIPE;
     assert_int_equal(ops->open(address, &everything, &source, &error), FOVEA_ERROR_INPUT);

@@ -13,6 +13,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "drivers/table.h"
 #include "common/datasets.h"
 #include "support/calibration.h"
 #include "base/elementary.h"
@@ -35,7 +36,7 @@ static enum fovea_status try_source(const char *scheme, const char *address,
     *frames = 0;
     *error = (struct fovea_error){.text = ""};
     snprintf(uri, sizeof uri, "%s:%s", scheme, address);
-    enum fovea_status status = fovea_source_find(uri, &ops, &found, error);
+    enum fovea_status status = fv_source_find(uri, &ops, &found, error);
     if (status == FOVEA_OK) status = ops->open(found, &everything, &source, error);
     if (status != FOVEA_OK) return status;
     assert_int_equal(ops->start(source, error), FOVEA_OK);
@@ -184,7 +185,7 @@ static void test_long_lines_and_zero_bytes(void **state)
     const struct fovea_source_ops *ops;
     const char *rest;
     struct fovea_source *source = NULL;
-    assert_int_equal(fovea_source_find("euroc:", &ops, &rest, &error), FOVEA_OK);
+    assert_int_equal(fv_source_find("euroc:", &ops, &rest, &error), FOVEA_OK);
     assert_int_equal(ops->open(address, &everything, &source, &error), FOVEA_ERROR_INPUT);
     assert_non_null(strstr(error.text, "found a path of more than"));
     fv_test_folder_remove(top);

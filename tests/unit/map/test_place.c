@@ -13,6 +13,7 @@
 #include "app/lab/extract.h"
 #include "common/carved.h"
 #include "base/elementary.h"
+#include "drivers/table.h"
 #include "fovea/source.h"
 #include "map/place.h"
 
@@ -172,7 +173,7 @@ static void words_of_world(uint32_t world, struct fv_place_words words[2])
     const struct fovea_source_selection selection = {.start = 60, .step = 30, .frames = 2};
     char uri[96];
     snprintf(uri, sizeof uri, "sim:orbit?seed=%u&width=480&height=360&objects=0", world);
-    assert_int_equal(fovea_source_find(uri, &ops, &address, &error), FOVEA_OK);
+    assert_int_equal(fv_source_find(uri, &ops, &address, &error), FOVEA_OK);
     assert_int_equal(ops->open(address, &selection, &source, &error), FOVEA_OK);
     assert_int_equal(ops->start(source, &error), FOVEA_OK);
     fv_kernels_init(&kernels, fv_cpu_best(fv_cpu_detect()));

@@ -13,6 +13,7 @@
 
 #include "features/features.h"
 #include "features/orb.h"
+#include "drivers/table.h"
 #include "fovea/source.h"
 #include "geometry/linear.h"
 #include "geometry/vec.h"
@@ -111,8 +112,8 @@ static void run(const char *uri, int start, int frames, enum fv_cpu_set set, str
     struct fovea_source *source;
     const struct fovea_source_selection all = {
         .start = (uint64_t)start, .step = 1, .frames = (uint64_t)frames};
-    if (fovea_source_find(uri, &ops, &address, &error) ||
-        ops->open(address, &all, &source, &error) || ops->start(source, &error))
+    if (fv_source_find(uri, &ops, &address, &error) || ops->open(address, &all, &source, &error) ||
+        ops->start(source, &error))
         fail_msg("%s", error.text);
     struct fovea_camera camera = ops->info(source)->rig.cameras[0].camera;
     assert_int_equal(fovea_camera_prepare(&camera, &error), FOVEA_OK);

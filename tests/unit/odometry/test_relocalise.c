@@ -11,6 +11,7 @@
 /* cmocka needs the above */
 #include <cmocka.h>
 
+#include "drivers/table.h"
 #include "fovea/fovea.h"
 
 #include "fovea_map_t.h"
@@ -44,7 +45,7 @@ static void open_world(struct world *world, uint64_t start, const uint8_t *map, 
     snprintf(uri, sizeof uri, "sim:kidnap?width=480&height=360&seed=3&objects=2&rate=%d&time=%d",
              RATE, BEGIN_S);
     memset(world, 0, sizeof *world);
-    assert_int_equal(fovea_source_find(uri, &world->ops, &address, &error), FOVEA_OK);
+    assert_int_equal(fv_source_find(uri, &world->ops, &address, &error), FOVEA_OK);
     assert_int_equal(world->ops->open(address, &selection, &world->source, &error), FOVEA_OK);
     assert_int_equal(world->ops->start(world->source, &error), FOVEA_OK);
     fovea_config_default(&world->config);

@@ -13,6 +13,7 @@
 #include "app/command.h"
 #include "common/datasets.h"
 #include "support/picture.h"
+#include "drivers/table.h"
 #include "fovea/source.h"
 
 static char folder[] = "/tmp/fovea-export-XXXXXX";
@@ -69,7 +70,7 @@ static void writes_frames_masks_and_truth(void **state)
     struct fovea_error error;
     struct fovea_source *source;
     const struct fovea_source_selection selection = {.step = 1, .frames = 2};
-    assert_int_equal(fovea_source_find(uri, &ops, &address, &error), FOVEA_OK);
+    assert_int_equal(fv_source_find(uri, &ops, &address, &error), FOVEA_OK);
     assert_int_equal(ops->open(address, &selection, &source, &error), FOVEA_OK);
     assert_int_equal(ops->start(source, &error), FOVEA_OK);
     struct fovea_frame frame;

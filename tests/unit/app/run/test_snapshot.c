@@ -11,6 +11,7 @@
 
 #include <cmocka.h>
 
+#include "drivers/table.h"
 #include "app/run/snapshot.h"
 #include "common/short_run.h"
 #include "common/sim_rig.h"
@@ -151,7 +152,7 @@ static void check_read_again(const char *uri, bool reverse)
     struct fovea_frame frame;
     struct fovea_error error;
     uint64_t sequence = 0;
-    assert_int_equal(fovea_source_find(uri, &ops, &address, &error), FOVEA_OK);
+    assert_int_equal(fv_source_find(uri, &ops, &address, &error), FOVEA_OK);
     if (ops->open(address, &selection, &source, &error) != FOVEA_OK) fail_msg("%s", error.text);
     assert_int_equal(ops->start(source, &error), FOVEA_OK);
     assert_true(fv_snapshot_open(&snapshot, 0, false));
