@@ -3,6 +3,10 @@
 
 #include <stddef.h>
 
+#include "app/config/commands.h"
+#include "app/lab/commands.h"
+#include "app/run/commands.h"
+
 const struct fv_command fv_commands[] = {
     {"run", "run the loop on a camera, a recording or the simulated camera", fv_command_run,
      "Frames of the source are processed by the runtime, and messages are sent by LCM after each. "

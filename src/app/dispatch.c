@@ -6,8 +6,8 @@
 #include <string.h>
 
 #include "app/command.h"
-#include "app/config/man.h"
 #include "app/config/options.h"
+#include "app/man.h"
 #include "support/man.h"
 #include "support/say.h"
 #include "fovea/fovea.h"
@@ -71,6 +71,7 @@ static int dispatch(int argc, char **argv)
         char *arguments[] = {argv[2], (char[]){"--help"}, NULL};
         return command->run(2, arguments);
     }
+    fv_options_describe(&(struct fv_options_page){command->help, command->description});
     const int status = command->run(argc - 1, argv + 1);
     if (fv_options_man_printed()) {
         fv_man_section("EXAMPLES");

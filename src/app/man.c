@@ -1,4 +1,4 @@
-#include "app/config/man.h"
+#include "app/man.h"
 
 #include <stdio.h>
 #include <string.h>

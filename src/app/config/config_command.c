@@ -2,7 +2,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "app/command.h"
+#include "app/config/commands.h"
 #include "app/config/settings.h"
 #include "app/config/options.h"
 #include "app/config/setup.h"

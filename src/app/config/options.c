@@ -6,7 +6,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "app/command.h"
 #include "support/man.h"
 #include "support/say.h"
 #include "support/text.h"
@@ -25,31 +24,28 @@ static void help_print(const struct fv_option *options, const char *command, con
 
 /* ---- the manual page ------------------------------------------------------------------------- */
 
+static struct fv_options_page page;
 static bool man_printed;
+
+void fv_options_describe(const struct fv_options_page *described)
+{
+    page = *described;
+}
 
 bool fv_options_man_printed(void)
 {
     return man_printed;
 }
 
-static const struct fv_command *command_of(const char *name)
-{
-    const struct fv_command *command = fv_commands;
-    while (command->name != NULL && strcmp(command->name, name) != 0)
-        command++;
-    return command;
-}
-
 static void man_print(const struct fv_option *options, const char *name, const char *operands)
 {
-    const struct fv_command *command = command_of(name);
     char rest[128];
     snprintf(rest, sizeof rest, "[OPTION]...%s%s", *operands ? " " : "", operands);
-    fv_man_begin("fovea", name, command->help != NULL ? command->help : "");
+    fv_man_begin("fovea", name, page.help != NULL ? page.help : "");
     fv_man_synopsis("fovea", name, rest);
-    if (command->name != NULL) {
+    if (page.description != NULL) {
         fv_man_section("DESCRIPTION");
-        fv_man_text(command->description);
+        fv_man_text(page.description);
     }
     fv_man_section("OPTIONS");
     for (const struct fv_option *option = options; option->name != NULL; option++) {

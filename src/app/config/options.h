@@ -51,6 +51,13 @@ enum fv_options_result fv_options_parse(const struct fv_option *options, const c
                                         int operands_min, int operands_max, int argc, char **argv,
                                         int *first);
 
+/* What the manual page of the command that runs next says beside its options; a member that is NULL
+ * is left out. */
+struct fv_options_page {
+    const char *help, *description;
+};
+void fv_options_describe(const struct fv_options_page *page);
+
 /* Whether the last FV_OPTIONS_HELP printed a manual page. The command may add sections to it
  * (support/man.h); fv_dispatch ends it with examples and references. */
 bool fv_options_man_printed(void);

@@ -5,7 +5,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
-#include "app/command.h"
+#include "app/lab/commands.h"
 #include "support/aligned.h"
 #include "support/canvas.h"
 #include "support/colour.h"

@@ -12,7 +12,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
-#include "app/command.h"
+#include "app/lab/commands.h"
 #include "app/config/options.h"
 #include "support/picture.h"
 #include "support/progress.h"

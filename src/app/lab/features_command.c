@@ -3,7 +3,7 @@
 #include <string.h>
 
 #include "support/canvas.h"
-#include "app/command.h"
+#include "app/lab/commands.h"
 #include "app/lab/extract.h"
 #include "support/files.h"
 #include "app/config/options.h"

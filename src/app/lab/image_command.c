@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "app/command.h"
+#include "app/lab/commands.h"
 #include "app/config/options.h"
 #include "fovea/preprocess.h"
 #include "support/aligned.h"

@@ -4,7 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "app/command.h"
+#include "app/lab/commands.h"
 #include "support/files.h"
 #include "app/lab/map_open.h"
 #include "app/config/options.h"

@@ -5,7 +5,7 @@
 
 #include "support/aligned.h"
 #include "support/canvas.h"
-#include "app/command.h"
+#include "app/lab/commands.h"
 #include "app/lab/extract.h"
 #include "support/files.h"
 #include "app/config/options.h"

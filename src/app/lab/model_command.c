@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "app/command.h"
+#include "app/lab/commands.h"
 #include "support/aligned.h"
 #include "app/config/model_file.h"
 #include "app/config/options.h"

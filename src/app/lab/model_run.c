@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "app/command.h"
+#include "app/lab/commands.h"
 #include "app/config/model_file.h"
 #include "app/lab/npy.h"
 #include "support/aligned.h"

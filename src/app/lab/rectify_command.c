@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "support/aligned.h"
-#include "app/command.h"
+#include "app/lab/commands.h"
 #include "support/files.h"
 #include "app/config/options.h"
 #include "support/picture.h"

@@ -9,7 +9,7 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "app/command.h"
+#include "app/run/commands.h"
 #include "app/run/loop.h"
 #include "app/run/realtime.h"
 #include "app/run/report.h"

@@ -4,7 +4,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
-#include "app/command.h"
+#include "app/run/commands.h"
 #include "support/files.h"
 #include "app/config/options.h"
 #include "app/record/replay.h"

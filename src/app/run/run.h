@@ -7,7 +7,7 @@
 #include <stdatomic.h>
 #include <stdio.h>
 
-#include "app/command.h"
+#include "app/run/commands.h"
 #include "app/run/final_path.h"
 #include "app/run/keeper.h"
 #include "app/run/loop.h"

@@ -10,7 +10,7 @@
 
 #include <cmocka.h>
 
-#include "app/command.h"
+#include "app/lab/commands.h"
 #include "common/datasets.h"
 #include "support/picture.h"
 #include "drivers/table.h"

@@ -11,7 +11,7 @@
 /* cmocka needs the above */
 #include <cmocka.h>
 
-#include "app/command.h"
+#include "app/lab/commands.h"
 #include "app/config/map_file.h"
 #include "common/datasets.h"
 #include "common/small_map.h"

@@ -11,7 +11,7 @@
 
 #include <cmocka.h>
 
-#include "app/command.h"
+#include "app/lab/commands.h"
 #include "app/lab/npy.h"
 
 enum { BYTES_MAX = 4096 };

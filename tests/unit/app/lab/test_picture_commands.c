@@ -13,6 +13,7 @@
 #include <cmocka.h>
 
 #include "app/command.h"
+#include "app/lab/commands.h"
 #include "support/picture.h"
 #include "common/nn_mutant.h"
 #include "base/elementary.h"
