@@ -86,20 +86,13 @@ struct fv_window {
     struct fv_window_observation *observations;
 };
 
-/* `map` stays the caller's; NULL for windows that are only filled by hand. */
+/* `map` stays the caller's. */
 void fv_window_carve(struct fv_window *window, const struct fv_window_limits *limits,
                      const struct fv_map *map, struct fv_arena *job);
 
 /* Copy the window around keyframe `newest`. False when there is nothing to optimise (then the job
  * stays idle). */
 bool fv_window_start(struct fv_window *window, struct fv_map *map, uint32_t newest);
-
-/* The pieces of fv_window_start: an empty window, then landmarks, each followed by its
- * observations, then the first pass. tests/common/window_by_hand.h fills windows with them without
- * a map. */
-void fv_window_clear(struct fv_window *window);
-void fv_window_put_landmark(struct fv_window *window, const double point[3]);
-void fv_window_begin(struct fv_window *window, uint32_t passes);
 
 /* One unit of work; true when units are left. */
 bool fv_window_unit(struct fv_window *window);
@@ -114,6 +107,16 @@ struct fv_window_result {
 struct fv_window_result fv_window_commit(struct fv_window *window, struct fv_map *map);
 
 void fv_window_abort(struct fv_window *window);
+
+/* ---- between window_copy.c, which fills the window, and window.c, which optimises it ----------
+ */
+
+/* An empty window. */
+void fv_window_clear(struct fv_window *window);
+/* A landmark; its observations follow it. */
+void fv_window_put_landmark(struct fv_window *window, const double point[3]);
+/* Begin the first of at most `passes` passes. */
+void fv_window_begin(struct fv_window *window, uint32_t passes);
 
 #ifdef __cplusplus
 }
