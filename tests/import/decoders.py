@@ -88,7 +88,7 @@ class Drawn(Builder):
 
 
 def centres(side, stride):
-    """[cells][2] in shares of the side: x, y."""
+    """[cells][2] in fractions of the side: x, y."""
     y, x = np.mgrid[0:side // stride, 0:side // stride]
     return np.stack([(x.ravel() + 0.5) * stride / side, (y.ravel() + 0.5) * stride / side], 1)
 

@@ -180,7 +180,7 @@ def heads(bench):
     for kind, n, other in (("yolov8", 84, 80), ("yolov5", 252, 84)):
         found = bench.run(yolo(kind, 3, n))
         bench.holds(f"{kind} of {n} boxes", getattr(found, "decoder", found), kind)
-        bench.holds("its classes and shares", (getattr(found, "classes", 0), getattr(found, "normalised", 0)), (3, 1))
+        bench.holds("its classes and fractions", (getattr(found, "classes", 0), getattr(found, "normalised", 0)), (3, 1))
         for what, model in (("rows that are no scores", yolo(kind, 1, n, 8)), ("no sigmoid", yolo(kind, 3, n, sigmoid=False)),
                             ("another number of boxes", yolo(kind, 3, other, boxes=lambda n: np.zeros((n, 4)))),
                             ("prototypes beside it", yolo(kind, 3, n, outputs=2))):
@@ -240,7 +240,7 @@ def ranges(bench):
     bench.holds("8-bit input", (found.mean, found.scale), (118, 0.02))
     for ends in ("int8", "float32"):
         found = bench.run(network([(1, 7, 40)], None, ends, 1 / 255), *V8)
-        bench.holds(f"boxes are shares of the size, {ends}", found.normalised, 1)
+        bench.holds(f"boxes are fractions of the size, {ends}", found.normalised, 1)
 
 
 def thresholds(bench):

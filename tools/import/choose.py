@@ -1,10 +1,10 @@
-"""Which decoder reads a network's outputs. One is chosen only when the shapes of outputs and input, what makes the scores (shares.py), the
+"""Which decoder reads a network's outputs. One is chosen only when the shapes of outputs and input, what makes the scores (fraction.py), the
 metadata (task, names), the labels and the ranges of quantisation agree; trial.py then tries it on pictures. Otherwise the import
 stops with one line that names the candidates."""
 import numpy as np
 
 import details
-import shares
+import fraction
 from graph import ImportProblem
 
 LABELS_MAX = 4096  # what the loader takes
@@ -27,7 +27,7 @@ class Evidence:
     def __init__(self, graph, labels, metadata, arguments):
         self.graph, self.labels, self.metadata, self.arguments = graph, labels, metadata, arguments
         self.anchors = arguments.anchors
-        self.mask = shares.of(graph)
+        self.mask = fraction.of(graph)
         self.outs = [graph.tensors[t] for t in graph.outputs]
         self.inputs = [t for t in graph.inputs if graph.tensors[t].data is None]
         self.shape = tuple(self.outs[0].shape)
@@ -105,7 +105,7 @@ def ssd_raw(e):
 
 
 def end2end(e):
-    """Rows of corners, score and class: the metadata must say so, since classes are no shares and other rows look alike."""
+    """Rows of corners, score and class: the metadata must say so, since classes are no fractions and other rows look alike."""
     if e.metadata.get("end2end") not in (True, "True", "true"):
         return "needs metadata that say end2end"
     points = details.asked_points(e.arguments, e.metadata) or (0, 0)
@@ -120,7 +120,7 @@ def movenet(e):
         return f"has 17 keypoints in one output, found {e.shape[-2]}"
     low, high = e.range_of(e.outs[0])
     if np.isfinite(high) and (low < -0.5 or high > 1.5):
-        return f"has shares of the picture, found numbers from {low:.3g} to {high:.3g}"
+        return f"has fractions of the picture, found numbers from {low:.3g} to {high:.3g}"
     return None if e.mask(e.graph.outputs[0]).reshape(-1, 3)[:, 2].all() else "has scores from LOGISTIC in every third number"
 
 

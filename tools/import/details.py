@@ -56,7 +56,7 @@ def asked_points(arguments, metadata):
 
 
 def rows_of(e, output=0):
-    """Of a head with columns: which rows are shares, and the number of classes after the box that this says (0: it does not)."""
+    """Of a head with columns: which rows are fractions, and the number of classes after the box that this says (0: it does not)."""
     known = e.mask(e.graph.outputs[output])
     rows = known[0].all(1) if known.ndim == 3 else np.zeros(0, bool)
     classes = 0
@@ -154,7 +154,7 @@ def movenet(e, arguments):
 
 
 def grid(side, levels):
-    """[n][4]: centre y and x in shares of the side, height and width 1."""
+    """[n][4]: centre y and x in fractions of the side, height and width 1."""
     centres = []
     for stride, boxes in levels:
         cells = -(-side // stride)

@@ -115,7 +115,7 @@ def tanh(x):
 
 
 def gelu(x):
-    """x times the normal distribution's share below it, by the error function."""
+    """x times the fraction of the normal distribution below it, by the error function."""
     return f32(f32(f32(0.5) * x) * f32(f32(1) + f32(math.erf(float(f32(x * f32(math.sqrt(0.5))))))))
 
 

@@ -38,7 +38,7 @@ def real(tensor, found):
 
 
 def centres(h, w, n, per_cell):
-    """Of the cells that n boxes belong to, in shares of the size, and half a cell's size; None: another order."""
+    """Of the cells that n boxes belong to, in fractions of the size, and half a cell's size; None: another order."""
     for strides in STRIDES:
         at = [(s, -(-h // s), -(-w // s)) for s in strides]
         if per_cell * sum(rows * columns for _, rows, columns in at) != n:
@@ -91,8 +91,8 @@ def details_look_wrong(kind, outs, image, normalised, known):
         return boxes_look_wrong(values[:, :4 + known.classes], image[1], image[2], 1, normalised) or points_look_wrong(points, size)
     if kind == "movenet":
         values = first.reshape(-1, 3) if first.shape[-1] == 3 else first.reshape(-1, first.shape[-1])[:, :-5].reshape(-1, 3)
-        shares = values[:, 2]
-        return points_look_wrong(values[:, :2], 1.0) or (None if shares.min() > -0.02 and shares.max() < 1.02 else "scores beyond 0 to 1")
+        scores = values[:, 2]
+        return points_look_wrong(values[:, :2], 1.0) or (None if scores.min() > -0.02 and scores.max() < 1.02 else "scores beyond 0 to 1")
     if kind == "blaze":
         scores = outs[1] if not known.logits else 1 / (1 + np.exp(-outs[1]))
         if np.mean(scores > 0.5) > 0.2:

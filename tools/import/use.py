@@ -224,7 +224,7 @@ def class_thresholds(arguments, score, labels, first_label, classes):
 
 
 def is_share(kind, graph, known):
-    """Whether boxes are shares of the input's size rather than pixels, by the range of the 8-bit output."""
+    """Whether boxes are fractions of the input's size rather than pixels, by the range of the 8-bit output."""
     if known is not None and known.normalised is not None:
         return bool(known.normalised)
     t = graph.outputs[known.roles[0] - 1 if known is not None and known.roles[0] else 0]

@@ -1,4 +1,4 @@
-"""Which elements of a network's tensors are shares, numbers from 0 to 1 whatever the picture: those that LOGISTIC or SOFTMAX made, followed
+"""Which elements of a network's tensors are fractions, numbers from 0 to 1 whatever the picture: those that LOGISTIC or SOFTMAX made, followed
 through the operators that only move them. A score is one; a coordinate, a coefficient of a mask or an angle is not."""
 import numpy as np
 
