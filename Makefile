@@ -88,7 +88,7 @@ LIBCAMERA_PLUGIN := $(if $(SAN)$(CROSS),,$(if $(wildcard /usr/include/libcamera/
 
 # So is the calibration program, where OpenCV and Ceres are installed: nothing of them is in any other program.
 CALIBRATE_CXX := $(filter-out src/calibrate/main.cpp,$(wildcard src/calibrate/*.cpp))
-CALIBRATE := $(if $(SAN)$(CROSS),,$(if $(and $(wildcard /usr/include/opencv4/opencv2/calib3d.hpp),$(wildcard /usr/include/ceres/ceres.h)),$(BUILD)/fovea-calibrate))
+CALIBRATE := $(if $(SAN)$(CROSS),,$(if $(and $(wildcard /usr/include/opencv4/opencv2/aruco.hpp),$(wildcard /usr/include/ceres/ceres.h)),$(BUILD)/fovea-calibrate))
 
 objs = $(patsubst %.c,$(BUILD)/obj/%.o,$(filter %.c,$(1))) $(patsubst %.cpp,$(BUILD)/obj/%.o,$(filter %.cpp,$(1)))
 GEN_O     := $(patsubst %.c,%.o,$(filter %.c,$(LCMGEN)))
@@ -434,7 +434,7 @@ $(BUILD)/fovea-libcamera: $(LIBCAMERA_O) $(BUILD)/obj/src/base/status.o $(BUILD)
 	@echo "  link $@"
 	$(Q)$(CXX) $(LDFLAGS) -pie -o $@ $(filter %.o,$^) $(shell pkg-config --libs libcamera)
 CALIBRATE_O := $(call objs,$(CALIBRATE_CXX))
-CALIBRATE_LIBS := -lopencv_calib3d -lopencv_imgproc -lopencv_core -lceres -lglog
+CALIBRATE_LIBS := -lopencv_aruco -lopencv_calib3d -lopencv_features2d -lopencv_imgproc -lopencv_core -lceres -lglog
 $(BUILD)/obj/src/calibrate/%.o: CXXFLAGS += -isystem /usr/include/eigen3 -isystem /usr/include/opencv4
 $(BUILD)/fovea-calibrate: $(BUILD)/obj/src/calibrate/main.o $(CALIBRATE_O) $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
 	@echo "  link $@"
@@ -499,13 +499,13 @@ $(BUILD)/hil-count.so: tests/hil/count_heap.c tests/common/heap_calls.h
 OPENCV_LIBS = -lopencv_calib3d -lopencv_features2d -lopencv_imgcodecs -lopencv_imgproc -lopencv_core
 # Optimisers are held against Ceres.
 BESIDE_CERES := map/test_pose_graph map/test_window_ceres
-$(BESIDE_CERES:%=$(BUILD)/tests/unit/%): ORACLE_LIBS := -lceres -lglog
+$(BESIDE_CERES:%=$(BUILD)/tests/unit/%): ORACLE_LIBS := -lopencv_aruco -lceres -lglog
 $(BESIDE_CERES:%=$(BUILD)/obj/tests/unit/%.o) $(BUILD)/obj/tests/unit/geometry/test_normal_equations.o: CXXFLAGS += -isystem /usr/include/eigen3
 # Calibration is tested by its functions.
 CALIBRATE_TESTS := $(patsubst tests/%.cpp,$(BUILD)/tests/%,$(wildcard tests/unit/calibrate/*.cpp))
 $(CALIBRATE_TESTS): $(CALIBRATE_O)
 $(CALIBRATE_TESTS): TEST_MORE := $(CALIBRATE_O)
-$(CALIBRATE_TESTS): ORACLE_LIBS := -lceres -lglog
+$(CALIBRATE_TESTS): ORACLE_LIBS := -lopencv_aruco -lceres -lglog
 $(BUILD)/obj/tests/%.o: CFLAGS += -Itests
 $(BUILD)/obj/tests/%.o: CXXFLAGS += -Itests -isystem /usr/include/opencv4
 

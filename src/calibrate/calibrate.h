@@ -7,6 +7,7 @@
 #define FOVEA_CALIBRATE_CALIBRATE_H
 
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -21,21 +22,49 @@ using Point = std::array<double, 3>;
 /* Board to camera: angle-axis (radians), then translation (metres). */
 using Pose = std::array<double, 6>;
 
+enum class Pattern { chessboard, charuco, aprilgrid, circles, asymmetric_circles };
+
+/* A flat target with points in rows. What is counted and measured is what the makers of each kind
+ * state of it. */
 struct Board {
-    int columns = 0, rows = 0; /* inner corners */
+    /* Of a chessboard the inner corners, of a ChArUco board the squares, of an AprilGrid the tags,
+     * of circles the circles (of an asymmetric grid: those of a row, and the rows). */
+    int columns = 0, rows = 0;
+    /* Side of a square or of a tag; from circle to circle (asymmetric: from row to row). */
     double square_m = 0;
-    std::vector<Point> points() const; /* row by row */
+    Pattern pattern = Pattern::chessboard;
+    double marker_m = 0;      /* charuco: side of a marker; aprilgrid: gap between two tags */
+    int dictionary = 0;       /* charuco: number of its dictionary, see dictionary_name */
+    bool white_first = false; /* charuco: the first square of the first row is white */
+
+    int point_columns() const;
+    int point_rows() const;
+    std::vector<Point> points() const; /* row by row, from (0, 0, 0) on */
+    std::string text() const;          /* as board_parse takes it */
 };
 
-/* chessboard:9x6:0.025. False, with a line, for anything else. */
+/* Names of dictionaries of markers, as 4x4_50; nullptr past the last one. */
+const char *dictionary_name(int dictionary);
+
+/* chessboard:9x6:0.025 and the like. False, with a line, for anything else. */
 bool board_parse(const std::string &text, Board &board, std::string &error);
+
+/* The forms that board_parse takes, for help texts. */
+extern const char board_forms[];
 
 struct View {
     std::string name;           /* file or frame number */
-    std::vector<Pixel> corners; /* as Board::points; empty: no board was found */
+    std::vector<Pixel> corners; /* as Board::points, NaN: not seen; empty: no board was found */
     double edge_px = 0;         /* 10 to 90 % width of its edges; a blurred picture has wide ones */
     std::string left_out;       /* why it is not used; empty: it is used */
+    std::string note;           /* what the user should know of its board; mostly empty */
 };
+
+/* Whether a point of the board was seen in a view. */
+inline bool seen(const Pixel &corner)
+{
+    return std::isfinite(corner[0]);
+}
 
 enum class Model { radtan, rational, equidistant };
 const char *model_name(Model model);

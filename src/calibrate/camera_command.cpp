@@ -80,8 +80,8 @@ int check(const Given &given, std::vector<Model> &models, Board &board, int64_t 
         return fv_say_wrong("fovea-calibrate camera: found no --source, expected a folder of "
                             "pictures or the URI of a camera ('fovea run --help' lists them)");
     if (given.target.empty())
-        return fv_say_wrong("fovea-calibrate camera: found no --target, expected the board, as "
-                            "chessboard:9x6:0.025");
+        return fv_say_wrong("fovea-calibrate camera: found no --target, expected the board: %s",
+                            board_forms);
     if (!board_parse(given.target, board, error)) return fv_say_wrong("%s", error.c_str());
     if (!models_of(given.model, models))
         return fv_say_wrong("--model: found '%s', expected auto, radtan, rational or equidistant",
@@ -130,7 +130,8 @@ int command_camera(int argc, char **argv)
     const std::vector<Option> options = {
         {"source", "URI|FOLDER", &given.source,
          "camera or recording, or folder of PNG and JPEG files"},
-        {"target", "BOARD", &given.target, "chessboard:COLUMNSxROWS:SQUARE, inner corners, metres"},
+        {"target", "BOARD", &given.target,
+         "board, as chessboard:9x6:0.025; see --man for the others"},
         {"model", "MODEL", &given.model, "auto (default), radtan, rational or equidistant"},
         {"out", "FILE", &given.out, "write the camera file; not when the verdict is fail"},
         {"json", "FILE", &given.json, "write the verdict with all its numbers"},

@@ -1,6 +1,7 @@
 /* The table of commands, and their manual pages. */
 #include <cstdio>
 
+#include "calibrate/calibrate.h"
 #include "calibrate/command.h"
 #include "support/man.h"
 
@@ -8,8 +9,8 @@ namespace calibrate
 {
 
 const std::vector<Command> commands = {
-    {"camera", "calibrate a camera from pictures of a chessboard", command_camera,
-     "Chessboards are found in the pictures of a folder, or in the frames of a camera or recording. "
+    {"camera", "calibrate a camera from pictures of a board", command_camera,
+     "Boards (chessboards, ChArUco boards, AprilGrids, circles) are found in the pictures of a folder, or in the frames of a camera or recording. "
      "The model of the lens is fitted to their corners, and the verdict - pass, doubtful or fail - "
      "says whether the camera file can be trusted, with the remedy where it cannot. A live camera "
      "takes a picture by itself whenever the board is still and in a new place, until --views are "
@@ -17,9 +18,9 @@ const std::vector<Command> commands = {
      "fovea-calibrate camera --source pictures/ --target chessboard:9x6:0.025 --out camera.yaml\n"
      "fovea-calibrate camera --source v4l2:/dev/video0 --target chessboard:9x6:0.025 "
      "--out camera.yaml"},
-    {"target", "write a chessboard to print, as PDF at exact size", command_target,
-     "COLUMNS and ROWS count the inner corners; SQUARE is the side of a square in metres. Print at "
-     "100 %, and measure a square afterwards.",
+    {"target", "write a board to print, as PDF at exact size", command_target,
+     "Print at 100 %, and measure the ruler and a square afterwards. A ChArUco board or an AprilGrid "
+     "may be partly hidden in pictures, which brings corners to the image's border.",
      "fovea-calibrate target --target chessboard:9x6:0.025 --page a4 --out board.pdf"},
     {"convert", "write a camera file in another format", command_convert,
      "IN is a camera file of any format that Fovea reads. What OUT's format cannot hold is named in "
@@ -43,6 +44,8 @@ void man_program()
     fv_man_item("--version", nullptr, "print the version");
     fv_man_item("--help", nullptr, "list the commands; of a command: list its options");
     fv_man_item("--man", nullptr, "print this page; of a command: print its page");
+    fv_man_section("BOARDS");
+    fv_man_text(board_forms);
     fv_man_section("EXIT STATUS");
     fv_man_item("0", nullptr, "success");
     fv_man_item("1", nullptr, "the verdict is fail, or the machine failed");

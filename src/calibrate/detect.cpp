@@ -1,69 +1,16 @@
-/* Chessboards by OpenCV; their corners between pixels by our own refinement. */
+/* Chessboards, circles and markers by OpenCV. */
+#include <opencv2/aruco.hpp>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "calibrate/detect.h"
+#include "calibrate/corners.h"
 
 #include <algorithm>
-#include <cmath>
 
 namespace calibrate
 {
 namespace
 {
-
-double sample(const Grey &image, double x, double y)
-{
-    const int i = (int)std::floor(x), j = (int)std::floor(y);
-    if (i < 0 || j < 0 || i + 1 >= image.width || j + 1 >= image.height) return NAN;
-    const double a = x - i, b = y - j;
-    const uint8_t *row = image.pixels + (size_t)j * (size_t)image.stride_bytes + i;
-    const uint8_t *next = row + image.stride_bytes;
-    return (1 - b) * ((1 - a) * row[0] + a * row[1]) + b * ((1 - a) * next[0] + a * next[1]);
-}
-
-/* The point at which the gradients around it point least: each edge through the corner is at right
- * angles to its gradients (Foerstner and Gulch, 1987). The window is Gaussian, about 5 x 5 pixels,
- * so that lens distortion and the next corners have no part in it. False: it wanders off. */
-bool refine_corner(const Grey &image, double half, Pixel &corner)
-{
-    constexpr int iterations_max = 30;
-    constexpr double converged_px = 1e-4;
-    const int reach = (int)std::ceil(half);
-    const double sigma = .6 * half;
-    Pixel at = corner;
-    for (int iteration = 0; iteration < iterations_max; iteration++) {
-        double xx = 0, xy = 0, yy = 0, bx = 0, by = 0;
-        for (int j = -reach; j <= reach; j++) {
-            for (int i = -reach; i <= reach; i++) {
-                const double x = at[0] + i, y = at[1] + j;
-                const double gx = .5 * (sample(image, x + 1, y) - sample(image, x - 1, y));
-                const double gy = .5 * (sample(image, x, y + 1) - sample(image, x, y - 1));
-                if (!std::isfinite(gx) || !std::isfinite(gy)) return false;
-                const double weight = std::exp(-.5 * (i * i + j * j) / (sigma * sigma));
-                xx += weight * gx * gx;
-                xy += weight * gx * gy;
-                yy += weight * gy * gy;
-                bx += weight * gx * (gx * i + gy * j);
-                by += weight * gy * (gx * i + gy * j);
-            }
-        }
-        const double determinant = xx * yy - xy * xy;
-        if (!(determinant > 1e-6 * (xx + yy) * (xx + yy))) return false;
-        const double dx = (yy * bx - xy * by) / determinant, dy = (xx * by - xy * bx) / determinant;
-        at[0] += dx;
-        at[1] += dy;
-        if (std::hypot(at[0] - corner[0], at[1] - corner[1]) > 2 * half) return false;
-        if (std::hypot(dx, dy) < converged_px) break;
-    }
-    corner = at;
-    return true;
-}
-
-double distance(const Pixel &a, const Pixel &b)
-{
-    return std::hypot(a[0] - b[0], a[1] - b[1]);
-}
 
 /* From each corner to the nearest of its neighbours in row and column. */
 double spacing(const Board &board, const std::vector<Pixel> &corners, int column, int row)
@@ -81,7 +28,7 @@ double spacing(const Board &board, const std::vector<Pixel> &corners, int column
 
 void refine_own(const Grey &image, const Board &board, View &view)
 {
-    constexpr double half_max_px = 3.5, half_min_px = 1.5, half_share = .3;
+    constexpr double half_max_px = 5.5, half_min_px = 2, half_share = .4;
     const std::vector<Pixel> rough = view.corners;
     for (int j = 0; j < board.rows; j++) {
         for (int i = 0; i < board.columns; i++) {
@@ -94,45 +41,34 @@ void refine_own(const Grey &image, const Board &board, View &view)
     }
 }
 
-/* Along the profile across an edge between two corners: where it passes 10 % and 90 % of its step.
- */
-double edge_width(const Grey &image, const Pixel &a, const Pixel &b)
+/* Across the edges along rows and columns. */
+double chessboard_edge(const Grey &image, const Board &board, const std::vector<Pixel> &corners)
 {
-    const double length = distance(a, b), reach = .35 * length;
-    const double nx = -(b[1] - a[1]) / length, ny = (b[0] - a[0]) / length;
-    const double mx = .5 * (a[0] + b[0]), my = .5 * (a[1] + b[1]);
-    const double low = sample(image, mx - reach * nx, my - reach * ny);
-    const double high = sample(image, mx + reach * nx, my + reach * ny);
-    constexpr double step_px = .1, contrast_min = 20;
-    if (!(std::fabs(high - low) > contrast_min)) return NAN;
-    double first = NAN, last = NAN;
-    for (double s = -reach; s <= reach; s += step_px) {
-        const double level = (sample(image, mx + s * nx, my + s * ny) - low) / (high - low);
-        if (level > .1 && std::isnan(first)) first = s;
-        if (level < .9) last = s;
-    }
-    return last - first;
-}
-
-/* Median over the edges along rows and columns. */
-double sharpness(const Grey &image, const Board &board, const std::vector<Pixel> &corners)
-{
+    constexpr double reach = .35;
     std::vector<double> widths;
     for (int j = 0; j < board.rows; j++) {
         for (int i = 0; i < board.columns; i++) {
             const size_t at = (size_t)(j * board.columns + i);
-            const double across =
-                i + 1 < board.columns ? edge_width(image, corners[at], corners[at + 1]) : NAN;
-            const double down = j + 1 < board.rows ? edge_width(image, corners[at],
-                                                                corners[at + (size_t)board.columns])
-                                                   : NAN;
-            if (std::isfinite(across)) widths.push_back(across);
-            if (std::isfinite(down)) widths.push_back(down);
+            if (i + 1 < board.columns)
+                widths.push_back(edge_width(image, corners[at], corners[at + 1], reach));
+            if (j + 1 < board.rows)
+                widths.push_back(
+                    edge_width(image, corners[at], corners[at + (size_t)board.columns], reach));
         }
     }
-    if (widths.empty()) return 0;
-    std::nth_element(widths.begin(), widths.begin() + widths.size() / 2, widths.end());
-    return widths[widths.size() / 2];
+    return median_width(widths);
+}
+
+/* From the centre of each circle to the middle between it and the next of its row. */
+double circle_edge(const Grey &image, const Board &board, const std::vector<Pixel> &centres)
+{
+    std::vector<double> widths;
+    for (size_t at = 0; at + 1 < centres.size(); at++) {
+        if ((int)at % board.columns == board.columns - 1) continue;
+        const Pixel &a = centres[at], &b = centres[at + 1];
+        widths.push_back(step_width(image, a, {.5 * (a[0] + b[0]), .5 * (a[1] + b[1])}));
+    }
+    return median_width(widths);
 }
 
 /* Rows are turned round where the board is numbered as its mirror image, so that a bend has the
@@ -147,32 +83,127 @@ void same_hand(const Board &board, std::vector<Pixel> &corners)
                      corners.begin() + (j + 1) * board.columns);
 }
 
-} // namespace
-
-void detect_chessboard(const Grey &image, const Board &board, Refinement refinement, View &view)
+cv::Mat picture_of(const Grey &image)
 {
-    const cv::Mat picture(image.height, image.width, CV_8UC1, const_cast<uint8_t *>(image.pixels),
-                          (size_t)image.stride_bytes);
+    return {image.height, image.width, CV_8UC1, const_cast<uint8_t *>(image.pixels),
+            (size_t)image.stride_bytes};
+}
+
+bool find_chessboard(const Grey &image, const Board &board, Refinement refinement, View &view)
+{
+    const cv::Mat picture = picture_of(image);
     const cv::Size size(board.columns, board.rows);
+    constexpr int usual = cv::CALIB_CB_ADAPTIVE_THRESH | cv::CALIB_CB_NORMALIZE_IMAGE;
     std::vector<cv::Point2f> found;
-    if (!cv::findChessboardCorners(picture, size, found,
-                                   cv::CALIB_CB_ADAPTIVE_THRESH | cv::CALIB_CB_NORMALIZE_IMAGE |
-                                       cv::CALIB_CB_FAST_CHECK) &&
-        !cv::findChessboardCorners(picture, size, found,
-                                   cv::CALIB_CB_ADAPTIVE_THRESH | cv::CALIB_CB_NORMALIZE_IMAGE)) {
-        view.left_out = "no board of " + std::to_string(board.columns) + " x " +
-                        std::to_string(board.rows) + " inner corners was found";
-        return;
-    }
+    if (!cv::findChessboardCorners(picture, size, found, usual | cv::CALIB_CB_FAST_CHECK) &&
+        !cv::findChessboardCorners(picture, size, found, usual))
+        return false;
     if (refinement == Refinement::OPENCV_11)
         cv::cornerSubPix(picture, found, cv::Size(11, 11), cv::Size(-1, -1),
                          cv::TermCriteria(cv::TermCriteria::EPS + cv::TermCriteria::COUNT, 30, .1));
-    view.corners.clear();
     for (const cv::Point2f &corner : found)
         view.corners.push_back({corner.x, corner.y});
     if (refinement == Refinement::OWN) refine_own(image, board, view);
-    same_hand(board, view.corners);
-    view.edge_px = sharpness(image, board, view.corners);
+    view.edge_px = chessboard_edge(image, board, view.corners);
+    return true;
+}
+
+/* Black circles. */
+bool find_circles(const Grey &image, const Board &board, View &view)
+{
+    std::vector<cv::Point2f> found;
+    const cv::Size size(board.columns, board.rows);
+    const int kind = board.pattern == Pattern::circles ? cv::CALIB_CB_SYMMETRIC_GRID
+                                                       : cv::CALIB_CB_ASYMMETRIC_GRID;
+    if (!cv::findCirclesGrid(picture_of(image), size, found, kind) &&
+        !cv::findCirclesGrid(picture_of(image), size, found, kind | cv::CALIB_CB_CLUSTERING))
+        return false;
+    for (const cv::Point2f &centre : found)
+        view.corners.push_back({centre.x, centre.y});
+    view.edge_px = circle_edge(image, board, view.corners);
+    correct_circles(image, board, view);
+    return true;
+}
+
+cv::Ptr<cv::aruco::Dictionary> dictionary_of(int dictionary)
+{
+    return cv::aruco::getPredefinedDictionary((cv::aruco::PREDEFINED_DICTIONARY_NAME)dictionary);
+}
+
+} // namespace
+
+std::vector<Marker> find_markers(const Grey &image, int dictionary, int border)
+{
+    constexpr int twice_pixels_max = 1300000;
+    const auto how = cv::aruco::DetectorParameters::create();
+    how->markerBorderBits = border;
+    how->perspectiveRemoveIgnoredMarginPerCell = .25; /* finds more of small, tilted tags */
+    how->adaptiveThreshConstant = 10;
+    how->cornerRefinementMethod = cv::aruco::CORNER_REFINE_SUBPIX;
+    how->cornerRefinementWinSize = 3; /* to each side: less than the cells of small markers */
+    std::vector<Marker> markers;
+    const cv::Mat picture = picture_of(image);
+    /* At twice the size, too, where cells of a few pixels are told apart more often. */
+    for (const int scale : {1, 2}) {
+        std::vector<std::vector<cv::Point2f>> corners;
+        std::vector<int> ids;
+        cv::Mat scaled = picture;
+        if (scale > 1 && image.width * image.height > twice_pixels_max) break;
+        if (scale > 1) cv::resize(picture, scaled, cv::Size(), scale, scale, cv::INTER_CUBIC);
+        cv::aruco::detectMarkers(scaled, dictionary_of(dictionary), corners, ids, how);
+        for (size_t i = 0; i < ids.size(); i++) {
+            Marker marker = {ids[i], {}};
+            for (size_t k = 0; k < 4; k++)
+                marker.corners[k] = {(corners[i][k].x + .5) / scale - .5,
+                                     (corners[i][k].y + .5) / scale - .5};
+            if (std::none_of(markers.begin(), markers.end(),
+                             [&](const Marker &other) { return other.id == marker.id; }))
+                markers.push_back(marker);
+        }
+    }
+    return markers;
+}
+
+std::vector<uint8_t> marker_cells(int dictionary, int id, int border, int &side)
+{
+    const auto found = dictionary_of(dictionary);
+    cv::Mat cells;
+    side = found->markerSize + 2 * border;
+    cv::aruco::drawMarker(found, id, side, cells, border);
+    std::vector<uint8_t> white;
+    for (int j = 0; j < side; j++)
+        for (int i = 0; i < side; i++)
+            white.push_back(cells.at<uint8_t>(j, i) > 127);
+    return white;
+}
+
+int marker_count(int dictionary)
+{
+    return dictionary_of(dictionary)->bytesList.rows;
+}
+
+void detect_board(const Grey &image, const Board &board, Refinement refinement, View &view)
+{
+    view.corners.clear();
+    if (board.pattern == Pattern::charuco) {
+        detect_by_markers(image, board, find_markers(image, board.dictionary, 1), view);
+        return;
+    }
+    if (board.pattern == Pattern::aprilgrid) {
+        detect_by_markers(image, board, find_markers(image, APRILGRID_DICTIONARY, APRILGRID_BORDER),
+                          view);
+        return;
+    }
+    const bool found = board.pattern == Pattern::chessboard
+                           ? find_chessboard(image, board, refinement, view)
+                           : find_circles(image, board, view);
+    if (!found) {
+        view.left_out =
+            "no board of " + std::to_string(board.columns) + " x " + std::to_string(board.rows) +
+            (board.pattern == Pattern::chessboard ? " inner corners" : " circles") + " was found";
+        return;
+    }
+    if (board.pattern != Pattern::asymmetric_circles) same_hand(board, view.corners);
 }
 
 } // namespace calibrate

@@ -18,9 +18,29 @@ struct Grey {
  * 0.1, as OpenCV's calibration sample has it: for comparison with published results alone. */
 enum class Refinement { OWN, OPENCV_11 };
 
-/* Find the corners of a chessboard, row by row, with columns and rows turning as x and y of the
- * image do; fills corners and edge_px, or left_out. */
-void detect_chessboard(const Grey &image, const Board &board, Refinement refinement, View &view);
+/* Find the points of a board, row by row, with columns and rows turning as x and y of the image do;
+ * fills corners, edge_px and note, or left_out. Boards with markers may be partly hidden. */
+void detect_board(const Grey &image, const Board &board, Refinement refinement, View &view);
+
+/* A marker in a picture: its corners in the order in which they are printed, from the top left one
+ * on to the right and round. */
+struct Marker {
+    int id;
+    std::array<Pixel, 4> corners;
+};
+
+/* Markers of OpenCV's dictionary of that number, with a black border of `border` bits. */
+std::vector<Marker> find_markers(const Grey &image, int dictionary, int border);
+
+/* Cells of a marker as printed, with its border: side times side, row by row, 1 is white. */
+std::vector<uint8_t> marker_cells(int dictionary, int id, int border, int &side);
+int marker_count(int dictionary); /* of a dictionary */
+
+enum { APRILGRID_DICTIONARY = 20, APRILGRID_BORDER = 2 }; /* tag36h11, as Kalibr prints them */
+
+/* detect_board for boards with markers, from those of the picture. */
+void detect_by_markers(const Grey &image, const Board &board, const std::vector<Marker> &markers,
+                       View &view);
 
 } // namespace calibrate
 #endif

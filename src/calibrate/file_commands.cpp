@@ -62,7 +62,7 @@ int command_target(int argc, char **argv)
 {
     std::string target, page = "a4", out;
     const std::vector<Option> options = {
-        {"target", "BOARD", &target, "chessboard:COLUMNSxROWS:SQUARE, inner corners, metres"},
+        {"target", "BOARD", &target, "board, as chessboard:9x6:0.025; see --man for the others"},
         {"page", "PAGE", &page, "a4 (default), letter or a3"},
         {"out", "FILE", &out, "write the PDF there"},
     };

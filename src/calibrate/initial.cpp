@@ -40,6 +40,7 @@ Eigen::Matrix3d homography(const std::vector<Point> &points, double unit,
 {
     Eigen::Matrix<double, 9, 9> normal = Eigen::Matrix<double, 9, 9>::Zero();
     for (size_t i = 0; i < points.size(); i++) {
+        if (!bearings[i].allFinite()) continue;
         const Eigen::Vector3d board(points[i][0] / unit, points[i][1] / unit, 1);
         const Eigen::Vector3d &b = bearings[i];
         Eigen::Matrix3d cross;
@@ -56,7 +57,9 @@ Eigen::Matrix3d homography(const std::vector<Point> &points, double unit,
     H << h[0], h[1], h[2], h[3], h[4], h[5], h[6], h[7], h[8];
     double ahead = 0;
     for (size_t i = 0; i < points.size(); i++)
-        ahead += bearings[i].dot(H * Eigen::Vector3d(points[i][0] / unit, points[i][1] / unit, 1));
+        if (bearings[i].allFinite())
+            ahead +=
+                bearings[i].dot(H * Eigen::Vector3d(points[i][0] / unit, points[i][1] / unit, 1));
     return ahead < 0 ? Eigen::Matrix3d(-H) : H;
 }
 
@@ -77,16 +80,19 @@ Guess pose_by(const fovea_camera &camera, const std::vector<Point> &points, doub
     if (R.determinant() < 0) return guess;
     const Eigen::Vector3d t = H.col(2) / scale * unit;
     double squares = 0;
+    size_t count = 0;
     for (size_t i = 0; i < points.size(); i++) {
-        const Eigen::Vector3d seen = R * Eigen::Vector3d(points[i][0], points[i][1], 0) + t;
-        const Pixel pixel = pixel_of(camera, seen);
+        if (!seen(view.corners[i])) continue;
+        count++;
+        const Eigen::Vector3d point = R * Eigen::Vector3d(points[i][0], points[i][1], 0) + t;
+        const Pixel pixel = pixel_of(camera, point);
         squares +=
             std::pow(pixel[0] - view.corners[i][0], 2) + std::pow(pixel[1] - view.corners[i][1], 2);
     }
     const Eigen::AngleAxisd rotation(R);
     const Eigen::Vector3d axis = rotation.angle() * rotation.axis();
     guess.pose = {axis[0], axis[1], axis[2], t[0], t[1], t[2]};
-    guess.error_px = std::sqrt(squares / (double)points.size());
+    guess.error_px = std::sqrt(squares / (double)count);
     return guess;
 }
 
@@ -101,7 +107,7 @@ bool initial_guess(const Board &board, const std::vector<View> &views, int width
 {
     constexpr double fraction_min = .12, fraction_max = 8, step = 1.08, error_max_px = 30;
     const std::vector<Point> points = board.points();
-    const double unit = board.square_m * std::max(board.columns, board.rows);
+    const double unit = std::max(points.back()[0], points.back()[1]);
     double best = INFINITY;
     size_t usable = 0;
     for (const View &view : views)

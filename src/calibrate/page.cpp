@@ -1,6 +1,8 @@
 /* A page of PDF 1.4 (ISO 32000): lengths in points, 72 to an inch, y upwards. */
 #include "calibrate/page.h"
 
+#include "calibrate/drawing.h"
+
 #include <algorithm>
 #include <cstdarg>
 #include <cstdio>
@@ -57,25 +59,69 @@ void put_ruler(std::string &text)
     put(text, "f\n");
 }
 
-std::string contents(const Board &board, const Size &size)
+/* A circle of four Bezier curves. */
+void put_circle(std::string &text, double x_mm, double y_mm, double radius_mm)
 {
-    const double side_mm = 1000 * board.square_m;
-    const double left_mm = .5 * (size.width_mm - (board.columns + 1) * side_mm);
-    const double bottom_mm =
-        FOOTER_MM + MARGIN_MM +
-        .5 * (size.height_mm - FOOTER_MM - 2 * MARGIN_MM - (board.rows + 1) * side_mm);
+    constexpr double handle = .5522847498; /* 4 / 3 tan(pi / 8) */
+    const double x = x_mm * POINTS_PER_MM, y = y_mm * POINTS_PER_MM, r = radius_mm * POINTS_PER_MM;
+    const double h = handle * r;
+    put(text, "%.4f %.4f m\n", x + r, y);
+    put(text, "%.4f %.4f %.4f %.4f %.4f %.4f c\n", x + r, y + h, x + h, y + r, x, y + r);
+    put(text, "%.4f %.4f %.4f %.4f %.4f %.4f c\n", x - h, y + r, x - r, y + h, x - r, y);
+    put(text, "%.4f %.4f %.4f %.4f %.4f %.4f c\n", x - r, y - h, x - h, y - r, x, y - r);
+    put(text, "%.4f %.4f %.4f %.4f %.4f %.4f c\n", x + h, y - r, x + r, y - h, x + r, y);
+}
+
+/* What is measured on the print: a side or a distance, beside the ruler. */
+const char *measured(Pattern pattern)
+{
+    switch (pattern) {
+    case Pattern::aprilgrid:
+        return "a tag %.9g mm wide";
+    case Pattern::circles:
+        return "circles %.9g mm from centre to centre";
+    case Pattern::asymmetric_circles:
+        return "rows of circles %.9g mm apart";
+    default:
+        return "a square %.9g mm wide";
+    }
+}
+
+std::string contents(const Board &board, const Drawing &drawing, const Size &size)
+{
+    const double wide_mm = 1000 * drawing.width_m, high_mm = 1000 * drawing.height_m;
+    const double left_mm = .5 * (size.width_mm - wide_mm);
+    const double top_mm =
+        size.height_mm - MARGIN_MM - .5 * (size.height_mm - FOOTER_MM - 2 * MARGIN_MM - high_mm);
+    char size_text[80];
     std::string text = "0 g\n";
-    for (int j = 0; j <= board.rows; j++)
-        for (int i = j % 2; i <= board.columns; i += 2)
-            put_rectangle(text, left_mm + i * side_mm, bottom_mm + j * side_mm, side_mm, side_mm);
+    for (const Shape &shape : drawing.shapes) {
+        const double x = left_mm + 1000 * shape.x, y = top_mm - 1000 * shape.y;
+        if (shape.circle)
+            put_circle(text, x, y, 500 * shape.width);
+        else
+            put_rectangle(text, x, y - 1000 * shape.height, 1000 * shape.width,
+                          1000 * shape.height);
+    }
     put(text, "f\n");
     put_ruler(text);
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wformat-nonliteral" /* one of the texts above */
+    snprintf(size_text, sizeof size_text, measured(board.pattern), 1000 * board.square_m);
+#pragma GCC diagnostic pop
     put(text,
-        "BT /F 9 Tf %.4f %.4f Td (chessboard:%dx%d:%.9g   Print at 100 %%. The ruler must be 100 mm "
-        "long, a square %.9g mm wide.) Tj ET\n",
-        MARGIN_MM * POINTS_PER_MM, (MARGIN_MM + 1) * POINTS_PER_MM, board.columns, board.rows,
-        board.square_m, side_mm);
+        "BT /F 9 Tf %.4f %.4f Td (%s   Print at 100 %%. The ruler must be 100 mm long, %s.) Tj ET\n",
+        MARGIN_MM * POINTS_PER_MM, (MARGIN_MM + 1) * POINTS_PER_MM, board.text().c_str(),
+        size_text);
     return text;
+}
+
+/* The page upright or lying, as the drawing is. */
+bool fits(const Drawing &drawing, Size &size)
+{
+    if (drawing.height_m > drawing.width_m) std::swap(size.width_mm, size.height_mm);
+    return 1000 * drawing.width_m <= size.width_mm - 2 * MARGIN_MM &&
+           1000 * drawing.height_m <= size.height_mm - 2 * MARGIN_MM - FOOTER_MM;
 }
 
 } // namespace
@@ -83,26 +129,26 @@ std::string contents(const Board &board, const Size &size)
 bool page_write(const Board &board, const std::string &page, std::string &pdf, std::string &error)
 {
     Size size;
+    Drawing drawing;
     if (!size_of(page, size)) {
         error = "--page: found '" + page + "', expected a4, letter or a3";
         return false;
     }
-    const double wide = (size.width_mm - 2 * MARGIN_MM) / (board.columns + 1);
-    const double high = (size.height_mm - 2 * MARGIN_MM - FOOTER_MM) / (board.rows + 1);
-    if (board.columns < board.rows) {
-        error = "--target: found more rows than columns, expected columns first: it is the same "
-                "board, turned";
-        return false;
-    }
-    if (1000 * board.square_m > std::min(wide, high)) {
-        char text[200];
+    if (!draw(board, drawing, error)) return false;
+    if (!fits(drawing, size)) {
+        const double scale =
+            std::min((size.width_mm - 2 * MARGIN_MM) / (1000 * drawing.width_m),
+                     (size.height_mm - 2 * MARGIN_MM - FOOTER_MM) / (1000 * drawing.height_m));
+        char text[240];
         snprintf(text, sizeof text,
-                 "--target: found squares of %.9g m, expected at most %.4f m to fit the page %s",
-                 board.square_m, std::min(wide, high) / 1000, page.c_str());
+                 "--target: found a board of %.4g x %.4g m, expected at most %.4f times that size "
+                 "to fit the page %s (%.4f m in place of %.9g)",
+                 drawing.width_m, drawing.height_m, scale, page.c_str(), scale * board.square_m,
+                 board.square_m);
         error = text;
         return false;
     }
-    const std::string stream = contents(board, size);
+    const std::string stream = contents(board, drawing, size);
     std::string objects[5];
     objects[0] = "<< /Type /Catalog /Pages 2 0 R >>";
     objects[1] = "<< /Type /Pages /Kids [3 0 R] /Count 1 >>";

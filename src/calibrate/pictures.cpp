@@ -74,8 +74,8 @@ fovea_status collect_folder(const std::string &folder, const Board &board, Refin
         fovea_error why;
         if (fv_say_terminal()) fv_say_status("picture %d of %d", i + 1, count);
         if (fv_picture_read((folder + "/" + view.name).c_str(), &image, &why) == FOVEA_OK) {
-            detect_chessboard({image.data, image.width, image.height, image.stride_bytes}, board,
-                              refinement, view);
+            detect_board({image.data, image.width, image.height, image.stride_bytes}, board,
+                         refinement, view);
             sizes.emplace_back(image.width, image.height);
             std::free(const_cast<uint8_t *>(image.data));
         } else {
@@ -94,12 +94,17 @@ fovea_status collect_folder(const std::string &folder, const Board &board, Refin
     return FOVEA_OK;
 }
 
+/* Over the corners that both see; infinite where there are none. */
 double mean_shift(const View &a, const View &b)
 {
     double sum = 0;
-    for (size_t i = 0; i < a.corners.size(); i++)
+    int count = 0;
+    for (size_t i = 0; i < a.corners.size() && i < b.corners.size(); i++) {
+        if (!seen(a.corners[i]) || !seen(b.corners[i])) continue;
         sum += std::hypot(a.corners[i][0] - b.corners[i][0], a.corners[i][1] - b.corners[i][1]);
-    return sum / (double)a.corners.size();
+        count++;
+    }
+    return count > 0 ? sum / count : INFINITY;
 }
 
 /* Whether a frame's board is worth a view: elsewhere than in all views so far and, where frames
@@ -110,8 +115,7 @@ struct Chooser {
     View before = {};
     bool takes(const View &view, const Collection &collection)
     {
-        const bool still = !live || (before.corners.size() == view.corners.size() &&
-                                     !view.corners.empty() && mean_shift(before, view) < STILL_PX);
+        const bool still = !live || mean_shift(before, view) < STILL_PX;
         before = view;
         if (!view.left_out.empty() || !still) return false;
         for (const View &other : collection.views)
@@ -176,8 +180,7 @@ fovea_status collect_source(const std::string &uri, const Board &board, Refineme
         view.name = "frame " + std::to_string(frame.sequence);
         frames.ops->requeue(frames.source, &frame);
         if (!there) continue;
-        detect_chessboard({grey.data(), size.width, size.height, size.width}, board, refinement,
-                          view);
+        detect_board({grey.data(), size.width, size.height, size.width}, board, refinement, view);
         if (few || chooser.takes(view, collection)) collection.views.push_back(view);
         count++;
         if (!fv_say_terminal()) continue;

@@ -67,7 +67,8 @@ void write_views(const Report &report, FILE *file)
         fprintf(file, "%s\n    {\"view\": ", i == 0 ? "" : ",");
         fv_json_text(file, report.views[(size_t)corner.view].name.c_str());
         fprintf(file, ", \"column\": %d, \"row\": %d, \"error_px\": ",
-                corner.corner % report.board.columns, corner.corner / report.board.columns);
+                corner.corner % report.board.point_columns(),
+                corner.corner / report.board.point_columns());
         number(file, corner.error_px);
         fprintf(file, "}");
     }
@@ -134,12 +135,11 @@ void write_own_section(const Report &report, FILE *file)
     const Solution &solution = report.solution;
     fprintf(file,
             "calibration:\n  program: \"fovea-calibrate %s\"\n  date: \"%s\"\n  verdict: %s\n"
-            "  model: %s\n  board: \"chessboard:%dx%d:%.9g\"\n  views: %d\n  corners: %d\n"
+            "  model: %s\n  board: \"%s\"\n  views: %d\n  corners: %d\n"
             "  rms_px: %.6g\n  noise_px: %.6g\n",
             FOVEA_VERSION, report.date.c_str(), grade_name(report.verdict.grade),
-            model_name(solution.model), report.board.columns, report.board.rows,
-            report.board.square_m, report.verdict.views_used, solution.corners_used,
-            solution.rms_px, solution.noise_px);
+            model_name(solution.model), report.board.text().c_str(), report.verdict.views_used,
+            solution.corners_used, solution.rms_px, solution.noise_px);
     if (report.held_out_px >= 0) fprintf(file, "  held_out_rms_px: %.6g\n", report.held_out_px);
     fprintf(file, "  projection_stdev_px: %.6g\n  stdev:\n", report.verdict.uncertainty_seen_px);
     for (int i = 0; parameter_name(solution.model, i) != nullptr; i++)
@@ -209,8 +209,8 @@ void report_print(const Report &report)
     for (const LeftOut &corner : solution.corners_left_out)
         printf("left out  %s: corner %d of row %d, %.2f px off\n",
                report.views[(size_t)corner.view].name.c_str(),
-               corner.corner % report.board.columns + 1, corner.corner / report.board.columns + 1,
-               corner.error_px);
+               corner.corner % report.board.point_columns() + 1,
+               corner.corner / report.board.point_columns() + 1, corner.error_px);
     if (solution.corners_used > 0) {
         printf("model     %s, %d x %d, %d pictures, %d corners\n", model_name(solution.model),
                solution.camera.width, solution.camera.height, report.verdict.views_used,

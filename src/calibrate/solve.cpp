@@ -93,19 +93,12 @@ int extra_residuals(Model model)
     return model == Model::rational ? (int)SmallCoefficients::COUNT : 0;
 }
 
-Corner make_corner(Model model, const Board &board, const Point &point, const Pixel &found)
-{
-    const double half_x = .5 * board.square_m * (board.columns - 1);
-    const double half_y = .5 * board.square_m * (board.rows - 1);
-    return {model, point, half_x > 0 ? point[0] / half_x - 1 : 0,
-            half_y > 0 ? point[1] / half_y - 1 : 0, found};
-}
-
 struct State {
     const Board &board;
     const std::vector<View> &views;
     const SolveOptions &options;
     std::vector<Point> points;
+    std::array<double, 2> extent = {0, 0}; /* of the points, from 0 */
     Parameters camera;
     std::array<double, 2> bend = {0, 0};
     std::vector<Pose> poses;
@@ -115,9 +108,13 @@ struct State {
     State(const Board &of_board, const std::vector<View> &of_views, const SolveOptions &of_options)
         : board(of_board), views(of_views), options(of_options), points(of_board.points())
     {
+        for (const Point &point : points)
+            extent = {std::max(extent[0], point[0]), std::max(extent[1], point[1])};
         for (const View &view : views) {
             left_out.push_back(view.left_out);
-            used.emplace_back(view.corners.size(), 1);
+            used.emplace_back();
+            for (const Pixel &corner : view.corners)
+                used.back().push_back(seen(corner));
             if (view.corners.size() != points.size() && view.left_out.empty())
                 left_out.back() = "no board was found";
         }
@@ -125,6 +122,11 @@ struct State {
     bool takes(size_t view) const
     {
         return left_out[view].empty();
+    }
+    Corner corner(size_t view, size_t c) const
+    {
+        return {options.model, points[c], 2 * points[c][0] / extent[0] - 1,
+                2 * points[c][1] / extent[1] - 1, views[view].corners[c]};
     }
 };
 
@@ -147,9 +149,7 @@ void build(State &state, Stage stage, double loss_px, ceres::Problem &problem)
         if (!state.takes(v)) continue;
         for (size_t c = 0; c < state.points.size(); c++) {
             if (!state.used[v][c]) continue;
-            const Corner corner = make_corner(state.options.model, state.board, state.points[c],
-                                              state.views[v].corners[c]);
-            problem.AddResidualBlock(new CornerCost(new Corner(corner)),
+            problem.AddResidualBlock(new CornerCost(new Corner(state.corner(v, c))),
                                      loss_px > 0 ? new ceres::CauchyLoss(loss_px) : nullptr,
                                      state.camera.data(), state.poses[v].data(), state.bend.data());
         }
@@ -189,24 +189,29 @@ bool minimise(State &state, Stage stage, double loss_px)
     return summary.IsSolutionUsable();
 }
 
-/* Distance of each corner of a view from where the camera sees it; infinite behind the camera. */
+/* Distance of each corner of a view from where the camera sees it; infinite behind the camera, NaN
+ * where the corner was not seen. */
 std::vector<double> errors_of(const State &state, size_t v)
 {
     std::vector<double> errors;
     if (state.views[v].corners.size() != state.points.size()) return errors;
     for (size_t c = 0; c < state.points.size(); c++) {
-        const Corner corner = make_corner(state.options.model, state.board, state.points[c],
-                                          state.views[v].corners[c]);
         double residual[2];
-        const bool seen =
-            corner(state.camera.data(), state.poses[v].data(), state.bend.data(), residual);
-        errors.push_back(seen ? std::hypot(residual[0], residual[1]) : INFINITY);
+        const bool ahead = state.corner(v, c)(state.camera.data(), state.poses[v].data(),
+                                              state.bend.data(), residual);
+        errors.push_back(!seen(state.views[v].corners[c]) ? NAN
+                         : ahead                          ? std::hypot(residual[0], residual[1])
+                                                          : INFINITY);
     }
     return errors;
 }
 
+/* Of the values that are known. */
 double median(std::vector<double> values)
 {
+    values.erase(std::remove_if(values.begin(), values.end(),
+                                [](double value) { return std::isnan(value); }),
+                 values.end());
     if (values.empty()) return 0;
     std::nth_element(values.begin(), values.begin() + values.size() / 2, values.end());
     return values[values.size() / 2];
@@ -232,15 +237,17 @@ bool reject(State &state)
     bool changed = false;
     for (size_t v = 0; v < state.views.size(); v++) {
         if (!state.takes(v)) continue;
-        size_t kept = 0;
+        size_t kept = 0, there = 0;
         for (size_t c = 0; c < errors[v].size(); c++) {
+            if (!seen(state.views[v].corners[c])) continue;
+            there++;
             const char use = errors[v][c] <= CORNER_SIGMAS * noise + 1e-9;
             changed |= use != state.used[v][c];
             state.used[v][c] = use;
             kept += use;
         }
         const double worst = median(errors[v]);
-        const bool few = (double)kept < VIEW_CORNERS_SHARE * (double)errors[v].size();
+        const bool few = (double)kept < VIEW_CORNERS_SHARE * (double)there;
         if (worst <= VIEW_RATIO * usual + 1e-9 && !few) continue;
         char text[160];
         snprintf(text, sizeof text,
@@ -485,7 +492,7 @@ bool solve(const Board &board, const std::vector<View> &views, int width, int he
     for (size_t v = 0; v < views.size(); v++) {
         solution.errors_px.push_back(errors_of(state, v));
         for (size_t c = 0; state.takes(v) && c < state.used[v].size(); c++)
-            if (!state.used[v][c])
+            if (!state.used[v][c] && seen(views[v].corners[c]))
                 solution.corners_left_out.push_back({(int)v, (int)c, solution.errors_px[v][c]});
     }
     return true;

@@ -58,6 +58,7 @@ std::vector<int> cells_of(const std::vector<View> &views, const Solution &soluti
     for (size_t v = 0; v < views.size(); v++) {
         if (!solution.left_out[v].empty()) continue;
         for (const Pixel &corner : views[v].corners) {
+            if (!seen(corner)) continue;
             const int i = (int)((corner[0] + .5) / solution.camera.width * columns);
             const int j = (int)((corner[1] + .5) / solution.camera.height * rows);
             if (i >= 0 && i < columns && j >= 0 && j < rows) cells[(size_t)(j * columns + i)]++;
@@ -189,6 +190,7 @@ void judge_rays(const std::vector<View> &views, const Solution &solution,
         if (!solution.left_out[v].empty()) continue;
         for (const Pixel &corner : views[v].corners) {
             double bearing[3];
+            if (!seen(corner)) continue;
             without += fovea_camera_unproject(&camera, corner.data(), bearing, nullptr) != FOVEA_OK;
         }
     }

@@ -52,7 +52,7 @@ static void a_printed_board_is_found_at_its_exact_size(void **)
     const int width = 4 * 297, height = 4 * 210;
     const std::vector<uint8_t> pixels = painted(pdf, width, height);
     View view;
-    detect_chessboard({pixels.data(), width, height, width}, board, Refinement::OWN, view);
+    detect_board({pixels.data(), width, height, width}, board, Refinement::OWN, view);
     assert_string_equal(view.left_out.c_str(), "");
     for (size_t i = 0; i + 1 < view.corners.size(); i++) {
         if (i % 9 == 8) continue;
@@ -80,9 +80,9 @@ static void a_board_that_does_not_fit_is_refused(void **)
 {
     std::string pdf, error;
     assert_false(page_write({9, 6, .03}, "a4", pdf, error));
-    assert_non_null(std::strstr(error.c_str(), "at most 0.0257"));
+    assert_non_null(std::strstr(error.c_str(), "(0.0257 m in place of 0.03)"));
     assert_true(page_write({9, 6, .03}, "a3", pdf, error));
-    assert_false(page_write({6, 9, .01}, "a4", pdf, error));
+    assert_true(page_write({6, 9, .01}, "a4", pdf, error)); /* upright */
     assert_false(page_write({9, 6, .01}, "a5", pdf, error));
 }
 
