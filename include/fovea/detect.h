@@ -28,6 +28,7 @@ struct fovea_detection {
     float x_min_px, y_min_px, x_max_px, y_max_px;
     float score;      /* 0 to 1 */
     int32_t class_id; /* index into the model's classes, background not counted */
+    float angle;      /* rad: the box is turned by it about its centre, from x to y; mostly 0 */
 };
 
 /* A point in pixels of the image; it may lie outside of it. */

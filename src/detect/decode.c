@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "detect/heads.h"
+#include "detect/turned.h"
 #include "nn/run.h"
 
 enum {
@@ -124,22 +125,45 @@ static float overlap(const struct fovea_detection *a, const struct fovea_detecti
     return both / (area_a + area_b - both);
 }
 
+/* One row of the suppression: what `best` removes of those behind place i. Returns its cost. */
+static int32_t remove_upright(struct fv_detect_scratch *s, int32_t i,
+                              const struct fovea_detection *best, float iou, int class_agnostic)
+{
+    const struct fovea_detection *list = s->candidates;
+    for (int32_t k = i + 1; k < s->count; k++) {
+        if (s->dropped[k] || (!class_agnostic && list[k].class_id != best->class_id)) continue;
+        if (overlap(best, &list[k]) > iou) s->dropped[k] = 1;
+    }
+    return s->count - i;
+}
+
+static int32_t remove_turned(struct fv_detect_scratch *s, int32_t i,
+                             const struct fovea_detection *best, float iou, int class_agnostic)
+{
+    const struct fovea_detection *list = s->candidates;
+    const struct fv_turned one = fv_turned_of(best);
+    int32_t total = 1;
+    for (int32_t k = i + 1; k < s->count; k++, total++) {
+        int cost = 0;
+        if (s->dropped[k] || (!class_agnostic && list[k].class_id != best->class_id)) continue;
+        if (fv_turned_overlaps(&one, &list[k], (double)iou, &cost)) s->dropped[k] = 1;
+        total += cost;
+    }
+    return total;
+}
+
 /* Go on from progress.at until about PAIRS_PER_UNIT pairs were compared; true when all were. */
-static int suppress_some(struct fv_detect_scratch *s, float iou, int class_agnostic)
+static int suppress_some(struct fv_detect_scratch *s, float iou, int class_agnostic, int turned)
 {
     struct fv_detect_progress *progress = &s->progress;
-    struct fovea_detection *list = s->candidates;
     for (int32_t pairs = PAIRS_PER_UNIT; progress->at < s->count && pairs > 0; progress->at++) {
         const int32_t i = (int32_t)progress->at;
         if (s->dropped[i]) continue;
-        const struct fovea_detection best = list[i];
-        for (int32_t k = i + 1; k < s->count; k++) {
-            if (s->dropped[k] || (!class_agnostic && list[k].class_id != best.class_id)) continue;
-            if (overlap(&best, &list[k]) > iou) s->dropped[k] = 1;
-        }
+        const struct fovea_detection best = s->candidates[i];
+        pairs -= turned ? remove_turned(s, i, &best, iou, class_agnostic)
+                        : remove_upright(s, i, &best, iou, class_agnostic);
         s->items[progress->left] = s->items[i];
-        list[progress->left++] = best;
-        pairs -= s->count - i;
+        s->candidates[progress->left++] = best;
     }
     return progress->at == s->count;
 }
@@ -275,7 +299,7 @@ enum fovea_status fv_detect_decode_unit(const struct fv_model *model, uint8_t *a
         return due ? FOVEA_AGAIN : after_list(model, s, room);
     case FV_DECODE_SUPPRESS:
         if (!suppress_some(s, limits->iou > 0.0f ? limits->iou : d->iou_threshold,
-                           d->class_agnostic))
+                           d->class_agnostic, d->kind == FV_DECODER_YOLOV8_OBB))
             return FOVEA_AGAIN;
         s->count = progress->left;
         s->sure = sure_left(s);

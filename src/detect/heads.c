@@ -60,6 +60,32 @@ void fv_head_add_centred(struct fv_head_job *j, int64_t item, float x, float y, 
                     (y + h * 0.5f) * sy, score, class_id);
 }
 
+/* A side of the box, from the input to the image: a vector. */
+static float side_of(const struct fv_nn_input_fit *v, float length, double cosine, double sine,
+                     double vector[2])
+{
+    vector[0] = (double)length * cosine / (double)v->scale_x;
+    vector[1] = (double)length * sine / (double)v->scale_y;
+    return (float)__builtin_sqrt(vector[0] * vector[0] + vector[1] * vector[1]);
+}
+
+void fv_head_add_turned(struct fv_head_job *j, int64_t item, const float box[4], float angle,
+                        float score, int32_t class_id)
+{
+    const bool plausible = angle > -100.0f && angle < 100.0f;
+    const double turn = plausible ? (double)angle : 0.0, cosine = fv_cos(turn), sine = fv_sin(turn);
+    const struct fovea_keypoint centre = fv_head_keypoint(j, box[0], box[1], 0);
+    double along[2], across[2];
+    const float w = side_of(j->fit, box[2], cosine, sine, along),
+                h = side_of(j->fit, box[3], -sine, cosine, across);
+    struct fovea_detection found = {.x_min_px = centre.x_px - 0.5f * w,
+                                    .y_min_px = centre.y_px - 0.5f * h,
+                                    .x_max_px = centre.x_px + 0.5f * w,
+                                    .y_max_px = centre.y_px + 0.5f * h,
+                                    .angle = (float)fv_atan2(along[1], along[0])};
+    if (w > 0 && h > 0 && w < 1e6f && h < 1e6f) keep(j, item, &found, score, class_id);
+}
+
 void fv_head_add_plain(struct fv_head_job *j, int64_t item, float score, int32_t class_id)
 {
     struct fovea_detection found = {0};
@@ -288,6 +314,9 @@ const struct fv_head *fv_head_of(int32_t decoder)
         [FV_DECODER_SEGMENT] = &segment,
         [FV_DECODER_YOLOV8_SEG] = &fv_head_yolov8_seg,
         [FV_DECODER_YOLOV8_POSE] = &fv_head_yolov8_pose,
+        [FV_DECODER_YOLOV8_OBB] = &fv_head_yolov8_obb,
+        [FV_DECODER_YOLOX] = &fv_head_yolox,
+        [FV_DECODER_YOLOV3] = &fv_head_yolov3,
         [FV_DECODER_END2END] = &fv_head_end2end,
         [FV_DECODER_MOVENET] = &fv_head_movenet,
         [FV_DECODER_BLAZE] = &fv_head_blaze,

@@ -34,7 +34,7 @@ struct fv_head {
 
 /* heads_yolo.c */
 extern const struct fv_head fv_head_yolov2, fv_head_yolov3, fv_head_yolov5, fv_head_yolov8,
-    fv_head_yolov8_pose, fv_head_yolov8_seg, fv_head_yolox;
+    fv_head_yolov8_obb, fv_head_yolov8_pose, fv_head_yolov8_seg, fv_head_yolox;
 /* heads_points.c */
 extern const struct fv_head fv_head_end2end, fv_head_movenet, fv_head_blaze, fv_head_landmarks;
 
@@ -54,6 +54,9 @@ void fv_head_add_box(struct fv_head_job *job, int64_t item, float x0, float y0, 
 /* The same by centre and size, which are fractions of the input where the model says so. */
 void fv_head_add_centred(struct fv_head_job *job, int64_t item, float x, float y, float w, float h,
                          float score, int32_t class_id);
+/* A candidate with a turned box by centre and size in input pixels; it is not cut. */
+void fv_head_add_turned(struct fv_head_job *job, int64_t item, const float box[4], float angle,
+                        float score, int32_t class_id);
 /* A candidate without a box. */
 void fv_head_add_plain(struct fv_head_job *job, int64_t item, float score, int32_t class_id);
 

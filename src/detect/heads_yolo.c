@@ -90,6 +90,37 @@ static void yolov8_scan(struct fv_head_job *j, int64_t begin, int64_t end)
     }
 }
 
+/* Boxes that are turned by the last row, in rad. */
+static int64_t yolov8_obb_items(const struct fv_head_job *j, int64_t *cost)
+{
+    const int64_t n = yolov8_items(j, cost);
+    return n > 0 && *cost > 4 + 1 ? n : 0;
+}
+
+static void yolov8_obb_scan(struct fv_head_job *j, int64_t begin, int64_t end)
+{
+    const struct fv_head_output *o = fv_head_role(j, FV_ROLE_BOXES);
+    const struct fv_model_preprocess *p = &j->model->header->preprocess;
+    const int64_t n = last_dim(o), rows = yolov8_rows(o);
+    const float sx = j->d->normalised ? (float)p->width : 1.0f,
+                sy = j->d->normalised ? (float)p->height : 1.0f;
+    for (int64_t i = begin; i < end; i++) {
+        int32_t best = 0;
+        float score = value_at(o, 4 * n + i);
+        for (int32_t c = 1; c < rows - 5; c++) {
+            const float other = value_at(o, (4 + c) * n + i);
+            if (other > score) {
+                score = other;
+                best = c;
+            }
+        }
+        if (!(score >= fv_head_least(j, best))) continue;
+        const float box[4] = {value_at(o, i) * sx, value_at(o, n + i) * sy,
+                              value_at(o, 2 * n + i) * sx, value_at(o, 3 * n + i) * sy};
+        fv_head_add_turned(j, i, box, value_at(o, (rows - 1) * n + i), score, best);
+    }
+}
+
 static void yolov8_points(const struct fv_head_job *j, int64_t item, struct fovea_keypoint *points)
 {
     const struct fv_head_output *o = fv_head_role(j, FV_ROLE_BOXES);
@@ -160,10 +191,139 @@ static void yolov2_scan(struct fv_head_job *j, int64_t begin, int64_t end)
     }
 }
 
+/* ---- YOLOX: rows of offset, logarithm of size, objectness, classes, in the cells of its grids.
+ * ---
+ */
+
+enum { YOLOX_STRIDE_FIRST = 8, YOLOX_STRIDE_LAST = 64 };
+
+/* The cell that row `at` belongs to; false: the rows are more than the cells. */
+static bool yolox_cell(const struct fv_model_preprocess *p, int64_t at, int32_t *stride, int32_t *x,
+                       int32_t *y)
+{
+    for (*stride = YOLOX_STRIDE_FIRST; *stride <= YOLOX_STRIDE_LAST; *stride *= 2) {
+        const int64_t w = p->width / *stride, cells = w * (p->height / *stride);
+        if (at < cells) {
+            *x = (int32_t)(at % w);
+            *y = (int32_t)(at / w);
+            return true;
+        }
+        at -= cells;
+    }
+    return false;
+}
+
+static int64_t yolox_items(const struct fv_head_job *j, int64_t *cost)
+{
+    const struct fv_head_output *o = fv_head_role(j, FV_ROLE_BOXES);
+    int32_t stride, x, y;
+    if (o == NULL || o->t->rank < 2 || last_dim(o) < 6) return 0;
+    const int64_t n = count_of(o) / last_dim(o);
+    *cost = last_dim(o) + 2 * FV_HEAD_EXP_COST;
+    return yolox_cell(&j->model->header->preprocess, n - 1, &stride, &x, &y) ? n : 0;
+}
+
+static void yolox_scan(struct fv_head_job *j, int64_t begin, int64_t end)
+{
+    const struct fv_head_output *o = fv_head_role(j, FV_ROLE_BOXES);
+    const int32_t columns = last_dim(o);
+    for (int64_t r = begin; r < end; r++) {
+        const int64_t at = r * columns;
+        const float object = value_at(o, at + 4);
+        int32_t stride, x, y, best = 0;
+        float score = object * value_at(o, at + 5);
+        for (int32_t c = 1; c < columns - 5; c++) {
+            const float other = object * value_at(o, at + 5 + c);
+            if (other > score) {
+                score = other;
+                best = c;
+            }
+        }
+        if (!(score >= fv_head_least(j, best)) ||
+            !yolox_cell(&j->model->header->preprocess, r, &stride, &x, &y))
+            continue;
+        const float s = (float)stride, cx = (value_at(o, at) + (float)x) * s,
+                    cy = (value_at(o, at + 1) + (float)y) * s,
+                    w = (float)fv_exp((double)value_at(o, at + 2)) * s,
+                    h = (float)fv_exp((double)value_at(o, at + 3)) * s;
+        fv_head_add_box(j, r, cx - w * 0.5f, cy - h * 0.5f, cx + w * 0.5f, cy + h * 0.5f, score,
+                        best);
+    }
+}
+
+/* ---- YOLOv3 and YOLOv4: a grid of cells for each output with anchors of its own, in input pixels,
+ * all before their activation; each class has a share of its own. -------------------------------
+ */
+
+static int64_t yolov3_cells(const struct fv_head_output *o)
+{
+    return (int64_t)o->t->dims[1] * o->t->dims[2];
+}
+
+static int64_t yolov3_items(const struct fv_head_job *j, int64_t *cost)
+{
+    const struct fv_model_decode *d = j->d;
+    const int64_t anchors = (int64_t)j->out_count * d->anchor_count;
+    int64_t items = 0;
+    if (d->anchor_count < 1 || d->anchor_data < FV_MODEL_HEADER_BYTES || d->anchor_data % 4 != 0 ||
+        d->anchor_data + anchors * 8 > (int64_t)j->model->header->file_bytes)
+        return 0;
+    for (int32_t i = 0; i < j->out_count; i++) {
+        const struct fv_model_tensor *t = j->out[i].t;
+        if (t->rank != 4 || t->dims[0] != 1 || t->dims[3] != d->anchor_count * (5 + d->classes))
+            return 0;
+        items += yolov3_cells(&j->out[i]) * d->anchor_count;
+    }
+    *cost = (int64_t)(5 + d->classes) * FV_HEAD_EXP_COST;
+    return d->classes > 0 ? items : 0;
+}
+
+static void yolov3_box(struct fv_head_job *j, int32_t output, int64_t place, int64_t item,
+                       float score, int32_t class_id)
+{
+    const struct fv_head_output *o = &j->out[output];
+    const struct fv_model_preprocess *p = &j->model->header->preprocess;
+    const int32_t count = j->d->anchor_count, h = o->t->dims[1], w = o->t->dims[2];
+    if (w < 1 || h < 1 || count < 1) return; /* the loader lets none through */
+    const float *anchor = (const float *)(const void *)(j->model->base + j->d->anchor_data) +
+                          2 * (output * count + (int32_t)(place % count));
+    const int64_t at = place * (5 + j->d->classes), cell = place / count;
+    const float cx = ((float)(cell % w) + sigmoid(value_at(o, at))) / (float)w * (float)p->width,
+                cy = ((float)(cell / w) + sigmoid(value_at(o, at + 1))) / (float)h *
+                     (float)p->height,
+                bw = anchor[0] * (float)fv_exp((double)value_at(o, at + 2)),
+                bh = anchor[1] * (float)fv_exp((double)value_at(o, at + 3));
+    fv_head_add_box(j, item, cx - bw * 0.5f, cy - bh * 0.5f, cx + bw * 0.5f, cy + bh * 0.5f, score,
+                    class_id);
+}
+
+static void yolov3_scan(struct fv_head_job *j, int64_t begin, int64_t end)
+{
+    for (int64_t i = begin; i < end; i++) {
+        int32_t output = 0;
+        int64_t place = i;
+        while (place >= yolov3_cells(&j->out[output]) * j->d->anchor_count)
+            place -= yolov3_cells(&j->out[output++]) * j->d->anchor_count;
+        const struct fv_head_output *o = &j->out[output];
+        const int64_t at = place * (5 + j->d->classes);
+        const float object = sigmoid(value_at(o, at + 4));
+        for (int32_t c = 0; c < j->d->classes; c++) {
+            const float least = fv_head_least(j, c);
+            if (object < least) continue; /* a product with a share is no larger */
+            const float score = object * sigmoid(value_at(o, at + 5 + c));
+            if (score >= least) yolov3_box(j, output, place, i, score, c);
+        }
+    }
+}
+
 const struct fv_head fv_head_yolov2 = {yolov2_items, yolov2_scan, 1, FV_DETECT_BOXES, NULL};
 const struct fv_head fv_head_yolov5 = {yolov5_items, yolov5_scan, 1, FV_DETECT_BOXES, NULL};
 const struct fv_head fv_head_yolov8 = {yolov8_items, yolov8_scan, 1, FV_DETECT_BOXES, NULL};
 const struct fv_head fv_head_yolov8_seg = {yolov8_seg_items, yolov8_scan, 1,
                                            FV_DETECT_BOXES | FV_DETECT_MASK, NULL};
+const struct fv_head fv_head_yolov8_obb = {yolov8_obb_items, yolov8_obb_scan, 1, FV_DETECT_BOXES,
+                                           NULL};
+const struct fv_head fv_head_yolox = {yolox_items, yolox_scan, 1, FV_DETECT_BOXES, NULL};
+const struct fv_head fv_head_yolov3 = {yolov3_items, yolov3_scan, 1, FV_DETECT_BOXES, NULL};
 const struct fv_head fv_head_yolov8_pose = {yolov8_pose_items, yolov8_scan, 1,
                                             FV_DETECT_BOXES | FV_DETECT_POINTS, yolov8_points};

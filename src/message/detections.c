@@ -53,6 +53,7 @@ uint32_t fv_message_detections_encode(const struct fv_message_detections *in, vo
             .class_name = whole ? (char *)in->names[i] : cut[i], /* lcm-gen only reads it */
             .score = found->score,
             .box = {found->x_min_px, found->y_min_px, found->x_max_px, found->y_max_px},
+            .angle = found->angle,
             .rectified_box = {rectified[0], rectified[1], rectified[2], rectified[3]},
         };
     }

@@ -3,6 +3,7 @@
 #include <stddef.h>
 #include <string.h>
 
+#include "base/elementary.h"
 #include "runtime/tensors.h"
 
 enum {
@@ -212,11 +213,14 @@ static void rectify_box(const struct fv_detection *detection, const struct fovea
     const double y[3] = {(double)found->y_min_px,
                          0.5 * ((double)found->y_min_px + (double)found->y_max_px),
                          (double)found->y_max_px};
+    const double cosine = fv_cos((double)found->angle), sine = fv_sin((double)found->angle);
     double low[2] = {1e9, 1e9}, high[2] = {-1e9, -1e9};
     for (int i = 0; i < 9; i++) {
         double at[2];
-        if (i == 4 || !fv_rectified_from_raw(&detection->rectified, camera, x[i % 3], y[i / 3], at))
-            continue;
+        const double dx = x[i % 3] - x[1], dy = y[i / 3] - y[1];
+        const double px = found->angle == 0.0f ? x[i % 3] : x[1] + cosine * dx - sine * dy,
+                     py = found->angle == 0.0f ? y[i / 3] : y[1] + sine * dx + cosine * dy;
+        if (i == 4 || !fv_rectified_from_raw(&detection->rectified, camera, px, py, at)) continue;
         for (int k = 0; k < 2; k++) {
             low[k] = at[k] < low[k] ? at[k] : low[k];
             high[k] = at[k] > high[k] ? at[k] : high[k];

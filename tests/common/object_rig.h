@@ -45,8 +45,13 @@ static inline void make(void)
 
 static inline struct fovea_detection box(double x, double y, double w, double h, double score)
 {
-    return (struct fovea_detection){(float)(x - w / 2), (float)(y - h / 2), (float)(x + w / 2),
-                                    (float)(y + h / 2), (float)score,       0};
+    return (struct fovea_detection){(float)(x - w / 2),
+                                    (float)(y - h / 2),
+                                    (float)(x + w / 2),
+                                    (float)(y + h / 2),
+                                    (float)score,
+                                    0,
+                                    0};
 }
 
 /* An inference at 30 Hz that found `count` objects, and `uncertain` more below the model's

@@ -128,6 +128,36 @@ def seg(classes=2, coefficients=8):
     return b.bytes([b.image], [b.turned(b.joined(levels, 1)), b.rows(prototypes, (1, 16, 16, coefficients))])
 
 
+def obb(classes=2):
+    b = Drawn(9)
+    levels = []
+    for stride in (8, 16, 32):
+        parts = [near(b, stride, 1), sizes(b, stride), b.grid(stride, classes, middle=-2.0)]
+        angle = b.around(np.full((1, (b.side // stride) ** 2, 1), 0.5), b.grid(stride, 1, share=False, spread=1.0, scale=1 / 256), **SHARE)
+        levels.append(b.joined(parts + [angle], 2))
+    return b.bytes([b.image], [b.turned(b.joined(levels, 1))])
+
+
+def yolox(classes=2):
+    b = Drawn(10)
+    levels = []
+    for stride in (8, 16, 32):
+        numbers = b.around(np.full((1, (b.side // stride) ** 2, 4), 0.4), b.grid(stride, 4, share=False, spread=0.6, scale=1 / 64), 1 / 64, 0)
+        shares = b.tensor("int8", (1, (b.side // stride) ** 2, 1 + classes), 1 / 64, 0)
+        b.op("QUANTIZE", [b.grid(stride, 1 + classes, middle=-0.5)], [shares], "Quantize")
+        levels.append(b.joined([numbers, shares], 2, 1 / 64, 0))
+    return b.bytes([b.image], [b.joined(levels, 1, 1 / 64, 0)])
+
+
+def yolov3(classes=2):
+    b = Drawn(11)
+    outs = []
+    for stride in (8, 16):
+        n = b.side // stride
+        outs.append(b.rows(b.grid(stride, 2 * (5 + classes), share=False, spread=2.0, scale=1 / 16), (1, n, n, 2 * (5 + classes))))
+    return b.bytes([b.image], outs)
+
+
 def segment(classes=5):
     b = Drawn(8)
     numbers = b.rows(b.grid(2, classes, share=False, spread=4.0, scale=1 / 8), (1, 32, 32, classes))
@@ -190,7 +220,9 @@ def classifier():
 # name: network, options, whether the decoder must be chosen by itself
 CASES = {"yolov8_pose": (pose, (), True), "blaze": (blaze, (), True), "landmarks": (landmarks, ("--score", "0.1"), True),
          "movenet": (movenet, ("--score", "0.05"), True), "end2end": (end2end, ("--decoder", "end2end"), False),
-         "classifier": (classifier, (), True), "yolov8_seg": (seg, (), True), "segment": (segment, ("--labels", "LABELS"), True)}
+         "classifier": (classifier, (), True), "yolov8_seg": (seg, (), True), "segment": (segment, ("--labels", "LABELS"), True),
+         "yolov8_obb": (obb, (), True), "yolox": (yolox, (), True),
+         "yolov3": (yolov3, ("--decoder", "yolov3", "--anchors", "8,10,14,12,30,24,40,50"), False)}
 
 
 def program(*arguments, cpu=None):
@@ -218,6 +250,8 @@ def differs(found, expected):
     for i, (f, e) in enumerate(zip(found, expected)):
         if f["class"] != e["class"] or abs(f["score"] - e["score"]) > SCORE_MAX:
             return f"number {i}: class {f['class']} by {f['score']}, expected {e['class']} by {e['score']:.6f}"
+        if abs(f.get("angle", 0) - e.get("angle", 0)) > 1e-3:
+            return f"number {i}: angle {f.get('angle')}, expected {e.get('angle')}"
         for key in ("box_px", "keypoints_px"):
             if (key in f) != (key in e):
                 return f"number {i}: {key} of one only"

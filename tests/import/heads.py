@@ -66,6 +66,67 @@ def yolov8_pose(outs, width, height, side=64, classes=2):
     return limited(suppressed(found), 5)
 
 
+def covariance(w, h, angle):
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    return turn @ np.diag([w * w / 12, h * h / 12]) @ turn.T
+
+
+def probiou(p, q):
+    """One minus the Hellinger distance of two normal distributions (centre, covariance)."""
+    (m1, s1), (m2, s2) = p, q
+    mean, d = (s1 + s2) / 2, m1 - m2
+    bhattacharyya = d @ np.linalg.inv(mean) @ d / 8 + np.log(np.linalg.det(mean) / np.sqrt(np.linalg.det(s1) * np.linalg.det(s2))) / 2
+    return 1 - np.sqrt(1 - np.exp(-bhattacharyya))
+
+
+def yolov8_obb(outs, width, height, side=64):
+    fit, columns, found = Fit(side, width, height), outs[0][0].astype(float), []
+    for v in columns.T:
+        c = int(np.argmax(v[4:-1]))
+        x, y = fit.point(v[0] * side, v[1] * side)
+        along = v[2] * side * np.array([np.cos(v[-1]) / fit.sx, np.sin(v[-1]) / fit.sy])  # the scales differ by the rounding of sizes
+        across = v[3] * side * np.array([-np.sin(v[-1]) / fit.sx, np.cos(v[-1]) / fit.sy])
+        w, h, angle = np.linalg.norm(along), np.linalg.norm(across), np.arctan2(along[1], along[0])
+        if v[4 + c] >= 0.25 and w > 0 and h > 0:
+            f = entry(c, v[4 + c], [x - w / 2, y - h / 2, x + w / 2, y + h / 2])
+            found.append(dict(f, angle=angle, normal=(np.array([x, y]), covariance(w, h, angle))))
+    left = []
+    for f in sorted(found, key=lambda f: -f["score"]):
+        if all(k["class"] != f["class"] or probiou(k["normal"], f["normal"]) < 0.5 for k in left):
+            left.append(f)
+    return left
+
+
+def yolox(outs, width, height, side=64):
+    fit, rows, found, at = Fit(side, width, height), outs[0][0].astype(float), [], 0
+    for stride in (8, 16, 32):
+        for y in range(side // stride):
+            for x in range(side // stride):
+                v = rows[at]
+                at += 1
+                c = int(np.argmax(v[5:]))
+                cx, cy, w, h = (v[0] + x) * stride, (v[1] + y) * stride, np.exp(v[2]) * stride, np.exp(v[3]) * stride
+                box = fit.box(cx - w / 2, cy - h / 2, cx + w / 2, cy + h / 2)
+                if v[4] * v[5 + c] >= 0.25 and box:
+                    found.append(entry(c, v[4] * v[5 + c], box))
+    return suppressed(found)
+
+
+def yolov3(outs, width, height, side=64, anchors=(((8, 10), (14, 12)), ((30, 24), (40, 50)))):
+    """Finest grid first, as its anchors."""
+    fit, found = Fit(side, width, height), []
+    for values, pairs in zip(outs, anchors):
+        _, rows, columns, _ = (1, *values.shape[1:])
+        cells = values[0].reshape(rows, columns, len(pairs), -1).astype(float)
+        for (y, x, a), _ in np.ndenumerate(cells[..., 0]):
+            t = cells[y, x, a]
+            cx, cy = (x + sigmoid(t[0])) / columns * side, (y + sigmoid(t[1])) / rows * side
+            w, h = pairs[a][0] * np.exp(t[2]), pairs[a][1] * np.exp(t[3])
+            box = fit.box(cx - w / 2, cy - h / 2, cx + w / 2, cy + h / 2)
+            found += [entry(c, s, box) for c, s in enumerate(sigmoid(t[4]) * sigmoid(t[5:])) if s >= 0.25 and box]
+    return suppressed(found)
+
+
 DOUBT = -2  # a pixel of a mask that may have either value
 
 
@@ -158,4 +219,4 @@ def classifier(outs, width, height):
 
 
 DECODERS = {"yolov8_pose": yolov8_pose, "blaze": blaze, "movenet": movenet, "landmarks": landmarks, "end2end": end2end,
-            "classifier": classifier, "yolov8_seg": yolov8_seg, "segment": segment}
+            "classifier": classifier, "yolov8_seg": yolov8_seg, "segment": segment, "yolov8_obb": yolov8_obb, "yolox": yolox, "yolov3": yolov3}

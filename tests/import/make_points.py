@@ -1,7 +1,7 @@
-"""Write tests/golden/points.txt: drawn outputs of heads with keypoints, and what they stand for by heads.py, for a picture of 96 x 64.
+"""Write tests/golden/points.txt: drawn outputs of heads with keypoints, of turned boxes and of YOLOX, and what they stand for by heads.py, for a picture of 96 x 64.
 
 One case: a line "head NAME side letterbox classes points values point_score logits normalised score", a line "out rank d0.. scale zero"
-and one of the bytes in hex per output, a line "set class score x0 y0 x1 y1" per object (all 0: no box), a line "point x y score" per
+and one of the bytes in hex per output, a line "set class score x0 y0 x1 y1 angle" per object (all 0: no box), a line "point x y score" per
 keypoint, a line "end". Needs numpy."""
 import os
 
@@ -42,7 +42,19 @@ def end2end(r):
     return [(data, 1 / 256, 0)], "64 1 1 0 0 0 0 1 0.25"
 
 
-CASES = {"yolov8_pose": pose, "blaze": blaze, "movenet": movenet, "landmarks": landmarks, "end2end": end2end}
+def obb(r):
+    data = r.integers(0, 256, (1, 7, 84))
+    data[0, 2:4] //= 3
+    return [(data, 1 / 256, 0)], "64 1 2 0 0 0 0 1 0.25"
+
+
+def yolox(r):
+    data = r.integers(90, 180, (1, 84, 7))
+    data[..., 4:] = r.integers(128, 192, (1, 84, 3))
+    return [(data, 1 / 64, 128)], "64 1 2 0 0 0 0 0 0.25"
+
+
+CASES = {"yolov8_pose": pose, "blaze": blaze, "movenet": movenet, "landmarks": landmarks, "end2end": end2end, "yolov8_obb": obb, "yolox": yolox}
 
 
 def main():
@@ -55,7 +67,7 @@ def main():
             for data, scale, zero in outs:
                 file.write(f"out {data.ndim} {' '.join(map(str, data.shape))} {scale:.9g} {zero}\n{data.astype(np.uint8).tobytes().hex()}\n")
             for found in heads.DECODERS[name](values, WIDTH, HEIGHT)[:300]:
-                file.write("set " + " ".join(f"{v:.9g}" for v in (found["class"], found["score"], *found.get("box_px", [0] * 4))) + "\n")
+                file.write("set " + " ".join(f"{v:.9g}" for v in (found["class"], found["score"], *found.get("box_px", [0] * 4), found.get("angle", 0))) + "\n")
                 for point in found.get("keypoints_px", []):
                     file.write("point " + " ".join(f"{v:.9g}" for v in point) + "\n")
             file.write("end\n")

@@ -26,7 +26,7 @@ TOOL = importlib.util.module_from_spec(SPEC)
 SPEC.loader.exec_module(TOOL)
 ENGINE = TOOL.trial.engine
 V8 = ("--decoder", "yolov8")
-DECODERS = ["none", "classifier", "ssd", "ssd_raw", "yolov5", "yolov8", "yolov2", "fomo", "segment"]
+DECODERS = TOOL.use.DECODERS
 
 
 def network(out_shapes, last=None, ends="int8", scale_in=1 / 255, scale_out=1 / 256, zero_in=-128):
@@ -177,7 +177,7 @@ def guesses(bench):
 def heads(bench):
     """YOLO heads, and what only looks like one: poses, masks, coordinates before their decoding, other grids and labels."""
     names = bench.file("two.txt", "cat\ndog\n")
-    for kind, n, other in (("yolov8", 84, 80), ("yolov5", 252, 84)):
+    for kind, n, other in (("yolov8", 84, 80), ("yolov5", 252, 80)):
         found = bench.run(yolo(kind, 3, n))
         bench.holds(f"{kind} of {n} boxes", getattr(found, "decoder", found), kind)
         bench.holds("its classes and fractions", (getattr(found, "classes", 0), getattr(found, "normalised", 0)), (3, 1))
@@ -192,6 +192,7 @@ def heads(bench):
             for what, boxes in (("boxes away from their cells", lambda n: centres(n)[::-1]),
                                 ("boxes all in one place", lambda n: 0 * centres(n))):
                 bench.refused(f"{kind}: {what}", yolo(kind, 3, n, boxes=boxes), "near their cells")
+    bench.refused("decoded boxes of one per cell", yolo("yolov5", 3, 84), "already decoded")
     model = yolo("yolov8", 3, 84)
     for task, text in (("pose", "task pose"), ("segment", "task segment"), ("obb", "task obb"), ("classify", "task classify")):
         bench.refused(f"metadata of task {task}", model + zipped({"metadata.json": '{"task": "%s"}' % task}), text)

@@ -9,8 +9,8 @@ from graph import ImportProblem
 
 LABELS_MAX = 4096  # what the loader takes
 STRIDES = ((8, 16, 32), (4, 8, 16, 32), (8, 16, 32, 64), (16, 32), (4, 8, 16))
-TASKS = {"detect": ("yolov5", "yolov8", "end2end"), "classify": ("classifier",), "segment": ("yolov8_seg",), "pose": ("yolov8_pose", "end2end"),
-         "obb": ()}  # of Ultralytics' exports
+TASKS = {"detect": ("yolov5", "yolov8", "yolox", "end2end"), "classify": ("classifier",), "segment": ("yolov8_seg",), "pose": ("yolov8_pose", "end2end"),
+         "obb": ("yolov8_obb",)}  # of Ultralytics' exports
 
 
 def origin(graph, t, names=("QUANTIZE", "DEQUANTIZE")):
@@ -175,11 +175,14 @@ def candidates(e):
     elif len(shape) == 3 and shape[1] < shape[2] and shape[1] > 4:
         found["yolov8"] = yolo(e, shape[1], shape[2], 1, "yolov8")
         if found["yolov8"] and shape[2] in e.cells() and len(e.outs) == 1:
+            found["yolov8_obb"] = details.obb_fault(e, e.arguments) or labelled(e, shape[1] - 5)
             found["yolov8_pose"] = details.pose_fault(e, e.arguments) or labelled(e, details.rows_of(e)[1])
     elif len(shape) == 3 and shape[2] >= 6 and shape[1] in (100, 300):
         found["end2end"] = end2end(e)
     elif len(shape) == 3 and shape[2] > 5:
         found["yolov5"] = yolo(e, shape[2], shape[1], 3, "yolov5")
+        if len(e.image) == 4 and shape[1] in details.yolox_cells(e):
+            found = {"yolox": yolo(e, shape[2], shape[1], 1, "yolov5")}
     elif len(shape) == 4 and e.anchors:
         found["yolov2"] = None if len(e.outs) == 1 else f"has one output, found {len(e.outs)}"
     elif len(shape) == 4 and op is not None and op.name == "SOFTMAX":

@@ -30,6 +30,7 @@ class Details:
     coefficients: int = 0
     anchors: np.ndarray = None
     normalised: int = None  # None: by the range of the output
+    anchor_count: int = 0
 
     def words(self):
         return [self.points, self.values, self.point_score, self.logits, *self.roles, self.coefficients]
@@ -136,6 +137,54 @@ def segment(e, arguments):
     return Details(channels if channels > 1 or score else 0, normalised=0)
 
 
+def obb(e, arguments):
+    if len(e.shape) != 3 or len(e.outs) != 1 or e.shape[1] < 6:
+        wrong("yolov8_obb", e, "one of [1, 4 + classes + 1, boxes]")
+    return Details(int(e.shape[1]) - 5)
+
+
+def obb_fault(e, arguments):
+    """Why a tensor cannot be that of YOLOv8's oriented boxes; None: it can."""
+    rows, classes = rows_of(e)
+    if rows[:4].any() or not classes or len(rows) != 5 + classes or rows[-1]:
+        return "has scores from LOGISTIC in all rows between 4 and the last, the angle"
+    return None
+
+
+def yolox_cells(e):
+    """Numbers of cells of the grids of 8, 16, 32, and of 64 pixels too."""
+    _, h, w, _ = e.image
+    cells = [(h // s) * (w // s) for s in (8, 16, 32, 64)]
+    return sum(cells[:3]), sum(cells)
+
+
+def yolox(e, arguments):
+    if len(e.shape) != 3 or len(e.outs) != 1 or len(e.image) != 4 or e.shape[1] not in yolox_cells(e) or e.shape[2] < 6:
+        wrong("yolox", e, "one of [1, cells of 8, 16 and 32 pixels, 5 + classes]")
+    return Details(int(e.shape[2]) - 5, normalised=0)
+
+
+def yolov3(e, arguments):
+    text = (arguments.anchors or "").replace(",", " ").split()
+    try:
+        pairs = np.array(text, np.float32).reshape(-1, 2)
+    except ValueError as problem:
+        raise ImportProblem(f"--anchors: {problem}, expected pairs of numbers") from problem
+    outs, count = e.outs, len(pairs) // max(len(e.outs), 1)
+    shapes = [t.shape for t in outs]
+    if any(len(s) != 4 or s[0] != 1 or s[3] != shapes[0][3] for s in shapes):
+        wrong("yolov3", e, "several of [1, h, w, anchors (5 + classes)]")
+    if count == 0 or count * len(outs) != len(pairs) or count > 8 or shapes[0][3] % count or shapes[0][3] // count < 6 or \
+            not np.isfinite(pairs).all() or pairs.min() <= 0:
+        raise ImportProblem(f"--decoder yolov3: found {len(pairs)} pairs of --anchors, expected as many for each of {len(outs)} outputs: widths "
+                            "and heights in pixels of the input, as Darknet lists them, the smallest first")
+    finest = sorted(range(len(outs)), key=lambda i: -shapes[i][1] * shapes[i][2])  # small anchors belong to many cells
+    by_output = np.empty((len(outs), count, 2), np.float32)
+    for place, output in enumerate(finest):
+        by_output[output] = pairs[place * count:(place + 1) * count]
+    return Details(int(shapes[0][3]) // count - 5, anchors=by_output, normalised=0, anchor_count=count)
+
+
 def end2end(e, arguments):
     columns, asked = e.shape[-1] if len(e.shape) == 3 else 0, asked_points(arguments, e.metadata)
     count, values = asked or (0, 0)
@@ -222,7 +271,8 @@ def landmarks(e, arguments):
     return Details(1, form[0], form[1], 3 if form[1] == 5 else 0, logits, roles, normalised=int(np.isfinite(high) and high - low < 8))
 
 
-DETAILS = {"yolov8_pose": pose, "yolov8_seg": seg, "segment": segment, "end2end": end2end, "movenet": movenet, "blaze": blaze, "landmarks": landmarks}
+DETAILS = {"yolov8_pose": pose, "yolov8_seg": seg, "segment": segment, "yolov8_obb": obb, "yolox": yolox, "yolov3": yolov3,
+            "end2end": end2end, "movenet": movenet, "blaze": blaze, "landmarks": landmarks}
 
 
 def of(kind, e, arguments):

@@ -89,6 +89,21 @@ def details_look_wrong(kind, outs, image, normalised, known):
         values = first[0].T
         points = values[:, 4 + known.classes:].reshape(len(values), known.points, known.values)[..., :2]
         return boxes_look_wrong(values[:, :4 + known.classes], image[1], image[2], 1, normalised) or points_look_wrong(points, size)
+    if kind == "yolov8_obb":
+        return boxes_look_wrong(first[0].T[:, :-1], image[1], image[2], 1, normalised) or \
+            (None if np.abs(first[0, -1]).max() < 7 else "angles beyond a turn")
+    if kind == "yolox":
+        rows = first[0]
+        at = [(s, image[1] // s, image[2] // s) for s in (8, 16, 32, 64)]
+        cells = np.concatenate([np.stack([x.ravel(), y.ravel(), 0 * x.ravel() + s], 1)
+                                for s, h, w in at for y, x in [np.mgrid[0:h, 0:w]]])[:len(rows)]
+        if min(agreement(rows[:, i], (cells[:, i] + 0.5) * cells[:, 2]) for i in (0, 1)) > 0.6:
+            return "centres that grow with their cells, so boxes that are already decoded"
+        if np.mean(np.abs(rows[:, 2:4]) > 6) > 0.02:
+            return "numbers that are no logarithms of sizes in cells"
+        boxes = np.concatenate([(rows[:, :2] + cells[:, :2]) * cells[:, 2:], np.exp(np.clip(rows[:, 2:4], -9, 9)) * cells[:, 2:],
+                                rows[:, 4:5] * rows[:, 5:]], 1)
+        return boxes_look_wrong(boxes, image[1], image[2], 1, False)
     if kind == "movenet":
         values = first.reshape(-1, 3) if first.shape[-1] == 3 else first.reshape(-1, first.shape[-1])[:, :-5].reshape(-1, 3)
         scores = values[:, 2]

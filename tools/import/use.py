@@ -255,6 +255,6 @@ def decoder_words(kind, graph, net, labels, arguments, known):
     if len(scales) != 4:
         raise ImportProblem(f"--box-scales: found {len(scales)} numbers, expected four")
     return [DECODERS.index(kind), classes, bits(score), bits(share(arguments.iou, "--iou")),
-            int(arguments.agnostic), most, int(is_share(kind, graph, known)), len(pairs) // 2, *[bits(v) for v in pairs],
+            int(arguments.agnostic), most, int(is_share(kind, graph, known)), (known.anchor_count if known is not None else 0) or len(pairs) // 2, *[bits(v) for v in pairs],
             *[0] * (16 - len(pairs)), first_label, background, table, boxes, *[bits(v) for v in scales],
             *(known or details.Details()).words()]

@@ -3,6 +3,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+#include "base/elementary.h"
 #include "support/json.h"
 
 enum fovea_status fv_found_open(struct fv_found *found, const struct fv_model *model)
@@ -94,6 +95,8 @@ void fv_found_print(const struct fv_found *found, const char *path, const struct
         if ((gives & FV_DETECT_BOXES) != 0)
             printf(", \"box_px\": [%.3f, %.3f, %.3f, %.3f]", (double)d->x_min_px,
                    (double)d->y_min_px, (double)d->x_max_px, (double)d->y_max_px);
+        if (found->model->header->decode.kind == FV_DECODER_YOLOV8_OBB)
+            printf(", \"angle\": %.6f", (double)d->angle);
         if (i < set_count(found)) print_points(found, i);
         printf("}");
     }
@@ -126,12 +129,32 @@ static void draw_label(const struct fv_found *found, struct fv_canvas *canvas, i
     fv_canvas_text(canvas, left + MARGIN, top + MARGIN, 1, 0x000000, text);
 }
 
+static void draw_turned(struct fv_canvas *canvas, const struct fovea_detection *d)
+{
+    const float x = 0.5f * (d->x_min_px + d->x_max_px), y = 0.5f * (d->y_min_px + d->y_max_px),
+                half_w = 0.5f * (d->x_max_px - d->x_min_px),
+                half_h = 0.5f * (d->y_max_px - d->y_min_px);
+    const float cosine = (float)fv_cos((double)d->angle), sine = (float)fv_sin((double)d->angle);
+    float corner[4][2];
+    for (int k = 0; k < 4; k++) {
+        const float dx = k == 0 || k == 3 ? -half_w : half_w, dy = k < 2 ? -half_h : half_h;
+        corner[k][0] = x + cosine * dx - sine * dy;
+        corner[k][1] = y + sine * dx + cosine * dy;
+    }
+    for (int k = 0; k < 4; k++)
+        fv_canvas_line(canvas, corner[k][0], corner[k][1], corner[(k + 1) % 4][0],
+                       corner[(k + 1) % 4][1], 2, colour_of(d->class_id));
+}
+
 static void draw_box(const struct fv_found *found, struct fv_canvas *canvas, int32_t i)
 {
     const struct fovea_detection *d = &found->list[i];
     const int above = (int)d->y_min_px - FV_CANVAS_TEXT_HEIGHT - 2 * MARGIN;
-    fv_canvas_box(canvas, d->x_min_px, d->y_min_px, d->x_max_px, d->y_max_px, 2,
-                  colour_of(d->class_id));
+    if (d->angle == 0.0f)
+        fv_canvas_box(canvas, d->x_min_px, d->y_min_px, d->x_max_px, d->y_max_px, 2,
+                      colour_of(d->class_id));
+    else
+        draw_turned(canvas, d);
     /* a label hides no small object */
     draw_label(found, canvas, i, (int)d->x_min_px + (above < 0 ? MARGIN : 0),
                above < 0 ? (int)d->y_min_px + MARGIN : above);

@@ -1,6 +1,6 @@
-/* Heads with keypoints against objects computed elsewhere (tests/import/make_points.py): the same
- * objects in the same order, to 0.01 pixels, in one unit as in many; and no more keypoints than
- * there is room for. */
+/* Heads with keypoints, turned boxes and YOLOX against objects computed elsewhere
+ * (tests/import/make_points.py): the same objects in the same order, to 0.01 pixels, in one unit as
+ * in many; and no more keypoints than there is room for. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -126,9 +126,10 @@ static void near_to(double value, double expected, double allowed)
 /* One line of the file; `at`: the set that comes next, `point`: the keypoint. */
 static void compare(int32_t count, int32_t *at, int32_t *point)
 {
-    double v[6];
-    if (sscanf(line, "set %lf %lf %lf %lf %lf %lf", v, v + 1, v + 2, v + 3, v + 4, v + 5) == 6) {
-        assert_true(*at < count);
+    double v[7];
+    if (sscanf(line, "set %lf %lf %lf %lf %lf %lf %lf", v, v + 1, v + 2, v + 3, v + 4, v + 5,
+               v + 6) == 7) {
+        if (*at >= count) fail_msg("%d objects found", count);
         const struct fovea_detection *d = &found[(*at)++];
         assert_int_equal(d->class_id, (int)v[0]);
         near_to((double)d->score, v[1], 1e-5);
@@ -136,6 +137,7 @@ static void compare(int32_t count, int32_t *at, int32_t *point)
         near_to((double)d->y_min_px, v[3], 0.01);
         near_to((double)d->x_max_px, v[4], 0.01);
         near_to((double)d->y_max_px, v[5], 0.01);
+        near_to((double)d->angle, v[6], 1e-4);
     } else if (sscanf(line, "point %lf %lf %lf", v, v + 1, v + 2) == 3) {
         const struct fovea_keypoint *p = &points[(*point)++];
         near_to((double)p->x_px, v[0], 0.01);
@@ -157,6 +159,7 @@ static void heads_give_the_keypoints_that_they_stand_for(void **state)
     make_anchors();
     while (fgets(line, sizeof line, in) != NULL) {
         if (strncmp(line, "head ", 5) == 0) {
+
             read_head();
             cases++;
             count = -1;
@@ -173,7 +176,7 @@ static void heads_give_the_keypoints_that_they_stand_for(void **state)
         }
     }
     fclose(in);
-    assert_int_equal(cases, 5);
+    assert_int_equal(cases, 7);
     assert_int_equal(keypoints, 4);
     assert_true(objects > 100);
 }

@@ -43,8 +43,8 @@ static void holds(const char *path, const char *expected)
     assert_string_equal(text, expected);
 }
 
-static const struct fovea_detection found[2] = {{9.5f, 19.5f, 29.5f, 59.5f, 0.75f, 0},
-                                                {-0.5f, -0.5f, 1.5f, 2.5f, 0.5f, 3}};
+static const struct fovea_detection found[2] = {{9.5f, 19.5f, 29.5f, 59.5f, 0.75f, 0, 0},
+                                                {-0.5f, -0.5f, 1.5f, 2.5f, 0.5f, 3, 0}};
 
 /* COCO counts from the corner of the first pixel, MOTChallenge from 1 at its middle; only confirmed
  * objects were seen. */
