@@ -35,7 +35,9 @@ const struct fv_command fv_commands[] = {
      "fovea features photo.png --draw out.png\n"
      "fovea features photo.png --method sift --max 500 --draw out.png --json >out.json"},
     {"match", "match the features of two pictures", fv_command_match,
-     "A and B are PNG or JPEG files.", "fovea match a.png b.png --draw matches.png"},
+     "A and B are PNG or JPEG files.",
+     "fovea match a.png b.png --draw matches.png\n"
+     "fovea match a.png b.png --method sift --geometry homography --json >out.json"},
     {"rectify", "remove the lens distortion of a picture", fv_command_rectify,
      "IN is a PNG or JPEG file; OUT is written as PNG.",
      "fovea rectify --camera camera.yaml in.png out.png --write-camera out.yaml"},

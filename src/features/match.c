@@ -1,52 +1,297 @@
-#include "features/match.h"
+/* Matching of features by their descriptors and by geometry (fovea/match.h). */
+#include <stdbool.h>
+#include <string.h>
 
-enum { NO_DISTANCE = 257 };
+#include "base/arena.h"
+#include "features/nearest.h"
+#include "features/patch.h"
+#include "fovea/match.h"
+#include "geometry/essential.h"
+#include "geometry/homography.h"
+#include "geometry/vec.h"
 
-void fv_matcher_carve(struct fv_matcher *matcher, uint32_t count_max, struct fv_arena *arena)
+enum { SEED = 20 };
+
+/* The two nearest of each feature of one image in the other: squared distances, or Hamming's. */
+struct found {
+    int32_t *distance, *second;
+    uint32_t *index;
+};
+
+struct fovea_matcher {
+    struct fv_kernels kernels;
+    struct fovea_match_config config;
+    struct fv_nearest nearest;
+    struct fv_packed packed[2];
+    struct found there, back;
+    struct fovea_match *matches;
+    struct fv_pair *pairs;
+    uint8_t *inlier;
+};
+
+static const char *const names[FOVEA_MATCH_GEOMETRY_COUNT] = {
+    [FOVEA_MATCH_ANY] = "any",
+    [FOVEA_MATCH_HOMOGRAPHY] = "homography",
+    [FOVEA_MATCH_ESSENTIAL] = "essential",
+};
+
+const char *fovea_match_geometry_name(enum fovea_match_geometry geometry)
 {
-    matcher->count_max = count_max;
-    matcher->nearest = fv_arena_take(arena, count_max, sizeof *matcher->nearest);
-    matcher->second = fv_arena_take(arena, count_max, sizeof *matcher->second);
-    matcher->back = fv_arena_take(arena, count_max, sizeof *matcher->back);
-    matcher->back_second = fv_arena_take(arena, count_max, sizeof *matcher->back_second);
+    return (unsigned)geometry < FOVEA_MATCH_GEOMETRY_COUNT ? names[geometry] : "unknown";
 }
 
-static uint16_t distance_of(uint32_t match)
+void fovea_match_config_default(struct fovea_match_config *config, enum fovea_descriptor descriptor)
 {
-    return match == FV_MATCH_NONE ? NO_DISTANCE : (uint16_t)(match >> FV_MATCH_INDEX_BITS);
+    *config = (struct fovea_match_config){
+        .descriptor = descriptor,
+        .descriptor_bytes = descriptor == FOVEA_DESCRIPTOR_BINARY  ? FV_DESCRIPTOR_BYTES
+                            : descriptor == FOVEA_DESCRIPTOR_PATCH ? FV_PATCH_BYTES
+                                                                   : 4 * FV_SQUARES_WORDS_MAX,
+        .count_max = 1000,
+        .ratio = .8f,
+        .cross_check = 1,
+        .threshold_px = 3,
+        .samples_max = 2000,
+        .focal_px = 500,
+    };
 }
 
-static uint16_t index_of(uint32_t match)
+static enum fovea_status check(const struct fovea_match_config *config, struct fovea_error *error)
 {
-    return (uint16_t)(match & ((1u << FV_MATCH_INDEX_BITS) - 1));
+    const bool binary = config->descriptor == FOVEA_DESCRIPTOR_BINARY;
+    const struct {
+        const char *name;
+        double value, low, high;
+    } ranges[] = {
+        {"descriptor", config->descriptor, 0, FOVEA_DESCRIPTOR_COUNT - 1},
+        {"descriptor_bytes", config->descriptor_bytes, binary ? FV_DESCRIPTOR_BYTES : 1,
+         binary ? FV_DESCRIPTOR_BYTES : 4 * FV_SQUARES_WORDS_MAX},
+        {"count_max", config->count_max, 1, FOVEA_EXTRACT_COUNT_MAX},
+        {"ratio", (double)config->ratio, 1e-3, 1},
+        {"cross_check", config->cross_check, 0, 1},
+        {"geometry", config->geometry, 0, FOVEA_MATCH_GEOMETRY_COUNT - 1},
+        {"threshold_px", (double)config->threshold_px, .1f, 50},
+        {"samples_max", config->samples_max, 1, 100000},
+        {"focal_px", (double)config->focal_px, 1, 100000},
+        {"centre_px[0]", (double)config->centre_px[0], -100000, 100000},
+        {"centre_px[1]", (double)config->centre_px[1], -100000, 100000},
+    };
+    for (size_t i = 0; i < sizeof ranges / sizeof ranges[0]; i++)
+        if (!(ranges[i].value >= ranges[i].low && ranges[i].value <= ranges[i].high))
+            return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "%s: found %g, expected %g to %g",
+                                   ranges[i].name, ranges[i].value, ranges[i].low, ranges[i].high);
+    return FOVEA_OK;
 }
 
-/* Distance limit and ratio test. */
-static bool passes(const struct fv_match *match, const struct fv_match_rules *rules)
+static void carve_found(struct found *found, uint32_t count, struct fv_arena *arena)
 {
-    if (match->distance > rules->distance_max) return false;
-    return rules->ratio_q8 >= FV_MATCH_RATIO_ANY ||
-           256u * match->distance < (uint32_t)rules->ratio_q8 * match->second;
+    found->distance = fv_arena_take(arena, count, sizeof *found->distance);
+    found->second = fv_arena_take(arena, count, sizeof *found->second);
+    found->index = fv_arena_take(arena, count, sizeof *found->index);
 }
 
-uint32_t fv_match_all(struct fv_matcher *matcher, const struct fv_kernels *kernels,
-                      const uint8_t *queries, uint32_t query_count, const uint8_t *trains,
-                      uint32_t train_count, const struct fv_match_rules *rules,
-                      struct fv_match *matches)
+static struct fovea_matcher *carve(const struct fovea_match_config *config, struct fv_arena *arena)
 {
-    uint32_t count = 0;
-    kernels->hamming_two_u8(matcher->nearest, matcher->second, queries, (int32_t)query_count,
-                            trains, (int32_t)train_count);
-    if (rules->mutual)
-        kernels->hamming_two_u8(matcher->back, matcher->back_second, trains, (int32_t)train_count,
-                                queries, (int32_t)query_count);
-    for (uint32_t q = 0; q < query_count; q++) {
-        const uint32_t nearest = matcher->nearest[q];
-        if (nearest == FV_MATCH_NONE) continue;
-        const struct fv_match match = {(uint16_t)q, index_of(nearest), distance_of(nearest),
-                                       distance_of(matcher->second[q])};
-        if (rules->mutual && index_of(matcher->back[match.train]) != q) continue;
-        if (passes(&match, rules)) matches[count++] = match;
+    struct fovea_matcher counted = {0};
+    struct fovea_matcher *made = fv_arena_take(arena, 1, sizeof *made);
+    struct fovea_matcher *matcher = made == NULL ? &counted : made;
+    const uint32_t count = config->count_max;
+    matcher->config = *config;
+    if (config->descriptor != FOVEA_DESCRIPTOR_BINARY)
+        fv_nearest_carve(&matcher->nearest, count, config->descriptor_bytes, matcher->packed, 2,
+                         arena);
+    carve_found(&matcher->there, count, arena);
+    carve_found(&matcher->back, count, arena);
+    matcher->matches = fv_arena_take(arena, count, sizeof *matcher->matches);
+    if (config->geometry != FOVEA_MATCH_ANY) {
+        matcher->pairs = fv_arena_take(arena, count, sizeof *matcher->pairs);
+        matcher->inlier = fv_arena_take(arena, count, sizeof *matcher->inlier);
     }
-    return count;
+    return made;
+}
+
+size_t fovea_match_size(const struct fovea_match_config *config, struct fovea_error *error)
+{
+    struct fv_arena arena;
+    if (check(config, error) != FOVEA_OK) return 0;
+    fv_arena_count(&arena);
+    carve(config, &arena);
+    return arena.used;
+}
+
+enum fovea_status fovea_match_init(struct fovea_matcher **matcher,
+                                   const struct fovea_match_config *config, void *memory,
+                                   size_t bytes, struct fovea_error *error)
+{
+    enum fv_cpu_set set;
+    enum fovea_status status = check(config, error);
+    if (status == FOVEA_OK) status = fv_cpu_from_environment(&set, error);
+    if (status != FOVEA_OK) return status;
+    const size_t needed = fovea_match_size(config, error);
+    if (memory == NULL || bytes < needed)
+        return fovea_error_set(error, FOVEA_ERROR_MEMORY, "memory: found %zu bytes, expected %zu",
+                               memory == NULL ? 0 : bytes, needed);
+    if ((uintptr_t)memory % FV_CACHE_LINE_BYTES != 0)
+        return fovea_error_set(error, FOVEA_ERROR_MEMORY, "memory: not aligned to %d bytes",
+                               FV_CACHE_LINE_BYTES);
+    struct fv_arena arena;
+    fv_arena_init(&arena, memory, bytes);
+    *matcher = carve(config, &arena);
+    fv_kernels_init(&(*matcher)->kernels, set);
+    return FOVEA_OK;
+}
+
+/* Distance and index of what the kernel for binary descriptors packs into one number. */
+static void unpack(struct found *found, uint32_t count)
+{
+    for (uint32_t i = 0; i < count; i++) {
+        const uint32_t nearest = (uint32_t)found->distance[i], second = (uint32_t)found->second[i];
+        found->index[i] = nearest & ((1u << FV_MATCH_INDEX_BITS) - 1);
+        found->distance[i] = (int32_t)(nearest >> FV_MATCH_INDEX_BITS);
+        found->second[i] =
+            second == FV_MATCH_NONE ? FV_SQUARES_NONE : (int32_t)(second >> FV_MATCH_INDEX_BITS);
+    }
+}
+
+static void search_binary(struct fovea_matcher *matcher, const struct fovea_extracted *a,
+                          const struct fovea_extracted *b, struct found *found)
+{
+    matcher->kernels.hamming_two_u8((uint32_t *)found->distance, (uint32_t *)found->second,
+                                    a->descriptors, (int32_t)a->count, b->descriptors,
+                                    (int32_t)b->count);
+    unpack(found, a->count);
+}
+
+static void search(struct fovea_matcher *matcher, const struct fovea_extracted *a,
+                   const struct fovea_extracted *b)
+{
+    const bool both = matcher->config.cross_check != 0;
+    if (matcher->config.descriptor == FOVEA_DESCRIPTOR_BINARY) {
+        search_binary(matcher, a, b, &matcher->there);
+        if (both) search_binary(matcher, b, a, &matcher->back);
+        return;
+    }
+    const struct fv_nearest *nearest = &matcher->nearest;
+    struct fv_packed *packed = matcher->packed;
+    fv_nearest_pack(nearest, &packed[0], a->descriptors, a->count);
+    fv_nearest_pack(nearest, &packed[1], b->descriptors, b->count);
+    fv_nearest_find(nearest, &matcher->kernels, &packed[0], &packed[1], matcher->there.distance,
+                    matcher->there.second, matcher->there.index);
+    if (both)
+        fv_nearest_find(nearest, &matcher->kernels, &packed[1], &packed[0], matcher->back.distance,
+                        matcher->back.second, matcher->back.index);
+}
+
+/* Distance of a feature that the search gave: bits, or the root of squares. */
+static float distance_of(const struct fovea_matcher *matcher, int32_t found)
+{
+    if (found >= FV_SQUARES_NONE) return __builtin_inff();
+    return matcher->config.descriptor == FOVEA_DESCRIPTOR_BINARY ? (float)found
+                                                                 : __builtin_sqrtf((float)found);
+}
+
+/* Ratio test and cross check; returns the number of matches. */
+static uint32_t keep(struct fovea_matcher *matcher, uint32_t count)
+{
+    const struct fovea_match_config *config = &matcher->config;
+    const struct found *there = &matcher->there;
+    uint32_t kept = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        const float distance = distance_of(matcher, there->distance[i]);
+        const float second = distance_of(matcher, there->second[i]);
+        if (config->ratio < 1 && !(distance < config->ratio * second)) continue;
+        if (config->cross_check && matcher->back.index[there->index[i]] != i) continue;
+        matcher->matches[kept++] = (struct fovea_match){i, there->index[i], distance, second, 1};
+    }
+    return kept;
+}
+
+/* A pinhole camera of both images: its own, or for a homography one that sees all features. */
+struct view {
+    double focal, x, y;
+};
+
+static struct view view_of(const struct fovea_extracted *a, const struct fovea_extracted *b)
+{
+    double most = 64;
+    for (int k = 0; k < 2; k++) {
+        const struct fovea_extracted *of = k == 0 ? a : b;
+        for (uint32_t i = 0; i < of->count; i++) {
+            if ((double)of->features[i].x_px > most) most = (double)of->features[i].x_px;
+            if ((double)of->features[i].y_px > most) most = (double)of->features[i].y_px;
+        }
+    }
+    return (struct view){2 * most, most / 2, most / 2};
+}
+
+static void bearing(const struct view *view, const struct fovea_local_feature *feature, double x[3])
+{
+    x[0] = ((double)feature->x_px - view->x) / view->focal;
+    x[1] = ((double)feature->y_px - view->y) / view->focal;
+    x[2] = 1;
+    (void)fv_normalise3(x);
+}
+
+/* H of the plane at depth 1 to pixels: K H K^-1, its last element 1. */
+static void to_pixels(const struct view *view, const double H[9], double out[9])
+{
+    const double K[9] = {view->focal, 0, view->x, 0, view->focal, view->y, 0, 0, 1};
+    const double f = 1 / view->focal;
+    const double inverse[9] = {f, 0, -view->x * f, 0, f, -view->y * f, 0, 0, 1};
+    double half[9];
+    fv_multiply33(K, H, half);
+    fv_multiply33(half, inverse, out);
+    const double scale = out[8] != 0 ? 1 / out[8] : 1;
+    for (int i = 0; i < 9; i++)
+        out[i] *= scale;
+}
+
+static void verify(struct fovea_matcher *matcher, const struct fovea_extracted *a,
+                   const struct fovea_extracted *b, struct fovea_matched *matched)
+{
+    const struct fovea_match_config *config = &matcher->config;
+    const bool essential = config->geometry == FOVEA_MATCH_ESSENTIAL;
+    const struct view own = {(double)config->focal_px, (double)config->centre_px[0],
+                             (double)config->centre_px[1]};
+    const struct view view = essential ? own : view_of(a, b);
+    const struct fv_sampling sampling = {(double)config->threshold_px / view.focal, .999,
+                                         config->samples_max};
+    struct fv_random random;
+    struct fv_se3 T_b_a;
+    double H[9];
+    fv_random_seed(&random, SEED);
+    for (uint32_t i = 0; i < matched->count; i++) {
+        bearing(&view, &a->features[matcher->matches[i].a], matcher->pairs[i].x1);
+        bearing(&view, &b->features[matcher->matches[i].b], matcher->pairs[i].x2);
+    }
+    matched->inlier_count = essential
+                                ? fv_essential_estimate(matcher->pairs, matched->count, &sampling,
+                                                        &random, &T_b_a, matcher->inlier)
+                                : fv_homography_estimate(matcher->pairs, matched->count, &sampling,
+                                                         &random, H, matcher->inlier);
+    for (uint32_t i = 0; i < matched->count; i++)
+        matcher->matches[i].inlier = matched->inlier_count > 0 && matcher->inlier[i] != 0;
+    if (matched->inlier_count == 0) return;
+    if (essential)
+        fv_essential_from_motion(&T_b_a, matched->model);
+    else
+        to_pixels(&view, H, matched->model);
+}
+
+enum fovea_status fovea_match_run(struct fovea_matcher *matcher, const struct fovea_extracted *a,
+                                  const struct fovea_extracted *b, struct fovea_matched *matched)
+{
+    const struct fovea_match_config *config = &matcher->config;
+    for (int k = 0; k < 2; k++) {
+        const struct fovea_extracted *of = k == 0 ? a : b;
+        if (of->count > config->count_max ||
+            (of->count > 0 && of->descriptor_bytes != config->descriptor_bytes))
+            return FOVEA_ERROR_ARGUMENT;
+    }
+    *matched = (struct fovea_matched){.matches = matcher->matches};
+    if (a->count == 0 || b->count == 0) return FOVEA_OK;
+    search(matcher, a, b);
+    matched->count = matched->inlier_count = keep(matcher, a->count);
+    if (config->geometry != FOVEA_MATCH_ANY) verify(matcher, a, b, matched);
+    return FOVEA_OK;
 }

@@ -23,6 +23,7 @@
 #include "kernels/contracts/remap.h"
 #include "kernels/contracts/response.h"
 #include "kernels/contracts/scale.h"
+#include "kernels/contracts/squares.h"
 #include "kernels/contracts/nn.h"
 
 #ifdef __cplusplus

@@ -2,6 +2,8 @@
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
+#include <time.h>
 
 #include "support/aligned.h"
 #include "support/canvas.h"
@@ -10,14 +12,24 @@
 #include "support/files.h"
 #include "app/config/options.h"
 #include "support/say.h"
-#include "features/match.h"
+#include "support/text.h"
+#include "fovea/match.h"
 
-/* The pictures side by side, a line for every match, its colour by the direction of the line. */
-static enum fovea_status draw(const struct fv_extract *a, const struct fv_extract *b,
-                              const struct fv_match *matches, uint32_t count, const char *path,
-                              struct fovea_error *error)
+/* Two pictures and what was matched. */
+struct pair {
+    struct fv_extract a, b;
+    struct fovea_match_config config;
+    struct fovea_matched matched;
+    void *memory; /* of the matches */
+    double search_ms;
+};
+
+/* The pictures side by side, a line for every inlier, its colour by turns; other matches are grey.
+ */
+static enum fovea_status draw(const struct pair *pair, const char *path, struct fovea_error *error)
 {
     static const uint32_t colours[6] = {0xff5544, 0xffbb33, 0xaadd33, 0x33ccbb, 0x4499ff, 0xdd77ff};
+    const struct fv_extract *a = &pair->a, *b = &pair->b;
     const int shift = a->image.width;
     const int height = a->image.height > b->image.height ? a->image.height : b->image.height;
     struct fv_canvas canvas;
@@ -25,90 +37,204 @@ static enum fovea_status draw(const struct fv_extract *a, const struct fv_extrac
     if (status != FOVEA_OK) return fovea_error_set(error, status, "%.300s: out of memory", path);
     fv_canvas_image(&canvas, 0, 0, &a->image);
     fv_canvas_image(&canvas, shift, 0, &b->image);
-    for (uint32_t i = 0; i < count; i++) {
-        const struct fovea_local_feature *p = &a->found.features[matches[i].query],
-                                         *q = &b->found.features[matches[i].train];
-        const uint32_t colour = colours[i % 6];
-        fv_canvas_line(&canvas, p->x_px, p->y_px, q->x_px + (float)shift, q->y_px, 1, colour);
-        fv_canvas_disc(&canvas, p->x_px, p->y_px, 2.5f, colour);
-        fv_canvas_disc(&canvas, q->x_px + (float)shift, q->y_px, 2.5f, colour);
-    }
+    for (uint32_t inlier = 0; inlier < 2; inlier++) /* inliers above the others */
+        for (uint32_t i = 0; i < pair->matched.count; i++) {
+            const struct fovea_match *match = &pair->matched.matches[i];
+            const struct fovea_local_feature *p = &a->found.features[match->a],
+                                             *q = &b->found.features[match->b];
+            if (match->inlier != inlier) continue;
+            const uint32_t colour = inlier ? colours[i % 6] : 0x808080;
+            fv_canvas_line(&canvas, p->x_px, p->y_px, q->x_px + (float)shift, q->y_px, 1, colour);
+            fv_canvas_disc(&canvas, p->x_px, p->y_px, 2.5f, colour);
+            fv_canvas_disc(&canvas, q->x_px + (float)shift, q->y_px, 2.5f, colour);
+        }
     status = fv_canvas_write(&canvas, path, error);
     fv_canvas_free(&canvas);
     return status;
 }
 
-static void print_json(const struct fv_extract *a, const struct fv_extract *b,
-                       const struct fv_match *matches, uint32_t count)
+static void print_json(const struct pair *pair)
 {
-    printf("{\"features\": [%u, %u], \"matches\": [", a->found.count, b->found.count);
-    for (uint32_t i = 0; i < count; i++) {
-        const struct fovea_local_feature *p = &a->found.features[matches[i].query],
-                                         *q = &b->found.features[matches[i].train];
+    const struct fovea_matched *matched = &pair->matched;
+    printf(
+        "{\"features\": [%u, %u], \"method\": \"%s\", \"matcher\": \"brute_force\", \"search_ms\": %.3f, "
+        "\"geometry\": \"%s\", \"inliers\": %u, \"model\": [",
+        pair->a.found.count, pair->b.found.count, fovea_feature_method_name(pair->a.config.method),
+        pair->search_ms, fovea_match_geometry_name(pair->config.geometry), matched->inlier_count);
+    for (int i = 0; i < 9; i++)
+        printf("%s%.9g", i == 0 ? "" : ", ", matched->model[i]);
+    printf("], \"matches\": [");
+    for (uint32_t i = 0; i < matched->count; i++) {
+        const struct fovea_match *match = &matched->matches[i];
+        const struct fovea_local_feature *p = &pair->a.found.features[match->a],
+                                         *q = &pair->b.found.features[match->b];
         printf(
-            "%s\n  {\"a\": %u, \"b\": %u, \"a_px\": [%.4f, %.4f], \"b_px\": [%.4f, %.4f], \"distance\": %u}",
-            i == 0 ? "" : ",", matches[i].query, matches[i].train, (double)p->x_px, (double)p->y_px,
-            (double)q->x_px, (double)q->y_px, matches[i].distance);
+            "%s\n  {\"a\": %u, \"b\": %u, \"a_px\": [%.4f, %.4f], \"b_px\": [%.4f, %.4f], \"distance\": %g, \"inlier\": %s}",
+            i == 0 ? "" : ",", match->a, match->b, (double)p->x_px, (double)p->y_px,
+            (double)q->x_px, (double)q->y_px, (double)match->distance,
+            match->inlier ? "true" : "false");
     }
     printf("\n]}\n");
 }
 
-/* Memory for matching sets of `count_max`: the matcher's and the matches. NULL: none left. */
-static struct fv_match *take_memory(uint32_t count_max, struct fv_matcher *matcher, void **memory)
+static void print_summary(const struct pair *pair)
 {
-    struct fv_arena arena;
-    struct fv_match *matches = NULL;
-    *memory = NULL;
-    for (int round = 0; round < 2; round++) {
-        if (round == 0) {
-            fv_arena_count(&arena);
-        } else {
-            const size_t bytes = arena.used;
-            *memory = fv_aligned_new(bytes);
-            if (*memory == NULL) return NULL;
-            fv_arena_init(&arena, *memory, bytes);
-        }
-        fv_matcher_carve(matcher, count_max, &arena);
-        matches = fv_arena_take(&arena, count_max, sizeof *matches);
-    }
-    return matches;
+    const struct fovea_matched *matched = &pair->matched;
+    printf("%u matches of %u and %u features", matched->count, pair->a.found.count,
+           pair->b.found.count);
+    if (pair->config.geometry != FOVEA_MATCH_ANY)
+        printf(", %u inliers of the %s", matched->inlier_count,
+               fovea_match_geometry_name(pair->config.geometry));
+    printf(", searched in %.1f ms\n", pair->search_ms);
+    for (int i = 0; i < 9 && matched->inlier_count > 0 && pair->config.geometry != FOVEA_MATCH_ANY;
+         i += 3)
+        printf("  %12.6g %12.6g %12.6g\n", matched->model[i], matched->model[i + 1],
+               matched->model[i + 2]);
 }
 
-static enum fv_exit match(const struct fv_extract *a, const struct fv_extract *b,
-                          uint32_t count_max, uint16_t ratio_q8, const char *picture, bool json)
+static double now_ms(void)
 {
-    struct fovea_error error;
-    struct fv_matcher matcher;
-    struct fv_kernels kernels;
-    enum fv_cpu_set cpu;
-    void *memory;
-    if (fv_cpu_from_environment(&cpu, &error) != FOVEA_OK) return fv_say_wrong("%s", error.text);
-    fv_kernels_init(&kernels, cpu);
-    struct fv_match *matches = take_memory(count_max, &matcher, &memory);
-    if (matches == NULL) return fv_say_failed("out of memory");
-    const struct fv_match_rules rules = {FV_MATCH_DISTANCE_ANY, ratio_q8, true};
-    const uint32_t count = fv_match_all(&matcher, &kernels, a->found.descriptors, a->found.count,
-                                        b->found.descriptors, b->found.count, &rules, matches);
-    enum fv_exit status = FV_EXIT_OK;
-    if (picture != NULL && draw(a, b, matches, count, picture, &error) != FOVEA_OK)
-        status = fv_say_failed("%s", error.text);
-    else if (json)
-        print_json(a, b, matches, count);
-    else
-        printf("%u matches of %u and %u features\n", count, a->found.count, b->found.count);
-    free(memory);
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (double)t.tv_sec * 1e3 + (double)t.tv_nsec * 1e-6;
+}
+
+static enum fovea_status match(struct pair *pair, struct fovea_error *error)
+{
+    struct fovea_matcher *matcher;
+    const size_t bytes = fovea_match_size(&pair->config, error);
+    if (bytes == 0) return FOVEA_ERROR_ARGUMENT;
+    pair->memory = fv_aligned_new(bytes);
+    if (pair->memory == NULL)
+        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "out of memory: %zu bytes", bytes);
+    enum fovea_status status =
+        fovea_match_init(&matcher, &pair->config, pair->memory, bytes, error);
+    if (status != FOVEA_OK) return status;
+    const double start = now_ms();
+    status = fovea_match_run(matcher, &pair->a.found, &pair->b.found, &pair->matched);
+    pair->search_ms = now_ms() - start;
     return status;
+}
+
+/* What the command line says, before it is read. */
+struct request {
+    const char *method, *descriptor, *matcher, *geometry, *focal, *centre;
+    uint64_t max, ratio;
+    bool upright, no_cross_check;
+};
+
+static bool read_numbers(const char *text, int count, double *values)
+{
+    for (int i = 0; i < count; i++) {
+        char word[32];
+        const size_t length = strcspn(text, ",");
+        if (length >= sizeof word || (text[length] == ',') != (i + 1 < count)) return false;
+        memcpy(word, text, length);
+        word[length] = '\0';
+        if (!fv_text_number(word, &values[i])) return false;
+        text += length + 1;
+    }
+    return true;
+}
+
+/* A pinhole camera: its focal length, and its principal point, the middle of A by default. */
+static enum fovea_status read_camera(const struct request *request, const struct fovea_image *image,
+                                     struct fovea_match_config *config, struct fovea_error *error)
+{
+    double focal = 0, centre[2] = {(image->width - 1) / 2., (image->height - 1) / 2.};
+    if (request->focal == NULL || !read_numbers(request->focal, 1, &focal) || !(focal >= 1) ||
+        focal > 1e5)
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                               "--focal: found '%.100s', expected pixels from 1 to 100000: the "
+                               "essential matrix needs a camera",
+                               request->focal == NULL ? "" : request->focal);
+    if (request->centre != NULL && !read_numbers(request->centre, 2, centre))
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                               "--centre: found '%.100s', expected X,Y in pixels", request->centre);
+    config->focal_px = (float)focal;
+    config->centre_px[0] = (float)centre[0];
+    config->centre_px[1] = (float)centre[1];
+    return FOVEA_OK;
+}
+
+static enum fovea_status read_request(const struct request *request,
+                                      struct fovea_extract_config *extract,
+                                      struct fovea_match_config *config, struct fovea_error *error)
+{
+    if (request->ratio < 1 || request->ratio > 100)
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                               "--ratio: found %" PRIu64 ", expected 1 to 100 (percent)",
+                               request->ratio);
+    if (request->matcher != NULL && strcmp(request->matcher, "brute_force") != 0)
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                               "--matcher: found '%.100s', expected brute_force", request->matcher);
+    const enum fovea_status status =
+        fv_extract_config(request->method, request->descriptor, request->max, extract, error);
+    if (status != FOVEA_OK) return status;
+    if (request->upright) extract->upright = 1;
+    fovea_match_config_default(config, extract->descriptor);
+    config->count_max = extract->count_max;
+    config->ratio = (float)request->ratio / 100;
+    config->cross_check = !request->no_cross_check;
+    int geometry = 0;
+    while (request->geometry != NULL && geometry < FOVEA_MATCH_GEOMETRY_COUNT &&
+           strcmp(request->geometry,
+                  fovea_match_geometry_name((enum fovea_match_geometry)geometry)) != 0)
+        geometry++;
+    if (geometry == FOVEA_MATCH_GEOMETRY_COUNT)
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                               "--geometry: found '%.100s', expected any, homography or essential",
+                               request->geometry);
+    config->geometry = (enum fovea_match_geometry)geometry;
+    return FOVEA_OK;
+}
+
+/* Read both pictures, match, and write what was asked for. */
+static enum fv_exit run(const struct request *request, const struct fovea_extract_config *extract,
+                        char **paths, struct pair *pair, const char *picture, bool json)
+{
+    struct fovea_error error = {0};
+    enum fovea_status status = fv_extract(paths[0], NULL, extract, &pair->a, &error);
+    if (status == FOVEA_OK) status = fv_extract(paths[1], NULL, extract, &pair->b, &error);
+    if (status == FOVEA_OK && pair->config.geometry == FOVEA_MATCH_ESSENTIAL)
+        status = read_camera(request, &pair->a.image, &pair->config, &error);
+    if (status == FOVEA_OK) status = match(pair, &error);
+    if (status != FOVEA_OK)
+        return status == FOVEA_ERROR_SYSTEM ? fv_say_failed("%s", error.text)
+                                            : fv_say_wrong("%s", error.text);
+    if (picture != NULL && draw(pair, picture, &error) != FOVEA_OK)
+        return fv_say_failed("%s", error.text);
+    if (json)
+        print_json(pair);
+    else
+        print_summary(pair);
+    return FV_EXIT_OK;
 }
 
 int fv_command_match(int argc, char **argv)
 {
-    uint64_t max = 1000, ratio = 80;
+    struct request request = {.max = 1000, .ratio = 80};
     const char *picture = NULL;
     bool json = false;
     const struct fv_option options[] = {
-        {"max", "N", FV_OPTION_COUNT, &max, "most features to find in each picture (default 1000)"},
-        {"ratio", "PERCENT", FV_OPTION_COUNT, &ratio,
+        {"method", "NAME", FV_OPTION_TEXT, &request.method,
+         "of features, as of 'fovea features': orb (default), sift, ..."},
+        {"descriptor", "NAME", FV_OPTION_TEXT, &request.descriptor, "as of 'fovea features'"},
+        {"upright", NULL, FV_OPTION_FLAG, &request.upright, "as of 'fovea features'"},
+        {"max", "N", FV_OPTION_COUNT, &request.max,
+         "most features to find in each picture (default 1000)"},
+        {"matcher", "NAME", FV_OPTION_TEXT, &request.matcher,
+         "brute_force (default): each descriptor of A is compared with each of B"},
+        {"ratio", "PERCENT", FV_OPTION_COUNT, &request.ratio,
          "keep matches nearer than PERCENT of the second nearest (default 80; 100 keeps all)"},
+        {"no-cross-check", NULL, FV_OPTION_FLAG, &request.no_cross_check,
+         "keep matches that are not the nearest in both directions too"},
+        {"geometry", "NAME", FV_OPTION_TEXT, &request.geometry,
+         "any (default), homography (a plane, or a camera that turns), or essential (a rigid scene)"},
+        {"focal", "PIXELS", FV_OPTION_TEXT, &request.focal,
+         "focal length of both pictures, for --geometry essential"},
+        {"centre", "X,Y", FV_OPTION_TEXT, &request.centre,
+         "principal point in pixels, for --geometry essential (default: the middle)"},
         {"draw", "FILE", FV_OPTION_TEXT, &picture, "write both pictures with the matches as PNG"},
         {"json", NULL, FV_OPTION_FLAG, &json, "print every match"},
         {0},
@@ -118,26 +244,17 @@ int fv_command_match(int argc, char **argv)
         fv_options_parse(options, "A B", 2, 2, argc, argv, &first);
     if (result != FV_OPTIONS_READ) return result == FV_OPTIONS_HELP ? FV_EXIT_OK : FV_EXIT_WRONG;
 
-    struct fovea_extract_config config;
+    struct fovea_extract_config extract;
     struct fovea_error error;
-    struct fv_extract a, b;
-    if (ratio < 1 || ratio > 100)
-        return fv_say_wrong("--ratio: found %" PRIu64 ", expected 1 to 100 (percent)", ratio);
+    struct pair pair = {0};
     const struct fv_file written[] = {{"--draw", picture}, {0}},
                          read[] = {{"A", argv[first]}, {"B", argv[first + 1]}, {0}};
-    if (fv_extract_config(NULL, NULL, max, &config, &error) != FOVEA_OK ||
+    if (read_request(&request, &extract, &pair.config, &error) != FOVEA_OK ||
         fv_files_apart(written, read, &error) != FOVEA_OK)
         return fv_say_wrong("%s", error.text);
-    enum fv_exit status;
-    if (fv_extract(argv[first], NULL, &config, &a, &error) != FOVEA_OK) {
-        status = fv_say_wrong("%s", error.text);
-    } else {
-        if (fv_extract(argv[first + 1], NULL, &config, &b, &error) != FOVEA_OK)
-            status = fv_say_wrong("%s", error.text);
-        else
-            status = match(&a, &b, config.count_max, (uint16_t)(ratio * 256 / 100), picture, json);
-        fv_extract_free(&b);
-    }
-    fv_extract_free(&a);
+    const enum fv_exit status = run(&request, &extract, argv + first, &pair, picture, json);
+    fv_extract_free(&pair.a);
+    fv_extract_free(&pair.b);
+    free(pair.memory);
     return status;
 }

@@ -65,10 +65,10 @@ static int tear_down(void **state)
     return rmdir(folder);
 }
 
-/* Run a command with up to 7 arguments, ended by NULL. */
+/* Run a command with up to 11 arguments, ended by NULL. */
 static int call(int (*command)(int, char **), const char *const arguments[])
 {
-    char copies[8][128], *argv[9];
+    char copies[12][128], *argv[13];
     int argc = 0;
     for (; arguments[argc] != NULL; argc++) {
         snprintf(copies[argc], sizeof copies[argc], "%s", arguments[argc]);
@@ -99,6 +99,13 @@ static void commands_write_pictures(void **state)
                      FV_EXIT_OK);
     size_of(out, WIDTH, HEIGHT);
     assert_int_equal(CALL(fv_command_match, "match", in, in, "--draw", out), FV_EXIT_OK);
+    size_of(out, 2 * WIDTH, HEIGHT);
+    assert_int_equal(
+        CALL(fv_command_match, "match", in, in, "--method", "sift", "--geometry", "homography"),
+        FV_EXIT_OK);
+    assert_int_equal(CALL(fv_command_match, "match", in, in, "--geometry", "essential", "--focal",
+                          "300", "--draw", out),
+                     FV_EXIT_OK);
     size_of(out, 2 * WIDTH, HEIGHT);
     assert_int_equal(CALL(fv_command_rectify, "rectify", in, out, "--camera", camera), FV_EXIT_OK);
     size_of(out, WIDTH, HEIGHT);
@@ -136,6 +143,11 @@ static void wrong_input_is_reported(void **state)
                      FV_EXIT_FAILED);
     assert_int_equal(CALL(fv_command_match, "match", in), FV_EXIT_WRONG);
     assert_int_equal(CALL(fv_command_match, "match", in, in, "--ratio", "0"), FV_EXIT_WRONG);
+    assert_int_equal(CALL(fv_command_match, "match", in, in, "--matcher", "flann"), FV_EXIT_WRONG);
+    assert_int_equal(CALL(fv_command_match, "match", in, in, "--geometry", "essential"),
+                     FV_EXIT_WRONG);
+    assert_int_equal(CALL(fv_command_match, "match", in, in, "--geometry", "epipolar"),
+                     FV_EXIT_WRONG);
     assert_int_equal(CALL(fv_command_image, "image", in, out), FV_EXIT_WRONG);
     assert_int_equal(CALL(fv_command_image, "image", in, out, "--operations", "denoise,blur"),
                      FV_EXIT_WRONG);
