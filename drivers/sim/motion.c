@@ -237,6 +237,28 @@ static void kidnap(const struct fv_sim_motion *m, double t, struct pose *pose)
     }
 }
 
+/* A car: on its lane at the height of the camera, on springs that the road shakes. It nods when it
+ * brakes, and leans out of bends. */
+static void drive(const struct fv_sim_motion *m, double t, struct pose *pose)
+{
+    const double *b = m->road->bounce;
+    double speed, before, after, heading, slope;
+    const double along = fv_sim_road_way(m->road, t, &speed);
+    fv_sim_road_way(m->road, t - 0.1, &before);
+    fv_sim_road_way(m->road, t + 0.1, &after);
+    fv_sim_road_at(m->road, along, pose->position, &heading, &slope);
+    const double moves = speed < 5 ? speed / 5 : 1, nod = 0.004 * (after - before) / 0.2;
+    const double swing = speed * speed * fv_sim_road_curvature(m->road, along);
+    pose->position[0] += 1.75 * fv_sin(heading);
+    pose->position[1] -= 1.75 * fv_cos(heading);
+    pose->position[2] += FV_SIM_ROAD_HEIGHT_M + 0.008 * moves * fv_sin(9.3 * t + b[0]) +
+                         0.005 * moves * fv_sin(23.0 * t + b[1]);
+    pose->yaw = heading + 0.002 * moves * fv_sin(1.7 * t + b[2]);
+    pose->pitch = fv_atan2(slope, 1.0) + nod - 0.01 + 0.003 * moves * fv_sin(8.1 * t + b[3]) +
+                  0.0015 * moves * fv_sin(19.0 * t + b[4]);
+    pose->roll = 0.003 * swing + 0.003 * moves * fv_sin(6.7 * t + b[5]);
+}
+
 /* ---- outside --------------------------------------------------------------------------------- */
 
 void fv_sim_motion_create(struct fv_sim_motion *motion, const struct fv_sim_options *options,
@@ -248,6 +270,7 @@ void fv_sim_motion_create(struct fv_sim_motion *motion, const struct fv_sim_opti
     memcpy(motion->room, world->room, sizeof motion->room);
     memcpy(motion->lane, world->lane, sizeof motion->lane);
     memcpy(motion->store, world->store, sizeof motion->store);
+    motion->road = &world->road;
     struct fv_random random;
     fv_random_seed(&random, options->seed ^ 0x60A7E5u);
     for (int32_t i = 0; i < FV_SIM_PHASES; i++)
@@ -263,6 +286,7 @@ uint64_t fv_sim_motion_frames(enum fv_sim_trajectory trajectory, double rate_hz)
     if (trajectory == FV_SIM_WANDER) return 0;
     if (trajectory == FV_SIM_STAND) seconds = 306.0;
     if (trajectory == FV_SIM_TOUR) seconds = 68.0;
+    if (trajectory == FV_SIM_ROAD) seconds = 12.0;
     if (trajectory == FV_SIM_CORRIDOR) seconds = 43.0; /* once round takes 36 s */
     return (uint64_t)(seconds * rate_hz + 0.5);
 }
@@ -298,6 +322,9 @@ void fv_sim_motion_pose(const struct fv_sim_motion *m, double t, double T_world_
         break;
     case FV_SIM_WANDER:
         wander(m, t, &pose);
+        break;
+    case FV_SIM_ROAD:
+        drive(m, t, &pose);
         break;
     case FV_SIM_STILL:
         orbit(m, 0.0, &pose);

@@ -274,6 +274,10 @@ void fv_sim_world_place(struct fv_sim_world *world, double time_s)
 {
     world->face_count = world->static_faces;
     world->round_count = world->static_rounds;
+    if (world->road.car_count > 0) {
+        fv_sim_road_cars_place(world, time_s);
+        return;
+    }
     for (int32_t i = 0; i < world->object_count; i++) {
         const struct fv_sim_object *o = &world->object[i];
         double position[2], heading;

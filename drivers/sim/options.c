@@ -30,7 +30,8 @@ static const struct fv_uri_table options_table = {
     "sim", option_table, sizeof option_table / sizeof option_table[0], NULL, NULL, renamed};
 
 static const char *const trajectory_name[FV_SIM_TRAJECTORY_COUNT] = {
-    "tour", "orbit", "corridor", "rotate", "stopgo", "fast", "kidnap", "wander", "still", "stand"};
+    "tour",   "orbit",  "corridor", "rotate", "stopgo", "fast",
+    "kidnap", "wander", "still",    "stand",  "road"};
 
 bool fv_sim_option_given(const struct fv_sim_options *options, size_t offset)
 {
@@ -87,6 +88,10 @@ static enum fovea_status check_together(const struct fv_sim_options *options,
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "sim: fov: found %g, expected at most %g degrees with this lens",
                                options->fov_deg, widest);
+    if (options->trajectory == FV_SIM_ROAD && options->objects > FV_SIM_ROAD_CARS_MAX)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "sim: objects: found %d, expected at most %d cars on the road",
+                               (int)options->objects, FV_SIM_ROAD_CARS_MAX);
     if (options->trajectory != FV_SIM_FAST && options->turn_rate_deg_s != FV_SIM_TURN_DEG_S)
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "sim: turn_rate: found %g with the trajectory %s, expected fast",
@@ -106,9 +111,22 @@ static int32_t default_objects(enum fv_sim_trajectory trajectory)
         return 8;
     case FV_SIM_WANDER:
         return 12;
+    case FV_SIM_ROAD:
+        return 8;
     default:
         return 6;
     }
+}
+
+/* A car's camera has a size and a rate of its own: KITTI's. */
+static void default_road(struct fv_sim_options *o)
+{
+    const double half = 1241 / (2 * FV_SIM_ROAD_FOCAL_PX);
+    o->width = 1241;
+    o->height = 376;
+    o->rate_hz = 10;
+    o->lens = FV_SIM_LENS_PINHOLE;
+    o->fov_deg = 2 * fv_atan2(half, 1) * 180 / FV_PI;
 }
 
 enum fovea_status fv_sim_options_parse(const char *address, struct fv_sim_options *options,
@@ -130,10 +148,12 @@ enum fovea_status fv_sim_options_parse(const char *address, struct fv_sim_option
         return fv_uri_unknown("sim", "trajectory", word, trajectory_name, FV_SIM_TRAJECTORY_COUNT,
                               error);
     o.objects = default_objects(o.trajectory);
+    if (o.trajectory == FV_SIM_ROAD) default_road(&o);
     if (*address != '\0') address++;
     enum fovea_status status = fv_uri_options_parse(&options_table, address, &o, &o.given, error);
     if (status != FOVEA_OK) return status;
-    if (!fv_sim_option_given(&o, AT(fov_deg)))
+    if (!fv_sim_option_given(&o, AT(fov_deg)) &&
+        (o.trajectory != FV_SIM_ROAD || fv_sim_option_given(&o, AT(lens))))
         o.fov_deg = o.lens == FV_SIM_LENS_EQUIDISTANT ? 105.0 : 80.0;
     if (!fv_sim_option_given(&o, AT(frames)))
         o.frames = fv_sim_motion_frames(o.trajectory, o.rate_hz);

@@ -383,6 +383,10 @@ void fv_sim_paint(struct fv_sim_texture *texture, enum fv_sim_material material,
 {
     struct fv_sim_brush brush, *b = &brush;
     fv_sim_brush_open(b, texture, texels_per_m, seed);
+    if (material >= FV_SIM_ROAD_FIRST) {
+        fv_sim_paint_road(texture, b, material);
+        return;
+    }
     switch (material) {
     case FV_SIM_CARPET:
         paint_carpet(b);

@@ -32,6 +32,9 @@ void fv_sim_triangle(struct fv_sim_brush *brush, const int32_t x[3], const int32
  * of the one before. */
 void fv_sim_noise(struct fv_sim_brush *brush, int32_t x0, int32_t y0, int32_t x1, int32_t y1,
                   int32_t cell, int32_t finest, int32_t amplitude, int32_t fall);
+/* The materials of the road (road_paint.c). */
+void fv_sim_paint_road(struct fv_sim_texture *texture, struct fv_sim_brush *brush,
+                       enum fv_sim_material material);
 /* Posters, signs and the like (posters.c). */
 void fv_sim_poster(struct fv_sim_brush *brush, int32_t x0, int32_t y0, int32_t x1, int32_t y1);
 void fv_sim_books(struct fv_sim_brush *brush, int32_t x0, int32_t y0, int32_t x1, int32_t y1);

@@ -26,6 +26,25 @@ FV_IN_WIDE void trace_face(const struct fv_sim_surface *s, const float *restrict
     }
 }
 
+FV_IN_WIDE void trace_cut(const struct fv_sim_surface *s, const float *restrict x,
+                          const float *restrict y, int32_t count, float *restrict best,
+                          int32_t *restrict hit, int32_t number)
+{
+    const float a = s->inverse_z[0], b = s->inverse_z[1], c = s->inverse_z[2];
+    const float ua = s->u[0], ub = s->u[1], uc = s->u[2], va = s->v[0], vb = s->v[1], vc = s->v[2];
+    const float pa = s->cut[0][0], pb = s->cut[0][1], pc = s->cut[0][2], qa = s->cut[1][0],
+                qb = s->cut[1][1], qc = s->cut[1][2];
+    for (int32_t i = 0; i < count; i++) {
+        const float iz = a * x[i] + b * y[i] + c, u = ua * x[i] + ub * y[i] + uc,
+                    v = va * x[i] + vb * y[i] + vc, p = pa * x[i] + pb * y[i] + pc,
+                    q = qa * x[i] + qb * y[i] + qc;
+        const int32_t seen = (iz > best[i]) & (u >= 0.0f) & (v >= 0.0f) & (u <= iz) & (v <= iz) &
+                             (p >= 0.0f) & (q >= 0.0f);
+        best[i] = seen ? iz : best[i];
+        hit[i] = seen ? number : hit[i];
+    }
+}
+
 FV_IN_WIDE void trace_disc(const struct fv_sim_surface *s, const float *restrict x,
                            const float *restrict y, int32_t count, float *restrict best,
                            int32_t *restrict hit, int32_t number)
@@ -74,6 +93,8 @@ FV_WIDE static void trace(const struct fv_sim_scene *scene, const uint16_t *list
         const struct fv_sim_surface *s = &scene->surface[list[k]];
         if (s->is_round)
             trace_round(s, x, y, count, inverse_z, hit, k);
+        else if (s->is_cut)
+            trace_cut(s, x, y, count, inverse_z, hit, k);
         else if (s->disc)
             trace_disc(s, x, y, count, inverse_z, hit, k);
         else

@@ -206,6 +206,13 @@ static bool set_face(struct fv_sim_surface *s, const struct fv_sim_face *face,
     s->object = face->object;
     s->is_round = false;
     s->disc = face->disc;
+    s->is_cut = face->is_cut;
+    for (int32_t k = 0; k < 2 && face->is_cut; k++) {
+        double cut[3];
+        for (int32_t i = 0; i < 3; i++)
+            cut[i] = face->cut[k][0] * iz[i] + face->cut[k][1] * cu[i] + face->cut[k][2] * cv[i];
+        store3(s->cut[k], cut);
+    }
     return true;
 }
 
@@ -267,6 +274,7 @@ static bool set_round(struct fv_sim_surface *s, const struct fv_sim_round *round
     s->object = round->object;
     s->is_round = true;
     s->disc = false;
+    s->is_cut = false;
     return true;
 }
 
@@ -323,6 +331,10 @@ static bool may_show(const struct fv_sim_surface *s, const struct fv_sim_rect *r
         past_v[i] = s->inverse_z[i] - s->v[i];
     }
     if (affine_max(past_u, r) < 0.0f || affine_max(past_v, r) < 0.0f) return false;
+    if (s->is_cut && (affine_max(s->cut[0], r) < 0.0f || affine_max(s->cut[1], r) < 0.0f))
+        return false;
+    if (s->is_cut && (affine_min(s->cut[0], r) < 0.0f || affine_min(s->cut[1], r) < 0.0f))
+        return true;
     const float farthest = affine_min(s->inverse_z, r);
     if (!s->disc && farthest > 0.0f && affine_min(s->u, r) >= 0.0f && affine_min(s->v, r) >= 0.0f &&
         affine_min(past_u, r) >= 0.0f && affine_min(past_v, r) >= 0.0f)

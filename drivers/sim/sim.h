@@ -26,6 +26,8 @@
 #include "fovea/source.h"
 #include "support/uri_options.h"
 
+#include "road.h"
+
 /* ---- options (options.c) --------------------------------------------------------------------- */
 
 enum fv_sim_trajectory {
@@ -39,6 +41,7 @@ enum fv_sim_trajectory {
     FV_SIM_WANDER,
     FV_SIM_STILL,
     FV_SIM_STAND,
+    FV_SIM_ROAD,
     FV_SIM_TRAJECTORY_COUNT
 };
 
@@ -127,6 +130,21 @@ enum fv_sim_material {
     FV_SIM_PARCEL,
     FV_SIM_CLOTHES,
     FV_SIM_HEAD,
+    FV_SIM_ROAD_FIRST, /* from here on in road_paint.c */
+    FV_SIM_ROAD_ASPHALT = FV_SIM_ROAD_FIRST,
+    FV_SIM_ROAD_SHADED, /* asphalt under trees */
+    FV_SIM_ROAD_GRASS,
+    FV_SIM_ROAD_PAVEMENT,
+    FV_SIM_ROAD_FACADE,
+    FV_SIM_ROAD_ROOF,
+    FV_SIM_ROAD_FOLIAGE,
+    FV_SIM_ROAD_BARK,
+    FV_SIM_ROAD_FENCE,
+    FV_SIM_ROAD_RAIL,
+    FV_SIM_ROAD_CAR, /* side and end */
+    FV_SIM_ROAD_TRUCK,
+    FV_SIM_ROAD_GLASS,
+    FV_SIM_ROAD_SKY,
     FV_SIM_MATERIAL_COUNT
 };
 
@@ -146,7 +164,7 @@ void fv_sim_paint_light(struct fv_sim_texture *texture, double texels_per_m, uin
 
 /* ---- world (world.c, places.c, objects.c) ---------------------------------------------------- */
 
-enum { FV_SIM_FACES_MAX = 1408, FV_SIM_ROUNDS_MAX = 192, FV_SIM_OBJECTS_MAX = 48 };
+enum { FV_SIM_FACES_MAX = 1408, FV_SIM_ROUNDS_MAX = 512, FV_SIM_OBJECTS_MAX = 48 };
 
 struct fv_sim_face {
     double origin[3], u[3],
@@ -155,6 +173,8 @@ struct fv_sim_face {
     float light;
     uint16_t texture, object; /* object: 0 for what never moves */
     bool disc;
+    bool is_cut; /* to where, of both, cut[k][0] + cut[k][1] u + cut[k][2] v >= 0 */
+    double cut[2][3];
 };
 
 struct fv_sim_round {
@@ -187,7 +207,8 @@ struct fv_sim_world {
     double lane[2];  /* half-extents of the corridor's centre line, 0 where there is none */
     double store[3]; /* a place cut off from the room (kidnap) */
     uint64_t seed;
-    bool repeated, full; /* full: an array or memory was too small */
+    struct fv_sim_road road; /* only of FV_SIM_ROAD */
+    bool repeated, full;     /* full: an array or memory was too small */
 };
 
 /* Build the world of a trajectory. false: out of memory. Init-only. */
@@ -234,6 +255,7 @@ struct fv_sim_motion {
     double direction; /* +1 or -1: which way round */
     double turn_s;    /* how long a turn of `fast` takes */
     double room[2], lane[2], store[3];
+    const struct fv_sim_road *road; /* the world's */
     int32_t control_count; /* uniform cubic B-spline, one control point a second: x y z yaw pitch */
     double control[FV_SIM_SPLINE_MAX][5];
 };
@@ -263,9 +285,10 @@ enum {
 /* One surface as the camera sees it: everything in the camera frame, single precision. */
 struct fv_sim_surface {
     float inverse_z[3], u[3],
-        v[3];    /* face: affine in (x, y, 1), u and v scaled to [0, 1] and divided by z */
-    float area;  /* face: texel^2 per unit of normalised area at z = 1 */
-    float slant; /* face: 1 / distance of the plane; round: 1 / smallest z */
+        v[3];        /* face: affine in (x, y, 1), u and v scaled to [0, 1] and divided by z */
+    float cut[2][3]; /* face that is cut: to where both are positive, affine in (x, y, 1) */
+    float area;      /* face: texel^2 per unit of normalised area at z = 1 */
+    float slant;     /* face: 1 / distance of the plane; round: 1 / smallest z */
     float x_min, x_max, y_min, y_max; /* bounds in the normalised plane */
     float p[3], a[3], e1[3], e2[3];   /* round: base, axis and the two sides */
     float height, q1, q2, k, pa,
@@ -273,7 +296,7 @@ struct fv_sim_surface {
     float tex_u, tex_v, tex_du, tex_dv, light, sun[3];
     const struct fv_sim_texture *texture;
     uint16_t object;
-    bool is_round, disc;
+    bool is_round, disc, is_cut;
 };
 
 struct fv_sim_rect {
@@ -388,7 +411,10 @@ struct fovea_source {
     bool started;
     void *sensor_state[FV_SIM_BODY_SENSOR_COUNT];
     uint64_t sample_count[FV_SIM_BODY_SENSOR_COUNT]; /* that came */
-    uint8_t *grey;                                   /* the image that is rendered */
+    uint8_t *dirt[FOVEA_CAMERAS_MAX]; /* on the lenses, of each pixel; only of the road */
+    uint16_t *lensed;  /* light behind the lens, as large as the canvas; only of the road */
+    int32_t veil;      /* light that the sun spreads over the picture */
+    uint8_t *grey;     /* the image that is rendered */
     uint16_t *exposed; /* light of the whole frame, only with blur (the mean of instants) or a
                           rolling shutter */
     float *depth_m;    /* truth; pages untouched until asked for */

@@ -23,6 +23,9 @@ static void sim_close(struct fovea_source *source)
     free(source->canvas.linear);
     free(source->canvas.surface);
     free(source->exposed);
+    free(source->lensed);
+    for (int k = 0; k < FOVEA_CAMERAS_MAX; k++)
+        free(source->dirt[k]);
     for (int32_t i = 0; i < FOVEA_SOURCE_FRAMES_HELD; i++)
         for (int k = 0; k < FOVEA_CAMERAS_MAX; k++)
             free(source->image[i][k]);
@@ -33,6 +36,18 @@ static void sim_close(struct fovea_source *source)
     free(source);
 }
 
+/* What comes through the lens: dirt takes light, the sun spreads some. */
+static const uint16_t *through_lens(struct fovea_source *source, const uint16_t *linear,
+                                    int32_t first, int32_t count)
+{
+    const uint8_t *dirt = source->dirt[source->camera] + first;
+    for (int32_t i = 0; i < count; i++) {
+        const int32_t light = (linear[i] * (dirt[i] + 1) >> 8) + source->veil;
+        source->lensed[i] = (uint16_t)(light < 65535 ? light : 65535);
+    }
+    return source->lensed;
+}
+
 /* Rows of an instant are done: they go through the sensor, or into what the whole frame is exposed
  * to. */
 static void rows_done(void *context, const uint16_t *linear, int32_t y_begin, int32_t y_end)
@@ -40,6 +55,7 @@ static void rows_done(void *context, const uint16_t *linear, int32_t y_begin, in
     struct fovea_source *source = context;
     const int32_t first = y_begin * source->options.width,
                   count = y_end * source->options.width - first;
+    if (source->lensed != NULL) linear = through_lens(source, linear, first, count);
     if (source->exposed == NULL) {
         fv_sim_sensor_expose(&source->sensor, linear, count, source->grey + first);
         return;
@@ -51,6 +67,24 @@ static void rows_done(void *context, const uint16_t *linear, int32_t y_begin, in
     }
     for (int32_t i = 0; i < count; i++)
         exposed[i] = (uint16_t)(exposed[i] + linear[i] / BLUR_STEPS);
+}
+
+/* Dirt is the same in all frames, other on each camera. */
+static bool allocate_lens(struct fovea_source *source, size_t in_canvas)
+{
+    const struct fv_sim_options *o = &source->options;
+    if (o->trajectory != FV_SIM_ROAD) return true;
+    source->lensed = calloc(in_canvas, sizeof(uint16_t));
+    source->info.heap_bytes += in_canvas * sizeof(uint16_t);
+    for (uint32_t k = 0; k < source->info.rig.camera_count; k++) {
+        const size_t pixels = (size_t)o->width * (size_t)o->height;
+        source->dirt[k] = calloc(pixels, 1);
+        if (source->dirt[k] == NULL) return false;
+        source->info.heap_bytes += pixels;
+        fv_sim_road_dirt(&source->world.road, source->world.seed + k, o->width, o->height,
+                         source->dirt[k]);
+    }
+    return source->lensed != NULL;
 }
 
 static bool allocate(struct fovea_source *source)
@@ -90,7 +124,7 @@ static bool allocate(struct fovea_source *source)
     for (int32_t i = 0; i < source->world.texture_count; i++)
         bytes += source->world.texture[i].bytes;
     source->info.heap_bytes = bytes;
-    return fine;
+    return fine && allocate_lens(source, in_canvas);
 }
 
 /* A stamp holds 292 years. Where no number of frames is asked for, the first two must have one:
@@ -225,6 +259,7 @@ void fv_sim_set_scene(struct fovea_source *source, double time_s, int32_t y_begi
     if (source->camera > 0)
         fv_sim_compose(T_world_cam, source->info.rig.cameras[source->camera].T_body_cam,
                        T_world_cam);
+    source->veil = source->lensed != NULL ? fv_sim_road_veil(&source->world.road, T_world_cam) : 0;
     fv_sim_scene_set(&source->scene, &source->world, T_world_cam, &bound);
 }
 
@@ -256,7 +291,9 @@ static void render_frame(struct fovea_source *source, double time_s, uint64_t se
     const struct fv_sim_options *o = &source->options;
     const int32_t pixels = o->width * o->height, steps = o->blur ? BLUR_STEPS : 1;
     source->grey = grey;
-    fv_sim_sensor_begin(&source->sensor, o->light, o->noise, seed);
+    const double gain =
+        o->trajectory == FV_SIM_ROAD ? fv_sim_road_gain(&source->world.road, time_s) : 1.0;
+    fv_sim_sensor_begin(&source->sensor, o->light * gain, o->noise, seed);
     if (o->blur) memset(source->exposed, 0, (size_t)pixels * sizeof *source->exposed);
     for (int32_t k = 0; k < steps; k++)
         render_instant(source, time_s + ((k + 0.5) / steps - 0.5) * o->exposure_ms * 1e-3);
@@ -338,7 +375,7 @@ static enum fovea_source_state sim_state(const struct fovea_source *source)
 const struct fovea_source_ops fv_source_sim = {
     .name = "sim",
     .help =
-        "[TRAJECTORY][?OPTION=VALUE&...]  simulated camera: tour (default), orbit, corridor, rotate, stopgo, fast, kidnap, wander, still, stand; options"
+        "[TRAJECTORY][?OPTION=VALUE&...]  simulated camera: tour (default), orbit, corridor, rotate, stopgo, fast, kidnap, wander, still, stand, road; options"
 #define FV_SIM_OPTION(name, kind, type, member, value, low, high, unit, words) " " name
 #include "options.def"
 #undef FV_SIM_OPTION

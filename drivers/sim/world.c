@@ -161,11 +161,14 @@ bool fv_sim_world_build(struct fv_sim_world *world, const struct fv_sim_options 
     case FV_SIM_WANDER:
         fv_sim_place_hall(world);
         break;
+    case FV_SIM_ROAD:
+        fv_sim_place_road(world, options);
+        break;
     default:
         fv_sim_place_room(world, options->trajectory == FV_SIM_KIDNAP);
         break;
     }
-    fv_sim_objects_create(world, options);
+    if (options->trajectory != FV_SIM_ROAD) fv_sim_objects_create(world, options);
     world->static_faces = world->face_count;
     world->static_rounds = world->round_count;
     for (int32_t i = 0; i < world->texture_count; i++)

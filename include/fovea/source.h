@@ -74,7 +74,7 @@ enum fovea_truth_class {
     FOVEA_TRUTH_BACKGROUND = 0,
     FOVEA_TRUTH_BALL = 1,
     FOVEA_TRUTH_CONE = 2,
-    FOVEA_TRUTH_BOX = 3,
+    FOVEA_TRUTH_BOX = 3,    /* also cars */
     FOVEA_TRUTH_PERSON = 4, /* a person-sized post */
     FOVEA_TRUTH_CLASS_COUNT
 };

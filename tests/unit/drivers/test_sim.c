@@ -111,6 +111,10 @@ static const struct {
     {"still?width=320&height=240&rolling=1&light=0.5", 9, 0x1f551bdf26ff6484u, 0x6676acb0e4827abcu},
     {"orbit?width=320&height=240&rolling=1&blur=1&objects=12", 200, 0x4f4708e23fc7da13u,
      0x3c4a51d233af1a97u},
+    {"road", 20, 0xcb4f56c2ac8a1692u, 0x37d096be2ac6895du},
+    {"road?seed=6&width=620&height=188", 45, 0x0888caa31bb72939u, 0x80d8a4937cd2c7ffu},
+    {"road?seed=3&width=400&height=200&lens=radtan&blur=1&exposure=12", 30, 0x0846b6d9b27559f1u,
+     0x4578a13ccfc9de3fu},
 };
 
 static void test_golden(void **state)
