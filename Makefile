@@ -67,13 +67,19 @@ LCMTYPES  := $(wildcard include/lcmtypes/*.lcm)
 LCMGEN    := $(patsubst include/lcmtypes/%.lcm,$(BUILD)/generated/%.c,$(LCMTYPES)) $(BUILD)/generated/fovea_fields.h $(BUILD)/generated/fovea_types.h $(BUILD)/generated/fovea_type_texts.h
 KERNELS   := $(wildcard src/kernels/*.c src/kernels/c/*.c)
 ifneq (,$(findstring x86_64,$(MACHINE)))
-KERNELS   += $(wildcard src/kernels/x86/*.c)
+# Set by set, so that the pages of those that this processor does not use are never read.
+KERNELS   += $(foreach set,sse4 avx2 avx512 avx512icl avx512vnni,$(wildcard src/kernels/x86/*_$(set).c))
 endif
 ifneq (,$(findstring aarch64,$(MACHINE)))
 KERNELS   += $(wildcard src/kernels/neon/*.c)
 endif
 ROOMS     := base image features geometry odometry scale map nn detect objects message runtime
 CORE_C    := $(KERNELS) $(foreach r,$(ROOMS),$(wildcard src/$(r)/*.c))
+# What no loop runs stands at the end, for the same reason: features and operations of the commands.
+LAST_C    := $(filter src/kernels/%_c.c $(addprefix src/features/,extract.c harris.c patch.c scale_space.c sift%.c strongest.c) \
+             $(addprefix src/image/,contrast.c edges.c filters.c hysteresis.c preprocess.c tables.c white_balance.c) \
+             $(addprefix src/kernels/x86/,edge_% filter_% response_% bilateral_%),$(CORE_C))
+CORE_C    := $(filter-out $(LAST_C),$(CORE_C)) $(LAST_C)
 DRIVERS_C := $(wildcard drivers/*.c drivers/*/*.c)
 APP_C     := $(wildcard src/app/*.c src/app/*/*.c src/support/*.c)
 
