@@ -229,6 +229,15 @@ evaluate: all $(BUILD)/venv-sweep/ready $(BUILD)/venv-objects/ready  ## the reco
 	$(BUILD)/venv-sweep/bin/python tools/evaluate road --binary $(BUILD)/fovea
 	$(BUILD)/venv-objects/bin/python tools/evaluate/objects.py --fovea $(BUILD)/fovea --output tools/evaluate/objects.md
 
+# Feature methods over changes of photographs, by OpenCV's image functions.
+$(BUILD)/obj/tools/evaluate/features.o: CXXFLAGS += -Itests -isystem /usr/include/opencv4
+$(BUILD)/evaluate-features: $(BUILD)/obj/tools/evaluate/features.o $(BUILD)/libfovea.a
+	@echo "  link $@"
+	$(Q)$(CXX) $(LDFLAGS) -pie -o $@ $^ $(OPENCV_LIBS) $(LIBS_CORE)
+.PHONY: evaluate-features
+evaluate-features: $(BUILD)/evaluate-features  ## feature methods over brightness, blur, noise, rotation, scale, viewpoint and JPEG: rewrites the committed table and picture
+	$< tools/evaluate/features.md tools/evaluate/features.svg $(wildcard $(or $(FOVEA_DATA),../shared/data)/affine/*/img1.png)
+
 CAMPAIGN := $(patsubst tests/%.c,$(BUILD)/tests/%,$(wildcard tests/campaign/*.c))
 campaign: all $(CAMPAIGN)  ## the long proofs, resumable: hours
 	@tools/campaign.sh

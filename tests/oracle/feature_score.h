@@ -66,7 +66,8 @@ inline FeatureScore score(const FeatureSet &a, const FeatureSet &b, int norm, co
                           cv::Size size_a, cv::Size size_b)
 {
     std::vector<cv::DMatch> matches;
-    cv::BFMatcher(norm, true).match(a.descriptors, b.descriptors, matches);
+    if (!a.points.empty() && !b.points.empty())
+        cv::BFMatcher(norm, true).match(a.descriptors, b.descriptors, matches);
     int right = 0;
     for (const auto &m : matches) {
         const cv::Point2d p = a.points[static_cast<size_t>(m.queryIdx)],
