@@ -287,10 +287,10 @@ static void yolov3_box(struct fv_head_job *j, int32_t output, int64_t place, int
     if (w < 1 || h < 1 || count < 1) return; /* the loader lets none through */
     const float *anchor = (const float *)(const void *)(j->model->base + j->d->anchor_data) +
                           2 * (output * count + (int32_t)(place % count));
-    const int64_t at = place * (5 + j->d->classes), cell = place / count;
-    const float cx = ((float)(cell % w) + sigmoid(value_at(o, at))) / (float)w * (float)p->width,
-                cy = ((float)(cell / w) + sigmoid(value_at(o, at + 1))) / (float)h *
-                     (float)p->height,
+    const int64_t at = place * (5 + j->d->classes), cell = place / count, x = cell % w,
+                  y = cell / w;
+    const float cx = ((float)x + sigmoid(value_at(o, at))) / (float)w * (float)p->width,
+                cy = ((float)y + sigmoid(value_at(o, at + 1))) / (float)h * (float)p->height,
                 bw = anchor[0] * (float)fv_exp((double)value_at(o, at + 2)),
                 bh = anchor[1] * (float)fv_exp((double)value_at(o, at + 3));
     fv_head_add_box(j, item, cx - bw * 0.5f, cy - bh * 0.5f, cx + bw * 0.5f, cy + bh * 0.5f, score,
