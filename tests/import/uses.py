@@ -214,6 +214,21 @@ def states(bench):
     bench.holds("the name of the output", getattr(found, "names", []) == [b"t2"], True)
 
 
+def outputs(bench):
+    """A tail that is cut off: the network ends in the tensors that are named, and needs no operator behind them."""
+    b = Builder()
+    x, y = b.tensor("int8", (1, 8, 8, 3), 0.1, 0), b.tensor("int8", (1, 8, 8, 3), 0.1, 0)
+    z = b.tensor("int8", (1, 8, 8, 3), 0.1, 0)
+    b.op("RELU", [x], [y])
+    b.op("CUMSUM", [y, b.const("int32", 1)], [z], "Cumsum")
+    model = b.bytes([x], [z])
+    bench.refused("a tail that is not supported", model, "CUMSUM", "--decoder", "none")
+    found = bench.run(model, "--decoder", "none", "--outputs", "t1")
+    bench.holds("the network before it", getattr(found, "names", found) == [b"t1"], True)
+    bench.refused("a name that nothing computes", model, "no computed tensor 't7'", "--decoder", "none", "--outputs", "t7")
+    bench.refused("an input", model, "no computed tensor 't0'", "--decoder", "none", "--outputs", "t0")
+
+
 def refusals(bench):
     """What to do instead, in 200 letters and the file's name at most."""
     for weights in ("int8", "float32"):
@@ -402,7 +417,7 @@ def files(bench):
 def main():
     with tempfile.TemporaryDirectory() as folder:
         bench = Bench(folder)
-        for test in (guesses, heads, states, refusals, ranges, thresholds, labels, anchors, loaded, units, archived, files, damaged):
+        for test in (guesses, heads, states, outputs, refusals, ranges, thresholds, labels, anchors, loaded, units, archived, files, damaged):
             test(bench)
     return 1 if bench.wrong else 0
 

@@ -35,6 +35,10 @@ def convert(path, arguments=None, fold=True):
 
 def translate(path, arguments, fold):
     graph = graph_module.read(path)
+    if arguments is not None and arguments.names:
+        return graph, None
+    if arguments is not None and arguments.outputs:
+        graph_module.cut(graph, arguments.outputs)
     net = Lowering(graph, fold).run()
     arena, bound = plan_module.plan(net)
     writer = Writer(net, arena)
@@ -52,6 +56,14 @@ def print_operators(graph):
     for op in graph.ops:
         counts[op.name] = counts.get(op.name, 0) + 1
     print("operators: " + ", ".join(f"{n} {name}" for name, n in sorted(counts.items())))
+
+
+def print_names(graph):
+    for op in graph.ops:
+        for t in op.outputs:
+            tensor = graph.tensors[t]
+            print(f"{op.index:4} {op.name:24} {tensor.type.lower()}[{', '.join(map(str, tensor.shape))}] {tensor.name}")
+    return 0
 
 
 def kernel_sets():
@@ -101,6 +113,8 @@ def main():
         return complain(f"{arguments.model}: {problem}")
     except OSError as problem:
         return complain(f"{problem.filename or arguments.model}: {problem.strerror}")
+    if figures is None:
+        return print_names(data)
     print_operators(figures["graph"])
     if figures["decoder"]:
         print(f"decoder {figures['decoder']}" + ("" if figures["tried"] else "; not tried on pictures: `make` builds what runs them"))

@@ -37,10 +37,12 @@ class CheckProblem(Exception):
     """Why nothing can be compared, in one line."""
 
 
-def reference(path):
+def reference(path, plain=True):
+    """`plain` False: the other kernels, for operators that the reference ones leave out."""
     from ai_edge_litert.interpreter import Interpreter, OpResolverType
     interpreter = Interpreter(model_content=mended(path), num_threads=1, experimental_preserve_all_tensors=True,
-                              experimental_op_resolver_type=OpResolverType.BUILTIN_REF)
+                              experimental_op_resolver_type=OpResolverType.BUILTIN_REF if plain else
+                              OpResolverType.BUILTIN_WITHOUT_DEFAULT_DELEGATES)
     interpreter.allocate_tensors()
     return interpreter
 

@@ -165,10 +165,7 @@ def candidates(e):
         return {"ssd_raw": ssd_raw(e)}
     if len(e.outs) > 1 and several(e):
         return several(e)
-    last = origin(e.graph, e.graph.outputs[0])[1]
-    if len(shape) == 2 and last is not None and last.name == "L2_NORMALIZATION":
-        found["embedding"] = None
-    elif len(shape) == 2 or len(shape) == 4 and shape[:3] == (1, 1, 1):
+    if len(shape) == 2 or len(shape) == 4 and shape[:3] == (1, 1, 1):
         found["classifier"] = classifier(e)
     elif len(shape) == 4 and shape[:2] == (1, 1) and shape[3] == 3:
         found["movenet"] = movenet(e)

@@ -57,6 +57,8 @@ class Folder:
         if op.name == "GELU":
             approximate = op.options is not None and op.options.Approximate()
             return op.inputs[0], quant.float_table(ti, to, quant.gelu_approximate if approximate else quant.gelu)
+        if op.name == "ELU" and ti.signed:
+            return op.inputs[0], quant.float_table(ti, to, quant.elu)
         if op.name == "ABS" and ti.signed:
             return op.inputs[0], quant.absolute(s_in, z_in, s_out, z_out)
         if op.name == "NEG" and ti.signed:

@@ -47,6 +47,9 @@ def _moved(graph, op, mask):
         return mask(ins[0])[tuple(slice(f, None if n < 0 else f + n) for f, n in zip(first, counts))]
     if op.name == "GATHER":
         return np.take(mask(ins[0]), graph.tensors[ins[1]].data, op.options.Axis() if op.options else 0)
+    if op.name == "GATHER_ND":
+        places = graph.tensors[ins[1]].data
+        return mask(ins[0])[tuple(np.moveaxis(places, -1, 0))]
     return None
 
 

@@ -138,6 +138,22 @@ def _tensor(model, index, t):
     return Tensor(index, name, kind, shape, scale, zero, axis, data, is_open)
 
 
+def cut(graph, names):
+    """The graph that ends in these tensors; what only others need is left out. Raises ImportProblem for a name that it does not have."""
+    made = {t: op for op in graph.ops for t in op.outputs}
+    by_name = {t.name: t.index for t in graph.tensors if t.index in made}
+    for name in names:
+        if name not in by_name:
+            raise ImportProblem(f"--outputs: found no computed tensor {name[:60]!r}, expected names as --names lists them")
+    graph.outputs = [by_name[name] for name in names]
+    needed, kept = set(graph.outputs), []
+    for op in reversed(graph.ops):
+        if needed & set(op.outputs):
+            needed |= set(op.inputs)
+            kept.append(op)
+    graph.ops = kept[::-1]
+
+
 def read(path):
     with open(path, "rb") as file:
         raw = file.read()

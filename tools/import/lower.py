@@ -8,7 +8,7 @@ from layout import ARENA_SLACK
 from net import Net
 
 REFUSAL_MAX = 200
-UNARY = ("LOGISTIC", "TANH", "RELU", "RELU6", "RELU_N1_TO_1", "RELU_0_TO_1", "LEAKY_RELU", "HARD_SWISH", "EXP", "LOG", "GELU", "ABS", "NEG", "SQRT", "RSQRT")
+UNARY = ("LOGISTIC", "TANH", "RELU", "RELU6", "RELU_N1_TO_1", "RELU_0_TO_1", "LEAKY_RELU", "HARD_SWISH", "EXP", "LOG", "GELU", "ABS", "NEG", "SQRT", "RSQRT", "ELU")
 
 
 def shortened(text, most=REFUSAL_MAX):

@@ -148,6 +148,29 @@ def gather(low, op):
         emit_strided(low, op, source, out, part, src, dst, src_first=indices[at] * src[axis], dst_first=at * dst[axis])
 
 
+def gather_nd(low, op):
+    """Constant places in the first axes: what lies behind each place is a run of bytes, and neighbours are copied as one."""
+    places = low.tensor(op.inputs[1])
+    low.const_int(op.inputs[1], op, "the list of places")
+    source = low.dense_input(op.inputs[0])
+    v = low.net.values[source]
+    depth = int(places.shape[-1]) if places.shape else 0
+    if not 1 <= depth <= len(v.shape):
+        raise ImportProblem(low.describe_missing(op))
+    rows = np.asarray(places.data, np.int64).reshape(-1, depth)
+    if (rows < 0).any() or (rows >= v.shape[:depth]).any():
+        raise ImportProblem(low.describe_missing(op) + " (a place outside its input)")
+    flat = np.ravel_multi_index(rows.T, v.shape[:depth]).tolist() if len(rows) else []
+    size, width = int(np.prod(v.shape[depth:], dtype=np.int64)), TYPE_BYTES[v.type]
+    runs = [i for i in range(len(flat)) if i == 0 or flat[i] != flat[i - 1] + 1]
+    if not flat or len(runs) > GATHER_MAX:
+        raise ImportProblem(low.describe_missing(op) + f" ({len(runs)} runs of places, at most {GATHER_MAX} work)")
+    out = low.output(op.outputs[0])
+    for at, end in zip(runs, runs[1:] + [len(flat)]):
+        emit_strided(low, op, source, out, ((end - at) * size,), (width,), (width,), src_first=flat[at] * size * width,
+                     dst_first=at * size * width)
+
+
 def split(low, op):
     t_axis, t_in = (op.inputs[0], op.inputs[1]) if op.name == "SPLIT" else (op.inputs[2], op.inputs[0])
     axis = low.const_int(t_axis, op, "the axis")[0]
@@ -340,5 +363,6 @@ def dequantize(low, op):
 
 OPERATORS = {"RESHAPE": reshape, "SQUEEZE": reshape, "EXPAND_DIMS": reshape, "TRANSPOSE": transpose,
              "STRIDED_SLICE": strided_slice, "SPLIT": split, "SPLIT_V": split, "UNPACK": unpack, "PACK": pack,
-             "CONCATENATION": concatenation, "PAD": pad, "PADV2": pad, "SLICE": slice_, "GATHER": gather, "TILE": tile, "SPACE_TO_DEPTH": space_to_depth, "SPACE_TO_BATCH_ND": space_to_batch,
+             "CONCATENATION": concatenation, "PAD": pad, "PADV2": pad, "SLICE": slice_, "GATHER": gather, "GATHER_ND": gather_nd,
+             "TILE": tile, "SPACE_TO_DEPTH": space_to_depth, "SPACE_TO_BATCH_ND": space_to_batch,
              "DEPTH_TO_SPACE": space_to_depth, "CAST": cast, "QUANTIZE": quantize, "DEQUANTIZE": dequantize}

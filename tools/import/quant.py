@@ -114,6 +114,11 @@ def tanh(x):
     return f32(math.tanh(float(x)))
 
 
+def elu(x):
+    """As the reference does for int8: std::expm1 of a float."""
+    return f32(math.expm1(float(x))) if x < 0 else x
+
+
 def gelu(x):
     """x times the fraction of the normal distribution below it, by the error function."""
     return f32(f32(f32(0.5) * x) * f32(f32(1) + f32(math.erf(float(f32(x * f32(math.sqrt(0.5))))))))

@@ -5,7 +5,7 @@ import numpy as np
 import slices
 
 SAME = ("QUANTIZE", "DEQUANTIZE", "CAST", "SOFTMAX", "LOGISTIC", "TANH", "RELU", "RELU6", "RELU_N1_TO_1", "RELU_0_TO_1",
-        "LEAKY_RELU", "HARD_SWISH", "EXP", "LOG", "ABS", "GELU", "NEG", "SQRT", "RSQRT")
+        "LEAKY_RELU", "HARD_SWISH", "EXP", "LOG", "ABS", "GELU", "NEG", "SQRT", "RSQRT", "ELU")
 BROADCAST = ("ADD", "SUB", "MUL", "MAXIMUM", "MINIMUM", "PRELU")
 
 
@@ -111,6 +111,11 @@ def _gather(op, ins):
     return [*shape[:axis], *ins[1].shape, *shape[axis + 1:]]
 
 
+def _gather_nd(op, ins):
+    places = ins[1].shape
+    return [*places[:-1], *ins[0].shape[places[-1]:]]
+
+
 def _pad(op, ins):
     return [n + sum(p) for n, p in zip(ins[0].shape, np.reshape(_numbers(ins[1]), (-1, 2)))]
 
@@ -144,7 +149,7 @@ RULES = {"CONV_2D": _conv, "DEPTHWISE_CONV_2D": _conv, "MAX_POOL_2D": _pool, "AV
          "RESHAPE": _reshape, "SQUEEZE": _squeeze, "EXPAND_DIMS": _expand_dims, "CONCATENATION": _concatenation,
          "PACK": _pack, "UNPACK": _unpack, "STRIDED_SLICE": _strided_slice,
          "TRANSPOSE": lambda op, ins: [ins[0].shape[i] for i in _numbers(ins[1])],
-         "PAD": _pad, "PADV2": _pad, "SLICE": _slice, "GATHER": _gather,
+         "PAD": _pad, "PADV2": _pad, "SLICE": _slice, "GATHER": _gather, "GATHER_ND": _gather_nd,
          "TILE": lambda op, ins: [n * k for n, k in zip(ins[0].shape, _numbers(ins[1]))],
          "MEAN": _reduce, "REDUCE_MAX": _reduce, "REDUCE_MIN": _reduce, "ARG_MAX": _arg_max, "ARG_MIN": _arg_max,
          "SPACE_TO_DEPTH": _space_to_depth, "DEPTH_TO_SPACE": _space_to_depth, "SPACE_TO_BATCH_ND": _batches,
