@@ -9,8 +9,6 @@
 int64_t __fovea_recording_t_get_hash(void);
 int64_t __fovea_rig_t_get_hash(void);
 
-enum { FORMAT = 4 }; /* of recordings that this reads */
-
 /* Big-endian members one after the other, as lcm-gen encodes them. */
 struct cursor {
     const uint8_t *data;
@@ -178,11 +176,10 @@ enum fovea_status fv_log_rig(const char *name, const struct fv_lcmlog_event *eve
     const int64_t start = event->offset + FV_LCMLOG_HEADER_BYTES + (int64_t)strlen(event->channel);
     if (take_number(&cursor, 8) != (uint64_t)__fovea_recording_t_get_hash()) return FOVEA_AGAIN;
     const int32_t format = (int32_t)take_number(&cursor, 4);
-    if (format != FORMAT && !cursor.short_of)
-        return fovea_error_set(
-            error, FOVEA_ERROR_UNSUPPORTED,
-            "%s: byte %lld: found recording format %d%s, expected %d", name, (long long)start + 8,
-            (int)format, format == 2 || format == 3 ? ", which Fovea 0.1 reads" : "", (int)FORMAT);
+    if (!cursor.short_of) {
+        const enum fovea_status status = fv_lcmlog_check_format(name, start + 8, format, error);
+        if (status != FOVEA_OK) return status;
+    }
     for (int i = 0; i < 4; i++)
         take_string(&cursor); /* version, machine, kernel set, source */
     take_number(&cursor, 1);  /* real_time */

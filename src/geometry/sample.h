@@ -16,6 +16,9 @@ enum { FV_SAMPLE_SIZE_MAX = 8 };
 /* `size` different numbers below `count` (count >= size), in random order. */
 void fv_sample_distinct(struct fv_random *random, uint32_t count, uint32_t size, uint32_t *index);
 
+/* Probability that one sample holds inliers only, of every search for a first map or a closure. */
+#define FV_SAMPLE_CONFIDENCE 0.999
+
 /* Samples needed so that, with probability `confidence`, one holds inliers only; at least 4, at
  * most 1000000.
  */

@@ -135,7 +135,7 @@ bool fv_sim3_search_more(struct fv_sim3_search *search,
         if (inliers <= search->best_inliers) continue;
         search->best = S;
         search->best_inliers = inliers;
-        uint32_t bound = fv_sample_bound((double)inliers / count, 3, 0.999);
+        uint32_t bound = fv_sample_bound((double)inliers / count, 3, FV_SAMPLE_CONFIDENCE);
         if (bound < search->bound) search->bound = bound;
     }
     return search->done < search->bound;

@@ -108,8 +108,7 @@ struct fv_window_result fv_window_commit(struct fv_window *window, struct fv_map
 
 void fv_window_abort(struct fv_window *window);
 
-/* ---- between window_copy.c, which fills the window, and window.c, which optimises it ----------
- */
+/* ---- what window_copy.c, which fills the window, and window.c share ------------------------- */
 
 /* An empty window. */
 void fv_window_clear(struct fv_window *window);

@@ -2,6 +2,7 @@
  * of them fit; a plane or a shallow scene leaves others that fit about as well, so the motions of
  * the homography are followed to their own minimum, too. */
 #include "geometry/essential.h"
+#include "geometry/sample.h"
 #include "geometry/homography.h"
 #include "geometry/vec.h"
 #include "odometry/initialise.h"
@@ -138,7 +139,7 @@ static uint32_t try_motion(struct fv_initialiser *in, uint32_t pairs, struct fv_
 uint32_t fv_initialise_motions(struct fv_initialiser *in, struct fv_random *random, uint32_t count,
                                struct fv_se3 T[FV_INITIALISE_MOTIONS_MAX])
 {
-    const struct fv_sampling sampling = {threshold_px / in->focal_px, 0.999, 300};
+    const struct fv_sampling sampling = {threshold_px / in->focal_px, FV_SAMPLE_CONFIDENCE, 300};
     double H[9], ratio, costs[FV_INITIALISE_MOTIONS_MAX];
     struct fv_se3 motion, planes[4];
     uint32_t found = 0,

@@ -10,6 +10,17 @@
 #include "fovea_types.h"
 #include "support/input.h"
 
+enum fovea_status fv_lcmlog_check_format(const char *name, int64_t byte, int32_t format,
+                                         struct fovea_error *error)
+{
+    if (format == FOVEA_RECORDING_T_FORMAT) return FOVEA_OK;
+    return fovea_error_set(
+        error, FOVEA_ERROR_UNSUPPORTED,
+        "%s: byte %" PRId64 ": found recording format %" PRId32 "%s, expected %d", name, byte,
+        format, format == 2 || format == 3 ? ", which Fovea 0.1 reads" : "",
+        FOVEA_RECORDING_T_FORMAT);
+}
+
 struct fv_lcmlog {
     FILE *file;
     char *path;

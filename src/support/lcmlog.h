@@ -37,6 +37,11 @@ struct fv_lcmlog_event {
     const uint8_t *data; /* in memory of the log, valid until the next read; NULL when skimming */
 };
 
+/* Whether this program reads recordings of `format`, which stands at `byte` of the file `name`.
+ * FOVEA_ERROR_UNSUPPORTED: `error` says what was found and what reads it. */
+enum fovea_status fv_lcmlog_check_format(const char *name, int64_t byte, int32_t format,
+                                         struct fovea_error *error);
+
 struct fv_lcmlog;
 
 /* Open a log for reading. FOVEA_ERROR_INPUT: cannot be opened, or not a regular file. */

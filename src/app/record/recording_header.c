@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "support/lcmlog.h"
 #include "support/aligned.h"
 #include "app/config/classes.h"
 #include "app/config/model_file.h"
@@ -392,15 +393,9 @@ enum fovea_status fv_recording_header_decode(const char *name, int64_t offset, c
         status =
             fovea_error_set(error, FOVEA_ERROR_INPUT,
                             "%s: byte %" PRId64 ": the header cannot be decoded", name, offset);
-    else if (message.format != FOVEA_RECORDING_T_FORMAT)
-        status = fovea_error_set(
-            error, FOVEA_ERROR_UNSUPPORTED,
-            "%s: byte %" PRId64 ": found recording format %" PRId32 "%s, expected %d", name,
-            offset + 8, message.format,
-            message.format == 2 || message.format == 3 ? ", which Fovea 0.1 reads" : "",
-            FOVEA_RECORDING_T_FORMAT);
     else
-        status = read_parts(&from, &message, header, error);
+        status = fv_lcmlog_check_format(name, offset + 8, message.format, error);
+    if (status == FOVEA_OK) status = read_parts(&from, &message, header, error);
     if (status == FOVEA_OK) {
         header->real_time = message.real_time;
         snprintf(header->version, sizeof header->version, "%s", message.version);

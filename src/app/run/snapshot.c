@@ -73,8 +73,7 @@ void fv_snapshot_step(struct fv_snapshot *snapshot, const struct fovea *rt,
     shot->box_count = 0;
     shot->whole = false;
     const struct fovea_feature *features = fovea_features_get(rt, &shot->feature_count);
-    if (shot->feature_count > FV_SNAPSHOT_FEATURES_MAX)
-        shot->feature_count = FV_SNAPSHOT_FEATURES_MAX;
+    if (shot->feature_count > FOVEA_FEATURES_MAX) shot->feature_count = FOVEA_FEATURES_MAX;
     memcpy(shot->features, features, shot->feature_count * sizeof *features);
     snapshot->copied = step;
     snapshot->pending = snapshot->detecting;

@@ -14,7 +14,7 @@
 
 #include "fovea/fovea.h"
 
-enum { FV_SNAPSHOT_FEATURES_MAX = 4000, FV_SNAPSHOT_BOXES_MAX = 64 };
+enum { FV_SNAPSHOT_BOXES_MAX = 64 };
 
 struct fv_snapshot_box {
     float x_min_px, y_min_px, x_max_px, y_max_px, score;
@@ -30,7 +30,7 @@ struct fv_snapshot_frame {
     uint64_t sequence, index;
     struct fovea_image image; /* in the snapshot's memory; data NULL until fv_snapshot_fetch */
     uint32_t feature_count, box_count;
-    struct fovea_feature features[FV_SNAPSHOT_FEATURES_MAX];
+    struct fovea_feature features[FOVEA_FEATURES_MAX];
     struct fv_snapshot_box boxes[FV_SNAPSHOT_BOXES_MAX];
 };
 

@@ -63,7 +63,7 @@ static void test_boxes_go_to_the_image_of_their_stamp(void **state)
     assert_non_null(best);
     assert_true(best->stamp_ns == first_ns);
     assert_int_equal(best->box_count, 2);
-    assert_in_range(best->feature_count, 100, FV_SNAPSHOT_FEATURES_MAX);
+    assert_in_range(best->feature_count, 100, FOVEA_FEATURES_MAX);
     assert_int_equal(best->image.width, 320);
 
     int64_t stamps[8];
