@@ -41,6 +41,13 @@ enum fovea_object_state {
     FOVEA_OBJECT_ENDED = 3      /* given up with this image; listed once, for the last time */
 };
 
+/* The frame of an object's position. */
+enum fovea_object_located {
+    FOVEA_OBJECT_LOCATED_NOT = 0,    /* not known: the numbers are 0 or old */
+    FOVEA_OBJECT_LOCATED_CAMERA = 1, /* camera of the image, metres; the pose has no metric scale */
+    FOVEA_OBJECT_LOCATED_WORLD = 2   /* `world` of struct fovea_pose, metres; messages: `odom` */
+};
+
 struct fovea_objects_config {
     int mode; /* enum fovea_objects_mode, default FOVEA_OBJECTS_SORT */
     /* [1, 256], default 128; memory: 2.2 kB each, with the costs of 300 detections */
@@ -80,9 +87,7 @@ struct fovea_object {
     float x_px_s, y_px_s;  /* velocity of its centre, the camera's rotation taken out */
     uint32_t hits, unseen; /* detections in all; images processed since the last one */
 
-    /* Where it is: 0 unknown, 1 in the camera frame of the image (metres; the pose has no metric
-     * scale), 2 in the world. */
-    uint32_t located;
+    enum fovea_object_located located;
     int64_t first_ns, seen_ns; /* stamps of the first and the last detection */
     /* of its centre by size, of its foot by the floor; velocity in the world only */
     double position_m[3], velocity_m_s[3];

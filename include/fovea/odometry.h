@@ -71,12 +71,12 @@ struct fovea_pose {
     /* Row-major 3x4; the world is the camera's frame at the start of the map, continuous where
      * closures correct the map, as `odom`; its unit is the metre unless the scale is free. */
     double T_world_cam[12];
-    /* p_map = map_scale R p_world + t with [R t] = T_map_odom (row-major 3x4): where the map, as
+    /* p_map = map_scale R p_world + t with [R t] = T_map_world (row-major 3x4): where the map, as
      * corrected by closures, has the point that the continuous world has at p_world. In the axes of
      * that camera; messages have the same in those of the body. Identity and 1 before the first
-     * correction; with a scale both are in metres, map_scale is 1, and T_map_odom contains what a
+     * correction; with a scale both are in metres, map_scale is 1, and T_map_world contains what a
      * better estimate changes. */
-    double T_map_odom[12], map_scale;
+    double T_map_world[12], map_scale;
     /* Covariance of the pose relative to its reference keyframe: upper triangle by rows of the 6x6
      * matrix over (x y z, rotation x y z) in the camera frame; lengths in the world's unit, angles
      * in rad. From the joint information of the frame, its landmarks and their keyframes, at the
@@ -90,7 +90,7 @@ struct fovea_pose {
     /* rises with each reset, and when a new map is started after the camera was lost */
     uint32_t reset_counter;
     /* of the map that began this world; 0: the first; that of an older map when the camera is found
-     * again in one. A map that it was merged into shows in T_map_odom alone */
+     * again in one. A map that it was merged into shows in T_map_world alone */
     uint32_t map_id;
     uint32_t keyframes, landmarks;        /* in all maps */
     enum fovea_scale_source scale_source; /* FOVEA_SCALE_FREE until a scale is known */

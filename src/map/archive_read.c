@@ -368,7 +368,7 @@ static void read_scale(struct reader *r, struct fv_map *map)
     if (s->map_id != map_id && s->left_count == FV_MAP_WORLDS_MAX)
         refuse(r, at, "map of a scale", map_id, "the current one among nine");
     if (r->status != FOVEA_OK) return;
-    fv_sim3_identity(&odom.S_map_odom);
+    fv_sim3_identity(&odom.S_map_world);
     if (s->map_id == map_id)
         s->scale = odom.scale;
     else

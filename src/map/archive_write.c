@@ -213,7 +213,7 @@ static void write_scale(struct fv_archive_state *archive, const struct fv_map *m
         return;
     put(pen, odom->map_id, 4);
     put(pen, odom->scale.source, 4);
-    put_double(pen, odom->scale.log_scale - fv_log(odom->S_map_odom.s));
+    put_double(pen, odom->scale.log_scale - fv_log(odom->S_map_world.s));
     put_double(pen, odom->scale.variance);
     archive->scales++;
 }
@@ -222,7 +222,7 @@ static void write_scales(struct fv_archive_state *archive, const struct fv_map *
                          struct pen *pen)
 {
     const struct fv_map_state *s = map->state;
-    const struct fv_map_odom current = {s->map_id, s->odom_id, s->S_map_odom, s->scale};
+    const struct fv_map_odom current = {s->map_id, s->odom_id, s->S_map_world, s->scale};
     write_scale(archive, map, pen, &current);
     for (uint32_t i = 0; i < FV_MAP_WORLDS_MAX && i < s->left_count; i++)
         if (s->left[i].map_id != s->map_id) write_scale(archive, map, pen, &s->left[i]);

@@ -13,7 +13,7 @@
  * parents, strong neighbours, all closures. Between two maps, the younger one is taken to the world
  * of the older one as a whole. The commit is one bounded unit: keyframes move by their own
  * correction (those made since by that of the nearest ancestor that has one), landmarks with their
- * reference keyframe, the frame in work with its parent; the jump goes to S_map_odom, so that the
+ * reference keyframe, the frame in work with its parent; the jump goes to S_map_world, so that the
  * pose in `odom` does not. Then landmarks that are the same thing are fused.
  *
  * Steps after R. Mur-Artal, J. Montiel, J. Tardos, "ORB-SLAM" (T-RO 2015), section VII, and C.

@@ -237,5 +237,5 @@ void fv_closure_commit(struct fv_closure *closure, struct fv_map *map,
     fv_sim3_identity(&outcome->S_new_current);
     if (!closure->corrected[current]) return;
     outcome->S_new_current = closure->corrections[current];
-    fv_sim3_compose(&outcome->S_new_current, &map->state->S_map_odom, &map->state->S_map_odom);
+    fv_sim3_compose(&outcome->S_new_current, &map->state->S_map_world, &map->state->S_map_world);
 }

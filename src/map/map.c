@@ -55,7 +55,7 @@ void fv_map_reset(struct fv_map *map)
     map->state->keyframe_number = keyframe_number;
     map->state->map_id = map->state->odom_id = map_id;
     map->state->map_next = map_id + 1;
-    fv_sim3_identity(&map->state->S_map_odom);
+    fv_sim3_identity(&map->state->S_map_world);
 }
 
 /* ---- keyframes ------------------------------------------------------------------------------- */

@@ -122,12 +122,13 @@ struct fv_map_scale {
     double log_scale, variance; /* natural logarithm of metres per unit, and its variance */
 };
 
-/* The continuous frame in which poses of a map are published: REP-105's `odom`. S_map_odom takes
- * its points to the world of the map. Corrections of the map change it, and not the pose in `odom`;
- * nor does joining another map. */
+/* The continuous frame in which poses of a map are published, `world` of struct fovea_pose:
+ * REP-105's `odom` in the axes of the camera. S_map_world takes its points to the map's own frame,
+ * which T_cam_world and points of the map have. Corrections of the map change it, and not the
+ * published pose; nor does joining another map. */
 struct fv_map_odom {
     uint32_t map_id, odom_id;
-    struct fv_sim3 S_map_odom;
+    struct fv_sim3 S_map_world;
     struct fv_map_scale scale;
 };
 
@@ -145,7 +146,7 @@ struct fv_map_state {
     uint32_t
         landmark_top; /* slots from here on were never used: passes over all landmarks end here */
     uint32_t reserved;
-    struct fv_sim3 S_map_odom; /* of the current map, as is the scale */
+    struct fv_sim3 S_map_world; /* of the current map, as is the scale */
     struct fv_map_scale scale;
     struct fv_map_odom left[FV_MAP_WORLDS_MAX];
 };
@@ -357,7 +358,7 @@ uint32_t fv_map_most_redundant(struct fv_map *map);
 
 /* Remember that a closure ties keyframes a and b. */
 void fv_map_add_edge(struct fv_map *map, uint32_t a, uint32_t b);
-/* Begin another map in the same pools; its world is new, S_map_odom is the identity. */
+/* Begin another map in the same pools; its world is new, S_map_world is the identity. */
 void fv_map_begin_another(struct fv_map *map);
 /* Another map is the current one from now on, with the `odom` frame that it was left with, if that
  * is still known. */

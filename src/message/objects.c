@@ -52,9 +52,14 @@ static void fill_location(fovea_object_t *out, const struct fovea_object *object
                           const double T_odom_world[12])
 {
     static const double unmoved[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
-    const double *T = object->located == FOVEA_OBJECT_T_LOCATED_ODOM ? T_odom_world : unmoved;
-    out->located = (int8_t)object->located;
-    if (!object->located) return;
+    static const int8_t located[] = {
+        [FOVEA_OBJECT_LOCATED_NOT] = FOVEA_OBJECT_T_LOCATED_NOT,
+        [FOVEA_OBJECT_LOCATED_CAMERA] = FOVEA_OBJECT_T_LOCATED_CAMERA,
+        [FOVEA_OBJECT_LOCATED_WORLD] = FOVEA_OBJECT_T_LOCATED_ODOM,
+    };
+    const double *T = object->located == FOVEA_OBJECT_LOCATED_WORLD ? T_odom_world : unmoved;
+    out->located = located[object->located];
+    if (object->located == FOVEA_OBJECT_LOCATED_NOT) return;
     move(T, true, object->position_m, out->position_m);
     move_covariance(T, object->covariance_m2, out->covariance_m2);
     move(T, false, object->velocity_m_s, out->velocity_m_s);

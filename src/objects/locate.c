@@ -164,7 +164,7 @@ static void filter_position(struct fv_object_slot *slot, const struct position *
     scale_to(full,
              (const double[3]){slot->position[0].vv, slot->position[1].vv, slot->position[2].vv});
     upper(full, slot->object.velocity_covariance_m2_s2);
-    slot->object.located = 2;
+    slot->object.located = FOVEA_OBJECT_LOCATED_WORLD;
 }
 
 void fv_objects_locate(const struct fv_objects *objects, struct fv_object_slot *slot,
@@ -175,7 +175,7 @@ void fv_objects_locate(const struct fv_objects *objects, struct fv_object_slot *
     const double height_m =
         c >= 0 && c < FOVEA_OBJECT_CLASSES_MAX ? (double)config->height_m[c] : 0.0;
     struct position position;
-    slot->object.located = 0;
+    slot->object.located = FOVEA_OBJECT_LOCATED_NOT;
     if (!slot->matched || (height_m <= 0.0 && !config->ground) || is_cut(objects, slot)) return;
     if (!(height_m > 0.0 && by_size(objects, slot, height_m, &position)) &&
         !(config->ground && by_floor(objects, slot, &position)))
@@ -191,5 +191,5 @@ void fv_objects_locate(const struct fv_objects *objects, struct fv_object_slot *
     memset(slot->object.velocity_m_s, 0, sizeof slot->object.velocity_m_s);
     memset(slot->object.velocity_covariance_m2_s2, 0,
            sizeof slot->object.velocity_covariance_m2_s2);
-    slot->object.located = 1;
+    slot->object.located = FOVEA_OBJECT_LOCATED_CAMERA;
 }

@@ -178,14 +178,14 @@ static void add_correction(struct fv_odometry *o, const struct fv_sim3 *S_odom_m
 static void write_pose(struct fv_odometry *o)
 {
     struct fovea_pose *pose = &o->state->pose;
-    const struct fv_sim3 *S_map_odom = &o->map.state->S_map_odom;
+    const struct fv_sim3 *S_map_world = &o->map.state->S_map_world;
     struct fv_sim3 S_odom_map;
     struct fv_se3 T_odom_cam;
-    fv_sim3_invert(S_map_odom, &S_odom_map);
+    fv_sim3_invert(S_map_world, &S_odom_map);
     published_pose(o, &S_odom_map, fv_map_current(&o->map), &T_odom_cam);
     write_rows(T_odom_cam.R, T_odom_cam.t, pose->T_world_cam);
-    write_rows(S_map_odom->R, S_map_odom->t, pose->T_map_odom);
-    pose->map_scale = S_map_odom->s;
+    write_rows(S_map_world->R, S_map_world->t, pose->T_map_world);
+    pose->map_scale = S_map_world->s;
     for (int row = 0, k = 0; row < 6; row++) /* lengths are the map's so far */
         for (int column = row; column < 6; column++, k++)
             pose->covariance[k] *= (row < 3 ? S_odom_map.s : 1) * (column < 3 ? S_odom_map.s : 1);

@@ -50,7 +50,7 @@ static void scale_pose(struct fv_publish_state *s, double metres)
     scale_covariance(pose->covariance, factor);
 }
 
-/* T_map_odom in metres, where the path has bent as well: what takes the published pose to the
+/* T_map_world in metres, where the path has bent as well: what takes the published pose to the
  * map's. */
 static void scale_map(struct fovea_pose *pose, const struct fv_odometry *odometry, double metres)
 {
@@ -61,7 +61,7 @@ static void scale_map(struct fovea_pose *pose, const struct fv_odometry *odometr
     fv_se3_from_rows(pose->T_world_cam, &T_odom_cam);
     fv_se3_invert(&T_odom_cam, &T);
     fv_se3_compose(&T_map_cam, &T, &T);
-    fv_se3_to_rows(&T, pose->T_map_odom);
+    fv_se3_to_rows(&T, pose->T_map_world);
     pose->map_scale = 1;
 }
 
@@ -254,7 +254,7 @@ struct fv_sim3 fv_publish_map(const struct fv_publish *publish)
     const struct fv_se3 B = usable_T_body_cam(publish);
     struct fv_se3 T;
     struct fv_sim3 S, left, right;
-    fv_se3_from_rows(pose->T_map_odom, &T);
+    fv_se3_from_rows(pose->T_map_world, &T);
     fv_sim3_from_se3(&T, pose->map_scale, &S);
     fv_se3_invert(&B, &T);
     fv_sim3_from_se3(&B, 1, &left);

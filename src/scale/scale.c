@@ -41,7 +41,7 @@ static void scale_enter(struct fv_scale_state *s, uint32_t map, const struct fv_
     s->started = false;
     s->known = brought->scale.source != FOVEA_SCALE_FREE;
     s->source = brought->scale.source;
-    s->map_scale = brought->S_map_odom.s;
+    s->map_scale = brought->S_map_world.s;
     s->log_scale = s->prior = s->known ? brought->scale.log_scale - fv_log(s->map_scale) : 0;
     s->variance = s->prior_variance = brought->scale.variance;
     s->station_count = 0;
@@ -114,7 +114,7 @@ void fv_scale_step(struct fv_scale *scale, struct fv_odometry *odometry)
     const struct fovea_pose *pose = fv_odometry_pose(odometry);
     const struct fv_map_state *map = fv_odometry_map(odometry)->state;
     if (s->map != pose->map_id) scale_enter(s, pose->map_id, map);
-    scale_follow(s, map->S_map_odom.s);
+    scale_follow(s, map->S_map_world.s);
     if (!pose->posed) return;
     /* What a map's first pose says of the floor is used at once. */
     if (!s->started && scale->config.source == FOVEA_SCALE_CAMERA_HEIGHT)

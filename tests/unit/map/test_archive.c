@@ -90,7 +90,7 @@ static void test_scales(void **state)
     fv_random_seed(&random, 31);
     struct fv_map_state *s = from->map.state;
     s->scale = (struct fv_map_scale){FOVEA_SCALE_CAMERA_HEIGHT, 0, 0.5, 0.01};
-    s->S_map_odom.s = 2;
+    s->S_map_world.s = 2;
     fv_map_begin_another(&from->map);
     assert_int_equal(s->scale.source, FOVEA_SCALE_FREE);
     for (int k = 0; k < 3; k++)
@@ -105,7 +105,7 @@ static void test_scales(void **state)
     const struct fv_map_scale left = to->map.state->scale;
     assert_true(left.source == FOVEA_SCALE_CAMERA_HEIGHT && left.log_scale == 0.5 - fv_log(2) &&
                 left.variance == 0.01);
-    assert_true(to->map.state->S_map_odom.s == 1 && to->map.state->odom_id == 0);
+    assert_true(to->map.state->S_map_world.s == 1 && to->map.state->odom_id == 0);
 
     const size_t first = bytes - FV_ARCHIVE_CHECKSUM_BYTES - 2 * (size_t)FV_ARCHIVE_SCALE_BYTES;
     const struct {

@@ -183,7 +183,7 @@ static void camera_in_odom(double centre[3])
     const double origin[3] = {0, 0, 0};
     struct fv_sim3 S_odom_map;
     fv_se3_apply_inverse(&w.map.keyframes[fv_map_current(&w.map)].T_cam_world, origin, centre);
-    fv_sim3_invert(&w.map.state->S_map_odom, &S_odom_map);
+    fv_sim3_invert(&w.map.state->S_map_world, &S_odom_map);
     fv_sim3_apply(&S_odom_map, centre, centre);
 }
 
@@ -269,7 +269,7 @@ static void test_closes_the_ring(void **context)
     uint16_t shared[FV_MAP_KEYFRAMES_MAX];
     fv_map_count_shared(&w.map, w.closure.state->keyframe.slot, shared);
     assert_true(shared[w.closure.state->candidates[w.closure.state->candidate].slot] > 20);
-    assert_true(fabs(w.map.state->S_map_odom.s - 1) > 0.01);
+    assert_true(fabs(w.map.state->S_map_world.s - 1) > 0.01);
     check_links();
     free(w.memory);
 }
@@ -332,17 +332,17 @@ static void test_odom_of_maps(void **context)
     make_world(7);
     struct fv_map_state *s = w.map.state;
     const uint32_t first = s->map_id;
-    s->S_map_odom.s = 1.5;
+    s->S_map_world.s = 1.5;
     fv_map_begin_another(&w.map);
-    assert_true(s->S_map_odom.s == 1 && s->odom_id == s->map_id && s->map_id != first);
+    assert_true(s->S_map_world.s == 1 && s->odom_id == s->map_id && s->map_id != first);
     const uint32_t second = s->map_id;
     fv_map_enter(&w.map, first);
-    assert_true(s->S_map_odom.s == 1.5);
+    assert_true(s->S_map_world.s == 1.5);
     assert_int_equal(s->odom_id, first);
     for (int i = 0; i < FV_MAP_WORLDS_MAX + 1; i++)
         fv_map_begin_another(&w.map);
     fv_map_enter(&w.map, second); /* too long ago: a frame of its own */
-    assert_true(s->odom_id != second && s->S_map_odom.s == 1);
+    assert_true(s->odom_id != second && s->S_map_world.s == 1);
     free(w.memory);
 }
 

@@ -440,7 +440,7 @@ static void the_most_objects_fit_a_packet(void **state)
                                            .x_px_s = 3,
                                            .y_px_s = 4,
                                            .hits = 7,
-                                           .located = (uint32_t)(i % 3),
+                                           .located = (enum fovea_object_located)(i % 3),
                                            .first_ns = stamp.time_ns - 1000,
                                            .seen_ns = stamp.time_ns - 10,
                                            .position_m = {1, 2, 3},

@@ -38,7 +38,7 @@ static void places_are_in_metres(void **state)
         fv_objects_update(&pool, &l);
         fv_objects_get(&pool, &t);
     }
-    assert_int_equal(t.list[0].located, 2);
+    assert_int_equal(t.list[0].located, FOVEA_OBJECT_LOCATED_WORLD);
     static const int diagonal[3] = {0, 3, 5};
     static const double v_truth[3] = {0.9, 0, -0.6};
     for (int i = 0; i < 3; i++) {
@@ -72,7 +72,7 @@ static void the_floor_gives_a_place(void **state)
     fovea_camera_project(&camera, foot, pixel, NULL);
     const struct fovea_detection d = box(pixel[0], pixel[1] - 40, 30, 80, 0.9);
     const struct fovea_objects t = infer(0, &d, 1);
-    assert_int_equal(t.list[0].located, 1);
+    assert_int_equal(t.list[0].located, FOVEA_OBJECT_LOCATED_CAMERA);
     for (int i = 0; i < 3; i++)
         assert_true(__builtin_fabs(t.list[0].position_m[i] - foot[i]) < 0.01);
     assert_true(t.list[0].covariance_m2[5] >

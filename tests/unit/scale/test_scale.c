@@ -149,9 +149,9 @@ static void grow_map(double factor)
     for (int k = 0; k < 3; k++) {
         o->state->localise.motion.t[k] *= factor;
         o->state->still.position[k] *= factor;
-        o->map.state->S_map_odom.t[k] *= factor;
+        o->map.state->S_map_world.t[k] *= factor;
     }
-    o->map.state->S_map_odom.s *= factor;
+    o->map.state->S_map_world.s *= factor;
     fv_window_abort(&o->window);
     o->state->job_wanted = true;
 }
