@@ -43,6 +43,21 @@ static bool store_word(void *to, const struct fv_uri_option *option, const char 
     return false;
 }
 
+static bool store_set(void *to, const struct fv_uri_option *option, const char *text)
+{
+    uint32_t set = 0;
+    for (;; text++) {
+        char word[FV_URI_WORD_BYTES];
+        int32_t index;
+        fv_uri_next_word(&text, ",", word);
+        if (!store_word(&index, option, word)) return false;
+        set |= 1u << index;
+        if (*text == '\0') break;
+    }
+    memcpy(to, &set, sizeof set);
+    return true;
+}
+
 static bool store_number(void *to, const struct fv_uri_option *option, const char *text)
 {
     double value;
@@ -93,8 +108,10 @@ static enum fovea_status store(const struct fv_uri_table *table, const struct fv
 {
     char quoted[FV_TEXT_QUOTED_BYTES];
     void *to = (char *)options + option->offset;
-    const bool word = option->kind == FV_URI_WORD, pose = option->kind == FV_URI_POSE;
+    const bool word = option->kind == FV_URI_WORD, set = option->kind == FV_URI_SET,
+               pose = option->kind == FV_URI_POSE;
     if (word   ? store_word(to, option, value)
+        : set  ? store_set(to, option, value)
         : pose ? store_pose(to, option, value)
                : store_number(to, option, value))
         return FOVEA_OK;
@@ -105,7 +122,7 @@ static enum fovea_status store(const struct fv_uri_table *table, const struct fv
             "%s: %s: found %s, expected X,Y,Z or X,Y,Z,RX,RY,RZ in [%.*f, %.*f] metres and [-180, 180] degrees (%s)",
             table->scheme, option->name, quoted, digits_of(option->low), option->low,
             digits_of(option->high), option->high, option->unit);
-    if (word)
+    if (word || set)
         return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: %s: found %s, expected %s",
                                table->scheme, option->name, quoted, option->unit);
     return fovea_error_set(

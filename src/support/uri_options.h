@@ -16,6 +16,7 @@ enum fv_uri_kind {
     FV_URI_REAL, /* double */
     FV_URI_FLAG, /* bool */
     FV_URI_WORD, /* int32_t (or an enum): index in `words` */
+    FV_URI_SET,  /* uint32_t: bits 1 << index in `words`, of one word or several between commas */
     FV_URI_POSE, /* struct fv_uri_pose: X,Y,Z or X,Y,Z,RX,RY,RZ */
 };
 
@@ -30,7 +31,7 @@ struct fv_uri_option {
     enum fv_uri_kind kind;
     size_t offset; /* of the member in the options */
     double low, high;
-    const char *unit;         /* for people; of a word: the list of them */
+    const char *unit;         /* for people; of a word or a set: the list of them */
     const char *const *words; /* ended by NULL */
 };
 

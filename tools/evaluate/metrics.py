@@ -73,13 +73,13 @@ def similarity(p, q):
     return scale, R, q0 - scale * R @ p0
 
 
-def distances(p, q):
-    """Of points p from q after the best similarity; None without one."""
-    fit = similarity(p, q)
+def aligned_error(p, q):
+    """Root mean square distance of points p from q after the best similarity, and its scale; NaN without one."""
+    fit = similarity(p, q) if len(p) >= 3 else None
     if fit is None:
-        return None
+        return float("nan"), float("nan")
     scale, R, t = fit
-    return np.linalg.norm(scale * p @ R.T + t - q, axis=1)
+    return root_mean_square(np.linalg.norm(scale * p @ R.T + t - q, axis=1)), float(scale)
 
 
 def root_mean_square(values):
@@ -227,8 +227,7 @@ def judge_map(run, map_id, indices, own_error_m, per_second):
                outside_apart=share_outside(run["apart_error"][indices, 2]))
     row["rpe_m"], row["rpe_deg"] = second_apart(run, indices, scale, per_second)
     final = indices[np.isfinite(run["final"][indices, 0])]
-    ends = distances(run["final"][final], run["truth_position"][final]) if len(final) >= 3 else None
-    row["final_rmse_m"] = root_mean_square(ends) if ends is not None else float("nan")
+    row["final_rmse_m"], row["final_scale"] = aligned_error(run["final"][final], run["truth_position"][final])
     row["good_error"] = (row["rmse_m"] <= RMSE_SHARE * row["path_m"] + own_error_m
                          and row["max_m"] <= MAX_SHARE * row["path_m"] + own_error_m)
     row["good_scale"] = not row["scale_ratio"] > SCALE_RATIO

@@ -107,13 +107,14 @@ def odometry_text(db, keys):
             lines.append([name, str(r["runs"]), f"{r['posed']:.0f} ({r['posed_worst']:.0f}) of {frames}", f"{r['ate']:.4f} ({r['ate_worst']:.4f})",
                           f"{r['final']:.4f} ({r['final_worst']:.4f})", f"{r['rpe_m']:.3f}, {r['rpe_deg']:.2f}",
                           f"{r['mean_ms']:.2f}, {r['p99_ms']:.2f}", f"{r['resident']:.0f}"])
-        off = "100 * (1 / scale - 1)"
-        r = rows(db, f"""SELECT count(*) runs, median({off}) middle, arg_max({off}, abs({off})) worst {here} AND "set" LIKE '%scale.source%'""")[0]
-        if r["runs"]:
-            scales.append([name, str(r["runs"]), str(CAMERA_HEIGHT_M[name]), f"{r['middle']:+.1f} ({r['worst']:+.1f})"])
+        off = lambda column: f"median(100 * (1 / {column} - 1)), arg_max(100 * (1 / {column} - 1), abs(1 / {column} - 1))"
+        runs, live, live_worst, final, final_worst = db.execute(
+            f"""SELECT count(*), {off('scale')}, {off('final_scale')} {here} AND "set" LIKE '%scale.source%'""").fetchone()
+        if runs:
+            scales.append([name, str(runs), str(CAMERA_HEIGHT_M[name]), f"{live:+.1f} ({live_worst:+.1f})", f"{final:+.1f} ({final_worst:+.1f})"])
     return (markdown(["recording", "runs", "posed, median (worst)", "ATE m, median (worst)", "after all optimisation", "RPE 1 s: m, deg",
                       "CPU ms, mean, p99", "resident MiB"], lines)
-            + "\n" + markdown(["recording", "runs", "camera height m", "scale off by %, median (worst)"], scales))
+            + "\n" + markdown(["recording", "runs", "camera height m", "scale off by %, median (worst)", "after all optimisation"], scales))
 
 
 # ---- road.md --------------------------------------------------------------------------------------------------

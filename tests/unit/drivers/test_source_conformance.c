@@ -121,6 +121,10 @@ static struct row rows[] = {
      .in_order_only = true,
      .length_unknown = true,
      .wrong = {"", "sim:orbit then ", "sim:orbit[steps=2]", "sequence:sim:"}},
+    {.name = "fault", /* in each selection the same pictures are spoilt, in the same way */
+     .address = "sim:orbit?width=96&height=64?kind=black,noise,blur&first=3&shortest=2&longest=4",
+     .wrong = {"sim:orbit?width=96&height=64", "sim:orbit?kind=blue", "sim:orbits?kind=blur",
+               "sim:orbit?kind=blur&longest=2"}},
     {.name = "libcamera",
      .live = true,
      .address = "0",

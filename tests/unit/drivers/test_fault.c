@@ -1,0 +1,493 @@
+/* The source `fault:`: its schedule, what each fault does to a picture, and what passes untouched.
+ */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "../../../drivers/fault/fault.h"
+#include "../../../drivers/table.h"
+
+/* ---- schedule -------------------------------------------------------------------------------- */
+
+static struct fv_fault_options options_of(const char *text)
+{
+    struct fv_fault_options options;
+    struct fovea_error error = {.text = ""};
+    if (fv_fault_options_parse(text, &options, &error) != FOVEA_OK)
+        fail_msg("%s: %s", text, error.text);
+    return options;
+}
+
+static void schedule_is_the_same_in_any_order(void **state)
+{
+    enum { FRAMES = 3000 };
+    static bool rising[FRAMES];
+    static uint64_t seeds[FRAMES];
+    (void)state;
+    const struct fv_fault_options options = options_of("kind=black&seed=9&first=7");
+    struct fv_fault_schedule schedule;
+    struct fv_fault_window window;
+    fv_fault_schedule_open(&schedule, &options);
+    for (uint64_t i = 0; i < FRAMES; i++) {
+        rising[i] = fv_fault_schedule_at(&schedule, i, &window);
+        seeds[i] = rising[i] ? window.seed : 0;
+        assert_true(!rising[i] || (i >= window.begin && i < window.end));
+    }
+    for (uint64_t n = 0; n < FRAMES; n++) { /* falling, and then by leaps */
+        const uint64_t at[] = {FRAMES - 1 - n, n * 1777 % FRAMES};
+        for (int k = 0; k < 2; k++) {
+            assert_int_equal(fv_fault_schedule_at(&schedule, at[k], &window), rising[at[k]]);
+            if (rising[at[k]]) assert_true(window.seed == seeds[at[k]]);
+        }
+    }
+}
+
+/* Lengths of the faults among `frames` frames, at most 64 of them. Returns their number. */
+static int windows_of(const char *text, uint64_t frames, uint64_t lengths[64], uint64_t *faulty)
+{
+    const struct fv_fault_options options = options_of(text);
+    struct fv_fault_schedule schedule;
+    struct fv_fault_window window;
+    uint64_t last_begin = UINT64_MAX;
+    int count = 0;
+    *faulty = 0;
+    fv_fault_schedule_open(&schedule, &options);
+    for (uint64_t i = 0; i < frames; i++) {
+        if (!fv_fault_schedule_at(&schedule, i, &window)) continue;
+        ++*faulty;
+        if (window.begin == last_begin) continue;
+        last_begin = window.begin;
+        if (count < 64) lengths[count++] = window.end - window.begin;
+    }
+    return count;
+}
+
+static void schedule_keeps_what_the_options_say(void **state)
+{
+    uint64_t lengths[64], faulty, longest = 0, shortest = 1000;
+    (void)state;
+    assert_int_equal(
+        windows_of("kind=black&first=40&shortest=15&longest=15&count=1", 5000, lengths, &faulty),
+        1);
+    assert_int_equal(faulty, 15);
+    const struct fv_fault_options options =
+        options_of("kind=black&first=40&shortest=15&longest=15");
+    struct fv_fault_schedule schedule;
+    struct fv_fault_window window;
+    fv_fault_schedule_open(&schedule, &options);
+    assert_false(fv_fault_schedule_at(&schedule, 39, &window));
+    assert_true(fv_fault_schedule_at(&schedule, 40, &window));
+    assert_int_equal(windows_of("kind=black&count=3", 100000, lengths, &faulty), 3);
+    (void)windows_of("kind=black&fraction=0.3&first=0", 200000, lengths, &faulty);
+    assert_true(faulty > 58000 && faulty < 62000);
+    for (int i = 0; i < 64; i++) {
+        if (lengths[i] > longest) longest = lengths[i];
+        if (lengths[i] < shortest) shortest = lengths[i];
+    }
+    assert_in_range(shortest, 5, 7);
+    assert_in_range(longest, 28, 30);
+    (void)windows_of("kind=black&fraction=1&first=10", 1000, lengths, &faulty);
+    assert_int_equal(faulty, 990);
+    uint64_t other;
+    (void)windows_of("kind=black&seed=2&first=0", 5000, lengths, &other);
+    (void)windows_of("kind=black&seed=3&first=0", 5000, lengths, &faulty);
+    assert_int_not_equal(other, faulty);
+}
+
+static void wrong_options_are_refused_in_one_line(void **state)
+{
+    static const char *const wrong[][2] = {
+        {"", "kind: found none"},
+        {"seed=1", "kind: found none"},
+        {"kind=", "kind: found ''"},
+        {"kind=blurr", "kind: found 'blurr'"},
+        {"kind=blur,", "kind: found 'blur,'"},
+        {"kind=blur,,black", "kind: found"},
+        {"kind=blur&kind=black", "kind: found a second time"},
+        {"kind=blur&fraction=0", "fraction: found '0'"},
+        {"kind=blur&shortest=0", "shortest: found '0'"},
+        {"kind=blur&shortest=9&longest=8", "longest: found 8"},
+        {"kind=blur&sigma=21", "sigma: found '21'"},
+        {"kind=blur&length=1", "length: found '1'"},
+        {"kind=blur&sigmas=2", "did you mean 'sigma'"},
+    };
+    (void)state;
+    for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; i++) {
+        struct fv_fault_options options;
+        struct fovea_error error = {.text = ""};
+        if (fv_fault_options_parse(wrong[i][0], &options, &error) != FOVEA_ERROR_INPUT)
+            fail_msg("[%s] was taken", wrong[i][0]);
+        if (strstr(error.text, "fault: ") != error.text ||
+            strstr(error.text, wrong[i][1]) == NULL || strchr(error.text, '\n') != NULL)
+            fail_msg("[%s]: [%s]", wrong[i][0], error.text);
+    }
+}
+
+/* ---- pictures -------------------------------------------------------------------------------- */
+
+enum { WIDTH = 131, HEIGHT = 77, BYTES = 3 * WIDTH * HEIGHT };
+
+static uint8_t pixels[BYTES], scratch[BYTES], last[BYTES];
+
+static struct fv_fault_picture picture_of(const struct fv_fault_options *options, int32_t channels)
+{
+    return (struct fv_fault_picture){.options = options,
+                                     .pixels = pixels,
+                                     .width = WIDTH,
+                                     .height = HEIGHT,
+                                     .channels = channels,
+                                     .seed = 11,
+                                     .window_seed = 12,
+                                     .last = last,
+                                     .scratch = scratch};
+}
+
+/* A picture with structure of all sizes, from integers alone. */
+static void scene_draw(void)
+{
+    uint32_t at = 1;
+    for (int i = 0; i < BYTES; i++) {
+        const int x = i % (3 * WIDTH), y = i / (3 * WIDTH);
+        at = at * 1664525u + 1013904223u;
+        pixels[i] = (uint8_t)(60 + (x / 17 + y / 9) % 3 * 50 + (int)(at >> 27));
+        last[i] = (uint8_t)(i * 7);
+    }
+}
+
+static void level_draw(uint8_t level)
+{
+    memset(pixels, level, BYTES);
+}
+
+static void noise_has_the_deviation_that_is_asked_for(void **state)
+{
+    const struct fv_fault_options options = options_of("kind=noise&amount=12");
+    struct fv_fault_picture picture = picture_of(&options, 3);
+    double sum = 0, sum2 = 0;
+    (void)state;
+    level_draw(128);
+    fv_fault_noise(&picture);
+    for (int i = 0; i < BYTES; i++) {
+        const double off = pixels[i] - 128.0;
+        sum += off;
+        sum2 += off * off;
+    }
+    assert_true(fabs(sum / BYTES) < 0.25);
+    assert_true(fabs(sqrt(sum2 / BYTES) - 12) < 0.2);
+    memcpy(last, pixels, BYTES);
+    level_draw(128);
+    picture.seed++;
+    fv_fault_noise(&picture);
+    int same = 0;
+    for (int i = 0; i < BYTES; i++)
+        same += pixels[i] == last[i];
+    assert_true(same < BYTES / 10);
+    level_draw(0);
+    fv_fault_noise(&picture); /* it does not wrap around */
+    for (int i = 0; i < BYTES; i++)
+        assert_true(pixels[i] < 60);
+}
+
+/* Sum and second moments about the middle of what a bright square of 3 x 3 pixels became. */
+static void moments(double *sum, double *xx, double *yy, double *xy)
+{
+    *sum = *xx = *yy = *xy = 0;
+    for (int y = 0; y < HEIGHT; y++)
+        for (int x = 0; x < WIDTH; x++) {
+            const double value = pixels[y * WIDTH + x], dx = x - 65.0, dy = y - 38.0;
+            *sum += value;
+            *xx += value * dx * dx;
+            *yy += value * dy * dy;
+            *xy += value * dx * dy;
+        }
+    *xx /= *sum;
+    *yy /= *sum;
+    *xy /= *sum;
+}
+
+static void square_draw(void)
+{
+    level_draw(0);
+    for (int y = 28; y <= 48; y++)
+        for (int x = 55; x <= 75; x++)
+            pixels[y * WIDTH + x] = 255;
+}
+
+static void blur_is_a_gaussian(void **state)
+{
+    const struct fv_fault_options options = options_of("kind=blur&sigma=4");
+    struct fv_fault_picture picture = picture_of(&options, 1);
+    double sum, xx, yy, xy, before = 255 * 21 * 21, own = (21 * 21 - 1) / 12.0;
+    (void)state;
+    square_draw();
+    fv_fault_blur(&picture);
+    moments(&sum, &xx, &yy, &xy);
+    assert_true(fabs(sum / before - 1) < 0.01);
+    assert_true(fabs(xx - own - 16) < 0.8 && fabs(yy - own - 16) < 0.8 && fabs(xy) < 0.1);
+    level_draw(77);
+    fv_fault_blur(&picture);
+    for (int i = 0; i < WIDTH * HEIGHT; i++)
+        assert_int_equal(pixels[i], 77); /* at the border, too */
+}
+
+static void motion_is_along_one_line(void **state)
+{
+    const struct fv_fault_options options = options_of("kind=motion&length=25");
+    struct fv_fault_picture picture = picture_of(&options, 1);
+    double sum, xx, yy, xy, own = (21 * 21 - 1) / 12.0, along = (25 * 25 - 1) / 12.0;
+    (void)state;
+    for (picture.window_seed = 1; picture.window_seed < 9; picture.window_seed++) {
+        square_draw();
+        fv_fault_motion(&picture);
+        moments(&sum, &xx, &yy, &xy);
+        xx -= own;
+        yy -= own;
+        assert_true(fabs(sum / (255 * 21 * 21) - 1) < 0.01);
+        assert_true(fabs(xx + yy - along) < 4);    /* as long as it should be, but for rounding */
+        assert_true(fabs(xx * yy - xy * xy) < 40); /* and thin: no extent across */
+    }
+    level_draw(77);
+    fv_fault_motion(&picture);
+    for (int i = 0; i < WIDTH * HEIGHT; i++)
+        assert_int_equal(pixels[i], 77);
+}
+
+static double recompressed_error(const char *text, int32_t channels)
+{
+    const struct fv_fault_options options = options_of(text);
+    struct fv_fault_picture picture = picture_of(&options, channels);
+    double sum2 = 0;
+    scene_draw();
+    memcpy(last, pixels, BYTES);
+    fv_fault_recompress(&picture);
+    const int bytes = WIDTH * HEIGHT * channels;
+    for (int i = 0; i < bytes; i++)
+        sum2 += (double)(pixels[i] - last[i]) * (double)(pixels[i] - last[i]);
+    return sqrt(sum2 / bytes);
+}
+
+static void recompression_loses_more_at_a_lower_quality(void **state)
+{
+    (void)state;
+    for (int32_t channels = 1; channels <= 3; channels += 2) {
+        const double best = recompressed_error("kind=recompress&quality=100", channels),
+                     good = recompressed_error("kind=recompress&quality=80", channels),
+                     poor = recompressed_error("kind=recompress&quality=10", channels);
+        assert_true(best < 0.6 && good > 1.5 * best && poor > 1.5 * good);
+    }
+    const struct fv_fault_options options = options_of("kind=recompress&quality=1");
+    struct fv_fault_picture picture = picture_of(&options, 1);
+    level_draw(128);
+    fv_fault_recompress(&picture);
+    for (int i = 0; i < WIDTH * HEIGHT; i++)
+        assert_int_equal(pixels[i], 128);
+}
+
+/* Every compiler, instruction set and architecture gives these bits. */
+static void faults_have_the_same_bits_everywhere(void **state)
+{
+    static const struct {
+        const char *name;
+        void (*apply)(struct fv_fault_picture *);
+        uint64_t hash;
+    } rows[] = {
+        {"freeze", fv_fault_freeze, UINT64_C(0xe4750d7f14eab58b)},
+        {"black", fv_fault_black, UINT64_C(0x7a71a1a36b20399e)},
+        {"blur", fv_fault_blur, UINT64_C(0xe274e2b8add1ec27)},
+        {"motion", fv_fault_motion, UINT64_C(0xc9e123a4036a1b0)},
+        {"noise", fv_fault_noise, UINT64_C(0x82fba4c7a74e11ba)},
+        {"recompress", fv_fault_recompress, UINT64_C(0xcbd18ef087e9fb1c)},
+    };
+    const struct fv_fault_options options = options_of("kind=blur&level=3");
+    int wrong = 0;
+    (void)state;
+    assert_int_equal(sizeof rows / sizeof rows[0], FV_FAULT_COUNT);
+    for (int i = 0; i < FV_FAULT_COUNT; i++) {
+        struct fv_fault_picture picture = picture_of(&options, 3);
+        uint64_t hash = 0xcbf29ce484222325u;
+        scene_draw();
+        rows[i].apply(&picture);
+        for (int k = 0; k < BYTES; k++)
+            hash = (hash ^ pixels[k]) * 0x100000001b3u;
+        if (hash == rows[i].hash) continue;
+        print_error("%s: found %#llx, expected %#llx\n", rows[i].name, (unsigned long long)hash,
+                    (unsigned long long)rows[i].hash);
+        wrong++;
+    }
+    assert_int_equal(wrong, 0);
+}
+
+/* ---- the source ------------------------------------------------------------------------------ */
+
+struct played {
+    const struct fovea_source_ops *ops;
+    struct fovea_source *source;
+};
+
+static struct played play(const char *uri, const struct fovea_source_selection *selection)
+{
+    struct played played = {0};
+    struct fovea_error error = {.text = ""};
+    const char *address;
+    if (fv_source_find(uri, &played.ops, &address, &error) != FOVEA_OK ||
+        played.ops->open(address, selection, &played.source, &error) != FOVEA_OK ||
+        played.ops->start(played.source, &error) != FOVEA_OK)
+        fail_msg("%s: %s", uri, error.text);
+    return played;
+}
+
+static bool next(struct played *played, struct fovea_frame *frame)
+{
+    return played->ops->dequeue(played->source, INT64_MAX, frame) == FOVEA_OK;
+}
+
+static void end(struct played *played)
+{
+    played->ops->stop(played->source);
+    played->ops->close(played->source);
+}
+
+/* Mean and largest difference of two images. */
+static double differ(const struct fovea_image *a, const struct fovea_image *b, int *most)
+{
+    double sum = 0;
+    *most = 0;
+    for (int32_t y = 0; y < a->height; y++)
+        for (int32_t x = 0; x < a->width; x++) {
+            const int off =
+                abs((int)a->data[y * a->stride_bytes + x] - (int)b->data[y * b->stride_bytes + x]);
+            sum += off;
+            if (off > *most) *most = off;
+        }
+    return sum / (double)(a->width * a->height);
+}
+
+#define SIM "sim:orbit?width=96&height=64&imu=200&baseline=0.1&frames=30"
+
+static void all_but_the_faulty_pictures_is_the_source_s_own(void **state)
+{
+    static const struct fovea_source_selection selections[] = {{.step = 1},
+                                                               {.start = 3, .step = 2}};
+    (void)state;
+    for (int s = 0; s < 2; s++) {
+        struct played own = play(SIM, &selections[s]),
+                      faulty =
+                          play("fault:" SIM "?kind=noise&first=10&shortest=6&longest=6&count=1",
+                               &selections[s]);
+        struct fovea_frame a, b;
+        int spoilt = 0;
+        while (next(&own, &a)) {
+            struct fovea_sample p[32], q[32];
+            double T[12], U[12];
+            assert_true(next(&faulty, &b));
+            assert_true(a.stamp_ns == b.stamp_ns && a.index == b.index &&
+                        a.sequence == b.sequence && a.image_count == 2 && b.image_count == 2);
+            const uint32_t count = own.ops->samples(own.source, &a, p, 32);
+            assert_int_equal(faulty.ops->samples(faulty.source, &b, q, 32), count);
+            assert_true(count > 0);
+            for (uint32_t i = 0; i < count; i++)
+                assert_memory_equal(&p[i].imu, &q[i].imu, sizeof p[i].imu);
+            assert_int_equal(own.ops->truth_pose(own.source, &a, T), FOVEA_OK);
+            assert_int_equal(faulty.ops->truth_pose(faulty.source, &b, U), FOVEA_OK);
+            assert_memory_equal(T, U, sizeof T);
+            int most[2];
+            const double first = differ(&a.images[0], &b.images[0], &most[0]),
+                         second = differ(&a.images[1], &b.images[1], &most[1]);
+            if (a.index >= 10 && a.index < 16) {
+                assert_true(first > 8 && second > 8 && fabs(first - second) > 0); /* of its own */
+                spoilt++;
+            } else {
+                assert_int_equal(most[0] + most[1], 0);
+            }
+            own.ops->requeue(own.source, &a);
+            faulty.ops->requeue(faulty.source, &b);
+        }
+        assert_false(next(&faulty, &b));
+        assert_int_equal(spoilt, s == 0 ? 6 : 3);
+        end(&own);
+        end(&faulty);
+    }
+}
+
+static void a_frozen_picture_is_the_last_good_one(void **state)
+{
+    static const struct fovea_source_selection selections[] = {
+        {.step = 1}, {.step = 1, .frames = 30, .reverse = true}, {.start = 12, .step = 1}};
+    static uint8_t good[2][96 * 64];
+    (void)state;
+    for (int s = 0; s < 3; s++) {
+        struct played played =
+            play("fault:sim:orbit?width=96&height=64&baseline=0.1&frames=30?kind=freeze&first=10&"
+                 "shortest=6&longest=6&count=1",
+                 &selections[s]);
+        struct fovea_frame frame;
+        double before_m = -1000;
+        int frozen = 0;
+        while (next(&played, &frame)) {
+            const bool faulty = frame.index >= 10 && frame.index < 16;
+            double T[12];
+            assert_int_equal(played.ops->truth_pose(played.source, &frame, T), FOVEA_OK);
+            for (int i = 0; i < 2; i++) {
+                const bool kept = memcmp(good[i], frame.images[i].data, 96 * 64) == 0;
+                /* The first picture of the third run is faulty, and then frozen. */
+                if (faulty && (frozen > 0 || s < 2)) assert_true(kept);
+                if (!faulty && before_m > -1000) assert_false(kept);
+                memcpy(good[i], frame.images[i].data, 96 * 64);
+            }
+            assert_true(T[3] != before_m); /* the truth moves on */
+            before_m = T[3];
+            frozen += faulty;
+            played.ops->requeue(played.source, &frame);
+        }
+        assert_int_equal(frozen, s == 2 ? 4 : 6);
+        end(&played);
+    }
+}
+
+static void kinds_are_applied_in_the_order_of_the_list(void **state)
+{
+    static const struct fovea_source_selection all = {.step = 1, .frames = 3};
+    static const char *const uris[] = {
+        "fault:sim:orbit?width=96&height=64?kind=noise,black&first=0&level=100&amount=5",
+        "fault:sim:orbit?width=96&height=64?kind=black,noise&first=0&level=100&amount=5"};
+    (void)state;
+    struct fovea_frame a, b;
+    int most;
+    struct played first = play(uris[0], &all), second = play(uris[1], &all);
+    while (next(&first, &a)) {
+        assert_true(next(&second, &b));
+        assert_true(differ(&a.images[0], &b.images[0], &most) == 0);
+        const struct fovea_image level = {
+            .data = memset(scratch, 100, 96 * 64), .width = 96, .height = 64, .stride_bytes = 96};
+        const double off = differ(&a.images[0], &level, &most); /* noise on black, not black */
+        assert_true(off > 3 && off < 5);
+        first.ops->requeue(first.source, &a);
+        second.ops->requeue(second.source, &b);
+    }
+    end(&first);
+    end(&second);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(schedule_is_the_same_in_any_order),
+        cmocka_unit_test(schedule_keeps_what_the_options_say),
+        cmocka_unit_test(wrong_options_are_refused_in_one_line),
+        cmocka_unit_test(noise_has_the_deviation_that_is_asked_for),
+        cmocka_unit_test(blur_is_a_gaussian),
+        cmocka_unit_test(motion_is_along_one_line),
+        cmocka_unit_test(recompression_loses_more_at_a_lower_quality),
+        cmocka_unit_test(faults_have_the_same_bits_everywhere),
+        cmocka_unit_test(all_but_the_faulty_pictures_is_the_source_s_own),
+        cmocka_unit_test(a_frozen_picture_is_the_last_good_one),
+        cmocka_unit_test(kinds_are_applied_in_the_order_of_the_list),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
