@@ -87,7 +87,7 @@ def read(folder):
         files = sorted(os.listdir(os.path.join(folder, name))) if os.path.isdir(os.path.join(folder, name)) else []
         paths = [os.path.join(folder, name, file) for file in files if file.endswith(".parquet")]
         if paths:
-            db.execute(f"CREATE VIEW all_{name} AS SELECT * FROM read_parquet({paths!r})")
+            db.execute(f"CREATE VIEW all_{name} AS SELECT * FROM read_parquet({paths!r}, union_by_name = true)")
         else:
             db.register(f"all_{name}", schema.empty_table())
     db.execute("CREATE TABLE runs AS SELECT * FROM all_runs QUALIFY row_number() OVER (PARTITION BY run ORDER BY part) = 1")
