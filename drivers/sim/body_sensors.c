@@ -41,7 +41,7 @@ static enum fovea_status check(const struct fovea_source *source, struct fovea_e
     bool asked = false;
     for (int i = 0; i < FV_SIM_BODY_SENSOR_COUNT; i++) {
         const double hz = rate_hz(o, sensors[i]);
-        if (source->selection.reverse && sensors[i]->describe != NULL && hz > 0)
+        if (source->selection.reverse && hz > 0 && fv_sim_option_given(o, sensors[i]->hz))
             return fovea_error_set(
                 error, FOVEA_ERROR_UNSUPPORTED,
                 "sim: %s: found %g Hz in reverse, expected 0: a sensor's samples do not turn round",

@@ -169,9 +169,9 @@ static void test_samples_that_fit_a_frame(void **state)
                *over = "orbit?width=64&height=64&rate=4&frames=12&wheel_odometry=25&imu=1000",
                *slow = "orbit?width=64&height=64&rate=30&frames=30&wheel_odometry=300&imu=1000";
     assert_int_equal(fv_source_sim.open(over, &all, &source, &error), FOVEA_ERROR_INPUT);
-    assert_string_equal(
+    assert_non_null(strstr(
         error.text,
-        "sim: imu, wheel_odometry: found 1025 samples per second beside 4 frames, expected at most 256 with each frame");
+        "wheel_odometry: found 1025 samples per second beside 4 frames, expected at most 256 with each frame"));
     assert_int_equal(fv_source_sim.open(slow, &every_sixth, &source, &error), FOVEA_ERROR_INPUT);
     assert_non_null(strstr(error.text, "found 1300 samples per second beside 5 frames"));
     assert_int_equal(fv_source_sim.open(full, &all, &source, &error), FOVEA_OK);
