@@ -299,7 +299,7 @@ static void others_check(struct check *check, const struct fovea_frame *frame)
         const struct fovea_rig_camera *camera = &rig->cameras[i];
         const struct fovea_image *image = &frame->images[i];
         char what[24], place[48] = "no pose on the body";
-        snprintf(what, sizeof what, "camera %u", i);
+        snprintf(what, sizeof what, "camera %u", i + 1); /* as mask2 and camera2 count */
         if (camera->has_T_body_cam)
             snprintf(place, sizeof place, "%.3f m from the first",
                      distance(camera->T_body_cam, rig->cameras[0].T_body_cam));

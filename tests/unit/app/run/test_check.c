@@ -288,11 +288,11 @@ static void every_sensor_of_a_rig_is_shown(void **state)
             "fovea check --source sim:orbit?width=160&height=120&baseline=0.25&imu=200 --set lcm_url=memq://"),
         FV_EXIT_OK);
     assert_tells(out,
-                 "ok       camera 1     160 x 120 grey8, calibrated, 0.250 m from the first\n");
+                 "ok       camera 2     160 x 120 grey8, calibrated, 0.250 m from the first\n");
     assert_tells(out,
                  "ok       IMU          200 Hz, samples with the first frame: 1; 0.000 m from");
     check("fovea check --source sim:orbit?width=160&height=120 --set lcm_url=memq://");
-    assert_null(strstr(out, "camera 1"));
+    assert_null(strstr(out, "camera 2"));
     assert_null(strstr(out, "IMU"));
 }
 
