@@ -18,6 +18,7 @@ void fv_orb_carve(struct fv_orb *orb, uint32_t count_max, const struct fv_pyrami
     orb->descriptors = fv_arena_take(frame, count_max, FV_DESCRIPTOR_BYTES);
     orb->turned = fv_arena_take_raw(frame, FV_ORB_QUARTER, sizeof *orb->turned);
     orb->turned_ready = false;
+    orb->upright = false;
     orb->smooth = fv_arena_take_raw(frame, (size_t)largest->height, (size_t)largest->stride);
     orb->row_needed = fv_arena_take(frame, (size_t)largest->height, 1);
     orb->row = fv_arena_take_raw(frame, (size_t)largest->width + FV_BLUR7_PAD, sizeof *orb->row);
