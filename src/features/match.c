@@ -128,12 +128,8 @@ enum fovea_status fovea_match_init(struct fovea_matcher **matcher,
     if (status == FOVEA_OK) status = fv_cpu_from_environment(&set, error);
     if (status != FOVEA_OK) return status;
     const size_t needed = fovea_match_size(config, error);
-    if (memory == NULL || bytes < needed)
-        return fovea_error_set(error, FOVEA_ERROR_MEMORY, "memory: found %zu bytes, expected %zu",
-                               memory == NULL ? 0 : bytes, needed);
-    if ((uintptr_t)memory % FV_CACHE_LINE_BYTES != 0)
-        return fovea_error_set(error, FOVEA_ERROR_MEMORY, "memory: not aligned to %d bytes",
-                               FV_CACHE_LINE_BYTES);
+    status = fv_arena_check_block(memory, bytes, needed, error);
+    if (status != FOVEA_OK) return status;
     struct fv_arena arena;
     fv_arena_init(&arena, memory, bytes);
     *matcher = carve(config, &arena);
