@@ -30,7 +30,7 @@ float fv_head_least(const struct fv_head_job *j, int32_t class_id)
 static void keep(struct fv_head_job *j, int64_t item, struct fovea_detection *found, float score,
                  int32_t class_id)
 {
-    found->score = clamped(score, 1.0f);
+    found->score = fv_head_clamp(score, 1.0f);
     found->class_id = class_id;
     fv_detect_keep(j->s, found, item, found->score < threshold_of(j, class_id));
 }
@@ -41,10 +41,10 @@ void fv_head_add_box(struct fv_head_job *j, int64_t item, float x0, float y0, fl
     const struct fv_nn_input_fit *v = j->fit;
     const float width = (float)v->image_width, height = (float)v->image_height;
     struct fovea_detection found = {
-        .x_min_px = clamped((x0 - (float)v->left) / v->scale_x, width) - 0.5f,
-        .y_min_px = clamped((y0 - (float)v->top) / v->scale_y, height) - 0.5f,
-        .x_max_px = clamped((x1 - (float)v->left) / v->scale_x, width) - 0.5f,
-        .y_max_px = clamped((y1 - (float)v->top) / v->scale_y, height) - 0.5f,
+        .x_min_px = fv_head_clamp((x0 - (float)v->left) / v->scale_x, width) - 0.5f,
+        .y_min_px = fv_head_clamp((y0 - (float)v->top) / v->scale_y, height) - 0.5f,
+        .x_max_px = fv_head_clamp((x1 - (float)v->left) / v->scale_x, width) - 0.5f,
+        .y_max_px = fv_head_clamp((y1 - (float)v->top) / v->scale_y, height) - 0.5f,
     };
     if (found.x_max_px > found.x_min_px && found.y_max_px > found.y_min_px)
         keep(j, item, &found, score, class_id);
@@ -104,7 +104,7 @@ struct fovea_keypoint fv_head_keypoint(const struct fv_head_job *j, float x, flo
     const struct fv_nn_input_fit *v = j->fit;
     return (struct fovea_keypoint){.x_px = plain((x - (float)v->left) / v->scale_x - 0.5f),
                                    .y_px = plain((y - (float)v->top) / v->scale_y - 0.5f),
-                                   .score = score == score ? clamped(score, 1.0f) : score};
+                                   .score = score == score ? fv_head_clamp(score, 1.0f) : score};
 }
 
 /* ---- classifiers ----------------------------------------------------------------------------- */
@@ -112,7 +112,7 @@ struct fovea_keypoint fv_head_keypoint(const struct fv_head_job *j, float x, flo
 static int64_t classifier_items(const struct fv_head_job *j, int64_t *cost)
 {
     *cost = 1;
-    return count_of(&j->out[0]);
+    return fv_head_count(&j->out[0]);
 }
 
 static void classifier_scan(struct fv_head_job *j, int64_t begin, int64_t end)
@@ -120,7 +120,7 @@ static void classifier_scan(struct fv_head_job *j, int64_t begin, int64_t end)
     const struct fv_model_preprocess *p = &j->model->header->preprocess;
     const int32_t background = j->d->background ? 1 : 0;
     for (int64_t i = begin > background ? begin : background; i < end; i++) {
-        const float score = value_at(&j->out[0], i);
+        const float score = fv_head_value(&j->out[0], i);
         const int32_t class_id = (int32_t)i - background;
         if (score >= fv_head_least(j, class_id))
             fv_head_add_box(j, i, 0, 0, (float)p->width, (float)p->height, score, class_id);
@@ -133,9 +133,9 @@ static int64_t ssd_items(const struct fv_head_job *j, int64_t *cost)
 {
     *cost = 6;
     if (j->out_count < 4) return 0;
-    const int64_t slots = count_of(&j->out[2]);
-    if (count_of(&j->out[0]) < slots * 4 || count_of(&j->out[1]) < slots) return 0;
-    const float given = value_at(&j->out[3], 0);
+    const int64_t slots = fv_head_count(&j->out[2]);
+    if (fv_head_count(&j->out[0]) < slots * 4 || fv_head_count(&j->out[1]) < slots) return 0;
+    const float given = fv_head_value(&j->out[3], 0);
     return given > 0.0f && given < (float)slots ? (int64_t)given : (given > 0.0f ? slots : 0);
 }
 
@@ -145,12 +145,14 @@ static void ssd_scan(struct fv_head_job *j, int64_t begin, int64_t end)
     const struct fv_head_output *b = &j->out[0];
     const float w = (float)p->width, h = (float)p->height;
     for (int64_t i = begin; i < end; i++) {
-        const float score = value_at(&j->out[2], i), class_value = value_at(&j->out[1], i);
+        const float score = fv_head_value(&j->out[2], i),
+                    class_value = fv_head_value(&j->out[1], i);
         const int32_t class_id =
             class_value >= 0.0f && class_value < 4096.0f ? (int32_t)class_value : 0;
         if (!(score >= fv_head_least(j, class_id))) continue;
-        fv_head_add_box(j, i, value_at(b, 4 * i + 1) * w, value_at(b, 4 * i) * h,
-                        value_at(b, 4 * i + 3) * w, value_at(b, 4 * i + 2) * h, score, class_id);
+        fv_head_add_box(j, i, fv_head_value(b, 4 * i + 1) * w, fv_head_value(b, 4 * i) * h,
+                        fv_head_value(b, 4 * i + 3) * w, fv_head_value(b, 4 * i + 2) * h, score,
+                        class_id);
     }
 }
 
@@ -161,7 +163,7 @@ static void ssd_scan(struct fv_head_job *j, int64_t begin, int64_t end)
 
 static const struct fv_head_output *ssd_raw_boxes(const struct fv_head_job *j)
 {
-    return &j->out[last_dim(&j->out[0]) != 4 && last_dim(&j->out[1]) == 4];
+    return &j->out[fv_head_last_dim(&j->out[0]) != 4 && fv_head_last_dim(&j->out[1]) == 4];
 }
 
 static const struct fv_head_output *ssd_raw_scores(const struct fv_head_job *j)
@@ -171,8 +173,8 @@ static const struct fv_head_output *ssd_raw_scores(const struct fv_head_job *j)
 
 static int64_t ssd_raw_columns(const struct fv_head_job *j)
 {
-    const int64_t n = count_of(ssd_raw_boxes(j)) / 4;
-    return n > 0 ? count_of(ssd_raw_scores(j)) / n : 0;
+    const int64_t n = fv_head_count(ssd_raw_boxes(j)) / 4;
+    return n > 0 ? fv_head_count(ssd_raw_scores(j)) / n : 0;
 }
 
 static int64_t ssd_raw_items(const struct fv_head_job *j, int64_t *cost)
@@ -180,7 +182,7 @@ static int64_t ssd_raw_items(const struct fv_head_job *j, int64_t *cost)
     const struct fv_model_header *h = j->model->header;
     if (j->out_count < 2 || j->d->anchor_data < FV_MODEL_HEADER_BYTES || j->d->anchor_data % 4 != 0)
         return 0;
-    const int64_t n = count_of(ssd_raw_boxes(j)) / 4, columns = ssd_raw_columns(j);
+    const int64_t n = fv_head_count(ssd_raw_boxes(j)) / 4, columns = ssd_raw_columns(j);
     *cost = columns;
     return columns < 2 || j->d->anchor_data + n * 16 > (int64_t)h->file_bytes ? 0 : n;
 }
@@ -191,10 +193,12 @@ static void ssd_raw_box(struct fv_head_job *j, int64_t i, float score, int32_t c
     const float *anchor = (const float *)(const void *)(j->model->base + j->d->anchor_data) + 4 * i,
                 *scale = j->d->box_scales;
     const struct fv_head_output *b = ssd_raw_boxes(j);
-    const float cy = value_at(b, 4 * i) / scale[0] * anchor[2] + anchor[0];
-    const float cx = value_at(b, 4 * i + 1) / scale[1] * anchor[3] + anchor[1];
-    const float bh = (float)fv_exp((double)value_at(b, 4 * i + 2) / (double)scale[2]) * anchor[2];
-    const float bw = (float)fv_exp((double)value_at(b, 4 * i + 3) / (double)scale[3]) * anchor[3];
+    const float cy = fv_head_value(b, 4 * i) / scale[0] * anchor[2] + anchor[0];
+    const float cx = fv_head_value(b, 4 * i + 1) / scale[1] * anchor[3] + anchor[1];
+    const float bh =
+        (float)fv_exp((double)fv_head_value(b, 4 * i + 2) / (double)scale[2]) * anchor[2];
+    const float bw =
+        (float)fv_exp((double)fv_head_value(b, 4 * i + 3) / (double)scale[3]) * anchor[3];
     fv_head_add_box(j, i, (cx - bw * 0.5f) * (float)p->width, (cy - bh * 0.5f) * (float)p->height,
                     (cx + bw * 0.5f) * (float)p->width, (cy + bh * 0.5f) * (float)p->height, score,
                     class_id);
@@ -206,7 +210,7 @@ static void ssd_raw_scan(struct fv_head_job *j, int64_t begin, int64_t end)
     const int64_t columns = ssd_raw_columns(j);
     for (int64_t i = begin; i < end; i++) {
         for (int64_t c = 1; c < columns; c++) {
-            const float score = value_at(scores, i * columns + c);
+            const float score = fv_head_value(scores, i * columns + c);
             if (score >= fv_head_least(j, (int32_t)c - 1)) ssd_raw_box(j, i, score, (int32_t)c - 1);
         }
     }
@@ -228,7 +232,7 @@ struct cells {
 
 static int is_object(const struct grid *g, int32_t cell)
 {
-    return value_at(g->o, (int64_t)cell * g->classes + g->class_id + 1) >= g->threshold;
+    return fv_head_value(g->o, (int64_t)cell * g->classes + g->class_id + 1) >= g->threshold;
 }
 
 /* All cells that touch `start` (8 neighbours) over other cells of the object; each enters the stack
@@ -241,7 +245,7 @@ static struct cells grow(const struct grid *g, int32_t start, uint8_t *seen, int
     seen[start] = 1;
     while (top > 0) {
         const int32_t cell = stack[--top], x = cell % g->w, y = cell / g->w;
-        const float value = value_at(g->o, (int64_t)cell * g->classes + g->class_id + 1);
+        const float value = fv_head_value(g->o, (int64_t)cell * g->classes + g->class_id + 1);
         c.score = value > c.score ? value : c.score;
         c.x0 = x < c.x0 ? x : c.x0;
         c.x1 = x > c.x1 ? x : c.x1;

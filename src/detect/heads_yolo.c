@@ -5,23 +5,23 @@
 
 static int64_t yolov5_items(const struct fv_head_job *j, int64_t *cost)
 {
-    const int32_t columns = last_dim(&j->out[0]);
+    const int32_t columns = fv_head_last_dim(&j->out[0]);
     *cost = columns;
-    return columns < 6 ? 0 : count_of(&j->out[0]) / columns;
+    return columns < 6 ? 0 : fv_head_count(&j->out[0]) / columns;
 }
 
 static void yolov5_scan(struct fv_head_job *j, int64_t begin, int64_t end)
 {
     const struct fv_head_output *o = &j->out[0];
-    const int32_t columns = last_dim(&j->out[0]);
+    const int32_t columns = fv_head_last_dim(&j->out[0]);
     for (int64_t r = begin; r < end; r++) {
         const int64_t at = r * columns;
-        const float object = value_at(o, at + 4);
+        const float object = fv_head_value(o, at + 4);
         for (int32_t c = 0; c < columns - 5; c++) {
-            const float score = object * value_at(o, at + 5 + c);
+            const float score = object * fv_head_value(o, at + 5 + c);
             if (score >= fv_head_least(j, c))
-                fv_head_add_centred(j, r, value_at(o, at), value_at(o, at + 1), value_at(o, at + 2),
-                                    value_at(o, at + 3), score, c);
+                fv_head_add_centred(j, r, fv_head_value(o, at), fv_head_value(o, at + 1),
+                                    fv_head_value(o, at + 2), fv_head_value(o, at + 3), score, c);
         }
     }
 }
@@ -33,7 +33,7 @@ static void yolov5_scan(struct fv_head_job *j, int64_t begin, int64_t end)
 
 static int64_t yolov8_rows(const struct fv_head_output *o)
 {
-    return o->t->rank < 2 ? 0 : count_of(o) / o->t->dims[o->t->rank - 1];
+    return o->t->rank < 2 ? 0 : fv_head_count(o) / o->t->dims[o->t->rank - 1];
 }
 
 static int64_t yolov8_items(const struct fv_head_job *j, int64_t *cost)
@@ -76,17 +76,18 @@ static void yolov8_scan(struct fv_head_job *j, int64_t begin, int64_t end)
     const int64_t n = o->t->dims[o->t->rank - 1], classes = yolov8_classes(j);
     for (int64_t i = begin; i < end; i++) {
         int32_t best = 0;
-        float score = value_at(o, 4 * n + i);
+        float score = fv_head_value(o, 4 * n + i);
         for (int32_t c = 1; c < classes; c++) {
-            const float other = value_at(o, (4 + c) * n + i);
+            const float other = fv_head_value(o, (4 + c) * n + i);
             if (other > score) {
                 score = other;
                 best = c;
             }
         }
         if (score >= fv_head_least(j, best))
-            fv_head_add_centred(j, i, value_at(o, i), value_at(o, n + i), value_at(o, 2 * n + i),
-                                value_at(o, 3 * n + i), score, best);
+            fv_head_add_centred(j, i, fv_head_value(o, i), fv_head_value(o, n + i),
+                                fv_head_value(o, 2 * n + i), fv_head_value(o, 3 * n + i), score,
+                                best);
     }
 }
 
@@ -101,23 +102,23 @@ static void yolov8_obb_scan(struct fv_head_job *j, int64_t begin, int64_t end)
 {
     const struct fv_head_output *o = fv_head_role(j, FV_ROLE_BOXES);
     const struct fv_model_preprocess *p = &j->model->header->preprocess;
-    const int64_t n = last_dim(o), rows = yolov8_rows(o);
+    const int64_t n = fv_head_last_dim(o), rows = yolov8_rows(o);
     const float sx = j->d->normalised ? (float)p->width : 1.0f,
                 sy = j->d->normalised ? (float)p->height : 1.0f;
     for (int64_t i = begin; i < end; i++) {
         int32_t best = 0;
-        float score = value_at(o, 4 * n + i);
+        float score = fv_head_value(o, 4 * n + i);
         for (int32_t c = 1; c < rows - 5; c++) {
-            const float other = value_at(o, (4 + c) * n + i);
+            const float other = fv_head_value(o, (4 + c) * n + i);
             if (other > score) {
                 score = other;
                 best = c;
             }
         }
         if (!(score >= fv_head_least(j, best))) continue;
-        const float box[4] = {value_at(o, i) * sx, value_at(o, n + i) * sy,
-                              value_at(o, 2 * n + i) * sx, value_at(o, 3 * n + i) * sy};
-        fv_head_add_turned(j, i, box, value_at(o, (rows - 1) * n + i), score, best);
+        const float box[4] = {fv_head_value(o, i) * sx, fv_head_value(o, n + i) * sy,
+                              fv_head_value(o, 2 * n + i) * sx, fv_head_value(o, 3 * n + i) * sy};
+        fv_head_add_turned(j, i, box, fv_head_value(o, (rows - 1) * n + i), score, best);
     }
 }
 
@@ -131,10 +132,10 @@ static void yolov8_points(const struct fv_head_job *j, int64_t item, struct fove
     int64_t row = 4 + yolov8_classes(j);
     for (int32_t k = 0; k < j->d->point_count; k++, row += values) {
         const float score = j->d->point_score > 0
-                                ? value_at(o, (row + j->d->point_score) * n + item)
+                                ? fv_head_value(o, (row + j->d->point_score) * n + item)
                                 : __builtin_nanf("");
-        points[k] = fv_head_keypoint(j, value_at(o, row * n + item) * sx,
-                                     value_at(o, (row + 1) * n + item) * sy, score);
+        points[k] = fv_head_keypoint(j, fv_head_value(o, row * n + item) * sx,
+                                     fv_head_value(o, (row + 1) * n + item) * sy, score);
     }
 }
 
@@ -160,11 +161,13 @@ static void yolov2_box(struct fv_head_job *j, int64_t item, int64_t at, float sc
     const int32_t h = o->t->dims[1], w = o->t->dims[2], anchors = j->d->anchor_count;
     const int32_t a = (int32_t)(item % anchors), x = (int32_t)(item / anchors % w),
                   y = (int32_t)(item / anchors / w);
-    const float cx = ((float)x + sigmoid(value_at(o, at))) / (float)w * (float)p->width;
-    const float cy = ((float)y + sigmoid(value_at(o, at + 1))) / (float)h * (float)p->height;
-    const float bw = j->d->anchors[2 * a] * (float)fv_exp((double)value_at(o, at + 2)) / (float)w *
-                     (float)p->width;
-    const float bh = j->d->anchors[2 * a + 1] * (float)fv_exp((double)value_at(o, at + 3)) /
+    const float cx =
+        ((float)x + fv_head_sigmoid(fv_head_value(o, at))) / (float)w * (float)p->width;
+    const float cy =
+        ((float)y + fv_head_sigmoid(fv_head_value(o, at + 1))) / (float)h * (float)p->height;
+    const float bw = j->d->anchors[2 * a] * (float)fv_exp((double)fv_head_value(o, at + 2)) /
+                     (float)w * (float)p->width;
+    const float bh = j->d->anchors[2 * a + 1] * (float)fv_exp((double)fv_head_value(o, at + 3)) /
                      (float)h * (float)p->height;
     fv_head_add_box(j, item, cx - bw * 0.5f, cy - bh * 0.5f, cx + bw * 0.5f, cy + bh * 0.5f, score,
                     class_id);
@@ -176,16 +179,17 @@ static void yolov2_scan(struct fv_head_job *j, int64_t begin, int64_t end)
     const int32_t columns = o->t->dims[3] / j->d->anchor_count, classes = columns - 5;
     for (int64_t i = begin; i < end; i++) {
         const int64_t at = i * columns;
-        const float object = sigmoid(value_at(o, at + 4));
-        double sum = 0, largest = (double)value_at(o, at + 5);
+        const float object = fv_head_sigmoid(fv_head_value(o, at + 4));
+        double sum = 0, largest = (double)fv_head_value(o, at + 5);
         for (int32_t c = 1; c < classes; c++)
-            largest = (double)value_at(o, at + 5 + c) > largest ? (double)value_at(o, at + 5 + c)
-                                                                : largest;
+            largest = (double)fv_head_value(o, at + 5 + c) > largest
+                          ? (double)fv_head_value(o, at + 5 + c)
+                          : largest;
         for (int32_t c = 0; c < classes; c++)
-            sum += fv_exp((double)value_at(o, at + 5 + c) - largest);
+            sum += fv_exp((double)fv_head_value(o, at + 5 + c) - largest);
         for (int32_t c = 0; c < classes; c++) {
             const float score =
-                object * (float)(fv_exp((double)value_at(o, at + 5 + c) - largest) / sum);
+                object * (float)(fv_exp((double)fv_head_value(o, at + 5 + c) - largest) / sum);
             if (score >= fv_head_least(j, c)) yolov2_box(j, i, at, score, c);
         }
     }
@@ -217,23 +221,23 @@ static int64_t yolox_items(const struct fv_head_job *j, int64_t *cost)
 {
     const struct fv_head_output *o = fv_head_role(j, FV_ROLE_BOXES);
     int32_t stride, x, y;
-    if (o == NULL || o->t->rank < 2 || last_dim(o) < 6) return 0;
-    const int64_t n = count_of(o) / last_dim(o);
-    *cost = last_dim(o) + 2 * FV_HEAD_EXP_COST;
+    if (o == NULL || o->t->rank < 2 || fv_head_last_dim(o) < 6) return 0;
+    const int64_t n = fv_head_count(o) / fv_head_last_dim(o);
+    *cost = fv_head_last_dim(o) + 2 * FV_HEAD_EXP_COST;
     return yolox_cell(&j->model->header->preprocess, n - 1, &stride, &x, &y) ? n : 0;
 }
 
 static void yolox_scan(struct fv_head_job *j, int64_t begin, int64_t end)
 {
     const struct fv_head_output *o = fv_head_role(j, FV_ROLE_BOXES);
-    const int32_t columns = last_dim(o);
+    const int32_t columns = fv_head_last_dim(o);
     for (int64_t r = begin; r < end; r++) {
         const int64_t at = r * columns;
-        const float object = value_at(o, at + 4);
+        const float object = fv_head_value(o, at + 4);
         int32_t stride, x, y, best = 0;
-        float score = object * value_at(o, at + 5);
+        float score = object * fv_head_value(o, at + 5);
         for (int32_t c = 1; c < columns - 5; c++) {
-            const float other = object * value_at(o, at + 5 + c);
+            const float other = object * fv_head_value(o, at + 5 + c);
             if (other > score) {
                 score = other;
                 best = c;
@@ -242,17 +246,17 @@ static void yolox_scan(struct fv_head_job *j, int64_t begin, int64_t end)
         if (!(score >= fv_head_least(j, best)) ||
             !yolox_cell(&j->model->header->preprocess, r, &stride, &x, &y))
             continue;
-        const float s = (float)stride, cx = (value_at(o, at) + (float)x) * s,
-                    cy = (value_at(o, at + 1) + (float)y) * s,
-                    w = (float)fv_exp((double)value_at(o, at + 2)) * s,
-                    h = (float)fv_exp((double)value_at(o, at + 3)) * s;
+        const float s = (float)stride, cx = (fv_head_value(o, at) + (float)x) * s,
+                    cy = (fv_head_value(o, at + 1) + (float)y) * s,
+                    w = (float)fv_exp((double)fv_head_value(o, at + 2)) * s,
+                    h = (float)fv_exp((double)fv_head_value(o, at + 3)) * s;
         fv_head_add_box(j, r, cx - w * 0.5f, cy - h * 0.5f, cx + w * 0.5f, cy + h * 0.5f, score,
                         best);
     }
 }
 
 /* ---- YOLOv3 and YOLOv4: a grid of cells for each output with anchors of its own, in input pixels,
- * all before their activation; each class has a share of its own. -------------------------------
+ * all before their activation; each class has a score of its own. -------------------------------
  */
 
 static int64_t yolov3_cells(const struct fv_head_output *o)
@@ -289,10 +293,12 @@ static void yolov3_box(struct fv_head_job *j, int32_t output, int64_t place, int
                           2 * (output * count + (int32_t)(place % count));
     const int64_t at = place * (5 + j->d->classes), cell = place / count, x = cell % w,
                   y = cell / w;
-    const float cx = ((float)x + sigmoid(value_at(o, at))) / (float)w * (float)p->width,
-                cy = ((float)y + sigmoid(value_at(o, at + 1))) / (float)h * (float)p->height,
-                bw = anchor[0] * (float)fv_exp((double)value_at(o, at + 2)),
-                bh = anchor[1] * (float)fv_exp((double)value_at(o, at + 3));
+    const float cx =
+                    ((float)x + fv_head_sigmoid(fv_head_value(o, at))) / (float)w * (float)p->width,
+                cy = ((float)y + fv_head_sigmoid(fv_head_value(o, at + 1))) / (float)h *
+                     (float)p->height,
+                bw = anchor[0] * (float)fv_exp((double)fv_head_value(o, at + 2)),
+                bh = anchor[1] * (float)fv_exp((double)fv_head_value(o, at + 3));
     fv_head_add_box(j, item, cx - bw * 0.5f, cy - bh * 0.5f, cx + bw * 0.5f, cy + bh * 0.5f, score,
                     class_id);
 }
@@ -306,11 +312,11 @@ static void yolov3_scan(struct fv_head_job *j, int64_t begin, int64_t end)
             place -= yolov3_cells(&j->out[output++]) * j->d->anchor_count;
         const struct fv_head_output *o = &j->out[output];
         const int64_t at = place * (5 + j->d->classes);
-        const float object = sigmoid(value_at(o, at + 4));
+        const float object = fv_head_sigmoid(fv_head_value(o, at + 4));
         for (int32_t c = 0; c < j->d->classes; c++) {
             const float least = fv_head_least(j, c);
-            if (object < least) continue; /* a product with a share is no larger */
-            const float score = object * sigmoid(value_at(o, at + 5 + c));
+            if (object < least) continue; /* a product with a score is no larger */
+            const float score = object * fv_head_sigmoid(fv_head_value(o, at + 5 + c));
             if (score >= least) yolov3_box(j, output, place, i, score, c);
         }
     }

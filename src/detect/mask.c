@@ -92,13 +92,13 @@ static void read_coefficients(const struct fv_head_job *j, const struct fv_head_
                               int32_t item, struct coefficients *c)
 {
     const struct fv_head_output *o = fv_head_role(j, FV_ROLE_BOXES);
-    const int64_t n = last_dim(o), rows = n > 0 ? count_of(o) / n : 0;
+    const int64_t n = fv_head_last_dim(o), rows = n > 0 ? fv_head_count(o) / n : 0;
     c->count = j->d->coefficients;
     c->whole = o->t->type == FV_TYPE_U8 && prototypes->t->type == FV_TYPE_U8;
     c->zero = prototypes->t->zero;
     for (int32_t i = 0; i < c->count; i++) {
         const int64_t at = (rows - c->count + i) * n + item;
-        c->value[i] = value_at(o, at);
+        c->value[i] = fv_head_value(o, at);
         c->whole_value[i] = c->whole ? (int16_t)(o->data[at] - o->t->zero) : 0;
     }
 }
@@ -116,7 +116,7 @@ static bool is_inside(const struct coefficients *c, const struct fv_head_output 
     }
     double sum = 0;
     for (int32_t i = 0; i < c->count; i++)
-        sum += (double)c->value[i] * (double)value_at(prototypes, at + i);
+        sum += (double)c->value[i] * (double)fv_head_value(prototypes, at + i);
     return sum > 0;
 }
 
@@ -166,14 +166,14 @@ static int32_t class_of(const struct fv_head_job *j, const struct fv_head_output
 {
     const int64_t at = pixel * channels;
     if (channels == 1) {
-        const float value = value_at(o, at);
+        const float value = fv_head_value(o, at);
         if (j->d->classes == 1) return value >= fv_head_least(j, 0) ? 0 : -1;
         return value > -0.5f && value < (float)FV_DETECT_NO_SEGMENT ? (int32_t)(value + 0.5f) : -1;
     }
     int32_t best = 0;
-    float largest = value_at(o, at);
+    float largest = fv_head_value(o, at);
     for (int32_t c = 1; c < channels; c++) {
-        const float value = value_at(o, at + c);
+        const float value = fv_head_value(o, at + c);
         if (value > largest) {
             largest = value;
             best = c;

@@ -2,7 +2,7 @@
  *
  * Of a network with prototypes (Bolya et al., "YOLACT", ICCV 2019; YOLOv8's form) an object has the
  * pixels whose centre lies in its box and where its coefficients times the prototypes are above 0,
- * which is a share above one half; where objects overlap, the one of the better score has the
+ * which is a probability above one half; where objects overlap, the one of the better score has the
  * pixel. The products are whole numbers where the outputs are bytes, so they are exact. Of a
  * network that labels each pixel, the pixel has its class, or that of its largest score.
  *

@@ -12,7 +12,7 @@ struct fv_head_output {
     const uint8_t *data; /* packed: tools/import makes outputs so */
 };
 
-static inline int64_t count_of(const struct fv_head_output *o)
+static inline int64_t fv_head_count(const struct fv_head_output *o)
 {
     int64_t count = 1;
     for (int32_t i = 0; i < o->t->rank; i++)
@@ -20,12 +20,12 @@ static inline int64_t count_of(const struct fv_head_output *o)
     return count;
 }
 
-static inline int32_t last_dim(const struct fv_head_output *o)
+static inline int32_t fv_head_last_dim(const struct fv_head_output *o)
 {
     return o->t->rank > 0 ? o->t->dims[o->t->rank - 1] : 0;
 }
 
-static inline float value_at(const struct fv_head_output *o, int64_t i)
+static inline float fv_head_value(const struct fv_head_output *o, int64_t i)
 {
     if (o->t->type == FV_TYPE_F32) return ((const float *)(const void *)o->data)[i];
     if (o->t->type == FV_TYPE_U8) return o->t->scale * (float)(o->data[i] - o->t->zero);
@@ -34,12 +34,12 @@ static inline float value_at(const struct fv_head_output *o, int64_t i)
 }
 
 /* In [0, high]; 0 for what is no number. */
-static inline float clamped(float value, float high)
+static inline float fv_head_clamp(float value, float high)
 {
     return value > 0.0f ? (value < high ? value : high) : 0.0f;
 }
 
-static inline float sigmoid(float x)
+static inline float fv_head_sigmoid(float x)
 {
     return (float)(1.0 / (1.0 + fv_exp(-(double)x)));
 }
