@@ -16,7 +16,6 @@ enum fovea_status {
     FOVEA_OK = 0,
 
     /* Normal outcomes. */
-    FOVEA_LOST = 1,  /* no pose is known reliably */
     FOVEA_AGAIN = 2, /* nothing yet: deadline passed, or a job has units left */
     FOVEA_END = 3,   /* a recording has no more frames */
     FOVEA_GONE = 4,  /* the camera is not there at present */

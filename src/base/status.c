@@ -8,8 +8,6 @@ const char *fovea_status_name(enum fovea_status status)
     switch (status) {
     case FOVEA_OK:
         return "ok";
-    case FOVEA_LOST:
-        return "lost";
     case FOVEA_AGAIN:
         return "again";
     case FOVEA_END:
