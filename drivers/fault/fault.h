@@ -1,4 +1,4 @@
-/* Faults of a camera, put upon the frames of any other source by a seeded schedule: the source
+/* Faults of a camera, applied to the frames of any other source by a seeded schedule: the source
  * `fault:`.
  *
  * A fault is a function that changes one picture in place; faults.def lists them. All give the same

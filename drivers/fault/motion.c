@@ -9,7 +9,7 @@
 
 enum { LENGTH_MAX = 200 };
 
-/* The places along the line, nearest pixels, the middle at 0. */
+/* Pixel offsets along the line, the middle at 0. */
 static void line_make(const struct fv_fault_picture *picture, int32_t dx[LENGTH_MAX],
                       int32_t dy[LENGTH_MAX])
 {

@@ -15,7 +15,7 @@
 #include "../table.h"
 #include "fault.h"
 
-enum { ADDRESS_MAX = 4096, PICTURES = 3 }; /* per camera: one for each held frame, and a scratch */
+enum { ADDRESS_MAX = 4096 };
 
 static const struct {
     bool needs_last;

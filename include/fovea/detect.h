@@ -1,5 +1,5 @@
 /* Detections: what an int8 network finds in an image: objects with boxes, keypoints, masks, or the
- * classes of the whole image, as the decoder gives that its model file names.
+ * classes of the whole image. The decoder named in the model file decides which.
  *
  * A network reads an image resized to its input (stretched, or letterboxed with its shape kept);
  * boxes and points are given in pixels of that image, (0, 0) the centre of the top left pixel, max

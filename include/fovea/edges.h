@@ -63,7 +63,8 @@ size_t fovea_edges_size(const struct fovea_edges_config *config, int32_t width, 
                         struct fovea_error *error);
 
 /* Build a detector in `memory`, 64-byte aligned, which stays the caller's and must outlive it.
- * Errors: FOVEA_ERROR_ARGUMENT (a parameter), FOVEA_ERROR_MEMORY (size or alignment). Init-only. */
+ * Errors: FOVEA_ERROR_ARGUMENT (a parameter, or the environment's FOVEA_CPU), FOVEA_ERROR_MEMORY
+ * (size or alignment). Init-only. */
 enum fovea_status fovea_edges_init(struct fovea_edges **edges,
                                    const struct fovea_edges_config *config, int32_t width,
                                    int32_t height, void *memory, size_t bytes,

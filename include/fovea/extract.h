@@ -51,8 +51,8 @@ struct fovea_extract_config {
     /* default: the method's own. SIFT has FLOAT alone, the others BINARY (their own) or PATCH */
     enum fovea_descriptor descriptor;
     uint32_t count_max; /* [1, 20000], default 500: the strongest are kept */
-    /* 1: orientations are 0, and descriptors are told apart better between images that are not
-     * turned against each other. Default 0 for ORB and SIFT, 1 for the others */
+    /* 1: orientations are 0, and descriptors distinguish features better between images that are
+     * not rotated against each other. Default 0 for ORB and SIFT, 1 for the others */
     uint32_t upright;
     uint32_t levels;    /* [1, 8], default 8: of the pyramid (ORB) */
     uint32_t threshold; /* [2, 100] grey levels, default 7 for ORB, 20 for FAST: of corners */
@@ -110,7 +110,8 @@ size_t fovea_extract_size(const struct fovea_extract_config *config, int32_t wid
                           struct fovea_error *error);
 
 /* Build an extractor in `memory`, 64-byte aligned, which stays the caller's and must outlive it.
- * Errors: FOVEA_ERROR_ARGUMENT (a parameter), FOVEA_ERROR_MEMORY (size or alignment). Init-only. */
+ * Errors: FOVEA_ERROR_ARGUMENT (a parameter, or the environment's FOVEA_CPU), FOVEA_ERROR_MEMORY
+ * (size or alignment). Init-only. */
 enum fovea_status fovea_extract_init(struct fovea_extract **extract,
                                      const struct fovea_extract_config *config, int32_t width,
                                      int32_t height, void *memory, size_t bytes,
@@ -118,7 +119,8 @@ enum fovea_status fovea_extract_init(struct fovea_extract **extract,
 
 /* Find and describe the features of a grey8 image of its size. `mask`, when not NULL, is a grey8
  * image of the same size: no feature where it is 0. FOVEA_ERROR_ARGUMENT: an image does not fit,
- * and `found` is untouched. Real-time safe: time is at most proportional to pixels and count_max.
+ * and `found` is untouched. Real-time safe: time is at most proportional to the pixels times the
+ * logarithm of count_max, and to count_max.
  * One thread per extractor. */
 enum fovea_status fovea_extract_run(struct fovea_extract *extract, const struct fovea_image *image,
                                     const struct fovea_image *mask, struct fovea_extracted *found);

@@ -19,7 +19,10 @@
  * the heap, takes a lock, logs or makes a system call (other than through the clock of the
  * configuration, if it has one). fovea_step and fovea_work are functions of (state, inputs,
  * grants): same bits in, same bits out, on every processor. The block may be moved or copied only
- * through fovea_copy, since it holds addresses of itself. */
+ * through fovea_copy, since it holds addresses of itself.
+ *
+ * Unless its comment says otherwise, a function that takes a runtime or a governor belongs to the
+ * loop thread and is real-time safe; any other may be called on any thread. */
 #ifndef FOVEA_FOVEA_H
 #define FOVEA_FOVEA_H
 
@@ -362,7 +365,8 @@ void fovea_stats_get(const struct fovea *rt, struct fovea_stats *stats);
 uint64_t fovea_state_hash(const struct fovea *rt);
 
 /* Copy a runtime into another block of at least the same size, which may then be stepped on its
- * own. Loop thread. */
+ * own. FOVEA_ERROR_MEMORY: the block is too small or misaligned, and `*copy` is untouched. Loop
+ * thread. */
 enum fovea_status fovea_copy(const struct fovea *rt, void *memory, size_t bytes,
                              struct fovea **copy);
 

@@ -34,7 +34,7 @@ struct fovea_match_config {
     enum fovea_descriptor descriptor; /* default binary; says how descriptors are compared */
     uint32_t descriptor_bytes;        /* default 32: BINARY 32, PATCH 81, FLOAT [1, 128] */
     uint32_t count_max;               /* [1, 20000], default 1000: features of an image */
-    /* (0, 1], default 0.8: kept when the nearest is nearer than this times the second nearest
+    /* [0.001, 1], default 0.8: kept when the nearest is nearer than this times the second nearest
      * (Lowe, IJCV 2004); 1: not tested */
     float ratio;
     uint32_t cross_check; /* 0, or 1 (default): a must be the nearest of its b as well */
@@ -42,7 +42,7 @@ struct fovea_match_config {
     float threshold_px;                 /* [0.1, 50], default 3: residuals of inliers, in image b */
     uint32_t samples_max; /* [1, 100000], default 2000: bounds the time of the geometry */
     float focal_px;       /* [1, 100000], default 500: of both images (essential) */
-    float centre_px[2];   /* default 0 0: principal point (essential) */
+    float centre_px[2];   /* [-100000, 100000], default 0 0: principal point (essential) */
 };
 
 struct fovea_match {
@@ -56,7 +56,8 @@ struct fovea_matched {
     uint32_t count, inlier_count;
     const struct fovea_match *matches; /* in order of a */
     /* Row by row: the homography in pixels, its last element 1 where that is not 0; or the
-     * essential matrix. All 0: none was found, and there are no inliers */
+     * essential matrix. All 0 with ANY, where every match counts as an inlier; otherwise all 0:
+     * none was found, and there are no inliers */
     double model[9];
 };
 
@@ -76,14 +77,16 @@ const char *fovea_match_geometry_name(enum fovea_match_geometry geometry);
 size_t fovea_match_size(const struct fovea_match_config *config, struct fovea_error *error);
 
 /* Build a matcher in `memory`, 64-byte aligned, which stays the caller's and must outlive it.
- * Errors: FOVEA_ERROR_ARGUMENT (a parameter), FOVEA_ERROR_MEMORY (size or alignment). Init-only. */
+ * Errors: FOVEA_ERROR_ARGUMENT (a parameter, or the environment's FOVEA_CPU), FOVEA_ERROR_MEMORY
+ * (size or alignment). Init-only. */
 enum fovea_status fovea_match_init(struct fovea_matcher **matcher,
                                    const struct fovea_match_config *config, void *memory,
                                    size_t bytes, struct fovea_error *error);
 
 /* Match. Binary descriptors are 8-byte aligned. FOVEA_ERROR_ARGUMENT: more than count_max features,
  * or descriptors of another length, and `matched` is untouched. Real-time safe: time is at most
- * proportional to the product of both counts, twice with the cross check, and to samples_max. One
+ * proportional to the product of both counts, twice with the cross check, and to samples_max times
+ * the number of matches. `features` is not read with ANY; otherwise it must be set. One
  * thread per matcher. */
 enum fovea_status fovea_match_run(struct fovea_matcher *matcher, const struct fovea_extracted *a,
                                   const struct fovea_extracted *b, struct fovea_matched *matched);

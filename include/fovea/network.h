@@ -1,6 +1,6 @@
 /* An int8 network by itself: it takes inputs and gives output tensors, with the scales that convert
- * them to real numbers. For networks whose outputs no decoder of the library reads (masks,
- * embeddings), and for programs that have their own.
+ * them to real numbers. For networks whose outputs no decoder of the library reads
+ * (embeddings, depth), and for programs that have their own.
  *
  * All memory is one block of the caller's. The model file (.fvm, made by tools/import) stays the
  * caller's too, and must stay as it is while the network is in use: it is read in place. Every

@@ -92,7 +92,8 @@ size_t fovea_preprocess_size(const struct fovea_preprocess_config *config, int32
                              int32_t height, struct fovea_error *error);
 
 /* Build a chain in `memory`, 64-byte aligned, which stays the caller's and must outlive it. Errors:
- * FOVEA_ERROR_ARGUMENT (a parameter), FOVEA_ERROR_MEMORY (size or alignment). Init-only. */
+ * FOVEA_ERROR_ARGUMENT (a parameter, or the environment's FOVEA_CPU), FOVEA_ERROR_MEMORY (size or
+ * alignment). Init-only. */
 enum fovea_status fovea_preprocess_init(struct fovea_preprocess **chain,
                                         const struct fovea_preprocess_config *config, int32_t width,
                                         int32_t height, void *memory, size_t bytes,

@@ -50,8 +50,8 @@ const struct fv_command fv_commands[] = {
      "IN is a PNG or JPEG file; OUT is written as PNG, with edges white.",
      "fovea edges in.png out.png --method canny --low 50 --high 150\n"
      "fovea edges in.png out.png --method scharr --high 800"},
-    {"detect", "find objects in pictures with an int8 network", fv_command_detect,
-     "One line of JSON is printed for each picture.",
+    {"detect", "run an int8 network on pictures: boxes, keypoints, classes, masks",
+     fv_command_detect, "One line of JSON is printed for each picture.",
      "fovea detect --model src/detect/shipped.fvm photo.png --draw boxes"},
     {"model", "print what a model file holds and its speed, write its raw outputs",
      fv_command_model,

@@ -143,7 +143,7 @@ std::vector<Marker> find_markers(const Grey &image, int dictionary, int border)
     how->cornerRefinementWinSize = 3; /* to each side: less than the cells of small markers */
     std::vector<Marker> markers;
     const cv::Mat picture = picture_of(image);
-    /* At twice the size, too, where cells of a few pixels are told apart more often. */
+    /* At twice the size, too, where small cells are recognised more often. */
     for (const int scale : {1, 2}) {
         std::vector<std::vector<cv::Point2f>> corners;
         std::vector<int> ids;

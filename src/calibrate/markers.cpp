@@ -229,7 +229,8 @@ void charuco_corners(const Grey &image, const Board &board, const std::vector<Ma
     view.edge_px = median_width(widths);
 }
 
-/* Whether the points that were seen span a plane: three columns and rows at least. */
+/* Whether the points that were seen span a plane: at least 8 points in at least two columns and two
+ * rows. */
 bool spans(const Board &board, const View &view)
 {
     constexpr int points_min = 8, lines_min = 2;

@@ -85,8 +85,8 @@ void fv_objects_update(struct fv_objects *objects, const struct fv_objects_infer
 
 void fv_objects_get(const struct fv_objects *objects, struct fovea_objects *list);
 
-/* Boxes (x_min y_min x_max y_max) of movable classes in the last inference, tracked or coasting. At
- * most `capacity`; returns how many. */
+/* Boxes (x_min y_min x_max y_max) of the objects of movable classes after the last inference,
+ * tentative ones included. At most `capacity`; returns how many. */
 uint32_t fv_objects_movable(const struct fv_objects *objects, float (*boxes)[4], uint32_t capacity);
 
 /* ---- parts, one file each -------------------------------------------------------------------- */

@@ -84,9 +84,8 @@ bool fv_detection_offer(struct fv_detection *detection, const struct fovea_frame
 
 bool fv_detection_waiting(const struct fv_detection *detection);
 
-/* Do at most `units` units, `*done` of them. True: each message that the network sends is due,
- * fv_detection_encode: an inference is complete, and its detections are in job->found, or its
- * outputs are there, of which one message holds a part. */
+/* Do at most `units` units, `*done` of them. True: an inference is complete, or outputs are ready
+ * to be sent; fv_detection_encode then encodes each message that is due. */
 bool fv_detection_advance(struct fv_detection *detection, const struct fovea_config *config,
                           const struct fv_kernels *kernels, uint32_t units, uint32_t *done);
 

@@ -2,10 +2,10 @@
  * loop, whether any loop is false, and how far the poses are off after closing, as a fraction of
  * the path.
  *
- * Usage: closures SEEDS NEEDED OPTIONS [RECORD]     exit 0 when at least NEEDED runs closed a loop,
- * none was false, and the map of every run that closed one is within 0.3 % of the path in the end.
- * OPTIONS go to sim:corridor, for example textures=repeated. RECORD: a file of the seeds that are
- * done, which are not run again. */
+ * Usage: closures SEEDS NEEDED OPTIONS [RECORD]     exit 0 when at least NEEDED runs made a
+ * closure, none was false, and the map of every run that closed one is within 0.3 % of the path in
+ * the end. OPTIONS go to sim:corridor, for example textures=repeated. RECORD: a file of the seeds
+ * that are done, which are not run again. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

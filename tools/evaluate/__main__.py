@@ -1,4 +1,4 @@
-"""tools/evaluate: runs of `fovea run` in their thousands, held against the truth.
+"""tools/evaluate: thousands of runs of `fovea run`, compared with the truth.
 
     python tools/evaluate sweep DIR --source URI... [--starts 0-30] [--steps 1-3] [--reverse both] [--set 'KEY=V|V']
     python tools/evaluate report DIR [--compare OLD NEW] [--output FILE.html]

@@ -200,7 +200,7 @@ static enum fv_options_result options_read(struct fv_run *run, int argc, char **
          "draw states, a frame, map, objects and timings into FILE (default " FV_RUN_PICTURE_FILE
          "; none: do not draw)"},
         {"model", "FILE", FV_OPTION_TEXT, &run->options.model,
-         "network that finds objects (.fvm, made by tools/import)"},
+         "int8 network to run on frames (.fvm, made by tools/import)"},
         {"detections", "FILE", FV_OPTION_TEXT, &run->detections_path,
          "write the detections of the network as COCO results JSON"},
         {"all-boxes", NULL, FV_OPTION_FLAG, &run->all_boxes,

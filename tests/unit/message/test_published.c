@@ -421,7 +421,7 @@ static void masks_of_any_size_come_back(void **state)
     free(scratch);
 }
 
-/* A quarter iteration around z and a shift, so that each axis shows where it went. */
+/* A quarter turn around z and a shift, so that each axis shows where it went. */
 static void the_most_objects_fit_a_packet(void **state)
 {
     (void)state;

@@ -263,7 +263,7 @@ static void check_turn(struct fv_lcmlog *log, uint32_t n)
     expect_event(log, &event, "ROBOT/LEFT_X");
 }
 
-/* The log's last event; the iterations that it tells of. */
+/* The log's last event; the iterations that it reports. */
 static uint64_t check_end(struct fv_lcmlog *log, const char *reason)
 {
     struct fv_lcmlog_event event;
