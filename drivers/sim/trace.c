@@ -73,7 +73,7 @@ FV_IN_WIDE void trace_round(const struct fv_sim_surface *s, const float *restric
     }
 }
 
-FV_WIDE void fv_sim_trace(const struct fv_sim_scene *scene, const uint16_t *list,
+FV_WIDE static void trace(const struct fv_sim_scene *scene, const uint16_t *list,
                           int32_t list_count, const float *x, const float *y, int32_t count,
                           float *inverse_z, int32_t *hit)
 {
@@ -92,4 +92,11 @@ FV_WIDE void fv_sim_trace(const struct fv_sim_scene *scene, const uint16_t *list
         else
             trace_face(s, x, y, count, inverse_z, hit, k);
     }
+}
+
+/* Not FV_WIDE itself: clang gives such a function another name than its callers use. */
+void fv_sim_trace(const struct fv_sim_scene *scene, const uint16_t *list, int32_t list_count,
+                  const float *x, const float *y, int32_t count, float *inverse_z, int32_t *hit)
+{
+    trace(scene, list, list_count, x, y, count, inverse_z, hit);
 }
