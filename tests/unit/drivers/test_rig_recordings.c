@@ -474,6 +474,12 @@ static void test_rig_elsewhere(void **state)
     assert_string_equal(
         error.text,
         "sim: imu: found 200 Hz in reverse, expected 0: a sensor's samples do not turn round");
+    assert_int_equal(
+        fv_source_sim.open("orbit?width=64&height=64&wheel_odometry=20", &reverse, &source, &error),
+        FOVEA_ERROR_UNSUPPORTED);
+    assert_string_equal(
+        error.text,
+        "sim: wheel_odometry: found 20 Hz in reverse, expected 0: a sensor's samples do not turn round");
     snprintf(sequence, sizeof sequence, "euroc:%.150s then euroc:%.150s?imu=1", top, top);
     expect_refused(&fv_source_sequence, sequence,
                    "with other inertial sensors, expected those of the first part");
