@@ -87,7 +87,8 @@ struct fovea_pose {
      * features with the oldest image held. */
     uint32_t matches, inliers;
     float quality; /* fraction of the landmarks predicted to be visible that are inliers, [0, 1] */
-    /* rises with each reset, and when a new map is started after the camera was lost */
+    /* rises with each reset, and whenever the published world becomes another: when a new map is
+     * started after the camera was lost, and when the camera is found again in an older map */
     uint32_t reset_counter;
     /* of the map that began this world; 0: the first; that of an older map when the camera is found
      * again in one. A map that it was merged into shows in T_map_world alone */

@@ -143,7 +143,7 @@ enum fovea_status fv_odometry_load(struct fv_odometry *odometry, const struct fv
 /* Of the last frame: in `odom`, in the unit of the map that began it. The members of the scale and
  * of the reference keyframe are not filled in. */
 const struct fovea_pose *fv_odometry_pose(const struct fv_odometry *odometry);
-/* How often a new world was started. */
+/* How often the world of the poses became another: a new one, or that of an older map. */
 uint32_t fv_odometry_reset_counter(const struct fv_odometry *odometry);
 /* The last frame's pose in the world of the map. */
 void fv_odometry_map_pose(const struct fv_odometry *odometry, struct fv_se3 *T_map_cam);

@@ -159,15 +159,18 @@ bool fv_odometry_try_keyframe(struct fv_odometry *o, const struct fv_kernels *ke
 
 /* ---- all candidates -------------------------------------------------------------------------- */
 
-/* The frame hangs on this keyframe from now on, in its map. */
+/* The frame hangs on this keyframe from now on, in its map; where that is published in another
+ * frame, poses before and after have no common frame. */
 static void enter(struct fv_odometry *o, uint32_t slot)
 {
     struct fv_odometry_state *s = o->state;
+    const uint32_t odom_id = o->map.state->odom_id;
     s->newest = slot;
     s->keyframe_frame = s->frame_number;
     s->keyframe_matches = o->map.keyframes[slot].landmarks;
     o->map.keyframes[fv_map_current(&o->map)].parent = (int32_t)slot;
     fv_map_enter(&o->map, o->map.keyframes[slot].map_id);
+    s->reset_counter += o->map.state->odom_id != odom_id;
 }
 
 bool fv_odometry_relocalise(struct fv_odometry *o, const struct fv_kernels *kernels,

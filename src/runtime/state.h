@@ -85,7 +85,7 @@ struct fovea {
     uint32_t units_done[FOVEA_JOB_COUNT];
 };
 
-/* How often a new world was started: by command, or since the camera was lost for long. */
+/* How often the world of the poses became another: by command, or since the camera was lost. */
 static inline uint32_t fv_reset_counter(const struct fovea *rt)
 {
     return rt->config.odometry.enabled ? fv_odometry_reset_counter(&rt->odometry)
