@@ -108,6 +108,17 @@ void fv_se3_move(struct fv_se3 *T, const double step[6])
         T->t[i] = t[i] + step[i];
 }
 
+void fv_se3_part(const struct fv_se3 *whole, double fraction, struct fv_se3 *part)
+{
+    double turn[3];
+    fv_so3_log(whole->R, turn);
+    for (int k = 0; k < 3; k++) {
+        turn[k] *= fraction;
+        part->t[k] = whole->t[k] * fraction;
+    }
+    fv_so3_exp(turn, part->R);
+}
+
 void fv_so3_orthonormalise(double R[9])
 {
     for (int step = 0; step < 2; step++) {

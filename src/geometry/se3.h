@@ -34,6 +34,10 @@ void fv_so3_log(const double R[9], double rotation_rad[3]);
  */
 void fv_se3_move(struct fv_se3 *T, const double step[6]);
 
+/* Part of a motion: its turn and its translation, each by the same fraction. `part` may be `whole`.
+ */
+void fv_se3_part(const struct fv_se3 *whole, double fraction, struct fv_se3 *part);
+
 /* Nearest rotation of a matrix that is nearly one (two steps of Newton's iteration for the polar
  * factor). */
 void fv_so3_orthonormalise(double R[9]);

@@ -339,6 +339,15 @@ static void add_track(struct fv_odometry *o, const struct fv_initialise_bundle *
     o->localiser.recent[o->state->localise.recent_count++] = recent;
 }
 
+/* The first views tell how the camera moves: the next frame is looked for there. */
+static void note_motion(struct fv_odometry *o, uint32_t before)
+{
+    const struct fv_keyframe *last = &o->map.keyframes[o->state->newest],
+                             *earlier = &o->map.keyframes[before];
+    fv_motion_note(&o->state->localise.motion, &earlier->T_cam_world, earlier->stamp_ns,
+                   &last->T_cam_world, last->stamp_ns);
+}
+
 static void make_first_map(struct fv_odometry *o, uint32_t tracks,
                            const struct fv_initialise_bundle *b)
 {
@@ -367,7 +376,7 @@ static void make_first_map(struct fv_odometry *o, uint32_t tracks,
     s->keyframe_frame = s->frame_number;
     s->keyframe_matches = s->localise.recent_count;
     s->job_wanted = true;
-    s->localise.moving_known = false;
+    note_motion(o, keyframes[b->view_count - 2]);
     fv_odometry_queue(o, s->newest);
 }
 

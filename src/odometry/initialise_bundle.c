@@ -152,18 +152,6 @@ static void find_views(const struct fv_initialiser *in, const struct fv_initiali
         views[v] = fv_map_frame_at(in->map, b->slots[v]);
 }
 
-/* Part of the way from the first to the last view. */
-static void go_part(const struct fv_se3 *whole, double fraction, struct fv_se3 *T)
-{
-    double turn[3];
-    fv_so3_log(whole->R, turn);
-    for (int k = 0; k < 3; k++) {
-        turn[k] *= fraction;
-        T->t[k] = whole->t[k] * fraction;
-    }
-    fv_so3_exp(turn, T->R);
-}
-
 bool fv_initialise_guess_motion(struct fv_initialiser *in, uint32_t count,
                                 const struct fv_se3 *T_last_first, struct fv_initialise_bundle *b)
 {
@@ -178,7 +166,7 @@ bool fv_initialise_guess_motion(struct fv_initialiser *in, uint32_t count,
             fv_initialise_inverse_depth(in, &in->pairs[i], T_last_first, &in->depths[i].value);
     if (placed < point_fraction_min * count) return false;
     for (uint32_t v = 1; v < last; v++) {
-        go_part(T_last_first, b->fraction[v], &b->T_view_first[v]);
+        fv_se3_part(T_last_first, b->fraction[v], &b->T_view_first[v]);
         if (!place_view(in, count, views, b, v)) return false;
     }
     return true;
@@ -238,7 +226,7 @@ void fv_initialise_note_guess(struct fv_initialiser *in, uint64_t now, uint32_t 
         in->guessed_depth[in->tracks[i].feature[0]] = (float)depth;
     }
     for (uint32_t i = 1; i < s->count; i++)
-        go_part(&s->guess, (double)(s->frames[i] - s->frames[0]) / (double)(now - s->frames[0]),
+        fv_se3_part(&s->guess, (double)(s->frames[i] - s->frames[0]) / (double)(now - s->frames[0]),
                 &in->map->keyframes[s->slots[i]].T_cam_world);
     for (uint32_t v = 1; v + 1 < b->view_count; v++)
         in->map->keyframes[b->slots[v]].T_cam_world = b->T_view_first[v];

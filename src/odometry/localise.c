@@ -203,9 +203,8 @@ static bool rough_pose(struct fv_odometry *o, const struct fv_kernels *kernels,
                        struct fv_se3 *T, struct fv_pose_fit *fit)
 {
     if (o->state->state != FOVEA_TRACKING_LOST) {
-        *T = *last;
-        if (o->state->localise.moving_known) fv_se3_compose(&o->state->localise.motion, last, T);
-        struct fv_se3 predicted = *T;
+        fv_motion_predict(&o->state->localise.motion, last, frame->keyframe->stamp_ns, T);
+        const struct fv_se3 predicted = *T;
         uint32_t matches = match_recent(o, kernels, frame, T, radius_first_px);
         if (matches >= INLIERS_FIRST_MIN &&
             refine(&o->localiser, &o->map, frame, 2, 4, true, T, fit) >= INLIERS_FIRST_MIN)
@@ -237,10 +236,19 @@ void fv_odometry_confirm(struct fv_odometry *o)
     o->state->covariance_reliable = fv_covariance_write(o, &frame, &fit);
 }
 
+/* A frame that was found again follows no frame. */
+static void note_motion(struct fv_odometry *o, const struct fv_se3 *last, const struct fv_se3 *T,
+                        int64_t stamp_ns)
+{
+    struct fv_motion *motion = &o->state->localise.motion;
+    fv_motion_note(motion, last, motion->stamp_ns, T, stamp_ns);
+    if (o->state->state == FOVEA_TRACKING_LOST) fv_motion_forget(motion);
+}
+
 uint32_t fv_odometry_localise(struct fv_odometry *o, const struct fv_kernels *kernels)
 {
     struct fv_map_frame frame = fv_map_frame_at(&o->map, fv_map_current(&o->map));
-    struct fv_se3 last = frame.keyframe->T_cam_world, T, inverse;
+    struct fv_se3 last = frame.keyframe->T_cam_world, T;
     struct fv_pose_fit fit;
     if (!rough_pose(o, kernels, &frame, &last, &T, &fit)) return 0;
     uint32_t known = fit.inliers, visible = fv_odometry_match_local(o, kernels, &frame, &T, 1);
@@ -253,9 +261,7 @@ uint32_t fv_odometry_localise(struct fv_odometry *o, const struct fv_kernels *ke
         inliers = fv_localiser_refine(&o->localiser, &o->map, &frame, 3, 5, &T, &fit);
     }
     if (inliers < FOVEA_POSED_INLIERS_MIN) return 0;
-    fv_se3_invert(&last, &inverse);
-    fv_se3_compose(&T, &inverse, &o->state->localise.motion);
-    o->state->localise.moving_known = o->state->state != FOVEA_TRACKING_LOST;
+    note_motion(o, &last, &T, frame.keyframe->stamp_ns);
     frame.keyframe->T_cam_world = T;
     o->state->pose.inliers = inliers;
     o->state->pose.quality = (float)inliers / (float)(visible + known);

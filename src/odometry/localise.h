@@ -11,6 +11,7 @@
 #include "geometry/pose.h"
 #include "kernels/kernels.h"
 #include "map/map.h"
+#include "odometry/motion.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -25,8 +26,7 @@ struct fv_recent {
 };
 
 struct fv_localise_state {
-    struct fv_se3 motion;  /* T_camera_lastcamera of the last two frames */
-    bool moving_known;     /* `motion` holds */
+    struct fv_motion motion;
     uint32_t recent_count; /* landmarks of the last frame */
 };
 

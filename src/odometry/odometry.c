@@ -49,7 +49,8 @@ static void begin(struct fv_odometry *o)
     fv_relocaliser_reset(&o->relocaliser);
     if (o->config.closures) fv_closure_reset(&o->closure, o->state->random.s[0]);
     s->state = FOVEA_TRACKING_STARTING;
-    s->localise.moving_known = s->job_wanted = false;
+    fv_motion_forget(&s->localise.motion);
+    s->job_wanted = false;
     s->lost_frames = s->localise.recent_count = o->initialiser.state->count = 0;
     s->keyframe_matches = 0;
     memset(&s->creation, 0, sizeof s->creation);
@@ -71,7 +72,7 @@ void fv_odometry_reset(struct fv_odometry *o)
         return;
     }
     o->state->state = FOVEA_TRACKING_LOST; /* what is known was known at the start */
-    o->state->localise.moving_known = false;
+    fv_motion_forget(&o->state->localise.motion);
     o->state->localise.recent_count = o->state->lost_frames = 0;
 }
 
@@ -109,7 +110,7 @@ bool fv_odometry_interrupt(struct fv_odometry *o)
     struct fv_odometry_state *s = o->state;
     if (s->state != FOVEA_TRACKING_OK && s->state != FOVEA_TRACKING_WEAK) return false;
     s->state = s->pose.state = FOVEA_TRACKING_LOST;
-    s->localise.moving_known = false;
+    fv_motion_forget(&s->localise.motion);
     s->pose.posed = false;
     s->pose.matches = s->pose.inliers = 0;
     s->pose.quality = 0;
@@ -214,7 +215,7 @@ static void localise_step(struct fv_odometry *o, const struct fv_kernels *kernel
     uint32_t inliers = fv_odometry_localise(o, kernels);
     if (inliers == 0) {
         s->state = FOVEA_TRACKING_LOST;
-        s->localise.moving_known = false;
+        fv_motion_forget(&s->localise.motion);
         if (++s->lost_frames > o->config.lost_frames_reset && !o->config.localise_only)
             start_another(o, kernels);
         return;
