@@ -25,6 +25,7 @@ static const double parallax_fraction_min =
     0.3; /* of the points: of fewer, a thing that moves may be the cause */
 static const double turn_cost_min =
     1.5; /* times the cost: less, and the camera may only have turned */
+static const double clarity_min = .88;
 static const double rival_cost_min =
     1.15; /* times the best one's: less, and it is too early to choose */
 
@@ -295,7 +296,8 @@ static bool confirm(struct fv_initialiser *initialiser, uint32_t tracks,
     const double turn_cost = fv_initialise_turn_cost(initialiser, tracks, b);
     if (!fv_initialise_guess_again(initialiser, tracks, b)) return false;
     fv_initialise_adjust(initialiser, tracks, FV_INITIALISE_FINE, b);
-    return serves(b, tracks, FV_INITIALISE_POINTS_MIN) && turn_cost >= turn_cost_min * b->cost;
+    return serves(b, tracks, FV_INITIALISE_POINTS_MIN) && turn_cost >= turn_cost_min * b->cost &&
+           fv_initialise_fit_clarity(initialiser, tracks, b) >= clarity_min;
 }
 
 /* ---- the map --------------------------------------------------------------------------------- */

@@ -28,7 +28,7 @@ extern "C" {
 enum {
     FV_INITIALISE_MIDDLE_MAX = 3, /* views between the first and the last that take part */
     FV_INITIALISE_VIEWS_MAX = FV_INITIALISE_MIDDLE_MAX + 2,
-    FV_INITIALISE_MOTIONS_MAX = 3,
+    FV_INITIALISE_MOTIONS_MAX = 4,
     FV_INITIALISE_POINTS_MIN = 50, /* with enough parallax */
     FV_INITIALISE_PARALLAX_PX = 4  /* that is enough: angle between rays times focal length; a match
                                  is  good to half a pixel */
@@ -149,6 +149,13 @@ void fv_initialise_adjust(struct fv_initialiser *initialiser, uint32_t count,
  */
 double fv_initialise_turn_cost(struct fv_initialiser *initialiser, uint32_t count,
                                const struct fv_initialise_bundle *bundle);
+
+/* Of the tracks that fit to four times the limit that the noise found sets, the fraction that fits
+ * to the limit itself. Where the bundle is right, errors are noise and the rest is mismatches and
+ * things that move, far off: the fraction is high whatever the noise. A bundle that is bent between
+ * two motions has errors of all sizes. After fv_initialise_adjust. */
+double fv_initialise_fit_clarity(const struct fv_initialiser *initialiser, uint32_t count,
+                                 const struct fv_initialise_bundle *bundle);
 
 /* Whether a track's point is fit to be a landmark: it fits in all its views, and has parallax. */
 bool fv_initialise_point_serves(const struct fv_initialiser *initialiser,

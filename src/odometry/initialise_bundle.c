@@ -509,6 +509,39 @@ double fv_initialise_turn_cost(struct fv_initialiser *in, uint32_t count,
     return cost;
 }
 
+/* Largest weighted squared error of a track over its views. */
+static double track_error2(const struct fv_initialiser *in, const struct fv_initialise_bundle *b,
+                           const struct fv_map_frame views[FV_INITIALISE_VIEWS_MAX], uint32_t track)
+{
+    double worst = 0;
+    for (uint32_t v = 1; v < b->view_count; v++) {
+        struct fv_initialise_row row;
+        if (in->tracks[track].feature[v] == FV_MAP_NONE) continue;
+        if (!row_of(b, views, &in->pairs[track], &in->tracks[track], in->depths[track].value, v,
+                    &row))
+            return 1e300;
+        const double error2 =
+            row.weight * (row.error[0] * row.error[0] + row.error[1] * row.error[1]);
+        worst = error2 > worst ? error2 : worst;
+    }
+    return worst;
+}
+
+double fv_initialise_fit_clarity(const struct fv_initialiser *in, uint32_t count,
+                                 const struct fv_initialise_bundle *b)
+{
+    struct fv_map_frame views[FV_INITIALISE_VIEWS_MAX];
+    const double limit2 = FV_CHI_SQUARE_95_2 * b->noise * b->noise;
+    uint32_t clear = 0, about = 0;
+    find_views(in, b, views);
+    for (uint32_t i = 0; i < count; i++) {
+        const double error2 = track_error2(in, b, views, i);
+        clear += error2 < limit2;
+        about += error2 < 16 * limit2;
+    }
+    return about > 0 ? (double)clear / about : 0;
+}
+
 bool fv_initialise_point_serves(const struct fv_initialiser *in,
                                 const struct fv_initialise_bundle *b, uint32_t track)
 {

@@ -10,6 +10,7 @@
 enum { FIT_MIN = 40, REFINE_STEPS = 6, PAIRS_FOLLOWED = 150 };
 
 static const double threshold_px = 2.0;
+static const double tight_px = 0.6;
 static const double refine_px = 0.5;    /* of a good match: what moves lies beyond */
 static const double place_limit_px = 4; /* in the last view, which takes the error of both */
 static const double same_rotation_rad = 0.01, same_direction_cosine = 0.99;
@@ -149,6 +150,12 @@ uint32_t fv_initialise_motions(struct fv_initialiser *in, struct fv_random *rand
     fv_essential_refine(in->pairs, count, refine_px / in->focal_px, REFINE_STEPS, &motion);
     found = add_motion(in, count, &motion, found, T, costs);
     if (found == 0) return 0; /* no parallax to speak of */
+    /* Between two motions, as of the world and of what moves in it, a bent one fits more of the
+     * matches to a pixel or two; to the noise of a good match the right one does. */
+    const struct fv_sampling tight = {tight_px / in->focal_px, FV_SAMPLE_CONFIDENCE, 300};
+    struct fv_se3 sharp;
+    if (fv_essential_estimate(in->pairs, count, &tight, random, &sharp, in->inlier) >= FIT_MIN / 2)
+        found = add_motion(in, count, &sharp, found, T, costs);
     int plane_count = fit_plane >= FIT_MIN ? fv_homography_motions(H, planes, &ratio) : 0;
     for (int k = 0; k < plane_count; k++)
         found = try_motion(in, count, &planes[k], found, T, costs);
