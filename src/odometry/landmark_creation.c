@@ -193,6 +193,7 @@ static void end_creation(struct fv_odometry *o)
     if (keyframe == o->state->newest)
         o->state->keyframe_matches = o->map.keyframes[keyframe].landmarks;
     o->state->creation.phase = FV_CREATION_IDLE;
+    fv_odometry_agreement_queue(o, keyframe);
 }
 
 /* ---- fusing ---------------------------------------------------------------------------------- */

@@ -36,6 +36,7 @@ void fv_odometry_carve(struct fv_odometry *o, const struct fovea_odometry_config
                                             WINDOW_PASSES, window_converged};
     fv_window_carve(&o->window, &window, &o->map, job);
     fv_creator_carve(&o->creator, features_max, job);
+    fv_agreement_carve(&o->agreement, features_max, job);
     if (config->closures) fv_closure_carve(&o->closure, &limits, persistent, job);
     fv_relocaliser_carve(&o->relocaliser, config->keyframes, persistent, frame);
     o->saver.archive = fv_arena_take(persistent, 1, sizeof *o->saver.archive);
@@ -54,6 +55,7 @@ static void begin(struct fv_odometry *o)
     s->lost_frames = s->localise.recent_count = o->initialiser.state->count = 0;
     s->keyframe_matches = 0;
     memset(&s->creation, 0, sizeof s->creation);
+    memset(&s->agreement, 0, sizeof s->agreement);
     if (o->config.localise_only) s->state = FOVEA_TRACKING_LOST;
 }
 
@@ -128,10 +130,12 @@ static void write_rows(const double R[9], const double t[3], double rows[12])
     }
 }
 
-/* Few landmarks, or a covariance that is not to be relied on: weak. */
+/* Few landmarks, a covariance that is not to be relied on, or pictures that do not agree with the map:
+ * weak. */
 static enum fovea_tracking_state confidence(const struct fv_odometry *o, uint32_t inliers)
 {
-    const bool good = inliers >= o->config.inliers_good && o->state->covariance_reliable;
+    const bool good = inliers >= o->config.inliers_good && o->state->covariance_reliable &&
+                      fv_agreement_verdict(&o->state->agreement) == FV_AGREEMENT_GOOD;
     return good ? FOVEA_TRACKING_OK : FOVEA_TRACKING_WEAK;
 }
 
@@ -201,7 +205,9 @@ static void start_another(struct fv_odometry *o, const struct fv_kernels *kernel
     struct fv_odometry_state *s = o->state;
     const uint32_t map_id = o->map.state->map_id;
     if (!fv_odometry_initialise(o, kernels)) return;
-    if (fv_map_count_keyframes(&o->map, map_id) < MAP_KEYFRAMES_MIN) fv_map_drop(&o->map, map_id);
+    if (o->map.state->map_id != map_id &&
+        fv_map_count_keyframes(&o->map, map_id) < MAP_KEYFRAMES_MIN)
+        fv_map_drop(&o->map, map_id);
     s->lost_frames = 0;
     s->reset_counter++;
     fv_odometry_confirm(o);
@@ -228,6 +234,14 @@ static void localise_step(struct fv_odometry *o, const struct fv_kernels *kernel
     write_pose(o);
 }
 
+static bool contradicted(const struct fv_odometry *o)
+{
+    const struct fv_odometry_state *s = o->state;
+    return (s->state == FOVEA_TRACKING_OK || s->state == FOVEA_TRACKING_WEAK) &&
+           !o->config.localise_only && !s->agreement.dropping &&
+           fv_agreement_verdict(&s->agreement) == FV_AGREEMENT_CONTRADICTED;
+}
+
 void fv_odometry_step(struct fv_odometry *o, const struct fv_kernels *kernels,
                       const struct fv_odometry_input *input)
 {
@@ -235,6 +249,7 @@ void fv_odometry_step(struct fv_odometry *o, const struct fv_kernels *kernels,
     memset(&s->pose, 0, sizeof s->pose);
     s->frame_number++;
     odometry_fill_view(o, input);
+    if (contradicted(o)) fv_odometry_give_up(o);
     if (s->state != FOVEA_TRACKING_STARTING) {
         localise_step(o, kernels);
     } else if (fv_odometry_initialise(o, kernels)) {
@@ -256,7 +271,8 @@ bool fv_odometry_job_waiting(const struct fv_odometry *o)
     const struct fv_odometry_state *s = o->state;
     return fv_archive_busy(o->saver.archive) || s->creation.pending_count > 0 ||
            s->creation.phase != FV_CREATION_IDLE || s->job_wanted ||
-           o->window.state->phase != FV_WINDOW_IDLE || fv_odometry_index_waiting(o);
+           o->window.state->phase != FV_WINDOW_IDLE || fv_odometry_agreement_waiting(o) ||
+           fv_odometry_index_waiting(o);
 }
 
 /* The window of the newest keyframe: started, advanced, or committed. */
@@ -290,6 +306,8 @@ bool fv_odometry_unit(struct fv_odometry *o, const struct fv_kernels *kernels)
     /* New landmarks come first: localisation needs them, and the window works on its own copy. */
     if (s->creation.pending_count > 0 || s->creation.phase != FV_CREATION_IDLE)
         (void)fv_odometry_creation_unit(o, kernels);
+    else if (fv_odometry_agreement_waiting(o))
+        fv_odometry_agreement_unit(o, kernels);
     else if (s->job_wanted || o->window.state->phase != FV_WINDOW_IDLE)
         window_job(o);
     else if (fv_odometry_index_waiting(o))

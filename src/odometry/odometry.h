@@ -3,7 +3,8 @@
  * A step (fv_odometry_step) gives the pose of a frame: initialise.c finds the first keyframes,
  * localise.c the pose against the local map, keyframe.c decides whether the frame becomes a
  * keyframe. A job (fv_odometry_unit) does the rest in units: landmark_creation.c triangulates and
- * fuses new landmarks of a keyframe, then the window is optimised and committed. Between frames the
+ * fuses new landmarks of a keyframe, agreement.c holds the map against the pictures, then the window
+ * is optimised and committed. Between frames the
  * pose is carried along when a commit moves the keyframe that it hangs on.
  *
  * struct fv_odometry holds sizes and addresses only; everything else is in the three arenas,
@@ -23,6 +24,7 @@
 #include "map/closure.h"
 #include "map/map.h"
 #include "map/window.h"
+#include "odometry/agreement.h"
 #include "odometry/covariance.h"
 #include "odometry/initialise.h"
 #include "odometry/landmark_creation.h"
@@ -59,6 +61,7 @@ struct fv_odometry_state {
     struct fv_localise_state localise;
     struct fv_still_state still;
     struct fv_creation_state creation;
+    struct fv_agreement_state agreement;
     struct fv_reference_state reference;
     struct fovea_pose pose; /* of the last frame */
 };
@@ -85,6 +88,7 @@ struct fv_odometry {
     struct fv_covariance covariance;
     /* The jobs: new landmarks, window optimisation, closures, saving. */
     struct fv_creator creator;
+    struct fv_agreement agreement;
     struct fv_window window;
     struct fv_closure closure;
     struct fv_saver saver;

@@ -165,6 +165,8 @@ static void enter(struct fv_odometry *o, uint32_t slot)
 {
     struct fv_odometry_state *s = o->state;
     const uint32_t odom_id = o->map.state->odom_id;
+    if (o->map.keyframes[slot].map_id != o->map.state->map_id)
+        fv_agreement_forget(&s->agreement);
     s->newest = slot;
     s->keyframe_frame = s->frame_number;
     s->keyframe_matches = o->map.keyframes[slot].landmarks;
@@ -180,7 +182,7 @@ bool fv_odometry_relocalise(struct fv_odometry *o, const struct fv_kernels *kern
     const struct fv_map_frame frame = fv_map_frame_at(&o->map, fv_map_current(&o->map));
     struct fv_place_set among = {{0}};
     for (uint32_t k = 0; k < o->map.limits.keyframes; k++)
-        if (o->map.keyframes[k].used &&
+        if (o->map.keyframes[k].used && !fv_odometry_given_up(o, k) &&
             fv_place_holds(&r->place, k, o->map.keyframes[k].generation))
             fv_place_set_add(&among, k);
     fv_place_words_begin(r->words);

@@ -1,0 +1,77 @@
+/* Agreement of the pictures with the map: whether what is matched without the map fits it.
+ *
+ * Every landmark of a map fits it, because what did not fit is gone. A map that hangs on things
+ * that move, or that began bent, therefore looks well from inside. So each keyframe is matched with
+ * the one before by descriptors alone, and the matches are held against the relative pose that the
+ * map gives the two. Where the map is right their errors are noise, and the rest (mismatches, things
+ * that move) is far off; where it is wrong, errors of all sizes occur. The measure is the fraction
+ * of the matches within 4 px of their epipolar place that are within 1 px, in pixels of their level,
+ * with weights that fall by .7 per keyframe. On sim:road and the recordings right maps have .85 and
+ * more, wrong ones fall below .8 (docs/measured.md).
+ *
+ * Below `weak` no pose is `tracking`. Below `contradicted`, after three keyframes, the map is given
+ * up: all of it while it is young, later the keyframes since the measure was last good. They leave
+ * the map one per unit, and are not entered again meanwhile.
+ *
+ * A job in units: FV_AGREEMENT_UNIT features are matched in each. Real-time safe, no addresses in
+ * the state. */
+#ifndef FOVEA_ODOMETRY_AGREEMENT_H
+#define FOVEA_ODOMETRY_AGREEMENT_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "base/arena.h"
+#include "kernels/kernels.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+enum { FV_AGREEMENT_UNIT = 48 };
+
+/* A pair of keyframes in work, and the measure. */
+struct fv_agreement_state {
+    bool busy;
+    uint32_t slot, generation, before, before_generation;
+    uint32_t next;       /* sampled feature of the earlier one */
+    float near, about;   /* faded counts of matches within 1 px and 4 px */
+    uint32_t checks;     /* of this map */
+    uint64_t bad_from;   /* keyframes from this number on came after the measure was last good */
+    bool dropping;       /* keyframes of drop_map from number drop_from on are to go */
+    uint32_t drop_map;
+    uint64_t drop_from;
+};
+
+struct fv_agreement {
+    uint32_t *nearest, *second; /* job part: by sampled feature, as hamming_two_u8 leaves them */
+    uint16_t *distance;         /* job part: by feature of the later keyframe */
+};
+
+enum fv_agreement_verdict { FV_AGREEMENT_GOOD, FV_AGREEMENT_WEAK, FV_AGREEMENT_CONTRADICTED };
+
+struct fv_odometry;
+
+void fv_agreement_carve(struct fv_agreement *agreement, uint32_t features_max,
+                        struct fv_arena *job);
+
+/* What the keyframes of this map say so far; good while there are none. */
+enum fv_agreement_verdict fv_agreement_verdict(const struct fv_agreement_state *state);
+/* Another map: nothing is known of it. */
+void fv_agreement_forget(struct fv_agreement_state *state);
+
+/* A keyframe was finished: to be checked against its parent. Replaces one that still waits. */
+void fv_odometry_agreement_queue(struct fv_odometry *odometry, uint32_t keyframe);
+/* Whether there is work, and one unit of it. */
+bool fv_odometry_agreement_waiting(const struct fv_odometry *odometry);
+void fv_odometry_agreement_unit(struct fv_odometry *odometry, const struct fv_kernels *kernels);
+
+/* The map is contradicted: the camera is lost, and keyframes begin to go. */
+void fv_odometry_give_up(struct fv_odometry *odometry);
+/* Whether a keyframe is on its way out. */
+bool fv_odometry_given_up(const struct fv_odometry *odometry, uint32_t slot);
+
+#ifdef __cplusplus
+}
+#endif
+#endif
