@@ -310,12 +310,10 @@ bool fv_covariance_write(struct fv_odometry *o, const struct fv_map_frame *frame
     }
     for (int k = 0; k < 21; k++)
         covariance[k] *= factor;
-    if (bend < bend_max ||
-        o->map.state->keyframe_number - o->state->first_keyframe >= YOUNG_KEYFRAMES)
-        return reliable;
     const double drift = bend_fraction * bend * way_of(reference, frame),
                  turn = drift / (reference->depth > 0 ? reference->depth : 1);
     for (int row = 0, k = 0; row < 6; k += 6 - row, row++)
         covariance[k] += row < 3 ? drift * drift : turn * turn;
-    return false;
+    const bool young = o->map.state->keyframe_number - o->state->first_keyframe < YOUNG_KEYFRAMES;
+    return reliable && !(young && bend >= bend_max);
 }

@@ -147,7 +147,7 @@ static void grow_map(double factor)
         o->map.keyframes[v].depth *= factor;
     }
     for (int k = 0; k < 3; k++) {
-        o->state->localise.motion.t[k] *= factor;
+        o->state->localise.motion.T_now_before.t[k] *= factor;
         o->state->still.position[k] *= factor;
         o->map.state->S_map_world.t[k] *= factor;
     }
