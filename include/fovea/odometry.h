@@ -22,7 +22,8 @@ enum fovea_tracking_state {
     /* pose from at least inliers_good landmarks, with a reliable covariance */
     FOVEA_TRACKING_OK = 1,
     /* pose from at least FOVEA_POSED_INLIERS_MIN landmarks: fewer than inliers_good, or of a young
-     * map, or parts of the image contradict one another, for example where something moves */
+     * map whose shape is not settled, or of one that does not agree with the pictures: matches made
+     * without the map lie off their places in it, as where most of what is seen moves */
     FOVEA_TRACKING_WEAK = 2,
     FOVEA_TRACKING_LOST = 3 /* no pose */
 };
@@ -81,14 +82,16 @@ struct fovea_pose {
      * matrix over (x y z, rotation x y z) in the camera frame; lengths in the world's unit, angles
      * in rad. From the joint information of the frame, its landmarks and their keyframes, at the
      * noise that the frame shows, plus the corrections of the reference since its own pose was
-     * published. The uncertainty of the scale is not included. */
+     * published. In metres it includes the scale's uncertainty, scale_sigma of the way since the
+     * keyframe, along it; while the scale is free the unit is held to 1 % over the window. */
     double covariance[21];
     /* Landmarks matched, and of them those that agree. While starting, matches are those of
      * features with the oldest image held. */
     uint32_t matches, inliers;
     float quality; /* fraction of the landmarks predicted to be visible that are inliers, [0, 1] */
-    /* rises with each reset, and whenever the published world becomes another: when a new map is
-     * started after the camera was lost, and when the camera is found again in an older map */
+    /* rises with each reset, and whenever poses get another parent frame: a new map is started
+     * after the camera was lost or a map was given up, or the camera is found again in an older map
+     */
     uint32_t reset_counter;
     /* of the map that began this world; 0: the first; that of an older map when the camera is found
      * again in one. A map that it was merged into shows in T_map_world alone */

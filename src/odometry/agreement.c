@@ -6,18 +6,19 @@
 #include "odometry/odometry.h"
 
 enum {
-    SAMPLED_MAX = 512,    /* features of the earlier keyframe that are matched */
-    DISTANCE_MAX = 64,    /* Hamming */
-    MATCHES_MIN = 30,     /* fewer say nothing */
-    CHECKS_MIN = 3,       /* before a map is given up */
+    SAMPLED_MAX = 512, /* features of the earlier keyframe that are matched */
+    DISTANCE_MAX = 64, /* Hamming */
+    MATCHES_MIN = 30,  /* fewer say nothing */
+    CHECKS_MIN = 3,    /* before a map is given up */
+    CHECKS_SETTLED = 8,
     YOUNG_KEYFRAMES = 32 /* of a map that is given up whole */
 };
 
-static const double ratio_max = 0.8; /* nearest over second (D. Lowe, 2004) */
+static const double ratio_max = 0.8;        /* nearest over second (D. Lowe, 2004) */
 static const double near2 = 1, about2 = 16; /* squared errors, px^2 of level 0 */
 static const float fade = 0.7f;
 /* Chosen on odd seeds of sim:road. */
-static const float good_min = 0.85f, contradicted_max = 0.77f;
+static const float settled_min = 0.85f, good_min = 0.82f, contradicted_max = 0.77f;
 
 void fv_agreement_carve(struct fv_agreement *g, uint32_t features_max, struct fv_arena *job)
 {
@@ -35,6 +36,11 @@ enum fv_agreement_verdict fv_agreement_verdict(const struct fv_agreement_state *
     return s->checks >= CHECKS_MIN && s->near < contradicted_max * s->about
                ? FV_AGREEMENT_CONTRADICTED
                : FV_AGREEMENT_WEAK;
+}
+
+bool fv_agreement_settled(const struct fv_agreement_state *s)
+{
+    return s->checks >= CHECKS_SETTLED && s->near >= settled_min * s->about;
 }
 
 void fv_agreement_forget(struct fv_agreement_state *s)

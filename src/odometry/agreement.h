@@ -3,11 +3,11 @@
  * Every landmark of a map fits it, because what did not fit is gone. A map that hangs on things
  * that move, or that began bent, therefore looks well from inside. So each keyframe is matched with
  * the one before by descriptors alone, and the matches are held against the relative pose that the
- * map gives the two. Where the map is right their errors are noise, and the rest (mismatches, things
- * that move) is far off; where it is wrong, errors of all sizes occur. The measure is the fraction
- * of the matches within 4 px of their epipolar place that are within 1 px, in pixels of their level,
- * with weights that fall by .7 per keyframe. On sim:road and the recordings right maps have .85 and
- * more, wrong ones fall below .8 (docs/measured.md).
+ * map gives the two. Where the map is right their errors are noise, and the rest (mismatches,
+ * things that move) is far off; where it is wrong, errors of all sizes occur. The measure is the
+ * fraction of the matches within 4 px of their epipolar place that are within 1 px, in pixels of
+ * their level, with weights that fall by .7 per keyframe. On sim:road and the recordings right maps
+ * have .85 and more, wrong ones fall below .8 (docs/measured.md).
  *
  * Below `weak` no pose is `tracking`. Below `contradicted`, after three keyframes, the map is given
  * up: all of it while it is young, later the keyframes since the measure was last good. They leave
@@ -28,17 +28,17 @@
 extern "C" {
 #endif
 
-enum { FV_AGREEMENT_UNIT = 48 };
+enum { FV_AGREEMENT_UNIT = 64 };
 
 /* A pair of keyframes in work, and the measure. */
 struct fv_agreement_state {
     bool busy;
     uint32_t slot, generation, before, before_generation;
-    uint32_t next;       /* sampled feature of the earlier one */
-    float near, about;   /* faded counts of matches within 1 px and 4 px */
-    uint32_t checks;     /* of this map */
-    uint64_t bad_from;   /* keyframes from this number on came after the measure was last good */
-    bool dropping;       /* keyframes of drop_map from number drop_from on are to go */
+    uint32_t next;     /* sampled feature of the earlier one */
+    float near, about; /* faded counts of matches within 1 px and 4 px */
+    uint32_t checks;   /* of this map */
+    uint64_t bad_from; /* keyframes from this number on came after the measure was last good */
+    bool dropping;     /* keyframes of drop_map from number drop_from on are to go */
     uint32_t drop_map;
     uint64_t drop_from;
 };
@@ -57,6 +57,8 @@ void fv_agreement_carve(struct fv_agreement *agreement, uint32_t features_max,
 
 /* What the keyframes of this map say so far; good while there are none. */
 enum fv_agreement_verdict fv_agreement_verdict(const struct fv_agreement_state *state);
+/* Enough keyframes agree well: what pulls at single poses moves, and the map is not bent. */
+bool fv_agreement_settled(const struct fv_agreement_state *state);
 /* Another map: nothing is known of it. */
 void fv_agreement_forget(struct fv_agreement_state *state);
 

@@ -24,10 +24,10 @@ static const double nearly = 1e-6,
 static const double own_fraction = 0.75; /* of the variance that inliers show: their landmarks' own
                                          errors are in it, and counted again */
 static const double together_max =
-    3; /* parts' variance over that of the errors: more, and something moves */
+    3; /* parts' variance over that of the errors: more, and something moves, or the map is bent */
 static const double young_spread_px =
     20; /* below it, landmarks' errors have much in common; above, less and less */
-static const double bend_max = 0.05, bend_fraction = 0.2;
+static const double bend_max = 0.05, bend_fraction = 0.25;
 
 void fv_covariance_carve(struct fv_covariance *c, struct fv_arena *frame)
 {
@@ -303,7 +303,7 @@ bool fv_covariance_write(struct fv_odometry *o, const struct fv_map_frame *frame
     const double together = parts_variance(&o->map, frame, fit) / variance,
                  factor = own_fraction * (together > 1 ? together : 1),
                  bend = map_bend(&o->map, o->focal_px, frame, __builtin_sqrt(variance));
-    bool reliable = together < together_max;
+    bool reliable = together < together_max || fv_agreement_settled(&o->state->agreement);
     if (!solve_joint(o, frame, fit->inliers, variance, covariance)) {
         solve_alone(fit, variance, covariance);
         reliable = false;

@@ -17,10 +17,14 @@
  * "Longitudinal data analysis using generalized linear models", 1986). The larger of both variances
  * counts.
  *
- * Not to be relied on, whatever its size: where the parts' variance is three times that of the
- * errors or more; and while the map is young (fewer than ten keyframes) and bends, which is that
- * noise over the mean parallax of the visible landmarks leaves 5 % open. Then a fraction of that,
- * over the way from the reference, is added. */
+ * Noise over the mean parallax of the visible landmarks tells how far the map may be bent, and with
+ * it the unit of length from place to place; a fraction of that, over the way from the reference,
+ * is added. It fades as parallax grows.
+ *
+ * Not to be relied on, whatever its size: while the map is young (fewer than ten keyframes) and
+ * that bend is 5 % or more; and where the parts' variance is three times that of the errors or
+ * more, unless eight keyframes or more agree with the map (agreement.h): then what pulls is a thing
+ * that moves or a lens, and is counted above. */
 #ifndef FOVEA_ODOMETRY_COVARIANCE_H
 #define FOVEA_ODOMETRY_COVARIANCE_H
 

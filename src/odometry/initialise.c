@@ -372,6 +372,7 @@ static void make_first_map(struct fv_odometry *o, uint32_t tracks,
         o->map.keyframes[keyframes[v]].parent = v > 0 ? (int32_t)keyframes[v - 1] : FV_MAP_NONE;
     }
     s->newest = keyframes[b->view_count - 1];
+    note_motion(o, (uint32_t)o->map.keyframes[s->newest].parent);
     o->map.keyframes[fv_map_current(&o->map)].parent = (int32_t)s->newest;
     s->localise.recent_count = 0;
     for (uint32_t i = 0; i < tracks; i++)
@@ -379,7 +380,6 @@ static void make_first_map(struct fv_odometry *o, uint32_t tracks,
     s->keyframe_frame = s->frame_number;
     s->keyframe_matches = s->localise.recent_count;
     s->job_wanted = true;
-    note_motion(o, keyframes[b->view_count - 2]);
     fv_odometry_queue(o, s->newest);
 }
 

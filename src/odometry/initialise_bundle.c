@@ -227,7 +227,7 @@ void fv_initialise_note_guess(struct fv_initialiser *in, uint64_t now, uint32_t 
     }
     for (uint32_t i = 1; i < s->count; i++)
         fv_se3_part(&s->guess, (double)(s->frames[i] - s->frames[0]) / (double)(now - s->frames[0]),
-                &in->map->keyframes[s->slots[i]].T_cam_world);
+                    &in->map->keyframes[s->slots[i]].T_cam_world);
     for (uint32_t v = 1; v + 1 < b->view_count; v++)
         in->map->keyframes[b->slots[v]].T_cam_world = b->T_view_first[v];
 }

@@ -13,8 +13,8 @@ void fv_motion_note(struct fv_motion *m, const struct fv_se3 *T_before, int64_t 
     struct fv_se3 T_world_before;
     fv_se3_invert(T_before, &T_world_before);
     fv_se3_compose(T_now, &T_world_before, &m->T_now_before);
-    m->known = !__builtin_sub_overflow(stamp_ns, stamp_before_ns, &m->interval_ns) &&
-               m->interval_ns > 0;
+    m->known =
+        !__builtin_sub_overflow(stamp_ns, stamp_before_ns, &m->interval_ns) && m->interval_ns > 0;
     m->stamp_ns = stamp_ns;
 }
 

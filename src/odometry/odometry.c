@@ -130,8 +130,8 @@ static void write_rows(const double R[9], const double t[3], double rows[12])
     }
 }
 
-/* Few landmarks, a covariance that is not to be relied on, or pictures that do not agree with the map:
- * weak. */
+/* Few landmarks, a covariance that is not to be relied on, or pictures that do not agree with the
+ * map: weak. */
 static enum fovea_tracking_state confidence(const struct fv_odometry *o, uint32_t inliers)
 {
     const bool good = inliers >= o->config.inliers_good && o->state->covariance_reliable &&

@@ -3,9 +3,9 @@
  * A step (fv_odometry_step) gives the pose of a frame: initialise.c finds the first keyframes,
  * localise.c the pose against the local map, keyframe.c decides whether the frame becomes a
  * keyframe. A job (fv_odometry_unit) does the rest in units: landmark_creation.c triangulates and
- * fuses new landmarks of a keyframe, agreement.c holds the map against the pictures, then the window
- * is optimised and committed. Between frames the
- * pose is carried along when a commit moves the keyframe that it hangs on.
+ * fuses new landmarks of a keyframe, agreement.c holds the map against the pictures, then the
+ * window is optimised and committed. Between frames the pose is carried along when a commit moves
+ * the keyframe that it hangs on.
  *
  * struct fv_odometry holds sizes and addresses only; everything else is in the three arenas,
  * without addresses. */

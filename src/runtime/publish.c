@@ -50,6 +50,20 @@ static void scale_pose(struct fv_publish_state *s, double metres)
     scale_covariance(pose->covariance, factor);
 }
 
+/* An error of the scale is one of the way since the keyframe, along it: T_true = T exp(error) with
+ * error = (R^T t) e, e the relative error of the scale and (R, t) = T_keyframe_cam in metres. */
+static void add_scale_uncertainty(struct fovea_pose *pose, double metres, double sigma)
+{
+    struct fv_se3 T;
+    double way[3];
+    fv_se3_from_rows(pose->T_keyframe_cam, &T);
+    fv_rotate_back3(T.R, T.t, way);
+    for (int row = 0, k = 0; row < 3; k += 6 - row, row++)
+        for (int column = row; column < 3; column++)
+            pose->covariance[k + column - row] +=
+                metres * metres * sigma * sigma * way[row] * way[column];
+}
+
 /* T_map_world in metres, where the path has bent as well: what takes the published pose to the
  * map's. */
 static void scale_map(struct fovea_pose *pose, const struct fv_odometry *odometry, double metres)
@@ -106,6 +120,7 @@ static void publish_camera(struct fv_publish_state *s, const struct fv_odometry 
     }
     if (!s->metric) begin_metres(s, value.metres * pose->map_scale);
     scale_pose(s, value.metres);
+    add_scale_uncertainty(pose, value.metres, value.sigma);
     scale_map(pose, odometry, value.metres);
     pose->scale = value.metres;
     pose->scale_sigma = value.sigma;

@@ -151,6 +151,12 @@ static void test_carried_off_and_back(void **state)
     close_world(&world);
     assert_true(poses[SAME].posed && poses[LEAVE - 1].posed);
     assert_int_equal(away, 0);
+    for (int n = 1, last = 0; n < FRAMES; n++) { /* another parent frame is another count */
+        if (!poses[n].posed) continue;
+        assert_true(poses[n].map_id == poses[last].map_id || !poses[last].posed ||
+                    poses[n].reset_counter > poses[last].reset_counter);
+        last = n;
+    }
     assert_in_range(again, 0, 15);
     const double moved = apart(&poses[SAME], &poses[SAME + RATE]);
     const double off = apart(&poses[SAME + again + 5], &poses[RETURN + again + 5]);

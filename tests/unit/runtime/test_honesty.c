@@ -240,7 +240,7 @@ static void the_covariance_is_honest(void **state)
 {
     (void)state;
     struct confidence all_seeds = {0};
-    const int seeds = all ? 50 : 3;
+    const int seeds = all ? 50 : 8;
     for (int seed = 1; seed <= seeds; seed++) {
         run("orbit", seed, 0, all ? 900 : 110);
         const struct confidence c = rate_confidence();

@@ -194,6 +194,40 @@ static void the_maps_unit_is_minded(void **state)
         assert_true(fabs(grown->covariance[k] / plain.covariance[k] - 1) < 0.1);
 }
 
+/* Beyond what the odometry states, in metres, the covariance holds the scale's share: of the way
+ * since the keyframe, along it. */
+static void the_covariance_holds_the_scale(void **state)
+{
+    (void)state;
+    int checked = 0;
+    sim_rig_open(&rig, "sim:corridor?width=320&height=240", 0, GROWN);
+    rig.config.scale.source = FOVEA_SCALE_CAMERA_HEIGHT;
+    rig.config.scale.camera_height_m = 1.25;
+    sim_rig_build(&rig);
+    while (sim_rig_next(&rig)) {
+        sim_rig_process(&rig);
+        const struct fovea_pose *pose = &rig.pose[rig.frames - 1],
+                                *raw = fv_odometry_pose(&rig.rt->odometry);
+        if (!pose->posed || pose->scale_source == FOVEA_SCALE_FREE) continue;
+        const double unit = pose->scale * raw->map_scale, *T = pose->T_keyframe_cam;
+        double way[3];
+        for (int c = 0; c < 3; c++)
+            way[c] = pose->scale * (T[c] * T[3] + T[4 + c] * T[7] + T[8 + c] * T[11]);
+        for (int row = 0, k = 0; row < 6; row++)
+            for (int column = row; column < 6; column++, k++) {
+                const double lengths = (row < 3 ? unit : 1) * (column < 3 ? unit : 1),
+                             share = column < 3 ? way[row] * way[column] * pose->scale_sigma *
+                                                      pose->scale_sigma
+                                                : 0,
+                             expected = raw->covariance[k] * lengths + share;
+                assert_true(fabs(pose->covariance[k] - expected) <= 1e-9 * fabs(expected) + 1e-18);
+            }
+        checked += way[0] * way[0] + way[1] * way[1] + way[2] * way[2] > 0.01;
+    }
+    assert_true(checked > 20);
+    sim_rig_close(&rig);
+}
+
 /* A pose message of the last step. */
 static fovea_pose_t pose_message(const char *channel)
 {
@@ -417,6 +451,7 @@ int main(void)
         cmocka_unit_test(a_saved_map_keeps_its_scale),
         cmocka_unit_test(the_path_bends_but_does_not_tear),
         cmocka_unit_test(the_maps_unit_is_minded),
+        cmocka_unit_test(the_covariance_holds_the_scale),
         cmocka_unit_test(a_lever_arm_is_minded),
         cmocka_unit_test(without_scale_no_bot_core_pose),
         cmocka_unit_test(nothing_is_taken_in_boxes),
