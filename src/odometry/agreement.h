@@ -7,7 +7,7 @@
  * things that move) is far off; where it is wrong, errors of all sizes occur. The measure is the
  * fraction of the matches within 4 px of their epipolar place that are within 1 px, in pixels of
  * their level, with weights that fall by .7 per keyframe. On sim:road and the recordings right maps
- * have .85 and more, wrong ones fall below .8 (docs/measured.md).
+ * have .85 and more, wrong ones fall below .8 (tools/evaluate/sim_road.md).
  *
  * Below `weak` no pose is `tracking`. Below `contradicted`, after three keyframes, the map is given
  * up: all of it while it is young, later the keyframes since the measure was last good. They leave

@@ -5,9 +5,10 @@
  * matches (initialise_motions.c); each is bundled over the views in between (initialise_bundle.c),
  * and the best is noted as the first guess of the next frame's bundle, which costs little. Motions
  * are sampled anew every few frames, and when that guess would serve. The best is taken when it is
- * clearly the best, fits, explains far more than turning alone, and leaves little open; otherwise
- * initialisation goes on waiting. So a turn on the spot, a view without parallax and the wrong one
- * of two motions that a plane allows are waited out instead of guessed. */
+ * clearly the best, fits, explains far more than turning alone, leaves little open, and its errors
+ * are noise rather than of all sizes; otherwise initialisation goes on waiting. So a turn on the
+ * spot, a view without parallax and the wrong one of two motions that a plane allows are waited out
+ * instead of guessed. */
 #ifndef FOVEA_ODOMETRY_INITIALISE_H
 #define FOVEA_ODOMETRY_INITIALISE_H
 
