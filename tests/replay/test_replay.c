@@ -316,6 +316,35 @@ static void test_every_edit(void **state)
         strstr(result.difference, "FOVEA_RECORDING_END: hash of all events before: found "));
 }
 
+/* A recording of another version is named first, in one line, whatever follows. */
+static void test_another_version_is_named(void **state)
+{
+    (void)state;
+    struct fv_replay_result result;
+    struct fovea_error error;
+    struct fovea_field leaf;
+    char said[2][512] = {{0}};
+    const size_t version = find_field("FOVEA_RECORDING", 0, 1, &leaf);
+    assert_string_equal(leaf.path, "version");
+    FILE *kept = tmpfile();
+    const int errors = dup(STDERR_FILENO);
+    assert_true(kept != NULL && errors >= 0);
+    for (int other = 0; other < 2; other++) {
+        dup2(fileno(kept), STDERR_FILENO);
+        const enum fovea_status status = replay_flipped(version, other ? 1 : 0, &result, &error);
+        dup2(errors, STDERR_FILENO);
+        assert_int_equal(status, FOVEA_OK);
+        rewind(kept);
+        assert_true(fread(said[other], 1, sizeof said[other] - 1, kept) > 0 || !other);
+    }
+    fclose(kept);
+    close(errors);
+    assert_string_equal(said[0], "");
+    assert_non_null(strstr(said[1], ": recorded by Fovea 1.2.0 on "));
+    assert_non_null(strstr(said[1], "; this is version 0.2.0, whose results may differ\n"));
+    assert_true(strchr(said[1], '\n')[1] == '\0');
+}
+
 /* What a log says of itself is printed: its control bytes are not. */
 static void test_texts_are_printable(void **state)
 {
@@ -570,6 +599,7 @@ int main(void)
         cmocka_unit_test(test_rig),
         cmocka_unit_test(test_other_formats),
         cmocka_unit_test(test_more_after_the_end),
+        cmocka_unit_test(test_another_version_is_named),
         cmocka_unit_test(test_texts_are_printable),
         cmocka_unit_test(test_not_a_recording),
         cmocka_unit_test(test_cut_off),

@@ -18,6 +18,7 @@ for seed in $(seq "$first" $((first + seeds - 1))); do
     "$build/fovea" run --source "sim:kidnap?seed=$seed&frames=540" --rate max --trajectory "$folder/$seed.tum" \
         --picture none --set lcm_url= >"$folder/$seed.log" 2>&1 || { cat "$folder/$seed.log"; exit 1; }
     verdict=$(awk '
+        /^#/ { next }
         { f = int($1 * 30 + 0.5); x[f] = $2; y[f] = $3; z[f] = $4
           if (f >= 422 && f <= 434) away++
           if (f >= 510 && again == "") again = f - 510 }

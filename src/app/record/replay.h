@@ -41,7 +41,9 @@ struct fv_replay_result {
 typedef void (*fv_replay_function)(void *context, int64_t now_ns,
                                    const struct fovea_outputs *outputs);
 
-/* Run a recording until its end or, when `stop_at_difference`, the first difference (noted in
+/* A recording of another version is named in one line on stderr before anything is compared.
+ *
+ * Run a recording until its end or, when `stop_at_difference`, the first difference (noted in
  * either case). FOVEA_OK: the recording was read to the end, or a difference was found. Else
  * `error` says what is wrong with it and `result` says how far the replay got. */
 enum fovea_status fv_replay(const char *path, bool stop_at_difference, fv_replay_function sent,

@@ -98,7 +98,8 @@ static void take_truth(struct fv_run *run, const struct fovea_frame *frame,
                        struct fv_trajectory_sample *sample)
 {
     const struct fovea_source_ops *ops = run->setup.ops;
-    struct fv_trajectory_sample known = {.stamp_ns = frame->stamp_ns, .metric = true};
+    struct fv_trajectory_sample known = {
+        .stamp_ns = frame->stamp_ns, .map = FV_TRAJECTORY_NO_MAP, .metric = true};
     sample->has_truth = ops->truth_pose != NULL &&
                         ops->truth_pose(run->setup.source, frame, known.T_world_cam) == FOVEA_OK;
     if (!sample->has_truth) return;
@@ -191,7 +192,7 @@ static enum fv_options_result options_read(struct fv_run *run, int argc, char **
         {"stats", "FILE", FV_OPTION_TEXT, &run->stats_path,
          "write times, counts and memory as JSON"},
         {"trajectory", "FILE", FV_OPTION_TEXT, &run->trajectory_path,
-         "write T_world_cam of every frame with a pose, as published, in TUM format"},
+         "write T_world_cam of every frame with a pose, as published, in TUM format; '# map N' begins a map"},
         {"trajectory-final", "FILE", FV_OPTION_TEXT, &run->final_path,
          "write the same poses after all optimisation, at the end of the run"},
         {"truth", "FILE", FV_OPTION_TEXT, &run->truth_path,

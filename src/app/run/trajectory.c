@@ -32,6 +32,8 @@ struct fv_trajectory {
     double last_truth[3], truth_length_m;
     /* world of the last sample, and its index; worlds so far, those met again not counted */
     uint32_t last_id, last, maps;
+    bool headed; /* a sample was written, so its map has a comment line */
+    uint32_t headed_id;
     struct map map[FV_TRAJECTORY_MAPS_MAX];
     uint32_t points, stride;
     int failed; /* errno of the first failure */
@@ -105,6 +107,13 @@ static void line_write(struct fv_trajectory *trajectory, const struct fv_traject
     if (trajectory->file == NULL) return;
     fv_se3_from_rows(T, &pose);
     fv_so3_to_quaternion(pose.R, q);
+    if (sample->map != FV_TRAJECTORY_NO_MAP &&
+        (!trajectory->headed || trajectory->headed_id != sample->map) &&
+        fprintf(trajectory->file, "# map %" PRIu32 "\n", sample->map) < 0 &&
+        trajectory->failed == 0)
+        trajectory->failed = errno;
+    trajectory->headed = true;
+    trajectory->headed_id = sample->map;
     int written = fprintf(trajectory->file,
                           "%s%" PRId64 ".%09" PRId64 " %.9g %.9g %.9g %.9g %.9g %.9g %.9g\n",
                           sample->stamp_ns < 0 ? "-" : "", seconds < 0 ? -seconds : seconds,

@@ -2,7 +2,9 @@
  * and holds it against the truth. All memory is taken at open, whatever the length of the run.
  *
  * The file has the TUM format: one line "time x y z qx qy qz qw" per posed frame, time in seconds,
- * T_world_cam as it was published with that frame. The error is the root mean square distance of
+ * T_world_cam as it was published with that frame. A line "# map N" precedes the poses of each
+ * stretch in one map, since poses of two maps have no common world; readers of the format take it
+ * for a comment. The error is the root mean square distance of
  * the camera centres to the truth after the best similarity transform (Umeyama, PAMI 1991), from
  * running sums. Maps that were started after a loss are each aligned by themselves: the first
  * FV_TRAJECTORY_MAPS_MAX of them, later ones are not judged. */
@@ -14,6 +16,9 @@
 #include <stdint.h>
 
 #include "fovea/status.h"
+
+/* Map of samples that are in no map of the run, as the truth: no line says it. */
+#define FV_TRAJECTORY_NO_MAP UINT32_MAX
 
 enum { FV_TRAJECTORY_POINTS_MAX = 4096, FV_TRAJECTORY_MAPS_MAX = 64 };
 

@@ -188,6 +188,7 @@ static void test_file_and_points(void **state)
     fv_trajectory_close(trajectory);
 
     FILE *file = fopen(path, "r");
+    assert_int_equal(fscanf(file, "# map 0%*1[\n]"), 0);
     for (int n = 0; n < COUNT; n++) {
         long long seconds, rest;
         double t[3], q[4], R[9];
@@ -212,6 +213,45 @@ static void test_file_and_points(void **state)
     assert_non_null(strstr(error.text, "/nowhere/path.tum"));
 }
 
+/* A line before each stretch in one map says which; of the truth, which is in none, nothing. */
+static void test_maps_are_marked(void **state)
+{
+    (void)state;
+    static const uint32_t maps[] = {0, 0, 7, 7, 0, FV_TRAJECTORY_NO_MAP};
+    static const char expected[] = "# map 0\n0 0 # map 7\n7 7 # map 0\n0 ";
+    char path[] = "/tmp/fovea-test-XXXXXX", line[256], found[256] = "";
+    struct fv_trajectory *trajectory;
+    struct fv_trajectory_summary summary;
+    struct fovea_error error;
+    close(mkstemp(path));
+    assert_int_equal(fv_trajectory_open(path, &trajectory, &error), FOVEA_OK);
+    for (int n = 0; n < 6; n++) {
+        const struct fv_trajectory_sample sample = {
+            .map = maps[n], .T_world_cam = {1, 0, 0, maps[n] % 100, 0, 1, 0, 0, 0, 0, 1, 0}};
+        assert_true(fv_trajectory_add(trajectory, &sample));
+    }
+    fv_trajectory_finish(trajectory, &summary);
+    fv_trajectory_close(trajectory);
+    FILE *file = fopen(path, "r");
+    assert_non_null(file);
+    int poses = 0;
+    while (fgets(line, sizeof line, file) != NULL) {
+        double seconds, x;
+        if (line[0] != '#' && poses < 5) {
+            assert_int_equal(sscanf(line, "%lf %lf", &seconds, &x), 2);
+            snprintf(line, sizeof line, "%.0f ", x);
+        } else if (line[0] != '#') {
+            line[0] = '\0';
+        }
+        poses += line[0] != '#';
+        strcat(found, line);
+    }
+    fclose(file);
+    unlink(path);
+    assert_int_equal(poses, 6);
+    assert_string_equal(found, expected);
+}
+
 static void test_full_disk(void **state)
 {
     (void)state;
@@ -233,7 +273,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_similarity_is_found), cmocka_unit_test(test_several_maps),
         cmocka_unit_test(test_no_extent),           cmocka_unit_test(test_file_and_points),
-        cmocka_unit_test(test_full_disk),
+        cmocka_unit_test(test_maps_are_marked),     cmocka_unit_test(test_full_disk),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
