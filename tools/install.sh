@@ -14,6 +14,7 @@ packages() {
     bench) echo libopencv-core-dev libopencv-imgproc-dev libopencv-features2d-dev libopencv-calib3d-dev \
                 libopencv-imgcodecs-dev opencv-doc python3 python3-venv ;;
     evaluate) echo python3 python3-venv ;;
+    mrcal) echo python3-mrcal ;;
     check) echo ccache clang clang-format clang-tidy libclang-rt-14-dev python3 ;;
     cross) echo gcc-aarch64-linux-gnu g++-aarch64-linux-gnu qemu-user llvm-19 ;;
     pictures) echo imagemagick ;;
