@@ -18,6 +18,7 @@ FOVEA = os.path.abspath(os.path.join(os.environ.get("BUILD", os.path.join(ROOT, 
 import metrics  # noqa: E402
 import one  # noqa: E402
 import plan  # noqa: E402
+import reliability  # noqa: E402
 
 RANDOM = np.random.default_rng(1)
 
@@ -162,6 +163,31 @@ class Measures(unittest.TestCase):
                 run["R"][i] = run["R"][i] @ E
             values.append(metrics.against_earlier(run, 0, 50, 4.0)[2] / 6)
         self.assertAlmostEqual(np.mean(values), 1, delta=0.13)
+
+
+class Reliability(unittest.TestCase):
+    """Errors drawn by a stated sigma, and by a larger one."""
+
+    def drawn(self, factor):
+        sigma = 10 ** RANDOM.uniform(-3, 0, 4000)
+        error = factor * sigma * np.sqrt(RANDOM.chisquare(3, 4000) / 3)
+        return reliability.judge(error, sigma, RANDOM.chisquare(6, 4000) * factor ** 2, RANDOM.uniform(size=4000))
+
+    def test_right_sigmas_are_flat(self):
+        m = self.drawn(1)
+        self.assertTrue(all(0.7 < r < 1.4 for *_, r in m["by_quality"] + m["by_sigma"]))
+        self.assertTrue(abs(m["nees6"] - 1) < 0.05 and m["outside"] < 0.005 and m["rank"] > 0.5)
+        self.assertEqual([len(m[name]) for name in ("by_quality", "by_sigma")], [10, 10])
+
+    def test_sigmas_too_small_by_half_show(self):
+        m = self.drawn(2)
+        self.assertTrue(all(1.6 < r < 2.4 for *_, r in m["by_quality"]))
+        self.assertTrue(abs(m["nees6"] - 4) < 0.2 and m["outside"] > 0.2)
+
+    def test_ties_share_their_rank_and_few_frames_say_nothing(self):
+        self.assertEqual(reliability.ranks(np.array([5.0, 1, 5, 9])).tolist(), [2.5, 1, 2.5, 4])
+        few = np.ones(19)
+        self.assertIsNone(reliability.judge(few, few, few, few))
 
 
 class Plans(unittest.TestCase):

@@ -2,6 +2,7 @@
 
     python tools/evaluate sweep DIR --source URI... [--starts 0-30] [--steps 1-3] [--reverse both] [--set 'KEY=V|V']
     python tools/evaluate report DIR [--compare OLD NEW] [--output FILE.html]
+    python tools/evaluate reliability DIR [--output FILE.md] [--svg FILE.svg]
     python tools/evaluate odometry          renews odometry.md
     python tools/evaluate road              renews road.md
 
@@ -27,6 +28,7 @@ import execute  # noqa: E402
 import one  # noqa: E402
 import plan  # noqa: E402
 import progress  # noqa: E402
+import reliability  # noqa: E402
 import report  # noqa: E402
 import store  # noqa: E402
 import tables  # noqa: E402
@@ -123,6 +125,17 @@ def write_report(arguments):
     return 0
 
 
+def write_reliability(arguments):
+    db = read_results(arguments.folder)
+    text = reliability.text(db)
+    for path, content in ((arguments.output or os.path.join(arguments.folder, "reliability.md"), text),
+                          (arguments.svg or os.path.join(arguments.folder, "reliability.svg"), reliability.diagram(db))):
+        with open(path, "w", encoding="utf-8") as file:
+            file.write(content)
+    print(text, end="")
+    return 0
+
+
 def standing(arguments):
     """Renew one of the committed tables: its plan, its runs, its text."""
     binary = binary_of(arguments.binary, arguments.folder)
@@ -163,6 +176,11 @@ def read_arguments():
     each.add_argument("--worst", type=int, default=12, help="maps that are drawn")
     each.add_argument("--pictures", type=int, default=4, help="of these: runs that are made again for their picture")
     each.add_argument("--output")
+    each = commands.add_parser("reliability", help="stated uncertainty against true error, as tables and a diagram")
+    each.set_defaults(work=write_reliability)
+    each.add_argument("folder")
+    each.add_argument("--output", help="the tables (reliability.md in the folder)")
+    each.add_argument("--svg", help="the diagram (reliability.svg in the folder)")
     for name, (text, folder) in tables.HELP.items():
         each = commands.add_parser(name, help=text)
         each.set_defaults(work=standing)

@@ -130,7 +130,7 @@ def against_keyframe(run, i, scale, truth_at):
 
 
 def against_earlier(run, j, i, scale):
-    """Error of the motion from pose j to pose i in metres and degrees, and its NEES by the sum of both stated covariances: no
+    """Error of the motion from pose j to pose i in metres and degrees, its NEES and its stated sigma in metres by the sum of both stated covariances: no
     message states the covariance of a motion yet, and errors that both keyframes share are in neither."""
     Re, te = relative(run["R"][j], run["position"][j], run["R"][i], run["position"][i])
     R, t = relative(run["truth_R"][j], run["truth_position"][j], run["truth_R"][i], run["truth_position"][i])
@@ -140,7 +140,8 @@ def against_earlier(run, j, i, scale):
     adjoint[:3, :3] = adjoint[3:, 3:] = Re.T
     adjoint[:3, 3:] = skew(back) @ Re.T
     both = run["covariance"][i] + adjoint @ run["covariance"][j] @ adjoint.T
-    return np.array([scale * np.linalg.norm(error[:3]), np.degrees(np.linalg.norm(error[3:])), nees(error, both)])
+    return np.array([scale * np.linalg.norm(error[:3]), np.degrees(np.linalg.norm(error[3:])), nees(error, both),
+                     scale * np.sqrt(np.trace(both[:3, :3]))])
 
 
 def second_apart(run, indices, scale, frames):
@@ -237,7 +238,7 @@ def judge_map(run, map_id, indices, own_error_m, per_second):
 def judge(run, source):
     """Metrics of each map of a run with at least POSES_MIN poses; `run` gets the columns of single frames."""
     n = len(run["frame"])
-    for name, width in (("error_m", 0), ("sigma_m", 0), ("local_scale", 0), ("aligned", 3), ("keyframe_error", 3), ("apart_error", 3)):
+    for name, width in (("error_m", 0), ("sigma_m", 0), ("local_scale", 0), ("aligned", 3), ("keyframe_error", 3), ("apart_error", 4)):
         run[name] = np.full((n, width) if width else n, np.nan)
     one_unit(run)
     steps_ns = np.diff(run["stamp_ns"])

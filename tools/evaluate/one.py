@@ -146,6 +146,7 @@ def frames_table(key, run):
     for name in ("keyframe", "apart"):
         for k, what in enumerate(("error_m", "error_deg", "nees")):
             table[f"{name}_{what}"] = run[f"{name}_error"][:, k]
+    table["apart_sigma_m"] = run["apart_error"][:, 3]
     return {name: values.tolist() if isinstance(values, np.ndarray) else values for name, values in table.items()}
 
 

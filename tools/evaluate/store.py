@@ -31,7 +31,7 @@ FRAMES = pa.schema(
     [("run", _text), ("part", _text)] + [(name, pa.int32()) for name in ("i", "state", "map", "reset", "inliers")]
     + [(name, _whole) for name in ("frame", "stamp_ns", "keyframe", "digest")]
     + [(name, pa.float32()) for name in ("quality", "error_m", "sigma_m", "local_scale", "keyframe_error_m", "keyframe_error_deg",
-                                         "keyframe_nees", "apart_error_m", "apart_error_deg", "apart_nees")]
+                                         "keyframe_nees", "apart_error_m", "apart_error_deg", "apart_nees", "apart_sigma_m")]
     + [(name, _number) for name in ("x", "y", "z", "truth_x", "truth_y", "truth_z")])
 TABLES = {"runs": RUNS, "maps": MAPS, "frames": FRAMES}
 
