@@ -23,7 +23,8 @@ enum fovea_tracking_state {
     FOVEA_TRACKING_OK = 1,
     /* pose from at least FOVEA_POSED_INLIERS_MIN landmarks: fewer than inliers_good, or of a young
      * map whose shape is not settled, or of one that does not agree with the pictures: matches made
-     * without the map lie off their places in it, as where most of what is seen moves */
+     * without the map lie off their places in it, as where most of what is seen moves; or of a
+     * picture that is blurred or repeats the last */
     FOVEA_TRACKING_WEAK = 2,
     FOVEA_TRACKING_LOST = 3 /* no pose */
 };

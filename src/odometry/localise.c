@@ -7,10 +7,12 @@
 
 enum {
     DISTANCE_PREDICTED_MAX = 80, /* Hamming, where the position is predicted */
-    INLIERS_FIRST_MIN = 12       /* of the first stage, to go on */
+    INLIERS_FIRST_MIN = 12,      /* of the first stage, to go on */
+    FAR_SAMPLE = 32              /* landmarks whose predicted motion is looked at */
 };
 
-static const double radius_first_px = 12, radius_wide_px = 30; /* times the level's scale */
+static const double radius_first_px = 12, radius_wide_px = 30;     /* times the level's scale */
+static const double radius_unmoved_px = 2, unmoved_fraction = 0.5; /* of the last landmarks */
 static const double local_widen =
     4; /* of the local map's search, where it makes up for a poor first stage */
 static const double found_fraction_low =
@@ -197,18 +199,63 @@ static void remember(struct fv_odometry *o, const struct fv_map_frame *frame)
     }
 }
 
+/* First stage where the camera is nearly where it is expected. */
+static bool pose_about(struct fv_odometry *o, const struct fv_kernels *kernels,
+                       const struct fv_map_frame *frame, const struct fv_se3 *expected,
+                       struct fv_se3 *T, struct fv_pose_fit *fit)
+{
+    *T = *expected;
+    return match_recent(o, kernels, frame, T, radius_first_px) >= INLIERS_FIRST_MIN &&
+           refine(&o->localiser, &o->map, frame, 2, 4, true, T, fit) >= INLIERS_FIRST_MIN;
+}
+
+/* Whether the motion predicted takes landmarks farther than the first search would see, were the
+ * picture the last one again. */
+static bool far_from(const struct fv_odometry *o, const struct fv_se3 *last,
+                     const struct fv_se3 *predicted)
+{
+    uint32_t far = 0, seen = 0;
+    const uint32_t count = o->state->localise.recent_count, step = count / FAR_SAMPLE + 1;
+    for (uint32_t i = 0; i < count; i += step) {
+        const struct fv_recent *r = &o->localiser.recent[i];
+        const struct fv_landmark *l = &o->map.landmarks[r->landmark];
+        double q[3], from[2], to[2];
+        if (!l->used || l->generation != r->generation ||
+            !project_landmark(&o->map, last, l, q, from) ||
+            !project_landmark(&o->map, predicted, l, q, to))
+            continue;
+        const double x = to[0] - from[0], y = to[1] - from[1];
+        seen++;
+        far += x * x + y * y > radius_first_px * radius_first_px / 4;
+    }
+    return 2 * far > seen;
+}
+
+/* The picture may be the last one again: most landmarks are where they were, to the pixel. */
+static bool pose_unmoved(struct fv_odometry *o, const struct fv_kernels *kernels,
+                         const struct fv_map_frame *frame, const struct fv_se3 *last,
+                         struct fv_se3 *T, struct fv_pose_fit *fit)
+{
+    const uint32_t most = (uint32_t)(unmoved_fraction * o->state->localise.recent_count);
+    const uint32_t wanted = most > INLIERS_FIRST_MIN ? most : INLIERS_FIRST_MIN;
+    *T = *last;
+    return match_recent(o, kernels, frame, T, radius_unmoved_px) >= wanted &&
+           refine(&o->localiser, &o->map, frame, 2, 4, true, T, fit) >= wanted;
+}
+
 /* First stage: a rough pose with matches to build on. */
 static bool rough_pose(struct fv_odometry *o, const struct fv_kernels *kernels,
                        const struct fv_map_frame *frame, const struct fv_se3 *last,
                        struct fv_se3 *T, struct fv_pose_fit *fit)
 {
     if (o->state->state != FOVEA_TRACKING_LOST) {
-        fv_motion_predict(&o->state->localise.motion, last, frame->keyframe->stamp_ns, T);
-        const struct fv_se3 predicted = *T;
-        uint32_t matches = match_recent(o, kernels, frame, T, radius_first_px);
-        if (matches >= INLIERS_FIRST_MIN &&
-            refine(&o->localiser, &o->map, frame, 2, 4, true, T, fit) >= INLIERS_FIRST_MIN)
+        struct fv_se3 predicted;
+        uint32_t matches;
+        fv_motion_predict(&o->state->localise.motion, last, frame->keyframe->stamp_ns, &predicted);
+        if ((o->state->usable.frozen || far_from(o, last, &predicted)) &&
+            pose_unmoved(o, kernels, frame, last, T, fit))
             return true;
+        if (pose_about(o, kernels, frame, &predicted, T, fit)) return true;
         *T = predicted;
         matches = match_recent(o, kernels, frame, T, radius_wide_px);
         if (matches >= INLIERS_FIRST_MIN &&
@@ -261,12 +308,14 @@ uint32_t fv_odometry_localise(struct fv_odometry *o, const struct fv_kernels *ke
         inliers = fv_localiser_refine(&o->localiser, &o->map, &frame, 3, 5, &T, &fit);
     }
     if (inliers < FOVEA_POSED_INLIERS_MIN) return 0;
-    note_motion(o, &last, &T, frame.keyframe->stamp_ns);
+    fv_odometry_judge_freeze(o, &frame, &last, &T);
+    if (!o->state->usable.frozen) note_motion(o, &last, &T, frame.keyframe->stamp_ns);
     frame.keyframe->T_cam_world = T;
     o->state->pose.inliers = inliers;
     o->state->pose.quality = (float)inliers / (float)(visible + known);
     if (o->state->pose.quality > 1) o->state->pose.quality = 1;
     o->state->covariance_reliable = fv_covariance_write(o, &frame, &fit);
+    fv_odometry_add_freeze(o, &frame);
     remember(o, &frame);
     return inliers;
 }

@@ -1,6 +1,6 @@
 #include "odometry/motion.h"
 
-static const double intervals_max = 3;
+static const double intervals_max = 40;
 
 void fv_motion_forget(struct fv_motion *m)
 {

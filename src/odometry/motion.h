@@ -30,7 +30,7 @@ void fv_motion_note(struct fv_motion *motion, const struct fv_se3 *T_before,
 void fv_motion_forget(struct fv_motion *motion);
 
 /* Pose at `stamp_ns`, from that of the last posed frame; the same pose while the motion is not
- * known. At most three intervals ahead are followed: what lies beyond is anyone's guess. */
+ * known. At most 40 intervals ahead are followed. */
 void fv_motion_predict(const struct fv_motion *motion, const struct fv_se3 *T_last,
                        int64_t stamp_ns, struct fv_se3 *T);
 

@@ -56,6 +56,7 @@ static void begin(struct fv_odometry *o)
     s->keyframe_matches = 0;
     memset(&s->creation, 0, sizeof s->creation);
     memset(&s->agreement, 0, sizeof s->agreement);
+    memset(&s->usable, 0, sizeof s->usable);
     if (o->config.localise_only) s->state = FOVEA_TRACKING_LOST;
 }
 
@@ -135,6 +136,7 @@ static void write_rows(const double R[9], const double t[3], double rows[12])
 static enum fovea_tracking_state confidence(const struct fv_odometry *o, uint32_t inliers)
 {
     const bool good = inliers >= o->config.inliers_good && o->state->covariance_reliable &&
+                      fv_usable(&o->state->usable) &&
                       fv_agreement_verdict(&o->state->agreement) == FV_AGREEMENT_GOOD;
     return good ? FOVEA_TRACKING_OK : FOVEA_TRACKING_WEAK;
 }
@@ -229,7 +231,8 @@ static void localise_step(struct fv_odometry *o, const struct fv_kernels *kernel
     s->lost_frames = 0;
     o->initialiser.state->count = 0;
     s->state = confidence(o, inliers);
-    if (!o->config.localise_only && fv_odometry_keyframe_needed(o, inliers))
+    if (!o->config.localise_only && fv_usable(&s->usable) &&
+        fv_odometry_keyframe_needed(o, inliers))
         fv_odometry_make_keyframe(o);
     write_pose(o);
 }
@@ -249,6 +252,7 @@ void fv_odometry_step(struct fv_odometry *o, const struct fv_kernels *kernels,
     memset(&s->pose, 0, sizeof s->pose);
     s->frame_number++;
     odometry_fill_view(o, input);
+    fv_usable_picture(&s->usable, input->count, input->features, input->descriptors);
     if (contradicted(o)) fv_odometry_give_up(o);
     if (s->state != FOVEA_TRACKING_STARTING) {
         localise_step(o, kernels);

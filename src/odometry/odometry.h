@@ -30,6 +30,7 @@
 #include "odometry/landmark_creation.h"
 #include "odometry/localise.h"
 #include "odometry/relocalise.h"
+#include "odometry/usable.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -62,6 +63,7 @@ struct fv_odometry_state {
     struct fv_still_state still;
     struct fv_creation_state creation;
     struct fv_agreement_state agreement;
+    struct fv_usable_state usable;
     struct fv_reference_state reference;
     struct fovea_pose pose; /* of the last frame */
 };

@@ -1,0 +1,114 @@
+#include "odometry/usable.h"
+
+#include <string.h>
+
+#include "geometry/vec.h"
+#include "odometry/odometry.h"
+
+enum { SAMPLE = 64 /* landmarks whose motion in the image is looked at */ };
+
+static const double blurred_fraction = 0.65; /* of the usual score */
+static const double follow = 0.2;            /* of a usable picture's score */
+static const double fall = 0.995;            /* per blurred picture: so lasts the memory */
+static const double predicted_min_px = 1;    /* less motion than this may end at once */
+static const double frozen_fraction = 0.15;  /* of the motion predicted, above which it goes on */
+static const double frozen_px = 0.1;         /* noise of a pose, in the image */
+static const double across = 0.3; /* of the way: the uncertainty to its sides, as where it turns */
+
+/* ---- the picture itself ---------------------------------------------------------------------- */
+
+static uint64_t mix(uint64_t hash, const void *data, size_t bytes)
+{
+    const uint8_t *at = data;
+    for (; bytes >= 8; bytes -= 8, at += 8) {
+        uint64_t word;
+        memcpy(&word, at, 8);
+        hash = (hash ^ word) * UINT64_C(0x9e3779b97f4a7c15);
+        hash ^= hash >> 32;
+    }
+    return hash;
+}
+
+void fv_usable_picture(struct fv_usable_state *s, uint32_t count,
+                       const struct fovea_feature *features, const uint8_t *descriptors)
+{
+    uint64_t sum = 0, hash = mix(count, descriptors, (size_t)count * FV_MAP_DESCRIPTOR_BYTES);
+    for (uint32_t i = 0; i < count; i++) {
+        hash = mix(hash, &features[i].x_px, sizeof features[i].x_px + sizeof features[i].y_px);
+        sum += features[i].score;
+    }
+    s->repeated = count > 0 && hash == s->picture;
+    s->picture = hash;
+    const double score = count > 0 ? (double)sum / count : 0;
+    s->blurred = score < blurred_fraction * s->sharpness;
+    if (s->blurred)
+        s->sharpness *= fall;
+    else if (s->sharpness > 0)
+        s->sharpness += follow * (score - s->sharpness);
+    else
+        s->sharpness = score;
+}
+
+void fv_usable_forget(struct fv_usable_state *s)
+{
+    s->sharpness = 0;
+    s->blurred = s->frozen = false;
+}
+
+/* ---- motion that ends at once ---------------------------------------------------------------- */
+
+/* Mean distance in pixels between where two poses see some of the frame's landmarks. */
+static double image_motion_px(const struct fv_odometry *o, const struct fv_map_frame *frame,
+                              const struct fv_se3 *A, const struct fv_se3 *B)
+{
+    double sum = 0;
+    uint32_t count = 0;
+    for (uint32_t f = 0; f < frame->keyframe->features && count < SAMPLE; f++) {
+        double q[3], a[2], b[2];
+        if (frame->landmark[f] == FV_MAP_NONE) continue;
+        const double *point = o->map.landmarks[frame->landmark[f]].point;
+        fv_se3_apply(A, point, q);
+        if (!fv_map_project(&o->map, q, a)) continue;
+        fv_se3_apply(B, point, q);
+        if (!fv_map_project(&o->map, q, b)) continue;
+        const double x = a[0] - b[0], y = a[1] - b[1];
+        sum += __builtin_sqrt(x * x + y * y);
+        count++;
+    }
+    return count > 0 ? sum / count : 0;
+}
+
+void fv_odometry_judge_freeze(struct fv_odometry *o, const struct fv_map_frame *frame,
+                              const struct fv_se3 *T_last, const struct fv_se3 *T)
+{
+    struct fv_usable_state *s = &o->state->usable;
+    struct fv_se3 predicted;
+    const struct fv_motion *motion = &o->state->localise.motion;
+    fv_motion_predict(motion, T_last, motion->stamp_ns + motion->interval_ns, &predicted);
+    const double expected_px = image_motion_px(o, frame, T_last, &predicted),
+                 found_px = image_motion_px(o, frame, T_last, T);
+    const bool ended =
+        expected_px >= predicted_min_px && found_px < frozen_px + frozen_fraction * expected_px;
+    /* The motion model stays that of the frames before, so what froze is still held against it. */
+    s->frozen = s->repeated || (motion->known && ended);
+}
+
+void fv_odometry_add_freeze(struct fv_odometry *o, const struct fv_map_frame *frame)
+{
+    const struct fv_se3 *T = &frame->keyframe->T_cam_world;
+    struct fv_se3 ahead, inverse, between;
+    double e[6];
+    if (!o->state->usable.frozen) return;
+    fv_motion_predict(&o->state->localise.motion, T, frame->keyframe->stamp_ns, &ahead);
+    fv_se3_invert(&ahead, &inverse);
+    fv_se3_compose(T, &inverse, &between); /* the camera there, seen from here */
+    fv_copy3(between.t, e);
+    fv_so3_log(between.R, e + 3);
+    const double way2 = fv_dot3(e, e), turn2 = fv_dot3(e + 3, e + 3);
+    for (int row = 0, k = 0; row < 6; row++)
+        for (int column = row; column < 6; column++, k++) {
+            o->state->pose.covariance[k] += e[row] * e[column];
+            if (row == column)
+                o->state->pose.covariance[k] += across * across * (row < 3 ? way2 : turn2);
+        }
+}

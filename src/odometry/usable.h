@@ -1,0 +1,63 @@
+/* Pictures that are of no use: blurred, or frozen. Black ones have no features, and lose the
+ * camera.
+ *
+ * Blurred: the mean FAST score of a picture's features is far below that of the pictures before it.
+ * From one picture to the next it changes by a fifth at most on recordings and in simulation, and a
+ * blur of 2 px (standard deviation), or 15 px of motion, halves it. Exposure changes it slowly, and
+ * is followed.
+ *
+ * Frozen: the camera repeats a picture, perhaps with noise or compressed anew. Exactly the same
+ * features occur once. Else what tells is that all motion ends from one picture to the next, which
+ * mass does not: a car that brakes, however hard, still moves in the next frame. While the picture
+ * stays, the camera may stand or go on, so the way that it would have gone since is added to the
+ * covariance.
+ *
+ * Poses of such pictures are `weak`, and none becomes a keyframe. Real-time safe, no addresses in
+ * the state. */
+#ifndef FOVEA_ODOMETRY_USABLE_H
+#define FOVEA_ODOMETRY_USABLE_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "fovea/features.h"
+#include "geometry/se3.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+struct fv_usable_state {
+    uint64_t picture; /* hash of the last one's features */
+    double sharpness; /* mean score that is usual; 0: not known */
+    bool blurred;     /* the current picture */
+    bool repeated;    /* it has exactly the features of the last one */
+    bool frozen;      /* since the last posed frame but some */
+};
+
+struct fv_odometry;
+struct fv_map_frame;
+
+/* A new picture's features and descriptors (32 bytes each). */
+void fv_usable_picture(struct fv_usable_state *state, uint32_t count,
+                       const struct fovea_feature *features, const uint8_t *descriptors);
+/* Another map: what is usual is found out anew. */
+void fv_usable_forget(struct fv_usable_state *state);
+
+/* The frame was posed at T_cam_world, the last one at T_last, both in the map's unit; the motion
+ * model is still that of the frames before. Decides whether the picture is frozen. */
+void fv_odometry_judge_freeze(struct fv_odometry *odometry, const struct fv_map_frame *frame,
+                              const struct fv_se3 *T_last, const struct fv_se3 *T_cam_world);
+/* Add to the pose's covariance what a frozen picture leaves open: the way that the camera would
+ * have gone since it froze. */
+void fv_odometry_add_freeze(struct fv_odometry *odometry, const struct fv_map_frame *frame);
+
+static inline bool fv_usable(const struct fv_usable_state *state)
+{
+    return !state->blurred && !state->frozen;
+}
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,126 @@
+/* Pictures of no use: blurred ones and repeated ones are `weak` or lost, none becomes a keyframe,
+ * and the covariance admits the way that the camera goes meanwhile. A camera that stands is no such
+ * case. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <string.h>
+/* cmocka needs the above */
+#include <cmocka.h>
+
+#include "common/sim_rig.h"
+#include "runtime/state.h"
+
+static struct sim_rig rig;
+
+enum { FIRST = 60, LENGTH = 15, AFTER = 6, RAMP = 1 };
+
+static void run(const char *uri, int frames)
+{
+    sim_rig_open(&rig, uri, 0, frames);
+    sim_rig_build(&rig);
+    while (sim_rig_next(&rig))
+        sim_rig_process(&rig);
+}
+
+/* Distance in the map's unit by which the way since frame `from` is off, its standard deviation,
+ * and the true way. */
+static double way_off(int from, int n, double *sigma, double *way)
+{
+    const double unit = 1 / sim_rig_scale(&rig, FIRST - 45, FIRST);
+    double a[3], b[3], sum = 0;
+    for (int k = 0; k < 3; k++) {
+        a[k] = b[k] = 0;
+        for (int r = 0; r < 3; r++) { /* seen from the camera at `from`, so that worlds are one */
+            const double *P = rig.pose[from].T_world_cam, *Q = rig.truth[from];
+            a[k] += P[4 * r + k] * (rig.pose[n].T_world_cam[4 * r + 3] - P[4 * r + 3]);
+            b[k] += Q[4 * r + k] * (rig.truth[n][4 * r + 3] - Q[4 * r + 3]);
+        }
+        sum += (unit * a[k] - b[k]) * (unit * a[k] - b[k]);
+    }
+    const double *c = rig.pose[n].covariance;
+    *sigma = unit * sqrt(c[0] + c[6] + c[11]);
+    *way = sqrt(b[0] * b[0] + b[1] * b[1] + b[2] * b[2]);
+    return sqrt(sum);
+}
+
+static void check_faulty(const char *kind, bool frozen)
+{
+    char uri[160];
+    snprintf(uri, sizeof uri,
+             "fault:sim:orbit?width=400&height=300?kind=%s&first=%d&shortest=%d&longest=%d&count=1",
+             kind, FIRST, LENGTH, LENGTH);
+    run(uri, FIRST + LENGTH + AFTER);
+    double off2 = 0, sigma2 = 0;
+    int posed = 0;
+    assert_true(rig.pose[FIRST - 1].posed);
+    const uint64_t keyframe = rig.pose[FIRST - 1].reference_keyframe;
+    for (int n = FIRST + (frozen ? RAMP : 0); n < FIRST + LENGTH; n++) {
+        const struct fovea_pose *pose = &rig.pose[n];
+        assert_int_not_equal(pose->state, FOVEA_TRACKING_OK);
+        if (!pose->posed) continue;
+        double sigma, way;
+        assert_true(pose->reference_keyframe <= keyframe);
+        const double off = way_off(FIRST - 1, n, &sigma, &way);
+        if (frozen) assert_true(off < 5 * sigma);
+        off2 += off * off;
+        sigma2 += sigma * sigma;
+        posed++;
+    }
+    if (frozen) {
+        printf("%s: %d of %d frames posed, off by %.4f m, said to be %.4f m\n", kind, posed, LENGTH,
+               sqrt(off2 / posed), sqrt(sigma2 / posed));
+        assert_true(posed > LENGTH / 2 && sigma2 < 9 * off2);
+    }
+    bool back = false;
+    for (int n = FIRST + LENGTH; n < rig.frames; n++)
+        back = back || (rig.pose[n].posed && rig.pose[n].map_id == rig.pose[FIRST - 1].map_id);
+    assert_true(back);
+    sim_rig_close(&rig);
+}
+
+static void frozen_pictures_are_weak(void **state)
+{
+    (void)state;
+    check_faulty("freeze", true);
+    check_faulty("freeze,noise&amount=3", true);
+    check_faulty("freeze,recompress", true);
+}
+
+static void blurred_pictures_are_weak(void **state)
+{
+    (void)state;
+    check_faulty("blur", false);
+    check_faulty("motion", false);
+    check_faulty("blur&sigma=2", false);
+}
+
+/* Starts and stops of a robot, which brakes; with noise, as every camera has. */
+static void standing_is_not_frozen(void **state)
+{
+    (void)state;
+    int stood = 0, weak = 0;
+    run("sim:stopgo?width=400&height=300", 260);
+    for (int n = 120; n < rig.frames; n++) {
+        if (sim_rig_moved(rig.truth[n - 1], rig.truth[n]) > 1e-4) continue;
+        stood++;
+        weak += rig.pose[n].state != FOVEA_TRACKING_OK;
+    }
+    printf("%d frames stood, %d of them not tracking\n", stood, weak);
+    assert_true(stood > 20);
+    assert_int_equal(weak, 0);
+    sim_rig_close(&rig);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(frozen_pictures_are_weak),
+        cmocka_unit_test(blurred_pictures_are_weak),
+        cmocka_unit_test(standing_is_not_frozen),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
