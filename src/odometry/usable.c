@@ -82,9 +82,9 @@ void fv_odometry_judge_freeze(struct fv_odometry *o, const struct fv_map_frame *
                               const struct fv_se3 *T_last, const struct fv_se3 *T)
 {
     struct fv_usable_state *s = &o->state->usable;
-    struct fv_se3 predicted;
+    struct fv_se3 predicted = *T_last; /* one interval on */
     const struct fv_motion *motion = &o->state->localise.motion;
-    fv_motion_predict(motion, T_last, motion->stamp_ns + motion->interval_ns, &predicted);
+    if (motion->known) fv_se3_compose(&motion->T_now_before, T_last, &predicted);
     const double expected_px = image_motion_px(o, frame, T_last, &predicted),
                  found_px = image_motion_px(o, frame, T_last, T);
     const bool ended =
