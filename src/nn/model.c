@@ -411,8 +411,8 @@ const char *fv_model_output_name(const struct fv_model *model, uint32_t index)
 const char *fv_model_kind_name(int32_t kind)
 {
     static const char *const names[FV_OP_KIND_COUNT] = {
-        "none",     "convolution", "depthwise",      "binary",   "pool",    "reduce",
-        "copy",     "fill",        "resize",         "softmax",  "arg max", "dequantise",
-        "quantise", "cast",        "matrix product", "detection"};
+        "none",     "convolution", "depthwise",      "binary",    "pool",     "reduce",
+        "copy",     "fill",        "resize",         "softmax",   "arg max",  "dequantise",
+        "quantise", "cast",        "matrix product", "detection", "normalise"};
     return kind < 0 || kind >= FV_OP_KIND_COUNT ? "unknown" : names[kind];
 }

@@ -77,9 +77,9 @@ enum fv_model_op_kind {
     FV_OP_CONV, /* convolution of any kind but depthwise, phases of transposed ones, fully connected
                    layers */
     FV_OP_DEPTHWISE,
-    FV_OP_BINARY, /* add, subtract, multiply, maximum, minimum, prelu with broadcasting */
+    FV_OP_BINARY, /* add, subtract, multiply, maximum, minimum, prelu, divide with broadcasting */
     FV_OP_POOL,
-    FV_OP_REDUCE, /* mean, maximum, minimum over axes */
+    FV_OP_REDUCE, /* mean, sum, maximum, minimum over axes */
     FV_OP_COPY, /* any move of bytes (transpose, slice, concatenate, tile, ...), through a table if
                    given */
     FV_OP_FILL,
@@ -91,6 +91,7 @@ enum fv_model_op_kind {
     FV_OP_CAST,
     FV_OP_BATCH_MATMUL,
     FV_OP_DETECTION, /* TFLite_Detection_PostProcess */
+    FV_OP_NORMALISE, /* each row by its length (L2_NORMALIZATION) */
     FV_OP_KIND_COUNT
 };
 
@@ -136,7 +137,9 @@ enum fv_binary {
     FV_BINARY_MUL,
     FV_BINARY_MAX,
     FV_BINARY_MIN,
-    FV_BINARY_PRELU
+    FV_BINARY_PRELU,
+    FV_BINARY_TABLE /* any function of two bytes: `table` has 65,536, that of a and b at 256 a + b
+                     */
 };
 struct fv_op_binary {
     int32_t function, dims[6], a[6], b[6], out[6]; /* byte strides by axis */
@@ -147,6 +150,7 @@ struct fv_op_pool {
     struct fv_op_window window;
     int32_t average, is_signed, act_min, act_max;
 };
+/* MEAN is SUM too: only the multiplier tells them apart */
 enum fv_reduce { FV_REDUCE_MEAN, FV_REDUCE_MAX, FV_REDUCE_MIN };
 struct fv_op_reduce {
     /* kept axes with strides, dropped axes with strides */
@@ -200,6 +204,13 @@ struct fv_op_detection {
     int32_t anchor_data, box_table, score_table; /* float[anchors][4], float[256] twice */
 };
 
+/* Rows divided by the root of the sum of their squares, in 1/128; the output's zero point is 128.
+ */
+struct fv_op_normalise {
+    int32_t outer, depth, zero_in;
+    int32_t is_signed; /* scales by 128 after the first rounding, as the reference does for int8 */
+};
+
 struct fv_model_op {
     int32_t kind;
     int32_t code;   /* operator code of the .tflite file, for people */
@@ -225,6 +236,7 @@ struct fv_model_op {
         struct fv_op_cast cast;
         struct fv_op_matmul matmul;
         struct fv_op_detection detection;
+        struct fv_op_normalise normalise;
     } u;
 };
 

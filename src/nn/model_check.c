@@ -254,7 +254,7 @@ static const char *check_binary(const struct check *c)
     if (input(c, 0)->type != FV_TYPE_U8 || input(c, 1)->type != FV_TYPE_U8 ||
         output(c, 0)->type != FV_TYPE_U8)
         return "operands are not bytes";
-    REQUIRE(binary.function, between(p->function, FV_BINARY_ADD, FV_BINARY_PRELU),
+    REQUIRE(binary.function, between(p->function, FV_BINARY_ADD, FV_BINARY_TABLE),
             "no such function");
     REQUIRE(binary.a, walk_fits(p->dims, p->a, 6, 0, 1, input(c, 0)),
             "the first input does not fit its tensor");
@@ -270,7 +270,10 @@ static const char *check_binary(const struct check *c)
     REQUIRE(binary.s_a, between(p->s_a, -31, most), "the shift is out of range");
     REQUIRE(binary.s_b, between(p->s_b, -31, most), "the shift is out of range");
     REQUIRE(binary.s_out, between(p->s_out, -31, 30), "the shift is out of range");
-    REQUIRE(binary.table, table_fits(c, p->table), "the table lies outside the file");
+    REQUIRE(binary.table,
+            p->function == FV_BINARY_TABLE ? constant(c, p->table, 65536, 1)
+                                           : table_fits(c, p->table),
+            "the table lies outside the file");
     *c->word = 13;
     return c->op->rows == product(p->dims, 5) ? NULL : "rows do not match the shape";
 }
@@ -403,6 +406,22 @@ static const char *check_softmax(const struct check *c)
     REQUIRE(softmax.depth, p->depth <= 8191, "more values than the sum can hold");
     REQUIRE(softmax.table, constant(c, p->table, 1024, 4) && exps_fit(words_at(c, p->table)),
             "the table is outside the file or no exponential");
+    *c->word = 13;
+    return c->op->rows == p->outer ? NULL : "rows do not match the shape";
+}
+
+static const char *check_normalise(const struct check *c)
+{
+    const struct fv_op_normalise *p = &c->op->u.normalise;
+    const char *fault = operands(c, 1, 1);
+    if (fault != NULL) return fault;
+    const int64_t bytes = (int64_t)p->outer * p->depth;
+    REQUIRE(normalise.depth,
+            p->outer >= 1 && between(p->depth, 1, 32768) && bytes <= input(c, 0)->bytes &&
+                bytes <= output(c, 0)->bytes,
+            "does not fit the tensors, or more values than the sum can hold");
+    REQUIRE(normalise.zero_in, between(p->zero_in, 0, 255), "the zero point is no byte");
+    REQUIRE(normalise.is_signed, between(p->is_signed, 0, 1), "not 0 or 1");
     *c->word = 13;
     return c->op->rows == p->outer ? NULL : "rows do not match the shape";
 }
@@ -584,7 +603,8 @@ const char *fv_model_check_op(const struct fv_model *model, const struct fv_mode
         [FV_OP_QUANTIZE] = check_quantize,
         [FV_OP_CAST] = check_cast,
         [FV_OP_BATCH_MATMUL] = check_matmul,
-        [FV_OP_DETECTION] = check_detection};
+        [FV_OP_DETECTION] = check_detection,
+        [FV_OP_NORMALISE] = check_normalise};
     const struct check c = {.m = model, .op = op, .word = word};
     return checks[op->kind](&c);
 }

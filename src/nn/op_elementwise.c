@@ -92,6 +92,14 @@ static void packed_rows(const struct fv_op_binary *p, const struct fv_kernels *k
     }
 }
 
+/* One row of a function that a table holds. */
+static void lookup_row(const struct fv_op_binary *p, const uint8_t *table, const uint8_t *a,
+                       const uint8_t *b, uint8_t *out)
+{
+    for (int32_t i = 0; i < p->dims[5]; i++, a += p->a[5], b += p->b[5], out += p->out[5])
+        *out = table[256 * *a + *b];
+}
+
 void fv_nn_op_binary(const struct fv_nn_call *call, int32_t begin, int32_t end)
 {
     const struct fv_op_binary *p = &call->op->u.binary;
@@ -100,12 +108,17 @@ void fv_nn_op_binary(const struct fv_nn_call *call, int32_t begin, int32_t end)
     const int packed = p->a[5] == 1 && p->b[5] == 1 && p->out[5] == 1;
     const struct fv_nn_add add = add_of(p);
     const uint8_t *table = p->table == 0 ? NULL : call->model->base + p->table;
+    const int looked_up = p->function == FV_BINARY_TABLE;
     for (int32_t row = begin, rows; row < end; row += rows) {
         ptrdiff_t at[3];
         row_offsets(p->dims, row, strides, at, 3);
         const uint8_t *a = call->in[0] + at[0], *b = call->in[1] + at[1];
         uint8_t *out = call->out[0] + at[2];
         rows = 1;
+        if (looked_up) {
+            lookup_row(p, table, a, b, out);
+            continue;
+        }
         if (packed) { /* rows up to the end of axis 4 at once */
             const int32_t left = p->dims[4] - row % p->dims[4];
             rows = left < end - row ? left : end - row;

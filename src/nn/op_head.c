@@ -1,7 +1,8 @@
-/* Softmax, arg max and products of two computed matrices. */
+/* Softmax, arg max, rows of unit length and products of two computed matrices. */
 #include <string.h>
 
 #include "kernels/nn_requantize.h"
+#include "kernels/nn_softmax.h"
 #include "nn/run.h"
 
 void fv_nn_op_softmax(const struct fv_nn_call *call, int32_t begin, int32_t end)
@@ -10,6 +11,51 @@ void fv_nn_op_softmax(const struct fv_nn_call *call, int32_t begin, int32_t end)
     const int32_t *exps = (const int32_t *)(const void *)(call->model->base + p->table);
     const ptrdiff_t at = (ptrdiff_t)begin * p->depth;
     call->kernels->nn_softmax_u8(exps, call->in[0] + at, call->out[0] + at, p->depth, end - begin);
+}
+
+/* Multiplier and shift of 1 / sqrt(value), by five steps of Newton's method with 3 integer bits, as
+ * LiteRT has it (GetInvSqrtQuantizedMultiplierExp); 0 counts as 1. */
+static void inverse_root(int32_t value, int32_t *multiplier, int32_t *shift)
+{
+    enum { HALF_THREE = (1 << 28) + (1 << 27), HALF_ROOT_TWO = 1518500250 };
+    *multiplier = INT32_MAX;
+    *shift = 0;
+    if (value <= 1) return;
+    int32_t down = 11, x = 1 << 28;
+    for (; value >= 1 << 29; value /= 4)
+        down++;
+    const int32_t pairs = (__builtin_clz((uint32_t)value) - 1) / 2 - 1;
+    down -= pairs;
+    const int32_t half = fv_nn_divide_by_power((value << 2 * pairs) >> 1, 1);
+    for (int i = 0; i < 5; i++) {
+        const int32_t square = fv_nn_high_product(x, x);
+        const int32_t cube = fv_nn_saturate((int64_t)fv_nn_high_product(square, x) * 64);
+        const int32_t more = fv_nn_high_product(HALF_THREE, x),
+                      less = fv_nn_high_product(half, cube);
+        x = fv_nn_saturate(((int64_t)more - less) * 8);
+    }
+    x = fv_nn_high_product(x, HALF_ROOT_TWO);
+    *multiplier = down < 0 ? (int32_t)((uint32_t)x << -down) : x;
+    *shift = down < 0 ? 0 : -down;
+}
+
+void fv_nn_op_normalise(const struct fv_nn_call *call, int32_t begin, int32_t end)
+{
+    const struct fv_op_normalise *p = &call->op->u.normalise;
+    for (int32_t row = begin; row < end; row++) {
+        const uint8_t *in = call->in[0] + (ptrdiff_t)row * p->depth;
+        uint8_t *out = call->out[0] + (ptrdiff_t)row * p->depth;
+        int32_t sum = 0, multiplier, shift;
+        for (int32_t i = 0; i < p->depth; i++)
+            sum += (in[i] - p->zero_in) * (in[i] - p->zero_in);
+        inverse_root(sum, &multiplier, &shift);
+        for (int32_t i = 0; i < p->depth; i++) {
+            const int32_t x = in[i] - p->zero_in;
+            const int32_t scaled = p->is_signed ? fv_nn_requantize(x, multiplier, shift + 7)
+                                                : fv_nn_requantize(x * 128, multiplier, shift);
+            out[i] = (uint8_t)fv_nn_clamp(scaled + 128, 0, 255);
+        }
+    }
 }
 
 /* The largest along the last axis, which is packed. */

@@ -16,6 +16,7 @@ static fv_nn_op_fn *const operators[FV_OP_KIND_COUNT] = {
     [FV_OP_CAST] = fv_nn_op_cast,
     [FV_OP_BATCH_MATMUL] = fv_nn_op_matmul,
     [FV_OP_DETECTION] = fv_nn_op_detection,
+    [FV_OP_NORMALISE] = fv_nn_op_normalise,
 };
 
 size_t fv_nn_arena_bytes(const struct fv_model *model)

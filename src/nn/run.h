@@ -51,7 +51,8 @@ struct fv_nn_call {
 typedef void fv_nn_op_fn(const struct fv_nn_call *call, int32_t begin, int32_t end);
 fv_nn_op_fn fv_nn_op_conv, fv_nn_op_depthwise, fv_nn_op_binary, fv_nn_op_pool, fv_nn_op_reduce,
     fv_nn_op_copy, fv_nn_op_fill, fv_nn_op_resize, fv_nn_op_softmax, fv_nn_op_arg_max,
-    fv_nn_op_dequantize, fv_nn_op_quantize, fv_nn_op_cast, fv_nn_op_matmul, fv_nn_op_detection;
+    fv_nn_op_dequantize, fv_nn_op_quantize, fv_nn_op_cast, fv_nn_op_matmul, fv_nn_op_detection,
+    fv_nn_op_normalise;
 
 /* LiteRT's fully connected layer: acc times a double, of which `low` and `high` are the words,
  * rounded once, halves away from zero; within +-100000. */

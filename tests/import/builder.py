@@ -143,7 +143,7 @@ class Builder:
 # Versions that make the reference take int8 (its checks read them).
 VERSIONS = {"CONV_2D": 3, "DEPTHWISE_CONV_2D": 3, "FULLY_CONNECTED": 4, "ADD": 2, "SUB": 2, "MUL": 2, "MAXIMUM": 2,
             "MINIMUM": 2, "CONCATENATION": 2, "SPLIT": 2, "PACK": 2, "UNPACK": 2, "PAD": 2, "MAX_POOL_2D": 2,
-            "AVERAGE_POOL_2D": 2, "MEAN": 2, "REDUCE_MAX": 2, "RESIZE_NEAREST_NEIGHBOR": 3, "RESIZE_BILINEAR": 3,
+            "AVERAGE_POOL_2D": 2, "MEAN": 2, "SUM": 2, "L2_NORMALIZATION": 2, "REDUCE_MAX": 2, "RESIZE_NEAREST_NEIGHBOR": 3, "RESIZE_BILINEAR": 3,
             "TRANSPOSE": 2, "STRIDED_SLICE": 2, "TILE": 2, "LOGISTIC": 2, "TANH": 2, "SOFTMAX": 2, "RELU": 2,
             "RELU6": 2, "LEAKY_RELU": 2, "QUANTIZE": 2, "DEQUANTIZE": 2, "BATCH_MATMUL": 2, "ARG_MAX": 2,
             "SPACE_TO_DEPTH": 2, "SLICE": 2, "GATHER": 2, "PADV2": 2, "TRANSPOSE_CONV": 3, "PRELU": 1}

@@ -32,7 +32,7 @@ def record(name, kind, seed):
     with tempfile.NamedTemporaryFile(suffix=".tflite") as file:
         file.write(case.b.bytes(inputs, outputs))
         file.flush()
-        interpreter = check.reference(file.name)
+        interpreter = operators.reference_of(name, case, inputs, outputs, file.name)
         graph = graph_module.read(file.name)
     net = Lowering(graph).run()
     arena, _ = plan_module.plan(net)

@@ -455,12 +455,33 @@ def dilated_by_batches(c):
     return [x], [z]
 
 
+def picture_in_planes(c):
+    """[1, channels, h, w] as PyTorch has pictures: turned at once, after a QUANTIZE, or read in planes too."""
+    channels, h, w = c.choose(1, 3), c.int(8, 14), c.int(8, 14)
+    real = c.int(0, 2) == 0
+    x = c.b.tensor("float32", (1, channels, h, w)) if real else c.q((1, channels, h, w), 0.03)
+    planes = c.q((1, channels, h, w), 0.03) if real else x
+    if real:
+        c.b.op("QUANTIZE", [x], [planes], "Quantize")
+    turned = like(c, planes, (1, h, w, channels))
+    if channels == 1 and c.int(0, 1):
+        c.b.op("RESHAPE", [planes, c.b.const("int32", [1, h, w, 1])], [turned], "Reshape", NewShape=[1, h, w, 1])
+    else:
+        c.b.op("TRANSPOSE", [planes, c.b.const("int32", [0, 2, 3, 1])], [turned], "Transpose")
+    y = conv(c, turned, c.int(1, 9), 3)
+    if c.int(0, 1):
+        return [x], [y]
+    z = c.q((1, channels), 0.03)
+    c.b.op("MEAN", [planes, c.b.const("int32", [2, 3])], [z], "Reducer", KeepDims=False)
+    return [x], [y, z] + ([planes] if real and c.int(0, 1) else [])
+
+
 operators.CASES.clear()
 operators.CASES.update({f.__name__: f for f in (
     conv_uneven, depthwise_uneven, connected_axes, arithmetic_scales, extreme_constant, slice_masks, slice_ellipsis,
     pool_wide, reduce_axes, resize_images, reshape_forms, tile_long, tile_every_axis, offset_weights, constant_functions, wide_layers,
     unary_ranges, softmax_axes, prelu_forms, matmul_forms, arg_max_cast, up_uneven, pad_long, join_scales, detection_many, one_by_one_chain,
-    open_sizes, dilated_by_batches)})
+    open_sizes, dilated_by_batches, picture_in_planes)})
 
 if __name__ == "__main__":
     sys.exit(operators.main())

@@ -16,6 +16,7 @@ sys.path[:0] = [HERE, os.path.join(HERE, "..", "..", "tools", "import")]
 import check  # noqa: E402
 import graph as graph_module  # noqa: E402
 import plan as plan_module  # noqa: E402
+from builder import Builder  # noqa: E402
 from case import Case  # noqa: E402
 from engine import Engine  # noqa: E402
 from lower import Lowering  # noqa: E402
@@ -247,6 +248,14 @@ def signed(build):
     return built
 
 
+def unsigned(build):
+    """Operators that the reference has for uint8 alone."""
+    def built(c):
+        c.kind = c.dtype = "uint8"
+        return build(c)
+    return built
+
+
 def pool(name):
     def build(c):
         kh, kw, sy, sx, _, h, w, padding = window(c)
@@ -269,9 +278,10 @@ def reduction(name):
         axes = sorted(set(c.int(0, rank - 1) for _ in range(c.int(1, rank))))
         keep = c.int(0, 1)
         out = [1 if i in axes else n for i, n in enumerate(shape) if keep or i not in axes]
-        same = name != "MEAN"
+        same = name not in ("MEAN", "SUM")
         x = c.q(shape, 0.05, 3)
-        y = c.q(out, 0.05 if same else None, 3 if same else None)
+        coarse = 0.05 * c.choose(1, float(np.exp(c.r.uniform(-1, 6)))) if name == "SUM" else None
+        y = c.q(out, 0.05 if same else coarse, 3 if same or coarse == 0.05 else None)
         c.b.op(name, [x, c.b.const("int32", axes)], [y], "Reducer", KeepDims=bool(keep))
         return [x], [y]
     return build
@@ -375,6 +385,31 @@ def root(name):
         c.b.op(name, [x], [y])
         return [x], [y]
     return build
+
+
+def divide(c):
+    """Divisors of either sign but not 0, which stops the reference. Quotients of 1 step by 1 step are 64 steps and more: below, its
+    shifts may pass 31 bits, which C leaves undefined."""
+    full, other = broadcast_shapes(c)
+    if c.int(0, 1):
+        full, other = other, full
+    scales, fine = [float(np.exp(c.r.uniform(-5, -1))) for _ in range(2)], float(np.exp(c.r.uniform(4.2, 8)))
+    zero = c.int(0, 255)
+    drawn = c.values(other)
+    data = np.where(drawn == zero, drawn ^ 1, drawn) if c.int(0, 2) else None
+    a, b = c.q(full, scales[0]), c.q(other, scales[1], zero if data is not None else c.choose(0, 255), data=data)
+    y = c.q(np.broadcast_shapes(full, other), scales[0] / scales[1] / fine)
+    c.b.op("DIV", [a, b], [y], "Div", FusedActivationFunction=c.choose(0, 1, 3))
+    return ([a] if data is not None else [a, b]), [y]
+
+
+def normalisation(c):
+    """Rows of zeros and of one value among them."""
+    shape = [c.int(1, 5) for _ in range(c.int(0, 3))] + [c.choose(1, 3, c.int(2, 200), c.int(300, 3000))]
+    low = 0 if c.dtype == "uint8" else -128
+    x, y = c.q(shape), c.q(shape, 1 / 128, low + 128)
+    c.b.op("L2_NORMALIZATION", [x], [y], "L2Norm", FusedActivationFunction=0)
+    return [x], [y]
 
 
 def softmax(c):
@@ -525,7 +560,40 @@ CASES = {
     "EXP": signed(unary("EXP", "Exp")), "LOG": signed(unary("LOG")), "ABS": signed(unary("ABS", "Abs")), "GELU": unary("GELU", "Gelu"),
     "NEG": signed(unary("NEG", "Neg")), "SQRT": signed(root("SQRT")), "RSQRT": signed(root("RSQRT")),
     "ELU": signed(unary("ELU")), "GATHER_ND": gather_nd, "GELU, approximate": unary("GELU", "Gelu", Approximate=True),
+    "SUM": reduction("SUM"), "DIV": unsigned(divide), "L2_NORMALIZATION": normalisation,
 }
+
+
+class Twin:
+    """The reference for a uint8 model, seen as the int8 one whose bytes and zero points are 128 less: of SUM the reference takes
+    int8 for uint8 (LiteRT 2.3)."""
+
+    def __init__(self, builder, inputs, outputs):
+        twin = Builder()
+        twin.ops, twin.signatures = builder.ops, builder.signatures
+        twin.tensors = [("uint8", shape, scales, [z + 128 for z in zeros], None if data is None else data.view("uint8") ^ 128, axis)
+                        if dtype == "int8" else (dtype, shape, scales, zeros, data, axis)
+                        for dtype, shape, scales, zeros, data, axis in builder.tensors]
+        with tempfile.NamedTemporaryFile(suffix=".tflite") as file:
+            file.write(twin.bytes(inputs, outputs))
+            file.flush()
+            self.reference = check.reference(file.name)
+        self.get_output_details, self.invoke = self.reference.get_output_details, self.reference.invoke
+
+    def get_input_details(self):
+        return [{**d, "dtype": np.int8} for d in self.reference.get_input_details()]
+
+    def set_tensor(self, index, value):
+        self.reference.set_tensor(index, value.view(np.uint8) ^ 128)
+
+    def get_tensor(self, index):
+        return (self.reference.get_tensor(index) ^ 128).view(np.int8)
+
+
+def reference_of(name, case, inputs, outputs, path):
+    if name == "SUM" and case.dtype == "int8":
+        return Twin(case.b, inputs, outputs)
+    return check.reference(path, name != "ELU")  # which has one kernel, outside of the reference's list
 
 
 def leave_open(builder):
@@ -545,7 +613,7 @@ def run(name, kind, seed, kernel_set, is_open=False):
         file.write(data)
         file.flush()
         try:
-            interpreter = check.reference(file.name, name != "ELU")  # which has one kernel, outside of the reference's list
+            interpreter = reference_of(name, case, inputs, outputs, file.name)
         except (RuntimeError, ValueError) as problem:
             return f"refused: {str(problem)[:110]}"
         try:

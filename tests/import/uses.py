@@ -200,6 +200,22 @@ def heads(bench):
     bench.holds("metadata of task detect", getattr(found, "decoder", found), "yolov8")
 
 
+def planes(bench):
+    """A picture as [1, channels, h, w] is one: its size and channels are known, and real ones keep their range."""
+    for real in (False, True):
+        b = Builder()
+        q = b.tensor("int8", (1, 3, 24, 32), 1 / 255, -128)
+        x = b.tensor("float32", (1, 3, 24, 32)) if real else q
+        if real:
+            b.op("QUANTIZE", [x], [q], "Quantize")
+        turned = b.tensor("int8", (1, 24, 32, 3), 1 / 255, -128)
+        b.op("TRANSPOSE", [q, b.const("int32", [0, 2, 3, 1])], [turned], "Transpose")
+        found = bench.run(b.bytes([x], [turned]), "--decoder", "none")
+        raw = getattr(found, "raw", bytes(512))
+        bench.holds(f"the size of a picture in planes, {'real' if real else '8-bit'}", struct.unpack_from("<4i", raw, 164), (32, 24, 3, 0))
+        bench.holds("its range", (found.mean, found.scale), (0, 1 / 255))
+
+
 def states(bench):
     """A second input is nobody's in the loop."""
     b = Builder()
@@ -417,7 +433,7 @@ def files(bench):
 def main():
     with tempfile.TemporaryDirectory() as folder:
         bench = Bench(folder)
-        for test in (guesses, heads, states, outputs, refusals, ranges, thresholds, labels, anchors, loaded, units, archived, files, damaged):
+        for test in (guesses, heads, planes, states, outputs, refusals, ranges, thresholds, labels, anchors, loaded, units, archived, files, damaged):
             test(bench)
     return 1 if bench.wrong else 0
 

@@ -3,6 +3,7 @@
 Needs the packages ai-edge-litert and pillow. Inputs are the photographs, resized, and noise."""
 import numpy as np
 
+import planes
 from engine import Engine, Progress
 from layout import KIND
 
@@ -54,11 +55,13 @@ def image_input(path, detail):
         image = Image.open(path)
     except OSError as problem:
         raise CheckProblem(f"{path}: not a picture that can be read ({problem})") from problem
-    if len(shape) != 4 or shape[3] not in (1, 3):
-        raise CheckProblem(f"the input has shape {[int(n) for n in shape]}, images need [1, h, w, 1 or 3]")
-    image = image.convert("L" if shape[3] == 1 else "RGB").resize((int(shape[2]), int(shape[1])))
-    pixels = np.asarray(image, np.uint8).reshape(shape)
-    return as_type(pixels, detail)
+    planar = planes.is_planes(shape)
+    channels, height, width = (int(n) for n in (shape[1:] if planar else (*shape[3:], *shape[1:3]))) if len(shape) == 4 else (0, 0, 0)
+    if channels not in (1, 3):
+        raise CheckProblem(f"the input has shape {[int(n) for n in shape]}, images need [1, h, w, 1 or 3] or [1, 1 or 3, h, w]")
+    image = image.convert("L" if channels == 1 else "RGB").resize((width, height))
+    pixels = np.asarray(image, np.uint8).reshape(1, height, width, channels)
+    return as_type(np.transpose(pixels, planes.TO_PLANES) if planar else pixels, detail)
 
 
 def as_type(pixels, detail):
@@ -94,7 +97,7 @@ def compare(interpreter, engine, inputs, layers):
     details = interpreter.get_input_details()
     for number, (detail, value) in enumerate(zip(details, inputs)):
         interpreter.set_tensor(detail["index"], value)
-        engine.set_input(number, value)
+        engine.set_input(number, planes.to_image(value) if number == 0 and planes.is_planes(value.shape) else value)
     interpreter.invoke()
     problems = []
     progress = Progress(0, 0)

@@ -7,7 +7,7 @@ CONVOLUTIONS = ("CONV_2D", "DEPTHWISE_CONV_2D")
 RELU_BOUNDS = {"RELU": (0.0, None), "RELU6": (0.0, 6.0), "RELU_N1_TO_1": (-1.0, 1.0), "RELU_0_TO_1": (0.0, 1.0)}
 REAL = {"LOGISTIC": quant.logistic, "TANH": quant.tanh, "EXP": quant.exp_f32, "LOG": quant.log}  # tables by float arithmetic
 ROOTS = {"SQRT": quant.square_root, "RSQRT": quant.rsqrt}
-BINARIES = ("ADD", "SUB", "MUL", "MAXIMUM", "MINIMUM", "PRELU")
+BINARIES = ("ADD", "SUB", "MUL", "MAXIMUM", "MINIMUM", "PRELU", "DIV")
 
 
 def binary_params(name, ta, tb, to, activation):
@@ -18,10 +18,17 @@ def binary_params(name, ta, tb, to, activation):
             quant.add_params(ta.scale0, tb.scale0, to.scale0)
     elif name == "MUL":
         p["m_out"], p["s_out"] = quant.mul_params(ta.scale0, tb.scale0, to.scale0)
+    elif name == "DIV":
+        p["m_out"], p["s_out"] = quant.div_params(ta.scale0, tb.scale0, to.scale0)
     elif name == "PRELU":
         p["m_a"], p["s_a"] = quant.quantize_multiplier(float(np.float32(ta.scale0 / to.scale0)))
         p["m_out"], p["s_out"] = quant.mul_params(ta.scale0, tb.scale0, to.scale0)
     return p
+
+
+def is_refused(op, ta):
+    """DIV is for uint8 alone: LiteRT has no other to compare with."""
+    return op.name == "DIV" and ta.type != "UINT8"
 
 
 def activation_of(op):
@@ -82,7 +89,7 @@ class Folder:
         g = self.g
         a, b = op.inputs[:2]
         ta, tb, to = g.tensors[a], g.tensors[b], g.tensors[op.outputs[0]]
-        if not (ta.is8 and tb.is8 and to.is8):
+        if not (ta.is8 and tb.is8 and to.is8) or is_refused(op, ta):
             return None
         p = binary_params(op.name, ta, tb, to, activation_of(op))
         if a == b:
@@ -126,7 +133,7 @@ class Folder:
                 inner in self.g.outputs or gate is mul:
             return None
         ta, tb, to = (self.g.tensors[i] for i in (mul.inputs[0], mul.inputs[1], mul.outputs[0]))
-        if not (ta.is8 and tb.is8 and to.is8):
+        if not (ta.is8 and tb.is8 and to.is8) or is_refused(mul, ta):
             return None
         p = binary_params(mul.name, ta, tb, to, activation_of(mul))
         f = found[1]

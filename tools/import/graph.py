@@ -11,6 +11,7 @@ import tflite
 
 import constant
 import dilate
+import planes
 
 CODE_NAMES = {v: k for k, v in vars(tflite.BuiltinOperator).items() if isinstance(v, int)}
 TYPE_NAMES = {v: k for k, v in vars(tflite.TensorType).items() if isinstance(v, int)}
@@ -189,4 +190,5 @@ def _parse(model):
     graph = Graph(tensors, ops, [int(v) for v in g.InputsAsNumpy()], [int(v) for v in g.OutputsAsNumpy()], metadata)
     constant.fold(graph)
     dilate.join(graph)
+    planes.turn(graph)
     return graph

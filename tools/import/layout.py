@@ -14,9 +14,9 @@ TYPE_BYTES = {"UINT8": 1, "INT8": 1, "BOOL": 1, "INT32": 4, "INT64": 8, "FLOAT32
 FLAG_CONST, FLAG_SIGNED = 1, 2
 
 KINDS = ["NONE", "CONV", "DEPTHWISE", "BINARY", "POOL", "REDUCE", "COPY", "FILL", "RESIZE", "SOFTMAX", "ARG_MAX",
-         "DEQUANTIZE", "QUANTIZE", "CAST", "BATCH_MATMUL", "DETECTION"]
+         "DEQUANTIZE", "QUANTIZE", "CAST", "BATCH_MATMUL", "DETECTION", "NORMALISE"]
 KIND = {name: i for i, name in enumerate(KINDS)}
-BINARY = {"ADD": 0, "SUB": 1, "MUL": 2, "MAXIMUM": 3, "MINIMUM": 4, "PRELU": 5}
+BINARY = {"ADD": 0, "SUB": 1, "MUL": 2, "MAXIMUM": 3, "MINIMUM": 4, "PRELU": 5, "DIV": 6}
 
 
 def _six(name):
@@ -54,4 +54,5 @@ PARAMS = {
     "DETECTION": ["anchors", "classes", "class_offset", "max_detections", "max_per_anchor", "per_class",
                   "regular_nms", "score_threshold", "iou_threshold", "y_scale", "x_scale", "h_scale", "w_scale",
                   "anchor_data", "box_table", "score_table"],
+    "NORMALISE": ["outer", "depth", "zero_in", "is_signed"],
 }

@@ -212,13 +212,18 @@ class Lowering:
         source = self.input(t_in)
         lower_data.emit_copy(self, op, source, self.output(t_out), table=table)
 
-    def merge_after(self, t):
-        """Tensor and table that a convolution (or other 8-bit producer) of t ends with."""
+    def merged_after(self, t):
+        """Tensor that a convolution (or other 8-bit producer) of t ends with, and the table that leads there or None."""
         if not self.fold:
-            return t, 0
+            return t, None
         last, table, merged = self.folder.chain(t)
         self.skip.update(o.index for o in merged)
-        return last, self.net.blob(table) if table is not None and not np.array_equal(table, quant.IDENTITY) else 0
+        return last, None if table is None or np.array_equal(table, quant.IDENTITY) else table
+
+    def merge_after(self, t):
+        """The same with the table's place in the file, 0: none."""
+        last, table = self.merged_after(t)
+        return last, 0 if table is None else self.net.blob(table)
 
     def finish_lifetimes(self):
         net = self.net

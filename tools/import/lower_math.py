@@ -3,7 +3,7 @@ import numpy as np
 
 import quant
 from constant import dequantize_table
-from fold import activation_of, binary_params
+from fold import activation_of, binary_params, is_refused
 from graph import ImportProblem
 from layout import BINARY, CONV_PIXELS, TYPE_BYTES
 from lower_conv import check8, image, same_padding
@@ -12,6 +12,7 @@ from net import pad_to
 
 f32 = np.float32
 SOFTMAX_DEPTH = 8191  # what the sum holds
+NORMALISE_DEPTH = 32768
 
 
 def float_bits(value):
@@ -26,9 +27,15 @@ def binary(low, op):
         low.apply_table(op, found[0], t_out, found[1])
         return
     ta, tb, to = low.tensor(a), low.tensor(b), low.tensor(t_out)
+    if is_refused(op, ta):
+        raise ImportProblem(low.describe_missing(op) + " (of uint8 alone)")
     p = binary_params(op.name, ta, tb, to, activation_of(op))
     va, vb = low.input(a), low.input(b)
-    last, table = low.merge_after(t_out)
+    last, after = low.merged_after(t_out)
+    if op.name == "DIV":
+        after = quant.div_table(p) if after is None else after[quant.div_table(p)]
+        p = dict(act_max=255)
+    table = 0 if after is None else low.net.blob(after)
     out = low.output(last)
     net = low.net
     shape = to.shape
@@ -104,6 +111,8 @@ def reduce(low, op):
         mult, shift = quant.quantize_multiplier(float(ti.scale0) / float(to.scale0))
         drop_bits = min(elements.bit_length() - 1, 32, 31 + shift)
         p.update(function=0, multiplier=(mult << drop_bits) // elements, shift=shift - drop_bits)
+    elif op.name == "SUM":
+        p["multiplier"], p["shift"] = quant.quantize_multiplier(float(ti.scale0) / float(to.scale0))
     else:
         p["function"] = {"REDUCE_MAX": 1, "REDUCE_MIN": 2}[op.name]
     rows = kept[0][0] * kept[1][0] * kept[2][0]
@@ -193,6 +202,21 @@ def softmax(low, op):
         raise ImportProblem(f"{low.describe_missing(op)} (over more than {SOFTMAX_DEPTH} values)")
     exps = quant.softmax_table(op.options.Beta(), ti.scale0)
     low.net.step("SOFTMAX", op, [source], [out], dict(outer=outer, depth=depth, table=low.net.blob(exps)), outer,
+                 cost=ti.size * 16 + outer * 64)
+
+
+def normalise(low, op):
+    """L2_NORMALIZATION along the last axis; the reference demands an output in 1/128."""
+    t_in, t_out = op.inputs[0], op.outputs[0]
+    check8(low, op, t_in, t_out)
+    ti, to = low.tensor(t_in), low.tensor(t_out)
+    depth = ti.shape[-1]
+    if to.scale0 != f32(1 / 128) or to.zero_u8 != 128 or activation_of(op) or depth > NORMALISE_DEPTH:
+        raise ImportProblem(low.describe_missing(op) + f" (of at most {NORMALISE_DEPTH} values, in 1/128, no activation)")
+    source = low.dense_input(t_in)
+    out = low.output(t_out)
+    outer = ti.size // depth
+    low.net.step("NORMALISE", op, [source], [out], dict(outer=outer, depth=depth, zero_in=ti.zero_u8, is_signed=int(ti.signed)), outer,
                  cost=ti.size * 16 + outer * 64)
 
 
@@ -310,7 +334,7 @@ def detection_steps(p):
 
 
 OPERATORS = {name: binary for name in BINARY}
-OPERATORS.update({"MAX_POOL_2D": pool, "AVERAGE_POOL_2D": pool, "MEAN": reduce, "REDUCE_MAX": reduce,
+OPERATORS.update({"MAX_POOL_2D": pool, "AVERAGE_POOL_2D": pool, "MEAN": reduce, "SUM": reduce, "REDUCE_MAX": reduce,
                   "REDUCE_MIN": reduce, "RESIZE_NEAREST_NEIGHBOR": resize, "RESIZE_BILINEAR": resize,
-                  "SOFTMAX": softmax, "ARG_MAX": arg_max, "ARG_MIN": arg_max, "BATCH_MATMUL": batch_matmul,
+                  "SOFTMAX": softmax, "L2_NORMALIZATION": normalise, "ARG_MAX": arg_max, "ARG_MIN": arg_max, "BATCH_MATMUL": batch_matmul,
                   "TFLite_Detection_PostProcess": detection_postprocess})

@@ -240,6 +240,47 @@ def mul_params(s_a, s_b, s_out):
     return quantize_multiplier(float(f32(f32(f32(s_a) * f32(s_b)) / f32(s_out))))
 
 
+def div_params(s_a, s_b, s_out):
+    return quantize_multiplier(float(f32(f32(s_a) / f32(f32(s_b) * f32(s_out)))))
+
+
+def one_over_one_plus(x):
+    """1 / (1 + x) in Q0.31 by three steps of Newton's method, as gemmlowp has it; nn_softmax.h is the same in C."""
+    total = x + (1 << 31) - 1
+    half = (total + (1 if total >= 0 else -1)) // 2 if total >= 0 else -((1 - total) // 2)
+    y = 1515870810 + srdhm(half, -1010580540)
+    for _ in range(3):
+        error = (1 << 29) - srdhm(half, y)
+        y = wrap32(y + max(-(1 << 31), min((1 << 31) - 1, srdhm(y, error) * 4)))
+    return max(-(1 << 31), min((1 << 31) - 1, 2 * y))
+
+
+def reciprocal(value):
+    """1 / value as a number in Q0.31 and how many bits value exceeds one by."""
+    zeros = 32 - value.bit_length()
+    return one_over_one_plus(wrap32((value << zeros) - (1 << 31))), 31 - zeros
+
+
+def quotient(p, x, y, inverse):
+    """x / y with the reciprocal of the size of y."""
+    x = -x if y < 0 else x
+    headroom = 31 - (x if x >= 0 else ~x).bit_length()
+    whole = srdhm(x << headroom, inverse[0])
+    exponent = inverse[1] + headroom - p["s_out"]
+    return rdpot(srdhm(whole, p["m_out"]), exponent)
+
+
+def div_table(p):
+    """DIV for every pair of bytes."""
+    out = np.zeros((256, 256), np.uint8)
+    for b in range(256):
+        y = b - p["zero_b"]
+        inverse = reciprocal(abs(y))
+        for a in range(256):
+            out[a, b] = min(p["act_max"], max(p["act_min"], quotient(p, a - p["zero_a"], y, inverse) + p["zero_out"]))
+    return out
+
+
 def binary(kind, p, a, b):
     """One element of a binary operator, in unsigned form; p as written into the file."""
     x, y = a - p["zero_a"], b - p["zero_b"]
@@ -251,6 +292,8 @@ def binary(kind, p, a, b):
         v = mbqm(x * y, p["m_out"], p["s_out"])
     elif kind == "PRELU":
         v = mbqm(x, p["m_a"], p["s_a"]) if x >= 0 else mbqm(x * y, p["m_out"], p["s_out"])
+    elif kind == "DIV":
+        v = quotient(p, x, y, reciprocal(abs(y)))
     elif kind == "MAXIMUM":
         return max(a, b)
     else:

@@ -5,8 +5,8 @@ import numpy as np
 import slices
 
 SAME = ("QUANTIZE", "DEQUANTIZE", "CAST", "SOFTMAX", "LOGISTIC", "TANH", "RELU", "RELU6", "RELU_N1_TO_1", "RELU_0_TO_1",
-        "LEAKY_RELU", "HARD_SWISH", "EXP", "LOG", "ABS", "GELU", "NEG", "SQRT", "RSQRT", "ELU")
-BROADCAST = ("ADD", "SUB", "MUL", "MAXIMUM", "MINIMUM", "PRELU")
+        "LEAKY_RELU", "HARD_SWISH", "EXP", "LOG", "ABS", "GELU", "NEG", "SQRT", "RSQRT", "ELU", "L2_NORMALIZATION")
+BROADCAST = ("ADD", "SUB", "MUL", "MAXIMUM", "MINIMUM", "PRELU", "DIV")
 
 
 def _numbers(tensor):
@@ -151,14 +151,14 @@ RULES = {"CONV_2D": _conv, "DEPTHWISE_CONV_2D": _conv, "MAX_POOL_2D": _pool, "AV
          "TRANSPOSE": lambda op, ins: [ins[0].shape[i] for i in _numbers(ins[1])],
          "PAD": _pad, "PADV2": _pad, "SLICE": _slice, "GATHER": _gather, "GATHER_ND": _gather_nd,
          "TILE": lambda op, ins: [n * k for n, k in zip(ins[0].shape, _numbers(ins[1]))],
-         "MEAN": _reduce, "REDUCE_MAX": _reduce, "REDUCE_MIN": _reduce, "ARG_MAX": _arg_max, "ARG_MIN": _arg_max,
+         "MEAN": _reduce, "SUM": _reduce, "REDUCE_MAX": _reduce, "REDUCE_MIN": _reduce, "ARG_MAX": _arg_max, "ARG_MIN": _arg_max,
          "SPACE_TO_DEPTH": _space_to_depth, "DEPTH_TO_SPACE": _space_to_depth, "SPACE_TO_BATCH_ND": _batches,
          "BATCH_TO_SPACE_ND": _batches, "SHAPE": lambda op, ins: [len(ins[0].shape)]}
 RULES.update({name: lambda op, ins: [ins[0].shape[0], *_numbers(ins[1]), ins[0].shape[3]]
               for name in ("RESIZE_BILINEAR", "RESIZE_NEAREST_NEIGHBOR")})
 RULES.update({name: lambda op, ins: ins[0].shape for name in SAME})
 RULES.update({name: lambda op, ins: np.broadcast_shapes(ins[0].shape, ins[1].shape) for name in BROADCAST})
-CONSTANTS = {"RESHAPE": [1], "EXPAND_DIMS": [1], "TRANSPOSE": [1], "PAD": [1], "PADV2": [1], "SLICE": [1, 2], "TILE": [1], "MEAN": [1], "REDUCE_MAX": [1],
+CONSTANTS = {"RESHAPE": [1], "EXPAND_DIMS": [1], "TRANSPOSE": [1], "PAD": [1], "PADV2": [1], "SLICE": [1, 2], "TILE": [1], "MEAN": [1], "SUM": [1], "REDUCE_MAX": [1],
              "REDUCE_MIN": [1], "ARG_MAX": [1], "ARG_MIN": [1], "RESIZE_BILINEAR": [1], "RESIZE_NEAREST_NEIGHBOR": [1],
              "TRANSPOSE_CONV": [0], "STRIDED_SLICE": [1, 2, 3], "SPACE_TO_BATCH_ND": [1, 2], "BATCH_TO_SPACE_ND": [1, 2],
              "SPLIT": [0], "SPLIT_V": [1, 2]}  # inputs that the rules need to know

@@ -122,6 +122,31 @@ static void hostile_products(void **state)
     }
 }
 
+/* A function of two bytes needs a table of 65,536, and a row's squares must fit their sum. */
+static void hostile_functions(void **state)
+{
+    (void)state;
+    const struct {
+        const char *model;
+        int32_t word, value, from_end; /* counted from the end of the file */
+        const char *text;
+    } cases[] = {{"DIV", 52, 0, 0, "table lies outside"},
+                 {"DIV", 52, 65535 + 64, 1, "table lies outside"},
+                 {"DIV", 16, 7, 0, "no such function"},
+                 {"L2_NORMALIZATION", 17, 1 << 20, 0, "does not fit the tensors"},
+                 {"L2_NORMALIZATION", 18, 256, 0, "no byte"},
+                 {"L2_NORMALIZATION", 19, 2, 0, "not 0 or 1"}};
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        const struct nn_golden_model *g = named(cases[i].model);
+        uint8_t *data = copy_of(g);
+        const int32_t end = cases[i].from_end ? (int32_t)g->model_bytes : 0;
+        op_words(data, 0)[cases[i].word] = end == 0 ? cases[i].value : end - cases[i].value;
+        nn_mutant_seal(data, g->model_bytes);
+        refused(data, g->model_bytes, cases[i].text);
+        free(data);
+    }
+}
+
 /* A walk over a tensor that stays where it is along one axis is in bounds however long it is. */
 static void more_work_than_data(void **state)
 {
@@ -220,11 +245,9 @@ static void ten_thousand_mutants(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(foreign_and_cut_files),
-        cmocka_unit_test(hostile_words),
-        cmocka_unit_test(hostile_products),
-        cmocka_unit_test(more_work_than_data),
-        cmocka_unit_test(cycle),
+        cmocka_unit_test(foreign_and_cut_files), cmocka_unit_test(hostile_words),
+        cmocka_unit_test(hostile_products),      cmocka_unit_test(hostile_functions),
+        cmocka_unit_test(more_work_than_data),   cmocka_unit_test(cycle),
         cmocka_unit_test(ten_thousand_mutants),
     };
     return cmocka_run_group_tests(tests, nn_golden_set_up, nn_golden_tear_down);
