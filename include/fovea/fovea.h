@@ -35,6 +35,7 @@
 #include "fovea/features.h"
 #include "fovea/image.h"
 #include "fovea/odometry.h"
+#include "fovea/preprocess.h"
 #include "fovea/rig.h"
 #include "fovea/sensor.h"
 #include "fovea/source.h"
@@ -65,12 +66,33 @@ struct fovea_preview_config {
     uint32_t level;
 };
 
+/* Who may look at the images. Flags of struct fovea_image_config. */
+enum fovea_viewer {
+    FOVEA_VIEWER_FEATURES = 1 << 0, /* and so odometry and map */
+    FOVEA_VIEWER_NETWORKS = 1 << 1,
+    FOVEA_VIEWER_PREVIEW = 1 << 2,
+    FOVEA_VIEWER_EDGES = 1 << 3
+};
+enum { FOVEA_VIEWERS_ALL = 15 };
+
+/* What is done to the images of the first camera before anybody looks at them. Recordings keep
+ * them as the camera gave them. */
+struct fovea_image_config {
+    /* Default: no operations. Run in the step, in time proportional to the pixels. */
+    struct fovea_preprocess_config preprocess;
+    /* FOVEA_VIEWER_* bits, default FOVEA_VIEWER_FEATURES: who sees the result; the others see the
+     * image as it came. Networks keep the colours of an image: only its luma is that of the result.
+     */
+    uint32_t seen_by;
+};
+
 struct fovea_config {
     /* The cameras, each with its mask, and the inertial sensor. Default: one camera at the
      * origin of the body, whose calibration the caller fills in. Odometry uses the first
      * camera: it must be calibrated, have a T_body_cam (default identity), and give images of
      * its calibration's width x height. Masks are copied by fovea_init. */
     struct fovea_rig rig;
+    struct fovea_image_config image;
     struct fovea_features_config features;
     struct fovea_odometry_config odometry;
     struct fovea_detect_config detect;

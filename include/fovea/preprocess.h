@@ -50,30 +50,37 @@ enum fovea_normalize_method {
 
 enum { FOVEA_OPERATIONS_MAX = 8, FOVEA_TILES_MAX = 16 };
 
-struct fovea_preprocess_config {
-    uint32_t operation_count;                              /* [0, 8]; with 0 the image is copied */
-    enum fovea_operation operations[FOVEA_OPERATIONS_MAX]; /* in this order; may repeat */
+/* Operations in their order; one may stand several times. */
+struct fovea_operation_list {
+    uint32_t count; /* [0, 8]; with 0 the image is copied */
+    enum fovea_operation items[FOVEA_OPERATIONS_MAX];
+};
 
-    enum fovea_denoise_method denoise_method; /* default gaussian */
-    uint32_t denoise_size;                    /* 3 (default), 5 or 7: pixels of the Gaussian */
+struct fovea_preprocess_config {
+    struct fovea_operation_list operations; /* default 0 operations */
+
+    enum fovea_denoise_method denoise_method; /* default FOVEA_DENOISE_GAUSSIAN */
+    /* 3, 5 or 7 of [3, 7], default 3: pixels of the Gaussian */
+    uint32_t denoise_size;
     /* [0, 20] pixels, default 0: of the Gaussian, where 0 is 0.15 size + 0.35, and of the
      * bilateral's distance, where 0 is 2 */
-    float denoise_sigma_px;
-    float denoise_sigma_grey; /* [1, 255], default 25: of the bilateral's difference in grey */
+    double denoise_sigma_px;
+    double denoise_sigma_grey; /* [1, 255], default 25: of the bilateral's difference in grey */
 
-    enum fovea_normalize_method normalize_method; /* default range */
-    uint32_t normalize_low, normalize_high;       /* [0, 255], low < high, default 0 and 255 */
-    float normalize_mean;                         /* [0, 255], default 128 */
-    float normalize_deviation;                    /* [1, 128], default 50 */
+    enum fovea_normalize_method normalize_method; /* default FOVEA_NORMALIZE_RANGE */
+    uint32_t normalize_low;     /* [0, 254], default 0, less than normalize_high */
+    uint32_t normalize_high;    /* [1, 255], default 255 */
+    double normalize_mean;      /* [0, 255], default 128 */
+    double normalize_deviation; /* [1, 128], default 50 */
 
-    float sharpen_amount;   /* [1, 8], default 1.5: a; rounded to 1/256 */
-    uint32_t sharpen_size;  /* 3, 5 (default) or 7: pixels of the Gaussian */
-    float sharpen_sigma_px; /* [0, 20], default 0: as denoise_sigma_px */
+    double sharpen_amount;   /* [1, 8], default 1.5: a; rounded to 1/256 */
+    uint32_t sharpen_size;   /* 3, 5 or 7 of [3, 7], default 5: pixels of the Gaussian */
+    double sharpen_sigma_px; /* [0, 20], default 0: as denoise_sigma_px */
 
-    float contrast_limit;    /* [0, 1000], default 2: slope of a tile's table; 0 is without limit */
+    double contrast_limit;   /* [0, 1000], default 2: slope of a tile's table; 0 is without limit */
     uint32_t contrast_tiles; /* [1, 16], default 8: tiles across and down */
 
-    float gamma; /* [0.1, 10], default 1: below 1 brightens */
+    double gamma; /* [0.1, 10], default 1: below 1 brightens */
 };
 
 /* A chain in the caller's memory. */

@@ -1,34 +1,43 @@
 #include "features/front_end.h"
 
-void fv_front_end_carve_pyramid(struct fv_front_end *f, const struct fovea_features_config *config,
-                                int32_t width, int32_t height, struct fv_arena *frame)
+void fv_front_end_carve_images(struct fv_front_end *f, const struct fovea_preprocess_config *chain,
+                               uint32_t seen_by, const uint32_t looked_at[FV_VIEWER_COUNT],
+                               int32_t width, int32_t height, uint32_t levels,
+                               struct fv_arena *frame)
 {
-    fv_pyramid_carve(&f->pyramid, width, height, config->pyramid_levels, frame);
+    fv_seen_carve(&f->images, chain, seen_by, looked_at, width, height, levels, frame);
+}
+
+void fv_front_end_prepare(struct fv_front_end *f)
+{
+    fv_seen_prepare(&f->images);
 }
 
 void fv_front_end_carve_features(struct fv_front_end *f, const struct fovea_features_config *config,
                                  struct fv_arena *frame)
 {
-    fv_features_carve(&f->features, config, &f->pyramid, frame);
+    fv_features_carve(&f->features, config, &f->images.main, frame);
 }
 
 void fv_front_end_carve_descriptors(struct fv_front_end *f, struct fv_arena *frame)
 {
-    fv_orb_carve(&f->orb, f->features.config.count_max, &f->pyramid, frame);
+    fv_orb_carve(&f->orb, f->features.config.count_max, &f->images.main, frame);
     f->describes = true;
 }
 
 void fv_front_end_take(struct fv_front_end *f, const struct fv_kernels *kernels,
                        const struct fovea_image *image)
 {
-    fv_pyramid_build(&f->pyramid, kernels, image);
+    fv_seen_build(&f->images, kernels, image);
 }
 
 uint32_t fv_front_end_find(struct fv_front_end *f, const struct fv_kernels *kernels,
                            const struct fv_plane *mask, uint32_t count_asked)
 {
-    const uint32_t count = fv_features_find(&f->features, kernels, &f->pyramid, mask, count_asked);
-    if (f->describes) fv_orb_describe(&f->orb, kernels, &f->pyramid, f->features.corners, count);
+    const uint32_t count =
+        fv_features_find(&f->features, kernels, &f->images.main, mask, count_asked);
+    if (f->describes)
+        fv_orb_describe(&f->orb, kernels, &f->images.main, f->features.corners, count);
     return count;
 }
 

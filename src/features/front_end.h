@@ -1,5 +1,5 @@
-/* The front end of one camera: pyramid, features and descriptors of its images. Each camera that is
- * looked at has an instance of its own; the runtime has one, for the first camera.
+/* The front end of one camera: preprocessing, pyramid, features and descriptors of its images. Each
+ * camera that is looked at has an instance of its own; the runtime has one, for the first camera.
  *
  * Everything in it follows from the last image, except a table of the descriptors that the first
  * image fills. Carving fills sizes and addresses only. */
@@ -8,13 +8,14 @@
 
 #include "features/features.h"
 #include "features/orb.h"
+#include "image/seen.h"
 
 #ifdef __cplusplus
 extern "C" {
 #endif
 
 struct fv_front_end {
-    struct fv_pyramid pyramid;
+    struct fv_seen images;
     struct fv_features features;
     struct fv_orb orb;
     bool describes; /* features get descriptors: fv_front_end_carve_descriptors was called */
@@ -29,16 +30,18 @@ struct fv_front_end_found {
 
 /* Take memory for images of width x height, in this order; without the third there are no
  * descriptors. Three functions, so that the memory table has a row for each. Init-only. */
-void fv_front_end_carve_pyramid(struct fv_front_end *front_end,
-                                const struct fovea_features_config *config, int32_t width,
-                                int32_t height, struct fv_arena *frame);
+void fv_front_end_carve_images(struct fv_front_end *front_end,
+                               const struct fovea_preprocess_config *chain, uint32_t seen_by,
+                               const uint32_t looked_at[FV_VIEWER_COUNT], int32_t width,
+                               int32_t height, uint32_t levels, struct fv_arena *frame);
 void fv_front_end_carve_features(struct fv_front_end *front_end,
                                  const struct fovea_features_config *config,
                                  struct fv_arena *frame);
 void fv_front_end_carve_descriptors(struct fv_front_end *front_end, struct fv_arena *frame);
 
 /* Take an image of the carved size, in any uncompressed format, checked with fovea_image_check:
- * build its pyramid. Real-time safe; cost proportional to the pixels. */
+ * run the preprocessing chain and build its pyramids. Real-time safe; cost proportional to the
+ * pixels. */
 void fv_front_end_take(struct fv_front_end *front_end, const struct fv_kernels *kernels,
                        const struct fovea_image *image);
 
@@ -50,10 +53,13 @@ uint32_t fv_front_end_find(struct fv_front_end *front_end, const struct fv_kerne
 
 struct fv_front_end_found fv_front_end_found(const struct fv_front_end *front_end);
 
+/* Compute tables, after carving on memory. Init-only. */
+void fv_front_end_prepare(struct fv_front_end *front_end);
+
 /* The image taken, as grey levels, for those who show it or look for something else in it. */
-static inline const struct fv_pyramid *fv_front_end_pyramid(const struct fv_front_end *front_end)
+static inline const struct fv_seen *fv_front_end_images(const struct fv_front_end *front_end)
 {
-    return &front_end->pyramid;
+    return &front_end->images;
 }
 
 #ifdef __cplusplus

@@ -25,7 +25,7 @@ void fovea_preprocess_config_default(struct fovea_preprocess_config *config)
                                                .normalize_high = 255,
                                                .normalize_mean = 128,
                                                .normalize_deviation = 50,
-                                               .sharpen_amount = 1.5f,
+                                               .sharpen_amount = 1.5,
                                                .sharpen_size = 5,
                                                .contrast_limit = 2,
                                                .contrast_tiles = 8,
@@ -54,20 +54,20 @@ static enum fovea_status check_parameters(const struct fovea_preprocess_config *
         const char *name;
         double value, low, high;
     } ranges[] = {
-        {"operation_count", config->operation_count, 0, FOVEA_OPERATIONS_MAX},
+        {"operations", config->operations.count, 0, FOVEA_OPERATIONS_MAX},
         {"denoise_method", config->denoise_method, 0, FOVEA_DENOISE_BILATERAL},
-        {"denoise_sigma_px", (double)config->denoise_sigma_px, 0, 20},
-        {"denoise_sigma_grey", (double)config->denoise_sigma_grey, 1, 255},
+        {"denoise_sigma_px", config->denoise_sigma_px, 0, 20},
+        {"denoise_sigma_grey", config->denoise_sigma_grey, 1, 255},
         {"normalize_method", config->normalize_method, 0, FOVEA_NORMALIZE_DEVIATION},
         {"normalize_low", config->normalize_low, 0, 254},
         {"normalize_high", config->normalize_high, config->normalize_low + 1.0, 255},
-        {"normalize_mean", (double)config->normalize_mean, 0, 255},
-        {"normalize_deviation", (double)config->normalize_deviation, 1, 128},
-        {"sharpen_amount", (double)config->sharpen_amount, 1, 8},
-        {"sharpen_sigma_px", (double)config->sharpen_sigma_px, 0, 20},
-        {"contrast_limit", (double)config->contrast_limit, 0, 1000},
+        {"normalize_mean", config->normalize_mean, 0, 255},
+        {"normalize_deviation", config->normalize_deviation, 1, 128},
+        {"sharpen_amount", config->sharpen_amount, 1, 8},
+        {"sharpen_sigma_px", config->sharpen_sigma_px, 0, 20},
+        {"contrast_limit", config->contrast_limit, 0, 1000},
         {"contrast_tiles", config->contrast_tiles, 1, FOVEA_TILES_MAX},
-        {"gamma", (double)config->gamma, (double).1f, 10},
+        {"gamma", config->gamma, .1, 10},
     };
     for (size_t i = 0; i < sizeof ranges / sizeof ranges[0]; i++)
         if (check_range(ranges[i].name, ranges[i].value, ranges[i].low, ranges[i].high, error) !=
@@ -83,16 +83,16 @@ static enum fovea_status check_config(const struct fovea_preprocess_config *conf
     enum fovea_status status = check_parameters(config, error);
     if (status == FOVEA_OK) status = check_size("denoise_size", config->denoise_size, error);
     if (status == FOVEA_OK) status = check_size("sharpen_size", config->sharpen_size, error);
-    for (uint32_t i = 0; status == FOVEA_OK && i < config->operation_count; i++)
-        status =
-            check_range("operations", config->operations[i], 0, FOVEA_OPERATION_COUNT - 1, error);
+    for (uint32_t i = 0; status == FOVEA_OK && i < config->operations.count; i++)
+        status = check_range("operations", config->operations.items[i], 0,
+                             FOVEA_OPERATION_COUNT - 1, error);
     return status;
 }
 
 static bool uses(const struct fovea_preprocess_config *config, enum fovea_operation operation)
 {
-    for (uint32_t i = 0; i < config->operation_count; i++)
-        if (config->operations[i] == operation) return true;
+    for (uint32_t i = 0; i < config->operations.count; i++)
+        if (config->operations.items[i] == operation) return true;
     return false;
 }
 
@@ -102,26 +102,25 @@ void fv_preprocess_carve(struct fv_preprocess *chain, const struct fovea_preproc
     chain->config = *config;
     chain->width = width;
     chain->height = height;
-    if (config->operation_count == 0) return;
+    if (config->operations.count == 0) return;
     fv_filters_carve(&chain->filters, width, arena);
     chain->bilateral = fv_arena_take_raw(arena, 3, sizeof *chain->bilateral);
     chain->counts = fv_arena_take_raw(arena, 4, sizeof *chain->counts);
     chain->gamma = fv_arena_take_raw(arena, 256, 1);
     if (!uses(config, FOVEA_OPERATION_CONTRAST_ENHANCEMENT)) return;
     fv_contrast_carve(&chain->contrast, width, height, (int32_t)config->contrast_tiles,
-                      (double)config->contrast_limit, arena);
+                      config->contrast_limit, arena);
 }
 
 void fv_preprocess_prepare(struct fv_preprocess *chain)
 {
     const struct fovea_preprocess_config *config = &chain->config;
-    const double sigma_px = (double)config->denoise_sigma_px;
-    if (config->operation_count == 0) return;
+    const double sigma_px = config->denoise_sigma_px;
+    if (config->operations.count == 0) return;
     fv_gauss_make(&chain->denoise, config->denoise_size, sigma_px);
-    fv_gauss_make(&chain->sharpen, config->sharpen_size, (double)config->sharpen_sigma_px);
-    fv_bilateral_make(chain->bilateral, sigma_px > 0 ? sigma_px : 2,
-                      (double)config->denoise_sigma_grey);
-    fv_table_gamma(chain->gamma, (double)config->gamma);
+    fv_gauss_make(&chain->sharpen, config->sharpen_size, config->sharpen_sigma_px);
+    fv_bilateral_make(chain->bilateral, sigma_px > 0 ? sigma_px : 2, config->denoise_sigma_grey);
+    fv_table_gamma(chain->gamma, config->gamma);
     if (uses(config, FOVEA_OPERATION_CONTRAST_ENHANCEMENT))
         fv_contrast_prepare(&chain->contrast, chain->width);
 }
@@ -148,8 +147,8 @@ static void normalize(struct fv_preprocess *chain, const struct fv_kernels *kern
                        (int32_t)config->normalize_high);
     } else {
         fv_histogram_count(chain->counts, kernels, in);
-        fv_table_deviation(table, (const uint32_t(*)[256])chain->counts,
-                           (double)config->normalize_mean, (double)config->normalize_deviation);
+        fv_table_deviation(table, (const uint32_t(*)[256])chain->counts, config->normalize_mean,
+                           config->normalize_deviation);
     }
     fv_table_run(table, kernels, in, out);
 }
@@ -176,7 +175,7 @@ static void run_one(struct fv_preprocess *chain, enum fovea_operation operation,
         break;
     case FOVEA_OPERATION_SHARPEN:
         fv_sharpen_run(&chain->filters, &chain->sharpen,
-                       (int32_t)(chain->config.sharpen_amount * 256 + .5f), kernels, in, out);
+                       (int32_t)(chain->config.sharpen_amount * 256 + .5), kernels, in, out);
         break;
     case FOVEA_OPERATION_HISTOGRAM_EQUALIZATION:
         equalize(chain, kernels, in, out);
@@ -195,11 +194,11 @@ static void run_one(struct fv_preprocess *chain, enum fovea_operation operation,
 void fv_preprocess_run(struct fv_preprocess *chain, const struct fv_kernels *kernels,
                        const struct fv_plane *in, const struct fv_plane *out)
 {
-    if (chain->config.operation_count == 0 && in->pixels != out->pixels)
+    if (chain->config.operations.count == 0 && in->pixels != out->pixels)
         for (int32_t y = 0; y < in->height; y++)
             memcpy(fv_plane_row(out, y), fv_plane_row(in, y), (size_t)in->width);
-    for (uint32_t i = 0; i < chain->config.operation_count; i++)
-        run_one(chain, chain->config.operations[i], kernels, i == 0 ? in : out, out);
+    for (uint32_t i = 0; i < chain->config.operations.count; i++)
+        run_one(chain, chain->config.operations.items[i], kernels, i == 0 ? in : out, out);
 }
 
 /* The chain of the public functions: with its kernels, at the start of the caller's memory. */

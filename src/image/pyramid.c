@@ -52,6 +52,11 @@ void fv_pyramid_build(struct fv_pyramid *pyramid, const struct fv_kernels *kerne
                       const struct fovea_image *frame)
 {
     fv_grey_convert(&pyramid->level[0], kernels, frame);
+    fv_pyramid_shrink(pyramid, kernels);
+}
+
+void fv_pyramid_shrink(struct fv_pyramid *pyramid, const struct fv_kernels *kernels)
+{
     for (uint32_t i = 1; i < pyramid->levels; i++)
         shrink(kernels, &pyramid->level[i - 1], &pyramid->level[i], pyramid->row);
 }

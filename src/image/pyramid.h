@@ -63,6 +63,9 @@ void fv_pyramid_carve(struct fv_pyramid *pyramid, int32_t width, int32_t height,
 void fv_pyramid_build(struct fv_pyramid *pyramid, const struct fv_kernels *kernels,
                       const struct fovea_image *frame);
 
+/* Build the levels above level 0 from it. Real-time safe. */
+void fv_pyramid_shrink(struct fv_pyramid *pyramid, const struct fv_kernels *kernels);
+
 #ifdef __cplusplus
 }
 #endif

@@ -28,15 +28,29 @@ enum fovea_status fv_nn_job_start(const struct fv_nn_job *job, const struct fove
     return FOVEA_OK;
 }
 
+/* The copied picture. */
+static struct fovea_image copied_image(const struct fv_nn_job *job)
+{
+    const struct fv_nn_job_state *s = job->state;
+    return (struct fovea_image){.data = job->pixels,
+                                .width = s->width,
+                                .height = s->height,
+                                .stride_bytes = s->stride_bytes,
+                                .format = (enum fovea_pixel_format)s->format,
+                                .size_bytes = job->pixel_bytes};
+}
+
+void fv_nn_job_relight(const struct fv_nn_job *job, const struct fovea_image *before,
+                       const struct fovea_image *after)
+{
+    const struct fovea_image image = copied_image(job);
+    fv_pixel_relight(&image, job->pixels, before, after);
+}
+
 static void fill_some(const struct fv_nn_job *job)
 {
     struct fv_nn_job_state *s = job->state;
-    const struct fovea_image image = {.data = job->pixels,
-                                      .width = s->width,
-                                      .height = s->height,
-                                      .stride_bytes = s->stride_bytes,
-                                      .format = (enum fovea_pixel_format)s->format,
-                                      .size_bytes = job->pixel_bytes};
+    const struct fovea_image image = copied_image(job);
     const int32_t height = job->model->header->preprocess.height,
                   rows = fv_nn_rows_per_unit(job->model, &image, &s->fit);
     const int32_t end = rows < height - s->row ? s->row + rows : height;

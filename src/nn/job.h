@@ -50,6 +50,12 @@ void fv_nn_job_carve(struct fv_nn_job *job, const struct fv_model *model,
  * format or size does not fit. */
 enum fovea_status fv_nn_job_start(const struct fv_nn_job *job, const struct fovea_image *image);
 
+/* Give the copied picture another luma, before the job goes on: `before` and `after` are grey8
+ * images of its size, its grey levels as image/grey.h has them and the new ones. See
+ * fv_pixel_relight. */
+void fv_nn_job_relight(const struct fv_nn_job *job, const struct fovea_image *before,
+                       const struct fovea_image *after);
+
 /* Go on for at most `units` units; `done` takes how many ran. FOVEA_OK: idle or done. FOVEA_AGAIN:
  * units are left. */
 enum fovea_status fv_nn_job_advance(const struct fv_nn_job *job, const struct fv_kernels *kernels,

@@ -129,6 +129,71 @@ void fv_pixel_fetch(const struct fovea_image *image, int32_t x, int32_t y, bool 
     memset(rgb, 0, 3);
 }
 
+/* How luma stands in a row: bytes from one pixel to the next, and of the first; 0 where it does not
+ * stand alone. */
+static int32_t luma_step(enum fovea_pixel_format format, int32_t *first)
+{
+    *first = format == FOVEA_PIXEL_UYVY;
+    switch (format) {
+    case FOVEA_PIXEL_GREY8:
+    case FOVEA_PIXEL_NV12:
+    case FOVEA_PIXEL_YU12:
+        return 1;
+    case FOVEA_PIXEL_YUYV:
+    case FOVEA_PIXEL_UYVY:
+        return 2;
+    default:
+        return 0;
+    }
+}
+
+/* Bits by which 8-bit grey is shifted in formats of 16 bits; 0: another format. */
+static int word_shift(enum fovea_pixel_format format)
+{
+    switch (format) {
+    case FOVEA_PIXEL_Y10:
+        return 2;
+    case FOVEA_PIXEL_Y12:
+        return 4;
+    case FOVEA_PIXEL_Y14:
+        return 6;
+    case FOVEA_PIXEL_Y16:
+        return 8;
+    default:
+        return 0;
+    }
+}
+
+static void relight_row(enum fovea_pixel_format format, uint8_t *row, const uint8_t *before,
+                        const uint8_t *after, int32_t width)
+{
+    int32_t first;
+    const int32_t step = luma_step(format, &first), shift = word_shift(format);
+    const int32_t values =
+        format == FOVEA_PIXEL_RGB24 || format == FOVEA_PIXEL_BGR24 ? 3 : 1; /* of a pixel */
+    for (int32_t x = 0; x < width; x++) {
+        const int32_t word = after[x] << shift, rise = after[x] - before[x];
+        if (step > 0) {
+            row[first + step * x] = after[x];
+        } else if (shift > 0) {
+            row[2 * x] = (uint8_t)(word & 255);
+            row[2 * x + 1] = (uint8_t)(word >> 8);
+        } else {
+            for (int32_t c = values * x; c < values * (x + 1); c++)
+                row[c] = clamp8(row[c] + rise);
+        }
+    }
+}
+
+void fv_pixel_relight(const struct fovea_image *image, uint8_t *pixels,
+                      const struct fovea_image *before, const struct fovea_image *after)
+{
+    for (int32_t y = 0; y < image->height; y++)
+        relight_row(image->format, pixels + (ptrdiff_t)y * image->stride_bytes,
+                    before->data + (ptrdiff_t)y * before->stride_bytes,
+                    after->data + (ptrdiff_t)y * after->stride_bytes, image->width);
+}
+
 static void copy_rows(const uint8_t *from, int32_t from_stride, uint8_t *to, int32_t to_stride,
                       int32_t rows)
 {

@@ -23,6 +23,13 @@ bool fv_pixel_known(enum fovea_pixel_format format);
 void fv_pixel_fetch(const struct fovea_image *image, int32_t x, int32_t y, bool luma,
                     uint8_t rgb[3]);
 
+/* Give a checked image, whose pixels are at `pixels`, the luma of `after`; `before` is its luma
+ * now, both grey8 images of its size. Formats that keep luma of their own get it as it is; RGB, BGR
+ * and Bayer values rise by the difference, within 0 to 255, so that colour differences stay.
+ * Real-time safe; cost proportional to the pixels. */
+void fv_pixel_relight(const struct fovea_image *image, uint8_t *pixels,
+                      const struct fovea_image *before, const struct fovea_image *after);
+
 /* Copy the pixels of a checked image, rows and planes without gaps, to `to`; `*copied` is a view of
  * the copy. FOVEA_ERROR_MEMORY: they do not fit into `capacity` bytes. Real-time safe. */
 enum fovea_status fv_pixel_copy(const struct fovea_image *image, uint8_t *to, size_t capacity,

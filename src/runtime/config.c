@@ -90,6 +90,8 @@ static enum fovea_status check_key(const struct key *key, const struct fovea_con
         return check_real(key->name, *(const double *)at, key->real_min, key->real_max, error);
     case FV_CONFIG_TEXT:
         return check_text(key, at, error);
+    case FV_CONFIG_LIST:
+        return check_whole(key->name, *(const uint32_t *)at, key->min, key->max, error);
     case FV_CONFIG_TRANSFORM:
         return check_elements(key, (const double *)at, error);
     case FV_CONFIG_U64: /* the seed: every value is one, though files hold 63 bits */
@@ -262,6 +264,32 @@ static enum fovea_status check_pairs(const struct fovea_config *config, struct f
     return FOVEA_OK;
 }
 
+/* What single ranges do not say of the chain. */
+static enum fovea_status check_chain(const struct fovea_preprocess_config *chain,
+                                     struct fovea_error *error)
+{
+    const struct {
+        const char *name;
+        uint32_t size;
+    } sizes[] = {{"image.denoise_size", chain->denoise_size},
+                 {"image.sharpen_size", chain->sharpen_size}};
+    for (size_t i = 0; i < 2; i++)
+        if (sizes[i].size % 2 == 0)
+            return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "%s: found %u, expected 3, 5 or 7",
+                                   sizes[i].name, sizes[i].size);
+    if (chain->normalize_low >= chain->normalize_high)
+        return fovea_error_set(
+            error, FOVEA_ERROR_ARGUMENT,
+            "image.normalize_low: found %u, expected less than image.normalize_high, which is %u",
+            chain->normalize_low, chain->normalize_high);
+    for (uint32_t i = 0; i < chain->operations.count; i++)
+        if ((unsigned)chain->operations.items[i] >= FOVEA_OPERATION_COUNT)
+            return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                                   "image.operations: found operation %u, expected 0 to %d",
+                                   (unsigned)chain->operations.items[i], FOVEA_OPERATION_COUNT - 1);
+    return FOVEA_OK;
+}
+
 static enum fovea_status check_heights(const struct fovea_objects_config *objects,
                                        struct fovea_error *error)
 {
@@ -281,6 +309,7 @@ enum fovea_status fv_config_check(const struct fovea_config *config, struct fove
         status = check_key(&keys[i], config, error);
     if (status == FOVEA_OK) status = check_rig(&config->rig, error);
     if (status == FOVEA_OK) status = check_pairs(config, error);
+    if (status == FOVEA_OK) status = check_chain(&config->image.preprocess, error);
     if (status == FOVEA_OK) status = check_heights(&config->objects, error);
     return status == FOVEA_OK ? check_prefix(config->channel_prefix, error) : status;
 }

@@ -17,7 +17,8 @@ enum fv_config_kind {
     FV_CONFIG_TEXT,
     FV_CONFIG_CHOICE,
     FV_CONFIG_FLAGS,
-    FV_CONFIG_TRANSFORM
+    FV_CONFIG_TRANSFORM,
+    FV_CONFIG_LIST
 };
 
 /* Give a member its default, and refuse to compile where the member's type is not that of its row.
@@ -42,6 +43,13 @@ enum fv_config_kind {
     do {                                                                                           \
         _Static_assert(sizeof(at) == (max) + 1, #at " does not hold max bytes and a zero");        \
         memcpy(at, value, sizeof(value));                                                          \
+    } while (0)
+/* A list is a struct of a count and `max` enums, which are of the size of an unsigned int: read as
+ * an array of 1 + max of these. It is empty by default. */
+#define FV_CONFIG_SET_LIST(at, max, value)                                                         \
+    do {                                                                                           \
+        _Static_assert(sizeof(at) == ((max) + 1) * sizeof(uint32_t), #at " is no list of max");    \
+        (at).count = (value);                                                                      \
     } while (0)
 #define FV_CONFIG_SET_TRANSFORM(at, max, value)                                                    \
     do {                                                                                           \

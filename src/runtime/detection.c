@@ -182,21 +182,15 @@ bool fv_detection_waiting(const struct fv_detection *detection)
 }
 
 bool fv_detection_offer(struct fv_detection *detection, const struct fovea_frame *frame,
-                        const struct fv_frame_id *id, const struct fv_pyramid *pyramid)
+                        const struct fv_frame_id *id, const struct fv_seen *seen)
 {
     if (!detection->enabled || fv_detection_waiting(detection)) return false;
-    const struct fv_plane *level = fv_pyramid_level(pyramid, 0);
-    const struct fovea_image grey = {.data = level->pixels,
-                                     .width = level->width,
-                                     .height = level->height,
-                                     .stride_bytes = level->stride,
-                                     .format = FOVEA_PIXEL_GREY8,
-                                     .size_bytes = (size_t)level->stride * (size_t)level->height};
-    enum fovea_status status =
+    struct fovea_image before, after;
+    const enum fovea_status status =
         fv_detect_start(&detection->memory, &frame->images[0], id->stamp_ns, id->sequence);
-    if (status == FOVEA_ERROR_UNSUPPORTED)
-        status = fv_detect_start(&detection->memory, &grey, id->stamp_ns, id->sequence);
     if (status != FOVEA_OK) return false;
+    if (fv_seen_luma(seen, FV_VIEWER_NETWORKS, &before, &after))
+        fv_nn_job_relight(fv_detect_network(&detection->memory), &before, &after);
     detection->state->frame = *id;
     if (detection->gives == 0) detection->state->mapped = 0;
     return true;

@@ -8,7 +8,7 @@
 
 #include "detect/job.h"
 #include "fovea/fovea.h"
-#include "image/pyramid.h"
+#include "image/seen.h"
 #include "image/rectify.h"
 #include "message/message.h"
 #include "runtime/frame_id.h"
@@ -77,10 +77,10 @@ size_t fv_detection_message_bytes(const struct fv_detection *detection,
 /* Give up the inference under way. Real-time safe, as all that follows. */
 void fv_detection_reset(struct fv_detection *detection);
 
-/* Take this frame, unless an inference is under way: its pixels are copied. For formats that the
- * detector does not read, the grey image of the pyramid is taken. True: the inference begins. */
+/* Take this frame, unless an inference is under way: its pixels are copied. Where networks see the
+ * result of the preprocessing chain, the copy gets its luma. True: the inference begins. */
 bool fv_detection_offer(struct fv_detection *detection, const struct fovea_frame *frame,
-                        const struct fv_frame_id *id, const struct fv_pyramid *pyramid);
+                        const struct fv_frame_id *id, const struct fv_seen *seen);
 
 bool fv_detection_waiting(const struct fv_detection *detection);
 

@@ -107,11 +107,11 @@ static void carve(struct fovea *rt, struct fv_carving *carving)
 static void offer(struct fovea *rt, const struct fovea_frame *frame)
 {
     const uint64_t number = rt->state->frames_processed - 1;
-    const struct fv_pyramid *pyramid = fv_front_end_pyramid(&rt->front_end);
+    const struct fv_seen *seen = fv_front_end_images(&rt->front_end);
     if (fv_every(number, rt->config.detect2.period_frames))
-        (void)fv_detection_offer(&rt->detection2, frame, &rt->state->frame, pyramid);
+        (void)fv_detection_offer(&rt->detection2, frame, &rt->state->frame, seen);
     if (!fv_every(number, rt->config.detect.period_frames)) return;
-    if (!fv_detection_offer(&rt->detection, frame, &rt->state->frame, pyramid)) return;
+    if (!fv_detection_offer(&rt->detection, frame, &rt->state->frame, seen)) return;
     struct fovea_pose pose;
     fovea_pose_get(rt, &pose);
     fv_object_stage_note(&rt->objects, &pose);

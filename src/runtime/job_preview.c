@@ -6,7 +6,8 @@
 /* The level of the pyramid that is shown. */
 static const struct fv_plane *shown_level(const struct fovea *rt)
 {
-    return fv_pyramid_level(fv_front_end_pyramid(&rt->front_end), rt->config.preview.level);
+    return fv_pyramid_level(fv_seen_pyramid(fv_front_end_images(&rt->front_end), FV_VIEWER_PREVIEW),
+                            rt->config.preview.level);
 }
 
 static bool waiting(const struct fovea *rt)

@@ -78,6 +78,19 @@ static void carve_masks(struct fovea *rt, struct fv_arena *arena)
     }
 }
 
+/* The images of the first camera, for those who look at them. */
+static void carve_images(struct fovea *rt, int32_t width, int32_t height, struct fv_arena *frame)
+{
+    const struct fovea_config *config = &rt->config;
+    const uint32_t levels = config->features.pyramid_levels;
+    const uint32_t looked_at[FV_VIEWER_COUNT] = {
+        [FV_VIEWER_FEATURES] = levels,
+        [FV_VIEWER_NETWORKS] = rt->detection.enabled ? 1 : 0,
+        [FV_VIEWER_PREVIEW] = config->preview.period_frames > 0 ? config->preview.level + 1 : 0};
+    fv_front_end_carve_images(&rt->front_end, &config->image.preprocess, config->image.seen_by,
+                              looked_at, width, height, levels, frame);
+}
+
 /* Give every stage and job its pieces, for rt->config, from the arenas of the parts. */
 static void carve(struct fovea *rt, struct fv_carving *carving)
 {
@@ -90,7 +103,7 @@ static void carve(struct fovea *rt, struct fv_carving *carving)
     fv_carving_book(carving, "runtime");
     carve_masks(rt, &arenas[PERSISTENT]);
     fv_carving_book(carving, "mask");
-    fv_front_end_carve_pyramid(&rt->front_end, &config->features, width, height, &arenas[FRAME]);
+    carve_images(rt, width, height, &arenas[FRAME]);
     fv_carving_book(carving, "pyramid");
     fv_front_end_carve_features(&rt->front_end, &config->features, &arenas[FRAME]);
     fv_carving_book(carving, "features");
@@ -213,6 +226,7 @@ enum fovea_status fovea_init(void *memory, size_t bytes, const struct fovea_conf
     *built = measured;
     place(built, false);
     fv_kernels_init(&built->kernels, cpu);
+    fv_front_end_prepare(&built->front_end);
     for (uint32_t i = 0; i < config->rig.camera_count; i++) {
         const struct fv_plane *mask = &built->masks[i];
         if (mask->pixels == NULL) continue;

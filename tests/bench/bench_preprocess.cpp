@@ -20,8 +20,8 @@ Config config_of(enum fovea_operation operation)
 {
     Config config;
     fovea_preprocess_config_default(&config);
-    config.operation_count = 1;
-    config.operations[0] = operation;
+    config.operations.count = 1;
+    config.operations.items[0] = operation;
     return config;
 }
 
@@ -74,7 +74,7 @@ Config denoise(enum fovea_denoise_method method)
     return config;
 }
 
-Config gamma_of(float gamma)
+Config gamma_of(double gamma)
 {
     Config config = config_of(FOVEA_OPERATION_GAMMA);
     config.gamma = gamma;
@@ -120,7 +120,7 @@ const bench::Stage normalize("preprocess, normalize range", "752x480", "normaliz
                              theirs([](const cv::Mat &in, cv::Mat &out) {
                                  cv::normalize(in, out, 0, 255, cv::NORM_MINMAX);
                              }));
-const bench::Stage gamma_table("preprocess, gamma", "752x480", "LUT", ours(gamma_of(0.45f)),
+const bench::Stage gamma_table("preprocess, gamma", "752x480", "LUT", ours(gamma_of(0.45)),
                                [](const Input &input) -> Run {
                                    auto out = std::make_shared<cv::Mat>(input.image.size(), CV_8U);
                                    cv::Mat table(1, 256, CV_8U);

@@ -24,8 +24,8 @@ Config config_of(enum fovea_operation operation)
 {
     Config config;
     fovea_preprocess_config_default(&config);
-    config.operation_count = 1;
-    config.operations[0] = operation;
+    config.operations.count = 1;
+    config.operations.items[0] = operation;
     return config;
 }
 
@@ -63,8 +63,8 @@ void add_gaussians(std::vector<Comparison> &all)
         for (double sigma : {0.0, 0.4, 0.7, 0.95, 1.2, 1.6, 2.0, 3.5, 9.0}) {
             Config config = config_of(FOVEA_OPERATION_DENOISE);
             config.denoise_size = static_cast<uint32_t>(size);
-            config.denoise_sigma_px = static_cast<float>(sigma);
-            const double same = static_cast<double>(config.denoise_sigma_px);
+            config.denoise_sigma_px = sigma;
+            const double same = config.denoise_sigma_px;
             char name[64];
             std::snprintf(name, sizeof name, "Gaussian %d, sigma %g", size, sigma);
             all.push_back({name, config, 0, [=](const cv::Mat &in) {
@@ -88,8 +88,8 @@ void add_other_neighbourhoods(std::vector<Comparison> &all)
         for (double px : {0.8, 2.0, 10.0}) {
             Config bilateral = config_of(FOVEA_OPERATION_DENOISE);
             bilateral.denoise_method = FOVEA_DENOISE_BILATERAL;
-            bilateral.denoise_sigma_px = static_cast<float>(px);
-            bilateral.denoise_sigma_grey = static_cast<float>(grey);
+            bilateral.denoise_sigma_px = px;
+            bilateral.denoise_sigma_grey = grey;
             char name[64];
             std::snprintf(name, sizeof name, "bilateral, sigma %g px, %g grey levels", px, grey);
             all.push_back({name, bilateral, 1, [=](const cv::Mat &in) {
@@ -100,7 +100,7 @@ void add_other_neighbourhoods(std::vector<Comparison> &all)
         }
     for (double amount : {1.0, 1.5, 2.25, 8.0}) {
         Config sharpen = config_of(FOVEA_OPERATION_SHARPEN);
-        sharpen.sharpen_amount = static_cast<float>(amount);
+        sharpen.sharpen_amount = amount;
         char name[64];
         std::snprintf(name, sizeof name, "sharpen %g", amount);
         all.push_back({name, sharpen, 1, [=](const cv::Mat &in) {
@@ -144,8 +144,8 @@ void add_tables(std::vector<Comparison> &all)
                    }});
     for (double gamma : {0.45, 0.8, 1.0, 2.2}) {
         Config config = config_of(FOVEA_OPERATION_GAMMA);
-        config.gamma = static_cast<float>(gamma);
-        const double same = static_cast<double>(config.gamma);
+        config.gamma = gamma;
+        const double same = config.gamma;
         char name[64];
         std::snprintf(name, sizeof name, "gamma %g", gamma);
         all.push_back({name, config, 0, [=](const cv::Mat &in) {
@@ -160,7 +160,7 @@ void add_tables(std::vector<Comparison> &all)
     for (double limit : {0.0, 2.0, 4.5, 40.0})
         for (int tiles : {1, 3, 8, 16}) {
             Config contrast = config_of(FOVEA_OPERATION_CONTRAST_ENHANCEMENT);
-            contrast.contrast_limit = static_cast<float>(limit);
+            contrast.contrast_limit = limit;
             contrast.contrast_tiles = static_cast<uint32_t>(tiles);
             char name[64];
             std::snprintf(name, sizeof name, "CLAHE, limit %g, %d x %d tiles", limit, tiles, tiles);

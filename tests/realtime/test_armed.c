@@ -190,6 +190,11 @@ static int build(void **state)
     fovea_config_default(&config);
     if (!film(&config.rig.cameras[0].camera)) return -1;
     if (!job_switch_all(&config, 3)) return -1;
+    /* A chain whose result networks and the preview see, so that the way stays as it is. */
+    config.image.seen_by = FOVEA_VIEWER_NETWORKS | FOVEA_VIEWER_PREVIEW;
+    config.image.preprocess.operations.count = FOVEA_OPERATION_COUNT;
+    for (int i = 0; i < FOVEA_OPERATION_COUNT; i++)
+        config.image.preprocess.operations.items[i] = (enum fovea_operation)i;
     if (fovea_size(&config, &bytes, &error) != FOVEA_OK) return -1;
     void *memory = map_pages(bytes, MAP_PRIVATE),
          *saved = map_pages(fovea_map_bytes_max(&config), MAP_PRIVATE);

@@ -41,7 +41,31 @@ static enum fovea_status take_transform(const struct reading *r, const struct fv
     return FOVEA_OK;
 }
 
-/* A list of words, or one word; `auto` alone. */
+/* A list of words in their order, or one word. */
+static enum fovea_status take_list(const struct reading *r, const struct fv_settings_key *key,
+                                   const struct fv_yaml_node *node, uint32_t *list)
+{
+    const struct fv_yaml_node *leaf;
+    uint32_t count = 0;
+    size_t index;
+    char expected[128];
+    if (node->kind == FV_YAML_MAPPING)
+        return fv_yaml_refuse(r->tree, node, "a list like [denoise, sharpen]", r->error);
+    for (; (leaf = fv_yaml_leaf(node, count)) != NULL; count++) {
+        if (count == (uint32_t)key->max) {
+            snprintf(expected, sizeof expected, "at most %u words", count);
+            return fv_yaml_refuse(r->tree, leaf, expected, r->error);
+        }
+        const enum fovea_status status =
+            fv_yaml_choice(r->tree, leaf, key->choices, choice_count(key), &index, r->error);
+        if (status != FOVEA_OK) return status;
+        list[1 + count] = (uint32_t)index;
+    }
+    list[0] = count;
+    return FOVEA_OK;
+}
+
+/* A list of words, or one word; `auto` alone, where the key has it. */
 static enum fovea_status take_flags(const struct reading *r, const struct fv_settings_key *key,
                                     const struct fv_yaml_node *node, uint32_t *flags)
 {
@@ -49,13 +73,16 @@ static enum fovea_status take_flags(const struct reading *r, const struct fv_set
     const struct fv_yaml_node *leaf;
     uint32_t found = 0;
     size_t index;
-    if (node->kind == FV_YAML_SCALAR &&
+    if (fv_settings_has_auto(key) && node->kind == FV_YAML_SCALAR &&
         fv_yaml_choice(r->tree, node, automatic, 1, &index, NULL) == FOVEA_OK) {
         *flags = (uint32_t)key->max;
         return FOVEA_OK;
     }
     if (node->kind == FV_YAML_MAPPING)
-        return fv_yaml_refuse(r->tree, node, "a list like [save, pause], or auto", r->error);
+        return fv_yaml_refuse(r->tree, node,
+                              fv_settings_has_auto(key) ? "a list like [save, pause], or auto"
+                                                        : "a list of words",
+                              r->error);
     for (size_t i = 0; (leaf = fv_yaml_leaf(node, i)) != NULL; i++) {
         const enum fovea_status status =
             fv_yaml_choice(r->tree, leaf, key->choices, choice_count(key), &index, r->error);
@@ -113,6 +140,8 @@ static enum fovea_status take(const struct reading *r, const struct fv_settings_
         return take_choice(r, key, node, (int *)target);
     case FV_CONFIG_FLAGS:
         return take_flags(r, key, node, (uint32_t *)target);
+    case FV_CONFIG_LIST:
+        return take_list(r, key, node, (uint32_t *)target);
     case FV_CONFIG_TRANSFORM:
         return take_transform(r, node, (double *)target);
     }

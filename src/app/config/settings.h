@@ -115,12 +115,15 @@ struct fv_settings_key {
     int64_t min, max; /* of numbers; texts: bytes */
     double real_min, real_max;
     const char *unit;           /* "" where it has none */
-    const char *const *choices; /* ended by NULL; CHOICE and FLAGS only */
+    const char *const *choices; /* ended by NULL; CHOICE, FLAGS and LIST only */
     const char *help;           /* what it does */
     const char *cost;           /* of raising it; NULL where there is none */
 };
 
 enum { FV_SETTINGS_RANGE_BYTES = 128 };
+
+/* Whether flags may be `auto`: their highest value is then above those of the words. */
+bool fv_settings_has_auto(const struct fv_settings_key *key);
 
 /* What the key accepts, in words: "1 to 8 levels", "auto | max | real". */
 void fv_settings_range_print(const struct fv_settings_key *key, char *range, size_t bytes);

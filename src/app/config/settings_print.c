@@ -25,6 +25,15 @@ static int wrap(FILE *file, int indent, int column, const char *text)
     return column;
 }
 
+bool fv_settings_has_auto(const struct fv_settings_key *key)
+{
+    size_t count = 0;
+    if (key->kind != FV_CONFIG_FLAGS) return false;
+    while (key->choices[count] != NULL)
+        count++;
+    return key->max >> count != 0;
+}
+
 void fv_settings_range_print(const struct fv_settings_key *key, char *range, size_t bytes)
 {
     const char *unit = key->unit, *space = unit[0] != '\0' ? " " : "";
@@ -46,8 +55,10 @@ void fv_settings_range_print(const struct fv_settings_key *key, char *range, siz
             used += (size_t)snprintf(range + used, bytes - used, "%s%s", i > 0 ? " | " : "",
                                      key->choices[i]);
         return;
+    case FV_CONFIG_LIST:
     case FV_CONFIG_FLAGS:
-        used = (size_t)snprintf(range, bytes, "auto | a list of");
+        used = (size_t)snprintf(range, bytes, "%sa list of",
+                                fv_settings_has_auto(key) ? "auto | " : "");
         for (size_t i = 0; key->choices[i] != NULL && used < bytes; i++)
             used += (size_t)snprintf(range + used, bytes - used, "%s %s", i > 0 ? "," : "",
                                      key->choices[i]);
@@ -116,10 +127,18 @@ static void quoted(FILE *file, const char *text)
     fputc('"', file);
 }
 
+static void list_print(FILE *file, const struct fv_settings_key *key, const uint32_t *list)
+{
+    fputc('[', file);
+    for (uint32_t i = 0; i < list[0]; i++)
+        fprintf(file, "%s%s", i == 0 ? "" : ", ", key->choices[list[1 + i]]);
+    fputc(']', file);
+}
+
 static void flags_print(FILE *file, const struct fv_settings_key *key, uint32_t flags)
 {
     const char *before = "";
-    if (flags == (uint32_t)key->max) {
+    if (fv_settings_has_auto(key) && flags == (uint32_t)key->max) {
         fputs("auto", file);
         return;
     }
@@ -160,6 +179,9 @@ void fv_settings_value_print(FILE *file, const struct fv_settings *settings,
         return;
     case FV_CONFIG_FLAGS:
         flags_print(file, key, *(const uint32_t *)at);
+        return;
+    case FV_CONFIG_LIST:
+        list_print(file, key, (const uint32_t *)at);
         return;
     case FV_CONFIG_TRANSFORM:
         for (int i = 0; i < 12; i++) {

@@ -20,15 +20,15 @@ struct request {
     bool white_balance;
 };
 
-static enum fovea_status read_float(const char *name, const char *text, float *value,
-                                    struct fovea_error *error)
+static enum fovea_status read_real(const char *name, const char *text, double *value,
+                                   struct fovea_error *error)
 {
     double number;
     if (text == NULL) return FOVEA_OK;
     if (!fv_text_number(text, &number) || number < -1e6 || number > 1e6)
         return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
                                "--%s: found '%.100s', expected a number", name, text);
-    *value = (float)number;
+    *value = number;
     return FOVEA_OK;
 }
 
@@ -67,11 +67,11 @@ static enum fovea_status read_operation(const char *word, struct fovea_preproces
 {
     for (int i = 0; i < FOVEA_OPERATION_COUNT; i++)
         if (strcmp(word, fovea_operation_name((enum fovea_operation)i)) == 0) {
-            if (config->operation_count == FOVEA_OPERATIONS_MAX)
+            if (config->operations.count == FOVEA_OPERATIONS_MAX)
                 return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
                                        "--operations: expected at most %d names",
                                        FOVEA_OPERATIONS_MAX);
-            config->operations[config->operation_count++] = (enum fovea_operation)i;
+            config->operations.items[config->operations.count++] = (enum fovea_operation)i;
             return FOVEA_OK;
         }
     return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
@@ -110,19 +110,41 @@ static enum fovea_status read_config(const struct request *request,
     if (status == FOVEA_OK)
         status = read_count("size", request->size, &config->denoise_size, error);
     if (status == FOVEA_OK)
-        status = read_float("sigma", request->sigma, &config->denoise_sigma_px, error);
+        status = read_real("sigma", request->sigma, &config->denoise_sigma_px, error);
     if (status == FOVEA_OK)
-        status = read_float("sigma-grey", request->sigma_grey, &config->denoise_sigma_grey, error);
+        status = read_real("sigma-grey", request->sigma_grey, &config->denoise_sigma_grey, error);
     if (status == FOVEA_OK)
-        status = read_float("amount", request->amount, &config->sharpen_amount, error);
+        status = read_real("amount", request->amount, &config->sharpen_amount, error);
     if (status == FOVEA_OK)
-        status = read_float("limit", request->limit, &config->contrast_limit, error);
+        status = read_real("limit", request->limit, &config->contrast_limit, error);
     if (status == FOVEA_OK)
         status = read_count("tiles", request->tiles, &config->contrast_tiles, error);
-    if (status == FOVEA_OK) status = read_float("gamma", request->gamma, &config->gamma, error);
+    if (status == FOVEA_OK) status = read_real("gamma", request->gamma, &config->gamma, error);
     config->denoise_method = (enum fovea_denoise_method)denoise_method;
     config->normalize_method = (enum fovea_normalize_method)normalize_method;
     return status;
+}
+
+/* The chain names a wrong parameter; here it is that of an option. */
+static void name_option(struct fovea_error *error)
+{
+    static const char *const options[][2] = {
+        {"denoise_sigma_px", "sigma"},
+        {"denoise_sigma_grey", "sigma-grey"},
+        {"denoise_size", "size"},
+        {"sharpen_amount", "amount"},
+        {"contrast_limit", "limit"},
+        {"contrast_tiles", "tiles"},
+        {"gamma", "gamma"},
+    };
+    for (size_t i = 0; i < sizeof options / sizeof options[0]; i++) {
+        const size_t length = strlen(options[i][0]);
+        if (strncmp(error->text, options[i][0], length) != 0 || error->text[length] != ':')
+            continue;
+        const struct fovea_error chain = *error;
+        fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "--%s%s", options[i][1], chain.text + length);
+        return;
+    }
 }
 
 /* Run the chain on an image in place. */
@@ -131,7 +153,10 @@ static enum fovea_status apply(const struct fovea_preprocess_config *config,
 {
     struct fovea_preprocess *chain = NULL;
     const size_t bytes = fovea_preprocess_size(config, image->width, image->height, error);
-    if (bytes == 0) return FOVEA_ERROR_ARGUMENT;
+    if (bytes == 0) {
+        name_option(error);
+        return FOVEA_ERROR_ARGUMENT;
+    }
     void *memory = fv_aligned_new(bytes);
     if (memory == NULL)
         return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "out of memory: %zu bytes", bytes);

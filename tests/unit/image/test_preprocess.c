@@ -40,10 +40,10 @@ static struct fovea_preprocess_config list(uint32_t count, const enum fovea_oper
 {
     struct fovea_preprocess_config config;
     fovea_preprocess_config_default(&config);
-    config.operation_count = count;
-    config.gamma = 0.6f;
+    config.operations.count = count;
+    config.gamma = 0.6;
     for (uint32_t i = 0; i < count; i++)
-        config.operations[i] = operations[i];
+        config.operations.items[i] = operations[i];
     return config;
 }
 #define LIST(...)                                                                                  \

@@ -128,12 +128,15 @@ static void headers_name_range_and_default_of_every_key(void **state)
         const struct member *member = &members[i];
         const char *dot = strrchr(member->path, '.'), *name = dot != NULL ? dot + 1 : member->path;
         char structure[64] = "fovea_config", comment[1024], range[64];
+        const char *inner = strrchr(member->path, '.');
+        while (inner != NULL && inner > member->path && inner[-1] != '.')
+            inner--; /* "preprocess.gamma" of "image.preprocess.gamma" */
         /* "detect2.count_max" is of the second struct fovea_detect_config */
         if (strncmp(member->path, "rig.cameras", 11) == 0)
             snprintf(structure, sizeof structure, "fovea_rig_camera");
         else if (dot != NULL)
-            snprintf(structure, sizeof structure, "fovea_%.*s_config",
-                     (int)strcspn(member->path, ".2"), member->path);
+            snprintf(structure, sizeof structure, "fovea_%.*s_config", (int)strcspn(inner, ".2"),
+                     inner);
         const size_t at = declaration(structure, name);
         if (at == 0) fail_msg("struct %s: no member %s", structure, name);
         comment_of(at, comment, sizeof comment);
@@ -180,6 +183,10 @@ static void library_checks_the_range_of_every_key(void **state)
                 assert_refused(key);
             }
             break;
+        case FV_CONFIG_LIST:
+            *(uint32_t *)at = (uint32_t)key->max + 1;
+            assert_refused(key);
+            break;
         case FV_CONFIG_CHOICE:
             *(int *)at = (int)key->max + 1;
             assert_refused(key);
@@ -219,7 +226,8 @@ static void a_choice_has_a_word_for_each_of_its_values(void **state)
             assert_int_equal(count, key->max + 1);
             choices++;
         } else {
-            assert_true((key->choices != NULL) == (key->kind == FV_CONFIG_FLAGS));
+            assert_true((key->choices != NULL) ==
+                        (key->kind == FV_CONFIG_FLAGS || key->kind == FV_CONFIG_LIST));
         }
     }
     assert_true(choices > 0);
