@@ -157,6 +157,7 @@ int command_camera(int argc, char **argv)
         return fv_say_wrong("%s", why.text);
     report.views = collection.views;
     report.camera_name = given.name;
+    report.camera_id = given.source;
     report.date = now_text();
     leave_out_blurred(report.views);
     SolveOptions how;

@@ -23,9 +23,13 @@ const std::vector<Command> commands = {
      "may be partly hidden in pictures, which brings corners to the image's border.",
      "fovea-calibrate target --target chessboard:9x6:0.025 --page a4 --out board.pdf"},
     {"convert", "write a camera file in another format", command_convert,
-     "IN is a camera file of any format that Fovea reads. What OUT's format cannot hold is named in "
-     "a line, or refused.",
-     "fovea-calibrate convert camera.yaml chain.yaml --format kalibr"},
+     "IN is a camera file of any format that Fovea reads; which one it is, is found from its keys. "
+     "Lens, resolution, place, rate and time shift are written as OUT's format states them, the "
+     "record of the calibration (date, camera, model, errors, standard deviations) in a mapping "
+     "'calibration' that other programs ignore. What OUT's format cannot hold is named in a line; "
+     "a lens that it cannot hold is refused.",
+     "fovea-calibrate convert camera.yaml chain.yaml --format kalibr\n"
+     "fovea-calibrate convert camchain.yaml right.yaml --which cam1"},
 };
 
 void man_program()

@@ -1,13 +1,9 @@
 /* fovea-calibrate target and convert: boards to print, and camera files of other programs. */
 #include <cstdio>
-#include <cstdlib>
-#include <cstring>
 
 #include "calibrate/command.h"
 #include "calibrate/page.h"
 #include "support/calibration.h"
-#include "support/input.h"
-#include "support/text.h"
 extern "C" {
 #include "support/output.h"
 #include "support/say.h"
@@ -34,17 +30,16 @@ int write_text(const std::string &path, const std::string &text)
     return FV_EXIT_OK;
 }
 
-/* Whether a file has the date, errors and deviations that report_camera adds. */
-bool has_own_section(const std::string &path)
+/* "ros, opencv or kalibr". */
+std::string format_list()
 {
-    char *text;
-    size_t bytes;
-    if (fv_text_read(path.c_str(), (size_t)FV_INPUT_YAML_BYTES_MAX, &text, &bytes, nullptr) !=
-        FOVEA_OK)
-        return false;
-    const bool has = std::strstr(text, "\ncalibration:\n") != nullptr;
-    std::free(text);
-    return has;
+    std::string list;
+    for (int i = 0; i < FV_CALIBRATION_FORMAT_COUNT; i++)
+        list += std::string(i == 0                                ? ""
+                            : i + 1 < FV_CALIBRATION_FORMAT_COUNT ? ", "
+                                                                  : " or ") +
+                fv_calibration_format_name((fv_calibration_format)i);
+    return list;
 }
 
 bool format_of(const std::string &name, fv_calibration_format &format)
@@ -83,17 +78,17 @@ int command_convert(int argc, char **argv)
     std::string format_name = "ros", which;
     const std::vector<Option> options = {
         {"format", "FORMAT", &format_name,
-         "of OUT: ros (default; Fovea's own), ros-message, opencv, kalibr or euroc"},
-        {"which", "CAMERA", &which, "camera of a camchain, as cam1 (default: the first)"},
+         "of OUT: ros (default; Fovea's own), ros-message, opencv, kalibr, euroc, orb-slam3, basalt "
+         "or photonvision"},
+        {"which", "CAMERA", &which, "camera of a file with several, as cam1 (default: the first)"},
     };
     std::vector<std::string> operands;
     int status;
     if (!options_parse(argc, argv, options, "IN OUT", 2, operands, &status)) return status;
     fv_calibration_format format;
     if (!format_of(format_name, format))
-        return fv_say_wrong(
-            "--format: found '%s', expected ros, ros-message, opencv, kalibr or euroc",
-            format_name.c_str());
+        return fv_say_wrong("--format: found '%s', expected %s", format_name.c_str(),
+                            format_list().c_str());
     fv_calibration calibration;
     fovea_error error, lost;
     if (fv_calibration_read(operands[0].c_str(), which.empty() ? nullptr : which.c_str(),
@@ -103,9 +98,6 @@ int command_convert(int argc, char **argv)
     if (fv_calibration_format_text(format, &calibration, text, &lost, &error) != FOVEA_OK)
         return fv_say_wrong("%s: %s", operands[0].c_str(), error.text);
     if (lost.text[0] != '\0') fv_say("%s: lost: %s", operands[1].c_str(), lost.text);
-    if (has_own_section(operands[0]))
-        fv_say("%s: lost: date, errors and standard deviations of the calibration",
-               operands[1].c_str());
     return write_text(operands[1], text);
 }
 

@@ -1,5 +1,6 @@
 #include "calibrate/report.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 
@@ -130,21 +131,24 @@ void write_json(const Report &report, FILE *file)
     fprintf(file, "\n  ]\n}\n");
 }
 
-void write_own_section(const Report &report, FILE *file)
+fv_calibration_record record_of(const Report &report)
 {
     const Solution &solution = report.solution;
-    fprintf(file,
-            "calibration:\n  program: \"fovea-calibrate %s\"\n  date: \"%s\"\n  verdict: %s\n"
-            "  model: %s\n  board: \"%s\"\n  views: %d\n  corners: %d\n"
-            "  rms_px: %.6g\n  noise_px: %.6g\n",
-            FOVEA_VERSION, report.date.c_str(), grade_name(report.verdict.grade),
-            model_name(solution.model), report.board.text().c_str(), report.verdict.views_used,
-            solution.corners_used, solution.rms_px, solution.noise_px);
-    if (report.held_out_px >= 0) fprintf(file, "  held_out_rms_px: %.6g\n", report.held_out_px);
-    fprintf(file, "  projection_stdev_px: %.6g\n  stdev:\n", report.verdict.uncertainty_seen_px);
+    fv_calibration_record record = {};
+    snprintf(record.program, sizeof record.program, "fovea-calibrate %s", FOVEA_VERSION);
+    snprintf(record.date, sizeof record.date, "%s", report.date.c_str());
+    snprintf(record.verdict, sizeof record.verdict, "%s", grade_name(report.verdict.grade));
+    snprintf(record.camera_id, sizeof record.camera_id, "%s", report.camera_id.c_str());
+    snprintf(record.board, sizeof record.board, "%s", report.board.text().c_str());
+    record.views = report.verdict.views_used;
+    record.corners = solution.corners_used;
+    record.rms_px = solution.rms_px;
+    record.noise_px = solution.noise_px;
+    record.held_out_rms_px = std::max(0., report.held_out_px);
+    record.projection_stdev_px = report.verdict.uncertainty_seen_px;
     for (int i = 0; parameter_name(solution.model, i) != nullptr; i++)
-        fprintf(file, "    %s: %.6g\n", parameter_name(solution.model, i),
-                solution.stdev[(size_t)i]);
+        record.stdev[i] = solution.stdev[(size_t)i];
+    return record;
 }
 
 template <typename Write> fovea_status write_file(const char *path, fovea_error *error, Write write)
@@ -183,14 +187,8 @@ fovea_status report_camera(const Report &report, const char *path, fovea_error *
     fv_calibration calibration = {};
     calibration.camera = report.solution.camera;
     snprintf(calibration.name, sizeof calibration.name, "%s", report.camera_name.c_str());
-    char text[FV_CALIBRATION_BYTES_MAX];
-    const fovea_status status =
-        fv_calibration_format_text(FV_CALIBRATION_ROS, &calibration, text, nullptr, error);
-    if (status != FOVEA_OK) return status;
-    return write_file(path, error, [&](FILE *file) {
-        fputs(text, file);
-        write_own_section(report, file);
-    });
+    calibration.record = record_of(report);
+    return fv_calibration_write(path, FV_CALIBRATION_ROS, &calibration, nullptr, error);
 }
 
 fovea_status report_json(const Report &report, const char *path, fovea_error *error)

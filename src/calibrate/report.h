@@ -22,6 +22,7 @@ struct Report {
     double held_out_px = -1;
     std::vector<Compared> compared;
     std::string camera_name, date; /* date: ISO 8601, UTC */
+    std::string camera_id;         /* where the pictures come from, as --source names it */
 };
 
 /* RMS of a view's corners that are used; NaN where there are none. */

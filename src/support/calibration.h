@@ -7,7 +7,11 @@
  *    or K with distortion_coefficients or distCoeffs or D; image_width, image_height;
  *    fisheye_model);
  *  - Kalibr camchain (cam0, cam1, ...) with pinhole projection;
- *  - EuRoC/ASL sensor.yaml.
+ *  - EuRoC/ASL sensor.yaml;
+ *  - ORB-SLAM3 settings (Camera1.fx, ...; the older Camera.fx, ...), PinHole, KannalaBrandt8 and
+ *    Rectified;
+ *  - Basalt calibration JSON (value0), cameras pinhole, pinhole-radtan8 and kb4;
+ *  - PhotonVision's JSON of one camera at one resolution (cameraIntrinsics, distCoeffs).
  * The format is found from the keys; keys that are not needed are ignored. Lens models:
  * FOVEA_LENS_RADTAN for plumb_bob, rational_polynomial, radtan and radial-tangential,
  * FOVEA_LENS_EQUIDISTANT for equidistant, equi and fisheye. What struct fovea_camera cannot hold
@@ -34,7 +38,25 @@ enum fv_calibration_format {
     FV_CALIBRATION_OPENCV = 2,
     FV_CALIBRATION_KALIBR = 3,
     FV_CALIBRATION_EUROC = 4,
+    FV_CALIBRATION_ORBSLAM3 = 5,
+    FV_CALIBRATION_BASALT = 6,
+    FV_CALIBRATION_PHOTONVISION = 7,
     FV_CALIBRATION_FORMAT_COUNT
+};
+
+/* How a calibration was made and how good it is, as fovea-calibrate states it. A mapping
+ * `calibration` beside the keys that other programs read; they ignore it. Empty texts and zeros:
+ * not stated. */
+struct fv_calibration_record {
+    char program[64];    /* "fovea-calibrate 0.2.0"; empty: there is no record */
+    char date[32];       /* ISO 8601, UTC */
+    char verdict[16];    /* pass or doubtful */
+    char camera_id[128]; /* the source of the pictures: "v4l2:/dev/v4l/by-id/..." */
+    char board[64];      /* as fovea-calibrate takes it */
+    int32_t views, corners;
+    double rms_px, noise_px; /* 2-D RMS as OpenCV's; deviation of one coordinate */
+    double held_out_rms_px, projection_stdev_px;
+    double stdev[4 + FOVEA_LENS_COEFFICIENTS]; /* of fx fy cx cy k...; 0: held, or not stated */
 };
 
 struct fv_calibration {
@@ -44,17 +66,25 @@ struct fv_calibration {
     bool has_T_body_cam;
     double T_body_cam[12]; /* row-major 3x4: camera points to the body or IMU frame, metres */
     double rate_hz;        /* 0: not stated */
+    bool has_time_shift;
+    double time_shift_s; /* added to a camera stamp it gives the stamp of the IMU, as in Kalibr */
+    struct fv_calibration_record record;
 };
 
-enum { FV_CALIBRATION_BYTES_MAX = 4096 }; /* of a file that is written */
+enum { FV_CALIBRATION_BYTES_MAX = 8192 }; /* of a file that is written */
 
-/* Name of a format: ros, ros-message, opencv, kalibr, euroc. NULL out of range. */
+/* Name of a format: ros, ros-message, opencv, kalibr, euroc, orb-slam3, basalt, photonvision. NULL
+ * out of range. */
 const char *fv_calibration_format_name(enum fv_calibration_format format);
 
-/* Read a calibration file, or text that errors call `name`. `which` chooses the camera of a
- * camchain
- * ("cam1"), NULL takes the first. FOVEA_ERROR_INPUT: malformed; FOVEA_ERROR_UNSUPPORTED: a model
- * that Fovea does not have. Init-only. */
+/* Name of parameter `index` of a lens in the order fx fy cx cy k...: "k1", "p1"; NULL past the
+ * last. */
+const char *fv_calibration_parameter_name(enum fovea_lens lens, int index);
+
+/* Read a calibration file, or text that errors call `name`. `which` chooses the camera of a file
+ * with several (Kalibr, ORB-SLAM3, Basalt): "cam1" is the second; NULL takes the first.
+ * FOVEA_ERROR_INPUT: malformed; FOVEA_ERROR_UNSUPPORTED: a model that Fovea does not have.
+ * Init-only. */
 enum fovea_status fv_calibration_read(const char *path, const char *which,
                                       struct fv_calibration *calibration,
                                       struct fovea_error *error);
@@ -63,11 +93,14 @@ enum fovea_status fv_calibration_parse(const char *name, const char *text, size_
                                        struct fovea_error *error);
 
 /* Write a calibration. Numbers keep all their bits, so reading the file again gives the same
- * camera. A camera that the format cannot hold (k3 to k6 in Kalibr and EuRoC files; a size that is
- * not stated) is refused with FOVEA_ERROR_UNSUPPORTED and a line that names what would be lost.
- * What else the format has no place for (T_body_cam, rate, name) is named in `lost` (which may be
- * NULL): "" when nothing is. A file is replaced as a whole or not at all; a device or pipe is
- * written to. Init-only. */
+ * camera. A camera that the format cannot hold (k3 to k6 in Kalibr and EuRoC files, k4 to k6 in
+ * ORB-SLAM3's, a fisheye in PhotonVision's; a size that is not stated) is refused with
+ * FOVEA_ERROR_UNSUPPORTED and a line that names what would be lost. What else the format has no
+ * place for (T_body_cam, rate, time shift) is named in `lost` (which may be NULL): "" when nothing
+ * is. Name and record go into a mapping `calibration` where the format has no other place; a ROS
+ * message (ros-message) may hold no further keys. A Basalt file must state T_imu_cam: the identity
+ * stands for one that is not known, and its time shift is in whole nanoseconds. A file is replaced
+ * as a whole or not at all; a device or pipe is written to. Init-only. */
 enum fovea_status fv_calibration_write(const char *path, enum fv_calibration_format format,
                                        const struct fv_calibration *calibration,
                                        struct fovea_error *lost, struct fovea_error *error);

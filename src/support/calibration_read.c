@@ -1,16 +1,9 @@
-#include "support/calibration.h"
+#include "support/calibration_reader.h"
 
 #include <stdio.h>
 #include <string.h>
 
 #include "fovea/image.h"
-#include "support/yaml_tree.h"
-
-struct reader {
-    const struct fv_yaml_tree *tree;
-    struct fv_calibration *calibration;
-    struct fovea_error *error;
-};
 
 typedef const struct fv_yaml_node node;
 
@@ -24,175 +17,19 @@ static node *any_of(node *parent, const char *const *keys)
     return NULL;
 }
 
-static enum fovea_status unsupported(const struct reader *r, node *where, const char *expected)
-{
-    fv_yaml_refuse(r->tree, where, expected, r->error);
-    if (r->error != NULL) r->error->status = FOVEA_ERROR_UNSUPPORTED;
-    return FOVEA_ERROR_UNSUPPORTED;
-}
-
-/* ---- lists and matrices ---------------------------------------------------------------------- */
-
-/* A list of numbers, bare or as the `data` of a mapping with `rows` and `cols`, which must agree
- * with it. */
-static enum fovea_status read_list(const struct reader *r, node *list, size_t count_min,
-                                   size_t count_max, double *values, size_t *count, node **data)
-{
-    *data = list;
-    enum fovea_status status;
-    if (list->kind == FV_YAML_MAPPING &&
-        (status = fv_yaml_require(r->tree, list, "data", data, r->error)) != FOVEA_OK)
-        return status;
-    size_t found;
-    status = fv_yaml_numbers(r->tree, *data, count_min, count_max, values, &found, r->error);
-    if (status != FOVEA_OK) return status;
-    *count = found;
-    node *rows = fv_yaml_child(list, "rows"), *cols = fv_yaml_child(list, "cols");
-    if (rows == NULL || cols == NULL) return FOVEA_OK;
-    int64_t row_count, col_count;
-    if ((status = fv_yaml_integer(r->tree, rows, 0, 64, &row_count, r->error)) != FOVEA_OK)
-        return status;
-    if ((status = fv_yaml_integer(r->tree, cols, 0, 64, &col_count, r->error)) != FOVEA_OK)
-        return status;
-    const long long product = row_count * col_count;
-    if ((size_t)product == found) return FOVEA_OK;
-    char expected[64];
-    snprintf(expected, sizeof expected, "a list of rows x cols = %lld numbers", product);
-    return fv_yaml_refuse(r->tree, *data, expected, r->error);
-}
-
-#define TEXT_OF(number) #number
-#define TEXT(number) TEXT_OF(number)
-#define FOCAL_RANGE "[" TEXT(FOVEA_CAMERA_FOCAL_MIN_PX) ", " TEXT(FOVEA_CAMERA_FOCAL_MAX_PX) "]"
-#define CENTRE_RANGE "[-" TEXT(FOVEA_CAMERA_CENTRE_MAX_PX) ", " TEXT(FOVEA_CAMERA_CENTRE_MAX_PX) "]"
-
-static enum fovea_status set_pinhole(const struct reader *r, node *data, const double *values,
-                                     const size_t index[4])
-{
-    for (size_t i = 0; i < 4; i++) {
-        const double value = values[index[i]];
-        const bool fits =
-            i < 2 ? value >= FOVEA_CAMERA_FOCAL_MIN_PX && value <= FOVEA_CAMERA_FOCAL_MAX_PX
-                  : value >= -FOVEA_CAMERA_CENTRE_MAX_PX && value <= FOVEA_CAMERA_CENTRE_MAX_PX;
-        if (fits) continue;
-        return fv_yaml_refuse(r->tree, fv_yaml_leaf(data, index[i]),
-                              i < 2 ? "a focal length in " FOCAL_RANGE " pixels"
-                                    : "an image centre in " CENTRE_RANGE " pixels",
-                              r->error);
-    }
-    struct fovea_camera *camera = &r->calibration->camera;
-    camera->fx = values[index[0]];
-    camera->fy = values[index[1]];
-    camera->cx = values[index[2]];
-    camera->cy = values[index[3]];
-    return FOVEA_OK;
-}
-
-/* [fx s cx; 0 fy cy; 0 0 1] with no skew. */
-static enum fovea_status read_camera_matrix(const struct reader *r, node *matrix)
-{
-    static const size_t pinhole[4] = {0, 4, 2, 5};
-    static const size_t fixed[5] = {1, 3, 6, 7, 8};
-    static const double fixed_value[5] = {0, 0, 0, 0, 1};
-    double K[9] = {0};
-    size_t count;
-    node *data;
-    const enum fovea_status status = read_list(r, matrix, 9, 9, K, &count, &data);
-    if (status != FOVEA_OK) return status;
-    for (size_t i = 0; i < 5; i++)
-        if (K[fixed[i]] != fixed_value[i])
-            return unsupported(r, fv_yaml_leaf(data, fixed[i]),
-                               i == 0   ? "0 (a camera with skew is not supported)"
-                               : i == 4 ? "1 as the last element of a camera matrix"
-                                        : "0 at this place of a camera matrix");
-    return set_pinhole(r, data, K, pinhole);
-}
-
-/* Coefficients in the order of the lens model. OpenCV and ROS may append thin prism and tilt terms,
- * zero here. */
-static enum fovea_status read_distortion(const struct reader *r, node *list)
-{
-    struct fovea_camera *camera = &r->calibration->camera;
-    const size_t held = camera->lens == FOVEA_LENS_EQUIDISTANT ? 4 : FOVEA_LENS_COEFFICIENTS;
-    double k[14] = {0};
-    size_t count;
-    node *data;
-    const enum fovea_status status = read_list(r, list, 0, 14, k, &count, &data);
-    if (status != FOVEA_OK) return status;
-    const bool known_count =
-        camera->lens == FOVEA_LENS_EQUIDISTANT
-            ? count == 0 || count >= 4
-            : count == 0 || count == 4 || count == 5 || count == 8 || count == 12 || count == 14;
-    if (!known_count)
-        return fv_yaml_refuse(r->tree, data,
-                              camera->lens == FOVEA_LENS_EQUIDISTANT
-                                  ? "a list of 4 numbers: k1 k2 k3 k4"
-                                  : "a list of 4, 5, 8, 12 or 14 numbers",
-                              r->error);
-    for (size_t i = 0; i < count; i++) {
-        if (i >= held && k[i] != 0.0)
-            return unsupported(r, fv_yaml_leaf(data, i), "0 (this term is not in the lens model)");
-        if (!(k[i] >= -1e6 && k[i] <= 1e6))
-            return fv_yaml_refuse(r->tree, fv_yaml_leaf(data, i), "a number in [-1e6, 1e6]",
-                                  r->error);
-        if (i < held) camera->k[i] = k[i];
-    }
-    return FOVEA_OK;
-}
-
-/* A rigid 4x4 or 3x4 transform. */
-static enum fovea_status read_transform(const struct reader *r, node *list, double T[12])
-{
-    double values[16] = {0};
-    size_t count;
-    node *data;
-    const enum fovea_status status = read_list(r, list, 12, 16, values, &count, &data);
-    if (status != FOVEA_OK) return status;
-    const bool rigid = count == 12 || (count == 16 && values[12] == 0 && values[13] == 0 &&
-                                       values[14] == 0 && values[15] == 1);
-    if (!rigid || !fv_calibration_is_rotation(values))
-        return fv_yaml_refuse(
-            r->tree, data, "a rigid transform: rows of a rotation and a translation, then 0 0 0 1",
-            r->error);
-    memcpy(T, values, 12 * sizeof T[0]);
-    return FOVEA_OK;
-}
-
-static void invert(const double T[12], double inverse[12])
-{
-    for (int i = 0; i < 3; i++) {
-        for (int j = 0; j < 3; j++)
-            inverse[4 * i + j] = T[4 * j + i];
-        inverse[4 * i + 3] = -(T[i] * T[3] + T[4 + i] * T[7] + T[8 + i] * T[11]);
-    }
-}
-
 /* ---- size, name, model ----------------------------------------------------------------------- */
 
-static enum fovea_status read_size(const struct reader *r, node *width_node, node *height_node)
-{
-    int64_t width, height;
-    enum fovea_status status;
-    if ((status = fv_yaml_integer(r->tree, width_node, 1, 65535, &width, r->error)) != FOVEA_OK)
-        return status;
-    if ((status = fv_yaml_integer(r->tree, height_node, 1, 65535, &height, r->error)) != FOVEA_OK)
-        return status;
-    r->calibration->camera.width = (int32_t)width;
-    r->calibration->camera.height = (int32_t)height;
-    return FOVEA_OK;
-}
-
-static enum fovea_status read_resolution(const struct reader *r, node *parent)
+static enum fovea_status read_resolution(const struct fv_calibration_reader *r, node *parent)
 {
     node *list;
     enum fovea_status status = fv_yaml_require(r->tree, parent, "resolution", &list, r->error);
     if (status != FOVEA_OK) return status;
     if (list->kind != FV_YAML_SEQUENCE || list->count != 2)
         return fv_yaml_refuse(r->tree, list, "a list of 2 numbers: width, height", r->error);
-    return read_size(r, list->first, list->first->next);
+    return fv_calibration_read_size(r, list->first, list->first->next);
 }
 
-static enum fovea_status read_intrinsics(const struct reader *r, node *parent)
+static enum fovea_status read_intrinsics(const struct fv_calibration_reader *r, node *parent)
 {
     static const size_t order[4] = {0, 1, 2, 3};
     double values[4] = {0};
@@ -201,7 +38,7 @@ static enum fovea_status read_intrinsics(const struct reader *r, node *parent)
     if (status != FOVEA_OK) return status;
     if ((status = fv_yaml_numbers(r->tree, list, 4, 4, values, NULL, r->error)) != FOVEA_OK)
         return status;
-    return set_pinhole(r, list, values, order);
+    return fv_calibration_set_pinhole(r, list, values, order);
 }
 
 static const struct model {
@@ -214,19 +51,19 @@ static const struct model {
     {"fisheye", FOVEA_LENS_EQUIDISTANT},     {"none", FOVEA_LENS_RADTAN},
 };
 
-static enum fovea_status read_model(const struct reader *r, node *name)
+static enum fovea_status read_model(const struct fv_calibration_reader *r, node *name)
 {
     for (size_t i = 0; i < sizeof models / sizeof models[0]; i++) {
         if (name->kind != FV_YAML_SCALAR || strcmp(name->value, models[i].name) != 0) continue;
         r->calibration->camera.lens = models[i].lens;
         return FOVEA_OK;
     }
-    return unsupported(
+    return fv_calibration_unsupported(
         r, name,
         "one of plumb_bob, rational_polynomial, radtan, radial-tangential, equidistant, equi, fisheye, none");
 }
 
-static enum fovea_status read_name(const struct reader *r, node *name)
+static enum fovea_status read_name(const struct fv_calibration_reader *r, node *name)
 {
     const char *text = "";
     if (name == NULL || (name->kind == FV_YAML_SCALAR && name->value[0] == '\0')) return FOVEA_OK;
@@ -254,23 +91,24 @@ static const char *const height_keys[] = {"image_height", "image_Height", "heigh
 /* Parts of camera_info that say that images are not the sensor's whole grid: refused unless they
  * say nothing.
  */
-static enum fovea_status refuse_binning(const struct reader *r)
+static enum fovea_status refuse_binning(const struct fv_calibration_reader *r)
 {
     static const char *const keys[] = {"binning_x", "binning_y"};
     static const char *const offsets[] = {"x_offset", "y_offset"};
     for (int i = 0; i < 2; i++) {
         node *binning = fv_yaml_child(r->tree->root, keys[i]);
         if (binning != NULL && strcmp(binning->value, "0") != 0 && strcmp(binning->value, "1") != 0)
-            return unsupported(r, binning, "0 or 1 (calibrate the images as they come)");
+            return fv_calibration_unsupported(r, binning,
+                                              "0 or 1 (calibrate the images as they come)");
         node *offset = fv_yaml_child(fv_yaml_child(r->tree->root, "roi"), offsets[i]);
         if (offset != NULL && strcmp(offset->value, "0") != 0)
-            return unsupported(r, offset, "0 (calibrate the images as they come)");
+            return fv_calibration_unsupported(r, offset, "0 (calibrate the images as they come)");
     }
     return FOVEA_OK;
 }
 
 /* ROS camera_info in both spellings and OpenCV FileStorage differ in keys only. */
-static enum fovea_status read_matrix_format(const struct reader *r)
+static enum fovea_status read_matrix_format(const struct fv_calibration_reader *r)
 {
     node *root = r->tree->root, *matrix = any_of(root, matrix_keys),
          *distortion = any_of(root, distortion_keys);
@@ -291,7 +129,8 @@ static enum fovea_status read_matrix_format(const struct reader *r)
     if (width == NULL && height != NULL)
         return fv_yaml_require(r->tree, root, height->key[0] == 'i' ? width_keys[0] : width_keys[2],
                                &width, r->error);
-    if (width != NULL && (status = read_size(r, width, height)) != FOVEA_OK) return status;
+    if (width != NULL && (status = fv_calibration_read_size(r, width, height)) != FOVEA_OK)
+        return status;
     if (model != NULL && (status = read_model(r, model)) != FOVEA_OK) return status;
     if (fisheye != NULL) {
         bool is_fisheye;
@@ -304,12 +143,13 @@ static enum fovea_status read_matrix_format(const struct reader *r)
     }
     if ((status = refuse_binning(r)) != FOVEA_OK) return status;
     if ((status = read_name(r, fv_yaml_child(root, "camera_name"))) != FOVEA_OK) return status;
-    if ((status = read_camera_matrix(r, matrix)) != FOVEA_OK) return status;
-    return read_distortion(r, distortion);
+    if ((status = fv_calibration_read_matrix(r, matrix)) != FOVEA_OK) return status;
+    if ((status = fv_calibration_read_distortion(r, distortion)) != FOVEA_OK) return status;
+    return fv_calibration_read_record(r, root);
 }
 
 /* What Kalibr and EuRoC files have in common: projection, intrinsics, distortion, resolution. */
-static enum fovea_status read_pinhole_format(const struct reader *r, node *parent,
+static enum fovea_status read_pinhole_format(const struct fv_calibration_reader *r, node *parent,
                                              const char *distortion_key)
 {
     node *projection, *model, *distortion;
@@ -318,7 +158,7 @@ static enum fovea_status read_pinhole_format(const struct reader *r, node *paren
         FOVEA_OK)
         return status;
     if (projection->kind != FV_YAML_SCALAR || strcmp(projection->value, "pinhole") != 0)
-        return unsupported(r, projection, "pinhole");
+        return fv_calibration_unsupported(r, projection, "pinhole");
     if ((status = read_intrinsics(r, parent)) != FOVEA_OK) return status;
     if ((status = read_resolution(r, parent)) != FOVEA_OK) return status;
     if ((status = fv_yaml_require(r->tree, parent, "distortion_model", &model, r->error)) !=
@@ -329,10 +169,10 @@ static enum fovea_status read_pinhole_format(const struct reader *r, node *paren
     if ((status = fv_yaml_require(r->tree, parent, distortion_key, &distortion, r->error)) !=
         FOVEA_OK)
         return status;
-    return read_distortion(r, distortion);
+    return fv_calibration_read_distortion(r, distortion);
 }
 
-static enum fovea_status read_euroc(const struct reader *r)
+static enum fovea_status read_euroc(const struct fv_calibration_reader *r)
 {
     node *root = r->tree->root, *transform = fv_yaml_child(root, "T_BS"),
          *rate = fv_yaml_child(root, "rate_hz");
@@ -342,22 +182,31 @@ static enum fovea_status read_euroc(const struct reader *r)
     if (rate != NULL && (status = fv_yaml_number(r->tree, rate, 0, 1e6, &r->calibration->rate_hz,
                                                  r->error)) != FOVEA_OK)
         return status;
-    if (transform == NULL) return FOVEA_OK;
+    if ((status = fv_calibration_read_record(r, root)) != FOVEA_OK || transform == NULL)
+        return status;
     r->calibration->has_T_body_cam = true;
-    return read_transform(r, transform, r->calibration->T_body_cam);
+    return fv_calibration_read_transform(r, transform, r->calibration->T_body_cam);
 }
 
-static enum fovea_status read_kalibr(const struct reader *r, node *camera)
+static enum fovea_status read_kalibr(const struct fv_calibration_reader *r, node *camera)
 {
     r->calibration->format = FV_CALIBRATION_KALIBR;
     snprintf(r->calibration->name, sizeof r->calibration->name, "%.63s", camera->key);
     enum fovea_status status = read_pinhole_format(r, camera, "distortion_coeffs");
     if (status != FOVEA_OK) return status;
-    node *transform = fv_yaml_child(camera, "T_cam_imu");
+    if ((status = fv_calibration_read_record(r, camera)) != FOVEA_OK) return status;
+    node *transform = fv_yaml_child(camera, "T_cam_imu"),
+         *shift = fv_yaml_child(camera, "timeshift_cam_imu");
+    r->calibration->has_time_shift = shift != NULL;
+    if (shift != NULL &&
+        (status = fv_yaml_number(r->tree, shift, -1e3, 1e3, &r->calibration->time_shift_s,
+                                 r->error)) != FOVEA_OK)
+        return status;
     if (transform == NULL) return FOVEA_OK;
     double T_cam_body[12] = {0};
-    if ((status = read_transform(r, transform, T_cam_body)) != FOVEA_OK) return status;
-    invert(T_cam_body, r->calibration->T_body_cam);
+    if ((status = fv_calibration_read_transform(r, transform, T_cam_body)) != FOVEA_OK)
+        return status;
+    fv_calibration_invert(T_cam_body, r->calibration->T_body_cam);
     r->calibration->has_T_body_cam = true;
     return FOVEA_OK;
 }
@@ -375,14 +224,21 @@ static node *find_camchain(node *root, const char *which)
     return NULL;
 }
 
-static enum fovea_status read_any(const struct reader *r, const char *which)
+static enum fovea_status read_any(const struct fv_calibration_reader *r, const char *which)
 {
     node *root = r->tree->root, *missing;
+    bool is;
+    enum fovea_status status = fv_calibration_read_orbslam3(r, which, &is);
+    if (is) return status;
+    status = fv_calibration_read_basalt(r, which, &is);
+    if (is) return status;
     if (which != NULL || find_camchain(root, NULL) != NULL) {
         node *camera = find_camchain(root, which);
         if (camera == NULL) return fv_yaml_require(r->tree, root, which, &missing, r->error);
         return read_kalibr(r, camera);
     }
+    status = fv_calibration_read_photonvision(r, &is);
+    if (is) return status;
     if (any_of(root, matrix_keys) != NULL) return read_matrix_format(r);
     if (fv_yaml_child(root, "intrinsics") != NULL || fv_yaml_child(root, "T_BS") != NULL)
         return read_euroc(r);
@@ -412,7 +268,8 @@ static enum fovea_status read_tree(const struct fv_yaml_tree *tree, const char *
                                    struct fv_calibration *calibration, struct fovea_error *error)
 {
     struct fv_calibration found = {0};
-    const struct reader reader = {.tree = tree, .calibration = &found, .error = error};
+    const struct fv_calibration_reader reader = {
+        .tree = tree, .calibration = &found, .error = error};
     enum fovea_status status = read_any(&reader, which);
     if (status != FOVEA_OK) return status;
     struct fovea_error why = {0};

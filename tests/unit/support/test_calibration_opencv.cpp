@@ -47,8 +47,58 @@ static void test_opencv_reads_and_writes(void **state)
     fv_test_folder_remove(folder);
 }
 
+/* Files of other programs that are read by FileStorage or as JSON, the record within. */
+static void test_files_of_other_programs(void **state)
+{
+    (void)state;
+    char folder[FV_TEST_PATH_BYTES];
+    fv_test_folder(folder);
+    struct fv_calibration c = {};
+    c.camera = {752, 480, FOVEA_LENS_RADTAN, 458.654321, 457.3, 367.2, 248.4, {-.283, .07}, 0};
+    c.has_T_body_cam = true;
+    for (int i = 0; i < 3; i++)
+        c.T_body_cam[5 * i] = 1;
+    c.T_body_cam[3] = .25;
+    c.rate_hz = 20;
+    snprintf(c.record.program, sizeof c.record.program, "fovea-calibrate");
+    snprintf(c.record.camera_id, sizeof c.record.camera_id, "v4l2:/dev/\"x\"\\");
+    c.record.rms_px = .21;
+    c.record.stdev[0] = .5;
+    fovea_error error;
+    const char *path = fv_test_path(folder, "orb.yaml");
+    assert_int_equal(fv_calibration_write(path, FV_CALIBRATION_ORBSLAM3, &c, nullptr, &error),
+                     FOVEA_OK);
+    cv::FileStorage file(path, cv::FileStorage::READ);
+    cv::Mat T;
+    file["IMU.T_b_c1"] >> T;
+    assert_true(T.type() == CV_32F && T.at<float>(0, 3) == .25F);
+    assert_true(file["Camera1.fx"].isReal() && file["Camera.fps"].isInt());
+    assert_true(static_cast<double>(file["Camera1.fx"]) == c.camera.fx);
+    assert_true(static_cast<double>(file["calibration"]["stdev"]["fx"]) == .5);
+    assert_string_equal(static_cast<std::string>(file["calibration"]["camera_id"]).c_str(),
+                        c.record.camera_id);
+    path = fv_test_path(folder, "basalt.json");
+    assert_int_equal(fv_calibration_write(path, FV_CALIBRATION_BASALT, &c, nullptr, &error),
+                     FOVEA_OK);
+    file.open(path, cv::FileStorage::READ);
+    const cv::FileNode camera = file["value0"]["intrinsics"][0]["intrinsics"];
+    assert_true(static_cast<double>(camera["fx"]) == c.camera.fx);
+    assert_true(static_cast<double>(camera["rpmax"]) > .8);
+    assert_true(static_cast<double>(file["value0"]["T_imu_cam"][0]["px"]) == .25);
+    assert_true(static_cast<double>(file["calibration"]["rms_px"]) == .21);
+    path = fv_test_path(folder, "photon.json");
+    assert_int_equal(fv_calibration_write(path, FV_CALIBRATION_PHOTONVISION, &c, nullptr, &error),
+                     FOVEA_OK);
+    file.open(path, cv::FileStorage::READ);
+    assert_true(static_cast<double>(file["cameraIntrinsics"]["data"][0]) == c.camera.fx);
+    assert_int_equal(static_cast<int>(file["distCoeffs"]["cols"]), 5);
+    file.release();
+    fv_test_folder_remove(folder);
+}
+
 int main()
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_opencv_reads_and_writes)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_opencv_reads_and_writes),
+                                       cmocka_unit_test(test_files_of_other_programs)};
     return cmocka_run_group_tests(tests, nullptr, nullptr);
 }
