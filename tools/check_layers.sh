@@ -24,10 +24,11 @@ allowed() { # rooms that a room may include besides itself
     calibrate) echo "base kernels image message support drivers app/network" ;;
     app/network) echo "base message support drivers" ;;
     app/config)  echo "$core runtime message support drivers app/network" ;;
+    app/watch)   echo "base message support drivers app/network app/config" ;;
     app/record)  echo "$core runtime message support drivers app/network app/config" ;;
     app/lab)     echo "$core runtime message support drivers app/network app/config app/record" ;;
     app/run)     echo "$core runtime message support drivers app/network app/config app/record app/lab" ;;
-    app)         echo "$core runtime message support drivers app/network app/config app/record app/lab app/run" ;;
+    app)         echo "$core runtime message support drivers app/network app/config app/watch app/record app/lab app/run" ;;
     *)        echo "unknown" ;;
     esac
 }

@@ -6,6 +6,7 @@
 #include "app/config/commands.h"
 #include "app/lab/commands.h"
 #include "app/run/commands.h"
+#include "app/watch/commands.h"
 
 const struct fv_command fv_commands[] = {
     {"run", "run the loop on a camera, a recording or the simulated camera", fv_command_run,
@@ -30,6 +31,14 @@ const struct fv_command fv_commands[] = {
      "FILE was written by 'fovea run --record'. The runtime gets the recorded frames, samples, "
      "commands and grants again, and makes the same messages on every machine.",
      "fovea replay run.lcm --verify\nfovea replay run.lcm --lcm-url udpm://239.255.76.67:7667"},
+    {"echo", "print the messages of running robots as JSON", fv_command_echo,
+     "CHANNEL is the name of a channel, or a pattern in which * stands for any letters and ? for "
+     "one. One line is printed for each message of one packet, which all of Fovea's are: channel, "
+     "time of arrival in microseconds since 1970, whether it is from this host, bytes, and the "
+     "message with its fields; null and the problem for what is no message of Fovea. Messages are "
+     "checked from end to end before they are printed. Ends on SIGINT and SIGTERM too.",
+     "fovea echo FOVEA_POSE\nfovea echo '*_STATISTICS' --count 1 --timeout 5\n"
+     "fovea echo '*' --listen loopback >messages.json"},
     {"features", "find, describe and draw the features of a picture", fv_command_features,
      "IMAGE is a PNG or JPEG file.",
      "fovea features photo.png --draw out.png\n"

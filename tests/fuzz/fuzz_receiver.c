@@ -68,14 +68,15 @@ int LLVMFuzzerInitialize(int *argc, char ***argv)
     fv_command_gate_init(&keyed_gate, &rules);
     fv_command_gate_init(&open_gate, &unkeyed);
     fv_wheel_odometry_gate_init(&odometry, &(struct fv_wheel_odometry_limits){3, 6});
-    table.count = 4;
+    table.count = 5;
     table.rows[0] =
-        (struct fv_receiver_channel){"C", "fovea.command_t", 128, take_command, &open_gate};
-    table.rows[1] =
-        (struct fv_receiver_channel){"O", "bot_core.pose_t", 256, take_wheel_odometry, &odometry};
-    table.rows[2] = (struct fv_receiver_channel){"R", NULL, 64, take_any, &sum};
+        (struct fv_receiver_channel){"C", "fovea.command_t", 128, take_command, &open_gate, false};
+    table.rows[1] = (struct fv_receiver_channel){
+        "O", "bot_core.pose_t", 256, take_wheel_odometry, &odometry, false};
+    table.rows[2] = (struct fv_receiver_channel){"R", NULL, 64, take_any, &sum, false};
     table.rows[3] =
-        (struct fv_receiver_channel){"F", "fovea.features_t", STREAM_BYTES, take_any, &sum};
+        (struct fv_receiver_channel){"F", "fovea.features_t", STREAM_BYTES, take_any, &sum, false};
+    table.rows[4] = (struct fv_receiver_channel){"A*?B*", NULL, 64, take_any, &sum, true};
     stream_buffer = malloc(STREAM_BYTES);
     return 0;
 }

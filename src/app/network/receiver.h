@@ -33,8 +33,9 @@
 enum { FV_RECEIVER_CHANNELS_MAX = 24, FV_RECEIVER_BYTES_MAX = 65507 };
 
 struct fv_received {
-    const char *channel;
-    const uint8_t *data; /* valid during the call of the handler */
+    const char
+        *channel; /* as the packet names it; valid, as `data`, during the call of the handler */
+    const uint8_t *data;
     uint32_t bytes;
     bool from_host; /* the kernel vouches that a program on this host sent it */
 };
@@ -45,6 +46,8 @@ struct fv_receiver_channel {
     uint32_t bytes_max; /* a longer message is dropped; at most FV_RECEIVER_BYTES_MAX */
     void (*take)(void *context, const struct fv_received *received);
     void *context;
+    bool pattern; /* `name` is one of many: '*' stands for any letters or none, '?' for one byte.
+                     Of the rows that fit a channel the first counts */
 };
 
 /* Why something was not handed to a handler. */

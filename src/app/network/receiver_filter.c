@@ -32,11 +32,13 @@ static void emit_origin(struct fv_filter *filter, bool from_host, unsigned lo)
     emit(filter, BPF_RET | BPF_K, 0, 0, 0);
 }
 
-/* Pass where the packet's channel is `name`, else go on behind. */
-static void emit_channel(struct fv_filter *filter, const char *name)
+/* Pass where the packet's channel is that of `row`, else go on behind. Of a pattern what stands
+ * before its first star is compared; the rest is for fv_table_find. */
+static void emit_channel(struct fv_filter *filter, const struct fv_receiver_channel *row)
 {
+    const char *name = row->name;
     const uint32_t from = UDP_HEADER_BYTES + FV_PACKET_HEADER_BYTES;
-    const size_t bytes = strlen(name) + 1; /* with the zero */
+    const size_t bytes = row->pattern ? strcspn(name, "*?") : strlen(name) + 1; /* with the zero */
     const unsigned start = filter->length;
     emit(filter, BPF_LD | BPF_W | BPF_LEN, 0, 0, 0);
     emit(filter, BPF_JMP | BPF_JGE | BPF_K, 0, 0, from + (uint32_t)bytes);
@@ -62,7 +64,7 @@ void fv_filter_build(struct fv_filter *filter, const struct fv_receiver_table *t
     emit(filter, BPF_JMP | BPF_JEQ | BPF_K, 1, 0, FV_PACKET_MAGIC);
     emit(filter, BPF_RET | BPF_K, 0, 0, 0);
     for (uint32_t i = 0; i < table->count; i++)
-        emit_channel(filter, table->rows[i].name);
+        emit_channel(filter, &table->rows[i]);
     emit(filter, BPF_RET | BPF_K, 0, 0, 0);
 }
 

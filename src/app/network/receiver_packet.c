@@ -15,12 +15,42 @@ const char *fv_drop_name(enum fv_drop reason)
     return names[reason];
 }
 
+/* A star that does not fit takes one more byte, and only the last star is tried again: what stands
+ * before it fits for good. */
+static bool pattern_fits(const char *pattern, const char *name, size_t length)
+{
+    const char *star = NULL;
+    size_t at = 0, from = 0;
+    while (at < length) {
+        if (*pattern == '*') {
+            star = pattern++;
+            from = at;
+        } else if (*pattern != '\0' && (*pattern == '?' || *pattern == name[at])) {
+            pattern++;
+            at++;
+        } else if (star != NULL) {
+            pattern = star + 1;
+            at = ++from;
+        } else {
+            return false;
+        }
+    }
+    while (*pattern == '*')
+        pattern++;
+    return *pattern == '\0';
+}
+
+static bool fits(const struct fv_receiver_channel *row, const char *name, size_t length)
+{
+    if (row->pattern) return pattern_fits(row->name, name, length);
+    return strlen(row->name) == length && memcmp(row->name, name, length) == 0;
+}
+
 const struct fv_receiver_channel *fv_table_find(const struct fv_receiver_table *table,
                                                 const char *name, size_t length)
 {
     for (uint32_t i = 0; i < table->count; i++)
-        if (strlen(table->rows[i].name) == length && memcmp(table->rows[i].name, name, length) == 0)
-            return &table->rows[i];
+        if (fits(&table->rows[i], name, length)) return &table->rows[i];
     return NULL;
 }
 
@@ -28,8 +58,9 @@ size_t fv_table_packet_bytes_max(const struct fv_receiver_table *table)
 {
     size_t most = 0;
     for (uint32_t i = 0; i < table->count; i++) {
-        const size_t bytes =
-            FV_PACKET_HEADER_BYTES + strlen(table->rows[i].name) + 1 + table->rows[i].bytes_max;
+        const struct fv_receiver_channel *row = &table->rows[i];
+        const size_t name = row->pattern ? FV_MESSAGE_CHANNEL_BYTES : strlen(row->name) + 1;
+        const size_t bytes = FV_PACKET_HEADER_BYTES + name + row->bytes_max;
         most = bytes > most ? bytes : most;
     }
     return most;
@@ -41,21 +72,21 @@ void fv_table_drop(struct fv_receiver_table *table, enum fv_drop reason)
 }
 
 uint32_t fv_table_deliver(struct fv_receiver_table *table, const struct fv_receiver_channel *row,
-                          const uint8_t *data, size_t bytes, bool from_host)
+                          const struct fv_received *received)
 {
     const char *problem;
     size_t at;
-    if (bytes > row->bytes_max) {
+    if (received->bytes > row->bytes_max) {
         fv_table_drop(table, FV_DROP_LONG);
         return 0;
     }
-    if (row->type != NULL && !fv_message_check(row->type, data, bytes, &problem, &at)) {
+    if (row->type != NULL &&
+        !fv_message_check(row->type, received->data, received->bytes, &problem, &at)) {
         fv_table_drop(table, FV_DROP_TYPE);
         return 0;
     }
-    const struct fv_received received = {row->name, data, (uint32_t)bytes, from_host};
     atomic_fetch_add_explicit(&table->taken, 1, memory_order_relaxed);
-    row->take(row->context, &received);
+    row->take(row->context, received);
     return 1;
 }
 
@@ -82,6 +113,7 @@ uint32_t fv_packet_take(struct fv_receiver_table *table, const uint8_t *packet, 
         fv_table_drop(table, row == NULL ? FV_DROP_CHANNEL : FV_DROP_LONG);
         return 0;
     }
-    return fv_table_deliver(table, row, packet + FV_PACKET_HEADER_BYTES + length + 1,
-                            room - length - 1, from_host);
+    const struct fv_received received = {name, packet + FV_PACKET_HEADER_BYTES + length + 1,
+                                         (uint32_t)(room - length - 1), from_host};
+    return fv_table_deliver(table, row, &received);
 }

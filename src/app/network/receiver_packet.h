@@ -29,10 +29,10 @@ size_t fv_table_packet_bytes_max(const struct fv_receiver_table *table);
 
 void fv_table_drop(struct fv_receiver_table *table, enum fv_drop reason);
 
-/* Check the bytes of a message on `row`, and hand it over or count why not. Returns messages handed
- * over. */
+/* Check a message that `row` was found for, and hand it over or count why not. Returns messages
+ * handed over. */
 uint32_t fv_table_deliver(struct fv_receiver_table *table, const struct fv_receiver_channel *row,
-                          const uint8_t *data, size_t bytes, bool from_host);
+                          const struct fv_received *received);
 
 /* Take one datagram; `cut`: it was longer than `bytes`. Returns messages handed over. */
 uint32_t fv_packet_take(struct fv_receiver_table *table, const uint8_t *packet, size_t bytes,

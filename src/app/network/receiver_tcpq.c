@@ -89,14 +89,16 @@ static bool end_part(struct fv_tcpq_stream *stream, uint32_t *taken)
     if (stream->part == FV_TCPQ_CHANNEL) {
         const bool fits = stream->name_length < sizeof stream->name;
         stream->row = fits ? fv_table_find(stream->table, stream->name, stream->name_length) : NULL;
+        if (fits) stream->name[stream->name_length] = '\0';
         if (stream->row == NULL) fv_table_drop(stream->table, FV_DROP_CHANNEL);
         begin_part(stream, FV_TCPQ_LENGTH, 4);
         return true;
     }
     if (stream->part != FV_TCPQ_DATA) return take_number(stream);
     if (stream->row != NULL)
-        *taken +=
-            fv_table_deliver(stream->table, stream->row, stream->buffer, stream->wanted, false);
+        *taken += fv_table_deliver(
+            stream->table, stream->row,
+            &(struct fv_received){stream->name, stream->buffer, (uint32_t)stream->wanted, false});
     begin_part(stream, FV_TCPQ_TYPE, 4);
     return true;
 }
@@ -169,12 +171,17 @@ static size_t put_number(uint8_t *at, uint32_t value)
 
 /* To the server a channel is a regular expression: what is no letter or digit must stand for itself
  * alone. Letters beyond ASCII take several bytes, between which no backslash may come. */
-static size_t put_subscription(uint8_t *at, const char *channel)
+static size_t put_subscription(uint8_t *at, const struct fv_receiver_channel *row)
 {
     size_t used = 8;
-    for (; *channel != '\0'; channel++) {
+    for (const char *channel = row->name; *channel != '\0'; channel++) {
         const unsigned char byte = (unsigned char)*channel;
         const bool letter = ((byte | 0x20) >= 'a' && (byte | 0x20) <= 'z') || byte >= 0x80;
+        if (row->pattern && (byte == '*' || byte == '?')) { /* a letter may have several bytes */
+            memcpy(at + used, ".*", 2);
+            used += 2;
+            continue;
+        }
         if (!letter && (byte < '0' || byte > '9') && byte != '_') at[used++] = '\\';
         at[used++] = byte;
     }
@@ -190,7 +197,7 @@ static bool greet(struct fv_tcpq *tcpq)
     size_t used = put_number(greeting, MAGIC_OF_CLIENT);
     used += put_number(greeting + used, VERSION);
     for (uint32_t i = 0; i < table->count; i++)
-        used += put_subscription(greeting + used, table->rows[i].name);
+        used += put_subscription(greeting + used, &table->rows[i]);
     return send(tcpq->tcp, greeting, used, MSG_NOSIGNAL) == (ssize_t)used;
 }
 

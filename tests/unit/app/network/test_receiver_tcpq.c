@@ -90,6 +90,51 @@ static void test_pieces_of_any_length_give_the_same_messages(void **state)
     }
 }
 
+static char last_channel[FV_MESSAGE_CHANNEL_BYTES];
+
+static void take_channel(void *context, const struct fv_received *received)
+{
+    ++*(int *)context;
+    snprintf(last_channel, sizeof last_channel, "%s", received->channel);
+}
+
+/* The first row that fits takes it, under the name that it came with; a shorter name leaves nothing
+ * of a longer one. */
+static void test_patterns(void **state)
+{
+    static const struct {
+        const char *name;
+        int row;
+    } channels[] = {{"LONG_NAME_POSE", 0},
+                    {"CAMERA_POSE", 1},
+                    {"POSE", 0},
+                    {"POSES", -1},
+                    {"XX", 2},
+                    {"X", -1},
+                    {"", -1},
+                    {"A_POSE_POSE", 0}};
+    uint8_t bytes[256], buffer[100];
+    int taken_of[3] = {0}, expected[3] = {0};
+    struct fv_receiver_table table = {
+        .rows = {{"*CAMERA_POSE", NULL, 100, take_channel, &taken_of[1], true},
+                 {"*POSE", NULL, 100, take_channel, &taken_of[0], true},
+                 {"??", NULL, 100, take_channel, &taken_of[2], true}},
+        .count = 3};
+    struct fv_tcpq_stream stream;
+    uint32_t taken = 0;
+    (void)state;
+    fv_tcpq_begin(&stream, &table, buffer, sizeof buffer);
+    assert_true(fv_tcpq_feed(&stream, greeting, sizeof greeting, &taken));
+    for (size_t i = 0; i < sizeof channels / sizeof channels[0]; i++) {
+        const size_t all = put_message(bytes, channels[i].name, 1, 1, 0);
+        assert_true(fv_tcpq_feed(&stream, bytes, all, &taken));
+        if (channels[i].row < 0) continue;
+        expected[channels[i].row]++;
+        assert_string_equal(last_channel, channels[i].name);
+    }
+    assert_memory_equal(taken_of, expected, sizeof expected);
+}
+
 static void test_what_is_no_server_is_left(void **state)
 {
     static const uint8_t wrong[][12] = {
@@ -197,6 +242,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_pieces_of_any_length_give_the_same_messages),
+        cmocka_unit_test(test_patterns),
         cmocka_unit_test(test_what_is_no_server_is_left),
         cmocka_unit_test(test_a_claim_of_gigabytes_is_passed_over),
         cmocka_unit_test(test_a_server_may_go_and_come_back),
