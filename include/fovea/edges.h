@@ -40,12 +40,15 @@ enum fovea_gradient_norm {
 };
 
 struct fovea_edges_config {
-    enum fovea_edge_method method;
-    enum fovea_gradient_norm norm; /* default L1; of the Laplacian there is one value */
-    /* [0, 32767] in units of the method's derivatives, default 50 and 150. Canny: low <= high.
-     * Other methods mark the pixels above `high` and ignore `low`. */
-    float low, high;
-    uint32_t laplacian_size; /* 1 (default): 0 1 0, 1 -4 1, 0 1 0; 3: 2 0 2, 0 -8 0, 2 0 2 */
+    enum fovea_edge_method method; /* default FOVEA_EDGES_CANNY */
+    /* default FOVEA_GRADIENT_L1; of the Laplacian there is one value */
+    enum fovea_gradient_norm norm;
+    /* [0, 32767], default 50, in units of the method's derivatives. Canny: at most `high`; other
+     * methods ignore it. */
+    double low;
+    double high; /* [0, 32767], default 150. Methods other than Canny mark the pixels above it. */
+    /* 1 or 3 of [1, 3], default 1: 0 1 0, 1 -4 1, 0 1 0; 3: 2 0 2, 0 -8 0, 2 0 2 */
+    uint32_t laplacian_size;
 };
 
 /* A detector in the caller's memory. */

@@ -32,6 +32,7 @@
 
 #include "fovea/camera.h"
 #include "fovea/detect.h"
+#include "fovea/edges.h"
 #include "fovea/features.h"
 #include "fovea/image.h"
 #include "fovea/odometry.h"
@@ -64,6 +65,14 @@ struct fovea_preview_config {
     uint32_t quality; /* [1, 100], default 70: JPEG quality in libjpeg's scale */
     /* [0, 7], default 2: pyramid level that is shown, less than features.pyramid_levels */
     uint32_t level;
+};
+
+/* Bitmaps of edges, published as edges_t. */
+struct fovea_edge_job_config {
+    /* [0, 1000000], default 0: edges of every n-th frame, or less often where they take longer than
+     * n frames; 0: none */
+    uint32_t period_frames;
+    struct fovea_edges_config edges;
 };
 
 /* Who may look at the images. Flags of struct fovea_image_config. */
@@ -102,6 +111,7 @@ struct fovea_config {
     struct fovea_scale_config scale;
     struct fovea_objects_config objects; /* detected objects, followed over images */
     struct fovea_preview_config preview;
+    struct fovea_edge_job_config edge_job;
     uint64_t seed; /* of the random generator in the state, default 1 */
 
     /* A map to start with, saved with the same camera; NULL: none. Read by fovea_init only. Errors
@@ -186,7 +196,8 @@ enum fovea_status fovea_memory(const struct fovea_config *config, struct fovea_m
     ROW(MAP, map)                                                                                  \
     ROW(DETECT, detect)                                                                            \
     ROW(CLOSURE, closure)                                                                          \
-    ROW(PREVIEW, preview)
+    ROW(PREVIEW, preview)                                                                          \
+    ROW(EDGES, edges)
 
 enum fovea_job {
 #define FOVEA_JOB_CONSTANT(NAME, name) FOVEA_JOB_##NAME,

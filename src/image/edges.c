@@ -1,26 +1,11 @@
 /* Edges by derivatives, non-maximum suppression and hysteresis (fovea/edges.h). */
-#include "fovea/edges.h"
+#include "image/edges.h"
 
-#include <stdbool.h>
 #include <string.h>
 
-#include "base/arena.h"
 #include "base/elementary.h"
-#include "image/hysteresis.h"
-#include "image/plane.h"
-#include "kernels/kernels.h"
 
 enum { PAD = 16 }; /* elements before the first magnitude of a row; as many follow the last */
-
-struct fovea_edges {
-    struct fv_kernels kernels;
-    struct fovea_edges_config config;
-    int32_t width, height;
-    int32_t low, high;     /* thresholds of whole magnitudes */
-    int32_t *magnitude[3]; /* rows y - 1, y, y + 1, by y % 3 */
-    int16_t *dx[3], *dy[3];
-    struct fv_hysteresis hysteresis;
-};
 
 static const char *const names[FOVEA_EDGE_METHOD_COUNT] = {
     [FOVEA_EDGES_CANNY] = "canny",
@@ -48,9 +33,8 @@ static enum fovea_status check(const struct fovea_edges_config *config, int32_t 
     } ranges[] = {
         {"method", config->method, 0, FOVEA_EDGE_METHOD_COUNT - 1},
         {"norm", config->norm, 0, FOVEA_GRADIENT_L2},
-        {"high", (double)config->high, 0, 32767},
-        {"low", (double)config->low, 0,
-         config->method == FOVEA_EDGES_CANNY ? (double)config->high : 32767},
+        {"high", config->high, 0, 32767},
+        {"low", config->low, 0, config->method == FOVEA_EDGES_CANNY ? config->high : 32767},
         {"width", width, FOVEA_IMAGE_WIDTH_MIN, FOVEA_IMAGE_WIDTH_MAX},
         {"height", height, FOVEA_IMAGE_HEIGHT_MIN, FOVEA_IMAGE_HEIGHT_MAX},
     };
@@ -64,15 +48,26 @@ static enum fovea_status check(const struct fovea_edges_config *config, int32_t 
     return FOVEA_OK;
 }
 
-static struct fovea_edges *carve(const struct fovea_edges_config *config, int32_t width,
-                                 int32_t height, struct fv_arena *arena)
+/* The largest whole magnitude that is not above a threshold: of squares with L2. */
+static int32_t whole(double threshold, bool squared)
 {
-    struct fovea_edges counted = {0};
-    struct fovea_edges *made = fv_arena_take(arena, 1, sizeof *made);
-    struct fovea_edges *edges = made == NULL ? &counted : made;
+    return (int32_t)fv_floor(squared ? threshold * threshold : threshold);
+}
+
+/* Whether magnitudes are sums of squares. */
+static bool squares(const struct fovea_edges_config *config)
+{
+    return config->norm == FOVEA_GRADIENT_L2 && config->method != FOVEA_EDGES_LAPLACIAN;
+}
+
+void fv_edges_carve(struct fv_edges *edges, const struct fovea_edges_config *config, int32_t width,
+                    int32_t height, struct fv_arena *arena)
+{
     edges->config = *config;
     edges->width = width;
     edges->height = height;
+    edges->low = whole(config->low, squares(config));
+    edges->high = whole(config->high, squares(config));
     for (int i = 0; i < 3; i++) {
         int32_t *row = fv_arena_take(arena, (size_t)width + 2 * PAD, sizeof *row);
         edges->magnitude[i] = row == NULL ? NULL : row + PAD;
@@ -80,6 +75,122 @@ static struct fovea_edges *carve(const struct fovea_edges_config *config, int32_
         edges->dy[i] = fv_arena_take(arena, (size_t)width, sizeof *edges->dy[i]);
     }
     fv_hysteresis_carve(&edges->hysteresis, width, height, arena);
+}
+
+/* The rows above, at and below y; beyond the image those reflected, or the edge repeated. */
+static void rows_at(const struct fv_plane *plane, int32_t y, bool repeat, const uint8_t *rows[3])
+{
+    const int32_t last = plane->height - 1;
+    const int32_t above = y > 0 ? y - 1 : repeat ? 0 : 1;
+    const int32_t below = y < last ? y + 1 : repeat ? last : last - 1;
+    rows[0] = fv_plane_row(plane, above);
+    rows[1] = fv_plane_row(plane, y);
+    rows[2] = fv_plane_row(plane, below);
+}
+
+/* One row of derivatives; dx or dy may be NULL. */
+static void differentiate(const struct fv_edges *edges, const struct fv_kernels *kernels,
+                          const struct fv_plane *plane, int32_t y, bool repeat, int16_t *dx,
+                          int16_t *dy)
+{
+    const bool scharr = edges->config.method == FOVEA_EDGES_SCHARR;
+    const int32_t side = scharr ? 3 : 1, centre = scharr ? 10 : 2;
+    const uint8_t *rows[3];
+    rows_at(plane, y, repeat, rows);
+    if (edges->config.method == FOVEA_EDGES_LAPLACIAN) {
+        kernels->laplacian_row_s16(dx, rows, plane->width, edges->config.laplacian_size == 3);
+        return; /* dy, where there is one, stays 0 */
+    }
+    if (dx != NULL) kernels->derivative_x_row_s16(dx, rows, plane->width, side, centre, repeat);
+    if (dy != NULL) kernels->derivative_y_row_s16(dy, rows, plane->width, side, centre, repeat);
+}
+
+/* Derivatives and magnitudes of row y, in the ring of rows. */
+static void measure_row(const struct fv_edges *edges, const struct fv_kernels *kernels,
+                        const struct fv_plane *plane, int32_t y)
+{
+    const bool canny = edges->config.method == FOVEA_EDGES_CANNY;
+    differentiate(edges, kernels, plane, y, canny, edges->dx[y % 3], edges->dy[y % 3]);
+    kernels->magnitude_row_s32(edges->magnitude[y % 3], edges->dx[y % 3], edges->dy[y % 3],
+                               plane->width, squares(&edges->config));
+}
+
+static void clear_row(const struct fv_edges *edges, int32_t y)
+{
+    memset(edges->magnitude[y % 3], 0, (size_t)edges->width * sizeof(int32_t));
+}
+
+/* Row y of Canny's weak pixels and edges. Beyond the image magnitudes are 0. */
+static void thin_row(const struct fv_edges *edges, const struct fv_kernels *kernels,
+                     const struct fv_plane *plane, int32_t y)
+{
+    if (y == 0) {
+        clear_row(edges, 2); /* above row 0 */
+        measure_row(edges, kernels, plane, 0);
+    }
+    if (y + 1 < plane->height)
+        measure_row(edges, kernels, plane, y + 1);
+    else
+        clear_row(edges, y + 1);
+    const int32_t *const rows[3] = {edges->magnitude[(y + 2) % 3], edges->magnitude[y % 3],
+                                    edges->magnitude[(y + 1) % 3]};
+    kernels->thin_row_s32(fv_hysteresis_weak(&edges->hysteresis, y),
+                          fv_hysteresis_edges(&edges->hysteresis, y), rows, edges->dx[y % 3],
+                          edges->dy[y % 3], plane->width, edges->low, edges->high);
+}
+
+static void mark_row(const struct fv_edges *edges, const struct fv_kernels *kernels,
+                     const struct fv_plane *plane, int32_t y)
+{
+    uint64_t *words = fv_hysteresis_edges(&edges->hysteresis, y);
+    measure_row(edges, kernels, plane, y);
+    memset(words, 0, (size_t)(plane->width + 63) / 64 * sizeof *words);
+    for (int32_t x = 0; x < plane->width; x++)
+        words[x / 64] |= (uint64_t)(edges->magnitude[y % 3][x] > edges->high) << (63 - x % 64);
+}
+
+void fv_edges_begin(const struct fv_edges *edges, struct fv_edges_state *state)
+{
+    *state = (struct fv_edges_state){.row = 0};
+    fv_hysteresis_begin(&edges->hysteresis, &state->hysteresis);
+}
+
+bool fv_edges_advance(const struct fv_edges *edges, struct fv_edges_state *state,
+                      const struct fv_kernels *kernels, const struct fv_plane *plane,
+                      int32_t pixels)
+{
+    enum { PIXELS_OF_A_WORD = 8 }; /* a visited word takes the time of so many pixels */
+    const bool canny = edges->config.method == FOVEA_EDGES_CANNY;
+    for (; pixels > 0 && state->row < plane->height; pixels -= plane->width, state->row++) {
+        if (canny)
+            thin_row(edges, kernels, plane, state->row);
+        else
+            mark_row(edges, kernels, plane, state->row);
+    }
+    if (state->row < plane->height || (canny && pixels <= 0)) return false;
+    return !canny || fv_hysteresis_advance(&edges->hysteresis, &state->hysteresis,
+                                           (pixels + PIXELS_OF_A_WORD - 1) / PIXELS_OF_A_WORD);
+}
+
+void fv_edges_pack(const struct fv_edges *edges, int32_t y, uint8_t *row)
+{
+    const uint64_t *words = fv_hysteresis_edges(&edges->hysteresis, y);
+    for (int32_t i = 0; i < (edges->width + 7) / 8; i++)
+        row[i] = (uint8_t)(words[i / 8] >> (56 - i % 8 * 8));
+}
+
+/* The detector of the public functions: with its kernels, at the start of the caller's memory. */
+struct fovea_edges {
+    struct fv_kernels kernels;
+    struct fv_edges edges;
+};
+
+static struct fovea_edges *carve(const struct fovea_edges_config *config, int32_t width,
+                                 int32_t height, struct fv_arena *arena)
+{
+    struct fovea_edges counted = {0};
+    struct fovea_edges *made = fv_arena_take(arena, 1, sizeof *made);
+    fv_edges_carve(made == NULL ? &counted.edges : &made->edges, config, width, height, arena);
     return made;
 }
 
@@ -91,13 +202,6 @@ size_t fovea_edges_size(const struct fovea_edges_config *config, int32_t width, 
     fv_arena_count(&arena);
     carve(config, width, height, &arena);
     return arena.used;
-}
-
-/* The largest whole magnitude that is not above a threshold: of squares with L2. */
-static int32_t whole(float threshold, bool squared)
-{
-    const double t = (double)threshold;
-    return (int32_t)fv_floor(squared ? t * t : t);
 }
 
 enum fovea_status fovea_edges_init(struct fovea_edges **edges,
@@ -114,125 +218,43 @@ enum fovea_status fovea_edges_init(struct fovea_edges **edges,
     if (status != FOVEA_OK) return status;
     fv_arena_init(&arena, memory, bytes);
     struct fovea_edges *made = carve(config, width, height, &arena);
-    const bool squared =
-        config->norm == FOVEA_GRADIENT_L2 && config->method != FOVEA_EDGES_LAPLACIAN;
     fv_kernels_init(&made->kernels, set);
-    made->low = whole(config->low, squared);
-    made->high = whole(config->high, squared);
     *edges = made;
     return FOVEA_OK;
-}
-
-/* The rows above, at and below y; beyond the image those reflected, or the edge repeated. */
-static void rows_at(const struct fv_plane *plane, int32_t y, bool repeat, const uint8_t *rows[3])
-{
-    const int32_t last = plane->height - 1;
-    const int32_t above = y > 0 ? y - 1 : repeat ? 0 : 1;
-    const int32_t below = y < last ? y + 1 : repeat ? last : last - 1;
-    rows[0] = fv_plane_row(plane, above);
-    rows[1] = fv_plane_row(plane, y);
-    rows[2] = fv_plane_row(plane, below);
-}
-
-/* One row of derivatives; dx or dy may be NULL. */
-static void differentiate(const struct fovea_edges *edges, const struct fv_plane *plane, int32_t y,
-                          bool repeat, int16_t *dx, int16_t *dy)
-{
-    const struct fv_kernels *kernels = &edges->kernels;
-    const bool scharr = edges->config.method == FOVEA_EDGES_SCHARR;
-    const int32_t side = scharr ? 3 : 1, centre = scharr ? 10 : 2;
-    const uint8_t *rows[3];
-    rows_at(plane, y, repeat, rows);
-    if (edges->config.method == FOVEA_EDGES_LAPLACIAN) {
-        kernels->laplacian_row_s16(dx, rows, plane->width, edges->config.laplacian_size == 3);
-        return; /* dy, where there is one, stays 0 */
-    }
-    if (dx != NULL) kernels->derivative_x_row_s16(dx, rows, plane->width, side, centre, repeat);
-    if (dy != NULL) kernels->derivative_y_row_s16(dy, rows, plane->width, side, centre, repeat);
-}
-
-/* Derivatives and magnitudes of row y, in the ring of rows. */
-static void measure_row(struct fovea_edges *edges, const struct fv_plane *plane, int32_t y)
-{
-    const bool canny = edges->config.method == FOVEA_EDGES_CANNY;
-    const bool squared =
-        edges->config.norm == FOVEA_GRADIENT_L2 && edges->config.method != FOVEA_EDGES_LAPLACIAN;
-    differentiate(edges, plane, y, canny, edges->dx[y % 3], edges->dy[y % 3]);
-    edges->kernels.magnitude_row_s32(edges->magnitude[y % 3], edges->dx[y % 3], edges->dy[y % 3],
-                                     plane->width, squared);
-}
-
-static void clear_row(struct fovea_edges *edges, int32_t y)
-{
-    memset(edges->magnitude[y % 3], 0, (size_t)edges->width * sizeof(int32_t));
-}
-
-/* Beyond the image magnitudes are 0. */
-static void run_canny(struct fovea_edges *edges, const struct fv_plane *plane)
-{
-    clear_row(edges, 2); /* above row 0 */
-    measure_row(edges, plane, 0);
-    for (int32_t y = 0; y < plane->height; y++) {
-        if (y + 1 < plane->height)
-            measure_row(edges, plane, y + 1);
-        else
-            clear_row(edges, y + 1);
-        const int32_t *const rows[3] = {edges->magnitude[(y + 2) % 3], edges->magnitude[y % 3],
-                                        edges->magnitude[(y + 1) % 3]};
-        edges->kernels.thin_row_s32(
-            fv_hysteresis_weak(&edges->hysteresis, y), fv_hysteresis_edges(&edges->hysteresis, y),
-            rows, edges->dx[y % 3], edges->dy[y % 3], plane->width, edges->low, edges->high);
-    }
-    fv_hysteresis_run(&edges->hysteresis);
-}
-
-static void run_threshold(struct fovea_edges *edges, const struct fv_plane *plane)
-{
-    for (int32_t y = 0; y < plane->height; y++) {
-        uint64_t *words = fv_hysteresis_edges(&edges->hysteresis, y);
-        measure_row(edges, plane, y);
-        memset(words, 0, (size_t)(plane->width + 63) / 64 * sizeof *words);
-        for (int32_t x = 0; x < plane->width; x++)
-            words[x / 64] |= (uint64_t)(edges->magnitude[y % 3][x] > edges->high) << (63 - x % 64);
-    }
 }
 
 static bool fits(const struct fovea_edges *edges, const struct fovea_image *image)
 {
     return fovea_image_check(image) == FOVEA_OK && image->format == FOVEA_PIXEL_GREY8 &&
-           image->width == edges->width && image->height == edges->height;
+           image->width == edges->edges.width && image->height == edges->edges.height;
 }
 
 enum fovea_status fovea_edges_run(struct fovea_edges *edges, const struct fovea_image *image,
                                   uint8_t *bits, int32_t stride_bytes)
 {
-    const int32_t row_bytes = (edges->width + 7) / 8;
-    if (!fits(edges, image) || stride_bytes < row_bytes) return FOVEA_ERROR_ARGUMENT;
+    struct fv_edges_state state;
+    if (!fits(edges, image) || stride_bytes < (image->width + 7) / 8) return FOVEA_ERROR_ARGUMENT;
     const struct fv_plane plane =
         fv_plane_of(image->data, image->width, image->height, image->stride_bytes);
-    if (edges->config.method == FOVEA_EDGES_CANNY)
-        run_canny(edges, &plane);
-    else
-        run_threshold(edges, &plane);
-    for (int32_t y = 0; y < edges->height; y++) {
-        const uint64_t *words = fv_hysteresis_edges(&edges->hysteresis, y);
-        uint8_t *row = bits + (int64_t)y * stride_bytes;
-        for (int32_t i = 0; i < row_bytes; i++)
-            row[i] = (uint8_t)(words[i / 8] >> (56 - i % 8 * 8));
+    fv_edges_begin(&edges->edges, &state);
+    while (!fv_edges_advance(&edges->edges, &state, &edges->kernels, &plane, INT32_MAX / 2)) {
     }
+    for (int32_t y = 0; y < image->height; y++)
+        fv_edges_pack(&edges->edges, y, bits + (int64_t)y * stride_bytes);
     return FOVEA_OK;
 }
 
 enum fovea_status fovea_edges_gradient(struct fovea_edges *edges, const struct fovea_image *image,
                                        int16_t *dx, int16_t *dy, int32_t stride)
 {
-    const bool laplacian = edges->config.method == FOVEA_EDGES_LAPLACIAN;
-    if (!fits(edges, image) || stride < edges->width || (laplacian && (dx == NULL || dy != NULL)))
+    const bool laplacian = edges->edges.config.method == FOVEA_EDGES_LAPLACIAN;
+    if (!fits(edges, image) || stride < image->width || (laplacian && (dx == NULL || dy != NULL)))
         return FOVEA_ERROR_ARGUMENT;
     const struct fv_plane plane =
         fv_plane_of(image->data, image->width, image->height, image->stride_bytes);
-    for (int32_t y = 0; y < edges->height; y++)
-        differentiate(edges, &plane, y, false, dx == NULL ? NULL : dx + (int64_t)y * stride,
+    for (int32_t y = 0; y < image->height; y++)
+        differentiate(&edges->edges, &edges->kernels, &plane, y, false,
+                      dx == NULL ? NULL : dx + (int64_t)y * stride,
                       dy == NULL ? NULL : dy + (int64_t)y * stride);
     return FOVEA_OK;
 }

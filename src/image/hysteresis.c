@@ -45,15 +45,20 @@ static int grow(const struct fv_hysteresis *hysteresis, int64_t i)
     return changed;
 }
 
-void fv_hysteresis_run(struct fv_hysteresis *hysteresis)
+void fv_hysteresis_begin(const struct fv_hysteresis *hysteresis, struct fv_hysteresis_state *state)
+{
+    *state = (struct fv_hysteresis_state){.next = hysteresis->stride};
+}
+
+bool fv_hysteresis_advance(const struct fv_hysteresis *hysteresis,
+                           struct fv_hysteresis_state *state, int32_t words)
 {
     const int64_t stride = hysteresis->stride;
     const int64_t beside[8] = {-stride - 1, -stride,    -stride + 1, -1,
                                1,           stride - 1, stride,      stride + 1};
     const int64_t end = stride * (hysteresis->height + 1);
-    uint32_t waiting = 0;
-    for (int64_t next = stride; next < end;) {
-        const int64_t i = waiting > 0 ? hysteresis->stack[--waiting] : next++;
+    for (; words > 0 && (state->next < end || state->waiting > 0); words--) {
+        const int64_t i = state->waiting > 0 ? hysteresis->stack[--state->waiting] : state->next++;
         hysteresis->waiting[i] = 0;
         if ((hysteresis->weak[i] & ~hysteresis->edges[i]) == 0 || !grow(hysteresis, i)) continue;
         for (int k = 0; k < 8; k++) {
@@ -61,7 +66,8 @@ void fv_hysteresis_run(struct fv_hysteresis *hysteresis)
             if ((hysteresis->weak[j] & ~hysteresis->edges[j]) == 0 || hysteresis->waiting[j])
                 continue;
             hysteresis->waiting[j] = 1;
-            hysteresis->stack[waiting++] = (uint32_t)j;
+            hysteresis->stack[state->waiting++] = (uint32_t)j;
         }
     }
+    return state->next >= end && state->waiting == 0;
 }

@@ -6,9 +6,21 @@
 #ifndef FOVEA_IMAGE_HYSTERESIS_H
 #define FOVEA_IMAGE_HYSTERESIS_H
 
+#include <stdbool.h>
 #include <stdint.h>
 
 #include "base/arena.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* How far it is. No addresses and no padding. */
+struct fv_hysteresis_state {
+    int64_t next;     /* word that was not visited yet */
+    uint32_t waiting; /* words in the stack */
+    uint32_t reserved;
+};
 
 struct fv_hysteresis {
     int32_t height, words;  /* words of a row */
@@ -32,7 +44,14 @@ static inline uint64_t *fv_hysteresis_edges(const struct fv_hysteresis *hysteres
     return hysteresis->edges + (int64_t)(y + 1) * hysteresis->stride + 1;
 }
 
-/* Grow the edges over all weak pixels that they touch, in eight directions. Real-time safe. */
-void fv_hysteresis_run(struct fv_hysteresis *hysteresis);
+/* Grow the edges over all weak pixels that they touch, in eight directions: begin, then visit at
+ * most `words` words at a time until true is returned. Real-time safe. */
+void fv_hysteresis_begin(const struct fv_hysteresis *hysteresis, struct fv_hysteresis_state *state);
+bool fv_hysteresis_advance(const struct fv_hysteresis *hysteresis,
+                           struct fv_hysteresis_state *state, int32_t words);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

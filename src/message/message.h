@@ -11,6 +11,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "fovea/edges.h"
 #include "fovea/fovea.h"
 #include "fovea/network.h"
 #include "fovea_stamp_t.h"
@@ -40,6 +41,7 @@ enum fv_message_kind {
     FV_MESSAGE_CLASSES2,
     FV_MESSAGE_SEGMENTATION,
     FV_MESSAGE_SEGMENTATION2,
+    FV_MESSAGE_EDGES,
     FV_MESSAGE_COMMAND, /* in */
     FV_MESSAGE_RUN,     /* of the application */
     FV_MESSAGE_SAMPLE,  /* of the first sensor kind; this and all that follow: in recordings only */
@@ -176,6 +178,22 @@ struct fv_message_preview {
 size_t fv_message_preview_size_max(size_t jpeg_bytes_max);
 uint32_t fv_message_preview_encode(const struct fv_message_preview *in, uint8_t *buffer,
                                    size_t capacity);
+
+enum { FV_MESSAGE_EDGE_BYTES_MAX = 46000, FV_MESSAGE_EDGE_SEGMENTS_MAX = 600 };
+
+/* Rows of a bitmap of edges, at most FV_MESSAGE_EDGE_BYTES_MAX bytes of them. */
+struct fv_message_edges {
+    fovea_stamp_t stamp;
+    const struct fovea_edges_config *config;
+    int32_t width, height; /* of the image */
+    int32_t first_row, row_count;
+    const uint8_t *bits; /* (width + 7) / 8 bytes for each row */
+    uint32_t segment_count;
+    const float (*segments)[4]; /* x y of one end, x y of the other, in pixels */
+};
+size_t fv_message_edges_size_max(void);
+uint32_t fv_message_edges_encode(const struct fv_message_edges *in, uint8_t *buffer,
+                                 size_t capacity);
 
 struct fv_message_detections {
     fovea_stamp_t stamp; /* of the image that the network took */

@@ -290,6 +290,19 @@ static enum fovea_status check_chain(const struct fovea_preprocess_config *chain
     return FOVEA_OK;
 }
 
+static enum fovea_status check_edges(const struct fovea_edges_config *edges,
+                                     struct fovea_error *error)
+{
+    if (edges->method == FOVEA_EDGES_CANNY && edges->low > edges->high)
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                               "edges.low: found %g, expected at most edges.high, which is %g",
+                               edges->low, edges->high);
+    if (edges->laplacian_size == 2)
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                               "edges.laplacian_size: found 2, expected 1 or 3");
+    return FOVEA_OK;
+}
+
 static enum fovea_status check_heights(const struct fovea_objects_config *objects,
                                        struct fovea_error *error)
 {
@@ -310,6 +323,7 @@ enum fovea_status fv_config_check(const struct fovea_config *config, struct fove
     if (status == FOVEA_OK) status = check_rig(&config->rig, error);
     if (status == FOVEA_OK) status = check_pairs(config, error);
     if (status == FOVEA_OK) status = check_chain(&config->image.preprocess, error);
+    if (status == FOVEA_OK) status = check_edges(&config->edge_job.edges, error);
     if (status == FOVEA_OK) status = check_heights(&config->objects, error);
     return status == FOVEA_OK ? check_prefix(config->channel_prefix, error) : status;
 }

@@ -52,6 +52,8 @@ static void carve_outbox(struct fovea *rt, struct fv_arena *arena)
     carve_buffer(outbox, FV_MESSAGE_CAMERA_STATUS, fv_message_camera_status_size_max(), arena);
     carve_buffer(outbox, FV_MESSAGE_PREVIEW, fv_message_preview_size_max(rt->preview.jpeg_capacity),
                  arena);
+    if (rt->config.edge_job.period_frames > 0)
+        carve_buffer(outbox, FV_MESSAGE_EDGES, fv_message_edges_size_max(), arena);
     carve_network(outbox, &rt->detection2, 1, arena);
     carve_network(outbox, &rt->detection, 0, arena);
     if (fv_detection_sends(&rt->detection, FV_DETECTION_BOXES)) {
@@ -86,7 +88,8 @@ static void carve_images(struct fovea *rt, int32_t width, int32_t height, struct
     const uint32_t looked_at[FV_VIEWER_COUNT] = {
         [FV_VIEWER_FEATURES] = levels,
         [FV_VIEWER_NETWORKS] = rt->detection.enabled ? 1 : 0,
-        [FV_VIEWER_PREVIEW] = config->preview.period_frames > 0 ? config->preview.level + 1 : 0};
+        [FV_VIEWER_PREVIEW] = config->preview.period_frames > 0 ? config->preview.level + 1 : 0,
+        [FV_VIEWER_EDGES] = config->edge_job.period_frames > 0 ? 1 : 0};
     fv_front_end_carve_images(&rt->front_end, &config->image.preprocess, config->image.seen_by,
                               looked_at, width, height, levels, frame);
 }

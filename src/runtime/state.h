@@ -11,6 +11,7 @@
 #include "odometry/odometry.h"
 #include "runtime/detection.h"
 #include "runtime/boxes.h"
+#include "runtime/edges.h"
 #include "runtime/frame_id.h"
 #include "runtime/preview.h"
 #include "runtime/publish.h"
@@ -74,6 +75,7 @@ struct fovea {
     struct fv_publish publish;
     struct fv_boxes boxes;
     struct fv_preview preview;
+    struct fv_edge_stage edges;
     void *job_pieces[FOVEA_JOB_COUNT][FV_JOB_PIECES_MAX]; /* what a job carved for itself alone */
     struct fv_outbox outbox;
 

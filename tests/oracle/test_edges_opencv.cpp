@@ -124,8 +124,8 @@ bool check_canny(const std::string &name, const cv::Mat &image, long &edges)
              {50, 150}, {10, 20}, {0, 0}, {33.5, 99.7}, {20, 400}, {300, 1200}})
         for (bool squares : {false, true}) {
             Config config = config_of(FOVEA_EDGES_CANNY);
-            config.low = static_cast<float>(low);
-            config.high = static_cast<float>(high);
+            config.low = low;
+            config.high = high;
             config.norm = squares ? FOVEA_GRADIENT_L2 : FOVEA_GRADIENT_L1;
             cv::Mat expected;
             cv::Canny(image, expected, static_cast<double>(config.low),

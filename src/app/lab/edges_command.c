@@ -18,7 +18,7 @@ struct request {
     const char *method, *norm, *low, *high;
 };
 
-static enum fovea_status read_number(const char *name, const char *text, float *value,
+static enum fovea_status read_number(const char *name, const char *text, double *value,
                                      struct fovea_error *error)
 {
     double number;
@@ -27,7 +27,7 @@ static enum fovea_status read_number(const char *name, const char *text, float *
         return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
                                "--%s: found '%.100s', expected a number from 0 to 32767", name,
                                text);
-    *value = (float)number;
+    *value = number;
     return FOVEA_OK;
 }
 

@@ -24,7 +24,7 @@ static struct fovea_image image(void)
     return (struct fovea_image){pixels, WIDTH, HEIGHT, STRIDE, FOVEA_PIXEL_GREY8, HEIGHT * STRIDE};
 }
 
-static struct fovea_edges_config canny(float low, float high)
+static struct fovea_edges_config canny(double low, double high)
 {
     struct fovea_edges_config config;
     fovea_edges_config_default(&config);
@@ -164,7 +164,10 @@ static void hysteresis_finds_what_a_flood_finds(void **state)
             if (weak[i]) fv_hysteresis_weak(&hysteresis, y)[x / 64] |= mask;
             if (edges[i]) fv_hysteresis_edges(&hysteresis, y)[x / 64] |= mask;
         }
-        fv_hysteresis_run(&hysteresis);
+        struct fv_hysteresis_state progress;
+        fv_hysteresis_begin(&hysteresis, &progress);
+        while (!fv_hysteresis_advance(&hysteresis, &progress, 1 + round % 5)) {
+        }
         flood(edges, weak);
         for (int i = 0; i < HEIGHT * WIDTH; i++)
             assert_int_equal(fv_hysteresis_edges(&hysteresis, i / WIDTH)[i % WIDTH / 64] >>

@@ -541,7 +541,8 @@ static void every_kind_fits_a_packet(void **state)
                             fv_message_keypoints_size_max(FOVEA_KEYPOINT_SETS_MAX, 30),
                             fv_message_keypoints_size_max(1, FOVEA_KEYPOINTS_MAX),
                             fv_message_classes_size_max(FV_MESSAGE_CLASSES_MAX),
-                            fv_message_segmentation_size_max()};
+                            fv_message_segmentation_size_max(),
+                            fv_message_edges_size_max()};
     for (size_t i = 0; i < sizeof sizes / sizeof sizes[0]; i++)
         assert_in_range(sizes[i], 1, FV_MESSAGE_PACKET_BYTES - 8 - FV_MESSAGE_CHANNEL_BYTES);
 }

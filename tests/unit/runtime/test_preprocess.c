@@ -14,12 +14,13 @@
 #include "fovea/fovea.h"
 #include "nn/model.h"
 
-enum { WIDTH = 320, HEIGHT = 240, MODEL_MAX = 1 << 16, FRAMES = 12, CHANNELS = 3, KEPT = 1 << 17 };
+enum { WIDTH = 320, HEIGHT = 240, MODEL_MAX = 1 << 16, FRAMES = 12, CHANNELS = 4, KEPT = 1 << 17 };
 
 /* What of a run each viewer makes: the last message of a channel. */
-static const char *const channels[CHANNELS] = {"FOVEA_FEATURES", "FOVEA_TENSORS", "FOVEA_PREVIEW"};
+static const char *const channels[CHANNELS] = {"FOVEA_FEATURES", "FOVEA_TENSORS", "FOVEA_PREVIEW",
+                                               "FOVEA_EDGES"};
 static const uint32_t viewers[CHANNELS] = {FOVEA_VIEWER_FEATURES, FOVEA_VIEWER_NETWORKS,
-                                           FOVEA_VIEWER_PREVIEW};
+                                           FOVEA_VIEWER_PREVIEW, FOVEA_VIEWER_EDGES};
 
 struct kept {
     uint8_t data[CHANNELS][KEPT];
@@ -87,6 +88,7 @@ static int setup(void **state)
     config.detect.model_bytes = model_bytes;
     config.preview.period_frames = 1;
     config.preview.quality = 100;
+    config.edge_job.period_frames = 1;
     config.image.preprocess.gamma = 0.7;
     memcpy(config.image.preprocess.operations.items, operations, sizeof operations);
     config.image.preprocess.operations.count = OPERATIONS;
@@ -171,7 +173,7 @@ static void assert_each_sees_as_configured(const struct fovea_image *plain,
     run_of(&none, after, &kept_after);
     for (int c = 0; c < CHANNELS; c++)
         assert_false(same(&kept_plain, &kept_after, c));
-    for (uint32_t set = 0; set < 8; set++) {
+    for (uint32_t set = 0; set <= FOVEA_VIEWERS_ALL; set++) {
         struct fovea_config run = config;
         run.image.seen_by = set;
         run_of(&run, plain, &kept);
