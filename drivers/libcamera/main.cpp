@@ -16,6 +16,7 @@
 #include <thread>
 
 #include "device.h"
+#include "printing.h"
 
 namespace
 {
@@ -157,8 +158,12 @@ void watch()
 
 } // namespace
 
-int main()
+int main(int argc, char **argv)
 {
+    if (std::getenv("LIBCAMERA_LOG_LEVELS") == nullptr)
+        libcamera::logSetTarget(libcamera::LoggingTargetNone);
+    libcamera::logSetLevel("*", "FATAL"); // the runtime prints errors
+    if (argc == 2 && std::strcmp(argv[1], FV_LIBCAMERA_LIST) == 0) return list_cameras();
     const struct rlimit none = {0, 0};
     struct pollfd other_end = {FV_LIBCAMERA_SOCKET, 0, 0};
     if (poll(&other_end, 1, 0) != 0) {
@@ -168,9 +173,6 @@ int main()
     }
     setrlimit(RLIMIT_CORE, &none); // writing one would hold up recovery
     std::thread(watch).detach();
-    if (std::getenv("LIBCAMERA_LOG_LEVELS") == nullptr)
-        libcamera::logSetTarget(libcamera::LoggingTargetNone);
-    libcamera::logSetLevel("*", "FATAL"); // the runtime prints errors
     Process process;
     while (process.serve()) {
     }

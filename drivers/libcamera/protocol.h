@@ -25,6 +25,13 @@
  * A process serves one SET_UP: when streaming is over, for whatever reason, the program ends it and
  * starts another. The process ends when its socket does. Both come from one build, which the
  * version makes sure of.
+ *
+ * With FV_LIBCAMERA_LIST as its only argument the process has no socket: it prints the cameras on
+ * stdout and ends. Fields are between tabs, lines below a camera are its own:
+ *   camera   ID  MODEL
+ *   format   libcamera's name  WIDTH  HEIGHT
+ *   control  NAME  MINIMUM  MAXIMUM  DEFAULT
+ *   trouble  why nothing more is known
  */
 #ifndef FOVEA_LIBCAMERA_PROTOCOL_H
 #define FOVEA_LIBCAMERA_PROTOCOL_H
@@ -40,6 +47,7 @@ extern "C" {
 #endif
 
 #define FV_LIBCAMERA_PROGRAM "fovea-libcamera"
+#define FV_LIBCAMERA_LIST "--list"
 enum {
     FV_LIBCAMERA_VERSION = 3,
     FV_LIBCAMERA_SOCKET = 3, /* the process's descriptor */

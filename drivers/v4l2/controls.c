@@ -12,8 +12,7 @@ enum { CONTROLS_MAX = 96 };
 
 typedef struct v4l2_query_ext_ctrl control_info;
 
-/* "Exposure Time, Absolute" becomes "exposure_time_absolute", as v4l2-ctl does. */
-static void option_name(const char *name, char *out)
+void fv_v4l2_option_name(const char *name, char out[32])
 {
     size_t used = 0;
     for (bool gap = false; *name != '\0' && used < 31; name++) {
@@ -52,7 +51,7 @@ static enum fovea_status find_by_name(const struct fv_v4l2_device *device, const
         if (!query(device, id | V4L2_CTRL_FLAG_NEXT_CTRL, info)) break;
         id = info->id;
         if (info->type == V4L2_CTRL_TYPE_CTRL_CLASS) continue;
-        option_name(info->name, names[count]);
+        fv_v4l2_option_name(info->name, names[count]);
         if (strcmp(names[count++], name) == 0) return FOVEA_OK;
     }
     return unknown(device, name, names, count, error);
@@ -68,8 +67,8 @@ static bool menu_row(const struct fv_v4l2_device *device, const control_info *in
         struct v4l2_querymenu row = {.id = info->id, .index = (uint32_t)i};
         char name[32], wanted[FV_V4L2_WORD_BYTES];
         if (fv_v4l2_system->ioctl(device->fd, VIDIOC_QUERYMENU, &row) != 0) continue;
-        option_name((const char *)row.name, name);
-        option_name(text, wanted);
+        fv_v4l2_option_name((const char *)row.name, name);
+        fv_v4l2_option_name(text, wanted);
         if (strcmp(name, wanted) != 0) continue;
         *value = i;
         return true;

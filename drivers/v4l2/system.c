@@ -62,6 +62,25 @@ static bool resolve(const char *path, char node[FV_V4L2_PATH_BYTES])
     return true;
 }
 
+static bool link_to(const char *folder, const char *node, char path[FV_V4L2_PATH_BYTES])
+{
+    struct dirent **entries;
+    bool found = false;
+    const int count = scandir(folder, &entries, NULL, alphasort);
+    for (int i = 0; i < count; i++) {
+        char whole[FV_V4L2_PATH_BYTES], leads_to[FV_V4L2_PATH_BYTES];
+        const int length = snprintf(whole, sizeof whole, "%s/%s", folder, entries[i]->d_name);
+        if (!found && length < (int)sizeof whole && resolve(whole, leads_to) &&
+            strcmp(leads_to, node) == 0) {
+            memcpy(path, whole, (size_t)length + 1);
+            found = true;
+        }
+        free(entries[i]);
+    }
+    if (count >= 0) free(entries);
+    return found;
+}
+
 static bool attribute(const char *node, const char *name, char *value, size_t bytes)
 {
     char path[FV_V4L2_PATH_BYTES + 96];
@@ -88,6 +107,7 @@ const struct fv_v4l2_system fv_v4l2_system_real = {
     .unmap = munmap,
     .nodes = list_nodes,
     .resolve = resolve,
+    .link = link_to,
     .attribute = attribute,
 };
 const struct fv_v4l2_system *fv_v4l2_system = &fv_v4l2_system_real;

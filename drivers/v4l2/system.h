@@ -21,6 +21,9 @@ struct fv_v4l2_system {
     size_t (*nodes)(char paths[FV_V4L2_NODES_MAX][FV_V4L2_PATH_BYTES]);
     /* The node that a name stands for, through links. False: there is none. */
     bool (*resolve)(const char *path, char node[FV_V4L2_PATH_BYTES]);
+    /* The first name in `folder`, in the order of their letters, that leads to the node. False:
+     * there is none. */
+    bool (*link)(const char *folder, const char *node, char path[FV_V4L2_PATH_BYTES]);
     /* What sysfs says of a node: "name", "index", "serial" (of its USB device); without the
      * newline. False: nothing. */
     bool (*attribute)(const char *node, const char *name, char *value, size_t bytes);

@@ -113,6 +113,9 @@ enum fovea_status fv_v4l2_negotiate(struct fv_v4l2_device *device, struct fovea_
 void fv_v4l2_notice(struct fovea_error *notice, const struct fv_v4l2_device *device,
                     const char *what, double asked, double given);
 
+/* controls.c: "Exposure Time, Absolute" becomes "exposure_time_absolute", as v4l2-ctl does. */
+void fv_v4l2_option_name(const char *name, char out[32]);
+
 /* controls.c: exposure, gain and controls by name, each checked against the driver's range, on an
  * open node. `notice` (or NULL) gets a line where a value, read back, differs by over 1 % from what
  * was asked for. Sets device->exposure_ns. */

@@ -23,6 +23,12 @@ const struct fv_command fv_commands[] = {
      "Each line names a part - memory, kernels, real-time rights, LCM, camera, calibration, model - "
      "and says that it is ok, or what is missing and what remedies it.",
      "fovea check --config robot.yaml\nfovea check --source v4l2:/dev/video0 --bench"},
+    {"cameras", "list the cameras of this host, with a URI ready for each", fv_command_cameras,
+     "Each camera of V4L2 and of libcamera is printed with the name under which it is found again "
+     "when others come and go, its formats with sizes and rates, its controls with their ranges, "
+     "and a URI for --source: the size nearest to 640 x 480 at 25 Hz or more. Formats that Fovea "
+     "does not read are marked. No camera is set up; a camera may be in use.",
+     "fovea cameras\nfovea cameras --json"},
     {"config", "print the commented configuration, or check a file", fv_command_config,
      "Without options every key is printed as YAML with its meaning, range, unit and default. Any "
      "key may be left out of a file.",

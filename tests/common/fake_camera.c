@@ -257,7 +257,8 @@ static int query_control(struct fake_camera *camera, struct v4l2_query_ext_ctrl 
                                          .type = control->type,
                                          .minimum = control->minimum,
                                          .maximum = control->maximum,
-                                         .step = (uint64_t)control->step};
+                                         .step = (uint64_t)control->step,
+                                         .default_value = control->minimum};
     snprintf(info->name, sizeof info->name, "%s", control->name);
     return 0;
 }
@@ -322,6 +323,31 @@ static int enumerate(const struct fake_camera *camera, struct v4l2_fmtdesc *row)
     return 0;
 }
 
+/* Twice the size with half the rate is listed too, and every size of a camera that takes any. */
+static int enumerate_sizes(const struct fake_camera *camera, struct v4l2_frmsizeenum *row)
+{
+    const uint32_t width = (uint32_t)camera->width, height = (uint32_t)camera->height;
+    if (camera->no_rates) return fake_refuse(ENOTTY);
+    if (row->index >= (camera->any_size ? 1 : 2)) return fake_refuse(EINVAL);
+    row->type = camera->any_size ? V4L2_FRMSIZE_TYPE_STEPWISE : V4L2_FRMSIZE_TYPE_DISCRETE;
+    if (camera->any_size)
+        row->stepwise =
+            (struct v4l2_frmsize_stepwise){width, 16 * width, 2, height, 16 * height, 2};
+    else
+        row->discrete = (struct v4l2_frmsize_discrete){width << row->index, height << row->index};
+    return 0;
+}
+
+static int enumerate_rates(const struct fake_camera *camera, struct v4l2_frmivalenum *row)
+{
+    const bool twice = row->width > (uint32_t)camera->width;
+    if (row->index >= 2) return fake_refuse(EINVAL);
+    row->type = V4L2_FRMIVAL_TYPE_DISCRETE; /* the lower first */
+    row->discrete = (struct v4l2_fract){
+        twice ? 2000 : 1000, (uint32_t)(camera->rate_hz * (row->index == 0 ? 500 : 1000))};
+    return 0;
+}
+
 static int event(struct fake_camera *camera, struct v4l2_event *out)
 {
     if (!camera->source_change) return fake_refuse(ENOENT);
@@ -337,6 +363,10 @@ int fake_answer(struct fake_camera *camera, unsigned long request, void *argumen
         return capability(camera, argument);
     case VIDIOC_ENUM_FMT:
         return enumerate(camera, argument);
+    case VIDIOC_ENUM_FRAMESIZES:
+        return enumerate_sizes(camera, argument);
+    case VIDIOC_ENUM_FRAMEINTERVALS:
+        return enumerate_rates(camera, argument);
     case VIDIOC_G_FMT:
         describe(camera, argument);
         return 0;

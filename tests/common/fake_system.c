@@ -189,6 +189,19 @@ static bool fake_resolve(const char *path, char node[FV_V4L2_PATH_BYTES])
     return camera != NULL;
 }
 
+static bool fake_link_to(const char *folder, const char *node, char path[FV_V4L2_PATH_BYTES])
+{
+    bool found = false;
+    fake_lock();
+    for (size_t i = 0; i < link_count && !found; i++) {
+        found = strncmp(links[i].path, folder, strlen(folder)) == 0 && links[i].camera->plugged &&
+                strcmp(links[i].camera->node, node) == 0;
+        if (found) memcpy(path, links[i].path, sizeof links[0].path);
+    }
+    fake_unlock();
+    return found;
+}
+
 static bool fake_attribute(const char *node, const char *name, char *value, size_t bytes)
 {
     fake_lock();
@@ -212,6 +225,7 @@ static const struct fv_v4l2_system fake_system = {
     .unmap = fake_unmap,
     .nodes = fake_nodes,
     .resolve = fake_resolve,
+    .link = fake_link_to,
     .attribute = fake_attribute,
 };
 

@@ -9,6 +9,7 @@ int fv_command_features(int argc, char **argv); /* features of a picture */
 int fv_command_match(int argc, char **argv);    /* matches of two pictures */
 int fv_command_rectify(int argc, char **argv);  /* a picture without distortion */
 int fv_command_image(int argc, char **argv);    /* a picture after operations */
+int fv_command_cameras(int argc, char **argv);  /* the cameras of this host */
 int fv_command_edges(int argc, char **argv);    /* the edges of a picture */
 int fv_command_detect(int argc, char **argv);   /* what a network finds in pictures */
 int fv_command_map(int argc, char **argv);      /* what a map file holds */
