@@ -220,6 +220,9 @@ $(BUILD)/venv-objects/ready:
 	$(BUILD)/venv-objects/bin/pip install -q trackers==2.6.1 trackeval==1.3.0 numpy
 	@touch $@
 PICTURE := $(BUILD)/run-picture.png
+quantiser:  ## install what `tools/import --quantise` needs: 310 MB of Python packages, used without a network
+	@tools/quantiser_python.sh $(BUILD)
+.PHONY: quantiser
 pictures: all  ## renew the picture of README.md: a simulated run
 	@tools/install.sh pictures
 	$(BUILD)/fovea run --quiet --source sim:tour --frames 900 --set lcm_url= --model src/detect/shipped.fvm --picture $(PICTURE)

@@ -18,6 +18,12 @@ echo "== uses"
 "$python" tests/import/uses.py || failed=1
 echo "== decoders"
 "$python" tests/import/decoders.py || failed=1
+echo "== quantiser"
+if quantiser=$(tools/quantiser_python.sh "$build"); then
+    "$quantiser" tests/import/quantiser.py || failed=1
+else
+    echo "SKIPPED quantiser: the package ai-edge-quantizer cannot be installed"
+fi
 for test in operators variants odd; do
     echo "== $test, sizes left open"
     "$python" "tests/import/$test.py" --open --rounds "$rounds" || failed=1

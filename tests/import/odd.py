@@ -476,12 +476,44 @@ def picture_in_planes(c):
     return [x], [y, z] + ([planes] if real and c.int(0, 1) else [])
 
 
+def float_islands(c):
+    """Functions of real numbers between DEQUANTIZE and QUANTIZE: one, or several in a row; a slope for each channel."""
+    shape = (1, c.int(1, 6), c.int(1, 6), c.int(1, 40))
+    x = c.q(shape)
+    reals = [c.b.tensor("float32", shape)]
+    c.b.op("DEQUANTIZE", [x], [reals[0]], "Dequantize")
+    for _ in range(c.int(1, 3)):
+        name = c.choose("RELU", "RELU6", "LEAKY_RELU", "PRELU", "ABS", "NEG", "MINIMUM", "MAXIMUM", "MUL", "ADD", "SUB", "DIV", "TANH")
+        if name == "PRELU" and any(op[0] == "PRELU" for op in c.b.ops):
+            name = "ABS"
+        y = c.b.tensor("float32", shape)
+        if name == "LEAKY_RELU":
+            c.b.op(name, [reals[-1]], [y], "LeakyRelu", Alpha=float(np.float32(c.r.uniform(0, 0.5))))
+        elif name == "PRELU":
+            c.b.op(name, [reals[-1], c.b.const("float32", c.r.uniform(-0.5, 0.5, (1, 1, shape[3])).astype("float32"))], [y])
+        elif name in ("RELU", "RELU6", "ABS", "NEG", "TANH"):
+            c.b.op(name, [reals[-1]], [y])
+        else:
+            k = c.b.const("float32", np.float32(c.r.uniform(0.2, 2) * c.choose(-1, 1)))
+            ins = [reals[-1], k] if name == "DIV" or c.int(0, 1) else [k, reals[-1]]
+            options = "MaximumMinimum" if name in ("MINIMUM", "MAXIMUM") else name.capitalize()
+            c.b.op(name, ins, [y], options, **({} if "M" in options[1:] else {"FusedActivationFunction": c.choose(0, 1, 3)}))
+        reals.append(y)
+    y = c.q(shape, float(np.exp(c.r.uniform(-4, -1))))
+    c.b.op("QUANTIZE", [reals[-1]], [y], "Quantize")
+    if c.int(0, 1):
+        return [x], [y]
+    z = c.q(shape, 0.05)
+    c.b.op("ADD", [x, y], [z], "Add")
+    return [x], [z]
+
+
 operators.CASES.clear()
 operators.CASES.update({f.__name__: f for f in (
     conv_uneven, depthwise_uneven, connected_axes, arithmetic_scales, extreme_constant, slice_masks, slice_ellipsis,
     pool_wide, reduce_axes, resize_images, reshape_forms, tile_long, tile_every_axis, offset_weights, constant_functions, wide_layers,
     unary_ranges, softmax_axes, prelu_forms, matmul_forms, arg_max_cast, up_uneven, pad_long, join_scales, detection_many, one_by_one_chain,
-    open_sizes, dilated_by_batches, picture_in_planes)})
+    open_sizes, dilated_by_batches, picture_in_planes, float_islands)})
 
 if __name__ == "__main__":
     sys.exit(operators.main())

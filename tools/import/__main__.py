@@ -2,15 +2,34 @@
 
     python3 tools/import MODEL.tflite [-o MODEL.fvm] [--labels FILE] [--decoder NAME] ...
     python3 tools/import MODEL.tflite --check IMAGE... [--layers] [--set avx2]
+    python3 tools/import --quantise FLOAT.tflite PICTURE... [-o MODEL.fvm]
 
 Needs the packages tflite and numpy; --check also ai-edge-litert and pillow. See README.md beside this file."""
 import argparse
+import importlib.util
 import os
 import platform
 import sys
 
-sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+HERE = os.path.dirname(os.path.abspath(__file__))
+sys.path.insert(0, HERE)
 
+
+def enter_quantiser():
+    """Go on with the quantiser's own Python where this one lacks it."""
+    build = os.environ.get("BUILD", os.path.join(os.path.dirname(os.path.dirname(HERE)), "build"))
+    python = os.environ.get("FOVEA_QUANTISER", os.path.join(build, "quantiser-venv", "bin", "python"))
+    if importlib.util.find_spec("ai_edge_quantizer") is not None:
+        return
+    if os.environ.get("FOVEA_QUANTISER_RUNS") or not os.path.exists(python):
+        print("tools/import --quantise: found no Python package ai-edge-quantizer, expected it: `make quantiser` installs it once", file=sys.stderr)
+        sys.exit(2)
+    os.environ["FOVEA_QUANTISER_RUNS"] = "1"
+    os.execv(python, [python, *sys.argv])
+
+
+if __name__ == "__main__" and "--quantise" in sys.argv:
+    enter_quantiser()
 for package in ("numpy", "tflite", "flatbuffers"):
     try:
         __import__(package)
@@ -89,6 +108,17 @@ def put(path, data):
         raise
 
 
+def quantise_first(arguments, output):
+    """From here on the model is the quantised one, which is left beside the output."""
+    import quantise
+    target = os.path.splitext(output)[0] + ".int8.tflite"
+    if os.path.exists(target) and os.path.samefile(target, arguments.model):
+        raise graph_module.ImportProblem(f"found the model that is to be quantised at {target}, expected another output")
+    for line in quantise.run(arguments.model, target, arguments, use.archive(arguments.model)[1]):
+        print(line)
+    arguments.model = target
+
+
 def complain(text):
     print(text, file=sys.stderr)
     return 2
@@ -97,15 +127,21 @@ def complain(text):
 def main():
     parser = argparse.ArgumentParser(prog="tools/import", description=__doc__.split("\n")[0])
     parser.add_argument("model")
+    parser.add_argument("pictures", nargs="*", metavar="PICTURE", help="pictures or folders of them, for --quantise")
+    parser.add_argument("--quantise", action="store_true", help="the model is of real numbers: quantise it on the pictures first")
     parser.add_argument("-o", "--output", help="the .fvm file (default: beside the model)")
     parser.add_argument("--check", nargs="*", metavar="IMAGE", help="compare with the reference on images and noise")
     parser.add_argument("--layers", action="store_true", help="compare every operator, not only the outputs")
     parser.add_argument("--set", choices=kernel_sets(), help="kernel set for --check; default: the best of this processor")
     parser.add_argument("--no-fold", action="store_true", help="merge nothing, for finding faults")
     use.add_arguments(parser)
-    arguments = parser.parse_args()
+    arguments = parser.parse_intermixed_args()
+    if arguments.pictures and not arguments.quantise:
+        return complain(f"{arguments.pictures[0]}: found a second file, expected one model (pictures go with --quantise)")
     output = arguments.output or os.path.splitext(arguments.model)[0] + ".fvm"
     try:
+        if arguments.quantise:
+            quantise_first(arguments, output)
         data, figures = convert(arguments.model, arguments, not arguments.no_fold)
         if os.path.exists(output) and os.path.samefile(output, arguments.model):
             return complain(f"-o {output}: found the model that is read, expected another file")

@@ -59,6 +59,8 @@ class Folder:
         if not (ti.is8 and to.is8):
             return None
         s_in, z_in, s_out, z_out = ti.scale0, ti.zero_u8, to.scale0, to.zero_u8
+        if op.name == "TABLE":  # islands.py
+            return op.inputs[0], op.custom["table"]
         if op.name in REAL:
             return op.inputs[0], quant.float_table(ti, to, REAL[op.name])
         if op.name == "GELU":

@@ -24,7 +24,7 @@ def _split(graph, op, known, mask):
 def _moved(graph, op, mask):
     """The mask of the first output of an operator that moves elements; None: it does more."""
     ins = op.inputs
-    if op.name in ("LOGISTIC", "SOFTMAX"):
+    if op.name in ("LOGISTIC", "SOFTMAX") or op.custom.get("end") == "LOGISTIC":
         return np.ones(graph.tensors[op.outputs[0]].shape, bool)
     if op.name in SAME:
         return mask(ins[0])
@@ -60,7 +60,7 @@ def of(graph):
     def mask(t):
         return known[t] if t in known else np.zeros(graph.tensors[t].shape, bool)
     for op in graph.ops:
-        if op.name not in ("LOGISTIC", "SOFTMAX") and not any(t in known for t in op.inputs):
+        if op.name not in ("LOGISTIC", "SOFTMAX", "TABLE") and not any(t in known for t in op.inputs):
             continue
         try:
             if op.name in ("SPLIT", "SPLIT_V"):

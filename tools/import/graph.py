@@ -11,6 +11,7 @@ import tflite
 
 import constant
 import dilate
+import islands
 import planes
 
 CODE_NAMES = {v: k for k, v in vars(tflite.BuiltinOperator).items() if isinstance(v, int)}
@@ -112,6 +113,21 @@ def _custom(op):
     return found if isinstance(found, dict) else {}
 
 
+def _builtin_code(code):
+    """The field itself: the package gives the deprecated one of 8 bits where a writer left that at 0."""
+    from flatbuffers.number_types import Int32Flags
+    at = code._tab.Offset(10)
+    return code._tab.Get(Int32Flags, at + code._tab.Pos) if at else 0
+
+
+def _bytes_of(buffer):
+    """Of large models they lie behind the tables, at an offset from the file's start; 0 and 1 mean that they do not."""
+    if buffer.DataLength():
+        return buffer.DataAsNumpy().tobytes()
+    at = buffer.Offset()
+    return bytes(buffer._tab.Bytes[at:at + buffer.Size()]) if at > 1 else b""
+
+
 def _tensor(model, index, t):
     kind = TYPE_NAMES[t.Type()]
     if kind not in DTYPES:
@@ -127,8 +143,8 @@ def _tensor(model, index, t):
     shape = tuple(int(v) for v in t.ShapeAsNumpy()) if t.ShapeLength() else ()
     data = None
     buffer = model.Buffers(t.Buffer())
-    if buffer.DataLength() or 0 in shape:
-        raw = buffer.DataAsNumpy().tobytes() if buffer.DataLength() else b""
+    raw = _bytes_of(buffer)
+    if raw or 0 in shape:
         count = int(np.prod(shape, dtype=np.int64)) if shape else 1
         dtype = np.dtype(DTYPES[kind])
         if len(raw) < count * dtype.itemsize:
@@ -175,7 +191,7 @@ def _parse(model):
     for i in range(g.OperatorsLength()):
         op = g.Operators(i)
         code = model.OperatorCodes(op.OpcodeIndex())
-        number = max(code.BuiltinCode(), code.DeprecatedBuiltinCode())
+        number = max(_builtin_code(code), code.DeprecatedBuiltinCode())
         name = CODE_NAMES.get(number, f"with code {number}")
         if name == "CUSTOM":
             name = code.CustomCode().decode()
@@ -191,4 +207,5 @@ def _parse(model):
     constant.fold(graph)
     dilate.join(graph)
     planes.turn(graph)
+    islands.join(graph)
     return graph

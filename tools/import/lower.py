@@ -8,7 +8,7 @@ from layout import ARENA_SLACK
 from net import Net
 
 REFUSAL_MAX = 200
-UNARY = ("LOGISTIC", "TANH", "RELU", "RELU6", "RELU_N1_TO_1", "RELU_0_TO_1", "LEAKY_RELU", "HARD_SWISH", "EXP", "LOG", "GELU", "ABS", "NEG", "SQRT", "RSQRT", "ELU")
+UNARY = ("LOGISTIC", "TANH", "RELU", "RELU6", "RELU_N1_TO_1", "RELU_0_TO_1", "LEAKY_RELU", "HARD_SWISH", "EXP", "LOG", "GELU", "ABS", "NEG", "SQRT", "RSQRT", "ELU", "TABLE")
 
 
 def shortened(text, most=REFUSAL_MAX):
@@ -154,8 +154,9 @@ class Lowering:
             data = tensors[2 if op.name == "TRANSPOSE_CONV" else 0]
             if data.type in ("FLOAT32", "INT16"):
                 kind = "dynamic range quantisation" if any(t.is8 for t in tensors) else data.type.lower()
+                how = "with a representative data set" if kind != "float32" else "or let --quantise do it on pictures"
                 raise ImportProblem(f"operator {op.index} {op.name}: found {kind}, expected int8 or uint8 throughout: export full integer "
-                                    "quantisation, with a representative data set")
+                                    f"quantisation, {how}")
 
     def describe(self, op, what=""):
         def shapes(indices):

@@ -30,11 +30,22 @@ def binary(low, op):
     if is_refused(op, ta):
         raise ImportProblem(low.describe_missing(op) + " (of uint8 alone)")
     p = binary_params(op.name, ta, tb, to, activation_of(op))
+    emit_binary(low, op, p, quant.div_table(p) if op.name == "DIV" else None)
+
+
+def pair(low, op):
+    """Any function of two bytes, by its table (islands.py)."""
+    emit_binary(low, op, {}, op.custom["table"])
+
+
+def emit_binary(low, op, p, pairs):
+    """`pairs`: the table of a function that has no kernel; what follows is merged into it."""
+    a, b = op.inputs[:2]
+    to = low.tensor(op.outputs[0])
     va, vb = low.input(a), low.input(b)
-    last, after = low.merged_after(t_out)
-    if op.name == "DIV":
-        after = quant.div_table(p) if after is None else after[quant.div_table(p)]
-        p = dict(act_max=255)
+    last, after = low.merged_after(op.outputs[0])
+    if pairs is not None:
+        after, p = pairs if after is None else after[pairs], dict(act_max=255)
     table = 0 if after is None else low.net.blob(after)
     out = low.output(last)
     net = low.net
@@ -51,7 +62,7 @@ def binary(low, op):
     q.update({f"a{i}": sa[i] for i in range(6)})
     q.update({f"b{i}": sb[i] for i in range(6)})
     q.update({f"o{i}": so[i] for i in range(6)})
-    q.update(p, function=BINARY[op.name], table=table)
+    q.update(p, function=BINARY["DIV" if pairs is not None else op.name], table=table)
     same = vo.dense and sa == so
     net.step("BINARY", op, [va, vb], [out], q, int(np.prod(d[:5], dtype=np.int64)), cost=to.size * 24,
              in_place=bool(same))
@@ -334,6 +345,7 @@ def detection_steps(p):
 
 
 OPERATORS = {name: binary for name in BINARY}
+OPERATORS["TABLE_PAIR"] = pair
 OPERATORS.update({"MAX_POOL_2D": pool, "AVERAGE_POOL_2D": pool, "MEAN": reduce, "SUM": reduce, "REDUCE_MAX": reduce,
                   "REDUCE_MIN": reduce, "RESIZE_NEAREST_NEIGHBOR": resize, "RESIZE_BILINEAR": resize,
                   "SOFTMAX": softmax, "L2_NORMALIZATION": normalise, "ARG_MAX": arg_max, "ARG_MIN": arg_max, "BATCH_MATMUL": batch_matmul,

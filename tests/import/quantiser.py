@@ -1,0 +1,199 @@
+"""`tools/import --quantise`: a network of real numbers becomes an int8 one that the engine runs as the reference does, with the loss that is said, and
+what cannot be quantised is refused in a line. Needs the quantiser's Python (tools/quantiser_python.sh).
+
+    build/quantiser-venv/bin/python tests/import/quantiser.py"""
+import os
+import re
+import subprocess
+import sys
+import tempfile
+import zipfile
+
+import numpy as np
+
+HERE = os.path.dirname(os.path.abspath(__file__))
+TOOL = os.path.join(HERE, "..", "..", "tools", "import")
+sys.path[:0] = [HERE, TOOL]
+
+from builder import Builder  # noqa: E402
+
+SIDE = 32
+
+
+class Real(Builder):
+    """Layers of real numbers with random weights."""
+
+    def __init__(self, seed, planes=False):
+        super().__init__()
+        self.r = np.random.default_rng(seed)
+        self.input = self.tensor("float32", (1, 3, SIDE, SIDE) if planes else (1, SIDE, SIDE, 3))
+        self.last = self.input
+        if planes:
+            self.then("TRANSPOSE", (1, SIDE, SIDE, 3), None, self.const("int32", [0, 2, 3, 1]), options="Transpose")
+
+    def then(self, name, shape, _, *more, options=None, **fields):
+        out = self.tensor("float32", shape)
+        self.op(name, [self.last, *more], [out], options, **fields)
+        self.last = out
+
+    def weights(self, shape, fan):
+        return self.const("float32", self.r.normal(0, 1.5 / np.sqrt(fan), shape))
+
+    def conv(self, channels, stride, activation=0):
+        _, h, w, c = self.tensors[self.last][1]
+        self.then("CONV_2D", (1, h // stride, w // stride, channels), None, self.weights((channels, 3, 3, c), 9 * c),
+                  self.const("float32", self.r.normal(0, 0.2, channels)), options="Conv2D", StrideH=stride, StrideW=stride, DilationHFactor=1,
+                  DilationWFactor=1, Padding=0, FusedActivationFunction=activation)
+
+    def file(self):
+        return self.bytes([self.input], [self.last])
+
+
+def network(planes=False):
+    """With functions that the quantiser leaves as real numbers."""
+    b = Real(3, planes)
+    b.conv(8, 2, 3)
+    b.conv(16, 2)
+    b.then("LEAKY_RELU", (1, 8, 8, 16), None, options="LeakyRelu", Alpha=0.1)
+    b.conv(12, 1)
+    b.then("PRELU", (1, 8, 8, 12), None, b.const("float32", b.r.uniform(0, 0.4, (1, 1, 12))))
+    b.then("MEAN", (1, 12), None, b.const("int32", [1, 2]), options="Reducer", KeepDims=False)
+    b.then("FULLY_CONNECTED", (1, 5), None, b.weights((5, 12), 12), b.const("float32", np.zeros(5)), options="FullyConnected")
+    return b.file()
+
+
+def pictures(folder, count):
+    """Smooth ones with edges, all different."""
+    from PIL import Image
+    r = np.random.default_rng(1)
+    for i in range(count):
+        small = r.integers(0, 256, (4, 5, 3)).astype(np.uint8)
+        Image.fromarray(small).resize((48, 40), Image.Resampling.NEAREST if i % 2 else Image.Resampling.BICUBIC).save(os.path.join(folder, f"{i:02}.png"))
+
+
+class Bench:
+    def __init__(self, folder):
+        self.folder, self.wrong = folder, 0
+
+    def path(self, name, data=None):
+        path = os.path.join(self.folder, name)
+        if data is not None:
+            with open(path, "wb") as file:
+                file.write(data)
+        return path
+
+    def tool(self, *arguments, python=sys.executable, **environment):
+        return subprocess.run([python, TOOL, *arguments], capture_output=True, text=True, env={**os.environ, **environment})
+
+    def holds(self, what, good, found=""):
+        self.wrong += not good
+        print(f"{'holds ' if good else 'WRONG '} {what}" + ("" if good else f": {found}"))
+
+    def refused(self, what, text, *arguments, **keys):
+        done = self.tool(*arguments, **keys)
+        good = done.returncode == 2 and text in done.stderr and done.stderr.count("\n") == 1 and len(done.stderr) <= 300
+        self.holds(f"{what}: {done.stderr.strip()[-160:]}", good, done)
+
+
+def said(text):
+    """The rms of the loss that is printed."""
+    found = re.search(r"^loss of output 0 .*: rms ([0-9.e+-]+), ([0-9.]+) %", text, re.M)
+    return (float(found[1]), float(found[2])) if found else (np.nan, np.nan)
+
+
+def measured(real, whole, paths):
+    """The same by the definition: pictures as -1 to 1, outputs as real numbers."""
+    from ai_edge_litert.interpreter import Interpreter
+    from PIL import Image
+    off = []
+    nets = [Interpreter(model_path=p, num_threads=1) for p in (real, whole)]
+    for net in nets:
+        net.allocate_tensors()
+    for path in paths:
+        x = np.asarray(Image.open(path).convert("RGB").resize((SIDE, SIDE), Image.Resampling.BILINEAR), np.float32)
+        x = (x - np.float32(127.5)) * np.float32(1 / 127.5)
+        scale, zero = nets[1].get_input_details()[0]["quantization"]
+        outs = []
+        for net, value in zip(nets, (x, np.clip(np.round(x / scale) + zero, -128, 127).astype(np.int8))):
+            detail, out = net.get_input_details()[0], net.get_output_details()[0]
+            net.set_tensor(detail["index"], value[None] if detail["shape"][3] == 3 else value.transpose(2, 0, 1)[None])
+            net.invoke()
+            value = net.get_tensor(out["index"]).astype(np.float64)
+            outs.append((value - out["quantization"][1]) * out["quantization"][0] if out["quantization"][0] else value)
+        off.append(outs[0] - outs[1])
+    return float(np.sqrt(np.mean(np.square(off))))
+
+
+def quantises(bench, planes):
+    folder = os.path.join(bench.folder, "pictures")
+    model, out = bench.path("real.tflite", network(planes)), bench.path("out.fvm")
+    with zipfile.ZipFile(model, "a") as archive:
+        archive.writestr("labels.txt", "a\nb\nc\nd\ne\n")
+    done = bench.tool("--quantise", model, folder, "-o", out, "--decoder", "none")
+    form = "planes" if planes else "pixels"
+    bench.holds(f"a network of real numbers, {form}", done.returncode == 0 and "quantised on 30 pictures" in done.stdout and os.path.exists(out), done)
+    rms, share = said(done.stdout)
+    whole = bench.path("out.int8.tflite")
+    expected = measured(model, whole, [os.path.join(folder, f"{i:02}.png") for i in range(3, 40, 4)])
+    bench.holds(f"its loss is that of the pictures kept aside, {rms:g}", abs(rms - expected) < 0.002 * expected, expected)
+    bench.holds(f"and small, {share:g} %", share < 6, share)
+    check = bench.tool(whole, "--decoder", "none", "--check", os.path.join(folder, "00.png"), "--layers")
+    bench.holds("the engine equals the reference", check.returncode == 0 and "equal" in check.stdout and "DIFFERS" not in check.stdout, check)
+    with zipfile.ZipFile(whole) as archive:
+        bench.holds("labels go along", archive.namelist() == ["labels.txt"], archive.namelist())
+
+
+def known(bench):
+    """A network of which the int8 form is given: its real numbers, quantised again on photographs, lose little."""
+    from real import real
+    data = os.environ.get("FOVEA_DATA", os.path.join(HERE, "..", "..", "..", "shared", "data"))
+    model, photographs = os.path.join(data, "models", "vww_96_int8.tflite"), os.path.join(data, "coco_32")
+    if not os.path.exists(model):
+        print("SKIPPED a known network: no vww_96_int8.tflite in $FOVEA_DATA/models")
+        return
+    with open(model, "rb") as file:
+        path = bench.path("vww.tflite", real(file.read()))
+    done = bench.tool("--quantise", path, photographs, "-o", bench.path("vww.fvm"))
+    bench.holds(f"a known network loses {said(done.stdout)[1]:g} %", said(done.stdout)[1] < 3 and "decoder classifier" in done.stdout, done)
+
+
+def refuses(bench):
+    folder = os.path.join(bench.folder, "pictures")
+    model = bench.path("real.tflite")
+    whole = bench.path("out.int8.tflite")
+    bench.refused("a quantised network", "expected a network of real numbers", "--quantise", whole, folder, "-o", bench.path("other.fvm"))
+    bench.refused("no pictures", "found no pictures", "--quantise", model)
+    bench.refused("a file that is no picture", "not a picture", "--quantise", model, bench.path("text.png", b"text"))
+    bench.refused("a file that is no network", "not a .tflite file", "--quantise", bench.path("text.tflite", b"text text"), folder)
+    bench.refused("half a network", "gave up", "--quantise", bench.path("half.tflite", network()[:3000]), folder)
+    bench.refused("pictures without --quantise", "expected one model", whole, model)
+    bench.refused("no quantiser", "`make quantiser`", "--quantise", model, folder, python=sys.executable, FOVEA_QUANTISER="/nowhere",
+                  PYTHONPATH=blind(bench))
+    two = Real(1)
+    second = two.tensor("float32", (1, SIDE, SIDE, 3))
+    two.op("ADD", [two.input, second], [two.tensor("float32", (1, SIDE, SIDE, 3))], "Add")
+    bench.refused("two inputs", "found 2 inputs", "--quantise", bench.path("two.tflite", two.bytes([two.input, second], [second + 1])), folder)
+    bench.holds("a refused network leaves no file", not os.path.exists(bench.path("two.int8.tflite")) and not os.path.exists(bench.path("two.fvm")))
+
+
+def blind(bench):
+    """A folder whose sitecustomize.py hides the package."""
+    os.makedirs(os.path.join(bench.folder, "blind"), exist_ok=True)
+    bench.path("blind/sitecustomize.py", b"import importlib.util as u\nf = u.find_spec\nu.find_spec = lambda n, *a: None if 'quantizer' in n else f(n, *a)\n")
+    return os.path.join(bench.folder, "blind")
+
+
+def main():
+    with tempfile.TemporaryDirectory() as folder:
+        os.mkdir(os.path.join(folder, "pictures"))
+        pictures(os.path.join(folder, "pictures"), 40)
+        bench = Bench(folder)
+        quantises(bench, False)
+        quantises(bench, True)
+        known(bench)
+        refuses(bench)
+    return 1 if bench.wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
