@@ -45,6 +45,15 @@ const struct fv_command fv_commands[] = {
      "checked from end to end before they are printed. Ends on SIGINT and SIGTERM too.",
      "fovea echo FOVEA_POSE\nfovea echo '*_STATISTICS' --count 1 --timeout 5\n"
      "fovea echo '*' --listen loopback >messages.json"},
+    {"top", "watch running robots: state, rates, times, deadlines", fv_command_top,
+     "A full screen shows each robot whose messages are heard, by channel prefix; PREFIX may be a "
+     "pattern with * and ?. FOR s is how long the state has lasted; MEAN and MAX ms are times of "
+     "the loop's stages per frame, LATENCY is from the stamp to the step, LATE are frames that were "
+     "dropped because the loop was busy: missed deadlines. A line below has the mean time of each "
+     "stage. A robot that says nothing for 3 seconds is silent, and forgotten after a minute. The "
+     "size follows the terminal's; q ends.",
+     "fovea top\nfovea top LEFT --interval 1\nfovea top --once\n"
+     "fovea top --once --json | jq -r 'select(.late > 0).prefix'"},
     {"features", "find, describe and draw the features of a picture", fv_command_features,
      "IMAGE is a PNG or JPEG file.",
      "fovea features photo.png --draw out.png\n"

@@ -53,22 +53,27 @@ bool watched_possible(const char *test)
     return missing == NULL;
 }
 
-void watched_start(struct watched *watched, const char *command, const char *const *arguments)
+void watched_exec(const char *command, const char *const *arguments)
 {
-    int ends[2];
     const char *words[ARGUMENTS_MAX] = {program, command};
     for (int i = 0; arguments[i] != NULL; i++)
         words[2 + i] = arguments[i];
+    prctl(PR_SET_PDEATHSIG, SIGKILL);
+    execv(program, (char *const *)(uintptr_t)words);
+    _exit(127);
+}
+
+void watched_start(struct watched *watched, const char *command, const char *const *arguments)
+{
+    int ends[2];
     assert_int_equal(pipe(ends), 0);
     watched->begin = watched->end = 0;
     watched->process = fork();
     if (watched->process == 0) {
-        prctl(PR_SET_PDEATHSIG, SIGKILL);
         dup2(ends[1], STDOUT_FILENO);
         close(ends[0]);
         close(ends[1]);
-        execv(program, (char *const *)(uintptr_t)words);
-        _exit(127);
+        watched_exec(command, arguments);
     }
     close(ends[1]);
     watched->output = ends[0];

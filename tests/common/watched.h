@@ -19,6 +19,8 @@ struct watched {
 /* Once, before any thread exists. False, and a line with SKIPPED: not possible here. */
 bool watched_possible(const char *test);
 
+/* Become `fovea COMMAND ARGUMENTS...`: in a child. */
+void watched_exec(const char *command, const char *const *arguments) __attribute__((noreturn));
 /* `fovea COMMAND ARGUMENTS...`, of the folder that the test was built into. */
 void watched_start(struct watched *watched, const char *command, const char *const *arguments);
 /* Whether there is output to read, or its end, after at most so long. */

@@ -6,5 +6,6 @@
 #include "support/say.h"
 
 int fv_command_echo(int argc, char **argv); /* messages as JSON */
+int fv_command_top(int argc, char **argv);  /* robots that run */
 
 #endif
