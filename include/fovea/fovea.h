@@ -73,6 +73,10 @@ struct fovea_edge_job_config {
      * n frames; 0: none */
     uint32_t period_frames;
     struct fovea_edges_config edges;
+    /* default false: find the line segments too (fovea/segments.h), at most 600, which stand in the
+     * last message of the image */
+    bool segments;
+    double segment_length_min_px; /* [0, 10000], default 15: shorter ones are left out */
 };
 
 /* Who may look at the images. Flags of struct fovea_image_config. */

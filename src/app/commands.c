@@ -74,6 +74,9 @@ const struct fv_command fv_commands[] = {
      "IN is a PNG or JPEG file; OUT is written as PNG, with edges white.",
      "fovea edges in.png out.png --method canny --low 50 --high 150\n"
      "fovea edges in.png out.png --method scharr --high 800"},
+    {"segments", "find the line segments of a picture", fv_command_segments,
+     "IN is a PNG or JPEG file; OUT is written as PNG, with the segments over the darkened picture.",
+     "fovea segments in.png out.png --min-length 20\nfovea segments in.png out.png --json >out.json"},
     {"detect", "run an int8 network on pictures: boxes, keypoints, classes, masks",
      fv_command_detect, "One line of JSON is printed for each picture.",
      "fovea detect --model src/detect/shipped.fvm photo.png --draw boxes"},

@@ -4,17 +4,23 @@
 
 #include "message/message.h"
 
-enum { PIXELS_PER_UNIT = 16384 }; /* 0.05 ms here, 0.25 ms on a slow board */
+enum { PIXELS_PER_UNIT = 16384, SEGMENT_PIXELS_PER_UNIT = 4096 }; /* 0.05 ms here */
 
-void fv_edge_stage_carve(struct fv_edge_stage *stage, const struct fovea_edges_config *config,
+void fv_edge_stage_carve(struct fv_edge_stage *stage, const struct fovea_edge_job_config *config,
                          int32_t width, int32_t height, struct fv_arena *persistent,
                          struct fv_arena *job, struct fv_arena *frame)
 {
     stage->state = fv_arena_take(persistent, 1, sizeof *stage->state);
     stage->picture = (struct fv_plane){.width = width, .height = height, .stride = width};
     stage->picture.pixels = fv_arena_take(job, (size_t)width * (size_t)height, 1);
-    fv_edges_carve(&stage->edges, config, width, height, job);
+    fv_edges_carve(&stage->edges, &config->edges, width, height, job);
     stage->bits = fv_arena_take(frame, FV_MESSAGE_EDGE_BYTES_MAX, 1);
+    stage->has_segments = config->segments;
+    if (!config->segments) return;
+    const struct fovea_segments_config segments = {.length_min_px = config->segment_length_min_px,
+                                                   .count_max = FV_MESSAGE_EDGE_SEGMENTS_MAX};
+    fv_segments_carve(&stage->segments, &segments, width, height, job);
+    stage->ends = fv_arena_take(frame, FV_MESSAGE_EDGE_SEGMENTS_MAX, sizeof *stage->ends);
 }
 
 void fv_edge_stage_ask(struct fv_edge_stage *stage, const struct fv_frame_id *frame,
@@ -29,6 +35,7 @@ void fv_edge_stage_ask(struct fv_edge_stage *stage, const struct fv_frame_id *fr
     state->phase = FV_EDGE_FINDING;
     state->sent = 0;
     fv_edges_begin(&stage->edges, &state->found);
+    if (stage->has_segments) fv_segments_begin(&stage->segments, &state->joined);
 }
 
 bool fv_edge_stage_waiting(const struct fv_edge_stage *stage)
@@ -39,12 +46,31 @@ bool fv_edge_stage_waiting(const struct fv_edge_stage *stage)
 bool fv_edge_stage_unit(struct fv_edge_stage *stage, const struct fv_kernels *kernels)
 {
     struct fv_edge_state *state = stage->state;
-    if (state->phase == FV_EDGE_FINDING &&
-        fv_edges_advance(&stage->edges, &state->found, kernels, &stage->picture, PIXELS_PER_UNIT)) {
-        state->phase = FV_EDGE_SENDING;
+    if (state->phase == FV_EDGE_FINDING) {
+        if (fv_edges_advance(&stage->edges, &state->found, kernels, &stage->picture,
+                             PIXELS_PER_UNIT))
+            state->phase = stage->has_segments ? FV_EDGE_JOINING : FV_EDGE_SENDING;
         return false;
     }
-    return state->phase == FV_EDGE_SENDING;
+    if (state->phase == FV_EDGE_JOINING) {
+        if (fv_segments_advance(&stage->segments, &state->joined, kernels, &stage->picture,
+                                SEGMENT_PIXELS_PER_UNIT))
+            state->phase = FV_EDGE_SENDING;
+        return false;
+    }
+    return true;
+}
+
+/* The ends of the segments found, as the message has them; how many. */
+static uint32_t take_segments(const struct fv_edge_stage *stage)
+{
+    const uint32_t count = stage->has_segments ? stage->state->joined.count : 0;
+    for (uint32_t i = 0; i < count; i++) {
+        const struct fovea_segment *s = &stage->segments.found[i];
+        const float ends[4] = {s->x0_px, s->y0_px, s->x1_px, s->y1_px};
+        memcpy(stage->ends[i], ends, sizeof ends);
+    }
+    return count;
 }
 
 uint32_t fv_edge_stage_encode(struct fv_edge_stage *stage, uint8_t *buffer, size_t capacity)
@@ -55,14 +81,17 @@ uint32_t fv_edge_stage_encode(struct fv_edge_stage *stage, uint8_t *buffer, size
     const int32_t most = FV_MESSAGE_EDGE_BYTES_MAX / row_bytes, rows = left < most ? left : most;
     for (int32_t y = 0; y < rows; y++)
         fv_edges_pack(&stage->edges, state->sent + y, stage->bits + (ptrdiff_t)y * row_bytes);
+    const bool last = rows == left;
     const struct fv_message_edges message = {.stamp = fv_frame_id_stamp(&state->frame),
                                              .config = &stage->edges.config,
                                              .width = picture->width,
                                              .height = picture->height,
                                              .first_row = state->sent,
                                              .row_count = rows,
-                                             .bits = stage->bits};
+                                             .bits = stage->bits,
+                                             .segment_count = last ? take_segments(stage) : 0,
+                                             .segments = (const float(*)[4])stage->ends};
     state->sent += rows;
-    if (state->sent == picture->height) state->phase = FV_EDGE_IDLE;
+    if (last) state->phase = FV_EDGE_IDLE;
     return fv_message_edges_encode(&message, buffer, capacity);
 }

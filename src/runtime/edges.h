@@ -1,17 +1,21 @@
-/* The edges of an image over many frames: it is copied, its edges are found in units, and leave in
- * as many messages as they need, with the stamp of the frame that they belong to. */
+/* The edges of an image over many frames: it is copied, its edges and, where they are asked for,
+ * its line segments are found in units, and leave in as many messages as they need, with the stamp
+ * of the frame that they belong to. */
 #ifndef FOVEA_RUNTIME_EDGES_H
 #define FOVEA_RUNTIME_EDGES_H
 
+#include "fovea/fovea.h"
 #include "image/edges.h"
+#include "image/segments.h"
 #include "runtime/frame_id.h"
 
-enum fv_edge_phase { FV_EDGE_IDLE = 0, FV_EDGE_FINDING, FV_EDGE_SENDING };
+enum fv_edge_phase { FV_EDGE_IDLE = 0, FV_EDGE_FINDING, FV_EDGE_JOINING, FV_EDGE_SENDING };
 
 /* No addresses and no padding: copied and hashed as bytes. */
 struct fv_edge_state {
     struct fv_frame_id frame;
     struct fv_edges_state found;
+    struct fv_segments_state joined;
     uint32_t phase; /* enum fv_edge_phase */
     int32_t sent;   /* rows */
 };
@@ -20,11 +24,14 @@ struct fv_edge_stage {
     struct fv_edge_state *state;
     struct fv_plane picture; /* the image whose edges are found, no padding */
     struct fv_edges edges;
-    uint8_t *bits; /* rows of one message */
+    bool has_segments;
+    struct fv_segments segments; /* carved where it has */
+    uint8_t *bits;               /* rows of one message */
+    float (*ends)[4];            /* of the segments */
 };
 
 /* Take memory for images of width x height. Init-only. */
-void fv_edge_stage_carve(struct fv_edge_stage *stage, const struct fovea_edges_config *config,
+void fv_edge_stage_carve(struct fv_edge_stage *stage, const struct fovea_edge_job_config *config,
                          int32_t width, int32_t height, struct fv_arena *persistent,
                          struct fv_arena *job, struct fv_arena *frame);
 

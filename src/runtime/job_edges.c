@@ -30,7 +30,7 @@ static void carve(struct fovea *rt, struct fv_carving *carving)
 {
     const struct fovea_camera *camera = &rt->config.rig.cameras[0].camera;
     if (is_on(rt))
-        fv_edge_stage_carve(&rt->edges, &rt->config.edge_job.edges, camera->width, camera->height,
+        fv_edge_stage_carve(&rt->edges, &rt->config.edge_job, camera->width, camera->height,
                             &carving->arenas[FOVEA_MEMORY_PERSISTENT],
                             &carving->arenas[FOVEA_MEMORY_JOB],
                             &carving->arenas[FOVEA_MEMORY_FRAME]);

@@ -8,6 +8,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "fovea/edges.h"
+#include "fovea/segments.h"
 
 using bench::Input;
 using bench::Run;
@@ -79,5 +80,43 @@ const bench::Stage canny(
         };
     },
     theirs([](const cv::Mat &in, cv::Mat &out) { cv::Canny(in, out, 50, 150); }));
+
+/* The peer is the line segment detector of OpenCV with its defaults. */
+const bench::Stage lines(
+    "line segments", "752x480", "LineSegmentDetector",
+    [](const Input &input, const struct fv_kernels &kernels) -> Run {
+        struct Made {
+            std::unique_ptr<void, void (*)(void *)> memory{nullptr, std::free};
+            struct fovea_segments *segments = nullptr;
+            struct fovea_image view = {};
+            cv::Mat image;
+        };
+        auto made = std::make_shared<Made>();
+        struct fovea_segments_config config;
+        fovea_segments_config_default(&config);
+        made->image = input.image;
+        const cv::Mat &grey = made->image;
+        setenv("FOVEA_CPU", fv_cpu_set_name(kernels.set), 1);
+        const size_t bytes = fovea_segments_size(&config, grey.cols, grey.rows, nullptr);
+        made->memory.reset(std::aligned_alloc(64, (bytes + 63) / 64 * 64));
+        fovea_segments_init(&made->segments, &config, grey.cols, grey.rows, made->memory.get(),
+                            bytes, nullptr);
+        unsetenv("FOVEA_CPU");
+        made->view = {grey.data,         grey.cols,
+                      grey.rows,         static_cast<int32_t>(grey.step),
+                      FOVEA_PIXEL_GREY8, grey.step * static_cast<size_t>(grey.rows)};
+        return [made] {
+            struct fovea_segments_found found;
+            fovea_segments_run(made->segments, &made->view, &found);
+        };
+    },
+    [](const Input &input) -> Run {
+        auto detector = cv::createLineSegmentDetector();
+        const cv::Mat image = input.image;
+        return [detector, image] {
+            std::vector<cv::Vec4f> found;
+            detector->detect(image, found);
+        };
+    });
 
 } // namespace

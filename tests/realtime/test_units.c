@@ -98,6 +98,7 @@ static void run(const struct scenario *scenario)
     assert_int_equal(ops->open(address, &everything, &source, &error), FOVEA_OK);
     config.rig.cameras[0].camera = ops->info(source)->rig.cameras[0].camera;
     assert_true(job_switch_all(&config, 4));
+    config.edge_job.segments = true;
     if (!scenario->detects) config.detect.model = NULL;
     assert_int_equal(fovea_size(&config, &bytes, &error), FOVEA_OK);
     void *memory = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, (bytes + 63) / 64 * 64);

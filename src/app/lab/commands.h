@@ -11,6 +11,7 @@ int fv_command_rectify(int argc, char **argv);  /* a picture without distortion 
 int fv_command_image(int argc, char **argv);    /* a picture after operations */
 int fv_command_cameras(int argc, char **argv);  /* the cameras of this host */
 int fv_command_edges(int argc, char **argv);    /* the edges of a picture */
+int fv_command_segments(int argc, char **argv); /* the line segments of a picture */
 int fv_command_detect(int argc, char **argv);   /* what a network finds in pictures */
 int fv_command_map(int argc, char **argv);      /* what a map file holds */
 int fv_command_model(int argc, char **argv);    /* what a model file holds */

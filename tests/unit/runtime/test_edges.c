@@ -11,6 +11,7 @@
 
 #include "common/grey_frame.h"
 #include "fovea/fovea.h"
+#include "fovea/segments.h"
 #include "message/fields.h"
 #include "message/message.h"
 
@@ -66,6 +67,26 @@ static void expected_edges(const uint8_t *pixels, uint8_t *bits)
     free(memory);
 }
 
+/* The segments of the image, as the message has them. */
+static void assert_segments(const uint8_t *pixels, const fovea_edges_t *message)
+{
+    struct fovea_segments *segments;
+    struct fovea_segments_found found;
+    const struct fovea_segments_config alone = {
+        .length_min_px = config.edge_job.segment_length_min_px, .count_max = 600};
+    const struct fovea_frame frame = grey_frame(pixels, WIDTH, HEIGHT, 0, 0);
+    const size_t bytes = fovea_segments_size(&alone, WIDTH, HEIGHT, &error);
+    void *memory = memory_of(bytes);
+    assert_int_equal(fovea_segments_init(&segments, &alone, WIDTH, HEIGHT, memory, bytes, &error),
+                     FOVEA_OK);
+    assert_int_equal(fovea_segments_run(segments, &frame.images[0], &found), FOVEA_OK);
+    assert_int_equal(message->segment_count, config.edge_job.segments ? found.count : 0);
+    assert_true(found.count > 50);
+    for (int32_t i = 0; i < message->segment_count; i++)
+        assert_memory_equal(message->segment_px[i], &found.list[i].x0_px, 4 * sizeof(float));
+    free(memory);
+}
+
 /* What has come of one image. */
 struct heard {
     uint8_t bits[ROW_BYTES * HEIGHT];
@@ -90,7 +111,9 @@ static void take(struct heard *heard, const struct fovea_message *sent)
     assert_true((double)message.high == config.edge_job.edges.high);
     memcpy(heard->bits + heard->rows * ROW_BYTES, message.bits, (size_t)message.size_bytes);
     heard->rows += message.row_count;
+    if (heard->rows < HEIGHT) assert_int_equal(message.segment_count, 0);
     if (heard->rows == HEIGHT) {
+        assert_segments(picture[message.stamp.sequence], &message);
         expected_edges(picture[message.stamp.sequence], bits);
         assert_memory_equal(heard->bits, bits, sizeof bits);
         assert_int_equal(message.stamp.time_ns, 1000 * (message.stamp.sequence + 1));
@@ -142,8 +165,9 @@ static void edges_are_those_of_the_frame_of_their_stamp(void **state)
             config.edge_job.period_frames = 3;
             config.edge_job.edges.method = (enum fovea_edge_method)method;
             config.edge_job.edges.norm = (enum fovea_gradient_norm)norm;
+            config.edge_job.segments = norm == 1;
             assert_int_equal(images_heard(1000000), FRAMES / 3);
-            const int slow = images_heard(7);
+            const int slow = images_heard(norm == 1 ? 60 : 7);
             assert_in_range(slow, 2, FRAMES / 3 - 1);
         }
 }
@@ -152,6 +176,7 @@ static void without_its_key_the_job_takes_no_memory(void **state)
 {
     (void)state;
     size_t with, without;
+    config.edge_job.segments = true;
     config.edge_job.period_frames = 1;
     assert_int_equal(fovea_size(&config, &with, &error), FOVEA_OK);
     config.edge_job.period_frames = 0;

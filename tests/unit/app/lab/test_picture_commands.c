@@ -122,6 +122,9 @@ static void commands_write_pictures(void **state)
     assert_int_equal(CALL(fv_command_edges, "edges", in, out, "--method", "canny", "--norm", "l2"),
                      FV_EXIT_OK);
     size_of(out, WIDTH, HEIGHT);
+    assert_int_equal(CALL(fv_command_segments, "segments", in, out, "--min-length", "9", "--json"),
+                     FV_EXIT_OK);
+    size_of(out, WIDTH, HEIGHT);
     assert_int_equal(
         CALL(fv_command_rectify, "rectify", in, out, "--camera", camera, "--shape", "cylinder"),
         FV_EXIT_OK);
@@ -157,6 +160,9 @@ static void wrong_input_is_reported(void **state)
     assert_int_equal(
         CALL(fv_command_image, "image", in, out, "--operations", "gamma", "--gamma", "x"),
         FV_EXIT_WRONG);
+    assert_int_equal(CALL(fv_command_segments, "segments", in, out, "--min-length", "long"),
+                     FV_EXIT_WRONG);
+    assert_int_equal(CALL(fv_command_segments, "segments", in, in), FV_EXIT_WRONG);
     assert_int_equal(CALL(fv_command_edges, "edges", in, out, "--method", "kanny"), FV_EXIT_WRONG);
     assert_int_equal(CALL(fv_command_edges, "edges", in, out, "--low", "200"), FV_EXIT_WRONG);
     assert_int_equal(CALL(fv_command_edges, "edges", in, out, "--high", "1e9"), FV_EXIT_WRONG);
