@@ -19,8 +19,8 @@ void fovea_segments_config_default(struct fovea_segments_config *config)
     *config = (struct fovea_segments_config){.count_max = 4000};
 }
 
-enum fovea_status fv_segments_check(const struct fovea_segments_config *config, int32_t width,
-                                    int32_t height, struct fovea_error *error)
+static enum fovea_status check(const struct fovea_segments_config *config, int32_t width,
+                               int32_t height, struct fovea_error *error)
 {
     const struct {
         const char *name;
@@ -246,7 +246,7 @@ size_t fovea_segments_size(const struct fovea_segments_config *config, int32_t w
                            int32_t height, struct fovea_error *error)
 {
     struct fv_arena arena;
-    if (fv_segments_check(config, width, height, error) != FOVEA_OK) return 0;
+    if (check(config, width, height, error) != FOVEA_OK) return 0;
     fv_arena_count(&arena);
     carve(config, width, height, &arena);
     return arena.used;

@@ -52,10 +52,6 @@ struct fv_segments_state {
     int64_t visits_left;
 };
 
-/* What is wrong with a configuration; `error` names it. Init-only. */
-enum fovea_status fv_segments_check(const struct fovea_segments_config *config, int32_t width,
-                                    int32_t height, struct fovea_error *error);
-
 /* Take the memory of a checked detector for planes of width x height, and compute what depends on
  * its size. Init-only. */
 void fv_segments_carve(struct fv_segments *segments, const struct fovea_segments_config *config,
