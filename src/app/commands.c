@@ -54,6 +54,11 @@ const struct fv_command fv_commands[] = {
      "size follows the terminal's; q ends.",
      "fovea top\nfovea top LEFT --interval 1\nfovea top --once\n"
      "fovea top --once --json | jq -r 'select(.late > 0).prefix'"},
+    {"snapshot", "write what a running robot sees to a file", fv_command_snapshot,
+     "FILE gets the next preview that is heard, the newest picture that the robot sends: as it was "
+     "sent where the name ends in .jpg, decoded where it ends in .png. It replaces an earlier file "
+     "when it is whole, and only then. Its size is that of the preview, not of the camera's image.",
+     "fovea snapshot now.jpg\nfovea snapshot left.png --prefix LEFT --timeout 30"},
     {"features", "find, describe and draw the features of a picture", fv_command_features,
      "IMAGE is a PNG or JPEG file.",
      "fovea features photo.png --draw out.png\n"
