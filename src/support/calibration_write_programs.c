@@ -125,7 +125,7 @@ static void put_json_matrix(struct fv_calibration_writer *w, const char *name, i
 {
     fv_calibration_put(w, "  \"%s\": {\"rows\": %d, \"cols\": %d, \"type\": 6, \"data\": [", name,
                        rows, cols);
-    fv_calibration_put_numbers(w, values, (size_t)(rows * cols));
+    fv_calibration_put_numbers(w, values, (size_t)rows * (size_t)cols);
     fv_calibration_put(w, "]},\n");
 }
 

@@ -178,8 +178,8 @@ static size_t put_subscription(uint8_t *at, const struct fv_receiver_channel *ro
         const unsigned char byte = (unsigned char)*channel;
         const bool letter = ((byte | 0x20) >= 'a' && (byte | 0x20) <= 'z') || byte >= 0x80;
         if (row->pattern && (byte == '*' || byte == '?')) { /* a letter may have several bytes */
-            memcpy(at + used, ".*", 2);
-            used += 2;
+            at[used++] = '.';
+            at[used++] = '*';
             continue;
         }
         if (!letter && (byte < '0' || byte > '9') && byte != '_') at[used++] = '\\';

@@ -124,9 +124,10 @@ static void take_pose(void *context, const struct fv_received *received)
     const bool of_body = strcmp(pose.child_frame, "cam0") != 0; /* CAMERA_POSE ends alike */
     struct fv_robot *robot = of_body ? robot_of(context, received, "_POSE") : NULL;
     if (robot != NULL) {
-        if (robot->state != pose.state) robot->state_since_ns = robot->heard_ns;
-        robot->state = pose.state;
-        robot->scale_state = pose.scale_state;
+        const int state = (uint8_t)pose.state; /* no constant is negative */
+        if (robot->state != state) robot->state_since_ns = robot->heard_ns;
+        robot->state = state;
+        robot->scale_state = (uint8_t)pose.scale_state;
         robot->quality = (double)pose.quality;
         robot->inliers = pose.inliers;
         robot->map_id = pose.map_id;
@@ -145,7 +146,7 @@ static void take_camera(void *context, const struct fv_received *received)
     if (robot == NULL ||
         fovea_camera_status_t_decode(received->data, 0, (int)received->bytes, &camera) < 0)
         return;
-    robot->camera_state = camera.state;
+    robot->camera_state = (uint8_t)camera.state;
     robot->width = camera.width;
     robot->height = camera.height;
     fovea_camera_status_t_decode_cleanup(&camera);
