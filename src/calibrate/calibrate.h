@@ -126,5 +126,10 @@ bool initial_guess(const Board &board, const std::vector<View> &views, int width
 double held_out_rms_px(const Board &board, const std::vector<View> &views, const Solution &solution,
                        int folds, const SolveOptions &options);
 
+/* RMS of the views and corners that a solution uses, each posed anew by another camera of its
+ * model; negative where that fails. */
+double held_camera_rms_px(const Board &board, const std::vector<View> &views,
+                          const Solution &solution, const fovea_camera &camera);
+
 } // namespace calibrate
 #endif

@@ -75,14 +75,8 @@ bool choose_model(const std::vector<Model> &models, int width, int height, Solve
 
 int check(const Given &given, std::vector<Model> &models, Board &board, int64_t &views_max)
 {
-    std::string error;
-    if (given.source.empty())
-        return fv_say_wrong("fovea-calibrate camera: found no --source, expected a folder of "
-                            "pictures or the URI of a camera ('fovea run --help' lists them)");
-    if (given.target.empty())
-        return fv_say_wrong("fovea-calibrate camera: found no --target, expected the board: %s",
-                            board_forms);
-    if (!board_parse(given.target, board, error)) return fv_say_wrong("%s", error.c_str());
+    const int status = source_check("camera", given.source, given.target, board);
+    if (status != FV_EXIT_OK) return status;
     if (!models_of(given.model, models))
         return fv_say_wrong("--model: found '%s', expected auto, radtan, rational or equidistant",
                             given.model.c_str());
@@ -123,6 +117,21 @@ int write(const Given &given, const Report &report)
 }
 
 } // namespace
+
+int source_check(const char *command, const std::string &source, const std::string &target,
+                 Board &board)
+{
+    std::string error;
+    if (source.empty())
+        return fv_say_wrong("fovea-calibrate %s: found no --source, expected a folder of pictures "
+                            "or the URI of a camera ('fovea cameras' lists them)",
+                            command);
+    if (target.empty())
+        return fv_say_wrong("fovea-calibrate %s: found no --target, expected the board: %s",
+                            command, board_forms);
+    if (!board_parse(target, board, error)) return fv_say_wrong("%s", error.c_str());
+    return FV_EXIT_OK;
+}
 
 int command_camera(int argc, char **argv)
 {

@@ -5,6 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "calibrate/calibrate.h"
+
 namespace calibrate
 {
 
@@ -32,7 +34,12 @@ struct Option {
 bool options_parse(int argc, char **argv, const std::vector<Option> &options, const char *operands,
                    size_t operand_count, std::vector<std::string> &found, int *status);
 
+/* FV_EXIT_OK and the board, or a line is printed: one of both options is missing or wrong. */
+int source_check(const char *command, const std::string &source, const std::string &target,
+                 Board &board);
+
 int command_camera(int argc, char **argv);
+int command_check(int argc, char **argv);   /* an old camera file against new pictures */
 int command_target(int argc, char **argv);  /* a board to print */
 int command_convert(int argc, char **argv); /* a camera file of another format */
 

@@ -18,6 +18,12 @@ const std::vector<Command> commands = {
      "fovea-calibrate camera --source pictures/ --target chessboard:9x6:0.025 --out camera.yaml\n"
      "fovea-calibrate camera --source v4l2:/dev/video0 --target chessboard:9x6:0.025 "
      "--out camera.yaml"},
+    {"check", "judge a camera file by new pictures of a board", command_check,
+     "A camera of the file's model is fitted to the new pictures, and both project the same "
+     "directions. The verdict is fail where they differ by more than 3 px in a part of the image "
+     "that the pictures know, doubtful from 1 px on or where the pictures do not know enough. Ten "
+     "pictures with the board tilted and near all corners of the image are enough.",
+     "fovea-calibrate check camera.yaml --source pictures/ --target chessboard:9x6:0.025"},
     {"target", "write a board to print, as PDF at exact size", command_target,
      "Print at 100 %, and measure the ruler and a square afterwards. A ChArUco board or an AprilGrid "
      "may be partly hidden in pictures, which brings corners to the image's border.",

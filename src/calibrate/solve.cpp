@@ -536,4 +536,33 @@ double held_out_rms_px(const Board &board, const std::vector<View> &views, const
     return corners > 0 ? std::sqrt(squares / (double)corners) : -1;
 }
 
+double held_camera_rms_px(const Board &board, const std::vector<View> &views,
+                          const Solution &solution, const fovea_camera &camera)
+{
+    SolveOptions options;
+    options.model = solution.model;
+    State state(board, views, options);
+    state.left_out = solution.left_out;
+    for (const LeftOut &corner : solution.corners_left_out)
+        state.used[(size_t)corner.view][(size_t)corner.corner] = 0;
+    state.camera = parameters_of(camera);
+    state.bend = solution.bend_m;
+    state.poses = solution.poses;
+    for (Pose &pose : state.poses) /* as large in the picture as before */
+        pose[5] *= camera.fx / solution.camera.fx;
+    if (!minimise(state, POSES_ONLY, 0)) return -1;
+    double squares = 0;
+    size_t corners = 0;
+    for (size_t v = 0; v < views.size(); v++) {
+        if (!state.takes(v)) continue;
+        const std::vector<double> errors = errors_of(state, v);
+        for (size_t c = 0; c < errors.size(); c++) {
+            if (!state.used[v][c]) continue;
+            squares += errors[c] * errors[c];
+            corners++;
+        }
+    }
+    return corners > 0 ? std::sqrt(squares / (double)corners) : -1;
+}
+
 } // namespace calibrate

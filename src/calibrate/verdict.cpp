@@ -15,7 +15,7 @@ constexpr int VIEWS_PASS = 8, VIEWS_DOUBTFUL = 4;
 constexpr double RMS_PASS_PX = .5, RMS_DOUBTFUL_PX = 1.5;
 constexpr double HELD_OUT_PASS = 1.3, HELD_OUT_DOUBTFUL = 2; /* times the RMS */
 constexpr double FOCAL_PASS = .003, FOCAL_DOUBTFUL = .01;    /* deviation over value */
-constexpr double PROJECTION_PASS_PX = 1, PROJECTION_DOUBTFUL_PX = 3;
+constexpr double PROJECTION_DOUBTFUL_PX = 3;
 constexpr double COVERAGE_PASS = .55, COVERAGE_DOUBTFUL = .2;
 constexpr double TILT_PASS_RAD = .35, TILT_DOUBTFUL_RAD = .09;
 constexpr double LEFT_OUT_PASS = .34;

@@ -7,6 +7,10 @@
 namespace calibrate
 {
 
+/* Deviation of projection, where corners were seen, with which a calibration passes, and up to
+ * which pictures can judge another one. */
+constexpr double PROJECTION_PASS_PX = 1;
+
 enum class Grade { pass, doubtful, fail };
 const char *grade_name(Grade grade);
 

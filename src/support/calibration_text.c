@@ -94,7 +94,7 @@ static void put_key(struct fv_calibration_writer *w, int indent, const char *key
     if (w->json)
         fv_calibration_put(w, "%s\n%*s\"%s\": ", *first ? "" : ",", indent, "", key);
     else
-        fv_calibration_put(w, "\n%*s%s: ", indent, "", key);
+        fv_calibration_put(w, "\n%*s%s:%s", indent, "", key, strcmp(key, "stdev") == 0 ? "" : " ");
     *first = false;
 }
 

@@ -7,124 +7,15 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
-#include <random>
 
 #include "common/cmocka_cpp.h"
+#include "common/simulated_boards.h"
 
 using namespace calibrate;
+using namespace simulated;
 
 namespace
 {
-
-constexpr int WIDTH = 640, HEIGHT = 480, VIEWS = 20;
-constexpr double NOISE_PX = .15;
-const Board board = {9, 6, .03};
-
-struct Random {
-    std::mt19937_64 bits;
-    double between(double low, double high)
-    {
-        return low + (high - low) * (double)(bits() >> 11) * 0x1p-53;
-    }
-    double gauss()
-    {
-        return std::sqrt(-2 * std::log(between(1e-12, 1))) * std::cos(between(0, 6.283185307));
-    }
-};
-
-fovea_camera true_camera(Model model, Random &random)
-{
-    for (;;) {
-        fovea_camera camera = {};
-        camera.width = WIDTH;
-        camera.height = HEIGHT;
-        camera.cx = .5 * WIDTH + random.between(-20, 20);
-        camera.cy = .5 * HEIGHT + random.between(-20, 20);
-        const bool fisheye = model == Model::equidistant;
-        camera.lens = fisheye ? FOVEA_LENS_EQUIDISTANT : FOVEA_LENS_RADTAN;
-        camera.fx = fisheye ? random.between(180, 320)
-                            : random.between(model == Model::rational ? 450 : 350, 900);
-        camera.fy = camera.fx * random.between(.99, 1.01);
-        if (fisheye) {
-            for (int i = 0; i < 4; i++)
-                camera.k[i] = random.between(-.02, .02) / (i + 1);
-        } else {
-            camera.k[0] = random.between(-.35, .1);
-            camera.k[1] = random.between(-.05, .15);
-            camera.k[2] = random.between(-.001, .001);
-            camera.k[3] = random.between(-.001, .001);
-            camera.k[4] = random.between(-.03, .03);
-        }
-        if (model == Model::rational)
-            for (int i = 5; i < 8; i++)
-                camera.k[i] = random.between(-.1, .1);
-        const double corner[2] = {0, 0};
-        double bearing[3];
-        if (fovea_camera_prepare(&camera, nullptr) == FOVEA_OK &&
-            (fisheye || fovea_camera_unproject(&camera, corner, bearing, nullptr) == FOVEA_OK))
-            return camera;
-    }
-}
-
-void cross(const double a[3], const double b[3], double out[3])
-{
-    for (int i = 0; i < 3; i++)
-        out[i] = a[(i + 1) % 3] * b[(i + 2) % 3] - a[(i + 2) % 3] * b[(i + 1) % 3];
-}
-
-void normalise(double v[3])
-{
-    const double length = std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
-    for (int i = 0; i < 3; i++)
-        v[i] /= length;
-}
-
-/* A board somewhere in the image, tilted by up to some 40 degrees; false: a corner is not seen. */
-bool see(const fovea_camera &camera, Random &random, View &view, View &exact)
-{
-    const double at[2] = {random.between(60, WIDTH - 60), random.between(60, HEIGHT - 60)};
-    double towards[3], x[3], y[3], z[3];
-    if (fovea_camera_unproject(&camera, at, towards, nullptr) != FOVEA_OK) return false;
-    const double size = board.square_m * (board.columns - 1);
-    const double distance = size * camera.fx / WIDTH * random.between(1.6, 4);
-    const double turn = random.between(-.6, .6);
-    const double along[3] = {std::cos(turn), std::sin(turn), 0};
-    for (int i = 0; i < 3; i++)
-        z[i] = towards[i] + random.between(-.5, .5);
-    normalise(z);
-    cross(z, along, y);
-    normalise(y);
-    cross(y, z, x);
-    view.corners.clear();
-    exact.corners.clear();
-    for (const Point &point : board.points()) {
-        double seen[3], pixel[2];
-        const double a = point[0] - .5 * size;
-        const double b = point[1] - .5 * board.square_m * (board.rows - 1);
-        for (int i = 0; i < 3; i++)
-            seen[i] = distance * towards[i] + a * x[i] + b * y[i];
-        if (fovea_camera_project(&camera, seen, pixel, nullptr) != FOVEA_OK) return false;
-        if (pixel[0] < 3 || pixel[1] < 3 || pixel[0] > WIDTH - 4 || pixel[1] > HEIGHT - 4)
-            return false;
-        exact.corners.push_back({pixel[0], pixel[1]});
-        view.corners.push_back(
-            {pixel[0] + NOISE_PX * random.gauss(), pixel[1] + NOISE_PX * random.gauss()});
-    }
-    return true;
-}
-
-std::vector<View> see_boards(const fovea_camera &camera, Random &random, std::vector<View> *exact)
-{
-    std::vector<View> views;
-    while (views.size() < VIEWS) {
-        View view, without_noise;
-        view.name = std::to_string(views.size());
-        if (!see(camera, random, view, without_noise)) continue;
-        views.push_back(view);
-        if (exact != nullptr) exact->push_back(without_noise);
-    }
-    return views;
-}
 
 /* How far the solution sees a corner from where the true camera does; infinite where it has no ray.
  */
@@ -186,7 +77,7 @@ Solution solve_simulated(Model model, unsigned seed, fovea_camera &truth, std::v
 {
     Random random = {std::mt19937_64(seed)};
     truth = true_camera(model, random);
-    views = see_boards(truth, random, exact);
+    views = see_boards(truth, random, VIEWS, exact);
     SolveOptions options;
     options.model = model;
     Solution solution;
