@@ -19,6 +19,7 @@ packages() {
     cross) echo gcc-aarch64-linux-gnu g++-aarch64-linux-gnu qemu-user llvm-19 ;;
     pictures) echo imagemagick ;;
     jar)   echo default-jdk-headless liblcm-java ;;
+    spy)   echo default-jre liblcm-java libjchart2d-java ;;
     hil)   echo qemu-system-x86 busybox-static v4l-utils libcamera-dev libcamera-tools xz-utils procps ;;
     fmt)   echo clang-format ;;
     fuzz)  echo clang libclang-rt-14-dev ;;
