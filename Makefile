@@ -230,6 +230,7 @@ pictures: all  ## renew the picture of README.md: a simulated run
 evaluate: all $(BUILD)/venv-sweep/ready $(BUILD)/venv-objects/ready  ## the recordings with truth over seeds and start frames, objects beside SORT and ByteTrack: rewrites the committed tables
 	$(BUILD)/venv-sweep/bin/python tools/evaluate odometry --binary $(BUILD)/fovea
 	$(BUILD)/venv-sweep/bin/python tools/evaluate road --binary $(BUILD)/fovea
+	$(BUILD)/venv-sweep/bin/python tools/evaluate operations --binary $(BUILD)/fovea
 	$(BUILD)/venv-objects/bin/python tools/evaluate/objects.py --fovea $(BUILD)/fovea --output tools/evaluate/objects.md
 
 # Feature methods over changes of photographs, by OpenCV's image functions.

@@ -5,6 +5,7 @@
     python tools/evaluate reliability DIR [--output FILE.md] [--svg FILE.svg]
     python tools/evaluate odometry          renews odometry.md
     python tools/evaluate road              renews road.md
+    python tools/evaluate operations        renews operations.md
 
 Needs the packages of `make build/venv-sweep/ready`. See README.md beside this file."""
 import argparse

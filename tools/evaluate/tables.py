@@ -13,7 +13,8 @@ CAMERA_HEIGHT_M = {"kitti00_a": 1.65, "kitti06_a": 1.65}  # A. Geiger et al., IJ
 ROAD = [("kitti01_a", "kitti"), ("kitti00_a", "kitti"), ("kitti06_a", "kitti")]
 
 HELP = {"odometry": ("renew odometry.md: errors on recordings over seeds and start frames, memory", "build/evaluate"),
-        "road": ("renew road.md: maps of drives, forward from start frames 0 to 30", "build/evaluate")}
+        "road": ("renew road.md: maps of drives, forward from start frames 0 to 30", "build/evaluate"),
+        "operations": ("renew operations.md: what preprocessing does to odometry", "build/evaluate")}
 
 
 def name_of(source):
@@ -162,5 +163,52 @@ def road_text(db, keys):
     return text
 
 
-PLANS = {"odometry": odometry_plan, "road": road_plan}
-TEXTS = {"odometry": odometry_text, "road": road_text}
+# ---- operations.md --------------------------------------------------------------------------------------------
+
+STARTS_OPERATIONS = "0,3,7,11,15"
+
+# name, what is set
+CHAINS = [("none", {}), ("denoise", {}), ("denoise, median", {"denoise_method": "median"}), ("denoise, bilateral", {"denoise_method": "bilateral"}),
+          ("normalize", {}), ("normalize, deviation", {"normalize_method": "deviation"}), ("sharpen", {}), ("histogram_equalization", {}),
+          ("contrast_enhancement", {}), ("gamma 0.6", {"gamma": "0.6"}), ("gamma 1.6", {"gamma": "1.6"}),
+          ("denoise + contrast_enhancement", {}), ("contrast_enhancement + sharpen", {})]
+
+OPERATIONS_HEAD = """# What preprocessing does to odometry
+
+Recordings of `../shared/data`, each from start frames {starts}, with one chain of operations that features alone see, default parameters but those named, of version
+{version}. `make evaluate` renews this page. *Posed*: frames with a pose, of all processed. *Error*: of the largest map of each run, root mean square in % of the true path, median
+over the starts, the worst in brackets. *Time*: processor time of a whole frame over that without a chain, median over the starts; times of one sweep on a shared machine.
+
+"""
+
+
+def chain_set(name, more):
+    """What a chain sets, of its name: operations before the comma, joined by +."""
+    words = [word.split()[0] for word in name.split(",")[0].split(" + ")] if name != "none" else []
+    return {"image.operations": f"[{', '.join(words)}]", **{f"image.{key}": value for key, value in more.items()}}
+
+
+def operations_plan(binary, arguments):
+    sets = [chain_set(name, more) for name, more in CHAINS]
+    return [spec for _, uri in sources(arguments, RECORDINGS) for spec in plan.specs([binary], [uri], STARTS_OPERATIONS, sets=sets)]
+
+
+def operations_text(db, keys):
+    chosen(db, keys)
+    found = rows(db, """SELECT c.source, c.version, c."set", avg((frames_tracking + frames_weak) / frames) posed, median(100 * m.rmse_m / m.path_m) error,
+        max(100 * m.rmse_m / m.path_m) worst, median(c.mean_ms) ms FROM chosen c LEFT JOIN (SELECT * FROM maps
+        QUALIFY row_number() OVER (PARTITION BY run ORDER BY poses DESC, map) = 1) m ON m.run = c.run GROUP BY ALL""")
+    text = OPERATIONS_HEAD.format(version=found[0]["version"], starts=STARTS_OPERATIONS.replace(",", ", "))
+    for name, *_ in RECORDINGS:
+        of = {tuple(sorted(json.loads(r["set"]).items())): r for r in found if name_of(r["source"]) == name}
+        if not of:
+            continue
+        at = lambda chain: of[tuple(sorted(chain_set(*chain).items()))]
+        lines = [[chain[0], f"{100 * at(chain)['posed']:.1f} %", f"{number(at(chain)['error'], '.3f')} ({number(at(chain)['worst'], '.3f')})",
+                  f"{at(chain)['ms'] / at(CHAINS[0])['ms']:.2f}"] for chain in CHAINS]
+        text += f"## {name}\n\n" + markdown(["chain", "posed", "error %, median (worst)", "time"], lines) + "\n"
+    return text.rstrip("\n") + "\n"
+
+
+PLANS = {"odometry": odometry_plan, "road": road_plan, "operations": operations_plan}
+TEXTS = {"odometry": odometry_text, "road": road_text, "operations": operations_text}
