@@ -1,4 +1,4 @@
-/* What is told of robots: rates and times over windows by the caller's clock, restarts, silence,
+/* What is known of robots: rates and times over windows by the caller's clock, restarts, silence,
  * and robots beyond the room. */
 #include <setjmp.h>
 #include <stdarg.h>
