@@ -50,7 +50,7 @@ struct fovea_segments;
 /* Set every parameter to its default. Any thread. */
 void fovea_segments_config_default(struct fovea_segments_config *config);
 
-/* Bytes that a detector for images of width x height (within FOVEA_IMAGE_*) needs: about 7 for each
+/* Bytes that a detector for images of width x height (within FOVEA_IMAGE_*) needs: about 6 for each
  * pixel. 0 when a parameter is out of its range: `error` names it. Init-only. */
 size_t fovea_segments_size(const struct fovea_segments_config *config, int32_t width,
                            int32_t height, struct fovea_error *error);
@@ -64,8 +64,8 @@ enum fovea_status fovea_segments_init(struct fovea_segments **segments,
                                       struct fovea_error *error);
 
 /* Find the segments of a grey8 image of its size. FOVEA_ERROR_ARGUMENT: the image does not fit, and
- * `found` is left alone. Real-time safe: at most 24 visits of each pixel, whatever the image. One
- * thread per detector. */
+ * `found` is left alone. Real-time safe: whatever the image, regions begin until 24 visits for each
+ * pixel of it are spent. One thread per detector. */
 enum fovea_status fovea_segments_run(struct fovea_segments *segments,
                                      const struct fovea_image *image,
                                      struct fovea_segments_found *found);

@@ -61,8 +61,8 @@ void fv_segments_carve(struct fv_segments *segments, const struct fovea_segments
 void fv_segments_begin(const struct fv_segments *segments, struct fv_segments_state *state);
 
 /* Go on for about `pixels` pixels' time of `plane`, which is the same until true is returned: all
- * segments are found, state->count of segments->found. A region is not interrupted: at most 2,048
- * pixels, visited at most some 60 times. */
+ * segments are found, state->count of segments->found. A region is not interrupted: it has at most
+ * FV_REGION_MAX pixels. */
 bool fv_segments_advance(const struct fv_segments *segments, struct fv_segments_state *state,
                          const struct fv_kernels *kernels, const struct fv_plane *plane,
                          int32_t pixels);
