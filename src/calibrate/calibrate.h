@@ -52,12 +52,19 @@ bool board_parse(const std::string &text, Board &board, std::string &error);
 /* The forms that board_parse takes, for help texts. */
 extern const char board_forms[];
 
+/* A picture made smaller, for the report: each pixel is the mean of `reduction` x `reduction`. */
+struct Thumbnail {
+    int width = 0, height = 0, reduction = 1; /* width 0: there is none */
+    std::vector<uint8_t> grey;
+};
+
 struct View {
     std::string name;           /* file or frame number */
     std::vector<Pixel> corners; /* as Board::points, NaN: not seen; empty: no board was found */
     double edge_px = 0;         /* 10 to 90 % width of its edges; a blurred picture has wide ones */
     std::string left_out;       /* why it is not used; empty: it is used */
     std::string note;           /* what the user should know of its board; mostly empty */
+    Thumbnail thumbnail;
 };
 
 /* Whether a point of the board was seen in a view. */
@@ -101,6 +108,8 @@ struct Solution {
     std::vector<std::string> left_out;     /* per view: why, or empty */
     std::vector<LeftOut> corners_left_out; /* of views that are used */
     std::vector<std::vector<double>> errors_px; /* per view and corner, 2-D; of all views posed */
+    /* Predicted less found, of the views that are used; NaN for corners that are left out. */
+    std::vector<std::vector<Pixel>> residuals_px;
     int corners_used = 0;
     double rms_px = 0;   /* 2-D, as OpenCV: sqrt of the mean squared distance */
     double noise_px = 0; /* of one coordinate: residuals over degrees of freedom */
@@ -108,6 +117,7 @@ struct Solution {
     /* Of fx fy cx cy k..., PARAMETERS_MAX squared, row by row. */
     std::vector<double> covariance;
     Uncertainty uncertainty;
+    Uncertainty uncertainty_fine; /* the same in smaller cells, for a picture */
 };
 
 /* Camera and poses from nothing but the pictures. `views` with corners and no reason to be left out

@@ -5,6 +5,8 @@
 #include "calibrate/command.h"
 #include "calibrate/pictures.h"
 #include "calibrate/report.h"
+#include "calibrate/report_html.h"
+#include "calibrate/text_file.h"
 #include "support/text.h"
 extern "C" {
 #pragma GCC diagnostic push
@@ -24,8 +26,8 @@ constexpr int FOLDS = 5, VIEWS_MAX_DEFAULT = 40, VIEWS_MAX_LIMIT = 500;
 constexpr double BETTER = .95;
 
 struct Given {
-    std::string source, target, model = "auto", out, json, bend = "no", views, corners = "own",
-                                name;
+    std::string source, target, model = "auto", out, json, report, bend = "no", views,
+                                corners = "own", name;
 };
 
 bool models_of(const std::string &text, std::vector<Model> &models)
@@ -89,7 +91,10 @@ int check(const Given &given, std::vector<Model> &models, Board &board, int64_t 
                                  views_max < 2 || views_max > VIEWS_MAX_LIMIT))
         return fv_say_wrong("--views: found '%s', expected a number from 2 to %d",
                             given.views.c_str(), VIEWS_MAX_LIMIT);
-    const fv_file written[] = {{"--out", given.out.c_str()}, {"--json", given.json.c_str()}, {}};
+    const fv_file written[] = {{"--out", given.out.c_str()},
+                               {"--json", given.json.c_str()},
+                               {"--report", given.report.c_str()},
+                               {}};
     const std::string folder = given.source + "/";
     const fv_file read[] = {
         {"--source", given.source.find(':') == std::string::npos ? folder.c_str() : nullptr}, {}};
@@ -106,6 +111,10 @@ int write(const Given &given, const Report &report)
     fovea_error error;
     if (!given.json.empty() && report_json(report, given.json.c_str(), &error) != FOVEA_OK)
         return fv_say_failed("%s", error.text);
+    if (!given.report.empty()) {
+        const int status = write_text(given.report, report_html(report));
+        if (status != FV_EXIT_OK) return status;
+    }
     if (given.out.empty() || report.solution.corners_used == 0) return FV_EXIT_OK;
     if (report.verdict.grade == Grade::fail) {
         fv_say("%s: not written, as the calibration fails", given.out.c_str());
@@ -144,6 +153,7 @@ int command_camera(int argc, char **argv)
         {"model", "MODEL", &given.model, "auto (default), radtan, rational or equidistant"},
         {"out", "FILE", &given.out, "write the camera file; not when the verdict is fail"},
         {"json", "FILE", &given.json, "write the verdict with all its numbers"},
+        {"report", "FILE", &given.report, "write the verdict with pictures as one HTML file"},
         {"name", "NAME", &given.name, "name of the camera in its file"},
         {"views", "N", &given.views, "pictures to take from a URI (default 40)"},
         {"bend", "yes|no", &given.bend, "estimate how the board is bent (default no)"},
@@ -172,10 +182,12 @@ int command_camera(int argc, char **argv)
     SolveOptions how;
     how.bend = given.bend == "yes";
     std::string error;
-    if (choose_model(models, collection.width, collection.height, how, report, error))
+    if (choose_model(models, collection.width, collection.height, how, report, error)) {
         report.verdict = judge(report.views, report.solution, report.held_out_px);
-    else
-        report.verdict = {Grade::fail, {{Grade::fail, error}}, 0, 0, 0, 0, 0};
+    } else {
+        report.verdict.grade = Grade::fail;
+        report.verdict.reasons.push_back({Grade::fail, error});
+    }
     report_print(report);
     status = write(given, report);
     if (status != FV_EXIT_OK) return status;

@@ -14,10 +14,11 @@ const std::vector<Command> commands = {
      "The model of the lens is fitted to their corners, and the verdict - pass, doubtful or fail - "
      "says whether the camera file can be trusted, with the remedy where it cannot. A live camera "
      "takes a picture by itself whenever the board is still and in a new place, until --views are "
-     "taken or SIGINT ends it.",
+     "taken or SIGINT ends it. --report writes one HTML file, which needs no network, with errors, "
+     "coverage, residual directions, uncertainty of projection and the pictures.",
      "fovea-calibrate camera --source pictures/ --target chessboard:9x6:0.025 --out camera.yaml\n"
      "fovea-calibrate camera --source v4l2:/dev/video0 --target chessboard:9x6:0.025 "
-     "--out camera.yaml"},
+     "--out camera.yaml --report report.html"},
     {"check", "judge a camera file by new pictures of a board", command_check,
      "A camera of the file's model is fitted to the new pictures, and both project the same "
      "directions. The verdict is fail where they differ by more than 3 px in a part of the image "

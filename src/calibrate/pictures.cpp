@@ -38,6 +38,25 @@ int is_picture(const dirent *entry)
     return 0;
 }
 
+Thumbnail thumbnail_of(const Grey &image)
+{
+    constexpr int width_max = 240;
+    Thumbnail small;
+    const int n = small.reduction = (image.width + width_max - 1) / width_max;
+    small.width = image.width / n;
+    small.height = image.height / n;
+    for (int y = 0; y < small.height; y++) {
+        for (int x = 0; x < small.width; x++) {
+            int sum = 0;
+            for (int i = 0; i < n * n; i++)
+                sum +=
+                    image.pixels[(ptrdiff_t)(y * n + i / n) * image.stride_bytes + x * n + i % n];
+            small.grey.push_back((uint8_t)(sum / (n * n)));
+        }
+    }
+    return small;
+}
+
 /* The size that most pictures have; the others are left out. */
 void choose_size(const std::vector<std::pair<int, int>> &sizes, Collection &collection)
 {
@@ -74,8 +93,9 @@ fovea_status collect_folder(const std::string &folder, const Board &board, Refin
         fovea_error why;
         if (fv_say_terminal()) fv_say_status("picture %d of %d", i + 1, count);
         if (fv_picture_read((folder + "/" + view.name).c_str(), &image, &why) == FOVEA_OK) {
-            detect_board({image.data, image.width, image.height, image.stride_bytes}, board,
-                         refinement, view);
+            const Grey grey = {image.data, image.width, image.height, image.stride_bytes};
+            detect_board(grey, board, refinement, view);
+            view.thumbnail = thumbnail_of(grey);
             sizes.emplace_back(image.width, image.height);
             std::free(const_cast<uint8_t *>(image.data));
         } else {
@@ -180,8 +200,12 @@ fovea_status collect_source(const std::string &uri, const Board &board, Refineme
         view.name = "frame " + std::to_string(frame.sequence);
         frames.ops->requeue(frames.source, &frame);
         if (!there) continue;
-        detect_board({grey.data(), size.width, size.height, size.width}, board, refinement, view);
-        if (few || chooser.takes(view, collection)) collection.views.push_back(view);
+        const Grey image = {grey.data(), size.width, size.height, size.width};
+        detect_board(image, board, refinement, view);
+        if (few || chooser.takes(view, collection)) {
+            view.thumbnail = thumbnail_of(image);
+            collection.views.push_back(view);
+        }
         count++;
         if (!fv_say_terminal()) continue;
         fv_say_status("frame %llu  %s  %zu of %d pictures", (unsigned long long)count,

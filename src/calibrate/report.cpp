@@ -16,12 +16,6 @@ namespace calibrate
 namespace
 {
 
-double parameter(const fovea_camera &camera, int i)
-{
-    const double first[4] = {camera.fx, camera.fy, camera.cx, camera.cy};
-    return i < 4 ? first[i] : camera.k[i - 4];
-}
-
 void number(FILE *file, double value)
 {
     if (std::isfinite(value))
@@ -114,6 +108,9 @@ void write_json(const Report &report, FILE *file)
                 "  \"tilt_rad\": %.4f,\n  \"projection_stdev_seen_px\": %.6g,\n",
                 verdict.views_used, solution.corners_used, verdict.coverage, verdict.tilt_rad,
                 verdict.uncertainty_seen_px);
+        fprintf(file, "  \"residual_pattern\": ");
+        number(file, verdict.residual_pattern);
+        fprintf(file, ",\n");
         write_parameters(report, file);
         write_uncertainty(solution.uncertainty, file);
     }
@@ -166,6 +163,12 @@ template <typename Write> fovea_status write_file(const char *path, fovea_error 
 }
 
 } // namespace
+
+double parameter(const fovea_camera &camera, int i)
+{
+    const double first[4] = {camera.fx, camera.fy, camera.cx, camera.cy};
+    return i < 4 ? first[i] : camera.k[i - 4];
+}
 
 double view_rms_px(const Solution &solution, size_t view)
 {

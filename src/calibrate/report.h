@@ -25,6 +25,9 @@ struct Report {
     std::string camera_id;         /* where the pictures come from, as --source names it */
 };
 
+/* Of parameter_name's order. */
+double parameter(const fovea_camera &camera, int i);
+
 /* RMS of a view's corners that are used; NaN where there are none. */
 double view_rms_px(const Solution &solution, size_t view);
 

@@ -206,6 +206,17 @@ std::vector<double> errors_of(const State &state, size_t v)
     return errors;
 }
 
+/* Predicted less found, of corners that are used; NaN of the others. */
+std::vector<Pixel> residuals_of(const State &state, size_t v)
+{
+    std::vector<Pixel> residuals(state.used[v].size(), Pixel{NAN, NAN});
+    for (size_t c = 0; state.takes(v) && c < residuals.size(); c++)
+        if (state.used[v][c])
+            (void)state.corner(v, c)(state.camera.data(), state.poses[v].data(), state.bend.data(),
+                                     residuals[c].data());
+    return residuals;
+}
+
 /* Of the values that are known. */
 double median(std::vector<double> values)
 {
@@ -403,11 +414,11 @@ double projection_stdev(const State &state, const Normal &normal, const fovea_ca
     return std::sqrt(Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(spread).eigenvalues()[1]);
 }
 
-void uncertainty_of(const State &state, const Normal &normal, Solution &solution)
+void uncertainty_of(const State &state, const Normal &normal, fovea_camera camera, int columns,
+                    int rows, Uncertainty &map)
 {
-    fovea_camera camera = solution.camera;
-    Uncertainty &map = solution.uncertainty;
-    map.columns = map.rows = 10;
+    map.columns = columns;
+    map.rows = rows;
     map.stdev_px.assign((size_t)(map.columns * map.rows), NAN);
     if (fovea_camera_prepare(&camera, nullptr) != FOVEA_OK) return;
     for (int j = 0; j < map.rows; j++)
@@ -485,12 +496,14 @@ bool solve(const Board &board, const std::vector<View> &views, int width, int he
         return false;
     }
     parameter_covariance(state, normal, solution);
-    uncertainty_of(state, normal, solution);
+    uncertainty_of(state, normal, solution.camera, 10, 10, solution.uncertainty);
+    uncertainty_of(state, normal, solution.camera, 32, 24, solution.uncertainty_fine);
     solution.poses = state.poses;
     solution.bend_m = state.bend;
     solution.left_out = state.left_out;
     for (size_t v = 0; v < views.size(); v++) {
         solution.errors_px.push_back(errors_of(state, v));
+        solution.residuals_px.push_back(residuals_of(state, v));
         for (size_t c = 0; state.takes(v) && c < state.used[v].size(); c++)
             if (!state.used[v][c] && seen(views[v].corners[c]))
                 solution.corners_left_out.push_back({(int)v, (int)c, solution.errors_px[v][c]});

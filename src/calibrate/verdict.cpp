@@ -1,5 +1,7 @@
 #include "calibrate/verdict.h"
 
+#include "calibrate/residuals.h"
+
 #include <algorithm>
 #include <cmath>
 #include <cstdarg>
@@ -255,6 +257,7 @@ Verdict judge(const std::vector<View> &views, const Solution &solution, double h
     judge_projection(views, solution, verdict);
     judge_coverage(views, solution, verdict);
     judge_tilt(solution, verdict);
+    verdict.residual_pattern = residual_pattern(views, solution).ratio;
     fovea_camera camera = solution.camera;
     fovea_error why;
     if (fovea_camera_prepare(&camera, &why) != FOVEA_OK)

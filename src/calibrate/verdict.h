@@ -25,6 +25,7 @@ struct Verdict {
     double coverage = 0; /* fraction of cells that the lens sees which hold a corner that is used */
     double tilt_rad = 0; /* largest angle between the normals of two boards */
     double uncertainty_seen_px = 0; /* worst where corners are */
+    double residual_pattern = NAN;  /* ResidualPattern::ratio */
     int views_used = 0, views_with_board = 0;
 };
 

@@ -49,14 +49,36 @@ enum fovea_status fv_picture_read(const char *path, struct fovea_image *image,
                               : fovea_error_set(error, status, "%.300s: %.200s", path, reason.text);
 }
 
-enum fovea_status fv_picture_write(const char *path, const struct fovea_image *image,
-                                   struct fovea_error *error)
+static png_image png_of(const struct fovea_image *image)
 {
     const bool colour = image->format == FOVEA_PIXEL_RGB24;
     png_image png = {.version = PNG_IMAGE_VERSION,
                      .format = colour ? PNG_FORMAT_RGB : PNG_FORMAT_GRAY};
     png.width = (png_uint_32)image->width;
     png.height = (png_uint_32)image->height;
+    return png;
+}
+
+void fv_picture_encode(const struct fovea_image *image, unsigned char **png, size_t *bytes)
+{
+    png_image header = png_of(image);
+    png_alloc_size_t size = PNG_IMAGE_PNG_SIZE_MAX(header);
+    *png = malloc(size);
+    *bytes = 0;
+    if (*png == NULL) return;
+    if (png_image_write_to_memory(&header, *png, &size, 0, image->data, image->stride_bytes,
+                                  NULL) != 0) {
+        *bytes = size;
+        return;
+    }
+    free(*png);
+    *png = NULL;
+}
+
+enum fovea_status fv_picture_write(const char *path, const struct fovea_image *image,
+                                   struct fovea_error *error)
+{
+    png_image png = png_of(image);
     struct fv_output output;
     if (fv_output_open(&output, path, FV_OUTPUT_WHOLE, error) != FOVEA_OK)
         return FOVEA_ERROR_SYSTEM;

@@ -15,4 +15,8 @@ enum fovea_status fv_picture_read(const char *path, struct fovea_image *image,
 enum fovea_status fv_picture_write(const char *path, const struct fovea_image *image,
                                    struct fovea_error *error);
 
+/* The bytes of a PNG of a grey8 or rgb24 image. `*png` is from malloc, to be given to free(); NULL:
+ * no memory. */
+void fv_picture_encode(const struct fovea_image *image, unsigned char **png, size_t *bytes);
+
 #endif
