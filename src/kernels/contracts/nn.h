@@ -86,7 +86,8 @@ typedef fv_k_nn_add_u8_fn fv_k_nn_sub_u8_fn, fv_k_nn_mul_u8_fn, fv_k_nn_prelu_u8
 
 /* out[i] = max(a[i], b[i]); a == out is allowed. */
 typedef void fv_k_nn_max_u8_fn(const uint8_t *a, const uint8_t *b, uint8_t *out, int32_t count);
-/* out[i] = min(a[i], b[i]); likewise. Compilers find the vectors of its loop by themselves. */
+/* out[i] = min(a[i], b[i]); likewise. Of both loops compilers find the vectors of SSE2 and NEON by
+ * themselves. */
 typedef fv_k_nn_max_u8_fn fv_k_nn_min_u8_fn;
 
 /* One row of a bilinear resize whose weights are multiples of 2^-bits, bits <= 10. Entries as in

@@ -28,6 +28,18 @@ void fv_k_nn_max_u8__avx2(const uint8_t *a, const uint8_t *b, uint8_t *out, int3
         out[i] = a[i] > b[i] ? a[i] : b[i];
 }
 
+void fv_k_nn_min_u8__avx2(const uint8_t *a, const uint8_t *b, uint8_t *out, int32_t count)
+{
+    int32_t i = 0;
+    for (; i + 32 <= count; i += 32) {
+        const __m256i x = _mm256_loadu_si256((const __m256i *)(const void *)(a + i));
+        const __m256i y = _mm256_loadu_si256((const __m256i *)(const void *)(b + i));
+        _mm256_storeu_si256((__m256i *)(void *)(out + i), _mm256_min_epu8(x, y));
+    }
+    for (; i < count; i++)
+        out[i] = a[i] < b[i] ? a[i] : b[i];
+}
+
 struct blend {
     __m256i upper, lower, pair, half,
         middle; /* pair: the weights of the two columns beside each other */

@@ -143,6 +143,16 @@ void fv_k_nn_max_u8__avx512(const uint8_t *a, const uint8_t *b, uint8_t *out, in
     }
 }
 
+void fv_k_nn_min_u8__avx512(const uint8_t *a, const uint8_t *b, uint8_t *out, int32_t count)
+{
+    for (int32_t i = 0; i < count; i += 64) {
+        const __mmask64 mask = count - i >= 64 ? ~UINT64_C(0) : ~UINT64_C(0) >> (64 - (count - i));
+        _mm512_mask_storeu_epi8(out + i, mask,
+                                _mm512_min_epu8(_mm512_maskz_loadu_epi8(mask, a + i),
+                                                _mm512_maskz_loadu_epi8(mask, b + i)));
+    }
+}
+
 struct blend {
     __m512i upper, lower, pair, half,
         middle; /* pair: the weights of the two columns beside each other */
