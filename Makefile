@@ -76,7 +76,7 @@ endif
 ROOMS     := base image features geometry odometry scale map nn detect objects message runtime
 CORE_C    := $(KERNELS) $(foreach r,$(ROOMS),$(wildcard src/$(r)/*.c))
 # What no loop runs stands at the end, for the same reason: features and operations of the commands.
-LAST_C    := $(filter src/kernels/%_c.c $(addprefix src/features/,extract.c harris.c patch.c scale_space.c sift%.c strongest.c) \
+LAST_C    := $(filter src/kernels/%_c.c $(addprefix src/features/,extract.c harris.c patch.c ranked.c scale_space.c sift%.c strongest.c) \
              $(addprefix src/image/,contrast.c edges.c filters.c hysteresis.c preprocess.c region.c segments.c tables.c white_balance.c) \
              $(addprefix src/kernels/x86/,edge_% filter_% response_% bilateral_%),$(CORE_C))
 CORE_C    := $(filter-out $(LAST_C),$(CORE_C)) $(LAST_C)

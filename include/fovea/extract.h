@@ -8,7 +8,9 @@
  *
  * Results are equal on every kernel set, compiler and architecture.
  *
- * Sources: Harris: Harris and Stephens, "A combined corner and edge detector", 1988; Shi and
+ * Sources: ORB: Rublee, Rabaud, Konolige and Bradski, "ORB: an efficient alternative to SIFT or
+ * SURF", ICCV 2011; FAST: Rosten and Drummond, "Machine learning for high-speed corner detection",
+ * ECCV 2006; Harris: Harris and Stephens, "A combined corner and edge detector", 1988; Shi and
  * Tomasi, "Good features to track", CVPR 1994; SIFT: Lowe, "Distinctive image features from
  * scale-invariant keypoints", IJCV 2004. */
 #ifndef FOVEA_EXTRACT_H
@@ -25,7 +27,8 @@ extern "C" {
 #endif
 
 enum fovea_feature_method {
-    FOVEA_FEATURES_ORB = 0,        /* FAST corners on every level of a pyramid, with orientations */
+    /* FAST corners on every level of a pyramid, the best by Harris' measure, with orientations */
+    FOVEA_FEATURES_ORB = 0,
     FOVEA_FEATURES_FAST = 1,       /* FAST corners of the image itself */
     FOVEA_FEATURES_SIFT = 2,       /* extremes of differences of Gaussians in scale */
     FOVEA_FEATURES_HARRIS = 3,     /* corners by det - k trace^2 of the matrix of derivatives */
@@ -54,8 +57,12 @@ struct fovea_extract_config {
     /* 1: orientations are 0, and descriptors distinguish features better between images that are
      * not rotated against each other. Default 0 for ORB and SIFT, 1 for the others */
     uint32_t upright;
-    uint32_t levels;    /* [1, 8], default 8: of the pyramid (ORB) */
-    uint32_t threshold; /* [2, 100] grey levels, default 7 for ORB, 20 for FAST: of corners */
+    /* [1, 8], default 8: of the pyramid (ORB). Each is due a part of count_max, falling by 5/6 from
+     * level to level; what one lacks is not made up for on others */
+    uint32_t levels;
+    /* [2, 100] grey levels, default 20: of corners (ORB, FAST). Where FAST finds less than
+     * count_max / 32 of them, corners of 7 fill up to that number. */
+    uint32_t threshold;
     /* [0.1, 50] grey levels, default 3.4: least difference of Gaussians (SIFT) */
     float contrast;
     /* [1, 100], default 10: largest ratio of the two curvatures, which is high on edges (SIFT) */
@@ -78,7 +85,7 @@ struct fovea_local_feature {
     float size_px;    /* diameter of what it stands for: SIFT 2 sigma, others the patch */
     float angle_rad;  /* clockwise in the image from +x, (-pi, pi]; 0 where the method has none */
     /* Strength, in the method's unit: FAST score; grey levels (SIFT); grey levels per pixel to the
-     * fourth (Harris) or second power (Shi and Tomasi) */
+     * fourth (Harris, ORB) or second power (Shi and Tomasi) */
     float response;
     uint32_t level; /* of the pyramid, or octave; 0 the finest */
 };
@@ -87,7 +94,7 @@ struct fovea_local_feature {
 struct fovea_extracted {
     uint32_t count;
     const struct fovea_local_feature
-        *features;              /* ORB: coarse levels first; others: strongest first */
+        *features;              /* strongest first; ORB: coarse levels first, so of each level */
     const uint8_t *descriptors; /* count x descriptor_bytes */
     uint32_t descriptor_bytes;
 };

@@ -4,20 +4,30 @@
 #include <stdbool.h>
 
 #include "base/arena.h"
-#include "features/features.h"
+#include "features/fast.h"
 #include "features/harris.h"
 #include "features/orb.h"
 #include "features/patch.h"
+#include "features/ranked.h"
+#include "features/refine.h"
 #include "features/sift.h"
 #include "features/strongest.h"
 #include "kernels/kernels.h"
 
-enum { FAST_THRESHOLD = 20 }; /* corners of it hide weaker ones near them, as in the loop */
+enum {
+    BORDER_PX = FV_ORB_MARGIN_PX,
+    PATCH_PX = 31, /* what ORB's descriptor looks at */
+    THRESHOLD = 20,
+    /* Where FAST has less than this part of count_max, in blurred or dark images, it is filled up
+     * with corners of the lower threshold. */
+    FAST_LEAST_PART = 32,
+    FAST_THRESHOLD_LOW = 7
+};
 
 /* Corners on a pyramid, or on the image as its level 0. */
 struct corners {
     struct fv_pyramid pyramid;
-    struct fv_features features;
+    struct fv_ranked ranked; /* of ORB */
     struct fv_fast_scratch fast;
     struct fv_strongest strongest; /* of FAST */
     struct fv_harris harris;
@@ -83,16 +93,9 @@ static void orb_carve(struct fovea_extract *extract, struct fv_arena *arena)
 {
     struct corners *corners = &extract->with.corners;
     const struct fovea_extract_config *config = &extract->config;
-    const struct fovea_features_config features = {
-        .count_max = config->count_max,
-        .pyramid_levels = config->levels,
-        .threshold = config->threshold > FAST_THRESHOLD ? config->threshold : FAST_THRESHOLD,
-        .threshold_min = config->threshold,
-        .per_cell = FV_SPREAD_KEPT,
-    };
-    fv_pyramid_carve(&corners->pyramid, extract->width, extract->height, features.pyramid_levels,
-                     arena);
-    fv_features_carve(&corners->features, &features, &corners->pyramid, arena);
+    fv_pyramid_carve(&corners->pyramid, extract->width, extract->height, config->levels, arena);
+    fv_ranked_carve(&corners->ranked, config->count_max, config->threshold, &corners->pyramid,
+                    BORDER_PX, arena);
     carve_descriptors(extract, arena);
 }
 
@@ -100,21 +103,21 @@ static void orb_run(struct fovea_extract *extract, const struct fovea_image *ima
                     const struct fv_plane *mask, struct fovea_extracted *found)
 {
     struct corners *corners = &extract->with.corners;
+    const struct fv_ranked *ranked = &corners->ranked;
     fv_pyramid_build(&corners->pyramid, &extract->kernels, image);
     const uint32_t count =
-        fv_features_find(&corners->features, &extract->kernels, &corners->pyramid,
-                         mask->pixels != NULL ? mask : NULL, extract->config.count_max);
+        fv_ranked_find(&corners->ranked, &extract->kernels, &corners->pyramid, mask);
     for (uint32_t i = 0; i < count; i++) {
-        const struct fovea_feature *feature = &corners->features.list[i];
+        const uint8_t level = ranked->corners[i].level;
         corners->list[i] = (struct fovea_local_feature){
-            .x_px = feature->x_px,
-            .y_px = feature->y_px,
-            .size_px = feature->size_px,
-            .response = feature->score,
-            .level = feature->level,
+            .x_px = ranked->places[i].x_px,
+            .y_px = ranked->places[i].y_px,
+            .size_px = PATCH_PX * fv_pyramid_scale(level),
+            .response = ranked->responses[i],
+            .level = level,
         };
     }
-    describe(extract, corners->features.corners, count, found);
+    describe(extract, ranked->corners, count, found);
 }
 
 static void carve_one_level(struct fovea_extract *extract, struct fv_arena *arena)
@@ -133,12 +136,12 @@ static void fast_carve(struct fovea_extract *extract, struct fv_arena *arena)
     carve_one_level(extract, arena);
 }
 
-static void fast_search(struct corners *corners, const struct fv_kernels *kernels,
-                        uint32_t threshold, const struct fv_plane *mask)
+static void fast_scan(struct corners *corners, const struct fv_kernels *kernels, uint32_t threshold,
+                      const struct fv_plane *mask)
 {
     struct fv_fast scan;
-    fv_fast_begin(&scan, kernels, &corners->pyramid.level[0], FV_FEATURES_BORDER_PX,
-                  (int32_t)threshold, &corners->fast);
+    fv_fast_begin(&scan, kernels, &corners->pyramid.level[0], BORDER_PX, (int32_t)threshold,
+                  &corners->fast);
     fv_strongest_begin(&corners->strongest);
     while (fv_fast_next(&scan))
         for (int32_t i = 0; i < scan.count; i++) {
@@ -149,12 +152,24 @@ static void fast_search(struct corners *corners, const struct fv_kernels *kernel
     fv_strongest_sort(&corners->strongest);
 }
 
+static void fast_search(struct fovea_extract *extract, const struct fv_plane *mask)
+{
+    struct corners *corners = &extract->with.corners;
+    const struct fovea_extract_config *config = &extract->config;
+    const uint32_t least = config->count_max / FAST_LEAST_PART;
+    fast_scan(corners, &extract->kernels, config->threshold, mask);
+    if (corners->strongest.count >= least || config->threshold <= FAST_THRESHOLD_LOW) return;
+    /* A lower threshold adds corners and changes none. */
+    fast_scan(corners, &extract->kernels, FAST_THRESHOLD_LOW, mask);
+    if (corners->strongest.count > least) corners->strongest.count = least;
+}
+
 static void fast_run(struct fovea_extract *extract, const struct fovea_image *image,
                      const struct fv_plane *mask, struct fovea_extracted *found)
 {
     struct corners *corners = &extract->with.corners;
     fv_pyramid_build(&corners->pyramid, &extract->kernels, image);
-    fast_search(corners, &extract->kernels, extract->config.threshold, mask);
+    fast_search(extract, mask);
     for (uint32_t i = 0; i < corners->strongest.count; i++) {
         const int32_t x = fv_strongest_x(&corners->strongest, i);
         const int32_t y = fv_strongest_y(&corners->strongest, i);
@@ -162,7 +177,7 @@ static void fast_run(struct fovea_extract *extract, const struct fovea_image *im
         corners->list[i] = (struct fovea_local_feature){
             .x_px = (float)x,
             .y_px = (float)y,
-            .size_px = FV_FEATURES_PATCH_PX,
+            .size_px = PATCH_PX,
             .response = (float)fv_strongest_response(&corners->strongest, i),
         };
     }
@@ -172,7 +187,7 @@ static void fast_run(struct fovea_extract *extract, const struct fovea_image *im
 static void harris_carve(struct fovea_extract *extract, struct fv_arena *arena)
 {
     fv_harris_carve(&extract->with.corners.harris, &extract->config, extract->width,
-                    extract->height, FV_FEATURES_BORDER_PX, arena);
+                    extract->height, BORDER_PX, arena);
     carve_one_level(extract, arena);
 }
 
@@ -189,7 +204,7 @@ static void harris_run(struct fovea_extract *extract, const struct fovea_image *
         corners->list[i] = (struct fovea_local_feature){
             .x_px = corner->x_px,
             .y_px = corner->y_px,
-            .size_px = FV_FEATURES_PATCH_PX,
+            .size_px = PATCH_PX,
             .response = corner->response,
         };
     }
@@ -246,7 +261,7 @@ void fovea_extract_config_default(struct fovea_extract_config *config,
                                                                     : FOVEA_DESCRIPTOR_BINARY,
         .count_max = 500,
         .levels = FOVEA_PYRAMID_LEVELS_MAX,
-        .threshold = method == FOVEA_FEATURES_ORB ? 7 : FAST_THRESHOLD,
+        .threshold = THRESHOLD,
         .contrast = 3.4f,
         .edge_ratio = 10,
         .doubled = 1,

@@ -18,12 +18,6 @@ void fv_features_carve(struct fv_features *features, const struct fovea_features
     fv_spread_carve(&features->spread, pyramid->levels, width, height, config->count_max, frame);
 }
 
-/* The pixel of the frame in which a pixel of a level has its centre. */
-static int32_t raw_pixel(uint32_t level, int32_t level_px)
-{
-    return (int32_t)(((int64_t)(2 * level_px + 1) * fv_pyramid_scale_q16(level)) >> 17);
-}
-
 static void find_in_level(struct fv_features *features, const struct fv_kernels *kernels,
                           const struct fv_pyramid *pyramid, uint32_t level,
                           const struct fv_plane *mask)
@@ -34,10 +28,10 @@ static void find_in_level(struct fv_features *features, const struct fv_kernels 
                   (int32_t)features->config.threshold_min, &features->fast);
     while (fv_fast_next(&fast)) {
         const uint8_t *mask_row =
-            mask == NULL ? NULL : fv_plane_row(mask, raw_pixel(level, fast.y));
+            mask == NULL ? NULL : fv_plane_row(mask, fv_pyramid_pixel_in_raw(level, fast.y));
         for (int32_t i = 0; i < fast.count; i++) {
             const int32_t x = fast.columns[i];
-            if (mask_row != NULL && mask_row[raw_pixel(level, x)] == 0) continue;
+            if (mask_row != NULL && mask_row[fv_pyramid_pixel_in_raw(level, x)] == 0) continue;
             fv_spread_offer(&features->spread, level, x, fast.y, fast.scores[x]);
         }
     }

@@ -5,16 +5,9 @@
 #include <stdbool.h>
 #include <string.h>
 
-enum {
-    OVER_EVEN = 6,
-    OVER_STRONGEST = 30,
-    CELL_MIN_PX = 4,
-    FULL_WORTH_LEVELS = 6,
-    WORTH_MAX = 640
-};
+enum { OVER_STRONGEST = 30, CELL_MIN_PX = 4, FULL_WORTH_LEVELS = 6, WORTH_MAX = 640 };
 
-/* Features that a level is due of `count`; falls by (over - 1) / over from level to level. */
-static uint32_t quota_of(uint32_t level, uint32_t levels, uint32_t count, uint32_t over)
+uint32_t fv_spread_quota(uint32_t level, uint32_t levels, uint32_t count, uint32_t over)
 {
     uint64_t part = 0, sum = 0, weight = 1;
     for (uint32_t i = 0; i < levels; i++)
@@ -38,7 +31,7 @@ void fv_spread_carve(struct fv_spread *spread, uint32_t levels, const int32_t wi
         *level = (struct fv_spread_level){.width = width[i], .height = height[i]};
         level->field_x = (uint32_t)(scale / (uint32_t)width[0]);
         level->field_y = (uint32_t)(scale / (uint32_t)height[0]);
-        level->cells_max = quota_of(i, levels, count_max, OVER_EVEN) + 1;
+        level->cells_max = fv_spread_quota(i, levels, count_max, FV_SPREAD_OVER_EVEN) + 1;
         level->cells = fv_arena_take(frame, level->cells_max, sizeof *level->cells);
     }
 }
@@ -103,7 +96,8 @@ void fv_spread_begin(struct fv_spread *spread, uint32_t count, uint8_t threshold
     memset(spread->cover, 0, FV_SPREAD_FIELDS * sizeof *spread->cover);
     for (uint32_t i = 0; i < spread->levels; i++) {
         spread->worth_q8[i] = worth_of_level(i, per_cell);
-        begin_level(&spread->level[i], quota_of(i, spread->levels, count, OVER_EVEN));
+        begin_level(&spread->level[i],
+                    fv_spread_quota(i, spread->levels, count, FV_SPREAD_OVER_EVEN));
     }
 }
 
@@ -207,10 +201,10 @@ static void rank_levels(struct fv_spread *spread, struct ranking rankings[])
  * ones are due; then the rest, fine to coarse. */
 static void divide(const struct fv_spread *spread, uint32_t count, struct ranking rankings[])
 {
-    const uint32_t over = spread->per_cell < FV_SPREAD_KEPT ? OVER_EVEN : OVER_STRONGEST;
+    const uint32_t over = spread->per_cell < FV_SPREAD_KEPT ? FV_SPREAD_OVER_EVEN : OVER_STRONGEST;
     uint32_t due = 0, done = 0;
     for (uint32_t i = spread->levels; i-- > 0;) {
-        due += quota_of(i, spread->levels, count, over);
+        due += fv_spread_quota(i, spread->levels, count, over);
         if (due > count || i == 0) due = count;
         const uint32_t room = due - done;
         rankings[i].room = room < rankings[i].total ? room : rankings[i].total;

@@ -30,6 +30,7 @@ extern "C" {
 
 enum {
     FV_SPREAD_KEPT = 8,
+    FV_SPREAD_OVER_EVEN = 6, /* quotas fall by 5/6 */
     FV_SPREAD_COVER = 16,
     FV_SPREAD_FIELDS = FV_SPREAD_COVER * FV_SPREAD_COVER,
     FV_SPREAD_WANTED = FV_SPREAD_FIELDS * 9 / 10
@@ -70,6 +71,10 @@ struct fv_spread {
     struct fv_spread_level level[FOVEA_PYRAMID_LEVELS_MAX];
     struct fv_corner *cover; /* FV_SPREAD_COVER^2 fields, score 0: empty */
 };
+
+/* Features that a level of `levels` is due of `count`, which fall by (over - 1) / over from level
+ * to level; over [2, 30]. */
+uint32_t fv_spread_quota(uint32_t level, uint32_t levels, uint32_t count, uint32_t over);
 
 /* Take memory for `count_max` corners from levels of these sizes. Fills sizes and addresses only.
  * Init-only.

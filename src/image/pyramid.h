@@ -53,6 +53,12 @@ static inline float fv_pyramid_to_raw(uint32_t level, float level_px)
     return fv_pyramid_scale(level) * (level_px + 0.5f) - 0.5f;
 }
 
+/* The pixel of the raw image, along x or y, in which a pixel of a level has its centre. */
+static inline int32_t fv_pyramid_pixel_in_raw(uint32_t level, int32_t level_px)
+{
+    return (int32_t)(((int64_t)(2 * level_px + 1) * fv_pyramid_scale_q16(level)) >> 17);
+}
+
 /* Take `levels` [1, 8] images for frames of width x height (within FOVEA_IMAGE_*) from the arena.
  * Fills sizes and addresses only. Init-only. */
 void fv_pyramid_carve(struct fv_pyramid *pyramid, int32_t width, int32_t height, uint32_t levels,

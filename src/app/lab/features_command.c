@@ -1,4 +1,4 @@
-/* fovea features: what the feature stage sees in a picture. */
+/* fovea features: local features of a picture, by any method. */
 #include <stdio.h>
 #include <string.h>
 

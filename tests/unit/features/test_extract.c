@@ -15,6 +15,7 @@
 #include "base/hash.h"
 #include "fovea/extract.h"
 #include "features/patch.h"
+#include "features/ranked.h"
 
 enum { SIDE = 161, STRIDE = 171, PAINT = 0xee };
 
@@ -238,7 +239,7 @@ static void every_method_gives_the_same_on_every_kernel_set_and_machine(void **s
         enum fovea_descriptor descriptor;
         uint64_t hash;
     } cases[] = {
-        {FOVEA_FEATURES_ORB, FOVEA_DESCRIPTOR_BINARY, 0x953419b23238d183},
+        {FOVEA_FEATURES_ORB, FOVEA_DESCRIPTOR_BINARY, 0xcdd217d937fff566},
         {FOVEA_FEATURES_FAST, FOVEA_DESCRIPTOR_PATCH, 0x27fa902ae65f9243},
         {FOVEA_FEATURES_SIFT, FOVEA_DESCRIPTOR_FLOAT, 0xfaea80ffd80587cc},
         {FOVEA_FEATURES_HARRIS, FOVEA_DESCRIPTOR_BINARY, 0x9d5dc0c3b12cfcb2},
@@ -344,6 +345,94 @@ static void corners_keep_their_distance(void **state)
                                     (double)found.features[k].y_px) > 12.5 - 1.5);
 }
 
+/* Derivatives and weights one by one, as in the definition. */
+static double measure_of(int32_t x, int32_t y, double *trace)
+{
+    static const double weight[7] = {1, 6, 15, 20, 15, 6, 1};
+    double xx = 0, yy = 0, xy = 0;
+    for (int32_t v = 0; v < 7; v++)
+        for (int32_t u = 0; u < 7; u++) {
+            const uint8_t *p = pixels + (y + v - 3) * STRIDE + x + u - 3;
+            const double dx = p[1 - STRIDE] + 2 * p[1] + p[1 + STRIDE] - p[-1 - STRIDE] -
+                              2 * p[-1] - p[-1 + STRIDE];
+            const double dy = p[STRIDE - 1] + 2 * p[STRIDE] + p[STRIDE + 1] - p[-STRIDE - 1] -
+                              2 * p[-STRIDE] - p[-STRIDE + 1];
+            xx += weight[u] * weight[v] / 64 * dx * dx;
+            yy += weight[u] * weight[v] / 64 * dy * dy;
+            xy += weight[u] * weight[v] / 64 * dx * dy;
+        }
+    *trace = xx + yy;
+    return 25 * (xx * yy - xy * xy) - (xx + yy) * (xx + yy);
+}
+
+static void the_measure_of_corners_is_that_of_harris(void **state)
+{
+    (void)state;
+    const struct fv_plane plane = fv_plane_of(pixels, SIDE, SIDE, STRIDE);
+    draw_squares(17);
+    int corners = 0;
+    for (int32_t y = 4; y < SIDE - 4; y += 3)
+        for (int32_t x = 4; x < SIDE - 4; x++) {
+            double trace;
+            const double expected = measure_of(x, y, &trace);
+            const double found = (double)fv_ranked_measure(&plane, x, y);
+            const double within = 60 * trace + 60; /* sums are cut to whole numbers */
+            assert_true(found > expected - within);
+            assert_true(found < (expected > 1 ? expected : 1) + within);
+            corners += expected > 1e12;
+        }
+    assert_true(corners > 1000);
+    /* The largest derivatives there are. */
+    for (int y = 0; y < SIDE; y++)
+        for (int x = 0; x < SIDE; x++)
+            pixels[y * STRIDE + x] = (uint8_t)((x / 2 + y / 2) % 2 * 255);
+    double trace;
+    assert_true((double)fv_ranked_measure(&plane, 80, 80) > measure_of(80, 80, &trace) * .999);
+}
+
+static void orb_gives_of_each_level_the_best(void **state)
+{
+    (void)state;
+    draw_squares(19);
+    struct fovea_extract_config config = config_of(FOVEA_FEATURES_ORB, 40);
+    struct fovea_extracted found = run(&config, NULL);
+    uint32_t on_level[FOVEA_PYRAMID_LEVELS_MAX] = {0};
+    for (uint32_t i = 0; i < found.count; i++) {
+        const struct fovea_local_feature *f = &found.features[i];
+        on_level[f->level]++;
+        if (i == 0) continue;
+        assert_true(f->level <= f[-1].level);
+        assert_true(f->level < f[-1].level || f->response <= f[-1].response);
+    }
+    assert_in_range(on_level[0], 8, 10); /* 40 / 6 / (1 - (5/6)^8) = 8.7 */
+    assert_int_equal(on_level[1], 7);
+    const float best = found.features[found.count - on_level[0]].response;
+    config.levels = 1;
+    found = run(&config, NULL);
+    assert_int_equal(found.count, 40);
+    assert_true(found.features[0].response == best);
+}
+
+/* Squares of little contrast: none of the threshold, and a few are found all the same. */
+static void fast_finds_some_corners_where_all_are_weak(void **state)
+{
+    (void)state;
+    draw_squares(23);
+    for (int i = 0; i < SIDE * STRIDE; i++)
+        pixels[i] = (uint8_t)(100 + pixels[i] / 13); /* 100 to 119 */
+    struct fovea_extract_config config = config_of(FOVEA_FEATURES_FAST, 320);
+    struct fovea_extracted found = run(&config, NULL);
+    assert_int_equal(found.count, 10);
+    assert_true(found.features[0].response >= 7 && found.features[0].response < 20);
+    config.threshold = 7;
+    const float strongest = found.features[0].response;
+    found = run(&config, NULL);
+    assert_in_range(found.count, 11, 320);
+    assert_true(found.features[0].response == strongest);
+    config = config_of(FOVEA_FEATURES_ORB, 320);
+    assert_int_equal(run(&config, NULL).count, 0);
+}
+
 static void wrong_parameters_are_named(void **state)
 {
     (void)state;
@@ -398,6 +487,9 @@ int main(void)
         cmocka_unit_test(empty_images_have_no_features),
         cmocka_unit_test(harris_and_shi_tomasi_find_the_corners_of_a_square),
         cmocka_unit_test(corners_keep_their_distance),
+        cmocka_unit_test(the_measure_of_corners_is_that_of_harris),
+        cmocka_unit_test(orb_gives_of_each_level_the_best),
+        cmocka_unit_test(fast_finds_some_corners_where_all_are_weak),
         cmocka_unit_test(wrong_parameters_are_named),
     };
     return cmocka_run_group_tests(tests, NULL, tear_down);
