@@ -16,6 +16,8 @@ export BUILD="$build"
 failed=0
 echo "== uses"
 "$python" tests/import/uses.py || failed=1
+echo "== states"
+"$python" tests/import/states.py --rounds "$rounds" || failed=1
 echo "== decoders"
 "$python" tests/import/decoders.py || failed=1
 echo "== quantiser"
@@ -34,7 +36,7 @@ for set in ${3:-$sets}; do
     choice="--set $set"
     [ "$set" = best ] && choice=
     # shellcheck disable=SC2086
-    for test in operators variants odd graphs; do
+    for test in operators variants odd graphs states; do
         echo "== $test, kernel set $set"
         "$python" "tests/import/$test.py" $choice --rounds "$rounds" || failed=1
     done

@@ -4,8 +4,9 @@
  *
  * All memory is one block of the caller's. The model file (.fvm, made by tools/import) stays the
  * caller's too, and must stay as it is while the network is in use: it is read in place. Every
- * input is set before each run, since a run may overwrite it: a network whose state goes from one
- * run to the next gets that output as an input again. Outputs are the same bits on every processor.
+ * input is set before each run, since a run may overwrite it. The states that a model was imported
+ * with (`tools/import --state`) are no inputs: they begin as zero and go from one run to the next
+ * by themselves. Outputs are the same bits on every processor.
  *
  * Real-time safe but for size and init. Not for two threads at a time. */
 #ifndef FOVEA_NETWORK_H
@@ -81,6 +82,10 @@ enum fovea_status fovea_network_set_image(struct fovea_network *network,
  * are there. FOVEA_AGAIN: units are left. FOVEA_ERROR_ARGUMENT: an input was not set since the last
  * run. */
 enum fovea_status fovea_network_run(struct fovea_network *network, uint32_t units);
+
+/* Begin again: the states become zero, inputs count as not set, a run under way is given up, and
+ * outputs have no data until the next run. */
+void fovea_network_reset(struct fovea_network *network);
 
 #ifdef __cplusplus
 }

@@ -70,7 +70,7 @@ bool fv_detect_idle(const struct fv_detect_memory *memory)
 
 void fv_detect_stop(const struct fv_detect_memory *memory)
 {
-    fv_nn_job_end(&memory->nn);
+    fv_nn_job_forget(&memory->nn);
 }
 
 const struct fovea_detection *fv_detect_found(const struct fv_detect_memory *memory,

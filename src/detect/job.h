@@ -60,7 +60,7 @@ static inline const struct fv_nn_job *fv_detect_network(const struct fv_detect_m
 }
 
 bool fv_detect_idle(const struct fv_detect_memory *memory);
-/* Give up the image under way. */
+/* Give up the image under way, and what the network knows of earlier ones. */
 void fv_detect_stop(const struct fv_detect_memory *memory);
 /* What the last run that completed found: `count` detections, then `uncertain` ones. Valid until
  * the next fv_detect_advance. */

@@ -59,6 +59,12 @@ static void fill_some(const struct fv_nn_job *job)
     if (end == height) s->phase = FV_NN_JOB_RUN;
 }
 
+void fv_nn_job_forget(const struct fv_nn_job *job)
+{
+    fv_nn_job_end(job);
+    fv_nn_clear_states(job->model, job->arena);
+}
+
 enum fovea_status fv_nn_job_advance(const struct fv_nn_job *job, const struct fv_kernels *kernels,
                                     uint32_t units, uint32_t *done)
 {

@@ -1,6 +1,7 @@
 /* A network over many frames: a picture is taken, becomes the model's input, and the model runs in
  * units, until its output tensors are there for the user of the job. Each job has one model; any
- * number of jobs, of the same or other models, may be under way at once.
+ * number of jobs, of the same or other models, may be under way at once. The states of a model go
+ * from one picture that is taken to the next, and begin as real zeros.
  *
  * The state and the pieces lie in memory that the caller carves from its block, and hold no
  * addresses of it, so they can be copied and hashed. Real-time safe. */
@@ -79,6 +80,9 @@ static inline void fv_nn_job_end(const struct fv_nn_job *job)
 {
     job->state->phase = FV_NN_JOB_IDLE;
 }
+
+/* The same, and the states of the model become real zeros. */
+void fv_nn_job_forget(const struct fv_nn_job *job);
 
 #ifdef __cplusplus
 }

@@ -60,13 +60,13 @@ static enum fovea_status check_header(const struct fv_model_header *h, size_t by
             (unsigned)(uint8_t)h->magic[0], (unsigned)(uint8_t)h->magic[1],
             (unsigned)(uint8_t)h->magic[2], (unsigned)(uint8_t)h->magic[3]);
     }
-    if (h->version < FV_MODEL_VERSION)
+    if (h->version < FV_MODEL_VERSION_STATELESS)
         return fail(error, name, 4, "the version of the model format", h->version,
-                    "2: only the Fovea before 0.1 that made it reads it, import the .tflite file "
-                    "again");
+                    "2 or 3: only the Fovea before 0.1 that made it reads it, import the .tflite "
+                    "file again");
     if (h->version > FV_MODEL_VERSION)
         return fail(error, name, 4, "the version of the model format", h->version,
-                    "2: a later Fovea made it and reads it, or import the .tflite file again");
+                    "2 or 3: a later Fovea made it and reads it, or import the .tflite file again");
     if (h->file_bytes != bytes)
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "%s: byte 8: the stated size is %llu, expected the file's %zu", name,
@@ -93,6 +93,13 @@ static enum fovea_status check_header(const struct fv_model_header *h, size_t by
     if (h->output_count < 1 || h->output_count > FV_MODEL_IO_MAX ||
         !fits(h, h->outputs, h->output_count, 4)) {
         return fail(error, name, 44, "the output count", h->output_count, "1 to 16");
+    }
+    const uint32_t most = h->version == FV_MODEL_VERSION_STATELESS ? 0 : FV_MODEL_IO_MAX;
+    if (h->state_count > most || (h->state_count == 0) != (most == 0) ||
+        (most > 0 && !fits(h, h->states, h->state_count, 4))) {
+        return fail(error, name, offsetof(struct fv_model_header, state_count),
+                    "the number of states", h->state_count,
+                    "0 in version 2, 1 to 16 inside the file in version 3");
     }
     if (h->label_count > FV_MODEL_LABELS_MAX || !fits(h, h->labels, h->label_bytes, 1)) {
         return fail(error, name, 52, "the label count", h->label_count,
@@ -277,6 +284,10 @@ static enum fovea_status check_ops(const struct fv_model *m, const char *name,
     memset(written, 0, sizeof written);
     enum fovea_status status = check_io(m, written, 0, name, error);
     if (status != FOVEA_OK) return status;
+    for (uint32_t i = 0; i < m->header->state_count; i++) { /* by earlier runs */
+        const struct fv_model_tensor *t = &m->tensors[m->states[i]];
+        written[t->storage / 8] |= (uint8_t)(1 << t->storage % 8);
+    }
     for (uint32_t i = 0; i < m->header->op_count; i++) {
         const struct fv_model_op *op = &m->ops[i];
         int32_t word = 0;
@@ -377,10 +388,13 @@ enum fovea_status fv_model_open(const void *data, size_t bytes, const char *name
         .ops = (const struct fv_model_op *)(const void *)(base + h->ops),
         .inputs = (const int32_t *)(const void *)(base + h->inputs),
         .outputs = (const int32_t *)(const void *)(base + h->outputs),
+        .states = h->state_count == 0 ? NULL : (const int32_t *)(const void *)(base + h->states),
     };
     status = check_texts(h, base, name, error);
     if (status == FOVEA_OK) status = check_tensors(&m, name, error);
+    if (status == FOVEA_OK) status = fv_model_check_state_list(&m, name, error);
     if (status == FOVEA_OK) status = check_ops(&m, name, error);
+    if (status == FOVEA_OK) status = fv_model_check_state_use(&m, name, error);
     if (status == FOVEA_OK) status = check_use(&m, name, error);
     if (status == FOVEA_OK) *model = m;
     return status;

@@ -18,6 +18,13 @@
  * earlier one wrote. The work of an operator is cut into `rows` slices that are independent of each
  * other; `row_cost` estimates one slice in multiply-accumulates.
  *
+ * A state is a tensor that keeps its bytes from run to run. Its bytes are values minus their zero
+ * point, so that zeroed memory is the real zero. One FV_OP_COPY reads it, into the tensor that was
+ * an input of the .tflite file, and a later one writes it, from the tensor that the next run shall
+ * see there; both through a table where zero points or quantisations differ. Nothing else reads or
+ * writes it, and no other tensor shares its bytes of the arena. A file with states has version 3,
+ * one without them version 2.
+ *
  * The loader (fv_model_open) checks every number that a kernel or operator later relies on, so that
  * a hostile file is refused with the byte at fault and never causes an access out of bounds. */
 #ifndef FOVEA_NN_MODEL_H
@@ -33,7 +40,8 @@ extern "C" {
 #endif
 
 enum {
-    FV_MODEL_VERSION = 2,
+    FV_MODEL_VERSION = 3,
+    FV_MODEL_VERSION_STATELESS = 2, /* of files without states */
     FV_MODEL_HEADER_BYTES = 512,
     FV_MODEL_SLACK_BYTES =
         64, /* that may be read past a tensor's end, in the arena and in the file */
@@ -317,7 +325,8 @@ struct fv_model_header {
     char name[64];
     struct fv_model_preprocess preprocess;
     struct fv_model_decode decode;
-    uint32_t tail[8];
+    uint32_t state_count, states; /* indices of tensors, as inputs and outputs are */
+    uint32_t tail[6];
 };
 
 /* A checked model. Views into the caller's bytes, which must stay where they are while the model is
@@ -327,7 +336,7 @@ struct fv_model {
     const struct fv_model_header *header;
     const struct fv_model_tensor *tensors;
     const struct fv_model_op *ops;
-    const int32_t *inputs, *outputs;
+    const int32_t *inputs, *outputs, *states;
 };
 
 /* Check `bytes` bytes at `data` (64-byte aligned) as a model file. Init-only.
@@ -352,6 +361,11 @@ static inline uint32_t fv_model_input_count(const struct fv_model *model)
 static inline uint32_t fv_model_output_count(const struct fv_model *model)
 {
     return model->header->output_count;
+}
+/* How many tensors keep their bytes from run to run. Any thread. */
+static inline uint32_t fv_model_state_count(const struct fv_model *model)
+{
+    return model->header->state_count;
 }
 static inline int32_t fv_model_output(const struct fv_model *model, uint32_t index)
 {

@@ -10,4 +10,11 @@
 const char *fv_model_check_op(const struct fv_model *model, const struct fv_model_op *op,
                               int32_t *word);
 
+/* The tensors that are states exist, before operators are checked; and afterwards, that each is
+ * read and written by one copy each and shares no bytes. */
+enum fovea_status fv_model_check_state_list(const struct fv_model *model, const char *name,
+                                            struct fovea_error *error);
+enum fovea_status fv_model_check_state_use(const struct fv_model *model, const char *name,
+                                           struct fovea_error *error);
+
 #endif

@@ -116,6 +116,14 @@ enum fovea_status fovea_network_set_image(struct fovea_network *network,
     return FOVEA_OK;
 }
 
+void fovea_network_reset(struct fovea_network *network)
+{
+    fv_nn_clear_states(&network->model, network->arena);
+    network->set = 0;
+    network->running = false;
+    network->has_run = false;
+}
+
 enum fovea_status fovea_network_run(struct fovea_network *network, uint32_t units)
 {
     const struct fv_model *model = &network->model;

@@ -1,5 +1,7 @@
 #include "nn/run.h"
 
+#include <string.h>
+
 static fv_nn_op_fn *const operators[FV_OP_KIND_COUNT] = {
     [FV_OP_CONV] = fv_nn_op_conv,
     [FV_OP_DEPTHWISE] = fv_nn_op_depthwise,
@@ -22,6 +24,15 @@ static fv_nn_op_fn *const operators[FV_OP_KIND_COUNT] = {
 size_t fv_nn_arena_bytes(const struct fv_model *model)
 {
     return model->header->arena_bytes;
+}
+
+void fv_nn_clear_states(const struct fv_model *model, uint8_t *arena)
+{
+    for (uint32_t i = 0; i < model->header->state_count; i++) {
+        const struct fv_model_tensor *t = &model->tensors[model->states[i]],
+                                     *whole = &model->tensors[t->storage];
+        memset(arena + whole->offset, 0, (size_t)whole->bytes);
+    }
 }
 
 static int32_t unit_rows(const struct fv_model_op *op)

@@ -6,7 +6,9 @@
  * more); 0.25 ms at 16 GMAC/s, which a Cortex-A76 with dot products passes. Units depend on the
  * model alone, so a recorded number of units does the same work on every machine.
  *
- * Operators may overwrite the input tensors: write the inputs before every run. All functions are
+ * Operators may overwrite the input tensors: write the inputs before every run. The states of a
+ * model lie in the arena too: an arena of zeros, or fv_nn_clear_states, begins with all of them
+ * real zeros; a run that is given up may leave some of them new and some old. All functions are
  * real-time safe and touch nothing but their arguments. */
 #ifndef FOVEA_NN_RUN_H
 #define FOVEA_NN_RUN_H
@@ -27,6 +29,9 @@ struct fv_nn_progress {
 };
 
 size_t fv_nn_arena_bytes(const struct fv_model *model);
+
+/* Make the states real zeros, as before the first run. */
+void fv_nn_clear_states(const struct fv_model *model, uint8_t *arena);
 
 /* Units that a whole run takes. */
 uint32_t fv_nn_units(const struct fv_model *model);

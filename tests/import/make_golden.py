@@ -14,6 +14,8 @@ HERE = os.path.dirname(os.path.abspath(__file__))
 sys.path.insert(0, HERE)
 
 import operators  # noqa: E402
+import states  # noqa: E402
+import use  # noqa: E402
 from operators import Case, CASES, Lowering, Writer, check, graph_module, plan_module  # noqa: E402
 
 
@@ -52,9 +54,36 @@ def record(name, kind, seed):
     return padded(head) + padded(model) + padded(ins) + padded(outs)
 
 
+def recurrent(name, kept, network, *options):
+    """A recurrent network, its states kept or left as inputs and outputs, from which tests of states compute what keeping them gives."""
+    case = Case("int8", 4)
+    inputs, outputs, pairs = network(case, *options)
+    with tempfile.NamedTemporaryFile(suffix=".tflite") as file:
+        file.write(case.b.bytes(inputs, outputs))
+        file.flush()
+        interpreter = check.reference(file.name)
+        graph = graph_module.read(file.name)
+    if kept:
+        graph_module.keep_states(graph, [f"t{held}=t{new}" for held, new in pairs], [])
+    net = Lowering(graph).run()
+    arena, _ = plan_module.plan(net)
+    shape = graph.tensors[graph.inputs[0]].shape
+    picture = [0, shape[2], shape[1], shape[3], 0, *[use.bits(0)] * 3, *[use.bits(1 / 50)] * 3, 114] if len(shape) == 4 else [0]
+    model = Writer(net, arena).bytes("recurrent", [], picture, [0])
+    values = {d["index"]: check.noise_input(d, 4) for d in interpreter.get_input_details()}
+    for index, value in values.items():
+        if index in [held for held, _ in pairs]:
+            value[:] = graph.tensors[index].zero[0]
+        interpreter.set_tensor(index, value)
+    interpreter.invoke()
+    ins = b"".join(raw(values[t]) for t in graph.inputs)
+    outs = b"".join(raw(interpreter.get_tensor(t)) for t in graph.outputs)
+    head = struct.pack("<40s3I12x", f"recurrent {name}".encode(), len(model), len(ins), len(outs))
+    return padded(head) + padded(model) + padded(ins) + padded(outs)
+
+
 def detector(target):
     """A small network of random weights with a FOMO head, for tests of preprocessing, slicing and decoding."""
-    import use
     case = Case("int8", 5)
     x = case.q((1, 48, 64, 3), 1 / 255, -128)
     shape, source, scale = (48, 64), x, 1 / 255
@@ -88,6 +117,9 @@ def main():
         for kind in kinds:
             seed = next(s for s in range(100) if operators.run(name, kind, s, "c") == "")
             out += record(name, kind, seed)
+    for kept in (True, False):  # the state's scale is half the next value's: the step between them is a multiplication by 2
+        out += recurrent("kept" if kept else "open", kept, states.elman, 12, 1 / 256, 5)
+    out += recurrent("picture", True, states.pictures)
     detector(os.path.join(HERE, "..", "golden", "detector.fvm"))
     target = os.path.join(HERE, "..", "golden", "nn_operators.bin")
     with open(target, "wb") as file:

@@ -56,6 +56,8 @@ def translate(path, arguments, fold):
     graph = graph_module.read(path)
     if arguments is not None and arguments.names:
         return graph, None
+    if arguments is not None and arguments.state:
+        graph_module.keep_states(graph, arguments.state, arguments.outputs)
     if arguments is not None and arguments.outputs:
         graph_module.cut(graph, arguments.outputs)
     net = Lowering(graph, fold).run()
@@ -78,6 +80,9 @@ def print_operators(graph):
 
 
 def print_names(graph):
+    for t in graph.inputs:
+        tensor = graph.tensors[t]
+        print(f"     input                    {tensor.type.lower()}[{', '.join(map(str, tensor.shape))}] {tensor.name}")
     for op in graph.ops:
         for t in op.outputs:
             tensor = graph.tensors[t]
@@ -160,7 +165,7 @@ def main():
     if arguments.check is not None:
         import check
         try:
-            return 1 if check.check(arguments.model, data, arguments.check, arguments.layers, arguments.set) else 0
+            return 1 if check.check(arguments.model, data, arguments.check, arguments.layers, arguments.set, graph=figures["graph"]) else 0
         except check.CheckProblem as problem:
             return complain(f"--check: {problem}")
     try:

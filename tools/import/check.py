@@ -4,6 +4,7 @@ Needs the packages ai-edge-litert and pillow. Inputs are the photographs, resize
 import numpy as np
 
 import planes
+import quant
 from engine import Engine, Progress
 from layout import KIND
 
@@ -92,10 +93,41 @@ def difference(found, expected):
            f"expected {expected[at]}"
 
 
-def compare(interpreter, engine, inputs, layers):
+class States:
+    """What the reference gets as its states: the engine keeps its own. `graph`: the one that was lowered, None: without states."""
+
+    def __init__(self, interpreter, graph=None):
+        self.pairs = graph.states if graph is not None else []
+        self.graph, self.interpreter = graph, interpreter
+        inputs = {t for t, _ in self.pairs}
+        details = interpreter.get_input_details()
+        self.inputs = [d for d in details if d["index"] not in inputs]
+        self.held = {d["index"]: np.full(d["shape"], d["quantization"][1], d["dtype"]) for d in details if d["index"] in inputs}
+        self.outputs = interpreter.get_output_details()
+        if self.pairs:
+            self.outputs = [d for t in graph.outputs for d in interpreter.get_tensor_details() if d["index"] == t]
+
+    def set(self):
+        for t, value in self.held.items():
+            self.interpreter.set_tensor(t, value)
+
+    def take(self):
+        """The run's results become the next run's states, requantised where the two differ."""
+        results = {t: self.interpreter.get_tensor(result) for t, result in self.pairs}
+        for t, result in self.pairs:
+            into, source = self.graph.tensors[t], self.graph.tensors[result]
+            value = results[t]
+            if into.is8:
+                unsigned = quant.between(source, into)[(value.astype(np.int16) + source.bias8).astype(np.uint8)]
+                value = (unsigned.astype(np.int16) - into.bias8).astype(self.held[t].dtype)
+            self.held[t] = value
+
+
+def compare(interpreter, engine, inputs, layers, states=None):
     """Run both; returns lines of what differs."""
-    details = interpreter.get_input_details()
-    for number, (detail, value) in enumerate(zip(details, inputs)):
+    states = states or States(interpreter)
+    states.set()
+    for number, (detail, value) in enumerate(zip(states.inputs, inputs)):
         interpreter.set_tensor(detail["index"], value)
         engine.set_input(number, planes.to_image(value) if number == 0 and planes.is_planes(value.shape) else value)
     interpreter.invoke()
@@ -120,7 +152,7 @@ def compare(interpreter, engine, inputs, layers):
             text = difference(found.reshape(expected.shape), expected)  # steps may see a tensor in other axes
             if text:
                 problems.append(f"operator {int(op[2])} (step {number}, tensor {source}): {text}")
-    for number, detail in enumerate(interpreter.get_output_details()):
+    for number, detail in enumerate(states.outputs):
         found = engine.tensor(engine.outputs[number])
         expected = interpreter.get_tensor(detail["index"])
         if len(engine.ops) and engine.ops[-1][0] == DETECTION and engine.outputs[number] in engine.ops[-1][9:12]:
@@ -129,6 +161,7 @@ def compare(interpreter, engine, inputs, layers):
         text = difference(found, expected)
         if text:
             problems.append(f"output {number} ({detail['name']}): {text}")
+    states.take()
     return problems
 
 
@@ -153,20 +186,23 @@ def complete(engine, number, tensor):
     return True
 
 
-def check(path, data, images, layers, kernel_set=None, noise=3):
-    """Print one line per input; returns the number of inputs that differ."""
+def check(path, data, images, layers, kernel_set=None, noise=3, graph=None):
+    """Print one line per input; returns the number of inputs that differ. States go from each to the next."""
     try:
         interpreter = reference(path)
     except (RuntimeError, ValueError) as problem:
         raise CheckProblem(f"{path}: the reference interpreter refuses it: {str(problem).splitlines()[0]}") from problem
     engine = Engine(data, kernel_set)
-    details = interpreter.get_input_details()
+    states = States(interpreter, graph)
+    details = states.inputs
+    if states.pairs:
+        print(f"{len(states.pairs)} state{'s' if len(states.pairs) > 1 else ''}, zero before the first input, kept from each to the next")
     cases = [(image, [image_input(image, d) for d in details]) for image in images]
     cases += [(f"noise {seed}", [noise_input(d, seed + 17 * i) for i, d in enumerate(details)])
               for seed in range(noise)]
     wrong = 0
     for name, inputs in cases:
-        problems = compare(interpreter, engine, inputs, layers)
+        problems = compare(interpreter, engine, inputs, layers, states)
         print(f"{'DIFFERS' if problems else 'equal  '} {name}")
         for line in problems[:20]:
             print(f"    {line}")

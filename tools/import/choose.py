@@ -198,7 +198,7 @@ def one_input(e):
     if len(e.inputs) > 1:
         name = e.graph.tensors[e.inputs[1]].name[:40]
         raise ImportProblem(f"found {len(e.inputs)} inputs; the loop sets the first, a picture, and nothing would set {name!r}: expected "
-                            "--decoder none, for fovea model run with a file for every input")
+                            "--state IN=OUT of a state, or --decoder none and a file for every input")
 
 
 def choose(e):

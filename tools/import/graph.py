@@ -18,7 +18,7 @@ CODE_NAMES = {v: k for k, v in vars(tflite.BuiltinOperator).items() if isinstanc
 TYPE_NAMES = {v: k for k, v in vars(tflite.TensorType).items() if isinstance(v, int)}
 DTYPES = {"UINT8": np.uint8, "INT8": np.int8, "INT32": np.int32, "INT64": np.int64, "FLOAT32": np.float32,
           "BOOL": np.uint8, "INT16": np.int16}
-
+STATES_MAX = 16  # of a model file
 
 # What numbers that fit nothing end in, wherever they are first used.
 FAULTS = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError, struct.error)
@@ -87,6 +87,8 @@ class Graph:
     inputs: list
     outputs: list
     metadata: dict
+    states: list = field(default_factory=list)  # (input, tensor that it is in the next run)
+    unseen: list = field(default_factory=list)  # outputs that are there for states alone
 
 
 def _options(op):
@@ -162,13 +164,45 @@ def cut(graph, names):
     for name in names:
         if name not in by_name:
             raise ImportProblem(f"--outputs: found no computed tensor {name[:60]!r}, expected names as --names lists them")
-    graph.outputs = [by_name[name] for name in names]
+    graph.outputs = [by_name[name] for name in names] + [t for t in graph.outputs if t in graph.unseen]
     needed, kept = set(graph.outputs), []
     for op in reversed(graph.ops):
         if needed & set(op.outputs):
             needed |= set(op.inputs)
             kept.append(op)
     graph.ops = kept[::-1]
+
+
+def keep_states(graph, pairs, shown):
+    """`pairs`: texts IN=OUT. Takes each IN from the inputs and each OUT from the outputs, but for those that `shown` names or that are
+    all there are."""
+    by_name = {tensor.name: tensor.index for tensor in graph.tensors}
+    made = {t for op in graph.ops for t in op.outputs}
+    for pair in pairs:
+        name, _, target = pair.partition("=")
+        source, result = by_name.get(name, -1), by_name.get(target, -1)
+        if source not in graph.inputs or graph.tensors[source].data is not None:
+            inputs = ", ".join(graph.tensors[t].name for t in graph.inputs)
+            raise ImportProblem(f"--state {pair[:60]}: found no input {name[:40]!r}, expected IN=OUT with one of {inputs[:60]}")
+        if result not in made:
+            raise ImportProblem(f"--state {pair[:60]}: found no computed tensor {target[:40]!r}, expected a name as --names lists it")
+        a, b = graph.tensors[source], graph.tensors[result]
+        if a.shape != b.shape or (a.type != b.type and not (a.is8 and b.is8)):
+            raise ImportProblem(f"--state {pair[:60]}: found {a.type.lower()}{list(a.shape)} and {b.type.lower()}{list(b.shape)}, "
+                                "expected one shape, and one type or 8 bits")
+        if a.type == "INT16":
+            raise ImportProblem(f"--state {pair[:60]}: found int16, expected a state of 8 bits")
+        if len(graph.inputs) == 1:
+            raise ImportProblem(f"--state {pair[:60]}: found the only input, expected another one beside it")
+        if len(graph.states) == STATES_MAX:
+            raise ImportProblem(f"--state {pair[:60]}: found more than {STATES_MAX} states")
+        graph.inputs.remove(source)
+        graph.states.append((source, result))
+    results = list(dict.fromkeys(result for _, result in graph.states))
+    others = [t for t in graph.outputs if t not in results]
+    hidden = results if shown or others else [t for t in results if t not in graph.outputs]
+    graph.unseen = [t for t in hidden if graph.tensors[t].name not in shown]
+    graph.outputs += [t for t in graph.unseen if t not in graph.outputs]
 
 
 def read(path):

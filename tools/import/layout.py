@@ -1,5 +1,6 @@
 """The numbers of src/nn/model.h, in Python. Every parameter is one 32-bit word; lists give their order."""
-VERSION = 2
+VERSION = 3
+VERSION_STATELESS = 2        # of files without states
 MAGIC = b"FVM\x01"
 ALIGN = 64
 HEADER_BYTES = 512

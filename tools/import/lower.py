@@ -4,7 +4,7 @@ import numpy as np
 import quant
 from fold import Folder
 from graph import FAULTS, ImportProblem
-from layout import ARENA_SLACK
+from layout import ARENA_SLACK, TYPE_BYTES
 from net import Net
 
 REFUSAL_MAX = 200
@@ -95,7 +95,6 @@ class Lowering:
             pixel = final.shape[-1]
             self.val[t] = self.net.value(self.concat_storage[target], tensor, offset=channel, pixel=pixel)
         else:
-            from layout import TYPE_BYTES
             size = tensor.size if shape is None else int(np.prod(shape, dtype=np.int64))
             self.val[t] = self.net.value(self.net.storage(size * TYPE_BYTES[tensor.type]), tensor, shape=shape)
         return self.val[t]
@@ -129,6 +128,7 @@ class Lowering:
         for t in self.g.inputs:
             if self.tensor(t).data is None:
                 self.net.inputs.append(self.output(t))
+        self.load_states()
         if self.fold:
             self.plan_concats()
         for op in self.g.ops:
@@ -139,11 +139,33 @@ class Lowering:
                     table.get(op.name, Lowering.unary)(self, op)
             except FAULTS as problem:
                 raise ImportProblem(f"{self.describe(op)}: {self.fault(op, problem)}") from problem
+        self.save_states()
+        self.g.outputs = [t for t in self.g.outputs if t not in self.g.unseen]
         for t in self.g.outputs:
             self.net.outputs.append(self.dense_input(t))
             self.net.names[self.net.values[self.net.outputs[-1]].source] = self.tensor(t).name
         self.finish_lifetimes()
         return self.net
+
+    def load_states(self):
+        """A state holds values minus their zero point: zeroed memory is the real zero."""
+        import lower_data
+        for t, _ in self.g.states:
+            tensor = self.tensor(t)
+            state = self.net.value(self.net.storage(tensor.size * TYPE_BYTES[tensor.type]), tensor)
+            self.net.values[state].source = -1
+            self.net.states.append(state)
+            table = (np.arange(256) + tensor.zero_u8).astype(np.uint8) if tensor.is8 else None
+            lower_data.emit_copy(self, None, state, self.output(t), table=table)
+
+    def save_states(self):
+        """After all other operators, so that a run that is given up before leaves the states as they were."""
+        import lower_data
+        for (t_in, t_out), state in zip(self.g.states, self.net.states):
+            into, source = self.tensor(t_in), self.tensor(t_out)
+            value = self.net.derive(self.dense_input(t_out), shape=into.shape)
+            table = (quant.between(source, into).astype(np.int64) - into.zero_u8).astype(np.uint8) if into.is8 else None
+            lower_data.emit_copy(self, None, value, state, table=table)
 
     def refuse_real(self):
         """Layers that multiply real numbers: a file of floats, or of the dynamic range kind."""
@@ -230,6 +252,9 @@ class Lowering:
         net = self.net
         for i in net.inputs:
             net.storages[net.values[i].storage].first = -1
+        for i in net.states:
+            whole = net.storages[net.values[i].storage]
+            whole.first, whole.last = -1, len(net.steps)
         for i in net.outputs:
             net.storages[net.values[i].storage].last = len(net.steps)
         self.arena_slack = ARENA_SLACK

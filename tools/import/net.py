@@ -70,6 +70,7 @@ class Net:
     blobs: dict = field(default_factory=dict)
     inputs: list = field(default_factory=list)
     outputs: list = field(default_factory=list)
+    states: list = field(default_factory=list)  # values that keep their bytes from run to run
     names: dict = field(default_factory=dict)  # of output tensors in the .tflite file
 
     def blob(self, array):

@@ -87,6 +87,13 @@ def requantize(s_in, z_in, s_out, z_out):
     return table(lambda v: mbqm(v - z_in, m, s) + z_out)
 
 
+def between(t_in, t_out):
+    """From one 8-bit tensor's form to another's, as QUANTIZE does it."""
+    if t_in.scale0 == t_out.scale0 and t_in.zero_u8 == t_out.zero_u8:
+        return IDENTITY
+    return requantize(t_in.scale0, t_in.zero_u8, t_out.scale0, t_out.zero_u8)
+
+
 def float_table(t_in, t_out, function):
     """Tables of LOGISTIC and TANH: float arithmetic as in the reference, on the tensor's own form."""
     inverse = f32(1) / f32(t_out.scale0)

@@ -20,7 +20,9 @@ def add_arguments(parser):
     parser.add_argument("--decoder", choices=DECODERS, help="default: the one that outputs, scores and metadata agree on; none: raw outputs only")
     parser.add_argument("--outputs", action="append", default=[], metavar="NAME",
                         help="end the network in this tensor, and leave out what only others need; may be given several times")
-    parser.add_argument("--names", action="store_true", help="print each operator's outputs by name, for --outputs, and write nothing")
+    parser.add_argument("--state", action="append", default=[], metavar="IN=OUT",
+                        help="input IN is the tensor OUT of the run before, at first the real zero; for each state one")
+    parser.add_argument("--names", action="store_true", help="print the inputs and each operator's outputs by name, for --outputs and --state, and write nothing")
     parser.add_argument("--fit", choices=["stretch", "letterbox"], help="default: letterbox for YOLO, else stretch")
     parser.add_argument("--order", choices=list(ORDERS), help="colour order of the input, default rgb (grey for 1)")
     parser.add_argument("--mean", type=float, help="subtracted from pixels (0..255); default from the quantisation")

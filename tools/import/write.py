@@ -5,7 +5,7 @@ import zlib
 import numpy as np
 
 from layout import (ALIGN, ARENA_SLACK, FLAG_CONST, FLAG_SIGNED, HEADER_BYTES, KIND, MAGIC, OP_WORDS, PARAMS,
-                    PARAM_WORDS, TENSOR_WORDS, TYPES, VERSION)
+                    PARAM_WORDS, TENSOR_WORDS, TYPES, VERSION, VERSION_STATELESS)
 
 BLOB_KINDS = {"CONV": {"weights", "bias", "multiplier", "shift", "table"},
               "DEPTHWISE": {"weights", "bias", "multiplier", "shift", "table"},
@@ -96,7 +96,7 @@ class Writer:
         at_tensors = HEADER_BYTES
         at_ops = align(at_tensors + count_t * TENSOR_WORDS * 4)
         at_io = align(at_ops + count_o * OP_WORDS * 4)
-        at_labels = align(at_io + 4 * (len(net.inputs) + len(net.outputs)))
+        at_labels = align(at_io + 4 * (len(net.inputs) + len(net.outputs) + len(net.states)))
         name_data = b"".join(self.output_name(i) + b"\0" for i in net.outputs)
         at_names = at_labels + len(label_data)
         at_data = align(at_names + len(name_data))
@@ -108,19 +108,21 @@ class Writer:
         ops = [self.op_words(step, at_data) for step in net.steps]
         struct.pack_into(f"<{count_t * TENSOR_WORDS}i", out, at_tensors, *[w for t in self.tensors for w in t])
         struct.pack_into(f"<{count_o * OP_WORDS}i", out, at_ops, *[w for o in ops for w in o])
-        io = [self.value_tensor(i) for i in net.inputs + net.outputs]
+        io = [self.value_tensor(i) for i in net.inputs + net.outputs + net.states]
         struct.pack_into(f"<{len(io)}i", out, at_io, *io)
         out[at_labels:at_labels + len(label_data)] = label_data
         out[at_names:at_names + len(name_data)] = name_data
         out[at_data:at_data + len(net.data)] = net.data
         decoder = [w + at_data - 1 if i in DECODER_BLOBS and w else w for i, w in enumerate(decoder)]
         macs = sum(s.macs for s in net.steps)
-        head = [VERSION, total, 0, 0, count_t, at_tensors, count_o, at_ops, len(net.inputs), at_io, len(net.outputs),
+        head = [VERSION if net.states else VERSION_STATELESS, total, 0, 0, count_t, at_tensors, count_o, at_ops, len(net.inputs), at_io, len(net.outputs),
                 at_io + 4 * len(net.inputs), len(labels), at_labels, len(label_data), at_data, len(net.data),
                 self.arena_bytes + ARENA_SLACK, macs & 0xffffffff, macs >> 32, at_names, len(name_data)]
         struct.pack_into("<4s22I", out, 0, MAGIC, *head)
         struct.pack_into("<64s", out, 96, name.encode()[:63])
         struct.pack_into("<16i", out, 160, *(preprocess + [0] * (16 - len(preprocess))))
         struct.pack_into("<64i", out, 224, *(decoder + [0] * (64 - len(decoder))))
+        if net.states:
+            struct.pack_into("<2I", out, 480, len(net.states), at_io + 4 * (len(net.inputs) + len(net.outputs)))
         struct.pack_into("<I", out, 12, zlib.crc32(bytes(out[16:])))
         return bytes(out)

@@ -162,6 +162,8 @@ int fv_command_detect(int argc, char **argv)
     if (fv_detect_gives(&engine.file.model) == 0)
         fv_say("%s: its decoder is %s, the lists stay empty: fovea model run gives its outputs",
                model, fv_detect_decoder_name(&engine.file.model));
+    if (fv_model_state_count(&engine.file.model) > 0)
+        fv_say("%s: its states go from each picture to the next, zero before the first", model);
     for (int i = first; i < argc && status == FV_EXIT_OK; i++) {
         struct fovea_image image;
         if (fv_colour_read(argv[i], &image, &error) != FOVEA_OK) {

@@ -148,6 +148,7 @@ static int info(const char *path)
     printf("%-10s%s\n", "name", h->name);
     print_shape(model, "input", model->inputs, h->input_count);
     print_shape(model, "output", model->outputs, h->output_count);
+    print_shape(model, "state", model->states, fv_model_state_count(model));
     print_operators(model);
     printf("%-10s%.1f million multiply-accumulates, %u labels\n", "work", macs * 1e-6,
            h->label_count);

@@ -173,6 +173,13 @@ static bool add_output(const struct engine *e, struct fv_npz *npz, uint32_t inde
     return fv_npz_add(npz, name, &zero);
 }
 
+static void print_states(const struct engine *e, int runs)
+{
+    const uint32_t count = fv_model_state_count(&e->file.model);
+    if (count == 0) return;
+    printf("%-10s%u, kept from run to run, zero before the first of %d\n", "states", count, runs);
+}
+
 static int write_outputs(const struct engine *e, int32_t runs, const char *out)
 {
     struct fovea_error error;
@@ -210,6 +217,7 @@ int fv_model_run(const char *path, char **files, int count, const char *out)
     for (int i = 0; i < runs && status == FOVEA_OK; i++)
         status = run_once(&e, files + (ptrdiff_t)i * e.inputs, (size_t)i, &error);
     int exit_status;
+    if (status == FOVEA_OK) print_states(&e, runs);
     if (status == FOVEA_OK)
         exit_status = write_outputs(&e, runs, out);
     else if (status == FOVEA_ERROR_SYSTEM)

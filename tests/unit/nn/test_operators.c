@@ -14,6 +14,7 @@ static uint8_t *new_arena(const struct fv_model *model, const struct nn_golden_m
     uint8_t *arena = aligned_alloc(64, nn_golden_padded(fv_nn_arena_bytes(model)));
     assert_non_null(arena);
     memset(arena, 0xA5, nn_golden_padded(fv_nn_arena_bytes(model)));
+    fv_nn_clear_states(model, arena);
     const uint8_t *from = g->inputs;
     for (uint32_t i = 0; i < model->header->input_count; i++) {
         const size_t bytes = (size_t)model->tensors[model->inputs[i]].bytes;
