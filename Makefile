@@ -68,7 +68,7 @@ LCMGEN    := $(patsubst include/lcmtypes/%.lcm,$(BUILD)/generated/%.c,$(LCMTYPES
 KERNELS   := $(wildcard src/kernels/*.c src/kernels/c/*.c)
 ifneq (,$(findstring x86_64,$(MACHINE)))
 # Set by set, so that the pages of those that this processor does not use are never read.
-KERNELS   += $(foreach set,sse4 avx2 avx512 avx512icl avx512vnni,$(wildcard src/kernels/x86/*_$(set).c))
+KERNELS   += $(foreach set,sse4 avx2 avxvnni evexvnni avx512 avx512icl avx512vnni,$(wildcard src/kernels/x86/*_$(set).c))
 endif
 ifneq (,$(findstring aarch64,$(MACHINE)))
 KERNELS   += $(wildcard src/kernels/neon/*.c)
@@ -142,6 +142,7 @@ check:  ## layers, names, format, symbols, stack, hardening, headers, clang buil
 	@tools/check_format.sh
 	@tools/check_symbols.sh $(BUILD)
 	@tools/check_stack.sh $(BUILD)
+	@tools/check_registers.sh $(BUILD)
 	@tools/check_hardening.sh $(BUILD)
 	@tools/check_headers.sh
 	@$(MAKE) --no-print-directory -j$(JOBS) BUILD=build-clang CC=clang CXX=clang++ all tests
@@ -392,6 +393,8 @@ $(GEN_O): %.o: %.c | $(LCMGEN)
 # Instruction sets by file name: everything else is the architecture's baseline.
 isa_flags = $(if $(findstring _sse4.c,$(1)),-msse4.2 -mpopcnt)\
             $(if $(findstring _avx2.c,$(1)),-mavx2 -mbmi -mbmi2 -mpopcnt)\
+            $(if $(findstring _avxvnni.c,$(1)),-mavx2 -mavxvnni -mbmi -mbmi2 -mpopcnt)\
+            $(if $(findstring _evexvnni.c,$(1)),-mavx512f -mavx512bw -mavx512dq -mavx512vl -mavx512cd -mavx512vnni -mbmi -mbmi2 -mpopcnt -mprefer-vector-width=256)\
             $(if $(findstring _avx512.c,$(1)),-mavx512f -mavx512bw -mavx512dq -mavx512vl -mavx512cd -mbmi -mbmi2 -mpopcnt)\
             $(if $(findstring _avx512vnni.c,$(1)),-mavx512f -mavx512bw -mavx512dq -mavx512vl -mavx512cd -mavx512vnni -mbmi -mbmi2 -mpopcnt)\
             $(if $(findstring _avx512icl.c,$(1)),-mavx512f -mavx512bw -mavx512dq -mavx512vl -mavx512cd -mavx512vnni -mavx512vbmi -mavx512vbmi2 -mavx512bitalg -mavx512vpopcntdq -mbmi -mbmi2 -mpopcnt)\

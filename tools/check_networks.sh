@@ -31,7 +31,7 @@ for test in operators variants odd; do
     "$python" "tests/import/$test.py" --open --rounds "$rounds" || failed=1
 done
 sets="c neon dotprod"
-[ "$(uname -m)" = x86_64 ] && sets="c sse4 avx2 avx512"
+[ "$(uname -m)" = x86_64 ] && sets="c sse4 avx2 avxvnni avx512"
 for set in ${3:-$sets}; do
     choice="--set $set"
     [ "$set" = best ] && choice=

@@ -407,8 +407,8 @@ uint64_t fovea_state_hash(const struct fovea *rt);
 enum fovea_status fovea_copy(const struct fovea *rt, void *memory, size_t bytes,
                              struct fovea **copy);
 
-/* Name of the kernel set that was picked ("c", "sse4", "avx2", "avx512", "neon", "dotprod",
- * "i8mm"). Any thread. */
+/* Name of the kernel set that was picked ("c", "sse4", "avx2", "avxvnni", "avx512", "neon",
+ * "dotprod", "i8mm"). Any thread. */
 const char *fovea_cpu_name(const struct fovea *rt);
 
 #ifdef __cplusplus

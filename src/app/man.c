@@ -43,7 +43,8 @@ void fv_man_program(void)
                 "line names the file, the key or byte, what was found and what was expected");
     fv_man_section("ENVIRONMENT");
     fv_man_item("FOVEA_CPU", NULL,
-                "highest kernel set that is used: c, sse4, avx2, avx512, neon, dotprod or i8mm "
+                "highest kernel set that is used: c, sse4, avx2, avxvnni, avx512, neon, dotprod or "
+                "i8mm "
                 "(default: the best that the processor has; results are the same)");
     fv_man_item("FOVEA_PLUGINS", NULL,
                 "folder of fovea-video.so and fovea-libcamera, instead of the installed one");

@@ -26,22 +26,24 @@ uint32_t fv_cpu_detect(void)
     const uint32_t leaf1 = bit_SSE4_2 | bit_SSSE3 | bit_POPCNT, avx = bit_AVX | bit_OSXSAVE;
     const uint32_t avx2 = bit_AVX2 | bit_BMI | bit_BMI2;
     const uint32_t avx512 = bit_AVX512F | bit_AVX512BW | bit_AVX512DQ | bit_AVX512VL | bit_AVX512CD;
-    const uint32_t vnni = bit_AVX512VNNI;
+    const uint32_t vnni = bit_AVX512VNNI, avxvnni = 1u << 4; /* of leaf 7, subleaf 1 */
     const uint32_t icl =
         vnni | bit_AVX512VBMI | bit_AVX512VBMI2 | bit_AVX512BITALG | bit_AVX512VPOPCNTDQ;
 
-    uint32_t eax, ebx, ecx, edx, ebx7 = 0, ecx7 = 0;
+    uint32_t eax, ebx, ecx, edx, eax7 = 0, ebx7 = 0, ecx7 = 0, eax71 = 0, rest;
     if (!__get_cpuid(1, &eax, &ebx, &ecx, &edx)) return 0;
-    __get_cpuid_count(7, 0, &eax, &ebx7, &ecx7, &edx);
+    __get_cpuid_count(7, 0, &eax7, &ebx7, &ecx7, &edx);
+    if (eax7 >= 1) __get_cpuid_count(7, 1, &eax71, &rest, &rest, &rest);
 
     uint32_t isas = 0;
     if ((ecx & leaf1) != leaf1) return isas;
     isas |= FV_ISA_SSE4;
     if ((ecx & avx) != avx || (ebx7 & avx2) != avx2 || !state_saved(YMM_STATE)) return isas;
     isas |= FV_ISA_AVX2;
+    if ((eax71 & avxvnni) != 0) isas |= FV_ISA_AVXVNNI;
     if ((ebx7 & avx512) != avx512 || !state_saved(ZMM_STATE)) return isas;
     isas |= FV_ISA_AVX512;
-    if ((ecx7 & vnni) == vnni) isas |= FV_ISA_AVX512VNNI;
+    if ((ecx7 & vnni) == vnni) isas |= FV_ISA_AVX512VNNI | FV_ISA_EVEXVNNI;
     if ((ecx7 & icl) == icl) isas |= FV_ISA_AVX512ICL;
     return isas;
 }
@@ -63,17 +65,19 @@ uint32_t fv_cpu_detect(void)
 }
 #endif
 
-/* name, the ISA that the processor must have, every ISA that is allowed */
+/* name, the ISA that the processor must have, or one of these, and every ISA that is allowed */
 static const struct set {
     const char *name;
-    uint32_t needed, allowed;
+    uint32_t needs_one_of, allowed;
 } sets[FV_CPU_SET_COUNT] = {
     [FV_CPU_C] = {"c", 0, 0},
     [FV_CPU_SSE4] = {"sse4", FV_ISA_SSE4, FV_ISA_SSE4},
     [FV_CPU_AVX2] = {"avx2", FV_ISA_AVX2, FV_ISA_SSE4 | FV_ISA_AVX2},
+    [FV_CPU_AVXVNNI] = {"avxvnni", FV_ISA_AVXVNNI | FV_ISA_EVEXVNNI,
+                        FV_ISA_SSE4 | FV_ISA_AVX2 | FV_ISA_AVXVNNI | FV_ISA_EVEXVNNI},
     [FV_CPU_AVX512] = {"avx512", FV_ISA_AVX512,
-                       FV_ISA_SSE4 | FV_ISA_AVX2 | FV_ISA_AVX512 | FV_ISA_AVX512VNNI |
-                           FV_ISA_AVX512ICL},
+                       FV_ISA_SSE4 | FV_ISA_AVX2 | FV_ISA_AVXVNNI | FV_ISA_EVEXVNNI |
+                           FV_ISA_AVX512 | FV_ISA_AVX512VNNI | FV_ISA_AVX512ICL},
     [FV_CPU_NEON] = {"neon", FV_ISA_NEON, FV_ISA_NEON},
     [FV_CPU_DOTPROD] = {"dotprod", FV_ISA_DOTPROD, FV_ISA_NEON | FV_ISA_DOTPROD},
     [FV_CPU_I8MM] = {"i8mm", FV_ISA_I8MM, FV_ISA_NEON | FV_ISA_DOTPROD | FV_ISA_I8MM},
@@ -91,7 +95,7 @@ uint32_t fv_cpu_allowed(enum fv_cpu_set set)
 
 static bool has(uint32_t isas, enum fv_cpu_set set)
 {
-    return (isas & sets[set].needed) == sets[set].needed;
+    return sets[set].needs_one_of == 0 || (isas & sets[set].needs_one_of) != 0;
 }
 
 enum fv_cpu_set fv_cpu_best(uint32_t isas)

@@ -1,8 +1,10 @@
 /* Which instruction sets this processor has, and which of them may be used.
  *
- * A *set* is what a person names: FOVEA_CPU=c|sse4|avx2|avx512|neon|dotprod|i8mm. An *ISA* is what
- * one kernel variant needs, a bit each. A set allows every ISA up to it; the set avx512 also allows
- * the finer ISAs (VNNI, and what Ice Lake added) where the processor has them. */
+ * A *set* is what a person names: FOVEA_CPU=c|sse4|avx2|avxvnni|avx512|neon|dotprod|i8mm. An *ISA*
+ * is what one kernel variant needs, a bit each. A set allows every ISA up to it; the set avx512
+ * also allows the finer ISAs (VNNI, and what Ice Lake added) where the processor has them. The set
+ * avxvnni is for processors without AVX-512; those with AVX-512 VNNI have it too, in their own form
+ * of the same instructions. */
 #ifndef FOVEA_KERNELS_CPU_H
 #define FOVEA_KERNELS_CPU_H
 
@@ -23,12 +25,15 @@ enum fv_isa {
     FV_ISA_NEON = 1u << 5,
     FV_ISA_DOTPROD = 1u << 6,
     FV_ISA_I8MM = 1u << 7,
+    FV_ISA_AVXVNNI = 1u << 8,  /* AVX2 and VNNI on 256 bits (VEX) */
+    FV_ISA_EVEXVNNI = 1u << 9, /* the same in the form of AVX-512 VNNI and VL */
 };
 
 enum fv_cpu_set {
     FV_CPU_C = 0,
     FV_CPU_SSE4,
     FV_CPU_AVX2,
+    FV_CPU_AVXVNNI,
     FV_CPU_AVX512,
     FV_CPU_NEON,
     FV_CPU_DOTPROD,

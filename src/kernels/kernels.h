@@ -35,13 +35,15 @@ extern "C" {
 #define FV_WHEN_0(...)
 #define FV_WHEN_1(...) __VA_ARGS__
 #if defined(__x86_64__)
-#define FV_VARIANTS(do_, name, s4, a2, a5, a5v, a5i, ne, dp, mm)                                   \
+#define FV_VARIANTS(do_, name, s4, a2, ev, av, a5, a5v, a5i, ne, dp, mm)                           \
     FV_WHEN_##s4(do_(name, sse4, FV_ISA_SSE4)) FV_WHEN_##a2(do_(name, avx2, FV_ISA_AVX2))          \
-        FV_WHEN_##a5(do_(name, avx512, FV_ISA_AVX512))                                             \
-            FV_WHEN_##a5v(do_(name, avx512vnni, FV_ISA_AVX512VNNI))                                \
-                FV_WHEN_##a5i(do_(name, avx512icl, FV_ISA_AVX512ICL))
+        FV_WHEN_##ev(do_(name, evexvnni, FV_ISA_EVEXVNNI))                                         \
+            FV_WHEN_##av(do_(name, avxvnni, FV_ISA_AVXVNNI))                                       \
+                FV_WHEN_##a5(do_(name, avx512, FV_ISA_AVX512))                                     \
+                    FV_WHEN_##a5v(do_(name, avx512vnni, FV_ISA_AVX512VNNI))                        \
+                        FV_WHEN_##a5i(do_(name, avx512icl, FV_ISA_AVX512ICL))
 #elif defined(__aarch64__)
-#define FV_VARIANTS(do_, name, s4, a2, a5, a5v, a5i, ne, dp, mm)                                   \
+#define FV_VARIANTS(do_, name, s4, a2, ev, av, a5, a5v, a5i, ne, dp, mm)                           \
     FV_WHEN_##ne(do_(name, neon, FV_ISA_NEON)) FV_WHEN_##dp(do_(name, dotprod, FV_ISA_DOTPROD))    \
         FV_WHEN_##mm(do_(name, i8mm, FV_ISA_I8MM))
 #else

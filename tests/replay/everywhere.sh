@@ -64,8 +64,8 @@ if have build-aarch64/fovea; then
         run "replay it on aarch64 with FOVEA_CPU=$set" env FOVEA_CPU=$set tools/emulate.sh build-aarch64/fovea replay "$folder/x86.lcm" --verify
     done
 fi
-for set in c sse4 avx2 avx512; do
-    if ! grep -q "$(echo $set | sed 's/sse4/sse4_2/;s/avx512/avx512bw/;s/^c$/fpu/')" /proc/cpuinfo; then
+for set in c sse4 avx2 avxvnni avx512; do
+    if ! grep -q "$(echo $set | sed 's/sse4/sse4_2/;s/avxvnni/avx[_512]*vnni/;s/avx512$/avx512bw/;s/^c$/fpu/')" /proc/cpuinfo; then
         echo "SKIPPED FOVEA_CPU=$set: this processor lacks it"
         continue
     fi

@@ -92,7 +92,7 @@ def print_names(graph):
 
 def kernel_sets():
     """Those that a processor of this kind may have."""
-    return ["c", "sse4", "avx2", "avx512"] if platform.machine() == "x86_64" else ["c", "neon", "dotprod", "i8mm"]
+    return ["c", "sse4", "avx2", "avxvnni", "avx512"] if platform.machine() == "x86_64" else ["c", "neon", "dotprod", "i8mm"]
 
 
 def put(path, data):

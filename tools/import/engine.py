@@ -7,7 +7,7 @@ import numpy as np
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 DTYPES = [np.uint8, np.int32, np.int64, np.float32]
-SETS = {"c": 0, "sse4": 1, "avx2": 2, "avx512": 3, "neon": 4, "dotprod": 5, "i8mm": 6}
+SETS = {"c": 0, "sse4": 1, "avx2": 2, "avxvnni": 3, "avx512": 4, "neon": 5, "dotprod": 6, "i8mm": 7}
 
 
 class Error(ctypes.Structure):

@@ -233,7 +233,8 @@ static uint64_t hash_of(const struct fovea_extracted *found)
 static void every_method_gives_the_same_on_every_kernel_set_and_machine(void **state)
 {
     (void)state;
-    static const char *const sets[] = {"c", "sse4", "avx2", "avx512", "neon", "dotprod", "i8mm"};
+    static const char *const sets[] = {"c",      "sse4", "avx2",    "avxvnni",
+                                       "avx512", "neon", "dotprod", "i8mm"};
     static const struct {
         enum fovea_feature_method method;
         enum fovea_descriptor descriptor;
