@@ -64,6 +64,11 @@ struct View {
     double edge_px = 0;         /* 10 to 90 % width of its edges; a blurred picture has wide ones */
     std::string left_out;       /* why it is not used; empty: it is used */
     std::string note;           /* what the user should know of its board; mostly empty */
+    int width = 0, height = 0;  /* of its picture; 0: not known */
+    /* Chessboards: the inner corners that the picture shows where --target states others; else 0.
+     */
+    int shown_columns = 0, shown_rows = 0;
+    bool mirrored = false; /* its markers are found when the picture is flipped */
     Thumbnail thumbnail;
 };
 

@@ -3,8 +3,7 @@
 #include <ctime>
 
 #include "calibrate/command.h"
-#include "calibrate/pictures.h"
-#include "calibrate/report.h"
+#include "calibrate/choose_model.h"
 #include "calibrate/report_html.h"
 #include "calibrate/text_file.h"
 #include "support/text.h"
@@ -21,9 +20,7 @@ namespace calibrate
 namespace
 {
 
-constexpr int FOLDS = 5, VIEWS_MAX_DEFAULT = 40, VIEWS_MAX_LIMIT = 500;
-/* A model with more coefficients must be better by this in pictures held out. */
-constexpr double BETTER = .95;
+constexpr int VIEWS_MAX_DEFAULT = 40, VIEWS_MAX_LIMIT = 500;
 
 struct Given {
     std::string source, target, model = "auto", out, json, report, bend = "no", views,
@@ -45,34 +42,6 @@ std::string now_text()
     gmtime_r(&now, &parts);
     std::strftime(text, sizeof text, "%Y-%m-%dT%H:%M:%SZ", &parts);
     return text;
-}
-
-/* Solve by each model and keep the one with the least error in pictures held out; the first of them
- * where the gain is small. False: none could be solved. */
-bool choose_model(const std::vector<Model> &models, int width, int height, SolveOptions options,
-                  Report &report, std::string &error)
-{
-    bool any = false;
-    for (const Model model : models) {
-        options.model = model;
-        Solution solution;
-        std::string why;
-        if (fv_say_terminal()) fv_say_status("solving: %s", model_name(model));
-        const bool solved =
-            solve(report.board, report.views, width, height, options, solution, why);
-        const double held_out =
-            solved ? held_out_rms_px(report.board, report.views, solution, FOLDS, options) : -1;
-        report.compared.push_back({model, solved, solution.rms_px, held_out});
-        if (!solved && error.empty()) error = why;
-        const bool better =
-            held_out >= 0 && (report.held_out_px < 0 || held_out < BETTER * report.held_out_px);
-        if (!solved || (any && !better)) continue;
-        any = true;
-        report.solution = solution;
-        report.held_out_px = held_out;
-    }
-    if (fv_say_terminal()) fv_say_status("%s", "");
-    return any;
 }
 
 int check(const Given &given, std::vector<Model> &models, Board &board, int64_t &views_max)
@@ -174,20 +143,12 @@ int command_camera(int argc, char **argv)
     if (collect(given.source, report.board, refinement, (int)views_max, collection, &why) !=
         FOVEA_OK)
         return fv_say_wrong("%s", why.text);
-    report.views = collection.views;
     report.camera_name = given.name;
     report.camera_id = given.source;
     report.date = now_text();
-    leave_out_blurred(report.views);
     SolveOptions how;
     how.bend = given.bend == "yes";
-    std::string error;
-    if (choose_model(models, collection.width, collection.height, how, report, error)) {
-        report.verdict = judge(report.views, report.solution, report.held_out_px);
-    } else {
-        report.verdict.grade = Grade::fail;
-        report.verdict.reasons.push_back({Grade::fail, error});
-    }
+    solve_and_judge(collection, models, how, report);
     report_print(report);
     status = write(given, report);
     if (status != FV_EXIT_OK) return status;

@@ -89,15 +89,46 @@ cv::Mat picture_of(const Grey &image)
             (size_t)image.stride_bytes};
 }
 
+/* The size of the chessboard that the picture shows, the larger number first; false: none. */
+bool chessboard_size(const Grey &image, int &more, int &fewer)
+{
+    constexpr int smallest = 3;
+    std::vector<cv::Point2f> corners;
+    cv::Mat grid;
+    if (!cv::findChessboardCornersSB(picture_of(image), cv::Size(smallest, smallest), corners,
+                                     cv::CALIB_CB_NORMALIZE_IMAGE | cv::CALIB_CB_LARGER, grid))
+        return false;
+    more = std::max(grid.cols, grid.rows);
+    fewer = std::min(grid.cols, grid.rows);
+    return true;
+}
+
+bool same_size(const Board &board, int more, int fewer)
+{
+    return more == std::max(board.columns, board.rows) &&
+           fewer == std::min(board.columns, board.rows);
+}
+
 bool find_chessboard(const Grey &image, const Board &board, Refinement refinement, View &view)
 {
     const cv::Mat picture = picture_of(image);
     const cv::Size size(board.columns, board.rows);
     constexpr int usual = cv::CALIB_CB_ADAPTIVE_THRESH | cv::CALIB_CB_NORMALIZE_IMAGE;
     std::vector<cv::Point2f> found;
-    if (!cv::findChessboardCorners(picture, size, found, usual | cv::CALIB_CB_FAST_CHECK) &&
-        !cv::findChessboardCorners(picture, size, found, usual))
-        return false;
+    const auto find = [&](int how) { return cv::findChessboardCorners(picture, size, found, how); };
+    /* Without normalisation, which takes seconds where it makes noise strong; published results
+     * have it. */
+    const int first = refinement == Refinement::OWN ? cv::CALIB_CB_ADAPTIVE_THRESH : usual;
+    if (!find(first | cv::CALIB_CB_FAST_CHECK)) {
+        int more, fewer;
+        if (chessboard_size(image, more, fewer)) { /* finds blurred ones, too */
+            if (!same_size(board, more, fewer) ||
+                !cv::findChessboardCornersSB(picture, size, found, cv::CALIB_CB_NORMALIZE_IMAGE))
+                return false;
+        } else if (!find(usual | cv::CALIB_CB_FAST_CHECK) && !find(usual)) {
+            return false;
+        }
+    }
     if (refinement == Refinement::OPENCV_11)
         cv::cornerSubPix(picture, found, cv::Size(11, 11), cv::Size(-1, -1),
                          cv::TermCriteria(cv::TermCriteria::EPS + cv::TermCriteria::COUNT, 30, .1));
@@ -180,6 +211,48 @@ std::vector<uint8_t> marker_cells(int dictionary, int id, int border, int &side)
 int marker_count(int dictionary)
 {
     return dictionary_of(dictionary)->bytesList.rows;
+}
+
+namespace
+{
+
+void explain_chessboard(const Grey &image, const Board &board, View &view)
+{
+    int more = 0, fewer = 0;
+    if (!chessboard_size(image, more, fewer) || same_size(board, more, fewer)) return;
+    /* Of a board that was found, a part may have been seen. */
+    if (!view.corners.empty() && more <= std::max(board.columns, board.rows) &&
+        fewer <= std::min(board.columns, board.rows))
+        return;
+    view.shown_columns = more;
+    view.shown_rows = fewer;
+    if (view.corners.empty())
+        view.left_out += ", but one of " + std::to_string(more) + " x " + std::to_string(fewer);
+}
+
+void explain_markers(const Grey &image, const Board &board, View &view)
+{
+    constexpr size_t markers_min = 3;
+    if (view.left_out.empty()) return;
+    const bool grid = board.pattern == Pattern::aprilgrid;
+    cv::Mat flipped;
+    cv::flip(picture_of(image), flipped, 1);
+    const Grey mirror = {flipped.data, image.width, image.height, (int)flipped.step};
+    const std::vector<Marker> markers = find_markers(
+        mirror, grid ? (int)APRILGRID_DICTIONARY : board.dictionary, grid ? APRILGRID_BORDER : 1);
+    if (markers.size() < markers_min) return;
+    view.mirrored = true;
+    view.left_out = "the picture is mirrored: its markers are found when it is flipped";
+}
+
+} // namespace
+
+void explain_board(const Grey &image, const Board &board, View &view)
+{
+    if (board.pattern == Pattern::chessboard)
+        explain_chessboard(image, board, view);
+    else if (board.pattern == Pattern::charuco || board.pattern == Pattern::aprilgrid)
+        explain_markers(image, board, view);
 }
 
 void detect_board(const Grey &image, const Board &board, Refinement refinement, View &view)

@@ -22,6 +22,10 @@ enum class Refinement { OWN, OPENCV_11 };
  * fills corners, edge_px and note, or left_out. Boards with markers may be partly hidden. */
 void detect_board(const Grey &image, const Board &board, Refinement refinement, View &view);
 
+/* Why a picture may show another board: fills shown_columns, shown_rows and mirrored, and left_out
+ * where that explains it. After detect_board; takes some 50 ms. */
+void explain_board(const Grey &image, const Board &board, View &view);
+
 /* A marker in a picture: its corners in the order in which they are printed, from the top left one
  * on to the right and round. */
 struct Marker {

@@ -57,23 +57,13 @@ Thumbnail thumbnail_of(const Grey &image)
     return small;
 }
 
-/* The size that most pictures have; the others are left out. */
-void choose_size(const std::vector<std::pair<int, int>> &sizes, Collection &collection)
+/* What is only worth its time for a picture that becomes a view. */
+void take(const Grey &image, const Board &board, View &view)
 {
-    std::map<std::pair<int, int>, int> counts;
-    for (size_t v = 0; v < sizes.size(); v++)
-        if (!collection.views[v].corners.empty()) counts[sizes[v]]++;
-    std::pair<int, int> chosen = {0, 0};
-    for (const auto &[size, count] : counts)
-        if (chosen.first == 0 || count > counts[chosen]) chosen = size;
-    collection.width = chosen.first;
-    collection.height = chosen.second;
-    for (size_t v = 0; v < sizes.size(); v++)
-        if (sizes[v] != chosen && collection.views[v].left_out.empty())
-            collection.views[v].left_out = "its size is " + std::to_string(sizes[v].first) + " x " +
-                                           std::to_string(sizes[v].second) + ", the others' " +
-                                           std::to_string(chosen.first) + " x " +
-                                           std::to_string(chosen.second);
+    explain_board(image, board, view);
+    view.width = image.width;
+    view.height = image.height;
+    view.thumbnail = thumbnail_of(image);
 }
 
 fovea_status collect_folder(const std::string &folder, const Board &board, Refinement refinement,
@@ -84,7 +74,6 @@ fovea_status collect_folder(const std::string &folder, const Board &board, Refin
     if (count < 0)
         return fovea_error_set(error, FOVEA_ERROR_INPUT, "%.300s: %s", folder.c_str(),
                                std::strerror(errno));
-    std::vector<std::pair<int, int>> sizes;
     for (int i = 0; i < count; i++) {
         View view;
         view.name = entries[i]->d_name;
@@ -93,14 +82,11 @@ fovea_status collect_folder(const std::string &folder, const Board &board, Refin
         fovea_error why;
         if (fv_say_terminal()) fv_say_status("picture %d of %d", i + 1, count);
         if (fv_picture_read((folder + "/" + view.name).c_str(), &image, &why) == FOVEA_OK) {
-            const Grey grey = {image.data, image.width, image.height, image.stride_bytes};
-            detect_board(grey, board, refinement, view);
-            view.thumbnail = thumbnail_of(grey);
-            sizes.emplace_back(image.width, image.height);
+            view = view_of({image.data, image.width, image.height, image.stride_bytes}, board,
+                           refinement, view.name);
             std::free(const_cast<uint8_t *>(image.data));
         } else {
             view.left_out = why.text;
-            sizes.emplace_back(0, 0);
         }
         collection.views.push_back(view);
     }
@@ -110,7 +96,7 @@ fovea_status collect_folder(const std::string &folder, const Board &board, Refin
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "%.300s: found no picture in it, expected PNG or JPEG files",
                                folder.c_str());
-    choose_size(sizes, collection);
+    choose_size(collection);
     return FOVEA_OK;
 }
 
@@ -203,7 +189,7 @@ fovea_status collect_source(const std::string &uri, const Board &board, Refineme
         const Grey image = {grey.data(), size.width, size.height, size.width};
         detect_board(image, board, refinement, view);
         if (few || chooser.takes(view, collection)) {
-            view.thumbnail = thumbnail_of(image);
+            take(image, board, view);
             collection.views.push_back(view);
         }
         count++;
@@ -219,6 +205,32 @@ fovea_status collect_source(const std::string &uri, const Board &board, Refineme
 }
 
 } // namespace
+
+View view_of(const Grey &image, const Board &board, Refinement refinement, const std::string &name)
+{
+    View view;
+    view.name = name;
+    detect_board(image, board, refinement, view);
+    take(image, board, view);
+    return view;
+}
+
+void choose_size(Collection &collection)
+{
+    std::map<std::pair<int, int>, int> counts;
+    for (const View &view : collection.views)
+        if (!view.corners.empty()) counts[{view.width, view.height}]++;
+    std::pair<int, int> chosen = {0, 0};
+    for (const auto &[size, count] : counts)
+        if (chosen.first == 0 || count > counts[chosen]) chosen = size;
+    collection.width = chosen.first;
+    collection.height = chosen.second;
+    for (View &view : collection.views)
+        if (std::pair(view.width, view.height) != chosen && view.left_out.empty())
+            view.left_out = "its size is " + std::to_string(view.width) + " x " +
+                            std::to_string(view.height) + ", the others' " +
+                            std::to_string(chosen.first) + " x " + std::to_string(chosen.second);
+}
 
 fovea_status collect(const std::string &source, const Board &board, Refinement refinement,
                      int views_max, Collection &collection, fovea_error *error)

@@ -12,6 +12,12 @@ struct Collection {
     int width = 0, height = 0; /* of the views that are not left out for their size */
 };
 
+/* A picture as a view, with the reason where it shows no board. */
+View view_of(const Grey &image, const Board &board, Refinement refinement, const std::string &name);
+
+/* Choose the size that most pictures with a board have; the others are left out. */
+void choose_size(Collection &collection);
+
 /* `source` is a folder of PNG and JPEG files or the URI of a source. All pictures of a folder, and
  * all frames of a recording of at most `views_max`, are taken; of other sources, the first
  * `views_max` frames whose board is new and, of a live camera, still. FOVEA_ERROR_INPUT: there is

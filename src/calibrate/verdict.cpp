@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdarg>
 #include <cstdio>
+#include <map>
 
 namespace calibrate
 {
@@ -23,6 +24,9 @@ constexpr double TILT_PASS_RAD = .35, TILT_DOUBTFUL_RAD = .09;
 constexpr double LEFT_OUT_PASS = .34;
 constexpr double FOUND_PASS = .4; /* fraction of pictures in which the board was found */
 constexpr double EDGE_PASS_PX = 5;
+constexpr double SHOWN_SHARE = .5; /* of the boards, that are another one or mirrored */
+constexpr double BEND_PASS = .003; /* height over the board's width */
+constexpr double BEND_SIGMAS = 5;
 constexpr int CELL_COLUMNS = 6, CELL_ROWS = 5;
 
 #if defined(__GNUC__)
@@ -135,7 +139,7 @@ void judge_tilt(const Solution &solution, Verdict &verdict)
 
 void judge_projection(const std::vector<View> &views, const Solution &solution, Verdict &verdict)
 {
-    const Uncertainty &map = solution.uncertainty;
+    const Uncertainty &map = solution.uncertainty_fine; /* larger cells reach beyond the corners */
     const std::vector<int> cells = cells_of(views, solution, map.columns, map.rows);
     for (size_t i = 0; i < cells.size(); i++) {
         if (cells[i] == 0) continue;
@@ -152,29 +156,51 @@ void judge_projection(const std::vector<View> &views, const Solution &solution, 
         verdict.uncertainty_seen_px, PROJECTION_PASS_PX);
 }
 
-void judge_views(const std::vector<View> &views, const Solution &solution, Verdict &verdict)
+/* One board, one size, and not mirrored. */
+void judge_boards(const std::vector<View> &views, Verdict &verdict)
+{
+    std::map<std::pair<int, int>, int> shown, sizes;
+    int mirrored = 0, showing = 0; /* a board, whichever */
+    for (const View &view : views) {
+        mirrored += view.mirrored;
+        showing += view.mirrored || view.shown_columns > 0 || !view.corners.empty();
+        if (view.shown_columns > 0) shown[{view.shown_columns, view.shown_rows}]++;
+        if (view.width > 0 && !view.corners.empty()) sizes[{view.width, view.height}]++;
+    }
+    for (const auto &[board, count] : shown)
+        if (count >= SHOWN_SHARE * showing)
+            add(verdict, Grade::doubtful,
+                "%d of %d boards have %d x %d inner corners: state these in --target", count,
+                showing, board.first, board.second);
+    if (mirrored > 0 && mirrored >= SHOWN_SHARE * showing)
+        add(verdict, Grade::doubtful,
+            "%d of %d pictures of the board are mirrored: switch the mirror off in the camera or its "
+            "driver",
+            mirrored, showing);
+    if (sizes.size() < 2) return;
+    std::string list;
+    for (const auto &[size, count] : sizes)
+        list += (list.empty() ? "" : ", ") + std::to_string(count) + " of " +
+                std::to_string(size.first) + " x " + std::to_string(size.second);
+    add(verdict, Grade::doubtful,
+        "pictures have different sizes (%s): take all of them at the size that is used later",
+        list.c_str());
+}
+
+void judge_pictures(const std::vector<View> &views, Verdict &verdict)
 {
     std::vector<double> edges;
-    for (size_t v = 0; v < views.size(); v++) {
-        verdict.views_with_board += !views[v].corners.empty();
-        if (!solution.left_out[v].empty()) continue;
-        verdict.views_used++;
-        edges.push_back(views[v].edge_px);
+    for (const View &view : views) {
+        if (view.corners.empty()) continue;
+        verdict.views_with_board++;
+        edges.push_back(view.edge_px);
     }
-    const Grade grade = grade_of(-verdict.views_used, -VIEWS_PASS, -VIEWS_DOUBTFUL);
-    if (grade != Grade::pass)
-        add(verdict, grade, "%d pictures are used, expected %d or more: take more pictures",
-            verdict.views_used, VIEWS_PASS);
+    judge_boards(views, verdict);
     if (verdict.views_with_board < FOUND_PASS * (double)views.size())
         add(verdict, Grade::doubtful,
             "the board was found in %d of %zu pictures: check the numbers of inner corners in "
             "--target, and that the whole board is in the pictures",
             verdict.views_with_board, views.size());
-    const int left_out = verdict.views_with_board - verdict.views_used;
-    if (left_out > LEFT_OUT_PASS * verdict.views_with_board)
-        add(verdict, Grade::doubtful,
-            "%d of %d pictures with a board are left out: see their reasons", left_out,
-            verdict.views_with_board);
     if (median(edges) > EDGE_PASS_PX)
         add(verdict, Grade::doubtful,
             "edges of the board are %.1f px wide, expected %.0f or less: focus the lens, hold the "
@@ -182,8 +208,33 @@ void judge_views(const std::vector<View> &views, const Solution &solution, Verdi
             median(edges), EDGE_PASS_PX);
 }
 
+void judge_views(const Solution &solution, Verdict &verdict)
+{
+    for (const std::string &why : solution.left_out)
+        verdict.views_used += why.empty();
+    const Grade grade = grade_of(-verdict.views_used, -VIEWS_PASS, -VIEWS_DOUBTFUL);
+    if (grade != Grade::pass)
+        add(verdict, grade, "%d pictures are used, expected %d or more: take more pictures",
+            verdict.views_used, VIEWS_PASS);
+    const int left_out = verdict.views_with_board - verdict.views_used;
+    if (left_out > LEFT_OUT_PASS * verdict.views_with_board)
+        add(verdict, Grade::doubtful,
+            "%d of %d pictures with a board are left out: see their reasons", left_out,
+            verdict.views_with_board);
+}
+
+/* The corner, moved towards the centre of the image by what noise may have moved it from there. */
+Pixel moved_inwards(const Pixel &corner, const Solution &solution)
+{
+    constexpr double sigmas = 3;
+    const double away[2] = {corner[0] - solution.camera.cx, corner[1] - solution.camera.cy};
+    const double radius = std::hypot(away[0], away[1]);
+    const double kept = std::max(0., 1 - sigmas * solution.noise_px / std::max(radius, 1.));
+    return {solution.camera.cx + kept * away[0], solution.camera.cy + kept * away[1]};
+}
+
 /* The model must have a ray where corners were seen: one with too many coefficients may fold there.
- */
+ * A lens whose image ends inside the picture has corners there that noise moves beyond its end. */
 void judge_rays(const std::vector<View> &views, const Solution &solution,
                 const fovea_camera &camera, Verdict &verdict)
 {
@@ -193,7 +244,9 @@ void judge_rays(const std::vector<View> &views, const Solution &solution,
         for (const Pixel &corner : views[v].corners) {
             double bearing[3];
             if (!seen(corner)) continue;
-            without += fovea_camera_unproject(&camera, corner.data(), bearing, nullptr) != FOVEA_OK;
+            const Pixel inwards = moved_inwards(corner, solution);
+            without +=
+                fovea_camera_unproject(&camera, inwards.data(), bearing, nullptr) != FOVEA_OK;
         }
     }
     if (without == 0) return;
@@ -226,10 +279,35 @@ void leave_out_blurred(std::vector<View> &views)
     }
 }
 
+Verdict judge_unsolved(const std::vector<View> &views, const std::string &error)
+{
+    Verdict verdict;
+    judge_pictures(views, verdict);
+    add(verdict, Grade::fail, "%s", error.c_str());
+    return verdict;
+}
+
+/* Two parameters more lower the sum of squares by 2 noise^2 where the board is flat. */
+void judge_bend(const Board &board, const Solution &flat, const Solution &bent, Verdict &verdict)
+{
+    const double height_m = std::max(std::fabs(bent.bend_m[0]), std::fabs(bent.bend_m[1]));
+    const double width_m = board.square_m * (board.point_columns() - 1);
+    const double gain =
+        std::sqrt(std::max(0., flat.rms_px * flat.rms_px - bent.rms_px * bent.rms_px) *
+                  flat.corners_used) /
+        bent.noise_px;
+    if (gain < BEND_SIGMAS || height_m < BEND_PASS * width_m) return;
+    add(verdict, Grade::doubtful,
+        "the board is bent: its middle is %.1f mm off, expected %.1f mm or less: mount it on a flat "
+        "plate, or use --bend yes",
+        1e3 * height_m, 1e3 * BEND_PASS * width_m);
+}
+
 Verdict judge(const std::vector<View> &views, const Solution &solution, double held_out_px)
 {
     Verdict verdict;
-    judge_views(views, solution, verdict);
+    judge_pictures(views, verdict);
+    judge_views(solution, verdict);
     Grade grade = grade_of(solution.rms_px, RMS_PASS_PX, RMS_DOUBTFUL_PX);
     if (grade != Grade::pass)
         add(verdict, grade,

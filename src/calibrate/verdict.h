@@ -32,6 +32,12 @@ struct Verdict {
 /* `held_out_px` from held_out_rms_px. Views are those that were solved. */
 Verdict judge(const std::vector<View> &views, const Solution &solution, double held_out_px);
 
+/* Of views that could not be solved, for the reason `error`. */
+Verdict judge_unsolved(const std::vector<View> &views, const std::string &error);
+
+/* Add to the verdict on `flat` what `bent`, solved with the board's bend, says of the board. */
+void judge_bend(const Board &board, const Solution &flat, const Solution &bent, Verdict &verdict);
+
 /* Leave out the views whose edges are much wider than the others'. */
 void leave_out_blurred(std::vector<View> &views);
 

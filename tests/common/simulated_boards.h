@@ -86,16 +86,20 @@ struct Holding {
     double noise_px = NOISE_PX;
 };
 
-/* A board somewhere in the image, tilted by up to some 40 degrees; false: a corner is not seen. */
-inline bool see(const fovea_camera &camera, Random &random, const Holding &holding,
-                calibrate::View &view, calibrate::View &exact)
+/* The middle of a board and its axes, in the camera's frame. */
+struct Held {
+    double middle[3], x[3], y[3], z[3];
+};
+
+/* A board of that width somewhere in the image, tilted by up to some 40 degrees; false: the lens
+ * does not see there. */
+inline bool hold(const fovea_camera &camera, Random &random, const Holding &holding, double size,
+                 Held &held)
 {
     const double at[2] = {random.between(holding.left, WIDTH - holding.right),
                           random.between(holding.top, HEIGHT - holding.bottom)};
-    double towards[3], x[3], y[3], z[3];
+    double towards[3], *x = held.x, *y = held.y, *z = held.z;
     if (fovea_camera_unproject(&camera, at, towards, nullptr) != FOVEA_OK) return false;
-    const double size = board.square_m * (board.columns - 1);
-    const double height = board.square_m * (board.rows - 1);
     const double distance = size * camera.fx / WIDTH * random.between(holding.near, holding.far);
     const double turn = random.between(-.6, .6);
     const double along[3] = {std::cos(turn), std::sin(turn), 0};
@@ -106,6 +110,19 @@ inline bool see(const fovea_camera &camera, Random &random, const Holding &holdi
     cross(z, along, y);
     normalise(y);
     cross(y, z, x);
+    for (int i = 0; i < 3; i++)
+        held.middle[i] = distance * towards[i];
+    return true;
+}
+
+/* What a detector finds of such a board, with noise, and the truth; false: a corner is not seen. */
+inline bool see(const fovea_camera &camera, Random &random, const Holding &holding,
+                calibrate::View &view, calibrate::View &exact)
+{
+    const double size = board.square_m * (board.columns - 1);
+    const double height = board.square_m * (board.rows - 1);
+    Held held;
+    if (!hold(camera, random, holding, size, held)) return false;
     view.corners.clear();
     exact.corners.clear();
     for (const calibrate::Point &point : board.points()) {
@@ -113,7 +130,7 @@ inline bool see(const fovea_camera &camera, Random &random, const Holding &holdi
         const double a = point[0] - .5 * size, b = point[1] - .5 * height;
         const double up = holding.bend_m * (1 - 4 * a * a / (size * size));
         for (int i = 0; i < 3; i++)
-            seen[i] = distance * towards[i] + a * x[i] + b * y[i] - up * z[i];
+            seen[i] = held.middle[i] + a * held.x[i] + b * held.y[i] - up * held.z[i];
         if (fovea_camera_project(&camera, seen, pixel, nullptr) != FOVEA_OK) return false;
         if (pixel[0] < 3 || pixel[1] < 3 || pixel[0] > WIDTH - 4 || pixel[1] > HEIGHT - 4)
             return false;
