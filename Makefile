@@ -73,10 +73,14 @@ endif
 ifneq (,$(findstring aarch64,$(MACHINE)))
 KERNELS   += $(wildcard src/kernels/neon/*.c)
 endif
+# Packages leave SURF out until it is clear which patents hold (docs/operations.md): make SURF=no.
+SURF      ?= yes
+$(if $(filter yes no,$(SURF)),,$(error SURF: found '$(SURF)', expected yes or no))
 ROOMS     := base image features geometry odometry scale map nn detect objects message runtime
 CORE_C    := $(KERNELS) $(foreach r,$(ROOMS),$(wildcard src/$(r)/*.c))
+CORE_C    := $(filter-out $(if $(filter no,$(SURF)),src/features/surf%.c),$(CORE_C))
 # What no loop runs stands at the end, for the same reason: features and operations of the commands.
-LAST_C    := $(filter src/kernels/%_c.c $(addprefix src/features/,extract.c harris.c patch.c ranked.c scale_space.c sift%.c strongest.c) \
+LAST_C    := $(filter src/kernels/%_c.c $(addprefix src/features/,extract.c harris.c patch.c quadratic.c ranked.c scale_space.c sift%.c strongest.c surf%.c) \
              $(addprefix src/image/,contrast.c edges.c filters.c hysteresis.c preprocess.c region.c segments.c tables.c white_balance.c) \
              $(addprefix src/kernels/x86/,edge_% filter_% response_% bilateral_%),$(CORE_C))
 CORE_C    := $(filter-out $(LAST_C),$(CORE_C)) $(LAST_C)
@@ -442,6 +446,10 @@ $(BUILD)/lib%.map: tools/lib%.symbols
 $(BUILD)/libfovea-app.a: $(APP_O) $(DRIVERS_O)
 	@rm -f $@
 	$(Q)$(AR) rcs $@ $^
+$(BUILD)/obj/src/features/extract.o: CFLAGS += $(if $(filter no,$(SURF)),-DFV_WITHOUT_SURF)
+$(BUILD)/obj/src/features/extract.o: $(BUILD)/surf-$(SURF)
+$(BUILD)/surf-$(SURF):
+	@mkdir -p $(@D) && rm -f $(BUILD)/surf-* && touch $@
 $(BUILD)/fovea: $(MAIN_O) $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
 	@echo "  link $@"
 	$(Q)$(CC) $(LDFLAGS) -pie -o $@ $(MAIN_O) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group $(LIBS_APP)
@@ -473,12 +481,17 @@ TEST_HELP := $(call objs,$(filter-out tests/common/wrong_case.c,$(wildcard tests
 # The jar is tested where there is a Java to build it: 200 MB that no other test needs.
 JAR       := $(if $(and $(wildcard /usr/share/java/lcm.jar),$(shell command -v javac)),$(BUILD)/fovea-types.jar)
 .PHONY: tests
-tests: $(TESTS) $(EXAMPLES) $(BUILD)/subscribe $(BUILD)/command $(BUILD)/python/fovea/__init__.py $(if $(CROSS)$(SAN),,$(BUILD)/subscribe-cpp $(BUILD)/venv-lcm/ready $(BUILD)/venv-import/ready $(JAR))
+tests: $(TESTS) $(EXAMPLES) $(BUILD)/subscribe $(BUILD)/command $(BUILD)/python/fovea/__init__.py $(if $(CROSS)$(SAN),,$(BUILD)/subscribe-cpp $(BUILD)/venv-lcm/ready $(BUILD)/venv-import/ready $(BUILD)/venv-mahotas/ready $(JAR))
 
 # LCM for the Python subscriber comes from PyPI; where that cannot be reached its test says so and is skipped.
 $(BUILD)/venv-lcm/ready:
 	@{ python3 -m venv $(BUILD)/venv-lcm && timeout 120 $(BUILD)/venv-lcm/bin/pip install -q --disable-pip-version-check lcm \
 	    && touch $@; } || echo "found no Python package lcm: its subscriber will not be tested"
+
+# SURF to compare ours with: OpenCV's packages have none.
+$(BUILD)/venv-mahotas/ready:
+	@{ python3 -m venv $(BUILD)/venv-mahotas && timeout 180 $(BUILD)/venv-mahotas/bin/pip install -q --disable-pip-version-check mahotas==1.4.19 numpy \
+	    && touch $@; } || echo "found no Python package mahotas: SURF will not be compared"
 
 # What tools/import needs, for the test that imports a real network.
 $(BUILD)/venv-import/ready:

@@ -33,6 +33,9 @@ enum fovea_feature_method {
     FOVEA_FEATURES_SIFT = 2,       /* extremes of differences of Gaussians in scale */
     FOVEA_FEATURES_HARRIS = 3,     /* corners by det - k trace^2 of the matrix of derivatives */
     FOVEA_FEATURES_SHI_TOMASI = 4, /* corners by its least eigenvalue */
+    /* maxima of the determinant of the Hessian in scale, by sums over boxes. Builds with SURF=no
+     * leave it out: then it is refused */
+    FOVEA_FEATURES_SURF = 5,
     FOVEA_FEATURE_METHOD_COUNT
 };
 
@@ -41,8 +44,9 @@ enum fovea_descriptor {
     /* 81 bytes: 9 x 9 pixels around the feature on its level, shifted and scaled to mean 128 and
      * standard deviation 32; compared by Euclidean distance */
     FOVEA_DESCRIPTOR_PATCH = 1,
-    /* SIFT: 128 bytes, real values of the unit vector times 512, rounded and limited to 255, as in
-     * Lowe's program; compared by Euclidean distance */
+    /* Compared by Euclidean distance. SIFT: 128 bytes, real values of the unit vector times 512,
+     * rounded and limited to 255, as in Lowe's program. SURF: 64 bytes, real values times 256 plus
+     * 128, rounded and limited to [0, 255] */
     FOVEA_DESCRIPTOR_FLOAT = 2,
     FOVEA_DESCRIPTOR_COUNT
 };
@@ -51,11 +55,12 @@ enum { FOVEA_EXTRACT_COUNT_MAX = 20000 };
 
 struct fovea_extract_config {
     enum fovea_feature_method method; /* default ORB */
-    /* default: the method's own. SIFT has FLOAT alone, the others BINARY (their own) or PATCH */
+    /* default: the method's own. SIFT and SURF have FLOAT alone, the others BINARY (their own) or
+     * PATCH */
     enum fovea_descriptor descriptor;
     uint32_t count_max; /* [1, 20000], default 500: the strongest are kept */
     /* 1: orientations are 0, and descriptors distinguish features better between images that are
-     * not rotated against each other. Default 0 for ORB and SIFT, 1 for the others */
+     * not rotated against each other. Default 0 for ORB, SIFT and SURF, 1 for the others */
     uint32_t upright;
     /* [1, 8], default 8: of the pyramid (ORB). Each is due a part of count_max, falling by 5/6 from
      * level to level; what one lacks is not made up for on others */
@@ -67,7 +72,10 @@ struct fovea_extract_config {
     float contrast;
     /* [1, 100], default 10: largest ratio of the two curvatures, which is high on edges (SIFT) */
     float edge_ratio;
-    /* 0, or 1 (default): SIFT starts with the image at twice its size, which gives more and
+    /* [0, 10000], default 30 (grey levels)^2: least determinant of the Hessian, of derivatives by
+     * the scale of their filter (SURF) */
+    float hessian;
+    /* 0, or 1 (default): SIFT and SURF start with the image at twice its size, which gives more and
      * finer features for four times the memory and about three times the time */
     uint32_t doubled;
     float harris_k; /* [0, 0.25], default 0.04 (Harris) */
@@ -82,10 +90,10 @@ struct fovea_extract_config {
 /* A feature, positions with the centre of the first pixel at 0. */
 struct fovea_local_feature {
     float x_px, y_px; /* in the image */
-    float size_px;    /* diameter of what it stands for: SIFT 2 sigma, others the patch */
+    float size_px;    /* diameter of what it stands for: SIFT, SURF 2 sigma; others the patch */
     float angle_rad;  /* clockwise in the image from +x, (-pi, pi]; 0 where the method has none */
-    /* Strength, in the method's unit: FAST score; grey levels (SIFT); grey levels per pixel to the
-     * fourth (Harris, ORB) or second power (Shi and Tomasi) */
+    /* Strength, in the method's unit: FAST score; grey levels (SIFT), squared (SURF); grey levels
+     * per pixel to the fourth (Harris, ORB) or second power (Shi and Tomasi) */
     float response;
     uint32_t level; /* of the pyramid, or octave; 0 the finest */
 };
@@ -94,7 +102,8 @@ struct fovea_local_feature {
 struct fovea_extracted {
     uint32_t count;
     const struct fovea_local_feature
-        *features;              /* strongest first; ORB: coarse levels first, so of each level */
+        *features;              /* strongest first; ORB: coarse levels first, so of each level;
+                                 * SURF: an octave counts 0.8 of the one before */
     const uint8_t *descriptors; /* count x descriptor_bytes */
     uint32_t descriptor_bytes;
 };

@@ -12,6 +12,9 @@
 #include "features/refine.h"
 #include "features/sift.h"
 #include "features/strongest.h"
+#ifndef FV_WITHOUT_SURF
+#include "features/surf.h"
+#endif
 #include "kernels/kernels.h"
 
 enum {
@@ -44,6 +47,9 @@ struct fovea_extract {
     union {
         struct corners corners;
         struct fv_sift sift;
+#ifndef FV_WITHOUT_SURF
+        struct fv_surf surf;
+#endif
     } with;
 };
 
@@ -52,7 +58,7 @@ struct method {
     enum fovea_descriptor own;
     bool others;  /* descriptors that are not its own: binary or patch */
     bool upright; /* by default */
-    void (*carve)(struct fovea_extract *extract, struct fv_arena *arena);
+    void (*carve)(struct fovea_extract *extract, struct fv_arena *arena); /* NULL: not built */
     void (*run)(struct fovea_extract *extract, const struct fovea_image *image,
                 const struct fv_plane *mask, struct fovea_extracted *found);
 };
@@ -226,6 +232,26 @@ static void sift_run(struct fovea_extract *extract, const struct fovea_image *im
     *found = (struct fovea_extracted){count, sift->features, sift->descriptors, FV_SIFT_BYTES};
 }
 
+#ifndef FV_WITHOUT_SURF
+static void surf_carve(struct fovea_extract *extract, struct fv_arena *arena)
+{
+    fv_surf_carve(&extract->with.surf, &extract->config, extract->width, extract->height, arena);
+}
+
+static void surf_run(struct fovea_extract *extract, const struct fovea_image *image,
+                     const struct fv_plane *mask, struct fovea_extracted *found)
+{
+    struct fv_surf *surf = &extract->with.surf;
+    const struct fv_plane plane =
+        fv_plane_of(image->data, image->width, image->height, image->stride_bytes);
+    const uint32_t count = fv_surf_run(surf, &plane, mask);
+    *found = (struct fovea_extracted){count, surf->features, surf->descriptors, FV_SURF_BYTES};
+}
+#else
+#define surf_carve NULL
+#define surf_run NULL
+#endif
+
 static const struct method methods[FOVEA_FEATURE_METHOD_COUNT] = {
     [FOVEA_FEATURES_ORB] = {"orb", FOVEA_DESCRIPTOR_BINARY, true, false, orb_carve, orb_run},
     [FOVEA_FEATURES_FAST] = {"fast", FOVEA_DESCRIPTOR_BINARY, true, true, fast_carve, fast_run},
@@ -234,6 +260,7 @@ static const struct method methods[FOVEA_FEATURE_METHOD_COUNT] = {
                                harris_run},
     [FOVEA_FEATURES_SHI_TOMASI] = {"shi_tomasi", FOVEA_DESCRIPTOR_BINARY, true, true, harris_carve,
                                    harris_run},
+    [FOVEA_FEATURES_SURF] = {"surf", FOVEA_DESCRIPTOR_FLOAT, false, false, surf_carve, surf_run},
 };
 
 static const char *const descriptors[FOVEA_DESCRIPTOR_COUNT] = {
@@ -264,6 +291,7 @@ void fovea_extract_config_default(struct fovea_extract_config *config,
         .threshold = THRESHOLD,
         .contrast = 3.4f,
         .edge_ratio = 10,
+        .hessian = 30,
         .doubled = 1,
         .harris_k = .04f,
         .quality = .01f,
@@ -285,6 +313,7 @@ static enum fovea_status check(const struct fovea_extract_config *config, int32_
         {"threshold", config->threshold, 2, 100},
         {"contrast", (double)config->contrast, .1f, 50},
         {"edge_ratio", (double)config->edge_ratio, 1, 100},
+        {"hessian", (double)config->hessian, 0, 10000},
         {"doubled", config->doubled, 0, 1},
         {"upright", config->upright, 0, 1},
         {"harris_k", (double)config->harris_k, 0, .25},
@@ -298,6 +327,10 @@ static enum fovea_status check(const struct fovea_extract_config *config, int32_
             return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "%s: found %g, expected %g to %g",
                                    ranges[i].name, ranges[i].value, ranges[i].low, ranges[i].high);
     const struct method *method = &methods[config->method];
+    if (method->carve == NULL)
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                               "method: found %s, which this build leaves out (make SURF=yes)",
+                               method->name);
     if (config->descriptor == method->own ||
         (method->others && config->descriptor != FOVEA_DESCRIPTOR_FLOAT))
         return FOVEA_OK;

@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "base/elementary.h"
+#include "features/quadratic.h"
 
 enum { BORDER_PX = 5, STEPS_MAX = 5, ORIENTATIONS_MAX = 4 };
 
@@ -100,41 +101,6 @@ static void cube_take(const struct fv_scale_octave *octave, int32_t layer, int32
         }
 }
 
-struct quadratic {
-    double gradient[3]; /* along x, y, layer */
-    double xx, yy, ss, xy, xs, ys;
-};
-
-static void quadratic_fit(const struct cube *cube, struct quadratic *q)
-{
-    const double(*a)[3] = cube->d[0], (*b)[3] = cube->d[1], (*c)[3] = cube->d[2];
-    const double centre = 2 * b[1][1];
-    q->gradient[0] = (b[1][2] - b[1][0]) / 2;
-    q->gradient[1] = (b[2][1] - b[0][1]) / 2;
-    q->gradient[2] = (c[1][1] - a[1][1]) / 2;
-    q->xx = b[1][2] + b[1][0] - centre;
-    q->yy = b[2][1] + b[0][1] - centre;
-    q->ss = c[1][1] + a[1][1] - centre;
-    q->xy = (b[2][2] - b[2][0] - b[0][2] + b[0][0]) / 4;
-    q->xs = (c[1][2] - c[1][0] - a[1][2] + a[1][0]) / 4;
-    q->ys = (c[2][1] - c[0][1] - a[2][1] + a[0][1]) / 4;
-}
-
-/* Where the quadratic has its extreme, from the centre; false where it has none. */
-static bool quadratic_extreme(const struct quadratic *q, double at[3])
-{
-    const double c00 = q->yy * q->ss - q->ys * q->ys, c01 = q->xs * q->ys - q->xy * q->ss;
-    const double c02 = q->xy * q->ys - q->xs * q->yy, c11 = q->xx * q->ss - q->xs * q->xs;
-    const double c12 = q->xy * q->xs - q->xx * q->ys, c22 = q->xx * q->yy - q->xy * q->xy;
-    const double determinant = q->xx * c00 + q->xy * c01 + q->xs * c02;
-    const double *g = q->gradient;
-    if (determinant > -1e-12 && determinant < 1e-12) return false;
-    at[0] = -(c00 * g[0] + c01 * g[1] + c02 * g[2]) / determinant;
-    at[1] = -(c01 * g[0] + c11 * g[1] + c12 * g[2]) / determinant;
-    at[2] = -(c02 * g[0] + c12 * g[1] + c22 * g[2]) / determinant;
-    return true;
-}
-
 /* The step to the next pixel or layer: -1, 0 or 1. */
 static int32_t step_of(double offset)
 {
@@ -144,12 +110,12 @@ static int32_t step_of(double offset)
 /* Move to where the quadratic says that the extreme is; false when it leaves the octave or does not
  * converge. */
 static bool converge(const struct fv_scale_octave *octave, int32_t *layer, int32_t *x, int32_t *y,
-                     struct cube *cube, struct quadratic *q, double at[3])
+                     struct cube *cube, struct fv_quadratic *q, double at[3])
 {
     for (int step = 0; step < STEPS_MAX; step++) {
         cube_take(octave, *layer, *x, *y, cube);
-        quadratic_fit(cube, q);
-        if (!quadratic_extreme(q, at)) return false;
+        fv_quadratic_fit((const double(*)[3][3])cube->d, q);
+        if (!fv_quadratic_extreme(q, at)) return false;
         const int32_t dx = step_of(at[0]), dy = step_of(at[1]), ds = step_of(at[2]);
         if (dx == 0 && dy == 0 && ds == 0) return true;
         *x += dx;
@@ -166,7 +132,7 @@ static void refine(struct fv_sift *sift, uint32_t octave, int32_t layer, int32_t
                    const struct fv_plane *mask)
 {
     struct cube cube;
-    struct quadratic q;
+    struct fv_quadratic q;
     double at[3];
     if (!converge(&sift->space.octave[octave], &layer, &x, &y, &cube, &q, at)) return;
     const double value =

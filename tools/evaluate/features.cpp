@@ -143,7 +143,7 @@ Scores evaluate(const std::vector<Change> &list, const std::vector<cv::Mat> &ima
         scores.emplace_back(change.values.size(), std::vector<FeatureScore>(METHODS));
     for (int m = 0; m < METHODS; m++) {
         const auto method = static_cast<enum fovea_feature_method>(m);
-        const bool binary = method != FOVEA_FEATURES_SIFT;
+        const bool binary = method != FOVEA_FEATURES_SIFT && method != FOVEA_FEATURES_SURF;
         for (const cv::Mat &image : images) {
             const FeatureSet before = extract(method, image, binary);
             for (size_t c = 0; c < list.size(); c++)

@@ -18,8 +18,8 @@ enum { LEVEL_COLOURS = 8 };
 static const uint32_t level_colour[LEVEL_COLOURS] = {0xff5544, 0xff9933, 0xffdd33, 0xaadd33,
                                                      0x44cc66, 0x33ccbb, 0x4499ff, 0xbb77ff};
 
-/* Each feature as a circle with a hand that shows its direction: SIFT of its size, others of a
- * third of their patch. */
+/* Each feature as a circle with a hand that shows its direction: SIFT and SURF of their size,
+ * others of a third of their patch. */
 static enum fovea_status draw(const struct fv_extract *extract, const char *path,
                               struct fovea_error *error)
 {
@@ -106,11 +106,11 @@ int fv_command_features(int argc, char **argv)
     const struct fv_option options[] = {
         {"method", "NAME", FV_OPTION_TEXT, &method,
          "orb (default): FAST corners on a pyramid; fast, harris, shi_tomasi: corners of the picture "
-         "itself; sift"},
+         "itself; sift, surf"},
         {"descriptor", "NAME", FV_OPTION_TEXT, &descriptor,
-         "binary (default of corners) or patch (9x9 pixels) of corners; float of sift"},
+         "binary (default of corners) or patch (9x9 pixels) of corners; float of sift and surf"},
         {"upright", NULL, FV_OPTION_FLAG, &upright,
-         "leave orientations out (orb, sift; others have none)"},
+         "leave orientations out (orb, sift, surf; others have none)"},
         {"max", "N", FV_OPTION_COUNT, &max, "most features to find (default 500)"},
         {"mask", "FILE", FV_OPTION_TEXT, &mask,
          "PNG of the size of the picture, black where features are ignored"},

@@ -102,6 +102,7 @@ static double now_ms(void)
 static enum fovea_status match(struct pair *pair, struct fovea_error *error)
 {
     struct fovea_matcher *matcher;
+    pair->config.descriptor_bytes = pair->a.found.descriptor_bytes; /* SIFT's or SURF's */
     const size_t bytes = fovea_match_size(&pair->config, error);
     if (bytes == 0) return FOVEA_ERROR_ARGUMENT;
     pair->memory = fv_aligned_new(bytes);

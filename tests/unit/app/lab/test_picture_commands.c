@@ -14,6 +14,7 @@
 
 #include "app/command.h"
 #include "app/lab/commands.h"
+#include "fovea/extract.h"
 #include "support/picture.h"
 #include "common/nn_mutant.h"
 #include "base/elementary.h"
@@ -103,6 +104,15 @@ static void commands_write_pictures(void **state)
     assert_int_equal(
         CALL(fv_command_match, "match", in, in, "--method", "sift", "--geometry", "homography"),
         FV_EXIT_OK);
+    /* Builds with SURF=no refuse it. */
+    struct fovea_extract_config surf;
+    fovea_extract_config_default(&surf, FOVEA_FEATURES_SURF);
+    const enum fv_exit expected =
+        fovea_extract_size(&surf, WIDTH, HEIGHT, NULL) > 0 ? FV_EXIT_OK : FV_EXIT_WRONG;
+    assert_int_equal(CALL(fv_command_features, "features", in, "--method", "surf"), expected);
+    assert_int_equal(
+        CALL(fv_command_match, "match", in, in, "--method", "surf", "--geometry", "homography"),
+        expected);
     assert_int_equal(CALL(fv_command_match, "match", in, in, "--geometry", "essential", "--focal",
                           "300", "--draw", out),
                      FV_EXIT_OK);
