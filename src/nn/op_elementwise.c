@@ -5,7 +5,7 @@
 #include "kernels/nn_requantize.h"
 #include "nn/run.h"
 
-enum { CHUNK = 4096, FILL_CHUNK = 16384 };
+enum { CHUNK = 4096, FILL_CHUNK = 16384, SPREAD = 256 };
 
 /* Byte offsets of row `row` of a six-axis walk, for operands with the strides given; the last axis
  * is the row. */
@@ -92,6 +92,23 @@ static void packed_rows(const struct fv_op_binary *p, const struct fv_kernels *k
     }
 }
 
+/* One row, of which one operand is the same byte for all elements. */
+static void spread_row(const struct fv_op_binary *p, const struct fv_kernels *kernels,
+                       const struct fv_nn_add *add, const uint8_t *a, const uint8_t *b,
+                       uint8_t *out, const uint8_t *table)
+{
+    uint8_t same[SPREAD];
+    struct fv_op_binary piece = *p;
+    const int32_t count = p->dims[5], most = count < SPREAD ? count : SPREAD;
+    const int is_a = p->a[5] == 0;
+    memset(same, is_a ? *a : *b, (size_t)most);
+    for (int32_t i = 0; i < count; i += SPREAD) {
+        piece.dims[5] = count - i < SPREAD ? count - i : SPREAD;
+        packed_rows(&piece, kernels, add, is_a ? same : a + i, is_a ? b + i : same, out + i, table,
+                    1);
+    }
+}
+
 /* One row of a function that a table holds. */
 static void lookup_row(const struct fv_op_binary *p, const uint8_t *table, const uint8_t *a,
                        const uint8_t *b, uint8_t *out)
@@ -106,6 +123,8 @@ void fv_nn_op_binary(const struct fv_nn_call *call, int32_t begin, int32_t end)
     const int32_t *strides[3] = {p->a, p->b, p->out};
     const int32_t count = p->dims[5];
     const int packed = p->a[5] == 1 && p->b[5] == 1 && p->out[5] == 1;
+    const int spread =
+        p->out[5] == 1 && (p->a[5] == 1 ? p->b[5] == 0 : p->a[5] == 0 && p->b[5] == 1);
     const struct fv_nn_add add = add_of(p);
     const uint8_t *table = p->table == 0 ? NULL : call->model->base + p->table;
     const int looked_up = p->function == FV_BINARY_TABLE;
@@ -123,6 +142,10 @@ void fv_nn_op_binary(const struct fv_nn_call *call, int32_t begin, int32_t end)
             const int32_t left = p->dims[4] - row % p->dims[4];
             rows = left < end - row ? left : end - row;
             packed_rows(p, call->kernels, &add, a, b, out, table, rows);
+            continue;
+        }
+        if (spread) {
+            spread_row(p, call->kernels, &add, a, b, out, table);
             continue;
         }
         for (int32_t i = 0; i < count; i++) {

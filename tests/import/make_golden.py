@@ -54,8 +54,15 @@ def record(name, kind, seed):
     return padded(head) + padded(model) + padded(ins) + padded(outs)
 
 
-def recurrent(name, kept, network, *options):
-    """A recurrent network, its states kept or left as inputs and outputs, from which tests of states compute what keeping them gives."""
+def spread(case, name, swapped):
+    """One operand has one value per pixel; rows are longer than what is spread at once."""
+    one, many, out = case.q((1, 2, 3, 1)), case.q((1, 2, 3, 300)), case.q((1, 2, 3, 300))
+    case.b.op(name, [one, many] if swapped else [many, one], [out], name.title(), FusedActivationFunction=0)
+    return [one, many] if swapped else [many, one], [out], []
+
+
+def drawn(name, kept, network, *options):
+    """A network of states.py or of this page, its states kept or left as inputs and outputs, from which tests of states compute what keeping them gives."""
     case = Case("int8", 4)
     inputs, outputs, pairs = network(case, *options)
     with tempfile.NamedTemporaryFile(suffix=".tflite") as file:
@@ -68,7 +75,7 @@ def recurrent(name, kept, network, *options):
     net = Lowering(graph).run()
     arena, _ = plan_module.plan(net)
     shape = graph.tensors[graph.inputs[0]].shape
-    picture = [0, shape[2], shape[1], shape[3], 0, *[use.bits(0)] * 3, *[use.bits(1 / 50)] * 3, 114] if len(shape) == 4 else [0]
+    picture = [0, shape[2], shape[1], shape[3], 0, *[use.bits(0)] * 3, *[use.bits(1 / 50)] * 3, 114] if len(shape) == 4 and shape[3] == 3 else [0]
     model = Writer(net, arena).bytes("recurrent", [], picture, [0])
     values = {d["index"]: check.noise_input(d, 4) for d in interpreter.get_input_details()}
     for index, value in values.items():
@@ -78,7 +85,7 @@ def recurrent(name, kept, network, *options):
     interpreter.invoke()
     ins = b"".join(raw(values[t]) for t in graph.inputs)
     outs = b"".join(raw(interpreter.get_tensor(t)) for t in graph.outputs)
-    head = struct.pack("<40s3I12x", f"recurrent {name}".encode(), len(model), len(ins), len(outs))
+    head = struct.pack("<40s3I12x", name.encode(), len(model), len(ins), len(outs))
     return padded(head) + padded(model) + padded(ins) + padded(outs)
 
 
@@ -118,8 +125,11 @@ def main():
             seed = next(s for s in range(100) if operators.run(name, kind, s, "c") == "")
             out += record(name, kind, seed)
     for kept in (True, False):  # the state's scale is half the next value's: the step between them is a multiplication by 2
-        out += recurrent("kept" if kept else "open", kept, states.elman, 12, 1 / 256, 5)
-    out += recurrent("picture", True, states.pictures)
+        out += drawn("recurrent kept" if kept else "recurrent open", kept, states.elman, 12, 1 / 256, 5)
+    out += drawn("recurrent picture", True, states.pictures)
+    for name in ("ADD", "MUL"):
+        for swapped in (False, True):
+            out += drawn(f"{name} by pixel{' first' if swapped else ''}", False, spread, name, swapped)
     detector(os.path.join(HERE, "..", "golden", "detector.fvm"))
     target = os.path.join(HERE, "..", "golden", "nn_operators.bin")
     with open(target, "wb") as file:

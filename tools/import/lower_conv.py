@@ -130,7 +130,7 @@ def emit_part(low, op, index_in, index_out, weights, w_zero, bias, mult, shift, 
     if single:
         scratch += n16 * 4 * CONV_PIXELS
     net.step("CONV", op, [index_in], [index_out], p, p["batch"] * p["out_h"], macs,
-             cost=gemm_cost(pixels, n, k), scratch=scratch)
+             cost=gemm_cost(pixels, n, k) + (pixels * n * 32 if single else 0), scratch=scratch)
 
 
 def conv_2d(low, op):

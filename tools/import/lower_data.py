@@ -63,7 +63,7 @@ def emit_strided(low, op, source, out, dims, src, dst, src_first=0, dst_first=0,
     packed = s[5] == size and t[5] == size
     same = s == t and src_first == dst_first
     net.step("COPY", op or NOTHING, [source], [out], p, int(np.prod(d[:5], dtype=np.int64)),
-             cost=count * (2 if packed and not blob else 16), in_place=same)
+             cost=count * (2 if packed and not blob else 16 if packed else 20), in_place=same)
 
 
 class _Nothing:
@@ -358,7 +358,7 @@ def dequantize(low, op):
     source = low.dense_input(op.inputs[0])
     out = low.output(op.outputs[0])
     low.net.step("DEQUANTIZE", op, [source], [out], dict(count=ti.size, table=low.net.blob(dequantize_table(ti))),
-                 (ti.size + 4095) // 4096, cost=ti.size * 4)
+                 (ti.size + 4095) // 4096, cost=ti.size * 5)
 
 
 OPERATORS = {"RESHAPE": reshape, "SQUEEZE": reshape, "EXPAND_DIMS": reshape, "TRANSPOSE": transpose,

@@ -13,6 +13,7 @@ from net import pad_to
 f32 = np.float32
 SOFTMAX_DEPTH = 8191  # what the sum holds
 NORMALISE_DEPTH = 32768
+REDUCE_ROW = 256  # results of a slice, where there are more
 
 
 def float_bits(value):
@@ -36,6 +37,16 @@ def binary(low, op):
 def pair(low, op):
     """Any function of two bytes, by its table (islands.py)."""
     emit_binary(low, op, {}, op.custom["table"])
+
+
+def binary_cost(dims, last, pairs, table):
+    """`last`: strides along the rows, which are whole vectors, and longer to begin where one operand is the same for all of a row."""
+    rows, count = int(np.prod(dims[:5], dtype=np.int64)), dims[5]
+    if pairs is not None:
+        return rows * count * 24
+    if last not in ((1, 1, 1), (0, 1, 1), (1, 0, 1)):
+        return rows * count * 96
+    return rows * ((160 if all(last) else 480) + pad_to(count, 16) * (32 if table else 20))
 
 
 def emit_binary(low, op, p, pairs):
@@ -64,8 +75,16 @@ def emit_binary(low, op, p, pairs):
     q.update({f"o{i}": so[i] for i in range(6)})
     q.update(p, function=BINARY["DIV" if pairs is not None else op.name], table=table)
     same = vo.dense and sa == so
-    net.step("BINARY", op, [va, vb], [out], q, int(np.prod(d[:5], dtype=np.int64)), cost=to.size * 24,
+    net.step("BINARY", op, [va, vb], [out], q, int(np.prod(d[:5], dtype=np.int64)), cost=binary_cost(d, (sa[5], sb[5], so[5]), pairs, table),
              in_place=bool(same))
+
+
+def pool_cost(name, kh, kw, step, channels):
+    """Of a pixel; the largest of neighbouring windows is found by columns."""
+    if name == "AVERAGE_POOL_2D":
+        return 300 + 38 * kh * kw + channels * (38 + 1.4 * kh * kw)
+    taps = kh + kw if step == 1 else kh * kw
+    return 200 + 90 * taps + channels * (2 + taps / 2)
 
 
 def pool(low, op):
@@ -84,7 +103,7 @@ def pool(low, op):
     p = image(low, source, out)
     p.update(kh=kh, kw=kw, stride_y=sy, stride_x=sx, dilation_y=1, dilation_x=1, pad_top=top, pad_left=left,
              average=int(op.name == "AVERAGE_POOL_2D"), is_signed=int(ti.signed), act_min=lo, act_max=hi)
-    low.net.step("POOL", op, [source], [out], p, p["batch"] * p["out_h"], cost=to.size * (kh * kw * 2 + 8))
+    low.net.step("POOL", op, [source], [out], p, p["batch"] * p["out_h"], cost=p["batch"] * p["out_h"] * p["out_w"] * pool_cost(op.name, kh, kw, sx, to.shape[3]))
 
 
 def reduce(low, op):
@@ -107,6 +126,10 @@ def reduce(low, op):
                 merged[-1] = (merged[-1][0] * n, s)
             else:
                 merged.append((n, s))
+        if name == "dim" and merged and len(merged) < 4 and merged[-1][0] > REDUCE_ROW:  # rows that units can tell apart
+            n, s = merged.pop()
+            part = next(d for d in range(REDUCE_ROW, 0, -1) if n % d == 0)
+            merged += [(n // part, part * s), (part, s)] if part >= 16 else [(n, s)]
         if len(merged) > 4:
             raise ImportProblem(low.describe_missing(op) + " (more than 4 separate axes)")
         merged = [(1, 0)] * (4 - len(merged)) + merged
@@ -127,7 +150,9 @@ def reduce(low, op):
     else:
         p["function"] = {"REDUCE_MAX": 1, "REDUCE_MIN": 2}[op.name]
     rows = kept[0][0] * kept[1][0] * kept[2][0]
-    low.net.step("REDUCE", op, [source], [out], p, rows, cost=ti.size * 4)
+    together = kept[3][1] == 1  # neighbours are reduced at once
+    cost = ti.size * (4 if kept[3][0] >= 16 else 8) if together else ti.size * 24 + to.size * 96
+    low.net.step("REDUCE", op, [source], [out], p, rows, cost=cost)
 
 
 def resize(low, op):
@@ -146,7 +171,7 @@ def resize(low, op):
     if not nearest:
         exact_weights(p, tables)
     p["rows_table"], p["columns_table"] = (low.net.blob(table) for table in tables)
-    low.net.step("RESIZE", op, [source], [out], p, p["batch"] * p["out_h"], cost=to.size * (2 if nearest else 24))
+    low.net.step("RESIZE", op, [source], [out], p, p["batch"] * p["out_h"], cost=to.size * (2 if nearest else 28))
 
 
 def scale_of(n_in, n_out, align):
@@ -213,7 +238,7 @@ def softmax(low, op):
         raise ImportProblem(f"{low.describe_missing(op)} (over more than {SOFTMAX_DEPTH} values)")
     exps = quant.softmax_table(op.options.Beta(), ti.scale0)
     low.net.step("SOFTMAX", op, [source], [out], dict(outer=outer, depth=depth, table=low.net.blob(exps)), outer,
-                 cost=ti.size * 16 + outer * 64)
+                 cost=ti.size * 12 + outer * 330)
 
 
 def normalise(low, op):
@@ -228,7 +253,7 @@ def normalise(low, op):
     out = low.output(t_out)
     outer = ti.size // depth
     low.net.step("NORMALISE", op, [source], [out], dict(outer=outer, depth=depth, zero_in=ti.zero_u8, is_signed=int(ti.signed)), outer,
-                 cost=ti.size * 16 + outer * 64)
+                 cost=ti.size * 28 + outer * 512)
 
 
 def arg_max(low, op):

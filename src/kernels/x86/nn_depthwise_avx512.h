@@ -340,7 +340,7 @@ static inline void depthwise(const struct fv_nn_depthwise *d, const uint8_t *in,
     else if (d->planes * ((d->kh + 3) / 4) * d->kw <= STEPS_MAX)
         by_blocks(d, in, out, begin, end, scratch, above);
     else
-        fv_k_nn_depthwise_u8__c(d, in, out, begin, end, scratch);
+        fv_k_nn_depthwise_u8__avx2(d, in, out, begin, end, scratch);
 }
 
 #endif
