@@ -129,14 +129,17 @@ static void test_table(void **state)
 
 /* ---- the screen ------------------------------------------------------------------------------ */
 
-/* Read what the terminal shows until `wanted` has come after `seen`; frames are sent meanwhile. */
-static size_t show_until(int terminal, char *seen, size_t capacity, const char *wanted)
+/* Read what the terminal shows until `begin` has come and `end` after it; frames are sent
+ * meanwhile. */
+static void show_until(int terminal, char *seen, size_t capacity, const char *begin,
+                       const char *end)
 {
     size_t used = 0;
+    const char *begun;
     seen[0] = '\0';
-    for (int i = 0; strstr(seen, wanted) == NULL; i++) {
+    for (int i = 0; (begun = strstr(seen, begin)) == NULL || strstr(begun, end) == NULL; i++) {
         struct pollfd wait = {.fd = terminal, .events = POLLIN};
-        if (i == 6000 || used + 1 == capacity) fail_msg("found %s, expected %s", seen, wanted);
+        if (i == 6000 || used + 1 == capacity) fail_msg("found %s, expected %s", seen, end);
         send_frame();
         if (poll(&wait, 1, 20) <= 0) continue;
         const ssize_t got = read(terminal, seen + used, capacity - 1 - used);
@@ -144,7 +147,6 @@ static size_t show_until(int terminal, char *seen, size_t capacity, const char *
         used += (size_t)got;
         seen[used] = '\0';
     }
-    return used;
 }
 
 /* The longest line without what steers a terminal, and their number, of the screen drawn last. */
@@ -176,8 +178,8 @@ static void test_screen(void **state)
     const pid_t child = forkpty(&terminal, NULL, NULL, &size);
     if (child == 0) watched_exec("top", (const char *const[]){"--interval", "1", NULL});
     assert_int_equal(tcgetattr(terminal, &before), 0);
-    show_until(terminal, seen, sizeof seen, "LEFT");
-    show_until(terminal, seen, sizeof seen, "\033[J");
+    show_until(terminal, seen, sizeof seen, "", "LEFT");
+    show_until(terminal, seen, sizeof seen, "\033[H", "\033[J"); /* a whole screen */
     measure(seen, &columns, &lines);
     assert_int_equal(columns, 100);
     assert_int_equal(lines, 4); /* title, heading, two of four lines about robots */
@@ -185,14 +187,14 @@ static void test_screen(void **state)
     size.ws_col = 40;
     assert_int_equal(ioctl(terminal, TIOCSWINSZ, &size), 0);
     for (int i = 0; i == 0 || (columns != 40 && i < 100); i++) {
-        show_until(terminal, seen, sizeof seen, "\033[J");
+        show_until(terminal, seen, sizeof seen, "\033[H", "\033[J"); /* a whole screen */
         measure(seen, &columns, &lines);
     }
     assert_int_equal(columns, 40);
     assert_int_equal(lines, 6);
     assert_null(strstr(seen, "\033[2J")); /* of the robot's name */
     assert_int_equal(write(terminal, "q", 1), 1);
-    show_until(terminal, seen, sizeof seen, "\033[?1049l");
+    show_until(terminal, seen, sizeof seen, "", "\033[?1049l");
     assert_int_equal(tcgetattr(terminal, &after), 0);
     assert_true(after.c_lflag == before.c_lflag || after.c_lflag & ICANON);
     while (read(terminal, seen, sizeof seen) > 0)
