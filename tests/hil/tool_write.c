@@ -4,7 +4,7 @@
  *   mmap=N      through N mapped buffers, not by write(); with more of them than FILE has frames,
  *               the output always has frames waiting
  *   after=FILE  a frame goes out when FILE has grown by one since the last, or after ten seconds,
- *              whatever RATE says */
+ *              whatever RATE says; not while mapped buffers are filled for the first time */
 #include "tool.h"
 
 #include <errno.h>
@@ -108,7 +108,7 @@ int tool_write(int argc, char **argv)
     int64_t at_ns = tool_now_ns();
     for (long k = 0; count == 0 || k < count; k++) {
         const uint8_t *frame = frames.data + frames.at[(size_t)k % frames.count];
-        while (!tool_pace_ready(&output.pace))
+        while ((k == 0 || k >= output.buffers) && !tool_pace_ready(&output.pace))
             tool_sleep_until(tool_now_ns() + 10000000);
         if (output.buffers > 0)
             put_mapped(k, frame, bytes);
