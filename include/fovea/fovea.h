@@ -97,6 +97,10 @@ struct fovea_image_config {
      * image as it came. Networks keep the colours of an image: only its luma is that of the result.
      */
     uint32_t seen_by;
+    /* Networks of colours see them balanced by the grey world assumption (fovea/preprocess.h),
+     * after the operations that they see; default false. The means are of a grid of 160 x 120
+     * pixels. In work, at most two units of the network's job more. */
+    bool white_balance;
 };
 
 struct fovea_config {

@@ -1,12 +1,10 @@
+#include "base/grey_world.h"
 #include "fovea/preprocess.h"
 
-/* Table of a channel: level times all / (3 own), rounded half up, at most 255. */
 static void make_table(uint8_t table[256], uint64_t own, uint64_t all)
 {
-    for (uint64_t i = 0; i < 256; i++) {
-        const uint64_t level = own == 0 ? i : (2 * i * all + 3 * own) / (6 * own);
-        table[i] = (uint8_t)(level > 255 ? 255 : level);
-    }
+    for (uint32_t i = 0; i < 256; i++)
+        table[i] = fv_grey_world(i, own, all);
 }
 
 enum fovea_status fovea_white_balance(const struct fovea_image *image, uint8_t *out,

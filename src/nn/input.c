@@ -2,6 +2,7 @@
 
 #include <string.h>
 
+#include "base/grey_world.h"
 #include "nn/pixel.h"
 #include "nn/run.h"
 
@@ -94,13 +95,25 @@ struct tables {
     float real[3][256];
 };
 
-static void make_tables(const struct fv_model *model, struct tables *t)
+/* The level that a channel of the input, as the model orders them, has instead of `level`. */
+static uint32_t balanced(const struct fv_model_preprocess *p, const struct fv_nn_balance *balance,
+                         int32_t channel, uint32_t level)
+{
+    if (balance == NULL || p->channels != 3) return level;
+    const uint32_t *sums = balance->sums;
+    return fv_grey_world(level, sums[p->order == 1 ? 2 - channel : channel],
+                         (uint64_t)sums[0] + sums[1] + sums[2]);
+}
+
+static void make_tables(const struct fv_model *model, const struct fv_nn_balance *balance,
+                        struct tables *t)
 {
     const struct fv_model_preprocess *p = &model->header->preprocess;
     const struct fv_model_tensor *in = &model->tensors[model->inputs[0]];
     for (int32_t c = 0; c < p->channels; c++) {
         for (int32_t v = 0; v < 256; v++) {
-            const float real = ((float)v - p->mean[c]) * p->scale[c];
+            const uint32_t level = balanced(p, balance, c, (uint32_t)v);
+            const float real = ((float)level - p->mean[c]) * p->scale[c];
             const float quantised = real / in->scale + (float)in->zero + 0.5f;
             t->real[c][v] = real;
             t->byte[c][v] = quantised < 0.0f ? 0 : quantised < 256.0f ? (uint8_t)quantised : 255;
@@ -223,12 +236,13 @@ static void fill_direct(const struct fv_model *model, const uint8_t table[256],
 }
 
 void fv_nn_fill(const struct fv_model *model, const struct fovea_image *image,
-                const struct fv_nn_input_fit *fit, uint8_t *arena, int32_t begin, int32_t end)
+                const struct fv_nn_input_fit *fit, const struct fv_nn_balance *balance,
+                uint8_t *arena, int32_t begin, int32_t end)
 {
     uint8_t *input = fv_nn_tensor(model, arena, model->inputs[0]);
     struct tables tables;
     struct block block = {.count = 0};
-    make_tables(model, &tables);
+    make_tables(model, balance, &tables);
     if (is_direct(model, image, fit)) {
         for (int32_t y = begin; y < end; y++)
             fill_direct(model, tables.byte[0], image, fit, y, input);

@@ -11,6 +11,7 @@
 #include <stdbool.h>
 
 #include "fovea/image.h"
+#include "nn/balance.h"
 #include "nn/model.h"
 
 #ifdef __cplusplus
@@ -40,9 +41,12 @@ enum fovea_status fv_nn_input_fit_of(const struct fv_model *model, const struct 
 int32_t fv_nn_rows_per_unit(const struct fv_model *model, const struct fovea_image *image,
                             const struct fv_nn_input_fit *fit);
 
-/* Fill rows [begin, end) of the input tensor (its height is preprocess.height). Real-time safe. */
+/* Fill rows [begin, end) of the input tensor (its height is preprocess.height). `balance`: NULL, or
+ * the sums of the image, by which a network of colours sees them balanced, after interpolation.
+ * Real-time safe. */
 void fv_nn_fill(const struct fv_model *model, const struct fovea_image *image,
-                const struct fv_nn_input_fit *fit, uint8_t *arena, int32_t begin, int32_t end);
+                const struct fv_nn_input_fit *fit, const struct fv_nn_balance *balance,
+                uint8_t *arena, int32_t begin, int32_t end);
 
 #ifdef __cplusplus
 }

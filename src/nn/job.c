@@ -47,6 +47,27 @@ void fv_nn_job_relight(const struct fv_nn_job *job, const struct fovea_image *be
     fv_pixel_relight(&image, job->pixels, before, after);
 }
 
+void fv_nn_job_balance(const struct fv_nn_job *job)
+{
+    if (job->model->header->preprocess.channels == 3) job->state->phase = FV_NN_JOB_BALANCE;
+}
+
+/* A unit: as many fetched pixels as a unit of the input makes. */
+static void balance_some(const struct fv_nn_job *job)
+{
+    enum { ROWS = 9600 / FV_NN_BALANCE_COLUMNS };
+    struct fv_nn_job_state *s = job->state;
+    const struct fovea_image image = copied_image(job);
+    const int32_t rows = fv_nn_balance_rows(&image),
+                  end = ROWS < rows - s->row ? s->row + ROWS : rows;
+    fv_nn_balance_add(&s->balance, &image, s->row, end);
+    s->row = end;
+    if (end < rows) return;
+    s->row = 0;
+    s->balanced = 1;
+    s->phase = FV_NN_JOB_FILL;
+}
+
 static void fill_some(const struct fv_nn_job *job)
 {
     struct fv_nn_job_state *s = job->state;
@@ -54,7 +75,8 @@ static void fill_some(const struct fv_nn_job *job)
     const int32_t height = job->model->header->preprocess.height,
                   rows = fv_nn_rows_per_unit(job->model, &image, &s->fit);
     const int32_t end = rows < height - s->row ? s->row + rows : height;
-    fv_nn_fill(job->model, &image, &s->fit, job->arena, s->row, end);
+    fv_nn_fill(job->model, &image, &s->fit, s->balanced != 0 ? &s->balance : NULL, job->arena,
+               s->row, end);
     s->row = end;
     if (end == height) s->phase = FV_NN_JOB_RUN;
 }
@@ -70,6 +92,8 @@ enum fovea_status fv_nn_job_advance(const struct fv_nn_job *job, const struct fv
 {
     struct fv_nn_job_state *s = job->state;
     *done = 0;
+    for (; *done < units && s->phase == FV_NN_JOB_BALANCE; ++*done)
+        balance_some(job);
     for (; *done < units && s->phase == FV_NN_JOB_FILL; ++*done)
         fill_some(job);
     if (*done < units && s->phase == FV_NN_JOB_RUN) {

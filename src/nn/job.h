@@ -22,15 +22,18 @@ enum fv_nn_job_phase {
     FV_NN_JOB_IDLE = 0,
     FV_NN_JOB_FILL = 1,
     FV_NN_JOB_RUN = 2,
-    FV_NN_JOB_DONE = 3 /* the outputs hold what the picture gave, until fv_nn_job_end */
+    FV_NN_JOB_DONE = 3,   /* the outputs hold what the picture gave, until fv_nn_job_end */
+    FV_NN_JOB_BALANCE = 4 /* before FILL, where it was asked for */
 };
 
 /* Part of the user's own state. */
 struct fv_nn_job_state {
-    int32_t phase, row; /* enum fv_nn_job_phase; of the input, the next to be filled */
+    int32_t phase, row; /* enum fv_nn_job_phase; the next, of BALANCE's grid or of the input */
     struct fv_nn_progress progress;
     struct fv_nn_input_fit fit;                  /* how the picture lies in the input */
     int32_t width, height, stride_bytes, format; /* of the copied picture */
+    struct fv_nn_balance balance;                /* its sums, where `balanced` */
+    uint32_t balanced;
 };
 
 /* Where a job's pieces are; made by carving, remade after a move. */
@@ -56,6 +59,10 @@ enum fovea_status fv_nn_job_start(const struct fv_nn_job *job, const struct fove
  * fv_pixel_relight. */
 void fv_nn_job_relight(const struct fv_nn_job *job, const struct fovea_image *before,
                        const struct fovea_image *after);
+
+/* Have the colours of the picture just taken balanced (nn/balance.h), at most 2 units more; nothing
+ * happens where the network takes grey pictures. */
+void fv_nn_job_balance(const struct fv_nn_job *job);
 
 /* Go on for at most `units` units; `done` takes how many ran. FOVEA_OK: idle or done. FOVEA_AGAIN:
  * units are left. */

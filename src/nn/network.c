@@ -110,7 +110,7 @@ enum fovea_status fovea_network_set_image(struct fovea_network *network,
     if (network->running) return FOVEA_ERROR_ARGUMENT;
     const enum fovea_status status = fv_nn_input_fit_of(&network->model, image, &fit);
     if (status != FOVEA_OK) return status;
-    fv_nn_fill(&network->model, image, &fit, network->arena, 0,
+    fv_nn_fill(&network->model, image, &fit, NULL, network->arena, 0,
                network->model.header->preprocess.height);
     network->set = 1;
     return FOVEA_OK;

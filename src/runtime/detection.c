@@ -182,7 +182,8 @@ bool fv_detection_waiting(const struct fv_detection *detection)
 }
 
 bool fv_detection_offer(struct fv_detection *detection, const struct fovea_frame *frame,
-                        const struct fv_frame_id *id, const struct fv_seen *seen)
+                        const struct fv_frame_id *id, const struct fv_seen *seen,
+                        bool white_balance)
 {
     if (!detection->enabled || fv_detection_waiting(detection)) return false;
     struct fovea_image before, after;
@@ -191,6 +192,7 @@ bool fv_detection_offer(struct fv_detection *detection, const struct fovea_frame
     if (status != FOVEA_OK) return false;
     if (fv_seen_luma(seen, FV_VIEWER_NETWORKS, &before, &after))
         fv_nn_job_relight(fv_detect_network(&detection->memory), &before, &after);
+    if (white_balance) fv_nn_job_balance(fv_detect_network(&detection->memory));
     detection->state->frame = *id;
     if (detection->gives == 0) detection->state->mapped = 0;
     return true;

@@ -78,9 +78,11 @@ size_t fv_detection_message_bytes(const struct fv_detection *detection,
 void fv_detection_reset(struct fv_detection *detection);
 
 /* Take this frame, unless an inference is under way: its pixels are copied. Where networks see the
- * result of the preprocessing chain, the copy gets its luma. True: the inference begins. */
+ * result of the preprocessing chain, the copy gets its luma; `white_balance`: its colours are
+ * balanced. True: the inference begins. */
 bool fv_detection_offer(struct fv_detection *detection, const struct fovea_frame *frame,
-                        const struct fv_frame_id *id, const struct fv_seen *seen);
+                        const struct fv_frame_id *id, const struct fv_seen *seen,
+                        bool white_balance);
 
 bool fv_detection_waiting(const struct fv_detection *detection);
 

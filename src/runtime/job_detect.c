@@ -108,10 +108,11 @@ static void offer(struct fovea *rt, const struct fovea_frame *frame)
 {
     const uint64_t number = rt->state->frames_processed - 1;
     const struct fv_seen *seen = fv_front_end_images(&rt->front_end);
+    const bool balance = rt->config.image.white_balance;
     if (fv_every(number, rt->config.detect2.period_frames))
-        (void)fv_detection_offer(&rt->detection2, frame, &rt->state->frame, seen);
+        (void)fv_detection_offer(&rt->detection2, frame, &rt->state->frame, seen, balance);
     if (!fv_every(number, rt->config.detect.period_frames)) return;
-    if (!fv_detection_offer(&rt->detection, frame, &rt->state->frame, seen)) return;
+    if (!fv_detection_offer(&rt->detection, frame, &rt->state->frame, seen, balance)) return;
     struct fovea_pose pose;
     fovea_pose_get(rt, &pose);
     fv_object_stage_note(&rt->objects, &pose);

@@ -94,7 +94,7 @@ static inline int nn_mutant_run(const uint8_t *data, size_t bytes)
                                       .size_bytes = sizeof pixels};
     struct fv_nn_input_fit fit;
     if (fv_nn_input_fit_of(&model, &image, &fit) == FOVEA_OK) {
-        fv_nn_fill(&model, &image, &fit, arena, 0, model.header->preprocess.height);
+        fv_nn_fill(&model, &image, &fit, NULL, arena, 0, model.header->preprocess.height);
     } else {
         fit = (struct fv_nn_input_fit){.image_width = 16,
                                        .image_height = 16,

@@ -56,7 +56,7 @@ static enum fovea_status look_at(struct engine *engine, const struct fovea_image
     struct fv_found *found = &engine->found;
     const enum fovea_status status = fv_nn_input_fit_of(model, image, &found->fit);
     if (status != FOVEA_OK) return status;
-    fv_nn_fill(model, image, &found->fit, engine->arena, 0, model->header->preprocess.height);
+    fv_nn_fill(model, image, &found->fit, NULL, engine->arena, 0, model->header->preprocess.height);
     struct fv_nn_progress progress = {0, 0};
     const uint32_t units =
         engine->units == 0 || engine->units > 1u << 30 ? 1u << 30 : (uint32_t)engine->units;

@@ -156,8 +156,8 @@ static void grey_of_the_right_size_is_filled_alike(void **state)
         filled[i] = calloc(1, bytes);
         assert_int_equal(fv_nn_input_fit_of(&boxed, &images[i], &fit), FOVEA_OK);
         assert_int_equal(fit.top, (IN_HEIGHT - SHOWN) / 2);
-        fv_nn_fill(&boxed, &images[i], &fit, filled[i], 0, 7);
-        fv_nn_fill(&boxed, &images[i], &fit, filled[i], 7, IN_HEIGHT);
+        fv_nn_fill(&boxed, &images[i], &fit, NULL, filled[i], 0, 7);
+        fv_nn_fill(&boxed, &images[i], &fit, NULL, filled[i], 7, IN_HEIGHT);
     }
     assert_memory_equal(filled[0], filled[1], bytes);
     for (int i = 0; i < 2; i++)

@@ -212,6 +212,36 @@ static void colours_keep_their_differences(void **state)
     assert_each_sees_as_configured(&images[0], &images[1]);
 }
 
+/* Networks alone see balanced colours: of a flat frame those that 350 / 3 rounds to. */
+static void networks_see_balanced_colours(void **state)
+{
+    (void)state;
+    static uint8_t pixels[2][3 * WIDTH * HEIGHT];
+    static struct kept kept_tinted, kept_grey, kept;
+    static const uint8_t tinted[3] = {200, 100, 50};
+    struct fovea_image images[2];
+    for (int i = 0; i < 2; i++) {
+        for (int k = 0; k < 3 * WIDTH * HEIGHT; k++)
+            pixels[i][k] = i == 0 ? tinted[k % 3] : 117;
+        images[i] = (struct fovea_image){.data = pixels[i],
+                                         .width = WIDTH,
+                                         .height = HEIGHT,
+                                         .stride_bytes = 3 * WIDTH,
+                                         .format = FOVEA_PIXEL_RGB24,
+                                         .size_bytes = sizeof pixels[i]};
+    }
+    struct fovea_config run = config;
+    run.image.preprocess.operations.count = 0;
+    run_of(&run, &images[0], &kept_tinted);
+    run_of(&run, &images[1], &kept_grey);
+    run.image.white_balance = true;
+    run_of(&run, &images[0], &kept);
+    for (int c = 0; c < CHANNELS; c++)
+        assert_true(
+            same(&kept, viewers[c] == FOVEA_VIEWER_NETWORKS ? &kept_grey : &kept_tinted, c));
+    assert_false(same(&kept_tinted, &kept_grey, 1));
+}
+
 static size_t size_of(uint32_t operation_count, uint32_t seen_by)
 {
     struct fovea_config run = config;
@@ -267,6 +297,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(each_viewer_sees_the_image_as_configured),
         cmocka_unit_test(colours_keep_their_differences),
+        cmocka_unit_test(networks_see_balanced_colours),
         cmocka_unit_test(memory_is_taken_only_where_somebody_looks),
         cmocka_unit_test(a_wrong_chain_is_refused),
         cmocka_unit_test(defaults_of_the_keys_are_those_of_the_chain),
