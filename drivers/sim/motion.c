@@ -267,6 +267,8 @@ void fv_sim_motion_create(struct fv_sim_motion *motion, const struct fv_sim_opti
     memset(motion, 0, sizeof *motion);
     motion->trajectory = options->trajectory;
     motion->turn_s = FV_SIM_TURN_DEG_S / options->turn_rate_deg_s;
+    motion->half_view[0] = options->fov_deg * FV_PI / 360.0;
+    motion->half_view[1] = motion->half_view[0] * options->height / options->width;
     memcpy(motion->room, world->room, sizeof motion->room);
     memcpy(motion->lane, world->lane, sizeof motion->lane);
     memcpy(motion->store, world->store, sizeof motion->store);
@@ -325,6 +327,9 @@ void fv_sim_motion_pose(const struct fv_sim_motion *m, double t, double T_world_
         break;
     case FV_SIM_ROAD:
         drive(m, t, &pose);
+        break;
+    case FV_SIM_BOARD:
+        fv_sim_board_pose(m, t, pose.position, &pose.yaw, &pose.pitch, &pose.roll);
         break;
     case FV_SIM_STILL:
         orbit(m, 0.0, &pose);

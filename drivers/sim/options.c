@@ -31,7 +31,7 @@ static const struct fv_uri_table options_table = {
 
 static const char *const trajectory_name[FV_SIM_TRAJECTORY_COUNT] = {
     "tour",   "orbit",  "corridor", "rotate", "stopgo", "fast",
-    "kidnap", "wander", "still",    "stand",  "road"};
+    "kidnap", "wander", "still",    "stand",  "road",   "board"};
 
 bool fv_sim_option_given(const struct fv_sim_options *options, size_t offset)
 {
@@ -113,6 +113,8 @@ static int32_t default_objects(enum fv_sim_trajectory trajectory)
         return 12;
     case FV_SIM_ROAD:
         return 8;
+    case FV_SIM_BOARD:
+        return 0;
     default:
         return 6;
     }

@@ -424,6 +424,9 @@ void fv_sim_paint(struct fv_sim_texture *texture, enum fv_sim_material material,
     case FV_SIM_HEAD:
         paint_head(b);
         break;
+    case FV_SIM_CHESSBOARD:
+        fv_sim_paint_board(b);
+        break;
     default:
         paint_laid(b, &laid_table[material]);
         break;

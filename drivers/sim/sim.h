@@ -42,6 +42,7 @@ enum fv_sim_trajectory {
     FV_SIM_STILL,
     FV_SIM_STAND,
     FV_SIM_ROAD,
+    FV_SIM_BOARD,
     FV_SIM_TRAJECTORY_COUNT
 };
 
@@ -84,6 +85,8 @@ enum fovea_status fv_sim_options_parse(const char *address, struct fv_sim_option
 /* ---- textures (texture.c, paint.c) ----------------------------------------------------------- */
 
 enum { FV_SIM_LEVELS_MAX = 24, FV_SIM_TEXTURES_MAX = 64 };
+
+struct fv_sim_brush; /* paint.h */
 
 /* One level of a texture; the last column and row are stored twice, so that bilinear sampling may
  * read past them. */
@@ -130,6 +133,7 @@ enum fv_sim_material {
     FV_SIM_PARCEL,
     FV_SIM_CLOTHES,
     FV_SIM_HEAD,
+    FV_SIM_CHESSBOARD, /* of fv_sim_board_* */
     FV_SIM_ROAD_FIRST, /* from here on in road_paint.c */
     FV_SIM_ROAD_ASPHALT = FV_SIM_ROAD_FIRST,
     FV_SIM_ROAD_SHADED, /* asphalt under trees */
@@ -252,8 +256,9 @@ enum { FV_SIM_SPLINE_MAX = 160, FV_SIM_PHASES = 32 };
 struct fv_sim_motion {
     enum fv_sim_trajectory trajectory;
     double phase[FV_SIM_PHASES];
-    double direction; /* +1 or -1: which way round */
-    double turn_s;    /* how long a turn of `fast` takes */
+    double direction;    /* +1 or -1: which way round */
+    double turn_s;       /* how long a turn of `fast` takes */
+    double half_view[2]; /* angles from the optical axis to the image's border, across and down */
     double room[2], lane[2], store[3];
     const struct fv_sim_road *road; /* the world's */
     int32_t control_count; /* uniform cubic B-spline, one control point a second: x y z yaw pitch */
@@ -265,6 +270,13 @@ void fv_sim_motion_create(struct fv_sim_motion *motion, const struct fv_sim_opti
 /* Frames of one showing at `rate_hz`; 0: endless. */
 uint64_t fv_sim_motion_frames(enum fv_sim_trajectory trajectory, double rate_hz);
 void fv_sim_motion_pose(const struct fv_sim_motion *motion, double time_s, double T_world_cam[12]);
+
+/* The calibration board of `sim:board` (board.c): 10 x 7 squares of 30 mm (9 x 6 inner corners) and
+ * a margin of one square, upright in the middle of the room, seen from -x. */
+void fv_sim_place_board(struct fv_sim_world *world);
+void fv_sim_board_pose(const struct fv_sim_motion *motion, double time_s, double position[3],
+                       double *yaw, double *pitch, double *roll);
+void fv_sim_paint_board(struct fv_sim_brush *brush);
 /* Move persons along their lanes until they keep clear of the camera between two times, as far as
  * 24 tries allow. */
 void fv_sim_objects_clear(struct fv_sim_world *world, const struct fv_sim_motion *motion,

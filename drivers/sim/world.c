@@ -164,6 +164,10 @@ bool fv_sim_world_build(struct fv_sim_world *world, const struct fv_sim_options 
     case FV_SIM_ROAD:
         fv_sim_place_road(world, options);
         break;
+    case FV_SIM_BOARD:
+        fv_sim_place_room(world, false);
+        fv_sim_place_board(world);
+        break;
     default:
         fv_sim_place_room(world, options->trajectory == FV_SIM_KIDNAP);
         break;

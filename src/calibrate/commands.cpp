@@ -18,7 +18,8 @@ const std::vector<Command> commands = {
      "coverage, residual directions, uncertainty of projection and the pictures.",
      "fovea-calibrate camera --source pictures/ --target chessboard:9x6:0.025 --out camera.yaml\n"
      "fovea-calibrate camera --source v4l2:/dev/video0 --target chessboard:9x6:0.025 "
-     "--out camera.yaml --report report.html"},
+     "--out camera.yaml --report report.html\n"
+     "fovea-calibrate camera --source sim:board --target chessboard:9x6:0.03 --report report.html"},
     {"check", "judge a camera file by new pictures of a board", command_check,
      "A camera of the file's model is fitted to the new pictures, and both project the same "
      "directions. The verdict is fail where they differ by more than 3 px in a part of the image "
