@@ -100,23 +100,37 @@ static void sum_columns(struct fv_surf *surf, int32_t side, int32_t y, int32_t f
     }
 }
 
-/* Determinants of row y, where the filter fits; `from` and `end` are columns of the image. */
-static void respond(struct fv_surf *surf, int32_t side, int32_t y, int32_t step, int32_t from,
-                    int32_t end, float *restrict out)
+/* Determinants of every `step`-th column from the sums of a row's columns. */
+static inline void determinants(const uint32_t *xx, const uint32_t *yy, const uint32_t *xy,
+                                int32_t side, int32_t step, int32_t count, float *restrict out)
 {
     const int32_t lobe = side / 3, half = side / 2, near = lobe / 2;
     const float scale = 1.f / (float)(side * side);
-    sum_columns(surf, side, y, from - half, end + half + 1);
-    const uint32_t *xx = surf->sums[0], *yy = surf->sums[1], *xy = surf->sums[2];
-    for (int32_t x = from; x < end; x += step) {
+    for (int32_t i = 0; i < count; i++) {
+        const int32_t x = i * step;
         const int32_t sum_xx =
             (int32_t)(xx[x + half + 1] - xx[x - half] - 3 * (xx[x + near + 1] - xx[x - near]));
         const int32_t sum_yy = (int32_t)(yy[x + lobe] - yy[x - lobe + 1]);
         const int32_t sum_xy = (int32_t)((xy[x] - xy[x - lobe]) - (xy[x + lobe + 1] - xy[x + 1]));
         const float dxx = (float)sum_xx * scale, dyy = (float)sum_yy * scale,
                     dxy = (float)sum_xy * scale;
-        out[x / step] = dxx * dyy - .81f * (dxy * dxy);
+        out[i] = dxx * dyy - .81f * (dxy * dxy);
     }
+}
+
+/* Determinants of row y, where the filter fits; `from` (on the grid) and `end` are columns of the
+ * image. */
+static void respond(struct fv_surf *surf, int32_t side, int32_t y, int32_t step, int32_t from,
+                    int32_t end, float *out)
+{
+    const int32_t half = side / 2, count = (end - from + step - 1) / step;
+    sum_columns(surf, side, y, from - half, end + half + 1);
+    const uint32_t *xx = surf->sums[0] + from, *yy = surf->sums[1] + from,
+                   *xy = surf->sums[2] + from;
+    if (step == 1) /* a loop of its own, in vectors */
+        determinants(xx, yy, xy, side, 1, count, out + from);
+    else
+        determinants(xx, yy, xy, side, step, count, out + from / step);
 }
 
 /* Rows of determinants of an octave: three of each layer in turn. */
@@ -136,7 +150,7 @@ static void respond_layers(struct fv_surf *surf, const int32_t *side, int32_t st
     const int32_t y = row * step;
     for (int32_t layer = 0; layer < FV_SURF_LAYERS; layer++) {
         const int32_t from = first_of(side[layer], step), half = side[layer] / 2;
-        if (y >= from && y < surf->height - half)
+        if (y >= from && y < surf->height - half && from < surf->width - half)
             respond(surf, side[layer], y, step, from, surf->width - half, row_of(surf, layer, row));
     }
 }
