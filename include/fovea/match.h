@@ -27,6 +27,8 @@ enum fovea_match_geometry {
     FOVEA_MATCH_HOMOGRAPHY = 1, /* b ~ H a: a plane, or a camera that only turns */
     FOVEA_MATCH_ESSENTIAL =
         2, /* b^T E a = 0 in the plane at depth 1: a rigid scene, known camera */
+    FOVEA_MATCH_FUNDAMENTAL = 3, /* b^T F a = 0 in pixels: a rigid scene, unknown cameras; a plane
+                                  * alone does not determine it */
     FOVEA_MATCH_GEOMETRY_COUNT
 };
 
@@ -55,9 +57,9 @@ struct fovea_match {
 struct fovea_matched {
     uint32_t count, inlier_count;
     const struct fovea_match *matches; /* in order of a */
-    /* Row by row: the homography in pixels, its last element 1 where that is not 0; or the
-     * essential matrix. All 0 with ANY, where every match counts as an inlier; otherwise all 0:
-     * none was found, and there are no inliers */
+    /* Row by row: the homography in pixels, its last element 1 where that is not 0; the essential
+     * matrix; or the fundamental matrix in pixels, its Frobenius norm 1. All 0 with ANY, where
+     * every match counts as an inlier; otherwise all 0: none was found, and there are no inliers */
     double model[9];
 };
 
@@ -68,8 +70,8 @@ struct fovea_matcher;
 void fovea_match_config_default(struct fovea_match_config *config,
                                 enum fovea_descriptor descriptor);
 
-/* Name as in configurations ("any", "homography", "essential"); "unknown" out of range. Any thread.
- */
+/* Name as in configurations ("any", "homography", "essential", "fundamental"); "unknown" out of
+ * range. Any thread. */
 const char *fovea_match_geometry_name(enum fovea_match_geometry geometry);
 
 /* Bytes that a matcher needs. 0 when a parameter is out of its range: `error` names it. Init-only.

@@ -7,6 +7,7 @@
 #include "features/patch.h"
 #include "fovea/match.h"
 #include "geometry/essential.h"
+#include "geometry/fundamental.h"
 #include "geometry/homography.h"
 #include "geometry/vec.h"
 
@@ -33,6 +34,7 @@ static const char *const names[FOVEA_MATCH_GEOMETRY_COUNT] = {
     [FOVEA_MATCH_ANY] = "any",
     [FOVEA_MATCH_HOMOGRAPHY] = "homography",
     [FOVEA_MATCH_ESSENTIAL] = "essential",
+    [FOVEA_MATCH_FUNDAMENTAL] = "fundamental",
 };
 
 const char *fovea_match_geometry_name(enum fovea_match_geometry geometry)
@@ -202,7 +204,7 @@ static uint32_t keep(struct fovea_matcher *matcher, uint32_t count)
     return kept;
 }
 
-/* A pinhole camera of both images: its own, or for a homography one that sees all features. */
+/* A pinhole camera of both images: its own with ESSENTIAL, otherwise one that sees all features. */
 struct view {
     double focal, x, y;
 };
@@ -228,13 +230,19 @@ static void bearing(const struct view *view, const struct fovea_local_feature *f
     (void)fv_normalise3(x);
 }
 
+static void inverse_of(const struct view *view, double inverse[9])
+{
+    const double f = 1 / view->focal;
+    const double of[9] = {f, 0, -view->x * f, 0, f, -view->y * f, 0, 0, 1};
+    memcpy(inverse, of, sizeof of);
+}
+
 /* H of the plane at depth 1 to pixels: K H K^-1, its last element 1. */
-static void to_pixels(const struct view *view, const double H[9], double out[9])
+static void homography_to_pixels(const struct view *view, const double H[9], double out[9])
 {
     const double K[9] = {view->focal, 0, view->x, 0, view->focal, view->y, 0, 0, 1};
-    const double f = 1 / view->focal;
-    const double inverse[9] = {f, 0, -view->x * f, 0, f, -view->y * f, 0, 0, 1};
-    double half[9];
+    double half[9], inverse[9];
+    inverse_of(view, inverse);
     fv_multiply33(K, H, half);
     fv_multiply33(half, inverse, out);
     const double scale = out[8] != 0 ? 1 / out[8] : 1;
@@ -242,36 +250,65 @@ static void to_pixels(const struct view *view, const double H[9], double out[9])
         out[i] *= scale;
 }
 
+/* F of the plane at depth 1 to pixels: K^-T F K^-1, its norm 1. */
+static void fundamental_to_pixels(const struct view *view, const double F[9], double out[9])
+{
+    double half[9], inverse[9], transposed[9], square = 0;
+    inverse_of(view, inverse);
+    for (int i = 0; i < 9; i++)
+        transposed[i] = inverse[3 * (i % 3) + i / 3];
+    fv_multiply33(transposed, F, half);
+    fv_multiply33(half, inverse, out);
+    for (int i = 0; i < 9; i++)
+        square += out[i] * out[i];
+    const double scale = 1 / __builtin_sqrt(square);
+    for (int i = 0; i < 9; i++)
+        out[i] *= scale;
+}
+
+/* The model that most pairs agree on, in pixels where it is one of them; returns its inliers. */
+static uint32_t estimate(struct fovea_matcher *matcher, uint32_t count, const struct view *view,
+                         double model[9])
+{
+    const struct fovea_match_config *config = &matcher->config;
+    const struct fv_sampling sampling = {(double)config->threshold_px / view->focal, .999,
+                                         config->samples_max};
+    const struct fv_pair *pairs = matcher->pairs;
+    struct fv_random random;
+    struct fv_se3 T_b_a;
+    double found[9];
+    uint32_t inliers;
+    fv_random_seed(&random, SEED);
+    switch (config->geometry) {
+    case FOVEA_MATCH_ESSENTIAL:
+        inliers = fv_essential_estimate(pairs, count, &sampling, &random, &T_b_a, matcher->inlier);
+        if (inliers > 0) fv_essential_from_motion(&T_b_a, model);
+        return inliers;
+    case FOVEA_MATCH_FUNDAMENTAL:
+        inliers = fv_fundamental_estimate(pairs, count, &sampling, &random, found, matcher->inlier);
+        if (inliers > 0) fundamental_to_pixels(view, found, model);
+        return inliers;
+    default:
+        inliers = fv_homography_estimate(pairs, count, &sampling, &random, found, matcher->inlier);
+        if (inliers > 0) homography_to_pixels(view, found, model);
+        return inliers;
+    }
+}
+
 static void verify(struct fovea_matcher *matcher, const struct fovea_extracted *a,
                    const struct fovea_extracted *b, struct fovea_matched *matched)
 {
     const struct fovea_match_config *config = &matcher->config;
-    const bool essential = config->geometry == FOVEA_MATCH_ESSENTIAL;
     const struct view own = {(double)config->focal_px, (double)config->centre_px[0],
                              (double)config->centre_px[1]};
-    const struct view view = essential ? own : view_of(a, b);
-    const struct fv_sampling sampling = {(double)config->threshold_px / view.focal, .999,
-                                         config->samples_max};
-    struct fv_random random;
-    struct fv_se3 T_b_a;
-    double H[9];
-    fv_random_seed(&random, SEED);
+    const struct view view = config->geometry == FOVEA_MATCH_ESSENTIAL ? own : view_of(a, b);
     for (uint32_t i = 0; i < matched->count; i++) {
         bearing(&view, &a->features[matcher->matches[i].a], matcher->pairs[i].x1);
         bearing(&view, &b->features[matcher->matches[i].b], matcher->pairs[i].x2);
     }
-    matched->inlier_count = essential
-                                ? fv_essential_estimate(matcher->pairs, matched->count, &sampling,
-                                                        &random, &T_b_a, matcher->inlier)
-                                : fv_homography_estimate(matcher->pairs, matched->count, &sampling,
-                                                         &random, H, matcher->inlier);
+    matched->inlier_count = estimate(matcher, matched->count, &view, matched->model);
     for (uint32_t i = 0; i < matched->count; i++)
         matcher->matches[i].inlier = matched->inlier_count > 0 && matcher->inlier[i] != 0;
-    if (matched->inlier_count == 0) return;
-    if (essential)
-        fv_essential_from_motion(&T_b_a, matched->model);
-    else
-        to_pixels(&view, H, matched->model);
 }
 
 enum fovea_status fovea_match_run(struct fovea_matcher *matcher, const struct fovea_extracted *a,

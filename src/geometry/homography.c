@@ -6,30 +6,6 @@
 #include "geometry/sample.h"
 #include "geometry/vec.h"
 
-/* Smallest eigenvector of a symmetric 9x9 by inverse iteration from a fixed start. */
-static bool smallest_vector(double A[81], double h[9])
-{
-    double trace = 0;
-    for (int i = 0; i < 9; i++)
-        trace += A[10 * i];
-    for (int i = 0; i < 9; i++) {
-        A[10 * i] += 1e-12 * trace;
-        h[i] = i % 4 == 0 ? 1 : 0.1;
-    }
-    if (!fv_ldlt_factor(A, 9)) return false;
-    for (int step = 0; step < 5; step++) {
-        double square = 0;
-        fv_ldlt_back(A, 9, h);
-        for (int i = 0; i < 9; i++)
-            square += h[i] * h[i];
-        if (!(square > 0 && square < 1e300)) return false;
-        double scale = 1 / __builtin_sqrt(square);
-        for (int i = 0; i < 9; i++)
-            h[i] *= scale;
-    }
-    return true;
-}
-
 /* Least-squares H (Frobenius norm 1) of `count` >= 4 pairs picked by `index` (NULL: the first ones)
  * whose `weight` (NULL: 1) is above 0. False when the pairs do not determine it. */
 static bool homography_fit(const struct fv_pair *pairs, const uint32_t *index, uint32_t count,
@@ -48,7 +24,7 @@ static bool homography_fit(const struct fv_pair *pairs, const uint32_t *index, u
                         A[9 * (3 * r + a) + 3 * s + b] += P * p->x1[a] * p->x1[b];
             }
     }
-    return smallest_vector(A, H);
+    return fv_smallest_vector9(A, H);
 }
 
 /* Squared angle (rad^2, small-angle) between x2 and H x1. */

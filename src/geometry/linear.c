@@ -110,3 +110,26 @@ void fv_eigen_symmetric(const double *input, int n, double *values, double *V)
         memcpy(V + n * row, W + n * best, (size_t)n * sizeof *V);
     }
 }
+
+bool fv_smallest_vector9(double A[81], double h[9])
+{
+    double trace = 0;
+    for (int i = 0; i < 9; i++)
+        trace += A[10 * i];
+    for (int i = 0; i < 9; i++) {
+        A[10 * i] += 1e-12 * trace;
+        h[i] = i % 4 == 0 ? 1 : 0.1;
+    }
+    if (!fv_ldlt_factor(A, 9)) return false;
+    for (int step = 0; step < 5; step++) {
+        double square = 0;
+        fv_ldlt_back(A, 9, h);
+        for (int i = 0; i < 9; i++)
+            square += h[i] * h[i];
+        if (!(square > 0 && square < 1e300)) return false;
+        double scale = 1 / __builtin_sqrt(square);
+        for (int i = 0; i < 9; i++)
+            h[i] *= scale;
+    }
+    return true;
+}

@@ -26,6 +26,10 @@ bool fv_ldlt_solve(double *A, int n, double *b);
  * definite. */
 bool fv_invert_symmetric3(const double S[6], double inverse[6]);
 
+/* The eigenvector h of length 1 of the least eigenvalue of a positive symmetric 9x9 matrix (lower
+ * triangle read), by inverse iteration from a fixed start; A is overwritten. */
+bool fv_smallest_vector9(double A[81], double h[9]);
+
 /* Eigenvectors (rows of V, by falling eigenvalue) of a symmetric n x n matrix, n at most
  * FV_EIGEN_SIZE_MAX, by cyclic Jacobi rotations. */
 void fv_eigen_symmetric(const double *S, int n, double *values, double *V);

@@ -183,9 +183,10 @@ static enum fovea_status read_request(const struct request *request,
                   fovea_match_geometry_name((enum fovea_match_geometry)geometry)) != 0)
         geometry++;
     if (geometry == FOVEA_MATCH_GEOMETRY_COUNT)
-        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
-                               "--geometry: found '%.100s', expected any, homography or essential",
-                               request->geometry);
+        return fovea_error_set(
+            error, FOVEA_ERROR_ARGUMENT,
+            "--geometry: found '%.100s', expected any, homography, essential or fundamental",
+            request->geometry);
     config->geometry = (enum fovea_match_geometry)geometry;
     return FOVEA_OK;
 }
@@ -231,7 +232,7 @@ int fv_command_match(int argc, char **argv)
         {"no-cross-check", NULL, FV_OPTION_FLAG, &request.no_cross_check,
          "keep matches that are not the nearest in both directions too"},
         {"geometry", "NAME", FV_OPTION_TEXT, &request.geometry,
-         "any (default), homography (a plane, or a camera that turns), or essential (a rigid scene)"},
+         "any (default), homography (a plane, or a camera that turns), essential (a rigid scene and --focal), or fundamental (a rigid scene, unknown cameras)"},
         {"focal", "PIXELS", FV_OPTION_TEXT, &request.focal,
          "focal length of both pictures, for --geometry essential"},
         {"centre", "X,Y", FV_OPTION_TEXT, &request.centre,

@@ -1,5 +1,5 @@
-/* Matching by the public functions: against plain loops, ratio test and cross check, homography and
- * essential matrix of known views, equal results on every kernel set, refusals. */
+/* Matching by the public functions: against plain loops, ratio test and cross check, homography,
+ * essential and fundamental matrix of known views, equal results on every kernel set, refusals. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stdbool.h>
@@ -225,6 +225,24 @@ static void an_essential_matrix_is_found_among_wrong_matches(void **state)
         assert_true(__builtin_fabs(matched.model[i] - expected[i]) < 1e-3);
 }
 
+static void a_fundamental_matrix_is_found_among_wrong_matches(void **state)
+{
+    (void)state;
+    struct fovea_match_config config;
+    fovea_match_config_default(&config, FOVEA_DESCRIPTOR_BINARY);
+    config.geometry = FOVEA_MATCH_FUNDAMENTAL;
+    config.threshold_px = 1;
+    place(see_moved);
+    const struct fovea_extracted a = set_of(0, COUNT, 32), b = set_of(1, COUNT, 32);
+    const struct fovea_matched matched = run(&config, &a, &b);
+    assert_true(matched.inlier_count > COUNT / 2 && matched.inlier_count < COUNT * 9 / 10);
+    /* The same row: [1 0 0]x, of norm 1 and either sign. */
+    const double row = matched.model[5], expected[9] = {0, 0, 0, 0, 0, row, 0, -row, 0};
+    assert_true(__builtin_fabs(__builtin_fabs(row) - __builtin_sqrt(.5)) < 1e-4);
+    for (int i = 0; i < 9; i++)
+        assert_true(__builtin_fabs(matched.model[i] - expected[i]) < 1e-4);
+}
+
 static void few_and_none_match_without_a_model(void **state)
 {
     (void)state;
@@ -282,6 +300,7 @@ int main(void)
         cmocka_unit_test(matches_are_those_of_plain_loops),
         cmocka_unit_test(a_homography_is_found_among_wrong_matches),
         cmocka_unit_test(an_essential_matrix_is_found_among_wrong_matches),
+        cmocka_unit_test(a_fundamental_matrix_is_found_among_wrong_matches),
         cmocka_unit_test(few_and_none_match_without_a_model),
         cmocka_unit_test(wrong_parameters_are_named),
     };
