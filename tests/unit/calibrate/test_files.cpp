@@ -8,6 +8,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <sys/wait.h>
@@ -98,9 +99,8 @@ struct Folder {
     }
     ~Folder()
     {
-        for (const char *name : {"in.yaml", "out.yaml", "back.yaml"})
-            unlink(file(name).c_str());
-        rmdir(path);
+        std::error_code ignored;
+        std::filesystem::remove_all(path, ignored);
     }
 };
 
