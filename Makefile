@@ -228,6 +228,9 @@ PICTURE := $(BUILD)/run-picture.png
 quantiser:  ## install what `tools/import --quantise` needs: 310 MB of Python packages, used without a network
 	@tools/quantiser_python.sh $(BUILD)
 .PHONY: quantiser
+onnx: quantiser  ## install what `tools/import --quantise MODEL.onnx` needs besides: 1.7 GB of Python packages, used without a network
+	@tools/onnx_python.sh $(BUILD)
+.PHONY: onnx
 pictures: all  ## renew the picture of README.md: a simulated run
 	@tools/install.sh pictures
 	$(BUILD)/fovea run --quiet --source sim:tour --frames 900 --set lcm_url= --model src/detect/shipped.fvm --picture $(PICTURE)

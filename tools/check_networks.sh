@@ -23,6 +23,16 @@ echo "== decoders"
 echo "== quantiser"
 if quantiser=$(tools/quantiser_python.sh "$build"); then
     "$quantiser" tests/import/quantiser.py || failed=1
+    echo "== ONNX files"
+    if [ -f "$build/onnx-venv/ready" ] || [ "$rounds" -ge 20 ]; then
+        if onnx=$(tools/onnx_python.sh "$build"); then
+            "$quantiser" tests/import/from_onnx.py "$onnx" || failed=1
+        else
+            echo "SKIPPED ONNX files: the package onnx2tf cannot be installed"
+        fi
+    else
+        echo "SKIPPED ONNX files: \`make onnx\` installs their 1.7 GB; \`make campaign\` does"
+    fi
 else
     echo "SKIPPED quantiser: the package ai-edge-quantizer cannot be installed"
 fi

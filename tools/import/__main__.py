@@ -2,7 +2,7 @@
 
     python3 tools/import MODEL.tflite [-o MODEL.fvm] [--labels FILE] [--decoder NAME] ...
     python3 tools/import MODEL.tflite --check IMAGE... [--layers] [--set avx2]
-    python3 tools/import --quantise FLOAT.tflite PICTURE... [-o MODEL.fvm]
+    python3 tools/import --quantise FLOAT.tflite|MODEL.onnx PICTURE... [-o MODEL.fvm]
 
 Needs the packages tflite and numpy; --check also ai-edge-litert and pillow. See README.md beside this file."""
 import argparse
@@ -10,6 +10,7 @@ import importlib.util
 import os
 import platform
 import sys
+import tempfile
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 sys.path.insert(0, HERE)
@@ -115,12 +116,19 @@ def put(path, data):
 
 def quantise_first(arguments, output):
     """From here on the model is the quantised one, which is left beside the output."""
+    import from_onnx
     import quantise
     target = os.path.splitext(output)[0] + ".int8.tflite"
     if os.path.exists(target) and os.path.samefile(target, arguments.model):
         raise graph_module.ImportProblem(f"found the model that is to be quantised at {target}, expected another output")
-    for line in quantise.run(arguments.model, target, arguments, use.archive(arguments.model)[1]):
-        print(line)
+    with tempfile.TemporaryDirectory() as folder:
+        model = arguments.model
+        if from_onnx.is_onnx(model):
+            model = os.path.join(folder, "real.tflite")
+            for line in from_onnx.run(arguments.model, model, arguments):
+                print(line)
+        for line in quantise.run(model, target, arguments, use.archive(model)[1]):
+            print(line)
     arguments.model = target
 
 

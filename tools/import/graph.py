@@ -208,6 +208,8 @@ def keep_states(graph, pairs, shown):
 def read(path):
     with open(path, "rb") as file:
         raw = file.read()
+    if path.lower().endswith(".onnx"):
+        raise ImportProblem("an ONNX file holds real numbers: expected --quantise MODEL.onnx PICTURES, which makes bytes of them")
     if raw[4:8] != b"TFL3":
         raise ImportProblem(f"byte 4: found {raw[4:8]!r}, expected b'TFL3': not a .tflite file")
     try:

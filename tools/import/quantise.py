@@ -192,11 +192,15 @@ def write(path, target, made):
         raise
 
 
+def habits(options, metadata):
+    """(fit, mean, scale): as the options (a dictionary) say, else as Ultralytics' exports or most others take their pictures."""
+    ours = ("letterbox", 0.0, 1 / 255) if metadata.get("task") else ("stretch", 127.5, 1 / 127.5)
+    return tuple(usual if options[key] is None else options[key] for key, usual in zip(("fit", "mean", "scale"), ours))
+
+
 def run(path, target, arguments, metadata):
     """Write the int8 model to `target`; returns the lines to print."""
-    fit = arguments.fit or ("letterbox" if metadata.get("task") else "stretch")
-    mean = arguments.mean if arguments.mean is not None else 0.0 if metadata.get("task") else 127.5
-    scale = arguments.scale if arguments.scale is not None else 1 / 255 if metadata.get("task") else 1 / 127.5
+    fit, mean, scale = habits(vars(arguments), metadata)
     with open(path, "rb") as file:
         raw = file.read()
     if raw[4:8] != b"TFL3":
