@@ -14,6 +14,16 @@ python=$(tools/networks_python.sh "$build") || {
 make --no-print-directory BUILD="$build" "$build/libfovea.a" "$build/fovea" >/dev/null
 export BUILD="$build"
 failed=0
+echo "== golden files as committed"
+golden=$(mktemp -d)
+if "$python" tests/import/make_golden.py "$golden"; then
+    for file in nn_operators.bin detector.fvm; do
+        cmp "$golden/$file" "tests/golden/$file" || { echo "WRONG  tests/golden/$file: written anew it differs; tests/import/make_golden.py renews it"; failed=1; }
+    done
+else
+    failed=1
+fi
+rm -r "$golden"
 echo "== uses"
 "$python" tests/import/uses.py || failed=1
 echo "== states"

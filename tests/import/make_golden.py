@@ -1,4 +1,6 @@
-"""Write tests/golden/nn_operators.bin: one small model for each operator with inputs and the reference's outputs.
+"""Write tests/golden/nn_operators.bin and detector.fvm, or the same files into another folder: make_golden.py [FOLDER].
+
+nn_operators.bin holds one small model for each operator with inputs and the reference's outputs.
 
 Records, each part at a multiple of 64 bytes: a head of 64 bytes (name of 40 bytes, then the byte counts of model, inputs
 and outputs as 32-bit words, and how many of the leading outputs' bytes count), the model file, the inputs, the outputs, in
@@ -116,6 +118,7 @@ def detector(target):
 
 
 def main():
+    folder = sys.argv[1] if len(sys.argv) > 1 else os.path.join(HERE, "..", "golden")
     out = bytearray()
     for number, name in enumerate(CASES):
         kinds = ["uint8"] if name == "TFLite_Detection_PostProcess" else ["int8"] if name == "BATCH_MATMUL" else \
@@ -130,8 +133,8 @@ def main():
     for name in ("ADD", "MUL"):
         for swapped in (False, True):
             out += drawn(f"{name} by pixel{' first' if swapped else ''}", False, spread, name, swapped)
-    detector(os.path.join(HERE, "..", "golden", "detector.fvm"))
-    target = os.path.join(HERE, "..", "golden", "nn_operators.bin")
+    detector(os.path.join(folder, "detector.fvm"))
+    target = os.path.join(folder, "nn_operators.bin")
     with open(target, "wb") as file:
         file.write(out)
     print(f"{target}: {len(out)} bytes")

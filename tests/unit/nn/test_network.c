@@ -10,6 +10,7 @@
 #include <string.h>
 
 #include "fovea/network.h"
+#include "nn/model.h"
 #include "nn/tensor.h"
 
 enum { WIDTH = 64, HEIGHT = 48, FILE_BYTES_MAX = 1 << 16 };
@@ -71,10 +72,23 @@ static void tensors_are_described_as_in_the_file(void **state)
     assert_int_equal(t.type, FOVEA_TENSOR_INT8);
     assert_int_equal(t.zero_point, -128);
     assert_true(t.scale == 1.0f / 256);
-    assert_string_equal(t.name, "output0");
+    assert_string_equal(t.name, "t10");
     assert_null(t.data);
     assert_int_equal(fovea_network_output(network, 1, &t), FOVEA_ERROR_ARGUMENT);
     assert_int_equal(fovea_network_input(network, 1, &t), FOVEA_ERROR_ARGUMENT);
+}
+
+/* Files that hold no names of outputs. */
+static void outputs_without_names_are_numbered(void **state)
+{
+    (void)state;
+    struct fv_model_header *header = (struct fv_model_header *)(void *)file, kept = *header;
+    header->output_names = header->output_name_bytes = 0;
+    header->checksum = fv_model_checksum(file + 16, file_bytes - 16);
+    struct fovea_tensor t;
+    assert_int_equal(fovea_network_output(made(), 0, &t), FOVEA_OK);
+    assert_string_equal(t.name, "output0");
+    *header = kept;
 }
 
 static void outputs_are_the_same_in_units_and_sum_to_one(void **state)
@@ -185,6 +199,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(tensors_are_described_as_in_the_file),
+        cmocka_unit_test(outputs_without_names_are_numbered),
         cmocka_unit_test(outputs_are_the_same_in_units_and_sum_to_one),
         cmocka_unit_test(inputs_that_nobody_set_are_refused),
         cmocka_unit_test(a_picture_is_an_input),
