@@ -31,11 +31,12 @@ static void expect(bool holds)
 
 static void take_command(void *context, const struct fv_received *received)
 {
-    uint32_t bits;
+    struct fv_judged_command command;
     const enum fv_command_verdict verdict = fv_command_gate_judge(
-        context, received->data, received->bytes, received->from_host, 0, &bits);
-    expect((verdict == FV_COMMAND_TAKEN) == (bits != 0));
-    if (verdict == FV_COMMAND_TAKEN) expect((bits & ~(uint32_t)FV_COMMAND_ALL) == 0);
+        context, received->data, received->bytes, received->from_host, 0, &command);
+    expect(verdict == command.verdict && (verdict == FV_COMMAND_TAKEN) == (command.bits != 0));
+    if (verdict == FV_COMMAND_TAKEN) expect((command.bits & ~(uint32_t)FV_COMMAND_ALL) == 0);
+    expect(verdict != FV_COMMAND_MALFORMED || (command.id == 0 && command.commands == 0));
 }
 
 static void take_wheel_odometry(void *context, const struct fv_received *received)
@@ -113,10 +114,10 @@ static void feed_stream(const uint8_t *data, size_t bytes, size_t step)
 static void feed_keyed(const uint8_t *data, size_t bytes)
 {
     uint8_t text[256];
-    uint32_t bits;
+    struct fv_judged_command command, again;
     const struct fv_command_gate before = keyed_gate;
     const enum fv_command_verdict verdict =
-        fv_command_gate_judge(&keyed_gate, data, bytes, false, 0, &bits);
+        fv_command_gate_judge(&keyed_gate, data, bytes, false, 0, &command);
     if (verdict != FV_COMMAND_TAKEN) return;
     uint64_t mac = 0;
     expect(bytes >= 8 && bytes <= sizeof text);
@@ -125,7 +126,6 @@ static void feed_keyed(const uint8_t *data, size_t bytes)
     memcpy(text, data, bytes);
     memset(text + bytes - 8, 0, 8);
     expect(fv_siphash(keyed_gate.rules.key, text, bytes) == mac);
-    uint32_t again;
     expect(fv_command_gate_judge(&keyed_gate, data, bytes, false, 0, &again) ==
            FV_COMMAND_REPEATED);
     keyed_gate = before; /* the next input finds the same gate */

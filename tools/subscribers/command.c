@@ -1,10 +1,12 @@
-/* Send a command to a run of Fovea, with the proof that a key asks for. An example for programs in
- * C; command.py does the same and also hears the number of the run (run_id of FOVEA_RUN).
+/* Send a command to a run of Fovea, with the proof that a key asks for, and wait for its answer. An
+ * example for programs in C; command.py does the same and also hears the number of the run (run_id
+ * of FOVEA_RUN).
  *
- *     build/command [--prefix FOVEA] [--ttl 0] [--key FILE --run-id N [--sender N]] save ...
+ *     build/command [--prefix FOVEA] [--ttl 0] [--wait 3] [--key FILE --run-id N [--sender N]] save
  *
- * A command is one UDP packet: "LC02", a number of 4 bytes, the channel with its zero, and the
- * encoded message. So no LCM library is needed. */
+ * A command and its answer are one UDP packet each: "LC02", a number of 4 bytes, the channel with
+ * its zero, and the encoded message. So no LCM library is needed. The line on standard output is
+ * the answer: exit 0 if the command is done, 1 if it was refused or failed, 3 without an answer. */
 #include <arpa/inet.h>
 #include <inttypes.h>
 #include <netinet/in.h>
@@ -18,19 +20,23 @@
 
 #include "app/network/command_gate.h"
 
+#include "fovea_command_result_t.h"
 #include "fovea_command_t.h"
+
+#define GROUP "239.255.76.67"
+enum { PORT = 7667, PACKET_BYTES = 512, EXIT_NOT_DONE = 1, EXIT_NO_ANSWER = 3 };
 
 struct options {
     const char *prefix, *key;
-    int ttl;
+    int ttl, wait_s; /* 0: do not wait */
     fovea_command_t command;
 };
 
 static int usage(void)
 {
-    fprintf(stderr,
-            "usage: command [--prefix FOVEA] [--ttl 0] [--key FILE --run-id N] [--sender N] "
-            "reset|pause|resume|save|overwrite ...\n");
+    fprintf(stderr, "usage: command [--prefix FOVEA] [--ttl 0] [--wait 3] [--key FILE --run-id N] "
+                    "[--sender N] "
+                    "reset|pause|resume|save|overwrite ...\n");
     return 2;
 }
 
@@ -56,7 +62,9 @@ static bool read_options(int argc, char **argv, struct options *options)
         else if (strcmp(argv[i], "--key") == 0)
             options->key = value;
         else if (strcmp(argv[i], "--ttl") == 0)
-            options->ttl = atoi(value);
+            options->ttl = (int)strtol(value, NULL, 10);
+        else if (strcmp(argv[i], "--wait") == 0)
+            options->wait_s = (int)strtol(value, NULL, 10);
         else if (strcmp(argv[i], "--run-id") == 0)
             options->command.run_id = strtoll(value, NULL, 10);
         else if (strcmp(argv[i], "--sender") == 0)
@@ -80,29 +88,94 @@ static int encode(struct options *options, uint8_t data[256], struct fovea_error
     return fovea_command_t_encode(data, 0, 256, &options->command);
 }
 
+static int64_t now_ns(clockid_t clock)
+{
+    struct timespec now;
+    clock_gettime(clock, &now);
+    return now.tv_sec * INT64_C(1000000000) + now.tv_nsec;
+}
+
+/* A socket that hears what is sent to the group; -1: there is none. */
+static int listen_open(void)
+{
+    const int hearing = socket(AF_INET, SOCK_DGRAM, 0), one = 1;
+    const struct sockaddr_in group = {
+        .sin_family = AF_INET, .sin_port = htons(PORT), .sin_addr.s_addr = inet_addr(GROUP)};
+    const struct ip_mreq member = {.imr_multiaddr.s_addr = inet_addr(GROUP)};
+    if (hearing >= 0 && setsockopt(hearing, SOL_SOCKET, SO_REUSEADDR, &one, sizeof one) == 0 &&
+        bind(hearing, (const struct sockaddr *)&group, sizeof group) == 0 &&
+        setsockopt(hearing, IPPROTO_IP, IP_ADD_MEMBERSHIP, &member, sizeof member) == 0)
+        return hearing;
+    if (hearing >= 0) close(hearing);
+    return -1;
+}
+
+static bool command_send(const struct options *options, const uint8_t *message, int bytes)
+{
+    uint8_t packet[PACKET_BYTES] = {'L', 'C', '0', '2'};
+    const struct sockaddr_in to = {
+        .sin_family = AF_INET, .sin_port = htons(PORT), .sin_addr.s_addr = inet_addr(GROUP)};
+    const int name = sprintf((char *)packet + 8, "%s_COMMAND", options->prefix) + 1;
+    memcpy(packet + 8 + name, message, (size_t)bytes);
+    const size_t all = 8 + (size_t)(name + bytes);
+    const int udp = socket(AF_INET, SOCK_DGRAM, 0);
+    const bool sent =
+        udp >= 0 &&
+        setsockopt(udp, IPPROTO_IP, IP_MULTICAST_TTL, &options->ttl, sizeof options->ttl) == 0 &&
+        sendto(udp, packet, all, 0, (const struct sockaddr *)&to, sizeof to) == (ssize_t)all;
+    if (udp >= 0) close(udp);
+    return sent;
+}
+
+/* Whether the packet is the answer to our command; prints it. */
+static bool is_answer(const struct options *options, const uint8_t *packet, ssize_t bytes, int *end)
+{
+    char name[64];
+    const ssize_t head = 8 + sprintf(name, "%s_COMMAND_RESULT", options->prefix) + 1;
+    fovea_command_result_t result;
+    if (bytes < head || memcmp(packet, "LC02", 4) != 0 ||
+        memcmp(packet + 8, name, (size_t)head - 8) != 0 ||
+        fovea_command_result_t_decode(packet, (int)head, (int)(bytes - head), &result) < 0)
+        return false;
+    const bool ours = result.id == options->command.id && result.sender == options->command.sender;
+    if (ours) {
+        static const char *const words[] = {"done", "refused", "failed"};
+        const char *word = result.result >= 0 && result.result < 3 ? words[result.result] : "?";
+        printf("%s%s%s\n", word, result.reason[0] != '\0' ? ": " : "", result.reason);
+        *end = result.result == FOVEA_COMMAND_RESULT_T_RESULT_DONE ? 0 : EXIT_NOT_DONE;
+    }
+    fovea_command_result_t_decode_cleanup(&result);
+    return ours;
+}
+
+static int answer_wait(const struct options *options, int hearing)
+{
+    uint8_t packet[PACKET_BYTES];
+    const int64_t until = now_ns(CLOCK_MONOTONIC) + options->wait_s * INT64_C(1000000000);
+    int end = EXIT_NO_ANSWER;
+    for (int64_t left; (left = until - now_ns(CLOCK_MONOTONIC)) > 0;) {
+        const struct timeval most = {left / 1000000000, left % 1000000000 / 1000 + 1};
+        setsockopt(hearing, SOL_SOCKET, SO_RCVTIMEO, &most, sizeof most);
+        const ssize_t bytes = recv(hearing, packet, sizeof packet, 0);
+        if (bytes > 0 && is_answer(options, packet, bytes, &end)) return end;
+    }
+    printf("no answer on %s_COMMAND_RESULT within %d s\n", options->prefix, options->wait_s);
+    return end;
+}
+
 int main(int argc, char **argv)
 {
-    struct options options = {.prefix = "FOVEA", .command.sender = 1};
+    struct options options = {.prefix = "FOVEA", .wait_s = 3, .command.sender = 1};
     struct fovea_error error = {0};
-    struct timespec now;
-    uint8_t packet[512] = {'L', 'C', '0', '2'};
-    const struct sockaddr_in to = {.sin_family = AF_INET,
-                                   .sin_port = htons(7667),
-                                   .sin_addr.s_addr = inet_addr("239.255.76.67")};
+    uint8_t message[256];
     if (!read_options(argc, argv, &options) || strlen(options.prefix) > 40) return usage();
-    clock_gettime(CLOCK_REALTIME, &now);
-    options.command.counter = now.tv_sec * INT64_C(1000000000) + now.tv_nsec; /* it must rise */
+    options.command.counter = now_ns(CLOCK_REALTIME); /* it must rise */
     options.command.id = options.command.counter;
     options.command.utime = options.command.counter / 1000;
-    const int name = sprintf((char *)packet + 8, "%s_COMMAND", options.prefix) + 1;
-    const int bytes = encode(&options, packet + 8 + name, &error);
+    const int bytes = encode(&options, message, &error);
     if (bytes < 0) return fprintf(stderr, "command: %s\n", error.text), 1;
-    const int udp = socket(AF_INET, SOCK_DGRAM, 0);
-    const size_t all = 8 + (size_t)(name + bytes);
-    if (udp < 0 ||
-        setsockopt(udp, IPPROTO_IP, IP_MULTICAST_TTL, &options.ttl, sizeof options.ttl) != 0 ||
-        sendto(udp, packet, all, 0, (const struct sockaddr *)&to, sizeof to) != (ssize_t)all)
+    const int hearing = options.wait_s > 0 ? listen_open() : -1; /* before the answer can come */
+    if ((options.wait_s > 0 && hearing < 0) || !command_send(&options, message, bytes))
         return perror("command"), 1;
-    close(udp);
-    return 0;
+    return hearing >= 0 ? answer_wait(&options, hearing) : 0;
 }

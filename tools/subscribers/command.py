@@ -3,7 +3,8 @@
 
 Needs the message types (make python-types), and no package: a command is one UDP packet, made here. With --key the
 command proves that its sender knows the key of the run (command_key), is meant for this run alone and cannot be
-repeated: the run's number is heard on PREFIX_RUN, or given by --run-id.
+repeated: the run's number is heard on PREFIX_RUN, or given by --run-id. It prints the answer (command_result_t): exit 0
+if the command is done, 1 if it was refused or failed, 3 without an answer.
 """
 import argparse
 import os
@@ -47,25 +48,50 @@ def siphash(key, data):
     return v[0] ^ v[1] ^ v[2] ^ v[3]
 
 
-def hear_run(fovea, group, port, channel):
-    """The number of the run that sends on the channel, within 3 seconds."""
-    if not hasattr(fovea, "run_t"):
-        sys.exit("command.py: these types have no run_t: expected --run-id")
+def listen(group, port):
+    """A socket that hears what is sent to the group."""
     hearing = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     hearing.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     hearing.bind((group, port))
     hearing.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, socket.inet_aton(group) + bytes(4))
-    end = time.monotonic() + 3
+    return hearing
+
+
+def messages(hearing, channel, seconds):
+    """The encoded messages of a channel that come within some seconds."""
+    end = time.monotonic() + seconds
     name = channel.encode() + b"\0"
     while time.monotonic() < end:
         hearing.settimeout(max(end - time.monotonic(), 0.001))
         try:
             packet = hearing.recv(65536)
         except socket.timeout:
-            break
+            return
         if packet[:4] == b"LC02" and packet[8:8 + len(name)] == name:
-            return fovea.run_t.decode(packet[8 + len(name):]).run_id
+            yield packet[8 + len(name):]
+
+
+def hear_run(fovea, options):
+    """The number of the run that sends on PREFIX_RUN, within 3 seconds."""
+    channel = options.prefix + "_RUN"
+    if not hasattr(fovea, "run_t"):
+        sys.exit("command.py: these types have no run_t: expected --run-id")
+    for data in messages(listen(options.group, options.port), channel, 3):
+        return fovea.run_t.decode(data).run_id
     sys.exit(f"command.py: found no run on {channel} within 3 s, expected one, or --run-id")
+
+
+def wait_for_answer(fovea, options, hearing, message):
+    """Print the answer to the message; the exit code."""
+    words = ("done", "refused", "failed")
+    channel = options.prefix + "_COMMAND_RESULT"
+    for data in messages(hearing, channel, options.wait):
+        answer = fovea.command_result_t.decode(data)
+        if (answer.id, answer.sender) == (message.id, message.sender):
+            print(words[answer.result] + (": " + answer.reason if answer.reason else ""))
+            return 0 if answer.result == fovea.command_result_t.RESULT_DONE else 1
+    print(f"no answer on {channel} within {options.wait:g} s")
+    return 3
 
 
 def read_key(path):
@@ -87,6 +113,7 @@ def main():
     parser.add_argument("--key", help="file of the key (command_key)")
     parser.add_argument("--run-id", type=int, help="run that is meant; heard where it is not given and --key is")
     parser.add_argument("--sender", type=int, default=1, help="own number of every machine that shares the key")
+    parser.add_argument("--wait", type=float, default=3, metavar="SECONDS", help="for the answer; 0: do not wait")
     parser.add_argument("--types", default=os.path.join(here, "..", "..", "build", "python"), help="folder of the types")
     options = parser.parse_args()
     sys.path.insert(0, options.types)
@@ -103,13 +130,15 @@ def main():
     message.run_id = options.run_id or 0
     if options.key is not None:
         if not options.run_id:
-            message.run_id = hear_run(fovea, options.group, options.port, options.prefix + "_RUN")
+            message.run_id = hear_run(fovea, options)
         code = siphash(read_key(options.key), message.encode())  # mac is 0 so far
         message.mac = code - (1 << 64) if code >> 63 else code
     packet = b"LC02" + bytes(4) + f"{options.prefix}_COMMAND".encode() + b"\0" + message.encode()
+    hearing = listen(options.group, options.port) if options.wait > 0 else None  # before the answer can come
     sending = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     sending.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, options.ttl)
     sending.sendto(packet, (options.group, options.port))
+    return wait_for_answer(fovea, options, hearing, message) if hearing else 0
 
 
-main()
+sys.exit(main())

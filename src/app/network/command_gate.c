@@ -20,6 +20,27 @@ const char *fv_command_verdict_name(enum fv_command_verdict verdict)
     return names[verdict];
 }
 
+const char *fv_command_verdict_reason(enum fv_command_verdict verdict)
+{
+    static const char *const reasons[FV_COMMAND_VERDICTS] = {
+        [FV_COMMAND_TAKEN] = "",
+        [FV_COMMAND_MALFORMED] = "malformed: expected an encoded fovea.command_t",
+        [FV_COMMAND_UNKNOWN] =
+            "unknown commands: expected a sum of 1 (reset), 2 (pause), 4 (resume), 8 (save) and, with save, 16 (overwrite)",
+        [FV_COMMAND_FORBIDDEN] =
+            "not allowed from the network: expected one of those in the key `commands`",
+        [FV_COMMAND_FORGED] =
+            "mac is wrong or absent: expected the code made with the key of command_key",
+        [FV_COMMAND_OTHER_RUN] = "for another run: expected the run_id of this one",
+        [FV_COMMAND_REPEATED] =
+            "repeated: expected a counter above that of the sender's last command",
+        [FV_COMMAND_SENDERS] = "too many senders: expected at most 32 with the same key",
+        [FV_COMMAND_TOO_OFTEN] = "too often: expected 5 seconds between two saves",
+        [FV_COMMAND_BUSY] = "the loop has not yet taken the commands before this one",
+    };
+    return reasons[verdict];
+}
+
 void fv_command_gate_init(struct fv_command_gate *gate, const struct fv_command_rules *rules)
 {
     memset(gate, 0, sizeof *gate);
@@ -60,7 +81,8 @@ static enum fv_command_verdict pass_counter(struct fv_command_gate *gate,
 }
 
 static enum fv_command_verdict judge(struct fv_command_gate *gate, const uint8_t *data,
-                                     size_t bytes, bool from_host, int64_t now_ns, uint32_t *bits)
+                                     size_t bytes, bool from_host, int64_t now_ns,
+                                     struct fv_judged_command *judged)
 {
     const struct fv_command_rules *rules = &gate->rules;
     const char *problem;
@@ -69,10 +91,12 @@ static enum fv_command_verdict judge(struct fv_command_gate *gate, const uint8_t
     if (!fv_message_check("fovea.command_t", data, bytes, &problem, &at) ||
         fovea_command_t_decode(data, 0, (int)bytes, &command) < 0)
         return FV_COMMAND_MALFORMED;
-    *bits = (uint32_t)command.commands;
-    if ((*bits & ~(uint32_t)FOVEA_COMMAND_T_OVERWRITE) == 0 || (*bits & ~(uint32_t)FV_COMMAND_ALL))
+    const uint32_t bits = (uint32_t)command.commands;
+    *judged = (struct fv_judged_command){
+        .bits = bits, .commands = command.commands, .id = command.id, .sender = command.sender};
+    if ((bits & ~(uint32_t)FOVEA_COMMAND_T_OVERWRITE) == 0 || (bits & ~(uint32_t)FV_COMMAND_ALL))
         return FV_COMMAND_UNKNOWN;
-    if (!from_host && (*bits & ~rules->from_network)) return FV_COMMAND_FORBIDDEN;
+    if (!from_host && (bits & ~rules->from_network)) return FV_COMMAND_FORBIDDEN;
     if (rules->keyed && !is_genuine(gate, data, bytes, command.mac)) return FV_COMMAND_FORGED;
     if (command.run_id != rules->run_id && (rules->keyed || command.run_id != 0))
         return FV_COMMAND_OTHER_RUN;
@@ -80,7 +104,7 @@ static enum fv_command_verdict judge(struct fv_command_gate *gate, const uint8_t
         const enum fv_command_verdict verdict = pass_counter(gate, &command);
         if (verdict != FV_COMMAND_TAKEN) return verdict;
     }
-    if (*bits & FOVEA_COMMAND_T_SAVE) {
+    if (bits & FOVEA_COMMAND_T_SAVE) {
         if (gate->saved && now_ns - gate->saved_ns < FV_COMMAND_SAVE_NS)
             return FV_COMMAND_TOO_OFTEN;
         gate->saved = true;
@@ -96,12 +120,27 @@ void fv_command_gate_count(struct fv_command_gate *gate, enum fv_command_verdict
 
 enum fv_command_verdict fv_command_gate_judge(struct fv_command_gate *gate, const uint8_t *data,
                                               size_t bytes, bool from_host, int64_t now_ns,
-                                              uint32_t *bits)
+                                              struct fv_judged_command *command)
 {
-    const enum fv_command_verdict verdict = judge(gate, data, bytes, from_host, now_ns, bits);
-    if (verdict != FV_COMMAND_TAKEN) {
-        *bits = 0;
-        fv_command_gate_count(gate, verdict);
+    *command = (struct fv_judged_command){0};
+    command->verdict = judge(gate, data, bytes, from_host, now_ns, command);
+    if (command->verdict != FV_COMMAND_TAKEN) {
+        command->bits = 0;
+        fv_command_gate_count(gate, command->verdict);
     }
-    return verdict;
+    return command->verdict;
+}
+
+bool fv_command_gate_answers(struct fv_command_gate *gate, const struct fv_judged_command *command,
+                             int64_t now_ns)
+{
+    if (command->verdict == FV_COMMAND_TAKEN || command->verdict == FV_COMMAND_MALFORMED)
+        return false;
+    if (gate->refusals == 0 || now_ns - gate->refusals_ns >= INT64_C(1000000000)) {
+        gate->refusals = 0;
+        gate->refusals_ns = now_ns;
+    }
+    if (gate->refusals == FV_COMMAND_REFUSALS_PER_S) return false;
+    gate->refusals++;
+    return true;
 }

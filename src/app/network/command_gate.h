@@ -1,5 +1,5 @@
 /* Which commands are taken: the one place where a fovea.command_t from outside becomes bits for the
- * loop.
+ * loop, or a reason for its refusal.
  *
  * Without a key every command from this host is taken, and from the network those that the
  * configuration allows. With a key each command must carry the code of the whole message
@@ -46,6 +46,21 @@ enum fv_command_verdict {
 };
 /* "forged"; for reports. */
 const char *fv_command_verdict_name(enum fv_command_verdict verdict);
+/* What was expected, for the sender of a refused command; at most 255 bytes. */
+const char *fv_command_verdict_reason(enum fv_command_verdict verdict);
+
+/* A judged command. */
+struct fv_judged_command {
+    enum fv_command_verdict verdict;
+    uint32_t bits; /* enum fovea_command; 0: refused */
+    /* Of the message, for the answer; 0 where it is malformed. */
+    int32_t commands;
+    int64_t id, sender;
+};
+
+/* Refused commands that are answered in a second: a flood of wrong ones does not become a flood of
+ * answers. */
+enum { FV_COMMAND_REFUSALS_PER_S = 10 };
 
 struct fv_command_gate {
     struct fv_command_rules rules;
@@ -55,16 +70,23 @@ struct fv_command_gate {
     uint32_t sender_count;
     bool saved;
     int64_t saved_ns;
+    int64_t refusals_ns; /* when the second began in which this many refusals were answered */
+    uint32_t refusals;
     atomic_uint_fast64_t counts[FV_COMMAND_VERDICTS];
 };
 
 void fv_command_gate_init(struct fv_command_gate *gate, const struct fv_command_rules *rules);
 
-/* Judge the encoded message at `now_ns` (CLOCK_MONOTONIC), and count. FV_COMMAND_TAKEN: `*bits` are
- * the commands. */
+/* Judge the encoded message at `now_ns` (CLOCK_MONOTONIC), and count it if it is refused. Returns
+ * command->verdict. */
 enum fv_command_verdict fv_command_gate_judge(struct fv_command_gate *gate, const uint8_t *data,
                                               size_t bytes, bool from_host, int64_t now_ns,
-                                              uint32_t *bits);
+                                              struct fv_judged_command *command);
+
+/* Whether this refused command is to be answered: it has an id, and fewer than
+ * FV_COMMAND_REFUSALS_PER_S were in this second. Counts it. */
+bool fv_command_gate_answers(struct fv_command_gate *gate, const struct fv_judged_command *command,
+                             int64_t now_ns);
 
 void fv_command_gate_count(struct fv_command_gate *gate, enum fv_command_verdict verdict);
 

@@ -11,7 +11,6 @@
 #include "bot_core_pose_t.h"
 
 enum {
-    COMMANDS_PER_CALL = 32,
     COMMAND_BYTES_MAX = 128,
     ODOMETRY_BYTES_MAX = 256,
 };
@@ -23,20 +22,27 @@ void fv_listener_init(struct fv_listener *listener)
                  sizeof listener->wheel_odometry_memory);
 }
 
+/* To the loop, which also sends the answers. False: there is no room. */
+static bool pass_command(struct fv_listener *listener, const struct fv_judged_command *command)
+{
+    uint8_t *room = fv_ring_reserve(&listener->commands, sizeof *command);
+    if (room == NULL) return false;
+    memcpy(room, command, sizeof *command);
+    fv_ring_commit(&listener->commands, sizeof *command);
+    return true;
+}
+
 static void take_command(void *context, const struct fv_received *received)
 {
     struct fv_listener *listener = context;
     const int64_t now_ns = fv_clock_ns(CLOCK_MONOTONIC);
-    uint32_t bits;
+    struct fv_judged_command command;
     if (fv_command_gate_judge(&listener->gate, received->data, received->bytes, received->from_host,
-                              now_ns, &bits) != FV_COMMAND_TAKEN)
-        return;
-    uint8_t *room = fv_ring_reserve(&listener->commands, sizeof bits);
-    if (room != NULL) {
-        memcpy(room, &bits, sizeof bits);
-        fv_ring_commit(&listener->commands, sizeof bits);
-    }
-    fv_command_gate_count(&listener->gate, room != NULL ? FV_COMMAND_TAKEN : FV_COMMAND_BUSY);
+                              now_ns, &command) == FV_COMMAND_TAKEN)
+        fv_command_gate_count(&listener->gate, pass_command(listener, &command) ? FV_COMMAND_TAKEN
+                                                                                : FV_COMMAND_BUSY);
+    else if (fv_command_gate_answers(&listener->gate, &command, now_ns))
+        (void)pass_command(listener, &command);
 }
 
 /* A robot that is faster than its limits is a wrong limit more often than an attack. */
@@ -121,21 +127,14 @@ enum fovea_status fv_listener_start(struct fv_listener *listener, const char *ur
                            strerror(failed));
 }
 
-uint32_t fv_listener_commands(struct fv_listener *listener)
+bool fv_listener_command(struct fv_listener *listener, struct fv_judged_command *command)
 {
-    uint32_t all = 0;
-    for (int i = 0; i < COMMANDS_PER_CALL; i++) {
-        size_t bytes;
-        uint32_t bits;
-        const uint8_t *data = fv_ring_peek(&listener->commands, &bytes);
-        if (data == NULL) break;
-        memcpy(&bits, data, sizeof bits);
-        fv_ring_release(&listener->commands, sizeof bits);
-        if (bits & (FOVEA_COMMAND_PAUSE | FOVEA_COMMAND_RESUME))
-            all &= ~(uint32_t)(FOVEA_COMMAND_PAUSE | FOVEA_COMMAND_RESUME);
-        all |= bits;
-    }
-    return all;
+    size_t bytes;
+    const uint8_t *data = fv_ring_peek(&listener->commands, &bytes);
+    if (data == NULL) return false;
+    memcpy(command, data, sizeof *command);
+    fv_ring_release(&listener->commands, sizeof *command);
+    return true;
 }
 
 uint32_t fv_listener_wheel_odometry(struct fv_listener *listener,

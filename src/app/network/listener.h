@@ -1,5 +1,6 @@
 /* The receiving half of a transport: a receiver (receiver.h) in a thread of its own, and wait-free
- * rings of commands and wheel odometry from there to the loop. */
+ * rings of commands, refused ones that are to be answered, and wheel odometry from there to the
+ * loop. */
 #ifndef FOVEA_APP_NETWORK_LISTENER_H
 #define FOVEA_APP_NETWORK_LISTENER_H
 
@@ -14,12 +15,12 @@
 #include "message/message.h"
 
 enum {
-    FV_LISTENER_COMMAND_BYTES = 256,
+    FV_LISTENER_COMMAND_BYTES = 64 * sizeof(struct fv_judged_command),
     FV_LISTENER_WHEEL_ODOMETRY_BYTES = 1 << 15 /* half a second at 1 kHz */
 };
 
 struct fv_listener {
-    struct fv_ring commands; /* of uint32_t, from the listener to the loop */
+    struct fv_ring commands; /* of struct fv_judged_command, from the listener to the loop */
     uint8_t commands_memory[FV_LISTENER_COMMAND_BYTES];
     struct fv_ring wheel_odometry; /* of struct fovea_wheel_odometry_sample, likewise */
     uint8_t wheel_odometry_memory[FV_LISTENER_WHEEL_ODOMETRY_BYTES];
@@ -39,8 +40,8 @@ enum fovea_status fv_listener_start(struct fv_listener *listener, const char *ur
                                     const struct fv_transport_ears *ears,
                                     struct fovea_error *error);
 
-/* As fv_transport_commands and fv_transport_wheel_odometry. */
-uint32_t fv_listener_commands(struct fv_listener *listener);
+/* As fv_transport_command and fv_transport_wheel_odometry. */
+bool fv_listener_command(struct fv_listener *listener, struct fv_judged_command *command);
 uint32_t fv_listener_wheel_odometry(struct fv_listener *listener,
                                     struct fovea_wheel_odometry_sample *samples,
                                     uint32_t count_max);

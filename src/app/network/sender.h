@@ -3,7 +3,8 @@
  *
  * The loop copies a message into the ring of its class and goes on: no system call, lock or heap
  * call, and no waiting for a link, a server or a disk. The classes, first served first: state
- * (poses, status, statistics, run), objects (with detections, the map and unknown channels),
+ * (poses, status, statistics, run,
+ * answers to commands), objects (with detections, the map and unknown channels),
  * features, previews. A preview that has waited for a second goes before objects and features, so
  * that these do not keep it back for ever.
  *

@@ -69,6 +69,11 @@ void fv_transport_publish(struct fv_transport *transport, const struct fovea_out
         fv_sender_put(transport->sender, &outputs->messages[i]);
 }
 
+void fv_transport_put(struct fv_transport *transport, const struct fovea_message *message)
+{
+    if (transport != NULL) fv_sender_put(transport->sender, message);
+}
+
 enum fovea_status fv_transport_listen(struct fv_transport *transport,
                                       const struct fv_transport_ears *ears,
                                       struct fovea_error *error)
@@ -77,9 +82,9 @@ enum fovea_status fv_transport_listen(struct fv_transport *transport,
     return fv_listener_start(&transport->listener, transport->url, ears, error);
 }
 
-uint32_t fv_transport_commands(struct fv_transport *transport)
+bool fv_transport_command(struct fv_transport *transport, struct fv_judged_command *command)
 {
-    return transport != NULL ? fv_listener_commands(&transport->listener) : 0;
+    return transport != NULL && fv_listener_command(&transport->listener, command);
 }
 
 uint32_t fv_transport_wheel_odometry(struct fv_transport *transport,

@@ -67,9 +67,13 @@ bool fv_transport_room(struct fv_transport *transport);
  * Init-only. */
 void fv_transport_finish(struct fv_transport *transport);
 
-/* Commands that have come since the last call, as enum fovea_command bits; of pause and resume the
- * later one. Loop thread, wait-free. */
-uint32_t fv_transport_commands(struct fv_transport *transport);
+/* Hand over one more message, such as the answer to a command. As fv_transport_publish; after the
+ * loop has ended, from one thread. */
+void fv_transport_put(struct fv_transport *transport, const struct fovea_message *message);
+
+/* The next command that has come, oldest first: those taken, and those refused that are to be
+ * answered. False: there is none. Loop thread, wait-free. */
+bool fv_transport_command(struct fv_transport *transport, struct fv_judged_command *command);
 
 /* Odometry that has come since the last call, oldest first, at most `count_max`; what there is no
  * room for waits. Stamps are those of the messages in nanoseconds. Returns the number. Loop thread,

@@ -48,9 +48,22 @@ uint32_t fv_keeper_commands(struct fv_keeper *keeper, uint32_t commands)
         return commands;
     }
     keeper->overwrites = keeper->overwrite;
+    keeper->begun++;
     fovea_map_save_to(keeper->rt, keeper->buffer, keeper->capacity);
     atomic_store(&keeper->stage, FV_KEEPER_FILLING);
     return commands | FOVEA_COMMAND_SAVE;
+}
+
+uint32_t fv_keeper_next(const struct fv_keeper *keeper)
+{
+    return keeper->buffer != NULL ? keeper->begun + 1 : 0;
+}
+
+uint32_t fv_keeper_ended(const struct fv_keeper *keeper, const char **failure)
+{
+    const bool idle = atomic_load(&keeper->stage) == FV_KEEPER_IDLE;
+    if (failure != NULL) *failure = idle ? keeper->failure.text : "";
+    return idle ? keeper->begun : keeper->begun - 1;
 }
 
 void fv_keeper_work(struct fv_keeper *keeper, const struct fovea_outputs *outputs)
@@ -81,19 +94,21 @@ static enum fovea_status save(const struct fv_keeper *keeper, bool overwrite, si
     return status;
 }
 
-static enum fovea_status write_full(struct fv_keeper *keeper, struct fovea_error *error)
+static void write_full(struct fv_keeper *keeper)
 {
+    struct fovea_error error;
     fovea_map_seal(keeper->buffer, keeper->bytes);
-    const enum fovea_status status = save(keeper, keeper->overwrites, keeper->bytes, error);
-    if (status != FOVEA_OK) fv_say("%s", error->text);
+    keeper->failure.text[0] = '\0';
+    if (save(keeper, keeper->overwrites, keeper->bytes, &error) != FOVEA_OK) {
+        keeper->failure = error;
+        fv_say("%s", error.text);
+    }
     atomic_store(&keeper->stage, FV_KEEPER_IDLE);
-    return status;
 }
 
 void fv_keeper_tend(struct fv_keeper *keeper)
 {
-    struct fovea_error error;
-    if (atomic_load(&keeper->stage) == FV_KEEPER_FULL) (void)write_full(keeper, &error);
+    if (atomic_load(&keeper->stage) == FV_KEEPER_FULL) write_full(keeper);
     if (atomic_exchange(&keeper->unnamed, false))
         fv_say("fovea run: asked to save the map, but map.save names no file");
 }
@@ -101,7 +116,7 @@ void fv_keeper_tend(struct fv_keeper *keeper)
 enum fovea_status fv_keeper_end(struct fv_keeper *keeper, struct fovea_error *error)
 {
     if (!keeps(keeper)) return FOVEA_OK;
-    if (keeper->stage == FV_KEEPER_FULL) (void)write_full(keeper, error);
+    if (keeper->stage == FV_KEEPER_FULL) write_full(keeper);
     const size_t bytes = fovea_map_save(keeper->rt, keeper->buffer, keeper->capacity);
     if (bytes == 0)
         return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%.200s: found no map to save",

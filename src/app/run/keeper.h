@@ -5,7 +5,8 @@
  * loop's thread passes the command on to the step with the buffer (fv_keeper_commands), and the
  * map's job fills it in units; when a work says that all is there (fv_keeper_work), the watching
  * thread writes the file (fv_keeper_tend) and gives the buffer back. So the loop makes no heap call
- * and waits for no disk. A save asked for while one is going on follows it.
+ * and waits for no disk. A save asked for while one is going on follows it. Saves are numbered from
+ * 1, so that whoever asked for one can see its end (fv_keeper_ended).
  *
  * Where the map goes, and what becomes of the one there, is in app/config/map_file.h. */
 #ifndef FOVEA_APP_RUN_KEEPER_H
@@ -28,9 +29,11 @@ struct fv_keeper {
 
     /* The loop's. */
     bool asked, overwrite; /* a save, by FOVEA_COMMAND_OVERWRITE */
+    uint32_t begun;        /* saves */
     /* Handed over with the stage. */
     bool overwrites;
     size_t bytes;
+    struct fovea_error failure; /* of the last save; "": none */
 };
 
 /* Take the buffer, when the settings name a file. FOVEA_ERROR_MEMORY: there is none. `settings`
@@ -42,6 +45,13 @@ void fv_keeper_close(struct fv_keeper *keeper);
 /* Commands for the step: those that came, but a save only when the buffer is free. Loop thread,
  * wait-free. */
 uint32_t fv_keeper_commands(struct fv_keeper *keeper, uint32_t commands);
+/* The number of the save that serves one asked for in the next fv_keeper_commands; 0: no file is
+ * named. Loop thread, wait-free. */
+uint32_t fv_keeper_next(const struct fv_keeper *keeper);
+/* The number of saves that have ended. `*failure` (may be NULL): why the last of them failed, ""
+ * if it did not; valid until the next fv_keeper_commands. Loop thread, wait-free; after the loop
+ * has ended, any one thread. */
+uint32_t fv_keeper_ended(const struct fv_keeper *keeper, const char **failure);
 /* What a work gave. Loop thread, wait-free. */
 void fv_keeper_work(struct fv_keeper *keeper, const struct fovea_outputs *outputs);
 

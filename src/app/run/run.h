@@ -7,6 +7,7 @@
 #include <stdatomic.h>
 #include <stdio.h>
 
+#include "app/run/answers.h"
 #include "app/run/commands.h"
 #include "app/run/final_path.h"
 #include "app/run/keeper.h"
@@ -67,6 +68,7 @@ struct fv_run {
     struct fv_snapshot snapshot;
     struct fv_final *final;
     struct fv_keeper keeper;
+    struct fv_answers answers;
     struct fv_loop_shared shared;
     struct fv_timings timings;
     struct fv_loop loop;

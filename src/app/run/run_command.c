@@ -33,7 +33,8 @@ static void pace(void *context)
 static uint32_t commands(void *context)
 {
     struct fv_run *run = context;
-    return fv_keeper_commands(&run->keeper, fv_transport_commands(run->transport));
+    const uint32_t bits = fv_answers_take(&run->answers, &run->keeper);
+    return fv_keeper_commands(&run->keeper, bits);
 }
 
 /* Put wheel odometry that the network brought among the samples, in the order of stamps: on the
@@ -113,6 +114,7 @@ static void step_done(void *context, const struct fovea_inputs *inputs,
 {
     struct fv_run *run = context;
     fv_transport_publish(run->transport, outputs);
+    fv_answers_step(&run->answers);
     fv_recorder_step(run->recorder, inputs, outputs);
     fv_watch_step(&run->watch, run->loop.rt, inputs, pose != NULL);
     fv_final_observe(run->final, run->loop.rt);
@@ -342,6 +344,8 @@ static enum fovea_status open_all(struct fv_run *run, struct fovea_error *error)
         run->others.own = run->run_id;
         status = transport_open(run, error);
     }
+    fv_answers_open(&run->answers, run->transport, run->settings.runtime.channel_prefix,
+                    run->run_id);
     if (status == FOVEA_OK)
         status = fv_keeper_open(&run->keeper, run->loop.rt, &run->settings, error);
     if (status == FOVEA_OK) remarks(run);
@@ -484,11 +488,18 @@ static enum fovea_status run_loop(struct fv_run *run, struct fovea_error *error)
     return FOVEA_OK;
 }
 
+/* Save the map of the end, and answer who still waits for one. */
 static enum fovea_status map_end(struct fv_run *run, struct fovea_error *error)
 {
+    /* Ended before the first frame, there is no map: one of an earlier run is kept. */
+    if (atomic_load(&run->shared.stop) && run->loop.counts.processed == 0) {
+        fv_answers_end(&run->answers, &run->keeper, "the run ended before its first frame");
+        return FOVEA_OK;
+    }
     const int call = fv_stall_enter(run->settings.map_save);
     const enum fovea_status status = fv_keeper_end(&run->keeper, error);
     fv_stall_leave(call);
+    fv_answers_end(&run->answers, &run->keeper, status != FOVEA_OK ? error->text : NULL);
     fv_run_written(run, FV_RUN_MAP);
     return status;
 }
@@ -518,9 +529,10 @@ int fv_command_run(int argc, char **argv)
         if (run.setup.ops != NULL) run.setup.ops->stop(run.setup.source);
         fv_stall_leave(call);
     }
-    /* Ended before the first frame, there is no map: one of an earlier run is kept. */
-    const bool no_map = atomic_load(&run.shared.stop) && run.loop.counts.processed == 0;
-    if (status == FOVEA_OK && !no_map) status = map_end(&run, &error);
+    if (status == FOVEA_OK)
+        status = map_end(&run, &error);
+    else
+        fv_answers_end(&run.answers, &run.keeper, error.text);
     if (status == FOVEA_OK)
         end = fv_run_report(&run);
     else

@@ -41,10 +41,11 @@ static size_t sign(fovea_command_t command, const uint8_t with[FV_SIPHASH_KEY_BY
 static enum fv_command_verdict judge(struct fv_command_gate *gate, const uint8_t *data,
                                      size_t bytes, bool from_host, double at_s)
 {
-    uint32_t bits = 99;
+    struct fv_judged_command command = {.bits = 99};
     const enum fv_command_verdict verdict =
-        fv_command_gate_judge(gate, data, bytes, from_host, (int64_t)(at_s * 1e9), &bits);
-    if (verdict != FV_COMMAND_TAKEN) assert_int_equal(bits, 0);
+        fv_command_gate_judge(gate, data, bytes, from_host, (int64_t)(at_s * 1e9), &command);
+    assert_int_equal(command.verdict, verdict);
+    if (verdict != FV_COMMAND_TAKEN) assert_int_equal(command.bits, 0);
     return verdict;
 }
 
@@ -181,6 +182,32 @@ static void test_saves_are_limited(void **state)
     assert_int_equal(judge(&gate, data, encode(&command, data), true, 20.1), FV_COMMAND_TAKEN);
 }
 
+/* Ten in a second, whoever asks; never a message that is no command, nor one that was taken. */
+static void refused_commands_are_answered_at_a_limited_rate(void **state)
+{
+    struct fv_command_gate gate;
+    struct fv_judged_command command;
+    uint8_t data[128];
+    const struct fv_command_rules rules = {.run_id = RUN};
+    const fovea_command_t wrong = {.commands = 64, .id = 5, .sender = 6}, right = {.commands = 1};
+    int answered = 0;
+    (void)state;
+    fv_command_gate_init(&gate, &rules);
+    fv_command_gate_judge(&gate, data, encode(&wrong, data), true, 0, &command);
+    assert_true(command.id == 5 && command.sender == 6 && command.commands == 64);
+    for (int i = 0; i < 25000; i++)
+        answered += fv_command_gate_answers(&gate, &command, (int64_t)i * 100000);
+    assert_int_equal(answered, 30); /* 2.5 seconds */
+    fv_command_gate_judge(&gate, data, encode(&right, data), true, 0, &command);
+    assert_false(fv_command_gate_answers(&gate, &command, INT64_C(9000000000)));
+    fv_command_gate_judge(&gate, data, 5, true, 0, &command);
+    assert_false(fv_command_gate_answers(&gate, &command, INT64_C(9000000000)));
+    for (int i = FV_COMMAND_TAKEN + 1; i < FV_COMMAND_VERDICTS; i++) {
+        const size_t bytes = strlen(fv_command_verdict_reason((enum fv_command_verdict)i));
+        assert_true(bytes > 0 && bytes <= 255);
+    }
+}
+
 static void write_key(const char *path, const char *text, mode_t mode)
 {
     FILE *file = fopen(path, "w");
@@ -239,6 +266,7 @@ int main(void)
         cmocka_unit_test(test_a_recording_is_worthless_after_a_restart),
         cmocka_unit_test(test_the_table_of_senders_is_bounded_and_forgets_none),
         cmocka_unit_test(test_saves_are_limited),
+        cmocka_unit_test(refused_commands_are_answered_at_a_limited_rate),
         cmocka_unit_test(test_a_key_is_read_from_a_private_file_only),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

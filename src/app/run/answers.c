@@ -1,0 +1,128 @@
+#include "app/run/answers.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#include "drivers/clock.h"
+
+#include "fovea_command_result_t.h"
+
+enum {
+    COMMANDS_PER_STEP = 32,
+    REASON_BYTES = 256, /* of command_result_t, with its zero */
+    MESSAGE_BYTES_MAX = 512
+};
+
+static const char unnamed[] = "found no file for the map, expected one in map.save";
+
+void fv_answers_open(struct fv_answers *answers, struct fv_transport *transport, const char *prefix,
+                     int64_t run_id)
+{
+    memset(answers, 0, sizeof *answers);
+    answers->transport = transport;
+    answers->run_id = run_id;
+    fv_message_channel(prefix, FV_MESSAGE_COMMAND_RESULT, answers->channel);
+}
+
+static void answer(const struct fv_answers *answers, const struct fv_judged_command *command,
+                   int8_t result, const char *reason)
+{
+    uint8_t data[MESSAGE_BYTES_MAX];
+    char text[REASON_BYTES];
+    snprintf(text, sizeof text, "%s", reason);
+    const fovea_command_result_t message = {.utime = fv_clock_ns(CLOCK_REALTIME) / 1000,
+                                            .run_id = answers->run_id,
+                                            .id = command->id,
+                                            .sender = command->sender,
+                                            .commands = command->commands,
+                                            .result = result,
+                                            .reason = text};
+    const int bytes = fovea_command_result_t_encode(data, 0, sizeof data, &message);
+    if (bytes <= 0) return;
+    const struct fovea_message out = {answers->channel, data, (uint32_t)bytes, true};
+    fv_transport_put(answers->transport, &out);
+}
+
+/* Answer those that are not kept, and close the gaps. */
+static void answer_saved(struct fv_answers *answers, uint32_t ended, const char *failure)
+{
+    uint32_t kept = 0;
+    for (uint32_t i = 0; i < answers->count; i++) {
+        const struct fv_answers_waiting waiting = answers->waiting[i];
+        if (waiting.save > ended)
+            answers->waiting[kept++] = waiting;
+        else
+            answer(answers, &waiting.command,
+                   failure[0] == '\0' ? FOVEA_COMMAND_RESULT_T_RESULT_DONE
+                                      : FOVEA_COMMAND_RESULT_T_RESULT_FAILED,
+                   failure);
+    }
+    answers->count = kept;
+}
+
+static void keep(struct fv_answers *answers, const struct fv_judged_command *command,
+                 const struct fv_keeper *keeper)
+{
+    const uint32_t save = command->bits & FOVEA_COMMAND_SAVE ? fv_keeper_next(keeper) : 0;
+    answers->waiting[answers->count++] = (struct fv_answers_waiting){*command, save};
+}
+
+uint32_t fv_answers_take(struct fv_answers *answers, const struct fv_keeper *keeper)
+{
+    const uint32_t either = FOVEA_COMMAND_PAUSE | FOVEA_COMMAND_RESUME;
+    struct fv_judged_command command;
+    const char *failure;
+    uint32_t all = 0;
+    const uint32_t ended = fv_keeper_ended(keeper, &failure);
+    answer_saved(answers, ended, failure);
+    for (int i = 0; i < COMMANDS_PER_STEP && answers->count < FV_ANSWERS_WAITING_MAX; i++) {
+        if (!fv_transport_command(answers->transport, &command)) break;
+        if (command.verdict != FV_COMMAND_TAKEN) {
+            answer(answers, &command, FOVEA_COMMAND_RESULT_T_RESULT_REFUSED,
+                   fv_command_verdict_reason(command.verdict));
+            continue;
+        }
+        if (command.bits & either) all &= ~either;
+        all |= command.bits;
+        keep(answers, &command, keeper);
+    }
+    return all;
+}
+
+/* Done, but for a save that no file was named for. */
+static void answer_step(const struct fv_answers *answers, const struct fv_judged_command *command)
+{
+    const bool wants_save = (command->bits & FOVEA_COMMAND_SAVE) != 0;
+    const bool saves_alone = (command->bits & ~(FOVEA_COMMAND_SAVE | FOVEA_COMMAND_OVERWRITE)) == 0;
+    int8_t result = FOVEA_COMMAND_RESULT_T_RESULT_DONE;
+    if (wants_save)
+        result = saves_alone ? FOVEA_COMMAND_RESULT_T_RESULT_REFUSED
+                             : FOVEA_COMMAND_RESULT_T_RESULT_FAILED;
+    answer(answers, command, result, wants_save ? unnamed : "");
+}
+
+void fv_answers_step(struct fv_answers *answers)
+{
+    uint32_t kept = 0;
+    for (uint32_t i = 0; i < answers->count; i++) {
+        const struct fv_answers_waiting waiting = answers->waiting[i];
+        if (waiting.save != 0)
+            answers->waiting[kept++] = waiting;
+        else
+            answer_step(answers, &waiting.command);
+    }
+    answers->count = kept;
+}
+
+void fv_answers_end(struct fv_answers *answers, const struct fv_keeper *keeper, const char *failure)
+{
+    const char *earlier;
+    struct fv_judged_command command;
+    const uint32_t ended = fv_keeper_ended(keeper, &earlier);
+    answer_saved(answers, ended, earlier);
+    answer_saved(answers, UINT32_MAX, failure != NULL ? failure : "");
+    while (fv_transport_command(answers->transport, &command))
+        answer(answers, &command, FOVEA_COMMAND_RESULT_T_RESULT_REFUSED,
+               command.verdict != FV_COMMAND_TAKEN ? fv_command_verdict_reason(command.verdict)
+                                                   : "the run has ended");
+}

@@ -1,0 +1,47 @@
+/* Answers to commands: one command_result_t for each command that was taken, and for refused ones
+ * as network/command_gate.h allows.
+ *
+ * A command is done when the step has taken it; one that saves the map, when the file is written or
+ * could not be. The loop's thread sends the answers, so that they stand in the order of what
+ * happened among its other messages. A run that ends answers what still waits. */
+#ifndef FOVEA_APP_RUN_ANSWERS_H
+#define FOVEA_APP_RUN_ANSWERS_H
+
+#include <stdint.h>
+
+#include "app/network/transport.h"
+#include "app/run/keeper.h"
+#include "message/message.h"
+
+enum { FV_ANSWERS_WAITING_MAX = 32 };
+
+struct fv_answers {
+    struct fv_transport *transport;
+    char channel[FV_MESSAGE_CHANNEL_BYTES];
+    int64_t run_id;
+    uint32_t count;
+    struct fv_answers_waiting {
+        struct fv_judged_command command;
+        uint32_t save; /* number of the save that it waits for (keeper.h); 0: for the step alone */
+    } waiting[FV_ANSWERS_WAITING_MAX];
+};
+
+/* Prepare; `transport` may be NULL. Init-only. */
+void fv_answers_open(struct fv_answers *answers, struct fv_transport *transport, const char *prefix,
+                     int64_t run_id);
+
+/* Take commands that have come, as enum fovea_command bits for fv_keeper_commands: of pause and
+ * resume the later one. Before that call: answers those whose save has ended. Loop thread,
+ * wait-free. */
+uint32_t fv_answers_take(struct fv_answers *answers, const struct fv_keeper *keeper);
+
+/* The step has taken the commands: answer those that wait for nothing else. Loop thread, wait-free.
+ */
+void fv_answers_step(struct fv_answers *answers);
+
+/* The loop has ended: answer the rest. `failure`: why the map of the end could not be saved, NULL:
+ * it was saved. */
+void fv_answers_end(struct fv_answers *answers, const struct fv_keeper *keeper,
+                    const char *failure);
+
+#endif

@@ -1,0 +1,312 @@
+/* Answers to commands, in a network of the test's own: each command that is taken gets one, in the
+ * order of what happened, refused ones get the reason, and a flood of wrong ones gets few. The
+ * programs that users copy send the commands to `fovea run` and print the answers. */
+#include <libgen.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <time.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "app/network/transport.h"
+#include "app/run/answers.h"
+#include "app/run/keeper.h"
+#include "common/watched.h"
+
+#include "fovea_command_result_t.h"
+#include "fovea_command_t.h"
+
+#define URL "udpm://239.255.76.67:7667"
+
+static char build[512];
+
+static void sleep_ms(int ms)
+{
+    usleep((useconds_t)ms * 1000);
+}
+
+/* ---- the loop's side, by hand ---------------------------------------------------------------- */
+
+struct heard {
+    uint32_t count;
+    struct {
+        int64_t id;
+        int8_t result;
+        char reason[256];
+    } answers[64];
+};
+
+static void take_answer(void *context, const struct fv_received *received)
+{
+    struct heard *heard = context;
+    fovea_command_result_t result;
+    assert_true(fovea_command_result_t_decode(received->data, 0, (int)received->bytes, &result) >=
+                0);
+    if (heard->count < 64) {
+        heard->answers[heard->count].id = result.id;
+        heard->answers[heard->count].result = result.result;
+        snprintf(heard->answers[heard->count++].reason, 256, "%s", result.reason);
+    }
+    fovea_command_result_t_decode_cleanup(&result);
+}
+
+static struct fv_transport *transport;
+static struct fv_receiver *receiver;
+static struct heard heard;
+static struct fv_answers answers;
+
+static int open_both(void **state)
+{
+    struct fovea_error error;
+    const struct fv_transport_ears ears = {.listen = "loopback", .prefix = "A"};
+    static struct fv_receiver_channel row = {.name = "A_COMMAND_RESULT",
+                                             .type = "fovea.command_result_t",
+                                             .bytes_max = 512,
+                                             .take = take_answer,
+                                             .context = &heard};
+    const struct fv_receiver_setup setup = {URL, "loopback", &row, 1};
+    (void)state;
+    memset(&heard, 0, sizeof heard);
+    if (fv_transport_open(URL, 0, &transport, &error) != FOVEA_OK ||
+        fv_transport_listen(transport, &ears, &error) != FOVEA_OK ||
+        fv_receiver_open(&setup, &receiver, &error) != FOVEA_OK) {
+        print_error("%s\n", error.text);
+        return -1;
+    }
+    fv_answers_open(&answers, transport, "A", 7);
+    return 0;
+}
+
+static int close_both(void **state)
+{
+    (void)state;
+    fv_receiver_close(receiver);
+    fv_transport_close(transport);
+    return 0;
+}
+
+static void send(int64_t id, int32_t bits)
+{
+    uint8_t data[128];
+    const fovea_command_t command = {.id = id, .commands = bits};
+    const int bytes = fovea_command_t_encode(data, 0, sizeof data, &command);
+    watched_send("A_COMMAND", data, (size_t)bytes);
+}
+
+/* Until so many commands have been taken or refused. */
+static void arrived(uint64_t count)
+{
+    struct fv_transport_counts counts = {0};
+    for (int i = 0; i < 6000 && counts.commands + counts.commands_refused < count; i++) {
+        sleep_ms(10);
+        fv_transport_counts(transport, &counts);
+    }
+    assert_int_equal(counts.commands + counts.commands_refused, count);
+}
+
+/* Until there are `count` answers, and no more. */
+static void answered(uint32_t count)
+{
+    for (int i = 0; i < 6000 && heard.count < count; i++)
+        fv_receiver_handle(receiver, 10);
+    fv_receiver_handle(receiver, 50);
+    assert_int_equal(heard.count, count);
+}
+
+static void assert_answer(uint32_t at, int64_t id, int8_t result, const char *reason)
+{
+    assert_int_equal(heard.answers[at].id, id);
+    assert_int_equal(heard.answers[at].result, result);
+    assert_string_equal(heard.answers[at].reason, reason);
+}
+
+enum {
+    DONE = FOVEA_COMMAND_RESULT_T_RESULT_DONE,
+    REFUSED = FOVEA_COMMAND_RESULT_T_RESULT_REFUSED,
+    FAILED = FOVEA_COMMAND_RESULT_T_RESULT_FAILED
+};
+
+static void a_command_is_done_when_the_step_has_taken_it(void **state)
+{
+    static struct fv_keeper keeper; /* names no file */
+    (void)state;
+    send(1, FOVEA_COMMAND_PAUSE);
+    send(2, FOVEA_COMMAND_RESET);
+    send(3, FOVEA_COMMAND_RESUME);
+    send(4, FOVEA_COMMAND_SAVE);
+    send(5, 64);
+    arrived(5);
+    /* Of pause and resume the later one. */
+    assert_int_equal(fv_answers_take(&answers, &keeper),
+                     FOVEA_COMMAND_RESET | FOVEA_COMMAND_RESUME | FOVEA_COMMAND_SAVE);
+    answered(1);
+    assert_int_equal(heard.answers[0].id, 5);
+    assert_int_equal(heard.answers[0].result, REFUSED);
+    assert_non_null(strstr(heard.answers[0].reason, "expected a sum of 1 (reset)"));
+    fv_answers_step(&answers);
+    answered(5);
+    for (uint32_t i = 1; i < 4; i++)
+        assert_answer(i, i, DONE, "");
+    assert_answer(4, 4, REFUSED, "found no file for the map, expected one in map.save");
+    fv_answers_step(&answers);
+    answered(5);
+}
+
+static void a_save_is_answered_when_it_has_ended(void **state)
+{
+    static uint8_t buffer[8];
+    static struct fv_keeper keeper = {.buffer = buffer};
+    (void)state;
+    send(1, FOVEA_COMMAND_SAVE | FOVEA_COMMAND_RESET);
+    arrived(1);
+    assert_true(fv_answers_take(&answers, &keeper) & FOVEA_COMMAND_SAVE);
+    fv_answers_step(&answers);
+    answered(0);
+    keeper.begun = 1; /* by hand what fv_keeper_commands and the watching thread do */
+    atomic_store(&keeper.stage, FV_KEEPER_FILLING);
+    (void)fv_answers_take(&answers, &keeper);
+    answered(0);
+    snprintf(keeper.failure.text, sizeof keeper.failure.text, "m.fvmap: no space left");
+    atomic_store(&keeper.stage, FV_KEEPER_IDLE);
+    (void)fv_answers_take(&answers, &keeper);
+    answered(1);
+    assert_answer(0, 1, FAILED, "m.fvmap: no space left");
+}
+
+static void the_end_of_the_run_answers_the_rest(void **state)
+{
+    static uint8_t buffer[8];
+    static struct fv_keeper keeper = {.buffer = buffer};
+    (void)state;
+    send(1, FOVEA_COMMAND_SAVE);
+    arrived(1);
+    (void)fv_answers_take(&answers, &keeper);
+    fv_answers_step(&answers);
+    send(2, FOVEA_COMMAND_PAUSE); /* which no step takes any more */
+    arrived(2);
+    fv_answers_end(&answers, &keeper, NULL);
+    answered(2);
+    assert_answer(0, 1, DONE, "");
+    assert_answer(1, 2, REFUSED, "the run has ended");
+}
+
+/* 200 wrong commands within less than 2 seconds of the receiver's time, or fewer answers for each
+ * second. */
+static void a_flood_of_wrong_commands_gets_few_answers(void **state)
+{
+    static struct fv_keeper keeper;
+    struct timespec begin, end;
+    (void)state;
+    clock_gettime(CLOCK_MONOTONIC, &begin);
+    for (int i = 0; i < 200; i++) {
+        send(i, 64);
+        sleep_ms(1);
+        if (i % 20 == 0) (void)fv_answers_take(&answers, &keeper);
+    }
+    arrived(200);
+    clock_gettime(CLOCK_MONOTONIC, &end);
+    (void)fv_answers_take(&answers, &keeper);
+    const uint32_t seconds = (uint32_t)(end.tv_sec - begin.tv_sec) + 2;
+    for (int i = 0; i < 20; i++)
+        fv_receiver_handle(receiver, 10);
+    assert_true(heard.count >= 10 && heard.count <= 10 * seconds);
+}
+
+/* ---- the whole program ----------------------------------------------------------------------- */
+
+/* What the program prints for the words; its exit code. */
+static int ask(const char *program, const char *words, char *line, size_t bytes)
+{
+    char command[1400];
+    snprintf(command, sizeof command, "%s --prefix R --wait 60 %s 2>&1", program, words);
+    FILE *pipe = popen(command, "r");
+    assert_non_null(pipe);
+    line[0] = '\0';
+    if (fgets(line, (int)bytes, pipe) == NULL) line[0] = '\0';
+    const int status = pclose(pipe);
+    return status >= 0 && (status & 127) == 0 ? status >> 8 : -1;
+}
+
+static void expect_answer(const char *program, const char *words, int code, const char *text)
+{
+    char line[512];
+    const int found = ask(program, words, line, sizeof line);
+    if (found != code || strcmp(line, text) != 0)
+        fail_msg("%s %s: exit %d, \"%s\"; expected %d, \"%s\"", program, words, found, line, code,
+                 text);
+}
+
+static void programs_print_the_answers_of_a_run(void **state)
+{
+    static struct watched watched;
+    char folder[] = "/tmp/fovea_answers_XXXXXX", map[64], save[96], tools[2][700];
+    struct stat saved;
+    (void)state;
+    assert_non_null(mkdtemp(folder));
+    snprintf(map, sizeof map, "%s/m.fvmap", folder);
+    snprintf(save, sizeof save, "map.save=%s", map);
+    snprintf(tools[0], sizeof tools[0], "%s/command", build);
+    snprintf(tools[1], sizeof tools[1], "python3 tools/subscribers/command.py --types %s/python",
+             build);
+    const char *const arguments[] = {"--source",
+                                     "sim:orbit?width=160&height=120&frames=100000",
+                                     "--rate",
+                                     "real",
+                                     "--quiet",
+                                     "--picture",
+                                     "none",
+                                     "--set",
+                                     save,
+                                     "--set",
+                                     "channel_prefix=R",
+                                     NULL};
+    watched_start(&watched, "run", arguments);
+    char line[512];
+    int code = 3; /* until the run listens */
+    for (int i = 0; i < 60 && code == 3; i++) {
+        char command[64] = "--wait 1 resume";
+        code = ask(tools[0], command, line, sizeof line);
+    }
+    assert_int_equal(code, 0);
+    for (int i = 0; i < 2; i++) {
+        expect_answer(tools[i], "pause", 0, "done\n");
+        expect_answer(tools[i], "reset resume", 0, "done\n");
+        expect_answer(tools[i], "overwrite", 1,
+                      "refused: unknown commands: expected a sum of 1 (reset), 2 (pause), 4 "
+                      "(resume), 8 (save) and, with save, 16 (overwrite)\n");
+    }
+    expect_answer(tools[0], "save", 0, "done\n");
+    assert_int_equal(stat(map, &saved), 0); /* the answer comes when the file is there */
+    assert_true(saved.st_size > 0);
+    expect_answer(tools[0], "--sender 3 --run-id 5 reset", 1,
+                  "refused: for another run: expected the run_id of this one\n");
+    watched_interrupt(&watched);
+    assert_int_equal(watched_end(&watched), 0);
+    remove(map);
+    rmdir(folder);
+}
+
+int main(int argc, char **argv)
+{
+    (void)argc;
+    snprintf(build, sizeof build, "%s/../..", dirname(argv[0]));
+    if (!watched_possible("test_answers")) return 0;
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(a_command_is_done_when_the_step_has_taken_it, open_both,
+                                        close_both),
+        cmocka_unit_test_setup_teardown(a_save_is_answered_when_it_has_ended, open_both,
+                                        close_both),
+        cmocka_unit_test_setup_teardown(the_end_of_the_run_answers_the_rest, open_both, close_both),
+        cmocka_unit_test_setup_teardown(a_flood_of_wrong_commands_gets_few_answers, open_both,
+                                        close_both),
+        cmocka_unit_test(programs_print_the_answers_of_a_run),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
