@@ -62,6 +62,10 @@ class Reader:
         if kind == "byte" and len(counts) == 1:
             self.at += counts[0]
             return self.data[self.at - counts[0]:self.at]
+        if kind in NUMBERS and len(counts) == 1:
+            code = f">{counts[0]}{NUMBERS[kind]}"
+            self.at += struct.calcsize(code)
+            return list(struct.unpack_from(code, self.data, self.at - struct.calcsize(code)))
         return [self.array(kind, counts[1:]) for _ in range(counts[0])]
 
     def struct(self, name):
@@ -73,7 +77,7 @@ class Reader:
 
 
 def events(path):
-    """Number, channel and data of each event of an LCM log."""
+    """Number, microseconds, channel and data of each event of an LCM log."""
     with open(path, "rb") as file:
         while True:
             at = file.tell()
@@ -82,13 +86,42 @@ def events(path):
                 return
             if len(head) < 28:
                 sys.exit(f"{path}: byte {at}: found {len(head)} bytes, expected an event: the log is cut off here")
-            sync, number, _, channel_bytes, data_bytes = struct.unpack(">IQQII", head)
+            sync, number, utime, channel_bytes, data_bytes = struct.unpack(">IQQII", head)
             if sync != 0xEDA1DA01:
                 sys.exit(f"{path}: byte {at}: found no event, expected one")
             channel, data = file.read(channel_bytes), file.read(data_bytes)
             if len(channel) + len(data) < channel_bytes + data_bytes:
                 sys.exit(f"{path}: byte {at}: found an event cut off, expected {channel_bytes + data_bytes} bytes after its head")
-            yield number, channel.decode(), data
+            yield number, utime, channel.decode(), data
+
+
+class Types:
+    """What the first message of a recording says: its header, channel prefix and the types of all messages."""
+
+    def __init__(self, path, data):
+        self.path = path
+        try:
+            self.header = Reader(read_types(RECORDING), data).struct("fovea.recording_t")
+            self.text = next(part["data"] for part in self.header["parts"] if part["name"] == "types").decode()
+        except (struct.error, UnicodeDecodeError, StopIteration, MemoryError):
+            sys.exit(f"{path}: found no part `types` in the first message, expected a recording of format 4 or later")
+        self.prefix = self.header["channel_prefix"] + "_" if self.header["channel_prefix"] else ""
+        self.types = read_types(self.text)
+        self.by_hash = {code: name for name, (code, _) in self.types.items()}
+
+    def name(self, data):
+        """The type of a message; None: it is not described."""
+        return self.by_hash.get(struct.unpack_from(">Q", data)[0]) if len(data) >= 8 else None
+
+    def read(self, number, channel, name, data):
+        reader = Reader(self.types, data)
+        try:
+            message = reader.struct(name)
+        except (struct.error, UnicodeDecodeError, MemoryError):
+            sys.exit(f"{self.path}: event {number}, {channel}: found {len(data)} bytes that are no {name}")
+        if reader.at != len(data):
+            sys.exit(f"{self.path}: event {number}, {channel}: found {len(data)} bytes, expected {reader.at}")
+        return message
 
 
 def plain(value):
@@ -104,30 +137,16 @@ def plain(value):
 
 def messages(path, suffixes=()):
     """Channel, type and members of each message of a recording, of those on the channels PREFIX_SUFFIX alone where any are given."""
-    types, by_hash, channels = {}, {}, []
-    empty = True
-    for number, channel, data in events(path):
-        empty = False
-        if number == 0:
-            header = Reader(read_types(RECORDING), data).struct("fovea.recording_t")
-            prefix = header["channel_prefix"] + "_" if header["channel_prefix"] else ""
-            text = [part["data"] for part in header["parts"] if part["name"] == "types"]
-            if not text:
-                sys.exit(f"{path}: found no part `types`, expected a recording of format 4 or later")
-            types = read_types(text[0].decode())
-            by_hash = {code: name for name, (code, _) in types.items()}
-            channels = [prefix + suffix for suffix in suffixes]
-        if suffixes and channel not in channels:
+    types = None
+    for number, _, channel, data in events(path):
+        types = types or Types(path, data)
+        if suffixes and channel not in [types.prefix + suffix for suffix in suffixes]:
             continue
-        name = by_hash.get(struct.unpack_from(">Q", data)[0])
+        name = types.name(data)
         if name is None:
             sys.exit(f"{path}: event {number}, {channel}: found a type without description, expected one")
-        reader = Reader(types, data)
-        message = reader.struct(name)
-        if reader.at != len(data):
-            sys.exit(f"{path}: event {number}, {channel}: found {len(data)} bytes, expected {reader.at}")
-        yield channel, name, message
-    if empty:
+        yield channel, name, types.read(number, channel, name, data)
+    if types is None:
         sys.exit(f"{path}: found no event, expected a recording")
 
 
