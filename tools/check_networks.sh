@@ -46,6 +46,10 @@ if quantiser=$(tools/quantiser_python.sh "$build"); then
 else
     echo "SKIPPED quantiser: the package ai-edge-quantizer cannot be installed"
 fi
+echo "== training: splits and figures"
+trainer=build/train-venv/bin/python
+[ -x "$trainer" ] || trainer=$python
+"$trainer" tests/train/own.py || failed=1
 for test in operators variants odd; do
     echo "== $test, sizes left open"
     "$python" "tests/import/$test.py" --open --rounds "$rounds" || failed=1

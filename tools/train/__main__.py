@@ -20,9 +20,12 @@ import augment  # noqa: E402
 import backgrounds  # noqa: E402
 import convert  # noqa: E402
 import fit  # noqa: E402
+import judge  # noqa: E402
 import labels as labels_module  # noqa: E402
 import network  # noqa: E402
 import scenes as scenes_module  # noqa: E402
+import split as split_module  # noqa: E402
+import vary  # noqa: E402
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 WEIGHTS = os.path.join(HERE, "weights.npz")
@@ -32,9 +35,12 @@ FEW_STEPS = 100     # fewer hardly change the weights that come with Fovea
 BEGUN = time.monotonic()
 
 
-def save_weights(model, path):
+def save_weights(model, path, **more):
     """Half precision: the file is read again only to train on from it."""
-    np.savez_compressed(path, **{v.path.replace("/", "."): np.asarray(v).astype(np.float16) for v in model.weights})
+    named = {v.path.replace("/", "."): np.asarray(v).astype(np.float16) for v in model.weights}
+    part = path + ".part.npz"
+    np.savez_compressed(part, **named, **more)
+    os.replace(part, path)
 
 
 def load_weights(model, path, new_classes=False):
@@ -83,20 +89,23 @@ def whole(scenes, count, seed):
     return samples
 
 
-def finish(trained, scenes, held_out, photographs, names, output, score):
-    """Quantise, compare and write OUTPUT (.fvm) and the .tflite beside it."""
+def finish(trained, scenes, samples, names, output, score, sampler=augment.sample, photographs=None):
+    """Quantise, compare on `samples` and write OUTPUT (.fvm), the .tflite beside it and what is taken for what."""
     keras.config.set_dtype_policy("float32")
     model = network.build(len(names))
     model.set_weights(trained.get_weights())
     rng, probabilities = np.random.default_rng(7), augment.scene_probabilities(scenes)
-    images = [augment.sample(rng, scenes, probabilities, photographs, len(names))[0] for _ in range(min(CALIBRATION_IMAGES, 2 * len(scenes)))]
+    images = [sampler(rng, scenes, probabilities, photographs, len(names))[0] for _ in range(min(CALIBRATION_IMAGES, 2 * len(scenes)))]
     data = convert.to_tflite(model, images)
     tflite = os.path.splitext(output)[0] + ".tflite"
     with open(tflite, "wb") as file:
         file.write(data)
-    figures = convert.compare(model, data, whole(held_out, 200, 11), names)
+    if samples:
+        found = convert.compare(model, data, samples, names)
+        picture = os.path.splitext(output)[0] + ".confusion.png"
+        judge.draw_confusion(picture, judge.confusion(found, [boxes for _, boxes in samples], len(names), score), names)
+        print(f"{picture}: which class is found as which, at a score of {score:g}")
     convert.to_fvm(tflite, output, names, score)
-    return figures
 
 
 def train_shipped(arguments):
@@ -116,31 +125,71 @@ def train_shipped(arguments):
     fit.fit(model, scenes, photographs, len(scenes_module.CLASSES), arguments.steps, rate=arguments.rate, seed=arguments.seed,
             minutes=arguments.minutes, report=lambda line: print(line, flush=True), keep=lambda step: save_weights(model, arguments.weights))
     save_weights(model, arguments.weights)
-    finish(model, scenes, held_out, photographs, scenes_module.CLASSES, arguments.output, arguments.score)
+    finish(model, scenes, whole(held_out, 200, 11), scenes_module.CLASSES, arguments.output, arguments.score, photographs=photographs)
+
+
+def read_own(folder, coco=None):
+    return labels_module.read_coco(coco, folder) if coco else labels_module.read_yolo(folder)
+
+
+def earlier(path, names):
+    """What a training before has left: (weights' file, names of its judged pictures, steps)."""
+    if not os.path.exists(path):
+        raise labels_module.LabelProblem(f"--continue: {path}: not there; expected what a training with this output has left")
+    with np.load(path) as stored:
+        known = [str(n) for n in stored["fovea_names"]]
+        if known != names:
+            raise labels_module.LabelProblem(f"--continue: {path}: found classes {' '.join(known)[:80]}, expected {' '.join(names)[:80]}")
+        return {str(n) for n in stored["fovea_judged"]}, int(stored["fovea_steps"])
+
+
+def say_split(parts, boxes, names):
+    counts = {key: split_module.objects_of([boxes[i] for i in getattr(parts, key)], len(names)).sum(0) if getattr(parts, key) else np.zeros(len(names), int)
+              for key in ("learn", "watch", "judge")}
+    print(f"{len(names)} classes, {len(boxes)} pictures of {parts.scenes} scenes: {len(parts.learn)} to learn from, {len(parts.watch)} to stop by, "
+          f"{len(parts.judge)} held out to judge by; none shares a scene with another part" if not parts.mixed else
+          f"{len(names)} classes, {len(boxes)} pictures of one scene: the last {len(parts.judge)} are held out, and figures on them say little about other scenes")
+    for c, name in enumerate(names):
+        print(f"  {name}: {counts['learn'][c]} objects to learn from, {counts['watch'][c]} to stop by, {counts['judge'][c]} to judge by")
 
 
 def train_own(arguments):
     keras.utils.set_random_seed(arguments.seed)
     quick_arithmetic()
-    if arguments.coco:
-        names, scenes = labels_module.read_coco(arguments.coco, arguments.folder)
-    else:
-        names, scenes = labels_module.read_yolo(arguments.folder)
-    order = np.random.default_rng(arguments.seed).permutation(len(scenes))
-    held = max(1, len(scenes) // 5)
-    held_out, scenes = [scenes[i] for i in order[:held]], [scenes[i] for i in order[held:]] or [scenes[i] for i in order[:held]]
-    print(f"{len(names)} classes, {len(scenes)} pictures to learn from, {len(held_out)} to judge by", flush=True)
+    names, scenes, paths = read_own(arguments.folder, arguments.coco)
+    kept, before, judged = os.path.splitext(arguments.output)[0] + ".training.npz", 0, None
+    if getattr(arguments, "continue"):
+        judged, before = earlier(kept, names)
+    elif arguments.judge:
+        judged = set()
+    parts = split_module.split([s[0] for s in scenes], paths, [s[2] for s in scenes], len(names), arguments.seed, judged)
+    say_split(parts, [s[2] for s in scenes], names)
+    learn, watch, held_out = ([scenes[i] for i in part] for part in (parts.learn, parts.watch, parts.judge))
+    if not learn:
+        raise labels_module.LabelProblem(f"{arguments.folder}: found {len(scenes)} pictures and none left to learn from, expected more")
+    if arguments.judge:
+        others, held_out, _ = read_own(arguments.judge)
+        if others != names:
+            raise labels_module.LabelProblem(f"{arguments.judge}: found classes {' '.join(others)[:80]}, expected {' '.join(names)[:80]}")
+        print(f"judged by the {len(held_out)} pictures of {arguments.judge}")
     model = network.build(len(names))
-    load_weights(model, WEIGHTS, new_classes=True)
-    if len(scenes) < FEW_PICTURES:
+    load_weights(model, kept if before else WEIGHTS, new_classes=not before)
+    if len(learn) < FEW_PICTURES:
         for layer in model.layers:
             layer.trainable = layer.name.removesuffix("_norm") not in network.EARLY
-    made = fit.fit(model, scenes, None, len(names), arguments.steps, batch=8, rate=1e-3, seed=arguments.seed, minutes=arguments.minutes,
-                   report=lambda line: print(line, flush=True), begun=BEGUN, rise=20)
-    print(f"{made} steps in {(time.monotonic() - BEGUN) / 60:.1f} minutes", flush=True)
+    aside = [os.path.basename(paths[i]) for i in parts.judge]
+
+    def keep(step):
+        save_weights(model, kept, fovea_names=np.array(names), fovea_judged=np.array(aside), fovea_steps=np.array(before + step))
+
+    made = fit.fit(model, learn, None, len(names), arguments.steps, batch=8, rate=5e-4 if before else 1e-3, seed=arguments.seed + before, minutes=arguments.minutes,
+                   report=lambda line: print(line, flush=True), keep=keep, begun=BEGUN, rise=20, sampler=vary.sample,
+                   watched=whole(watch, len(watch), 11))
+    keep(made)
+    print(f"{made} steps{f' after {before} before' if before else ''} in {(time.monotonic() - BEGUN) / 60:.1f} minutes, {sum(os.times()[:4]) / 60:.1f} of a processor", flush=True)
     if made < min(FEW_STEPS, arguments.steps):
-        print(f"fewer than {FEW_STEPS}: the machine was busy, more --minutes will help", flush=True)
-    finish(model, scenes, held_out, None, names, arguments.output, arguments.score)
+        print(f"fewer than {FEW_STEPS}: the machine was busy, more --minutes or --continue will help", flush=True)
+    finish(model, learn, whole(held_out, len(held_out), 11), names, arguments.output, arguments.score, vary.sample)
 
 
 def main():
@@ -152,6 +201,8 @@ def main():
     own.add_argument("-o", "--output", required=True, help="the .fvm file to write; a .tflite is left beside it")
     own.add_argument("--minutes", type=float, default=10, help="training ends so long after the start, default 10; quantising and judging come after it")
     own.add_argument("--steps", type=int, default=1500, help="the most steps, of 8 pictures each, default 1500")
+    own.add_argument("--judge", metavar="DIR", help="labelled pictures of other scenes to judge by; all of the first folder are then learnt from")
+    own.add_argument("--continue", action="store_true", help="go on from the weights that a training with this output has left; what was held out stays so")
     shipped = commands.add_parser("shipped", help="train the detector that comes with Fovea")
     shipped.add_argument("--fovea", default="build/fovea")
     shipped.add_argument("--work", default="build/train", help="where scenes and photographs are kept")

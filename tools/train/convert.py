@@ -7,6 +7,7 @@ import numpy as np
 import tensorflow as tf
 from tensorflow.python.framework.convert_to_constants import convert_variables_to_constants_v2
 
+import judge
 import network
 from augment import HEIGHT, STRIDE, WIDTH
 
@@ -56,16 +57,9 @@ def decode(output, score_min=SCORE_MIN, iou_max=0.5):
     kept = []
     for i in order:
         box = np.array([best[i], x0[i], y0[i], x1[i], y1[i], top[i]], np.float32)
-        if all(iou(box[1:5], k[1:5]) <= iou_max for k in kept):
+        if all(judge.iou(box[1:5], k[1:5]) <= iou_max for k in kept):
             kept.append(box)
     return np.array(kept, np.float32).reshape(-1, 6)
-
-
-def iou(a, b):
-    w, h = min(a[2], b[2]) - max(a[0], b[0]), min(a[3], b[3]) - max(a[1], b[1])
-    if w <= 0 or h <= 0:
-        return 0.0
-    return w * h / ((a[2] - a[0]) * (a[3] - a[1]) + (b[2] - b[0]) * (b[3] - b[1]) - w * h)
 
 
 def run_float(model, image):
@@ -89,42 +83,11 @@ class Int8:
         return (self.interpreter.get_tensor(self.output["index"])[0].astype(np.float32) - zero) * scale
 
 
-def average_precision(found, truth, classes, threshold=0.5):
-    """AP per class at IoU 0.5, area under the interpolated curve (Everingham et al. 2010). `truth` rows: class, corners, counts
-    (1) or is passed over (0). Classes without truth give nan."""
-    result = []
-    for c in range(classes):
-        rows, total = [], 0
-        for detections, boxes in zip(found, truth):
-            mine = boxes[boxes[:, 0] == c]
-            total += int((mine[:, 5] > 0).sum())
-            taken = np.zeros(len(mine), bool)
-            for d in detections[detections[:, 0] == c]:
-                overlaps = [0.0 if taken[k] else iou(d[1:5], b[1:5]) for k, b in enumerate(mine)]
-                k = int(np.argmax(overlaps)) if overlaps else -1
-                if k >= 0 and overlaps[k] >= threshold:
-                    taken[k] = True
-                    if mine[k, 5] > 0:
-                        rows.append((d[5], 1))
-                else:
-                    rows.append((d[5], 0))
-        if total == 0:
-            result.append(float("nan"))
-            continue
-        hits = np.array([hit for _, hit in sorted(rows, key=lambda r: -r[0])] or [0])
-        right = np.cumsum(hits)
-        precision = np.maximum.accumulate((right / np.arange(1, len(hits) + 1))[::-1])[::-1]
-        result.append(float((precision * hits).sum() / total))
-    return result
-
-
 def compare(model, data, samples, labels):
-    """Prints AP at IoU 0.5 of the float network beside the int8 one, per class, on (image, boxes) pairs."""
+    """Prints AP at IoU 0.5 of the float network beside the int8 one, per class, on (image, boxes) pairs; returns what the int8 one found."""
     quantised = Int8(data)
     truth = [boxes for _, boxes in samples]
-    of_float = average_precision([decode(run_float(model, image)) for image, _ in samples], truth, len(labels))
-    of_int8 = average_precision([decode(quantised(image)) for image, _ in samples], truth, len(labels))
-    print(f"{'class':20} {'AP float':>9} {'AP int8':>9} {'cost':>7}")
-    for name, a, b in [*zip(labels, of_float, of_int8), ("mean", np.nanmean(of_float), np.nanmean(of_int8))]:
-        print(f"{name:20} {a:9.4f} {b:9.4f} {a - b:7.4f}")
-    return of_float, of_int8
+    of_float, of_int8 = [decode(run_float(model, image)) for image, _ in samples], [decode(quantised(image)) for image, _ in samples]
+    for line in judge.table(labels, judge.figures(of_float, truth, len(labels)), judge.figures(of_int8, truth, len(labels))):
+        print(line)
+    return of_int8

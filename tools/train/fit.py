@@ -16,32 +16,80 @@ sys.path.append(os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
 
 import progress  # noqa: E402
 
+WATCH_STEPS, PATIENCE = 25, 10  # the loss is looked at so often; so many looks without a better one are the end
+BETTER = 0.003                  # by so much of it
+KEEP_STEPS = 250
 _worker = {}
 
 
-def _start(scenes, backgrounds, classes, seed, counter):
+def _start(sampler, scenes, backgrounds, classes, seed, counter):
     cv2.setNumThreads(1)
     with counter.get_lock():
         number = counter.value
         counter.value += 1
-    _worker.update(scenes=scenes, probabilities=augment.scene_probabilities(scenes), backgrounds=backgrounds, classes=classes,
+    _worker.update(sampler=sampler, scenes=scenes, probabilities=augment.scene_probabilities(scenes), backgrounds=backgrounds, classes=classes,
                    rng=np.random.default_rng([seed, number]))
 
 
 def _batch(size):
-    made = [augment.sample(*(_worker[k] for k in ("rng", "scenes", "probabilities", "backgrounds", "classes"))) for _ in range(size)]
+    made = [_worker["sampler"](*(_worker[k] for k in ("rng", "scenes", "probabilities", "backgrounds", "classes"))) for _ in range(size)]
     return np.stack([m[0] for m in made])[..., None], np.stack([m[1] for m in made])
 
 
+class Watch:
+    """The loss on pictures that are not learnt from; keeps the weights of the least one."""
+
+    def __init__(self, model, samples, classes):
+        self.model, self.best, self.weights, self.stale, self.step = model, np.inf, None, 0, 0
+        self.images = np.stack([image for image, _ in samples])[..., None]
+        self.grids = np.stack([augment.targets(boxes, classes) for _, boxes in samples])
+        self.run = tf.function(lambda images, grid: network.loss(grid, tf.cast(model((tf.cast(images, tf.float32) - 128.0) / 128.0, training=False), tf.float32)))
+
+    def look(self, step):
+        """Whether it has not become better for long."""
+        value = float(np.mean([float(self.run(self.images[i:i + 4], self.grids[i:i + 4])) for i in range(0, len(self.images), 4)]))
+        if value < self.best * (1 - BETTER):
+            self.best, self.weights, self.stale, self.step = value, self.model.get_weights(), 0, step
+        else:
+            self.stale += 1
+        return value, self.stale >= PATIENCE
+
+
+class Rate:
+    """Rises over `rise` steps and falls as half a cosine over the rest, by steps or by time, whichever is farther; once `end` is called it falls
+    to nothing over a fifth of the steps made."""
+
+    def __init__(self, rate, rise, steps, limit):
+        self.rate, self.rise, self.steps, self.limit, self.entered, self.ending = rate, rise, steps, limit, time.monotonic(), None
+
+    def done(self, step):
+        part = max(step / self.steps, (time.monotonic() - self.entered) / self.limit)
+        if self.ending:
+            begin, count, before = self.ending
+            part = max(part, before + (1 - before) * (step - begin) / count)
+        return part
+
+    def at(self, step):
+        return self.rate * min((step + 1) / self.rise, 0.01 + 0.99 * (0.5 + 0.5 * np.cos(np.pi * min(self.done(step), 1.0))))
+
+    def end(self, step):
+        if self.ending is None:
+            self.ending = (step, max(60, step // 5), max(self.done(step), 0.6))
+
+    def minutes_left(self, step):
+        spent, part = time.monotonic() - self.entered, self.done(step)
+        return spent * (1 - part) / part / 60 if part > 0.003 else None
+
+
 def fit(model, scenes, backgrounds, classes, steps, batch=16, rate=2e-3, seed=1, report=print, keep=None, minutes=None, begun=None,
-        rise=200):
-    """Trains in place for a number of steps, or fewer where `minutes` since `begun` (now, unless given; of time.monotonic) are up before.
-    The rate rises over `rise` steps and falls as half a cosine over the rest, by steps or by time, whichever is farther. `keep(step)`
+        rise=200, sampler=augment.sample, watched=None):
+    """Trains in place for a number of steps, or fewer where `minutes` since `begun` (now, unless given; of time.monotonic) are up before, or
+    where the loss on `watched` pictures (image, boxes) has not fallen for long; the weights are then those of its least. `keep(step)`
     is called now and then. Returns the steps made. With one worker, and steps alone, the result depends on the seed alone, up to the
     order in which the library's threads add."""
     counter = multiprocessing.Value("i", 0)
-    rise = max(1, min(rise, steps // 10))
     optimizer = keras.optimizers.AdamW(rate, weight_decay=1e-3, clipnorm=5.0)
+    watch = Watch(model, watched, classes) if watched else None
 
     @tf.function(jit_compile=False)
     def train(images, grid):
@@ -51,27 +99,35 @@ def fit(model, scenes, backgrounds, classes, steps, batch=16, rate=2e-3, seed=1,
         optimizer.apply_gradients(zip(tape.gradient(value, model.trainable_variables), model.trainable_variables))
         return value
 
-    with multiprocessing.Pool(1, _start, (scenes, backgrounds, classes, seed, counter)) as pool:
+    with multiprocessing.Pool(1, _start, (sampler, scenes, backgrounds, classes, seed, counter)) as pool:
         pending = [pool.apply_async(_batch, (batch,)) for _ in range(4)]
-        recent, entered = [], time.monotonic()
-        begun, printed = entered if begun is None else begun, entered
-        limit = max(begun + 60 * minutes - entered, 1.0) if minutes else np.inf
-        for step in range(steps):
-            done = max(step / steps, (time.monotonic() - entered) / limit)
-            if done >= 1:
-                progress.clear()
-                return step
-            optimizer.learning_rate.assign(rate * min((step + 1) / rise, 0.01 + 0.99 * (0.5 + 0.5 * np.cos(np.pi * done))))
+        recent, entered, seen = [], time.monotonic(), ""
+        begun, printed, step = entered if begun is None else begun, entered, 0
+        course = Rate(rate, max(1, min(rise, steps // 10)), steps, max(begun + 60 * minutes - entered, 1.0) if minutes else np.inf)
+        while step < steps and course.done(step) < 1:
+            optimizer.learning_rate.assign(course.at(step))
             images, grid = pending.pop(0).get()
             pending.append(pool.apply_async(_batch, (batch,)))
             recent.append(float(train(images, grid)))
-            now = time.monotonic()
-            progress.show("train", step + 1, steps, f"loss {np.mean(recent):.3f}  {now - begun:.0f} s")
-            if (step + 1) % 100 == 0 or now - printed > 60:
+            step += 1
+            if watch and step % WATCH_STEPS == 0:
+                value, stale = watch.look(step)
+                seen = f", watched {value:.3f} (least {watch.best:.3f})"
+                if stale and course.ending is None:
+                    course.end(step)
+                    progress.clear()
+                    report(f"step {step}: the loss on the watched pictures has not fallen since step {watch.step}, so the training ends soon")
+            now, left = time.monotonic(), course.minutes_left(step)
+            line = f"loss {np.mean(recent):.3f}{seen}, {(now - begun) / 60:.1f} minutes" + (f", {left:.1f} left" if left is not None else "")
+            progress.show("train", step, steps, line)
+            if step % 100 == 0 or now - printed > 60:
                 progress.clear()
-                report(f"step {step + 1} of {steps}, loss {np.mean(recent):.3f}, {now - begun:.0f} s")
+                report(f"step {step} of at most {steps}, {line}")
                 recent, printed = [], now
-            if keep is not None and (step + 1) % 500 == 0:
-                keep(step + 1)
+            if keep is not None and step % KEEP_STEPS == 0:
+                keep(step)
     progress.clear()
-    return steps
+    if watch and watch.look(step)[0] > watch.best and watch.weights is not None:
+        report(f"the weights are those of step {watch.step}")
+        model.set_weights(watch.weights)
+    return step

@@ -22,13 +22,13 @@ def read_image(path):
 
 def read_yolo(folder):
     """DIR/classes.txt, and beside each picture (or in DIR/labels for DIR/images) a .txt with `class x y w h` per line, fractions of the
-    picture. Returns (names, scenes); a picture without a text file has no objects."""
+    picture. Returns (names, scenes, paths); a picture without a text file has no objects."""
     names_path = os.path.join(folder, "classes.txt")
     if not os.path.exists(names_path):
         raise LabelProblem(f"{names_path}: not there; expected one class name per line (or --coco FILE)")
     with open(names_path, encoding="utf-8") as file:
         names = [line.strip() for line in file if line.strip()]
-    scenes = []
+    scenes, paths = [], []
     for path in sorted(glob.glob(os.path.join(folder, "**", "*"), recursive=True)):
         if not path.lower().endswith(SUFFIXES):
             continue
@@ -38,9 +38,10 @@ def read_yolo(folder):
         image = read_image(path)
         rows = read_yolo_text(text, len(names), image.shape) if os.path.exists(text) else []
         scenes.append((image, None, np.array(rows, np.float32).reshape(-1, 6)))
+        paths.append(path)
     if not scenes:
         raise LabelProblem(f"{folder}: found no pictures, expected {' '.join(SUFFIXES)}")
-    return names, scenes
+    return names, scenes, paths
 
 
 def read_yolo_text(path, classes, shape):
@@ -80,4 +81,4 @@ def read_coco(path, folder):
               for image in data["images"]]
     if not scenes:
         raise LabelProblem(f"{path}: found no images")
-    return [c["name"] for c in categories], scenes
+    return [c["name"] for c in categories], scenes, [os.path.join(folder, image["file_name"]) for image in data["images"]]

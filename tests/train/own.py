@@ -1,0 +1,130 @@
+"""The parts of `tools/train own` that need no training: pictures are split by scenes, few objects are no evaluation, and samples from a user's pictures
+keep their boxes on their objects. The last needs OpenCV, and is skipped without it.
+
+    build/train-venv/bin/python tests/train/own.py"""
+import os
+import sys
+
+import numpy as np
+
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "tools", "train"))
+
+import judge  # noqa: E402
+import split  # noqa: E402
+
+wrong = 0
+
+
+def holds(what, good, found=""):
+    global wrong
+    wrong += not good
+    print(f"{'holds ' if good else 'WRONG '} {what}" + ("" if good else f": {found}"))
+
+
+def picture(r, like=None):
+    """Coarse blocks; `like` another one but for noise."""
+    blocks = np.kron(r.integers(0, 256, (12, 16)), np.ones((20, 20))) if like is None else like
+    return np.clip(blocks + r.normal(0, 8, blocks.shape), 0, 255).astype(np.uint8)
+
+
+def box(c, x=10.0, visible=1.0, size=40.0):
+    return [c, x, 20.0, x + size, 20.0 + size, visible]
+
+
+def drawn(r, scenes, each):
+    images, names, boxes = [], [], []
+    for s in range(scenes):
+        first = picture(r)
+        for k in range(each):
+            images.append(picture(r, first))
+            names.append(f"pictures/{s:02}_{k}.png")
+            boxes.append(np.array([box(0)] + [box(1)] * (s % 4 == 0), np.float32))
+    return images, names, boxes
+
+
+def splits():
+    r = np.random.default_rng(1)
+    images, names, boxes = drawn(r, 20, 3)
+    numbers = split.scene_numbers(images, names)
+    holds("pictures that are alike are one scene", len(set(numbers)) == 20 and all(numbers[3 * s] == numbers[3 * s + 2] for s in range(20)), numbers)
+    parts = split.split(images, names, boxes, 2, 1)
+    whole = sorted(parts.learn + parts.watch + parts.judge)
+    holds("every picture is in one part", whole == list(range(60)), whole)
+    scenes = [set(numbers[p]) for p in (parts.learn, parts.watch, parts.judge)]
+    holds("no scene is in two", not (scenes[0] & scenes[1] or scenes[0] & scenes[2] or scenes[1] & scenes[2]), scenes)
+    rare = split.objects_of([boxes[i] for i in parts.judge], 2).sum(0)
+    holds("a fifth of the objects of each class is held out", rare[0] == 12 and rare[1] == 3, rare)
+    again = split.split(images, names, boxes, 2, 1)
+    holds("the same seed gives the same parts", again == parts)
+    kept = split.split(images + [picture(r), picture(r, images[parts.judge[0]])], names + ["pictures/new.png", "pictures/like.png"], [*boxes, boxes[0], boxes[0]], 2, 5,
+                       {os.path.basename(names[i]) for i in parts.judge})
+    holds("--continue: what was held out stays so, and what is of its scenes", kept.judge == parts.judge + [61], kept.judge)
+    by_folder = split.scene_numbers([picture(r) for _ in range(4)], ["a/0.png", "a/1.png", "b/0.png", "b/1.png"])
+    holds("a folder is a scene where there are several", list(by_folder) == [0, 0, 1, 1], by_folder)
+    first = picture(r)
+    one = split.split([picture(r, first) for _ in range(25)], [f"{i}.png" for i in range(25)], [np.array([box(0)], np.float32)] * 25, 1, 1)
+    holds("one scene is said", one.mixed and one.judge == list(range(20, 25)), one)
+
+
+def judged(objects):
+    """AP and lines where every object is found, and beside half of them something that is not there with a higher score."""
+    truth = [np.array([box(0)], np.float32)] * objects
+    found = [np.array([[0, 10, 20, 50, 60, 0.6]] + [[0, 200, 20, 240, 60, 0.7]] * (i % 2), np.float32) for i in range(objects)]
+    figures = judge.figures(found, truth, 1)
+    return figures[0], judge.table(["ball"], figures, figures)[1]
+
+
+def figures():
+    (count, value, low, high), line = judged(40)
+    holds("a figure stands beside the number of its objects", count == 40 and " 40 " in line and f"{value:.4f}" in line, line)
+    holds("its value is the area under the curve", abs(value - 40 / 60) < 1e-6, value)
+    holds("and what other pictures would have given", low < value < high and high - low < 0.3, (low, high))
+    _, line = judged(3)
+    holds(f"3 objects are no evaluation: {line}", "no evaluation: 3 objects" in line and "0." not in line, line)
+    truth = [np.array([box(0), box(1, 100), box(1, 200, 0.0)], np.float32)]
+    found = [np.array([[1, 10, 20, 50, 60, 0.9], [1, 200, 20, 240, 60, 0.8], [0, 300, 20, 340, 60, 0.7], [0, 300, 120, 340, 160, 0.1]], np.float32)]
+    counts = judge.confusion(found, truth, 2, 0.3)
+    holds("what is taken for what", counts.tolist() == [[0, 1, 0], [0, 0, 1], [1, 0, 0]], counts.tolist())
+
+
+def samples():
+    try:
+        import vary
+    except ImportError:
+        print("SKIPPED samples of own pictures: no OpenCV in this Python")
+        return
+    r = np.random.default_rng(2)
+    scenes = []
+    for _ in range(6):  # white discs on dark ground
+        image, rows = r.integers(0, 60, (240, 320)).astype(np.uint8), []
+        for x in (60, 160, 250):
+            size, y = int(r.integers(24, 50)), int(r.integers(70, 170))
+            ys, xs = np.mgrid[0:240, 0:320]
+            image[(xs - x) ** 2 + (ys - y) ** 2 < (size / 2) ** 2] = 230
+            rows.append([0, x - size / 2, y - size / 2, x + size / 2, y + size / 2, 1.0])
+        scenes.append((image, None, np.array(rows, np.float32)))
+    kinds = {"turned": lambda s: vary.turn(r, s[0], s[2]), "pasted": lambda s: vary.paste_objects(r, s[0], s[2], vary.crops(scenes)),
+             "half hidden": lambda s: vary.hide(r, s[0], s[2])}
+    for name, make in kinds.items():
+        inside, count = [], 0
+        for k in range(60):
+            image, boxes = make(scenes[k % 6])
+            for b in boxes[boxes[:, 5] > 0.95]:
+                x, y, w, h = (b[1] + b[3]) / 2, (b[2] + b[4]) / 2, b[3] - b[1], b[4] - b[2]
+                if min(x, y) > 2 and x < image.shape[1] - 2 and y < image.shape[0] - 2:
+                    count += 1
+                    inside.append(image[int(y), int(x)] > 100 and 0.6 < w / h < 1.7)
+        holds(f"{name} objects are where their boxes are ({count})", count > 100 and np.mean(inside) > 0.97, np.mean(inside))
+    more = np.mean([len(vary.paste_objects(r, s[0], s[2], vary.crops(scenes))[1]) for s in scenes * 5])
+    holds("objects are set on other pictures", more > 4, more)
+
+
+def main():
+    splits()
+    figures()
+    samples()
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
