@@ -334,7 +334,7 @@ $(BUILD)/train-vocabulary: $(BUILD)/obj/tools/vocabulary/train.o $(BUILD)/libfov
 # Manual pages: one of each program and one of each command, from the tables that --help prints.
 MAN := $(BUILD)/man/fovea.1 $(patsubst %,$(BUILD)/man/fovea-%.1,$(shell sed -n 's/^    {"\([a-z]*\)", .*/\1/p' src/app/commands.c))
 RUN_HERE = $(if $(CROSS),$(or $(EMULATOR),tools/emulate.sh)) $(BUILD)/fovea
-CALIBRATE_MAN := $(if $(CALIBRATE),$(BUILD)/man/fovea-calibrate.1 $(patsubst %,$(BUILD)/man/fovea-calibrate-%.1,$(shell sed -n 's/^    {"\([a-z]*\)", .*/\1/p' src/calibrate/commands.cpp)))
+CALIBRATE_MAN := $(if $(CALIBRATE),$(BUILD)/man/fovea-calibrate.1 $(patsubst %,$(BUILD)/man/fovea-calibrate-%.1,$(shell sed -n 's/^    {"\([a-z-]*\)", .*/\1/p' src/calibrate/commands.cpp)))
 .PHONY: man
 man: $(MAN) $(CALIBRATE_MAN)  ## make the manual pages: man -l build/man/fovea.1
 $(BUILD)/man/fovea.1: $(BUILD)/fovea
@@ -542,7 +542,7 @@ OPENCV_LIBS = -lopencv_calib3d -lopencv_features2d -lopencv_flann -lopencv_imgco
 # Optimisers are held against Ceres.
 BESIDE_CERES := map/test_pose_graph map/test_window_ceres
 $(BESIDE_CERES:%=$(BUILD)/tests/unit/%): ORACLE_LIBS := -lopencv_aruco -lceres -lglog
-$(BESIDE_CERES:%=$(BUILD)/obj/tests/unit/%.o) $(BUILD)/obj/tests/unit/geometry/test_normal_equations.o: CXXFLAGS += -isystem /usr/include/eigen3
+$(BESIDE_CERES:%=$(BUILD)/obj/tests/unit/%.o) $(BUILD)/obj/tests/unit/geometry/test_normal_equations.o $(BUILD)/obj/tests/unit/calibrate/%.o: CXXFLAGS += -isystem /usr/include/eigen3
 # Calibration is tested by its functions.
 CALIBRATE_TESTS := $(patsubst tests/%.cpp,$(BUILD)/tests/%,$(wildcard tests/unit/calibrate/*.cpp))
 $(CALIBRATE_TESTS): $(CALIBRATE_O)

@@ -88,9 +88,10 @@ int coefficient_count(Model model); /* 5, 8 or 4 */
 
 struct SolveOptions {
     Model model = Model::radtan;
-    bool equal_focal = false; /* fx = fy */
-    bool reject = true;       /* leave outlying corners and views out */
-    bool bend = false;        /* estimate how the board is bent (two parameters) */
+    bool equal_focal = false;       /* fx = fy */
+    bool four_coefficients = false; /* radtan: k3 = 0, as Kalibr's files hold it */
+    bool reject = true;             /* leave outlying corners and views out */
+    bool bend = false;              /* estimate how the board is bent (two parameters) */
 };
 
 struct LeftOut { /* a corner */
@@ -135,6 +136,10 @@ bool solve(const Board &board, const std::vector<View> &views, int width, int he
 bool initial_guess(const Board &board, const std::vector<View> &views, int width, int height,
                    bool equidistant, fovea_camera &camera, std::vector<Pose> &poses,
                    std::string &error);
+
+/* T_cam_board of one view by a camera that is known and prepared, from a homography of its
+ * bearings. False: fewer than six corners are seen where the camera has rays, or nothing fits. */
+bool initial_pose(const Board &board, const fovea_camera &camera, const View &view, Pose &pose);
 
 /* RMS over views that the solve does not see, in `folds` parts of all used views: each is posed by
  * the camera of the others. Negative: one of the parts could not be solved. */

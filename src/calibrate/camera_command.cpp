@@ -1,17 +1,10 @@
 /* fovea-calibrate camera: pictures of a board to a camera file and a verdict. */
-#include <cstring>
-#include <ctime>
-
 #include "calibrate/command.h"
 #include "calibrate/choose_model.h"
 #include "calibrate/report_html.h"
 #include "calibrate/text_file.h"
 #include "support/text.h"
 extern "C" {
-#pragma GCC diagnostic push
-#pragma GCC diagnostic ignored "-Wshadow" /* it has a struct and a function of one name */
-#include "support/files.h"
-#pragma GCC diagnostic pop
 #include "support/say.h"
 }
 
@@ -26,23 +19,6 @@ struct Given {
     std::string source, target, model = "auto", out, json, report, bend = "no", views,
                                 corners = "own", name;
 };
-
-bool models_of(const std::string &text, std::vector<Model> &models)
-{
-    for (const Model model : {Model::radtan, Model::equidistant, Model::rational})
-        if (text == "auto" || text == model_name(model)) models.push_back(model);
-    return !models.empty();
-}
-
-std::string now_text()
-{
-    const std::time_t now = std::time(nullptr);
-    std::tm parts;
-    char text[32];
-    gmtime_r(&now, &parts);
-    std::strftime(text, sizeof text, "%Y-%m-%dT%H:%M:%SZ", &parts);
-    return text;
-}
 
 int check(const Given &given, std::vector<Model> &models, Board &board, int64_t &views_max)
 {
@@ -60,19 +36,10 @@ int check(const Given &given, std::vector<Model> &models, Board &board, int64_t 
                                  views_max < 2 || views_max > VIEWS_MAX_LIMIT))
         return fv_say_wrong("--views: found '%s', expected a number from 2 to %d",
                             given.views.c_str(), VIEWS_MAX_LIMIT);
-    const fv_file written[] = {{"--out", given.out.c_str()},
-                               {"--json", given.json.c_str()},
-                               {"--report", given.report.c_str()},
-                               {}};
-    const std::string folder = given.source + "/";
-    const fv_file read[] = {
-        {"--source", given.source.find(':') == std::string::npos ? folder.c_str() : nullptr}, {}};
-    fovea_error why;
-    const char *blame;
-    if (fv_files_apart(written, read, &why) != FOVEA_OK) return fv_say_wrong("%s", why.text);
-    if (fv_files_writable(written, &blame, &why) != FOVEA_OK)
-        return fv_say_wrong("%s: %s", blame, why.text);
-    return FV_EXIT_OK;
+    return files_check({{"--out", given.out, false},
+                        {"--json", given.json, false},
+                        {"--report", given.report, false}},
+                       {{"--source", given.source, true}});
 }
 
 int write(const Given &given, const Report &report)

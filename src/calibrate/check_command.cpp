@@ -5,6 +5,7 @@
 #include "calibrate/command.h"
 #include "calibrate/compare.h"
 #include "calibrate/pictures.h"
+#include "calibrate/report.h"
 #include "support/calibration.h"
 extern "C" {
 #include "support/json.h"
@@ -41,9 +42,7 @@ void print(const std::string &file, const fv_calibration &calibration,
                100 * comparison.focal_change, comparison.difference_px,
                comparison.difference_stdev_px);
     }
-    for (const Reason &reason : comparison.verdict.reasons)
-        printf("%-9s %s\n", grade_name(reason.grade), reason.text.c_str());
-    printf("verdict   %s\n", grade_name(comparison.verdict.grade));
+    print_verdict(comparison.verdict);
 }
 
 std::string number(double value)

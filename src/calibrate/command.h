@@ -25,8 +25,9 @@ void man_program();
 struct Option {
     const char *name;    /* without the dashes */
     const char *value;   /* what the help calls its value */
-    std::string *target; /* "" when it is not given */
+    std::string *target; /* "" when it is not given; nullptr: it may be given several times */
     const char *help;
+    std::vector<std::string> *all = nullptr; /* then each of its values */
 };
 
 /* argv[0] is the command's name. False: leave with `*status`; help, the manual page or one line was
@@ -38,8 +39,27 @@ bool options_parse(int argc, char **argv, const std::vector<Option> &options, co
 int source_check(const char *command, const std::string &source, const std::string &target,
                  Board &board);
 
+/* A file or folder that a command reads or writes; an empty path is none. */
+struct NamedFile {
+    const char *option;
+    std::string path;
+    bool source; /* a folder of pictures or the URI of a source */
+};
+
+/* FV_EXIT_OK, or a line is printed: one of `written` cannot be written, or is one of `read`. */
+int files_check(const std::vector<NamedFile> &written, const std::vector<NamedFile> &read);
+
+/* The camera of a file, prepared and of that size. FV_EXIT_OK, or a line is printed. */
+int read_camera(const std::string &file, int width, int height, fovea_camera &camera);
+
+/* Models of lenses that --model names; false: none. */
+bool models_of(const std::string &text, std::vector<Model> &models);
+
+std::string now_text(); /* ISO 8601, UTC */
+
 int command_camera(int argc, char **argv);
 int command_check(int argc, char **argv);   /* an old camera file against new pictures */
+int command_rig(int argc, char **argv);     /* several cameras to each other */
 int command_target(int argc, char **argv);  /* a board to print */
 int command_convert(int argc, char **argv); /* a camera file of another format */
 

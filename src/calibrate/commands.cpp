@@ -26,6 +26,20 @@ const std::vector<Command> commands = {
      "that the pictures know, doubtful from 1 px on or where the pictures do not know enough. Ten "
      "pictures with the board tilted and near all corners of the image are enough.",
      "fovea-calibrate check camera.yaml --source pictures/ --target chessboard:9x6:0.025"},
+    {"rig", "place several cameras to each other from pictures of a board", command_rig,
+     "All cameras take pictures of one board at the same instants; each board is seen by two or more "
+     "of them. Lenses come from --camera files or are estimated from the same pictures, and then "
+     "all lenses, the cameras' places and the board's are solved for together. The verdict states "
+     "errors of each camera, the distance of corners from the epipolar lines in pictures that the "
+     "solve did not see, and standard deviations of each place; those of cameras with a file leave "
+     "out what is uncertain in the file. --out is a camchain with T_cn_cnm1, of which Fovea reads "
+     "cam1 and on with their place before cam0: 'convert --which cam1' carries it into other "
+     "formats. A source with several cameras is sim:board?baseline=0.1, euroc:DIR?cameras=2 or a "
+     "recording; of several sources the pictures belong together in their order.",
+     "fovea-calibrate rig --source left/ --source right/ --target chessboard:9x6:0.025 --out rig.yaml\n"
+     "fovea-calibrate rig --source left/ --source right/ --camera left.yaml --camera right.yaml "
+     "--target aprilgrid:6x6:0.088:0.3 --out rig.yaml --report rig.html\n"
+     "fovea-calibrate rig --source 'sim:board?baseline=0.1' --target chessboard:9x6:0.03"},
     {"target", "write a board to print, as PDF at exact size", command_target,
      "Print at 100 %, and measure the ruler and a square afterwards. A ChArUco board or an AprilGrid "
      "may be partly hidden in pictures, which brings corners to the image's border.",

@@ -37,6 +37,18 @@ bool format_of(const std::string &name, fv_calibration_format &format)
 
 } // namespace
 
+int read_camera(const std::string &file, int width, int height, fovea_camera &camera)
+{
+    fv_calibration calibration;
+    fovea_error error;
+    if (fv_calibration_read(file.c_str(), nullptr, &calibration, &error) != FOVEA_OK ||
+        fv_calibration_fit(&calibration.camera, width, height, false, file.c_str(), &error) !=
+            FOVEA_OK)
+        return fv_say_wrong("%s", error.text);
+    camera = calibration.camera;
+    return FV_EXIT_OK;
+}
+
 int command_target(int argc, char **argv)
 {
     std::string target, page = "a4", out;

@@ -63,22 +63,38 @@ Eigen::Matrix3d homography(const std::vector<Point> &points, double unit,
     return ahead < 0 ? Eigen::Matrix3d(-H) : H;
 }
 
+/* T_cam_board of the bearings of its points; NaN: not seen. False: nothing fits. */
+bool pose_from_bearings(const std::vector<Point> &points, double unit,
+                        const std::vector<Eigen::Vector3d> &bearings, Eigen::Matrix3d &R,
+                        Eigen::Vector3d &t)
+{
+    const Eigen::Matrix3d H = homography(points, unit, bearings);
+    const double scale = .5 * (H.col(0).norm() + H.col(1).norm());
+    if (!(scale > 0)) return false;
+    R << H.col(0), H.col(1), H.col(0).cross(H.col(1)) / scale;
+    const Eigen::JacobiSVD<Eigen::Matrix3d> svd(R, Eigen::ComputeFullU | Eigen::ComputeFullV);
+    R = svd.matrixU() * svd.matrixV().transpose();
+    t = H.col(2) / scale * unit;
+    return R.determinant() > 0;
+}
+
+Pose pose_of(const Eigen::Matrix3d &R, const Eigen::Vector3d &t)
+{
+    const Eigen::AngleAxisd rotation(R);
+    const Eigen::Vector3d axis = rotation.angle() * rotation.axis();
+    return {axis[0], axis[1], axis[2], t[0], t[1], t[2]};
+}
+
 Guess pose_by(const fovea_camera &camera, const std::vector<Point> &points, double unit,
               const View &view)
 {
     std::vector<Eigen::Vector3d> bearings;
     for (const Pixel &pixel : view.corners)
         bearings.push_back(bearing_of(camera, pixel));
-    const Eigen::Matrix3d H = homography(points, unit, bearings);
-    const double scale = .5 * (H.col(0).norm() + H.col(1).norm());
     Guess guess;
-    if (!(scale > 0)) return guess;
     Eigen::Matrix3d R;
-    R << H.col(0), H.col(1), H.col(0).cross(H.col(1)) / scale;
-    const Eigen::JacobiSVD<Eigen::Matrix3d> svd(R, Eigen::ComputeFullU | Eigen::ComputeFullV);
-    R = svd.matrixU() * svd.matrixV().transpose();
-    if (R.determinant() < 0) return guess;
-    const Eigen::Vector3d t = H.col(2) / scale * unit;
+    Eigen::Vector3d t;
+    if (!pose_from_bearings(points, unit, bearings, R, t)) return guess;
     double squares = 0;
     size_t count = 0;
     for (size_t i = 0; i < points.size(); i++) {
@@ -89,9 +105,7 @@ Guess pose_by(const fovea_camera &camera, const std::vector<Point> &points, doub
         squares +=
             std::pow(pixel[0] - view.corners[i][0], 2) + std::pow(pixel[1] - view.corners[i][1], 2);
     }
-    const Eigen::AngleAxisd rotation(R);
-    const Eigen::Vector3d axis = rotation.angle() * rotation.axis();
-    guess.pose = {axis[0], axis[1], axis[2], t[0], t[1], t[2]};
+    guess.pose = pose_of(R, t);
     guess.error_px = std::sqrt(squares / (double)count);
     return guess;
 }
@@ -141,6 +155,27 @@ bool initial_guess(const Board &board, const std::vector<View> &views, int width
     if (std::isfinite(best)) return true;
     error = "no focal length fits the pictures";
     return false;
+}
+
+bool initial_pose(const Board &board, const fovea_camera &camera, const View &view, Pose &pose)
+{
+    constexpr int corners_min = 6;
+    const std::vector<Point> points = board.points();
+    std::vector<Eigen::Vector3d> bearings;
+    int count = 0;
+    for (const Pixel &pixel : view.corners) {
+        double bearing[3] = {NAN, NAN, NAN};
+        if (seen(pixel)) (void)fovea_camera_unproject(&camera, pixel.data(), bearing, nullptr);
+        bearings.push_back({bearing[0], bearing[1], bearing[2]});
+        count += std::isfinite(bearing[0]);
+    }
+    Eigen::Matrix3d R;
+    Eigen::Vector3d t;
+    if (count < corners_min ||
+        !pose_from_bearings(points, std::max(points.back()[0], points.back()[1]), bearings, R, t))
+        return false;
+    pose = pose_of(R, t);
+    return true;
 }
 
 } // namespace calibrate

@@ -2,9 +2,14 @@
 
 #include <cstdio>
 #include <cstring>
+#include <ctime>
 
 #include "support/man.h"
 extern "C" {
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wshadow" /* it has a struct and a function of one name */
+#include "support/files.h"
+#pragma GCC diagnostic pop
 #include "support/say.h"
 }
 
@@ -83,12 +88,55 @@ bool options_parse(int argc, char **argv, const std::vector<Option> &options, co
                                    command, option->name, option->value);
             return false;
         }
-        *option->target = equals == std::string::npos ? argv[++i] : word.substr(equals + 1);
+        const std::string value = equals == std::string::npos ? argv[++i] : word.substr(equals + 1);
+        if (option->all != nullptr)
+            option->all->push_back(value);
+        else
+            *option->target = value;
     }
     if (found.size() == operand_count) return true;
     *status = fv_say_wrong("fovea-calibrate %s: found %zu operands, expected %zu%s%s", command,
                            found.size(), operand_count, operand_count > 0 ? ": " : "", operands);
     return false;
+}
+
+int files_check(const std::vector<NamedFile> &written, const std::vector<NamedFile> &read)
+{
+    std::vector<fv_file> outputs, inputs;
+    std::vector<std::string> folders(read.size());
+    for (const NamedFile &file : written)
+        outputs.push_back({file.option, file.path.c_str()});
+    for (size_t i = 0; i < read.size(); i++) {
+        folders[i] = read[i].path + (read[i].source ? "/" : "");
+        const bool is_uri = read[i].source && read[i].path.find(':') != std::string::npos;
+        inputs.push_back({read[i].option, is_uri ? nullptr : folders[i].c_str()});
+    }
+    outputs.push_back({});
+    inputs.push_back({});
+    fovea_error why;
+    const char *blame;
+    if (fv_files_apart(outputs.data(), inputs.data(), &why) != FOVEA_OK)
+        return fv_say_wrong("%s", why.text);
+    if (fv_files_writable(outputs.data(), &blame, &why) != FOVEA_OK)
+        return fv_say_wrong("%s: %s", blame, why.text);
+    return FV_EXIT_OK;
+}
+
+bool models_of(const std::string &text, std::vector<Model> &models)
+{
+    for (const Model model : {Model::radtan, Model::equidistant, Model::rational})
+        if (text == "auto" || text == model_name(model)) models.push_back(model);
+    return !models.empty();
+}
+
+std::string now_text()
+{
+    const std::time_t now = std::time(nullptr);
+    std::tm parts;
+    char text[32];
+    gmtime_r(&now, &parts);
+    std::strftime(text, sizeof text, "%Y-%m-%dT%H:%M:%SZ", &parts);
+    return text;
 }
 
 } // namespace calibrate

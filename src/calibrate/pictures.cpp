@@ -1,5 +1,6 @@
 #include "calibrate/pictures.h"
 
+#include <algorithm>
 #include <cmath>
 #include <csignal>
 #include <cstdlib>
@@ -119,11 +120,15 @@ struct Chooser {
     static constexpr double NEW_SHARE = .04, STILL_PX = 1;
     bool live;
     View before = {};
-    bool takes(const View &view, const Collection &collection)
+    bool still(const View &view)
     {
-        const bool still = !live || mean_shift(before, view) < STILL_PX;
+        const bool it_is = !live || mean_shift(before, view) < STILL_PX;
         before = view;
-        if (!view.left_out.empty() || !still) return false;
+        return it_is;
+    }
+    static bool is_new(const View &view, const Collection &collection)
+    {
+        if (!view.left_out.empty()) return false;
         for (const View &other : collection.views)
             if (mean_shift(other, view) < NEW_SHARE * collection.width) return false;
         return true;
@@ -150,8 +155,50 @@ fovea_status open_source(const std::string &uri, Frames &frames, fovea_error *er
     return frames.ops->open(address, &selection, &frames.source, error);
 }
 
+/* A frame's views, one of each camera. False: a camera gave no image. */
+bool look(const fovea_frame &frame, const fv_kernels &kernels, const Board &board,
+          Refinement refinement, std::vector<Collection> &collections, std::vector<View> &views,
+          std::vector<std::vector<uint8_t>> &greys)
+{
+    bool all = true;
+    for (size_t k = 0; k < collections.size(); k++) {
+        const int width = collections[k].width, height = collections[k].height;
+        greys[k].resize((size_t)width * (size_t)height);
+        const fv_plane plane = {greys[k].data(), width, height, width};
+        if (frame.images[k].data != nullptr)
+            fv_grey_convert(&plane, &kernels, &frame.images[k]);
+        else
+            all = false;
+    }
+    if (!all) return false;
+    for (size_t k = 0; k < collections.size(); k++) {
+        const Grey image = {greys[k].data(), collections[k].width, collections[k].height,
+                            collections[k].width};
+        views[k] = View();
+        views[k].name = "frame " + std::to_string(frame.sequence);
+        detect_board(image, board, refinement, views[k]);
+    }
+    return true;
+}
+
+/* Of several cameras the board must be still in all, and new in one. */
+bool is_chosen(std::vector<Chooser> &choosers, const std::vector<View> &views,
+               const std::vector<Collection> &collections)
+{
+    bool still = true, fresh = false;
+    int boards = 0;
+    for (size_t k = 0; k < views.size(); k++) {
+        still &= choosers[k].still(views[k]) || !views[k].left_out.empty();
+        fresh |= Chooser::is_new(views[k], collections[k]);
+        boards += views[k].left_out.empty();
+    }
+    return still && fresh && boards >= std::min(2, (int)views.size());
+}
+
+/* Of `cameras` cameras, 0: of all that the source has. */
 fovea_status collect_source(const std::string &uri, const Board &board, Refinement refinement,
-                            int views_max, Collection &collection, fovea_error *error)
+                            int views_max, size_t cameras, std::vector<Collection> &collections,
+                            fovea_error *error)
 {
     Frames frames;
     fv_cpu_set set;
@@ -162,16 +209,18 @@ fovea_status collect_source(const std::string &uri, const Board &board, Refineme
     if (status != FOVEA_OK) return status;
     fv_kernels_init(&kernels, set);
     const fovea_source_info *info = frames.ops->info(frames.source);
-    const auto &size = info->cameras[0];
-    collection.width = size.width;
-    collection.height = size.height;
-    std::vector<uint8_t> grey((size_t)size.width * (size_t)size.height);
-    const fv_plane plane = {grey.data(), size.width, size.height, size.width};
+    collections.resize(cameras > 0 ? cameras : info->rig.camera_count);
+    for (size_t k = 0; k < collections.size(); k++) {
+        collections[k].width = info->cameras[k].width;
+        collections[k].height = info->cameras[k].height;
+    }
     const bool few = info->frame_count > 0 && info->frame_count <= (uint64_t)views_max;
-    Chooser chooser = {info->live};
+    std::vector<Chooser> choosers(collections.size(), {info->live});
+    std::vector<View> views(collections.size());
+    std::vector<std::vector<uint8_t>> greys(collections.size());
     uint64_t count = 0;
     std::signal(SIGINT, on_signal);
-    while (!interrupted && (int)collection.views.size() < views_max) {
+    while (!interrupted && (int)collections[0].views.size() < views_max) {
         fovea_frame frame;
         status = frames.ops->dequeue(frames.source, INT64_MAX, &frame);
         if (status == FOVEA_END) break;
@@ -180,28 +229,48 @@ fovea_status collect_source(const std::string &uri, const Board &board, Refineme
             return fovea_error_set(error, status, "%.300s: the source failed", uri.c_str());
         }
         if (status != FOVEA_OK) continue;
-        if (frame.images[0].data != nullptr) fv_grey_convert(&plane, &kernels, &frame.images[0]);
-        const bool there = frame.images[0].data != nullptr;
-        View view;
-        view.name = "frame " + std::to_string(frame.sequence);
+        const bool there = look(frame, kernels, board, refinement, collections, views, greys);
         frames.ops->requeue(frames.source, &frame);
         if (!there) continue;
-        const Grey image = {grey.data(), size.width, size.height, size.width};
-        detect_board(image, board, refinement, view);
-        if (few || chooser.takes(view, collection)) {
-            take(image, board, view);
-            collection.views.push_back(view);
+        if (is_chosen(choosers, views, collections) || few) {
+            for (size_t k = 0; k < views.size(); k++) {
+                take({greys[k].data(), collections[k].width, collections[k].height,
+                      collections[k].width},
+                     board, views[k]);
+                collections[k].views.push_back(views[k]);
+            }
         }
         count++;
         if (!fv_say_terminal()) continue;
         fv_say_status("frame %llu  %s  %zu of %d pictures", (unsigned long long)count,
-                      view.left_out.empty() ? "board" : "no board", collection.views.size(),
+                      views[0].left_out.empty() ? "board" : "no board", collections[0].views.size(),
                       views_max);
     }
     std::signal(SIGINT, SIG_DFL);
     frames.ops->stop(frames.source);
     if (fv_say_terminal()) fv_say_status("%s", "");
     return FOVEA_OK;
+}
+
+bool is_folder(const std::string &source)
+{
+    struct stat about;
+    return stat(source.c_str(), &about) == 0 && S_ISDIR(about.st_mode);
+}
+
+/* Whether all frames of a source are taken: a recording of at most that many. */
+fovea_status check_recording(const std::string &uri, int views_max, fovea_error *error)
+{
+    Frames frames;
+    const fovea_status status = open_source(uri, frames, error);
+    if (status != FOVEA_OK) return status;
+    const uint64_t count = frames.ops->info(frames.source)->frame_count;
+    if (count > 0 && count <= (uint64_t)views_max) return FOVEA_OK;
+    return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                           "%.300s: found a source %s, expected for each camera a folder or a "
+                           "recording of at most %d pictures, or one source with all cameras",
+                           uri.c_str(), count > 0 ? "with more pictures" : "that is live",
+                           views_max);
 }
 
 } // namespace
@@ -235,10 +304,42 @@ void choose_size(Collection &collection)
 fovea_status collect(const std::string &source, const Board &board, Refinement refinement,
                      int views_max, Collection &collection, fovea_error *error)
 {
-    struct stat about;
-    if (stat(source.c_str(), &about) == 0 && S_ISDIR(about.st_mode))
-        return collect_folder(source, board, refinement, collection, error);
-    return collect_source(source, board, refinement, views_max, collection, error);
+    if (is_folder(source)) return collect_folder(source, board, refinement, collection, error);
+    std::vector<Collection> one;
+    const fovea_status status = collect_source(source, board, refinement, views_max, 1, one, error);
+    if (!one.empty()) collection = one[0];
+    return status;
+}
+
+fovea_status collect_rig(const std::vector<std::string> &sources, const Board &board, int views_max,
+                         std::vector<Collection> &collections, fovea_error *error)
+{
+    if (sources.size() == 1 && !is_folder(sources[0])) {
+        const fovea_status status =
+            collect_source(sources[0], board, Refinement::OWN, views_max, 0, collections, error);
+        if (status != FOVEA_OK || collections.size() > 1) return status;
+    }
+    if (sources.size() == 1)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "%.300s: found one camera, expected two or more: a source with "
+                               "several, or --source once for each",
+                               sources[0].c_str());
+    for (const std::string &source : sources) {
+        Collection collection;
+        fovea_status status =
+            is_folder(source) ? FOVEA_OK : check_recording(source, views_max, error);
+        if (status == FOVEA_OK)
+            status = collect(source, board, Refinement::OWN, views_max, collection, error);
+        if (status != FOVEA_OK) return status;
+        collections.push_back(collection);
+        if (collection.views.size() != collections[0].views.size())
+            return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                                   "%.200s: found %zu pictures, expected %zu as in %.200s: one of "
+                                   "each camera at each instant",
+                                   source.c_str(), collection.views.size(),
+                                   collections[0].views.size(), sources[0].c_str());
+    }
+    return FOVEA_OK;
 }
 
 } // namespace calibrate

@@ -25,5 +25,11 @@ void choose_size(Collection &collection);
 fovea_status collect(const std::string &source, const Board &board, Refinement refinement,
                      int views_max, Collection &collection, fovea_error *error);
 
+/* Pictures that the cameras of a rig take at the same instants: views of one index belong together.
+ * One source with several cameras, or for each camera a folder or a recording of its own, of which
+ * all pictures are taken in order. FOVEA_ERROR_INPUT as above, and where they are not as many. */
+fovea_status collect_rig(const std::vector<std::string> &sources, const Board &board, int views_max,
+                         std::vector<Collection> &collections, fovea_error *error);
+
 } // namespace calibrate
 #endif

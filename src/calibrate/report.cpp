@@ -224,9 +224,14 @@ void report_print(const Report &report)
         printf("\nprojection within %.2f px (one standard deviation) where corners were seen\n",
                report.verdict.uncertainty_seen_px);
     }
-    for (const Reason &reason : report.verdict.reasons)
+    print_verdict(report.verdict);
+}
+
+void print_verdict(const Verdict &verdict)
+{
+    for (const Reason &reason : verdict.reasons)
         printf("%-9s %s\n", grade_name(reason.grade), reason.text.c_str());
-    printf("verdict   %s\n", grade_name(report.verdict.grade));
+    printf("verdict   %s\n", grade_name(verdict.grade));
 }
 
 } // namespace calibrate

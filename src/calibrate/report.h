@@ -37,6 +37,7 @@ fovea_status report_camera(const Report &report, const char *path, fovea_error *
 fovea_status report_json(const Report &report, const char *path, fovea_error *error);
 /* The verdict on stdout. */
 void report_print(const Report &report);
+void print_verdict(const Verdict &verdict); /* its last lines */
 
 } // namespace calibrate
 #endif

@@ -4,7 +4,7 @@
 
 #include "calibrate/html.h"
 #include "calibrate/report_drawings.h"
-#include "fovea/fovea.h"
+#include "calibrate/report_page.h"
 
 namespace calibrate
 {
@@ -13,48 +13,6 @@ namespace
 
 /* Pictures of each kind, used and left out, that are shown. */
 constexpr size_t PICTURES_MAX = 60;
-
-/* clang-format off */
-const char style[] =
-    ":root{color-scheme:light dark;--back:#fff;--text:#1c2024;--soft:#5d6670;--line:#d5dae0;--bar:#3b6fb6;"
-    "--pass:#1a7f37;--doubtful:#9a6700;--fail:#c62828}\n"
-    "@media(prefers-color-scheme:dark){:root{--back:#14171a;--text:#e6e9ec;--soft:#9aa4ae;--line:#333a41;"
-    "--bar:#6ea0e6;--pass:#4cc267;--doubtful:#e0a93b;--fail:#ff6b63}}\n"
-    "*{box-sizing:border-box}\n"
-    "body{margin:0;background:var(--back);color:var(--text);font:16px/1.5 system-ui,sans-serif}\n"
-    "main{max-width:66rem;margin:0 auto;padding:1rem}\n"
-    "h1{font-size:1.4rem;margin:.2rem 0}h2{font-size:1.15rem;margin:2rem 0 .5rem}p{margin:.5rem 0}\n"
-    "h1,h2,p,li,figcaption,.bars td:first-child{overflow-wrap:anywhere}\n"
-    ".soft,figcaption{color:var(--soft);font-size:.9rem}\n"
-    ".verdict{border-left:.5rem solid;padding:.2rem 1rem}.grade{font-weight:700}\n"
-    ".pass{border-color:var(--pass)}.doubtful{border-color:var(--doubtful)}.fail{border-color:var(--fail)}\n"
-    ".grade.pass{color:var(--pass)}.grade.doubtful{color:var(--doubtful)}.grade.fail{color:var(--fail)}\n"
-    "table{border-collapse:collapse}th,td{text-align:left;padding:.15rem .8rem .15rem 0;vertical-align:top}\n"
-    "td.number,th.number{text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap}\n"
-    ".wide{overflow-x:auto}\n"
-    ".bars{width:100%;table-layout:fixed}.bars td:first-child{width:34%}.bars td:last-child{width:5.5rem}\n"
-    ".bar{height:.8rem;margin-top:.4rem;background:var(--bar);min-width:1px}\n"
-    ".grid{display:grid;gap:1rem;grid-template-columns:repeat(auto-fit,minmax(min(100%,20rem),1fr))}\n"
-    ".views{display:grid;gap:.8rem;grid-template-columns:repeat(auto-fill,minmax(min(100%,13rem),1fr))}\n"
-    "figure{margin:0}svg{display:block;width:100%;height:auto}\n"
-    "svg text{fill:var(--text)}.frame{fill:none;stroke:var(--line);stroke-width:.4%}\n"
-    ".coverage circle{fill:var(--bar)}.hull{fill:var(--bar);fill-opacity:.12;stroke:var(--bar)}\n"
-    ".coverage,.uncertainty,.scale{max-width:44rem}.directions{max-width:20rem;margin:0 auto}.even{fill:none;stroke:var(--text);stroke-dasharray:4 4}\n"
-    ".outermost{fill:none;stroke:#fff;stroke-width:.5%}.hatch{fill:#000;fill-opacity:.55}\n"
-    "svg text.label{fill:#fff;stroke:#000;stroke-width:.15em;paint-order:stroke;text-anchor:middle;"
-    "dominant-baseline:middle}\n"
-    ".view image{width:100%}.view .used{fill:#2ee66b}.view .out{fill:none;stroke:#ff4136;stroke-width:1.5}\n";
-/* clang-format on */
-
-std::string section(const char *id, const char *title, const std::string &content)
-{
-    return formatted("<section id=\"%s\">\n<h2>%s</h2>\n", id, title) + content + "</section>\n";
-}
-
-std::string figure(const std::string &drawing, const std::string &caption)
-{
-    return "<figure>\n" + drawing + "<figcaption>" + caption + "</figcaption>\n</figure>\n";
-}
 
 bool solved(const Report &report)
 {
@@ -89,22 +47,11 @@ const char *next_step(Grade grade)
 
 std::string verdict_section(const Report &report)
 {
-    const char *grade = grade_name(report.verdict.grade);
-    std::string text = formatted("<header class=\"verdict %s\">\n<h1>Calibration of ", grade);
-    text += escaped(report.camera_name.empty() ? report.camera_id : report.camera_name);
-    text += formatted(": <span class=\"grade %s\" id=\"grade\">%s</span></h1>\n", grade, grade);
-    if (!report.verdict.reasons.empty()) text += "<ul id=\"reasons\">\n";
-    for (const Reason &reason : report.verdict.reasons) {
-        const char *its = grade_name(reason.grade);
-        text += formatted("<li><span class=\"grade %s\">%s</span>: ", its, its);
-        text += escaped(reason.text) + "</li>\n";
-    }
-    if (!report.verdict.reasons.empty()) text += "</ul>\n";
-    text += formatted("<p id=\"next\">%s</p>\n", next_step(report.verdict.grade));
-    text += "<p class=\"soft\">Pictures: " + escaped(report.camera_id) +
-            ". Board: " + escaped(report.board.text()) + ". Date: " + escaped(report.date) +
-            ". Program: fovea-calibrate " FOVEA_VERSION ".</p>\n";
-    return text + "</header>\n";
+    return verdict_header("Calibration of " +
+                              (report.camera_name.empty() ? report.camera_id : report.camera_name),
+                          report.verdict, next_step(report.verdict.grade),
+                          "Pictures: " + report.camera_id + ". Board: " + report.board.text() +
+                              ". Date: " + report.date);
 }
 
 std::string parameters_section(const Report &report)
@@ -298,20 +245,13 @@ std::string corners_section(const Report &report)
 
 std::string report_html(const Report &report)
 {
-    std::string page =
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n"
-        "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n"
-        "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; img-src data:; "
-        "style-src 'unsafe-inline'\"/>\n<title>Calibration: ";
-    page += grade_name(report.verdict.grade);
-    page += std::string("</title>\n<style>\n") + style + "</style>\n</head>\n<body>\n<main>\n";
-    page += verdict_section(report);
+    std::string page = verdict_section(report);
     if (solved(report))
         page += parameters_section(report) + errors_section(report) + coverage_section(report) +
                 residuals_section(report) + uncertainty_section(report);
     page += views_sections(report);
     if (solved(report)) page += corners_section(report);
-    return page + "</main>\n</body>\n</html>\n";
+    return html_page(report.verdict.grade, page);
 }
 
 } // namespace calibrate

@@ -1,10 +1,8 @@
 /* The solve: camera and poses of all views by Ceres, rejection, covariance. */
-#include <Eigen/Dense>
-#include <ceres/ceres.h>
-#include <ceres/rotation.h>
-#include <glog/logging.h>
+#include "calibrate/least_squares.h"
+#include "calibrate/projection.h"
 
-#include "calibrate/calibrate.h"
+#include <ceres/rotation.h>
 
 #include <algorithm>
 #include <cmath>
@@ -14,38 +12,6 @@ namespace calibrate
 {
 namespace
 {
-
-/* The camera as it is solved for: fx, fy / fx, cx, cy, coefficients. */
-using Parameters = std::array<double, PARAMETERS_MAX>;
-
-/* As fovea_camera_project; templated, for derivatives. False: behind a camera that sees forward. */
-template <typename T> bool project(Model model, const T *camera, const T *point, T *pixel)
-{
-    const T *k = camera + 4;
-    T x, y;
-    if (model == Model::equidistant) {
-        const T radius2 = point[0] * point[0] + point[1] * point[1];
-        T scale;
-        if (radius2 > 1e-18) {
-            const T radius = sqrt(radius2), theta = atan2(radius, point[2]), t2 = theta * theta;
-            scale = theta * (1.0 + t2 * (k[0] + t2 * (k[1] + t2 * (k[2] + t2 * k[3])))) / radius;
-        } else {
-            scale = 1.0 / point[2];
-        }
-        x = point[0] * scale;
-        y = point[1] * scale;
-    } else {
-        if (!(point[2] > 1e-9)) return false;
-        const T a = point[0] / point[2], b = point[1] / point[2], r2 = a * a + b * b;
-        const T scale = (1.0 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]))) /
-                        (1.0 + r2 * (k[5] + r2 * (k[6] + r2 * k[7])));
-        x = a * scale + 2.0 * k[2] * a * b + k[3] * (r2 + 2.0 * a * a);
-        y = b * scale + k[2] * (r2 + 2.0 * b * b) + 2.0 * k[3] * a * b;
-    }
-    pixel[0] = camera[0] * x + camera[2];
-    pixel[1] = camera[0] * camera[1] * y + camera[3];
-    return true;
-}
 
 /* One corner: predicted less found. The board's height at (x, y) of [-1, 1] is bend[0] (1 - x^2) +
  * bend[1] (1 - y^2). */
@@ -70,28 +36,6 @@ struct Corner {
     }
 };
 using CornerCost = ceres::AutoDiffCostFunction<Corner, 2, PARAMETERS_MAX, 6, 2>;
-
-/* Coefficients of the rational model can replace each other, up to a pole inside the image that a
- * zero all but cancels. They are held near zero as if that had been measured: a coefficient of 1
- * counts as much as an error of 0.05 px in one corner. */
-struct SmallCoefficients {
-    enum { COUNT = 6 };
-    static constexpr double WEIGHT_PX = .05;
-    template <typename T> bool operator()(const T *camera, T *residual) const
-    {
-        static const int which[COUNT] = {0, 1, 4, 5, 6, 7};
-        for (int i = 0; i < COUNT; i++)
-            residual[i] = WEIGHT_PX * camera[4 + which[i]];
-        return true;
-    }
-};
-using SmallCost =
-    ceres::AutoDiffCostFunction<SmallCoefficients, SmallCoefficients::COUNT, PARAMETERS_MAX>;
-
-int extra_residuals(Model model)
-{
-    return model == Model::rational ? (int)SmallCoefficients::COUNT : 0;
-}
 
 struct State {
     const Board &board;
@@ -137,7 +81,8 @@ std::vector<int> held_parameters(const SolveOptions &options, Stage stage)
 {
     std::vector<int> held;
     for (int i = 1; i < PARAMETERS_MAX; i++) {
-        const bool by_model = i >= 4 + coefficient_count(options.model);
+        const bool without_k3 = options.four_coefficients && options.model == Model::radtan;
+        const bool by_model = i >= 4 + coefficient_count(options.model) || (i == 8 && without_k3);
         if (by_model || (i == 1 && options.equal_focal) || stage == FOCAL_ONLY) held.push_back(i);
     }
     return held;
@@ -170,23 +115,10 @@ bool minimise(State &state, Stage stage, double loss_px)
     ceres::Problem problem;
     build(state, stage, loss_px, problem);
     if (problem.NumParameterBlocks() < 3) return false;
-    ceres::Solver::Options how;
-    how.linear_solver_type = ceres::DENSE_SCHUR;
-    how.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
-    for (size_t v = 0; v < state.views.size(); v++)
-        if (problem.HasParameterBlock(state.poses[v].data()))
-            how.linear_solver_ordering->AddElementToGroup(state.poses[v].data(), 0);
-    how.linear_solver_ordering->AddElementToGroup(state.camera.data(), 1);
-    how.linear_solver_ordering->AddElementToGroup(state.bend.data(), 1);
-    how.max_num_iterations = 200;
-    how.function_tolerance = 1e-12;
-    how.parameter_tolerance = 1e-12;
-    how.gradient_tolerance = 1e-14;
-    how.logging_type = ceres::SILENT;
-    FLAGS_minloglevel = google::GLOG_FATAL; /* a step that fails is tried again, smaller */
-    ceres::Solver::Summary summary;
-    ceres::Solve(how, &problem, &summary);
-    return summary.IsSolutionUsable();
+    std::vector<double *> poses;
+    for (Pose &pose : state.poses)
+        poses.push_back(pose.data());
+    return solve_least_squares(problem, poses, {state.camera.data(), state.bend.data()});
 }
 
 /* Distance of each corner of a view from where the camera sees it; infinite behind the camera, NaN
@@ -281,18 +213,6 @@ size_t views_used(const State &state)
 
 /* ---- covariance ------------------------------------------------------------------------------ */
 
-/* Left Jacobian of the rotation: how the rotation moves, as a vector in the camera, with the
- * angle-axis. */
-Eigen::Matrix3d left_jacobian(const Eigen::Vector3d &axis)
-{
-    const double angle = axis.norm();
-    Eigen::Matrix3d cross;
-    cross << 0, -axis[2], axis[1], axis[2], 0, -axis[0], -axis[1], axis[0], 0;
-    if (angle < 1e-6) return Eigen::Matrix3d::Identity() + .5 * cross;
-    return Eigen::Matrix3d::Identity() + (1 - std::cos(angle)) / (angle * angle) * cross +
-           (angle - std::sin(angle)) / (angle * angle * angle) * cross * cross;
-}
-
 struct Normal {
     Eigen::MatrixXd covariance; /* of the tangent space: free camera parameters, bend, poses */
     std::vector<int> free_parameters;
@@ -300,63 +220,33 @@ struct Normal {
     int poses_at = 0; /* column of the first pose */
 };
 
-/* Inverse of the normal matrix, times the noise. The matrix is scaled to a unit diagonal first: its
- * parameters have sizes from 1e-9 to 1e3. Combinations of parameters that the pictures say nothing
- * of, as of the rational model's coefficients, get a large finite deviation by the ridge. */
-bool invert(const Eigen::MatrixXd &normal, double noise, Eigen::MatrixXd &covariance)
-{
-    const Eigen::VectorXd scale = normal.diagonal().cwiseSqrt().cwiseInverse();
-    if (!scale.allFinite()) return false;
-    const Eigen::MatrixXd scaled = scale.asDiagonal() * normal * scale.asDiagonal();
-    const Eigen::MatrixXd one = Eigen::MatrixXd::Identity(scaled.rows(), scaled.cols());
-    for (const double ridge : {0., 1e-14, 1e-13, 1e-12, 1e-11}) {
-        const Eigen::LLT<Eigen::MatrixXd> factor(scaled + ridge * one);
-        if (factor.info() != Eigen::Success) continue;
-        covariance = noise * noise * (scale.asDiagonal() * factor.solve(one) * scale.asDiagonal());
-        return covariance.allFinite() && covariance.diagonal().minCoeff() >= 0;
-    }
-    return false;
-}
-
 bool covariance_of(State &state, Solution &solution, Normal &normal)
 {
     ceres::Problem problem;
     build(state, WHOLE_CAMERA, 0, problem);
-    ceres::Problem::EvaluateOptions what;
-    what.parameter_blocks.push_back(state.camera.data());
+    std::vector<double *> blocks = {state.camera.data()};
     const std::vector<int> held = held_parameters(state.options, WHOLE_CAMERA);
     for (int i = 0; i < PARAMETERS_MAX; i++)
         if (std::find(held.begin(), held.end(), i) == held.end())
             normal.free_parameters.push_back(i);
     normal.poses_at = (int)normal.free_parameters.size();
     if (state.options.bend) {
-        what.parameter_blocks.push_back(state.bend.data());
+        blocks.push_back(state.bend.data());
         normal.poses_at += 2;
     }
     for (size_t v = 0; v < state.views.size(); v++) {
         if (!problem.HasParameterBlock(state.poses[v].data())) continue;
-        what.parameter_blocks.push_back(state.poses[v].data());
+        blocks.push_back(state.poses[v].data());
         normal.views.push_back(v);
     }
-    std::vector<double> residuals;
-    ceres::CRSMatrix jacobian;
-    if (!problem.Evaluate(what, nullptr, &residuals, nullptr, &jacobian)) return false;
-    Eigen::MatrixXd matrix = Eigen::MatrixXd::Zero(jacobian.num_cols, jacobian.num_cols);
-    for (int row = 0; row < jacobian.num_rows; row++)
-        for (int a = jacobian.rows[row]; a < jacobian.rows[row + 1]; a++)
-            for (int b = jacobian.rows[row]; b < jacobian.rows[row + 1]; b++)
-                matrix(jacobian.cols[a], jacobian.cols[b]) +=
-                    jacobian.values[a] * jacobian.values[b];
-    double squares = 0;
-    residuals.resize(residuals.size() - (size_t)extra_residuals(state.options.model));
-    for (const double residual : residuals)
-        squares += residual * residual;
-    const int freedom = (int)residuals.size() - jacobian.num_cols;
-    if (freedom <= 0) return false;
-    solution.corners_used = (int)residuals.size() / 2;
-    solution.rms_px = std::sqrt(squares / solution.corners_used);
-    solution.noise_px = std::sqrt(squares / freedom);
-    return invert(matrix, solution.noise_px, normal.covariance);
+    SolveError found;
+    if (!covariance(problem, blocks, extra_residuals(state.options.model), normal.covariance,
+                    found))
+        return false;
+    solution.corners_used = (int)found.residuals / 2;
+    solution.rms_px = found.rms * std::sqrt(2.);
+    solution.noise_px = found.noise;
+    return true;
 }
 
 /* From (fx, fy / fx) to (fx, fy). */
@@ -429,29 +319,6 @@ void uncertainty_of(const State &state, const Normal &normal, fovea_camera camer
                                   (j + .5) * camera.height / map.rows - .5});
 }
 
-fovea_camera camera_of(const State &state, int width, int height)
-{
-    fovea_camera camera = {};
-    camera.width = width;
-    camera.height = height;
-    camera.lens =
-        state.options.model == Model::equidistant ? FOVEA_LENS_EQUIDISTANT : FOVEA_LENS_RADTAN;
-    camera.fx = state.camera[0];
-    camera.fy = state.camera[0] * state.camera[1];
-    camera.cx = state.camera[2];
-    camera.cy = state.camera[3];
-    for (int i = 0; i < FOVEA_LENS_COEFFICIENTS; i++)
-        camera.k[i] = state.camera[(size_t)(4 + i)];
-    return camera;
-}
-
-Parameters parameters_of(const fovea_camera &camera)
-{
-    Parameters parameters = {camera.fx, camera.fy / camera.fx, camera.cx, camera.cy};
-    std::copy(camera.k, camera.k + FOVEA_LENS_COEFFICIENTS, parameters.begin() + 4);
-    return parameters;
-}
-
 /* From a rough camera to the last one, leaving out on the way what does not fit. */
 bool refine(State &state, std::string &error)
 {
@@ -490,7 +357,7 @@ bool solve(const Board &board, const std::vector<View> &views, int width, int he
     Normal normal;
     solution = Solution();
     solution.model = options.model;
-    solution.camera = camera_of(state, width, height);
+    solution.camera = camera_of(state.options.model, state.camera, width, height);
     if (!covariance_of(state, solution, normal)) {
         error = "the pictures do not determine the camera: more views, more tilted, are needed";
         return false;

@@ -29,26 +29,6 @@ constexpr double BEND_PASS = .003; /* height over the board's width */
 constexpr double BEND_SIGMAS = 5;
 constexpr int CELL_COLUMNS = 6, CELL_ROWS = 5;
 
-#if defined(__GNUC__)
-__attribute__((format(printf, 3, 4)))
-#endif
-void add(Verdict &verdict, Grade grade, const char *format, ...)
-{
-    char text[400];
-    va_list arguments;
-    va_start(arguments, format);
-    vsnprintf(text, sizeof text, format, arguments);
-    va_end(arguments);
-    verdict.reasons.push_back({grade, text});
-    verdict.grade = std::max(verdict.grade, grade);
-}
-
-/* Grade of a value that is better when smaller. */
-Grade grade_of(double value, double pass, double doubtful)
-{
-    return value <= pass ? Grade::pass : value <= doubtful ? Grade::doubtful : Grade::fail;
-}
-
 double median(std::vector<double> values)
 {
     if (values.empty()) return 0;
@@ -101,7 +81,8 @@ void judge_coverage(const std::vector<View> &views, const Solution &solution, Ve
     verdict.coverage = (double)filled / seeing;
     const Grade grade = grade_of(-verdict.coverage, -COVERAGE_PASS, -COVERAGE_DOUBTFUL);
     if (grade == Grade::pass) return;
-    add(verdict, grade,
+    add_reason(
+        verdict, grade,
         "corners cover %.0f %% of the image, expected %.0f %% or more: take pictures with the board "
         "at the %s and the %s",
         100 * verdict.coverage, 100 * COVERAGE_PASS, empty[0] >= empty[1] ? "left" : "right",
@@ -131,7 +112,8 @@ void judge_tilt(const Solution &solution, Verdict &verdict)
     const Grade grade = grade_of(-verdict.tilt_rad, -TILT_PASS_RAD, -TILT_DOUBTFUL_RAD);
     if (grade == Grade::pass) return;
     constexpr double degree = 57.29577951308232;
-    add(verdict, grade,
+    add_reason(
+        verdict, grade,
         "the boards' tilts differ by %.0f degrees at most, expected %.0f or more: take pictures with "
         "the board tilted about 30 degrees to each side",
         verdict.tilt_rad * degree, TILT_PASS_RAD * degree);
@@ -150,7 +132,8 @@ void judge_projection(const std::vector<View> &views, const Solution &solution, 
     const Grade grade =
         grade_of(verdict.uncertainty_seen_px, PROJECTION_PASS_PX, PROJECTION_DOUBTFUL_PX);
     if (grade == Grade::pass) return;
-    add(verdict, grade,
+    add_reason(
+        verdict, grade,
         "projection is uncertain by up to %.2f px (one standard deviation) where corners were seen, "
         "expected %.1f or less: take more pictures, with the board near the border of the image",
         verdict.uncertainty_seen_px, PROJECTION_PASS_PX);
@@ -169,11 +152,12 @@ void judge_boards(const std::vector<View> &views, Verdict &verdict)
     }
     for (const auto &[board, count] : shown)
         if (count >= SHOWN_SHARE * showing)
-            add(verdict, Grade::doubtful,
-                "%d of %d boards have %d x %d inner corners: state these in --target", count,
-                showing, board.first, board.second);
+            add_reason(verdict, Grade::doubtful,
+                       "%d of %d boards have %d x %d inner corners: state these in --target", count,
+                       showing, board.first, board.second);
     if (mirrored > 0 && mirrored >= SHOWN_SHARE * showing)
-        add(verdict, Grade::doubtful,
+        add_reason(
+            verdict, Grade::doubtful,
             "%d of %d pictures of the board are mirrored: switch the mirror off in the camera or its "
             "driver",
             mirrored, showing);
@@ -182,7 +166,8 @@ void judge_boards(const std::vector<View> &views, Verdict &verdict)
     for (const auto &[size, count] : sizes)
         list += (list.empty() ? "" : ", ") + std::to_string(count) + " of " +
                 std::to_string(size.first) + " x " + std::to_string(size.second);
-    add(verdict, Grade::doubtful,
+    add_reason(
+        verdict, Grade::doubtful,
         "pictures have different sizes (%s): take all of them at the size that is used later",
         list.c_str());
 }
@@ -197,12 +182,14 @@ void judge_pictures(const std::vector<View> &views, Verdict &verdict)
     }
     judge_boards(views, verdict);
     if (verdict.views_with_board < FOUND_PASS * (double)views.size())
-        add(verdict, Grade::doubtful,
+        add_reason(
+            verdict, Grade::doubtful,
             "the board was found in %d of %zu pictures: check the numbers of inner corners in "
             "--target, and that the whole board is in the pictures",
             verdict.views_with_board, views.size());
     if (median(edges) > EDGE_PASS_PX)
-        add(verdict, Grade::doubtful,
+        add_reason(
+            verdict, Grade::doubtful,
             "edges of the board are %.1f px wide, expected %.0f or less: focus the lens, hold the "
             "board still, give more light",
             median(edges), EDGE_PASS_PX);
@@ -214,13 +201,13 @@ void judge_views(const Solution &solution, Verdict &verdict)
         verdict.views_used += why.empty();
     const Grade grade = grade_of(-verdict.views_used, -VIEWS_PASS, -VIEWS_DOUBTFUL);
     if (grade != Grade::pass)
-        add(verdict, grade, "%d pictures are used, expected %d or more: take more pictures",
-            verdict.views_used, VIEWS_PASS);
+        add_reason(verdict, grade, "%d pictures are used, expected %d or more: take more pictures",
+                   verdict.views_used, VIEWS_PASS);
     const int left_out = verdict.views_with_board - verdict.views_used;
     if (left_out > LEFT_OUT_PASS * verdict.views_with_board)
-        add(verdict, Grade::doubtful,
-            "%d of %d pictures with a board are left out: see their reasons", left_out,
-            verdict.views_with_board);
+        add_reason(verdict, Grade::doubtful,
+                   "%d of %d pictures with a board are left out: see their reasons", left_out,
+                   verdict.views_with_board);
 }
 
 /* The corner, moved towards the centre of the image by what noise may have moved it from there. */
@@ -250,13 +237,29 @@ void judge_rays(const std::vector<View> &views, const Solution &solution,
         }
     }
     if (without == 0) return;
-    add(verdict, without > .02 * solution.corners_used ? Grade::fail : Grade::doubtful,
-        "the model has no ray for %d of the corners that were seen: use a model with fewer "
-        "coefficients, or take more pictures with the board near the border of the image",
-        without);
+    add_reason(verdict, without > .02 * solution.corners_used ? Grade::fail : Grade::doubtful,
+               "the model has no ray for %d of the corners that were seen: use a model with fewer "
+               "coefficients, or take more pictures with the board near the border of the image",
+               without);
 }
 
 } // namespace
+
+void add_reason(Verdict &verdict, Grade grade, const char *format, ...)
+{
+    char text[400];
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(text, sizeof text, format, arguments);
+    va_end(arguments);
+    verdict.reasons.push_back({grade, text});
+    verdict.grade = std::max(verdict.grade, grade);
+}
+
+Grade grade_of(double value, double pass, double doubtful)
+{
+    return value <= pass ? Grade::pass : value <= doubtful ? Grade::doubtful : Grade::fail;
+}
 
 const char *grade_name(Grade grade)
 {
@@ -283,7 +286,7 @@ Verdict judge_unsolved(const std::vector<View> &views, const std::string &error)
 {
     Verdict verdict;
     judge_pictures(views, verdict);
-    add(verdict, Grade::fail, "%s", error.c_str());
+    add_reason(verdict, Grade::fail, "%s", error.c_str());
     return verdict;
 }
 
@@ -297,7 +300,8 @@ void judge_bend(const Board &board, const Solution &flat, const Solution &bent, 
                   flat.corners_used) /
         bent.noise_px;
     if (gain < BEND_SIGMAS || height_m < BEND_PASS * width_m) return;
-    add(verdict, Grade::doubtful,
+    add_reason(
+        verdict, Grade::doubtful,
         "the board is bent: its middle is %.1f mm off, expected %.1f mm or less: mount it on a flat "
         "plate, or use --bend yes",
         1e3 * height_m, 1e3 * BEND_PASS * width_m);
@@ -310,25 +314,29 @@ Verdict judge(const std::vector<View> &views, const Solution &solution, double h
     judge_views(solution, verdict);
     Grade grade = grade_of(solution.rms_px, RMS_PASS_PX, RMS_DOUBTFUL_PX);
     if (grade != Grade::pass)
-        add(verdict, grade,
+        add_reason(
+            verdict, grade,
             "RMS error is %.2f px, expected %.1f or less: the board is not flat, its size is wrong, "
             "or the model does not fit the lens",
             solution.rms_px, RMS_PASS_PX);
     const double ratio = held_out_px >= 0 ? held_out_px / solution.rms_px : INFINITY;
     grade = grade_of(ratio, HELD_OUT_PASS, HELD_OUT_DOUBTFUL);
     if (grade != Grade::pass && held_out_px >= 0)
-        add(verdict, grade,
+        add_reason(
+            verdict, grade,
             "pictures that the solve did not see have an error of %.2f px, expected %.2f or less: "
             "take more pictures, or use a model with fewer coefficients",
             held_out_px, HELD_OUT_PASS * solution.rms_px);
     if (held_out_px < 0)
-        add(verdict, Grade::doubtful,
+        add_reason(
+            verdict, Grade::doubtful,
             "no part of the pictures determines the camera without the rest: take more pictures");
     const double focal =
         std::max(solution.stdev[0] / solution.camera.fx, solution.stdev[1] / solution.camera.fy);
     grade = grade_of(focal, FOCAL_PASS, FOCAL_DOUBTFUL);
     if (grade != Grade::pass)
-        add(verdict, grade,
+        add_reason(
+            verdict, grade,
             "the focal length is known to %.2f %%, expected %.1f or better: take pictures with the "
             "board tilted and at different distances",
             100 * focal, 100 * FOCAL_PASS);
@@ -339,7 +347,7 @@ Verdict judge(const std::vector<View> &views, const Solution &solution, double h
     fovea_camera camera = solution.camera;
     fovea_error why;
     if (fovea_camera_prepare(&camera, &why) != FOVEA_OK)
-        add(verdict, Grade::fail, "the model is of no use: %s", why.text);
+        add_reason(verdict, Grade::fail, "the model is of no use: %s", why.text);
     else
         judge_rays(views, solution, camera, verdict);
     return verdict;

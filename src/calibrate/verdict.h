@@ -29,6 +29,16 @@ struct Verdict {
     int views_used = 0, views_with_board = 0;
 };
 
+/* Add a reason, and lower the grade to its. */
+#if defined(__GNUC__)
+__attribute__((format(printf, 3, 4)))
+#endif
+void
+add_reason(Verdict &verdict, Grade grade, const char *format, ...);
+
+/* Grade of a value that is better when smaller. */
+Grade grade_of(double value, double pass, double doubtful);
+
 /* `held_out_px` from held_out_rms_px. Views are those that were solved. */
 Verdict judge(const std::vector<View> &views, const Solution &solution, double held_out_px);
 

@@ -6,7 +6,8 @@
  *  - OpenCV FileStorage YAML, as its calibration programs write it (camera_matrix or cameraMatrix
  *    or K with distortion_coefficients or distCoeffs or D; image_width, image_height;
  *    fisheye_model);
- *  - Kalibr camchain (cam0, cam1, ...) with pinhole projection;
+ *  - Kalibr camchain (cam0, cam1, ...) with pinhole projection, also as fovea-calibrate writes
+ * rigs;
  *  - EuRoC/ASL sensor.yaml;
  *  - ORB-SLAM3 settings (Camera1.fx, ...; the older Camera.fx, ...), PinHole, KannalaBrandt8 and
  *    Rectified;
@@ -56,6 +57,9 @@ struct fv_calibration_record {
     int32_t views, corners;
     double rms_px, noise_px; /* 2-D RMS as OpenCV's; deviation of one coordinate */
     double held_out_rms_px, projection_stdev_px;
+    /* Of the camera's place in its rig: a small rotation about the camera's axes (radians), its
+     * translation (metres). */
+    double place_stdev[6];
     double stdev[4 + FOVEA_LENS_COEFFICIENTS]; /* of fx fy cx cy k...; 0: held, or not stated */
 };
 
@@ -108,6 +112,17 @@ enum fovea_status fv_calibration_format_text(enum fv_calibration_format format,
                                              const struct fv_calibration *calibration,
                                              char text[FV_CALIBRATION_BYTES_MAX],
                                              struct fovea_error *lost, struct fovea_error *error);
+
+/* The cameras of a rig as a camchain, cam0 on; all have a T_body_cam. T_cn_cnm1 leads from each to
+ * the next; where the body is the inertial sensor (`of_imu`), T_cam_imu is stated too. `kalibr`: as
+ * Kalibr reads it, which refuses k3 to k6 as above; else distortion_coeffs lists as many as the
+ * lens has. Reading cam1 and on gives the T_body_cam of T_cam_imu; where that is not stated, the
+ * place before the first camera, which is then the body. Init-only. */
+enum { FV_CALIBRATION_CHAIN_BYTES_MAX = 4 * FV_CALIBRATION_BYTES_MAX }; /* FOVEA_CAMERAS_MAX */
+enum fovea_status fv_calibration_chain_text(const struct fv_calibration *cameras, size_t count,
+                                            bool of_imu, bool kalibr,
+                                            char text[FV_CALIBRATION_CHAIN_BYTES_MAX],
+                                            struct fovea_error *error);
 
 /* Make a camera fit frames of width x height, and prepare it. A size that is not stated becomes the
  * frames'. Another size is refused (FOVEA_ERROR_INPUT), or, when `scale` is set and the shape

@@ -1,6 +1,7 @@
 #include "support/calibration_reader.h"
 
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "fovea/image.h"
@@ -188,6 +189,43 @@ static enum fovea_status read_euroc(const struct fv_calibration_reader *r)
     return fv_calibration_read_transform(r, transform, r->calibration->T_body_cam);
 }
 
+/* The camera before camN in its chain; NULL: there is none. */
+static node *camera_before(const struct fv_calibration_reader *r, node *camera)
+{
+    char key[32];
+    const char *number = camera->key + 3;
+    const long index = strlen(number) <= 4 ? strtol(number, NULL, 10) : 0;
+    if (index <= 0) return NULL;
+    snprintf(key, sizeof key, "cam%ld", index - 1);
+    node *before = fv_yaml_child(r->tree->root, key);
+    return before != NULL && before->kind == FV_YAML_MAPPING ? before : NULL;
+}
+
+/* T_cam_body: T_cam_imu, or through T_cn_cnm1 from the camera before, the first of which is the
+ * body where it has no T_cam_imu. */
+static enum fovea_status read_place(const struct fv_calibration_reader *r, node *camera,
+                                    double T_cam_body[12], bool *placed)
+{
+    double T_cam_last[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0}, step[12], product[12];
+    enum fovea_status status;
+    *placed = false;
+    for (node *each = camera, *before;; each = before) {
+        node *transform = fv_yaml_child(each, "T_cam_imu"),
+             *chained = fv_yaml_child(each, "T_cn_cnm1");
+        before = camera_before(r, each);
+        const bool last = transform != NULL || chained == NULL || before == NULL;
+        if (last && transform == NULL) break;
+        status = fv_calibration_read_transform(r, last ? transform : chained, step);
+        if (status != FOVEA_OK) return status;
+        fv_calibration_multiply(T_cam_last, step, product);
+        memcpy(T_cam_last, product, sizeof product);
+        *placed = true;
+        if (last) break;
+    }
+    memcpy(T_cam_body, T_cam_last, sizeof T_cam_last);
+    return FOVEA_OK;
+}
+
 static enum fovea_status read_kalibr(const struct fv_calibration_reader *r, node *camera)
 {
     r->calibration->format = FV_CALIBRATION_KALIBR;
@@ -195,17 +233,16 @@ static enum fovea_status read_kalibr(const struct fv_calibration_reader *r, node
     enum fovea_status status = read_pinhole_format(r, camera, "distortion_coeffs");
     if (status != FOVEA_OK) return status;
     if ((status = fv_calibration_read_record(r, camera)) != FOVEA_OK) return status;
-    node *transform = fv_yaml_child(camera, "T_cam_imu"),
-         *shift = fv_yaml_child(camera, "timeshift_cam_imu");
+    node *shift = fv_yaml_child(camera, "timeshift_cam_imu");
     r->calibration->has_time_shift = shift != NULL;
     if (shift != NULL &&
         (status = fv_yaml_number(r->tree, shift, -1e3, 1e3, &r->calibration->time_shift_s,
                                  r->error)) != FOVEA_OK)
         return status;
-    if (transform == NULL) return FOVEA_OK;
     double T_cam_body[12] = {0};
-    if ((status = fv_calibration_read_transform(r, transform, T_cam_body)) != FOVEA_OK)
-        return status;
+    bool placed = false;
+    status = read_place(r, camera, T_cam_body, &placed);
+    if (status != FOVEA_OK || !placed) return status;
     fv_calibration_invert(T_cam_body, r->calibration->T_body_cam);
     r->calibration->has_T_body_cam = true;
     return FOVEA_OK;

@@ -35,6 +35,7 @@ enum fovea_status fv_calibration_read_distortion(const struct fv_calibration_rea
 enum fovea_status fv_calibration_read_transform(const struct fv_calibration_reader *r,
                                                 const struct fv_yaml_node *list, double T[12]);
 void fv_calibration_invert(const double T[12], double inverse[12]);
+void fv_calibration_multiply(const double a[12], const double b[12], double product[12]);
 
 enum fovea_status fv_calibration_read_size(const struct fv_calibration_reader *r,
                                            const struct fv_yaml_node *width_node,

@@ -137,6 +137,16 @@ void fv_calibration_put_record(struct fv_calibration_writer *w, int indent,
     put_stated(w, inner, "noise_px", record->noise_px, &first);
     put_stated(w, inner, "held_out_rms_px", record->held_out_rms_px, &first);
     put_stated(w, inner, "projection_stdev_px", record->projection_stdev_px, &first);
+    bool placed = false;
+    for (int i = 0; i < 6; i++)
+        placed |= record->place_stdev[i] != 0;
+    if (placed) {
+        put_key(w, inner, "place_stdev", &first);
+        fv_calibration_put(w, "[");
+        for (int i = 0; i < 6; i++)
+            fv_calibration_put(w, "%s%.12g", i > 0 ? ", " : "", record->place_stdev[i]);
+        fv_calibration_put(w, "]");
+    }
     bool any = false;
     for (int i = 0; i < 4 + FOVEA_LENS_COEFFICIENTS; i++)
         any |= record->stdev[i] != 0;

@@ -152,6 +152,17 @@ void fv_calibration_invert(const double T[12], double inverse[12])
     }
 }
 
+void fv_calibration_multiply(const double a[12], const double b[12], double product[12])
+{
+    for (int i = 0; i < 3; i++) {
+        for (int j = 0; j < 4; j++) {
+            product[4 * i + j] = j == 3 ? a[4 * i + 3] : 0;
+            for (int k = 0; k < 3; k++)
+                product[4 * i + j] += a[4 * i + k] * b[4 * k + j];
+        }
+    }
+}
+
 enum fovea_status fv_calibration_read_size(const struct fv_calibration_reader *r, node *width_node,
                                            node *height_node)
 {
@@ -218,6 +229,10 @@ static enum fovea_status read_record_numbers(const struct fv_calibration_reader 
             return status;
         *counts[i].value = (int32_t)count;
     }
+    node *place = fv_yaml_child(section, "place_stdev");
+    if (place != NULL && (status = fv_yaml_numbers(r->tree, place, 6, 6, record->place_stdev, NULL,
+                                                   r->error)) != FOVEA_OK)
+        return status;
     node *deviations = fv_yaml_child(section, "stdev");
     for (int i = 0; deviations != NULL; i++) {
         const char *key = fv_calibration_parameter_name(r->calibration->camera.lens, i);

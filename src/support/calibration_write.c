@@ -5,6 +5,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "support/calibration_reader.h"
 #include "support/output.h"
 
 static const char *const format_names[FV_CALIBRATION_FORMAT_COUNT] = {
@@ -69,34 +70,49 @@ static bool is_chain_key(const char *name)
            strspn(name + 3, "0123456789") == strlen(name + 3);
 }
 
-static void write_kalibr(struct fv_calibration_writer *w, const struct fv_calibration *c)
+static void put_rows(struct fv_calibration_writer *w, const char *key, const double T[12])
 {
-    const struct fovea_camera *m = &c->camera;
-    const double intrinsics[4] = {m->fx, m->fy, m->cx, m->cy};
-    fv_calibration_put(w, "%s:\n", is_chain_key(c->name) ? c->name : "cam0");
-    if (c->has_T_body_cam) {
-        const double *T = c->T_body_cam;
-        fv_calibration_put(w, "  T_cam_imu:\n");
-        for (int i = 0; i < 3; i++) {
-            const double row[4] = {T[i], T[4 + i], T[8 + i],
-                                   -(T[i] * T[3] + T[4 + i] * T[7] + T[8 + i] * T[11])};
-            fv_calibration_put(w, "  - [");
-            fv_calibration_put_numbers(w, row, 4);
-            fv_calibration_put(w, "]\n");
-        }
+    fv_calibration_put(w, "  %s:\n", key);
+    for (int i = 0; i < 4; i++) {
+        static const double last[4] = {0, 0, 0, 1};
+        fv_calibration_put(w, "  - [");
+        fv_calibration_put_numbers(w, i < 3 ? T + 4 * i : last, 4);
+        fv_calibration_put(w, "]\n");
     }
+}
+
+static void write_kalibr_lens(struct fv_calibration_writer *w, const struct fovea_camera *m)
+{
+    const double intrinsics[4] = {m->fx, m->fy, m->cx, m->cy};
     fv_calibration_put(w, "  camera_model: pinhole\n");
     fv_calibration_put_list(w, "  intrinsics", intrinsics, 4);
     fv_calibration_put(w, "  distortion_model: %s\n",
                        m->lens == FOVEA_LENS_EQUIDISTANT ? "equidistant" : "radtan");
-    fv_calibration_put_list(w, "  distortion_coeffs", m->k, 4);
+    fv_calibration_put_list(w, "  distortion_coeffs", m->k, fv_calibration_coefficient_count(m, 4));
     fv_calibration_put(w, "  resolution: [%d, %d]\n", m->width, m->height);
+}
+
+static void write_kalibr_rest(struct fv_calibration_writer *w, const struct fv_calibration *c,
+                              bool named)
+{
     if (c->has_time_shift) {
         fv_calibration_put(w, "  timeshift_cam_imu: ");
         fv_calibration_put_numbers(w, &c->time_shift_s, 1);
         fv_calibration_put(w, "\n");
     }
-    fv_calibration_put_record(w, 2, c, !is_chain_key(c->name));
+    fv_calibration_put_record(w, 2, c, named);
+}
+
+static void write_kalibr(struct fv_calibration_writer *w, const struct fv_calibration *c)
+{
+    fv_calibration_put(w, "%s:\n", is_chain_key(c->name) ? c->name : "cam0");
+    if (c->has_T_body_cam) {
+        double T_cam_imu[12];
+        fv_calibration_invert(c->T_body_cam, T_cam_imu);
+        put_rows(w, "T_cam_imu", T_cam_imu);
+    }
+    write_kalibr_lens(w, &c->camera);
+    write_kalibr_rest(w, c, !is_chain_key(c->name));
 }
 
 static void write_euroc(struct fv_calibration_writer *w, const struct fv_calibration *c)
@@ -222,6 +238,53 @@ enum fovea_status fv_calibration_format_text(enum fv_calibration_format format,
     uselocale(before);
     freelocale(c);
     name_lost(format, calibration, lost);
+    return FOVEA_OK;
+}
+
+/* T_cn_cnm1: from the camera before this one. */
+static void chain_step(const struct fv_calibration *before, const struct fv_calibration *c,
+                       double T[12])
+{
+    double T_cam_body[12];
+    fv_calibration_invert(c->T_body_cam, T_cam_body);
+    fv_calibration_multiply(T_cam_body, before->T_body_cam, T);
+}
+
+enum fovea_status fv_calibration_chain_text(const struct fv_calibration *cameras, size_t count,
+                                            bool of_imu, bool kalibr,
+                                            char text[FV_CALIBRATION_CHAIN_BYTES_MAX],
+                                            struct fovea_error *error)
+{
+    size_t used = 0;
+    for (size_t i = 0; i < count; i++) {
+        const struct fv_calibration *c = &cameras[i];
+        const enum fovea_status status =
+            refuse_lossy(kalibr ? FV_CALIBRATION_KALIBR : FV_CALIBRATION_ROS, &c->camera, error);
+        if (status != FOVEA_OK) return status;
+    }
+    const locale_t c_locale = newlocale(LC_ALL_MASK, "C", (locale_t)0);
+    if (c_locale == (locale_t)0)
+        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "locale \"C\": %s", strerror(errno));
+    const locale_t before = uselocale(c_locale);
+    for (size_t i = 0; i < count; i++) {
+        const struct fv_calibration *c = &cameras[i];
+        struct fv_calibration_writer w = {.text = text + used};
+        double T[12];
+        fv_calibration_put(&w, "cam%zu:\n", i);
+        if (of_imu) {
+            fv_calibration_invert(c->T_body_cam, T);
+            put_rows(&w, "T_cam_imu", T);
+        }
+        if (i > 0) {
+            chain_step(&cameras[i - 1], c, T);
+            put_rows(&w, "T_cn_cnm1", T);
+        }
+        write_kalibr_lens(&w, &c->camera);
+        write_kalibr_rest(&w, c, true);
+        used += w.used;
+    }
+    uselocale(before);
+    freelocale(c_locale);
     return FOVEA_OK;
 }
 

@@ -1,0 +1,190 @@
+/* fovea-calibrate rig: pictures of a board by several cameras to their places and a verdict. */
+#include "calibrate/command.h"
+#include "calibrate/compare.h"
+#include "calibrate/choose_model.h"
+#include "calibrate/pictures.h"
+#include "calibrate/rig_report.h"
+#include "calibrate/text_file.h"
+#include "fovea/rig.h"
+#include "support/text.h"
+extern "C" {
+#include "support/say.h"
+}
+
+namespace calibrate
+{
+namespace
+{
+
+constexpr int VIEWS_MAX_DEFAULT = 40, VIEWS_MAX_LIMIT = 500, FOLDS = 5;
+
+struct Given {
+    std::string target, model = "auto", format = "rig", out, json, report, views;
+    std::vector<std::string> sources, cameras;
+};
+
+int check(const Given &given, Board &board, std::vector<Model> &models, int64_t &views_max)
+{
+    const std::string first = given.sources.empty() ? "" : given.sources[0];
+    int status = source_check("rig", first, given.target, board);
+    if (status != FV_EXIT_OK) return status;
+    if (given.sources.size() > FOVEA_CAMERAS_MAX)
+        return fv_say_wrong("fovea-calibrate rig: found --source %zu times, expected at most %d "
+                            "cameras",
+                            given.sources.size(), FOVEA_CAMERAS_MAX);
+    if (!models_of(given.model, models))
+        return fv_say_wrong("--model: found '%s', expected auto, radtan, rational or equidistant",
+                            given.model.c_str());
+    if (given.format != "rig" && given.format != "kalibr")
+        return fv_say_wrong("--format: found '%s', expected rig or kalibr", given.format.c_str());
+    views_max = VIEWS_MAX_DEFAULT;
+    if (!given.views.empty() && (!fv_text_integer(given.views.c_str(), &views_max) ||
+                                 views_max < 2 || views_max > VIEWS_MAX_LIMIT))
+        return fv_say_wrong("--views: found '%s', expected a number from 2 to %d",
+                            given.views.c_str(), VIEWS_MAX_LIMIT);
+    std::vector<NamedFile> read;
+    for (const std::string &source : given.sources)
+        read.push_back({"--source", source, true});
+    for (const std::string &camera : given.cameras)
+        read.push_back({"--camera", camera, false});
+    return files_check({{"--out", given.out, false},
+                        {"--json", given.json, false},
+                        {"--report", given.report, false}},
+                       read);
+}
+
+/* The lens of each camera from its file, where files are given. */
+int read_cameras(const Given &given, std::vector<RigInput> &inputs)
+{
+    if (given.cameras.empty()) return FV_EXIT_OK;
+    if (given.cameras.size() != inputs.size())
+        return fv_say_wrong("fovea-calibrate rig: found --camera %zu times, expected once for each "
+                            "of %zu cameras, or not at all",
+                            given.cameras.size(), inputs.size());
+    for (size_t k = 0; k < inputs.size(); k++) {
+        RigInput &input = inputs[k];
+        const int status =
+            read_camera(given.cameras[k], input.camera.width, input.camera.height, input.camera);
+        if (status != FV_EXIT_OK) return status;
+        input.model = model_of(input.camera);
+        input.held = true;
+    }
+    return FV_EXIT_OK;
+}
+
+/* The best model of each camera whose lens is not known, from its own pictures. Its verdict on the
+ * lens is a part of the rig's. */
+void choose_models(const std::vector<Model> &models, const std::vector<Collection> &collections,
+                   RigReport &report, Verdict &lenses)
+{
+    for (size_t k = 0; k < report.inputs.size(); k++) {
+        RigInput &input = report.inputs[k];
+        if (input.held) continue;
+        Report alone;
+        SolveOptions options;
+        options.four_coefficients = input.four_coefficients;
+        alone.board = report.board;
+        solve_and_judge(collections[k], models, options, alone);
+        input.model = alone.solution.model;
+        for (const Reason &reason : alone.verdict.reasons)
+            add_reason(lenses, reason.grade, "cam%zu: %s", k, reason.text.c_str());
+    }
+}
+
+void solve_and_judge_rig(RigReport &report, const Verdict &lenses)
+{
+    std::string error;
+    if (!solve_rig(report.board, report.inputs, report.solution, error)) {
+        report.solution = RigSolution();
+        report.verdict = lenses;
+        add_reason(report.verdict, Grade::fail, "%s", error.c_str());
+        return;
+    }
+    report.epipolar_px = epipolar_rms_px(report.inputs, report.solution, {});
+    report.held_out_px = held_out_epipolar_px(report.board, report.inputs, report.solution, FOLDS);
+    report.verdict = judge_rig(report.inputs, report.solution, report.held_out_px);
+    for (const Reason &reason : lenses.reasons)
+        add_reason(report.verdict, reason.grade, "%s", reason.text.c_str());
+}
+
+int write(const Given &given, const RigReport &report)
+{
+    int status = FV_EXIT_OK;
+    if (!given.json.empty()) status = write_text(given.json, rig_json(report));
+    if (status == FV_EXIT_OK && !given.report.empty())
+        status = write_text(given.report, rig_html(report));
+    if (status != FV_EXIT_OK || given.out.empty()) return status;
+    if (report.verdict.grade == Grade::fail) {
+        fv_say("%s: not written, as the calibration fails", given.out.c_str());
+        return FV_EXIT_OK;
+    }
+    std::string text;
+    fovea_error error;
+    if (rig_chain(report, given.format == "kalibr", text, &error) != FOVEA_OK)
+        return fv_say_wrong("%s: %s", given.out.c_str(), error.text);
+    return write_text(given.out, text);
+}
+
+} // namespace
+
+int command_rig(int argc, char **argv)
+{
+    Given given;
+    const std::vector<Option> options = {
+        {"source", "URI|FOLDER", nullptr,
+         "source with several cameras; or, once for each camera, a folder or a recording",
+         &given.sources},
+        {"target", "BOARD", &given.target,
+         "board, as chessboard:9x6:0.025; see --man for the others", nullptr},
+        {"camera", "FILE", nullptr,
+         "once for each camera, in their order: its camera file; its lens is kept", &given.cameras},
+        {"model", "MODEL", &given.model,
+         "of cameras without a file: auto (default), radtan, rational or equidistant", nullptr},
+        {"out", "FILE", &given.out, "write the camchain; not when the verdict is fail", nullptr},
+        {"format", "FORMAT", &given.format,
+         "of --out: rig (default: a camchain with all coefficients), or kalibr, which has no k3 to "
+         "k6",
+         nullptr},
+        {"json", "FILE", &given.json, "write the verdict with all its numbers", nullptr},
+        {"report", "FILE", &given.report, "write the verdict as one HTML file", nullptr},
+        {"views", "N", &given.views, "pictures to take of each camera from a URI (default 40)",
+         nullptr},
+    };
+    std::vector<std::string> operands;
+    int status;
+    if (!options_parse(argc, argv, options, "", 0, operands, &status)) return status;
+    RigReport report;
+    std::vector<Model> models;
+    int64_t views_max;
+    status = check(given, report.board, models, views_max);
+    if (status != FV_EXIT_OK) return status;
+    std::vector<Collection> collections;
+    fovea_error why;
+    if (collect_rig(given.sources, report.board, (int)views_max, collections, &why) != FOVEA_OK)
+        return fv_say_wrong("%s", why.text);
+    for (size_t k = 0; k < collections.size(); k++) {
+        RigInput input;
+        input.source = given.sources.size() > 1 ? given.sources[k] : given.sources[0];
+        if (collections[k].width == 0)
+            return fv_say_wrong("%s: found no board in its pictures, expected %s",
+                                input.source.c_str(), report.board.text().c_str());
+        leave_out_blurred(collections[k].views);
+        input.camera.width = collections[k].width;
+        input.camera.height = collections[k].height;
+        input.views = collections[k].views;
+        input.four_coefficients = given.format == "kalibr";
+        report.inputs.push_back(input);
+    }
+    status = read_cameras(given, report.inputs);
+    if (status != FV_EXIT_OK) return status;
+    report.date = now_text();
+    Verdict lenses;
+    choose_models(models, collections, report, lenses);
+    solve_and_judge_rig(report, lenses);
+    rig_print(report);
+    status = write(given, report);
+    if (status != FV_EXIT_OK) return status;
+    return report.verdict.grade == Grade::fail ? FV_EXIT_FAILED : FV_EXIT_OK;
+}
+
+} // namespace calibrate
