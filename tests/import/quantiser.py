@@ -13,7 +13,7 @@ import numpy as np
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 TOOL = os.path.join(HERE, "..", "..", "tools", "import")
-sys.path[:0] = [HERE, TOOL]
+sys.path[:0] = [HERE, TOOL, os.path.join(HERE, "..", "..", "tools", "train")]
 
 from builder import Builder  # noqa: E402
 
@@ -157,6 +157,44 @@ def known(bench):
     bench.holds(f"a known network loses {said(done.stdout)[1]:g} %", said(done.stdout)[1] < 3 and "decoder classifier" in done.stdout, done)
 
 
+def precision(bench):
+    """AP beside that of what `fovea detect` finds with the model file, on photographs with labels."""
+    from real import real
+    data = os.environ.get("FOVEA_DATA", os.path.join(HERE, "..", "..", "..", "shared", "data"))
+    program = os.path.join(os.environ.get("BUILD", os.path.join(HERE, "..", "..", "build")), "fovea")
+    model, photographs = os.path.join(data, "models", "yolov8n_full_integer_quant_224.tflite"), os.path.join(data, "coco_32")
+    if not os.path.exists(model) or not os.path.exists(program):
+        print("SKIPPED average precision: no yolov8n_full_integer_quant_224.tflite in $FOVEA_DATA/models, or no program")
+        return
+    with open(model, "rb") as file:
+        path = bench.path("boxes.tflite", real(file.read()))
+    arguments = ["--mean", "0", "--scale", str(1 / 255), "--fit", "letterbox", "--score", "0.01"]
+    done = bench.tool("--quantise", path, photographs, "--labels", photographs, "-o", bench.path("boxes.fvm"), *arguments)
+    found = re.search(r"whatever their class: (\d+) objects, AP ([0-9.]+) of real numbers, ([0-9.]+) of bytes", done.stdout)
+    bench.holds("average precision is said", found is not None, done)
+    if found is None:
+        return
+    import judge
+    import json
+    from PIL import Image
+    files = sorted(os.path.join(photographs, n) for n in os.listdir(photographs) if n.endswith(".jpg"))
+    seen = subprocess.run([program, "detect", "--model", bench.path("boxes.fvm"), *files], capture_output=True, text=True, check=True).stdout.splitlines()
+    rows, truth = [], []
+    for name, line in zip(files, seen):
+        width, height = Image.open(name).size
+        rows.append(np.array([[0, *d["box_px"], d["score"]] for d in json.loads(line)["detections"]], float).reshape(-1, 6))
+        with open(name[:-4] + ".txt", encoding="utf-8") as file:
+            v = np.array([line.split() for line in file], float).reshape(-1, 5)
+        x, y, w, h = v[:, 1] * width, v[:, 2] * height, v[:, 3] * width, v[:, 4] * height
+        truth.append(np.stack([0 * x, x - w / 2, y - h / 2, x + w / 2, y + h / 2, 1 + 0 * x], 1))
+    count, value = judge.figures(rows, truth, 1)[0][:2]
+    bench.holds(f"on all objects, {count}", int(found[1]) == count, found[1])
+    bench.holds(f"it is that of `fovea detect`, {value:.3f} beside {found[3]}", abs(float(found[3]) - value) < 0.02, value)
+    bench.holds(f"bytes lose little of {found[2]}", abs(float(found[2]) - float(found[3])) < 0.05 and float(found[2]) > 0.3, found[0])
+    bench.refused("labels of other pictures", "found no label file for any of the pictures", "--quantise", path, photographs, "--labels", bench.folder, *arguments)
+    bench.refused("a folder of labels without --quantise", "goes with --quantise", bench.path("boxes.int8.tflite"), "--labels", photographs)
+
+
 def refuses(bench):
     folder = os.path.join(bench.folder, "pictures")
     model = bench.path("real.tflite")
@@ -191,6 +229,7 @@ def main():
         quantises(bench, False)
         quantises(bench, True)
         known(bench)
+        precision(bench)
         refuses(bench)
     return 1 if bench.wrong else 0
 

@@ -115,7 +115,7 @@ def put(path, data):
 
 
 def quantise_first(arguments, output):
-    """From here on the model is the quantised one, which is left beside the output."""
+    """From here on the model is the quantised one, which is left beside the output; returns what average precision needs."""
     import from_onnx
     import quantise
     target = os.path.splitext(output)[0] + ".int8.tflite"
@@ -127,9 +127,19 @@ def quantise_first(arguments, output):
             model = os.path.join(folder, "real.tflite")
             for line in from_onnx.run(arguments.model, model, arguments):
                 print(line)
-        for line in quantise.run(model, target, arguments, use.archive(model)[1]):
-            print(line)
+        lines, tried = quantise.run(model, target, arguments, use.archive(model)[1])
+    print("\n".join(lines))
     arguments.model = target
+    return tried
+
+
+def print_precision(tried, arguments, figures):
+    import precision
+    own, _ = use.archive(arguments.model)
+    labels, outputs = use.labels_of(arguments, own), tried.before.outputs
+    kind = figures["decoder"] or arguments.decoder
+    classes = len(labels) or (int(outputs[0]["shape"][1]) - 4 if kind == "yolov8" else int(outputs[0]["shape"][2]) - 5)
+    print("\n".join(precision.lines(kind, tried, arguments.labels, labels, classes)))
 
 
 def complain(text):
@@ -151,13 +161,15 @@ def main():
     arguments = parser.parse_intermixed_args()
     if arguments.pictures and not arguments.quantise:
         return complain(f"{arguments.pictures[0]}: found a second file, expected one model (pictures go with --quantise)")
-    output = arguments.output or os.path.splitext(arguments.model)[0] + ".fvm"
+    output, tried = arguments.output or os.path.splitext(arguments.model)[0] + ".fvm", None
     try:
         if arguments.quantise:
-            quantise_first(arguments, output)
+            tried = quantise_first(arguments, output)
         data, figures = convert(arguments.model, arguments, not arguments.no_fold)
         if os.path.exists(output) and os.path.samefile(output, arguments.model):
             return complain(f"-o {output}: found the model that is read, expected another file")
+        if tried is not None and figures is not None and arguments.labels is not None and os.path.isdir(arguments.labels):
+            print_precision(tried, arguments, figures)
     except graph_module.ImportProblem as problem:
         return complain(f"{arguments.model}: {problem}")
     except OSError as problem:

@@ -7,6 +7,7 @@ import os
 import sys
 import warnings
 import zipfile
+from typing import NamedTuple
 
 import numpy as np
 
@@ -56,18 +57,27 @@ class Pictures:
         self.channels, self.height, self.width = sizes[1:] if self.planar else (sizes[3], sizes[1], sizes[2])
         self.mean, self.scale, self.letterbox, self.order = mean, scale, letterbox, order
 
+    def area(self, picture):
+        """Where the picture lies in the input: left, top, width, height."""
+        width, height = self.width, self.height
+        if self.letterbox:
+            ratio = min(self.width / picture.width, self.height / picture.height)
+            width, height = max(1, round(picture.width * ratio)), max(1, round(picture.height * ratio))
+        return (self.width - width) // 2, (self.height - height) // 2, width, height
+
+    def placed(self, path):
+        from PIL import Image
+        with Image.open(path) as picture:
+            return self.area(picture)
+
     def read(self, path):
         from PIL import Image
         try:
             picture = Image.open(path).convert("L" if self.channels == 1 else "RGB")
         except OSError as problem:
             raise ImportProblem(f"{path}: not a picture that can be read ({str(problem)[:80]})") from problem
-        width, height = self.width, self.height
-        if self.letterbox:
-            ratio = min(self.width / picture.width, self.height / picture.height)
-            width, height = max(1, round(picture.width * ratio)), max(1, round(picture.height * ratio))
+        left, top, width, height = self.area(picture)
         full = np.full((self.height, self.width, self.channels), 114, np.float32)
-        top, left = (self.height - height) // 2, (self.width - width) // 2
         full[top:top + height, left:left + width] = np.asarray(picture.resize((width, height), Image.Resampling.BILINEAR), np.float32).reshape(
             height, width, self.channels)
         full = full[:, :, ::-1] if self.order == "bgr" else full
@@ -155,6 +165,15 @@ class Net:
         return (value.astype(np.float64) - zero) * scale if scale else value.astype(np.float64)
 
 
+class Tried(NamedTuple):
+    before: Net
+    after: Net
+    pictures: Pictures
+    files: list
+    values: list
+    aside: range  # of the files: not seen by the quantiser
+
+
 def losses(before, after, values):
     """A line for each output: the root of the mean square of the differences beside that of the numbers."""
     pairs = [(before(v), after(v)) for v in values]
@@ -199,7 +218,7 @@ def habits(options, metadata):
 
 
 def run(path, target, arguments, metadata):
-    """Write the int8 model to `target`; returns the lines to print."""
+    """Write the int8 model to `target`; returns the lines to print, and what average precision needs."""
     fit, mean, scale = habits(vars(arguments), metadata)
     with open(path, "rb") as file:
         raw = file.read()
@@ -213,7 +232,8 @@ def run(path, target, arguments, metadata):
             values = [pictures.read(p) for p in files]
             kept = values[HOLD_OUT - 1::HOLD_OUT] if len(values) >= 2 * HOLD_OUT else []
             made = quantised(data, [v for i, v in enumerate(values) if not kept or i % HOLD_OUT != HOLD_OUT - 1])
-            lines = losses(Net(data), Net(made), kept or values)
+            tried = Tried(Net(data), Net(made), pictures, files, values, range(HOLD_OUT - 1, len(values), HOLD_OUT) if kept else range(0))
+            lines = losses(tried.before, tried.after, kept or values)
     except (ImportProblem, OSError, KeyboardInterrupt, MemoryError):
         raise
     except Exception as problem:  # whatever the quantiser's libraries raise on a model that they do not take
@@ -221,4 +241,5 @@ def run(path, target, arguments, metadata):
     write(path, target, made)
     low, high = (0 - mean) * scale, (255 - mean) * scale
     where = f"{len(kept)} that it did not see" if kept else "the same ones"
-    return [f"quantised on {len(values) - len(kept)} pictures as {low:.3g} to {high:.3g} ({fit}); losses on {where}", *lines, f"{target}: {len(made)} bytes"]
+    text = [f"quantised on {len(values) - len(kept)} pictures as {low:.3g} to {high:.3g} ({fit}); losses on {where}", *lines, f"{target}: {len(made)} bytes"]
+    return text, tried

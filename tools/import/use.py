@@ -1,5 +1,6 @@
 """How a model is used: preprocessing, labels and decoder, from the model (choose.py) and from options."""
 import argparse
+import os
 import struct
 
 import numpy as np
@@ -16,7 +17,8 @@ ORDERS = {"rgb": 0, "bgr": 1, "grey": 2}
 
 
 def add_arguments(parser):
-    parser.add_argument("--labels", help="text file, one label per line (`index name` lines are understood)")
+    parser.add_argument("--labels", help="text file, one label per line (`index name` lines are understood); with --quantise also a folder of "
+                        "label files (YOLO's, classes.txt), for average precision")
     parser.add_argument("--decoder", choices=DECODERS, help="default: the one that outputs, scores and metadata agree on; none: raw outputs only")
     parser.add_argument("--outputs", action="append", default=[], metavar="NAME",
                         help="end the network in this tensor, and leave out what only others need; may be given several times")
@@ -58,6 +60,16 @@ def read_labels(path):
     if len(lines) > LABELS_MAX or any("\0" in line for line in lines):
         raise ImportProblem(f"{path}: found {len(lines)} labels, expected at most {LABELS_MAX} without zero bytes")
     return arrange(lines)
+
+
+def labels_of(arguments, own):
+    """Of the file that is named; of a folder its classes.txt, where the model brings no labels along."""
+    if not os.path.isdir(arguments.labels):
+        return read_labels(arguments.labels)
+    if not arguments.quantise:
+        raise ImportProblem(f"--labels {arguments.labels}: found a folder, expected a text file (a folder of label files goes with --quantise)")
+    path = os.path.join(arguments.labels, "classes.txt")
+    return own or (read_labels(path) if os.path.exists(path) else [])
 
 
 def arrange(lines):
@@ -128,7 +140,7 @@ def describe(path, graph, net, arguments):
         add_arguments(arguments)
         arguments = arguments.parse_args([])
     labels, metadata = archive(path)
-    labels = labels if arguments.labels is None else read_labels(arguments.labels)
+    labels = labels if arguments.labels is None else labels_of(arguments, labels)
     evidence = choose.Evidence(graph, labels, metadata, arguments)
     kind, is_chosen = chosen(evidence, arguments)
     known = details.of(kind, evidence, arguments)

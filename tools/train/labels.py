@@ -3,7 +3,6 @@ import glob
 import json
 import os
 
-import cv2
 import numpy as np
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".webp")
@@ -14,6 +13,7 @@ class LabelProblem(Exception):
 
 
 def read_image(path):
+    import cv2
     image = cv2.imread(path, cv2.IMREAD_GRAYSCALE)
     if image is None:
         raise LabelProblem(f"{path}: not a picture that can be read")
