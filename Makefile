@@ -80,7 +80,7 @@ ROOMS     := base image features geometry odometry scale map nn detect objects m
 CORE_C    := $(KERNELS) $(foreach r,$(ROOMS),$(wildcard src/$(r)/*.c))
 CORE_C    := $(filter-out $(if $(filter no,$(SURF)),src/features/surf%.c),$(CORE_C))
 # What no loop runs stands at the end, for the same reason: features and operations of the commands.
-LAST_C    := $(filter src/kernels/%_c.c $(addprefix src/features/,extract.c harris.c patch.c quadratic.c ranked.c scale_space.c sift%.c strongest.c surf%.c) \
+LAST_C    := $(filter src/kernels/%_c.c $(addprefix src/features/,extract.c harris.c patch.c quadratic.c ranked.c response.c scale_space.c sift%.c strongest.c surf%.c) \
              $(addprefix src/image/,contrast.c edges.c filters.c hysteresis.c preprocess.c region.c segments.c tables.c white_balance.c) \
              $(addprefix src/kernels/x86/,edge_% filter_% response_% bilateral_%),$(CORE_C))
 CORE_C    := $(filter-out $(LAST_C),$(CORE_C)) $(LAST_C)
@@ -239,6 +239,7 @@ evaluate: all $(BUILD)/venv-sweep/ready $(BUILD)/venv-objects/ready  ## the reco
 	$(BUILD)/venv-sweep/bin/python tools/evaluate odometry --binary $(BUILD)/fovea
 	$(BUILD)/venv-sweep/bin/python tools/evaluate road --binary $(BUILD)/fovea
 	$(BUILD)/venv-sweep/bin/python tools/evaluate operations --binary $(BUILD)/fovea
+	$(BUILD)/venv-sweep/bin/python tools/evaluate features_odometry --binary $(BUILD)/fovea
 	$(BUILD)/venv-objects/bin/python tools/evaluate/objects.py --fovea $(BUILD)/fovea --output tools/evaluate/objects.md
 
 # Feature methods over changes of photographs, by OpenCV's image functions.

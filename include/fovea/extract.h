@@ -19,25 +19,13 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "fovea/features.h"
 #include "fovea/image.h"
 #include "fovea/status.h"
 
 #ifdef __cplusplus
 extern "C" {
 #endif
-
-enum fovea_feature_method {
-    /* FAST corners on every level of a pyramid, the best by Harris' measure, with orientations */
-    FOVEA_FEATURES_ORB = 0,
-    FOVEA_FEATURES_FAST = 1,       /* FAST corners of the image itself */
-    FOVEA_FEATURES_SIFT = 2,       /* extremes of differences of Gaussians in scale */
-    FOVEA_FEATURES_HARRIS = 3,     /* corners by det - k trace^2 of the matrix of derivatives */
-    FOVEA_FEATURES_SHI_TOMASI = 4, /* corners by its least eigenvalue */
-    /* maxima of the determinant of the Hessian in scale, by sums over boxes. Builds with SURF=no
-     * leave it out: then it is refused */
-    FOVEA_FEATURES_SURF = 5,
-    FOVEA_FEATURE_METHOD_COUNT
-};
 
 enum fovea_descriptor {
     FOVEA_DESCRIPTOR_BINARY = 0, /* 32 bytes: 256 bits, compared by Hamming distance */
@@ -54,7 +42,9 @@ enum fovea_descriptor {
 enum { FOVEA_EXTRACT_COUNT_MAX = 20000 };
 
 struct fovea_extract_config {
-    enum fovea_feature_method method; /* default ORB */
+    /* FAST, HARRIS and SHI_TOMASI find corners of the image itself, ORB on every level of a pyramid
+     * and with orientations */
+    enum fovea_feature_method method;
     /* default: the method's own. SIFT and SURF have FLOAT alone, the others BINARY (their own) or
      * PATCH */
     enum fovea_descriptor descriptor;

@@ -253,13 +253,13 @@ static void surf_run(struct fovea_extract *extract, const struct fovea_image *im
 #endif
 
 static const struct method methods[FOVEA_FEATURE_METHOD_COUNT] = {
-    [FOVEA_FEATURES_ORB] = {"orb", FOVEA_DESCRIPTOR_BINARY, true, false, orb_carve, orb_run},
     [FOVEA_FEATURES_FAST] = {"fast", FOVEA_DESCRIPTOR_BINARY, true, true, fast_carve, fast_run},
-    [FOVEA_FEATURES_SIFT] = {"sift", FOVEA_DESCRIPTOR_FLOAT, false, false, sift_carve, sift_run},
+    [FOVEA_FEATURES_ORB] = {"orb", FOVEA_DESCRIPTOR_BINARY, true, false, orb_carve, orb_run},
     [FOVEA_FEATURES_HARRIS] = {"harris", FOVEA_DESCRIPTOR_BINARY, true, true, harris_carve,
                                harris_run},
     [FOVEA_FEATURES_SHI_TOMASI] = {"shi_tomasi", FOVEA_DESCRIPTOR_BINARY, true, true, harris_carve,
                                    harris_run},
+    [FOVEA_FEATURES_SIFT] = {"sift", FOVEA_DESCRIPTOR_FLOAT, false, false, sift_carve, sift_run},
     [FOVEA_FEATURES_SURF] = {"surf", FOVEA_DESCRIPTOR_FLOAT, false, false, surf_carve, surf_run},
 };
 

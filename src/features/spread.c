@@ -160,6 +160,43 @@ void fv_spread_offer(struct fv_spread *spread, uint32_t level, int32_t x, int32_
     cell->count = (uint8_t)(cell->count + (cell->count < FV_SPREAD_KEPT));
 }
 
+/* Score the corners of a cell anew, and sort them. */
+static void score_cell(struct fv_spread_cell *cell, uint8_t level, uint8_t threshold,
+                       fv_spread_measure_fn *measure, const void *context)
+{
+    const bool strong = score_of(cell->best[0]) >= threshold;
+    uint64_t sorted[FV_SPREAD_KEPT] = {0};
+    uint8_t count = 0;
+    for (int i = 0; i < cell->count; i++) {
+        const uint64_t kept = cell->best[i];
+        if (strong && score_of(kept) < threshold) break;
+        const struct fv_corner corner = corner_of(kept, level);
+        const uint64_t scored = kept_of(
+            corner.x, corner.y, measure(context, level, corner.x, corner.y), field_of_kept(kept));
+        int at = count++;
+        for (; at > 0 && sorted[at - 1] < scored; at--)
+            sorted[at] = sorted[at - 1];
+        sorted[at] = scored;
+    }
+    cell->count = count;
+    memcpy(cell->best, sorted, sizeof sorted);
+}
+
+void fv_spread_score(struct fv_spread *spread, fv_spread_measure_fn *measure, const void *context)
+{
+    for (uint32_t i = 0; i < spread->levels; i++) {
+        const struct fv_spread_level *level = &spread->level[i];
+        for (int32_t k = 0; k < level->columns * level->rows; k++)
+            score_cell(&level->cells[k], (uint8_t)i, spread->threshold, measure, context);
+    }
+    for (int i = 0; i < FV_SPREAD_FIELDS; i++) {
+        struct fv_corner *corner = &spread->cover[i];
+        if (corner->score > 0)
+            corner->score = measure(context, corner->level, corner->x, corner->y);
+    }
+    spread->threshold = 0; /* it is of the other measure, and weak ones are left out */
+}
+
 /* Corners of a level by score, those only that may be picked for their strength. */
 struct ranking {
     uint32_t total, room; /* of them `room` are picked */

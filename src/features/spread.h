@@ -40,7 +40,7 @@ enum {
 struct fv_corner {
     uint16_t x, y;
     uint8_t level;
-    uint8_t score; /* FAST score: largest threshold at which it still is a corner */
+    uint8_t score; /* see struct fovea_feature */
 };
 
 struct fv_spread_cell {
@@ -90,6 +90,12 @@ void fv_spread_begin(struct fv_spread *spread, uint32_t count, uint8_t threshold
 /* Offer a corner with a score of at least 1; calls come by level from coarse to fine, in raster
  * order. Constant time. */
 void fv_spread_offer(struct fv_spread *spread, uint32_t level, int32_t x, int32_t y, uint8_t score);
+
+/* Give the corners that are kept, at most FV_SPREAD_KEPT of each cell and one of each field, scores
+ * of another measure, at least 1; weak ones of cells that have strong ones are left out before.
+ * Once, between the last offer and the picking. Time: at most as many calls as corners are kept. */
+typedef uint8_t fv_spread_measure_fn(const void *context, uint32_t level, int32_t x, int32_t y);
+void fv_spread_score(struct fv_spread *spread, fv_spread_measure_fn *measure, const void *context);
 
 /* Pick the corners, by level from coarse to fine and cell by cell; returns how many. */
 uint32_t fv_spread_pick(struct fv_spread *spread, struct fv_corner *corners);

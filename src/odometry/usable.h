@@ -1,7 +1,7 @@
 /* Pictures that are of no use: blurred, or frozen. Black ones have no features, and lose the
  * camera.
  *
- * Blurred: the mean FAST score of a picture's features is far below that of the pictures before it.
+ * Blurred: the mean score of a picture's features is far below that of the pictures before it.
  * From one picture to the next it changes by a fifth at most on recordings and in simulation, and a
  * blur of 2 px (standard deviation), or 15 px of motion, halves it. Exposure changes it slowly, and
  * is followed.

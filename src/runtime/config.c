@@ -243,6 +243,17 @@ bool fv_config_movable(const struct fovea_config *config)
     return any != 0;
 }
 
+/* Pictures have more methods than the loop. */
+static enum fovea_status check_method(enum fovea_feature_method method, struct fovea_error *error)
+{
+    if (method != FOVEA_FEATURES_SIFT && method != FOVEA_FEATURES_SURF) return FOVEA_OK;
+    return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                           "features.method: found %s, expected fast, orb, harris or shi_tomasi: "
+                           "the loop compares binary descriptors, which %s has not",
+                           method == FOVEA_FEATURES_SIFT ? "sift" : "surf",
+                           method == FOVEA_FEATURES_SIFT ? "sift" : "surf");
+}
+
 /* Limits that depend on another key. */
 static enum fovea_status check_pairs(const struct fovea_config *config, struct fovea_error *error)
 {
@@ -317,7 +328,7 @@ enum fovea_status fv_config_check(const struct fovea_config *config, struct fove
 {
     if (config == NULL)
         return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "config: found NULL, expected one");
-    enum fovea_status status = FOVEA_OK;
+    enum fovea_status status = check_method(config->features.method, error);
     for (size_t i = 0; i < sizeof keys / sizeof keys[0] && status == FOVEA_OK; i++)
         status = check_key(&keys[i], config, error);
     if (status == FOVEA_OK) status = check_rig(&config->rig, error);

@@ -48,6 +48,7 @@ static void make_settings(const struct short_run *run, struct fv_settings *setti
         config->rig.cameras[1].camera.height = run->height * 3 / 4;
     }
     config->features.count_max = run->features;
+    config->features.method = run->method;
     config->odometry.keyframes =
         8; /* a block of 2 MB in place of 7: clearing it takes most of a replay */
     config->odometry.landmarks = 1000;

@@ -6,6 +6,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "fovea/features.h"
 #include "fovea/sensor.h"
 
 enum {
@@ -22,6 +23,7 @@ struct short_run {
      * every kind per iteration (short_run_samples) */
     bool rig;
     uint32_t features; /* most per frame; granted are 50 fewer at first, one more each iteration */
+    enum fovea_feature_method method;
 };
 
 /* The samples of iteration n, SHORT_RUN_SAMPLES of them: no two have the same values. */

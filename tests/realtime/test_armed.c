@@ -331,6 +331,30 @@ static void ten_thousand_steps_call_nothing(void **state)
         assert_true(tally->jobs_done[job] > 100);
 }
 
+/* The other methods of features, over the first of the way and pictures that fit nothing. */
+static void further_methods_call_nothing(void **state)
+{
+    struct fovea *const of_fast = rt;
+    (void)state;
+    for (int m = FOVEA_FEATURES_ORB; m <= FOVEA_FEATURES_SHI_TOMASI; m++) {
+        struct fovea_config other = config;
+        struct fovea_error error;
+        size_t bytes;
+        int filtered;
+        other.features.method = (enum fovea_feature_method)m;
+        assert_int_equal(fovea_size(&other, &bytes, &error), FOVEA_OK);
+        void *memory = map_pages(bytes, MAP_PRIVATE);
+        assert_non_null(memory);
+        assert_int_equal(fovea_init(memory, bytes, &other, &rt, &error), FOVEA_OK);
+        const int status = run_child(NOTHING, 150, &filtered);
+        assert_true(WIFEXITED(status));
+        assert_int_equal(WEXITSTATUS(status), 0);
+        assert_true(tally->posed > 100);
+        munmap(memory, bytes);
+    }
+    rt = of_fast;
+}
+
 static void planted_calls_are_seen(void **state)
 {
     (void)state;
@@ -346,6 +370,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(ten_thousand_steps_call_nothing),
+        cmocka_unit_test(further_methods_call_nothing),
         cmocka_unit_test(planted_calls_are_seen),
     };
     return cmocka_run_group_tests(tests, build, NULL);

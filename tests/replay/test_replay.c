@@ -126,6 +126,28 @@ static void test_equal(void **state)
                 2 * ITERATIONS - 3); /* features, camera status and some previews */
 }
 
+/* With each method, which the recording names: another one gives other features. */
+static void test_methods(void **state)
+{
+    (void)state;
+    struct fv_replay_result result;
+    struct fovea_error error;
+    for (int m = FOVEA_FEATURES_ORB; m <= FOVEA_FEATURES_SHI_TOMASI; m++) {
+        const struct short_run run = {.width = WIDTH,
+                                      .height = HEIGHT,
+                                      .iterations = ITERATIONS,
+                                      .features = 200,
+                                      .method = (enum fovea_feature_method)m};
+        short_run_record(changed, &run);
+        if (fv_replay(changed, true, NULL, NULL, &result, &error) != FOVEA_OK)
+            fail_msg("%s", error.text);
+        if (result.different) fail_msg("method %d: %s", m, result.difference);
+        assert_int_equal(result.end, FV_REPLAY_WHOLE);
+        assert_int_equal(result.frames, ITERATIONS - 3);
+        assert_true(result.messages_equal > 2 * ITERATIONS - 3);
+    }
+}
+
 static void test_differences(void **state)
 {
     (void)state;
@@ -591,6 +613,7 @@ int main(void)
     make_recording();
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_equal),
+        cmocka_unit_test(test_methods),
         cmocka_unit_test(test_differences),
         cmocka_unit_test(test_changed_inputs),
         cmocka_unit_test(test_missing_message),

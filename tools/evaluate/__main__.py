@@ -6,6 +6,7 @@
     python tools/evaluate odometry          renews odometry.md
     python tools/evaluate road              renews road.md
     python tools/evaluate operations        renews operations.md
+    python tools/evaluate features_odometry renews features_odometry.md
 
 Needs the packages of `make build/venv-sweep/ready`. See README.md beside this file."""
 import argparse

@@ -14,7 +14,8 @@ ROAD = [("kitti01_a", "kitti"), ("kitti00_a", "kitti"), ("kitti06_a", "kitti")]
 
 HELP = {"odometry": ("renew odometry.md: errors on recordings over seeds and start frames, memory", "build/evaluate"),
         "road": ("renew road.md: maps of drives, forward from start frames 0 to 30", "build/evaluate"),
-        "operations": ("renew operations.md: what preprocessing does to odometry", "build/evaluate")}
+        "operations": ("renew operations.md: what preprocessing does to odometry", "build/evaluate"),
+        "features_odometry": ("renew features_odometry.md: what the method of features does to odometry", "build/evaluate")}
 
 
 def name_of(source):
@@ -210,5 +211,42 @@ def operations_text(db, keys):
     return text.rstrip("\n") + "\n"
 
 
-PLANS = {"odometry": odometry_plan, "road": road_plan, "operations": operations_plan}
-TEXTS = {"odometry": odometry_text, "road": road_text, "operations": operations_text}
+# ---- features_odometry.md -------------------------------------------------------------------------------------
+
+STARTS_METHODS = "0-18/2"
+METHODS = ["fast", "orb", "harris", "shi_tomasi"]
+
+METHODS_HEAD = """# What the method of features does to odometry
+
+Recordings of `../shared/data`, each from start frames {starts}, with one `features.method`, all else by default, of version {version}. `make evaluate` renews this page.
+*Posed*: frames with a pose, of all processed. *Error*: of the largest map of each run, root mean square in % of the true path, as published live and after all optimisation, median
+over the starts, the worst in brackets. *Time*: processor time of a whole frame, mean and 99th percentile, medians over the starts, and the mean over that of `fast`; times of one sweep on a shared machine.
+
+"""
+
+
+def methods_plan(binary, arguments):
+    sets = [{"features.method": method} for method in METHODS]
+    return [spec for _, uri in sources(arguments, RECORDINGS) for spec in plan.specs([binary], [uri], STARTS_METHODS, sets=sets)]
+
+
+def methods_text(db, keys):
+    chosen(db, keys)
+    found = rows(db, """SELECT c.source, c.version, c."set", avg((frames_tracking + frames_weak) / frames) posed, median(100 * m.rmse_m / m.path_m) error,
+        max(100 * m.rmse_m / m.path_m) worst, median(100 * m.final_rmse_m / m.path_m) final, max(100 * m.final_rmse_m / m.path_m) final_worst,
+        median(c.mean_ms) ms, median(c.p99_ms) p99 FROM chosen c LEFT JOIN (SELECT * FROM maps
+        QUALIFY row_number() OVER (PARTITION BY run ORDER BY poses DESC, map) = 1) m ON m.run = c.run GROUP BY ALL""")
+    text = METHODS_HEAD.format(version=found[0]["version"], starts=", ".join(map(str, plan.numbers(STARTS_METHODS, "starts"))))
+    for name, *_ in RECORDINGS:
+        of = {json.loads(r["set"])["features.method"]: r for r in found if name_of(r["source"]) == name}
+        if not of:
+            continue
+        lines = [[f"`{method}`", f"{100 * r['posed']:.1f} %", f"{number(r['error'], '.3f')} ({number(r['worst'], '.3f')})",
+                  f"{number(r['final'], '.3f')} ({number(r['final_worst'], '.3f')})", f"{r['ms']:.2f}, {r['p99']:.2f}", f"{r['ms'] / of['fast']['ms']:.2f}"]
+                 for method, r in ((method, of[method]) for method in METHODS)]
+        text += f"## {name}\n\n" + markdown(["method", "posed", "error %, live", "error %, final", "time ms", "over fast's"], lines) + "\n"
+    return text.rstrip("\n") + "\n"
+
+
+PLANS = {"odometry": odometry_plan, "road": road_plan, "operations": operations_plan, "features_odometry": methods_plan}
+TEXTS = {"odometry": odometry_text, "road": road_text, "operations": operations_text, "features_odometry": methods_text}

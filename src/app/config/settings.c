@@ -93,6 +93,13 @@ static enum fovea_status take_flags(const struct reading *r, const struct fv_set
     return FOVEA_OK;
 }
 
+/* Methods that pictures have and the loop has not. */
+static bool is_for_pictures(const char *key, const char *value)
+{
+    return strcmp(key, "features.method") == 0 &&
+           (strcmp(value, "sift") == 0 || strcmp(value, "surf") == 0);
+}
+
 /* One of the key's words; a word of 0.1 is refused with that of now. */
 static enum fovea_status take_choice(const struct reading *r, const struct fv_settings_key *key,
                                      const struct fv_yaml_node *node, int *choice)
@@ -105,6 +112,11 @@ static enum fovea_status take_choice(const struct reading *r, const struct fv_se
         snprintf(expected, sizeof expected, "'%s': Fovea 0.1 reads the old word", now);
         return fv_yaml_refuse(r->tree, node, expected, r->error);
     }
+    if (node->kind == FV_YAML_SCALAR && is_for_pictures(key->name, node->value))
+        return fv_yaml_refuse(r->tree, node,
+                              "fast, orb, harris or shi_tomasi: the loop compares binary "
+                              "descriptors, which sift and surf have not",
+                              r->error);
     const enum fovea_status status =
         fv_yaml_choice(r->tree, node, key->choices, choice_count(key), &index, r->error);
     if (status == FOVEA_OK) *choice = (int)index;

@@ -122,6 +122,39 @@ static void the_strongest_win_and_ties_go_to_the_first(void **state)
     free(memory);
 }
 
+/* The later of a row the better: what is kept is picked by the other measure. */
+static uint8_t by_place(const void *context, uint32_t level, int32_t x, int32_t y)
+{
+    (void)level;
+    (void)y;
+    ++*(uint32_t *)(uintptr_t)context;
+    return (uint8_t)(x / 10 + 1);
+}
+
+static void another_measure_decides_among_those_that_are_kept(void **state)
+{
+    (void)state;
+    struct fv_spread spread;
+    struct fv_corner corners[COUNT_MAX];
+    uint32_t calls = 0;
+    void *memory = carved(carve, &spread);
+    fv_spread_begin(&spread, 3, 20, 3);
+    for (int32_t i = 0; i < 10; i++)
+        fv_spread_offer(&spread, 0, 20 + 60 * i, 20, i == 9 ? 15 : (uint8_t)(90 - i));
+    fv_spread_offer(&spread, 0, 26 + 60 * 9, 20, 25); /* silences the weak one beside it */
+    fv_spread_score(&spread, by_place, &calls);
+    assert_true(calls >= 10 && calls <= 20);
+    assert_int_equal(fv_spread_pick(&spread, corners), 3);
+    uint32_t places = 0;
+    for (int i = 0; i < 3; i++) {
+        places |= 1u << (corners[i].x - 20) / 60;
+        assert_int_equal(corners[i].score, corners[i].x / 10 + 1);
+        assert_true(corners[i].x != 20 + 60 * 9);
+    }
+    assert_int_equal(places, 1u << 7 | 1u << 8 | 1u << 9);
+    free(memory);
+}
+
 /* Adding weak corners must not move the picks that strong ones made: what noise brings does not
  * disturb the rest. */
 static void weak_corners_do_not_displace_strong_ones(void **state)
@@ -155,6 +188,7 @@ int main(void)
         cmocka_unit_test(picks_all_where_there_are_few),
         cmocka_unit_test(a_strong_corner_silences_the_weak_ones_of_its_cell),
         cmocka_unit_test(the_strongest_win_and_ties_go_to_the_first),
+        cmocka_unit_test(another_measure_decides_among_those_that_are_kept),
         cmocka_unit_test(weak_corners_do_not_displace_strong_ones),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
