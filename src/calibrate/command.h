@@ -52,6 +52,11 @@ int files_check(const std::vector<NamedFile> &written, const std::vector<NamedFi
 /* The camera of a file, prepared and of that size. FV_EXIT_OK, or a line is printed. */
 int read_camera(const std::string &file, int width, int height, fovea_camera &camera);
 
+/* Pictures of a camera that is known: collect, and its file. FV_EXIT_OK, or a line is printed. */
+struct Collection;
+int collect_known(const std::string &source, const std::string &file, const Board &board,
+                  int views_max, Collection &collection, fovea_camera &camera);
+
 /* Models of lenses that --model names; false: none. */
 bool models_of(const std::string &text, std::vector<Model> &models);
 
@@ -60,6 +65,7 @@ std::string now_text(); /* ISO 8601, UTC */
 int command_camera(int argc, char **argv);
 int command_check(int argc, char **argv);   /* an old camera file against new pictures */
 int command_rig(int argc, char **argv);     /* several cameras to each other */
+int command_floor(int argc, char **argv);   /* height and tilt over the floor */
 int command_target(int argc, char **argv);  /* a board to print */
 int command_convert(int argc, char **argv); /* a camera file of another format */
 

@@ -40,6 +40,15 @@ const std::vector<Command> commands = {
      "fovea-calibrate rig --source left/ --source right/ --camera left.yaml --camera right.yaml "
      "--target aprilgrid:6x6:0.088:0.3 --out rig.yaml --report rig.html\n"
      "fovea-calibrate rig --source 'sim:board?baseline=0.1' --target chessboard:9x6:0.03"},
+    {"floor", "find the height and tilt of a camera over the floor from a board that lies on it",
+     command_floor,
+     "The board lies on the floor, and is moved to other places between the pictures. The camera is "
+     "mounted as it will be, and known by its file. --out holds the keys T_body_cam, scale.source and "
+     "scale.camera_height_m of Fovea's configuration, with a body on the floor right below the "
+     "camera: metric scale and objects on the floor read them. Boards that do not lie on the plane "
+     "of the others are left out.",
+     "fovea-calibrate floor --source pictures/ --camera camera.yaml --target chessboard:9x6:0.025 "
+     "--thickness 0.005 --out floor.yaml\nfovea run --config floor.yaml --source v4l2:/dev/video0"},
     {"target", "write a board to print, as PDF at exact size", command_target,
      "Print at 100 %, and measure the ruler and a square afterwards. A ChArUco board or an AprilGrid "
      "may be partly hidden in pictures, which brings corners to the image's border.",

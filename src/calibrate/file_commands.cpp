@@ -3,7 +3,9 @@
 
 #include "calibrate/command.h"
 #include "calibrate/page.h"
+#include "calibrate/pictures.h"
 #include "calibrate/text_file.h"
+#include "calibrate/verdict.h"
 #include "support/calibration.h"
 extern "C" {
 #include "support/say.h"
@@ -47,6 +49,22 @@ int read_camera(const std::string &file, int width, int height, fovea_camera &ca
         return fv_say_wrong("%s", error.text);
     camera = calibration.camera;
     return FV_EXIT_OK;
+}
+
+int collect_known(const std::string &source, const std::string &file, const Board &board,
+                  int views_max, Collection &collection, fovea_camera &camera)
+{
+    fovea_error error;
+    fv_calibration calibration; /* a wrong file is named before pictures are searched */
+    if (fv_calibration_read(file.c_str(), nullptr, &calibration, &error) != FOVEA_OK)
+        return fv_say_wrong("%s", error.text);
+    if (collect(source, board, Refinement::OWN, views_max, collection, &error) != FOVEA_OK)
+        return fv_say_wrong("%s", error.text);
+    if (collection.width == 0)
+        return fv_say_wrong("%s: found no board in its pictures, expected %s", source.c_str(),
+                            board.text().c_str());
+    leave_out_blurred(collection.views);
+    return read_camera(file, collection.width, collection.height, camera);
 }
 
 int command_target(int argc, char **argv)

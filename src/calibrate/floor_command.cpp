@@ -1,0 +1,216 @@
+/* fovea-calibrate floor: height and tilt of a camera over the floor. */
+#include <cstdio>
+
+#include "calibrate/command.h"
+#include "calibrate/floor.h"
+#include "calibrate/html.h"
+#include "calibrate/json_text.h"
+#include "calibrate/pictures.h"
+#include "calibrate/report.h"
+#include "calibrate/report_page.h"
+#include "calibrate/text_file.h"
+#include "support/text.h"
+extern "C" {
+#include "support/say.h"
+}
+
+namespace calibrate
+{
+namespace
+{
+
+constexpr int VIEWS_MAX_DEFAULT = 10, VIEWS_MAX_LIMIT = 500;
+constexpr double DEGREE = 57.29577951308232;
+
+struct Given {
+    std::string source, target, camera, thickness = "0", out, json, report, views;
+};
+
+struct FloorReport {
+    Board board;
+    std::vector<View> views;
+    FloorSolution solution;
+    Verdict verdict;
+    std::string camera, source, date;
+};
+
+int check(const Given &given, Board &board, double &thickness_m, int64_t &views_max)
+{
+    const int status = source_check("floor", given.source, given.target, board);
+    if (status != FV_EXIT_OK) return status;
+    if (given.camera.empty())
+        return fv_say_wrong("fovea-calibrate floor: found no --camera, expected the camera's file "
+                            "('fovea-calibrate camera' makes one)");
+    if (!fv_text_number(given.thickness.c_str(), &thickness_m) || thickness_m < 0 ||
+        thickness_m > 1)
+        return fv_say_wrong("--thickness: found '%s', expected metres from 0 to 1",
+                            given.thickness.c_str());
+    views_max = VIEWS_MAX_DEFAULT;
+    if (!given.views.empty() && (!fv_text_integer(given.views.c_str(), &views_max) ||
+                                 views_max < 1 || views_max > VIEWS_MAX_LIMIT))
+        return fv_say_wrong("--views: found '%s', expected a number from 1 to %d",
+                            given.views.c_str(), VIEWS_MAX_LIMIT);
+    return files_check({{"--out", given.out, false},
+                        {"--json", given.json, false},
+                        {"--report", given.report, false}},
+                       {{"--source", given.source, true}, {"--camera", given.camera, false}});
+}
+
+/* Keys of Fovea's configuration. */
+std::string configuration(const FloorReport &report)
+{
+    const FloorSolution &s = report.solution;
+    std::string text = formatted(
+        "# The camera over the floor, by fovea-calibrate floor of %s: %s.\n"
+        "# Height +- %.4f m, tilt +- %.3f degrees, roll +- %.3f degrees. The body is on the "
+        "floor\n# right below the camera: x ahead, y left, z up.\nT_body_cam:\n",
+        report.date.c_str(), grade_name(report.verdict.grade), s.height_stdev_m,
+        DEGREE * s.tilt_stdev_rad, DEGREE * s.roll_stdev_rad);
+    for (size_t i = 0; i < 12; i += 4)
+        text += formatted("- [%.17g, %.17g, %.17g, %.17g]\n", s.T_body_cam[i], s.T_body_cam[i + 1],
+                          s.T_body_cam[i + 2], s.T_body_cam[i + 3]);
+    return text +
+           formatted("scale:\n  source: camera_height\n  camera_height_m: %.17g\n", s.height_m);
+}
+
+std::string json(const FloorReport &report)
+{
+    const FloorSolution &s = report.solution;
+    std::string text = "{\n" + json_verdict(report.verdict, report.date) +
+                       "  \"camera\": " + json_string(report.camera) +
+                       ",\n  \"board\": " + json_string(report.board.text());
+    if (s.views_used > 0)
+        text += ",\n  \"camera_height_m\": {\"value\": " + json_number(s.height_m) +
+                ", \"stdev\": " + json_number(s.height_stdev_m) +
+                "},\n  \"tilt_rad\": {\"value\": " + json_number(s.tilt_rad) +
+                ", \"stdev\": " + json_number(s.tilt_stdev_rad) +
+                "},\n  \"roll_rad\": {\"value\": " + json_number(s.roll_rad) +
+                ", \"stdev\": " + json_number(s.roll_stdev_rad) +
+                "},\n  \"T_body_cam\": " + json_numbers(s.T_body_cam.data(), 12) +
+                ",\n  \"rms_px\": " + json_number(s.rms_px) +
+                ",\n  \"alone_rms_px\": " + json_number(s.alone_rms_px) +
+                formatted(",\n  \"views_used\": %d,\n  \"corners_used\": %d", s.views_used,
+                          s.corners_used);
+    text += ",\n  \"left_out\": [";
+    bool first = true;
+    for (size_t v = 0; v < s.left_out.size(); v++) {
+        if (s.left_out[v].empty()) continue;
+        text += std::string(first ? "" : ",") +
+                "\n    {\"name\": " + json_string(report.views[v].name) +
+                ", \"reason\": " + json_string(s.left_out[v]) + "}";
+        first = false;
+    }
+    return text + "\n  ]\n}\n";
+}
+
+std::string html(const FloorReport &report)
+{
+    const FloorSolution &s = report.solution;
+    std::string page = verdict_header(
+        "The camera over the floor", report.verdict,
+        report.verdict.grade == Grade::fail
+            ? "No file was written. Do what the reasons ask for and calibrate again."
+            : "Put the keys of the file into the configuration. When the camera's mount was touched, "
+              "calibrate again.",
+        "Pictures: " + report.source + ". Camera: " + report.camera +
+            ". Board: " + report.board.text() + ". Date: " + report.date);
+    if (s.views_used > 0)
+        page += section(
+            "floor", "Height and tilt",
+            "<p>Height " + datum("camera_height_m", s.height_m, "%.4f") + " m +- " +
+                datum("camera_height_m-stdev", s.height_stdev_m, "%.2g") +
+                ", tilt below the horizon " + datum("tilt_degrees", DEGREE * s.tilt_rad, "%.3f") +
+                " degrees +- " + datum("tilt_degrees-stdev", DEGREE * s.tilt_stdev_rad, "%.2g") +
+                ", roll to the right " + datum("roll_degrees", DEGREE * s.roll_rad, "%.3f") +
+                " degrees +- " + datum("roll_degrees-stdev", DEGREE * s.roll_stdev_rad, "%.2g") +
+                ".</p>\n<p>RMS error " + datum("rms_px", s.rms_px) + " px over " +
+                datum("views_used", s.views_used, "%.0f") +
+                " pictures with all boards on one plane, " + datum("alone_rms_px", s.alone_rms_px) +
+                " px with each by itself.</p>\n");
+    std::string list;
+    for (size_t v = 0; v < s.left_out.size(); v++)
+        if (!s.left_out[v].empty())
+            list +=
+                "<li>" + escaped(report.views[v].name) + ": " + escaped(s.left_out[v]) + "</li>\n";
+    if (!list.empty())
+        page +=
+            section("left-out", "Pictures that are left out, and why", "<ul>\n" + list + "</ul>\n");
+    return html_page(report.verdict.grade, page);
+}
+
+void print(const FloorReport &report)
+{
+    const FloorSolution &s = report.solution;
+    for (size_t v = 0; v < s.left_out.size(); v++)
+        if (!s.left_out[v].empty())
+            printf("left out  %s: %s\n", report.views[v].name.c_str(), s.left_out[v].c_str());
+    if (s.views_used > 0)
+        printf("height    %.4f m +- %.2g\ntilt      %.3f degrees below the horizon +- %.2g\n"
+               "roll      %.3f degrees to the right +- %.2g\n"
+               "error     %.3f px RMS in %d pictures, %.3f px with each board by itself\n",
+               s.height_m, s.height_stdev_m, DEGREE * s.tilt_rad, DEGREE * s.tilt_stdev_rad,
+               DEGREE * s.roll_rad, DEGREE * s.roll_stdev_rad, s.rms_px, s.views_used,
+               s.alone_rms_px);
+    print_verdict(report.verdict);
+}
+
+int write(const Given &given, const FloorReport &report)
+{
+    int status = FV_EXIT_OK;
+    if (!given.json.empty()) status = write_text(given.json, json(report));
+    if (status == FV_EXIT_OK && !given.report.empty())
+        status = write_text(given.report, html(report));
+    if (status != FV_EXIT_OK || given.out.empty()) return status;
+    if (report.verdict.grade != Grade::fail) return write_text(given.out, configuration(report));
+    fv_say("%s: not written, as the calibration fails", given.out.c_str());
+    return FV_EXIT_OK;
+}
+
+} // namespace
+
+int command_floor(int argc, char **argv)
+{
+    Given given;
+    const std::vector<Option> options = {
+        {"source", "URI|FOLDER", &given.source,
+         "camera or recording, or folder of PNG and JPEG files"},
+        {"target", "BOARD", &given.target,
+         "board, as chessboard:9x6:0.025; see --man for the others"},
+        {"camera", "FILE", &given.camera, "camera file of the camera"},
+        {"thickness", "METRES", &given.thickness,
+         "of the board: its printed side over the floor (default 0)"},
+        {"out", "FILE", &given.out,
+         "write keys of Fovea's configuration; not when the verdict is fail"},
+        {"json", "FILE", &given.json, "write the verdict with all its numbers"},
+        {"report", "FILE", &given.report, "write the verdict as one HTML file"},
+        {"views", "N", &given.views, "pictures to take from a URI (default 10)"},
+    };
+    std::vector<std::string> operands;
+    int status;
+    if (!options_parse(argc, argv, options, "", 0, operands, &status)) return status;
+    FloorReport report;
+    double thickness_m;
+    int64_t views_max;
+    status = check(given, report.board, thickness_m, views_max);
+    if (status != FV_EXIT_OK) return status;
+    Collection collection;
+    fovea_camera camera;
+    status =
+        collect_known(given.source, given.camera, report.board, (int)views_max, collection, camera);
+    if (status != FV_EXIT_OK) return status;
+    report.views = collection.views;
+    report.camera = given.camera;
+    report.source = given.source;
+    report.date = now_text();
+    std::string error;
+    if (solve_floor(report.board, report.views, camera, thickness_m, report.solution, error))
+        report.verdict = judge_floor(report.views, report.solution);
+    else
+        add_reason(report.verdict, Grade::fail, "%s", error.c_str());
+    print(report);
+    status = write(given, report);
+    if (status != FV_EXIT_OK) return status;
+    return report.verdict.grade == Grade::fail ? FV_EXIT_FAILED : FV_EXIT_OK;
+}
+
+} // namespace calibrate
