@@ -57,8 +57,10 @@ const struct fv_command fv_commands[] = {
     {"snapshot", "write what a running robot sees to a file", fv_command_snapshot,
      "FILE gets the next preview that is heard, the newest picture that the robot sends: as it was "
      "sent where the name ends in .jpg, decoded where it ends in .png. It replaces an earlier file "
-     "when it is whole, and only then. Its size is that of the preview, not of the camera's image.",
-     "fovea snapshot now.jpg\nfovea snapshot left.png --prefix LEFT --timeout 30"},
+     "when it is whole, and only then. Its size is that of the preview, not of the camera's image. "
+     "With --feed and a name in .png it is a frame as the camera gave it.",
+     "fovea snapshot now.jpg\nfovea snapshot left.png --prefix LEFT --timeout 30\n"
+     "fovea snapshot now.png --feed /run/fovea/front.sock"},
     {"features", "find, describe and draw the features of a picture", fv_command_features,
      "IMAGE is a PNG or JPEG file.",
      "fovea features photo.png --draw out.png\n"

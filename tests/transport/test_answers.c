@@ -80,7 +80,7 @@ static int open_both(void **state)
         print_error("%s\n", error.text);
         return -1;
     }
-    fv_answers_open(&answers, transport, "A", 7);
+    fv_answers_open(&answers, transport, NULL, "A", 7);
     return 0;
 }
 

@@ -38,7 +38,8 @@ int main(int argc, char **argv)
     snprintf(build, sizeof build, "%s", dirname(dirname(dirname(path))));
     snprintf(ready, sizeof ready, "%s/mcap-venv/ready", build);
     if (getenv("FOVEA_EMULATED") != NULL || access(ready, F_OK) != 0) {
-        printf("SKIPPED test_mcap: it starts programs, and needs the Python of tools/mcap_python.sh\n");
+        printf(
+            "SKIPPED test_mcap: it starts programs, and needs the Python of tools/mcap_python.sh\n");
         return 0;
     }
     const struct CMUnitTest tests[] = {

@@ -15,11 +15,12 @@ enum {
 
 static const char unnamed[] = "found no file for the map, expected one in map.save";
 
-void fv_answers_open(struct fv_answers *answers, struct fv_transport *transport, const char *prefix,
-                     int64_t run_id)
+void fv_answers_open(struct fv_answers *answers, struct fv_transport *transport,
+                     struct fv_feed *feed, const char *prefix, int64_t run_id)
 {
     memset(answers, 0, sizeof *answers);
     answers->transport = transport;
+    answers->feed = feed;
     answers->run_id = run_id;
     fv_message_channel(prefix, FV_MESSAGE_COMMAND_RESULT, answers->channel);
 }
@@ -41,6 +42,7 @@ static void answer(const struct fv_answers *answers, const struct fv_judged_comm
     if (bytes <= 0) return;
     const struct fovea_message out = {answers->channel, data, (uint32_t)bytes, true};
     fv_transport_put(answers->transport, &out);
+    fv_feed_put(answers->feed, &out);
 }
 
 /* Answer those that are not kept, and close the gaps. */

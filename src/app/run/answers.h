@@ -9,6 +9,7 @@
 
 #include <stdint.h>
 
+#include "app/network/feed.h"
 #include "app/network/transport.h"
 #include "app/run/keeper.h"
 #include "message/message.h"
@@ -17,6 +18,7 @@ enum { FV_ANSWERS_WAITING_MAX = 32 };
 
 struct fv_answers {
     struct fv_transport *transport;
+    struct fv_feed *feed;
     char channel[FV_MESSAGE_CHANNEL_BYTES];
     int64_t run_id;
     uint32_t count;
@@ -26,9 +28,9 @@ struct fv_answers {
     } waiting[FV_ANSWERS_WAITING_MAX];
 };
 
-/* Prepare; `transport` may be NULL. Init-only. */
-void fv_answers_open(struct fv_answers *answers, struct fv_transport *transport, const char *prefix,
-                     int64_t run_id);
+/* Prepare; `transport` and `feed` may be NULL. Init-only. */
+void fv_answers_open(struct fv_answers *answers, struct fv_transport *transport,
+                     struct fv_feed *feed, const char *prefix, int64_t run_id);
 
 /* Take commands that have come, as enum fovea_command bits for fv_keeper_commands: of pause and
  * resume the later one. Before that call: answers those whose save has ended. Loop thread,

@@ -19,6 +19,7 @@
 #include "app/run/snapshot.h"
 #include "app/run/trails.h"
 #include "app/run/trajectory.h"
+#include "app/network/feed.h"
 #include "app/network/identity.h"
 #include "app/network/transport.h"
 #include "support/output.h"
@@ -56,6 +57,7 @@ struct fv_run {
     struct fv_identity identity; /* says so */
     struct fv_identity_watch others;
     struct fv_transport *transport;
+    struct fv_feed *feed;
     struct fv_recorder *recorder;
     char recording[FV_OUTPUT_PATH_BYTES]; /* the file that it writes */
     struct fv_trajectory *trajectory, *truth;

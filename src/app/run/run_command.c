@@ -114,6 +114,8 @@ static void step_done(void *context, const struct fovea_inputs *inputs,
 {
     struct fv_run *run = context;
     fv_transport_publish(run->transport, outputs);
+    fv_feed_publish(run->feed, outputs);
+    fv_feed_frame(run->feed, inputs->frame);
     fv_answers_step(&run->answers);
     fv_recorder_step(run->recorder, inputs, outputs);
     fv_watch_step(&run->watch, run->loop.rt, inputs, pose != NULL);
@@ -144,6 +146,7 @@ static void work_done(void *context, const struct fovea_inputs *inputs,
 {
     struct fv_run *run = context;
     fv_transport_publish(run->transport, outputs);
+    fv_feed_publish(run->feed, outputs);
     fv_recorder_work(run->recorder, inputs, grants, outputs);
     fv_keeper_work(&run->keeper, outputs);
     fv_final_observe(run->final, run->loop.rt);
@@ -282,6 +285,20 @@ static enum fovea_status transport_open(struct fv_run *run, struct fovea_error *
     return FOVEA_OK;
 }
 
+static enum fovea_status feed_open(struct fv_run *run, struct fovea_error *error)
+{
+    const struct fv_feed_setup setup = {.path = run->settings.web_socket,
+                                        .prefix = run->settings.runtime.channel_prefix,
+                                        .run_id = run->run_id,
+                                        .frame_bytes = fv_setup_frame_bytes(&run->setup),
+                                        .picture_rate_hz = run->settings.web_picture_rate};
+    const enum fovea_status status = fv_feed_open(&setup, &run->feed, error);
+    fv_feed_repeat(run->feed, &(struct fovea_message){run->identity.channel, run->identity.data,
+                                                      run->identity.bytes, true});
+    if (status != FOVEA_OK) fv_settings_locate(&run->settings, error);
+    return status;
+}
+
 static enum fovea_status recorder_open(struct fv_run *run, struct fovea_error *error)
 {
     if (run->settings.record[0] == '\0') return FOVEA_OK;
@@ -344,7 +361,8 @@ static enum fovea_status open_all(struct fv_run *run, struct fovea_error *error)
         run->others.own = run->run_id;
         status = transport_open(run, error);
     }
-    fv_answers_open(&run->answers, run->transport, run->settings.runtime.channel_prefix,
+    if (status == FOVEA_OK) status = feed_open(run, error);
+    fv_answers_open(&run->answers, run->transport, run->feed, run->settings.runtime.channel_prefix,
                     run->run_id);
     if (status == FOVEA_OK)
         status = fv_keeper_open(&run->keeper, run->loop.rt, &run->settings, error);
@@ -388,6 +406,7 @@ static void close_all(struct fv_run *run)
 {
     fv_recorder_close(run->recorder, NULL);
     fv_transport_close(run->transport);
+    fv_feed_close(run->feed);
     fv_trajectory_close(run->trajectory);
     fv_trajectory_close(run->truth);
     fv_results_close(run->results, NULL);

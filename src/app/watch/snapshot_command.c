@@ -1,4 +1,4 @@
-/* fovea snapshot: the newest preview of a running robot as a file. */
+/* fovea snapshot: the newest preview of a running robot, or a raw frame of its feed, as a file. */
 #include <errno.h>
 #include <inttypes.h>
 #include <stdio.h>
@@ -9,6 +9,7 @@
 #include "app/config/options.h"
 #include "app/watch/bus.h"
 #include "app/watch/commands.h"
+#include "app/watch/frame_image.h"
 #include "drivers/clock.h"
 #include "support/decode.h"
 #include "support/files.h"
@@ -16,6 +17,8 @@
 #include "support/picture.h"
 
 #include "fovea_preview_t.h"
+
+enum { FRAMES_PER_1000_S = 20000 };
 
 /* The first whole picture that came. */
 struct snapshot {
@@ -115,13 +118,35 @@ static void tell(const struct snapshot *snapshot, const char *path)
            snapshot->stamp.sequence, (double)snapshot->stamp.time_ns * 1e-9, snapshot->scale);
 }
 
+/* A raw frame, where the feed has one. */
+static enum fovea_status take_frame(struct fv_bus *bus, struct snapshot *snapshot,
+                                    struct fovea_error *error)
+{
+    struct fv_feed_frame frame;
+    const uint8_t *images;
+    if (fv_feed_reader_frame(bus->reader, &frame, &images) != FOVEA_OK) return FOVEA_OK;
+    snprintf(snapshot->channel, sizeof snapshot->channel, "%s", "cam0");
+    snapshot->stamp.time_ns = frame.stamp_ns;
+    snapshot->stamp.sequence = frame.sequence;
+    snapshot->scale = 1;
+    snapshot->taken = true;
+    return fv_frame_image(&frame, images, &snapshot->image, error);
+}
+
 /* Listen until a picture has come. */
-static enum fovea_status wait_for(struct fv_bus *bus, struct snapshot *snapshot, uint64_t timeout_s)
+static enum fovea_status wait_for(struct fv_bus *bus, struct snapshot *snapshot, uint64_t timeout_s,
+                                  struct fovea_error *error)
 {
     const int64_t until_ns = fv_clock_ns(CLOCK_MONOTONIC) + (int64_t)timeout_s * FV_SECOND_NS;
-    while (!snapshot->taken && !fv_bus_ended() && fv_clock_ns(CLOCK_MONOTONIC) < until_ns)
-        fv_bus_wait(bus, until_ns);
-    return snapshot->taken ? FOVEA_OK : FOVEA_END;
+    enum fovea_status status = FOVEA_OK;
+    while (status == FOVEA_OK && !snapshot->taken && !fv_bus_ended() &&
+           fv_clock_ns(CLOCK_MONOTONIC) < until_ns) {
+        const int64_t look_ns = fv_clock_ns(CLOCK_MONOTONIC) + FV_SECOND_NS / 50;
+        const bool raw = bus->frames_per_1000_s > 0;
+        fv_bus_wait(bus, raw && look_ns < until_ns ? look_ns : until_ns);
+        if (raw) status = take_frame(bus, snapshot, error);
+    }
+    return status != FOVEA_OK || snapshot->taken ? status : FOVEA_END;
 }
 
 static enum fovea_status prepare(struct fv_bus *bus, const char *prefix, const char *path,
@@ -142,7 +167,10 @@ static enum fovea_status prepare(struct fv_bus *bus, const char *prefix, const c
     row.type = "fovea.preview_t";
     row.take = take;
     row.context = snapshot;
-    return fv_bus_open(bus, &row, 1, error);
+    /* A feed has the frames themselves: a PNG is one of them, a JPEG the preview as it was sent. */
+    const bool raw = bus->feed != NULL && ends_in(path, ".png");
+    if (raw) bus->frames_per_1000_s = FRAMES_PER_1000_S;
+    return fv_bus_open(bus, &row, raw ? 0 : 1, error);
 }
 
 int fv_command_snapshot(int argc, char **argv)
@@ -166,13 +194,17 @@ int fv_command_snapshot(int argc, char **argv)
     if (result != FV_OPTIONS_READ) return result == FV_OPTIONS_HELP ? FV_EXIT_OK : FV_EXIT_WRONG;
     if (timeout_s > 1000000) timeout_s = 1000000;
     enum fovea_status status = prepare(&bus, prefix, argv[first], &snapshot, &error);
-    if (status == FOVEA_OK) status = wait_for(&bus, &snapshot, timeout_s);
+    if (status == FOVEA_OK) status = wait_for(&bus, &snapshot, timeout_s, &error);
     fv_bus_close(&bus);
     if (status == FOVEA_END)
-        return fv_say_failed("fovea snapshot: no picture came, and %" PRIu64
-                             " that are none ('fovea check' says what keeps messages back; "
-                             "preview.period_frames: 0 sends none)",
-                             snapshot.damaged);
+        return bus.feed != NULL
+                   ? fv_say_failed("fovea snapshot: %s: no picture came (web.picture_rate and "
+                                   "preview.period_frames: 0 send none)",
+                                   bus.feed)
+                   : fv_say_failed("fovea snapshot: no picture came, and %" PRIu64
+                                   " that are none ('fovea check' says what keeps messages back; "
+                                   "preview.period_frames: 0 sends none)",
+                                   snapshot.damaged);
     if (status == FOVEA_OK) {
         status = write_picture(&snapshot, argv[first], &error);
         if (status == FOVEA_OK) tell(&snapshot, argv[first]);

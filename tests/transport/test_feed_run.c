@@ -1,0 +1,207 @@
+/* The feed of `fovea run` without LCM: `fovea echo`, `fovea top` and `fovea snapshot` read it, a
+ * PNG is the very frame that was processed, and the run's results are the same to the byte with and
+ * without readers. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <libgen.h>
+#include <limits.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "common/watched.h"
+#include "support/lcmlog.h"
+#include "support/picture.h"
+#include "support/text.h"
+
+#include "fovea_frame_t.h"
+
+enum { TEXT_BYTES = 1 << 16 };
+
+static char build[PATH_MAX], folder[] = "/tmp/fovea_feed_run_XXXXXX", path[64];
+static struct watched watched;
+static struct fovea_error error;
+
+static int set_up(void **state)
+{
+    (void)state;
+    if (mkdtemp(folder) == NULL) return -1;
+    snprintf(path, sizeof path, "%s/s", folder);
+    return 0;
+}
+
+static int tear_down(void **state)
+{
+    char command[64];
+    (void)state;
+    snprintf(command, sizeof command, "rm -r %s", folder);
+    return system(command);
+}
+
+/* `fovea` with these words, in which @ is the folder; what it prints, and its exit code. */
+static int fovea(const char *words, char text[TEXT_BYTES])
+{
+    char command[PATH_MAX + 2048];
+    size_t used = (size_t)snprintf(command, sizeof command, "%s/fovea ", build);
+    for (const char *at = words; *at != '\0' && used < sizeof command - 80; at++)
+        used += (size_t)(*at == '@' ? sprintf(command + used, "%s", folder)
+                                    : sprintf(command + used, "%c", *at));
+    snprintf(command + used, sizeof command - used, " 2>&1");
+    FILE *pipe = popen(command, "r");
+    assert_non_null(pipe);
+    const size_t got = fread(text, 1, TEXT_BYTES - 1, pipe);
+    text[got] = '\0';
+    const int status = pclose(pipe);
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+}
+
+static void start_run(void)
+{
+    char socket[96], record[96];
+    snprintf(socket, sizeof socket, "web.socket=%s", path);
+    snprintf(record, sizeof record, "%s/run.lcm", folder);
+    const char *const arguments[] = {"--source",
+                                     "sim:orbit?width=160&height=120&frames=100000",
+                                     "--rate",
+                                     "real",
+                                     "--quiet",
+                                     "--picture",
+                                     "none",
+                                     "--record",
+                                     record,
+                                     "--set",
+                                     "lcm_url=",
+                                     "--set",
+                                     socket,
+                                     "--set",
+                                     "channel_prefix=R",
+                                     NULL};
+    watched_start(&watched, "run", arguments);
+    for (int i = 0; i < 6000 && access(path, F_OK) != 0; i++)
+        usleep(10000);
+}
+
+/* The frame of this sequence in the recording, whose pixels are `picture`. */
+static void assert_recorded(int64_t sequence, const struct fovea_image *picture)
+{
+    char record[96];
+    struct fv_lcmlog *log = NULL;
+    struct fv_lcmlog_event event;
+    bool found = false;
+    snprintf(record, sizeof record, "%s/run.lcm", folder);
+    if (fv_lcmlog_open(record, &log, &error) != FOVEA_OK) fail_msg("%s", error.text);
+    while (!found && fv_lcmlog_next(log, &event, &error) == FOVEA_OK) {
+        fovea_frame_t frame;
+        if (strcmp(event.channel, "R_FRAME") != 0) continue;
+        assert_true(fovea_frame_t_decode(event.data, 0, (int)event.bytes, &frame) > 0);
+        if (frame.stamp.sequence == sequence) {
+            found = true;
+            assert_int_equal(frame.images[0].size_bytes, picture->size_bytes);
+            assert_memory_equal(frame.images[0].data, picture->data, picture->size_bytes);
+        }
+        fovea_frame_t_decode_cleanup(&frame);
+    }
+    fv_lcmlog_close(log);
+    assert_true(found);
+}
+
+static void commands_read_a_run_without_lcm(void **state)
+{
+    static char text[TEXT_BYTES];
+    char png[96];
+    struct fovea_image picture;
+    (void)state;
+    start_run();
+    assert_int_equal(fovea("snapshot @/raw.png --feed @/s", text), 0);
+    const char *at = strstr(text, "160 x 120 pixels of cam0, frame ");
+    assert_non_null(at);
+    const long long sequence = strtoll(strstr(at, "frame ") + 6, NULL, 10);
+    assert_int_equal(fovea("snapshot @/preview.jpg --feed @/s", text), 0);
+    assert_non_null(strstr(text, "of R_PREVIEW"));
+    assert_int_equal(fovea("echo R_RUN --count 1 --feed @/s", text), 0);
+    assert_non_null(strstr(text, "{\"channel\":\"R_RUN\""));
+    assert_int_equal(fovea("echo '*_POSE' --count 10 --feed @/s", text), 0);
+    assert_non_null(strstr(text, "{\"channel\":\"R_CAMERA_POSE\""));
+    assert_int_equal(fovea("top --once --feed @/s", text), 0);
+    assert_non_null(strstr(text, "\nR "));
+    assert_int_equal(
+        fovea(
+            "run --source sim:orbit --frames 1 --quiet --picture none --set lcm_url= --set web.socket=@/s",
+            text),
+        2);
+    assert_non_null(strstr(text, "web.socket"));
+    watched_interrupt(&watched);
+    assert_int_equal(watched_end(&watched), 0);
+    assert_int_not_equal(access(path, F_OK), 0);
+    assert_int_equal(fovea("echo R_POSE --feed @/s", text), 1);
+    assert_non_null(strstr(text, "found no run that offers its feed there"));
+    assert_int_equal(fovea("echo R_POSE --feed @/s --listen any", text), 2);
+    snprintf(png, sizeof png, "%s/raw.png", folder);
+    if (fv_picture_read(png, &picture, &error) != FOVEA_OK) fail_msg("%s", error.text);
+    assert_recorded(sequence, &picture);
+    free((void *)(uintptr_t)picture.data);
+}
+
+static void a_feed_changes_no_result(void **state)
+{
+    static char text[TEXT_BYTES];
+    char *tracks[2], file[96];
+    size_t bytes[2];
+    (void)state;
+    for (int i = 0; i < 2; i++) {
+        pid_t reader = 0;
+        char words[400];
+        snprintf(
+            words, sizeof words,
+            "run --source 'sim:orbit?width=160&height=120' --frames 200 --quiet --picture none "
+            "--set lcm_url= --trajectory @/%d %s",
+            i, i == 1 ? "--set web.socket=@/s" : "");
+        if (i == 1 && (reader = fork()) == 0) { /* messages and frames, from the start to the end */
+            const char *const arguments[] = {"raw.png", "--feed", path, NULL};
+            if (chdir(folder) != 0 || freopen("/dev/null", "w", stderr) == NULL ||
+                freopen("/dev/null", "w", stdout) == NULL)
+                _exit(1);
+            for (;;) {
+                const pid_t once = fork();
+                if (once == 0) watched_exec("snapshot", arguments);
+                waitpid(once, NULL, 0);
+                usleep(5000);
+            }
+        }
+        assert_int_equal(fovea(words, text), 0);
+        if (reader > 0) {
+            kill(reader, SIGKILL);
+            waitpid(reader, NULL, 0);
+        }
+        snprintf(file, sizeof file, "%s/%d", folder, i);
+        if (fv_text_read(file, 1 << 20, &tracks[i], &bytes[i], &error) != FOVEA_OK)
+            fail_msg("%s", error.text);
+    }
+    assert_true(bytes[0] > 1000);
+    assert_int_equal(bytes[0], bytes[1]);
+    assert_memory_equal(tracks[0], tracks[1], bytes[0]);
+    free(tracks[0]);
+    free(tracks[1]);
+}
+
+int main(int argc, char **argv)
+{
+    (void)argc;
+    char given[512];
+    snprintf(given, sizeof given, "%s", argv[0]);
+    if (realpath(dirname(dirname(dirname(given))), build) == NULL) return 1;
+    if (!watched_possible("test_feed_run")) return 0;
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(commands_read_a_run_without_lcm),
+        cmocka_unit_test(a_feed_changes_no_result),
+    };
+    return cmocka_run_group_tests(tests, set_up, tear_down);
+}
