@@ -21,7 +21,7 @@ export BUILD="$build"
 [ "$(uname -m)" = x86_64 ] || exit 0
 # Both held to AVX2: ours by its own choice of kernels, the other by hiding what the processor has beyond.
 ${CC:-gcc} -O2 -shared -fPIC -o "$build/hold_avx2.so" tools/import/hold_avx2.c
-if LD_PRELOAD="$build/hold_avx2.so" true 2>&1 | grep -q hold_avx2; then
+if LD_PRELOAD="$build/hold_avx2.so" env true 2>&1 | grep -q hold_avx2; then
     echo "SKIPPED networks on AVX2 alone: LiteRT cannot be held to it here"
 else
     echo "both held to AVX2:"

@@ -10,11 +10,17 @@ static void fill_scaling(struct check *check, int32_t *bias, int32_t *multiplier
                          int32_t count)
 {
     const int32_t extreme = check_between(check, 0, 3) == 0;
+    const int32_t down = check_between(check, 0, 1); /* all below one half, or zero */
     for (int32_t i = 0; i < count; i++) {
         bias[i] = check_between(check, -200000, 200000);
         multiplier[i] = (int32_t)(0x40000000u + check_random(check) % 0x40000000u);
-        shift[i] = extreme ? check_between(check, -20, 2) : check_between(check, -12, -4);
+        shift[i] = !extreme ? check_between(check, -12, -4)
+                   : down   ? check_between(check, -31, -1)
+                            : check_between(check, -20, 2);
         if (extreme && check_between(check, 0, 5) == 0) multiplier[i] = 0x40000000;
+        if (extreme && check_between(check, 0, 9) == 0) multiplier[i] = shift[i] = 0;
+        if (extreme && check_between(check, 0, 5) == 0)
+            bias[i] = (int32_t)(check_random(check) << 4);
     }
 }
 

@@ -60,6 +60,58 @@ FV_INLINE __m512i requantize(__m512i acc, const struct scale16 *s, const int abo
     return _mm512_mask_shuffle_epi32(even, 0xAAAA, odd, _MM_PERM_CCAA);
 }
 
+/* The same where all shifts are below zero, as multipliers below one half have: what is left of the
+ * products lies in their upper words, which are put together before one shift of 32-bit lanes.
+ * Zen 4 does one shift of 64 bytes per cycle, and shifts and shuffles share its pipes. */
+struct down16 {
+    __m512i multiplier, multiplier_odd, half_even, half_odd, right;
+};
+
+FV_INLINE void load_down_of(struct down16 *s, __m512i m, __m512i h)
+{
+    struct scale16 scale;
+    load_scale_of(&scale, m, h);
+    s->multiplier = scale.multiplier;
+    s->multiplier_odd = scale.multiplier_odd;
+    s->half_even = scale.half_even;
+    s->half_odd = scale.half_odd;
+    s->right = _mm512_sub_epi32(_mm512_set1_epi32(-1), h);
+}
+
+FV_INLINE void load_down(struct down16 *s, const int32_t *multiplier, const int32_t *shift)
+{
+    load_down_of(s, _mm512_loadu_si512(multiplier), _mm512_loadu_si512(shift));
+}
+
+/* Whether the shifts of n channels are below zero, but for channels that are always zero. */
+static inline int all_down(const int32_t *multiplier, const int32_t *shift, int32_t n)
+{
+    __mmask16 up = 0;
+    for (int32_t i = 0; i < n; i += 16) {
+        const __mmask16 used = n - i < 16 ? (__mmask16)((1u << (n - i)) - 1) : 0xFFFF;
+        const __m512i m = _mm512_loadu_si512(multiplier + i), h = _mm512_loadu_si512(shift + i);
+        up |= _mm512_mask_cmpge_epi32_mask(_mm512_mask_test_epi32_mask(used, m, m), h,
+                                           _mm512_setzero_si512());
+    }
+    return up == 0;
+}
+
+FV_INLINE __m512i requantize_down(__m512i acc, const struct down16 *s, const int above_zero)
+{
+    __m512i even = _mm512_mul_epi32(acc, s->multiplier);
+    __m512i odd = _mm512_mul_epi32(_mm512_srli_epi64(acc, 32), s->multiplier_odd);
+    if (!above_zero) {
+        const __m512i fix = _mm512_set1_epi64(INT64_C(1) << 31);
+        const __mmask8 even_negative = _mm512_movepi64_mask(even),
+                       odd_negative = _mm512_movepi64_mask(odd);
+        even = _mm512_mask_sub_epi64(even, even_negative, even, fix);
+        odd = _mm512_mask_sub_epi64(odd, odd_negative, odd, fix);
+    }
+    even = _mm512_add_epi64(even, s->half_even);
+    odd = _mm512_add_epi64(odd, s->half_odd);
+    return _mm512_srav_epi32(_mm512_mask_shuffle_epi32(odd, 0x5555, even, _MM_PERM_DDBB), s->right);
+}
+
 /* Lanes of 4 x 16 results to 64 bytes per 128-bit lane: [a b c d] of that lane, moved by `zero` and
  * clamped. */
 FV_INLINE __m512i pack_lanes(__m512i a, __m512i b, __m512i c, __m512i d, __m512i zero, __m512i low,

@@ -21,7 +21,7 @@ enum { STEPS_MAX = 20, COLUMNS_MAX = 72, PHASES_MAX = 3 };
 struct lanes {
     __m512i weights[STEPS_MAX][4];
     __m512i bias[4];
-    struct scale16 scale[4];
+    struct down16 scale[4];
     struct table64 table;
     __m512i zero, low, high;
     __mmask64 mask;
@@ -88,7 +88,7 @@ static inline void load_lanes(struct lanes *l, const struct fv_nn_depthwise *d, 
     spread(words, d->shift, 4, first, period, d->c16);
     transpose_words(words, shift);
     for (int32_t q = 0; q < 4; q++)
-        load_scale_of(&l->scale[q], multiplier[q], shift[q]);
+        load_down_of(&l->scale[q], multiplier[q], shift[q]);
     for (int32_t step = 0; step < d->planes * groups * d->kw; step++) {
         const int32_t kx = step % d->kw, group = step / d->kw % groups,
                       plane = step / d->kw / groups;
@@ -110,10 +110,10 @@ static inline void load_lanes(struct lanes *l, const struct fv_nn_depthwise *d, 
 FV_INLINE void finish(const struct lanes *l, const struct fv_nn_depthwise *d, const __m512i acc[4],
                       uint8_t *out, __mmask64 mask, const int above)
 {
-    __m512i bytes =
-        pack_lanes(requantize(acc[0], &l->scale[0], above), requantize(acc[1], &l->scale[1], above),
-                   requantize(acc[2], &l->scale[2], above), requantize(acc[3], &l->scale[3], above),
-                   l->zero, l->low, l->high);
+    __m512i bytes = pack_lanes(
+        requantize_down(acc[0], &l->scale[0], above), requantize_down(acc[1], &l->scale[1], above),
+        requantize_down(acc[2], &l->scale[2], above), requantize_down(acc[3], &l->scale[3], above),
+        l->zero, l->low, l->high);
     if (d->table != NULL) bytes = look_up(bytes, &l->table, d->table);
     _mm512_mask_storeu_epi8(out, mask, bytes);
 }
@@ -334,6 +334,10 @@ static inline void by_flat_rows(const struct fv_nn_depthwise *d, const uint8_t *
 static inline void depthwise(const struct fv_nn_depthwise *d, const uint8_t *in, uint8_t *out,
                              int32_t begin, int32_t end, uint8_t *scratch)
 {
+    if (!all_down(d->multiplier, d->shift, d->channels)) {
+        fv_k_nn_depthwise_u8__avx2(d, in, out, begin, end, scratch);
+        return;
+    }
     const int above = d->act_min >= d->zero_out;
     if (flat_fits(d))
         by_flat_rows(d, in, out, begin, end, scratch, above);

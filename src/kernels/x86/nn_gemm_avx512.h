@@ -56,7 +56,7 @@ FV_INLINE void accumulate(const struct tile_job *j, const int ROWS, const int BL
 }
 
 struct store_job {
-    struct scale16 scale[4];
+    struct down16 scale[4];
     struct table64 table;
     __m512i zero, low, high, order;
     __mmask64 mask;
@@ -91,12 +91,31 @@ FV_INLINE void store_bytes(const struct store_job *s, __m512i bytes, int32_t fir
     }
 }
 
+/* Block by block, so that its constants are loaded once. */
+FV_INLINE void scale_block(__m512i *acc, const struct down16 *constants, const int ROWS,
+                           const int BLOCKS, const int b, const int above)
+{
+    const struct down16 scale = *constants;
+#pragma GCC unroll 12
+    for (int i = 0; i < ROWS; i++)
+        acc[i * BLOCKS + b] = requantize_down(acc[i * BLOCKS + b], &scale, above);
+}
+
 FV_INLINE void tile_u8(const struct tile_job *j, const struct store_job *s, const int ROWS,
                        const int BLOCKS, const int above)
 {
     const int group = BLOCKS == 1 ? 4 : BLOCKS == 2 ? 2 : 1;
     __m512i acc[24];
     accumulate(j, ROWS, BLOCKS, acc);
+    /* From here on other registers: else gcc, which has none left below, keeps some of the
+     * accumulators in memory, in the innermost loop too. */
+#pragma GCC unroll 24
+    for (int i = 0; i < ROWS * BLOCKS; i++)
+        __asm__("" : "+v"(acc[i]));
+    if (BLOCKS > 0) scale_block(acc, &s->scale[0], ROWS, BLOCKS, 0, above);
+    if (BLOCKS > 1) scale_block(acc, &s->scale[1], ROWS, BLOCKS, 1, above);
+    if (BLOCKS > 2) scale_block(acc, &s->scale[2], ROWS, BLOCKS, 2, above);
+    if (BLOCKS > 3) scale_block(acc, &s->scale[3], ROWS, BLOCKS, 3, above);
 #pragma GCC unroll 12
     for (int i = 0; i < ROWS; i += group) {
         if (i >= j->rows) break;
@@ -105,8 +124,7 @@ FV_INLINE void tile_u8(const struct tile_job *j, const struct store_job *s, cons
         for (int b = 0; b < 4; b++) {
             const int row = i + b / BLOCKS;
             const int used = BLOCKS == 3 ? b < 3 : row < ROWS;
-            r[b] = used ? requantize(acc[row * BLOCKS + b % BLOCKS], &s->scale[b % BLOCKS], above)
-                        : r[0];
+            r[b] = used ? acc[row * BLOCKS + b % BLOCKS] : r[0];
         }
         __m512i bytes = pack_lanes(r[0], r[1], r[2], r[3], s->zero, s->low, s->high);
         if (s->lookup != NULL) bytes = look_up(bytes, &s->table, s->lookup);
@@ -189,6 +207,10 @@ static inline int32_t next_blocks(int32_t left)
 static inline void gemm_u8(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda,
                            uint8_t *out, ptrdiff_t ldo, int32_t m)
 {
+    if (!all_down(g->multiplier, g->shift, g->n)) {
+        fv_k_nn_gemm_u8__avx2(g, a, lda, out, ldo, m);
+        return;
+    }
     const int32_t blocks = (g->n + 15) / 16;
     const int above = g->act_min >= g->zero_out;
     struct tile_job j = {.g = g, .lda = lda};
@@ -208,7 +230,7 @@ static inline void gemm_u8(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff
             count = next_blocks(blocks - b);
             const int32_t width = g->n - 16 * b < 16 * count ? g->n - 16 * b : 16 * count;
             for (int32_t c = 0; c < count; c++)
-                load_scale(&s.scale[c], g->multiplier + 16 * (b + c), g->shift + 16 * (b + c));
+                load_down(&s.scale[c], g->multiplier + 16 * (b + c), g->shift + 16 * (b + c));
             s.mask = ~UINT64_C(0) >> (64 - width);
             j.weights = g->weights + (ptrdiff_t)b * g->k4 * 64;
             j.bias = g->bias + 16 * b;
