@@ -60,6 +60,7 @@ struct Thumbnail {
 
 struct View {
     std::string name;           /* file or frame number */
+    int64_t stamp_ns = -1;      /* negative: not known */
     std::vector<Pixel> corners; /* as Board::points, NaN: not seen; empty: no board was found */
     double edge_px = 0;         /* 10 to 90 % width of its edges; a blurred picture has wide ones */
     std::string left_out;       /* why it is not used; empty: it is used */

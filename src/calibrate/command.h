@@ -63,11 +63,12 @@ bool models_of(const std::string &text, std::vector<Model> &models);
 std::string now_text(); /* ISO 8601, UTC */
 
 int command_camera(int argc, char **argv);
-int command_check(int argc, char **argv);   /* an old camera file against new pictures */
-int command_rig(int argc, char **argv);     /* several cameras to each other */
-int command_floor(int argc, char **argv);   /* height and tilt over the floor */
-int command_target(int argc, char **argv);  /* a board to print */
-int command_convert(int argc, char **argv); /* a camera file of another format */
+int command_check(int argc, char **argv);    /* an old camera file against new pictures */
+int command_rig(int argc, char **argv);      /* several cameras to each other */
+int command_floor(int argc, char **argv);    /* height and tilt over the floor */
+int command_hand_eye(int argc, char **argv); /* a camera on a body that moves */
+int command_target(int argc, char **argv);   /* a board to print */
+int command_convert(int argc, char **argv);  /* a camera file of another format */
 
 } // namespace calibrate
 #endif

@@ -49,6 +49,17 @@ const std::vector<Command> commands = {
      "of the others are left out.",
      "fovea-calibrate floor --source pictures/ --camera camera.yaml --target chessboard:9x6:0.025 "
      "--thickness 0.005 --out floor.yaml\nfovea run --config floor.yaml --source v4l2:/dev/video0"},
+    {"hand-eye", "place a camera on a robot's body or hand from its poses and pictures of a board",
+     command_hand_eye,
+     "The board stands still; the robot takes pictures of it from all sides, turned about two axes or "
+     "more. --poses holds poses of the body, one a line: stamp x y z qx qy qz qw (TUM), in seconds and "
+     "metres, T_world_body. They are found by the stamps of the pictures: those of a recording, or "
+     "names of files as 1305031102.175304.png (seconds) or of 16 digits and more (nanoseconds). "
+     "Pictures without stamps and as many poses belong together in their order. --out holds the key "
+     "T_body_cam of Fovea's configuration. The noise of the poses is estimated too. Motions without "
+     "rotation, or with rotation about one axis alone, are refused.",
+     "fovea-calibrate hand-eye --source pictures/ --poses poses.txt --camera camera.yaml --target "
+     "chessboard:9x6:0.025 --out hand_eye.yaml"},
     {"target", "write a board to print, as PDF at exact size", command_target,
      "Print at 100 %, and measure the ruler and a square afterwards. A ChArUco board or an AprilGrid "
      "may be partly hidden in pictures, which brings corners to the image's border.",

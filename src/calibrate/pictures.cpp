@@ -13,6 +13,7 @@
 #include "fovea/source.h"
 #include "image/grey.h"
 #include "kernels/cpu.h"
+#include "support/text.h"
 extern "C" {
 #include "support/picture.h"
 #include "support/say.h"
@@ -67,6 +68,23 @@ void take(const Grey &image, const Board &board, View &view)
     view.thumbnail = thumbnail_of(image);
 }
 
+/* Of a file's name in seconds with a point (1305031102.175304.png) or in nanoseconds (16 digits and
+ * more); negative: it is none. */
+int64_t stamp_of(const std::string &name)
+{
+    const std::string stem = name.substr(0, name.rfind('.'));
+    int64_t stamp_ns, fraction_ns = 0;
+    const size_t point = stem.find('.');
+    if (stem.find_first_not_of("0123456789.") != std::string::npos) return -1;
+    if (point == std::string::npos)
+        return stem.size() >= 16 && fv_text_integer(stem.c_str(), &stamp_ns) ? stamp_ns : -1;
+    const std::string fraction = (stem.substr(point + 1) + "000000000").substr(0, 9);
+    if (!fv_text_integer(stem.substr(0, point).c_str(), &stamp_ns) || stamp_ns > 9000000000 ||
+        !fv_text_integer(fraction.c_str(), &fraction_ns))
+        return -1;
+    return stamp_ns * 1000000000 + fraction_ns;
+}
+
 fovea_status collect_folder(const std::string &folder, const Board &board, Refinement refinement,
                             Collection &collection, fovea_error *error)
 {
@@ -89,6 +107,7 @@ fovea_status collect_folder(const std::string &folder, const Board &board, Refin
         } else {
             view.left_out = why.text;
         }
+        view.stamp_ns = stamp_of(view.name);
         collection.views.push_back(view);
     }
     std::free(entries);
@@ -176,6 +195,7 @@ bool look(const fovea_frame &frame, const fv_kernels &kernels, const Board &boar
                             collections[k].width};
         views[k] = View();
         views[k].name = "frame " + std::to_string(frame.sequence);
+        views[k].stamp_ns = frame.stamp_ns + frame.offset_ns[k];
         detect_board(image, board, refinement, views[k]);
     }
     return true;

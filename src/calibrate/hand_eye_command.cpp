@@ -1,0 +1,283 @@
+/* fovea-calibrate hand-eye: a camera on a body, from poses and pictures of a board. */
+#include <cstdio>
+
+#include "calibrate/command.h"
+#include "calibrate/hand_eye.h"
+#include "calibrate/html.h"
+#include "calibrate/json_text.h"
+#include "calibrate/pictures.h"
+#include "calibrate/report.h"
+#include "calibrate/report_page.h"
+#include "calibrate/text_file.h"
+#include "support/text.h"
+extern "C" {
+#include "drivers/recorded/poses.h"
+#include "support/say.h"
+}
+
+namespace calibrate
+{
+namespace
+{
+
+constexpr int VIEWS_MAX_DEFAULT = 40, VIEWS_MAX_LIMIT = 500;
+constexpr double DEGREE = 57.29577951308232;
+
+struct Given {
+    std::string source, target, camera, poses, out, json, report, views;
+};
+
+struct HandEyeReport {
+    Board board;
+    std::vector<View> views;
+    HandEyeSolution solution;
+    Verdict verdict;
+    std::string camera, source, poses, date;
+};
+
+int check(const Given &given, Board &board, int64_t &views_max)
+{
+    const int status = source_check("hand-eye", given.source, given.target, board);
+    if (status != FV_EXIT_OK) return status;
+    if (given.camera.empty())
+        return fv_say_wrong(
+            "fovea-calibrate hand-eye: found no --camera, expected the camera's file "
+            "('fovea-calibrate camera' makes one)");
+    if (given.poses.empty())
+        return fv_say_wrong(
+            "fovea-calibrate hand-eye: found no --poses, expected a file with lines "
+            "of stamp x y z qx qy qz qw");
+    views_max = VIEWS_MAX_DEFAULT;
+    if (!given.views.empty() && (!fv_text_integer(given.views.c_str(), &views_max) ||
+                                 views_max < 3 || views_max > VIEWS_MAX_LIMIT))
+        return fv_say_wrong("--views: found '%s', expected a number from 3 to %d",
+                            given.views.c_str(), VIEWS_MAX_LIMIT);
+    return files_check({{"--out", given.out, false},
+                        {"--json", given.json, false},
+                        {"--report", given.report, false}},
+                       {{"--source", given.source, true},
+                        {"--camera", given.camera, false},
+                        {"--poses", given.poses, false}});
+}
+
+Rigid from_rows(const double rows[12])
+{
+    Rigid T;
+    for (int i = 0; i < 3; i++) {
+        for (int j = 0; j < 3; j++)
+            T.R(i, j) = rows[4 * i + j];
+        T.t[i] = rows[4 * i + 3];
+    }
+    return T;
+}
+
+/* By stamp, or by their order where no picture has one and there are as many. */
+int match(const Given &given, const std::vector<View> &views, std::vector<BodyPose> &found)
+{
+    const double identity[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
+    fv_poses poses = {};
+    fovea_error error;
+    if (fv_poses_read(given.poses.c_str(), FV_POSES_TUM, identity, &poses, &error) != FOVEA_OK)
+        return fv_say_wrong("%s", error.text);
+    bool stamped = false;
+    for (const View &view : views)
+        stamped |= view.stamp_ns >= 0;
+    const size_t count = poses.count;
+    for (size_t v = 0; v < views.size(); v++) {
+        double rows[12];
+        const bool ordered = !stamped && count == views.size();
+        const int64_t stamp_ns = ordered ? poses.by_stamp[v].stamp_ns : views[v].stamp_ns;
+        BodyPose pose;
+        pose.known = stamp_ns >= 0 && fv_poses_at(&poses, stamp_ns, v, rows);
+        if (pose.known) pose.T_world_body = from_rows(rows);
+        found.push_back(pose);
+    }
+    fv_poses_free(&poses);
+    if (stamped || count == views.size()) return FV_EXIT_OK;
+    return fv_say_wrong("%s: found %zu poses for %zu pictures without stamps, expected as many, or "
+                        "pictures with stamps as names",
+                        given.poses.c_str(), count, views.size());
+}
+
+std::array<double, 12> rows_of(const Rigid &T)
+{
+    std::array<double, 12> rows;
+    for (int i = 0; i < 3; i++) {
+        for (int j = 0; j < 3; j++)
+            rows[(size_t)(4 * i + j)] = T.R(i, j);
+        rows[(size_t)(4 * i + 3)] = T.t[i];
+    }
+    return rows;
+}
+
+std::string configuration(const HandEyeReport &report)
+{
+    const HandEyeSolution &s = report.solution;
+    const std::array<double, 12> T = rows_of(s.T_body_cam);
+    std::string text = formatted(
+        "# The camera on the body, by fovea-calibrate hand-eye of %s: %s.\n"
+        "# Rotation +- %.3f %.3f %.3f degrees about the body's axes, place +- %.4f %.4f %.4f m.\n"
+        "T_body_cam:\n",
+        report.date.c_str(), grade_name(report.verdict.grade), DEGREE * s.stdev[0],
+        DEGREE * s.stdev[1], DEGREE * s.stdev[2], s.stdev[3], s.stdev[4], s.stdev[5]);
+    for (size_t i = 0; i < 12; i += 4)
+        text += formatted("- [%.17g, %.17g, %.17g, %.17g]\n", T[i], T[i + 1], T[i + 2], T[i + 3]);
+    return text;
+}
+
+std::string json(const HandEyeReport &report)
+{
+    const HandEyeSolution &s = report.solution;
+    std::string text = "{\n" + json_verdict(report.verdict, report.date) +
+                       "  \"camera\": " + json_string(report.camera) +
+                       ",\n  \"board\": " + json_string(report.board.text());
+    if (s.views_used > 0)
+        text += ",\n  \"T_body_cam\": " + json_numbers(rows_of(s.T_body_cam).data(), 12) +
+                ",\n  \"rotation_stdev_rad\": " + json_numbers(s.stdev.data(), 3) +
+                ",\n  \"translation_stdev_m\": " + json_numbers(s.stdev.data() + 3, 3) +
+                ",\n  \"T_world_board\": " + json_numbers(rows_of(s.T_world_board).data(), 12) +
+                ",\n  \"pose_noise_rad\": " + json_number(s.pose_noise_rad) +
+                ",\n  \"pose_noise_m\": " + json_number(s.pose_noise_m) +
+                ",\n  \"noise_px\": " + json_number(s.noise_px) +
+                ",\n  \"angle_off_rad\": " + json_number(s.angle_off_rad) +
+                formatted(",\n  \"views_used\": %d", s.views_used);
+    text += ",\n  \"turn_rad\": " + json_number(s.turn_rad) +
+            ",\n  \"second_turn_rad\": " + json_number(s.second_turn_rad) + ",\n  \"left_out\": [";
+    bool first = true;
+    for (size_t v = 0; v < s.left_out.size(); v++) {
+        if (s.left_out[v].empty()) continue;
+        text += std::string(first ? "" : ",") +
+                "\n    {\"name\": " + json_string(report.views[v].name) +
+                ", \"reason\": " + json_string(s.left_out[v]) + "}";
+        first = false;
+    }
+    return text + "\n  ]\n}\n";
+}
+
+std::string html(const HandEyeReport &report)
+{
+    static const char *const names[] = {"turn about x, degrees",
+                                        "turn about y, degrees",
+                                        "turn about z, degrees",
+                                        "x, mm",
+                                        "y, mm",
+                                        "z, mm"};
+    const HandEyeSolution &s = report.solution;
+    std::string page = verdict_header(
+        "The camera on the body", report.verdict,
+        report.verdict.grade == Grade::fail
+            ? "No file was written. Do what the reasons ask for and calibrate again."
+            : "Put the key of the file into the configuration. When the camera's mount was touched, "
+              "calibrate again.",
+        "Pictures: " + report.source + ". Poses: " + report.poses + ". Camera: " + report.camera +
+            ". Board: " + report.board.text() + ". Date: " + report.date);
+    if (s.views_used > 0) {
+        const Pose place = pose_of(s.T_body_cam);
+        std::string rows;
+        for (size_t i = 0; i < 6; i++) {
+            const double unit = i < 3 ? DEGREE : 1e3;
+            rows += formatted("<tr><td>%s</td><td class=\"number\">", names[i]) +
+                    datum("place", unit * place[i], "%.3f") + "</td><td class=\"number\">" +
+                    datum("place-stdev", unit * s.stdev[i], "%.2g") + "</td></tr>\n";
+        }
+        page +=
+            section("place", "The camera in the body's frame",
+                    "<div class=\"wide\"><table>\n<tr><th>what</th><th class=\"number\">value</th>"
+                    "<th class=\"number\">standard deviation</th></tr>\n" +
+                        rows + "</table></div>\n<p>" + datum("views_used", s.views_used, "%.0f") +
+                        " pictures. Noise of the body's poses: " +
+                        datum("pose_noise_degrees", DEGREE * s.pose_noise_rad) + " degrees, " +
+                        datum("pose_noise_mm", 1e3 * s.pose_noise_m) +
+                        " mm; of corners: " + datum("noise_px", s.noise_px) + " px.</p>\n");
+    }
+    std::string list;
+    for (size_t v = 0; v < s.left_out.size(); v++)
+        if (!s.left_out[v].empty())
+            list +=
+                "<li>" + escaped(report.views[v].name) + ": " + escaped(s.left_out[v]) + "</li>\n";
+    if (!list.empty())
+        page +=
+            section("left-out", "Pictures that are left out, and why", "<ul>\n" + list + "</ul>\n");
+    return html_page(report.verdict.grade, page);
+}
+
+void print(const HandEyeReport &report)
+{
+    const HandEyeSolution &s = report.solution;
+    for (size_t v = 0; v < s.left_out.size(); v++)
+        if (!s.left_out[v].empty())
+            printf("left out  %s: %s\n", report.views[v].name.c_str(), s.left_out[v].c_str());
+    if (s.views_used > 0) {
+        const Pose place = pose_of(s.T_body_cam);
+        printf("place     %.2f %.2f %.2f mm in the body (+- %.2g %.2g %.2g)\n"
+               "rotation  %.3f %.3f %.3f degrees about its axes (+- %.2g %.2g %.2g)\n"
+               "noise     of poses %.3f degrees, %.2f mm; of corners %.3f px; %d pictures\n",
+               1e3 * place[3], 1e3 * place[4], 1e3 * place[5], 1e3 * s.stdev[3], 1e3 * s.stdev[4],
+               1e3 * s.stdev[5], DEGREE * place[0], DEGREE * place[1], DEGREE * place[2],
+               DEGREE * s.stdev[0], DEGREE * s.stdev[1], DEGREE * s.stdev[2],
+               DEGREE * s.pose_noise_rad, 1e3 * s.pose_noise_m, s.noise_px, s.views_used);
+    }
+    print_verdict(report.verdict);
+}
+
+int write(const Given &given, const HandEyeReport &report)
+{
+    int status = FV_EXIT_OK;
+    if (!given.json.empty()) status = write_text(given.json, json(report));
+    if (status == FV_EXIT_OK && !given.report.empty())
+        status = write_text(given.report, html(report));
+    if (status != FV_EXIT_OK || given.out.empty()) return status;
+    if (report.verdict.grade != Grade::fail) return write_text(given.out, configuration(report));
+    fv_say("%s: not written, as the calibration fails", given.out.c_str());
+    return FV_EXIT_OK;
+}
+
+} // namespace
+
+int command_hand_eye(int argc, char **argv)
+{
+    Given given;
+    const std::vector<Option> options = {
+        {"source", "URI|FOLDER", &given.source,
+         "recording or camera, or folder of PNG and JPEG files"},
+        {"target", "BOARD", &given.target,
+         "board, as chessboard:9x6:0.025; see --man for the others"},
+        {"camera", "FILE", &given.camera, "camera file of the camera"},
+        {"poses", "FILE", &given.poses, "poses of the body, a line each: stamp x y z qx qy qz qw"},
+        {"out", "FILE", &given.out,
+         "write the key T_body_cam of Fovea's configuration; not when the verdict is fail"},
+        {"json", "FILE", &given.json, "write the verdict with all its numbers"},
+        {"report", "FILE", &given.report, "write the verdict as one HTML file"},
+        {"views", "N", &given.views, "pictures to take from a URI (default 40)"},
+    };
+    std::vector<std::string> operands;
+    int status;
+    if (!options_parse(argc, argv, options, "", 0, operands, &status)) return status;
+    HandEyeReport report;
+    int64_t views_max;
+    status = check(given, report.board, views_max);
+    if (status != FV_EXIT_OK) return status;
+    Collection collection;
+    fovea_camera camera;
+    std::vector<BodyPose> poses;
+    status =
+        collect_known(given.source, given.camera, report.board, (int)views_max, collection, camera);
+    if (status == FV_EXIT_OK) status = match(given, collection.views, poses);
+    if (status != FV_EXIT_OK) return status;
+    report.views = collection.views;
+    report.camera = given.camera;
+    report.source = given.source;
+    report.poses = given.poses;
+    report.date = now_text();
+    std::string error;
+    if (solve_hand_eye(report.board, report.views, poses, camera, report.solution, error))
+        report.verdict = judge_hand_eye(report.solution);
+    else
+        add_reason(report.verdict, Grade::fail, "%s", error.c_str());
+    print(report);
+    status = write(given, report);
+    if (status != FV_EXIT_OK) return status;
+    return report.verdict.grade == Grade::fail ? FV_EXIT_FAILED : FV_EXIT_OK;
+}
+
+} // namespace calibrate
