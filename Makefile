@@ -410,7 +410,7 @@ isa_flags = $(if $(findstring _sse4.c,$(1)),-msse4.2 -mpopcnt)\
             $(if $(findstring _i8mm.c,$(1)),-march=armv8.2-a+dotprod+i8mm)
 
 # Loops that the compiler vectorises take whole registers.
-$(BUILD)/obj/src/kernels/x86/filter_avx512.o $(BUILD)/obj/src/kernels/x86/edge_avx512.o $(BUILD)/obj/src/kernels/x86/response_avx512.o: CFLAGS += -mprefer-vector-width=512
+$(BUILD)/obj/src/kernels/x86/filter_avx512.o $(BUILD)/obj/src/kernels/x86/edge_avx512.o: CFLAGS += -mprefer-vector-width=512
 
 # Only programs and tests may see the drivers' own headers.
 $(BUILD)/obj/src/app/%.o $(BUILD)/obj/tests/%.o $(BUILD)/obj/tools/%.o: CFLAGS += -I.

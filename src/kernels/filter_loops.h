@@ -44,15 +44,6 @@ void FV_NAME(median3_row_u8)(uint8_t *restrict out, const uint8_t *const *rows, 
     out[width - 1] = median9(a, b, c, width - 2, width - 1, width - 1);
 }
 
-void FV_NAME(mix_u8)(uint8_t *out, const uint8_t *a, const uint8_t *b, int32_t count,
-                     int32_t weight)
-{
-    for (int32_t i = 0; i < count; i++) {
-        const int32_t mixed = (weight * a[i] + (256 - weight) * b[i] + 128) >> 8;
-        out[i] = (uint8_t)(mixed < 0 ? 0 : mixed > 255 ? 255 : mixed);
-    }
-}
-
 void FV_NAME(range_u8)(uint8_t range[2], const uint8_t *in, int32_t count)
 {
     uint8_t low = range[0], high = range[1];
@@ -62,11 +53,4 @@ void FV_NAME(range_u8)(uint8_t range[2], const uint8_t *in, int32_t count)
     }
     range[0] = low;
     range[1] = high;
-}
-
-void FV_NAME(contrast_blend_u16)(uint16_t *restrict out, const uint8_t *a, const uint8_t *b,
-                                 int32_t weight)
-{
-    for (int32_t i = 0; i < 256; i++)
-        out[i] = (uint16_t)((a[i] * (4096 - weight) + b[i] * weight + 8) >> 4);
 }

@@ -1,10 +1,11 @@
 /* Kernels of contracts/response.h, which compilers vectorise well: the C variants, which
- * response_avx2.c and response_avx512.c compile again for their instruction sets. FV_NAME(kernel)
- * makes the function's name. */
+ * response_sse4.c and response_avx2.c compile again for their instruction sets, with column sums of
+ * their own. FV_NAME(kernel) makes the function's name. */
 #include <string.h>
 
 #include "kernels/kernels.h"
 
+#ifndef FV_COLUMN_SUMS
 /* Sums of the products down the three rows, for every column. */
 static inline void column_sums(int32_t *restrict out, const int16_t *const *p,
                                const int16_t *const *q, int32_t width)
@@ -13,6 +14,7 @@ static inline void column_sums(int32_t *restrict out, const int16_t *const *p,
     for (int32_t x = 0; x < width; x++)
         out[x] = p0[x] * q0[x] + p1[x] * q1[x] + p2[x] * q2[x];
 }
+#endif
 
 static inline int32_t bits_of(float value)
 {

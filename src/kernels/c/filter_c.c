@@ -41,6 +41,21 @@ void fv_k_gauss_row_u8__c(uint8_t *out, const uint8_t *const *rows, int32_t widt
         gauss_row(out, rows, width, weights, 3, scratch);
 }
 
+void fv_k_mix_u8__c(uint8_t *out, const uint8_t *a, const uint8_t *b, int32_t count, int32_t weight)
+{
+    for (int32_t i = 0; i < count; i++) {
+        const int32_t mixed = (weight * a[i] + (256 - weight) * b[i] + 128) >> 8;
+        out[i] = (uint8_t)(mixed < 0 ? 0 : mixed > 255 ? 255 : mixed);
+    }
+}
+
+void fv_k_contrast_blend_u16__c(uint16_t *restrict out, const uint8_t *a, const uint8_t *b,
+                                int32_t weight)
+{
+    for (int32_t i = 0; i < 256; i++)
+        out[i] = (uint16_t)((a[i] * (4096 - weight) + b[i] * weight + 8) >> 4);
+}
+
 void fv_k_histogram_u8__c(uint32_t counts[4][256], const uint8_t *in, int32_t count)
 {
     int32_t i = 0;

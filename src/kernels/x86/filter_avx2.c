@@ -92,3 +92,67 @@ void fv_k_gauss_row_u8__avx2(uint8_t *out, const uint8_t *const *rows, int32_t w
     else
         gauss_row(out, rows, width, weights, 3, scratch);
 }
+
+/* ---- two pictures or tables to one ----------------------------------------------------------- */
+
+/* Weighted sums of two pixels each, in pairs of words; 16 pixels. */
+static inline void two_sums(__m256i pairs, __m256i weights, __m256i half, __m256i *low,
+                            __m256i *high)
+{
+    const __m256i zero = _mm256_setzero_si256();
+    *low = _mm256_add_epi32(_mm256_madd_epi16(_mm256_unpacklo_epi8(pairs, zero), weights), half);
+    *high = _mm256_add_epi32(_mm256_madd_epi16(_mm256_unpackhi_epi8(pairs, zero), weights), half);
+}
+
+static inline __m256i weights_of(int32_t a, int32_t b)
+{
+    return _mm256_set1_epi32((int32_t)((uint32_t)b << 16 | ((uint32_t)a & 0xffff)));
+}
+
+static inline __m256i mix_sixteen(__m256i pairs, __m256i weights)
+{
+    __m256i low, high;
+    two_sums(pairs, weights, _mm256_set1_epi32(128), &low, &high);
+    return _mm256_packs_epi32(_mm256_srai_epi32(low, 8), _mm256_srai_epi32(high, 8));
+}
+
+void fv_k_mix_u8__avx2(uint8_t *out, const uint8_t *a, const uint8_t *b, int32_t count,
+                       int32_t weight)
+{
+    const __m256i weights = weights_of(weight, 256 - weight);
+    int32_t i = 0;
+    for (; i + 32 <= count; i += 32) {
+        const __m256i va = _mm256_loadu_si256((const __m256i *)(a + i)),
+                      vb = _mm256_loadu_si256((const __m256i *)(b + i));
+        _mm256_storeu_si256(
+            (__m256i *)(out + i),
+            _mm256_packus_epi16(mix_sixteen(_mm256_unpacklo_epi8(va, vb), weights),
+                                mix_sixteen(_mm256_unpackhi_epi8(va, vb), weights)));
+    }
+    for (; i < count; i++) {
+        const int32_t mixed = (weight * a[i] + (256 - weight) * b[i] + 128) >> 8;
+        out[i] = (uint8_t)(mixed < 0 ? 0 : mixed > 255 ? 255 : mixed);
+    }
+}
+
+static inline __m256i blend_sixteen(__m256i pairs, __m256i weights)
+{
+    __m256i low, high;
+    two_sums(pairs, weights, _mm256_set1_epi32(8), &low, &high);
+    return _mm256_packus_epi32(_mm256_srli_epi32(low, 4), _mm256_srli_epi32(high, 4));
+}
+
+void fv_k_contrast_blend_u16__avx2(uint16_t out[256], const uint8_t a[256], const uint8_t b[256],
+                                   int32_t weight)
+{
+    const __m256i weights = weights_of(4096 - weight, weight);
+    for (int32_t i = 0; i < 256; i += 32) {
+        const __m256i va = _mm256_loadu_si256((const __m256i *)(a + i)),
+                      vb = _mm256_loadu_si256((const __m256i *)(b + i));
+        /* Lanes hold places 0 to 7 and 16 to 23, and 8 to 15 and 24 to 31. */
+        const __m256i low = blend_sixteen(_mm256_unpacklo_epi8(va, vb), weights),
+                      high = blend_sixteen(_mm256_unpackhi_epi8(va, vb), weights);
+        _mm256_storeu_si256((__m256i *)(out + i), _mm256_permute2x128_si256(low, high, 0x20));
+        _mm256_storeu_si256((__m256i *)(out + i + 16), _mm256_permute2x128_si256(low, high, 0x31));
+    }
+}
