@@ -59,7 +59,7 @@ static const bench::Stage features(
     [](const Input &input, const struct fv_kernels &kernels) -> Run {
         auto made = std::make_shared<bench::Pyramid>(input.image, 8);
         auto found = std::make_shared<struct fv_features>();
-        const struct fovea_features_config config = {1000, 8, 20, 7, 8};
+        const struct fovea_features_config config = {1000, 8, 20, 7, 8, FOVEA_FEATURES_FAST};
         auto block = std::make_shared<bench::Block>([&](struct fv_arena *arena) {
             fv_features_carve(found.get(), &config, &made->pyramid, arena);
         });

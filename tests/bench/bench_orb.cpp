@@ -24,7 +24,7 @@ struct Extractor {
 
     Extractor(const cv::Mat &image, const struct fv_kernels &set) : made(image, 8), kernels(set)
     {
-        const struct fovea_features_config config = {1000, 8, 20, 7, 8};
+        const struct fovea_features_config config = {1000, 8, 20, 7, 8, FOVEA_FEATURES_FAST};
         block = std::make_unique<bench::Block>([&](struct fv_arena *arena) {
             fv_features_carve(&features, &config, &made.pyramid, arena);
             fv_orb_carve(&orb, 1000, &made.pyramid, arena);

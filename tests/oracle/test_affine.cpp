@@ -48,7 +48,7 @@ Set ours(const cv::Mat &image, uint32_t count)
     struct fv_features features;
     struct fv_orb orb;
     fv_kernels_init(&kernels, fv_cpu_best(fv_cpu_detect()));
-    const struct fovea_features_config config = {count, 8, 20, 7, 8};
+    const struct fovea_features_config config = {count, 8, 20, 7, 8, FOVEA_FEATURES_FAST};
     bench::Pyramid made(image, 8);
     bench::Block block([&](struct fv_arena *arena) {
         fv_features_carve(&features, &config, &made.pyramid, arena);

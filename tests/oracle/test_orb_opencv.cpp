@@ -39,7 +39,8 @@ Described describe(bench::Pyramid &made, const struct fv_kernels &kernels)
 {
     struct fv_features features;
     struct fv_orb orb;
-    const struct fovea_features_config config = {1000, made.pyramid.levels, 20, 7, 8};
+    const struct fovea_features_config config = {1000, made.pyramid.levels, 20, 7,
+                                                 8,    FOVEA_FEATURES_FAST};
     bench::Block features_block([&](struct fv_arena *arena) {
         fv_features_carve(&features, &config, &made.pyramid, arena);
     });

@@ -51,7 +51,7 @@ struct rig {
 
 static void carve(struct rig *rig, const struct fovea_camera *camera)
 {
-    const struct fovea_features_config features = {FEATURES, 8, 20, 7, 2};
+    const struct fovea_features_config features = {FEATURES, 8, 20, 7, 2, FOVEA_FEATURES_FAST};
     const struct fovea_odometry_config config = {.enabled = true,
                                                  .keyframes = 40,
                                                  .landmarks = 6000,
