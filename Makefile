@@ -137,7 +137,7 @@ THREADED := unit/base/test_ring unit/app/run/test_loop unit/app/record/test_reco
             unit/app/network/test_sender_link unit/app/network/test_sender_preview unit/drivers/test_recorded \
             unit/drivers/test_wrong_recordings unit/drivers/test_odd_recordings unit/drivers/test_odd_logs unit/drivers/test_rig_recordings unit/drivers/test_recovery \
             unit/drivers/test_v4l2 unit/drivers/test_v4l2_faults unit/drivers/test_v4l2_gain unit/drivers/test_v4l2_unplug \
-            unit/drivers/test_libcamera replay/test_replay realtime/test_run transport/test_transport transport/test_receiver transport/test_sending transport/test_answers transport/test_feed_run
+            unit/drivers/test_libcamera replay/test_replay realtime/test_run transport/test_transport transport/test_receiver transport/test_sending transport/test_answers transport/test_feed_run transport/test_service
 check:  ## layers, names, format, symbols, stack, hardening, headers, clang build, clang-tidy, tests under asan+ubsan and tsan, a trial installation
 	@tools/install.sh build test check
 	@$(MAKE) --no-print-directory -j$(JOBS) all
@@ -370,6 +370,8 @@ install: all man  ## install program, manual pages, libraries, headers and messa
 	install -m 644 $(MAN) $(CALIBRATE_MAN) $(DESTDIR)$(PREFIX)/share/man/man1/
 	install -m 644 src/detect/shipped.fvm $(DESTDIR)$(PREFIX)/share/fovea/
 	install -m 644 include/lcmtypes/*.lcm $(DESTDIR)$(PREFIX)/share/fovea/lcmtypes/
+	install -d $(DESTDIR)$(PREFIX)/lib/systemd/system
+	sed 's|/usr/local|$(PREFIX)|' 'tools/service/fovea@.service' >'$(DESTDIR)$(PREFIX)/lib/systemd/system/fovea@.service'
 	sed 's|@PREFIX@|$(PREFIX)|; s|@VERSION@|$(VERSION)|' tools/fovea.pc.in >$(DESTDIR)$(PREFIX)/lib/pkgconfig/fovea.pc
 	sed 's|@PREFIX@|$(PREFIX)|; s|@VERSION@|$(VERSION)|' tools/fovea-messages.pc.in >$(DESTDIR)$(PREFIX)/lib/pkgconfig/fovea-messages.pc
 	@# Programs find the shared library at once, where it lies in a folder that the system's linker looks through.

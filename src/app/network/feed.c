@@ -276,7 +276,8 @@ static enum fovea_status socket_open(struct fv_feed *feed, const char *path,
                                errno == EADDRINUSE ? "found a file, or the socket of another run"
                                                    : strerror(errno));
     const struct group *group = getgrnam("fovea");
-    if (group != NULL && chown(path, (uid_t)-1, group->gr_gid) != 0)
+    if (group != NULL && (lstat(path, &feed->made) != 0 || feed->made.st_gid != group->gr_gid) &&
+        chown(path, (uid_t)-1, group->gr_gid) != 0)
         fv_say("%s: the group fovea may not read it: %s", path, strerror(errno));
     if (chmod(path, 0660) != 0 || lstat(path, &feed->made) != 0 || listen(feed->socket, 8) != 0)
         return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "web.socket: %s: %s", path,

@@ -31,8 +31,9 @@ enum fovea_status fv_feed_reader_open(const char *path, uint32_t frames_per_1000
 enum fovea_status fv_feed_reader_next(struct fv_feed_reader *reader,
                                       struct fv_feed_message *message);
 
-/* The newest whole frame, if it is newer than the last, and than the opening. `*images`: its images, valid until the next
- * call; offsets of `frame` count from there, and all lie within it. FOVEA_OK or FOVEA_AGAIN. */
+/* The newest whole frame, if it is newer than the last, and than the opening. `*images`: its
+ * images, valid until the next call; offsets of `frame` count from there, and all lie within it.
+ * FOVEA_OK or FOVEA_AGAIN. */
 enum fovea_status fv_feed_reader_frame(struct fv_feed_reader *reader, struct fv_feed_frame *frame,
                                        const uint8_t **images);
 

@@ -20,6 +20,7 @@ static bool stopped(const struct fv_loop *loop)
 static void sleep_until(const struct fv_loop *loop, int64_t due_ns)
 {
     for (int64_t now = now_ns(); now < due_ns && !stopped(loop); now = now_ns()) {
+        atomic_fetch_add_explicit(&loop->shared->beats, 1, memory_order_relaxed);
         int64_t until = due_ns - now > poll_ns ? now + poll_ns : due_ns;
         const struct timespec time = fv_clock_timespec(until);
         clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &time, NULL);
@@ -80,6 +81,7 @@ static enum taken take_frame(struct fv_loop *loop, struct fovea_frame *frame, in
     int64_t asked_ns = now_ns();
     while (!stopped(loop)) {
         int64_t deadline_ns = now_ns() + patience_ns;
+        atomic_fetch_add_explicit(&loop->shared->beats, 1, memory_order_relaxed);
         enum fovea_status status = loop->ops->dequeue(loop->source, deadline_ns, frame);
         if (status == FOVEA_GONE) sleep_until(loop, deadline_ns);
         if (status == FOVEA_END || status < 0) {

@@ -30,6 +30,7 @@ struct fv_loop_shared {
     _Atomic uint64_t resident_bytes; /* set by the watcher */
     _Atomic float temperature_c;     /* set by the watcher */
     _Atomic uint64_t frames, dropped, features;
+    _Atomic uint64_t beats; /* rises while the loop runs, with and without frames */
     _Atomic int64_t step_ns;
 };
 

@@ -15,6 +15,7 @@
 #include "app/run/pose_watch.h"
 #include "app/record/recorder.h"
 #include "app/run/results.h"
+#include "app/run/service.h"
 #include "app/config/setup.h"
 #include "app/run/snapshot.h"
 #include "app/run/trails.h"
@@ -72,6 +73,7 @@ struct fv_run {
     struct fv_keeper keeper;
     struct fv_answers answers;
     struct fv_loop_shared shared;
+    struct fv_service service;
     struct fv_timings timings;
     struct fv_loop loop;
     struct fovea_sample samples[FOVEA_INPUT_SAMPLES_MAX]; /* of the step under way; the loop's */

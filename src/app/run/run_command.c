@@ -26,8 +26,10 @@ static void pace(void *context)
     while (!atomic_load_explicit(&run->shared.stop, memory_order_relaxed) &&
            (!fv_recorder_room(run->recorder) || !fv_transport_room(run->transport) ||
             !fv_trajectory_room(run->trajectory) || !fv_trajectory_room(run->truth) ||
-            !fv_final_room(run->final) || !fv_results_room(run->results)))
+            !fv_final_room(run->final) || !fv_results_room(run->results))) {
+        atomic_fetch_add_explicit(&run->shared.beats, 1, memory_order_relaxed);
         nanosleep(&(struct timespec){.tv_nsec = 1000000}, NULL);
+    }
 }
 
 static uint32_t commands(void *context)
@@ -498,7 +500,9 @@ static enum fovea_status run_loop(struct fv_run *run, struct fovea_error *error)
                                &rights, error);
     if (status != FOVEA_OK) return status;
     if (rights.why.text[0] != '\0') fv_say("fovea run: %s", rights.why.text);
+    fv_service_open(&run->service, &run->shared.beats);
     watch(run);
+    fv_service_close(&run->service);
     pthread_join(thread, NULL);
     fv_watch_close(&run->watch); /* the loop's until here */
     if (loop->status < 0)

@@ -38,8 +38,10 @@ void fv_run_changes_say(struct fv_run *run)
 {
     struct fv_watch_change change;
     bool taken = !run->quiet;
-    while (fv_watch_take(&run->watch, &change))
+    while (fv_watch_take(&run->watch, &change)) {
+        fv_service_state(&run->service, fv_watch_name(change.to));
         if (taken) taken = change_say(&change);
+    }
     const uint64_t lost = atomic_exchange(&run->watch.changes_lost, 0);
     if (lost > 0 && taken)
         fv_say("%" PRIu64 " more changes of state: they came too fast to be listed", lost);
