@@ -67,6 +67,7 @@ int command_check(int argc, char **argv);    /* an old camera file against new p
 int command_rig(int argc, char **argv);      /* several cameras to each other */
 int command_floor(int argc, char **argv);    /* height and tilt over the floor */
 int command_hand_eye(int argc, char **argv); /* a camera on a body that moves */
+int command_imu(int argc, char **argv);      /* noise of an inertial sensor */
 int command_target(int argc, char **argv);   /* a board to print */
 int command_convert(int argc, char **argv);  /* a camera file of another format */
 

@@ -60,6 +60,14 @@ const std::vector<Command> commands = {
      "rotation, or with rotation about one axis alone, are refused.",
      "fovea-calibrate hand-eye --source pictures/ --poses poses.txt --camera camera.yaml --target "
      "chessboard:9x6:0.025 --out hand_eye.yaml"},
+    {"imu", "find the noise of an inertial sensor from a log in which it stands still", command_imu,
+     "Noise densities and random walks of gyroscope and accelerometer by the Allan variance (IEEE Std "
+     "952-1997), with standard deviations. The sensor stands still, away from people and engines, at "
+     "an even temperature; an hour is needed for random walks, three are better. Where no walk shows, "
+     "the most that it can be is written. --out is EuRoC's sensor.yaml, which Fovea reads, or Kalibr's "
+     "imu.yaml.",
+     "fovea-calibrate imu --source mav0/imu0/data.csv --out sensor.yaml --plot allan.png\n"
+     "fovea-calibrate imu --source lcmlog:standing.lcm --format kalibr --out imu.yaml"},
     {"target", "write a board to print, as PDF at exact size", command_target,
      "Print at 100 %, and measure the ruler and a square afterwards. A ChArUco board or an AprilGrid "
      "may be partly hidden in pictures, which brings corners to the image's border.",
