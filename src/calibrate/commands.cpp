@@ -49,7 +49,7 @@ const std::vector<Command> commands = {
      "of the others are left out.",
      "fovea-calibrate floor --source pictures/ --camera camera.yaml --target chessboard:9x6:0.025 "
      "--thickness 0.005 --out floor.yaml\nfovea run --config floor.yaml --source v4l2:/dev/video0"},
-    {"hand-eye", "place a camera on a robot's body or hand from its poses and pictures of a board",
+    {"hand-eye", "place a camera on a robot from its poses and pictures of a board",
      command_hand_eye,
      "The board stands still; the robot takes pictures of it from all sides, turned about two axes or "
      "more. --poses holds poses of the body, one a line: stamp x y z qx qy qz qw (TUM), in seconds and "
