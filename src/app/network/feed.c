@@ -66,7 +66,7 @@ static uint64_t whole_units(uint64_t bytes)
 static uint8_t *begin(struct fv_feed *feed, uint64_t at, uint64_t size)
 {
     atomic_store_explicit(&feed->header->begun, at + size, memory_order_relaxed);
-    atomic_thread_fence(memory_order_release);
+    fv_feed_fence();
     return feed->ring + at % FV_FEED_RING_BYTES;
 }
 
@@ -151,7 +151,7 @@ void fv_feed_frame(struct fv_feed *feed, const struct fovea_frame *frame)
                                  .clock = (int32_t)frame->clock,
                                  .image_count = frame->image_count};
     atomic_store_explicit(&slot->begun, number, memory_order_relaxed);
-    atomic_thread_fence(memory_order_release);
+    fv_feed_fence();
     images_copy(feed, at + sizeof *slot, frame, &head);
     slot->frame = head;
     atomic_store_explicit(&slot->whole, number, memory_order_release);

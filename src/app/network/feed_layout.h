@@ -65,6 +65,17 @@ struct fv_feed_slot {
     struct fv_feed_frame frame;
 };
 
+/* What is written or read before it is so for the other process, too, before what comes after it.
+ * ThreadSanitizer knows no fences, and sees one process only; there x86's own order is enough. */
+static inline void fv_feed_fence(void)
+{
+#ifdef __SANITIZE_THREAD__
+    atomic_signal_fence(memory_order_acq_rel);
+#else
+    atomic_thread_fence(memory_order_acq_rel);
+#endif
+}
+
 /* What a reader may send: frames that it wants in 1,000 seconds; 0: none. */
 struct fv_feed_wish {
     uint32_t frames_per_1000_s;

@@ -152,7 +152,7 @@ static bool run_ended(const struct fv_feed_reader *reader)
 /* Whether what was copied from `at` on was whole: nothing of it had begun to be overwritten. */
 static bool is_kept(const struct fv_feed_reader *reader, uint64_t at)
 {
-    atomic_thread_fence(memory_order_acquire);
+    fv_feed_fence();
     return atomic_load_explicit(&reader->header->begun, memory_order_relaxed) - at <=
            FV_FEED_RING_BYTES;
 }
@@ -225,7 +225,7 @@ enum fovea_status fv_feed_reader_frame(struct fv_feed_reader *reader, struct fv_
         if (atomic_load_explicit(&slot->whole, memory_order_acquire) != number) continue;
         *frame = slot->frame;
         memcpy(reader->images, at + sizeof *slot, (size_t)reader->slot_bytes - sizeof *slot);
-        atomic_thread_fence(memory_order_acquire);
+        fv_feed_fence();
         if (atomic_load_explicit(&slot->begun, memory_order_relaxed) != number) continue;
         reader->frame = number;
         if (!is_inside(reader, frame)) return FOVEA_AGAIN;
