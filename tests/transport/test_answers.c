@@ -289,8 +289,9 @@ static void programs_print_the_answers_of_a_run(void **state)
                   "refused: for another run: expected the run_id of this one\n");
     watched_interrupt(&watched);
     assert_int_equal(watched_end(&watched), 0);
-    remove(map);
-    rmdir(folder);
+    char away[96]; /* the map of the end, and the one before it */
+    snprintf(away, sizeof away, "rm -r %s", folder);
+    assert_int_equal(system(away), 0);
 }
 
 int main(int argc, char **argv)

@@ -41,7 +41,7 @@ import graph as graph_module  # noqa: E402
 import plan as plan_module  # noqa: E402
 import trial  # noqa: E402
 import use  # noqa: E402
-from lower import Lowering  # noqa: E402
+from lower import Lowering, REFUSAL_MAX, shortened  # noqa: E402
 from write import Writer  # noqa: E402
 
 
@@ -50,7 +50,8 @@ def convert(path, arguments=None, fold=True):
     try:
         return translate(path, arguments, fold)
     except graph_module.FAULTS as problem:
-        raise graph_module.ImportProblem(f"its tensors and operators do not fit each other ({problem})") from problem
+        why = shortened(" ".join(str(problem).split()), REFUSAL_MAX - 60)
+        raise graph_module.ImportProblem(f"its tensors and operators do not fit each other ({why})") from problem
 
 
 def translate(path, arguments, fold):

@@ -47,7 +47,7 @@ struct fv_settings {
     char listen[16];                          /* who is heard: network/receiver.h */
     uint32_t commands;                        /* struct fv_command_rules: from_network */
     char command_key[FV_SETTINGS_PATH_BYTES]; /* file; "": none */
-    char web_socket[108];                     /* path; "": none */
+    char web_socket[96];                      /* path; "": none */
     uint32_t web_picture_rate;                /* Hz */
     /* LCM channel of bot_core.pose_t, for scale.source: wheel_odometry; "": none */
     char wheel_odometry_channel[64];

@@ -255,34 +255,54 @@ static bool is_left_behind(const struct sockaddr_un *address)
     return refused;
 }
 
+/* Give the socket, which listens as `made`, its name, if nothing else has it. */
+static bool socket_name(const struct fv_feed *feed, const char *made)
+{
+    const char *path = feed->address.sun_path;
+    bool named = link(made, path) == 0;
+    if (!named && errno == EEXIST && is_left_behind(&feed->address) && unlink(path) == 0)
+        named = link(made, path) == 0;
+    const int reason = errno;
+    unlink(made);
+    errno = reason;
+    return named;
+}
+
+/* Of the group `fovea`, where there is one. */
+static void group_give(const char *path)
+{
+    struct stat made;
+    const struct group *group = getgrnam("fovea");
+    if (group == NULL || (lstat(path, &made) == 0 && made.st_gid == group->gr_gid)) return;
+    if (chown(path, (uid_t)-1, group->gr_gid) != 0)
+        fv_say("%s: the group fovea may not read it: %s", path, strerror(errno));
+}
+
+/* Under a name of its own until it listens and is the group's. */
 static enum fovea_status socket_open(struct fv_feed *feed, const char *path,
                                      struct fovea_error *error)
 {
-    if (strlen(path) >= sizeof feed->address.sun_path)
+    struct sockaddr_un address = {.sun_family = AF_UNIX};
+    if (strlen(path) > FV_FEED_PATH_BYTES)
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                               "web.socket: found %zu bytes, expected a path of at most %zu",
-                               strlen(path), sizeof feed->address.sun_path - 1);
+                               "web.socket: found %zu bytes, expected a path of at most %d",
+                               strlen(path), FV_FEED_PATH_BYTES);
     feed->address.sun_family = AF_UNIX;
     snprintf(feed->address.sun_path, sizeof feed->address.sun_path, "%s", path);
+    snprintf(address.sun_path, sizeof address.sun_path, "%s.%ld", path, (long)getpid());
     feed->socket = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
-    const mode_t mask = umask(0177); /* nobody connects before the group is right */
-    const struct sockaddr *address = (const struct sockaddr *)&feed->address;
-    int bound = bind(feed->socket, address, sizeof feed->address);
-    if (bound != 0 && errno == EADDRINUSE && is_left_behind(&feed->address) && unlink(path) == 0)
-        bound = bind(feed->socket, address, sizeof feed->address);
+    const mode_t mask = umask(0177);
+    const bool bound = bind(feed->socket, (struct sockaddr *)&address, sizeof address) == 0;
     umask(mask);
-    if (bound != 0)
+    if (bound) group_give(address.sun_path);
+    const bool listens =
+        bound && chmod(address.sun_path, 0660) == 0 && listen(feed->socket, 8) == 0;
+    if (!listens || !socket_name(feed, address.sun_path))
         return fovea_error_set(error, FOVEA_ERROR_INPUT, "web.socket: %s cannot be made: %s", path,
-                               errno == EADDRINUSE ? "found a file, or the socket of another run"
-                                                   : strerror(errno));
-    const struct group *group = getgrnam("fovea");
-    if (group != NULL && (lstat(path, &feed->made) != 0 || feed->made.st_gid != group->gr_gid) &&
-        chown(path, (uid_t)-1, group->gr_gid) != 0)
-        fv_say("%s: the group fovea may not read it: %s", path, strerror(errno));
-    if (chmod(path, 0660) != 0 || lstat(path, &feed->made) != 0 || listen(feed->socket, 8) != 0)
-        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "web.socket: %s: %s", path,
-                               strerror(errno));
-    return FOVEA_OK;
+                               errno == EEXIST ? "found a file, or the socket of another run"
+                                               : strerror(errno));
+    if (lstat(path, &feed->made) == 0) return FOVEA_OK;
+    return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "web.socket: %s: %s", path, strerror(errno));
 }
 
 /* Whether it is mapped, and every page of it there: the loop must not wait for one. */

@@ -17,7 +17,7 @@
 
 #include "fovea/fovea.h"
 
-enum { FV_FEED_READERS_MAX = 16 };
+enum { FV_FEED_READERS_MAX = 16, FV_FEED_PATH_BYTES = 95 };
 
 struct fv_feed;
 
