@@ -132,12 +132,22 @@ static uint64_t resident_kb(void)
     return rss != NULL ? strtoull(rss + 5, NULL, 10) : 0;
 }
 
+/* The bits of all commands that have come. */
+static uint32_t commands_of(struct fv_transport *transport)
+{
+    struct fv_judged_command command;
+    uint32_t bits = 0;
+    while (fv_transport_command(transport, &command))
+        bits |= command.bits;
+    return bits;
+}
+
 static void drain(struct fv_transport *transport, struct fv_receiver *viewer)
 {
     struct fovea_wheel_odometry_sample samples[64];
     while (fv_receiver_handle(viewer, 0) > 0)
         continue;
-    (void)fv_transport_commands(transport);
+    (void)commands_of(transport);
     while (fv_transport_wheel_odometry(transport, samples, 64) > 0)
         continue;
 }
@@ -161,10 +171,10 @@ static bool still_hears(int udp, const struct sockaddr_in *to, struct fv_transpo
 {
     const struct timespec pause = {.tv_nsec = 10000000};
     for (int i = 0; i < 500; i++) {
-        (void)fv_transport_commands(transport);
+        (void)commands_of(transport);
         sendto(udp, seeds[0].data, seeds[0].bytes, 0, (const struct sockaddr *)to, sizeof *to);
         nanosleep(&pause, NULL);
-        if (fv_transport_commands(transport) == FOVEA_COMMAND_PAUSE) return true;
+        if (commands_of(transport) == FOVEA_COMMAND_PAUSE) return true;
     }
     return false;
 }
