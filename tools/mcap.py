@@ -18,7 +18,6 @@ here = os.path.dirname(os.path.abspath(__file__))
 sys.path = [path for path in sys.path if os.path.abspath(path or ".") != here]
 sys.path += [os.path.join(here, "subscribers"), os.path.join(here, "foxglove")]
 try:
-    import mcap.exceptions
     import mcap.reader
     import mcap.writer
     import views
@@ -78,11 +77,22 @@ def to_mcap(path, stream, with_lcm):
     return counts
 
 
+def messages(path, file):
+    """Channel and message of each one, in the order of the file; checksums are compared."""
+    try:
+        for _, channel, message in mcap.reader.make_reader(file, validate_crcs=True).iter_messages(log_time_order=False):
+            yield channel, message
+    except OSError:
+        raise
+    except Exception as problem:  # of mcap, its decompressors and decoders, which have no common kind
+        sys.exit(f"{path}: found a damaged MCAP file: {' '.join(str(problem).split())[:150]}")
+
+
 def to_lcm(path, stream):
     """The recording in the MCAP file `path`; returns its number of messages."""
     count = 0
     with open(path, "rb") as file:
-        for _, channel, message in mcap.reader.make_reader(file).iter_messages(log_time_order=False):
+        for channel, message in messages(path, file):
             if channel.message_encoding != LCM:
                 continue
             if message.sequence != count & 0xFFFFFFFF or message.log_time % 1000 != 0:
@@ -127,8 +137,6 @@ def main():
         convert(parser.parse_args())
     except OSError as problem:
         sys.exit(f"mcap.py: {problem.filename or problem}: {problem.strerror}")
-    except mcap.exceptions.McapError as problem:
-        sys.exit(f"mcap.py: {sys.argv[1]}: found a damaged MCAP file: {problem}")
 
 
 main()

@@ -169,6 +169,19 @@ done = run(made, again)
 expect(done.returncode == 0, done.stderr)
 expect(open(again, "rb").read() == open(recording, "rb").read(), "the recording made again differs")
 
+for at in range(1000, os.path.getsize(made) - 1000, os.path.getsize(made) // 15):  # a wrong byte is seen, or makes no difference
+    with open(made, "rb") as file:
+        damaged = bytearray(file.read())
+    damaged[at] ^= 0x55
+    with open(again, "wb") as file:
+        file.write(damaged)
+    back = os.path.join(folder, "back")
+    done = run(again, back)
+    expect(done.returncode == 0 or len(done.stderr.strip().splitlines()) == 1, f"byte {at}: {done.stderr}")
+    expect(done.returncode != 0 or open(back, "rb").read() == open(recording, "rb").read(), f"byte {at}: a wrong recording")
+    if os.path.exists(back):
+        os.unlink(back)
+
 text, cut, cut_log, views_only = (os.path.join(folder, name) for name in ("text", "cut.mcap", "cut.lcm", "views.mcap"))
 open(text, "w", encoding="ascii").write("no recording")
 open(cut, "wb").write(open(made, "rb").read()[:-1000])

@@ -144,7 +144,7 @@ class Views:
 
     def frame(self, _, message):
         for camera, image in enumerate(message["images"]):
-            if image["size_bytes"] == 0:
+            if image["size_bytes"] == 0 or image["pixel_format"] not in (*ENCODINGS, MJPEG):
                 continue
             if image["pixel_format"] == MJPEG:
                 made = CompressedImage(frame_id=f"cam{camera}", format="jpeg", data=image["data"])
