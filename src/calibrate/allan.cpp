@@ -150,16 +150,25 @@ AllanFit fit_allan(const std::vector<double> &values, double rate_hz)
 namespace
 {
 
+double middle(std::vector<double> values)
+{
+    const auto half = values.begin() + (ptrdiff_t)values.size() / 2;
+    std::nth_element(values.begin(), half, values.end());
+    return *half;
+}
+
 /* Where the noise within a second is much more than in others, or the mean moves; negative:
  * nowhere.
  */
 double moved_at(const std::vector<std::vector<double>> &axes, double rate_hz)
 {
     constexpr double ratio = 6;
+    constexpr double rate_most = .05, force_most = .3; /* rad/s, m/s^2: of a second's mean */
     const auto window = (size_t)std::max(2., rate_hz);
-    double worst = ratio * ratio, at_s = -1;
-    for (const std::vector<double> &values : axes) {
-        std::vector<double> spreads;
+    double worst = 1, at_s = -1;
+    for (size_t a = 0; a < axes.size(); a++) {
+        const std::vector<double> &values = axes[a];
+        std::vector<double> spreads, means;
         for (size_t begin = 0; begin + window <= values.size(); begin += window) {
             double mean = 0, squares = 0;
             for (size_t i = begin; i < begin + window; i++)
@@ -167,15 +176,15 @@ double moved_at(const std::vector<std::vector<double>> &axes, double rate_hz)
             for (size_t i = begin; i < begin + window; i++)
                 squares += (values[i] - mean) * (values[i] - mean) / (double)window;
             spreads.push_back(squares);
+            means.push_back(mean);
         }
         if (spreads.empty()) continue;
-        std::vector<double> sorted = spreads;
-        std::nth_element(sorted.begin(), sorted.begin() + (ptrdiff_t)sorted.size() / 2,
-                         sorted.end());
-        const double usual = sorted[sorted.size() / 2];
+        const double usual = middle(spreads), still = middle(means);
         for (size_t w = 0; w < spreads.size(); w++) {
-            if (!(usual > 0) || spreads[w] <= worst * usual) continue;
-            worst = spreads[w] / usual;
+            const double more = usual > 0 ? spreads[w] / (ratio * ratio * usual) : 0;
+            const double off = (means[w] - still) / (a < 3 ? rate_most : force_most);
+            if (std::max(more, off * off) <= worst) continue;
+            worst = std::max(more, off * off);
             at_s = (double)(w * window) / rate_hz;
         }
     }
@@ -256,11 +265,20 @@ Verdict judge_imu(const ImuNoise &noise)
                    "three are better, the sensor standing still at an even temperature",
                    noise.duration_s);
     for (size_t part = 0; part < IMU_PARTS; part++) {
+        bool silent = false;
+        for (size_t i = 3 * part; i < 3 * part + 3; i++)
+            silent |= !(noise.axes[i].white > 1e-12);
+        if (silent) {
+            add_reason(verdict, Grade::fail,
+                       "%s: found an axis whose values never change, expected noise in all three",
+                       names[part]);
+            continue;
+        }
         const double white = noise.white_stdev[part] / noise.white[part];
         grade = grade_of(white, white_pass, white_doubtful);
         if (!(white <= white_pass))
             add_reason(verdict, grade,
-                       "%s: the noise density is known to %.0f %%, expected %.0f or better: record "
+                       "%s: the noise density is known to %.1f %%, expected %.0f or better: record "
                        "for longer",
                        names[part], 100 * white, 100 * white_pass);
         if (!(noise.walk[part] > 0))

@@ -212,7 +212,7 @@ bool deviations(State &state, FloorSolution &solution)
     for (OnFloor &one : state.boards)
         if (problem.HasParameterBlock(one.data())) blocks.push_back(one.data());
     if (!covariance(problem, blocks, 0, spread, found)) return false;
-    solution.roll_stdev_rad = std::sqrt(spread(0, 0));
+    solution.lean_stdev_rad = std::sqrt(spread(0, 0));
     solution.tilt_stdev_rad = std::sqrt(spread(1, 1));
     solution.height_stdev_m = std::sqrt(spread(2, 2));
     solution.corners_used = (int)found.residuals / 2;
@@ -251,6 +251,7 @@ bool solve_floor(const Board &board, const std::vector<View> &views, const fovea
         return false;
     }
     read_plane(state, solution);
+    solution.roll_stdev_rad = solution.lean_stdev_rad / std::max(std::cos(solution.tilt_rad), 1e-3);
     double squares = 0;
     solution.views_used = 0;
     for (size_t v = 0; v < views.size(); v++) {
@@ -304,7 +305,7 @@ Verdict judge_floor(const std::vector<View> &views, const FloorSolution &solutio
             "take more pictures, with the board near the camera and far from it, or use a "
             "larger board",
             100 * height, 100 * HEIGHT_PASS);
-    const double tilt = std::max(solution.tilt_stdev_rad, solution.roll_stdev_rad);
+    const double tilt = std::max(solution.tilt_stdev_rad, solution.lean_stdev_rad);
     grade = grade_of(tilt, TILT_PASS_RAD, TILT_DOUBTFUL_RAD);
     if (grade != Grade::pass)
         add_reason(

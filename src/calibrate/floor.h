@@ -16,9 +16,11 @@ struct FloorSolution {
      * straight down: where the top of its image is), y left, z up. Row-major 3x4. */
     std::array<double, 12> T_body_cam = {};
     double height_stdev_m = 0;
-    double tilt_stdev_rad = 0, roll_stdev_rad = 0; /* about the body's y and x axis */
-    double rms_px = 0, noise_px = 0;               /* all boards on one plane; as of Solution */
-    double alone_rms_px = 0;                       /* each board by itself */
+    double tilt_stdev_rad = 0, roll_stdev_rad = 0;
+    double lean_stdev_rad =
+        0; /* about the body's x axis; roll is that over the cosine of the tilt */
+    double rms_px = 0, noise_px = 0; /* all boards on one plane; as of Solution */
+    double alone_rms_px = 0;         /* each board by itself */
     int views_used = 0, corners_used = 0;
     std::vector<std::string> left_out; /* per view: why, or empty */
 };

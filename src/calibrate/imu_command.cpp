@@ -111,7 +111,7 @@ int check(const Given &given)
         return fv_say_wrong("--format: found '%s', expected euroc or kalibr", given.format.c_str());
     return files_check(
         {{"--out", given.out, false}, {"--json", given.json, false}, {"--plot", given.plot, false}},
-        {{"--source", given.source.find(':') == std::string::npos ? given.source : "", false}});
+        {{"--source", given.source, given.source.find(':') != std::string::npos}});
 }
 
 } // namespace

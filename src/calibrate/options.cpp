@@ -1,4 +1,5 @@
 #include "calibrate/command.h"
+#include "calibrate/pictures.h"
 
 #include <cstdio>
 #include <cstring>
@@ -117,6 +118,13 @@ int files_check(const std::vector<NamedFile> &written, const std::vector<NamedFi
     const char *blame;
     if (fv_files_apart(outputs.data(), inputs.data(), &why) != FOVEA_OK)
         return fv_say_wrong("%s", why.text);
+    for (const NamedFile &file : read) {
+        struct fv_files_watch watch;
+        if (!file.source || file.path.empty()) continue;
+        fv_files_watch(&watch, outputs.data(), file.option, &why);
+        visit_source(file.path, fv_files_visit, &watch);
+        if (watch.status != FOVEA_OK) return fv_say_wrong("%s", why.text);
+    }
     if (fv_files_writable(outputs.data(), &blame, &why) != FOVEA_OK)
         return fv_say_wrong("%s: %s", blame, why.text);
     return FV_EXIT_OK;

@@ -295,6 +295,24 @@ fovea_status check_recording(const std::string &uri, int views_max, fovea_error 
 
 } // namespace
 
+void visit_source(const std::string &source, void (*visit)(void *, const char *), void *context)
+{
+    dirent **entries;
+    if (is_folder(source)) {
+        const int count = scandir(source.c_str(), &entries, is_picture, nullptr);
+        for (int i = 0; i < count; i++) {
+            visit(context, (source + "/" + entries[i]->d_name).c_str());
+            std::free(entries[i]);
+        }
+        if (count >= 0) std::free(entries);
+        return;
+    }
+    Frames frames;
+    fovea_error error;
+    if (open_source(source, frames, &error) == FOVEA_OK && frames.ops->reads != nullptr)
+        frames.ops->reads(frames.source, visit, context);
+}
+
 View view_of(const Grey &image, const Board &board, Refinement refinement, const std::string &name)
 {
     View view;

@@ -31,5 +31,9 @@ fovea_status collect(const std::string &source, const Board &board, Refinement r
 fovea_status collect_rig(const std::vector<std::string> &sources, const Board &board, int views_max,
                          std::vector<Collection> &collections, fovea_error *error);
 
+/* Name each file that a source reads: `visit` as of support/files.h. A source that cannot be opened
+ * names none; that is said when its pictures are taken. */
+void visit_source(const std::string &source, void (*visit)(void *, const char *), void *context);
+
 } // namespace calibrate
 #endif

@@ -8,6 +8,10 @@
 #include "fovea/rig.h"
 #include "support/text.h"
 extern "C" {
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wshadow" /* it has a struct and a function of one name */
+#include "support/files.h"
+#pragma GCC diagnostic pop
 #include "support/say.h"
 }
 
@@ -32,6 +36,12 @@ int check(const Given &given, Board &board, std::vector<Model> &models, int64_t 
         return fv_say_wrong("fovea-calibrate rig: found --source %zu times, expected at most %d "
                             "cameras",
                             given.sources.size(), FOVEA_CAMERAS_MAX);
+    for (size_t i = 0; i < given.sources.size(); i++)
+        for (size_t j = 0; j < i; j++)
+            if (given.sources[i] == given.sources[j] ||
+                fv_files_same(given.sources[i].c_str(), given.sources[j].c_str(), true))
+                return fv_say_wrong("--source: found %s twice, expected one for each camera",
+                                    given.sources[i].c_str());
     if (!models_of(given.model, models))
         return fv_say_wrong("--model: found '%s', expected auto, radtan, rational or equidistant",
                             given.model.c_str());

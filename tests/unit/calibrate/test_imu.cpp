@@ -198,7 +198,24 @@ void wrong_input_is_refused(void **)
     assert_int_equal(run({"imu", "--source", "sim:orbit?frames=3"}), 2);
     assert_int_equal(run({"imu", "--source", "/nowhere.csv"}), 2);
     assert_int_equal(run({"imu", "--source", "/nowhere.csv", "--format", "ros"}), 2);
-    assert_int_equal(run({"imu", "--source", "sim:orbit?frames=30&imu=200"}), 1); /* it moves */
+    assert_int_equal(run({"imu", "--source", "sim:orbit?frames=30&imu=200"}), 1); /* too short */
+}
+
+/* All the time and smoothly, so that no second stands out by its noise; or an axis is dead. */
+void a_sensor_that_moves_or_is_dead_fails(void **)
+{
+    assert_int_equal(run({"imu", "--source", "sim:orbit?frames=2100&imu=200&width=64&height=64"}),
+                     1);
+    ImuNoise noise;
+    noise.duration_s = 4000;
+    noise.specific_force = 9.81;
+    for (auto &axis : noise.axes)
+        axis.white = 1e-3;
+    noise.axes[1].white = 0;
+    bool named = false;
+    for (const Reason &reason : judge_imu(noise).reasons)
+        named |= reason.text.find("an axis whose values never change") != std::string::npos;
+    assert_true(named);
 }
 
 } // namespace
@@ -213,6 +230,7 @@ int main()
         cmocka_unit_test(the_command_writes_what_fovea_reads),
         cmocka_unit_test(a_real_log_of_two_seconds_is_too_short),
         cmocka_unit_test(wrong_input_is_refused),
+        cmocka_unit_test(a_sensor_that_moves_or_is_dead_fails),
     };
     return cmocka_run_group_tests(tests, nullptr, nullptr);
 }

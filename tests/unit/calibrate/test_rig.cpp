@@ -352,6 +352,9 @@ void wrong_input_is_refused(void **)
         2);
     assert_int_equal(
         run({"rig", "--source", "sim:board?frames=1", "--target", "chessboard:9x6:0.03"}), 2);
+    assert_int_equal(
+        run({"rig", "--source", "/tmp", "--source", "/tmp/", "--target", "chessboard:9x6:0.03"}),
+        2); /* one camera, named twice */
     assert_int_equal(run({"rig", "--source", "sim:board?frames=1", "--source", "sim:board?frames=2",
                           "--target", "chessboard:9x6:0.03"}),
                      2);
