@@ -285,7 +285,7 @@ static void programs_print_the_answers_of_a_run(void **state)
     expect_answer(tools[0], "save", 0, "done\n");
     assert_int_equal(stat(map, &saved), 0); /* the answer comes when the file is there */
     assert_true(saved.st_size > 0);
-    expect_answer(tools[0], "--sender 3 --run-id 5 reset", 1,
+    expect_answer(tools[0], "--wait 2 --sender 3 --run-id 5 reset", 1,
                   "refused: for another run: expected the run_id of this one\n");
     watched_interrupt(&watched);
     assert_int_equal(watched_end(&watched), 0);

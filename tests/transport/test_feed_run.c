@@ -161,11 +161,11 @@ static void a_feed_changes_no_result(void **state)
         char words[400];
         snprintf(
             words, sizeof words,
-            "run --source 'sim:orbit?width=160&height=120' --frames 200 --quiet --picture none "
+            "run --source 'sim:orbit?width=160&height=120' --frames 900 --quiet --picture none "
             "--set lcm_url= --trajectory @/%d %s",
             i, i == 1 ? "--set web.socket=@/s" : "");
         if (i == 1 && (reader = fork()) == 0) { /* messages and frames, from the start to the end */
-            const char *const arguments[] = {"raw.png", "--feed", path, NULL};
+            const char *const arguments[] = {"read.png", "--feed", path, NULL};
             if (chdir(folder) != 0 || freopen("/dev/null", "w", stderr) == NULL ||
                 freopen("/dev/null", "w", stdout) == NULL)
                 _exit(1);
@@ -185,6 +185,8 @@ static void a_feed_changes_no_result(void **state)
         if (fv_text_read(file, 1 << 20, &tracks[i], &bytes[i], &error) != FOVEA_OK)
             fail_msg("%s", error.text);
     }
+    snprintf(file, sizeof file, "%s/read.png", folder);
+    assert_int_equal(access(file, F_OK), 0); /* somebody did read */
     assert_true(bytes[0] > 1000);
     assert_int_equal(bytes[0], bytes[1]);
     assert_memory_equal(tracks[0], tracks[1], bytes[0]);

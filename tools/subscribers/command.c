@@ -32,6 +32,12 @@ struct options {
     fovea_command_t command;
 };
 
+struct answer {
+    char text[400];
+    int end;    /* exit status */
+    bool meant; /* of the run that the command is for */
+};
+
 static int usage(void)
 {
     fprintf(stderr, "usage: command [--prefix FOVEA] [--ttl 0] [--wait 3] [--key FILE --run-id N] "
@@ -127,9 +133,11 @@ static bool command_send(const struct options *options, const uint8_t *message, 
     return sent;
 }
 
-/* Whether the packet is the answer to our command; prints it. */
-static bool is_answer(const struct options *options, const uint8_t *packet, ssize_t bytes, int *end)
+/* The answer to our command, of whichever run, as a line; false: the packet is none. */
+static bool answer_read(const struct options *options, const uint8_t *packet, ssize_t bytes,
+                        struct answer *answer)
 {
+    static const char *const words[] = {"done", "refused", "failed"};
     char name[64];
     const ssize_t head = 8 + sprintf(name, "%s_COMMAND_RESULT", options->prefix) + 1;
     fovea_command_result_t result;
@@ -139,28 +147,32 @@ static bool is_answer(const struct options *options, const uint8_t *packet, ssiz
         return false;
     const bool ours = result.id == options->command.id && result.sender == options->command.sender;
     if (ours) {
-        static const char *const words[] = {"done", "refused", "failed"};
         const char *word = result.result >= 0 && result.result < 3 ? words[result.result] : "?";
-        printf("%s%s%s\n", word, result.reason[0] != '\0' ? ": " : "", result.reason);
-        *end = result.result == FOVEA_COMMAND_RESULT_T_RESULT_DONE ? 0 : EXIT_NOT_DONE;
+        snprintf(answer->text, sizeof answer->text, "%s%s%s", word,
+                 result.reason[0] != '\0' ? ": " : "", result.reason);
+        answer->end = result.result == FOVEA_COMMAND_RESULT_T_RESULT_DONE ? 0 : EXIT_NOT_DONE;
+        answer->meant = options->command.run_id == 0 || result.run_id == options->command.run_id;
     }
     fovea_command_result_t_decode_cleanup(&result);
     return ours;
 }
 
+/* The answer of the run that is meant; where that is silent, what another one says. */
 static int answer_wait(const struct options *options, int hearing)
 {
     uint8_t packet[PACKET_BYTES];
     const int64_t until = now_ns(CLOCK_MONOTONIC) + options->wait_s * INT64_C(1000000000);
-    int end = EXIT_NO_ANSWER;
-    for (int64_t left; (left = until - now_ns(CLOCK_MONOTONIC)) > 0;) {
+    struct answer answer = {.end = EXIT_NO_ANSWER};
+    snprintf(answer.text, sizeof answer.text, "no answer on %s_COMMAND_RESULT within %d s",
+             options->prefix, options->wait_s);
+    for (int64_t left; !answer.meant && (left = until - now_ns(CLOCK_MONOTONIC)) > 0;) {
         const struct timeval most = {left / 1000000000, left % 1000000000 / 1000 + 1};
         setsockopt(hearing, SOL_SOCKET, SO_RCVTIMEO, &most, sizeof most);
         const ssize_t bytes = recv(hearing, packet, sizeof packet, 0);
-        if (bytes > 0 && is_answer(options, packet, bytes, &end)) return end;
+        if (bytes > 0) (void)answer_read(options, packet, bytes, &answer);
     }
-    printf("no answer on %s_COMMAND_RESULT within %d s\n", options->prefix, options->wait_s);
-    return end;
+    puts(answer.text);
+    return answer.end;
 }
 
 int main(int argc, char **argv)

@@ -85,11 +85,19 @@ def wait_for_answer(fovea, options, hearing, message):
     """Print the answer to the message; the exit code."""
     words = ("done", "refused", "failed")
     channel = options.prefix + "_COMMAND_RESULT"
+    other = None  # what a run that was not meant says: its word only where the right one is silent
     for data in messages(hearing, channel, options.wait):
         answer = fovea.command_result_t.decode(data)
-        if (answer.id, answer.sender) == (message.id, message.sender):
-            print(words[answer.result] + (": " + answer.reason if answer.reason else ""))
+        if (answer.id, answer.sender) != (message.id, message.sender):
+            continue
+        text = words[answer.result] + (": " + answer.reason if answer.reason else "")
+        if message.run_id in (0, answer.run_id):
+            print(text)
             return 0 if answer.result == fovea.command_result_t.RESULT_DONE else 1
+        other = text
+    if other is not None:
+        print(other)
+        return 1
     print(f"no answer on {channel} within {options.wait:g} s")
     return 3
 

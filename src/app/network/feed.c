@@ -13,6 +13,7 @@
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/un.h>
+#include <time.h>
 #include <unistd.h>
 
 #include "app/network/feed_layout.h"
@@ -142,7 +143,9 @@ void fv_feed_frame(struct fv_feed *feed, const struct fovea_frame *frame)
     if (period_ns == 0) return;
     const int64_t now_ns = fv_clock_ns(CLOCK_MONOTONIC);
     if (feed->frames > 0 && now_ns - feed->frame_ns < period_ns) return;
-    feed->frame_ns = now_ns;
+    /* On a grid of the period: a frame that comes a little early is not waited for twice. */
+    const int64_t due_ns = feed->frame_ns + period_ns;
+    feed->frame_ns = feed->frames > 0 && now_ns - due_ns < period_ns ? due_ns : now_ns;
     const uint64_t number = ++feed->frames;
     uint8_t *at = feed->slots + (number - 1) % FV_FEED_FRAMES * feed->header->slot_bytes;
     struct fv_feed_slot *slot = (struct fv_feed_slot *)(void *)at;
@@ -194,7 +197,12 @@ static bool hand_out(const struct fv_feed *feed, int to)
 static void reader_accept(struct fv_feed *feed)
 {
     const int socket = accept4(feed->socket, NULL, NULL, SOCK_CLOEXEC | SOCK_NONBLOCK);
-    if (socket < 0) return;
+    if (socket < 0) { /* without a descriptor for it, it stays ready: look again a little later */
+        const struct timespec later = {.tv_nsec = 100000000};
+        if (errno == EMFILE || errno == ENFILE || errno == ENOBUFS || errno == ENOMEM)
+            nanosleep(&later, NULL);
+        return;
+    }
     if (feed->count == FV_FEED_READERS_MAX || !hand_out(feed, socket)) {
         close(socket);
         return;
@@ -291,12 +299,18 @@ static enum fovea_status socket_open(struct fv_feed *feed, const char *path,
     snprintf(feed->address.sun_path, sizeof feed->address.sun_path, "%s", path);
     snprintf(address.sun_path, sizeof address.sun_path, "%s.%ld", path, (long)getpid());
     feed->socket = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+    unlink(address.sun_path); /* ours by its number: a run with the same one left it behind */
     const mode_t mask = umask(0177);
     const bool bound = bind(feed->socket, (struct sockaddr *)&address, sizeof address) == 0;
     umask(mask);
     if (bound) group_give(address.sun_path);
     const bool listens =
         bound && chmod(address.sun_path, 0660) == 0 && listen(feed->socket, 8) == 0;
+    if (bound && !listens) {
+        const int reason = errno;
+        unlink(address.sun_path);
+        errno = reason;
+    }
     if (!listens || !socket_name(feed, address.sun_path))
         return fovea_error_set(error, FOVEA_ERROR_INPUT, "web.socket: %s cannot be made: %s", path,
                                errno == EEXIST ? "found a file, or the socket of another run"

@@ -14,7 +14,7 @@
 #include <sys/un.h>
 #include <unistd.h>
 
-enum { FEED_BYTES_MAX = 1 << 30, MESSAGE_BYTES_MAX = FV_FEED_RING_BYTES / 4 };
+enum { FEED_BYTES_MAX = 1 << 30, MESSAGE_BYTES_MAX = FV_FEED_RING_BYTES / 4, SKIPS_MAX = 8 };
 
 struct fv_feed_reader {
     int socket;
@@ -45,10 +45,14 @@ static int memory_receive(int socket)
     if (recvmsg(socket, &message, MSG_CMSG_CLOEXEC) != 1) return -1;
     const struct cmsghdr *head = CMSG_FIRSTHDR(&message);
     if (head == NULL || head->cmsg_level != SOL_SOCKET || head->cmsg_type != SCM_RIGHTS ||
-        head->cmsg_len != CMSG_LEN(sizeof(int)))
+        head->cmsg_len < CMSG_LEN(sizeof(int)))
         return -1;
-    memcpy(&memory, CMSG_DATA(head), sizeof memory);
-    return memory;
+    const size_t count = (head->cmsg_len - CMSG_LEN(0)) / sizeof(int);
+    for (size_t i = 0; i < count; i++) { /* more than one is no feed: none of them is kept */
+        memcpy(&memory, CMSG_DATA(head) + i * sizeof memory, sizeof memory);
+        if (count > 1) close(memory);
+    }
+    return count == 1 ? memory : -1;
 }
 
 /* Whether the lengths are those of a feed. The size cannot change: it is sealed. */
@@ -98,10 +102,14 @@ static enum fovea_status connect_to(struct fv_feed_reader *reader, const char *p
     reader->socket = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
     if (reader->socket < 0 ||
         setsockopt(reader->socket, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience) != 0 ||
+        setsockopt(reader->socket, SOL_SOCKET, SO_SNDTIMEO, &patience, sizeof patience) != 0 ||
         connect(reader->socket, (const struct sockaddr *)&address, sizeof address) != 0)
-        return fovea_error_set(error, FOVEA_ERROR_SYSTEM,
-                               "%s: found no run that offers its feed there (web.socket): %s", path,
-                               strerror(errno));
+        return fovea_error_set(
+            error, FOVEA_ERROR_SYSTEM,
+            errno == EACCES
+                ? "%s: found the feed of a run, but no right to read it (group fovea): %s"
+                : "%s: found no run that offers its feed there (web.socket): %s",
+            path, strerror(errno));
     return FOVEA_OK;
 }
 
@@ -180,7 +188,9 @@ enum fovea_status fv_feed_reader_next(struct fv_feed_reader *reader,
                                       struct fv_feed_message *message)
 {
     struct fv_feed_record record;
-    for (;;) {
+    /* A filler, or a place that was overwritten: of a writer that is honest, few in a row. */
+    for (int skips = 0;; skips++) {
+        if (skips == SKIPS_MAX) return FOVEA_AGAIN;
         const bool ended = run_ended(reader);
         const uint64_t written =
             atomic_load_explicit(&reader->header->written, memory_order_acquire);

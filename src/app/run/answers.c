@@ -121,6 +121,7 @@ void fv_answers_end(struct fv_answers *answers, const struct fv_keeper *keeper, 
     const char *earlier;
     struct fv_judged_command command;
     const uint32_t ended = fv_keeper_ended(keeper, &earlier);
+    fv_answers_step(answers); /* those that wait for no save */
     answer_saved(answers, ended, earlier);
     answer_saved(answers, UINT32_MAX, failure != NULL ? failure : "");
     while (fv_transport_command(answers->transport, &command))

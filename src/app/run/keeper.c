@@ -117,9 +117,12 @@ enum fovea_status fv_keeper_end(struct fv_keeper *keeper, struct fovea_error *er
 {
     if (!keeps(keeper)) return FOVEA_OK;
     if (keeper->stage == FV_KEEPER_FULL) write_full(keeper);
+    /* A save that is asked for and has not ended is this one. */
+    const bool overwrite = (keeper->asked && keeper->overwrite) ||
+                           (keeper->stage == FV_KEEPER_FILLING && keeper->overwrites);
     const size_t bytes = fovea_map_save(keeper->rt, keeper->buffer, keeper->capacity);
     if (bytes == 0)
         return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%.200s: found no map to save",
                                keeper->settings->map_save);
-    return save(keeper, false, bytes, error);
+    return save(keeper, overwrite, bytes, error);
 }

@@ -13,18 +13,25 @@
 
 static const int64_t unguarded_ns = 500000000; /* between looks where no watchdog is asked for */
 
-/* A manager that does not listen is no reason to stop. */
-static void tell(const struct fv_service *service, const char *text)
+/* False: the manager's queue is full, or there is none. That is no reason to stop. */
+static bool tell(const struct fv_service *service, const char *text)
 {
-    (void)sendto(service->socket, text, strlen(text), MSG_NOSIGNAL | MSG_DONTWAIT,
-                 (const struct sockaddr *)&service->address, service->address_bytes);
+    return sendto(service->socket, text, strlen(text), MSG_NOSIGNAL | MSG_DONTWAIT,
+                  (const struct sockaddr *)&service->address, service->address_bytes) >= 0;
 }
 
-static void tell_state(const struct fv_service *service, const char *state)
+static bool tell_state(const struct fv_service *service, const char *state)
 {
     char text[96];
     snprintf(text, sizeof text, "STATUS=pose: %s", state);
-    tell(service, text);
+    return tell(service, text);
+}
+
+/* Looks come faster until the manager knows that the loop runs. */
+static int64_t wait_ns(const struct fv_service *service, bool ready)
+{
+    const int64_t soon_ns = 10000000;
+    return ready || service->period_ns < soon_ns ? service->period_ns : soon_ns;
 }
 
 static void *serve(void *context)
@@ -32,15 +39,16 @@ static void *serve(void *context)
     struct fv_service *service = context;
     uint64_t seen = 0;
     const char *told = NULL;
+    bool ready = false, end = false;
     do {
+        end = fv_thread_take(&service->end, fv_clock_ns(CLOCK_MONOTONIC) + wait_ns(service, ready));
         const uint64_t beats = atomic_load(service->beats);
         const char *state = atomic_load(&service->state);
-        if (beats != seen && seen == 0) tell(service, "READY=1");
-        if (beats != seen && service->guarded) tell(service, "WATCHDOG=1");
-        if (state != told && state != NULL) tell_state(service, state);
+        if (!ready && beats != 0) ready = tell(service, "READY=1");
+        if (beats != seen && service->guarded) (void)tell(service, "WATCHDOG=1");
+        if (state != told && state != NULL && tell_state(service, state)) told = state;
         seen = beats;
-        told = state;
-    } while (!fv_thread_take(&service->end, fv_clock_ns(CLOCK_MONOTONIC) + service->period_ns));
+    } while (!end); /* a short run is ready before it stops */
     return NULL;
 }
 
