@@ -2,6 +2,8 @@
 
 #include <string.h>
 
+#include "base/float_bits.h"
+
 enum { MORE_FOR_DISTANCE = 4 }; /* times count_max corners are looked at */
 
 void fv_harris_carve(struct fv_harris *harris, const struct fovea_extract_config *config,
@@ -38,20 +40,6 @@ void fv_harris_carve(struct fv_harris *harris, const struct fovea_extract_config
 static int32_t *response_row(const struct fv_harris *harris, int32_t y)
 {
     return harris->response + (int64_t)y * harris->width;
-}
-
-static float float_of(int32_t bits)
-{
-    float value;
-    memcpy(&value, &bits, sizeof value);
-    return value;
-}
-
-static int32_t bits_of(float value)
-{
-    int32_t bits;
-    memcpy(&bits, &value, sizeof bits);
-    return bits;
 }
 
 static void derive(const struct fv_harris *harris, const struct fv_kernels *kernels,
@@ -114,15 +102,15 @@ static struct fv_harris_corner corner_of(const struct fv_harris *harris, uint32_
     const int32_t x = fv_strongest_x(&harris->strongest, i);
     const int32_t y = fv_strongest_y(&harris->strongest, i);
     const int32_t *row = response_row(harris, y);
-    const float at = float_of(row[x]);
+    const float at = fv_float_of_bits(row[x]);
     /* Sobel derivatives are 8 per grey level and pixel, their products are summed over 9 pixels. */
     const float scale = harris->k < 0 ? 1.f / (2 * 64 * 9) : 1.f / (64.f * 9 * 64 * 9);
     return (struct fv_harris_corner){
         .x = (uint16_t)x,
         .y = (uint16_t)y,
-        .x_px = (float)x + parabola(float_of(row[x - 1]), at, float_of(row[x + 1])),
-        .y_px = (float)y + parabola(float_of(response_row(harris, y - 1)[x]), at,
-                                    float_of(response_row(harris, y + 1)[x])),
+        .x_px = (float)x + parabola(fv_float_of_bits(row[x - 1]), at, fv_float_of_bits(row[x + 1])),
+        .y_px = (float)y + parabola(fv_float_of_bits(response_row(harris, y - 1)[x]), at,
+                                    fv_float_of_bits(response_row(harris, y + 1)[x])),
         .response = at * scale,
     };
 }
@@ -169,7 +157,7 @@ uint32_t fv_harris_find(struct fv_harris *harris, const struct fv_kernels *kerne
                         const struct fv_plane *image, const struct fv_plane *mask)
 {
     const int32_t most = respond(harris, kernels, image);
-    const int32_t threshold = bits_of(harris->quality * float_of(most));
+    const int32_t threshold = fv_float_bits(harris->quality * fv_float_of_bits(most));
     fv_strongest_begin(&harris->strongest);
     for (int32_t y = harris->border; y < harris->height - harris->border; y++)
         search_row(harris, kernels, y, threshold, mask);

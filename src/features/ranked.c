@@ -1,7 +1,7 @@
 #include "features/ranked.h"
 
-#include <string.h>
 
+#include "base/float_bits.h"
 #include "features/refine.h"
 
 enum { WINDOW = 7, RADIUS = WINDOW / 2 };
@@ -60,21 +60,6 @@ int64_t fv_ranked_measure(const struct fv_plane *level, int32_t x, int32_t y)
     return measure > 1 ? measure : 1;
 }
 
-/* Its bits are in the order of the values. */
-static uint32_t bits_of(float value)
-{
-    uint32_t bits;
-    memcpy(&bits, &value, sizeof bits);
-    return bits;
-}
-
-static float float_of(uint32_t bits)
-{
-    float value;
-    memcpy(&value, &bits, sizeof value);
-    return value;
-}
-
 /* The strongest of a level by FAST score. */
 static void scan(struct fv_ranked *ranked, const struct fv_kernels *kernels,
                  const struct fv_plane *from, uint32_t level, const struct fv_plane *mask)
@@ -103,7 +88,8 @@ static uint32_t rank(struct fv_ranked *ranked, const struct fv_plane *from, uint
     for (uint32_t i = 0; i < ranked->by_score.count; i++) {
         const int32_t x = fv_strongest_x(&ranked->by_score, i);
         const int32_t y = fv_strongest_y(&ranked->by_score, i);
-        fv_strongest_offer(best, bits_of((float)fv_ranked_measure(from, x, y)), x, y);
+        fv_strongest_offer(best, (uint32_t)fv_float_bits((float)fv_ranked_measure(from, x, y)), x,
+                           y);
     }
     fv_strongest_sort(best);
     for (uint32_t i = 0; i < best->count; i++) {
@@ -113,7 +99,7 @@ static uint32_t rank(struct fv_ranked *ranked, const struct fv_plane *from, uint
             .level = (uint8_t)level,
         };
         ranked->responses[first + i] =
-            float_of(fv_strongest_response(best, i)) * (1.f / (25.f * (1 << 24)));
+            fv_float_of_bits((int32_t)fv_strongest_response(best, i)) * (1.f / (25.f * (1 << 24)));
     }
     return best->count;
 }

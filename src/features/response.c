@@ -2,6 +2,8 @@
 
 #include <string.h>
 
+#include "base/float_bits.h"
+
 /* Sobel derivatives are 8 per grey level and pixel, their products are summed over 9 pixels. */
 static const float per_product = 1.f / (64 * 9);
 
@@ -19,20 +21,6 @@ void fv_response_carve(struct fv_response_scratch *scratch, int32_t width, float
     scratch->scores = fv_arena_take(frame, across, sizeof *scratch->scores);
 }
 
-static float float_of(int32_t bits)
-{
-    float value;
-    memcpy(&value, &bits, sizeof value);
-    return value;
-}
-
-static int32_t bits_of(float value)
-{
-    int32_t bits;
-    memcpy(&bits, &value, sizeof bits);
-    return bits;
-}
-
 /* ---- scores ---------------------------------------------------------------------------------- */
 
 static uint8_t rounded_down(float score)
@@ -48,7 +36,7 @@ uint8_t fv_response_score(float measure)
 /* Of a response of the kernel: (a + c) and its like are twice an eigenvalue. */
 static uint8_t score_of(int32_t bits, float harris_k)
 {
-    const float response = float_of(bits);
+    const float response = fv_float_of_bits(bits);
     if (harris_k >= 0) return fv_response_score(response * (per_product * per_product));
     return rounded_down(FV_RESPONSE_GAIN * __builtin_sqrtf(response * (.5f * per_product)));
 }
@@ -57,7 +45,7 @@ static uint8_t score_of(int32_t bits, float harris_k)
 static int32_t bits_below(int32_t score, float harris_k)
 {
     const float root = .999f * (float)score / FV_RESPONSE_GAIN, square = root * root / per_product;
-    return bits_of(harris_k >= 0 ? square * square : 2 * square);
+    return fv_float_bits(harris_k >= 0 ? square * square : 2 * square);
 }
 
 /* ---- rows ------------------------------------------------------------------------------------ */

@@ -1,8 +1,8 @@
 /* Kernels of contracts/response.h, which compilers vectorise well: the C variants, which
  * response_sse4.c and response_avx2.c compile again for their instruction sets, with column sums of
  * their own. FV_NAME(kernel) makes the function's name. */
-#include <string.h>
 
+#include "base/float_bits.h"
 #include "kernels/kernels.h"
 
 #ifndef FV_COLUMN_SUMS
@@ -16,13 +16,6 @@ static inline void column_sums(int32_t *restrict out, const int16_t *const *p,
 }
 #endif
 
-static inline int32_t bits_of(float value)
-{
-    int32_t bits;
-    memcpy(&bits, &value, sizeof bits);
-    return bits;
-}
-
 static inline void eigenvalues(int32_t *restrict out, const int32_t *xx, const int32_t *xy,
                                const int32_t *yy, int32_t width)
 {
@@ -30,7 +23,7 @@ static inline void eigenvalues(int32_t *restrict out, const int32_t *xx, const i
         const float a = (float)(xx[x - 1] + xx[x] + xx[x + 1]);
         const float b = (float)(2 * (xy[x - 1] + xy[x] + xy[x + 1]));
         const float c = (float)(yy[x - 1] + yy[x] + yy[x + 1]);
-        out[x] = bits_of(a + c - __builtin_sqrtf((a - c) * (a - c) + b * b));
+        out[x] = fv_float_bits(a + c - __builtin_sqrtf((a - c) * (a - c) + b * b));
     }
 }
 
@@ -41,7 +34,7 @@ static inline void harris(int32_t *restrict out, const int32_t *xx, const int32_
         const float a = (float)(xx[x - 1] + xx[x] + xx[x + 1]);
         const float b = (float)(xy[x - 1] + xy[x] + xy[x + 1]);
         const float c = (float)(yy[x - 1] + yy[x] + yy[x + 1]);
-        out[x] = bits_of(a * c - b * b - k * ((a + c) * (a + c)));
+        out[x] = fv_float_bits(a * c - b * b - k * ((a + c) * (a + c)));
     }
 }
 
