@@ -150,13 +150,6 @@ AllanFit fit_allan(const std::vector<double> &values, double rate_hz)
 namespace
 {
 
-double middle(std::vector<double> values)
-{
-    const auto half = values.begin() + (ptrdiff_t)values.size() / 2;
-    std::nth_element(values.begin(), half, values.end());
-    return *half;
-}
-
 /* Where the noise within a second is much more than in others, or the mean moves; negative:
  * nowhere.
  */
@@ -179,7 +172,7 @@ double moved_at(const std::vector<std::vector<double>> &axes, double rate_hz)
             means.push_back(mean);
         }
         if (spreads.empty()) continue;
-        const double usual = middle(spreads), still = middle(means);
+        const double usual = median(spreads), still = median(means);
         for (size_t w = 0; w < spreads.size(); w++) {
             const double more = usual > 0 ? spreads[w] / (ratio * ratio * usual) : 0;
             const double off = (means[w] - still) / (a < 3 ? rate_most : force_most);

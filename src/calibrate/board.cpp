@@ -1,6 +1,7 @@
 /* Boards, and the names of models and parameters. */
 #include "calibrate/calibrate.h"
 
+#include <algorithm>
 #include <cstdio>
 #include <cstring>
 
@@ -180,6 +181,17 @@ const char *parameter_name(Model model, int parameter)
     static const char *const equidistant[] = {"fx", "fy", "cx", "cy", "k1", "k2", "k3", "k4"};
     if (parameter < 0 || parameter >= 4 + coefficient_count(model)) return nullptr;
     return model == Model::equidistant ? equidistant[parameter] : radtan[parameter];
+}
+
+double median(std::vector<double> values)
+{
+    values.erase(std::remove_if(values.begin(), values.end(),
+                                [](double value) { return std::isnan(value); }),
+                 values.end());
+    if (values.empty()) return 0;
+    const auto half = values.begin() + (ptrdiff_t)values.size() / 2;
+    std::nth_element(values.begin(), half, values.end());
+    return *half;
 }
 
 } // namespace calibrate

@@ -152,5 +152,8 @@ double held_out_rms_px(const Board &board, const std::vector<View> &views, const
 double held_camera_rms_px(const Board &board, const std::vector<View> &views,
                           const Solution &solution, const fovea_camera &camera);
 
+/* Of those that are numbers (NaN: not known); 0 where there is none. */
+double median(std::vector<double> values);
+
 } // namespace calibrate
 #endif

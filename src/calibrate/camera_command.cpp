@@ -3,6 +3,7 @@
 #include "calibrate/choose_model.h"
 #include "calibrate/report_html.h"
 #include "calibrate/text_file.h"
+#include "calibrate/outputs.h"
 #include "support/text.h"
 extern "C" {
 #include "support/say.h"
@@ -51,11 +52,8 @@ int write(const Given &given, const Report &report)
         const int status = write_text(given.report, report_html(report));
         if (status != FV_EXIT_OK) return status;
     }
-    if (given.out.empty() || report.solution.corners_used == 0) return FV_EXIT_OK;
-    if (report.verdict.grade == Grade::fail) {
-        fv_say("%s: not written, as the calibration fails", given.out.c_str());
+    if (report.solution.corners_used == 0 || !result_wanted(given.out, report.verdict.grade))
         return FV_EXIT_OK;
-    }
     if (report_camera(report, given.out.c_str(), &error) != FOVEA_OK)
         return fv_say_failed("%s", error.text);
     return FV_EXIT_OK;

@@ -6,6 +6,7 @@
 #include "calibrate/compare.h"
 #include "calibrate/pictures.h"
 #include "calibrate/report.h"
+#include "calibrate/outputs.h"
 #include "support/calibration.h"
 extern "C" {
 #include "support/json.h"
@@ -24,10 +25,8 @@ void print(const std::string &file, const fv_calibration &calibration,
            const std::vector<View> &views, const Comparison &comparison)
 {
     const Solution &fresh = comparison.fresh;
-    for (size_t v = 0; v < views.size(); v++) {
-        const std::string &why = comparison.solved ? fresh.left_out[v] : views[v].left_out;
-        if (!why.empty()) printf("left out  %s: %s\n", views[v].name.c_str(), why.c_str());
-    }
+    print_left_out(
+        pictures_left_out(views, comparison.solved ? fresh.left_out : std::vector<std::string>()));
     printf("camera    %s: %s, %d x %d", file.c_str(), model_name(model_of(calibration.camera)),
            calibration.camera.width, calibration.camera.height);
     if (calibration.record.date[0] != '\0') printf(", of %s", calibration.record.date);

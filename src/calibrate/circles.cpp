@@ -104,7 +104,7 @@ void correct_circles(const Grey &image, const Board &board, View &view)
                                        share * (view.corners[n][1] - view.corners[c][1])));
         }
     }
-    const double radius_m = median_width(radii);
+    const double radius_m = median(radii);
     if (!(radius_m > 0 && radius_m < .5 * spacing)) return;
     for (size_t c = 0; c < points.size(); c++) {
         const Eigen::Vector2d offset = offset_of(around[c], radius_m);

@@ -171,14 +171,4 @@ double edge_width(const Grey &image, const Pixel &a, const Pixel &b, double reac
     return step_width(image, {mx - nx, my - ny}, {mx + nx, my + ny});
 }
 
-double median_width(std::vector<double> widths)
-{
-    widths.erase(std::remove_if(widths.begin(), widths.end(),
-                                [](double width) { return !std::isfinite(width); }),
-                 widths.end());
-    if (widths.empty()) return 0;
-    std::nth_element(widths.begin(), widths.begin() + widths.size() / 2, widths.end());
-    return widths[widths.size() / 2];
-}
-
 } // namespace calibrate

@@ -27,8 +27,5 @@ double step_width(const Grey &image, const Pixel &from, const Pixel &to);
 /* step_width across the middle of the edge from a to b, `reach` of its length to both sides. */
 double edge_width(const Grey &image, const Pixel &a, const Pixel &b, double reach);
 
-/* The middle one; 0 where there is none. */
-double median_width(std::vector<double> widths);
-
 } // namespace calibrate
 #endif

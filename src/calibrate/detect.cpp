@@ -56,7 +56,7 @@ double chessboard_edge(const Grey &image, const Board &board, const std::vector<
                     edge_width(image, corners[at], corners[at + (size_t)board.columns], reach));
         }
     }
-    return median_width(widths);
+    return median(widths);
 }
 
 /* From the centre of each circle to the middle between it and the next of its row. */
@@ -68,7 +68,7 @@ double circle_edge(const Grey &image, const Board &board, const std::vector<Pixe
         const Pixel &a = centres[at], &b = centres[at + 1];
         widths.push_back(step_width(image, a, {.5 * (a[0] + b[0]), .5 * (a[1] + b[1])}));
     }
-    return median_width(widths);
+    return median(widths);
 }
 
 /* Rows are turned round where the board is numbered as its mirror image, so that a bend has the

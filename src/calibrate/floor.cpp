@@ -195,11 +195,7 @@ void read_plane(const State &state, FloorSolution &solution)
     solution.height_m = state.plane[2];
     solution.tilt_rad = std::asin(std::clamp(-up[2], -1., 1.));
     solution.roll_rad = std::atan2(-up[0], -up[1]);
-    for (int i = 0; i < 3; i++) {
-        for (int j = 0; j < 3; j++)
-            solution.T_body_cam[(size_t)(4 * i + j)] = R(i, j);
-        solution.T_body_cam[(size_t)(4 * i + 3)] = i == 2 ? state.plane[2] : 0;
-    }
+    solution.T_body_cam = rows_of({R, {0, 0, state.plane[2]}});
 }
 
 bool deviations(State &state, FloorSolution &solution)

@@ -5,6 +5,7 @@
 #include "calibrate/floor.h"
 #include "calibrate/html.h"
 #include "calibrate/json_text.h"
+#include "calibrate/outputs.h"
 #include "calibrate/pictures.h"
 #include "calibrate/report.h"
 #include "calibrate/report_page.h"
@@ -91,16 +92,8 @@ std::string json(const FloorReport &report)
                 ",\n  \"alone_rms_px\": " + json_number(s.alone_rms_px) +
                 formatted(",\n  \"views_used\": %d,\n  \"corners_used\": %d", s.views_used,
                           s.corners_used);
-    text += ",\n  \"left_out\": [";
-    bool first = true;
-    for (size_t v = 0; v < s.left_out.size(); v++) {
-        if (s.left_out[v].empty()) continue;
-        text += std::string(first ? "" : ",") +
-                "\n    {\"name\": " + json_string(report.views[v].name) +
-                ", \"reason\": " + json_string(s.left_out[v]) + "}";
-        first = false;
-    }
-    return text + "\n  ]\n}\n";
+    text += ",\n";
+    return text + json_left_out(pictures_left_out(report.views, s.left_out));
 }
 
 std::string html(const FloorReport &report)
@@ -127,23 +120,14 @@ std::string html(const FloorReport &report)
                 datum("views_used", s.views_used, "%.0f") +
                 " pictures with all boards on one plane, " + datum("alone_rms_px", s.alone_rms_px) +
                 " px with each by itself.</p>\n");
-    std::string list;
-    for (size_t v = 0; v < s.left_out.size(); v++)
-        if (!s.left_out[v].empty())
-            list +=
-                "<li>" + escaped(report.views[v].name) + ": " + escaped(s.left_out[v]) + "</li>\n";
-    if (!list.empty())
-        page +=
-            section("left-out", "Pictures that are left out, and why", "<ul>\n" + list + "</ul>\n");
+    page += left_out_section(pictures_left_out(report.views, s.left_out));
     return html_page(report.verdict.grade, page);
 }
 
 void print(const FloorReport &report)
 {
     const FloorSolution &s = report.solution;
-    for (size_t v = 0; v < s.left_out.size(); v++)
-        if (!s.left_out[v].empty())
-            printf("left out  %s: %s\n", report.views[v].name.c_str(), s.left_out[v].c_str());
+    print_left_out(pictures_left_out(report.views, s.left_out));
     if (s.views_used > 0)
         printf("height    %.4f m +- %.2g\ntilt      %.3f degrees below the horizon +- %.2g\n"
                "roll      %.3f degrees to the right +- %.2g\n"
@@ -156,14 +140,9 @@ void print(const FloorReport &report)
 
 int write(const Given &given, const FloorReport &report)
 {
-    int status = FV_EXIT_OK;
-    if (!given.json.empty()) status = write_text(given.json, json(report));
-    if (status == FV_EXIT_OK && !given.report.empty())
-        status = write_text(given.report, html(report));
-    if (status != FV_EXIT_OK || given.out.empty()) return status;
-    if (report.verdict.grade != Grade::fail) return write_text(given.out, configuration(report));
-    fv_say("%s: not written, as the calibration fails", given.out.c_str());
-    return FV_EXIT_OK;
+    const int status = write_verdict(given.json, json(report), given.report, html(report));
+    if (status != FV_EXIT_OK || !result_wanted(given.out, report.verdict.grade)) return status;
+    return write_text(given.out, configuration(report));
 }
 
 } // namespace

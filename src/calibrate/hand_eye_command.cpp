@@ -5,6 +5,7 @@
 #include "calibrate/hand_eye.h"
 #include "calibrate/html.h"
 #include "calibrate/json_text.h"
+#include "calibrate/outputs.h"
 #include "calibrate/pictures.h"
 #include "calibrate/report.h"
 #include "calibrate/report_page.h"
@@ -99,17 +100,6 @@ int match(const Given &given, const std::vector<View> &views, std::vector<BodyPo
                         given.poses.c_str(), count, views.size());
 }
 
-std::array<double, 12> rows_of(const Rigid &T)
-{
-    std::array<double, 12> rows;
-    for (int i = 0; i < 3; i++) {
-        for (int j = 0; j < 3; j++)
-            rows[(size_t)(4 * i + j)] = T.R(i, j);
-        rows[(size_t)(4 * i + 3)] = T.t[i];
-    }
-    return rows;
-}
-
 std::string configuration(const HandEyeReport &report)
 {
     const HandEyeSolution &s = report.solution;
@@ -142,16 +132,8 @@ std::string json(const HandEyeReport &report)
                 ",\n  \"angle_off_rad\": " + json_number(s.angle_off_rad) +
                 formatted(",\n  \"views_used\": %d", s.views_used);
     text += ",\n  \"turn_rad\": " + json_number(s.turn_rad) +
-            ",\n  \"second_turn_rad\": " + json_number(s.second_turn_rad) + ",\n  \"left_out\": [";
-    bool first = true;
-    for (size_t v = 0; v < s.left_out.size(); v++) {
-        if (s.left_out[v].empty()) continue;
-        text += std::string(first ? "" : ",") +
-                "\n    {\"name\": " + json_string(report.views[v].name) +
-                ", \"reason\": " + json_string(s.left_out[v]) + "}";
-        first = false;
-    }
-    return text + "\n  ]\n}\n";
+            ",\n  \"second_turn_rad\": " + json_number(s.second_turn_rad) + ",\n";
+    return text + json_left_out(pictures_left_out(report.views, s.left_out));
 }
 
 std::string html(const HandEyeReport &report)
@@ -190,23 +172,14 @@ std::string html(const HandEyeReport &report)
                         datum("pose_noise_mm", 1e3 * s.pose_noise_m) +
                         " mm; of corners: " + datum("noise_px", s.noise_px) + " px.</p>\n");
     }
-    std::string list;
-    for (size_t v = 0; v < s.left_out.size(); v++)
-        if (!s.left_out[v].empty())
-            list +=
-                "<li>" + escaped(report.views[v].name) + ": " + escaped(s.left_out[v]) + "</li>\n";
-    if (!list.empty())
-        page +=
-            section("left-out", "Pictures that are left out, and why", "<ul>\n" + list + "</ul>\n");
+    page += left_out_section(pictures_left_out(report.views, s.left_out));
     return html_page(report.verdict.grade, page);
 }
 
 void print(const HandEyeReport &report)
 {
     const HandEyeSolution &s = report.solution;
-    for (size_t v = 0; v < s.left_out.size(); v++)
-        if (!s.left_out[v].empty())
-            printf("left out  %s: %s\n", report.views[v].name.c_str(), s.left_out[v].c_str());
+    print_left_out(pictures_left_out(report.views, s.left_out));
     if (s.views_used > 0) {
         const Pose place = pose_of(s.T_body_cam);
         printf("place     %.2f %.2f %.2f mm in the body (+- %.2g %.2g %.2g)\n"
@@ -222,14 +195,9 @@ void print(const HandEyeReport &report)
 
 int write(const Given &given, const HandEyeReport &report)
 {
-    int status = FV_EXIT_OK;
-    if (!given.json.empty()) status = write_text(given.json, json(report));
-    if (status == FV_EXIT_OK && !given.report.empty())
-        status = write_text(given.report, html(report));
-    if (status != FV_EXIT_OK || given.out.empty()) return status;
-    if (report.verdict.grade != Grade::fail) return write_text(given.out, configuration(report));
-    fv_say("%s: not written, as the calibration fails", given.out.c_str());
-    return FV_EXIT_OK;
+    const int status = write_verdict(given.json, json(report), given.report, html(report));
+    if (status != FV_EXIT_OK || !result_wanted(given.out, report.verdict.grade)) return status;
+    return write_text(given.out, configuration(report));
 }
 
 } // namespace

@@ -188,7 +188,7 @@ void aprilgrid_corners(const Grey &image, const Board &board, const std::vector<
                                         std::min(.16, .5 * gap)));
         }
     }
-    view.edge_px = median_width(widths);
+    view.edge_px = median(widths);
 }
 
 /* Inner corners from the markers in the two white squares beside each. */
@@ -226,7 +226,7 @@ void charuco_corners(const Grey &image, const Board &board, const std::vector<Ma
             seen(view.corners[c + 1]))
             widths.push_back(edge_width(image, view.corners[c], view.corners[c + 1],
                                         .8 * margin / board.square_m));
-    view.edge_px = median_width(widths);
+    view.edge_px = median(widths);
 }
 
 /* Whether the points that were seen span a plane: at least 8 points in at least two columns and two

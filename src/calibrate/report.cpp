@@ -1,5 +1,7 @@
 #include "calibrate/report.h"
 
+#include "calibrate/outputs.h"
+
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -202,11 +204,7 @@ fovea_status report_json(const Report &report, const char *path, fovea_error *er
 void report_print(const Report &report)
 {
     const Solution &solution = report.solution;
-    for (size_t v = 0; v < report.views.size(); v++) {
-        const std::string &why =
-            v < solution.left_out.size() ? solution.left_out[v] : report.views[v].left_out;
-        if (!why.empty()) printf("left out  %s: %s\n", report.views[v].name.c_str(), why.c_str());
-    }
+    print_left_out(pictures_left_out(report.views, solution.left_out));
     for (const LeftOut &corner : solution.corners_left_out)
         printf("left out  %s: corner %d of row %d, %.2f px off\n",
                report.views[(size_t)corner.view].name.c_str(),

@@ -138,13 +138,6 @@ bool minimise(State &state, double loss_px)
 
 /* ---- rejection ------------------------------------------------------------------------------- */
 
-double median(std::vector<double> values)
-{
-    if (values.empty()) return 0;
-    std::nth_element(values.begin(), values.begin() + (ptrdiff_t)values.size() / 2, values.end());
-    return values[values.size() / 2];
-}
-
 /* As of single cameras (solve.cpp), with the noise of each camera by itself. */
 constexpr double CORNER_SIGMAS = 5, VIEW_RATIO = 3.5, RAYLEIGH_MEDIAN = 1.17741;
 

@@ -2,6 +2,7 @@
 #include "calibrate/command.h"
 #include "calibrate/compare.h"
 #include "calibrate/choose_model.h"
+#include "calibrate/outputs.h"
 #include "calibrate/pictures.h"
 #include "calibrate/rig_report.h"
 #include "calibrate/text_file.h"
@@ -119,15 +120,8 @@ void solve_and_judge_rig(RigReport &report, const Verdict &lenses)
 
 int write(const Given &given, const RigReport &report)
 {
-    int status = FV_EXIT_OK;
-    if (!given.json.empty()) status = write_text(given.json, rig_json(report));
-    if (status == FV_EXIT_OK && !given.report.empty())
-        status = write_text(given.report, rig_html(report));
-    if (status != FV_EXIT_OK || given.out.empty()) return status;
-    if (report.verdict.grade == Grade::fail) {
-        fv_say("%s: not written, as the calibration fails", given.out.c_str());
-        return FV_EXIT_OK;
-    }
+    const int status = write_verdict(given.json, rig_json(report), given.report, rig_html(report));
+    if (status != FV_EXIT_OK || !result_wanted(given.out, report.verdict.grade)) return status;
     std::string text;
     fovea_error error;
     if (rig_chain(report, given.format == "kalibr", text, &error) != FOVEA_OK)

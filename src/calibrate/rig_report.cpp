@@ -3,6 +3,7 @@
 #include "calibrate/compare.h"
 #include "calibrate/html.h"
 #include "calibrate/json_text.h"
+#include "calibrate/outputs.h"
 #include "calibrate/report.h"
 #include "calibrate/report_page.h"
 #include "calibrate/rigid.h"
@@ -122,30 +123,22 @@ std::string places_section(const RigReport &report)
     return section("places", "Places", text + "</table></div>\n");
 }
 
-std::string left_out_section(const RigReport &report)
+LeftOutPictures rig_left_out(const RigReport &report)
 {
-    std::string text;
+    LeftOutPictures all;
     for (size_t k = 0; k < report.solution.left_out.size(); k++)
-        for (size_t v = 0; v < report.solution.left_out[k].size(); v++)
-            if (!report.solution.left_out[k][v].empty())
-                text += formatted("<li>cam%zu, ", k) + escaped(report.inputs[k].views[v].name) +
-                        ": " + escaped(report.solution.left_out[k][v]) + "</li>\n";
-    if (text.empty()) return "";
-    return section("left-out", "Pictures that are left out, and why", "<ul>\n" + text + "</ul>\n");
+        for (const auto &picture :
+             pictures_left_out(report.inputs[k].views, report.solution.left_out[k],
+                               "cam" + std::to_string(k) + ", "))
+            all.push_back(picture);
+    return all;
 }
 
 } // namespace
 
 std::array<double, 12> T_first_cam(const RigCamera &camera)
 {
-    const Rigid T = rigid_of(camera.T_cam_first).inverse();
-    std::array<double, 12> rows;
-    for (int i = 0; i < 3; i++) {
-        for (int j = 0; j < 3; j++)
-            rows[(size_t)(4 * i + j)] = T.R(i, j);
-        rows[(size_t)(4 * i + 3)] = T.t[i];
-    }
-    return rows;
+    return rows_of(rigid_of(camera.T_cam_first).inverse());
 }
 
 fovea_status rig_chain(const RigReport &report, bool kalibr, std::string &text, fovea_error *error)
@@ -201,18 +194,15 @@ std::string rig_html(const RigReport &report)
             datum("held_out_epipolar_rms_px", report.held_out_px >= 0 ? report.held_out_px : NAN) +
             " px. Noise of one coordinate " + datum("noise_px", report.solution.noise_px) +
             " px.</p>\n");
-    text += cameras_section(report) + places_section(report) + left_out_section(report);
+    text +=
+        cameras_section(report) + places_section(report) + left_out_section(rig_left_out(report));
     return html_page(report.verdict.grade, text);
 }
 
 void rig_print(const RigReport &report)
 {
     const RigSolution &solution = report.solution;
-    for (size_t k = 0; k < solution.left_out.size(); k++)
-        for (size_t v = 0; v < solution.left_out[k].size(); v++)
-            if (!solution.left_out[k][v].empty())
-                printf("left out  cam%zu, %s: %s\n", k, report.inputs[k].views[v].name.c_str(),
-                       solution.left_out[k][v].c_str());
+    print_left_out(rig_left_out(report));
     for (size_t k = 0; k < solution.cameras.size(); k++) {
         const RigCamera &camera = solution.cameras[k];
         printf("cam%zu      %s: %s%s, focal length %.6g", k, report.inputs[k].source.c_str(),

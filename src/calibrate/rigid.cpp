@@ -71,6 +71,17 @@ Pose pose_of(const Rigid &motion)
     return {axis[0], axis[1], axis[2], motion.t[0], motion.t[1], motion.t[2]};
 }
 
+std::array<double, 12> rows_of(const Rigid &motion)
+{
+    std::array<double, 12> rows;
+    for (int i = 0; i < 3; i++) {
+        for (int j = 0; j < 3; j++)
+            rows[(size_t)(4 * i + j)] = motion.R(i, j);
+        rows[(size_t)(4 * i + 3)] = motion.t[i];
+    }
+    return rows;
+}
+
 Eigen::Vector3d angle_axis(const Eigen::Matrix3d &R)
 {
     Eigen::Vector3d axis;

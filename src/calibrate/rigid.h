@@ -22,6 +22,7 @@ struct Rigid {
 
 Rigid rigid_of(const Pose &pose);
 Pose pose_of(const Rigid &motion);
+std::array<double, 12> rows_of(const Rigid &motion); /* three rows of [R t] */
 
 /* The axis of a rotation times its angle, of [0, pi]. */
 Eigen::Vector3d angle_axis(const Eigen::Matrix3d &R);

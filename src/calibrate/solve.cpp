@@ -150,16 +150,6 @@ std::vector<Pixel> residuals_of(const State &state, size_t v)
 }
 
 /* Of the values that are known. */
-double median(std::vector<double> values)
-{
-    values.erase(std::remove_if(values.begin(), values.end(),
-                                [](double value) { return std::isnan(value); }),
-                 values.end());
-    if (values.empty()) return 0;
-    std::nth_element(values.begin(), values.begin() + values.size() / 2, values.end());
-    return values[values.size() / 2];
-}
-
 /* Corners further off than five standard deviations (of Gaussian noise, four in a million are), and
  * views whose middle corner is far worse than that of the others. True: the choice has changed. */
 constexpr double CORNER_SIGMAS = 5, VIEW_RATIO = 3.5, VIEW_CORNERS_SHARE = .6;

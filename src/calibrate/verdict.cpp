@@ -29,13 +29,6 @@ constexpr double BEND_PASS = .003; /* height over the board's width */
 constexpr double BEND_SIGMAS = 5;
 constexpr int CELL_COLUMNS = 6, CELL_ROWS = 5;
 
-double median(std::vector<double> values)
-{
-    if (values.empty()) return 0;
-    std::nth_element(values.begin(), values.begin() + values.size() / 2, values.end());
-    return values[values.size() / 2];
-}
-
 /* Corners of views that are used, per cell of the image. */
 std::vector<int> cells_of(const std::vector<View> &views, const Solution &solution, int columns,
                           int rows)
