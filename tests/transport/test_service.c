@@ -81,6 +81,23 @@ static void a_sign_of_life_needs_a_beat(void **state)
     assert_string_equal(heard(50), "");
 }
 
+static void ready_is_said_again_while_the_manager_takes_nothing(void **state)
+{
+    static _Atomic uint64_t beats = 1;
+    static struct fv_service service; /* its thread outlives a failure */
+    struct sockaddr_un to = {.sun_family = AF_UNIX};
+    (void)state;
+    snprintf(to.sun_path, sizeof to.sun_path, "%s", path);
+    const int other = socket(AF_UNIX, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
+    while (sendto(other, "x", 1, 0, (const struct sockaddr *)&to, sizeof to) == 1)
+        continue; /* until its queue is full */
+    close(other);
+    fv_service_open(&service, &beats);
+    usleep(200000);
+    expect_heard("READY=1");
+    fv_service_close(&service);
+}
+
 static void without_a_watchdog_there_is_no_sign_of_life(void **state)
 {
     static _Atomic uint64_t beats;
@@ -150,6 +167,8 @@ int main(void)
     if (!watched_possible("test_service")) return 0;
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(a_sign_of_life_needs_a_beat, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(ready_is_said_again_while_the_manager_takes_nothing, set_up,
+                                        tear_down),
         cmocka_unit_test_setup_teardown(without_a_watchdog_there_is_no_sign_of_life, set_up,
                                         tear_down),
         cmocka_unit_test_setup_teardown(a_name_that_is_none_is_ignored, set_up, tear_down),

@@ -45,12 +45,12 @@ Rigid noisy(const Rigid &T, Random &random, double rad, double m)
 }
 
 /* The board is held before the camera in as many ways; the body follows from it. */
-Set random_set(unsigned seed, double noise_rad, double noise_m)
+Set random_set(unsigned seed, double noise_rad, double noise_m, double reach_m = .2)
 {
     Random random = {std::mt19937_64(seed)};
     Set set;
     set.camera = true_camera(Model::radtan, random);
-    set.T_body_cam = random_rigid(random, 1.5, .2);
+    set.T_body_cam = random_rigid(random, 1.5, reach_m);
     const Rigid T_world_board = random_rigid(random, 1, 1);
     while (set.views.size() < 15) {
         Held held;
@@ -89,12 +89,12 @@ HandEyeSolution solved(const Set &set)
     return solution;
 }
 
-void cameras_are_found_as_stated(double noise_rad, double noise_m)
+void cameras_are_found_as_stated(double noise_rad, double noise_m, double reach_m)
 {
     int count = 0, beyond_three = 0;
-    double squares = 0;
+    double squares[2] = {}; /* of the rotation and of the place: one does not hide the other */
     for (unsigned seed = 1; seed <= 100; seed++) {
-        const Set set = random_set(seed, noise_rad, noise_m);
+        const Set set = random_set(seed, noise_rad, noise_m, reach_m);
         const HandEyeSolution solution = solved(set);
         const Eigen::Vector3d turn =
             angle_axis(solution.T_body_cam.R * set.T_body_cam.R.transpose());
@@ -103,26 +103,34 @@ void cameras_are_found_as_stated(double noise_rad, double noise_m)
             const double ratio = (i < 3 ? turn[i] : place[i - 3]) / solution.stdev[(size_t)i];
             count++;
             beyond_three += std::fabs(ratio) > 3;
-            squares += ratio * ratio;
+            squares[i / 3] += ratio * ratio;
         }
-        assert_true(turn.norm() < .02 && place.norm() < .02);
+        assert_true(turn.norm() < .02 && place.norm() < .02 * std::max(1., reach_m / .2));
     }
-    const double size = std::sqrt(squares / count);
+    const double turns = std::sqrt(2 * squares[0] / count),
+                 places = std::sqrt(2 * squares[1] / count);
     printf("poses within %.2g rad, %.2g m: %d parameters, %d beyond three standard deviations, rms "
-           "%.3f\n",
-           noise_rad, noise_m, count, beyond_three, size);
+           "%.3f of turns, %.3f of places\n",
+           noise_rad, noise_m, count, beyond_three, turns, places);
     assert_true(beyond_three <= .01 * count);
-    assert_true(size > .85 && size < 1.15);
+    for (const double size : {turns, places})
+        assert_true(size > .85 && size < 1.15);
 }
 
 void cameras_on_exact_bodies_are_found_as_stated(void **)
 {
-    cameras_are_found_as_stated(0, 0);
+    cameras_are_found_as_stated(0, 0, .2);
 }
 
 void cameras_on_bodies_with_noise_are_found_as_stated(void **)
 {
-    cameras_are_found_as_stated(.002, .001);
+    cameras_are_found_as_stated(.002, .001, .2);
+}
+
+/* Where a small rotation moves the camera far. */
+void cameras_far_from_the_body_are_found_as_stated(void **)
+{
+    cameras_are_found_as_stated(.002, .001, 1.5);
 }
 
 void the_noise_of_poses_is_found(void **)
@@ -299,6 +307,7 @@ int main()
     const CMUnitTest tests[] = {
         cmocka_unit_test(cameras_on_exact_bodies_are_found_as_stated),
         cmocka_unit_test(cameras_on_bodies_with_noise_are_found_as_stated),
+        cmocka_unit_test(cameras_far_from_the_body_are_found_as_stated),
         cmocka_unit_test(the_noise_of_poses_is_found),
         cmocka_unit_test(motions_that_are_not_enough_are_named),
         cmocka_unit_test(a_wrong_pose_is_left_out),

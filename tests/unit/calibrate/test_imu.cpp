@@ -175,6 +175,17 @@ void the_command_writes_what_fovea_reads(void **)
     assert_true(std::fabs(imu.rate_hz - RATE_HZ) < .01);
     assert_true(std::fabs(imu.gyro_noise / WHITE[0] - 1) < .05);
     assert_true(std::fabs(imu.acceleration_noise / WHITE[1] - 1) < .05);
+    /* two minutes tell walks roughly, but not one sensor's for the other's, 15 times as large */
+    assert_true(imu.gyro_walk > WALK[0] / 4 && imu.gyro_walk < 4 * WALK[0]);
+    assert_true(imu.acceleration_walk > WALK[1] / 4 && imu.acceleration_walk < 4 * WALK[1]);
+    const char *const walks[] = {"\ngyroscope_random_walk: ", "\naccelerometer_random_walk: "};
+    const double read_walks[] = {imu.gyro_walk, imu.acceleration_walk};
+    for (int i = 0; i < 2; i++) {
+        const char *found = std::strstr(of_kalibr.c_str(), walks[i]);
+        assert_non_null(found);
+        assert_true(std::fabs(std::strtod(found + std::strlen(walks[i]), nullptr) / read_walks[i] -
+                              1) < 1e-3);
+    }
     for (const char *key : {"\naccelerometer_noise_density: ", "\naccelerometer_random_walk: ",
                             "\ngyroscope_noise_density: ", "\ngyroscope_random_walk: ",
                             "\nrostopic: /imu0\n", "\nupdate_rate: 100"})

@@ -147,7 +147,7 @@ void places_are_as_near_as_stated(bool held_lenses)
             }
         }
     }
-    const double size = std::sqrt(squares / count), spread = rigs() >= 100 ? .15 : .45;
+    const double size = std::sqrt(squares / count), spread = rigs() >= 100 ? .15 : .2;
     printf("%s lenses: %d parameters, %d beyond three standard deviations, rms %.3f\n",
            held_lenses ? "held" : "solved", count, beyond_three, size);
     assert_true(size > 1 - spread && size < 1 + spread);
