@@ -1,6 +1,5 @@
 #include "features/ranked.h"
 
-
 #include "base/float_bits.h"
 #include "features/refine.h"
 

@@ -148,15 +148,9 @@ static void subscriber_prints(const char *const words[])
     start(&subscriber, words);
     assert_non_null(fgets(line, sizeof line, subscriber.output));
     assert_string_equal(line, "listening\n");
-    const char *const run[] = {program,
-                               "run",
-                               "--quiet",
-                               "--source",
-                               "sim:orbit",
-                               "--picture",
-                               "none",
-                               "--set",
-                               "lcm_url=udpm://239.255.76.67:7667",
+    const char *const run[] = {program,    "run",       "--quiet",
+                               "--source", "sim:orbit", "--picture",
+                               "none",     "--set",     "lcm_url=udpm://239.255.76.67:7667",
                                NULL};
     start(&runtime, run);
     while (fgets(line, sizeof line, subscriber.output) != NULL) {
