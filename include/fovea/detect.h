@@ -11,6 +11,7 @@
 #ifndef FOVEA_DETECT_H
 #define FOVEA_DETECT_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -47,6 +48,7 @@ struct fovea_detect_config {
     const void *model;
     size_t model_bytes;
 
+    bool enabled; /* default true; false: the network is loaded and does not run */
     /* [1, 1000000], default 1: run on every n-th frame, if the network is free then */
     uint32_t period_frames;
     uint32_t count_max; /* [1, 300], default 100: detections of one image, best first; affects the

@@ -261,6 +261,11 @@ struct fovea_inputs {
     uint32_t box_count;
     struct fovea_box boxes[FOVEA_INPUT_BOXES_MAX];
 
+    /* Values in force from this step on; NULL: those that were. Only live parameters are taken
+     * (docs/configuration.md marks them): all of them, or none where fovea_parameters_check refuses
+     * the values. Owned by the caller; not read after the step. */
+    const struct fovea_config *parameters;
+
     /* Measured by the application, never used for results. Every pose message and the statistics
      * message state the latency, the statistics message alone the rest. */
     int64_t latency_ns;  /* from the stamp to the call of fovea_step; 0: unknown */
@@ -298,6 +303,17 @@ enum fovea_status fovea_step(struct fovea *rt, const struct fovea_inputs *inputs
  * FOVEA_AGAIN: units are left. */
 enum fovea_status fovea_work(struct fovea *rt, const struct fovea_grants *grants,
                              struct fovea_outputs *outputs);
+
+/* Whether a step takes these values of the live parameters; no other member of `config` is looked
+ * at. Any thread. FOVEA_ERROR_ARGUMENT: `error` names the key, what was found and what was
+ * expected. FOVEA_ERROR_UNSUPPORTED: the values are right, but this runtime was built without
+ * memory for them, which takes a restart. */
+enum fovea_status fovea_parameters_check(const struct fovea *rt, const struct fovea_config *config,
+                                         struct fovea_error *error);
+
+/* The configuration as it is in force: that of fovea_init with the live parameters that steps have
+ * taken. Valid until the next step. */
+const struct fovea_config *fovea_config_get(const struct fovea *rt);
 
 /* Features of the last processed frame, in memory of the block, valid until the next fovea_step. */
 const struct fovea_feature *fovea_features_get(const struct fovea *rt, uint32_t *count);

@@ -32,6 +32,14 @@ void fv_features_carve(struct fv_features *features, const struct fovea_features
     fv_spread_carve(&features->spread, pyramid->levels, width, height, config->count_max, frame);
 }
 
+void fv_features_set(struct fv_features *features, const struct fovea_features_config *config)
+{
+    features->config.count_max = config->count_max;
+    features->config.threshold = config->threshold;
+    features->config.threshold_min = config->threshold_min;
+    features->config.per_cell = config->per_cell;
+}
+
 /* The mask's row that a row of a level lies in; NULL: no mask. */
 static const uint8_t *mask_row_of(const struct fv_plane *mask, uint32_t level, int32_t y)
 {

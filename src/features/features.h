@@ -43,6 +43,10 @@ struct fv_features {
 void fv_features_carve(struct fv_features *features, const struct fovea_features_config *config,
                        const struct fv_pyramid *pyramid, struct fv_arena *frame);
 
+/* Change thresholds, features per cell and the most features, which are at most those of carving.
+ * Real-time safe. */
+void fv_features_set(struct fv_features *features, const struct fovea_features_config *config);
+
 /* Find at most `count_asked` features (cut to config.count_max). `mask`, when not NULL, has the
  * size of level 0: no feature where it is 0. Fills features->list, ->corners
  * and ->count; returns the count. Real-time safe; cost bounded by the number of pixels. */

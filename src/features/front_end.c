@@ -8,9 +8,11 @@ void fv_front_end_carve_images(struct fv_front_end *f, const struct fovea_prepro
     fv_seen_carve(&f->images, chain, seen_by, looked_at, width, height, levels, frame);
 }
 
-void fv_front_end_prepare(struct fv_front_end *f)
+void fv_front_end_set(struct fv_front_end *f, const struct fovea_preprocess_config *chain,
+                      const struct fovea_features_config *features)
 {
-    fv_seen_prepare(&f->images);
+    fv_seen_set(&f->images, chain);
+    fv_features_set(&f->features, features);
 }
 
 void fv_front_end_carve_features(struct fv_front_end *f, const struct fovea_features_config *config,

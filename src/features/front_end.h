@@ -53,8 +53,10 @@ uint32_t fv_front_end_find(struct fv_front_end *front_end, const struct fv_kerne
 
 struct fv_front_end_found fv_front_end_found(const struct fv_front_end *front_end);
 
-/* Compute tables, after carving on memory. Init-only. */
-void fv_front_end_prepare(struct fv_front_end *front_end);
+/* Set what fv_seen_set and fv_features_set set: once after carving on memory, and for every change
+ * after that. Real-time safe. */
+void fv_front_end_set(struct fv_front_end *front_end, const struct fovea_preprocess_config *chain,
+                      const struct fovea_features_config *features);
 
 /* The image taken, as grey levels, for those who show it or look for something else in it. */
 static inline const struct fv_seen *fv_front_end_images(const struct fv_front_end *front_end)

@@ -9,6 +9,12 @@ static int32_t smaller(int32_t a, int32_t b)
     return a < b ? a : b;
 }
 
+void fv_contrast_set_limit(struct fv_contrast *contrast, double limit)
+{
+    const double clip = limit * contrast->tile_width * contrast->tile_height / 256;
+    contrast->clip = limit > 0 ? (clip < 1 ? 1 : (int32_t)clip) : 0;
+}
+
 /* Tiles cover the plane and, where its sizes are no multiples of the tiles' number, up to one more
  * pixel per tile, reflected. */
 void fv_contrast_carve(struct fv_contrast *contrast, int32_t width, int32_t height, int32_t tiles,
@@ -19,8 +25,7 @@ void fv_contrast_carve(struct fv_contrast *contrast, int32_t width, int32_t heig
     contrast->tiles = tiles;
     contrast->tile_width = even ? width / tiles : width / tiles + 1;
     contrast->tile_height = even ? height / tiles : height / tiles + 1;
-    const double clip = limit * contrast->tile_width * contrast->tile_height / 256;
-    contrast->clip = limit > 0 ? (clip < 1 ? 1 : (int32_t)clip) : 0;
+    fv_contrast_set_limit(contrast, limit);
     contrast->tables = fv_arena_take_raw(arena, count * count, sizeof *contrast->tables);
     contrast->blended = fv_arena_take_raw(arena, count, sizeof *contrast->blended);
     contrast->weights = fv_arena_take_raw(arena, (size_t)width, sizeof *contrast->weights);

@@ -60,14 +60,21 @@ static bool squares(const struct fovea_edges_config *config)
     return config->norm == FOVEA_GRADIENT_L2 && config->method != FOVEA_EDGES_LAPLACIAN;
 }
 
+void fv_edges_set(struct fv_edges *edges, double low, double high)
+{
+    edges->config.low = low;
+    edges->config.high = high;
+    edges->low = whole(low, squares(&edges->config));
+    edges->high = whole(high, squares(&edges->config));
+}
+
 void fv_edges_carve(struct fv_edges *edges, const struct fovea_edges_config *config, int32_t width,
                     int32_t height, struct fv_arena *arena)
 {
     edges->config = *config;
     edges->width = width;
     edges->height = height;
-    edges->low = whole(config->low, squares(config));
-    edges->high = whole(config->high, squares(config));
+    fv_edges_set(edges, config->low, config->high);
     for (int i = 0; i < 3; i++) {
         int32_t *row = fv_arena_take(arena, (size_t)width + 2 * PAD, sizeof *row);
         edges->magnitude[i] = row == NULL ? NULL : row + PAD;

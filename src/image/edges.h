@@ -35,6 +35,9 @@ struct fv_edges_state {
 void fv_edges_carve(struct fv_edges *edges, const struct fovea_edges_config *config, int32_t width,
                     int32_t height, struct fv_arena *arena);
 
+/* Change the thresholds, between images. Real-time safe. */
+void fv_edges_set(struct fv_edges *edges, double low, double high);
+
 /* Begin an image. Real-time safe, as all that follows. */
 void fv_edges_begin(const struct fv_edges *edges, struct fv_edges_state *state);
 

@@ -89,6 +89,8 @@ struct fv_contrast {
 
 void fv_contrast_carve(struct fv_contrast *contrast, int32_t width, int32_t height, int32_t tiles,
                        double limit, struct fv_arena *arena);
+/* Change the limit. Real-time safe. */
+void fv_contrast_set_limit(struct fv_contrast *contrast, double limit);
 void fv_contrast_prepare(struct fv_contrast *contrast, int32_t width);
 void fv_contrast_run(struct fv_contrast *contrast, const struct fv_kernels *kernels,
                      const struct fv_plane *in, const struct fv_plane *out);

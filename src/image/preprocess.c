@@ -125,6 +125,14 @@ void fv_preprocess_prepare(struct fv_preprocess *chain)
         fv_contrast_prepare(&chain->contrast, chain->width);
 }
 
+void fv_preprocess_set(struct fv_preprocess *chain, const struct fovea_preprocess_config *config)
+{
+    chain->config = *config;
+    if (uses(config, FOVEA_OPERATION_CONTRAST_ENHANCEMENT))
+        fv_contrast_set_limit(&chain->contrast, config->contrast_limit);
+    fv_preprocess_prepare(chain);
+}
+
 static void denoise(struct fv_preprocess *chain, const struct fv_kernels *kernels,
                     const struct fv_plane *in, const struct fv_plane *out)
 {

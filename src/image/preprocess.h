@@ -33,6 +33,11 @@ void fv_preprocess_carve(struct fv_preprocess *chain, const struct fovea_preproc
 /* Compute the tables, after carving on memory. Init-only. */
 void fv_preprocess_prepare(struct fv_preprocess *chain);
 
+/* Change operations and parameters of a carved chain, which began with at least one operation, and
+ * compute its tables; the tiles stay, and it has contrast_enhancement only where it began with it.
+ * Real-time safe. */
+void fv_preprocess_set(struct fv_preprocess *chain, const struct fovea_preprocess_config *config);
+
 /* Run all operations, from `in` to `out` of the carved size, which are the same or do not overlap.
  * Real-time safe; time is proportional to the pixels. */
 void fv_preprocess_run(struct fv_preprocess *chain, const struct fv_kernels *kernels,

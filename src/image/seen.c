@@ -43,9 +43,9 @@ void fv_seen_carve(struct fv_seen *seen, const struct fovea_preprocess_config *c
     if (others > 0) fv_pyramid_carve(&seen->other, width, height, others, frame);
 }
 
-void fv_seen_prepare(struct fv_seen *seen)
+void fv_seen_set(struct fv_seen *seen, const struct fovea_preprocess_config *chain)
 {
-    if (seen->changes) fv_preprocess_prepare(&seen->chain);
+    if (seen->changes) fv_preprocess_set(&seen->chain, chain);
 }
 
 void fv_seen_build(struct fv_seen *seen, const struct fv_kernels *kernels,

@@ -34,8 +34,9 @@ void fv_seen_carve(struct fv_seen *seen, const struct fovea_preprocess_config *c
                    uint32_t seen_by, const uint32_t looked_at[FV_VIEWER_COUNT], int32_t width,
                    int32_t height, uint32_t levels, struct fv_arena *frame);
 
-/* Compute the tables of the chain, after carving on memory. Init-only. */
-void fv_seen_prepare(struct fv_seen *seen);
+/* Set the chain, as fv_preprocess_set does, once after carving on memory and for every change after
+ * that; nothing where the images were carved without one. Real-time safe. */
+void fv_seen_set(struct fv_seen *seen, const struct fovea_preprocess_config *chain);
 
 /* Take an image of the carved size, in any uncompressed format, checked with fovea_image_check.
  * Real-time safe; cost proportional to the pixels. */

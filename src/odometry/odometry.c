@@ -60,6 +60,12 @@ static void begin(struct fv_odometry *o)
     if (o->config.localise_only) s->state = FOVEA_TRACKING_LOST;
 }
 
+void fv_odometry_set(struct fv_odometry *o, const struct fovea_odometry_config *config)
+{
+    o->config.inliers_good = config->inliers_good;
+    o->config.lost_frames_reset = config->lost_frames_reset;
+}
+
 void fv_odometry_init(struct fv_odometry *o, uint64_t seed)
 {
     fv_bearing_init(&o->bearings, &o->camera);

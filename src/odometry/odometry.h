@@ -110,6 +110,9 @@ void fv_odometry_carve(struct fv_odometry *odometry, const struct fovea_odometry
                        struct fv_arena *persistent, struct fv_arena *job, struct fv_arena *frame);
 void fv_odometry_init(struct fv_odometry *odometry, uint64_t seed);
 
+/* Change inliers_good and lost_frames_reset. Real-time safe. */
+void fv_odometry_set(struct fv_odometry *odometry, const struct fovea_odometry_config *config);
+
 /* Forget the map and start again; the reset counter rises. Real-time safe. */
 void fv_odometry_reset(struct fv_odometry *odometry);
 

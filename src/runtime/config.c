@@ -23,16 +23,28 @@ void fovea_config_default(struct fovea_config *config)
 struct key {
     const char *name;
     enum fv_config_kind kind;
-    size_t offset;
+    bool live;
+    size_t offset, bytes;
     int64_t min, max;
     double real_min, real_max;
 };
 
+#define ROW(name, kind, live, member, min, max)                                                    \
+    {name,                                                                                         \
+     FV_CONFIG_##kind,                                                                             \
+     live,                                                                                         \
+     offsetof(struct fovea_config, member),                                                        \
+     sizeof(((struct fovea_config *)0)->member),                                                   \
+     (int64_t)(min),                                                                               \
+     (int64_t)(max),                                                                               \
+     (double)(min),                                                                                \
+     (double)(max)},
+
 static const struct key keys[] = {
 #define FV_KEY(name, kind, member, min, max, value, unit, words, cost, help)                       \
-    {name,           FV_CONFIG_##kind, offsetof(struct fovea_config, member),                      \
-     (int64_t)(min), (int64_t)(max),   (double)(min),                                              \
-     (double)(max)},
+    ROW(name, kind, false, member, min, max)
+#define FV_LIVE_KEY(name, kind, member, min, max, value, unit, words, cost, help)                  \
+    ROW(name, kind, true, member, min, max)
 #include "runtime/config.def"
 };
 
@@ -324,6 +336,31 @@ static enum fovea_status check_heights(const struct fovea_objects_config *object
     return status;
 }
 
+void fv_config_take_live(struct fovea_config *config, const struct fovea_config *from)
+{
+    for (size_t i = 0; i < sizeof keys / sizeof keys[0]; i++)
+        if (keys[i].live)
+            memcpy((char *)config + keys[i].offset, (const char *)from + keys[i].offset,
+                   keys[i].bytes);
+}
+
+/* Limits between several live keys. */
+static enum fovea_status check_together(const struct fovea_config *config,
+                                        struct fovea_error *error)
+{
+    enum fovea_status status = check_pairs(config, error);
+    if (status == FOVEA_OK) status = check_chain(&config->image.preprocess, error);
+    return status == FOVEA_OK ? check_edges(&config->edge_job.edges, error) : status;
+}
+
+enum fovea_status fv_config_check_live(const struct fovea_config *config, struct fovea_error *error)
+{
+    enum fovea_status status = FOVEA_OK;
+    for (size_t i = 0; i < sizeof keys / sizeof keys[0] && status == FOVEA_OK; i++)
+        if (keys[i].live) status = check_key(&keys[i], config, error);
+    return status == FOVEA_OK ? check_together(config, error) : status;
+}
+
 enum fovea_status fv_config_check(const struct fovea_config *config, struct fovea_error *error)
 {
     if (config == NULL)
@@ -332,9 +369,7 @@ enum fovea_status fv_config_check(const struct fovea_config *config, struct fove
     for (size_t i = 0; i < sizeof keys / sizeof keys[0] && status == FOVEA_OK; i++)
         status = check_key(&keys[i], config, error);
     if (status == FOVEA_OK) status = check_rig(&config->rig, error);
-    if (status == FOVEA_OK) status = check_pairs(config, error);
-    if (status == FOVEA_OK) status = check_chain(&config->image.preprocess, error);
-    if (status == FOVEA_OK) status = check_edges(&config->edge_job.edges, error);
+    if (status == FOVEA_OK) status = check_together(config, error);
     if (status == FOVEA_OK) status = check_heights(&config->objects, error);
     return status == FOVEA_OK ? check_prefix(config->channel_prefix, error) : status;
 }

@@ -61,6 +61,14 @@ enum fv_config_kind {
  * expected. The camera must have been prepared. Init-only. FOVEA_OK or FOVEA_ERROR_ARGUMENT. */
 enum fovea_status fv_config_check(const struct fovea_config *config, struct fovea_error *error);
 
+/* The same of the live keys alone (FV_LIVE_KEY): ranges, and limits between them and others.
+ * Real-time safe where `error` is NULL. */
+enum fovea_status fv_config_check_live(const struct fovea_config *config,
+                                       struct fovea_error *error);
+
+/* Copy the values of the live keys. Real-time safe. */
+void fv_config_take_live(struct fovea_config *config, const struct fovea_config *from);
+
 /* Whether any class is configured as moving on its own. */
 bool fv_config_movable(const struct fovea_config *config);
 

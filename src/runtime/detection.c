@@ -93,18 +93,20 @@ static size_t scratch_bytes(const struct fv_detection *detection)
     return mask > list ? mask : list;
 }
 
+void fv_detection_set(struct fv_detection *detection, const struct fovea_detect_config *settings,
+                      float floor)
+{
+    detection->settings = *settings;
+    detection->floor = floor;
+}
+
 void fv_detection_carve(struct fv_detection *detection, const struct fovea_camera *camera,
-                        float floor, struct fv_arena *persistent, struct fv_arena *job,
-                        struct fv_arena *frame)
+                        struct fv_arena *persistent, struct fv_arena *job, struct fv_arena *frame)
 {
     if (!detection->enabled) return;
     const size_t pixels = (size_t)camera->width * (size_t)camera->height;
     detection->state = fv_arena_take(persistent, 1, sizeof *detection->state);
-    const struct fv_detect_limits limits = {.score = (float)detection->settings.score_threshold,
-                                            .iou = (float)detection->settings.iou_threshold,
-                                            .count = (int32_t)detection->settings.count_max,
-                                            .floor = floor};
-    fv_detect_carve(&detection->memory, job, &detection->model, &limits, pixels * PIXEL_BYTES_MAX);
+    fv_detect_carve(&detection->memory, job, &detection->model, NULL, pixels * PIXEL_BYTES_MAX);
     detection->message_scratch = fv_arena_take(frame, scratch_bytes(detection), 1);
 }
 
@@ -194,6 +196,11 @@ bool fv_detection_offer(struct fv_detection *detection, const struct fovea_frame
         fv_nn_job_relight(fv_detect_network(&detection->memory), &before, &after);
     if (white_balance) fv_nn_job_balance(fv_detect_network(&detection->memory));
     detection->state->frame = *id;
+    detection->state->limits =
+        (struct fv_detect_limits){.score = (float)detection->settings.score_threshold,
+                                  .iou = (float)detection->settings.iou_threshold,
+                                  .count = (int32_t)detection->settings.count_max,
+                                  .floor = detection->floor};
     if (detection->gives == 0) detection->state->mapped = 0;
     return true;
 }
@@ -269,6 +276,7 @@ bool fv_detection_advance(struct fv_detection *detection, const struct fovea_con
         return true;
     }
     if (state->mapping == FV_DETECTION_IDLE) {
+        detection->memory.limits = state->limits;
         if (fv_detect_advance(&detection->memory, kernels, units, done) != FOVEA_OK) return false;
         state->mapping = FV_DETECTION_MAPPING;
         state->mapped = 0;

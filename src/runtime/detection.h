@@ -23,7 +23,8 @@ struct fv_detection_state {
     uint64_t inferences;                   /* completed */
     uint32_t mapping;                      /* enum fv_detection_mapping */
     uint32_t mapped; /* how many are; of a raw network, bytes of outputs that were sent */
-    int32_t mask_row, reserved; /* rows of the mask that were sent */
+    int32_t mask_row, reserved;     /* rows of the mask that were sent */
+    struct fv_detect_limits limits; /* of the inference under way */
     float rectified[FOVEA_DETECTIONS_MAX][4];
 };
 
@@ -31,7 +32,9 @@ struct fv_detection {
     bool enabled;
     uint32_t gives;                      /* bits FV_DETECT_*; 0: its outputs are sent as they are */
     struct fovea_detect_config settings; /* of this detector */
-    struct fv_model model;               /* in the caller's bytes */
+    float
+        floor; /* detections down to this score are kept behind the others, for objects; 0: none */
+    struct fv_model model; /* in the caller's bytes */
     struct fv_detect_memory memory;
     struct fv_detection_state *state;
     void *message_scratch;
@@ -47,10 +50,13 @@ enum fovea_status fv_detection_prepare(struct fv_detection *detection, const cha
                                        const struct fovea_camera *camera,
                                        struct fovea_error *error);
 
-/* `floor`: detections down to this score are kept behind the others, for objects; 0: none. */
+/* With the settings of fv_detection_set. */
 void fv_detection_carve(struct fv_detection *detection, const struct fovea_camera *camera,
-                        float floor, struct fv_arena *persistent, struct fv_arena *job,
-                        struct fv_arena *frame);
+                        struct fv_arena *persistent, struct fv_arena *job, struct fv_arena *frame);
+/* Take the limits of `settings` for inferences that begin from now on; their count is at most that
+ * of the settings at carving. Real-time safe. */
+void fv_detection_set(struct fv_detection *detection, const struct fovea_detect_config *settings,
+                      float floor);
 /* The floor that objects with this configuration need. */
 float fv_detection_floor(const struct fovea_objects_config *objects);
 

@@ -23,8 +23,16 @@ void fv_edge_stage_carve(struct fv_edge_stage *stage, const struct fovea_edge_jo
     stage->ends = fv_arena_take(frame, FV_MESSAGE_EDGE_SEGMENTS_MAX, sizeof *stage->ends);
 }
 
-void fv_edge_stage_ask(struct fv_edge_stage *stage, const struct fv_frame_id *frame,
-                       const struct fv_plane *image)
+/* The image under way keeps the thresholds that it began with; copies of the runtime find them in
+ * the state. */
+static void use_thresholds(struct fv_edge_stage *stage)
+{
+    fv_edges_set(&stage->edges, stage->state->low, stage->state->high);
+    stage->segments.config.length_min_px = stage->state->length_min_px;
+}
+
+void fv_edge_stage_ask(struct fv_edge_stage *stage, const struct fovea_edge_job_config *config,
+                       const struct fv_frame_id *frame, const struct fv_plane *image)
 {
     struct fv_edge_state *state = stage->state;
     if (state->phase != FV_EDGE_IDLE) return;
@@ -34,6 +42,10 @@ void fv_edge_stage_ask(struct fv_edge_stage *stage, const struct fv_frame_id *fr
     state->frame = *frame;
     state->phase = FV_EDGE_FINDING;
     state->sent = 0;
+    state->low = config->edges.low;
+    state->high = config->edges.high;
+    state->length_min_px = config->segment_length_min_px;
+    use_thresholds(stage);
     fv_edges_begin(&stage->edges, &state->found);
     if (stage->has_segments) fv_segments_begin(&stage->segments, &state->joined);
 }
@@ -46,6 +58,7 @@ bool fv_edge_stage_waiting(const struct fv_edge_stage *stage)
 bool fv_edge_stage_unit(struct fv_edge_stage *stage, const struct fv_kernels *kernels)
 {
     struct fv_edge_state *state = stage->state;
+    use_thresholds(stage);
     if (state->phase == FV_EDGE_FINDING) {
         if (fv_edges_advance(&stage->edges, &state->found, kernels, &stage->picture,
                              PIXELS_PER_UNIT))

@@ -16,8 +16,9 @@ struct fv_edge_state {
     struct fv_frame_id frame;
     struct fv_edges_state found;
     struct fv_segments_state joined;
-    uint32_t phase; /* enum fv_edge_phase */
-    int32_t sent;   /* rows */
+    double low, high, length_min_px; /* of this image, as the configuration has them */
+    uint32_t phase;                  /* enum fv_edge_phase */
+    int32_t sent;                    /* rows */
 };
 
 struct fv_edge_stage {
@@ -35,10 +36,10 @@ void fv_edge_stage_carve(struct fv_edge_stage *stage, const struct fovea_edge_jo
                          int32_t width, int32_t height, struct fv_arena *persistent,
                          struct fv_arena *job, struct fv_arena *frame);
 
-/* Take the image of a frame; nothing where one is under way. Real-time safe, as all that follows.
- */
-void fv_edge_stage_ask(struct fv_edge_stage *stage, const struct fv_frame_id *frame,
-                       const struct fv_plane *image);
+/* Take the image of a frame, to find its edges with the thresholds of `config`; nothing where one
+ * is under way. Real-time safe, as all that follows. */
+void fv_edge_stage_ask(struct fv_edge_stage *stage, const struct fovea_edge_job_config *config,
+                       const struct fv_frame_id *frame, const struct fv_plane *image);
 
 bool fv_edge_stage_waiting(const struct fv_edge_stage *stage);
 

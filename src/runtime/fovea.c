@@ -2,6 +2,7 @@
 #include <string.h>
 
 #include "runtime/jobs.h"
+#include "runtime/parameters.h"
 #include "runtime/state.h"
 
 /* ---- stage clock ----------------------------------------------------------------------------- */
@@ -133,6 +134,7 @@ enum fovea_status fovea_step(struct fovea *rt, const struct fovea_inputs *inputs
 {
     memset(outputs, 0, sizeof *outputs);
     rt->inputs = *inputs;
+    if (inputs->parameters != NULL) fv_parameters_take(rt, inputs->parameters);
     take_commands(rt, inputs->commands);
     if (rt->config.odometry.enabled) {
         fv_scale_observe(&rt->scale, inputs->samples, inputs->sample_count);
@@ -148,8 +150,9 @@ enum fovea_status fovea_step(struct fovea *rt, const struct fovea_inputs *inputs
     const struct instant begin = stage_begin(rt);
     fv_encode(rt, inputs, processed, interrupted, outputs);
     stage_end(rt, FOVEA_STAGE_ENCODE, begin);
-    rt->inputs.frame = NULL; /* the caller's, and gone after this; likewise the samples */
+    rt->inputs.frame = NULL; /* the caller's, and gone after this; likewise the rest */
     rt->inputs.samples = NULL;
+    rt->inputs.parameters = NULL;
     rt->state->steps++;
     outputs->jobs_waiting = fv_jobs_waiting(rt);
     return processed ? FOVEA_OK : FOVEA_AGAIN;

@@ -95,13 +95,17 @@ static void carve(struct fovea *rt, struct fv_carving *carving)
     struct fv_arena *persistent = &carving->arenas[FOVEA_MEMORY_PERSISTENT],
                     *job = &carving->arenas[FOVEA_MEMORY_JOB],
                     *frame = &carving->arenas[FOVEA_MEMORY_FRAME];
-    fv_detection_carve(&rt->detection, camera, fv_detection_floor(&config->objects), persistent,
-                       job, frame);
+    fv_detection_carve(&rt->detection, camera, persistent, job, frame);
     fv_carving_book(carving, "detection");
-    fv_detection_carve(&rt->detection2, camera, 0, persistent, job, frame);
+    fv_detection_carve(&rt->detection2, camera, persistent, job, frame);
     fv_carving_book(carving, "detection2");
     fv_object_stage_carve(&rt->objects, config, &rt->detection, persistent, frame);
     fv_carving_book(carving, "objects");
+}
+
+static bool is_due(const struct fovea_detect_config *config, uint64_t number)
+{
+    return config->enabled && fv_every(number, config->period_frames);
 }
 
 static void offer(struct fovea *rt, const struct fovea_frame *frame)
@@ -109,9 +113,9 @@ static void offer(struct fovea *rt, const struct fovea_frame *frame)
     const uint64_t number = rt->state->frames_processed - 1;
     const struct fv_seen *seen = fv_front_end_images(&rt->front_end);
     const bool balance = rt->config.image.white_balance;
-    if (fv_every(number, rt->config.detect2.period_frames))
+    if (is_due(&rt->config.detect2, number))
         (void)fv_detection_offer(&rt->detection2, frame, &rt->state->frame, seen, balance);
-    if (!fv_every(number, rt->config.detect.period_frames)) return;
+    if (!is_due(&rt->config.detect, number)) return;
     if (!fv_detection_offer(&rt->detection, frame, &rt->state->frame, seen, balance)) return;
     struct fovea_pose pose;
     fovea_pose_get(rt, &pose);

@@ -42,13 +42,13 @@ static void ask(struct fovea *rt, const struct fovea_frame *frame)
     if (!is_on(rt) || !fv_every(rt->state->frames_processed - 1, rt->config.edge_job.period_frames))
         return;
     const struct fv_seen *seen = fv_front_end_images(&rt->front_end);
-    fv_edge_stage_ask(&rt->edges, &rt->state->frame,
+    fv_edge_stage_ask(&rt->edges, &rt->config.edge_job, &rt->state->frame,
                       fv_pyramid_level(fv_seen_pyramid(seen, FV_VIEWER_EDGES), 0));
 }
 
 static void reset(struct fovea *rt)
 {
-    if (is_on(rt)) rt->edges.state->phase = FV_EDGE_IDLE;
+    if (rt->edges.state != NULL) rt->edges.state->phase = FV_EDGE_IDLE;
 }
 
 /* Fixed: 752x480 in one frame. */

@@ -4,6 +4,7 @@
 #include "base/hash.h"
 #include "runtime/config.h"
 #include "runtime/jobs.h"
+#include "runtime/parameters.h"
 
 enum { PERSISTENT = FOVEA_MEMORY_PERSISTENT, JOB = FOVEA_MEMORY_JOB, FRAME = FOVEA_MEMORY_FRAME };
 
@@ -137,13 +138,14 @@ static enum fovea_status measure(struct fovea *rt, const struct fovea_config *co
     enum fovea_status status = fv_config_check(config, error);
     if (status != FOVEA_OK) return status;
     memset(rt, 0, sizeof *rt);
-    rt->config = *config;
+    rt->config = rt->started = *config;
     const struct fovea_camera *camera = &config->rig.cameras[0].camera;
     status = fv_detection_prepare(&rt->detection, "detect.model", &config->detect, camera, error);
     if (status == FOVEA_OK)
         status =
             fv_detection_prepare(&rt->detection2, "detect2.model", &config->detect2, camera, error);
     if (status != FOVEA_OK) return status;
+    fv_parameters_spread(rt);
     struct fv_carving carving = {.table = table};
     struct fv_arena head;
     for (int part = 0; part < FOVEA_MEMORY_PART_COUNT; part++)
@@ -196,13 +198,18 @@ static void place(struct fovea *rt, bool keep)
 {
     uint8_t *next = (uint8_t *)rt + rt->block_bytes;
     struct fv_carving carving = {.table = NULL};
+    const struct fovea_config in_force = rt->config;
     for (int part = FOVEA_MEMORY_PART_COUNT - 1; part >= 0; part--) {
         next -= rt->part_bytes[part];
         rt->part_base[part] = next;
         fv_arena_init(&carving.arenas[part], next, rt->part_bytes[part]);
         carving.arenas[part].keep = keep;
     }
+    rt->config = rt->started; /* sizes are those of the start */
+    fv_parameters_spread(rt);
     carve(rt, &carving);
+    rt->config = in_force;
+    fv_parameters_apply(rt);
     for (uint32_t i = 0; keep && i < rt->config.rig.camera_count; i++)
         rt->config.rig.cameras[i].mask = rt->masks[i].pixels;
 }
@@ -229,7 +236,6 @@ enum fovea_status fovea_init(void *memory, size_t bytes, const struct fovea_conf
     *built = measured;
     place(built, false);
     fv_kernels_init(&built->kernels, cpu);
-    fv_front_end_prepare(&built->front_end);
     for (uint32_t i = 0; i < config->rig.camera_count; i++) {
         const struct fv_plane *mask = &built->masks[i];
         if (mask->pixels == NULL) continue;

@@ -59,7 +59,8 @@ void fv_carving_book(struct fv_carving *carving, const char *owner);
 enum { FV_JOB_PIECES_MAX = 4 };
 
 struct fovea {
-    struct fovea_config config; /* masks point at the copies below */
+    struct fovea_config config;  /* in force; masks point at the copies below */
+    struct fovea_config started; /* that of fovea_init, from which everything is carved */
     struct fv_kernels kernels;
     uint8_t *part_base[FOVEA_MEMORY_PART_COUNT];
     size_t part_bytes[FOVEA_MEMORY_PART_COUNT];

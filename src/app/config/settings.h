@@ -120,6 +120,7 @@ struct fv_settings_key {
     const char *const *choices; /* ended by NULL; CHOICE, FLAGS and LIST only */
     const char *help;           /* what it does */
     const char *cost;           /* of raising it; NULL where there is none */
+    bool live;                  /* a step may change it: a live parameter */
 };
 
 enum { FV_SETTINGS_RANGE_BYTES = 128 };

@@ -10,7 +10,7 @@
 
 #define WORDS(...) ((const char *const[]){__VA_ARGS__, NULL})
 #define NONE NULL
-#define FV_APP_KEY(name, kind, member, min, max, value, unit, words, cost, help)                   \
+#define ROW(name, kind, member, min, max, unit, words, cost, help, live)                           \
     {name,                                                                                         \
      FV_CONFIG_##kind,                                                                             \
      offsetof(struct fv_settings, member),                                                         \
@@ -21,9 +21,14 @@
      unit,                                                                                         \
      words,                                                                                        \
      help,                                                                                         \
-     cost},
+     cost,                                                                                         \
+     live},
+#define FV_APP_KEY(name, kind, member, min, max, value, unit, words, cost, help)                   \
+    ROW(name, kind, member, min, max, unit, words, cost, help, false)
 #define FV_KEY(name, kind, member, min, max, value, unit, words, cost, help)                       \
-    FV_APP_KEY(name, kind, runtime.member, min, max, value, unit, words, cost, help)
+    ROW(name, kind, runtime.member, min, max, unit, words, cost, help, false)
+#define FV_LIVE_KEY(name, kind, member, min, max, value, unit, words, cost, help)                  \
+    ROW(name, kind, runtime.member, min, max, unit, words, cost, help, true)
 
 const struct fv_settings_key fv_settings_keys[] = {
 #include "runtime/config.def"

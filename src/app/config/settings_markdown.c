@@ -17,7 +17,9 @@ static const char head[] =
     "those that it names. A wrong value is refused in one line with the file, the line, the key, the value and what was expected.\n"
     "Programs that use the library set members of the same names in `struct fovea_config` (`include/fovea/fovea.h`), which\n"
     "`fovea_size` and `fovea_init` check against the same ranges; keys of files, messages and the loop belong to the command alone.\n"
-    "The configuration is read once, before the first frame.\n";
+    "The file is read once, before the first frame. Keys marked (live) are parameters that can change during the run: the C call\n"
+    "`fovea_step` takes them with its inputs. A value for which the run was started without memory is refused: more features or\n"
+    "detections than at the start, a job that was off, operations where there were none.\n";
 
 /* A bar would end the cell of the table. */
 static void cell(FILE *file, const char *text)
@@ -44,7 +46,7 @@ static void row(FILE *file, const struct fv_settings *settings, const struct fv_
 {
     char range[FV_SETTINGS_RANGE_BYTES], *value = value_text(settings, key);
     fv_settings_range_print(key, range, sizeof range);
-    fprintf(file, "| `%s` | ", key->name);
+    fprintf(file, "| `%s`%s | ", key->name, key->live ? " (live)" : "");
     cell(file, range);
     fprintf(file, " | `");
     cell(file, value != NULL ? value : "");

@@ -78,9 +78,9 @@ static void comment(FILE *file, const struct fv_settings_key *key, int indent)
 {
     char range[FV_SETTINGS_RANGE_BYTES];
     int column = fprintf(file, "%*s#", indent, "");
-    char bracketed[FV_SETTINGS_RANGE_BYTES + 2];
+    char bracketed[FV_SETTINGS_RANGE_BYTES + 7];
     fv_settings_range_print(key, range, sizeof range);
-    snprintf(bracketed, sizeof bracketed, "[%s]", range);
+    snprintf(bracketed, sizeof bracketed, "[%s]%s", range, key->live ? " live" : "");
     wrap(file, indent, column, key->help);
     column = fprintf(file, "\n%*s#", indent, "") - 1;
     column = wrap(file, indent, column, bracketed);
