@@ -41,8 +41,7 @@ static void pixel(const struct block *b, const uint8_t *const *tap, int32_t taps
         acc[2] = vmlal_s16(acc[2], vget_low_s16(high), vget_low_s16(b->weights[t][1]));
         acc[3] = vmlal_high_s16(acc[3], high, b->weights[t][1]);
     }
-    for (int i = 0; i < 4; i++)
-        acc[i] = requantize(acc[i], b->scale.multiplier[i], b->scale.left[i], b->scale.right[i]);
+    requantize16(acc, &b->scale);
     store16(o, acc, out, b->width);
 }
 

@@ -82,8 +82,7 @@ FV_INLINE void gemm_u8(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t l
                 int32x4_t acc[TILE_ROWS][4];
                 sums_of(&tiles[t], g, b, start, acc);
                 for (int32_t r = 0; r < tiles[t].rows; r++) {
-                    for (int c = 0; c < 4; c++)
-                        acc[r][c] = requantize(acc[r][c], s.multiplier[c], s.left[c], s.right[c]);
+                    requantize16(acc[r], &s);
                     store16(&o, acc[r], out + (i + t * TILE_ROWS + r) * ldo + 16 * b, width);
                 }
             }

@@ -4,6 +4,7 @@
 #define FOVEA_KERNELS_NEON_NN_NEON_H
 
 #include <arm_neon.h>
+#include <stdbool.h>
 #include <string.h>
 
 #include "kernels/kernels.h"
@@ -14,24 +15,54 @@
  * taken off negative values first where the shift is to the right. */
 struct scale16 {
     int32x4_t multiplier[4], left[4], right[4];
+    bool up; /* some channel is shifted to the left */
 };
 
 FV_INLINE void load_scale(struct scale16 *s, const int32_t *multiplier, const int32_t *shift)
 {
     const int32x4_t zero = vdupq_n_s32(0);
+    int32x4_t most = zero;
     for (int i = 0; i < 4; i++) {
         const int32x4_t h = vld1q_s32(shift + 4 * i);
+        most = vmaxq_s32(most, h);
         s->multiplier[i] = vld1q_s32(multiplier + 4 * i);
         s->left[i] = vmaxq_s32(h, zero);
         s->right[i] = vminq_s32(h, zero);
     }
+    s->up = vmaxvq_s32(most) > 0;
 }
 
-FV_INLINE int32x4_t requantize(int32x4_t acc, int32x4_t multiplier, int32x4_t left, int32x4_t right)
+FV_INLINE int32x4_t requantize_down(int32x4_t acc, int32x4_t multiplier, int32x4_t right)
 {
-    const int32x4_t high = vqrdmulhq_s32(vshlq_s32(acc, left), multiplier);
+    const int32x4_t high = vqrdmulhq_s32(acc, multiplier);
     const int32x4_t fix = vshrq_n_s32(vandq_s32(high, right), 31);
     return vrshlq_s32(vqaddq_s32(high, fix), right);
+}
+
+/* Of values that a shift to the left by `left` leaves in 32 bits. */
+FV_INLINE int32x4_t requantize(int32x4_t acc, int32x4_t multiplier, int32x4_t left, int32x4_t right)
+{
+    return requantize_down(vshlq_s32(acc, left), multiplier, right);
+}
+
+/* Of any values, in 64 bits, by shifts of at least 0. */
+FV_INLINE int32x4_t requantize_up(int32x4_t acc, int32x4_t multiplier, int32x4_t left)
+{
+    const int32x4_t shift = vsubq_s32(left, vdupq_n_s32(31));
+    const int64x2_t low = vmull_s32(vget_low_s32(acc), vget_low_s32(multiplier)),
+                    high = vmull_high_s32(acc, multiplier);
+    return vmovn_high_s64(vmovn_s64(vrshlq_s64(low, vmovl_s32(vget_low_s32(shift)))),
+                          vrshlq_s64(high, vmovl_high_s32(shift)));
+}
+
+FV_INLINE void requantize16(int32x4_t v[4], const struct scale16 *s)
+{
+    for (int i = 0; i < 4; i++) {
+        const int32x4_t down = requantize_down(v[i], s->multiplier[i], s->right[i]);
+        v[i] = s->up ? vbslq_s32(vcgtzq_s32(s->left[i]),
+                                 requantize_up(v[i], s->multiplier[i], s->left[i]), down)
+                     : down;
+    }
 }
 
 /* How results become bytes. */
