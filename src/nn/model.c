@@ -368,6 +368,12 @@ static enum fovea_status check_use(const struct fv_model *m, const char *name,
         return fail(error, name, to + 104, "the thresholds' offset", d->thresholds,
                     "a table inside the file");
     }
+    if (d->colour_count < 0 || d->colour_count > FV_MODEL_LABELS_MAX)
+        return fail(error, name, to + 164, "the number of colours", d->colour_count, "0 to 4096");
+    if (d->colour_count > 0 &&
+        (d->colours < 0 || !fits(m->header, (uint32_t)d->colours, (uint64_t)d->colour_count, 3)))
+        return fail(error, name, to + 160, "the colours' offset", d->colours,
+                    "a table inside the file");
     return FOVEA_OK;
 }
 
@@ -413,6 +419,13 @@ const char *fv_model_label(const struct fv_model *model, int32_t index)
     const struct fv_model_header *h = model->header;
     if (index < 0 || (uint32_t)index >= h->label_count) return NULL;
     return text_at((const char *)model->base + h->labels, (uint32_t)index);
+}
+
+const uint8_t *fv_model_colour(const struct fv_model *model, int32_t class_id)
+{
+    const struct fv_model_decode *d = &model->header->decode;
+    if (class_id < 0 || class_id >= d->colour_count) return NULL;
+    return model->base + d->colours + (size_t)class_id * 3;
 }
 
 const char *fv_model_output_name(const struct fv_model *model, uint32_t index)

@@ -307,7 +307,10 @@ struct fv_model_decode {
      * second, third. */
     int32_t roles[3];
     int32_t coefficients; /* of a mask */
-    int32_t reserved[24];
+    /* Colours of classes: offset of uint8_t[colour_count][3], red green blue; 0: none are given. */
+    int32_t colours, colour_count;
+    int32_t probabilities; /* SEGMENT: the scores of a pixel are probabilities */
+    int32_t reserved[21];
 };
 
 struct fv_model_header {
@@ -347,6 +350,8 @@ enum fovea_status fv_model_open(const void *data, size_t bytes, const char *name
 
 /* Label of a class, or NULL. Any thread. */
 const char *fv_model_label(const struct fv_model *model, int32_t index);
+/* Colour of a class as the file gives it, red green blue, or NULL. Any thread. */
+const uint8_t *fv_model_colour(const struct fv_model *model, int32_t class_id);
 static inline uint32_t fv_model_label_count(const struct fv_model *model)
 {
     return model->header->label_count;

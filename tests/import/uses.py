@@ -160,10 +160,10 @@ def guesses(bench):
         for shapes, last, options, decoder, classes in (
                 ([(1, 20)], "SOFTMAX", (), "classifier", 20), ([(1, 1, 1, 20)], "SOFTMAX", (), "classifier", 20),
                 ([(1, 3, 4, 4)], "SOFTMAX", (), "fomo", 3), ([(1, 6, 8, 4)], None, ("--decoder", "none"), "none", 0),
-                ([(1, 6, 8, 4)], "ARG_MAX", (), "segment", 0), ([(1, 3, 4, 16)], None, ("--anchors", "1,2,3,4"), "yolov2", 3),
+                ([(1, 6, 8, 4)], "ARG_MAX", (), "segment", 4), ([(1, 3, 4, 16)], None, ("--anchors", "1,2,3,4"), "yolov2", 3),
                 ([(1, 40, 7)], None, ("--decoder", "yolov8"), "yolov8", 36)):
             found = bench.run(network(shapes, last, ends, zero_in=64 if last == "SOFTMAX" and len(shapes[0]) == 4 else -128), *options,
-                              **({"trial": False} if decoder == "fomo" else {}))
+                              **({"trial": False} if decoder in ("fomo", "segment") else {}))
             bench.holds(f"{decoder} of {shapes[0]} {ends}", getattr(found, "decoder", found[1] if isinstance(found, tuple) else ""), decoder)
             bench.holds(f"its {classes} classes", getattr(found, "classes", None), classes)
         for what, shapes, last in (("an embedding", [(1, 128)], None), ("landmarks and a presence", [(1, 1, 1, 136), (1, 1, 1, 1)], None),

@@ -5,20 +5,14 @@ import numpy as np
 
 import details
 import fraction
-from graph import ImportProblem
+import segment
+from graph import ImportProblem, origin
 
 LABELS_MAX = 4096  # what the loader takes
+BACKGROUND = ("background", "???", "_background_", "none")
 STRIDES = ((8, 16, 32), (4, 8, 16, 32), (8, 16, 32, 64), (16, 32), (4, 8, 16))
 TASKS = {"detect": ("yolov5", "yolov8", "yolox", "end2end"), "classify": ("classifier",), "segment": ("yolov8_seg",), "pose": ("yolov8_pose", "end2end"),
          "obb": ("yolov8_obb",)}  # of Ultralytics' exports
-
-
-def origin(graph, t, names=("QUANTIZE", "DEQUANTIZE")):
-    """The tensor that t is another form of, and the operator that made it (None: an input)."""
-    made = {out: op for op in graph.ops for out in op.outputs}
-    while t in made and made[t].name in names:
-        t = made[t].inputs[0]
-    return t, made.get(t)
 
 
 class Evidence:
@@ -92,6 +86,8 @@ def fomo(e):
         return "ends in SOFTMAX"
     if len(e.image) != 4 or classes < 2 or e.image[1] < 4 * h or e.image[2] < 4 * w:
         return f"has cells of 4 x 4 pixels and more, found {h} x {w} of them"
+    if len(e.labels) == classes and e.labels[0].lower() not in BACKGROUND:
+        return f"has a background before its {classes - 1} classes, found the label {e.labels[0][:20]!r}"
     return labelled(e, classes - 1)
 
 
@@ -160,7 +156,7 @@ def candidates(e):
         return {"ssd": None}
     op = origin(e.graph, e.graph.outputs[0], ("QUANTIZE", "DEQUANTIZE", "CAST", "RESHAPE"))[1]
     if op is not None and op.name == "ARG_MAX" and len(shape) >= 3 and len(e.outs) == 1:
-        return {"segment": None}
+        return {"segment": segment.labels_fault(e)}
     if len(e.outs) == 2 and e.anchors and any(t.shape[-1:] == (4,) for t in e.outs):
         return {"ssd_raw": ssd_raw(e)}
     if len(e.outs) > 1 and several(e):
@@ -183,9 +179,10 @@ def candidates(e):
     elif len(shape) == 4 and e.anchors:
         found["yolov2"] = None if len(e.outs) == 1 else f"has one output, found {len(e.outs)}"
     elif len(shape) == 4 and op is not None and op.name == "SOFTMAX":
-        found["fomo"] = fomo(e)
-        if found["fomo"]:
-            found["segment"] = None if len(e.outs) == 1 and len(e.labels) == shape[3] else f"needs {shape[3]} labels, found {len(e.labels)}"
+        coarse = len(e.image) == 4 and e.image[1] >= 4 * shape[1] and e.image[2] >= 4 * shape[2]
+        found = {"fomo": fomo(e), "segment": segment.fault(e)} if coarse else {"segment": segment.fault(e)}
+    elif len(shape) == 4:
+        found["segment"] = segment.fault(e)
     return found
 
 
@@ -217,6 +214,9 @@ def choose(e):
         raise ImportProblem(f"found outputs {shape_text(e)}, which no decoder is certain to read: {raw}, or --decoder NAME")
     name, fault = next(iter(found.items()))
     named = " or ".join(f"--decoder {other}" for other in found)
+    if len(fitting) > 1:
+        raise ImportProblem(f"found outputs {shape_text(e)}, which {' and '.join(fitting)} both read: expected {named}, or --decoder none for the "
+                            "raw outputs")
     raise ImportProblem(f"found outputs {shape_text(e)}; {name} {fault}: {raw}, or {named} if it is that")
 
 

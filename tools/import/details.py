@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 
+import segment
 from graph import ImportProblem
 
 POINTS_MAX, VALUES_MAX, COEFFICIENTS_MAX = 1000, 8, 256
@@ -31,6 +32,7 @@ class Details:
     anchors: np.ndarray = None
     normalised: int = None  # None: by the range of the output
     anchor_count: int = 0
+    probabilities: int = 0  # of a segmentation: the scores of a pixel
 
     def words(self):
         return [self.points, self.values, self.point_score, self.logits, *self.roles, self.coefficients]
@@ -125,16 +127,6 @@ def seg_fault(e, arguments):
     if rows[:4].any() or not classes or len(rows) != 4 + classes + coefficients or rows[4 + classes:].any():
         return f"has scores from LOGISTIC in all rows between 4 and {coefficients} coefficients"
     return None
-
-
-def segment(e, arguments):
-    """Classes by pixel, or scores of each: as many classes as scores; 0: the output holds their numbers."""
-    shape = e.shape
-    channels = int(shape[3]) if len(shape) == 4 else 1
-    if len(e.outs) != 1 or not 2 <= len(shape) <= 4 or channels > 254:
-        wrong("segment", e, "one of [1, h, w], [1, h, w, 1] or [1, h, w, up to 254 classes]")
-    score = channels == 1 and e.mask(e.graph.outputs[0]).all()
-    return Details(channels if channels > 1 or score else 0, normalised=0)
 
 
 def obb(e, arguments):
@@ -271,7 +263,7 @@ def landmarks(e, arguments):
     return Details(1, form[0], form[1], 3 if form[1] == 5 else 0, logits, roles, normalised=int(np.isfinite(high) and high - low < 8))
 
 
-DETAILS = {"yolov8_pose": pose, "yolov8_seg": seg, "segment": segment, "yolov8_obb": obb, "yolox": yolox, "yolov3": yolov3,
+DETAILS = {"yolov8_pose": pose, "yolov8_seg": seg, "segment": lambda e, arguments: segment.details(e, Details), "yolov8_obb": obb, "yolox": yolox, "yolov3": yolov3,
             "end2end": end2end, "movenet": movenet, "blaze": blaze, "landmarks": landmarks}
 
 

@@ -245,3 +245,11 @@ def _parse(model):
     planes.turn(graph)
     islands.join(graph)
     return graph
+
+
+def origin(graph, t, names=("QUANTIZE", "DEQUANTIZE")):
+    """The tensor that t is another form of, and the operator that made it (None: an input)."""
+    made = {out: op for op in graph.ops for out in op.outputs}
+    while t in made and made[t].name in names:
+        t = made[t].inputs[0]
+    return t, made.get(t)

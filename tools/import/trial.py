@@ -3,6 +3,7 @@ import subprocess
 
 import numpy as np
 
+import segment
 from choose import STRIDES
 from graph import ImportProblem
 
@@ -81,7 +82,7 @@ def points_look_wrong(points, size):
     return "keypoints far outside the picture" if np.mean(inside) < 0.9 else None
 
 
-def details_look_wrong(kind, outs, image, normalised, known):
+def details_look_wrong(kind, outs, image, normalised, known, smooth):
     """The same for decoders with details, of all outputs in the order of their roles."""
     size = np.array([1.0, 1.0] if normalised else [image[2], image[1]])
     first = outs[0]
@@ -115,6 +116,8 @@ def details_look_wrong(kind, outs, image, normalised, known):
         return points_look_wrong(first[0, :, :2] + known.anchors[:, 1::-1] * size, size)
     if kind == "landmarks":
         return points_look_wrong(first.reshape(known.points, known.values)[:, :2], size)
+    if kind == "segment" and smooth and segment.scatter(first) > 0.5:
+        return f"another class in {100 * segment.scatter(first):.0f} % of all neighbours"
     if kind == "end2end":
         rows = first[0]
         if (np.diff(rows[:, 4]) > 0.02).any() or rows[:, 4].min() < -0.02 or rows[:, 4].max() > 1.02:
@@ -152,7 +155,7 @@ def by_role(outs, known):
 def run(data, graph, kind, mean, scale, normalised, known):
     """True: tried. False: the engine was not built. Raises ImportProblem when a picture's outputs do not look right."""
     source = next(graph.tensors[t] for t in graph.inputs if graph.tensors[t].data is None)
-    if kind in ("ssd", "ssd_raw", "segment", "none", "embedding") or len(source.shape) != 4 or source.shape[3] not in (1, 3):
+    if kind in ("ssd", "ssd_raw", "none", "embedding") or len(source.shape) != 4 or source.shape[3] not in (1, 3):
         return True  # said by the operator itself, or by the user's anchors
     tried = engine(data)
     if tried is None:
@@ -162,7 +165,7 @@ def run(data, graph, kind, mean, scale, normalised, known):
         tried.run()
         outs = [real(graph.tensors[t], tried.tensor(i)) for t, i in zip(graph.outputs, tried.outputs)]
         fault = looks_wrong(kind, outs[0], source.shape, normalised) if known is None else \
-            details_look_wrong(kind, by_role(outs, known), source.shape, normalised, known)
+            details_look_wrong(kind, by_role(outs, known), source.shape, normalised, known, number == 0)
         if fault:
             raise ImportProblem(f"as {kind} its outputs on drawn picture {number} have {fault}: "
                                 f"expected --decoder none for the raw outputs, or --decoder {kind} if it is that")

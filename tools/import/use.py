@@ -7,8 +7,9 @@ import numpy as np
 
 import choose
 import details
-from choose import LABELS_MAX, origin
-from graph import ImportProblem
+import segment
+from choose import LABELS_MAX
+from graph import ImportProblem, origin
 
 DECODERS = ["none", "classifier", "ssd", "ssd_raw", "yolov5", "yolov8", "yolov2", "fomo", "segment", "embedding", "yolov8_pose", "yolov8_seg",
             "yolov8_obb", "end2end", "movenet", "blaze", "landmarks", "yolox", "yolov3"]
@@ -19,6 +20,8 @@ ORDERS = {"rgb": 0, "bgr": 1, "grey": 2}
 def add_arguments(parser):
     parser.add_argument("--labels", help="text file, one label per line (`index name` lines are understood); with --quantise also a folder of "
                         "label files (YOLO's, classes.txt), for average precision")
+    parser.add_argument("--colours", metavar="FILE", help="colours of the classes of a segmentation, one a line in their order: #rrggbb or red green blue; "
+                        "default: PASCAL VOC's palette")
     parser.add_argument("--decoder", choices=DECODERS, help="default: the one that outputs, scores and metadata agree on; none: raw outputs only")
     parser.add_argument("--outputs", action="append", default=[], metavar="NAME",
                         help="end the network in this tensor, and leave out what only others need; may be given several times")
@@ -144,6 +147,8 @@ def describe(path, graph, net, arguments):
     evidence = choose.Evidence(graph, labels, metadata, arguments)
     kind, is_chosen = chosen(evidence, arguments)
     known = details.of(kind, evidence, arguments)
+    if kind == "segment" and known.classes:
+        labels = labels[:known.classes]
     shape = graph.tensors[graph.inputs[0]].shape
     shape = shape if len(shape) == 4 and max(shape[1:3]) <= SIDE_MAX else (1, 0, 0, 0)
     fit = arguments.fit or ("letterbox" if kind.startswith(("yolo", "end2end", "movenet", "blaze")) else "stretch")
@@ -269,9 +274,13 @@ def decoder_words(kind, graph, net, labels, arguments, known):
     scales = numbers(arguments.box_scales, "--box-scales", 1e-6) if boxes else [0] * 4
     if known is not None and known.anchors is not None:
         boxes = net.blob(known.anchors)
+    if arguments.colours is not None and kind != "segment":
+        raise ImportProblem(f"--colours: found with decoder {kind}, expected a segmentation")
+    colours = segment.colours(arguments.colours, read_lines(arguments.colours), classes) if arguments.colours is not None else np.zeros((0, 3), np.uint8)
     if len(scales) != 4:
         raise ImportProblem(f"--box-scales: found {len(scales)} numbers, expected four")
     return [DECODERS.index(kind), classes, bits(score), bits(share(arguments.iou, "--iou")),
             int(arguments.agnostic), most, int(is_share(kind, graph, known)), (known.anchor_count if known is not None else 0) or len(pairs) // 2, *[bits(v) for v in pairs],
             *[0] * (16 - len(pairs)), first_label, background, table, boxes, *[bits(v) for v in scales],
-            *(known or details.Details()).words()]
+            *(known or details.Details()).words(), net.blob(colours) if len(colours) else 0, len(colours),
+            known.probabilities if known is not None else 0]

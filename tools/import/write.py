@@ -12,7 +12,7 @@ BLOB_KINDS = {"CONV": {"weights", "bias", "multiplier", "shift", "table"},
               "BINARY": {"table"}, "COPY": {"table"},
               "RESIZE": {"rows_table", "columns_table"}, "SOFTMAX": {"table"}, "DEQUANTIZE": {"table"}, "BATCH_MATMUL": {"bias"},
               "DETECTION": {"anchor_data", "box_table", "score_table"}}
-DECODER_BLOBS = (26, 27)  # thresholds, anchor_data
+DECODER_BLOBS = (26, 27, 40)  # thresholds, anchor_data, colours
 
 
 ONE = 0x3f800000  # 1.0f: the scale of what has none
