@@ -38,6 +38,7 @@
 #include "fovea/odometry.h"
 #include "fovea/preprocess.h"
 #include "fovea/rig.h"
+#include "fovea/segmentation.h"
 #include "fovea/sensor.h"
 #include "fovea/source.h"
 #include "fovea/status.h"
@@ -324,6 +325,11 @@ void fovea_pose_get(const struct fovea *rt, struct fovea_pose *pose);
 /* Detections of the last completed inference of the network; `inferences` is 0 without one. Valid
  * until the next fovea_work. */
 void fovea_detections_get(const struct fovea *rt, struct fovea_detections *detections);
+
+/* The mask of the last completed inference of a network (0 the first, 1 the second) whose decoder
+ * gives one; `inferences` is 0 without one. Valid until the next fovea_work. */
+void fovea_segmentation_get(const struct fovea *rt, uint32_t network,
+                            struct fovea_segmentation *segmentation);
 
 /* The objects as of the last completed inference; `updates` is 0 without one. Valid until the next
  * fovea_work. */

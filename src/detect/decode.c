@@ -264,7 +264,7 @@ static enum fovea_status mask_some(const struct fv_head_job *j,
     struct fv_detect_progress *progress = &s->progress;
     const bool whole =
         j->d->kind == FV_DECODER_SEGMENT
-            ? fv_detect_mask_classes(j, room->mask, room->pixels, &progress->at)
+            ? fv_detect_mask_classes(j, room->mask, room->pixels, room->confidence, &progress->at)
             : fv_detect_mask_objects(j, s->candidates, s->items, sure_count(j->model, limits, s),
                                      room->mask, room->pixels, &progress->at, &progress->left);
     return whole ? FOVEA_OK : FOVEA_AGAIN;
@@ -308,7 +308,7 @@ enum fovea_status fv_detect_decode_unit(const struct fv_model *model, uint8_t *a
         read_points(&j, head, limits, room->points);
         return FOVEA_OK;
     case FV_DECODE_CLEAR:
-        fv_detect_mask_clear(model, room->mask, room->pixels);
+        fv_detect_mask_clear(model, room->mask, room->pixels, room->confidence);
         *progress = (struct fv_detect_progress){.phase = FV_DECODE_MASK};
         return FOVEA_AGAIN;
     default:

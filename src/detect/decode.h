@@ -71,7 +71,7 @@ enum {
 struct fv_detect_room {
     struct fovea_keypoint *points; /* of fv_detect_sets_max detections */
     struct fv_detect_mask *mask;   /* with pixels, of fv_detect_mask_size */
-    uint8_t *pixels;
+    uint8_t *pixels, *confidence;  /* confidence: of fv_detect_mask_confident, else NULL */
 };
 
 /* Bits of the above for the model's decoder; 0: none, its outputs leave as they are. */

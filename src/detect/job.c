@@ -1,5 +1,7 @@
 #include "detect/job.h"
 
+#include "detect/segmentation.h"
+
 void fv_detect_carve(struct fv_detect_memory *memory, struct fv_arena *arena,
                      const struct fv_model *model, const struct fv_detect_limits *limits,
                      size_t pixel_bytes)
@@ -16,6 +18,8 @@ void fv_detect_carve(struct fv_detect_memory *memory, struct fv_arena *arena,
     if (width > 0) {
         room->mask = fv_arena_take(arena, 1, sizeof *room->mask);
         room->pixels = fv_arena_take(arena, (size_t)width * (size_t)height, 1);
+        if (fv_detect_mask_confident(model))
+            room->confidence = fv_arena_take(arena, (size_t)width * (size_t)height, 1);
     }
     struct fv_nn_job_state *state = memory->job == NULL ? NULL : &memory->job->nn; /* counting */
     fv_nn_job_carve(&memory->nn, model, state, pixel_bytes, arena);
@@ -81,13 +85,10 @@ const struct fovea_detection *fv_detect_found(const struct fv_detect_memory *mem
     return memory->job->found;
 }
 
-const struct fv_detect_mask *fv_detect_mask_of(const struct fv_detect_memory *memory,
-                                               const uint8_t **pixels,
-                                               struct fv_detect_mask_place *place)
+void fv_detect_segmentation(const struct fv_detect_memory *memory,
+                            struct fovea_segmentation *segmentation)
 {
-    const struct fv_detect_mask *mask = memory->room.mask;
-    *pixels = memory->room.pixels;
-    *place =
-        fv_detect_mask_place(memory->nn.model, &memory->job->nn.fit, mask->width, mask->height);
-    return mask;
+    const struct fv_detect_room *room = &memory->room;
+    fv_segmentation_view(memory->nn.model, &memory->job->nn.fit, room->mask, room->pixels,
+                         room->confidence, segmentation);
 }

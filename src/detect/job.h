@@ -71,10 +71,9 @@ static inline const struct fovea_keypoint *fv_detect_points(const struct fv_dete
 {
     return memory->room.points;
 }
-/* Its mask, with pixels and place; the model's decoder gives one. Valid until the next run ends. */
-const struct fv_detect_mask *fv_detect_mask_of(const struct fv_detect_memory *memory,
-                                               const uint8_t **pixels,
-                                               struct fv_detect_mask_place *place);
+/* Its mask; the model's decoder gives one. Valid until the next run ends. */
+void fv_detect_segmentation(const struct fv_detect_memory *memory,
+                            struct fovea_segmentation *segmentation);
 
 #ifdef __cplusplus
 }

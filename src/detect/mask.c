@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "detect/heads.h"
+#include "detect/segmentation.h"
 
 enum { PRODUCTS_PER_UNIT = 1 << 17, LABELS_PER_UNIT = 1 << 15 };
 
@@ -30,7 +31,7 @@ void fv_detect_mask_size(const struct fv_model *model, int32_t *width, int32_t *
     const struct fv_model_tensor *t =
         output_of(model, labelled ? FV_ROLE_BOXES : FV_ROLE_PROTOTYPES);
     if (t == NULL || t->rank < 2 || t->rank > 4) return;
-    if (labelled ? channels_of(t) >= FV_DETECT_NO_SEGMENT
+    if (labelled ? channels_of(t) >= FOVEA_SEGMENTATION_NONE
                  : t->rank != 4 || d->coefficients < 1 || t->dims[3] != d->coefficients)
         return;
     const int32_t first = t->rank == 2 ? 0 : 1, h = t->dims[first], w = t->dims[first + 1];
@@ -41,16 +42,10 @@ void fv_detect_mask_size(const struct fv_model *model, int32_t *width, int32_t *
     *height = h;
 }
 
-struct fv_detect_mask_place fv_detect_mask_place(const struct fv_model *model,
-                                                 const struct fv_nn_input_fit *fit, int32_t width,
-                                                 int32_t height)
+bool fv_detect_mask_confident(const struct fv_model *model)
 {
-    const struct fv_model_preprocess *p = &model->header->preprocess;
-    const double sx = (double)p->width / width, sy = (double)p->height / height;
-    return (struct fv_detect_mask_place){
-        .scale = {sx / (double)fit->scale_x, sy / (double)fit->scale_y},
-        .offset = {(0.5 * sx - fit->left) / (double)fit->scale_x - 0.5,
-                   (0.5 * sy - fit->top) / (double)fit->scale_y - 0.5}};
+    const struct fv_model_decode *d = &model->header->decode;
+    return d->kind == FV_DECODER_SEGMENT && d->probabilities != 0;
 }
 
 /* The pixels of one axis whose centres lie in [low, high) of the image. */
@@ -58,7 +53,7 @@ struct span {
     int32_t first, last; /* last exclusive */
 };
 
-static struct span span_of(const struct fv_detect_mask_place *place, int axis, double low,
+static struct span span_of(const struct fv_segmentation_place *place, int axis, double low,
                            double high, int32_t size)
 {
     struct span s = {0, size};
@@ -70,12 +65,28 @@ static struct span span_of(const struct fv_detect_mask_place *place, int axis, d
 }
 
 void fv_detect_mask_clear(const struct fv_model *model, struct fv_detect_mask *mask,
-                          uint8_t *pixels)
+                          uint8_t *pixels, uint8_t *confidence)
 {
     memset(mask, 0, sizeof *mask);
-    memset(mask->index, FV_DETECT_NO_SEGMENT, sizeof mask->index);
+    memset(mask->index, FOVEA_SEGMENTATION_NONE, sizeof mask->index);
     fv_detect_mask_size(model, &mask->width, &mask->height);
-    memset(pixels, FV_DETECT_NO_SEGMENT, (size_t)mask->width * (size_t)mask->height);
+    const size_t bytes = (size_t)mask->width * (size_t)mask->height;
+    memset(pixels, FOVEA_SEGMENTATION_NONE, bytes);
+    if (confidence != NULL) memset(confidence, 0, bytes);
+}
+
+static struct fovea_segmentation_class segment_of(const struct fv_model *model, int32_t class_id,
+                                                  int32_t object, float score, uint32_t pixels)
+{
+    uint8_t rgb[3];
+    fv_segmentation_colour(model, class_id, object, rgb);
+    return (struct fovea_segmentation_class){.class_id = class_id,
+                                             .object = object,
+                                             .score = score,
+                                             .pixels = pixels,
+                                             .red = rgb[0],
+                                             .green = rgb[1],
+                                             .blue = rgb[2]};
 }
 
 /* ---- objects by prototypes ------------------------------------------------------------------- */
@@ -125,9 +136,9 @@ bool fv_detect_mask_objects(const struct fv_head_job *j, const struct fovea_dete
                             uint8_t *pixels, int64_t *object, int32_t *row)
 {
     const struct fv_head_output *prototypes = fv_head_role(j, FV_ROLE_PROTOTYPES);
-    const struct fv_detect_mask_place place =
-        fv_detect_mask_place(j->model, j->fit, mask->width, mask->height);
-    if (count > FV_DETECT_SEGMENTS_MAX) count = FV_DETECT_SEGMENTS_MAX;
+    const struct fv_segmentation_place place =
+        fv_segmentation_place(j->model, j->fit, mask->width, mask->height);
+    if (count > FOVEA_SEGMENTATION_CLASSES_MAX) count = FOVEA_SEGMENTATION_CLASSES_MAX;
     if (*object >= count) return true;
     const int32_t i = (int32_t)*object;
     const struct fovea_detection *d = &objects[i];
@@ -142,15 +153,14 @@ bool fv_detect_mask_objects(const struct fv_head_job *j, const struct fovea_dete
     for (; *row < y.last && left > 0; ++*row, left -= (x.last - x.first) * c.count) {
         for (int32_t k = x.first; k < x.last; k++) {
             const int64_t at = (int64_t)*row * mask->width + k;
-            if (pixels[at] != FV_DETECT_NO_SEGMENT || !is_inside(&c, prototypes, at)) continue;
+            if (pixels[at] != FOVEA_SEGMENTATION_NONE || !is_inside(&c, prototypes, at)) continue;
             pixels[at] = (uint8_t)i;
             taken++;
         }
     }
     mask->pixels[i] += taken;
     if (*row < y.last) return false;
-    mask->segments[i] = (struct fv_detect_segment){
-        .class_id = d->class_id, .object = i, .score = d->score, .pixels = mask->pixels[i]};
+    mask->segments[i] = segment_of(j->model, d->class_id, i, d->score, mask->pixels[i]);
     mask->index[i] = (uint8_t)i;
     mask->count = i + 1;
     *row = 0;
@@ -159,56 +169,68 @@ bool fv_detect_mask_objects(const struct fv_head_job *j, const struct fovea_dete
 
 /* ---- a class for each pixel ------------------------------------------------------------------ */
 
-/* The class of a pixel: its number, or the place of its largest score; of one score whether it
- * reaches the threshold. */
-static int32_t class_of(const struct fv_head_job *j, const struct fv_head_output *o,
-                        int32_t channels, int64_t pixel)
+/* The place of the largest of a pixel's scores, the first of equal ones. */
+static int32_t best_of(const struct fv_head_output *o, int32_t channels, int64_t at)
 {
-    const int64_t at = pixel * channels;
-    if (channels == 1) {
-        const float value = fv_head_value(o, at);
-        if (j->d->classes == 1) return value >= fv_head_least(j, 0) ? 0 : -1;
-        return value > -0.5f && value < (float)FV_DETECT_NO_SEGMENT ? (int32_t)(value + 0.5f) : -1;
-    }
     int32_t best = 0;
-    float largest = fv_head_value(o, at);
-    for (int32_t c = 1; c < channels; c++) {
-        const float value = fv_head_value(o, at + c);
-        if (value > largest) {
-            largest = value;
-            best = c;
-        }
+    if (o->t->type == FV_TYPE_U8) { /* the scale is above 0 */
+        const uint8_t *from = o->data + at;
+        for (int32_t c = 1; c < channels; c++)
+            if (from[c] > from[best]) best = c;
+        return best;
     }
+    for (int32_t c = 1; c < channels; c++)
+        if (fv_head_value(o, at + c) > fv_head_value(o, at + best)) best = c;
     return best;
 }
 
-/* The classes that most pixels have, by their number. */
-static void list_classes(struct fv_detect_mask *mask)
+/* The class of a pixel: its number, or the place of its largest score; of one score whether it
+ * reaches the threshold. `score` takes that of the class, or of there being none. */
+static int32_t class_of(const struct fv_head_job *j, const struct fv_head_output *o,
+                        int32_t channels, int64_t pixel, float *score)
 {
-    bool listed[FV_DETECT_NO_SEGMENT] = {false};
-    for (int n = 0; n < FV_DETECT_SEGMENTS_MAX; n++) {
+    const int64_t at = pixel * channels;
+    if (channels > 1) {
+        const int32_t best = best_of(o, channels, at);
+        *score = fv_head_value(o, at + best);
+        return best;
+    }
+    const float value = fv_head_value(o, at);
+    if (j->d->classes == 1) {
+        const bool is_it = value >= fv_head_least(j, 0);
+        *score = is_it ? value : 1.0f - value;
+        return is_it ? 0 : -1;
+    }
+    *score = 0;
+    return value > -0.5f && value < (float)FOVEA_SEGMENTATION_NONE ? (int32_t)(value + 0.5f) : -1;
+}
+
+/* The classes that most pixels have, by their number. */
+static void list_classes(const struct fv_model *model, struct fv_detect_mask *mask)
+{
+    bool listed[FOVEA_SEGMENTATION_NONE] = {false};
+    for (int n = 0; n < FOVEA_SEGMENTATION_CLASSES_MAX; n++) {
         int best = -1;
-        for (int c = 0; c < FV_DETECT_NO_SEGMENT; c++)
+        for (int c = 0; c < FOVEA_SEGMENTATION_NONE; c++)
             if (!listed[c] && mask->pixels[c] > 0 &&
                 (best < 0 || mask->pixels[c] > mask->pixels[best]))
                 best = c;
         if (best < 0) break;
         listed[best] = true;
     }
-    for (int c = 0; c < FV_DETECT_NO_SEGMENT; c++) {
+    for (int c = 0; c < FOVEA_SEGMENTATION_NONE; c++) {
         if (!listed[c]) continue;
-        mask->segments[mask->count] = (struct fv_detect_segment){
-            .class_id = c, .object = -1, .score = __builtin_nanf(""), .pixels = mask->pixels[c]};
+        mask->segments[mask->count] = segment_of(model, c, -1, __builtin_nanf(""), mask->pixels[c]);
         mask->index[c] = (uint8_t)mask->count++;
     }
 }
 
 bool fv_detect_mask_classes(const struct fv_head_job *j, struct fv_detect_mask *mask,
-                            uint8_t *pixels, int64_t *at)
+                            uint8_t *pixels, uint8_t *confidence, int64_t *at)
 {
     const struct fv_head_output *o = fv_head_role(j, FV_ROLE_BOXES);
-    const struct fv_detect_mask_place place =
-        fv_detect_mask_place(j->model, j->fit, mask->width, mask->height);
+    const struct fv_segmentation_place place =
+        fv_segmentation_place(j->model, j->fit, mask->width, mask->height);
     const int32_t channels = channels_of(o->t);
     const struct span x = span_of(&place, 0, -0.5, j->fit->image_width - 0.5, mask->width),
                       y = span_of(&place, 1, -0.5, j->fit->image_height - 0.5, mask->height);
@@ -218,12 +240,15 @@ bool fv_detect_mask_classes(const struct fv_head_job *j, struct fv_detect_mask *
     for (; *at < end && left > 0; ++*at, --left) {
         const int32_t column = (int32_t)(*at % mask->width);
         if (column < x.first || column >= x.last) continue;
-        const int32_t class_id = class_of(j, o, channels, *at);
-        if (class_id < 0 || class_id >= FV_DETECT_NO_SEGMENT) continue;
+        float score;
+        const int32_t class_id = class_of(j, o, channels, *at, &score);
+        if (confidence != NULL)
+            confidence[*at] = (uint8_t)(fv_head_clamp(score, 1.0f) * 255.0f + 0.5f);
+        if (class_id < 0 || class_id >= FOVEA_SEGMENTATION_NONE) continue;
         pixels[*at] = (uint8_t)class_id;
         mask->pixels[class_id]++;
     }
     if (*at < end) return false;
-    list_classes(mask);
+    list_classes(j->model, mask);
     return true;
 }

@@ -12,47 +12,30 @@
 #define FOVEA_DETECT_MASK_H
 
 #include "fovea/detect.h"
+#include "fovea/segmentation.h"
 #include "nn/input.h"
 #include "nn/model.h"
 
 struct fv_head_job;
 
-enum {
-    FV_DETECT_SEGMENTS_MAX = 64,
-    FV_DETECT_NO_SEGMENT = 255,
-    FV_DETECT_MASK_SIDE_MAX = 8192,
-    FV_DETECT_MASK_PIXELS_MAX = 1 << 20
-};
-
-/* An object, or all pixels of a class. */
-struct fv_detect_segment {
-    int32_t class_id, object; /* object: in the list of detections; -1: all of the class */
-    float score;              /* of the object; NaN: none */
-    uint32_t pixels;
-};
+enum { FV_DETECT_MASK_SIDE_MAX = 8192, FV_DETECT_MASK_PIXELS_MAX = 1 << 20 };
 
 struct fv_detect_mask {
     int32_t width, height, count;
-    struct fv_detect_segment segments[FV_DETECT_SEGMENTS_MAX];
-    /* What a pixel holds, as index into the segments, FV_DETECT_NO_SEGMENT: none. */
+    struct fovea_segmentation_class segments[FOVEA_SEGMENTATION_CLASSES_MAX];
+    /* Of what a pixel holds, the place in the segments; FOVEA_SEGMENTATION_NONE: none. */
     uint8_t index[256];
     uint32_t pixels[256]; /* that hold it */
 };
 
-/* x_raw = scale x + offset takes centres of the mask's pixels to the image. */
-struct fv_detect_mask_place {
-    double scale[2], offset[2];
-};
-
 /* Size of the model's mask, 0 x 0 where its decoder gives none or its outputs do not fit. */
 void fv_detect_mask_size(const struct fv_model *model, int32_t *width, int32_t *height);
-struct fv_detect_mask_place fv_detect_mask_place(const struct fv_model *model,
-                                                 const struct fv_nn_input_fit *fit, int32_t width,
-                                                 int32_t height);
+/* Whether its network gives the confidence of each pixel. */
+bool fv_detect_mask_confident(const struct fv_model *model);
 
-/* No pixel has a segment. */
+/* No pixel has a segment. `confidence`: NULL, or as many bytes as pixels. */
 void fv_detect_mask_clear(const struct fv_model *model, struct fv_detect_mask *mask,
-                          uint8_t *pixels);
+                          uint8_t *pixels, uint8_t *confidence);
 /* Go on with the pixels of `count` objects, the best first, whose boxes and items are given: one
  * unit from `*object` and `*row` on. True: complete. */
 bool fv_detect_mask_objects(const struct fv_head_job *job, const struct fovea_detection *objects,
@@ -60,6 +43,6 @@ bool fv_detect_mask_objects(const struct fv_head_job *job, const struct fovea_de
                             uint8_t *pixels, int64_t *object, int32_t *row);
 /* The same for a network that labels each pixel: one unit from pixel `*at` on. */
 bool fv_detect_mask_classes(const struct fv_head_job *job, struct fv_detect_mask *mask,
-                            uint8_t *pixels, int64_t *at);
+                            uint8_t *pixels, uint8_t *confidence, int64_t *at);
 
 #endif

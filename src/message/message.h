@@ -14,6 +14,7 @@
 #include "fovea/edges.h"
 #include "fovea/fovea.h"
 #include "fovea/network.h"
+#include "fovea/segmentation.h"
 #include "fovea_stamp_t.h"
 
 #ifdef __cplusplus
@@ -245,21 +246,12 @@ uint32_t fv_message_classes_encode(const struct fv_message_classes *in, uint8_t 
                                    size_t capacity);
 
 /* A mask, from row `*row` on. */
-enum { FV_MESSAGE_SEGMENTS_MAX = 64 };
-struct fv_message_segment {
-    int32_t class_id, object; /* object -1: all pixels of the class */
-    const char *name;         /* of the class */
-    float score, fraction;
-};
+enum { FV_MESSAGE_SEGMENTS_MAX = FOVEA_SEGMENTATION_CLASSES_MAX };
 struct fv_message_segmentation {
-    fovea_stamp_t stamp;   /* of the image looked at */
-    const char *model;     /* cut as labels are */
-    int32_t width, height; /* of the mask; rows of at most 12,000 pixels */
-    double raw_scale[2], raw_offset[2];
-    uint32_t count; /* at most FV_MESSAGE_SEGMENTS_MAX */
-    struct fv_message_segment segments[FV_MESSAGE_SEGMENTS_MAX];
-    const uint8_t *pixels; /* row by row */
-    const uint8_t *index;  /* [256]: of what a pixel holds, into the segments; 255: none */
+    fovea_stamp_t stamp;                        /* of the image looked at */
+    const char *model;                          /* cut as labels are */
+    const char *names[FV_MESSAGE_SEGMENTS_MAX]; /* of the list's classes */
+    const struct fovea_segmentation *seen;      /* rows of at most 12,000 pixels */
 };
 size_t fv_message_segmentation_size_max(void);
 /* Scratch that encoding needs, 4-byte aligned. */

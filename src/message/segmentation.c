@@ -10,8 +10,7 @@
 enum {
     PIXELS_MAX = 1 << 17, /* of one message: what is read in some 0.15 ms */
     RUN_MAX = INT16_MAX,
-    RUNS_MAX = FOVEA_SEGMENTATION_T_RUNS_MAX,
-    COLOUR_BITS = 8
+    RUNS_MAX = FOVEA_SEGMENTATION_T_RUNS_MAX
 };
 
 static_assert((int)FV_MESSAGE_SEGMENTS_MAX == FOVEA_SEGMENTATION_T_CLASSES_MAX,
@@ -20,8 +19,9 @@ static_assert((int)FV_MESSAGE_SEGMENTS_MAX == FOVEA_SEGMENTATION_T_CLASSES_MAX,
 /* The runs of one message. */
 struct runs {
     int32_t count;
+    uint32_t confidence[RUNS_MAX]; /* sums over the run, where the network gives it */
     int16_t length[RUNS_MAX];
-    uint8_t segment[RUNS_MAX];
+    uint8_t segment[RUNS_MAX], mean[RUNS_MAX];
 };
 
 size_t fv_message_segmentation_scratch_bytes(void)
@@ -39,86 +39,107 @@ size_t fv_message_segmentation_size_max(void)
     return (size_t)fovea_segmentation_t_encoded_size(&empty) + FV_MESSAGE_LABEL_BYTES_MAX - 1 +
            FV_MESSAGE_SEGMENTS_MAX * ((size_t)__fovea_segment_class_t_encoded_array_size(&one, 1) +
                                       FV_MESSAGE_LABEL_BYTES_MAX - 1) +
-           RUNS_MAX * (sizeof(int16_t) + 1);
+           RUNS_MAX * (sizeof(int16_t) + 2);
 }
 
-/* As the colours of the PASCAL VOC classes: bit 0, 3, 6... of the number to red, from its highest
- * bit down; 1, 4, 7... to green; 2, 5, 8... to blue. */
-static void colour(uint32_t number, uint8_t rgb[3])
-{
-    memset(rgb, 0, 3);
-    for (int bit = 0; bit < COLOUR_BITS; bit++, number >>= 3)
-        for (int k = 0; k < 3; k++)
-            rgb[k] |= (uint8_t)((number >> k & 1) << (COLOUR_BITS - 1 - bit));
-}
+/* A row of the mask; `confidence`: NULL, or as long. */
+struct row {
+    const uint8_t *pixels, *index, *confidence;
+    int32_t width;
+};
 
 /* Add a row, which goes on with the last run; false: there is no room for it. */
-static bool add_row(struct runs *runs, const uint8_t *row, int32_t width, const uint8_t *index)
+static bool add_row(struct runs *runs, const struct row *row)
 {
+    const int32_t before = runs->count, open = before > 0 ? before - 1 : 0;
     const struct {
-        int32_t count;
         int16_t length;
-    } before = {runs->count, runs->count > 0 ? runs->length[runs->count - 1] : (int16_t)0};
-    for (int32_t x = 0; x < width; x++) {
-        const uint8_t segment = index[row[x]];
-        const int32_t last = runs->count - 1;
-        if (last >= 0 && runs->segment[last] == segment && runs->length[last] < RUN_MAX) {
-            runs->length[last]++;
-        } else if (runs->count < RUNS_MAX) {
-            runs->segment[runs->count] = segment;
-            runs->length[runs->count++] = 1;
-        } else {
-            runs->count = before.count;
-            if (before.count > 0) runs->length[before.count - 1] = before.length;
-            return false;
+        uint32_t confidence;
+    } last_before = {runs->length[open], runs->confidence[open]};
+    for (int32_t x = 0; x < row->width; x++) {
+        const uint8_t segment = row->index[row->pixels[x]];
+        int32_t last = runs->count - 1;
+        if (last < 0 || runs->segment[last] != segment || runs->length[last] == RUN_MAX) {
+            if (runs->count == RUNS_MAX) {
+                runs->count = before;
+                runs->length[open] = last_before.length;
+                runs->confidence[open] = last_before.confidence;
+                return false;
+            }
+            last = runs->count++;
+            runs->segment[last] = segment;
+            runs->length[last] = 0;
+            runs->confidence[last] = 0;
         }
+        runs->length[last]++;
+        if (row->confidence != NULL) runs->confidence[last] += row->confidence[x];
     }
     return true;
+}
+
+/* As many rows from `first` on as one message holds; returns the row after them. */
+static int32_t take_rows(struct runs *runs, const struct fovea_segmentation *s, int32_t first)
+{
+    int32_t y = first;
+    runs->count = 0;
+    for (int32_t pixels = 0; y < s->height && (y == first || pixels < PIXELS_MAX);
+         y++, pixels += s->width) {
+        const size_t at = (size_t)y * (size_t)s->width;
+        const struct row row = {.pixels = s->pixels + at,
+                                .index = s->index,
+                                .confidence = s->confidence == NULL ? NULL : s->confidence + at,
+                                .width = s->width};
+        if (!add_row(runs, &row)) break;
+    }
+    for (int32_t i = 0; i < runs->count; i++) {
+        const uint32_t length = (uint32_t)runs->length[i];
+        runs->mean[i] = (uint8_t)((runs->confidence[i] + length / 2) / length);
+    }
+    return y;
 }
 
 uint32_t fv_message_segmentation_encode(const struct fv_message_segmentation *in, int32_t *row,
                                         void *scratch, uint8_t *buffer, size_t capacity)
 {
     struct runs *runs = scratch;
+    const struct fovea_segmentation *s = in->seen;
     fovea_segment_class_t list[FV_MESSAGE_SEGMENTS_MAX];
     char names[FV_MESSAGE_SEGMENTS_MAX][FV_MESSAGE_LABEL_BYTES_MAX],
         model[FV_MESSAGE_LABEL_BYTES_MAX];
     const int32_t first = *row;
     fv_message_label(in->model, model);
-    for (uint32_t i = 0; i < in->count; i++) {
-        const struct fv_message_segment *s = &in->segments[i];
-        uint8_t rgb[3];
-        colour((uint32_t)(s->object < 0 ? s->class_id : s->object + 1), rgb);
-        fv_message_label(s->name, names[i]);
-        list[i] = (fovea_segment_class_t){.class_id = s->class_id,
-                                          .class_name = names[i],
-                                          .object = s->object,
-                                          .score = s->score,
-                                          .red = rgb[0],
-                                          .green = rgb[1],
-                                          .blue = rgb[2],
-                                          .fraction = s->fraction};
+    for (uint32_t i = 0; i < s->count; i++) {
+        const struct fovea_segmentation_class *c = &s->list[i];
+        fv_message_label(in->names[i], names[i]);
+        list[i] =
+            (fovea_segment_class_t){.class_id = c->class_id,
+                                    .class_name = names[i],
+                                    .object = c->object,
+                                    .score = c->score,
+                                    .red = c->red,
+                                    .green = c->green,
+                                    .blue = c->blue,
+                                    .fraction = (float)c->pixels / (float)(s->width * s->height)};
     }
-    runs->count = 0;
-    for (int32_t pixels = 0; *row < in->height && (*row == first || pixels < PIXELS_MAX);
-         ++*row, pixels += in->width)
-        if (!add_row(runs, in->pixels + (size_t)*row * (size_t)in->width, in->width, in->index))
-            break;
+    *row = take_rows(runs, s, first);
     const fovea_segmentation_t message = {.stamp = in->stamp,
                                           .model = model,
-                                          .width = in->width,
-                                          .height = in->height,
-                                          .raw_scale_x = in->raw_scale[0],
-                                          .raw_scale_y = in->raw_scale[1],
-                                          .raw_offset_x = in->raw_offset[0],
-                                          .raw_offset_y = in->raw_offset[1],
-                                          .class_count = (int32_t)in->count,
+                                          .width = s->width,
+                                          .height = s->height,
+                                          .raw_scale_x = s->raw_scale[0],
+                                          .raw_scale_y = s->raw_scale[1],
+                                          .raw_offset_x = s->raw_offset[0],
+                                          .raw_offset_y = s->raw_offset[1],
+                                          .class_count = (int32_t)s->count,
                                           .classes = list,
                                           .first_row = first,
                                           .row_count = *row - first,
                                           .run_count = runs->count,
                                           .run_class = runs->segment,
-                                          .run_length = runs->length};
+                                          .run_length = runs->length,
+                                          .confidence_count =
+                                              s->confidence != NULL ? runs->count : 0,
+                                          .run_confidence = runs->mean};
     return fv_wire_encoded(
         fovea_segmentation_t_encode(buffer, 0, fv_wire_capacity(capacity), &message));
 }

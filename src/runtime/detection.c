@@ -389,32 +389,16 @@ static uint32_t encode_classes(const struct fv_detection *detection, uint8_t *bu
 static uint32_t encode_mask(struct fv_detection *detection, uint8_t *buffer, size_t capacity)
 {
     struct fv_detection_state *state = detection->state;
-    struct fv_detect_mask_place place;
-    const uint8_t *pixels;
-    const struct fv_detect_mask *mask = fv_detect_mask_of(&detection->memory, &pixels, &place);
-    struct fv_message_segmentation message = {
-        .stamp = fv_frame_id_stamp(&state->found_frame),
-        .model = fv_model_name(&detection->model),
-        .width = mask->width,
-        .height = mask->height,
-        .raw_scale = {place.scale[0], place.scale[1]},
-        .raw_offset = {place.offset[0], place.offset[1]},
-        .count = (uint32_t)mask->count,
-        .pixels = pixels,
-        .index = mask->index,
-    };
-    for (int32_t i = 0; i < mask->count; i++) {
-        const struct fv_detect_segment *s = &mask->segments[i];
-        message.segments[i] = (struct fv_message_segment){
-            .class_id = s->class_id,
-            .object = s->object,
-            .name = fv_detect_label(&detection->model, s->class_id),
-            .score = s->score,
-            .fraction = (float)s->pixels / (float)(mask->width * mask->height)};
-    }
+    struct fovea_segmentation seen;
+    fv_detect_segmentation(&detection->memory, &seen);
+    struct fv_message_segmentation message = {.stamp = fv_frame_id_stamp(&state->found_frame),
+                                              .model = fv_model_name(&detection->model),
+                                              .seen = &seen};
+    for (uint32_t i = 0; i < seen.count; i++)
+        message.names[i] = fv_detect_label(&detection->model, seen.list[i].class_id);
     const uint32_t bytes = fv_message_segmentation_encode(
         &message, &state->mask_row, detection->message_scratch, buffer, capacity);
-    if (state->mask_row < mask->height) return bytes;
+    if (state->mask_row < seen.height) return bytes;
     state->mapping = FV_DETECTION_IDLE;
     state->mask_row = 0;
     return bytes;
@@ -455,6 +439,19 @@ void fv_detection_get(const struct fv_detection *detection, struct fovea_detecti
         .point_count = points_of(detection),
         .points = fv_detect_points(&detection->memory),
     };
+}
+
+void fv_detection_get_segmentation(const struct fv_detection *detection,
+                                   struct fovea_segmentation *segmentation)
+{
+    memset(segmentation, 0, sizeof *segmentation);
+    if (!detection->enabled || (detection->gives & FV_DETECT_MASK) == 0 ||
+        detection->state->inferences == 0)
+        return;
+    fv_detect_segmentation(&detection->memory, segmentation);
+    segmentation->inferences = detection->state->inferences;
+    segmentation->stamp_ns = detection->state->found_frame.stamp_ns;
+    segmentation->sequence = detection->state->found_frame.sequence;
 }
 
 const char *fv_detection_label(const struct fv_detection *detection, int32_t class_id)

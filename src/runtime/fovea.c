@@ -205,6 +205,16 @@ const char *fovea_detect_label(const struct fovea *rt, int32_t class_id)
     return fv_detection_label(&rt->detection, class_id);
 }
 
+void fovea_segmentation_get(const struct fovea *rt, uint32_t network,
+                            struct fovea_segmentation *segmentation)
+{
+    const struct fv_detection none = {.enabled = false};
+    fv_detection_get_segmentation(network == 0   ? &rt->detection
+                                  : network == 1 ? &rt->detection2
+                                                 : &none,
+                                  segmentation);
+}
+
 const char *fovea_detect2_label(const struct fovea *rt, int32_t class_id)
 {
     return fv_detection_label(&rt->detection2, class_id);

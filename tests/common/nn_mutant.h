@@ -45,9 +45,11 @@ static inline void nn_mutant_decode(const struct fv_model *model, const struct f
         int32_t width, height;
         fv_detect_mask_size(&read, &width, &height);
         room.pixels = malloc((size_t)width * (size_t)height + 1);
-        if (room.pixels == NULL) abort();
+        room.confidence = malloc((size_t)width * (size_t)height + 1);
+        if (room.pixels == NULL || room.confidence == NULL) abort();
         fv_detect_decode(&read, arena, fit, scratch, &room, found, FOVEA_DETECTIONS_MAX);
         free(room.pixels);
+        free(room.confidence);
     }
     for (uint32_t i = 0; i < header.output_count; i++)
         if (fv_model_output_name(model, i) != NULL &&

@@ -6,68 +6,12 @@
 #include <sys/stat.h>
 
 #include "app/lab/commands.h"
-#include "support/aligned.h"
 #include "support/canvas.h"
 #include "support/colour.h"
 #include "support/files.h"
-#include "app/config/model_file.h"
 #include "app/config/options.h"
-#include "app/lab/found.h"
+#include "app/lab/inference.h"
 #include "support/say.h"
-#include "detect/decode.h"
-#include "nn/run.h"
-
-struct engine {
-    struct fv_model_file file;
-    struct fv_kernels kernels;
-    uint8_t *arena;
-    struct fv_detect_scratch *scratch;
-    struct fv_found found;
-    uint64_t units; /* run this many at a time; 0: all */
-};
-
-static enum fovea_status engine_open(struct engine *engine, const char *path,
-                                     struct fovea_error *error)
-{
-    enum fv_cpu_set set;
-    enum fovea_status status = fv_cpu_from_environment(&set, error);
-    if (status == FOVEA_OK) status = fv_model_file_read(path, &engine->file, error);
-    if (status != FOVEA_OK) return status;
-    fv_kernels_init(&engine->kernels, set);
-    engine->arena = fv_aligned_zeroed(fv_nn_arena_bytes(&engine->file.model));
-    engine->scratch = calloc(1, sizeof *engine->scratch);
-    if (engine->arena == NULL || engine->scratch == NULL ||
-        fv_found_open(&engine->found, &engine->file.model) != FOVEA_OK)
-        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%.300s: out of memory", path);
-    return FOVEA_OK;
-}
-
-static void engine_close(struct engine *engine)
-{
-    free(engine->arena);
-    free(engine->scratch);
-    fv_found_close(&engine->found);
-    fv_model_file_free(&engine->file);
-}
-
-static enum fovea_status look_at(struct engine *engine, const struct fovea_image *image)
-{
-    const struct fv_model *model = &engine->file.model;
-    struct fv_found *found = &engine->found;
-    const enum fovea_status status = fv_nn_input_fit_of(model, image, &found->fit);
-    if (status != FOVEA_OK) return status;
-    fv_nn_fill(model, image, &found->fit, NULL, engine->arena, 0, model->header->preprocess.height);
-    struct fv_nn_progress progress = {0, 0};
-    const uint32_t units =
-        engine->units == 0 || engine->units > 1u << 30 ? 1u << 30 : (uint32_t)engine->units;
-    uint32_t done;
-    while (fv_nn_run(model, &engine->kernels, engine->arena, &progress, units, &done) ==
-           FOVEA_AGAIN)
-        continue;
-    found->count = fv_detect_decode(model, engine->arena, &found->fit, engine->scratch,
-                                    &found->room, found->list, FOVEA_DETECTIONS_MAX);
-    return FOVEA_OK;
-}
 
 /* The part of a picture's name that its drawing keeps. */
 static const char *stem(const char *path, int *length)
@@ -110,7 +54,7 @@ static enum fovea_status check_stems(char **paths, int count, const char *folder
 }
 
 /* dir/name.png with what was found. */
-static enum fovea_status draw(const struct engine *engine, const char *path,
+static enum fovea_status draw(const struct fv_inference *engine, const char *path,
                               const struct fovea_image *image, const char *folder,
                               struct fovea_error *error)
 {
@@ -133,7 +77,7 @@ static enum fovea_status draw(const struct engine *engine, const char *path,
 
 int fv_command_detect(int argc, char **argv)
 {
-    static struct engine engine; /* too large for the stack */
+    static struct fv_inference engine; /* too large for the stack */
     const char *model = NULL, *folder = NULL;
     const struct fv_option options[] = {
         {"model", "FILE", FV_OPTION_TEXT, &model, "model file (.fvm) made by tools/import"},
@@ -149,8 +93,8 @@ int fv_command_detect(int argc, char **argv)
     if (result != FV_OPTIONS_READ) return result == FV_OPTIONS_HELP ? FV_EXIT_OK : FV_EXIT_WRONG;
     if (model == NULL) return fv_say_wrong("detect: --model FILE is missing");
     struct fovea_error error;
-    if (engine_open(&engine, model, &error) != FOVEA_OK) {
-        engine_close(&engine);
+    if (fv_inference_open(&engine, model, &error) != FOVEA_OK) {
+        fv_inference_close(&engine);
         return fv_say_wrong("%s", error.text);
     }
     int status = FV_EXIT_OK;
@@ -170,7 +114,7 @@ int fv_command_detect(int argc, char **argv)
             status = fv_say_wrong("%s", error.text);
             break;
         }
-        if (look_at(&engine, &image) != FOVEA_OK) {
+        if (fv_inference_run(&engine, &image) != FOVEA_OK) {
             status = fv_say_wrong("%s: its first input is not an image of 1 or 3 channels", model);
         } else {
             fv_found_print(&engine.found, argv[i], &image);
@@ -184,6 +128,6 @@ int fv_command_detect(int argc, char **argv)
         }
         free((void *)(uintptr_t)image.data);
     }
-    engine_close(&engine);
+    fv_inference_close(&engine);
     return status;
 }

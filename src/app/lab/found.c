@@ -13,8 +13,11 @@ enum fovea_status fv_found_open(struct fv_found *found, const struct fv_model *m
     found->room = (struct fv_detect_room){.points = found->points, .mask = &found->mask};
     fv_detect_mask_size(model, &width, &height);
     if (width == 0) return FOVEA_OK;
-    found->room.pixels = calloc((size_t)width * (size_t)height, 1);
-    return found->room.pixels == NULL ? FOVEA_ERROR_SYSTEM : FOVEA_OK;
+    found->room.pixels = calloc((size_t)width * (size_t)height, 2);
+    if (found->room.pixels == NULL) return FOVEA_ERROR_SYSTEM;
+    if (fv_detect_mask_confident(model))
+        found->room.confidence = found->room.pixels + (size_t)width * (size_t)height;
+    return FOVEA_OK;
 }
 
 void fv_found_close(struct fv_found *found)
@@ -52,32 +55,56 @@ static void print_points(const struct fv_found *found, int32_t set)
     printf("]");
 }
 
-/* Runs as [segment, pixels], segment -1 where there is none. */
-static void print_mask(const struct fv_found *found)
+void fv_found_segmentation(const struct fv_found *found, struct fovea_segmentation *segmentation)
 {
-    const struct fv_detect_mask *m = &found->mask;
-    const struct fv_detect_mask_place place =
-        fv_detect_mask_place(found->model, &found->fit, m->width, m->height);
+    fv_segmentation_view(found->model, &found->fit, &found->mask, found->room.pixels,
+                         found->room.confidence, segmentation);
+}
+
+/* Runs as [place in the list, pixels], -1 where there is no class. */
+static void print_runs(const struct fovea_segmentation *m)
+{
     const int32_t pixels = m->width * m->height;
-    printf(", \"mask\": {\"width\": %d, \"height\": %d, \"raw_scale\": [%.9g, %.9g], "
-           "\"raw_offset\": [%.9g, %.9g], \"segments\": [",
-           m->width, m->height, place.scale[0], place.scale[1], place.offset[0], place.offset[1]);
-    for (int32_t i = 0; i < m->count; i++) {
-        const struct fv_detect_segment *s = &m->segments[i];
-        printf("%s{\"class\": %d, \"label\": ", i == 0 ? "" : ", ", s->class_id);
-        fv_json_text(stdout, fv_detect_label(found->model, s->class_id));
-        printf(", \"object\": %d, \"fraction\": %.6f}", s->object,
-               (double)s->pixels / (double)pixels);
-    }
-    printf("], \"runs\": [");
+    printf(", \"runs\": [");
     for (int32_t at = 0, length; at < pixels; at += length) {
-        const uint8_t segment = m->index[found->room.pixels[at]];
+        const uint8_t segment = m->index[m->pixels[at]];
         for (length = 1; at + length < pixels; length++)
-            if (m->index[found->room.pixels[at + length]] != segment) break;
-        printf("%s[%d, %d]", at == 0 ? "" : ", ", segment == FV_DETECT_NO_SEGMENT ? -1 : segment,
+            if (m->index[m->pixels[at + length]] != segment) break;
+        printf("%s[%d, %d]", at == 0 ? "" : ", ", segment == FOVEA_SEGMENTATION_NONE ? -1 : segment,
                length);
     }
-    printf("]}");
+    printf("]");
+}
+
+/* The mean confidence of a class's pixels, 0 to 1. */
+static double confidence_of(const struct fovea_segmentation *m, uint32_t place)
+{
+    uint64_t sum = 0;
+    for (int32_t i = 0; i < m->width * m->height; i++)
+        if (m->index[m->pixels[i]] == place) sum += m->confidence[i];
+    return (double)sum / (255.0 * (double)m->list[place].pixels);
+}
+
+void fv_found_print_mask(const struct fv_found *found, bool runs)
+{
+    struct fovea_segmentation m;
+    fv_found_segmentation(found, &m);
+    const int32_t pixels = m.width * m.height;
+    printf("\"mask\": {\"width\": %d, \"height\": %d, \"raw_scale\": [%.9g, %.9g], "
+           "\"raw_offset\": [%.9g, %.9g], \"segments\": [",
+           m.width, m.height, m.raw_scale[0], m.raw_scale[1], m.raw_offset[0], m.raw_offset[1]);
+    for (uint32_t i = 0; i < m.count; i++) {
+        const struct fovea_segmentation_class *c = &m.list[i];
+        printf("%s{\"class\": %d, \"label\": ", i == 0 ? "" : ", ", c->class_id);
+        fv_json_text(stdout, fv_detect_label(found->model, c->class_id));
+        printf(", \"object\": %d, \"pixels\": %u, \"fraction\": %.6f", c->object, c->pixels,
+               (double)c->pixels / (double)pixels);
+        if (m.confidence != NULL) printf(", \"confidence\": %.6f", confidence_of(&m, i));
+        printf(", \"colour\": [%d, %d, %d]}", c->red, c->green, c->blue);
+    }
+    printf("]");
+    if (runs) print_runs(&m);
+    printf("}");
 }
 
 void fv_found_print(const struct fv_found *found, const char *path, const struct fovea_image *image)
@@ -101,7 +128,10 @@ void fv_found_print(const struct fv_found *found, const char *path, const struct
         printf("}");
     }
     printf("]");
-    if ((gives & FV_DETECT_MASK) != 0) print_mask(found);
+    if ((gives & FV_DETECT_MASK) != 0) {
+        printf(", ");
+        fv_found_print_mask(found, true);
+    }
     printf("}\n");
 }
 
@@ -175,27 +205,25 @@ static void draw_points(const struct fv_found *found, struct fv_canvas *canvas, 
     }
 }
 
-/* Half of the segment's colour over the picture. */
+/* Half of the class's colour over the picture; black is background and left as it is. */
 static void draw_mask(const struct fv_found *found, struct fv_canvas *canvas)
 {
-    const struct fv_detect_mask *m = &found->mask;
-    const struct fv_detect_mask_place place =
-        fv_detect_mask_place(found->model, &found->fit, m->width, m->height);
-    for (int y = 0; y < canvas->height; y++) {
-        const int row = (int)((y - place.offset[1]) / place.scale[1] + 0.5);
-        for (int x = 0; x < canvas->width; x++) {
-            const int column = (int)((x - place.offset[0]) / place.scale[0] + 0.5);
-            if (row < 0 || row >= m->height || column < 0 || column >= m->width) continue;
-            const uint8_t segment =
-                m->index[found->room.pixels[(ptrdiff_t)row * m->width + column]];
-            if (segment == FV_DETECT_NO_SEGMENT) continue;
-            const struct fv_detect_segment *s = &m->segments[segment];
-            const uint32_t colour = colour_of(s->object < 0 ? s->class_id : s->object);
-            uint8_t *pixel = canvas->rgb + 3 * ((ptrdiff_t)y * canvas->width + x);
-            for (int k = 0; k < 3; k++)
-                pixel[k] = (uint8_t)((pixel[k] + (colour >> (16 - 8 * k) & 0xff)) / 2);
-        }
+    struct fovea_segmentation m;
+    fv_found_segmentation(found, &m);
+    const size_t pixels = (size_t)m.image_width * (size_t)m.image_height;
+    uint8_t *places = malloc(pixels);
+    if (places == NULL) return;
+    fovea_segmentation_enlarge(&m, NULL, places);
+    for (size_t i = 0; i < pixels; i++) {
+        if (places[i] == FOVEA_SEGMENTATION_NONE) continue;
+        const struct fovea_segmentation_class *c = &m.list[places[i]];
+        const uint8_t colour[3] = {c->red, c->green, c->blue};
+        if ((colour[0] | colour[1] | colour[2]) == 0) continue;
+        for (int k = 0; k < 3; k++)
+            canvas->rgb[3 * i + (size_t)k] =
+                (uint8_t)((canvas->rgb[3 * i + (size_t)k] + colour[k]) / 2);
     }
+    free(places);
 }
 
 void fv_found_draw(const struct fv_found *found, struct fv_canvas *canvas)

@@ -3,6 +3,7 @@
 #define FOVEA_APP_LAB_FOUND_H
 
 #include "detect/decode.h"
+#include "detect/segmentation.h"
 #include "support/canvas.h"
 
 struct fv_found {
@@ -23,6 +24,12 @@ void fv_found_close(struct fv_found *found);
  * "keypoints_px"), or "classes"; and "mask" where it gives one, as runs along the rows. */
 void fv_found_print(const struct fv_found *found, const char *path,
                     const struct fovea_image *image);
+
+/* The mask, where the decoder gives one. */
+void fv_found_segmentation(const struct fv_found *found, struct fovea_segmentation *segmentation);
+
+/* "mask" as it stands in that line: its classes, and with `runs` each pixel. */
+void fv_found_print_mask(const struct fv_found *found, bool runs);
 
 /* Onto the picture, the best on top. */
 void fv_found_draw(const struct fv_found *found, struct fv_canvas *canvas);

@@ -372,25 +372,40 @@ static void masks_of_any_size_come_back(void **state)
 {
     (void)state;
     enum { W = 400, H = 401 };
-    static uint8_t pixels[W * H], back[W * H], index[256];
+    static uint8_t pixels[W * H], back[W * H], sure[W * H], index[256];
+    static struct fovea_segmentation_class list[FV_MESSAGE_SEGMENTS_MAX];
+    static struct fovea_segmentation seen = {.width = W,
+                                             .height = H,
+                                             .raw_scale = {2, 3},
+                                             .list = list,
+                                             .pixels = pixels,
+                                             .index = index};
     static struct fv_message_segmentation in = {
-        .stamp = {.sequence = 5}, .model = "m", .width = W, .height = H, .raw_scale = {2, 3}};
+        .stamp = {.sequence = 5}, .model = "m", .seen = &seen};
     static uint8_t data[FV_MESSAGE_PACKET_BYTES];
     char label[200];
     memset(label, 'x', sizeof label);
     label[199] = '\0';
-    in.pixels = pixels;
-    in.index = index;
-    in.count = FV_MESSAGE_SEGMENTS_MAX;
+    seen.count = FV_MESSAGE_SEGMENTS_MAX;
     memset(index, 255, sizeof index);
     for (int i = 0; i < FV_MESSAGE_SEGMENTS_MAX; i++) {
-        in.segments[i] = (struct fv_message_segment){
-            .class_id = i, .object = -1, .name = label, .score = NAN, .fraction = 0.5F};
+        list[i] = (struct fovea_segmentation_class){.class_id = i,
+                                                    .object = -1,
+                                                    .score = NAN,
+                                                    .pixels = W * H / 2,
+                                                    .red = (uint8_t)i,
+                                                    .green = 77,
+                                                    .blue = 88};
+        in.names[i] = label;
         index[i + 100] = (uint8_t)i;
     }
     void *scratch = malloc(fv_message_segmentation_scratch_bytes());
-    for (int noisy = 0; noisy < 2; noisy++) {
+    for (int variant = 0; variant < 4; variant++) {
+        const int noisy = variant % 2;
         int messages = 0, whole = 0;
+        seen.confidence = variant < 2 ? NULL : sure;
+        for (int i = 0; i < W * H; i++)
+            sure[i] = (uint8_t)(i / 7 + i);
         for (int i = 0; i < W * H; i++)
             pixels[i] = (uint8_t)(noisy ? 90 + (i * 2654435761U >> 24) % 80 : 101);
         for (int32_t row = 0; row < H; messages++) {
@@ -405,11 +420,19 @@ static void masks_of_any_size_come_back(void **state)
             assert_true(out.first_row == first && out.row_count == row - first && out.width == W &&
                         out.height == H && out.raw_scale_y == 3 &&
                         out.class_count == FV_MESSAGE_SEGMENTS_MAX);
-            assert_true(out.classes[1].red == 128 && out.classes[2].green == 128 &&
-                        out.classes[7].blue == 128 && out.classes[8].red == 64);
-            for (int i = 0; i < out.run_count; i++)
-                for (int k = 0; k < out.run_length[i]; k++)
+            assert_true(out.classes[9].red == 9 && out.classes[2].green == 77 &&
+                        out.classes[7].blue == 88 && out.classes[3].fraction == 0.5F);
+            assert_int_equal(out.confidence_count, variant < 2 ? 0 : out.run_count);
+            for (int i = 0; i < out.run_count; i++) {
+                int sum = 0;
+                for (int k = 0; k < out.run_length[i]; k++) {
+                    sum += sure[whole];
                     back[whole++] = out.run_class[i];
+                }
+                if (variant >= 2)
+                    assert_int_equal(out.run_confidence[i],
+                                     (int)lround((double)sum / out.run_length[i]));
+            }
             assert_int_equal(whole, row * W);
             fovea_segmentation_t_decode_cleanup(&out);
         }

@@ -1,0 +1,119 @@
+#include "detect/segmentation.h"
+
+#include <string.h>
+
+struct fv_segmentation_place fv_segmentation_place(const struct fv_model *model,
+                                                   const struct fv_nn_input_fit *fit, int32_t width,
+                                                   int32_t height)
+{
+    const struct fv_model_preprocess *p = &model->header->preprocess;
+    const double sx = (double)p->width / width, sy = (double)p->height / height;
+    return (struct fv_segmentation_place){
+        .scale = {sx / (double)fit->scale_x, sy / (double)fit->scale_y},
+        .offset = {(0.5 * sx - fit->left) / (double)fit->scale_x - 0.5,
+                   (0.5 * sy - fit->top) / (double)fit->scale_y - 0.5}};
+}
+
+/* ---- colours --------------------------------------------------------------------------------- */
+
+enum { COLOUR_BITS = 8 };
+
+/* PASCAL VOC's (VOCdevkit, VOClabelcolormap.m): bit 0, 3, 6... of the number to red, from its
+ * highest bit down; 1, 4, 7... to green; 2, 5, 8... to blue. */
+static void voc_colour(uint32_t number, uint8_t rgb[3])
+{
+    memset(rgb, 0, 3);
+    for (int bit = 0; bit < COLOUR_BITS; bit++, number >>= 3)
+        for (int k = 0; k < 3; k++)
+            rgb[k] |= (uint8_t)((number >> k & 1) << (COLOUR_BITS - 1 - bit));
+}
+
+/* Whether the first class is what is left when all others are taken: by its label, or there are
+ * none. */
+static bool begins_with_background(const struct fv_model *model)
+{
+    static const char *const names[] = {"background", "void", "unlabeled", "unlabelled", "none"};
+    const char *label = fv_model_label(model, model->header->decode.first_label);
+    if (label == NULL) return true;
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++)
+        if (strcmp(label, names[i]) == 0) return true;
+    return false;
+}
+
+void fv_segmentation_colour(const struct fv_model *model, int32_t class_id, int32_t object,
+                            uint8_t rgb[3])
+{
+    const uint8_t *given = object < 0 ? fv_model_colour(model, class_id) : NULL;
+    if (given != NULL)
+        memcpy(rgb, given, 3);
+    else if (object >= 0)
+        voc_colour((uint32_t)object + 1, rgb);
+    else
+        voc_colour((uint32_t)class_id + !begins_with_background(model), rgb);
+}
+
+/* ---- the view -------------------------------------------------------------------------------- */
+
+void fv_segmentation_view(const struct fv_model *model, const struct fv_nn_input_fit *fit,
+                          const struct fv_detect_mask *mask, const uint8_t *pixels,
+                          const uint8_t *confidence, struct fovea_segmentation *segmentation)
+{
+    const struct fv_model_preprocess *p = &model->header->preprocess;
+    const struct fv_segmentation_place place =
+        fv_segmentation_place(model, fit, mask->width, mask->height);
+    *segmentation = (struct fovea_segmentation){
+        .image_width = fit->image_width,
+        .image_height = fit->image_height,
+        .width = mask->width,
+        .height = mask->height,
+        .fit = {p->width, p->height, fit->left, fit->top, fit->width, fit->height},
+        .raw_scale = {place.scale[0], place.scale[1]},
+        .raw_offset = {place.offset[0], place.offset[1]},
+        .count = (uint32_t)mask->count,
+        .list = mask->segments,
+        .pixels = pixels,
+        .index = mask->index,
+        .confidence = confidence,
+    };
+}
+
+/* ---- at the size of the image ---------------------------------------------------------------- */
+
+/* The pixel of the mask, along one axis, in which the centre of pixel x of the image lies, from
+ * pixel to pixel: the whole part of (first + (2 x + 1) part / (2 image)) mask / input. */
+struct walk {
+    int64_t whole, rest, step_whole, step_rest, divisor;
+};
+
+static struct walk walk_of(int32_t first, int32_t part, int32_t image, int32_t mask, int32_t input)
+{
+    const int64_t divisor = (int64_t)2 * image * input,
+                  begin = ((int64_t)2 * first * image + part) * mask,
+                  step = (int64_t)2 * part * mask;
+    return (struct walk){begin / divisor, begin % divisor, step / divisor, step % divisor, divisor};
+}
+
+static void next(struct walk *walk)
+{
+    walk->whole += walk->step_whole;
+    walk->rest += walk->step_rest;
+    if (walk->rest < walk->divisor) return;
+    walk->rest -= walk->divisor;
+    walk->whole++;
+}
+
+void fovea_segmentation_enlarge(const struct fovea_segmentation *s, const uint8_t *values,
+                                uint8_t *pixels)
+{
+    const struct fovea_segmentation_fit *f = &s->fit;
+    uint8_t of[256];
+    for (int i = 0; i < 256; i++)
+        of[i] = values == NULL ? s->index[i] : values[s->index[i]];
+    struct walk row = walk_of(f->top, f->height, s->image_height, s->height, f->input_height);
+    for (int32_t y = 0; y < s->image_height; y++, next(&row)) {
+        const uint8_t *from = s->pixels + row.whole * s->width;
+        struct walk column = walk_of(f->left, f->width, s->image_width, s->width, f->input_width);
+        for (int32_t x = 0; x < s->image_width; x++, next(&column))
+            *pixels++ = of[from[column.whole]];
+    }
+}

@@ -1,0 +1,229 @@
+/* Networks that label pixels: classes, confidence and colours of a mask, and the mask at the size
+ * of the image by its rule, computed here with whole fractions. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "detect/decode.h"
+#include "detect/segmentation.h"
+
+enum { SIDE_MAX = 64, CLASSES = 5, COLOURS = 3 };
+
+/* A file's head with colours and labels behind it. */
+static struct {
+    struct fv_model_header header;
+    uint8_t colours[COLOURS * 3 + 3];
+    char labels[64];
+} file;
+static struct fv_model_tensor tensors[2];
+static const int32_t inputs[1] = {0}, outputs[1] = {1};
+static const struct fv_model model = {.base = (const uint8_t *)&file,
+                                      .header = &file.header,
+                                      .tensors = tensors,
+                                      .inputs = inputs,
+                                      .outputs = outputs};
+static _Alignas(64) uint8_t arena[SIDE_MAX * SIDE_MAX * CLASSES];
+static struct fv_detect_scratch scratch;
+static struct fv_detect_mask mask;
+static uint8_t pixels[SIDE_MAX * SIDE_MAX], confidence[SIDE_MAX * SIDE_MAX];
+static const struct fv_detect_room room = {
+    .mask = &mask, .pixels = pixels, .confidence = confidence};
+
+/* Input of width x height, output of mask_width x mask_height x channels bytes. */
+static void describe(int32_t width, int32_t height, int32_t mask_width, int32_t mask_height,
+                     int32_t channels)
+{
+    memset(&file, 0, sizeof file);
+    file.header.input_count = file.header.output_count = 1;
+    file.header.file_bytes = sizeof file;
+    file.header.preprocess =
+        (struct fv_model_preprocess){.width = width, .height = height, .channels = 3};
+    file.header.decode = (struct fv_model_decode){.kind = FV_DECODER_SEGMENT,
+                                                  .classes = channels,
+                                                  .score_threshold = 0.5f,
+                                                  .probabilities = 1};
+    tensors[0] = (struct fv_model_tensor){.rank = 4, .dims = {1, height, width, 3}};
+    tensors[1] = (struct fv_model_tensor){.type = FV_TYPE_U8,
+                                          .rank = 4,
+                                          .dims = {1, mask_height, mask_width, channels},
+                                          .scale = 1.0f / 256,
+                                          .storage = 1};
+}
+
+static struct fv_nn_input_fit fit_of(int32_t width, int32_t height)
+{
+    const uint8_t pixel = 0;
+    const struct fovea_image image = {.data = &pixel,
+                                      .width = width,
+                                      .height = height,
+                                      .stride_bytes = width,
+                                      .format = FOVEA_PIXEL_GREY8};
+    struct fv_nn_input_fit fit;
+    assert_int_equal(fv_nn_input_fit_of(&model, &image, &fit), FOVEA_OK);
+    return fit;
+}
+
+static void see(const struct fv_nn_input_fit *fit, struct fovea_segmentation *seen)
+{
+    struct fovea_detection none[1];
+    assert_int_equal(fv_detect_decode(&model, arena, fit, &scratch, &room, none, 1), 0);
+    fv_segmentation_view(&model, fit, &mask, pixels, confidence, seen);
+}
+
+/* Byte `c` of pixel `at`, the same in every run. */
+static uint8_t score_at(int32_t at, int32_t c)
+{
+    return (uint8_t)((uint32_t)(at * CLASSES + c + 1) * 2654435761u >> 24);
+}
+
+static void fill(int32_t count, int32_t channels)
+{
+    for (int32_t at = 0; at < count; at++)
+        for (int32_t c = 0; c < channels; c++)
+            arena[at * channels + c] = score_at(at, c);
+}
+
+static void a_pixel_has_its_best_class_with_its_confidence_and_area(void **state)
+{
+    (void)state;
+    enum { W = 40, H = 30 };
+    struct fovea_segmentation seen;
+    uint32_t areas[CLASSES] = {0};
+    describe(W, H, W, H, CLASSES);
+    fill(W * H, CLASSES);
+    arena[7] = arena[6] = arena[5] = arena[8] = arena[9] =
+        77; /* pixel 1: the first of equal ones */
+    const struct fv_nn_input_fit fit = fit_of(W, H);
+    see(&fit, &seen);
+    assert_true(seen.width == W && seen.height == H && seen.count == CLASSES);
+    assert_int_equal(seen.list[seen.index[seen.pixels[1]]].class_id, 0);
+    for (int32_t at = 0; at < W * H; at++) {
+        int32_t best = 0;
+        for (int32_t c = 1; c < CLASSES; c++)
+            if (arena[at * CLASSES + c] > arena[at * CLASSES + best]) best = c;
+        assert_int_equal(seen.list[seen.index[seen.pixels[at]]].class_id, best);
+        assert_int_equal(seen.confidence[at], lround(arena[at * CLASSES + best] / 256.0 * 255));
+        areas[best]++;
+    }
+    for (int c = 0; c < CLASSES; c++)
+        assert_int_equal(seen.list[c].pixels, areas[seen.list[c].class_id]);
+}
+
+/* One score: the class, or none. */
+static void one_score_is_a_class_from_its_threshold_on(void **state)
+{
+    (void)state;
+    enum { W = 20, H = 20 };
+    struct fovea_segmentation seen;
+    describe(W, H, W, H, 1);
+    fill(W * H, 1);
+    const struct fv_nn_input_fit fit = fit_of(W, H);
+    see(&fit, &seen);
+    assert_int_equal(seen.count, 1);
+    for (int32_t at = 0; at < W * H; at++) {
+        const bool is_it = arena[at] >= 128;
+        const double sure = is_it ? arena[at] / 256.0 : 1 - arena[at] / 256.0;
+        assert_int_equal(seen.index[seen.pixels[at]], is_it ? 0 : FOVEA_SEGMENTATION_NONE);
+        assert_int_equal(seen.confidence[at], (int)(sure * 255 + 0.5));
+    }
+}
+
+static void expect_colour(int32_t class_id, int32_t object, uint32_t rgb)
+{
+    uint8_t found[3];
+    fv_segmentation_colour(&model, class_id, object, found);
+    assert_int_equal(found[0] << 16 | found[1] << 8 | found[2], rgb);
+}
+
+/* VOC's palette begins: black, 800000, 008000, 808000, 000080... */
+static void colours_are_the_files_or_vocs(void **state)
+{
+    (void)state;
+    describe(20, 20, 20, 20, CLASSES);
+    expect_colour(0, -1, 0x000000);
+    expect_colour(1, -1, 0x800000);
+    expect_colour(15, -1, 0xc08080);
+    expect_colour(1, 3, 0x000080); /* of an object: that of its number, from 1 on */
+    file.header.labels = (uint32_t)offsetof(__typeof__(file), labels);
+    file.header.label_count = 2;
+    memcpy(file.labels, "floor\0wall", 11);
+    expect_colour(0, -1, 0x800000); /* no background: nothing is black */
+    expect_colour(1, -1, 0x008000);
+    memcpy(file.labels, "background\0wall", 16);
+    expect_colour(0, -1, 0x000000);
+    file.header.decode.colours = (int32_t)offsetof(__typeof__(file), colours);
+    file.header.decode.colour_count = COLOURS;
+    memcpy(file.colours, "\x01\x02\x03\x10\x20\x30\xff\xfe\xfd", 9);
+    expect_colour(0, -1, 0x010203);
+    expect_colour(2, -1, 0xfffefd);
+    expect_colour(3, -1, 0x808000); /* the file has no fourth one */
+    expect_colour(1, 0, 0x800000);
+}
+
+/* The pixel of the mask in which the centre of pixel x lies, in whole fractions of the input: its
+ * edges are at input / mask. */
+static int32_t holder(int32_t x, int32_t first, int32_t part, int32_t image, int32_t size,
+                      int32_t input)
+{
+    /* (first + (2 x + 1) part / (2 image)) in [k input / size, (k + 1) input / size) */
+    const int64_t at = ((int64_t)first * 2 * image + (int64_t)(2 * x + 1) * part) * size,
+                  one = (int64_t)2 * image * input;
+    int32_t k = 0;
+    while ((k + 1) * one <= at)
+        k++;
+    return k;
+}
+
+static void expect_rule(int32_t width, int32_t height, int32_t mask_width, int32_t mask_height,
+                        int32_t letterbox, int32_t image_width, int32_t image_height)
+{
+    struct fovea_segmentation seen;
+    describe(width, height, mask_width, mask_height, CLASSES);
+    file.header.preprocess.fit = letterbox;
+    fill(mask_width * mask_height, CLASSES);
+    const struct fv_nn_input_fit fit = fit_of(image_width, image_height);
+    see(&fit, &seen);
+    uint8_t *large = malloc((size_t)image_width * (size_t)image_height), values[256];
+    for (int i = 0; i < 256; i++)
+        values[i] = (uint8_t)(i ^ 0x55);
+    for (int with = 0; with < 2; with++) {
+        fovea_segmentation_enlarge(&seen, with ? values : NULL, large);
+        for (int32_t y = 0; y < image_height; y++) {
+            const int32_t row = holder(y, fit.top, fit.height, image_height, mask_height, height);
+            for (int32_t x = 0; x < image_width; x++) {
+                const int32_t column =
+                    holder(x, fit.left, fit.width, image_width, mask_width, width);
+                const uint8_t place = seen.index[seen.pixels[row * mask_width + column]];
+                assert_int_equal(large[y * image_width + x], with ? values[place] : place);
+            }
+        }
+    }
+    free(large);
+}
+
+static void the_mask_at_the_size_of_the_image_follows_its_rule(void **state)
+{
+    (void)state;
+    expect_rule(33, 33, 33, 33, FV_FIT_STRETCH, 80, 71);
+    expect_rule(64, 48, 16, 12, FV_FIT_STRETCH, 64, 48);
+    expect_rule(64, 48, 64, 48, FV_FIT_STRETCH, 20, 17);
+    expect_rule(64, 64, 16, 16, FV_FIT_LETTERBOX, 101, 67);
+    expect_rule(64, 64, 63, 64, FV_FIT_LETTERBOX, 40, 99);
+    expect_rule(16, 16, 64, 64, FV_FIT_LETTERBOX, 33, 32);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_pixel_has_its_best_class_with_its_confidence_and_area),
+        cmocka_unit_test(one_score_is_a_class_from_its_threshold_on),
+        cmocka_unit_test(colours_are_the_files_or_vocs),
+        cmocka_unit_test(the_mask_at_the_size_of_the_image_follows_its_rule),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
