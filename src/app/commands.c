@@ -87,6 +87,14 @@ const struct fv_command fv_commands[] = {
     {"detect", "run an int8 network on pictures: boxes, keypoints, classes, masks",
      fv_command_detect, "One line of JSON is printed for each picture.",
      "fovea detect --model src/detect/shipped.fvm photo.png --draw boxes"},
+    {"segment", "find the class of each pixel of pictures, judge a network by labels",
+     fv_command_segment,
+     "One line of JSON is printed for each picture: the classes with their share of the mask, their "
+     "mean confidence where the network gives it, and their colours. --evaluate prints the confusion "
+     "matrix (rows are labels, columns what the network sees) and the intersection over union of each "
+     "class; pixels that the map ignores do not count.",
+     "fovea segment --model city.fvm street.png --draw out.png --mask classes.png\n"
+     "fovea segment --model city.fvm pictures/*.png --evaluate labels --classes-map map.txt"},
     {"model", "print what a model file holds and its speed, write its raw outputs",
      fv_command_model,
      "FILE is a network made by tools/import. info prints what it holds and needs, and its speed here. "

@@ -13,6 +13,7 @@ int fv_command_cameras(int argc, char **argv);  /* the cameras of this host */
 int fv_command_edges(int argc, char **argv);    /* the edges of a picture */
 int fv_command_segments(int argc, char **argv); /* the line segments of a picture */
 int fv_command_detect(int argc, char **argv);   /* what a network finds in pictures */
+int fv_command_segment(int argc, char **argv);  /* the class of each pixel of a picture */
 int fv_command_map(int argc, char **argv);      /* what a map file holds */
 int fv_command_model(int argc, char **argv);    /* what a model file holds */
 int fv_command_export(int argc, char **argv);   /* frames and truth as files */
