@@ -100,6 +100,10 @@ LIBCAMERA_PLUGIN := $(if $(SAN)$(CROSS),,$(if $(wildcard /usr/include/libcamera/
 CALIBRATE_CXX := $(filter-out src/calibrate/main.cpp,$(wildcard src/calibrate/*.cpp))
 CALIBRATE := $(if $(SAN)$(CROSS),,$(if $(and $(wildcard /usr/include/opencv4/opencv2/aruco.hpp),$(wildcard /usr/include/ceres/ceres.h)),$(BUILD)/fovea-calibrate))
 
+# So is the program that serves the page of a run, where libwebsockets is installed; sanitizers see it, too.
+WEB_C := $(filter-out src/web/main.c,$(wildcard src/web/*.c))
+WEB := $(if $(CROSS)$(filter fuzz tsan,$(SAN)),,$(if $(wildcard /usr/include/libwebsockets.h),$(BUILD)/fovea-web))
+
 objs = $(patsubst %.c,$(BUILD)/obj/%.o,$(filter %.c,$(1))) $(patsubst %.cpp,$(BUILD)/obj/%.o,$(filter %.cpp,$(1)))
 GEN_O     := $(patsubst %.c,%.o,$(filter %.c,$(LCMGEN)))
 CORE_O    := $(call objs,$(CORE_C)) $(GEN_O)
@@ -116,7 +120,7 @@ LIBS_APP  := -llcm -lyaml -lpng -ljpeg -lz -ldl -lm
 .DELETE_ON_ERROR:
 .SECONDARY:
 
-all: $(VIDEO_PLUGIN) $(TEXT_PLUGIN) $(LIBCAMERA_PLUGIN) $(CALIBRATE) $(BUILD)/fovea $(BUILD)/libfovea.a $(BUILD)/libfovea.so $(BUILD)/libfovea-messages.so $(BUILD)/fovea.pc  ## build the program and the libraries
+all: $(VIDEO_PLUGIN) $(TEXT_PLUGIN) $(LIBCAMERA_PLUGIN) $(CALIBRATE) $(WEB) $(BUILD)/fovea $(BUILD)/libfovea.a $(BUILD)/libfovea.so $(BUILD)/libfovea-messages.so $(BUILD)/fovea.pc  ## build the program and the libraries
 
 help:  ## this list
 	@awk -F':.*## ' '/^[a-z-]+:.*## /{printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -336,11 +340,15 @@ $(BUILD)/train-vocabulary: $(BUILD)/obj/tools/vocabulary/train.o $(BUILD)/libfov
 MAN := $(BUILD)/man/fovea.1 $(patsubst %,$(BUILD)/man/fovea-%.1,$(shell sed -n 's/^    {"\([a-z]*\)", .*/\1/p' src/app/commands.c))
 RUN_HERE = $(if $(CROSS),$(or $(EMULATOR),tools/emulate.sh)) $(BUILD)/fovea
 CALIBRATE_MAN := $(if $(CALIBRATE),$(BUILD)/man/fovea-calibrate.1 $(patsubst %,$(BUILD)/man/fovea-calibrate-%.1,$(shell sed -n 's/^    {"\([a-z-]*\)", .*/\1/p' src/calibrate/commands.cpp)))
+WEB_MAN := $(if $(WEB),$(BUILD)/man/fovea-web.1)
 .PHONY: man
-man: $(MAN) $(CALIBRATE_MAN)  ## make the manual pages: man -l build/man/fovea.1
+man: $(MAN) $(CALIBRATE_MAN) $(WEB_MAN)  ## make the manual pages: man -l build/man/fovea.1
 $(BUILD)/man/fovea.1: $(BUILD)/fovea
 	@mkdir -p $(@D)
 	$(Q)$(RUN_HERE) --man >$@
+$(BUILD)/man/fovea-web.1: $(WEB)
+	@mkdir -p $(@D)
+	$(Q)$(WEB) --man >$@
 $(BUILD)/man/fovea-calibrate.1: $(CALIBRATE)
 	@mkdir -p $(@D)
 	$(Q)$(CALIBRATE) --man >$@
@@ -356,6 +364,7 @@ install: all man  ## install program, manual pages, libraries, headers and messa
 	           $(DESTDIR)$(PREFIX)/share/fovea/lcmtypes $(DESTDIR)$(PREFIX)/share/man/man1
 	install -m 755 $(BUILD)/fovea $(DESTDIR)$(PREFIX)/bin/
 	$(if $(CALIBRATE),install -m 755 $(CALIBRATE) $(DESTDIR)$(PREFIX)/bin/)
+	$(if $(WEB),install -m 755 $(WEB) $(DESTDIR)$(PREFIX)/bin/)
 	install -m 644 $(BUILD)/libfovea.a $(DESTDIR)$(PREFIX)/lib/
 	$(if $(LIBCAMERA_PLUGIN),install -D -m 755 $(LIBCAMERA_PLUGIN) $(DESTDIR)$(PREFIX)/lib/fovea/fovea-libcamera)
 	$(if $(VIDEO_PLUGIN),install -D -m 755 $(VIDEO_PLUGIN) $(DESTDIR)$(PREFIX)/lib/fovea/fovea-video.so)
@@ -367,7 +376,7 @@ install: all man  ## install program, manual pages, libraries, headers and messa
 	ln -sf libfovea-messages.so.$(VERSION) $(DESTDIR)$(PREFIX)/lib/$(MESSAGES_SONAME)
 	ln -sf $(MESSAGES_SONAME) $(DESTDIR)$(PREFIX)/lib/libfovea-messages.so
 	install -m 644 include/fovea/*.h $(DESTDIR)$(PREFIX)/include/fovea/
-	install -m 644 $(MAN) $(CALIBRATE_MAN) $(DESTDIR)$(PREFIX)/share/man/man1/
+	install -m 644 $(MAN) $(CALIBRATE_MAN) $(WEB_MAN) $(DESTDIR)$(PREFIX)/share/man/man1/
 	install -m 644 src/detect/shipped.fvm $(DESTDIR)$(PREFIX)/share/fovea/
 	install -m 644 include/lcmtypes/*.lcm $(DESTDIR)$(PREFIX)/share/fovea/lcmtypes/
 	install -d $(DESTDIR)$(PREFIX)/lib/systemd/system
@@ -415,7 +424,7 @@ isa_flags = $(if $(findstring _sse4.c,$(1)),-msse4.2 -mpopcnt)\
 $(BUILD)/obj/src/kernels/x86/filter_avx512.o $(BUILD)/obj/src/kernels/x86/edge_avx512.o: CFLAGS += -mprefer-vector-width=512
 
 # Only programs and tests may see the drivers' own headers.
-$(BUILD)/obj/src/app/%.o $(BUILD)/obj/tests/%.o $(BUILD)/obj/tools/%.o: CFLAGS += -I.
+$(BUILD)/obj/src/app/%.o $(BUILD)/obj/src/web/%.o $(BUILD)/obj/tests/%.o $(BUILD)/obj/tools/%.o: CFLAGS += -I.
 $(BUILD)/obj/src/calibrate/%.o $(BUILD)/obj/tests/%.o: CXXFLAGS += -I.
 
 $(BUILD)/obj/%.o: %.c | $(LCMGEN)
@@ -476,6 +485,21 @@ $(BUILD)/fovea-calibrate: $(BUILD)/obj/src/calibrate/main.o $(CALIBRATE_O) $(BUI
 	@echo "  link $@"
 	$(Q)$(CXX) $(LDFLAGS) -pie -o $@ $(filter %.o,$^) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group \
 	    $(CALIBRATE_LIBS) $(LIBS_APP)
+WEB_O := $(call objs,$(WEB_C))
+WEB_PAGE := $(patsubst src/web/page/%,$(BUILD)/page/%.gz,$(wildcard src/web/page/*)) $(BUILD)/page/types.txt.gz
+$(BUILD)/page/%.gz: src/web/page/%
+	@mkdir -p $(@D)
+	$(Q)gzip -9nc $< >$@
+# The definitions of all messages, by which the page decodes them.
+$(BUILD)/page/types.txt.gz: $(LCMTYPES) Makefile
+	@mkdir -p $(@D)
+	$(Q)for file in $(LCMTYPES); do name=$$(basename $$file .lcm); case $$name in bot_core_*) package=bot_core ;; *) package=fovea ;; esac; \
+	    echo "//! type $$package.$${name#$${package}_}"; sed 's|//.*||; s|^ *\*.*||; s|^/\*.*||' $$file; done | grep -v '^ *$$' | gzip -9nc >$@
+$(BUILD)/obj/src/web/assets.o: $(WEB_PAGE)
+$(BUILD)/obj/src/web/assets.o: CFLAGS += -DFV_WEB_PAGE='"$(BUILD)/page"'
+$(BUILD)/fovea-web: $(BUILD)/obj/src/web/main.o $(WEB_O) $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
+	@echo "  link $@"
+	$(Q)$(CC) $(LDFLAGS) -pie -o $@ $(filter %.o,$^) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group -lwebsockets $(LIBS_APP)
 $(BUILD)/fovea.pc: tools/fovea.pc.in include/fovea/fovea.h
 	$(Q)sed 's|@PREFIX@|$(PREFIX)|; s|@VERSION@|$(VERSION)|' $< >$@
 
@@ -483,6 +507,8 @@ $(BUILD)/fovea.pc: tools/fovea.pc.in include/fovea/fovea.h
 TESTS_C   := $(shell find tests -name 'test_*.c' 2>/dev/null | sort)
 TESTS_CXX := $(if $(CROSS)$(SAN),,$(shell find tests -name 'test_*.cpp' 2>/dev/null | sort))  # need OpenCV
 TESTS     := $(patsubst tests/%.c,$(BUILD)/tests/%,$(TESTS_C)) $(patsubst tests/%.cpp,$(BUILD)/tests/%,$(TESTS_CXX))
+# Of the page, where its program is built.
+TESTS     := $(if $(WEB),$(TESTS),$(filter-out $(BUILD)/tests/unit/web/% $(BUILD)/tests/transport/test_web%,$(TESTS)))
 TEST_HELP := $(call objs,$(filter-out tests/common/wrong_case.c,$(wildcard tests/common/*.c)))
 # The jar is tested where there is a Java to build it: 200 MB that no other test needs.
 JAR       := $(if $(and $(wildcard /usr/share/java/lcm.jar),$(shell command -v javac)),$(BUILD)/fovea-types.jar)
@@ -546,6 +572,11 @@ OPENCV_LIBS = -lopencv_calib3d -lopencv_features2d -lopencv_flann -lopencv_imgco
 BESIDE_CERES := map/test_pose_graph map/test_window_ceres
 $(BESIDE_CERES:%=$(BUILD)/tests/unit/%): ORACLE_LIBS := -lopencv_aruco -lceres -lglog
 $(BESIDE_CERES:%=$(BUILD)/obj/tests/unit/%.o) $(BUILD)/obj/tests/unit/geometry/test_normal_equations.o $(BUILD)/obj/tests/unit/calibrate/%.o: CXXFLAGS += -isystem /usr/include/eigen3
+# Parts of the page's server that know no socket are tested by their functions, the others by the program.
+WEB_TESTS := $(filter $(BUILD)/tests/unit/web/%,$(TESTS))
+$(WEB_TESTS): $(filter-out %/server.o %/server_http.o %/main.o,$(WEB_O))
+$(WEB_TESTS): TEST_MORE := $(filter-out %/server.o %/server_http.o %/main.o,$(WEB_O))
+$(filter $(BUILD)/tests/transport/test_web%,$(TESTS)): | $(WEB)
 # Calibration is tested by its functions.
 CALIBRATE_TESTS := $(patsubst tests/%.cpp,$(BUILD)/tests/%,$(wildcard tests/unit/calibrate/*.cpp))
 $(CALIBRATE_TESTS): $(CALIBRATE_O)

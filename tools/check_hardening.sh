@@ -61,7 +61,7 @@ trial fortified-functions -U_FORTIFY_SOURCE
 # ---- what was built ------------------------------------------------------------------------------------------------
 bad=0
 held=
-for file in fovea libfovea.so libfovea-messages.so fovea-video.so fovea-libcamera fovea-calibrate; do
+for file in fovea libfovea.so libfovea-messages.so fovea-video.so fovea-libcamera fovea-calibrate fovea-web; do
     [ -e "$build/$file" ] || continue
     held="$held $file"
     found=$(lacking "$build/$file" | tr '\n' ' ')

@@ -22,6 +22,7 @@ allowed() { # rooms that a room may include besides itself
     runtime)  echo "$core message" ;;
     support)  echo "base" ;;
     calibrate) echo "base kernels image message support drivers app/network" ;;
+    web)      echo "base message support drivers app/network app/config app/watch" ;;
     app/network) echo "base message support drivers" ;;
     app/config)  echo "$core runtime message support drivers app/network" ;;
     app/watch)   echo "base message support drivers app/network app/config" ;;
@@ -59,7 +60,7 @@ check_room() { # ROOM DEPTH
             case $header in
             fovea/*) continue ;;
             fovea_*_t.h | bot_core_*_t.h | fovea_fields.h | fovea_types.h | fovea_type_texts.h)
-                case $room in message | support | app/*) ;; *) echo "$file:$line: only message/, support/ and app/ see LCM types" ;; esac
+                case $room in message | support | app/* | web) ;; *) echo "$file:$line: only message/, support/, app/ and web/ see LCM types" ;; esac
                 continue ;;
             esac
             case $header in

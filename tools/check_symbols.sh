@@ -16,7 +16,7 @@ allowed="$allowed|__assert_fail|__stack_chk_fail|__stack_chk_guard|_GLOBAL_OFFSE
 allowed="$allowed|__(asan|ubsan|tsan|sanitizer)_.*|fv_.*|fovea_.*|__fovea_.*|(__)?bot_core_.*)$"
 
 bad=0
-for object in $(find "$build/obj/src" -name '*.o' ! -path '*/app/*' ! -path '*/calibrate/*' ! -path '*/support/*' | sort) ; do
+for object in $(find "$build/obj/src" -name '*.o' ! -path '*/app/*' ! -path '*/calibrate/*' ! -path '*/web/*' ! -path '*/support/*' | sort) ; do
     symbols=$($nm --undefined-only "$object" | awk '{print $NF}' | grep -vE "$allowed" || true)
     if [ -n "$symbols" ]; then
         echo "$object: $(echo "$symbols" | tr '\n' ' ')"

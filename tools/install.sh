@@ -7,10 +7,12 @@ packages() {
     case $1 in
     build) echo gcc g++ make pkg-config liblcm-dev liblcm-bin libyaml-dev libpng-dev libjpeg62-turbo-dev \
                 zlib1g-dev libfreetype-dev fonts-dejavu-core ;;
+    web)   echo libwebsockets-dev ;;
     calibrate) echo libopencv-core-dev libopencv-imgproc-dev libopencv-calib3d-dev libopencv-features2d-dev \
                 libopencv-contrib-dev libceres-dev ;;
     test)  echo libcmocka-dev libopencv-core-dev libopencv-imgproc-dev libopencv-features2d-dev \
-                libopencv-calib3d-dev libopencv-imgcodecs-dev libopencv-contrib-dev libceres-dev python3 python3-venv iproute2 iptables ;;
+                libopencv-calib3d-dev libopencv-imgcodecs-dev libopencv-contrib-dev libceres-dev python3 python3-venv iproute2 iptables \
+                libwebsockets-dev chromium chromium-driver ;;
     bench) echo libopencv-core-dev libopencv-imgproc-dev libopencv-features2d-dev libopencv-calib3d-dev \
                 libopencv-imgcodecs-dev opencv-doc python3 python3-venv ;;
     evaluate) echo python3 python3-venv ;;

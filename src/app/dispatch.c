@@ -71,7 +71,8 @@ static int dispatch(int argc, char **argv)
         char *arguments[] = {argv[2], (char[]){"--help"}, NULL};
         return command->run(2, arguments);
     }
-    fv_options_describe(&(struct fv_options_page){command->help, command->description});
+    fv_options_describe(
+        &(struct fv_options_page){.help = command->help, .description = command->description});
     const int status = command->run(argc - 1, argv + 1);
     if (fv_options_man_printed()) {
         fv_man_section("EXAMPLES");

@@ -10,12 +10,27 @@
 #include "support/say.h"
 #include "support/text.h"
 
+static struct fv_options_page page;
+static bool man_printed;
+
+/* "fovea run", "fovea-web": what begins a line about a command, or a program of its own. */
+static const char *title(const char *command)
+{
+    static char text[64];
+    snprintf(text, sizeof text, "fovea %s", command);
+    return page.program != NULL ? page.program : text;
+}
+
 static void help_print(const struct fv_option *options, const char *command, const char *operands)
 {
-    printf("usage: fovea %s [OPTION]...%s%s\n\n", command, *operands ? " " : "", operands);
+    printf("usage: %s [OPTION]...%s%s\n\n", title(command), *operands ? " " : "", operands);
     for (const struct fv_option *option = options; option->name != NULL; option++) {
-        int width = printf("  --%s%s%s", option->name, option->value ? " " : "",
-                           option->value ? option->value : "");
+        const bool may = option->kind == FV_OPTION_OPTIONAL;
+        int width = printf("  --%s%s%s%s", option->name,
+                           may             ? "[="
+                           : option->value ? " "
+                                           : "",
+                           option->value ? option->value : "", may ? "]" : "");
         printf("%*s %s\n", width < 26 ? 26 - width : 0, "", option->help);
     }
     printf("  --help                   this text\n"
@@ -23,9 +38,6 @@ static void help_print(const struct fv_option *options, const char *command, con
 }
 
 /* ---- the manual page ------------------------------------------------------------------------- */
-
-static struct fv_options_page page;
-static bool man_printed;
 
 void fv_options_describe(const struct fv_options_page *described)
 {
@@ -41,8 +53,10 @@ static void man_print(const struct fv_option *options, const char *name, const c
 {
     char rest[128];
     snprintf(rest, sizeof rest, "[OPTION]...%s%s", *operands ? " " : "", operands);
-    fv_man_begin("fovea", name, page.help != NULL ? page.help : "");
-    fv_man_synopsis("fovea", name, rest);
+    const bool alone = page.program != NULL;
+    const char *program = alone ? page.program : "fovea";
+    fv_man_begin(program, alone ? NULL : name, page.help != NULL ? page.help : "");
+    fv_man_synopsis(program, alone ? NULL : name, rest);
     if (page.description != NULL) {
         fv_man_section("DESCRIPTION");
         fv_man_text(page.description);
@@ -88,17 +102,16 @@ static enum fv_options_result unknown(const struct fv_option *options, const cha
     const char *names[FV_OPTIONS_MAX], *now = name_now(command, name + dash);
     size_t count = 0;
     if (now != NULL) {
-        fv_say(
-            "fovea %s: --%s: found an option that Fovea 0.1 reads, expected its name now, '--%s'",
-            command, name + dash, now);
+        fv_say("%s: --%s: found an option that Fovea 0.1 reads, expected its name now, '--%s'",
+               title(command), name + dash, now);
         return FV_OPTIONS_WRONG;
     }
     for (; options[count].name != NULL && count < FV_OPTIONS_MAX; count++)
         names[count] = options[count].name;
     const char *nearest = fv_text_nearest(name + dash, names, count);
-    fv_say("fovea %s: unknown option '%s%s'%s%s%s ('fovea %s --help' lists all)", command,
+    fv_say("%s: unknown option '%s%s'%s%s%s ('%s --help' lists all)", title(command),
            argument[0] == '-' ? "" : "--", name, nearest ? ", nearest is '--" : "",
-           nearest ? nearest : "", nearest ? "'" : "", command);
+           nearest ? nearest : "", nearest ? "'" : "", title(command));
     return FV_OPTIONS_WRONG;
 }
 
@@ -124,19 +137,22 @@ static enum fv_options_result store(const struct fv_option *option, const char *
     case FV_OPTION_TEXT:
         *(const char **)option->target = text;
         return FV_OPTIONS_READ;
+    case FV_OPTION_OPTIONAL:
+        *(const char **)option->target = text != NULL ? text : "";
+        return FV_OPTIONS_READ;
     case FV_OPTION_COUNT:
     case FV_OPTION_POSITIVE:
         if (count_read(text, option->kind == FV_OPTION_POSITIVE, option->target))
             return FV_OPTIONS_READ;
-        fv_say("fovea %s: --%s: found '%s', expected a whole number from %d", command, option->name,
-               text, option->kind == FV_OPTION_POSITIVE);
+        fv_say("%s: --%s: found '%s', expected a whole number from %d", title(command),
+               option->name, text, option->kind == FV_OPTION_POSITIVE);
         return FV_OPTIONS_WRONG;
     case FV_OPTION_LIST:
         if (list->count < FV_OPTION_LIST_MAX) {
             list->values[list->count++] = text;
             return FV_OPTIONS_READ;
         }
-        fv_say("fovea %s: --%s: given more than %d times", command, option->name,
+        fv_say("%s: --%s: given more than %d times", title(command), option->name,
                FV_OPTION_LIST_MAX);
         return FV_OPTIONS_WRONG;
     }
@@ -149,7 +165,9 @@ static void table_fill(const struct fv_option *options, struct option *table)
 {
     int count = 0;
     for (; options[count].name != NULL && count < FV_OPTIONS_MAX; count++) {
-        int argument = options[count].kind == FV_OPTION_FLAG ? no_argument : required_argument;
+        const int argument = options[count].kind == FV_OPTION_FLAG       ? no_argument
+                             : options[count].kind == FV_OPTION_OPTIONAL ? optional_argument
+                                                                         : required_argument;
         table[count] = (struct option){options[count].name, argument, NULL, CODE_FIRST + count};
     }
     table[count] = (struct option){"help", no_argument, NULL, CODE_HELP};
@@ -161,13 +179,13 @@ static enum fv_options_result operands_check(const char *command, const char *op
                                              int maximum, int argc, char **argv)
 {
     if (argc - optind > maximum) {
-        fv_say("fovea %s: unexpected argument '%s', expected %s%s beside the options", command,
+        fv_say("%s: unexpected argument '%s', expected %s%s beside the options", title(command),
                argv[optind + maximum], maximum == 0 ? "nothing" : "only ",
                maximum == 0 ? "" : operands);
         return FV_OPTIONS_WRONG;
     }
     if (argc - optind < minimum) {
-        fv_say("fovea %s: argument missing, expected %s", command, operands);
+        fv_say("%s: argument missing, expected %s", title(command), operands);
         return FV_OPTIONS_WRONG;
     }
     return FV_OPTIONS_READ;
@@ -201,12 +219,12 @@ enum fv_options_result fv_options_parse(const struct fv_option *options, const c
         }
         if (code == ':') {
             const struct fv_option *option = &options[optopt - CODE_FIRST];
-            fv_say("fovea %s: --%s: value missing, expected %s", command, option->name,
+            fv_say("%s: --%s: value missing, expected %s", title(command), option->name,
                    option->value);
             return FV_OPTIONS_WRONG;
         }
         if (code == '?' && optopt >= CODE_HELP) {
-            fv_say("fovea %s: '%s': this option takes no value", command, argument);
+            fv_say("%s: '%s': this option takes no value", title(command), argument);
             return FV_OPTIONS_WRONG;
         }
         if (code == '?') return unknown(options, command, argument);

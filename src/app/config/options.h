@@ -17,6 +17,7 @@
 enum fv_option_kind {
     FV_OPTION_FLAG,     /* bool *: set to true; takes no value */
     FV_OPTION_TEXT,     /* const char **: points into argv */
+    FV_OPTION_OPTIONAL, /* the same, and "" where no value is given: --name or --name=value */
     FV_OPTION_COUNT,    /* uint64_t *: decimal, 0 to 2^63 - 1 */
     FV_OPTION_POSITIVE, /* the same from 1 */
     FV_OPTION_LIST      /* struct fv_option_list *: may be given many times */
@@ -55,6 +56,7 @@ enum fv_options_result fv_options_parse(const struct fv_option *options, const c
  * is left out. */
 struct fv_options_page {
     const char *help, *description;
+    const char *program; /* NULL: a command of fovea; else a program of its own */
 };
 void fv_options_describe(const struct fv_options_page *page);
 

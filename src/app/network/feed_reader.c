@@ -122,11 +122,10 @@ enum fovea_status fv_feed_reader_open(const char *path, uint32_t frames_per_1000
     made->socket = -1;
     enum fovea_status status = connect_to(made, path, error);
     if (status == FOVEA_OK) {
-        const struct fv_feed_wish wish = {frames_per_1000_s};
         const int memory = memory_receive(made->socket);
         const bool mapped = memory >= 0 && memory_map(made, memory);
         if (memory >= 0) close(memory);
-        if (!mapped || send(made->socket, &wish, sizeof wish, MSG_NOSIGNAL) != sizeof wish)
+        if (!mapped || !fv_feed_reader_wish(made, frames_per_1000_s))
             status = fovea_error_set(error, FOVEA_ERROR_SYSTEM,
                                      "%s: found no feed behind the socket, expected that of a run "
                                      "with fewer than 16 readers and of this version",
@@ -147,6 +146,23 @@ void fv_feed_reader_close(struct fv_feed_reader *reader)
     free(reader->message);
     free(reader->images);
     free(reader);
+}
+
+void fv_feed_reader_prefix(const struct fv_feed_reader *reader, char *prefix)
+{
+    memcpy(prefix, reader->header->prefix, FV_MESSAGE_CHANNEL_BYTES - 1);
+    prefix[FV_MESSAGE_CHANNEL_BYTES - 1] = '\0';
+}
+
+int64_t fv_feed_reader_run(const struct fv_feed_reader *reader)
+{
+    return reader->header->run_id;
+}
+
+bool fv_feed_reader_wish(struct fv_feed_reader *reader, uint32_t frames_per_1000_s)
+{
+    const struct fv_feed_wish wish = {frames_per_1000_s};
+    return send(reader->socket, &wish, sizeof wish, MSG_NOSIGNAL | MSG_DONTWAIT) == sizeof wish;
 }
 
 /* ---- reading --------------------------------------------------------------------------------- */

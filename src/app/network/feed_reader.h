@@ -5,6 +5,7 @@
 #ifndef FOVEA_APP_NETWORK_FEED_READER_H
 #define FOVEA_APP_NETWORK_FEED_READER_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -24,6 +25,13 @@ struct fv_feed_message {
  * is no run, it has its most readers already, or what it hands out is no feed. Init-only. */
 enum fovea_status fv_feed_reader_open(const char *path, uint32_t frames_per_1000_s,
                                       struct fv_feed_reader **reader, struct fovea_error *error);
+
+/* Of the run: the prefix of its channels, which holds FV_MESSAGE_CHANNEL_BYTES, and its number. */
+void fv_feed_reader_prefix(const struct fv_feed_reader *reader, char *prefix);
+int64_t fv_feed_reader_run(const struct fv_feed_reader *reader);
+
+/* Wish for another number of frames. False: not now, or the run has ended. */
+bool fv_feed_reader_wish(struct fv_feed_reader *reader, uint32_t frames_per_1000_s);
 
 /* The next message; those before the opening are not seen. FOVEA_OK, FOVEA_AGAIN: there is none
  * now, FOVEA_END: there is none and the run has ended. A reader that was overtaken goes on with the

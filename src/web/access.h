@@ -1,0 +1,63 @@
+/* Who may see the page, and who may command: names of hosts, origins, tokens, cookies, tries. All
+ * text here is a stranger's. No heap but where a file is read. */
+#ifndef FOVEA_WEB_ACCESS_H
+#define FOVEA_WEB_ACCESS_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "fovea/status.h"
+
+enum {
+    FV_WEB_TOKEN_DIGITS = 32, /* hexadecimal: 128 bits */
+    FV_WEB_NAMES_MAX = 16,
+    FV_WEB_NAME_BYTES = 128, /* of a Host header */
+    FV_WEB_TRIES = 5,        /* wrong tokens of an address, before it has to wait */
+    FV_WEB_TRIERS_MAX = 64   /* addresses that are known at once */
+};
+#define FV_WEB_TRY_WAIT_NS INT64_C(30000000000)
+
+enum fv_web_role { FV_WEB_NOBODY, FV_WEB_VIEW, FV_WEB_OPERATE };
+
+struct fv_web_tokens {
+    char view[FV_WEB_TOKEN_DIGITS + 1], operate[FV_WEB_TOKEN_DIGITS + 1];
+};
+
+/* Read the tokens of the file, or make both and the file, with mode 0600, where there is none.
+ * FOVEA_ERROR_INPUT: others may use the file, it is neither root's nor ours, or it holds something
+ * else. Init-only. */
+enum fovea_status fv_web_tokens_read(const char *path, struct fv_web_tokens *tokens, bool *made,
+                                     struct fovea_error *error);
+
+/* What a token allows. The time it takes tells nothing about the tokens. */
+enum fv_web_role fv_web_tokens_role(const struct fv_web_tokens *tokens, const char *token);
+
+/* Whether a Host header names this server: with our port, a loopback address, localhost, the
+ * address `local` that the connection came to, or one of `names`. An address cannot be rebound to
+ * another host by a name server, a name can. */
+bool fv_web_host_is_ours(const char *host, uint16_t port, const char *local,
+                         const char *const *names, int count);
+
+/* Whether the Origin header is that of our own page: http:// and the Host header. */
+bool fv_web_origin_is_ours(const char *origin, const char *host);
+
+/* The value of a cookie that holds a token; false: there is none of this name. */
+bool fv_web_cookie_token(const char *cookies, const char *name,
+                         char token[FV_WEB_TOKEN_DIGITS + 1]);
+
+/* Wrong tokens, by address. Zeroed at first. An address that is not known takes the place of the
+ * one that tried longest ago. */
+struct fv_web_tries {
+    struct fv_web_trier {
+        char address[48];
+        uint32_t count;
+        int64_t last_ns;
+    } list[FV_WEB_TRIERS_MAX];
+};
+
+/* Whether this address may try a token at `now_ns` (CLOCK_MONOTONIC). */
+bool fv_web_tries_left(struct fv_web_tries *tries, const char *address, int64_t now_ns);
+void fv_web_tries_failed(struct fv_web_tries *tries, const char *address, int64_t now_ns);
+
+#endif

@@ -1,0 +1,72 @@
+#include "web/assets.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include <zlib.h>
+
+/* The Makefile compresses the files of src/web/page and the definitions of the messages, and names
+ * the folder. */
+#ifndef FV_WEB_PAGE
+#define FV_WEB_PAGE "build/page"
+#endif
+#define ASSET(name, file)                                                                          \
+    __asm__(".pushsection .rodata\n" #name ":\n.incbin \"" FV_WEB_PAGE "/" file ".gz\"\n" #name    \
+            "_end:\n.popsection\n");                                                               \
+    extern const uint8_t name[] __attribute__((visibility("hidden")));                             \
+    extern const uint8_t name##_end[] __attribute__((visibility("hidden")));
+
+#define JAVASCRIPT "text/javascript; charset=utf-8"
+#define HTML "text/html; charset=utf-8"
+#define CSS "text/css; charset=utf-8"
+#define SVG "image/svg+xml"
+#define TEXT "text/plain; charset=utf-8"
+
+#define EVERY_ASSET(ROW)                                                                           \
+    ROW(index, "/", "index.html", HTML, false)                                                     \
+    ROW(style, "/style.css", "style.css", CSS, true)                                               \
+    ROW(icon, "/icon.svg", "icon.svg", SVG, true)                                                  \
+    ROW(login, "/login", "login.html", HTML, true)                                                 \
+    ROW(app, "/app.js", "app.js", JAVASCRIPT, false)                                               \
+    ROW(link, "/link.js", "link.js", JAVASCRIPT, false)                                            \
+    ROW(lcm, "/lcm.js", "lcm.js", JAVASCRIPT, false)                                               \
+    ROW(live, "/live.js", "live.js", JAVASCRIPT, false)                                            \
+    ROW(scene, "/scene.js", "scene.js", JAVASCRIPT, false)                                         \
+    ROW(plots, "/plots.js", "plots.js", JAVASCRIPT, false)                                         \
+    ROW(panels, "/panels.js", "panels.js", JAVASCRIPT, false)                                      \
+    ROW(types, "/types", "types.txt", TEXT, false)
+
+#define DATA(name, path, file, type, open) ASSET(fv_web_page_##name, file)
+EVERY_ASSET(DATA)
+
+#define ENTRY(name, path, file, type, open)                                                        \
+    {path, type, open, fv_web_page_##name, fv_web_page_##name##_end},
+static const struct fv_web_asset assets[] = {EVERY_ASSET(ENTRY)};
+
+const struct fv_web_asset *fv_web_asset_find(const char *path)
+{
+    for (size_t i = 0; i < sizeof assets / sizeof assets[0]; i++)
+        if (strcmp(path, assets[i].path) == 0) return &assets[i];
+    return NULL;
+}
+
+uint8_t *fv_web_asset_inflate(const struct fv_web_asset *asset, size_t *bytes)
+{
+    const size_t packed = (size_t)(asset->gzip_end - asset->gzip);
+    uint8_t *text = NULL;
+    z_stream stream = {.next_in = (z_const Bytef *)(uintptr_t)asset->gzip,
+                       .avail_in = (uInt)packed};
+    if (packed < 4) return NULL;
+    const uint8_t *tail = asset->gzip_end - 4; /* RFC 1952: the length, least byte first */
+    *bytes = tail[0] | (size_t)tail[1] << 8 | (size_t)tail[2] << 16 | (size_t)tail[3] << 24;
+    if (inflateInit2(&stream, 16 + MAX_WBITS) != Z_OK) return NULL;
+    text = malloc(*bytes + 1);
+    stream.next_out = text;
+    stream.avail_out = (uInt)*bytes;
+    if (text != NULL && inflate(&stream, Z_FINISH) != Z_STREAM_END) {
+        free(text);
+        text = NULL;
+    }
+    inflateEnd(&stream);
+    return text;
+}

@@ -1,0 +1,74 @@
+/* One page that looks: what it was sent, what it may be sent next, what it says. No sockets here
+ * (server.c), so that all of it is tested without any.
+ *
+ * To the page go packets of four kinds. Text is JSON with a member "kind": hello, log, pong, sent,
+ * refused. Binary packets begin with a byte, numbers in them are big-endian:
+ *   1  a message: length of the channel's name (1 byte), name, the message as LCM encodes it; the
+ *      page decodes it by the definitions of /types. It is sent as it is because the same bytes
+ *      then serve all clients, take a fourth of their JSON, and no new message type needs code here
+ *   2  a picture: fv_web_client_next says its head
+ *   3  a piece of the path: epoch (4), number of the first place (8), count (4), x y z (4 each)
+ * The page says, in words: "ack N" (picture N is on the screen), "ping TEXT", "pictures 0|1",
+ * "command REQUEST WORD..." with the words of docs/messages.md.
+ *
+ * At most two pictures are on their way. Where the link is too slow for that, the class of size and
+ * quality falls, then pictures are left out; messages go first. */
+#ifndef FOVEA_WEB_CLIENT_H
+#define FOVEA_WEB_CLIENT_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "web/access.h"
+#include "web/store.h"
+
+enum {
+    FV_WEB_UNACKED_MAX = 2,
+    FV_WEB_REPLY_BYTES = 512,
+    FV_WEB_WORDS_BYTES = 120,         /* that a page may say at once */
+    FV_WEB_PACKET_BYTES_MAX = 640000, /* a picture that is larger goes out in the next class */
+};
+
+struct fv_web_client {
+    enum fv_web_role role;
+    bool commands;                           /* may be sent: shown in hello */
+    uint32_t news, run;                      /* of the store, as they were sent */
+    uint32_t versions[FV_WEB_ROWS_MAX], row; /* the row that was sent last */
+    uint32_t path_epoch;
+    uint64_t path_sent, log_sent;
+    char reply[FV_WEB_REPLY_BYTES]; /* a text that waits; "": none */
+
+    bool hidden; /* the page is, and wants no pictures */
+    int picture_class;
+    uint32_t sent, frame; /* pictures: last sent, last that was there */
+    uint32_t unacked_count;
+    struct {
+        uint32_t number;
+        int64_t sent_ns;
+    } unacked[FV_WEB_UNACKED_MAX];
+    int64_t ack_least_ns, ack_ns; /* from sending to acknowledgement: least, last */
+    int64_t class_ns, better_ns;  /* class changed; how long it must go well for a better one */
+};
+
+void fv_web_client_init(struct fv_web_client *client, enum fv_web_role role, bool commands);
+
+/* The next packet, into `to`. Returns its bytes, 0: there is nothing to send now. `*text`: it is
+ * text. */
+size_t fv_web_client_next(struct fv_web_client *client, struct fv_web_store *store, uint8_t *to,
+                          size_t capacity, int64_t now_ns, bool *text);
+
+/* What a page said. */
+enum fv_web_said { FV_WEB_SAID_NOTHING, FV_WEB_SAID_COMMAND, FV_WEB_SAID_WRONG };
+struct fv_web_command {
+    uint32_t request; /* the page's number of it */
+    int32_t bits;     /* of command_t */
+};
+enum fv_web_said fv_web_client_hear(struct fv_web_client *client, const char *words, size_t length,
+                                    int64_t now_ns, struct fv_web_command *command);
+
+/* To be sent before all else; it replaces one that still waits. */
+void fv_web_client_reply(struct fv_web_client *client, const char *format, ...)
+    __attribute__((format(printf, 2, 3)));
+
+#endif

@@ -1,0 +1,31 @@
+/* Commands of a page, to the run, over LCM: the answer comes back through the feed. */
+#ifndef FOVEA_WEB_COMMAND_H
+#define FOVEA_WEB_COMMAND_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "app/network/siphash.h"
+#include "app/network/transport.h"
+
+enum { FV_WEB_SENDER = 7670 }; /* the number that fovea-web has among those with one key */
+
+struct fv_web_commander {
+    struct fv_transport *transport; /* NULL: no commands */
+    bool keyed;
+    uint8_t key[FV_SIPHASH_KEY_BYTES];
+    int64_t id;
+};
+
+/* `url` as the run's lcm_url, "": no commands; `key`: the file of its command_key, NULL: none.
+ * Init-only. */
+enum fovea_status fv_web_commander_open(struct fv_web_commander *commander, const char *url,
+                                        const char *key, struct fovea_error *error);
+
+/* Send bits of command_t to the run. Returns the number by which command_result_t answers. */
+int64_t fv_web_commander_send(struct fv_web_commander *commander, const char *prefix,
+                              int64_t run_id, int32_t bits);
+
+void fv_web_commander_close(struct fv_web_commander *commander);
+
+#endif

@@ -1,0 +1,217 @@
+/* fovea-web: the page of a running robot. */
+#include <arpa/inet.h>
+#include <errno.h>
+#include <signal.h>
+#include <stdatomic.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/prctl.h>
+#include <unistd.h>
+
+#include "app/config/options.h"
+#include "fovea/fovea.h"
+#include "message/message.h"
+#include "support/man.h"
+#include "support/say.h"
+#include "support/text.h"
+#include "web/server.h"
+
+#define URL_DEFAULT "udpm://239.255.76.67:7667"
+#define SOCKET_DEFAULT "/run/fovea/front.sock"
+
+enum { PORT_DEFAULT = 7680, RATE_DEFAULT = 15, RATE_MAX = 60 };
+
+struct web {
+    const char *feed, *address, *token, *url, *key;
+    uint64_t port, rate;
+    bool with_parent;
+    struct fv_option_list names;
+    struct fv_web_tokens tokens;
+    struct fv_web_store *store;
+    struct fv_web_relay *relay;
+    struct fv_web_commander commander;
+};
+
+static struct fv_web_server *_Atomic served;
+
+static void on_end(int signal)
+{
+    const int kept = errno;
+    struct fv_web_server *server = atomic_load(&served);
+    (void)signal;
+    if (server != NULL)
+        fv_web_server_stop(server);
+    else
+        _exit(FV_EXIT_OK);
+    errno = kept;
+}
+
+static enum fv_options_result options_read(struct web *web, int argc, char **argv)
+{
+    const struct fv_option options[] = {
+        {"feed", "SOCKET", FV_OPTION_TEXT, &web->feed,
+         "the run on this host whose key web.socket names this socket (default " SOCKET_DEFAULT
+         "); it may start later, and be restarted"},
+        {"port", "N", FV_OPTION_COUNT, &web->port,
+         "TCP port of the page (default 7680; 0: one that is free)"},
+        {"address", "A", FV_OPTION_TEXT, &web->address,
+         "IPv4 address to listen at (default 127.0.0.1: this host alone; 0.0.0.0: every network, "
+         "with --token)"},
+        {"name", "HOST", FV_OPTION_LIST, &web->names,
+         "a further name by which browsers call this host, such as robot.local"},
+        {"token", "FILE", FV_OPTION_TEXT, &web->token,
+         "the page asks for a token of this file; without such a file one is made (two tokens: to "
+         "view, and to operate)"},
+        {"rate", "HZ", FV_OPTION_POSITIVE, &web->rate,
+         "pictures in a second, at most (default 15; web.picture_rate of the run is the limit)"},
+        {"lcm-url", "URL", FV_OPTION_TEXT, &web->url,
+         "where the run hears commands: its lcm_url (default udpm://239.255.76.67:7667; empty: the "
+         "page sends no commands)"},
+        {"command-key", "FILE", FV_OPTION_TEXT, &web->key, "key of commands: its command_key"},
+        {"with-parent", NULL, FV_OPTION_FLAG, &web->with_parent,
+         "end when the program that started this one ends"},
+        {0},
+    };
+    int first;
+    fv_options_describe(&(struct fv_options_page){
+        .help = "show a running robot as a page in a browser",
+        .description =
+            "Serves a page with the live picture and what is found in it, the pose, the path and "
+            "the map, times, and the log of a run of fovea on this host, and sends commands to it. "
+            "The run offers its feed by the key web.socket; it is not slowed by those who look. "
+            "'fovea run --web' starts this program beside the run.\n\n"
+            "The page can be reached from this host alone, unless --address says otherwise: then "
+            "--token is needed, and all that the page shows is readable on the network, since it "
+            "is not encrypted.",
+        .program = "fovea-web"});
+    const enum fv_options_result result = fv_options_parse(options, "", 0, 0, argc, argv, &first);
+    if (result == FV_OPTIONS_HELP && fv_options_man_printed()) {
+        fv_man_section("EXAMPLES");
+        fv_man_example(
+            "fovea run --source v4l2:/dev/video0 --web\n"
+            "fovea-web --feed /run/fovea/front.sock --address 0.0.0.0 --name robot.local "
+            "--token /var/lib/fovea/web.token");
+        fv_man_reference("fovea", NULL, true);
+        fv_man_reference("fovea", "run", false);
+        putchar('\n');
+    }
+    return result;
+}
+
+/* FOVEA_ERROR_INPUT: what was asked for cannot be, or is not safe. */
+static enum fovea_status options_check(struct web *web, struct fovea_error *error)
+{
+    struct in_addr address;
+    if (inet_pton(AF_INET, web->address, &address) != 1)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "--address: found '%.60s', expected an IPv4 address", web->address);
+    if (web->port > UINT16_MAX || web->rate > RATE_MAX)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "found --port %llu and --rate %llu, expected at most 65535 and %d",
+                               (unsigned long long)web->port, (unsigned long long)web->rate,
+                               RATE_MAX);
+    if (web->names.count > FV_WEB_NAMES_MAX)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "found %d times --name, expected at most %d", web->names.count,
+                               FV_WEB_NAMES_MAX);
+    if (ntohl(address.s_addr) >> 24 != 127 && web->token == NULL)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "--address %s: found no --token, expected one where other hosts can "
+                               "reach the page",
+                               web->address);
+    return FOVEA_OK;
+}
+
+static enum fovea_status tokens_open(struct web *web, struct fovea_error *error)
+{
+    bool made;
+    if (web->token == NULL) return FOVEA_OK;
+    const enum fovea_status status = fv_web_tokens_read(web->token, &web->tokens, &made, error);
+    if (status == FOVEA_OK && made)
+        fv_say("fovea-web: made %s: its first token is to view, its second to operate", web->token);
+    return status;
+}
+
+static enum fovea_status serve(struct web *web, struct fovea_error *error)
+{
+    struct fv_web_server *server;
+    const struct fv_web_setup setup = {.address = web->address,
+                                       .port = (uint16_t)web->port,
+                                       .names = web->names.values,
+                                       .name_count = web->names.count,
+                                       .tokens = web->token != NULL ? &web->tokens : NULL,
+                                       .relay = web->relay,
+                                       .commander = &web->commander};
+    enum fovea_status status = fv_web_server_open(&setup, &server, error);
+    if (status != FOVEA_OK) return status;
+    const bool all = strcmp(web->address, "0.0.0.0") == 0;
+    const char *host = all && web->names.count > 0 ? web->names.values[0]
+                       : all                       ? "127.0.0.1"
+                                                   : web->address;
+    atomic_store(&served, server);
+    fv_say("fovea-web: http://%s:%u/", host, (unsigned)fv_web_server_port(server));
+    if (strncmp(web->address, "127.", 4) != 0)
+        fv_say(
+            "fovea-web: all that the page shows can be read on the network: it is not encrypted");
+    if (!fv_web_server_run(server))
+        status = fovea_error_set(error, FOVEA_ERROR_SYSTEM, "the server failed");
+    atomic_store(&served, NULL);
+    fv_web_server_close(server);
+    return status;
+}
+
+static enum fovea_status run(struct web *web, struct fovea_error *error)
+{
+    enum fovea_status status = options_check(web, error);
+    if (status == FOVEA_OK) status = tokens_open(web, error);
+    fv_message_prepare();
+    if (status == FOVEA_OK)
+        status = fv_web_commander_open(&web->commander, web->url, web->key, error);
+    if (status == FOVEA_OK) {
+        web->store = calloc(1, sizeof *web->store);
+        web->relay = calloc(1, sizeof *web->relay);
+        if (web->store == NULL || web->relay == NULL)
+            status = fovea_error_set(error, FOVEA_ERROR_MEMORY, "no memory");
+    }
+    if (status == FOVEA_OK) {
+        fv_web_relay_init(web->relay, web->feed, (uint32_t)web->rate, web->store);
+        status = serve(web, error);
+        fv_web_relay_close(web->relay);
+        fv_web_store_free(web->store);
+    }
+    fv_web_commander_close(&web->commander);
+    free(web->store);
+    free(web->relay);
+    return status;
+}
+
+int main(int argc, char **argv)
+{
+    struct web web = {.feed = SOCKET_DEFAULT,
+                      .address = "127.0.0.1",
+                      .port = PORT_DEFAULT,
+                      .rate = RATE_DEFAULT,
+                      .url = URL_DEFAULT};
+    struct sigaction action = {.sa_handler = on_end};
+    struct fovea_error error;
+    if (argc == 2 && strcmp(argv[1], "--version") == 0) {
+        printf("fovea-web %s\n", FOVEA_VERSION);
+        return fv_say_unwritten();
+    }
+    const enum fv_options_result result = options_read(&web, argc, argv);
+    if (result == FV_OPTIONS_HELP) return fv_say_unwritten();
+    if (result != FV_OPTIONS_READ) return FV_EXIT_WRONG;
+    if (web.with_parent) {
+        prctl(PR_SET_PDEATHSIG, SIGTERM);
+        if (getppid() == 1) return FV_EXIT_OK; /* it has ended already */
+    }
+    sigemptyset(&action.sa_mask);
+    sigaction(SIGINT, &action, NULL);
+    sigaction(SIGTERM, &action, NULL);
+    signal(SIGPIPE, SIG_IGN);
+    const enum fovea_status status = run(&web, &error);
+    if (status == FOVEA_OK) return FV_EXIT_OK;
+    return status == FOVEA_ERROR_INPUT ? fv_say_wrong("fovea-web: %s", error.text)
+                                       : fv_say_failed("fovea-web: %s", error.text);
+}

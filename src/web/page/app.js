@@ -1,0 +1,163 @@
+// The page of a running robot: what comes over the link, to those who show it.
+
+import { readTypes } from "/lcm.js";
+import { Link } from "/link.js";
+import { Live } from "/live.js";
+import { Scene } from "/scene.js";
+import { Plot } from "/plots.js";
+import { Actions, PosePanel, byId, facts, fixed, logLine, names } from "/panels.js";
+
+const types = readTypes(await (await fetch("/types")).text());
+const cameraStates = names(types, "fovea.camera_status_t", "STATE_");
+const of = () => link;
+const shown = { times: [], run: undefined };
+
+const live = new Live(byId("picture"), of, showLatency);
+const scene = new Scene(byId("scene"));
+const pose = new PosePanel(types);
+const actions = new Actions(types, of);
+const stages = new Plot(byId("plot-stages"), byId("legend-stages"), " ms", 2);
+const features = new Plot(byId("plot-features"), byId("legend-features"), "", 0);
+
+// Camera to screen, by parts, and what the picture is.
+function showLatency(picture) {
+  const now = performance.now();
+  byId("no-picture").hidden = true;
+  shown.times = shown.times.filter((time) => time > now - 2000).concat(now);
+  const link_ms = link.serverNow() - picture.sent_ms;
+  const total = picture.age_ms >= 0 ? picture.age_ms + picture.held_ms + link_ms : NaN;
+  facts(byId("latency"), {
+    "Camera to screen": picture.age_ms >= 0 ? fixed(total, 0, " ms") : "simulated or recorded",
+    "Camera to here": picture.age_ms >= 0 ? fixed(picture.age_ms, 0, " ms") : undefined,
+    "JPEG made in": fixed(picture.held_ms, 1, " ms"),
+    "Link and screen": fixed(link_ms, 0, " ms"),
+    Pictures: fixed(shown.times.length / 2, 1, " /s"),
+    Size: `${Math.floor(picture.width / picture.shrink)} x ${Math.floor(picture.height / picture.shrink)}, ${(picture.jpeg.length / 1024).toFixed(0)} KB`,
+    Features: String(picture.points.length / 3),
+    Frame: String(picture.sequence),
+  });
+}
+
+function forget() {
+  live.forget();
+  scene.forget();
+  pose.forget();
+  stages.forget();
+  features.forget();
+}
+
+function showLink(state, word) {
+  byId("link").dataset.state = state;
+  byId("link").textContent = word;
+}
+
+function showStatistics(message) {
+  const times = {};
+  for (const { name, wall_ns } of message.stages) if (wall_ns > 0) times[name] = wall_ns * 1e-6;
+  stages.add(times);
+  features.add({ features: message.features, granted: message.features_granted });
+  facts(byId("machine"), {
+    Frames: String(message.frames_processed),
+    Late: String(message.frames_late),
+    Dropped: String(message.source_dropped),
+    Damaged: String(message.source_damaged),
+    "To the loop": message.latency_ns ? fixed(message.latency_ns * 1e-6, 1, " ms") : "not known",
+    Temperature: fixed(message.temperature_c, 0, " °C"),
+    Memory: message.resident_bytes ? fixed(message.resident_bytes / 1e6, 1, " MB") : "not known",
+    Kernels: message.kernel_set,
+  });
+}
+
+const link = new Link(types, {
+  link: (state) => {
+    showLink(state === "live" ? "waiting" : "gone", state === "live" ? "connected" : "fovea-web does not answer");
+    if (state !== "live") actions.allow({ commands: false, running: false, role: "operate" });
+    if (state !== "live" && shown.opened === undefined) fetch("/").then((answer) => answer.status === 401 && location.reload(), () => 0);
+    shown.opened = state === "live" ? true : undefined;
+  },
+  hello: (hello) => {
+    if (hello.run !== shown.run) forget();
+    shown.run = hello.run;
+    showLink(hello.running ? "live" : "gone", hello.running ? "live" : "no run");
+    if (!hello.running) byId("no-picture").hidden = false;
+    byId("no-picture").textContent = hello.running ? "Waiting for a picture" : "There is no run";
+    actions.allow(hello);
+  },
+  log: logLine,
+  sent: (message) => actions.sent(message),
+  refused: (message) => actions.refused(message),
+  picture: (picture) => live.show(picture),
+  path: (path) => {
+    scene.addPath(path);
+    shown.path = path.first + path.places.length / 3;
+    showScene();
+  },
+  POSE: (message) => {
+    pose.show(message);
+    scene.addPose(message);
+    const now = performance.now();
+    if (!(now - shown.inliers_ms < 500)) {
+      shown.inliers_ms = now;
+      features.add({ inliers: message.inliers });
+    }
+  },
+  MAP: (message) => {
+    scene.addMap(message);
+    showScene();
+  },
+  RUN: (message) => {
+    byId("robot").textContent = `${message.host} · ${message.prefix || "no prefix"} · ${message.version}`;
+    document.title = `${message.host} ${message.prefix} - Fovea`;
+  },
+  CAMERA_STATUS: (message) => {
+    const state = cameraStates[message.state];
+    byId("live-title").textContent = `Live: ${message.width} x ${message.height} ${message.pixel_format}, camera ${state}`;
+  },
+  STATISTICS: showStatistics,
+  OBJECTS: (message) => live.objects(message),
+  DETECTIONS: (message) => live.detections(message),
+  DETECTIONS2: (message) => live.detections(message),
+  KEYPOINTS: (message) => live.keypoints(message),
+  KEYPOINTS2: (message) => live.keypoints(message),
+  COMMAND_RESULT: (message) => actions.answer(message),
+});
+
+function showScene() {
+  facts(byId("scene-facts"), {
+    Landmarks: String(scene.landmarks.size), Keyframes: String(scene.keyframes.size), "Places of the path": String(shown.path || 0),
+    "Square of the grid": scene.step ? String(Number(scene.step.toPrecision(2))) : undefined,
+  });
+}
+
+// ---- buttons and the window
+
+for (const button of document.querySelectorAll("[data-layer]"))
+  button.addEventListener("click", () => {
+    live.layers[button.dataset.layer] = !live.layers[button.dataset.layer];
+    button.setAttribute("aria-pressed", String(live.layers[button.dataset.layer]));
+    live.draw();
+  });
+for (const button of document.querySelectorAll("[data-view]"))
+  button.addEventListener("click", () => {
+    const view = button.dataset.view;
+    if (view === "top") scene.turn.elevation = 1.5707;
+    if (view === "all") scene.fit();
+    if (view in scene.shown) {
+      scene.shown[view] = !scene.shown[view];
+      button.setAttribute("aria-pressed", String(scene.shown[view]));
+    }
+    scene.ask();
+  });
+scene.onFree = () => document.querySelector("[data-view=follow]").setAttribute("aria-pressed", "false");
+byId("snapshot").addEventListener("click", () => {
+  if (!live.picture) return;
+  byId("picture").toBlob((blob) => {
+    const anchor = document.createElement("a");
+    anchor.href = URL.createObjectURL(blob);
+    anchor.download = `fovea-${live.picture.sequence}.png`;
+    anchor.click();
+    setTimeout(() => URL.revokeObjectURL(anchor.href), 1000);
+  });
+});
+document.addEventListener("visibilitychange", () => link.visible());
+addEventListener("resize", () => live.draw());

@@ -1,0 +1,155 @@
+// The live picture and what is drawn on it. Coordinates of messages are pixels of the raw image, whose (0, 0) is the centre of the top
+// left pixel; the canvas has a whole number of its own pixels for each of them.
+
+const COLOURS = ["#5fd0ff", "#ffb347", "#7ee787", "#ff8fb1", "#c9a2ff", "#ffe066", "#66e0c8", "#ff7f66"];
+const LEVELS = ["#49f2a5", "#8fe36b", "#d4d94f", "#f2b84b", "#f58b5c", "#f06d8c", "#c77dff", "#8fa8ff"];
+const TRAIL = 45;
+
+export class Live {
+  constructor(canvas, link, onShown) {
+    this.canvas = canvas;
+    this.context = canvas.getContext("2d");
+    this.link = link;
+    this.onShown = onShown;
+    this.layers = { features: true, boxes: true, tracks: true, keypoints: true };
+    this.trails = new Map();
+    this.busy = false;
+    this.waiting = null;
+  }
+
+  // The newest picture: one is decoded at a time, and one waits.
+  async show(picture) {
+    if (this.waiting) this.link().say("ack " + this.waiting.number);
+    this.waiting = picture;
+    if (this.busy) return;
+    this.busy = true;
+    while (this.waiting) {
+      const next = this.waiting;
+      this.waiting = null;
+      await this.put(next);
+      this.link().say("ack " + next.number);
+    }
+    this.busy = false;
+  }
+  async put(picture) {
+    try {
+      const bitmap = await createImageBitmap(new Blob([picture.jpeg], { type: "image/jpeg" }));
+      if (this.bitmap) this.bitmap.close();
+      this.bitmap = bitmap;
+      this.picture = picture;
+      await new Promise((done) => (document.hidden ? setTimeout(done, 0) : requestAnimationFrame(done)));
+      this.draw();
+      this.onShown(picture);
+    } catch (error) {
+      console.warn("a picture cannot be shown:", error.message);
+    }
+  }
+
+  objects(message) {
+    this.boxes = message.objects.filter((object) => object.state !== 3).map((object) => ({
+      box: object.box, id: object.id, name: object.class_name || "class " + object.class_id, score: object.score,
+      faint: object.state !== 1, distance: object.located === 1 ? object.position_m[2] : NaN,
+    }));
+    this.hasObjects = true;
+    const present = new Set();
+    for (const object of message.objects) {
+      if (object.state === 3) continue;
+      present.add(object.id);
+      const trail = this.trails.get(object.id) || [];
+      trail.push([(object.box.x_min_px + object.box.x_max_px) / 2, object.box.y_max_px]);
+      if (trail.length > TRAIL) trail.shift();
+      this.trails.set(object.id, trail);
+    }
+    for (const id of this.trails.keys()) if (!present.has(id)) this.trails.delete(id);
+  }
+  detections(message) {
+    if (this.hasObjects) return; // they are the same things, filtered over time
+    this.boxes = message.detections.map((found) => ({
+      box: found.box, id: BigInt(found.class_id), name: found.class_name || "class " + found.class_id, score: found.score,
+      distance: NaN,
+    }));
+  }
+  keypoints(message) {
+    this.sets = message.sets;
+  }
+  forget() {
+    this.boxes = this.sets = undefined;
+    this.hasObjects = false;
+    this.trails.clear();
+  }
+
+  draw() {
+    const { canvas, context, bitmap, picture } = this;
+    if (!bitmap) return;
+    const wanted = canvas.clientWidth * Math.min(devicePixelRatio || 1, 2);
+    const k = Math.max(1, Math.min(3, Math.round(wanted / picture.width)));
+    if (canvas.width !== k * picture.width || canvas.height !== k * picture.height) {
+      canvas.width = k * picture.width;
+      canvas.height = k * picture.height;
+    }
+    context.imageSmoothingEnabled = true;
+    context.drawImage(bitmap, 0, 0, k * bitmap.width * picture.shrink, k * bitmap.height * picture.shrink);
+    this.k = k;
+    if (this.layers.features) this.drawFeatures();
+    if (this.layers.tracks) this.drawTrails();
+    if (this.layers.keypoints && this.sets) this.drawKeypoints();
+    if (this.layers.boxes && this.boxes) this.drawBoxes();
+  }
+
+  at(pixel) {
+    return (pixel + 0.5) * this.k;
+  }
+  drawFeatures() {
+    const { context, picture, k } = this;
+    for (let level = 0; level < LEVELS.length; level++) {
+      context.fillStyle = LEVELS[level];
+      for (let i = 0; i < picture.points.length; i += 3)
+        if (picture.points[i + 2] === level)
+          context.fillRect(this.at(picture.points[i]) - k, this.at(picture.points[i + 1]) - k, 2 * k, 2 * k);
+    }
+  }
+  drawTrails() {
+    const { context, k } = this;
+    context.lineWidth = 1.5 * k;
+    for (const [id, trail] of this.trails) {
+      context.strokeStyle = COLOURS[Number(id % 8n)];
+      context.beginPath();
+      trail.forEach(([x, y], i) => context[i ? "lineTo" : "moveTo"](this.at(x), this.at(y)));
+      context.stroke();
+    }
+  }
+  drawKeypoints() {
+    const { context, k } = this;
+    context.fillStyle = "#ff5ea8";
+    for (const set of this.sets)
+      for (let i = 0; i < set.point_count; i++) {
+        if (set.point_score[i] < 0.3) continue;
+        context.beginPath();
+        context.arc(this.at(set.p_px[2 * i]), this.at(set.p_px[2 * i + 1]), 3 * k, 0, 7);
+        context.fill();
+      }
+  }
+  drawBoxes() {
+    const { context, k } = this;
+    context.font = `600 ${12 * k}px system-ui, sans-serif`;
+    context.textBaseline = "top";
+    for (const { box, id, name, score, faint, distance } of this.boxes) {
+      const colour = COLOURS[Number(id % 8n)];
+      const x = this.at(box.x_min_px) - k / 2, y = this.at(box.y_min_px) - k / 2;
+      context.setLineDash(faint ? [5 * k, 4 * k] : []);
+      context.lineWidth = 2 * k;
+      context.strokeStyle = colour;
+      context.strokeRect(x, y, (box.x_max_px - box.x_min_px) * k, (box.y_max_px - box.y_min_px) * k);
+      context.setLineDash([]);
+      const label = `${name} ${this.hasObjects ? "#" + id + " " : ""}${Math.round(100 * score)} %` +
+        (Number.isFinite(distance) ? ` ${distance.toFixed(1)} m` : "");
+      const width = context.measureText(label).width + 8 * k, height = 16 * k;
+      const top = y > height ? y - height - k : y + k;
+      const left = Math.max(0, Math.min(x - k, this.canvas.width - width));
+      context.fillStyle = colour;
+      context.fillRect(left, top, width, height);
+      context.fillStyle = "#06121a";
+      context.fillText(label, left + 4 * k, top + 2 * k);
+    }
+  }
+}

@@ -1,0 +1,149 @@
+// Numbers, words and buttons beside the pictures.
+
+export const byId = (id) => document.getElementById(id);
+
+// {"Latency": "12 ms"} as the terms of a list; what is undefined is left out.
+export function facts(list, values) {
+  const shown = Object.entries(values).filter(([, value]) => value !== undefined);
+  if (list.childElementCount !== shown.length)
+    list.replaceChildren(...shown.map(() => {
+      const pair = document.createElement("div");
+      pair.append(document.createElement("dt"), document.createElement("dd"));
+      return pair;
+    }));
+  shown.forEach(([name, value], i) => {
+    const [term, text] = list.children[i].children;
+    if (term.textContent !== name) term.textContent = name;
+    if (text.textContent !== value) text.textContent = value;
+  });
+}
+
+export const fixed = (value, digits, unit) => (Number.isFinite(value) ? value.toFixed(digits) + (unit || "") : "not known");
+
+// The names of constants of a type, by their numbers: STATE_LOST = 3 gives names[3] = "lost".
+export function names(types, type, prefix) {
+  const found = [];
+  for (const [name, value] of Object.entries(types.get(type).constants))
+    if (name.startsWith(prefix)) found[value] = name.slice(prefix.length).toLowerCase();
+  return found;
+}
+
+export class PosePanel {
+  constructor(types) {
+    this.states = names(types, "fovea.pose_t", "STATE_");
+    this.scales = names(types, "fovea.pose_t", "SCALE_");
+    this.since = performance.now();
+    setInterval(() => this.tick(), 1000);
+  }
+  show(pose) {
+    const state = this.states[pose.state] || "?";
+    if (state !== this.state) {
+      this.state = state;
+      this.since = performance.now();
+      byId("state").dataset.state = state;
+      byId("state-word").textContent = state;
+      byId("state-said").textContent = "pose: " + state;
+      this.tick();
+    }
+    const metric = this.scales[pose.scale_state] === "metric", unit = metric ? " m" : "";
+    const has = Number.isFinite(pose.position[0]);
+    facts(byId("pose-facts"), {
+      [metric ? "Position, m" : "Position"]: has ? [...pose.position].map((value) => value.toFixed(2)).join("  ") : "none",
+      Speed: Number.isFinite(pose.velocity[0]) ? Math.hypot(...pose.velocity).toFixed(2) + (metric ? " m/s" : " /s") : "not known",
+      Scale: this.scales[pose.scale_state] || "?",
+      Uncertainty: has && pose.covariance[0] >= 0 ? Math.sqrt(pose.covariance[0] + pose.covariance[6] + pose.covariance[11]).toPrecision(2) + unit : "not known",
+      Inliers: String(pose.inliers),
+      Quality: fixed(100 * pose.quality, 0, " %"),
+      Map: pose.map_id < 0 ? "none" : `${pose.map_id} in ${pose.parent_frame}`,
+      Calibration: pose.uncalibrated ? "guessed" : undefined,
+    });
+  }
+  tick() {
+    if (this.state) byId("state-since").textContent = `for ${Math.round((performance.now() - this.since) / 1000)} s`;
+  }
+  forget() {
+    this.state = undefined;
+    byId("state").dataset.state = "none";
+    byId("state-word").textContent = "no pose yet";
+    byId("state-since").textContent = "";
+    byId("pose-facts").replaceChildren();
+  }
+}
+
+export function logLine({ number, utime, text }) {
+  const list = byId("log"), line = document.createElement("li"), time = document.createElement("time"), words = document.createElement("span");
+  if (number === 0) list.replaceChildren();
+  const date = new Date(utime / 1000);
+  time.dateTime = date.toISOString();
+  time.textContent = date.toTimeString().slice(0, 8);
+  words.textContent = text;
+  line.append(time, words);
+  list.prepend(line);
+  while (list.childElementCount > 200) list.lastChild.remove();
+}
+
+// Buttons that send commands, and the run's answers.
+export class Actions {
+  constructor(types, link) {
+    this.link = link;
+    this.results = names(types, "fovea.command_result_t", "RESULT_");
+    this.request = 0;
+    this.asked = new Map(); // words by request, until sent; by id, until answered
+    this.early = new Map(); // answers that came before the number of their command
+    for (const button of document.querySelectorAll("[data-command]")) button.addEventListener("click", () => this.press(button));
+  }
+  allow(hello) {
+    const allowed = hello.commands && hello.running;
+    for (const button of document.querySelectorAll("[data-command]")) button.disabled = !allowed;
+    const why = hello.role !== "operate" ? "Your token allows to look, not to operate."
+      : !hello.commands ? "fovea-web was started without --lcm-url: no commands." : "";
+    if (why || !allowed) this.say(why);
+  }
+  press(button) {
+    const words = button.dataset.command, ask = button.dataset.confirm;
+    if (ask && !button.classList.contains("sure")) {
+      const label = button.textContent;
+      button.classList.add("sure");
+      button.textContent = ask;
+      setTimeout(() => {
+        button.classList.remove("sure");
+        button.textContent = label;
+      }, 4000);
+      return;
+    }
+    const request = ++this.request;
+    this.asked.set(request, words);
+    this.say(words + ": sent");
+    this.link().say(`command ${request} ${words}`);
+    setTimeout(() => {
+      if (this.asked.delete(request)) this.say(words + ": not sent", "bad");
+    }, 5000);
+  }
+  sent({ request, id }) {
+    const words = this.asked.get(request);
+    this.asked.delete(request);
+    this.asked.set(id, words);
+    if (this.early.has(id)) this.answer(this.early.get(id));
+    setTimeout(() => {
+      if (this.asked.delete(id)) this.say(words + ": no answer of the run (its keys listen, commands and command_key)", "bad");
+    }, 8000);
+  }
+  refused({ request, reason }) {
+    this.say(`${this.asked.get(request)}: refused: ${reason}`, "bad");
+    this.asked.delete(request);
+  }
+  answer(result) {
+    const id = String(result.id), words = this.asked.get(id);
+    if (words === undefined) {
+      this.early.set(id, result);
+      if (this.early.size > 16) this.early.delete(this.early.keys().next().value);
+      return;
+    }
+    this.asked.delete(id);
+    this.say(`${words}: ${this.results[result.result]}${result.reason ? ": " + result.reason : ""}`, result.result === 0 ? "good" : "bad");
+  }
+  say(text, result) {
+    byId("answer").textContent = text || "\u00a0";
+    byId("answer").dataset.result = result || "";
+  }
+}

@@ -1,0 +1,293 @@
+#include "web/relay.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "app/watch/frame_image.h"
+#include "app/watch/robots.h"
+#include "drivers/clock.h"
+#include "fovea/fields.h"
+#include "message/fields.h"
+
+#include "fovea_camera_status_t.h"
+#include "fovea_command_result_t.h"
+#include "fovea_features_t.h"
+#include "fovea_map_t.h"
+#include "fovea_pose_t.h"
+
+enum { MESSAGES_PER_TICK = 200 };
+#define TRY_NS (FV_SECOND_NS / 2)
+#define PATH_NS (FV_SECOND_NS / 10)
+
+void fv_web_relay_init(struct fv_web_relay *relay, const char *path, uint32_t rate_hz,
+                       struct fv_web_store *store)
+{
+    memset(relay, 0, sizeof *relay);
+    relay->path = path;
+    relay->store = store;
+    relay->rate_per_1000_s = rate_hz * 1000;
+}
+
+static int64_t utime(void)
+{
+    return fv_clock_ns(CLOCK_REALTIME) / 1000;
+}
+
+/* ---- messages that are looked into ----------------------------------------------------------- */
+
+static bool is(const char *type, const struct fv_feed_message *message)
+{
+    const char *problem;
+    size_t at;
+    return fv_message_check(type, message->data, message->bytes, &problem, &at);
+}
+
+static void path_follow(struct fv_web_relay *relay, const fovea_pose_t *pose)
+{
+    struct fv_web_store *store = relay->store;
+    const int changes = pose->change_count - relay->change_count;
+    const bool other = pose->map_id != relay->map_id ||
+                       pose->reset_counter != relay->reset_counter ||
+                       (changes != 0 && changes != 1);
+    const int64_t now_ns = fv_clock_ns(CLOCK_MONOTONIC);
+    if (pose->map_id < 0) return;
+    if (other)
+        fv_web_store_path_begin(store);
+    else if (changes == 1)
+        fv_web_store_path_change(store, pose->change_scale, pose->change_position,
+                                 pose->change_orientation);
+    relay->map_id = pose->map_id;
+    relay->reset_counter = pose->reset_counter;
+    relay->change_count = pose->change_count;
+    if (pose->position[0] != pose->position[0] || now_ns - relay->path_ns < PATH_NS) return;
+    relay->path_ns = now_ns;
+    fv_web_store_path_add(store, pose->position);
+}
+
+static void pose_log(struct fv_web_relay *relay, const fovea_pose_t *pose)
+{
+    const int state = (uint8_t)pose->state, scale = (uint8_t)pose->scale_state;
+    const int64_t now_ns = fv_clock_ns(CLOCK_MONOTONIC);
+    if (state != relay->state && relay->state >= 0)
+        fv_web_store_log(
+            relay->store, utime(), "pose: %s, after %.1f s of %s", fv_robot_state_name(state),
+            (double)(now_ns - relay->state_since_ns) * 1e-9, fv_robot_state_name(relay->state));
+    else if (state != relay->state)
+        fv_web_store_log(relay->store, utime(), "pose: %s", fv_robot_state_name(state));
+    if (state != relay->state) relay->state_since_ns = now_ns;
+    if (scale != relay->scale_state)
+        fv_web_store_log(relay->store, utime(), "scale: %s", fv_robot_scale_name(scale));
+    if (pose->map_id >= 0 && relay->map_id >= 0 && pose->map_id != relay->map_id)
+        fv_web_store_log(relay->store, utime(), "map: %d, after %d", pose->map_id, relay->map_id);
+    relay->state = state;
+    relay->scale_state = scale;
+}
+
+static void take_pose(struct fv_web_relay *relay, const struct fv_feed_message *message)
+{
+    fovea_pose_t pose;
+    if (!is("fovea.pose_t", message) ||
+        fovea_pose_t_decode(message->data, 0, (int)message->bytes, &pose) < 0)
+        return;
+    pose_log(relay, &pose);
+    path_follow(relay, &pose);
+    fovea_pose_t_decode_cleanup(&pose);
+}
+
+static void take_camera(struct fv_web_relay *relay, const struct fv_feed_message *message)
+{
+    fovea_camera_status_t camera;
+    if (!is("fovea.camera_status_t", message) ||
+        fovea_camera_status_t_decode(message->data, 0, (int)message->bytes, &camera) < 0)
+        return;
+    if ((uint8_t)camera.state != relay->camera_state)
+        fv_web_store_log(relay->store, utime(), "camera: %s",
+                         fv_robot_camera_name((uint8_t)camera.state));
+    relay->camera_state = (uint8_t)camera.state;
+    fovea_camera_status_t_decode_cleanup(&camera);
+}
+
+/* The slot after those that this message lists, as the number of its piece. */
+static int32_t piece_of_map(const struct fv_feed_message *message)
+{
+    fovea_map_t map;
+    if (!is("fovea.map_t", message) ||
+        fovea_map_t_decode(message->data, 0, (int)message->bytes, &map) < 0)
+        return -1;
+    const int32_t piece = map.landmark_first / 256;
+    fovea_map_t_decode_cleanup(&map);
+    return piece;
+}
+
+static int32_t piece_of_answer(const struct fv_feed_message *message)
+{
+    enum { ANSWERS = 8 };
+    fovea_command_result_t result;
+    if (!is("fovea.command_result_t", message) ||
+        fovea_command_result_t_decode(message->data, 0, (int)message->bytes, &result) < 0)
+        return -1;
+    const int32_t piece = (int32_t)((uint64_t)result.id % ANSWERS);
+    fovea_command_result_t_decode_cleanup(&result);
+    return piece;
+}
+
+static void take_features(struct fv_web_relay *relay, const struct fv_feed_message *message)
+{
+    fovea_features_t features;
+    if (!is("fovea.features_t", message) ||
+        fovea_features_t_decode(message->data, 0, (int)message->bytes, &features) < 0)
+        return;
+    if (features.camera == 0 && features.first == 0) {
+        const uint32_t at = relay->overlay_next++ % FV_WEB_OVERLAYS;
+        const int32_t count =
+            features.count < FV_WEB_POINTS_MAX ? features.count : FV_WEB_POINTS_MAX;
+        relay->overlays[at].stamp_ns = features.stamp.time_ns;
+        relay->overlays[at].count = (uint32_t)count;
+        for (int32_t i = 0; i < count; i++)
+            relay->overlays[at].points[i] = (struct fv_web_point){
+                features.p_px[i][0], features.p_px[i][1], (uint8_t)features.level[i]};
+    }
+    fovea_features_t_decode_cleanup(&features);
+}
+
+/* ---- the table ------------------------------------------------------------------------------- */
+
+static const struct shown {
+    const char *channel;
+    int64_t pause_ns; /* between two that are sent to a page */
+    void (*take)(struct fv_web_relay *relay, const struct fv_feed_message *message);
+    int32_t (*piece)(const struct fv_feed_message *message);
+    bool inside_only; /* it is not sent as it is */
+} table[] = {
+    {"POSE", FV_SECOND_NS / 33, take_pose, NULL, false},
+    {"RUN", 0, NULL, NULL, false},
+    {"STATISTICS", FV_SECOND_NS / 10, NULL, NULL, false},
+    {"CAMERA_STATUS", FV_SECOND_NS / 2, take_camera, NULL, false},
+    {"HEALTH", FV_SECOND_NS / 5, NULL, NULL, false},
+    {"OBJECTS", FV_SECOND_NS / 30, NULL, NULL, false},
+    {"DETECTIONS", FV_SECOND_NS / 30, NULL, NULL, false},
+    {"DETECTIONS2", FV_SECOND_NS / 30, NULL, NULL, false},
+    {"KEYPOINTS", FV_SECOND_NS / 30, NULL, NULL, false},
+    {"KEYPOINTS2", FV_SECOND_NS / 30, NULL, NULL, false},
+    {"MAP", FV_SECOND_NS / 2, NULL, piece_of_map, false},
+    {"COMMAND_RESULT", 0, NULL, piece_of_answer, false},
+    {"FEATURES", 0, take_features, NULL, true},
+};
+
+static const struct shown *shown_find(const struct fv_web_relay *relay, const char *channel)
+{
+    const size_t length = strlen(relay->prefix);
+    if (length > 0) {
+        if (strncmp(channel, relay->prefix, length) != 0 || channel[length] != '_') return NULL;
+        channel += length + 1;
+    }
+    for (size_t i = 0; i < sizeof table / sizeof table[0]; i++)
+        if (strcmp(channel, table[i].channel) == 0) return &table[i];
+    return NULL;
+}
+
+static void take(struct fv_web_relay *relay, const struct fv_feed_message *message, bool watched)
+{
+    const struct shown *shown = shown_find(relay, message->channel);
+    if (shown == NULL || (shown->inside_only && !watched)) return;
+    const int32_t piece = shown->piece != NULL ? shown->piece(message) : 0;
+    if (shown->take != NULL) shown->take(relay, message);
+    if (!shown->inside_only && piece >= 0)
+        fv_web_store_message(relay->store, shown->channel, piece, message->data, message->bytes,
+                             shown->pause_ns);
+}
+
+/* ---- frames ---------------------------------------------------------------------------------- */
+
+/* Nanoseconds since the frame's stamp; -1: its clock is none of this host. */
+static int64_t age_of(const struct fv_feed_frame *frame)
+{
+    const clockid_t clocks[] = {CLOCK_MONOTONIC, CLOCK_BOOTTIME, CLOCK_REALTIME};
+    if (frame->clock < 0 || frame->clock >= (int32_t)(sizeof clocks / sizeof clocks[0])) return -1;
+    const int64_t age_ns = fv_clock_ns(clocks[frame->clock]) - frame->stamp_ns;
+    return age_ns >= 0 && age_ns < 60 * FV_SECOND_NS ? age_ns : -1; /* one that is played */
+}
+
+static bool take_frame(struct fv_web_relay *relay)
+{
+    struct fv_feed_frame frame;
+    const uint8_t *images;
+    struct fovea_image image;
+    struct fv_web_picture *picture = &relay->store->picture;
+    if (fv_feed_reader_frame(relay->reader, &frame, &images) != FOVEA_OK ||
+        fv_frame_image(&frame, images, &image, NULL) != FOVEA_OK)
+        return false;
+    free((void *)(uintptr_t)picture->image.data);
+    picture->image = image;
+    picture->number = picture->number < UINT32_MAX ? picture->number + 1 : 1;
+    picture->stamp_ns = frame.stamp_ns;
+    picture->sequence = frame.sequence;
+    picture->age_ns = age_of(&frame);
+    picture->taken_ns = fv_clock_ns(CLOCK_MONOTONIC);
+    picture->point_count = 0;
+    for (int i = 0; i < FV_WEB_OVERLAYS; i++) {
+        if (relay->overlays[i].stamp_ns != frame.stamp_ns) continue;
+        picture->point_count = relay->overlays[i].count;
+        memcpy(picture->points, relay->overlays[i].points,
+               picture->point_count * sizeof picture->points[0]);
+    }
+    return true;
+}
+
+/* ---- the run --------------------------------------------------------------------------------- */
+
+static bool connect_run(struct fv_web_relay *relay)
+{
+    const int64_t now_ns = fv_clock_ns(CLOCK_MONOTONIC);
+    struct fovea_error error;
+    if (now_ns < relay->next_try_ns) return false;
+    relay->next_try_ns = now_ns + TRY_NS;
+    if (fv_feed_reader_open(relay->path, 0, &relay->reader, &error) != FOVEA_OK) return false;
+    relay->wished = 0;
+    relay->overlay_next = 0;
+    memset(relay->overlays, 0, sizeof relay->overlays);
+    relay->state = relay->scale_state = relay->map_id = relay->camera_state = -1;
+    fv_feed_reader_prefix(relay->reader, relay->prefix);
+    fv_web_store_begin(relay->store, relay->prefix);
+    fv_web_store_log(relay->store, utime(), "run %016llx found",
+                     (unsigned long long)fv_feed_reader_run(relay->reader));
+    return true;
+}
+
+static void wish(struct fv_web_relay *relay, bool watched)
+{
+    const uint32_t wished = watched ? relay->rate_per_1000_s : 0;
+    if (wished == relay->wished) return;
+    if (fv_feed_reader_wish(relay->reader, wished)) relay->wished = wished;
+}
+
+bool fv_web_relay_tick(struct fv_web_relay *relay, bool watched)
+{
+    struct fv_feed_message message;
+    bool changed = false;
+    if (relay->reader == NULL) {
+        if (!connect_run(relay)) return false;
+        changed = true;
+    }
+    wish(relay, watched);
+    for (int i = 0; i < MESSAGES_PER_TICK; i++) {
+        const enum fovea_status status = fv_feed_reader_next(relay->reader, &message);
+        if (status == FOVEA_OK) take(relay, &message, watched);
+        if (status == FOVEA_END) {
+            fv_web_store_log(relay->store, utime(), "the run has ended");
+            fv_web_store_end(relay->store);
+            fv_web_relay_close(relay);
+            return true;
+        }
+        if (status != FOVEA_OK) break;
+    }
+    if (watched && take_frame(relay)) changed = true;
+    return fv_web_store_tick(relay->store, fv_clock_ns(CLOCK_MONOTONIC)) || changed;
+}
+
+void fv_web_relay_close(struct fv_web_relay *relay)
+{
+    fv_feed_reader_close(relay->reader);
+    relay->reader = NULL;
+}

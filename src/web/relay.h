@@ -1,0 +1,43 @@
+/* From the feed of a run into the store: what the page shows of each message and frame. Reconnects
+ * when a run ends and another begins. One thread. */
+#ifndef FOVEA_WEB_RELAY_H
+#define FOVEA_WEB_RELAY_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "app/network/feed_reader.h"
+#include "web/store.h"
+
+enum { FV_WEB_OVERLAYS = 8, FV_WEB_OVERLAY_BYTES = 1 << 16 };
+
+struct fv_web_relay {
+    const char *path; /* of the feed's socket */
+    struct fv_web_store *store;
+    struct fv_feed_reader *reader; /* NULL: there is no run now */
+    uint32_t rate_per_1000_s, wished;
+    int64_t next_try_ns;
+    char prefix[FV_MESSAGE_CHANNEL_BYTES];
+
+    /* Of the last pose, whose changes are logged. */
+    int state, scale_state, map_id, reset_counter, change_count, camera_state;
+    int64_t state_since_ns, path_ns;
+
+    /* The last messages of features, of which the one with a picture's stamp goes with it. */
+    struct {
+        int64_t stamp_ns;
+        uint32_t count;
+        struct fv_web_point points[FV_WEB_POINTS_MAX];
+    } overlays[FV_WEB_OVERLAYS];
+    uint32_t overlay_next;
+};
+
+void fv_web_relay_init(struct fv_web_relay *relay, const char *path, uint32_t rate_hz,
+                       struct fv_web_store *store);
+
+/* Take what has come; `watched`: somebody wants pictures. Returns whether the store has changed. */
+bool fv_web_relay_tick(struct fv_web_relay *relay, bool watched);
+
+void fv_web_relay_close(struct fv_web_relay *relay);
+
+#endif

@@ -1,0 +1,228 @@
+#include "web/server.h"
+
+#include <netinet/in.h>
+#include <netinet/tcp.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+
+#include "drivers/clock.h"
+#include "web/server_internal.h"
+
+enum {
+    LOOK_US = 10000,        /* at the feed, while somebody looks at the page */
+    LOOK_SELDOM_US = 50000, /* the ring of messages holds a second and a half */
+    HEADER_BYTES_MAX = 4096,
+    UNSENT_BYTES_MAX = 16384, /* in the kernel: newer messages must not wait behind old ones */
+    PACKETS_PER_CALL = 64
+};
+
+/* ---- websockets ------------------------------------------------------------------------------ */
+
+static struct fv_web_place_of_client *place_of(struct fv_web_server *server, struct lws *wsi)
+{
+    for (int i = 0; i < FV_WEB_CLIENTS_MAX; i++)
+        if (server->clients[i].socket == wsi) return &server->clients[i];
+    return NULL;
+}
+
+static int arrive(struct fv_web_server *server, struct lws *wsi)
+{
+    enum fv_web_role role;
+    struct fv_web_place_of_client *place = place_of(server, NULL);
+    const int unsent = UNSENT_BYTES_MAX, on = 1, socket = lws_get_socket_fd(wsi);
+    if (place == NULL || fv_web_server_judge(server, wsi, true, &role) != HTTP_STATUS_OK) return -1;
+    setsockopt(socket, IPPROTO_TCP, TCP_NOTSENT_LOWAT, &unsent, sizeof unsent);
+    setsockopt(socket, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
+    place->socket = wsi;
+    fv_web_client_init(&place->client, role, server->setup.commander->transport != NULL);
+    lws_callback_on_writable(wsi);
+    return 0;
+}
+
+static int send_next(struct fv_web_server *server, struct lws *wsi)
+{
+    struct fv_web_place_of_client *place = place_of(server, wsi);
+    if (place == NULL) return -1;
+    bool text;
+    const size_t bytes =
+        fv_web_client_next(&place->client, server->setup.relay->store, server->packet + LWS_PRE,
+                           FV_WEB_PACKET_BYTES_MAX, fv_clock_ns(CLOCK_MONOTONIC), &text);
+    if (bytes == 0) return 0;
+    if (lws_write(wsi, server->packet + LWS_PRE, bytes, text ? LWS_WRITE_TEXT : LWS_WRITE_BINARY) <
+        0)
+        return -1;
+    lws_callback_on_writable(wsi); /* there may be more */
+    return 0;
+}
+
+static void command(struct fv_web_server *server, struct fv_web_client *client,
+                    const struct fv_web_command *command)
+{
+    const struct fv_web_relay *relay = server->setup.relay;
+    const char *reason = client->role != FV_WEB_OPERATE ? "this token may only look"
+                         : server->setup.commander->transport == NULL
+                             ? "fovea-web was started without --lcm-url"
+                         : relay->reader == NULL ? "there is no run"
+                                                 : NULL;
+    if (reason != NULL) {
+        fv_web_client_reply(client, "{\"kind\":\"refused\",\"request\":%u,\"reason\":\"%s\"}",
+                            command->request, reason);
+        return;
+    }
+    const int64_t id = fv_web_commander_send(server->setup.commander, relay->prefix,
+                                             fv_feed_reader_run(relay->reader), command->bits);
+    fv_web_client_reply(client, "{\"kind\":\"sent\",\"request\":%u,\"id\":\"%lld\"}",
+                        command->request, (long long)id);
+}
+
+static int hear(struct fv_web_server *server, struct lws *wsi, const char *words, size_t length)
+{
+    struct fv_web_command said;
+    struct fv_web_place_of_client *place = place_of(server, wsi);
+    if (place == NULL || !lws_is_first_fragment(wsi) || !lws_is_final_fragment(wsi)) return -1;
+    const enum fv_web_said what =
+        fv_web_client_hear(&place->client, words, length, fv_clock_ns(CLOCK_MONOTONIC), &said);
+    if (what == FV_WEB_SAID_WRONG) return -1;
+    if (what == FV_WEB_SAID_COMMAND) command(server, &place->client, &said);
+    lws_callback_on_writable(wsi);
+    return 0;
+}
+
+/* Before a websocket opens: who may, and whether there is room. */
+static int judge(struct fv_web_server *server, struct lws *wsi)
+{
+    enum fv_web_role role;
+    int status = fv_web_server_judge(server, wsi, true, &role);
+    if (status == HTTP_STATUS_OK && place_of(server, NULL) == NULL)
+        status = HTTP_STATUS_SERVICE_UNAVAILABLE;
+    if (status == HTTP_STATUS_OK) return 0;
+    char text[128];
+    const int length =
+        snprintf(text, sizeof text,
+                 "HTTP/1.1 %d Refused\r\nContent-Length: 0\r\nConnection: close\r\n\r\n", status);
+    (void)send(lws_get_socket_fd(wsi), text, (size_t)length, MSG_NOSIGNAL | MSG_DONTWAIT);
+    return -1;
+}
+
+static int on_websocket(struct lws *wsi, enum lws_callback_reasons reason, void *user, void *in,
+                        size_t length)
+{
+    struct fv_web_server *server = lws_context_user(lws_get_context(wsi));
+    struct fv_web_place_of_client *place;
+    (void)user;
+    switch (reason) {
+    case LWS_CALLBACK_FILTER_PROTOCOL_CONNECTION:
+        return judge(server, wsi);
+    case LWS_CALLBACK_ESTABLISHED:
+        return arrive(server, wsi);
+    case LWS_CALLBACK_SERVER_WRITEABLE:
+        return send_next(server, wsi);
+    case LWS_CALLBACK_RECEIVE:
+        return hear(server, wsi, in, length);
+    case LWS_CALLBACK_CLOSED:
+        place = place_of(server, wsi);
+        if (place != NULL) place->socket = NULL;
+        return 0;
+    default:
+        return 0;
+    }
+}
+
+/* ---- the server ------------------------------------------------------------------------------ */
+
+static const struct lws_protocols protocols[] = {
+    {"http", fv_web_http, sizeof(struct fv_web_request), 0, 0, NULL, 0},
+    {"fovea", on_websocket, 0, FV_WEB_WORDS_BYTES, 0, NULL, 0},
+    {NULL, NULL, 0, 0, 0, NULL, 0},
+};
+
+/* A page that is gone is noticed, and its place is free again. */
+static const lws_retry_bo_t liveness = {.secs_since_valid_ping = 10, .secs_since_valid_hangup = 25};
+
+static void tick(lws_sorted_usec_list_t *timer)
+{
+    struct fv_web_server *server = lws_container_of(timer, struct fv_web_server, timer);
+    bool watched = false, any = false;
+    for (int i = 0; i < FV_WEB_CLIENTS_MAX; i++) {
+        any |= server->clients[i].socket != NULL;
+        watched |= server->clients[i].socket != NULL && !server->clients[i].client.hidden;
+    }
+    if (fv_web_relay_tick(server->setup.relay, watched))
+        for (int i = 0; i < FV_WEB_CLIENTS_MAX; i++)
+            if (server->clients[i].socket != NULL)
+                lws_callback_on_writable(server->clients[i].socket);
+    lws_sul_schedule(server->context, 0, &server->timer, tick, any ? LOOK_US : LOOK_SELDOM_US);
+}
+
+enum fovea_status fv_web_server_open(const struct fv_web_setup *setup,
+                                     struct fv_web_server **server, struct fovea_error *error)
+{
+    struct fv_web_server *made = calloc(1, sizeof *made);
+    *server = NULL;
+    if (made == NULL) return fovea_error_set(error, FOVEA_ERROR_MEMORY, "no memory for the server");
+    made->setup = *setup;
+    lws_set_log_level(0, NULL);
+    struct lws_context_creation_info info = {
+        .port = setup->port,
+        .iface = strcmp(setup->address, "0.0.0.0") != 0 ? setup->address : NULL,
+        .protocols = protocols,
+        .user = made,
+        .gid = -1,
+        .uid = -1,
+        .max_http_header_data = HEADER_BYTES_MAX,
+        .max_http_header_pool = 16,
+        .fd_limit_per_thread = FV_WEB_CONNECTIONS_MAX,
+        .timeout_secs = 5,
+        .timeout_secs_ah_idle = 5,
+        .keepalive_timeout = 5,
+        .ka_time = 10,
+        .ka_probes = 3,
+        .ka_interval = 5,
+        .retry_and_idle_policy = &liveness,
+        .vhost_name = "fovea",
+        .options = LWS_SERVER_OPTION_EXPLICIT_VHOSTS | LWS_SERVER_OPTION_DISABLE_IPV6 |
+                   LWS_SERVER_OPTION_FAIL_UPON_UNABLE_TO_BIND,
+    };
+    made->context = lws_create_context(&info);
+    if (made->context != NULL) made->vhost = lws_create_vhost(made->context, &info);
+    if (made->vhost == NULL) {
+        fv_web_server_close(made);
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "found no way to listen at %s port %u, expected an address of this "
+                               "host and a port that no other program uses",
+                               setup->address, (unsigned)setup->port);
+    }
+    made->port = (uint16_t)lws_get_vhost_listen_port(made->vhost);
+    lws_sul_schedule(made->context, 0, &made->timer, tick, 1);
+    *server = made;
+    return FOVEA_OK;
+}
+
+uint16_t fv_web_server_port(const struct fv_web_server *server)
+{
+    return server->port;
+}
+
+bool fv_web_server_run(struct fv_web_server *server)
+{
+    while (!server->stopped)
+        if (lws_service(server->context, 0) < 0) return false;
+    return true;
+}
+
+void fv_web_server_stop(struct fv_web_server *server)
+{
+    server->stopped = 1;
+    lws_cancel_service(server->context);
+}
+
+void fv_web_server_close(struct fv_web_server *server)
+{
+    if (server->context != NULL) {
+        lws_sul_schedule(server->context, 0, &server->timer, tick, LWS_SET_TIMER_USEC_CANCEL);
+        lws_context_destroy(server->context);
+    }
+    free(server);
+}

@@ -1,0 +1,43 @@
+/* The server of the page: HTTP/1.1 and websockets by libwebsockets, in one thread.
+ *
+ * A request is answered only when its Host header names this server (access.h); a websocket is
+ * opened only for our own page's origin. Where there are tokens, everything but the login page
+ * needs one, in a cookie. Connections, headers and what a page may say are bounded. */
+#ifndef FOVEA_WEB_SERVER_H
+#define FOVEA_WEB_SERVER_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "fovea/status.h"
+#include "web/access.h"
+#include "web/command.h"
+#include "web/relay.h"
+
+enum { FV_WEB_CLIENTS_MAX = 24, FV_WEB_CONNECTIONS_MAX = 96 };
+
+struct fv_web_setup {
+    const char *address; /* an IPv4 address of this host; 0.0.0.0: all */
+    uint16_t port;       /* 0: one that is free */
+    const char *const *names;
+    int name_count;
+    const struct fv_web_tokens *tokens; /* NULL: everybody who reaches the port may do all */
+    struct fv_web_relay *relay;
+    struct fv_web_commander *commander;
+};
+
+struct fv_web_server;
+
+/* Listen. FOVEA_ERROR_INPUT: not at this address and port. Init-only. */
+enum fovea_status fv_web_server_open(const struct fv_web_setup *setup,
+                                     struct fv_web_server **server, struct fovea_error *error);
+uint16_t fv_web_server_port(const struct fv_web_server *server);
+
+/* Serve until fv_web_server_stop. False: the server failed. */
+bool fv_web_server_run(struct fv_web_server *server);
+/* From a signal handler, too. */
+void fv_web_server_stop(struct fv_web_server *server);
+
+void fv_web_server_close(struct fv_web_server *server);
+
+#endif

@@ -1,0 +1,267 @@
+#include <arpa/inet.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+#include <sys/socket.h>
+
+#include "drivers/clock.h"
+#include "web/server_internal.h"
+
+enum { HEADER_BYTES = 2048, CHUNK_BYTES = 16384 };
+
+/* ---- who asks -------------------------------------------------------------------------------- */
+
+static bool header(struct lws *wsi, enum lws_token_indexes which, char *to, size_t bytes)
+{
+    const int length = lws_hdr_total_length(wsi, which);
+    to[0] = '\0';
+    return length > 0 && (size_t)length < bytes && lws_hdr_copy(wsi, to, (int)bytes, which) > 0;
+}
+
+/* The addresses of both ends. */
+static void addresses(struct lws *wsi, char local[INET_ADDRSTRLEN], char remote[INET_ADDRSTRLEN])
+{
+    struct sockaddr_in end;
+    socklen_t bytes = sizeof end;
+    const int socket = lws_get_socket_fd(wsi);
+    local[0] = remote[0] = '\0';
+    if (getsockname(socket, (struct sockaddr *)&end, &bytes) == 0 && end.sin_family == AF_INET)
+        inet_ntop(AF_INET, &end.sin_addr, local, INET_ADDRSTRLEN);
+    bytes = sizeof end;
+    if (getpeername(socket, (struct sockaddr *)&end, &bytes) == 0 && end.sin_family == AF_INET)
+        inet_ntop(AF_INET, &end.sin_addr, remote, INET_ADDRSTRLEN);
+}
+
+static void cookie_name(const struct fv_web_server *server, char name[24])
+{
+    snprintf(name, 24, "fovea_%u", (unsigned)server->port); /* cookies do not know ports */
+}
+
+static enum fv_web_role role_of(struct fv_web_server *server, struct lws *wsi)
+{
+    char cookies[FV_WEB_COOKIE_BYTES], name[24], token[FV_WEB_TOKEN_DIGITS + 1];
+    if (server->setup.tokens == NULL) return FV_WEB_OPERATE;
+    cookie_name(server, name);
+    if (!header(wsi, WSI_TOKEN_HTTP_COOKIE, cookies, sizeof cookies) ||
+        !fv_web_cookie_token(cookies, name, token))
+        return FV_WEB_NOBODY;
+    return fv_web_tokens_role(server->setup.tokens, token);
+}
+
+int fv_web_server_judge(struct fv_web_server *server, struct lws *wsi, bool of_page,
+                        enum fv_web_role *role)
+{
+    char host[FV_WEB_NAME_BYTES], origin[FV_WEB_NAME_BYTES + 8], local[INET_ADDRSTRLEN],
+        remote[INET_ADDRSTRLEN];
+    addresses(wsi, local, remote);
+    if (!header(wsi, WSI_TOKEN_HOST, host, sizeof host) ||
+        !fv_web_host_is_ours(host, server->port, local, server->setup.names,
+                             server->setup.name_count))
+        return HTTP_STATUS_FORBIDDEN;
+    const bool has_origin = lws_hdr_total_length(wsi, WSI_TOKEN_ORIGIN) > 0;
+    if ((of_page || has_origin) && (!header(wsi, WSI_TOKEN_ORIGIN, origin, sizeof origin) ||
+                                    !fv_web_origin_is_ours(origin, host)))
+        return HTTP_STATUS_FORBIDDEN;
+    *role = role_of(server, wsi);
+    return *role != FV_WEB_NOBODY ? HTTP_STATUS_OK : HTTP_STATUS_UNAUTHORIZED;
+}
+
+/* ---- answers --------------------------------------------------------------------------------- */
+
+struct answer {
+    int status;
+    const char *type;
+    const char *extra_name, *extra; /* one more header; NULL: none */
+    bool gzip;
+};
+
+static bool add(struct lws *wsi, const char *name, const char *value, uint8_t **at, uint8_t *end)
+{
+    return lws_add_http_header_by_name(wsi, (const uint8_t *)name, (const uint8_t *)value,
+                                       (int)strlen(value), at, end) == 0;
+}
+
+/* Send the head of an answer with `bytes` to follow. Returns what the callback returns. */
+static int answer_begin(struct lws *wsi, struct fv_web_request *request,
+                        const struct answer *answer, const uint8_t *data, size_t bytes)
+{
+    static const char *const always[][2] = {
+        {"content-security-policy:", "default-src 'self'; frame-ancestors 'none'; base-uri 'none'; "
+                                     "form-action 'self'; object-src 'none'"},
+        {"x-content-type-options:", "nosniff"},
+        {"x-frame-options:", "DENY"},
+        {"referrer-policy:", "no-referrer"},
+        {"cross-origin-opener-policy:", "same-origin"},
+        {"cross-origin-resource-policy:", "same-origin"},
+        {"cache-control:", "no-store"},
+    };
+    uint8_t memory[LWS_PRE + HEADER_BYTES], *at = memory + LWS_PRE, *end = memory + sizeof memory;
+    bool fits = lws_add_http_header_status(wsi, (unsigned)answer->status, &at, end) == 0 &&
+                add(wsi, "content-type:", answer->type, &at, end) &&
+                lws_add_http_header_content_length(wsi, bytes, &at, end) == 0;
+    for (size_t i = 0; i < sizeof always / sizeof always[0]; i++)
+        fits = fits && add(wsi, always[i][0], always[i][1], &at, end);
+    if (answer->gzip) fits = fits && add(wsi, "content-encoding:", "gzip", &at, end);
+    if (answer->extra_name != NULL)
+        fits = fits && add(wsi, answer->extra_name, answer->extra, &at, end);
+    if (!fits || lws_finalize_write_http_header(wsi, memory + LWS_PRE, &at, end) != 0) return -1;
+    request->data = data;
+    request->left = bytes;
+    lws_callback_on_writable(wsi);
+    return 0;
+}
+
+static int answer_text(struct lws *wsi, struct fv_web_request *request, int status,
+                       const char *text)
+{
+    const struct answer answer = {.status = status, .type = "text/plain; charset=utf-8"};
+    return answer_begin(wsi, request, &answer, (const uint8_t *)text, strlen(text));
+}
+
+static int answer_asset(struct lws *wsi, struct fv_web_request *request,
+                        const struct fv_web_asset *asset)
+{
+    char accepted[128];
+    struct answer answer = {.status = HTTP_STATUS_OK, .type = asset->type};
+    answer.gzip = header(wsi, WSI_TOKEN_HTTP_ACCEPT_ENCODING, accepted, sizeof accepted) &&
+                  strstr(accepted, "gzip") != NULL;
+    if (answer.gzip)
+        return answer_begin(wsi, request, &answer, asset->gzip,
+                            (size_t)(asset->gzip_end - asset->gzip));
+    size_t bytes;
+    request->made = fv_web_asset_inflate(asset, &bytes);
+    if (request->made == NULL) return -1;
+    return answer_begin(wsi, request, &answer, request->made, bytes);
+}
+
+static int answer_more(struct lws *wsi, struct fv_web_request *request)
+{
+    uint8_t memory[LWS_PRE + CHUNK_BYTES];
+    if (request->data == NULL) return 0;
+    const size_t bytes = request->left < CHUNK_BYTES ? request->left : CHUNK_BYTES;
+    const bool last = bytes == request->left;
+    memcpy(memory + LWS_PRE, request->data, bytes);
+    request->data += bytes;
+    request->left -= bytes;
+    if (lws_write(wsi, memory + LWS_PRE, bytes, last ? LWS_WRITE_HTTP_FINAL : LWS_WRITE_HTTP) < 0)
+        return -1;
+    if (!last) {
+        lws_callback_on_writable(wsi);
+        return 0;
+    }
+    request->data = NULL;
+    free(request->made);
+    request->made = NULL;
+    return lws_http_transaction_completed(wsi) != 0 ? -1 : 0;
+}
+
+/* ---- requests -------------------------------------------------------------------------------- */
+
+static int begin_login(struct fv_web_server *server, struct lws *wsi,
+                       struct fv_web_request *request)
+{
+    char local[INET_ADDRSTRLEN], remote[INET_ADDRSTRLEN];
+    char length[16];
+    addresses(wsi, local, remote);
+    snprintf(request->address, sizeof request->address, "%s", remote);
+    if (server->setup.tokens == NULL) return answer_text(wsi, request, 404, "Not found\n");
+    if (!header(wsi, WSI_TOKEN_HTTP_CONTENT_LENGTH, length, sizeof length) ||
+        strtoul(length, NULL, 10) >= FV_WEB_BODY_BYTES)
+        return -1; /* a body that is none of ours is not read */
+    request->login = true;
+    return 0;
+}
+
+static int begin(struct fv_web_server *server, struct lws *wsi, struct fv_web_request *request,
+                 const char *path)
+{
+    enum fv_web_role role = FV_WEB_NOBODY;
+    memset(request, 0, sizeof *request);
+    const bool post = lws_hdr_total_length(wsi, WSI_TOKEN_POST_URI) > 0;
+    const bool get = lws_hdr_total_length(wsi, WSI_TOKEN_GET_URI) > 0;
+    const int status = fv_web_server_judge(server, wsi, post, &role);
+    if (status == HTTP_STATUS_FORBIDDEN)
+        return answer_text(wsi, request, status,
+                           "Forbidden: Host or Origin is none of this page's (--name adds one)\n");
+    if (post && strcmp(path, "/login") == 0) return begin_login(server, wsi, request);
+    if (!get) return answer_text(wsi, request, HTTP_STATUS_METHOD_NOT_ALLOWED, "Not allowed\n");
+    const struct fv_web_asset *asset = fv_web_asset_find(path);
+    if (status == HTTP_STATUS_UNAUTHORIZED && (asset == NULL || !asset->open)) {
+        const bool page = asset != NULL && strcmp(path, "/") == 0;
+        if (!page) return answer_text(wsi, request, status, "Unauthorized: log in at /login\n");
+        struct answer answer = {.status = status, .type = asset->type, .gzip = false};
+        size_t bytes;
+        request->made = fv_web_asset_inflate(fv_web_asset_find("/login"), &bytes);
+        if (request->made == NULL) return -1;
+        return answer_begin(wsi, request, &answer, request->made, bytes);
+    }
+    if (asset == NULL) return answer_text(wsi, request, HTTP_STATUS_NOT_FOUND, "Not found\n");
+    return answer_asset(wsi, request, asset);
+}
+
+/* The body of a login: token=... */
+static int end_login(struct fv_web_server *server, struct lws *wsi, struct fv_web_request *request)
+{
+    const char *word = "token=";
+    char name[24], cookie[128];
+    const int64_t now_ns = fv_clock_ns(CLOCK_MONOTONIC);
+    request->body[request->body_bytes] = '\0';
+    request->login = false;
+    if (!fv_web_tries_left(&server->tries, request->address, now_ns))
+        return answer_text(wsi, request, 429, "Too many wrong tokens: wait 30 seconds\n");
+    const char *token = request->body + strlen(word);
+    if (strncmp(request->body, word, strlen(word)) != 0 ||
+        fv_web_tokens_role(server->setup.tokens, token) == FV_WEB_NOBODY) {
+        fv_web_tries_failed(&server->tries, request->address, now_ns);
+        return answer_text(wsi, request, HTTP_STATUS_UNAUTHORIZED, "Wrong token\n");
+    }
+    cookie_name(server, name);
+    snprintf(cookie, sizeof cookie, "%s=%s; Path=/; Max-Age=31536000; HttpOnly; SameSite=Strict",
+             name, token);
+    struct answer answer = {.status = HTTP_STATUS_SEE_OTHER,
+                            .type = "text/plain; charset=utf-8",
+                            .extra_name = "set-cookie:",
+                            .extra = cookie};
+    uint8_t *text = (uint8_t *)strdup("Welcome\n");
+    request->made = text;
+    return text == NULL ? -1 : answer_begin(wsi, request, &answer, text, 8);
+}
+
+static int take_body(struct fv_web_request *request, const void *in, size_t length)
+{
+    if (!request->login || length >= sizeof request->body - request->body_bytes) return -1;
+    memcpy(request->body + request->body_bytes, in, length);
+    request->body_bytes += length;
+    return 0;
+}
+
+int fv_web_http(struct lws *wsi, enum lws_callback_reasons reason, void *user, void *in,
+                size_t length)
+{
+    struct fv_web_server *server = lws_context_user(lws_get_context(wsi));
+    struct fv_web_request *request = user;
+    switch (reason) {
+    case LWS_CALLBACK_HTTP:
+        if (lws_get_network_wsi(wsi) != wsi) return -1; /* a stream of HTTP/2 */
+        return begin(server, wsi, request, in);
+    case LWS_CALLBACK_HTTP_CONFIRM_UPGRADE: /* to HTTP/2: not here */
+        return in != NULL && strcasecmp(in, "websocket") == 0 ? 0 : -1;
+    case LWS_CALLBACK_FILTER_PROTOCOL_CONNECTION: /* a websocket that names no protocol */
+        return -1;
+    case LWS_CALLBACK_HTTP_BODY:
+        return take_body(request, in, length);
+    case LWS_CALLBACK_HTTP_BODY_COMPLETION:
+        return request->login ? end_login(server, wsi, request) : -1;
+    case LWS_CALLBACK_HTTP_WRITEABLE:
+        return answer_more(wsi, request);
+    case LWS_CALLBACK_CLOSED_HTTP:
+        if (request != NULL) {
+            free(request->made);
+            request->made = NULL;
+        }
+        return 0;
+    default:
+        return 0;
+    }
+}

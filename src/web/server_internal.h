@@ -1,0 +1,49 @@
+/* What the halves of the server share: server.c with the websockets, server_http.c. */
+#ifndef FOVEA_WEB_SERVER_INTERNAL_H
+#define FOVEA_WEB_SERVER_INTERNAL_H
+
+#include <signal.h>
+
+#include <libwebsockets.h>
+
+#include "web/assets.h"
+#include "web/client.h"
+#include "web/server.h"
+
+enum { FV_WEB_URI_BYTES = 64, FV_WEB_BODY_BYTES = 128, FV_WEB_COOKIE_BYTES = 1024 };
+
+/* A request, from its headers to the end of its answer. */
+struct fv_web_request {
+    bool login; /* a token comes in the body */
+    char address[48];
+    char body[FV_WEB_BODY_BYTES];
+    size_t body_bytes;
+    const uint8_t *data; /* of the answer that is being sent */
+    size_t left;
+    uint8_t *made; /* of malloc, where the client takes no compression */
+};
+
+struct fv_web_server {
+    struct fv_web_setup setup;
+    struct lws_context *context;
+    struct lws_vhost *vhost;
+    uint16_t port;
+    volatile sig_atomic_t stopped;
+    lws_sorted_usec_list_t timer;
+    struct fv_web_tries tries;
+    struct fv_web_place_of_client {
+        struct lws *socket; /* NULL: free */
+        struct fv_web_client client;
+    } clients[FV_WEB_CLIENTS_MAX];
+    uint8_t packet[LWS_PRE + FV_WEB_PACKET_BYTES_MAX];
+};
+
+/* Of the connection whose headers are there: 200, or the status to refuse it with. */
+int fv_web_server_judge(struct fv_web_server *server, struct lws *wsi, bool of_page,
+                        enum fv_web_role *role);
+
+/* Callbacks of libwebsockets, after lws_callback_function. */
+int fv_web_http(struct lws *wsi, enum lws_callback_reasons reason, void *user, void *in,
+                size_t length);
+
+#endif

@@ -1,0 +1,404 @@
+/* What fovea-web refuses: strange hosts and origins, whoever has no token, requests and frames that
+ * are damaged or lie about their length; and that nothing is left of a thousand connections. No run
+ * is needed. FOVEA_LONG=N sends N damaged requests. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <dirent.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "common/watched.h"
+#include "common/web_client.h"
+
+#define OURS "Origin: http://127.0.0.1:7680\r\n"
+#define HOST "Host: 127.0.0.1:7680\r\n"
+
+static char folder[] = "/tmp/fovea_web_XXXXXX", token_path[64], socket_path[64];
+static char answer[WEB_ANSWER_BYTES];
+static pid_t running; /* that a failed test leaves behind */
+
+static pid_t start(bool with_token)
+{
+    const char *const arguments[] = {
+        "--feed", socket_path, "--lcm-url", "", with_token ? "--token" : NULL, token_path, NULL};
+    const pid_t process = web_start(arguments);
+    assert_true(process > 0);
+    running = process;
+    return process;
+}
+
+static void the_page_is_sent_with_its_rules(void **state)
+{
+    const char *const headers[] = {"content-security-policy: default-src 'self'; frame-ancestors "
+                                   "'none'",
+                                   "x-content-type-options: nosniff", "cache-control: no-store"};
+    (void)state;
+    const pid_t process = start(false);
+    assert_int_equal(web_get("/", "", answer), 200);
+    assert_non_null(strstr(answer, "<title>Fovea</title>")); /* not compressed unless asked for */
+    for (size_t i = 0; i < sizeof headers / sizeof headers[0]; i++)
+        if (strcasestr(answer, headers[i]) == NULL) fail_msg("no header %s", headers[i]);
+    assert_int_equal(web_get("/app.js", "Accept-Encoding: gzip\r\n", answer), 200);
+    assert_non_null(strcasestr(answer, "content-encoding: gzip"));
+    assert_int_equal(web_get("/types", "", answer), 200);
+    assert_non_null(strstr(answer, "//! type fovea.pose_t"));
+    assert_int_equal(web_get("/../etc/passwd", "", answer), 404);
+    assert_int_equal(web_get("/%2e%2e/etc/passwd", "", answer), 404);
+    assert_int_equal(web_get("/none", "", answer), 404);
+    assert_int_equal(
+        web_ask("POST /login HTTP/1.1\r\n" HOST OURS "Content-Length: 3\r\n\r\na=b", answer),
+        404); /* there is no token to ask for */
+    assert_int_equal(web_ask("HEAD / HTTP/1.1\r\n" HOST "\r\n", answer), 405);
+    assert_int_equal(web_end(process, true), 0);
+    running = 0;
+}
+
+static void strange_hosts_and_origins_are_refused(void **state)
+{
+    int socket;
+    (void)state;
+    const pid_t process = start(false);
+    assert_int_equal(web_ask("GET / HTTP/1.1\r\nHost: evil.org:7680\r\n\r\n", answer), 403);
+    assert_int_equal(web_ask("GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n", answer), 403);
+    assert_int_equal(web_ask("GET / HTTP/1.1\r\n" HOST "Host: evil.org:7680\r\n\r\n", answer), 403);
+    assert_int_not_equal(web_ask("GET / HTTP/1.1\r\n\r\n", answer), 200);
+    assert_int_equal(web_get("/", "Origin: http://evil.org\r\n", answer), 403);
+    assert_int_equal(web_get("/", OURS, answer), 200);
+    assert_int_equal(web_open("Origin: http://evil.org\r\n", "", &socket), 403);
+    assert_int_equal(web_open("Origin: null\r\n", "", &socket), 403);
+    assert_int_equal(web_open("", "", &socket), 403);
+    assert_int_equal(web_open(OURS, "", &socket), 101);
+    close(socket);
+    assert_int_equal(web_end(process, true), 0);
+    running = 0;
+}
+
+/* What POST /login with this body says. */
+static int login(const char *token)
+{
+    char request[512], body[256];
+    snprintf(body, sizeof body, "token=%s", token);
+    snprintf(request, sizeof request,
+             "POST /login HTTP/1.1\r\n" HOST OURS
+             "Content-Type: application/x-www-form-urlencoded\r\nContent-Length: %zu\r\n\r\n%s",
+             strlen(body), body);
+    return web_ask(request, answer);
+}
+
+static void read_tokens(char view[33], char operate[33])
+{
+    FILE *file = fopen(token_path, "r");
+    assert_non_null(file);
+    assert_int_equal(fscanf(file, "view %32s\noperate %32s", view, operate), 2);
+    fclose(file);
+}
+
+static void assert_role(const char *cookie, const char *role)
+{
+    uint8_t text[1000];
+    char wanted[40];
+    size_t bytes;
+    int socket;
+    assert_int_equal(web_open(OURS, cookie, &socket), 101);
+    assert_int_equal(web_hear(socket, text, sizeof text - 1, &bytes), 1);
+    text[bytes] = '\0';
+    snprintf(wanted, sizeof wanted, "\"role\":\"%s\"", role);
+    assert_non_null(strstr((char *)text, wanted));
+    close(socket);
+}
+
+static void without_the_token_only_the_login_page_is_seen(void **state)
+{
+    const char *const closed[] = {"/", "/app.js", "/types", "/none", "/live.js"};
+    char view[33], operate[33], cookie[128];
+    struct stat file;
+    int socket;
+    (void)state;
+    const pid_t process = start(true);
+    assert_int_equal(stat(token_path, &file), 0);
+    assert_int_equal(file.st_mode & 0777, 0600);
+    read_tokens(view, operate);
+    for (size_t i = 0; i < sizeof closed / sizeof closed[0]; i++)
+        if (web_get(closed[i], "", answer) != 401) fail_msg("%s", closed[i]);
+    assert_int_equal(web_get("/", "", answer), 401);
+    assert_non_null(strstr(answer, "<form method=\"post\" action=\"/login\""));
+    assert_int_equal(web_get("/login", "", answer), 200);
+    assert_int_equal(web_get("/style.css", "", answer), 200);
+    assert_int_equal(web_open(OURS, "", &socket), 401);
+    assert_int_equal(web_open(OURS, "Cookie: fovea_7680=0123\r\n", &socket), 401);
+
+    assert_int_equal(login(view), 303);
+    assert_non_null(strcasestr(answer, "HttpOnly"));
+    assert_non_null(strcasestr(answer, "SameSite=Strict"));
+    assert_null(strcasestr(answer, "location: http")); /* the token is never in an address */
+    snprintf(cookie, sizeof cookie, "Cookie: other=1; fovea_7680=%s\r\n", view);
+    assert_int_equal(web_get("/", cookie, answer), 200);
+    assert_non_null(strstr(answer, "<title>Fovea</title>"));
+    assert_role(cookie, "view");
+    snprintf(cookie, sizeof cookie, "Cookie: fovea_7680=%s\r\n", operate);
+    assert_role(cookie, "operate");
+
+    for (int i = 0; i < 5; i++)
+        assert_int_equal(login("00000000000000000000000000000000"), 401);
+    assert_int_equal(login("00000000000000000000000000000000"), 429);
+    assert_int_equal(login(operate), 429); /* and nothing is told by it */
+    assert_int_equal(web_get("/", cookie, answer), 200);
+    assert_int_equal(web_end(process, true), 0);
+    running = 0;
+}
+
+static void a_network_needs_a_token(void **state)
+{
+    const char *const wrong[][6] = {{"--address", "0.0.0.0"},
+                                    {"--address", "robot"},
+                                    {"--port", "70000"},
+                                    {"--rate", "0"},
+                                    {"--feed"},
+                                    {"--address", "10.255.0.1", "--token", token_path}};
+    (void)state;
+    for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; i++) {
+        const char *arguments[7] = {0};
+        memcpy(arguments, wrong[i], sizeof wrong[i]);
+        int status = 0;
+        const pid_t process = fork();
+        if (process == 0) {
+            char path[600];
+            const ssize_t length = readlink("/proc/self/exe", path, sizeof path - 1);
+            path[length > 0 ? length : 0] = '\0';
+            *strstr(path, "/tests/") = '\0';
+            strcat(path, "/fovea-web");
+            execl(path, path, arguments[0], arguments[1], arguments[2], arguments[3], (char *)NULL);
+            _exit(127);
+        }
+        waitpid(process, &status, 0);
+        if (!WIFEXITED(status) || WEXITSTATUS(status) != 2) fail_msg("%s", wrong[i][1]);
+    }
+}
+
+/* ---- damage ---------------------------------------------------------------------------------- */
+
+static uint32_t drawn(uint32_t *seed)
+{
+    *seed = *seed * 1664525u + 1013904223u;
+    return *seed >> 8;
+}
+
+/* Requests and frames that are right, before they are damaged. */
+static size_t sample(uint32_t which, char *data)
+{
+    static const char *const requests[] = {
+        "GET / HTTP/1.1\r\n" HOST "Accept-Encoding: gzip\r\nCookie: fovea_7680=0\r\n\r\n",
+        "POST /login HTTP/1.1\r\n" HOST OURS "Content-Length: 38\r\n\r\n"
+        "token=0123456789abcdef0123456789abcdef",
+        "GET / HTTP/1.1\r\n" HOST OURS "Upgrade: websocket\r\nConnection: Upgrade\r\n"
+        "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n"
+        "Sec-WebSocket-Protocol: fovea\r\n\r\n\x81\x85\1\2\3\4`al%0",
+        "GET /app.js HTTP/1.1\r\n" HOST "Upgrade: h2c\r\nHTTP2-Settings: AAMAAABkAAQ\r\n"
+        "Connection: Upgrade, HTTP2-Settings\r\n\r\nPRI * HTTP/2.0\r\n\r\nSM\r\n\r\n",
+    };
+    const char *request = requests[which % (sizeof requests / sizeof requests[0])];
+    strcpy(data, request);
+    return strlen(request);
+}
+
+static void damaged_requests_do_no_harm(void **state)
+{
+    const char *wanted = getenv("FOVEA_LONG");
+    const long count = wanted != NULL ? strtol(wanted, NULL, 10) : 300;
+    uint32_t seed = 1;
+    (void)state;
+    const pid_t process = start(true);
+    for (long i = 0; i < count; i++) {
+        char data[1024], ignored[512];
+        size_t bytes = sample((uint32_t)i, data);
+        for (uint32_t n = drawn(&seed) % 6; n > 0; n--)
+            data[drawn(&seed) % bytes] = (char)drawn(&seed);
+        if (drawn(&seed) % 4 == 0) bytes = 1 + drawn(&seed) % bytes;
+        const int to = web_connect();
+        assert_true(to >= 0);
+        (void)send(to, data, bytes, MSG_NOSIGNAL);
+        if (drawn(&seed) % 8 == 0) (void)recv(to, ignored, sizeof ignored, MSG_DONTWAIT);
+        close(to);
+    }
+    assert_int_equal(web_get("/login", "", answer), 200);
+    assert_int_equal(web_end(process, true), 0);
+    running = 0;
+}
+
+static void frames_that_lie_end_their_connection_alone(void **state)
+{
+    static const struct {
+        const char *what;
+        size_t bytes;
+        uint8_t data[24];
+    } frames[] = {
+        {"2^63 bytes", 14, {0x81, 0xff, 0x80, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0}},
+        {"2^62 bytes", 14, {0x81, 0xff, 0x40, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0}},
+        {"an opcode that there is not", 6, {0x8b, 0x80, 0, 0, 0, 0}},
+        {"a long ping", 10, {0x89, 0xfe, 1, 0, 0, 0, 0, 0, 0, 0}},
+        {"words that there are not", 9, {0x81, 0x83, 0, 0, 0, 0, 'f', 'o', 'o'}},
+        {"an empty text", 6, {0x81, 0x80, 0, 0, 0, 0}},
+        {"half a text", 11, {0x01, 0x85, 0, 0, 0, 0, 'a', 'c', 'k', ' ', '1'}},
+        {"no number", 11, {0x81, 0x85, 0, 0, 0, 0, 'a', 'c', 'k', ' ', 'x'}},
+        {"zeros", 11, {0x81, 0x85, 0, 0, 0, 0, 'a', 'c', 0, ' ', '1'}},
+    };
+    uint8_t heard[2000], huge[4096] = {0x81, 0xfe, 0x0f, 0xf0};
+    size_t bytes;
+    (void)state;
+    const pid_t process = start(false);
+    int other, to, opcode = 2;
+    assert_int_equal(web_open(OURS, "", &other), 101);
+    assert_int_equal(web_hear(other, heard, sizeof heard, &bytes), 1);
+    for (size_t i = 0; i <= sizeof frames / sizeof frames[0]; i++) {
+        const bool last = i == sizeof frames / sizeof frames[0];
+        const void *data = last ? huge : frames[i].data;
+        assert_int_equal(web_open(OURS, "", &to), 101);
+        (void)send(to, data, last ? sizeof huge : frames[i].bytes, MSG_NOSIGNAL);
+        if (!last && frames[i].bytes == 14) /* what it claims never comes */
+            (void)send(to, huge, sizeof huge, MSG_NOSIGNAL);
+        opcode = 2;
+        for (int n = 0; n < 20 && (opcode == 1 || opcode == 2); n++) /* hello, and then the end */
+            opcode = web_hear(to, heard, sizeof heard, &bytes);
+        if (opcode != -1 && opcode != 8) fail_msg("%s", last ? "4,080 bytes" : frames[i].what);
+        close(to);
+    }
+    assert_true(web_say(other, "ping 7"));
+    opcode = 2;
+    while (opcode == 2) /* the path, which is empty */
+        opcode = web_hear(other, heard, sizeof heard - 1, &bytes);
+    assert_int_equal(opcode, 1);
+    heard[bytes] = '\0';
+    assert_non_null(strstr((char *)heard, "\"pong\",\"echo\":\"7\""));
+    close(other);
+    assert_int_equal(web_end(process, true), 0);
+    running = 0;
+}
+
+/* ---- many ------------------------------------------------------------------------------------ */
+
+static int descriptors(pid_t process)
+{
+    char path[64];
+    int count = 0;
+    snprintf(path, sizeof path, "/proc/%d/fd", (int)process);
+    DIR *all = opendir(path);
+    assert_non_null(all);
+    while (readdir(all) != NULL)
+        count++;
+    closedir(all);
+    return count;
+}
+
+static long resident_kb(pid_t process)
+{
+    char path[64], line[200];
+    long kb = -1;
+    snprintf(path, sizeof path, "/proc/%d/status", (int)process);
+    FILE *file = fopen(path, "r");
+    assert_non_null(file);
+    while (fgets(line, sizeof line, file) != NULL)
+        if (strncmp(line, "VmRSS:", 6) == 0) kb = strtol(line + 6, NULL, 10);
+    fclose(file);
+    return kb;
+}
+
+static void connections(int count)
+{
+    for (int i = 0; i < count; i++) {
+        int to = -1;
+        if (i % 3 == 0)
+            assert_int_equal(web_open(OURS, "", &to), 101);
+        else
+            to = web_connect();
+        assert_true(to >= 0);
+        if (i % 3 == 1) (void)web_send(to, "GET / HTTP/1.1\r\nHost: 127");
+        close(to);
+    }
+}
+
+static void a_thousand_connections_leave_nothing_behind(void **state)
+{
+    (void)state;
+    const pid_t process = start(false);
+    connections(100); /* memory that is taken once */
+    assert_int_equal(web_get("/", "", answer), 200);
+    usleep(200000);
+    const int before = descriptors(process);
+    const long before_kb = resident_kb(process);
+    connections(1000);
+    int after = before + 1;
+    for (int i = 0; i < 1000 && after > before; i++) { /* the server sees the last ends later */
+        assert_int_equal(web_get("/", "", answer), 200);
+        usleep(10000);
+        after = descriptors(process);
+    }
+    assert_true(after <= before);
+#ifndef FOVEA_SANITIZED
+    if (resident_kb(process) > before_kb + 1024)
+        fail_msg("%ld kB before, %ld after", before_kb, resident_kb(process));
+#endif
+    (void)before_kb;
+    assert_int_equal(web_end(process, true), 0);
+    running = 0;
+}
+
+static void more_pages_than_there_is_room_for_are_refused(void **state)
+{
+    enum { ROOM = 24 };
+    int sockets[ROOM], one;
+    (void)state;
+    const pid_t process = start(false);
+    for (int i = 0; i < ROOM; i++)
+        assert_int_equal(web_open(OURS, "", &sockets[i]), 101);
+    assert_int_equal(web_open(OURS, "", &one), 503);
+    assert_int_equal(web_get("/", "", answer), 200);
+    close(sockets[3]);
+    for (int i = 0; i < 1000 && web_open(OURS, "", &sockets[3]) != 101; i++)
+        usleep(10000);
+    assert_true(sockets[3] >= 0);
+    for (int i = 0; i < ROOM; i++)
+        close(sockets[i]);
+    assert_int_equal(web_end(process, true), 0);
+    running = 0;
+}
+
+static int end_of_test(void **state)
+{
+    (void)state;
+    if (running > 0 && kill(running, SIGKILL) == 0) waitpid(running, NULL, 0);
+    running = 0;
+    return 0;
+}
+
+int main(void)
+{
+    if (!web_possible("test_web") || !watched_possible("test_web")) return 0;
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_teardown(the_page_is_sent_with_its_rules, end_of_test),
+        cmocka_unit_test_teardown(strange_hosts_and_origins_are_refused, end_of_test),
+        cmocka_unit_test_teardown(without_the_token_only_the_login_page_is_seen, end_of_test),
+        cmocka_unit_test_teardown(a_network_needs_a_token, end_of_test),
+        cmocka_unit_test_teardown(damaged_requests_do_no_harm, end_of_test),
+        cmocka_unit_test_teardown(frames_that_lie_end_their_connection_alone, end_of_test),
+        cmocka_unit_test_teardown(a_thousand_connections_leave_nothing_behind, end_of_test),
+        cmocka_unit_test_teardown(more_pages_than_there_is_room_for_are_refused, end_of_test),
+    };
+    if (mkdtemp(folder) == NULL) return 1;
+    snprintf(token_path, sizeof token_path, "%s/token", folder);
+    snprintf(socket_path, sizeof socket_path, "%s/feed", folder);
+    const int failed = cmocka_run_group_tests(tests, NULL, NULL);
+    unlink(token_path);
+    rmdir(folder);
+    return failed;
+}
