@@ -48,7 +48,44 @@ struct row {
     int32_t width;
 };
 
-/* Add a row, which goes on with the last run; false: there is no room for it. */
+/* The end of the equal bytes that begin at `x`. */
+static int32_t equal_end(const uint8_t *pixels, int32_t x, int32_t width)
+{
+    const uint64_t all = pixels[x] * UINT64_C(0x0101010101010101);
+    int32_t end = x + 1;
+    for (uint64_t eight; end + 8 <= width; end += 8) {
+        memcpy(&eight, pixels + end, sizeof eight);
+        if (eight != all) break;
+    }
+    while (end < width && pixels[end] == pixels[x])
+        end++;
+    return end;
+}
+
+/* Add pixels [x, end) of a segment, which go on with the last run; false: there is no room. */
+static bool add_pixels(struct runs *runs, uint8_t segment, const struct row *row, int32_t x,
+                       int32_t end)
+{
+    while (x < end) {
+        int32_t last = runs->count - 1;
+        if (last < 0 || runs->segment[last] != segment || runs->length[last] == RUN_MAX) {
+            if (runs->count == RUNS_MAX) return false;
+            last = runs->count++;
+            runs->segment[last] = segment;
+            runs->length[last] = 0;
+            runs->confidence[last] = 0;
+        }
+        const int32_t room = RUN_MAX - runs->length[last], part = end - x < room ? end - x : room;
+        runs->length[last] = (int16_t)(runs->length[last] + part);
+        if (row->confidence != NULL)
+            for (int32_t i = x; i < x + part; i++)
+                runs->confidence[last] += row->confidence[i];
+        x += part;
+    }
+    return true;
+}
+
+/* Add a row; false: there is no room for it, and nothing was added. */
 static bool add_row(struct runs *runs, const struct row *row)
 {
     const int32_t before = runs->count, open = before > 0 ? before - 1 : 0;
@@ -56,23 +93,13 @@ static bool add_row(struct runs *runs, const struct row *row)
         int16_t length;
         uint32_t confidence;
     } last_before = {runs->length[open], runs->confidence[open]};
-    for (int32_t x = 0; x < row->width; x++) {
-        const uint8_t segment = row->index[row->pixels[x]];
-        int32_t last = runs->count - 1;
-        if (last < 0 || runs->segment[last] != segment || runs->length[last] == RUN_MAX) {
-            if (runs->count == RUNS_MAX) {
-                runs->count = before;
-                runs->length[open] = last_before.length;
-                runs->confidence[open] = last_before.confidence;
-                return false;
-            }
-            last = runs->count++;
-            runs->segment[last] = segment;
-            runs->length[last] = 0;
-            runs->confidence[last] = 0;
-        }
-        runs->length[last]++;
-        if (row->confidence != NULL) runs->confidence[last] += row->confidence[x];
+    for (int32_t x = 0, end; x < row->width; x = end) {
+        end = equal_end(row->pixels, x, row->width);
+        if (add_pixels(runs, row->index[row->pixels[x]], row, x, end)) continue;
+        runs->count = before;
+        runs->length[open] = last_before.length;
+        runs->confidence[open] = last_before.confidence;
+        return false;
     }
     return true;
 }

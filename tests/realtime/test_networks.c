@@ -14,7 +14,7 @@
 
 #include "support/colour.h"
 #include "app/config/model_file.h"
-#include "common/data_folder.h"
+#include "common/imported.h"
 #include "detect/job.h"
 #include "fovea/fovea.h"
 
@@ -27,27 +27,15 @@ static int64_t cpu_ns(void)
     return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
 }
 
-/* Import the model with the build's Python; false where there is no model or no Python with the
- * packages. */
+/* Import the model; false where that cannot be. */
 static bool import_model(void)
 {
-    char source[512], target[] = "/tmp/fovea-test-XXXXXX", command[1600];
-    const char *python = getenv("FOVEA_PYTHON");
+    char target[] = "/tmp/fovea-test-XXXXXX";
     struct fovea_error error = {0};
-    snprintf(source, sizeof source, "%s/models/ssd_mobilenet_v1_coco_quant_meta.tflite",
-             fv_data_folder());
-    if (access(source, R_OK) != 0) {
-        printf("SKIPPED network in the loop: no %s\n", source);
-        return false;
-    }
     const int file = mkstemp(target);
     if (file < 0) return false;
     close(file);
-    snprintf(command, sizeof command, "%s tools/import '%s' -o %s >/dev/null 2>&1",
-             python != NULL ? python : "build/venv-import/bin/python", source, target);
-    const bool imported = system(command) == 0;
-    if (!imported)
-        printf("SKIPPED network in the loop: no Python with the packages tflite and numpy\n");
+    const bool imported = fv_test_import("ssd_mobilenet_v1_coco_quant_meta", NULL, target);
     const bool read = imported && fv_model_file_read(target, &model, &error) == FOVEA_OK;
     if (imported && !read) fail_msg("%s", error.text);
     unlink(target);

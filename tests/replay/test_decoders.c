@@ -151,7 +151,7 @@ static void keypoints_classes_and_masks_replay(void **state)
                                            .point_values = 2,
                                            .max_detections = 300},
                                  classes = {.kind = FV_DECODER_CLASSIFIER, .max_detections = 5},
-                                 mask = {.kind = FV_DECODER_SEGMENT};
+                                 mask = {.kind = FV_DECODER_SEGMENT, .probabilities = 1};
     replays(&points, "KEYPOINTS", &classes, "CLASSES");
     replays(&mask, "SEGMENTATION", &points, "KEYPOINTS");
 }
