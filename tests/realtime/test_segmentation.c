@@ -119,10 +119,11 @@ static int publish(struct made *made, const struct fovea_image *image,
     int rows = 0, frames = 0;
     while (rows < seen->height && frames < ITERATIONS_MAX) {
         struct fovea_outputs outputs;
+        frames++;
         const struct fovea_frame frame = {.image_count = 1,
                                           .images[0] = *image,
-                                          .stamp_ns = FIRST_NS + frames,
-                                          .sequence = (uint64_t)++frames};
+                                          .stamp_ns = FIRST_NS + frames - 1,
+                                          .sequence = (uint64_t)frames};
         struct fovea_inputs inputs = {.frame = &frame, .now_ns = frame.stamp_ns};
         fovea_grants_fixed(&made->config, &inputs.grants);
         counting = true;
