@@ -46,6 +46,8 @@ struct fv_run {
     struct fovea_source_selection selection;
     const char *stats_path, *trajectory_path, *final_path, *picture_path, *detections_path,
         *objects_path, *truth_path;
+    const char *web_port; /* of the page; NULL: none, "": its own */
+    pid_t web_page;       /* its process; 0: none */
     bool quiet, all_boxes;
 
     struct fv_settings settings;

@@ -11,6 +11,7 @@
 #include "app/run/process.h"
 #include "app/run/realtime.h"
 #include "app/run/run.h"
+#include "app/run/web_page.h"
 #include "support/say.h"
 #include "app/run/signals.h"
 #include "support/stall.h"
@@ -222,6 +223,8 @@ static enum fv_options_result options_read(struct fv_run *run, int argc, char **
          "save the map at the end, and on the command `save`"},
         {"set", "KEY=VALUE", FV_OPTION_LIST, &run->options.sets,
          "override a key of the configuration"},
+        {"web", "PORT", FV_OPTION_OPTIONAL, &run->web_port,
+         "show the run in browsers of this host (fovea-web), at this port (default 7680)"},
         {"quiet", NULL, FV_OPTION_FLAG, &run->quiet,
          "no status line, no lines about the pose and no summary"},
         {0},
@@ -231,11 +234,14 @@ static enum fv_options_result options_read(struct fv_run *run, int argc, char **
     return fv_options_parse(options, "", 0, 0, argc, argv, &first);
 }
 
-/* Settings, and that nothing that is read would be written over. */
+/* Settings, and that nothing that is read would be written over; the page starts beside. */
 static enum fovea_status settings_read(struct fv_run *run, struct fovea_error *error)
 {
-    const enum fovea_status status = fv_setup_settings(&run->options, &run->settings, error);
-    return status == FOVEA_OK ? fv_run_files_apart(run, error) : status;
+    enum fovea_status status = fv_setup_settings(&run->options, &run->settings, error);
+    if (status == FOVEA_OK) status = fv_run_files_apart(run, error);
+    if (status == FOVEA_OK)
+        status = fv_web_page_start(run->web_port, &run->settings, &run->web_page, error);
+    return status;
 }
 
 static enum fovea_status runtime_open(struct fv_run *run, struct fovea_error *error)
@@ -406,6 +412,7 @@ static void outputs_open(struct fv_run *run)
 
 static void close_all(struct fv_run *run)
 {
+    fv_web_page_end(run->web_page);
     fv_recorder_close(run->recorder, NULL);
     fv_transport_close(run->transport);
     fv_feed_close(run->feed);
@@ -540,7 +547,7 @@ int fv_command_run(int argc, char **argv)
     enum fovea_status status = settings_read(&run, &error);
     if (status != FOVEA_OK) return (fv_say("%s", error.text), fv_setup_exit(status));
     enum fv_exit end = fv_run_files_check(&run);
-    if (end != FV_EXIT_OK) return end;
+    if (end != FV_EXIT_OK) return (fv_web_page_end(run.web_page), end);
     const struct fv_signals signals = {&run.shared.stop, fv_run_lost, &run};
     status = fv_signals_watch(&signals, &error);
     if (status == FOVEA_OK) status = open_all(&run, &error);

@@ -1,0 +1,102 @@
+#include "app/run/web_page.h"
+
+#include <errno.h>
+#include <signal.h>
+#include <spawn.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "support/text.h"
+
+extern char **environ;
+
+/* The program in the folder of this one. */
+static bool program_find(char *path, size_t bytes)
+{
+    const char *name = "fovea-web";
+    const ssize_t length = readlink("/proc/self/exe", path, bytes - 1);
+    if (length <= 0) return false;
+    path[length] = '\0';
+    char *last = strrchr(path, '/');
+    if (last == NULL || (size_t)(last + 1 - path) + strlen(name) >= bytes) return false;
+    strcpy(last + 1, name);
+    return access(path, X_OK) == 0;
+}
+
+static void socket_choose(struct fv_settings *settings)
+{
+    const char *folder = getenv("XDG_RUNTIME_DIR");
+    if (settings->web_socket[0] != '\0') return;
+    if (folder == NULL || access(folder, W_OK) != 0 || strlen(folder) > 60) folder = "/tmp";
+    snprintf(settings->web_socket, sizeof settings->web_socket, "%s/fovea-%d.sock", folder,
+             (int)getpid());
+}
+
+/* With the signals of a program that was just started, whatever is blocked here. */
+static int spawn(const char *program, const char *const *words, pid_t *child)
+{
+    posix_spawnattr_t attributes;
+    sigset_t none, all;
+    sigemptyset(&none);
+    sigfillset(&all);
+    int failed = posix_spawnattr_init(&attributes);
+    if (failed != 0) return failed;
+    posix_spawnattr_setsigmask(&attributes, &none);
+    posix_spawnattr_setsigdefault(&attributes, &all);
+    posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF);
+    failed =
+        posix_spawn(child, program, NULL, &attributes, (char *const *)(uintptr_t)words, environ);
+    posix_spawnattr_destroy(&attributes);
+    return failed;
+}
+
+enum fovea_status fv_web_page_start(const char *port, struct fv_settings *settings, pid_t *child,
+                                    struct fovea_error *error)
+{
+    char program[4096], rate[16];
+    int64_t number = 0;
+    *child = 0;
+    if (port == NULL) return FOVEA_OK;
+    if (port[0] != '\0' && (!fv_text_integer(port, &number) || number < 0 || number > UINT16_MAX))
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "fovea run: --web: found '%.40s', expected a port from 0 to 65535",
+                               port);
+    if (!program_find(program, sizeof program))
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "fovea run: --web: found no program fovea-web beside this one, "
+                               "expected it there (it is built where libwebsockets is installed: "
+                               "tools/install.sh web)");
+    socket_choose(settings);
+    snprintf(rate, sizeof rate, "%u",
+             settings->web_picture_rate > 0 && settings->web_picture_rate < 60
+                 ? settings->web_picture_rate
+                 : 15);
+    const char *words[16] = {
+        program, "--with-parent", "--feed",         settings->web_socket, "--rate",
+        rate,    "--lcm-url",     settings->lcm_url};
+    int count = 8;
+    if (port[0] != '\0') {
+        words[count++] = "--port";
+        words[count++] = port;
+    }
+    if (settings->command_key[0] != '\0') {
+        words[count++] = "--command-key";
+        words[count++] = settings->command_key;
+    }
+    const int failed = spawn(program, words, child);
+    if (failed == 0) return FOVEA_OK;
+    *child = 0;
+    return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "fovea run: --web: %.300s: %s", program,
+                           strerror(failed));
+}
+
+void fv_web_page_end(pid_t child)
+{
+    if (child <= 0) return;
+    kill(child, SIGTERM);
+    while (waitpid(child, NULL, 0) < 0 && errno == EINTR)
+        continue;
+}
