@@ -59,6 +59,11 @@ static inline const struct fv_nn_job *fv_detect_network(const struct fv_detect_m
     return &memory->nn;
 }
 
+/* Whether the outputs are being decoded: what was found last is being written over. */
+static inline bool fv_detect_decoding(const struct fv_detect_memory *memory)
+{
+    return fv_nn_job_done(&memory->nn);
+}
 bool fv_detect_idle(const struct fv_detect_memory *memory);
 /* Give up the image under way, and what the network knows of earlier ones. */
 void fv_detect_stop(const struct fv_detect_memory *memory);

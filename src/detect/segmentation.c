@@ -85,11 +85,11 @@ struct walk {
     int64_t whole, rest, step_whole, step_rest, divisor;
 };
 
-static struct walk walk_of(int32_t first, int32_t part, int32_t image, int32_t mask, int32_t input)
+static struct walk walk_of(int32_t first, int32_t part, int32_t image, int32_t mask, int32_t input,
+                           int32_t x)
 {
-    const int64_t divisor = (int64_t)2 * image * input,
-                  begin = ((int64_t)2 * first * image + part) * mask,
-                  step = (int64_t)2 * part * mask;
+    const int64_t divisor = (int64_t)2 * image * input, step = (int64_t)2 * part * mask,
+                  begin = ((int64_t)2 * first * image + part) * mask + x * step;
     return (struct walk){begin / divisor, begin % divisor, step / divisor, step % divisor, divisor};
 }
 
@@ -109,11 +109,33 @@ void fovea_segmentation_enlarge(const struct fovea_segmentation *s, const uint8_
     uint8_t of[256];
     for (int i = 0; i < 256; i++)
         of[i] = values == NULL ? s->index[i] : values[s->index[i]];
-    struct walk row = walk_of(f->top, f->height, s->image_height, s->height, f->input_height);
+    struct walk row = walk_of(f->top, f->height, s->image_height, s->height, f->input_height, 0);
     for (int32_t y = 0; y < s->image_height; y++, next(&row)) {
         const uint8_t *from = s->pixels + row.whole * s->width;
-        struct walk column = walk_of(f->left, f->width, s->image_width, s->width, f->input_width);
+        struct walk column =
+            walk_of(f->left, f->width, s->image_width, s->width, f->input_width, 0);
         for (int32_t x = 0; x < s->image_width; x++, next(&column))
             *pixels++ = of[from[column.whole]];
+    }
+}
+
+void fv_segmentation_outline(const struct fovea_segmentation *s, uint8_t *pixels, int32_t width,
+                             int32_t height, int32_t begin, int32_t end)
+{
+    const struct fovea_segmentation_fit *f = &s->fit;
+    const int32_t before = begin > 0 ? begin - 1 : 0;
+    struct walk row = walk_of(f->top, f->height, height, s->height, f->input_height, before);
+    const uint8_t *above = s->pixels + row.whole * s->width;
+    for (int32_t y = before; y < end; y++, next(&row)) {
+        const uint8_t *from = s->pixels + row.whole * s->width;
+        struct walk column = walk_of(f->left, f->width, width, s->width, f->input_width, 0);
+        uint8_t *to = pixels + (ptrdiff_t)y * width, left = s->index[from[column.whole]];
+        for (int32_t x = 0; x < width && y >= begin; x++, next(&column)) {
+            const uint8_t here = s->index[from[column.whole]];
+            if (here != left || here != s->index[above[column.whole]])
+                to[x] = to[x] < 128 ? 255 : 0;
+            left = here;
+        }
+        above = from;
     }
 }

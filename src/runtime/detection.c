@@ -454,6 +454,13 @@ void fv_detection_get_segmentation(const struct fv_detection *detection,
     segmentation->sequence = detection->state->found_frame.sequence;
 }
 
+bool fv_detection_has_mask(const struct fv_detection *detection,
+                           struct fovea_segmentation *segmentation)
+{
+    fv_detection_get_segmentation(detection, segmentation);
+    return segmentation->inferences > 0 && !fv_detect_decoding(&detection->memory);
+}
+
 const char *fv_detection_label(const struct fv_detection *detection, int32_t class_id)
 {
     return detection->enabled ? fv_detect_label(&detection->model, class_id) : "";

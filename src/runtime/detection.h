@@ -104,9 +104,12 @@ uint32_t fv_detection_encode(struct fv_detection *detection, enum fv_detection_m
                              uint8_t *buffer, size_t capacity);
 
 void fv_detection_get(const struct fv_detection *detection, struct fovea_detections *detections);
-/* Its mask; inferences is 0 where there is none. */
+/* Its mask; inferences is 0 where there is none. While the next one is decoded it is incomplete. */
 void fv_detection_get_segmentation(const struct fv_detection *detection,
                                    struct fovea_segmentation *segmentation);
+/* The same, but of a whole mask only; false: there is none now. */
+bool fv_detection_has_mask(const struct fv_detection *detection,
+                           struct fovea_segmentation *segmentation);
 /* "" where there is none. */
 const char *fv_detection_label(const struct fv_detection *detection, int32_t class_id);
 

@@ -32,13 +32,26 @@ static void send_preview(struct fovea *rt, struct fovea_outputs *outputs)
                   outputs);
 }
 
+/* The mask that is drawn; NULL: none. */
+static const struct fovea_segmentation *drawn_mask(const struct fovea *rt,
+                                                   struct fovea_segmentation *mask)
+{
+    if (!rt->config.preview.segmentation) return NULL;
+    return fv_detection_has_mask(&rt->detection, mask) ||
+                   fv_detection_has_mask(&rt->detection2, mask)
+               ? mask
+               : NULL;
+}
+
 static uint32_t advance(struct fovea *rt, uint32_t units, struct fovea_outputs *outputs)
 {
     const struct fv_plane *level = shown_level(rt);
+    struct fovea_segmentation found;
+    const struct fovea_segmentation *mask = drawn_mask(rt, &found);
     uint32_t done = 0;
     while (done < units && fv_preview_waiting(&rt->preview)) {
         done++;
-        if (fv_preview_unit(&rt->preview, level, rt->config.preview.quality)) {
+        if (fv_preview_unit(&rt->preview, level, mask, rt->config.preview.quality)) {
             send_preview(rt, outputs);
             break; /* one message per work call: its buffer is in use until the next */
         }

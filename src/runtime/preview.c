@@ -2,9 +2,13 @@
 
 #include <string.h>
 
+#include "detect/segmentation.h"
 #include "message/message.h"
 
-enum { BLOCKS_PER_UNIT = 64 }; /* about 0.05 ms here, 0.25 ms on a slow board */
+enum {
+    BLOCKS_PER_UNIT = 64, /* about 0.05 ms here, 0.25 ms on a slow board */
+    DRAWN_PER_UNIT = 1 << 15
+};
 
 /* Of one packet, what LCM's header, the channel and the message's other fields leave. */
 static size_t jpeg_capacity(int32_t width, int32_t height)
@@ -45,7 +49,18 @@ static void begin(struct fv_preview *preview, uint32_t quality)
                   preview->jpeg, preview->jpeg_capacity);
 }
 
-bool fv_preview_unit(struct fv_preview *preview, const struct fv_plane *level, uint32_t quality)
+/* Into some rows more; a mask that goes meanwhile is drawn as far as it was. */
+static void draw_mask(struct fv_preview *preview, const struct fovea_segmentation *mask)
+{
+    const struct fv_plane *picture = &preview->picture;
+    const int32_t rows = DRAWN_PER_UNIT / picture->width + 1, first = preview->state->drawn,
+                  end = picture->height - first > rows ? first + rows : picture->height;
+    fv_segmentation_outline(mask, picture->pixels, picture->width, picture->height, first, end);
+    preview->state->drawn = end;
+}
+
+bool fv_preview_unit(struct fv_preview *preview, const struct fv_plane *level,
+                     const struct fovea_segmentation *mask, uint32_t quality)
 {
     struct fv_preview_state *state = preview->state;
     if (!state->active) {
@@ -55,6 +70,12 @@ bool fv_preview_unit(struct fv_preview *preview, const struct fv_plane *level, u
         begin(preview, quality);
         state->due = 0;
         state->active = 1;
+        state->drawn = 0;
+        return false;
+    }
+    if (mask == NULL) state->drawn = preview->picture.height;
+    if (state->drawn < preview->picture.height) {
+        draw_mask(preview, mask);
         return false;
     }
     if (!fv_jpeg_encode(&state->jpeg, &preview->picture, BLOCKS_PER_UNIT, preview->jpeg))

@@ -20,7 +20,7 @@ struct fv_preview_state {
     uint32_t active; /* pixels are copied and being encoded */
     /* of this one: less than configured where the picture did not fit the packet */
     uint32_t quality;
-    uint32_t reserved;
+    int32_t drawn; /* rows into which a mask was drawn, or none is to be */
 };
 
 struct fv_preview {
@@ -42,7 +42,9 @@ void fv_preview_ask(struct fv_preview *preview, const struct fv_frame_id *frame)
 bool fv_preview_waiting(const struct fv_preview *preview);
 
 /* Do one unit. `level` is that of the last processed frame: the job looks at it in its first
- * unit only. Returns true when the picture is complete in preview->jpeg, state->jpeg.used bytes. */
-bool fv_preview_unit(struct fv_preview *preview, const struct fv_plane *level, uint32_t quality);
+ * unit only. `mask`: whose borders are drawn into it, after that unit; NULL: of none. Returns true
+ * when the picture is complete in preview->jpeg, state->jpeg.used bytes. */
+bool fv_preview_unit(struct fv_preview *preview, const struct fv_plane *level,
+                     const struct fovea_segmentation *mask, uint32_t quality);
 
 #endif

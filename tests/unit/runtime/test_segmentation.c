@@ -1,0 +1,136 @@
+/* Masks in the loop: the borders of classes in previews lie where the mask has them, and nothing
+ * else of a preview changes. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "common/detector.h"
+#include "common/grey_frame.h"
+#include "fovea/fovea.h"
+#include "nn/model.h"
+#include "support/decode.h"
+
+#include "fovea_preview_t.h"
+
+enum { WIDTH = 320, HEIGHT = 240, FRAMES = 40, BLOCK = 8 };
+
+static _Alignas(64) uint8_t model[1 << 18];
+static uint8_t picture[WIDTH * HEIGHT];
+
+/* The golden network as one that labels pixels; returns its bytes. */
+static size_t make_model(void)
+{
+    size_t bytes = 0;
+    const void *file = detector_model(&bytes);
+    assert_non_null(file);
+    memcpy(model, file, bytes);
+    struct fv_model_header *header = (struct fv_model_header *)(void *)model;
+    header->decode = (struct fv_model_decode){.kind = FV_DECODER_SEGMENT};
+    header->checksum = fv_model_checksum(model + 16, bytes - 16);
+    return bytes;
+}
+
+/* Pixels of the last preview of level 0; `places`: the mask at its size. */
+static void last_preview(bool drawn, uint8_t *pixels, uint8_t *places)
+{
+    struct fovea_config config;
+    struct fovea_error error;
+    struct fovea_segmentation seen;
+    struct fovea *rt;
+    size_t bytes;
+    int previews = 0;
+    fovea_config_default(&config);
+    config.rig.cameras[0].camera = (struct fovea_camera){
+        .width = WIDTH, .height = HEIGHT, .fx = 200, .fy = 200, .cx = 160, .cy = 120};
+    assert_int_equal(fovea_camera_prepare(&config.rig.cameras[0].camera, &error), FOVEA_OK);
+    config.odometry.enabled = false;
+    config.detect.model = model;
+    config.detect.model_bytes = make_model();
+    config.preview = (struct fovea_preview_config){
+        .period_frames = 1, .quality = 95, .level = 0, .segmentation = drawn};
+    if (fovea_size(&config, &bytes, &error) != FOVEA_OK) fail_msg("%s", error.text);
+    void *memory = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, (bytes + 63) / 64 * 64);
+    assert_int_equal(fovea_init(memory, bytes, &config, &rt, &error), FOVEA_OK);
+    for (int i = 0; i < FRAMES; i++) {
+        struct fovea_outputs outputs;
+        const struct fovea_frame frame =
+            grey_frame(picture, WIDTH, HEIGHT, (i + 1) * 1000, (uint64_t)i);
+        struct fovea_inputs inputs = {.frame = &frame, .now_ns = frame.stamp_ns};
+        fovea_grants_fixed(&config, &inputs.grants);
+        fovea_step(rt, &inputs, &outputs);
+        fovea_work(rt, &inputs.grants, &outputs);
+        for (uint32_t m = 0; m < outputs.message_count; m++) {
+            fovea_preview_t preview;
+            if (strcmp(outputs.messages[m].channel, "FOVEA_PREVIEW") != 0) continue;
+            assert_true(fovea_preview_t_decode(outputs.messages[m].data, 0,
+                                               (int)outputs.messages[m].bytes, &preview) > 0);
+            assert_true(preview.width == WIDTH && preview.height == HEIGHT);
+            const struct fv_decode_image into = {
+                .pixels = pixels, .width = WIDTH, .height = HEIGHT, .stride_bytes = WIDTH};
+            assert_int_equal(fv_decode(preview.jpeg, (size_t)preview.size_bytes, &into, &error),
+                             FOVEA_OK);
+            fovea_preview_t_decode_cleanup(&preview);
+            previews++;
+        }
+    }
+    assert_true(previews > 2);
+    fovea_segmentation_get(rt, 0, &seen);
+    assert_true(seen.inferences > 2 && seen.count > 1);
+    fovea_segmentation_enlarge(&seen, NULL, places);
+    free(memory);
+}
+
+static bool is_border(const uint8_t *places, int x, int y)
+{
+    const uint8_t *at = places + y * WIDTH + x;
+    return (x > 0 && at[-1] != at[0]) || (y > 0 && at[-WIDTH] != at[0]);
+}
+
+static bool is_plain_block(const uint8_t *places, int x, int y)
+{
+    for (int i = 0; i < BLOCK * BLOCK; i++)
+        if (is_border(places, x + i % BLOCK, y + i / BLOCK)) return false;
+    return true;
+}
+
+/* The picture lies between 60 and 190, so black and white are far from it. */
+static void borders_of_the_mask_are_drawn_into_previews(void **state)
+{
+    (void)state;
+    static uint8_t plain[WIDTH * HEIGHT], drawn[WIDTH * HEIGHT], places[WIDTH * HEIGHT];
+    for (int i = 0; i < WIDTH * HEIGHT; i++)
+        picture[i] = (uint8_t)(60 + (i % WIDTH / 40 * 37 + i / WIDTH / 30 * 91) % 130);
+    last_preview(false, plain, places);
+    last_preview(true, drawn, places);
+    int borders = 0, seen = 0, blocks = 0;
+    for (int i = 0; i < WIDTH * HEIGHT; i++) {
+        if (!is_border(places, i % WIDTH, i / WIDTH)) continue;
+        const int way = plain[i] < 128 ? drawn[i] - plain[i] : plain[i] - drawn[i];
+        borders++;
+        seen += way > 35;
+    }
+    print_message("%d pixels of borders, %d seen in the preview\n", borders, seen);
+    assert_true(borders > 300);
+    assert_true(seen > borders * 97 / 100); /* a JPEG */
+    for (int y = 0; y < HEIGHT; y += BLOCK) {
+        for (int x = 0; x < WIDTH; x += BLOCK) {
+            if (!is_plain_block(places, x, y)) continue;
+            blocks++;
+            for (int i = 0; i < BLOCK; i++)
+                assert_memory_equal(plain + (y + i) * WIDTH + x, drawn + (y + i) * WIDTH + x,
+                                    BLOCK);
+        }
+    }
+    assert_true(blocks > 20);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(borders_of_the_mask_are_drawn_into_previews)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
