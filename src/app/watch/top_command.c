@@ -156,7 +156,9 @@ static int run(struct top *top, const char *prefix)
     if (screen && isatty(STDOUT_FILENO) != 1)
         return fv_say_wrong("fovea top: found a standard output that is no terminal, expected one, "
                             "or --once, or --json");
-    fv_robots_init(&top->robots, (int64_t)top->interval_s * (FV_SECOND_NS * 9 / 10));
+    /* --once shows all that was heard, however late in the interval it began. */
+    fv_robots_init(&top->robots,
+                   top->once ? 1 : (int64_t)top->interval_s * (FV_SECOND_NS * 9 / 10));
     enum fovea_status status = fv_robots_rows(&top->robots, prefix, rows, &error);
     if (status == FOVEA_OK) status = fv_bus_open(&top->bus, rows, FV_ROBOT_ROWS, &error);
     if (status != FOVEA_OK)
