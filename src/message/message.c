@@ -30,6 +30,8 @@ void fv_message_channel(const char *prefix, enum fv_message_kind kind, char *nam
         [FV_MESSAGE_CAMERA_STATUS] = "CAMERA_STATUS",
         [FV_MESSAGE_COMMAND] = "COMMAND",
         [FV_MESSAGE_COMMAND_RESULT] = "COMMAND_RESULT",
+        [FV_MESSAGE_PARAMETER] = "PARAMETER",
+        [FV_MESSAGE_PARAMETER_RESULT] = "PARAMETER_RESULT",
         [FV_MESSAGE_RUN] = "RUN",
         [FV_MESSAGE_FRAME] = "FRAME",
         [FV_MESSAGE_RECORDING] = "RECORDING",

@@ -43,6 +43,24 @@ size_t fv_message_grants_size_max(void)
     return (size_t)fovea_grants_t_encoded_size(&empty) + FOVEA_JOB_COUNT * sizeof(int32_t);
 }
 
+size_t fv_message_parameter_size_max(void)
+{
+    enum { KEY_BYTES = 64, VALUE_BYTES = 1024 };
+    char nothing[] = "";
+    const fovea_parameter_t empty = {.key = nothing, .value = nothing};
+    return (size_t)fovea_parameter_t_encoded_size(&empty) + KEY_BYTES + VALUE_BYTES;
+}
+
+uint32_t fv_message_parameter_encode(const char *key, const char *value, uint8_t *buffer,
+                                     size_t capacity)
+{
+    /* lcm-gen's structs have no const: it reads only */
+    const fovea_parameter_t message = {.key = (char *)(uintptr_t)key,
+                                       .value = (char *)(uintptr_t)value};
+    return fv_wire_encoded(
+        fovea_parameter_t_encode(buffer, 0, fv_wire_capacity(capacity), &message));
+}
+
 size_t fv_message_image_bytes(const struct fovea_image *image)
 {
     if (image->data == NULL) return 0;
@@ -336,7 +354,8 @@ bool fv_message_inputs_decode(const uint8_t *data, size_t bytes, struct fovea_in
     found.resident_bytes = next_bits(&reader);
     uint32_t temperature = (uint32_t)next_bits(&reader);
     memcpy(&found.temperature_c, &temperature, sizeof temperature);
-    if (!next_count(&reader, FOVEA_INPUT_SAMPLES_MAX, &found.sample_count, problem, at) ||
+    if (!next_count(&reader, FOVEA_INPUT_SAMPLES_MAX + FV_MESSAGE_PARAMETERS_MAX,
+                    &found.sample_count, problem, at) ||
         !next_boxes(&reader, &found, problem, at) ||
         !next_grants(&reader, &found.grants, problem, at))
         return false;

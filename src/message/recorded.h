@@ -19,11 +19,14 @@
 extern "C" {
 #endif
 
+enum { FV_MESSAGE_PARAMETERS_MAX = 8 }; /* changes of parameters that one step takes */
+
 /* Exact for frames. */
 size_t fv_message_frame_size_max(const struct fovea_frame *frame);
 size_t fv_message_rig_size_max(void);
 size_t fv_message_sample_size_max(void);
 size_t fv_message_inputs_size_max(void);
+size_t fv_message_parameter_size_max(void);
 size_t fv_message_grants_size_max(void);
 
 /* The pixels that count: all planes at the image's stride, or all of a compressed picture; 0: the
@@ -41,9 +44,13 @@ uint32_t fv_message_inputs_encode(const struct fovea_inputs *inputs, uint64_t fr
 uint32_t fv_message_grants_encode(int64_t now_ns, const struct fovea_grants *grants,
                                   uint8_t *buffer, size_t capacity);
 
+/* A parameter_t with key and value alone, as recordings have it. */
+uint32_t fv_message_parameter_encode(const char *key, const char *value, uint8_t *buffer,
+                                     size_t capacity);
+
 /* `has_frame` and `frame_hash` tell of the frame that went with these inputs; inputs->frame and
- * inputs->samples are NULL. Jobs that this build does not have are refused, jobs that the recording
- * did not have get no units. On refusal
+ * inputs->samples are NULL, and sample_count includes changes of parameters. Jobs that this build
+ * does not have are refused, jobs that the recording did not have get no units. On refusal
  * `*problem` and `*at` (byte within the message) say why and where. */
 bool fv_message_inputs_decode(const uint8_t *data, size_t bytes, struct fovea_inputs *inputs,
                               bool *has_frame, uint64_t *frame_hash, const char **problem,

@@ -2,7 +2,7 @@
 #include <string.h>
 
 #include "runtime/jobs.h"
-#include "runtime/parameters.h"
+#include "runtime/live.h"
 #include "runtime/state.h"
 
 /* ---- stage clock ----------------------------------------------------------------------------- */
@@ -134,7 +134,7 @@ enum fovea_status fovea_step(struct fovea *rt, const struct fovea_inputs *inputs
 {
     memset(outputs, 0, sizeof *outputs);
     rt->inputs = *inputs;
-    if (inputs->parameters != NULL) fv_parameters_take(rt, inputs->parameters);
+    if (inputs->parameters != NULL) fv_live_take(rt, inputs->parameters);
     take_commands(rt, inputs->commands);
     if (rt->config.odometry.enabled) {
         fv_scale_observe(&rt->scale, inputs->samples, inputs->sample_count);

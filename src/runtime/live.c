@@ -1,4 +1,4 @@
-#include "runtime/parameters.h"
+#include "runtime/live.h"
 
 #include "runtime/config.h"
 
@@ -90,27 +90,27 @@ enum fovea_status fovea_parameters_check(const struct fovea *rt, const struct fo
 
 /* ---- taking it ------------------------------------------------------------------------------- */
 
-void fv_parameters_spread(struct fovea *rt)
+void fv_live_spread(struct fovea *rt)
 {
     const struct fovea_config *config = &rt->config;
     fv_detection_set(&rt->detection, &config->detect, fv_detection_floor(&config->objects));
     fv_detection_set(&rt->detection2, &config->detect2, 0);
 }
 
-void fv_parameters_apply(struct fovea *rt)
+void fv_live_apply(struct fovea *rt)
 {
     const struct fovea_config *config = &rt->config;
-    fv_parameters_spread(rt);
+    fv_live_spread(rt);
     fv_front_end_set(&rt->front_end, &config->image.preprocess, &config->features);
     if (config->odometry.enabled) fv_odometry_set(&rt->odometry, &config->odometry);
 }
 
-void fv_parameters_take(struct fovea *rt, const struct fovea_config *config)
+void fv_live_take(struct fovea *rt, const struct fovea_config *config)
 {
     struct fovea_config merged;
     if (merge(rt, config, &merged, NULL) != FOVEA_OK) return;
     fv_config_take_live(&rt->config, &merged);
-    fv_parameters_apply(rt);
+    fv_live_apply(rt);
 }
 
 const struct fovea_config *fovea_config_get(const struct fovea *rt)

@@ -4,7 +4,7 @@
 #include "base/hash.h"
 #include "runtime/config.h"
 #include "runtime/jobs.h"
-#include "runtime/parameters.h"
+#include "runtime/live.h"
 
 enum { PERSISTENT = FOVEA_MEMORY_PERSISTENT, JOB = FOVEA_MEMORY_JOB, FRAME = FOVEA_MEMORY_FRAME };
 
@@ -145,7 +145,7 @@ static enum fovea_status measure(struct fovea *rt, const struct fovea_config *co
         status =
             fv_detection_prepare(&rt->detection2, "detect2.model", &config->detect2, camera, error);
     if (status != FOVEA_OK) return status;
-    fv_parameters_spread(rt);
+    fv_live_spread(rt);
     struct fv_carving carving = {.table = table};
     struct fv_arena head;
     for (int part = 0; part < FOVEA_MEMORY_PART_COUNT; part++)
@@ -206,10 +206,10 @@ static void place(struct fovea *rt, bool keep)
         carving.arenas[part].keep = keep;
     }
     rt->config = rt->started; /* sizes are those of the start */
-    fv_parameters_spread(rt);
+    fv_live_spread(rt);
     carve(rt, &carving);
     rt->config = in_force;
-    fv_parameters_apply(rt);
+    fv_live_apply(rt);
     for (uint32_t i = 0; keep && i < rt->config.rig.camera_count; i++)
         rt->config.rig.cameras[i].mask = rt->masks[i].pixels;
 }

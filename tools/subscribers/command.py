@@ -1,10 +1,13 @@
 #!/usr/bin/env python3
-"""Send a command to a run of Fovea: reset, pause, resume, save, overwrite (with save: over a larger map, too).
+"""Send a command to a run of Fovea: reset, pause, resume, save, overwrite (with save: over a larger map, too), or KEY=VALUE.
+
+KEY=VALUE changes a live parameter (docs/configuration.md), such as features.threshold=30; with --keep it holds after the next
+start too, where the run has a file for it (parameters.file).
 
 Needs the message types (make python-types), and no package: a command is one UDP packet, made here. With --key the
 command proves that its sender knows the key of the run (command_key), is meant for this run alone and cannot be
-repeated: the run's number is heard on PREFIX_RUN, or given by --run-id. It prints the answer (command_result_t): exit 0
-if the command is done, 1 if it was refused or failed, 3 without an answer.
+repeated: the run's number is heard on PREFIX_RUN, or given by --run-id. It prints the answer (command_result_t,
+parameter_result_t): exit 0 if the command is done, 1 if it was refused or failed, 3 without an answer.
 """
 import argparse
 import os
@@ -83,17 +86,19 @@ def hear_run(fovea, options):
 
 def wait_for_answer(fovea, options, hearing, message):
     """Print the answer to the message; the exit code."""
-    words = ("done", "refused", "failed")
-    channel = options.prefix + "_COMMAND_RESULT"
+    change = isinstance(message, fovea.parameter_t)
+    words = ("done", "refused", "needs a restart" if change else "failed")
+    kind = fovea.parameter_result_t if change else fovea.command_result_t
+    channel = options.prefix + ("_PARAMETER_RESULT" if change else "_COMMAND_RESULT")
     other = None  # what a run that was not meant says: its word only where the right one is silent
     for data in messages(hearing, channel, options.wait):
-        answer = fovea.command_result_t.decode(data)
+        answer = kind.decode(data)
         if (answer.id, answer.sender) != (message.id, message.sender):
             continue
         text = words[answer.result] + (": " + answer.reason if answer.reason else "")
         if message.run_id in (0, answer.run_id):
             print(text)
-            return 0 if answer.result == fovea.command_result_t.RESULT_DONE else 1
+            return 0 if answer.result == kind.RESULT_DONE else 1
         other = text
     if other is not None:
         print(other)
@@ -110,10 +115,34 @@ def read_key(path):
     return key
 
 
+COMMANDS = ("reset", "pause", "resume", "save", "overwrite")
+
+
+def word(text):
+    if text not in COMMANDS and "=" not in text:
+        raise argparse.ArgumentTypeError(f"found {text!r}, expected one of {', '.join(COMMANDS)}, or KEY=VALUE")
+    return text
+
+
+def make_message(fovea, options):
+    """The message that the words ask for, and its channel."""
+    changes = [text for text in options.command if "=" in text]
+    if not changes:
+        message = fovea.command_t()
+        message.commands = sum(1 << COMMANDS.index(text) for text in set(options.command))
+        return message, "COMMAND"
+    if len(options.command) > 1:
+        sys.exit(f"command.py: found {len(options.command)} words, expected KEY=VALUE alone")
+    message = fovea.parameter_t()
+    message.key, message.value = changes[0].split("=", 1)
+    message.keep = options.keep
+    return message, "PARAMETER"
+
+
 def main():
-    words = ("reset", "pause", "resume", "save", "overwrite")
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("command", nargs="+", choices=words)
+    parser.add_argument("command", nargs="+", type=word, metavar="COMMAND", help=", ".join(COMMANDS) + ", or KEY=VALUE")
+    parser.add_argument("--keep", action="store_true", help="keep KEY=VALUE for the next start")
     parser.add_argument("--group", default="239.255.76.67", help="multicast group of the run's lcm_url")
     parser.add_argument("--port", type=int, default=7667)
     parser.add_argument("--ttl", type=int, default=0, help="0: this host; 1: this network")
@@ -129,19 +158,18 @@ def main():
         import fovea
     except ImportError:
         sys.exit(f"command.py: found no types in {options.types}, expected them from: make python-types")
-    message = fovea.command_t()
+    message, suffix = make_message(fovea, options)
     message.utime = time.time_ns() // 1000
     message.counter = time.time_ns()  # rises, as long as this clock does
     message.id = message.counter
     message.sender = options.sender
-    message.commands = sum(1 << words.index(word) for word in set(options.command))
     message.run_id = options.run_id or 0
     if options.key is not None:
         if not options.run_id:
             message.run_id = hear_run(fovea, options)
         code = siphash(read_key(options.key), message.encode())  # mac is 0 so far
         message.mac = code - (1 << 64) if code >> 63 else code
-    packet = b"LC02" + bytes(4) + f"{options.prefix}_COMMAND".encode() + b"\0" + message.encode()
+    packet = b"LC02" + bytes(4) + f"{options.prefix}_{suffix}".encode() + b"\0" + message.encode()
     hearing = listen(options.group, options.port) if options.wait > 0 else None  # before the answer can come
     sending = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     sending.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, options.ttl)

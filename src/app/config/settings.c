@@ -62,6 +62,8 @@ static enum fovea_status take_list(const struct reading *r, const struct fv_sett
         list[1 + count] = (uint32_t)index;
     }
     list[0] = count;
+    for (int64_t i = count; i < key->max; i++) /* equal lists are equal bytes */
+        list[1 + i] = 0;
     return FOVEA_OK;
 }
 
@@ -165,13 +167,6 @@ static size_t section_length(const char *name)
 {
     const char *dot = strchr(name, '.');
     return dot != NULL ? (size_t)(dot - name) : 0;
-}
-
-static const struct fv_settings_key *key_find(const char *name)
-{
-    for (size_t i = 0; i < fv_settings_key_count; i++)
-        if (strcmp(fv_settings_keys[i].name, name) == 0) return &fv_settings_keys[i];
-    return NULL;
 }
 
 static bool is_section(const char *name)
@@ -281,7 +276,7 @@ static enum fovea_status unknown(const struct reading *r, const struct fv_yaml_n
 static enum fovea_status take_key(const struct reading *r, const struct fv_yaml_node *node,
                                   const char *name)
 {
-    const struct fv_settings_key *key = key_find(name);
+    const struct fv_settings_key *key = fv_settings_key_find(name);
     if (key == NULL) return unknown(r, node, name);
     uint32_t *line = &r->settings->line[key - fv_settings_keys];
     if (!r->from_set && *line != 0) /* once in its section and once as section.key */
@@ -413,7 +408,7 @@ enum fovea_status fv_settings_set(struct fv_settings *settings, const char *assi
                                fv_text_quote(assignment, quoted, sizeof quoted));
     snprintf(name, sizeof name, "%.*s", (int)length, assignment);
     const char *value = assignment + length + 1;
-    const struct fv_settings_key *key = key_find(name);
+    const struct fv_settings_key *key = fv_settings_key_find(name);
     const char *now = key == NULL ? fv_settings_renamed(name) : NULL;
     if (now != NULL)
         return fovea_error_set(
@@ -451,6 +446,8 @@ void fv_settings_locate(const struct fv_settings *settings, struct fovea_error *
         memcpy(text, error->text, sizeof text);
         if (settings->line[i] == FV_SETTINGS_SET)
             fovea_error_set(error, error->status, "--set: %s", text);
+        else if (settings->line[i] == FV_SETTINGS_KEPT)
+            fovea_error_set(error, error->status, "%.200s: %s", settings->parameters_file, text);
         else if (settings->line[i] > 0)
             fovea_error_set(error, error->status, "%.200s:%u: %s", settings->file,
                             settings->line[i], text);
@@ -466,9 +463,9 @@ void fv_settings_blame(const struct fv_settings *settings, const char *key,
                        struct fovea_error *error)
 {
     char text[FOVEA_ERROR_TEXT_BYTES];
-    const uint32_t line = settings->line[key_find(key) - fv_settings_keys];
+    const uint32_t line = settings->line[fv_settings_key_find(key) - fv_settings_keys];
     const size_t length = strlen(key);
-    if (error == NULL || line == 0 || line == FV_SETTINGS_SET) return;
+    if (error == NULL || line == 0 || line >= FV_SETTINGS_KEPT) return;
     memcpy(text, error->text, sizeof text);
     const bool named = strncmp(text, key, length) == 0 && text[length] == ':';
     fovea_error_set(error, error->status, "%.200s:%u: %s%s%.280s", settings->file, line,

@@ -44,11 +44,12 @@ struct fv_settings {
     int rate;           /* enum fv_rate */
     char lcm_url[256];  /* "": nothing is sent */
     uint32_t lcm_ttl;
-    char listen[16];                          /* who is heard: network/receiver.h */
-    uint32_t commands;                        /* struct fv_command_rules: from_network */
-    char command_key[FV_SETTINGS_PATH_BYTES]; /* file; "": none */
-    char web_socket[96];                      /* path; "": none */
-    uint32_t web_picture_rate;                /* Hz */
+    char listen[16];                              /* who is heard: network/receiver.h */
+    uint32_t commands;                            /* struct fv_command_rules: from_network */
+    char command_key[FV_SETTINGS_PATH_BYTES];     /* file; "": none */
+    char parameters_file[FV_SETTINGS_PATH_BYTES]; /* "": none */
+    char web_socket[96];                          /* path; "": none */
+    uint32_t web_picture_rate;                    /* Hz */
     /* LCM channel of bot_core.pose_t, for scale.source: wheel_odometry; "": none */
     char wheel_odometry_channel[64];
     /* faster samples are left out; 0: no limit */
@@ -65,12 +66,13 @@ struct fv_settings {
     bool lock_memory;
 
     /* Where each key was set, by index in the table: 0 default, FV_SETTINGS_SET given by --set,
-     * else line of `file`. */
+     * FV_SETTINGS_KEPT in parameters_file, else line of `file`. */
     uint32_t line[FV_SETTINGS_KEYS_MAX];
     char file[FV_SETTINGS_PATH_BYTES];
 };
 
 #define FV_SETTINGS_SET UINT32_MAX
+#define FV_SETTINGS_KEPT (UINT32_MAX - 1)
 
 void fv_settings_default(struct fv_settings *settings);
 
@@ -127,6 +129,16 @@ enum { FV_SETTINGS_RANGE_BYTES = 128 };
 
 /* Whether flags may be `auto`: their highest value is then above those of the words. */
 bool fv_settings_has_auto(const struct fv_settings_key *key);
+
+/* The key of this name; NULL: there is none. */
+const struct fv_settings_key *fv_settings_key_find(const char *name);
+
+/* Bytes of its member. */
+size_t fv_settings_key_bytes(const struct fv_settings_key *key);
+
+/* Copy its value. */
+void fv_settings_key_copy(const struct fv_settings_key *key, struct fv_settings *settings,
+                          const struct fv_settings *from);
 
 /* What the key accepts, in words: "1 to 8 levels", "auto | max | real". */
 void fv_settings_range_print(const struct fv_settings_key *key, char *range, size_t bytes);

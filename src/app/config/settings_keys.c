@@ -39,6 +39,44 @@ const size_t fv_settings_key_count = sizeof fv_settings_keys / sizeof fv_setting
 _Static_assert(sizeof fv_settings_keys / sizeof fv_settings_keys[0] <= FV_SETTINGS_KEYS_MAX,
                "raise FV_SETTINGS_KEYS_MAX");
 
+const struct fv_settings_key *fv_settings_key_find(const char *name)
+{
+    for (size_t i = 0; i < fv_settings_key_count; i++)
+        if (strcmp(fv_settings_keys[i].name, name) == 0) return &fv_settings_keys[i];
+    return NULL;
+}
+
+size_t fv_settings_key_bytes(const struct fv_settings_key *key)
+{
+    switch (key->kind) {
+    case FV_CONFIG_U32:
+    case FV_CONFIG_I32:
+    case FV_CONFIG_CHOICE:
+    case FV_CONFIG_FLAGS:
+        return sizeof(uint32_t);
+    case FV_CONFIG_U64:
+        return sizeof(uint64_t);
+    case FV_CONFIG_REAL:
+        return sizeof(double);
+    case FV_CONFIG_BOOL:
+        return sizeof(bool);
+    case FV_CONFIG_TEXT:
+        return (size_t)key->max + 1;
+    case FV_CONFIG_LIST:
+        return ((size_t)key->max + 1) * sizeof(uint32_t);
+    case FV_CONFIG_TRANSFORM:
+        return 12 * sizeof(double);
+    }
+    return 0;
+}
+
+void fv_settings_key_copy(const struct fv_settings_key *key, struct fv_settings *settings,
+                          const struct fv_settings *from)
+{
+    memcpy((char *)settings + key->offset, (const char *)from + key->offset,
+           fv_settings_key_bytes(key));
+}
+
 void fv_settings_default(struct fv_settings *settings)
 {
     memset(settings, 0, sizeof *settings);

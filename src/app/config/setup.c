@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "support/man.h"
+#include "app/config/kept_parameters.h"
 #include "app/config/map_file.h"
 #include "app/config/classes.h"
 #include "app/config/mask.h"
@@ -59,6 +60,15 @@ void fv_setup_sources_print(void)
     }
 }
 
+static enum fovea_status take_sets(const struct fv_setup_options *options,
+                                   struct fv_settings *settings, struct fovea_error *error)
+{
+    enum fovea_status status = FOVEA_OK;
+    for (int i = 0; i < options->sets.count && status == FOVEA_OK; i++)
+        status = fv_settings_set(settings, options->sets.values[i], error);
+    return status;
+}
+
 enum fovea_status fv_setup_settings(const struct fv_setup_options *options,
                                     struct fv_settings *settings, struct fovea_error *error)
 {
@@ -67,8 +77,11 @@ enum fovea_status fv_setup_settings(const struct fv_setup_options *options,
     if (options->config != NULL && options->config[0] == '\0')
         return fovea_error_set(error, FOVEA_ERROR_INPUT, "--config: found '', expected a file");
     if (options->config != NULL) status = fv_settings_read(settings, options->config, error);
-    for (int i = 0; i < options->sets.count && status == FOVEA_OK; i++)
-        status = fv_settings_set(settings, options->sets.values[i], error);
+    if (status == FOVEA_OK) status = take_sets(options, settings, error);
+    if (status == FOVEA_OK && settings->parameters_file[0] != '\0') {
+        status = fv_kept_parameters_read(settings, error);
+        if (status == FOVEA_OK) status = take_sets(options, settings, error); /* they win */
+    }
     if (status == FOVEA_OK) status = set(settings, "source", "source", options->source, error);
     if (status == FOVEA_OK) status = set(settings, "camera", "camera", options->camera, error);
     if (status == FOVEA_OK) status = set(settings, "camera_fov", "fov", options->fov, error);

@@ -6,7 +6,7 @@
 
 #include "fovea_command_t.h"
 
-enum { MAC_BYTES = 8, BYTES_MAX = 256 };
+enum { MAC_BYTES = 8, BYTES_MAX = 2048 };
 
 const char *fv_command_verdict_name(enum fv_command_verdict verdict)
 {
@@ -47,8 +47,18 @@ void fv_command_gate_init(struct fv_command_gate *gate, const struct fv_command_
     gate->rules = *rules;
     if (rules->from_network & FV_COMMAND_AUTO)
         gate->rules.from_network = rules->keyed ? FV_COMMAND_ALL : 0;
-    if (gate->rules.from_network & FOVEA_COMMAND_T_SAVE)
-        gate->rules.from_network |= FOVEA_COMMAND_T_OVERWRITE;
+}
+
+/* Bits of command_t that the network may send. */
+static uint32_t commands_from_network(const struct fv_command_gate *gate)
+{
+    const uint32_t bits = gate->rules.from_network & ~(uint32_t)FV_COMMAND_PARAMETERS;
+    return bits & FOVEA_COMMAND_T_SAVE ? bits | FOVEA_COMMAND_T_OVERWRITE : bits;
+}
+
+bool fv_command_gate_parameters(const struct fv_command_gate *gate)
+{
+    return (gate->rules.from_network & FV_COMMAND_PARAMETERS) != 0;
 }
 
 /* Whether the code at the end of the message is right. */
@@ -64,7 +74,7 @@ static bool is_genuine(const struct fv_command_gate *gate, const uint8_t *data, 
 
 /* Only for genuine commands: nobody else may move a counter. */
 static enum fv_command_verdict pass_counter(struct fv_command_gate *gate,
-                                            const fovea_command_t *command)
+                                            const struct fv_command_claim *command)
 {
     uint32_t i = 0;
     if (command->counter <= 0) return FV_COMMAND_REPEATED;
@@ -80,11 +90,22 @@ static enum fv_command_verdict pass_counter(struct fv_command_gate *gate,
     return FV_COMMAND_TAKEN;
 }
 
+enum fv_command_verdict fv_command_gate_claim(struct fv_command_gate *gate,
+                                              const struct fv_command_claim *claim)
+{
+    const struct fv_command_rules *rules = &gate->rules;
+    if (!claim->from_host && !claim->allowed) return FV_COMMAND_FORBIDDEN;
+    if (rules->keyed && !is_genuine(gate, claim->data, claim->bytes, claim->mac))
+        return FV_COMMAND_FORGED;
+    if (claim->run_id != rules->run_id && (rules->keyed || claim->run_id != 0))
+        return FV_COMMAND_OTHER_RUN;
+    return rules->keyed ? pass_counter(gate, claim) : FV_COMMAND_TAKEN;
+}
+
 static enum fv_command_verdict judge(struct fv_command_gate *gate, const uint8_t *data,
                                      size_t bytes, bool from_host, int64_t now_ns,
                                      struct fv_judged_command *judged)
 {
-    const struct fv_command_rules *rules = &gate->rules;
     const char *problem;
     size_t at;
     fovea_command_t command;
@@ -96,14 +117,16 @@ static enum fv_command_verdict judge(struct fv_command_gate *gate, const uint8_t
         .bits = bits, .commands = command.commands, .id = command.id, .sender = command.sender};
     if ((bits & ~(uint32_t)FOVEA_COMMAND_T_OVERWRITE) == 0 || (bits & ~(uint32_t)FV_COMMAND_ALL))
         return FV_COMMAND_UNKNOWN;
-    if (!from_host && (bits & ~rules->from_network)) return FV_COMMAND_FORBIDDEN;
-    if (rules->keyed && !is_genuine(gate, data, bytes, command.mac)) return FV_COMMAND_FORGED;
-    if (command.run_id != rules->run_id && (rules->keyed || command.run_id != 0))
-        return FV_COMMAND_OTHER_RUN;
-    if (rules->keyed) {
-        const enum fv_command_verdict verdict = pass_counter(gate, &command);
-        if (verdict != FV_COMMAND_TAKEN) return verdict;
-    }
+    const struct fv_command_claim claim = {.data = data,
+                                           .bytes = bytes,
+                                           .from_host = from_host,
+                                           .allowed = (bits & ~commands_from_network(gate)) == 0,
+                                           .run_id = command.run_id,
+                                           .sender = command.sender,
+                                           .counter = command.counter,
+                                           .mac = command.mac};
+    const enum fv_command_verdict verdict = fv_command_gate_claim(gate, &claim);
+    if (verdict != FV_COMMAND_TAKEN) return verdict;
     if (bits & FOVEA_COMMAND_T_SAVE) {
         if (gate->saved && now_ns - gate->saved_ns < FV_COMMAND_SAVE_NS)
             return FV_COMMAND_TOO_OFTEN;

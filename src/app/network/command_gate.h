@@ -19,12 +19,18 @@
 #include "app/network/siphash.h"
 #include "fovea/status.h"
 
-enum { FV_COMMAND_SENDERS_MAX = 32, FV_COMMAND_ALL = 31, FV_COMMAND_AUTO = 1 << 30 };
+enum {
+    FV_COMMAND_SENDERS_MAX = 32,
+    FV_COMMAND_ALL = 31, /* bits of command_t */
+    /* in the place of OVERWRITE, which goes with SAVE, among those that the network may send */
+    FV_COMMAND_PARAMETERS = 16,
+    FV_COMMAND_AUTO = 1 << 30
+};
 #define FV_COMMAND_SAVE_NS INT64_C(5000000000)
 
 struct fv_command_rules {
-    /* enum fovea_command bits that the network may send; FV_COMMAND_AUTO: all with a key, none
-     * without */
+    /* enum fovea_command bits that the network may send, and FV_COMMAND_PARAMETERS;
+     * FV_COMMAND_AUTO: all with a key, none without */
     uint32_t from_network;
     bool keyed;
     uint8_t key[FV_SIPHASH_KEY_BYTES];
@@ -76,6 +82,23 @@ struct fv_command_gate {
 };
 
 void fv_command_gate_init(struct fv_command_gate *gate, const struct fv_command_rules *rules);
+
+/* What a message says of its sender, and where it came from. */
+struct fv_command_claim {
+    const uint8_t *data; /* the whole encoded message, which ends in its code */
+    size_t bytes;
+    bool from_host;
+    bool allowed; /* from the network */
+    int64_t run_id, sender, counter, mac;
+};
+
+/* Judge the sender of a well-formed message that asks for something: allowed, genuine, for this
+ * run, not repeated. Nothing is counted. FV_COMMAND_TAKEN where it may ask. */
+enum fv_command_verdict fv_command_gate_claim(struct fv_command_gate *gate,
+                                              const struct fv_command_claim *claim);
+
+/* Whether the network may change parameters. */
+bool fv_command_gate_parameters(const struct fv_command_gate *gate);
 
 /* Judge the encoded message at `now_ns` (CLOCK_MONOTONIC), and count it if it is refused. Returns
  * command->verdict. */

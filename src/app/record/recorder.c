@@ -59,6 +59,7 @@ struct fv_recorder {
     int64_t event_number;
     uint64_t steps_lost;
     int64_t samples[FOVEA_SAMPLE_KIND_COUNT]; /* so far */
+    uint32_t parameters;                      /* changes recorded for the step to come */
     enum fovea_clock clock;                   /* of the frames, of which the last said so */
 
     /* Shared. */
@@ -161,6 +162,47 @@ static int64_t event_time_us(const struct fovea_inputs *inputs)
     return (inputs->now_ns + inputs->utc_offset_ns) / 1000;
 }
 
+static void record_header(struct fv_recorder *recorder, int64_t time_us)
+{
+    if (!recorder->started)
+        record_copy(recorder, recorder->channels[FV_MESSAGE_RECORDING], time_us, recorder->header,
+                    recorder->header_bytes);
+    recorder->started = true;
+}
+
+void fv_recorder_parameter(struct fv_recorder *recorder, const struct fovea_inputs *inputs,
+                           const char *key, const char *value)
+{
+    if (recorder == NULL ||
+        atomic_load_explicit(&recorder->ending, memory_order_relaxed) != RUNNING)
+        return;
+    const int64_t time_us = event_time_us(inputs);
+    const char *channel = recorder->channels[FV_MESSAGE_PARAMETER];
+    const size_t size = fv_message_parameter_size_max();
+    record_header(recorder, time_us);
+    uint8_t *event = event_begin(recorder, channel, size);
+    if (event == NULL) return;
+    event_end(recorder, event, channel, time_us,
+              fv_message_parameter_encode(key, value, data_of(event, channel), size));
+    recorder->parameters++;
+}
+
+/* The inputs, and how many events before them belong to them. */
+static void record_inputs(struct fv_recorder *recorder, int64_t time_us,
+                          const struct fovea_inputs *inputs)
+{
+    const char *channel = recorder->channels[FV_MESSAGE_INPUTS];
+    const size_t size = fv_message_inputs_size_max();
+    uint8_t *event = event_begin(recorder, channel, size);
+    if (event == NULL) return;
+    struct fovea_inputs counted = *inputs;
+    counted.sample_count += recorder->parameters;
+    recorder->parameters = 0;
+    event_end(recorder, event, channel, time_us,
+              fv_message_inputs_encode(&counted, fv_recording_frame_hash(inputs->frame),
+                                       data_of(event, channel), size));
+}
+
 void fv_recorder_step(struct fv_recorder *recorder, const struct fovea_inputs *inputs,
                       const struct fovea_outputs *outputs)
 {
@@ -170,19 +212,10 @@ void fv_recorder_step(struct fv_recorder *recorder, const struct fovea_inputs *i
         return;
     }
     int64_t time_us = event_time_us(inputs);
-    if (!recorder->started)
-        record_copy(recorder, recorder->channels[FV_MESSAGE_RECORDING], time_us, recorder->header,
-                    recorder->header_bytes);
-    recorder->started = true;
+    record_header(recorder, time_us);
     record_samples(recorder, inputs);
     if (inputs->frame != NULL) record_frame(recorder, time_us, inputs);
-    const char *channel = recorder->channels[FV_MESSAGE_INPUTS];
-    size_t size = fv_message_inputs_size_max();
-    uint8_t *event = event_begin(recorder, channel, size);
-    uint64_t hash = fv_recording_frame_hash(inputs->frame);
-    if (event != NULL)
-        event_end(recorder, event, channel, time_us,
-                  fv_message_inputs_encode(inputs, hash, data_of(event, channel), size));
+    record_inputs(recorder, time_us, inputs);
     record_messages(recorder, time_us, outputs);
 }
 
@@ -253,7 +286,8 @@ static bool before_inputs(const struct fv_recorder *recorder, const uint8_t *eve
     bool sample = false;
     for (int kind = 0; kind < FOVEA_SAMPLE_KIND_COUNT; kind++)
         sample = sample || is_on(recorder, event, fv_message_of_sample(kind));
-    return sample || is_on(recorder, event, FV_MESSAGE_FRAME);
+    return sample || is_on(recorder, event, FV_MESSAGE_PARAMETER) ||
+           is_on(recorder, event, FV_MESSAGE_FRAME);
 }
 
 static bool begins_iteration(const struct fv_recorder *recorder, const uint8_t *event)
@@ -450,8 +484,10 @@ static size_t iteration_bytes(const struct fv_recorder_setup *setup)
         pixels = pixels * 10 / 14;
     const size_t sample_bytes =
         FV_LCMLOG_HEADER_BYTES + FV_MESSAGE_CHANNEL_BYTES + fv_message_sample_size_max();
+    const size_t parameter_bytes =
+        FV_LCMLOG_HEADER_BYTES + FV_MESSAGE_CHANNEL_BYTES + fv_message_parameter_size_max();
     return setup->frame_bytes + fv_jpeg_capacity((int32_t)pixels, 1) + SMALL_BYTES +
-           FOVEA_INPUT_SAMPLES_MAX * sample_bytes +
+           FOVEA_INPUT_SAMPLES_MAX * sample_bytes + FV_MESSAGE_PARAMETERS_MAX * parameter_bytes +
            (size_t)config->features.count_max * FEATURE_BYTES +
            (config->detect.model != NULL ? OBJECTS_BYTES : 0) +
            (config->detect2.model != NULL ? OBJECTS_BYTES : 0);

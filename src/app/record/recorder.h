@@ -51,6 +51,11 @@ enum fovea_status fv_recorder_open(const struct fv_recorder_setup *setup,
 /* The file that is written; valid until closed. */
 const char *fv_recorder_path(const struct fv_recorder *recorder);
 
+/* Record a change of a parameter that the coming fv_recorder_step was given, before it; at most
+ * FV_MESSAGE_PARAMETERS_MAX. Loop thread, real-time safe. */
+void fv_recorder_parameter(struct fv_recorder *recorder, const struct fovea_inputs *inputs,
+                           const char *key, const char *value);
+
 /* Record what a step was given and what it gave. After fovea_step, while frame and outputs are
  * valid. Loop thread, real-time safe. */
 void fv_recorder_step(struct fv_recorder *recorder, const struct fovea_inputs *inputs,

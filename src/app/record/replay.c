@@ -14,6 +14,8 @@
 #include "message/message.h"
 #include "message/recorded.h"
 
+#include "fovea_parameter_t.h"
+
 struct replay {
     const char *path;
     struct fv_lcmlog *log;
@@ -27,6 +29,8 @@ struct replay {
     bool frame_waits;                                     /* read, but no inputs yet */
     struct fovea_sample samples[FOVEA_INPUT_SAMPLES_MAX]; /* likewise */
     uint32_t sample_count;
+    uint32_t parameter_count;    /* changes, likewise, in `settings` */
+    struct fv_settings settings; /* in force from the next step on */
     uint8_t *pixels;
     size_t pixels_capacity;
 
@@ -116,6 +120,7 @@ static enum fovea_status build(struct replay *replay, struct fovea_error *error)
     if (status != FOVEA_OK)
         return fovea_error_set(error, FOVEA_ERROR_INPUT, "%.200s: configuration: %.300s",
                                replay->path, inner.text);
+    replay->settings = replay->header.settings;
     replay->result->kernel_set = fovea_cpu_name(replay->rt);
     return FOVEA_OK;
 }
@@ -230,6 +235,38 @@ static enum fovea_status take_sample(struct replay *replay, struct fovea_error *
                             error);
 }
 
+/* A change of a parameter: it must be one that the runtime takes, as it took it then. */
+static enum fovea_status take_parameter(struct replay *replay, struct fovea_error *error)
+{
+    const struct fv_lcmlog_event *event = &replay->event;
+    struct fovea_error inner = {0};
+    const char *problem;
+    size_t at;
+    char assignment[2048];
+    fovea_parameter_t change;
+    if (replay->frame_waits)
+        return refuse(replay, 0, "found a parameter after the frame of its step, expected inputs",
+                      error);
+    if (replay->parameter_count == FV_MESSAGE_PARAMETERS_MAX)
+        return refuse(replay, 0, "found more parameters than one step takes, expected inputs",
+                      error);
+    if (!fv_message_check("fovea.parameter_t", event->data, event->bytes, &problem, &at))
+        return refuse(replay, at, problem, error);
+    if (fovea_parameter_t_decode(event->data, 0, (int)event->bytes, &change) < 0)
+        return refuse(replay, 0, "found a broken message, expected a parameter_t", error);
+    const struct fv_settings_key *key = fv_settings_key_find(change.key);
+    const int bytes = snprintf(assignment, sizeof assignment, "%s=%s", change.key, change.value);
+    fovea_parameter_t_decode_cleanup(&change);
+    if (key == NULL || !key->live || bytes >= (int)sizeof assignment)
+        return refuse(replay, 0, "found a key that is no live parameter, expected one", error);
+    enum fovea_status status = fv_settings_set(&replay->settings, assignment, &inner);
+    if (status == FOVEA_OK)
+        status = fovea_parameters_check(replay->rt, &replay->settings.runtime, &inner);
+    if (status != FOVEA_OK) return refuse(replay, 0, inner.text, error);
+    replay->parameter_count++;
+    return FOVEA_OK;
+}
+
 static enum fovea_status check_grants(const struct replay *replay,
                                       const struct fovea_grants *grants, struct fovea_error *error)
 {
@@ -257,9 +294,12 @@ static enum fovea_status step(struct replay *replay, struct fovea_error *error)
                           ? "found inputs that had a frame, expected the frame before them"
                           : "found inputs without a frame, expected those of the frame before",
                       error);
-    if (inputs.sample_count != replay->sample_count)
+    if (inputs.sample_count != replay->sample_count + replay->parameter_count)
         return refuse(replay, 8,
                       "found another number of samples before them, expected sample_count", error);
+    inputs.sample_count = replay->sample_count;
+    if (replay->parameter_count > 0) inputs.parameters = &replay->settings.runtime;
+    replay->parameter_count = 0;
     enum fovea_status status = check_grants(replay, &inputs.grants, error);
     if (status != FOVEA_OK) return status;
     expect_none_left(replay);
@@ -345,6 +385,8 @@ static enum fovea_status feed(struct replay *replay, struct fovea_error *error)
             status = take_frame(replay, error);
         else if (is_sample(replay, channel))
             status = take_sample(replay, error);
+        else if (strcmp(channel, replay->channels[FV_MESSAGE_PARAMETER]) == 0)
+            status = take_parameter(replay, error);
         else if (strcmp(channel, replay->channels[FV_MESSAGE_INPUTS]) == 0)
             status = step(replay, error);
         else if (strcmp(channel, replay->channels[FV_MESSAGE_GRANTS]) == 0)
@@ -355,7 +397,7 @@ static enum fovea_status feed(struct replay *replay, struct fovea_error *error)
         if (replay->result->different && replay->stop_at_difference) return FOVEA_OK;
         count_event(replay);
     }
-    if (replay->frame_waits || replay->sample_count > 0 ||
+    if (replay->frame_waits || replay->sample_count > 0 || replay->parameter_count > 0 ||
         replay->compared < replay->outputs.message_count ||
         replay->result->works < replay->result->steps)
         replay->result->end = FV_REPLAY_CUT_OFF;

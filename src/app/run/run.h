@@ -11,6 +11,7 @@
 #include "app/run/commands.h"
 #include "app/run/final_path.h"
 #include "app/run/keeper.h"
+#include "app/run/parameters.h"
 #include "app/run/loop.h"
 #include "app/run/pose_watch.h"
 #include "app/record/recorder.h"
@@ -51,6 +52,8 @@ struct fv_run {
     bool quiet, all_boxes;
 
     struct fv_settings settings;
+    struct fv_settings *as_read; /* before set-up changed anything; NULL: SIGHUP ends the run */
+    atomic_bool reload;          /* SIGHUP has come */
     struct fv_setup setup;
     struct fv_output stats;
     void *memory;
@@ -74,6 +77,7 @@ struct fv_run {
     struct fv_final *final;
     struct fv_keeper keeper;
     struct fv_answers answers;
+    struct fv_parameters parameters;
     struct fv_loop_shared shared;
     struct fv_service service;
     struct fv_timings timings;
@@ -101,6 +105,13 @@ struct fv_run_pace {
 };
 void fv_run_changes_say(struct fv_run *run);
 void fv_run_status_show(struct fv_run *run, struct fv_run_pace *pace);
+
+/* run_reload.c. Before set-up: keep the settings, where a service manager may ask to read them
+ * again.
+ */
+enum fovea_status fv_run_keep_settings(struct fv_run *run, struct fovea_error *error);
+/* Do so where it was asked for; on the thread that watches the loop. */
+void fv_run_reload(struct fv_run *run);
 
 /* After the loop's last call: the summary on stdout, the statistics, the ends of trajectories and
  * results, and the picture, for whose memory the source is closed. A file that could not be written

@@ -92,6 +92,7 @@ static void boxes_from_truth(struct fv_run *run, struct fovea_inputs *inputs)
 static void sense(void *context, struct fovea_inputs *inputs)
 {
     struct fv_run *run = context;
+    fv_parameters_take(&run->parameters, inputs);
     take_samples(run, inputs);
     if (run->settings.movable_boxes == FV_MOVABLE_TRUTH && inputs->frame != NULL)
         boxes_from_truth(run, inputs);
@@ -120,6 +121,7 @@ static void step_done(void *context, const struct fovea_inputs *inputs,
     fv_feed_publish(run->feed, outputs);
     fv_feed_frame(run->feed, inputs->frame);
     fv_answers_step(&run->answers);
+    fv_parameters_step(&run->parameters, run->recorder, inputs, run->transport, run->feed);
     fv_recorder_step(run->recorder, inputs, outputs);
     fv_watch_step(&run->watch, run->loop.rt, inputs, pose != NULL);
     fv_final_observe(run->final, run->loop.rt);
@@ -263,15 +265,13 @@ static enum fovea_status runtime_open(struct fv_run *run, struct fovea_error *er
 static enum fovea_status transport_open(struct fv_run *run, struct fovea_error *error)
 {
     const struct fv_settings *settings = &run->settings;
-    enum fovea_status status =
-        fv_transport_open_early(settings->lcm_url, settings->lcm_ttl, &run->transport, error);
     const bool odometry = settings->runtime.scale.source == FOVEA_SCALE_WHEEL_ODOMETRY;
-    const struct fv_receiver_channel others =
-        fv_identity_row(settings->runtime.channel_prefix, &run->others);
+    struct fv_receiver_channel more[] = {
+        fv_identity_row(settings->runtime.channel_prefix, &run->others), {.take = NULL}};
     struct fv_transport_ears ears = {
         .listen = settings->listen,
-        .more = &others,
-        .more_count = 1,
+        .more = more,
+        .more_count = sizeof more / sizeof more[0],
         .rules = {.from_network = settings->commands, .run_id = run->run_id},
         .wheel_odometry_limits = {settings->wheel_odometry_max_m_s,
                                   settings->wheel_odometry_max_rad_s},
@@ -279,9 +279,16 @@ static enum fovea_status transport_open(struct fv_run *run, struct fovea_error *
         .wheel_odometry_channel = odometry ? settings->wheel_odometry_channel : NULL,
     };
     const char *without = "no LCM messages";
+    enum fovea_status status = FOVEA_OK;
     ears.rules.keyed = settings->command_key[0] != '\0';
-    if (ears.rules.keyed && status == FOVEA_OK)
+    if (ears.rules.keyed)
         status = fv_command_key_read(settings->command_key, ears.rules.key, error);
+    if (status == FOVEA_OK)
+        status = fv_parameters_open(&run->parameters, run->loop.rt, settings, &ears.rules, error);
+    more[1] = fv_parameters_row(&run->parameters);
+    if (status == FOVEA_OK)
+        status =
+            fv_transport_open_early(settings->lcm_url, settings->lcm_ttl, &run->transport, error);
     if (status == FOVEA_OK) {
         without = "no commands";
         status = fv_transport_listen(run->transport, &ears, error);
@@ -415,6 +422,8 @@ static void close_all(struct fv_run *run)
     fv_web_page_end(run->web_page);
     fv_recorder_close(run->recorder, NULL);
     fv_transport_close(run->transport);
+    fv_parameters_close(&run->parameters);
+    free(run->as_read);
     fv_feed_close(run->feed);
     fv_trajectory_close(run->trajectory);
     fv_trajectory_close(run->truth);
@@ -471,6 +480,7 @@ static void watch(struct fv_run *run)
         complaints(run);
         fv_run_changes_say(run);
         drain(run);
+        fv_run_reload(run);
         if (fv_thread_take(&run->ended, fv_clock_ns(CLOCK_MONOTONIC) + wait_ns)) break;
         if (terminal) fv_run_status_show(run, &pace);
     }
@@ -548,8 +558,10 @@ int fv_command_run(int argc, char **argv)
     if (status != FOVEA_OK) return (fv_say("%s", error.text), fv_setup_exit(status));
     enum fv_exit end = fv_run_files_check(&run);
     if (end != FV_EXIT_OK) return (fv_web_page_end(run.web_page), end);
-    const struct fv_signals signals = {&run.shared.stop, fv_run_lost, &run};
-    status = fv_signals_watch(&signals, &error);
+    status = fv_run_keep_settings(&run, &error);
+    const struct fv_signals signals = {&run.shared.stop, fv_run_lost, &run,
+                                       run.as_read != NULL ? &run.reload : NULL};
+    if (status == FOVEA_OK) status = fv_signals_watch(&signals, &error);
     if (status == FOVEA_OK) status = open_all(&run, &error);
     fv_signals_opened();
     if (status == FOVEA_OK) {
@@ -559,6 +571,7 @@ int fv_command_run(int argc, char **argv)
         if (run.setup.ops != NULL) run.setup.ops->stop(run.setup.source);
         fv_stall_leave(call);
     }
+    fv_parameters_end(&run.parameters, run.transport, run.feed);
     if (status == FOVEA_OK)
         status = map_end(&run, &error);
     else

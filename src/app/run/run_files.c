@@ -28,12 +28,18 @@ _Static_assert(WRITTEN_MAX + MAPS_MAX <= FV_FILES_WATCHED_MAX, "raise FV_FILES_W
 
 static int list_written(const struct fv_run *run, struct written *written)
 {
+    const char *kept = run->settings.parameters_file;
     const bool drawn = run->picture_path != NULL && strcmp(run->picture_path, "none") != 0;
     const struct fv_file files[] = {
-        {"--record", run->settings.record},     {"--stats", run->stats_path},
-        {"--trajectory", run->trajectory_path}, {"--trajectory-final", run->final_path},
-        {"--truth", run->truth_path},           {"--picture", drawn ? run->picture_path : NULL},
-        {"--detections", run->detections_path}, {"--objects", run->objects_path},
+        {"--record", run->settings.record},
+        {"--stats", run->stats_path},
+        {"--trajectory", run->trajectory_path},
+        {"--trajectory-final", run->final_path},
+        {"--truth", run->truth_path},
+        {"--picture", drawn ? run->picture_path : NULL},
+        {"--detections", run->detections_path},
+        {"--objects", run->objects_path},
+        {"parameters.file", kept[0] != '\0' ? kept : NULL},
     };
     int count = sizeof files / sizeof files[0];
     memset(written->files, 0, sizeof written->files);

@@ -107,6 +107,20 @@ void fv_service_state(struct fv_service *service, const char *state)
     atomic_store(&service->state, state);
 }
 
+void fv_service_reloading(struct fv_service *service)
+{
+    char text[64];
+    if (!service->running) return;
+    snprintf(text, sizeof text, "RELOADING=1\nMONOTONIC_USEC=%lld",
+             (long long)(fv_clock_ns(CLOCK_MONOTONIC) / 1000));
+    tell(service, text);
+}
+
+void fv_service_ready(struct fv_service *service)
+{
+    if (service->running) tell(service, "READY=1");
+}
+
 void fv_service_close(struct fv_service *service)
 {
     if (service->running) {

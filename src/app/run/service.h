@@ -39,6 +39,10 @@ void fv_service_open(struct fv_service *service, const _Atomic uint64_t *beats);
 /* The state of the pose for the status; `state` must stay. Any thread. */
 void fv_service_state(struct fv_service *service, const char *state);
 
+/* The configuration is read again, and has been. Any thread. */
+void fv_service_reloading(struct fv_service *service);
+void fv_service_ready(struct fv_service *service);
+
 /* The run ends: nothing is guarded any more. After fv_service_open, once. */
 void fv_service_close(struct fv_service *service);
 

@@ -76,6 +76,10 @@ static void take(struct watch *watch, int number, int64_t now)
         end_line("a second signal ended it at once");
         end_by(number);
     }
+    if (number == SIGHUP && signals.reload != NULL) {
+        atomic_store(signals.reload, true);
+        return;
+    }
     if (watch->first != 0) return;
     watch->first = number;
     watch->first_ns = now;

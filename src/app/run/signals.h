@@ -1,10 +1,11 @@
 /* How signals end a run. A thread of its own waits for them and for calls that stall, since any
  * other thread may be stuck in a write.
  *
- * SIGINT, SIGTERM, SIGHUP (not under nohup) and SIGXCPU set `stop`: the loop ends after its frame,
- * the map is saved, the recording closed. A SIGINT that comes FV_SIGNALS_TWICE_MS or more after the
- * first signal ends the program at once, by that signal; earlier it counts as the same (timeout(1)
- * sends it twice). SIGUSR1, SIGUSR2 and SIGPIPE are ignored.
+ * SIGHUP sets `reload`, where there is one. SIGINT, SIGTERM, SIGXCPU, and SIGHUP where there is
+ * none (and not under nohup), set `stop`: the loop ends after its frame, the map is saved, the
+ * recording closed. A SIGINT that comes FV_SIGNALS_TWICE_MS or more after the first signal ends the
+ * program at once, by that signal; earlier it counts as the same (timeout(1) sends it twice).
+ * SIGUSR1, SIGUSR2 and SIGPIPE are ignored.
  *
  * A call of support/stall.h that has waited for FV_SIGNALS_STALL_MS is named in a line on stderr.
  * After a signal, when one has waited for FV_SIGNALS_PATIENCE_MS and nothing else was written in
@@ -26,6 +27,7 @@ struct fv_signals {
     /* Name in `text` what is lost when the run ends now; "" when nothing is. */
     void (*lost)(const void *context, char *text, size_t bytes);
     const void *context;
+    atomic_bool *reload; /* NULL: SIGHUP ends the run */
 };
 
 /* Before anything is opened and before any other thread is started, which all inherit what is

@@ -1,0 +1,348 @@
+#include "app/run/parameters.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#include "app/config/kept_parameters.h"
+#include "drivers/clock.h"
+#include "support/aligned.h"
+#include "support/utf8.h"
+
+#include "fovea_parameter_result_t.h"
+#include "fovea_parameter_t.h"
+
+enum {
+    REQUEST_BYTES_MAX = 1280, /* key, value and the rest */
+    ANSWER_BYTES_MAX = 1536,
+    /* The ring gives a record no more than half of its room. */
+    RING_BYTES = (2 * FV_PARAMETERS_WAITING + 1) * sizeof(struct fv_parameter_change)
+};
+
+enum fovea_status fv_parameters_open(struct fv_parameters *parameters, const struct fovea *rt,
+                                     const struct fv_settings *settings,
+                                     const struct fv_command_rules *rules,
+                                     struct fovea_error *error)
+{
+    const char *prefix = settings->runtime.channel_prefix;
+    memset(parameters, 0, sizeof *parameters);
+    parameters->rt = rt;
+    parameters->run_id = rules->run_id;
+    pthread_mutex_init(&parameters->changing, NULL);
+    parameters->settings = malloc(sizeof *parameters->settings);
+    parameters->tried = malloc(sizeof *parameters->tried);
+    parameters->taken = calloc(FV_PARAMETERS_WAITING, sizeof *parameters->taken);
+    parameters->ring_memory = fv_aligned_zeroed(RING_BYTES);
+    if (parameters->settings == NULL || parameters->tried == NULL || parameters->taken == NULL ||
+        parameters->ring_memory == NULL) {
+        fv_parameters_close(parameters);
+        return fovea_error_set(error, FOVEA_ERROR_MEMORY, "no memory for live parameters");
+    }
+    *parameters->settings = *settings;
+    parameters->in_force = settings->runtime;
+    fv_ring_init(&parameters->ring, parameters->ring_memory, RING_BYTES);
+    fv_command_gate_init(&parameters->gate, rules);
+    fv_message_channel(prefix, FV_MESSAGE_PARAMETER, parameters->request_channel);
+    fv_message_channel(prefix, FV_MESSAGE_PARAMETER_RESULT, parameters->channel);
+    return FOVEA_OK;
+}
+
+void fv_parameters_close(struct fv_parameters *parameters)
+{
+    free(parameters->settings);
+    free(parameters->tried);
+    free(parameters->taken);
+    free(parameters->ring_memory);
+    *parameters = (struct fv_parameters){.rt = NULL};
+}
+
+/* ---- on the listener's thread ---------------------------------------------------------------- */
+
+/* Text that was cut within a letter, or is no UTF-8, up to where it is. */
+static void cut_to_letters(char *text)
+{
+    for (size_t bytes = strlen(text); bytes > 0 && !fv_utf8_check(text); bytes--)
+        text[bytes - 1] = '\0';
+}
+
+static void print_value(const struct fv_settings *settings, const struct fv_settings_key *key,
+                        char value[FV_PARAMETER_VALUE_BYTES])
+{
+    FILE *file = fmemopen(value, FV_PARAMETER_VALUE_BYTES, "w");
+    value[0] = '\0';
+    if (file == NULL) return;
+    fv_settings_value_print(file, settings, key);
+    fclose(file);
+    value[FV_PARAMETER_VALUE_BYTES - 1] = '\0';
+}
+
+static void refuse(struct fv_parameter_change *change, const char *reason)
+{
+    change->result = FOVEA_PARAMETER_RESULT_T_RESULT_REFUSED;
+    change->bytes = 0;
+    snprintf(change->reason, sizeof change->reason, "%.255s", reason);
+    cut_to_letters(change->reason);
+}
+
+/* Without what says that the text was an option. */
+static const char *without_option(const char *text)
+{
+    static const char option[] = "--set: ";
+    return strncmp(text, option, sizeof option - 1) == 0 ? text + sizeof option - 1 : text;
+}
+
+/* The value as an input of the loop. */
+static void accept(struct fv_parameters *parameters, const struct fv_settings_key *key,
+                   struct fv_parameter_change *change)
+{
+    const struct fovea_config *config = &parameters->tried->runtime;
+    change->result = FOVEA_PARAMETER_RESULT_T_RESULT_DONE;
+    change->offset = (uint32_t)(key->offset - offsetof(struct fv_settings, runtime));
+    change->bytes = (uint32_t)fv_settings_key_bytes(key);
+    memcpy(change->raw, (const char *)config + change->offset, change->bytes);
+    *parameters->settings = *parameters->tried;
+}
+
+/* Read the value over a copy of what is in force, and take the copy where all is right. */
+static void decide(struct fv_parameters *parameters, const fovea_parameter_t *request,
+                   struct fv_parameter_change *change)
+{
+    char assignment[FV_PARAMETER_KEY_BYTES + FV_PARAMETER_VALUE_BYTES];
+    struct fovea_error error = {0};
+    const struct fv_settings_key *key = fv_settings_key_find(request->key);
+    const char *path = parameters->settings->parameters_file;
+    if (key == NULL) {
+        refuse(change, "found an unknown key, expected one that `fovea config` prints as live");
+        return;
+    }
+    print_value(parameters->settings, key, change->value);
+    if (!key->live || fv_settings_key_bytes(key) > sizeof change->raw) {
+        refuse(change, "found a key that is read at the start, expected a live one, or a restart");
+        return;
+    }
+    *parameters->tried = *parameters->settings;
+    snprintf(assignment, sizeof assignment, "%s=%s", key->name, request->value);
+    enum fovea_status status = fv_settings_set(parameters->tried, assignment, &error);
+    if (status == FOVEA_OK)
+        status = fovea_parameters_check(parameters->rt, &parameters->tried->runtime, &error);
+    const bool later = status == FOVEA_ERROR_UNSUPPORTED && request->keep;
+    if (request->keep && path[0] == '\0') {
+        refuse(change, "found keep, expected a file in the key parameters.file");
+        return;
+    }
+    if (request->keep && (status == FOVEA_OK || later)) {
+        const enum fovea_status kept =
+            fv_kept_parameters_put(path, key, request->value, later ? NULL : &error);
+        status = kept == FOVEA_OK ? status : kept;
+    }
+    if (status == FOVEA_OK) {
+        accept(parameters, key, change);
+        print_value(parameters->settings, key, change->value);
+        return;
+    }
+    refuse(change, without_option(error.text));
+    if (later && status == FOVEA_ERROR_UNSUPPORTED)
+        change->result = FOVEA_PARAMETER_RESULT_T_RESULT_NEEDS_RESTART;
+}
+
+/* Room for what goes to the loop, with whom it answers. NULL: the loop is behind. */
+static struct fv_parameter_change *reserve(struct fv_parameters *parameters,
+                                           const fovea_parameter_t *request)
+{
+    struct fv_parameter_change *change = (void *)fv_ring_reserve(&parameters->ring, sizeof *change);
+    if (change == NULL) return NULL;
+    memset(change, 0, sizeof *change);
+    change->answered = true;
+    change->id = request->id;
+    change->sender = request->sender;
+    snprintf(change->key, sizeof change->key, "%s", request->key);
+    cut_to_letters(change->key);
+    return change;
+}
+
+static void judge(struct fv_parameters *parameters, const fovea_parameter_t *request,
+                  const struct fv_received *received)
+{
+    struct fv_command_gate *gate = &parameters->gate;
+    const struct fv_command_claim claim = {.data = received->data,
+                                           .bytes = received->bytes,
+                                           .from_host = received->from_host,
+                                           .allowed = fv_command_gate_parameters(gate),
+                                           .run_id = request->run_id,
+                                           .sender = request->sender,
+                                           .counter = request->counter,
+                                           .mac = request->mac};
+    const struct fv_judged_command judged = {.verdict = fv_command_gate_claim(gate, &claim),
+                                             .id = request->id,
+                                             .sender = request->sender};
+    struct fv_parameter_change *change = reserve(parameters, request);
+    const bool taken = judged.verdict == FV_COMMAND_TAKEN;
+    fv_command_gate_count(gate, taken && change == NULL ? FV_COMMAND_BUSY : judged.verdict);
+    if (change == NULL) return;
+    if (taken)
+        decide(parameters, request, change);
+    else if (fv_command_gate_answers(gate, &judged, fv_clock_ns(CLOCK_MONOTONIC)))
+        refuse(change, fv_command_verdict_reason(judged.verdict));
+    else
+        return;
+    fv_ring_commit(&parameters->ring, sizeof *change);
+}
+
+static void take_request(void *context, const struct fv_received *received)
+{
+    struct fv_parameters *parameters = context;
+    fovea_parameter_t request;
+    if (fovea_parameter_t_decode(received->data, 0, (int)received->bytes, &request) < 0) return;
+    pthread_mutex_lock(&parameters->changing);
+    judge(parameters, &request, received);
+    pthread_mutex_unlock(&parameters->changing);
+    fovea_parameter_t_decode_cleanup(&request);
+}
+
+struct fv_receiver_channel fv_parameters_row(struct fv_parameters *parameters)
+{
+    struct fv_receiver_channel row = {.type = "fovea.parameter_t",
+                                      .bytes_max = REQUEST_BYTES_MAX,
+                                      .take = take_request,
+                                      .context = parameters};
+    snprintf(row.name, sizeof row.name, "%s", parameters->request_channel);
+    return row;
+}
+
+/* ---- the configuration, read again ----------------------------------------------------------- */
+
+/* Room in the ring, for which the loop is waited for. NULL: it takes nothing. */
+static struct fv_parameter_change *await_room(struct fv_parameters *parameters)
+{
+    void *room = NULL;
+    for (int i = 0; i < 200 && room == NULL; i++) {
+        room = fv_ring_reserve(&parameters->ring, sizeof(struct fv_parameter_change));
+        if (room == NULL) nanosleep(&(struct timespec){.tv_nsec = 10000000}, NULL);
+    }
+    return room;
+}
+
+/* Change one key, if that goes with what is in force. */
+static enum fovea_status change_key(struct fv_parameters *parameters,
+                                    const struct fv_settings_key *key,
+                                    const struct fv_settings *wanted, struct fovea_error *error)
+{
+    *parameters->tried = *parameters->settings;
+    fv_settings_key_copy(key, parameters->tried, wanted);
+    if (fovea_parameters_check(parameters->rt, &parameters->tried->runtime, NULL) != FOVEA_OK)
+        return FOVEA_AGAIN;
+    struct fv_parameter_change *change = await_room(parameters);
+    if (change == NULL)
+        return fovea_error_set(error, FOVEA_ERROR_SYSTEM,
+                               "%s: the loop has taken no parameter for 2 s", key->name);
+    memset(change, 0, sizeof *change);
+    snprintf(change->key, sizeof change->key, "%s", key->name);
+    accept(parameters, key, change);
+    print_value(parameters->settings, key, change->value);
+    fv_ring_commit(&parameters->ring, sizeof *change);
+    return FOVEA_OK;
+}
+
+static bool differs(const struct fv_settings_key *key, const struct fv_settings *a,
+                    const struct fv_settings *b)
+{
+    return memcmp((const char *)a + key->offset, (const char *)b + key->offset,
+                  fv_settings_key_bytes(key)) != 0;
+}
+
+/* Again and again over the keys: where two limit each other, one of them can go first. */
+static enum fovea_status change_all(struct fv_parameters *parameters,
+                                    const struct fv_settings *wanted, uint32_t *count,
+                                    struct fovea_error *error)
+{
+    for (uint32_t before = UINT32_MAX; before != *count;) {
+        before = *count;
+        for (size_t i = 0; i < fv_settings_key_count; i++) {
+            const struct fv_settings_key *key = &fv_settings_keys[i];
+            if (!key->live || !differs(key, parameters->settings, wanted)) continue;
+            const enum fovea_status status = change_key(parameters, key, wanted, error);
+            if (status < 0) return status;
+            *count += status == FOVEA_OK;
+        }
+    }
+    return FOVEA_OK;
+}
+
+enum fovea_status fv_parameters_reload(struct fv_parameters *parameters,
+                                       const struct fv_settings *wanted, uint32_t *count,
+                                       struct fovea_error *error)
+{
+    *count = 0;
+    if (parameters->rt == NULL)
+        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "no parameters can change in this run");
+    enum fovea_status status = fovea_parameters_check(parameters->rt, &wanted->runtime, error);
+    pthread_mutex_lock(&parameters->changing);
+    if (status == FOVEA_OK) status = change_all(parameters, wanted, count, error);
+    pthread_mutex_unlock(&parameters->changing);
+    return status;
+}
+
+/* ---- on the loop's --------------------------------------------------------------------------- */
+
+void fv_parameters_take(struct fv_parameters *parameters, struct fovea_inputs *inputs)
+{
+    parameters->taken_count = 0;
+    if (parameters->taken == NULL) return; /* nothing is heard */
+    while (parameters->taken_count < FV_PARAMETERS_WAITING) {
+        size_t bytes;
+        const uint8_t *data = fv_ring_peek(&parameters->ring, &bytes);
+        if (data == NULL) return;
+        struct fv_parameter_change *change = &parameters->taken[parameters->taken_count++];
+        memcpy(change, data, sizeof *change);
+        fv_ring_release(&parameters->ring, sizeof *change);
+        if (change->bytes == 0) continue;
+        memcpy((char *)&parameters->in_force + change->offset, change->raw, change->bytes);
+        inputs->parameters = &parameters->in_force;
+    }
+}
+
+static void answer(const struct fv_parameters *parameters, struct fv_parameter_change *change,
+                   struct fv_transport *transport, struct fv_feed *feed)
+{
+    uint8_t data[ANSWER_BYTES_MAX];
+    if (!change->answered) return;
+    const fovea_parameter_result_t message = {.utime = fv_clock_ns(CLOCK_REALTIME) / 1000,
+                                              .run_id = parameters->run_id,
+                                              .id = change->id,
+                                              .sender = change->sender,
+                                              .key = change->key,
+                                              .value = change->value,
+                                              .result = change->result,
+                                              .reason = change->reason};
+    const int bytes = fovea_parameter_result_t_encode(data, 0, sizeof data, &message);
+    if (bytes <= 0) return;
+    const struct fovea_message out = {parameters->channel, data, (uint32_t)bytes, true};
+    fv_transport_put(transport, &out);
+    fv_feed_put(feed, &out);
+}
+
+void fv_parameters_step(struct fv_parameters *parameters, struct fv_recorder *recorder,
+                        const struct fovea_inputs *inputs, struct fv_transport *transport,
+                        struct fv_feed *feed)
+{
+    for (uint32_t i = 0; i < parameters->taken_count; i++) {
+        struct fv_parameter_change *change = &parameters->taken[i];
+        if (change->bytes > 0) fv_recorder_parameter(recorder, inputs, change->key, change->value);
+        answer(parameters, change, transport, feed);
+    }
+    parameters->taken_count = 0;
+}
+
+void fv_parameters_end(struct fv_parameters *parameters, struct fv_transport *transport,
+                       struct fv_feed *feed)
+{
+    struct fovea_inputs none = {.frame = NULL};
+    do {
+        fv_parameters_take(parameters, &none);
+        for (uint32_t i = 0; i < parameters->taken_count; i++) {
+            if (parameters->taken[i].bytes > 0) refuse(&parameters->taken[i], "the run has ended");
+            answer(parameters, &parameters->taken[i], transport, feed);
+        }
+    } while (parameters->taken_count > 0);
+}

@@ -1,0 +1,390 @@
+/* Live parameters of a whole run, in a network of the test's own: each request gets an answer, a
+ * recording with twenty changes replays bit for bit, what is kept holds at the next start, and
+ * wrong requests change nothing. */
+#include <libgen.h>
+#include <setjmp.h>
+#include <signal.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "app/network/receiver.h"
+#include "common/watched.h"
+
+#include "fovea_parameter_result_t.h"
+#include "fovea_parameter_t.h"
+
+#define URL "udpm://239.255.76.67:7667"
+
+enum {
+    DONE = FOVEA_PARAMETER_RESULT_T_RESULT_DONE,
+    REFUSED = FOVEA_PARAMETER_RESULT_T_RESULT_REFUSED,
+    NEEDS_RESTART = FOVEA_PARAMETER_RESULT_T_RESULT_NEEDS_RESTART
+};
+
+static char build[512], folder[] = "/tmp/fovea_parameters_XXXXXX", kept[96], log_path[96];
+static struct watched watched;
+static struct fv_receiver *receiver;
+static int64_t last_id;
+
+/* ---- requests and answers -------------------------------------------------------------------- */
+
+static struct {
+    bool there;
+    int64_t id;
+    int8_t result;
+    char value[1024], reason[256];
+} heard;
+
+static void take_answer(void *context, const struct fv_received *received)
+{
+    fovea_parameter_result_t result;
+    (void)context;
+    assert_true(fovea_parameter_result_t_decode(received->data, 0, (int)received->bytes, &result) >=
+                0);
+    if (result.id == last_id) {
+        heard.there = true;
+        heard.result = result.result;
+        snprintf(heard.value, sizeof heard.value, "%s", result.value);
+        snprintf(heard.reason, sizeof heard.reason, "%s", result.reason);
+    }
+    fovea_parameter_result_t_decode_cleanup(&result);
+}
+
+static void send(const char *key, const char *value, bool keep)
+{
+    uint8_t data[2048];
+    const fovea_parameter_t request = {.id = last_id,
+                                       .key = (char *)(uintptr_t)key,
+                                       .value = (char *)(uintptr_t)value,
+                                       .keep = keep};
+    const int bytes = fovea_parameter_t_encode(data, 0, sizeof data, &request);
+    assert_true(bytes > 0);
+    watched_send("P_PARAMETER", data, (size_t)bytes);
+}
+
+/* Ask, again where nothing answers (the run may not listen yet), until there is an answer. */
+static void ask(const char *key, const char *value, bool keep)
+{
+    last_id++;
+    memset(&heard, 0, sizeof heard);
+    for (int tries = 0; tries < 120 && !heard.there; tries++) {
+        send(key, value, keep);
+        for (int i = 0; i < 10 && !heard.there; i++)
+            fv_receiver_handle(receiver, 100);
+    }
+    assert_true(heard.there);
+}
+
+static void expect(const char *key, const char *value, int8_t result, const char *in_force,
+                   const char *reason)
+{
+    ask(key, value, false);
+    if (heard.result != result || strcmp(heard.value, in_force) != 0 ||
+        strstr(heard.reason, reason) == NULL)
+        fail_msg("%s=%s: result %d, value \"%s\", \"%s\"; expected %d, \"%s\", \"%s\"", key, value,
+                 heard.result, heard.value, heard.reason, result, in_force, reason);
+}
+
+/* ---- runs ------------------------------------------------------------------------------------ */
+
+static void start(bool records)
+{
+    char file[128], record[128];
+    snprintf(file, sizeof file, "parameters.file=%s", kept);
+    snprintf(record, sizeof record, "record=%s", records ? log_path : "");
+    const char *const arguments[] = {"--source",
+                                     "sim:orbit?width=160&height=120&frames=100000",
+                                     "--rate",
+                                     "real",
+                                     "--quiet",
+                                     "--picture",
+                                     "none",
+                                     "--set",
+                                     "channel_prefix=P",
+                                     "--set",
+                                     "image.operations=[sharpen]",
+                                     "--set",
+                                     "record_buffer=1000",
+                                     "--set",
+                                     file,
+                                     "--set",
+                                     record,
+                                     NULL};
+    watched_start(&watched, "run", arguments);
+}
+
+static void stop(void)
+{
+    watched_interrupt(&watched);
+    assert_int_equal(watched_end(&watched), 0);
+}
+
+static int open_all(void **state)
+{
+    struct fovea_error error;
+    static struct fv_receiver_channel row = {.name = "P_PARAMETER_RESULT",
+                                             .type = "fovea.parameter_result_t",
+                                             .bytes_max = 2048,
+                                             .take = take_answer};
+    const struct fv_receiver_setup setup = {URL, "loopback", &row, 1};
+    (void)state;
+    if (mkdtemp(folder) == NULL) return -1;
+    snprintf(kept, sizeof kept, "%s/kept.yaml", folder);
+    snprintf(log_path, sizeof log_path, "%s/run.lcmlog", folder);
+    return fv_receiver_open(&setup, &receiver, &error) == FOVEA_OK ? 0 : -1;
+}
+
+static int close_all(void **state)
+{
+    char away[128];
+    (void)state;
+    fv_receiver_close(receiver);
+    snprintf(away, sizeof away, "rm -r %s", folder);
+    return system(away);
+}
+
+/* Output of a command of the build, and its exit code. */
+static int run_command(const char *words, char *text, size_t bytes)
+{
+    char command[1400];
+    snprintf(command, sizeof command, "%s/%s 2>&1", build, words);
+    FILE *pipe = popen(command, "r");
+    assert_non_null(pipe);
+    const size_t read = fread(text, 1, bytes - 1, pipe);
+    text[read] = '\0';
+    const int status = pclose(pipe);
+    return status >= 0 && (status & 127) == 0 ? status >> 8 : -1;
+}
+
+static uint32_t big_endian(const uint8_t bytes[4])
+{
+    return (uint32_t)bytes[0] << 24 | (uint32_t)bytes[1] << 16 | (uint32_t)bytes[2] << 8 | bytes[3];
+}
+
+/* Events of the log on the channel: each is a sync word, a number, a time, two lengths, the channel
+ * and the data. */
+static int count_events(const char *path, const char *channel)
+{
+    enum { HEAD_BYTES = 4 + 8 + 8 + 4 + 4 };
+    uint8_t head[HEAD_BYTES];
+    char name[64];
+    int count = 0;
+    FILE *file = fopen(path, "rb");
+    assert_non_null(file);
+    while (fread(head, 1, HEAD_BYTES, file) == HEAD_BYTES) {
+        const uint32_t length = big_endian(head + 20);
+        assert_true(length < sizeof name);
+        assert_int_equal(fread(name, 1, length, file), length);
+        name[length] = '\0';
+        count += strcmp(name, channel) == 0;
+        assert_int_equal(fseek(file, big_endian(head + 24), SEEK_CUR), 0);
+    }
+    fclose(file);
+    return count;
+}
+
+/* ---- tests ----------------------------------------------------------------------------------- */
+
+static void test_a_recording_with_twenty_changes_replays_bit_for_bit(void **state)
+{
+    static const char *const changes[][2] = {{"features.threshold", "30"},
+                                             {"features.threshold_min", "12"},
+                                             {"features.per_cell", "4"},
+                                             {"features.count_max", "400"},
+                                             {"image.operations", "[denoise, sharpen, gamma]"},
+                                             {"image.gamma", "0.8"},
+                                             {"image.denoise_size", "5"},
+                                             {"odometry.inliers_good", "25"},
+                                             {"preview.quality", "30"},
+                                             {"preview.period_frames", "3"},
+                                             {"pose_every", "2"},
+                                             {"features_every", "3"},
+                                             {"map_every", "7"},
+                                             {"statistics_every", "10"},
+                                             {"image.operations", "[]"},
+                                             {"camera_status_every", "4"},
+                                             {"image.white_balance", "true"},
+                                             {"features.count_max", "500"},
+                                             {"image.operations", "[normalize]"},
+                                             {"odometry.lost_frames_reset", "20"}};
+    enum { CHANGES = sizeof changes / sizeof changes[0] };
+    char words[256], text[4096];
+    (void)state;
+    assert_int_equal(CHANGES, 20);
+    start(true);
+    ask("features.per_cell", "2", false); /* until the run listens */
+    for (int i = 0; i < CHANGES; i++)
+        expect(changes[i][0], changes[i][1], DONE, changes[i][1], "");
+    stop();
+    /* More where a request was sent again before its answer came. */
+    assert_true(count_events(log_path, "P_PARAMETER") >= CHANGES + 1);
+    assert_int_equal(count_events(log_path, "P_PARAMETER_RESULT"), 0);
+    snprintf(words, sizeof words, "fovea replay %s --verify", log_path);
+    if (run_command(words, text, sizeof text) != 0) fail_msg("%s: %s", words, text);
+}
+
+static void test_wrong_requests_change_nothing(void **state)
+{
+    (void)state;
+    start(false);
+    expect("features.threshold", "25", DONE, "25", "");
+    expect("features.threshold", "101", REFUSED, "25", "features.threshold: found '101', expected");
+    expect("features.threshold", "many", REFUSED, "25", "found 'many'");
+    expect("features.threshold", "30, seed: 7", REFUSED, "25", "expected one value");
+    expect("features.threshold", "", REFUSED, "25", "expected");
+    expect("features.threshold_min", "26", REFUSED, "7", "at most features.threshold, which is 25");
+    expect("features.treshold", "25", REFUSED, "", "unknown key");
+    expect("seed", "7", REFUSED, "1", "read at the start");
+    expect("lcm_url", "", REFUSED, "\"" URL "\"", "read at the start");
+    expect("features.count_max", "1001", REFUSED, "1000", "expected at most 1000");
+    expect("edges.period_frames", "1", REFUSED, "0", "or a restart");
+    expect("image.operations", "[contrast_enhancement]", REFUSED, "[sharpen]", "or a restart");
+    expect("features.threshold", "25", DONE, "25", "");
+    stop();
+}
+
+static void test_what_is_kept_holds_at_the_next_start(void **state)
+{
+    struct stat at;
+    char text[4096], words[256];
+    (void)state;
+    start(false);
+    ask("features.threshold", "33", true);
+    assert_int_equal(heard.result, DONE);
+    assert_int_equal(stat(kept, &at), 0);
+    ask("edges.period_frames", "5", true); /* which had no memory */
+    assert_int_equal(heard.result, NEEDS_RESTART);
+    assert_string_equal(heard.value, "0");
+    ask("features.threshold", "200", true); /* wrong: the file stays */
+    assert_int_equal(heard.result, REFUSED);
+    ask("features.per_cell", "3", false); /* not kept */
+    assert_int_equal(heard.result, DONE);
+    stop();
+    start(false);
+    expect("features.threshold", "200", REFUSED, "33", "");
+    expect("edges.period_frames", "4", DONE, "4", "");
+    expect("features.per_cell", "200", REFUSED, "2", "");
+    stop();
+    /* A file that is wrong ends the start in one line. */
+    FILE *file = fopen(kept, "w");
+    assert_non_null(file);
+    fprintf(file, "features.threshold: 25\nrecord: x.lcmlog\n");
+    fclose(file);
+    snprintf(words, sizeof words, "fovea run --source sim: --set parameters.file=%s", kept);
+    assert_int_equal(run_command(words, text, sizeof text), 2);
+    assert_non_null(strstr(text, "kept.yaml:2: record: found a key that is no live parameter"));
+    /* Nor is it a file that the run reads. */
+    snprintf(words, sizeof words, "fovea run --source sim: --config %s --set parameters.file=%s",
+             kept, kept);
+    file = fopen(kept, "w");
+    assert_non_null(file);
+    fprintf(file, "features.threshold: 25\n");
+    fclose(file);
+    assert_int_equal(run_command(words, text, sizeof text), 2);
+    assert_non_null(strstr(text, "parameters.file"));
+    assert_int_equal(unlink(kept), 0);
+}
+
+/* Ask for a wrong value until the one in force is `expected`. */
+static void await_threshold(const char *expected)
+{
+    for (int i = 0; i < 600; i++) {
+        ask("features.threshold", "200", false);
+        if (strcmp(heard.value, expected) == 0) return;
+        usleep(100000);
+    }
+    fail_msg("features.threshold: found %s, expected %s", heard.value, expected);
+}
+
+static void write_config(const char *path, const char *text)
+{
+    FILE *file = fopen(path, "w");
+    assert_non_null(file);
+    fputs(text, file);
+    assert_int_equal(fclose(file), 0);
+}
+
+/* The lower limit of the first file is above the upper one of the second, and the other way round:
+ * no order of the keys does for both. */
+static void test_a_service_reads_its_configuration_again(void **state)
+{
+    static const char both[] =
+        "source: sim:orbit?width=160&height=120&frames=100000\nchannel_prefix: P\nrate: real\n";
+    char config[128], text[512], words[256], output[4096];
+    (void)state;
+    snprintf(config, sizeof config, "%s/run.yaml", folder);
+    snprintf(text, sizeof text, "%sfeatures: {threshold: 40, threshold_min: 30}\n", both);
+    write_config(config, text);
+    setenv("NOTIFY_SOCKET", "@fovea_test_parameters", 1); /* nobody is there */
+    const char *const arguments[] = {"--config", config,     "--quiet", "--picture",
+                                     "none",     "--record", log_path,  NULL};
+    assert_true(unlink(log_path) == 0 || true);
+    watched_start(&watched, "run", arguments);
+    unsetenv("NOTIFY_SOCKET");
+    await_threshold("40");
+    snprintf(text, sizeof text, "%sfeatures: {threshold: 20, threshold_min: 10}\npose_every: 3\n",
+             both);
+    write_config(config, text);
+    assert_int_equal(kill(watched.process, SIGHUP), 0);
+    await_threshold("20");
+    snprintf(text, sizeof text, "%sfeatures: {threshold: 9, threshold_min: 10}\n", both);
+    write_config(config, text); /* wrong: nothing of it is taken, and the run goes on */
+    assert_int_equal(kill(watched.process, SIGHUP), 0);
+    snprintf(text, sizeof text, "%sfeatures: {threshold: 60, threshold_min: 50}\nseed: 5\n", both);
+    usleep(600000);
+    await_threshold("20");
+    write_config(config, text);
+    assert_int_equal(kill(watched.process, SIGHUP), 0);
+    await_threshold("60");
+    stop();
+    assert_int_equal(count_events(log_path, "P_PARAMETER"), 3 + 3);
+    snprintf(words, sizeof words, "fovea replay %s --verify", log_path);
+    if (run_command(words, output, sizeof output) != 0) fail_msg("%s: %s", words, output);
+}
+
+static void test_the_program_that_users_copy_changes_parameters(void **state)
+{
+    char command[1024], line[512];
+    (void)state;
+    start(false);
+    expect("features.threshold", "21", DONE, "21", "");
+    static const char *const asked[][3] = {
+        {"features.threshold=24", "done\n", "0"},
+        {"features.threshold=240",
+         "refused: features.threshold: found '240', expected a whole number in [2, 100]\n", "1"}};
+    for (int i = 0; i < 2; i++) {
+        snprintf(command, sizeof command,
+                 "python3 tools/subscribers/command.py --types %s/python --prefix P --wait 60 "
+                 "'%s' 2>&1",
+                 build, asked[i][0]);
+        FILE *pipe = popen(command, "r");
+        assert_non_null(pipe);
+        if (fgets(line, sizeof line, pipe) == NULL) line[0] = '\0';
+        assert_int_equal(pclose(pipe) >> 8, asked[i][2][0] - '0');
+        assert_string_equal(line, asked[i][1]);
+    }
+    stop();
+}
+
+int main(int argc, char **argv)
+{
+    (void)argc;
+    snprintf(build, sizeof build, "%s/../..", dirname(argv[0]));
+    if (!watched_possible("test_parameters")) return 0;
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_a_recording_with_twenty_changes_replays_bit_for_bit),
+        cmocka_unit_test(test_wrong_requests_change_nothing),
+        cmocka_unit_test(test_what_is_kept_holds_at_the_next_start),
+        cmocka_unit_test(test_a_service_reads_its_configuration_again),
+        cmocka_unit_test(test_the_program_that_users_copy_changes_parameters),
+    };
+    return cmocka_run_group_tests_name("parameters", tests, open_all, close_all);
+}
