@@ -72,7 +72,7 @@ int fv_web_server_judge(struct fv_web_server *server, struct lws *wsi, bool of_p
 struct answer {
     int status;
     const char *type;
-    const char *extra_name, *extra; /* one more header; NULL: none */
+    const char *cookie; /* of a login, which leads to the page; NULL: none */
     bool gzip;
 };
 
@@ -91,7 +91,7 @@ static int answer_begin(struct lws *wsi, struct fv_web_request *request,
                                      "form-action 'self'; object-src 'none'"},
         {"x-content-type-options:", "nosniff"},
         {"x-frame-options:", "DENY"},
-        {"referrer-policy:", "no-referrer"},
+        {"referrer-policy:", "same-origin"}, /* "no-referrer" would make the login's Origin null */
         {"cross-origin-opener-policy:", "same-origin"},
         {"cross-origin-resource-policy:", "same-origin"},
         {"cache-control:", "no-store"},
@@ -103,8 +103,9 @@ static int answer_begin(struct lws *wsi, struct fv_web_request *request,
     for (size_t i = 0; i < sizeof always / sizeof always[0]; i++)
         fits = fits && add(wsi, always[i][0], always[i][1], &at, end);
     if (answer->gzip) fits = fits && add(wsi, "content-encoding:", "gzip", &at, end);
-    if (answer->extra_name != NULL)
-        fits = fits && add(wsi, answer->extra_name, answer->extra, &at, end);
+    if (answer->cookie != NULL)
+        fits = fits && add(wsi, "set-cookie:", answer->cookie, &at, end) &&
+               add(wsi, "location:", "/", &at, end);
     if (!fits || lws_finalize_write_http_header(wsi, memory + LWS_PRE, &at, end) != 0) return -1;
     request->data = data;
     request->left = bytes;
@@ -219,10 +220,8 @@ static int end_login(struct fv_web_server *server, struct lws *wsi, struct fv_we
     cookie_name(server, name);
     snprintf(cookie, sizeof cookie, "%s=%s; Path=/; Max-Age=31536000; HttpOnly; SameSite=Strict",
              name, token);
-    struct answer answer = {.status = HTTP_STATUS_SEE_OTHER,
-                            .type = "text/plain; charset=utf-8",
-                            .extra_name = "set-cookie:",
-                            .extra = cookie};
+    struct answer answer = {
+        .status = HTTP_STATUS_SEE_OTHER, .type = "text/plain; charset=utf-8", .cookie = cookie};
     uint8_t *text = (uint8_t *)strdup("Welcome\n");
     request->made = text;
     return text == NULL ? -1 : answer_begin(wsi, request, &answer, text, 8);

@@ -27,7 +27,7 @@ function showLatency(picture) {
   const link_ms = link.serverNow() - picture.sent_ms;
   const total = picture.age_ms >= 0 ? picture.age_ms + picture.held_ms + link_ms : NaN;
   facts(byId("latency"), {
-    "Camera to screen": picture.age_ms >= 0 ? fixed(total, 0, " ms") : "simulated or recorded",
+    "Camera to screen": picture.age_ms >= 0 ? fixed(total, 0, " ms") : "not this clock",
     "Camera to here": picture.age_ms >= 0 ? fixed(picture.age_ms, 0, " ms") : undefined,
     "JPEG made in": fixed(picture.held_ms, 1, " ms"),
     "Link and screen": fixed(link_ms, 0, " ms"),
@@ -128,6 +128,8 @@ function showScene() {
     "Square of the grid": scene.step ? String(Number(scene.step.toPrecision(2))) : undefined,
   });
 }
+
+globalThis.fovea = { live, scene, link }; // for the console, and for tests
 
 // ---- buttons and the window
 

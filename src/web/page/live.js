@@ -46,6 +46,7 @@ export class Live {
   }
 
   objects(message) {
+    this.boxesStamp = message.stamp.time_ns; // of the image that they were found in
     this.boxes = message.objects.filter((object) => object.state !== 3).map((object) => ({
       box: object.box, id: object.id, name: object.class_name || "class " + object.class_id, score: object.score,
       faint: object.state !== 1, distance: object.located === 1 ? object.position_m[2] : NaN,

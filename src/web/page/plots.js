@@ -47,11 +47,16 @@ export class Plot {
     if (!width || !height) return;
     if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
     context.clearRect(0, 0, width, height);
-    let most = 0;
-    for (const { points } of this.lines.values()) for (const [, value] of points) most = Math.max(most, value);
+    const now = performance.now();
+    let most = 0, oldest = now;
+    for (const { points } of this.lines.values()) {
+      for (const [, value] of points) most = Math.max(most, value);
+      oldest = Math.min(oldest, points[0][0]);
+    }
+    const span = [15000, 30000, 60000].find((some) => now - oldest < some) || SPAN_MS;
     const step = 10 ** Math.floor(Math.log10(most || 1)), top = Math.ceil((most * 1.05 || 1) / (step / 2)) * (step / 2);
-    const left = 46 * ratio, bottom = height - 18 * ratio, now = performance.now();
-    const x = (time) => left + (width - left - 4 * ratio) * (1 - (now - time) / SPAN_MS);
+    const left = 46 * ratio, bottom = height - 18 * ratio;
+    const x = (time) => left + (width - left - 4 * ratio) * (1 - (now - time) / span);
     const y = (value) => bottom - (bottom - 6 * ratio) * (value / top);
     context.font = `${11 * ratio}px system-ui, sans-serif`;
     context.fillStyle = "#9fb3c3";
@@ -68,7 +73,7 @@ export class Plot {
       context.fillText(value >= 100 ? value.toFixed(0) : value.toPrecision(2), left - 6 * ratio, y(value));
     }
     context.textBaseline = "alphabetic";
-    for (const [seconds, align] of [[120, "left"], [60, "center"], [0, "right"]]) {
+    for (const [seconds, align] of [[span / 1000, "left"], [span / 2000, "center"], [0, "right"]]) {
       context.textAlign = align;
       context.fillText(seconds ? `-${seconds} s` : "now", x(now - seconds * 1000), height - 4 * ratio);
     }

@@ -1,0 +1,283 @@
+"""The page of fovea-web in a headless Chromium, beside a simulated run. Used by test_web_page.
+
+Usage: web_page.py BUILD FOLDER     FOVEA_SCREENSHOTS=DIR keeps the screenshots of the page at 360 and 1,440 pixels of width
+"""
+import importlib.util
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+from selenium import webdriver
+from selenium.webdriver.chrome.service import Service
+from selenium.webdriver.common.by import By
+from selenium.webdriver.common.keys import Keys
+
+build, folder = sys.argv[1:3]
+here = os.path.dirname(os.path.abspath(__file__))
+ADDRESS = "http://127.0.0.1:7680/"
+PATIENCE_S = 60
+
+
+def reader():
+    """tools/subscribers/read_recording.py, as a module."""
+    path = os.path.join(here, "..", "..", "tools", "subscribers", "read_recording.py")
+    spec = importlib.util.spec_from_file_location("read_recording", path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def browser():
+    options = webdriver.ChromeOptions()
+    options.binary_location = "/usr/bin/chromium"
+    for word in ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run", "--no-proxy-server",
+                 "--disable-background-networking", "--disable-component-update", "--user-data-dir=" + os.path.join(folder, "profile")):
+        options.add_argument(word)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+    return webdriver.Chrome(options=options, service=Service("/usr/bin/chromedriver"))
+
+
+def run(*more):
+    words = [os.path.join(build, "fovea"), "run", "--source", "sim:orbit?frames=1000000", "--rate", "real", "--quiet", "--picture",
+             "none", "--model", "src/detect/shipped.fvm", "--set", "record_buffer=64", "--set", "web.socket=" + os.path.join(folder, "feed"), *more]
+    return subprocess.Popen(words)
+
+
+def end(process):
+    process.send_signal(signal.SIGINT)
+    assert process.wait(PATIENCE_S) == 0, "an exit status"
+
+
+class Page:
+    def __init__(self):
+        self.driver = browser()
+        self.errors = []
+
+    def js(self, text, *arguments):
+        return self.driver.execute_script(text, *arguments)
+
+    def until(self, text, what):
+        """Wait until an expression is true, and return it."""
+        until = time.monotonic() + PATIENCE_S
+        while time.monotonic() < until:
+            found = self.js("return " + text)
+            if found:
+                return found
+            time.sleep(0.05)
+        raise SystemExit(f"web_page.py: {what}: not within {PATIENCE_S} s; log: {self.driver.get_log('browser')[:5]}")
+
+    def text(self, name):
+        return self.js("return document.getElementById(arguments[0]).textContent", name)
+
+    def size(self, width, height):
+        self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride",
+                                    {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 500})
+
+
+def check_load(page):
+    """Small, from here alone."""
+    urls, sizes = [], {}
+    for entry in page.driver.get_log("performance"):
+        message = json.loads(entry["message"])["message"]
+        if message["method"] == "Network.requestWillBeSent":
+            urls.append(message["params"]["request"]["url"])
+        if message["method"] == "Network.loadingFinished":
+            sizes[message["params"]["requestId"]] = message["params"]["encodedDataLength"]
+    assert all(size < 100_000 for size in sizes.values()), sizes
+    strange = [url for url in urls if not url.startswith((ADDRESS, "ws://127.0.0.1:7680/", "data:", "chrome:"))]
+    assert not strange, strange
+    assert len(urls) >= 10, urls
+    assert sum(sizes.values()) < 600_000, sizes
+    times = page.js("const t = performance.getEntriesByType('navigation')[0]; return [t.domContentLoadedEventEnd, t.loadEventEnd]")
+    print(f"page: {sum(sizes.values())} bytes in {len(urls)} requests, content loaded after {times[0]:.0f} ms")
+
+
+def check_picture(page):
+    first = page.until("fovea.live.picture && fovea.live.picture.number", "a picture")
+    page.until(f"fovea.live.picture.number > {first + 10}", "ten more pictures")
+    levels = page.js("""
+        const { canvas, context } = fovea.live, data = context.getImageData(0, 0, canvas.width, canvas.height).data, seen = new Set();
+        for (let i = 0; i < data.length; i += 4) seen.add(data[i]);
+        return seen.size;""")
+    assert levels > 100, f"{levels} levels of red in the picture"
+    assert page.js("return fovea.live.picture.points.length") > 300
+
+
+def check_box(page):
+    """A box's edges, whose first pixel's outer edge is half a pixel before its centre, are where the message says; it is compared with the
+    recording later."""
+    page.until("fovea.live.hasObjects && fovea.live.boxes.some((box) => !box.faint)", "an object")
+    found = page.js("""
+        const { live } = fovea, box = live.boxes.find((box) => !box.faint), k = live.k;
+        live.boxes = [box];
+        for (const layer in live.layers) live.layers[layer] = layer === "boxes";
+        live.draw();
+        const at = (x, y) => [...live.context.getImageData(Math.floor(x * k), Math.floor(y * k), 1, 1).data];
+        const { x_min_px: left, y_min_px: top, x_max_px: right, y_max_px: bottom } = box.box, high = (top + bottom) / 2;
+        const result = { stamp: live.boxesStamp, id: Number(box.id), box: box.box, on: [at(left, high), at(right, high),
+          at((left + right) / 2, bottom)], off: [at(left - 5, high), at(left + 5, high), at((left + right) / 2, bottom + 5)] };
+        for (const layer in live.layers) live.layers[layer] = true;
+        return result;""")
+    colour = max(set(map(tuple, found["on"])), key=found["on"].count)
+    for pixel in found["on"]:
+        assert max(abs(a - b) for a, b in zip(pixel, colour)) < 40 and max(pixel[:3]) - min(pixel[:3]) > 60, found
+    for pixel in found["off"]:
+        assert max(pixel[:3]) - min(pixel[:3]) < 30, found  # the picture is grey
+    return found
+
+
+def check_against_recording(found, path):
+    module = reader()
+    types = dict(module.read_types(module.RECORDING))
+    for _, _, channel, data in module.events(path):
+        if channel.endswith("RECORDING"):
+            parts = module.Reader(types, data).struct("fovea.recording_t")["parts"]
+            types.update(module.read_types(next(part["data"] for part in parts if part["name"] == "types").decode()))
+        if not channel.endswith("_OBJECTS"):
+            continue
+        message = module.Reader(types, data).struct("fovea.objects_t")
+        if message["stamp"]["time_ns"] != found["stamp"]:
+            continue
+        box = next(o["box"] for o in message["objects"] if o["id"] == found["id"])
+        assert all(abs(box[side] - found["box"][side]) < 1e-6 for side in box), (box, found)
+        return
+    raise SystemExit("web_page.py: the recording has no objects of the page's stamp")
+
+
+def check_path(page):
+    page.until("fovea.scene.path.places.length > 30 && fovea.scene.landmarks.size > 50 && fovea.scene.keyframes.size > 2",
+               "a path and a map")
+    found = page.js("""
+        const { scene } = fovea, ratio = scene.canvas.width / scene.canvas.clientWidth, places = scene.path.places;
+        scene.shown.landmarks = scene.shown.keyframes = false;
+        scene.drawBody = () => {}; // it covers the newest places
+        scene.draw();
+        const data = scene.context.getImageData(0, 0, scene.canvas.width, scene.canvas.height).data;
+        const blue = (i) => data[i] < 140 && data[i + 1] > 150 && data[i + 2] > 200;
+        let all = 0, hit = 0;
+        for (let i = 0; i < data.length; i += 4) all += blue(i);
+        const count = places.length / 3;
+        for (let n = 0; n < count; n++) {
+          const p = scene.project(scene.toMap([...places.slice(3 * n, 3 * n + 3)]), scene.eye);
+          const near = (dx, dy) => blue(4 * ((Math.floor(p[1]) + dy) * scene.canvas.width + Math.floor(p[0]) + dx));
+          hit += p !== null && [-1, 0, 1].some((dx) => [-1, 0, 1].some((dy) => near(dx, dy)));
+        }
+        scene.shown.landmarks = scene.shown.keyframes = true;
+        delete scene.drawBody;
+        scene.draw();
+        return { all, hit, count };""")
+    assert found["all"] > 100, found
+    assert found["hit"] >= 0.95 * found["count"], found
+
+
+def check_commands(page):
+    pause = page.driver.find_element(By.CSS_SELECTOR, "[data-command=pause]")
+    page.js("arguments[0].focus()", pause)
+    pause.send_keys(Keys.ENTER)
+    page.until("document.getElementById('answer').textContent === 'pause: done'", "the answer to pause")
+    page.until("document.getElementById('state').dataset.state === 'paused'", "the state paused")
+    page.driver.find_element(By.CSS_SELECTOR, "[data-command=resume]").click()
+    page.until("document.getElementById('answer').textContent === 'resume: done'", "the answer to resume")
+    page.until("document.getElementById('state').dataset.state === 'tracking'", "the state tracking")
+    page.driver.find_element(By.CSS_SELECTOR, "[data-command=save]").click()
+    page.until("/^save: done/.test(document.getElementById('answer').textContent)", "the answer to save")
+    assert os.path.getsize(os.path.join(folder, "map")) > 1000
+    reset = page.driver.find_element(By.CSS_SELECTOR, "[data-command=reset]")
+    reset.click()
+    assert reset.text == "Discard the map?", reset.text  # once is not enough
+
+
+def check_widths(page):
+    keep = os.environ.get("FOVEA_SCREENSHOTS")
+    for width, height in ((1440, 1000), (360, 800)):
+        page.size(width, height)
+        page.until("document.documentElement.scrollWidth <= innerWidth", f"nothing beyond {width} pixels")
+        before = page.js("return fovea.live.picture.number")
+        page.until(f"fovea.live.picture.number > {before + 3}", "pictures at another size")
+        full = page.js("return document.documentElement.scrollHeight")
+        page.size(width, full)
+        time.sleep(0.5)
+        shot = os.path.join(keep or folder, f"page-{width}.png")
+        assert page.driver.save_screenshot(shot) and os.path.getsize(shot) > 20000
+    page.size(1440, 1000)
+
+
+def check_accessible(page):
+    import axe_core_python
+    script = os.path.join(os.path.dirname(axe_core_python.__file__), "axe.min.js")
+    with open(script, encoding="utf-8") as file:
+        page.js(file.read())
+    found = page.driver.execute_async_script("const done = arguments[0]; axe.run().then((result) => done(result.violations))")
+    bad = [(rule["id"], [node["html"][:120] for node in rule["nodes"]]) for rule in found if rule["impact"] in ("serious", "critical")]
+    assert not bad, bad
+
+
+def check_console(page):
+    wrong = [entry for entry in page.driver.get_log("browser") if entry["level"] in ("SEVERE", "WARNING")
+             and entry["source"] != "rendering"]  # which is about this test's reading of pixels
+    assert not wrong, wrong
+
+
+def check_login(token):
+    page = Page()
+    try:
+        page.driver.get(ADDRESS)
+        with open(token, encoding="ascii") as file:
+            view = file.read().split()[1]
+        page.driver.find_element(By.ID, "token").send_keys(view + Keys.ENTER)
+        page.until("globalThis.fovea && fovea.live.picture", "a picture after the login")
+        assert page.js("return document.cookie") == "" and view not in page.driver.current_url
+        assert page.driver.find_element(By.CSS_SELECTOR, "[data-command=pause]").get_property("disabled")
+    finally:
+        page.driver.quit()
+
+
+def web(*more):
+    return subprocess.Popen([os.path.join(build, "fovea-web"), "--feed", os.path.join(folder, "feed"), *more])
+
+
+def main():
+    recording = os.path.join(folder, "run.lcm")
+    robot, server = run("--record", recording, "--save-map", os.path.join(folder, "map")), web()
+    page = Page()
+    try:
+        time.sleep(1)
+        page.driver.get("about:blank")
+        page.driver.get_log("performance")  # of the browser's own first page
+        page.driver.get(ADDRESS)
+        page.until("globalThis.fovea", "the page")
+        check_picture(page)
+        check_load(page)
+        found = check_box(page)
+        check_path(page)
+        check_widths(page)
+        check_accessible(page)
+        check_commands(page)
+        check_console(page)
+        end(robot)
+        page.until("document.getElementById('link').textContent === 'no run'", "the end of the run")
+        check_against_recording(found, recording)
+        robot = run()
+        page.until("document.getElementById('link').textContent === 'live' && document.getElementById('state').dataset.state === 'tracking'",
+                   "the run that began again")
+        first = page.js("return fovea.live.picture.number")
+        page.until(f"fovea.live.picture.number > {first + 5}", "pictures of the run that began again")
+        check_console(page)
+        page.driver.quit()
+        end(server)
+        token = os.path.join(folder, "token")
+        server = web("--token", token)
+        time.sleep(1)
+        check_login(token)
+        end(robot)
+        end(server)
+    finally:
+        page.driver.quit()
+        for process in (robot, server):
+            process.kill()
+
+
+main()
