@@ -24,7 +24,7 @@ void fv_web_client_init(struct fv_web_client *client, enum fv_web_role role, boo
     client->commands = commands;
     client->news = UINT32_MAX;
     client->path_epoch = UINT32_MAX;
-    client->ack_least_ns = INT64_MAX;
+    client->ack_least_ns = BETTER_MAX_NS; /* until one is acknowledged */
     client->better_ns = BETTER_NS;
 }
 
@@ -153,7 +153,7 @@ static void judge_class(struct fv_web_client *client, uint32_t number, int64_t n
     if (client->frame == number) return;
     client->frame = number;
     const bool late =
-        client->ack_ns > client->ack_least_ns + SLOW_NS ||
+        client->ack_ns - client->ack_least_ns > SLOW_NS ||
         (client->unacked_count > 0 && now_ns - client->unacked[0].sent_ns > FV_SECOND_NS);
     if (client->unacked_count == FV_WEB_UNACKED_MAX && late) {
         if (now_ns - client->class_ns < CLASS_NS || client->picture_class == FV_WEB_CLASSES - 1)

@@ -139,7 +139,7 @@ static int answer_asset(struct lws *wsi, struct fv_web_request *request,
 static int answer_more(struct lws *wsi, struct fv_web_request *request)
 {
     uint8_t memory[LWS_PRE + CHUNK_BYTES];
-    if (request->data == NULL) return 0;
+    if (request == NULL || request->data == NULL) return 0;
     const size_t bytes = request->left < CHUNK_BYTES ? request->left : CHUNK_BYTES;
     const bool last = bytes == request->left;
     memcpy(memory + LWS_PRE, request->data, bytes);
@@ -229,7 +229,9 @@ static int end_login(struct fv_web_server *server, struct lws *wsi, struct fv_we
 
 static int take_body(struct fv_web_request *request, const void *in, size_t length)
 {
-    if (!request->login || length >= sizeof request->body - request->body_bytes) return -1;
+    if (length == 0) return 0;
+    if (request == NULL || !request->login || length >= sizeof request->body - request->body_bytes)
+        return -1;
     memcpy(request->body + request->body_bytes, in, length);
     request->body_bytes += length;
     return 0;
@@ -251,7 +253,7 @@ int fv_web_http(struct lws *wsi, enum lws_callback_reasons reason, void *user, v
     case LWS_CALLBACK_HTTP_BODY:
         return take_body(request, in, length);
     case LWS_CALLBACK_HTTP_BODY_COMPLETION:
-        return request->login ? end_login(server, wsi, request) : -1;
+        return request != NULL && request->login ? end_login(server, wsi, request) : -1;
     case LWS_CALLBACK_HTTP_WRITEABLE:
         return answer_more(wsi, request);
     case LWS_CALLBACK_CLOSED_HTTP:
