@@ -41,8 +41,12 @@ class Page:
                 return
             if self.data[0] & 15 == 9:  # whether this end lives
                 self.socket.sendall(bytes([0x8a, 0x80, 0, 0, 0, 0]))
-            else:
-                self.packet(self.data[head:head + length])
+            elif self.data[0] & 15 == 2:
+                at = head
+                while at < head + length:
+                    bytes_of_packet, = struct.unpack_from(">I", self.data, at)
+                    self.packet(self.data[at + 4:at + 4 + bytes_of_packet])
+                    at += 4 + bytes_of_packet
             self.data = self.data[head + length:]
 
     def packet(self, packet):

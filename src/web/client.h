@@ -2,7 +2,8 @@
  * (server.c), so that all of it is tested without any.
  *
  * To the page go packets of four kinds. Text is JSON with a member "kind": hello, log, pong, sent,
- * refused. Binary packets begin with a byte, numbers in them are big-endian:
+ * refused. Binary frames hold packets, each behind its length (4 bytes), which begin with a byte;
+ * numbers are big-endian:
  *   1  a message: length of the channel's name (1 byte), name, the message as LCM encodes it; the
  *      page decodes it by the definitions of /types. It is sent as it is because the same bytes
  *      then serve all clients, take a fourth of their JSON, and no new message type needs code here

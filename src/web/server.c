@@ -15,8 +15,10 @@ enum {
     LOOK_SELDOM_US = 50000, /* the ring of messages holds a second and a half */
     HEADER_BYTES_MAX = 4096,
     UNSENT_BYTES_MAX = 16384, /* in the kernel: newer messages must not wait behind old ones */
-    PACKETS_PER_CALL = 64
+    ROOM_BYTES = 70000        /* of the longest message */
 };
+
+#define TOGETHER_NS (FV_SECOND_NS / 33) /* messages are sent as many at once, or with a picture */
 
 /* ---- websockets ------------------------------------------------------------------------------ */
 
@@ -41,19 +43,31 @@ static int arrive(struct fv_web_server *server, struct lws *wsi)
     return 0;
 }
 
+static bool send_text(struct lws *wsi, uint8_t *text, size_t bytes)
+{
+    return bytes == 0 || lws_write(wsi, text, bytes, LWS_WRITE_TEXT) >= 0;
+}
+
+/* All that the page has not got, in one frame: each packet behind its length. */
 static int send_next(struct fv_web_server *server, struct lws *wsi)
 {
     struct fv_web_place_of_client *place = place_of(server, wsi);
+    uint8_t *packet = server->packet + LWS_PRE;
+    const int64_t now_ns = fv_clock_ns(CLOCK_MONOTONIC);
+    size_t used = 0, bytes = 1;
+    bool text = false;
     if (place == NULL) return -1;
-    bool text;
-    const size_t bytes =
-        fv_web_client_next(&place->client, server->setup.relay->store, server->packet + LWS_PRE,
-                           FV_WEB_PACKET_BYTES_MAX, fv_clock_ns(CLOCK_MONOTONIC), &text);
-    if (bytes == 0) return 0;
-    if (lws_write(wsi, server->packet + LWS_PRE, bytes, text ? LWS_WRITE_TEXT : LWS_WRITE_BINARY) <
-        0)
-        return -1;
-    lws_callback_on_writable(wsi); /* there may be more */
+    while (!text && bytes > 0 && FV_WEB_PACKET_BYTES_MAX - used > ROOM_BYTES) {
+        bytes = fv_web_client_next(&place->client, server->setup.relay->store, packet + used + 4,
+                                   FV_WEB_PACKET_BYTES_MAX - used - 4, now_ns, &text);
+        if (text || bytes == 0) break;
+        for (int i = 0; i < 4; i++)
+            packet[used + (size_t)i] = (uint8_t)(bytes >> 8 * (3 - i));
+        used += 4 + bytes;
+    }
+    if (text && !send_text(wsi, packet + 4, bytes)) return -1; /* texts come before all else */
+    if (used > 0 && lws_write(wsi, packet, used, LWS_WRITE_BINARY) < 0) return -1;
+    if (bytes > 0) lws_callback_on_writable(wsi); /* there is more */
     return 0;
 }
 
@@ -132,9 +146,10 @@ static int on_websocket(struct lws *wsi, enum lws_callback_reasons reason, void 
 
 /* ---- the server ------------------------------------------------------------------------------ */
 
+/* The last number is what is handed to the kernel at once: without one it is FV_WEB_WORDS_BYTES. */
 static const struct lws_protocols protocols[] = {
     {"http", fv_web_http, sizeof(struct fv_web_request), 0, 0, NULL, 0},
-    {"fovea", on_websocket, 0, FV_WEB_WORDS_BYTES, 0, NULL, 0},
+    {"fovea", on_websocket, 0, FV_WEB_WORDS_BYTES, 0, NULL, FV_WEB_PACKET_BYTES_MAX},
     {NULL, NULL, 0, 0, 0, NULL, 0},
 };
 
@@ -149,10 +164,17 @@ static void tick(lws_sorted_usec_list_t *timer)
         any |= server->clients[i].socket != NULL;
         watched |= server->clients[i].socket != NULL && !server->clients[i].client.hidden;
     }
-    if (fv_web_relay_tick(server->setup.relay, watched))
+    const uint32_t shown = server->setup.relay->store->picture.number;
+    const int64_t now_ns = fv_clock_ns(CLOCK_MONOTONIC);
+    server->changed |= fv_web_relay_tick(server->setup.relay, watched);
+    const bool pictured = server->setup.relay->store->picture.number != shown;
+    if (server->changed && (pictured || now_ns - server->sent_ns >= TOGETHER_NS)) {
+        server->changed = false;
+        server->sent_ns = now_ns;
         for (int i = 0; i < FV_WEB_CLIENTS_MAX; i++)
             if (server->clients[i].socket != NULL)
                 lws_callback_on_writable(server->clients[i].socket);
+    }
     lws_sul_schedule(server->context, 0, &server->timer, tick, any ? LOOK_US : LOOK_SELDOM_US);
 }
 

@@ -30,6 +30,8 @@ struct fv_web_server {
     uint16_t port;
     volatile sig_atomic_t stopped;
     lws_sorted_usec_list_t timer;
+    bool changed;    /* the store, since the pages were last told */
+    int64_t sent_ns; /* when that was */
     struct fv_web_tries tries;
     struct fv_web_place_of_client {
         struct lws *socket; /* NULL: free */

@@ -79,11 +79,31 @@ static int open_page(const char *headers)
     return page;
 }
 
-/* The next packet: its opcode and, of binary ones, its kind. */
+/* The next text, or packet of a binary frame: its opcode and, of packets, its kind. */
 static int next(int page, int *kind)
 {
-    const int opcode = web_hear(page, packet, sizeof packet - 1, &bytes);
+    static uint8_t frame[PACKET_BYTES];
+    static size_t used, left; /* of the frame */
+    static int of;            /* the page that it came to */
+    int opcode = 2;
+    if (left == 0 || of != page) {
+        while ((opcode = web_hear(page, frame, sizeof frame, &left)) == 9)
+            continue; /* it asks whether this end lives */
+        used = 0;
+        of = page;
+    }
     assert_true(opcode == 1 || opcode == 2);
+    bytes = left;
+    if (opcode == 2) {
+        assert_true(left > 4);
+        bytes = 0;
+        for (int i = 0; i < 4; i++)
+            bytes = bytes << 8 | frame[used++];
+        assert_true(bytes > 0 && bytes <= left - 4);
+    }
+    memcpy(packet, frame + used, bytes);
+    left = opcode == 2 ? left - 4 - bytes : 0;
+    used += bytes;
     packet[bytes] = '\0';
     *kind = opcode == 2 ? packet[0] : 0;
     return opcode;

@@ -32,7 +32,7 @@ export class Link {
     };
     this.socket.onmessage = (event) => {
       if (typeof event.data === "string") this.text(JSON.parse(event.data));
-      else this.packet(new Uint8Array(event.data));
+      else this.packets(event.data);
     };
     this.socket.onclose = () => {
       this.tell("link", "gone");
@@ -69,6 +69,11 @@ export class Link {
     if (message.kind === "pong") this.pong(message);
     else this.tell(message.kind, message);
   }
+  packets(buffer) {
+    const view = new DataView(buffer);
+    for (let at = 0; at < buffer.byteLength; at += 4 + view.getUint32(at))
+      this.packet(new Uint8Array(buffer, at + 4, view.getUint32(at)));
+  }
   packet(bytes) {
     if (bytes[0] === MESSAGE) {
       const channel = words.decode(bytes.subarray(2, 2 + bytes[1]));
@@ -82,7 +87,7 @@ export class Link {
 }
 
 function readPicture(bytes) {
-  const view = new DataView(bytes.buffer);
+  const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
   const count = view.getUint32(48);
   const points = new Float32Array(3 * count);
   for (let i = 0, at = 52; i < count; i++, at += 5) {
@@ -100,7 +105,7 @@ function readPicture(bytes) {
 }
 
 function readPath(bytes) {
-  const view = new DataView(bytes.buffer);
+  const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
   const count = view.getUint32(13);
   const places = new Float32Array(3 * count);
   for (let i = 0; i < 3 * count; i++) places[i] = view.getFloat32(17 + 4 * i);
