@@ -121,17 +121,29 @@ static void path_print(const struct fv_run *run, const struct fv_trajectory_summ
     scale_print(run);
 }
 
+/* Of a network, 0 the first: what it found, or that it labels pixels. */
+static void network_print(const struct fv_run *run, uint32_t network, uint64_t found,
+                          uint64_t inferences)
+{
+    struct fovea_segmentation seen;
+    fovea_segmentation_get(run->loop.rt, network, &seen);
+    printf("  %s", network == 0 ? "" : "the second network ");
+    if (seen.count > 0 && seen.list[0].object < 0)
+        printf("labelled the pixels of %" PRIu64 " images", inferences);
+    else
+        printf("found %" PRIu64 " detections in %" PRIu64 " images", found, inferences);
+}
+
 static void found_print(const struct fv_run *run)
 {
     if (run->settings.model[0] == '\0') return;
-    printf("  found %" PRIu64 " detections in %" PRIu64 " images", run->detections,
-           run->inferences);
+    network_print(run, 0, run->detections, run->inferences);
     if (run->settings.runtime.objects.mode != FOVEA_OBJECTS_OFF)
         printf(", %" PRIu64 " objects", run->objects);
     printf("\n");
-    if (run->settings.model2[0] != '\0')
-        printf("  the second network found %" PRIu64 " detections in %" PRIu64 " images\n",
-               run->detections2, run->inferences2);
+    if (run->settings.model2[0] == '\0') return;
+    network_print(run, 1, run->detections2, run->inferences2);
+    printf("\n");
 }
 
 static enum fv_exit path_failed(const char *file, const struct fv_trajectory_summary *summary)
