@@ -18,6 +18,7 @@ allowed() { # rooms that a room may include besides itself
     scale)    echo "base kernels geometry map odometry" ;;
     detect)   echo "base kernels nn" ;;
     objects)    echo "base geometry" ;;
+    grid)     echo "base" ;;
     message)  echo "" ;;
     runtime)  echo "$core message" ;;
     support)  echo "base" ;;

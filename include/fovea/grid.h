@@ -1,0 +1,113 @@
+/* Free space: an occupancy grid of the floor around a robot, from masks of what a camera sees and
+ * the poses that it saw it from; and the nearest obstacle in each direction.
+ *
+ * Along rays over the floor, from below the camera outwards, each point is looked up in the mask:
+ * floor is evidence for free, the first obstacle is evidence for occupied, and what lies behind it
+ * is not known. Cells hold log-odds with the increments and limits of OctoMap (Hornung et al.,
+ * Autonomous Robots 2013), and forget with time. The grid is square, level, fixed to the odometry
+ * frame, and follows the robot cell by cell; what it leaves is forgotten.
+ *
+ * The floor is level at a known height. An obstacle that hangs above the floor, or whose foot is
+ * outside of the image, appears where its visible lower edge meets the floor. Cells of the robot's
+ * own radius are free.
+ *
+ * Works on memory of the caller:
+ *
+ *     fovea_grid_size(&config, &bytes, &error);
+ *     fovea_grid_init(&grid, &config, memory, bytes, &error);
+ *     fovea_grid_update(grid, &view);         with each mask
+ *     fovea_grid_forget(grid);                when the pose is lost or begins anew
+ *     fovea_grid_cells(grid, cells, &place);
+ *     fovea_grid_scan(grid, ranges_m);
+ *
+ * The same bits on every processor. Real-time safe but for size and init. Not for two threads at a
+ * time. */
+#ifndef FOVEA_GRID_H
+#define FOVEA_GRID_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "fovea/camera.h"
+#include "fovea/segmentation.h"
+#include "fovea/status.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+struct fovea_grid;
+
+enum { FOVEA_GRID_UNKNOWN = -1 };
+
+/* Probabilities below and above which a cell counts as known to be free or occupied. */
+#define FOVEA_GRID_FREE_BELOW 0.35
+#define FOVEA_GRID_OCCUPIED_ABOVE 0.65
+
+/* What a class of the network is to the robot. */
+enum fovea_grid_label {
+    FOVEA_GRID_IGNORED = 0, /* nothing is known there or behind it: sky, the robot itself */
+    FOVEA_GRID_FLOOR = 1,
+    FOVEA_GRID_OBSTACLE = 2, /* also floor that ends */
+    FOVEA_GRID_MOVABLE = 3   /* an obstacle that is forgotten sooner */
+};
+
+struct fovea_grid_config {
+    double resolution_m;   /* [0.02, 1], default 0.1: side of a cell */
+    uint32_t side_cells;   /* [16, 512], default 128: cells along each side */
+    double range_m;        /* [0.5, 100], default 5: farthest floor that is believed */
+    uint32_t rays;         /* [16, 1440], default 360: directions, evenly over a turn */
+    double robot_radius_m; /* [0, 10], default 0.2 */
+    double half_life_s;    /* [0.1, 10000], default 60: log-odds of a cell halve in this time */
+    double movable_half_life_s; /* [0.1, 10000], default 2: where something movable was seen */
+};
+
+/* A mask, and where it was seen from. Frames are right-handed, z of the odometry frame is up. */
+struct fovea_grid_view {
+    int64_t stamp_ns; /* must not fall from update to update */
+    const struct fovea_segmentation *seen;
+    const uint8_t *labels; /* [256]: enum fovea_grid_label of each class */
+    const struct fovea_camera *camera;
+    double T_odom_cam[12]; /* three rows of [R t], metres; z of the camera is forward, y down */
+    double position_m[2];  /* of the body in the odometry frame: the grid's centre */
+    double yaw_rad;        /* of the body, for the scan */
+    double floor_m;        /* height of the floor in the odometry frame */
+};
+
+/* Where the cells are. */
+struct fovea_grid_place {
+    int64_t stamp_ns; /* of the last update; 0: none since init or forget */
+    uint32_t width, height;
+    double resolution_m;
+    double origin_m[2]; /* outer corner of cell (0, 0) in the odometry frame */
+};
+
+void fovea_grid_config_default(struct fovea_grid_config *config);
+
+/* Bytes of the block. Init-only. FOVEA_ERROR_ARGUMENT: `error` names the member. */
+enum fovea_status fovea_grid_size(const struct fovea_grid_config *config, size_t *bytes,
+                                  struct fovea_error *error);
+/* Make a grid in `memory`, which is at a multiple of 64. Init-only. */
+enum fovea_status fovea_grid_init(struct fovea_grid **grid, const struct fovea_grid_config *config,
+                                  void *memory, size_t bytes, struct fovea_error *error);
+
+/* Take what a mask shows; some 0.2 ms with the defaults. FOVEA_ERROR_ARGUMENT: the pose holds no
+ * numbers or is beyond 1e6 m, or the stamp falls; nothing is taken. */
+enum fovea_status fovea_grid_update(struct fovea_grid *grid, const struct fovea_grid_view *view);
+
+/* Every cell becomes unknown. */
+void fovea_grid_forget(struct fovea_grid *grid);
+
+/* Fill width x height cells, row by row from the origin, x first: 0 (free) to 100 (occupied)
+ * percent, or FOVEA_GRID_UNKNOWN, as ROS's OccupancyGrid. */
+void fovea_grid_cells(const struct fovea_grid *grid, int8_t *cells, struct fovea_grid_place *place);
+
+/* Fill `rays` ranges from the body of the last update: ray i points at an angle of 2 pi i / rays
+ * from the body's x axis to its y axis. Metres to the nearest cell known to be occupied; infinity:
+ * known to be free as far as range_m; NaN: neither. */
+void fovea_grid_scan(const struct fovea_grid *grid, float *ranges_m);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,435 @@
+/* The free-space grid on drawn worlds: boxes on a floor, seen as masks from known poses. Floor that
+ * was seen is free, obstacles stand where they are, nothing behind them is known; cells stay where
+ * they are while the robot moves, what may move is forgotten, and a lost pose leaves nothing. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+#include <math.h>
+#include <stdbool.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#include "fovea/grid.h"
+
+enum { W = 160, H = 120, BOXES_MAX = 6 };
+static const int64_t SECOND = 1000000000;
+enum { SKY, FLOOR, WALL, CART, CLASSES };
+
+/* x0 x1 y0 y1 height, class */
+struct box {
+    double x[2], y[2], top;
+    int class_id;
+};
+static struct box boxes[BOXES_MAX];
+static int box_count;
+
+static const uint8_t labels[256] = {[SKY] = FOVEA_GRID_IGNORED,
+                                    [FLOOR] = FOVEA_GRID_FLOOR,
+                                    [WALL] = FOVEA_GRID_OBSTACLE,
+                                    [CART] = FOVEA_GRID_MOVABLE};
+static struct fovea_camera camera = {
+    .width = 2 * W, .height = 2 * H, .fx = 200, .fy = 200, .cx = 159.5, .cy = 119.5};
+static struct fovea_segmentation_class list[CLASSES];
+static uint8_t mask[W * H], identity[256];
+static struct fovea_segmentation seen = {.width = W,
+                                         .height = H,
+                                         .image_width = 2 * W,
+                                         .image_height = 2 * H,
+                                         .raw_scale = {2, 2},
+                                         .raw_offset = {0.5, 0.5},
+                                         .count = CLASSES,
+                                         .list = list,
+                                         .pixels = mask,
+                                         .index = identity};
+static struct fovea_grid_config config;
+static struct fovea_grid *grid;
+static void *memory;
+static struct fovea_error error;
+
+static void make(void)
+{
+    size_t bytes;
+    free(memory);
+    assert_int_equal(fovea_grid_size(&config, &bytes, &error), FOVEA_OK);
+    memory = aligned_alloc(64, (bytes + 63) / 64 * 64);
+    memset(memory, 0x5a, bytes);
+    assert_int_equal(fovea_grid_init(&grid, &config, memory, bytes, &error), FOVEA_OK);
+}
+
+static int setup(void **state)
+{
+    (void)state;
+    for (int i = 0; i < 256; i++)
+        identity[i] = (uint8_t)i;
+    for (int i = 0; i < CLASSES; i++)
+        list[i].class_id = i;
+    assert_int_equal(fovea_camera_prepare(&camera, &error), FOVEA_OK);
+    fovea_grid_config_default(&config);
+    make();
+    box_count = 0;
+    return 0;
+}
+
+static int teardown(void **state)
+{
+    (void)state;
+    free(memory);
+    memory = NULL;
+    return 0;
+}
+
+/* ---- the drawn world ------------------------------------------------------------------------- */
+
+/* What the ray from `from` along `way` meets first, at `*t`: a class. */
+static int meets(const double from[3], const double way[3], double *t)
+{
+    int found = SKY;
+    *t = 1e9;
+    if (way[2] < -1e-9) {
+        *t = -from[2] / way[2];
+        found = FLOOR;
+    }
+    for (int i = 0; i < box_count; i++) {
+        const double low[3] = {boxes[i].x[0], boxes[i].y[0], 0},
+                     high[3] = {boxes[i].x[1], boxes[i].y[1], boxes[i].top};
+        double in = 0, out = 1e9;
+        for (int k = 0; k < 3; k++) {
+            const double a = (low[k] - from[k]) / way[k], b = (high[k] - from[k]) / way[k];
+            in = fmax(in, fmin(a, b));
+            out = fmin(out, fmax(a, b));
+        }
+        if (in < out && in < *t) {
+            *t = in;
+            found = boxes[i].class_id;
+        }
+    }
+    return found;
+}
+
+/* A view from 0.8 m above (x, y), looking along `yaw`, `tilt` down and rolled. */
+static struct fovea_grid_view view_from(double x, double y, double yaw, double tilt, double roll)
+{
+    struct fovea_grid_view view = {
+        .seen = &seen, .labels = labels, .camera = &camera, .position_m = {x, y}, .yaw_rad = yaw};
+    const double z[3] = {cos(yaw) * cos(tilt), sin(yaw) * cos(tilt), -sin(tilt)};
+    const double flat[3] = {sin(yaw), -cos(yaw), 0};
+    const double down[3] = {z[1] * flat[2] - z[2] * flat[1], z[2] * flat[0] - z[0] * flat[2],
+                            z[0] * flat[1] - z[1] * flat[0]};
+    double *T = view.T_odom_cam;
+    for (int k = 0; k < 3; k++) {
+        T[4 * k] = cos(roll) * flat[k] + sin(roll) * down[k];
+        T[4 * k + 1] = cos(roll) * down[k] - sin(roll) * flat[k];
+        T[4 * k + 2] = z[k];
+    }
+    T[3] = x;
+    T[7] = y;
+    T[11] = 0.8;
+    return view;
+}
+
+static void draw(const struct fovea_grid_view *view)
+{
+    const double *T = view->T_odom_cam, from[3] = {T[3], T[7], T[11]};
+    for (int i = 0; i < W * H; i++) {
+        const double pixel[2] = {2 * (i % W) + 0.5, 2 * (i / W) + 0.5};
+        double b[3], way[3], t;
+        assert_int_equal(fovea_camera_unproject(&camera, pixel, b, NULL), FOVEA_OK);
+        for (int k = 0; k < 3; k++)
+            way[k] = T[4 * k] * b[0] + T[4 * k + 1] * b[1] + T[4 * k + 2] * b[2];
+        mask[i] = (uint8_t)meets(from, way, &t);
+    }
+}
+
+static void look(double x, double y, double yaw, double tilt, double roll, int64_t stamp_ns)
+{
+    struct fovea_grid_view view = view_from(x, y, yaw, tilt, roll);
+    view.stamp_ns = stamp_ns;
+    draw(&view);
+    assert_int_equal(fovea_grid_update(grid, &view), FOVEA_OK);
+}
+
+/* A view in which nothing is known, from (x, y). */
+static void pass(double x, double y, int64_t stamp_ns)
+{
+    struct fovea_grid_view view = view_from(x, y, 0, 0.3, 0);
+    view.stamp_ns = stamp_ns;
+    memset(mask, SKY, sizeof mask);
+    assert_int_equal(fovea_grid_update(grid, &view), FOVEA_OK);
+}
+
+static int8_t *cells;
+static struct fovea_grid_place place;
+static void read_cells(void)
+{
+    free(cells);
+    cells = malloc((size_t)config.side_cells * config.side_cells);
+    fovea_grid_cells(grid, cells, &place);
+}
+
+/* Percent of the cell that holds a point; -2: outside. */
+static int cell_at(double x, double y)
+{
+    const double column = floor((x - place.origin_m[0]) / place.resolution_m + 1e-9),
+                 row = floor((y - place.origin_m[1]) / place.resolution_m + 1e-9);
+    if (column < 0 || row < 0 || column >= place.width || row >= place.height) return -2;
+    return cells[(int)row * (int)place.width + (int)column];
+}
+
+static bool is_free(int percent)
+{
+    return percent >= 0 && percent < 100 * FOVEA_GRID_FREE_BELOW;
+}
+
+static bool is_occupied(int percent)
+{
+    return percent > 100 * FOVEA_GRID_OCCUPIED_ABOVE;
+}
+
+static bool in_box(double x, double y, double margin)
+{
+    for (int i = 0; i < box_count; i++)
+        if (x > boxes[i].x[0] + margin && x < boxes[i].x[1] - margin &&
+            y > boxes[i].y[0] + margin && y < boxes[i].y[1] - margin)
+            return true;
+    return false;
+}
+
+/* Whether the floor at (x, y) is in the image of a view and nothing hides it. */
+static bool is_seen(const struct fovea_grid_view *view, double x, double y)
+{
+    const double *T = view->T_odom_cam, from[3] = {T[3], T[7], T[11]},
+                 way[3] = {x - T[3], y - T[7], -T[11]};
+    double point[3], pixel[2], t;
+    for (int k = 0; k < 3; k++)
+        point[k] = T[k] * way[0] + T[4 + k] * way[1] + T[8 + k] * way[2];
+    if (fovea_camera_project(&camera, point, pixel, NULL) != FOVEA_OK || pixel[0] < 0 ||
+        pixel[1] < 0 || pixel[0] > 2 * W - 1 || pixel[1] > 2 * H - 1)
+        return false;
+    return meets(from, way, &t) == FLOOR && fabs(t - 1) < 1e-6;
+}
+
+static void add_box(double x0, double x1, double y0, double y1, double top, int class_id)
+{
+    boxes[box_count++] = (struct box){{x0, x1}, {y0, y1}, top, class_id};
+}
+
+/* ---- tests ----------------------------------------------------------------------------------- */
+
+/* A drive of 12 frames among boxes: over the cells whose floor was seen in 3 frames from within 3 m
+ * the free class has an intersection over union of 0.85 at least, 85 % are known, and of what
+ * stands there next to nothing is called free, a cell's width aside. */
+static void floor_is_free_and_boxes_are_not(void **state)
+{
+    (void)state;
+    enum { FRAMES = 12 };
+    struct fovea_grid_view views[FRAMES];
+    add_box(2.0, 2.4, -0.3, 0.3, 0.5, WALL);
+    add_box(1.5, 1.8, 0.8, 1.1, 0.3, WALL);
+    add_box(2.6, 3.2, -1.4, -0.9, 1.5, CART);
+    add_box(4.0, 4.1, -3, 3, 2, WALL);
+    for (int i = 0; i < FRAMES; i++) {
+        const double x = 0.08 * i, yaw = 0.25 * sin(0.6 * i), roll = 0.04 * cos(i);
+        views[i] = view_from(x, 0, yaw, 0.35, roll);
+        look(x, 0, yaw, 0.35, roll, i * SECOND / 30);
+    }
+    read_cells();
+    int both = 0, either = 0, known = 0, all = 0, inside = 0, wrong = 0;
+    for (double x = 0.05; x < 3.9; x += 0.1) {
+        for (double y = -2.95; y < 3; y += 0.1) {
+            int frames = 0;
+            for (int i = 0; i < FRAMES; i++)
+                frames += hypot(x - views[i].position_m[0], y) < 3 && is_seen(&views[i], x, y);
+            const int percent = cell_at(x, y);
+            const bool standing = in_box(x, y, 0);
+            inside += in_box(x, y, 0.1);
+            wrong += in_box(x, y, 0.1) && is_free(percent);
+            if (frames < 3) continue;
+            all++;
+            known += is_free(percent) || is_occupied(percent);
+            both += !standing && is_free(percent);
+            either += !standing || is_free(percent);
+        }
+    }
+    print_message("%d cells seen: free IoU %.3f, known %.3f; %d of %d cells within boxes free\n",
+                  all, (double)both / either, (double)known / all, wrong, inside);
+    assert_true(all > 300);
+    assert_true(both >= 0.85 * either);
+    assert_true(known >= 0.85 * all);
+    assert_true(inside > 10 && wrong * 100 <= inside);
+    assert_int_equal(cell_at(3.0, 0), FOVEA_GRID_UNKNOWN); /* behind the first box */
+    assert_true(is_free(cell_at(0.88, 0.0)));              /* where the robot stands */
+    for (double y = -0.25; y < 0.3; y += 0.1)              /* its front */
+        assert_true(is_occupied(cell_at(2.05, y)) || is_occupied(cell_at(1.95, y)));
+}
+
+static void the_scan_is_the_nearest_obstacle(void **state)
+{
+    (void)state;
+    float *ranges = malloc(config.rays * sizeof *ranges);
+    const double yaw = 1.2; /* it stands south of the box and looks north */
+    add_box(0.3, 1.1, 2.0, 2.4, 0.5, WALL);
+    for (int i = 0; i < 5; i++)
+        look(0.5, 0.2, yaw, 0.5, 0, i);
+    fovea_grid_scan(grid, ranges);
+    int hits = 0, misses = 0;
+    for (int degrees = -30; degrees <= 30; degrees += 2) { /* in the body's frame */
+        const double from[3] = {0.5, 0.2, 0.1};
+        const float range = ranges[(degrees + 360) % 360];
+        int walls = 0;
+        double t = 0;
+        for (int side = -4; side <= 4; side += 4) { /* a cell's width beside */
+            const double angle = (degrees + side) * M_PI / 180 + yaw,
+                         way[3] = {cos(angle), sin(angle), 0};
+            double other;
+            walls += meets(from, way, side == 0 ? &t : &other) == WALL;
+        }
+        if (walls == 3) assert_true(fabs((double)range - t) < 0.16);
+        if (walls == 0) assert_true(isnan(range) || isinf(range));
+        hits += walls == 3;
+        misses += walls == 0;
+    }
+    assert_true(hits > 2 && misses > 4);
+    assert_true(isnan(ranges[180])); /* it never looked back */
+    free(ranges);
+}
+
+static void cells_stay_where_they_are_while_the_robot_moves(void **state)
+{
+    (void)state;
+    add_box(2.0, 2.4, -0.3, 0.3, 0.5, WALL);
+    for (int i = 0; i < 5; i++)
+        look(0, 0, 0, 0.4, 0, 0);
+    read_cells();
+    static const double ways[][2] = {{1.03, 0}, {1.03, -2.57}, {-3.2, 0.31}, {0, 0}};
+    int8_t *before = malloc((size_t)place.width * place.height);
+    memcpy(before, cells, (size_t)place.width * place.height);
+    const struct fovea_grid_place old = place;
+    for (size_t w = 0; w < sizeof ways / sizeof *ways; w++) {
+        pass(ways[w][0], ways[w][1], 0);
+        read_cells();
+        assert_true(fabs(place.origin_m[0] + 6.4 - ways[w][0]) <= 0.1 + 1e-9);
+        int compared = 0;
+        for (uint32_t i = 0; i < old.width * old.height; i++) {
+            const double x = old.origin_m[0] + (i % old.width + 0.5) * 0.1,
+                         y = old.origin_m[1] + (i / old.width + 0.5) * 0.1;
+            const int now = cell_at(x, y);
+            bool stood = false; /* its own cells are free, and have been */
+            for (size_t k = 0; k <= w; k++)
+                stood = stood || hypot(x - ways[k][0], y - ways[k][1]) < 0.25;
+            if (now < -1 || stood || (w == 3 && before[i] != now && now == -1)) continue;
+            assert_int_equal(now, before[i]);
+            compared += before[i] != FOVEA_GRID_UNKNOWN;
+        }
+        assert_true(compared > 100);
+    }
+    pass(500, 500, 0);
+    pass(500, 500, 0);
+    read_cells();
+    assert_true(is_free(cell_at(500.05, 500.05))); /* where it stands */
+    assert_int_equal(cell_at(500.35, 500.05), FOVEA_GRID_UNKNOWN);
+    pass(0, 0, 0);
+    read_cells();
+    int known = 0; /* what was left is forgotten */
+    for (uint32_t i = 0; i < place.width * place.height; i++)
+        known += cells[i] != FOVEA_GRID_UNKNOWN;
+    assert_true(known < 20);
+    free(before);
+}
+
+static void what_may_move_is_forgotten_first_and_a_lost_pose_leaves_nothing(void **state)
+{
+    (void)state;
+    add_box(2.0, 2.4, -0.9, -0.3, 0.5, WALL);
+    add_box(2.0, 2.4, 0.3, 0.9, 0.5, CART);
+    for (int i = 0; i < 6; i++)
+        look(0, 0, 0, 0.4, 0, i * SECOND / 30);
+    read_cells();
+    assert_true(is_occupied(cell_at(2.05, -0.6)) && is_occupied(cell_at(2.05, 0.6)));
+    pass(0, 0, 10 * SECOND);
+    read_cells();
+    assert_true(is_occupied(cell_at(2.05, -0.6)) && !is_occupied(cell_at(2.05, 0.6)));
+    pass(0, 0, 1000 * SECOND);
+    read_cells();
+    assert_true(!is_occupied(cell_at(2.05, -0.6)));
+    look(0, 0, 0, 0.4, 0, 1000 * SECOND);
+    fovea_grid_forget(grid);
+    read_cells();
+    float *ranges = malloc(config.rays * sizeof *ranges);
+    fovea_grid_scan(grid, ranges);
+    for (uint32_t i = 0; i < place.width * place.height; i++)
+        assert_int_equal(cells[i], FOVEA_GRID_UNKNOWN);
+    for (uint32_t i = 0; i < config.rays; i++)
+        assert_true(isnan(ranges[i]));
+    assert_int_equal(place.stamp_ns, 0);
+    free(ranges);
+}
+
+static void wrong_configurations_and_poses_are_refused(void **state)
+{
+    (void)state;
+    size_t bytes;
+    struct fovea_grid_config wrong = config;
+    wrong.side_cells = 513;
+    assert_int_equal(fovea_grid_size(&wrong, &bytes, &error), FOVEA_ERROR_ARGUMENT);
+    assert_non_null(strstr(error.text, "side_cells: found 513"));
+    wrong = config;
+    wrong.range_m = NAN;
+    assert_int_equal(fovea_grid_size(&wrong, &bytes, &error), FOVEA_ERROR_ARGUMENT);
+    assert_int_equal(fovea_grid_size(&config, &bytes, &error), FOVEA_OK);
+    assert_int_equal(fovea_grid_init(&grid, &config, memory, bytes - 1, &error),
+                     FOVEA_ERROR_MEMORY);
+    struct fovea_grid_view view = view_from(0, 0, 0, 0.4, 0);
+    view.stamp_ns = 5;
+    assert_int_equal(fovea_grid_update(grid, &view), FOVEA_OK);
+    view.stamp_ns = 4;
+    assert_int_equal(fovea_grid_update(grid, &view), FOVEA_ERROR_ARGUMENT);
+    view.stamp_ns = 6;
+    view.T_odom_cam[5] = NAN;
+    assert_int_equal(fovea_grid_update(grid, &view), FOVEA_ERROR_ARGUMENT);
+}
+
+static void an_update_takes_at_most_0_4_ms(void **state)
+{
+    (void)state;
+    enum { RUNS = 200 };
+    int64_t least = INT64_MAX;
+    if (getenv("FOVEA_TIMED") == NULL) {
+        printf("SKIPPED time of an update: judged in the ordinary build\n");
+        return;
+    }
+    struct fovea_grid_view view = view_from(0, 0, 0, 0.3, 0);
+    draw(&view);
+    for (int i = 0; i < RUNS; i++) {
+        struct timespec a, b;
+        view.stamp_ns = i * SECOND / 5;
+        clock_gettime(CLOCK_THREAD_CPUTIME_ID, &a);
+        fovea_grid_update(grid, &view);
+        clock_gettime(CLOCK_THREAD_CPUTIME_ID, &b);
+        const int64_t took = (b.tv_sec - a.tv_sec) * SECOND + b.tv_nsec - a.tv_nsec;
+        least = took < least ? took : least;
+    }
+    print_message("an update takes %.3f ms\n", (double)least * 1e-6);
+    assert_true(least <= 400000);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(floor_is_free_and_boxes_are_not, setup, teardown),
+        cmocka_unit_test_setup_teardown(the_scan_is_the_nearest_obstacle, setup, teardown),
+        cmocka_unit_test_setup_teardown(cells_stay_where_they_are_while_the_robot_moves, setup,
+                                        teardown),
+        cmocka_unit_test_setup_teardown(
+            what_may_move_is_forgotten_first_and_a_lost_pose_leaves_nothing, setup, teardown),
+        cmocka_unit_test_setup_teardown(wrong_configurations_and_poses_are_refused, setup,
+                                        teardown),
+        cmocka_unit_test_setup_teardown(an_update_takes_at_most_0_4_ms, setup, teardown),
+    };
+    const int failed = cmocka_run_group_tests(tests, NULL, NULL);
+    free(cells);
+    return failed;
+}
