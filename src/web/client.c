@@ -15,7 +15,9 @@ enum { KIND_MESSAGE = 1, KIND_PICTURE, KIND_PATH, PLACES_MAX = 512, POINTS_FEW =
 #define CLASS_NS (FV_SECOND_NS / 2) /* between two falls */
 #define BETTER_NS (2 * FV_SECOND_NS)
 #define BETTER_MAX_NS (60 * FV_SECOND_NS)
+#define FIRST_NS (FV_SECOND_NS / 4) /* between two rises, before the first fall */
 #define SLOW_NS (FV_SECOND_NS / 10) /* beyond the least way to the page and back */
+#define FAST_NS (FV_SECOND_NS / 20)
 
 void fv_web_client_init(struct fv_web_client *client, enum fv_web_role role, bool commands)
 {
@@ -25,7 +27,8 @@ void fv_web_client_init(struct fv_web_client *client, enum fv_web_role role, boo
     client->news = UINT32_MAX;
     client->path_epoch = UINT32_MAX;
     client->ack_least_ns = BETTER_MAX_NS; /* until one is acknowledged */
-    client->better_ns = BETTER_NS;
+    client->better_ns = FIRST_NS;
+    client->picture_class = FV_WEB_CLASSES - 1;
 }
 
 void fv_web_client_reply(struct fv_web_client *client, const char *format, ...)
@@ -147,22 +150,29 @@ static size_t next_path(struct fv_web_client *client, const struct fv_web_store 
 
 /* ---- pictures -------------------------------------------------------------------------------- */
 
-/* Once for each new frame: too slow for the class, or well enough for a better one? */
+/* Once for each new frame. A page begins with the smallest pictures, whose way to it and back is
+ * that of the link alone. What larger ones take beyond, messages have to wait for, too: the class
+ * falls when that is long, and rises when it is short. */
 static void judge_class(struct fv_web_client *client, uint32_t number, int64_t now_ns)
 {
     if (client->frame == number) return;
     client->frame = number;
-    const bool late =
-        client->ack_ns - client->ack_least_ns > SLOW_NS ||
-        (client->unacked_count > 0 && now_ns - client->unacked[0].sent_ns > FV_SECOND_NS);
-    if (client->unacked_count == FV_WEB_UNACKED_MAX && late) {
+    const bool waiting =
+        client->unacked_count > 0 && now_ns - client->unacked[0].sent_ns > FV_SECOND_NS;
+    const int64_t beyond_ns = client->ack_ns - client->ack_least_ns; /* ack_ns 0: not known */
+    if (waiting || beyond_ns > SLOW_NS) {
         if (now_ns - client->class_ns < CLASS_NS || client->picture_class == FV_WEB_CLASSES - 1)
             return;
         client->picture_class++;
+        client->ack_ns = 0;
         client->class_ns = now_ns;
-        if (client->better_ns < BETTER_MAX_NS) client->better_ns *= 2;
-    } else if (client->picture_class > 0 && now_ns - client->class_ns > client->better_ns) {
+        client->better_ns = client->better_ns < BETTER_NS       ? BETTER_NS
+                            : client->better_ns < BETTER_MAX_NS ? 2 * client->better_ns
+                                                                : BETTER_MAX_NS;
+    } else if (client->picture_class > 0 && client->ack_ns > 0 && beyond_ns < FAST_NS &&
+               now_ns - client->class_ns > client->better_ns) {
         client->picture_class--;
+        client->ack_ns = 0;
         client->class_ns = now_ns;
     }
 }
@@ -213,6 +223,7 @@ static size_t next_picture(struct fv_web_client *client, struct fv_web_store *st
     at = put_points(at, picture, class);
     memcpy(at, jpeg, bytes);
     client->unacked[client->unacked_count].number = picture->number;
+    client->unacked[client->unacked_count].picture_class = client->picture_class;
     client->unacked[client->unacked_count++].sent_ns = now_ns;
     return (size_t)(at - to) + bytes;
 }
@@ -260,8 +271,9 @@ static void acknowledge(struct fv_web_client *client, uint32_t number, int64_t n
             client->unacked[kept++] = client->unacked[i];
             continue;
         }
-        client->ack_ns = now_ns - client->unacked[i].sent_ns;
-        if (client->ack_ns < client->ack_least_ns) client->ack_least_ns = client->ack_ns;
+        const int64_t way_ns = now_ns - client->unacked[i].sent_ns;
+        if (way_ns < client->ack_least_ns) client->ack_least_ns = way_ns;
+        if (client->unacked[i].picture_class == client->picture_class) client->ack_ns = way_ns;
     }
     client->unacked_count = kept;
 }

@@ -46,9 +46,10 @@ struct fv_web_client {
     uint32_t unacked_count;
     struct {
         uint32_t number;
+        int picture_class;
         int64_t sent_ns;
     } unacked[FV_WEB_UNACKED_MAX];
-    int64_t ack_least_ns, ack_ns; /* from sending to acknowledgement: least, last */
+    int64_t ack_least_ns, ack_ns; /* from sending to acknowledgement: least; last of this class */
     int64_t class_ns, better_ns;  /* class changed; how long it must go well for a better one */
 };
 

@@ -14,11 +14,13 @@ enum {
     LOOK_US = 10000,        /* at the feed, while somebody looks at the page */
     LOOK_SELDOM_US = 50000, /* the ring of messages holds a second and a half */
     HEADER_BYTES_MAX = 4096,
-    UNSENT_BYTES_MAX = 16384, /* in the kernel: newer messages must not wait behind old ones */
-    ROOM_BYTES = 70000        /* of the longest message */
+    UNSENT_BYTES_MAX = 8192, /* in the kernel: newer messages must not wait behind old ones */
+    FRAME_BYTES = 16384,     /* of a frame, but for its last packet */
+    SLOW_CLASS = 4           /* of pictures: the link is so slow that messages go more seldom */
 };
 
 #define TOGETHER_NS (FV_SECOND_NS / 33) /* messages are sent as many at once, or with a picture */
+#define SELDOM_NS (FV_SECOND_NS / 12)
 
 /* ---- websockets ------------------------------------------------------------------------------ */
 
@@ -57,7 +59,10 @@ static int send_next(struct fv_web_server *server, struct lws *wsi)
     size_t used = 0, bytes = 1;
     bool text = false;
     if (place == NULL) return -1;
-    while (!text && bytes > 0 && FV_WEB_PACKET_BYTES_MAX - used > ROOM_BYTES) {
+    const bool slow = place->client.picture_class >= SLOW_CLASS;
+    if (slow && place->client.reply[0] == '\0' && now_ns - place->sent_ns < SELDOM_NS) return 0;
+    place->sent_ns = now_ns;
+    while (!text && bytes > 0 && used < FRAME_BYTES) {
         bytes = fv_web_client_next(&place->client, server->setup.relay->store, packet + used + 4,
                                    FV_WEB_PACKET_BYTES_MAX - used - 4, now_ns, &text);
         if (text || bytes == 0) break;

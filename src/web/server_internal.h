@@ -36,6 +36,7 @@ struct fv_web_server {
     struct fv_web_place_of_client {
         struct lws *socket; /* NULL: free */
         struct fv_web_client client;
+        int64_t sent_ns; /* last */
     } clients[FV_WEB_CLIENTS_MAX];
     uint8_t packet[LWS_PRE + FV_WEB_PACKET_BYTES_MAX];
 };
