@@ -40,6 +40,7 @@ static int arrive(struct fv_web_server *server, struct lws *wsi)
     setsockopt(socket, IPPROTO_TCP, TCP_NOTSENT_LOWAT, &unsent, sizeof unsent);
     setsockopt(socket, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
     place->socket = wsi;
+    place->sent_ns = 0;
     fv_web_client_init(&place->client, role, server->setup.commander->transport != NULL);
     lws_callback_on_writable(wsi);
     return 0;
@@ -60,7 +61,10 @@ static int send_next(struct fv_web_server *server, struct lws *wsi)
     bool text = false;
     if (place == NULL) return -1;
     const bool slow = place->client.picture_class >= SLOW_CLASS;
-    if (slow && place->client.reply[0] == '\0' && now_ns - place->sent_ns < SELDOM_NS) return 0;
+    if (slow && place->client.reply[0] == '\0' && now_ns - place->sent_ns < SELDOM_NS) {
+        server->changed = true; /* it is asked again */
+        return 0;
+    }
     place->sent_ns = now_ns;
     while (!text && bytes > 0 && used < FRAME_BYTES) {
         bytes = fv_web_client_next(&place->client, server->setup.relay->store, packet + used + 4,
