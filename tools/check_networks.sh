@@ -31,6 +31,19 @@ echo "== states"
 "$python" tests/import/states.py --rounds "$rounds" || failed=1
 echo "== decoders"
 "$python" tests/import/decoders.py || failed=1
+echo "== segmentation of streets, by LiteRT's reference kernels and numpy alone"
+streets=$FOVEA_DATA/street_camvid
+labeller=$FOVEA_DATA/models/deeplabv3_mnv2_dm05_pascal_quant.tflite
+if [ -d "$streets" ] && [ -f "$labeller" ]; then
+    place=$(mktemp -d)
+    printf '8 car\n9 person\n10 bicycle\n' >"$place/map"
+    "$python" tools/import "$labeller" -o "$place/model.fvm" --labels "$FOVEA_DATA/images/pascal_voc_segmentation_labels.txt" >/dev/null &&
+        "$build/fovea" segment --model "$place/model.fvm" "$streets"/img/*.png --evaluate "$streets/annot" --classes-map "$place/map" --json >"$place/found" &&
+        "$python" tests/segment/confusion.py "$labeller" "$streets/img" "$streets/annot" "$place/map" "$place/found" car=7 person=15 bicycle=2 || failed=1
+    rm -r "$place"
+else
+    echo "SKIPPED segmentation of streets: no street_camvid and DeepLab in $FOVEA_DATA"
+fi
 echo "== quantiser"
 if quantiser=$(tools/quantiser_python.sh "$build"); then
     "$quantiser" tests/import/quantiser.py || failed=1
