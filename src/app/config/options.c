@@ -65,7 +65,10 @@ static void man_print(const struct fv_option *options, const char *name, const c
     for (const struct fv_option *option = options; option->name != NULL; option++) {
         char term[64];
         snprintf(term, sizeof term, "--%s", option->name);
-        fv_man_item(term, option->value, option->help);
+        const size_t used = strlen(term);
+        const bool may = option->kind == FV_OPTION_OPTIONAL;
+        if (may) snprintf(term + used, sizeof term - used, "[=%s]", option->value);
+        fv_man_item(term, may ? NULL : option->value, option->help);
     }
     fv_man_item("--help", NULL, "list the options");
     fv_man_item("--man", NULL, "print this page");
