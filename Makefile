@@ -141,7 +141,7 @@ THREADED := unit/base/test_ring unit/app/run/test_loop unit/app/record/test_reco
             unit/app/network/test_sender_link unit/app/network/test_sender_preview unit/drivers/test_recorded \
             unit/drivers/test_wrong_recordings unit/drivers/test_odd_recordings unit/drivers/test_odd_logs unit/drivers/test_rig_recordings unit/drivers/test_recovery \
             unit/drivers/test_v4l2 unit/drivers/test_v4l2_faults unit/drivers/test_v4l2_gain unit/drivers/test_v4l2_unplug \
-            unit/drivers/test_libcamera replay/test_replay realtime/test_run transport/test_transport transport/test_receiver transport/test_sending transport/test_answers transport/test_feed_run transport/test_service
+            unit/drivers/test_libcamera replay/test_replay realtime/test_run transport/test_transport transport/test_receiver transport/test_sending transport/test_answers transport/test_feed_run transport/test_service transport/test_parameters
 check:  ## layers, names, format, symbols, stack, hardening, headers, clang build, clang-tidy, tests under asan+ubsan and tsan, a trial installation
 	@tools/install.sh build test check
 	@$(MAKE) --no-print-directory -j$(JOBS) all
