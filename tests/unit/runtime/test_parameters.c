@@ -16,6 +16,7 @@
 #include "common/detector.h"
 #include "common/sim_rig.h"
 #include "runtime/config.h"
+#include "runtime/state.h"
 
 enum { WIDTH = 320, HEIGHT = 240, FRAMES = 36, SEEDS = 6, CHANGE_AT = 15, COPY_AT = 18 };
 
@@ -108,6 +109,7 @@ static void one_frame(struct run *run, int number, const struct fovea_config *pa
     struct fovea_inputs inputs = {
         .frame = &frame, .now_ns = frame.stamp_ns, .parameters = parameters};
     fovea_grants_fixed(&started, &inputs.grants);
+    inputs.grants.units[FOVEA_JOB_EDGES] = 12; /* an image takes frames, also that of a copy */
     sent->hash[number] = FV_HASH_START;
     assert_int_equal(fovea_step(run->rt, &inputs, &outputs), FOVEA_OK);
     note(sent, number, &outputs);
@@ -266,6 +268,38 @@ static void test_values_hold_from_their_step_on_and_in_copies(void **state)
     }
 }
 
+/* Each alone, so that no other hides that it has no effect. */
+static void test_every_stage_takes_its_values(void **state)
+{
+    (void)state;
+    enum { CHANGED = 7 };
+    struct fovea_config alone[CHANGED];
+    struct sent plain, changed;
+    for (int i = 0; i < CHANGED; i++)
+        alone[i] = started;
+    alone[0].preview.period_frames = 3;
+    alone[1].features.per_cell = 6;
+    alone[2].detect.score_threshold = .9;
+    alone[3].image.preprocess.sharpen_amount = 4;
+    alone[4].image.preprocess.contrast_limit = 8;
+    alone[5].edge_job.edges.low = alone[5].edge_job.edges.high = 20;
+    alone[6].preview.quality = 5;
+    run_all(&started, NULL, -1, -1, &plain);
+    for (int i = 0; i < CHANGED; i++) {
+        run_all(&started, &alone[i], CHANGE_AT, -1, &changed);
+        if (memcmp(&plain, &changed, sizeof plain) == 0) fail_msg("change %d has no effect", i);
+    }
+    /* What shows only in frames that are nearly lost. */
+    struct run run = run_start(&started);
+    started.odometry.inliers_good = 123;
+    started.odometry.lost_frames_reset = 45;
+    one_frame(&run, 0, &started, &changed);
+    assert_int_equal(run.rt->odometry.config.inliers_good, 123);
+    assert_int_equal(run.rt->odometry.config.lost_frames_reset, 45);
+    started.odometry = rig.config.odometry;
+    free(run.memory);
+}
+
 static void refuses(const struct fovea_config *config, enum fovea_status status, const char *word)
 {
     struct sent plain, refused;
@@ -350,6 +384,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_values_taken_before_the_first_frame_are_those_of_a_start),
         cmocka_unit_test(test_values_hold_from_their_step_on_and_in_copies),
+        cmocka_unit_test(test_every_stage_takes_its_values),
         cmocka_unit_test(test_wrong_values_are_refused_whole),
         cmocka_unit_test(test_values_that_need_memory_of_the_start_are_refused),
         cmocka_unit_test(test_other_members_do_not_change),
