@@ -16,16 +16,15 @@
  * of 7 .477 and .605, with lacks handed to finer levels .488 and .625, with both .476 and .604, and
  * so ranked by FAST score .461, or over all levels at once .451 and .566.
  *
- * Places are moved by .85 of their refinement (refine.h): the peak of the quadratic lies too far
- * out on coarse levels, whose errors count 3.6 times. Right matches then lie as near as with all of
- * it (1.377 and 1.390 px rms on the affine sets, .971 and .968 on 10 photographs of COCO, shrunk to
- * .35, turned, seen from the side and blurred), and of 2000 features the least difference of a pair
- * to OpenCV's repeatability is -.034, before -.041; with none of it (1.739 and 1.569 px) -.016, but
- * matching scores fall from .279 to .254 and from .427 to .384. Tried as well and left out, by
- * repeatability on the affine sets (as before .501): corners where the lines of gradients meet
- * (Foerstner) .489, and .10 below OpenCV's in blurred pictures; of a corner on several levels the
- * best alone .450; coarser levels by a fifth larger .501, but .599 for .606 on the photographs;
- * borders of 31 pixels as OpenCV's .497; no other within 2.3 pixels that is better .498. */
+ * Places are moved by .85 of their refinement (refine.h), a part chosen on the affine sets: right
+ * matches lie as near as with all of it (1.377 and 1.390 px rms with 1000 features there, .971 and
+ * .968 with 700 on changed photographs of COCO), and the least difference of a pair to OpenCV's
+ * repeatability is -.032 and -.037 with 1000 and 2000 features, before -.035 and -.041; with 500
+ * (-.043) and 3000 (-.048) it is as before. Without refinement it is -.018 and -.016, but matching
+ * scores fall from .279 to .254. Tried and left out, by the mean of repeatability of 1000 features
+ * (.493): where lines of gradients meet (Foerstner) .489, least -.09; borders of 31 pixels .493,
+ * least -.037; no other within 2.3 pixels that is better .494, but least -.048 with 2000. Of a
+ * corner on several levels the best alone .450, with 400 to 3000 features (.501). */
 #ifndef FOVEA_FEATURES_RANKED_H
 #define FOVEA_FEATURES_RANKED_H
 
