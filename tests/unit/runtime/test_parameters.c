@@ -109,7 +109,7 @@ static void one_frame(struct run *run, int number, const struct fovea_config *pa
     struct fovea_inputs inputs = {
         .frame = &frame, .now_ns = frame.stamp_ns, .parameters = parameters};
     fovea_grants_fixed(&started, &inputs.grants);
-    inputs.grants.units[FOVEA_JOB_EDGES] = 12; /* an image takes frames, also that of a copy */
+    inputs.grants.units[FOVEA_JOB_EDGES] = 20; /* an image takes frames, also that of a copy */
     sent->hash[number] = FV_HASH_START;
     assert_int_equal(fovea_step(run->rt, &inputs, &outputs), FOVEA_OK);
     note(sent, number, &outputs);
