@@ -5,8 +5,6 @@
 
 enum { WINDOW = 7, RADIUS = WINDOW / 2 };
 
-#define REFINED .85f /* part of a refinement that is taken (ranked.h) */
-
 void fv_ranked_carve(struct fv_ranked *ranked, uint32_t count_max, uint32_t threshold,
                      const struct fv_pyramid *pyramid, int32_t border, struct fv_arena *arena)
 {
@@ -105,20 +103,6 @@ static uint32_t rank(struct fv_ranked *ranked, const struct fv_plane *from, uint
     return best->count;
 }
 
-/* Places of corners, moved from their pixels by REFINED of what fv_refine_corners finds. */
-static void place(struct fv_ranked *ranked, const struct fv_kernels *kernels,
-                  const struct fv_pyramid *pyramid, uint32_t count)
-{
-    fv_refine_corners(kernels, pyramid, ranked->corners, count, ranked->places);
-    for (uint32_t i = 0; i < count; i++) {
-        const struct fv_corner *corner = &ranked->corners[i];
-        const float x = fv_pyramid_to_raw(corner->level, (float)corner->x);
-        const float y = fv_pyramid_to_raw(corner->level, (float)corner->y);
-        ranked->places[i].x_px = x + REFINED * (ranked->places[i].x_px - x);
-        ranked->places[i].y_px = y + REFINED * (ranked->places[i].y_px - y);
-    }
-}
-
 uint32_t fv_ranked_find(struct fv_ranked *ranked, const struct fv_kernels *kernels,
                         const struct fv_pyramid *pyramid, const struct fv_plane *mask)
 {
@@ -135,6 +119,6 @@ uint32_t fv_ranked_find(struct fv_ranked *ranked, const struct fv_kernels *kerne
         scan(ranked, kernels, from, level, mask);
         count += rank(ranked, from, level, count);
     }
-    place(ranked, kernels, pyramid, count);
+    fv_refine_corners(kernels, pyramid, ranked->corners, count, ranked->places);
     return count;
 }

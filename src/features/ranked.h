@@ -16,15 +16,15 @@
  * of 7 .477 and .605, with lacks handed to finer levels .488 and .625, with both .476 and .604, and
  * so ranked by FAST score .461, or over all levels at once .451 and .566.
  *
- * Places are moved by .85 of their refinement (refine.h), a part chosen on the affine sets: right
- * matches lie as near as with all of it (1.377 and 1.390 px rms with 1000 features there, .971 and
- * .968 with 700 on changed photographs of COCO), and the least difference of a pair to OpenCV's
- * repeatability is -.032 and -.037 with 1000 and 2000 features, before -.035 and -.041; with 500
- * (-.043) and 3000 (-.048) it is as before. Without refinement it is -.018 and -.016, but matching
- * scores fall from .279 to .254. Tried and left out, by the mean of repeatability of 1000 features
- * (.493): where lines of gradients meet (Foerstner) .489, least -.09; borders of 31 pixels .493,
- * least -.037; no other within 2.3 pixels that is better .494, but least -.048 with 2000. Of a
- * corner on several levels the best alone .450, with 400 to 3000 features (.501). */
+ * Places are those of refine.h. The least difference of a pair to OpenCV's repeatability on the
+ * affine sets is then -.043, -.035, -.041 and -.048 with 500, 1000, 2000 and 3000 features. Without
+ * refinement it is -.018 and -.016 with 1000 and 2000, but matching scores fall from .279 to .254.
+ * Of the refinement .85 gives -.032 and -.037; but that part was chosen on these sets, and on
+ * changed photographs of COCO right matches then lie no nearer (.971 and .968 px rms), so all of it
+ * is taken. Tried and left out, by the mean of repeatability of 1000 features (.493): where lines
+ * of gradients meet (Foerstner) .489, least -.09; borders of 31 pixels .493, least -.037; no other
+ * within 2.3 pixels that is better .494, but least -.048 with 2000. Of a corner on several levels
+ * the best alone .450, with 400 to 3000 features (.501). */
 #ifndef FOVEA_FEATURES_RANKED_H
 #define FOVEA_FEATURES_RANKED_H
 
