@@ -248,17 +248,30 @@ struct Spread {
     std::vector<std::array<int, 2>> at; /* per camera: lens, place */
 };
 
+/* How T_first_cam moves with the six numbers of T_cam_first = [R t]: the turn about the camera's
+ * axes d by the left Jacobian, the place -R'(t + dt - d x t). */
+Eigen::Matrix<double, 6, 6> change_of_place(const Pose &T_cam_first)
+{
+    const Rigid T = rigid_of(T_cam_first);
+    const Eigen::Matrix3d turn = left_jacobian({T_cam_first[0], T_cam_first[1], T_cam_first[2]});
+    Eigen::Matrix3d cross;
+    cross << 0, -T.t[2], T.t[1], T.t[2], 0, -T.t[0], -T.t[1], T.t[0], 0;
+    Eigen::Matrix<double, 6, 6> change = Eigen::Matrix<double, 6, 6>::Zero();
+    change.block<3, 3>(0, 0) = turn;
+    change.block<3, 3>(3, 0) = -T.R.transpose() * cross * turn;
+    change.block<3, 3>(3, 3) = -T.R.transpose();
+    return change;
+}
+
 void set_deviations(const State &state, const Spread &spread, size_t k, RigCamera &camera)
 {
     const int lens = spread.at[k][0], place = spread.at[k][1];
     if (place >= 0) {
-        const Pose &pose = camera.T_cam_first;
-        const Eigen::Matrix3d turn = left_jacobian({pose[0], pose[1], pose[2]});
-        const Eigen::Matrix3d R = turn * spread.matrix.block<3, 3>(place, place) * turn.transpose();
-        for (int i = 0; i < 3; i++) {
-            camera.stdev[(size_t)i] = std::sqrt(R(i, i));
-            camera.stdev[(size_t)i + 3] = std::sqrt(spread.matrix(place + 3 + i, place + 3 + i));
-        }
+        const Eigen::Matrix<double, 6, 6> change = change_of_place(camera.T_cam_first);
+        const Eigen::Matrix<double, 6, 6> matrix =
+            change * spread.matrix.block<6, 6>(place, place) * change.transpose();
+        for (int i = 0; i < 6; i++)
+            camera.stdev[(size_t)i] = std::sqrt(matrix(i, i));
     }
     if (lens < 0) return;
     const std::vector<int> held = held_parameters(state.inputs[k]);

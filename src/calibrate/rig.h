@@ -25,8 +25,8 @@ struct RigCamera {
     Model model = Model::radtan;
     bool held = false;
     Pose T_cam_first = {};
-    /* Of T_cam_first: of a small rotation about the camera's axes (radians), of the translation
-     * (metres). 0 of the first camera. */
+    /* Of the camera's place before the first, T_first_cam: of a small rotation about the camera's
+     * own axes (radians), of its centre (metres). 0 of the first camera. */
     std::array<double, 6> stdev = {};
     std::array<double, PARAMETERS_MAX> lens_stdev = {}; /* 0: held */
     /* Standard deviation of where a far point that the first camera sees appears in this one, by

@@ -16,6 +16,8 @@ extern "C" {
 #include "support/say.h"
 }
 
+#include <algorithm>
+
 namespace calibrate
 {
 namespace
@@ -48,6 +50,12 @@ int check(const Given &given, Board &board, std::vector<Model> &models, int64_t 
                             given.model.c_str());
     if (given.format != "rig" && given.format != "kalibr")
         return fv_say_wrong("--format: found '%s', expected rig or kalibr", given.format.c_str());
+    if (given.format == "kalibr") {
+        models.erase(std::remove(models.begin(), models.end(), Model::rational), models.end());
+        if (models.empty())
+            return fv_say_wrong("--model: found rational with --format kalibr, expected auto, "
+                                "radtan or equidistant: Kalibr has no such lens");
+    }
     views_max = VIEWS_MAX_DEFAULT;
     if (!given.views.empty() && (!fv_text_integer(given.views.c_str(), &views_max) ||
                                  views_max < 2 || views_max > VIEWS_MAX_LIMIT))
@@ -64,6 +72,13 @@ int check(const Given &given, Board &board, std::vector<Model> &models, int64_t 
                        read);
 }
 
+/* Whether Kalibr's files can hold the lens. */
+bool kalibr_has(const RigInput &input)
+{
+    const double *k = input.camera.k;
+    return input.model == Model::equidistant || (k[4] == 0 && k[5] == 0 && k[6] == 0 && k[7] == 0);
+}
+
 /* The lens of each camera from its file, where files are given. */
 int read_cameras(const Given &given, std::vector<RigInput> &inputs)
 {
@@ -78,19 +93,36 @@ int read_cameras(const Given &given, std::vector<RigInput> &inputs)
             read_camera(given.cameras[k], input.camera.width, input.camera.height, input.camera);
         if (status != FV_EXIT_OK) return status;
         input.model = model_of(input.camera);
+        if (given.format == "kalibr" && !kalibr_has(input))
+            return fv_say_wrong("--format: found kalibr with the lens of %s, which has k3 to k6, "
+                                "expected rig",
+                                given.cameras[k].c_str());
         input.held = true;
     }
     return FV_EXIT_OK;
 }
 
-/* The best model of each camera whose lens is not known, from its own pictures. Its verdict on the
+/* A lens from a file against the camera's own pictures, where these know it well enough to say. */
+void judge_file(const Board &board, const Collection &collection, const RigInput &input, size_t k,
+                Verdict &lenses)
+{
+    const Comparison comparison = compare(input.camera, board, collection.views);
+    if (!comparison.solved || comparison.uncertainty_px > PROJECTION_PASS_PX) return;
+    for (const Reason &reason : comparison.verdict.reasons)
+        add_reason(lenses, reason.grade, "cam%zu: %s", k, reason.text.c_str());
+}
+
+/* The best model of each camera whose lens is not known, from its own pictures. The verdict on each
  * lens is a part of the rig's. */
 void choose_models(const std::vector<Model> &models, const std::vector<Collection> &collections,
                    RigReport &report, Verdict &lenses)
 {
     for (size_t k = 0; k < report.inputs.size(); k++) {
         RigInput &input = report.inputs[k];
-        if (input.held) continue;
+        if (input.held) {
+            judge_file(report.board, collections[k], input, k, lenses);
+            continue;
+        }
         Report alone;
         SolveOptions options;
         options.four_coefficients = input.four_coefficients;

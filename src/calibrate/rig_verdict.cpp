@@ -76,8 +76,11 @@ double baseline_m(const RigSolution &solution, size_t k)
 void judge_place(const RigSolution &solution, size_t k, Verdict &verdict)
 {
     const RigCamera &camera = solution.cameras[k];
+    /* Where the cameras see nothing far away in common, by the turn alone. */
     const double turn_px =
-        std::max({camera.stdev[0], camera.stdev[1], camera.stdev[2]}) * camera.camera.fx;
+        std::isfinite(camera.transfer_px)
+            ? camera.transfer_px
+            : std::max({camera.stdev[0], camera.stdev[1], camera.stdev[2]}) * camera.camera.fx;
     const double place_m = std::max({camera.stdev[3], camera.stdev[4], camera.stdev[5]});
     const double baseline = baseline_m(solution, k);
     Grade grade = grade_of(turn_px, TURN_PASS_PX, TURN_DOUBTFUL_PX);

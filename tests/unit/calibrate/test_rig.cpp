@@ -115,7 +115,7 @@ RigSolution solved(const std::vector<RigInput> &inputs)
     return solution;
 }
 
-/* Error of a place over its standard deviations: turn about the camera's axes, translation. */
+/* Error of a place over its standard deviations: turn about the camera's axes, its centre. */
 std::array<double, 6> ratios_of(const RigCamera &camera, const Rigid &truth)
 {
     const Rigid found = rigid_of(camera.T_cam_first);
@@ -123,7 +123,8 @@ std::array<double, 6> ratios_of(const RigCamera &camera, const Rigid &truth)
     std::array<double, 6> ratios;
     for (size_t i = 0; i < 3; i++) {
         ratios[i] = turn[(Eigen::Index)i] / camera.stdev[i];
-        ratios[i + 3] = (found.t - truth.t)[(Eigen::Index)i] / camera.stdev[i + 3];
+        ratios[i + 3] =
+            (found.inverse().t - truth.inverse().t)[(Eigen::Index)i] / camera.stdev[i + 3];
     }
     return ratios;
 }
@@ -344,6 +345,57 @@ void the_camchain_reads_as_the_rig(void **)
     assert_string_equal(cameras[1].record.verdict, "pass");
 }
 
+/* A camera file as ROS has it, with the focal length times `scale`. */
+void write_camera(const std::string &path, const fovea_camera &camera, double scale)
+{
+    FILE *file = fopen(path.c_str(), "w");
+    assert_non_null(file);
+    fprintf(file,
+            "image_width: %d\nimage_height: %d\ndistortion_model: plumb_bob\n"
+            "camera_matrix: {rows: 3, cols: 3, data: [%.9g, 0, %.9g, 0, %.9g, %.9g, 0, 0, 1]}\n"
+            "distortion_coefficients: {rows: 1, cols: 5, data: [%.9g, %.9g, %.9g, %.9g, %.9g]}\n",
+            camera.width, camera.height, scale * camera.fx, camera.cx, scale * camera.fy, camera.cy,
+            camera.k[0], camera.k[1], camera.k[2], camera.k[3], camera.k[4]);
+    assert_int_equal(fclose(file), 0);
+}
+
+/* A lens from a file of another camera: the rig bends around it, its own pictures do not. */
+void a_wrong_camera_file_fails(void **)
+{
+    if (!pair_is_there()) skip();
+    char folder[] = "/tmp/fovea-rig-XXXXXX";
+    assert_non_null(mkdtemp(folder));
+    const std::string out = std::string(folder) + "/rig.yaml", files[2] = {out + ".0", out + ".1"};
+    const std::vector<std::string> words = {"rig",
+                                            "--source",
+                                            source("left"),
+                                            "--source",
+                                            source("right"),
+                                            "--target",
+                                            "chessboard:9x6:0.025",
+                                            "--model",
+                                            "radtan",
+                                            "--out",
+                                            out};
+    fv_calibration cameras[2];
+    fovea_error error;
+    assert_int_equal(run(words), 0);
+    assert_int_equal(fv_calibration_read(out.c_str(), nullptr, &cameras[0], &error), FOVEA_OK);
+    assert_int_equal(fv_calibration_read(out.c_str(), "cam1", &cameras[1], &error), FOVEA_OK);
+    std::vector<std::string> held = words;
+    held.insert(held.end(), {"--camera", files[0], "--camera", files[1]});
+    for (const double scale : {1., 1.02}) {
+        unlink(out.c_str());
+        write_camera(files[0], cameras[0].camera, 1);
+        write_camera(files[1], cameras[1].camera, scale);
+        assert_int_equal(run(held), scale == 1 ? 0 : 1);
+        assert_int_equal(access(out.c_str(), F_OK), scale == 1 ? 0 : -1);
+    }
+    unlink(files[0].c_str());
+    unlink(files[1].c_str());
+    assert_int_equal(rmdir(folder), 0);
+}
+
 void wrong_input_is_refused(void **)
 {
     assert_int_equal(run({"rig"}), 2);
@@ -361,6 +413,10 @@ void wrong_input_is_refused(void **)
     assert_int_equal(run({"rig", "--source", "sim:board?frames=1&baseline=0.1", "--camera",
                           "one.yaml", "--target", "chessboard:9x6:0.03"}),
                      2);
+    /* What Kalibr's files cannot hold is refused before anything is solved. */
+    assert_int_equal(run({"rig", "--source", "/none", "--target", "chessboard:9x6:0.03", "--model",
+                          "rational", "--format", "kalibr"}),
+                     2);
 }
 
 } // namespace
@@ -375,6 +431,7 @@ int main()
         cmocka_unit_test(cameras_that_share_no_board_are_named),
         cmocka_unit_test(a_real_pair_is_near_its_epipolar_lines),
         cmocka_unit_test(the_camchain_reads_as_the_rig),
+        cmocka_unit_test(a_wrong_camera_file_fails),
         cmocka_unit_test(wrong_input_is_refused),
     };
     return cmocka_run_group_tests(tests, nullptr, nullptr);
