@@ -1,4 +1,5 @@
 /* fovea-calibrate hand-eye: a camera on a body, from poses and pictures of a board. */
+#include <algorithm>
 #include <cstdio>
 
 #include "calibrate/command.h"
@@ -72,6 +73,22 @@ Rigid from_rows(const double rows[12])
     return T;
 }
 
+/* Pictures whose times no pose covers: two clocks more often than a wrong file. */
+int other_times(const Given &given, const fv_poses &poses, const std::vector<View> &views)
+{
+    int64_t first = INT64_MAX, last = 0;
+    for (const View &view : views) {
+        if (view.stamp_ns < 0) continue;
+        first = std::min(first, view.stamp_ns);
+        last = std::max(last, view.stamp_ns);
+    }
+    return fv_say_wrong("%s: found poses of %.3f to %.3f s, expected some at the times of the "
+                        "pictures, %.3f to %.3f s: both must be of one clock",
+                        given.poses.c_str(), 1e-9 * (double)poses.by_stamp[0].stamp_ns,
+                        1e-9 * (double)poses.by_stamp[poses.count - 1].stamp_ns,
+                        1e-9 * (double)first, 1e-9 * (double)last);
+}
+
 /* By stamp, or by their order where no picture has one and there are as many. */
 int match(const Given &given, const std::vector<View> &views, std::vector<BodyPose> &found)
 {
@@ -80,7 +97,7 @@ int match(const Given &given, const std::vector<View> &views, std::vector<BodyPo
     fovea_error error;
     if (fv_poses_read(given.poses.c_str(), FV_POSES_TUM, identity, &poses, &error) != FOVEA_OK)
         return fv_say_wrong("%s", error.text);
-    bool stamped = false;
+    bool stamped = false, any = false;
     for (const View &view : views)
         stamped |= view.stamp_ns >= 0;
     const size_t count = poses.count;
@@ -91,10 +108,12 @@ int match(const Given &given, const std::vector<View> &views, std::vector<BodyPo
         BodyPose pose;
         pose.known = stamp_ns >= 0 && fv_poses_at(&poses, stamp_ns, v, rows);
         if (pose.known) pose.T_world_body = from_rows(rows);
+        any |= pose.known;
         found.push_back(pose);
     }
+    const int status = stamped && !any && count > 0 ? other_times(given, poses, views) : FV_EXIT_OK;
     fv_poses_free(&poses);
-    if (stamped || count == views.size()) return FV_EXIT_OK;
+    if (stamped || count == views.size()) return status;
     return fv_say_wrong("%s: found %zu poses for %zu pictures without stamps, expected as many, or "
                         "pictures with stamps as names",
                         given.poses.c_str(), count, views.size());
