@@ -25,7 +25,7 @@ enum { PORT_DEFAULT = 7680, RATE_DEFAULT = 15, RATE_MAX = 60 };
 struct web {
     const char *feed, *address, *token, *url, *key;
     uint64_t port, rate;
-    bool with_parent;
+    uint64_t with_parent; /* process; 0: none */
     struct fv_option_list names;
     struct fv_web_tokens tokens;
     struct fv_web_store *store;
@@ -69,8 +69,8 @@ static enum fv_options_result options_read(struct web *web, int argc, char **arg
          "where the run hears commands: its lcm_url (default udpm://239.255.76.67:7667; empty: the "
          "page sends no commands)"},
         {"command-key", "FILE", FV_OPTION_TEXT, &web->key, "key of commands: its command_key"},
-        {"with-parent", NULL, FV_OPTION_FLAG, &web->with_parent,
-         "end when the program that started this one ends"},
+        {"with-parent", "PROCESS", FV_OPTION_POSITIVE, &web->with_parent,
+         "end when this process ends, which started this one"},
         {0},
     };
     int first;
@@ -202,9 +202,9 @@ int main(int argc, char **argv)
     const enum fv_options_result result = options_read(&web, argc, argv);
     if (result == FV_OPTIONS_HELP) return fv_say_unwritten();
     if (result != FV_OPTIONS_READ) return FV_EXIT_WRONG;
-    if (web.with_parent) {
+    if (web.with_parent != 0) {
         prctl(PR_SET_PDEATHSIG, SIGTERM);
-        if (getppid() == 1) return FV_EXIT_OK; /* it has ended already */
+        if ((uint64_t)getppid() != web.with_parent) return FV_EXIT_OK; /* it has ended already */
     }
     sigemptyset(&action.sa_mask);
     sigaction(SIGINT, &action, NULL);

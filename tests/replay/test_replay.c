@@ -522,7 +522,8 @@ static void check_missing_sample(const uint8_t *bytes, size_t count)
     write_changed(less, count - (behind - at));
     free(less);
     assert_int_equal(fv_replay(changed, true, NULL, NULL, &result, &error), FOVEA_ERROR_INPUT);
-    assert_non_null(strstr(error.text, "found another number of samples before them"));
+    assert_non_null(
+        strstr(error.text, "found another number of samples and parameters before them"));
     write_changed(bytes, count);
 }
 

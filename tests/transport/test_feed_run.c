@@ -83,6 +83,8 @@ static void start_run(void)
                                      socket,
                                      "--set",
                                      "channel_prefix=R",
+                                     "--set",
+                                     "record_buffer=1000",
                                      NULL};
     watched_start(&watched, "run", arguments);
     for (int i = 0; i < 6000 && access(path, F_OK) != 0; i++)

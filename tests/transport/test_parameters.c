@@ -273,14 +273,37 @@ static void test_what_is_kept_holds_at_the_next_start(void **state)
     expect("edges.period_frames", "4", DONE, "4", "");
     expect("features.per_cell", "200", REFUSED, "2", "");
     stop();
-    /* A file that is wrong ends the start in one line. */
-    FILE *file = fopen(kept, "w");
-    assert_non_null(file);
-    fprintf(file, "features.threshold: 25\nrecord: x.lcmlog\n");
-    fclose(file);
-    snprintf(words, sizeof words, "fovea run --source sim: --set parameters.file=%s", kept);
-    assert_int_equal(run_command(words, text, sizeof text), 2);
-    assert_non_null(strstr(text, "kept.yaml:2: record: found a key that is no live parameter"));
+    /* What a start could not read is refused, though it goes with what is in force now. */
+    start(false);
+    ask("features.threshold", "60", false);
+    assert_int_equal(heard.result, DONE);
+    ask("features.threshold_min", "40", true);
+    assert_int_equal(heard.result, REFUSED);
+    assert_non_null(strstr(heard.reason, "the next start cannot have it: features.threshold_min"));
+    ask("features.threshold_min", "40", false);
+    assert_int_equal(heard.result, DONE);
+    stop();
+    /* A file that does not go with the configuration, or is wrong, does not keep a robot from
+     * starting. */
+    static const char *const wrong[][2] = {
+        {"features.threshold_min: 50\n", "features.threshold_min: found 50"},
+        {"features.threshold: 25\nrecord: x.lcmlog\n",
+         "kept.yaml:2: record: found a key that is no live parameter"},
+        {"features.threshold: [\n", "kept.yaml:"}};
+    for (int i = 0; i < 3; i++) {
+        FILE *kept_file = fopen(kept, "w");
+        assert_non_null(kept_file);
+        fputs(wrong[i][0], kept_file);
+        fclose(kept_file);
+        snprintf(words, sizeof words,
+                 "fovea run --source sim: --frames 1 --quiet --picture none --set lcm_url= "
+                 "--set parameters.file=%s",
+                 kept);
+        assert_int_equal(run_command(words, text, sizeof text), 0);
+        if (strstr(text, wrong[i][1]) == NULL || strstr(text, "left out") == NULL)
+            fail_msg("found %s, expected %s", text, wrong[i][1]);
+    }
+    FILE *file;
     /* Nor is it a file that the run reads. */
     snprintf(words, sizeof words, "fovea run --source sim: --config %s --set parameters.file=%s",
              kept, kept);

@@ -127,6 +127,8 @@ def word(text):
 def make_message(fovea, options):
     """The message that the words ask for, and its channel."""
     changes = [text for text in options.command if "=" in text]
+    if options.keep and not changes:
+        sys.exit("command.py: --keep: found no KEY=VALUE, expected one to keep")
     if not changes:
         message = fovea.command_t()
         message.commands = sum(1 << COMMANDS.index(text) for text in set(options.command))

@@ -33,7 +33,11 @@ enum fovea_status fv_kept_parameters_read(struct fv_settings *settings, struct f
         return fovea_error_set(error, FOVEA_ERROR_MEMORY, "%.200s: no memory to read it",
                                settings->parameters_file);
     *with = *settings;
-    const enum fovea_status status = read_file(with, settings->parameters_file, error);
+    enum fovea_status status = read_file(with, settings->parameters_file, error);
+    if (status == FOVEA_OK) {
+        snprintf(with->file, sizeof with->file, "%s", settings->parameters_file);
+        status = fv_settings_check(with, error);
+    }
     for (size_t i = 0; status == FOVEA_OK && i < fv_settings_key_count; i++) {
         if (with->line[i] == 0) continue;
         fv_settings_key_copy(&fv_settings_keys[i], settings, with);
@@ -43,8 +47,18 @@ enum fovea_status fv_kept_parameters_read(struct fv_settings *settings, struct f
     return status;
 }
 
-static enum fovea_status write_file(const struct fv_settings *settings, const char *path,
-                                    struct fovea_error *error)
+void fv_kept_parameters_list(struct fv_settings *kept, const char *path)
+{
+    struct fv_settings *with = malloc(sizeof *with);
+    memset(kept->line, 0, sizeof kept->line);
+    if (with == NULL) return;
+    *with = *kept;
+    if (path[0] != '\0' && read_file(with, path, NULL) == FOVEA_OK) *kept = *with;
+    free(with);
+}
+
+enum fovea_status fv_kept_parameters_write(const struct fv_settings *settings, const char *path,
+                                           struct fovea_error *error)
 {
     struct fv_output output;
     const int call = fv_stall_enter(path);
@@ -65,20 +79,4 @@ static enum fovea_status write_file(const struct fv_settings *settings, const ch
     }
     fv_stall_leave(call);
     return status == FOVEA_OK ? FOVEA_OK : FOVEA_ERROR_SYSTEM;
-}
-
-enum fovea_status fv_kept_parameters_put(const char *path, const struct fv_settings_key *key,
-                                         const char *value, struct fovea_error *error)
-{
-    char assignment[2048];
-    struct fv_settings *kept = malloc(sizeof *kept);
-    if (kept == NULL)
-        return fovea_error_set(error, FOVEA_ERROR_MEMORY, "%.200s: no memory to change it", path);
-    fv_settings_default(kept);
-    snprintf(assignment, sizeof assignment, "%s=%s", key->name, value);
-    enum fovea_status status = read_file(kept, path, error);
-    if (status == FOVEA_OK) status = fv_settings_set(kept, assignment, error);
-    if (status == FOVEA_OK) status = write_file(kept, path, error);
-    free(kept);
-    return status;
 }

@@ -11,13 +11,18 @@ extern "C" {
 #endif
 
 /* Read the file that settings->parameters_file names over `settings`; nothing where there is none.
- * FOVEA_ERROR_INPUT: `error` names file, line and key; `settings` is as it was. */
+ * What is in it must go with the rest. FOVEA_ERROR_INPUT: `error` names file, line and key;
+ * `settings` is as it was. */
 enum fovea_status fv_kept_parameters_read(struct fv_settings *settings, struct fovea_error *error);
 
-/* Put one value among those of the file at `path`, by its replacement. FOVEA_ERROR_INPUT: the file
- * or the value is wrong; FOVEA_ERROR_SYSTEM: it cannot be written. The file is then as it was. */
-enum fovea_status fv_kept_parameters_put(const char *path, const struct fv_settings_key *key,
-                                         const char *value, struct fovea_error *error);
+/* The keys that the file at `path` holds, as lines of `kept`, with their values; none where it
+ * cannot be read. */
+void fv_kept_parameters_list(struct fv_settings *kept, const char *path);
+
+/* Write the keys of `kept` that have a line, in place of the file at `path`. FOVEA_ERROR_SYSTEM: it
+ * cannot be written, and is as it was. */
+enum fovea_status fv_kept_parameters_write(const struct fv_settings *kept, const char *path,
+                                           struct fovea_error *error);
 
 #ifdef __cplusplus
 }

@@ -7,6 +7,7 @@
 
 #include "support/man.h"
 #include "app/config/kept_parameters.h"
+#include "support/say.h"
 #include "app/config/map_file.h"
 #include "app/config/classes.h"
 #include "app/config/mask.h"
@@ -79,8 +80,12 @@ enum fovea_status fv_setup_settings(const struct fv_setup_options *options,
     if (options->config != NULL) status = fv_settings_read(settings, options->config, error);
     if (status == FOVEA_OK) status = take_sets(options, settings, error);
     if (status == FOVEA_OK && settings->parameters_file[0] != '\0') {
-        status = fv_kept_parameters_read(settings, error);
-        if (status == FOVEA_OK) status = take_sets(options, settings, error); /* they win */
+        /* The program's own file: a robot starts without it rather than not at all. */
+        struct fovea_error why;
+        if (fv_kept_parameters_read(settings, &why) == FOVEA_OK)
+            status = take_sets(options, settings, error); /* they win */
+        else
+            fv_say("%s; the kept parameters are left out", why.text);
     }
     if (status == FOVEA_OK) status = set(settings, "source", "source", options->source, error);
     if (status == FOVEA_OK) status = set(settings, "camera", "camera", options->camera, error);

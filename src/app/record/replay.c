@@ -262,7 +262,11 @@ static enum fovea_status take_parameter(struct replay *replay, struct fovea_erro
     enum fovea_status status = fv_settings_set(&replay->settings, assignment, &inner);
     if (status == FOVEA_OK)
         status = fovea_parameters_check(replay->rt, &replay->settings.runtime, &inner);
-    if (status != FOVEA_OK) return refuse(replay, 0, inner.text, error);
+    if (status != FOVEA_OK) { /* of a value that was no option */
+        const char *option = strstr(inner.text, "--set: ");
+        return refuse(replay, 0, option == inner.text ? inner.text + strlen("--set: ") : inner.text,
+                      error);
+    }
     replay->parameter_count++;
     return FOVEA_OK;
 }
@@ -295,8 +299,10 @@ static enum fovea_status step(struct replay *replay, struct fovea_error *error)
                           : "found inputs without a frame, expected those of the frame before",
                       error);
     if (inputs.sample_count != replay->sample_count + replay->parameter_count)
-        return refuse(replay, 8,
-                      "found another number of samples before them, expected sample_count", error);
+        return refuse(
+            replay, 8,
+            "found another number of samples and parameters before them, expected sample_count",
+            error);
     inputs.sample_count = replay->sample_count;
     if (replay->parameter_count > 0) inputs.parameters = &replay->settings.runtime;
     replay->parameter_count = 0;

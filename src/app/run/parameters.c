@@ -20,6 +20,8 @@ enum {
     RING_BYTES = (2 * FV_PARAMETERS_WAITING + 1) * sizeof(struct fv_parameter_change)
 };
 
+static const int64_t keep_ns = 1000000000; /* between two writes of the file */
+
 enum fovea_status fv_parameters_open(struct fv_parameters *parameters, const struct fovea *rt,
                                      const struct fv_settings *settings,
                                      const struct fv_command_rules *rules,
@@ -32,14 +34,22 @@ enum fovea_status fv_parameters_open(struct fv_parameters *parameters, const str
     pthread_mutex_init(&parameters->changing, NULL);
     parameters->settings = malloc(sizeof *parameters->settings);
     parameters->tried = malloc(sizeof *parameters->tried);
+    parameters->kept = malloc(sizeof *parameters->kept);
+    parameters->kept_tried = malloc(sizeof *parameters->kept_tried);
+    parameters->written = malloc(sizeof *parameters->written);
+    parameters->keeping = calloc(FV_PARAMETERS_WAITING, sizeof *parameters->keeping);
+    parameters->answers = calloc(FV_PARAMETERS_WAITING, sizeof *parameters->answers);
     parameters->taken = calloc(FV_PARAMETERS_WAITING, sizeof *parameters->taken);
     parameters->ring_memory = fv_aligned_zeroed(RING_BYTES);
-    if (parameters->settings == NULL || parameters->tried == NULL || parameters->taken == NULL ||
+    if (parameters->settings == NULL || parameters->tried == NULL || parameters->kept == NULL ||
+        parameters->kept_tried == NULL || parameters->written == NULL ||
+        parameters->keeping == NULL || parameters->answers == NULL || parameters->taken == NULL ||
         parameters->ring_memory == NULL) {
         fv_parameters_close(parameters);
         return fovea_error_set(error, FOVEA_ERROR_MEMORY, "no memory for live parameters");
     }
-    *parameters->settings = *settings;
+    *parameters->settings = *parameters->kept = *settings;
+    fv_kept_parameters_list(parameters->kept, settings->parameters_file);
     parameters->in_force = settings->runtime;
     fv_ring_init(&parameters->ring, parameters->ring_memory, RING_BYTES);
     fv_command_gate_init(&parameters->gate, rules);
@@ -52,6 +62,11 @@ void fv_parameters_close(struct fv_parameters *parameters)
 {
     free(parameters->settings);
     free(parameters->tried);
+    free(parameters->kept);
+    free(parameters->kept_tried);
+    free(parameters->written);
+    free(parameters->keeping);
+    free(parameters->answers);
     free(parameters->taken);
     free(parameters->ring_memory);
     *parameters = (struct fv_parameters){.rt = NULL};
@@ -104,6 +119,39 @@ static void accept(struct fv_parameters *parameters, const struct fv_settings_ke
     *parameters->settings = *parameters->tried;
 }
 
+/* The value among those of the next start, if it goes with them. False: refused. */
+static bool try_to_keep(struct fv_parameters *parameters, const char *assignment,
+                        struct fv_parameter_change *change)
+{
+    struct fovea_error error = {0};
+    char reason[FV_PARAMETER_REASON_BYTES];
+    if (parameters->settings->parameters_file[0] == '\0') {
+        refuse(change, "found keep, expected a file in the key parameters.file");
+        return false;
+    }
+    if (parameters->keeping_count == FV_PARAMETERS_WAITING) {
+        refuse(change, "too often: the values before this one are not yet kept");
+        return false;
+    }
+    *parameters->kept_tried = *parameters->kept;
+    if (fv_settings_set(parameters->kept_tried, assignment, &error) == FOVEA_OK &&
+        fv_settings_check(parameters->kept_tried, &error) == FOVEA_OK)
+        return true;
+    snprintf(reason, sizeof reason, "the next start cannot have it: %.200s",
+             without_option(error.text));
+    refuse(change, reason);
+    return false;
+}
+
+/* To be written; the answer comes after that. */
+static void keep(struct fv_parameters *parameters, struct fv_parameter_change *change)
+{
+    *parameters->kept = *parameters->kept_tried;
+    parameters->keeping[parameters->keeping_count] = *change;
+    parameters->keeping[parameters->keeping_count++].bytes = 0;
+    change->answered = false;
+}
+
 /* Read the value over a copy of what is in force, and take the copy where all is right. */
 static void decide(struct fv_parameters *parameters, const fovea_parameter_t *request,
                    struct fv_parameter_change *change)
@@ -111,7 +159,6 @@ static void decide(struct fv_parameters *parameters, const fovea_parameter_t *re
     char assignment[FV_PARAMETER_KEY_BYTES + FV_PARAMETER_VALUE_BYTES];
     struct fovea_error error = {0};
     const struct fv_settings_key *key = fv_settings_key_find(request->key);
-    const char *path = parameters->settings->parameters_file;
     if (key == NULL) {
         refuse(change, "found an unknown key, expected one that `fovea config` prints as live");
         return;
@@ -127,23 +174,19 @@ static void decide(struct fv_parameters *parameters, const fovea_parameter_t *re
     if (status == FOVEA_OK)
         status = fovea_parameters_check(parameters->rt, &parameters->tried->runtime, &error);
     const bool later = status == FOVEA_ERROR_UNSUPPORTED && request->keep;
-    if (request->keep && path[0] == '\0') {
-        refuse(change, "found keep, expected a file in the key parameters.file");
+    if (status != FOVEA_OK && !later) {
+        refuse(change, without_option(error.text));
         return;
     }
-    if (request->keep && (status == FOVEA_OK || later)) {
-        const enum fovea_status kept =
-            fv_kept_parameters_put(path, key, request->value, later ? NULL : &error);
-        status = kept == FOVEA_OK ? status : kept;
-    }
-    if (status == FOVEA_OK) {
+    if (request->keep && !try_to_keep(parameters, assignment, change)) return;
+    if (later) {
+        refuse(change, error.text);
+        change->result = FOVEA_PARAMETER_RESULT_T_RESULT_NEEDS_RESTART;
+    } else {
         accept(parameters, key, change);
         print_value(parameters->settings, key, change->value);
-        return;
     }
-    refuse(change, without_option(error.text));
-    if (later && status == FOVEA_ERROR_UNSUPPORTED)
-        change->result = FOVEA_PARAMETER_RESULT_T_RESULT_NEEDS_RESTART;
+    if (request->keep) keep(parameters, change);
 }
 
 /* Room for what goes to the loop, with whom it answers. NULL: the loop is behind. */
@@ -283,6 +326,61 @@ enum fovea_status fv_parameters_reload(struct fv_parameters *parameters,
     return status;
 }
 
+/* ---- what is kept ---------------------------------------------------------------------------- */
+
+/* Take what is to be written; false: nothing, or too soon after the last time. */
+static bool take_kept(struct fv_parameters *parameters, bool now)
+{
+    const int64_t now_ns = fv_clock_ns(CLOCK_MONOTONIC);
+    pthread_mutex_lock(&parameters->changing);
+    const bool due =
+        parameters->keeping_count > 0 && (now || now_ns - parameters->written_ns >= keep_ns);
+    if (due) {
+        parameters->answer_count = parameters->keeping_count;
+        memcpy(parameters->answers, parameters->keeping,
+               parameters->keeping_count * sizeof *parameters->keeping);
+        parameters->keeping_count = 0;
+        *parameters->written = *parameters->kept;
+        parameters->answers_passed = 0;
+        parameters->written_ns = now_ns;
+    }
+    pthread_mutex_unlock(&parameters->changing);
+    return due;
+}
+
+static void write_kept(struct fv_parameters *parameters)
+{
+    struct fovea_error error;
+    char reason[FV_PARAMETER_REASON_BYTES];
+    const char *path = parameters->settings->parameters_file;
+    if (fv_kept_parameters_write(parameters->written, path, &error) == FOVEA_OK) return;
+    snprintf(reason, sizeof reason, "not kept for the next start: %.200s", error.text);
+    for (uint32_t i = 0; i < parameters->answer_count; i++)
+        refuse(&parameters->answers[i], reason);
+}
+
+/* To the loop, which sends answers; those that find no room wait. */
+static void pass_answers(struct fv_parameters *parameters)
+{
+    pthread_mutex_lock(&parameters->changing);
+    while (parameters->answers_passed < parameters->answer_count) {
+        void *room = fv_ring_reserve(&parameters->ring, sizeof(struct fv_parameter_change));
+        if (room == NULL) break;
+        memcpy(room, &parameters->answers[parameters->answers_passed++],
+               sizeof(struct fv_parameter_change));
+        fv_ring_commit(&parameters->ring, sizeof(struct fv_parameter_change));
+    }
+    pthread_mutex_unlock(&parameters->changing);
+}
+
+void fv_parameters_tend(struct fv_parameters *parameters, bool now)
+{
+    if (parameters->rt == NULL) return;
+    if (parameters->answers_passed == parameters->answer_count && take_kept(parameters, now))
+        write_kept(parameters);
+    pass_answers(parameters);
+}
+
 /* ---- on the loop's --------------------------------------------------------------------------- */
 
 void fv_parameters_take(struct fv_parameters *parameters, struct fovea_inputs *inputs)
@@ -339,6 +437,7 @@ void fv_parameters_end(struct fv_parameters *parameters, struct fv_transport *tr
 {
     struct fovea_inputs none = {.frame = NULL};
     do {
+        fv_parameters_tend(parameters, true);
         fv_parameters_take(parameters, &none);
         for (uint32_t i = 0; i < parameters->taken_count; i++) {
             if (parameters->taken[i].bytes > 0) refuse(&parameters->taken[i], "the run has ended");

@@ -4,7 +4,8 @@
  * The thread of the listener judges a request, reads its value as a configuration file's, and hands
  * the change over in a ring; so the loop's thread copies bytes and nothing else. What was changed
  * with `keep` stands in a YAML file of its own, which the next start reads after the configuration:
- * the user's file is never written. */
+ * the user's file is never written. The thread that watches the loop writes it, so that a slow disk
+ * holds up no command. */
 #ifndef FOVEA_APP_RUN_PARAMETERS_H
 #define FOVEA_APP_RUN_PARAMETERS_H
 
@@ -53,6 +54,16 @@ struct fv_parameters {
     struct fv_command_gate gate;
     struct fv_settings *settings; /* in force when all that is in the ring has been taken */
     struct fv_settings *tried;    /* the same with the request that is judged */
+    /* Those of the start with all that is kept, which stand in the file's lines; the same with the
+     * request that is judged; a copy for writing. */
+    struct fv_settings *kept, *kept_tried, *written;
+    struct fv_parameter_change *keeping; /* requests whose values are to be written */
+    uint32_t keeping_count;
+
+    /* Of the thread that writes. */
+    struct fv_parameter_change *answers; /* to requests whose values were written, or not */
+    uint32_t answer_count, answers_passed;
+    int64_t written_ns;
 
     /* The loop's. */
     struct fovea_config in_force;
@@ -75,6 +86,11 @@ struct fv_receiver_channel fv_parameters_row(struct fv_parameters *parameters);
 enum fovea_status fv_parameters_reload(struct fv_parameters *parameters,
                                        const struct fv_settings *wanted, uint32_t *count,
                                        struct fovea_error *error);
+
+/* Write what is to be kept, at most once in a second unless `now`, and have it answered. On a
+ * thread that may wait for the disk; after the loop has ended, before fv_parameters_end, with
+ * `now`. */
+void fv_parameters_tend(struct fv_parameters *parameters, bool now);
 
 /* Put what has come into the inputs of the next step. Loop thread, wait-free. */
 void fv_parameters_take(struct fv_parameters *parameters, struct fovea_inputs *inputs);

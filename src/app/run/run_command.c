@@ -481,6 +481,8 @@ static void watch(struct fv_run *run)
         fv_run_changes_say(run);
         drain(run);
         fv_run_reload(run);
+        fv_parameters_tend(&run->parameters, false);
+        fv_web_page_tend(&run->web_page);
         if (fv_thread_take(&run->ended, fv_clock_ns(CLOCK_MONOTONIC) + wait_ns)) break;
         if (terminal) fv_run_status_show(run, &pace);
     }

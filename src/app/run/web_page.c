@@ -9,6 +9,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "support/say.h"
 #include "support/text.h"
 
 extern char **environ;
@@ -42,6 +43,9 @@ static int spawn(const char *program, const char *const *words, pid_t *child)
     sigset_t none, all;
     sigemptyset(&none);
     sigfillset(&all);
+    struct sigaction hangup;
+    if (sigaction(SIGHUP, NULL, &hangup) == 0 && hangup.sa_handler == SIG_IGN)
+        sigdelset(&all, SIGHUP); /* nohup holds for both */
     int failed = posix_spawnattr_init(&attributes);
     if (failed != 0) return failed;
     posix_spawnattr_setsigmask(&attributes, &none);
@@ -56,7 +60,7 @@ static int spawn(const char *program, const char *const *words, pid_t *child)
 enum fovea_status fv_web_page_start(const char *port, struct fv_settings *settings, pid_t *child,
                                     struct fovea_error *error)
 {
-    char program[4096], rate[16];
+    char program[4096], rate[16], process[16];
     int64_t number = 0;
     *child = 0;
     if (port == NULL) return FOVEA_OK;
@@ -70,14 +74,15 @@ enum fovea_status fv_web_page_start(const char *port, struct fv_settings *settin
                                "expected it there (it is built where libwebsockets is installed: "
                                "tools/install.sh web)");
     socket_choose(settings);
+    snprintf(process, sizeof process, "%d", (int)getpid());
     snprintf(rate, sizeof rate, "%u",
              settings->web_picture_rate > 0 && settings->web_picture_rate < 60
                  ? settings->web_picture_rate
                  : 15);
-    const char *words[16] = {
-        program, "--with-parent", "--feed",         settings->web_socket, "--rate",
-        rate,    "--lcm-url",     settings->lcm_url};
-    int count = 8;
+    const char *words[16] = {program,  "--with-parent",      process,
+                             "--feed", settings->web_socket, "--rate",
+                             rate,     "--lcm-url",          settings->lcm_url};
+    int count = 9;
     if (port[0] != '\0') {
         words[count++] = "--port";
         words[count++] = port;
@@ -91,6 +96,18 @@ enum fovea_status fv_web_page_start(const char *port, struct fv_settings *settin
     *child = 0;
     return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "fovea run: --web: %.300s: %s", program,
                            strerror(failed));
+}
+
+void fv_web_page_tend(pid_t *child)
+{
+    int status;
+    if (*child <= 0 || waitpid(*child, &status, WNOHANG) != *child) return;
+    *child = 0;
+    if (WIFSIGNALED(status))
+        fv_say("fovea run: the page has ended, by signal %d; the run goes on", WTERMSIG(status));
+    else
+        fv_say("fovea run: the page has ended, with exit status %d; the run goes on",
+               WEXITSTATUS(status));
 }
 
 void fv_web_page_end(pid_t child)

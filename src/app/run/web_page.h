@@ -11,6 +11,8 @@
  * port is none, or the program is not there. Before any thread. Init-only. */
 enum fovea_status fv_web_page_start(const char *port, struct fv_settings *settings, pid_t *child,
                                     struct fovea_error *error);
+/* Say that it has ended by itself, once; `*child` is then 0. */
+void fv_web_page_tend(pid_t *child);
 /* End it. */
 void fv_web_page_end(pid_t child);
 
