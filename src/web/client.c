@@ -208,9 +208,11 @@ static size_t next_picture(struct fv_web_client *client, struct fv_web_store *st
     int class = client->picture_class;
     const uint8_t *jpeg;
     const size_t head = 64 + 5 * (size_t)FV_WEB_POINTS_MAX;
+    const int64_t begin_ns = fv_clock_ns(CLOCK_MONOTONIC);
     while ((jpeg = fv_web_store_jpeg(store, class, &bytes)) != NULL && head + bytes > capacity &&
            class < FV_WEB_CLASSES - 1)
         class ++;
+    now_ns += fv_clock_ns(CLOCK_MONOTONIC) - begin_ns; /* what the JPEG took, if this one made it */
     client->sent = picture->number;
     if (jpeg == NULL || head + bytes > capacity) return 0;
     uint8_t *at = put(put(to, KIND_PICTURE, 1), (uint64_t) class, 1);

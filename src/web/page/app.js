@@ -29,7 +29,7 @@ function showLatency(picture) {
   facts(byId("latency"), {
     "Camera to screen": picture.age_ms >= 0 ? fixed(total, 0, " ms") : "not this clock",
     "Camera to here": picture.age_ms >= 0 ? fixed(picture.age_ms, 0, " ms") : undefined,
-    "JPEG made in": fixed(picture.held_ms, 1, " ms"),
+    "Wait and JPEG": fixed(picture.held_ms, 1, " ms"),
     "Link and screen": fixed(link_ms, 0, " ms"),
     Pictures: fixed(shown.times.length / 2, 1, " /s"),
     Size: `${Math.floor(picture.width / picture.shrink)} x ${Math.floor(picture.height / picture.shrink)}, ${(picture.jpeg.length / 1024).toFixed(0)} KB`,
