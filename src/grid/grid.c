@@ -15,8 +15,9 @@ enum { MARK_NONE = 0, MARK_FREE, MARK_OCCUPIED, MARK_MOVABLE };
 
 struct fovea_grid {
     struct fovea_grid_config config;
-    int64_t stamp_ns, decayed_ns; /* of the last update; until when cells have forgotten */
-    int64_t corner[2];            /* cell (0, 0) in cells of the odometry frame */
+    int64_t stamp_ns;      /* of the last update */
+    int64_t decayed_ns[2]; /* until when cells have forgotten: others, movable ones */
+    int64_t corner[2];     /* cell (0, 0) in cells of the odometry frame */
     double position_m[2], yaw_rad;
     bool begun;
     int16_t *odds;      /* cell (x, y) of the frame is at (x mod side, y mod side) */
@@ -187,21 +188,30 @@ static void follow(struct fovea_grid *g, int axis)
                                : wrapped(line, side) * (size_t)side + (size_t)i);
 }
 
-/* Take the share away that is forgotten in the time since the last call, in ticks. */
+/* Take away the share that is forgotten by now, in steps of a twentieth of the half-life: smaller
+ * ones would round the log-odds away. */
 static void decay(struct fovea_grid *g, int64_t stamp_ns)
 {
-    enum { TICK_NS = 100000000, TICKS_MAX = 1000000 };
-    int64_t ticks = (stamp_ns - g->decayed_ns) / TICK_NS;
-    if (ticks <= 0) return;
-    g->decayed_ns += ticks * TICK_NS;
-    if (ticks > TICKS_MAX) ticks = TICKS_MAX;
-    const double seconds = (double)ticks * TICK_NS * 1e-9, half = -0.6931471805599453;
-    const int32_t left[2] = {
-        (int32_t)(65536 * fv_exp(half * seconds / g->config.half_life_s)),
-        (int32_t)(65536 * fv_exp(half * seconds / g->config.movable_half_life_s))};
+    enum { PARTS = 20, ONE = 65536, HALF = ONE / 2 };
+    const int64_t least_ns = 100000000;
+    const double half_life_s[2] = {g->config.half_life_s, g->config.movable_half_life_s};
+    int32_t left[2] = {ONE, ONE};
+    for (int k = 0; k < 2; k++) {
+        const int64_t part_ns = (int64_t)(half_life_s[k] * 1e9 / PARTS),
+                      step_ns = part_ns > least_ns ? part_ns : least_ns,
+                      steps = (int64_t)(((uint64_t)stamp_ns - (uint64_t)g->decayed_ns[k]) /
+                                        (uint64_t)step_ns);
+        g->decayed_ns[k] += steps * step_ns;
+        left[k] = (int32_t)(ONE * fv_exp(-0.6931471805599453 * (double)steps * (double)step_ns *
+                                         1e-9 / half_life_s[k]) +
+                            0.5);
+    }
+    if (left[0] == ONE && left[1] == ONE) return;
     const int64_t cells = side_of(g) * side_of(g);
-    for (int64_t i = 0; i < cells; i++)
-        g->odds[i] = (int16_t)(g->odds[i] * left[g->movable[i]] / 65536);
+    for (int64_t i = 0; i < cells; i++) {
+        const int32_t product = g->odds[i] * left[g->movable[i]];
+        g->odds[i] = (int16_t)((product + (product < 0 ? -HALF : HALF)) / ONE);
+    }
 }
 
 /* ---- rays ------------------------------------------------------------------------------------ */
@@ -317,19 +327,43 @@ static bool plain(double value)
     return value > -1e6 && value < 1e6;
 }
 
+/* Rows of a rotation, as near as float readings leave them. */
+static bool is_rotation(const double T[12])
+{
+    for (int a = 0; a < 3; a++)
+        for (int b = a; b < 3; b++) {
+            double dot = 0;
+            for (int k = 0; k < 3; k++)
+                dot += T[4 * a + k] * T[4 * b + k];
+            const double off = dot - (a == b ? 1 : 0);
+            if (!(off <= 1e-3 && off >= -1e-3)) return false;
+        }
+    return true;
+}
+
+/* There is a mask, and a camera above the floor. */
+static bool shows_floor(const struct fovea_grid_view *view)
+{
+    const struct fovea_segmentation *s = view->seen;
+    const double least_m = 0.01;
+    return s != NULL && s->pixels != NULL && s->index != NULL && s->width > 0 && s->height > 0 &&
+           view->T_odom_cam[11] - view->floor_m >= least_m;
+}
+
 static bool is_usable(const struct fovea_grid *g, const struct fovea_grid_view *view)
 {
     bool good = plain(view->position_m[0]) && plain(view->position_m[1]) && plain(view->yaw_rad) &&
-                plain(view->floor_m) && (!g->begun || view->stamp_ns >= g->stamp_ns);
+                plain(view->floor_m) && view->stamp_ns >= 0 &&
+                (!g->begun || view->stamp_ns >= g->stamp_ns);
     for (int i = 0; i < 12; i++)
         good = good && plain(view->T_odom_cam[i]);
-    return good;
+    return good && is_rotation(view->T_odom_cam) && shows_floor(view);
 }
 
 enum fovea_status fovea_grid_update(struct fovea_grid *g, const struct fovea_grid_view *view)
 {
     if (!is_usable(g, view)) return FOVEA_ERROR_ARGUMENT;
-    if (!g->begun) g->decayed_ns = view->stamp_ns;
+    if (!g->begun) g->decayed_ns[0] = g->decayed_ns[1] = view->stamp_ns;
     g->begun = true;
     g->stamp_ns = view->stamp_ns;
     g->position_m[0] = view->position_m[0];

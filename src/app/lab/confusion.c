@@ -85,6 +85,12 @@ enum fovea_status fv_confusion_open(struct fv_confusion *c, const char *path,
         c->row_of[i] = IGNORED;
     enum fovea_status status = fv_text_read(path, MAP_BYTES_MAX, &text, &bytes, error);
     if (status != FOVEA_OK) return status;
+    const size_t length = strlen(text);
+    if (length < bytes) {
+        free(text);
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "%.280s: byte %zu: found a zero byte, expected text", path, length);
+    }
     int number = 0;
     for (char *line = text, *next; line != NULL && status == FOVEA_OK; line = next) {
         next = strchr(line, '\n');

@@ -133,8 +133,13 @@ static enum fovea_status check(const struct asked *asked, char **paths, int coun
                                "segment: %s: found without %s, expected both",
                                asked->map == NULL ? "--evaluate" : "--classes-map",
                                asked->map == NULL ? "--classes-map" : "--evaluate");
+    char labels[1024] = "";
+    if (single != NULL && asked->labels != NULL &&
+        label_path(asked->labels, paths[0], labels, error) != FOVEA_OK)
+        return FOVEA_ERROR_INPUT;
     const struct fv_file written[] = {{"--draw", asked->draw}, {"--mask", asked->mask}, {0}},
                          read[] = {{"IMAGE", paths[0]},
+                                   {"--evaluate", labels[0] != '\0' ? labels : NULL},
                                    {"--model", asked->model},
                                    {"--classes-map", asked->map},
                                    {0}};

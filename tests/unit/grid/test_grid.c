@@ -315,7 +315,7 @@ static void cells_stay_where_they_are_while_the_robot_moves(void **state)
         int compared = 0;
         for (uint32_t i = 0; i < old.width * old.height; i++) {
             const double x = old.origin_m[0] + (i % old.width + 0.5) * 0.1,
-                         y = old.origin_m[1] + (i / old.width + 0.5) * 0.1;
+                         y = old.origin_m[1] + ((double)(i / old.width) + 0.5) * 0.1;
             const int now = cell_at(x, y);
             bool stood = false; /* its own cells are free, and have been */
             for (size_t k = 0; k <= w; k++)
@@ -368,6 +368,30 @@ static void what_may_move_is_forgotten_first_and_a_lost_pose_leaves_nothing(void
     free(ranges);
 }
 
+/* However often the grid is updated: after the half-life the log-odds of 97 % are those of 85 %. */
+static void log_odds_halve_in_the_half_life(void **state)
+{
+    static const int64_t steps_ns[] = {60000000000, 1000000000, 100000000, 33333333};
+    (void)state;
+    add_box(2.0, 2.4, -0.9, -0.3, 0.5, WALL);
+    assert_true(config.half_life_s == 60);
+    for (int k = 0; k < 4; k++) {
+        fovea_grid_forget(grid);
+        for (int i = 0; i < 20; i++)
+            look(0, 0, 0, 0.4, 0, i * SECOND / 100);
+        read_cells();
+        const int before = cell_at(2.05, -0.6);
+        for (int64_t at = SECOND / 5; at <= SECOND / 5 + 60 * SECOND; at += steps_ns[k])
+            pass(0, 0, at);
+        pass(0, 0, SECOND / 5 + 60 * SECOND);
+        read_cells();
+        const int after = cell_at(2.05, -0.6);
+        if (before != 97 || after < 83 || after > 87)
+            fail_msg("steps of %lld ns: from %d %% to %d %%, expected from 97 to 85",
+                     (long long)steps_ns[k], before, after);
+    }
+}
+
 static void wrong_configurations_and_poses_are_refused(void **state)
 {
     (void)state;
@@ -388,6 +412,17 @@ static void wrong_configurations_and_poses_are_refused(void **state)
     view.stamp_ns = 4;
     assert_int_equal(fovea_grid_update(grid, &view), FOVEA_ERROR_ARGUMENT);
     view.stamp_ns = 6;
+    struct fovea_grid_view low = view, turned = view;
+    low.floor_m =
+        view.T_odom_cam[11]; /* the camera lies on the floor: nothing would be beyond it */
+    assert_int_equal(fovea_grid_update(grid, &low), FOVEA_ERROR_ARGUMENT);
+    turned.T_odom_cam[2] *= 1.01;
+    assert_int_equal(fovea_grid_update(grid, &turned), FOVEA_ERROR_ARGUMENT);
+    const struct fovea_segmentation none = {.width = W, .height = H};
+    struct fovea_grid_view early = view;
+    early.seen = &none; /* no mask has come yet */
+    assert_int_equal(fovea_grid_update(grid, &early), FOVEA_ERROR_ARGUMENT);
+    assert_int_equal(fovea_grid_update(grid, &view), FOVEA_OK);
     view.T_odom_cam[5] = NAN;
     assert_int_equal(fovea_grid_update(grid, &view), FOVEA_ERROR_ARGUMENT);
 }
@@ -425,6 +460,7 @@ int main(void)
                                         teardown),
         cmocka_unit_test_setup_teardown(
             what_may_move_is_forgotten_first_and_a_lost_pose_leaves_nothing, setup, teardown),
+        cmocka_unit_test_setup_teardown(log_odds_halve_in_the_half_life, setup, teardown),
         cmocka_unit_test_setup_teardown(wrong_configurations_and_poses_are_refused, setup,
                                         teardown),
         cmocka_unit_test_setup_teardown(an_update_takes_at_most_0_4_ms, setup, teardown),

@@ -199,6 +199,11 @@ static void wrong_maps_labels_and_networks_are_refused(void **state)
     write_file(map, "0 0\n", 4);
     assert_int_equal(SEGMENT("--model", model, picture, "--evaluate", labels, "--classes-map", map),
                      0);
+    assert_int_equal(SEGMENT("--model", model, picture, "--evaluate", labels, "--classes-map", map,
+                             "--draw", label),
+                     2); /* which would be lost */
+    assert_int_equal(SEGMENT("--model", model, picture, "--evaluate", labels, "--classes-map", map),
+                     0);
     write_picture(label, WIDTH - 1, HEIGHT, truth);
     assert_int_equal(SEGMENT("--model", model, picture, "--evaluate", labels, "--classes-map", map),
                      2);
