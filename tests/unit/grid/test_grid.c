@@ -314,8 +314,9 @@ static void cells_stay_where_they_are_while_the_robot_moves(void **state)
         assert_true(fabs(place.origin_m[0] + 6.4 - ways[w][0]) <= 0.1 + 1e-9);
         int compared = 0;
         for (uint32_t i = 0; i < old.width * old.height; i++) {
-            const double x = old.origin_m[0] + (i % old.width + 0.5) * 0.1,
-                         y = old.origin_m[1] + ((double)(i / old.width) + 0.5) * 0.1;
+            const uint32_t column = i % old.width, row = i / old.width;
+            const double x = old.origin_m[0] + (column + 0.5) * 0.1,
+                         y = old.origin_m[1] + (row + 0.5) * 0.1;
             const int now = cell_at(x, y);
             bool stood = false; /* its own cells are free, and have been */
             for (size_t k = 0; k <= w; k++)
