@@ -15,9 +15,10 @@ enum { MARK_NONE = 0, MARK_FREE, MARK_OCCUPIED, MARK_MOVABLE };
 
 struct fovea_grid {
     struct fovea_grid_config config;
-    int64_t stamp_ns;      /* of the last update */
-    int64_t decayed_ns[2]; /* until when cells have forgotten: others, movable ones */
-    int64_t corner[2];     /* cell (0, 0) in cells of the odometry frame */
+    int64_t stamp_ns;       /* of the last update */
+    int64_t decayed_ns[2];  /* until when cells have forgotten: others, movable ones */
+    int64_t corner[2];      /* cell (0, 0) in cells of the odometry frame */
+    int64_t corner_kept[2]; /* the same modulo the side: where that cell is kept */
     double position_m[2], yaw_rad;
     bool begun;
     int16_t *odds;      /* cell (x, y) of the frame is at (x mod side, y mod side) */
@@ -147,10 +148,11 @@ static size_t wrapped(int64_t cell, int64_t side)
 static int64_t place_of(const struct fovea_grid *g, int64_t x, int64_t y)
 {
     const int64_t side = side_of(g);
-    if (x < g->corner[0] || x >= g->corner[0] + side || y < g->corner[1] ||
-        y >= g->corner[1] + side)
-        return -1;
-    return (int64_t)(wrapped(y, side) * (size_t)side + wrapped(x, side));
+    const int64_t column = x - g->corner[0], row = y - g->corner[1];
+    if (column < 0 || column >= side || row < 0 || row >= side) return -1;
+    const int64_t kept_x = column + g->corner_kept[0], kept_y = row + g->corner_kept[1];
+    return (kept_y < side ? kept_y : kept_y - side) * side +
+           (kept_x < side ? kept_x : kept_x - side);
 }
 
 static int64_t place_at(const struct fovea_grid *g, double x_m, double y_m)
@@ -181,6 +183,7 @@ static void follow(struct fovea_grid *g, int axis)
                   corner = whole(g->position_m[axis] / g->config.resolution_m) - side / 2;
     int64_t first = corner > old ? old + side : corner, last = corner > old ? corner + side : old;
     g->corner[axis] = corner;
+    g->corner_kept[axis] = (int64_t)wrapped(corner, side);
     if (last - first > side) last = first + side; /* all of them */
     for (int64_t line = first; line < last; line++)
         for (int64_t i = 0; i < side; i++)
@@ -209,7 +212,7 @@ static void decay(struct fovea_grid *g, int64_t stamp_ns)
     if (left[0] == ONE && left[1] == ONE) return;
     const int64_t cells = side_of(g) * side_of(g);
     for (int64_t i = 0; i < cells; i++) {
-        const int32_t product = g->odds[i] * left[g->movable[i]];
+        const int32_t product = g->odds[i] * (g->movable[i] != 0 ? left[1] : left[0]);
         g->odds[i] = (int16_t)((product + (product < 0 ? -HALF : HALF)) / ONE);
     }
 }
@@ -221,14 +224,32 @@ struct look {
     double from[2];        /* below the camera */
     double R[3][3], up[3]; /* of the camera from the odometry frame; a floor point at `from` */
     double inverse[2];     /* pixels of the mask per pixel of the image */
+    double outside;        /* (x^2 + y^2) / z^2 from which on nothing is in the image */
     uint8_t of[256];       /* label of a byte of the mask */
 };
+
+/* The largest (x^2 + y^2) / z^2 of the image's corners, with a tenth more of the radius for what a
+ * lens moves sideways; infinite where a corner has no direction or looks backwards. */
+static double outside_of(const struct fovea_camera *camera)
+{
+    double most = 0;
+    for (int i = 0; i < 4; i++) {
+        const double pixel[2] = {(i & 1) * camera->width - 0.5, (i >> 1) * camera->height - 0.5};
+        double b[3];
+        if (fovea_camera_unproject(camera, pixel, b, NULL) != FOVEA_OK || !(b[2] > 0))
+            return __builtin_inf();
+        const double here = (b[0] * b[0] + b[1] * b[1]) / (b[2] * b[2]);
+        most = here > most ? here : most;
+    }
+    return 1.21 * most;
+}
 
 static struct look look_of(const struct fovea_grid_view *view)
 {
     const struct fovea_segmentation *s = view->seen;
     const double *T = view->T_odom_cam, drop = view->floor_m - T[11];
     struct look look = {.view = view, .from = {T[3], T[7]}};
+    look.outside = outside_of(view->camera);
     for (int row = 0; row < 3; row++) {
         for (int k = 0; k < 3; k++)
             look.R[row][k] = T[4 * k + row];
@@ -243,14 +264,31 @@ static struct look look_of(const struct fovea_grid_view *view)
     return look;
 }
 
-/* The label of the floor's point at (x, y) from below the camera; -1: it is not in the image. */
-static int label_at(const struct look *look, double x, double y)
+/* A ray over the floor from below the camera: one step, in the odometry frame and the camera's. */
+struct ray {
+    double x, y, in_camera[3];
+};
+
+static struct ray ray_of(const struct look *look, const double way[2], double step)
+{
+    struct ray ray = {.x = way[0] * step, .y = way[1] * step};
+    for (int row = 0; row < 3; row++)
+        ray.in_camera[row] = look->R[row][0] * ray.x + look->R[row][1] * ray.y;
+    return ray;
+}
+
+/* The label of the floor's point after i steps; -1: it is not in the image. */
+static int label_at(const struct look *look, const struct ray *ray, int32_t i)
 {
     const struct fovea_segmentation *s = look->view->seen;
-    const double point[3] = {look->R[0][0] * x + look->R[0][1] * y + look->up[0],
-                             look->R[1][0] * x + look->R[1][1] * y + look->up[1],
-                             look->R[2][0] * x + look->R[2][1] * y + look->up[2]};
+    const double point[3] = {look->up[0] + ray->in_camera[0] * i,
+                             look->up[1] + ray->in_camera[1] * i,
+                             look->up[2] + ray->in_camera[2] * i};
     double pixel[2];
+    const double across = point[0] * point[0] + point[1] * point[1];
+    if (look->outside < __builtin_inf() &&
+        !(point[2] > 0 && across <= look->outside * point[2] * point[2]))
+        return -1; /* as most points: less work than to project them */
     if (fovea_camera_project(look->view->camera, point, pixel, NULL) != FOVEA_OK) return -1;
     const double column = (pixel[0] - s->raw_offset[0]) * look->inverse[0] + 0.5,
                  row = (pixel[1] - s->raw_offset[1]) * look->inverse[1] + 0.5;
@@ -265,27 +303,26 @@ static void mark(struct fovea_grid *g, double x_m, double y_m, uint8_t kind)
 }
 
 /* The first step of a ray at which it is in the image, in large steps at first. */
-static int32_t view_begin(const struct look *look, const double ray[2], double step, int32_t steps)
+static int32_t view_begin(const struct look *look, const struct ray *ray, int32_t steps)
 {
     int32_t i = 0;
-    while (i <= steps && label_at(look, ray[0] * step * i, ray[1] * step * i) < 0)
+    while (i <= steps && label_at(look, ray, i) < 0)
         i += COARSE;
-    while (i > 0 && i <= steps &&
-           label_at(look, ray[0] * step * (i - 1), ray[1] * step * (i - 1)) >= 0)
+    while (i > 0 && i <= steps && label_at(look, ray, i - 1) >= 0)
         i--;
     return i;
 }
 
 /* Outwards until an obstacle, the end of the view or of the range; steps of half a cell. */
-static void follow_ray(struct fovea_grid *g, const struct look *look, const double ray[2])
+static void follow_ray(struct fovea_grid *g, const struct look *look, const double way[2])
 {
     const double step = g->config.resolution_m / RAY_STEPS;
     const int32_t steps = (int32_t)(g->config.range_m / step);
-    for (int32_t i = view_begin(look, ray, step, steps); i <= steps; i++) {
-        const double x = ray[0] * step * i, y = ray[1] * step * i;
-        const int label = label_at(look, x, y);
+    const struct ray ray = ray_of(look, way, step);
+    for (int32_t i = view_begin(look, &ray, steps); i <= steps; i++) {
+        const int label = label_at(look, &ray, i);
         if (label < 0 || label == FOVEA_GRID_IGNORED) return;
-        mark(g, look->from[0] + x, look->from[1] + y,
+        mark(g, look->from[0] + ray.x * i, look->from[1] + ray.y * i,
              label == FOVEA_GRID_FLOOR     ? MARK_FREE
              : label == FOVEA_GRID_MOVABLE ? MARK_MOVABLE
                                            : MARK_OCCUPIED);
