@@ -107,6 +107,10 @@ struct fovea_image_config {
     bool white_balance;
 };
 
+struct fovea_calibration_config {
+    bool check; /* default true: watch whether the calibration still fits (fovea_calibration_get) */
+};
+
 struct fovea_config {
     /* The cameras, each with its mask, and the inertial sensor. Default: one camera at the
      * origin of the body, whose calibration the caller fills in. Odometry uses the first
@@ -124,6 +128,7 @@ struct fovea_config {
     struct fovea_objects_config objects; /* detected objects, followed over images */
     struct fovea_preview_config preview;
     struct fovea_edge_job_config edge_job;
+    struct fovea_calibration_config calibration;
     uint64_t seed; /* of the random generator in the state, default 1 */
 
     /* A map to start with, saved with the same camera; NULL: none. Read by fovea_init only. Errors
@@ -202,6 +207,8 @@ enum fovea_status fovea_memory(const struct fovea_config *config, struct fovea_m
  *   detect   one or two networks that find objects
  *   closure  closures found, maps merged
  *   preview  JPEG of a pyramid level
+ *   edges    bitmaps of edges
+ *   calibration  whether the calibration still fits the pictures
  * From a row (constant, name) follow the constant FOVEA_JOB_MAP, the job's name and its stage; the
  * rest stands in the job's own file (src/runtime/jobs.h). */
 #define FOVEA_JOBS(ROW)                                                                            \
@@ -209,7 +216,8 @@ enum fovea_status fovea_memory(const struct fovea_config *config, struct fovea_m
     ROW(DETECT, detect)                                                                            \
     ROW(CLOSURE, closure)                                                                          \
     ROW(PREVIEW, preview)                                                                          \
-    ROW(EDGES, edges)
+    ROW(EDGES, edges)                                                                              \
+    ROW(CALIBRATION, calibration)
 
 enum fovea_job {
 #define FOVEA_JOB_CONSTANT(NAME, name) FOVEA_JOB_##NAME,
@@ -344,6 +352,33 @@ const char *fovea_detect_label(const struct fovea *rt, int32_t class_id);
 /* The same of the second network, detect2. */
 void fovea_detections2_get(const struct fovea *rt, struct fovea_detections *detections);
 const char *fovea_detect2_label(const struct fovea *rt, int32_t class_id);
+
+enum fovea_calibration_state {
+    FOVEA_CALIBRATION_OK = 0, /* or not known yet */
+    FOVEA_CALIBRATION_DOUBTFUL,
+    FOVEA_CALIBRATION_WRONG
+};
+
+enum fovea_calibration_cause {
+    FOVEA_CALIBRATION_NOTHING = 0,
+    FOVEA_CALIBRATION_CHANGED, /* the lens is another than before: knocked, focused anew */
+    FOVEA_CALIBRATION_UNFIT    /* the motion of the pictures fits another focal length */
+};
+
+enum { FOVEA_CALIBRATION_REASON_BYTES = 128 };
+
+struct fovea_calibration {
+    enum fovea_calibration_state state;
+    enum fovea_calibration_cause cause;
+    /* Natural logarithm of the focal length that fits over that of the calibration; large values
+     * are one step of Newton only, and too large or too small. */
+    double focal_difference;
+    char reason[FOVEA_CALIBRATION_REASON_BYTES]; /* a sentence; "" while nothing is wrong */
+};
+
+/* Whether the calibration of the first camera fits what odometry sees (calibration.check). A
+ * verdict stands until the next reset. Loop thread. */
+void fovea_calibration_get(const struct fovea *rt, struct fovea_calibration *calibration);
 
 /* Keyframes of the map by slot, the first `count_max` of odometry.keyframes slots; returns how many
  * were written. A slot whose number has changed holds another keyframe. Bounded. Loop thread. */

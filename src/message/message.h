@@ -43,6 +43,7 @@ enum fv_message_kind {
     FV_MESSAGE_SEGMENTATION,
     FV_MESSAGE_SEGMENTATION2,
     FV_MESSAGE_EDGES,
+    FV_MESSAGE_CALIBRATION_WARNING,
     FV_MESSAGE_COMMAND,          /* in */
     FV_MESSAGE_COMMAND_RESULT,   /* of the application */
     FV_MESSAGE_PARAMETER,        /* in, and in recordings */
@@ -198,6 +199,23 @@ struct fv_message_edges {
 size_t fv_message_edges_size_max(void);
 uint32_t fv_message_edges_encode(const struct fv_message_edges *in, uint8_t *buffer,
                                  size_t capacity);
+
+enum { FV_MESSAGE_CALIBRATION_CELLS_MAX = 24 };
+
+/* How well the calibration of the first camera fits. */
+struct fv_message_calibration {
+    fovea_stamp_t stamp; /* of the last frame that was measured */
+    const struct fovea_calibration *calibration;
+    uint64_t frames;
+    float rms_px, expected_px;
+    int32_t columns, rows; /* of the parts of the image, together at most
+                              FV_MESSAGE_CALIBRATION_CELLS_MAX */
+    float mean_px[FV_MESSAGE_CALIBRATION_CELLS_MAX][2]; /* row after row */
+    int32_t samples[FV_MESSAGE_CALIBRATION_CELLS_MAX];
+};
+size_t fv_message_calibration_size_max(void);
+uint32_t fv_message_calibration_encode(const struct fv_message_calibration *in, uint8_t *buffer,
+                                       size_t capacity);
 
 struct fv_message_detections {
     fovea_stamp_t stamp; /* of the image that the network took */

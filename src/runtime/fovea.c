@@ -226,6 +226,12 @@ void fovea_objects_get(const struct fovea *rt, struct fovea_objects *objects)
     if (rt->objects.enabled) fv_objects_get(&rt->objects.pool, objects);
 }
 
+void fovea_calibration_get(const struct fovea *rt, struct fovea_calibration *calibration)
+{
+    memset(calibration, 0, sizeof *calibration);
+    if (rt->calibration.state != NULL) fv_calibration_get(&rt->calibration, calibration);
+}
+
 uint32_t fovea_keyframes_get(const struct fovea *rt, struct fovea_keyframe *list,
                              uint32_t count_max)
 {

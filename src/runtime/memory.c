@@ -55,6 +55,9 @@ static void carve_outbox(struct fovea *rt, struct fv_arena *arena)
                  arena);
     if (rt->config.edge_job.period_frames > 0)
         carve_buffer(outbox, FV_MESSAGE_EDGES, fv_message_edges_size_max(), arena);
+    if (rt->config.calibration.check && rt->config.odometry.enabled)
+        carve_buffer(outbox, FV_MESSAGE_CALIBRATION_WARNING, fv_message_calibration_size_max(),
+                     arena);
     carve_network(outbox, &rt->detection2, 1, arena);
     carve_network(outbox, &rt->detection, 0, arena);
     if (fv_detection_sends(&rt->detection, FV_DETECTION_BOXES)) {

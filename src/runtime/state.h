@@ -11,6 +11,7 @@
 #include "odometry/odometry.h"
 #include "runtime/detection.h"
 #include "runtime/boxes.h"
+#include "runtime/calibration.h"
 #include "runtime/edges.h"
 #include "runtime/frame_id.h"
 #include "runtime/preview.h"
@@ -77,6 +78,7 @@ struct fovea {
     struct fv_boxes boxes;
     struct fv_preview preview;
     struct fv_edge_stage edges;
+    struct fv_calibration calibration;                    /* carved where calibration.check is on */
     void *job_pieces[FOVEA_JOB_COUNT][FV_JOB_PIECES_MAX]; /* what a job carved for itself alone */
     struct fv_outbox outbox;
 

@@ -50,11 +50,10 @@ bool sim_rig_next(struct sim_rig *rig)
 
 void sim_rig_process(struct sim_rig *rig)
 {
-    struct fovea_outputs work;
     (void)fovea_step(rig->rt, &rig->inputs, &rig->outputs);
     fovea_pose_get(rig->rt, &rig->pose[rig->frames++]);
     rig->ops->requeue(rig->source, &rig->frame);
-    (void)fovea_work(rig->rt, &rig->inputs.grants, &work);
+    (void)fovea_work(rig->rt, &rig->inputs.grants, &rig->work);
 }
 
 void sim_rig_close(struct sim_rig *rig)

@@ -17,6 +17,7 @@ struct sim_rig {
     struct fovea_frame frame;
     struct fovea_inputs inputs;
     struct fovea_outputs outputs; /* of the last step */
+    struct fovea_outputs work;    /* of the work behind it */
     int frames;                   /* processed */
     struct fovea_pose pose[SIM_RIG_FRAMES_MAX];
     double truth[SIM_RIG_FRAMES_MAX][12];

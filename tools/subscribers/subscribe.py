@@ -62,6 +62,7 @@ TELL = {
     "FEATURES": (fovea.features_t, lambda m: f"{m.count} of {m.asked} features"),
     "CAMERA_STATUS": (fovea.camera_status_t, lambda m: f"state {m.state}, {m.width} x {m.height} {m.pixel_format}"),
     "STATISTICS": (fovea.statistics_t, lambda m: f"{m.frames_in} frames in, {m.frames_processed} processed"),
+    "CALIBRATION_WARNING": (fovea.calibration_warning_t, lambda m: f"state {m.state}, residuals {m.rms_px:.2f} px, {m.expected_px:.2f} px with the focal length that fits {m.reason}"),
     "EDGES": (fovea.edges_t, lambda m: f"{m.method} of {m.width} x {m.height}, rows {m.first_row} to {m.first_row + m.row_count - 1}, {m.segment_count} segments"),
     "PREVIEW": (fovea.preview_t, lambda m: f"{m.width} x {m.height}, {m.size_bytes} bytes of JPEG"),
     "MAP": (fovea.map_t, lambda m: f"map {m.map_id}, {m.landmark_count} landmarks and {m.keyframe_count} keyframes listed"),

@@ -93,6 +93,20 @@ static void time_note(struct fv_watch *watch, const struct fovea_inputs *inputs)
     if (!__builtin_sub_overflow(now_ns, watch->last_ns, &gap) && gap > 0) watch->last_ns = now_ns;
 }
 
+static void calibration_note(struct fv_watch *watch, const struct fovea *rt)
+{
+    struct fovea_calibration calibration;
+    fovea_calibration_get(rt, &calibration);
+    const int before = atomic_load_explicit(&watch->calibration, memory_order_relaxed);
+    atomic_store_explicit(&watch->calibration, (int)calibration.state, memory_order_relaxed);
+    if ((int)calibration.state <= before) return;
+    const uint32_t number =
+        atomic_load_explicit(&watch->calibration_verdicts, memory_order_relaxed) + 1;
+    memcpy(watch->calibration_reasons[number % FV_WATCH_REASONS], calibration.reason,
+           sizeof calibration.reason);
+    atomic_store_explicit(&watch->calibration_verdicts, number, memory_order_release);
+}
+
 void fv_watch_step(struct fv_watch *watch, const struct fovea *rt,
                    const struct fovea_inputs *inputs, bool processed)
 {
@@ -120,6 +134,7 @@ void fv_watch_step(struct fv_watch *watch, const struct fovea *rt,
     atomic_store_explicit(&watch->keyframes, pose.keyframes, memory_order_relaxed);
     atomic_store_explicit(&watch->closures, stats.closures, memory_order_relaxed);
     atomic_store_explicit(&watch->merges, stats.maps_merged, memory_order_relaxed);
+    calibration_note(watch, rt);
 }
 
 /* ---- the watching thread --------------------------------------------------------------------- */
@@ -132,6 +147,15 @@ bool fv_watch_take(struct fv_watch *watch, struct fv_watch_change *change)
     memcpy(change, oldest, sizeof *change);
     fv_ring_release(&watch->ring, sizeof *change);
     return true;
+}
+
+const char *fv_watch_calibration(struct fv_watch *watch, uint32_t *taken)
+{
+    const uint32_t number =
+        atomic_load_explicit(&watch->calibration_verdicts, memory_order_acquire);
+    if (number == *taken) return NULL;
+    *taken = number;
+    return watch->calibration_reasons[number % FV_WATCH_REASONS];
 }
 
 void fv_watch_close(struct fv_watch *watch)

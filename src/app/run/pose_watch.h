@@ -32,7 +32,7 @@ struct fv_watch_change {
     int64_t lasted_ns; /* how long `from` had lasted */
 };
 
-enum { FV_WATCH_CHANGES_MAX = 512, FV_WATCH_BINS = 1024 };
+enum { FV_WATCH_CHANGES_MAX = 512, FV_WATCH_BINS = 1024, FV_WATCH_REASONS = 8 };
 
 /* The states over the run, for its picture. A bin holds `stride` frames and shows the worst of
  * their states; when all bins are full, neighbours merge. */
@@ -58,6 +58,9 @@ struct fv_watch {
     _Atomic int now_state, source_state;
     _Atomic int64_t lasts_ns; /* how long the state has lasted */
     _Atomic uint32_t landmarks, keyframes, closures, merges, detections;
+    _Atomic int calibration;               /* enum fovea_calibration_state */
+    _Atomic uint32_t calibration_verdicts; /* other than OK, so far */
+    char calibration_reasons[FV_WATCH_REASONS][FOVEA_CALIBRATION_REASON_BYTES]; /* the newest */
 };
 
 void fv_watch_open(struct fv_watch *watch, bool odometry, bool by_clock);
@@ -69,6 +72,10 @@ void fv_watch_step(struct fv_watch *watch, const struct fovea *rt,
 
 /* The oldest change of state that was not taken yet. False: there is none. The watching thread. */
 bool fv_watch_take(struct fv_watch *watch, struct fv_watch_change *change);
+
+/* The newest verdict on the calibration, when it is not number `*taken`, which is then renewed;
+ * else NULL. Valid for FV_WATCH_REASONS - 1 further verdicts. The watching thread. */
+const char *fv_watch_calibration(struct fv_watch *watch, uint32_t *taken);
 
 const char *fv_watch_name(enum fv_watch_state state);
 

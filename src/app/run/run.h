@@ -73,6 +73,7 @@ struct fv_run {
     uint64_t inferences2, detections2; /* of the second network */
     struct fv_trails trails;
     struct fv_watch watch;
+    uint32_t calibration_said; /* verdicts on the calibration */
     struct fv_snapshot snapshot;
     struct fv_final *final;
     struct fv_keeper keeper;

@@ -119,6 +119,12 @@ static void path_print(const struct fv_run *run, const struct fv_trajectory_summ
                fv_watch_why_no_pose(&run->watch, run->settings.runtime.odometry.localise_only));
     states_print(&run->watch);
     scale_print(run);
+    struct fovea_calibration calibration;
+    fovea_calibration_get(run->loop.rt, &calibration);
+    if (calibration.state != FOVEA_CALIBRATION_OK)
+        printf("  calibration %s: %s\n",
+               calibration.state == FOVEA_CALIBRATION_WRONG ? "wrong" : "doubtful",
+               calibration.reason);
 }
 
 /* Of a network, 0 the first: what it found, or that it labels pixels. */

@@ -45,6 +45,8 @@ void fv_run_changes_say(struct fv_run *run)
     const uint64_t lost = atomic_exchange(&run->watch.changes_lost, 0);
     if (lost > 0 && taken)
         fv_say("%" PRIu64 " more changes of state: they came too fast to be listed", lost);
+    const char *reason = fv_watch_calibration(&run->watch, &run->calibration_said);
+    if (reason != NULL && !run->quiet) fv_say_word(FV_SAY_RED, "calibration", ": %s", reason);
 }
 
 /* ---- the status line ------------------------------------------------------------------------- */
@@ -135,6 +137,10 @@ void fv_run_status_show(struct fv_run *run, struct fv_run_pace *pace)
     frame_field(&fields, run, frames);
     add(&fields, "%.1f Hz",
         (double)(frames - pace->frames) * 1e9 / (double)(wall_ns - pace->wall_ns));
+    const int calibration = atomic_load(&run->watch.calibration);
+    if (calibration != FOVEA_CALIBRATION_OK)
+        add(&fields, "calibration %s",
+            calibration == FOVEA_CALIBRATION_WRONG ? "wrong" : "doubtful");
     map_fields(&fields, run);
     if (atomic_load(&run->shared.dropped) > 0)
         add(&fields, "%" PRIu64 " dropped", atomic_load(&run->shared.dropped));

@@ -236,6 +236,31 @@ static void blur_is_a_gaussian(void **state)
         assert_int_equal(pixels[i], 77); /* at the border, too */
 }
 
+static void zoom_scales_about_the_middle(void **state)
+{
+    static const struct {
+        const char *text;
+        double factor;
+    } rows[] = {
+        {"kind=zoom&factor=1", 1}, {"kind=zoom&factor=1.5", 1.5}, {"kind=zoom&factor=0.8", 0.8}};
+    (void)state;
+    for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
+        const struct fv_fault_options options = options_of(rows[i].text);
+        struct fv_fault_picture picture = picture_of(&options, 1);
+        double sum, xx, yy, xy, own = 21 * 21 / 12.0, factor2 = rows[i].factor * rows[i].factor;
+        square_draw();
+        fv_fault_zoom(&picture);
+        moments(&sum, &xx, &yy, &xy);
+        assert_true(fabs(sum / (255 * 21 * 21 * factor2) - 1) < 0.06);
+        assert_true(fabs(xx / (own * factor2) - 1) < 0.06 && fabs(yy / (own * factor2) - 1) < 0.06);
+        assert_true(fabs(xy) < 0.1);
+        level_draw(77);
+        fv_fault_zoom(&picture);
+        for (int k = 0; k < WIDTH * HEIGHT; k++)
+            assert_int_equal(pixels[k], 77);
+    }
+}
+
 static void motion_is_along_one_line(void **state)
 {
     const struct fv_fault_options options = options_of("kind=motion&length=25");
@@ -299,6 +324,7 @@ static void faults_have_the_same_bits_everywhere(void **state)
     } rows[] = {
         {"freeze", fv_fault_freeze, UINT64_C(0xe4750d7f14eab58b)},
         {"black", fv_fault_black, UINT64_C(0x7a71a1a36b20399e)},
+        {"zoom", fv_fault_zoom, UINT64_C(0x1ffddffe6cd0c879)},
         {"blur", fv_fault_blur, UINT64_C(0xe274e2b8add1ec27)},
         {"motion", fv_fault_motion, UINT64_C(0xc9e123a4036a1b0)},
         {"noise", fv_fault_noise, UINT64_C(0x82fba4c7a74e11ba)},
@@ -482,6 +508,7 @@ int main(void)
         cmocka_unit_test(wrong_options_are_refused_in_one_line),
         cmocka_unit_test(noise_has_the_deviation_that_is_asked_for),
         cmocka_unit_test(blur_is_a_gaussian),
+        cmocka_unit_test(zoom_scales_about_the_middle),
         cmocka_unit_test(motion_is_along_one_line),
         cmocka_unit_test(recompression_loses_more_at_a_lower_quality),
         cmocka_unit_test(faults_have_the_same_bits_everywhere),
