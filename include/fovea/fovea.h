@@ -333,6 +333,13 @@ const struct fovea_feature *fovea_features_get(const struct fovea *rt, uint32_t 
 /* Pose of the last processed frame, as published. */
 void fovea_pose_get(const struct fovea *rt, struct fovea_pose *pose);
 
+/* Motion since the frame that was processed `frames` before the last one, with its covariance.
+ * False, and `relative` zero: more than FOVEA_RELATIVE_FRAMES_MAX, one of both frames has no pose,
+ * or their poses do not relate (another map, another unit, a reset in between). Bounded. Loop
+ * thread. */
+bool fovea_relative_pose_get(const struct fovea *rt, uint32_t frames,
+                             struct fovea_relative_pose *relative);
+
 /* Detections of the last completed inference of the network; `inferences` is 0 without one. Valid
  * until the next fovea_work. */
 void fovea_detections_get(const struct fovea *rt, struct fovea_detections *detections);

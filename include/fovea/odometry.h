@@ -109,6 +109,18 @@ struct fovea_pose {
     double T_keyframe_cam[12];
 };
 
+enum { FOVEA_RELATIVE_FRAMES_MAX = 128 }; /* how far back a relative pose may be asked for */
+
+/* The motion from an earlier frame to the last one, as both were published: row-major 3x4, in the
+ * earlier camera's frame and the published unit, with its covariance: upper triangle by rows,
+ * T_true = T exp(error), as that of struct fovea_pose. It holds the drift between the two frames,
+ * and in metres the scale's uncertainty; while the scale is free the unit is the path's own. */
+struct fovea_relative_pose {
+    int64_t before_stamp_ns, stamp_ns;
+    double T_before_now[12];
+    double covariance[21];
+};
+
 /* A keyframe as its map has it now: row-major 3x4 in the map's own world and unit, which no scale
  * touches. */
 struct fovea_keyframe {

@@ -166,3 +166,31 @@ void fv_so3_from_quaternion(const double q[4], double R[9])
     R[7] = 2 * (y * z + w * x);
     R[8] = 1 - 2 * (x * x + y * y);
 }
+
+void fv_se3_carry_covariance(const struct fv_se3 *T_a_b, const double b[21], double a[21])
+{
+    double A[36] = {0}, C[36], AC[36] = {0};
+    const double *t = T_a_b->t, cross[9] = {0, -t[2], t[1], t[2], 0, -t[0], -t[1], t[0], 0};
+    double shifted[9];
+    fv_multiply33(cross, T_a_b->R, shifted);
+    for (int r = 0; r < 3; r++) {
+        for (int c = 0; c < 3; c++) {
+            A[6 * r + c] = A[6 * (r + 3) + c + 3] = T_a_b->R[3 * r + c];
+            A[6 * r + c + 3] = shifted[3 * r + c];
+        }
+    }
+    for (int r = 0, k = 0; r < 6; r++)
+        for (int c = r; c < 6; c++, k++)
+            C[6 * r + c] = C[6 * c + r] = b[k];
+    for (int r = 0; r < 6; r++)
+        for (int c = 0; c < 6; c++)
+            for (int i = 0; i < 6; i++)
+                AC[6 * r + c] += A[6 * r + i] * C[6 * i + c];
+    for (int r = 0, k = 0; r < 6; r++) {
+        for (int c = r; c < 6; c++, k++) {
+            a[k] = 0;
+            for (int i = 0; i < 6; i++)
+                a[k] += AC[6 * r + i] * A[6 * c + i];
+        }
+    }
+}

@@ -38,6 +38,11 @@ void fv_se3_move(struct fv_se3 *T, const double step[6]);
  */
 void fv_se3_part(const struct fv_se3 *whole, double fraction, struct fv_se3 *part);
 
+/* Covariance of a small motion on b's side (T_x_b exp(motion)) as that of the same motion on a's
+ * side, T_a_b fixed: by the adjoint of T_a_b. Upper triangles by rows, translation first. `a` may
+ * be `b`. */
+void fv_se3_carry_covariance(const struct fv_se3 *T_a_b, const double b[21], double a[21]);
+
 /* Nearest rotation of a matrix that is nearly one (two steps of Newton's iteration for the polar
  * factor). */
 void fv_so3_orthonormalise(double R[9]);

@@ -89,6 +89,8 @@ static void publish_pose(struct fovea *rt)
 {
     fv_scale_step(&rt->scale, &rt->odometry);
     fv_publish_step(&rt->publish, &rt->odometry, &rt->scale, rt->state->frame.stamp_ns);
+    fv_relative_note(&rt->relative, fv_publish_pose(&rt->publish),
+                     fv_publish_last_change(&rt->publish).count, rt->state->frame.stamp_ns);
 }
 
 static void process(struct fovea *rt, const struct fovea_inputs *inputs)
@@ -188,6 +190,13 @@ void fovea_pose_get(const struct fovea *rt, struct fovea_pose *pose)
     } else {
         memset(pose, 0, sizeof *pose);
     }
+}
+
+bool fovea_relative_pose_get(const struct fovea *rt, uint32_t frames,
+                             struct fovea_relative_pose *relative)
+{
+    memset(relative, 0, sizeof *relative);
+    return rt->config.odometry.enabled && fv_relative_get(&rt->relative, frames, relative);
 }
 
 void fovea_detections_get(const struct fovea *rt, struct fovea_detections *detections)

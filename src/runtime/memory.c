@@ -125,6 +125,7 @@ static void carve(struct fovea *rt, struct fv_carving *carving)
                        &arenas[FRAME]);
         fv_carving_book(carving, "scale");
         fv_publish_carve(&rt->publish, first->T_body_cam, &arenas[PERSISTENT]);
+        fv_relative_carve(&rt->relative, &arenas[PERSISTENT]);
         fv_carving_book(carving, "publish");
         fv_boxes_carve(&rt->boxes, width, height, &arenas[PERSISTENT], &arenas[FRAME]);
         fv_carving_book(carving, "boxes");

@@ -194,36 +194,6 @@ void fv_publish_step(struct fv_publish *publish, const struct fv_odometry *odome
     }
 }
 
-/* Covariance of a small motion of the camera, as one of the body: by the adjoint of T_body_cam.
- * Upper triangles by rows, translation first. */
-static void move_covariance(const struct fv_se3 *B, const double camera[21], double body[21])
-{
-    double A[36] = {0}, C[36], AC[36] = {0};
-    const double *t = B->t, cross[9] = {0, -t[2], t[1], t[2], 0, -t[0], -t[1], t[0], 0};
-    double shifted[9];
-    fv_multiply33(cross, B->R, shifted);
-    for (int r = 0; r < 3; r++) {
-        for (int c = 0; c < 3; c++) {
-            A[6 * r + c] = A[6 * (r + 3) + c + 3] = B->R[3 * r + c];
-            A[6 * r + c + 3] = shifted[3 * r + c];
-        }
-    }
-    for (int r = 0, k = 0; r < 6; r++)
-        for (int c = r; c < 6; c++, k++)
-            C[6 * r + c] = C[6 * c + r] = camera[k];
-    for (int r = 0; r < 6; r++)
-        for (int c = 0; c < 6; c++)
-            for (int i = 0; i < 6; i++)
-                AC[6 * r + c] += A[6 * r + i] * C[6 * i + c];
-    for (int r = 0, k = 0; r < 6; r++) {
-        for (int c = r; c < 6; c++, k++) {
-            body[k] = 0;
-            for (int i = 0; i < 6; i++)
-                body[k] += AC[6 * r + i] * A[6 * c + i];
-        }
-    }
-}
-
 void fv_publish_covariance(const struct fv_publish *publish, enum fv_publish_child child,
                            double covariance[21])
 {
@@ -231,7 +201,7 @@ void fv_publish_covariance(const struct fv_publish *publish, enum fv_publish_chi
     if (child == FV_PUBLISH_CAMERA)
         memcpy(covariance, publish->state->pose.covariance, 21 * sizeof *covariance);
     else
-        move_covariance(&B, publish->state->pose.covariance, covariance);
+        fv_se3_carry_covariance(&B, publish->state->pose.covariance, covariance);
 }
 
 struct fv_se3 fv_publish_keyframe_pose(const struct fv_publish *publish,

@@ -16,6 +16,7 @@
 #include "runtime/frame_id.h"
 #include "runtime/preview.h"
 #include "runtime/publish.h"
+#include "runtime/relative.h"
 #include "runtime/objects.h"
 #include "scale/scale.h"
 
@@ -75,6 +76,7 @@ struct fovea {
     struct fv_object_stage objects;
     struct fv_scale scale;
     struct fv_publish publish;
+    struct fv_relative relative;
     struct fv_boxes boxes;
     struct fv_preview preview;
     struct fv_edge_stage edges;

@@ -161,7 +161,28 @@ class Measures(unittest.TestCase):
                 E, e = exponential(-half @ RANDOM.normal(size=6))
                 run["position"][i] = run["position"][i] + run["R"][i] @ e
                 run["R"][i] = run["R"][i] @ E
-            values.append(metrics.against_earlier(run, 0, 50, 4.0)[2] / 6)
+            values.append(metrics.against_earlier(run, 0, 50, 4.0, np.zeros(52, bool))[2] / 6)
+        self.assertAlmostEqual(np.mean(values), 1, delta=0.13)
+
+    def test_keyframes_in_between_are_links_of_a_chain(self):
+        values = []
+        for _ in range(200):
+            run, links = drive(52), np.zeros(52, bool)
+            links[5::5] = True
+            half = np.diag([3e-3, 1e-3, 2e-3, 1e-3, 2e-3, 5e-4])
+            run["covariance"][:] = half @ half.T
+            drift = np.eye(3), np.zeros(3)  # what the map has bent since frame 0
+            for k in range(1, 51):
+                R, t = metrics.relative(run["R"][0], run["position"][0], run["R"][k], run["position"][k])
+                E, e = exponential(-half @ RANDOM.normal(size=6)) if links[k] else (np.eye(3), np.zeros(3))
+                if links[k]:  # T_true = T exp(error): all that follows moves with the keyframe
+                    D, d = R @ E @ R.T, t + R @ e - R @ E @ R.T @ t
+                    drift = D @ drift[0], D @ drift[1] + d
+            R, t = metrics.relative(run["R"][0], run["position"][0], run["R"][50], run["position"][50])
+            R, t = drift[0] @ R, drift[0] @ t + drift[1]
+            run["R"][50], run["position"][50] = run["R"][0] @ R, run["position"][0] + run["R"][0] @ t
+            links[0] = True  # frame 50 is a keyframe, and frame 0 has no error of its own
+            values.append(metrics.against_earlier(run, 0, 50, 4.0, links)[2] / 6)
         self.assertAlmostEqual(np.mean(values), 1, delta=0.13)
 
 

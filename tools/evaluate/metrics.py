@@ -129,17 +129,33 @@ def against_keyframe(run, i, scale, truth_at):
     return np.array([scale * np.linalg.norm(error[:3]), np.degrees(np.linalg.norm(error[3:])), nees(error, run["covariance"][i])])
 
 
-def against_earlier(run, j, i, scale):
-    """Error of the motion from pose j to pose i in metres and degrees, its NEES and its stated sigma in metres by the sum of both stated covariances: no
-    message states the covariance of a motion yet, and errors that both keyframes share are in neither."""
+def carried(run, j, i):
+    """The covariance of pose j as one of a motion on the side of pose i: by the adjoint of T_i_j."""
+    Re, te = relative(run["R"][j], run["position"][j], run["R"][i], run["position"][i])
+    adjoint = np.zeros((6, 6))
+    adjoint[:3, :3] = adjoint[3:, 3:] = Re.T
+    adjoint[:3, 3:] = skew(-Re.T @ te) @ Re.T
+    return adjoint @ run["covariance"][j] @ adjoint.T
+
+
+def chain_covariance(run, j, i, links):
+    """Covariance of the motion from pose j to pose i, as fovea_relative_pose_get sums it (src/runtime/relative.h): that of pose i, those
+    of the keyframes in between against the ones before them, and that of pose j unless it is a keyframe itself. `links`: is a keyframe."""
+    total = run["covariance"][i].copy()
+    for k in range(j, i):
+        if links[k] == (k != j) and run["map"][k] == run["map"][i] and run["state"][k] in POSED:
+            total += carried(run, k, i)
+    return total
+
+
+def against_earlier(run, j, i, scale, links):
+    """Error of the motion from pose j to pose i in metres and degrees, its NEES and its stated sigma in metres."""
     Re, te = relative(run["R"][j], run["position"][j], run["R"][i], run["position"][i])
     R, t = relative(run["truth_R"][j], run["truth_position"][j], run["truth_R"][i], run["truth_position"][i])
     error = logarithm(*relative(Re, te, R, t / scale))
-    adjoint = np.zeros((6, 6))  # of the motion's inverse: takes the earlier pose's error to the later one's frame
-    back = -Re.T @ te
-    adjoint[:3, :3] = adjoint[3:, 3:] = Re.T
-    adjoint[:3, 3:] = skew(back) @ Re.T
-    both = run["covariance"][i] + adjoint @ run["covariance"][j] @ adjoint.T
+    if links is None:
+        return np.array([scale * np.linalg.norm(error[:3]), np.degrees(np.linalg.norm(error[3:])), np.nan, np.nan])
+    both = chain_covariance(run, j, i, links)
     return np.array([scale * np.linalg.norm(error[:3]), np.degrees(np.linalg.norm(error[3:])), nees(error, both),
                      scale * np.sqrt(np.trace(both[:3, :3]))])
 
@@ -148,7 +164,7 @@ def second_apart(run, indices, scale, frames):
     """Root mean square error of the motion over one second: metres, degrees."""
     inside = set(indices.tolist())
     pairs = [(i - frames, i) for i in indices if i - frames in inside]
-    errors = np.array([against_earlier(run, j, i, scale)[:2] for j, i in pairs]).reshape(-1, 2)
+    errors = np.array([against_earlier(run, j, i, scale, None)[:2] for j, i in pairs]).reshape(-1, 2)
     return root_mean_square(errors[:, 0]), root_mean_square(errors[:, 1])
 
 
@@ -215,10 +231,11 @@ def judge_map(run, map_id, indices, own_error_m, per_second):
         run["local_scale"][i] = value
     truth_at = {int(stamp): i for i, stamp in enumerate(run["stamp_ns"]) if run["has_truth"][i]}
     inside = set(indices.tolist())
+    links = run["keyframe_stamp_ns"] == run["stamp_ns"]
     for i in indices:
         run["keyframe_error"][i] = against_keyframe(run, i, scale, truth_at)
         if i - APART in inside:
-            run["apart_error"][i] = against_earlier(run, i - APART, i, scale)
+            run["apart_error"][i] = against_earlier(run, i - APART, i, scale, links)
     row.update(scale=float(scale), rmse_m=root_mean_square(error), max_m=float(error.max()),
                scale_ratio=ratio(scales), step_ratio=ratio(local_scales(run, indices, scale, 1)),
                drift_percent_100m=drift_percent(run, indices, scales),
