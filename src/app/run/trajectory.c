@@ -7,6 +7,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 
 #include "support/aligned.h"
 #include "base/ring.h"
@@ -25,8 +26,9 @@ struct map {
 struct fv_trajectory {
     struct fv_ring ring;
     struct fv_output output;
-    FILE *file;    /* its stream; NULL: no file */
-    uint64_t lost; /* the loop's */
+    FILE *file;         /* its stream; NULL: no file */
+    const char *folder; /* NULL: one file; else with a slash at its end, and a file per map in it */
+    uint64_t lost;      /* the loop's */
 
     uint64_t samples, with_truth;
     double last_truth[3], truth_length_m;
@@ -62,6 +64,14 @@ enum fovea_status fv_trajectory_open(const char *path, struct fv_trajectory **tr
     opened->stride = 1;
     opened->output = FV_OUTPUT_CLOSED;
     enum fovea_status status = FOVEA_OK;
+    if (path != NULL && path[0] != '\0' && path[strlen(path) - 1] == '/') {
+        if (mkdir(path, 0777) != 0 && errno != EEXIST)
+            status =
+                fovea_error_set(error, FOVEA_ERROR_INPUT, "%.300s: the folder cannot be made: %s",
+                                path, strerror(errno));
+        opened->folder = path;
+        path = NULL;
+    }
     if (path != NULL) status = fv_output_open(&opened->output, path, FV_OUTPUT_STREAM, error);
     if (status == FOVEA_OK && path != NULL &&
         (opened->file = fv_output_stream(&opened->output)) == NULL)
@@ -96,6 +106,36 @@ bool fv_trajectory_add(struct fv_trajectory *trajectory, const struct fv_traject
 }
 
 /* ---- the other side -------------------------------------------------------------------------- */
+
+/* Close the file, and note the first failure. */
+static void file_close(struct fv_trajectory *trajectory)
+{
+    if (trajectory->file == NULL) return;
+    errno = 0;
+    if (fv_output_close(&trajectory->output, NULL) != FOVEA_OK && trajectory->failed == 0)
+        trajectory->failed = errno != 0 ? errno : EIO;
+    trajectory->file = NULL;
+}
+
+/* In a folder, the file of the sample's map: a new one, or, in a map that was met before, its end.
+ */
+static void file_choose(struct fv_trajectory *trajectory, const struct fv_trajectory_sample *sample,
+                        bool met_before)
+{
+    char path[FV_OUTPUT_PATH_BYTES];
+    if (trajectory->folder == NULL || (trajectory->headed && trajectory->headed_id == sample->map))
+        return;
+    file_close(trajectory);
+    snprintf(path, sizeof path, "%.*smap-%" PRIu32 ".tum", FV_OUTPUT_PATH_BYTES - 32,
+             trajectory->folder, sample->map);
+    errno = 0;
+    const enum fovea_status status =
+        met_before ? fv_output_append(&trajectory->output, path, NULL)
+                   : fv_output_open(&trajectory->output, path, FV_OUTPUT_STREAM, NULL);
+    if (status == FOVEA_OK) trajectory->file = fv_output_stream(&trajectory->output);
+    if (trajectory->file == NULL && trajectory->failed == 0)
+        trajectory->failed = errno != 0 ? errno : EIO;
+}
 
 static void line_write(struct fv_trajectory *trajectory, const struct fv_trajectory_sample *sample)
 {
@@ -157,20 +197,22 @@ static void sums_add(struct map *map, const double centre[3], const double truth
 }
 
 /* Note the world of a sample: one met before, or a new one. Its index, FV_TRAJECTORY_MAPS_MAX for
- * those that are too many to judge. */
-static void map_enter(struct fv_trajectory *trajectory, uint32_t id)
+ * those that are too many to judge. False: it is new. */
+static bool map_enter(struct fv_trajectory *trajectory, uint32_t id)
 {
     uint32_t known = trajectory->maps < FV_TRAJECTORY_MAPS_MAX ? trajectory->maps
                                                                : FV_TRAJECTORY_MAPS_MAX,
              i = 0;
     while (i < known && trajectory->map[i].id != id)
         i++;
-    if (i == FV_TRAJECTORY_MAPS_MAX && trajectory->maps > i && id == trajectory->last_id) return;
+    if (i == FV_TRAJECTORY_MAPS_MAX && trajectory->maps > i && id == trajectory->last_id)
+        return true;
     trajectory->last = i;
     trajectory->last_id = id;
-    if (i < known) return;
+    if (i < known) return true;
     if (i < FV_TRAJECTORY_MAPS_MAX) trajectory->map[i].id = id;
     trajectory->maps++;
+    return false;
 }
 
 static void point_keep(struct fv_trajectory *trajectory, int64_t stamp_ns, const double centre[3],
@@ -199,7 +241,7 @@ static void take(struct fv_trajectory *trajectory, const struct fv_trajectory_sa
 {
     const double *T = sample->T_world_cam, *truth = sample->truth_m;
     const double centre[3] = {T[3], T[7], T[11]};
-    map_enter(trajectory, sample->map);
+    file_choose(trajectory, sample, map_enter(trajectory, sample->map));
     trajectory->metric = sample->metric;
     line_write(trajectory, sample);
     point_keep(trajectory, sample->stamp_ns, centre, truth);
@@ -271,12 +313,7 @@ void fv_trajectory_finish(struct fv_trajectory *trajectory, struct fv_trajectory
     *summary = (struct fv_trajectory_summary){.error_m = NAN, .scale = NAN};
     if (trajectory == NULL) return;
     fv_trajectory_drain(trajectory);
-    if (trajectory->file != NULL) {
-        errno = 0;
-        if (fv_output_close(&trajectory->output, NULL) != FOVEA_OK && trajectory->failed == 0)
-            trajectory->failed = errno != 0 ? errno : EIO;
-        trajectory->file = NULL;
-    }
+    file_close(trajectory);
     summary->samples = trajectory->samples;
     summary->lost = trajectory->lost;
     summary->maps = trajectory->maps;

@@ -4,7 +4,8 @@
  * The file has the TUM format: one line "time x y z qx qy qz qw" per posed frame, time in seconds,
  * T_world_cam as it was published with that frame. A line "# map N" precedes the poses of each
  * stretch in one map, since poses of two maps have no common world; readers of the format take it
- * for a comment. The error is the root mean square distance of
+ * for a comment. A path that ends with a slash is a folder, made where it is not there, with a file
+ * map-N.tum per map. The error is the root mean square distance of
  * the camera centres to the truth after the best similarity transform (Umeyama, PAMI 1991), from
  * running sums. Maps that were started after a loss are each aligned by themselves: the first
  * FV_TRAJECTORY_MAPS_MAX of them, later ones are not judged. */
@@ -36,7 +37,8 @@ struct fv_trajectory_sample {
 /* Bytes that an open trajectory takes. */
 size_t fv_trajectory_bytes(void);
 
-/* `path` may be NULL: no file. FOVEA_ERROR_INPUT: the file cannot be made. Init-only. */
+/* `path` may be NULL: no file; it stays the caller's, and there until it is closed.
+ * FOVEA_ERROR_INPUT: the file cannot be made. Init-only. */
 enum fovea_status fv_trajectory_open(const char *path, struct fv_trajectory **trajectory,
                                      struct fovea_error *error);
 

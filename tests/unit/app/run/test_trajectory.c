@@ -252,6 +252,45 @@ static void test_maps_are_marked(void **state)
     assert_string_equal(found, expected);
 }
 
+/* A folder gets a file per map, and a map that is met again goes on in its own. */
+static void test_a_file_for_each_map(void **state)
+{
+    (void)state;
+    static const uint32_t maps[] = {3, 3, 8, 3};
+    char folder[] = "/tmp/fovea-test-XXXXXX", path[64], text[256];
+    struct fv_trajectory *trajectory;
+    struct fovea_error error;
+    struct fv_trajectory_summary summary;
+    assert_non_null(mkdtemp(folder));
+    snprintf(path, sizeof path, "%s/maps/", folder);
+    assert_int_equal(fv_trajectory_open(path, &trajectory, &error), FOVEA_OK);
+    for (int n = 0; n < 4; n++) {
+        const struct fv_trajectory_sample sample = {
+            .map = maps[n], .T_world_cam = {1, 0, 0, n, 0, 1, 0, 0, 0, 0, 1, 0}};
+        assert_true(fv_trajectory_add(trajectory, &sample));
+    }
+    fv_trajectory_finish(trajectory, &summary);
+    assert_int_equal(summary.failed, 0);
+    fv_trajectory_close(trajectory);
+    static const struct {
+        const char *name, *expected;
+    } files[] = {{"map-3.tum", "# map 3\n0.000000000 0 0 0 0 0 0 1\n0.000000000 1 0 0 0 0 0 1\n"
+                               "# map 3\n0.000000000 3 0 0 0 0 0 1\n"},
+                 {"map-8.tum", "# map 8\n0.000000000 2 0 0 0 0 0 1\n"}};
+    for (int k = 0; k < 2; k++) {
+        snprintf(path, sizeof path, "%s/maps/%s", folder, files[k].name);
+        FILE *file = fopen(path, "r");
+        assert_non_null(file);
+        text[fread(text, 1, sizeof text - 1, file)] = '\0';
+        fclose(file);
+        assert_string_equal(text, files[k].expected);
+        assert_int_equal(unlink(path), 0);
+    }
+    snprintf(path, sizeof path, "%s/maps", folder);
+    assert_int_equal(rmdir(path), 0);
+    assert_int_equal(rmdir(folder), 0);
+}
+
 static void test_full_disk(void **state)
 {
     (void)state;
@@ -274,6 +313,7 @@ int main(void)
         cmocka_unit_test(test_similarity_is_found), cmocka_unit_test(test_several_maps),
         cmocka_unit_test(test_no_extent),           cmocka_unit_test(test_file_and_points),
         cmocka_unit_test(test_maps_are_marked),     cmocka_unit_test(test_full_disk),
+        cmocka_unit_test(test_a_file_for_each_map),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
