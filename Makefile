@@ -76,7 +76,7 @@ endif
 # Packages leave SURF out until it is clear which patents hold (docs/operations.md): make SURF=no.
 SURF      ?= yes
 $(if $(filter yes no,$(SURF)),,$(error SURF: found '$(SURF)', expected yes or no))
-ROOMS     := base image features geometry odometry scale map nn detect objects grid message runtime
+ROOMS     := base image features geometry stereo odometry scale map nn detect objects grid message runtime
 CORE_C    := $(KERNELS) $(foreach r,$(ROOMS),$(wildcard src/$(r)/*.c))
 CORE_C    := $(filter-out $(if $(filter no,$(SURF)),src/features/surf%.c),$(CORE_C))
 # What no loop runs stands at the end, for the same reason: features and operations of the commands.

@@ -5,7 +5,7 @@ set -eu
 cd "$(dirname "$0")/.."
 
 allowed() { # rooms that a room may include besides itself
-    core="base kernels image geometry nn features odometry scale map detect objects"
+    core="base kernels image geometry nn features stereo odometry scale map detect objects"
     case $1 in
     base)     echo "" ;;
     kernels)  echo "base" ;;
@@ -13,6 +13,7 @@ allowed() { # rooms that a room may include besides itself
     geometry) echo "base kernels" ;;
     nn)       echo "base kernels" ;;
     features) echo "base kernels image geometry" ;;
+    stereo)   echo "base kernels image geometry features" ;;
     map)      echo "base kernels image geometry features" ;;
     odometry) echo "base kernels image geometry features map" ;;
     scale)    echo "base kernels geometry map odometry" ;;
