@@ -115,7 +115,8 @@ struct fovea_config {
     /* The cameras, each with its mask, and the inertial sensor. Default: one camera at the
      * origin of the body, whose calibration the caller fills in. Odometry uses the first
      * camera: it must be calibrated, have a T_body_cam (default identity), and give images of
-     * its calibration's width x height. Masks are copied by fovea_init. */
+     * its calibration's width x height; and the second, where it has all that too and
+     * odometry.sensors allows. Masks are copied by fovea_init. */
     struct fovea_rig rig;
     struct fovea_image_config image;
     struct fovea_features_config features;
@@ -446,9 +447,10 @@ size_t fovea_map_save(struct fovea *rt, uint8_t *buffer, size_t bytes);
 enum fovea_stage {
     FOVEA_STAGE_PYRAMID = 0,
     FOVEA_STAGE_FEATURES = 1,
-    FOVEA_STAGE_ODOMETRY = 2,
-    FOVEA_STAGE_ENCODE = 3,
-    FOVEA_STAGE_JOBS = 4, /* then one stage per job, in the order of the jobs */
+    FOVEA_STAGE_STEREO = 2, /* the second camera's images and features, and distances by both */
+    FOVEA_STAGE_ODOMETRY = 3,
+    FOVEA_STAGE_ENCODE = 4,
+    FOVEA_STAGE_JOBS = 5, /* then one stage per job, in the order of the jobs */
     FOVEA_STAGE_COUNT = FOVEA_STAGE_JOBS + FOVEA_JOB_COUNT
 };
 const char *fovea_stage_name(enum fovea_stage stage);
@@ -461,6 +463,7 @@ struct fovea_stats {
     uint64_t refused_stamp, refused_format, refused_paused;
     uint32_t reset_counter;
     uint32_t features;              /* of the last frame */
+    uint32_t distances;             /* of them, those whose distance two cameras measured */
     uint32_t closures, maps_merged; /* since the last reset */
     int64_t stage_cpu_ns[FOVEA_STAGE_COUNT],
         stage_wall_ns[FOVEA_STAGE_COUNT]; /* of the last step and work */

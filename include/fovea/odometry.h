@@ -1,10 +1,15 @@
-/* Monocular visual odometry: the pose of the camera, from its images alone.
+/* Visual odometry: the pose of the first camera, from its images, or from those of two cameras.
  *
  * Features are matched against landmarks of the local map, predicted by a motion model; the pose
  * minimises the robust pixel error of the matches. Keyframes are kept when the image has changed
  * enough; their landmarks and poses are optimised together by a job. The world frame is the camera
  * frame of the first keyframe; without a scale source its unit is such that the median depth at the
  * start is 1.
+ *
+ * A second camera at a known place measures how far features are (odometry.sensors). The map then
+ * begins with the first frame, in metres, and each measured distance adds to localisation and to
+ * the optimisation. Without images of the second camera odometry goes on with the first, in the
+ * same map.
  *
  * After Klein and Murray (ISMAR 2007) and Mur-Artal, Montiel and Tardos (T-RO 2015). */
 #ifndef FOVEA_ODOMETRY_H
@@ -35,9 +40,20 @@ enum { FOVEA_POSED_INLIERS_MIN = 20 };
 enum { FOVEA_START_MATCHES_MIN = 80 };
 
 enum fovea_scale_source {
-    FOVEA_SCALE_FREE = 0,          /* arbitrary: the unit is the median depth at the start */
-    FOVEA_SCALE_CAMERA_HEIGHT = 1, /* metres, from the height of the camera over the floor */
-    FOVEA_SCALE_WHEEL_ODOMETRY = 2 /* metres, from wheel odometry */
+    FOVEA_SCALE_FREE = 0,           /* arbitrary: the unit is the median depth at the start */
+    FOVEA_SCALE_CAMERA_HEIGHT = 1,  /* metres, from the height of the camera over the floor */
+    FOVEA_SCALE_WHEEL_ODOMETRY = 2, /* metres, from wheel odometry */
+    /* metres, from the baseline of two cameras; no configured source: odometry.sensors gives it */
+    FOVEA_SCALE_STEREO = 3
+};
+
+/* What odometry uses of a rig. Kinds with an inertial sensor come later, after these. */
+enum fovea_sensors {
+    /* all that the rig offers: stereo where its second camera is calibrated and its place on the
+     * body is known, else mono */
+    FOVEA_SENSORS_AUTO = 0,
+    FOVEA_SENSORS_MONO = 1,  /* the first camera alone */
+    FOVEA_SENSORS_STEREO = 2 /* the first two cameras; refused where the second does not serve */
 };
 
 struct fovea_scale_config {
@@ -51,7 +67,8 @@ struct fovea_scale_config {
 enum { FOVEA_ODOMETRY_KEYFRAMES_MAX = 256, FOVEA_ODOMETRY_LANDMARKS_MAX = 20000 };
 
 struct fovea_odometry_config {
-    bool enabled; /* default true */
+    bool enabled;               /* default true */
+    enum fovea_sensors sensors; /* default FOVEA_SENSORS_AUTO */
     /* [8, 256], default 128: keyframes of the map; memory about 46 kB each at 1000 features */
     uint32_t keyframes;
     /* [1000, 20000], default 16000: landmarks of the map; memory about 120 B each */

@@ -1,7 +1,8 @@
 /* A rig: the cameras and the inertial sensor that are fixed to one body.
  *
  * A source describes its rig; one camera alone is the rig with one. Frames hold one image per
- * camera, in the rig's order, taken at one stamp (fovea/source.h). Odometry uses the first camera.
+ * camera, in the rig's order, taken at one stamp (fovea/source.h). Odometry uses the first
+ * camera, and the second where both are calibrated and placed (odometry.sensors).
  *
  * T_body_cam takes points of a camera's frame to the body's frame. Body frames follow REP-103
  * (x forward, y left, z up), unless the source's documentation says otherwise: `euroc:` applies no

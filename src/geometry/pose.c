@@ -156,8 +156,22 @@ static void accumulate(const struct fv_normal *normal, const double rows[12],
     fv_normal_add_one(normal, 0, 6, rows, weighted, residual, 2, NULL);
 }
 
-static bool refine_step(const struct fv_observation *observations, uint32_t count, struct fv_se3 *T,
-                        double *moved)
+/* The third error of an observation. */
+static void accumulate_distance(const struct fv_normal *normal, const struct fv_se3 *T,
+                                const struct fv_observation *s,
+                                const struct fv_inverse_distance *measured)
+{
+    double q[3], e, row[6], weighted[6];
+    fv_se3_apply(T, s->point, q);
+    if (!fv_inverse_distance_error(measured, s->bearing, q, &e, row)) return;
+    fv_cross3(q, row, row + 3);
+    fv_block_weigh(row, 6, fv_inverse_distance_robust(measured, e), weighted);
+    fv_normal_add_one(normal, 0, 6, row, weighted, &e, 1, NULL);
+}
+
+static bool refine_step(const struct fv_observation *observations,
+                        const struct fv_inverse_distance *distances, uint32_t count,
+                        struct fv_se3 *T, double *moved)
 {
     double H[36] = {0}, g[6] = {0};
     const struct fv_normal normal = {H, g, 6};
@@ -169,6 +183,7 @@ static bool refine_step(const struct fv_observation *observations, uint32_t coun
         double robust = error2 > FV_CHI_SQUARE_95_2 ? __builtin_sqrt(FV_CHI_SQUARE_95_2 / error2)
                                                     : 1; /* Huber */
         accumulate(&normal, rows, residual, robust * observations[i].weight);
+        if (distances != NULL) accumulate_distance(&normal, T, &observations[i], &distances[i]);
     }
     fv_normal_damp(&normal, 1e-9, 0);
     if (!fv_normal_solve(&normal, g)) return false;
@@ -188,7 +203,8 @@ static void sort_observations(struct fv_observation *observations, uint32_t coun
     }
 }
 
-static void fit_of(const struct fv_observation *observations, uint32_t count, struct fv_se3 *T,
+static void fit_of(const struct fv_observation *observations,
+                   const struct fv_inverse_distance *distances, uint32_t count, struct fv_se3 *T,
                    struct fv_pose_fit *fit)
 {
     double residual[2], rows[12];
@@ -202,6 +218,7 @@ static void fit_of(const struct fv_observation *observations, uint32_t count, st
         fit->inliers++;
         fit->cost += error2;
         accumulate(&normal, rows, residual, observations[i].weight);
+        if (distances != NULL) accumulate_distance(&normal, T, &observations[i], &distances[i]);
     }
     for (int a = 0; a < 6; a++)
         for (int c = a + 1; c < 6; c++)
@@ -213,22 +230,24 @@ double fv_pose_variance(const struct fv_pose_fit *fit)
     return fit->inliers > 3 ? fit->cost / (2 * (double)fit->inliers - 6) : 1;
 }
 
-bool fv_pose_refine(struct fv_observation *observations, uint32_t count, int rounds, int steps,
-                    struct fv_se3 *T_cam_world, struct fv_pose_fit *fit)
+bool fv_pose_refine(struct fv_observation *observations,
+                    const struct fv_inverse_distance *distances, uint32_t count, int rounds,
+                    int steps, struct fv_se3 *T_cam_world, struct fv_pose_fit *fit)
 {
     struct fv_se3 T = *T_cam_world;
     for (int round = 0; round < rounds; round++) {
         double moved = 1;
         for (int step = 0; step < steps && moved > 1e-14; step++)
-            if (!refine_step(observations, count, &T, &moved)) return false;
+            if (!refine_step(observations, distances, count, &T, &moved)) return false;
         sort_observations(observations, count, &T, FV_CHI_SQUARE_95_2);
     }
-    fit_of(observations, count, &T, fit);
+    fit_of(observations, distances, count, &T, fit);
     *T_cam_world = T;
     return true;
 }
 
-bool fv_pose_refine_to_noise(struct fv_observation *observations, uint32_t count,
+bool fv_pose_refine_to_noise(struct fv_observation *observations,
+                             const struct fv_inverse_distance *distances, uint32_t count,
                              struct fv_se3 *T_cam_world, struct fv_pose_fit *fit)
 {
     struct fv_se3 T = *T_cam_world;
@@ -238,10 +257,10 @@ bool fv_pose_refine_to_noise(struct fv_observation *observations, uint32_t count
     if (limit2 >= FV_CHI_SQUARE_95_2) return true;
     for (int step = 0; step < 2; step++) {
         sort_observations(observations, count, &T, limit2);
-        if (!refine_step(observations, count, &T, &moved)) return false;
+        if (!refine_step(observations, distances, count, &T, &moved)) return false;
     }
     sort_observations(observations, count, &T, limit2);
-    fit_of(observations, count, &T, fit);
+    fit_of(observations, distances, count, &T, fit);
     *T_cam_world = T;
     return true;
 }

@@ -14,6 +14,7 @@
 
 #include "base/elementary.h"
 #include "geometry/essential.h"
+#include "geometry/inverse_distance.h"
 #include "geometry/se3.h"
 
 #ifdef __cplusplus
@@ -62,10 +63,12 @@ struct fv_pose_fit {
 
 /* Refine T_cam_world over all observations by Gauss-Newton with Huber weights, in `rounds` of
  * `steps`; after each round observations are sorted anew into inliers and outliers, so that none is
- * lost for good. Observations behind the camera or past the field are outliers. False when the
- * system is singular (pose untouched). */
-bool fv_pose_refine(struct fv_observation *observations, uint32_t count, int rounds, int steps,
-                    struct fv_se3 *T_cam_world, struct fv_pose_fit *fit);
+ * lost for good. Observations behind the camera or past the field are outliers. `distances`, unless
+ * NULL, are measured inverse distances of the observations: third errors of those that are inliers,
+ * in the information but not in the cost. False when the system is singular (pose untouched). */
+bool fv_pose_refine(struct fv_observation *observations,
+                    const struct fv_inverse_distance *distances, uint32_t count, int rounds,
+                    int steps, struct fv_se3 *T_cam_world, struct fv_pose_fit *fit);
 
 /* Variance of an observation's error by what a fit leaves (a posteriori), weighted px^2; 1 where
  * nothing is left to tell. */
@@ -75,7 +78,8 @@ double fv_pose_variance(const struct fv_pose_fit *fit);
  * (chi-square, 99 %, 2 dof) times its variance, and never more than before. Where matches are good
  * to a third of a pixel, what is a pixel off is a thing that moves. Two steps. False when the
  * system is singular (pose untouched). */
-bool fv_pose_refine_to_noise(struct fv_observation *observations, uint32_t count,
+bool fv_pose_refine_to_noise(struct fv_observation *observations,
+                             const struct fv_inverse_distance *distances, uint32_t count,
                              struct fv_se3 *T_cam_world, struct fv_pose_fit *fit);
 
 #ifdef __cplusplus

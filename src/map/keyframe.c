@@ -195,6 +195,9 @@ void fv_map_copy_frame(struct fv_map *map, uint32_t from, uint32_t to)
     memcpy(b.points, a.points, count * sizeof *b.points);
     memcpy(b.descriptors, a.descriptors, (size_t)count * FV_MAP_DESCRIPTOR_BYTES);
     memcpy(b.cells, a.cells, (size_t)(map->columns * map->rows + 1) * sizeof *b.cells);
+    if (map->distances != NULL)
+        memcpy(fv_map_distances(map, to), fv_map_distances(map, from),
+               count * sizeof *map->distances);
     if (b.keypoints != NULL && a.keypoints != NULL)
         memcpy(b.keypoints, a.keypoints, count * sizeof *b.keypoints);
     for (uint32_t i = 0; i < count; i++)

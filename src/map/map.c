@@ -2,6 +2,7 @@
 
 #include <string.h>
 
+#include "fovea/odometry.h"
 #include "geometry/vec.h"
 
 void fv_map_carve(struct fv_map *map, const struct fv_map_limits *limits,
@@ -30,6 +31,8 @@ void fv_map_carve(struct fv_map *map, const struct fv_map_limits *limits,
                                    sizeof *map->keypoints);
     map->cells =
         fv_arena_take(arena, frames * (size_t)(map->columns * map->rows + 1), sizeof *map->cells);
+    map->distances =
+        limits->distances ? fv_arena_take(arena, features, sizeof *map->distances) : NULL;
 }
 
 void fv_map_reset(struct fv_map *map)
@@ -231,6 +234,23 @@ void fv_map_refresh_landmark(struct fv_map *map, uint32_t landmark)
     for (int k = 0; k < 3; k++)
         l->direction[k] = fv_map_direction(mean[k]);
     l->best = (uint8_t)best;
+}
+
+/* ---- measured distances ---------------------------------------------------------------------- */
+
+bool fv_map_metric(const struct fv_map *map)
+{
+    const struct fv_map_state *s = map->state;
+    return map->distances != NULL && s->scale.source == FOVEA_SCALE_STEREO &&
+           s->scale.log_scale == 0 && s->S_map_world.s == 1;
+}
+
+bool fv_map_landmark_stands(const struct fv_map *map, const struct fv_landmark *l)
+{
+    if (l->observer_count != 1 || map->distances == NULL) return l->observer_count >= 2;
+    const struct fv_observer o = l->observers[0];
+    return fv_inverse_distance_known(&fv_map_distances(map, o.keyframe)[o.feature],
+                                     FV_MAP_KNOWN_PARTS / 2);
 }
 
 /* ---- for those who show a map ---------------------------------------------------------------- */

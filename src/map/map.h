@@ -31,6 +31,7 @@
 #include "fovea/camera.h"
 #include "fovea/features.h"
 #include "geometry/bearing.h"
+#include "geometry/inverse_distance.h"
 #include "geometry/sim3.h"
 #include "kernels/kernels.h"
 
@@ -154,6 +155,7 @@ struct fv_map_state {
 struct fv_map_limits {
     uint32_t keyframes, landmarks, features;
     int32_t width, height; /* of the image, for the grid */
+    bool distances;        /* features may have measured inverse distances */
 };
 
 struct fv_map {
@@ -174,6 +176,8 @@ struct fv_map {
     int16_t *links;
     struct fv_keypoint *keypoints; /* of the current and the waiting frames */
     uint16_t *cells;               /* columns * rows + 1 per frame */
+    /* as points, metres; NULL without limits.distances */
+    struct fv_inverse_distance *distances;
 };
 
 /* A frame of the map: a keyframe, the current frame or a waiting one. */
@@ -313,6 +317,24 @@ static inline double fv_map_cosine(const struct fv_landmark *l, const double ray
 /* Merge two landmarks that are the same point: `keep` gets what `drop` has, as far as it has
  * room and keyframes do not see both; `drop` goes. */
 void fv_map_fuse_landmarks(struct fv_map *map, uint32_t keep, uint32_t drop);
+
+/* ---- measured distances ---------------------------------------------------------------------- */
+
+/* A landmark that one keyframe sees stands on a distance that is known to one part in this number.
+ */
+#define FV_MAP_KNOWN_PARTS 20.0
+
+/* Of a frame's features; NULL: none are measured. */
+static inline struct fv_inverse_distance *fv_map_distances(const struct fv_map *map, uint32_t slot)
+{
+    return map->distances == NULL ? NULL : map->distances + (size_t)slot * map->limits.features;
+}
+/* Whether measured distances hold in the current map: its unit is the metre, because it was begun
+ * with them. Other maps have a scale at most (fv_map_scale). */
+bool fv_map_metric(const struct fv_map *map);
+/* Whether enough is known of where a landmark is: two keyframes see it, or the one that sees it
+ * knows its distance. */
+bool fv_map_landmark_stands(const struct fv_map *map, const struct fv_landmark *landmark);
 
 /* ---- covisibility, redundancy and maps (keep.c) ---------------------------------------------- */
 

@@ -21,6 +21,9 @@ void fv_window_carve(struct fv_window *window, const struct fv_window_limits *li
     window->state = fv_arena_take(job, 1, sizeof *window->state);
     window->landmarks = fv_arena_take(job, limits->landmarks, sizeof *window->landmarks);
     window->observations = fv_arena_take(job, limits->observations, sizeof *window->observations);
+    window->distances = map != NULL && map->limits.distances
+                            ? fv_arena_take(job, limits->observations, sizeof *window->distances)
+                            : NULL;
 }
 
 void fv_window_abort(struct fv_window *window)
@@ -66,10 +69,39 @@ static void move_point(struct fv_window *w, struct fv_window_landmark *l)
         l->point[i] += d[i];
 }
 
-/* Add one observation to the system and to its landmark's block. Returns its robust cost. */
+/* The same for its measured distance, which hangs on the same pose: `cross` grows. */
+static double linearise_distance(const struct fv_window_pose *pose, double damping,
+                                 const struct fv_normal *normal,
+                                 const struct fv_inverse_distance *measured, const double b[3],
+                                 const double q[3], double H[6], double g[3], float cross[18])
+{
+    double e, J[3], row[6], weighted[6], by_point[3];
+    if (!fv_inverse_distance_error(measured, b, q, &e, J)) return 0;
+    const double weight = fv_inverse_distance_robust(measured, e);
+    fv_rotate_back3(pose->T_cam_world.R, J, by_point);
+    for (int a = 0, k = 0; a < 3; a++) {
+        g[a] -= weight * by_point[a] * e;
+        for (int c = a; c < 3; c++, k++)
+            H[k] += weight * by_point[a] * by_point[c];
+    }
+    if (pose->column >= 0) {
+        fv_copy3(J, row);
+        fv_cross3(q, J, row + 3);
+        fv_block_weigh(row, 6, weight, weighted);
+        fv_normal_add_one(normal, pose->column, 6, row, weighted, &e, 1, &damping);
+        for (int r = 0; r < 3; r++)
+            for (int c = 0; c < 6; c++)
+                cross[6 * r + c] += (float)(by_point[r] * weighted[c]);
+    }
+    return fv_inverse_distance_cost(measured, e);
+}
+
+/* Add one observation to the system and to its landmark's block. `measured`: its distance, or NULL.
+ * Returns its robust cost. */
 static double linearise(const struct fv_window_state *s, const struct fv_normal *normal,
-                        struct fv_window_observation *o, const double point[3], double H[6],
-                        double g[3], struct couplings *couplings)
+                        struct fv_window_observation *o, const struct fv_inverse_distance *measured,
+                        const double point[3], double H[6], double g[3],
+                        struct couplings *couplings)
 {
     const struct fv_window_pose *pose = &s->poses[o->pose];
     double q[3], e[2], J[6], b[3], A[6], rows[12], weighted[12], by_point[6];
@@ -96,7 +128,10 @@ static double linearise(const struct fv_window_state *s, const struct fv_normal 
         for (int c = a; c < 3; c++, k++)
             H[k] += weight * (by_point[a] * by_point[c] + by_point[3 + a] * by_point[3 + c]);
     }
-    if (pose->column < 0) return cost;
+    if (pose->column < 0)
+        return measured == NULL ? cost
+                                : cost + linearise_distance(pose, s->damping, normal, measured, b,
+                                                            q, H, g, NULL);
     for (int r = 0; r < 2; r++) {
         fv_copy3(J + 3 * r, rows + 6 * r);
         fv_cross3(q, J + 3 * r, rows + 6 * r + 3);
@@ -107,6 +142,8 @@ static double linearise(const struct fv_window_state *s, const struct fv_normal 
         for (int c = 0; c < 6; c++)
             o->cross[6 * r + c] =
                 (float)(by_point[r] * weighted[c] + by_point[3 + r] * weighted[6 + c]);
+    if (measured != NULL)
+        cost += linearise_distance(pose, s->damping, normal, measured, b, q, H, g, o->cross);
     add_coupling(couplings, o->cross, pose->column);
     return cost;
 }
@@ -134,8 +171,9 @@ static void pass_landmark(struct fv_window *w, struct fv_window_landmark *l)
     struct couplings couplings;
     couplings.count = 0;
     for (uint32_t k = 0; k < l->count; k++)
-        s->cost +=
-            linearise(s, &normal, &w->observations[l->first + k], l->point, H, g, &couplings);
+        s->cost += linearise(s, &normal, &w->observations[l->first + k],
+                             w->distances == NULL ? NULL : &w->distances[l->first + k], l->point, H,
+                             g, &couplings);
     H[0] += s->damping * H[0] + 1e-12;
     H[3] += s->damping * H[3] + 1e-12;
     H[5] += s->damping * H[5] + 1e-12;

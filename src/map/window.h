@@ -5,7 +5,8 @@
  * complement, the reduced system of poses is solved by our own LDL^T. After B. Triggs et al.,
  * "Bundle adjustment: a modern synthesis" (2000). The window is copied into job memory when the job
  * starts; the copy is worked on in units; the commit writes back what still holds by (slot,
- * generation). Keyframes outside the window that see its landmarks take part unmoved. State holds
+ * generation). Keyframes outside the window that see its landmarks take part unmoved. In a metric
+ * map the measured inverse distance of an observation is a third error of it. State holds
  * no addresses. Real-time safe; every unit is bounded. */
 #ifndef FOVEA_MAP_WINDOW_H
 #define FOVEA_MAP_WINDOW_H
@@ -84,6 +85,8 @@ struct fv_window {
     struct fv_window_state *state;
     struct fv_window_landmark *landmarks;
     struct fv_window_observation *observations;
+    /* by observation, where the map is metric; NULL where the map keeps none */
+    struct fv_inverse_distance *distances;
 };
 
 /* `map` stays the caller's. */

@@ -6,6 +6,9 @@
 #include "map/window.h"
 #include "geometry/chi_square.h"
 
+/* Squared error of a measured distance, in units of its variance, beyond which it goes. */
+static const double distance_limit2 = 16;
+
 /* ---- start ----------------------------------------------------------------------------------- */
 
 static int32_t pose_of(const struct fv_window_state *s, uint32_t slot)
@@ -65,6 +68,7 @@ static void add_observations(struct fv_window *w, const struct fv_map *map,
                              const struct fv_landmark *l)
 {
     struct fv_window_state *s = w->state;
+    const bool metric = fv_map_metric(map);
     for (uint32_t k = 0; k < l->observer_count; k++) {
         uint32_t slot = l->observers[k].keyframe;
         int32_t pose = pose_of(s, slot);
@@ -73,6 +77,10 @@ static void add_observations(struct fv_window *w, const struct fv_map *map,
         struct fv_window_observation *o = &w->observations[s->observation_count++];
         o->seen = fv_map_frame_at(map, slot).points[l->observers[k].feature];
         o->pose = (uint16_t)pose;
+        if (w->distances != NULL)
+            w->distances[s->observation_count - 1] =
+                metric ? fv_map_distances(map, slot)[l->observers[k].feature]
+                       : (struct fv_inverse_distance){0, 0};
         w->landmarks[s->landmark_count - 1].count++;
     }
 }
@@ -138,7 +146,25 @@ static const struct fv_window_pose *moved_by(const struct fv_window_state *s,
     return &s->poses[i];
 }
 
-/* Unlink the landmark's observations that do not fit; true when it still has two observers. */
+/* A distance that the optimised map contradicts was measured on a wrong match. */
+static void drop_distance(struct fv_window *w, const struct fv_map *map,
+                          const struct fv_window_landmark *l, uint32_t observation,
+                          const double bearing[3], const double q[3])
+{
+    const struct fv_window_pose *pose = &w->state->poses[w->observations[observation].pose];
+    const struct fv_inverse_distance *measured = &w->distances[observation];
+    const struct fv_landmark *target = &map->landmarks[l->slot];
+    double e, J[3];
+    if (!fv_inverse_distance_error(measured, bearing, q, &e, J) ||
+        (double)measured->weight * e * e < distance_limit2 ||
+        !fv_map_holds(map, pose->slot, pose->generation))
+        return;
+    for (uint32_t k = 0; k < target->observer_count; k++)
+        if (target->observers[k].keyframe == pose->slot)
+            fv_map_distances(map, pose->slot)[target->observers[k].feature].weight = 0;
+}
+
+/* Unlink the landmark's observations that do not fit; true when it still stands. */
 static bool drop_misfits(struct fv_window *w, struct fv_map *map,
                          const struct fv_window_landmark *l, uint32_t *dropped)
 {
@@ -153,14 +179,16 @@ static bool drop_misfits(struct fv_window *w, struct fv_map *map,
             A[i] = o->A[i];
         fv_se3_apply(&pose->T_cam_world, l->point, q);
         if (fv_observation_error(b, A, q, e, 0) &&
-            o->weight * (e[0] * e[0] + e[1] * e[1]) < FV_CHI_SQUARE_95_2)
+            o->weight * (e[0] * e[0] + e[1] * e[1]) < FV_CHI_SQUARE_95_2) {
+            if (w->distances != NULL) drop_distance(w, map, l, l->first + k, b, q);
             continue;
+        }
         if (map->keyframes[pose->slot].generation == pose->generation) {
             fv_map_unlink(map, l->slot, pose->slot);
             (*dropped)++;
         }
     }
-    return map->landmarks[l->slot].observer_count >= 2;
+    return fv_map_landmark_stands(map, &map->landmarks[l->slot]);
 }
 
 /* Keyframes and landmarks that were not in the window but hang on a keyframe that was. */

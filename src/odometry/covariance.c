@@ -40,6 +40,8 @@ void fv_covariance_carve(struct fv_covariance *c, struct fv_arena *frame)
 struct fv_linear_observation {
     int pose; /* block of the system, or REFERENCE */
     double weight, rows[12], by_point[6];
+    /* the same of its measured distance; a weight of 0: none */
+    double distance_weight, distance_row[6], distance_by_point[3];
 };
 
 /* The problem around a frame: blocks of the free keyframes, then that of the frame. */
@@ -91,9 +93,30 @@ static void pick_poses(const struct fv_map *map, uint32_t newest, const struct f
     memset(j->S, 0, (size_t)(j->size * j->size) * sizeof *j->S);
 }
 
+/* `measured`: the distance of the feature, in a metric map; else NULL. */
+static void linear_distance_of(const struct fv_se3 *T, const double bearing[3], const double q[3],
+                               const struct fv_inverse_distance *measured,
+                               struct fv_linear_observation *s)
+{
+    double e;
+    s->distance_weight = 0;
+    if (measured == NULL || !fv_inverse_distance_error(measured, bearing, q, &e, s->distance_row))
+        return;
+    s->distance_weight = fv_inverse_distance_robust(measured, e);
+    fv_cross3(q, s->distance_row, s->distance_row + 3);
+    fv_rotate_back3(T->R, s->distance_row, s->distance_by_point);
+}
+
+/* Measured distances of a frame's features; NULL in a map that is not metric. */
+static const struct fv_inverse_distance *distances_of(const struct fv_map *map, uint32_t slot)
+{
+    return fv_map_metric(map) ? fv_map_distances(map, slot) : NULL;
+}
+
 /* False: behind the camera, or a misfit that robust estimates leave out. */
 static bool linear_observation_of(const struct fv_se3 *T, const struct fv_keypoint *p,
-                                  const double point[3], int pose, struct fv_linear_observation *s)
+                                  const struct fv_inverse_distance *measured, const double point[3],
+                                  int pose, struct fv_linear_observation *s)
 {
     double q[3], e[2], J[6];
     struct fv_observation observation;
@@ -109,6 +132,7 @@ static bool linear_observation_of(const struct fv_se3 *T, const struct fv_keypoi
         fv_cross3(q, J + 3 * r, s->rows + 6 * r + 3);
         fv_rotate_back3(T->R, J + 3 * r, s->by_point + 3 * r);
     }
+    linear_distance_of(T, observation.bearing, q, measured, s);
     return true;
 }
 
@@ -118,18 +142,34 @@ static int find_observations(const struct fv_map *map, const struct fv_map_frame
                              struct fv_linear_observation observations[FV_MAP_OBSERVERS_MAX + 1])
 {
     const struct fv_landmark *l = &map->landmarks[frame->landmark[feature]];
+    const struct fv_inverse_distance *own = distances_of(map, fv_map_current(map));
     int count = linear_observation_of(&frame->keyframe->T_cam_world, &frame->keypoints[feature],
-                                      l->point, j->poses - 1, observations);
+                                      own == NULL ? NULL : &own[feature], l->point, j->poses - 1,
+                                      observations);
     for (uint32_t k = 0; k < l->observer_count; k++) {
         const uint32_t slot = l->observers[k].keyframe;
         const struct fv_map_frame from = fv_map_frame_at(map, slot);
         struct fv_keypoint p;
         if (j->block_of[slot] != OUTSIDE &&
             fv_map_keypoint(map, &from.points[l->observers[k].feature], &p))
-            count += linear_observation_of(&from.keyframe->T_cam_world, &p, l->point,
-                                           j->block_of[slot], &observations[count]);
+            count += linear_observation_of(
+                &from.keyframe->T_cam_world, &p,
+                own == NULL ? NULL : &fv_map_distances(map, slot)[l->observers[k].feature],
+                l->point, j->block_of[slot], &observations[count]);
     }
     return count;
+}
+
+/* What an observation's distance adds to a landmark's own block and to that with its pose. */
+static void add_distance(const struct fv_linear_observation *s, double H[6], double cross[18])
+{
+    const double *b = s->distance_by_point, w = s->distance_weight;
+    for (int r = 0, k = 0; r < 3; r++)
+        for (int c = r; c < 3; c++, k++)
+            H[k] += w * b[r] * b[c];
+    for (int r = 0; r < 3; r++)
+        for (int c = 0; c < 6; c++)
+            cross[6 * r + c] += w * s->distance_row[c] * b[r];
 }
 
 /* A landmark's observations, the landmark itself eliminated. */
@@ -148,6 +188,7 @@ static void add_landmark(struct fv_joint *j, const struct fv_linear_observation 
             for (int c = 0; c < 6; c++)
                 cross[i][6 * r + c] =
                     w * (observations[i].rows[c] * b[r] + observations[i].rows[6 + c] * b[3 + r]);
+        if (observations[i].distance_weight > 0) add_distance(&observations[i], H, cross[i]);
     }
     H[0] *= 1 + nearly;
     H[3] *= 1 + nearly;
@@ -159,6 +200,10 @@ static void add_landmark(struct fv_joint *j, const struct fv_linear_observation 
         couplings[coupled++] = (struct fv_coupling){cross[i], first, 6};
         fv_block_add_inner(j->S + first * (j->size + 1), j->size, observations[i].rows, 6,
                            observations[i].rows, 6, 2, observations[i].weight, true);
+        if (observations[i].distance_weight > 0)
+            fv_block_add_inner(j->S + first * (j->size + 1), j->size, observations[i].distance_row,
+                               6, observations[i].distance_row, 6, 1,
+                               observations[i].distance_weight, true);
     }
     const struct fv_normal normal = {j->S, NULL, j->size};
     fv_normal_eliminate(&normal, 3, V, NULL, couplings, coupled);
@@ -180,10 +225,22 @@ static void hold_scale(const struct fv_map *map, uint32_t newest, const struct f
         square += fv_dot3(way + 6 * k, way + 6 * k);
     }
     if (!(square > 0)) return;
-    const double prior = 1 / (scale_sigma * scale_sigma * square * square);
+    /* In metres it is the measured distances that hold it, also of a short path. */
+    const double depth = fv_map_metric(map) ? map->keyframes[newest].depth : 0;
+    const double prior = 1 / (scale_sigma * scale_sigma * square * (square + depth * depth));
     const struct fv_normal normal = {j->S, NULL, j->size};
     fv_block_weigh(way, j->size, prior, weighted);
     fv_normal_add_one(&normal, 0, j->size, way, weighted, NULL, 1, NULL);
+}
+
+static void pull_distance(const struct fv_inverse_distance *measured, const double bearing[3],
+                          const double q[3], double sum[6])
+{
+    double e, row[6];
+    if (!fv_inverse_distance_error(measured, bearing, q, &e, row)) return;
+    fv_cross3(q, row, row + 3);
+    for (int k = 0; k < 6; k++)
+        sum[k] += fv_inverse_distance_robust(measured, e) * e * row[k];
 }
 
 /* Variance of an error as the parts of the image show it: the mean square of what they pull at the
@@ -194,6 +251,7 @@ static double parts_variance(const struct fv_map *map, const struct fv_map_frame
 {
     double pull[FV_MAP_PARTS][6] = {{0}}, A[36], square = 0;
     const struct fv_se3 *T = &frame->keyframe->T_cam_world;
+    const struct fv_inverse_distance *distances = distances_of(map, fv_map_current(map));
     for (uint32_t f = 0; f < frame->keyframe->features; f++) {
         double q[3], e[2], J[6], turn[3];
         struct fv_observation s;
@@ -209,6 +267,7 @@ static double parts_variance(const struct fv_map *map, const struct fv_map_frame
                 sum[3 + k] += s.weight * e[r] * turn[k];
             }
         }
+        if (distances != NULL) pull_distance(&distances[f], s.bearing, q, sum);
     }
     memcpy(A, fit->information, sizeof A);
     if (!fv_ldlt_factor(A, 6)) return 0;
@@ -235,6 +294,7 @@ static double map_bend(const struct fv_map *map, double focal_px, const struct f
         sum += (double)map->landmarks[frame->landmark[f]].spread;
         count++;
     }
+    if (fv_map_metric(map)) return 0; /* distances hold it from the first keyframe on */
     const double mean_px = sum * focal_px / (count > 0 ? count : 1);
     if (!(mean_px > noise_px)) return 1;
     const double bend = noise_px / mean_px * young_spread_px / mean_px;

@@ -19,7 +19,8 @@
  *
  * Noise over the mean parallax of the visible landmarks tells how far the map may be bent, and with
  * it the unit of length from place to place; a fraction of that, over the way from the reference,
- * is added. It fades as parallax grows.
+ * is added. It fades as parallax grows. In a metric map nothing is: measured distances are errors
+ * of the joint problem, and hold each landmark from its first keyframe on.
  *
  * Not to be relied on, whatever its size: while the map is young (fewer than ten keyframes) and
  * that bend is 5 % or more; and where the parts' variance is three times that of the errors or

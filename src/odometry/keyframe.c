@@ -19,8 +19,8 @@ static const double parallax_least_rad =
 
 static const double still_move_rad = 0.002; /* above the noise of a standing camera's pose */
 
-/* Median depth of the current observations, by halving. */
-static double current_depth(const struct fv_odometry *o)
+/* By halving. */
+double fv_odometry_current_depth(const struct fv_odometry *o)
 {
     const struct fv_keyframe *frame = &o->map.keyframes[fv_map_current(&o->map)];
     double low = 1e-4, high = 1e5;
@@ -70,7 +70,7 @@ bool fv_odometry_keyframe_needed(struct fv_odometry *o, uint32_t inliers)
     const struct fv_odometry_state *s = o->state;
     uint64_t apart = s->frame_number - s->keyframe_frame;
     double fraction = (double)inliers / (s->keyframe_matches > 0 ? s->keyframe_matches : 1);
-    double depth = current_depth(o);
+    double depth = fv_odometry_current_depth(o);
     double parallax = distance_to(&o->map, s->newest) / depth;
     note_stillness(o, depth);
     if (s->still.frames >= STILL_FRAMES) return false;
@@ -95,7 +95,7 @@ void fv_odometry_make_keyframe(struct fv_odometry *o)
                                                                   : o->map.limits.landmarks / 4,
                      s->frame_number);
     struct fv_map_frame current = fv_map_frame_at(&o->map, fv_map_current(&o->map));
-    double depth = current_depth(o);
+    double depth = fv_odometry_current_depth(o);
     uint32_t slot = fv_map_add_keyframe(&o->map, fv_map_current(&o->map));
     struct fv_keyframe *keyframe = &o->map.keyframes[slot];
     keyframe->depth = depth;

@@ -48,7 +48,7 @@ static void begin_creation(struct fv_odometry *o, uint32_t keyframe)
     }
     g->keyframe = keyframe;
     g->generation = o->map.keyframes[keyframe].generation;
-    g->phase = FV_CREATION_TRIANGULATE;
+    g->phase = fv_map_metric(&o->map) ? FV_CREATION_MEASURED : FV_CREATION_TRIANGULATE;
 }
 
 /* ---- matching along the epipolar line -------------------------------------------------------- */
@@ -181,6 +181,15 @@ static void triangulate_unit(struct fv_odometry *o, const struct fv_kernels *ker
     }
 }
 
+static void measured_unit(struct fv_odometry *o)
+{
+    struct fv_creation_state *g = &o->state->creation;
+    g->next = fv_odometry_create_measured(o, g->keyframe, g->next, UNIT_FEATURES);
+    if (g->next < o->map.keyframes[g->keyframe].features) return;
+    g->phase = FV_CREATION_TRIANGULATE;
+    g->next = 0;
+}
+
 /* The keyframe is finished: it, and those that now share its landmarks, have another redundancy. */
 static void end_creation(struct fv_odometry *o)
 {
@@ -240,6 +249,8 @@ bool fv_odometry_creation_unit(struct fv_odometry *o, const struct fv_kernels *k
     if (!o->map.keyframes[g->keyframe].used ||
         o->map.keyframes[g->keyframe].generation != g->generation)
         g->phase = FV_CREATION_IDLE;
+    else if (g->phase == FV_CREATION_MEASURED)
+        measured_unit(o);
     else if (g->phase == FV_CREATION_TRIANGULATE)
         triangulate_unit(o, kernels);
     else
@@ -253,7 +264,7 @@ void fv_odometry_cull(struct fv_odometry *o)
         const struct fv_landmark *l = &o->map.landmarks[i];
         if (!l->used) continue;
         bool lost = l->expected >= CULL_EXPECTED_MIN && l->found * 4u < l->expected;
-        bool thin = l->observer_count < 2;
+        bool thin = l->observer_count < 2 && !fv_map_landmark_stands(&o->map, l);
         bool old = (uint32_t)o->state->frame_number - l->born > 15 && l->observer_count < 3 &&
                    l->found < 5;
         if (lost || thin || old) fv_map_remove_landmark(&o->map, i);

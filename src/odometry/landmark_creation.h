@@ -18,7 +18,12 @@ extern "C" {
 enum { FV_CREATION_NEIGHBOURS_MAX = 5, FV_CREATION_PENDING_MAX = 4 };
 
 /* Where landmark creation for a keyframe stands. */
-enum fv_creation_phase { FV_CREATION_IDLE = 0, FV_CREATION_TRIANGULATE = 1, FV_CREATION_FUSE = 2 };
+enum fv_creation_phase {
+    FV_CREATION_IDLE = 0,
+    FV_CREATION_TRIANGULATE = 1,
+    FV_CREATION_FUSE = 2,
+    FV_CREATION_MEASURED = 3 /* first, in a metric map: features with known distances */
+};
 
 struct fv_creation_state {
     enum fv_creation_phase phase;

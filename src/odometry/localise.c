@@ -18,13 +18,14 @@ static const double local_widen =
 static const double found_fraction_low =
     0.2; /* of the visible landmarks: less, and the search is widened */
 
-void fv_localiser_carve(struct fv_localiser *l, uint32_t features_max, struct fv_arena *persistent,
-                        struct fv_arena *frame)
+void fv_localiser_carve(struct fv_localiser *l, uint32_t features_max, bool distances,
+                        struct fv_arena *persistent, struct fv_arena *frame)
 {
     l->recent = fv_arena_take(persistent, features_max, sizeof *l->recent);
     l->observations = fv_arena_take_raw(frame, features_max, sizeof *l->observations);
     l->observed_feature = fv_arena_take_raw(frame, features_max, sizeof *l->observed_feature);
     l->local = fv_arena_take_raw(frame, FV_LOCAL_LANDMARKS_MAX, sizeof *l->local);
+    l->distances = distances ? fv_arena_take_raw(frame, features_max, sizeof *l->distances) : NULL;
 }
 
 void fv_matches_carve(struct fv_matches *m, uint32_t features_max, struct fv_arena *frame)
@@ -83,6 +84,16 @@ static uint32_t match_recent(struct fv_odometry *o, const struct fv_kernels *ker
     return matches;
 }
 
+static void collect_distances(struct fv_localiser *localiser, const struct fv_map *map,
+                              uint32_t count)
+{
+    const struct fv_inverse_distance *distances = fv_map_distances(map, fv_map_current(map));
+    const bool metric = fv_map_metric(map);
+    for (uint32_t i = 0; i < count; i++)
+        localiser->distances[i] =
+            metric ? distances[localiser->observed_feature[i]] : (struct fv_inverse_distance){0, 0};
+}
+
 /* Observations of all matched features; returns their number. */
 uint32_t fv_localiser_collect(struct fv_localiser *localiser, const struct fv_map *map,
                               const struct fv_map_frame *frame)
@@ -94,6 +105,7 @@ uint32_t fv_localiser_collect(struct fv_localiser *localiser, const struct fv_ma
                             &localiser->observations[count]);
         localiser->observed_feature[count++] = f;
     }
+    if (localiser->distances != NULL) collect_distances(localiser, map, count);
     return count;
 }
 
@@ -104,9 +116,12 @@ static uint32_t refine(struct fv_localiser *localiser, const struct fv_map *map,
                        struct fv_se3 *T, struct fv_pose_fit *fit)
 {
     uint32_t count = fv_localiser_collect(localiser, map, frame);
-    if (count < 6 || !fv_pose_refine(localiser->observations, count, rounds, steps, T, fit))
+    if (count < 6 || !fv_pose_refine(localiser->observations, localiser->distances, count, rounds,
+                                     steps, T, fit))
         return 0;
-    if (to_noise && !fv_pose_refine_to_noise(localiser->observations, count, T, fit)) return 0;
+    if (to_noise &&
+        !fv_pose_refine_to_noise(localiser->observations, localiser->distances, count, T, fit))
+        return 0;
     for (uint32_t i = 0; i < count; i++)
         if (!localiser->observations[i].inlier)
             frame->landmark[localiser->observed_feature[i]] = FV_MAP_NONE;
@@ -298,6 +313,7 @@ uint32_t fv_odometry_localise(struct fv_odometry *o, const struct fv_kernels *ke
     struct fv_se3 last = frame.keyframe->T_cam_world, T;
     struct fv_pose_fit fit;
     if (!rough_pose(o, kernels, &frame, &last, &T, &fit)) return 0;
+    fv_odometry_judge_distances(o, &T);
     uint32_t known = fit.inliers, visible = fv_odometry_match_local(o, kernels, &frame, &T, 1);
     o->state->pose.matches = fv_localiser_collect(&o->localiser, &o->map, &frame);
     uint32_t inliers = refine(&o->localiser, &o->map, &frame, 2, 4, true, &T, &fit);

@@ -41,11 +41,13 @@ struct fv_localiser {
     struct fv_observation *observations; /* frame part: of the matched features */
     uint32_t *observed_feature;          /* frame part: feature of each observation */
     uint32_t *local;                     /* frame part: landmarks of the local map */
+    /* frame part: of each observation; NULL: no features have distances */
+    struct fv_inverse_distance *distances;
 };
 
 struct fv_odometry;
 
-void fv_localiser_carve(struct fv_localiser *localiser, uint32_t features_max,
+void fv_localiser_carve(struct fv_localiser *localiser, uint32_t features_max, bool distances,
                         struct fv_arena *persistent, struct fv_arena *frame);
 void fv_matches_carve(struct fv_matches *matches, uint32_t features_max, struct fv_arena *frame);
 /* Forget the frame's matches. */

@@ -16,7 +16,7 @@ static const double window_converged =
     1e-4; /* of the cost; what is left is far below the pixels' noise */
 
 void fv_odometry_carve(struct fv_odometry *o, const struct fovea_odometry_config *config,
-                       const struct fovea_camera *camera, uint32_t features_max,
+                       const struct fovea_camera *camera, uint32_t features_max, bool distances,
                        struct fv_arena *persistent, struct fv_arena *job, struct fv_arena *frame)
 {
     memset(o, 0, sizeof *o);
@@ -25,13 +25,14 @@ void fv_odometry_carve(struct fv_odometry *o, const struct fovea_odometry_config
     o->focal_px = __builtin_sqrt(camera->fx * camera->fy);
     fv_bearing_carve(&o->bearings, camera->width, camera->height, persistent);
     const struct fv_map_limits limits = {config->keyframes, config->landmarks, features_max,
-                                         camera->width, camera->height};
+                                         camera->width,     camera->height,    distances};
     fv_map_carve(&o->map, &limits, &o->camera, &o->bearings, persistent);
     o->state = fv_arena_take(persistent, 1, sizeof *o->state);
-    fv_localiser_carve(&o->localiser, features_max, persistent, frame);
+    fv_localiser_carve(&o->localiser, features_max, distances, persistent, frame);
     fv_initialiser_carve(&o->initialiser, &o->map, o->focal_px, features_max, persistent, frame);
     fv_matches_carve(&o->matches, features_max, frame);
     fv_covariance_carve(&o->covariance, frame);
+    fv_distances_carve(&o->distances, distances, features_max, frame);
     const struct fv_window_limits window = {config->window, WINDOW_LANDMARKS, WINDOW_OBSERVATIONS,
                                             WINDOW_PASSES, window_converged};
     fv_window_carve(&o->window, &window, &o->map, job);
@@ -110,8 +111,10 @@ enum fovea_status fv_odometry_load(struct fv_odometry *o, const struct fv_kernel
 static void odometry_fill_view(struct fv_odometry *o, const struct fv_odometry_input *input)
 {
     const uint32_t current = fv_map_current(&o->map);
-    fv_map_fill_frame(&o->map, current, input->features, input->descriptors, input->count, NULL);
+    fv_map_fill_frame(&o->map, current, input->features, input->descriptors, input->count,
+                      o->distances.from);
     o->map.keyframes[current].stamp_ns = input->stamp_ns;
+    fv_odometry_take_distances(o, input);
 }
 
 bool fv_odometry_interrupt(struct fv_odometry *o)
@@ -206,13 +209,19 @@ static void write_pose(struct fv_odometry *o)
     pose->posed = true;
 }
 
+/* A metric map from this frame, or one from several. */
+static bool begin_map(struct fv_odometry *o, const struct fv_kernels *kernels)
+{
+    return fv_odometry_begin_metric(o) || fv_odometry_initialise(o, kernels);
+}
+
 /* Lost for long: try to make another map beside those that are kept. A map too small to be met
  * again goes. */
 static void start_another(struct fv_odometry *o, const struct fv_kernels *kernels)
 {
     struct fv_odometry_state *s = o->state;
     const uint32_t map_id = o->map.state->map_id;
-    if (!fv_odometry_initialise(o, kernels)) return;
+    if (!begin_map(o, kernels)) return;
     if (o->map.state->map_id != map_id &&
         fv_map_count_keyframes(&o->map, map_id) < MAP_KEYFRAMES_MIN)
         fv_map_drop(&o->map, map_id);
@@ -262,7 +271,7 @@ void fv_odometry_step(struct fv_odometry *o, const struct fv_kernels *kernels,
     if (contradicted(o)) fv_odometry_give_up(o);
     if (s->state != FOVEA_TRACKING_STARTING) {
         localise_step(o, kernels);
-    } else if (fv_odometry_initialise(o, kernels)) {
+    } else if (begin_map(o, kernels)) {
         fv_odometry_confirm(o);
         s->state = confidence(o, s->pose.inliers);
         write_pose(o);

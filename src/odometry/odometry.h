@@ -26,6 +26,7 @@
 #include "map/window.h"
 #include "odometry/agreement.h"
 #include "odometry/covariance.h"
+#include "odometry/distances.h"
 #include "odometry/initialise.h"
 #include "odometry/landmark_creation.h"
 #include "odometry/localise.h"
@@ -88,6 +89,7 @@ struct fv_odometry {
     struct fv_localiser localiser;
     struct fv_relocaliser relocaliser;
     struct fv_covariance covariance;
+    struct fv_distances distances;
     /* The jobs: new landmarks, window optimisation, closures, saving. */
     struct fv_creator creator;
     struct fv_agreement agreement;
@@ -102,11 +104,14 @@ struct fv_odometry_input {
     uint32_t count;
     const struct fovea_feature *features;
     const uint8_t *descriptors; /* 32 bytes each */
+    /* measured, by feature, metres; NULL: none. Only where they were carved for */
+    const struct fv_inverse_distance *distances;
 };
 
-/* Take memory from the three parts. Fills sizes and addresses only. Init-only. */
+/* Take memory from the three parts; `distances`: inputs may have them. Fills sizes and addresses
+ * only. Init-only. */
 void fv_odometry_carve(struct fv_odometry *odometry, const struct fovea_odometry_config *config,
-                       const struct fovea_camera *camera, uint32_t features_max,
+                       const struct fovea_camera *camera, uint32_t features_max, bool distances,
                        struct fv_arena *persistent, struct fv_arena *job, struct fv_arena *frame);
 void fv_odometry_init(struct fv_odometry *odometry, uint64_t seed);
 
@@ -179,6 +184,8 @@ void fv_odometry_confirm(struct fv_odometry *odometry);
 /* Whether the current frame should become a keyframe, and making it one. */
 bool fv_odometry_keyframe_needed(struct fv_odometry *odometry, uint32_t inliers);
 void fv_odometry_make_keyframe(struct fv_odometry *odometry);
+/* Median depth of the landmarks that the current frame sees. */
+double fv_odometry_current_depth(const struct fv_odometry *odometry);
 #ifdef __cplusplus
 }
 #endif

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "base/elementary.h"
+#include "stereo/stereo.h"
 
 static const double identity[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
 
@@ -247,6 +248,33 @@ static enum fovea_status check_rig(const struct fovea_rig *rig, struct fovea_err
     return status == FOVEA_OK && rig->has_imu ? check_imu(&rig->imu, error) : status;
 }
 
+const char *fv_config_stereo_lacks(const struct fovea_rig *rig)
+{
+    const struct fovea_rig_camera *second = &rig->cameras[1];
+    if (rig->camera_count < 2) return "one camera";
+    if (!second->calibrated) return "a second camera without a calibration";
+    if (!second->has_T_body_cam) return "a second camera without T_body_cam";
+    if (!fv_stereo_serves(rig->cameras[0].T_body_cam, second->T_body_cam))
+        return "a second camera less than 5 mm from the first";
+    return NULL;
+}
+
+bool fv_config_stereo(const struct fovea_config *config)
+{
+    return config->odometry.enabled && config->odometry.sensors != FOVEA_SENSORS_MONO &&
+           fv_config_stereo_lacks(&config->rig) == NULL;
+}
+
+static enum fovea_status check_sensors(const struct fovea_config *config, struct fovea_error *error)
+{
+    const char *lacks = fv_config_stereo_lacks(&config->rig);
+    if (config->odometry.sensors != FOVEA_SENSORS_STEREO || lacks == NULL) return FOVEA_OK;
+    return fovea_error_set(
+        error, FOVEA_ERROR_ARGUMENT,
+        "odometry.sensors: found stereo with %s, expected two cameras with calibrations and places on the body, or mono",
+        lacks);
+}
+
 bool fv_config_movable(const struct fovea_config *config)
 {
     uint32_t any = 0;
@@ -369,6 +397,7 @@ enum fovea_status fv_config_check(const struct fovea_config *config, struct fove
     for (size_t i = 0; i < sizeof keys / sizeof keys[0] && status == FOVEA_OK; i++)
         status = check_key(&keys[i], config, error);
     if (status == FOVEA_OK) status = check_rig(&config->rig, error);
+    if (status == FOVEA_OK) status = check_sensors(config, error);
     if (status == FOVEA_OK) status = check_together(config, error);
     if (status == FOVEA_OK) status = check_heights(&config->objects, error);
     return status == FOVEA_OK ? check_prefix(config->channel_prefix, error) : status;

@@ -69,6 +69,12 @@ enum fovea_status fv_config_check_live(const struct fovea_config *config,
 /* Copy the values of the live keys. Real-time safe. */
 void fv_config_take_live(struct fovea_config *config, const struct fovea_config *from);
 
+/* What keeps the second camera out of odometry, as words after "found"; NULL: nothing, there are
+ * two that serve. */
+const char *fv_config_stereo_lacks(const struct fovea_rig *rig);
+/* Whether odometry uses two cameras. */
+bool fv_config_stereo(const struct fovea_config *config);
+
 /* Whether any class is configured as moving on its own. */
 bool fv_config_movable(const struct fovea_config *config);
 

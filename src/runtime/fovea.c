@@ -50,6 +50,15 @@ static void take_commands(struct fovea *rt, uint32_t commands)
         fv_odometry_save_begin(&rt->odometry);
 }
 
+/* Whether an image is one of a camera of the rig. */
+static bool fits(const struct fovea *rt, uint32_t camera, const struct fovea_image *image)
+{
+    return fovea_image_check(image) == FOVEA_OK &&
+           image->width == rt->config.rig.cameras[camera].camera.width &&
+           image->height == rt->config.rig.cameras[camera].camera.height &&
+           image->format != FOVEA_PIXEL_MJPEG;
+}
+
 /* Whether there is a frame to process; counts what is refused. */
 static bool admit(struct fovea *rt, const struct fovea_frame *frame)
 {
@@ -59,13 +68,9 @@ static bool admit(struct fovea *rt, const struct fovea_frame *frame)
         return false;
     }
     state->frames_in++;
-    const struct fovea_image *image = &frame->images[0];
     if (state->paused) {
         state->refused_paused++;
-    } else if (fovea_image_check(image) != FOVEA_OK ||
-               image->width != rt->config.rig.cameras[0].camera.width ||
-               image->height != rt->config.rig.cameras[0].camera.height ||
-               image->format == FOVEA_PIXEL_MJPEG) {
+    } else if (!fits(rt, 0, &frame->images[0])) {
         state->refused_format++;
     } else if (state->any_frame && frame->stamp_ns <= state->frame.stamp_ns) {
         state->refused_stamp++;
@@ -93,6 +98,31 @@ static void publish_pose(struct fovea *rt)
                      fv_publish_last_change(&rt->publish).count, rt->state->frame.stamp_ns);
 }
 
+static struct fv_stereo_view view_of(const struct fv_front_end *front_end)
+{
+    const struct fv_front_end_found found = fv_front_end_found(front_end);
+    return (struct fv_stereo_view){
+        .pyramid = fv_seen_pyramid(fv_front_end_images(front_end), FV_VIEWER_FEATURES),
+        .count = found.count,
+        .features = found.features,
+        .descriptors = found.descriptors};
+}
+
+/* Distances of the features found, by the second camera. False: it gave no image that serves. */
+static bool measure_distances(struct fovea *rt, const struct fovea_inputs *inputs)
+{
+    rt->distances = 0;
+    if (inputs->frame->image_count < 2 || !fits(rt, 1, &inputs->frame->images[1])) return false;
+    fv_front_end_take(&rt->second_front_end, &rt->kernels, &inputs->frame->images[1]);
+    (void)fv_front_end_find(&rt->second_front_end, &rt->kernels,
+                            rt->masks[1].pixels != NULL ? &rt->masks[1] : NULL,
+                            inputs->grants.features);
+    const struct fv_stereo_view views[FV_STEREO_CAMERAS] = {view_of(&rt->front_end),
+                                                            view_of(&rt->second_front_end)};
+    rt->distances = fv_stereo_measure(&rt->stereo, &rt->kernels, views);
+    return true;
+}
+
 static void process(struct fovea *rt, const struct fovea_inputs *inputs)
 {
     struct instant begin = stage_begin(rt);
@@ -108,11 +138,15 @@ static void process(struct fovea *rt, const struct fovea_inputs *inputs)
 
     if (!rt->config.odometry.enabled) return;
     begin = stage_begin(rt);
+    const bool measured = rt->stereo_used && measure_distances(rt, inputs);
+    stage_end(rt, FOVEA_STAGE_STEREO, begin);
+    begin = stage_begin(rt);
     const struct fv_front_end_found found = fv_front_end_found(&rt->front_end);
     const struct fv_odometry_input input = {.stamp_ns = inputs->frame->stamp_ns,
                                             .count = found.count,
                                             .features = found.features,
-                                            .descriptors = found.descriptors};
+                                            .descriptors = found.descriptors,
+                                            .distances = measured ? rt->stereo.measured : NULL};
     fv_odometry_step(&rt->odometry, &rt->kernels, &input);
     publish_pose(rt);
     stage_end(rt, FOVEA_STAGE_ODOMETRY, begin);
@@ -272,6 +306,7 @@ void fovea_stats_get(const struct fovea *rt, struct fovea_stats *stats)
         .refused_paused = state->refused_paused,
         .reset_counter = fv_reset_counter(rt),
         .features = state->features,
+        .distances = rt->distances,
     };
     if (rt->config.odometry.enabled) {
         const struct fv_closure_counts counts = fv_odometry_closure_counts(&rt->odometry);

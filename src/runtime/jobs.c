@@ -71,8 +71,8 @@ const char *fovea_job_key(enum fovea_job job)
 
 const char *fovea_stage_name(enum fovea_stage stage)
 {
-    static const char *const stages[FOVEA_STAGE_JOBS] = {"pyramid", "features", "odometry",
-                                                         "encode"};
+    static const char *const stages[FOVEA_STAGE_JOBS] = {"pyramid", "features", "stereo",
+                                                         "odometry", "encode"};
     if ((unsigned)stage >= FOVEA_STAGE_COUNT) return "unknown";
     return stage < FOVEA_STAGE_JOBS ? stages[stage] : names[stage - FOVEA_STAGE_JOBS];
 }

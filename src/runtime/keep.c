@@ -4,8 +4,9 @@
 size_t fovea_map_bytes_max(const struct fovea_config *config)
 {
     const struct fv_map_limits limits = {
-        config->odometry.keyframes, config->odometry.landmarks, config->features.count_max,
-        config->rig.cameras[0].camera.width, config->rig.cameras[0].camera.height};
+        config->odometry.keyframes,           config->odometry.landmarks,
+        config->features.count_max,           config->rig.cameras[0].camera.width,
+        config->rig.cameras[0].camera.height, false};
     return fv_archive_bytes_max(&limits);
 }
 

@@ -102,6 +102,8 @@ void fv_live_apply(struct fovea *rt)
     const struct fovea_config *config = &rt->config;
     fv_live_spread(rt);
     fv_front_end_set(&rt->front_end, &config->image.preprocess, &config->features);
+    if (rt->stereo_used)
+        fv_front_end_set(&rt->second_front_end, &config->image.preprocess, &config->features);
     if (config->odometry.enabled) fv_odometry_set(&rt->odometry, &config->odometry);
 }
 

@@ -84,6 +84,26 @@ static void carve_masks(struct fovea *rt, struct fv_arena *arena)
     }
 }
 
+/* What the second camera's images go through, and distances by both cameras. */
+static void carve_stereo(struct fovea *rt, struct fv_arena *arenas)
+{
+    const struct fovea_config *config = &rt->config;
+    const struct fovea_rig_camera *first = &config->rig.cameras[0],
+                                  *second = &config->rig.cameras[1];
+    const uint32_t levels = config->features.pyramid_levels;
+    const uint32_t looked_at[FV_VIEWER_COUNT] = {[FV_VIEWER_FEATURES] = levels};
+    rt->stereo_used = fv_config_stereo(config);
+    if (!rt->stereo_used) return;
+    fv_front_end_carve_images(&rt->second_front_end, &config->image.preprocess,
+                              config->image.seen_by, looked_at, second->camera.width,
+                              second->camera.height, levels, &arenas[FRAME]);
+    fv_front_end_carve_features(&rt->second_front_end, &config->features, &arenas[FRAME]);
+    fv_front_end_carve_descriptors(&rt->second_front_end, &arenas[FRAME]);
+    fv_stereo_carve(&rt->stereo, &first->camera, &second->camera, first->T_body_cam,
+                    second->T_body_cam, config->features.count_max, &arenas[PERSISTENT],
+                    &arenas[FRAME]);
+}
+
 /* The images of the first camera, for those who look at them. */
 static void carve_images(struct fovea *rt, int32_t width, int32_t height, struct fv_arena *frame)
 {
@@ -117,9 +137,11 @@ static void carve(struct fovea *rt, struct fv_carving *carving)
     if (config->odometry.enabled) {
         fv_front_end_carve_descriptors(&rt->front_end, &arenas[FRAME]);
         fv_carving_book(carving, "descriptors");
+        carve_stereo(rt, arenas);
+        fv_carving_book(carving, "stereo");
         fv_odometry_carve(&rt->odometry, &config->odometry, &rt->config.rig.cameras[0].camera,
-                          config->features.count_max, &arenas[PERSISTENT], &arenas[JOB],
-                          &arenas[FRAME]);
+                          config->features.count_max, rt->stereo_used, &arenas[PERSISTENT],
+                          &arenas[JOB], &arenas[FRAME]);
         fv_carving_book(carving, "odometry");
         fv_scale_carve(&rt->scale, &config->scale, first->T_body_cam, &arenas[PERSISTENT],
                        &arenas[FRAME]);
@@ -249,6 +271,7 @@ enum fovea_status fovea_init(void *memory, size_t bytes, const struct fovea_conf
     }
     if (config->odometry.enabled) {
         fv_odometry_init(&built->odometry, config->seed);
+        if (built->stereo_used) fv_stereo_init(&built->stereo);
         fv_scale_init(&built->scale, config->seed);
         if (config->map != NULL)
             status =

@@ -19,6 +19,7 @@
 #include "runtime/relative.h"
 #include "runtime/objects.h"
 #include "scale/scale.h"
+#include "stereo/stereo.h"
 
 /* What the runtime itself remembers from frame to frame. No addresses and no padding: copied and
  * hashed as bytes. */
@@ -70,7 +71,12 @@ struct fovea {
 
     struct fv_state *state;
     struct fv_plane masks[FOVEA_CAMERAS_MAX]; /* by camera; pixels NULL: none */
-    struct fv_front_end front_end;            /* of the first camera, which odometry uses */
+    struct fv_front_end front_end;            /* of the first camera */
+    /* of the second camera, and distances by both; where fv_config_stereo */
+    struct fv_front_end second_front_end;
+    struct fv_stereo stereo;
+    bool stereo_used;
+    uint32_t distances; /* measured in the last frame; follows from it */
     struct fv_odometry odometry;
     struct fv_detection detection, detection2; /* objects use the first */
     struct fv_object_stage objects;

@@ -49,6 +49,12 @@ static void scale_enter(struct fv_scale_state *s, uint32_t map, const struct fv_
     s->map = map;
 }
 
+/* A map in metres by two cameras: nothing is added. */
+static bool given_by_stereo(const struct fv_scale_state *s)
+{
+    return s->known && s->source == FOVEA_SCALE_STEREO;
+}
+
 /* Take a measurement of the scale's logarithm. */
 static void scale_measure(struct fv_scale *scale, double log_scale, double variance)
 {
@@ -90,7 +96,7 @@ bool fv_scale_waiting(const struct fv_scale *scale, const struct fv_odometry *od
     const struct fovea_pose *pose = fv_odometry_pose(odometry);
     uint64_t behind = fv_odometry_map(odometry)->state->keyframe_number - s->fitted;
     if (scale->config.source != FOVEA_SCALE_CAMERA_HEIGHT || !pose->posed ||
-        s->map != pose->map_id || behind == 0)
+        s->map != pose->map_id || behind == 0 || given_by_stereo(s))
         return false;
     /* After the window has converged, unless it never does. */
     return behind >= KEYFRAMES_BEHIND_MAX || !fv_odometry_job_waiting(odometry);
@@ -113,9 +119,10 @@ void fv_scale_step(struct fv_scale *scale, struct fv_odometry *odometry)
     struct fv_scale_state *s = scale->state;
     const struct fovea_pose *pose = fv_odometry_pose(odometry);
     const struct fv_map_state *map = fv_odometry_map(odometry)->state;
-    if (s->map != pose->map_id) scale_enter(s, pose->map_id, map);
+    if (s->map != pose->map_id || (!s->known && map->scale.source != FOVEA_SCALE_FREE))
+        scale_enter(s, pose->map_id, map);
     scale_follow(s, map->S_map_world.s);
-    if (!pose->posed) return;
+    if (!pose->posed || given_by_stereo(s)) return;
     /* What a map's first pose says of the floor is used at once. */
     if (!s->started && scale->config.source == FOVEA_SCALE_CAMERA_HEIGHT)
         fv_scale_unit(scale, odometry);

@@ -29,7 +29,7 @@ static double angle_of(const struct fv_stereo *s, const double b[3])
 
 static uint32_t bin_of(double angle)
 {
-    const int32_t bin = (int32_t)(angle * (FV_STEREO_BINS / 4));
+    const int32_t bin = (int32_t)(angle * (0.25 * FV_STEREO_BINS));
     return (uint32_t)bin & (FV_STEREO_BINS - 1);
 }
 

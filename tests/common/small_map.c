@@ -8,8 +8,8 @@
 static void carve(void *context, struct fv_arena *arena)
 {
     struct small_map *small = context;
-    const struct fv_map_limits limits = {SMALL_MAP_KEYFRAMES, SMALL_MAP_LANDMARKS,
-                                         SMALL_MAP_FEATURES, 320, 240};
+    const struct fv_map_limits limits = {
+        SMALL_MAP_KEYFRAMES, SMALL_MAP_LANDMARKS, SMALL_MAP_FEATURES, 320, 240, false};
     fv_bearing_carve(&small->bearings, 320, 240, arena);
     fv_map_carve(&small->map, &limits, &small->camera, &small->bearings, arena);
 }

@@ -48,18 +48,20 @@ record_loop() {
         --set preview.period_frames=0 --set lcm_url= | tee "$folder/loop.txt"
     grep -q ' 1 closure' "$folder/loop.txt"
 }
-# A short way with each further method of features, past the first map.
-methods="orb harris shi_tomasi"
+# A short way with each further method of features, past the first map, and one with two cameras.
+methods="orb harris shi_tomasi stereo"
 record_method() {
-    build/fovea run --source 'sim:orbit?seed=3&width=320&height=240' --frames 40 --record "$folder/$1.lcm" --picture none \
-        --set features.method="$1" --set preview.period_frames=0 --set lcm_url= | grep 'posed [1-9]'
+    method=$1 rig=
+    [ "$1" = stereo ] && method=fast rig='&camera2=0.1,0,0,0,-4,3'
+    build/fovea run --source "sim:orbit?seed=3&width=320&height=240$rig" --frames 40 --record "$folder/$1.lcm" --picture none \
+        --set features.method="$method" --set preview.period_frames=0 --set lcm_url= | grep 'posed [1-9]'
 }
 replay_methods() { # replay_methods COMMAND...
     for method in $methods; do "$@" replay "$folder/$method.lcm" --verify || return 1; done
 }
 run "record a loop on x86" record_loop
 run "record on x86" record "$folder/x86.lcm" build/fovea
-for method in $methods; do run "record features by $method on x86" record_method "$method"; done
+for method in $methods; do run "record $method on x86" record_method "$method"; done
 wait
 
 # What takes longest comes first.
@@ -69,7 +71,7 @@ to_arm_and_back() {
 if have build-aarch64/fovea; then
     run "replay the loop on aarch64" tools/emulate.sh build-aarch64/fovea replay "$folder/loop.lcm" --verify
     run "record on aarch64, replay that on x86" to_arm_and_back
-    run "replay every method of features on aarch64" replay_methods tools/emulate.sh build-aarch64/fovea
+    run "replay every method and two cameras on aarch64" replay_methods tools/emulate.sh build-aarch64/fovea
     run "replay the x86 recording on aarch64" tools/emulate.sh build-aarch64/fovea replay "$folder/x86.lcm" --verify
     for set in c ${all:+neon dotprod}; do # without a cap it is i8mm
         run "replay it on aarch64 with FOVEA_CPU=$set" env FOVEA_CPU=$set tools/emulate.sh build-aarch64/fovea replay "$folder/x86.lcm" --verify
@@ -81,7 +83,7 @@ for set in c sse4 avx2 avxvnni avx512; do
         continue
     fi
     run "replay with FOVEA_CPU=$set" env FOVEA_CPU=$set build/fovea replay "$folder/x86.lcm" --verify
-    run "replay every method of features with FOVEA_CPU=$set" replay_methods env FOVEA_CPU=$set build/fovea
+    run "replay every method and two cameras with FOVEA_CPU=$set" replay_methods env FOVEA_CPU=$set build/fovea
     [ "$set" = c ] && [ -z "$all" ] && continue # ten times as long; they replay the shorter run
     run "replay the loop with FOVEA_CPU=$set" env FOVEA_CPU=$set build/fovea replay "$folder/loop.lcm" --verify
 done
@@ -90,7 +92,7 @@ run "replay with libc's FMA and AVX2 masked" env \
     build/fovea replay "$folder/x86.lcm" --verify
 if have build-clang/fovea; then
     run "replay with the clang build" build-clang/fovea replay "$folder/x86.lcm" --verify
-    run "replay every method of features with the clang build" replay_methods build-clang/fovea
+    run "replay every method and two cameras with the clang build" replay_methods build-clang/fovea
     run "replay the loop with the clang build" build-clang/fovea replay "$folder/loop.lcm" --verify
 fi
 # Each further run must itself replay to what it sent: none of the three holds a message that depends on the run.

@@ -11,8 +11,8 @@ static void carve(struct fv_map_open *open, struct fv_arena *arena)
 {
     const struct fv_archive_info *info = &open->info;
     const struct fv_map_limits limits = {info->keyframe_slots, info->landmark_slots,
-                                         info->features_max, info->camera.width,
-                                         info->camera.height};
+                                         info->features_max,   info->camera.width,
+                                         info->camera.height,  false};
     fv_bearing_carve(&open->bearings, info->camera.width, info->camera.height, arena);
     fv_map_carve(&open->map, &limits, &open->camera, &open->bearings, arena);
 }

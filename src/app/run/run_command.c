@@ -12,6 +12,7 @@
 #include "app/run/realtime.h"
 #include "app/run/run.h"
 #include "app/run/web_page.h"
+#include "runtime/config.h"
 #include "support/say.h"
 #include "app/run/signals.h"
 #include "support/stall.h"
@@ -348,6 +349,11 @@ static enum fovea_status stats_open(struct fv_run *run, struct fovea_error *erro
  * one line. */
 static void remarks(const struct fv_run *run)
 {
+    const struct fovea_config *config = &run->settings.runtime;
+    const char *lacks = fv_config_stereo_lacks(&config->rig);
+    if (lacks != NULL && config->rig.camera_count > 1 && config->odometry.enabled &&
+        config->odometry.sensors == FOVEA_SENSORS_AUTO)
+        fv_say("fovea run: odometry uses the first camera alone: found %s", lacks);
     if (run->unlocked.text[0] != '\0') fv_say("fovea run: %s", run->unlocked.text);
     if (fv_setup_wants_colour(&run->setup) &&
         run->setup.ops->info(run->setup.source)->format == FOVEA_PIXEL_GREY8)

@@ -82,6 +82,7 @@ static void scale_print(const struct fv_run *run)
         [FOVEA_SCALE_FREE] = "",
         [FOVEA_SCALE_CAMERA_HEIGHT] = "the camera's height over the floor",
         [FOVEA_SCALE_WHEEL_ODOMETRY] = "wheel odometry",
+        [FOVEA_SCALE_STEREO] = "two cameras",
     };
     struct fovea_pose pose;
     fovea_pose_get(run->loop.rt, &pose);

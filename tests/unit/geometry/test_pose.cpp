@@ -120,7 +120,7 @@ static void sampling_and_refinement_find_the_pose(void **)
             uint32_t inliers = fv_pose_sample(observations, COUNT, &sampling, &random, &found);
             assert_true(inliers > 0.85 * (1 - fraction) * COUNT);
             worst_sample = fmax(worst_sample, motion_error(found, T));
-            assert_true(fv_pose_refine(observations, COUNT, 3, 5, &found, &fit));
+            assert_true(fv_pose_refine(observations, NULL, COUNT, 3, 5, &found, &fit));
             worst = fmax(worst, motion_error(found, T));
             mean_chi += fit.cost / fit.inliers / 100;
         }
@@ -150,7 +150,7 @@ static void information_is_consistent(void **)
         random_motion(&random, &T);
         make_observations(camera, &random, T, 0, 1, observations);
         found = T;
-        assert_true(fv_pose_refine(observations, COUNT, 2, 5, &found, &fit));
+        assert_true(fv_pose_refine(observations, NULL, COUNT, 2, 5, &found, &fit));
         fv_se3_invert(&found, &inverse);
         fv_se3_compose(&T, &inverse, &D); /* truth = D found */
         double e[6], q = 0;

@@ -42,7 +42,7 @@ static const double ahead = 0.3; /* half the width and height of what lies ahead
 static void carve(void *context, struct fv_arena *arena)
 {
     (void)context;
-    const struct fv_map_limits limits = {80, 16000, FEATURES, 640, 480};
+    const struct fv_map_limits limits = {80, 16000, FEATURES, 640, 480, false};
     fv_bearing_carve(&w.bearings, limits.width, limits.height, arena);
     fv_map_carve(&w.map, &limits, &w.camera, &w.bearings, arena);
     fv_place_carve(&w.place, limits.keyframes, arena);

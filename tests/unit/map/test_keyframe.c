@@ -30,7 +30,7 @@ static struct {
 static void carve(void *context, struct fv_arena *arena)
 {
     (void)context;
-    const struct fv_map_limits limits = {4, 100, FEATURES, t.camera.width, t.camera.height};
+    const struct fv_map_limits limits = {4, 100, FEATURES, t.camera.width, t.camera.height, false};
     fv_bearing_carve(&t.bearings, t.camera.width, t.camera.height, arena);
     fv_map_carve(&t.map, &limits, &t.camera, &t.bearings, arena);
 }

@@ -38,7 +38,7 @@ static double uniform(struct fv_random *random, double low, double high)
 static void carve(void *context, struct fv_arena *arena)
 {
     struct fixture *f = context;
-    const struct fv_map_limits limits = {VIEWS + 2, 1000, POINTS, 752, 480};
+    const struct fv_map_limits limits = {VIEWS + 2, 1000, POINTS, 752, 480, false};
     const struct fv_window_limits window = {WINDOW, 600, 5000, 8, 1e-4};
     fv_bearing_carve(&f->bearings, limits.width, limits.height, arena);
     fv_map_carve(&f->map, &limits, &f->camera, &f->bearings, arena);

@@ -62,8 +62,8 @@ static void carve(struct rig *rig, const struct fovea_camera *camera)
     fv_pyramid_carve(&rig->pyramid, camera->width, camera->height, 8, frame);
     fv_features_carve(&rig->features, &features, &rig->pyramid, frame);
     fv_orb_carve(&rig->orb, FEATURES, &rig->pyramid, frame);
-    fv_odometry_carve(&rig->odometry, &config, camera, FEATURES, &rig->arenas[0], &rig->arenas[1],
-                      frame);
+    fv_odometry_carve(&rig->odometry, &config, camera, FEATURES, false, &rig->arenas[0],
+                      &rig->arenas[1], frame);
 }
 
 static void build_rig(struct rig *rig, const struct fovea_camera *camera, enum fv_cpu_set set)

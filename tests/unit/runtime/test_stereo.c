@@ -1,0 +1,226 @@
+/* Odometry with two cameras of the simulation: metres from the first frame on, the second camera
+ * covered, gone or late, the same bits from every kernel set, and what is refused. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "common/sim_rig.h"
+#include "fovea/fovea.h"
+
+static struct sim_rig rig;
+
+#define ORBIT "sim:orbit?width=400&height=300&seed=2&baseline=0.11"
+
+static void open_rig(const char *uri, int frames, enum fovea_sensors sensors)
+{
+    sim_rig_open(&rig, uri, 0, frames);
+    if (rig.ops->info(rig.source)->rig.camera_count > 1)
+        rig.config.rig = rig.ops->info(rig.source)->rig;
+    rig.config.odometry.sensors = sensors;
+    rig.config.odometry.keyframes = 40;
+    sim_rig_build(&rig);
+}
+
+/* How far a frame's position is from the truth, from the first frame's pose: no alignment. */
+static double error_m(int frame)
+{
+    double off = 0;
+    for (int r = 0; r < 3; r++) {
+        double at = rig.truth[0][4 * r + 3]; /* T_truth_0 p, p as published */
+        for (int c = 0; c < 3; c++)
+            at += rig.truth[0][4 * r + c] * rig.pose[frame].T_world_cam[4 * c + 3];
+        off += (at - rig.truth[frame][4 * r + 3]) * (at - rig.truth[frame][4 * r + 3]);
+    }
+    return __builtin_sqrt(off);
+}
+
+static void expect_metric(int frame)
+{
+    const struct fovea_pose *pose = &rig.pose[frame];
+    assert_true(pose->posed && pose->map_id == 0 && pose->reset_counter == 0);
+    assert_int_equal(pose->scale_source, FOVEA_SCALE_STEREO);
+    assert_true(pose->scale == 1 && pose->scale_sigma > 0.001 && pose->scale_sigma < 0.02);
+}
+
+static void a_map_begins_in_metres_with_the_first_frame(void **state)
+{
+    (void)state;
+    open_rig(ORBIT, 60, FOVEA_SENSORS_AUTO);
+    while (sim_rig_next(&rig))
+        sim_rig_process(&rig);
+    for (int n = 0; n < rig.frames; n++) {
+        expect_metric(n);
+        assert_true(error_m(n) < 0.015);
+    }
+    assert_true(sim_rig_moved(rig.truth[0], rig.truth[59]) > 0.5);
+    sim_rig_close(&rig);
+}
+
+/* Black pictures, then none, then as before. */
+static void the_map_stays_in_metres_while_the_second_camera_is_gone(void **state)
+{
+    (void)state;
+    uint8_t *black = calloc(400, 300);
+    struct fovea_stats stats;
+    open_rig(ORBIT, 80, FOVEA_SENSORS_STEREO);
+    for (int n = 0; sim_rig_next(&rig); n++) {
+        const struct fovea_image seen = rig.frame.images[1];
+        if (n >= 20 && n < 40) rig.frame.images[1].data = black;
+        if (n >= 40 && n < 60) rig.frame.images[1] = (struct fovea_image){0};
+        sim_rig_process(&rig);
+        rig.frame.images[1] = seen;
+        fovea_stats_get(rig.rt, &stats);
+        assert_true((stats.distances > 0) == (n < 20 || n >= 60));
+        expect_metric(n);
+        assert_true(error_m(n) < 0.03);
+    }
+    assert_int_equal(rig.frames, 80);
+    sim_rig_close(&rig);
+    free(black);
+}
+
+/* The second camera hangs on one picture: its distances contradict the map, and are left out. */
+static void a_second_camera_that_hangs_does_not_bend_the_path(void **state)
+{
+    (void)state;
+    uint8_t *hung = malloc(400 * 300);
+    open_rig(ORBIT, 70, FOVEA_SENSORS_AUTO);
+    for (int n = 0; sim_rig_next(&rig); n++) {
+        const struct fovea_image seen = rig.frame.images[1];
+        if (n == 20)
+            for (int y = 0; y < 300; y++)
+                memcpy(hung + y * 400, seen.data + (size_t)y * (size_t)seen.stride_bytes, 400);
+        if (n > 20) {
+            rig.frame.images[1].data = hung;
+            rig.frame.images[1].stride_bytes = 400;
+        }
+        sim_rig_process(&rig);
+        rig.frame.images[1] = seen;
+        expect_metric(n);
+        assert_true(error_m(n) < 0.03);
+    }
+    sim_rig_close(&rig);
+    free(hung);
+}
+
+/* Covered from the start, odometry begins with the first camera, in a unit of its own. */
+static void without_the_second_camera_a_map_has_a_unit_of_its_own(void **state)
+{
+    (void)state;
+    open_rig(ORBIT, 60, FOVEA_SENSORS_AUTO);
+    while (sim_rig_next(&rig)) {
+        rig.frame.images[1].data = NULL;
+        sim_rig_process(&rig);
+    }
+    assert_true(rig.pose[59].posed);
+    assert_int_equal(rig.pose[59].scale_source, FOVEA_SCALE_FREE);
+    sim_rig_close(&rig);
+}
+
+static void one_camera_of_a_rig_is_odometry_with_that_camera(void **state)
+{
+    (void)state;
+    static struct fovea_pose alone[40];
+    open_rig("sim:orbit?width=400&height=300&seed=2", 40, FOVEA_SENSORS_AUTO);
+    while (sim_rig_next(&rig))
+        sim_rig_process(&rig);
+    memcpy(alone, rig.pose, sizeof alone);
+    sim_rig_close(&rig);
+    open_rig(ORBIT, 40, FOVEA_SENSORS_MONO);
+    while (sim_rig_next(&rig))
+        sim_rig_process(&rig);
+    assert_true(rig.pose[39].posed);
+    assert_memory_equal(alone, rig.pose, sizeof alone);
+    sim_rig_close(&rig);
+}
+
+static void every_kernel_set_gives_the_same_state(void **state)
+{
+    (void)state;
+    static const char *const sets[] = {"c", "sse4", "avx2", "avx512", "neon", "i8mm"};
+    uint64_t first = 0;
+    int compared = 0;
+    for (size_t i = 0; i < sizeof sets / sizeof sets[0]; i++) {
+        size_t bytes;
+        struct fovea_error error;
+        setenv("FOVEA_CPU", sets[i], 1);
+        sim_rig_open(&rig, ORBIT, 0, 12);
+        rig.config.rig = rig.ops->info(rig.source)->rig;
+        rig.config.odometry.keyframes = 8;
+        if (fovea_size(&rig.config, &bytes, &error)) fail_msg("%s", error.text);
+        rig.rt = NULL;
+        void *memory = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, (bytes + 63) / 64 * 64);
+        if (fovea_init(memory, bytes, &rig.config, &rig.rt, &error) == FOVEA_OK) {
+            while (sim_rig_next(&rig))
+                sim_rig_process(&rig);
+            const uint64_t hash = fovea_state_hash(rig.rt);
+            assert_true(rig.pose[11].posed);
+            if (compared++ == 0) first = hash;
+            assert_true(hash == first);
+        }
+        rig.rt = memory;
+        sim_rig_close(&rig);
+    }
+    unsetenv("FOVEA_CPU");
+    assert_true(compared > 1);
+}
+
+static void expect_refused(const char *part)
+{
+    size_t bytes;
+    struct fovea_error error;
+    assert_int_equal(fovea_size(&rig.config, &bytes, &error), FOVEA_ERROR_ARGUMENT);
+    if (strstr(error.text, part) == NULL) fail_msg("found '%s', expected '%s'", error.text, part);
+    rig.config.odometry.sensors = FOVEA_SENSORS_AUTO; /* which makes do with the first */
+    assert_int_equal(fovea_size(&rig.config, &bytes, &error), FOVEA_OK);
+    rig.config.odometry.sensors = FOVEA_SENSORS_STEREO;
+}
+
+static void stereo_is_refused_without_two_cameras_that_serve(void **state)
+{
+    (void)state;
+    size_t both, bytes;
+    struct fovea_error error;
+    sim_rig_open(&rig, ORBIT, 0, 1);
+    const struct fovea_rig whole = rig.ops->info(rig.source)->rig;
+    rig.config.rig = whole;
+    rig.config.odometry.sensors = FOVEA_SENSORS_STEREO;
+    assert_int_equal(fovea_size(&rig.config, &both, &error), FOVEA_OK);
+    rig.config.rig.camera_count = 1;
+    expect_refused("found stereo with one camera");
+    assert_int_equal(
+        (rig.config.odometry.sensors = FOVEA_SENSORS_MONO, fovea_size(&rig.config, &bytes, &error)),
+        FOVEA_OK);
+    assert_true(bytes < both && 10 * both < 18 * bytes);
+    rig.config.odometry.sensors = FOVEA_SENSORS_STEREO;
+    rig.config.rig = whole;
+    rig.config.rig.cameras[1].calibrated = false;
+    expect_refused("a second camera without a calibration");
+    rig.config.rig = whole;
+    rig.config.rig.cameras[1].has_T_body_cam = false;
+    expect_refused("a second camera without T_body_cam");
+    rig.config.rig = whole;
+    memcpy(rig.config.rig.cameras[1].T_body_cam, whole.cameras[0].T_body_cam,
+           sizeof whole.cameras[0].T_body_cam);
+    expect_refused("less than 5 mm from the first");
+    sim_rig_close(&rig);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_map_begins_in_metres_with_the_first_frame),
+        cmocka_unit_test(the_map_stays_in_metres_while_the_second_camera_is_gone),
+        cmocka_unit_test(a_second_camera_that_hangs_does_not_bend_the_path),
+        cmocka_unit_test(without_the_second_camera_a_map_has_a_unit_of_its_own),
+        cmocka_unit_test(one_camera_of_a_rig_is_odometry_with_that_camera),
+        cmocka_unit_test(every_kernel_set_gives_the_same_state),
+        cmocka_unit_test(stereo_is_refused_without_two_cameras_that_serve),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
