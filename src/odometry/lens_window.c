@@ -67,13 +67,22 @@ uint64_t fv_lens_window_begin(struct fv_lens_window *w, const struct fv_odometry
     return s->newest;
 }
 
+static bool same_pose(const struct fv_se3 *a, const struct fv_se3 *b)
+{
+    bool same = true;
+    for (int i = 0; i < 9; i++)
+        same &= a->R[i] == b->R[i];
+    for (int i = 0; i < 3; i++)
+        same &= a->t[i] == b->t[i];
+    return same;
+}
+
 /* Keyframes are where they were when the window began. */
 static bool stands(const struct fv_lens_window_state *s, const struct fv_map *map)
 {
     for (int i = 0; i < FV_LENS_KEYFRAMES; i++)
         if (!fv_map_holds(map, s->slots[i], s->generations[i]) ||
-            memcmp(&map->keyframes[s->slots[i]].T_cam_world, &s->T_cam_world[i],
-                   sizeof s->T_cam_world[i]) != 0)
+            !same_pose(&map->keyframes[s->slots[i]].T_cam_world, &s->T_cam_world[i]))
             return false;
     return true;
 }

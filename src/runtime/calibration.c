@@ -4,9 +4,10 @@
 
 /* Logarithms of focal lengths. Over 22 simulated runs (odd seeds, all trajectories, rolling
  * shutter, blur) and the recordings, two frames in a row of a lens that is right show a change of
- * at most 6 deviations, and a mismatch of at most .034 beyond its four deviations while a map is
- * young, .02 later. A focal length 2 % off shows as .018 to .02, 20 deviations. */
-static const double change_limit = 0.012, change_sigmas = 9;
+ * at most 7 deviations, and of 6 where it is above .007; a mismatch is at most .034 beyond its four
+ * deviations while a map is young, .02 later. A focal length 2 % off shows as .018 to .02, 20
+ * deviations. */
+static const double change_limit = 0.012, change_sigmas = 7;
 static const double mismatch_doubtful = 0.06, mismatch_wrong = 0.1, mismatch_sigmas = 4;
 static const double fading = 0.9; /* of the sums, by measured frame */
 

@@ -26,7 +26,7 @@ static struct sim_rig rig;
 static int number_of(const char *name, int otherwise)
 {
     const char *text = getenv(name);
-    return text != NULL && text[0] != '\0' ? atoi(text) : otherwise;
+    return text != NULL && text[0] != '\0' ? (int)strtol(text, NULL, 10) : otherwise;
 }
 
 /* What a run said. */
@@ -89,7 +89,7 @@ struct plan {
 static struct plan plan_of(void)
 {
     const int whole = number_of("FOVEA_LONG", 0);
-    if (whole > 0) return (struct plan){whole, 900, 450, ""};
+    if (whole > 0) return (struct plan){whole, 700, 350, ""};
     return (struct plan){1, 100, 70, "&width=320&height=240"};
 }
 
@@ -120,7 +120,7 @@ static void a_knocked_lens_is_reported(void **state)
         const int after = said.first - plan.knocked;
         if (after > latest) latest = after;
         if (after < 0 || after > 60 * said.fps || said.last.cause != FOVEA_CALIBRATION_CHANGED ||
-            fabs(said.last.focal_difference - log(factor)) > 0.006) {
+            fabs(said.last.focal_difference / log(factor) - 1) > 0.5) {
             print_message("%s: frame %d, %s\n", uri, said.first, said.last.reason);
             wrong++;
         }
@@ -161,7 +161,8 @@ static void the_message_shows_the_pattern(void **state)
     assert_int_equal(said.message.state, FOVEA_CALIBRATION_WARNING_T_STATE_WRONG);
     assert_true(said.message.rms_px > said.message.expected_px && said.message.expected_px > 0);
     for (int i = 0; i < 24; i++) { /* the picture is larger: residuals point outward */
-        const double x = i % 6 - 2.5, y = i / 6 - 1.5;
+        const int column = i % 6, row = i / 6;
+        const double x = column - 2.5, y = row - 1.5;
         assert_true((said.samples[i] == 0) == (isnan(said.mean_px[i][0]) != 0));
         if (said.samples[i] < 20) continue;
         cells++;
