@@ -78,7 +78,8 @@ calibration() { # calibration CAMERAS
     make --no-print-directory "$build/tests/unit/calibrate/test_simulated" && FOVEA_LONG=$1 "$build/tests/unit/calibrate/test_simulated" || return 1
     make --no-print-directory "$build/tests/unit/calibrate/test_rig" && FOVEA_LONG=$1 "$build/tests/unit/calibrate/test_rig" || return 1
     make --no-print-directory "$build/tests/unit/calibrate/test_bad_sets" && FOVEA_LONG=$1 "$build/tests/unit/calibrate/test_bad_sets" || return 1
-    make --no-print-directory "$build/tests/unit/runtime/test_calibration" && FOVEA_LONG=20 "$build/tests/unit/runtime/test_calibration"
+    make --no-print-directory "$build/tests/unit/runtime/test_calibration" && FOVEA_LONG=20 "$build/tests/unit/runtime/test_calibration" || return 1
+    make --no-print-directory "$build/tests/unit/calibrate/test_guide" && FOVEA_LONG=$1 "$build/tests/unit/calibrate/test_guide"
 }
 
 # All tests of the build that clang optimises, with those in C++, which need OpenCV and Ceres.

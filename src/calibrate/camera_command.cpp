@@ -89,7 +89,8 @@ int command_camera(int argc, char **argv)
         {"json", "FILE", &given.json, "write the verdict with all its numbers"},
         {"report", "FILE", &given.report, "write the verdict with pictures as one HTML file"},
         {"name", "NAME", &given.name, "name of the camera in its file"},
-        {"views", "N", &given.views, "pictures to take from a URI (default 40)"},
+        {"views", "N", &given.views,
+         "most pictures to take from a URI (default 40); fewer where the camera is certain before"},
         {"bend", "yes|no", &given.bend, "estimate how the board is bent (default no)"},
         {"corners", "own|opencv", &given.corners,
          "refinement of corners; opencv: cornerSubPix of 11, as OpenCV's calibration program"},
@@ -105,8 +106,10 @@ int command_camera(int argc, char **argv)
     Collection collection;
     fovea_error why;
     const Refinement refinement = given.corners == "own" ? Refinement::OWN : Refinement::OPENCV_11;
-    if (collect(given.source, report.board, refinement, (int)views_max, collection, &why) !=
-        FOVEA_OK)
+    Guidance guidance;
+    guidance.models = models;
+    if (collect_guided(given.source, report.board, refinement, (int)views_max, guidance, collection,
+                       &why) != FOVEA_OK)
         return fv_say_wrong("%s", why.text);
     report.camera_name = given.name;
     report.camera_id = given.source;

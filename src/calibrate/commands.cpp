@@ -13,8 +13,9 @@ const std::vector<Command> commands = {
      "Boards (chessboards, ChArUco boards, AprilGrids, circles) are found in the pictures of a folder, or in the frames of a camera or recording. "
      "The model of the lens is fitted to their corners, and the verdict - pass, doubtful or fail - "
      "says whether the camera file can be trusted, with the remedy where it cannot. A live camera "
-     "takes a picture by itself whenever the board is still and in a new place, until --views are "
-     "taken or SIGINT ends it. --report writes one HTML file, which needs no network, with errors, "
+     "or recording says which picture is missing (corners of the image, tilt, distance), takes one by "
+     "itself whenever the board is still, sharp and adds to what is missing, and ends when the "
+     "focal length and projection are certain, after --views pictures, or by SIGINT. --report writes one HTML file, which needs no network, with errors, "
      "coverage, residual directions, uncertainty of projection and the pictures.",
      "fovea-calibrate camera --source pictures/ --target chessboard:9x6:0.025 --out camera.yaml\n"
      "fovea-calibrate camera --source v4l2:/dev/video0 --target chessboard:9x6:0.025 "

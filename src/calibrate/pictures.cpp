@@ -120,19 +120,6 @@ fovea_status collect_folder(const std::string &folder, const Board &board, Refin
     return FOVEA_OK;
 }
 
-/* Over the corners that both see; infinite where there are none. */
-double mean_shift(const View &a, const View &b)
-{
-    double sum = 0;
-    int count = 0;
-    for (size_t i = 0; i < a.corners.size() && i < b.corners.size(); i++) {
-        if (!seen(a.corners[i]) || !seen(b.corners[i])) continue;
-        sum += std::hypot(a.corners[i][0] - b.corners[i][0], a.corners[i][1] - b.corners[i][1]);
-        count++;
-    }
-    return count > 0 ? sum / count : INFINITY;
-}
-
 /* Whether a frame's board is worth a view: elsewhere than in all views so far and, where frames
  * come by the clock, where it was in the frame before. */
 struct Chooser {
@@ -215,10 +202,63 @@ bool is_chosen(std::vector<Chooser> &choosers, const std::vector<View> &views,
     return still && fresh && boards >= std::min(2, (int)views.size());
 }
 
+/* The guide of one camera, where there is one, and who is told. */
+class Guided
+{
+  public:
+    Guided(const Guidance *guidance, const Board &board, const Collection &size, int views_max,
+           bool live)
+        : guidance_(guidance), width_(size.width), height_(size.height), views_max_(views_max)
+    {
+        if (guidance != nullptr)
+            guide_.emplace_back(board, guidance->models, size.width, size.height, views_max, live);
+    }
+    bool is_on() const
+    {
+        return guidance_ != nullptr;
+    }
+    bool ended() const
+    {
+        return is_on() && (guide_[0].done() ||
+                           (guidance_->observer != nullptr && guidance_->observer->stopped()));
+    }
+    /* Whether this frame is taken. */
+    bool look(const std::vector<uint8_t> &grey, const View &view)
+    {
+        advice_ = guide_[0].look(view);
+        if (guidance_->observer != nullptr)
+            guidance_->observer->frame({grey.data(), width_, height_, width_}, view, advice_,
+                                       guide_[0]);
+        if (fv_say_terminal())
+            fv_say_status("%zu of at most %d pictures  %s  %s", guide_[0].views().size(),
+                          views_max_, advice_.take ? "taken" : advice_.trouble.c_str(),
+                          advice_.text.c_str());
+        return advice_.take;
+    }
+    void add(const View &view)
+    {
+        if (!is_on()) return;
+        guide_[0].add(view);
+        const std::string next = guide_[0].look(View()).text;
+        const double focal = 100 * guide_[0].focal_deviation();
+        if (!fv_say_terminal() && std::isfinite(focal))
+            fv_say("picture %zu, focal length certain to %.3f %%; next: %s",
+                   guide_[0].views().size(), focal, next.c_str());
+        else if (!fv_say_terminal())
+            fv_say("picture %zu; next: %s", guide_[0].views().size(), next.c_str());
+    }
+
+  private:
+    const Guidance *guidance_;
+    int width_, height_, views_max_;
+    std::vector<Guide> guide_; /* one, or none */
+    Advice advice_;
+};
+
 /* Of `cameras` cameras, 0: of all that the source has. */
 fovea_status collect_source(const std::string &uri, const Board &board, Refinement refinement,
-                            int views_max, size_t cameras, std::vector<Collection> &collections,
-                            fovea_error *error)
+                            int views_max, size_t cameras, const Guidance *guidance,
+                            std::vector<Collection> &collections, fovea_error *error)
 {
     Frames frames;
     fv_cpu_set set;
@@ -238,9 +278,11 @@ fovea_status collect_source(const std::string &uri, const Board &board, Refineme
     std::vector<Chooser> choosers(collections.size(), {info->live});
     std::vector<View> views(collections.size());
     std::vector<std::vector<uint8_t>> greys(collections.size());
+    Guided guided(guidance != nullptr && !few ? guidance : nullptr, board, collections[0],
+                  views_max, info->live);
     uint64_t count = 0;
     std::signal(SIGINT, on_signal);
-    while (!interrupted && (int)collections[0].views.size() < views_max) {
+    while (!interrupted && (int)collections[0].views.size() < views_max && !guided.ended()) {
         fovea_frame frame;
         status = frames.ops->dequeue(frames.source, INT64_MAX, &frame);
         if (status == FOVEA_END) break;
@@ -252,16 +294,19 @@ fovea_status collect_source(const std::string &uri, const Board &board, Refineme
         const bool there = look(frame, kernels, board, refinement, collections, views, greys);
         frames.ops->requeue(frames.source, &frame);
         if (!there) continue;
-        if (is_chosen(choosers, views, collections) || few) {
+        const bool chosen = guided.is_on() ? guided.look(greys[0], views[0])
+                                           : is_chosen(choosers, views, collections) || few;
+        if (chosen) {
             for (size_t k = 0; k < views.size(); k++) {
                 take({greys[k].data(), collections[k].width, collections[k].height,
                       collections[k].width},
                      board, views[k]);
                 collections[k].views.push_back(views[k]);
             }
+            guided.add(views[0]);
         }
         count++;
-        if (!fv_say_terminal()) continue;
+        if (guided.is_on() || !fv_say_terminal()) continue;
         fv_say_status("frame %llu  %s  %zu of %d pictures", (unsigned long long)count,
                       views[0].left_out.empty() ? "board" : "no board", collections[0].views.size(),
                       views_max);
@@ -339,22 +384,42 @@ void choose_size(Collection &collection)
                             std::to_string(chosen.first) + " x " + std::to_string(chosen.second);
 }
 
-fovea_status collect(const std::string &source, const Board &board, Refinement refinement,
-                     int views_max, Collection &collection, fovea_error *error)
+namespace
+{
+
+fovea_status collect_one(const std::string &source, const Board &board, Refinement refinement,
+                         int views_max, const Guidance *guidance, Collection &collection,
+                         fovea_error *error)
 {
     if (is_folder(source)) return collect_folder(source, board, refinement, collection, error);
     std::vector<Collection> one;
-    const fovea_status status = collect_source(source, board, refinement, views_max, 1, one, error);
+    const fovea_status status =
+        collect_source(source, board, refinement, views_max, 1, guidance, one, error);
     if (!one.empty()) collection = one[0];
     return status;
+}
+
+} // namespace
+
+fovea_status collect(const std::string &source, const Board &board, Refinement refinement,
+                     int views_max, Collection &collection, fovea_error *error)
+{
+    return collect_one(source, board, refinement, views_max, nullptr, collection, error);
+}
+
+fovea_status collect_guided(const std::string &source, const Board &board, Refinement refinement,
+                            int views_max, const Guidance &guidance, Collection &collection,
+                            fovea_error *error)
+{
+    return collect_one(source, board, refinement, views_max, &guidance, collection, error);
 }
 
 fovea_status collect_rig(const std::vector<std::string> &sources, const Board &board, int views_max,
                          std::vector<Collection> &collections, fovea_error *error)
 {
     if (sources.size() == 1 && !is_folder(sources[0])) {
-        const fovea_status status =
-            collect_source(sources[0], board, Refinement::OWN, views_max, 0, collections, error);
+        const fovea_status status = collect_source(sources[0], board, Refinement::OWN, views_max, 0,
+                                                   nullptr, collections, error);
         if (status != FOVEA_OK || collections.size() > 1) return status;
     }
     if (sources.size() == 1)

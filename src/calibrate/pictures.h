@@ -3,6 +3,7 @@
 #define FOVEA_CALIBRATE_PICTURES_H
 
 #include "calibrate/detect.h"
+#include "calibrate/guide.h"
 
 namespace calibrate
 {
@@ -18,12 +19,34 @@ View view_of(const Grey &image, const Board &board, Refinement refinement, const
 /* Choose the size that most pictures with a board have; the others are left out. */
 void choose_size(Collection &collection);
 
+/* Somebody who follows the pictures while they are taken. */
+class Observer
+{
+  public:
+    virtual ~Observer() = default;
+    /* Of each frame: its image, the board in it, and what the guide says of it. */
+    virtual void frame(const Grey &image, const View &view, const Advice &advice,
+                       const Guide &guide) = 0;
+    virtual bool stopped() = 0; /* no more pictures are wanted */
+};
+
+/* Pictures of a source, taken as a guide asks for them. */
+struct Guidance {
+    std::vector<Model> models;    /* to solve by while they are taken */
+    Observer *observer = nullptr; /* or nobody */
+};
+
 /* `source` is a folder of PNG and JPEG files or the URI of a source. All pictures of a folder, and
  * all frames of a recording of at most `views_max`, are taken; of other sources, the first
  * `views_max` frames whose board is new and, of a live camera, still. FOVEA_ERROR_INPUT: there is
  * none, or it cannot be read. */
 fovea_status collect(const std::string &source, const Board &board, Refinement refinement,
                      int views_max, Collection &collection, fovea_error *error);
+/* The same; of a source with more frames, at most `views_max` that the guide takes, until it is
+ * done. */
+fovea_status collect_guided(const std::string &source, const Board &board, Refinement refinement,
+                            int views_max, const Guidance &guidance, Collection &collection,
+                            fovea_error *error);
 
 /* Pictures that the cameras of a rig take at the same instants: views of one index belong together.
  * One source with several cameras, or for each camera a folder or a recording of its own, of which

@@ -7,9 +7,10 @@
  * at most 7 deviations, and of 6 where it is above .007; a mismatch is at most .034 beyond its four
  * deviations while a map is young, .02 later. A focal length 2 % off shows as .018 to .02, 20
  * deviations. */
-static const double change_limit = 0.012, change_sigmas = 7;
+static const double change_limit = 0.014;                   /* of one of the frames in a row, */
+static const double change_each = 0.006, change_sigmas = 7; /* and of each */
 static const double mismatch_doubtful = 0.06, mismatch_wrong = 0.1, mismatch_sigmas = 4;
-static const double fading = 0.9; /* of the sums, by measured frame */
+static const double fading = 0.7; /* of the sums, by measured frame */
 
 enum { MESSAGE_FRAMES = 128 };
 
@@ -60,9 +61,14 @@ static double least_of(const double *values, const double *deviations, int count
 static void judge_change(struct fv_calibration_state *s)
 {
     const int count = FV_CALIBRATION_FRAMES;
-    if (s->changes == (uint32_t)count && least_of(s->change, s->sigma, count, 0) > change_limit &&
+    double largest = 0;
+    if (s->changes < (uint32_t)count) return;
+    for (int i = 0; i < count; i++)
+        if (s->change[i] * s->change[i] > largest * largest) largest = s->change[i];
+    if (largest * largest > change_limit * change_limit &&
+        least_of(s->change, s->sigma, count, 0) > change_each &&
         least_of(s->change, s->sigma, count, change_sigmas) > 0)
-        decide(s, FOVEA_CALIBRATION_WRONG, FOVEA_CALIBRATION_CHANGED, s->change[count - 1]);
+        decide(s, FOVEA_CALIBRATION_WRONG, FOVEA_CALIBRATION_CHANGED, largest);
 }
 
 static void judge_mismatch(struct fv_calibration_state *s)
