@@ -83,11 +83,11 @@ bool fv_sim3_search_more(struct fv_sim3_search *search,
 
 /* Refine S_a_b on the errors of both cameras, pixels and (they alone give the scale, where both
  * stand at one position) distances, by Gauss-Newton with Huber weights, `steps` times, over those
- * marked as inliers; afterwards all are sorted anew with `limit`. Returns the number of inliers, 0
- * when the system is singular.
+ * marked as inliers; afterwards all are sorted anew with `limit`. `rigid`: both maps have one unit,
+ * so the scale is 1. Returns the number of inliers, 0 when the system is singular.
  */
 uint32_t fv_sim3_refine(struct fv_correspondence *correspondences, uint32_t count, double limit,
-                        int steps, struct fv_sim3 *S_a_b);
+                        int steps, bool rigid, struct fv_sim3 *S_a_b);
 
 /* Standard deviation (rad, all axes together) of the rotation of S_a_b by the weights of the
  * inliers' pixels and distances; pi when they do not fix it. Large where all that meets lies far

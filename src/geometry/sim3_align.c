@@ -246,12 +246,22 @@ static void correspondences_system(const struct fv_correspondence *correspondenc
         H[8 * a] *= 1 + 1e-9;
 }
 
-static bool sim3_step(const struct fv_correspondence *correspondences, uint32_t count,
+/* The last variable, that of the scale, does not move. */
+static void hold_scale(double H[49], double g[7])
+{
+    for (int k = 0; k < 6; k++)
+        H[42 + k] = 0;
+    H[48] = 1;
+    g[6] = 0;
+}
+
+static bool sim3_step(const struct fv_correspondence *correspondences, uint32_t count, bool rigid,
                       struct fv_sim3 *S_a_b)
 {
     double H[49], g[7];
     struct fv_sim3 step, moved;
     correspondences_system(correspondences, count, S_a_b, H, g);
+    if (rigid) hold_scale(H, g);
     if (!fv_ldlt_solve(H, 7, g)) return false;
     fv_so3_exp(g + 3, step.R);
     fv_copy3(g, step.t);
@@ -263,11 +273,12 @@ static bool sim3_step(const struct fv_correspondence *correspondences, uint32_t 
 }
 
 uint32_t fv_sim3_refine(struct fv_correspondence *correspondences, uint32_t count, double limit,
-                        int steps, struct fv_sim3 *S_a_b)
+                        int steps, bool rigid, struct fv_sim3 *S_a_b)
 {
     struct fv_sim3 S = *S_a_b, inverse;
+    if (rigid) S.s = 1;
     for (int step = 0; step < steps; step++)
-        if (!sim3_step(correspondences, count, &S)) return 0;
+        if (!sim3_step(correspondences, count, rigid, &S)) return 0;
     uint32_t inliers = 0;
     fv_sim3_invert(&S, &inverse);
     for (uint32_t i = 0; i < count; i++) {

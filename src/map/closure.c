@@ -316,18 +316,25 @@ static void sample_unit(struct fv_closure *closure)
     s->phase = FV_CLOSURE_REFINE;
 }
 
-static uint32_t refine(struct fv_closure *closure)
+/* Between two keyframes in metres nothing but motion is left open. */
+static bool is_rigid(const struct fv_closure_state *s, const struct fv_map *map)
+{
+    return fv_map_metric_of(map, map->keyframes[s->keyframe.slot].map_id) &&
+           fv_map_metric_of(map, map->keyframes[s->candidates[s->candidate].slot].map_id);
+}
+
+static uint32_t refine(struct fv_closure *closure, const struct fv_map *map)
 {
     struct fv_closure_state *s = closure->state;
     return fv_sim3_refine(closure->correspondences, s->correspondence_count, FV_CHI_SQUARE_99_2, 3,
-                          &s->S_keyframe_candidate);
+                          is_rigid(s, map), &s->S_keyframe_candidate);
 }
 
 static void refine_unit(struct fv_closure *closure, struct fv_map *map)
 {
     struct fv_closure_state *s = closure->state;
     if (s->next < REFINEMENTS && s->inliers >= FV_PLACE_SAMPLED_MIN) {
-        s->inliers = refine(closure);
+        s->inliers = refine(closure, map);
         s->next++;
         return;
     }
@@ -462,7 +469,7 @@ static void guided_done(struct fv_closure *closure, const struct fv_map *map)
     struct fv_closure_state *s = closure->state;
     uint32_t candidate = s->candidates[s->candidate].slot, inliers = s->correspondence_count;
     for (int round = 0; round < REFINEMENTS && inliers >= CORRESPONDENCES_MIN; round++)
-        inliers = refine(closure);
+        inliers = refine(closure, map);
     if (inliers < CORRESPONDENCES_MIN || !enough_found(s, FOUND_MIN)) {
         next_candidate(s);
         return;

@@ -34,6 +34,7 @@ void fv_closure_graph_begin(struct fv_closure *closure, const struct fv_map *map
             map->keyframes[k].number < oldest)
             oldest = map->keyframes[k].number;
     fv_pose_graph_begin(&closure->graph);
+    closure->graph.state->rigid = fv_map_metric_of(map, map_id);
     for (uint32_t k = 0; k < map->limits.keyframes; k++) {
         const struct fv_keyframe *keyframe = &map->keyframes[k];
         closure->node_of[k] = -1;

@@ -238,11 +238,24 @@ void fv_map_refresh_landmark(struct fv_map *map, uint32_t landmark)
 
 /* ---- measured distances ---------------------------------------------------------------------- */
 
+static bool metres(const struct fv_map_scale *scale, const struct fv_sim3 *S_map_world)
+{
+    return scale->source == FOVEA_SCALE_STEREO && scale->log_scale == 0 && S_map_world->s == 1;
+}
+
 bool fv_map_metric(const struct fv_map *map)
 {
+    return map->distances != NULL && metres(&map->state->scale, &map->state->S_map_world);
+}
+
+bool fv_map_metric_of(const struct fv_map *map, uint32_t map_id)
+{
     const struct fv_map_state *s = map->state;
-    return map->distances != NULL && s->scale.source == FOVEA_SCALE_STEREO &&
-           s->scale.log_scale == 0 && s->S_map_world.s == 1;
+    if (map_id == s->map_id) return fv_map_metric(map);
+    for (uint32_t i = 0; i < FV_MAP_WORLDS_MAX && map->distances != NULL; i++)
+        if (s->left[i].map_id == map_id && metres(&s->left[i].scale, &s->left[i].S_map_world))
+            return true;
+    return false;
 }
 
 bool fv_map_landmark_stands(const struct fv_map *map, const struct fv_landmark *l)

@@ -240,6 +240,8 @@ static void linearise_edge(struct fv_pose_graph *g, uint32_t number)
         by_a[i] = -by_a[i];
     adjoint(&edge->S_a_b, Ad);
     multiply77(left, Ad, by_b);
+    for (int row = 0; row < 6 && g->state->rigid; row++) /* else shifts would be made up by scale */
+        by_a[7 * row + 6] = by_b[7 * row + 6] = 0;
     weigh(edge, by_a, weighted);
     fv_block_add_inner(block, 7, weighted, 7, by_b, 7, 7, 1, false);
     for (int i = 0; i < 49; i++)

@@ -66,6 +66,7 @@ struct fv_pose_graph_state {
     enum fv_graph_phase phase;
     uint32_t node_count, edge_count, ordered; /* nodes in the tree's order */
     uint32_t next, step, iteration;
+    uint32_t rigid; /* scales are 1 and stay so; to be set after fv_pose_graph_begin */
     double cost, cost_before, cost_at_start, damping;
     double rho, rho_start; /* of conjugate gradients */
 };

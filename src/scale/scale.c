@@ -50,16 +50,17 @@ static void scale_enter(struct fv_scale_state *s, uint32_t map, const struct fv_
 }
 
 /* A map in metres by two cameras: nothing is added. */
-static bool given_by_stereo(const struct fv_scale_state *s)
+static bool given_by_stereo(const struct fv_odometry *odometry)
 {
-    return s->known && s->source == FOVEA_SCALE_STEREO;
+    return fv_map_metric(fv_odometry_map(odometry));
 }
 
 /* Take a measurement of the scale's logarithm. */
-static void scale_measure(struct fv_scale *scale, double log_scale, double variance)
+static void scale_measure(struct fv_scale *scale, enum fovea_scale_source source, double log_scale,
+                          double variance)
 {
     struct fv_scale_state *s = scale->state;
-    s->source = scale->config.source;
+    s->source = source;
     if (!s->known) {
         s->known = true;
         s->log_scale = log_scale;
@@ -86,7 +87,7 @@ void fv_scale_unit(struct fv_scale *scale, const struct fv_odometry *odometry)
         return;
     }
     double log_scale = fv_log(scale->config.camera_height_m / floor.height);
-    scale_measure(scale, log_scale,
+    scale_measure(scale, scale->config.source, log_scale,
                   floor.sigma * floor.sigma + floor_sigma_least * floor_sigma_least);
 }
 
@@ -96,7 +97,7 @@ bool fv_scale_waiting(const struct fv_scale *scale, const struct fv_odometry *od
     const struct fovea_pose *pose = fv_odometry_pose(odometry);
     uint64_t behind = fv_odometry_map(odometry)->state->keyframe_number - s->fitted;
     if (scale->config.source != FOVEA_SCALE_CAMERA_HEIGHT || !pose->posed ||
-        s->map != pose->map_id || behind == 0 || given_by_stereo(s))
+        s->map != pose->map_id || behind == 0 || given_by_stereo(odometry))
         return false;
     /* After the window has converged, unless it never does. */
     return behind >= KEYFRAMES_BEHIND_MAX || !fv_odometry_job_waiting(odometry);
@@ -114,6 +115,18 @@ static void scale_follow(struct fv_scale_state *s, double map_scale)
     s->map_scale = map_scale;
 }
 
+/* With each keyframe of a map that has a unit of its own. */
+static void compare_distances(struct fv_scale *scale, const struct fv_odometry *odometry)
+{
+    struct fv_scale_state *s = scale->state;
+    const uint64_t keyframes = fv_odometry_map(odometry)->state->keyframe_number;
+    double log_scale, variance;
+    if (s->fitted == keyframes || !fv_scale_compare_distances(odometry, &log_scale, &variance))
+        return;
+    s->fitted = keyframes;
+    scale_measure(scale, FOVEA_SCALE_STEREO, log_scale, variance);
+}
+
 void fv_scale_step(struct fv_scale *scale, struct fv_odometry *odometry)
 {
     struct fv_scale_state *s = scale->state;
@@ -122,11 +135,12 @@ void fv_scale_step(struct fv_scale *scale, struct fv_odometry *odometry)
     if (s->map != pose->map_id || (!s->known && map->scale.source != FOVEA_SCALE_FREE))
         scale_enter(s, pose->map_id, map);
     scale_follow(s, map->S_map_world.s);
-    if (!pose->posed || given_by_stereo(s)) return;
+    if (!pose->posed || given_by_stereo(odometry)) return;
     /* What a map's first pose says of the floor is used at once. */
     if (!s->started && scale->config.source == FOVEA_SCALE_CAMERA_HEIGHT)
         fv_scale_unit(scale, odometry);
     if (scale->config.source == FOVEA_SCALE_WHEEL_ODOMETRY) fv_scale_walk(scale, odometry);
+    if (scale->config.source == FOVEA_SCALE_FREE) compare_distances(scale, odometry);
     s->started = true;
     if (!s->known) return;
     const struct fv_map_scale kept = {s->source, 0, s->log_scale + fv_log(s->map_scale),

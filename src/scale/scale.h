@@ -9,7 +9,10 @@
  * camera (geometry/floor.h); the logarithm of the scale is then filtered (Kalman, one state,
  * drifting with every keyframe since the scale of a monocular map does). wheel_odometry: between
  * the last keyframes, the camera's displacement by wheel odometry is divided by that in the map;
- * the mean of these ratios without outliers counts, and their spread gives the uncertainty. A new
+ * the mean of these ratios without outliers counts, and their spread gives the uncertainty. Two
+ * cameras begin maps in metres, to which nothing is added; in a map that has a unit of its own, as
+ * one begun while the second camera was covered, the distances that they measure give the scale
+ * after each keyframe, unless another source is configured. A new
  * map starts with the scale unknown; one that was left or loaded with the scale that it had, which
  * new measurements add to.
  *
@@ -105,6 +108,10 @@ void fv_scale_unit(struct fv_scale *scale, const struct fv_odometry *odometry);
 /* Fit the floor to the map as the current frame sees it; false when none is found. */
 bool fv_scale_find_floor(struct fv_scale *scale, const struct fv_odometry *odometry,
                          struct fv_floor *floor);
+/* Logarithm of metres per unit of the map, and its variance, by the distances that two cameras
+ * measured in the current frame; false where they are too few. */
+bool fv_scale_compare_distances(const struct fv_odometry *odometry, double *log_scale,
+                                double *variance);
 /* Hold the keyframes against wheel odometry. */
 void fv_scale_walk(struct fv_scale *scale, const struct fv_odometry *odometry);
 

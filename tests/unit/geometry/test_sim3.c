@@ -229,7 +229,7 @@ static void test_search_and_refinement(void **context)
         }
         uint32_t inliers = 0;
         for (int round = 0; round < 3; round++)
-            inliers = fv_sim3_refine(correspondences, CORRESPONDENCES, limit, 4, &found);
+            inliers = fv_sim3_refine(correspondences, CORRESPONDENCES, limit, 4, false, &found);
         assert_true(inliers >= 0.85 * (1 - fraction) * CORRESPONDENCES);
         for (int i = 0; i < fraction * CORRESPONDENCES; i++)
             if (correspondences[i].inlier) inliers--;
@@ -241,6 +241,35 @@ static void test_search_and_refinement(void **context)
         assert_true(fabs(x[6]) < 0.003);
         assert_true(sqrt(x[3] * x[3] + x[4] * x[4] + x[5] * x[5]) < 0.003);
         assert_true(sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2]) < 0.015 * 5 / truth.s);
+    }
+}
+
+/* Between maps of one unit the scale is not touched, and the motion is that which fits best with
+ * it, also from a first guess with another. */
+static void test_rigid_refinement(void **context)
+{
+    (void)context;
+    struct fv_random random;
+    fv_random_seed(&random, 5);
+    static struct fv_correspondence correspondences[CORRESPONDENCES];
+    for (int n = 0; n < 30; n++) {
+        struct fv_sim3 truth, found, off, inverse;
+        double x[7];
+        random_similarity(&random, &truth);
+        truth.s = 1;
+        make_correspondences(&random, 0, 0.7, 0.005, &truth, correspondences);
+        for (int i = 0; i < CORRESPONDENCES; i++)
+            correspondences[i].inlier = true;
+        found = truth;
+        found.s = 1.05;
+        assert_true(fv_sim3_refine(correspondences, CORRESPONDENCES, limit, 4, true, &found) >
+                    0.85 * CORRESPONDENCES);
+        assert_true(found.s == 1);
+        fv_sim3_invert(&truth, &inverse);
+        fv_sim3_compose(&inverse, &found, &off);
+        fv_sim3_log(&off, x);
+        assert_true(sqrt(x[3] * x[3] + x[4] * x[4] + x[5] * x[5]) < 0.003);
+        assert_true(sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2]) < 0.015 * 5);
     }
 }
 
@@ -309,7 +338,7 @@ static void test_certainty_of_turn(void **context)
         for (int i = 0; i < CORRESPONDENCES; i++)
             correspondences[i].inlier = true;
         found = truth;
-        (void)fv_sim3_refine(correspondences, CORRESPONDENCES, limit, 6, &found);
+        (void)fv_sim3_refine(correspondences, CORRESPONDENCES, limit, 6, false, &found);
         const double sigma = fv_sim3_turn_sigma(correspondences, CORRESPONDENCES, &found);
         said += sigma * sigma / ROUNDS;
         fv_sim3_invert(&truth, &truth);
@@ -358,6 +387,7 @@ int main(void)
         cmocka_unit_test(test_group),
         cmocka_unit_test(test_alignment_exact),
         cmocka_unit_test(test_search_and_refinement),
+        cmocka_unit_test(test_rigid_refinement),
         cmocka_unit_test(test_errors_along_the_ray),
         cmocka_unit_test(test_certainty_of_turn),
         cmocka_unit_test(test_search_without_truth),

@@ -108,17 +108,44 @@ static void a_second_camera_that_hangs_does_not_bend_the_path(void **state)
     free(hung);
 }
 
-/* Covered from the start, odometry begins with the first camera, in a unit of its own. */
-static void without_the_second_camera_a_map_has_a_unit_of_its_own(void **state)
+/* Covered from the start, odometry begins with the first camera, in a unit of its own; distances
+ * give its metres as soon as there are some. */
+static void a_map_begun_with_one_camera_gets_its_metres_from_two(void **state)
 {
     (void)state;
-    open_rig(ORBIT, 60, FOVEA_SENSORS_AUTO);
-    while (sim_rig_next(&rig)) {
-        rig.frame.images[1].data = NULL;
+    int first = 0;
+    open_rig(ORBIT, 90, FOVEA_SENSORS_AUTO);
+    for (int n = 0; sim_rig_next(&rig); n++) {
+        const struct fovea_image seen = rig.frame.images[1];
+        if (n < 60) rig.frame.images[1].data = NULL;
         sim_rig_process(&rig);
+        rig.frame.images[1] = seen;
+        const struct fovea_pose *pose = &rig.pose[n];
+        if (n < 60) assert_int_equal(pose->scale_source, FOVEA_SCALE_FREE);
+        if (first == 0 && pose->scale_source == FOVEA_SCALE_STEREO) first = n;
     }
-    assert_true(rig.pose[59].posed);
-    assert_int_equal(rig.pose[59].scale_source, FOVEA_SCALE_FREE);
+    assert_true(rig.pose[59].posed && first >= 60 && first < 75);
+    const struct fovea_pose *last = &rig.pose[89];
+    const double ratio = sim_rig_moved(last->T_world_cam, rig.pose[first].T_world_cam) /
+                         sim_rig_moved(rig.truth[89], rig.truth[first]);
+    assert_true(last->map_id == 0 && last->scale != 1 && last->scale_sigma < 0.03);
+    assert_true(__builtin_fabs(ratio - 1) < 3 * last->scale_sigma);
+    sim_rig_close(&rig);
+}
+
+/* Round a ring of corridors, back to its start: the closure leaves the map in metres. */
+static void a_closure_keeps_the_metres(void **state)
+{
+    (void)state;
+    struct fovea_stats stats;
+    open_rig("sim:corridor?seed=1&width=240&height=180&rate=8&baseline=0.11", 344,
+             FOVEA_SENSORS_AUTO);
+    while (sim_rig_next(&rig))
+        sim_rig_process(&rig);
+    fovea_stats_get(rig.rt, &stats);
+    assert_true(stats.closures > 0);
+    expect_metric(rig.frames - 1);
+    assert_true(rig.pose[rig.frames - 1].map_scale == 1);
     sim_rig_close(&rig);
 }
 
@@ -217,7 +244,8 @@ int main(void)
         cmocka_unit_test(a_map_begins_in_metres_with_the_first_frame),
         cmocka_unit_test(the_map_stays_in_metres_while_the_second_camera_is_gone),
         cmocka_unit_test(a_second_camera_that_hangs_does_not_bend_the_path),
-        cmocka_unit_test(without_the_second_camera_a_map_has_a_unit_of_its_own),
+        cmocka_unit_test(a_map_begun_with_one_camera_gets_its_metres_from_two),
+        cmocka_unit_test(a_closure_keeps_the_metres),
         cmocka_unit_test(one_camera_of_a_rig_is_odometry_with_that_camera),
         cmocka_unit_test(every_kernel_set_gives_the_same_state),
         cmocka_unit_test(stereo_is_refused_without_two_cameras_that_serve),
