@@ -53,6 +53,7 @@ static const struct scenario {
     {"sim:corridor?width=752&height=480", 1, 100, EVERY_JOB & ~JOB(DETECT) & ~JOB(CLOSURE), false},
     {"sim:tour", 1, 100, EVERY_JOB & ~JOB(CLOSURE), true},
     {"sim:corridor?width=320&height=240", 4, 340, JOB(CLOSURE), false},
+    {"sim:corridor?width=752&height=480&baseline=0.11", 1, 100, JOB(MAP), false},
 };
 
 static void note(int job, int64_t took_ns)
@@ -96,7 +97,10 @@ static void run(const struct scenario *scenario)
     fovea_config_default(&config);
     assert_int_equal(fv_source_find(scenario->uri, &ops, &address, &error), FOVEA_OK);
     assert_int_equal(ops->open(address, &everything, &source, &error), FOVEA_OK);
-    config.rig.cameras[0].camera = ops->info(source)->rig.cameras[0].camera;
+    if (ops->info(source)->rig.camera_count > 1)
+        config.rig = ops->info(source)->rig;
+    else
+        config.rig.cameras[0].camera = ops->info(source)->rig.cameras[0].camera;
     assert_true(job_switch_all(&config, 4));
     config.edge_job.segments = true;
     if (!scenario->detects) config.detect.model = NULL;
