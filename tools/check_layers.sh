@@ -5,7 +5,7 @@ set -eu
 cd "$(dirname "$0")/.."
 
 allowed() { # rooms that a room may include besides itself
-    core="base kernels image geometry nn features stereo odometry scale map detect objects"
+    core="base kernels image geometry nn features stereo odometry scale map detect objects grid"
     case $1 in
     base)     echo "" ;;
     kernels)  echo "base" ;;

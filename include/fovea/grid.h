@@ -54,9 +54,10 @@ enum fovea_grid_label {
 };
 
 struct fovea_grid_config {
-    double resolution_m;   /* [0.02, 1], default 0.1: side of a cell */
-    uint32_t side_cells;   /* [16, 512], default 128: cells along each side */
-    double range_m;        /* [0.5, 100], default 5: farthest floor that is believed */
+    double resolution_m; /* [0.02, 1], default 0.1: side of a cell */
+    uint32_t side_cells; /* [16, 512], default 128: cells along each side */
+    /* [0.5, 100], default 5, at most half the side: farthest floor that is believed */
+    double range_m;
     uint32_t rays;         /* [16, 1440], default 360: directions, evenly over a turn */
     double robot_radius_m; /* [0, 10], default 0.2 */
     double half_life_s;    /* [0.1, 10000], default 60: log-odds of a cell halve in this time */
@@ -108,7 +109,7 @@ void fovea_grid_cells(const struct fovea_grid *grid, int8_t *cells, struct fovea
 /* Fill `rays` ranges from the body of the last update: ray i points at an angle of 2 pi i / rays
  * from the body's x axis to its y axis. Metres to the nearest cell known to be occupied; infinity:
  * known to be free as far as range_m; NaN: neither. */
-void fovea_grid_scan(const struct fovea_grid *grid, float *ranges_m);
+void fovea_grid_scan(struct fovea_grid *grid, float *ranges_m);
 
 #ifdef __cplusplus
 }

@@ -428,6 +428,63 @@ static void wrong_configurations_and_poses_are_refused(void **state)
     assert_int_equal(fovea_grid_update(grid, &view), FOVEA_ERROR_ARGUMENT);
 }
 
+/* Odds of 0.85 once and twice, of -0.4 once, as probabilities: 70, 85 and 40 percent. */
+static void evidence_adds_up_as_log_odds(void **state)
+{
+    (void)state;
+    config.half_life_s = 10000;
+    make();
+    add_box(2.02, 2.4, -3, 3, 2, WALL);
+    look(0, 0, 0, 0.3, 0, 0);
+    read_cells();
+    assert_int_equal(cell_at(2.05, 0.05), 70);
+    assert_int_equal(cell_at(1.55, 0.05), 40);
+    look(0, 0, 0, 0.3, 0, SECOND / 30);
+    read_cells();
+    assert_int_equal(cell_at(2.05, 0.05), 85);
+}
+
+/* The camera sits 0.5 m ahead of the body, and the floor 2 m below the odometry frame's origin. */
+static void the_camera_and_not_the_body_looks_and_the_floor_lies_where_it_does(void **state)
+{
+    (void)state;
+    add_box(2.02, 2.4, -3, 3, 2, WALL);
+    struct fovea_grid_view view = view_from(0.5, 0.3, 0, 0.3, 0);
+    draw(&view);
+    view.position_m[0] = view.position_m[1] = 0;
+    view.T_odom_cam[11] -= 2;
+    view.floor_m = -2;
+    for (int i = 0; i < 3; i++) {
+        view.stamp_ns = i * SECOND / 30;
+        assert_int_equal(fovea_grid_update(grid, &view), FOVEA_OK);
+    }
+    read_cells();
+    assert_true(is_occupied(cell_at(2.05, 0.35)) && is_free(cell_at(1.85, 0.35)));
+    assert_int_equal(cell_at(2.55, 0.35), FOVEA_GRID_UNKNOWN);
+    float ranges[360];
+    fovea_grid_scan(grid, ranges);
+    assert_true(fabsf(ranges[0] - 2.0f) < 0.11f); /* from the body */
+}
+
+/* Whatever the grid leaves is unknown when it comes back, along either axis. */
+static void what_is_left_is_forgotten_along_both_axes(void **state)
+{
+    (void)state;
+    for (int axis = 0; axis < 2; axis++) {
+        make();
+        for (int i = 0; i < 3; i++)
+            look(0, 0, axis == 0 ? 0 : 1.5708, 0.35, 0, i * SECOND / 30);
+        read_cells();
+        assert_true(is_free(axis == 0 ? cell_at(2.05, 0.05) : cell_at(0.05, 2.05)));
+        for (int i = 1; i <= 60; i++) /* away by 6 m, where that cell is out of reach, and back */
+            pass(axis == 0 ? -0.1 * i : 0, axis == 0 ? 0 : -0.1 * i, SECOND / 10 + i);
+        for (int i = 59; i >= 0; i--)
+            pass(axis == 0 ? -0.1 * i : 0, axis == 0 ? 0 : -0.1 * i, SECOND + 60 - i);
+        read_cells();
+        assert_int_equal(axis == 0 ? cell_at(2.05, 0.05) : cell_at(0.05, 2.05), FOVEA_GRID_UNKNOWN);
+    }
+}
+
 static void an_update_takes_at_most_0_4_ms(void **state)
 {
     (void)state;
@@ -465,6 +522,10 @@ int main(void)
         cmocka_unit_test_setup_teardown(log_odds_halve_in_the_half_life, setup, teardown),
         cmocka_unit_test_setup_teardown(wrong_configurations_and_poses_are_refused, setup,
                                         teardown),
+        cmocka_unit_test_setup_teardown(evidence_adds_up_as_log_odds, setup, teardown),
+        cmocka_unit_test_setup_teardown(
+            the_camera_and_not_the_body_looks_and_the_floor_lies_where_it_does, setup, teardown),
+        cmocka_unit_test_setup_teardown(what_is_left_is_forgotten_along_both_axes, setup, teardown),
         cmocka_unit_test_setup_teardown(an_update_takes_at_most_0_4_ms, setup, teardown),
     };
     const int failed = cmocka_run_group_tests(tests, NULL, NULL);

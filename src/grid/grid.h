@@ -1,0 +1,79 @@
+/* The grid of free space in pieces of bounded time, for the loop: what include/fovea/grid.h does in
+ * one call. The result is the same however the work is divided.
+ *
+ * struct fv_grid holds sizes and addresses only; the state and the arrays lie in an arena, without
+ * addresses. */
+#ifndef FOVEA_GRID_GRID_H
+#define FOVEA_GRID_GRID_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "base/arena.h"
+#include "fovea/grid.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+enum fv_grid_phase { FV_GRID_IDLE = 0, FV_GRID_DECAY, FV_GRID_RAYS, FV_GRID_APPLY };
+
+/* No addresses and no padding: copied and hashed as bytes. */
+struct fv_grid_state {
+    int64_t stamp_ns;       /* of the last update */
+    int64_t decayed_ns[2];  /* until when cells have forgotten: others, movable ones */
+    int64_t corner[2];      /* cell (0, 0) in cells of the odometry frame */
+    int64_t corner_kept[2]; /* the same modulo the side: where that cell is kept */
+    double position_m[2], yaw_rad;
+    int64_t cell;       /* of the phases that go over all cells: the next one */
+    int32_t left[2];    /* of the decay under way: the part that stays, in 65536ths */
+    int32_t ray, step;  /* of the rays: the next one, and its next step; -1: not begun */
+    int32_t scanned;    /* rays of the scan */
+    int32_t free_below; /* log-odds in thousandths, as the next */
+    int32_t occupied_above;
+    uint32_t phase;       /* enum fv_grid_phase */
+    uint32_t begun, made; /* an update came since the last fv_grid_forget; the tables are filled */
+};
+
+struct fv_grid {
+    struct fovea_grid_config config;
+    struct fv_grid_state *state;
+    int16_t *odds;     /* cell (x, y) of the odometry frame is at (x mod side, y mod side) */
+    uint8_t *movable;  /* where the last obstacle that was seen may move */
+    uint8_t *marks;    /* of the update under way */
+    double (*rays)[2]; /* cosine, sine */
+    int8_t *percent;   /* probability by log-odds */
+};
+
+/* Errors begin with the member: "grid.range_m: ...". */
+enum fovea_status fv_grid_check(const struct fovea_grid_config *config, struct fovea_error *error);
+/* Take memory, which begins as zeros. Init-only. */
+void fv_grid_carve(struct fv_grid *grid, const struct fovea_grid_config *config,
+                   struct fv_arena *arena);
+
+/* All that follows is real-time safe. */
+
+/* Every cell becomes unknown; an update under way is dropped. */
+void fv_grid_forget(struct fv_grid *grid);
+
+/* Begin an update; false: the view is not usable, as fovea_grid_update says. */
+bool fv_grid_begin(struct fv_grid *grid, const struct fovea_grid_view *view);
+/* A piece of it: up to FV_GRID_LOOKUPS labels or FV_GRID_CELLS cells. `view` is the one that it
+ * began with. True: the update is complete. */
+enum { FV_GRID_LOOKUPS = 2500, FV_GRID_CELLS = 32768 };
+bool fv_grid_advance(struct fv_grid *grid, const struct fovea_grid_view *view);
+
+/* Begin a scan, then fill `ranges_m` in pieces of up to FV_GRID_SCAN_STEPS steps of rays; true: it
+ * is complete. */
+enum { FV_GRID_SCAN_STEPS = 16384 };
+void fv_grid_scan_begin(struct fv_grid *grid);
+bool fv_grid_scan_advance(struct fv_grid *grid, float *ranges_m);
+
+/* Fill rows of cells as fovea_grid_cells does, row_first to row_first + row_count - 1. */
+void fv_grid_rows(const struct fv_grid *grid, int64_t row_first, int64_t row_count, int8_t *cells);
+struct fovea_grid_place fv_grid_place(const struct fv_grid *grid);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

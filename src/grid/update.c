@@ -1,0 +1,497 @@
+/* An update of the grid in pieces (grid.h): what the cells forget, rays over the floor, evidence.
+ */
+#include "grid/grid.h"
+
+#include <string.h>
+
+#include "base/elementary.h"
+
+/* Log-odds in thousandths; OctoMap's (section 3.2): 0.85, -0.4, from -2 to 3.5. */
+enum { HIT = 850, MISS = -400, LEAST = -2000, MOST = 3500 };
+enum { TABLE_STEP = 10, TABLE_SIZE = (MOST - LEAST) / TABLE_STEP + 1, COARSE = 8, RAY_STEPS = 2 };
+enum { ONE = 65536 }; /* of what stays in a decay */
+
+/* What one update says of a cell; the larger number wins. */
+enum { MARK_NONE = 0, MARK_FREE, MARK_OCCUPIED, MARK_MOVABLE };
+
+/* ---- set-up ---------------------------------------------------------------------------------- */
+
+enum fovea_status fv_grid_check(const struct fovea_grid_config *c, struct fovea_error *error)
+{
+    const struct {
+        const char *name;
+        double value, least, most;
+    } members[] = {{"resolution_m", c->resolution_m, 0.02, 1},
+                   {"side_cells", c->side_cells, 16, 512},
+                   {"range_m", c->range_m, 0.5, 100},
+                   {"rays", c->rays, 16, 1440},
+                   {"robot_radius_m", c->robot_radius_m, 0, 10},
+                   {"half_life_s", c->half_life_s, 0.1, 10000},
+                   {"movable_half_life_s", c->movable_half_life_s, 0.1, 10000}};
+    for (size_t i = 0; i < sizeof members / sizeof *members; i++)
+        if (!(members[i].value >= members[i].least && members[i].value <= members[i].most))
+            return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                                   "grid.%s: found %g, expected %g to %g", members[i].name,
+                                   members[i].value, members[i].least, members[i].most);
+    const double reach = 0.5 * c->side_cells * c->resolution_m;
+    if (c->range_m > reach * (1 + 1e-9))
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                               "grid.range_m: found %g, expected at most half the side, %g",
+                               c->range_m, reach);
+    return FOVEA_OK;
+}
+
+void fv_grid_carve(struct fv_grid *grid, const struct fovea_grid_config *config,
+                   struct fv_arena *arena)
+{
+    const size_t cells = (size_t)config->side_cells * config->side_cells;
+    grid->config = *config;
+    grid->state = fv_arena_take(arena, 1, sizeof *grid->state);
+    grid->odds = fv_arena_take(arena, cells, sizeof *grid->odds);
+    grid->movable = fv_arena_take(arena, cells, 1);
+    grid->marks = fv_arena_take(arena, cells, 1);
+    grid->rays = fv_arena_take(arena, config->rays, sizeof *grid->rays);
+    grid->percent = fv_arena_take(arena, TABLE_SIZE, 1);
+}
+
+static int32_t log_odds(double probability)
+{
+    return (int32_t)(1000 * fv_log(probability / (1 - probability)));
+}
+
+/* Filled when first used: carving takes memory and nothing else. */
+static void make_tables(struct fv_grid *g)
+{
+    const double turn = 6.283185307179586;
+    if (g->state->made) return;
+    for (uint32_t i = 0; i < g->config.rays; i++) {
+        g->rays[i][0] = fv_cos(turn * i / g->config.rays);
+        g->rays[i][1] = fv_sin(turn * i / g->config.rays);
+    }
+    for (int i = 0; i < TABLE_SIZE; i++)
+        g->percent[i] = (int8_t)(100 / (1 + fv_exp(-0.001 * (LEAST + i * TABLE_STEP))) + 0.5);
+    g->state->free_below = log_odds(FOVEA_GRID_FREE_BELOW);
+    g->state->occupied_above = log_odds(FOVEA_GRID_OCCUPIED_ABOVE);
+    g->state->made = 1;
+}
+
+/* ---- cells ----------------------------------------------------------------------------------- */
+
+static int64_t whole(double value) /* rounded down */
+{
+    const int64_t part = (int64_t)value;
+    return part - (value < (double)part);
+}
+
+static int64_t side_of(const struct fv_grid *g)
+{
+    return g->config.side_cells;
+}
+
+static size_t wrapped(int64_t cell, int64_t side)
+{
+    const int64_t rest = cell % side;
+    return (size_t)(rest < 0 ? rest + side : rest);
+}
+
+/* Where cell (x, y) of the odometry frame is kept; -1: the grid does not reach so far. */
+static int64_t place_of(const struct fv_grid *g, int64_t x, int64_t y)
+{
+    const int64_t side = side_of(g);
+    const int64_t column = x - g->state->corner[0], row = y - g->state->corner[1];
+    if (column < 0 || column >= side || row < 0 || row >= side) return -1;
+    const int64_t kept_x = column + g->state->corner_kept[0],
+                  kept_y = row + g->state->corner_kept[1];
+    return (kept_y < side ? kept_y : kept_y - side) * side +
+           (kept_x < side ? kept_x : kept_x - side);
+}
+
+static int64_t place_at(const struct fv_grid *g, double x_m, double y_m)
+{
+    return place_of(g, whole(x_m / g->config.resolution_m), whole(y_m / g->config.resolution_m));
+}
+
+void fv_grid_forget(struct fv_grid *g)
+{
+    const size_t cells = (size_t)(side_of(g) * side_of(g));
+    memset(g->odds, 0, cells * sizeof *g->odds);
+    memset(g->movable, 0, cells);
+    memset(g->marks, 0, cells);
+    g->state->begun = 0;
+    g->state->phase = FV_GRID_IDLE;
+    g->state->stamp_ns = 0;
+}
+
+static void clear(struct fv_grid *g, size_t at)
+{
+    g->odds[at] = 0;
+    g->movable[at] = 0;
+}
+
+/* Follow the body along one axis: cells that come in are unknown. */
+static void follow(struct fv_grid *g, int axis)
+{
+    const int64_t side = side_of(g), old = g->state->corner[axis],
+                  corner = whole(g->state->position_m[axis] / g->config.resolution_m) - side / 2;
+    int64_t first = corner > old ? old + side : corner, last = corner > old ? corner + side : old;
+    g->state->corner[axis] = corner;
+    g->state->corner_kept[axis] = (int64_t)wrapped(corner, side);
+    if (last - first > side) last = first + side; /* all of them */
+    for (int64_t line = first; line < last; line++)
+        for (int64_t i = 0; i < side; i++)
+            clear(g, axis == 0 ? (size_t)(i * side) + wrapped(line, side)
+                               : wrapped(line, side) * (size_t)side + (size_t)i);
+}
+
+/* The parts that stay by now, in steps of a twentieth of the half-life: smaller ones would round
+ * the log-odds away. */
+static void begin_decay(struct fv_grid *g, int64_t stamp_ns)
+{
+    enum { PARTS = 20 };
+    const int64_t least_ns = 100000000;
+    const double half_life_s[2] = {g->config.half_life_s, g->config.movable_half_life_s};
+    struct fv_grid_state *s = g->state;
+    for (int k = 0; k < 2; k++) {
+        const int64_t part_ns = (int64_t)(half_life_s[k] * 1e9 / PARTS),
+                      step_ns = part_ns > least_ns ? part_ns : least_ns,
+                      steps = (int64_t)(((uint64_t)stamp_ns - (uint64_t)s->decayed_ns[k]) /
+                                        (uint64_t)step_ns);
+        s->decayed_ns[k] += steps * step_ns;
+        s->left[k] = (int32_t)(ONE * fv_exp(-0.6931471805599453 * (double)steps * (double)step_ns *
+                                            1e-9 / half_life_s[k]) +
+                               0.5);
+    }
+}
+
+static void decay(struct fv_grid *g, int64_t from, int64_t to)
+{
+    const int32_t *left = g->state->left;
+    if (left[0] == ONE && left[1] == ONE) return;
+    for (int64_t i = from; i < to; i++) {
+        const int32_t product = g->odds[i] * (g->movable[i] != 0 ? left[1] : left[0]);
+        g->odds[i] = (int16_t)((product + (product < 0 ? -ONE / 2 : ONE / 2)) / ONE);
+    }
+}
+
+/* ---- rays ------------------------------------------------------------------------------------ */
+
+struct look {
+    const struct fovea_grid_view *view;
+    double from[2];        /* below the camera */
+    double R[3][3], up[3]; /* of the camera from the odometry frame; a floor point at `from` */
+    double inverse[2];     /* pixels of the mask per pixel of the image */
+    double outside;        /* (x^2 + y^2) / z^2 from which on nothing is in the image */
+    uint8_t of[256];       /* label of a byte of the mask */
+};
+
+/* The largest (x^2 + y^2) / z^2 of the image's corners, with a tenth more of the radius for what a
+ * lens moves sideways; infinite where a corner has no direction or looks backwards. */
+static double outside_of(const struct fovea_camera *camera)
+{
+    double most = 0;
+    for (int i = 0; i < 4; i++) {
+        const double pixel[2] = {(i & 1) * camera->width - 0.5, (i >> 1) * camera->height - 0.5};
+        double b[3];
+        if (fovea_camera_unproject(camera, pixel, b, NULL) != FOVEA_OK || !(b[2] > 0))
+            return __builtin_inf();
+        const double here = (b[0] * b[0] + b[1] * b[1]) / (b[2] * b[2]);
+        most = here > most ? here : most;
+    }
+    return 1.21 * most;
+}
+
+static struct look look_of(const struct fovea_grid_view *view)
+{
+    const struct fovea_segmentation *s = view->seen;
+    const double *T = view->T_odom_cam, drop = view->floor_m - T[11];
+    struct look look = {.view = view, .from = {T[3], T[7]}};
+    look.outside = outside_of(view->camera);
+    for (int row = 0; row < 3; row++) {
+        for (int k = 0; k < 3; k++)
+            look.R[row][k] = T[4 * k + row];
+        look.up[row] = look.R[row][2] * drop;
+        if (row < 2) look.inverse[row] = 1 / s->raw_scale[row];
+    }
+    for (int i = 0; i < 256; i++) {
+        const uint8_t place = s->index[i];
+        const int32_t class_id = place < s->count ? s->list[place].class_id : -1;
+        look.of[i] = class_id >= 0 && class_id < 256 ? view->labels[class_id] : FOVEA_GRID_IGNORED;
+    }
+    return look;
+}
+
+/* A ray over the floor from below the camera: one step, in the odometry frame and the camera's. */
+struct ray {
+    double x, y, in_camera[3];
+};
+
+static struct ray ray_of(const struct look *look, const double way[2], double step)
+{
+    struct ray ray = {.x = way[0] * step, .y = way[1] * step};
+    for (int row = 0; row < 3; row++)
+        ray.in_camera[row] = look->R[row][0] * ray.x + look->R[row][1] * ray.y;
+    return ray;
+}
+
+/* The label of the floor's point after i steps; -1: it is not in the image. */
+static int label_at(const struct look *look, const struct ray *ray, int32_t i)
+{
+    const struct fovea_segmentation *s = look->view->seen;
+    const double point[3] = {look->up[0] + ray->in_camera[0] * i,
+                             look->up[1] + ray->in_camera[1] * i,
+                             look->up[2] + ray->in_camera[2] * i};
+    double pixel[2];
+    const double across = point[0] * point[0] + point[1] * point[1];
+    if (look->outside < __builtin_inf() &&
+        !(point[2] > 0 && across <= look->outside * point[2] * point[2]))
+        return -1; /* as most points: less work than to project them */
+    if (fovea_camera_project(look->view->camera, point, pixel, NULL) != FOVEA_OK) return -1;
+    const double column = (pixel[0] - s->raw_offset[0]) * look->inverse[0] + 0.5,
+                 row = (pixel[1] - s->raw_offset[1]) * look->inverse[1] + 0.5;
+    if (!(column >= 0 && column < s->width && row >= 0 && row < s->height)) return -1;
+    return look->of[s->pixels[(int64_t)row * s->width + (int64_t)column]];
+}
+
+static void mark(struct fv_grid *g, double x_m, double y_m, uint8_t kind)
+{
+    const int64_t at = place_at(g, x_m, y_m);
+    if (at >= 0 && g->marks[at] < kind) g->marks[at] = kind;
+}
+
+/* The first step of a ray at which it is in the image, in large steps at first. */
+static int32_t view_begin(const struct look *look, const struct ray *ray, int32_t steps)
+{
+    int32_t i = 0;
+    while (i <= steps && label_at(look, ray, i) < 0)
+        i += COARSE;
+    while (i > 0 && i <= steps && label_at(look, ray, i - 1) >= 0)
+        i--;
+    return i;
+}
+
+static int32_t steps_of(const struct fv_grid *g)
+{
+    return (int32_t)(g->config.range_m / (g->config.resolution_m / RAY_STEPS));
+}
+
+/* Outwards until an obstacle, the end of the view or of the range; steps of half a cell. False: the
+ * lookups of this piece are used up, and the ray goes on. */
+static bool follow_ray(struct fv_grid *g, const struct look *look, int32_t *lookups)
+{
+    struct fv_grid_state *s = g->state;
+    const int32_t steps = steps_of(g);
+    const struct ray ray = ray_of(look, g->rays[s->ray], g->config.resolution_m / RAY_STEPS);
+    if (s->step < 0) {
+        s->step = view_begin(look, &ray, steps);
+        *lookups -= (s->step < steps ? s->step : steps) / COARSE + COARSE; /* at most */
+    }
+    for (; s->step <= steps; s->step++) {
+        if (--*lookups < 0) return false;
+        const int label = label_at(look, &ray, s->step);
+        if (label < 0 || label == FOVEA_GRID_IGNORED) return true;
+        mark(g, look->from[0] + ray.x * s->step, look->from[1] + ray.y * s->step,
+             label == FOVEA_GRID_FLOOR     ? MARK_FREE
+             : label == FOVEA_GRID_MOVABLE ? MARK_MOVABLE
+                                           : MARK_OCCUPIED);
+        if (label != FOVEA_GRID_FLOOR) return true;
+    }
+    return true;
+}
+
+static bool follow_rays(struct fv_grid *g, const struct fovea_grid_view *view)
+{
+    struct fv_grid_state *s = g->state;
+    const struct look look = look_of(view);
+    int32_t lookups = FV_GRID_LOOKUPS;
+    while (s->ray < (int32_t)g->config.rays && lookups > 0) {
+        if (!follow_ray(g, &look, &lookups)) return false;
+        s->ray++;
+        s->step = -1;
+    }
+    return s->ray == (int32_t)g->config.rays;
+}
+
+static void stand(struct fv_grid *g)
+{
+    const double r = g->config.robot_radius_m, cell = g->config.resolution_m;
+    const int64_t reach = (int64_t)(r / cell) + 1;
+    const int64_t cx = whole(g->state->position_m[0] / cell),
+                  cy = whole(g->state->position_m[1] / cell);
+    for (int64_t y = cy - reach; y <= cy + reach; y++) {
+        for (int64_t x = cx - reach; x <= cx + reach; x++) {
+            const double dx = ((double)x + 0.5) * cell - g->state->position_m[0],
+                         dy = ((double)y + 0.5) * cell - g->state->position_m[1];
+            if (dx * dx + dy * dy <= r * r)
+                mark(g, ((double)x + 0.5) * cell, ((double)y + 0.5) * cell, MARK_FREE);
+        }
+    }
+}
+
+static void apply(struct fv_grid *g, int64_t from, int64_t to)
+{
+    for (int64_t i = from; i < to; i++) {
+        const uint8_t kind = g->marks[i];
+        if (kind == MARK_NONE) continue;
+        const int32_t odds = g->odds[i] + (kind == MARK_FREE ? MISS : HIT);
+        g->odds[i] = (int16_t)(odds < LEAST ? LEAST : odds > MOST ? MOST : odds);
+        if (kind != MARK_FREE) g->movable[i] = kind == MARK_MOVABLE;
+        if (kind == MARK_FREE && g->odds[i] < 0) g->movable[i] = 0;
+        g->marks[i] = MARK_NONE;
+    }
+}
+
+static bool plain(double value)
+{
+    return value > -1e6 && value < 1e6;
+}
+
+/* Rows of a rotation, as near as float readings leave them. */
+static bool is_rotation(const double T[12])
+{
+    for (int a = 0; a < 3; a++)
+        for (int b = a; b < 3; b++) {
+            double dot = 0;
+            for (int k = 0; k < 3; k++)
+                dot += T[4 * a + k] * T[4 * b + k];
+            const double off = dot - (a == b ? 1 : 0);
+            if (!(off <= 1e-3 && off >= -1e-3)) return false;
+        }
+    return true;
+}
+
+/* There is a mask, and a camera above the floor. */
+static bool shows_floor(const struct fovea_grid_view *view)
+{
+    const struct fovea_segmentation *s = view->seen;
+    const double least_m = 0.01;
+    return s != NULL && s->pixels != NULL && s->index != NULL && s->width > 0 && s->height > 0 &&
+           view->T_odom_cam[11] - view->floor_m >= least_m;
+}
+
+static bool is_usable(const struct fv_grid *g, const struct fovea_grid_view *view)
+{
+    bool good = plain(view->position_m[0]) && plain(view->position_m[1]) && plain(view->yaw_rad) &&
+                plain(view->floor_m) && view->stamp_ns >= 0 &&
+                (!g->state->begun || view->stamp_ns >= g->state->stamp_ns);
+    for (int i = 0; i < 12; i++)
+        good = good && plain(view->T_odom_cam[i]);
+    return good && is_rotation(view->T_odom_cam) && shows_floor(view);
+}
+
+bool fv_grid_begin(struct fv_grid *g, const struct fovea_grid_view *view)
+{
+    struct fv_grid_state *s = g->state;
+    if (!is_usable(g, view)) return false;
+    make_tables(g);
+    if (s->phase != FV_GRID_IDLE) memset(g->marks, 0, (size_t)(side_of(g) * side_of(g)));
+    if (!s->begun) s->decayed_ns[0] = s->decayed_ns[1] = view->stamp_ns;
+    s->begun = 1;
+    s->stamp_ns = view->stamp_ns;
+    s->position_m[0] = view->position_m[0];
+    s->position_m[1] = view->position_m[1];
+    s->yaw_rad = view->yaw_rad;
+    follow(g, 0);
+    follow(g, 1);
+    begin_decay(g, view->stamp_ns);
+    s->cell = 0;
+    s->ray = 0;
+    s->step = -1;
+    s->phase = FV_GRID_DECAY;
+    return true;
+}
+
+/* The next cells of a phase that goes over all; true: those are the last. */
+static bool some_cells(struct fv_grid *g, int64_t *from, int64_t *to)
+{
+    const int64_t cells = side_of(g) * side_of(g);
+    *from = g->state->cell;
+    *to = cells - *from < FV_GRID_CELLS ? cells : *from + FV_GRID_CELLS;
+    g->state->cell = *to < cells ? *to : 0;
+    return *to == cells;
+}
+
+bool fv_grid_advance(struct fv_grid *g, const struct fovea_grid_view *view)
+{
+    struct fv_grid_state *s = g->state;
+    int64_t from, to;
+    bool last;
+    switch (s->phase) {
+    case FV_GRID_DECAY:
+        last = some_cells(g, &from, &to);
+        decay(g, from, to);
+        if (last) s->phase = FV_GRID_RAYS;
+        return false;
+    case FV_GRID_RAYS:
+        if (!follow_rays(g, view)) return false;
+        stand(g);
+        s->phase = FV_GRID_APPLY;
+        return false;
+    case FV_GRID_APPLY:
+        last = some_cells(g, &from, &to);
+        apply(g, from, to);
+        if (last) s->phase = FV_GRID_IDLE;
+        return last;
+    default:
+        return true;
+    }
+}
+
+/* ---- results --------------------------------------------------------------------------------- */
+
+struct fovea_grid_place fv_grid_place(const struct fv_grid *g)
+{
+    const struct fv_grid_state *s = g->state;
+    const uint32_t side = g->config.side_cells;
+    return (struct fovea_grid_place){.stamp_ns = s->stamp_ns,
+                                     .width = side,
+                                     .height = side,
+                                     .resolution_m = g->config.resolution_m,
+                                     .origin_m = {(double)s->corner[0] * g->config.resolution_m,
+                                                  (double)s->corner[1] * g->config.resolution_m}};
+}
+
+void fv_grid_rows(const struct fv_grid *g, int64_t row_first, int64_t row_count, int8_t *cells)
+{
+    const int64_t side = side_of(g);
+    for (int64_t y = row_first; y < row_first + row_count; y++) {
+        const int64_t row = g->state->corner[1] + y, column = g->state->corner[0];
+        for (int64_t x = 0; x < side; x++) {
+            const int32_t odds = g->odds[place_of(g, column + x, row)];
+            *cells++ = odds == 0 ? FOVEA_GRID_UNKNOWN
+                                 : g->percent[(odds - LEAST + TABLE_STEP / 2) / TABLE_STEP];
+        }
+    }
+}
+
+void fv_grid_scan_begin(struct fv_grid *g)
+{
+    make_tables(g);
+    g->state->scanned = 0;
+}
+
+static float range_of(const struct fv_grid *g, double dx, double dy, int32_t steps)
+{
+    const struct fv_grid_state *s = g->state;
+    float range = s->begun ? __builtin_inff() : __builtin_nanf("");
+    for (int32_t k = 0; k <= steps; k++) {
+        const int64_t at = place_at(g, s->position_m[0] + dx * k, s->position_m[1] + dy * k);
+        const int32_t odds = at < 0 ? 0 : g->odds[at];
+        if (odds > s->occupied_above) return (float)(g->config.resolution_m / RAY_STEPS * k);
+        if (odds >= s->free_below) range = __builtin_nanf("");
+    }
+    return range;
+}
+
+bool fv_grid_scan_advance(struct fv_grid *g, float *ranges_m)
+{
+    struct fv_grid_state *s = g->state;
+    const double step = g->config.resolution_m / RAY_STEPS, cosine = fv_cos(s->yaw_rad),
+                 sine = fv_sin(s->yaw_rad);
+    const int32_t steps = steps_of(g), rays = (int32_t)g->config.rays;
+    for (int32_t left = FV_GRID_SCAN_STEPS; s->scanned < rays && left > 0; left -= steps + 1) {
+        const double *ray = g->rays[s->scanned];
+        ranges_m[s->scanned++] = range_of(g, (cosine * ray[0] - sine * ray[1]) * step,
+                                          (sine * ray[0] + cosine * ray[1]) * step, steps);
+    }
+    return s->scanned == rays;
+}
