@@ -34,6 +34,7 @@
 #include "fovea/detect.h"
 #include "fovea/edges.h"
 #include "fovea/features.h"
+#include "fovea/grid.h"
 #include "fovea/image.h"
 #include "fovea/odometry.h"
 #include "fovea/preprocess.h"
@@ -111,6 +112,19 @@ struct fovea_calibration_config {
     bool check; /* default true: watch whether the calibration still fits (fovea_calibration_get) */
 };
 
+/* Free space in the loop: a grid of the floor (fovea/grid.h) from the masks of the first network
+ * that labels pixels, detect.model or else detect2.model, and the poses that the masks were seen
+ * from; sent as grid_t and scan_t after each mask. The floor is z = 0 of the body, under the robot
+ * and as level as `odom`: T_body_cam states the height of the camera over it. Lengths must be
+ * metres: until the scale is known there is no grid. It shares the units of FOVEA_JOB_DETECT. */
+struct fovea_grid_job_config {
+    bool enabled; /* default false */
+    struct fovea_grid_config grid;
+    /* enum fovea_grid_label of each class of the network, default FOVEA_GRID_OBSTACLE for all; the
+     * command takes the classes of grid.floor, grid.movable and grid.ignored */
+    uint8_t labels[256];
+};
+
 struct fovea_config {
     /* The cameras, each with its mask, and the inertial sensor. Default: one camera at the
      * origin of the body, whose calibration the caller fills in. Odometry uses the first
@@ -130,6 +144,7 @@ struct fovea_config {
     struct fovea_preview_config preview;
     struct fovea_edge_job_config edge_job;
     struct fovea_calibration_config calibration;
+    struct fovea_grid_job_config grid_job;
     uint64_t seed; /* of the random generator in the state, default 1 */
 
     /* A map to start with, saved with the same camera; NULL: none. Read by fovea_init only. Errors
@@ -349,6 +364,11 @@ void fovea_detections_get(const struct fovea *rt, struct fovea_detections *detec
  * gives one; `inferences` is 0 without one. Valid until the next fovea_work. */
 void fovea_segmentation_get(const struct fovea *rt, uint32_t network,
                             struct fovea_segmentation *segmentation);
+
+/* The grid of free space as of the last mask, width x height cells row by row as
+ * fovea_grid_cells; `cells` holds config.grid_job.grid.side_cells squared. False: there is none
+ * yet, or the pose is lost, and nothing is written. Any time between calls. */
+bool fovea_free_space_get(const struct fovea *rt, int8_t *cells, struct fovea_grid_place *place);
 
 /* The objects as of the last completed inference; `updates` is 0 without one. Valid until the next
  * fovea_work. */

@@ -52,6 +52,8 @@ void fv_message_channel(const char *prefix, enum fv_message_kind kind, char *nam
         [FV_MESSAGE_SEGMENTATION2] = "SEGMENTATION2",
         [FV_MESSAGE_EDGES] = "EDGES",
         [FV_MESSAGE_CALIBRATION_WARNING] = "CALIBRATION_WARNING",
+        [FV_MESSAGE_GRID] = "GRID",
+        [FV_MESSAGE_SCAN] = "SCAN",
         [FV_MESSAGE_BOT_CORE_POSE] = "BOT_CORE_POSE",
     };
     const bool sampled = kind >= FV_MESSAGE_SAMPLE && kind < FV_MESSAGE_FRAME;

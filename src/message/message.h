@@ -13,6 +13,7 @@
 
 #include "fovea/edges.h"
 #include "fovea/fovea.h"
+#include "fovea/grid.h"
 #include "fovea/network.h"
 #include "fovea/segmentation.h"
 #include "fovea_stamp_t.h"
@@ -44,6 +45,8 @@ enum fv_message_kind {
     FV_MESSAGE_SEGMENTATION2,
     FV_MESSAGE_EDGES,
     FV_MESSAGE_CALIBRATION_WARNING,
+    FV_MESSAGE_GRID, /* free space, where a network labels pixels */
+    FV_MESSAGE_SCAN,
     FV_MESSAGE_COMMAND,          /* in */
     FV_MESSAGE_COMMAND_RESULT,   /* of the application */
     FV_MESSAGE_PARAMETER,        /* in, and in recordings */
@@ -216,6 +219,31 @@ struct fv_message_calibration {
 size_t fv_message_calibration_size_max(void);
 uint32_t fv_message_calibration_encode(const struct fv_message_calibration *in, uint8_t *buffer,
                                        size_t capacity);
+
+enum { FV_MESSAGE_GRID_CELLS_MAX = 56000 };
+
+/* Rows of a grid of free space, at most FV_MESSAGE_GRID_CELLS_MAX cells of them. */
+struct fv_message_grid {
+    fovea_stamp_t stamp; /* of the image whose mask came last */
+    uint32_t reset_counter, map_id;
+    const struct fovea_grid_place *place;
+    double floor_m; /* height of the floor in `odom` */
+    int32_t first_row, row_count;
+    const int8_t *cells;
+};
+/* For messages of up to `cells` cells. */
+size_t fv_message_grid_size_max(uint32_t cells);
+uint32_t fv_message_grid_encode(const struct fv_message_grid *in, uint8_t *buffer, size_t capacity);
+
+/* The nearest obstacle by direction, over a whole turn from the body's x axis to its y axis. */
+struct fv_message_scan {
+    fovea_stamp_t stamp;
+    float range_max_m;
+    uint32_t count;
+    const float *range_m;
+};
+size_t fv_message_scan_size_max(uint32_t count);
+uint32_t fv_message_scan_encode(const struct fv_message_scan *in, uint8_t *buffer, size_t capacity);
 
 struct fv_message_detections {
     fovea_stamp_t stamp; /* of the image that the network took */

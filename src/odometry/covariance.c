@@ -23,13 +23,11 @@ static const double nearly = 1e-6,
                     nearly_zero = 1e-9; /* added to diagonals, relative: no parallax is any depth */
 static const double own_fraction = 0.75; /* of the variance that inliers show: their landmarks' own
                                          errors are in it, and counted again */
-static const double correlation_trust =
-    0.8; /* errors that are large along one axis leak into others */
 static const double together_max =
     3; /* parts' variance over that of the errors: more, and something moves, or the map is bent */
 static const double young_spread_px =
     20; /* below it, landmarks' errors have much in common; above, less and less */
-static const double bend_max = 0.1, bend_fraction = 0.25;
+static const double bend_max = 0.05, bend_fraction = 0.25;
 
 void fv_covariance_carve(struct fv_covariance *c, struct fv_arena *frame)
 {
@@ -370,9 +368,8 @@ bool fv_covariance_write(struct fv_odometry *o, const struct fv_map_frame *frame
         solve_alone(fit, variance, covariance);
         reliable = false;
     }
-    for (int row = 0, k = 0; row < 6; row++)
-        for (int column = row; column < 6; column++, k++)
-            covariance[k] *= column == row ? factor : factor * correlation_trust;
+    for (int k = 0; k < 21; k++)
+        covariance[k] *= factor;
     const double drift = bend_fraction * bend * way_of(reference, frame),
                  turn = drift / (reference->depth > 0 ? reference->depth : 1);
     for (int row = 0, k = 0; row < 6; k += 6 - row, row++)

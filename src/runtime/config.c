@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "base/elementary.h"
+#include "grid/grid.h"
 #include "stereo/stereo.h"
 
 static const double identity[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
@@ -315,6 +316,20 @@ static enum fovea_status check_pairs(const struct fovea_config *config, struct f
     return FOVEA_OK;
 }
 
+/* A camera over the floor, and a range that the grid holds. */
+static enum fovea_status check_grid(const struct fovea_config *config, struct fovea_error *error)
+{
+    const struct fovea_grid_job_config *job = &config->grid_job;
+    const double height = config->rig.cameras[0].T_body_cam[11], least_m = 0.01;
+    if (!job->enabled) return FOVEA_OK;
+    if (!(height >= least_m))
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                               "grid.enabled: found a camera %g m over z = 0 of the body, which is "
+                               "the floor, expected T_body_cam to state its height, at least %g m",
+                               height, least_m);
+    return fv_grid_check(&job->grid, error);
+}
+
 /* What single ranges do not say of the chain. */
 static enum fovea_status check_chain(const struct fovea_preprocess_config *chain,
                                      struct fovea_error *error)
@@ -400,5 +415,6 @@ enum fovea_status fv_config_check(const struct fovea_config *config, struct fove
     if (status == FOVEA_OK) status = check_sensors(config, error);
     if (status == FOVEA_OK) status = check_together(config, error);
     if (status == FOVEA_OK) status = check_heights(&config->objects, error);
+    if (status == FOVEA_OK) status = check_grid(config, error);
     return status == FOVEA_OK ? check_prefix(config->channel_prefix, error) : status;
 }

@@ -263,6 +263,15 @@ const char *fovea_detect2_label(const struct fovea *rt, int32_t class_id)
     return fv_detection_label(&rt->detection2, class_id);
 }
 
+bool fovea_free_space_get(const struct fovea *rt, int8_t *cells, struct fovea_grid_place *place)
+{
+    const struct fv_grid *grid = &rt->free_space.grid;
+    if (!rt->free_space.enabled || !grid->state->begun) return false;
+    *place = fv_grid_place(grid);
+    fv_grid_rows(grid, 0, place->height, cells);
+    return true;
+}
+
 void fovea_objects_get(const struct fovea *rt, struct fovea_objects *objects)
 {
     memset(objects, 0, sizeof *objects);

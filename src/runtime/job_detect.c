@@ -1,11 +1,13 @@
-/* The job of the one or two networks that find objects, or whose raw outputs are sent, and the
- * objects that follow from the detections of the first. */
+/* The job of the one or two networks that find objects or label pixels, or whose raw outputs are
+ * sent; of the objects that follow from the detections of the first; and of the free space that
+ * follows from the masks of one. */
 #include "runtime/config.h"
 #include "runtime/jobs.h"
 
 static bool waiting(const struct fovea *rt)
 {
-    return fv_detection_waiting(&rt->detection) || fv_detection_waiting(&rt->detection2);
+    return fv_detection_waiting(&rt->detection) || fv_detection_waiting(&rt->detection2) ||
+           fv_free_space_waiting(&rt->free_space);
 }
 
 /* Objects take the detections; what moves on its own is kept out of the map from now on. */
@@ -75,10 +77,52 @@ static uint32_t advance_first(struct fovea *rt, uint32_t units, struct fovea_out
     return done;
 }
 
+/* ---- free space ------------------------------------------------------------------------------ */
+
+/* The network whose masks make the grid. */
+static struct fv_detection *labeller(struct fovea *rt)
+{
+    return fv_detection_sends(&rt->detection, FV_DETECTION_SEGMENTATION) ? &rt->detection
+                                                                         : &rt->detection2;
+}
+
+/* A network keeps its mask until the grid has read it. */
+static bool is_kept(struct fovea *rt, const struct fv_detection *detection)
+{
+    return rt->free_space.enabled && detection == labeller(rt) && detection->enabled &&
+           fv_free_space_reads(&rt->free_space, detection->state->inferences);
+}
+
+static uint32_t advance_free_space(struct fovea *rt, uint32_t units, struct fovea_outputs *outputs)
+{
+    struct fv_free_space *stage = &rt->free_space;
+    const struct fovea_camera *camera = &rt->config.rig.cameras[0].camera;
+    const uint8_t *labels = rt->config.grid_job.labels;
+    struct fovea_segmentation seen;
+    if (!stage->enabled) return 0;
+    if (fv_detection_has_mask(labeller(rt), &seen))
+        fv_free_space_begin(stage, &seen, camera, labels);
+    uint32_t done = 0;
+    while (done < units && fv_free_space_waiting(stage)) {
+        done++;
+        if (!fv_free_space_unit(stage, &seen, camera, labels)) continue;
+        const enum fv_message_kind kind = fv_free_space_kind(stage);
+        fv_output_add(
+            rt, kind,
+            fv_free_space_encode(stage, rt->outbox.buffer[kind], rt->outbox.capacity[kind]),
+            outputs);
+        /* One part of the grid per work call: its buffer is in use until the next. */
+        if (kind == fv_free_space_kind(stage) && kind == FV_MESSAGE_GRID) break;
+    }
+    return done;
+}
+
+/* ---- the job --------------------------------------------------------------------------------- */
+
 /* Two networks that have work share the grant: half each, and what one leaves is for the other.
  * Each completes at most one inference per work call: its message's buffer is in use until the
  * next, and it gets its next image from the next step. */
-static uint32_t advance(struct fovea *rt, uint32_t units, struct fovea_outputs *outputs)
+static uint32_t advance_networks(struct fovea *rt, uint32_t units, struct fovea_outputs *outputs)
 {
     bool complete;
     if (!fv_detection_waiting(&rt->detection2)) return advance_first(rt, units, outputs);
@@ -86,6 +130,17 @@ static uint32_t advance(struct fovea *rt, uint32_t units, struct fovea_outputs *
         fv_detection_waiting(&rt->detection) ? advance_first(rt, units - units / 2, outputs) : 0;
     done += advance_one(rt, &rt->detection2, 1, units - done, &complete, outputs);
     return done + advance_first(rt, units - done, outputs);
+}
+
+/* What is left of an update of the grid comes first, a new one after its mask. */
+static uint32_t advance(struct fovea *rt, uint32_t units, struct fovea_outputs *outputs)
+{
+    if (fv_free_space_waiting(&rt->free_space)) {
+        const uint32_t done = advance_free_space(rt, units, outputs);
+        return done + advance_networks(rt, units - done, outputs);
+    }
+    const uint32_t done = advance_networks(rt, units, outputs);
+    return done + advance_free_space(rt, units - done, outputs);
 }
 
 static void carve(struct fovea *rt, struct fv_carving *carving)
@@ -101,6 +156,8 @@ static void carve(struct fovea *rt, struct fv_carving *carving)
     fv_carving_book(carving, "detection2");
     fv_object_stage_carve(&rt->objects, config, &rt->detection, persistent, frame);
     fv_carving_book(carving, "objects");
+    fv_free_space_carve(&rt->free_space, &config->grid_job, persistent, job, frame);
+    fv_carving_book(carving, "free space");
 }
 
 static bool is_due(const struct fovea_detect_config *config, uint64_t number)
@@ -108,15 +165,26 @@ static bool is_due(const struct fovea_detect_config *config, uint64_t number)
     return config->enabled && fv_every(number, config->period_frames);
 }
 
+/* True: the network takes the frame. */
+static bool offer_to(struct fovea *rt, struct fv_detection *detection,
+                     const struct fovea_frame *frame)
+{
+    const struct fv_seen *seen = fv_front_end_images(&rt->front_end);
+    if (is_kept(rt, detection)) return false;
+    if (!fv_detection_offer(detection, frame, &rt->state->frame, seen,
+                            rt->config.image.white_balance))
+        return false;
+    if (detection == labeller(rt))
+        fv_free_space_note(&rt->free_space, &rt->publish, &rt->state->frame);
+    return true;
+}
+
 static void offer(struct fovea *rt, const struct fovea_frame *frame)
 {
     const uint64_t number = rt->state->frames_processed - 1;
-    const struct fv_seen *seen = fv_front_end_images(&rt->front_end);
-    const bool balance = rt->config.image.white_balance;
-    if (is_due(&rt->config.detect2, number))
-        (void)fv_detection_offer(&rt->detection2, frame, &rt->state->frame, seen, balance);
-    if (!is_due(&rt->config.detect, number)) return;
-    if (!fv_detection_offer(&rt->detection, frame, &rt->state->frame, seen, balance)) return;
+    fv_free_space_follow(&rt->free_space, &rt->publish);
+    if (is_due(&rt->config.detect2, number)) offer_to(rt, &rt->detection2, frame);
+    if (!is_due(&rt->config.detect, number) || !offer_to(rt, &rt->detection, frame)) return;
     struct fovea_pose pose;
     fovea_pose_get(rt, &pose);
     fv_object_stage_note(&rt->objects, &pose);
@@ -127,6 +195,7 @@ static void reset(struct fovea *rt)
     fv_detection_reset(&rt->detection);
     fv_detection_reset(&rt->detection2);
     fv_object_stage_reset(&rt->objects);
+    fv_free_space_reset(&rt->free_space);
 }
 
 /* Min: a millisecond, 300 million multiply-accumulates within 20 frames. Fixed: the shipped

@@ -58,6 +58,12 @@ static void carve_outbox(struct fovea *rt, struct fv_arena *arena)
     if (rt->config.calibration.check && rt->config.odometry.enabled)
         carve_buffer(outbox, FV_MESSAGE_CALIBRATION_WARNING, fv_message_calibration_size_max(),
                      arena);
+    if (rt->config.grid_job.enabled) {
+        const struct fovea_grid_config *grid = &rt->config.grid_job.grid;
+        carve_buffer(outbox, FV_MESSAGE_GRID,
+                     fv_message_grid_size_max(fv_free_space_rows(grid) * grid->side_cells), arena);
+        carve_buffer(outbox, FV_MESSAGE_SCAN, fv_message_scan_size_max(grid->rays), arena);
+    }
     carve_network(outbox, &rt->detection2, 1, arena);
     carve_network(outbox, &rt->detection, 0, arena);
     if (fv_detection_sends(&rt->detection, FV_DETECTION_BOXES)) {

@@ -14,6 +14,7 @@
 #include "runtime/calibration.h"
 #include "runtime/edges.h"
 #include "runtime/frame_id.h"
+#include "runtime/free_space.h"
 #include "runtime/preview.h"
 #include "runtime/publish.h"
 #include "runtime/relative.h"
@@ -80,6 +81,7 @@ struct fovea {
     struct fv_odometry odometry;
     struct fv_detection detection, detection2; /* objects use the first */
     struct fv_object_stage objects;
+    struct fv_free_space free_space; /* from the first of the networks that labels pixels */
     struct fv_scale scale;
     struct fv_publish publish;
     struct fv_relative relative;

@@ -63,6 +63,8 @@ TELL = {
     "CAMERA_STATUS": (fovea.camera_status_t, lambda m: f"state {m.state}, {m.width} x {m.height} {m.pixel_format}"),
     "STATISTICS": (fovea.statistics_t, lambda m: f"{m.frames_in} frames in, {m.frames_processed} processed"),
     "CALIBRATION_WARNING": (fovea.calibration_warning_t, lambda m: f"state {m.state}, residuals {m.rms_px:.2f} px, {m.expected_px:.2f} px with the focal length that fits {m.reason}"),
+    "GRID": (fovea.grid_t, lambda m: f"{m.width} x {m.height} cells of {m.resolution_m} m, rows {m.first_row} to {m.first_row + m.row_count - 1}, {sum(0 <= c < 100 * m.free_below for c in m.cells)} free, {sum(c > 100 * m.occupied_above for c in m.cells)} occupied"),
+    "SCAN": (fovea.scan_t, lambda m: f"{m.count} ranges, the nearest obstacle at {min((r for r in m.range_m if r == r), default=float('nan')):.2f} m"),
     "EDGES": (fovea.edges_t, lambda m: f"{m.method} of {m.width} x {m.height}, rows {m.first_row} to {m.first_row + m.row_count - 1}, {m.segment_count} segments"),
     "PREVIEW": (fovea.preview_t, lambda m: f"{m.width} x {m.height}, {m.size_bytes} bytes of JPEG"),
     "MAP": (fovea.map_t, lambda m: f"map {m.map_id}, {m.landmark_count} landmarks and {m.keyframe_count} keyframes listed"),

@@ -2,6 +2,7 @@
 
 #include <string.h>
 
+#include "detect/job.h"
 #include "support/text.h"
 
 enum { ENTRY_BYTES = 64 };
@@ -15,18 +16,23 @@ static const char *const moves[] = {
     "frisbee",  "skis",    "snowboard", "sports ball", "kite",      "skateboard", "surfboard",
     "suitcase", "ball",    "box",       "cone"};
 
-/* The class with this name or number; -1: none that the mask of movable classes can hold. */
-static int32_t class_of(const struct fv_model *model, const char *name)
+/* The class with this name or number below `count`; -1: none. */
+static int32_t class_below(const struct fv_model *model, const char *name, int32_t count)
 {
     const int32_t first = model->header->decode.first_label;
     double number;
     for (int32_t i = first; i < (int32_t)model->header->label_count; i++) {
         const char *label = fv_model_label(model, i);
-        if (strcmp(label, name) == 0) return i - first < FOVEA_OBJECT_CLASSES_MAX ? i - first : -1;
+        if (strcmp(label, name) == 0) return i - first < count ? i - first : -1;
     }
-    if (!fv_text_number(name, &number) || !(number >= 0 && number < FOVEA_OBJECT_CLASSES_MAX))
-        return -1;
+    if (!fv_text_number(name, &number) || !(number >= 0 && number < count)) return -1;
     return number == (double)(int32_t)number ? (int32_t)number : -1;
+}
+
+/* One that the mask of movable classes can hold. */
+static int32_t class_of(const struct fv_model *model, const char *name)
+{
+    return class_below(model, name, FOVEA_OBJECT_CLASSES_MAX);
 }
 
 /* The next entry of a list that spaces separate; an underscore stands for a space within a label.
@@ -127,6 +133,108 @@ enum fovea_status fv_classes_resolve(struct fv_settings *settings, const struct 
             return refuse("objects.heights", entry, "a label or number of the network's classes",
                           error);
         objects->height_m[c] = (float)height;
+    }
+    return FOVEA_OK;
+}
+
+/* ---- the grid of free space ------------------------------------------------------------------ */
+
+/* By the names that Cityscapes, ADE20K, CamVid and our own networks give them. */
+static const char *const floors[] = {"floor", "road",     "ground", "sidewalk", "pavement",
+                                     "lane",  "parking",  "rug",    "carpet",   "crosswalk",
+                                     "Road",  "Pavement", "path",   "earth",    "field"};
+static const char *const nothing[] = {"sky",
+                                      "Sky",
+                                      "void",
+                                      "Void",
+                                      "unlabeled",
+                                      "unlabelled",
+                                      "unlabelled void",
+                                      "ego vehicle",
+                                      "background",
+                                      "rectification border"};
+static const char *const more_moves[] = {"rider", "caravan", "trailer",    "movable",   "animal",
+                                         "Car",   "Person",  "Pedestrian", "Bicyclist", "cart"};
+
+/* One of the three lists: its key, its entries, the names that `auto` stands for. */
+struct labelled {
+    const char *key, *list;
+    enum fovea_grid_label label;
+    struct {
+        const char *const *names;
+        size_t count;
+    } known[2];
+};
+
+#define COUNT_OF(array) (sizeof(array) / sizeof(array)[0])
+
+static uint32_t label_known(const struct fv_model *model, const struct labelled *of,
+                            uint8_t labels[256])
+{
+    uint32_t found = 0;
+    for (int k = 0; k < 2; k++)
+        for (size_t i = 0; i < of->known[k].count; i++) {
+            const int32_t c = class_below(model, of->known[k].names[i], 256);
+            if (c < 0 || labels[c] != FOVEA_GRID_OBSTACLE) continue;
+            labels[c] = (uint8_t)of->label;
+            found++;
+        }
+    return found;
+}
+
+/* `*found`: classes that got the label. */
+static enum fovea_status label_list(const struct fv_model *model, const struct labelled *of,
+                                    uint8_t labels[256], uint32_t *found, struct fovea_error *error)
+{
+    char entry[ENTRY_BYTES];
+    *found = 0;
+    for (const char *list = of->list; next(&list, entry);) {
+        const int32_t c = class_below(model, entry, 256);
+        if (c < 0 && strcmp(entry, "auto") != 0)
+            return refuse(of->key, entry, "auto, labels or numbers of the network's classes",
+                          error);
+        if (c < 0) {
+            *found += label_known(model, of, labels);
+            continue;
+        }
+        labels[c] = (uint8_t)of->label;
+        ++*found;
+    }
+    return FOVEA_OK;
+}
+
+enum fovea_status fv_classes_resolve_grid(struct fv_settings *settings,
+                                          const struct fv_model *model,
+                                          const struct fv_model *model2, struct fovea_error *error)
+{
+    struct fovea_grid_job_config *job = &settings->runtime.grid_job;
+    const struct labelled lists[] = {
+        {"grid.floor", settings->grid_floor, FOVEA_GRID_FLOOR, {{floors, COUNT_OF(floors)}}},
+        {"grid.movable",
+         settings->grid_movable,
+         FOVEA_GRID_MOVABLE,
+         {{moves, COUNT_OF(moves)}, {more_moves, COUNT_OF(more_moves)}}},
+        {"grid.ignored",
+         settings->grid_ignored,
+         FOVEA_GRID_IGNORED,
+         {{nothing, COUNT_OF(nothing)}}},
+    };
+    if (!job->enabled) return FOVEA_OK;
+    const struct fv_model *labeller =
+        (fv_detect_gives(model) & FV_DETECT_MASK) != 0 ? model : model2;
+    if (labeller == NULL || (fv_detect_gives(labeller) & FV_DETECT_MASK) == 0)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "grid.enabled: found no network that labels pixels, expected "
+                               "detect.model or detect2.model to be one");
+    memset(job->labels, FOVEA_GRID_OBSTACLE, sizeof job->labels);
+    for (size_t i = 0; i < COUNT_OF(lists); i++) {
+        uint32_t found;
+        const enum fovea_status status =
+            label_list(labeller, &lists[i], job->labels, &found, error);
+        if (status != FOVEA_OK) return status;
+        if (lists[i].label == FOVEA_GRID_FLOOR && found == 0)
+            return refuse("grid.floor", settings->grid_floor,
+                          "at least one class of the network that is floor", error);
     }
     return FOVEA_OK;
 }

@@ -120,10 +120,19 @@ static enum fovea_status model2_read(struct fv_settings *settings, struct fv_set
     return status;
 }
 
+static enum fovea_status no_model(const struct fv_settings *settings, struct fovea_error *error)
+{
+    if (!settings->runtime.grid_job.enabled) return FOVEA_OK;
+    fovea_error_set(error, FOVEA_ERROR_INPUT,
+                    "grid.enabled: found no detect.model, expected a network that labels pixels");
+    fv_settings_locate(settings, error);
+    return FOVEA_ERROR_INPUT;
+}
+
 static enum fovea_status model_read(struct fv_settings *settings, struct fv_setup *setup,
                                     struct fovea_error *error)
 {
-    if (settings->model[0] == '\0') return FOVEA_OK; /* there is no second one without it */
+    if (settings->model[0] == '\0') return no_model(settings, error);
     enum fovea_status status = fv_model_file_read(settings->model, &setup->model, error);
     settings->runtime.detect.model = setup->model.data;
     settings->runtime.detect.model_bytes = setup->model.bytes;
@@ -131,8 +140,13 @@ static enum fovea_status model_read(struct fv_settings *settings, struct fv_setu
     if (status == FOVEA_OK &&
         (status = fv_classes_resolve(settings, &setup->model.model, error)) != FOVEA_OK)
         fv_settings_locate(settings, error);
-    if (status != FOVEA_OK || settings->model2[0] == '\0') return status;
-    return model2_read(settings, setup, error);
+    const bool second = settings->model2[0] != '\0'; /* there is none without the first */
+    if (status == FOVEA_OK && second) status = model2_read(settings, setup, error);
+    if (status == FOVEA_OK &&
+        (status = fv_classes_resolve_grid(settings, &setup->model.model,
+                                          second ? &setup->model2.model : NULL, error)) != FOVEA_OK)
+        fv_settings_locate(settings, error);
+    return status;
 }
 
 static bool takes_colour(const struct fv_model_file *file)

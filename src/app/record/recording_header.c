@@ -317,14 +317,16 @@ static enum fovea_status read_models(const struct source *from, const fovea_reco
 {
     const fovea_recording_part_t *part = find_part(message, "model");
     struct fovea_config *config = &header->settings.runtime;
-    struct fv_model model;
+    const fovea_recording_part_t *second = find_part(message, "model2");
+    struct fv_model model, model2;
     enum fovea_status status =
         read_model(from, part, &header->model, &config->detect, &model, error);
     if (status == FOVEA_OK && part != NULL)
         status = fv_classes_resolve(&header->settings, &model, error);
     if (status == FOVEA_OK)
-        status = read_model(from, find_part(message, "model2"), &header->model2, &config->detect2,
-                            &model, error);
+        status = read_model(from, second, &header->model2, &config->detect2, &model2, error);
+    if (status == FOVEA_OK && part != NULL)
+        status = fv_classes_resolve_grid(&header->settings, &model, second ? &model2 : NULL, error);
     return status;
 }
 

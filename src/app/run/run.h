@@ -10,6 +10,7 @@
 #include "app/run/answers.h"
 #include "app/run/commands.h"
 #include "app/run/final_path.h"
+#include "app/run/grid_file.h"
 #include "app/run/keeper.h"
 #include "app/run/parameters.h"
 #include "app/run/loop.h"
@@ -39,6 +40,7 @@ enum fv_run_output {
     FV_RUN_DETECTIONS,
     FV_RUN_OBJECTS,
     FV_RUN_TRUTH,
+    FV_RUN_GRID,
     FV_RUN_OUTPUT_COUNT
 };
 
@@ -46,7 +48,7 @@ struct fv_run {
     struct fv_setup_options options;
     struct fovea_source_selection selection;
     const char *stats_path, *trajectory_path, *final_path, *picture_path, *detections_path,
-        *objects_path, *truth_path;
+        *objects_path, *truth_path, *grid_path;
     const char *web_port; /* of the page; NULL: none, "": its own */
     pid_t web_page;       /* its process; 0: none */
     bool quiet, all_boxes;
@@ -71,6 +73,7 @@ struct fv_run {
     uint64_t inferences;               /* of the first network, whose results were taken */
     uint64_t detections, objects;      /* found in them; confirmed */
     uint64_t inferences2, detections2; /* of the second network */
+    struct fv_grid_counts grid;        /* at the end */
     struct fv_trails trails;
     struct fv_watch watch;
     uint32_t calibration_said; /* verdicts on the calibration */

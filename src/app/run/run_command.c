@@ -219,6 +219,8 @@ static enum fv_options_result options_read(struct fv_run *run, int argc, char **
          "add to --detections those below the threshold, which objects may use"},
         {"objects", "FILE", FV_OPTION_TEXT, &run->objects_path,
          "write the objects as MOTChallenge text"},
+        {"grid", "FILE", FV_OPTION_TEXT, &run->grid_path,
+         "draw the grid of free space as it is at the end into FILE (PNG)"},
         {"record", "FILE|DIR/", FV_OPTION_TEXT, &run->options.record,
          "record the run for 'fovea replay'; in DIR/ each run makes a new numbered file"},
         {"map", "FILE", FV_OPTION_TEXT, &run->options.map, "start with a saved map"},
@@ -415,7 +417,7 @@ static void outputs_open(struct fv_run *run)
         [FV_RUN_STATS] = run->stats_path,           [FV_RUN_TRAJECTORY] = run->trajectory_path,
         [FV_RUN_FINAL] = run->final_path,           [FV_RUN_PICTURE] = run->picture_path,
         [FV_RUN_DETECTIONS] = run->detections_path, [FV_RUN_OBJECTS] = run->objects_path,
-        [FV_RUN_TRUTH] = run->truth_path,
+        [FV_RUN_TRUTH] = run->truth_path,           [FV_RUN_GRID] = run->grid_path,
     };
     for (int i = 0; i < FV_RUN_OUTPUT_COUNT; i++) {
         run->outputs[i] = paths[i];

@@ -141,6 +141,15 @@ static void network_print(const struct fv_run *run, uint32_t network, uint64_t f
         printf("found %" PRIu64 " detections in %" PRIu64 " images", found, inferences);
 }
 
+/* At the end of the run. */
+static enum fovea_status grid_draw(struct fv_run *run, struct fovea_error *error)
+{
+    const struct fovea_grid_job_config *job = &run->settings.runtime.grid_job;
+    if (!job->enabled) return FOVEA_OK;
+    return fv_grid_file_write(run->grid_path, run->loop.rt, job->grid.side_cells, &run->grid,
+                              error);
+}
+
 static void found_print(const struct fv_run *run)
 {
     if (run->settings.model[0] == '\0') return;
@@ -148,9 +157,18 @@ static void found_print(const struct fv_run *run)
     if (run->settings.runtime.objects.mode != FOVEA_OBJECTS_OFF)
         printf(", %" PRIu64 " objects", run->objects);
     printf("\n");
-    if (run->settings.model2[0] == '\0') return;
-    network_print(run, 1, run->detections2, run->inferences2);
-    printf("\n");
+    if (run->settings.model2[0] != '\0') {
+        network_print(run, 1, run->detections2, run->inferences2);
+        printf("\n");
+    }
+    const struct fv_grid_counts *grid = &run->grid;
+    if (!run->settings.runtime.grid_job.enabled) return;
+    if (grid->free + grid->occupied == 0)
+        printf("  free space: none known at the end: it needs poses in metres, and masks\n");
+    else
+        printf("  free space: %" PRIu32 " cells free, %" PRIu32 " occupied%s%s\n", grid->free,
+               grid->occupied, run->grid_path != NULL ? ", drawn in " : "",
+               run->grid_path != NULL ? run->grid_path : "");
 }
 
 static enum fv_exit path_failed(const char *file, const struct fv_trajectory_summary *summary)
@@ -179,6 +197,7 @@ void fv_run_lost(const void *context, char *text, size_t bytes)
         [FV_RUN_DETECTIONS] = "the end of the detections",
         [FV_RUN_OBJECTS] = "the end of the objects",
         [FV_RUN_TRUTH] = "the end of the truth",
+        [FV_RUN_GRID] = "the grid",
     };
     const struct fv_run *run = context;
     const unsigned unwritten = atomic_load(&run->unwritten);
@@ -279,6 +298,11 @@ enum fv_exit fv_run_report(struct fv_run *run)
     fv_run_written(run, FV_RUN_DETECTIONS);
     fv_run_written(run, FV_RUN_OBJECTS);
     fv_stall_leave(call);
+    call = fv_stall_enter(name_of(run, FV_RUN_GRID));
+    struct fovea_error grid_error;
+    const enum fovea_status grid = grid_draw(run, &grid_error);
+    fv_run_written(run, FV_RUN_GRID);
+    fv_stall_leave(call);
     fv_setup_close_source(&run->setup); /* its memory is the picture's */
     call = fv_stall_enter(name_of(run, FV_RUN_STATS));
     enum fv_exit end = stats_write(run, &report);
@@ -298,6 +322,7 @@ enum fv_exit fv_run_report(struct fv_run *run)
     if (path.failed != 0 || path.lost > 0) return path_failed(run->trajectory_path, &path);
     if (truth.failed != 0 || truth.lost > 0) return path_failed(run->truth_path, &truth);
     if (results != FOVEA_OK) return fv_say_failed("%s", error.text);
+    if (grid != FOVEA_OK) return fv_say_failed("%s", grid_error.text);
     if (final.failed != 0 || final.lost > 0) return path_failed(run->final_path, &final);
     if (end == FV_EXIT_OK) end = picture;
     if (end == FV_EXIT_OK) end = log_end(run);

@@ -12,7 +12,7 @@
 
 enum {
     MAPS_MAX = 2 * FV_MAP_FILE_KEEP_MAX,
-    WRITTEN_MAX = 10,
+    WRITTEN_MAX = 11,
     WRITTEN_RECORD = 0,
     MAP_NAME_BYTES = FV_SETTINGS_PATH_BYTES + 16
 };
@@ -39,6 +39,7 @@ static int list_written(const struct fv_run *run, struct written *written)
         {"--picture", drawn ? run->picture_path : NULL},
         {"--detections", run->detections_path},
         {"--objects", run->objects_path},
+        {"--grid", run->grid_path},
         {"parameters.file", kept[0] != '\0' ? kept : NULL},
     };
     int count = sizeof files / sizeof files[0];
@@ -159,6 +160,8 @@ enum fv_exit fv_run_files_check(const struct fv_run *run)
         return fv_say_wrong("fovea run: --detections: found no network, expected --model FILE");
     if (run->objects_path != NULL && run->settings.model[0] == '\0')
         return fv_say_wrong("fovea run: --objects: found no network, expected --model FILE");
+    if (run->grid_path != NULL && !run->settings.runtime.grid_job.enabled)
+        return fv_say_wrong("fovea run: --grid: found no grid, expected grid.enabled true");
     if (!run->settings.runtime.odometry.enabled &&
         (run->trajectory_path != NULL || run->final_path != NULL))
         return fv_say_wrong(

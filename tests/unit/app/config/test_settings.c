@@ -362,6 +362,38 @@ static void test_movable_classes(void **state)
     fv_model_file_free(&file);
 }
 
+/* The shipped network as one that labels pixels, with two of its labels known to `auto`. */
+static void test_classes_of_the_grid(void **state)
+{
+    (void)state;
+    struct fv_model_file file;
+    fv_settings_default(&settings);
+    assert_int_equal(fv_model_file_read("src/detect/shipped.fvm", &file, &error), FOVEA_OK);
+    const struct fv_model *model = &file.model;
+    assert_int_equal(fv_classes_resolve_grid(&settings, model, NULL, &error), FOVEA_OK); /* off */
+    settings.runtime.grid_job.enabled = true;
+    assert_int_equal(fv_classes_resolve_grid(&settings, model, NULL, &error), FOVEA_ERROR_INPUT);
+    assert_non_null(strstr(error.text, "grid.enabled: found no network that labels pixels"));
+    ((struct fv_model_header *)(uintptr_t)model->header)->decode.kind = FV_DECODER_SEGMENT;
+    assert_int_equal(fv_classes_resolve_grid(&settings, model, NULL, &error), FOVEA_ERROR_INPUT);
+    assert_non_null(strstr(error.text, "grid.floor: found 'auto', expected at least one class"));
+    strcpy(settings.grid_floor, "1");
+    strcpy(settings.grid_ignored, "0");
+    assert_int_equal(fv_classes_resolve_grid(&settings, model, NULL, &error), FOVEA_OK);
+    const uint8_t *labels = settings.runtime.grid_job.labels;
+    const int32_t first = model->header->decode.first_label;
+    assert_true(labels[0] == FOVEA_GRID_IGNORED && labels[1] == FOVEA_GRID_FLOOR);
+    int movable = 0;
+    for (int32_t c = 2; c + first < (int32_t)model->header->label_count; c++)
+        movable += labels[c] == FOVEA_GRID_MOVABLE; /* ball, cone, box of the shipped network */
+    assert_true(movable > 0);
+    assert_int_equal(labels[200], FOVEA_GRID_OBSTACLE);
+    strcpy(settings.grid_movable, "lion");
+    assert_int_equal(fv_classes_resolve_grid(&settings, model, NULL, &error), FOVEA_ERROR_INPUT);
+    assert_non_null(strstr(error.text, "grid.movable: found 'lion'"));
+    fv_model_file_free(&file);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -370,6 +402,7 @@ int main(void)
         cmocka_unit_test(test_wrong_files),
         cmocka_unit_test(test_wrong_together),
         cmocka_unit_test(test_movable_classes),
+        cmocka_unit_test(test_classes_of_the_grid),
         cmocka_unit_test(test_wrong_assignments),
         cmocka_unit_test(test_keys_of_0_1_are_refused_with_their_names_now),
         cmocka_unit_test(test_every_key_is_ranged),

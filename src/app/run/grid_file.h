@@ -1,0 +1,19 @@
+/* The grid of free space at the end of a run, as a picture. */
+#ifndef FOVEA_APP_RUN_GRID_FILE_H
+#define FOVEA_APP_RUN_GRID_FILE_H
+
+#include "fovea/fovea.h"
+
+/* Cells that are known to be free, known to be occupied, and neither. */
+struct fv_grid_counts {
+    uint32_t free, occupied, unknown;
+};
+
+/* Count the cells of the grid now, and write them to `path` (NULL: do not write) as a PNG of a
+ * pixel for each cell with the greys of ROS's map files: 254 is free, 0 occupied, 205 not known; x
+ * of the odometry frame is to the right, y up. Uses the heap. FOVEA_ERROR_*: `error` names the
+ * file. */
+enum fovea_status fv_grid_file_write(const char *path, const struct fovea *rt, uint32_t side_cells,
+                                     struct fv_grid_counts *counts, struct fovea_error *error);
+
+#endif

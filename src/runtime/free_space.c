@@ -1,0 +1,173 @@
+#include "runtime/free_space.h"
+
+#include <string.h>
+
+#include "base/elementary.h"
+
+void fv_free_space_carve(struct fv_free_space *stage, const struct fovea_grid_job_config *config,
+                         struct fv_arena *persistent, struct fv_arena *job, struct fv_arena *frame)
+{
+    stage->enabled = config->enabled;
+    if (!stage->enabled) return;
+    const struct fovea_grid_config *grid = &config->grid;
+    stage->state = fv_arena_take(persistent, 1, sizeof *stage->state);
+    fv_grid_carve(&stage->grid, grid, persistent);
+    stage->ranges = fv_arena_take(job, grid->rays, sizeof *stage->ranges);
+    stage->cells = fv_arena_take(frame, (size_t)fv_free_space_rows(grid) * grid->side_cells, 1);
+}
+
+void fv_free_space_reset(struct fv_free_space *stage)
+{
+    if (!stage->enabled) return;
+    fv_grid_forget(&stage->grid);
+    stage->state->phase = FV_FREE_SPACE_IDLE;
+    stage->state->noted.usable = 0;
+}
+
+/* ---- poses ----------------------------------------------------------------------------------- */
+
+/* What cells are in: lengths in metres, in the parent frame of the poses. */
+static uint64_t world_of(const struct fovea_pose *pose)
+{
+    return (uint64_t)pose->reset_counter << 32 | pose->map_id;
+}
+
+static bool is_metric(const struct fovea_pose *pose)
+{
+    return pose->posed && pose->scale_source != FOVEA_SCALE_FREE;
+}
+
+void fv_free_space_follow(struct fv_free_space *stage, const struct fv_publish *publish)
+{
+    struct fv_free_space_state *s = stage->state;
+    const struct fovea_pose *pose = fv_publish_pose(publish);
+    if (!stage->enabled || (is_metric(pose) && world_of(pose) == s->world)) return;
+    s->noted.usable = 0;
+    if (!stage->grid.state->begun) return;
+    fv_free_space_reset(stage); /* and say so, with the stamp of the last mask */
+    s->phase = FV_FREE_SPACE_SCANNING;
+    fv_grid_scan_begin(&stage->grid);
+}
+
+void fv_free_space_note(struct fv_free_space *stage, const struct fv_publish *publish,
+                        const struct fv_frame_id *frame)
+{
+    struct fv_free_space_state *s = stage->state;
+    const struct fovea_pose *pose = fv_publish_pose(publish);
+    if (!stage->enabled) return;
+    s->noted_frame = *frame;
+    s->noted = (struct fv_free_space_pose){.usable = is_metric(pose)};
+    if (!s->noted.usable) return;
+    const struct fv_se3 T_odom_cam = fv_publish_child_pose(publish, FV_PUBLISH_CAMERA),
+                        T_odom_body = fv_publish_child_pose(publish, FV_PUBLISH_BODY);
+    fv_se3_to_rows(&T_odom_cam, s->noted.T_odom_cam);
+    s->noted.position_m[0] = T_odom_body.t[0];
+    s->noted.position_m[1] = T_odom_body.t[1];
+    s->noted.yaw_rad = fv_atan2(T_odom_body.R[3], T_odom_body.R[0]);
+    s->noted.floor_m = T_odom_body.t[2];
+    s->world = world_of(pose);
+}
+
+/* ---- the update ------------------------------------------------------------------------------ */
+
+bool fv_free_space_waiting(const struct fv_free_space *stage)
+{
+    return stage->enabled && stage->state->phase != FV_FREE_SPACE_IDLE;
+}
+
+bool fv_free_space_reads(const struct fv_free_space *stage, uint64_t inferences)
+{
+    if (!stage->enabled) return false;
+    const struct fv_free_space_state *s = stage->state;
+    return s->phase == FV_FREE_SPACE_UPDATING || (s->noted.usable && inferences != s->inferences);
+}
+
+static struct fovea_grid_view view_of(const struct fv_free_space *stage,
+                                      const struct fovea_segmentation *seen,
+                                      const struct fovea_camera *camera, const uint8_t *labels)
+{
+    const struct fv_free_space_state *s = stage->state;
+    struct fovea_grid_view view = {.stamp_ns = s->frame.stamp_ns,
+                                   .seen = seen,
+                                   .labels = labels,
+                                   .camera = camera,
+                                   .position_m = {s->pose.position_m[0], s->pose.position_m[1]},
+                                   .yaw_rad = s->pose.yaw_rad,
+                                   .floor_m = s->pose.floor_m};
+    memcpy(view.T_odom_cam, s->pose.T_odom_cam, sizeof view.T_odom_cam);
+    return view;
+}
+
+void fv_free_space_begin(struct fv_free_space *stage, const struct fovea_segmentation *seen,
+                         const struct fovea_camera *camera, const uint8_t labels[256])
+{
+    struct fv_free_space_state *s = stage->state;
+    if (!stage->enabled || s->phase != FV_FREE_SPACE_IDLE || seen->inferences == s->inferences)
+        return;
+    s->inferences = seen->inferences;
+    if (!s->noted.usable || s->noted_frame.stamp_ns != seen->stamp_ns) return;
+    s->frame = s->noted_frame;
+    s->pose = s->noted;
+    s->noted.usable = 0;
+    const struct fovea_grid_view view = view_of(stage, seen, camera, labels);
+    if (fv_grid_begin(&stage->grid, &view)) s->phase = FV_FREE_SPACE_UPDATING;
+}
+
+bool fv_free_space_unit(struct fv_free_space *stage, const struct fovea_segmentation *seen,
+                        const struct fovea_camera *camera, const uint8_t labels[256])
+{
+    struct fv_free_space_state *s = stage->state;
+    if (s->phase == FV_FREE_SPACE_UPDATING) {
+        const struct fovea_grid_view view = view_of(stage, seen, camera, labels);
+        if (!fv_grid_advance(&stage->grid, &view)) return false;
+        fv_grid_scan_begin(&stage->grid);
+        s->phase = FV_FREE_SPACE_SCANNING;
+        return false;
+    }
+    if (s->phase == FV_FREE_SPACE_SCANNING) {
+        if (!fv_grid_scan_advance(&stage->grid, stage->ranges)) return false;
+        s->phase = FV_FREE_SPACE_SENDING_GRID;
+        s->sent = 0;
+        return false;
+    }
+    return true;
+}
+
+/* ---- messages -------------------------------------------------------------------------------- */
+
+enum fv_message_kind fv_free_space_kind(const struct fv_free_space *stage)
+{
+    return stage->state->phase == FV_FREE_SPACE_SENDING_GRID ? FV_MESSAGE_GRID : FV_MESSAGE_SCAN;
+}
+
+static uint32_t encode_grid(struct fv_free_space *stage, uint8_t *buffer, size_t capacity)
+{
+    struct fv_free_space_state *s = stage->state;
+    const struct fovea_grid_place place = fv_grid_place(&stage->grid);
+    const int32_t left = (int32_t)place.height - s->sent,
+                  most = (int32_t)fv_free_space_rows(&stage->grid.config);
+    const struct fv_message_grid message = {.stamp = fv_frame_id_stamp(&s->frame),
+                                            .reset_counter = (uint32_t)(s->world >> 32),
+                                            .map_id = (uint32_t)s->world,
+                                            .place = &place,
+                                            .floor_m = s->pose.floor_m,
+                                            .first_row = s->sent,
+                                            .row_count = left < most ? left : most,
+                                            .cells = stage->cells};
+    fv_grid_rows(&stage->grid, s->sent, message.row_count, stage->cells);
+    s->sent += message.row_count;
+    if (message.row_count == left) s->phase = FV_FREE_SPACE_SENDING_SCAN;
+    return fv_message_grid_encode(&message, buffer, capacity);
+}
+
+uint32_t fv_free_space_encode(struct fv_free_space *stage, uint8_t *buffer, size_t capacity)
+{
+    struct fv_free_space_state *s = stage->state;
+    if (s->phase == FV_FREE_SPACE_SENDING_GRID) return encode_grid(stage, buffer, capacity);
+    const struct fv_message_scan message = {.stamp = fv_frame_id_stamp(&s->frame),
+                                            .range_max_m = (float)stage->grid.config.range_m,
+                                            .count = stage->grid.config.rays,
+                                            .range_m = stage->ranges};
+    s->phase = FV_FREE_SPACE_IDLE;
+    return fv_message_scan_encode(&message, buffer, capacity);
+}

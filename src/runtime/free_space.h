@@ -1,0 +1,85 @@
+/* Free space in the loop: the grid of fovea/grid.h from the masks of a network and the poses that
+ * they were seen from.
+ *
+ * fv_free_space_note remembers the pose of a frame that the network takes; when its mask is
+ * complete, fv_free_space_begin takes it, and units update the grid, send it, and send the scan.
+ * Until the update is done the network must keep the mask (fv_free_space_reads). A loss of the
+ * pose, and a change of the frame or the unit of poses, make every cell unknown at once. */
+#ifndef FOVEA_RUNTIME_FREE_SPACE_H
+#define FOVEA_RUNTIME_FREE_SPACE_H
+
+#include "fovea/fovea.h"
+#include "grid/grid.h"
+#include "runtime/frame_id.h"
+#include "runtime/publish.h"
+
+enum fv_free_space_phase {
+    FV_FREE_SPACE_IDLE = 0,
+    FV_FREE_SPACE_UPDATING,
+    FV_FREE_SPACE_SCANNING,
+    FV_FREE_SPACE_SENDING_GRID,
+    FV_FREE_SPACE_SENDING_SCAN
+};
+
+/* Where a frame was seen from. */
+struct fv_free_space_pose {
+    double T_odom_cam[12], position_m[2], yaw_rad, floor_m;
+    uint32_t usable, reserved; /* posed, in metres */
+};
+
+/* No addresses and no padding: copied and hashed as bytes. */
+struct fv_free_space_state {
+    struct fv_frame_id noted_frame, frame; /* that the network took; of the last update */
+    struct fv_free_space_pose noted, pose;
+    uint64_t inferences; /* of the network, as of the last mask taken */
+    uint64_t world;      /* that the cells are in */
+    uint32_t phase;      /* enum fv_free_space_phase */
+    int32_t sent;        /* rows */
+};
+
+struct fv_free_space {
+    bool enabled;
+    struct fv_grid grid;
+    struct fv_free_space_state *state;
+    float *ranges; /* of the scan */
+    int8_t *cells; /* rows of one message */
+};
+
+/* Rows of one message. */
+static inline uint32_t fv_free_space_rows(const struct fovea_grid_config *config)
+{
+    const uint32_t most = FV_MESSAGE_GRID_CELLS_MAX / config->side_cells;
+    return most < config->side_cells ? most : config->side_cells;
+}
+
+/* Nothing where the configuration has it off. Init-only. */
+void fv_free_space_carve(struct fv_free_space *stage, const struct fovea_grid_job_config *config,
+                         struct fv_arena *persistent, struct fv_arena *job, struct fv_arena *frame);
+
+/* All that follows is real-time safe, and does nothing where it is off. */
+
+void fv_free_space_reset(struct fv_free_space *stage);
+/* Of every processed frame, after its pose is published. */
+void fv_free_space_follow(struct fv_free_space *stage, const struct fv_publish *publish);
+/* The network takes this frame. */
+void fv_free_space_note(struct fv_free_space *stage, const struct fv_publish *publish,
+                        const struct fv_frame_id *frame);
+
+/* The grid still needs the network's mask: it is being read, or is new. `inferences`: those that
+ * the network has completed. */
+bool fv_free_space_reads(const struct fv_free_space *stage, uint64_t inferences);
+bool fv_free_space_waiting(const struct fv_free_space *stage);
+/* Take a complete mask of the frame that was noted; one that was taken before is left. `camera`
+ * saw it, `labels` are those of the configuration. */
+void fv_free_space_begin(struct fv_free_space *stage, const struct fovea_segmentation *seen,
+                         const struct fovea_camera *camera, const uint8_t labels[256]);
+
+/* Do a unit. True: a message is ready, and fv_free_space_encode encodes it. `seen`, `camera` and
+ * `labels` are those that it began with; they are read only while fv_free_space_reads. */
+bool fv_free_space_unit(struct fv_free_space *stage, const struct fovea_segmentation *seen,
+                        const struct fovea_camera *camera, const uint8_t labels[256]);
+/* The kind of the message that is ready. */
+enum fv_message_kind fv_free_space_kind(const struct fv_free_space *stage);
+uint32_t fv_free_space_encode(struct fv_free_space *stage, uint8_t *buffer, size_t capacity);
+
+#endif

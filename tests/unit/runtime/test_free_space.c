@@ -1,0 +1,338 @@
+/* Free space in the loop: the grid and the scan that are sent are those of fovea/grid.h for the
+ * masks and the poses of the run, however the work is divided and whoever copies the runtime; and a
+ * lost pose leaves nothing known. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/elementary.h"
+#include "common/detector.h"
+#include "common/sim_rig.h"
+#include "geometry/se3.h"
+#include "nn/model.h"
+
+#include "fovea_grid_t.h"
+#include "fovea_scan_t.h"
+
+#define WAY "sim:orbit?width=320&height=240&lens=pinhole&fov=70&rate=10"
+enum {
+    FRAMES = 120,
+    SIDE = 256,
+    RAYS = 90,
+};
+static const double T_body_cam[12] = {0, 0, 1, 0.4, -1, 0, 0, 0.1, 0, -1, 0, 0.8};
+
+static struct sim_rig rig;
+static _Alignas(64) uint8_t model[1 << 18];
+
+/* Results of a run: what the messages say last, and how often. */
+struct run {
+    int8_t cells[SIDE * SIDE];
+    float ranges[RAYS];
+    int64_t grid_stamp_ns, scan_stamp_ns;
+    double origin[3];
+    int grids, scans, known;
+    int compared; /* grids that were compared with that beside, as they came */
+};
+
+/* The golden network as one that labels pixels; returns its bytes. */
+static size_t make_model(void)
+{
+    size_t bytes = 0;
+    const void *file = detector_model(&bytes);
+    assert_non_null(file);
+    memcpy(model, file, bytes);
+    struct fv_model_header *header = (struct fv_model_header *)(void *)model;
+    header->decode = (struct fv_model_decode){.kind = FV_DECODER_SEGMENT};
+    header->checksum = fv_model_checksum(model + 16, bytes - 16);
+    return bytes;
+}
+
+static void take_grid(const struct fovea_message *message, struct run *run)
+{
+    fovea_grid_t m;
+    assert_true(fovea_grid_t_decode(message->data, 0, (int)message->bytes, &m) > 0);
+    assert_true(m.width == SIDE && m.height == SIDE && m.resolution_m == 0.05);
+    assert_string_equal(m.frame, "odom");
+    assert_true(m.cell_count == m.row_count * SIDE && m.cell_count <= FOVEA_GRID_T_CELLS_MAX);
+    memcpy(run->cells + m.first_row * SIDE, m.cells, (size_t)m.cell_count);
+    memcpy(run->origin, m.origin_position, sizeof run->origin);
+    if (m.first_row + m.row_count == SIDE) run->grids++;
+    run->grid_stamp_ns = m.stamp.time_ns;
+    fovea_grid_t_decode_cleanup(&m);
+}
+
+static void take_scan(const struct fovea_message *message, struct run *run)
+{
+    fovea_scan_t m;
+    assert_true(fovea_scan_t_decode(message->data, 0, (int)message->bytes, &m) > 0);
+    assert_true(m.count == RAYS && m.angle_first == 0.0f && m.range_max_m == 6.0f);
+    assert_true(m.angle_step > 0.0698f && m.angle_step < 0.0699f); /* 4 degrees */
+    memcpy(run->ranges, m.range_m, sizeof run->ranges);
+    run->scans++;
+    run->scan_stamp_ns = m.stamp.time_ns;
+    fovea_scan_t_decode_cleanup(&m);
+}
+
+static void take_messages(const struct fovea_outputs *outputs, struct run *run)
+{
+    for (uint32_t i = 0; i < outputs->message_count; i++) {
+        if (strcmp(outputs->messages[i].channel, "FOVEA_GRID") == 0)
+            take_grid(&outputs->messages[i], run);
+        if (strcmp(outputs->messages[i].channel, "FOVEA_SCAN") == 0)
+            take_scan(&outputs->messages[i], run);
+    }
+}
+
+static void open_rig(const char *way)
+{
+    sim_rig_open(&rig, way, 0, FRAMES);
+    rig.config.scale.source = FOVEA_SCALE_WHEEL_ODOMETRY;
+    memcpy(rig.config.rig.cameras[0].T_body_cam, T_body_cam, sizeof T_body_cam);
+    rig.config.detect.model = model;
+    rig.config.detect.model_bytes = make_model();
+    struct fovea_grid_job_config *job = &rig.config.grid_job;
+    job->enabled = true;
+    job->grid.resolution_m = 0.05;
+    job->grid.side_cells = SIDE; /* in two messages */
+    job->grid.range_m = 6;
+    job->grid.rays = RAYS;
+    memset(job->labels, FOVEA_GRID_FLOOR, sizeof job->labels);
+    job->labels[1] = FOVEA_GRID_OBSTACLE;
+    job->labels[2] = FOVEA_GRID_MOVABLE;
+}
+
+/* Where the wheels have the body now, relative to its first place. */
+static struct fovea_sample wheels(void)
+{
+    struct fovea_sample sample = {.kind = FOVEA_SAMPLE_WHEEL_ODOMETRY};
+    struct fv_se3 B, back, T, start;
+    fv_se3_from_rows(T_body_cam, &B);
+    fv_se3_from_rows(rig.truth[rig.frames], &T);
+    fv_se3_from_rows(rig.truth[0], &start);
+    fv_se3_invert(&start, &back);
+    fv_se3_compose(&back, &T, &T);
+    fv_se3_compose(&B, &T, &T);
+    fv_se3_invert(&B, &back);
+    fv_se3_compose(&T, &back, &T);
+    sample.wheel_odometry.stamp_ns = rig.frame.stamp_ns;
+    memcpy(sample.wheel_odometry.position_m, T.t, sizeof T.t);
+    fv_so3_to_quaternion(T.R, sample.wheel_odometry.orientation);
+    return sample;
+}
+
+/* What a run has of a mask: where it was seen from, by the frame's stamp. */
+struct seen_from {
+    int64_t stamp_ns;
+    struct fovea_pose pose;
+};
+
+static struct fovea_grid_view view_of(const struct fovea_pose *pose,
+                                      const struct fovea_segmentation *seen)
+{
+    struct fv_se3 B, back, T_odom_cam, T_odom_body;
+    struct fovea_grid_view view = {.stamp_ns = seen->stamp_ns,
+                                   .seen = seen,
+                                   .labels = rig.config.grid_job.labels,
+                                   .camera = &rig.config.rig.cameras[0].camera};
+    fv_se3_from_rows(T_body_cam, &B);
+    fv_se3_from_rows(pose->T_world_cam, &T_odom_cam);
+    fv_se3_compose(&B, &T_odom_cam, &T_odom_cam);
+    fv_se3_invert(&B, &back);
+    fv_se3_compose(&T_odom_cam, &back, &T_odom_body);
+    fv_se3_to_rows(&T_odom_cam, view.T_odom_cam);
+    view.position_m[0] = T_odom_body.t[0];
+    view.position_m[1] = T_odom_body.t[1];
+    view.yaw_rad = fv_atan2(T_odom_body.R[3], T_odom_body.R[0]);
+    view.floor_m = T_odom_body.t[2];
+    return view;
+}
+
+static struct fovea_grid *beside;
+static void *beside_memory;
+static void make_beside(void)
+{
+    size_t bytes;
+    assert_int_equal(fovea_grid_size(&rig.config.grid_job.grid, &bytes, NULL), FOVEA_OK);
+    beside_memory = aligned_alloc(64, (bytes + 63) / 64 * 64);
+    assert_int_equal(
+        fovea_grid_init(&beside, &rig.config.grid_job.grid, beside_memory, bytes, NULL), FOVEA_OK);
+}
+
+/* The grid beside takes each new mask of a frame that was posed in metres. */
+static void update_beside(const struct seen_from *poses, uint64_t *inferences)
+{
+    struct fovea_segmentation seen;
+    fovea_segmentation_get(rig.rt, 0, &seen);
+    if (seen.inferences == *inferences) return;
+    *inferences = seen.inferences;
+    for (int i = 0; i < FRAMES; i++) {
+        if (poses[i].stamp_ns != seen.stamp_ns || !poses[i].pose.posed ||
+            poses[i].pose.scale_source == FOVEA_SCALE_FREE)
+            continue;
+        const struct fovea_grid_view view = view_of(&poses[i].pose, &seen);
+        assert_int_equal(fovea_grid_update(beside, &view), FOVEA_OK);
+    }
+}
+
+/* A grid that is complete is the one beside, where that is of the same mask; after a loss nothing
+ * is known. */
+static void compare(struct run *run)
+{
+    static int8_t cells[SIDE * SIDE];
+    struct fovea_grid_place place;
+    fovea_grid_cells(beside, cells, &place);
+    if (run->grid_stamp_ns != place.stamp_ns || rig.pose[rig.frames - 1].posed == false) return;
+    assert_memory_equal(run->cells, cells, sizeof cells);
+    run->compared++;
+}
+
+/* The whole run, with `units` of the networks' job per work call and `calls` of them per frame; the
+ * grid beside is kept with it. `dark`: frames from there on are black. */
+static void run_with(uint32_t units, int calls, int dark, bool copied, struct run *run)
+{
+    static struct seen_from poses[FRAMES];
+    static uint8_t black[320 * 240];
+    uint64_t inferences = 0;
+    void *other = NULL;
+    memset(run, 0, sizeof *run);
+    open_rig(WAY);
+    sim_rig_build(&rig);
+    make_beside();
+    while (sim_rig_next(&rig)) {
+        const struct fovea_sample sample = wheels();
+        struct fovea_outputs outputs;
+        const int n = rig.frames;
+        rig.inputs.sample_count = 1;
+        rig.inputs.samples = &sample;
+        if (n >= dark) rig.frame.images[0].data = black;
+        rig.inputs.grants.units[FOVEA_JOB_DETECT] = units;
+        (void)fovea_step(rig.rt, &rig.inputs, &outputs);
+        take_messages(&outputs, run);
+        poses[n].stamp_ns = rig.frame.stamp_ns;
+        fovea_pose_get(rig.rt, &poses[n].pose);
+        rig.pose[rig.frames++] = poses[n].pose;
+        rig.ops->requeue(rig.source, &rig.frame);
+        for (int i = 0; i < calls; i++) {
+            (void)fovea_work(rig.rt, &rig.inputs.grants, &outputs);
+            const int before = run->grids;
+            take_messages(&outputs, run);
+            update_beside(poses, &inferences);
+            if (run->grids > before) compare(run);
+        }
+        if (copied && n == FRAMES / 2) { /* go on in a copy */
+            size_t bytes;
+            assert_int_equal(fovea_size(&rig.config, &bytes, NULL), FOVEA_OK);
+            other = rig.rt;
+            assert_int_equal(
+                fovea_copy(other, aligned_alloc(FOVEA_BLOCK_ALIGNMENT, (bytes + 63) / 64 * 64),
+                           bytes, &rig.rt),
+                FOVEA_OK);
+            memset(other, 0x5a, bytes);
+        }
+    }
+    for (int i = 0; i < SIDE * SIDE; i++)
+        run->known += run->cells[i] != FOVEA_GRID_UNKNOWN;
+    free(other);
+}
+
+static void end_run(void)
+{
+    free(beside_memory);
+    sim_rig_close(&rig);
+}
+
+/* ---- tests ----------------------------------------------------------------------------------- */
+
+static void what_is_sent_is_the_grid_of_the_masks_and_poses(void **state)
+{
+    (void)state;
+    static struct run run;
+    static int8_t cells[SIDE * SIDE], got[SIDE * SIDE];
+    float ranges[RAYS];
+    struct fovea_grid_place place, own;
+    run_with(400, 4, FRAMES, false, &run);
+    fovea_grid_cells(beside, cells, &place);
+    fovea_grid_scan(beside, ranges);
+    print_message("%d grids, %d scans, %d cells known\n", run.grids, run.scans, run.known);
+    assert_true(run.grids > 20 && run.scans == run.grids && run.compared == run.grids);
+    assert_true(run.known > 500);
+    assert_true(run.grid_stamp_ns == place.stamp_ns && run.scan_stamp_ns == place.stamp_ns);
+    assert_memory_equal(run.cells, cells, sizeof cells);
+    assert_memory_equal(run.ranges, ranges, sizeof ranges);
+    assert_true(run.origin[0] == place.origin_m[0] && run.origin[1] == place.origin_m[1]);
+    assert_true(fovea_free_space_get(rig.rt, got, &own));
+    assert_memory_equal(got, cells, sizeof cells);
+    assert_memory_equal(&own, &place, sizeof own);
+    end_run();
+}
+
+/* Few units per frame: an update takes several frames. */
+static void with_few_units_the_same_grid_comes_later(void **state)
+{
+    (void)state;
+    static struct run run;
+    run_with(5, 1, FRAMES, false, &run);
+    print_message("with 5 units per frame: %d grids, %d compared\n", run.grids, run.compared);
+    assert_true(run.grids > 10 && run.compared > run.grids / 2);
+    end_run();
+}
+
+static void copies_go_on_alike(void **state)
+{
+    (void)state;
+    static struct run run, copied;
+    run_with(37, 2, FRAMES, false, &run);
+    end_run();
+    run_with(37, 2, FRAMES, true, &copied);
+    end_run();
+    assert_memory_equal(&run, &copied, sizeof run);
+}
+
+static void a_lost_pose_leaves_nothing_known(void **state)
+{
+    (void)state;
+    static struct run run;
+    static int8_t cells[SIDE * SIDE];
+    struct fovea_grid_place place;
+    run_with(400, 4, FRAMES - 10, false, &run);
+    assert_true(run.grids > 10);
+    assert_int_equal(rig.pose[FRAMES - 1].state, FOVEA_TRACKING_LOST);
+    assert_int_equal(run.known, 0);
+    for (int i = 0; i < RAYS; i++)
+        assert_true(run.ranges[i] != run.ranges[i]); /* NaN */
+    assert_false(fovea_free_space_get(rig.rt, cells, &place));
+    end_run();
+}
+
+static void a_camera_on_the_floor_is_refused(void **state)
+{
+    (void)state;
+    size_t bytes;
+    struct fovea_error error;
+    open_rig(WAY);
+    rig.config.rig.cameras[0].T_body_cam[11] = 0;
+    assert_int_equal(fovea_size(&rig.config, &bytes, &error), FOVEA_ERROR_ARGUMENT);
+    assert_non_null(strstr(error.text, "grid.enabled: found a camera 0 m over"));
+    rig.config.rig.cameras[0].T_body_cam[11] = 1;
+    rig.config.grid_job.grid.range_m = 6.5;
+    assert_int_equal(fovea_size(&rig.config, &bytes, &error), FOVEA_ERROR_ARGUMENT);
+    assert_non_null(strstr(error.text, "grid.range_m: found 6.5, expected at most half the side"));
+    rig.ops->close(rig.source);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(what_is_sent_is_the_grid_of_the_masks_and_poses),
+        cmocka_unit_test(with_few_units_the_same_grid_comes_later),
+        cmocka_unit_test(copies_go_on_alike),
+        cmocka_unit_test(a_lost_pose_leaves_nothing_known),
+        cmocka_unit_test(a_camera_on_the_floor_is_refused),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
