@@ -243,6 +243,7 @@ pictures: all  ## renew the pictures of README.md, a simulated run, and of docs/
 evaluate: all $(BUILD)/venv-sweep/ready $(BUILD)/venv-objects/ready  ## the recordings with truth over seeds and start frames, objects beside SORT and ByteTrack: rewrites the committed tables
 	$(BUILD)/venv-sweep/bin/python tools/evaluate odometry --binary $(BUILD)/fovea
 	$(BUILD)/venv-sweep/bin/python tools/evaluate road --binary $(BUILD)/fovea
+	$(BUILD)/venv-sweep/bin/python tools/evaluate faults --binary $(BUILD)/fovea
 	$(BUILD)/venv-sweep/bin/python tools/evaluate operations --binary $(BUILD)/fovea
 	$(BUILD)/venv-sweep/bin/python tools/evaluate features_odometry --binary $(BUILD)/fovea
 	$(BUILD)/venv-objects/bin/python tools/evaluate/objects.py --fovea $(BUILD)/fovea --output tools/evaluate/objects.md

@@ -4,14 +4,23 @@
  * that move, or that began bent, therefore looks well from inside. So each keyframe is matched with
  * the one before by descriptors alone, and the matches are held against the relative pose that the
  * map gives the two. Where the map is right their errors are noise, and the rest (mismatches,
- * things that move) is far off; where it is wrong, errors of all sizes occur. The measure is the
- * fraction of the matches within 4 px of their epipolar place that are within 1 px, in pixels of
- * their level, with weights that fall by .7 per keyframe. On sim:road and the recordings right maps
- * have .85 and more, wrong ones fall below .8 (tools/evaluate/sim_road.md).
+ * things that move) is far off; where it is wrong, errors of all sizes occur. Three measures, of
+ * counts that fall by .7 per keyframe, in pixels of the match's level:
  *
- * Below `weak` no pose is `tracking`. Below `contradicted`, after three keyframes, the map is given
- * up: all of it while it is young, later the keyframes since the measure was last good. They leave
- * the map one per unit, and are not entered again meanwhile.
+ *   near   of the matches within 4 px of their epipolar place, those within 1 px. Right maps of the
+ *          recordings have .84 and more, of sim:road .8; wrong ones fall below
+ *   fit    of all matches, those within 4 px: fewer, and a good part of the picture moves another
+ *          way than the map says. Right maps of the recordings have .8 and more
+ *   known  of all matches, those of which the later feature sees a landmark. Where a map hangs on a
+ *          car that drives along, the world's landmarks are lost from keyframe to keyframe, though
+ *          epipolar lines, which are the same for both, say nothing. Few known and near not high
+ *          are a doubt (tools/evaluate/sim_road.md)
+ *
+ * In doubt no pose is `tracking`. Where near or fit are low, after three keyframes, the map is
+ * given up, and where doubt lasts for four: all of it while it is young, later the keyframes since
+ * the measures were last good. They leave the map one per unit, and are not entered again
+ * meanwhile. What misled one map misleads the next: a map that follows one given up is published
+ * when two keyframes have found it right.
  *
  * A job in units: FV_AGREEMENT_UNIT features are matched in each. Real-time safe, no addresses in
  * the state. */
@@ -34,10 +43,12 @@ enum { FV_AGREEMENT_UNIT = 64 };
 struct fv_agreement_state {
     bool busy;
     uint32_t slot, generation, before, before_generation;
-    uint32_t next;     /* sampled feature of the earlier one */
-    float near, about; /* faded counts of matches within 1 px and 4 px */
-    uint32_t checks;   /* of this map */
+    uint32_t next;                 /* sampled feature of the earlier one */
+    float near, about, all, known; /* faded counts: within 1 px and 4 px, all, of landmarks */
+    uint32_t checks;               /* of this map */
+    uint32_t doubts;               /* of the last checks, how many in a row left the map in doubt */
     uint64_t bad_from; /* keyframes from this number on came after the measure was last good */
+    bool suspect;      /* it follows one given up, and is not confirmed yet */
     bool dropping;     /* keyframes of drop_map from number drop_from on are to go */
     uint32_t drop_map;
     uint64_t drop_from;
@@ -59,6 +70,8 @@ void fv_agreement_carve(struct fv_agreement *agreement, uint32_t features_max,
 enum fv_agreement_verdict fv_agreement_verdict(const struct fv_agreement_state *state);
 /* Enough keyframes agree well: what pulls at single poses moves, and the map is not bent. */
 bool fv_agreement_settled(const struct fv_agreement_state *state);
+/* Whether poses are to be withheld, since the map may repeat the error of the one before. */
+bool fv_agreement_withholds(struct fv_agreement_state *state);
 /* Another map: nothing is known of it. */
 void fv_agreement_forget(struct fv_agreement_state *state);
 

@@ -23,11 +23,15 @@ static const double nearly = 1e-6,
                     nearly_zero = 1e-9; /* added to diagonals, relative: no parallax is any depth */
 static const double own_fraction = 0.75; /* of the variance that inliers show: their landmarks' own
                                          errors are in it, and counted again */
+static const double correlation_trust =
+    0.8; /* errors that are large along one axis leak into others */
 static const double together_max =
     3; /* parts' variance over that of the errors: more, and something moves, or the map is bent */
 static const double young_spread_px =
     20; /* below it, landmarks' errors have much in common; above, less and less */
-static const double bend_max = 0.05, bend_fraction = 0.25;
+static const double bend_max = 0.1, bend_fraction = 0.25;
+static const double doubt_fraction =
+    0.05; /* of the way, where the pictures do not bear the map out */
 
 void fv_covariance_carve(struct fv_covariance *c, struct fv_arena *frame)
 {
@@ -368,9 +372,12 @@ bool fv_covariance_write(struct fv_odometry *o, const struct fv_map_frame *frame
         solve_alone(fit, variance, covariance);
         reliable = false;
     }
-    for (int k = 0; k < 21; k++)
-        covariance[k] *= factor;
-    const double drift = bend_fraction * bend * way_of(reference, frame),
+    for (int row = 0, k = 0; row < 6; row++)
+        for (int column = row; column < 6; column++, k++)
+            covariance[k] *= column == row ? factor : factor * correlation_trust;
+    const bool doubt = fv_agreement_verdict(&o->state->agreement) != FV_AGREEMENT_GOOD;
+    const double open = bend_fraction * bend + (doubt ? doubt_fraction : 0),
+                 drift = open * way_of(reference, frame),
                  turn = drift / (reference->depth > 0 ? reference->depth : 1);
     for (int row = 0, k = 0; row < 6; k += 6 - row, row++)
         covariance[k] += row < 3 ? drift * drift : turn * turn;

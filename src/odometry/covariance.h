@@ -17,14 +17,21 @@
  * "Longitudinal data analysis using generalized linear models", 1986). The larger of both variances
  * counts.
  *
+ * What the frame leaves open is long in few directions, as where a turn looks like a step aside,
+ * and a linearised problem with a sample of the landmarks knows these to some degrees only. So a
+ * fifth of each variance counts as uncorrelated with the others: without, 3.8 % of the poses of
+ * euroc_mh05_a were outside their 99.9 % bound, translation and rotation each being as stated.
+ *
  * Noise over the mean parallax of the visible landmarks tells how far the map may be bent, and with
  * it the unit of length from place to place; a fraction of that, over the way from the reference,
  * is added. It fades as parallax grows. In a metric map nothing is: measured distances are errors
  * of the joint problem, and hold each landmark from its first keyframe on.
  *
+ * So is a twentieth of the way where the pictures leave the map in doubt (agreement.h).
+ *
  * Not to be relied on, whatever its size: while the map is young (fewer than ten keyframes) and
- * that bend is 5 % or more; and where the parts' variance is three times that of the errors or
- * more, unless eight keyframes or more agree with the map (agreement.h): then what pulls is a thing
+ * that bend is 10 % or more; and where the parts' variance is three times that of the errors or
+ * more, unless five keyframes or more agree with the map (agreement.h): then what pulls is a thing
  * that moves or a lens, and is counted above. */
 #ifndef FOVEA_ODOMETRY_COVARIANCE_H
 #define FOVEA_ODOMETRY_COVARIANCE_H

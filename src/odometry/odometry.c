@@ -260,6 +260,13 @@ static bool contradicted(const struct fv_odometry *o)
            fv_agreement_verdict(&s->agreement) == FV_AGREEMENT_CONTRADICTED;
 }
 
+/* Odometry goes on, and nothing of it is published. */
+static void withhold(struct fovea_pose *pose)
+{
+    memset(pose, 0, sizeof *pose);
+    pose->state = FOVEA_TRACKING_LOST;
+}
+
 void fv_odometry_step(struct fv_odometry *o, const struct fv_kernels *kernels,
                       const struct fv_odometry_input *input)
 {
@@ -277,6 +284,7 @@ void fv_odometry_step(struct fv_odometry *o, const struct fv_kernels *kernels,
         write_pose(o);
     }
     s->pose.state = s->state;
+    if (fv_agreement_withholds(&s->agreement)) withhold(&s->pose);
     s->pose.reset_counter = s->reset_counter;
     s->pose.map_id = o->map.state->odom_id;
     s->pose.keyframes = o->map.state->keyframe_count;

@@ -166,6 +166,7 @@ static void enter(struct fv_odometry *o, uint32_t slot)
     struct fv_odometry_state *s = o->state;
     const uint32_t odom_id = o->map.state->odom_id;
     if (o->map.keyframes[slot].map_id != o->map.state->map_id) fv_agreement_forget(&s->agreement);
+    s->agreement.suspect = false; /* what is kept was found right */
     s->newest = slot;
     s->keyframe_frame = s->frame_number;
     s->keyframe_matches = o->map.keyframes[slot].landmarks;

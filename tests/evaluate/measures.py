@@ -15,6 +15,7 @@ ROOT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..")
 sys.path.insert(0, os.path.join(ROOT, "tools", "evaluate"))
 FOVEA = os.path.abspath(os.path.join(os.environ.get("BUILD", os.path.join(ROOT, "build")), "fovea"))
 
+import faults  # noqa: E402
 import metrics  # noqa: E402
 import one  # noqa: E402
 import plan  # noqa: E402
@@ -184,6 +185,33 @@ class Measures(unittest.TestCase):
             links[0] = True  # frame 50 is a keyframe, and frame 0 has no error of its own
             values.append(metrics.against_earlier(run, 0, 50, 4.0, links)[2] / 6)
         self.assertAlmostEqual(np.mean(values), 1, delta=0.13)
+
+
+class Faults(unittest.TestCase):
+    """A run of 60 frames with a fault at frames 20 to 29."""
+
+    def run_of(self, **changes):
+        frames = [{"frame": i, "state": 1, "map": 0, "reset": 0, "keyframe": i // 10, "keyframe_error_m": 0.01, "sigma_m": 0.01} for i in range(60)]
+        for i in range(20, 30):
+            frames[i].update(keyframe=1, state=1 if i < 23 else 2)
+        for name, values in changes.items():
+            for i, value in values.items():
+                frames[i][name] = value
+        return faults.judge(frames, 20, 10)
+
+    def test_what_happens_at_a_fault(self):
+        good = self.run_of()
+        self.assertEqual([good[name] for name in ("late", "made", "beyond", "frames", "posed", "end")], [0, 0, 0, 10, 10, "back"])
+        bad = self.run_of(state={27: 1}, keyframe={24: 2, 25: 2, 26: 2, 27: 3, 28: 3, 29: 3}, keyframe_error_m={25: 0.06})
+        self.assertEqual([bad[name] for name in ("late", "made", "beyond")], [1, 2, 1])
+        self.assertIsNone(self.run_of(state={19: 3}))
+
+    def test_what_follows_it(self):
+        lost = {i: 3 for i in range(25, 60)}
+        self.assertEqual(self.run_of(state=lost)["end"], "not")
+        self.assertEqual(self.run_of(state={**lost, 38: 1})["end"], "late back")
+        self.assertEqual(self.run_of(state={**lost, 38: 1}, map={38: 1}, reset={38: 1})["end"], "new")
+        self.assertEqual(self.run_of(state={**lost, 38: 1}, map={38: 1})["end"], "not")
 
 
 class Reliability(unittest.TestCase):

@@ -5,6 +5,7 @@
     python tools/evaluate reliability DIR [--output FILE.md] [--svg FILE.svg]
     python tools/evaluate odometry          renews odometry.md
     python tools/evaluate road              renews road.md
+    python tools/evaluate faults            renews faults.md
     python tools/evaluate operations        renews operations.md
     python tools/evaluate features_odometry renews features_odometry.md
 

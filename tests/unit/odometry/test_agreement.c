@@ -76,6 +76,11 @@ static void a_wrong_map_is_given_up(void **state)
     assert_int_equal(fv_agreement_verdict(&o->state->agreement), FV_AGREEMENT_CONTRADICTED);
     run_to(rig.frames + 1);
     assert_false(rig.pose[rig.frames - 1].posed);
+    while (!rig.pose[rig.frames - 1].posed && rig.frames < FRAMES) {
+        assert_true(o->state->agreement.suspect); /* the next map is not published unchecked */
+        run_to(rig.frames + 1);
+    }
+    assert_true(o->state->agreement.checks >= 2 && !o->state->agreement.suspect);
     run_to(FRAMES);
     const struct fovea_pose after = rig.pose[FRAMES - 1];
     assert_true(after.posed && after.map_id != before.map_id);
@@ -83,6 +88,37 @@ static void a_wrong_map_is_given_up(void **state)
     for (uint32_t k = 0; k < o->map.limits.keyframes; k++)
         assert_true(!o->map.keyframes[k].used || o->map.keyframes[k].map_id != before.map_id);
     sim_rig_close(&rig);
+}
+
+/* Each of the three measures alone puts a map in doubt; the first two, or lasting doubt, end it. */
+static void each_measure_counts(void **state)
+{
+    (void)state;
+    const struct {
+        struct fv_agreement_state measured;
+        enum fv_agreement_verdict one, three;
+    } cases[] = {
+        {{.near = 90, .about = 100, .all = 105, .known = 90}, FV_AGREEMENT_GOOD, FV_AGREEMENT_GOOD},
+        {{.near = 81, .about = 100, .all = 105, .known = 90}, FV_AGREEMENT_WEAK, FV_AGREEMENT_WEAK},
+        {{.near = 79, .about = 100, .all = 105, .known = 90},
+         FV_AGREEMENT_WEAK,
+         FV_AGREEMENT_CONTRADICTED},
+        {{.near = 95, .about = 100, .all = 130, .known = 90}, FV_AGREEMENT_WEAK, FV_AGREEMENT_WEAK},
+        {{.near = 95, .about = 100, .all = 140, .known = 90},
+         FV_AGREEMENT_WEAK,
+         FV_AGREEMENT_CONTRADICTED},
+        {{.near = 86, .about = 100, .all = 105, .known = 60}, FV_AGREEMENT_WEAK, FV_AGREEMENT_WEAK},
+        {{.near = 95, .about = 100, .all = 105, .known = 60}, FV_AGREEMENT_GOOD, FV_AGREEMENT_GOOD},
+    };
+    for (size_t k = 0; k < sizeof cases / sizeof cases[0]; k++) {
+        struct fv_agreement_state s = cases[k].measured;
+        s.checks = 1;
+        assert_int_equal(fv_agreement_verdict(&s), cases[k].one);
+        s.checks = 3;
+        assert_int_equal(fv_agreement_verdict(&s), cases[k].three);
+        s.doubts = s.checks = 4;
+        assert_int_equal(fv_agreement_verdict(&s), FV_AGREEMENT_CONTRADICTED);
+    }
 }
 
 /* Way of the estimate over that of the truth in the ten frames up to one; 0: not of one map. */
@@ -132,6 +168,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_right_map_agrees),
         cmocka_unit_test(a_wrong_map_is_given_up),
+        cmocka_unit_test(each_measure_counts),
         cmocka_unit_test(no_wrong_map_of_a_drive_is_confident),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
