@@ -124,6 +124,7 @@ uint32_t fv_features_find(struct fv_features *features, const struct fv_kernels 
         fv_spread_score(&features->spread, ranked_score, pyramid);
     features->count = fv_spread_pick(&features->spread, features->corners);
     fill_list(features);
+    if (features->whole_pixels) return features->count;
     if (by_fast(features))
         fv_refine_corners(kernels, pyramid, features->corners, features->count, features->list);
     else

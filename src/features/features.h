@@ -36,6 +36,7 @@ struct fv_features {
     struct fv_fast_scratch fast; /* of FAST and ORB */
     struct fv_response_scratch response; /* of Harris and Shi-Tomasi */
     struct fv_spread spread;
+    bool whole_pixels; /* positions stay in whole pixels of their levels; set after carving */
 };
 
 /* Take memory for frames of the pyramid's size from the arena. Fills sizes and addresses only.

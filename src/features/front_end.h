@@ -39,6 +39,13 @@ void fv_front_end_carve_features(struct fv_front_end *front_end,
                                  struct fv_arena *frame);
 void fv_front_end_carve_descriptors(struct fv_front_end *front_end, struct fv_arena *frame);
 
+/* Features stay at whole pixels of their levels, for a user who aligns them by the pixels himself.
+ * After carving. Init-only. */
+static inline void fv_front_end_keep_whole_pixels(struct fv_front_end *front_end)
+{
+    front_end->features.whole_pixels = true;
+}
+
 /* Take an image of the carved size, in any uncompressed format, checked with fovea_image_check:
  * run the preprocessing chain and build its pyramids. Real-time safe; cost proportional to the
  * pixels. */

@@ -129,11 +129,11 @@ bool fv_odometry_begin_metric(struct fv_odometry *o)
 
 /* ---- a frame --------------------------------------------------------------------------------- */
 
-void fv_odometry_judge_distances(struct fv_odometry *o, const struct fv_se3 *T_cam_world)
+bool fv_odometry_judge_distances(struct fv_odometry *o, const struct fv_se3 *T_cam_world)
 {
     const uint32_t current = fv_map_current(&o->map);
     struct fv_inverse_distance *distances = fv_map_distances(&o->map, current);
-    if (distances == NULL || !fv_map_metric(&o->map)) return;
+    if (distances == NULL || !fv_map_metric(&o->map)) return false;
     const struct fv_map_frame frame = fv_map_frame_at(&o->map, current);
     uint32_t judged = 0, agreeing = 0;
     for (uint32_t f = 0; f < frame.keyframe->features; f++) {
@@ -148,6 +148,7 @@ void fv_odometry_judge_distances(struct fv_odometry *o, const struct fv_se3 *T_c
         judged++;
         agreeing += e * e < contradicts2 * variance;
     }
-    if (judged >= JUDGED_MIN && agreeing < agreeing_min * judged)
-        memset(distances, 0, frame.keyframe->features * sizeof *distances);
+    if (judged < JUDGED_MIN || agreeing >= agreeing_min * judged) return judged > 0;
+    memset(distances, 0, frame.keyframe->features * sizeof *distances);
+    return false;
 }

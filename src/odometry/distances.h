@@ -44,8 +44,8 @@ void fv_odometry_take_distances(struct fv_odometry *odometry,
 /* Begin a metric map with the current frame; false when too few distances are known. */
 bool fv_odometry_begin_metric(struct fv_odometry *odometry);
 /* The frame was matched with the map at this pose: forget its distances where they contradict it.
- */
-void fv_odometry_judge_distances(struct fv_odometry *odometry, const struct fv_se3 *T_cam_world);
+ * Whether there are any that count. */
+bool fv_odometry_judge_distances(struct fv_odometry *odometry, const struct fv_se3 *T_cam_world);
 /* New landmarks of a keyframe from its known distances: at most `count` features from `first` on.
  * Returns the feature to go on with. */
 uint32_t fv_odometry_create_measured(struct fv_odometry *odometry, uint32_t keyframe,

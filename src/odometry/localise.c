@@ -88,10 +88,8 @@ static void collect_distances(struct fv_localiser *localiser, const struct fv_ma
                               uint32_t count)
 {
     const struct fv_inverse_distance *distances = fv_map_distances(map, fv_map_current(map));
-    const bool metric = fv_map_metric(map);
     for (uint32_t i = 0; i < count; i++)
-        localiser->distances[i] =
-            metric ? distances[localiser->observed_feature[i]] : (struct fv_inverse_distance){0, 0};
+        localiser->distances[i] = distances[localiser->observed_feature[i]];
 }
 
 /* Observations of all matched features; returns their number. */
@@ -105,7 +103,7 @@ uint32_t fv_localiser_collect(struct fv_localiser *localiser, const struct fv_ma
                             &localiser->observations[count]);
         localiser->observed_feature[count++] = f;
     }
-    if (localiser->distances != NULL) collect_distances(localiser, map, count);
+    if (localiser->measures) collect_distances(localiser, map, count);
     return count;
 }
 
@@ -115,12 +113,12 @@ static uint32_t refine(struct fv_localiser *localiser, const struct fv_map *map,
                        const struct fv_map_frame *frame, int rounds, int steps, bool to_noise,
                        struct fv_se3 *T, struct fv_pose_fit *fit)
 {
-    uint32_t count = fv_localiser_collect(localiser, map, frame);
-    if (count < 6 || !fv_pose_refine(localiser->observations, localiser->distances, count, rounds,
-                                     steps, T, fit))
+    const uint32_t count = fv_localiser_collect(localiser, map, frame);
+    const struct fv_inverse_distance *distances = localiser->measures ? localiser->distances : NULL;
+    if (count < 6 ||
+        !fv_pose_refine(localiser->observations, distances, count, rounds, steps, T, fit))
         return 0;
-    if (to_noise &&
-        !fv_pose_refine_to_noise(localiser->observations, localiser->distances, count, T, fit))
+    if (to_noise && !fv_pose_refine_to_noise(localiser->observations, distances, count, T, fit))
         return 0;
     for (uint32_t i = 0; i < count; i++)
         if (!localiser->observations[i].inlier)
@@ -292,6 +290,7 @@ void fv_odometry_confirm(struct fv_odometry *o)
     struct fv_map_frame frame = fv_map_frame_at(&o->map, fv_map_current(&o->map));
     struct fv_se3 T = frame.keyframe->T_cam_world;
     struct fv_pose_fit fit;
+    o->localiser.measures = fv_odometry_judge_distances(o, &T);
     uint32_t inliers = fv_localiser_refine(&o->localiser, &o->map, &frame, 1, 3, &T, &fit);
     if (inliers == 0) return;
     o->state->pose.inliers = inliers;
@@ -312,8 +311,9 @@ uint32_t fv_odometry_localise(struct fv_odometry *o, const struct fv_kernels *ke
     struct fv_map_frame frame = fv_map_frame_at(&o->map, fv_map_current(&o->map));
     struct fv_se3 last = frame.keyframe->T_cam_world, T;
     struct fv_pose_fit fit;
+    o->localiser.measures = false;
     if (!rough_pose(o, kernels, &frame, &last, &T, &fit)) return 0;
-    fv_odometry_judge_distances(o, &T);
+    o->localiser.measures = fv_odometry_judge_distances(o, &T);
     uint32_t known = fit.inliers, visible = fv_odometry_match_local(o, kernels, &frame, &T, 1);
     o->state->pose.matches = fv_localiser_collect(&o->localiser, &o->map, &frame);
     uint32_t inliers = refine(&o->localiser, &o->map, &frame, 2, 4, true, &T, &fit);

@@ -43,6 +43,9 @@ struct fv_localiser {
     uint32_t *local;                     /* frame part: landmarks of the local map */
     /* frame part: of each observation; NULL: no features have distances */
     struct fv_inverse_distance *distances;
+    /* They count: from when the frame's distances were judged until the next frame. A rough pose
+     * for matching does without. */
+    bool measures;
 };
 
 struct fv_odometry;

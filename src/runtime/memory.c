@@ -104,6 +104,7 @@ static void carve_stereo(struct fovea *rt, struct fv_arena *arenas)
                               config->image.seen_by, looked_at, second->camera.width,
                               second->camera.height, levels, &arenas[FRAME]);
     fv_front_end_carve_features(&rt->second_front_end, &config->features, &arenas[FRAME]);
+    fv_front_end_keep_whole_pixels(&rt->second_front_end);
     fv_front_end_carve_descriptors(&rt->second_front_end, &arenas[FRAME]);
     fv_stereo_carve(&rt->stereo, &first->camera, &second->camera, first->T_body_cam,
                     second->T_body_cam, config->features.count_max, &arenas[PERSISTENT],

@@ -138,10 +138,11 @@ static int32_t choose(const struct query *q, const uint16_t *distances, const do
     return best;
 }
 
-void fv_stereo_match(struct fv_stereo *s, const struct fv_kernels *kernels,
-                     const struct fv_stereo_view view[FV_STEREO_CAMERAS])
+uint32_t fv_stereo_match(struct fv_stereo *s, const struct fv_kernels *kernels,
+                         const struct fv_stereo_view view[FV_STEREO_CAMERAS])
 {
     const int shift = level_shift(s);
+    uint32_t matches = 0;
     memset(s->owner, 0xff, view[1].count * sizeof *s->owner);
     for (uint32_t f = 0; f < view[0].count; f++) {
         uint16_t candidates[FV_STEREO_CANDIDATES_MAX], distances[FV_STEREO_CANDIDATES_MAX];
@@ -157,9 +158,13 @@ void fv_stereo_match(struct fv_stereo *s, const struct fv_kernels *kernels,
         if (best < 0) continue;
         const uint16_t other = candidates[best], before = s->owner[other];
         if (before != FV_STEREO_NONE && s->distance[before] <= distances[best]) continue;
-        if (before != FV_STEREO_NONE) s->match[before] = FV_STEREO_NONE;
+        if (before != FV_STEREO_NONE)
+            s->match[before] = FV_STEREO_NONE;
+        else
+            matches++;
         s->owner[other] = (uint16_t)f;
         s->match[f] = other;
         s->distance[f] = distances[best];
     }
+    return matches;
 }

@@ -128,12 +128,14 @@ uint32_t fv_stereo_measure(struct fv_stereo *s, const struct fv_kernels *kernels
         find_rays(s, &view[i], i);
     }
     fv_stereo_sort(s, &view[1]);
-    fv_stereo_match(s, kernels, view);
-    for (uint32_t f = 0; f < view[0].count; f++) {
+    const uint32_t matches = fv_stereo_match(s, kernels, view),
+                   wanted = matches < FV_STEREO_ALIGNED_MAX ? matches : FV_STEREO_ALIGNED_MAX;
+    for (uint32_t f = 0, met = 0; f < view[0].count; f++) {
         s->measured[f] = (struct fv_inverse_distance){0, 0};
-        if (s->match[f] != FV_STEREO_NONE &&
-            fv_stereo_align(s, view, f, s->match[f], &s->measured[f]))
-            measured++;
+        if (s->match[f] == FV_STEREO_NONE) continue;
+        const bool chosen = met * wanted / matches != (met + 1) * wanted / matches;
+        met++;
+        if (chosen && fv_stereo_align(s, view, f, s->match[f], &s->measured[f])) measured++;
     }
     return measured;
 }

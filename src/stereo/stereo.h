@@ -39,8 +39,11 @@ extern "C" {
 
 enum {
     FV_STEREO_CAMERAS = 2,
-    FV_STEREO_BINS = 1024,         /* of the angle around the baseline: 0.2 to 0.45 degrees each */
-    FV_STEREO_CANDIDATES_MAX = 128 /* of one feature; those beyond are not looked at */
+    FV_STEREO_BINS = 1024,          /* of the angle around the baseline: 0.2 to 0.45 degrees each */
+    FV_STEREO_CANDIDATES_MAX = 128, /* of one feature; those beyond are not looked at */
+    /* of a frame, spread over its matches: the pose gains next to nothing by more, and each costs
+     * as much as finding a feature */
+    FV_STEREO_ALIGNED_MAX = 400
 };
 
 /* Between the centres: nearer cameras measure nothing. */
@@ -113,9 +116,10 @@ bool fv_stereo_project(const struct fv_stereo *stereo, const double turned[3], d
 
 /* Sort the features of the second view by bin. */
 void fv_stereo_sort(struct fv_stereo *stereo, const struct fv_stereo_view *view);
-/* Match the features of the first view: stereo->match, FV_STEREO_NONE where there is none. */
-void fv_stereo_match(struct fv_stereo *stereo, const struct fv_kernels *kernels,
-                     const struct fv_stereo_view view[FV_STEREO_CAMERAS]);
+/* Match the features of the first view: stereo->match, FV_STEREO_NONE where there is none. Returns
+ * how many have one. */
+uint32_t fv_stereo_match(struct fv_stereo *stereo, const struct fv_kernels *kernels,
+                         const struct fv_stereo_view view[FV_STEREO_CAMERAS]);
 /* Inverse distance of a ray by a bearing of the second camera, the nearest of the ray's plane. */
 double fv_stereo_intersect(const struct fv_stereo *stereo, const double turned[3],
                            const float bearing[3]);

@@ -48,6 +48,7 @@ static void carve_pair(void *context, struct fv_arena *arena)
                                   camera->height, 8, arena);
         fv_front_end_carve_features(&p->front_end[i], &features, arena);
         fv_front_end_carve_descriptors(&p->front_end[i], arena);
+        if (i == 1) fv_front_end_keep_whole_pixels(&p->front_end[i]);
     }
     fv_stereo_carve(&p->stereo, &p->rig->cameras[0].camera, &p->rig->cameras[1].camera,
                     p->rig->cameras[0].T_body_cam, p->T_body_cam1, FEATURES, arena, arena);
