@@ -57,7 +57,7 @@ def drive(n=60, scale=0.25, maps=None):
         position[of] = unit * truth[of] @ W.T + shift
         R[of] = W @ truth_R[of]
     stamps = np.arange(n) * 100_000_000 + 5
-    return {"frame": np.arange(n) + 7, "stamp_ns": stamps, "state": np.where(maps < 0, 3, 1), "map": maps, "reset": np.zeros(n, int),
+    return {"metric": np.zeros(n, bool), "frame": np.arange(n) + 7, "stamp_ns": stamps, "state": np.where(maps < 0, 3, 1), "map": maps, "reset": np.zeros(n, int),
             "quality": np.full(n, 0.5), "inliers": np.full(n, 90), "position": position, "R": R,
             "covariance": np.tile(np.diag([1e-4] * 3 + [1e-6] * 3), (n, 1, 1)), "keyframe": np.zeros(n, int), "keyframe_stamp_ns": np.zeros(n, int),
             "keyframe_position": np.zeros((n, 3)), "keyframe_R": np.tile(np.eye(3), (n, 1, 1)), "change_count": np.zeros(n, int),
@@ -86,6 +86,17 @@ class Measures(unittest.TestCase):
         self.assertAlmostEqual(row["path_m"], 60, delta=0.5)
         self.assertAlmostEqual(row["drift_percent_100m"], 0, places=6)
         self.assertTrue(row["good_error"] and row["good_scale"])
+
+    def test_metres_are_judged_without_a_scale(self):
+        run = drive(scale=1.02)
+        run["metric"][:] = True
+        row = metrics.judge(run, "sim:")[0]
+        self.assertLess(row["rmse_m"], 1e-9)
+        spread = metrics.root_mean_square(np.linalg.norm(run["truth_position"] - run["truth_position"].mean(0), axis=1))
+        self.assertAlmostEqual(row["metric_rmse_m"], 0.02 * spread, delta=1e-6 * spread)
+        self.assertAlmostEqual(row["metric_scale_percent"], 2, places=6)
+        run["metric"][:] = False
+        self.assertTrue(np.isnan(metrics.judge(drive(), "sim:")[0]["metric_rmse_m"]))
 
     def test_maps_are_never_put_together(self):
         maps = [0] * 25 + [-1] * 4 + [1] * 26 + [2] * 5

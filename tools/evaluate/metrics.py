@@ -73,6 +73,16 @@ def similarity(p, q):
     return scale, R, q0 - scale * R @ p0
 
 
+def rigid_error(p, q):
+    """Root mean square distance of points p from q after the best rigid motion, both in metres."""
+    if len(p) < 3:
+        return float("nan")
+    p0, q0 = p.mean(0), q.mean(0)
+    U, _, Vt = np.linalg.svd((q - q0).T @ (p - p0))
+    R = U @ np.diag([1, 1, np.sign(np.linalg.det(U) * np.linalg.det(Vt))]) @ Vt
+    return root_mean_square(np.linalg.norm((p - p0) @ R.T + q0 - q, axis=1))
+
+
 def aligned_error(p, q):
     """Root mean square distance of points p from q after the best similarity, and its scale; NaN without one."""
     fit = similarity(p, q) if len(p) >= 3 else None
@@ -218,6 +228,8 @@ def judge_map(run, map_id, indices, own_error_m, per_second):
            "last_frame": int(run["frame"][indices[-1]]), "quality_first": float(run["quality"][indices[1:POSES_MIN]].min()),
            "weak": int((run["state"][indices] == 2).sum()),
            "path_m": float(np.linalg.norm(np.diff(q, axis=0), axis=1).sum())}
+    metres = indices[run["metric"][indices]]
+    row["metric_rmse_m"] = rigid_error(run["position"][metres], run["truth_position"][metres])  # also of a camera that stands
     fit = similarity(p, q)
     if fit is None or not fit[0] > 0:  # nothing moved, or all poses are one point
         return row
@@ -246,6 +258,10 @@ def judge_map(run, map_id, indices, own_error_m, per_second):
     row["rpe_m"], row["rpe_deg"] = second_apart(run, indices, scale, per_second)
     final = indices[np.isfinite(run["final"][indices, 0])]
     row["final_rmse_m"], row["final_scale"] = aligned_error(run["final"][final], run["truth_position"][final])
+    final = final[run["metric"][final]]
+    row["metric_final_rmse_m"] = rigid_error(run["final"][final], run["truth_position"][final])
+    own = similarity(run["position"][metres], run["truth_position"][metres]) if len(metres) >= 3 else None
+    row["metric_scale_percent"] = 100 * (1 / own[0] - 1) if own is not None and own[0] > 0 else float("nan")
     row["good_error"] = (row["rmse_m"] <= RMSE_SHARE * row["path_m"] + own_error_m
                          and row["max_m"] <= MAX_SHARE * row["path_m"] + own_error_m)
     row["good_scale"] = not row["scale_ratio"] > SCALE_RATIO

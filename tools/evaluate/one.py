@@ -117,7 +117,7 @@ def read_run(folder):
                                     for m in poses]).reshape(n, 3, 3)
     return {
         "frame": np.array([m["stamp"]["sequence"] for m in poses], np.int64), "stamp_ns": np.array(stamps, np.int64),
-        "state": column("state", np.int8), "map": column("map_id", np.int32), "reset": column("reset_counter", np.int32),
+        "metric": column("scale_state", np.int8) == 2, "state": column("state", np.int8), "map": column("map_id", np.int32), "reset": column("reset_counter", np.int32),
         "quality": column("quality", np.float32), "inliers": column("inliers", np.int32),
         "position": column("position", float).reshape(n, 3), "R": turned("orientation"),
         "covariance": np.array([covariance(m["covariance"]) for m in poses]).reshape(n, 6, 6),

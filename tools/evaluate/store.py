@@ -23,7 +23,8 @@ RUNS = pa.schema(
     + [("reverse", _truth)] + [(name, _number) for name in ("wall_s", "mean_ms", "p99_ms", "resident_mib")])
 MAPS = pa.schema(
     [("run", _text), ("part", _text)] + [(name, _whole) for name in ("map", "poses", "first_frame", "last_frame", "weak")]
-    + [(name, _number) for name in ("path_m", "scale", "rmse_m", "max_m", "final_rmse_m", "final_scale", "rpe_m", "rpe_deg", "scale_ratio",
+    + [(name, _number) for name in ("path_m", "scale", "rmse_m", "max_m", "final_rmse_m", "final_scale", "metric_rmse_m", "metric_final_rmse_m",
+                                    "metric_scale_percent", "rpe_m", "rpe_deg", "scale_ratio",
                                     "step_ratio",                                    "drift_percent_100m", "quality_first", "nees6_keyframe", "outside_keyframe", "nees6_apart",
                                     "outside_apart")]
     + [("good_error", _truth), ("good_scale", _truth)])

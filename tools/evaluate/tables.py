@@ -58,14 +58,17 @@ def summary(db, keys):
         SELECT regexp_replace(c.source, 'seed=[0-9]+', 'seed=*') source, c.version, c.binary_hash, c."set", count(DISTINCT c.run) runs,
                count(DISTINCT CASE WHEN c.status <> 0 THEN c.run END) failed, count(m.run) maps, count_if(NOT m.good_error) bad_error,
                count_if(NOT m.good_scale) bad_scale, count_if(m.step_ratio > {WRONG_RATIO}) wrong, median(100 * m.rmse_m / m.path_m) rmse,
-               max(100 * m.rmse_m / m.path_m) rmse_worst, max(m.scale_ratio) ratio_worst, median(abs(m.drift_percent_100m)) drift,
+               max(100 * m.rmse_m / m.path_m) rmse_worst, median(100 * m.metric_rmse_m / m.path_m) metric,
+               max(100 * m.metric_rmse_m / m.path_m) metric_worst, max(abs(m.metric_scale_percent)) metric_scale, max(m.scale_ratio) ratio_worst, median(abs(m.drift_percent_100m)) drift,
                avg(m.nees6_keyframe) nees, 100 * avg(m.outside_keyframe) outside, avg(m.nees6_apart) nees_apart, 100 * avg(m.outside_apart) outside_apart
         FROM chosen c LEFT JOIN maps m ON m.run = c.run AND c.frames >= {plan.FRAMES_LEFT} GROUP BY ALL ORDER BY ALL""")
     head = ["source", "version", "runs (failed)", "maps", "error beyond the bar", "scale beyond 1.5", f"steps beyond {WRONG_RATIO:g}",
-            "RMSE %, median (worst)", "scale ratio, worst", "drift % per 100 m", "keyframe: NEES/6, % outside 99.9 %", "50 frames: the same"]
+            "RMSE %, median (worst)", "in metres, not scaled: the same, scale off by %, worst", "scale ratio, worst", "drift % per 100 m", "keyframe: NEES/6, % outside 99.9 %", "50 frames: the same"]
     described = lambda r: name_of(r["source"]) + "".join(f", {key}={value}" for key, value in json.loads(r["set"]).items())
     return markdown(head, [[described(r), r["version"], f"{r['runs']} ({r['failed']})", str(r["maps"]), str(r["bad_error"] or 0), str(r["bad_scale"] or 0),
-                            str(r["wrong"] or 0), f"{number(r['rmse'], '.2f')} ({number(r['rmse_worst'], '.2f')})", number(r["ratio_worst"], ".2f"),
+                            str(r["wrong"] or 0), f"{number(r['rmse'], '.2f')} ({number(r['rmse_worst'], '.2f')})",
+                            "" if r["metric"] is None else f"{number(r['metric'], '.2f')} ({number(r['metric_worst'], '.2f')}), {number(r['metric_scale'], '.2f')}",
+                            number(r["ratio_worst"], ".2f"),
                             number(r["drift"], ".1f"), f"{number(r['nees'], '.2f')}, {number(r['outside'], '.1f')}",
                             f"{number(r['nees_apart'], '.2f')}, {number(r['outside_apart'], '.1f')}"] for r in found])
 
