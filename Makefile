@@ -483,11 +483,15 @@ $(BUILD)/fovea-libcamera: $(LIBCAMERA_O) $(BUILD)/obj/src/base/status.o $(BUILD)
 CALIBRATE_O := $(call objs,$(CALIBRATE_CXX))
 CALIBRATE_LIBS := -lopencv_aruco -lopencv_calib3d -lopencv_features2d -lopencv_imgproc -lopencv_core -lceres -lglog
 $(BUILD)/obj/src/calibrate/%.o: CXXFLAGS += -isystem /usr/include/eigen3 -isystem /usr/include/opencv4
-$(BUILD)/fovea-calibrate: $(BUILD)/obj/src/calibrate/main.o $(CALIBRATE_O) $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
+# It serves its page by the server of fovea-web, where that is built.
+WEB_O := $(call objs,$(WEB_C))
+CALIBRATE_WEB_O := $(if $(WEB),$(WEB_O))
+CALIBRATE_LIBS += $(if $(WEB),-lwebsockets)
+$(BUILD)/obj/src/calibrate/%.o: CXXFLAGS += $(if $(WEB),-DFV_CALIBRATE_PAGE)
+$(BUILD)/fovea-calibrate: $(BUILD)/obj/src/calibrate/main.o $(CALIBRATE_O) $(CALIBRATE_WEB_O) $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
 	@echo "  link $@"
 	$(Q)$(CXX) $(LDFLAGS) -pie -o $@ $(filter %.o,$^) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group \
 	    $(CALIBRATE_LIBS) $(LIBS_APP)
-WEB_O := $(call objs,$(WEB_C))
 WEB_PAGE := $(patsubst src/web/page/%,$(BUILD)/page/%.gz,$(wildcard src/web/page/*)) $(BUILD)/page/types.txt.gz
 $(BUILD)/page/%.gz: src/web/page/%
 	@mkdir -p $(@D)
@@ -580,14 +584,14 @@ $(BESIDE_CERES:%=$(BUILD)/tests/unit/%): ORACLE_LIBS := -lopencv_aruco -lceres -
 $(BESIDE_CERES:%=$(BUILD)/obj/tests/unit/%.o) $(BUILD)/obj/tests/unit/geometry/test_normal_equations.o $(BUILD)/obj/tests/unit/calibrate/%.o: CXXFLAGS += -isystem /usr/include/eigen3
 # Parts of the page's server that know no socket are tested by their functions, the others by the program.
 WEB_TESTS := $(filter $(BUILD)/tests/unit/web/%,$(TESTS))
-$(WEB_TESTS): $(filter-out %/server.o %/server_http.o %/main.o,$(WEB_O))
-$(WEB_TESTS): TEST_MORE := $(filter-out %/server.o %/server_http.o %/main.o,$(WEB_O))
+$(WEB_TESTS): $(filter-out %/server.o %/server_http.o %/pages.o %/main.o,$(WEB_O))
+$(WEB_TESTS): TEST_MORE := $(filter-out %/server.o %/server_http.o %/pages.o %/main.o,$(WEB_O))
 $(filter $(BUILD)/tests/transport/test_web%,$(TESTS)): | $(WEB)
 # Calibration is tested by its functions.
 CALIBRATE_TESTS := $(patsubst tests/%.cpp,$(BUILD)/tests/%,$(wildcard tests/unit/calibrate/*.cpp))
-$(CALIBRATE_TESTS): $(CALIBRATE_O)
-$(CALIBRATE_TESTS): TEST_MORE := $(CALIBRATE_O)
-$(CALIBRATE_TESTS): ORACLE_LIBS := -lopencv_aruco -lceres -lglog
+$(CALIBRATE_TESTS): $(CALIBRATE_O) $(CALIBRATE_WEB_O)
+$(CALIBRATE_TESTS): TEST_MORE := $(CALIBRATE_O) $(CALIBRATE_WEB_O)
+$(CALIBRATE_TESTS): ORACLE_LIBS := -lopencv_aruco -lceres -lglog $(if $(WEB),-lwebsockets)
 $(BUILD)/obj/tests/%.o: CFLAGS += -Itests
 $(BUILD)/obj/tests/%.o: CXXFLAGS += -Itests -isystem /usr/include/opencv4
 

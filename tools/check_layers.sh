@@ -23,7 +23,7 @@ allowed() { # rooms that a room may include besides itself
     message)  echo "" ;;
     runtime)  echo "$core message" ;;
     support)  echo "base" ;;
-    calibrate) echo "base kernels image message support drivers app/network" ;;
+    calibrate) echo "base kernels image message support drivers app/network web" ;;
     web)      echo "base message support drivers app/network app/config app/watch" ;;
     app/network) echo "base message support drivers" ;;
     app/config)  echo "$core runtime message support drivers app/network" ;;

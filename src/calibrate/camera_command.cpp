@@ -1,6 +1,7 @@
 /* fovea-calibrate camera: pictures of a board to a camera file and a verdict. */
 #include "calibrate/command.h"
 #include "calibrate/choose_model.h"
+#include "calibrate/live_page.h"
 #include "calibrate/report_html.h"
 #include "calibrate/text_file.h"
 #include "calibrate/outputs.h"
@@ -19,6 +20,7 @@ constexpr int VIEWS_MAX_DEFAULT = 40, VIEWS_MAX_LIMIT = 500;
 struct Given {
     std::string source, target, model = "auto", out, json, report, bend = "no", views,
                                 corners = "own", name;
+    PageOptions page;
 };
 
 int check(const Given &given, std::vector<Model> &models, Board &board, int64_t &views_max)
@@ -91,6 +93,13 @@ int command_camera(int argc, char **argv)
         {"name", "NAME", &given.name, "name of the camera in its file"},
         {"views", "N", &given.views,
          "most pictures to take from a URI (default 40); fewer where the camera is certain before"},
+        {"page", "PORT", &given.page.port,
+         "serve picture, guidance and verdict as a page at this port of 127.0.0.1"},
+        {"address", "ADDRESS", &given.page.address, "serve the page at this IPv4 address instead"},
+        {"host", "HOST", &given.page.name,
+         "a further name by which browsers call this host, such as robot.local"},
+        {"token", "FILE", &given.page.token,
+         "the page asks for a token of this file, which is made where there is none"},
         {"bend", "yes|no", &given.bend, "estimate how the board is bent (default no)"},
         {"corners", "own|opencv", &given.corners,
          "refinement of corners; opencv: cornerSubPix of 11, as OpenCV's calibration program"},
@@ -102,12 +111,15 @@ int command_camera(int argc, char **argv)
     int64_t views_max;
     Report report;
     status = check(given, models, report.board, views_max);
+    LivePage page;
+    if (status == FV_EXIT_OK) status = page.open(given.page, (int)views_max);
     if (status != FV_EXIT_OK) return status;
     Collection collection;
     fovea_error why;
     const Refinement refinement = given.corners == "own" ? Refinement::OWN : Refinement::OPENCV_11;
     Guidance guidance;
     guidance.models = models;
+    if (!given.page.port.empty()) guidance.observer = &page;
     if (collect_guided(given.source, report.board, refinement, (int)views_max, guidance, collection,
                        &why) != FOVEA_OK)
         return fv_say_wrong("%s", why.text);
@@ -116,9 +128,12 @@ int command_camera(int argc, char **argv)
     report.date = now_text();
     SolveOptions how;
     how.bend = given.bend == "yes";
+    page.solving();
     solve_and_judge(collection, models, how, report);
+    page.done(report);
     report_print(report);
     status = write(given, report);
+    page.linger();
     if (status != FV_EXIT_OK) return status;
     return report.verdict.grade == Grade::fail ? FV_EXIT_FAILED : FV_EXIT_OK;
 }

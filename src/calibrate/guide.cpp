@@ -15,7 +15,8 @@ constexpr double EDGE_FACTOR = 1.6;  /* and those so much wider than the taken p
 constexpr double SIDES_TILTED = .08; /* logarithm of the ratio of opposite sides */
 constexpr double CLOSE_SHARE = .45, DISTANT_SHARE = .3; /* of the image's width */
 /* Enough of each kind. */
-constexpr int PART_CORNERS = 40, TILTED = 4, CLOSE = 6, DISTANT = 3;
+constexpr int TILTED = 4, CLOSE = 6, DISTANT = 3;
+constexpr int PART_CORNERS_MIN = 10, EMPTY_MAX = 1; /* parts with fewer, at the end */
 constexpr int VIEWS_MIN = 10, SOLVE_FROM = 6;
 constexpr double FOCAL_CERTAIN = .00033; /* deviation over value: .1 % is three of them */
 constexpr double PROJECTION_CERTAIN_PX = .25;
@@ -185,8 +186,12 @@ void Guide::solve_again()
         blind_[(size_t)part] =
             prepared && fovea_camera_unproject(&camera, centre, bearing, nullptr) != FOVEA_OK;
     }
-    certain_ = (int)views_.size() >= VIEWS_MIN && verdict.grade == Grade::pass &&
-               focal_deviation_ < FOCAL_CERTAIN && projection_px_ < PROJECTION_CERTAIN_PX;
+    int empty = 0;
+    for (int part = 0; part < COLUMNS * ROWS; part++)
+        empty += parts_[(size_t)part] < PART_CORNERS_MIN && !blind_[(size_t)part];
+    certain_ = (int)views_.size() >= VIEWS_MIN && empty <= EMPTY_MAX &&
+               verdict.grade == Grade::pass && focal_deviation_ < FOCAL_CERTAIN &&
+               projection_px_ < PROJECTION_CERTAIN_PX;
 }
 
 /* The emptiest part, the rarest tilt, and now and then from further away. */

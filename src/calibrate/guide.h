@@ -46,6 +46,7 @@ class Guide
 {
   public:
     static constexpr int COLUMNS = 3, ROWS = 3;
+    static constexpr int PART_CORNERS = 40; /* that are enough for a part of the image */
     /* `live`: frames come by the clock, and the board must be still. */
     Guide(const Board &board, const std::vector<Model> &models, int width, int height,
           int views_max, bool live);

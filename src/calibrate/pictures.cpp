@@ -24,6 +24,8 @@ namespace calibrate
 namespace
 {
 
+constexpr int REPORT_WIDTH_MAX = 240; /* of pictures in the report */
+
 volatile std::sig_atomic_t interrupted;
 
 void on_signal(int)
@@ -40,32 +42,13 @@ int is_picture(const dirent *entry)
     return 0;
 }
 
-Thumbnail thumbnail_of(const Grey &image)
-{
-    constexpr int width_max = 240;
-    Thumbnail small;
-    const int n = small.reduction = (image.width + width_max - 1) / width_max;
-    small.width = image.width / n;
-    small.height = image.height / n;
-    for (int y = 0; y < small.height; y++) {
-        for (int x = 0; x < small.width; x++) {
-            int sum = 0;
-            for (int i = 0; i < n * n; i++)
-                sum +=
-                    image.pixels[(ptrdiff_t)(y * n + i / n) * image.stride_bytes + x * n + i % n];
-            small.grey.push_back((uint8_t)(sum / (n * n)));
-        }
-    }
-    return small;
-}
-
 /* What is only worth its time for a picture that becomes a view. */
 void take(const Grey &image, const Board &board, View &view)
 {
     explain_board(image, board, view);
     view.width = image.width;
     view.height = image.height;
-    view.thumbnail = thumbnail_of(image);
+    view.thumbnail = thumbnail_of(image, REPORT_WIDTH_MAX);
 }
 
 /* Of a file's name in seconds with a point (1305031102.175304.png) or in nanoseconds (16 digits and
@@ -356,6 +339,24 @@ void visit_source(const std::string &source, void (*visit)(void *, const char *)
     fovea_error error;
     if (open_source(source, frames, &error) == FOVEA_OK && frames.ops->reads != nullptr)
         frames.ops->reads(frames.source, visit, context);
+}
+
+Thumbnail thumbnail_of(const Grey &image, int width_max)
+{
+    Thumbnail small;
+    const int n = small.reduction = (image.width + width_max - 1) / width_max;
+    small.width = image.width / n;
+    small.height = image.height / n;
+    for (int y = 0; y < small.height; y++) {
+        for (int x = 0; x < small.width; x++) {
+            int sum = 0;
+            for (int i = 0; i < n * n; i++)
+                sum +=
+                    image.pixels[(ptrdiff_t)(y * n + i / n) * image.stride_bytes + x * n + i % n];
+            small.grey.push_back((uint8_t)(sum / (n * n)));
+        }
+    }
+    return small;
 }
 
 View view_of(const Grey &image, const Board &board, Refinement refinement, const std::string &name)

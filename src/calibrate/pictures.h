@@ -16,6 +16,9 @@ struct Collection {
 /* A picture as a view, with the reason where it shows no board. */
 View view_of(const Grey &image, const Board &board, Refinement refinement, const std::string &name);
 
+/* A picture made smaller, to at most so many columns. */
+Thumbnail thumbnail_of(const Grey &image, int width_max);
+
 /* Choose the size that most pictures with a board have; the others are left out. */
 void choose_size(Collection &collection);
 

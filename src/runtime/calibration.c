@@ -7,8 +7,8 @@
  * at most 7 deviations, and of 6 where it is above .007; a mismatch is at most .034 beyond its four
  * deviations while a map is young, .02 later. A focal length 2 % off shows as .018 to .02, 20
  * deviations. */
-static const double change_limit = 0.014;                   /* of one of the frames in a row, */
-static const double change_each = 0.006, change_sigmas = 7; /* and of each */
+static const double change_limit = 0.014, change_sigmas = 8; /* of one of two frames in a row */
+static const double change_again_sigmas = 3;                 /* of both */
 static const double mismatch_doubtful = 0.06, mismatch_wrong = 0.1, mismatch_sigmas = 4;
 static const double fading = 0.7; /* of the sums, by measured frame */
 
@@ -63,11 +63,13 @@ static void judge_change(struct fv_calibration_state *s)
     const int count = FV_CALIBRATION_FRAMES;
     double largest = 0;
     if (s->changes < (uint32_t)count) return;
-    for (int i = 0; i < count; i++)
-        if (s->change[i] * s->change[i] > largest * largest) largest = s->change[i];
-    if (largest * largest > change_limit * change_limit &&
-        least_of(s->change, s->sigma, count, 0) > change_each &&
-        least_of(s->change, s->sigma, count, change_sigmas) > 0)
+    for (int i = 0; i < count; i++) {
+        const double size = s->change[i] < 0 ? -s->change[i] : s->change[i];
+        if (size > change_limit && size > change_sigmas * s->sigma[i] &&
+            size * size > largest * largest)
+            largest = s->change[i];
+    }
+    if (largest != 0 && least_of(s->change, s->sigma, count, change_again_sigmas) > 0)
         decide(s, FOVEA_CALIBRATION_WRONG, FOVEA_CALIBRATION_CHANGED, largest);
 }
 

@@ -1,10 +1,10 @@
 /* Whether the calibration still fits: measures of the lens (odometry/lens.h) over frames and
  * windows, the verdict, and its message with the residuals by part of the image.
  *
- * A change is believed when FV_CALIBRATION_FRAMES frames in a row show it beyond its limit and far
- * beyond its standard deviation (the map soon follows a lens that moved), a mismatch when
- * FV_CALIBRATION_WINDOWS windows in a row say it. A verdict stands until the next reset. The limits
- * are at the top of calibration.c. */
+ * A change is believed when one of two frames in a row shows it far beyond its limit and standard
+ * deviation and the other agrees (the map follows a lens that moved within a few frames), a
+ * mismatch when FV_CALIBRATION_WINDOWS windows in a row say it. A verdict stands until the next
+ * reset. The limits are at the top of calibration.c. */
 #ifndef FOVEA_RUNTIME_CALIBRATION_H
 #define FOVEA_RUNTIME_CALIBRATION_H
 

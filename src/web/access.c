@@ -187,3 +187,18 @@ void fv_web_tries_failed(struct fv_web_tries *tries, const char *address, int64_
     trier->count++;
     trier->last_ns = now_ns;
 }
+
+enum fovea_status fv_web_address_check(const char *address, bool has_token,
+                                       struct fovea_error *error)
+{
+    struct in_addr found;
+    if (inet_pton(AF_INET, address, &found) != 1)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "--address: found '%.60s', expected an IPv4 address", address);
+    if (ntohl(found.s_addr) >> 24 != 127 && !has_token)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "--address %s: found no --token, expected one where other hosts can "
+                               "reach the page",
+                               address);
+    return FOVEA_OK;
+}

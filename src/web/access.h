@@ -24,6 +24,11 @@ struct fv_web_tokens {
     char view[FV_WEB_TOKEN_DIGITS + 1], operate[FV_WEB_TOKEN_DIGITS + 1];
 };
 
+/* FOVEA_ERROR_INPUT: `address` is no IPv4 address, or one that other hosts reach and no token is
+ * asked for. Init-only. */
+enum fovea_status fv_web_address_check(const char *address, bool has_token,
+                                       struct fovea_error *error);
+
 /* Read the tokens of the file, or make both and the file, with mode 0600, where there is none.
  * FOVEA_ERROR_INPUT: others may use the file, it is neither root's nor ours, or it holds something
  * else. Init-only. */

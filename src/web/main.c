@@ -102,10 +102,6 @@ static enum fv_options_result options_read(struct web *web, int argc, char **arg
 /* FOVEA_ERROR_INPUT: what was asked for cannot be, or is not safe. */
 static enum fovea_status options_check(struct web *web, struct fovea_error *error)
 {
-    struct in_addr address;
-    if (inet_pton(AF_INET, web->address, &address) != 1)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                               "--address: found '%.60s', expected an IPv4 address", web->address);
     if (web->port > UINT16_MAX || web->rate > RATE_MAX)
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "found --port %llu and --rate %llu, expected at most 65535 and %d",
@@ -115,12 +111,7 @@ static enum fovea_status options_check(struct web *web, struct fovea_error *erro
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "found %d times --name, expected at most %d", web->names.count,
                                FV_WEB_NAMES_MAX);
-    if (ntohl(address.s_addr) >> 24 != 127 && web->token == NULL)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                               "--address %s: found no --token, expected one where other hosts can "
-                               "reach the page",
-                               web->address);
-    return FOVEA_OK;
+    return fv_web_address_check(web->address, web->token != NULL, error);
 }
 
 static enum fovea_status tokens_open(struct web *web, struct fovea_error *error)

@@ -117,7 +117,8 @@ static int hear(struct fv_web_server *server, struct lws *wsi, const char *words
 static int judge(struct fv_web_server *server, struct lws *wsi)
 {
     enum fv_web_role role;
-    int status = fv_web_server_judge(server, wsi, true, &role);
+    int status = server->setup.relay == NULL ? HTTP_STATUS_NOT_FOUND
+                                             : fv_web_server_judge(server, wsi, true, &role);
     if (status == HTTP_STATUS_OK && place_of(server, NULL) == NULL)
         status = HTTP_STATUS_SERVICE_UNAVAILABLE;
     if (status == HTTP_STATUS_OK) return 0;
@@ -169,6 +170,7 @@ static void tick(lws_sorted_usec_list_t *timer)
 {
     struct fv_web_server *server = lws_container_of(timer, struct fv_web_server, timer);
     bool watched = false, any = false;
+    if (server->setup.relay == NULL) return; /* a page that asks by itself */
     for (int i = 0; i < FV_WEB_CLIENTS_MAX; i++) {
         any |= server->clients[i].socket != NULL;
         watched |= server->clients[i].socket != NULL && !server->clients[i].client.hidden;

@@ -12,6 +12,7 @@
 #include "fovea/status.h"
 #include "web/access.h"
 #include "web/command.h"
+#include "web/pages.h"
 #include "web/relay.h"
 
 enum { FV_WEB_CLIENTS_MAX = 24, FV_WEB_CONNECTIONS_MAX = 96 };
@@ -24,6 +25,8 @@ struct fv_web_setup {
     const struct fv_web_tokens *tokens; /* NULL: everybody who reaches the port may do all */
     struct fv_web_relay *relay;
     struct fv_web_commander *commander;
+    /* The page of another program; NULL: that of a run, which the two above are for. */
+    const struct fv_web_pages_setup *pages;
 };
 
 struct fv_web_server;

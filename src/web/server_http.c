@@ -136,6 +136,29 @@ static int answer_asset(struct lws *wsi, struct fv_web_request *request,
     return answer_begin(wsi, request, &answer, request->made, bytes);
 }
 
+/* What another program makes for a path. */
+static int answer_made(struct lws *wsi, struct fv_web_request *request,
+                       const struct fv_web_pages_setup *pages, const char *path)
+{
+    struct fv_web_made made = {0};
+    if (!pages->answer(pages->context, path, &made))
+        return answer_text(wsi, request, HTTP_STATUS_NOT_FOUND, "Not found\n");
+    const struct answer answer = {.status = HTTP_STATUS_OK, .type = made.type};
+    request->made = made.data;
+    return answer_begin(wsi, request, &answer, made.data, made.bytes);
+}
+
+/* The asset of a path: the pages of a run and those of other programs do not mix. */
+static const struct fv_web_asset *asset_of(const struct fv_web_server *server, const char *path)
+{
+    const struct fv_web_pages_setup *pages = server->setup.pages;
+    const struct fv_web_asset *asset =
+        fv_web_asset_find(pages != NULL && strcmp(path, "/") == 0 ? pages->index : path);
+    const bool of_another = asset != NULL && strncmp(asset->path, "/calibrate", 10) == 0;
+    if (asset == NULL || asset->open) return asset;
+    return of_another == (pages != NULL) ? asset : NULL;
+}
+
 static int answer_more(struct lws *wsi, struct fv_web_request *request)
 {
     uint8_t memory[LWS_PRE + CHUNK_BYTES];
@@ -187,7 +210,7 @@ static int begin(struct fv_web_server *server, struct lws *wsi, struct fv_web_re
                            "Forbidden: Host or Origin is none of this page's (--name adds one)\n");
     if (post && strcmp(path, "/login") == 0) return begin_login(server, wsi, request);
     if (!get) return answer_text(wsi, request, HTTP_STATUS_METHOD_NOT_ALLOWED, "Not allowed\n");
-    const struct fv_web_asset *asset = fv_web_asset_find(path);
+    const struct fv_web_asset *asset = asset_of(server, path);
     if (status == HTTP_STATUS_UNAUTHORIZED && (asset == NULL || !asset->open)) {
         const bool page = asset != NULL && strcmp(path, "/") == 0;
         if (!page) return answer_text(wsi, request, status, "Unauthorized: log in at /login\n");
@@ -197,6 +220,8 @@ static int begin(struct fv_web_server *server, struct lws *wsi, struct fv_web_re
         if (request->made == NULL) return -1;
         return answer_begin(wsi, request, &answer, request->made, bytes);
     }
+    if (asset == NULL && server->setup.pages != NULL)
+        return answer_made(wsi, request, server->setup.pages, path);
     if (asset == NULL) return answer_text(wsi, request, HTTP_STATUS_NOT_FOUND, "Not found\n");
     return answer_asset(wsi, request, asset);
 }

@@ -1,0 +1,93 @@
+"""The page of fovea-calibrate camera in a headless Chromium, from the first picture to the verdict, with a simulated board. Used by
+test_calibrate_page.
+
+Usage: calibrate_page.py BUILD FOLDER     FOVEA_SCREENSHOTS=DIR keeps screenshots at 360 and 1,440 pixels of width
+"""
+import os
+import re
+import subprocess
+import sys
+import time
+import urllib.error
+import urllib.request
+
+from selenium import webdriver
+from selenium.webdriver.chrome.service import Service
+
+build, folder = sys.argv[1:3]
+PATIENCE_S = 120
+
+
+def browser():
+    options = webdriver.ChromeOptions()
+    options.binary_location = "/usr/bin/chromium"
+    for word in ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run", "--no-proxy-server",
+                 "--disable-background-networking", "--disable-component-update", "--user-data-dir=" + os.path.join(folder, "profile")):
+        options.add_argument(word)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    return webdriver.Chrome(options=options, service=Service("/usr/bin/chromedriver"))
+
+
+def until(driver, text, what):
+    """Wait until an expression is true, and return it."""
+    end = time.monotonic() + PATIENCE_S
+    while time.monotonic() < end:
+        found = driver.execute_script("return " + text)
+        if found:
+            return found
+        time.sleep(0.05)
+    raise SystemExit(f"calibrate_page.py: {what}: not within {PATIENCE_S} s; log: {driver.get_log('browser')[:5]}")
+
+
+def screenshot(driver, name):
+    to = os.environ.get("FOVEA_SCREENSHOTS")
+    if to:
+        for width in (360, 1440):
+            driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": width < 500})
+            wide = driver.execute_script("return document.documentElement.scrollWidth")
+            assert wide <= width, f"{wide} pixels wide at {width}"
+            time.sleep(0.5)
+            driver.save_screenshot(os.path.join(to, f"calibrate-{name}-{width}.png"))
+
+
+def text(driver, name):
+    return driver.execute_script("return document.getElementById(arguments[0]).textContent", name)
+
+
+def status_of(address, host):
+    request = urllib.request.Request(address + "state.json", headers={"Host": host})
+    try:
+        return urllib.request.urlopen(request, timeout=10).status
+    except urllib.error.HTTPError as error:
+        return error.code
+
+
+driver = browser()  # it takes longer to start than the pictures take
+words = [os.path.join(build, "fovea-calibrate"), "camera", "--source", "sim:board?rate=4&seed=4", "--target", "chessboard:9x6:0.03", "--model", "radtan",
+         "--page", "0", "--out", os.path.join(folder, "camera.yaml")]
+process = subprocess.Popen(words, stderr=subprocess.STDOUT, stdout=subprocess.PIPE, text=True)
+address = re.search(r"http://127\.0\.0\.1:\d+/", process.stdout.readline()).group(0)
+driver.get(address)
+
+until(driver, "document.getElementById('picture').naturalWidth > 0", "a picture")
+until(driver, "/^[1-9][0-9]* of at most 40$/.test(document.getElementById('pictures').textContent)", "a picture that is taken")
+instruction = until(driver, "document.getElementById('next').textContent.includes('of the picture') && document.getElementById('next').textContent", "an instruction")
+assert "nearer to the camera" in instruction, instruction
+painted = "(() => { const c = document.getElementById('coverage'), d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data; " \
+          "let n = 0; for (let i = 2; i < d.length; i += 4) n += d[i] > 240; return n > 100; })()"
+until(driver, painted, "the coverage")
+screenshot(driver, "looking")
+assert status_of(address, "evil.example") == 403, "another Host is refused"
+assert status_of(address, address[7:-1]) == 200
+
+grade = until(driver, "!document.getElementById('verdict-section').hidden && document.getElementById('verdict').textContent", "a verdict")
+assert grade == "pass", grade
+assert "fx" in text(driver, "parameters") and "RMS" in text(driver, "parameters"), text(driver, "parameters")
+assert re.fullmatch(r"± 0\.0\d\d %", text(driver, "focal")), text(driver, "focal")
+screenshot(driver, "verdict")
+errors = [line for line in driver.get_log("browser") if line["level"] == "SEVERE"]
+driver.quit()  # nobody looks any more
+assert process.wait(PATIENCE_S) == 0, "an exit status"
+assert not errors, errors
+assert "fx" in open(os.path.join(folder, "camera.yaml")).read() or os.path.getsize(os.path.join(folder, "camera.yaml")) > 100
+print("page: " + grade + ", " + instruction)
