@@ -31,7 +31,7 @@ extern "C" {
 enum {
     FV_LENS_KEYFRAMES = 8,
     FV_LENS_SIZE = 6 * FV_LENS_KEYFRAMES + 1, /* of the normal equations: poses, focal length */
-    FV_LENS_FRAME_POINTS = 450                /* landmarks of a frame that are used, at most */
+    FV_LENS_FRAME_POINTS = 200                /* landmarks of a frame that are used, at most */
 };
 
 struct fv_odometry;

@@ -7,11 +7,13 @@
 
 enum {
     SIZE = FV_LENS_SIZE,
-    SEEN_MIN = 3,      /* keyframes of the window that see a landmark */
-    POINTS_MIN = 60,   /* landmarks */
-    UNIT_POINTS = 20,  /* landmarks of a unit that are used, */
-    UNIT_SLOTS = 1500, /* and that are looked at */
-    AGED_KEYFRAMES = 3 /* new ones, and the map's job is not waited for any more */
+    SEEN_MIN = 3,       /* keyframes of the window that see a landmark */
+    POINTS_MIN = 60,    /* landmarks */
+    UNIT_POINTS = 20,   /* landmarks of a unit that are used, */
+    UNIT_SLOTS = 1500,  /* and that are looked at, */
+    SLOT_STEP = 2,      /* of every second slot: the others would say the same */
+    APART_KEYFRAMES = 3 /* from one window to the next; after twice as many the map's job is not
+                           waited for any more */
 };
 
 static const double outlier2 = 9; /* weighted px^2: from here on errors count less (Huber) */
@@ -28,8 +30,9 @@ void fv_lens_window_carve(struct fv_lens_window *w, struct fv_arena *job)
 bool fv_lens_window_due(const struct fv_odometry *o, uint64_t newest)
 {
     const uint64_t number = o->map.keyframes[o->state->newest].number;
-    if (o->map.state->keyframe_count < FV_LENS_KEYFRAMES || number == newest) return false;
-    return !fv_odometry_job_waiting(o) || number >= newest + AGED_KEYFRAMES;
+    if (o->map.state->keyframe_count < FV_LENS_KEYFRAMES || number < newest + APART_KEYFRAMES)
+        return false;
+    return !fv_odometry_job_waiting(o) || number >= newest + 2 * APART_KEYFRAMES;
 }
 
 /* The newest keyframe of the map that is older than number `below`; FV_MAP_NONE: none. */
@@ -201,7 +204,9 @@ static void add_unit(struct fv_lens_window *w, const struct fv_map *map)
     const uint32_t top = map->state->landmark_top;
     for (uint32_t looked = 0, used = 0; s->next < top && looked < UNIT_SLOTS && used < UNIT_POINTS;
          looked++) {
-        if (!gather(s, map, &map->landmarks[s->next++], &seen)) continue;
+        const struct fv_landmark *landmark = &map->landmarks[s->next];
+        s->next += SLOT_STEP;
+        if (!gather(s, map, landmark, &seen)) continue;
         landmark_add(w, &seen);
         used++;
     }
