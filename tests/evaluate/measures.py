@@ -213,7 +213,7 @@ class Faults(unittest.TestCase):
     def test_what_happens_at_a_fault(self):
         good = self.run_of()
         self.assertEqual([good[name] for name in ("late", "made", "beyond", "frames", "posed", "end")], [0, 0, 0, 10, 10, "back"])
-        bad = self.run_of(state={27: 1}, keyframe={24: 2, 25: 2, 26: 2, 27: 3, 28: 3, 29: 3}, keyframe_error_m={25: 0.06})
+        bad = self.run_of(state={27: 1}, keyframe_error_m={25: 0.06, 26: None}, keyframe={24: 2, 25: 2, 26: 2, 27: 3, 28: 3, 29: 3})
         self.assertEqual([bad[name] for name in ("late", "made", "beyond")], [1, 2, 1])
         self.assertIsNone(self.run_of(state={19: 3}))
 

@@ -51,7 +51,7 @@ def judge(frames, first, length):
         if posed(f) and f["map"] == last["map"] and f["keyframe"] != keyframe:
             made, keyframe = made + 1, f["keyframe"]
         error, sigma = f["keyframe_error_m"], f["sigma_m"]
-        if posed(f) and error == error and sigma and sigma == sigma:
+        if posed(f) and error is not None and error == error and sigma and sigma == sigma:
             ratios.append(error / sigma)
             errors.append(error)
             sigmas.append(sigma)

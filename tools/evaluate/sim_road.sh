@@ -56,7 +56,7 @@ row() {
     echo "the length of the estimated path over that of the true one, the largest over the least."
     echo
     echo "**On $wrong of $seeds seeds of \`sim:road\` ($frames frames each) a wrong map is published.** Without moving cars (\`objects=0\`) $still of these $wrong are wrong."
-    echo "\`kitti01_a\` shows the fault beside a single far car."
+    echo "\`kitti01_a\` showed the fault beside a single far car, in version 0.1."
     echo
     echo '| source | runs | with a wrong map | inliers: 10th percentile, median, 90th | depth of inliers, m: the same | parallax of the median depth, degrees per frame |'
     echo '| --- | --- | --- | --- | --- | --- |'
