@@ -7,8 +7,10 @@
  * at most 7 deviations, and of 6 where it is above .007; a mismatch is at most .034 beyond its four
  * deviations while a map is young, .02 later. A focal length 2 % off shows as .018 to .02, 20
  * deviations. */
-static const double change_limit = 0.014, change_sigmas = 8; /* of one of two frames in a row */
-static const double change_again_sigmas = 3;                 /* of both */
+static const double change_limit = 0.014;    /* of a large one, */
+static const double change_again_sigmas = 3; /* with which the next or the last frame agrees; */
+static const double change_lasting = 0.004;  /* and of one that lasts */
+static const double change_sigmas = 8;       /* of both */
 static const double mismatch_doubtful = 0.06, mismatch_wrong = 0.1, mismatch_sigmas = 4;
 static const double fading = 0.7; /* of the sums, by measured frame */
 
@@ -58,19 +60,31 @@ static double least_of(const double *values, const double *deviations, int count
     return least;
 }
 
+/* The largest of `count` changes that is beyond a limit for large ones; 0: none. */
+static double large_change(const double *change, const double *sigma, int count)
+{
+    double largest = 0;
+    for (int i = 0; i < count; i++) {
+        const double size = change[i] < 0 ? -change[i] : change[i];
+        if (size > change_limit && size > change_sigmas * sigma[i] &&
+            size * size > largest * largest)
+            largest = change[i];
+    }
+    return largest;
+}
+
 static void judge_change(struct fv_calibration_state *s)
 {
-    const int count = FV_CALIBRATION_FRAMES;
-    double largest = 0;
-    if (s->changes < (uint32_t)count) return;
-    for (int i = 0; i < count; i++) {
-        const double size = s->change[i] < 0 ? -s->change[i] : s->change[i];
-        if (size > change_limit && size > change_sigmas * s->sigma[i] &&
-            size * size > largest * largest)
-            largest = s->change[i];
-    }
-    if (largest != 0 && least_of(s->change, s->sigma, count, change_again_sigmas) > 0)
-        decide(s, FOVEA_CALIBRATION_WRONG, FOVEA_CALIBRATION_CHANGED, largest);
+    const int all = FV_CALIBRATION_FRAMES, pair = 2;
+    if (s->changes < (uint32_t)all) return;
+    const double *change = s->change + all - pair, *sigma = s->sigma + all - pair,
+                 large = large_change(change, sigma, pair);
+    const bool agrees = least_of(change, sigma, pair, change_again_sigmas) > 0;
+    const bool lasts = least_of(s->change, s->sigma, all, 0) > change_lasting &&
+                       least_of(s->change, s->sigma, all, change_sigmas) > 0;
+    if ((large != 0 && agrees) || lasts)
+        decide(s, FOVEA_CALIBRATION_WRONG, FOVEA_CALIBRATION_CHANGED,
+               large != 0 ? large : s->change[0]);
 }
 
 static void judge_mismatch(struct fv_calibration_state *s)
@@ -111,10 +125,7 @@ void fv_calibration_frame(struct fv_calibration *c, const struct fv_odometry *od
         s->reset_counter = pose->reset_counter;
         s->changes = s->windows = 0;
     }
-    if (!fv_lens_frame_measure(odometry, &frame)) {
-        s->changes = 0;
-        return;
-    }
+    if (!fv_lens_frame_measure(odometry, &frame)) return;
     push(s->change, s->changes, FV_CALIBRATION_FRAMES, frame.change);
     push(s->sigma, s->changes, FV_CALIBRATION_FRAMES, frame.sigma);
     if (s->changes < FV_CALIBRATION_FRAMES) s->changes++;

@@ -1,9 +1,10 @@
 /* Whether the calibration still fits: measures of the lens (odometry/lens.h) over frames and
  * windows, the verdict, and its message with the residuals by part of the image.
  *
- * A change is believed when one of two frames in a row shows it far beyond its limit and standard
- * deviation and the other agrees (the map follows a lens that moved within a few frames), a
- * mismatch when FV_CALIBRATION_WINDOWS windows in a row say it. A verdict stands until the next
+ * A change is believed when one of two measured frames in a row shows it far beyond its limit and
+ * standard deviation and the other agrees, or when FV_CALIBRATION_FRAMES show a smaller one: the
+ * map follows a lens that moved within a few frames. A mismatch is believed when
+ * FV_CALIBRATION_WINDOWS windows in a row say it. A verdict stands until the next
  * reset. The limits are at the top of calibration.c. */
 #ifndef FOVEA_RUNTIME_CALIBRATION_H
 #define FOVEA_RUNTIME_CALIBRATION_H
@@ -13,7 +14,7 @@
 #include "odometry/lens.h"
 #include "runtime/frame_id.h"
 
-enum { FV_CALIBRATION_FRAMES = 2, FV_CALIBRATION_WINDOWS = 3 };
+enum { FV_CALIBRATION_FRAMES = 3, FV_CALIBRATION_WINDOWS = 3 };
 
 /* No addresses and no padding: copied and hashed as bytes. */
 struct fv_calibration_state {
