@@ -97,12 +97,23 @@ def odometry_plan(binary, arguments):
     return found
 
 
+ODOMETRY_HEAD = """# Errors on recordings
+
+Recordings of `../shared/data`, each from start frames {starts} (every second), default configuration, of version {version}. `make evaluate` renews this page. Of each run the map with
+most poses counts, aligned with the truth by a similarity. Starts are varied and not seeds: seeds of one start agree to four digits. Times are those of one sweep on a shared machine, so compare
+them with each other only.
+
+"""
+
+
 def odometry_text(db, keys):
     """Of each run the map with most poses."""
     chosen(db, keys)
     db.execute("CREATE OR REPLACE TEMP TABLE largest AS SELECT c.*, m.* EXCLUDE (run, part) FROM chosen c LEFT JOIN (SELECT * FROM maps "
                "QUALIFY row_number() OVER (PARTITION BY run ORDER BY poses DESC, map) = 1) m ON m.run = c.run")
     lines, scales = [], []
+    version = db.execute("SELECT any_value(version) FROM largest").fetchone()[0]
+    head = ODOMETRY_HEAD.format(starts=STARTS_ODOMETRY.partition("/")[0].replace("-", " to "), version=version)
     for name, _, frames in RECORDINGS:
         here = f"FROM largest WHERE source LIKE '%/{name}'"
         r = rows(db, f"""SELECT count(*) runs, median(posed / frames) * {frames} posed, min(posed / frames) * {frames} posed_worst, median(rmse_m) ate,
@@ -118,7 +129,7 @@ def odometry_text(db, keys):
             f"""SELECT count(*), {off('scale')}, {off('final_scale')} {here} AND "set" LIKE '%scale.source%'""").fetchone()
         if runs:
             scales.append([name, str(runs), str(CAMERA_HEIGHT_M[name]), f"{live:+.1f} ({live_worst:+.1f})", f"{final:+.1f} ({final_worst:+.1f})"])
-    return (markdown(["recording", "runs", "posed, median (worst)", "ATE m, median (worst)", "after all optimisation", "RPE 1 s: m, deg",
+    return (head + markdown(["recording", "runs", "posed, median (worst)", "ATE m, median (worst)", "after all optimisation", "RPE 1 s: m, deg",
                       "CPU ms, mean, p99", "resident MiB"], lines)
             + "\n" + markdown(["recording", "runs", "camera height m", "scale off by %, median (worst)", "after all optimisation"], scales))
 
