@@ -40,10 +40,14 @@ static bool contradicts(const struct fv_agreement_state *s)
                                        s->about < fit_least * s->all || s->doubts >= DOUBTS_MAX);
 }
 
+static bool misfits(const struct fv_agreement_state *s)
+{
+    return s->near < near_good_min * s->about || s->about < fit_good_min * s->all;
+}
+
 static bool in_doubt(const struct fv_agreement_state *s)
 {
-    return s->near < near_good_min * s->about || s->about < fit_good_min * s->all ||
-           (s->near < near_known_min * s->about && s->known < known_min * s->all);
+    return misfits(s) || (s->near < near_known_min * s->about && s->known < known_min * s->all);
 }
 
 enum fv_agreement_verdict fv_agreement_verdict(const struct fv_agreement_state *s)
@@ -135,7 +139,7 @@ static void judge(struct fv_odometry *o, const struct fv_map_frame *a, const str
     s->all = fade * s->all + (float)matches;
     s->known = fade * s->known + (float)known;
     s->checks++;
-    s->doubts = in_doubt(s) ? s->doubts + 1 : 0;
+    s->doubts = misfits(s) ? s->doubts + 1 : 0;
     if (fv_agreement_verdict(s) == FV_AGREEMENT_GOOD) s->bad_from = b->keyframe->number + 1;
 }
 

@@ -46,7 +46,7 @@ struct fv_agreement_state {
     uint32_t next;                 /* sampled feature of the earlier one */
     float near, about, all, known; /* faded counts: within 1 px and 4 px, all, of landmarks */
     uint32_t checks;               /* of this map */
-    uint32_t doubts;               /* of the last checks, how many in a row left the map in doubt */
+    uint32_t doubts;   /* of the last checks, how many in a row had near or fit too low */
     uint64_t bad_from; /* keyframes from this number on came after the measure was last good */
     bool suspect;      /* it follows one given up, and is not confirmed yet */
     bool dropping;     /* keyframes of drop_map from number drop_from on are to go */
