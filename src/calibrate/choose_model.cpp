@@ -1,5 +1,7 @@
 #include "calibrate/choose_model.h"
 
+#include "calibrate/compare.h"
+
 extern "C" {
 #include "support/say.h"
 }
@@ -10,6 +12,7 @@ namespace
 {
 
 constexpr int FOLDS = 5;
+constexpr size_t CROSS_VIEWS_MIN = 3; /* of each half */
 /* A model with more coefficients must be better by this in pictures held out. */
 constexpr double BETTER = .95;
 
@@ -41,6 +44,25 @@ bool choose_model(const std::vector<Model> &models, int width, int height, Solve
     return any;
 }
 
+/* Solve every second view and the others apart, and compare their projections. */
+double cross_solve(const Report &report, int width, int height, SolveOptions options)
+{
+    std::vector<View> halves[2];
+    const std::vector<std::string> &left_out = report.solution.left_out;
+    for (size_t v = 0, used = 0; v < report.views.size(); v++)
+        if (left_out[v].empty() && !report.views[v].corners.empty())
+            halves[used++ % 2].push_back(report.views[v]);
+    if (halves[1].size() < CROSS_VIEWS_MIN) return NAN;
+    options.model = report.solution.model;
+    Solution first;
+    std::string error;
+    if (!solve(report.board, halves[0], width, height, options, first, error)) return NAN;
+    fovea_camera camera = first.camera;
+    if (fovea_camera_prepare(&camera, nullptr) != FOVEA_OK) return NAN;
+    const Comparison comparison = compare(camera, report.board, halves[1]);
+    return comparison.solved ? comparison.difference_px : NAN;
+}
+
 } // namespace
 
 void solve_and_judge(const Collection &collection, const std::vector<Model> &models,
@@ -55,6 +77,7 @@ void solve_and_judge(const Collection &collection, const std::vector<Model> &mod
         return;
     }
     report.verdict = judge(report.views, report.solution, report.held_out_px);
+    report.cross_solve_px = cross_solve(report, width, height, options);
     if (options.bend) return;
     SolveOptions bent = options;
     Solution solution;

@@ -105,6 +105,8 @@ void write_json(const Report &report, FILE *file)
                 model_name(solution.model), solution.camera.width, solution.camera.height,
                 solution.rms_px, solution.noise_px);
         number(file, report.held_out_px >= 0 ? report.held_out_px : NAN);
+        fprintf(file, ",\n  \"cross_solve_px\": ");
+        number(file, report.cross_solve_px);
         fprintf(file,
                 ",\n  \"views_used\": %d,\n  \"corners_used\": %d,\n  \"coverage\": %.3f,\n"
                 "  \"tilt_rad\": %.4f,\n  \"projection_stdev_seen_px\": %.6g,\n",
@@ -221,6 +223,9 @@ void report_print(const Report &report)
         if (report.held_out_px >= 0) printf(", %.3f px in pictures held out", report.held_out_px);
         printf("\nprojection within %.2f px (one standard deviation) where corners were seen\n",
                report.verdict.uncertainty_seen_px);
+        if (std::isfinite(report.cross_solve_px))
+            printf("halves    project up to %.2f px apart, solved each by itself\n",
+                   report.cross_solve_px);
     }
     print_verdict(report.verdict);
 }

@@ -20,6 +20,9 @@ struct Report {
     Solution solution;
     Verdict verdict;
     double held_out_px = -1;
+    /* Of projection, between the cameras of every second view and of the others: worst where
+     * corners were seen, with their rotation taken out; NaN: not known. */
+    double cross_solve_px = NAN;
     std::vector<Compared> compared;
     std::string camera_name, date; /* date: ISO 8601, UTC */
     std::string camera_id;         /* where the pictures come from, as --source names it */

@@ -95,8 +95,9 @@ std::string errors_section(const Report &report)
         datum("views_used", report.verdict.views_used) + " pictures and " +
         datum("corners_used", solution.corners_used, "%.0f") + " corners; in pictures held out " +
         datum("held_out_rms_px", report.held_out_px >= 0 ? report.held_out_px : NAN) +
-        " px. Noise of one coordinate " + datum("noise_px", solution.noise_px) + " px.</p>\n" +
-        compared_table(report);
+        " px. Cameras of the two halves of the pictures project up to " +
+        datum("cross_solve_px", report.cross_solve_px) + " px apart. Noise of one coordinate " +
+        datum("noise_px", solution.noise_px) + " px.</p>\n" + compared_table(report);
     double worst = 0;
     for (size_t v = 0; v < report.views.size(); v++)
         if (used(report, v)) worst = std::max(worst, view_rms_px(solution, v));

@@ -244,8 +244,9 @@ static void the_report_has_the_numbers_of_the_json_verdict(void **)
     const std::string page = content(folder.file("report.html")),
                       json = content(folder.file("json"));
     const size_t views = json.find("\"views\": [");
-    for (const char *name : {"rms_px", "noise_px", "held_out_rms_px", "views_used", "corners_used",
-                             "projection_stdev_seen_px", "residual_pattern"})
+    for (const char *name :
+         {"rms_px", "noise_px", "held_out_rms_px", "cross_solve_px", "views_used", "corners_used",
+          "projection_stdev_seen_px", "residual_pattern"})
         assert_near(data_of(page, name),
                     numbers_after(json, "\"" + std::string(name) + "\": ", 0, views));
     const size_t parameters = json.find("\"parameters\"");
