@@ -17,6 +17,7 @@ void fv_features_carve(struct fv_features *features, const struct fovea_features
 {
     features->config = *config;
     features->count = 0;
+    features->whole_pixels = false;
     features->list = fv_arena_take(frame, config->count_max, sizeof *features->list);
     features->corners = fv_arena_take(frame, config->count_max, sizeof *features->corners);
     if (by_fast(features))

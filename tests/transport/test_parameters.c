@@ -402,6 +402,7 @@ int main(int argc, char **argv)
     (void)argc;
     snprintf(build, sizeof build, "%s/../..", dirname(argv[0]));
     if (!watched_possible("test_parameters")) return 0;
+    signal(SIGHUP, SIG_DFL); /* ignored under nohup, and by the programs that it starts */
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_a_recording_with_twenty_changes_replays_bit_for_bit),
         cmocka_unit_test(test_wrong_requests_change_nothing),
