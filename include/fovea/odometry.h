@@ -131,7 +131,8 @@ enum { FOVEA_RELATIVE_FRAMES_MAX = 128 }; /* how far back a relative pose may be
 /* The motion from an earlier frame to the last one, as both were published: row-major 3x4, in the
  * earlier camera's frame and the published unit, with its covariance: upper triangle by rows,
  * T_true = T exp(error), as that of struct fovea_pose. It holds the drift between the two frames,
- * and in metres the scale's uncertainty; while the scale is free the unit is the path's own. */
+ * and in metres the scale's uncertainty; while the scale is free the unit is the path's own. There
+ * is none over a frame without a pose: where the camera was found again hangs on no chain. */
 struct fovea_relative_pose {
     int64_t before_stamp_ns, stamp_ns;
     double T_before_now[12];

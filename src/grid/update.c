@@ -136,7 +136,12 @@ static void follow(struct fv_grid *g, int axis)
     int64_t first = corner > old ? old + side : corner, last = corner > old ? corner + side : old;
     g->state->corner[axis] = corner;
     g->state->corner_kept[axis] = (int64_t)wrapped(corner, side);
-    if (last - first > side) last = first + side; /* all of them */
+    if (!g->state->begun) return; /* all are unknown */
+    if (last - first >= side) {   /* of the old ones none stays */
+        memset(g->odds, 0, (size_t)(side * side) * sizeof *g->odds);
+        memset(g->movable, 0, (size_t)(side * side));
+        return;
+    }
     for (int64_t line = first; line < last; line++)
         for (int64_t i = 0; i < side; i++)
             clear(g, axis == 0 ? (size_t)(i * side) + wrapped(line, side)
@@ -385,13 +390,13 @@ bool fv_grid_begin(struct fv_grid *g, const struct fovea_grid_view *view)
     make_tables(g);
     if (s->phase != FV_GRID_IDLE) memset(g->marks, 0, (size_t)(side_of(g) * side_of(g)));
     if (!s->begun) s->decayed_ns[0] = s->decayed_ns[1] = view->stamp_ns;
-    s->begun = 1;
     s->stamp_ns = view->stamp_ns;
     s->position_m[0] = view->position_m[0];
     s->position_m[1] = view->position_m[1];
     s->yaw_rad = view->yaw_rad;
     follow(g, 0);
     follow(g, 1);
+    s->begun = 1;
     begin_decay(g, view->stamp_ns);
     s->cell = 0;
     s->ray = 0;

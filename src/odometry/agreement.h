@@ -17,10 +17,10 @@
  *          are a doubt (tools/evaluate/sim_road.md)
  *
  * In doubt no pose is `tracking`. Where near or fit are low, after three keyframes, the map is
- * given up, and where doubt lasts for four: all of it while it is young, later the keyframes since
- * the measures were last good. They leave the map one per unit, and are not entered again
- * meanwhile. What misled one map misleads the next: a map that follows one given up is published
- * when two keyframes have found it right.
+ * given up, and where one of these two stays in doubt for four: all of it while it is young, later
+ * the keyframes since the measures were last good. They leave the map one per unit, and are not
+ * entered again meanwhile. What misled one map misleads the next: a map that follows one given up
+ * is published when two keyframes have found it right.
  *
  * A job in units: FV_AGREEMENT_UNIT features are matched in each. Real-time safe, no addresses in
  * the state. */

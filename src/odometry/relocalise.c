@@ -164,14 +164,16 @@ bool fv_odometry_try_keyframe(struct fv_odometry *o, const struct fv_kernels *ke
 static void enter(struct fv_odometry *o, uint32_t slot)
 {
     struct fv_odometry_state *s = o->state;
-    const uint32_t odom_id = o->map.state->odom_id;
-    if (o->map.keyframes[slot].map_id != o->map.state->map_id) fv_agreement_forget(&s->agreement);
-    s->agreement.suspect = false; /* what is kept was found right */
+    const uint32_t odom_id = o->map.state->odom_id, map_id = o->map.keyframes[slot].map_id;
+    if (map_id != o->map.state->map_id) fv_agreement_forget(&s->agreement);
+    /* What is kept was found right, but for the young map that follows one given up. */
+    if (map_id != o->map.state->map_id || map_id == s->agreement.drop_map)
+        s->agreement.suspect = false;
     s->newest = slot;
     s->keyframe_frame = s->frame_number;
     s->keyframe_matches = o->map.keyframes[slot].landmarks;
     o->map.keyframes[fv_map_current(&o->map)].parent = (int32_t)slot;
-    fv_map_enter(&o->map, o->map.keyframes[slot].map_id);
+    fv_map_enter(&o->map, map_id);
     s->reset_counter += o->map.state->odom_id != odom_id;
 }
 

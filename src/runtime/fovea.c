@@ -162,6 +162,7 @@ static bool interrupt(struct fovea *rt, const struct fovea_inputs *inputs)
     if (inputs->frame != NULL || !away || !rt->config.odometry.enabled) return false;
     if (!fv_odometry_interrupt(&rt->odometry)) return false;
     publish_pose(rt);
+    fv_free_space_follow(&rt->free_space, &rt->publish);
     return true;
 }
 

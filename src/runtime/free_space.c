@@ -19,9 +19,11 @@ void fv_free_space_carve(struct fv_free_space *stage, const struct fovea_grid_jo
 void fv_free_space_reset(struct fv_free_space *stage)
 {
     if (!stage->enabled) return;
-    fv_grid_forget(&stage->grid);
-    stage->state->phase = FV_FREE_SPACE_IDLE;
     stage->state->noted.usable = 0;
+    if (!stage->grid.state->begun) return;
+    fv_grid_forget(&stage->grid);
+    fv_grid_scan_begin(&stage->grid); /* and say so, with the stamp of the last mask */
+    stage->state->phase = FV_FREE_SPACE_SCANNING;
 }
 
 /* ---- poses ----------------------------------------------------------------------------------- */
@@ -42,11 +44,7 @@ void fv_free_space_follow(struct fv_free_space *stage, const struct fv_publish *
     struct fv_free_space_state *s = stage->state;
     const struct fovea_pose *pose = fv_publish_pose(publish);
     if (!stage->enabled || (is_metric(pose) && world_of(pose) == s->world)) return;
-    s->noted.usable = 0;
-    if (!stage->grid.state->begun) return;
-    fv_free_space_reset(stage); /* and say so, with the stamp of the last mask */
-    s->phase = FV_FREE_SPACE_SCANNING;
-    fv_grid_scan_begin(&stage->grid);
+    fv_free_space_reset(stage);
 }
 
 void fv_free_space_note(struct fv_free_space *stage, const struct fv_publish *publish,

@@ -58,8 +58,9 @@ void fv_free_space_carve(struct fv_free_space *stage, const struct fovea_grid_jo
 
 /* All that follows is real-time safe, and does nothing where it is off. */
 
+/* Nothing is known any more, and a grid that says so is sent. */
 void fv_free_space_reset(struct fv_free_space *stage);
-/* Of every processed frame, after its pose is published. */
+/* After a pose, or its loss, is published. */
 void fv_free_space_follow(struct fv_free_space *stage, const struct fv_publish *publish);
 /* The network takes this frame. */
 void fv_free_space_note(struct fv_free_space *stage, const struct fv_publish *publish,

@@ -14,16 +14,19 @@ static bool waiting(const struct fovea *rt)
 
 static uint32_t advance(struct fovea *rt, uint32_t units, struct fovea_outputs *outputs)
 {
+    const enum fv_message_kind kind = FV_MESSAGE_CALIBRATION_WARNING;
     uint32_t done = 0;
-    for (; done < units && waiting(rt); done++) {
-        if (rt->calibration.state->due)
-            fv_output_add(rt, FV_MESSAGE_CALIBRATION_WARNING,
-                          fv_calibration_encode(
-                              &rt->calibration, rt->outbox.buffer[FV_MESSAGE_CALIBRATION_WARNING],
-                              rt->outbox.capacity[FV_MESSAGE_CALIBRATION_WARNING]),
-                          outputs);
-        else
+    while (done < units && waiting(rt)) {
+        done++;
+        if (!rt->calibration.state->due) {
             fv_calibration_unit(&rt->calibration, &rt->odometry);
+            continue;
+        }
+        fv_output_add(rt, kind,
+                      fv_calibration_encode(&rt->calibration, rt->outbox.buffer[kind],
+                                            rt->outbox.capacity[kind]),
+                      outputs);
+        break; /* one message per work call: its buffer is in use until the next */
     }
     return done;
 }

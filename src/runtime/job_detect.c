@@ -174,7 +174,7 @@ static bool offer_to(struct fovea *rt, struct fv_detection *detection,
     if (!fv_detection_offer(detection, frame, &rt->state->frame, seen,
                             rt->config.image.white_balance))
         return false;
-    if (detection == labeller(rt))
+    if (detection == labeller(rt) && fv_detection_sends(detection, FV_DETECTION_SEGMENTATION))
         fv_free_space_note(&rt->free_space, &rt->publish, &rt->state->frame);
     return true;
 }

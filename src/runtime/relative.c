@@ -29,7 +29,8 @@ void fv_relative_note(const struct fv_relative *relative, const struct fovea_pos
     memset(frame, 0, sizeof *frame);
     frame->stamp_ns = stamp_ns;
     if (!pose->posed) return;
-    if (!relates(s, pose, changes)) s->stretch++;
+    const bool gap = s->frames > 1 && s->ring[(s->frames - 2) % RING].stretch == 0;
+    if (gap || !relates(s, pose, changes)) s->stretch++;
     s->map_id = pose->map_id;
     s->reset_counter = pose->reset_counter;
     s->changes = changes;

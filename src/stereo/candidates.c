@@ -93,17 +93,19 @@ static bool begin_query(const struct fv_stereo *s, const struct fv_stereo_view *
     return true;
 }
 
-/* Features of the second camera on the curve, with the inverse distances that they mean. */
+/* Features of the second camera on the curve, with the inverse distances that they mean; none where
+ * more than can be compared lie on it or near it, since a rival might be overlooked. */
 static int32_t gather(const struct fv_stereo *s, const struct fv_stereo_view *view,
                       const struct query *q, uint16_t *candidates, double *values)
 {
     const double angle = angle_of(s, q->turned), width = q->limit / q->sine + 2.0 / FV_STEREO_BINS;
     const uint32_t from = bin_of(angle - width + 4), to = bin_of(angle + width + 4),
                    bins = ((to - from) & (FV_STEREO_BINS - 1)) + 1;
-    int32_t count = 0;
+    int32_t count = 0, looked = 0;
     for (uint32_t i = 0; i < bins; i++) {
         const uint32_t bin = (from + i) & (FV_STEREO_BINS - 1);
         for (uint32_t k = s->first[bin]; k < s->first[bin + 1]; k++) {
+            if (++looked > FV_STEREO_LOOKED_MAX) return 0;
             const uint32_t f = s->order[k];
             const int apart = (int)view->features[f].level - q->level;
             if (apart > LEVELS_APART || apart < -LEVELS_APART) continue;
@@ -113,7 +115,7 @@ static int32_t gather(const struct fv_stereo *s, const struct fv_stereo_view *vi
             if (!(off * off < q->limit * q->limit)) continue;
             const double value = fv_stereo_intersect(s, q->turned, b);
             if (!(value > q->least && value < q->most)) continue;
-            if (count == FV_STEREO_CANDIDATES_MAX) return count;
+            if (count == FV_STEREO_CANDIDATES_MAX) return 0;
             candidates[count] = (uint16_t)f;
             values[count++] = value;
         }

@@ -40,7 +40,8 @@ extern "C" {
 enum {
     FV_STEREO_CAMERAS = 2,
     FV_STEREO_BINS = 1024,          /* of the angle around the baseline: 0.2 to 0.45 degrees each */
-    FV_STEREO_CANDIDATES_MAX = 128, /* of one feature; those beyond are not looked at */
+    FV_STEREO_CANDIDATES_MAX = 128, /* of one feature; one with more is not matched */
+    FV_STEREO_LOOKED_MAX = 512,     /* features in the bins of one, likewise */
     /* of a frame, spread over its matches: the pose gains next to nothing by more, and each costs
      * as much as finding a feature */
     FV_STEREO_ALIGNED_MAX = 400
@@ -87,8 +88,9 @@ void fv_stereo_carve(struct fv_stereo *stereo, const struct fovea_camera *camera
 void fv_stereo_init(struct fv_stereo *stereo);
 
 /* Measure the features of the first view: stereo->measured by feature, weight 0 where nothing is
- * measured. Returns how many are. Real-time safe; time in proportion to the features, at most
- * FV_STEREO_CANDIDATES_MAX comparisons and five alignments of 64 pixels for each. */
+ * measured. Returns how many are. Real-time safe; time in proportion to the features, for each
+ * at most FV_STEREO_LOOKED_MAX looked at, FV_STEREO_CANDIDATES_MAX comparisons and five alignments
+ * of 64 pixels. */
 uint32_t fv_stereo_measure(struct fv_stereo *stereo, const struct fv_kernels *kernels,
                            const struct fv_stereo_view view[FV_STEREO_CAMERAS]);
 

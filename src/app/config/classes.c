@@ -25,6 +25,8 @@ static int32_t class_below(const struct fv_model *model, const char *name, int32
         const char *label = fv_model_label(model, i);
         if (strcmp(label, name) == 0) return i - first < count ? i - first : -1;
     }
+    const int32_t labels = (int32_t)model->header->label_count - first;
+    if (labels > 0 && labels < count) count = labels;
     if (!fv_text_number(name, &number) || !(number >= 0 && number < count)) return -1;
     return number == (double)(int32_t)number ? (int32_t)number : -1;
 }

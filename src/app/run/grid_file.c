@@ -5,21 +5,19 @@
 
 #include "support/picture.h"
 
-enum { GREY_FREE = 254, GREY_UNKNOWN = 205 };
+enum { GREY_FREE = 254, GREY_OCCUPIED = 0, GREY_UNKNOWN = 205 };
 
 static uint8_t grey_of(int8_t percent, struct fv_grid_counts *counts)
 {
-    if (percent == FOVEA_GRID_UNKNOWN) {
-        counts->unknown++;
-        return GREY_UNKNOWN;
-    }
-    if (percent < 100 * FOVEA_GRID_FREE_BELOW)
+    if (percent != FOVEA_GRID_UNKNOWN && percent < 100 * FOVEA_GRID_FREE_BELOW) {
         counts->free++;
-    else if (percent > 100 * FOVEA_GRID_OCCUPIED_ABOVE)
+        return GREY_FREE;
+    }
+    if (percent > 100 * FOVEA_GRID_OCCUPIED_ABOVE) {
         counts->occupied++;
-    else
-        counts->unknown++;
-    return (uint8_t)(GREY_FREE * (100 - percent) / 100);
+        return GREY_OCCUPIED;
+    }
+    return GREY_UNKNOWN;
 }
 
 enum fovea_status fv_grid_file_write(const char *path, const struct fovea *rt, uint32_t side_cells,

@@ -4,9 +4,9 @@
 
 #include "fovea/fovea.h"
 
-/* Cells that are known to be free, known to be occupied, and neither. */
+/* Cells that are known to be free, and known to be occupied. */
 struct fv_grid_counts {
-    uint32_t free, occupied, unknown;
+    uint32_t free, occupied;
 };
 
 /* Count the cells of the grid now, and write them to `path` (NULL: do not write) as a PNG of a

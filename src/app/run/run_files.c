@@ -171,6 +171,11 @@ enum fv_exit fv_run_files_check(const struct fv_run *run)
     for (const struct fv_file *file = written.files + 1; file->option != NULL; file++)
         if (file->path != NULL && file->path[0] == '\0')
             return fv_say_wrong("fovea run: %s: found '', expected a file", file->option);
+    for (const struct fv_file *file = written.files + 1; file->option != NULL; file++)
+        if (file->path != NULL && file->path[strlen(file->path) - 1] == '/' &&
+            strncmp(file->option, "--trajectory", 12) != 0)
+            return fv_say_wrong("fovea run: %s: found the folder '%s', expected a file",
+                                file->option, file->path);
     if (fv_files_writable(written.files, &blame, &error) == FOVEA_OK) return FV_EXIT_OK;
     if (run->options.record == NULL && strcmp(blame, "--record") == 0) {
         fv_settings_blame(&run->settings, "record", &error);

@@ -34,7 +34,8 @@ struct fv_trajectory {
     double last_truth[3], truth_length_m;
     /* world of the last sample, and its index; worlds so far, those met again not counted */
     uint32_t last_id, last, maps;
-    bool headed; /* a sample was written, so its map has a comment line */
+    uint32_t largest_id; /* of all maps so far */
+    bool headed;         /* a sample was written, so its map has a comment line */
     uint32_t headed_id;
     struct map map[FV_TRAJECTORY_MAPS_MAX];
     uint32_t points, stride;
@@ -207,12 +208,15 @@ static bool map_enter(struct fv_trajectory *trajectory, uint32_t id)
         i++;
     if (i == FV_TRAJECTORY_MAPS_MAX && trajectory->maps > i && id == trajectory->last_id)
         return true;
+    /* Ids rise from map to map: so those that are too many to be remembered are told apart. */
+    const bool known_by_id = trajectory->maps > 0 && id <= trajectory->largest_id;
+    if (!known_by_id) trajectory->largest_id = id;
     trajectory->last = i;
     trajectory->last_id = id;
     if (i < known) return true;
     if (i < FV_TRAJECTORY_MAPS_MAX) trajectory->map[i].id = id;
     trajectory->maps++;
-    return false;
+    return i == FV_TRAJECTORY_MAPS_MAX && known_by_id;
 }
 
 static void point_keep(struct fv_trajectory *trajectory, int64_t stamp_ns, const double centre[3],

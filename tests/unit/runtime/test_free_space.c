@@ -8,12 +8,15 @@
 #include <cmocka.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
+#include "app/run/grid_file.h"
 #include "base/elementary.h"
 #include "common/detector.h"
 #include "common/sim_rig.h"
 #include "geometry/se3.h"
 #include "nn/model.h"
+#include "support/picture.h"
 
 #include "fovea_grid_t.h"
 #include "fovea_scan_t.h"
@@ -246,6 +249,31 @@ static void end_run(void)
     sim_rig_close(&rig);
 }
 
+/* The picture of a run: a pixel for each cell, y up. */
+static void check_picture(const int8_t *cells)
+{
+    char path[] = "/tmp/fovea-grid-XXXXXX";
+    struct fovea_error error;
+    struct fovea_image image;
+    struct fv_grid_counts counts;
+    uint32_t found[256] = {0};
+    close(mkstemp(path));
+    assert_int_equal(fv_grid_file_write(path, rig.rt, SIDE, &counts, &error), FOVEA_OK);
+    assert_int_equal(fv_picture_read(path, &image, &error), FOVEA_OK);
+    unlink(path);
+    assert_true(image.width == SIDE && image.height == SIDE);
+    for (int y = 0; y < SIDE; y++)
+        for (int x = 0; x < SIDE; x++) {
+            const int percent = cells[y * SIDE + x];
+            const uint8_t grey = image.data[(SIDE - 1 - y) * SIDE + x];
+            assert_int_equal(grey, percent > 65 ? 0 : percent >= 0 && percent < 35 ? 254 : 205);
+            found[grey]++;
+        }
+    assert_true(counts.free == found[254] && counts.occupied == found[0]);
+    assert_true(counts.free > 50 && counts.occupied > 5);
+    free((void *)(uintptr_t)image.data);
+}
+
 /* ---- tests ----------------------------------------------------------------------------------- */
 
 static void what_is_sent_is_the_grid_of_the_masks_and_poses(void **state)
@@ -268,6 +296,7 @@ static void what_is_sent_is_the_grid_of_the_masks_and_poses(void **state)
     assert_true(fovea_free_space_get(rig.rt, got, &own));
     assert_memory_equal(got, cells, sizeof cells);
     assert_memory_equal(&own, &place, sizeof own);
+    check_picture(cells);
     end_run();
 }
 
@@ -309,6 +338,37 @@ static void a_lost_pose_leaves_nothing_known(void **state)
     end_run();
 }
 
+/* By the command, and by a camera that is gone: an empty grid is sent, and nothing is given. */
+static void a_reset_and_a_camera_that_is_gone_leave_nothing_known(void **state)
+{
+    (void)state;
+    for (int gone = 0; gone < 2; gone++) {
+        static struct run run;
+        static int8_t cells[SIDE * SIDE];
+        struct fovea_grid_place place;
+        struct fovea_outputs outputs;
+        run_with(400, 4, FRAMES, false, &run);
+        assert_true(run.known > 0 && fovea_free_space_get(rig.rt, cells, &place));
+        struct fovea_inputs inputs = {.now_ns = rig.frame.stamp_ns + 1000000000};
+        fovea_grants_fixed(&rig.config, &inputs.grants);
+        if (gone)
+            inputs.source_state = FOVEA_SOURCE_GONE;
+        else
+            inputs.commands = FOVEA_COMMAND_RESET;
+        (void)fovea_step(rig.rt, &inputs, &outputs);
+        assert_false(fovea_free_space_get(rig.rt, cells, &place));
+        const int before = run.grids;
+        for (int i = 0; i < 8; i++) {
+            (void)fovea_work(rig.rt, &inputs.grants, &outputs);
+            take_messages(&outputs, &run);
+        }
+        assert_int_equal(run.grids, before + 1);
+        for (int i = 0; i < SIDE * SIDE; i++)
+            assert_int_equal(run.cells[i], FOVEA_GRID_UNKNOWN);
+        end_run();
+    }
+}
+
 static void a_camera_on_the_floor_is_refused(void **state)
 {
     (void)state;
@@ -319,6 +379,10 @@ static void a_camera_on_the_floor_is_refused(void **state)
     assert_int_equal(fovea_size(&rig.config, &bytes, &error), FOVEA_ERROR_ARGUMENT);
     assert_non_null(strstr(error.text, "grid.enabled: found a camera 0 m over"));
     rig.config.rig.cameras[0].T_body_cam[11] = 1;
+    rig.config.odometry.enabled = false;
+    assert_int_equal(fovea_size(&rig.config, &bytes, &error), FOVEA_ERROR_ARGUMENT);
+    assert_non_null(strstr(error.text, "grid.enabled: found odometry.enabled false"));
+    rig.config.odometry.enabled = true;
     rig.config.grid_job.grid.range_m = 6.5;
     assert_int_equal(fovea_size(&rig.config, &bytes, &error), FOVEA_ERROR_ARGUMENT);
     assert_non_null(strstr(error.text, "grid.range_m: found 6.5, expected at most half the side"));
@@ -332,6 +396,7 @@ int main(void)
         cmocka_unit_test(with_few_units_the_same_grid_comes_later),
         cmocka_unit_test(copies_go_on_alike),
         cmocka_unit_test(a_lost_pose_leaves_nothing_known),
+        cmocka_unit_test(a_reset_and_a_camera_that_is_gone_leave_nothing_known),
         cmocka_unit_test(a_camera_on_the_floor_is_refused),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
