@@ -487,7 +487,10 @@ $(BUILD)/obj/src/calibrate/%.o: CXXFLAGS += -isystem /usr/include/eigen3 -isyste
 WEB_O := $(call objs,$(WEB_C))
 CALIBRATE_WEB_O := $(if $(WEB),$(WEB_O))
 CALIBRATE_LIBS += $(if $(WEB),-lwebsockets)
-$(BUILD)/obj/src/calibrate/%.o: CXXFLAGS += $(if $(WEB),-DFV_CALIBRATE_PAGE)
+$(BUILD)/obj/src/calibrate/live_page.o: CXXFLAGS += $(if $(WEB),-DFV_CALIBRATE_PAGE)
+$(BUILD)/obj/src/calibrate/live_page.o: $(BUILD)/calibrate-page-$(if $(WEB),yes,no)
+$(BUILD)/calibrate-page-%:
+	@mkdir -p $(@D) && rm -f $(BUILD)/calibrate-page-* && touch $@
 $(BUILD)/fovea-calibrate: $(BUILD)/obj/src/calibrate/main.o $(CALIBRATE_O) $(CALIBRATE_WEB_O) $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
 	@echo "  link $@"
 	$(Q)$(CXX) $(LDFLAGS) -pie -o $@ $(filter %.o,$^) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group \
@@ -587,6 +590,10 @@ WEB_TESTS := $(filter $(BUILD)/tests/unit/web/%,$(TESTS))
 $(WEB_TESTS): $(filter-out %/server.o %/server_http.o %/pages.o %/main.o,$(WEB_O))
 $(WEB_TESTS): TEST_MORE := $(filter-out %/server.o %/server_http.o %/pages.o %/main.o,$(WEB_O))
 $(filter $(BUILD)/tests/transport/test_web%,$(TESTS)): | $(WEB)
+$(filter %/test_web_calibrate,$(TESTS)): | $(CALIBRATE)
+$(filter %/transport/test_web_pages,$(TESTS)): $(WEB_O)
+$(filter %/transport/test_web_pages,$(TESTS)): TEST_MORE := $(WEB_O)
+$(filter %/transport/test_web_pages,$(TESTS)): ORACLE_LIBS := -lwebsockets
 # Calibration is tested by its functions.
 CALIBRATE_TESTS := $(patsubst tests/%.cpp,$(BUILD)/tests/%,$(wildcard tests/unit/calibrate/*.cpp))
 $(CALIBRATE_TESTS): $(CALIBRATE_O) $(CALIBRATE_WEB_O)

@@ -39,10 +39,14 @@ int check(const Given &given, std::vector<Model> &models, Board &board, int64_t 
                                  views_max < 2 || views_max > VIEWS_MAX_LIMIT))
         return fv_say_wrong("--views: found '%s', expected a number from 2 to %d",
                             given.views.c_str(), VIEWS_MAX_LIMIT);
+    fovea_error error;
+    if (!given.page.port.empty() &&
+        expect_guidance(given.source, (int)views_max, &error) != FOVEA_OK)
+        return fv_say_wrong("--page: %s", error.text);
     return files_check({{"--out", given.out, false},
                         {"--json", given.json, false},
                         {"--report", given.report, false}},
-                       {{"--source", given.source, true}});
+                       {{"--source", given.source, true}, {"--token", given.page.token, false}});
 }
 
 int write(const Given &given, const Report &report)
@@ -130,10 +134,11 @@ int command_camera(int argc, char **argv)
     how.bend = given.bend == "yes";
     page.solving();
     solve_and_judge(collection, models, how, report);
+    const Interruption interruption; /* the verdict is printed and written in any case */
     page.done(report);
     report_print(report);
     status = write(given, report);
-    page.linger();
+    page.linger(interruption);
     if (status != FV_EXIT_OK) return status;
     return report.verdict.grade == Grade::fail ? FV_EXIT_FAILED : FV_EXIT_OK;
 }

@@ -1,5 +1,6 @@
 #include "calibrate/live_page.h"
 
+#include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <ctime>
@@ -167,15 +168,16 @@ void LivePage::done(const Report &report)
     parameters_ += formatted("error %.3f px RMS", solution.rms_px);
 }
 
-void LivePage::linger()
+void LivePage::linger(const Interruption &interruption)
 {
     if (pages_ == nullptr) return;
+    std::fflush(stdout);
     fv_say("page: it ends when nobody has looked for %d s", (int)(LINGER_NS / 1000000000));
     {
         const std::lock_guard<std::mutex> lock(mutex_);
         asked_ns_ = std::max(asked_ns_, now_ns() - LINGER_NS / 2);
     }
-    for (bool watched = true; watched;) {
+    for (bool watched = true; watched && !interruption.came();) {
         std::this_thread::sleep_for(std::chrono::milliseconds(100));
         const std::lock_guard<std::mutex> lock(mutex_);
         watched = now_ns() - asked_ns_ < LINGER_NS;

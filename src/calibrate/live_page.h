@@ -33,14 +33,11 @@ class LivePage : public Observer
 
     void frame(const Grey &image, const View &view, const Advice &advice,
                const Guide &guide) override;
-    bool stopped() override
-    {
-        return false;
-    }
     void solving();
     void done(const Report &report);
-    /* Until nobody has looked for some seconds, or SIGINT comes. */
-    void linger();
+    /* Until nobody has looked for some seconds, or SIGINT comes. What is printed on stdout is
+     * there before. */
+    void linger(const Interruption &interruption);
 
     /* For the server's thread: the content of a path; false: there is none. */
     bool answer(const std::string &path, std::string &type, std::string &content);

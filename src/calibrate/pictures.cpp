@@ -185,7 +185,7 @@ bool is_chosen(std::vector<Chooser> &choosers, const std::vector<View> &views,
     return still && fresh && boards >= std::min(2, (int)views.size());
 }
 
-/* The guide of one camera, where there is one, and who is told. */
+/* The guide of one camera, where there is one, and its observer. */
 class Guided
 {
   public:
@@ -202,8 +202,7 @@ class Guided
     }
     bool ended() const
     {
-        return is_on() && (guide_[0].done() ||
-                           (guidance_->observer != nullptr && guidance_->observer->stopped()));
+        return is_on() && guide_[0].done();
     }
     /* Whether this frame is taken. */
     bool look(const std::vector<uint8_t> &grey, const View &view)
@@ -264,8 +263,9 @@ fovea_status collect_source(const std::string &uri, const Board &board, Refineme
     Guided guided(guidance != nullptr && !few ? guidance : nullptr, board, collections[0],
                   views_max, info->live);
     uint64_t count = 0;
-    std::signal(SIGINT, on_signal);
-    while (!interrupted && (int)collections[0].views.size() < views_max && !guided.ended()) {
+    const Interruption interruption;
+    while (!interruption.came() && (int)collections[0].views.size() < views_max &&
+           !guided.ended()) {
         fovea_frame frame;
         status = frames.ops->dequeue(frames.source, INT64_MAX, &frame);
         if (status == FOVEA_END) break;
@@ -294,7 +294,6 @@ fovea_status collect_source(const std::string &uri, const Board &board, Refineme
                       views[0].left_out.empty() ? "board" : "no board", collections[0].views.size(),
                       views_max);
     }
-    std::signal(SIGINT, SIG_DFL);
     frames.ops->stop(frames.source);
     if (fv_say_terminal()) fv_say_status("%s", "");
     return FOVEA_OK;
@@ -322,6 +321,22 @@ fovea_status check_recording(const std::string &uri, int views_max, fovea_error 
 }
 
 } // namespace
+
+Interruption::Interruption()
+{
+    interrupted = 0;
+    std::signal(SIGINT, on_signal);
+}
+
+Interruption::~Interruption()
+{
+    std::signal(SIGINT, SIG_DFL);
+}
+
+bool Interruption::came() const
+{
+    return interrupted != 0;
+}
 
 void visit_source(const std::string &source, void (*visit)(void *, const char *), void *context)
 {
@@ -413,6 +428,24 @@ fovea_status collect_guided(const std::string &source, const Board &board, Refin
                             fovea_error *error)
 {
     return collect_one(source, board, refinement, views_max, &guidance, collection, error);
+}
+
+fovea_status expect_guidance(const std::string &source, int views_max, fovea_error *error)
+{
+    if (is_folder(source))
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "%.300s: found a folder, all pictures of which are taken, expected "
+                               "a camera or a recording",
+                               source.c_str());
+    Frames frames;
+    fovea_error why;
+    if (open_source(source, frames, &why) != FOVEA_OK) return FOVEA_OK;
+    const uint64_t count = frames.ops->info(frames.source)->frame_count;
+    if (count == 0 || count > (uint64_t)views_max) return FOVEA_OK;
+    return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                           "%.300s: found %llu frames, all of which are taken, expected a camera "
+                           "or a recording of more than --views %d",
+                           source.c_str(), (unsigned long long)count, views_max);
 }
 
 fovea_status collect_rig(const std::vector<std::string> &sources, const Board &board, int views_max,

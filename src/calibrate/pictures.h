@@ -16,7 +16,7 @@ struct Collection {
 /* A picture as a view, with the reason where it shows no board. */
 View view_of(const Grey &image, const Board &board, Refinement refinement, const std::string &name);
 
-/* A picture made smaller, to at most so many columns. */
+/* A picture made smaller, to at most `width_max` columns. */
 Thumbnail thumbnail_of(const Grey &image, int width_max);
 
 /* Choose the size that most pictures with a board have; the others are left out. */
@@ -30,13 +30,23 @@ class Observer
     /* Of each frame: its image, the board in it, and what the guide says of it. */
     virtual void frame(const Grey &image, const View &view, const Advice &advice,
                        const Guide &guide) = 0;
-    virtual bool stopped() = 0; /* no more pictures are wanted */
 };
 
 /* Pictures of a source, taken as a guide asks for them. */
 struct Guidance {
     std::vector<Model> models;    /* to solve by while they are taken */
     Observer *observer = nullptr; /* or nobody */
+};
+
+/* While one lives, SIGINT does not end the program. One at a time. */
+class Interruption
+{
+  public:
+    Interruption();
+    Interruption(const Interruption &) = delete;
+    Interruption &operator=(const Interruption &) = delete;
+    ~Interruption();
+    bool came() const;
 };
 
 /* `source` is a folder of PNG and JPEG files or the URI of a source. All pictures of a folder, and
@@ -50,6 +60,9 @@ fovea_status collect(const std::string &source, const Board &board, Refinement r
 fovea_status collect_guided(const std::string &source, const Board &board, Refinement refinement,
                             int views_max, const Guidance &guidance, Collection &collection,
                             fovea_error *error);
+/* FOVEA_ERROR_INPUT: all pictures of the source are taken, so that there is nothing to guide. A
+ * source that cannot be opened passes. */
+fovea_status expect_guidance(const std::string &source, int views_max, fovea_error *error);
 
 /* Pictures that the cameras of a rig take at the same instants: views of one index belong together.
  * One source with several cameras, or for each camera a folder or a recording of its own, of which

@@ -247,7 +247,7 @@ bool fv_web_server_run(struct fv_web_server *server)
 
 void fv_web_server_stop(struct fv_web_server *server)
 {
-    server->stopped = 1;
+    server->stopped = true;
     lws_cancel_service(server->context);
 }
 

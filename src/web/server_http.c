@@ -197,6 +197,12 @@ static int begin_login(struct fv_web_server *server, struct lws *wsi,
     return 0;
 }
 
+/* Of a run's page, and of fovea-calibrate's. */
+static const char *const forbidden[] = {
+    "Forbidden: Host or Origin is none of this page's (--name adds one)\n",
+    "Forbidden: Host or Origin is none of this page's (--host adds one)\n",
+};
+
 static int begin(struct fv_web_server *server, struct lws *wsi, struct fv_web_request *request,
                  const char *path)
 {
@@ -206,8 +212,7 @@ static int begin(struct fv_web_server *server, struct lws *wsi, struct fv_web_re
     const bool get = lws_hdr_total_length(wsi, WSI_TOKEN_GET_URI) > 0;
     const int status = fv_web_server_judge(server, wsi, post, &role);
     if (status == HTTP_STATUS_FORBIDDEN)
-        return answer_text(wsi, request, status,
-                           "Forbidden: Host or Origin is none of this page's (--name adds one)\n");
+        return answer_text(wsi, request, status, forbidden[server->setup.pages != NULL]);
     if (post && strcmp(path, "/login") == 0) return begin_login(server, wsi, request);
     if (!get) return answer_text(wsi, request, HTTP_STATUS_METHOD_NOT_ALLOWED, "Not allowed\n");
     const struct fv_web_asset *asset = asset_of(server, path);

@@ -2,7 +2,7 @@
 #ifndef FOVEA_WEB_SERVER_INTERNAL_H
 #define FOVEA_WEB_SERVER_INTERNAL_H
 
-#include <signal.h>
+#include <stdatomic.h>
 
 #include <libwebsockets.h>
 
@@ -28,7 +28,7 @@ struct fv_web_server {
     struct lws_context *context;
     struct lws_vhost *vhost;
     uint16_t port;
-    volatile sig_atomic_t stopped;
+    atomic_bool stopped;
     lws_sorted_usec_list_t timer;
     bool changed;    /* the store, since the pages were last told */
     int64_t sent_ns; /* when that was */

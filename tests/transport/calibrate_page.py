@@ -1,12 +1,14 @@
 """The page of fovea-calibrate camera in a headless Chromium, from the first picture to the verdict, with a simulated board. Used by
-test_calibrate_page.
+test_web_calibrate.
 
 Usage: calibrate_page.py BUILD FOLDER     FOVEA_SCREENSHOTS=DIR keeps screenshots at 360 and 1,440 pixels of width
 """
 import os
 import re
+import signal
 import subprocess
 import sys
+import threading
 import time
 import urllib.error
 import urllib.request
@@ -62,32 +64,86 @@ def status_of(address, host):
         return error.code
 
 
-driver = browser()  # it takes longer to start than the pictures take
-words = [os.path.join(build, "fovea-calibrate"), "camera", "--source", "sim:board?rate=4&seed=4", "--target", "chessboard:9x6:0.03", "--model", "radtan",
-         "--page", "0", "--out", os.path.join(folder, "camera.yaml")]
-process = subprocess.Popen(words, stderr=subprocess.STDOUT, stdout=subprocess.PIPE, text=True)
-address = re.search(r"http://127\.0\.0\.1:\d+/", process.stdout.readline()).group(0)
-driver.get(address)
+def start(out):
+    """Calibrate, and return the process and the address of its page. It prints to a pipe, all into one."""
+    words = [os.path.join(build, "fovea-calibrate"), "camera", "--source", "sim:board?rate=4&seed=4", "--target", "chessboard:9x6:0.03",
+             "--model", "radtan", "--page", "0", "--out", os.path.join(folder, out)]
+    process = subprocess.Popen(words, stderr=subprocess.STDOUT, stdout=subprocess.PIPE, text=True)
+    started.append(process)
+    found = re.search(r"http://127\.0\.0\.1:\d+/", process.stdout.readline())
+    assert found, "the address of the page"
+    return process, found.group(0)
 
-until(driver, "document.getElementById('picture').naturalWidth > 0", "a picture")
-until(driver, "/^[1-9][0-9]* of at most 40$/.test(document.getElementById('pictures').textContent)", "a picture that is taken")
-instruction = until(driver, "document.getElementById('next').textContent.includes('of the picture') && document.getElementById('next').textContent", "an instruction")
-assert "nearer to the camera" in instruction, instruction
-painted = "(() => { const c = document.getElementById('coverage'), d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data; " \
-          "let n = 0; for (let i = 2; i < d.length; i += 4) n += d[i] > 240; return n > 100; })()"
-until(driver, painted, "the coverage")
-screenshot(driver, "looking")
-assert status_of(address, "evil.example") == 403, "another Host is refused"
-assert status_of(address, address[7:-1]) == 200
 
-grade = until(driver, "!document.getElementById('verdict-section').hidden && document.getElementById('verdict').textContent", "a verdict")
-assert grade == "pass", grade
-assert "fx" in text(driver, "parameters") and "RMS" in text(driver, "parameters"), text(driver, "parameters")
-assert re.fullmatch(r"± 0\.0\d\d %", text(driver, "focal")), text(driver, "focal")
-screenshot(driver, "verdict")
-errors = [line for line in driver.get_log("browser") if line["level"] == "SEVERE"]
-driver.quit()  # nobody looks any more
-assert process.wait(PATIENCE_S) == 0, "an exit status"
-assert not errors, errors
-assert "fx" in open(os.path.join(folder, "camera.yaml")).read() or os.path.getsize(os.path.join(folder, "camera.yaml")) > 100
-print("page: " + grade + ", " + instruction)
+def keep(address, until_set):
+    """Look at the page until the browser is done with it: however long it takes to start, the page stays."""
+    while not until_set.wait(1):
+        try:
+            status_of(address, address[7:-1])
+        except OSError:
+            return
+
+
+def camera_file(name):
+    with open(os.path.join(folder, name), encoding="utf-8") as file:
+        return file.read()
+
+
+def interrupt_while_it_waits():
+    """Ctrl-C while the page waits for somebody who looks: the verdict is printed, and the exit status is that of the verdict."""
+    process, _ = start("alone.yaml")
+    said = ""
+    while "page: it ends" not in said:
+        line = process.stdout.readline()
+        assert line, "it ended before: " + said
+        said += line
+    process.send_signal(signal.SIGINT)
+    said += process.communicate(timeout=PATIENCE_S)[0]
+    assert process.returncode == 0, process.returncode
+    assert re.search(r"^verdict +pass", said, re.MULTILINE), said
+    assert "camera_matrix" in camera_file("alone.yaml")
+
+
+def follow_in_a_browser():
+    """From any time on to the verdict; what is printed has the instructions from the first on."""
+    process, address = start("camera.yaml")
+    done = threading.Event()
+    threading.Thread(target=keep, args=(address, done), daemon=True).start()
+    driver = browser()
+    try:
+        driver.get(address)
+        until(driver, "document.getElementById('picture').naturalWidth > 0", "a picture")
+        until(driver, "/^[1-9][0-9]* of at most 40$/.test(document.getElementById('pictures').textContent)", "a picture that is taken")
+        painted = "(() => { const c = document.getElementById('coverage'), d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data; " \
+                  "let n = 0; for (let i = 2; i < d.length; i += 4) n += d[i] > 240; return n > 100; })()"
+        until(driver, painted, "the coverage")
+        screenshot(driver, "looking")
+        assert status_of(address, "evil.example") == 403, "another Host is refused"
+        assert status_of(address, address[7:-1]) == 200
+        grade = until(driver, "!document.getElementById('verdict-section').hidden && document.getElementById('verdict').textContent", "a verdict")
+        assert grade == "pass", grade
+        assert text(driver, "next") == "done: the verdict is pass", text(driver, "next")
+        assert "fx" in text(driver, "parameters") and "RMS" in text(driver, "parameters"), text(driver, "parameters")
+        assert re.fullmatch(r"± 0\.0\d\d %", text(driver, "focal")), text(driver, "focal")
+        screenshot(driver, "verdict")
+        errors = [line for line in driver.get_log("browser") if line["level"] == "SEVERE"]
+        assert not errors, errors
+    finally:
+        done.set()
+        driver.quit()
+    said = process.communicate(timeout=PATIENCE_S)[0]  # nobody looks any more
+    assert process.returncode == 0, process.returncode
+    instructions = re.findall(r"next: board to the (.* of the picture.* nearer to the camera.*)", said)
+    assert len(set(instructions)) > 3, said
+    assert "camera_matrix" in camera_file("camera.yaml")
+    print("page: " + grade + ", " + instructions[0])
+
+
+started = []
+try:
+    interrupt_while_it_waits()
+    follow_in_a_browser()
+finally:
+    for one in started:
+        one.kill()
+        one.wait()
