@@ -77,9 +77,16 @@ Placed Guide::place(const View &view) const
     placed.width_share = (high - low) / width_;
     const size_t columns = (size_t)board_.point_columns(), rows = (size_t)board_.point_rows();
     if (view.corners.size() != columns * rows) return placed;
-    const Pixel &a = view.corners[0], &b = view.corners[columns - 1],
-                &c = view.corners[(rows - 1) * columns], &d = view.corners[rows * columns - 1];
-    if (!seen(a) || !seen(b) || !seen(c) || !seen(d)) return placed;
+    /* Around the board, from whichever corner is first in it. */
+    const Pixel around[4] = {view.corners[0], view.corners[columns - 1],
+                             view.corners[rows * columns - 1], view.corners[(rows - 1) * columns]};
+    if (!std::all_of(around, around + 4, seen)) return placed;
+    size_t first = 0; /* at the top left of the picture */
+    for (size_t i = 1; i < 4; i++)
+        if (around[i][0] + around[i][1] < around[first][0] + around[first][1]) first = i;
+    const Pixel &a = around[first], &d = around[(first + 2) % 4];
+    Pixel b = around[(first + 1) % 4], c = around[(first + 3) % 4];
+    if (b[0] - b[1] < c[0] - c[1]) std::swap(b, c); /* the rows of its points go upwards */
     const double across = std::log(length(a, c) / length(b, d)),
                  down = std::log(length(a, b) / length(c, d));
     if (std::max(std::fabs(across), std::fabs(down)) < SIDES_TILTED) return placed;
