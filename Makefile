@@ -488,9 +488,11 @@ WEB_O := $(call objs,$(WEB_C))
 CALIBRATE_WEB_O := $(if $(WEB),$(WEB_O))
 CALIBRATE_LIBS += $(if $(WEB),-lwebsockets)
 $(BUILD)/obj/src/calibrate/live_page.o: CXXFLAGS += $(if $(WEB),-DFV_CALIBRATE_PAGE)
-$(BUILD)/obj/src/calibrate/live_page.o: $(BUILD)/calibrate-page-$(if $(WEB),yes,no)
-$(BUILD)/calibrate-page-%:
-	@mkdir -p $(@D) && rm -f $(BUILD)/calibrate-page-* && touch $@
+$(BUILD)/obj/src/calibrate/live_page.o: $(BUILD)/calibrate-page
+# It is looked at each time: a stamp of another name that is not there would not be made, as all files are .SECONDARY.
+.PHONY: always
+$(BUILD)/calibrate-page: always
+	@mkdir -p $(@D) && echo $(if $(WEB),yes,no) | cmp -s - $@ || echo $(if $(WEB),yes,no) >$@
 $(BUILD)/fovea-calibrate: $(BUILD)/obj/src/calibrate/main.o $(CALIBRATE_O) $(CALIBRATE_WEB_O) $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
 	@echo "  link $@"
 	$(Q)$(CXX) $(LDFLAGS) -pie -o $@ $(filter %.o,$^) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group \
