@@ -93,6 +93,28 @@ static void the_true_camera_is_found(void **)
     assert_found("sim:board?rate=2&seed=4", "radtan");
 }
 
+/* Exit status with a page, for which `out` and `token` are files. */
+static int with_page(std::string source, std::string out, std::string token)
+{
+    std::string words[] = {"camera", "--page", "0", "--source", source, "--target",
+                           target,   "--out",  out, "--token",  token};
+    char *arguments[11];
+    for (size_t i = 0; i < 11; i++)
+        arguments[i] = words[i].data();
+    return command_camera(11, arguments);
+}
+
+static void a_page_is_refused_where_it_has_nothing_to_guide_or_its_token_would_be_lost(void **)
+{
+    char folder[] = "/tmp/fovea-sim-board-XXXXXX";
+    assert_non_null(mkdtemp(folder));
+    const std::string out = folder + std::string("/out"), token = folder + std::string("/token");
+    assert_int_equal(with_page("sim:board?rate=4&seed=4", token, token), 2);
+    assert_int_equal(with_page("sim:board?rate=4&frames=20&seed=4", out, token), 2);
+    assert_int_equal(with_page(folder, out, token), 2);
+    assert_int_equal(rmdir(folder), 0); /* neither file was made */
+}
+
 static void a_true_fisheye_is_found(void **)
 {
     assert_found("sim:board?rate=2&seed=6&lens=equidistant", "equidistant");
@@ -122,6 +144,8 @@ int main()
 {
     const CMUnitTest tests[] = {
         cmocka_unit_test(the_true_camera_is_found),
+        cmocka_unit_test(
+            a_page_is_refused_where_it_has_nothing_to_guide_or_its_token_would_be_lost),
         cmocka_unit_test(a_true_fisheye_is_found),
         cmocka_unit_test(a_knocked_lens_is_found),
     };
