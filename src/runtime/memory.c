@@ -146,6 +146,7 @@ static void carve(struct fovea *rt, struct fv_carving *carving)
         fv_carving_book(carving, "descriptors");
         carve_stereo(rt, arenas);
         fv_carving_book(carving, "stereo");
+        struct fv_arena beneath = arenas[FRAME];
         fv_odometry_carve(&rt->odometry, &config->odometry, &rt->config.rig.cameras[0].camera,
                           config->features.count_max, rt->stereo_used, &arenas[PERSISTENT],
                           &arenas[JOB], &arenas[FRAME]);
@@ -156,7 +157,9 @@ static void carve(struct fovea *rt, struct fv_carving *carving)
         fv_publish_carve(&rt->publish, first->T_body_cam, &arenas[PERSISTENT]);
         fv_relative_carve(&rt->relative, &arenas[PERSISTENT]);
         fv_carving_book(carving, "publish");
-        fv_boxes_carve(&rt->boxes, width, height, &arenas[PERSISTENT], &arenas[FRAME]);
+        /* Their mask is used before odometry's step, which then writes over it. */
+        fv_boxes_carve(&rt->boxes, width, height, &arenas[PERSISTENT], &beneath);
+        if (beneath.used > arenas[FRAME].used) arenas[FRAME] = beneath;
         fv_carving_book(carving, "boxes");
     }
     fv_jobs_carve(rt, carving);

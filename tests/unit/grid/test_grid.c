@@ -485,29 +485,54 @@ static void what_is_left_is_forgotten_along_both_axes(void **state)
     }
 }
 
+static int64_t cpu_ns(void)
+{
+    struct timespec now;
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+    return now.tv_sec * SECOND + now.tv_nsec;
+}
+
+/* The work of looking points up, to hold the update against in the same moment: what else runs on
+ * the processor slows both. */
+static int64_t projections_ns(int count)
+{
+    double sum = 0, pixel[2];
+    const int64_t begin = cpu_ns();
+    for (int i = 0; i < count; i++) {
+        const double point[3] = {0.01 * (i % 71) - 0.35, 0.3, 1 + 0.01 * (i % 97)};
+        if (fovea_camera_project(&camera, point, pixel, NULL) == FOVEA_OK)
+            sum += pixel[0] + pixel[1];
+    }
+    const int64_t took = cpu_ns() - begin;
+    assert_true(sum > 0);
+    return took;
+}
+
+/* 0.4 ms is the bar (docs/measured.md). Judged is the ratio to projections, which is that bar on an
+ * AMD EPYC (Zen 3), where ten thousand of them take .218 ms. */
 static void an_update_takes_at_most_0_4_ms(void **state)
 {
     (void)state;
-    enum { RUNS = 200, ROUNDS_MAX = 16 }; /* more rounds while other programs slow this one */
-    int64_t least = INT64_MAX;
+    enum { RUNS = 400, PROJECTIONS = 10000 };
+    const double ratio_max = 0.4 / 0.218;
+    int64_t least = INT64_MAX, least_beside = INT64_MAX;
     if (getenv("FOVEA_TIMED") == NULL) {
         printf("SKIPPED time of an update: judged in the ordinary build\n");
         return;
     }
     struct fovea_grid_view view = view_from(0, 0, 0, 0.3, 0);
     draw(&view);
-    for (int i = 0; i < RUNS * ROUNDS_MAX; i++) {
-        struct timespec a, b;
-        if (i >= RUNS && least <= 400000) break;
+    for (int i = 0; i < RUNS; i++) {
         view.stamp_ns = i * SECOND / 5;
-        clock_gettime(CLOCK_THREAD_CPUTIME_ID, &a);
+        const int64_t begin = cpu_ns();
         fovea_grid_update(grid, &view);
-        clock_gettime(CLOCK_THREAD_CPUTIME_ID, &b);
-        const int64_t took = (b.tv_sec - a.tv_sec) * SECOND + b.tv_nsec - a.tv_nsec;
+        const int64_t took = cpu_ns() - begin, beside = projections_ns(PROJECTIONS);
         least = took < least ? took : least;
+        least_beside = beside < least_beside ? beside : least_beside;
     }
-    print_message("an update takes %.3f ms\n", (double)least * 1e-6);
-    assert_true(least <= 400000);
+    print_message("an update takes %.3f ms, %d projections %.3f ms\n", (double)least * 1e-6,
+                  PROJECTIONS, (double)least_beside * 1e-6);
+    assert_true((double)least <= ratio_max * (double)least_beside);
 }
 
 int main(void)
