@@ -208,7 +208,7 @@ static bool map_enter(struct fv_trajectory *trajectory, uint32_t id)
         i++;
     if (i == FV_TRAJECTORY_MAPS_MAX && trajectory->maps > i && id == trajectory->last_id)
         return true;
-    /* Ids rise from map to map: so those that are too many to be remembered are told apart. */
+    /* Ids rise from map to map: a lower one than the largest is known, also beyond the list. */
     const bool known_by_id = trajectory->maps > 0 && id <= trajectory->largest_id;
     if (!known_by_id) trajectory->largest_id = id;
     trajectory->last = i;
