@@ -152,7 +152,7 @@ static void without_the_token_only_the_login_page_is_seen(void **state)
     for (int i = 0; i < 5; i++)
         assert_int_equal(login("00000000000000000000000000000000"), 401);
     assert_int_equal(login("00000000000000000000000000000000"), 429);
-    assert_int_equal(login(operate), 429); /* and nothing is told by it */
+    assert_int_equal(login(operate), 429); /* and it reveals nothing */
     assert_int_equal(web_get("/", cookie, answer), 200);
     assert_int_equal(web_end(process, true), 0);
     running = 0;
