@@ -41,18 +41,17 @@ static bool is_metric(const struct fovea_pose *pose)
 
 void fv_free_space_follow(struct fv_free_space *stage, const struct fv_publish *publish)
 {
-    struct fv_free_space_state *s = stage->state;
+    if (!stage->enabled) return;
     const struct fovea_pose *pose = fv_publish_pose(publish);
-    if (!stage->enabled || (is_metric(pose) && world_of(pose) == s->world)) return;
-    fv_free_space_reset(stage);
+    if (!is_metric(pose) || world_of(pose) != stage->state->world) fv_free_space_reset(stage);
 }
 
 void fv_free_space_note(struct fv_free_space *stage, const struct fv_publish *publish,
                         const struct fv_frame_id *frame)
 {
+    if (!stage->enabled) return;
     struct fv_free_space_state *s = stage->state;
     const struct fovea_pose *pose = fv_publish_pose(publish);
-    if (!stage->enabled) return;
     s->noted_frame = *frame;
     s->noted = (struct fv_free_space_pose){.usable = is_metric(pose)};
     if (!s->noted.usable) return;
