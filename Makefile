@@ -76,11 +76,11 @@ endif
 # Packages leave SURF out until it is clear which patents hold (docs/operations.md): make SURF=no.
 SURF      ?= yes
 $(if $(filter yes no,$(SURF)),,$(error SURF: found '$(SURF)', expected yes or no))
-ROOMS     := base image features geometry stereo odometry scale map nn detect objects grid message runtime
+ROOMS     := base image features geometry stereo inertial odometry scale map nn detect objects grid message runtime
 CORE_C    := $(KERNELS) $(foreach r,$(ROOMS),$(wildcard src/$(r)/*.c))
 CORE_C    := $(filter-out $(if $(filter no,$(SURF)),src/features/surf%.c),$(CORE_C))
 # What few loops run stands at the end, for the same reason: second cameras, free space, features and operations of the commands.
-LAST_C    := $(filter src/kernels/%_c.c src/grid/% src/stereo/% src/%/distances.c src/%/free_space.c $(addprefix src/features/,extract.c harris.c patch.c quadratic.c ranked.c response.c scale_space.c sift%.c strongest.c surf%.c) \
+LAST_C    := $(filter src/kernels/%_c.c src/grid/% src/stereo/% src/inertial/% src/%/distances.c src/%/free_space.c $(addprefix src/features/,extract.c harris.c patch.c quadratic.c ranked.c response.c scale_space.c sift%.c strongest.c surf%.c) \
              $(addprefix src/image/,contrast.c edges.c filters.c hysteresis.c preprocess.c region.c segments.c tables.c white_balance.c) \
              $(addprefix src/kernels/x86/,edge_% filter_% response_% bilateral_%),$(CORE_C))
 CORE_C    := $(filter-out $(LAST_C),$(CORE_C)) $(LAST_C)

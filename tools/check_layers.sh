@@ -5,7 +5,7 @@ set -eu
 cd "$(dirname "$0")/.."
 
 allowed() { # rooms that a room may include besides itself
-    core="base kernels image geometry nn features stereo odometry scale map detect objects grid"
+    core="base kernels image geometry nn features stereo inertial odometry scale map detect objects grid"
     case $1 in
     base)     echo "" ;;
     kernels)  echo "base" ;;
@@ -14,9 +14,10 @@ allowed() { # rooms that a room may include besides itself
     nn)       echo "base kernels" ;;
     features) echo "base kernels image geometry" ;;
     stereo)   echo "base kernels image geometry features" ;;
+    inertial) echo "base kernels geometry" ;;
     map)      echo "base kernels image geometry features" ;;
     odometry) echo "base kernels image geometry features map" ;;
-    scale)    echo "base kernels geometry map odometry" ;;
+    scale)    echo "base kernels geometry inertial map odometry" ;;
     detect)   echo "base kernels nn" ;;
     objects)    echo "base geometry" ;;
     grid)     echo "base" ;;

@@ -408,6 +408,9 @@ struct fovea_calibration {
  * verdict stands until the next reset. Loop thread. */
 void fovea_calibration_get(const struct fovea *rt, struct fovea_calibration *calibration);
 
+/* What became of the samples of the inertial sensor, as of the last step. Loop thread. */
+void fovea_imu_status_get(const struct fovea *rt, struct fovea_imu_status *status);
+
 /* Keyframes of the map by slot, the first `count_max` of odometry.keyframes slots; returns how many
  * were written. A slot whose number has changed holds another keyframe. Bounded. Loop thread. */
 uint32_t fovea_keyframes_get(const struct fovea *rt, struct fovea_keyframe *list,

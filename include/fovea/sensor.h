@@ -21,7 +21,8 @@ extern "C" {
     ROW(IMU, imu)                                                                                  \
     ROW(WHEEL_ODOMETRY, wheel_odometry)
 
-/* An inertial sensor, in its own frame (fovea_rig_imu.T_body_imu). */
+/* An inertial sensor, in its own frame (fovea_rig_imu.T_body_imu). A step judges each of its
+ * samples (fovea_imu_status); those that are late, lost or not plausible stop nothing. */
 struct fovea_imu_sample {
     int64_t stamp_ns;
     double gyro[3];         /* angular rate, rad/s */
@@ -87,6 +88,45 @@ static inline const char *fovea_sample_channel(enum fovea_sample_kind kind)
 #undef FOVEA_SAMPLE_CHANNEL
     return channels[kind];
 }
+
+/* ---- what became of an inertial sensor's samples ------------------------------------------------
+ */
+
+/* By the last sample, or the lack of one. */
+enum fovea_imu_state {
+    FOVEA_IMU_NONE = 0, /* the rig has no inertial sensor */
+    FOVEA_IMU_OK = 1,
+    FOVEA_IMU_SILENT = 2,     /* none has come for long, or at all */
+    FOVEA_IMU_NOT_FINITE = 3, /* or beyond 1,000 rad/s or 100,000 m/s^2 */
+    FOVEA_IMU_SATURATED = 4,  /* an axis is at the end of its range */
+    FOVEA_IMU_FROZEN = 5,     /* the same values for a tenth of a second, though it has noise */
+    FOVEA_IMU_OFF_CLOCK = 6,  /* stamps that are not of the frames' clock */
+    FOVEA_IMU_STATE_COUNT
+};
+/* "frozen"; "none" for FOVEA_IMU_NONE. Any thread. */
+const char *fovea_imu_state_name(enum fovea_imu_state state);
+
+/* Samples since the start; a reset does not clear them. Each that came is one of the first seven.
+ */
+struct fovea_imu_counts {
+    uint64_t taken;
+    uint64_t repeated;   /* the last one again: refused, as are all below */
+    uint64_t late;       /* stamp not after that of the last one */
+    uint64_t not_finite; /* or absurdly large */
+    uint64_t saturated;
+    uint64_t frozen;
+    uint64_t off_clock; /* more than 1 s from the frames', or a stamp that leaps ahead */
+    uint64_t missing;   /* that should have come between two, by the rate */
+    uint64_t gaps;      /* stretches without a sample that was taken */
+    uint64_t jumps;     /* of the sensor's clock, that were followed */
+};
+
+struct fovea_imu_status {
+    enum fovea_imu_state state;
+    int64_t stamp_ns; /* of the last sample that was taken; of the sensor's clock */
+    double rate_hz;   /* as observed; 0: not yet */
+    struct fovea_imu_counts counts;
+};
 
 #ifdef __cplusplus
 }

@@ -28,6 +28,7 @@ void fv_message_channel(const char *prefix, enum fv_message_kind kind, char *nam
         [FV_MESSAGE_STATISTICS] = "STATISTICS",
         [FV_MESSAGE_PREVIEW] = "PREVIEW",
         [FV_MESSAGE_CAMERA_STATUS] = "CAMERA_STATUS",
+        [FV_MESSAGE_IMU_STATUS] = "IMU_STATUS",
         [FV_MESSAGE_COMMAND] = "COMMAND",
         [FV_MESSAGE_COMMAND_RESULT] = "COMMAND_RESULT",
         [FV_MESSAGE_PARAMETER] = "PARAMETER",

@@ -30,6 +30,7 @@ enum fv_message_kind {
     FV_MESSAGE_FEATURES,
     FV_MESSAGE_STATISTICS,
     FV_MESSAGE_CAMERA_STATUS,
+    FV_MESSAGE_IMU_STATUS, /* where the rig has an inertial sensor */
     FV_MESSAGE_PREVIEW,
     FV_MESSAGE_DETECTIONS,
     FV_MESSAGE_DETECTIONS2, /* of the second network */
@@ -175,6 +176,11 @@ struct fv_message_camera_status {
 size_t fv_message_camera_status_size_max(void);
 uint32_t fv_message_camera_status_encode(const struct fv_message_camera_status *in, uint8_t *buffer,
                                          size_t capacity);
+
+/* `stamp` is that of the last frame. */
+size_t fv_message_imu_status_size_max(void);
+uint32_t fv_message_imu_status_encode(const struct fovea_imu_status *status, fovea_stamp_t stamp,
+                                      int64_t now_ns, uint8_t *buffer, size_t capacity);
 
 struct fv_message_preview {
     fovea_stamp_t stamp; /* of the image shown */

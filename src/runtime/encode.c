@@ -82,6 +82,22 @@ static void encode_statistics(struct fovea *rt, struct fovea_outputs *outputs)
                   outputs);
 }
 
+/* Now and then, and at once when the state becomes another. */
+static void encode_imu_status(struct fovea *rt, int64_t now_ns, struct fovea_outputs *outputs)
+{
+    struct fovea_imu_status status;
+    if (!rt->config.rig.has_imu) return;
+    fovea_imu_status_get(rt, &status);
+    const bool changed = (uint32_t)status.state != rt->imu.state->told;
+    if (!changed && !fv_every(rt->state->steps, rt->config.statistics_every)) return;
+    rt->imu.state->told = (uint32_t)status.state;
+    fv_output_add(rt, FV_MESSAGE_IMU_STATUS,
+                  fv_message_imu_status_encode(&status, last_stamp(rt), now_ns,
+                                               rt->outbox.buffer[FV_MESSAGE_IMU_STATUS],
+                                               rt->outbox.capacity[FV_MESSAGE_IMU_STATUS]),
+                  outputs);
+}
+
 void fv_encode(struct fovea *rt, const struct fovea_inputs *inputs, bool processed,
                bool interrupted, struct fovea_outputs *outputs)
 {
@@ -103,4 +119,5 @@ void fv_encode(struct fovea *rt, const struct fovea_inputs *inputs, bool process
     }
     if (fv_every(steps, config->camera_status_every)) encode_camera_status(rt, inputs, outputs);
     if (fv_every(steps, config->statistics_every)) encode_statistics(rt, outputs);
+    encode_imu_status(rt, inputs->now_ns, outputs);
 }

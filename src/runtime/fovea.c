@@ -173,6 +173,8 @@ enum fovea_status fovea_step(struct fovea *rt, const struct fovea_inputs *inputs
     rt->inputs = *inputs;
     if (inputs->parameters != NULL) fv_live_take(rt, inputs->parameters);
     take_commands(rt, inputs->commands);
+    if (rt->config.rig.has_imu)
+        fv_imu_gate_step(&rt->imu, inputs->samples, inputs->sample_count, inputs->now_ns);
     if (rt->config.odometry.enabled) {
         fv_scale_observe(&rt->scale, inputs->samples, inputs->sample_count);
         if (inputs->has_boxes)
@@ -283,6 +285,12 @@ void fovea_calibration_get(const struct fovea *rt, struct fovea_calibration *cal
 {
     memset(calibration, 0, sizeof *calibration);
     if (rt->calibration.state != NULL) fv_calibration_get(&rt->calibration, calibration);
+}
+
+void fovea_imu_status_get(const struct fovea *rt, struct fovea_imu_status *status)
+{
+    memset(status, 0, sizeof *status);
+    if (rt->config.rig.has_imu) fv_imu_gate_status(&rt->imu, status);
 }
 
 uint32_t fovea_keyframes_get(const struct fovea *rt, struct fovea_keyframe *list,

@@ -51,6 +51,8 @@ static void carve_outbox(struct fovea *rt, struct fv_arena *arena)
     carve_buffer(outbox, FV_MESSAGE_FEATURES, fv_message_features_size_max(count_max), arena);
     carve_buffer(outbox, FV_MESSAGE_STATISTICS, fv_message_statistics_size_max(), arena);
     carve_buffer(outbox, FV_MESSAGE_CAMERA_STATUS, fv_message_camera_status_size_max(), arena);
+    if (rt->config.rig.has_imu)
+        carve_buffer(outbox, FV_MESSAGE_IMU_STATUS, fv_message_imu_status_size_max(), arena);
     carve_buffer(outbox, FV_MESSAGE_PREVIEW, fv_message_preview_size_max(rt->preview.jpeg_capacity),
                  arena);
     if (rt->config.edge_job.period_frames > 0)
@@ -137,6 +139,10 @@ static void carve(struct fovea *rt, struct fv_carving *carving)
     fv_carving_book(carving, "runtime");
     carve_masks(rt, &arenas[PERSISTENT]);
     fv_carving_book(carving, "mask");
+    if (config->rig.has_imu) {
+        fv_imu_gate_carve(&rt->imu, &config->rig.imu, &arenas[PERSISTENT], &arenas[FRAME]);
+        fv_carving_book(carving, "imu");
+    }
     carve_images(rt, width, height, &arenas[FRAME]);
     fv_carving_book(carving, "pyramid");
     fv_front_end_carve_features(&rt->front_end, &config->features, &arenas[FRAME]);

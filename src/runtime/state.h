@@ -6,6 +6,7 @@
 #include "base/elementary.h"
 #include "features/front_end.h"
 #include "fovea/fovea.h"
+#include "inertial/gate.h"
 #include "kernels/kernels.h"
 #include "message/message.h"
 #include "odometry/odometry.h"
@@ -77,7 +78,8 @@ struct fovea {
     struct fv_front_end second_front_end;
     struct fv_stereo stereo;
     bool stereo_used;
-    uint32_t distances; /* measured in the last frame; follows from it */
+    uint32_t distances;     /* measured in the last frame; follows from it */
+    struct fv_imu_gate imu; /* where the rig has an inertial sensor */
     struct fv_odometry odometry;
     struct fv_detection detection, detection2; /* objects use the first */
     struct fv_object_stage objects;

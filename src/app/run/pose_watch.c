@@ -93,6 +93,13 @@ static void time_note(struct fv_watch *watch, const struct fovea_inputs *inputs)
     if (!__builtin_sub_overflow(now_ns, watch->last_ns, &gap) && gap > 0) watch->last_ns = now_ns;
 }
 
+static void imu_note(struct fv_watch *watch, const struct fovea *rt)
+{
+    struct fovea_imu_status imu;
+    fovea_imu_status_get(rt, &imu);
+    atomic_store_explicit(&watch->imu_state, (int)imu.state, memory_order_relaxed);
+}
+
 static void calibration_note(struct fv_watch *watch, const struct fovea *rt)
 {
     struct fovea_calibration calibration;
@@ -134,6 +141,7 @@ void fv_watch_step(struct fv_watch *watch, const struct fovea *rt,
     atomic_store_explicit(&watch->keyframes, pose.keyframes, memory_order_relaxed);
     atomic_store_explicit(&watch->closures, stats.closures, memory_order_relaxed);
     atomic_store_explicit(&watch->merges, stats.maps_merged, memory_order_relaxed);
+    imu_note(watch, rt);
     calibration_note(watch, rt);
 }
 

@@ -1,6 +1,7 @@
 #include "app/run/report.h"
 
 #include <inttypes.h>
+#include <string.h>
 
 #include "app/run/heap.h"
 #include "support/json.h"
@@ -60,6 +61,43 @@ static void frames_json(FILE *file, const struct fv_loop *loop)
             source->missing, source->damaged, source->dropped, source->recovered);
 }
 
+/* The counts of struct fovea_imu_counts, by name. */
+struct imu_row {
+    const char *name;
+    uint64_t count;
+    const char *said; /* in the summary, where there are any; NULL: not */
+};
+enum { IMU_ROWS = 10 };
+
+static void imu_rows(const struct fovea_imu_counts *c, struct imu_row rows[IMU_ROWS])
+{
+    const struct imu_row all[IMU_ROWS] = {
+        {"taken", c->taken, NULL},
+        {"repeated", c->repeated, "repeated"},
+        {"late", c->late, "late"},
+        {"not_finite", c->not_finite, "not finite"},
+        {"saturated", c->saturated, "saturated"},
+        {"frozen", c->frozen, "frozen"},
+        {"off_clock", c->off_clock, "off the clock"},
+        {"missing", c->missing, "missing"},
+        {"gaps", c->gaps, NULL},
+        {"jumps", c->jumps, NULL},
+    };
+    memcpy(rows, all, sizeof all);
+}
+
+static void imu_json(FILE *file, const struct fovea_imu_status *imu)
+{
+    struct imu_row rows[IMU_ROWS];
+    if (imu->state == FOVEA_IMU_NONE) return;
+    imu_rows(&imu->counts, rows);
+    fprintf(file, "  \"imu\": {\"state\": \"%s\", \"rate_hz\": %.3f",
+            fovea_imu_state_name(imu->state), imu->rate_hz);
+    for (int i = 0; i < IMU_ROWS; i++)
+        fprintf(file, ", \"%s\": %" PRIu64, rows[i].name, rows[i].count);
+    fprintf(file, "},\n");
+}
+
 static void sent_json(FILE *file, const struct fv_transport_sent *sent)
 {
     fprintf(file, "  \"lcm\": {");
@@ -88,6 +126,7 @@ void fv_report_json(FILE *file, const struct fv_report *report)
             ",\n  \"width\": %d, \"height\": %d,\n  \"kernel_set\": \"%s\",\n  \"rate\": \"%s\",\n",
             report->width, report->height, report->kernel_set, loop->real_time ? "real" : "max");
     frames_json(file, loop);
+    imu_json(file, &report->imu);
     fprintf(file, "  \"stages\": {\n");
     for (int i = 0; i < FOVEA_STAGE_COUNT; i++)
         pair_json(file, 4, fovea_stage_name((enum fovea_stage)i), &timings->stages[i],
@@ -151,6 +190,22 @@ static void troubles(FILE *file, const struct fv_loop *loop)
         fprintf(file, "  the camera came back %" PRIu64 " times\n", source->recovered);
 }
 
+static void imu_troubles(FILE *file, const struct fovea_imu_status *imu)
+{
+    struct imu_row rows[IMU_ROWS];
+    if (imu->state == FOVEA_IMU_NONE) return;
+    imu_rows(&imu->counts, rows);
+    fprintf(file, "  inertial sensor %s: %" PRIu64 " samples taken",
+            fovea_imu_state_name(imu->state), imu->counts.taken);
+    for (int i = 0; i < IMU_ROWS; i++)
+        if (rows[i].said != NULL && rows[i].count > 0)
+            fprintf(file, ", %" PRIu64 " %s", rows[i].count, rows[i].said);
+    if (imu->counts.gaps > 0) fprintf(file, "; %" PRIu64 " gaps", imu->counts.gaps);
+    if (imu->counts.jumps > 0)
+        fprintf(file, "; its clock leapt %" PRIu64 " times", imu->counts.jumps);
+    fprintf(file, "\n");
+}
+
 void fv_report_summary(FILE *file, const struct fv_report *report)
 {
     const struct fv_loop *loop = report->loop;
@@ -160,6 +215,7 @@ void fv_report_summary(FILE *file, const struct fv_report *report)
             report->source, report->width, report->height, loop->counts.processed, seconds,
             seconds > 0.0 ? (double)loop->counts.processed / seconds : 0.0, report->kernel_set);
     troubles(file, loop);
+    imu_troubles(file, &report->imu);
     fprintf(file, "  %-10s %8s %8s %8s %8s   ms of processor time\n", "", "mean", "p50", "p99",
             "max");
     for (int i = 0; i < FOVEA_STAGE_COUNT; i++)

@@ -77,6 +77,7 @@ struct fv_run {
     struct fv_trails trails;
     struct fv_watch watch;
     uint32_t calibration_said; /* verdicts on the calibration */
+    int imu_said;              /* enum fovea_imu_state */
     struct fv_snapshot snapshot;
     struct fv_final *final;
     struct fv_keeper keeper;

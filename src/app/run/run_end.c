@@ -277,6 +277,7 @@ enum fv_exit fv_run_report(struct fv_run *run)
         .resident_max_bytes = fv_process_resident_max_bytes(),
         .anonymous_bytes = fv_process_anonymous_bytes(),
     };
+    fovea_imu_status_get(run->loop.rt, &report.imu);
     if (fovea_memory(&run->settings.runtime, &table, &error) == FOVEA_OK)
         fv_report_parts(&table, report.part_bytes);
     int call = fv_stall_enter(name_of(run, FV_RUN_TRAJECTORY));

@@ -33,6 +33,17 @@ static bool change_say(const struct fv_watch_change *change)
                        (double)change->at_ns * 1e-9, before);
 }
 
+/* Of states that follow fast, the one that is seen. */
+static void imu_say(struct fv_run *run)
+{
+    const int state = atomic_load(&run->watch.imu_state), before = run->imu_said;
+    if (state == before) return;
+    run->imu_said = state;
+    if (run->quiet || (state == FOVEA_IMU_OK && before == FOVEA_IMU_NONE)) return;
+    fv_say_word(state == FOVEA_IMU_OK ? FV_SAY_GREEN : FV_SAY_YELLOW, "inertial sensor", ": %s",
+                fovea_imu_state_name((enum fovea_imu_state)state));
+}
+
 /* A terminal that takes nothing costs one wait per call, since files are written meanwhile. */
 void fv_run_changes_say(struct fv_run *run)
 {
@@ -45,6 +56,7 @@ void fv_run_changes_say(struct fv_run *run)
     const uint64_t lost = atomic_exchange(&run->watch.changes_lost, 0);
     if (lost > 0 && taken)
         fv_say("%" PRIu64 " more changes of state: they came too fast to be listed", lost);
+    imu_say(run);
     const char *reason = fv_watch_calibration(&run->watch, &run->calibration_said);
     if (reason != NULL && !run->quiet) fv_say_word(FV_SAY_RED, "calibration", ": %s", reason);
 }
@@ -134,6 +146,9 @@ void fv_run_status_show(struct fv_run *run, struct fv_run_pace *pace)
     const uint64_t frames = atomic_load(&run->shared.frames);
     const char *trouble = source_trouble(atomic_load(&run->watch.source_state));
     if (trouble != NULL) add(&fields, "%s", trouble);
+    const int imu = atomic_load(&run->watch.imu_state);
+    if (imu != FOVEA_IMU_NONE && imu != FOVEA_IMU_OK)
+        add(&fields, "imu %s", fovea_imu_state_name((enum fovea_imu_state)imu));
     frame_field(&fields, run, frames);
     add(&fields, "%.1f Hz",
         (double)(frames - pace->frames) * 1e9 / (double)(wall_ns - pace->wall_ns));

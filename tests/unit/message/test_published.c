@@ -557,6 +557,7 @@ static void every_kind_fits_a_packet(void **state)
                             fv_message_bot_core_pose_size(),
                             fv_message_statistics_size_max(),
                             fv_message_camera_status_size_max(),
+                            fv_message_imu_status_size_max(),
                             fv_message_map_size_max(),
                             fv_message_features_size_max(FOVEA_FEATURES_T_COUNT_MAX),
                             fv_message_objects_size_max(FOVEA_OBJECTS_MAX, 1000),
