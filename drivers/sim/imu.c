@@ -7,16 +7,12 @@
  * begin exactly into that at its end, and the mean specific force, in the attitude half-way,
  * changes the velocity by what it changes. So samples without noise, integrated in this way, give
  * the motion back. A body that is carried off in an instant (`kidnap`) reads rest there. Biases
- * begin at values drawn from the seed and walk on. A sample stands for what is at its stamp plus
- * the time offset. */
+ * begin at values drawn from the seed and walk on; an axis reports its range at most. A sample
+ * stands for what is at its stamp plus the time offset. */
 
 static const double gravity_m_s2 = 9.80665;
 static const double carried_off_m_s = 20.0;
 static const double half_step_s = 1e-3; /* of the velocity's difference quotient */
-
-/* Of EuRoC's sensor (ADIS16448), times options.imu_noise. */
-static const double gyro_noise = 1.6968e-4, gyro_walk = 1.9393e-5;
-static const double acceleration_noise = 2e-3, acceleration_walk = 3e-3;
 
 /* The sensor so far. */
 struct state {
@@ -29,10 +25,12 @@ static void describe(const struct fv_sim_options *options, struct fovea_rig *rig
     rig->has_imu = true;
     fv_sim_pose_rows(&options->imu_pose, rig->imu.T_body_imu);
     rig->imu.rate_hz = options->imu_hz;
-    rig->imu.gyro_noise = options->imu_noise * gyro_noise;
-    rig->imu.gyro_walk = options->imu_noise * gyro_walk;
-    rig->imu.acceleration_noise = options->imu_noise * acceleration_noise;
-    rig->imu.acceleration_walk = options->imu_noise * acceleration_walk;
+    rig->imu.gyro_noise = options->imu_noise * options->gyro_noise;
+    rig->imu.gyro_walk = options->imu_noise * options->gyro_walk;
+    rig->imu.acceleration_noise = options->imu_noise * options->acceleration_noise;
+    rig->imu.acceleration_walk = options->imu_noise * options->acceleration_walk;
+    rig->imu.gyro_range = options->gyro_range_rad_s;
+    rig->imu.acceleration_range = options->acceleration_range_m_s2;
     if (options->imu_offset_known)
         rig->imu.time_offset_ns =
             (int64_t)(options->imu_offset_ms * 1e6 + (options->imu_offset_ms < 0 ? -0.5 : 0.5));
@@ -112,6 +110,13 @@ static void begin_biases(const struct fv_sim_options *options, struct state *imu
     }
 }
 
+/* What an axis of this range reports; 0: of any. */
+static double within(double value, double range)
+{
+    if (range == 0) return value;
+    return value > range ? range : value < -range ? -range : value;
+}
+
 static void sample(const struct fovea_source *source, void *state, uint64_t n, double begin_s,
                    struct fovea_sample *out)
 {
@@ -125,11 +130,15 @@ static void sample(const struct fovea_source *source, void *state, uint64_t n, d
     ideal(source, begin_s + (double)n * step_s, step_s, &out->imu);
     fv_random_seed(&random, options->seed ^ (n + 1) * 0xA24BAED4963EE407u);
     for (int i = 0; i < 3; i++) {
-        imu->gyro_bias[i] += walk * gyro_walk * fv_random_normal(&random);
-        imu->acceleration_bias[i] += walk * acceleration_walk * fv_random_normal(&random);
-        out->imu.gyro[i] += imu->gyro_bias[i] + white * gyro_noise * fv_random_normal(&random);
-        out->imu.acceleration[i] +=
-            imu->acceleration_bias[i] + white * acceleration_noise * fv_random_normal(&random);
+        imu->gyro_bias[i] += walk * options->gyro_walk * fv_random_normal(&random);
+        imu->acceleration_bias[i] += walk * options->acceleration_walk * fv_random_normal(&random);
+        out->imu.gyro[i] +=
+            imu->gyro_bias[i] + white * options->gyro_noise * fv_random_normal(&random);
+        out->imu.acceleration[i] += imu->acceleration_bias[i] +
+                                    white * options->acceleration_noise * fv_random_normal(&random);
+        out->imu.gyro[i] = within(out->imu.gyro[i], options->gyro_range_rad_s);
+        out->imu.acceleration[i] =
+            within(out->imu.acceleration[i], options->acceleration_range_m_s2);
     }
 }
 

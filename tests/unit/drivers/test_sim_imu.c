@@ -137,6 +137,10 @@ static void ideal_samples_give_the_motion_back(void **state)
         {"orbit?", 0, 0},
         {"fast?turn_rate=300&", 0, 0},
         {"stopgo?", 0, 0},
+        {"tour?", 0, 0},
+        {"corridor?", 0, 0},
+        {"rotate?", 0, 0},
+        {"wander?", 0, 0},
         {"orbit?imu_offset=12.5&", 0.0125, 12500000},
         {"orbit?imu_offset=-7&imu_offset_known=0&", -0.007, 0},
         {"orbit?imu_pose=0.3,-0.2,0.5,20,-35,140&", 0, 0},
@@ -267,12 +271,53 @@ static void who_is_carried_off_reads_rest(void **state)
     close_source(source);
 }
 
+/* White noise of the density that is asked for, and an end to each range. */
+static void densities_and_ranges_are_as_asked_for(void **state)
+{
+    (void)state;
+    static const char *const address =
+        "still?width=64&height=64&imu=200&wheel_odometry=0&objects=0&gyro_noise=0.01&gyro_walk=0"
+        "&acceleration_noise=0.05&acceleration_walk=0&imu_noise=2";
+    struct fovea_source *source = open_source(address);
+    const uint32_t count = take_samples(source, 600);
+    const struct fovea_rig_imu *imu = &ops->info(source)->rig.imu;
+    double mean[6] = {0}, square[6] = {0};
+    assert_true(imu->gyro_noise == 0.02 && imu->acceleration_noise == 0.1);
+    assert_true(imu->gyro_walk == 0 && imu->acceleration_walk == 0 && imu->gyro_range == 0);
+    for (uint32_t n = 0; n < count; n++)
+        for (int i = 0; i < 6; i++) {
+            const double v = i < 3 ? list[n].gyro[i] : list[n].acceleration[i - 3];
+            mean[i] += v / count;
+            square[i] += v * v / count;
+        }
+    for (int i = 0; i < 6; i++) {
+        const double density =
+            sqrt((square[i] - mean[i] * mean[i]) / RATE_HZ); /* 4,000 numbers: 1.1 % */
+        assert_true(fabs(density / (i < 3 ? 0.02 : 0.1) - 1) < 0.05);
+    }
+    close_source(source);
+    source = open_source("fast?width=64&height=64&imu=200&wheel_odometry=0&objects=0&imu_noise=0"
+                         "&gyro_range=2&acceleration_range=9");
+    const uint32_t turning = take_samples(source, 600);
+    uint32_t at_end[2] = {0, 0};
+    for (uint32_t n = 0; n < turning; n++)
+        for (int i = 0; i < 3; i++) {
+            assert_true(fabs(list[n].gyro[i]) <= 2 && fabs(list[n].acceleration[i]) <= 9);
+            at_end[0] += fabs(list[n].gyro[i]) == 2;
+            at_end[1] += fabs(list[n].acceleration[i]) == 9;
+        }
+    assert_true(at_end[0] > 100 && at_end[1] > 100);
+    assert_true(ops->info(source)->rig.imu.gyro_range == 2);
+    close_source(source);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(ideal_samples_give_the_motion_back),
         cmocka_unit_test(an_arm_adds_what_turning_accelerates),
         cmocka_unit_test(biases_begin_as_asked_for),
+        cmocka_unit_test(densities_and_ranges_are_as_asked_for),
         cmocka_unit_test(who_is_carried_off_reads_rest),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -84,7 +84,7 @@ static void states_are_told_at_once(void **state)
 {
     (void)state;
     fovea_imu_status_t status;
-    struct fovea_imu_status now;
+    struct fovea_imu_status now = {.state = FOVEA_IMU_NONE};
     open_rig(60);
     for (int frame = 0; next(); frame++) {
         const bool broken = frame >= 23 && frame < 27;
