@@ -1,8 +1,9 @@
-/* Faults of a camera, applied to the frames of any other source by a seeded schedule: the source
- * `fault:`.
+/* Faults of cameras and of the inertial sensor, applied to the frames and samples of any other
+ * source by a seeded schedule: the source `fault:`.
  *
- * A fault is a function that changes one picture in place; faults.def lists them. All give the same
- * bits on every machine, compiler and instruction set: integers, and doubles without libm. */
+ * A fault of pictures is a function that changes one picture in place; those of whole frames are in
+ * source.c, those of samples in samples.h. faults.def lists them all. All give the same bits on
+ * every machine, compiler and instruction set: integers, and doubles without libm. */
 #ifndef FOVEA_DRIVERS_FAULT_FAULT_H
 #define FOVEA_DRIVERS_FAULT_FAULT_H
 
@@ -17,10 +18,18 @@ extern const struct fovea_source_ops fv_source_fault;
 /* Index of each fault; bit 1 << index stands for it in `kinds`. */
 enum fv_fault_kind {
 #define FV_FAULT(name, needs_last) FV_FAULT_##name,
+#define FV_FAULT_OTHER(name) FV_FAULT_##name,
 #include "faults.def"
-#undef FV_FAULT
-    FV_FAULT_COUNT
+    FV_FAULT_COUNT,
+    /* where those of other things begin */
+    FV_FAULT_OF_FRAMES = FV_FAULT_drop,
+    FV_FAULT_OF_SAMPLES = FV_FAULT_imu_drop
 };
+
+static inline uint32_t fv_fault_bit(enum fv_fault_kind kind)
+{
+    return 1u << (uint32_t)kind;
+}
 
 struct fv_fault_options {
     uint32_t kinds; /* bits 1 << enum fv_fault_kind */
@@ -69,6 +78,5 @@ struct fv_fault_picture {
 /* No heap, no system call. */
 #define FV_FAULT(name, needs_last) void fv_fault_##name(struct fv_fault_picture *picture);
 #include "faults.def"
-#undef FV_FAULT
 
 #endif

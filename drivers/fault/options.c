@@ -4,16 +4,16 @@
 
 static const char *const kind_names[] = {
 #define FV_FAULT(name, needs_last) #name,
+#define FV_FAULT_OTHER(name) #name,
 #include "faults.def"
-#undef FV_FAULT
     NULL};
 
 #define AT(member) offsetof(struct fv_fault_options, member)
 static const struct fv_uri_option option_table[] = {
     {"kind", FV_URI_SET, AT(kinds), 0, 0, "one or more, with commas between, of:"
 #define FV_FAULT(name, needs_last) " " #name
+#define FV_FAULT_OTHER(name) " " #name
 #include "faults.def"
-#undef FV_FAULT
      ,
      kind_names},
 #define FV_FAULT_OPTION(name, kind, type, member, value, low, high, unit)                          \

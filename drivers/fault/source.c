@@ -3,32 +3,44 @@
  *     fault:kitti:DIR?kind=freeze,noise&first=40&shortest=15&longest=15&count=1
  *     fault:sim:orbit?seed=3?kind=blur&seed=7
  *
- * What follows the last '?' is for the faults, the rest is the URI of the source. Frames, stamps,
- * samples and truth are the source's own; of a faulty frame the pictures of all cameras are
- * changed, each on its own. Which frames these are, and how they are changed, follows from the
+ * What follows the last '?' is for the faults, the rest is the URI of the source. Truth, and what
+ * no fault was asked for, is the source's own. Which frames are faulty, and how, follows from the
  * options and the frame's index in the source (of a live source: its count of frames), so it is the
  * same in any selection and in reverse; only what is frozen is the last good picture of those that
- * were played. */
+ * were played. Samples are faulty when they come with a faulty frame.
+ *
+ * Nothing is copied but pictures that are changed: a frame that is to come later, or again, is kept
+ * of the two that the source lends. */
 #include <stdlib.h>
 #include <string.h>
 
 #include "../table.h"
+#include "base/elementary.h"
 #include "fault.h"
+#include "samples.h"
 
 enum { ADDRESS_MAX = 4096 };
 
 static const struct {
     bool needs_last;
     void (*apply)(struct fv_fault_picture *picture);
-} faults[FV_FAULT_COUNT] = {
+} faults[FV_FAULT_OF_FRAMES] = {
 #define FV_FAULT(name, needs_last) {needs_last, fv_fault_##name},
 #include "faults.def"
-#undef FV_FAULT
+};
+
+/* A frame of the source within, and its place in the schedule. */
+struct taken {
+    struct fovea_frame own; /* as the source gave it */
+    uint64_t index;
+    bool faulty;
+    struct fv_fault_window window;
 };
 
 struct held {
     bool used;
-    struct fovea_frame own; /* as the source gave it */
+    bool again; /* it will come once more: requeued with that */
+    struct taken taken;
     uint8_t *pixels[FOVEA_CAMERAS_MAX];
 };
 
@@ -44,9 +56,38 @@ struct fovea_source { /* NOLINT(clang-analyzer-optin.performance.Padding): in or
     uint8_t *last[FOVEA_CAMERAS_MAX]; /* pictures before a fault; NULL where none needs them */
     bool has_last[FOVEA_CAMERAS_MAX];
     uint8_t *scratch;
-    uint64_t taken; /* frames */
-    bool ended;
+
+    /* A frame that comes later than it was taken (delay, reorder), or again (duplicate). */
+    struct {
+        bool any, ready;     /* ready: it is the next */
+        struct held *shared; /* the slot of which it is the repetition; NULL: it is its own */
+        struct taken taken;
+    } waiting;
+    struct fv_fault_imu imu;
+    uint64_t count; /* frames taken */
+    uint64_t lost, returns;
+    bool away, inner_ended, ended;
 };
+
+static bool has(const struct fovea_source *source, enum fv_fault_kind kind)
+{
+    return (source->options.kinds & fv_fault_bit(kind)) != 0;
+}
+
+static bool has_between(const struct fovea_source *source, int from, int to)
+{
+    return (source->options.kinds >> from & ((1u << (to - from)) - 1)) != 0;
+}
+
+static bool has_pictures(const struct fovea_source *source)
+{
+    return has_between(source, 0, FV_FAULT_OF_FRAMES);
+}
+
+static bool has_samples(const struct fovea_source *source)
+{
+    return has_between(source, FV_FAULT_OF_SAMPLES, FV_FAULT_COUNT);
+}
 
 /* ---- open and close -------------------------------------------------------------------------- */
 
@@ -71,7 +112,7 @@ static size_t picture_bytes(const struct fovea_source *source, uint32_t i)
 
 static bool take(struct fovea_source *source, uint8_t **memory, size_t bytes)
 {
-    *memory = malloc(bytes);
+    *memory = malloc(bytes > 0 ? bytes : 1);
     source->info.heap_bytes += bytes;
     return *memory != NULL;
 }
@@ -81,6 +122,7 @@ static enum fovea_status memory_take(struct fovea_source *source, struct fovea_e
     size_t most = 1;
     bool enough = true;
     source->info.heap_bytes += sizeof *source;
+    if (!has_pictures(source)) return FOVEA_OK;
     for (uint32_t i = 0; i < source->info.rig.camera_count; i++) {
         const size_t bytes = picture_bytes(source, i);
         for (int k = 0; k < FOVEA_SOURCE_FRAMES_HELD; k++)
@@ -93,6 +135,25 @@ static enum fovea_status memory_take(struct fovea_source *source, struct fovea_e
     return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "fault: out of memory");
 }
 
+/* Whether the source has what is to be spoiled. */
+static enum fovea_status check_fit(const struct fovea_source *source, struct fovea_error *error)
+{
+    const uint32_t cameras = source->info.rig.camera_count;
+    if (has_pictures(source) && source->channels == 0)
+        return fovea_error_set(
+            error, FOVEA_ERROR_UNSUPPORTED,
+            "fault: found pictures of another format, expected 8-bit grey levels or RGB (of a camera: format=GREY)");
+    if ((uint32_t)source->options.camera > cameras)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "fault: camera: found %d, expected at most %u, as the source has",
+                               (int)source->options.camera, cameras);
+    if (has_samples(source) && (source->info.sample_kinds & 1u << FOVEA_SAMPLE_IMU) == 0)
+        return fovea_error_set(
+            error, FOVEA_ERROR_INPUT,
+            "fault: kind: found a fault of the inertial sensor, expected a source that has one (sim: imu=200, euroc: imu=1)");
+    return FOVEA_OK;
+}
+
 /* The source of an address, whose faults are cut off. */
 static enum fovea_status inner_open(struct fovea_source *source, const char *uri,
                                     const struct fovea_source_selection *selection,
@@ -103,13 +164,13 @@ static enum fovea_status inner_open(struct fovea_source *source, const char *uri
     if (status == FOVEA_OK) status = source->ops->open(address, selection, &source->inner, error);
     if (status != FOVEA_OK) return status;
     source->info = *source->ops->info(source->inner);
+    if (has(source, FV_FAULT_drop) || has(source, FV_FAULT_duplicate))
+        source->info.frame_count = 0; /* not known without playing */
     const enum fovea_pixel_format format = source->info.format;
     if (format == FOVEA_PIXEL_GREY8) source->channels = 1;
     if (format == FOVEA_PIXEL_RGB24 || format == FOVEA_PIXEL_BGR24) source->channels = 3;
-    if (source->channels != 0) return memory_take(source, error);
-    return fovea_error_set(
-        error, FOVEA_ERROR_UNSUPPORTED,
-        "fault: found pictures of another format, expected 8-bit grey levels or RGB (of a camera: format=GREY)");
+    status = check_fit(source, error);
+    return status == FOVEA_OK ? memory_take(source, error) : status;
 }
 
 static enum fovea_status fault_open(const char *address,
@@ -129,8 +190,8 @@ static enum fovea_status fault_open(const char *address,
     if (opened == NULL) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "fault: out of memory");
     enum fovea_status status =
         fv_fault_options_parse(mark != NULL ? mark + 1 : "", &opened->options, error);
-    for (int kind = 0; kind < FV_FAULT_COUNT; kind++)
-        if (opened->options.kinds & 1u << kind) opened->needs_last |= faults[kind].needs_last;
+    for (int kind = 0; kind < FV_FAULT_OF_FRAMES; kind++)
+        if (has(opened, (enum fv_fault_kind)kind)) opened->needs_last |= faults[kind].needs_last;
     if (status == FOVEA_OK) status = inner_open(opened, uri, selection, error);
     if (status != FOVEA_OK) {
         fault_close(opened);
@@ -153,6 +214,8 @@ static enum fovea_status fault_start(struct fovea_source *source, struct fovea_e
 
 static void fault_stop(struct fovea_source *source)
 {
+    if (source->waiting.any) source->ops->requeue(source->inner, &source->waiting.taken.own);
+    source->waiting.any = false;
     source->ops->stop(source->inner);
 }
 
@@ -177,13 +240,14 @@ static void keep_last(struct fovea_source *source, const struct fovea_frame *fra
 }
 
 /* Of one picture alone; neighbours of any of the three have nothing in common. */
-static uint64_t picture_seed(const struct fv_fault_window *window, uint64_t index, uint32_t camera)
+static uint64_t picture_seed(const struct taken *taken, uint32_t camera)
 {
-    return window->seed + (index + 1) * 0x9e3779b97f4a7c15u + camera * 0xd1b54a32d192ed03u;
+    return taken->window.seed + (taken->index + 1) * 0x9e3779b97f4a7c15u +
+           camera * 0xd1b54a32d192ed03u;
 }
 
-static void image_spoil(struct fovea_source *source, struct held *held, uint32_t i, uint64_t index,
-                        const struct fv_fault_window *window, struct fovea_image *image)
+static void image_spoil(struct fovea_source *source, struct held *held, uint32_t i,
+                        struct fovea_image *image)
 {
     const struct fovea_source_camera *camera = &source->info.cameras[i];
     struct fv_fault_picture picture = {.options = &source->options,
@@ -191,8 +255,8 @@ static void image_spoil(struct fovea_source *source, struct held *held, uint32_t
                                        .width = camera->width,
                                        .height = camera->height,
                                        .channels = source->channels,
-                                       .seed = picture_seed(window, index, i),
-                                       .window_seed = window->seed,
+                                       .seed = picture_seed(&held->taken, i),
+                                       .window_seed = held->taken.window.seed,
                                        .last = source->last[i],
                                        .scratch = source->scratch};
     pack(source, i, image, picture.pixels);
@@ -200,45 +264,173 @@ static void image_spoil(struct fovea_source *source, struct held *held, uint32_t
         memcpy(source->last[i], picture.pixels, picture_bytes(source, i));
         source->has_last[i] = true;
     }
-    for (int kind = 0; kind < FV_FAULT_COUNT; kind++)
-        if (source->options.kinds & 1u << kind) faults[kind].apply(&picture);
+    for (int kind = 0; kind < FV_FAULT_OF_FRAMES; kind++)
+        if (has(source, (enum fv_fault_kind)kind)) faults[kind].apply(&picture);
     image->data = picture.pixels;
     image->stride_bytes = camera->width * source->channels;
     image->size_bytes = picture_bytes(source, i);
+}
+
+/* ---- frames ---------------------------------------------------------------------------------- */
+
+/* Take a frame of the source within; those that are dropped are gone. */
+static enum fovea_status inner_take(struct fovea_source *source, int64_t deadline_ns,
+                                    struct taken *taken)
+{
+    for (;;) {
+        const enum fovea_status status =
+            source->ops->dequeue(source->inner, deadline_ns, &taken->own);
+        source->inner_ended = status == FOVEA_END;
+        if (status != FOVEA_OK) return status;
+        taken->index = source->info.live ? source->count : taken->own.index;
+        taken->faulty = fv_fault_schedule_at(&source->schedule, taken->index, &taken->window);
+        source->count++;
+        if (!taken->faulty || !has(source, FV_FAULT_drop)) return FOVEA_OK;
+        source->ops->requeue(source->inner, &taken->own);
+        source->lost++;
+    }
+}
+
+static void wait_for_turn(struct fovea_source *source, const struct taken *taken, bool ready)
+{
+    source->waiting.any = true;
+    source->waiting.ready = ready;
+    source->waiting.shared = NULL;
+    source->waiting.taken = *taken;
+}
+
+static void give_waiting(struct fovea_source *source, struct held *held)
+{
+    held->taken = source->waiting.taken;
+    source->waiting.any = false;
+}
+
+/* The next frame in the order in which they come: delayed by one, two exchanged, or as it is. */
+static enum fovea_status next_take(struct fovea_source *source, int64_t deadline_ns,
+                                   struct held *held)
+{
+    struct taken taken;
+    for (;;) {
+        if (source->waiting.any && (source->waiting.ready || source->inner_ended)) {
+            if (source->waiting.shared != NULL && source->waiting.shared->used) return FOVEA_AGAIN;
+            give_waiting(source, held);
+            return FOVEA_OK;
+        }
+        const enum fovea_status status = inner_take(source, deadline_ns, &taken);
+        if (status == FOVEA_END && source->waiting.any) continue;
+        if (status != FOVEA_OK) return status;
+        const bool late = taken.faulty && has(source, FV_FAULT_delay),
+                   swapped = taken.faulty && has(source, FV_FAULT_reorder);
+        if (source->waiting.any && has(source, FV_FAULT_delay)) {
+            give_waiting(source, held);
+            wait_for_turn(source, &taken, !late);
+            return FOVEA_OK;
+        }
+        if (!source->waiting.any && (late || swapped)) {
+            wait_for_turn(source, &taken, false);
+            continue;
+        }
+        held->taken = taken;
+        source->waiting.ready = source->waiting.any; /* the exchanged one is the next */
+        return FOVEA_OK;
+    }
+}
+
+/* Stamps of a faulty frame. */
+static void stamp_spoil(const struct fovea_source *source, const struct taken *taken,
+                        struct fovea_frame *frame)
+{
+    double moved_ms = 0;
+    struct fv_random random;
+    fv_random_seed(&random, picture_seed(taken, FOVEA_CAMERAS_MAX));
+    if (has(source, FV_FAULT_jitter))
+        moved_ms += source->options.spread_ms * (2 * fv_random_unit(&random) - 1);
+    if (has(source, FV_FAULT_jump)) moved_ms += source->options.leap_ms;
+    frame->stamp_ns += (int64_t)(moved_ms * 1e6 + (moved_ms < 0 ? -0.5 : 0.5));
+}
+
+/* Whether a fault strikes camera i. */
+static bool strikes(const struct fovea_source *source, uint32_t i)
+{
+    return source->options.camera == 0 || (uint32_t)source->options.camera == i + 1;
+}
+
+static void frame_spoil(struct fovea_source *source, struct held *held, struct fovea_frame *frame)
+{
+    stamp_spoil(source, &held->taken, frame);
+    for (uint32_t i = 0; i < frame->image_count; i++) {
+        struct fovea_image *image = &frame->images[i];
+        if (image->data == NULL || !strikes(source, i)) continue;
+        if (has(source, FV_FAULT_unplug))
+            *image = (struct fovea_image){.data = NULL};
+        else if (has_pictures(source))
+            image_spoil(source, held, i, image);
+    }
+}
+
+/* Whether all cameras are unplugged, which is the state of the source. */
+static void note_away(struct fovea_source *source, const struct held *held)
+{
+    const bool away =
+        held->taken.faulty && has(source, FV_FAULT_unplug) && source->options.camera == 0;
+    source->returns += source->away && !away;
+    source->away = away;
 }
 
 static enum fovea_status fault_dequeue(struct fovea_source *source, int64_t deadline_ns,
                                        struct fovea_frame *frame)
 {
     uint32_t slot = 0;
-    struct fv_fault_window window;
     while (slot < FOVEA_SOURCE_FRAMES_HELD && source->held[slot].used)
         slot++;
     if (slot == FOVEA_SOURCE_FRAMES_HELD) return FOVEA_AGAIN;
     struct held *held = &source->held[slot];
-    const enum fovea_status status = source->ops->dequeue(source->inner, deadline_ns, &held->own);
+    const bool repeated = source->waiting.any && source->waiting.shared != NULL;
+    const enum fovea_status status = next_take(source, deadline_ns, held);
     source->ended = status == FOVEA_END;
     if (status != FOVEA_OK) return status;
-    const uint64_t index = source->info.live ? source->taken : held->own.index;
     held->used = true;
-    source->taken++;
-    *frame = held->own;
-    frame->slot = slot;
-    if (!fv_fault_schedule_at(&source->schedule, index, &window)) {
-        keep_last(source, frame);
-        return FOVEA_OK;
+    held->again =
+        held->taken.faulty && has(source, FV_FAULT_duplicate) && !repeated && !source->waiting.any;
+    if (held->again) {
+        wait_for_turn(source, &held->taken, true);
+        source->waiting.shared = held;
     }
-    for (uint32_t i = 0; i < frame->image_count; i++)
-        if (frame->images[i].data != NULL)
-            image_spoil(source, held, i, index, &window, &frame->images[i]);
+    *frame = held->taken.own;
+    frame->slot = slot;
+    note_away(source, held);
+    if (held->taken.faulty)
+        frame_spoil(source, held, frame);
+    else
+        keep_last(source, frame);
     return FOVEA_OK;
 }
 
 static void fault_requeue(struct fovea_source *source, const struct fovea_frame *frame)
 {
     struct held *held = &source->held[frame->slot];
-    source->ops->requeue(source->inner, &held->own);
-    held->used = false;
+    if (!held->again) source->ops->requeue(source->inner, &held->taken.own);
+    held->used = held->again = false;
+}
+
+/* ---- samples --------------------------------------------------------------------------------- */
+
+/* Those that have come by the time that the frame does: of a delayed frame, later ones too. */
+static uint32_t fault_samples(struct fovea_source *source, const struct fovea_frame *frame,
+                              struct fovea_sample *samples, uint32_t count_max)
+{
+    const struct taken *taken = &source->held[frame->slot].taken;
+    const struct fovea_frame *newest = &taken->own;
+    if (source->ops->samples == NULL) return 0;
+    if (source->waiting.any && source->waiting.taken.own.stamp_ns > newest->stamp_ns)
+        newest = &source->waiting.taken.own;
+    const uint32_t growth = fv_fault_samples_growth(&source->options);
+    uint32_t count = source->ops->samples(source->inner, newest, samples, count_max / growth);
+    if (taken->faulty && has_samples(source))
+        return fv_fault_samples(&source->options, picture_seed(taken, FOVEA_CAMERAS_MAX + 1),
+                                taken->window.seed, &source->imu, samples, count);
+    fv_fault_samples_pass(&source->imu, samples, count);
+    return count;
 }
 
 /* ---- what the source says, passed on --------------------------------------------------------- */
@@ -247,21 +439,15 @@ static enum fovea_status fault_truth(struct fovea_source *source, const struct f
                                      struct fovea_truth *truth)
 {
     if (source->ops->truth == NULL) return FOVEA_ERROR_UNSUPPORTED;
-    return source->ops->truth(source->inner, &source->held[frame->slot].own, truth);
+    return source->ops->truth(source->inner, &source->held[frame->slot].taken.own, truth);
 }
 
 static enum fovea_status fault_truth_pose(struct fovea_source *source,
                                           const struct fovea_frame *frame, double T_world_cam[12])
 {
     if (source->ops->truth_pose == NULL) return FOVEA_ERROR_UNSUPPORTED;
-    return source->ops->truth_pose(source->inner, &source->held[frame->slot].own, T_world_cam);
-}
-
-static uint32_t fault_samples(struct fovea_source *source, const struct fovea_frame *frame,
-                              struct fovea_sample *samples, uint32_t count_max)
-{
-    if (source->ops->samples == NULL) return 0;
-    return source->ops->samples(source->inner, &source->held[frame->slot].own, samples, count_max);
+    return source->ops->truth_pose(source->inner, &source->held[frame->slot].taken.own,
+                                   T_world_cam);
 }
 
 static void fault_counts(const struct fovea_source *source, struct fovea_source_counts *counts)
@@ -269,11 +455,15 @@ static void fault_counts(const struct fovea_source *source, struct fovea_source_
     if (source->ops->counts != NULL)
         source->ops->counts(source->inner, counts);
     else
-        *counts = (struct fovea_source_counts){.delivered = source->taken};
+        *counts = (struct fovea_source_counts){.delivered = source->count};
+    counts->delivered -= source->lost < counts->delivered ? source->lost : counts->delivered;
+    counts->dropped += source->lost;
+    counts->recovered += source->returns;
 }
 
 static enum fovea_source_state fault_state(const struct fovea_source *source)
 {
+    if (source->away) return FOVEA_SOURCE_GONE;
     if (source->ops->state != NULL) return source->ops->state(source->inner);
     return source->ended ? FOVEA_SOURCE_ENDED : FOVEA_SOURCE_OK;
 }
@@ -295,8 +485,8 @@ const struct fovea_source_ops fv_source_fault = {
     .help =
         "URI?kind=KIND[,KIND...][&OPTION=VALUE...]  another source with faults by a seeded schedule:"
 #define FV_FAULT(name, needs_last) " " #name
+#define FV_FAULT_OTHER(name) " " #name
 #include "faults.def"
-#undef FV_FAULT
         "; options"
 #define FV_FAULT_OPTION(name, kind, type, member, value, low, high, unit) " " #name
 #include "options.def"

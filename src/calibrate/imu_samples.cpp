@@ -1,5 +1,6 @@
 #include "calibrate/imu_samples.h"
 
+#include <cmath>
 #include <sys/stat.h>
 
 #include "drivers/table.h"
@@ -12,6 +13,15 @@ namespace calibrate
 {
 namespace
 {
+
+/* Recordings hold samples as they came. */
+bool is_finite(const fovea_imu_sample &sample)
+{
+    bool finite = true;
+    for (int i = 0; i < 3; i++)
+        finite = finite && std::isfinite(sample.gyro[i]) && std::isfinite(sample.acceleration[i]);
+    return finite;
+}
 
 bool is_file(const std::string &path)
 {
@@ -46,7 +56,8 @@ fovea_status drain(const fovea_source_ops *ops, fovea_source *source, const std:
         do {
             count = ops->samples(source, &frame, some, FOVEA_INPUT_SAMPLES_MAX);
             for (uint32_t i = 0; i < count; i++)
-                if (some[i].kind == FOVEA_SAMPLE_IMU) samples.push_back(some[i].imu);
+                if (some[i].kind == FOVEA_SAMPLE_IMU && is_finite(some[i].imu))
+                    samples.push_back(some[i].imu);
         } while (count == FOVEA_INPUT_SAMPLES_MAX);
         ops->requeue(source, &frame);
     }

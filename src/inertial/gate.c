@@ -8,7 +8,7 @@ enum { INTERVALS_MIN = 16, INTERVALS_MAX = 64 }; /* that the observed rate is th
 static const int64_t same_min_ns = 100000000, clock_max_ns = 1000000000, leap_ns = 100000000,
                      follow_ns = 250000000, silent_ns = 200000000;
 static const double end_fraction = 0.999;
-static const double end_floor[2] = {2, 20};     /* below, no end of a range is learned */
+static const double end_floor[2] = {2, 15};     /* below, no end of a range is learned */
 static const double absurd[2] = {1000, 100000}; /* rad/s, m/s^2 */
 static const double agree_fraction = 0.1;       /* of nominal and observed period */
 static const double round_up = 0.4;      /* of a period: jitter of stamps is less than the rest */

@@ -6,7 +6,7 @@
  *
  * - Saturated: |value| reaches the range that the rig states, but for a thousandth. Where it states
  *   none: the largest value so far that comes four times in succession, beyond 2 rad/s or
- *   20 m/s^2, is taken for the end of the range until a larger one comes.
+ *   15 m/s^2, is taken for the end of the range until a larger one comes.
  * - Frozen: all six values are the same over at least 10 samples and 0.1 s. Judged only where the
  *   rig states a noise density, since a sensor without noise that stands gives the same values.
  * - Off the clock: the stamp, with the rig's time offset, is over 1 s after this step's time or

@@ -375,7 +375,8 @@ enum fovea_status fv_lcmlog_sample(const char *name, const struct fv_lcmlog_even
         const uint32_t at = AT_SAMPLE_VALUES + 8 * i;
         const int64_t bits = read_i64(event->data + at);
         memcpy(&found.any.values[i], &bits, sizeof bits);
-        if (found.any.values[i] - found.any.values[i] != 0)
+        /* those of an inertial sensor are judged by the step, and recorded as they came */
+        if (found.kind != FOVEA_SAMPLE_IMU && found.any.values[i] - found.any.values[i] != 0)
             return fovea_error_set(
                 error, FOVEA_ERROR_INPUT,
                 "%s: byte %" PRId64

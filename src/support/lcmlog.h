@@ -79,7 +79,8 @@ enum fovea_status fv_lcmlog_frame(const char *name, const struct fv_lcmlog_event
                                   struct fovea_frame *frame, struct fovea_error *error);
 
 /* Read an event that holds a sample (fovea/sensor.h), of any kind. FOVEA_ERROR_INPUT: of another
- * type or length, or with a number that is not finite; as fv_lcmlog_frame. */
+ * type or length, or with a number that is not finite, but for those of inertial sensors, which a
+ * step judges; as fv_lcmlog_frame. */
 enum fovea_status fv_lcmlog_sample(const char *name, const struct fv_lcmlog_event *event,
                                    struct fovea_sample *sample, struct fovea_error *error);
 

@@ -115,11 +115,12 @@ static clockid_t clock_of(const struct fovea_frame *frame)
 
 /* Times of a live frame. Recordings carry stamps of another clock: there, latency is what pacing
  * measured. */
-static void tell_times(const struct fv_loop *loop, const struct fovea_frame *frame, int64_t late_ns,
+static void tell_times(const struct fv_loop *loop, const struct fovea_frame *given, int64_t late_ns,
                        struct fovea_inputs *inputs)
 {
+    const struct fovea_frame *frame = inputs->frame;
     bool live = loop->ops->info(loop->source)->live;
-    inputs->now_ns = frame != NULL ? frame->stamp_ns : loop->last_stamp_ns;
+    inputs->now_ns = given != NULL ? given->stamp_ns : loop->last_stamp_ns;
     inputs->latency_ns = loop->real_time && !live ? late_ns : 0;
     if (!live) return;
     clockid_t clock = frame != NULL ? clock_of(frame) : CLOCK_MONOTONIC;
@@ -129,11 +130,23 @@ static void tell_times(const struct fv_loop *loop, const struct fovea_frame *fra
     if (frame == NULL) inputs->now_ns = now;
 }
 
-static void fill_inputs(struct fv_loop *loop, const struct fovea_frame *frame, int64_t late_ns,
+/* Whether any camera gave an image. */
+static bool has_image(const struct fovea_frame *frame)
+{
+    bool any = false;
+    for (uint32_t i = 0; i < frame->image_count; i++)
+        any = any || frame->images[i].data != NULL;
+    return any;
+}
+
+/* `given`: what the source gave, or NULL. Without any image it is a step without a frame, at the
+ * time of its stamp. */
+static void fill_inputs(struct fv_loop *loop, const struct fovea_frame *given, int64_t late_ns,
                         struct fovea_inputs *inputs)
 {
-    *inputs = (struct fovea_inputs){.frame = frame, .frames_late = loop->counts.late};
-    tell_times(loop, frame, late_ns, inputs);
+    *inputs = (struct fovea_inputs){.frames_late = loop->counts.late};
+    if (given != NULL && has_image(given)) inputs->frame = given;
+    tell_times(loop, given, late_ns, inputs);
     if (loop->ops->state != NULL) inputs->source_state = loop->ops->state(loop->source);
     if (loop->ops->counts != NULL) loop->ops->counts(loop->source, &inputs->source_counts);
     if (loop->hooks.commands != NULL) inputs->commands = loop->hooks.commands(loop->hooks.context);
@@ -145,7 +158,7 @@ static void fill_inputs(struct fv_loop *loop, const struct fovea_frame *frame, i
         fovea_governor_next(&loop->governor, loop->config, &inputs->grants);
     else
         fovea_grants_fixed(loop->config, &inputs->grants);
-    if (loop->hooks.sense != NULL) loop->hooks.sense(loop->hooks.context, inputs);
+    if (loop->hooks.sense != NULL) loop->hooks.sense(loop->hooks.context, given, inputs);
 }
 
 /* ---- one iteration --------------------------------------------------------------------------- */
@@ -192,13 +205,13 @@ static void account(struct fv_loop *loop, struct span step, struct span work, in
     atomic_store_explicit(&loop->shared->step_ns, step.cpu_ns, memory_order_relaxed);
 }
 
-static void iteration(struct fv_loop *loop, const struct fovea_frame *frame, int64_t late_ns)
+static void iteration(struct fv_loop *loop, const struct fovea_frame *given, int64_t late_ns)
 {
     const struct fv_loop_hooks *hooks = &loop->hooks;
     struct fovea_inputs inputs;
     struct fovea_outputs outputs;
     struct fovea_pose pose;
-    fill_inputs(loop, frame, late_ns, &inputs);
+    fill_inputs(loop, given, late_ns, &inputs);
     struct fovea_grants grants = inputs.grants;
 
     struct span begin = span_begin();
@@ -220,8 +233,8 @@ static void iteration(struct fv_loop *loop, const struct fovea_frame *frame, int
     loop->counts.processed += status == FOVEA_OK;
     loop->counts.posed += status == FOVEA_OK && pose.posed;
     loop->counts.lost += status == FOVEA_OK && pose.state == FOVEA_TRACKING_LOST;
-    loop->counts.refused += frame != NULL && status != FOVEA_OK;
-    loop->counts.without_frame += frame == NULL;
+    loop->counts.refused += inputs.frame != NULL && status != FOVEA_OK;
+    loop->counts.without_frame += inputs.frame == NULL;
     atomic_store_explicit(&loop->shared->frames, loop->counts.in, memory_order_relaxed);
     atomic_store_explicit(&loop->shared->dropped, loop->counts.late, memory_order_relaxed);
 }

@@ -41,8 +41,9 @@ struct fv_loop_hooks {
     void (*pace)(void *context); /* before a frame is taken, when none comes by the clock; returns
                                     soon after `stop` */
     uint32_t (*commands)(void *context); /* enum fovea_command bits that came since the last call */
-    /* Fill in the samples and boxes that have come; the rest of `inputs` is set. */
-    void (*sense)(void *context, struct fovea_inputs *inputs);
+    /* Fill in the samples and boxes that have come; the rest of `inputs` is set. `given`: what the
+     * source gave, NULL: nothing; where no camera gave an image, inputs->frame is NULL. */
+    void (*sense)(void *context, const struct fovea_frame *given, struct fovea_inputs *inputs);
     /* `pose` is that of this frame; NULL when none was processed. */
     void (*step_done)(void *context, const struct fovea_inputs *inputs,
                       const struct fovea_outputs *outputs, const struct fovea_pose *pose);

@@ -61,17 +61,17 @@ static void add_heard(struct fv_run *run, struct fovea_inputs *inputs)
 }
 
 /* A source that has wheel odometry alone is asked for it only where it gives the scale. */
-static void take_samples(struct fv_run *run, struct fovea_inputs *inputs)
+static void take_samples(struct fv_run *run, const struct fovea_frame *given,
+                         struct fovea_inputs *inputs)
 {
     const uint32_t wheel_odometry = 1u << FOVEA_SAMPLE_WHEEL_ODOMETRY;
     const struct fovea_source_ops *ops = run->setup.ops;
     const uint32_t kinds = ops->info(run->setup.source)->sample_kinds;
     const bool wheels = run->settings.runtime.scale.source == FOVEA_SCALE_WHEEL_ODOMETRY;
     inputs->samples = run->samples;
-    if (ops->samples != NULL && inputs->frame != NULL &&
-        (kinds & (wheels ? kinds : ~wheel_odometry)) != 0)
+    if (ops->samples != NULL && given != NULL && (kinds & (wheels ? kinds : ~wheel_odometry)) != 0)
         inputs->sample_count =
-            ops->samples(run->setup.source, inputs->frame, run->samples, FOVEA_INPUT_SAMPLES_MAX);
+            ops->samples(run->setup.source, given, run->samples, FOVEA_INPUT_SAMPLES_MAX);
     if (wheels && (kinds & wheel_odometry) == 0) add_heard(run, inputs);
 }
 
@@ -90,11 +90,11 @@ static void boxes_from_truth(struct fv_run *run, struct fovea_inputs *inputs)
     }
 }
 
-static void sense(void *context, struct fovea_inputs *inputs)
+static void sense(void *context, const struct fovea_frame *given, struct fovea_inputs *inputs)
 {
     struct fv_run *run = context;
     fv_parameters_take(&run->parameters, inputs);
-    take_samples(run, inputs);
+    take_samples(run, given, inputs);
     if (run->settings.movable_boxes == FV_MOVABLE_TRUTH && inputs->frame != NULL)
         boxes_from_truth(run, inputs);
 }

@@ -5,6 +5,7 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -283,6 +284,73 @@ static void motion_is_along_one_line(void **state)
         assert_int_equal(pixels[i], 77);
 }
 
+/* Something before the lens hides the share that is asked for, by one dark level. */
+static void occlusion_hides_the_share_that_is_asked_for(void **state)
+{
+    (void)state;
+    static const double shares[] = {0.02, 0.3, 0.7, 0.95};
+    for (int i = 0; i < 4; i++)
+        for (uint64_t seed = 1; seed <= 20; seed++) {
+            char text[64];
+            snprintf(text, sizeof text, "kind=occlusion&share=%g", shares[i]);
+            const struct fv_fault_options options = options_of(text);
+            struct fv_fault_picture picture = picture_of(&options, 1);
+            picture.window_seed = seed;
+            level_draw(200);
+            fv_fault_occlusion(&picture);
+            int hides = 0, level = -1;
+            for (int k = 0; k < WIDTH * HEIGHT; k++) {
+                if (pixels[k] == 200) continue;
+                if (level < 0) level = pixels[k];
+                assert_int_equal(pixels[k], level);
+                hides++;
+            }
+            assert_in_range(level, 10, 69);
+            const double share = (double)hides / (WIDTH * HEIGHT);
+            assert_true(share >= shares[i] && share < shares[i] + 0.02);
+        }
+}
+
+static void exposure_and_white_end_at_the_end(void **state)
+{
+    (void)state;
+    const struct fv_fault_options options = options_of("kind=exposure&gain=1.5");
+    struct fv_fault_picture picture = picture_of(&options, 1);
+    for (int k = 0; k < 256; k++)
+        pixels[k] = (uint8_t)k;
+    fv_fault_exposure(&picture);
+    for (int k = 0; k < 256; k++)
+        assert_int_equal(pixels[k], k > 169 ? 255 : (3 * k + 1) / 2);
+    fv_fault_white(&picture);
+    for (int k = 0; k < WIDTH * HEIGHT; k++)
+        assert_int_equal(pixels[k], 255);
+}
+
+/* Above the new picture, below the last one, and the row between is drawn anew each time. */
+static void a_partial_picture_ends_in_the_last_one(void **state)
+{
+    (void)state;
+    const struct fv_fault_options options = options_of("kind=partial");
+    int rows[40], least = HEIGHT, most = 0;
+    for (uint64_t seed = 0; seed < 40; seed++) {
+        struct fv_fault_picture picture = picture_of(&options, 1);
+        picture.seed = seed;
+        level_draw(100);
+        memset(last, 50, BYTES);
+        fv_fault_partial(&picture);
+        int row = 0;
+        while (row < HEIGHT && pixels[row * WIDTH] == 100)
+            row++;
+        for (int k = 0; k < WIDTH * HEIGHT; k++)
+            assert_int_equal(pixels[k], k < row * WIDTH ? 100 : 50);
+        rows[seed] = row;
+        if (row < least) least = row;
+        if (row > most) most = row;
+    }
+    assert_true(least >= HEIGHT / 8 && most <= HEIGHT - HEIGHT / 8 && most - least > HEIGHT / 3);
+    assert_int_not_equal(rows[0], rows[1]);
+}
+
 static double recompressed_error(const char *text, int32_t channels)
 {
     const struct fv_fault_options options = options_of(text);
@@ -324,17 +392,21 @@ static void faults_have_the_same_bits_everywhere(void **state)
     } rows[] = {
         {"freeze", fv_fault_freeze, UINT64_C(0xe4750d7f14eab58b)},
         {"black", fv_fault_black, UINT64_C(0x7a71a1a36b20399e)},
+        {"white", fv_fault_white, UINT64_C(0x7b666201bff09bfa)},
+        {"occlusion", fv_fault_occlusion, UINT64_C(0x871d4edd56e33e66)},
         {"zoom", fv_fault_zoom, UINT64_C(0x1ffddffe6cd0c879)},
         {"blur", fv_fault_blur, UINT64_C(0xe274e2b8add1ec27)},
         {"motion", fv_fault_motion, UINT64_C(0xc9e123a4036a1b0)},
+        {"exposure", fv_fault_exposure, UINT64_C(0xd07237f79fe7b774)},
         {"noise", fv_fault_noise, UINT64_C(0x82fba4c7a74e11ba)},
         {"recompress", fv_fault_recompress, UINT64_C(0xcbd18ef087e9fb1c)},
+        {"partial", fv_fault_partial, UINT64_C(0x50986a0ee76923a7)},
     };
     const struct fv_fault_options options = options_of("kind=blur&level=3");
     int wrong = 0;
     (void)state;
-    assert_int_equal(sizeof rows / sizeof rows[0], FV_FAULT_COUNT);
-    for (int i = 0; i < FV_FAULT_COUNT; i++) {
+    assert_int_equal(sizeof rows / sizeof rows[0], FV_FAULT_OF_FRAMES);
+    for (int i = 0; i < FV_FAULT_OF_FRAMES; i++) {
         struct fv_fault_picture picture = picture_of(&options, 3);
         uint64_t hash = 0xcbf29ce484222325u;
         scene_draw();
@@ -510,6 +582,9 @@ int main(void)
         cmocka_unit_test(blur_is_a_gaussian),
         cmocka_unit_test(zoom_scales_about_the_middle),
         cmocka_unit_test(motion_is_along_one_line),
+        cmocka_unit_test(occlusion_hides_the_share_that_is_asked_for),
+        cmocka_unit_test(exposure_and_white_end_at_the_end),
+        cmocka_unit_test(a_partial_picture_ends_in_the_last_one),
         cmocka_unit_test(recompression_loses_more_at_a_lower_quality),
         cmocka_unit_test(faults_have_the_same_bits_everywhere),
         cmocka_unit_test(all_but_the_faulty_pictures_is_the_source_s_own),
