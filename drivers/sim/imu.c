@@ -31,9 +31,10 @@ static void describe(const struct fv_sim_options *options, struct fovea_rig *rig
     rig->imu.acceleration_walk = options->imu_noise * options->acceleration_walk;
     rig->imu.gyro_range = options->gyro_range_rad_s;
     rig->imu.acceleration_range = options->acceleration_range_m_s2;
-    if (options->imu_offset_known)
-        rig->imu.time_offset_ns =
-            (int64_t)(options->imu_offset_ms * 1e6 + (options->imu_offset_ms < 0 ? -0.5 : 0.5));
+    /* The mean of an interval is what an instrument would read in its middle. */
+    const double offset_ns =
+        (options->imu_offset_known ? options->imu_offset_ms * 1e6 : 0) - 0.5e9 / options->imu_hz;
+    rig->imu.time_offset_ns = (int64_t)(offset_ns + (offset_ns < 0 ? -0.5 : 0.5));
     rig->cameras[0].has_T_body_cam = true;
     memcpy(rig->cameras[0].T_body_cam, identity, sizeof identity);
 }

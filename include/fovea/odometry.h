@@ -44,16 +44,21 @@ enum fovea_scale_source {
     FOVEA_SCALE_CAMERA_HEIGHT = 1,  /* metres, from the height of the camera over the floor */
     FOVEA_SCALE_WHEEL_ODOMETRY = 2, /* metres, from wheel odometry */
     /* metres, from the baseline of two cameras; no configured source: odometry.sensors gives it */
-    FOVEA_SCALE_STEREO = 3
+    FOVEA_SCALE_STEREO = 3,
+    FOVEA_SCALE_INERTIAL = 4 /* metres, from an inertial sensor; likewise */
 };
 
-/* What odometry uses of a rig. Kinds with an inertial sensor come later, after these. */
+/* What odometry uses of a rig. */
 enum fovea_sensors {
     /* all that the rig offers: stereo where its second camera is calibrated and its place on the
-     * body is known, else mono */
+     * body is known, else mono; with the inertial sensor where there is one, unless a scale source
+     * is configured */
     FOVEA_SENSORS_AUTO = 0,
-    FOVEA_SENSORS_MONO = 1,  /* the first camera alone */
-    FOVEA_SENSORS_STEREO = 2 /* the first two cameras; refused where the second does not serve */
+    FOVEA_SENSORS_MONO = 1,   /* the first camera alone */
+    FOVEA_SENSORS_STEREO = 2, /* the first two cameras; refused where the second does not serve */
+    /* the same with the inertial sensor; refused where the rig has none */
+    FOVEA_SENSORS_MONO_INERTIAL = 3,
+    FOVEA_SENSORS_STEREO_INERTIAL = 4
 };
 
 struct fovea_scale_config {
@@ -69,6 +74,9 @@ enum { FOVEA_ODOMETRY_KEYFRAMES_MAX = 256, FOVEA_ODOMETRY_LANDMARKS_MAX = 20000 
 struct fovea_odometry_config {
     bool enabled;               /* default true */
     enum fovea_sensors sensors; /* default FOVEA_SENSORS_AUTO */
+    /* [1, 100], default 10: how many times larger the noise of the inertial sensor is than the rig
+     * says; on vehicles that shake datasheets are not met */
+    double imu_noise_factor;
     /* [8, 256], default 128: keyframes of the map; memory about 46 kB each at 1000 features */
     uint32_t keyframes;
     /* [1000, 20000], default 16000: landmarks of the map; memory about 120 B each */

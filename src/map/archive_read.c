@@ -357,8 +357,8 @@ static void read_scale(struct reader *r, struct fv_map *map)
     odom.scale.source = get_u32(r);
     odom.scale.log_scale = get_double(r, 30, "logarithm of a scale");
     odom.scale.variance = get_double(r, 1e3, "variance of a scale");
-    if (odom.scale.source < FOVEA_SCALE_CAMERA_HEIGHT || odom.scale.source > FOVEA_SCALE_STEREO)
-        refuse(r, at + 4, "source of a scale", odom.scale.source, "1 to 3");
+    if (odom.scale.source < FOVEA_SCALE_CAMERA_HEIGHT || odom.scale.source > FOVEA_SCALE_INERTIAL)
+        refuse(r, at + 4, "source of a scale", odom.scale.source, "1 to 4");
     if (!(odom.scale.variance > 0)) refuse(r, at + 16, "variance of a scale", 0, "more than 0");
     bool again = s->map_id == map_id && s->scale.source != 0;
     for (uint32_t i = 0; i < s->left_count; i++)

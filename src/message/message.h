@@ -104,13 +104,15 @@ struct fv_message_pose {
     const struct fovea_pose *pose;          /* state, scale and counts */
     bool paused;           /* the frame was not processed: state `paused`, no pose and no counts */
     bool uncalibrated;     /* the camera model is a guess */
-    bool scale_configured; /* a source of the scale is configured */
+    bool scale_configured; /* a source of the scale is configured, or an inertial sensor used */
     struct fv_message_transform T_parent_child;
     double covariance[21]; /* of the child */
     bool moving;           /* the next two are known */
     double velocity[3], angular_rate[3];
     struct fv_message_transform T_keyframe_child;
-    uint32_t change_count; /* how often the unit of length changed in this map */
+    bool inertial; /* the next are known */
+    double gyro_bias[3], acceleration_bias[3], bias_covariance[21], gravity[3], gravity_sigma;
+    uint32_t change_count; /* how often unit or axes of the parent changed in this map */
     double change_scale;
     struct fv_message_transform change;
     struct fv_message_transform T_map_parent;

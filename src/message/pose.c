@@ -44,11 +44,11 @@ static void fill_motion(fovea_pose_t *out, const struct fv_message_pose *in, boo
     fill(out->velocity, in->velocity, 3, moving);
     fill(out->angular_rate, in->angular_rate, 3, moving);
     fill(out->velocity_covariance, NULL, 21, false); /* these are an IMU's */
-    fill(out->gyro_bias, NULL, 3, false);
-    fill(out->acceleration_bias, NULL, 3, false);
-    fill(out->bias_covariance, NULL, 21, false);
-    fill(out->gravity, NULL, 3, false);
-    out->gravity_sigma = (double)NAN;
+    fill(out->gyro_bias, in->gyro_bias, 3, posed && in->inertial);
+    fill(out->acceleration_bias, in->acceleration_bias, 3, posed && in->inertial);
+    fill(out->bias_covariance, in->bias_covariance, 21, posed && in->inertial);
+    fill(out->gravity, in->gravity, 3, posed && in->inertial);
+    fill(&out->gravity_sigma, &in->gravity_sigma, 1, posed && in->inertial);
 }
 
 static void fill_scale(fovea_pose_t *out, const struct fv_message_pose *in)

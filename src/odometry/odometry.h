@@ -163,7 +163,8 @@ uint32_t fv_odometry_reset_counter(const struct fv_odometry *odometry);
 void fv_odometry_map_pose(const struct fv_odometry *odometry, struct fv_se3 *T_map_cam);
 /* The same relative to its reference keyframe. */
 struct fv_odometry_reference {
-    uint64_t number; /* of the keyframe */
+    uint32_t slot;   /* of the keyframe */
+    uint64_t number; /* its own */
     int64_t stamp_ns;
     struct fv_se3 T_keyframe_cam;
 };

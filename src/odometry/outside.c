@@ -20,8 +20,8 @@ void fv_odometry_map_pose(const struct fv_odometry *o, struct fv_se3 *T_map_cam)
 struct fv_odometry_reference fv_odometry_reference(const struct fv_odometry *o)
 {
     const struct fv_keyframe *keyframe = &o->map.keyframes[o->state->newest];
-    struct fv_odometry_reference reference = {.number = keyframe->number,
-                                              .stamp_ns = keyframe->stamp_ns};
+    struct fv_odometry_reference reference = {
+        .slot = o->state->newest, .number = keyframe->number, .stamp_ns = keyframe->stamp_ns};
     struct fv_se3 T_map_cam;
     fv_odometry_map_pose(o, &T_map_cam);
     fv_se3_compose(&keyframe->T_cam_world, &T_map_cam, &reference.T_keyframe_cam);

@@ -262,14 +262,41 @@ const char *fv_config_stereo_lacks(const struct fovea_rig *rig)
 
 bool fv_config_stereo(const struct fovea_config *config)
 {
-    return config->odometry.enabled && config->odometry.sensors != FOVEA_SENSORS_MONO &&
-           fv_config_stereo_lacks(&config->rig) == NULL;
+    const enum fovea_sensors sensors = config->odometry.sensors;
+    return config->odometry.enabled && sensors != FOVEA_SENSORS_MONO &&
+           sensors != FOVEA_SENSORS_MONO_INERTIAL && fv_config_stereo_lacks(&config->rig) == NULL;
+}
+
+static bool asks_inertial(enum fovea_sensors sensors)
+{
+    return sensors == FOVEA_SENSORS_MONO_INERTIAL || sensors == FOVEA_SENSORS_STEREO_INERTIAL;
+}
+
+bool fv_config_inertial(const struct fovea_config *config)
+{
+    const enum fovea_sensors sensors = config->odometry.sensors;
+    return config->odometry.enabled && config->rig.has_imu &&
+           (asks_inertial(sensors) ||
+            (sensors == FOVEA_SENSORS_AUTO && config->scale.source == FOVEA_SCALE_FREE));
 }
 
 static enum fovea_status check_sensors(const struct fovea_config *config, struct fovea_error *error)
 {
     const char *lacks = fv_config_stereo_lacks(&config->rig);
-    if (config->odometry.sensors != FOVEA_SENSORS_STEREO || lacks == NULL) return FOVEA_OK;
+    const enum fovea_sensors sensors = config->odometry.sensors;
+    if (asks_inertial(sensors) && !config->rig.has_imu)
+        return fovea_error_set(
+            error, FOVEA_ERROR_ARGUMENT,
+            "odometry.sensors: found %s without an inertial sensor, expected a rig that has one, auto, mono or stereo",
+            sensors == FOVEA_SENSORS_MONO_INERTIAL ? "mono_inertial" : "stereo_inertial");
+    if (asks_inertial(sensors) && config->scale.source != FOVEA_SCALE_FREE)
+        return fovea_error_set(
+            error, FOVEA_ERROR_ARGUMENT,
+            "odometry.sensors: found %s with a scale source, expected scale.source free: the inertial sensor gives the metres",
+            sensors == FOVEA_SENSORS_MONO_INERTIAL ? "mono_inertial" : "stereo_inertial");
+    if ((sensors != FOVEA_SENSORS_STEREO && sensors != FOVEA_SENSORS_STEREO_INERTIAL) ||
+        lacks == NULL)
+        return FOVEA_OK;
     return fovea_error_set(
         error, FOVEA_ERROR_ARGUMENT,
         "odometry.sensors: found stereo with %s, expected two cameras with calibrations and places on the body, or mono",

@@ -72,6 +72,8 @@ void fv_config_take_live(struct fovea_config *config, const struct fovea_config 
 /* What keeps the second camera out of odometry, as words after "found"; NULL: nothing, there are
  * two that serve. */
 const char *fv_config_stereo_lacks(const struct fovea_rig *rig);
+/* Whether odometry uses the inertial sensor. */
+bool fv_config_inertial(const struct fovea_config *config);
 /* Whether odometry uses two cameras. */
 bool fv_config_stereo(const struct fovea_config *config);
 

@@ -17,9 +17,22 @@ static void fill_change(const struct fv_publish *publish, struct fv_message_pose
 {
     const struct fv_publish_change change = fv_publish_last_change(publish);
     message->change_count = change.count;
-    message->change_scale = change.scale;
-    memcpy(message->change.position, change.position, sizeof change.position);
-    message->change.orientation[0] = 1; /* the axes stay */
+    message->change_scale = change.S_new_old.s;
+    memcpy(message->change.position, change.S_new_old.t, sizeof message->change.position);
+    fv_so3_to_quaternion(change.S_new_old.R, message->change.orientation);
+}
+
+static void fill_inertial(const struct fovea *rt, struct fv_message_pose *message)
+{
+    const struct fv_inertial_known *known = fv_inertial_stage_known(&rt->inertial);
+    message->inertial = known != NULL;
+    if (known == NULL) return;
+    memcpy(message->gyro_bias, known->biases.gyro, sizeof message->gyro_bias);
+    memcpy(message->acceleration_bias, known->biases.acceleration,
+           sizeof message->acceleration_bias);
+    memcpy(message->bias_covariance, known->bias_covariance, sizeof message->bias_covariance);
+    fv_publish_turn(&rt->publish, known->gravity, message->gravity);
+    message->gravity_sigma = known->gravity_sigma;
 }
 
 static void encode_pose(struct fovea *rt, const struct fovea_inputs *inputs,
@@ -40,7 +53,7 @@ static void encode_pose(struct fovea *rt, const struct fovea_inputs *inputs,
         .pose = fv_publish_pose(publish),
         .paused = paused,
         .uncalibrated = rt->config.camera_fov_deg > 0,
-        .scale_configured = rt->config.scale.source != FOVEA_SCALE_FREE,
+        .scale_configured = rt->config.scale.source != FOVEA_SCALE_FREE || rt->inertial.enabled,
         .T_parent_child = transform_of(&T_odom_child),
         .moving = rates->known,
         .T_keyframe_child = transform_of(&T_keyframe_child),
@@ -52,6 +65,7 @@ static void encode_pose(struct fovea *rt, const struct fovea_inputs *inputs,
     fv_so3_to_quaternion(S_map_odom.R, message.T_map_parent.orientation);
     fv_publish_covariance(publish, child, message.covariance);
     fill_change(publish, &message);
+    fill_inertial(rt, &message);
     fv_output_add(
         rt, kind,
         fv_message_pose_encode(&message, rt->outbox.buffer[kind], rt->outbox.capacity[kind]),

@@ -92,10 +92,13 @@ static void remember(struct fv_state *state, const struct fovea_frame *frame, in
 /* After odometry has the pose of a frame, or knows that it has none. */
 static void publish_pose(struct fovea *rt)
 {
-    fv_scale_step(&rt->scale, &rt->odometry);
-    fv_publish_step(&rt->publish, &rt->odometry, &rt->scale, rt->state->frame.stamp_ns);
+    const int64_t stamp_ns = rt->state->frame.stamp_ns;
+    fv_inertial_stage_step(&rt->inertial, &rt->odometry, stamp_ns);
+    fv_scale_step(&rt->scale, &rt->odometry, fv_inertial_stage_known(&rt->inertial));
+    fv_publish_step(&rt->publish, &rt->odometry, &rt->scale, fv_inertial_stage_known(&rt->inertial),
+                    stamp_ns);
     fv_relative_note(&rt->relative, fv_publish_pose(&rt->publish),
-                     fv_publish_last_change(&rt->publish).count, rt->state->frame.stamp_ns);
+                     fv_publish_last_change(&rt->publish).count, stamp_ns);
 }
 
 static struct fv_stereo_view view_of(const struct fv_front_end *front_end)
@@ -177,6 +180,7 @@ enum fovea_status fovea_step(struct fovea *rt, const struct fovea_inputs *inputs
         fv_imu_gate_step(&rt->imu, inputs->samples, inputs->sample_count, inputs->now_ns);
     if (rt->config.odometry.enabled) {
         fv_scale_observe(&rt->scale, inputs->samples, inputs->sample_count);
+        fv_inertial_stage_observe(&rt->inertial, &rt->imu);
         if (inputs->has_boxes)
             fv_boxes_take(&rt->boxes, inputs->boxes_stamp_ns, inputs->boxes, inputs->box_count);
     }

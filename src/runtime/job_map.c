@@ -1,10 +1,12 @@
-/* The map's job: saving, new landmarks, the window, the place index, and the scale by the floor. */
+/* The map's job: saving, new landmarks, the window, the place index, the inertial estimate, and the
+ * scale by the floor. */
 #include "runtime/jobs.h"
 
 static bool waiting(const struct fovea *rt)
 {
     return rt->config.odometry.enabled &&
-           (fv_odometry_job_waiting(&rt->odometry) || fv_scale_waiting(&rt->scale, &rt->odometry));
+           (fv_odometry_job_waiting(&rt->odometry) || fv_scale_waiting(&rt->scale, &rt->odometry) ||
+            fv_inertial_stage_waiting(&rt->inertial));
 }
 
 static uint32_t advance(struct fovea *rt, uint32_t units, struct fovea_outputs *outputs)
@@ -12,7 +14,9 @@ static uint32_t advance(struct fovea *rt, uint32_t units, struct fovea_outputs *
     uint32_t done = 0;
     if (!rt->config.odometry.enabled) return 0;
     for (; done < units && waiting(rt); done++) {
-        if (fv_scale_waiting(&rt->scale, &rt->odometry))
+        if (fv_inertial_stage_waiting(&rt->inertial) && !fv_odometry_saving(&rt->odometry))
+            fv_inertial_stage_unit(&rt->inertial, &rt->odometry);
+        else if (fv_scale_waiting(&rt->scale, &rt->odometry))
             fv_scale_unit(&rt->scale, &rt->odometry);
         else
             fv_odometry_unit(&rt->odometry, &rt->kernels);

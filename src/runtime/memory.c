@@ -160,6 +160,11 @@ static void carve(struct fovea *rt, struct fv_carving *carving)
         fv_scale_carve(&rt->scale, &config->scale, first->T_body_cam, &arenas[PERSISTENT],
                        &arenas[FRAME]);
         fv_carving_book(carving, "scale");
+        rt->inertial.enabled = false;
+        if (fv_config_inertial(config))
+            fv_inertial_stage_carve(&rt->inertial, &config->rig, config->odometry.imu_noise_factor,
+                                    &arenas[PERSISTENT]);
+        fv_carving_book(carving, "inertial");
         fv_publish_carve(&rt->publish, first->T_body_cam, &arenas[PERSISTENT]);
         fv_relative_carve(&rt->relative, &arenas[PERSISTENT]);
         fv_carving_book(carving, "publish");
@@ -289,6 +294,7 @@ enum fovea_status fovea_init(void *memory, size_t bytes, const struct fovea_conf
         fv_odometry_init(&built->odometry, config->seed);
         if (built->stereo_used) fv_stereo_init(&built->stereo);
         fv_scale_init(&built->scale, config->seed);
+        if (built->inertial.enabled) fv_inertial_stage_init(&built->inertial);
         if (config->map != NULL)
             status =
                 fv_odometry_load(&built->odometry, &built->kernels, config->map, config->map_bytes,

@@ -2,6 +2,7 @@
 
 #include <string.h>
 
+#include "base/elementary.h"
 #include "geometry/vec.h"
 
 /* Between frames; over a longer pause there is no velocity. */
@@ -79,14 +80,59 @@ static void scale_map(struct fovea_pose *pose, const struct fv_odometry *odometr
     pose->map_scale = 1;
 }
 
-/* From now on in metres, from the world's origin. */
-static void begin_metres(struct fv_publish_state *s, double change_scale)
+/* The least turn that takes the unit vector `up` to z. */
+static void turn_up(const double up[3], double R[9])
 {
-    from_the_origin(s);
-    s->metric = 1;
-    if (!s->unscaled) return;
+    const double turn[3] = {up[1], -up[0], 0}, sine = fv_norm3(turn);
+    double r[3] = {FV_PI, 0, 0};
+    if (sine > 1e-9) {
+        const double angle = fv_atan2(sine, up[2]);
+        for (int i = 0; i < 3; i++)
+            r[i] = turn[i] * angle / sine;
+    } else if (up[2] > 0) {
+        r[0] = 0;
+    }
+    fv_so3_exp(r, R);
+}
+
+/* What becomes known changes odom, from the world's origin: metres, gravity, or both. */
+static void change_odom(struct fv_publish *publish, bool metres, double scale,
+                        const struct fv_inertial_known *inertial)
+{
+    struct fv_publish_state *s = publish->state;
+    const struct fv_se3 *B = &publish->T_body_cam;
+    const bool upright = inertial != NULL && !s->is_upright;
+    double before[9], back[9], up[3];
+    metres = metres && !s->metric;
+    if (!metres && !upright) return;
+    memcpy(before, s->upright, sizeof before);
+    if (upright) {
+        fv_rotate3(B->R, inertial->gravity, up);
+        for (int i = 0; i < 3; i++)
+            up[i] = -up[i];
+        if (fv_normalise3(up)) turn_up(up, s->upright);
+        s->is_upright = 1;
+    }
+    if (metres) from_the_origin(s);
+    if (metres) s->metric = 1;
+    if (!s->sent) return;
     s->changes++;
-    s->change_scale = change_scale;
+    fv_sim3_identity(&s->change);
+    for (int r = 0; r < 3; r++)
+        for (int c = 0; c < 3; c++)
+            back[3 * r + c] = before[3 * c + r];
+    fv_multiply33(s->upright, back, s->change.R);
+    if (!metres) return;
+    s->change.s = scale;
+    fv_rotate3(s->upright, B->t, s->change.t);
+}
+
+static void begin_map(struct fv_publish_state *s)
+{
+    s->metric = s->is_upright = s->sent = s->changes = 0;
+    memset(s->upright, 0, sizeof s->upright);
+    for (int i = 0; i < 3; i++)
+        s->upright[4 * i] = 1;
 }
 
 /* The map is still in metres while the camera is lost in it. */
@@ -97,14 +143,16 @@ static void keep_scale(struct fovea_pose *pose, const struct fovea_pose *before)
     pose->scale_source = before->scale_source;
 }
 
-static void publish_camera(struct fv_publish_state *s, const struct fv_odometry *odometry,
-                           const struct fv_scale *scale)
+static void publish_camera(struct fv_publish *publish, const struct fv_odometry *odometry,
+                           const struct fv_scale *scale, const struct fv_inertial_known *inertial)
 {
+    struct fv_publish_state *s = publish->state;
     struct fovea_pose *pose = &s->pose;
     const struct fovea_pose before = *pose;
     *pose = *fv_odometry_pose(odometry);
     pose->scale = 1;
-    if (pose->map_id != before.map_id) s->metric = s->unscaled = s->changes = 0;
+    if (pose->map_id != before.map_id || s->upright[0] + s->upright[4] + s->upright[8] == 0)
+        begin_map(s);
     if (!pose->posed) {
         if (s->metric) keep_scale(pose, &before);
         return;
@@ -114,11 +162,9 @@ static void publish_camera(struct fv_publish_state *s, const struct fv_odometry 
     pose->keyframe_stamp_ns = reference.stamp_ns;
     fv_se3_to_rows(&reference.T_keyframe_cam, pose->T_keyframe_cam);
     const struct fv_scale_value value = fv_scale_get(scale);
-    if (!value.known) {
-        s->unscaled = 1;
-        return;
-    }
-    if (!s->metric) begin_metres(s, value.metres * pose->map_scale);
+    change_odom(publish, value.known, value.metres * pose->map_scale, inertial);
+    s->sent = 1;
+    if (!value.known) return;
     scale_pose(s, value.metres);
     add_scale_uncertainty(pose, value.metres, value.sigma);
     scale_map(pose, odometry, value.metres);
@@ -139,17 +185,36 @@ static struct fv_se3 usable_T_body_cam(const struct fv_publish *publish)
     return T_body_cam;
 }
 
-/* T_odom_cam = B T_world_cam and T_odom_body = B T_world_cam B^-1 with B = T_body_cam. */
+static struct fv_se3 upright_of(const struct fv_publish *publish)
+{
+    struct fv_se3 U = {.t = {0, 0, 0}};
+    memcpy(U.R, publish->state->upright, sizeof U.R);
+    return U;
+}
+
+/* T_odom_cam = U B T_world_cam and T_odom_body = U B T_world_cam B^-1 with B = T_body_cam and U =
+ * upright. */
 struct fv_se3 fv_publish_child_pose(const struct fv_publish *publish, enum fv_publish_child child)
 {
     const struct fv_se3 B = usable_T_body_cam(publish);
     struct fv_se3 T, inverse;
     fv_se3_from_rows(publish->state->pose.T_world_cam, &T);
     fv_se3_compose(&B, &T, &T);
+    if (publish->state->is_upright) {
+        const struct fv_se3 U = upright_of(publish);
+        fv_se3_compose(&U, &T, &T);
+    }
     if (child == FV_PUBLISH_CAMERA) return T;
     fv_se3_invert(&B, &inverse);
     fv_se3_compose(&T, &inverse, &T);
     return T;
+}
+
+void fv_publish_turn(const struct fv_publish *publish, const double v[3], double out[3])
+{
+    double turned[3];
+    fv_rotate3(publish->T_body_cam.R, v, turned);
+    fv_rotate3(publish->state->upright, turned, out);
 }
 
 const struct fv_rates *fv_publish_rates(const struct fv_publish *publish,
@@ -173,7 +238,8 @@ static void find_rates(const struct fv_se3 *before, const struct fv_se3 *now, in
 }
 
 void fv_publish_step(struct fv_publish *publish, const struct fv_odometry *odometry,
-                     const struct fv_scale *scale, int64_t stamp_ns)
+                     const struct fv_scale *scale, const struct fv_inertial_known *inertial,
+                     int64_t stamp_ns)
 {
     struct fv_publish_state *s = publish->state;
     const struct fv_se3 before[] = {fv_publish_child_pose(publish, FV_PUBLISH_BODY),
@@ -181,12 +247,14 @@ void fv_publish_step(struct fv_publish *publish, const struct fv_odometry *odome
     const bool posed_before = s->pose.posed;
     const uint32_t map_id = s->pose.map_id;
     const enum fovea_scale_source source = s->pose.scale_source;
+    const uint32_t changes = s->changes;
     const int64_t step_ns = stamp_ns - s->stamp_ns;
-    publish_camera(s, odometry, scale);
+    publish_camera(publish, odometry, scale, inertial);
     s->stamp_ns = stamp_ns;
     memset(publish->rates, 0, sizeof publish->rates);
     if (!posed_before || !s->pose.posed || s->pose.map_id != map_id ||
-        s->pose.scale_source != source || step_ns <= 0 || step_ns > pause_max_ns)
+        s->pose.scale_source != source || s->changes != changes || step_ns <= 0 ||
+        step_ns > pause_max_ns)
         return;
     for (int child = 0; child < FV_PUBLISH_CHILDREN; child++) {
         const struct fv_se3 T = fv_publish_child_pose(publish, (enum fv_publish_child)child);
@@ -226,10 +294,8 @@ struct fv_se3 fv_publish_keyframe_pose(const struct fv_publish *publish,
 struct fv_publish_change fv_publish_last_change(const struct fv_publish *publish)
 {
     const struct fv_publish_state *s = publish->state;
-    struct fv_publish_change change = {.count = s->changes, .scale = 1};
-    if (s->changes == 0) return change;
-    change.scale = s->change_scale;
-    memcpy(change.position, publish->T_body_cam.t, sizeof change.position);
+    struct fv_publish_change change = {.count = s->changes, .S_new_old = s->change};
+    if (s->changes == 0) fv_sim3_identity(&change.S_new_old);
     return change;
 }
 
@@ -246,6 +312,13 @@ struct fv_sim3 fv_publish_map(const struct fv_publish *publish)
     fv_sim3_from_se3(&T, 1, &right);
     fv_sim3_compose(&left, &S, &S);
     fv_sim3_compose(&S, &right, &S);
+    if (!publish->state->is_upright) return S;
+    T = upright_of(publish); /* so is the map */
+    fv_sim3_from_se3(&T, 1, &left);
+    fv_se3_invert(&T, &T);
+    fv_sim3_from_se3(&T, 1, &right);
+    fv_sim3_compose(&left, &S, &S);
+    fv_sim3_compose(&S, &right, &S);
     return S;
 }
 
@@ -254,5 +327,10 @@ struct fv_sim3 fv_publish_own_map(const struct fv_publish *publish)
     const struct fv_se3 B = usable_T_body_cam(publish);
     struct fv_sim3 S;
     fv_sim3_from_se3(&B, publish->state->pose.scale, &S);
+    if (!publish->state->is_upright) return S;
+    const struct fv_se3 U = upright_of(publish);
+    struct fv_sim3 left;
+    fv_sim3_from_se3(&U, 1, &left);
+    fv_sim3_compose(&left, &S, &S);
     return S;
 }

@@ -3,13 +3,14 @@
  * known. Odometry gives the pose in a unit of its own and does not know of this.
  *
  * Frames: `world` is the camera's frame at the start of the map, `odom` the body's at the same
- * instant: p_odom = T_body_cam p_world. The C interface gives the camera in `world`
- * (struct fovea_pose), messages give both in `odom`.
+ * instant, p_odom = T_body_cam p_world, until an inertial sensor has shown gravity: from then on it
+ * is turned so that gravity points along -z, p_odom = upright T_body_cam p_world. The C interface
+ * gives the camera in `world` (struct fovea_pose), messages give both in `odom`.
  *
  * The published position moves by `scale` times what odometry's moves, so that a better estimate of
- * the scale bends the path but does not tear it. Only when the scale becomes known the unit
- * changes; struct fv_publish_change says how. State holds no addresses. Real-time safe: no heap,
- * all bounded. */
+ * the scale bends the path but does not tear it. Only when the scale or gravity becomes known
+ * `odom` changes; struct fv_publish_change says how. Better estimates of gravity leave it. State
+ * holds no addresses. Real-time safe: no heap, all bounded. */
 #ifndef FOVEA_RUNTIME_PUBLISH_H
 #define FOVEA_RUNTIME_PUBLISH_H
 
@@ -18,18 +19,20 @@
 #include "geometry/se3.h"
 #include "geometry/sim3.h"
 #include "odometry/odometry.h"
+#include "scale/inertial.h"
 #include "scale/scale.h"
 
 struct fv_publish_state {
     struct fovea_pose pose; /* of the last frame */
     /* Camera position as odometry has it and as published, when the frame was last posed. */
     double inner[3], outer[3];
-    int64_t stamp_ns;  /* of the last frame */
-    uint32_t metric;   /* inner and outer are in metres */
-    uint32_t unscaled; /* a pose of this map went out in the map's unit */
-    uint32_t changes;  /* of the unit, since this map began */
-    uint32_t reserved;
-    double change_scale; /* of the last change */
+    int64_t stamp_ns;      /* of the last frame */
+    uint32_t metric;       /* inner and outer are in metres */
+    uint32_t is_upright;   /* `upright` is that of gravity, otherwise the identity */
+    uint32_t sent;         /* a pose of this map went out */
+    uint32_t changes;      /* of odom, since this map began */
+    struct fv_sim3 change; /* the last */
+    double upright[9];
 };
 
 /* The child whose pose in `odom` is meant. */
@@ -42,11 +45,10 @@ struct fv_rates {
     double velocity[3], rotation_rate[3];
 };
 
-/* The last change of the unit: p_new = scale p_old + position takes points of `odom` as it was to
- * `odom` as it is. */
+/* The last change of the unit and axes: takes points of `odom` as it was to `odom` as it is. */
 struct fv_publish_change {
-    uint32_t count; /* since the map began; 0: none, scale 1 and position 0 */
-    double scale, position[3];
+    uint32_t count; /* since the map began; 0: none, and S_new_old is the identity */
+    struct fv_sim3 S_new_old;
 };
 
 struct fv_publish {
@@ -60,13 +62,17 @@ struct fv_publish {
 void fv_publish_carve(struct fv_publish *publish, const double T_body_cam[12],
                       struct fv_arena *persistent);
 
-/* After each frame, and when the pose was lost without one; stamp_ns is the last frame's. */
+/* After each frame, and when the pose was lost without one; stamp_ns is the last frame's.
+ * `inertial`: what an inertial sensor claims; NULL: nothing. */
 void fv_publish_step(struct fv_publish *publish, const struct fv_odometry *odometry,
-                     const struct fv_scale *scale, int64_t stamp_ns);
+                     const struct fv_scale *scale, const struct fv_inertial_known *inertial,
+                     int64_t stamp_ns);
 
 const struct fovea_pose *fv_publish_pose(const struct fv_publish *publish);
 struct fv_se3 fv_publish_child_pose(const struct fv_publish *publish,
                                     enum fv_publish_child child); /* T_odom_child */
+/* out = v of `world`'s axes in those of odom. */
+void fv_publish_turn(const struct fv_publish *publish, const double v[3], double out[3]);
 const struct fv_rates *fv_publish_rates(const struct fv_publish *publish,
                                         enum fv_publish_child child);
 /* Covariance as that of struct fovea_pose, in the child's frame. */

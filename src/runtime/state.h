@@ -20,6 +20,7 @@
 #include "runtime/publish.h"
 #include "runtime/relative.h"
 #include "runtime/objects.h"
+#include "scale/inertial.h"
 #include "scale/scale.h"
 #include "stereo/stereo.h"
 
@@ -83,7 +84,8 @@ struct fovea {
     struct fv_odometry odometry;
     struct fv_detection detection, detection2; /* objects use the first */
     struct fv_object_stage objects;
-    struct fv_free_space free_space; /* from the first of the networks that labels pixels */
+    struct fv_free_space free_space;   /* from the first of the networks that labels pixels */
+    struct fv_inertial_stage inertial; /* where fv_config_inertial */
     struct fv_scale scale;
     struct fv_publish publish;
     struct fv_relative relative;

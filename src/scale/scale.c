@@ -127,7 +127,17 @@ static void compare_distances(struct fv_scale *scale, const struct fv_odometry *
     scale_measure(scale, FOVEA_SCALE_STEREO, log_scale, variance);
 }
 
-void fv_scale_step(struct fv_scale *scale, struct fv_odometry *odometry)
+/* The estimator is a filter of its own. */
+static void take_inertial(struct fv_scale_state *s, const struct fv_inertial_known *inertial)
+{
+    s->known = true;
+    s->source = FOVEA_SCALE_INERTIAL;
+    s->log_scale = fv_log(inertial->scale) - fv_log(s->map_scale);
+    s->variance = inertial->scale_sigma * inertial->scale_sigma;
+}
+
+void fv_scale_step(struct fv_scale *scale, struct fv_odometry *odometry,
+                   const struct fv_inertial_known *inertial)
 {
     struct fv_scale_state *s = scale->state;
     const struct fovea_pose *pose = fv_odometry_pose(odometry);
@@ -140,7 +150,10 @@ void fv_scale_step(struct fv_scale *scale, struct fv_odometry *odometry)
     if (!s->started && scale->config.source == FOVEA_SCALE_CAMERA_HEIGHT)
         fv_scale_unit(scale, odometry);
     if (scale->config.source == FOVEA_SCALE_WHEEL_ODOMETRY) fv_scale_walk(scale, odometry);
-    if (scale->config.source == FOVEA_SCALE_FREE) compare_distances(scale, odometry);
+    if (inertial != NULL)
+        take_inertial(s, inertial);
+    else if (scale->config.source == FOVEA_SCALE_FREE)
+        compare_distances(scale, odometry);
     s->started = true;
     if (!s->known) return;
     const struct fv_map_scale kept = {s->source, 0, s->log_scale + fv_log(s->map_scale),

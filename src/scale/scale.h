@@ -27,6 +27,7 @@
 #include "geometry/floor.h"
 #include "geometry/se3.h"
 #include "odometry/odometry.h"
+#include "scale/inertial.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -87,8 +88,10 @@ void fv_scale_init(struct fv_scale *scale, uint64_t seed);
  * as are samples not after the last one. */
 void fv_scale_observe(struct fv_scale *scale, const struct fovea_sample *samples, uint32_t count);
 
-/* After each frame, when its pose is known. Odometry keeps what is known with its map. */
-void fv_scale_step(struct fv_scale *scale, struct fv_odometry *odometry);
+/* After each frame, when its pose is known. Odometry keeps what is known with its map. `inertial`:
+ * what an inertial sensor claims; NULL: nothing. */
+void fv_scale_step(struct fv_scale *scale, struct fv_odometry *odometry,
+                   const struct fv_inertial_known *inertial);
 
 /* What is known of the scale of the map that the last frame was posed in. */
 struct fv_scale_value {

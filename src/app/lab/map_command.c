@@ -26,6 +26,7 @@ static void unit_print(const struct fv_map_state *s, uint32_t map_id)
         printf(" of %.4g m (known by %s to %.1f %%)", fv_exp(scale->log_scale),
                scale->source == FOVEA_SCALE_WHEEL_ODOMETRY ? "wheel odometry"
                : scale->source == FOVEA_SCALE_STEREO       ? "two cameras"
+               : scale->source == FOVEA_SCALE_INERTIAL     ? "an inertial sensor"
                                                            : "the camera's height",
                100 * __builtin_sqrt(scale->variance));
 }

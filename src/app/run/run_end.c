@@ -83,6 +83,7 @@ static void scale_print(const struct fv_run *run)
         [FOVEA_SCALE_CAMERA_HEIGHT] = "the camera's height over the floor",
         [FOVEA_SCALE_WHEEL_ODOMETRY] = "wheel odometry",
         [FOVEA_SCALE_STEREO] = "two cameras",
+        [FOVEA_SCALE_INERTIAL] = "the inertial sensor",
     };
     struct fovea_pose pose;
     fovea_pose_get(run->loop.rt, &pose);

@@ -134,17 +134,17 @@ static void ideal_samples_give_the_motion_back(void **state)
         double offset_s;
         int64_t stated_ns;
     } runs[] = {
-        {"orbit?", 0, 0},
-        {"fast?turn_rate=300&", 0, 0},
-        {"stopgo?", 0, 0},
-        {"tour?", 0, 0},
-        {"corridor?", 0, 0},
-        {"rotate?", 0, 0},
-        {"wander?", 0, 0},
-        {"orbit?imu_offset=12.5&", 0.0125, 12500000},
-        {"orbit?imu_offset=-7&imu_offset_known=0&", -0.007, 0},
-        {"orbit?imu_pose=0.3,-0.2,0.5,20,-35,140&", 0, 0},
-        {"fast?turn_rate=300&imu_pose=-0.4,0.1,0.3,90,0,-90&", 0, 0},
+        {"orbit?", 0, -2500000},
+        {"fast?turn_rate=300&", 0, -2500000},
+        {"stopgo?", 0, -2500000},
+        {"tour?", 0, -2500000},
+        {"corridor?", 0, -2500000},
+        {"rotate?", 0, -2500000},
+        {"wander?", 0, -2500000},
+        {"orbit?imu_offset=12.5&", 0.0125, 10000000},
+        {"orbit?imu_offset=-7&imu_offset_known=0&", -0.007, -2500000},
+        {"orbit?imu_pose=0.3,-0.2,0.5,20,-35,140&", 0, -2500000},
+        {"fast?turn_rate=300&imu_pose=-0.4,0.1,0.3,90,0,-90&", 0, -2500000},
     };
     (void)state;
     for (size_t i = 0; i < sizeof runs / sizeof runs[0]; i++) {

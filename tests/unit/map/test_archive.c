@@ -113,7 +113,7 @@ static void test_scales(void **state)
         uint8_t value;
         const char *expected;
     } cases[] = {{first, 0, "map of a scale: found 0, expected one that comes once"},
-                 {first + 4, 4, "source of a scale: found 4, expected 1 to 3"},
+                 {first + 4, 5, "source of a scale: found 5, expected 1 to 4"},
                  {first + 15, 0x7f, "logarithm of a scale"},
                  {first + 23, 0xbf, "variance of a scale"},
                  {164, 10, "byte 164: scales: found 10"}};

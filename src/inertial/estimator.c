@@ -1,0 +1,461 @@
+/* Stations and samples as they come, and the units of an estimate. */
+#include "inertial/estimator.h"
+
+#include <string.h>
+
+#include "base/elementary.h"
+#include "geometry/vec.h"
+
+enum {
+    STATIONS_MIN = 4,
+    ITERATIONS_MAX = 10,
+    INTEGRATED_PER_UNIT = 48,
+    ELIMINATED_PER_UNIT = 5,
+    STEPPED_PER_UNIT = 16
+};
+
+static const int64_t gap_max_ns = 60000000; /* between samples */
+/* Of biases, from those that a link was summed with: beyond, its samples are summed again. */
+static const double far_gyro = 5e-3, far_acceleration = 0.3;
+/* Of a step that is worth another one. */
+static const double far_scale = 5e-3, far_down = 3e-4, far_bias = 2e-4;
+static const double scale_least = 1e-3;
+/* Of biases before anything is known, rad/s and m/s^2. */
+static const double bias_sigma_begin[2] = {0.1, 0.3};
+
+void fv_inertial_carve(struct fv_inertial *inertial, const struct fv_inertial_config *config,
+                       struct fv_arena *persistent)
+{
+    inertial->config = *config;
+    inertial->state = fv_arena_take(persistent, 1, sizeof *inertial->state);
+    inertial->stations =
+        fv_arena_take(persistent, FV_INERTIAL_STATIONS_MAX, sizeof *inertial->stations);
+    inertial->samples =
+        fv_arena_take(persistent, (size_t)FV_INERTIAL_STATIONS_MAX * FV_INERTIAL_SAMPLES_MAX,
+                      sizeof *inertial->samples);
+}
+
+void fv_inertial_init(struct fv_inertial *inertial)
+{
+    struct fv_inertial_state *s = inertial->state;
+    memset(s, 0, sizeof *s);
+    s->shared.down[2] = -1;
+    memcpy(s->bias_sigma, bias_sigma_begin, sizeof s->bias_sigma);
+}
+
+/* What is known of the biases outlives the stations. */
+static void keep_biases(struct fv_inertial_state *s)
+{
+    const struct fv_inertial_estimate *e = &s->estimate;
+    if (!e->known) return;
+    double gyro = 0, acceleration = 0;
+    for (int i = 0; i < 3; i++) {
+        const int a = FV_INERTIAL_OWN - 3 + i, g = FV_INERTIAL_TAIL - 3 + i;
+        gyro += e->covariance[g * (FV_INERTIAL_TAIL + 1)] / 3;
+        acceleration += e->covariance[a * (FV_INERTIAL_TAIL + 1)] / 3;
+    }
+    memcpy(s->acceleration_bias, e->own.acceleration_bias, sizeof s->acceleration_bias);
+    memcpy(s->shared.gyro_bias, e->shared.gyro_bias, sizeof s->shared.gyro_bias);
+    s->bias_sigma[0] = 2 * __builtin_sqrt(gyro) + 1e-4;
+    s->bias_sigma[1] = 2 * __builtin_sqrt(acceleration) + 1e-2;
+}
+
+void fv_inertial_restart(struct fv_inertial *inertial, double metric_sigma, double scale_drift)
+{
+    struct fv_inertial_state *s = inertial->state;
+    s->metric_sigma = metric_sigma;
+    s->scale_drift = scale_drift;
+    keep_biases(s);
+    s->first = s->count = 0;
+    s->phase = FV_INERTIAL_IDLE;
+    s->wanted = s->handed = false;
+    s->prior.known = s->estimate.known = false;
+}
+
+/* ---- stations and samples -------------------------------------------------------------------- */
+
+uint32_t fv_inertial_station_count(const struct fv_inertial *inertial)
+{
+    return inertial->state->count;
+}
+
+static uint32_t slot_of(const struct fv_inertial *inertial, uint32_t i)
+{
+    return (inertial->state->first + i) % FV_INERTIAL_STATIONS_MAX;
+}
+
+struct fv_inertial_station *fv_inertial_station_at(const struct fv_inertial *inertial, uint32_t i)
+{
+    return inertial->stations + slot_of(inertial, i);
+}
+
+static struct fv_inertial_sample *samples_of(const struct fv_inertial *inertial, uint32_t i)
+{
+    return inertial->samples + (size_t)slot_of(inertial, i) * FV_INERTIAL_SAMPLES_MAX;
+}
+
+static void cut(struct fv_inertial *inertial, struct fv_inertial_station *station)
+{
+    inertial->state->cuts += !station->cut;
+    station->cut = true;
+}
+
+static void append(struct fv_inertial *inertial, uint32_t i, int64_t stamp_ns,
+                   const struct fv_inertial_sample *sample)
+{
+    struct fv_inertial_station *station = fv_inertial_station_at(inertial, i);
+    struct fv_inertial_sample *list = samples_of(inertial, i);
+    const int64_t after_ns = stamp_ns - station->stamp_ns;
+    if (station->cut) return;
+    if (after_ns <= 0) station->sample_count = 0; /* only the last before the station counts */
+    const int64_t since =
+        station->sample_count > 0 ? after_ns - list[station->sample_count - 1].after_ns : after_ns;
+    if (station->sample_count >= FV_INERTIAL_SAMPLES_MAX) {
+        inertial->state->overflows++;
+        cut(inertial, station);
+    } else if (since > gap_max_ns || after_ns < -gap_max_ns) {
+        cut(inertial, station);
+    } else {
+        struct fv_inertial_sample *kept = &list[station->sample_count++];
+        *kept = *sample;
+        kept->after_ns = (int32_t)after_ns;
+    }
+}
+
+void fv_inertial_take(struct fv_inertial *inertial, int64_t stamp_ns, const double gyro[3],
+                      const double acceleration[3])
+{
+    struct fv_inertial_state *s = inertial->state;
+    struct fv_inertial_sample sample = {.after_ns = 0};
+    if (s->any_sample && stamp_ns <= s->last_sample_ns) return;
+    for (int i = 0; i < 3; i++) {
+        sample.gyro[i] = (float)gyro[i];
+        sample.acceleration[i] = (float)acceleration[i];
+    }
+    s->last_sample = sample;
+    s->last_sample_ns = stamp_ns;
+    s->any_sample = true;
+    if (s->count > 1) {
+        struct fv_inertial_station *before = fv_inertial_station_at(inertial, s->count - 2);
+        const int64_t next_ns = fv_inertial_station_at(inertial, s->count - 1)->stamp_ns;
+        if (!before->closed) {
+            append(inertial, s->count - 2, stamp_ns, &sample);
+            before->closed = stamp_ns >= next_ns;
+        }
+    }
+    if (s->count > 0) append(inertial, s->count - 1, stamp_ns, &sample);
+}
+
+void fv_inertial_jump(struct fv_inertial *inertial)
+{
+    struct fv_inertial_state *s = inertial->state;
+    s->any_sample = false;
+    for (uint32_t i = s->count > 2 ? s->count - 2 : 0; i < s->count; i++)
+        if (!fv_inertial_station_at(inertial, i)->closed)
+            cut(inertial, fv_inertial_station_at(inertial, i));
+}
+
+static void drop_oldest(struct fv_inertial_state *s)
+{
+    s->first = (s->first + 1) % FV_INERTIAL_STATIONS_MAX;
+    s->count--;
+    s->phase = FV_INERTIAL_IDLE;
+    s->prior.known = false;
+    if (s->handed) s->prior = s->hand_on;
+    s->handed = false;
+}
+
+void fv_inertial_add_station(struct fv_inertial *inertial, int64_t stamp_ns,
+                             const struct fv_inertial_owner *of,
+                             const struct fv_inertial_pose *pose)
+{
+    struct fv_inertial_state *s = inertial->state;
+    if (s->count == FV_INERTIAL_STATIONS_MAX) drop_oldest(s);
+    if (s->count > 1 && !fv_inertial_station_at(inertial, s->count - 2)->closed)
+        cut(inertial, fv_inertial_station_at(inertial, s->count - 2));
+    struct fv_inertial_station *station = fv_inertial_station_at(inertial, s->count++);
+    memset(station, 0, sizeof *station);
+    station->stamp_ns = stamp_ns;
+    station->of = *of;
+    station->pose = *pose;
+    s->wanted = true;
+    if (s->any_sample) append(inertial, s->count - 1, s->last_sample_ns, &s->last_sample);
+    if (s->count < 2) return;
+    /* Where the sensor's last sample is at the very instant, nothing is missing. */
+    fv_inertial_station_at(inertial, s->count - 2)->closed =
+        s->any_sample && s->last_sample_ns >= stamp_ns;
+}
+
+/* ---- links ----------------------------------------------------------------------------------- */
+
+static void between(const struct fv_inertial_sample *a, const struct fv_inertial_sample *b,
+                    double at, double gyro[3], double acceleration[3])
+{
+    for (int i = 0; i < 3; i++) {
+        gyro[i] = (double)a->gyro[i] + at * ((double)b->gyro[i] - (double)a->gyro[i]);
+        acceleration[i] = (double)a->acceleration[i] +
+                          at * ((double)b->acceleration[i] - (double)a->acceleration[i]);
+    }
+}
+
+/* Add what lies of the interval between two samples in [0, end_ns]. */
+static void integrate(const struct fv_inertial *inertial, struct fv_inertial_station *station,
+                      const struct fv_inertial_sample *a, const struct fv_inertial_sample *b,
+                      int64_t end_ns)
+{
+    const int64_t from = a->after_ns > 0 ? a->after_ns : 0,
+                  to = b->after_ns < end_ns ? b->after_ns : end_ns;
+    double gyro[3], acceleration[3];
+    if (to <= from) return;
+    const double middle = ((double)(from - a->after_ns) + (double)(to - a->after_ns)) / 2 /
+                          (double)(b->after_ns - a->after_ns);
+    between(a, b, middle, gyro, acceleration);
+    fv_preintegration_step(&station->link, &inertial->config.noise, gyro, acceleration,
+                           (double)(to - from) * 1e-9);
+}
+
+static bool far_apart(const double a[3], const double b[3], double limit)
+{
+    double d[3];
+    fv_subtract3(a, b, d);
+    return fv_dot3(d, d) > limit * limit;
+}
+
+/* Sum at most *budget samples of a link; true when it is whole. */
+static bool integrate_link(const struct fv_inertial *inertial, uint32_t i, uint32_t *budget)
+{
+    struct fv_inertial_station *station = fv_inertial_station_at(inertial, i);
+    const struct fv_inertial_sample *list = samples_of(inertial, i);
+    const int64_t end_ns = fv_inertial_station_at(inertial, i + 1)->stamp_ns - station->stamp_ns;
+    struct fv_imu_biases biases;
+    memcpy(biases.gyro, inertial->state->shared.gyro_bias, sizeof biases.gyro);
+    memcpy(biases.acceleration, station->now.acceleration_bias, sizeof biases.acceleration);
+    if (station->integrated == 0 || /* begin, or begin again */
+        far_apart(biases.gyro, station->link.biases.gyro, far_gyro) ||
+        far_apart(biases.acceleration, station->link.biases.acceleration, far_acceleration)) {
+        fv_preintegration_begin(&station->link, &biases);
+        station->integrated = 0;
+        if (list[0].after_ns > 0) { /* nothing from before: the first sample stands for it */
+            struct fv_inertial_sample first = list[0];
+            first.after_ns = 0;
+            integrate(inertial, station, &first, &list[0], end_ns);
+        }
+    }
+    for (; station->integrated + 1 < station->sample_count; station->integrated++, (*budget)--) {
+        if (*budget == 0) return false;
+        integrate(inertial, station, &list[station->integrated], &list[station->integrated + 1],
+                  end_ns);
+    }
+    return true;
+}
+
+/* Attitude of the sensor at a station. */
+static void attitude(const struct fv_inertial *inertial, const struct fv_inertial_station *station,
+                     double R[9])
+{
+    fv_multiply33(station->pose.T_world_cam.R, inertial->config.T_cam_imu.R, R);
+}
+
+/* First values of a station: those of the one before, moved on by the link. */
+static void follow(const struct fv_inertial *inertial, uint32_t i)
+{
+    const struct fv_inertial_station *a = fv_inertial_station_at(inertial, i);
+    struct fv_inertial_station *b = fv_inertial_station_at(inertial, i + 1);
+    double R[9], gained[3];
+    if (b->now.scale > 0) return;
+    b->now = a->now;
+    memset(b->now.turn, 0, sizeof b->now.turn);
+    memset(b->now.offset, 0, sizeof b->now.offset);
+    attitude(inertial, a, R);
+    fv_rotate3(R, a->link.velocity, gained);
+    for (int k = 0; k < 3; k++)
+        b->now.velocity[k] +=
+            gained[k] + inertial->config.gravity * a->link.time_s * inertial->state->shared.down[k];
+}
+
+/* Gravity is against the mean of what the sensor feels. */
+static void guess_down(struct fv_inertial *inertial)
+{
+    struct fv_inertial_state *s = inertial->state;
+    double down[3] = {0, 0, 0};
+    for (uint32_t i = 0; i + 1 < s->taking_part; i++) {
+        const struct fv_inertial_station *station = fv_inertial_station_at(inertial, i);
+        double R[9], gained[3];
+        attitude(inertial, station, R);
+        fv_rotate3(R, station->link.velocity, gained);
+        for (int k = 0; k < 3; k++)
+            down[k] -= gained[k];
+    }
+    if (fv_normalise3(down)) fv_copy3(down, s->shared.down);
+}
+
+/* ---- an estimate ----------------------------------------------------------------------------- */
+
+bool fv_inertial_wanted(const struct fv_inertial *inertial)
+{
+    return inertial->state->wanted && inertial->state->phase == FV_INERTIAL_IDLE;
+}
+
+bool fv_inertial_busy(const struct fv_inertial *inertial)
+{
+    return inertial->state->phase != FV_INERTIAL_IDLE;
+}
+
+/* The window begins after the last link that is cut. */
+static void skip_cuts(struct fv_inertial *inertial)
+{
+    struct fv_inertial_state *s = inertial->state;
+    uint32_t behind = 0;
+    for (uint32_t i = 0; i < s->count; i++)
+        if (fv_inertial_station_at(inertial, i)->cut) behind = i + 1;
+    if (behind == 0) return;
+    keep_biases(s);
+    s->first = slot_of(inertial, behind);
+    s->count -= behind;
+    s->prior.known = s->handed = s->estimate.known = false;
+}
+
+void fv_inertial_begin(struct fv_inertial *inertial)
+{
+    struct fv_inertial_state *s = inertial->state;
+    s->wanted = false;
+    skip_cuts(inertial);
+    uint32_t part = 0;
+    while (part + 1 < s->count && fv_inertial_station_at(inertial, part)->closed)
+        part++;
+    if (part + 1 < STATIONS_MIN) return;
+    s->taking_part = part + 1;
+    struct fv_inertial_station *oldest = fv_inertial_station_at(inertial, 0);
+    if (!(oldest->now.scale > 0)) {
+        oldest->now.scale = 1;
+        memcpy(oldest->now.acceleration_bias, s->acceleration_bias, sizeof s->acceleration_bias);
+    }
+    s->next = s->iteration = 0;
+    s->phase = FV_INERTIAL_INTEGRATE;
+}
+
+static void integrate_unit(struct fv_inertial *inertial)
+{
+    struct fv_inertial_state *s = inertial->state;
+    uint32_t budget = INTEGRATED_PER_UNIT;
+    for (; s->next + 1 < s->taking_part; s->next++) {
+        if (!integrate_link(inertial, s->next, &budget)) return;
+        follow(inertial, s->next);
+    }
+    if (!s->estimate.known && s->iteration == 0) guess_down(inertial);
+    s->phase = FV_INERTIAL_ELIMINATE;
+    s->next = 0;
+    s->moved_far = false;
+}
+
+/* The equations cannot be solved: no estimate, and the next begins from nothing. */
+static void give_up(struct fv_inertial *inertial)
+{
+    for (uint32_t i = 0; i < inertial->state->count; i++)
+        memset(&fv_inertial_station_at(inertial, i)->now, 0, sizeof(struct fv_inertial_own));
+    inertial->state->prior.known = inertial->state->handed = false;
+    inertial->state->estimate.known = false;
+    inertial->state->phase = FV_INERTIAL_IDLE;
+}
+
+static void eliminate_unit(struct fv_inertial *inertial)
+{
+    struct fv_inertial_state *s = inertial->state;
+    for (int n = 0; n < ELIMINATED_PER_UNIT && s->next + 1 < s->taking_part; n++, s->next++)
+        if (!fv_inertial_eliminate(inertial, s->next)) {
+            give_up(inertial);
+            return;
+        }
+    if (s->next + 1 < s->taking_part) return;
+    if (!fv_inertial_solve_tail(inertial)) {
+        give_up(inertial);
+        return;
+    }
+    s->phase = FV_INERTIAL_BACK;
+}
+
+static void move_own(struct fv_inertial_own *own, const double step[FV_INERTIAL_OWN])
+{
+    for (int k = 0; k < 3; k++) {
+        own->turn[k] += step[k];
+        own->offset[k] += step[3 + k];
+        own->velocity[k] += step[6 + k];
+        own->acceleration_bias[k] += step[10 + k];
+    }
+    own->scale += step[9];
+    if (own->scale < scale_least) own->scale = scale_least;
+}
+
+static void move_shared(struct fv_inertial_shared *shared, const double step[FV_INERTIAL_SHARED])
+{
+    double across[2][3];
+    fv_inertial_across(shared->down, across);
+    for (int k = 0; k < 3; k++) {
+        shared->down[k] += across[0][k] * step[0] + across[1][k] * step[1];
+        shared->gyro_bias[k] += step[2 + k];
+    }
+    (void)fv_normalise3(shared->down);
+}
+
+static void finish(struct fv_inertial *inertial)
+{
+    struct fv_inertial_state *s = inertial->state;
+    struct fv_inertial_estimate *e = &s->estimate;
+    const struct fv_inertial_station *newest = fv_inertial_station_at(inertial, s->taking_part - 1);
+    const double *C = e->covariance;
+    const int down = FV_INERTIAL_OWN * (FV_INERTIAL_TAIL + 1), scale = 9 * (FV_INERTIAL_TAIL + 1);
+    e->own = newest->now;
+    e->shared = s->shared;
+    fv_inertial_across(s->shared.down, e->across);
+    e->stamp_ns = newest->stamp_ns;
+    e->time_s = (double)(newest->stamp_ns - fv_inertial_station_at(inertial, 0)->stamp_ns) * 1e-9;
+    e->stations = s->taking_part;
+    e->scale_sigma = __builtin_sqrt(C[scale]) / e->own.scale;
+    e->gravity_sigma = __builtin_sqrt((C[down] + C[down + FV_INERTIAL_TAIL + 1]) / 2);
+    e->known = true;
+    s->phase = FV_INERTIAL_IDLE;
+}
+
+static void back_unit(struct fv_inertial *inertial)
+{
+    struct fv_inertial_state *s = inertial->state;
+    const double *x = s->solution;
+    if (s->next + 1 == s->taking_part) { /* the newest and the shared go first */
+        struct fv_inertial_own *own = &fv_inertial_station_at(inertial, s->next)->now;
+        s->moved_far = fv_abs(x[9]) > far_scale * own->scale;
+        for (int k = 0; k < FV_INERTIAL_SHARED; k++)
+            s->moved_far =
+                s->moved_far || fv_abs(x[FV_INERTIAL_OWN + k]) > (k < 2 ? far_down : far_bias);
+        move_own(own, x);
+        move_shared(&s->shared, x + FV_INERTIAL_OWN);
+    }
+    for (int n = 0; n < STEPPED_PER_UNIT && s->next > 0; n++) {
+        s->next--;
+        fv_inertial_step_back(inertial, s->next);
+        move_own(&fv_inertial_station_at(inertial, s->next)->now, s->solution);
+    }
+    if (s->next > 0) return;
+    s->iteration++;
+    if (s->moved_far && s->iteration < ITERATIONS_MAX)
+        s->phase = FV_INERTIAL_INTEGRATE;
+    else
+        finish(inertial);
+}
+
+bool fv_inertial_unit(struct fv_inertial *inertial)
+{
+    switch (inertial->state->phase) {
+    case FV_INERTIAL_INTEGRATE:
+        integrate_unit(inertial);
+        break;
+    case FV_INERTIAL_ELIMINATE:
+        eliminate_unit(inertial);
+        break;
+    case FV_INERTIAL_BACK:
+        back_unit(inertial);
+        break;
+    case FV_INERTIAL_IDLE:
+        break;
+    }
+    return inertial->state->phase != FV_INERTIAL_IDLE;
+}

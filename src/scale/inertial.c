@@ -1,0 +1,234 @@
+#include "scale/inertial.h"
+
+#include <string.h>
+
+#include "geometry/vec.h"
+
+static const int64_t station_apart_ns = 240000000;
+static const double position_sigma_least = 3e-4; /* of the distance of what is seen */
+static const double turn_sigma_least = 3e-4;
+static const double mono_drift = 0.004, stereo_drift = 1e-4; /* of the scale, relative, by root s */
+static const double stereo_sigma = 0.003;
+/* Of what is claimed. */
+static const double claim_sigma = 0.04, claim_misfit = 4, claim_gravity_sigma = 0.02;
+static const double claim_time_s = 3;
+static const double sigma_least = 0.005; /* models of lenses and sensors are not better */
+static const double gravity_m_s2 = 9.80665;
+/* ADIS16448, where a rig states no densities. */
+static const double gyro_noise = 1.7e-4, acceleration_noise = 2e-3, acceleration_walk = 3e-3;
+
+static double square_of(double stated, double otherwise, double factor)
+{
+    const double sigma = factor * (stated > 0 ? stated : otherwise);
+    return sigma * sigma;
+}
+
+void fv_inertial_stage_carve(struct fv_inertial_stage *stage, const struct fovea_rig *rig,
+                             double noise_factor, struct fv_arena *persistent)
+{
+    const struct fovea_rig_imu *imu = &rig->imu;
+    struct fv_inertial_config config = {
+        .noise = {square_of(imu->gyro_noise, gyro_noise, noise_factor),
+                  square_of(imu->acceleration_noise, acceleration_noise, noise_factor)},
+        .acceleration_walk = square_of(imu->acceleration_walk, acceleration_walk, 1),
+        .gravity = gravity_m_s2};
+    struct fv_se3 T_body_cam, T_body_imu;
+    memset(stage, 0, sizeof *stage);
+    stage->enabled = true;
+    stage->imu = *imu;
+    fv_se3_from_rows(rig->cameras[0].T_body_cam, &T_body_cam);
+    fv_se3_from_rows(imu->T_body_imu, &T_body_imu);
+    fv_se3_invert(&T_body_cam, &T_body_cam);
+    fv_se3_compose(&T_body_cam, &T_body_imu, &config.T_cam_imu);
+    fv_inertial_carve(&stage->estimator, &config, persistent);
+    stage->state = fv_arena_take(persistent, 1, sizeof *stage->state);
+}
+
+void fv_inertial_stage_init(struct fv_inertial_stage *stage)
+{
+    fv_inertial_init(&stage->estimator);
+}
+
+/* ---- samples --------------------------------------------------------------------------------- */
+
+static void correct(const double rows[12], const double measured[3], double out[3])
+{
+    for (int r = 0; r < 3; r++)
+        out[r] = fv_dot3(rows + 4 * r, measured) + rows[4 * r + 3];
+}
+
+static bool stated(const double rows[12])
+{
+    return fv_dot3(rows, rows) > 0;
+}
+
+void fv_inertial_stage_observe(struct fv_inertial_stage *stage, const struct fv_imu_gate *gate)
+{
+    const struct fovea_rig_imu *imu = &stage->imu;
+    if (!stage->enabled) return;
+    for (uint32_t i = 0; i < gate->count; i++) {
+        const struct fovea_imu_sample *sample = &gate->clean[i].sample;
+        double gyro[3], acceleration[3];
+        int64_t stamp_ns;
+        if (__builtin_add_overflow(sample->stamp_ns, imu->time_offset_ns, &stamp_ns)) continue;
+        fv_copy3(sample->gyro, gyro);
+        fv_copy3(sample->acceleration, acceleration);
+        if (stated(imu->gyro_correction)) correct(imu->gyro_correction, sample->gyro, gyro);
+        if (stated(imu->acceleration_correction))
+            correct(imu->acceleration_correction, sample->acceleration, acceleration);
+        if (gate->clean[i].notes & FV_IMU_AFTER_JUMP) fv_inertial_jump(&stage->estimator);
+        fv_inertial_take(&stage->estimator, stamp_ns, gyro, acceleration);
+    }
+}
+
+/* ---- stations -------------------------------------------------------------------------------- */
+
+static double mean_sigma(const double covariance[21], int first)
+{
+    static const int diagonal[6] = {0, 6, 11, 15, 18, 20};
+    double sum = 0;
+    for (int i = 0; i < 3; i++)
+        sum += covariance[diagonal[first + i]];
+    return __builtin_sqrt(sum / 3);
+}
+
+/* Another map, or another world: what is known of the biases stays. */
+static void enter(struct fv_inertial_stage *stage, const struct fv_odometry *odometry)
+{
+    struct fv_inertial_stage_state *s = stage->state;
+    memset(s, 0, sizeof *s);
+    s->begun = true;
+    s->map = fv_odometry_pose(odometry)->map_id;
+    s->reset_counter = fv_odometry_reset_counter(odometry);
+    s->metric = fv_map_metric(fv_odometry_map(odometry));
+    fv_inertial_restart(&stage->estimator, s->metric ? stereo_sigma : 0,
+                        s->metric ? stereo_drift * stereo_drift : mono_drift * mono_drift);
+}
+
+/* Depth of what the newest keyframe sees, in the unit of world. */
+static double depth_of(const struct fv_odometry *odometry)
+{
+    return fv_odometry_current_depth(odometry) / fv_odometry_pose(odometry)->map_scale;
+}
+
+static void add_station(struct fv_inertial_stage *stage, const struct fv_odometry *odometry,
+                        int64_t stamp_ns)
+{
+    const struct fovea_pose *pose = fv_odometry_pose(odometry);
+    const struct fv_odometry_reference reference = fv_odometry_reference(odometry);
+    const double least = position_sigma_least * depth_of(odometry),
+                 position = mean_sigma(pose->covariance, 0), turn = mean_sigma(pose->covariance, 3);
+    const struct fv_inertial_owner of = {reference.slot, reference.number,
+                                         reference.T_keyframe_cam};
+    struct fv_inertial_pose given = {.position_sigma = position > least ? position : least,
+                                     .turn_sigma =
+                                         turn > turn_sigma_least ? turn : turn_sigma_least};
+    fv_se3_from_rows(pose->T_world_cam, &given.T_world_cam);
+    fv_inertial_add_station(&stage->estimator, stamp_ns, &of, &given);
+    stage->state->station_ns = stamp_ns;
+}
+
+void fv_inertial_stage_step(struct fv_inertial_stage *stage, const struct fv_odometry *odometry,
+                            int64_t stamp_ns)
+{
+    struct fv_inertial_stage_state *s = stage->state;
+    const struct fovea_pose *pose = fv_odometry_pose(odometry);
+    if (!stage->enabled || !pose->posed) return;
+    if (!s->begun || s->map != pose->map_id ||
+        s->reset_counter != fv_odometry_reset_counter(odometry))
+        enter(stage, odometry);
+    if (s->station_ns != 0 && stamp_ns - s->station_ns < station_apart_ns) return;
+    add_station(stage, odometry, stamp_ns);
+}
+
+/* Poses of the stations as the map has their keyframes now. */
+static void refresh(struct fv_inertial_stage *stage, const struct fv_odometry *odometry)
+{
+    const struct fovea_pose *pose = fv_odometry_pose(odometry);
+    const struct fv_map *map = fv_odometry_map(odometry);
+    const uint32_t count = fv_inertial_station_count(&stage->estimator);
+    struct fv_se3 T_map_world;
+    struct fv_sim3 S_world_map, S;
+    if (!pose->posed) return;
+    fv_se3_from_rows(pose->T_map_world, &T_map_world);
+    fv_sim3_from_se3(&T_map_world, pose->map_scale, &S_world_map);
+    fv_sim3_invert(&S_world_map, &S_world_map);
+    for (uint32_t i = 0; i < count; i++) {
+        struct fv_inertial_station *station = fv_inertial_station_at(&stage->estimator, i);
+        struct fv_map_keyframe keyframe;
+        struct fv_se3 T_map_cam;
+        if (!fv_map_keyframe_at(map, station->of.slot, &keyframe) ||
+            keyframe.number != station->of.number || keyframe.map_id != fv_map_current_id(map))
+            continue;
+        fv_se3_compose(&keyframe.T_world_cam, &station->of.T_keyframe_cam, &T_map_cam);
+        fv_sim3_from_se3(&T_map_cam, 1, &S);
+        fv_sim3_compose(&S_world_map, &S, &S);
+        memcpy(station->pose.T_world_cam.R, S.R, sizeof S.R);
+        fv_copy3(S.t, station->pose.T_world_cam.t);
+    }
+}
+
+/* ---- what is claimed ------------------------------------------------------------------------- */
+
+static void write_known(struct fv_inertial_known *known, const struct fv_inertial_estimate *e)
+{
+    const double sigma2 = e->scale_sigma * e->scale_sigma + sigma_least * sigma_least;
+    const int gyro = FV_INERTIAL_TAIL - 3, acceleration = FV_INERTIAL_OWN - 3;
+    known->claimed = true;
+    known->scale = e->own.scale;
+    known->scale_sigma = __builtin_sqrt(sigma2);
+    known->gravity_sigma = e->gravity_sigma;
+    for (int i = 0; i < 3; i++)
+        known->gravity[i] = gravity_m_s2 * e->shared.down[i];
+    memcpy(known->biases.gyro, e->shared.gyro_bias, sizeof known->biases.gyro);
+    memcpy(known->biases.acceleration, e->own.acceleration_bias, sizeof known->biases.acceleration);
+    for (int r = 0, k = 0; r < 6; r++)
+        for (int c = r; c < 6; c++, k++)
+            known->bias_covariance[k] =
+                e->covariance[(r < 3 ? gyro + r : acceleration + r - 3) * FV_INERTIAL_TAIL +
+                              (c < 3 ? gyro + c : acceleration + c - 3)];
+}
+
+/* An estimate has come. */
+static void judge(struct fv_inertial_stage *stage)
+{
+    struct fv_inertial_stage_state *s = stage->state;
+    const struct fv_inertial_estimate *e = fv_inertial_result(&stage->estimator);
+    if (!e->known) {
+        s->agreeing = 0;
+        return;
+    }
+    const double log_scale = fv_log(e->own.scale), moved = fv_abs(log_scale - s->log_scale);
+    const bool good = e->scale_sigma < claim_sigma && e->misfit < claim_misfit &&
+                      e->gravity_sigma < claim_gravity_sigma,
+               agrees = moved < 2 * (e->scale_sigma < s->sigma ? s->sigma : e->scale_sigma);
+    s->agreeing = good && agrees ? s->agreeing + 1 : 0;
+    s->log_scale = log_scale;
+    s->sigma = e->scale_sigma;
+    const bool seasoned = s->known.claimed || (s->agreeing >= FV_INERTIAL_AGREEING &&
+                                               (s->metric || e->time_s >= claim_time_s));
+    if (!good || !seasoned) return;
+    write_known(&s->known, e);
+    s->claimed_ns = e->stamp_ns;
+}
+
+bool fv_inertial_stage_waiting(const struct fv_inertial_stage *stage)
+{
+    return stage->enabled &&
+           (fv_inertial_busy(&stage->estimator) || fv_inertial_wanted(&stage->estimator));
+}
+
+void fv_inertial_stage_unit(struct fv_inertial_stage *stage, const struct fv_odometry *odometry)
+{
+    if (fv_inertial_wanted(&stage->estimator)) {
+        refresh(stage, odometry);
+        fv_inertial_begin(&stage->estimator);
+        return;
+    }
+    if (!fv_inertial_unit(&stage->estimator)) judge(stage);
+}
+
+const struct fv_inertial_known *fv_inertial_stage_known(const struct fv_inertial_stage *stage)
+{
+    return stage->enabled && stage->state->known.claimed ? &stage->state->known : NULL;
+}

@@ -1,0 +1,77 @@
+/* Metres, gravity and velocity from an inertial sensor beside the camera's poses.
+ *
+ * Four times a second a frame's pose becomes a station of the inertial estimator
+ * (inertial/estimator.h), given relative to its reference keyframe, so that what optimisation makes
+ * of the map improves the stations too. Poses are those of `world`, the continuous frame of struct
+ * fovea_pose. Units of work keep the estimate up to date. It is *claimed*, which makes poses
+ * metric and upright, when it says and shows that it is good: a sigma of the scale of at most 4 %,
+ * a misfit that noise explains, seconds of motion, and estimates that agree with each other; before
+ * that it is not used. Constant velocity, hovering, pure rotation and free fall show no scale. Once
+ * claimed in a map, a scale stays known there, and grows less sure while nothing adds to it.
+ *
+ * State holds no addresses. Real-time safe: every function is bounded; no heap. */
+#ifndef FOVEA_SCALE_INERTIAL_H
+#define FOVEA_SCALE_INERTIAL_H
+
+#include "base/arena.h"
+#include "fovea/rig.h"
+#include "fovea/sensor.h"
+#include "inertial/estimator.h"
+#include "inertial/gate.h"
+#include "odometry/odometry.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Estimates that must agree before the scale is claimed. */
+enum { FV_INERTIAL_AGREEING = 4 };
+
+/* What is known, in the axes of `world`. */
+struct fv_inertial_known {
+    bool claimed;
+    double scale, scale_sigma; /* metres per unit of world; relative */
+    double gravity[3];         /* m/s^2 */
+    double gravity_sigma;      /* rad, of an axis */
+    struct fv_imu_biases biases;
+    double bias_covariance[21]; /* gyro, acceleration; upper triangle by rows */
+};
+
+struct fv_inertial_stage_state {
+    struct fv_inertial_known known;
+    uint32_t map, reset_counter; /* that all this belongs to */
+    bool begun, metric;          /* a map has; its unit is the metre by two cameras */
+    int64_t station_ns;          /* the last station */
+    int64_t claimed_ns;          /* of the last estimate that counted */
+    uint32_t agreeing;           /* estimates that agreed with the one before */
+    double log_scale, sigma;     /* of the one before */
+};
+
+struct fv_inertial_stage {
+    bool enabled;
+    struct fovea_rig_imu imu;
+    struct fv_inertial estimator;
+    struct fv_inertial_stage_state *state;
+};
+
+/* `noise_factor`: how many times larger the sensor's noise is than its data sheet says. */
+void fv_inertial_stage_carve(struct fv_inertial_stage *stage, const struct fovea_rig *rig,
+                             double noise_factor, struct fv_arena *persistent);
+void fv_inertial_stage_init(struct fv_inertial_stage *stage);
+
+/* What the gate let through in this step. */
+void fv_inertial_stage_observe(struct fv_inertial_stage *stage, const struct fv_imu_gate *gate);
+/* After each frame. */
+void fv_inertial_stage_step(struct fv_inertial_stage *stage, const struct fv_odometry *odometry,
+                            int64_t stamp_ns);
+
+bool fv_inertial_stage_waiting(const struct fv_inertial_stage *stage);
+void fv_inertial_stage_unit(struct fv_inertial_stage *stage, const struct fv_odometry *odometry);
+
+/* NULL: nothing is claimed. */
+const struct fv_inertial_known *fv_inertial_stage_known(const struct fv_inertial_stage *stage);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

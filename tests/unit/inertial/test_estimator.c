@@ -1,0 +1,288 @@
+/* The inertial estimator on analytic motions: what it claims, and how sure it says it is. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "base/elementary.h"
+#include "geometry/vec.h"
+#include "inertial/estimator.h"
+
+enum { RATE_HZ = 200, EVERY = 50, BLOCK_BYTES = 2 << 20 };
+
+static const double gravity = 9.80665, unit_m = 0.4; /* metres per unit of world */
+static const struct fv_imu_biases truth = {{0.03, -0.02, 0.05}, {0.08, -0.05, 0.06}};
+
+static uint8_t block[BLOCK_BYTES] __attribute__((aligned(64)));
+static struct fv_inertial inertial;
+static struct fv_se3 T_cam_imu;
+
+static void begin(double metric_sigma)
+{
+    struct fv_arena arena;
+    struct fv_inertial_config config = {.noise = {1.7e-4 * 1.7e-4, 2e-3 * 2e-3},
+                                        .acceleration_walk = 3e-3 * 3e-3,
+                                        .gravity = gravity};
+    const double turn[3] = {1.2, -0.7, 0.9}, lever[3] = {0.05, -0.02, 0.03};
+    fv_so3_exp(turn, T_cam_imu.R);
+    fv_copy3(lever, T_cam_imu.t);
+    config.T_cam_imu = T_cam_imu;
+    memset(block, 0, sizeof block);
+    fv_arena_init(&arena, block, sizeof block);
+    fv_inertial_carve(&inertial, &config, &arena);
+    assert_false(arena.exhausted);
+    fv_inertial_init(&inertial);
+    fv_inertial_restart(&inertial, metric_sigma, 1e-8);
+}
+
+enum motion { LIVELY, STEADY, HOVER, SPIN };
+
+/* Attitude and position of the sensor, z up. */
+static void pose_at(enum motion motion, double t, struct fv_se3 *T)
+{
+    const double lively = motion == LIVELY, spin = motion == LIVELY || motion == SPIN;
+    const double turn[3] = {0.3 * spin * sin(1.3 * t), 0.2 * spin * sin(0.9 * t + 1),
+                            0.6 * spin * sin(0.7 * t)};
+    fv_so3_exp(turn, T->R);
+    T->t[0] = lively * 0.8 * sin(1.1 * t) + (motion == STEADY) * 1.5 * t;
+    T->t[1] = lively * 0.6 * cos(1.7 * t);
+    T->t[2] = lively * 0.5 * sin(1.4 * t + 0.5);
+}
+
+static void velocity_at(enum motion motion, double t, double v[3])
+{
+    const double h = 1e-4;
+    struct fv_se3 a, b;
+    pose_at(motion, t - h, &a);
+    pose_at(motion, t + h, &b);
+    for (int i = 0; i < 3; i++)
+        v[i] = (b.t[i] - a.t[i]) / (2 * h);
+}
+
+/* What the sensor reads over [t - step, t], as the mean of the interval. */
+static void sample_at(enum motion motion, double t, struct fv_random *random, double gyro[3],
+                      double acceleration[3])
+{
+    const double step = 1.0 / RATE_HZ;
+    struct fv_se3 a, b, half;
+    double v0[3], v1[3], M[9], f[3];
+    pose_at(motion, t - step, &a);
+    pose_at(motion, t, &b);
+    pose_at(motion, t - step / 2, &half);
+    velocity_at(motion, t - step, v0);
+    velocity_at(motion, t, v1);
+    for (int r = 0; r < 3; r++)
+        for (int c = 0; c < 3; c++)
+            M[3 * r + c] = a.R[r] * b.R[c] + a.R[3 + r] * b.R[3 + c] + a.R[6 + r] * b.R[6 + c];
+    fv_so3_log(M, gyro);
+    for (int i = 0; i < 3; i++)
+        f[i] = (v1[i] - v0[i]) / step + (i == 2 ? gravity : 0);
+    fv_rotate_back3(half.R, f, acceleration);
+    for (int i = 0; i < 3; i++) {
+        gyro[i] =
+            gyro[i] / step + truth.gyro[i] + 1.7e-4 * sqrt(RATE_HZ) * fv_random_normal(random);
+        acceleration[i] += truth.acceleration[i] + 2e-3 * sqrt(RATE_HZ) * fv_random_normal(random);
+    }
+}
+
+/* World is turned and in a unit of its own; its gravity. */
+static struct fv_se3 T_world_up;
+static void station_at(enum motion motion, double t, double noise, struct fv_random *random,
+                       struct fv_inertial_pose *pose)
+{
+    struct fv_se3 T_up_imu, T_imu_cam;
+    pose_at(motion, t, &T_up_imu);
+    fv_se3_invert(&T_cam_imu, &T_imu_cam);
+    fv_se3_compose(&T_up_imu, &T_imu_cam, &pose->T_world_cam);
+    fv_se3_compose(&T_world_up, &pose->T_world_cam, &pose->T_world_cam);
+    pose->position_sigma = noise;
+    pose->turn_sigma = 5e-4;
+    double turn[6] = {0, 0, 0, 0, 0, 0}, E[9], R[9];
+    for (int i = 0; i < 3; i++) {
+        pose->T_world_cam.t[i] = pose->T_world_cam.t[i] / unit_m + noise * fv_random_normal(random);
+        turn[3 + i] = 5e-4 * fv_random_normal(random);
+    }
+    fv_so3_exp(turn + 3, E);
+    fv_multiply33(pose->T_world_cam.R, E, R);
+    memcpy(pose->T_world_cam.R, R, sizeof R);
+}
+
+static void estimate(void)
+{
+    uint32_t units = 0;
+    if (!fv_inertial_wanted(&inertial)) return;
+    fv_inertial_begin(&inertial);
+    while (fv_inertial_busy(&inertial)) {
+        (void)fv_inertial_unit(&inertial);
+        assert_true(++units < 1000);
+    }
+}
+
+/* Seconds of a motion, with stations four times a second. */
+static void run(enum motion motion, double seconds, double noise, uint64_t seed)
+{
+    struct fv_random random;
+    const struct fv_inertial_owner nobody = {.slot = 0};
+    const double turn[3] = {0.5, 1.1, -0.4};
+    fv_random_seed(&random, seed);
+    fv_se3_identity(&T_world_up);
+    fv_so3_exp(turn, T_world_up.R);
+    for (int n = 0; n <= seconds * RATE_HZ; n++) {
+        double gyro[3], acceleration[3];
+        const double t = 1 + (double)n / RATE_HZ;
+        sample_at(motion, t, &random, gyro, acceleration);
+        /* a mean is one of the middle of its interval */
+        fv_inertial_take(&inertial, (int64_t)n * 1000000000 / RATE_HZ - 500000000 / RATE_HZ, gyro,
+                         acceleration);
+        if (n % EVERY != 0) continue;
+        struct fv_inertial_pose pose;
+        station_at(motion, t, noise, &random, &pose);
+        fv_inertial_add_station(&inertial, (int64_t)n * 1000000000 / RATE_HZ, &nobody, &pose);
+        estimate();
+    }
+}
+
+static double gravity_error(void)
+{
+    const double up[3] = {0, 0, -1};
+    double down[3];
+    fv_rotate3(T_world_up.R, up, down);
+    return acos(fv_dot3(down, fv_inertial_result(&inertial)->shared.down));
+}
+
+static void test_lively_motion_gives_scale_and_gravity(void **state)
+{
+    (void)state;
+    double nees = 0, sigma = 0;
+    enum { SEEDS = 24 };
+    for (uint64_t seed = 1; seed <= SEEDS; seed++) {
+        begin(0);
+        run(LIVELY, 6, 0.005, seed);
+        const struct fv_inertial_estimate *e = fv_inertial_result(&inertial);
+        assert_true(e->known);
+        const double off = e->own.scale / unit_m - 1;
+        assert_true(e->scale_sigma < 0.02);
+        assert_true(fabs(off) < 4 * e->scale_sigma);
+        assert_true(gravity_error() < 4 * 1.42 * e->gravity_sigma);
+        assert_true(gravity_error() < 0.02);
+        for (int i = 0; i < 3; i++)
+            assert_true(fabs(e->shared.gyro_bias[i] - truth.gyro[i]) < 2e-3);
+        nees += off * off / (e->scale_sigma * e->scale_sigma);
+        sigma += e->scale_sigma;
+    }
+    assert_true(nees / SEEDS > 0.4 && nees / SEEDS < 1.9);
+    assert_true(sigma / SEEDS < 0.01);
+}
+
+/* Longer than the window: what leaves it is handed on. */
+static void test_window_moves_on(void **state)
+{
+    (void)state;
+    begin(0);
+    run(LIVELY, 30, 0.005, 3);
+    const struct fv_inertial_estimate *e = fv_inertial_result(&inertial);
+    assert_true(e->known && e->stations == FV_INERTIAL_STATIONS_MAX - 1);
+    assert_true(inertial.state->prior.known);
+    assert_true(fabs(e->own.scale / unit_m - 1) < 4 * e->scale_sigma);
+    assert_true(e->scale_sigma < 0.006);
+    double v[3], turned[3], off = 0;
+    velocity_at(LIVELY, 1 + (double)e->stamp_ns * 1e-9, v);
+    fv_rotate3(T_world_up.R, v, turned);
+    for (int i = 0; i < 3; i++)
+        off += (e->own.velocity[i] - turned[i]) * (e->own.velocity[i] - turned[i]);
+    assert_true(sqrt(off) < 0.03);
+    for (int i = 0; i < 3; i++)
+        assert_true(fabs(e->own.acceleration_bias[i] - truth.acceleration[i]) < 0.03);
+}
+
+static void test_no_scale_without_acceleration(void **state)
+{
+    (void)state;
+    static const enum motion motions[] = {STEADY, HOVER, SPIN};
+    for (uint32_t m = 0; m < 3; m++)
+        for (uint64_t seed = 1; seed <= 8; seed++) {
+            begin(0);
+            run(motions[m], 12, 0.005, seed);
+            const struct fv_inertial_estimate *e = fv_inertial_result(&inertial);
+            if (!e->known) continue;
+            assert_true(e->scale_sigma > 0.04 ||
+                        fabs(e->own.scale / unit_m - 1) < 3 * e->scale_sigma);
+        }
+}
+
+/* With the scale known, gravity and velocity follow even at rest. */
+static void test_metric_poses_at_rest(void **state)
+{
+    (void)state;
+    begin(0.003);
+
+    run(HOVER, 3, 0.002, 1);
+    const struct fv_inertial_estimate *e = fv_inertial_result(&inertial);
+    assert_true(e->known && e->scale_sigma < 0.01);
+    assert_true(gravity_error() < 3 * 1.42 * e->gravity_sigma);
+    assert_true(e->gravity_sigma > 0.01); /* tilt cannot be told from the acceleration bias */
+    assert_true(fv_norm3(e->own.velocity) < 0.01);
+    for (int i = 0; i < 3; i++)
+        assert_true(fabs(e->shared.gyro_bias[i] - truth.gyro[i]) < 3e-3);
+}
+
+/* A second without samples cuts the link: the estimate begins anew, and the biases stay known. */
+static void test_missing_samples_cut_the_link(void **state)
+{
+    (void)state;
+    const struct fv_inertial_owner nobody = {.slot = 0};
+    struct fv_random random;
+    struct fv_inertial_pose pose;
+    begin(0);
+    run(LIVELY, 8, 0.005, 2);
+    fv_random_seed(&random, 9);
+    station_at(LIVELY, 10, 0.005, &random, &pose);
+    fv_inertial_add_station(&inertial, 9000000000, &nobody, &pose);
+    double gyro[3], acceleration[3];
+    sample_at(LIVELY, 10.005, &random, gyro, acceleration);
+    fv_inertial_take(&inertial, 9005000000, gyro, acceleration);
+    estimate();
+    assert_false(fv_inertial_result(&inertial)->known);
+    assert_true(inertial.state->cuts > 0);
+    for (int i = 0; i < 3; i++)
+        assert_true(fabs(inertial.state->shared.gyro_bias[i] - truth.gyro[i]) < 2e-3);
+    assert_true(inertial.state->bias_sigma[0] < 5e-3);
+}
+
+static void test_too_many_samples_cut_the_link(void **state)
+{
+    (void)state;
+    const struct fv_inertial_owner nobody = {.slot = 0};
+    const double gyro[3] = {0, 0, 0}, acceleration[3] = {0, 0, 9.8};
+    struct fv_random random;
+    struct fv_inertial_pose pose;
+    begin(0);
+    fv_random_seed(&random, 9);
+    station_at(HOVER, 1, 0.005, &random, &pose);
+    fv_inertial_add_station(&inertial, 0, &nobody, &pose);
+    for (int k = 0; k < FV_INERTIAL_SAMPLES_MAX; k++)
+        fv_inertial_take(&inertial, 1000000 * (int64_t)(k + 1), gyro, acceleration);
+    assert_int_equal(inertial.state->overflows, 0);
+    fv_inertial_take(&inertial, 1000000 * (int64_t)(FV_INERTIAL_SAMPLES_MAX + 1), gyro,
+                     acceleration);
+    assert_int_equal(inertial.state->overflows, 1);
+    assert_true(fv_inertial_station_at(&inertial, 0)->cut);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_lively_motion_gives_scale_and_gravity),
+        cmocka_unit_test(test_window_moves_on),
+        cmocka_unit_test(test_no_scale_without_acceleration),
+        cmocka_unit_test(test_metric_poses_at_rest),
+        cmocka_unit_test(test_missing_samples_cut_the_link),
+        cmocka_unit_test(test_too_many_samples_cut_the_link),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

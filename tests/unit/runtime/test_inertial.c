@@ -1,0 +1,191 @@
+/* Odometry with an inertial sensor of the simulation: metres and gravity in one announced change,
+ * none where the motion does not show them, and what is refused. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "common/sim_rig.h"
+#include "fovea/fovea.h"
+#include "fovea_pose_t.h"
+#include "geometry/se3.h"
+#include "geometry/vec.h"
+
+static struct sim_rig rig;
+static fovea_pose_t body, before;
+
+#define SHAPE "width=400&height=300&rate=20&imu=200&gyro_bias=0.02&acceleration_bias=0.05&"
+
+static void open_rig(const char *uri, int frames, enum fovea_sensors sensors)
+{
+    sim_rig_open(&rig, uri, 0, frames);
+    rig.config.rig = rig.ops->info(rig.source)->rig;
+    rig.config.odometry.sensors = sensors;
+    rig.config.odometry.imu_noise_factor = 2;
+    rig.config.odometry.keyframes = 40;
+    sim_rig_build(&rig);
+}
+
+/* The pose message of the last step. */
+static void take_body(void)
+{
+    for (uint32_t i = 0; i < rig.outputs.message_count; i++) {
+        const struct fovea_message *m = &rig.outputs.messages[i];
+        const size_t length = strlen(m->channel);
+        if (length < 5 || strcmp(m->channel + length - 5, "_POSE") != 0 ||
+            strstr(m->channel, "CAMERA") != NULL || strstr(m->channel, "BOT") != NULL)
+            continue;
+        fovea_pose_t_decode_cleanup(&body);
+        assert_true(fovea_pose_t_decode(m->data, 0, (int)m->bytes, &body) > 0);
+        return;
+    }
+    fail_msg("no pose message");
+}
+
+static bool next(bool samples)
+{
+    static struct fovea_sample list[FOVEA_INPUT_SAMPLES_MAX];
+    if (!sim_rig_next(&rig)) return false;
+    if (samples) {
+        rig.inputs.sample_count =
+            rig.ops->samples(rig.source, &rig.frame, list, FOVEA_INPUT_SAMPLES_MAX);
+        rig.inputs.samples = list;
+    }
+    sim_rig_process(&rig);
+    return true;
+}
+
+/* p_new = change p_old. */
+static double changed_by(void)
+{
+    double R[9], turned[3], off = 0;
+    fv_so3_from_quaternion(body.change_orientation, R);
+    fv_rotate3(R, before.position, turned);
+    for (int i = 0; i < 3; i++) {
+        const double d = body.change_scale * turned[i] + body.change_position[i] - body.position[i];
+        off += d * d;
+    }
+    return sqrt(off);
+}
+
+/* Angle between the gravity that is said and that of the truth, degrees. */
+static double gravity_error(void)
+{
+    const double *T = rig.truth[rig.frames - 1], down[3] = {0, 0, -1};
+    double R[9], said[3], true_R[9], truth[3];
+    fv_so3_from_quaternion(body.orientation, R);
+    fv_rotate_back3(R, body.gravity, said); /* in the body, which is the camera here */
+    assert_true(fv_normalise3(said));
+    for (int i = 0; i < 9; i++)
+        true_R[i] = T[4 * (i / 3) + i % 3];
+    fv_rotate_back3(true_R, down, truth);
+    return acos(fv_dot3(said, truth)) * 180 / 3.14159265;
+}
+
+static void metres_and_gravity_come_in_one_change(void **state)
+{
+    (void)state;
+    int first = 0;
+    open_rig("sim:orbit?" SHAPE "seed=2", 140, FOVEA_SENSORS_AUTO);
+    while (next(true)) {
+        before = body;
+        take_body();
+        if (body.scale_state == FOVEA_POSE_T_SCALE_METRIC && first == 0) {
+            first = rig.frames;
+            assert_int_equal(body.change_count, 1);
+            assert_true(changed_by() < 0.15); /* the way of a frame */
+            assert_true(body.change_scale != 1);
+            assert_true(fabs(body.change_orientation[0]) < 0.99);
+            assert_int_equal(body.scale_source, FOVEA_POSE_T_SOURCE_INERTIAL);
+            assert_true(body.scale_sigma < 0.045);
+            assert_true(fabs(body.gravity[0]) < 1e-6 && fabs(body.gravity[1]) < 1e-6);
+            assert_true(fabs(body.gravity[2] + 9.80665) < 1e-9);
+        }
+        if (first == 0 && body.map_id >= 0) {
+            assert_int_equal(body.scale_state, FOVEA_POSE_T_SCALE_INITIALISING);
+            assert_true(isnan(body.gravity[0]) && isnan(body.gyro_bias[0]));
+        }
+    }
+    assert_true(first > 40 && first < 130);
+    assert_int_equal(body.change_count, 1);
+    assert_true(gravity_error() < 0.5 && body.gravity_sigma < 0.02);
+    const double way = sim_rig_moved(rig.pose[first].T_world_cam, rig.pose[139].T_world_cam) /
+                       sim_rig_moved(rig.truth[first], rig.truth[139]);
+    assert_true(fabs(way - 1) < 3 * body.scale_sigma + 0.01);
+    for (int i = 0; i < 3; i++)
+        assert_true(isfinite(body.acceleration_bias[i]) && fabs(body.gyro_bias[i]) < 0.1);
+    sim_rig_close(&rig);
+}
+
+/* Standing still shows no scale, nor does a turn on the spot. */
+static void no_metres_without_motion(void **state)
+{
+    (void)state;
+    static const char *const uris[] = {"sim:stand?" SHAPE "seed=3", "sim:rotate?" SHAPE "seed=3"};
+    for (int i = 0; i < 2; i++) {
+        open_rig(uris[i], 80, FOVEA_SENSORS_MONO_INERTIAL);
+        while (next(true)) {
+            take_body();
+            assert_int_equal(body.scale_state, FOVEA_POSE_T_SCALE_INITIALISING);
+            assert_int_equal(body.change_count, 0);
+        }
+        sim_rig_close(&rig);
+    }
+}
+
+/* The sensor's samples are without influence where it is not asked for. */
+static void mono_keeps_its_bits(void **state)
+{
+    (void)state;
+    static struct fovea_pose poses[60];
+    open_rig("sim:orbit?" SHAPE "seed=4", 60, FOVEA_SENSORS_MONO);
+    while (next(true))
+        continue;
+    memcpy(poses, rig.pose, sizeof poses);
+    sim_rig_close(&rig);
+    open_rig("sim:orbit?" SHAPE "seed=4", 60, FOVEA_SENSORS_AUTO);
+    rig.config.rig.has_imu = false;
+    while (next(false))
+        continue;
+    assert_true(poses[59].posed);
+    assert_memory_equal(poses[59].T_world_cam, rig.pose[59].T_world_cam,
+                        sizeof poses[59].T_world_cam);
+    sim_rig_close(&rig);
+}
+
+static void what_cannot_be_is_refused(void **state)
+{
+    (void)state;
+    struct fovea_config config;
+    struct fovea_error error;
+    size_t bytes;
+    fovea_config_default(&config);
+    config.rig.cameras[0].camera = (struct fovea_camera){
+        .width = 400, .height = 300, .fx = 300, .fy = 300, .cx = 200, .cy = 150};
+    assert_int_equal(fovea_camera_prepare(&config.rig.cameras[0].camera, &error), FOVEA_OK);
+    config.odometry.sensors = FOVEA_SENSORS_MONO_INERTIAL;
+    assert_int_equal(fovea_size(&config, &bytes, &error), FOVEA_ERROR_ARGUMENT);
+    assert_non_null(strstr(error.text, "mono_inertial without an inertial sensor"));
+    config.rig.has_imu = true;
+    for (int i = 0; i < 12; i += 5)
+        config.rig.imu.T_body_imu[i] = 1;
+    assert_int_equal(fovea_size(&config, &bytes, &error), FOVEA_OK);
+    config.scale.source = FOVEA_SCALE_WHEEL_ODOMETRY;
+    assert_int_equal(fovea_size(&config, &bytes, &error), FOVEA_ERROR_ARGUMENT);
+    assert_non_null(strstr(error.text, "with a scale source"));
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(metres_and_gravity_come_in_one_change),
+        cmocka_unit_test(no_metres_without_motion),
+        cmocka_unit_test(mono_keeps_its_bits),
+        cmocka_unit_test(what_cannot_be_is_refused),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
