@@ -464,9 +464,11 @@ $(BUILD)/libfovea-app.a: $(APP_O) $(DRIVERS_O)
 	@rm -f $@
 	$(Q)$(AR) rcs $@ $^
 $(BUILD)/obj/src/features/extract.o: CFLAGS += $(if $(filter no,$(SURF)),-DFV_WITHOUT_SURF)
-$(BUILD)/obj/src/features/extract.o: $(BUILD)/surf-$(SURF)
-$(BUILD)/surf-$(SURF):
-	@mkdir -p $(@D) && rm -f $(BUILD)/surf-* && touch $@
+$(BUILD)/obj/src/features/extract.o: $(BUILD)/surf
+# It is looked at each time: a stamp of another name that is not there would not be made, as all files are .SECONDARY.
+.PHONY: always
+$(BUILD)/surf: always
+	@mkdir -p $(@D) && echo $(SURF) | cmp -s - $@ || echo $(SURF) >$@
 $(BUILD)/fovea: $(MAIN_O) $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
 	@echo "  link $@"
 	$(Q)$(CC) $(LDFLAGS) -pie -o $@ $(MAIN_O) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group $(LIBS_APP)
@@ -489,8 +491,6 @@ CALIBRATE_WEB_O := $(if $(WEB),$(WEB_O))
 CALIBRATE_LIBS += $(if $(WEB),-lwebsockets)
 $(BUILD)/obj/src/calibrate/live_page.o: CXXFLAGS += $(if $(WEB),-DFV_CALIBRATE_PAGE)
 $(BUILD)/obj/src/calibrate/live_page.o: $(BUILD)/calibrate-page
-# It is looked at each time: a stamp of another name that is not there would not be made, as all files are .SECONDARY.
-.PHONY: always
 $(BUILD)/calibrate-page: always
 	@mkdir -p $(@D) && echo $(if $(WEB),yes,no) | cmp -s - $@ || echo $(if $(WEB),yes,no) >$@
 $(BUILD)/fovea-calibrate: $(BUILD)/obj/src/calibrate/main.o $(CALIBRATE_O) $(CALIBRATE_WEB_O) $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
