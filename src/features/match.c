@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "base/arena.h"
+#include "features/bounded.h"
 #include "features/nearest.h"
 #include "features/patch.h"
 #include "fovea/match.h"
@@ -24,7 +25,9 @@ struct fovea_matcher {
     struct fovea_match_config config;
     struct fv_nearest nearest;
     struct fv_packed packed[2];
+    struct fv_bounded bounded;
     struct found there, back;
+    uint32_t *asked; /* of the cross check: features of the other image */
     struct fovea_match *matches;
     struct fv_pair *pairs;
     uint8_t *inlier;
@@ -99,9 +102,12 @@ static struct fovea_matcher *carve(const struct fovea_match_config *config, stru
     struct fovea_matcher *matcher = made == NULL ? &counted : made;
     const uint32_t count = config->count_max;
     matcher->config = *config;
-    if (config->descriptor != FOVEA_DESCRIPTOR_BINARY)
+    if (config->descriptor != FOVEA_DESCRIPTOR_BINARY) {
         fv_nearest_carve(&matcher->nearest, count, config->descriptor_bytes, matcher->packed, 2,
                          arena);
+        fv_bounded_carve(&matcher->bounded, count, config->descriptor_bytes, arena);
+    }
+    matcher->asked = fv_arena_take(arena, count, sizeof *matcher->asked);
     carve_found(&matcher->there, count, arena);
     carve_found(&matcher->back, count, arena);
     matcher->matches = fv_arena_take(arena, count, sizeof *matcher->matches);
@@ -160,26 +166,6 @@ static void search_binary(struct fovea_matcher *matcher, const struct fovea_extr
     unpack(found, a->count);
 }
 
-static void search(struct fovea_matcher *matcher, const struct fovea_extracted *a,
-                   const struct fovea_extracted *b)
-{
-    const bool both = matcher->config.cross_check != 0;
-    if (matcher->config.descriptor == FOVEA_DESCRIPTOR_BINARY) {
-        search_binary(matcher, a, b, &matcher->there);
-        if (both) search_binary(matcher, b, a, &matcher->back);
-        return;
-    }
-    const struct fv_nearest *nearest = &matcher->nearest;
-    struct fv_packed *packed = matcher->packed;
-    fv_nearest_pack(nearest, &packed[0], a->descriptors, a->count);
-    fv_nearest_pack(nearest, &packed[1], b->descriptors, b->count);
-    fv_nearest_find(nearest, &matcher->kernels, &packed[0], &packed[1], matcher->there.distance,
-                    matcher->there.second, matcher->there.index);
-    if (both)
-        fv_nearest_find(nearest, &matcher->kernels, &packed[1], &packed[0], matcher->back.distance,
-                        matcher->back.second, matcher->back.index);
-}
-
 /* Distance of a feature that the search gave: bits, or the root of squares. */
 static float distance_of(const struct fovea_matcher *matcher, int32_t found)
 {
@@ -188,18 +174,85 @@ static float distance_of(const struct fovea_matcher *matcher, int32_t found)
                                                                  : __builtin_sqrtf((float)found);
 }
 
+static bool passes(const struct fovea_matcher *matcher, uint32_t i)
+{
+    const float distance = distance_of(matcher, matcher->there.distance[i]);
+    const float second = distance_of(matcher, matcher->there.second[i]);
+    return matcher->config.ratio >= 1 || distance < matcher->config.ratio * second;
+}
+
+/* Whether most distances need not be computed: where the kernels for that are, and products of four
+ * bytes are not one instruction, which computes them all faster. */
+static bool bounds_pay(const struct fovea_matcher *matcher, const struct fovea_extracted *a,
+                       const struct fovea_extracted *b)
+{
+    enum { FEW_BYTES = 32, FEW = 128 };
+    return matcher->config.descriptor_bytes > FEW_BYTES && a->count >= FEW && b->count >= FEW &&
+           (matcher->kernels.isas & (FV_ISA_AVX2 | FV_ISA_AVX512VNNI)) == FV_ISA_AVX2;
+}
+
+/* False: nothing is found so. */
+static bool search_bounded(struct fovea_matcher *matcher, const struct fovea_extracted *a,
+                           const struct fovea_extracted *b)
+{
+    struct fv_bounded *bounded = &matcher->bounded;
+    struct found *there = &matcher->there, *back = &matcher->back;
+    const uint8_t *const descriptors[2] = {a->descriptors, b->descriptors};
+    const uint32_t counts[2] = {a->count, b->count};
+    if (!fv_bounded_pack(bounded, descriptors, counts)) return false;
+    fv_bounded_two(bounded, &matcher->kernels, matcher->config.ratio, there->distance,
+                   there->second, there->index);
+    if (!matcher->config.cross_check) return true;
+    /* back only from what passed, whose distance is known */
+    uint32_t count = 0;
+    for (uint32_t i = 0; i < a->count; i++)
+        if (passes(matcher, i)) {
+            matcher->asked[count] = there->index[i];
+            back->distance[count++] = there->distance[i];
+        }
+    fv_bounded_back(bounded, &matcher->kernels, matcher->asked, back->distance, count,
+                    (uint32_t *)back->second);
+    for (uint32_t k = 0; k < count; k++)
+        back->index[matcher->asked[k]] = (uint32_t)back->second[k];
+    return true;
+}
+
+static void search_all(struct fovea_matcher *matcher, const struct fovea_extracted *a,
+                       const struct fovea_extracted *b)
+{
+    const struct fv_nearest *nearest = &matcher->nearest;
+    struct fv_packed *packed = matcher->packed;
+    fv_nearest_pack(nearest, &packed[0], a->descriptors, a->count);
+    fv_nearest_pack(nearest, &packed[1], b->descriptors, b->count);
+    fv_nearest_find(nearest, &matcher->kernels, &packed[0], &packed[1], matcher->there.distance,
+                    matcher->there.second, matcher->there.index);
+    if (matcher->config.cross_check)
+        fv_nearest_find(nearest, &matcher->kernels, &packed[1], &packed[0], matcher->back.distance,
+                        matcher->back.second, matcher->back.index);
+}
+
+static void search(struct fovea_matcher *matcher, const struct fovea_extracted *a,
+                   const struct fovea_extracted *b)
+{
+    if (matcher->config.descriptor == FOVEA_DESCRIPTOR_BINARY) {
+        search_binary(matcher, a, b, &matcher->there);
+        if (matcher->config.cross_check) search_binary(matcher, b, a, &matcher->back);
+    } else if (!bounds_pay(matcher, a, b) || !search_bounded(matcher, a, b)) {
+        search_all(matcher, a, b);
+    }
+}
+
 /* Ratio test and cross check; returns the number of matches. */
 static uint32_t keep(struct fovea_matcher *matcher, uint32_t count)
 {
-    const struct fovea_match_config *config = &matcher->config;
     const struct found *there = &matcher->there;
     uint32_t kept = 0;
     for (uint32_t i = 0; i < count; i++) {
-        const float distance = distance_of(matcher, there->distance[i]);
-        const float second = distance_of(matcher, there->second[i]);
-        if (config->ratio < 1 && !(distance < config->ratio * second)) continue;
-        if (config->cross_check && matcher->back.index[there->index[i]] != i) continue;
-        matcher->matches[kept++] = (struct fovea_match){i, there->index[i], distance, second, 1};
+        if (!passes(matcher, i)) continue;
+        if (matcher->config.cross_check && matcher->back.index[there->index[i]] != i) continue;
+        matcher->matches[kept++] =
+            (struct fovea_match){i, there->index[i], distance_of(matcher, there->distance[i]),
+                                 distance_of(matcher, there->second[i]), 1};
     }
     return kept;
 }
