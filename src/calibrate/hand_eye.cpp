@@ -19,13 +19,6 @@ constexpr double TURN_MIN_RAD = 5 / DEGREE, SECOND_TURN_MIN_RAD = 2 / DEGREE;
 using Vector6 = Eigen::Matrix<double, 6, 1>;
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
 
-Eigen::Matrix3d cross_matrix(const Eigen::Vector3d &v)
-{
-    Eigen::Matrix3d m;
-    m << 0, -v[2], v[1], v[2], 0, -v[0], -v[1], v[0], 0;
-    return m;
-}
-
 struct Sight { /* one view */
     size_t view;
     Rigid T_world_body, T_cam_board;

@@ -29,11 +29,17 @@ bool invert(const Eigen::MatrixXd &normal, double noise, Eigen::MatrixXd &covari
 
 } // namespace
 
+Eigen::Matrix3d cross_matrix(const Eigen::Vector3d &v)
+{
+    Eigen::Matrix3d cross;
+    cross << 0, -v[2], v[1], v[2], 0, -v[0], -v[1], v[0], 0;
+    return cross;
+}
+
 Eigen::Matrix3d left_jacobian(const Eigen::Vector3d &axis)
 {
     const double angle = axis.norm();
-    Eigen::Matrix3d cross;
-    cross << 0, -axis[2], axis[1], axis[2], 0, -axis[0], -axis[1], axis[0], 0;
+    const Eigen::Matrix3d cross = cross_matrix(axis);
     if (angle < 1e-6) return Eigen::Matrix3d::Identity() + .5 * cross;
     return Eigen::Matrix3d::Identity() + (1 - std::cos(angle)) / (angle * angle) * cross +
            (angle - std::sin(angle)) / (angle * angle * angle) * cross * cross;

@@ -28,6 +28,9 @@ struct SolveError {
 bool covariance(ceres::Problem &problem, const std::vector<double *> &blocks, int extra,
                 Eigen::MatrixXd &result, SolveError &found);
 
+/* [v]x: the matrix of the cross product v x . */
+Eigen::Matrix3d cross_matrix(const Eigen::Vector3d &v);
+
 /* Left Jacobian of the rotation: how the rotation moves, as a vector in the frame that it leads to,
  * with the angle-axis. */
 Eigen::Matrix3d left_jacobian(const Eigen::Vector3d &axis);

@@ -1,11 +1,9 @@
 /* The joint solve of several cameras, rejection, covariance. */
 #include "calibrate/rig.h"
 
+#include "calibrate/corner_cost.h"
 #include "calibrate/least_squares.h"
-#include "calibrate/projection.h"
 #include "calibrate/rig_start.h"
-
-#include <ceres/rotation.h>
 
 #include <cmath>
 #include <numeric>
@@ -16,31 +14,6 @@ namespace
 {
 
 constexpr double ROBUST_PX = 1;
-
-/* One corner in one camera: predicted less found. */
-struct RigCorner {
-    Model model;
-    Point point;
-    Pixel found;
-    template <typename T>
-    bool operator()(const T *camera, const T *T_cam_first, const T *T_first_board,
-                    T *residual) const
-    {
-        const T on_board[3] = {T(point[0]), T(point[1]), T(point[2])};
-        T in_first[3], in_camera[3], pixel[2];
-        ceres::AngleAxisRotatePoint(T_first_board, on_board, in_first);
-        for (int i = 0; i < 3; i++)
-            in_first[i] += T_first_board[3 + i];
-        ceres::AngleAxisRotatePoint(T_cam_first, in_first, in_camera);
-        for (int i = 0; i < 3; i++)
-            in_camera[i] += T_cam_first[3 + i];
-        if (!project(model, camera, in_camera, pixel)) return false;
-        residual[0] = pixel[0] - found[0];
-        residual[1] = pixel[1] - found[1];
-        return true;
-    }
-};
-using RigCost = ceres::AutoDiffCostFunction<RigCorner, 2, PARAMETERS_MAX, 6, 6>;
 
 struct State {
     const std::vector<RigInput> &inputs;
@@ -77,8 +50,9 @@ struct State {
     /* False: behind the camera. */
     bool residual(size_t camera, size_t view, size_t c, double out[2]) const
     {
-        return corner(camera, view, c)(lenses[camera].data(), T_cam_first[camera].data(),
-                                       T_first_board[view].data(), out);
+        return corner(camera, view, c)
+            .residual(lenses[camera].data(), T_cam_first[camera].data(), T_first_board[view].data(),
+                      out);
     }
 };
 
@@ -98,7 +72,7 @@ int build(State &state, double loss_px, ceres::Problem &problem)
         for (size_t v = 0; v < state.instants(); v++)
             for (size_t c = 0; state.takes(k, v) && c < state.points.size(); c++)
                 if (state.choice.used[k][v][c])
-                    problem.AddResidualBlock(new RigCost(new RigCorner(state.corner(k, v, c))),
+                    problem.AddResidualBlock(new RigCornerCost(state.corner(k, v, c)),
                                              loss_px > 0 ? new ceres::CauchyLoss(loss_px) : nullptr,
                                              state.lenses[k].data(), state.T_cam_first[k].data(),
                                              state.T_first_board[v].data());

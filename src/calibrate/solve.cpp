@@ -1,8 +1,6 @@
 /* The solve: camera and poses of all views by Ceres, rejection, covariance. */
+#include "calibrate/corner_cost.h"
 #include "calibrate/least_squares.h"
-#include "calibrate/projection.h"
-
-#include <ceres/rotation.h>
 
 #include <algorithm>
 #include <cmath>
@@ -12,30 +10,6 @@ namespace calibrate
 {
 namespace
 {
-
-/* One corner: predicted less found. The board's height at (x, y) of [-1, 1] is bend[0] (1 - x^2) +
- * bend[1] (1 - y^2). */
-struct Corner {
-    Model model;
-    Point point;
-    double x, y;
-    Pixel found;
-    template <typename T>
-    bool operator()(const T *camera, const T *pose, const T *bend, T *residual) const
-    {
-        const T on_board[3] = {T(point[0]), T(point[1]),
-                               bend[0] * (1.0 - x * x) + bend[1] * (1.0 - y * y)};
-        T seen[3], pixel[2];
-        ceres::AngleAxisRotatePoint(pose, on_board, seen);
-        for (int i = 0; i < 3; i++)
-            seen[i] += pose[3 + i];
-        if (!project(model, camera, seen, pixel)) return false;
-        residual[0] = pixel[0] - found[0];
-        residual[1] = pixel[1] - found[1];
-        return true;
-    }
-};
-using CornerCost = ceres::AutoDiffCostFunction<Corner, 2, PARAMETERS_MAX, 6, 2>;
 
 struct State {
     const Board &board;
@@ -94,7 +68,7 @@ void build(State &state, Stage stage, double loss_px, ceres::Problem &problem)
         if (!state.takes(v)) continue;
         for (size_t c = 0; c < state.points.size(); c++) {
             if (!state.used[v][c]) continue;
-            problem.AddResidualBlock(new CornerCost(new Corner(state.corner(v, c))),
+            problem.AddResidualBlock(new CornerCost(state.corner(v, c)),
                                      loss_px > 0 ? new ceres::CauchyLoss(loss_px) : nullptr,
                                      state.camera.data(), state.poses[v].data(), state.bend.data());
         }
@@ -129,8 +103,8 @@ std::vector<double> errors_of(const State &state, size_t v)
     if (state.views[v].corners.size() != state.points.size()) return errors;
     for (size_t c = 0; c < state.points.size(); c++) {
         double residual[2];
-        const bool ahead = state.corner(v, c)(state.camera.data(), state.poses[v].data(),
-                                              state.bend.data(), residual);
+        const bool ahead = state.corner(v, c).residual(state.camera.data(), state.poses[v].data(),
+                                                       state.bend.data(), residual);
         errors.push_back(!seen(state.views[v].corners[c]) ? NAN
                          : ahead                          ? std::hypot(residual[0], residual[1])
                                                           : INFINITY);
@@ -144,8 +118,8 @@ std::vector<Pixel> residuals_of(const State &state, size_t v)
     std::vector<Pixel> residuals(state.used[v].size(), Pixel{NAN, NAN});
     for (size_t c = 0; state.takes(v) && c < residuals.size(); c++)
         if (state.used[v][c])
-            (void)state.corner(v, c)(state.camera.data(), state.poses[v].data(), state.bend.data(),
-                                     residuals[c].data());
+            (void)state.corner(v, c).residual(state.camera.data(), state.poses[v].data(),
+                                              state.bend.data(), residuals[c].data());
     return residuals;
 }
 
@@ -265,24 +239,19 @@ void parameter_covariance(const State &state, const Normal &normal, Solution &so
 double projection_stdev(const State &state, const Normal &normal, const fovea_camera &camera,
                         const Pixel &pixel)
 {
-    using Jet = ceres::Jet<double, PARAMETERS_MAX + 3>;
-    double bearing[3];
+    double bearing[3], seen[2];
+    ProjectionDerivatives by;
     if (fovea_camera_unproject(&camera, pixel.data(), bearing, nullptr) != FOVEA_OK) return NAN;
-    std::array<Jet, PARAMETERS_MAX> parameters;
-    Jet point[3], seen[2];
-    for (int i = 0; i < PARAMETERS_MAX; i++)
-        parameters[(size_t)i] = Jet(state.camera[(size_t)i], i);
-    for (int i = 0; i < 3; i++)
-        point[i] = Jet(bearing[i], PARAMETERS_MAX + i);
-    if (!project(state.options.model, parameters.data(), point, seen)) return NAN;
+    if (!project_derivatives(state.options.model, state.camera.data(), bearing, seen, by))
+        return NAN;
     Eigen::Matrix<double, 2, Eigen::Dynamic> change =
         Eigen::Matrix<double, 2, Eigen::Dynamic>::Zero(2, normal.covariance.cols());
     Eigen::Matrix3d cross; /* a rotation by r moves the bearing b by r x b = -[b]x r */
     cross << 0, bearing[2], -bearing[1], -bearing[2], 0, bearing[0], bearing[1], -bearing[0], 0;
     for (int axis = 0; axis < 2; axis++) {
         for (size_t i = 0; i < normal.free_parameters.size(); i++)
-            change(axis, (int)i) = seen[axis].v[normal.free_parameters[i]];
-        const Eigen::RowVector3d by_point = seen[axis].v.tail<3>().transpose();
+            change(axis, (int)i) = by.by_camera(axis, normal.free_parameters[i]);
+        const Eigen::RowVector3d by_point = by.by_point.row(axis);
         for (size_t i = 0; i < normal.views.size(); i++) {
             const Pose &pose = state.poses[normal.views[i]];
             change.block<1, 3>(axis, normal.poses_at + 6 * (int)i) =
