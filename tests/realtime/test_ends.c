@@ -138,6 +138,14 @@ static const char *said(void)
     return text;
 }
 
+/* The program ends with this code. */
+static void expect_end(pid_t child, int code)
+{
+    const int found = end(child);
+    if (found != code)
+        fail_msg("the program ended with %d, expected %d; it said \"%s\"", found, code, said());
+}
+
 static void expect_said(const char *words)
 {
     if (strstr(said(), words) == NULL) fail_msg("found \"%s\", expected \"%s\"", said(), words);
@@ -179,7 +187,7 @@ static void expect_whole(void)
 {
     const char *const verify[] = {"replay", "--verify", recording, NULL};
     assert_true(size_of(map) > 0);
-    assert_int_equal(end(begin(&ordinary, verify)), FV_EXIT_OK);
+    expect_end(begin(&ordinary, verify), FV_EXIT_OK);
     unlink(map);
     unlink(recording);
 }
@@ -193,7 +201,7 @@ static void test_a_signal_ends_a_run_in_order(void **state)
         const pid_t child = begin(&ordinary, words);
         wait_until_grown(recording, 1 << 20);
         kill(child, signals[i]);
-        assert_int_equal(end(child), FV_EXIT_OK);
+        expect_end(child, FV_EXIT_OK);
         expect_whole();
     }
 }
@@ -206,7 +214,7 @@ static void test_closed_streams_harm_no_recording(void **state)
                                  "--frames", "20",         "--record", recording,  "--picture",
                                  "none",     "--save-map", map,        NULL};
     (void)state;
-    assert_int_equal(end(begin(&closed, words)), FV_EXIT_OK);
+    expect_end(begin(&closed, words), FV_EXIT_OK);
     expect_whole();
 }
 
@@ -218,7 +226,7 @@ static void test_a_limit_on_file_sizes_is_an_error(void **state)
     char part[80];
     (void)state;
     snprintf(part, sizeof part, "%s.part", map);
-    assert_int_equal(end(begin(&small, words)), FV_EXIT_FAILED);
+    expect_end(begin(&small, words), FV_EXIT_FAILED);
     expect_said("File too large");
     assert_int_equal(access(map, F_OK), -1);
     assert_int_equal(access(part, F_OK), -1);
@@ -239,7 +247,7 @@ static void test_a_stray_signal_changes_nothing(void **state)
         assert_int_equal(waitpid(child, NULL, WNOHANG), 0);
     }
     kill(child, SIGTERM);
-    assert_int_equal(end(child), FV_EXIT_OK);
+    expect_end(child, FV_EXIT_OK);
     expect_whole();
 }
 
@@ -257,7 +265,7 @@ static void stalled_run(const char *const words[], const char *line, const char 
     wait_until_said(line);
     clock_gettime(CLOCK_MONOTONIC, &before);
     kill(child, SIGTERM);
-    assert_int_equal(end(child), FV_EXIT_FAILED);
+    expect_end(child, FV_EXIT_FAILED);
     clock_gettime(CLOCK_MONOTONIC, &after);
     expect_said("after Terminated");
     expect_said(lost);
@@ -307,10 +315,10 @@ static void test_what_stalls_for_a_while_goes_on(void **state)
         fwrite(bytes, 1, (size_t)got, file);
     fclose(file);
     close(ends[0]);
-    assert_int_equal(end(child), FV_EXIT_OK);
+    expect_end(child, FV_EXIT_OK);
     expect_said("/dev/stdout: goes on after");
     const char *const verify[] = {"replay", "--verify", recording, NULL};
-    assert_int_equal(end(begin(&ordinary, verify)), FV_EXIT_OK);
+    expect_end(begin(&ordinary, verify), FV_EXIT_OK);
     unlink(recording);
 }
 
@@ -326,7 +334,7 @@ static void test_a_stalled_disk_ends(void **state)
     pid_t child = begin(&stalled, words);
     wait_until_grown(recording, 1 << 20);
     kill(child, SIGHUP);
-    assert_int_equal(end(child), FV_EXIT_FAILED);
+    expect_end(child, FV_EXIT_FAILED);
     expect_said("after Hangup");
     expect_said(map);
 
@@ -359,8 +367,8 @@ static void test_a_log_that_does_not_last_fails_the_run(void **state)
     const char *const words[] = {"run",       "--quiet", "--source", "sim:still", "--frames",
                                  "5",         "--set",   url,        "--set",     "loop.priority=0",
                                  "--picture", "none",    NULL};
-    assert_int_equal(end(begin(&ordinary, words)), FV_EXIT_OK);
-    assert_int_equal(end(begin(&failing, words)), FV_EXIT_FAILED);
+    expect_end(begin(&ordinary, words), FV_EXIT_OK);
+    expect_end(begin(&failing, words), FV_EXIT_FAILED);
     expect_said("lcm_url: ");
     expect_said("Input/output error");
     unlink(log);
@@ -395,7 +403,7 @@ static void test_a_quiet_run_leaves_no_picture(void **state)
     (void)state;
     assert_non_null(getcwd(before, sizeof before));
     assert_int_equal(chdir(folder), 0);
-    assert_int_equal(end(begin(&ordinary, words)), FV_EXIT_OK);
+    expect_end(begin(&ordinary, words), FV_EXIT_OK);
     assert_int_equal(access("fovea-run.png", F_OK), -1);
     assert_int_equal(chdir(before), 0);
 }
@@ -416,18 +424,18 @@ static void test_other_commands_end_by_signals(void **state)
     const char *const export[] = {"export", "--source", "sim:still", "--frames",
                                   "100000", made,       NULL};
     (void)state;
-    assert_int_equal(end(begin(&ordinary, record)), FV_EXIT_OK);
+    expect_end(begin(&ordinary, record), FV_EXIT_OK);
     for (int i = 0; i < 3; i++) {
         pid_t child = begin(&ordinary, replay);
         wait_until_grown(log, 1);
         kill(child, signals[i]);
-        assert_int_equal(end(child), 1000 + signals[i]);
+        expect_end(child, 1000 + signals[i]);
         unlink(log);
         child = begin(&ordinary, export);
         wait_until_grown(made, 1);
         usleep(200000);
         kill(child, signals[i]);
-        assert_int_equal(end(child), 1000 + signals[i]);
+        expect_end(child, 1000 + signals[i]);
         fv_test_folder_remove(made);
     }
     unlink(recording);
