@@ -299,6 +299,8 @@ int run(std::vector<std::string> words)
     return command_rig((int)words.size(), arguments.data());
 }
 
+fovea_camera found_lenses[2]; /* of the real pair; width 0: not yet */
+
 /* The file of the program reads as the rig that it found, also as Kalibr's. */
 void the_camchain_reads_as_the_rig(void **)
 {
@@ -325,6 +327,8 @@ void the_camchain_reads_as_the_rig(void **)
     fovea_error error;
     assert_int_equal(fv_calibration_read(out.c_str(), nullptr, &cameras[0], &error), FOVEA_OK);
     assert_int_equal(fv_calibration_read(out.c_str(), "cam1", &cameras[1], &error), FOVEA_OK);
+    for (int k = 0; k < 2; k++)
+        found_lenses[k] = cameras[k].camera;
     std::vector<std::string> for_kalibr = words;
     for_kalibr.insert(for_kalibr.end(), {"--format", "kalibr"});
     assert_int_equal(run(for_kalibr), 0);
@@ -377,17 +381,13 @@ void a_wrong_camera_file_fails(void **)
                                             "radtan",
                                             "--out",
                                             out};
-    fv_calibration cameras[2];
-    fovea_error error;
-    assert_int_equal(run(words), 0);
-    assert_int_equal(fv_calibration_read(out.c_str(), nullptr, &cameras[0], &error), FOVEA_OK);
-    assert_int_equal(fv_calibration_read(out.c_str(), "cam1", &cameras[1], &error), FOVEA_OK);
+    assert_true(found_lenses[0].width > 0 && found_lenses[1].width > 0);
     std::vector<std::string> held = words;
     held.insert(held.end(), {"--camera", files[0], "--camera", files[1]});
     for (const double scale : {1., 1.02}) {
         unlink(out.c_str());
-        write_camera(files[0], cameras[0].camera, 1);
-        write_camera(files[1], cameras[1].camera, scale);
+        write_camera(files[0], found_lenses[0], 1);
+        write_camera(files[1], found_lenses[1], scale);
         assert_int_equal(run(held), scale == 1 ? 0 : 1);
         assert_int_equal(access(out.c_str(), F_OK), scale == 1 ? 0 : -1);
     }

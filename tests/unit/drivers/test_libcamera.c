@@ -434,7 +434,7 @@ static void test_ends_over_and_over(void **state)
     print_message(
         "ended %ld times: frames again after %.3f s (median), %.3f s (worst), %ld later than 1 s\n",
         times, (double)took_ns[times / 2] * 1e-9, (double)took_ns[times - 1] * 1e-9, late);
-    if (getenv("FOVEA_TIMED") != NULL) assert_true(late * 100 <= times);
+    if (times >= 100) assert_true(late * 100 <= times); /* few say nothing of one in a hundred */
     assert_int_equal(before.descriptors, after.descriptors);
     assert_int_equal(before.buffers, after.buffers);
     assert_int_equal(before.processes, after.processes);
