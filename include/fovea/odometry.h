@@ -31,7 +31,9 @@ enum fovea_tracking_state {
      * without the map lie off their places in it, as where most of what is seen moves; or of a
      * picture that is blurred or repeats the last */
     FOVEA_TRACKING_WEAK = 2,
-    FOVEA_TRACKING_LOST = 3 /* no pose */
+    FOVEA_TRACKING_LOST = 3, /* no pose */
+    /* pose by the inertial sensor alone, for at most 2 s; the covariance grows as it should */
+    FOVEA_TRACKING_COASTING = 5
 };
 
 /* A frame has a pose only with at least this number of landmarks that agree with it. */

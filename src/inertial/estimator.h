@@ -87,6 +87,7 @@ struct fv_inertial_station {
     struct fv_inertial_owner of;
     struct fv_inertial_pose pose;
     struct fv_inertial_own now;
+    double live[3]; /* velocity as its caller had it then; 0: not known */
     /* To the next station. */
     struct fv_preintegration link;
     uint32_t sample_count;

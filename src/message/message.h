@@ -109,6 +109,7 @@ struct fv_message_pose {
     double covariance[21]; /* of the child */
     bool moving;           /* the next two are known */
     double velocity[3], angular_rate[3];
+    double velocity_sigma, angular_rate_sigma; /* of each axis; 0: not known */
     struct fv_message_transform T_keyframe_child;
     bool inertial; /* the next are known */
     double gyro_bias[3], acceleration_bias[3], bias_covariance[21], gravity[3], gravity_sigma;

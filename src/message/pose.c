@@ -43,7 +43,11 @@ static void fill_motion(fovea_pose_t *out, const struct fv_message_pose *in, boo
     const bool moving = posed && in->moving;
     fill(out->velocity, in->velocity, 3, moving);
     fill(out->angular_rate, in->angular_rate, 3, moving);
-    fill(out->velocity_covariance, NULL, 21, false); /* these are an IMU's */
+    double covariance[21] = {0};
+    for (int r = 0, k = 0; r < 6; k += 6 - r, r++)
+        covariance[k] = r < 3 ? in->velocity_sigma * in->velocity_sigma
+                              : in->angular_rate_sigma * in->angular_rate_sigma;
+    fill(out->velocity_covariance, covariance, 21, moving && in->velocity_sigma > 0);
     fill(out->gyro_bias, in->gyro_bias, 3, posed && in->inertial);
     fill(out->acceleration_bias, in->acceleration_bias, 3, posed && in->inertial);
     fill(out->bias_covariance, in->bias_covariance, 21, posed && in->inertial);

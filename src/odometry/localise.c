@@ -261,11 +261,14 @@ static bool rough_pose(struct fv_odometry *o, const struct fv_kernels *kernels,
                        const struct fv_map_frame *frame, const struct fv_se3 *last,
                        struct fv_se3 *T, struct fv_pose_fit *fit)
 {
-    if (o->state->state != FOVEA_TRACKING_LOST) {
+    const struct fv_motion_hint *hint = &o->state->localise.hint;
+    const bool lost = o->state->state == FOVEA_TRACKING_LOST;
+    if (!lost || hint->whole) {
         struct fv_se3 predicted;
         uint32_t matches;
-        fv_motion_predict(&o->state->localise.motion, last, frame->keyframe->stamp_ns, &predicted);
-        if ((o->state->usable.frozen || far_from(o, last, &predicted)) &&
+        fv_motion_predict_by(&o->state->localise.motion, hint, last, frame->keyframe->stamp_ns,
+                             &predicted);
+        if (!lost && (o->state->usable.frozen || far_from(o, last, &predicted)) &&
             pose_unmoved(o, kernels, frame, last, T, fit))
             return true;
         if (pose_about(o, kernels, frame, &predicted, T, fit)) return true;
@@ -281,7 +284,7 @@ static bool rough_pose(struct fv_odometry *o, const struct fv_kernels *kernels,
         if (fv_localiser_refine(&o->localiser, &o->map, frame, 3, 5, T, fit) >= INLIERS_FIRST_MIN)
             return true;
     }
-    if (o->state->state == FOVEA_TRACKING_LOST) return fv_odometry_relocalise(o, kernels, T, fit);
+    if (lost) return fv_odometry_relocalise(o, kernels, T, fit);
     return fv_odometry_try_keyframe(o, kernels, o->state->newest, T, fit);
 }
 

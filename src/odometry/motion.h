@@ -23,6 +23,13 @@ struct fv_motion {
     bool known;                 /* T_now_before and interval_ns hold */
 };
 
+/* What an inertial sensor says of the motion since the last posed frame. */
+struct fv_motion_hint {
+    bool turn;                /* T_now_last.R is known, */
+    bool whole;               /* and its translation, in the map's unit */
+    struct fv_se3 T_now_last; /* the camera */
+};
+
 /* The last two posed frames, not farther apart than they should be. `before` is not known after a
  * loss. */
 void fv_motion_note(struct fv_motion *motion, const struct fv_se3 *T_before,
@@ -33,6 +40,10 @@ void fv_motion_forget(struct fv_motion *motion);
  * known. At most 40 intervals ahead are followed. */
 void fv_motion_predict(const struct fv_motion *motion, const struct fv_se3 *T_last,
                        int64_t stamp_ns, struct fv_se3 *T);
+
+/* The same with a hint; where it holds no translation, the camera goes on in a straight line. */
+void fv_motion_predict_by(const struct fv_motion *motion, const struct fv_motion_hint *hint,
+                          const struct fv_se3 *T_last, int64_t stamp_ns, struct fv_se3 *T);
 
 #ifdef __cplusplus
 }

@@ -273,6 +273,7 @@ void fv_odometry_step(struct fv_odometry *o, const struct fv_kernels *kernels,
     struct fv_odometry_state *s = o->state;
     memset(&s->pose, 0, sizeof s->pose);
     s->frame_number++;
+    s->localise.hint = input->hint;
     odometry_fill_view(o, input);
     fv_usable_picture(&s->usable, input->count, input->features, input->descriptors);
     if (contradicted(o)) fv_odometry_give_up(o);

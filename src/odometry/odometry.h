@@ -106,6 +106,7 @@ struct fv_odometry_input {
     const uint8_t *descriptors; /* 32 bytes each */
     /* measured, by feature, metres; NULL: none. Only where they were carved for */
     const struct fv_inverse_distance *distances;
+    struct fv_motion_hint hint; /* all zero: none */
 };
 
 /* Take memory from the three parts; `distances`: inputs may have them. Fills sizes and addresses

@@ -59,6 +59,8 @@ static void encode_pose(struct fovea *rt, const struct fovea_inputs *inputs,
         .T_keyframe_child = transform_of(&T_keyframe_child),
         .latency_ns = inputs->latency_ns,
     };
+    message.velocity_sigma = rates->velocity_sigma;
+    message.angular_rate_sigma = rates->rotation_rate_sigma;
     memcpy(message.velocity, rates->velocity, sizeof message.velocity);
     memcpy(message.angular_rate, rates->rotation_rate, sizeof message.angular_rate);
     memcpy(message.T_map_parent.position, S_map_odom.t, sizeof message.T_map_parent.position);

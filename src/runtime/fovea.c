@@ -145,11 +145,12 @@ static void process(struct fovea *rt, const struct fovea_inputs *inputs)
     stage_end(rt, FOVEA_STAGE_STEREO, begin);
     begin = stage_begin(rt);
     const struct fv_front_end_found found = fv_front_end_found(&rt->front_end);
-    const struct fv_odometry_input input = {.stamp_ns = inputs->frame->stamp_ns,
+    struct fv_odometry_input input = {.stamp_ns = inputs->frame->stamp_ns,
                                             .count = found.count,
                                             .features = found.features,
                                             .descriptors = found.descriptors,
                                             .distances = measured ? rt->stereo.measured : NULL};
+    fv_inertial_stage_predict(&rt->inertial, &rt->odometry, input.stamp_ns, &input.hint);
     fv_odometry_step(&rt->odometry, &rt->kernels, &input);
     publish_pose(rt);
     stage_end(rt, FOVEA_STAGE_ODOMETRY, begin);

@@ -143,6 +143,39 @@ static void keep_scale(struct fovea_pose *pose, const struct fovea_pose *before)
     pose->scale_source = before->scale_source;
 }
 
+/* On by the inertial sensor from the last pose that a picture gave. */
+static void go_on(struct fv_publish_state *s, const struct fv_inertial_known *inertial)
+{
+    struct fovea_pose *pose = &s->pose;
+    const struct fovea_pose counts = *pose;
+    struct fv_se3 T, step = inertial->T_last_now, back;
+    double carried[21];
+    *pose = s->seen;
+    pose->state = FOVEA_TRACKING_COASTING;
+    pose->matches = pose->inliers = 0;
+    pose->quality = 0;
+    pose->keyframes = counts.keyframes;
+    pose->landmarks = counts.landmarks;
+    fv_se3_from_rows(s->seen.T_world_cam, &T);
+    fv_se3_compose(&T, &step, &T);
+    fv_se3_to_rows(&T, pose->T_world_cam);
+    fv_se3_invert(&step, &back);
+    fv_se3_carry_covariance(&back, s->seen.covariance, carried);
+    for (int k = 0; k < 21; k++)
+        pose->covariance[k] = carried[k] + inertial->covariance[k];
+    for (int i = 0; i < 3; i++) /* in the unit of the map */
+        step.t[i] /= pose->scale;
+    fv_se3_from_rows(s->seen.T_keyframe_cam, &T);
+    fv_se3_compose(&T, &step, &T);
+    fv_se3_to_rows(&T, pose->T_keyframe_cam);
+}
+
+static bool goes_on(const struct fv_publish_state *s, const struct fv_inertial_known *inertial)
+{
+    return inertial != NULL && inertial->coasting && s->seen.posed &&
+           s->seen.map_id == s->pose.map_id && s->seen.reset_counter == s->pose.reset_counter;
+}
+
 static void publish_camera(struct fv_publish *publish, const struct fv_odometry *odometry,
                            const struct fv_scale *scale, const struct fv_inertial_known *inertial)
 {
@@ -153,6 +186,11 @@ static void publish_camera(struct fv_publish *publish, const struct fv_odometry 
     pose->scale = 1;
     if (pose->map_id != before.map_id || s->upright[0] + s->upright[4] + s->upright[8] == 0)
         begin_map(s);
+    if (!pose->posed && goes_on(s, inertial)) {
+        go_on(s, inertial);
+        return;
+    }
+    s->seen.posed = false;
     if (!pose->posed) {
         if (s->metric) keep_scale(pose, &before);
         return;
@@ -171,6 +209,7 @@ static void publish_camera(struct fv_publish *publish, const struct fv_odometry 
     pose->scale = value.metres;
     pose->scale_sigma = value.sigma;
     pose->scale_source = value.source;
+    s->seen = *pose;
 }
 
 /* ---- the body -------------------------------------------------------------------------------- */
@@ -237,6 +276,27 @@ static void find_rates(const struct fv_se3 *before, const struct fv_se3 *now, in
     rates->known = true;
 }
 
+/* The camera's velocity and rate, and those of the body that it is fixed to. */
+static void sensed_rates(struct fv_publish *publish, const struct fv_inertial_known *inertial)
+{
+    const struct fv_se3 B = usable_T_body_cam(publish),
+                        T = fv_publish_child_pose(publish, FV_PUBLISH_CAMERA);
+    struct fv_rates *camera = &publish->rates[FV_PUBLISH_CAMERA],
+                    *body = &publish->rates[FV_PUBLISH_BODY];
+    double lever[3], turned[3], added[3];
+    camera->known = true;
+    fv_publish_turn(publish, inertial->velocity, camera->velocity);
+    fv_copy3(inertial->rate, camera->rotation_rate);
+    camera->velocity_sigma = inertial->velocity_sigma;
+    camera->rotation_rate_sigma = inertial->rate_sigma;
+    *body = *camera;
+    fv_rotate3(B.R, inertial->rate, body->rotation_rate);
+    fv_rotate_back3(B.R, B.t, lever); /* from the body to the camera, in the camera's axes */
+    fv_cross3(inertial->rate, lever, turned);
+    fv_rotate3(T.R, turned, added);
+    fv_subtract3(camera->velocity, added, body->velocity);
+}
+
 void fv_publish_step(struct fv_publish *publish, const struct fv_odometry *odometry,
                      const struct fv_scale *scale, const struct fv_inertial_known *inertial,
                      int64_t stamp_ns)
@@ -252,6 +312,10 @@ void fv_publish_step(struct fv_publish *publish, const struct fv_odometry *odome
     publish_camera(publish, odometry, scale, inertial);
     s->stamp_ns = stamp_ns;
     memset(publish->rates, 0, sizeof publish->rates);
+    if (s->pose.posed && inertial != NULL && inertial->moving) {
+        sensed_rates(publish, inertial);
+        return;
+    }
     if (!posed_before || !s->pose.posed || s->pose.map_id != map_id ||
         s->pose.scale_source != source || s->changes != changes || step_ns <= 0 ||
         step_ns > pause_max_ns)

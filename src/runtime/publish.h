@@ -24,6 +24,7 @@
 
 struct fv_publish_state {
     struct fovea_pose pose; /* of the last frame */
+    struct fovea_pose seen; /* of the last one posed by its picture, in metres; else not posed */
     /* Camera position as odometry has it and as published, when the frame was last posed. */
     double inner[3], outer[3];
     int64_t stamp_ns;      /* of the last frame */
@@ -38,11 +39,13 @@ struct fv_publish_state {
 /* The child whose pose in `odom` is meant. */
 enum fv_publish_child { FV_PUBLISH_BODY = 0, FV_PUBLISH_CAMERA, FV_PUBLISH_CHILDREN };
 
-/* Of a child: unit of length per second in odom, rad/s in the child's frame. Not known, and 0,
- * unless the last two frames are both posed, in one map and unit. */
+/* Of a child: unit of length per second in odom, rad/s in the child's frame. By the inertial sensor
+ * where it is claimed, which also gives sigmas; else not known, and 0, unless the last two frames
+ * are both posed, in one map and unit. */
 struct fv_rates {
     bool known;
     double velocity[3], rotation_rate[3];
+    double velocity_sigma, rotation_rate_sigma; /* of each axis; 0: not known */
 };
 
 /* The last change of the unit and axes: takes points of `odom` as it was to `odom` as it is. */

@@ -6,13 +6,16 @@
 
 static const int64_t station_apart_ns = 240000000;
 static const double position_sigma_least = 3e-4; /* of the distance of what is seen */
+/* Errors of poses that follow each other go together: of the stated sigma this is their own. */
+static const double position_share = 0.5;
 static const double turn_sigma_least = 3e-4;
 static const double mono_drift = 0.004, stereo_drift = 1e-4; /* of the scale, relative, by root s */
 static const double stereo_sigma = 0.003;
 /* Of what is claimed. */
-static const double claim_sigma = 0.04, claim_misfit = 4, claim_gravity_sigma = 0.02;
+static const double claim_sigma = 0.04, claim_misfit = 4, claim_gravity_sigma = 0.05;
 static const double claim_time_s = 3;
 static const double sigma_least = 0.005; /* models of lenses and sensors are not better */
+static const int64_t coasting_max_ns = 2000000000;
 static const double gravity_m_s2 = 9.80665;
 /* ADIS16448, where a rig states no densities. */
 static const double gyro_noise = 1.7e-4, acceleration_noise = 2e-3, acceleration_walk = 3e-3;
@@ -62,6 +65,12 @@ static bool stated(const double rows[12])
     return fv_dot3(rows, rows) > 0;
 }
 
+static void jump(struct fv_inertial_stage *stage)
+{
+    fv_inertial_jump(&stage->estimator);
+    stage->state->live.any_sample = stage->state->live.begun = false;
+}
+
 void fv_inertial_stage_observe(struct fv_inertial_stage *stage, const struct fv_imu_gate *gate)
 {
     const struct fovea_rig_imu *imu = &stage->imu;
@@ -76,8 +85,10 @@ void fv_inertial_stage_observe(struct fv_inertial_stage *stage, const struct fv_
         if (stated(imu->gyro_correction)) correct(imu->gyro_correction, sample->gyro, gyro);
         if (stated(imu->acceleration_correction))
             correct(imu->acceleration_correction, sample->acceleration, acceleration);
-        if (gate->clean[i].notes & FV_IMU_AFTER_JUMP) fv_inertial_jump(&stage->estimator);
+        if (gate->clean[i].notes & FV_IMU_AFTER_JUMP) jump(stage);
         fv_inertial_take(&stage->estimator, stamp_ns, gyro, acceleration);
+        fv_inertial_live_take(&stage->state->live, &stage->estimator.config.noise, stamp_ns, gyro,
+                              acceleration);
     }
 }
 
@@ -96,7 +107,10 @@ static double mean_sigma(const double covariance[21], int first)
 static void enter(struct fv_inertial_stage *stage, const struct fv_odometry *odometry)
 {
     struct fv_inertial_stage_state *s = stage->state;
+    const struct fv_inertial_live live = s->live;
     memset(s, 0, sizeof *s);
+    s->live = live;
+    s->live.begun = s->live.moving = false;
     s->begun = true;
     s->map = fv_odometry_pose(odometry)->map_id;
     s->reset_counter = fv_odometry_reset_counter(odometry);
@@ -117,7 +131,7 @@ static void add_station(struct fv_inertial_stage *stage, const struct fv_odometr
     const struct fovea_pose *pose = fv_odometry_pose(odometry);
     const struct fv_odometry_reference reference = fv_odometry_reference(odometry);
     const double least = position_sigma_least * depth_of(odometry),
-                 position = mean_sigma(pose->covariance, 0), turn = mean_sigma(pose->covariance, 3);
+                 position = position_share * mean_sigma(pose->covariance, 0), turn = mean_sigma(pose->covariance, 3);
     const struct fv_inertial_owner of = {reference.slot, reference.number,
                                          reference.T_keyframe_cam};
     struct fv_inertial_pose given = {.position_sigma = position > least ? position : least,
@@ -126,6 +140,205 @@ static void add_station(struct fv_inertial_stage *stage, const struct fv_odometr
     fv_se3_from_rows(pose->T_world_cam, &given.T_world_cam);
     fv_inertial_add_station(&stage->estimator, stamp_ns, &of, &given);
     stage->state->station_ns = stamp_ns;
+    fv_copy3(stage->state->live.velocity, fv_inertial_station_at(&stage->estimator, fv_inertial_station_count(&stage->estimator) - 1)->live);
+}
+
+/* Of the sensor, in metres, where the camera is at T (world's unit). */
+static struct fv_se3 sensor_at(const struct fv_inertial_stage *stage, const struct fv_se3 *T,
+                               double scale)
+{
+    struct fv_se3 out = *T;
+    for (int i = 0; i < 3; i++)
+        out.t[i] *= scale;
+    fv_se3_compose(&out, &stage->estimator.config.T_cam_imu, &out);
+    return out;
+}
+
+/* Motion of the camera since the last pose, in metres once claimed. */
+static void camera_motion(const struct fv_inertial_stage *stage,
+                          const struct fv_preintegration *sum, const double gravity[3],
+                          struct fv_se3 *T_last_now, double velocity[3])
+{
+    const struct fv_se3 *T_cam_imu = &stage->estimator.config.T_cam_imu;
+    struct fv_se3 T_world_now, inverse;
+    fv_inertial_live_predict(&stage->state->live, sum, gravity, &T_world_now, velocity);
+    fv_se3_invert(&stage->state->live.T_world_imu, &inverse);
+    fv_se3_compose(&inverse, &T_world_now, T_last_now);
+    fv_se3_compose(T_cam_imu, T_last_now, T_last_now);
+    fv_se3_invert(T_cam_imu, &inverse);
+    fv_se3_compose(T_last_now, &inverse, T_last_now);
+}
+
+static bool same_world(const struct fv_inertial_stage_state *s, const struct fv_odometry *odometry)
+{
+    return s->begun && s->reset_counter == fv_odometry_reset_counter(odometry);
+}
+
+void fv_inertial_stage_predict(const struct fv_inertial_stage *stage,
+                               const struct fv_odometry *odometry, int64_t stamp_ns,
+                               struct fv_motion_hint *hint)
+{
+    const struct fv_inertial_stage_state *s = stage->state;
+    struct fv_preintegration sum;
+    double velocity[3];
+    memset(hint, 0, sizeof *hint);
+    if (!stage->enabled || !same_world(s, odometry) || !fv_inertial_result(&stage->estimator)->known ||
+        !fv_inertial_live_reach(&s->live, &stage->estimator.config.noise, stamp_ns, &sum))
+        return;
+    camera_motion(stage, &sum, s->known.gravity, &hint->T_now_last, velocity);
+    const double map_scale = fv_odometry_map(odometry)->state->S_map_world.s;
+    hint->turn = true;
+    hint->whole = s->known.claimed && s->live.moving;
+    for (int i = 0; i < 3; i++)
+        hint->T_now_last.t[i] *= hint->whole ? map_scale / s->known.scale : 0;
+    fv_se3_invert(&hint->T_now_last, &hint->T_now_last);
+}
+
+/* Velocity and rate of the camera for those who publish them. */
+static void write_moving(struct fv_inertial_stage *stage, const struct fv_se3 *T_world_imu,
+                         const double velocity[3])
+{
+    struct fv_inertial_stage_state *s = stage->state;
+    const struct fv_inertial_config *config = &stage->estimator.config;
+    double rate[3], lever[3], turned[3], added[3];
+    fv_subtract3(s->live.gyro, s->known.biases.gyro, rate);
+    fv_rotate_back3(config->T_cam_imu.R, config->T_cam_imu.t, lever); /* from the camera */
+    fv_cross3(rate, lever, turned);
+    fv_rotate3(T_world_imu->R, turned, added);
+    fv_subtract3(velocity, added, s->known.velocity);
+    fv_rotate3(config->T_cam_imu.R, rate, s->known.rate);
+    s->known.velocity_sigma = __builtin_sqrt(s->live.variance);
+    s->known.rate_sigma =
+        __builtin_sqrt(config->noise.gyro * (stage->imu.rate_hz > 0 ? stage->imu.rate_hz : 200) +
+                       s->known.bias_covariance[0]);
+    s->known.moving = s->live.moving;
+}
+
+/* The frame has a pose. */
+static void follow_pose(struct fv_inertial_stage *stage, const struct fovea_pose *pose,
+                        int64_t stamp_ns)
+{
+    struct fv_inertial_stage_state *s = stage->state;
+    const struct fv_inertial_estimate *e = fv_inertial_result(&stage->estimator);
+    const bool claimed = s->known.claimed;
+    const double scale = claimed ? s->known.scale : 1,
+                 sigma = scale * mean_sigma(pose->covariance, 0) * position_share;
+    struct fv_preintegration sum;
+    struct fv_imu_biases biases = {{0, 0, 0}, {0, 0, 0}};
+    if (e->known) {
+        memcpy(biases.gyro, e->shared.gyro_bias, sizeof biases.gyro);
+        memcpy(biases.acceleration, e->own.acceleration_bias, sizeof biases.acceleration);
+    }
+    const bool led = fv_inertial_live_reach(&s->live, &stage->estimator.config.noise, stamp_ns, &sum);
+    s->live.T_world_imu = sensor_at(stage, &s->T_world_cam, scale);
+    fv_se3_from_rows(pose->T_world_cam, &s->T_world_cam);
+    const struct fv_se3 T = sensor_at(stage, &s->T_world_cam, scale);
+    fv_inertial_live_pose(&s->live, stamp_ns, &T, sigma, led ? &sum : NULL,
+                          claimed ? s->known.gravity : NULL, &biases);
+    s->known.coasting = s->known.moving = false;
+    if (claimed) write_moving(stage, &T, s->live.velocity);
+}
+
+/* ---- without a picture ----------------------------------------------------------------------- */
+
+/* Derivatives of position (world) and turn (sensor, on the right) after `sum` by what the estimator
+ * is unsure of. */
+static void coast_derivatives(const struct fv_inertial_stage *stage,
+                              const struct fv_preintegration *sum, double J[6 * FV_INERTIAL_TAIL])
+{
+    enum { TAIL = FV_INERTIAL_TAIL, VELOCITY = 6, BIAS = 10, DOWN = 13, GYRO = 15 };
+    const struct fv_inertial_estimate *e = fv_inertial_result(&stage->estimator);
+    const double *R = stage->state->live.T_world_imu.R, t = sum->time_s;
+    double P[9], RP[9], RA[9], RG[9];
+    memset(J, 0, 6 * TAIL * sizeof *J);
+    fv_cross_matrix(sum->position, P);
+    fv_multiply33(R, P, RP);
+    fv_multiply33(R, sum->position_acceleration, RA);
+    fv_multiply33(R, sum->position_gyro, RG);
+    for (int r = 0; r < 3; r++)
+        for (int c = 0; c < 3; c++) {
+            J[r * TAIL + c] = -RP[3 * r + c];
+            J[r * TAIL + VELOCITY + c] = r == c ? t : 0;
+            J[r * TAIL + BIAS + c] = RA[3 * r + c];
+            J[r * TAIL + GYRO + c] = RG[3 * r + c];
+            if (c < 2) J[r * TAIL + DOWN + c] = gravity_m_s2 * t * t / 2 * e->across[c][r];
+            J[(3 + r) * TAIL + GYRO + c] = sum->turn_gyro[3 * r + c];
+        }
+}
+
+/* Covariance of the motion since the last pose: of the sensor's position in world and its turn. */
+static void coast_covariance(const struct fv_inertial_stage *stage,
+                             const struct fv_preintegration *sum, double S[36])
+{
+    enum { TAIL = FV_INERTIAL_TAIL };
+    const double *C = fv_inertial_result(&stage->estimator)->covariance,
+                 *R = stage->state->live.T_world_imu.R, t = sum->time_s;
+    double J[6 * TAIL], JC[6 * TAIL], block[9], turned[9];
+    coast_derivatives(stage, sum, J);
+    for (int r = 0; r < 6; r++)
+        for (int c = 0; c < TAIL; c++) {
+            JC[r * TAIL + c] = 0;
+            for (int k = 0; k < TAIL; k++)
+                JC[r * TAIL + c] += J[r * TAIL + k] * C[k * TAIL + c];
+        }
+    for (int r = 0; r < 6; r++)
+        for (int c = 0; c < 6; c++) {
+            S[6 * r + c] = r == c && r < 3 ? stage->state->live.variance * t * t : 0;
+            for (int k = 0; k < TAIL; k++)
+                S[6 * r + c] += JC[r * TAIL + k] * J[c * TAIL + k];
+        }
+    for (int r = 0; r < 3; r++)
+        for (int c = 0; c < 3; c++)
+            block[3 * r + c] = sum->covariance[9 * (6 + r) + 6 + c];
+    fv_multiply33(R, block, turned);
+    for (int r = 0; r < 3; r++)
+        for (int c = 0; c < 3; c++) {
+            S[6 * r + c] += fv_dot3(turned + 3 * r, R + 3 * c);
+            S[6 * (3 + r) + 3 + c] += sum->covariance[9 * r + c];
+        }
+}
+
+/* The same of the camera, on its side and as structs hold it. */
+static void coast_covariance_of_camera(const struct fv_inertial_stage *stage,
+                                       const struct fv_preintegration *sum, const double R[9],
+                                       double out[21])
+{
+    double S[36], own[36], sensor[21];
+    coast_covariance(stage, sum, S);
+    for (int r = 0; r < 6; r++)
+        for (int c = 0; c < 6; c++) {
+            double value = 0;
+            for (int k = 0; k < 3; k++)
+                for (int m = 0; m < 3; m++)
+                    value += (r < 3 ? R[3 * k + r] : k == r - 3) * (c < 3 ? R[3 * m + c] : m == c - 3) *
+                             S[6 * (r < 3 ? k : 3 + k) + (c < 3 ? m : 3 + m)];
+            own[6 * r + c] = value;
+        }
+    for (int r = 0, k = 0; r < 6; r++)
+        for (int c = r; c < 6; c++, k++)
+            sensor[k] = own[6 * r + c];
+    fv_se3_carry_covariance(&stage->estimator.config.T_cam_imu, sensor, out);
+}
+
+/* The frame has none. */
+static void coast(struct fv_inertial_stage *stage, const struct fv_odometry *odometry,
+                  int64_t stamp_ns)
+{
+    struct fv_inertial_stage_state *s = stage->state;
+    struct fv_preintegration sum;
+    struct fv_se3 T_world_imu;
+    double velocity[3];
+    s->known.coasting = s->known.moving = false;
+    if (!s->known.claimed || !s->live.moving || !same_world(s, odometry) ||
+        stamp_ns - s->live.pose_ns > coasting_max_ns ||
+        !fv_inertial_result(&stage->estimator)->known ||
+        !fv_inertial_live_reach(&s->live, &stage->estimator.config.noise, stamp_ns, &sum))
+        return;
+    camera_motion(stage, &sum, s->known.gravity, &s->known.T_last_now, velocity);
+    fv_inertial_live_predict(&s->live, &sum, s->known.gravity, &T_world_imu, velocity);
+    coast_covariance_of_camera(stage, &sum, T_world_imu.R, s->known.covariance);
+    write_moving(stage, &T_world_imu, velocity);
+    s->known.coasting = true;
 }
 
 void fv_inertial_stage_step(struct fv_inertial_stage *stage, const struct fv_odometry *odometry,
@@ -133,10 +346,15 @@ void fv_inertial_stage_step(struct fv_inertial_stage *stage, const struct fv_odo
 {
     struct fv_inertial_stage_state *s = stage->state;
     const struct fovea_pose *pose = fv_odometry_pose(odometry);
-    if (!stage->enabled || !pose->posed) return;
+    if (!stage->enabled) return;
+    if (!pose->posed) {
+        coast(stage, odometry, stamp_ns);
+        return;
+    }
     if (!s->begun || s->map != pose->map_id ||
         s->reset_counter != fv_odometry_reset_counter(odometry))
         enter(stage, odometry);
+    follow_pose(stage, pose, stamp_ns);
     if (s->station_ns != 0 && stamp_ns - s->station_ns < station_apart_ns) return;
     add_station(stage, odometry, stamp_ns);
 }
@@ -189,6 +407,21 @@ static void write_known(struct fv_inertial_known *known, const struct fv_inertia
                               (c < 3 ? gyro + c : acceleration + c - 3)];
 }
 
+/* The filter of frames goes on from what the stations say of its velocity then. */
+static void correct_velocity(struct fv_inertial_stage *stage, const struct fv_inertial_estimate *e)
+{
+    struct fv_inertial_live *live = &stage->state->live;
+    const struct fv_inertial_station *newest =
+        fv_inertial_station_at(&stage->estimator, e->stations - 1);
+    double variance = 0;
+    if (!live->moving || fv_norm3(newest->live) == 0) return;
+    for (int i = 0; i < 3; i++) {
+        live->velocity[i] += e->own.velocity[i] - newest->live[i];
+        variance += e->covariance[(6 + i) * (FV_INERTIAL_TAIL + 1)] / 3;
+    }
+    live->variance = variance;
+}
+
 /* An estimate has come. */
 static void judge(struct fv_inertial_stage *stage)
 {
@@ -209,6 +442,7 @@ static void judge(struct fv_inertial_stage *stage)
                                                (s->metric || e->time_s >= claim_time_s));
     if (!good || !seasoned) return;
     write_known(&s->known, e);
+    correct_velocity(stage, e);
     s->claimed_ns = e->stamp_ns;
 }
 

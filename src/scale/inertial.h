@@ -9,6 +9,10 @@
  * that it is not used. Constant velocity, hovering, pure rotation and free fall show no scale. Once
  * claimed in a map, a scale stays known there, and grows less sure while nothing adds to it.
  *
+ * From frame to frame the samples say how the camera moved (inertial/live.h): odometry searches from
+ * there, the published velocity is this one, and while the pictures show nothing, the pose goes on
+ * by the samples for up to 2 s.
+ *
  * State holds no addresses. Real-time safe: every function is bounded; no heap. */
 #ifndef FOVEA_SCALE_INERTIAL_H
 #define FOVEA_SCALE_INERTIAL_H
@@ -18,6 +22,7 @@
 #include "fovea/sensor.h"
 #include "inertial/estimator.h"
 #include "inertial/gate.h"
+#include "inertial/live.h"
 #include "odometry/odometry.h"
 
 #ifdef __cplusplus
@@ -35,6 +40,14 @@ struct fv_inertial_known {
     double gravity_sigma;      /* rad, of an axis */
     struct fv_imu_biases biases;
     double bias_covariance[21]; /* gyro, acceleration; upper triangle by rows */
+    /* Of the camera, now; where `moving`. */
+    bool moving;
+    double velocity[3], velocity_sigma; /* m/s */
+    double rate[3], rate_sigma;         /* rad/s, in its own axes */
+    /* The frame has no pose, and this is where the camera is by the samples since the last. */
+    bool coasting;
+    struct fv_se3 T_last_now; /* metres */
+    double covariance[21];    /* of T_last_now, as that of struct fovea_pose */
 };
 
 struct fv_inertial_stage_state {
@@ -42,6 +55,8 @@ struct fv_inertial_stage_state {
     uint32_t map, reset_counter; /* that all this belongs to */
     bool begun, metric;          /* a map has; its unit is the metre by two cameras */
     int64_t station_ns;          /* the last station */
+    struct fv_se3 T_world_cam;   /* the last pose, in world's unit */
+    struct fv_inertial_live live;
     int64_t claimed_ns;          /* of the last estimate that counted */
     uint32_t agreeing;           /* estimates that agreed with the one before */
     double log_scale, sigma;     /* of the one before */
@@ -61,6 +76,10 @@ void fv_inertial_stage_init(struct fv_inertial_stage *stage);
 
 /* What the gate let through in this step. */
 void fv_inertial_stage_observe(struct fv_inertial_stage *stage, const struct fv_imu_gate *gate);
+/* Before a frame: what the samples say of the motion since the last pose. */
+void fv_inertial_stage_predict(const struct fv_inertial_stage *stage,
+                               const struct fv_odometry *odometry, int64_t stamp_ns,
+                               struct fv_motion_hint *hint);
 /* After each frame. */
 void fv_inertial_stage_step(struct fv_inertial_stage *stage, const struct fv_odometry *odometry,
                             int64_t stamp_ns);
