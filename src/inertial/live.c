@@ -53,8 +53,8 @@ void fv_inertial_live_predict(const struct fv_inertial_live *live,
     fv_rotate3(R, sum->position, moved);
     fv_multiply33(R, sum->turn, T_world_imu->R);
     for (int i = 0; i < 3; i++) {
-        T_world_imu->t[i] = live->T_world_imu.t[i] + live->velocity[i] * t +
-                            gravity[i] * t * t / 2 + moved[i];
+        T_world_imu->t[i] =
+            live->T_world_imu.t[i] + live->velocity[i] * t + gravity[i] * t * t / 2 + moved[i];
         velocity[i] = live->velocity[i] + gravity[i] * t + gained[i];
     }
 }

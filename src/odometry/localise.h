@@ -28,7 +28,7 @@ struct fv_recent {
 struct fv_localise_state {
     struct fv_motion motion;
     struct fv_motion_hint hint; /* of the current frame */
-    uint32_t recent_count; /* landmarks of the last frame */
+    uint32_t recent_count;      /* landmarks of the last frame */
 };
 
 /* Matching of descriptors, by feature; frame part. */

@@ -146,10 +146,10 @@ static void process(struct fovea *rt, const struct fovea_inputs *inputs)
     begin = stage_begin(rt);
     const struct fv_front_end_found found = fv_front_end_found(&rt->front_end);
     struct fv_odometry_input input = {.stamp_ns = inputs->frame->stamp_ns,
-                                            .count = found.count,
-                                            .features = found.features,
-                                            .descriptors = found.descriptors,
-                                            .distances = measured ? rt->stereo.measured : NULL};
+                                      .count = found.count,
+                                      .features = found.features,
+                                      .descriptors = found.descriptors,
+                                      .distances = measured ? rt->stereo.measured : NULL};
     fv_inertial_stage_predict(&rt->inertial, &rt->odometry, input.stamp_ns, &input.hint);
     fv_odometry_step(&rt->odometry, &rt->kernels, &input);
     publish_pose(rt);

@@ -131,7 +131,8 @@ static void add_station(struct fv_inertial_stage *stage, const struct fv_odometr
     const struct fovea_pose *pose = fv_odometry_pose(odometry);
     const struct fv_odometry_reference reference = fv_odometry_reference(odometry);
     const double least = position_sigma_least * depth_of(odometry),
-                 position = position_share * mean_sigma(pose->covariance, 0), turn = mean_sigma(pose->covariance, 3);
+                 position = position_share * mean_sigma(pose->covariance, 0),
+                 turn = mean_sigma(pose->covariance, 3);
     const struct fv_inertial_owner of = {reference.slot, reference.number,
                                          reference.T_keyframe_cam};
     struct fv_inertial_pose given = {.position_sigma = position > least ? position : least,
@@ -140,7 +141,10 @@ static void add_station(struct fv_inertial_stage *stage, const struct fv_odometr
     fv_se3_from_rows(pose->T_world_cam, &given.T_world_cam);
     fv_inertial_add_station(&stage->estimator, stamp_ns, &of, &given);
     stage->state->station_ns = stamp_ns;
-    fv_copy3(stage->state->live.velocity, fv_inertial_station_at(&stage->estimator, fv_inertial_station_count(&stage->estimator) - 1)->live);
+    fv_copy3(
+        stage->state->live.velocity,
+        fv_inertial_station_at(&stage->estimator, fv_inertial_station_count(&stage->estimator) - 1)
+            ->live);
 }
 
 /* Of the sensor, in metres, where the camera is at T (world's unit). */
@@ -182,7 +186,8 @@ void fv_inertial_stage_predict(const struct fv_inertial_stage *stage,
     struct fv_preintegration sum;
     double velocity[3];
     memset(hint, 0, sizeof *hint);
-    if (!stage->enabled || !same_world(s, odometry) || !fv_inertial_result(&stage->estimator)->known ||
+    if (!stage->enabled || !same_world(s, odometry) ||
+        !fv_inertial_result(&stage->estimator)->known ||
         !fv_inertial_live_reach(&s->live, &stage->estimator.config.noise, stamp_ns, &sum))
         return;
     camera_motion(stage, &sum, s->known.gravity, &hint->T_now_last, velocity);
@@ -229,7 +234,8 @@ static void follow_pose(struct fv_inertial_stage *stage, const struct fovea_pose
         memcpy(biases.gyro, e->shared.gyro_bias, sizeof biases.gyro);
         memcpy(biases.acceleration, e->own.acceleration_bias, sizeof biases.acceleration);
     }
-    const bool led = fv_inertial_live_reach(&s->live, &stage->estimator.config.noise, stamp_ns, &sum);
+    const bool led =
+        fv_inertial_live_reach(&s->live, &stage->estimator.config.noise, stamp_ns, &sum);
     s->live.T_world_imu = sensor_at(stage, &s->T_world_cam, scale);
     fv_se3_from_rows(pose->T_world_cam, &s->T_world_cam);
     const struct fv_se3 T = sensor_at(stage, &s->T_world_cam, scale);
@@ -310,7 +316,8 @@ static void coast_covariance_of_camera(const struct fv_inertial_stage *stage,
             double value = 0;
             for (int k = 0; k < 3; k++)
                 for (int m = 0; m < 3; m++)
-                    value += (r < 3 ? R[3 * k + r] : k == r - 3) * (c < 3 ? R[3 * m + c] : m == c - 3) *
+                    value += (r < 3 ? R[3 * k + r] : k == r - 3) *
+                             (c < 3 ? R[3 * m + c] : m == c - 3) *
                              S[6 * (r < 3 ? k : 3 + k) + (c < 3 ? m : 3 + m)];
             own[6 * r + c] = value;
         }

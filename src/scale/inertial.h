@@ -9,9 +9,9 @@
  * that it is not used. Constant velocity, hovering, pure rotation and free fall show no scale. Once
  * claimed in a map, a scale stays known there, and grows less sure while nothing adds to it.
  *
- * From frame to frame the samples say how the camera moved (inertial/live.h): odometry searches from
- * there, the published velocity is this one, and while the pictures show nothing, the pose goes on
- * by the samples for up to 2 s.
+ * From frame to frame the samples say how the camera moved (inertial/live.h): odometry searches
+ * from there, the published velocity is this one, and while the pictures show nothing, the pose
+ * goes on by the samples for up to 2 s.
  *
  * State holds no addresses. Real-time safe: every function is bounded; no heap. */
 #ifndef FOVEA_SCALE_INERTIAL_H
@@ -57,9 +57,9 @@ struct fv_inertial_stage_state {
     int64_t station_ns;          /* the last station */
     struct fv_se3 T_world_cam;   /* the last pose, in world's unit */
     struct fv_inertial_live live;
-    int64_t claimed_ns;          /* of the last estimate that counted */
-    uint32_t agreeing;           /* estimates that agreed with the one before */
-    double log_scale, sigma;     /* of the one before */
+    int64_t claimed_ns;      /* of the last estimate that counted */
+    uint32_t agreeing;       /* estimates that agreed with the one before */
+    double log_scale, sigma; /* of the one before */
 };
 
 struct fv_inertial_stage {

@@ -19,7 +19,7 @@ const char *fv_watch_name(enum fv_watch_state state)
         [FV_WATCH_WAITING] = "waiting",   [FV_WATCH_RUNNING] = "running",
         [FV_WATCH_STARTING] = "starting", [FV_WATCH_TRACKING] = "tracking",
         [FV_WATCH_WEAK] = "weak",         [FV_WATCH_LOST] = "lost",
-        [FV_WATCH_PAUSED] = "paused",
+        [FV_WATCH_PAUSED] = "paused",     [FV_WATCH_COASTING] = "coasting",
     };
     return (unsigned)state < FV_WATCH_STATES ? names[state] : "unknown";
 }
@@ -76,6 +76,8 @@ static enum fv_watch_state state_of(const struct fv_watch *watch, const struct f
         return FV_WATCH_TRACKING;
     case FOVEA_TRACKING_WEAK:
         return FV_WATCH_WEAK;
+    case FOVEA_TRACKING_COASTING:
+        return FV_WATCH_COASTING;
     default:
         return FV_WATCH_LOST;
     }

@@ -22,6 +22,7 @@ enum fv_watch_state {
     FV_WATCH_WEAK,
     FV_WATCH_LOST,
     FV_WATCH_PAUSED,
+    FV_WATCH_COASTING,
     FV_WATCH_STATES
 };
 

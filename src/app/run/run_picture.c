@@ -92,7 +92,7 @@ static uint32_t state_colour(int state)
         [FV_WATCH_WAITING] = 0xe6e6e6,  [FV_WATCH_RUNNING] = 0xb8c7d9,
         [FV_WATCH_STARTING] = 0xf2d16b, [FV_WATCH_TRACKING] = 0x4caf6d,
         [FV_WATCH_WEAK] = 0xe9963e,     [FV_WATCH_LOST] = 0xd64545,
-        [FV_WATCH_PAUSED] = 0x9a9a9a,
+        [FV_WATCH_PAUSED] = 0x9a9a9a,   [FV_WATCH_COASTING] = 0x8a63c9,
     };
     return colours[state >= 0 && state < FV_WATCH_STATES ? state : 0];
 }

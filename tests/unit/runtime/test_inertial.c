@@ -5,6 +5,7 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include <cmocka.h>
@@ -17,11 +18,13 @@
 
 static struct sim_rig rig;
 static fovea_pose_t body, before;
+static uint8_t *dark; /* instead of the pictures, unless NULL */
 
 #define SHAPE "width=400&height=300&rate=20&imu=200&gyro_bias=0.02&acceleration_bias=0.05&"
 
 static void open_rig(const char *uri, int frames, enum fovea_sensors sensors)
 {
+    dark = NULL;
     sim_rig_open(&rig, uri, 0, frames);
     rig.config.rig = rig.ops->info(rig.source)->rig;
     rig.config.odometry.sensors = sensors;
@@ -55,7 +58,14 @@ static bool next(bool samples)
             rig.ops->samples(rig.source, &rig.frame, list, FOVEA_INPUT_SAMPLES_MAX);
         rig.inputs.samples = list;
     }
+    const struct fovea_image seen[2] = {rig.frame.images[0], rig.frame.images[1]};
+    for (int i = 0; dark != NULL && i < 2; i++) {
+        rig.frame.images[i].data = dark;
+        rig.frame.images[i].stride_bytes = 400;
+    }
     sim_rig_process(&rig);
+    rig.frame.images[0] = seen[0];
+    rig.frame.images[1] = seen[1];
     return true;
 }
 
@@ -121,6 +131,41 @@ static void metres_and_gravity_come_in_one_change(void **state)
     sim_rig_close(&rig);
 }
 
+/* Black pictures: the pose goes on for 2 s, within its covariance, and comes back. */
+static void poses_go_on_without_pictures(void **state)
+{
+    (void)state;
+    enum { FIRST = 70, DARK = 50 };
+    uint8_t *black = calloc(400, 300);
+    int coasted = 0, lost = 0, back = 0;
+    open_rig("sim:wander?" SHAPE "seed=5&baseline=0.11", 150, FOVEA_SENSORS_AUTO);
+    for (int n = 0; n < 150; n++) {
+        dark = n >= FIRST && n < FIRST + DARK ? black : NULL;
+        assert_true(next(true));
+        before = body;
+        take_body();
+        const struct fovea_pose *pose = &rig.pose[n];
+        if (n < FIRST || dark == NULL) {
+            if (n >= FIRST && back == 0 && pose->state == FOVEA_TRACKING_OK) back = n;
+            continue;
+        }
+        coasted += pose->state == FOVEA_TRACKING_COASTING;
+        lost += pose->state == FOVEA_TRACKING_LOST;
+        if (pose->state != FOVEA_TRACKING_COASTING) continue;
+        assert_int_equal(lost, 0);
+        assert_true(pose->posed && isfinite(body.velocity[0]));
+        assert_true(isfinite(body.velocity_covariance[0]) && body.velocity_covariance[0] > 0);
+        const double way = sim_rig_moved(rig.pose[FIRST - 1].T_world_cam, pose->T_world_cam) -
+                           sim_rig_moved(rig.truth[FIRST - 1], rig.truth[n]);
+        const double sigma = sqrt(pose->covariance[0] + pose->covariance[6] + pose->covariance[11]);
+        assert_true(fabs(way) < 4 * sigma && sigma < 0.1);
+    }
+    assert_true(coasted >= 39 && coasted <= 41 && lost == DARK - coasted);
+    assert_true(back > 0 && back < FIRST + DARK + 8);
+    sim_rig_close(&rig);
+    free(black);
+}
+
 /* Standing still shows no scale, nor does a turn on the spot. */
 static void no_metres_without_motion(void **state)
 {
@@ -183,6 +228,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(metres_and_gravity_come_in_one_change),
+        cmocka_unit_test(poses_go_on_without_pictures),
         cmocka_unit_test(no_metres_without_motion),
         cmocka_unit_test(mono_keeps_its_bits),
         cmocka_unit_test(what_cannot_be_is_refused),

@@ -32,10 +32,9 @@ static void iterate(uint32_t commands)
 static enum fv_watch_state expected_state(void)
 {
     static const enum fv_watch_state states[] = {
-        [FOVEA_TRACKING_STARTING] = FV_WATCH_STARTING,
-        [FOVEA_TRACKING_OK] = FV_WATCH_TRACKING,
-        [FOVEA_TRACKING_WEAK] = FV_WATCH_WEAK,
-        [FOVEA_TRACKING_LOST] = FV_WATCH_LOST,
+        [FOVEA_TRACKING_STARTING] = FV_WATCH_STARTING, [FOVEA_TRACKING_OK] = FV_WATCH_TRACKING,
+        [FOVEA_TRACKING_WEAK] = FV_WATCH_WEAK,         [FOVEA_TRACKING_LOST] = FV_WATCH_LOST,
+        [FOVEA_TRACKING_COASTING] = FV_WATCH_COASTING,
     };
     struct fovea_pose pose;
     fovea_pose_get(rig.rt, &pose);
