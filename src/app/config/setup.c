@@ -344,7 +344,9 @@ enum fovea_status fv_setup_open(struct fv_settings *settings,
         fv_settings_blame(settings, "source", error);
         return status;
     }
-    status = rig_fit(settings, setup->ops->info(setup->source), false, error);
+    const struct fovea_source_info *info = setup->ops->info(setup->source);
+    status = rig_fit(settings, info, false, error);
+    if (status == FOVEA_OK) status = fv_imu_join(settings, info, &setup->iio, error);
     return status == FOVEA_OK ? fv_setup_read(settings, setup, error) : status;
 }
 
@@ -358,8 +360,9 @@ bool fv_setup_lacks_calibration(const struct fv_settings *settings, const struct
 enum fovea_status fv_setup_open_rough(struct fv_settings *settings, struct fv_setup *setup,
                                       struct fovea_error *error)
 {
-    const enum fovea_status status =
-        rig_fit(settings, setup->ops->info(setup->source), true, error);
+    const struct fovea_source_info *info = setup->ops->info(setup->source);
+    enum fovea_status status = rig_fit(settings, info, true, error);
+    if (status == FOVEA_OK) status = fv_imu_join(settings, info, &setup->iio, error);
     return status == FOVEA_OK ? fv_setup_read(settings, setup, error) : status;
 }
 
@@ -381,7 +384,11 @@ enum fovea_status fv_setup_check_files(struct fv_settings *settings, struct fove
         return status;
     }
     if (!is_camera(setup.ops)) {
+        char imu[sizeof settings->imu]; /* no more is a device of IIO */
+        memcpy(imu, settings->imu, sizeof imu);
+        if (fv_imu_iio_name(settings) != NULL) settings->imu[0] = '\0';
         status = fv_setup_open(settings, &all, &setup, error);
+        memcpy(settings->imu, imu, sizeof imu);
     } else {
         status = camera_read(settings, error);
         if (status == FOVEA_OK) status = model_read(settings, &setup, error);
@@ -406,6 +413,7 @@ void fv_setup_close_source(struct fv_setup *setup)
 void fv_setup_close(struct fv_setup *setup)
 {
     fv_setup_close_source(setup);
+    fv_iio_close(setup->iio);
     for (int i = 0; i < FOVEA_CAMERAS_MAX; i++)
         free(setup->masks[i]);
     free(setup->map);

@@ -4,6 +4,7 @@
 #define FOVEA_APP_CONFIG_SETUP_H
 
 #include "support/say.h"
+#include "app/config/imu.h"
 #include "app/config/model_file.h"
 #include "app/config/options.h"
 #include "app/config/settings.h"
@@ -30,6 +31,7 @@ struct fv_setup {
     uint8_t *masks[FOVEA_CAMERAS_MAX];  /* by camera; NULL: none */
     uint8_t *map;                       /* NULL: none */
     struct fv_model_file model, model2; /* data NULL: none */
+    struct fv_iio *iio;                 /* of imu: iio:NAME, open, not started; NULL: none */
 };
 
 /* Open settings->source, and fill in settings->runtime: .rig, .map, .detect.model and

@@ -323,6 +323,15 @@ static void imu_check(struct check *check, const struct fovea_frame *frame)
     const struct fovea_source_ops *ops = check->setup.ops;
     uint32_t found = 0;
     if (!rig->has_imu) return;
+    if (check->settings.imu[0] != '\0') {
+        line(
+            check, OK, "IMU",
+            "%s, %g Hz; %.3f m from the first camera; noise %.2g rad/s/sqrt(Hz), %.2g m/s^2/sqrt(Hz)",
+            check->settings.imu, imu->rate_hz,
+            distance(imu->T_body_imu, rig->cameras[0].T_body_cam), imu->gyro_noise,
+            imu->acceleration_noise);
+        return;
+    }
     const uint32_t count = ops->samples != NULL ? ops->samples(check->setup.source, frame, samples,
                                                                FOVEA_INPUT_SAMPLES_MAX)
                                                 : 0;

@@ -11,6 +11,7 @@
 #include "app/run/commands.h"
 #include "app/run/final_path.h"
 #include "app/run/grid_file.h"
+#include "app/run/imu_input.h"
 #include "app/run/keeper.h"
 #include "app/run/parameters.h"
 #include "app/run/loop.h"
@@ -66,6 +67,7 @@ struct fv_run {
     struct fv_identity_watch others;
     struct fv_transport *transport;
     struct fv_feed *feed;
+    struct fv_imu_input imu; /* beside the source */
     struct fv_recorder *recorder;
     char recording[FV_OUTPUT_PATH_BYTES]; /* the file that it writes */
     struct fv_trajectory *trajectory, *truth;

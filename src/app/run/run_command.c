@@ -73,6 +73,7 @@ static void take_samples(struct fv_run *run, const struct fovea_frame *given,
         inputs->sample_count =
             ops->samples(run->setup.source, given, run->samples, FOVEA_INPUT_SAMPLES_MAX);
     if (wheels && (kinds & wheel_odometry) == 0) add_heard(run, inputs);
+    fv_imu_input_take(&run->imu, given, run->samples, inputs);
 }
 
 static void boxes_from_truth(struct fv_run *run, struct fovea_inputs *inputs)
@@ -270,11 +271,13 @@ static enum fovea_status transport_open(struct fv_run *run, struct fovea_error *
     const struct fv_settings *settings = &run->settings;
     const bool odometry = settings->runtime.scale.source == FOVEA_SCALE_WHEEL_ODOMETRY;
     struct fv_receiver_channel more[] = {
-        fv_identity_row(settings->runtime.channel_prefix, &run->others), {.take = NULL}};
+        fv_identity_row(settings->runtime.channel_prefix, &run->others),
+        {.take = NULL},
+        {.take = NULL}};
     struct fv_transport_ears ears = {
         .listen = settings->listen,
         .more = more,
-        .more_count = sizeof more / sizeof more[0],
+        .more_count = fv_imu_input_hears(&run->imu) ? 3 : 2,
         .rules = {.from_network = settings->commands, .run_id = run->run_id},
         .wheel_odometry_limits = {settings->wheel_odometry_max_m_s,
                                   settings->wheel_odometry_max_rad_s},
@@ -289,6 +292,7 @@ static enum fovea_status transport_open(struct fv_run *run, struct fovea_error *
     if (status == FOVEA_OK)
         status = fv_parameters_open(&run->parameters, run->loop.rt, settings, &ears.rules, error);
     more[1] = fv_parameters_row(&run->parameters);
+    if (fv_imu_input_hears(&run->imu)) more[2] = fv_imu_input_row(&run->imu);
     if (status == FOVEA_OK)
         status =
             fv_transport_open_early(settings->lcm_url, settings->lcm_ttl, &run->transport, error);
@@ -376,6 +380,7 @@ static enum fovea_status open_all(struct fv_run *run, struct fovea_error *error)
             run->settings.source);
     if (status != FOVEA_OK) return status;
     run->loop.real_time = fv_setup_real_time(&run->settings, &run->setup);
+    fv_imu_input_open(&run->imu, &run->settings, run->setup.iio);
     status = runtime_open(run, error);
     if (status == FOVEA_OK) status = fv_run_id_make(&run->run_id, error);
     if (status == FOVEA_OK) {
@@ -449,6 +454,8 @@ static void close_all(struct fv_run *run)
 static void complaints(struct fv_run *run)
 {
     struct fovea_error error;
+    while (fv_imu_input_complaint(&run->imu, &error) != FOVEA_AGAIN)
+        fv_say("%s", error.text);
     if (run->setup.ops->complaint == NULL) return;
     while (run->setup.ops->complaint(run->setup.source, &error) != FOVEA_AGAIN)
         fv_say("%s", error.text);
@@ -522,6 +529,7 @@ static enum fovea_status run_loop(struct fv_run *run, struct fovea_error *error)
     sem_init(&run->ended, 0, 0);
 
     enum fovea_status status = loop->ops->start(loop->source, error);
+    if (status == FOVEA_OK && run->setup.iio != NULL) status = fv_iio_start(run->setup.iio, error);
     if (status != FOVEA_OK) return status;
     status = fv_realtime_start(&thread, run->settings.priority, run->settings.cpu, loop_body, run,
                                &rights, error);

@@ -97,6 +97,7 @@ enum fovea_status fv_run_files_apart(const struct fv_run *run, struct fovea_erro
         {"--source", address != NULL ? address + 1 : NULL},
         {"--config", run->options.config},
         {"--camera", run->settings.camera},
+        {"imu_file", run->settings.imu_file},
         {"mask", run->settings.masks[0]},
         {"mask2", run->settings.masks[1]},
         {"mask3", run->settings.masks[2]},

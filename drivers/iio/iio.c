@@ -1,0 +1,247 @@
+#include "iio.h"
+
+#include <errno.h>
+#include <poll.h>
+#include <stdatomic.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/eventfd.h>
+#include <unistd.h>
+
+#include "../clock.h"
+#include "../live/complaints.h"
+#include "../thread.h"
+#include "device.h"
+#include "support/aligned.h"
+
+enum { RING_SAMPLES = 2048, READ_BYTES = 8192 };
+
+static const int64_t search_ns = 50000000; /* between two looks for a sensor that is away */
+static const int64_t silent_ns = 500000000, restart_ns = 2000000000; /* without a sample */
+
+enum complaint { AWAY, HANGS, BACK, NOTICE, COMPLAINTS };
+
+struct fv_iio {
+    struct fv_iio_device device;
+    struct fv_iio_info info;
+    pthread_t thread;
+    bool started;
+    int quit_fd;
+    struct fv_complaints complaints;
+
+    /* A ring of samples: `head` is the thread's, `tail` the loop's. */
+    _Alignas(64) _Atomic uint64_t head;
+    _Alignas(64) _Atomic uint64_t tail;
+    struct fovea_imu_sample samples[RING_SAMPLES];
+    _Atomic uint64_t dropped, returns;
+
+    /* The thread's. */
+    bool set_up, silent;
+    int64_t last_ns; /* when something came, or it was set up */
+    size_t held;     /* bytes of a scan that is not whole */
+    uint8_t data[READ_BYTES];
+};
+
+/* ---- opening --------------------------------------------------------------------------------- */
+
+enum fovea_status fv_iio_open(const char *name, double rate_hz, struct fv_iio **iio,
+                              struct fovea_error *error)
+{
+    const char *root = getenv("FOVEA_IIO_ROOT");
+    if (name[0] == '\0' || strlen(name) >= FV_IIO_NAME_BYTES || strchr(name, '/') != NULL)
+        return fovea_error_set(
+            error, FOVEA_ERROR_INPUT,
+            "imu: iio: found '%.64s', expected the name of a device, 1 to %d bytes", name,
+            FV_IIO_NAME_BYTES - 1);
+    struct fv_iio *opened = fv_aligned_zeroed(sizeof *opened);
+    if (opened == NULL) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "imu: out of memory");
+    struct fv_iio_device *device = &opened->device;
+    snprintf(device->root, sizeof device->root, "%s", root != NULL ? root : "");
+    snprintf(device->name, sizeof device->name, "%s", name);
+    device->asked_hz = rate_hz;
+    device->fd = opened->quit_fd = -1;
+    enum fovea_status status = fv_iio_device_set_up(device, error);
+    if (status != FOVEA_OK) {
+        free(opened);
+        return status == FOVEA_GONE ? FOVEA_ERROR_INPUT : status;
+    }
+    opened->info.rate_hz = device->rate_hz;
+    opened->info.gyro_range = fv_iio_scan_range(&device->scan, FV_IIO_GYRO);
+    opened->info.acceleration_range = fv_iio_scan_range(&device->scan, FV_IIO_ACCELERATION);
+    fv_iio_device_tear_down(device);
+    fv_complaints_open(&opened->complaints);
+    if (error != NULL && error->text[0] != '\0')
+        fv_complaints_add(&opened->complaints, NOTICE, error);
+    *iio = opened;
+    return FOVEA_OK;
+}
+
+const struct fv_iio_info *fv_iio_info(const struct fv_iio *iio)
+{
+    return &iio->info;
+}
+
+/* ---- the thread ------------------------------------------------------------------------------ */
+
+static void complain(struct fv_iio *iio, enum complaint kind, const char *what)
+{
+    struct fovea_error line;
+    fovea_error_set(&line, FOVEA_OK, "imu: iio:%s: %s", iio->device.name, what);
+    fv_complaints_add(&iio->complaints, (int)kind, &line);
+}
+
+/* Until `ns` have passed. False: it is to end. */
+static bool pause_for(const struct fv_iio *iio, int64_t ns)
+{
+    struct pollfd quit = {.fd = iio->quit_fd, .events = POLLIN};
+    return poll(&quit, 1, (int)(ns / 1000000)) <= 0;
+}
+
+static void hand_over(struct fv_iio *iio, const uint8_t *scan, int64_t offset_ns)
+{
+    const uint64_t head = atomic_load_explicit(&iio->head, memory_order_relaxed);
+    if (head - atomic_load_explicit(&iio->tail, memory_order_acquire) == RING_SAMPLES) {
+        atomic_fetch_add_explicit(&iio->dropped, 1, memory_order_relaxed);
+        return;
+    }
+    struct fovea_imu_sample *sample = &iio->samples[head % RING_SAMPLES];
+    fv_iio_scan_read(&iio->device.scan, scan, sample);
+    if (__builtin_add_overflow(sample->stamp_ns, offset_ns, &sample->stamp_ns))
+        sample->stamp_ns = INT64_MAX; /* off the clock, which the step says */
+    atomic_store_explicit(&iio->head, head + 1, memory_order_release);
+}
+
+/* Read what there is. False: the sensor is away. */
+static bool take(struct fv_iio *iio)
+{
+    const uint32_t size = iio->device.scan.bytes;
+    const clockid_t clock = iio->device.clock;
+    const ssize_t bytes = read(iio->device.fd, iio->data + iio->held, sizeof iio->data - iio->held);
+    if (bytes < 0) return errno == EAGAIN || errno == EINTR;
+    if (bytes == 0) return false;
+    const int64_t now_ns = fv_clock_ns(CLOCK_MONOTONIC),
+                  offset_ns = clock == CLOCK_MONOTONIC ? 0 : now_ns - fv_clock_ns(clock);
+    const size_t held = iio->held + (size_t)bytes;
+    size_t at = 0;
+    for (; held - at >= size; at += size)
+        hand_over(iio, iio->data + at, offset_ns);
+    memmove(iio->data, iio->data + at, held - at);
+    iio->held = held - at;
+    iio->last_ns = now_ns;
+    if (iio->silent) complain(iio, BACK, "gives samples again");
+    iio->silent = false;
+    fv_complaints_forget(&iio->complaints, AWAY, HANGS);
+    return true;
+}
+
+static void drop_device(struct fv_iio *iio)
+{
+    fv_iio_device_tear_down(&iio->device);
+    iio->set_up = false;
+}
+
+static void look_for(struct fv_iio *iio, bool first)
+{
+    struct fovea_error error = {.text = ""};
+    const enum fovea_status status = fv_iio_device_set_up(&iio->device, &error);
+    if (status != FOVEA_OK) {
+        if (status != FOVEA_GONE) fv_complaints_add(&iio->complaints, AWAY, &error);
+        return;
+    }
+    iio->set_up = true;
+    iio->held = 0;
+    iio->last_ns = fv_clock_ns(CLOCK_MONOTONIC);
+    if (!first) atomic_fetch_add_explicit(&iio->returns, 1, memory_order_relaxed);
+}
+
+/* A sensor that gives nothing is named, and after a while started anew. */
+static void watch(struct fv_iio *iio)
+{
+    const int64_t since_ns = fv_clock_ns(CLOCK_MONOTONIC) - iio->last_ns;
+    if (since_ns > silent_ns && !iio->silent) {
+        iio->silent = true;
+        complain(iio, HANGS, "is there, but gives no samples");
+        fv_complaints_forget(&iio->complaints, BACK, BACK);
+    }
+    if (since_ns > restart_ns) drop_device(iio);
+}
+
+static void *run(void *context)
+{
+    struct fv_iio *iio = context;
+    bool first = true;
+    for (;;) {
+        if (!iio->set_up) look_for(iio, first);
+        first = false;
+        if (!iio->set_up) {
+            if (!pause_for(iio, search_ns)) return NULL;
+            continue;
+        }
+        struct pollfd fds[2] = {{.fd = iio->quit_fd, .events = POLLIN},
+                                {.fd = iio->device.fd, .events = POLLIN}};
+        (void)poll(fds, 2, 100);
+        if (fds[0].revents != 0) return NULL;
+        bool there = (fds[1].revents & (POLLERR | POLLNVAL)) == 0;
+        if ((fds[1].revents & POLLIN) != 0)
+            there = take(iio) && there;
+        else if ((fds[1].revents & POLLHUP) != 0)
+            there = false;
+        watch(iio);
+        if (there) continue;
+        if (iio->set_up) drop_device(iio);
+        complain(iio, AWAY, "is gone; it is searched for");
+        fv_complaints_forget(&iio->complaints, BACK, BACK);
+        iio->silent = true;
+        if (!pause_for(iio, search_ns)) return NULL;
+    }
+}
+
+enum fovea_status fv_iio_start(struct fv_iio *iio, struct fovea_error *error)
+{
+    iio->quit_fd = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+    const int failed = iio->quit_fd < 0 ? errno : fv_thread_start(&iio->thread, run, iio);
+    iio->started = failed == 0;
+    if (iio->started) return FOVEA_OK;
+    return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "imu: iio:%s: no thread to read it: %s",
+                           iio->device.name, strerror(failed));
+}
+
+void fv_iio_close(struct fv_iio *iio)
+{
+    const uint64_t one = 1;
+    if (iio == NULL) return;
+    if (iio->started && write(iio->quit_fd, &one, sizeof one) == (ssize_t)sizeof one)
+        pthread_join(iio->thread, NULL);
+    if (iio->quit_fd >= 0) close(iio->quit_fd);
+    if (iio->set_up) fv_iio_device_tear_down(&iio->device);
+    fv_complaints_close(&iio->complaints);
+    free(iio);
+}
+
+/* ---- the loop -------------------------------------------------------------------------------- */
+
+const struct fovea_imu_sample *fv_iio_peek(struct fv_iio *iio)
+{
+    const uint64_t tail = atomic_load_explicit(&iio->tail, memory_order_relaxed);
+    return tail == atomic_load_explicit(&iio->head, memory_order_acquire)
+               ? NULL
+               : &iio->samples[tail % RING_SAMPLES];
+}
+
+void fv_iio_release(struct fv_iio *iio)
+{
+    atomic_fetch_add_explicit(&iio->tail, 1, memory_order_release);
+}
+
+void fv_iio_counts(const struct fv_iio *iio, struct fv_iio_counts *counts)
+{
+    counts->samples = atomic_load_explicit(&iio->head, memory_order_relaxed);
+    counts->dropped = atomic_load_explicit(&iio->dropped, memory_order_relaxed);
+    counts->returns = atomic_load_explicit(&iio->returns, memory_order_relaxed);
+}
+
+enum fovea_status fv_iio_complaint(struct fv_iio *iio, struct fovea_error *line)
+{
+    return fv_complaints_take(&iio->complaints, line);
+}

@@ -1,0 +1,193 @@
+#include "app/run/imu_input.h"
+
+#include <inttypes.h>
+#include <string.h>
+
+#include "drivers/clock.h"
+
+#include "fovea_imu_t.h"
+
+static const int64_t far_ns =
+    FV_SECOND_NS / 4; /* ahead: not waited for, the step says what it is */
+static const int64_t early_ns = FV_SECOND_NS / 5;
+
+/* A sample as LCM brought it. */
+struct heard {
+    struct fovea_imu_sample sample; /* its stamp on `clock` */
+    int64_t utc_offset_ns;
+    int32_t clock;
+    uint32_t from_host;
+};
+
+void fv_imu_input_open(struct fv_imu_input *input, const struct fv_settings *settings,
+                       struct fv_iio *iio)
+{
+    input->iio = iio;
+    input->channel = fv_imu_lcm_channel(settings);
+    input->time_offset_ns = settings->runtime.rig.imu.time_offset_ns;
+    fv_ring_init(&input->ring, input->memory, sizeof input->memory);
+}
+
+/* ---- the receiver's thread ------------------------------------------------------------------- */
+
+static void take_message(void *context, const struct fv_received *received)
+{
+    struct fv_imu_input *input = context;
+    fovea_imu_t message;
+    if (fovea_imu_t_decode(received->data, 0, (int)received->bytes, &message) < 0) return;
+    struct heard heard = {.sample.stamp_ns = message.stamp.time_ns,
+                          .utc_offset_ns = message.stamp.utc_offset_ns,
+                          .clock = message.stamp.clock,
+                          .from_host = received->from_host};
+    memcpy(heard.sample.gyro, message.gyro, sizeof heard.sample.gyro);
+    memcpy(heard.sample.acceleration, message.acceleration, sizeof heard.sample.acceleration);
+    uint8_t *room = fv_ring_reserve(&input->ring, sizeof heard);
+    atomic_fetch_add_explicit(room != NULL ? &input->heard : &input->no_room, 1,
+                              memory_order_relaxed);
+    if (room == NULL) return;
+    memcpy(room, &heard, sizeof heard);
+    fv_ring_commit(&input->ring, sizeof heard);
+}
+
+bool fv_imu_input_hears(const struct fv_imu_input *input)
+{
+    return input->channel != NULL;
+}
+
+struct fv_receiver_channel fv_imu_input_row(struct fv_imu_input *input)
+{
+    enum { BYTES = 128 };
+    struct fv_receiver_channel row = {
+        .type = "fovea.imu_t", .bytes_max = BYTES, .take = take_message, .context = input};
+    snprintf(row.name, sizeof row.name, "%s", input->channel);
+    return row;
+}
+
+/* ---- the loop -------------------------------------------------------------------------------- */
+
+/* Onto the frames' clock. False: the message does not say how. */
+static bool stamp_heard(const struct fv_imu_input *input, const struct heard *heard,
+                        const struct fovea_inputs *inputs, int64_t *stamp_ns)
+{
+    const bool own = heard->clock == (int32_t)input->clock &&
+                     (heard->from_host || heard->clock == FOVEA_CLOCK_REALTIME);
+    *stamp_ns = heard->sample.stamp_ns;
+    if (own) return true;
+    if (heard->utc_offset_ns == 0 && heard->clock != FOVEA_CLOCK_REALTIME) return false;
+    return !__builtin_add_overflow(*stamp_ns, heard->utc_offset_ns, stamp_ns) &&
+           !__builtin_sub_overflow(*stamp_ns, inputs->utc_offset_ns, stamp_ns);
+}
+
+/* The next sample on the frames' clock, which stays. False: there is none. */
+static bool peek(struct fv_imu_input *input, const struct fovea_inputs *inputs,
+                 int64_t monotonic_ns, struct fovea_imu_sample *sample)
+{
+    if (input->iio != NULL) {
+        const struct fovea_imu_sample *next = fv_iio_peek(input->iio);
+        if (next == NULL) return false;
+        *sample = *next;
+        if (__builtin_add_overflow(sample->stamp_ns, monotonic_ns, &sample->stamp_ns))
+            sample->stamp_ns = INT64_MAX;
+        return true;
+    }
+    size_t bytes;
+    const uint8_t *data;
+    while ((data = fv_ring_peek(&input->ring, &bytes)) != NULL) {
+        struct heard heard;
+        memcpy(&heard, data, sizeof heard);
+        *sample = heard.sample;
+        if (stamp_heard(input, &heard, inputs, &sample->stamp_ns)) return true;
+        atomic_fetch_add_explicit(&input->no_clock, 1, memory_order_relaxed);
+        fv_ring_release(&input->ring, sizeof heard);
+    }
+    return false;
+}
+
+static void release(struct fv_imu_input *input)
+{
+    if (input->iio != NULL)
+        fv_iio_release(input->iio);
+    else
+        fv_ring_release(&input->ring, sizeof(struct heard));
+}
+
+/* What to add to CLOCK_MONOTONIC for the frames' clock. */
+static int64_t from_monotonic(enum fovea_clock clock)
+{
+    if (clock != FOVEA_CLOCK_BOOTTIME && clock != FOVEA_CLOCK_REALTIME) return 0;
+    const clockid_t of = clock == FOVEA_CLOCK_BOOTTIME ? CLOCK_BOOTTIME : CLOCK_REALTIME;
+    return fv_clock_ns(of) - fv_clock_ns(CLOCK_MONOTONIC);
+}
+
+/* Whether a stamp is still to come at `now_ns`, and worth to be waited for. */
+static bool waits(const struct fv_imu_input *input, int64_t stamp_ns, int64_t now_ns)
+{
+    int64_t ahead_ns;
+    if (__builtin_add_overflow(stamp_ns, input->time_offset_ns, &ahead_ns) ||
+        __builtin_sub_overflow(ahead_ns, now_ns, &ahead_ns))
+        return false;
+    return ahead_ns > 0 && ahead_ns < far_ns;
+}
+
+/* What came long before the first frame is of no use to it. */
+static void leave_early(struct fv_imu_input *input, const struct fovea_inputs *inputs,
+                        int64_t monotonic_ns, int64_t now_ns)
+{
+    struct fovea_imu_sample sample;
+    int64_t age_ns;
+    while (peek(input, inputs, monotonic_ns, &sample) &&
+           !__builtin_sub_overflow(now_ns, sample.stamp_ns, &age_ns) && age_ns > early_ns)
+        release(input);
+}
+
+void fv_imu_input_take(struct fv_imu_input *input, const struct fovea_frame *given,
+                       struct fovea_sample samples[FOVEA_INPUT_SAMPLES_MAX],
+                       struct fovea_inputs *inputs)
+{
+    const int64_t now_ns = given != NULL ? given->stamp_ns : inputs->now_ns;
+    struct fovea_imu_sample sample;
+    if (input->iio == NULL && input->channel == NULL) return;
+    if (given != NULL) input->clock = given->clock;
+    if (given == NULL && !input->any_frame) return; /* the clock is not known yet */
+    const int64_t monotonic_ns = from_monotonic(input->clock);
+    if (!input->any_frame) leave_early(input, inputs, monotonic_ns, now_ns);
+    input->any_frame = true;
+    while (inputs->sample_count < FOVEA_INPUT_SAMPLES_MAX &&
+           peek(input, inputs, monotonic_ns, &sample)) {
+        if (waits(input, sample.stamp_ns, now_ns)) break;
+        release(input);
+        uint32_t at = inputs->sample_count++;
+        for (; at > 0 && fovea_sample_stamp(&samples[at - 1]) > sample.stamp_ns; at--)
+            samples[at] = samples[at - 1];
+        samples[at] = (struct fovea_sample){.kind = FOVEA_SAMPLE_IMU, .imu = sample};
+    }
+}
+
+/* ---- off the loop ---------------------------------------------------------------------------- */
+
+enum fovea_status fv_imu_input_complaint(struct fv_imu_input *input, struct fovea_error *line)
+{
+    return input->iio != NULL ? fv_iio_complaint(input->iio, line) : FOVEA_AGAIN;
+}
+
+void fv_imu_input_tell(FILE *out, const struct fv_imu_input *input)
+{
+    if (input->iio != NULL) {
+        struct fv_iio_counts counts;
+        fv_iio_counts(input->iio, &counts);
+        fprintf(out, "  imu: %" PRIu64 " samples read", counts.samples);
+        if (counts.dropped > 0)
+            fprintf(out, ", %" PRIu64 " lost: the loop was busy", counts.dropped);
+        if (counts.returns > 0)
+            fprintf(out, "; the sensor came back %" PRIu64 " times", counts.returns);
+        fprintf(out, "\n");
+    }
+    if (input->channel == NULL) return;
+    const uint64_t no_room = atomic_load(&input->no_room), no_clock = atomic_load(&input->no_clock);
+    fprintf(out, "  imu: %" PRIu64 " samples heard on %s", (uint64_t)atomic_load(&input->heard),
+            input->channel);
+    if (no_room > 0) fprintf(out, ", %" PRIu64 " lost: the loop was busy", no_room);
+    if (no_clock > 0)
+        fprintf(out, ", %" PRIu64 " refused: neither the frames' clock nor UTC", no_clock);
+    fprintf(out, "\n");
+}
