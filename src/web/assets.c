@@ -34,6 +34,8 @@
     ROW(scene, "/scene.js", "scene.js", JAVASCRIPT, false)                                         \
     ROW(plots, "/plots.js", "plots.js", JAVASCRIPT, false)                                         \
     ROW(panels, "/panels.js", "panels.js", JAVASCRIPT, false)                                      \
+    ROW(parameters, "/parameters.js", "parameters.js", JAVASCRIPT, false)                          \
+    ROW(requests, "/requests.js", "requests.js", JAVASCRIPT, false)                                \
     ROW(calibrate, "/calibrate", "calibrate.html", HTML, false)                                    \
     ROW(calibrate_js, "/calibrate.js", "calibrate.js", JAVASCRIPT, false)                          \
     ROW(types, "/types", "types.txt", TEXT, false)

@@ -11,7 +11,14 @@
 
 #include "fovea_command_t.h"
 
-enum { KIND_MESSAGE = 1, KIND_PICTURE, KIND_PATH, PLACES_MAX = 512, POINTS_FEW = 600 };
+enum {
+    KIND_MESSAGE = 1,
+    KIND_PICTURE,
+    KIND_PATH,
+    PLACES_MAX = 512,
+    POINTS_FEW = 600,
+    ECHO_BYTES = 120
+};
 #define CLASS_NS (FV_SECOND_NS / 2) /* between two falls */
 #define BETTER_NS (2 * FV_SECOND_NS)
 #define BETTER_MAX_NS (60 * FV_SECOND_NS)
@@ -34,8 +41,13 @@ void fv_web_client_init(struct fv_web_client *client, enum fv_web_role role, boo
 void fv_web_client_reply(struct fv_web_client *client, const char *format, ...)
 {
     va_list arguments;
+    if (client->reply_count == FV_WEB_REPLIES) {
+        client->reply_first++;
+        client->reply_count--;
+    }
+    char *reply = client->replies[(client->reply_first + client->reply_count++) % FV_WEB_REPLIES];
     va_start(arguments, format);
-    vsnprintf(client->reply, sizeof client->reply, format, arguments);
+    vsnprintf(reply, FV_WEB_REPLY_BYTES, format, arguments);
     va_end(arguments);
 }
 
@@ -99,9 +111,11 @@ static size_t next_log(struct fv_web_client *client, const struct fv_web_store *
 
 static size_t next_reply(struct fv_web_client *client, char *to)
 {
-    const size_t length = strlen(client->reply);
-    memcpy(to, client->reply, length);
-    client->reply[0] = '\0';
+    if (client->reply_count == 0) return 0;
+    const char *reply = client->replies[client->reply_first++ % FV_WEB_REPLIES];
+    client->reply_count--;
+    const size_t length = strlen(reply);
+    memcpy(to, reply, length + 1);
     return length;
 }
 
@@ -304,10 +318,24 @@ static bool words_read(char *words, int32_t *bits)
     return *bits != 0;
 }
 
+/* "once|keep KEY [VALUE]": the value is the rest, with its spaces. */
+static bool parameter_read(char *words, struct fv_web_command *command)
+{
+    char *rest = NULL;
+    const char *how = strtok_r(words, " ", &rest), *key = strtok_r(NULL, " ", &rest);
+    if (how == NULL || key == NULL) return false;
+    command->bits = 0;
+    command->keep = strcmp(how, "keep") == 0;
+    if (!command->keep && strcmp(how, "once") != 0) return false;
+    snprintf(command->key, sizeof command->key, "%s", key);
+    snprintf(command->value, sizeof command->value, "%s", rest != NULL ? rest : "");
+    return true;
+}
+
 enum fv_web_said fv_web_client_hear(struct fv_web_client *client, const char *words, size_t length,
                                     int64_t now_ns, struct fv_web_command *command)
 {
-    char text[FV_WEB_WORDS_BYTES + 1], echoed[FV_WEB_WORDS_BYTES + 1], *rest = NULL;
+    char text[FV_WEB_WORDS_BYTES + 1], echoed[ECHO_BYTES + 1], *rest = NULL;
     uint32_t number;
     if (length > FV_WEB_WORDS_BYTES || memchr(words, '\0', length) != NULL)
         return FV_WEB_SAID_WRONG;
@@ -330,6 +358,9 @@ enum fv_web_said fv_web_client_hear(struct fv_web_client *client, const char *wo
     } else if (strcmp(verb, "command") == 0) {
         command->request = number;
         return words_read(rest, &command->bits) ? FV_WEB_SAID_COMMAND : FV_WEB_SAID_WRONG;
+    } else if (strcmp(verb, "parameter") == 0) {
+        command->request = number;
+        return parameter_read(rest, command) ? FV_WEB_SAID_COMMAND : FV_WEB_SAID_WRONG;
     } else {
         return FV_WEB_SAID_WRONG;
     }

@@ -10,7 +10,8 @@
  *   2  a picture: fv_web_client_next says its head
  *   3  a piece of the path: epoch (4), number of the first place (8), count (4), x y z (4 each)
  * The page says, in words: "ack N" (picture N is on the screen), "ping TEXT", "pictures 0|1",
- * "command REQUEST WORD..." with the words of docs/messages.md.
+ * "command REQUEST WORD..." with the words of docs/messages.md, "parameter REQUEST once|keep KEY
+ * [VALUE]" (without a value it asks for the one in force).
  *
  * At most two pictures are on their way. Where the link is too slow for that, the class of size and
  * quality falls, then pictures are left out; messages go first. */
@@ -26,8 +27,9 @@
 
 enum {
     FV_WEB_UNACKED_MAX = 2,
-    FV_WEB_REPLY_BYTES = 512,
-    FV_WEB_WORDS_BYTES = 120,         /* that a page may say at once */
+    FV_WEB_REPLY_BYTES = 256,
+    FV_WEB_REPLIES = 4,               /* that wait; one more takes the place of the oldest */
+    FV_WEB_WORDS_BYTES = 400,         /* that a page may say at once */
     FV_WEB_PACKET_BYTES_MAX = 640000, /* a picture that is larger goes out in the next class */
 };
 
@@ -38,7 +40,8 @@ struct fv_web_client {
     uint32_t versions[FV_WEB_ROWS_MAX], row; /* the row that was sent last */
     uint32_t path_epoch;
     uint64_t path_sent, log_sent;
-    char reply[FV_WEB_REPLY_BYTES]; /* a text that waits; "": none */
+    char replies[FV_WEB_REPLIES][FV_WEB_REPLY_BYTES]; /* texts that wait: a ring */
+    uint32_t reply_first, reply_count;
 
     bool hidden; /* the page is, and wants no pictures */
     int picture_class;
@@ -64,12 +67,14 @@ size_t fv_web_client_next(struct fv_web_client *client, struct fv_web_store *sto
 enum fv_web_said { FV_WEB_SAID_NOTHING, FV_WEB_SAID_COMMAND, FV_WEB_SAID_WRONG };
 struct fv_web_command {
     uint32_t request; /* the page's number of it */
-    int32_t bits;     /* of command_t */
+    int32_t bits;     /* of command_t; 0: of a parameter_t are key, value and keep */
+    bool keep;
+    char key[FV_WEB_WORDS_BYTES + 1], value[FV_WEB_WORDS_BYTES + 1];
 };
 enum fv_web_said fv_web_client_hear(struct fv_web_client *client, const char *words, size_t length,
                                     int64_t now_ns, struct fv_web_command *command);
 
-/* To be sent before all else; it replaces one that still waits. */
+/* To be sent before all else. */
 void fv_web_client_reply(struct fv_web_client *client, const char *format, ...)
     __attribute__((format(printf, 2, 3)));
 

@@ -26,6 +26,11 @@ enum fovea_status fv_web_commander_open(struct fv_web_commander *commander, cons
 int64_t fv_web_commander_send(struct fv_web_commander *commander, const char *prefix,
                               int64_t run_id, int32_t bits);
 
+/* Send a parameter_t, `value` "": to ask for it. Returns the number by which parameter_result_t
+ * answers. */
+int64_t fv_web_commander_set(struct fv_web_commander *commander, const char *prefix, int64_t run_id,
+                             const char *key, const char *value, bool keep);
+
 void fv_web_commander_close(struct fv_web_commander *commander);
 
 #endif

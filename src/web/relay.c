@@ -12,6 +12,7 @@
 
 #include "fovea_camera_status_t.h"
 #include "fovea_command_result_t.h"
+#include "fovea_parameter_result_t.h"
 #include "fovea_features_t.h"
 #include "fovea_map_t.h"
 #include "fovea_pose_t.h"
@@ -120,9 +121,21 @@ static int32_t piece_of_map(const struct fv_feed_message *message)
     return piece;
 }
 
+enum { ANSWERS = 8 }; /* of a kind that are held, so that none takes another's place at once */
+
+static int32_t piece_of_parameter(const struct fv_feed_message *message)
+{
+    fovea_parameter_result_t result;
+    if (!is("fovea.parameter_result_t", message) ||
+        fovea_parameter_result_t_decode(message->data, 0, (int)message->bytes, &result) < 0)
+        return -1;
+    const int32_t piece = (int32_t)((uint64_t)result.id % ANSWERS);
+    fovea_parameter_result_t_decode_cleanup(&result);
+    return piece;
+}
+
 static int32_t piece_of_answer(const struct fv_feed_message *message)
 {
-    enum { ANSWERS = 8 };
     fovea_command_result_t result;
     if (!is("fovea.command_result_t", message) ||
         fovea_command_result_t_decode(message->data, 0, (int)message->bytes, &result) < 0)
@@ -172,6 +185,7 @@ static const struct shown {
     {"KEYPOINTS2", FV_SECOND_NS / 30, NULL, NULL, false},
     {"MAP", FV_SECOND_NS / 2, NULL, piece_of_map, false},
     {"COMMAND_RESULT", 0, NULL, piece_of_answer, false},
+    {"PARAMETER_RESULT", 0, NULL, piece_of_parameter, false},
     {"FEATURES", 0, take_features, NULL, true},
 };
 

@@ -61,7 +61,7 @@ static int send_next(struct fv_web_server *server, struct lws *wsi)
     bool text = false;
     if (place == NULL) return -1;
     const bool slow = place->client.picture_class >= SLOW_CLASS;
-    if (slow && place->client.reply[0] == '\0' && now_ns - place->sent_ns < SELDOM_NS) {
+    if (slow && place->client.reply_count == 0 && now_ns - place->sent_ns < SELDOM_NS) {
         server->changed = true; /* it is asked again */
         return 0;
     }
@@ -94,8 +94,12 @@ static void command(struct fv_web_server *server, struct fv_web_client *client,
                             command->request, reason);
         return;
     }
-    const int64_t id = fv_web_commander_send(server->setup.commander, relay->prefix,
-                                             fv_feed_reader_run(relay->reader), command->bits);
+    struct fv_web_commander *commander = server->setup.commander;
+    const int64_t run_id = fv_feed_reader_run(relay->reader);
+    const int64_t id = command->bits != 0
+                           ? fv_web_commander_send(commander, relay->prefix, run_id, command->bits)
+                           : fv_web_commander_set(commander, relay->prefix, run_id, command->key,
+                                                  command->value, command->keep);
     fv_web_client_reply(client, "{\"kind\":\"sent\",\"request\":%u,\"id\":\"%lld\"}",
                         command->request, (long long)id);
 }

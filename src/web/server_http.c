@@ -6,6 +6,7 @@
 #include <sys/socket.h>
 
 #include "drivers/clock.h"
+#include "web/keys.h"
 #include "web/server_internal.h"
 
 enum { HEADER_BYTES = 2048, CHUNK_BYTES = 16384 };
@@ -120,18 +121,35 @@ static int answer_text(struct lws *wsi, struct fv_web_request *request, int stat
     return answer_begin(wsi, request, &answer, (const uint8_t *)text, strlen(text));
 }
 
+static bool accepts_gzip(struct lws *wsi)
+{
+    char accepted[128];
+    return header(wsi, WSI_TOKEN_HTTP_ACCEPT_ENCODING, accepted, sizeof accepted) &&
+           strstr(accepted, "gzip") != NULL;
+}
+
 static int answer_asset(struct lws *wsi, struct fv_web_request *request,
                         const struct fv_web_asset *asset)
 {
-    char accepted[128];
-    struct answer answer = {.status = HTTP_STATUS_OK, .type = asset->type};
-    answer.gzip = header(wsi, WSI_TOKEN_HTTP_ACCEPT_ENCODING, accepted, sizeof accepted) &&
-                  strstr(accepted, "gzip") != NULL;
+    const struct answer answer = {
+        .status = HTTP_STATUS_OK, .type = asset->type, .gzip = accepts_gzip(wsi)};
     if (answer.gzip)
         return answer_begin(wsi, request, &answer, asset->gzip,
                             (size_t)(asset->gzip_end - asset->gzip));
     size_t bytes;
     request->made = fv_web_asset_inflate(asset, &bytes);
+    if (request->made == NULL) return -1;
+    return answer_begin(wsi, request, &answer, request->made, bytes);
+}
+
+/* The keys of the configuration. */
+static int answer_keys(struct lws *wsi, struct fv_web_request *request)
+{
+    size_t bytes;
+    const struct answer answer = {.status = HTTP_STATUS_OK,
+                                  .type = "application/json; charset=utf-8",
+                                  .gzip = accepts_gzip(wsi)};
+    request->made = answer.gzip ? fv_web_keys_gzip(&bytes) : fv_web_keys_json(&bytes);
     if (request->made == NULL) return -1;
     return answer_begin(wsi, request, &answer, request->made, bytes);
 }
@@ -227,6 +245,7 @@ static int begin(struct fv_web_server *server, struct lws *wsi, struct fv_web_re
     }
     if (asset == NULL && server->setup.pages != NULL)
         return answer_made(wsi, request, server->setup.pages, path);
+    if (strcmp(path, "/keys") == 0) return answer_keys(wsi, request);
     if (asset == NULL) return answer_text(wsi, request, HTTP_STATUS_NOT_FOUND, "Not found\n");
     return answer_asset(wsi, request, asset);
 }

@@ -231,6 +231,24 @@ static void test_a_recording_with_twenty_changes_replays_bit_for_bit(void **stat
     if (run_command(words, text, sizeof text) != 0) fail_msg("%s: %s", words, text);
 }
 
+/* Whatever the key. */
+static void test_an_empty_value_asks(void **state)
+{
+    (void)state;
+    start(true);
+    ask("features.per_cell", "2", false); /* until the run listens */
+    expect("features.threshold", "", DONE, "20", "");
+    expect("features.threshold", "25", DONE, "25", "");
+    expect("features.threshold", "", DONE, "25", "");
+    expect("seed", "", DONE, "1", "");
+    expect("lcm_url", "", DONE, "\"" URL "\"", "");
+    expect("features.treshold", "", REFUSED, "", "unknown key");
+    stop();
+    /* None but the changes: two, or more where a request was sent again before its answer came. */
+    const int changes = count_events(log_path, "P_PARAMETER");
+    assert_in_range(changes, 2, 4);
+}
+
 static void test_wrong_requests_change_nothing(void **state)
 {
     (void)state;
@@ -239,11 +257,10 @@ static void test_wrong_requests_change_nothing(void **state)
     expect("features.threshold", "101", REFUSED, "25", "features.threshold: found '101', expected");
     expect("features.threshold", "many", REFUSED, "25", "found 'many'");
     expect("features.threshold", "30, seed: 7", REFUSED, "25", "expected one value");
-    expect("features.threshold", "", REFUSED, "25", "expected");
     expect("features.threshold_min", "26", REFUSED, "7", "at most features.threshold, which is 25");
     expect("features.treshold", "25", REFUSED, "", "unknown key");
     expect("seed", "7", REFUSED, "1", "read at the start");
-    expect("lcm_url", "", REFUSED, "\"" URL "\"", "read at the start");
+    expect("lcm_url", "udpm://239.255.76.67:1", REFUSED, "\"" URL "\"", "read at the start");
     expect("features.count_max", "1001", REFUSED, "1000", "expected at most 1000");
     expect("edges.period_frames", "1", REFUSED, "0", "or a restart");
     expect("image.operations", "[contrast_enhancement]", REFUSED, "[sharpen]", "or a restart");
@@ -381,9 +398,10 @@ static void test_the_program_that_users_copy_changes_parameters(void **state)
     expect("features.threshold", "21", DONE, "21", "");
     static const char *const asked[][3] = {
         {"features.threshold=24", "done\n", "0"},
+        {"features.threshold=", "features.threshold: 24\n", "0"},
         {"features.threshold=240",
          "refused: features.threshold: found '240', expected a whole number in [2, 100]\n", "1"}};
-    for (int i = 0; i < 2; i++) {
+    for (size_t i = 0; i < sizeof asked / sizeof asked[0]; i++) {
         snprintf(command, sizeof command,
                  "python3 tools/subscribers/command.py --types %s/python --prefix P --wait 60 "
                  "'%s' 2>&1",
@@ -405,6 +423,7 @@ int main(int argc, char **argv)
     signal(SIGHUP, SIG_DFL); /* ignored under nohup, and by the programs that it starts */
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_a_recording_with_twenty_changes_replays_bit_for_bit),
+        cmocka_unit_test(test_an_empty_value_asks),
         cmocka_unit_test(test_wrong_requests_change_nothing),
         cmocka_unit_test(test_what_is_kept_holds_at_the_next_start),
         cmocka_unit_test(test_a_service_reads_its_configuration_again),

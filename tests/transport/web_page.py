@@ -190,6 +190,37 @@ def check_commands(page):
     assert reset.text == "Discard the map?", reset.text  # once is not enough
 
 
+def check_parameters(page, kept):
+    """The number of features is read, changed, seen in the next frames, kept; a wrong value is refused with the reason."""
+    rows = "fovea.parameters.rows"
+    page.js("document.querySelector('[for=\"key-features.count_max\"]').closest('details').open = true")
+    before = page.until(rows + ".get('features.count_max').input.value", "the number in force")
+
+    def change(value, what):
+        field = page.driver.find_element(By.ID, "key-features.count_max")
+        field.clear()
+        field.send_keys(value + Keys.ENTER)
+        return page.until(f"{rows}.get('features.count_max').said.textContent !== 'sent' && {rows}.get('features.count_max').said.textContent",
+                          what)
+
+    said = change("150", "the answer to a new number")
+    assert said == "in force: 150", said
+    page.until("fovea.live.picture.points.length <= 3 * 150", "pictures with fewer features")  # x, y, level
+    said = change("0", "the answer to a wrong number")
+    assert said.startswith("refused: features.count_max: found") and said.endswith("In force: 150"), said
+    page.driver.find_element(By.ID, "keep").click()
+    said = change(before, "the answer to a number to keep")
+    assert said == "in force: " + before, said
+    page.until("fovea.live.picture.points.length > 3 * 250", "pictures with features")
+    with open(kept, encoding="utf-8") as file:
+        assert "count_max: " + before in file.read()
+    page.driver.find_element(By.ID, "all-keys").click()
+    page.js("document.querySelector('[for=\"key-seed\"]').closest('details').open = true")
+    page.until(rows + ".get('seed').input.value === '1'", "the value of a key that needs a restart")
+    assert page.js(f"return {rows}.get('seed').input.disabled")
+    page.driver.find_element(By.ID, "all-keys").click()
+
+
 def check_widths(page):
     keep = os.environ.get("FOVEA_SCREENSHOTS")
     for width, height in ((1440, 1000), (360, 800)):
@@ -241,7 +272,9 @@ def web(*more):
 
 def main():
     recording = os.path.join(folder, "run.lcm")
-    robot, server = run("--record", recording, "--save-map", os.path.join(folder, "map")), web()
+    kept = os.path.join(folder, "kept.yaml")
+    robot = run("--record", recording, "--save-map", os.path.join(folder, "map"), "--set", "parameters.file=" + kept)
+    server = web()
     page = Page()
     try:
         time.sleep(1)
@@ -253,6 +286,7 @@ def main():
         check_load(page)
         found = check_box(page)
         check_path(page)
+        check_parameters(page, kept)
         check_widths(page)
         check_accessible(page)
         check_commands(page)

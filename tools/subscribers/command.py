@@ -2,7 +2,7 @@
 """Send a command to a run of Fovea: reset, pause, resume, save, overwrite (with save: over a larger map, too), or KEY=VALUE.
 
 KEY=VALUE changes a live parameter (docs/configuration.md), such as features.threshold=30; with --keep it holds after the next
-start too, where the run has a file for it (parameters.file).
+start too, where the run has a file for it (parameters.file). KEY= asks for the value of any key and changes nothing.
 
 Needs the message types (make python-types), and no package: a command is one UDP packet, made here. With --key the
 command proves that its sender knows the key of the run (command_key), is meant for this run alone and cannot be
@@ -96,6 +96,8 @@ def wait_for_answer(fovea, options, hearing, message):
         if (answer.id, answer.sender) != (message.id, message.sender):
             continue
         text = words[answer.result] + (": " + answer.reason if answer.reason else "")
+        if change and message.value == "" and answer.result == kind.RESULT_DONE:
+            text = f"{answer.key}: {answer.value}"
         if message.run_id in (0, answer.run_id):
             print(text)
             return 0 if answer.result == kind.RESULT_DONE else 1

@@ -18,7 +18,8 @@ static const char head[] =
     "Programs that use the library set members of the same names in `struct fovea_config` (`include/fovea/fovea.h`), which\n"
     "`fovea_size` and `fovea_init` check against the same ranges; keys of files, messages and the loop belong to the command alone.\n"
     "The file is read before the first frame, and again on a service's reload. Keys marked (live) are parameters that can change during the run: by a\n"
-    "message (`parameter_t`, see messages.md; `tools/subscribers/command.py features.threshold=30` sends one), or with the inputs of\n"
+    "message (`parameter_t`, see messages.md; `tools/subscribers/command.py features.threshold=30` sends one,\n"
+    "`features.threshold=` asks for the value; the page of `fovea-web` does both), or with the inputs of\n"
     "the C call `fovea_step`. A change holds from the next step on, is answered, and recordings keep it. A value for which the run was started without memory is refused: more features or\n"
     "detections than at the start, a job that was off, operations where there were none.\n";
 

@@ -164,6 +164,10 @@ static void decide(struct fv_parameters *parameters, const fovea_parameter_t *re
         return;
     }
     print_value(parameters->settings, key, change->value);
+    if (request->value[0] == '\0') { /* asks */
+        change->result = FOVEA_PARAMETER_RESULT_T_RESULT_DONE;
+        return;
+    }
     if (!key->live || fv_settings_key_bytes(key) > sizeof change->raw) {
         refuse(change, "found a key that is read at the start, expected a live one, or a restart");
         return;

@@ -5,6 +5,8 @@ import { Link } from "/link.js";
 import { Live } from "/live.js";
 import { Scene } from "/scene.js";
 import { Plot } from "/plots.js";
+import { Parameters } from "/parameters.js";
+import { Requests } from "/requests.js";
 import { Actions, PosePanel, byId, facts, fixed, logLine, names } from "/panels.js";
 
 const types = readTypes(await (await fetch("/types")).text());
@@ -15,7 +17,10 @@ const shown = { times: [], run: undefined };
 const live = new Live(byId("picture"), of, showLatency);
 const scene = new Scene(byId("scene"));
 const pose = new PosePanel(types);
-const actions = new Actions(types, of);
+const requests = new Requests(of);
+const actions = new Actions(types, requests);
+const parameters = new Parameters(requests);
+await parameters.fetch();
 const stages = new Plot(byId("plot-stages"), byId("legend-stages"), " ms", 2);
 const features = new Plot(byId("plot-features"), byId("legend-features"), "", 0);
 
@@ -36,6 +41,11 @@ function showLatency(picture) {
     Features: String(picture.points.length / 3),
     Frame: String(picture.sequence),
   });
+}
+
+function allow(hello) {
+  actions.allow(hello);
+  parameters.allow(hello.commands && hello.running);
 }
 
 function forget() {
@@ -71,7 +81,7 @@ function showStatistics(message) {
 const link = new Link(types, {
   link: (state) => {
     showLink(state === "live" ? "waiting" : "gone", state === "live" ? "connected" : "fovea-web does not answer");
-    if (state !== "live") actions.allow({ commands: false, running: false, role: "operate" });
+    if (state !== "live") allow({ commands: false, running: false, role: "operate" });
     if (state !== "live" && shown.opened === undefined) fetch("/").then((answer) => answer.status === 401 && location.reload(), () => 0);
     shown.opened = state === "live" ? true : undefined;
   },
@@ -81,11 +91,11 @@ const link = new Link(types, {
     showLink(hello.running ? "live" : "gone", hello.running ? "live" : "no run");
     if (!hello.running) byId("no-picture").hidden = false;
     byId("no-picture").textContent = hello.running ? "Waiting for a picture" : "There is no run";
-    actions.allow(hello);
+    allow(hello);
   },
   log: logLine,
-  sent: (message) => actions.sent(message),
-  refused: (message) => actions.refused(message),
+  sent: (message) => requests.sent(message),
+  refused: (message) => requests.refused(message),
   picture: (picture) => live.show(picture),
   path: (path) => {
     scene.addPath(path);
@@ -119,7 +129,11 @@ const link = new Link(types, {
   DETECTIONS2: (message) => live.detections(message),
   KEYPOINTS: (message) => live.keypoints(message),
   KEYPOINTS2: (message) => live.keypoints(message),
-  COMMAND_RESULT: (message) => actions.answer(message),
+  COMMAND_RESULT: (message) => requests.answer(message),
+  PARAMETER_RESULT: (message) => {
+    requests.answer(message);
+    parameters.heard(message);
+  },
 });
 
 function showScene() {
@@ -129,7 +143,7 @@ function showScene() {
   });
 }
 
-globalThis.fovea = { live, scene, link }; // for the console, and for tests
+globalThis.fovea = { live, scene, link, parameters }; // for the console, and for tests
 
 // ---- buttons and the window
 

@@ -84,12 +84,9 @@ export function logLine({ number, utime, text }) {
 
 // Buttons that send commands, and the run's answers.
 export class Actions {
-  constructor(types, link) {
-    this.link = link;
+  constructor(types, requests) {
+    this.requests = requests;
     this.results = names(types, "fovea.command_result_t", "RESULT_");
-    this.request = 0;
-    this.asked = new Map(); // words by request, until sent; by id, until answered
-    this.early = new Map(); // answers that came before the number of their command
     for (const button of document.querySelectorAll("[data-command]")) button.addEventListener("click", () => this.press(button));
   }
   allow(hello) {
@@ -99,7 +96,7 @@ export class Actions {
       : !hello.commands ? "fovea-web was started without --lcm-url: no commands." : "";
     if (why || !allowed) this.say(why);
   }
-  press(button) {
+  async press(button) {
     const words = button.dataset.command, ask = button.dataset.confirm;
     if (ask && !button.classList.contains("sure")) {
       const label = button.textContent;
@@ -111,36 +108,13 @@ export class Actions {
       }, 4000);
       return;
     }
-    const request = ++this.request;
-    this.asked.set(request, words);
     this.say(words + ": sent");
-    this.link().say(`command ${request} ${words}`);
-    setTimeout(() => {
-      if (this.asked.delete(request)) this.say(words + ": not sent", "bad");
-    }, 5000);
-  }
-  sent({ request, id }) {
-    const words = this.asked.get(request);
-    this.asked.delete(request);
-    this.asked.set(id, words);
-    if (this.early.has(id)) this.answer(this.early.get(id));
-    setTimeout(() => {
-      if (this.asked.delete(id)) this.say(words + ": no answer of the run (its keys listen, commands and command_key)", "bad");
-    }, 8000);
-  }
-  refused({ request, reason }) {
-    this.say(`${this.asked.get(request)}: refused: ${reason}`, "bad");
-    this.asked.delete(request);
-  }
-  answer(result) {
-    const id = String(result.id), words = this.asked.get(id);
-    if (words === undefined) {
-      this.early.set(id, result);
-      if (this.early.size > 16) this.early.delete(this.early.keys().next().value);
-      return;
+    try {
+      const answer = await this.requests.ask((request) => `command ${request} ${words}`);
+      this.say(`${words}: ${this.results[answer.result]}${answer.reason ? ": " + answer.reason : ""}`, answer.result === 0 ? "good" : "bad");
+    } catch (reason) {
+      this.say(`${words}: ${reason.message}`, "bad");
     }
-    this.asked.delete(id);
-    this.say(`${words}: ${this.results[result.result]}${result.reason ? ": " + result.reason : ""}`, result.result === 0 ? "good" : "bad");
   }
   say(text, result) {
     byId("answer").textContent = text || "\u00a0";

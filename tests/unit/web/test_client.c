@@ -235,11 +235,38 @@ static void a_long_way_alone_changes_no_class(void **state)
     assert_int_equal(client.picture_class, 0);
 }
 
+static void replies_wait_in_their_order(void **state)
+{
+    (void)state;
+    drain();
+    for (int i = 0; i < FV_WEB_REPLIES + 1; i++)
+        fv_web_client_reply(&client, "{\"number\":%d}", i);
+    for (int i = 1; i < FV_WEB_REPLIES + 1; i++) { /* the oldest gave way */
+        char expected[32];
+        snprintf(expected, sizeof expected, "{\"number\":%d}", i);
+        assert_int_equal(next(), 0);
+        assert_string_equal((char *)packet, expected);
+    }
+    assert_int_not_equal(next(), 0);
+}
+
 static void what_a_page_cannot_say_is_refused(void **state)
 {
-    const char *const wrong[] = {
-        "",        "ack",       "ack x",          "ack -1",        "ack 1x",          "nothing 1",
-        "command", "command 1", "command x save", "command 1 fly", "ack 99999999999", "pictures"};
+    const char *const wrong[] = {"",
+                                 "ack",
+                                 "ack x",
+                                 "ack -1",
+                                 "ack 1x",
+                                 "nothing 1",
+                                 "command",
+                                 "command 1",
+                                 "command x save",
+                                 "command 1 fly",
+                                 "ack 99999999999",
+                                 "pictures",
+                                 "parameter 1",
+                                 "parameter 1 once",
+                                 "parameter 1 ever features.threshold 3"};
     char longest[FV_WEB_WORDS_BYTES + 2];
     struct fv_web_command command;
     (void)state;
@@ -254,6 +281,16 @@ static void what_a_page_cannot_say_is_refused(void **state)
                      FV_WEB_SAID_COMMAND);
     assert_int_equal(command.request, 7);
     assert_int_equal(command.bits, 24);
+    const char parameter[] = "parameter 8 keep image.operations [denoise, gamma]";
+    assert_int_equal(fv_web_client_hear(&client, parameter, sizeof parameter - 1, now_ns, &command),
+                     FV_WEB_SAID_COMMAND);
+    assert_true(command.bits == 0 && command.keep && command.request == 8);
+    assert_string_equal(command.key, "image.operations");
+    assert_string_equal(command.value, "[denoise, gamma]");
+    assert_int_equal(fv_web_client_hear(&client, "parameter 9 once seed", 21, now_ns, &command),
+                     FV_WEB_SAID_COMMAND);
+    assert_true(!command.keep);
+    assert_string_equal(command.value, "");
     assert_int_equal(say("ping \"}<x\\"), FV_WEB_SAID_NOTHING);
     drain();
     assert_int_equal(say("ping a\"b"), FV_WEB_SAID_NOTHING);
@@ -273,6 +310,7 @@ int main(void)
         TEST(a_jpeg_is_made_once_for_all_pages),
         TEST(size_and_quality_fall_before_the_rate_and_come_back),
         TEST(a_long_way_alone_changes_no_class),
+        TEST(replies_wait_in_their_order),
         TEST(what_a_page_cannot_say_is_refused),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
