@@ -1,4 +1,4 @@
-#include "kernels/kernels.h"
+#include "kernels/bilateral_ends.h"
 
 #include <arm_neon.h>
 
@@ -52,9 +52,7 @@ static inline void add_tap(struct sums *sums, const uint8_t *from, uint8x16_t ce
     add_weighted(sums, 1, vmovl_high_u8(p), vreinterpretq_u16_u8(vzip2q_u8(a, b)));
 }
 
-/* (sum + norm / 2) / norm rounded down. Exact in float: the sum is below 2^23 and the norm below
- * 2^15, so that a quotient that is not whole lies further from the next whole one than it is
- * rounded. */
+/* (sum + norm / 2) / norm rounded down (bilateral_ends.h). */
 static inline uint32x4_t divided(uint32x4_t sum, uint32x4_t norm)
 {
     const uint32x4_t dividend = vsraq_n_u32(sum, norm, 1);
@@ -88,22 +86,6 @@ static inline uint8x16_t sixteen(const uint8_t *const rows[5], int32_t x,
     return vmovn_high_u16(vmovn_u16(divided_eight(&sums, 0)), divided_eight(&sums, 1));
 }
 
-/* The two columns on either side, by a row of eight with their neighbours. */
-static void ends(uint8_t *out, const uint8_t *const *rows, int32_t width,
-                 const uint16_t weights[3][256])
-{
-    uint8_t eight[8];
-    const uint8_t *right[5];
-    for (int i = 0; i < 5; i++)
-        right[i] = rows[i] + width - 8;
-    fv_k_bilateral_row_u8__c(eight, rows, 8, weights);
-    out[0] = eight[0];
-    out[1] = eight[1];
-    fv_k_bilateral_row_u8__c(eight, right, 8, weights);
-    out[width - 2] = eight[6];
-    out[width - 1] = eight[7];
-}
-
 void fv_k_bilateral_row_u8__neon(uint8_t *out, const uint8_t *const *rows, int32_t width,
                                  const uint16_t weights[3][256])
 {
@@ -115,7 +97,7 @@ void fv_k_bilateral_row_u8__neon(uint8_t *out, const uint8_t *const *rows, int32
     const uint8_t *const five[5] = {rows[0], rows[1], rows[2], rows[3], rows[4]};
     const int32_t last = width - 18; /* its vector overlaps the one before */
     split(&tables, weights);
-    ends(out, rows, width, weights);
+    bilateral_ends(out, rows, width, weights);
     for (int32_t x = 2; x < last; x += 16)
         vst1q_u8(out + x, sixteen(five, x, &tables));
     vst1q_u8(out + last, sixteen(five, last, &tables));

@@ -1,4 +1,4 @@
-#include "kernels/kernels.h"
+#include "kernels/bilateral_ends.h"
 
 #include <immintrin.h>
 
@@ -83,9 +83,7 @@ static inline void add_pair(struct sums *sums, __m256i p, __m256i q, __m256i cen
     }
 }
 
-/* (sum + norm / 2) / norm rounded down. Exact in float: the sum is below 2^23 and the norm below
- * 2^15, so that a quotient that is not whole lies further from the next whole one than it is
- * rounded. */
+/* (sum + norm / 2) / norm rounded down (bilateral_ends.h). */
 static inline __m256i divided(__m256i sum, __m256i norm)
 {
     const __m256i dividend = _mm256_add_epi32(sum, _mm256_srli_epi32(norm, 1));
@@ -119,22 +117,6 @@ static inline __m256i thirty_two(const uint8_t *const rows[5], int32_t x,
     return _mm256_packus_epi16(words[0], words[1]);
 }
 
-/* The two columns on either side, by a row of eight with their neighbours. */
-static void ends(uint8_t *out, const uint8_t *const *rows, int32_t width,
-                 const uint16_t weights[3][256])
-{
-    uint8_t eight[8];
-    const uint8_t *right[5];
-    for (int i = 0; i < 5; i++)
-        right[i] = rows[i] + width - 8;
-    fv_k_bilateral_row_u8__c(eight, rows, 8, weights);
-    out[0] = eight[0];
-    out[1] = eight[1];
-    fv_k_bilateral_row_u8__c(eight, right, 8, weights);
-    out[width - 2] = eight[6];
-    out[width - 1] = eight[7];
-}
-
 void fv_k_bilateral_row_u8__avx2(uint8_t *out, const uint8_t *const *rows, int32_t width,
                                  const uint16_t weights[3][256])
 {
@@ -145,7 +127,7 @@ void fv_k_bilateral_row_u8__avx2(uint8_t *out, const uint8_t *const *rows, int32
     }
     const uint8_t *const five[5] = {rows[0], rows[1], rows[2], rows[3], rows[4]};
     split(&tables, weights);
-    ends(out, rows, width, weights);
+    bilateral_ends(out, rows, width, weights);
     const int32_t last = width - 2 - WIDE; /* which goes over some columns again */
     for (int32_t x = 2;; x += WIDE) {
         const int32_t at = x < last ? x : last;

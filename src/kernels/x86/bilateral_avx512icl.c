@@ -1,4 +1,4 @@
-#include "kernels/kernels.h"
+#include "kernels/bilateral_ends.h"
 
 #include <immintrin.h>
 
@@ -62,9 +62,7 @@ static inline void add_pair(struct sums *sums, const struct tap *a, const struct
     }
 }
 
-/* (sum + norm / 2) / norm rounded down. Exact in float: the sum is below 2^23 and the norm below
- * 2^15, so that a quotient that is not whole lies further from the next whole one than it is
- * rounded. */
+/* (sum + norm / 2) / norm rounded down (bilateral_ends.h). */
 static inline __m512i divided(__m512i sum, __m512i norm)
 {
     const __m512i dividend = _mm512_add_epi32(sum, _mm512_srli_epi32(norm, 1));
@@ -110,29 +108,13 @@ static inline __m512i sixty_four(const uint8_t *const rows[5], int32_t x, __mmas
     return _mm512_packus_epi16(words[0], words[1]);
 }
 
-/* The two columns on either side, by a row of eight with their neighbours. */
-static void ends(uint8_t *out, const uint8_t *const *rows, int32_t width,
-                 const uint16_t weights[3][256])
-{
-    uint8_t eight[8];
-    const uint8_t *right[5];
-    for (int i = 0; i < 5; i++)
-        right[i] = rows[i] + width - 8;
-    fv_k_bilateral_row_u8__c(eight, rows, 8, weights);
-    out[0] = eight[0];
-    out[1] = eight[1];
-    fv_k_bilateral_row_u8__c(eight, right, 8, weights);
-    out[width - 2] = eight[6];
-    out[width - 1] = eight[7];
-}
-
 void fv_k_bilateral_row_u8__avx512icl(uint8_t *out, const uint8_t *const *rows, int32_t width,
                                       const uint16_t weights[3][256])
 {
     struct byte_tables tables;
     const uint8_t *const five[5] = {rows[0], rows[1], rows[2], rows[3], rows[4]};
     split(&tables, weights);
-    ends(out, rows, width, weights);
+    bilateral_ends(out, rows, width, weights);
     for (int32_t x = 2; x < width - 2; x += 64) {
         const int32_t left = width - 2 - x;
         const __mmask64 mask = left >= 64 ? ~UINT64_C(0) : (UINT64_C(1) << left) - 1;
