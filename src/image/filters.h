@@ -64,15 +64,24 @@ void fv_histogram_count(uint32_t counts[4][256], const struct fv_kernels *kernel
 void fv_table_run(const uint8_t table[256], const struct fv_kernels *kernels,
                   const struct fv_plane *in, const struct fv_plane *out);
 
+/* The same for the table of a line, factor x grey + offset, computed where that is faster and gives
+ * the table. */
+struct fv_line {
+    float factor, offset;
+};
+void fv_line_run(const struct fv_line *line, const uint8_t table[256],
+                 const struct fv_kernels *kernels, const struct fv_plane *in,
+                 const struct fv_plane *out);
+
 /* The nearest grey level, the even one of two; limited to [0, 255]. */
 uint8_t fv_table_nearest(double grey);
 
 /* Tables of the operations that look at the whole plane first. */
 void fv_table_equalize(uint8_t table[256], const uint32_t counts[4][256]);
-void fv_table_range(uint8_t table[256], const struct fv_kernels *kernels,
-                    const struct fv_plane *plane, int32_t low, int32_t high);
-void fv_table_deviation(uint8_t table[256], const uint32_t counts[4][256], double mean,
-                        double deviation);
+struct fv_line fv_table_range(uint8_t table[256], const struct fv_kernels *kernels,
+                              const struct fv_plane *plane, int32_t low, int32_t high);
+struct fv_line fv_table_deviation(uint8_t table[256], const uint32_t counts[4][256], double mean,
+                                  double deviation);
 void fv_table_gamma(uint8_t table[256], double gamma);
 
 /* Contrast-limited adaptive histogram equalization in tiles x tiles tiles. */

@@ -150,15 +150,16 @@ static void normalize(struct fv_preprocess *chain, const struct fv_kernels *kern
 {
     const struct fovea_preprocess_config *config = &chain->config;
     uint8_t table[256];
+    struct fv_line line;
     if (config->normalize_method == FOVEA_NORMALIZE_RANGE) {
-        fv_table_range(table, kernels, in, (int32_t)config->normalize_low,
-                       (int32_t)config->normalize_high);
+        line = fv_table_range(table, kernels, in, (int32_t)config->normalize_low,
+                              (int32_t)config->normalize_high);
     } else {
         fv_histogram_count(chain->counts, kernels, in);
-        fv_table_deviation(table, (const uint32_t(*)[256])chain->counts, config->normalize_mean,
-                           config->normalize_deviation);
+        line = fv_table_deviation(table, (const uint32_t(*)[256])chain->counts,
+                                  config->normalize_mean, config->normalize_deviation);
     }
-    fv_table_run(table, kernels, in, out);
+    fv_line_run(&line, table, kernels, in, out);
 }
 
 static void equalize(struct fv_preprocess *chain, const struct fv_kernels *kernels,

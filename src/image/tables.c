@@ -1,6 +1,7 @@
 /* Operations that map grey levels by one table, and how the table follows from the plane. */
 #include "image/filters.h"
 
+#include <stdbool.h>
 #include <string.h>
 
 #include "base/elementary.h"
@@ -55,21 +56,56 @@ void fv_table_equalize(uint8_t table[256], const uint32_t counts[4][256])
 
 /* Grey levels times a factor plus an offset, rounded to a float and then to a level, as OpenCV's
  * convertTo does with a fused multiplication. */
-static void table_line(uint8_t table[256], double factor, double offset)
+static struct fv_line table_line(uint8_t table[256], double factor, double offset)
 {
     const double a = (double)(float)factor, b = (double)(float)offset;
     for (int i = 0; i < 256; i++)
         table[i] = fv_table_nearest((double)(float)(i * a + b));
+    return (struct fv_line){(float)factor, (float)offset};
 }
 
-void fv_table_range(uint8_t table[256], const struct fv_kernels *kernels,
-                    const struct fv_plane *plane, int32_t low, int32_t high)
+/* The table rounds a line once, the kernel product and sum: an offset a little off may be needed.
+ */
+static bool same_line(const uint8_t table[256], const struct fv_kernels *kernels, float factor,
+                      float offset)
+{
+    uint8_t grey[256], found[256];
+    for (int i = 0; i < 256; i++)
+        grey[i] = (uint8_t)i;
+    kernels->line_u8(found, grey, 256, factor, offset);
+    return memcmp(found, table, sizeof found) == 0;
+}
+
+void fv_line_run(const struct fv_line *line, const uint8_t table[256],
+                 const struct fv_kernels *kernels, const struct fv_plane *in,
+                 const struct fv_plane *out)
+{
+    static const float off[] = {0, 4e-6f, -4e-6f, 1e-5f, -1e-5f};
+    const uint32_t looked_up_faster = FV_ISA_AVX512ICL; /* by bytes in registers */
+    bool same = false;
+    float offset = line->offset;
+    if ((kernels->isas & (FV_ISA_AVX2 | looked_up_faster)) == FV_ISA_AVX2)
+        for (size_t i = 0; !same && i < sizeof off / sizeof off[0]; i++) {
+            offset = line->offset + off[i];
+            same = same_line(table, kernels, line->factor, offset);
+        }
+    if (!same) {
+        fv_table_run(table, kernels, in, out);
+        return;
+    }
+    for (int32_t y = 0; y < in->height; y++)
+        kernels->line_u8(fv_plane_row(out, y), fv_plane_row(in, y), in->width, line->factor,
+                         offset);
+}
+
+struct fv_line fv_table_range(uint8_t table[256], const struct fv_kernels *kernels,
+                              const struct fv_plane *plane, int32_t low, int32_t high)
 {
     uint8_t range[2] = {255, 0};
     for (int32_t y = 0; y < plane->height; y++)
         kernels->range_u8(range, fv_plane_row(plane, y), plane->width);
     const double scale = range[1] > range[0] ? (high - low) * (1.0 / (range[1] - range[0])) : 0;
-    table_line(table, scale, low - range[0] * scale);
+    return table_line(table, scale, low - range[0] * scale);
 }
 
 /* Square root by Newton's iteration from above; value >= 0. */
@@ -81,8 +117,8 @@ static double root(double value)
     return r;
 }
 
-void fv_table_deviation(uint8_t table[256], const uint32_t counts[4][256], double mean,
-                        double deviation)
+struct fv_line fv_table_deviation(uint8_t table[256], const uint32_t counts[4][256], double mean,
+                                  double deviation)
 {
     double count = 0, sum = 0, squares = 0;
     for (int i = 0; i < 256; i++) {
@@ -93,7 +129,7 @@ void fv_table_deviation(uint8_t table[256], const uint32_t counts[4][256], doubl
     }
     const double centre = sum / count, variance = squares / count - centre * centre;
     const double scale = variance > 1e-6 ? deviation / root(variance) : 0;
-    table_line(table, scale, mean - centre * scale);
+    return table_line(table, scale, mean - centre * scale);
 }
 
 void fv_table_gamma(uint8_t table[256], double gamma)

@@ -1,5 +1,6 @@
 #include "kernels/check.h"
 
+#include <stdbool.h>
 #include <string.h>
 
 static uint8_t *filled(struct check *check, int32_t count)
@@ -94,6 +95,28 @@ void bench_mix_u8(struct check *check, fv_k_mix_u8_fn *variant)
         const uint8_t *row = bench_image() + y * BENCH_STRIDE;
         variant(bench_scratch() + y * BENCH_STRIDE, row, row - BENCH_STRIDE, BENCH_WIDTH, 384);
     }
+}
+
+void check_line_u8(struct check *check, fv_k_line_u8_fn *reference, fv_k_line_u8_fn *variant)
+{
+    const int32_t count = check_between(check, 0, 300);
+    const uint8_t *in = filled(check, count);
+    uint8_t *expected = check_buffer(check, (size_t)count, 1, 0);
+    uint8_t *found = check_buffer(check, (size_t)count, 1, 0);
+    const bool large = check_between(check, 0, 3) == 0; /* halves otherwise: ties */
+    const float factor = (float)check_between(check, -512, 512) / (large ? .01f : 128);
+    const float offset = (float)check_between(check, -512, 512) / (large ? .01f : 2);
+    reference(expected, in, count, factor, offset);
+    variant(found, in, count, factor, offset);
+    check_equal(check, "out", expected, found, (size_t)count);
+}
+
+void bench_line_u8(struct check *check, fv_k_line_u8_fn *variant)
+{
+    (void)check;
+    for (int y = 0; y < BENCH_HEIGHT; y++)
+        variant(bench_scratch() + y * BENCH_STRIDE, bench_image() + y * BENCH_STRIDE, BENCH_WIDTH,
+                1.37f, -20.5f);
 }
 
 void check_range_u8(struct check *check, fv_k_range_u8_fn *reference, fv_k_range_u8_fn *variant)

@@ -49,6 +49,18 @@ void fv_k_mix_u8__c(uint8_t *out, const uint8_t *a, const uint8_t *b, int32_t co
     }
 }
 
+void fv_k_line_u8__c(uint8_t *out, const uint8_t *in, int32_t count, float factor, float offset)
+{
+    for (int32_t i = 0; i < count; i++) {
+        const float product = (float)in[i] * factor, line = product + offset;
+        const float clamped = line > 255 ? 255 : line > 0 ? line : 0;
+        const int32_t below = (int32_t)clamped;
+        const float apart = clamped - (float)below;
+        const int32_t up = apart > .5f || (apart == .5f && below % 2 != 0);
+        out[i] = (uint8_t)(below + up);
+    }
+}
+
 void fv_k_contrast_blend_u16__c(uint16_t *restrict out, const uint8_t *a, const uint8_t *b,
                                 int32_t weight)
 {

@@ -31,6 +31,12 @@ typedef void fv_k_median3_row_u8_fn(uint8_t *out, const uint8_t *const *rows, in
 typedef void fv_k_mix_u8_fn(uint8_t *out, const uint8_t *a, const uint8_t *b, int32_t count,
                             int32_t weight);
 
+/* out[i] = the whole number nearest to in[i] factor + offset (of two the even one), clamped to [0,
+ * 255], with the product and the sum rounded to float; i < count. |factor| and |offset| at most
+ * 65535; in == out is allowed. */
+typedef void fv_k_line_u8_fn(uint8_t *out, const uint8_t *in, int32_t count, float factor,
+                             float offset);
+
 /* range[0] = min(range[0], all in[i]), range[1] = max(range[1], all in[i]), i < count. */
 typedef void fv_k_range_u8_fn(uint8_t range[2], const uint8_t *in, int32_t count);
 

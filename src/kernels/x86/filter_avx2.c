@@ -135,6 +135,31 @@ void fv_k_mix_u8__avx2(uint8_t *out, const uint8_t *a, const uint8_t *b, int32_t
     }
 }
 
+static inline __m256i line_eight(const uint8_t *in, __m256 factor, __m256 offset)
+{
+    const __m256i v = _mm256_cvtepu8_epi32(_mm_loadl_epi64((const __m128i *)(const void *)in));
+    const __m256 product = _mm256_mul_ps(_mm256_cvtepi32_ps(v), factor);
+    return _mm256_cvtps_epi32(_mm256_add_ps(product, offset));
+}
+
+void fv_k_line_u8__avx2(uint8_t *out, const uint8_t *in, int32_t count, float factor, float offset)
+{
+    const __m256 factors = _mm256_set1_ps(factor), offsets = _mm256_set1_ps(offset);
+    const __m256i order = _mm256_setr_epi32(0, 4, 1, 5, 2, 6, 3, 7);
+    int32_t i = 0;
+    for (; i + 32 <= count; i += 32) {
+        const __m256i a = line_eight(in + i, factors, offsets);
+        const __m256i b = line_eight(in + i + 8, factors, offsets);
+        const __m256i c = line_eight(in + i + 16, factors, offsets);
+        const __m256i d = line_eight(in + i + 24, factors, offsets);
+        const __m256i bytes =
+            _mm256_packus_epi16(_mm256_packs_epi32(a, b), _mm256_packs_epi32(c, d));
+        _mm256_storeu_si256((__m256i *)(void *)(out + i),
+                            _mm256_permutevar8x32_epi32(bytes, order));
+    }
+    fv_k_line_u8__c(out + i, in + i, count - i, factor, offset);
+}
+
 static inline __m256i blend_sixteen(__m256i pairs, __m256i weights)
 {
     __m256i low, high;
