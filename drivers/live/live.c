@@ -16,6 +16,7 @@
 #include "../slot_ring.h"
 #include "../thread.h"
 #include "complaints.h"
+#include "split.h"
 
 enum { URI_BYTES = 256 };
 
@@ -23,8 +24,10 @@ enum complaint { NOTICE, AWAY, REFUSED, BROKEN, DAMAGED, STAMPS };
 
 struct slot {
     struct fovea_frame frame;
-    uint32_t buffer;  /* of the device, to give back: raw frames */
-    uint8_t *decoded; /* MJPEG */
+    uint32_t buffer;          /* of the device, to give back: raw frames */
+    uint8_t *decoded;         /* MJPEG */
+    struct fovea_image whole; /* as the device gave it, or decoded */
+    uint8_t *halves;          /* where two cameras share it */
 };
 
 /* What the camera thread counts and others read; each is written by one thread. */
@@ -44,7 +47,7 @@ struct fovea_source { /* NOLINT(clang-analyzer-optin.performance.Padding): in or
     int64_t readout_ns;
 
     struct fv_jpeg_decoder *jpeg; /* NULL: raw frames */
-    uint8_t *decoded;
+    uint8_t *decoded, *halves;    /* of all slots; halves NULL: one camera */
     struct slot slots[FV_LIVE_BUFFERS_MAX];
     struct fv_slot_ring ready, free;
     sem_t ready_count;
@@ -203,7 +206,7 @@ static enum fovea_status fill_image(struct fovea_source *source,
                                     const struct fv_live_buffer *buffer, struct slot *slot,
                                     struct fovea_error *error)
 {
-    struct fovea_image *image = &slot->frame.images[0];
+    struct fovea_image *image = &slot->whole;
     if (buffer->damaged)
         return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: the driver marks frames as damaged",
                                source->uri);
@@ -290,6 +293,10 @@ static enum fovea_status use_buffer(struct fovea_source *source,
     if (status == FOVEA_OK) status = fill_order(source, buffer, slot, error);
     const bool good = status == FOVEA_OK;
     slot->buffer = buffer->index;
+    if (good && slot->halves != NULL)
+        fv_split(&slot->whole, slot->halves, slot->frame.images);
+    else
+        slot->frame.images[0] = slot->whole;
     if (good && source->ops->seen != NULL)
         source->ops->seen(source->device, &slot->frame.images[0]);
     if (good) hand_over(source, free);
@@ -382,7 +389,7 @@ static enum fovea_status make_decoder(struct fovea_source *source, struct fovea_
     source->slot_count = FV_LIVE_DECODED;
     for (uint32_t i = 0; i < FV_LIVE_DECODED; i++) {
         source->slots[i].decoded = source->decoded + i * slot_bytes;
-        source->slots[i].frame.images[0] = (struct fovea_image){
+        source->slots[i].whole = (struct fovea_image){
             .data = source->slots[i].decoded,
             .stride_bytes = stride,
             .size_bytes = (size_t)stride * (size_t)source->info.cameras[0].height};
@@ -401,7 +408,28 @@ static void release(struct fovea_source *source)
     fv_complaints_close(&source->complaints);
     fv_jpeg_decoder_close(source->jpeg);
     free(source->decoded);
+    free(source->halves);
     free(source);
+}
+
+/* Memory for the halves of each slot's picture, and a rig of two. */
+static enum fovea_status make_halves(struct fovea_source *source, struct fovea_error *error)
+{
+    struct fovea_source_camera *camera = &source->info.cameras[0];
+    const size_t bytes = 2 * fv_split_bytes(source->info.format, camera->width, camera->height);
+    source->halves = calloc(source->slot_count, bytes);
+    if (source->halves == NULL)
+        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory", source->uri);
+    for (uint32_t i = 0; i < source->slot_count; i++) {
+        source->slots[i].halves = source->halves + i * bytes;
+        source->slots[i].frame.image_count = 2;
+    }
+    camera->width /= 2;
+    source->info.cameras[1] = *camera;
+    source->info.rig.camera_count = 2;
+    source->info.rig.cameras[1] = source->info.rig.cameras[0];
+    source->info.heap_bytes += source->slot_count * bytes;
+    return FOVEA_OK;
 }
 
 enum fovea_status fv_live_open(const struct fv_live_ops *ops, void *device,
@@ -442,15 +470,16 @@ enum fovea_status fv_live_open(const struct fv_live_ops *ops, void *device,
                                  strerror(errno));
     if (status == FOVEA_OK && setup->info.format == FOVEA_PIXEL_MJPEG)
         status = make_decoder(source, error);
+    for (uint32_t i = 0; i < source->slot_count; i++) {
+        source->slots[i].frame.image_count = 1;
+        source->slots[i].whole.width = source->info.cameras[0].width;
+        source->slots[i].whole.height = source->info.cameras[0].height;
+        source->slots[i].whole.format = source->info.format;
+    }
+    if (status == FOVEA_OK && setup->split) status = make_halves(source, error);
     if (status != FOVEA_OK) {
         release(source);
         return status;
-    }
-    for (uint32_t i = 0; i < source->slot_count; i++) {
-        source->slots[i].frame.image_count = 1;
-        source->slots[i].frame.images[0].width = source->info.cameras[0].width;
-        source->slots[i].frame.images[0].height = source->info.cameras[0].height;
-        source->slots[i].frame.images[0].format = source->info.format;
     }
     *out = source;
     return FOVEA_OK;

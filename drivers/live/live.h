@@ -66,6 +66,7 @@ struct fv_live_setup {
     /* cameras[0], rate_hz, and the format of the device (MJPEG becomes grey8) */
     struct fovea_source_info info;
     size_t frame_bytes_min; /* a raw frame with fewer is truncated; 0: by size, format and stride */
+    bool split;             /* two cameras share a picture (split.h), which is possible */
     uint32_t buffers;       /* how many the device has at most */
     int64_t readout_ns;     /* negative: not given */
     const struct fv_recovery_times *times; /* NULL: by the rate */

@@ -22,6 +22,7 @@ static const struct fv_uri_option option_table[] = {
     {"readout", FV_URI_REAL, AT(readout_ms), 0, 1000, "milliseconds, first row to last", NULL},
     {"buffers", FV_URI_I32, AT(buffers), FV_LIVE_BUFFERS_MIN, FV_LIVE_BUFFERS_MAX,
      "buffers of the driver", NULL},
+    {"split", FV_URI_I32, AT(split), 1, 2, "cameras side by side in one picture", NULL},
 };
 
 static enum fovea_status add_wish(void *to, const char *name, const char *value,
@@ -80,7 +81,7 @@ static enum fovea_status check_together(const struct fv_v4l2_options *options,
 enum fovea_status fv_v4l2_options_parse(const char *address, struct fv_v4l2_options *options,
                                         struct fovea_error *error)
 {
-    struct fv_v4l2_options o = {.gain = -1, .readout_ms = -1, .buffers = 4, .shift = 8};
+    struct fv_v4l2_options o = {.gain = -1, .readout_ms = -1, .buffers = 4, .shift = 8, .split = 1};
     char quoted[FV_TEXT_QUOTED_BYTES];
     uint64_t given;
     const size_t length = strcspn(address, "?");

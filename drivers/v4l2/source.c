@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "../live/split.h"
 #include "v4l2.h"
 
 static void close_node(struct fv_v4l2_device *device)
@@ -87,6 +88,17 @@ static enum fovea_status learn(struct fv_v4l2_device *device, struct fovea_error
     return FOVEA_OK;
 }
 
+static enum fovea_status check_split(const struct fv_v4l2_device *device, struct fovea_error *error)
+{
+    const struct fv_v4l2_format *format = device->agreed.format;
+    if (device->options.split < 2 || fv_split_possible(format->format, device->agreed.width))
+        return FOVEA_OK;
+    return fovea_error_set(
+        error, FOVEA_ERROR_INPUT,
+        "%s: split: found 2 with %s, %d pixels wide, expected a format of one plane (GREY, YUYV, MJPG and others) whose halves are at least %d pixels wide",
+        device->uri, format->name, device->agreed.width, FOVEA_IMAGE_WIDTH_MIN);
+}
+
 static enum fovea_status open_camera(const char *address,
                                      const struct fovea_source_selection *selection,
                                      struct fovea_source **source, struct fovea_error *error)
@@ -102,6 +114,7 @@ static enum fovea_status open_camera(const char *address,
     device->fd = -1;
     snprintf(device->uri, sizeof device->uri, "v4l2:%s", options.path);
     status = learn(device, &notice, error);
+    if (status == FOVEA_OK) status = check_split(device, error);
     if (status != FOVEA_OK) {
         free(device);
         return status == FOVEA_GONE ? FOVEA_ERROR_SYSTEM : status;
@@ -112,6 +125,7 @@ static enum fovea_status open_camera(const char *address,
                  .format = device->agreed.format->format,
                  .rate_hz = device->agreed.rate_hz,
                  .heap_bytes = sizeof *device},
+        .split = options.split == 2,
         .buffers = (uint32_t)options.buffers,
         .readout_ns = options.readout_ms < 0 ? -1 : (int64_t)(options.readout_ms * 1e6),
     };

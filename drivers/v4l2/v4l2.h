@@ -29,6 +29,7 @@ struct fv_v4l2_options {
     bool auto_exposure_given, auto_gain_given;
     double readout_ms; /* negative: not given */
     int32_t buffers;
+    int32_t split; /* cameras that share a picture side by side: 1 or 2 */
     uint32_t wish_count;
     struct fv_v4l2_wish wishes[FV_V4L2_WISHES_MAX];
 };

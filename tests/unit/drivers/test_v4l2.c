@@ -152,6 +152,62 @@ static void test_open_refused(void **state)
     }
 }
 
+/* Pixel x, y of a picture of the fake camera. */
+static uint8_t byte_of(uint32_t index, int32_t stride, int32_t x, int32_t y)
+{
+    return (uint8_t)(x + y * stride + 37 * (int32_t)index);
+}
+
+/* Two cameras side by side: each half is a picture of its own, without gaps. */
+static void test_one_picture_of_two_cameras(void **state)
+{
+    (void)state;
+    static const char *const formats[] = {"GREY", "YUYV"};
+    struct fake_camera *camera = fake_new();
+    camera->width = 160;
+    camera->stride_padding = 8;
+    fake_plug(camera, "/dev/video0");
+    for (int f = 0; f < 2; f++) {
+        const int32_t wide = f + 1, stride = 160 * wide + 8; /* bytes of a pixel, of a row */
+        char address[64];
+        snprintf(address, sizeof address, "/dev/video0?split=2&readout=8&format=%s", formats[f]);
+        struct fovea_source *source = fv_test_start(address);
+        const struct fovea_source_info *info = ops->info(source);
+        assert_int_equal(info->rig.camera_count, 2);
+        for (int i = 0; i < 2; i++) {
+            assert_true(info->cameras[i].width == 80 && info->cameras[i].height == 64);
+            assert_true(info->rig.cameras[i].readout_ns == 8000000);
+            assert_false(info->rig.cameras[i].calibrated);
+        }
+        for (int n = 0; n < 6; n++) {
+            const struct fovea_frame frame = fv_test_next_frame(source);
+            const uint8_t first = frame.images[0].data[0];
+            assert_int_equal(frame.image_count, 2);
+            for (int i = 0; i < 2; i++) {
+                const struct fovea_image *half = &frame.images[i];
+                assert_int_equal(fovea_image_check(half), FOVEA_OK);
+                assert_true(half->width == 80 && half->stride_bytes == 80 * wide);
+                for (int32_t y = 0; y < 64; y++)
+                    for (int32_t x = 0; x < 80 * wide; x++)
+                        assert_int_equal(
+                            half->data[y * half->stride_bytes + x],
+                            (uint8_t)(first + byte_of(0, stride, x + i * 80 * wide, y)));
+            }
+        }
+        fv_test_finish(source);
+    }
+    static const char *const wrong[][2] = {
+        {"/dev/video0?split=2&format=NV12", "split: found 2 with NV12"},
+        {"/dev/video0?split=3", "split: found '3'"},
+    };
+    for (int i = 0; i < 2; i++) {
+        struct fovea_source *source = NULL;
+        struct fovea_error error = {.text = ""};
+        assert_int_equal(ops->open(wrong[i][0], &everything, &source, &error), FOVEA_ERROR_INPUT);
+        if (strstr(error.text, wrong[i][1]) == NULL) fail_msg("%s", error.text);
+    }
+}
+
 static int64_t value_of(const struct fake_camera *camera, uint32_t id)
 {
     fake_lock();
@@ -350,6 +406,7 @@ int main(void)
         TEST(test_negotiation_is_reported),
         TEST(test_controls_that_differ_are_reported),
         TEST(test_open_refused),
+        TEST(test_one_picture_of_two_cameras),
         TEST(test_controls),
         TEST(test_selection),
         TEST(test_formats),
