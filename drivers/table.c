@@ -8,14 +8,25 @@
 #include "support/text.h"
 #include "fault/fault.h"
 #include "live/live.h"
+#include "pair.h"
 #include "recorded/player.h"
 #include "sequence.h"
 #include "sim/sim.h"
 
 const struct fovea_source_ops *const fv_source_table[] = {
-    &fv_source_sim,    &fv_source_euroc,  &fv_source_tum,       &fv_source_kitti,
-    &fv_source_images, &fv_source_lcmlog, &fv_source_video,     &fv_source_sequence,
-    &fv_source_fault,  &fv_source_v4l2,   &fv_source_libcamera, NULL,
+    &fv_source_sim,
+    &fv_source_euroc,
+    &fv_source_tum,
+    &fv_source_kitti,
+    &fv_source_images,
+    &fv_source_lcmlog,
+    &fv_source_video,
+    &fv_source_sequence,
+    &fv_source_fault,
+    &fv_source_pair,
+    &fv_source_v4l2,
+    &fv_source_libcamera,
+    NULL,
 };
 
 enum { NAMES_MAX = 32 };

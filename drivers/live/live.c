@@ -417,7 +417,7 @@ static enum fovea_status make_halves(struct fovea_source *source, struct fovea_e
 {
     struct fovea_source_camera *camera = &source->info.cameras[0];
     const size_t bytes = 2 * fv_split_bytes(source->info.format, camera->width, camera->height);
-    source->halves = calloc(source->slot_count, bytes);
+    source->halves = calloc(1, source->slot_count * bytes + 1);
     if (source->halves == NULL)
         return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory", source->uri);
     for (uint32_t i = 0; i < source->slot_count; i++) {

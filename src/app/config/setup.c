@@ -257,20 +257,49 @@ static enum fovea_status rig_join(struct fv_settings *settings,
     return FOVEA_OK;
 }
 
-static enum fovea_status rig_fit(struct fv_settings *settings, const struct fovea_source_info *info,
+/* Cameras of a rig that its source has no calibration of, as two live ones: from the file of the
+ * key `camera`, where that is a camchain (cam0, cam1 ...). */
+static void cameras_read(const struct fv_settings *settings, struct fovea_source_info *info)
+{
+    struct fv_calibration first, other;
+    struct fovea_rig *rig = &info->rig;
+    if (settings->camera[0] == '\0' || rig->camera_count < 2 || rig->cameras[1].calibrated) return;
+    if (fv_calibration_read(settings->camera, "cam0", &first, NULL) != FOVEA_OK) return;
+    for (uint32_t i = 1; i < rig->camera_count; i++) {
+        struct fovea_rig_camera *camera = &rig->cameras[i];
+        char which[16];
+        snprintf(which, sizeof which, "cam%u", i);
+        if (fv_calibration_read(settings->camera, which, &other, NULL) != FOVEA_OK) continue;
+        camera->camera = other.camera;
+        camera->calibrated = true;
+        camera->has_T_body_cam = other.has_T_body_cam;
+        memcpy(camera->T_body_cam, other.T_body_cam, sizeof camera->T_body_cam);
+        snprintf(info->cameras[i].origin, sizeof info->cameras[i].origin, "%.255s",
+                 settings->camera);
+    }
+    /* Where the file states no body, it is the first camera. */
+    static const double identity[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
+    rig->cameras[0].has_T_body_cam = true;
+    memcpy(rig->cameras[0].T_body_cam, first.has_T_body_cam ? first.T_body_cam : identity,
+           sizeof identity);
+}
+
+static enum fovea_status rig_fit(struct fv_settings *settings, const struct fovea_source_info *seen,
                                  bool rough, struct fovea_error *error)
 {
     struct fovea_rig *rig = &settings->runtime.rig;
+    struct fovea_source_info known = *seen, *info = &known;
     enum fovea_status status = camera_fit(settings, info, rough, error);
+    cameras_read(settings, info);
     if (status == FOVEA_OK) status = rig_join(settings, info, error);
     for (uint32_t i = 1; i < rig->camera_count && status == FOVEA_OK; i++) {
         struct fovea_rig_camera *camera = &rig->cameras[i];
-        const struct fovea_source_camera *seen = &info->cameras[i];
+        const struct fovea_source_camera *one = &info->cameras[i];
         if (camera->calibrated)
-            status = fv_calibration_fit(&camera->camera, seen->width, seen->height,
-                                        settings->camera_scale, seen->origin, error);
+            status = fv_calibration_fit(&camera->camera, one->width, one->height,
+                                        settings->camera_scale, one->origin, error);
         else
-            camera->camera = (struct fovea_camera){.width = seen->width, .height = seen->height};
+            camera->camera = (struct fovea_camera){.width = one->width, .height = one->height};
     }
     return status;
 }
@@ -366,10 +395,12 @@ enum fovea_status fv_setup_open_rough(struct fv_settings *settings, struct fv_se
     return status == FOVEA_OK ? fv_setup_read(settings, setup, error) : status;
 }
 
-/* Cameras are for `fovea check`: opening one would take it from who uses it. */
+/* Cameras, and what may hold some, are for `fovea check`: opening one would take it from who uses
+ * it. */
 static bool is_camera(const struct fovea_source_ops *ops)
 {
-    return strcmp(ops->name, "v4l2") == 0 || strcmp(ops->name, "libcamera") == 0;
+    return strcmp(ops->name, "v4l2") == 0 || strcmp(ops->name, "libcamera") == 0 ||
+           strcmp(ops->name, "pair") == 0;
 }
 
 enum fovea_status fv_setup_check_files(struct fv_settings *settings, struct fovea_error *error)

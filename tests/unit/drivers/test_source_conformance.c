@@ -115,6 +115,9 @@ static struct row rows[] = {
      .make = fv_test_video,
      .length_unknown = true,
      .wrong = {"/nonexistent", "/", "", "/dev/null"}},
+    {.name = "pair",
+     .address = "sim:orbit?width=96&height=64 and sim:orbit?width=64&height=80",
+     .wrong = {"", "sim:", "sim: and ", "sim: and sim: within 0"}},
     {.name = "sequence",
      .address =
          "sim:orbit?width=96&height=64&frames=5 then sim:orbit?width=96&height=64&fov=70&frames=40[start=9,step=2,frames=16,reverse]",

@@ -5,6 +5,7 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
@@ -12,6 +13,8 @@
 
 #include "app/config/setup.h"
 #include "common/datasets.h"
+#include "common/fake_camera.h"
+#include "support/calibration.h"
 
 enum { WIDTH = 96, HEIGHT = 64 };
 
@@ -200,11 +203,55 @@ static int remove_file(void **state)
     return unlink(path) != 0 ? -1 : place;
 }
 
+/* Two cameras whose source has no calibration of them: from the camchain at `camera`, each to its
+ * own size, the second placed by the first. */
+static void a_camchain_calibrates_two_live_cameras(void **state)
+{
+    static const char *const chain =
+        "cam0:\n  camera_model: pinhole\n  intrinsics: [80.0, 80.0, 48.0, 32.0]\n"
+        "  distortion_model: radtan\n  distortion_coeffs: [0.0, 0.0, 0.0, 0.0]\n"
+        "  resolution: [96, 64]\n"
+        "cam1:\n  camera_model: pinhole\n  intrinsics: [70.0, 71.0, 47.0, 31.0]\n"
+        "  distortion_model: radtan\n  distortion_coeffs: [0.0, 0.0, 0.0, 0.0]\n"
+        "  resolution: [96, 64]\n  T_cn_cnm1:\n  - [1.0, 0.0, 0.0, -0.12]\n"
+        "  - [0.0, 1.0, 0.0, 0.0]\n  - [0.0, 0.0, 1.0, 0.0]\n  - [0.0, 0.0, 0.0, 1.0]\n";
+    static const char *const source =
+        "pair:v4l2:/dev/video0?format=GREY and v4l2:/dev/video1?format=GREY";
+    char set[64];
+    const char *const sets[] = {set, "T_body_cam=[[0, 0, 1, 0.3], [-1, 0, 0, 0], [0, -1, 0, 0.5]]",
+                                NULL};
+    struct fv_setup setup = {0};
+    (void)state;
+    fake_plug(fake_new(), "/dev/video0");
+    fake_plug(fake_new(), "/dev/video1");
+    fv_test_write_text(path, chain);
+    snprintf(set, sizeof set, "camera=%s", path);
+    if (open_with(source, sets, &setup) != FOVEA_OK) fail_msg("%s", error.text);
+    const struct fovea_rig *rig = &settings.runtime.rig;
+    assert_int_equal(rig->camera_count, 2);
+    assert_true(rig->cameras[0].camera.fx == 80 && rig->cameras[1].camera.fy == 71);
+    assert_true(rig->cameras[1].calibrated && rig->cameras[1].has_T_body_cam);
+    assert_true(fabs(rig->cameras[1].T_body_cam[7] + 0.12) < 1e-12); /* to the right: -y */
+    assert_true(fabs(rig->cameras[1].T_body_cam[3] - 0.3) < 1e-12);
+    fv_setup_close(&setup);
+    const struct fovea_camera one = {
+        .width = 96, .height = 64, .fx = 80, .fy = 80, .cx = 48, .cy = 32};
+    struct fv_calibration alone = {.camera = one};
+    assert_int_equal(fv_calibration_write(path, FV_CALIBRATION_ROS, &alone, NULL, &error),
+                     FOVEA_OK);
+    setup = (struct fv_setup){0};
+    if (open_with(source, sets, &setup) != FOVEA_OK) fail_msg("%s", error.text);
+    assert_false(settings.runtime.rig.cameras[1].calibrated);
+    fv_setup_close(&setup);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_rig_has_the_body_of_the_settings),
         cmocka_unit_test(only_what_measures_needs_a_calibration),
+        cmocka_unit_test_setup_teardown(a_camchain_calibrates_two_live_cameras, fake_set_up,
+                                        fake_tear_down),
         cmocka_unit_test(masks_go_to_their_cameras),
         cmocka_unit_test(wrong_masks_are_refused),
         cmocka_unit_test(each_calibration_is_fitted_to_its_cameras_images),
