@@ -228,6 +228,19 @@ static void test_wrong_together(void **state)
     }
 }
 
+/* The rig is not known before the source is open, so it is not held against them yet. */
+static void test_sensors_wait_for_the_rig(void **state)
+{
+    (void)state;
+    static const char *const words[] = {"odometry.sensors=stereo", "odometry.sensors=mono_inertial",
+                                        "odometry.sensors=stereo_inertial"};
+    for (size_t i = 0; i < sizeof words / sizeof words[0]; i++) {
+        fv_settings_default(&settings);
+        assert_int_equal(fv_settings_set(&settings, words[i], &error), FOVEA_OK);
+        assert_int_equal(fv_settings_check(&settings, &error), FOVEA_OK);
+    }
+}
+
 static void test_wrong_assignments(void **state)
 {
     (void)state;
@@ -403,6 +416,7 @@ int main(void)
         cmocka_unit_test(test_wrong_together),
         cmocka_unit_test(test_movable_classes),
         cmocka_unit_test(test_classes_of_the_grid),
+        cmocka_unit_test(test_sensors_wait_for_the_rig),
         cmocka_unit_test(test_wrong_assignments),
         cmocka_unit_test(test_keys_of_0_1_are_refused_with_their_names_now),
         cmocka_unit_test(test_every_key_is_ranged),
