@@ -76,8 +76,8 @@ enum { FOVEA_ODOMETRY_KEYFRAMES_MAX = 256, FOVEA_ODOMETRY_LANDMARKS_MAX = 20000 
 struct fovea_odometry_config {
     bool enabled;               /* default true */
     enum fovea_sensors sensors; /* default FOVEA_SENSORS_AUTO */
-    /* [1, 100], default 10: how many times larger the noise of the inertial sensor is than the rig
-     * says; on vehicles that shake datasheets are not met */
+    /* [1, 100], default 2: how many times larger the noise of the inertial sensor is at least than
+     * the rig says; more where its samples show that it is shaken */
     double imu_noise_factor;
     /* [8, 256], default 128: keyframes of the map; memory about 46 kB each at 1000 features */
     uint32_t keyframes;

@@ -11,7 +11,8 @@ enum {
     ITERATIONS_MAX = 10,
     INTEGRATED_PER_UNIT = 48,
     ELIMINATED_PER_UNIT = 5,
-    STEPPED_PER_UNIT = 16
+    STEPPED_PER_UNIT = 16,
+    SHAKE_SAMPLES = 400
 };
 
 static const int64_t gap_max_ns = 60000000; /* between samples */
@@ -19,6 +20,7 @@ static const int64_t gap_max_ns = 60000000; /* between samples */
 static const double far_gyro = 5e-3, far_acceleration = 0.3;
 /* Of a step that is worth another one. */
 static const double far_scale = 5e-3, far_down = 3e-4, far_bias = 2e-4;
+static const double shake_left = 0.25; /* of the noise of a sample */
 static const double scale_least = 1e-3;
 /* Of biases before anything is known, rad/s and m/s^2. */
 static const double bias_sigma_begin[2] = {0.1, 0.3};
@@ -40,6 +42,7 @@ void fv_inertial_init(struct fv_inertial *inertial)
     struct fv_inertial_state *s = inertial->state;
     memset(s, 0, sizeof *s);
     s->shared.down[2] = -1;
+    s->noise = inertial->config.noise;
     memcpy(s->bias_sigma, bias_sigma_begin, sizeof s->bias_sigma);
 }
 
@@ -122,12 +125,52 @@ static void append(struct fv_inertial *inertial, uint32_t i, int64_t stamp_ns,
     }
 }
 
+static double mean_of(const double a[2][3], const double now[3])
+{
+    double sum = 0;
+    for (int i = 0; i < 3; i++) {
+        const double d = a[0][i] - 2 * a[1][i] + now[i];
+        sum += d * d / 18;
+    }
+    return sum;
+}
+
+/* The noise that is believed: the stated one, or what a sensor that is shaken shows. Shaking is not
+ * white, and of what it adds to a sample a part is left over many. */
+static void measure_shake(struct fv_inertial *inertial, int64_t stamp_ns, const double gyro[3],
+                          const double acceleration[3])
+{
+    struct fv_imu_shake *k = &inertial->state->shake;
+    struct fv_imu_noise *noise = &inertial->state->noise;
+    const struct fv_imu_noise *least = &inertial->config.noise;
+    if (k->count > 0 && (stamp_ns - k->stamps_ns[1] > gap_max_ns || stamp_ns <= k->stamps_ns[1]))
+        k->count = 0;
+    if (k->count >= 2) {
+        const double step_s = (double)(stamp_ns - k->stamps_ns[0]) * 0.5e-9,
+                     part = 1 / (double)(k->count - 1);
+        k->square[0] += part * (mean_of(k->gyro, gyro) - k->square[0]);
+        k->square[1] += part * (mean_of(k->acceleration, acceleration) - k->square[1]);
+        const double left = shake_left * shake_left * step_s;
+        noise->gyro = left * k->square[0] > least->gyro ? left * k->square[0] : least->gyro;
+        noise->acceleration =
+            left * k->square[1] > least->acceleration ? left * k->square[1] : least->acceleration;
+    }
+    memcpy(k->gyro[0], k->gyro[1], sizeof k->gyro[0]);
+    memcpy(k->acceleration[0], k->acceleration[1], sizeof k->acceleration[0]);
+    fv_copy3(gyro, k->gyro[1]);
+    fv_copy3(acceleration, k->acceleration[1]);
+    k->stamps_ns[0] = k->stamps_ns[1];
+    k->stamps_ns[1] = stamp_ns;
+    if (k->count < SHAKE_SAMPLES) k->count++;
+}
+
 void fv_inertial_take(struct fv_inertial *inertial, int64_t stamp_ns, const double gyro[3],
                       const double acceleration[3])
 {
     struct fv_inertial_state *s = inertial->state;
     struct fv_inertial_sample sample = {.after_ns = 0};
     if (s->any_sample && stamp_ns <= s->last_sample_ns) return;
+    measure_shake(inertial, stamp_ns, gyro, acceleration);
     for (int i = 0; i < 3; i++) {
         sample.gyro[i] = (float)gyro[i];
         sample.acceleration[i] = (float)acceleration[i];
@@ -210,7 +253,7 @@ static void integrate(const struct fv_inertial *inertial, struct fv_inertial_sta
     const double middle = ((double)(from - a->after_ns) + (double)(to - a->after_ns)) / 2 /
                           (double)(b->after_ns - a->after_ns);
     between(a, b, middle, gyro, acceleration);
-    fv_preintegration_step(&station->link, &inertial->config.noise, gyro, acceleration,
+    fv_preintegration_step(&station->link, &inertial->state->noise, gyro, acceleration,
                            (double)(to - from) * 1e-9);
 }
 

@@ -87,7 +87,7 @@ void fv_inertial_stage_observe(struct fv_inertial_stage *stage, const struct fv_
             correct(imu->acceleration_correction, sample->acceleration, acceleration);
         if (gate->clean[i].notes & FV_IMU_AFTER_JUMP) jump(stage);
         fv_inertial_take(&stage->estimator, stamp_ns, gyro, acceleration);
-        fv_inertial_live_take(&stage->state->live, &stage->estimator.config.noise, stamp_ns, gyro,
+        fv_inertial_live_take(&stage->state->live, &stage->estimator.state->noise, stamp_ns, gyro,
                               acceleration);
     }
 }
@@ -188,7 +188,7 @@ void fv_inertial_stage_predict(const struct fv_inertial_stage *stage,
     memset(hint, 0, sizeof *hint);
     if (!stage->enabled || !same_world(s, odometry) ||
         !fv_inertial_result(&stage->estimator)->known ||
-        !fv_inertial_live_reach(&s->live, &stage->estimator.config.noise, stamp_ns, &sum))
+        !fv_inertial_live_reach(&s->live, &stage->estimator.state->noise, stamp_ns, &sum))
         return;
     camera_motion(stage, &sum, s->known.gravity, &hint->T_now_last, velocity);
     const double map_scale = fv_odometry_map(odometry)->state->S_map_world.s;
@@ -213,9 +213,9 @@ static void write_moving(struct fv_inertial_stage *stage, const struct fv_se3 *T
     fv_subtract3(velocity, added, s->known.velocity);
     fv_rotate3(config->T_cam_imu.R, rate, s->known.rate);
     s->known.velocity_sigma = __builtin_sqrt(s->live.variance);
-    s->known.rate_sigma =
-        __builtin_sqrt(config->noise.gyro * (stage->imu.rate_hz > 0 ? stage->imu.rate_hz : 200) +
-                       s->known.bias_covariance[0]);
+    s->known.rate_sigma = __builtin_sqrt(stage->estimator.state->noise.gyro *
+                                             (stage->imu.rate_hz > 0 ? stage->imu.rate_hz : 200) +
+                                         s->known.bias_covariance[0]);
     s->known.moving = s->live.moving;
 }
 
@@ -235,7 +235,7 @@ static void follow_pose(struct fv_inertial_stage *stage, const struct fovea_pose
         memcpy(biases.acceleration, e->own.acceleration_bias, sizeof biases.acceleration);
     }
     const bool led =
-        fv_inertial_live_reach(&s->live, &stage->estimator.config.noise, stamp_ns, &sum);
+        fv_inertial_live_reach(&s->live, &stage->estimator.state->noise, stamp_ns, &sum);
     s->live.T_world_imu = sensor_at(stage, &s->T_world_cam, scale);
     fv_se3_from_rows(pose->T_world_cam, &s->T_world_cam);
     const struct fv_se3 T = sensor_at(stage, &s->T_world_cam, scale);
@@ -339,7 +339,7 @@ static void coast(struct fv_inertial_stage *stage, const struct fv_odometry *odo
     if (!s->known.claimed || !s->live.moving || !same_world(s, odometry) ||
         stamp_ns - s->live.pose_ns > coasting_max_ns ||
         !fv_inertial_result(&stage->estimator)->known ||
-        !fv_inertial_live_reach(&s->live, &stage->estimator.config.noise, stamp_ns, &sum))
+        !fv_inertial_live_reach(&s->live, &stage->estimator.state->noise, stamp_ns, &sum))
         return;
     camera_motion(stage, &sum, s->known.gravity, &s->known.T_last_now, velocity);
     fv_inertial_live_predict(&s->live, &sum, s->known.gravity, &T_world_imu, velocity);

@@ -231,6 +231,29 @@ static void test_metric_poses_at_rest(void **state)
         assert_true(fabs(e->shared.gyro_bias[i] - truth.gyro[i]) < 3e-3);
 }
 
+/* A sensor that is shaken is believed less. */
+static void test_shaking_is_noise(void **state)
+{
+    (void)state;
+    struct fv_random random;
+    begin(0);
+    fv_random_seed(&random, 4);
+    for (int n = 0; n < 1000; n++) {
+        double gyro[3], acceleration[3];
+        sample_at(LIVELY, 1 + n * 0.005, &random, gyro, acceleration);
+        if (n == 500) {
+            assert_true(inertial.state->noise.gyro == inertial.config.noise.gyro);
+            assert_true(inertial.state->noise.acceleration == inertial.config.noise.acceleration);
+        }
+        for (int i = 0; n >= 500 && i < 3; i++)
+            acceleration[i] += 0.7 * fv_random_normal(&random);
+        fv_inertial_take(&inertial, n * 5000000LL, gyro, acceleration);
+    }
+    const double sigma = sqrt(inertial.state->noise.acceleration * RATE_HZ);
+    assert_true(inertial.state->noise.gyro == inertial.config.noise.gyro);
+    assert_true(sigma > 0.13 && sigma < 0.19); /* a fourth, but for what is forgotten slowly */
+}
+
 /* A second without samples cuts the link: the estimate begins anew, and the biases stay known. */
 static void test_missing_samples_cut_the_link(void **state)
 {
@@ -281,6 +304,7 @@ int main(void)
         cmocka_unit_test(test_window_moves_on),
         cmocka_unit_test(test_no_scale_without_acceleration),
         cmocka_unit_test(test_metric_poses_at_rest),
+        cmocka_unit_test(test_shaking_is_noise),
         cmocka_unit_test(test_missing_samples_cut_the_link),
         cmocka_unit_test(test_too_many_samples_cut_the_link),
     };
