@@ -484,7 +484,8 @@ enum fovea_status fv_settings_check(const struct fv_settings *settings, struct f
                                         .field_max_rad = 1};
     }
     /* Nor is the rest of the rig: fovea_size holds it against what odometry is to use. */
-    runtime.odometry.sensors = FOVEA_SENSORS_AUTO;
+    if ((unsigned)runtime.odometry.sensors <= FOVEA_SENSORS_STEREO_INERTIAL)
+        runtime.odometry.sensors = FOVEA_SENSORS_AUTO;
     const bool load = settings->map_load[0] != '\0', save = settings->map_save[0] != '\0';
     enum fovea_status status = fv_config_check(&runtime, error);
     if (status == FOVEA_OK && settings->lcm_url[0] != '\0')
