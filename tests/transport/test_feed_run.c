@@ -63,13 +63,13 @@ static int fovea(const char *words, char text[TEXT_BYTES])
     return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
 }
 
-static void start_run(void)
+static void start_run(const char *source, const char *setting)
 {
     char socket[96], record[96];
     snprintf(socket, sizeof socket, "web.socket=%s", path);
     snprintf(record, sizeof record, "%s/run.lcm", folder);
     const char *const arguments[] = {"--source",
-                                     "sim:orbit?width=160&height=120&frames=100000",
+                                     source,
                                      "--rate",
                                      "real",
                                      "--quiet",
@@ -85,6 +85,8 @@ static void start_run(void)
                                      "channel_prefix=R",
                                      "--set",
                                      "record_buffer=1000",
+                                     "--set",
+                                     setting,
                                      NULL};
     watched_start(&watched, "run", arguments);
     for (int i = 0; i < 6000 && access(path, F_OK) != 0; i++)
@@ -121,7 +123,7 @@ static void commands_read_a_run_without_lcm(void **state)
     char png[96];
     struct fovea_image picture;
     (void)state;
-    start_run();
+    start_run("sim:orbit?width=160&height=120&frames=100000", "seed=1");
     assert_int_equal(fovea("snapshot @/raw.png --feed @/s", text), 0);
     const char *at = strstr(text, "160 x 120 pixels of cam0, frame ");
     assert_non_null(at);
@@ -150,6 +152,22 @@ static void commands_read_a_run_without_lcm(void **state)
     if (fv_picture_read(png, &picture, &error) != FOVEA_OK) fail_msg("%s", error.text);
     assert_recorded(sequence, &picture);
     free((void *)(uintptr_t)picture.data);
+}
+
+/* Recordings pad rows to whole cache lines. */
+static void frames_with_padded_rows_are_offered(void **state)
+{
+    static char text[TEXT_BYTES];
+    char source[96];
+    (void)state;
+    assert_int_equal(fovea("export @/e --source 'sim:orbit?width=108&height=80' --frames 90", text),
+                     0);
+    snprintf(source, sizeof source, "images:%s/e", folder);
+    start_run(source, "odometry.enabled=false");
+    if (fovea("snapshot @/padded.png --feed @/s", text) != 0) fail_msg("%s", text);
+    assert_non_null(strstr(text, "108 x 80 pixels of cam0"));
+    watched_interrupt(&watched);
+    assert_int_equal(watched_end(&watched), 0);
 }
 
 static void a_feed_changes_no_result(void **state)
@@ -205,6 +223,7 @@ int main(int argc, char **argv)
     if (!watched_possible("test_feed_run")) return 0;
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(commands_read_a_run_without_lcm),
+        cmocka_unit_test(frames_with_padded_rows_are_offered),
         cmocka_unit_test(a_feed_changes_no_result),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
