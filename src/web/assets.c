@@ -32,6 +32,7 @@
     ROW(lcm, "/lcm.js", "lcm.js", JAVASCRIPT, false)                                               \
     ROW(live, "/live.js", "live.js", JAVASCRIPT, false)                                            \
     ROW(scene, "/scene.js", "scene.js", JAVASCRIPT, false)                                         \
+    ROW(layers, "/layers.js", "layers.js", JAVASCRIPT, false)                                      \
     ROW(plots, "/plots.js", "plots.js", JAVASCRIPT, false)                                         \
     ROW(panels, "/panels.js", "panels.js", JAVASCRIPT, false)                                      \
     ROW(parameters, "/parameters.js", "parameters.js", JAVASCRIPT, false)                          \

@@ -14,8 +14,10 @@
 #include "fovea_command_result_t.h"
 #include "fovea_parameter_result_t.h"
 #include "fovea_features_t.h"
+#include "fovea_grid_t.h"
 #include "fovea_map_t.h"
 #include "fovea_pose_t.h"
+#include "fovea_segmentation_t.h"
 
 enum { MESSAGES_PER_TICK = 200 };
 #define TRY_NS (FV_SECOND_NS / 2)
@@ -121,6 +123,29 @@ static int32_t piece_of_map(const struct fv_feed_message *message)
     return piece;
 }
 
+/* Large ones come by rows. */
+static int32_t piece_of_grid(const struct fv_feed_message *message)
+{
+    fovea_grid_t grid;
+    if (!is("fovea.grid_t", message) ||
+        fovea_grid_t_decode(message->data, 0, (int)message->bytes, &grid) < 0)
+        return -1;
+    const int32_t piece = grid.first_row;
+    fovea_grid_t_decode_cleanup(&grid);
+    return piece;
+}
+
+static int32_t piece_of_mask(const struct fv_feed_message *message)
+{
+    fovea_segmentation_t mask;
+    if (!is("fovea.segmentation_t", message) ||
+        fovea_segmentation_t_decode(message->data, 0, (int)message->bytes, &mask) < 0)
+        return -1;
+    const int32_t piece = mask.first_row;
+    fovea_segmentation_t_decode_cleanup(&mask);
+    return piece;
+}
+
 enum { ANSWERS = 8 }; /* of a kind that are held, so that none takes another's place at once */
 
 static int32_t piece_of_parameter(const struct fv_feed_message *message)
@@ -183,6 +208,9 @@ static const struct shown {
     {"DETECTIONS2", FV_SECOND_NS / 30, NULL, NULL, false},
     {"KEYPOINTS", FV_SECOND_NS / 30, NULL, NULL, false},
     {"KEYPOINTS2", FV_SECOND_NS / 30, NULL, NULL, false},
+    {"SEGMENTATION", FV_SECOND_NS / 10, NULL, piece_of_mask, false},
+    {"SEGMENTATION2", FV_SECOND_NS / 10, NULL, piece_of_mask, false},
+    {"GRID", FV_SECOND_NS / 4, NULL, piece_of_grid, false},
     {"MAP", FV_SECOND_NS / 2, NULL, piece_of_map, false},
     {"COMMAND_RESULT", 0, NULL, piece_of_answer, false},
     {"PARAMETER_RESULT", 0, NULL, piece_of_parameter, false},

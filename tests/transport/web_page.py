@@ -190,6 +190,40 @@ def check_commands(page):
     assert reset.text == "Discard the map?", reset.text  # once is not enough
 
 
+def check_layers(page):
+    """A mask and a grid of known cells are drawn where they say; no network of the simulated run makes any."""
+    found = page.js("""
+        const { live, scene } = fovea, classes = [0, 255].map((red, i) => ({ class_id: i, class_name: ["floor", "wall"][i], red, green: 255 - red, blue: 0, fraction: 0.5 }));
+        const layers = { ...live.layers };
+        for (const layer in live.layers) live.layers[layer] = layer === "classes";
+        const piece = (first_row) => live.segmentation({ stamp: { time_ns: 1n }, width: 4, height: 4, classes, first_row, row_count: 2, run_count: 3,
+          run_class: [0, 255, 1], run_length: [3, 2, 3], raw_scale_x: live.picture.width / 4, raw_scale_y: live.picture.height / 4,
+          raw_offset_x: live.picture.width / 8 - 0.5, raw_offset_y: live.picture.height / 8 - 0.5 });
+        piece(0);
+        piece(2);
+        const before = document.createElement("canvas");
+        live.layers.classes = false;
+        live.draw();
+        Object.assign(before, { width: live.canvas.width, height: live.canvas.height });
+        before.getContext("2d").drawImage(live.canvas, 0, 0);
+        live.layers.classes = true;
+        live.draw();
+        const at = (canvas, column, row) => [...canvas.getContext("2d").getImageData((column + 0.5) * canvas.width / 4, (row + 0.5) * canvas.height / 4, 1, 1).data];
+        const change = (column, row) => at(live.canvas, column, row).map((value, i) => value - at(before, column, row)[i]);
+        const mask = { green: change(0, 0), none: change(3, 0), red: change(3, 1), below: change(0, 2), legend: live.mask.legend.textContent };
+        Object.assign(live.layers, layers);
+        live.mask.forget();
+        scene.floor.take({ stamp: { time_ns: 1n }, width: 4, height: 2, first_row: 0, row_count: 2, cells: [0, 0, 50, 100, -1, 10, 90, 90],
+          free_below: 0.35, occupied_above: 0.65, resolution_m: 0.5, origin_position: [0, 0, 0], origin_orientation: [1, 0, 0, 0] });
+        const runs = { free: scene.floor.free, occupied: scene.floor.occupied };
+        scene.floor.forget();
+        return { mask, runs };""")
+    mask, runs = found["mask"], found["runs"]
+    assert mask["green"][1] > mask["green"][0] and mask["red"][0] > mask["red"][1] and mask["below"] != [0, 0, 0, 0], mask
+    assert mask["none"][:3] == [0, 0, 0] and "floor 50 %" in mask["legend"] and "wall 50 %" in mask["legend"], mask
+    assert runs == {"free": [[0, 2, 0], [1, 2, 1]], "occupied": [[3, 4, 0], [2, 4, 1]]}, runs
+
+
 def check_parameters(page, kept):
     """The number of features is read, changed, seen in the next frames, kept; a wrong value is refused with the reason."""
     rows = "fovea.parameters.rows"
@@ -281,11 +315,12 @@ def main():
         page.driver.get("about:blank")
         page.driver.get_log("performance")  # of the browser's own first page
         page.driver.get(ADDRESS)
-        page.until("globalThis.fovea", "the page")
+        page.until("Boolean(globalThis.fovea)", "the page")
         check_picture(page)
         check_load(page)
         found = check_box(page)
         check_path(page)
+        check_layers(page)
         check_parameters(page, kept)
         check_widths(page)
         check_accessible(page)

@@ -14,7 +14,7 @@ const cameraStates = names(types, "fovea.camera_status_t", "STATE_");
 const of = () => link;
 const shown = { times: [], run: undefined };
 
-const live = new Live(byId("picture"), of, showLatency);
+const live = new Live(byId("picture"), byId("legend-classes"), of, showLatency);
 const scene = new Scene(byId("scene"));
 const pose = new PosePanel(types);
 const requests = new Requests(of);
@@ -127,6 +127,9 @@ const link = new Link(types, {
   OBJECTS: (message) => live.objects(message),
   DETECTIONS: (message) => live.detections(message),
   DETECTIONS2: (message) => live.detections(message),
+  GRID: (message) => scene.addFloor(message),
+  SEGMENTATION: (message) => live.segmentation(message),
+  SEGMENTATION2: (message) => live.segmentation(message),
   KEYPOINTS: (message) => live.keypoints(message),
   KEYPOINTS2: (message) => live.keypoints(message),
   COMMAND_RESULT: (message) => requests.answer(message),

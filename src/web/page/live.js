@@ -1,17 +1,20 @@
 // The live picture and what is drawn on it. Coordinates of messages are pixels of the raw image, whose (0, 0) is the centre of the top
 // left pixel; the canvas has a whole number of its own pixels for each of them.
 
+import { Mask } from "/layers.js";
+
 const COLOURS = ["#5fd0ff", "#ffb347", "#7ee787", "#ff8fb1", "#c9a2ff", "#ffe066", "#66e0c8", "#ff7f66"];
 const LEVELS = ["#49f2a5", "#8fe36b", "#d4d94f", "#f2b84b", "#f58b5c", "#f06d8c", "#c77dff", "#8fa8ff"];
 const TRAIL = 45;
 
 export class Live {
-  constructor(canvas, link, onShown) {
+  constructor(canvas, classes, link, onShown) {
+    this.mask = new Mask(classes);
     this.canvas = canvas;
     this.context = canvas.getContext("2d");
     this.link = link;
     this.onShown = onShown;
-    this.layers = { features: true, boxes: true, tracks: true, keypoints: true };
+    this.layers = { classes: true, features: true, boxes: true, tracks: true, keypoints: true };
     this.trails = new Map();
     this.busy = false;
     this.waiting = null;
@@ -70,6 +73,9 @@ export class Live {
       distance: NaN,
     }));
   }
+  segmentation(message) {
+    this.mask.take(message);
+  }
   keypoints(message) {
     this.sets = message.sets;
   }
@@ -77,6 +83,7 @@ export class Live {
     this.boxes = this.sets = undefined;
     this.hasObjects = false;
     this.trails.clear();
+    this.mask.forget();
   }
 
   draw() {
@@ -91,6 +98,7 @@ export class Live {
     context.imageSmoothingEnabled = true;
     context.drawImage(bitmap, 0, 0, k * bitmap.width * picture.shrink, k * bitmap.height * picture.shrink);
     this.k = k;
+    if (this.layers.classes) this.mask.draw(context, k);
     if (this.layers.features) this.drawFeatures();
     if (this.layers.tracks) this.drawTrails();
     if (this.layers.keypoints && this.sets) this.drawKeypoints();

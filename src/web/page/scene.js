@@ -1,4 +1,6 @@
-// Path, landmarks and keyframes in three dimensions, drawn on a 2-D canvas. All is in the frame `map`.
+// Path, landmarks, keyframes and free space in three dimensions, drawn on a 2-D canvas. All is in the frame `map`.
+
+import { FloorGrid } from "/layers.js";
 
 const PATH = "#5fd0ff", LAND = "#9fb3c3", KEY = "#ffcc4d", BODY = "#3ddc84", GRID = "#1d3040";
 
@@ -16,7 +18,8 @@ export class Scene {
   constructor(canvas) {
     this.canvas = canvas;
     this.context = canvas.getContext("2d");
-    this.shown = { follow: true, landmarks: true, keyframes: true };
+    this.shown = { follow: true, landmarks: true, keyframes: true, floor: true };
+    this.floor = new FloorGrid();
     this.turn = { azimuth: -0.9, elevation: 0.75, distance: 8, target: [0, 0, 0] };
     this.forget();
     this.listen();
@@ -27,6 +30,7 @@ export class Scene {
     this.path = { epoch: -1, places: new Float32Array(0), first: 0 };
     this.landmarks = new Map(); // by slot
     this.keyframes = new Map();
+    this.floor.forget();
     this.pose = null;
     this.fitted = 0;
     this.ask();
@@ -61,6 +65,11 @@ export class Scene {
         const axis = (v) => rotate(map.own_orientation, rotate(frame.orientation, v));
         this.keyframes.set(frame.slot, { at: own(frame.position), x: axis([1, 0, 0]), y: axis([0, 1, 0]), z: axis([0, 0, 1]) });
       }
+    this.ask();
+  }
+
+  addFloor(message) {
+    this.floor.take(message);
     this.ask();
   }
 
@@ -130,6 +139,7 @@ export class Scene {
     context.fillStyle = "#08111a";
     context.fillRect(0, 0, width, height);
     this.drawGrid(eye, bounds, ratio);
+    if (this.shown.floor) this.drawFloor(eye);
     if (this.shown.landmarks) this.drawLandmarks(eye, ratio);
     if (this.shown.keyframes) this.drawKeyframes(eye, ratio);
     this.drawPath(eye, ratio);
@@ -159,6 +169,10 @@ export class Scene {
     }
     context.stroke();
     this.step = step;
+  }
+  drawFloor(eye) {
+    const { place } = this.floor;
+    this.floor.draw(this.context, (x, y) => this.project(this.toMap(sum(rotate(place.origin_orientation, [x, y, 0]), place.origin_position)), eye));
   }
   drawLandmarks(eye, ratio) {
     const { context } = this;
