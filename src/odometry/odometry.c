@@ -239,7 +239,9 @@ static void localise_step(struct fv_odometry *o, const struct fv_kernels *kernel
     if (inliers == 0) {
         s->state = FOVEA_TRACKING_LOST;
         fv_motion_forget(&s->localise.motion);
-        if (++s->lost_frames > o->config.lost_frames_reset && !o->config.localise_only)
+        /* While poses go on without the picture, so does their map. */
+        if (++s->lost_frames > o->config.lost_frames_reset && !o->config.localise_only &&
+            !s->localise.hint.whole)
             start_another(o, kernels);
         return;
     }

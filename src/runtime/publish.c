@@ -101,7 +101,7 @@ static void change_odom(struct fv_publish *publish, bool metres, double scale,
 {
     struct fv_publish_state *s = publish->state;
     const struct fv_se3 *B = &publish->T_body_cam;
-    const bool upright = inertial != NULL && !s->is_upright;
+    const bool upright = inertial != NULL && inertial->settled && !s->is_upright;
     double before[9], back[9], up[3];
     metres = metres && !s->metric;
     if (!metres && !upright) return;

@@ -14,7 +14,9 @@ static const double stereo_sigma = 0.003;
 /* Of what is claimed. */
 static const double claim_sigma = 0.04, claim_misfit = 4, claim_gravity_sigma = 0.05;
 static const double claim_time_s = 3;
-static const double sigma_least = 0.005; /* models of lenses and sensors are not better */
+static const double settled_sigma = 0.02, settled_s = 6; /* of gravity: the sooner of both */
+static const double sigma_least = 0.005;        /* models of lenses and sensors are not better */
+static const double gyro_bias_sigma_max = 0.01; /* to predict turns by, rad/s */
 static const int64_t coasting_max_ns = 2000000000;
 static const double gravity_m_s2 = 9.80665;
 /* ADIS16448, where a rig states no densities. */
@@ -178,6 +180,13 @@ static bool same_world(const struct fv_inertial_stage_state *s, const struct fv_
     return s->begun && s->reset_counter == fv_odometry_reset_counter(odometry);
 }
 
+/* Whether the gyro's bias is known: by this map, or by one before. */
+static bool turns_known(const struct fv_inertial_stage *stage)
+{
+    return fv_inertial_result(&stage->estimator)->known ||
+           stage->estimator.state->bias_sigma[0] < gyro_bias_sigma_max;
+}
+
 void fv_inertial_stage_predict(const struct fv_inertial_stage *stage,
                                const struct fv_odometry *odometry, int64_t stamp_ns,
                                struct fv_motion_hint *hint)
@@ -186,14 +195,14 @@ void fv_inertial_stage_predict(const struct fv_inertial_stage *stage,
     struct fv_preintegration sum;
     double velocity[3];
     memset(hint, 0, sizeof *hint);
-    if (!stage->enabled || !same_world(s, odometry) ||
-        !fv_inertial_result(&stage->estimator)->known ||
+    if (!stage->enabled || !same_world(s, odometry) || !turns_known(stage) ||
         !fv_inertial_live_reach(&s->live, &stage->estimator.state->noise, stamp_ns, &sum))
         return;
     camera_motion(stage, &sum, s->known.gravity, &hint->T_now_last, velocity);
     const double map_scale = fv_odometry_map(odometry)->state->S_map_world.s;
     hint->turn = true;
-    hint->whole = s->known.claimed && s->live.moving;
+    hint->whole =
+        s->known.claimed && s->live.moving && stamp_ns - s->live.pose_ns <= coasting_max_ns;
     for (int i = 0; i < 3; i++)
         hint->T_now_last.t[i] *= hint->whole ? map_scale / s->known.scale : 0;
     fv_se3_invert(&hint->T_now_last, &hint->T_now_last);
@@ -225,14 +234,18 @@ static void follow_pose(struct fv_inertial_stage *stage, const struct fovea_pose
 {
     struct fv_inertial_stage_state *s = stage->state;
     const struct fv_inertial_estimate *e = fv_inertial_result(&stage->estimator);
+    const struct fv_inertial_state *kept = stage->estimator.state;
     const bool claimed = s->known.claimed;
     const double scale = claimed ? s->known.scale : 1,
                  sigma = scale * mean_sigma(pose->covariance, 0) * position_share;
     struct fv_preintegration sum;
-    struct fv_imu_biases biases = {{0, 0, 0}, {0, 0, 0}};
+    struct fv_imu_biases biases;
     if (e->known) {
         memcpy(biases.gyro, e->shared.gyro_bias, sizeof biases.gyro);
         memcpy(biases.acceleration, e->own.acceleration_bias, sizeof biases.acceleration);
+    } else { /* as a map before had them */
+        memcpy(biases.gyro, kept->shared.gyro_bias, sizeof biases.gyro);
+        memcpy(biases.acceleration, kept->acceleration_bias, sizeof biases.acceleration);
     }
     const bool led =
         fv_inertial_live_reach(&s->live, &stage->estimator.state->noise, stamp_ns, &sum);
@@ -348,12 +361,23 @@ static void coast(struct fv_inertial_stage *stage, const struct fv_odometry *odo
     s->known.coasting = true;
 }
 
+/* While no estimate adds to it a scale is less and less sure. */
+static void grow(struct fv_inertial_stage_state *s, int64_t stamp_ns)
+{
+    const double drift = s->metric ? stereo_drift : mono_drift;
+    if (!s->known.claimed || stamp_ns <= s->claimed_ns) return;
+    s->known.scale_sigma =
+        __builtin_sqrt(s->claimed_sigma * s->claimed_sigma +
+                       drift * drift * (double)(stamp_ns - s->claimed_ns) * 1e-9);
+}
+
 void fv_inertial_stage_step(struct fv_inertial_stage *stage, const struct fv_odometry *odometry,
                             int64_t stamp_ns)
 {
     struct fv_inertial_stage_state *s = stage->state;
     const struct fovea_pose *pose = fv_odometry_pose(odometry);
     if (!stage->enabled) return;
+    grow(s, stamp_ns);
     if (!pose->posed) {
         coast(stage, odometry, stamp_ns);
         return;
@@ -445,12 +469,17 @@ static void judge(struct fv_inertial_stage *stage)
     s->agreeing = good && agrees ? s->agreeing + 1 : 0;
     s->log_scale = log_scale;
     s->sigma = e->scale_sigma;
+    const bool better =
+        s->known.claimed && e->misfit < claim_misfit && e->scale_sigma < s->known.scale_sigma;
     const bool seasoned = s->known.claimed || (s->agreeing >= FV_INERTIAL_AGREEING &&
                                                (s->metric || e->time_s >= claim_time_s));
-    if (!good || !seasoned) return;
+    if (!seasoned || !(good || better)) return;
     write_known(&s->known, e);
     correct_velocity(stage, e);
     s->claimed_ns = e->stamp_ns;
+    s->claimed_sigma = s->known.scale_sigma;
+    s->known.settled =
+        s->known.settled || e->gravity_sigma < settled_sigma || e->time_s > settled_s;
 }
 
 bool fv_inertial_stage_waiting(const struct fv_inertial_stage *stage)

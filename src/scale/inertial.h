@@ -38,6 +38,7 @@ struct fv_inertial_known {
     double scale, scale_sigma; /* metres per unit of world; relative */
     double gravity[3];         /* m/s^2 */
     double gravity_sigma;      /* rad, of an axis */
+    bool settled;              /* gravity is known well enough to turn `odom` by it */
     struct fv_imu_biases biases;
     double bias_covariance[21]; /* gyro, acceleration; upper triangle by rows */
     /* Of the camera, now; where `moving`. */
@@ -57,7 +58,8 @@ struct fv_inertial_stage_state {
     int64_t station_ns;          /* the last station */
     struct fv_se3 T_world_cam;   /* the last pose, in world's unit */
     struct fv_inertial_live live;
-    int64_t claimed_ns;      /* of the last estimate that counted */
+    int64_t claimed_ns;      /* of the last estimate that counted, */
+    double claimed_sigma;    /* and its sigma of the scale */
     uint32_t agreeing;       /* estimates that agreed with the one before */
     double log_scale, sigma; /* of the one before */
 };
