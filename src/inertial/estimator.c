@@ -116,7 +116,7 @@ static void append(struct fv_inertial *inertial, uint32_t i, int64_t stamp_ns,
     if (station->sample_count >= FV_INERTIAL_SAMPLES_MAX) {
         inertial->state->overflows++;
         cut(inertial, station);
-    } else if (since > gap_max_ns || after_ns < -gap_max_ns) {
+    } else if (since > gap_max_ns || after_ns < -gap_max_ns || after_ns > INT32_MAX) {
         cut(inertial, station);
     } else {
         struct fv_inertial_sample *kept = &list[station->sample_count++];

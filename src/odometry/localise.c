@@ -263,7 +263,9 @@ static bool rough_pose(struct fv_odometry *o, const struct fv_kernels *kernels,
 {
     const struct fv_motion_hint *hint = &o->state->localise.hint;
     const bool lost = o->state->state == FOVEA_TRACKING_LOST;
-    if (!lost || hint->whole) {
+    /* Not where the pictures have contradicted the map: what follows would undo its giving up. */
+    const bool doubted = o->state->agreement.dropping || o->state->agreement.suspect;
+    if (!lost || (hint->whole && !doubted)) {
         struct fv_se3 predicted;
         uint32_t matches;
         fv_motion_predict_by(&o->state->localise.motion, hint, last, frame->keyframe->stamp_ns,

@@ -28,10 +28,18 @@ void fv_free_space_reset(struct fv_free_space *stage)
 
 /* ---- poses ----------------------------------------------------------------------------------- */
 
-/* What cells are in: lengths in metres, in the parent frame of the poses. */
-static uint64_t world_of(const struct fovea_pose *pose)
+/* What cells are in: lengths in metres, in the parent frame of the poses, which changes its unit
+ * and its axes too (gravity may be known after metres). */
+static struct fv_free_space_world world_of(const struct fv_publish *publish)
 {
-    return (uint64_t)pose->reset_counter << 32 | pose->map_id;
+    const struct fovea_pose *pose = fv_publish_pose(publish);
+    return (struct fv_free_space_world){pose->reset_counter, pose->map_id,
+                                        fv_publish_last_change(publish).count, 0};
+}
+
+static bool same(struct fv_free_space_world a, struct fv_free_space_world b)
+{
+    return a.reset_counter == b.reset_counter && a.map_id == b.map_id && a.changes == b.changes;
 }
 
 static bool is_metric(const struct fovea_pose *pose)
@@ -43,7 +51,8 @@ void fv_free_space_follow(struct fv_free_space *stage, const struct fv_publish *
 {
     if (!stage->enabled) return;
     const struct fovea_pose *pose = fv_publish_pose(publish);
-    if (!is_metric(pose) || world_of(pose) != stage->state->world) fv_free_space_reset(stage);
+    if (!is_metric(pose) || !same(world_of(publish), stage->state->world))
+        fv_free_space_reset(stage);
 }
 
 void fv_free_space_note(struct fv_free_space *stage, const struct fv_publish *publish,
@@ -62,7 +71,7 @@ void fv_free_space_note(struct fv_free_space *stage, const struct fv_publish *pu
     s->noted.position_m[1] = T_odom_body.t[1];
     s->noted.yaw_rad = fv_atan2(T_odom_body.R[3], T_odom_body.R[0]);
     s->noted.floor_m = T_odom_body.t[2];
-    s->world = world_of(pose);
+    s->world = world_of(publish);
 }
 
 /* ---- the update ------------------------------------------------------------------------------ */
@@ -144,8 +153,8 @@ static uint32_t encode_grid(struct fv_free_space *stage, uint8_t *buffer, size_t
     const int32_t left = (int32_t)place.height - s->sent,
                   most = (int32_t)fv_free_space_rows(&stage->grid.config);
     const struct fv_message_grid message = {.stamp = fv_frame_id_stamp(&s->frame),
-                                            .reset_counter = (uint32_t)(s->world >> 32),
-                                            .map_id = (uint32_t)s->world,
+                                            .reset_counter = s->world.reset_counter,
+                                            .map_id = s->world.map_id,
                                             .place = &place,
                                             .floor_m = s->pose.floor_m,
                                             .first_row = s->sent,

@@ -27,14 +27,20 @@ struct fv_free_space_pose {
     uint32_t usable, reserved; /* posed, in metres */
 };
 
+struct fv_free_space_world {
+    uint32_t reset_counter, map_id;
+    uint32_t changes; /* of the unit and the axes of `odom` */
+    uint32_t unused;
+};
+
 /* No addresses and no padding: copied and hashed as bytes. */
 struct fv_free_space_state {
     struct fv_frame_id noted_frame, frame; /* that the network took; of the last update */
     struct fv_free_space_pose noted, pose;
-    uint64_t inferences; /* of the network, as of the last mask taken */
-    uint64_t world;      /* that the cells are in */
-    uint32_t phase;      /* enum fv_free_space_phase */
-    int32_t sent;        /* rows */
+    uint64_t inferences;              /* of the network, as of the last mask taken */
+    struct fv_free_space_world world; /* that the cells are in */
+    uint32_t phase;                   /* enum fv_free_space_phase */
+    int32_t sent;                     /* rows */
 };
 
 struct fv_free_space {

@@ -87,6 +87,7 @@ struct fv_loop {
     struct fovea_governor governor;
     int64_t period_ns; /* nominal time between frames */
     int64_t last_stamp_ns, last_due_ns;
+    enum fovea_clock clock;            /* of the last frame */
     int64_t mark_wall_ns, mark_cpu_ns; /* when the loop last was in time */
     bool any_frame;
     bool waiting; /* the last iteration of a live source was without a frame */
