@@ -1,10 +1,11 @@
-/* What became of an inertial sensor's samples, as LCM bytes. */
+/* What became of an inertial sensor's samples, and the pose at their rate, as LCM bytes. */
 #include <assert.h>
 #include <string.h>
 
 #include "message/message.h"
 #include "message/wire.h"
 
+#include "fovea_fast_pose_t.h"
 #include "fovea_imu_status_t.h"
 
 static_assert((int)FOVEA_IMU_OK == (int)FOVEA_IMU_STATUS_T_STATE_OK &&
@@ -45,4 +46,29 @@ uint32_t fv_message_imu_status_encode(const struct fovea_imu_status *status, fov
     };
     return fv_wire_encoded(
         fovea_imu_status_t_encode(buffer, 0, fv_wire_capacity(capacity), &message));
+}
+
+size_t fv_message_fast_pose_size_max(void)
+{
+    fovea_fast_pose_t empty;
+    memset(&empty, 0, sizeof empty);
+    return (size_t)fovea_fast_pose_t_encoded_size(&empty);
+}
+
+uint32_t fv_message_fast_pose_encode(const struct fv_message_fast_pose *in, uint8_t *buffer,
+                                     size_t capacity)
+{
+    fovea_fast_pose_t message = {
+        .stamp = in->stamp,
+        .since_ns = in->since_ns,
+        .reset_counter = (int32_t)in->reset_counter,
+        .map_id = (int32_t)in->map_id,
+        .change_count = (int32_t)in->change_count,
+    };
+    memcpy(message.position, in->T_odom_body.position, sizeof message.position);
+    memcpy(message.orientation, in->T_odom_body.orientation, sizeof message.orientation);
+    memcpy(message.velocity, in->velocity, sizeof message.velocity);
+    memcpy(message.angular_rate, in->angular_rate, sizeof message.angular_rate);
+    return fv_wire_encoded(
+        fovea_fast_pose_t_encode(buffer, 0, fv_wire_capacity(capacity), &message));
 }

@@ -24,6 +24,7 @@ void fv_message_channel(const char *prefix, enum fv_message_kind kind, char *nam
     static const char *const suffixes[FV_MESSAGE_KIND_COUNT] = {
         [FV_MESSAGE_POSE] = "POSE",
         [FV_MESSAGE_CAMERA_POSE] = "CAMERA_POSE",
+        [FV_MESSAGE_POSE_FAST] = "POSE_FAST",
         [FV_MESSAGE_FEATURES] = "FEATURES",
         [FV_MESSAGE_STATISTICS] = "STATISTICS",
         [FV_MESSAGE_PREVIEW] = "PREVIEW",

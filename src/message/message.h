@@ -25,6 +25,7 @@ extern "C" {
 /* Kinds of message; each has one channel, named <prefix>_<suffix>. */
 enum fv_message_kind {
     FV_MESSAGE_POSE = 0,      /* of the body in `odom` */
+    FV_MESSAGE_POSE_FAST,     /* of the body between frames, where fovea_sense is called */
     FV_MESSAGE_CAMERA_POSE,   /* of the first camera in `odom` */
     FV_MESSAGE_BOT_CORE_POSE, /* of the body in `odom`, as bot_core.pose_t */
     FV_MESSAGE_FEATURES,
@@ -179,6 +180,17 @@ struct fv_message_camera_status {
 size_t fv_message_camera_status_size_max(void);
 uint32_t fv_message_camera_status_encode(const struct fv_message_camera_status *in, uint8_t *buffer,
                                          size_t capacity);
+
+struct fv_message_fast_pose {
+    fovea_stamp_t stamp; /* of the last sample, else of the frame that it goes on from */
+    int64_t since_ns;
+    uint32_t reset_counter, map_id, change_count;
+    struct fv_message_transform T_odom_body;
+    double velocity[3], angular_rate[3];
+};
+size_t fv_message_fast_pose_size_max(void);
+uint32_t fv_message_fast_pose_encode(const struct fv_message_fast_pose *in, uint8_t *buffer,
+                                     size_t capacity);
 
 /* `stamp` is that of the last frame. */
 size_t fv_message_imu_status_size_max(void);

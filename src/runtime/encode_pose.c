@@ -110,3 +110,23 @@ void fv_encode_paused(struct fovea *rt, const struct fovea_inputs *inputs,
     encode_pose(rt, inputs, FV_MESSAGE_POSE, true, outputs);
     encode_pose(rt, inputs, FV_MESSAGE_CAMERA_POSE, true, outputs);
 }
+
+void fv_encode_fast_pose(struct fovea *rt, const struct fv_sense_pose *pose,
+                         struct fovea_outputs *outputs)
+{
+    struct fv_message_fast_pose message = {
+        .stamp = fv_frame_id_stamp(&rt->state->frame),
+        .since_ns = pose->since_ns,
+        .reset_counter = fv_reset_counter(rt),
+        .map_id = fv_publish_pose(&rt->publish)->map_id,
+        .change_count = fv_publish_last_change(&rt->publish).count,
+        .T_odom_body = transform_of(&pose->T_odom_body),
+    };
+    message.stamp.time_ns = pose->stamp_ns;
+    memcpy(message.velocity, pose->velocity, sizeof message.velocity);
+    memcpy(message.angular_rate, pose->angular_rate, sizeof message.angular_rate);
+    fv_output_add(rt, FV_MESSAGE_POSE_FAST,
+                  fv_message_fast_pose_encode(&message, rt->outbox.buffer[FV_MESSAGE_POSE_FAST],
+                                              rt->outbox.capacity[FV_MESSAGE_POSE_FAST]),
+                  outputs);
+}

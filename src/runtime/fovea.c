@@ -1,6 +1,7 @@
 /* The loop: one step per frame, then work. */
 #include <string.h>
 
+#include "runtime/encode_pose.h"
 #include "runtime/jobs.h"
 #include "runtime/live.h"
 #include "runtime/state.h"
@@ -89,6 +90,27 @@ static void remember(struct fv_state *state, const struct fovea_frame *frame, in
 
 /* ---- the loop -------------------------------------------------------------------------------- */
 
+/* The pose from which samples between frames carry on, or none. */
+static void begin_sense(struct fovea *rt)
+{
+    const struct fv_inertial_known *known = fv_inertial_stage_known(&rt->inertial);
+    const struct fv_rates *rates = fv_publish_rates(&rt->publish, FV_PUBLISH_BODY);
+    if (rt->sense == NULL) return;
+    if (known == NULL || !fv_publish_pose(&rt->publish)->posed || !rates->known ||
+        !(rates->velocity_sigma > 0)) {
+        fv_sense_begin(rt->sense, &rt->config.rig.imu, NULL);
+        return;
+    }
+    struct fv_sense_anchor anchor = {.stamp_ns = rt->state->frame.stamp_ns,
+                                     .T_odom_body =
+                                         fv_publish_child_pose(&rt->publish, FV_PUBLISH_BODY),
+                                     .biases = known->biases};
+    memcpy(anchor.velocity, rates->velocity, sizeof anchor.velocity);
+    memcpy(anchor.angular_rate, rates->rotation_rate, sizeof anchor.angular_rate);
+    fv_publish_turn(&rt->publish, known->gravity, anchor.gravity);
+    fv_sense_begin(rt->sense, &rt->config.rig.imu, &anchor);
+}
+
 /* After odometry has the pose of a frame, or knows that it has none. */
 static void publish_pose(struct fovea *rt)
 {
@@ -99,6 +121,7 @@ static void publish_pose(struct fovea *rt)
                     stamp_ns);
     fv_relative_note(&rt->relative, fv_publish_pose(&rt->publish),
                      fv_publish_last_change(&rt->publish).count, stamp_ns);
+    begin_sense(rt);
 }
 
 static struct fv_stereo_view view_of(const struct fv_front_end *front_end)
@@ -200,6 +223,21 @@ enum fovea_status fovea_step(struct fovea *rt, const struct fovea_inputs *inputs
     rt->state->steps++;
     outputs->jobs_waiting = fv_jobs_waiting(rt);
     return processed ? FOVEA_OK : FOVEA_AGAIN;
+}
+
+enum fovea_status fovea_sense(struct fovea *rt, const struct fovea_sample *samples, uint32_t count,
+                              struct fovea_outputs *outputs)
+{
+    struct fv_sense_pose pose;
+    bool any = false;
+    memset(outputs, 0, sizeof *outputs);
+    if (rt->sense == NULL) return FOVEA_AGAIN;
+    for (uint32_t i = 0; i < count && i < FOVEA_INPUT_SAMPLES_MAX; i++)
+        if (samples[i].kind == FOVEA_SAMPLE_IMU)
+            any = fv_sense_take(rt->sense, &rt->config.rig.imu, &samples[i].imu, &pose);
+    if (!any) return FOVEA_AGAIN;
+    fv_encode_fast_pose(rt, &pose, outputs);
+    return FOVEA_OK;
 }
 
 enum fovea_status fovea_work(struct fovea *rt, const struct fovea_grants *grants,

@@ -53,6 +53,8 @@ static void carve_outbox(struct fovea *rt, struct fv_arena *arena)
     carve_buffer(outbox, FV_MESSAGE_CAMERA_STATUS, fv_message_camera_status_size_max(), arena);
     if (rt->config.rig.has_imu)
         carve_buffer(outbox, FV_MESSAGE_IMU_STATUS, fv_message_imu_status_size_max(), arena);
+    if (rt->inertial.enabled)
+        carve_buffer(outbox, FV_MESSAGE_POSE_FAST, fv_message_fast_pose_size_max(), arena);
     carve_buffer(outbox, FV_MESSAGE_PREVIEW, fv_message_preview_size_max(rt->preview.jpeg_capacity),
                  arena);
     if (rt->config.edge_job.period_frames > 0)
@@ -161,9 +163,11 @@ static void carve(struct fovea *rt, struct fv_carving *carving)
                        &arenas[FRAME]);
         fv_carving_book(carving, "scale");
         rt->inertial.enabled = false;
-        if (fv_config_inertial(config))
+        if (fv_config_inertial(config)) {
             fv_inertial_stage_carve(&rt->inertial, &config->rig, config->odometry.imu_noise_factor,
                                     &arenas[PERSISTENT]);
+            rt->sense = fv_arena_take(&arenas[FRAME], 1, sizeof *rt->sense);
+        }
         fv_carving_book(carving, "inertial");
         fv_publish_carve(&rt->publish, first->T_body_cam, &arenas[PERSISTENT]);
         fv_relative_carve(&rt->relative, &arenas[PERSISTENT]);

@@ -14,6 +14,7 @@
 #include "runtime/boxes.h"
 #include "runtime/calibration.h"
 #include "runtime/edges.h"
+#include "runtime/sense.h"
 #include "runtime/frame_id.h"
 #include "runtime/free_space.h"
 #include "runtime/preview.h"
@@ -81,6 +82,7 @@ struct fovea {
     bool stereo_used;
     uint32_t distances;     /* measured in the last frame; follows from it */
     struct fv_imu_gate imu; /* where the rig has an inertial sensor */
+    struct fv_sense *sense; /* where odometry uses it; not hashed */
     struct fv_odometry odometry;
     struct fv_detection detection, detection2; /* objects use the first */
     struct fv_object_stage objects;

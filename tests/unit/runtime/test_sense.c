@@ -1,0 +1,219 @@
+/* The pose between frames: it ends where the next frame's begins, its velocity is that of the
+ * motion, it stops where samples or poses lack, and no step's result depends on it. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "common/sim_rig.h"
+#include "geometry/se3.h"
+#include "geometry/vec.h"
+#include "runtime/state.h"
+
+#include "fovea_fast_pose_t.h"
+
+enum { WARM = 100, FRAMES = 200 };
+
+static struct sim_rig rig;
+static struct fovea_sample list[FOVEA_INPUT_SAMPLES_MAX];
+
+/* ---- by hand --------------------------------------------------------------------------------- */
+
+static struct fv_sense sense;
+static const struct fovea_rig_imu at_body = {.T_body_imu = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0}};
+
+static struct fovea_imu_sample still_at(int64_t stamp_ns)
+{
+    return (struct fovea_imu_sample){.stamp_ns = stamp_ns, .acceleration = {0, 0, 9.8}};
+}
+
+static struct fv_sense_anchor moving_at(int64_t stamp_ns)
+{
+    struct fv_sense_anchor anchor = {
+        .stamp_ns = stamp_ns, .velocity = {1, 0, 0}, .gravity = {0, 0, -9.8}};
+    fv_se3_identity(&anchor.T_odom_body);
+    return anchor;
+}
+
+/* A turn about an axis beside the sensor, with biases: the body stands, and so it says. */
+static void an_arm_and_biases_are_taken_away(void **state)
+{
+    (void)state;
+    const double w = 0.7, arm = 0.4;
+    struct fovea_rig_imu rig_imu = {.T_body_imu = {1, 0, 0, arm, 0, 1, 0, 0, 0, 0, 1, 0}};
+    struct fv_sense_anchor anchor = {
+        .gravity = {0, 0, -9.8}, .angular_rate = {0, 0, w}, .biases = {{0.01, 0, 0}, {0, 0.2, 0}}};
+    struct fv_sense_pose pose = {.stamp_ns = 0};
+    memset(&sense, 0, sizeof sense);
+    fv_se3_identity(&anchor.T_odom_body);
+    struct fovea_imu_sample sample = {.gyro = {0.01, 0, w},
+                                      .acceleration = {-w * w * arm, 0.2, 9.8}};
+    assert_false(fv_sense_take(&sense, &rig_imu, &sample, &pose)); /* no pose yet */
+    fv_sense_begin(&sense, &rig_imu, &anchor);
+    for (int n = 1; n <= 200; n++) {
+        sample.stamp_ns = n * 5000000;
+        assert_true(fv_sense_take(&sense, &rig_imu, &sample, &pose));
+    }
+    assert_true(pose.stamp_ns == 1000000000 && pose.since_ns == 1000000000);
+    for (int i = 0; i < 3; i++) {
+        assert_true(fabs(pose.T_odom_body.t[i]) < 1e-4 && fabs(pose.velocity[i]) < 1e-4);
+        assert_true(fabs(pose.angular_rate[i] - (i == 2 ? w : 0)) < 1e-12);
+    }
+    assert_true(fabs(pose.T_odom_body.R[3] - sin(w)) < 1e-9);
+}
+
+/* Samples that came before the pose of their frame was known are applied again from it on. */
+static void a_pose_that_comes_late_is_carried_on_at_once(void **state)
+{
+    (void)state;
+    struct fv_sense_pose pose = {.stamp_ns = 0};
+    memset(&sense, 0, sizeof sense);
+    for (int n = 0; n < 400; n++) { /* more than are kept */
+        const struct fovea_imu_sample sample = still_at((int64_t)n * 5000000);
+        (void)fv_sense_take(&sense, &at_body, &sample, &pose);
+    }
+    const struct fv_sense_anchor anchor = moving_at(1900000000);
+    fv_sense_begin(&sense, &at_body, &anchor);
+    const struct fovea_imu_sample next = still_at(2000000000);
+    assert_true(fv_sense_take(&sense, &at_body, &next, &pose));
+    assert_true(fabs(pose.T_odom_body.t[0] - 0.1) < 1e-9 && fabs(pose.velocity[0] - 1) < 1e-9);
+    assert_true(pose.since_ns == 100000000);
+    assert_false(fv_sense_take(&sense, &at_body, &next, &pose)); /* once more */
+    struct fovea_imu_sample broken = still_at(2005000000);
+    broken.gyro[1] = NAN;
+    assert_false(fv_sense_take(&sense, &at_body, &broken, &pose));
+    const struct fovea_imu_sample after = still_at(2010000000);
+    assert_true(fv_sense_take(&sense, &at_body, &after, &pose));
+    assert_true(fabs(pose.T_odom_body.t[0] - 0.11) < 1e-9);
+    const struct fovea_imu_sample far = still_at(2100000000); /* 90 ms without a sample */
+    assert_false(fv_sense_take(&sense, &at_body, &far, &pose));
+    const struct fovea_imu_sample later = still_at(2105000000);
+    assert_false(fv_sense_take(&sense, &at_body, &later, &pose)); /* until the next pose */
+}
+
+static void it_ends_two_seconds_after_the_last_pose(void **state)
+{
+    (void)state;
+    struct fv_sense_pose pose = {.stamp_ns = 0};
+    memset(&sense, 0, sizeof sense);
+    const struct fv_sense_anchor anchor = moving_at(0);
+    fv_sense_begin(&sense, &at_body, &anchor);
+    int carried = 0;
+    for (int n = 1; n < 600; n++) {
+        const struct fovea_imu_sample sample = still_at((int64_t)n * 5000000);
+        carried += fv_sense_take(&sense, &at_body, &sample, &pose);
+    }
+    assert_int_equal(carried, 400);
+    fv_sense_begin(&sense, &at_body, NULL);
+    assert_false(sense.begun);
+}
+
+/* ---- in the runtime -------------------------------------------------------------------------- */
+
+static bool heard(const struct fovea_outputs *outputs, fovea_fast_pose_t *pose)
+{
+    if (outputs->message_count == 0) return false;
+    const struct fovea_message *message = &outputs->messages[0];
+    assert_int_equal(outputs->message_count, 1);
+    assert_string_equal(message->channel, "FOVEA_POSE_FAST");
+    assert_int_equal(fovea_fast_pose_t_decode(message->data, 0, (int)message->bytes, pose),
+                     message->bytes);
+    return true;
+}
+
+static void it_leads_from_frame_to_frame(void **state)
+{
+    fovea_fast_pose_t pose = {.since_ns = 0};
+    struct fovea_outputs outputs, twin_outputs;
+    struct fovea *twin = NULL;
+    double worst_m = 0, worst_rad = 0, sum2 = 0;
+    int carried = 0, asked = 0, compared = 0;
+    (void)state;
+    sim_rig_open(
+        &rig,
+        "sim:orbit?width=320&height=240&rate=20&imu=200&baseline=0.12&imu_pose=0.1,0.05,-0.08,0,0,30&gyro_bias=0.01&acceleration_bias=0.03",
+        0, FRAMES);
+    rig.config.rig = rig.ops->info(rig.source)->rig;
+    rig.config.odometry.keyframes = 40;
+    sim_rig_build(&rig);
+    void *memory = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, (rig.rt->block_bytes + 63) / 64 * 64);
+    assert_non_null(memory);
+    assert_int_equal(fovea_copy(rig.rt, memory, rig.rt->block_bytes, &twin), FOVEA_OK);
+    while (sim_rig_next(&rig)) {
+        const uint32_t count =
+            rig.ops->samples(rig.source, &rig.frame, list, FOVEA_INPUT_SAMPLES_MAX);
+        bool any = false;
+        for (uint32_t i = 0; i < count; i++) {
+            const enum fovea_status status = fovea_sense(rig.rt, &list[i], 1, &outputs);
+            const bool imu = list[i].kind == FOVEA_SAMPLE_IMU;
+            any = heard(&outputs, &pose) || (any && !imu);
+            assert_int_equal(status == FOVEA_OK, outputs.message_count == 1);
+            if (rig.frames < WARM || !imu) continue;
+            asked++;
+            carried += status == FOVEA_OK;
+        }
+        rig.inputs.samples = list;
+        rig.inputs.sample_count = count;
+        const struct fovea_inputs inputs = rig.inputs;
+        sim_rig_process(&rig);
+        (void)fovea_step(twin, &inputs, &twin_outputs);
+        (void)fovea_work(twin, &inputs.grants, &twin_outputs);
+        if (!any || rig.frames <= WARM) continue;
+        const struct fv_se3 T = fv_publish_child_pose(&rig.rt->publish, FV_PUBLISH_BODY);
+        const double rest_s = (double)(rig.frame.stamp_ns - pose.stamp.time_ns) * 1e-9;
+        double off2 = 0, R[9], trace = 0;
+        assert_true(rest_s >= 0 && rest_s < 0.011 && pose.since_ns > 30000000);
+        for (int i = 0; i < 3; i++) {
+            const double off = pose.position[i] + rest_s * pose.velocity[i] - T.t[i];
+            off2 += off * off;
+        }
+        fv_so3_from_quaternion(pose.orientation, R);
+        for (int i = 0; i < 9; i++)
+            trace += R[i] * T.R[i];
+        const double turned = acos(fmin(1, (trace - 1) / 2)),
+                     rest_rad = rest_s * fv_norm3(pose.angular_rate);
+        worst_m = fmax(worst_m, sqrt(off2));
+        worst_rad = fmax(worst_rad, turned - rest_rad);
+        sum2 += off2;
+        compared++;
+    }
+    print_message(
+        "%d of %d samples carried on, %d frames: off by %.2f mm rms, %.2f worst; %.3f degrees worst\n",
+        carried, asked, compared, 1e3 * sqrt(sum2 / compared), 1e3 * worst_m, worst_rad * 57.3);
+    assert_true(carried > asked * 9 / 10 && compared > (FRAMES - WARM) * 8 / 10);
+    /* What single poses of this small picture are off by; holding the last one is off by 25 mm. */
+    assert_true(sqrt(sum2 / compared) < 0.008 && worst_m < 0.025 && worst_rad < 0.005);
+    assert_true(fovea_state_hash(twin) == fovea_state_hash(rig.rt));
+    free(memory);
+    sim_rig_close(&rig);
+}
+
+static void without_a_sensor_there_is_nothing(void **state)
+{
+    struct fovea_outputs outputs;
+    const struct fovea_sample sample = {.kind = FOVEA_SAMPLE_IMU};
+    (void)state;
+    sim_rig_open(&rig, "sim:orbit?width=160&height=120", 0, 1);
+    sim_rig_build(&rig);
+    assert_int_equal(fovea_sense(rig.rt, &sample, 1, &outputs), FOVEA_AGAIN);
+    assert_int_equal(outputs.message_count, 0);
+    sim_rig_close(&rig);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(an_arm_and_biases_are_taken_away),
+        cmocka_unit_test(a_pose_that_comes_late_is_carried_on_at_once),
+        cmocka_unit_test(it_ends_two_seconds_after_the_last_pose),
+        cmocka_unit_test(it_leads_from_frame_to_frame),
+        cmocka_unit_test(without_a_sensor_there_is_nothing),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
