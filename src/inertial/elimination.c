@@ -80,12 +80,13 @@ static void add_beginning(struct pair *pair, const struct fv_inertial *inertial,
     const double metric = state->metric_sigma,
                  sigma = metric > 0 ? metric : scale_sigma_begin * s->now.scale,
                  off = metric > 0 ? s->now.scale - 1 : 0, none[3] = {0, 0, 0};
-    double bias[3];
+    double bias[3], gyro[3];
     const double square = pair->square;
     add_three(pair, VELOCITY, none, velocity_sigma_begin * velocity_sigma_begin);
     fv_subtract3(s->now.acceleration_bias, state->acceleration_bias, bias);
     add_three(pair, BIAS, bias, state->bias_sigma[1] * state->bias_sigma[1]);
-    add_three(pair, SHARED + GYRO, none, state->bias_sigma[0] * state->bias_sigma[0]);
+    fv_subtract3(state->shared.gyro_bias, state->gyro_bias, gyro);
+    add_three(pair, SHARED + GYRO, gyro, state->bias_sigma[0] * state->bias_sigma[0]);
     pair->H[SCALE * (PAIR + 1)] += 1 / (sigma * sigma);
     pair->g[SCALE] -= off / (sigma * sigma);
     pair->H[(SHARED + DOWN) * (PAIR + 1)] += 1e-4;

@@ -5,6 +5,7 @@
 
 #include "base/elementary.h"
 #include "geometry/vec.h"
+#include "inertial/stamp.h"
 
 enum {
     STATIONS_MIN = 4,
@@ -59,6 +60,7 @@ static void keep_biases(struct fv_inertial_state *s)
     }
     memcpy(s->acceleration_bias, e->own.acceleration_bias, sizeof s->acceleration_bias);
     memcpy(s->shared.gyro_bias, e->shared.gyro_bias, sizeof s->shared.gyro_bias);
+    memcpy(s->gyro_bias, e->shared.gyro_bias, sizeof s->gyro_bias);
     s->bias_sigma[0] = 2 * __builtin_sqrt(gyro) + 1e-4;
     s->bias_sigma[1] = 2 * __builtin_sqrt(acceleration) + 1e-2;
 }
@@ -108,15 +110,16 @@ static void append(struct fv_inertial *inertial, uint32_t i, int64_t stamp_ns,
 {
     struct fv_inertial_station *station = fv_inertial_station_at(inertial, i);
     struct fv_inertial_sample *list = samples_of(inertial, i);
-    const int64_t after_ns = stamp_ns - station->stamp_ns;
+    const int64_t after_ns = fv_stamp_since(stamp_ns, station->stamp_ns);
     if (station->cut) return;
     if (after_ns <= 0) station->sample_count = 0; /* only the last before the station counts */
+    if (after_ns < -gap_max_ns) return;
     const int64_t since =
         station->sample_count > 0 ? after_ns - list[station->sample_count - 1].after_ns : after_ns;
     if (station->sample_count >= FV_INERTIAL_SAMPLES_MAX) {
         inertial->state->overflows++;
         cut(inertial, station);
-    } else if (since > gap_max_ns || after_ns < -gap_max_ns || after_ns > INT32_MAX) {
+    } else if (since > gap_max_ns || after_ns > INT32_MAX) {
         cut(inertial, station);
     } else {
         struct fv_inertial_sample *kept = &list[station->sample_count++];
@@ -143,7 +146,8 @@ static void measure_shake(struct fv_inertial *inertial, int64_t stamp_ns, const 
     struct fv_imu_shake *k = &inertial->state->shake;
     struct fv_imu_noise *noise = &inertial->state->noise;
     const struct fv_imu_noise *least = &inertial->config.noise;
-    if (k->count > 0 && (stamp_ns - k->stamps_ns[1] > gap_max_ns || stamp_ns <= k->stamps_ns[1]))
+    if (k->count > 0 &&
+        (fv_stamp_since(stamp_ns, k->stamps_ns[1]) > gap_max_ns || stamp_ns <= k->stamps_ns[1]))
         k->count = 0;
     if (k->count >= 2) {
         const double step_s = (double)(stamp_ns - k->stamps_ns[0]) * 0.5e-9,
@@ -208,6 +212,19 @@ static void drop_oldest(struct fv_inertial_state *s)
     s->handed = false;
 }
 
+/* The newest station's samples so far: those that the one before has of its time, and the last
+ * before it. */
+static void hand_samples(struct fv_inertial *inertial)
+{
+    const uint32_t newest = inertial->state->count - 1;
+    const struct fv_inertial_station *before = fv_inertial_station_at(inertial, newest - 1);
+    const struct fv_inertial_sample *list = samples_of(inertial, newest - 1);
+    if (before->cut && inertial->state->any_sample)
+        append(inertial, newest, inertial->state->last_sample_ns, &inertial->state->last_sample);
+    for (uint32_t i = 0; !before->cut && i < before->sample_count; i++)
+        append(inertial, newest, before->stamp_ns + list[i].after_ns, &list[i]);
+}
+
 void fv_inertial_add_station(struct fv_inertial *inertial, int64_t stamp_ns,
                              const struct fv_inertial_owner *of,
                              const struct fv_inertial_pose *pose)
@@ -222,8 +239,11 @@ void fv_inertial_add_station(struct fv_inertial *inertial, int64_t stamp_ns,
     station->of = *of;
     station->pose = *pose;
     s->wanted = true;
-    if (s->any_sample) append(inertial, s->count - 1, s->last_sample_ns, &s->last_sample);
-    if (s->count < 2) return;
+    if (s->count < 2) {
+        if (s->any_sample) append(inertial, s->count - 1, s->last_sample_ns, &s->last_sample);
+        return;
+    }
+    hand_samples(inertial);
     /* Where the sensor's last sample is at the very instant, nothing is missing. */
     fv_inertial_station_at(inertial, s->count - 2)->closed =
         s->any_sample && s->last_sample_ns >= stamp_ns;
@@ -269,7 +289,8 @@ static bool integrate_link(const struct fv_inertial *inertial, uint32_t i, uint3
 {
     struct fv_inertial_station *station = fv_inertial_station_at(inertial, i);
     const struct fv_inertial_sample *list = samples_of(inertial, i);
-    const int64_t end_ns = fv_inertial_station_at(inertial, i + 1)->stamp_ns - station->stamp_ns;
+    const int64_t end_ns =
+        fv_stamp_since(fv_inertial_station_at(inertial, i + 1)->stamp_ns, station->stamp_ns);
     struct fv_imu_biases biases;
     memcpy(biases.gyro, inertial->state->shared.gyro_bias, sizeof biases.gyro);
     memcpy(biases.acceleration, station->now.acceleration_bias, sizeof biases.acceleration);
@@ -451,7 +472,9 @@ static void finish(struct fv_inertial *inertial)
     e->shared = s->shared;
     fv_inertial_across(s->shared.down, e->across);
     e->stamp_ns = newest->stamp_ns;
-    e->time_s = (double)(newest->stamp_ns - fv_inertial_station_at(inertial, 0)->stamp_ns) * 1e-9;
+    e->time_s =
+        (double)fv_stamp_since(newest->stamp_ns, fv_inertial_station_at(inertial, 0)->stamp_ns) *
+        1e-9;
     e->stations = s->taking_part;
     e->scale_sigma = __builtin_sqrt(C[scale]) / e->own.scale;
     e->gravity_sigma = __builtin_sqrt((C[down] + C[down + FV_INERTIAL_TAIL + 1]) / 2);

@@ -80,8 +80,7 @@ struct fv_inertial_pose {
     double position_sigma, turn_sigma; /* of each axis: world's unit, rad */
 };
 struct fv_inertial_owner {
-    uint32_t slot;
-    uint64_t number;
+    uint64_t slot, number; /* of one size: no padding, which would be hashed */
     struct fv_se3 T_keyframe_cam;
 };
 
@@ -160,8 +159,8 @@ struct fv_inertial_state {
     double tail[FV_INERTIAL_TAIL * FV_INERTIAL_TAIL], tail_gradient[FV_INERTIAL_TAIL];
     double solution[FV_INERTIAL_TAIL]; /* of the station after `next`, and the shared */
     struct fv_inertial_shared shared;
-    double acceleration_bias[3]; /* to begin with */
-    double bias_sigma[2];        /* gyro, acceleration */
+    double gyro_bias[3], acceleration_bias[3]; /* to begin with */
+    double bias_sigma[2];                      /* gyro, acceleration */
     struct fv_inertial_prior prior, hand_on;
     struct fv_inertial_estimate estimate;
     double scale_drift;        /* squared, relative, per second */

@@ -3,43 +3,73 @@
 #include <string.h>
 
 #include "geometry/vec.h"
+#include "inertial/stamp.h"
 
 static const int64_t gap_max_ns = 60000000;
+static const double way_max_s = 0.5;          /* between poses that measure a velocity */
 static const double acceleration_sigma = 0.1; /* of what gravity and biases leave, m/s^2 */
 
-void fv_inertial_live_take(struct fv_inertial_live *live, const struct fv_imu_noise *noise,
-                           int64_t stamp_ns, const double gyro[3], const double acceleration[3])
+static void use(struct fv_inertial_live *live, const struct fv_imu_noise *noise,
+                const struct fv_inertial_ahead *sample)
 {
-    const int64_t since_ns = live->any_sample ? stamp_ns - live->sample_ns : 0;
-    if (live->any_sample && since_ns <= 0) return;
-    if (live->begun && stamp_ns > live->reached_ns) {
-        double mean_gyro[3], mean[3];
-        const bool joined = live->any_sample && since_ns <= gap_max_ns;
+    const int64_t stamp_ns = sample->stamp_ns,
+                  since_ns = live->any_sample ? fv_stamp_since(stamp_ns, live->sample_ns) : 0,
+                  step_ns = fv_stamp_since(stamp_ns, live->reached_ns);
+    if (live->begun && step_ns > 0) {
+        const bool joined = live->any_sample && since_ns <= gap_max_ns && step_ns <= gap_max_ns;
+        double gyro[3], acceleration[3];
         live->broken = live->broken || !joined;
         for (int i = 0; i < 3; i++) {
-            mean_gyro[i] = joined ? (live->gyro[i] + gyro[i]) / 2 : gyro[i];
-            mean[i] = joined ? (live->acceleration[i] + acceleration[i]) / 2 : acceleration[i];
+            gyro[i] = (live->gyro[i] + sample->gyro[i]) / 2;
+            acceleration[i] = (live->acceleration[i] + sample->acceleration[i]) / 2;
         }
-        fv_preintegration_step(&live->sum, noise, mean_gyro, mean,
-                               (double)(stamp_ns - live->reached_ns) * 1e-9);
+        if (joined)
+            fv_preintegration_step(&live->sum, noise, gyro, acceleration, (double)step_ns * 1e-9);
         live->reached_ns = stamp_ns;
     }
     live->any_sample = true;
     live->sample_ns = stamp_ns;
-    fv_copy3(gyro, live->gyro);
-    fv_copy3(acceleration, live->acceleration);
+    fv_copy3(sample->gyro, live->gyro);
+    fv_copy3(sample->acceleration, live->acceleration);
+}
+
+static void use_oldest(struct fv_inertial_live *live, const struct fv_imu_noise *noise)
+{
+    use(live, noise, &live->ahead[live->ahead_first]);
+    live->ahead_first = (live->ahead_first + 1) % FV_INERTIAL_AHEAD_MAX;
+    live->ahead_count--;
+}
+
+void fv_inertial_live_take(struct fv_inertial_live *live, const struct fv_imu_noise *noise,
+                           int64_t stamp_ns, const double gyro[3], const double acceleration[3])
+{
+    if (live->any_sample && stamp_ns <= live->sample_ns) return;
+    if (live->ahead_count == FV_INERTIAL_AHEAD_MAX) use_oldest(live, noise);
+    struct fv_inertial_ahead *sample =
+        &live->ahead[(live->ahead_first + live->ahead_count++) % FV_INERTIAL_AHEAD_MAX];
+    sample->stamp_ns = stamp_ns;
+    fv_copy3(gyro, sample->gyro);
+    fv_copy3(acceleration, sample->acceleration);
+}
+
+void fv_inertial_live_advance(struct fv_inertial_live *live, const struct fv_imu_noise *noise,
+                              int64_t stamp_ns)
+{
+    while (live->ahead_count > 0 && live->ahead[live->ahead_first].stamp_ns <= stamp_ns)
+        use_oldest(live, noise);
 }
 
 bool fv_inertial_live_reach(const struct fv_inertial_live *live, const struct fv_imu_noise *noise,
                             int64_t stamp_ns, struct fv_preintegration *sum)
 {
     if (!live->begun || live->broken || !live->any_sample ||
-        stamp_ns - live->sample_ns > gap_max_ns || stamp_ns <= live->pose_ns)
+        fv_stamp_since(stamp_ns, live->sample_ns) > gap_max_ns || stamp_ns <= live->pose_ns ||
+        live->reached_ns > stamp_ns)
         return false;
     *sum = live->sum;
     if (stamp_ns > live->reached_ns)
         fv_preintegration_step(sum, noise, live->gyro, live->acceleration,
-                               (double)(stamp_ns - live->reached_ns) * 1e-9);
+                               (double)fv_stamp_since(stamp_ns, live->reached_ns) * 1e-9);
     return sum->time_s > 0;
 }
 
@@ -76,7 +106,8 @@ static void follow(struct fv_inertial_live *live, const struct fv_se3 *T, double
     const double gain = live->variance / (live->variance + noise);
     for (int i = 0; i < 3; i++)
         live->velocity[i] = velocity[i] + gain * (T->t[i] - predicted.t[i]) / t;
-    live->variance *= 1 - gain;
+    const double since = acceleration_sigma * t / 2; /* the mean of the way is not its end */
+    live->variance = live->variance * (1 - gain) + since * since;
 }
 
 void fv_inertial_live_pose(struct fv_inertial_live *live, int64_t stamp_ns,
@@ -84,10 +115,12 @@ void fv_inertial_live_pose(struct fv_inertial_live *live, int64_t stamp_ns,
                            const struct fv_preintegration *sum, const double gravity[3],
                            const struct fv_imu_biases *biases)
 {
-    if (sum != NULL && gravity != NULL)
+    if (sum != NULL && gravity != NULL && sum->time_s < way_max_s) {
         follow(live, T_world_imu, position_sigma, sum, gravity);
-    else
+    } else {
         live->moving = false;
+        memset(live->velocity, 0, sizeof live->velocity);
+    }
     live->T_world_imu = *T_world_imu;
     live->begun = true;
     live->broken = false;

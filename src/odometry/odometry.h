@@ -174,6 +174,8 @@ const struct fv_map *fv_odometry_map(const struct fv_odometry *odometry);
 double fv_odometry_focal_px(const struct fv_odometry *odometry);
 /* Closures and merged maps since the last reset. */
 struct fv_closure_counts fv_odometry_closure_counts(const struct fv_odometry *odometry);
+/* The last frame's pose is known and not published: the pictures had contradicted its map. */
+bool fv_odometry_withholds(const struct fv_odometry *odometry);
 /* Keep with the map what is known of its unit. */
 void fv_odometry_keep_scale(struct fv_odometry *odometry, const struct fv_map_scale *scale);
 

@@ -44,6 +44,11 @@ struct fv_closure_counts fv_odometry_closure_counts(const struct fv_odometry *o)
     return o->closure.state->counts;
 }
 
+bool fv_odometry_withholds(const struct fv_odometry *o)
+{
+    return fv_agreement_withholds(&o->state->agreement);
+}
+
 void fv_odometry_keep_scale(struct fv_odometry *o, const struct fv_map_scale *scale)
 {
     o->map.state->scale = *scale;

@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "geometry/vec.h"
+#include "inertial/stamp.h"
 
 static const int64_t station_apart_ns = 240000000;
 static const double position_sigma_least = 3e-4; /* of the distance of what is seen */
@@ -71,6 +72,7 @@ static void jump(struct fv_inertial_stage *stage)
 {
     fv_inertial_jump(&stage->estimator);
     stage->state->live.any_sample = stage->state->live.begun = false;
+    stage->state->live.ahead_count = 0;
 }
 
 void fv_inertial_stage_observe(struct fv_inertial_stage *stage, const struct fv_imu_gate *gate)
@@ -187,22 +189,23 @@ static bool turns_known(const struct fv_inertial_stage *stage)
            stage->estimator.state->bias_sigma[0] < gyro_bias_sigma_max;
 }
 
-void fv_inertial_stage_predict(const struct fv_inertial_stage *stage,
-                               const struct fv_odometry *odometry, int64_t stamp_ns,
-                               struct fv_motion_hint *hint)
+void fv_inertial_stage_predict(struct fv_inertial_stage *stage, const struct fv_odometry *odometry,
+                               int64_t stamp_ns, struct fv_motion_hint *hint)
 {
     const struct fv_inertial_stage_state *s = stage->state;
     struct fv_preintegration sum;
     double velocity[3];
     memset(hint, 0, sizeof *hint);
+    if (stage->enabled)
+        fv_inertial_live_advance(&stage->state->live, &stage->estimator.state->noise, stamp_ns);
     if (!stage->enabled || !same_world(s, odometry) || !turns_known(stage) ||
         !fv_inertial_live_reach(&s->live, &stage->estimator.state->noise, stamp_ns, &sum))
         return;
     camera_motion(stage, &sum, s->known.gravity, &hint->T_now_last, velocity);
     const double map_scale = fv_odometry_map(odometry)->state->S_map_world.s;
     hint->turn = true;
-    hint->whole =
-        s->known.claimed && s->live.moving && stamp_ns - s->live.pose_ns <= coasting_max_ns;
+    hint->whole = s->known.claimed && s->live.moving &&
+                  fv_stamp_since(stamp_ns, s->live.pose_ns) <= coasting_max_ns;
     for (int i = 0; i < 3; i++)
         hint->T_now_last.t[i] *= hint->whole ? map_scale / s->known.scale : 0;
     fv_se3_invert(&hint->T_now_last, &hint->T_now_last);
@@ -340,6 +343,19 @@ static void coast_covariance_of_camera(const struct fv_inertial_stage *stage,
     fv_se3_carry_covariance(&stage->estimator.config.T_cam_imu, sensor, out);
 }
 
+static double coast_velocity_sigma(const struct fv_inertial_stage *stage,
+                                   const struct fv_preintegration *sum)
+{
+    static const int acceleration[3] = {15, 18, 20}; /* on the diagonal of the biases' covariance */
+    const struct fv_inertial_stage_state *s = stage->state;
+    const double t = sum->time_s, tilt = gravity_m_s2 * s->known.gravity_sigma * t;
+    double variance = s->live.variance + tilt * tilt;
+    for (int i = 0; i < 3; i++)
+        variance +=
+            (sum->covariance[10 * (3 + i)] + t * t * s->known.bias_covariance[acceleration[i]]) / 3;
+    return __builtin_sqrt(variance);
+}
+
 /* The frame has none. */
 static void coast(struct fv_inertial_stage *stage, const struct fv_odometry *odometry,
                   int64_t stamp_ns)
@@ -350,7 +366,8 @@ static void coast(struct fv_inertial_stage *stage, const struct fv_odometry *odo
     double velocity[3];
     s->known.coasting = s->known.moving = false;
     if (!s->known.claimed || !s->live.moving || !same_world(s, odometry) ||
-        stamp_ns - s->live.pose_ns > coasting_max_ns ||
+        fv_odometry_withholds(odometry) ||
+        fv_stamp_since(stamp_ns, s->live.pose_ns) > coasting_max_ns ||
         !fv_inertial_result(&stage->estimator)->known ||
         !fv_inertial_live_reach(&s->live, &stage->estimator.state->noise, stamp_ns, &sum))
         return;
@@ -358,6 +375,7 @@ static void coast(struct fv_inertial_stage *stage, const struct fv_odometry *odo
     fv_inertial_live_predict(&s->live, &sum, s->known.gravity, &T_world_imu, velocity);
     coast_covariance_of_camera(stage, &sum, T_world_imu.R, s->known.covariance);
     write_moving(stage, &T_world_imu, velocity);
+    s->known.velocity_sigma = coast_velocity_sigma(stage, &sum);
     s->known.coasting = true;
 }
 
@@ -368,7 +386,7 @@ static void grow(struct fv_inertial_stage_state *s, int64_t stamp_ns)
     if (!s->known.claimed || stamp_ns <= s->claimed_ns) return;
     s->known.scale_sigma =
         __builtin_sqrt(s->claimed_sigma * s->claimed_sigma +
-                       drift * drift * (double)(stamp_ns - s->claimed_ns) * 1e-9);
+                       drift * drift * (double)fv_stamp_since(stamp_ns, s->claimed_ns) * 1e-9);
 }
 
 void fv_inertial_stage_step(struct fv_inertial_stage *stage, const struct fv_odometry *odometry,
@@ -377,6 +395,7 @@ void fv_inertial_stage_step(struct fv_inertial_stage *stage, const struct fv_odo
     struct fv_inertial_stage_state *s = stage->state;
     const struct fovea_pose *pose = fv_odometry_pose(odometry);
     if (!stage->enabled) return;
+    fv_inertial_live_advance(&s->live, &stage->estimator.state->noise, stamp_ns);
     grow(s, stamp_ns);
     if (!pose->posed) {
         coast(stage, odometry, stamp_ns);
@@ -386,27 +405,22 @@ void fv_inertial_stage_step(struct fv_inertial_stage *stage, const struct fv_odo
         s->reset_counter != fv_odometry_reset_counter(odometry))
         enter(stage, odometry);
     follow_pose(stage, pose, stamp_ns);
-    if (s->station_ns != 0 && stamp_ns - s->station_ns < station_apart_ns) return;
+    if (s->station_ns != 0 && fv_stamp_since(stamp_ns, s->station_ns) < station_apart_ns) return;
     add_station(stage, odometry, stamp_ns);
 }
 
 /* Poses of the stations as the map has their keyframes now. */
 static void refresh(struct fv_inertial_stage *stage, const struct fv_odometry *odometry)
 {
-    const struct fovea_pose *pose = fv_odometry_pose(odometry);
     const struct fv_map *map = fv_odometry_map(odometry);
     const uint32_t count = fv_inertial_station_count(&stage->estimator);
-    struct fv_se3 T_map_world;
     struct fv_sim3 S_world_map, S;
-    if (!pose->posed) return;
-    fv_se3_from_rows(pose->T_map_world, &T_map_world);
-    fv_sim3_from_se3(&T_map_world, pose->map_scale, &S_world_map);
-    fv_sim3_invert(&S_world_map, &S_world_map);
+    fv_sim3_invert(&map->state->S_map_world, &S_world_map);
     for (uint32_t i = 0; i < count; i++) {
         struct fv_inertial_station *station = fv_inertial_station_at(&stage->estimator, i);
         struct fv_map_keyframe keyframe;
         struct fv_se3 T_map_cam;
-        if (!fv_map_keyframe_at(map, station->of.slot, &keyframe) ||
+        if (!fv_map_keyframe_at(map, (uint32_t)station->of.slot, &keyframe) ||
             keyframe.number != station->of.number || keyframe.map_id != fv_map_current_id(map))
             continue;
         fv_se3_compose(&keyframe.T_world_cam, &station->of.T_keyframe_cam, &T_map_cam);
@@ -447,7 +461,10 @@ static void correct_velocity(struct fv_inertial_stage *stage, const struct fv_in
     double variance = 0;
     if (!live->moving || fv_norm3(newest->live) == 0) return;
     for (int i = 0; i < 3; i++) {
-        live->velocity[i] += e->own.velocity[i] - newest->live[i];
+        const double more = e->own.velocity[i] - newest->live[i];
+        live->velocity[i] += more;
+        for (uint32_t k = e->stations; k < fv_inertial_station_count(&stage->estimator); k++)
+            fv_inertial_station_at(&stage->estimator, k)->live[i] += more; /* so were they */
         variance += e->covariance[(6 + i) * (FV_INERTIAL_TAIL + 1)] / 3;
     }
     live->variance = variance;
@@ -458,6 +475,11 @@ static void judge(struct fv_inertial_stage *stage)
 {
     struct fv_inertial_stage_state *s = stage->state;
     const struct fv_inertial_estimate *e = fv_inertial_result(&stage->estimator);
+    if (s->cuts != stage->estimator.state->cuts) { /* another stretch: it must show itself */
+        s->cuts = stage->estimator.state->cuts;
+        s->agreeing = 0;
+        s->anew = true;
+    }
     if (!e->known) {
         s->agreeing = 0;
         return;
@@ -471,9 +493,11 @@ static void judge(struct fv_inertial_stage *stage)
     s->sigma = e->scale_sigma;
     const bool better =
         s->known.claimed && e->misfit < claim_misfit && e->scale_sigma < s->known.scale_sigma;
-    const bool seasoned = s->known.claimed || (s->agreeing >= FV_INERTIAL_AGREEING &&
-                                               (s->metric || e->time_s >= claim_time_s));
+    const bool seasoned =
+        (s->known.claimed && !s->anew) ||
+        (s->agreeing >= FV_INERTIAL_AGREEING && (s->metric || e->time_s >= claim_time_s));
     if (!seasoned || !(good || better)) return;
+    s->anew = false;
     write_known(&s->known, e);
     correct_velocity(stage, e);
     s->claimed_ns = e->stamp_ns;

@@ -58,6 +58,8 @@ struct fv_inertial_stage_state {
     int64_t station_ns;          /* the last station */
     struct fv_se3 T_world_cam;   /* the last pose, in world's unit */
     struct fv_inertial_live live;
+    uint64_t cuts;           /* of the estimator's links, as last seen */
+    bool anew;               /* the estimate began again since the last that counted */
     int64_t claimed_ns;      /* of the last estimate that counted, */
     double claimed_sigma;    /* and its sigma of the scale */
     uint32_t agreeing;       /* estimates that agreed with the one before */
@@ -79,9 +81,8 @@ void fv_inertial_stage_init(struct fv_inertial_stage *stage);
 /* What the gate let through in this step. */
 void fv_inertial_stage_observe(struct fv_inertial_stage *stage, const struct fv_imu_gate *gate);
 /* Before a frame: what the samples say of the motion since the last pose. */
-void fv_inertial_stage_predict(const struct fv_inertial_stage *stage,
-                               const struct fv_odometry *odometry, int64_t stamp_ns,
-                               struct fv_motion_hint *hint);
+void fv_inertial_stage_predict(struct fv_inertial_stage *stage, const struct fv_odometry *odometry,
+                               int64_t stamp_ns, struct fv_motion_hint *hint);
 /* After each frame. */
 void fv_inertial_stage_step(struct fv_inertial_stage *stage, const struct fv_odometry *odometry,
                             int64_t stamp_ns);

@@ -43,6 +43,7 @@ static void run(struct fv_inertial_live *live, int frames)
     for (int64_t n = 0; n <= frames * 10; n++) {
         sample(live, n);
         if (n % 10 != 0) continue;
+        fv_inertial_live_advance(live, &noise, n * 5000000);
         for (int i = 0; i < 3; i++)
             T.t[i] = at((double)n * 0.005, i) + 0.002 * fv_random_normal(&random);
         const bool led = fv_inertial_live_reach(live, &noise, n * 5000000, &sum);
@@ -76,6 +77,7 @@ static void test_poses_are_predicted(void **state)
     run(&live, 60);
     for (int64_t n = 601; n <= 620; n++)
         sample(&live, n);
+    fv_inertial_live_advance(&live, &noise, 3102500000);
     assert_true(fv_inertial_live_reach(&live, &noise, 3102500000, &sum)); /* between samples */
     fv_inertial_live_predict(&live, &sum, gravity, &T, velocity);
     for (int i = 0; i < 3; i++)
@@ -89,10 +91,32 @@ static void test_samples_that_lack_end_it(void **state)
     struct fv_preintegration sum;
     run(&live, 10);
     sample(&live, 125);
+    fv_inertial_live_advance(&live, &noise, 630000000);
     assert_false(fv_inertial_live_reach(&live, &noise, 630000000, &sum));
     run(&live, 10);
     assert_false(fv_inertial_live_reach(&live, &noise, 600000000, &sum));
     assert_true(fv_inertial_live_reach(&live, &noise, 550000000, &sum));
+}
+
+/* Samples may be ahead of the frames: they change nothing before their time. */
+static void test_samples_ahead_wait(void **state)
+{
+    (void)state;
+    static struct fv_inertial_live on_time, ahead;
+    struct fv_preintegration a, b;
+    run(&on_time, 10);
+    run(&ahead, 10);
+    for (int64_t n = 101; n <= 118; n++) {
+        if (n <= 110) sample(&on_time, n);
+        sample(&ahead, n);
+    }
+    fv_inertial_live_advance(&on_time, &noise, 550000000);
+    fv_inertial_live_advance(&ahead, &noise, 550000000);
+    assert_true(fv_inertial_live_reach(&on_time, &noise, 550000000, &a));
+    assert_true(fv_inertial_live_reach(&ahead, &noise, 550000000, &b));
+    assert_memory_equal(&a, &b, sizeof a);
+    fv_inertial_live_advance(&ahead, &noise, 590000000);
+    assert_false(fv_inertial_live_reach(&ahead, &noise, 550000000, &b)); /* too late for that */
 }
 
 int main(void)
@@ -101,6 +125,7 @@ int main(void)
         cmocka_unit_test(test_velocity_is_filtered),
         cmocka_unit_test(test_poses_are_predicted),
         cmocka_unit_test(test_samples_that_lack_end_it),
+        cmocka_unit_test(test_samples_ahead_wait),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
