@@ -3,13 +3,40 @@
 #include <stdbool.h>
 #include <string.h>
 
+/* Why no descriptor is missed. W is the transform without a factor, n its size: W^T W = n I, so
+ * that n |a - b|^2 = |W a - W b|^2, of which the chosen coefficients, each once, are a part.
+ *
+ * Let x be those of W a less their means (which cancel), c = x clipped to +-FAR steps, a' the
+ * values, e_a = |c - step a'|; y, d, b' and e_b the same of b. Clipping each coefficient to one
+ * range makes no two farther apart. With the triangle inequality
+ *
+ *   sqrt(n) |a - b| >= |x - y| >= |c - d| >= step |a' - b'| - e_a - e_b,
+ *
+ * whatever a' is: its rounding needs no care, its error alone does. It is equal where all energy is
+ * in the chosen coefficients and both errors point along a' - b', outwards.
+ *
+ * A row holds r = floor(|b'|^2 / 2) - a' b' <= (|a' - b'|^2 - |a'|^2) / 2. Where |a - b|^2 <= D,
+ * with E the largest e_b,
+ *
+ *   r <= (within^2 - |a'|^2) / 2,   within = (sqrt(n D) + e_a + E) / step,
+ *
+ * and r is whole, so the floor of that is the limit. Errors are roots of whole numbers m up to
+ * values step^2 / 6, kept as floor(sqrt(m)) + 1, which is larger by 1 / (2 sqrt(m) + 2) at least:
+ * within is too large by 1e-6 at least, and what double precision rounds is below 1e-11 of it.
+ *
+ * Nothing overflows. A coefficient is a sum of at most 128 bytes with signs: 0 to 32640 for the
+ * first, +-16320 for others, so that c and its steps fit 16 bits (67 x 480 + 240 = 32400). Errors
+ * sum to at most 40 (4 x 480)^2 = 1.5e8. Where |a'|^2 and |b'|^2 are at most S = SQUARE_MAX, -S / 2
+ * - 1 <= r <= 1.5 S = 32764 < LIMIT_MAX, and limits are at least -S / 2; without values a' b' is 0,
+ * and r = INT16_MAX behind the last and where no bound holds, above every limit. */
+
 enum {
     BATCH = 16,         /* descriptors transformed at a time */
     SAMPLE = 256,       /* of each set, to choose coefficients by */
     VALUE_MAX = 63,     /* of the kernels' contract */
     SQUARE_MAX = 21843, /* half + product fits 16 bits where both are below: 1.5 of it <= 32767 */
     STEP_MAX = 480,     /* with FAR steps in 16 bits */
-    FAR = 67,           /* steps: a value there is clipped by so much that no bound is kept */
+    FAR = 67,           /* steps: the error of a value there is more than pack() lets pass */
     LIMIT_MAX = INT16_MAX - 1
 };
 
@@ -274,8 +301,9 @@ static int16_t limit_of(const struct search *search, double square)
     if (error < 0) return LIMIT_MAX;
     const double within =
         (__builtin_sqrt(bounded->size * square) + error + search->to->error_max) / bounded->step;
-    const double limit = (within * within - search->from->square[search->query]) / 2 + 1;
-    return (int16_t)(limit > LIMIT_MAX ? LIMIT_MAX : limit < INT16_MIN ? INT16_MIN : limit);
+    const double limit = (within * within - search->from->square[search->query]) / 2;
+    /* down, below 0 too */
+    return limit > LIMIT_MAX ? LIMIT_MAX : (int16_t)((int32_t)(limit - INT16_MIN) + INT16_MIN);
 }
 
 /* The two nearest of those whose row holds at most `limit`, and of those without a bound. */
@@ -319,7 +347,7 @@ static struct two find(const struct search *search, const int16_t least[FV_BOUND
 {
     const int16_t few = second_least(least);
     struct two two = compare(search, few);
-    if (ratio < 1) {
+    if (ratio < 1 && two.second < FV_SQUARES_NONE) {
         /* roots in single precision do not make a ratio of squares that much smaller */
         const double passing = ratio * ratio * 1.00001;
         const int16_t limit = limit_of(search, passing * two.second);

@@ -28,7 +28,7 @@ struct fv_bounded_set {
     int32_t *error;  /* in coefficients, rounded up; below 0: no bound holds, compare with all */
     uint8_t *trains;
     int16_t *half;       /* of the square; INT16_MAX: no bound holds, or behind the last */
-    uint16_t *unbounded; /* those of which values were clipped */
+    uint16_t *unbounded; /* those without a bound: clipped, or too long */
     uint32_t unbounded_count;
 };
 
@@ -55,8 +55,8 @@ bool fv_bounded_pack(struct fv_bounded *bounded, const uint8_t *const descriptor
 
 /* For each of set 0 its nearest of set 1: squared distance, index (the lowest of equal ones) and
  * the distance of the second nearest, FV_SQUARES_NONE where there is none. With ratio < 1 only
- * those with distance < ratio second need be right, distances not squared; others have both the
- * same, and any index. Real-time safe. */
+ * those with distance < ratio second, distances not squared, or without a second need be right;
+ * others have both the same, and any index. Real-time safe. */
 void fv_bounded_two(const struct fv_bounded *bounded, const struct fv_kernels *kernels, float ratio,
                     int32_t *distance, int32_t *second, uint32_t *index);
 
