@@ -486,7 +486,7 @@ static void judge(struct fv_inertial_stage *stage)
     }
     const double log_scale = fv_log(e->own.scale), moved = fv_abs(log_scale - s->log_scale);
     const bool good = e->scale_sigma < claim_sigma && e->misfit < claim_misfit &&
-                      e->gravity_sigma < claim_gravity_sigma,
+                      e->gravity_sigma < (s->metric ? claim_gravity_sigma : settled_sigma),
                agrees = moved < 2 * (e->scale_sigma < s->sigma ? s->sigma : e->scale_sigma);
     s->agreeing = good && agrees ? s->agreeing + 1 : 0;
     s->log_scale = log_scale;
