@@ -21,8 +21,9 @@
  *   r <= (within^2 - |a'|^2) / 2,   within = (sqrt(n D) + e_a + E) / step,
  *
  * and r is whole, so the floor of that is the limit. Errors are roots of whole numbers m up to
- * values step^2 / 6, kept as floor(sqrt(m)) + 1, which is larger by 1 / (2 sqrt(m) + 2) at least:
- * within is too large by 1e-6 at least, and what double precision rounds is below 1e-11 of it.
+ * values step^2 / 6, kept as floor(sqrt(m)) + 1, which is larger by 1 / (2 sqrt(m) + 2) at least.
+ * So within, 2 / STEP_MAX at least, is too large by 1e-6 at least, the limit by 2e-9, and what
+ * double precision rounds of limits up to LIMIT_MAX is below 1e-10.
  *
  * Nothing overflows. A coefficient is a sum of at most 128 bytes with signs: 0 to 32640 for the
  * first, +-16320 for others, so that c and its steps fit 16 bits (67 x 480 + 240 = 32400). Errors
