@@ -80,16 +80,23 @@ static void play(const char *uri, struct run *run)
     ops->close(source);
 }
 
-/* The same twice, and the source alone beside it. */
+/* With faults, every third time twice, and once the source alone beside it. */
 static void play_all(const char *faults)
 {
+    static int times;
     char uri[256];
     snprintf(uri, sizeof uri, "fault:%s?%s", SIM, faults);
-    play(SIM, &own);
+    if (own.count == 0) play(SIM, &own);
     play(uri, &faulty);
-    play(uri, &again);
-    assert_memory_equal(&faulty, &again, sizeof faulty);
     assert_int_equal(own.count, FRAMES);
+    if (times++ % 3 != 0) return;
+    play(uri, &again);
+    assert_true(again.count == faulty.count && again.samples == faulty.samples);
+    for (uint32_t i = 0; i < faulty.count; i++)
+        assert_true(again.come[i].index == faulty.come[i].index &&
+                    again.come[i].stamp_ns == faulty.come[i].stamp_ns &&
+                    again.come[i].samples == faulty.come[i].samples);
+    assert_memory_equal(again.sample, faulty.sample, faulty.samples * sizeof faulty.sample[0]);
 }
 
 static bool in_window(uint64_t index)
