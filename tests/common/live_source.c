@@ -40,7 +40,7 @@ void fv_test_finish(struct fovea_source *source)
     fv_source_v4l2.close(source);
 }
 
-struct fovea_frame fv_test_next_frame(struct fovea_source *source)
+struct fovea_frame fv_test_hold_frame(struct fovea_source *source)
 {
     struct fovea_frame frame;
     struct fovea_error error = {.text = ""};
@@ -53,6 +53,12 @@ struct fovea_frame fv_test_next_frame(struct fovea_source *source)
         (void)fv_source_v4l2.complaint(source, &error);
         fail_msg("no frame: %s: %s", fovea_status_name(status), error.text);
     }
+    return frame;
+}
+
+struct fovea_frame fv_test_next_frame(struct fovea_source *source)
+{
+    struct fovea_frame frame = fv_test_hold_frame(source);
     fv_source_v4l2.requeue(source, &frame);
     return frame;
 }

@@ -16,8 +16,9 @@ struct fovea_source *fv_test_open(const char *address);
 struct fovea_source *fv_test_start(const char *address);
 void fv_test_finish(struct fovea_source *source); /* stop and close */
 
-/* The next frame within ten seconds, given back at once; its pixels stay readable for long enough
- * to look at. */
+/* The next frame within ten seconds, to be given back. */
+struct fovea_frame fv_test_hold_frame(struct fovea_source *source);
+/* The same, given back at once: who looks at all its pixels holds it. */
 struct fovea_frame fv_test_next_frame(struct fovea_source *source);
 /* Frames go by until then, for at most ten seconds. */
 void fv_test_wait_for_state(struct fovea_source *source, enum fovea_source_state wanted);
