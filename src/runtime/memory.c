@@ -154,6 +154,15 @@ static void carve(struct fovea *rt, struct fv_carving *carving)
         fv_carving_book(carving, "descriptors");
         carve_stereo(rt, arenas);
         fv_carving_book(carving, "stereo");
+        rt->inertial.enabled = false;
+        if (fv_config_inertial(config)) {
+            fv_inertial_stage_carve(&rt->inertial, &config->rig, config->odometry.imu_noise_factor,
+                                    &arenas[PERSISTENT]);
+            rt->sense = fv_arena_take(&arenas[FRAME], 1, sizeof *rt->sense);
+        }
+        fv_carving_book(carving, "inertial");
+        /* The mask of boxes is used before odometry's step and shares memory with what is taken
+         * from here on, none of which outlasts a step. */
         struct fv_arena beneath = arenas[FRAME];
         fv_odometry_carve(&rt->odometry, &config->odometry, &rt->config.rig.cameras[0].camera,
                           config->features.count_max, rt->stereo_used, &arenas[PERSISTENT],
@@ -162,17 +171,9 @@ static void carve(struct fovea *rt, struct fv_carving *carving)
         fv_scale_carve(&rt->scale, &config->scale, first->T_body_cam, &arenas[PERSISTENT],
                        &arenas[FRAME]);
         fv_carving_book(carving, "scale");
-        rt->inertial.enabled = false;
-        if (fv_config_inertial(config)) {
-            fv_inertial_stage_carve(&rt->inertial, &config->rig, config->odometry.imu_noise_factor,
-                                    &arenas[PERSISTENT]);
-            rt->sense = fv_arena_take(&arenas[FRAME], 1, sizeof *rt->sense);
-        }
-        fv_carving_book(carving, "inertial");
         fv_publish_carve(&rt->publish, first->T_body_cam, &arenas[PERSISTENT]);
         fv_relative_carve(&rt->relative, &arenas[PERSISTENT]);
         fv_carving_book(carving, "publish");
-        /* Their mask is used before odometry's step, which then writes over it. */
         fv_boxes_carve(&rt->boxes, width, height, &arenas[PERSISTENT], &beneath);
         if (beneath.used > arenas[FRAME].used) arenas[FRAME] = beneath;
         fv_carving_book(carving, "boxes");

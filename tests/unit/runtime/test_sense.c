@@ -194,6 +194,27 @@ static void it_leads_from_frame_to_frame(void **state)
     sim_rig_close(&rig);
 }
 
+/* It lasts from step to step: the mask of boxes, which shares memory with what does not, lies
+ * elsewhere at every size. */
+static void the_mask_of_boxes_lies_elsewhere(void **state)
+{
+    static const char *const sizes[] = {"width=320&height=240", "width=1280&height=960",
+                                        "width=1920&height=1200"};
+    (void)state;
+    for (int i = 0; i < 3; i++) {
+        char uri[128];
+        snprintf(uri, sizeof uri, "sim:orbit?%s&imu=200&baseline=0.12", sizes[i]);
+        sim_rig_open(&rig, uri, 0, 1);
+        rig.config.rig = rig.ops->info(rig.source)->rig;
+        sim_rig_build(&rig);
+        const struct fv_plane *mask = &rig.rt->boxes.mask;
+        const uint8_t *end = mask->pixels + (size_t)mask->stride * (size_t)mask->height,
+                      *sense_at = (const uint8_t *)rig.rt->sense;
+        assert_true(end <= sense_at || sense_at + sizeof *rig.rt->sense <= mask->pixels);
+        sim_rig_close(&rig);
+    }
+}
+
 static void without_a_sensor_there_is_nothing(void **state)
 {
     struct fovea_outputs outputs;
@@ -213,6 +234,7 @@ int main(void)
         cmocka_unit_test(a_pose_that_comes_late_is_carried_on_at_once),
         cmocka_unit_test(it_ends_two_seconds_after_the_last_pose),
         cmocka_unit_test(it_leads_from_frame_to_frame),
+        cmocka_unit_test(the_mask_of_boxes_lies_elsewhere),
         cmocka_unit_test(without_a_sensor_there_is_nothing),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
