@@ -2,15 +2,17 @@
 
 #include <string.h>
 
+#include "inertial/reading.h"
+#include "inertial/stamp.h"
+
 enum { AXES = 6, SAME_MIN = 10, AT_END_MIN = 4, OTHERS_MIN = 20 };
 enum { INTERVALS_MIN = 16, INTERVALS_MAX = 64 }; /* that the observed rate is the mean of */
 
 static const int64_t same_min_ns = 100000000, clock_max_ns = 1000000000, leap_ns = 100000000,
                      follow_ns = 250000000, silent_ns = 200000000;
 static const double end_fraction = 0.999;
-static const double end_floor[2] = {2, 15};     /* below, no end of a range is learned */
-static const double absurd[2] = {1000, 100000}; /* rad/s, m/s^2 */
-static const double agree_fraction = 0.1;       /* of nominal and observed period */
+static const double end_floor[2] = {2, 15}; /* below, no end of a range is learned */
+static const double agree_fraction = 0.1;   /* of nominal and observed period */
 static const double round_up = 0.4;      /* of a period: jitter of stamps is less than the rest */
 static const double forget_behind = 0.9; /* per sample */
 static const double lossy_max = 0.5;     /* share of intervals with samples missing */
@@ -43,17 +45,11 @@ void fv_imu_gate_carve(struct fv_imu_gate *gate, const struct fovea_rig_imu *rig
 
 /* ---- numbers --------------------------------------------------------------------------------- */
 
-/* a + b and a - b; at the ends of the range, the end. */
+/* a + b; at the ends of the range, the end. */
 static int64_t add(int64_t a, int64_t b)
 {
     int64_t sum;
     return __builtin_add_overflow(a, b, &sum) ? (b < 0 ? INT64_MIN : INT64_MAX) : sum;
-}
-
-static int64_t subtract(int64_t a, int64_t b)
-{
-    int64_t difference;
-    return __builtin_sub_overflow(a, b, &difference) ? (b < 0 ? INT64_MAX : INT64_MIN) : difference;
 }
 
 static int64_t smaller(int64_t a, int64_t b)
@@ -79,13 +75,6 @@ static bool same(const double *a, const double *b, size_t count)
 }
 
 /* ---- values ---------------------------------------------------------------------------------- */
-
-static bool is_finite(const double values[AXES])
-{
-    for (int i = 0; i < AXES; i++) /* false for NaN too */
-        if (!(magnitude(values[i]) <= absurd[sort_of(i)])) return false;
-    return true;
-}
 
 /* Whether an axis is at the end of its range, which is learned where the rig states none. */
 static bool is_saturated(struct fv_imu_gate *gate, const double values[AXES])
@@ -118,7 +107,7 @@ static bool is_frozen(struct fv_imu_gate *gate, const double values[AXES], int64
     }
     state->same++;
     return (gate->rig.gyro_noise > 0 || gate->rig.acceleration_noise > 0) &&
-           state->same >= SAME_MIN && subtract(at_ns, state->same_since_ns) >= same_min_ns;
+           state->same >= SAME_MIN && fv_stamp_since(at_ns, state->same_since_ns) >= same_min_ns;
 }
 
 /* ---- stamps ---------------------------------------------------------------------------------- */
@@ -127,27 +116,28 @@ static bool is_frozen(struct fv_imu_gate *gate, const double values[AXES], int64
  * in order has come for a while. */
 static bool clock_leapt(struct fv_imu_gate_state *state, int64_t at_ns, int64_t now_ns)
 {
-    const bool continues =
-        state->others > 0 && at_ns > state->other_ns && subtract(at_ns, state->other_ns) < leap_ns;
+    const bool continues = state->others > 0 && at_ns > state->other_ns &&
+                           fv_stamp_since(at_ns, state->other_ns) < leap_ns;
     if (state->others > 0 && at_ns == state->other_ns)
         return false; /* a repetition: says nothing */
     state->others = continues ? state->others + 1 : 1;
     state->other_ns = at_ns;
-    return state->others >= OTHERS_MIN && subtract(now_ns, state->seen_now_ns) >= follow_ns;
+    return state->others >= OTHERS_MIN && fv_stamp_since(now_ns, state->seen_now_ns) >= follow_ns;
 }
 
 static bool off_clock(const struct fv_imu_gate_state *state, int64_t at_ns, int64_t now_ns)
 {
     const int64_t before_ns = state->any_step ? smaller(state->step_ns, now_ns) : now_ns;
-    return subtract(at_ns, now_ns) > clock_max_ns || subtract(before_ns, at_ns) > clock_max_ns;
+    return fv_stamp_since(at_ns, now_ns) > clock_max_ns ||
+           fv_stamp_since(before_ns, at_ns) > clock_max_ns;
 }
 
 /* Whether the stamp is farther ahead of the last one than time has passed. */
 static bool leaps_ahead(const struct fv_imu_gate_state *state, int64_t at_ns, int64_t now_ns)
 {
-    const int64_t passed_ns = subtract(now_ns, state->seen_now_ns),
-                  step_ns = subtract(now_ns, state->step_ns);
-    return subtract(at_ns, state->seen_ns) > add(add(passed_ns, step_ns), leap_ns);
+    const int64_t passed_ns = fv_stamp_since(now_ns, state->seen_now_ns),
+                  step_ns = fv_stamp_since(now_ns, state->step_ns);
+    return fv_stamp_since(at_ns, state->seen_ns) > add(add(passed_ns, step_ns), leap_ns);
 }
 
 static void lack(struct fv_imu_gate_state *state, uint32_t count)
@@ -199,7 +189,7 @@ static uint32_t missing_before(struct fv_imu_gate *gate, double interval_ns)
 static void count_missing(struct fv_imu_gate *gate, int64_t at_ns)
 {
     struct fv_imu_gate_state *state = gate->state;
-    const double interval_ns = (double)subtract(at_ns, state->seen_ns);
+    const double interval_ns = (double)fv_stamp_since(at_ns, state->seen_ns);
     const uint32_t missing = missing_before(gate, interval_ns);
     state->counts.missing += missing;
     lack(state, missing);
@@ -263,7 +253,8 @@ static bool in_order(struct fv_imu_gate *gate, const double values[AXES], int64_
     const bool ahead = leaps_ahead(state, at_ns, now_ns);
     if (at_ns > state->seen_ns && !ahead) {
         const bool leapt = state->others > 0 && state->other_ns > state->seen_ns &&
-                           subtract(at_ns, state->other_ns) < leap_ns && at_ns > state->other_ns;
+                           fv_stamp_since(at_ns, state->other_ns) < leap_ns &&
+                           at_ns > state->other_ns;
         if (leapt) { /* it was refused as ahead until the time had passed */
             counts->jumps++;
             begin_anew(state);
@@ -297,7 +288,7 @@ static void judge(struct fv_imu_gate *gate, const struct fovea_imu_sample *sampl
     memcpy(values + 3, sample->acceleration, sizeof sample->acceleration);
     if (!in_order(gate, values, at_ns, now_ns)) return;
     if (state->any_seen) count_missing(gate, at_ns);
-    const bool finite = is_finite(values);
+    const bool finite = fv_imu_possible(sample);
     const bool saturated = finite && is_saturated(gate, values);
     const bool frozen = finite && is_frozen(gate, values, at_ns);
     memcpy(state->values, values, sizeof values);
@@ -338,17 +329,17 @@ static bool is_silent(const struct fv_imu_gate *gate)
     const int64_t most_ns = periods_ns <= (double)silent_ns ? silent_ns
                             : periods_ns < 1e18             ? (int64_t)periods_ns
                                                             : INT64_MAX;
-    return !state->any_heard || subtract(state->step_ns, state->heard_now_ns) > most_ns;
+    return !state->any_heard || fv_stamp_since(state->step_ns, state->heard_now_ns) > most_ns;
 }
 
 void fv_imu_gate_status(const struct fv_imu_gate *gate, struct fovea_imu_status *status)
 {
     const struct fv_imu_gate_state *state = gate->state;
-    *status =
-        (struct fovea_imu_status){.state = (enum fovea_imu_state)state->verdict,
-                                  .stamp_ns = subtract(state->clean_ns, gate->rig.time_offset_ns),
-                                  .rate_hz = state->period_ns > 0 ? 1e9 / state->period_ns : 0,
-                                  .counts = state->counts};
+    *status = (struct fovea_imu_status){
+        .state = (enum fovea_imu_state)state->verdict,
+        .stamp_ns = fv_stamp_since(state->clean_ns, gate->rig.time_offset_ns),
+        .rate_hz = state->period_ns > 0 ? 1e9 / state->period_ns : 0,
+        .counts = state->counts};
     if (!state->any_clean) status->stamp_ns = 0;
     if (is_silent(gate)) status->state = FOVEA_IMU_SILENT;
 }

@@ -10,7 +10,7 @@ static const double way_max_s = 0.5;          /* between poses that measure a ve
 static const double acceleration_sigma = 0.1; /* of what gravity and biases leave, m/s^2 */
 
 static void use(struct fv_inertial_live *live, const struct fv_imu_noise *noise,
-                const struct fv_inertial_ahead *sample)
+                const struct fv_imu_reading *sample)
 {
     const int64_t stamp_ns = sample->stamp_ns,
                   since_ns = live->any_sample ? fv_stamp_since(stamp_ns, live->sample_ns) : 0,
@@ -41,15 +41,11 @@ static void use_oldest(struct fv_inertial_live *live, const struct fv_imu_noise 
 }
 
 void fv_inertial_live_take(struct fv_inertial_live *live, const struct fv_imu_noise *noise,
-                           int64_t stamp_ns, const double gyro[3], const double acceleration[3])
+                           const struct fv_imu_reading *sample)
 {
-    if (live->any_sample && stamp_ns <= live->sample_ns) return;
+    if (live->any_sample && sample->stamp_ns <= live->sample_ns) return;
     if (live->ahead_count == FV_INERTIAL_AHEAD_MAX) use_oldest(live, noise);
-    struct fv_inertial_ahead *sample =
-        &live->ahead[(live->ahead_first + live->ahead_count++) % FV_INERTIAL_AHEAD_MAX];
-    sample->stamp_ns = stamp_ns;
-    fv_copy3(gyro, sample->gyro);
-    fv_copy3(acceleration, sample->acceleration);
+    live->ahead[(live->ahead_first + live->ahead_count++) % FV_INERTIAL_AHEAD_MAX] = *sample;
 }
 
 void fv_inertial_live_advance(struct fv_inertial_live *live, const struct fv_imu_noise *noise,

@@ -13,6 +13,7 @@
 
 #include "geometry/se3.h"
 #include "inertial/preintegration.h"
+#include "inertial/reading.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -20,15 +21,10 @@ extern "C" {
 
 enum { FV_INERTIAL_AHEAD_MAX = 128 }; /* samples that are later than the last frame */
 
-struct fv_inertial_ahead {
-    int64_t stamp_ns;
-    double gyro[3], acceleration[3];
-};
-
 struct fv_inertial_live {
     /* samples that wait for a frame as late as they are, a ring, oldest first */
     uint64_t ahead_first, ahead_count;
-    struct fv_inertial_ahead ahead[FV_INERTIAL_AHEAD_MAX];
+    struct fv_imu_reading ahead[FV_INERTIAL_AHEAD_MAX];
     bool any_sample, begun, broken; /* broken: samples lack since the last pose */
     int64_t sample_ns;              /* the last sample */
     double gyro[3], acceleration[3];
@@ -41,7 +37,7 @@ struct fv_inertial_live {
 
 /* A sample. It waits until a frame is as late; of too many that wait the oldest is used at once. */
 void fv_inertial_live_take(struct fv_inertial_live *live, const struct fv_imu_noise *noise,
-                           int64_t stamp_ns, const double gyro[3], const double acceleration[3]);
+                           const struct fv_imu_reading *sample);
 
 /* Use the samples up to an instant, that of a frame. */
 void fv_inertial_live_advance(struct fv_inertial_live *live, const struct fv_imu_noise *noise,

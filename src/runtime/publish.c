@@ -95,6 +95,15 @@ static void turn_up(const double up[3], double R[9])
     fv_so3_exp(r, R);
 }
 
+/* How `odom` is turned; not at all before gravity is known. */
+static struct fv_se3 upright_of(const struct fv_publish_state *s)
+{
+    struct fv_se3 U;
+    fv_se3_identity(&U);
+    if (s->is_upright) memcpy(U.R, s->upright, sizeof U.R);
+    return U;
+}
+
 /* What becomes known changes odom, from the world's origin: metres, gravity, or both. */
 static void change_odom(struct fv_publish *publish, bool metres, double scale,
                         const struct fv_inertial_known *inertial)
@@ -102,16 +111,16 @@ static void change_odom(struct fv_publish *publish, bool metres, double scale,
     struct fv_publish_state *s = publish->state;
     const struct fv_se3 *B = &publish->T_body_cam;
     const bool upright = inertial != NULL && inertial->settled && !s->is_upright;
-    double before[9], back[9], up[3];
+    double back[9], up[3];
     metres = metres && !s->metric;
     if (!metres && !upright) return;
-    memcpy(before, s->upright, sizeof before);
+    const struct fv_se3 before = upright_of(s);
     if (upright) {
         fv_rotate3(B->R, inertial->gravity, up);
         for (int i = 0; i < 3; i++)
             up[i] = -up[i];
-        if (fv_normalise3(up)) turn_up(up, s->upright);
-        s->is_upright = 1;
+        s->is_upright = fv_normalise3(up);
+        if (s->is_upright) turn_up(up, s->upright);
     }
     if (metres) from_the_origin(s);
     if (metres) s->metric = 1;
@@ -120,19 +129,12 @@ static void change_odom(struct fv_publish *publish, bool metres, double scale,
     fv_sim3_identity(&s->change);
     for (int r = 0; r < 3; r++)
         for (int c = 0; c < 3; c++)
-            back[3 * r + c] = before[3 * c + r];
-    fv_multiply33(s->upright, back, s->change.R);
+            back[3 * r + c] = before.R[3 * c + r];
+    const struct fv_se3 now = upright_of(s);
+    fv_multiply33(now.R, back, s->change.R);
     if (!metres) return;
     s->change.s = scale;
-    fv_rotate3(s->upright, B->t, s->change.t);
-}
-
-static void begin_map(struct fv_publish_state *s)
-{
-    s->metric = s->is_upright = s->sent = s->changes = 0;
-    memset(s->upright, 0, sizeof s->upright);
-    for (int i = 0; i < 3; i++)
-        s->upright[4 * i] = 1;
+    fv_rotate3(now.R, B->t, s->change.t);
 }
 
 /* The map is still in metres while the camera is lost in it. */
@@ -184,8 +186,7 @@ static void publish_camera(struct fv_publish *publish, const struct fv_odometry 
     const struct fovea_pose before = *pose;
     *pose = *fv_odometry_pose(odometry);
     pose->scale = 1;
-    if (pose->map_id != before.map_id || s->upright[0] + s->upright[4] + s->upright[8] == 0)
-        begin_map(s);
+    if (pose->map_id != before.map_id) s->metric = s->is_upright = s->sent = s->changes = 0;
     if (!pose->posed && goes_on(s, inertial)) {
         go_on(s, inertial);
         return;
@@ -224,13 +225,6 @@ static struct fv_se3 usable_T_body_cam(const struct fv_publish *publish)
     return T_body_cam;
 }
 
-static struct fv_se3 upright_of(const struct fv_publish *publish)
-{
-    struct fv_se3 U = {.t = {0, 0, 0}};
-    memcpy(U.R, publish->state->upright, sizeof U.R);
-    return U;
-}
-
 /* T_odom_cam = U B T_world_cam and T_odom_body = U B T_world_cam B^-1 with B = T_body_cam and U =
  * upright. */
 struct fv_se3 fv_publish_child_pose(const struct fv_publish *publish, enum fv_publish_child child)
@@ -240,7 +234,7 @@ struct fv_se3 fv_publish_child_pose(const struct fv_publish *publish, enum fv_pu
     fv_se3_from_rows(publish->state->pose.T_world_cam, &T);
     fv_se3_compose(&B, &T, &T);
     if (publish->state->is_upright) {
-        const struct fv_se3 U = upright_of(publish);
+        const struct fv_se3 U = upright_of(publish->state);
         fv_se3_compose(&U, &T, &T);
     }
     if (child == FV_PUBLISH_CAMERA) return T;
@@ -251,9 +245,10 @@ struct fv_se3 fv_publish_child_pose(const struct fv_publish *publish, enum fv_pu
 
 void fv_publish_turn(const struct fv_publish *publish, const double v[3], double out[3])
 {
+    const struct fv_se3 U = upright_of(publish->state);
     double turned[3];
     fv_rotate3(publish->T_body_cam.R, v, turned);
-    fv_rotate3(publish->state->upright, turned, out);
+    fv_rotate3(U.R, turned, out);
 }
 
 const struct fv_rates *fv_publish_rates(const struct fv_publish *publish,
@@ -377,7 +372,7 @@ struct fv_sim3 fv_publish_map(const struct fv_publish *publish)
     fv_sim3_compose(&left, &S, &S);
     fv_sim3_compose(&S, &right, &S);
     if (!publish->state->is_upright) return S;
-    T = upright_of(publish); /* so is the map */
+    T = upright_of(publish->state); /* so is the map */
     fv_sim3_from_se3(&T, 1, &left);
     fv_se3_invert(&T, &T);
     fv_sim3_from_se3(&T, 1, &right);
@@ -392,7 +387,7 @@ struct fv_sim3 fv_publish_own_map(const struct fv_publish *publish)
     struct fv_sim3 S;
     fv_sim3_from_se3(&B, publish->state->pose.scale, &S);
     if (!publish->state->is_upright) return S;
-    const struct fv_se3 U = upright_of(publish);
+    const struct fv_se3 U = upright_of(publish->state);
     struct fv_sim3 left;
     fv_sim3_from_se3(&U, 1, &left);
     fv_sim3_compose(&left, &S, &S);

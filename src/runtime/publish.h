@@ -29,7 +29,7 @@ struct fv_publish_state {
     double inner[3], outer[3];
     int64_t stamp_ns;      /* of the last frame */
     uint32_t metric;       /* inner and outer are in metres */
-    uint32_t is_upright;   /* `upright` is that of gravity, otherwise the identity */
+    uint32_t is_upright;   /* by `upright`, as gravity has it */
     uint32_t sent;         /* a pose of this map went out */
     uint32_t changes;      /* of odom, since this map began */
     struct fv_sim3 change; /* the last */

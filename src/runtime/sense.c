@@ -6,28 +6,10 @@
 #include "geometry/vec.h"
 
 static const int64_t gap_max_ns = 60000000, most_ns = 2000000000;
-static const double gyro_max = 1000, acceleration_max = 100000; /* as the gate's */
 
 /* ---- samples --------------------------------------------------------------------------------- */
 
-static bool within(const double v[3], double most)
-{
-    for (int i = 0; i < 3; i++) /* false for NaN too */
-        if (!(v[i] <= most && v[i] >= -most)) return false;
-    return true;
-}
-
-/* As the calibration has it: rows of a matrix and a constant; all 0: none. */
-static void correct(const double rows[12], const double measured[3], double out[3])
-{
-    if (fv_dot3(rows, rows) > 0)
-        for (int r = 0; r < 3; r++)
-            out[r] = fv_dot3(rows + 4 * r, measured) + rows[4 * r + 3];
-    else
-        fv_copy3(measured, out);
-}
-
-static struct fv_sense_sample *kept_at(struct fv_sense *sense, uint32_t i)
+static struct fv_imu_reading *kept_at(struct fv_sense *sense, uint32_t i)
 {
     return &sense->kept[(sense->first + i) % FV_SENSE_KEPT];
 }
@@ -35,14 +17,10 @@ static struct fv_sense_sample *kept_at(struct fv_sense *sense, uint32_t i)
 static bool keep(struct fv_sense *sense, const struct fovea_rig_imu *rig,
                  const struct fovea_imu_sample *sample)
 {
-    struct fv_sense_sample next;
-    if (!within(sample->gyro, gyro_max) || !within(sample->acceleration, acceleration_max) ||
-        __builtin_add_overflow(sample->stamp_ns, rig->time_offset_ns, &next.stamp_ns))
-        return false;
+    struct fv_imu_reading next;
+    if (!fv_imu_possible(sample) || !fv_imu_read(rig, sample, &next)) return false;
     if (sense->count > 0 && next.stamp_ns <= kept_at(sense, sense->count - 1)->stamp_ns)
         return false;
-    correct(rig->gyro_correction, sample->gyro, next.gyro);
-    correct(rig->acceleration_correction, sample->acceleration, next.acceleration);
     if (sense->count == FV_SENSE_KEPT) {
         sense->first = (sense->first + 1) % FV_SENSE_KEPT;
         sense->count--;
@@ -56,8 +34,8 @@ static bool keep(struct fv_sense *sense, const struct fovea_rig_imu *rig,
 /* From reached_ns to sample i, by its mean with the one before. False: samples lack. */
 static bool advance(struct fv_sense *sense, uint32_t i)
 {
-    const struct fv_sense_sample *now = kept_at(sense, i),
-                                 *before = i > 0 ? kept_at(sense, i - 1) : now;
+    const struct fv_imu_reading *now = kept_at(sense, i),
+                                *before = i > 0 ? kept_at(sense, i - 1) : now;
     const struct fv_imu_biases *biases = &sense->anchor.biases;
     const int64_t from_ns = i > 0 ? before->stamp_ns : sense->reached_ns;
     if (now->stamp_ns <= sense->reached_ns) return true;
@@ -106,7 +84,7 @@ void fv_sense_begin(struct fv_sense *sense, const struct fovea_rig_imu *rig,
 static void write_pose(struct fv_sense *sense, const struct fovea_rig_imu *rig,
                        struct fv_sense_pose *pose)
 {
-    const struct fv_sense_sample *last = kept_at(sense, sense->count - 1);
+    const struct fv_imu_reading *last = kept_at(sense, sense->count - 1);
     struct fv_se3 T_body_imu, T_imu_body;
     double rate[3], lever[3], turned[3];
     fv_se3_from_rows(rig->T_body_imu, &T_body_imu);

@@ -5,7 +5,8 @@
  * A frame is processed after its instant, so its samples have been seen by then: those of the last
  * while are kept, and applied again from the new pose on. Between two samples the sensor's motion
  * is that of their mean; the force counts in the attitude half-way (inertial/preintegration.h has
- * the equations). It ends when samples lack for 60 ms, or 2 s after the last pose.
+ * the equations; its sums carry a covariance, too dear for all samples kept in one step). It ends
+ * when samples lack for 60 ms, or 2 s after the last pose.
  *
  * No addresses. Real-time safe: a sample costs about a hundred multiplications, a new pose that
  * times the samples kept. */
@@ -17,6 +18,7 @@
 #include "fovea/sensor.h"
 #include "geometry/se3.h"
 #include "inertial/preintegration.h"
+#include "inertial/reading.h"
 
 enum { FV_SENSE_KEPT = 256 };
 
@@ -30,18 +32,12 @@ struct fv_sense_anchor {
     struct fv_imu_biases biases;
 };
 
-/* A sample on the frames' clock, as the sensor's calibration corrects it. */
-struct fv_sense_sample {
-    int64_t stamp_ns;
-    double gyro[3], acceleration[3];
-};
-
 struct fv_sense {
     struct fv_sense_anchor anchor;
     struct fv_se3 T_odom_imu; /* at reached_ns */
     double velocity[3];       /* of the sensor */
     int64_t reached_ns;
-    struct fv_sense_sample kept[FV_SENSE_KEPT]; /* the last ones, a ring */
+    struct fv_imu_reading kept[FV_SENSE_KEPT]; /* the last ones, a ring */
     uint32_t first, count;
     bool begun;
 };

@@ -57,17 +57,6 @@ void fv_inertial_stage_init(struct fv_inertial_stage *stage)
 
 /* ---- samples --------------------------------------------------------------------------------- */
 
-static void correct(const double rows[12], const double measured[3], double out[3])
-{
-    for (int r = 0; r < 3; r++)
-        out[r] = fv_dot3(rows + 4 * r, measured) + rows[4 * r + 3];
-}
-
-static bool stated(const double rows[12])
-{
-    return fv_dot3(rows, rows) > 0;
-}
-
 static void jump(struct fv_inertial_stage *stage)
 {
     fv_inertial_jump(&stage->estimator);
@@ -77,22 +66,13 @@ static void jump(struct fv_inertial_stage *stage)
 
 void fv_inertial_stage_observe(struct fv_inertial_stage *stage, const struct fv_imu_gate *gate)
 {
-    const struct fovea_rig_imu *imu = &stage->imu;
     if (!stage->enabled) return;
     for (uint32_t i = 0; i < gate->count; i++) {
-        const struct fovea_imu_sample *sample = &gate->clean[i].sample;
-        double gyro[3], acceleration[3];
-        int64_t stamp_ns;
-        if (__builtin_add_overflow(sample->stamp_ns, imu->time_offset_ns, &stamp_ns)) continue;
-        fv_copy3(sample->gyro, gyro);
-        fv_copy3(sample->acceleration, acceleration);
-        if (stated(imu->gyro_correction)) correct(imu->gyro_correction, sample->gyro, gyro);
-        if (stated(imu->acceleration_correction))
-            correct(imu->acceleration_correction, sample->acceleration, acceleration);
+        struct fv_imu_reading reading;
+        if (!fv_imu_read(&stage->imu, &gate->clean[i].sample, &reading)) continue;
         if (gate->clean[i].notes & FV_IMU_AFTER_JUMP) jump(stage);
-        fv_inertial_take(&stage->estimator, stamp_ns, gyro, acceleration);
-        fv_inertial_live_take(&stage->state->live, &stage->estimator.state->noise, stamp_ns, gyro,
-                              acceleration);
+        fv_inertial_take(&stage->estimator, reading.stamp_ns, reading.gyro, reading.acceleration);
+        fv_inertial_live_take(&stage->state->live, &stage->estimator.state->noise, &reading);
     }
 }
 

@@ -24,11 +24,11 @@ static double at(double t, int axis)
 /* Axes of the sensor stay those of the world. */
 static void sample(struct fv_inertial_live *live, int64_t n)
 {
-    const double t = (double)n * 0.005, gyro[3] = {0, 0, 0};
-    double force[3];
+    const double t = (double)n * 0.005;
+    struct fv_imu_reading next = {.stamp_ns = n * 5000000};
     for (int i = 0; i < 3; i++)
-        force[i] = -(1.2 + i) * (1.2 + i) * at(t, i) - gravity[i];
-    fv_inertial_live_take(live, &noise, n * 5000000, gyro, force);
+        next.acceleration[i] = -(1.2 + i) * (1.2 + i) * at(t, i) - gravity[i];
+    fv_inertial_live_take(live, &noise, &next);
 }
 
 /* Ten samples to a frame, `frames` of them; poses have errors of 2 mm. */
