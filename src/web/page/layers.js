@@ -64,7 +64,7 @@ export class FloorGrid {
         if (here !== next) begin = x + 1;
       }
   }
-  // `to(x, y)`: where a corner of the grid, metres from its origin, is on the canvas; null: nowhere.
+  // to(x, y) projects a point of the grid (metres from its origin) to the canvas; null: it is behind the eye.
   draw(context, to) {
     if (!this.place) return;
     const side = this.place.resolution_m;

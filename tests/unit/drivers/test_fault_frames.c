@@ -1,6 +1,6 @@
-/* Faults of whole frames and of inertial samples (`fault:`): what comes out, in which order and
- * with which stamps, that nothing is lost or kept that should not be, and that the same options
- * give the same. */
+/* Faults of whole frames and of inertial samples (`fault:`): which frames and samples the source
+ * gives, their order and their stamps. No other frame or sample is lost, and the same options give
+ * the same run. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>

@@ -16,6 +16,7 @@
 #include "common/sim_rig.h"
 #include "geometry/se3.h"
 #include "nn/model.h"
+#include "runtime/state.h"
 #include "support/picture.h"
 
 #include "fovea_grid_t.h"
@@ -369,6 +370,22 @@ static void a_reset_and_a_camera_that_is_gone_leave_nothing_known(void **state)
     }
 }
 
+/* As when gravity becomes known after metres. */
+static void nothing_is_known_once_odom_has_changed(void **state)
+{
+    (void)state;
+    static struct run run;
+    static int8_t cells[SIDE * SIDE];
+    struct fovea_grid_place place;
+    run_with(400, 4, FRAMES, false, &run);
+    for (uint32_t changed = 0; changed < 2; changed++) {
+        rig.rt->publish.state->changes += changed;
+        fv_free_space_follow(&rig.rt->free_space, &rig.rt->publish);
+        assert_int_equal(fovea_free_space_get(rig.rt, cells, &place), !changed);
+    }
+    end_run();
+}
+
 static void a_camera_on_the_floor_is_refused(void **state)
 {
     (void)state;
@@ -397,6 +414,7 @@ int main(void)
         cmocka_unit_test(copies_go_on_alike),
         cmocka_unit_test(a_lost_pose_leaves_nothing_known),
         cmocka_unit_test(a_reset_and_a_camera_that_is_gone_leave_nothing_known),
+        cmocka_unit_test(nothing_is_known_once_odom_has_changed),
         cmocka_unit_test(a_camera_on_the_floor_is_refused),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
