@@ -103,7 +103,7 @@ enum fovea_imu_state {
     FOVEA_IMU_OFF_CLOCK = 6,  /* stamps that are not of the frames' clock */
     FOVEA_IMU_STATE_COUNT
 };
-/* "frozen"; "none" for FOVEA_IMU_NONE. Any thread. */
+/* "frozen"; "none" for FOVEA_IMU_NONE, "unknown" for what is no state. Any thread. */
 const char *fovea_imu_state_name(enum fovea_imu_state state);
 
 /* Samples since the start; a reset does not clear them. Each that came is one of the first seven.

@@ -31,7 +31,7 @@ const char *fovea_imu_state_name(enum fovea_imu_state state)
         [FOVEA_IMU_FROZEN] = "frozen",
         [FOVEA_IMU_OFF_CLOCK] = "off the clock",
     };
-    return names[state];
+    return (unsigned)state < FOVEA_IMU_STATE_COUNT ? names[state] : "unknown";
 }
 
 void fv_imu_gate_carve(struct fv_imu_gate *gate, const struct fovea_rig_imu *rig,
@@ -76,7 +76,8 @@ static bool same(const double *a, const double *b, size_t count)
 
 /* ---- values ---------------------------------------------------------------------------------- */
 
-/* Whether an axis is at the end of its range, which is learned where the rig states none. */
+/* Whether an axis is at the end of its range: the one that the rig states, or one below that which
+ * is learned, since a sensor may stop before its numbers do. */
 static bool is_saturated(struct fv_imu_gate *gate, const double values[AXES])
 {
     const double stated[2] = {gate->rig.gyro_range, gate->rig.acceleration_range};
@@ -91,7 +92,9 @@ static bool is_saturated(struct fv_imu_gate *gate, const double values[AXES])
         state->axis_same[i] = !extreme ? 0 : again ? state->axis_same[i] + 1 : 1;
         if (state->axis_same[i] >= AT_END_MIN) state->level[sort] = size;
         if (size > state->peak[sort]) state->peak[sort] = size;
-        const double end = stated[sort] > 0 ? stated[sort] : state->level[sort];
+        const double learned = state->level[sort];
+        const bool before = learned > 0 && !(stated[sort] > 0 && stated[sort] < learned);
+        const double end = before ? learned : stated[sort];
         saturated = saturated || (end > 0 && size >= end * end_fraction);
     }
     return saturated;

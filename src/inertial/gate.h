@@ -4,9 +4,9 @@
  * A sample is refused that is a repetition of the last one, not after it, not finite or absurd, at
  * the end of an axis' range, frozen, or off the frames' clock. Rules:
  *
- * - Saturated: |value| reaches the range that the rig states, but for a thousandth. Where it states
- *   none: the largest value so far that comes four times in succession, beyond 2 rad/s or
- *   15 m/s^2, is taken for the end of the range until a larger one comes.
+ * - Saturated: |value| reaches the range that the rig states, but for a thousandth, or an end below
+ *   it: the largest value so far that comes four times in succession, beyond 2 rad/s or 15 m/s^2,
+ *   is taken for the end of the range until a larger one comes.
  * - Frozen: all six values are the same over at least 10 samples and 0.1 s. Judged only where the
  *   rig states a noise density, since a sensor without noise that stands gives the same values.
  * - Off the clock: the stamp, with the rig's time offset, is over 1 s after this step's time or
@@ -63,7 +63,7 @@ struct fv_imu_gate_state {
     uint32_t axis_same[6]; /* likewise by axis, beyond the peak before */
     uint32_t others;       /* samples of that run */
     uint32_t lacking;      /* samples since the last clean one: missing, or refused in order */
-    uint32_t verdict;      /* enum fovea_imu_state of the last sample */
+    uint32_t verdict;      /* enum fovea_imu_state of the last sample in order */
     uint32_t intervals;    /* that period_ns is the mean of */
     uint32_t told;         /* the runtime's: enum fovea_imu_state that was sent last */
     uint32_t any_step, any_heard, any_seen, any_clean;

@@ -245,6 +245,16 @@ static void the_end_of_a_range_is_seen(void **state)
     steps(stream, 600);
     assert_int_equal(status.counts.saturated, 17 + 10);
     assert_int_equal(status.counts.taken, 600 - 27);
+
+    rig = usual;
+    rig.acceleration_range = 100; /* it stops before its numbers do */
+    open_gate(&rig);
+    make_stream(400);
+    for (uint32_t n = 100; n < 120; n++)
+        stream[n].imu.acceleration[0] = -39.2;
+    steps(stream, 400);
+    assert_int_equal(status.counts.saturated, 17);
+    assert_string_equal(fovea_imu_state_name((enum fovea_imu_state)99), "unknown");
 }
 
 static void a_frozen_sensor_is_named(void **state)
