@@ -84,6 +84,8 @@ const struct fv_iio_info *fv_iio_info(const struct fv_iio *iio)
 
 /* ---- the thread ------------------------------------------------------------------------------ */
 
+static const char away[] = "is gone; it is searched for";
+
 static void complain(struct fv_iio *iio, enum complaint kind, const char *what)
 {
     struct fovea_error line;
@@ -146,7 +148,10 @@ static void look_for(struct fv_iio *iio, bool first)
     struct fovea_error error = {.text = ""};
     const enum fovea_status status = fv_iio_device_set_up(&iio->device, &error);
     if (status != FOVEA_OK) {
-        if (status != FOVEA_GONE) fv_complaints_add(&iio->complaints, AWAY, &error);
+        if (status != FOVEA_GONE)
+            fv_complaints_add(&iio->complaints, AWAY, &error);
+        else if (!first)
+            complain(iio, AWAY, away);
         return;
     }
     iio->set_up = true;
@@ -183,14 +188,14 @@ static void *run(void *context)
         (void)poll(fds, 2, 100);
         if (fds[0].revents != 0) return NULL;
         bool there = (fds[1].revents & (POLLERR | POLLNVAL)) == 0;
-        if ((fds[1].revents & POLLIN) != 0)
-            there = take(iio) && there;
-        else if ((fds[1].revents & POLLHUP) != 0)
+        if ((fds[1].revents & (POLLIN | POLLHUP)) == POLLHUP)
             there = false;
+        else /* also when the wait is over: of a device that is gone poll says nothing */
+            there = take(iio) && there;
         watch(iio);
         if (there) continue;
         if (iio->set_up) drop_device(iio);
-        complain(iio, AWAY, "is gone; it is searched for");
+        complain(iio, AWAY, away);
         fv_complaints_forget(&iio->complaints, BACK, BACK);
         iio->silent = true;
         if (!pause_for(iio, search_ns)) return NULL;
