@@ -132,6 +132,7 @@ static size_t next_message(struct fv_web_client *client, const struct fv_web_sto
             (strcmp(row->channel, "MAP") == 0) != of_map)
             continue;
         client->versions[i] = row->version;
+        if (row->operators && client->role != FV_WEB_OPERATE) continue;
         client->row = i;
         if (2 + length + row->bytes > capacity) continue;
         uint8_t *at = put(put(to, KIND_MESSAGE, 1), length, 1);

@@ -11,8 +11,6 @@
 #include "message/fields.h"
 
 #include "fovea_camera_status_t.h"
-#include "fovea_command_result_t.h"
-#include "fovea_parameter_result_t.h"
 #include "fovea_features_t.h"
 #include "fovea_grid_t.h"
 #include "fovea_map_t.h"
@@ -112,8 +110,9 @@ static void take_camera(struct fv_web_relay *relay, const struct fv_feed_message
 }
 
 /* The slot after those that this message lists, as the number of its piece. */
-static int32_t piece_of_map(const struct fv_feed_message *message)
+static int32_t piece_of_map(const struct fv_feed_message *message, int32_t last)
 {
+    (void)last;
     fovea_map_t map;
     if (!is("fovea.map_t", message) ||
         fovea_map_t_decode(message->data, 0, (int)message->bytes, &map) < 0)
@@ -123,51 +122,40 @@ static int32_t piece_of_map(const struct fv_feed_message *message)
     return piece;
 }
 
-/* Large ones come by rows. */
-static int32_t piece_of_grid(const struct fv_feed_message *message)
+/* Large ones come by rows: the piece after the last one, or the first. */
+static int32_t piece_by_row(int32_t first_row, int32_t last)
+{
+    return first_row == 0 ? 0 : last >= 0 && last + 1 < FV_WEB_PIECES_MAX ? last + 1 : -1;
+}
+
+static int32_t piece_of_grid(const struct fv_feed_message *message, int32_t last)
 {
     fovea_grid_t grid;
     if (!is("fovea.grid_t", message) ||
         fovea_grid_t_decode(message->data, 0, (int)message->bytes, &grid) < 0)
         return -1;
-    const int32_t piece = grid.first_row;
+    const int32_t piece = piece_by_row(grid.first_row, last);
     fovea_grid_t_decode_cleanup(&grid);
     return piece;
 }
 
-static int32_t piece_of_mask(const struct fv_feed_message *message)
+static int32_t piece_of_mask(const struct fv_feed_message *message, int32_t last)
 {
     fovea_segmentation_t mask;
     if (!is("fovea.segmentation_t", message) ||
         fovea_segmentation_t_decode(message->data, 0, (int)message->bytes, &mask) < 0)
         return -1;
-    const int32_t piece = mask.first_row;
+    const int32_t piece = piece_by_row(mask.first_row, last);
     fovea_segmentation_t_decode_cleanup(&mask);
     return piece;
 }
 
-enum { ANSWERS = 8 }; /* of a kind that are held, so that none takes another's place at once */
-
-static int32_t piece_of_parameter(const struct fv_feed_message *message)
+/* The last few are held, so that none takes the place of one that pages still wait for. */
+static int32_t piece_of_answer(const struct fv_feed_message *message, int32_t last)
 {
-    fovea_parameter_result_t result;
-    if (!is("fovea.parameter_result_t", message) ||
-        fovea_parameter_result_t_decode(message->data, 0, (int)message->bytes, &result) < 0)
-        return -1;
-    const int32_t piece = (int32_t)((uint64_t)result.id % ANSWERS);
-    fovea_parameter_result_t_decode_cleanup(&result);
-    return piece;
-}
-
-static int32_t piece_of_answer(const struct fv_feed_message *message)
-{
-    fovea_command_result_t result;
-    if (!is("fovea.command_result_t", message) ||
-        fovea_command_result_t_decode(message->data, 0, (int)message->bytes, &result) < 0)
-        return -1;
-    const int32_t piece = (int32_t)((uint64_t)result.id % ANSWERS);
-    fovea_command_result_t_decode_cleanup(&result);
-    return piece;
+    enum { ANSWERS = 16 };
+    (void)message;
+    return (last + 1) % ANSWERS;
 }
 
 static void take_features(struct fv_web_relay *relay, const struct fv_feed_message *message)
@@ -195,27 +183,30 @@ static const struct shown {
     const char *channel;
     int64_t pause_ns; /* between two that are sent to a page */
     void (*take)(struct fv_web_relay *relay, const struct fv_feed_message *message);
-    int32_t (*piece)(const struct fv_feed_message *message);
-    bool inside_only; /* it is not sent as it is */
+    /* Which piece it is, after `last` of the channel; -1: not to be shown. NULL: 0. */
+    int32_t (*piece)(const struct fv_feed_message *message, int32_t last);
+    enum { FOR_ALL, FOR_OPERATORS, FOR_NOBODY } whom; /* it is sent to as it is */
 } table[] = {
-    {"POSE", FV_SECOND_NS / 33, take_pose, NULL, false},
-    {"RUN", 0, NULL, NULL, false},
-    {"STATISTICS", FV_SECOND_NS / 10, NULL, NULL, false},
-    {"CAMERA_STATUS", FV_SECOND_NS / 2, take_camera, NULL, false},
-    {"HEALTH", FV_SECOND_NS / 5, NULL, NULL, false},
-    {"OBJECTS", FV_SECOND_NS / 30, NULL, NULL, false},
-    {"DETECTIONS", FV_SECOND_NS / 30, NULL, NULL, false},
-    {"DETECTIONS2", FV_SECOND_NS / 30, NULL, NULL, false},
-    {"KEYPOINTS", FV_SECOND_NS / 30, NULL, NULL, false},
-    {"KEYPOINTS2", FV_SECOND_NS / 30, NULL, NULL, false},
-    {"SEGMENTATION", FV_SECOND_NS / 10, NULL, piece_of_mask, false},
-    {"SEGMENTATION2", FV_SECOND_NS / 10, NULL, piece_of_mask, false},
-    {"GRID", FV_SECOND_NS / 4, NULL, piece_of_grid, false},
-    {"MAP", FV_SECOND_NS / 2, NULL, piece_of_map, false},
-    {"COMMAND_RESULT", 0, NULL, piece_of_answer, false},
-    {"PARAMETER_RESULT", 0, NULL, piece_of_parameter, false},
-    {"FEATURES", 0, take_features, NULL, true},
+    {"POSE", FV_SECOND_NS / 33, take_pose, NULL, FOR_ALL},
+    {"RUN", 0, NULL, NULL, FOR_ALL},
+    {"STATISTICS", FV_SECOND_NS / 10, NULL, NULL, FOR_ALL},
+    {"CAMERA_STATUS", FV_SECOND_NS / 2, take_camera, NULL, FOR_ALL},
+    {"HEALTH", FV_SECOND_NS / 5, NULL, NULL, FOR_ALL},
+    {"OBJECTS", FV_SECOND_NS / 30, NULL, NULL, FOR_ALL},
+    {"DETECTIONS", FV_SECOND_NS / 30, NULL, NULL, FOR_ALL},
+    {"DETECTIONS2", FV_SECOND_NS / 30, NULL, NULL, FOR_ALL},
+    {"KEYPOINTS", FV_SECOND_NS / 30, NULL, NULL, FOR_ALL},
+    {"KEYPOINTS2", FV_SECOND_NS / 30, NULL, NULL, FOR_ALL},
+    {"SEGMENTATION", FV_SECOND_NS / 10, NULL, piece_of_mask, FOR_ALL},
+    {"SEGMENTATION2", FV_SECOND_NS / 10, NULL, piece_of_mask, FOR_ALL},
+    {"GRID", FV_SECOND_NS / 4, NULL, piece_of_grid, FOR_ALL},
+    {"MAP", FV_SECOND_NS / 2, NULL, piece_of_map, FOR_ALL},
+    {"COMMAND_RESULT", 0, NULL, piece_of_answer, FOR_ALL},
+    {"PARAMETER_RESULT", 0, NULL, piece_of_answer, FOR_OPERATORS}, /* values may be secret */
+    {"FEATURES", 0, take_features, NULL, FOR_NOBODY},
 };
+enum { SHOWN = sizeof table / sizeof table[0] };
+_Static_assert(sizeof table / sizeof table[0] <= FV_WEB_SHOWN_MAX, "each has its last piece");
 
 static const struct shown *shown_find(const struct fv_web_relay *relay, const char *channel)
 {
@@ -224,7 +215,7 @@ static const struct shown *shown_find(const struct fv_web_relay *relay, const ch
         if (strncmp(channel, relay->prefix, length) != 0 || channel[length] != '_') return NULL;
         channel += length + 1;
     }
-    for (size_t i = 0; i < sizeof table / sizeof table[0]; i++)
+    for (size_t i = 0; i < SHOWN; i++)
         if (strcmp(channel, table[i].channel) == 0) return &table[i];
     return NULL;
 }
@@ -232,12 +223,18 @@ static const struct shown *shown_find(const struct fv_web_relay *relay, const ch
 static void take(struct fv_web_relay *relay, const struct fv_feed_message *message, bool watched)
 {
     const struct shown *shown = shown_find(relay, message->channel);
-    if (shown == NULL || (shown->inside_only && !watched)) return;
-    const int32_t piece = shown->piece != NULL ? shown->piece(message) : 0;
+    if (shown == NULL || (shown->whom == FOR_NOBODY && !watched)) return;
+    int32_t *last = &relay->pieces[shown - table];
     if (shown->take != NULL) shown->take(relay, message);
-    if (!shown->inside_only && piece >= 0)
-        fv_web_store_message(relay->store, shown->channel, piece, message->data, message->bytes,
-                             shown->pause_ns);
+    if (shown->piece != NULL) *last = shown->piece(message, *last);
+    if (shown->whom != FOR_NOBODY && *last >= 0)
+        fv_web_store_message(relay->store,
+                             &(struct fv_web_kept){.channel = shown->channel,
+                                                   .piece = *last,
+                                                   .data = message->data,
+                                                   .bytes = message->bytes,
+                                                   .pause_ns = shown->pause_ns,
+                                                   .operators = shown->whom == FOR_OPERATORS});
 }
 
 /* ---- frames ---------------------------------------------------------------------------------- */
@@ -288,6 +285,7 @@ static bool connect_run(struct fv_web_relay *relay)
     if (fv_feed_reader_open(relay->path, 0, &relay->reader, &error) != FOVEA_OK) return false;
     relay->wished = 0;
     relay->overlay_next = 0;
+    memset(relay->pieces, 0, sizeof relay->pieces);
     memset(relay->overlays, 0, sizeof relay->overlays);
     relay->state = relay->scale_state = relay->map_id = relay->camera_state = -1;
     fv_feed_reader_prefix(relay->reader, relay->prefix);

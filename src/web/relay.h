@@ -9,7 +9,12 @@
 #include "app/network/feed_reader.h"
 #include "web/store.h"
 
-enum { FV_WEB_OVERLAYS = 8, FV_WEB_OVERLAY_BYTES = 1 << 16 };
+enum {
+    FV_WEB_OVERLAYS = 8,
+    FV_WEB_OVERLAY_BYTES = 1 << 16,
+    FV_WEB_SHOWN_MAX = 24, /* kinds of messages */
+    FV_WEB_PIECES_MAX = 32 /* of one grid or mask */
+};
 
 struct fv_web_relay {
     const char *path; /* of the feed's socket */
@@ -30,6 +35,7 @@ struct fv_web_relay {
         struct fv_web_point points[FV_WEB_POINTS_MAX];
     } overlays[FV_WEB_OVERLAYS];
     uint32_t overlay_next;
+    int32_t pieces[FV_WEB_SHOWN_MAX]; /* the last one of each kind */
 };
 
 void fv_web_relay_init(struct fv_web_relay *relay, const char *path, uint32_t rate_hz,

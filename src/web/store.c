@@ -17,20 +17,20 @@ static struct fv_web_row *row_find(struct fv_web_store *store, const char *chann
     return row;
 }
 
-void fv_web_store_message(struct fv_web_store *store, const char *channel, int32_t piece,
-                          const uint8_t *data, uint32_t bytes, int64_t pause_ns)
+void fv_web_store_message(struct fv_web_store *store, const struct fv_web_kept *kept)
 {
-    struct fv_web_row *row = row_find(store, channel, piece);
+    struct fv_web_row *row = row_find(store, kept->channel, kept->piece);
     if (row == NULL) return;
-    if (bytes > row->capacity) {
-        uint8_t *more = realloc(row->data, bytes);
+    if (kept->bytes > row->capacity) {
+        uint8_t *more = realloc(row->data, kept->bytes);
         if (more == NULL) return;
         row->data = more;
-        row->capacity = bytes;
+        row->capacity = kept->bytes;
     }
-    memcpy(row->data, data, bytes);
-    row->bytes = bytes;
-    row->pause_ns = pause_ns;
+    memcpy(row->data, kept->data, kept->bytes);
+    row->bytes = kept->bytes;
+    row->pause_ns = kept->pause_ns;
+    row->operators = kept->operators;
     row->waits = true;
 }
 

@@ -24,8 +24,9 @@ enum {
 
 struct fv_web_row {
     char channel[FV_MESSAGE_CHANNEL_BYTES]; /* without the prefix: "POSE" */
-    int32_t piece; /* of messages that come in pieces, and of answers; else 0 */
-    bool waits;    /* it changed since `version` was counted up */
+    int32_t piece;  /* of messages that come in pieces, and of answers; else 0 */
+    bool operators; /* only pages that may operate get it */
+    bool waits;     /* it changed since `version` was counted up */
     uint32_t version, bytes, capacity;
     int64_t due_ns, pause_ns; /* not to be sent again before; between two times */
     uint8_t *data;
@@ -77,10 +78,17 @@ struct fv_web_store {
     char prefix[FV_MESSAGE_CHANNEL_BYTES];
 };
 
-/* Keep a message; without room for one more row it is dropped. It is sent again `pause_ns` after
- * the last time at the earliest. */
-void fv_web_store_message(struct fv_web_store *store, const char *channel, int32_t piece,
-                          const uint8_t *data, uint32_t bytes, int64_t pause_ns);
+struct fv_web_kept {
+    const char *channel;
+    int32_t piece;
+    const uint8_t *data;
+    uint32_t bytes;
+    int64_t pause_ns; /* it is sent again that long after the last time at the earliest */
+    bool operators;
+};
+
+/* Keep a message; without room for one more row it is dropped. */
+void fv_web_store_message(struct fv_web_store *store, const struct fv_web_kept *kept);
 /* Count up versions of what waits and is due. Returns whether there is any. */
 bool fv_web_store_tick(struct fv_web_store *store, int64_t now_ns);
 

@@ -290,6 +290,10 @@ static void who_may_only_look_cannot_command(void **state)
     assert_non_null(strstr((char *)packet, "\"commands\":false"));
     assert_true(web_say(page, "command 1 pause"));
     until_text(page, "\"kind\":\"refused\",\"request\":1");
+    assert_true(web_say(page, "parameter 2 once seed"));
+    until_text(page, "\"kind\":\"refused\",\"request\":2");
+    assert_true(web_say(page, "parameter 3 keep features.threshold 30"));
+    until_text(page, "\"kind\":\"refused\",\"request\":3");
     close(page);
     assert_int_equal(web_end(web, true), 0);
     web = 0;

@@ -196,9 +196,9 @@ def check_layers(page):
         const { live, scene } = fovea, classes = [0, 255].map((red, i) => ({ class_id: i, class_name: ["floor", "wall"][i], red, green: 255 - red, blue: 0, fraction: 0.5 }));
         const layers = { ...live.layers };
         for (const layer in live.layers) live.layers[layer] = layer === "classes";
-        const piece = (first_row) => live.segmentation({ stamp: { time_ns: 1n }, width: 4, height: 4, classes, first_row, row_count: 2, run_count: 3,
+        const piece = (first_row) => live.segmentation({ stamp: { time_ns: 1n }, camera: 0, width: 4, height: 4, classes, first_row, row_count: 2, run_count: 3,
           run_class: [0, 255, 1], run_length: [3, 2, 3], raw_scale_x: live.picture.width / 4, raw_scale_y: live.picture.height / 4,
-          raw_offset_x: live.picture.width / 8 - 0.5, raw_offset_y: live.picture.height / 8 - 0.5 });
+          raw_offset_x: live.picture.width / 8 - 0.5, raw_offset_y: live.picture.height / 8 - 0.5 }, 0);
         piece(0);
         piece(2);
         const before = document.createElement("canvas");
@@ -210,9 +210,9 @@ def check_layers(page):
         live.draw();
         const at = (canvas, column, row) => [...canvas.getContext("2d").getImageData((column + 0.5) * canvas.width / 4, (row + 0.5) * canvas.height / 4, 1, 1).data];
         const change = (column, row) => at(live.canvas, column, row).map((value, i) => value - at(before, column, row)[i]);
-        const mask = { green: change(0, 0), none: change(3, 0), red: change(3, 1), below: change(0, 2), legend: live.mask.legend.textContent };
+        const mask = { green: change(0, 0), none: change(3, 0), red: change(3, 1), below: change(0, 2), legend: live.classes.textContent };
         Object.assign(live.layers, layers);
-        live.mask.forget();
+        live.masks[0].forget();
         scene.floor.take({ stamp: { time_ns: 1n }, width: 4, height: 2, first_row: 0, row_count: 2, cells: [0, 0, 50, 100, -1, 10, 90, 90],
           free_below: 0.35, occupied_above: 0.65, resolution_m: 0.5, origin_position: [0, 0, 0], origin_orientation: [1, 0, 0, 0] });
         const runs = { free: scene.floor.free, occupied: scene.floor.occupied };
@@ -249,8 +249,11 @@ def check_parameters(page, kept):
     with open(kept, encoding="utf-8") as file:
         assert "count_max: " + before in file.read()
     page.driver.find_element(By.ID, "all-keys").click()
-    page.js("document.querySelector('[for=\"key-seed\"]').closest('details').open = true")
-    page.until(rows + ".get('seed').input.value === '1'", "the value of a key that needs a restart")
+    page.js("for (const group of document.getElementById('keys').children) group.open = true")  # all at once
+    page.until(f"[...{rows}.values()].every((row) => row.known && row.input.value !== '')", "the values of all keys")
+    strange = page.js(f"return [...{rows}.values()].map((row) => row.said.textContent).filter((text) => text && !text.startsWith('in force'))")
+    assert not strange, strange
+    assert page.js(f"return {rows}.get('seed').input.value") == "1"
     assert page.js(f"return {rows}.get('seed').input.disabled")
     page.driver.find_element(By.ID, "all-keys").click()
 

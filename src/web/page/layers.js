@@ -4,12 +4,13 @@ const UNKNOWN = -1;
 
 // The classes of the pixels (segmentation_t), over the picture. Pieces of one stamp make one mask.
 export class Mask {
-  constructor(legend) {
-    this.legend = legend;
+  constructor() {
     this.canvas = document.createElement("canvas");
+    this.names = [];
   }
   take(message) {
     const { width, height, stamp, classes } = message;
+    if (stamp.time_ns < this.stamp) return; // what is left of an older one
     if (stamp.time_ns !== this.stamp || this.canvas.width !== width || this.canvas.height !== height) {
       Object.assign(this.canvas, { width, height });
       this.stamp = stamp.time_ns;
@@ -21,19 +22,19 @@ export class Mask {
     const pixels = new Uint32Array(image.data.buffer);
     for (let run = 0, at = 0; run < message.run_count; at += message.run_length[run++]) pixels.fill(colours[message.run_class[run]], at, at + message.run_length[run]);
     this.canvas.getContext("2d").putImageData(image, 0, message.first_row);
-    this.name(classes);
+    this.names = this.name(classes);
   }
   // The classes that are there, the largest first.
   name(classes) {
     const there = classes.filter((one) => one.fraction >= 0.005).sort((a, b) => b.fraction - a.fraction).slice(0, 8);
-    this.legend.replaceChildren(...there.map(({ class_name, class_id, red, green, blue, fraction }) => {
+    return there.map(({ class_name, class_id, red, green, blue, fraction }) => {
       const item = document.createElement("li"), square = document.createElement("canvas"), context = square.getContext("2d");
       Object.assign(square, { width: 12, height: 12 });
       context.fillStyle = `rgb(${red}, ${green}, ${blue})`;
       context.fillRect(0, 0, 12, 12);
       item.append(square, ` ${class_name || "class " + class_id} ${Math.round(100 * fraction)} %`);
       return item;
-    }));
+    });
   }
   // On a canvas with k pixels for each of the raw image.
   draw(context, k) {
@@ -46,7 +47,7 @@ export class Mask {
   }
   forget() {
     this.place = this.stamp = undefined;
-    this.legend.replaceChildren();
+    this.names = [];
   }
 }
 
@@ -54,6 +55,7 @@ export class Mask {
 export class FloorGrid {
   take(message) {
     const { stamp, width, first_row, cells, row_count } = message;
+    if (stamp.time_ns < this.stamp) return;
     if (stamp.time_ns !== this.stamp) Object.assign(this, { stamp: stamp.time_ns, free: [], occupied: [] });
     this.place = message;
     const kind = (value) => value === UNKNOWN ? null : value < 100 * message.free_below ? this.free : value > 100 * message.occupied_above ? this.occupied : null;

@@ -9,7 +9,8 @@ const TRAIL = 45;
 
 export class Live {
   constructor(canvas, classes, link, onShown) {
-    this.mask = new Mask(classes);
+    this.classes = classes;
+    this.masks = [new Mask(), new Mask()]; // of the two networks
     this.canvas = canvas;
     this.context = canvas.getContext("2d");
     this.link = link;
@@ -73,8 +74,10 @@ export class Live {
       distance: NaN,
     }));
   }
-  segmentation(message) {
-    this.mask.take(message);
+  segmentation(message, network) {
+    if (message.camera !== 0) return; // not on this picture
+    this.masks[network].take(message);
+    this.classes.replaceChildren(...this.masks.flatMap((mask) => mask.names));
   }
   keypoints(message) {
     this.sets = message.sets;
@@ -83,7 +86,8 @@ export class Live {
     this.boxes = this.sets = undefined;
     this.hasObjects = false;
     this.trails.clear();
-    this.mask.forget();
+    for (const mask of this.masks) mask.forget();
+    this.classes.replaceChildren();
   }
 
   draw() {
@@ -98,7 +102,7 @@ export class Live {
     context.imageSmoothingEnabled = true;
     context.drawImage(bitmap, 0, 0, k * bitmap.width * picture.shrink, k * bitmap.height * picture.shrink);
     this.k = k;
-    if (this.layers.classes) this.mask.draw(context, k);
+    if (this.layers.classes) for (const mask of this.masks) mask.draw(context, k);
     if (this.layers.features) this.drawFeatures();
     if (this.layers.tracks) this.drawTrails();
     if (this.layers.keypoints && this.sets) this.drawKeypoints();

@@ -2,7 +2,8 @@
 
 import { byId } from "/panels.js";
 
-const DONE = 0, NEEDS_RESTART = 2;
+const DONE = 0, NEEDS_RESTART = 2, VALUE_BYTES_MAX = 300; // a page may say 400 at once
+const bytes = new TextEncoder();
 
 function element(tag, properties, ...children) {
   const made = Object.assign(document.createElement(tag), properties);
@@ -41,7 +42,7 @@ export class Parameters {
     const said = element("p", { className: "result" });
     said.setAttribute("role", "status");
     const help = element("p", { className: "help", id: id + "-help",
-      textContent: `${key.help}. ${key.range}; default ${key.default || "empty"}${key.cost ? ". More: " + key.cost : ""}${key.live ? "" : ". Needs a restart"}.` });
+      textContent: `${key.help}. ${key.range}; default ${key.default}${key.cost ? ". More: " + key.cost : ""}${key.live ? "" : ". Needs a restart"}.` });
     input.setAttribute("aria-describedby", help.id);
     const row = element("form", { className: "parameter" }, element("label", { htmlFor: id, textContent: key.name }), input, ...(key.live ? [button] : []), help, said);
     row.addEventListener("submit", (event) => {
@@ -69,8 +70,11 @@ export class Parameters {
     }
     for (const group of byId("keys").children) this.read(group);
   }
-  // The values of an open group, one after the other.
-  async read(group) {
+  // The values of the open groups, one after the other.
+  read(group) {
+    this.reading = (this.reading || Promise.resolve()).then(() => this.readNow(group));
+  }
+  async readNow(group) {
     for (const form of group.querySelectorAll(".parameter")) {
       const row = this.rows.get(form.firstChild.textContent);
       if (!group.open || !this.allowed || form.hidden || row.known) continue;
@@ -89,6 +93,10 @@ export class Parameters {
   }
   async set(name) {
     const row = this.rows.get(name), value = row.input.value.trim();
+    if (bytes.encode(value).length > VALUE_BYTES_MAX) {
+      this.say(row, `refused: the value has more than ${VALUE_BYTES_MAX} bytes`, "bad");
+      return;
+    }
     this.say(row, "sent");
     try {
       const answer = await this.ask(name, value === "" ? '""' : value, byId("keep").checked);

@@ -62,7 +62,10 @@ static enum fv_web_said say(const char *words)
 
 static void message(const char *channel, int32_t piece, const char *what)
 {
-    fv_web_store_message(&store, channel, piece, (const uint8_t *)what, (uint32_t)strlen(what), 0);
+    fv_web_store_message(&store, &(struct fv_web_kept){.channel = channel,
+                                                       .piece = piece,
+                                                       .data = (const uint8_t *)what,
+                                                       .bytes = (uint32_t)strlen(what)});
     (void)fv_web_store_tick(&store, now_ns);
 }
 
@@ -124,11 +127,36 @@ static void a_message_is_sent_no_more_often_than_it_may(void **state)
     (void)state;
     drain();
     for (int i = 0; i < 1000; i++, now_ns += MS) {
-        fv_web_store_message(&store, "POSE", 0, (const uint8_t *)"x", 1, 100 * MS);
+        fv_web_store_message(&store, &(struct fv_web_kept){.channel = "POSE",
+                                                           .data = (const uint8_t *)"x",
+                                                           .bytes = 1,
+                                                           .pause_ns = 100 * MS});
         (void)fv_web_store_tick(&store, now_ns);
         sent += next() == 1;
     }
     assert_in_range(sent, 9, 11);
+}
+
+static void what_is_for_operators_is_sent_to_no_other_page(void **state)
+{
+    (void)state;
+    for (int operates = 0; operates < 2; operates++) {
+        fv_web_client_init(&client, operates ? FV_WEB_OPERATE : FV_WEB_VIEW, false);
+        drain();
+        fv_web_store_message(&store, &(struct fv_web_kept){.channel = "PARAMETER_RESULT",
+                                                           .data = (const uint8_t *)"x",
+                                                           .bytes = 1,
+                                                           .operators = true});
+        (void)fv_web_store_tick(&store, now_ns);
+        message("POSE", 0, "y");
+        int parameters = 0, poses = 0;
+        for (int kind = next(); kind >= 0; kind = next()) {
+            parameters += kind == 1 && memcmp(packet + 2, "PARAMETER_RESULT", 16) == 0;
+            poses += kind == 1 && memcmp(packet + 2, "POSE", 4) == 0;
+        }
+        assert_int_equal(parameters, operates);
+        assert_int_equal(poses, 1);
+    }
 }
 
 static void a_store_takes_no_more_than_its_room(void **state)
@@ -304,6 +332,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         TEST(a_page_gets_the_newest_of_each_message_once),
         TEST(a_message_is_sent_no_more_often_than_it_may),
+        TEST(what_is_for_operators_is_sent_to_no_other_page),
         TEST(a_store_takes_no_more_than_its_room),
         TEST(the_path_follows_a_change_of_unit),
         TEST(two_pictures_are_on_their_way_at_most),
