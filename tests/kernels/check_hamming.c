@@ -19,12 +19,30 @@ static uint8_t *random_descriptors(struct check *check, int32_t count)
     return all;
 }
 
+/* Up to four trains become queries, at a distance of 0, or complements of queries, at a distance of
+ * 256 or a little less. */
+static void put_queries(struct check *check, uint8_t *train, int32_t trains, const uint8_t *query,
+                        int32_t queries)
+{
+    const int32_t count = check_between(check, 0, 4), kind = check_between(check, 0, 2);
+    for (int32_t i = 0; i < count && queries > 0 && trains > 0; i++) {
+        uint8_t *to = train + FV_DESCRIPTOR_BYTES * check_between(check, 0, trains - 1);
+        const uint8_t *from = query + FV_DESCRIPTOR_BYTES * check_between(check, 0, queries - 1);
+        for (int k = 0; k < FV_DESCRIPTOR_BYTES; k++)
+            to[k] = kind == 0 ? from[k] : (uint8_t)~from[k];
+        if (kind == 1) to[0] ^= (uint8_t)check_random(check);
+    }
+}
+
+/* Trains of up to three blocks of the kernel for AVX2. */
 void check_hamming_two_u8(struct check *check, fv_k_hamming_two_u8_fn *reference,
                           fv_k_hamming_two_u8_fn *variant)
 {
-    const int32_t queries = check_between(check, 0, 40), trains = check_between(check, 0, 40);
-    const uint8_t *query = random_descriptors(check, queries),
-                  *train = random_descriptors(check, trains);
+    const int32_t queries = check_between(check, 0, 40);
+    const int32_t trains = check_between(check, 0, check_between(check, 0, 1) == 0 ? 40 : 300);
+    const uint8_t *query = random_descriptors(check, queries);
+    uint8_t *train = random_descriptors(check, trains);
+    put_queries(check, train, trains, query, queries);
     const size_t bytes = 4 * (size_t)queries;
     uint32_t *expected = check_buffer(check, bytes, 4, 0),
              *found = check_buffer(check, bytes, 4, 0);
