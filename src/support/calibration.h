@@ -96,6 +96,12 @@ enum fovea_status fv_calibration_parse(const char *name, const char *text, size_
                                        const char *which, struct fv_calibration *calibration,
                                        struct fovea_error *error);
 
+/* As fv_calibration_read. A calibration without the camera `which` is FOVEA_OK with `*found` false.
+ * Init-only. */
+enum fovea_status fv_calibration_read_if_there(const char *path, const char *which,
+                                               struct fv_calibration *calibration, bool *found,
+                                               struct fovea_error *error);
+
 /* Write a calibration. Numbers keep all their bits, so reading the file again gives the same
  * camera. A camera that the format cannot hold (k3 to k6 in Kalibr and EuRoC files, k4 to k6 in
  * ORB-SLAM3's, a fisheye in PhotonVision's; a size that is not stated) is refused with

@@ -271,8 +271,12 @@ static enum fovea_status read_any(const struct fv_calibration_reader *r, const c
     if (is) return status;
     if (which != NULL || find_camchain(root, NULL) != NULL) {
         node *camera = find_camchain(root, which);
-        if (camera == NULL) return fv_yaml_require(r->tree, root, which, &missing, r->error);
-        return read_kalibr(r, camera);
+        if (camera != NULL) return read_kalibr(r, camera);
+        node *other = fv_yaml_child(root, which);
+        if (other != NULL)
+            return fv_yaml_refuse(r->tree, other, "a mapping with the keys of a camera", r->error);
+        *r->absent = root->kind == FV_YAML_MAPPING;
+        return fv_yaml_require(r->tree, root, which, &missing, r->error);
     }
     status = fv_calibration_read_photonvision(r, &is);
     if (is) return status;
@@ -302,11 +306,13 @@ static enum fovea_status read_any(const struct fv_calibration_reader *r, const c
 }
 
 static enum fovea_status read_tree(const struct fv_yaml_tree *tree, const char *which,
-                                   struct fv_calibration *calibration, struct fovea_error *error)
+                                   struct fv_calibration *calibration, bool *absent,
+                                   struct fovea_error *error)
 {
     struct fv_calibration found = {0};
     const struct fv_calibration_reader reader = {
-        .tree = tree, .calibration = &found, .error = error};
+        .tree = tree, .calibration = &found, .error = error, .absent = absent};
+    *absent = false;
     enum fovea_status status = read_any(&reader, which);
     if (status != FOVEA_OK) return status;
     struct fovea_error why = {0};
@@ -321,9 +327,23 @@ enum fovea_status fv_calibration_parse(const char *name, const char *text, size_
                                        struct fovea_error *error)
 {
     struct fv_yaml_tree *tree;
+    bool absent;
     enum fovea_status status = fv_yaml_parse(name, text, bytes, &tree, error);
     if (status != FOVEA_OK) return status;
-    status = read_tree(tree, which, calibration, error);
+    status = read_tree(tree, which, calibration, &absent, error);
+    fv_yaml_free(tree);
+    return status;
+}
+
+static enum fovea_status read_file(const char *path, const char *which,
+                                   struct fv_calibration *calibration, bool *absent,
+                                   struct fovea_error *error)
+{
+    struct fv_yaml_tree *tree;
+    *absent = false;
+    enum fovea_status status = fv_yaml_read(path, &tree, error);
+    if (status != FOVEA_OK) return status;
+    status = read_tree(tree, which, calibration, absent, error);
     fv_yaml_free(tree);
     return status;
 }
@@ -331,10 +351,16 @@ enum fovea_status fv_calibration_parse(const char *name, const char *text, size_
 enum fovea_status fv_calibration_read(const char *path, const char *which,
                                       struct fv_calibration *calibration, struct fovea_error *error)
 {
-    struct fv_yaml_tree *tree;
-    enum fovea_status status = fv_yaml_read(path, &tree, error);
-    if (status != FOVEA_OK) return status;
-    status = read_tree(tree, which, calibration, error);
-    fv_yaml_free(tree);
-    return status;
+    bool absent;
+    return read_file(path, which, calibration, &absent, error);
+}
+
+enum fovea_status fv_calibration_read_if_there(const char *path, const char *which,
+                                               struct fv_calibration *calibration, bool *found,
+                                               struct fovea_error *error)
+{
+    bool absent;
+    const enum fovea_status status = read_file(path, which, calibration, &absent, error);
+    *found = status == FOVEA_OK;
+    return absent ? FOVEA_OK : status;
 }

@@ -20,6 +20,7 @@ static long camera_index(const char *which)
 
 static enum fovea_status refuse_which(reader *r, node *where, const char *which, size_t cameras)
 {
+    *r->absent = true;
     return fovea_error_set(r->error, FOVEA_ERROR_INPUT,
                            "%s:%u: found %zu camera%s, expected '%.32s' among cam0 to cam%zu",
                            r->tree->file, where->line, cameras, cameras == 1 ? "" : "s", which,

@@ -10,6 +10,7 @@ struct fv_calibration_reader {
     const struct fv_yaml_tree *tree;
     struct fv_calibration *calibration; /* what was found so far */
     struct fovea_error *error;
+    bool *absent; /* set: the file has other cameras, but not the one that was asked for */
 };
 
 /* Refuse what Fovea does not have. Returns FOVEA_ERROR_UNSUPPORTED. */

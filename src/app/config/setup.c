@@ -258,18 +258,25 @@ static enum fovea_status rig_join(struct fv_settings *settings,
 }
 
 /* Cameras of a rig that its source has no calibration of, as two live ones: from the file of the
- * key `camera`, where that is a camchain (cam0, cam1 ...). */
-static void cameras_read(const struct fv_settings *settings, struct fovea_source_info *info)
+ * key `camera`, where that is a camchain (cam0, cam1 ...). One that it lacks stays without; one
+ * that is malformed is refused. */
+static enum fovea_status cameras_read(struct fv_settings *settings, struct fovea_source_info *info,
+                                      struct fovea_error *error)
 {
     struct fv_calibration first, other;
     struct fovea_rig *rig = &info->rig;
-    if (settings->camera[0] == '\0' || rig->camera_count < 2 || rig->cameras[1].calibrated) return;
-    if (fv_calibration_read(settings->camera, "cam0", &first, NULL) != FOVEA_OK) return;
-    for (uint32_t i = 1; i < rig->camera_count; i++) {
+    bool found = false;
+    if (settings->camera[0] == '\0' || rig->camera_count < 2 || rig->cameras[1].calibrated)
+        return FOVEA_OK;
+    enum fovea_status status =
+        fv_calibration_read_if_there(settings->camera, "cam0", &first, &found, error);
+    if (status == FOVEA_OK && !found) return FOVEA_OK;
+    for (uint32_t i = 1; i < rig->camera_count && status == FOVEA_OK; i++) {
         struct fovea_rig_camera *camera = &rig->cameras[i];
         char which[16];
         snprintf(which, sizeof which, "cam%u", i);
-        if (fv_calibration_read(settings->camera, which, &other, NULL) != FOVEA_OK) continue;
+        status = fv_calibration_read_if_there(settings->camera, which, &other, &found, error);
+        if (!found) continue;
         camera->camera = other.camera;
         camera->calibrated = true;
         camera->has_T_body_cam = other.has_T_body_cam;
@@ -277,11 +284,16 @@ static void cameras_read(const struct fv_settings *settings, struct fovea_source
         snprintf(info->cameras[i].origin, sizeof info->cameras[i].origin, "%.255s",
                  settings->camera);
     }
+    if (status != FOVEA_OK) {
+        fv_settings_blame(settings, "camera", error);
+        return status;
+    }
     /* Where the file states no body, it is the first camera. */
     static const double identity[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
     rig->cameras[0].has_T_body_cam = true;
     memcpy(rig->cameras[0].T_body_cam, first.has_T_body_cam ? first.T_body_cam : identity,
            sizeof identity);
+    return FOVEA_OK;
 }
 
 static enum fovea_status rig_fit(struct fv_settings *settings, const struct fovea_source_info *seen,
@@ -290,7 +302,7 @@ static enum fovea_status rig_fit(struct fv_settings *settings, const struct fove
     struct fovea_rig *rig = &settings->runtime.rig;
     struct fovea_source_info known = *seen, *info = &known;
     enum fovea_status status = camera_fit(settings, info, rough, error);
-    cameras_read(settings, info);
+    if (status == FOVEA_OK) status = cameras_read(settings, info, error);
     if (status == FOVEA_OK) status = rig_join(settings, info, error);
     for (uint32_t i = 1; i < rig->camera_count && status == FOVEA_OK; i++) {
         struct fovea_rig_camera *camera = &rig->cameras[i];

@@ -203,30 +203,37 @@ static int remove_file(void **state)
     return unlink(path) != 0 ? -1 : place;
 }
 
+#define CAM0                                                                                       \
+    "cam0:\n  camera_model: pinhole\n  intrinsics: [80.0, 80.0, 48.0, 32.0]\n"                     \
+    "  distortion_model: radtan\n  distortion_coeffs: [0.0, 0.0, 0.0, 0.0]\n"                      \
+    "  resolution: [96, 64]\n"
+static const char pair_of_cameras[] =
+    "pair:v4l2:/dev/video0?format=GREY and v4l2:/dev/video1?format=GREY";
+
+static void two_cameras_plug(void)
+{
+    fake_plug(fake_new(), "/dev/video0");
+    fake_plug(fake_new(), "/dev/video1");
+}
+
 /* Two cameras whose source has no calibration of them: from the camchain at `camera`, each to its
  * own size, the second placed by the first. */
 static void a_camchain_calibrates_two_live_cameras(void **state)
 {
     static const char *const chain =
-        "cam0:\n  camera_model: pinhole\n  intrinsics: [80.0, 80.0, 48.0, 32.0]\n"
-        "  distortion_model: radtan\n  distortion_coeffs: [0.0, 0.0, 0.0, 0.0]\n"
-        "  resolution: [96, 64]\n"
-        "cam1:\n  camera_model: pinhole\n  intrinsics: [70.0, 71.0, 47.0, 31.0]\n"
-        "  distortion_model: radtan\n  distortion_coeffs: [0.0, 0.0, 0.0, 0.0]\n"
-        "  resolution: [96, 64]\n  T_cn_cnm1:\n  - [1.0, 0.0, 0.0, -0.12]\n"
-        "  - [0.0, 1.0, 0.0, 0.0]\n  - [0.0, 0.0, 1.0, 0.0]\n  - [0.0, 0.0, 0.0, 1.0]\n";
-    static const char *const source =
-        "pair:v4l2:/dev/video0?format=GREY and v4l2:/dev/video1?format=GREY";
+        CAM0 "cam1:\n  camera_model: pinhole\n  intrinsics: [70.0, 71.0, 47.0, 31.0]\n"
+             "  distortion_model: radtan\n  distortion_coeffs: [0.0, 0.0, 0.0, 0.0]\n"
+             "  resolution: [96, 64]\n  T_cn_cnm1:\n  - [1.0, 0.0, 0.0, -0.12]\n"
+             "  - [0.0, 1.0, 0.0, 0.0]\n  - [0.0, 0.0, 1.0, 0.0]\n  - [0.0, 0.0, 0.0, 1.0]\n";
     char set[64];
     const char *const sets[] = {set, "T_body_cam=[[0, 0, 1, 0.3], [-1, 0, 0, 0], [0, -1, 0, 0.5]]",
                                 NULL};
     struct fv_setup setup = {0};
     (void)state;
-    fake_plug(fake_new(), "/dev/video0");
-    fake_plug(fake_new(), "/dev/video1");
+    two_cameras_plug();
     fv_test_write_text(path, chain);
     snprintf(set, sizeof set, "camera=%s", path);
-    if (open_with(source, sets, &setup) != FOVEA_OK) fail_msg("%s", error.text);
+    if (open_with(pair_of_cameras, sets, &setup) != FOVEA_OK) fail_msg("%s", error.text);
     const struct fovea_rig *rig = &settings.runtime.rig;
     assert_int_equal(rig->camera_count, 2);
     assert_true(rig->cameras[0].camera.fx == 80 && rig->cameras[1].camera.fy == 71);
@@ -240,9 +247,39 @@ static void a_camchain_calibrates_two_live_cameras(void **state)
     assert_int_equal(fv_calibration_write(path, FV_CALIBRATION_ROS, &alone, NULL, &error),
                      FOVEA_OK);
     setup = (struct fv_setup){0};
-    if (open_with(source, sets, &setup) != FOVEA_OK) fail_msg("%s", error.text);
+    if (open_with(pair_of_cameras, sets, &setup) != FOVEA_OK) fail_msg("%s", error.text);
     assert_false(settings.runtime.rig.cameras[1].calibrated);
     fv_setup_close(&setup);
+}
+
+/* A second camera that the file has but that is wrong is no reason to go on with one. */
+static void a_malformed_second_camera_is_refused(void **state)
+{
+    static const char *const wrong[][2] = {
+        {CAM0 "cam1:\n  camera_model: pinhole\n  intrinsics: [70.0, 71.0, 47.0]\n",
+         ":9: cam1.intrinsics: found"},
+        {CAM0 "cam1:\n  camera_model: omni\n", ":8: cam1.camera_model: found 'omni'"},
+        {CAM0 "cam1:\n", ":7: cam1: found"},
+        {"%YAML:1.0\n---\nCamera.type: \"PinHole\"\nCamera1.fx: 80.0\nCamera1.fy: 80.0\n"
+         "Camera1.cx: 48.0\nCamera1.cy: 32.0\nCamera2.fx: 80.0\nCamera2.fy: 80.0\n"
+         "Camera2.cx: 48.0\nCamera.width: 96\nCamera.height: 64\n",
+         "expected 'Camera2.cy'"},
+    };
+    char set[64];
+    (void)state;
+    two_cameras_plug();
+    snprintf(set, sizeof set, "camera=%s", path);
+    for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; i++) {
+        const char *const sets[] = {set, NULL};
+        struct fv_setup setup = {0};
+        fv_test_write_text(path, wrong[i][0]);
+        const enum fovea_status status = open_with(pair_of_cameras, sets, &setup);
+        fv_setup_close(&setup);
+        if ((status != FOVEA_ERROR_INPUT && status != FOVEA_ERROR_UNSUPPORTED) ||
+            strstr(error.text, path) == NULL || strstr(error.text, wrong[i][1]) == NULL)
+            fail_msg("%zu: found %d, \"%s\", expected %s", i, (int)status,
+                     status != FOVEA_OK ? error.text : "", wrong[i][1]);
+    }
 }
 
 int main(void)
@@ -251,6 +288,8 @@ int main(void)
         cmocka_unit_test(the_rig_has_the_body_of_the_settings),
         cmocka_unit_test(only_what_measures_needs_a_calibration),
         cmocka_unit_test_setup_teardown(a_camchain_calibrates_two_live_cameras, fake_set_up,
+                                        fake_tear_down),
+        cmocka_unit_test_setup_teardown(a_malformed_second_camera_is_refused, fake_set_up,
                                         fake_tear_down),
         cmocka_unit_test(masks_go_to_their_cameras),
         cmocka_unit_test(wrong_masks_are_refused),
