@@ -26,6 +26,37 @@ static const struct fv_uri_table options_table = {.scheme = "fault",
                                                   .count =
                                                       sizeof option_table / sizeof option_table[0]};
 
+#define BIT(name) (1u << FV_FAULT_##name)
+/* Kinds beside which others would silently do nothing, as all of a schedule strike the same frames:
+ * a frame that does not come has no picture and no samples, a picture that is one level is no
+ * longer the last good one, and only one frame is held back at a time. */
+static const struct {
+    enum fv_fault_kind kind;
+    uint32_t idle; /* bits of those that do nothing beside it */
+} hiding[] = {
+    {FV_FAULT_drop, ~BIT(drop)},
+    {FV_FAULT_unplug, BIT(drop) - 1},
+    {FV_FAULT_black, BIT(freeze)},
+    {FV_FAULT_white, BIT(freeze) | BIT(black)},
+    {FV_FAULT_delay, BIT(duplicate) | BIT(reorder)},
+    {FV_FAULT_reorder, BIT(duplicate)},
+    {FV_FAULT_imu_stuck, BIT(imu_bias) | BIT(imu_saturate)},
+    {FV_FAULT_imu_unplug, BIT(imu_unplug) - BIT(imu_drop)},
+};
+
+static enum fovea_status kinds_check(uint32_t kinds, struct fovea_error *error)
+{
+    for (size_t i = 0; i < sizeof hiding / sizeof hiding[0]; i++) {
+        const uint32_t idle = kinds & hiding[i].idle;
+        if ((kinds & fv_fault_bit(hiding[i].kind)) == 0 || idle == 0) continue;
+        return fovea_error_set(
+            error, FOVEA_ERROR_INPUT,
+            "fault: kind: found %s beside %s, where it does nothing, expected one of them (one fault: may stand in another)",
+            kind_names[__builtin_ctz(idle)], kind_names[hiding[i].kind]);
+    }
+    return FOVEA_OK;
+}
+
 enum fovea_status fv_fault_options_parse(const char *text, struct fv_fault_options *options,
                                          struct fovea_error *error)
 {
@@ -48,5 +79,5 @@ enum fovea_status fv_fault_options_parse(const char *text, struct fv_fault_optio
             "fault: longest: found %d frames, expected at least those of shortest, %d",
             (int)o.longest, (int)o.shortest);
     *options = o;
-    return FOVEA_OK;
+    return kinds_check(o.kinds, error);
 }

@@ -117,6 +117,17 @@ static void wrong_options_are_refused_in_one_line(void **state)
         {"kind=blur&sigma=21", "sigma: found '21'"},
         {"kind=blur&length=1", "length: found '1'"},
         {"kind=blur&sigmas=2", "did you mean 'sigma'"},
+        {"kind=reorder,duplicate", "kind: found duplicate beside reorder, where it does nothing"},
+        {"kind=duplicate,delay", "kind: found duplicate beside delay, where"},
+        {"kind=delay,blur,reorder", "kind: found reorder beside delay, where"},
+        {"kind=drop,imu_nan", "kind: found imu_nan beside drop, where"},
+        {"kind=noise,drop", "kind: found noise beside drop, where"},
+        {"kind=unplug,drop", "kind: found unplug beside drop, where"},
+        {"kind=unplug,partial&camera=2", "kind: found partial beside unplug, where"},
+        {"kind=freeze,black", "kind: found freeze beside black, where"},
+        {"kind=black,noise,white", "kind: found black beside white, where"},
+        {"kind=imu_bias,imu_stuck", "kind: found imu_bias beside imu_stuck, where"},
+        {"kind=imu_unplug,imu_nan", "kind: found imu_nan beside imu_unplug, where"},
     };
     (void)state;
     for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; i++) {
@@ -128,6 +139,18 @@ static void wrong_options_are_refused_in_one_line(void **state)
             strstr(error.text, wrong[i][1]) == NULL || strchr(error.text, '\n') != NULL)
             fail_msg("[%s]: [%s]", wrong[i][0], error.text);
     }
+}
+
+/* Kinds that each leave something of the others stand together. */
+static void kinds_that_add_up_are_taken(void **state)
+{
+    static const char *const right[] = {"kind=black,occlusion,noise,partial,jitter,delay,imu_nan",
+                                        "kind=duplicate,jump,white,imu_saturate,imu_bias",
+                                        "kind=unplug,jitter,reorder,imu_stuck,imu_nan",
+                                        "kind=imu_unplug,freeze,recompress"};
+    (void)state;
+    for (size_t i = 0; i < sizeof right / sizeof right[0]; i++)
+        (void)options_of(right[i]);
 }
 
 /* ---- pictures -------------------------------------------------------------------------------- */
@@ -513,6 +536,33 @@ static void all_but_the_faulty_pictures_is_the_source_s_own(void **state)
     }
 }
 
+/* `camera` counts from 1: pictures of the other stay as they are. */
+static void a_fault_of_one_camera_leaves_the_other(void **state)
+{
+    static const struct fovea_source_selection all = {.step = 1, .frames = 4};
+    (void)state;
+    for (int camera = 1; camera <= 2; camera++) {
+        char uri[160];
+        snprintf(uri, sizeof uri, "fault:%s?kind=black&level=3&first=2&fraction=1&camera=%d", SIM,
+                 camera);
+        struct played own = play(SIM, &all), faulty = play(uri, &all);
+        struct fovea_frame a, b;
+        while (next(&own, &a)) {
+            assert_true(next(&faulty, &b));
+            for (int i = 0; i < 2; i++) {
+                int most;
+                const double off = differ(&a.images[i], &b.images[i], &most);
+                assert_true((off > 8) == (i + 1 == camera && a.index >= 2));
+                assert_true(off > 8 || most == 0);
+            }
+            own.ops->requeue(own.source, &a);
+            faulty.ops->requeue(faulty.source, &b);
+        }
+        end(&own);
+        end(&faulty);
+    }
+}
+
 static void a_frozen_picture_is_the_last_good_one(void **state)
 {
     static const struct fovea_source_selection selections[] = {
@@ -578,6 +628,7 @@ int main(void)
         cmocka_unit_test(schedule_is_the_same_in_any_order),
         cmocka_unit_test(schedule_keeps_what_the_options_say),
         cmocka_unit_test(wrong_options_are_refused_in_one_line),
+        cmocka_unit_test(kinds_that_add_up_are_taken),
         cmocka_unit_test(noise_has_the_deviation_that_is_asked_for),
         cmocka_unit_test(blur_is_a_gaussian),
         cmocka_unit_test(zoom_scales_about_the_middle),
@@ -588,6 +639,7 @@ int main(void)
         cmocka_unit_test(recompression_loses_more_at_a_lower_quality),
         cmocka_unit_test(faults_have_the_same_bits_everywhere),
         cmocka_unit_test(all_but_the_faulty_pictures_is_the_source_s_own),
+        cmocka_unit_test(a_fault_of_one_camera_leaves_the_other),
         cmocka_unit_test(a_frozen_picture_is_the_last_good_one),
         cmocka_unit_test(kinds_are_applied_in_the_order_of_the_list),
     };
