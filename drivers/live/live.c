@@ -3,6 +3,7 @@
 #include <errno.h>
 #include <poll.h>
 #include <pthread.h>
+#include <sched.h>
 #include <semaphore.h>
 #include <stdatomic.h>
 #include <stdio.h>
@@ -548,12 +549,14 @@ void fv_live_stop(struct fovea_source *source)
 
 /* ---- loop thread ----------------------------------------------------------------------------- */
 
-/* The camera thread is worth as much as the one that waits for it. */
+/* The camera thread is worth as much as the one that waits for it, unless the process was started
+ * so that only the thread that it came with is real-time. */
 static void take_over_scheduling(struct fovea_source *source)
 {
     struct sched_param parameter;
-    int policy;
+    int policy = sched_getscheduler(0);
     source->scheduled = true;
+    if (policy < 0 || (policy & SCHED_RESET_ON_FORK) != 0) return;
     if (pthread_getschedparam(pthread_self(), &policy, &parameter) == 0)
         pthread_setschedparam(source->thread, policy, &parameter);
 }

@@ -160,7 +160,7 @@ static void rights_check(struct check *check)
     struct fv_realtime_rights rights;
     struct fovea_error error = {0};
     struct rlimit limit = {0};
-    pthread_t thread;
+    struct fv_realtime_thread thread;
     uint32_t priority = check->settings.priority;
     getrlimit(RLIMIT_RTPRIO, &limit);
     if (fv_realtime_start(&thread, priority, check->settings.cpu, nothing, NULL, &rights, &error) !=
@@ -168,7 +168,7 @@ static void rights_check(struct check *check)
         line(check, FAILED, "scheduling", "%s", error.text);
         return;
     }
-    pthread_join(thread, NULL);
+    fv_realtime_join(&thread);
     if (rights.why.text[0] != '\0' && priority > 0 && !rights.fifo)
         line(check, WARNING, "scheduling",
              "%s (permanently: 'USER - rtprio %" PRIu32 "' in /etc/security/limits.conf)",
@@ -176,6 +176,9 @@ static void rights_check(struct check *check)
     else if (rights.why.text[0] != '\0')
         line(check, WARNING, "scheduling", "%s: set loop.cpu to one from 0 to %ld, or to -1",
              rights.why.text, sysconf(_SC_NPROCESSORS_CONF) - 1);
+    else if (rights.lent)
+        line(check, OK, "scheduling", "real-time as the program was started%s",
+             rights.bound ? ", bound to its processor" : "");
     else if (priority == 0)
         line(check, WARNING, "scheduling",
              "ordinary, as loop.priority is 0: other programs may delay the loop");
@@ -426,7 +429,7 @@ static enum fovea_status bench(struct check *check, struct fovea_error *error)
     static struct fv_timings timings;
     static struct fv_loop_shared shared;
     struct fv_realtime_rights rights;
-    pthread_t thread;
+    struct fv_realtime_thread thread;
     struct fv_loop loop = {.rt = check->rt,
                            .config = &check->settings.runtime,
                            .ops = check->setup.ops,
@@ -440,7 +443,7 @@ static enum fovea_status bench(struct check *check, struct fovea_error *error)
     status = fv_realtime_start(&thread, check->settings.priority, check->settings.cpu, loop_body,
                                &loop, &rights, error);
     if (status != FOVEA_OK) return status;
-    pthread_join(thread, NULL);
+    fv_realtime_join(&thread);
     loop.ops->stop(loop.source);
     if (loop.counts.processed < 30)
         return fovea_error_set(error, FOVEA_ERROR_INPUT,

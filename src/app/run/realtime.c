@@ -2,6 +2,8 @@
 
 #include <errno.h>
 #include <sched.h>
+#include <semaphore.h>
+#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -46,6 +48,108 @@ void fv_realtime_release(void *memory, size_t bytes, size_t tail)
     madvise((uint8_t *)memory + from, bytes - from, MADV_DONTNEED);
 }
 
+/* ---- the thread that the process came with --------------------------------------------------- */
+
+/* What main's thread is asked to do while the program runs on another. */
+static struct {
+    bool offered; /* set before the program's thread starts */
+    sem_t asked, done;
+    void *(*body)(void *); /* NULL: the program has ended */
+    void *argument;
+    int32_t cpu;
+    int failure; /* to bind it to `cpu` */
+    sem_t begun;
+} lent;
+
+struct program {
+    int (*run)(int, char **);
+    int argc;
+    char **argv;
+    int end;
+};
+
+static void *program_run(void *context)
+{
+    struct program *program = context;
+    program->end = program->run(program->argc, program->argv);
+    lent.body = NULL;
+    sem_post(&lent.asked);
+    return NULL;
+}
+
+static void wait_for(sem_t *semaphore)
+{
+    while (sem_wait(semaphore) != 0) {
+    } /* a signal came */
+}
+
+static int bind_here(int32_t cpu)
+{
+    cpu_set_t set;
+    CPU_ZERO(&set);
+    CPU_SET((unsigned)cpu, &set);
+    return sched_setaffinity(0, sizeof set, &set) == 0 ? 0 : errno;
+}
+
+static void lent_serve(void)
+{
+    cpu_set_t before;
+    const bool known = sched_getaffinity(0, sizeof before, &before) == 0;
+    for (;;) {
+        wait_for(&lent.asked);
+        if (lent.body == NULL) return;
+        lent.failure = lent.cpu >= 0 ? bind_here(lent.cpu) : 0;
+        sem_post(&lent.begun);
+        lent.body(lent.argument);
+        if (lent.cpu >= 0 && lent.failure == 0 && known)
+            (void)sched_setaffinity(0, sizeof before, &before);
+        sem_post(&lent.done);
+    }
+}
+
+/* A thread as main's: with a stack of the process's limit. Its scheduling is ordinary by
+ * SCHED_RESET_ON_FORK; without that flag it is asked for, which nothing forbids. */
+static int program_start(pthread_t *thread, int policy, struct program *program)
+{
+    pthread_attr_t attributes;
+    int failure = pthread_attr_init(&attributes);
+    if (failure != 0) return failure;
+    if ((policy & SCHED_RESET_ON_FORK) == 0) {
+        const struct sched_param ordinary = {.sched_priority = 0};
+        pthread_attr_setinheritsched(&attributes, PTHREAD_EXPLICIT_SCHED);
+        pthread_attr_setschedpolicy(&attributes, SCHED_OTHER);
+        pthread_attr_setschedparam(&attributes, &ordinary);
+    }
+    failure = pthread_create(thread, &attributes, program_run, program);
+    pthread_attr_destroy(&attributes);
+    return failure;
+}
+
+int fv_realtime_main(int (*program)(int, char **), int argc, char **argv)
+{
+    struct program given = {program, argc, argv, 0};
+    pthread_t thread;
+    const int policy = sched_getscheduler(0),
+              kind = policy < 0 ? SCHED_OTHER : policy & ~SCHED_RESET_ON_FORK;
+    if (kind != SCHED_FIFO && kind != SCHED_RR) return program(argc, argv);
+    sem_init(&lent.asked, 0, 0);
+    sem_init(&lent.begun, 0, 0);
+    sem_init(&lent.done, 0, 0);
+    lent.offered = true;
+    if (program_start(&thread, policy, &given) != 0) {
+        lent.offered = false;
+        return program(argc, argv);
+    }
+    sigset_t all; /* signals are the program's thread's */
+    sigfillset(&all);
+    pthread_sigmask(SIG_SETMASK, &all, NULL);
+    lent_serve();
+    pthread_join(thread, NULL);
+    return given.end;
+}
+
+/* ---- threads of our own ---------------------------------------------------------------------- */
+
 static enum fovea_status start(pthread_t *thread, uint32_t priority, int32_t cpu,
                                void *(*body)(void *), void *argument, int *failure)
 {
@@ -69,43 +173,69 @@ static enum fovea_status start(pthread_t *thread, uint32_t priority, int32_t cpu
     return *failure == 0 ? FOVEA_OK : FOVEA_ERROR_SYSTEM;
 }
 
-static void say_why(struct fv_realtime_rights *rights, uint32_t priority, int32_t cpu)
+/* `unbound`: why it is not on its processor, an errno value. */
+static void say_why(struct fv_realtime_rights *rights, uint32_t priority, int32_t cpu, int unbound)
 {
-    char no_fifo[96] = "", not_bound[96] = "";
+    char no_fifo[96] = "", not_bound[128] = "";
     if (priority > 0 && !rights->fifo)
         snprintf(no_fifo, sizeof no_fifo,
                  "no SCHED_FIFO: not permitted; 'ulimit -r %u' or CAP_SYS_NICE would permit it",
                  (unsigned)priority);
     if (cpu >= 0 && !rights->bound)
-        snprintf(not_bound, sizeof not_bound, "not bound to processor %d: there is no such one",
-                 (int)cpu);
+        snprintf(not_bound, sizeof not_bound, "not bound to processor %d: %s", (int)cpu,
+                 unbound == EPERM ? "not permitted; 'SystemCallFilter=sched_setaffinity' in the "
+                                    "service would permit it"
+                                  : "there is no such one");
     if (no_fifo[0] != '\0' || not_bound[0] != '\0')
         fovea_error_set(&rights->why, FOVEA_OK, "%s%s%s", not_bound,
                         not_bound[0] != '\0' && no_fifo[0] != '\0' ? "; " : "", no_fifo);
 }
 
-enum fovea_status fv_realtime_start(pthread_t *thread, uint32_t priority, int32_t cpu,
-                                    void *(*body)(void *), void *argument,
+static void lent_start(int32_t cpu, void *(*body)(void *), void *argument,
+                       struct fv_realtime_rights *rights)
+{
+    lent.body = body;
+    lent.argument = argument;
+    lent.cpu = cpu;
+    sem_post(&lent.asked);
+    wait_for(&lent.begun);
+    *rights = (struct fv_realtime_rights){
+        .fifo = true, .lent = true, .bound = cpu >= 0 && lent.failure == 0};
+    say_why(rights, 0, cpu, lent.failure);
+}
+
+enum fovea_status fv_realtime_start(struct fv_realtime_thread *thread, uint32_t priority,
+                                    int32_t cpu, void *(*body)(void *), void *argument,
                                     struct fv_realtime_rights *rights, struct fovea_error *error)
 {
-    int failure = 0;
+    int failure = 0, unbound = 0;
+    thread->lent = lent.offered;
+    if (lent.offered) return (lent_start(cpu, body, argument, rights), FOVEA_OK);
     *rights = (struct fv_realtime_rights){.fifo = priority > 0, .bound = cpu >= 0};
     /* What is not permitted and what is not there are gone without, one after the other. */
     for (int tries = 0; tries < 3; tries++) {
-        if (start(thread, rights->fifo ? priority : 0, rights->bound ? cpu : -1, body, argument,
-                  &failure) == FOVEA_OK) {
-            say_why(rights, priority, cpu);
+        if (start(&thread->thread, rights->fifo ? priority : 0, rights->bound ? cpu : -1, body,
+                  argument, &failure) == FOVEA_OK) {
+            say_why(rights, priority, cpu, unbound);
             return FOVEA_OK;
         }
         if (failure == EPERM && rights->fifo)
             rights->fifo = false;
-        else if (failure == EINVAL && rights->bound)
-            rights->bound = false;
+        else if ((failure == EINVAL || failure == EPERM) && rights->bound)
+            rights->bound = (unbound = failure, false);
         else
             break;
     }
     return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "the loop's thread could not be started: %s",
                            strerror(failure));
+}
+
+void fv_realtime_join(struct fv_realtime_thread *thread)
+{
+    if (thread->lent)
+        wait_for(&lent.done);
+    else
+        pthread_join(thread->thread, NULL);
 }
 
 void fv_realtime_touch_stack(void)

@@ -24,16 +24,31 @@ void fv_realtime_release(void *memory, size_t bytes, size_t tail);
 struct fv_realtime_rights {
     bool fifo;  /* runs under SCHED_FIFO */
     bool bound; /* runs on the processor that was asked for */
+    bool lent;  /* on the thread that the process was started with, at the priority it came with */
     struct fovea_error
         why; /* what was not permitted, one line; "" when nothing was asked in vain */
 };
 
+struct fv_realtime_thread {
+    pthread_t thread;
+    bool lent;
+};
+
 /* Start a thread with a stack of FV_THREAD_STACK_BYTES under SCHED_FIFO `priority` (0:
  * ordinary) on processor `cpu` (-1: any). What is not permitted is left out and stated in `rights`.
- */
-enum fovea_status fv_realtime_start(pthread_t *thread, uint32_t priority, int32_t cpu,
-                                    void *(*body)(void *), void *argument,
+ * In a process that was started real-time (fv_realtime_main) it is the thread that came so, one
+ * at a time, whatever `priority`: nothing is asked of the system then. */
+enum fovea_status fv_realtime_start(struct fv_realtime_thread *thread, uint32_t priority,
+                                    int32_t cpu, void *(*body)(void *), void *argument,
                                     struct fv_realtime_rights *rights, struct fovea_error *error);
+/* Wait for its end, once. */
+void fv_realtime_join(struct fv_realtime_thread *thread);
+
+/* Run `program` and return what it returns. In a process that a service manager (systemd's
+ * CPUSchedulingPolicy=fifo) or chrt(1) started real-time, all of it runs on a thread of ordinary
+ * scheduling, and the calling thread stays real-time and waits for what fv_realtime_start gives it:
+ * so the loop alone is real-time, and the right to become so is not needed. Once, from main. */
+int fv_realtime_main(int (*program)(int, char **), int argc, char **argv);
 
 /* Touch half of the calling thread's stack, so that the loop meets no page fault there. */
 void fv_realtime_touch_stack(void);

@@ -509,7 +509,7 @@ static void watch(struct fv_run *run)
 static enum fovea_status run_loop(struct fv_run *run, struct fovea_error *error)
 {
     struct fv_realtime_rights rights;
-    pthread_t thread;
+    struct fv_realtime_thread thread;
     struct fv_loop *loop = &run->loop;
     loop->config = &run->settings.runtime;
     loop->ops = run->setup.ops;
@@ -538,7 +538,7 @@ static enum fovea_status run_loop(struct fv_run *run, struct fovea_error *error)
     fv_service_open(&run->service, &run->shared.beats);
     watch(run);
     fv_service_close(&run->service);
-    pthread_join(thread, NULL);
+    fv_realtime_join(&thread);
     fv_watch_close(&run->watch); /* the loop's until here */
     if (loop->status < 0)
         return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%.200s: the source failed (%s)",
