@@ -106,7 +106,7 @@ static enum fovea_status open_camera(const char *address,
     snprintf(uri, sizeof uri, "libcamera:%s", agreed.id);
     const struct fv_live_setup setup = {
         .uri = uri,
-        .info = {.cameras[0] = {agreed.width, agreed.height, ""},
+        .info = {.cameras[0] = {.width = agreed.width, .height = agreed.height},
                  .format = agreed.format,
                  .rate_hz = agreed.rate_hz,
                  .heap_bytes = fv_libcamera_heap_bytes()},

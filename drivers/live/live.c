@@ -396,6 +396,7 @@ static enum fovea_status make_decoder(struct fovea_source *source, struct fovea_
             .size_bytes = (size_t)stride * (size_t)source->info.cameras[0].height};
     }
     source->info.format = FOVEA_PIXEL_GREY8;
+    source->info.cameras[0].stride_bytes = stride;
     source->info.heap_bytes +=
         slot_bytes * FV_LIVE_DECODED + fv_jpeg_decoder_bytes(source->jpeg, NULL);
     return FOVEA_OK;
@@ -426,6 +427,7 @@ static enum fovea_status make_halves(struct fovea_source *source, struct fovea_e
         source->slots[i].frame.image_count = 2;
     }
     camera->width /= 2;
+    camera->stride_bytes = 0;
     source->info.cameras[1] = *camera;
     source->info.rig.camera_count = 2;
     source->info.rig.cameras[1] = source->info.rig.cameras[0];

@@ -322,6 +322,7 @@ static enum fovea_status describe_image(const struct fovea_image *image,
 {
     camera->width = image->width;
     camera->height = image->height;
+    camera->stride_bytes = image->stride_bytes;
     *image_bytes = image->format == FOVEA_PIXEL_MJPEG ? 0 : image->size_bytes;
     if (image->format != FOVEA_PIXEL_MJPEG) return FOVEA_OK;
     return fv_decode_probe(image->data, image->size_bytes, &camera->width, &camera->height, error);

@@ -299,7 +299,8 @@ static struct fovea_image image_of(const struct fovea_source_info *info, uint32_
 {
     const struct fovea_source_camera *seen = &info->cameras[camera];
     const int32_t row_bytes = fovea_image_stride_min(info->format, seen->width);
-    const int32_t stride = (row_bytes + 63) / 64 * 64;
+    const int32_t whole = (row_bytes + 63) / 64 * 64,
+                  stride = seen->stride_bytes > whole ? seen->stride_bytes : whole;
     return (struct fovea_image){.width = seen->width,
                                 .height = seen->height,
                                 .stride_bytes = stride,
@@ -316,6 +317,7 @@ static enum fovea_status make_slots(struct fovea_source *source, const size_t *i
     size_t capacity[FOVEA_CAMERAS_MAX], begin[FOVEA_CAMERAS_MAX], frame_bytes = 0;
     for (uint32_t k = 0; k < cameras; k++) {
         images[k] = image_of(&source->info, k);
+        source->info.cameras[k].stride_bytes = images[k].stride_bytes;
         capacity[k] = images[k].size_bytes;
         if (image_bytes != NULL && image_bytes[k] > capacity[k]) capacity[k] = image_bytes[k];
         begin[k] = frame_bytes; /* a line more, for kernels that read past the end */

@@ -121,7 +121,9 @@ static enum fovea_status open_camera(const char *address,
     }
     const struct fv_live_setup setup = {
         .uri = device->uri,
-        .info = {.cameras[0] = {device->agreed.width, device->agreed.height, ""},
+        .info = {.cameras[0] = {.width = device->agreed.width,
+                                .height = device->agreed.height,
+                                .stride_bytes = device->agreed.stride_bytes},
                  .format = device->agreed.format->format,
                  .rate_hz = device->agreed.rate_hz,
                  .heap_bytes = sizeof *device},

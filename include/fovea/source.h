@@ -131,6 +131,7 @@ struct fovea_source_counts {
 struct fovea_source_camera {
     int32_t width, height; /* of all its images */
     char origin[256];      /* file that its calibration came from, or "built in"; "": it has none */
+    int32_t stride_bytes;  /* of its rows; 0: as narrow as the format allows, or not known */
 };
 
 struct fovea_source_info {

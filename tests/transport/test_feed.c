@@ -24,7 +24,7 @@
 #include "app/network/feed.h"
 #include "app/network/feed_reader.h"
 
-enum { WIDTH = 160, HEIGHT = 120, MESSAGES = 6000, BYTES_MAX = 60000 };
+enum { WIDTH = 160, PADDED = WIDTH + 300, HEIGHT = 120, MESSAGES = 6000, BYTES_MAX = 60000 };
 
 static char folder[] = "/tmp/fovea_feed_XXXXXX", path[64];
 static struct fovea_error error;
@@ -72,15 +72,16 @@ static uint32_t fill(uint64_t n, uint8_t *data)
 }
 
 /* Write six times the ring, and a frame of one value beside each tenth message; before the second
- * and the last say so, and wait until all before was read or missed. */
+ * and the last say so, and wait until all before was read or missed. The rows of the frame are far
+ * apart; what is read is without the gaps, for which there is no room. */
 static void write_all(struct fv_feed *feed, int say, int wait)
 {
-    static uint8_t data[BYTES_MAX], pixels[WIDTH * HEIGHT];
+    static uint8_t data[BYTES_MAX], pixels[PADDED * HEIGHT];
     struct fovea_frame frame = {.image_count = 1};
     frame.images[0] = (struct fovea_image){.data = pixels,
                                            .width = WIDTH,
                                            .height = HEIGHT,
-                                           .stride_bytes = WIDTH,
+                                           .stride_bytes = PADDED,
                                            .format = FOVEA_PIXEL_GREY8,
                                            .size_bytes = sizeof pixels};
     for (uint64_t n = 1; n <= MESSAGES; n++) {
@@ -91,7 +92,9 @@ static void write_all(struct fv_feed *feed, int say, int wait)
                                               false};
         fv_feed_put(feed, &message);
         if (n % 10 != 0) continue;
-        memset(pixels, (int)(n / 10 % 251), sizeof pixels);
+        memset(pixels, 255, sizeof pixels);
+        for (int y = 0; y < HEIGHT; y++)
+            memset(pixels + y * PADDED, (int)(n / 10 % 251), WIDTH);
         frame.stamp_ns = (int64_t)n;
         fv_feed_frame(feed, &frame);
         if (n % 100 == 0) usleep(1000); /* so that readers are served on one processor too */
@@ -160,7 +163,11 @@ static void await_reader(struct fv_feed *feed, struct fv_feed_reader *reader)
     struct fv_feed_message message;
     struct fv_feed_frame read;
     const uint8_t *images;
-    frame.images[0] = (struct fovea_image){.data = pixels, .size_bytes = sizeof pixels};
+    frame.images[0] = (struct fovea_image){.data = pixels,
+                                           .width = WIDTH,
+                                           .height = HEIGHT,
+                                           .stride_bytes = WIDTH,
+                                           .size_bytes = sizeof pixels};
     while (fv_feed_reader_frame(reader, &read, &images) != FOVEA_OK) {
         fv_feed_frame(feed, &frame);
         fv_feed_put(feed, &probe);

@@ -474,13 +474,12 @@ bool fv_setup_real_time(const struct fv_settings *settings, const struct fv_setu
 size_t fv_setup_frame_bytes(const struct fv_setup *setup)
 {
     const struct fovea_source_info *info = setup->ops->info(setup->source);
-    const int32_t unit =
-        128; /* recordings pad rows to 64 bytes, camera drivers to as much as this */
     size_t bytes = 0;
     for (uint32_t i = 0; i < info->rig.camera_count; i++) {
-        const int32_t row = fovea_image_stride_min(info->format, info->cameras[i].width);
-        bytes += fovea_image_bytes(info->format, info->cameras[i].height,
-                                   (row + unit - 1) / unit * unit);
+        const struct fovea_source_camera *camera = &info->cameras[i];
+        const int32_t least = fovea_image_stride_min(info->format, camera->width);
+        bytes += fovea_image_bytes(info->format, camera->height,
+                                   camera->stride_bytes > least ? camera->stride_bytes : least);
     }
     return bytes;
 }

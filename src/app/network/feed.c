@@ -19,6 +19,7 @@
 #include "app/network/feed_layout.h"
 #include "drivers/clock.h"
 #include "drivers/thread.h"
+#include "image/pack.h"
 #include "support/say.h"
 
 #ifndef F_SEAL_FUTURE_WRITE
@@ -127,12 +128,13 @@ static void images_copy(struct fv_feed *feed, uint8_t *data, const struct fovea_
     uint64_t used = 0;
     for (uint32_t i = 0; i < frame->image_count && i < FOVEA_CAMERAS_MAX; i++) {
         const struct fovea_image *image = &frame->images[i];
-        if (image->data == NULL || image->size_bytes > feed->frame_bytes - used) continue;
+        if (image->data == NULL || fv_image_packed_bytes(image) > feed->frame_bytes - used)
+            continue;
+        const struct fovea_image packed = fv_image_pack(image, data + used);
         head->images[i] =
-            (struct fv_feed_image){image->width,           image->height, image->stride_bytes,
-                                   (int32_t)image->format, used,          image->size_bytes};
-        memcpy(data + used, image->data, image->size_bytes);
-        used += image->size_bytes;
+            (struct fv_feed_image){packed.width,           packed.height, packed.stride_bytes,
+                                   (int32_t)packed.format, used,          packed.size_bytes};
+        used += packed.size_bytes;
     }
 }
 

@@ -25,7 +25,7 @@ struct fv_feed_setup {
     const char *path; /* of the socket; "": *feed is NULL */
     const char *prefix;
     int64_t run_id;
-    size_t frame_bytes;       /* of all images of a frame, at most */
+    size_t frame_bytes;       /* of all images of a frame without gaps, at most */
     uint32_t picture_rate_hz; /* frames that are copied in a second, at most; 0: none */
 };
 

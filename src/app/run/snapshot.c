@@ -1,5 +1,6 @@
 #include "drivers/table.h"
 #include "app/run/snapshot.h"
+#include "image/pack.h"
 
 #include <malloc.h>
 #include <stdlib.h>
@@ -50,8 +51,7 @@ static void pixels_copy(struct fv_snapshot *snapshot, struct fv_snapshot_frame *
                         const struct fovea_frame *frame)
 {
     uint8_t *pixels = snapshot->memory + (shot == snapshot->frames ? 0 : snapshot->frame_bytes);
-    memcpy(pixels, frame->images[0].data, frame->images[0].size_bytes);
-    shot->image.data = pixels;
+    shot->image = fv_image_pack(&frame->images[0], pixels);
 }
 
 void fv_snapshot_step(struct fv_snapshot *snapshot, const struct fovea *rt,
@@ -59,7 +59,8 @@ void fv_snapshot_step(struct fv_snapshot *snapshot, const struct fovea *rt,
 {
     const uint64_t step = snapshot->steps++;
     if (snapshot->frames == NULL ||
-        (snapshot->memory != NULL && frame->images[0].size_bytes > snapshot->frame_bytes) ||
+        (snapshot->memory != NULL &&
+         fv_image_packed_bytes(&frame->images[0]) > snapshot->frame_bytes) ||
         (snapshot->copied > 0 && step - snapshot->copied < FRAMES_APART))
         return;
     struct fv_snapshot_frame *shot = other(snapshot);
