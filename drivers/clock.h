@@ -6,6 +6,8 @@
 #include <stdint.h>
 #include <time.h>
 
+#include "fovea/source.h"
+
 #define FV_SECOND_NS INT64_C(1000000000)
 
 /* `time` as nanoseconds, and back. */
@@ -17,6 +19,14 @@ static inline int64_t fv_clock_from_timespec(struct timespec time)
 static inline struct timespec fv_clock_timespec(int64_t ns)
 {
     return (struct timespec){.tv_sec = ns / FV_SECOND_NS, .tv_nsec = ns % FV_SECOND_NS};
+}
+
+/* The host's clock that stamps are on; of recorded and simulated ones, CLOCK_MONOTONIC. */
+static inline clockid_t fv_clock_of(enum fovea_clock clock)
+{
+    return clock == FOVEA_CLOCK_BOOTTIME   ? CLOCK_BOOTTIME
+           : clock == FOVEA_CLOCK_REALTIME ? CLOCK_REALTIME
+                                           : CLOCK_MONOTONIC;
 }
 
 static inline int64_t fv_clock_ns(clockid_t clock)

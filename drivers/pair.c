@@ -10,6 +10,10 @@
  * so that the rig goes on when the second camera is covered, late or gone. Two frames wait at most,
  * one of each; nothing is copied.
  *
+ * The first " and " of the address divides it, and the last " within " behind that begins the
+ * bound: a first URI with " and " in it, as of a folder of such a name, cannot be stated; a second
+ * one with " within " only with a bound behind it.
+ *
  * Truth, samples, state and selection are the first source's. Where the second's cameras stand on
  * the body is for the calibration file to say (cam0, cam1 of a camchain). */
 #include <stdio.h>
@@ -45,8 +49,8 @@ struct fovea_source { /* NOLINT(clang-analyzer-optin.performance.Padding): in or
     bool any_alone;
     int64_t alone_ns; /* stamp of the last frame that went alone */
     struct held held[FOVEA_SOURCE_FRAMES_HELD];
-    uint64_t unmatched[SIDES]; /* frames without a partner */
-    bool second_away;          /* the last frame went alone */
+    uint64_t unmatched; /* frames of the second without a partner */
+    bool second_away;   /* the last frame went alone */
 };
 
 /* ---- opening --------------------------------------------------------------------------------- */
@@ -73,7 +77,9 @@ static enum fovea_status parse(char *text, const char *uris[SIDES], double *boun
     char *middle = strstr(text, between);
     *bound_ms = 0;
     if (middle == NULL || middle == text) return refuse(text, error);
-    char *second = middle + sizeof between - 1, *limit = strstr(second, bound);
+    char *second = middle + sizeof between - 1, *limit = NULL;
+    for (char *at = second; (at = strstr(at, bound)) != NULL; at++)
+        limit = at;
     if (limit != NULL) {
         const char *value = limit + sizeof bound - 1;
         if (!fv_text_number(value, bound_ms) || !(*bound_ms > 0 && *bound_ms <= 1000))
@@ -141,6 +147,17 @@ static void info_make(struct fovea_source *source, double bound_ms)
     source->bound_ns = (int64_t)((bound_ms > 0 ? bound_ms : quarter_ms) * 1e6);
     source->period_ns = (int64_t)(period_ms * 1e6);
     source->patience_ns = source->period_ns / 2;
+}
+
+static bool pair_takes_device(const char *address)
+{
+    char text[ADDRESS_MAX];
+    const char *uris[SIDES];
+    double bound_ms;
+    if (strlen(address) >= sizeof text) return false;
+    memcpy(text, address, strlen(address) + 1);
+    return parse(text, uris, &bound_ms, NULL) == FOVEA_OK &&
+           (fv_source_takes_device(uris[0]) || fv_source_takes_device(uris[1]));
 }
 
 static enum fovea_status pair_open(const char *address,
@@ -237,7 +254,7 @@ static void second_drop(struct fovea_source *source)
         source->patience_ns = more_ns < source->period_ns ? more_ns : source->period_ns;
     }
     source->second_away = false;
-    source->unmatched[1]++;
+    source->unmatched++;
     give_back(second);
 }
 
@@ -294,7 +311,6 @@ static enum fovea_status pair_dequeue(struct fovea_source *source, int64_t deadl
     if (!held->both) {
         source->alone_ns = held->own[0].stamp_ns;
         source->any_alone = true;
-        source->unmatched[0]++;
     }
     source->second_away = !held->both && !second->waits;
     join(frame, held->both ? &held->own[1] : NULL, info_of(source, 1)->rig.camera_count);
@@ -336,11 +352,11 @@ static uint32_t pair_samples(struct fovea_source *source, const struct fovea_fra
                                count_max);
 }
 
-/* Delivered are the frames of the first; what the second lost, and had no partner for, is dropped.
- */
+/* Delivered are the frames of the first, also those that went alone; what either lost, and the
+ * second had no partner for, is dropped. */
 static void pair_counts(const struct fovea_source *source, struct fovea_source_counts *counts)
 {
-    *counts = (struct fovea_source_counts){.dropped = source->unmatched[0] + source->unmatched[1]};
+    *counts = (struct fovea_source_counts){.dropped = source->unmatched};
     for (int i = 0; i < SIDES; i++) {
         struct fovea_source_counts own = {0};
         const struct side *side = &source->sides[i];
@@ -395,4 +411,5 @@ const struct fovea_source_ops fv_source_pair = {
     .state = pair_state,
     .complaint = pair_complaint,
     .reads = pair_reads,
+    .takes_device = pair_takes_device,
 };

@@ -50,17 +50,31 @@ static enum fovea_status unknown_name(const char *uri, size_t length, struct fov
                            nearest != NULL ? ":?)" : "");
 }
 
-enum fovea_status fv_source_find(const char *uri, const struct fovea_source_ops **ops,
-                                 const char **address, struct fovea_error *error)
+static const struct fovea_source_ops *find(const char *uri, const char **address)
 {
     const char *colon = strchr(uri, ':');
     const size_t length = colon != NULL ? (size_t)(colon - uri) : strlen(uri);
     for (size_t i = 0; colon != NULL && fv_source_table[i] != NULL; i++) {
         const char *name = fv_source_table[i]->name;
         if (strlen(name) != length || memcmp(name, uri, length) != 0) continue;
-        *ops = fv_source_table[i];
         *address = colon + 1;
-        return FOVEA_OK;
+        return fv_source_table[i];
     }
-    return unknown_name(uri, length, error);
+    return NULL;
+}
+
+bool fv_source_takes_device(const char *uri)
+{
+    const char *address;
+    const struct fovea_source_ops *ops = find(uri, &address);
+    return ops != NULL && ops->takes_device != NULL && ops->takes_device(address);
+}
+
+enum fovea_status fv_source_find(const char *uri, const struct fovea_source_ops **ops,
+                                 const char **address, struct fovea_error *error)
+{
+    const struct fovea_source_ops *found = find(uri, address);
+    if (found == NULL) return unknown_name(uri, strcspn(uri, ":"), error);
+    *ops = found;
+    return FOVEA_OK;
 }

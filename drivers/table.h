@@ -2,6 +2,8 @@
 #ifndef FOVEA_DRIVERS_TABLE_H
 #define FOVEA_DRIVERS_TABLE_H
 
+#include <stdbool.h>
+
 #include "fovea/source.h"
 
 #ifdef __cplusplus
@@ -10,6 +12,10 @@ extern "C" {
 
 /* Ended by NULL. */
 extern const struct fovea_source_ops *const fv_source_table[];
+
+/* Whether opening the source of a URI would take a device from the program that uses it. False for
+ * one that is not known. */
+bool fv_source_takes_device(const char *uri);
 
 /* The driver for a URI "name:address" and where its address starts; an error that lists the known
  * names otherwise. */

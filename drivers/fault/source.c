@@ -173,23 +173,38 @@ static enum fovea_status inner_open(struct fovea_source *source, const char *uri
     return status == FOVEA_OK ? memory_take(source, error) : status;
 }
 
+/* The address's own URI, and the faults behind it; false: it is too long. */
+static bool address_cut(const char *address, char uri[ADDRESS_MAX], const char **faults_of)
+{
+    const char *mark = strrchr(address, '?');
+    const size_t length = mark != NULL ? (size_t)(mark - address) : strlen(address);
+    if (length >= ADDRESS_MAX) return false;
+    memcpy(uri, address, length);
+    uri[length] = '\0';
+    *faults_of = mark != NULL ? mark + 1 : "";
+    return true;
+}
+
+static bool fault_takes_device(const char *address)
+{
+    char uri[ADDRESS_MAX];
+    const char *faults_of;
+    return address_cut(address, uri, &faults_of) && fv_source_takes_device(uri);
+}
+
 static enum fovea_status fault_open(const char *address,
                                     const struct fovea_source_selection *selection,
                                     struct fovea_source **source, struct fovea_error *error)
 {
     char uri[ADDRESS_MAX];
-    const char *mark = strrchr(address, '?');
-    const size_t length = mark != NULL ? (size_t)(mark - address) : strlen(address);
-    if (length >= sizeof uri)
+    const char *faults_of;
+    if (!address_cut(address, uri, &faults_of))
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "fault: found a URI of more than %d bytes, expected less",
                                ADDRESS_MAX - 1);
-    memcpy(uri, address, length);
-    uri[length] = '\0';
     struct fovea_source *opened = calloc(1, sizeof *opened);
     if (opened == NULL) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "fault: out of memory");
-    enum fovea_status status =
-        fv_fault_options_parse(mark != NULL ? mark + 1 : "", &opened->options, error);
+    enum fovea_status status = fv_fault_options_parse(faults_of, &opened->options, error);
     for (int kind = 0; kind < FV_FAULT_OF_FRAMES; kind++)
         if (has(opened, (enum fv_fault_kind)kind)) opened->needs_last |= faults[kind].needs_last;
     if (status == FOVEA_OK) status = inner_open(opened, uri, selection, error);
@@ -506,4 +521,5 @@ const struct fovea_source_ops fv_source_fault = {
     .state = fault_state,
     .complaint = fault_complaint,
     .reads = fault_reads,
+    .takes_device = fault_takes_device,
 };

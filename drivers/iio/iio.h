@@ -16,8 +16,9 @@
 struct fv_iio; /* an open sensor */
 
 struct fv_iio_info {
-    double rate_hz;                        /* as the device states it; 0: not known */
-    double gyro_range, acceleration_range; /* rad/s, m/s^2, as the device states them; 0: not */
+    double rate_hz; /* as the device states it; 0: not known */
+    /* rad/s, m/s^2: the most that the bits of a value hold by its scale; 0: not known */
+    double gyro_range, acceleration_range;
 };
 
 struct fv_iio_counts {

@@ -97,13 +97,15 @@ void fv_live_close(struct fovea_source *source);
 void fv_live_counts(const struct fovea_source *source, struct fovea_source_counts *counts);
 enum fovea_source_state fv_live_state(const struct fovea_source *source);
 enum fovea_status fv_live_complaint(struct fovea_source *source, struct fovea_error *error);
+bool fv_live_takes_device(const char *address);
 
 #define FV_LIVE_OPS(name_, help_, open_)                                                           \
     {                                                                                              \
         .name = (name_), .help = (help_), .open = (open_), .info = fv_live_info,                   \
         .start = fv_live_start, .dequeue = fv_live_dequeue, .requeue = fv_live_requeue,            \
         .stop = fv_live_stop, .close = fv_live_close, .counts = fv_live_counts,                    \
-        .state = fv_live_state, .complaint = fv_live_complaint                                     \
+        .state = fv_live_state, .complaint = fv_live_complaint,                                    \
+        .takes_device = fv_live_takes_device                                                       \
     }
 
 extern const struct fovea_source_ops fv_source_v4l2, fv_source_libcamera;

@@ -172,6 +172,10 @@ struct fovea_source_ops {
     void (*close)(struct fovea_source *source);
 
     /* Optional (NULL where it does not apply). */
+
+    /* Whether opening `address` would take a device from the program that uses it. Looks at the
+     * text alone. NULL: none does. Not on the loop thread. */
+    bool (*takes_device)(const char *address);
     enum fovea_status (*truth)(struct fovea_source *source, const struct fovea_frame *frame,
                                struct fovea_truth *truth);
     /* The pose of `truth` alone, in microseconds where the maps may take as long as a frame.

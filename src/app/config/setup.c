@@ -407,14 +407,6 @@ enum fovea_status fv_setup_open_rough(struct fv_settings *settings, struct fv_se
     return status == FOVEA_OK ? fv_setup_read(settings, setup, error) : status;
 }
 
-/* Cameras, and what may hold some, are for `fovea check`: opening one would take it from who uses
- * it. */
-static bool is_camera(const struct fovea_source_ops *ops)
-{
-    return strcmp(ops->name, "v4l2") == 0 || strcmp(ops->name, "libcamera") == 0 ||
-           strcmp(ops->name, "pair") == 0;
-}
-
 enum fovea_status fv_setup_check_files(struct fv_settings *settings, struct fovea_error *error)
 {
     const struct fovea_source_selection all = {.step = 1};
@@ -426,7 +418,8 @@ enum fovea_status fv_setup_check_files(struct fv_settings *settings, struct fove
         fv_settings_blame(settings, "source", error);
         return status;
     }
-    if (!is_camera(setup.ops)) {
+    /* Cameras are for `fovea check`: opening one would take it from who uses it. */
+    if (!fv_source_takes_device(settings->source)) {
         char imu[sizeof settings->imu]; /* no more is a device of IIO */
         memcpy(imu, settings->imu, sizeof imu);
         if (fv_imu_iio_name(settings) != NULL) settings->imu[0] = '\0';

@@ -19,7 +19,7 @@
 #include "app/network/feed_layout.h"
 #include "drivers/clock.h"
 #include "drivers/thread.h"
-#include "image/pack.h"
+#include "support/image_pack.h"
 #include "support/say.h"
 
 #ifndef F_SEAL_FUTURE_WRITE

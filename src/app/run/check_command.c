@@ -16,6 +16,7 @@
 #include "app/run/results.h"
 #include "app/run/snapshot.h"
 #include "support/say.h"
+#include "app/config/imu.h"
 #include "app/config/setup.h"
 #include "app/run/trajectory.h"
 #include "app/record/recorder.h"
@@ -327,11 +328,14 @@ static void imu_check(struct check *check, const struct fovea_frame *frame)
     uint32_t found = 0;
     if (!rig->has_imu) return;
     if (check->settings.imu[0] != '\0') {
+        const bool heard = fv_imu_lcm_channel(&check->settings) == NULL;
         line(
-            check, OK, "IMU",
-            "%s, %g Hz; %.3f m from the first camera; noise %.2g rad/s/sqrt(Hz), %.2g m/s^2/sqrt(Hz)",
-            check->settings.imu, imu->rate_hz,
-            distance(imu->T_body_imu, rig->cameras[0].T_body_cam), imu->gyro_noise,
+            check, heard ? OK : WARNING, "IMU",
+            "%s, %s; %g Hz; %.3f m from the first camera; noise %.2g rad/s/sqrt(Hz), %.2g m/s^2/sqrt(Hz)",
+            check->settings.imu,
+            heard ? "opened"
+                  : "not listened to here: IMU_STATUS of a run says whether samples come",
+            imu->rate_hz, distance(imu->T_body_imu, rig->cameras[0].T_body_cam), imu->gyro_noise,
             imu->acceleration_noise);
         return;
     }

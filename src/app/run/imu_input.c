@@ -3,6 +3,7 @@
 #include <inttypes.h>
 #include <string.h>
 
+#include "app/run/run_sense.h"
 #include "drivers/clock.h"
 
 #include "fovea_imu_t.h"
@@ -78,6 +79,15 @@ static bool stamp_heard(const struct fv_imu_input *input, const struct heard *he
            !__builtin_sub_overflow(*stamp_ns, inputs->utc_offset_ns, stamp_ns);
 }
 
+static void release(struct fv_imu_input *input)
+{
+    input->taken++;
+    if (input->iio != NULL)
+        fv_iio_release(input->iio);
+    else
+        fv_ring_release(&input->ring, sizeof(struct heard));
+}
+
 /* The next sample on the frames' clock, which stays. False: there is none. */
 static bool peek(struct fv_imu_input *input, const struct fovea_inputs *inputs,
                  int64_t monotonic_ns, struct fovea_imu_sample *sample)
@@ -98,25 +108,16 @@ static bool peek(struct fv_imu_input *input, const struct fovea_inputs *inputs,
         *sample = heard.sample;
         if (stamp_heard(input, &heard, inputs, &sample->stamp_ns)) return true;
         atomic_fetch_add_explicit(&input->no_clock, 1, memory_order_relaxed);
-        fv_ring_release(&input->ring, sizeof heard);
+        release(input);
     }
     return false;
-}
-
-static void release(struct fv_imu_input *input)
-{
-    if (input->iio != NULL)
-        fv_iio_release(input->iio);
-    else
-        fv_ring_release(&input->ring, sizeof(struct heard));
 }
 
 /* What to add to CLOCK_MONOTONIC for the frames' clock. */
 static int64_t from_monotonic(enum fovea_clock clock)
 {
-    if (clock != FOVEA_CLOCK_BOOTTIME && clock != FOVEA_CLOCK_REALTIME) return 0;
-    const clockid_t of = clock == FOVEA_CLOCK_BOOTTIME ? CLOCK_BOOTTIME : CLOCK_REALTIME;
-    return fv_clock_ns(of) - fv_clock_ns(CLOCK_MONOTONIC);
+    const clockid_t of = fv_clock_of(clock);
+    return of == CLOCK_MONOTONIC ? 0 : fv_clock_ns(of) - fv_clock_ns(CLOCK_MONOTONIC);
 }
 
 /* Whether a stamp is still to come at `now_ns`, and worth to be waited for. */
@@ -127,6 +128,31 @@ static bool waits(const struct fv_imu_input *input, int64_t stamp_ns, int64_t no
         __builtin_sub_overflow(ahead_ns, now_ns, &ahead_ns))
         return false;
     return ahead_ns > 0 && ahead_ns < far_ns;
+}
+
+struct counts {
+    uint64_t came, lost;
+};
+
+static struct counts counts_of(const struct fv_imu_input *input)
+{
+    struct fv_iio_counts iio;
+    if (input->iio == NULL)
+        return (struct counts){atomic_load_explicit(&input->heard, memory_order_relaxed),
+                               atomic_load_explicit(&input->no_room, memory_order_relaxed)};
+    fv_iio_counts(input->iio, &iio);
+    return (struct counts){iio.samples, iio.dropped};
+}
+
+/* While there is no frame the oldest make room, so that those just before the first one are not
+ * lost. */
+static void keep_few(struct fv_imu_input *input)
+{
+    const uint64_t came = counts_of(input).came;
+    size_t bytes;
+    while (came > input->taken + FV_IMU_INPUT_KEPT &&
+           (input->iio != NULL || fv_ring_peek(&input->ring, &bytes) != NULL))
+        release(input);
 }
 
 /* What came long before the first frame is of no use to it. */
@@ -148,18 +174,18 @@ void fv_imu_input_take(struct fv_imu_input *input, const struct fovea_frame *giv
     struct fovea_imu_sample sample;
     if (input->iio == NULL && input->channel == NULL) return;
     if (given != NULL) input->clock = given->clock;
+    if (!input->any_frame) keep_few(input);
     if (given == NULL && !input->any_frame) return; /* the clock is not known yet */
     const int64_t monotonic_ns = from_monotonic(input->clock);
     if (!input->any_frame) leave_early(input, inputs, monotonic_ns, now_ns);
+    if (!input->any_frame) atomic_store(&input->lost_early, counts_of(input).lost);
     input->any_frame = true;
     while (inputs->sample_count < FOVEA_INPUT_SAMPLES_MAX &&
            peek(input, inputs, monotonic_ns, &sample)) {
         if (waits(input, sample.stamp_ns, now_ns)) break;
         release(input);
-        uint32_t at = inputs->sample_count++;
-        for (; at > 0 && fovea_sample_stamp(&samples[at - 1]) > sample.stamp_ns; at--)
-            samples[at] = samples[at - 1];
-        samples[at] = (struct fovea_sample){.kind = FOVEA_SAMPLE_IMU, .imu = sample};
+        fv_run_sample_add(samples, &inputs->sample_count,
+                          &(struct fovea_sample){.kind = FOVEA_SAMPLE_IMU, .imu = sample});
     }
 }
 
@@ -170,23 +196,31 @@ enum fovea_status fv_imu_input_complaint(struct fv_imu_input *input, struct fove
     return input->iio != NULL ? fv_iio_complaint(input->iio, line) : FOVEA_AGAIN;
 }
 
+/* What found no room: until the first frame nobody took any. */
+static void tell_lost(FILE *out, const struct fv_imu_input *input)
+{
+    const uint64_t lost = counts_of(input).lost,
+                   early = input->any_frame ? atomic_load(&input->lost_early) : lost;
+    if (early > 0) fprintf(out, ", %" PRIu64 " lost before the first frame", early);
+    if (lost > early) fprintf(out, ", %" PRIu64 " lost: the loop was busy", lost - early);
+}
+
 void fv_imu_input_tell(FILE *out, const struct fv_imu_input *input)
 {
     if (input->iio != NULL) {
         struct fv_iio_counts counts;
         fv_iio_counts(input->iio, &counts);
         fprintf(out, "  imu: %" PRIu64 " samples read", counts.samples);
-        if (counts.dropped > 0)
-            fprintf(out, ", %" PRIu64 " lost: the loop was busy", counts.dropped);
+        tell_lost(out, input);
         if (counts.returns > 0)
             fprintf(out, "; the sensor came back %" PRIu64 " times", counts.returns);
         fprintf(out, "\n");
     }
     if (input->channel == NULL) return;
-    const uint64_t no_room = atomic_load(&input->no_room), no_clock = atomic_load(&input->no_clock);
+    const uint64_t no_clock = atomic_load(&input->no_clock);
     fprintf(out, "  imu: %" PRIu64 " samples heard on %s", (uint64_t)atomic_load(&input->heard),
             input->channel);
-    if (no_room > 0) fprintf(out, ", %" PRIu64 " lost: the loop was busy", no_room);
+    tell_lost(out, input);
     if (no_clock > 0)
         fprintf(out, ", %" PRIu64 " refused: neither the frames' clock nor UTC", no_clock);
     fprintf(out, "\n");

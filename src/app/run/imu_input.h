@@ -18,7 +18,10 @@
 #include "drivers/iio/iio.h"
 #include "fovea/fovea.h"
 
-enum { FV_IMU_INPUT_BYTES = 1 << 17 }; /* of the ring: 1.6 s at 1 kHz */
+enum {
+    FV_IMU_INPUT_BYTES = 1 << 17, /* of the ring: 1.6 s at 1 kHz */
+    FV_IMU_INPUT_KEPT = 512,      /* samples that wait for the first frame, the last ones */
+};
 
 struct fv_imu_input {
     struct fv_iio *iio;     /* the setup's; NULL: none */
@@ -29,8 +32,10 @@ struct fv_imu_input {
     _Alignas(8) uint8_t memory[FV_IMU_INPUT_BYTES];
     atomic_uint_fast64_t heard, no_room, no_clock;
     /* the loop's */
-    bool any_frame;
-    enum fovea_clock clock; /* of the frames */
+    uint64_t taken; /* samples that wait no more */
+    atomic_bool any_frame;
+    atomic_uint_fast64_t lost_early; /* before the first frame */
+    enum fovea_clock clock;          /* of the frames */
 };
 
 /* Zeroed memory; settings that fv_imu_join has seen. */

@@ -106,13 +106,6 @@ static enum taken take_frame(struct fv_loop *loop, struct fovea_frame *frame, in
     return TAKEN_END;
 }
 
-static clockid_t clock_of(enum fovea_clock clock)
-{
-    return clock == FOVEA_CLOCK_BOOTTIME   ? CLOCK_BOOTTIME
-           : clock == FOVEA_CLOCK_REALTIME ? CLOCK_REALTIME
-                                           : CLOCK_MONOTONIC;
-}
-
 /* Times of a live frame. Recordings carry stamps of another clock: there, latency is what pacing
  * measured. */
 static void tell_times(struct fv_loop *loop, const struct fovea_frame *given, int64_t late_ns,
@@ -124,7 +117,7 @@ static void tell_times(struct fv_loop *loop, const struct fovea_frame *given, in
     inputs->latency_ns = loop->real_time && !live ? late_ns : 0;
     if (!live) return;
     if (frame != NULL) loop->clock = frame->clock; /* that of steps without one, too */
-    const clockid_t clock = clock_of(loop->clock);
+    const clockid_t clock = fv_clock_of(loop->clock);
     int64_t now = fv_clock_ns(clock);
     inputs->utc_offset_ns = clock != CLOCK_REALTIME ? fv_clock_ns(CLOCK_REALTIME) - now : 0;
     if (frame != NULL) inputs->latency_ns = now - frame->stamp_ns;

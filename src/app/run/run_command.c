@@ -11,6 +11,7 @@
 #include "app/run/process.h"
 #include "app/run/realtime.h"
 #include "app/run/run.h"
+#include "app/run/run_sense.h"
 #include "app/run/web_page.h"
 #include "runtime/config.h"
 #include "support/say.h"
@@ -39,65 +40,6 @@ static uint32_t commands(void *context)
     struct fv_run *run = context;
     const uint32_t bits = fv_answers_take(&run->answers, &run->keeper);
     return fv_keeper_commands(&run->keeper, bits);
-}
-
-/* Put wheel odometry that the network brought among the samples, in the order of stamps: on the
- * frames' clock, while the messages' is UTC. */
-static void add_heard(struct fv_run *run, struct fovea_inputs *inputs)
-{
-    enum { HEARD_MAX = 64 };
-    struct fovea_wheel_odometry_sample heard[HEARD_MAX];
-    const uint32_t room = FOVEA_INPUT_SAMPLES_MAX - inputs->sample_count,
-                   count = fv_transport_wheel_odometry(run->transport, heard,
-                                                       room < HEARD_MAX ? room : HEARD_MAX);
-    for (uint32_t i = 0; i < count; i++) {
-        uint32_t at = inputs->sample_count++;
-        heard[i].stamp_ns -= inputs->utc_offset_ns;
-        for (; at > 0 && fovea_sample_stamp(&run->samples[at - 1]) > heard[i].stamp_ns; at--)
-            run->samples[at] = run->samples[at - 1];
-        run->samples[at] =
-            (struct fovea_sample){.kind = FOVEA_SAMPLE_WHEEL_ODOMETRY, .wheel_odometry = heard[i]};
-    }
-}
-
-/* A source that has wheel odometry alone is asked for it only where it gives the scale. */
-static void take_samples(struct fv_run *run, const struct fovea_frame *given,
-                         struct fovea_inputs *inputs)
-{
-    const uint32_t wheel_odometry = 1u << FOVEA_SAMPLE_WHEEL_ODOMETRY;
-    const struct fovea_source_ops *ops = run->setup.ops;
-    const uint32_t kinds = ops->info(run->setup.source)->sample_kinds;
-    const bool wheels = run->settings.runtime.scale.source == FOVEA_SCALE_WHEEL_ODOMETRY;
-    inputs->samples = run->samples;
-    if (ops->samples != NULL && given != NULL && (kinds & (wheels ? kinds : ~wheel_odometry)) != 0)
-        inputs->sample_count =
-            ops->samples(run->setup.source, given, run->samples, FOVEA_INPUT_SAMPLES_MAX);
-    if (wheels && (kinds & wheel_odometry) == 0) add_heard(run, inputs);
-    fv_imu_input_take(&run->imu, given, run->samples, inputs);
-}
-
-static void boxes_from_truth(struct fv_run *run, struct fovea_inputs *inputs)
-{
-    struct fovea_truth truth;
-    const struct fovea_source_ops *ops = run->setup.ops;
-    if (ops->truth == NULL || ops->truth(run->setup.source, inputs->frame, &truth) != FOVEA_OK)
-        return;
-    inputs->has_boxes = true;
-    inputs->boxes_stamp_ns = inputs->frame->stamp_ns;
-    for (uint32_t i = 0; i < truth.box_count && inputs->box_count < FOVEA_INPUT_BOXES_MAX; i++) {
-        const struct fovea_truth_box *b = &truth.boxes[i];
-        inputs->boxes[inputs->box_count++] =
-            (struct fovea_box){b->x_min_px, b->y_min_px, b->x_max_px, b->y_max_px};
-    }
-}
-
-static void sense(void *context, const struct fovea_frame *given, struct fovea_inputs *inputs)
-{
-    struct fv_run *run = context;
-    fv_parameters_take(&run->parameters, inputs);
-    take_samples(run, given, inputs);
-    if (run->settings.movable_boxes == FV_MOVABLE_TRUTH && inputs->frame != NULL)
-        boxes_from_truth(run, inputs);
 }
 
 /* What the source knows of the frame's pose, into `sample` and the file that asks for it. */
@@ -517,7 +459,7 @@ static enum fovea_status run_loop(struct fv_run *run, struct fovea_error *error)
     loop->frames_max = run->selection.frames;
     loop->timings = &run->timings;
     loop->shared = &run->shared;
-    loop->hooks = (struct fv_loop_hooks){run, pace, commands, sense, step_done, work_done};
+    loop->hooks = (struct fv_loop_hooks){run, pace, commands, fv_run_sense, step_done, work_done};
     fv_timings_init(&run->timings);
     if (fv_run_draws(run))
         (void)fv_snapshot_open(

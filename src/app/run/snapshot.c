@@ -1,6 +1,6 @@
 #include "drivers/table.h"
 #include "app/run/snapshot.h"
-#include "image/pack.h"
+#include "support/image_pack.h"
 
 #include <malloc.h>
 #include <stdlib.h>

@@ -7,7 +7,7 @@
 #include <cmocka.h>
 
 #include "fovea/image.h"
-#include "image/pack.h"
+#include "support/image_pack.h"
 
 static uint8_t pixels[8 << 20];
 

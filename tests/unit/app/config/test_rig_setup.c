@@ -190,6 +190,27 @@ static void each_calibration_is_fitted_to_its_cameras_images(void **state)
     fv_test_folder_remove(top);
 }
 
+/* `fovea config` reads all files but opens no camera, whatever stands before it. */
+static void no_camera_is_opened_for_a_check(void **state)
+{
+    static const char *const rows[][2] = {
+        {"fault:v4l2:/dev/none?kind=black", NULL},
+        {"pair:v4l2:/dev/none and v4l2:/dev/nobody", NULL},
+        {"fault:images:/none?kind=black", "/none"},
+        {"pair:sim:orbit and images:/none", "/none"},
+        {"fault:sim:orbit?kind=blacker", "'blacker'"},
+    };
+    (void)state;
+    for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
+        const struct fv_setup_options options = {.source = rows[i][0]};
+        assert_int_equal(fv_setup_settings(&options, &settings, &error), FOVEA_OK);
+        if (fv_setup_check_files(&settings, &error) !=
+            (rows[i][1] == NULL ? FOVEA_OK : FOVEA_ERROR_INPUT))
+            fail_msg("%s: %s", rows[i][0], error.text);
+        if (rows[i][1] != NULL) assert_non_null(strstr(error.text, rows[i][1]));
+    }
+}
+
 static int make_file(void **state)
 {
     const int file = mkstemp(path);
@@ -285,6 +306,7 @@ static void a_malformed_second_camera_is_refused(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(no_camera_is_opened_for_a_check),
         cmocka_unit_test(the_rig_has_the_body_of_the_settings),
         cmocka_unit_test(only_what_measures_needs_a_calibration),
         cmocka_unit_test_setup_teardown(a_camchain_calibrates_two_live_cameras, fake_set_up,

@@ -296,6 +296,26 @@ static void every_sensor_of_a_rig_is_shown(void **state)
     assert_null(strstr(out, "IMU"));
 }
 
+/* `fovea check` hears no LCM, so it does not say that a sensor there is well. */
+static void a_sensor_on_lcm_is_not_said_to_be_well(void **state)
+{
+    char folder[] = "/tmp/fovea_check_imu_XXXXXX", file[64], command[256];
+    (void)state;
+    assert_non_null(mkdtemp(folder));
+    snprintf(file, sizeof file, "%s/imu.yaml", folder);
+    fv_test_write_text(file, "T_BS:\n  data: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\n"
+                             "rate_hz: 200\ngyroscope_noise_density: 0.001\n"
+                             "gyroscope_random_walk: 0.0001\naccelerometer_noise_density: 0.02\n"
+                             "accelerometer_random_walk: 0.003\n");
+    snprintf(command, sizeof command,
+             "fovea check --source sim:orbit?width=160&height=120 --set lcm_url=memq:// --set "
+             "imu=lcm:IMU --set imu_file=%s",
+             file);
+    assert_int_equal(check(command), FV_EXIT_OK);
+    assert_tells(out, "warning  IMU          lcm:IMU, not listened to here: IMU_STATUS of a run");
+    fv_test_folder_remove(folder);
+}
+
 /* A source without a calibration gets every line, and one that says how to make it. */
 static void test_without_a_calibration(void **state)
 {
@@ -341,6 +361,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(every_sensor_of_a_rig_is_shown),
+        cmocka_unit_test(a_sensor_on_lcm_is_not_said_to_be_well),
         cmocka_unit_test(test_everything_is_reported),
         cmocka_unit_test(test_who_may_command_is_said),
         cmocka_unit_test(test_frame_rate),

@@ -12,6 +12,7 @@
 #include <cmocka.h>
 
 #include "app/run/imu_input.h"
+#include "drivers/clock.h"
 #include "common/fake_iio.h"
 
 #include "fovea_imu_t.h"
@@ -86,6 +87,54 @@ static void the_first_frame_has_no_old_samples(void **state)
         hear(t * 5000000, 0, 0, true);
     assert_int_equal(take(4000000000, true), 41); /* 0.2 s and one */
     assert_true(samples[0].imu.stamp_ns == 3800000000);
+}
+
+/* What fv_imu_input_tell says. */
+static const char *told(void)
+{
+    static char text[512];
+    memset(text, 0, sizeof text);
+    FILE *out = fmemopen(text, sizeof text - 1, "w");
+    assert_non_null(out);
+    fv_imu_input_tell(out, &input);
+    fclose(out);
+    return text;
+}
+
+/* A camera that begins late: the newest samples are kept for it, and none is lost. */
+static void samples_just_before_the_first_frame_are_kept(void **state)
+{
+    (void)state;
+    for (int64_t t = 0; t < 20000; t++) {
+        hear(t * 1000000, 0, 0, true);
+        if (t % 33 == 0) assert_int_equal(take(t * 1000000, false), 0);
+    }
+    assert_int_equal(take(19999000000, true), 201);
+    assert_true(samples[0].imu.stamp_ns == 19799000000);
+    assert_true(samples[200].imu.stamp_ns == 19999000000);
+    assert_null(strstr(told(), "lost"));
+}
+
+static void what_is_lost_before_the_first_frame_is_told_apart(void **state)
+{
+    (void)state;
+    for (int64_t t = 0; t < 3000; t++)
+        hear(t * 1000000, 0, 0, true);
+    const unsigned early = (unsigned)atomic_load(&input.no_room);
+    assert_true(early > 0);
+    char expected[128];
+    snprintf(expected, sizeof expected, "heard on ROBOT_IMU, %u lost before the first frame\n",
+             early);
+    assert_non_null(strstr(told(), expected));
+    take(3000000000, true);
+    assert_non_null(strstr(told(), expected));
+    for (int64_t t = 3000; t < 6000; t++)
+        hear(t * 1000000, 0, 0, true);
+    const unsigned busy = (unsigned)atomic_load(&input.no_room) - early;
+    assert_true(busy > 0);
+    snprintf(expected, sizeof expected,
+             ", %u lost before the first frame, %u lost: the loop was busy\n", early, busy);
+    assert_non_null(strstr(told(), expected));
 }
 
 static void stamps_are_put_on_the_frames_clock(void **state)
@@ -171,15 +220,56 @@ static void a_device_of_iio_brings_them_too(void **state)
     fake_iio_remove();
 }
 
+/* Frames of a camera that stamps on another clock of the host. */
+static void stamps_of_iio_follow_the_frames_clock(void **state)
+{
+    static const int16_t raw[6] = {0, 0, 0, 0, 0, 981};
+    static const enum fovea_clock clocks[] = {FOVEA_CLOCK_MONOTONIC, FOVEA_CLOCK_BOOTTIME,
+                                              FOVEA_CLOCK_REALTIME};
+    static const clockid_t hosts[] = {CLOCK_MONOTONIC, CLOCK_BOOTTIME, CLOCK_REALTIME};
+    struct fovea_error error;
+    struct fv_iio *iio;
+    (void)state;
+    fake_iio_make();
+    if (fv_iio_open("adis16448", 0, &iio, &error) != FOVEA_OK) fail_msg("%s", error.text);
+    assert_int_equal(fv_iio_start(iio, &error), FOVEA_OK);
+    for (int i = 0; i < 2000 && !fake_iio_says("buffer/enable", "1"); i++)
+        nanosleep(&(struct timespec){.tv_nsec = 5000000}, NULL);
+    for (uint64_t c = 0; c < 3; c++) {
+        struct fv_iio_counts counts = {0};
+        const int64_t at_ns = fv_clock_ns(CLOCK_MONOTONIC),
+                      apart_ns = c == 0 ? 0 : fv_clock_ns(hosts[c]) - fv_clock_ns(CLOCK_MONOTONIC);
+        memset(&input, 0, sizeof input);
+        fv_imu_input_open(&input, &settings, iio);
+        frame.clock = clocks[c];
+        assert_int_equal(take(at_ns + apart_ns, true), 0);
+        assert_true(fake_iio_scan(raw, at_ns));
+        for (int i = 0; i < 2000 && counts.samples < c + 1; i++) {
+            nanosleep(&(struct timespec){.tv_nsec = 5000000}, NULL);
+            fv_iio_counts(iio, &counts);
+        }
+        assert_int_equal(take(at_ns + apart_ns + FV_SECOND_NS, true), 1);
+        const int64_t off_ns = samples[0].imu.stamp_ns - at_ns - apart_ns;
+        /* The clocks are read in turn, a while apart. */
+        assert_true(off_ns > -FV_SECOND_NS && off_ns < FV_SECOND_NS);
+        assert_true(c > 0 || off_ns == 0);
+    }
+    fv_iio_close(iio);
+    fake_iio_remove();
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup(samples_come_with_their_frame, open_lcm),
         cmocka_unit_test_setup(the_first_frame_has_no_old_samples, open_lcm),
+        cmocka_unit_test_setup(samples_just_before_the_first_frame_are_kept, open_lcm),
+        cmocka_unit_test_setup(what_is_lost_before_the_first_frame_is_told_apart, open_lcm),
         cmocka_unit_test_setup(stamps_are_put_on_the_frames_clock, open_lcm),
         cmocka_unit_test_setup(nothing_overflows, open_lcm),
         cmocka_unit_test_setup(the_time_offset_counts, open_lcm),
         cmocka_unit_test_setup(a_device_of_iio_brings_them_too, open_lcm),
+        cmocka_unit_test_setup(stamps_of_iio_follow_the_frames_clock, open_lcm),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

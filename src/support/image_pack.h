@@ -1,6 +1,6 @@
 /* Images without the gaps between their rows. No heap, no system call. */
-#ifndef FOVEA_IMAGE_PACK_H
-#define FOVEA_IMAGE_PACK_H
+#ifndef FOVEA_SUPPORT_IMAGE_PACK_H
+#define FOVEA_SUPPORT_IMAGE_PACK_H
 
 #include <stddef.h>
 #include <stdint.h>

@@ -1,4 +1,4 @@
-#include "image/pack.h"
+#include "support/image_pack.h"
 
 #include <string.h>
 
