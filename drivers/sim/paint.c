@@ -97,32 +97,78 @@ static int32_t lattice(int32_t x, int32_t y, uint32_t seed)
     return (int32_t)(h & 255u) - 128;
 }
 
-/* One row of one octave, added in units of 1/256 grey level: cubic fade between lattice values,
- * 8-bit fractions. */
-static void noise_row(int32_t *sum, int32_t x0, int32_t x1, int32_t y, int32_t cell,
-                      int32_t amplitude, uint32_t seed)
+enum { STRIP = 512, BAND = 16 };
+
+/* Part of a row of one octave: for each texel its cell and the fade across it, for each cell the
+ * lattice values at the corners above and below, of its left side. */
+struct octave {
+    int32_t size, amplitude;
+    uint32_t seed;
+    int32_t cell[STRIP], fade[STRIP];
+    int32_t above[STRIP + 2], below[STRIP + 2];
+    int32_t value[STRIP + 2], slope[STRIP + 2]; /* of one row of texels */
+};
+
+/* Cubic fade between lattice values, 8-bit fractions. */
+static int32_t fade(int32_t at, int32_t size)
 {
-    const int32_t cy = y / cell, fy = (y % cell) * 256 / cell, sy = fy * fy * (768 - 2 * fy) >> 16;
-    int32_t left = 0, right = 0, last = INT32_MIN;
-    for (int32_t x = x0; x < x1; x++) {
-        const int32_t cx = x / cell;
-        if (cx != last) {
-            const int32_t a = lattice(cx, cy, seed), b = lattice(cx + 1, cy, seed);
-            const int32_t c = lattice(cx, cy + 1, seed), d = lattice(cx + 1, cy + 1, seed);
-            left = a * 256 + (c - a) * sy;
-            right = b * 256 + (d - b) * sy;
-            last = cx;
-        }
-        const int32_t fx = (x - cx * cell) * 256 / cell, sx = fx * fx * (768 - 2 * fx) >> 16;
-        sum[x - x0] += ((left + (right - left) / 256 * sx) / 128) * amplitude;
+    const int32_t f = (at % size) * 256 / size;
+    return f * f * (768 - 2 * f) >> 16;
+}
+
+static void octave_begin(struct octave *o, int32_t x0, int32_t count)
+{
+    for (int32_t i = 0; i < count; i++) {
+        o->cell[i] = (x0 + i) / o->size - x0 / o->size;
+        o->fade[i] = fade(x0 + i, o->size);
     }
+}
+
+/* The corners of a row of cells. */
+FV_WIDE static void octave_cells(struct octave *o, int32_t first, int32_t cells, int32_t cy)
+{
+    for (int32_t k = 0; k < cells + 1; k++) {
+        o->above[k] = lattice(first + k, cy, o->seed);
+        o->below[k] = lattice(first + k, cy + 1, o->seed);
+    }
+}
+
+/* One row of texels, added in units of 1/256 grey level. */
+FV_WIDE static void octave_row(struct octave *o, int32_t *restrict sum, int32_t count,
+                               int32_t cells, int32_t down)
+{
+    for (int32_t k = 0; k < cells + 1; k++)
+        o->value[k] = o->above[k] * 256 + (o->below[k] - o->above[k]) * down;
+    for (int32_t k = 0; k < cells; k++)
+        o->slope[k] = (o->value[k + 1] - o->value[k]) / 256;
+    for (int32_t i = 0; i < count; i++) {
+        const int32_t k = o->cell[i];
+        sum[i] += ((o->value[k] + o->slope[k] * o->fade[i]) / 128) * o->amplitude;
+    }
+}
+
+static void octave_add(struct octave *o, int32_t sum[BAND][STRIP], int32_t x0, int32_t count,
+                       int32_t y0, int32_t rows)
+{
+    const int32_t cells = (x0 + count - 1) / o->size - x0 / o->size + 1;
+    octave_begin(o, x0, count);
+    for (int32_t y = y0; y < y0 + rows; y++) {
+        if (y == y0 || y % o->size == 0) octave_cells(o, x0 / o->size, cells, y / o->size);
+        octave_row(o, sum[y - y0], count, cells, fade(y, o->size));
+    }
+}
+
+FV_WIDE static void add_noise(uint8_t *restrict row, const int32_t *restrict sum, int32_t count)
+{
+    for (int32_t i = 0; i < count; i++)
+        row[i] = (uint8_t)clamp(row[i] + sum[i] / 256, 0, 255);
 }
 
 void fv_sim_noise(struct fv_sim_brush *brush, int32_t x0, int32_t y0, int32_t x1, int32_t y1,
                   int32_t cell, int32_t finest, int32_t amplitude, int32_t fall)
 {
-    enum { STRIP = 512 };
-    int32_t sum[STRIP];
+    int32_t sum[BAND][STRIP];
+    struct octave o;
     const uint32_t seed = fv_random_u32(&brush->random);
     x0 = clamp(x0, 0, brush->width);
     x1 = clamp(x1, 0, brush->width);
@@ -130,16 +176,19 @@ void fv_sim_noise(struct fv_sim_brush *brush, int32_t x0, int32_t y0, int32_t x1
     y1 = clamp(y1, 0, brush->height);
     if (finest < 1) finest = 1;
     for (int32_t left = x0; left < x1; left += STRIP) {
-        const int32_t right = left + STRIP < x1 ? left + STRIP : x1;
-        for (int32_t y = y0; y < y1; y++) {
+        const int32_t count = left + STRIP < x1 ? STRIP : x1 - left;
+        for (int32_t top = y0; top < y1; top += BAND) {
+            const int32_t rows = top + BAND < y1 ? BAND : y1 - top;
             memset(sum, 0, sizeof sum);
-            int32_t amount = amplitude;
-            for (int32_t size = cell; size >= finest && amount > 0;
-                 size /= 2, amount = amount * fall / 256)
-                noise_row(sum, left, right, y, size, amount, seed + (uint32_t)size * 0x27D4EB2Fu);
-            uint8_t *row = brush->texels + (size_t)y * (size_t)brush->stride + left;
-            for (int32_t i = 0; i < right - left; i++)
-                row[i] = (uint8_t)clamp(row[i] + sum[i] / 256, 0, 255);
+            o.amplitude = amplitude;
+            for (o.size = cell; o.size >= finest && o.amplitude > 0;
+                 o.size /= 2, o.amplitude = o.amplitude * fall / 256) {
+                o.seed = seed + (uint32_t)o.size * 0x27D4EB2Fu;
+                octave_add(&o, sum, left, count, top, rows);
+            }
+            for (int32_t y = top; y < top + rows; y++)
+                add_noise(brush->texels + (size_t)y * (size_t)brush->stride + left, sum[y - top],
+                          count);
         }
     }
 }

@@ -240,22 +240,39 @@ void fv_sim_paint_shade(struct fv_sim_texture *texture, int32_t x0, int32_t y0, 
     }
 }
 
+enum { COLUMNS = 512 };
+
+/* A row of texels: the corners' and lamps' light by column, the edges' of the row. */
+FV_WIDE static void light_row(uint8_t *restrict texel, const int32_t *restrict corner,
+                              const int32_t *restrict lamp, int32_t edge, int32_t count)
+{
+    for (int32_t x = 0; x < count; x++) {
+        const int32_t gain = (180 + corner[x] + edge) * lamp[x] / 256;
+        texel[x] = (uint8_t)clamp(texel[x] * gain / 205, 0, 255);
+    }
+}
+
+/* A parabola per lamp along the wall; edges and corners are 30 % darker. */
 void fv_sim_paint_light(struct fv_sim_texture *texture, double texels_per_m, uint64_t seed)
 {
     const int32_t w = texture->width, h = texture->height, near = (int32_t)(texels_per_m * 0.7);
+    int32_t corner[COLUMNS], lamp[COLUMNS];
     struct fv_random random;
     fv_random_seed(&random, seed);
     const int32_t pool = (int32_t)(texels_per_m * 2.6),
                   at = (int32_t)fv_random_below(&random, (uint32_t)pool);
-    for (int32_t y = 0; y < h; y++) {
-        const int32_t ey = clamp((y < h - 1 - y ? y : h - 1 - y) * 256 / near, 0, 256);
-        for (int32_t x = 0; x < w; x++) {
-            const int32_t ex = clamp((x < w - 1 - x ? x : w - 1 - x) * 256 / near, 0, 256);
-            /* A parabola per lamp along the wall; edges and corners are 30 % darker. */
-            const int32_t p = ((x + at) % pool) * 512 / pool - 256, lamp = 256 - p * p / 1024;
-            const int32_t gain = (180 + ex * 38 / 256 + ey * 38 / 256) * lamp / 256;
-            uint8_t *texel = texture->texels + (size_t)y * (size_t)texture->level[0].stride + x;
-            *texel = (uint8_t)clamp(*texel * gain / 205, 0, 255);
+    for (int32_t left = 0; left < w; left += COLUMNS) {
+        const int32_t count = w - left < COLUMNS ? w - left : COLUMNS;
+        for (int32_t i = 0; i < count; i++) {
+            const int32_t x = left + i, p = ((x + at) % pool) * 512 / pool - 256;
+            corner[i] = clamp((x < w - 1 - x ? x : w - 1 - x) * 256 / near, 0, 256) * 38 / 256;
+            lamp[i] = 256 - p * p / 1024;
+        }
+        for (int32_t y = 0; y < h; y++) {
+            const int32_t edge =
+                clamp((y < h - 1 - y ? y : h - 1 - y) * 256 / near, 0, 256) * 38 / 256;
+            light_row(texture->texels + (size_t)y * (size_t)texture->level[0].stride + left, corner,
+                      lamp, edge, count);
         }
     }
 }

@@ -53,6 +53,8 @@ static int32_t clamp(int32_t value, int32_t low, int32_t high)
     return value < low ? low : value > high ? high : value;
 }
 
+enum { GROUPS = 64 }; /* of seven source texels, which make five, in a part of a row */
+
 /* Weights, in fifths of a source texel, of the (up to three) source texels under target texel i of
  * a 7:5 reduction. */
 static int32_t seven_to_five(int32_t i, int32_t weight[3])
@@ -66,39 +68,59 @@ static int32_t seven_to_five(int32_t i, int32_t weight[3])
     return first;
 }
 
+/* Rows a, b and c weighted, from x0 on; beyond the end the last texel again. */
+FV_WIDE static void weigh_rows(int32_t *restrict sum, const uint8_t *const row[3],
+                               const int32_t weight[3], int32_t x0, int32_t width)
+{
+    const int32_t inside = width - x0 < 7 * GROUPS + 2 ? width - x0 : 7 * GROUPS + 2;
+    const uint8_t *a = row[0] + x0, *b = row[1] + x0, *c = row[2] + x0;
+    const int32_t wa = weight[0], wb = weight[1], wc = weight[2];
+    for (int32_t i = 0; i < inside; i++)
+        sum[i] = wa * a[i] + wb * b[i] + wc * c[i];
+    for (int32_t i = inside; i < 7 * GROUPS + 2; i++)
+        sum[i] = sum[inside - 1];
+}
+
 static void reduce_seven_to_five(const struct fv_sim_level *from, struct fv_sim_level *to)
 {
+    int32_t sum[7 * GROUPS + 2], first[5], wx[5][3], wy[3];
+    for (int32_t i = 0; i < 5; i++)
+        first[i] = seven_to_five(i, wx[i]);
     for (int32_t y = 0; y < to->height; y++) {
         uint8_t *out = (uint8_t *)to->texels + (size_t)y * (size_t)to->stride;
-        int32_t wy[3], wx[3];
         const int32_t y0 = seven_to_five(y, wy);
+        const uint8_t *row[3];
+        for (int32_t j = 0; j < 3; j++)
+            row[j] =
+                from->texels + (size_t)clamp(y0 + j, 0, from->height - 1) * (size_t)from->stride;
         for (int32_t x = 0; x < to->width; x++) {
-            const int32_t x0 = seven_to_five(x, wx);
-            int32_t sum = 0;
-            for (int32_t j = 0; j < 3; j++) {
-                const uint8_t *row = from->texels + (size_t)clamp(y0 + j, 0, from->height - 1) *
-                                                        (size_t)from->stride;
-                for (int32_t i = 0; i < 3; i++)
-                    sum += wy[j] * wx[i] * row[clamp(x0 + i, 0, from->width - 1)];
-            }
-            *out++ = (uint8_t)((sum + 24) / 49);
+            const int32_t group = x / 5 % GROUPS, i = x % 5;
+            if (group == 0 && i == 0) weigh_rows(sum, row, wy, x / 5 * 7, from->width);
+            const int32_t *s = sum + 7 * group + first[i];
+            out[x] = (uint8_t)((wx[i][0] * s[0] + wx[i][1] * s[1] + wx[i][2] * s[2] + 24) / 49);
         }
     }
 }
 
+FV_WIDE static void halve_row(uint8_t *restrict out, const uint8_t *restrict a,
+                              const uint8_t *restrict b, int32_t count)
+{
+    for (int32_t x = 0; x < count; x++)
+        out[x] = (uint8_t)((a[2 * x] + a[2 * x + 1] + b[2 * x] + b[2 * x + 1] + 2) / 4);
+}
+
 static void reduce_half(const struct fv_sim_level *from, struct fv_sim_level *to)
 {
+    const int32_t last = from->width - 1, whole = from->width / 2;
     for (int32_t y = 0; y < to->height; y++) {
         uint8_t *out = (uint8_t *)to->texels + (size_t)y * (size_t)to->stride;
         const uint8_t *a =
             from->texels + (size_t)clamp(2 * y, 0, from->height - 1) * (size_t)from->stride;
         const uint8_t *b =
             from->texels + (size_t)clamp(2 * y + 1, 0, from->height - 1) * (size_t)from->stride;
-        for (int32_t x = 0; x < to->width; x++) {
-            const int32_t x0 = clamp(2 * x, 0, from->width - 1),
-                          x1 = clamp(2 * x + 1, 0, from->width - 1);
-            *out++ = (uint8_t)((a[x0] + a[x1] + b[x0] + b[x1] + 2) / 4);
-        }
+        halve_row(out, a, b, whole < to->width ? whole : to->width);
+        for (int32_t x = whole; x < to->width; x++)
+            out[x] = (uint8_t)((2 * a[last] + 2 * b[last] + 2) / 4);
     }
 }
 
