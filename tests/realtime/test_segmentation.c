@@ -196,11 +196,11 @@ static bool is_timed(void)
     return false;
 }
 
-/* The least CPU time of each unit over several runs; which unit is which is the same in each. */
+/* The least CPU time of each unit over as many runs as it takes; which unit is which is the same in each. */
 static void no_unit_takes_more_than_a_quarter_of_a_millisecond(void **state)
 {
     (void)state;
-    enum { RUNS = 9, RUNS_MAX = 60, UNITS_MAX = 2000 };
+    enum { RUNS_MAX = 60, UNITS_MAX = 2000 };
     static int64_t least[UNITS_MAX];
     if (!is_timed()) return;
     const struct fovea_image image = read_picture("street_camvid/img/0016E5_08149.png");
@@ -209,7 +209,7 @@ static void no_unit_takes_more_than_a_quarter_of_a_millisecond(void **state)
     struct made made;
     make(&made, &camera, false);
     int units = 0, longest = 0;
-    for (int run = 0; run < RUNS || (run < RUNS_MAX && least[longest] > 250000); run++) {
+    for (int run = 0; run == 0 || (run < RUNS_MAX && least[longest] > 250000); run++) {
         struct fovea_outputs outputs;
         const struct fovea_frame frame = {.image_count = 1,
                                           .images[0] = image,
@@ -272,7 +272,7 @@ static int overrun(struct made *made, const struct fovea_source_ops *ops,
 static void beside_the_detector_no_deadline_of_30_hz_is_missed(void **state)
 {
     (void)state;
-    enum { FRAMES = 150, TRIES = 4 };
+    enum { FRAMES = 90, TRIES = 4 };
     if (!is_timed()) return;
     int over = 1;
     for (int i = 0; i < TRIES && over > 0; i++) {

@@ -41,7 +41,7 @@ def browser():
 
 
 def run(*more):
-    words = [os.path.join(build, "fovea"), "run", "--source", "sim:orbit?frames=1000000", "--rate", "real", "--quiet", "--picture",
+    words = [os.path.join(build, "fovea"), "run", "--source", "sim:orbit?frames=1000000&rate=12", "--rate", "real", "--quiet", "--picture",
              "none", "--model", "src/detect/shipped.fvm", "--set", "record_buffer=64", "--set", "web.socket=" + os.path.join(folder, "feed"), *more]
     return subprocess.Popen(words)
 
