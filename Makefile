@@ -56,7 +56,8 @@ endif
 INCLUDES := -Iinclude -Isrc -I$(BUILD)/generated $(SYSFLAGS)
 COMMON   := $(OPT) $(HARDEN) $(FP) $(WARN) $(INCLUDES) -fPIC -fstack-usage -pthread -MMD -MP -D_GNU_SOURCE
 CFLAGS   += -std=c11 $(COMMON) -Wstrict-prototypes -Wmissing-prototypes
-CXXFLAGS += -std=c++17 $(COMMON)
+# Of C++ the lines alone: what gdb can know of templates makes objects nine times as large and compiling half as fast.
+CXXFLAGS += -std=c++17 $(COMMON) -g1
 LDFLAGS  += $(if $(SAN),$(filter -fsanitize% -fno-sanitize%,$(OPT)),) $(HARDLINK) -pthread
 ifneq (,$(findstring clang,$(CC)))
 COMMON   := $(filter-out -fstack-usage,$(COMMON))
