@@ -196,7 +196,8 @@ static bool is_timed(void)
     return false;
 }
 
-/* The least CPU time of each unit over as many runs as it takes; which unit is which is the same in each. */
+/* The least CPU time of each unit over as many runs as it takes; which unit is which is the same in
+ * each. */
 static void no_unit_takes_more_than_a_quarter_of_a_millisecond(void **state)
 {
     (void)state;
