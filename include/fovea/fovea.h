@@ -162,6 +162,7 @@ struct fovea_config {
     uint32_t statistics_every;    /* [0, 1000000], default 30 */
     uint32_t camera_status_every; /* [0, 1000000], default 1 */
     uint32_t map_every;           /* [0, 1000000], default 5 */
+    uint32_t lockstep_every;      /* [0, 1000000], default 0: none; hashes all of the state */
 
     /* degrees, [0, 170], default 0; above 0: the calibration of the first camera is a guess from
      * its horizontal field of view, which the caller made; poses are marked `uncalibrated`. */

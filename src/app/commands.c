@@ -37,6 +37,15 @@ const struct fv_command fv_commands[] = {
      "FILE was written by 'fovea run --record'. The runtime gets the recorded frames, samples, "
      "commands and grants again, and makes the same messages on every machine.",
      "fovea replay run.lcm --verify\nfovea replay run.lcm --lcm-url udpm://239.255.76.67:7667"},
+    {"compare", "say where two runs on the same inputs became different", fv_command_compare,
+     "A and B are recordings of 'fovea run --record', or with --live the channel prefixes of two "
+     "runs that are heard. The first iteration that differs is named, with its frame: what of the "
+     "inputs, where those differ, else the first stage whose features or state differ, and the "
+     "first message with the field and both values. Stages are known of runs with lockstep_every: "
+     "1, which then send hashes of all of their state. Clock readings, resident memory and "
+     "temperature are left out. The exit status is 0 where nothing differs, 1 where something "
+     "does or nothing could be compared.",
+     "fovea compare board1.lcm board2.lcm\nfovea compare --live LEFT RIGHT --iterations 500"},
     {"echo", "print the messages of running robots as JSON", fv_command_echo,
      "CHANNEL is the name of a channel, or a pattern in which * stands for any letters and ? for "
      "one. One line is printed for each message of one packet, which all of Fovea's are: channel, "

@@ -49,6 +49,7 @@ enum fv_message_kind {
     FV_MESSAGE_CALIBRATION_WARNING,
     FV_MESSAGE_GRID, /* free space, where a network labels pixels */
     FV_MESSAGE_SCAN,
+    FV_MESSAGE_LOCKSTEP,         /* where lockstep_every asks for it */
     FV_MESSAGE_COMMAND,          /* in */
     FV_MESSAGE_COMMAND_RESULT,   /* of the application */
     FV_MESSAGE_PARAMETER,        /* in, and in recordings */

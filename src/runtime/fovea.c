@@ -198,6 +198,7 @@ enum fovea_status fovea_step(struct fovea *rt, const struct fovea_inputs *inputs
 {
     memset(outputs, 0, sizeof *outputs);
     rt->inputs = *inputs;
+    fv_lockstep_begin(rt, inputs);
     if (inputs->parameters != NULL) fv_live_take(rt, inputs->parameters);
     take_commands(rt, inputs->commands);
     if (rt->config.rig.has_imu)
@@ -216,6 +217,7 @@ enum fovea_status fovea_step(struct fovea *rt, const struct fovea_inputs *inputs
     }
     const struct instant begin = stage_begin(rt);
     fv_encode(rt, inputs, processed, interrupted, outputs);
+    fv_lockstep_sent(rt, outputs);
     stage_end(rt, FOVEA_STAGE_ENCODE, begin);
     rt->inputs.frame = NULL; /* the caller's, and gone after this; likewise the rest */
     rt->inputs.samples = NULL;
@@ -251,6 +253,7 @@ enum fovea_status fovea_work(struct fovea *rt, const struct fovea_grants *grants
         outputs->units_done[job] = rt->units_done[job];
         stage_end(rt, (enum fovea_stage)(FOVEA_STAGE_JOBS + job), begin);
     }
+    fv_lockstep_end(rt, outputs);
     outputs->jobs_waiting = fv_jobs_waiting(rt);
     return outputs->jobs_waiting ? FOVEA_AGAIN : FOVEA_OK;
 }

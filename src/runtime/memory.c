@@ -2,6 +2,7 @@
 #include <string.h>
 
 #include "base/hash.h"
+#include "message/lockstep.h"
 #include "runtime/config.h"
 #include "runtime/jobs.h"
 #include "runtime/live.h"
@@ -12,7 +13,9 @@ void fv_carving_book(struct fv_carving *carving, const char *owner)
 {
     struct fovea_memory_table *table = carving->table;
     for (int part = 0; part < FOVEA_MEMORY_PART_COUNT; part++) {
-        const size_t bytes = carving->arenas[part].used - carving->booked[part];
+        const size_t from = carving->booked[part], bytes = carving->arenas[part].used - from;
+        if (carving->lockstep != NULL)
+            fv_lockstep_own(carving->lockstep, owner, (enum fovea_memory_part)part, from, bytes);
         carving->booked[part] = carving->arenas[part].used;
         if (table == NULL || bytes == 0 || table->count >= FOVEA_MEMORY_ROWS_MAX) continue;
         struct fovea_memory_row *row = &table->rows[table->count++];
@@ -68,6 +71,8 @@ static void carve_outbox(struct fovea *rt, struct fv_arena *arena)
                      fv_message_grid_size_max(fv_free_space_rows(grid) * grid->side_cells), arena);
         carve_buffer(outbox, FV_MESSAGE_SCAN, fv_message_scan_size_max(grid->rays), arena);
     }
+    if (rt->config.lockstep_every > 0)
+        carve_buffer(outbox, FV_MESSAGE_LOCKSTEP, fv_message_lockstep_size_max(), arena);
     carve_network(outbox, &rt->detection2, 1, arena);
     carve_network(outbox, &rt->detection, 0, arena);
     if (fv_detection_sends(&rt->detection, FV_DETECTION_BOXES)) {
@@ -249,7 +254,7 @@ enum fovea_status fovea_memory(const struct fovea_config *config, struct fovea_m
 static void place(struct fovea *rt, bool keep)
 {
     uint8_t *next = (uint8_t *)rt + rt->block_bytes;
-    struct fv_carving carving = {.table = NULL};
+    struct fv_carving carving = {.lockstep = &rt->lockstep};
     const struct fovea_config in_force = rt->config;
     for (int part = FOVEA_MEMORY_PART_COUNT - 1; part >= 0; part--) {
         next -= rt->part_bytes[part];
@@ -257,6 +262,7 @@ static void place(struct fovea *rt, bool keep)
         fv_arena_init(&carving.arenas[part], next, rt->part_bytes[part]);
         carving.arenas[part].keep = keep;
     }
+    rt->lockstep.part_count = 0;
     rt->config = rt->started; /* sizes are those of the start */
     fv_live_spread(rt);
     carve(rt, &carving);

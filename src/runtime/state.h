@@ -17,6 +17,7 @@
 #include "runtime/sense.h"
 #include "runtime/frame_id.h"
 #include "runtime/free_space.h"
+#include "runtime/lockstep.h"
 #include "runtime/preview.h"
 #include "runtime/publish.h"
 #include "runtime/relative.h"
@@ -58,6 +59,7 @@ struct fv_carving {
     struct fv_arena arenas[FOVEA_MEMORY_PART_COUNT];
     size_t booked[FOVEA_MEMORY_PART_COUNT]; /* bytes that have an owner */
     struct fovea_memory_table *table;       /* NULL: none is kept */
+    struct fv_lockstep *lockstep;           /* likewise, who owns which memory */
 };
 
 /* Book what was taken since the last call as `owner`'s, part by part. */
@@ -104,6 +106,7 @@ struct fovea {
     struct fovea_inputs inputs;
     struct fovea_grants work_grants;
     uint32_t units_done[FOVEA_JOB_COUNT];
+    struct fv_lockstep lockstep;
 };
 
 /* How often the world of the poses became another: by command, or since the camera was lost. */

@@ -39,7 +39,7 @@ record() { # record LOG COMMAND...
     shift
     # shellcheck disable=SC2086 # the model only with --all: its network takes an emulator as long as all else
     "$@" run --source 'sim:?seed=5&width=320&height=240' --frames "$frames" --record "$log" --set preview.period_frames=7 \
-        --set "image.operations=[denoise, contrast_enhancement, sharpen, normalize]" --set "image.seen_by=[features, networks]" --set edges.period_frames=5 --set edges.segments=true ${all:+--model src/detect/shipped.fvm}
+        --set "image.operations=[denoise, contrast_enhancement, sharpen, normalize]" --set "image.seen_by=[features, networks]" --set edges.period_frames=5 --set edges.segments=true --set lockstep_every=1 ${all:+--model src/detect/shipped.fvm}
 }
 
 # What was seen by a corridor at 8 Hz, which returns to its start: closures and their graphs are float work from end to end.
@@ -66,11 +66,12 @@ wait
 
 # What takes longest comes first.
 to_arm_and_back() {
-    record "$folder/arm.lcm" tools/emulate.sh build-aarch64/fovea && build/fovea replay "$folder/arm.lcm" --verify
+    record "$folder/arm.lcm" tools/emulate.sh build-aarch64/fovea && build/fovea replay "$folder/arm.lcm" --verify &&
+        build/fovea compare "$folder/x86.lcm" "$folder/arm.lcm" | tee "$folder/compared" && grep -q "^equal: $frames iterations, $frames " "$folder/compared"
 }
 if have build-aarch64/fovea; then
     run "replay the loop on aarch64" tools/emulate.sh build-aarch64/fovea replay "$folder/loop.lcm" --verify
-    run "record on aarch64, replay that on x86" to_arm_and_back
+    run "record on aarch64, replay that on x86, in lock-step with the recording of x86" to_arm_and_back
     run "replay every method and two cameras on aarch64" replay_methods tools/emulate.sh build-aarch64/fovea
     run "replay the x86 recording on aarch64" tools/emulate.sh build-aarch64/fovea replay "$folder/x86.lcm" --verify
     for set in c ${all:+neon dotprod}; do # without a cap it is i8mm

@@ -24,6 +24,7 @@
 #include "image/jpeg.h"
 #include "message/message.h"
 #include "message/recorded.h"
+#include "runtime/lockstep.h"
 #include "message/wire.h"
 
 enum {
@@ -199,7 +200,7 @@ static void record_inputs(struct fv_recorder *recorder, int64_t time_us,
     counted.sample_count += recorder->parameters;
     recorder->parameters = 0;
     event_end(recorder, event, channel, time_us,
-              fv_message_inputs_encode(&counted, fv_recording_frame_hash(inputs->frame),
+              fv_message_inputs_encode(&counted, fv_lockstep_frame_hash(inputs->frame),
                                        data_of(event, channel), size));
 }
 

@@ -416,14 +416,3 @@ enum fovea_status fv_recording_header_decode(const char *name, int64_t offset, c
     fovea_recording_t_decode_cleanup(&message);
     return status;
 }
-
-uint64_t fv_recording_frame_hash(const struct fovea_frame *frame)
-{
-    uint64_t hash = FV_HASH_START;
-    if (frame == NULL) return 0;
-    for (uint32_t i = 0; i < frame->image_count; i++)
-        if (frame->images[i].data != NULL)
-            hash = fv_hash_bulk(hash, frame->images[i].data,
-                                fv_message_image_bytes(&frame->images[i]));
-    return hash;
-}

@@ -37,8 +37,4 @@ enum fovea_status fv_recording_header_decode(const char *name, int64_t offset, c
                                              size_t bytes, struct fv_recording_header *header,
                                              struct fovea_error *error);
 
-/* Hash of the pixels of a frame's images as a recording holds them, one after the other; 0 for
- * NULL. Real-time safe. */
-uint64_t fv_recording_frame_hash(const struct fovea_frame *frame);
-
 #endif

@@ -13,6 +13,7 @@
 #include "message/fields.h"
 #include "message/message.h"
 #include "message/recorded.h"
+#include "runtime/lockstep.h"
 
 #include "fovea_parameter_t.h"
 
@@ -175,7 +176,7 @@ static void expect_none_left(struct replay *replay)
 /* The frame must be the one that the recorded run was given. */
 static void compare_pixels(struct replay *replay, uint64_t expected)
 {
-    const uint64_t found = fv_recording_frame_hash(&replay->frame);
+    const uint64_t found = fv_lockstep_frame_hash(&replay->frame);
     char texts[2][32];
     if (found == expected) return;
     snprintf(texts[0], sizeof texts[0], "%016" PRIx64, found);

@@ -5,6 +5,7 @@
 
 #include "support/say.h"
 
+int fv_command_compare(int argc, char **argv);  /* where two runs became different */
 int fv_command_echo(int argc, char **argv);     /* messages as JSON */
 int fv_command_top(int argc, char **argv);      /* robots that run */
 int fv_command_snapshot(int argc, char **argv); /* a preview as a file */

@@ -22,6 +22,7 @@
 #include "app/record/recording_header.h"
 #include "support/lcmlog.h"
 #include "message/recorded.h"
+#include "runtime/lockstep.h"
 
 enum { WIDTH = 640, HEIGHT = 480, IMAGE_BYTES = WIDTH * HEIGHT, WIDTH2 = 320, HEIGHT2 = 200 };
 
@@ -243,9 +244,9 @@ static void check_turn(struct fv_lcmlog *log, uint32_t n)
     const struct fovea_frame same = {
         .image_count = 1,
         .images[0] = {pixels, WIDTH, HEIGHT, WIDTH, FOVEA_PIXEL_GREY8, IMAGE_BYTES}};
-    assert_true(hash == (has_frame ? fv_recording_frame_hash(&same) : 0));
+    assert_true(hash == (has_frame ? fv_lockstep_frame_hash(&same) : 0));
     pixels[IMAGE_BYTES - 7] ^= 1;
-    assert_true(hash != fv_recording_frame_hash(&same));
+    assert_true(hash != fv_lockstep_frame_hash(&same));
     assert_true(has_frame == (n % 4 != 3) && inputs.now_ns == 1000000000LL + n * 10000000LL);
     assert_true(inputs.source_state == FOVEA_SOURCE_LATE && inputs.source_counts.delivered == n &&
                 inputs.source_counts.recovered == 4 && inputs.commands == (n % 5 == 0) &&

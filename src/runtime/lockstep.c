@@ -1,0 +1,118 @@
+#include "runtime/lockstep.h"
+
+#include <string.h>
+
+#include "base/hash.h"
+#include "message/lockstep.h"
+#include "message/recorded.h"
+#include "runtime/jobs.h"
+#include "runtime/state.h"
+
+_Static_assert(sizeof(struct fovea_feature) == 16, "features have no undefined bytes");
+
+void fv_lockstep_own(struct fv_lockstep *lockstep, const char *owner, enum fovea_memory_part part,
+                     size_t from, size_t bytes)
+{
+    const bool kept = part == FOVEA_MEMORY_PERSISTENT || part == FOVEA_MEMORY_JOB;
+    if (!kept || bytes == 0) return;
+    /* More owners than names: the last takes what is left. */
+    if (lockstep->part_count == FV_LOCKSTEP_MAX - 1) {
+        struct fv_lockstep_part *last = &lockstep->parts[FV_LOCKSTEP_MAX - 2];
+        if (last->part == part) last->bytes = from + bytes - last->from;
+        return;
+    }
+    lockstep->parts[lockstep->part_count++] =
+        (struct fv_lockstep_part){.owner = owner, .part = part, .from = from, .bytes = bytes};
+}
+
+uint64_t fv_lockstep_frame_hash(const struct fovea_frame *frame)
+{
+    uint64_t hash = FV_HASH_START;
+    if (frame == NULL) return 0;
+    for (uint32_t i = 0; i < frame->image_count; i++)
+        if (frame->images[i].data != NULL)
+            hash = fv_hash_bulk(hash, frame->images[i].data,
+                                fv_message_image_bytes(&frame->images[i]));
+    return hash;
+}
+
+/* The inputs as recordings hold them, in the buffer of the message, which is not written yet. */
+static uint64_t hash_inputs(struct fovea *rt, const struct fovea_inputs *inputs)
+{
+    uint8_t *buffer = rt->outbox.buffer[FV_MESSAGE_LOCKSTEP];
+    const size_t capacity = rt->outbox.capacity[FV_MESSAGE_LOCKSTEP];
+    const fovea_stamp_t stamp = fv_message_stamp(inputs->frame, inputs->utc_offset_ns);
+    uint64_t hash = FV_HASH_START;
+    for (uint32_t i = 0; i < inputs->sample_count; i++) {
+        const uint32_t bytes =
+            fv_message_sample_encode(&inputs->samples[i], &stamp, buffer, capacity);
+        hash = fv_hash_bulk(hash, buffer, bytes);
+    }
+    struct fovea_inputs counted = *inputs;
+    counted.resident_bytes = 0;
+    counted.temperature_c = 0;
+    const uint32_t bytes =
+        fv_message_inputs_encode(&counted, fv_lockstep_frame_hash(inputs->frame), buffer, capacity);
+    hash = fv_hash_bulk(hash, buffer, bytes);
+    return fv_hash(hash, &stamp.time_ns, sizeof stamp.time_ns);
+}
+
+void fv_lockstep_begin(struct fovea *rt, const struct fovea_inputs *inputs)
+{
+    struct fv_lockstep *lockstep = &rt->lockstep;
+    lockstep->due = fv_every(rt->state->steps, rt->config.lockstep_every);
+    if (!lockstep->due) return;
+    lockstep->iteration = rt->state->steps;
+    lockstep->message_count = 0;
+    lockstep->inputs_hash = hash_inputs(rt, inputs);
+}
+
+void fv_lockstep_sent(struct fovea *rt, const struct fovea_outputs *outputs)
+{
+    struct fv_lockstep *lockstep = &rt->lockstep;
+    if (!lockstep->due) return;
+    for (uint32_t i = 0; i < outputs->message_count; i++) {
+        const struct fovea_message *message = &outputs->messages[i];
+        const uint32_t at = lockstep->message_count;
+        if (message->volatile_values || at == FV_LOCKSTEP_MAX) continue;
+        lockstep->kinds[at] =
+            (uint32_t)((message->channel - rt->outbox.channel[0]) / FV_MESSAGE_CHANNEL_BYTES);
+        lockstep->hashes[at] = fv_hash_bulk(FV_HASH_START, message->data, message->bytes);
+        lockstep->message_count++;
+    }
+}
+
+void fv_lockstep_end(struct fovea *rt, struct fovea_outputs *outputs)
+{
+    struct fv_lockstep *lockstep = &rt->lockstep;
+    if (!lockstep->due) return;
+    fv_lockstep_sent(rt, outputs);
+    lockstep->due = false;
+    struct fv_message_lockstep message = {
+        .stamp =
+            rt->state->any_frame ? fv_frame_id_stamp(&rt->state->frame) : fv_message_stamp(NULL, 0),
+        .iteration = lockstep->iteration,
+        .inputs_hash = lockstep->inputs_hash,
+        .message_count = lockstep->message_count,
+        .prefix_bytes =
+            strlen(rt->config.channel_prefix) + (rt->config.channel_prefix[0] != '\0' ? 1 : 0),
+    };
+    uint32_t features;
+    const struct fovea_feature *found = fovea_features_get(rt, &features);
+    message.stages[message.stage_count++] = (struct fv_message_hash){
+        "features", fv_hash_bulk(FV_HASH_START, found, features * sizeof *found)};
+    for (uint32_t i = 0; i < lockstep->part_count; i++) {
+        const struct fv_lockstep_part *part = &lockstep->parts[i];
+        const uint64_t hash =
+            fv_hash_bulk(FV_HASH_START, rt->part_base[part->part] + part->from, part->bytes);
+        message.stages[message.stage_count++] = (struct fv_message_hash){part->owner, hash};
+        message.state_hash = fv_hash(message.state_hash, &hash, sizeof hash);
+    }
+    for (uint32_t i = 0; i < lockstep->message_count; i++)
+        message.messages[i] =
+            (struct fv_message_hash){rt->outbox.channel[lockstep->kinds[i]], lockstep->hashes[i]};
+    fv_output_add(rt, FV_MESSAGE_LOCKSTEP,
+                  fv_message_lockstep_encode(&message, rt->outbox.buffer[FV_MESSAGE_LOCKSTEP],
+                                             rt->outbox.capacity[FV_MESSAGE_LOCKSTEP]),
+                  outputs);
+}
