@@ -6,7 +6,9 @@
  *                counts
  *     landmarks  each FV_ARCHIVE_LANDMARK_BYTES and 4 bytes per observer (keyframe slot, feature)
  *     keyframes  each FV_ARCHIVE_KEYFRAME_BYTES and FV_ARCHIVE_FEATURE_BYTES per feature, cell by
- *                cell of the grid
+ *                cell of the grid; in version 4 FV_ARCHIVE_DISTANCE_BYTES more: the feature's
+ *                measured inverse distance and its weight, on which a landmark that one keyframe
+ *                sees stands
  *     edges      of closures, 16 bytes each
  *     scales     of maps whose unit is known in metres, FV_ARCHIVE_SCALE_BYTES each
  *     checksum   8 bytes, FNV-1a of all before
@@ -35,11 +37,13 @@ extern "C" {
 
 enum {
     FV_ARCHIVE_VERSION = 3, /* 1 had no scales, 2 features in any order and descriptors twice */
+    FV_ARCHIVE_VERSION_DISTANCES = 4, /* of maps whose features may have measured distances */
     FV_ARCHIVE_HEADER_BYTES = 192,
     FV_ARCHIVE_LANDMARK_BYTES = 64,
     FV_ARCHIVE_OBSERVER_BYTES = 4,
     FV_ARCHIVE_KEYFRAME_BYTES = 144,
     FV_ARCHIVE_FEATURE_BYTES = 44,
+    FV_ARCHIVE_DISTANCE_BYTES = 8,
     FV_ARCHIVE_EDGE_BYTES = 16,
     FV_ARCHIVE_SCALE_BYTES = 24,
     FV_ARCHIVE_SCALES_MAX = FV_MAP_WORLDS_MAX + 1,
@@ -91,6 +95,7 @@ void fv_archive_seal(uint8_t *data, size_t bytes);
 
 /* What a file says of itself. */
 struct fv_archive_info {
+    uint32_t version;
     struct fovea_camera camera;
     uint32_t landmarks, keyframes, edges, scales;
     uint32_t landmark_slots, keyframe_slots, features_max; /* that reading it needs */
@@ -99,7 +104,7 @@ struct fv_archive_info {
 };
 
 /* The count that the first bytes of a file of `bytes` bytes state, at least FV_ARCHIVE_HEADER_BYTES
- * of them. False: it is no map of this version, or it is cut. */
+ * of them. False: it is no map of these versions, or it is cut. */
 bool fv_archive_landmarks(const uint8_t *header, uint64_t bytes, uint32_t *landmarks);
 
 /* Check size, magic, version, byte order and checksum, and read the header. `name` is for errors,

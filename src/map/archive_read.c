@@ -104,7 +104,12 @@ static void get_bytes(struct reader *r, uint8_t *to, uint32_t bytes)
 
 enum { SIZE_AT = 16, LANDMARKS_AT = 136 };
 
-static void read_envelope(struct reader *r)
+static bool known_version(uint32_t version)
+{
+    return version == FV_ARCHIVE_VERSION || version == FV_ARCHIVE_VERSION_DISTANCES;
+}
+
+static void read_envelope(struct reader *r, uint32_t *version_of)
 {
     if (r->bytes < FV_ARCHIVE_HEADER_BYTES + FV_ARCHIVE_CHECKSUM_BYTES) {
         refuse(r, r->bytes, "size of the file", (int64_t)r->bytes, "at least 200 bytes of a map");
@@ -120,10 +125,11 @@ static void read_envelope(struct reader *r)
         refuse(r, 12, "byte order mark", order, "that of a little-endian file");
     if (version < FV_ARCHIVE_VERSION)
         refuse(r, 8, "version of the map format", version,
-               "3: only the Fovea before 0.1 that saved it reads it, map the place again");
-    else if (version > FV_ARCHIVE_VERSION)
+               "3 or 4: only the Fovea before 0.1 that saved it reads it, map the place again");
+    else if (version > FV_ARCHIVE_VERSION_DISTANCES)
         refuse(r, 8, "version of the map format", version,
-               "3: a later Fovea saved it and reads it, or map the place again");
+               "3 or 4: a later Fovea saved it and reads it, or map the place again");
+    *version_of = version;
     if (order != 0x01020304) refuse(r, 12, "byte order mark", order, "16909060");
     const uint64_t bytes = get(r, 8);
     if (bytes != r->bytes)
@@ -181,7 +187,7 @@ static void read_header(struct reader *r, struct fv_archive_info *info)
 bool fv_archive_landmarks(const uint8_t *header, uint64_t bytes, uint32_t *landmarks)
 {
     struct reader r = {.data = header, .bytes = FV_ARCHIVE_HEADER_BYTES, .at = 8};
-    if (memcmp(header, "FOVEAMAP", 8) != 0 || get_u32(&r) != FV_ARCHIVE_VERSION) return false;
+    if (memcmp(header, "FOVEAMAP", 8) != 0 || !known_version(get_u32(&r))) return false;
     r.at = SIZE_AT;
     if (get(&r, 8) != bytes) return false;
     r.at = LANDMARKS_AT;
@@ -194,7 +200,7 @@ enum fovea_status fv_archive_info(const uint8_t *data, size_t bytes, const char 
 {
     struct reader r = {data, bytes, 0, name, error, FOVEA_OK};
     memset(info, 0, sizeof *info);
-    read_envelope(&r);
+    read_envelope(&r, &info->version);
     if (r.status == FOVEA_OK) read_header(&r, info);
     return r.status;
 }
@@ -275,8 +281,17 @@ static void read_pose(struct reader *r, struct fv_se3 *T)
     if (fv_dot3(across, T->R + 6) < 0) refuse_rotation(r, at, "determinant", -1, 1);
 }
 
-static void read_features(struct reader *r, struct fv_map *map, uint32_t slot)
+/* Of a map whose features have none, they are read and left. */
+static void read_distance(struct reader *r, struct fv_inverse_distance *distance)
 {
+    const float value = get_float(r, -1e9F, 1e9F, "inverse distance"),
+                weight = get_float(r, 0, 1e30F, "weight of a distance");
+    if (distance != NULL) *distance = (struct fv_inverse_distance){value, weight};
+}
+
+static void read_features(struct reader *r, struct fv_map *map, uint32_t slot, bool measured)
+{
+    struct fv_inverse_distance *distances = fv_map_distances(map, slot);
     struct fv_map_frame frame = fv_map_frame_at(map, slot);
     const size_t first = r->at;
     for (uint32_t f = 0; f < frame.keyframe->features && r->status == FOVEA_OK; f++) {
@@ -287,6 +302,8 @@ static void read_features(struct reader *r, struct fv_map *map, uint32_t slot)
         struct fv_keypoint keypoint;
         get_bytes(r, frame.descriptors + (size_t)f * FV_MAP_DESCRIPTOR_BYTES,
                   FV_MAP_DESCRIPTOR_BYTES);
+        if (distances != NULL) distances[f] = (struct fv_inverse_distance){0, 0};
+        if (measured) read_distance(r, distances != NULL ? &distances[f] : NULL);
         if (level >= FOVEA_PYRAMID_LEVELS_MAX) refuse(r, at + 4, "level", level, "at most 7");
         frame.points[f] = (struct fv_pixel){x, y, (uint8_t)level, 0};
         if (r->status == FOVEA_OK && !fv_map_keypoint(map, &frame.points[f], &keypoint))
@@ -299,7 +316,7 @@ static void read_features(struct reader *r, struct fv_map *map, uint32_t slot)
         refuse(r, first, "features of keyframe", slot, "them cell by cell of the grid");
 }
 
-static void read_keyframe(struct reader *r, struct fv_map *map)
+static void read_keyframe(struct reader *r, struct fv_map *map, bool measured)
 {
     const size_t at = r->at;
     const uint32_t slot =
@@ -330,7 +347,7 @@ static void read_keyframe(struct reader *r, struct fv_map *map)
     k->features = features;
     k->used = true;
     map->state->keyframe_count++;
-    read_features(r, map, slot);
+    read_features(r, map, slot, measured);
 }
 
 static void read_edge(struct reader *r, struct fv_map *map)
@@ -474,7 +491,7 @@ enum fovea_status fv_archive_read(const uint8_t *data, size_t bytes, const char 
     for (uint32_t i = 0; i < info->landmarks && r.status == FOVEA_OK; i++)
         read_landmark(&r, map);
     for (uint32_t i = 0; i < info->keyframes && r.status == FOVEA_OK; i++)
-        read_keyframe(&r, map);
+        read_keyframe(&r, map, info->version == FV_ARCHIVE_VERSION_DISTANCES);
     for (uint32_t i = 0; i < info->edges && r.status == FOVEA_OK; i++)
         read_edge(&r, map);
     for (uint32_t i = 0; i < info->scales && r.status == FOVEA_OK; i++)

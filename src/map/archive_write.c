@@ -9,8 +9,9 @@ size_t fv_archive_bytes_max(const struct fv_map_limits *limits)
 {
     const size_t landmark =
         FV_ARCHIVE_LANDMARK_BYTES + FV_MAP_OBSERVERS_MAX * FV_ARCHIVE_OBSERVER_BYTES;
-    const size_t keyframe =
-        FV_ARCHIVE_KEYFRAME_BYTES + (size_t)limits->features * FV_ARCHIVE_FEATURE_BYTES;
+    const size_t feature =
+        FV_ARCHIVE_FEATURE_BYTES + (limits->distances ? FV_ARCHIVE_DISTANCE_BYTES : 0);
+    const size_t keyframe = FV_ARCHIVE_KEYFRAME_BYTES + (size_t)limits->features * feature;
     return FV_ARCHIVE_HEADER_BYTES + limits->landmarks * landmark + limits->keyframes * keyframe +
            FV_MAP_EDGES_MAX * FV_ARCHIVE_EDGE_BYTES +
            FV_ARCHIVE_SCALES_MAX * FV_ARCHIVE_SCALE_BYTES + FV_ARCHIVE_CHECKSUM_BYTES;
@@ -102,7 +103,7 @@ static void write_keyframe(struct pen *pen, const struct fv_keyframe *k, uint32_
     put(pen, k->held, 4);
 }
 
-static void write_feature(struct pen *pen, const struct fv_map *map,
+static void write_feature(struct pen *pen, const struct fv_map *map, uint32_t slot,
                           const struct fv_map_frame *frame, uint32_t f)
 {
     const int32_t landmark = frame->landmark[f];
@@ -113,6 +114,10 @@ static void write_feature(struct pen *pen, const struct fv_map *map,
     put(pen, landmark == FV_MAP_NONE ? 0 : map->landmarks[landmark].generation, 4);
     put_bytes(pen, frame->descriptors + (size_t)f * FV_MAP_DESCRIPTOR_BYTES,
               FV_MAP_DESCRIPTOR_BYTES);
+    if (map->distances == NULL) return;
+    const struct fv_inverse_distance *distance = &fv_map_distances(map, slot)[f];
+    put_float(pen, distance->value);
+    put_float(pen, distance->weight);
 }
 
 static void write_header(struct pen *pen, const struct fv_archive_state *archive,
@@ -120,7 +125,7 @@ static void write_header(struct pen *pen, const struct fv_archive_state *archive
                          uint64_t bytes)
 {
     put_bytes(pen, (const uint8_t *)"FOVEAMAP", 8);
-    put(pen, FV_ARCHIVE_VERSION, 4);
+    put(pen, map->distances != NULL ? FV_ARCHIVE_VERSION_DISTANCES : FV_ARCHIVE_VERSION, 4);
     put(pen, 0x01020304, 4);
     put(pen, bytes, 8);
     put(pen, (uint32_t)camera->width, 4);
@@ -199,7 +204,7 @@ static void keyframes_unit(struct fv_archive_state *archive, const struct fv_map
     const uint32_t end =
         archive->feature + (left < FV_ARCHIVE_UNIT_FEATURES ? left : FV_ARCHIVE_UNIT_FEATURES);
     for (; archive->feature < end; archive->feature++)
-        write_feature(pen, map, &frame, archive->feature);
+        write_feature(pen, map, archive->slot, &frame, archive->feature);
     if (archive->feature < archive->features) return;
     archive->feature = UINT32_MAX;
     archive->slot++;

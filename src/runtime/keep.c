@@ -1,4 +1,5 @@
 /* Maps that outlive a run. */
+#include "runtime/config.h"
 #include "runtime/state.h"
 
 size_t fovea_map_bytes_max(const struct fovea_config *config)
@@ -6,7 +7,7 @@ size_t fovea_map_bytes_max(const struct fovea_config *config)
     const struct fv_map_limits limits = {
         config->odometry.keyframes,           config->odometry.landmarks,
         config->features.count_max,           config->rig.cameras[0].camera.width,
-        config->rig.cameras[0].camera.height, false};
+        config->rig.cameras[0].camera.height, fv_config_stereo(config)};
     return fv_archive_bytes_max(&limits);
 }
 

@@ -9,14 +9,15 @@ static void carve(void *context, struct fv_arena *arena)
 {
     struct small_map *small = context;
     const struct fv_map_limits limits = {
-        SMALL_MAP_KEYFRAMES, SMALL_MAP_LANDMARKS, SMALL_MAP_FEATURES, 320, 240, false};
+        SMALL_MAP_KEYFRAMES, SMALL_MAP_LANDMARKS, SMALL_MAP_FEATURES, 320, 240, small->measured};
     fv_bearing_carve(&small->bearings, 320, 240, arena);
     fv_map_carve(&small->map, &limits, &small->camera, &small->bearings, arena);
 }
 
-void small_map_make(struct small_map *small)
+static void make(struct small_map *small, bool measured)
 {
     memset(small, 0, sizeof *small);
+    small->measured = measured;
     small->camera = (struct fovea_camera){.width = 320,
                                           .height = 240,
                                           .fx = 210,
@@ -28,6 +29,16 @@ void small_map_make(struct small_map *small)
     small->memory = carved(carve, small);
     fv_bearing_init(&small->bearings, &small->camera);
     fv_map_reset(&small->map);
+}
+
+void small_map_make(struct small_map *small)
+{
+    make(small, false);
+}
+
+void small_map_make_measured(struct small_map *small)
+{
+    make(small, true);
 }
 
 void small_map_free(struct small_map *small)

@@ -10,12 +10,14 @@ struct small_map {
     struct fv_bearing_table bearings;
     struct fv_map map;
     void *memory;
+    bool measured; /* its features may have distances; none has one yet */
 };
 
 enum { SMALL_MAP_KEYFRAMES = 10, SMALL_MAP_LANDMARKS = 400, SMALL_MAP_FEATURES = 120 };
 
 /* Empty pools for a camera of 320 x 240 pixels. */
 void small_map_make(struct small_map *small);
+void small_map_make_measured(struct small_map *small);
 void small_map_free(struct small_map *small);
 /* One more keyframe with features, some of which see landmarks of earlier ones and some new ones.
  */

@@ -51,7 +51,7 @@ static void info_print(const struct fv_map_open *open, const char *path)
     uint32_t largest = 0, slots[FV_MAP_KEYFRAMES_MAX];
     const bool any = fv_map_open_largest(open, &largest);
     printf("%s: %zu bytes, format %d, hash %016" PRIx64 "\n", path, open->file_bytes,
-           FV_ARCHIVE_VERSION, open->hash);
+           (int)open->info.version, open->hash);
     printf("  camera     %d x %d, %s, f %.6g %.6g, c %.6g %.6g\n", c->width, c->height,
            c->lens == FOVEA_LENS_RADTAN ? "radtan" : "equidistant", c->fx, c->fy, c->cx, c->cy);
     printf("  keyframes  %u (slots for %u), %u frames seen\n", map->state->keyframe_count,
