@@ -1,5 +1,6 @@
 #include "app/run/trajectory.h"
 
+#include <dirent.h>
 #include <errno.h>
 #include <inttypes.h>
 #include <math.h>
@@ -8,6 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include "support/aligned.h"
 #include "base/ring.h"
@@ -54,6 +56,32 @@ size_t fv_trajectory_bytes(void)
     return sizeof(struct fv_trajectory);
 }
 
+/* map-N.tum, as file_choose writes it. */
+static bool is_of_map(const char *name)
+{
+    static const char before[] = "map-", after[] = ".tum";
+    const size_t digits =
+        strncmp(name, before, sizeof before - 1) == 0 ? strspn(name + 4, "0123456789") : 0;
+    return digits > 0 && strcmp(name + sizeof before - 1 + digits, after) == 0;
+}
+
+/* The folder, without the maps of an earlier run, which would pass for this one's. */
+static enum fovea_status folder_open(const char *folder, struct fovea_error *error)
+{
+    DIR *list = mkdir(folder, 0777) == 0 || errno == EEXIST ? opendir(folder) : NULL;
+    if (list == NULL)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%.300s: the folder cannot be made: %s",
+                               folder, strerror(errno));
+    enum fovea_status status = FOVEA_OK;
+    for (const struct dirent *entry; status == FOVEA_OK && (entry = readdir(list)) != NULL;)
+        if (is_of_map(entry->d_name) && unlinkat(dirfd(list), entry->d_name, 0) != 0)
+            status = fovea_error_set(error, FOVEA_ERROR_INPUT,
+                                     "%.200s%.60s: an earlier run's, cannot be removed: %s", folder,
+                                     entry->d_name, strerror(errno));
+    closedir(list);
+    return status;
+}
+
 enum fovea_status fv_trajectory_open(const char *path, struct fv_trajectory **trajectory,
                                      struct fovea_error *error)
 {
@@ -66,10 +94,7 @@ enum fovea_status fv_trajectory_open(const char *path, struct fv_trajectory **tr
     opened->output = FV_OUTPUT_CLOSED;
     enum fovea_status status = FOVEA_OK;
     if (path != NULL && path[0] != '\0' && path[strlen(path) - 1] == '/') {
-        if (mkdir(path, 0777) != 0 && errno != EEXIST)
-            status =
-                fovea_error_set(error, FOVEA_ERROR_INPUT, "%.300s: the folder cannot be made: %s",
-                                path, strerror(errno));
+        status = folder_open(path, error);
         opened->folder = path;
         path = NULL;
     }

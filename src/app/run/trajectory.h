@@ -5,10 +5,10 @@
  * T_world_cam as it was published with that frame. A line "# map N" precedes the poses of each
  * stretch in one map, since poses of two maps have no common world; readers of the format take it
  * for a comment. A path that ends with a slash is a folder, made where it is not there, with a file
- * map-N.tum per map. The error is the root mean square distance of
- * the camera centres to the truth after the best similarity transform (Umeyama, PAMI 1991), from
- * running sums. Maps that were started after a loss are each aligned by themselves: the first
- * FV_TRAJECTORY_MAPS_MAX of them, later ones are not judged. */
+ * map-N.tum per map; those of an earlier run are removed first. The error is the root mean square
+ * distance of the camera centres to the truth after the best similarity transform (Umeyama, PAMI
+ * 1991), from running sums. Maps that were started after a loss are each aligned by themselves: the
+ * first FV_TRAJECTORY_MAPS_MAX of them, later ones are not judged. */
 #ifndef FOVEA_APP_RUN_TRAJECTORY_H
 #define FOVEA_APP_RUN_TRAJECTORY_H
 

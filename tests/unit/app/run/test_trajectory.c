@@ -8,11 +8,13 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cmocka.h>
 
 #include "app/run/trajectory.h"
+#include "common/datasets.h"
 #include "base/elementary.h"
 
 /* Rotation by `angle` about a unit axis (Rodrigues), row-major 3x4 with zero translation. */
@@ -262,6 +264,14 @@ static void test_a_file_for_each_map(void **state)
     struct fovea_error error;
     struct fv_trajectory_summary summary;
     assert_non_null(mkdtemp(folder));
+    static const char *const before[] = {"map-12.tum", "map-3.tum", "map-x.tum", "map-.tum",
+                                         "map-1.tum.old"};
+    snprintf(path, sizeof path, "%s/maps", folder);
+    assert_int_equal(mkdir(path, 0777), 0);
+    for (int k = 0; k < 5; k++) { /* of an earlier run two, of others three */
+        snprintf(path, sizeof path, "%s/maps/%s", folder, before[k]);
+        fv_test_write_text(path, "earlier\n");
+    }
     snprintf(path, sizeof path, "%s/maps/", folder);
     assert_int_equal(fv_trajectory_open(path, &trajectory, &error), FOVEA_OK);
     for (int n = 0; n < 4; n++) {
@@ -286,8 +296,12 @@ static void test_a_file_for_each_map(void **state)
         assert_string_equal(text, files[k].expected);
         assert_int_equal(unlink(path), 0);
     }
+    for (int k = 2; k < 5; k++) {
+        snprintf(path, sizeof path, "%s/maps/%s", folder, before[k]);
+        assert_int_equal(unlink(path), 0);
+    }
     snprintf(path, sizeof path, "%s/maps", folder);
-    assert_int_equal(rmdir(path), 0);
+    assert_int_equal(rmdir(path), 0); /* nothing else is there */
     assert_int_equal(rmdir(folder), 0);
 }
 
