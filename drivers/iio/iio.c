@@ -10,15 +10,24 @@
 #include <unistd.h>
 
 #include "../clock.h"
-#include "../live/complaints.h"
+#include "../complaints.h"
+#include "../live/recovery.h"
 #include "../thread.h"
 #include "device.h"
 #include "support/aligned.h"
 
 enum { RING_SAMPLES = 2048, READ_BYTES = 8192 };
 
-static const int64_t search_ns = 50000000; /* between two looks for a sensor that is away */
-static const int64_t silent_ns = 500000000, restart_ns = 2000000000; /* without a sample */
+static const struct fv_recovery_times times = {
+    .late_ns = 100000000,
+    .stalled_ns = 500000000, /* without a sample, which is said */
+    .restart_ns = 2000000000,
+    .first_ns = 2000000000,
+    .absent_ns = 50000000,
+    .backoff_min_ns = 50000000,
+    .backoff_max_ns = 1000000000,
+    .bad_frames = 1,
+};
 
 enum complaint { AWAY, HANGS, BACK, NOTICE, COMPLAINTS };
 
@@ -37,9 +46,9 @@ struct fv_iio {
     _Atomic uint64_t dropped, returns;
 
     /* The thread's. */
-    bool set_up, silent;
-    int64_t last_ns; /* when something came, or it was set up */
-    size_t held;     /* bytes of a scan that is not whole */
+    struct fv_recovery recovery;
+    bool silent; /* and it was said */
+    size_t held; /* bytes of a scan that is not whole */
     uint8_t data[READ_BYTES];
 };
 
@@ -93,11 +102,12 @@ static void complain(struct fv_iio *iio, enum complaint kind, const char *what)
     fv_complaints_add(&iio->complaints, (int)kind, &line);
 }
 
-/* Until `ns` have passed. False: it is to end. */
-static bool pause_for(const struct fv_iio *iio, int64_t ns)
+/* Until a time. False: it is to end. */
+static bool pause_until(const struct fv_iio *iio, int64_t until_ns)
 {
     struct pollfd quit = {.fd = iio->quit_fd, .events = POLLIN};
-    return poll(&quit, 1, (int)(ns / 1000000)) <= 0;
+    const int64_t left_ns = until_ns - fv_clock_ns(CLOCK_MONOTONIC);
+    return poll(&quit, 1, left_ns > 0 ? (int)((left_ns + 999999) / 1000000) : 0) <= 0;
 }
 
 static void hand_over(struct fv_iio *iio, const uint8_t *scan, int64_t offset_ns)
@@ -130,76 +140,82 @@ static bool take(struct fv_iio *iio)
         hand_over(iio, iio->data + at, offset_ns);
     memmove(iio->data, iio->data + at, held - at);
     iio->held = held - at;
-    iio->last_ns = now_ns;
+    fv_recovery_good(&iio->recovery, now_ns);
+    atomic_store_explicit(&iio->returns, iio->recovery.recovered, memory_order_relaxed);
     if (iio->silent) complain(iio, BACK, "gives samples again");
     iio->silent = false;
     fv_complaints_forget(&iio->complaints, AWAY, HANGS);
     return true;
 }
 
-static void drop_device(struct fv_iio *iio)
+static void broken(struct fv_iio *iio, enum fovea_status status)
 {
     fv_iio_device_tear_down(&iio->device);
-    iio->set_up = false;
+    fv_recovery_broken(&iio->recovery, status, fv_clock_ns(CLOCK_MONOTONIC));
 }
 
-static void look_for(struct fv_iio *iio, bool first)
+static void look_for(struct fv_iio *iio)
 {
     struct fovea_error error = {.text = ""};
     const enum fovea_status status = fv_iio_device_set_up(&iio->device, &error);
-    if (status != FOVEA_OK) {
-        if (status != FOVEA_GONE)
-            fv_complaints_add(&iio->complaints, AWAY, &error);
-        else if (!first)
-            complain(iio, AWAY, away);
-        return;
-    }
-    iio->set_up = true;
+    fv_recovery_tried(&iio->recovery, status, fv_clock_ns(CLOCK_MONOTONIC));
     iio->held = 0;
-    iio->last_ns = fv_clock_ns(CLOCK_MONOTONIC);
-    if (!first) atomic_fetch_add_explicit(&iio->returns, 1, memory_order_relaxed);
+    if (status == FOVEA_GONE)
+        complain(iio, AWAY, away);
+    else if (status != FOVEA_OK)
+        fv_complaints_add(&iio->complaints, AWAY, &error);
 }
 
 /* A sensor that gives nothing is named, and after a while started anew. */
 static void watch(struct fv_iio *iio)
 {
-    const int64_t since_ns = fv_clock_ns(CLOCK_MONOTONIC) - iio->last_ns;
-    if (since_ns > silent_ns && !iio->silent) {
+    const int64_t now_ns = fv_clock_ns(CLOCK_MONOTONIC);
+    if (!iio->silent &&
+        fv_recovery_state(&times, iio->recovery.view, now_ns) == FOVEA_SOURCE_STALLED) {
         iio->silent = true;
         complain(iio, HANGS, "is there, but gives no samples");
         fv_complaints_forget(&iio->complaints, BACK, BACK);
     }
-    if (since_ns > restart_ns) drop_device(iio);
+    if (fv_recovery_waited_enough(&iio->recovery, now_ns)) broken(iio, FOVEA_ERROR_SYSTEM);
+}
+
+/* Wait for samples, and hand them over. False: it is to end. */
+static bool stream(struct fv_iio *iio)
+{
+    struct pollfd fds[2] = {{.fd = iio->quit_fd, .events = POLLIN},
+                            {.fd = iio->device.fd, .events = POLLIN}};
+    (void)poll(fds, 2, 100);
+    if (fds[0].revents != 0) return false;
+    bool there = (fds[1].revents & (POLLERR | POLLNVAL)) == 0;
+    if ((fds[1].revents & (POLLIN | POLLHUP)) == POLLHUP)
+        there = false;
+    else /* also when the wait is over: of a device that is gone poll says nothing */
+        there = take(iio) && there;
+    if (there) {
+        watch(iio);
+        return true;
+    }
+    broken(iio, FOVEA_GONE);
+    complain(iio, AWAY, away);
+    fv_complaints_forget(&iio->complaints, BACK, BACK);
+    iio->silent = true;
+    return true;
 }
 
 static void *run(void *context)
 {
     struct fv_iio *iio = context;
-    bool first = true;
-    for (;;) {
-        if (!iio->set_up) look_for(iio, first);
-        first = false;
-        if (!iio->set_up) {
-            if (!pause_for(iio, search_ns)) return NULL;
-            continue;
+    bool on = true;
+    fv_recovery_start(&iio->recovery, &times, fv_clock_ns(CLOCK_MONOTONIC));
+    while (on) {
+        if (fv_recovery_streams(&iio->recovery)) {
+            on = stream(iio);
+        } else {
+            on = pause_until(iio, iio->recovery.next_ns);
+            if (on) look_for(iio);
         }
-        struct pollfd fds[2] = {{.fd = iio->quit_fd, .events = POLLIN},
-                                {.fd = iio->device.fd, .events = POLLIN}};
-        (void)poll(fds, 2, 100);
-        if (fds[0].revents != 0) return NULL;
-        bool there = (fds[1].revents & (POLLERR | POLLNVAL)) == 0;
-        if ((fds[1].revents & (POLLIN | POLLHUP)) == POLLHUP)
-            there = false;
-        else /* also when the wait is over: of a device that is gone poll says nothing */
-            there = take(iio) && there;
-        watch(iio);
-        if (there) continue;
-        if (iio->set_up) drop_device(iio);
-        complain(iio, AWAY, away);
-        fv_complaints_forget(&iio->complaints, BACK, BACK);
-        iio->silent = true;
-        if (!pause_for(iio, search_ns)) return NULL;
     }
+    return NULL;
 }
 
 enum fovea_status fv_iio_start(struct fv_iio *iio, struct fovea_error *error)
@@ -219,7 +235,7 @@ void fv_iio_close(struct fv_iio *iio)
     if (iio->started && write(iio->quit_fd, &one, sizeof one) == (ssize_t)sizeof one)
         pthread_join(iio->thread, NULL);
     if (iio->quit_fd >= 0) close(iio->quit_fd);
-    if (iio->set_up) fv_iio_device_tear_down(&iio->device);
+    if (iio->started && fv_recovery_streams(&iio->recovery)) fv_iio_device_tear_down(&iio->device);
     fv_complaints_close(&iio->complaints);
     free(iio);
 }

@@ -1,6 +1,6 @@
 /* An inertial sensor of Linux IIO: a thread of its own reads its buffer and hands samples to the
  * loop through a wait-free ring, so that neither a sensor that hangs nor one that was unplugged
- * holds up the loop. It is searched for until it is back, by its name.
+ * holds up the loop. It is searched for until it is back, by its name (live/recovery.h).
  *
  * Stamps are the kernel's, on CLOCK_MONOTONIC; those of another clock are converted as they come.
  * Samples are in rad/s and m/s^2, in the frame of the device: scale, offset and mount matrix are
@@ -24,7 +24,7 @@ struct fv_iio_info {
 struct fv_iio_counts {
     uint64_t samples; /* handed over */
     uint64_t dropped; /* since the loop took none */
-    uint64_t returns; /* times that it came back, or was started anew */
+    uint64_t returns; /* times that samples came back, after it was away or started anew */
 };
 
 /* Find the sensor and try it. `rate_hz`: asked for; 0: as it is. FOVEA_ERROR_INPUT: there is none

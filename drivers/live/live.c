@@ -13,11 +13,10 @@
 #include <unistd.h>
 
 #include "../clock.h"
-#include "support/decode.h"
+#include "../complaints.h"
 #include "../slot_ring.h"
 #include "../thread.h"
-#include "complaints.h"
-#include "split.h"
+#include "picture.h"
 
 enum { URI_BYTES = 256 };
 
@@ -25,10 +24,7 @@ enum complaint { NOTICE, AWAY, REFUSED, BROKEN, DAMAGED, STAMPS };
 
 struct slot {
     struct fovea_frame frame;
-    uint32_t buffer;          /* of the device, to give back: raw frames */
-    uint8_t *decoded;         /* MJPEG */
-    struct fovea_image whole; /* as the device gave it, or decoded */
-    uint8_t *halves;          /* where two cameras share it */
+    uint32_t buffer; /* of the device, to give back: raw frames */
 };
 
 /* What the camera thread counts and others read; each is written by one thread. */
@@ -42,13 +38,11 @@ struct fovea_source { /* NOLINT(clang-analyzer-optin.performance.Padding): in or
     char uri[URI_BYTES];
     struct fovea_source_info info;
     struct fv_recovery_times times;
-    size_t frame_bytes_min;
     uint32_t slot_count;
     uint64_t frames_max; /* 0: no limit */
     int64_t readout_ns;
 
-    struct fv_jpeg_decoder *jpeg; /* NULL: raw frames */
-    uint8_t *decoded, *halves;    /* of all slots; halves NULL: one camera */
+    struct fv_live_pictures pictures;
     struct slot slots[FV_LIVE_BUFFERS_MAX];
     struct fv_slot_ring ready, free;
     sem_t ready_count;
@@ -136,7 +130,7 @@ static enum fovea_status take_back(struct fovea_source *source, struct fovea_err
     while (fv_slot_ring_pop(&source->free, &slot)) {
         source->slot_free[slot] = true;
         source->out--;
-        if (source->jpeg == NULL && source->set_up && status == FOVEA_OK)
+        if (source->pictures.jpeg == NULL && source->set_up && status == FOVEA_OK)
             status = source->ops->give(source->device, source->slots[slot].buffer, error);
     }
     return status;
@@ -148,7 +142,7 @@ static void take_all_back(struct fovea_source *source)
     struct fovea_error unused;
     source->set_up = false; /* nothing goes back to the device any more */
     take_back(source, &unused);
-    while (source->jpeg == NULL && source->out > 0 && !quitting(source)) {
+    while (source->pictures.jpeg == NULL && source->out > 0 && !quitting(source)) {
         pause_until(source, now_ns() + 10000000);
         take_back(source, &unused);
     }
@@ -202,44 +196,6 @@ static void read_clocks(struct fv_order_now *now)
     now->clock_ns[FOVEA_CLOCK_REALTIME] = fv_clock_ns(CLOCK_REALTIME);
 }
 
-/* The picture of a buffer into the frame. FOVEA_ERROR_INPUT: damaged. */
-static enum fovea_status fill_image(struct fovea_source *source,
-                                    const struct fv_live_buffer *buffer, struct slot *slot,
-                                    struct fovea_error *error)
-{
-    struct fovea_image *image = &slot->whole;
-    if (buffer->damaged)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: the driver marks frames as damaged",
-                               source->uri);
-    if (source->jpeg != NULL) {
-        const struct fv_decode_image grey = {.pixels = slot->decoded,
-                                             .width = image->width,
-                                             .height = image->height,
-                                             .stride_bytes = image->stride_bytes};
-        struct fovea_error reason = {.text = ""};
-        const enum fovea_status status =
-            fv_jpeg_decode(source->jpeg, buffer->data, buffer->bytes, &grey, &reason);
-        return status == FOVEA_OK
-                   ? status
-                   : fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: frame skipped: %.256s",
-                                     source->uri, reason.text);
-    }
-    const size_t needed = fovea_image_bytes(image->format, image->height, buffer->stride_bytes);
-    /* The last row need not be padded. */
-    const int32_t padding =
-        buffer->stride_bytes - fovea_image_stride_min(image->format, image->width);
-    const size_t least =
-        source->frame_bytes_min > 0 ? source->frame_bytes_min : needed - (size_t)padding;
-    if (buffer->bytes < least)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                               "%s: frame skipped: found %zu bytes, expected %zu", source->uri,
-                               buffer->bytes, needed);
-    image->data = buffer->data;
-    image->stride_bytes = buffer->stride_bytes;
-    image->size_bytes = needed;
-    return FOVEA_OK;
-}
-
 static enum fovea_status fill_order(struct fovea_source *source,
                                     const struct fv_live_buffer *buffer, struct slot *slot,
                                     struct fovea_error *error)
@@ -290,18 +246,16 @@ static enum fovea_status use_buffer(struct fovea_source *source,
 {
     struct slot *slot = &source->slots[free];
     count(&source->tallies.dropped, fv_order_count(&source->order, &buffer->stamp));
-    enum fovea_status status = fill_image(source, buffer, slot, error);
+    enum fovea_status status =
+        fv_live_picture_take(&source->pictures, (uint32_t)free, buffer, error);
     if (status == FOVEA_OK) status = fill_order(source, buffer, slot, error);
     const bool good = status == FOVEA_OK;
     slot->buffer = buffer->index;
-    if (good && slot->halves != NULL)
-        fv_split(&slot->whole, slot->halves, slot->frame.images);
-    else
-        slot->frame.images[0] = slot->whole;
+    if (good) fv_live_picture_images(&source->pictures, (uint32_t)free, slot->frame.images);
     if (good && source->ops->seen != NULL)
         source->ops->seen(source->device, &slot->frame.images[0]);
     if (good) hand_over(source, free);
-    if (good && source->jpeg == NULL) return FOVEA_OK;
+    if (good && source->pictures.jpeg == NULL) return FOVEA_OK;
     if (!good) {
         count(&source->tallies.damaged, 1);
         fv_complaints_add(&source->complaints, DAMAGED, error);
@@ -374,65 +328,14 @@ enum fovea_status fv_live_selection(const char *scheme,
                                : "start");
 }
 
-static enum fovea_status make_decoder(struct fovea_source *source, struct fovea_error *error)
-{
-    const int32_t stride = (source->info.cameras[0].width + 63) / 64 * 64;
-    const size_t bytes = (size_t)stride * (size_t)source->info.cameras[0].height + 64;
-    const size_t slot_bytes = (bytes + 63) / 64 * 64;
-    enum fovea_status status =
-        fv_jpeg_decoder_open(source->info.cameras[0].width, &source->jpeg, error);
-    if (status != FOVEA_OK) return status;
-    if (posix_memalign((void **)&source->decoded, 64, slot_bytes * FV_LIVE_DECODED) != 0) {
-        source->decoded = NULL;
-        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory", source->uri);
-    }
-    memset(source->decoded, 0, slot_bytes * FV_LIVE_DECODED);
-    source->slot_count = FV_LIVE_DECODED;
-    for (uint32_t i = 0; i < FV_LIVE_DECODED; i++) {
-        source->slots[i].decoded = source->decoded + i * slot_bytes;
-        source->slots[i].whole = (struct fovea_image){
-            .data = source->slots[i].decoded,
-            .stride_bytes = stride,
-            .size_bytes = (size_t)stride * (size_t)source->info.cameras[0].height};
-    }
-    source->info.format = FOVEA_PIXEL_GREY8;
-    source->info.cameras[0].stride_bytes = stride;
-    source->info.heap_bytes +=
-        slot_bytes * FV_LIVE_DECODED + fv_jpeg_decoder_bytes(source->jpeg, NULL);
-    return FOVEA_OK;
-}
-
 static void release(struct fovea_source *source)
 {
     source->ops->close(source->device);
     if (source->wake_fd >= 0) close(source->wake_fd);
     if (source->quit_fd >= 0) close(source->quit_fd);
     fv_complaints_close(&source->complaints);
-    fv_jpeg_decoder_close(source->jpeg);
-    free(source->decoded);
-    free(source->halves);
+    fv_live_pictures_close(&source->pictures);
     free(source);
-}
-
-/* Memory for the halves of each slot's picture, and a rig of two. */
-static enum fovea_status make_halves(struct fovea_source *source, struct fovea_error *error)
-{
-    struct fovea_source_camera *camera = &source->info.cameras[0];
-    const size_t bytes = 2 * fv_split_bytes(source->info.format, camera->width, camera->height);
-    source->halves = calloc(1, source->slot_count * bytes + 1);
-    if (source->halves == NULL)
-        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory", source->uri);
-    for (uint32_t i = 0; i < source->slot_count; i++) {
-        source->slots[i].halves = source->halves + i * bytes;
-        source->slots[i].frame.image_count = 2;
-    }
-    camera->width /= 2;
-    camera->stride_bytes = 0;
-    source->info.cameras[1] = *camera;
-    source->info.rig.camera_count = 2;
-    source->info.rig.cameras[1] = source->info.rig.cameras[0];
-    source->info.heap_bytes += source->slot_count * bytes;
-    return FOVEA_OK;
 }
 
 enum fovea_status fv_live_open(const struct fv_live_ops *ops, void *device,
@@ -454,11 +357,9 @@ enum fovea_status fv_live_open(const struct fv_live_ops *ops, void *device,
     source->info.frame_count = selection->frames;
     source->info.heap_bytes += sizeof *source;
     source->frames_max = selection->frames;
-    source->frame_bytes_min = setup->frame_bytes_min;
     source->readout_ns = setup->readout_ns;
     source->info.rig.cameras[0].has_readout = setup->readout_ns >= 0;
     source->info.rig.cameras[0].readout_ns = setup->readout_ns < 0 ? 0 : setup->readout_ns;
-    source->slot_count = setup->buffers;
     snprintf(source->uri, sizeof source->uri, "%s", setup->uri);
     if (setup->times != NULL)
         source->times = *setup->times;
@@ -471,15 +372,11 @@ enum fovea_status fv_live_open(const struct fv_live_ops *ops, void *device,
     if (source->wake_fd < 0 || source->quit_fd < 0)
         status = fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: no eventfd: %s", source->uri,
                                  strerror(errno));
-    if (status == FOVEA_OK && setup->info.format == FOVEA_PIXEL_MJPEG)
-        status = make_decoder(source, error);
-    for (uint32_t i = 0; i < source->slot_count; i++) {
-        source->slots[i].frame.image_count = 1;
-        source->slots[i].whole.width = source->info.cameras[0].width;
-        source->slots[i].whole.height = source->info.cameras[0].height;
-        source->slots[i].whole.format = source->info.format;
-    }
-    if (status == FOVEA_OK && setup->split) status = make_halves(source, error);
+    if (status == FOVEA_OK)
+        status = fv_live_pictures_open(&source->pictures, source->uri, setup, &source->info, error);
+    source->slot_count = source->pictures.count;
+    for (uint32_t i = 0; i < source->slot_count; i++)
+        source->slots[i].frame.image_count = source->info.rig.camera_count;
     if (status != FOVEA_OK) {
         release(source);
         return status;

@@ -263,6 +263,80 @@ static void a_sensor_that_hangs_or_goes_comes_back(void **state)
     assert_true(counts.returns >= 1);
 }
 
+/* A sensor that stays silent is set up anew. */
+static void a_sensor_that_stays_silent_is_started_anew(void **state)
+{
+    static const int16_t raw[6] = {1, 2, 3, 4, 5, 6};
+    struct fv_iio_counts counts;
+    (void)state;
+    open_iio("adis16448", 0);
+    await_set_up();
+    assert_true(fake_iio_scan(raw, 1));
+    assert_true(await().stamp_ns == 1);
+    fv_iio_counts(iio, &counts);
+    assert_int_equal(counts.returns, 0);
+    fake_iio_file("buffer/enable", "0"); /* as a driver whose buffer stopped */
+    await_line("is there, but gives no samples");
+    await_set_up();
+    pause_ms(100); /* the buffer's reader */
+    assert_true(fake_iio_scan(raw, 2));
+    assert_true(await().stamp_ns == 2);
+    await_line("gives samples again");
+    fv_iio_counts(iio, &counts);
+    assert_int_equal(counts.returns, 1);
+}
+
+/* Where no trigger is chosen, the device's own is; another's choice stays. */
+static void the_trigger_is_the_device_s_own(void **state)
+{
+    (void)state;
+    fake_iio_file("trigger/current_trigger", "");
+    open_iio("adis16448", 0);
+    await_set_up();
+    assert_true(fake_iio_says("trigger/current_trigger", "adis16448-dev3"));
+    fv_iio_close(iio);
+    fake_iio_file("trigger/current_trigger", "hrtimer-1");
+    open_iio("adis16448", 0);
+    await_set_up();
+    assert_true(fake_iio_says("trigger/current_trigger", "hrtimer-1"));
+}
+
+/* The gyroscope and the accelerometer of one device may be mounted otherwise. */
+static void each_half_has_its_own_mount_matrix(void **state)
+{
+    static const int16_t raw[6] = {100, 200, 300, 1, 2, 3};
+    (void)state;
+    fake_iio_file("in_mount_matrix", "0, 0, 1; 1, 0, 0; 0, 1, 0");
+    fake_iio_file("in_anglvel_mount_matrix", "0, 1, 0; -1, 0, 0; 0, 0, 1");
+    fake_iio_file("in_accel_mount_matrix", "1, 0, 0; 0, 0, -1; 0, 1, 0");
+    open_iio("adis16448", 0);
+    await_set_up();
+    assert_true(fake_iio_scan(raw, 7));
+    const struct fovea_imu_sample sample = await();
+    assert_true(fabs(sample.gyro[0] - 0.2) < 1e-12 && fabs(sample.gyro[1] + 0.1) < 1e-12 &&
+                fabs(sample.gyro[2] - 0.3) < 1e-12);
+    assert_true(fabs(sample.acceleration[0] - 0.01) < 1e-12 &&
+                fabs(sample.acceleration[1] + 0.03) < 1e-12 &&
+                fabs(sample.acceleration[2] - 0.02) < 1e-12);
+}
+
+/* One that is stated for one half alone leaves the common one to the other. */
+static void the_common_mount_matrix_is_the_other_half_s(void **state)
+{
+    static const int16_t raw[6] = {100, 200, 300, 1, 2, 3};
+    (void)state;
+    fake_iio_file("in_mount_matrix", "0, 0, 1; 1, 0, 0; 0, 1, 0");
+    fake_iio_file("in_accel_mount_matrix", "1, 0, 0; 0, 1, 0; 0, 0, 1");
+    open_iio("adis16448", 0);
+    await_set_up();
+    assert_true(fake_iio_scan(raw, 7));
+    const struct fovea_imu_sample sample = await();
+    assert_true(fabs(sample.gyro[0] - 0.3) < 1e-12 && fabs(sample.gyro[1] - 0.1) < 1e-12 &&
+                fabs(sample.gyro[2] - 0.2) < 1e-12);
+    assert_true(fabs(sample.acceleration[0] - 0.01) < 1e-12 &&
+                fabs(sample.acceleration[2] - 0.03) < 1e-12);
+}
+
 /* Who takes nothing loses the newest, and they are counted. */
 static void what_finds_no_room_is_counted(void **state)
 {
@@ -298,6 +372,12 @@ int main(void)
         cmocka_unit_test_setup_teardown(other_clocks_are_converted, make_tree, remove_tree),
         cmocka_unit_test_setup_teardown(what_is_lacking_is_named, make_tree, remove_tree),
         cmocka_unit_test_setup_teardown(a_sensor_that_hangs_or_goes_comes_back, make_tree,
+                                        remove_tree),
+        cmocka_unit_test_setup_teardown(a_sensor_that_stays_silent_is_started_anew, make_tree,
+                                        remove_tree),
+        cmocka_unit_test_setup_teardown(the_trigger_is_the_device_s_own, make_tree, remove_tree),
+        cmocka_unit_test_setup_teardown(each_half_has_its_own_mount_matrix, make_tree, remove_tree),
+        cmocka_unit_test_setup_teardown(the_common_mount_matrix_is_the_other_half_s, make_tree,
                                         remove_tree),
         cmocka_unit_test_setup_teardown(what_finds_no_room_is_counted, make_tree, remove_tree),
     };

@@ -1,7 +1,7 @@
 /* Lines for people from a source's own thread to whoever asks, by kind; never for the loop thread.
  */
-#ifndef FOVEA_LIVE_COMPLAINTS_H
-#define FOVEA_LIVE_COMPLAINTS_H
+#ifndef FOVEA_DRIVERS_COMPLAINTS_H
+#define FOVEA_DRIVERS_COMPLAINTS_H
 
 #include <pthread.h>
 #include <stdbool.h>
