@@ -26,8 +26,7 @@
 
 #include "app/command.h"
 #include "common/datasets.h"
-
-enum { WORDS_MAX = 24, PATIENCE_S = 120, TEXT_BYTES = 1 << 14 };
+#include "common/program.h"
 
 static char folder[] = "/tmp/fovea_ends_XXXXXX";
 static char recording[64], map[64], errors[64];
@@ -81,20 +80,10 @@ static bool fsync_can_stall(void)
     return status == 0;
 }
 
-static pid_t begin(const struct setting *setting, const char *const words[])
+/* In the child. */
+static void take_setting(const void *context)
 {
-    fflush(NULL);
-    unlink(errors);
-    const pid_t child = fork();
-    if (child != 0) return child;
-    char *argv[WORDS_MAX + 1] = {(char[]){"fovea"}};
-    int argc = 1;
-    for (; words[argc - 1] != NULL; argc++)
-        argv[argc] = strdup(words[argc - 1]);
-    const int say = open(errors, O_WRONLY | O_CREAT | O_TRUNC | O_APPEND, 0600);
-    const int output = setting->output >= 0 ? setting->output : open("/dev/null", O_WRONLY);
-    dup2(say, STDERR_FILENO);
-    dup2(output, STDOUT_FILENO);
+    const struct setting *setting = context;
     const struct rlimit few = {(rlim_t)setting->descriptors, (rlim_t)setting->descriptors};
     if (setting->descriptors > 0) {
         close_range(3, ~0U, 0);
@@ -106,72 +95,14 @@ static pid_t begin(const struct setting *setting, const char *const words[])
         close(STDIN_FILENO);
         close(STDOUT_FILENO);
     }
-    signal(SIGINT, SIG_DFL); /* shells let what they start in the background ignore it, and nohup
-                                ignores hangups */
-    signal(SIGHUP, setting->hangup_ignored ? SIG_IGN : SIG_DFL);
+    if (setting->hangup_ignored) signal(SIGHUP, SIG_IGN);
     if (setting->fsync_stalls && !stall_fsync()) _exit(99);
     if (setting->fsync_fails && !fail_fsync()) _exit(99);
-    exit(fv_dispatch(argc, argv));
 }
 
-static int end(pid_t child)
+static pid_t begin(const struct setting *setting, const char *const words[])
 {
-    int status = -1;
-    for (int tenths = 0; tenths < 10 * PATIENCE_S; tenths++) {
-        if (waitpid(child, &status, WNOHANG) == child)
-            return WIFEXITED(status) ? WEXITSTATUS(status) : 1000 + WTERMSIG(status);
-        usleep(100000);
-    }
-    kill(child, SIGKILL);
-    waitpid(child, &status, 0);
-    fail_msg("the program did not end in %d s", PATIENCE_S);
-    return -1;
-}
-
-static const char *said(void)
-{
-    static char text[TEXT_BYTES];
-    FILE *file = fopen(errors, "r");
-    const size_t bytes = file != NULL ? fread(text, 1, sizeof text - 1, file) : 0;
-    if (file != NULL) fclose(file);
-    text[bytes] = '\0';
-    return text;
-}
-
-/* The program ends with this code. */
-static void expect_end(pid_t child, int code)
-{
-    const int found = end(child);
-    if (found != code)
-        fail_msg("the program ended with %d, expected %d; it said \"%s\"", found, code, said());
-}
-
-static void expect_said(const char *words)
-{
-    if (strstr(said(), words) == NULL) fail_msg("found \"%s\", expected \"%s\"", said(), words);
-}
-
-static void wait_until_said(const char *words)
-{
-    for (int tenths = 0; tenths < 10 * PATIENCE_S && strstr(said(), words) == NULL; tenths++)
-        usleep(100000);
-    expect_said(words);
-}
-
-static off_t size_of(const char *path)
-{
-    struct stat about;
-    return stat(path, &about) == 0 ? about.st_size : 0;
-}
-
-/* Until a file has this number of bytes: what writes it works. */
-static void wait_until_grown(const char *path, off_t bytes)
-{
-    for (int tenths = 0; tenths < 10 * PATIENCE_S && size_of(path) < bytes; tenths++)
-        usleep(100000);
-    if (size_of(path) < bytes)
-        fail_msg("%s has %lld bytes, expected %lld; the program said \"%s\"", path,
-                 (long long)size_of(path), (long long)bytes, said());
+    return program_begin(words, setting->output, take_setting, setting);
 }
 
 #define RUN(source) "run", "--quiet", "--set", "lcm_url=", "--source", source
@@ -186,8 +117,8 @@ static void wait_until_grown(const char *path, off_t bytes)
 static void expect_whole(void)
 {
     const char *const verify[] = {"replay", "--verify", recording, NULL};
-    assert_true(size_of(map) > 0);
-    expect_end(begin(&ordinary, verify), FV_EXIT_OK);
+    assert_true(program_file_bytes(map) > 0);
+    program_expect_end(begin(&ordinary, verify), FV_EXIT_OK);
     unlink(map);
     unlink(recording);
 }
@@ -199,9 +130,9 @@ static void test_a_signal_ends_a_run_in_order(void **state)
     (void)state;
     for (int i = 0; i < 4; i++) {
         const pid_t child = begin(&ordinary, words);
-        wait_until_grown(recording, 1 << 20);
+        program_wait_until_grown(recording, 1 << 20);
         kill(child, signals[i]);
-        expect_end(child, FV_EXIT_OK);
+        program_expect_end(child, FV_EXIT_OK);
         expect_whole();
     }
 }
@@ -214,7 +145,7 @@ static void test_closed_streams_harm_no_recording(void **state)
                                  "--frames", "20",         "--record", recording,  "--picture",
                                  "none",     "--save-map", map,        NULL};
     (void)state;
-    expect_end(begin(&closed, words), FV_EXIT_OK);
+    program_expect_end(begin(&closed, words), FV_EXIT_OK);
     expect_whole();
 }
 
@@ -226,8 +157,8 @@ static void test_a_limit_on_file_sizes_is_an_error(void **state)
     char part[80];
     (void)state;
     snprintf(part, sizeof part, "%s.part", map);
-    expect_end(begin(&small, words), FV_EXIT_FAILED);
-    expect_said("File too large");
+    program_expect_end(begin(&small, words), FV_EXIT_FAILED);
+    program_expect_said("File too large");
     assert_int_equal(access(map, F_OK), -1);
     assert_int_equal(access(part, F_OK), -1);
 }
@@ -239,15 +170,15 @@ static void test_a_stray_signal_changes_nothing(void **state)
     const char *const words[] = {RECORDED_RUN, NULL};
     (void)state;
     const pid_t child = begin(&nohup, words);
-    wait_until_grown(recording, 1 << 20);
+    program_wait_until_grown(recording, 1 << 20);
     for (int i = 0; i < 4; i++) {
-        const off_t before = size_of(recording);
+        const off_t before = program_file_bytes(recording);
         kill(child, strays[i]);
-        wait_until_grown(recording, before + (1 << 19));
+        program_wait_until_grown(recording, before + (1 << 19));
         assert_int_equal(waitpid(child, NULL, WNOHANG), 0);
     }
     kill(child, SIGTERM);
-    expect_end(child, FV_EXIT_OK);
+    program_expect_end(child, FV_EXIT_OK);
     expect_whole();
 }
 
@@ -262,13 +193,13 @@ static void stalled_run(const char *const words[], const char *line, const char 
     const struct setting unread = {.output = ends[1]};
     struct timespec before, after;
     const pid_t child = begin(&unread, words);
-    wait_until_said(line);
+    program_wait_until_said(line);
     clock_gettime(CLOCK_MONOTONIC, &before);
     kill(child, SIGTERM);
-    expect_end(child, FV_EXIT_FAILED);
+    program_expect_end(child, FV_EXIT_FAILED);
     clock_gettime(CLOCK_MONOTONIC, &after);
-    expect_said("after Terminated");
-    expect_said(lost);
+    program_expect_said("after Terminated");
+    program_expect_said(lost);
     print_message("ended %.1f s after the signal\n",
                   (double)(after.tv_sec - before.tv_sec) +
                       1e-9 * (double)(after.tv_nsec - before.tv_nsec));
@@ -308,17 +239,17 @@ static void test_what_stalls_for_a_while_goes_on(void **state)
     assert_int_equal(pipe(ends), 0);
     const struct setting unread = {.output = ends[1]};
     const pid_t child = begin(&unread, words);
-    wait_until_said("has taken nothing");
+    program_wait_until_said("has taken nothing");
     close(ends[1]);
     FILE *file = fopen(recording, "w");
     while ((got = read(ends[0], bytes, sizeof bytes)) > 0)
         fwrite(bytes, 1, (size_t)got, file);
     fclose(file);
     close(ends[0]);
-    expect_end(child, FV_EXIT_OK);
-    expect_said("/dev/stdout: goes on after");
+    program_expect_end(child, FV_EXIT_OK);
+    program_expect_said("/dev/stdout: goes on after");
     const char *const verify[] = {"replay", "--verify", recording, NULL};
-    expect_end(begin(&ordinary, verify), FV_EXIT_OK);
+    program_expect_end(begin(&ordinary, verify), FV_EXIT_OK);
     unlink(recording);
 }
 
@@ -332,23 +263,23 @@ static void test_a_stalled_disk_ends(void **state)
         skip();
     }
     pid_t child = begin(&stalled, words);
-    wait_until_grown(recording, 1 << 20);
+    program_wait_until_grown(recording, 1 << 20);
     kill(child, SIGHUP);
-    expect_end(child, FV_EXIT_FAILED);
-    expect_said("after Hangup");
-    expect_said(map);
+    program_expect_end(child, FV_EXIT_FAILED);
+    program_expect_said("after Hangup");
+    program_expect_said(map);
 
     /* A second SIGINT does not wait for that. */
     unlink(recording);
     child = begin(&stalled, words);
-    wait_until_grown(recording, 1 << 20);
+    program_wait_until_grown(recording, 1 << 20);
     int status = 0;
     while (waitpid(child, &status, WNOHANG) == 0) {
         kill(child, SIGINT);
         usleep(50000);
     }
     assert_true(WIFSIGNALED(status) && WTERMSIG(status) == SIGINT);
-    expect_said("a second signal ended it at once: lost: the map");
+    program_expect_said("a second signal ended it at once: lost: the map");
     unlink(recording);
 }
 
@@ -367,10 +298,10 @@ static void test_a_log_that_does_not_last_fails_the_run(void **state)
     const char *const words[] = {"run",       "--quiet", "--source", "sim:still", "--frames",
                                  "5",         "--set",   url,        "--set",     "loop.priority=0",
                                  "--picture", "none",    NULL};
-    expect_end(begin(&ordinary, words), FV_EXIT_OK);
-    expect_end(begin(&failing, words), FV_EXIT_FAILED);
-    expect_said("lcm_url: ");
-    expect_said("Input/output error");
+    program_expect_end(begin(&ordinary, words), FV_EXIT_OK);
+    program_expect_end(begin(&failing, words), FV_EXIT_FAILED);
+    program_expect_said("lcm_url: ");
+    program_expect_said("Input/output error");
     unlink(log);
 }
 
@@ -378,14 +309,14 @@ static void test_a_log_that_does_not_last_fails_the_run(void **state)
 static void test_too_few_descriptors_are_named(void **state)
 {
     const char *const words[] = {"check", "--source", "sim:still", NULL};
-    char text[TEXT_BYTES];
+    char text[1 << 14];
     (void)state;
     for (int limit = 5; limit < 8; limit++) {
         char path[64];
         snprintf(path, sizeof path, "%s/checked", folder);
         const int file = open(path, O_RDWR | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
         const struct setting few = {.output = file, .descriptors = limit};
-        end(begin(&few, words));
+        program_end(begin(&few, words));
         const ssize_t got = pread(file, text, sizeof text - 1, 0);
         close(file);
         assert_true(got > 0);
@@ -403,7 +334,7 @@ static void test_a_quiet_run_leaves_no_picture(void **state)
     (void)state;
     assert_non_null(getcwd(before, sizeof before));
     assert_int_equal(chdir(folder), 0);
-    expect_end(begin(&ordinary, words), FV_EXIT_OK);
+    program_expect_end(begin(&ordinary, words), FV_EXIT_OK);
     assert_int_equal(access("fovea-run.png", F_OK), -1);
     assert_int_equal(chdir(before), 0);
 }
@@ -424,18 +355,18 @@ static void test_other_commands_end_by_signals(void **state)
     const char *const export[] = {"export", "--source", "sim:still", "--frames",
                                   "100000", made,       NULL};
     (void)state;
-    expect_end(begin(&ordinary, record), FV_EXIT_OK);
+    program_expect_end(begin(&ordinary, record), FV_EXIT_OK);
     for (int i = 0; i < 3; i++) {
         pid_t child = begin(&ordinary, replay);
-        wait_until_grown(log, 1);
+        program_wait_until_grown(log, 1);
         kill(child, signals[i]);
-        expect_end(child, 1000 + signals[i]);
+        program_expect_end(child, 1000 + signals[i]);
         unlink(log);
         child = begin(&ordinary, export);
-        wait_until_grown(made, 1);
+        program_wait_until_grown(made, 1);
         usleep(200000);
         kill(child, signals[i]);
-        expect_end(child, 1000 + signals[i]);
+        program_expect_end(child, 1000 + signals[i]);
         fv_test_folder_remove(made);
     }
     unlink(recording);
@@ -461,6 +392,7 @@ int main(void)
     snprintf(recording, sizeof recording, "%s/run.lcm", folder);
     snprintf(map, sizeof map, "%s/run.map", folder);
     snprintf(errors, sizeof errors, "%s/errors", folder);
+    program_says_to(errors);
     const int failed = cmocka_run_group_tests_name("realtime/test_ends", tests, NULL, NULL);
     fv_test_folder_remove(folder);
     return failed;
