@@ -52,7 +52,8 @@ static void play_stamps(const int64_t *stamps, const struct fovea_source_selecti
     static const struct fv_recording_ops ops = {
         .fetch = fetch_stamp, .stamp = stamp, .close = close_nothing};
     static const struct fovea_source_ops source_ops = FV_PLAYER_OPS("stamps", "", NULL);
-    const struct fovea_source_info info = {.cameras[0] = {W, 1, ""}, .format = FOVEA_PIXEL_GREY8};
+    const struct fovea_source_info info = {.cameras[0] = {.width = W, .height = 1},
+                                           .format = FOVEA_PIXEL_GREY8};
     int64_t memory[PLAYED_MAX];
     struct fovea_source *source;
     struct fovea_error error;
@@ -138,7 +139,8 @@ static void test_leaps_as_they_are_played(void **state)
     assert_true(played.stamp_ns[0] == 101 && played.stamp_ns[5] == 107);
     play_stamps(ahead, &reverse, &played); /* goes back: the loop's */
     assert_int_equal(played.count, 9);
-    const struct fovea_source_info info = {.cameras[0] = {W, 1, ""}, .format = FOVEA_PIXEL_GREY8};
+    const struct fovea_source_info info = {.cameras[0] = {.width = W, .height = 1},
+                                           .format = FOVEA_PIXEL_GREY8};
     static const struct fv_recording_ops ops = {
         .fetch = fetch_stamp, .stamp = stamp, .close = close_nothing};
     static const struct fovea_source_ops source_ops = FV_PLAYER_OPS("stamps", "", NULL);

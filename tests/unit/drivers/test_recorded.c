@@ -305,7 +305,8 @@ static void test_many_missing(void **state)
     (void)state;
     enum { MANY = 3000 };
     static const struct fv_recording_ops nothing = {.fetch = fetch_nothing, .close = close_missing};
-    const struct fovea_source_info info = {.cameras[0] = {W, 1, ""}, .format = FOVEA_PIXEL_GREY8};
+    const struct fovea_source_info info = {.cameras[0] = {.width = W, .height = 1},
+                                           .format = FOVEA_PIXEL_GREY8};
     for (int asked = 0; asked < 2; asked++) {
         struct fovea_source *source;
         struct fovea_error error;
@@ -376,9 +377,10 @@ static void test_two_cameras(void **state)
     (void)state;
     static const struct fv_recording_ops two = {.fetch = fetch_two, .close = close_nothing};
     enum { FRAMES = 3 * FV_PLAYER_SLOTS };
-    const struct fovea_source_info info = {.cameras = {{W, H, ""}, {W - 32, 3 * H, ""}},
-                                           .format = FOVEA_PIXEL_GREY8,
-                                           .rig.camera_count = 2};
+    const struct fovea_source_info info = {
+        .cameras = {{.width = W, .height = H}, {.width = W - 32, .height = 3 * H}},
+        .format = FOVEA_PIXEL_GREY8,
+        .rig.camera_count = 2};
     struct fovea_source *source = NULL;
     struct fovea_error error = {.text = ""};
     assert_int_equal(
@@ -411,7 +413,8 @@ static void test_deadline_passes_while_decoding(void **state)
 {
     (void)state;
     static const struct fv_recording_ops slow = {.fetch = fetch_when_let, .close = close_nothing};
-    const struct fovea_source_info info = {.cameras[0] = {W, H, ""}, .format = FOVEA_PIXEL_GREY8};
+    const struct fovea_source_info info = {.cameras[0] = {.width = W, .height = H},
+                                           .format = FOVEA_PIXEL_GREY8};
     struct fovea_source *source = NULL;
     struct fovea_error error = {.text = ""};
     struct fovea_frame frame;

@@ -101,7 +101,8 @@ static int set_up(void **state)
     if (fovea_size(&config, &bytes, &error) != FOVEA_OK) fail_msg("%s", error.text);
     memory = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, (bytes + 63) / 64 * 64);
     memset(&source, 0, sizeof source);
-    source.info = (struct fovea_source_info){.cameras[0] = {SIDE, SIDE, ""}, .rate_hz = 100};
+    source.info =
+        (struct fovea_source_info){.cameras[0] = {.width = SIDE, .height = SIDE}, .rate_hz = 100};
     source.at_end = FOVEA_END;
     source.count = 100;
     for (int i = 0; i < FRAMES_MAX; i++)
