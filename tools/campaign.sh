@@ -126,6 +126,7 @@ if [ -n "$sample" ]; then
     part corridor corridor 1 1 'width=320&height=240'
     part cameras cameras 100 2000
     part everywhere tests/replay/everywhere.sh 100
+    part bisect tests/replay/bisect.sh
     part kills kills 200
     part kidnap tools/evaluate/kidnap.sh 2
     part packets packets 50000
@@ -141,7 +142,8 @@ else
     part hil make --no-print-directory hil
     part cross make --no-print-directory cross
     part clang clang_tests
-    part everywhere tests/replay/everywhere.sh --all 200
+    part everywhere tests/replay/everywhere.sh --all 500
+    part bisect tests/replay/bisect.sh
     part kills kills 1000
     part slow-links slow_links
     part kidnap tools/evaluate/kidnap.sh 100

@@ -1,0 +1,66 @@
+#!/bin/sh
+# Find the commit that changed what a replay of a recording gives, by `git bisect run` in a worktree of its own; yours stays as it is.
+# A commit is bad when `fovea replay LOG --verify` ends with a line of difference in which MESSAGE stands: a channel (POSE), a frame
+# ("frame 57 "), or both as a regular expression ("frame 57 .*POSE"). It is good when all is equal, and skipped when it does not
+# build, refuses the recording, or differs elsewhere first: what comes after the first difference is not known.
+# Usage: tools/bisect_replay.sh LOG MESSAGE [GOOD [BAD]]
+#   GOOD   default: the last commit before the recording began
+#   BAD    default: HEAD
+set -eu
+[ $# -ge 2 ] && [ $# -le 4 ] || { sed -n '2,9s/^# //p' "$0" >&2; exit 2; }
+fail() { echo "tools/bisect_replay.sh: $*" >&2; exit 2; }
+[ -f "$1" ] || fail "$1: found no such file, expected a recording"
+log=$(cd "$(dirname "$1")" && pwd)/$(basename "$1")
+message=$2
+cd "$(dirname "$0")/.."
+[ -d /usr/lib/ccache ] && PATH=/usr/lib/ccache:$PATH && export PATH CCACHE_NOHASHDIR=1 CCACHE_COMPILERCHECK=content
+
+good=${3:-}
+if [ -z "$good" ]; then
+    # Of the first event, after 4 bytes of sync and 8 of its number: microseconds since 1970, big-endian.
+    micros=$(od -An -v -tu1 -j 12 -N 8 "$log" | awk '{ for (i = 1; i <= NF; i++) n = n * 256 + $i } END { printf "%.0f", n }')
+    good=$(git rev-list -1 --before="@$((micros / 1000000))" "${4:-HEAD}")
+    [ -n "$good" ] || fail "found no commit before the recording began, expected GOOD as third argument"
+fi
+good=$(git rev-parse --verify "$good^{commit}") && bad=$(git rev-parse --verify "${4:-HEAD}^{commit}") || fail "found no such commit"
+work=$(mktemp -d)
+trap 'git worktree remove --force "$work/tree" 2>/dev/null; rm -rf "$work"' EXIT
+git worktree add --quiet --detach "$work/tree" "$bad"
+
+cat >"$work/judge" <<'JUDGE'
+#!/bin/sh
+# 0 good, 1 bad, 125 not known
+make -j"$(nproc)" BUILD=build build/fovea >"$FOVEA_WORK/build" 2>&1 || { echo "does not build"; exit 125; }
+build/fovea replay "$FOVEA_LOG" --verify >"$FOVEA_WORK/replay" 2>&1
+case $? in
+0) echo "equal"; exit 0 ;;
+1) line=$(grep -E 'frame [-0-9]+ .*found .*, expected ' "$FOVEA_WORK/replay" | head -n 1)
+   echo "${line:-differs}"
+   echo "$line" | grep -qE "$FOVEA_MESSAGE" && exit 1
+   exit 125 ;;
+*) tail -n 1 "$FOVEA_WORK/replay"; exit 125 ;;
+esac
+JUDGE
+chmod +x "$work/judge"
+export FOVEA_WORK="$work" FOVEA_LOG="$log" FOVEA_MESSAGE="$message" CCACHE_BASEDIR="$work/tree"
+cd "$work/tree"
+
+# A search between two ends that are not so would find some commit all the same.
+judged() { git checkout --quiet --detach "$1" && said=$("$work/judge") && verdict=0 || verdict=$?; }
+judged "$bad"
+[ $verdict -eq 1 ] || fail "at $(git log -1 --format='%h %s'): found \"$said\", expected a difference with '$message'"
+judged "$good"
+[ $verdict -eq 0 ] || fail "at $(git log -1 --format='%h %s'): found \"$said\", expected no difference"
+git bisect start "$bad" "$good" >/dev/null
+git bisect run "$work/judge" >"$work/run" 2>&1 || true
+first=$(sed -n 's/^\([0-9a-f]*\) is the first bad commit$/\1/p' "$work/run")
+if [ -z "$first" ]; then
+    echo "not found: the commits that were skipped are among those that may be the first:" >&2
+    sed -n '/^The first bad commit could be any of/,$p' "$work/run" >&2
+    git bisect reset >/dev/null 2>&1
+    exit 1
+fi
+git bisect reset >/dev/null 2>&1
+judged "$first"
+git log -1 --format='%H%n%an, %ad%n    %s' "$first"
+echo "$said"
