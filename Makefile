@@ -103,6 +103,7 @@ CALIBRATE := $(if $(SAN)$(CROSS),,$(if $(and $(wildcard /usr/include/opencv4/ope
 
 # So is the program that serves the page of a run, where libwebsockets is installed; sanitizers see it, too.
 WEB_C := $(filter-out src/web/main.c,$(wildcard src/web/*.c))
+WEB_LIBS := -lwebsockets -lssl -lcrypto
 WEB := $(if $(CROSS)$(filter fuzz tsan,$(SAN)),,$(if $(wildcard /usr/include/libwebsockets.h),$(BUILD)/fovea-web))
 
 objs = $(patsubst %.c,$(BUILD)/obj/%.o,$(filter %.c,$(1))) $(patsubst %.cpp,$(BUILD)/obj/%.o,$(filter %.cpp,$(1)))
@@ -489,7 +490,7 @@ $(BUILD)/obj/src/calibrate/%.o: CXXFLAGS += -isystem /usr/include/eigen3 -isyste
 # It serves its page by the server of fovea-web, where that is built.
 WEB_O := $(call objs,$(WEB_C))
 CALIBRATE_WEB_O := $(if $(WEB),$(WEB_O))
-CALIBRATE_LIBS += $(if $(WEB),-lwebsockets)
+CALIBRATE_LIBS += $(if $(WEB),$(WEB_LIBS))
 $(BUILD)/obj/src/calibrate/live_page.o: CXXFLAGS += $(if $(WEB),-DFV_CALIBRATE_PAGE)
 $(BUILD)/obj/src/calibrate/live_page.o: $(BUILD)/calibrate-page
 $(BUILD)/calibrate-page: always
@@ -511,7 +512,7 @@ $(BUILD)/obj/src/web/assets.o: $(WEB_PAGE)
 $(BUILD)/obj/src/web/assets.o: CFLAGS += -DFV_WEB_PAGE='"$(BUILD)/page"'
 $(BUILD)/fovea-web: $(BUILD)/obj/src/web/main.o $(WEB_O) $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
 	@echo "  link $@"
-	$(Q)$(CC) $(LDFLAGS) -pie -o $@ $(filter %.o,$^) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group -lwebsockets $(LIBS_APP)
+	$(Q)$(CC) $(LDFLAGS) -pie -o $@ $(filter %.o,$^) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group $(WEB_LIBS) $(LIBS_APP)
 $(BUILD)/fovea.pc: tools/fovea.pc.in include/fovea/fovea.h
 	$(Q)sed 's|@PREFIX@|$(PREFIX)|; s|@VERSION@|$(VERSION)|' $< >$@
 
@@ -596,12 +597,13 @@ $(filter $(BUILD)/tests/transport/test_web%,$(TESTS)): | $(WEB)
 $(filter %/test_web_calibrate,$(TESTS)): | $(CALIBRATE)
 $(filter %/transport/test_web_pages,$(TESTS)): $(WEB_O)
 $(filter %/transport/test_web_pages,$(TESTS)): TEST_MORE := $(WEB_O)
-$(filter %/transport/test_web_pages,$(TESTS)): ORACLE_LIBS := -lwebsockets
+$(filter %/transport/test_web_pages,$(TESTS)): ORACLE_LIBS := $(WEB_LIBS)
+$(WEB_TESTS) $(filter %/transport/test_web_encrypted,$(TESTS)): ORACLE_LIBS := -lssl -lcrypto
 # Calibration is tested by its functions.
 CALIBRATE_TESTS := $(patsubst tests/%.cpp,$(BUILD)/tests/%,$(wildcard tests/unit/calibrate/*.cpp))
 $(CALIBRATE_TESTS): $(CALIBRATE_O) $(CALIBRATE_WEB_O)
 $(CALIBRATE_TESTS): TEST_MORE := $(CALIBRATE_O) $(CALIBRATE_WEB_O)
-$(CALIBRATE_TESTS): ORACLE_LIBS := -lopencv_aruco -lceres -lglog $(if $(WEB),-lwebsockets)
+$(CALIBRATE_TESTS): ORACLE_LIBS := -lopencv_aruco -lceres -lglog $(if $(WEB),$(WEB_LIBS))
 $(BUILD)/obj/tests/%.o: CFLAGS += -Itests
 $(BUILD)/obj/tests/%.o: CXXFLAGS += -Itests -isystem /usr/include/opencv4
 

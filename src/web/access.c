@@ -114,7 +114,7 @@ static bool is_loopback(const char *name)
     return inet_pton(AF_INET, name, &address) == 1 && ntohl(address.s_addr) >> 24 == 127;
 }
 
-bool fv_web_host_is_ours(const char *host, uint16_t port, const char *local,
+bool fv_web_host_is_ours(const char *host, uint16_t port, bool encrypted, const char *local,
                          const char *const *names, int count)
 {
     char name[FV_WEB_NAME_BYTES], wanted[8];
@@ -124,7 +124,7 @@ bool fv_web_host_is_ours(const char *host, uint16_t port, const char *local,
     char *colon = strrchr(name, ':');
     if (colon != NULL && strchr(colon, ']') != NULL) colon = NULL; /* of an IPv6 address */
     snprintf(wanted, sizeof wanted, ":%u", (unsigned)port);
-    if (colon != NULL ? strcmp(colon, wanted) != 0 : port != 80) return false;
+    if (colon != NULL ? strcmp(colon, wanted) != 0 : port != (encrypted ? 443 : 80)) return false;
     if (colon != NULL) *colon = '\0';
     if (is_loopback(name) || (local[0] != '\0' && strcmp(name, local) == 0)) return true;
     for (int i = 0; i < count; i++)
@@ -132,9 +132,9 @@ bool fv_web_host_is_ours(const char *host, uint16_t port, const char *local,
     return false;
 }
 
-bool fv_web_origin_is_ours(const char *origin, const char *host)
+bool fv_web_origin_is_ours(const char *origin, const char *host, bool encrypted)
 {
-    const char *scheme = "http://";
+    const char *scheme = encrypted ? "https://" : "http://";
     return strncmp(origin, scheme, strlen(scheme)) == 0 &&
            strcasecmp(origin + strlen(scheme), host) == 0;
 }

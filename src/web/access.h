@@ -38,14 +38,16 @@ enum fovea_status fv_web_tokens_read(const char *path, struct fv_web_tokens *tok
 /* What a token allows. The time it takes tells nothing about the tokens. */
 enum fv_web_role fv_web_tokens_role(const struct fv_web_tokens *tokens, const char *token);
 
-/* Whether a Host header names this server: with our port, a loopback address, localhost, the
+/* Whether a Host header names this server: with our port (which 80 need not state,
+ * nor 443 of HTTPS), a loopback address, localhost, the
  * address `local` that the connection came to, or one of `names`. An address cannot be rebound to
  * another host by a name server, a name can. */
-bool fv_web_host_is_ours(const char *host, uint16_t port, const char *local,
+bool fv_web_host_is_ours(const char *host, uint16_t port, bool encrypted, const char *local,
                          const char *const *names, int count);
 
-/* Whether the Origin header is that of our own page: http:// and the Host header. */
-bool fv_web_origin_is_ours(const char *origin, const char *host);
+/* Whether the Origin header is that of our own page: http:// (https:// where it is encrypted) and
+ * the Host header. */
+bool fv_web_origin_is_ours(const char *origin, const char *host, bool encrypted);
 
 /* The value of a cookie that holds a token; false: there is none of this name. */
 bool fv_web_cookie_token(const char *cookies, const char *name,

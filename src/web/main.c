@@ -27,6 +27,8 @@ struct web {
     uint64_t port, rate;
     uint64_t with_parent; /* process; 0: none */
     struct fv_option_list names;
+    struct fv_web_certificate certificate;
+    bool make_certificate;
     struct fv_web_tokens tokens;
     struct fv_web_store *store;
     struct fv_web_relay *relay;
@@ -63,6 +65,13 @@ static enum fv_options_result options_read(struct web *web, int argc, char **arg
         {"token", "FILE", FV_OPTION_TEXT, &web->token,
          "the page asks for a token of this file; without such a file one is made (two tokens: to "
          "view, and to operate)"},
+        {"certificate", "FILE", FV_OPTION_TEXT, &web->certificate.file,
+         "serve HTTPS with this certificate (PEM, those that signed it behind it)"},
+        {"certificate-key", "FILE", FV_OPTION_TEXT, &web->certificate.key_file,
+         "the key of the certificate (PEM)"},
+        {"make-certificate", NULL, FV_OPTION_FLAG, &web->make_certificate,
+         "make both files where there are none: a certificate that signs itself, for localhost, "
+         "--address and every --name"},
         {"rate", "HZ", FV_OPTION_POSITIVE, &web->rate,
          "pictures in a second, at most (default 15; web.picture_rate of the run is the limit)"},
         {"lcm-url", "URL", FV_OPTION_TEXT, &web->url,
@@ -82,8 +91,8 @@ static enum fv_options_result options_read(struct web *web, int argc, char **arg
             "The run offers its feed by the key web.socket; it is not slowed by those who look. "
             "'fovea run --web' starts this program beside the run.\n\n"
             "The page can be reached from this host alone, unless --address says otherwise: then "
-            "--token is needed, and all that the page shows is readable on the network, since it "
-            "is not encrypted.",
+            "--token is needed, and without --certificate all that the page shows is readable on "
+            "the network, since it is not encrypted.",
         .program = "fovea-web"});
     const enum fv_options_result result = fv_options_parse(options, "", 0, 0, argc, argv, &first);
     if (result == FV_OPTIONS_HELP && fv_options_man_printed()) {
@@ -91,7 +100,8 @@ static enum fv_options_result options_read(struct web *web, int argc, char **arg
         fv_man_example(
             "fovea run --source v4l2:/dev/video0 --web\n"
             "fovea-web --feed /run/fovea/front.sock --address 0.0.0.0 --name robot.local "
-            "--token /var/lib/fovea/web.token");
+            "--token /var/lib/fovea/web.token --certificate /var/lib/fovea/web.crt "
+            "--certificate-key /var/lib/fovea/web.key --make-certificate");
         fv_man_reference("fovea", NULL, true);
         fv_man_reference("fovea", "run", false);
         putchar('\n');
@@ -111,7 +121,26 @@ static enum fovea_status options_check(struct web *web, struct fovea_error *erro
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "found %d times --name, expected at most %d", web->names.count,
                                FV_WEB_NAMES_MAX);
+    if ((web->certificate.file == NULL) != (web->certificate.key_file == NULL) ||
+        (web->make_certificate && web->certificate.file == NULL))
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "found one of --certificate, --certificate-key and "
+                               "--make-certificate alone, expected the first two together");
     return fv_web_address_check(web->address, web->token != NULL, error);
+}
+
+static enum fovea_status certificate_open(struct web *web, struct fovea_error *error)
+{
+    bool made = false;
+    enum fovea_status status = FOVEA_OK;
+    if (web->certificate.file == NULL) return FOVEA_OK;
+    if (web->make_certificate)
+        status = fv_web_certificate_make(&web->certificate, web->names.values, web->names.count,
+                                         web->address, &made, error);
+    if (status == FOVEA_OK && made)
+        fv_say("fovea-web: made %s, which browsers ask about once, since it signs itself",
+               web->certificate.file);
+    return status == FOVEA_OK ? fv_web_certificate_check(&web->certificate, error) : status;
 }
 
 static enum fovea_status tokens_open(struct web *web, struct fovea_error *error)
@@ -131,6 +160,7 @@ static enum fovea_status serve(struct web *web, struct fovea_error *error)
                                        .port = (uint16_t)web->port,
                                        .names = web->names.values,
                                        .name_count = web->names.count,
+                                       .certificate = web->certificate,
                                        .tokens = web->token != NULL ? &web->tokens : NULL,
                                        .relay = web->relay,
                                        .commander = &web->commander};
@@ -141,8 +171,10 @@ static enum fovea_status serve(struct web *web, struct fovea_error *error)
                        : all                       ? "127.0.0.1"
                                                    : web->address;
     atomic_store(&served, server);
-    fv_say("fovea-web: http://%s:%u/", host, (unsigned)fv_web_server_port(server));
-    if (strncmp(web->address, "127.", 4) != 0)
+    const bool encrypted = web->certificate.file != NULL;
+    fv_say("fovea-web: http%s://%s:%u/", encrypted ? "s" : "", host,
+           (unsigned)fv_web_server_port(server));
+    if (!encrypted && strncmp(web->address, "127.", 4) != 0)
         fv_say(
             "fovea-web: all that the page shows can be read on the network: it is not encrypted");
     if (!fv_web_server_run(server))
@@ -156,6 +188,7 @@ static enum fovea_status run(struct web *web, struct fovea_error *error)
 {
     enum fovea_status status = options_check(web, error);
     if (status == FOVEA_OK) status = tokens_open(web, error);
+    if (status == FOVEA_OK) status = certificate_open(web, error);
     fv_message_prepare();
     if (status == FOVEA_OK)
         status = fv_web_commander_open(&web->commander, web->url, web->key, error);

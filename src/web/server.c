@@ -7,6 +7,8 @@
 #include <string.h>
 #include <sys/socket.h>
 
+#include <openssl/ssl.h>
+
 #include "drivers/clock.h"
 #include "web/server_internal.h"
 
@@ -130,7 +132,11 @@ static int judge(struct fv_web_server *server, struct lws *wsi)
     const int length =
         snprintf(text, sizeof text,
                  "HTTP/1.1 %d Refused\r\nContent-Length: 0\r\nConnection: close\r\n\r\n", status);
-    (void)send(lws_get_socket_fd(wsi), text, (size_t)length, MSG_NOSIGNAL | MSG_DONTWAIT);
+    SSL *encrypted = server->setup.certificate.file != NULL ? lws_get_ssl(wsi) : NULL;
+    if (encrypted != NULL)
+        (void)SSL_write(encrypted, text, length);
+    else
+        (void)send(lws_get_socket_fd(wsi), text, (size_t)length, MSG_NOSIGNAL | MSG_DONTWAIT);
     return -1;
 }
 
@@ -222,6 +228,13 @@ enum fovea_status fv_web_server_open(const struct fv_web_setup *setup,
         .options = LWS_SERVER_OPTION_EXPLICIT_VHOSTS | LWS_SERVER_OPTION_DISABLE_IPV6 |
                    LWS_SERVER_OPTION_FAIL_UPON_UNABLE_TO_BIND,
     };
+    if (setup->certificate.file != NULL) {
+        info.options |= LWS_SERVER_OPTION_DO_SSL_GLOBAL_INIT;
+        info.ssl_cert_filepath = setup->certificate.file;
+        info.ssl_private_key_filepath = setup->certificate.key_file;
+        info.ssl_options_set = SSL_OP_NO_TLSv1 | SSL_OP_NO_TLSv1_1 | SSL_OP_NO_RENEGOTIATION;
+        info.alpn = "http/1.1";
+    }
     made->context = lws_create_context(&info);
     if (made->context != NULL) made->vhost = lws_create_vhost(made->context, &info);
     if (made->vhost == NULL) {

@@ -1,4 +1,5 @@
-/* The server of the page: HTTP/1.1 and websockets by libwebsockets, in one thread.
+/* The server of the page: HTTP/1.1 and websockets by libwebsockets, in one thread,
+ * over TLS (1.2 or later) where there is a certificate.
  *
  * A request is answered only when its Host header names this server (access.h); a websocket is
  * opened only for our own page's origin. Where there are tokens, everything but the login page
@@ -11,6 +12,7 @@
 
 #include "fovea/status.h"
 #include "web/access.h"
+#include "web/certificate.h"
 #include "web/command.h"
 #include "web/pages.h"
 #include "web/relay.h"
@@ -22,7 +24,8 @@ struct fv_web_setup {
     uint16_t port;       /* 0: one that is free */
     const char *const *names;
     int name_count;
-    const struct fv_web_tokens *tokens; /* NULL: everybody who reaches the port may do all */
+    struct fv_web_certificate certificate; /* that was checked; its files stay; none: HTTP */
+    const struct fv_web_tokens *tokens;    /* NULL: everybody who reaches the port may do all */
     struct fv_web_relay *relay;
     struct fv_web_commander *commander;
     /* The page of another program; NULL: that of a run, which the two above are for. */

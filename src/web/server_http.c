@@ -57,12 +57,13 @@ int fv_web_server_judge(struct fv_web_server *server, struct lws *wsi, bool of_p
         remote[INET_ADDRSTRLEN];
     addresses(wsi, local, remote);
     if (!header(wsi, WSI_TOKEN_HOST, host, sizeof host) ||
-        !fv_web_host_is_ours(host, server->port, local, server->setup.names,
-                             server->setup.name_count))
+        !fv_web_host_is_ours(host, server->port, server->setup.certificate.file != NULL, local,
+                             server->setup.names, server->setup.name_count))
         return HTTP_STATUS_FORBIDDEN;
     const bool has_origin = lws_hdr_total_length(wsi, WSI_TOKEN_ORIGIN) > 0;
-    if ((of_page || has_origin) && (!header(wsi, WSI_TOKEN_ORIGIN, origin, sizeof origin) ||
-                                    !fv_web_origin_is_ours(origin, host)))
+    if ((of_page || has_origin) &&
+        (!header(wsi, WSI_TOKEN_ORIGIN, origin, sizeof origin) ||
+         !fv_web_origin_is_ours(origin, host, server->setup.certificate.file != NULL)))
         return HTTP_STATUS_FORBIDDEN;
     *role = role_of(server, wsi);
     return *role != FV_WEB_NOBODY ? HTTP_STATUS_OK : HTTP_STATUS_UNAUTHORIZED;
@@ -267,8 +268,8 @@ static int end_login(struct fv_web_server *server, struct lws *wsi, struct fv_we
         return answer_text(wsi, request, HTTP_STATUS_UNAUTHORIZED, "Wrong token\n");
     }
     cookie_name(server, name);
-    snprintf(cookie, sizeof cookie, "%s=%s; Path=/; Max-Age=31536000; HttpOnly; SameSite=Strict",
-             name, token);
+    snprintf(cookie, sizeof cookie, "%s=%s; Path=/; Max-Age=31536000; HttpOnly; SameSite=Strict%s",
+             name, token, server->setup.certificate.file != NULL ? "; Secure" : "");
     struct answer answer = {
         .status = HTTP_STATUS_SEE_OTHER, .type = "text/plain; charset=utf-8", .cookie = cookie};
     uint8_t *text = (uint8_t *)strdup("Welcome\n");

@@ -24,7 +24,7 @@ export class Link {
   connect() {
     this.best = null; // of the tries to tie the clocks: the fastest
     this.tries = 0;
-    this.socket = new WebSocket(`ws://${location.host}/`, "fovea");
+    this.socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/`, "fovea");
     this.socket.binaryType = "arraybuffer";
     this.socket.onopen = () => {
       this.wait_ms = 250;

@@ -54,24 +54,29 @@ static void only_our_names_are_ours(void **state)
     char longest[400];
     (void)state;
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++)
-        if (fv_web_host_is_ours(cases[i].host, cases[i].port, "192.168.1.5", names, 2) !=
+        if (fv_web_host_is_ours(cases[i].host, cases[i].port, false, "192.168.1.5", names, 2) !=
             cases[i].ours)
             fail_msg("%s at port %u", cases[i].host, cases[i].port);
     memset(longest, 'a', sizeof longest);
     longest[sizeof longest - 1] = '\0';
-    assert_false(fv_web_host_is_ours(longest, 7680, "", names, 2));
-    assert_false(fv_web_host_is_ours(":7680", 7680, "", names, 0));
+    assert_false(fv_web_host_is_ours(longest, 7680, false, "", names, 2));
+    assert_false(fv_web_host_is_ours(":7680", 7680, false, "", names, 0));
+    assert_true(fv_web_host_is_ours("127.0.0.1", 443, true, "", names, 2));
+    assert_false(fv_web_host_is_ours("127.0.0.1", 80, true, "", names, 2));
+    assert_false(fv_web_host_is_ours("127.0.0.1", 443, false, "", names, 2));
 }
 
 static void only_our_page_is_an_origin(void **state)
 {
     (void)state;
-    assert_true(fv_web_origin_is_ours("http://robot.local:7680", "robot.local:7680"));
-    assert_false(fv_web_origin_is_ours("http://robot.local", "robot.local:7680"));
-    assert_false(fv_web_origin_is_ours("https://robot.local:7680", "robot.local:7680"));
-    assert_false(fv_web_origin_is_ours("http://robot.local:7680/", "robot.local:7680"));
-    assert_false(fv_web_origin_is_ours("null", "robot.local:7680"));
-    assert_false(fv_web_origin_is_ours("", ""));
+    assert_true(fv_web_origin_is_ours("http://robot.local:7680", "robot.local:7680", false));
+    assert_false(fv_web_origin_is_ours("http://robot.local", "robot.local:7680", false));
+    assert_false(fv_web_origin_is_ours("https://robot.local:7680", "robot.local:7680", false));
+    assert_false(fv_web_origin_is_ours("http://robot.local:7680/", "robot.local:7680", false));
+    assert_true(fv_web_origin_is_ours("https://robot.local:7680", "robot.local:7680", true));
+    assert_false(fv_web_origin_is_ours("http://robot.local:7680", "robot.local:7680", true));
+    assert_false(fv_web_origin_is_ours("null", "robot.local:7680", false));
+    assert_false(fv_web_origin_is_ours("", "", false));
 }
 
 static void a_cookie_is_found_by_its_whole_name(void **state)

@@ -1,0 +1,185 @@
+#include "web/certificate.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <openssl/err.h>
+#include <openssl/pem.h>
+#include <openssl/x509v3.h>
+
+#include "web/access.h"
+
+enum {
+    DAY_S = 24 * 3600,
+    DAYS = 825,
+    NAMES_BYTES = 64 + FV_WEB_NAMES_MAX * (FV_WEB_NAME_BYTES + 8)
+};
+
+/* ---- check ----------------------------------------------------------------------------------- */
+
+static enum fovea_status wrong(struct fovea_error *error, const char *option, const char *file,
+                               const char *found, const char *expected)
+{
+    ERR_clear_error();
+    return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: %.300s: found %s, expected %s", option,
+                           file, found, expected);
+}
+
+/* An ordinary file that can be read, or why not. */
+static FILE *open_file(const char *path, mode_t forbidden, const char **found)
+{
+    struct stat status;
+    const int file = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY);
+    if (file < 0 || fstat(file, &status) != 0)
+        *found = strerror(errno);
+    else if (!S_ISREG(status.st_mode))
+        *found = "no ordinary file";
+    else if (status.st_mode & forbidden)
+        *found = "a file that everybody may use (chmod 600 remedies that)";
+    else
+        return fdopen(file, "r");
+    if (file >= 0) close(file);
+    return NULL;
+}
+
+enum fovea_status fv_web_certificate_check(const struct fv_web_certificate *certificate,
+                                           struct fovea_error *error)
+{
+    static const char *const of_certificate = "a certificate in PEM",
+                             *const of_key =
+                                 "a key in PEM, without a password, for its owner alone";
+    const char *found = "something else";
+    FILE *file = open_file(certificate->file, 0, &found);
+    X509 *read = file != NULL ? PEM_read_X509(file, NULL, NULL, NULL) : NULL;
+    if (file != NULL) fclose(file);
+    if (read == NULL)
+        return wrong(error, "--certificate", certificate->file, found, of_certificate);
+    found = "something else";
+    file = open_file(certificate->key_file, S_IRWXO, &found);
+    static char no_password[] = "";
+    EVP_PKEY *key = file != NULL ? PEM_read_PrivateKey(file, NULL, NULL, no_password) : NULL;
+    if (file != NULL) fclose(file);
+    const bool fits = key != NULL && X509_check_private_key(read, key) == 1;
+    X509_free(read);
+    EVP_PKEY_free(key);
+    if (key == NULL) return wrong(error, "--certificate-key", certificate->key_file, found, of_key);
+    if (!fits)
+        return wrong(error, "--certificate-key", certificate->key_file,
+                     "the key of another certificate", "that of the file of --certificate");
+    return FOVEA_OK;
+}
+
+/* ---- make ------------------------------------------------------------------------------------ */
+
+static bool extend(X509 *made, int kind, const char *value)
+{
+    X509_EXTENSION *extension = X509V3_EXT_conf_nid(NULL, NULL, kind, value);
+    const bool added = extension != NULL && X509_add_ext(made, extension, -1) == 1;
+    X509_EXTENSION_free(extension);
+    return added;
+}
+
+/* The hosts that it is for, as X.509's subjectAltName has them. */
+static bool write_hosts(char text[NAMES_BYTES], const char *const *names, int count,
+                        const char *address)
+{
+    size_t used = (size_t)snprintf(text, NAMES_BYTES, "DNS:localhost,IP:127.0.0.1");
+    if (strcmp(address, "0.0.0.0") != 0 && strcmp(address, "127.0.0.1") != 0)
+        used += (size_t)snprintf(text + used, NAMES_BYTES - used, ",IP:%s", address);
+    for (int i = 0; i < count; i++) {
+        if (strpbrk(names[i], ",:;\n") != NULL || strlen(names[i]) >= FV_WEB_NAME_BYTES)
+            return false;
+        used += (size_t)snprintf(text + used, NAMES_BYTES - used, ",DNS:%s", names[i]);
+    }
+    return true;
+}
+
+static X509 *sign(EVP_PKEY *key, const char *hosts)
+{
+    X509 *made = X509_new();
+    BIGNUM *serial = BN_new();
+    static const char name[] = "Fovea";
+    const bool done = made != NULL && serial != NULL && X509_set_version(made, 2) == 1 &&
+                      BN_rand(serial, 127, BN_RAND_TOP_ANY, BN_RAND_BOTTOM_ANY) == 1 &&
+                      BN_to_ASN1_INTEGER(serial, X509_get_serialNumber(made)) != NULL &&
+                      X509_gmtime_adj(X509_getm_notBefore(made), -DAY_S) != NULL &&
+                      X509_gmtime_adj(X509_getm_notAfter(made), (long)(DAYS - 1) * DAY_S) != NULL &&
+                      X509_set_pubkey(made, key) == 1 &&
+                      X509_NAME_add_entry_by_txt(X509_get_subject_name(made), "CN", MBSTRING_ASC,
+                                                 (const unsigned char *)name, -1, -1, 0) == 1 &&
+                      X509_set_issuer_name(made, X509_get_subject_name(made)) == 1 &&
+                      extend(made, NID_basic_constraints, "critical,CA:FALSE") &&
+                      extend(made, NID_key_usage, "critical,digitalSignature") &&
+                      extend(made, NID_ext_key_usage, "serverAuth") &&
+                      extend(made, NID_subject_alt_name, hosts) &&
+                      X509_sign(made, key, EVP_sha256()) > 0;
+    BN_free(serial);
+    if (done) return made;
+    X509_free(made);
+    return NULL;
+}
+
+/* A new file, on the disk when this returns. */
+static FILE *create(const char *path, mode_t mode)
+{
+    const int file = open(path, O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, mode);
+    return file >= 0 ? fdopen(file, "w") : NULL;
+}
+
+static bool finish(FILE *file, bool written)
+{
+    const bool kept = written && fflush(file) == 0 && fsync(fileno(file)) == 0;
+    return fclose(file) == 0 && kept;
+}
+
+static bool write_files(const struct fv_web_certificate *certificate, X509 *made, EVP_PKEY *key)
+{
+    FILE *file = create(certificate->key_file, 0600);
+    if (file == NULL) return false;
+    if (!finish(file, PEM_write_PrivateKey(file, key, NULL, NULL, 0, NULL, NULL) == 1)) {
+        unlink(certificate->key_file);
+        return false;
+    }
+    file = create(certificate->file, 0644);
+    if (file != NULL && finish(file, PEM_write_X509(file, made) == 1)) return true;
+    const int reason = errno;
+    if (file != NULL) unlink(certificate->file);
+    unlink(certificate->key_file);
+    errno = reason;
+    return false;
+}
+
+enum fovea_status fv_web_certificate_make(const struct fv_web_certificate *certificate,
+                                          const char *const *names, int name_count,
+                                          const char *address, bool *made,
+                                          struct fovea_error *error)
+{
+    char hosts[NAMES_BYTES];
+    struct stat status;
+    *made = stat(certificate->file, &status) != 0 && errno == ENOENT &&
+            stat(certificate->key_file, &status) != 0 && errno == ENOENT;
+    if (!*made) return FOVEA_OK; /* the check says what is there */
+    if (name_count > FV_WEB_NAMES_MAX || !write_hosts(hosts, names, name_count, address))
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "--make-certificate: found a --name that is none of a host, "
+                               "expected letters, digits, dots and hyphens");
+    EVP_PKEY *key = EVP_EC_gen("P-256");
+    X509 *signed_by_itself = key != NULL ? sign(key, hosts) : NULL;
+    errno = 0;
+    const bool written =
+        signed_by_itself != NULL && write_files(certificate, signed_by_itself, key);
+    const int reason = errno;
+    X509_free(signed_by_itself);
+    EVP_PKEY_free(key);
+    if (written) return FOVEA_OK;
+    ERR_clear_error();
+    *made = false;
+    return fovea_error_set(error, FOVEA_ERROR_SYSTEM,
+                           "--make-certificate: %.200s and %.200s cannot be made: %s",
+                           certificate->file, certificate->key_file,
+                           reason != 0 ? strerror(reason) : "libcrypto refuses it");
+}
