@@ -61,7 +61,6 @@ void fv_bounded_carve(struct fv_bounded *bounded, uint32_t count_max, uint32_t b
                       struct fv_arena *arena)
 {
     const uint32_t count = padded(count_max);
-    bounded->count_max = count_max;
     bounded->bytes = bytes;
     bounded->size =
         bytes <= FV_BOUNDED_SIZE_MAX / 2 ? FV_BOUNDED_SIZE_MAX / 2 : FV_BOUNDED_SIZE_MAX;

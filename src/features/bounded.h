@@ -33,7 +33,7 @@ struct fv_bounded_set {
 };
 
 struct fv_bounded {
-    uint32_t count_max, bytes;
+    uint32_t bytes;
     int32_t size, values; /* coefficients, and how many of them the bound takes */
     int32_t step;
     int32_t chosen[FV_BOUNDED_VALUES_MAX], mean[FV_BOUNDED_VALUES_MAX];

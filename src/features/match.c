@@ -12,7 +12,11 @@
 #include "geometry/homography.h"
 #include "geometry/vec.h"
 
-enum { SEED = 20 };
+enum {
+    SEED = 20,
+    BOUNDED_BYTES = 33, /* fewer bytes, or features, are all compared */
+    BOUNDED_COUNT = 128
+};
 
 /* The two nearest of each feature of one image in the other: squared distances, or Hamming's. */
 struct found {
@@ -105,7 +109,8 @@ static struct fovea_matcher *carve(const struct fovea_match_config *config, stru
     if (config->descriptor != FOVEA_DESCRIPTOR_BINARY) {
         fv_nearest_carve(&matcher->nearest, count, config->descriptor_bytes, matcher->packed, 2,
                          arena);
-        fv_bounded_carve(&matcher->bounded, count, config->descriptor_bytes, arena);
+        if (config->descriptor_bytes >= BOUNDED_BYTES)
+            fv_bounded_carve(&matcher->bounded, count, config->descriptor_bytes, arena);
     }
     matcher->asked = fv_arena_take(arena, count, sizeof *matcher->asked);
     carve_found(&matcher->there, count, arena);
@@ -181,14 +186,15 @@ static bool passes(const struct fovea_matcher *matcher, uint32_t i)
     return matcher->config.ratio >= 1 || distance < matcher->config.ratio * second;
 }
 
-/* Whether most distances need not be computed: where the kernels for that are, and products of four
- * bytes are not one instruction, which computes them all faster. */
+/* Whether most distances need not be computed: where vectors do what is needed for that, and do not
+ * compute products of 64 bytes at once, which gives all distances faster. */
 static bool bounds_pay(const struct fovea_matcher *matcher, const struct fovea_extracted *a,
                        const struct fovea_extracted *b)
 {
-    enum { FEW_BYTES = 32, FEW = 128 };
-    return matcher->config.descriptor_bytes > FEW_BYTES && a->count >= FEW && b->count >= FEW &&
-           (matcher->kernels.isas & (FV_ISA_AVX2 | FV_ISA_AVX512VNNI)) == FV_ISA_AVX2;
+    return matcher->config.descriptor_bytes >= BOUNDED_BYTES && a->count >= BOUNDED_COUNT &&
+           b->count >= BOUNDED_COUNT &&
+           (matcher->kernels.isas & (FV_ISA_SSE4 | FV_ISA_NEON)) != 0 &&
+           (matcher->kernels.isas & FV_ISA_AVX512VNNI) == 0;
 }
 
 /* False: nothing is found so. */

@@ -119,35 +119,62 @@ static void check_against_plain_loops(const struct fovea_match_config *config)
     assert_true(expected > COUNT / 2);
 }
 
+/* On every kernel set, with and without ratio test and cross check. */
+static void check_sets(struct fovea_match_config *config)
+{
+    static const char *const sets[] = {"c", "sse4", "avx2", "avx512", "neon", "dotprod"};
+    for (uint32_t k = 0; k < sizeof sets / sizeof sets[0]; k++) {
+        struct fovea_error error;
+        struct fovea_matcher *matcher;
+        setenv("FOVEA_CPU", sets[k], 1);
+        if (fovea_match_init(&matcher, config, NULL, 0, &error) == FOVEA_ERROR_ARGUMENT)
+            continue; /* a set of another processor */
+        for (uint32_t i = 0; i < 2; i++) {
+            config->ratio = i == 0 ? .8f : 1;
+            config->cross_check = (i + k) % 2;
+            check_against_plain_loops(config);
+        }
+    }
+    unsetenv("FOVEA_CPU");
+}
+
 static void matches_are_those_of_plain_loops(void **state)
 {
     (void)state;
-    static const char *const sets[] = {"c", "avx2", "avx512", "neon"};
     static const struct {
         enum fovea_descriptor descriptor;
         uint32_t bytes, noise;
     } cases[] = {{FOVEA_DESCRIPTOR_BINARY, 32, 4},
                  {FOVEA_DESCRIPTOR_PATCH, 81, 60},
                  {FOVEA_DESCRIPTOR_FLOAT, 128, 90},
-                 {FOVEA_DESCRIPTOR_FLOAT, 64, 90}};
+                 {FOVEA_DESCRIPTOR_FLOAT, 64, 90},
+                 {FOVEA_DESCRIPTOR_FLOAT, 32, 90}};
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
         struct fovea_match_config config;
         fovea_match_config_default(&config, cases[i].descriptor);
         config.count_max = COUNT;
         config.descriptor_bytes = cases[i].bytes;
         fill(cases[i].bytes, cases[i].noise);
-        for (uint32_t k = 0; k < 4; k++) {
-            struct fovea_error error;
-            struct fovea_matcher *matcher;
-            setenv("FOVEA_CPU", sets[k], 1);
-            if (fovea_match_init(&matcher, &config, NULL, 0, &error) == FOVEA_ERROR_ARGUMENT)
-                continue; /* a set of another architecture */
-            config.ratio = k & 1 ? 1 : .8f;
-            config.cross_check = k < 2;
-            check_against_plain_loops(&config);
-        }
+        check_sets(&config);
     }
-    unsetenv("FOVEA_CPU");
+}
+
+/* One descriptor is so far from the others that no step of the bounds' values fits 16 bits
+ * (features/bounded.h; test_bounded sees the refusal). */
+static void matches_are_the_same_without_bounds(void **state)
+{
+    (void)state;
+    struct fovea_match_config config;
+    fovea_match_config_default(&config, FOVEA_DESCRIPTOR_FLOAT);
+    config.count_max = COUNT;
+    config.descriptor_bytes = BYTES_MAX;
+    fill(BYTES_MAX, 60);
+    for (int k = 0; k < 2; k++)
+        for (size_t i = 0; i < sizeof descriptors[k]; i++)
+            descriptors[k][i] /= 16;
+    memset(descriptors[0], 255, BYTES_MAX);
+    memset(descriptors[1] + (COUNT - 1) * BYTES_MAX, 255, BYTES_MAX);
+    check_sets(&config);
 }
 
 /* Features of a at random places; b sees them where `see` says, every fifth one anywhere. */
@@ -298,6 +325,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(matches_are_those_of_plain_loops),
+        cmocka_unit_test(matches_are_the_same_without_bounds),
         cmocka_unit_test(a_homography_is_found_among_wrong_matches),
         cmocka_unit_test(an_essential_matrix_is_found_among_wrong_matches),
         cmocka_unit_test(a_fundamental_matrix_is_found_among_wrong_matches),
