@@ -5,6 +5,9 @@
 #   V=1            show whole commands
 #   SAN=asan|tsan|fuzz  sanitizer build (use with its own BUILD)
 #   CROSS=aarch64-linux-gnu-   cross build, tests run by EMULATOR
+#   SYSROOT=dir    of a cross build: what it is linked with (default BUILD/sysroot, by tools/make_sysroot.sh)
+#   PREFIX= LIBDIR= DESTDIR=   where `make install` puts things
+#   WERROR=-Werror warnings end the build, as in CI
 
 BUILD    ?= build
 Q        := $(if $(V),,@)
@@ -20,6 +23,7 @@ AR       := $(CROSS)ar
 EMULATOR ?=
 JOBS     ?= $(shell nproc)
 PREFIX   ?= /usr/local
+LIBDIR   ?= $(PREFIX)/lib
 VERSION  := $(shell sed -n 's/^\#define FOVEA_VERSION "\(.*\)"/\1/p' include/fovea/fovea.h)
 # Programs that are linked with the library ask for this name: before 1.0 a minor version may change the interface (CHANGELOG.md).
 SONAME   := libfovea.so.$(if $(filter 0.%,$(VERSION)),$(basename $(VERSION)),$(firstword $(subst ., ,$(VERSION))))
@@ -27,15 +31,25 @@ MESSAGES_SONAME := $(subst libfovea,libfovea-messages,$(SONAME))
 MACHINE  := $(shell $(CC) -dumpmachine 2>/dev/null)
 
 ifneq (,$(findstring aarch64,$(CROSS)))
-SYSROOT  := $(BUILD)/sysroot
+SYSROOT  ?= $(BUILD)/sysroot
 SYSLIBS  := $(SYSROOT)/usr/lib/aarch64-linux-gnu:$(SYSROOT)/lib/aarch64-linux-gnu
+# A root of a whole system (tools/package/arm64_root.sh) brings its own C library; what make_sysroot.sh unpacks stands beside the compiler's.
+ifneq (,$(wildcard $(SYSROOT)/usr/include/stdio.h))
+WHOLE    := $(SYSROOT)
+SYSFLAGS := --sysroot=$(SYSROOT)
+LDFLAGS  += --sysroot=$(SYSROOT) -Wl,-rpath-link=$(SYSLIBS):$(SYSROOT)/usr/lib/aarch64-linux-gnu/blas:$(SYSROOT)/usr/lib/aarch64-linux-gnu/lapack
+export PKG_CONFIG_SYSROOT_DIR := $(SYSROOT)
+export PKG_CONFIG_LIBDIR := $(SYSROOT)/usr/lib/aarch64-linux-gnu/pkgconfig:$(SYSROOT)/usr/share/pkgconfig
+else
 SYSFLAGS := -isystem $(SYSROOT)/usr/include/aarch64-linux-gnu -isystem $(SYSROOT)/usr/include
 LDFLAGS  += -L$(SYSROOT)/usr/lib/aarch64-linux-gnu -L$(SYSROOT)/lib/aarch64-linux-gnu -Wl,-rpath-link=$(SYSLIBS)
+endif
 endif
 
 # ---- flags -----------------------------------------------------------------------------------------------------
 # One baseline for all float code, no contraction: the same bits from every compiler and processor.
-WARN     := -Wall -Wextra -Wshadow -Wundef -Wvla -Wpointer-arith -Wwrite-strings -Werror
+WERROR   ?=
+WARN     := -Wall -Wextra -Wshadow -Wundef -Wvla -Wpointer-arith -Wwrite-strings $(WERROR)
 FP       := -ffp-contract=off -fno-math-errno -fsigned-char
 OPT      := -O3 -g
 # What the compiler and the linker put in the way of an attacker; tools/check_hardening.sh finds it in what was built. Sanitizers
@@ -88,23 +102,28 @@ CORE_C    := $(filter-out $(LAST_C),$(CORE_C)) $(LAST_C)
 DRIVERS_C := $(wildcard drivers/*.c drivers/*/*.c)
 APP_C     := $(wildcard src/app/*.c src/app/*/*.c src/support/*.c)
 
+# Parts that need further libraries are built where those are installed: here, or in the root of a cross build.
+INSTALLED := $(if $(SAN),,$(if $(CROSS),$(if $(WHOLE),$(WHOLE)/usr),/usr))
+INCLUDED  := $(or $(INSTALLED),/usr)/include
+installed = $(if $(INSTALLED),$(wildcard $(INSTALLED)/include/$(1)))
+
 # The video plug-in is built where OpenCV's videoio is installed; nothing else here needs it.
-VIDEO_PLUGIN := $(if $(SAN)$(CROSS),,$(if $(wildcard /usr/include/opencv4/opencv2/videoio.hpp),$(BUILD)/fovea-video.so))
+VIDEO_PLUGIN := $(if $(call installed,opencv4/opencv2/videoio.hpp),$(BUILD)/fovea-video.so)
 
 # So is the plug-in that draws letters, where FreeType is installed.
-TEXT_PLUGIN := $(if $(SAN)$(CROSS),,$(if $(wildcard /usr/include/freetype2/ft2build.h),$(BUILD)/fovea-text.so))
+TEXT_PLUGIN := $(if $(call installed,freetype2/ft2build.h),$(BUILD)/fovea-text.so)
 
 # So is the program that keeps libcamera in a process of its own, where libcamera is installed.
-LIBCAMERA_PLUGIN := $(if $(SAN)$(CROSS),,$(if $(wildcard /usr/include/libcamera/libcamera/libcamera.h /usr/local/include/libcamera/libcamera/libcamera.h),$(BUILD)/fovea-libcamera))
+LIBCAMERA_PLUGIN := $(if $(call installed,libcamera/libcamera/libcamera.h)$(call installed,../local/include/libcamera/libcamera/libcamera.h),$(BUILD)/fovea-libcamera)
 
 # So is the calibration program, where OpenCV and Ceres are installed: nothing of them is in any other program.
 CALIBRATE_CXX := $(filter-out src/calibrate/main.cpp,$(wildcard src/calibrate/*.cpp))
-CALIBRATE := $(if $(SAN)$(CROSS),,$(if $(and $(wildcard /usr/include/opencv4/opencv2/aruco.hpp),$(wildcard /usr/include/ceres/ceres.h)),$(BUILD)/fovea-calibrate))
+CALIBRATE := $(if $(and $(call installed,opencv4/opencv2/aruco.hpp),$(call installed,ceres/ceres.h)),$(BUILD)/fovea-calibrate)
 
 # So is the program that serves the page of a run, where libwebsockets is installed; sanitizers see it, too.
 WEB_C := $(filter-out src/web/main.c,$(wildcard src/web/*.c))
 WEB_LIBS := -lwebsockets -lssl -lcrypto
-WEB := $(if $(CROSS)$(filter fuzz tsan,$(SAN)),,$(if $(wildcard /usr/include/libwebsockets.h),$(BUILD)/fovea-web))
+WEB := $(if $(filter fuzz tsan,$(SAN)),,$(if $(if $(filter asan,$(SAN)),$(wildcard /usr/include/libwebsockets.h),$(call installed,libwebsockets.h)),$(BUILD)/fovea-web))
 
 objs = $(patsubst %.c,$(BUILD)/obj/%.o,$(filter %.c,$(1))) $(patsubst %.cpp,$(BUILD)/obj/%.o,$(filter %.cpp,$(1)))
 GEN_O     := $(patsubst %.c,%.o,$(filter %.c,$(LCMGEN)))
@@ -144,6 +163,7 @@ THREADED := unit/base/test_ring unit/app/run/test_loop unit/app/record/test_reco
             unit/drivers/test_wrong_recordings unit/drivers/test_odd_recordings unit/drivers/test_odd_logs unit/drivers/test_rig_recordings unit/drivers/test_recovery \
             unit/drivers/test_v4l2 unit/drivers/test_v4l2_faults unit/drivers/test_v4l2_gain unit/drivers/test_v4l2_unplug \
             unit/drivers/test_libcamera replay/test_replay realtime/test_run transport/test_transport transport/test_receiver transport/test_sending transport/test_answers transport/test_feed_run transport/test_service transport/test_parameters
+check: export WERROR = -Werror
 check:  ## layers, names, format, symbols, stack, hardening, headers, clang build, clang-tidy, tests under asan+ubsan and tsan, a trial installation
 	@tools/install.sh build test check
 	@$(MAKE) --no-print-directory -j$(JOBS) all
@@ -251,7 +271,7 @@ evaluate: all $(BUILD)/venv-sweep/ready $(BUILD)/venv-objects/ready  ## the reco
 	$(BUILD)/venv-objects/bin/python tools/evaluate/objects.py --fovea $(BUILD)/fovea --output tools/evaluate/objects.md
 
 # Feature methods over changes of photographs, by OpenCV's image functions.
-$(BUILD)/obj/tools/evaluate/features.o: CXXFLAGS += -Itests -isystem /usr/include/opencv4
+$(BUILD)/obj/tools/evaluate/features.o: CXXFLAGS += -Itests -isystem $(INCLUDED)/opencv4
 $(BUILD)/evaluate-features: $(BUILD)/obj/tools/evaluate/features.o $(BUILD)/libfovea.a
 	@echo "  link $@"
 	$(Q)$(CXX) $(LDFLAGS) -pie -o $@ $^ $(OPENCV_LIBS) $(LIBS_CORE)
@@ -324,7 +344,7 @@ $(BUILD)/examples/loop: $(BUILD)/obj/tools/examples/loop.o $(BUILD)/libfovea.a
 	@mkdir -p $(@D)
 	@echo "  link $@"
 	$(Q)$(CC) $(LDFLAGS) -pie -o $@ $^ $(LIBS_CORE)
-$(BUILD)/obj/tools/examples/loop_eigen.o: CXXFLAGS += -isystem /usr/include/eigen3
+$(BUILD)/obj/tools/examples/loop_eigen.o: CXXFLAGS += -isystem $(INCLUDED)/eigen3
 $(BUILD)/examples/loop_eigen: $(BUILD)/obj/tools/examples/loop_eigen.o $(BUILD)/libfovea.a
 	@mkdir -p $(@D)
 	@echo "  link $@"
@@ -342,7 +362,8 @@ $(BUILD)/train-vocabulary: $(BUILD)/obj/tools/vocabulary/train.o $(BUILD)/libfov
 
 # Manual pages: one of each program and one of each command, from the tables that --help prints.
 MAN := $(BUILD)/man/fovea.1 $(patsubst %,$(BUILD)/man/fovea-%.1,$(shell sed -n 's/^    {"\([a-z]*\)", .*/\1/p' src/app/commands.c))
-RUN_HERE = $(if $(CROSS),$(or $(EMULATOR),tools/emulate.sh)) $(BUILD)/fovea
+EMULATED = $(if $(CROSS),$(or $(EMULATOR),tools/emulate.sh))
+RUN_HERE = $(EMULATED) $(BUILD)/fovea
 CALIBRATE_MAN := $(if $(CALIBRATE),$(BUILD)/man/fovea-calibrate.1 $(patsubst %,$(BUILD)/man/fovea-calibrate-%.1,$(shell sed -n 's/^    {"\([a-z-]*\)", .*/\1/p' src/calibrate/commands.cpp)))
 WEB_MAN := $(if $(WEB),$(BUILD)/man/fovea-web.1)
 .PHONY: man
@@ -352,43 +373,52 @@ $(BUILD)/man/fovea.1: $(BUILD)/fovea
 	$(Q)$(RUN_HERE) --man >$@
 $(BUILD)/man/fovea-web.1: $(WEB)
 	@mkdir -p $(@D)
-	$(Q)$(WEB) --man >$@
+	$(Q)$(EMULATED) $(WEB) --man >$@
 $(BUILD)/man/fovea-calibrate.1: $(CALIBRATE)
 	@mkdir -p $(@D)
-	$(Q)$(CALIBRATE) --man >$@
+	$(Q)$(EMULATED) $(CALIBRATE) --man >$@
 $(BUILD)/man/fovea-calibrate-%.1: $(CALIBRATE)
 	@mkdir -p $(@D)
-	$(Q)$(CALIBRATE) $* --man >$@
+	$(Q)$(EMULATED) $(CALIBRATE) $* --man >$@
 $(BUILD)/man/fovea-%.1: $(BUILD)/fovea
 	@mkdir -p $(@D)
 	$(Q)$(RUN_HERE) $* --man >$@
 
-install: all man  ## install program, manual pages, libraries, headers and message types under PREFIX
-	install -d $(DESTDIR)$(PREFIX)/bin $(DESTDIR)$(PREFIX)/lib/pkgconfig $(DESTDIR)$(PREFIX)/include/fovea \
+$(BUILD)/example.yaml: $(BUILD)/fovea
+	$(Q)$(RUN_HERE) config >$@
+
+UNITS = fovea@.service $(if $(WEB),fovea-web@.service)
+install: all man  ## install program, manual pages, libraries, headers, message types and services under PREFIX
+	install -d $(DESTDIR)$(PREFIX)/bin $(DESTDIR)$(LIBDIR)/pkgconfig $(DESTDIR)$(PREFIX)/include/fovea \
 	           $(DESTDIR)$(PREFIX)/share/fovea/lcmtypes $(DESTDIR)$(PREFIX)/share/man/man1
 	install -m 755 $(BUILD)/fovea $(DESTDIR)$(PREFIX)/bin/
 	$(if $(CALIBRATE),install -m 755 $(CALIBRATE) $(DESTDIR)$(PREFIX)/bin/)
 	$(if $(WEB),install -m 755 $(WEB) $(DESTDIR)$(PREFIX)/bin/)
-	install -m 644 $(BUILD)/libfovea.a $(DESTDIR)$(PREFIX)/lib/
+	install -m 644 $(BUILD)/libfovea.a $(DESTDIR)$(LIBDIR)/
 	$(if $(LIBCAMERA_PLUGIN),install -D -m 755 $(LIBCAMERA_PLUGIN) $(DESTDIR)$(PREFIX)/lib/fovea/fovea-libcamera)
 	$(if $(VIDEO_PLUGIN),install -D -m 755 $(VIDEO_PLUGIN) $(DESTDIR)$(PREFIX)/lib/fovea/fovea-video.so)
 	$(if $(TEXT_PLUGIN),install -D -m 755 $(TEXT_PLUGIN) $(DESTDIR)$(PREFIX)/lib/fovea/fovea-text.so)
-	install -m 755 $(BUILD)/libfovea.so.$(VERSION) $(DESTDIR)$(PREFIX)/lib/
-	ln -sf libfovea.so.$(VERSION) $(DESTDIR)$(PREFIX)/lib/$(SONAME)
-	ln -sf $(SONAME) $(DESTDIR)$(PREFIX)/lib/libfovea.so
-	install -m 755 $(BUILD)/libfovea-messages.so.$(VERSION) $(DESTDIR)$(PREFIX)/lib/
-	ln -sf libfovea-messages.so.$(VERSION) $(DESTDIR)$(PREFIX)/lib/$(MESSAGES_SONAME)
-	ln -sf $(MESSAGES_SONAME) $(DESTDIR)$(PREFIX)/lib/libfovea-messages.so
+	install -m 755 $(BUILD)/libfovea.so.$(VERSION) $(DESTDIR)$(LIBDIR)/
+	ln -sf libfovea.so.$(VERSION) $(DESTDIR)$(LIBDIR)/$(SONAME)
+	ln -sf $(SONAME) $(DESTDIR)$(LIBDIR)/libfovea.so
+	install -m 755 $(BUILD)/libfovea-messages.so.$(VERSION) $(DESTDIR)$(LIBDIR)/
+	ln -sf libfovea-messages.so.$(VERSION) $(DESTDIR)$(LIBDIR)/$(MESSAGES_SONAME)
+	ln -sf $(MESSAGES_SONAME) $(DESTDIR)$(LIBDIR)/libfovea-messages.so
 	install -m 644 include/fovea/*.h $(DESTDIR)$(PREFIX)/include/fovea/
 	install -m 644 $(MAN) $(CALIBRATE_MAN) $(WEB_MAN) $(DESTDIR)$(PREFIX)/share/man/man1/
 	install -m 644 src/detect/shipped.fvm $(DESTDIR)$(PREFIX)/share/fovea/
 	install -m 644 include/lcmtypes/*.lcm $(DESTDIR)$(PREFIX)/share/fovea/lcmtypes/
 	install -d $(DESTDIR)$(PREFIX)/lib/systemd/system
-	sed 's|/usr/local|$(PREFIX)|' 'tools/service/fovea@.service' >'$(DESTDIR)$(PREFIX)/lib/systemd/system/fovea@.service'
-	sed 's|@PREFIX@|$(PREFIX)|; s|@VERSION@|$(VERSION)|' tools/fovea.pc.in >$(DESTDIR)$(PREFIX)/lib/pkgconfig/fovea.pc
-	sed 's|@PREFIX@|$(PREFIX)|; s|@VERSION@|$(VERSION)|' tools/fovea-messages.pc.in >$(DESTDIR)$(PREFIX)/lib/pkgconfig/fovea-messages.pc
+	for unit in $(UNITS); do sed 's|/usr/local/bin|$(PREFIX)/bin|' "tools/service/$$unit" >"$(DESTDIR)$(PREFIX)/lib/systemd/system/$$unit"; done
+	install -D -m 644 tools/service/fovea.sysusers $(DESTDIR)$(PREFIX)/lib/sysusers.d/fovea.conf
+	install -D -m 644 tools/service/71-fovea.rules $(DESTDIR)$(PREFIX)/lib/udev/rules.d/71-fovea.rules
+	for name in fovea fovea-messages; do sed 's|@PREFIX@|$(PREFIX)|; s|@LIBDIR@|$(LIBDIR)|; s|@VERSION@|$(VERSION)|' tools/$$name.pc.in >$(DESTDIR)$(LIBDIR)/pkgconfig/$$name.pc; done
 	@# Programs find the shared library at once, where it lies in a folder that the system's linker looks through.
-	@[ -n "$(DESTDIR)" ] || [ "$$(id -u)" != 0 ] || ! /sbin/ldconfig -N -v 2>/dev/null | grep -q '^$(PREFIX)/lib:' || /sbin/ldconfig
+	@[ -n "$(DESTDIR)" ] || [ "$$(id -u)" != 0 ] || ! /sbin/ldconfig -N -v 2>/dev/null | grep -q '^$(LIBDIR):' || /sbin/ldconfig
+
+deb:  ## install what is missing and build the Debian packages in build/packages; ARCH=arm64: for ARM
+	@tools/package/build.sh $(ARCH)
+.PHONY: deb
 
 # ---- building --------------------------------------------------------------------------------------------------
 $(BUILD)/generated/%.c: include/lcmtypes/%.lcm
@@ -475,10 +505,10 @@ $(BUILD)/fovea: $(MAIN_O) $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
 	@echo "  link $@"
 	$(Q)$(CC) $(LDFLAGS) -pie -o $@ $(MAIN_O) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group $(LIBS_APP)
 $(BUILD)/fovea-video.so: drivers/video.cpp drivers/recorded/video_plugin.h $(BUILD)/obj/src/base/status.o Makefile
-	$(Q)$(CXX) $(filter-out -fstack-usage,$(CXXFLAGS)) -isystem /usr/include/opencv4 $(HARDLINK) -fvisibility=hidden -shared -Wl,-Bsymbolic \
+	$(Q)$(CXX) $(filter-out -fstack-usage,$(CXXFLAGS)) -isystem $(INCLUDED)/opencv4 $(HARDLINK) -fvisibility=hidden -shared -Wl,-Bsymbolic \
 	    -o $@ $< $(BUILD)/obj/src/base/status.o -lopencv_videoio -lopencv_core
 $(BUILD)/fovea-text.so: src/support/plugin/freetype.c src/support/lettering.h Makefile
-	$(Q)$(CC) $(filter-out -fstack-usage,$(CFLAGS)) -isystem /usr/include/freetype2 $(HARDLINK) -fvisibility=hidden -shared -Wl,-Bsymbolic -o $@ $< -lfreetype
+	$(Q)$(CC) $(filter-out -fstack-usage,$(CFLAGS)) -isystem $(INCLUDED)/freetype2 $(HARDLINK) -fvisibility=hidden -shared -Wl,-Bsymbolic -o $@ $< -lfreetype
 LIBCAMERA_O := $(call objs,drivers/libcamera.cpp $(wildcard drivers/libcamera/*.cpp))
 $(LIBCAMERA_O): CXXFLAGS += $(patsubst -I%,-isystem %,$(shell pkg-config --cflags-only-I libcamera))
 $(BUILD)/fovea-libcamera: $(LIBCAMERA_O) $(BUILD)/obj/src/base/status.o $(BUILD)/obj/src/image/image.o Makefile
@@ -486,7 +516,7 @@ $(BUILD)/fovea-libcamera: $(LIBCAMERA_O) $(BUILD)/obj/src/base/status.o $(BUILD)
 	$(Q)$(CXX) $(LDFLAGS) -pie -o $@ $(filter %.o,$^) $(shell pkg-config --libs libcamera)
 CALIBRATE_O := $(call objs,$(CALIBRATE_CXX))
 CALIBRATE_LIBS := -lopencv_aruco -lopencv_calib3d -lopencv_features2d -lopencv_imgproc -lopencv_core -lceres -lglog
-$(BUILD)/obj/src/calibrate/%.o: CXXFLAGS += -isystem /usr/include/eigen3 -isystem /usr/include/opencv4
+$(BUILD)/obj/src/calibrate/%.o: CXXFLAGS += -isystem $(INCLUDED)/eigen3 -isystem $(INCLUDED)/opencv4
 # It serves its page by the server of fovea-web, where that is built.
 WEB_O := $(call objs,$(WEB_C))
 CALIBRATE_WEB_O := $(if $(WEB),$(WEB_O))
@@ -514,7 +544,7 @@ $(BUILD)/fovea-web: $(BUILD)/obj/src/web/main.o $(WEB_O) $(BUILD)/libfovea-app.a
 	@echo "  link $@"
 	$(Q)$(CC) $(LDFLAGS) -pie -o $@ $(filter %.o,$^) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group $(WEB_LIBS) $(LIBS_APP)
 $(BUILD)/fovea.pc: tools/fovea.pc.in include/fovea/fovea.h
-	$(Q)sed 's|@PREFIX@|$(PREFIX)|; s|@VERSION@|$(VERSION)|' $< >$@
+	$(Q)sed 's|@PREFIX@|$(PREFIX)|; s|@LIBDIR@|$(LIBDIR)|; s|@VERSION@|$(VERSION)|' $< >$@
 
 # ---- tests: every tests/**/test_*.c(pp) is one program ------------------------------------------------------------
 TESTS_C   := $(shell find tests -name 'test_*.c' 2>/dev/null | sort)
@@ -588,7 +618,7 @@ OPENCV_LIBS = -lopencv_calib3d -lopencv_features2d -lopencv_flann -lopencv_imgco
 # Optimisers are held against Ceres.
 BESIDE_CERES := map/test_pose_graph map/test_window_ceres
 $(BESIDE_CERES:%=$(BUILD)/tests/unit/%): ORACLE_LIBS := -lopencv_aruco -lceres -lglog
-$(BESIDE_CERES:%=$(BUILD)/obj/tests/unit/%.o) $(BUILD)/obj/tests/unit/geometry/test_normal_equations.o $(BUILD)/obj/tests/unit/calibrate/%.o: CXXFLAGS += -isystem /usr/include/eigen3
+$(BESIDE_CERES:%=$(BUILD)/obj/tests/unit/%.o) $(BUILD)/obj/tests/unit/geometry/test_normal_equations.o $(BUILD)/obj/tests/unit/calibrate/%.o: CXXFLAGS += -isystem $(INCLUDED)/eigen3
 # Parts of the page's server that know no socket are tested by their functions, the others by the program.
 WEB_TESTS := $(filter $(BUILD)/tests/unit/web/%,$(TESTS))
 $(WEB_TESTS): $(filter-out %/server.o %/server_http.o %/pages.o %/main.o,$(WEB_O))
@@ -605,6 +635,6 @@ $(CALIBRATE_TESTS): $(CALIBRATE_O) $(CALIBRATE_WEB_O)
 $(CALIBRATE_TESTS): TEST_MORE := $(CALIBRATE_O) $(CALIBRATE_WEB_O)
 $(CALIBRATE_TESTS): ORACLE_LIBS := -lopencv_aruco -lceres -lglog $(if $(WEB),$(WEB_LIBS))
 $(BUILD)/obj/tests/%.o: CFLAGS += -Itests
-$(BUILD)/obj/tests/%.o: CXXFLAGS += -Itests -isystem /usr/include/opencv4
+$(BUILD)/obj/tests/%.o: CXXFLAGS += -Itests -isystem $(INCLUDED)/opencv4
 
--include $(shell find $(BUILD) -name '*.d' 2>/dev/null)
+-include $(shell find $(BUILD) -name '*.d' -type f 2>/dev/null)

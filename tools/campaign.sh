@@ -120,6 +120,11 @@ slow_links() {
     make --no-print-directory "$build/tests/transport/test_sending" && FOVEA_LONG=60 "$build/tests/transport/test_sending"
 }
 
+# Packages of both architectures, in bare roots; two builds give the same bytes.
+packages() {
+    make --no-print-directory deb && make --no-print-directory deb ARCH=arm64 && tools/package/check.sh all arm64 reproducible
+}
+
 if [ -n "$sample" ]; then
     part realtime realtime 3600
     part wander wander 3000
@@ -157,5 +162,6 @@ else
     part calibration calibration 100
     part bare-debian tools/try_bare_debian.sh
     part libcamera tools/check_libcamera.sh
+    part packages packages
 fi
 [ -z "$failed" ] || { echo "failed:$failed"; exit 1; }

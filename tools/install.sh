@@ -5,11 +5,14 @@ set -eu
 
 packages() {
     case $1 in
-    build) echo gcc g++ make pkg-config liblcm-dev liblcm-bin libyaml-dev libpng-dev libjpeg62-turbo-dev \
+    build) echo gcc g++ make pkg-config liblcm-dev liblcm-bin libyaml-dev libpng-dev libjpeg-dev \
                 zlib1g-dev libfreetype-dev fonts-dejavu-core ;;
     web)   echo libwebsockets-dev ;;
     calibrate) echo libopencv-core-dev libopencv-imgproc-dev libopencv-calib3d-dev libopencv-features2d-dev \
                 libopencv-contrib-dev libceres-dev ;;
+    package) echo dpkg-dev debhelper fakeroot lintian libcamera-dev libopencv-videoio-dev ;;
+    package-root) echo mmdebstrap ;;
+    package-root-arm64) echo mmdebstrap arch-test qemu-user-static ;;
     test)  echo libcmocka-dev libopencv-core-dev libopencv-imgproc-dev libopencv-features2d-dev \
                 libopencv-calib3d-dev libopencv-imgcodecs-dev libopencv-contrib-dev libceres-dev python3 python3-venv iproute2 iptables \
                 libwebsockets-dev chromium chromium-driver ;;

@@ -1,0 +1,141 @@
+#!/bin/sh
+# Prove the packages, each part in roots of its own, as root:
+#   amd64         in a bare Debian: apt install, a run, an upgrade that keeps what was changed in /etc/fovea, a purge that leaves nothing
+#   all           the same with all five packages: a program linked with libfovea-dev, the page and the calibration answer
+#   arm64         the packages of arm64 in a bare arm64 Debian, emulated: installed and run
+#   reproducible  built twice, in folders of different names, at different dates, with another locale, umask and number of cores: the same bytes
+# Usage: tools/package/check.sh PART...     after `make deb`, for arm64 after `make deb ARCH=arm64`
+#   FOVEA_SUITE   the Debian of the roots (default bookworm)
+set -eu
+cd "$(dirname "$0")/../.."
+suite=${FOVEA_SUITE:-bookworm}
+work=$(mktemp -d)
+trap 'umount "$work"/root-*/proc 2>/dev/null || true; rm -rf --one-file-system "$work"' EXIT
+
+fail() { echo "package check: $*" >&2; exit 1; }
+# What is called in them sees no variable of this shell, and starts no service.
+in_root() { chroot "$root" env -i HOME=/root PATH=/usr/sbin:/usr/bin:/sbin:/bin DEBIAN_FRONTEND=noninteractive LC_ALL=C sh -euc "$1"; }
+
+bare_root() { # bare_root ARCH: a Debian with apt and nothing else
+    root=$work/root-$1
+    tools/install.sh package-root
+    if [ "$1" != "$(dpkg --print-architecture)" ]; then
+        tools/install.sh "package-root-$1"
+        mountpoint -q /proc/sys/fs/binfmt_misc || mount -t binfmt_misc binfmt_misc /proc/sys/fs/binfmt_misc
+        update-binfmts --enable qemu-aarch64 || true
+        arch-test "$1" >/dev/null || fail "this kernel does not run programs of $1 (binfmt_misc with qemu-user-static)"
+    fi
+    mkdir -p build-package/roots
+    kept=build-package/roots/$suite-$1.tar
+    [ -f "$kept" ] || { mmdebstrap --quiet --format=tar --variant=apt --arch="$1" "$suite" "$kept.part" && mv "$kept.part" "$kept"; }
+    mkdir "$root" && tar -xf "$kept" -C "$root"
+    mount -t proc proc "$root/proc"
+    cp /etc/resolv.conf "$root/etc/resolv.conf"
+    mkdir "$root/packages"
+    cp build/packages/*_"$1".deb "$root/packages/" || fail "found no package of $1 in build/packages: make deb ARCH=$1"
+}
+
+# Without a terminal nobody can answer what becomes of a file that was changed: it stays, which is the answer by default.
+kept_as_they_are='-o Dpkg::Options::=--force-confdef -o Dpkg::Options::=--force-confold'
+installed() { # installed PACKAGE...: by apt, as a user does it
+    in_root "apt-get update -q >/dev/null
+             apt-get install -y -q --no-install-recommends $kept_as_they_are $(printf ' /packages/%s_*.deb' "$@") >/packages/log 2>&1 || { tail -n 20 /packages/log; exit 1; }"
+}
+
+runs() { # the command, its service's user and what belongs to it
+    in_root 'fovea run --frames 60 --set lcm_url= --picture none' >"$work/run" 2>&1 || { cat "$work/run"; fail "fovea run failed"; }
+    grep -q 'posed [1-9]' "$work/run" || { cat "$work/run"; fail "fovea run gave no pose"; }
+    in_root 'fovea config --check /etc/fovea/example.yaml >/dev/null'
+    cp docs/run.png "$root/packages/"
+    in_root 'cd /packages && fovea detect --model /usr/share/fovea/shipped.fvm run.png && fovea features run.png' >"$work/run" 2>&1 || { cat "$work/run"; fail "fovea detect or features failed"; }
+    if in_root 'cd /packages && fovea features --method surf run.png' >"$work/run" 2>&1; then fail "SURF is in the package"; fi
+    grep -qi 'surf' "$work/run" || { cat "$work/run"; fail "the refusal of SURF does not name it"; }
+    in_root 'systemd-analyze security --offline=true --threshold=15 /usr/lib/systemd/system/fovea@.service' >"$work/run" 2>&1 || { cat "$work/run"; fail "the service is exposed by more than 1.5"; }
+    groups=$(in_root 'id -nG fovea') || fail "there is no user fovea"
+    for group in video iio; do
+        case " $groups " in *" $group "*) ;; *) fail "the user fovea is in the groups '$groups', expected also $group" ;; esac
+    done
+}
+
+# The same packages as of a later version, whose example has one more line.
+later_version() {
+    for deb in "$root"/packages/*.deb; do
+        rm -rf "$work/deb"
+        dpkg-deb -R "$deb" "$work/deb"
+        sed -i 's/^Version: .*/&+later/; s/\((= [^)]*\))/\1+later)/' "$work/deb/DEBIAN/control"
+        if [ -f "$work/deb/etc/fovea/example.yaml" ]; then
+            echo '# one more line' >>"$work/deb/etc/fovea/example.yaml"
+            sed -i "s|.*  etc/fovea/example.yaml|$(md5sum <"$work/deb/etc/fovea/example.yaml" | cut -d ' ' -f 1)  etc/fovea/example.yaml|" \
+                "$work/deb/DEBIAN/md5sums"
+        fi
+        dpkg-deb --root-owner-group -Znone -b "$work/deb" "$deb" >/dev/null
+    done
+}
+
+upgraded_and_purged() { # upgraded_and_purged PACKAGE...
+    in_root 'fovea config >/etc/fovea/front.yaml; mkdir -p /var/lib/fovea; echo kept >/var/lib/fovea/hall.map'
+    later_version
+    installed "$@"
+    in_root 'dpkg-query -W fovea' | grep -q '+later' || fail "the later version was not installed"
+    grep -q 'one more line' "$root/etc/fovea/example.yaml" || fail "an example that nobody changed was not renewed"
+    # And one that was changed.
+    echo '# mine' >>"$root/etc/fovea/example.yaml"
+    later_version
+    installed "$@"
+    tail -n 1 "$root/etc/fovea/example.yaml" | grep -q '# mine' || fail "an example that was changed was lost in an upgrade"
+    [ -f "$root/etc/fovea/front.yaml" ] || fail "/etc/fovea/front.yaml was lost in an upgrade"
+    in_root "apt-get remove -y -q fovea >/dev/null 2>&1"
+    [ -f "$root/etc/fovea/example.yaml" ] || fail "removal without purge took /etc/fovea/example.yaml"
+    in_root "apt-get purge -y -q $* >/packages/log 2>&1 || { tail -n 20 /packages/log; exit 1; }"
+    [ -f "$root/etc/fovea/front.yaml" ] && [ -f "$root/var/lib/fovea/hall.map" ] || fail "a purge took files that are the operator's"
+    rm -f "$root/etc/fovea/front.yaml" "$root/etc/fovea/"*.dpkg-*
+    left=$(cd "$root" && find etc usr lib var/lib/dpkg/info var/lib/systemd -name '*fovea*' | sort | tr '\n' ' ')
+    left=$(echo "$left" | sed 's|etc/fovea ||')
+    [ -z "$left" ] || fail "a purge left $left"
+}
+
+amd64() {
+    bare_root amd64
+    installed fovea
+    runs
+    upgraded_and_purged fovea
+}
+
+all() {
+    bare_root amd64
+    installed fovea libfovea0 libfovea-dev fovea-web fovea-calibrate
+    runs
+    in_root 'apt-get install -y -q --no-install-recommends gcc libc6-dev pkg-config >/dev/null 2>&1'
+    cp tools/examples/loop.c "$root/packages/"
+    # shellcheck disable=SC2016
+    in_root 'cd /packages && gcc -Wall -o loop loop.c $(pkg-config --cflags --libs fovea) && ldd loop | grep -q "libfovea.so" && ./loop >/dev/null'
+    in_root 'fovea-web --help >/dev/null && fovea-calibrate target --target chessboard:9x6:0.025 --out /packages/board.pdf >/dev/null'
+    upgraded_and_purged fovea libfovea0 libfovea-dev fovea-web fovea-calibrate
+}
+
+arm64() {
+    bare_root arm64
+    installed fovea libfovea0
+    runs
+    in_root 'uname -m' | grep -q aarch64 || fail "the root is not of aarch64"
+    upgraded_and_purged fovea libfovea0
+}
+
+reproducible() {
+    export CCACHE_DISABLE=1
+    (umask 022 && export TZ=UTC LC_ALL=C FOVEA_JOBS=1 FOVEA_PLACE="$work/first" FOVEA_PACKAGES="$work/packages-1" && tools/package/build.sh >/dev/null)
+    (umask 077 && export TZ=Pacific/Kiritimati LC_ALL=en_US.UTF-8 LANGUAGE=fr FOVEA_JOBS=3 FOVEA_PLACE="$work/second build of another name" \
+        FOVEA_PACKAGES="$work/packages-2" HOME="$work" && tools/package/build.sh >/dev/null)
+    for deb in "$work"/packages-1/*.deb; do
+        cmp "$deb" "$work/packages-2/${deb##*/}" || fail "two builds differ in ${deb##*/}"
+    done
+    (cd "$work/packages-1" && sha256sum ./*.deb)
+}
+
+[ $# -gt 0 ] || { sed -n '2,9s/^# //p' "$0" && exit 2; }
+for part in "$@"; do
+    case $part in amd64 | all | arm64 | reproducible) ;; *) fail "found '$part', expected amd64, all, arm64 or reproducible" ;; esac
+    "$part" # by itself: a failure within it ends this script
+    echo "packages: $part: ok"
+    [ -z "${root:-}" ] || { umount "$root/proc" && rm -rf --one-file-system "$root" && root=; }
+done
