@@ -3,7 +3,8 @@
  *
  * A request is answered only when its Host header names this server (access.h); a websocket is
  * opened only for our own page's origin. Where there are tokens, everything but the login page
- * needs one, in a cookie. Connections, headers and what a page may say are bounded. */
+ * needs one, in a cookie. Connections, those of one address, headers and what a page may say are
+ * bounded. */
 #ifndef FOVEA_WEB_SERVER_H
 #define FOVEA_WEB_SERVER_H
 
@@ -17,7 +18,11 @@
 #include "web/pages.h"
 #include "web/relay.h"
 
-enum { FV_WEB_CLIENTS_MAX = 24, FV_WEB_CONNECTIONS_MAX = 96 };
+enum {
+    FV_WEB_CLIENTS_MAX = 24,
+    FV_WEB_CONNECTIONS_MAX = 96,
+    FV_WEB_CONNECTIONS_OF_ADDRESS = 32 /* of another host */
+};
 
 struct fv_web_setup {
     const char *address; /* an IPv4 address of this host; 0.0.0.0: all */

@@ -9,7 +9,11 @@
 #include "web/keys.h"
 #include "web/server_internal.h"
 
-enum { HEADER_BYTES = 2048, CHUNK_BYTES = 16384 };
+enum {
+    HEADER_BYTES = 2048,
+    CHUNK_BYTES = 16384,
+    FILES_MAX = FV_WEB_CONNECTIONS_MAX + 64 /* numbers of open files: the lowest are taken first */
+};
 
 /* ---- who asks -------------------------------------------------------------------------------- */
 
@@ -32,6 +36,23 @@ static void addresses(struct lws *wsi, char local[INET_ADDRSTRLEN], char remote[
     bytes = sizeof end;
     if (getpeername(socket, (struct sockaddr *)&end, &bytes) == 0 && end.sin_family == AF_INET)
         inet_ntop(AF_INET, &end.sin_addr, remote, INET_ADDRSTRLEN);
+}
+
+/* Whether the address of a new connection has all that one may have: nobody keeps the others out.
+ * Programs of this host are not told apart, so they have no such bound. */
+static bool is_crowd(const struct lws_filter_network_conn_args *arrived)
+{
+    struct sockaddr_in from, other;
+    int count = 0;
+    memcpy(&from, &arrived->cli_addr, sizeof from);
+    if (from.sin_family != AF_INET || ntohl(from.sin_addr.s_addr) >> 24 == 127) return false;
+    for (int file = 0; file < FILES_MAX; file++) {
+        socklen_t bytes = sizeof other;
+        count += file != arrived->accept_fd &&
+                 getpeername(file, (struct sockaddr *)&other, &bytes) == 0 &&
+                 other.sin_family == AF_INET && other.sin_addr.s_addr == from.sin_addr.s_addr;
+    }
+    return count >= FV_WEB_CONNECTIONS_OF_ADDRESS;
 }
 
 static void cookie_name(const struct fv_web_server *server, char name[24])
@@ -109,6 +130,11 @@ static int answer_begin(struct lws *wsi, struct fv_web_request *request,
         fits = fits && add(wsi, "set-cookie:", answer->cookie, &at, end) &&
                add(wsi, "location:", "/", &at, end);
     if (!fits || lws_finalize_write_http_header(wsi, memory + LWS_PRE, &at, end) != 0) return -1;
+    if (request->head) {
+        free(request->made);
+        request->made = NULL;
+        return lws_http_transaction_completed(wsi) != 0 ? -1 : 0;
+    }
     request->data = data;
     request->left = bytes;
     lws_callback_on_writable(wsi);
@@ -228,7 +254,8 @@ static int begin(struct fv_web_server *server, struct lws *wsi, struct fv_web_re
     enum fv_web_role role = FV_WEB_NOBODY;
     memset(request, 0, sizeof *request);
     const bool post = lws_hdr_total_length(wsi, WSI_TOKEN_POST_URI) > 0;
-    const bool get = lws_hdr_total_length(wsi, WSI_TOKEN_GET_URI) > 0;
+    request->head = lws_hdr_total_length(wsi, WSI_TOKEN_HEAD_URI) > 0;
+    const bool get = request->head || lws_hdr_total_length(wsi, WSI_TOKEN_GET_URI) > 0;
     const int status = fv_web_server_judge(server, wsi, post, &role);
     if (status == HTTP_STATUS_FORBIDDEN)
         return answer_text(wsi, request, status, forbidden[server->setup.pages != NULL]);
@@ -296,6 +323,8 @@ int fv_web_http(struct lws *wsi, enum lws_callback_reasons reason, void *user, v
     case LWS_CALLBACK_HTTP:
         if (lws_get_network_wsi(wsi) != wsi) return -1; /* a stream of HTTP/2 */
         return begin(server, wsi, request, in);
+    case LWS_CALLBACK_FILTER_NETWORK_CONNECTION:
+        return is_crowd(user) ? -1 : 0;
     case LWS_CALLBACK_HTTP_CONFIRM_UPGRADE: /* to HTTP/2: not here */
         return in != NULL && strcasecmp(in, "websocket") == 0 ? 0 : -1;
     case LWS_CALLBACK_FILTER_PROTOCOL_CONNECTION: /* a websocket that names no protocol */

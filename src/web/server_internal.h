@@ -20,6 +20,7 @@ struct fv_web_request {
     size_t body_bytes;
     const uint8_t *data; /* of the answer that is being sent */
     size_t left;
+    bool head;     /* HEAD: an answer without its body */
     uint8_t *made; /* of malloc, where the client takes no compression */
 };
 

@@ -6,7 +6,9 @@
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <arpa/inet.h>
 #include <dirent.h>
+#include <errno.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -38,6 +40,38 @@ static pid_t start(bool with_token)
     return process;
 }
 
+static void head_is_get_without_a_body(void)
+{
+    static const char *const paths[] = {"/", "/keys", "/none"};
+    for (int i = 0; i < 3; i++) {
+        char request[200];
+        const int status = web_get(paths[i], "", answer);
+        const char *stated = strcasestr(answer, "content-length:");
+        assert_non_null(stated);
+        const long bytes = strtol(stated + strlen("content-length:"), NULL, 10);
+        snprintf(request, sizeof request, "HEAD %s HTTP/1.1\r\n" HOST "\r\n", paths[i]);
+        const int to = web_connect();
+        assert_true(to >= 0 && web_send(to, request) && web_send(to, request)); /* keeps open */
+        char text[8192] = "";
+        size_t used = 0;
+        for (int heads = 0; heads < 2;) {
+            const ssize_t got = recv(to, text + used, sizeof text - 1 - used, 0);
+            if (got <= 0) fail_msg("%s: %d of 2 heads, \"%s\"", paths[i], heads, text);
+            used += (size_t)got;
+            text[used] = '\0';
+            heads = 0;
+            for (const char *at = text; (at = strstr(at, "\r\n\r\n")) != NULL; at += 4)
+                heads++;
+        }
+        close(to);
+        assert_int_equal(strtol(text + strlen("HTTP/1.1 "), NULL, 10), status);
+        stated = strcasestr(text, "content-length:");
+        assert_int_equal(strtol(stated + strlen("content-length:"), NULL, 10), bytes);
+        const char *second = strstr(text, "\r\n\r\n") + 4;
+        assert_memory_equal(second, "HTTP/1.1", 8);
+    }
+}
+
 static void the_page_is_sent_with_its_rules(void **state)
 {
     const char *const headers[] = {"content-security-policy: default-src 'self'; frame",
@@ -59,7 +93,8 @@ static void the_page_is_sent_with_its_rules(void **state)
     assert_int_equal(
         web_ask("POST /login HTTP/1.1\r\n" HOST OURS "Content-Length: 3\r\n\r\na=b", answer),
         404); /* there is no token to ask for */
-    assert_int_equal(web_ask("HEAD / HTTP/1.1\r\n" HOST "\r\n", answer), 405);
+    assert_int_equal(web_ask("PUT / HTTP/1.1\r\n" HOST "Content-Length: 0\r\n\r\n", answer), 405);
+    head_is_get_without_a_body();
     assert_int_equal(web_end(process, true), 0);
     running = 0;
 }
@@ -353,6 +388,59 @@ static void a_thousand_connections_leave_nothing_behind(void **state)
     running = 0;
 }
 
+/* Connections from an address of this host's; returns how many are not refused. */
+static int connect_from(const char *address, int count, int sockets[])
+{
+    const struct sockaddr_in to = {.sin_family = AF_INET,
+                                   .sin_port = htons(WEB_PORT),
+                                   .sin_addr.s_addr = inet_addr("10.11.0.1")},
+                             from = {.sin_family = AF_INET, .sin_addr.s_addr = inet_addr(address)};
+    int open = 0;
+    char byte;
+    for (int i = 0; i < count; i++) {
+        sockets[i] = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+        assert_int_equal(bind(sockets[i], (const struct sockaddr *)&from, sizeof from), 0);
+        assert_int_equal(connect(sockets[i], (const struct sockaddr *)&to, sizeof to), 0);
+    }
+    usleep(500000); /* the server refuses by closing, and leaves idle ones open for seconds */
+    for (int i = 0; i < count; i++) {
+        if (recv(sockets[i], &byte, 1, MSG_DONTWAIT) < 0 && errno == EAGAIN) {
+            sockets[open++] = sockets[i];
+        } else {
+            close(sockets[i]);
+        }
+    }
+    return open;
+}
+
+static void one_address_does_not_keep_the_others_out(void **state)
+{
+    enum { OF_ADDRESS = 32, TRIES = 40 };
+    const char *const arguments[] = {"--feed",  socket_path, "--lcm-url", "",  "--address",
+                                     "0.0.0.0", "--token",   token_path,  NULL};
+    int sockets[TRIES], others[TRIES];
+    (void)state;
+    assert_int_equal(system("ip addr add 10.11.0.1/24 dev lo && ip addr add 10.11.0.2/24 dev lo "
+                            "&& ip addr add 10.11.0.3/24 dev lo"),
+                     0);
+    const pid_t process = web_start(arguments);
+    assert_true(process > 0);
+    running = process;
+    const int open = connect_from("10.11.0.2", TRIES, sockets);
+    assert_int_equal(open, OF_ADDRESS);
+    assert_int_equal(connect_from("10.11.0.3", 4, others), 4);
+    for (int i = 0; i < open; i++)
+        close(sockets[i]);
+    for (int i = 0; i < 4; i++)
+        close(others[i]);
+    usleep(300000);
+    assert_int_equal(connect_from("10.11.0.2", 8, sockets), 8); /* there is room again */
+    for (int i = 0; i < 8; i++)
+        close(sockets[i]);
+    assert_int_equal(web_end(process, true), 0);
+    running = 0;
+}
+
 static void more_pages_than_there_is_room_for_are_refused(void **state)
 {
     enum { ROOM = 24 };
@@ -392,6 +480,7 @@ int main(void)
         cmocka_unit_test_teardown(damaged_requests_do_no_harm, end_of_test),
         cmocka_unit_test_teardown(frames_that_lie_end_their_connection_alone, end_of_test),
         cmocka_unit_test_teardown(a_thousand_connections_leave_nothing_behind, end_of_test),
+        cmocka_unit_test_teardown(one_address_does_not_keep_the_others_out, end_of_test),
         cmocka_unit_test_teardown(more_pages_than_there_is_room_for_are_refused, end_of_test),
     };
     if (mkdtemp(folder) == NULL) return 1;
