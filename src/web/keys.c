@@ -35,13 +35,8 @@ static void put_text(FILE *file, const char *member, const char *text)
 static void put_default(FILE *file, const struct fv_settings *settings,
                         const struct fv_settings_key *key)
 {
-    char *text = NULL;
-    size_t bytes;
-    FILE *memory = open_memstream(&text, &bytes);
-    if (memory != NULL) {
-        fv_settings_value_print(memory, settings, key);
-        if (fclose(memory) == 0) put_text(file, "default", text);
-    }
+    char *text = fv_settings_value_text(settings, key);
+    if (text != NULL) put_text(file, "default", text);
     free(text);
 }
 

@@ -149,6 +149,8 @@ void fv_settings_range_print(const struct fv_settings_key *key, char *range, siz
 /* Its value, as YAML. */
 void fv_settings_value_print(FILE *file, const struct fv_settings *settings,
                              const struct fv_settings_key *key);
+/* The same as text that the caller frees. NULL: no memory. */
+char *fv_settings_value_text(const struct fv_settings *settings, const struct fv_settings_key *key);
 
 extern const struct fv_settings_key fv_settings_keys[];
 extern const size_t fv_settings_key_count;

@@ -32,21 +32,9 @@ static void cell(FILE *file, const char *text)
     }
 }
 
-/* The value as YAML; the caller frees it. NULL: no memory. */
-static char *value_text(const struct fv_settings *settings, const struct fv_settings_key *key)
-{
-    char *value = NULL;
-    size_t bytes = 0;
-    FILE *memory = open_memstream(&value, &bytes);
-    if (memory == NULL) return NULL;
-    fv_settings_value_print(memory, settings, key);
-    fclose(memory);
-    return value;
-}
-
 static void row(FILE *file, const struct fv_settings *settings, const struct fv_settings_key *key)
 {
-    char range[FV_SETTINGS_RANGE_BYTES], *value = value_text(settings, key);
+    char range[FV_SETTINGS_RANGE_BYTES], *value = fv_settings_value_text(settings, key);
     fv_settings_range_print(key, range, sizeof range);
     fprintf(file, "| `%s`%s | ", key->name, key->live ? " (live)" : "");
     cell(file, range);
@@ -95,7 +83,7 @@ void fv_settings_man(const struct fv_settings *settings)
         fv_man_item(key->name, range, key->help);
         if (key->cost != NULL) fv_man_line("Cost: ", key->cost);
         if (key->kind == FV_CONFIG_TRANSFORM) continue; /* a line of brackets says nothing here */
-        char *value = value_text(settings, key);
+        char *value = fv_settings_value_text(settings, key);
         fv_man_line("Default: ", value != NULL ? value : "");
         free(value);
     }

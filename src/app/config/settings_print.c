@@ -1,5 +1,6 @@
 /* The configuration as commented YAML. */
 #include <inttypes.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "app/config/settings.h"
@@ -191,6 +192,18 @@ void fv_settings_value_print(FILE *file, const struct fv_settings *settings,
         fputs("]]", file);
         return;
     }
+}
+
+char *fv_settings_value_text(const struct fv_settings *settings, const struct fv_settings_key *key)
+{
+    char *value = NULL;
+    size_t bytes = 0;
+    FILE *memory = open_memstream(&value, &bytes);
+    if (memory == NULL) return NULL;
+    fv_settings_value_print(memory, settings, key);
+    if (fclose(memory) == 0) return value;
+    free(value);
+    return NULL;
 }
 
 void fv_settings_print(FILE *file, const struct fv_settings *settings, bool commented)

@@ -84,12 +84,9 @@ static void cut_to_letters(char *text)
 static void print_value(const struct fv_settings *settings, const struct fv_settings_key *key,
                         char value[FV_PARAMETER_VALUE_BYTES])
 {
-    FILE *file = fmemopen(value, FV_PARAMETER_VALUE_BYTES, "w");
-    value[0] = '\0';
-    if (file == NULL) return;
-    fv_settings_value_print(file, settings, key);
-    fclose(file);
-    value[FV_PARAMETER_VALUE_BYTES - 1] = '\0';
+    char *text = fv_settings_value_text(settings, key);
+    snprintf(value, FV_PARAMETER_VALUE_BYTES, "%s", text != NULL ? text : "");
+    free(text);
 }
 
 static void refuse(struct fv_parameter_change *change, const char *reason)
