@@ -200,13 +200,22 @@ static void test_one_picture_of_two_cameras(void **state)
     static const char *const wrong[][2] = {
         {"/dev/video0?split=2&format=NV12", "split: found 2 with NV12"},
         {"/dev/video0?split=3", "split: found '3'"},
+        {"/dev/video0?split=2&format=YUYV", "split: found 2 with"},
     };
-    for (int i = 0; i < 2; i++) {
+    for (int i = 0; i < 3; i++) {
         struct fovea_source *source = NULL;
         struct fovea_error error = {.text = ""};
+        if (i == 2) { /* half of it ends within a pair of pixels that share their colour */
+            fake_lock();
+            camera->width = 162;
+            fake_unlock();
+        }
         assert_int_equal(ops->open(wrong[i][0], &everything, &source, &error), FOVEA_ERROR_INPUT);
         if (strstr(error.text, wrong[i][1]) == NULL) fail_msg("%s", error.text);
     }
+    struct fovea_source *source = fv_test_start("/dev/video0?split=2&format=GREY");
+    assert_int_equal(ops->info(source)->cameras[1].width, 81);
+    fv_test_finish(source);
 }
 
 static int64_t value_of(const struct fake_camera *camera, uint32_t id)

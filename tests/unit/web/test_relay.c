@@ -127,7 +127,7 @@ static void pieces_beyond_the_last_are_left_out(void **state)
                      FV_WEB_PIECES_MAX - 1);
     assert_int_equal(count, FV_WEB_PIECES_MAX);
     put_grid(99); /* nothing begins with it */
-    (void)row_of("GRID", 0, &count);
+    assert_int_equal(grid_first_row(row_of("GRID", 0, &count)), 0);
     assert_int_equal(count, FV_WEB_PIECES_MAX);
     put_grid(0);
     put_grid(77);

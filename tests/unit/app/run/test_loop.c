@@ -15,6 +15,7 @@
 #include "app/run/heap.h"
 #include "app/run/loop.h"
 #include "app/run/report.h"
+#include "drivers/clock.h"
 #include "support/yaml_tree.h"
 
 enum { SIDE = 64, FRAMES_MAX = 400 };
@@ -27,6 +28,9 @@ struct fovea_source {
     int count, next, held;
     int64_t delay_ns; /* that a dequeue takes */
     enum fovea_status at_end;
+    enum fovea_clock clock;
+    int nothing; /* dequeues without a frame before each frame but the first */
+    int asked;
     uint8_t pixels[SIDE * SIDE];
 };
 
@@ -56,13 +60,15 @@ static enum fovea_status dequeue(struct fovea_source *from, int64_t deadline_ns,
     (void)deadline_ns;
     if (from->delay_ns > 0) pause_ns(from->delay_ns);
     if (from->next == from->count) return from->at_end;
+    if (from->next > 0 && from->asked++ < from->nothing) return FOVEA_AGAIN;
+    from->asked = 0;
     assert_true(from->held < FOVEA_SOURCE_FRAMES_HELD);
     from->held++;
     *frame = (struct fovea_frame){
         .image_count = 1,
         .images[0] = {from->pixels, SIDE, SIDE, SIDE, FOVEA_PIXEL_GREY8, sizeof from->pixels},
         .stamp_ns = from->stamps[from->next],
-        .clock = FOVEA_CLOCK_RECORDED,
+        .clock = from->clock,
         .sequence = (uint64_t)from->next,
     };
     from->next++;
@@ -104,6 +110,7 @@ static int set_up(void **state)
     source.info =
         (struct fovea_source_info){.cameras[0] = {.width = SIDE, .height = SIDE}, .rate_hz = 100};
     source.at_end = FOVEA_END;
+    source.clock = FOVEA_CLOCK_RECORDED;
     source.count = 100;
     for (int i = 0; i < FRAMES_MAX; i++)
         source.stamps[i] = 5000000000 + i * (int64_t)10000000;
@@ -241,6 +248,60 @@ static void test_late_frames(void **state)
     assert_int_equal(timings.latency.count, loop.counts.processed);
 }
 
+static struct {
+    uint32_t framed, without, wrong;
+    clockid_t clock;
+} told;
+
+/* Times are those of the frames' clock, and its offset leads to UTC. */
+static void times_check(void *context, const struct fovea_inputs *inputs,
+                        const struct fovea_outputs *outputs, const struct fovea_pose *pose)
+{
+    const int64_t hour_ns = 3600 * FV_SECOND_NS; /* the clocks are years apart */
+    const int64_t off_ns = fv_clock_ns(told.clock) - inputs->now_ns,
+                  utc_off_ns = fv_clock_ns(CLOCK_REALTIME) - inputs->now_ns - inputs->utc_offset_ns;
+    (void)context;
+    (void)outputs;
+    (void)pose;
+    if (inputs->frame != NULL) {
+        told.framed++;
+        told.wrong += told.clock == CLOCK_REALTIME && inputs->utc_offset_ns != 0;
+        return;
+    }
+    told.without++;
+    told.wrong += off_ns < -hour_ns || off_ns > hour_ns;
+    told.wrong += utc_off_ns < -hour_ns || utc_off_ns > hour_ns;
+}
+
+static void test_steps_without_a_frame_are_on_the_frames_clock(void **state)
+{
+    static const struct {
+        enum fovea_clock clock;
+        clockid_t of;
+    } rows[] = {{FOVEA_CLOCK_MONOTONIC, CLOCK_MONOTONIC},
+                {FOVEA_CLOCK_BOOTTIME, CLOCK_BOOTTIME},
+                {FOVEA_CLOCK_REALTIME, CLOCK_REALTIME}};
+    (void)state;
+    source.info.live = true;
+    source.nothing = 2;
+    loop.hooks.step_done = times_check;
+    for (int r = 0; r < 3; r++) {
+        const int64_t begin_ns = fv_clock_ns(rows[r].of);
+        memset(&told, 0, sizeof told);
+        told.clock = rows[r].of;
+        source.clock = rows[r].clock;
+        source.next = source.asked = 0;
+        source.count = 5;
+        for (int i = 0; i < 5; i++)
+            source.stamps[i] = begin_ns + i * (int64_t)10000000;
+        fv_loop_run(&loop);
+        assert_int_equal(told.framed, 5);
+        assert_int_equal(told.without, 4 * 2);
+        assert_int_equal(told.wrong, 0);
+        assert_int_equal(loop.counts.without_frame, 8);
+    }
+}
+
 static void grab(void *context, const struct fovea_inputs *inputs,
                  const struct fovea_outputs *outputs, const struct fovea_pose *pose)
 {
@@ -349,6 +410,8 @@ int main(void)
         cmocka_unit_test_setup_teardown(test_pace_follows_stamps, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_slow_source_drops_nothing, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_late_frames, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_steps_without_a_frame_are_on_the_frames_clock, set_up,
+                                        tear_down),
         cmocka_unit_test_setup_teardown(test_planted_heap_call_is_counted, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_json, set_up, tear_down),
     };
