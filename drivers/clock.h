@@ -21,6 +21,12 @@ static inline struct timespec fv_clock_timespec(int64_t ns)
     return (struct timespec){.tv_sec = ns / FV_SECOND_NS, .tv_nsec = ns % FV_SECOND_NS};
 }
 
+/* Milliseconds, rounded to the nearest nanosecond. */
+static inline int64_t fv_clock_from_ms(double ms)
+{
+    return (int64_t)(ms * 1e6 + (ms < 0 ? -0.5 : 0.5));
+}
+
 /* The host's clock that stamps are on; of recorded and simulated ones, CLOCK_MONOTONIC. */
 static inline clockid_t fv_clock_of(enum fovea_clock clock)
 {

@@ -38,6 +38,11 @@ struct fv_fault_options {
 #undef FV_FAULT_OPTION
 };
 
+static inline bool fv_fault_has(const struct fv_fault_options *options, enum fv_fault_kind kind)
+{
+    return (options->kinds & fv_fault_bit(kind)) != 0;
+}
+
 /* Read what follows the last '?' of an address. FOVEA_ERROR_INPUT: `error` is the line to print. */
 enum fovea_status fv_fault_options_parse(const char *text, struct fv_fault_options *options,
                                          struct fovea_error *error);

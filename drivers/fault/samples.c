@@ -2,16 +2,12 @@
 
 #include <string.h>
 
+#include "../clock.h"
 #include "base/elementary.h"
-
-static bool has(const struct fv_fault_options *options, enum fv_fault_kind kind)
-{
-    return (options->kinds & fv_fault_bit(kind)) != 0;
-}
 
 uint32_t fv_fault_samples_growth(const struct fv_fault_options *options)
 {
-    return has(options, FV_FAULT_imu_repeat) ? 2 : 1;
+    return fv_fault_has(options, FV_FAULT_imu_repeat) ? 2 : 1;
 }
 
 void fv_fault_samples_pass(struct fv_fault_imu *imu, const struct fovea_sample *samples,
@@ -22,11 +18,6 @@ void fv_fault_samples_pass(struct fv_fault_imu *imu, const struct fovea_sample *
             imu->last = samples[i].imu;
             imu->any = true;
         }
-}
-
-static double within(double value, double end)
-{
-    return value > end ? end : value < -end ? -end : value;
 }
 
 /* A unit vector that a fault draws. */
@@ -48,28 +39,27 @@ static void values_spoil(const struct fv_fault_options *o, const double gyro[3],
                          struct fovea_imu_sample *sample)
 {
     for (int i = 0; i < 3; i++) {
-        if (has(o, FV_FAULT_imu_bias)) {
+        if (fv_fault_has(o, FV_FAULT_imu_bias)) {
             sample->gyro[i] += o->gyro_rad_s * gyro[i];
             sample->acceleration[i] += o->acceleration_m_s2 * acceleration[i];
         }
-        if (has(o, FV_FAULT_imu_saturate)) {
-            sample->gyro[i] = within(sample->gyro[i], o->gyro_end_rad_s);
-            sample->acceleration[i] = within(sample->acceleration[i], o->acceleration_end_m_s2);
+        if (fv_fault_has(o, FV_FAULT_imu_saturate)) {
+            sample->gyro[i] = fv_within(sample->gyro[i], o->gyro_end_rad_s);
+            sample->acceleration[i] = fv_within(sample->acceleration[i], o->acceleration_end_m_s2);
         }
-        if (has(o, FV_FAULT_imu_stuck) && imu->any) {
+        if (fv_fault_has(o, FV_FAULT_imu_stuck) && imu->any) {
             sample->gyro[i] = imu->last.gyro[i];
             sample->acceleration[i] = imu->last.acceleration[i];
         }
     }
-    if (has(o, FV_FAULT_imu_jump))
-        sample->stamp_ns += (int64_t)(o->leap_ms * 1e6 + (o->leap_ms < 0 ? -0.5 : 0.5));
+    if (fv_fault_has(o, FV_FAULT_imu_jump)) sample->stamp_ns += fv_clock_from_ms(o->leap_ms);
 }
 
 /* Whether one of the faults that strike single samples does. */
 static bool strikes(const struct fv_fault_options *o, enum fv_fault_kind kind,
                     struct fv_random *random)
 {
-    return has(o, kind) && fv_random_unit(random) < o->chance;
+    return fv_fault_has(o, kind) && fv_random_unit(random) < o->chance;
 }
 
 /* Without those that are dropped. */
@@ -77,7 +67,7 @@ static uint32_t drop(const struct fv_fault_options *o, struct fv_random *random,
                      struct fovea_sample *samples, uint32_t count)
 {
     uint32_t kept = 0;
-    const bool all = has(o, FV_FAULT_imu_unplug);
+    const bool all = fv_fault_has(o, FV_FAULT_imu_unplug);
     for (uint32_t i = 0; i < count; i++) {
         const bool imu = samples[i].kind == FOVEA_SAMPLE_IMU;
         if (imu && (all || strikes(o, FV_FAULT_imu_drop, random))) continue;

@@ -14,6 +14,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "../clock.h"
 #include "../table.h"
 #include "base/elementary.h"
 #include "fault.h"
@@ -68,11 +69,6 @@ struct fovea_source { /* NOLINT(clang-analyzer-optin.performance.Padding): in or
     uint64_t lost, returns;
     bool away, inner_ended, ended;
 };
-
-static bool has(const struct fovea_source *source, enum fv_fault_kind kind)
-{
-    return (source->options.kinds & fv_fault_bit(kind)) != 0;
-}
 
 static bool has_between(const struct fovea_source *source, int from, int to)
 {
@@ -164,7 +160,8 @@ static enum fovea_status inner_open(struct fovea_source *source, const char *uri
     if (status == FOVEA_OK) status = source->ops->open(address, selection, &source->inner, error);
     if (status != FOVEA_OK) return status;
     source->info = *source->ops->info(source->inner);
-    if (has(source, FV_FAULT_drop) || has(source, FV_FAULT_duplicate))
+    if (fv_fault_has(&source->options, FV_FAULT_drop) ||
+        fv_fault_has(&source->options, FV_FAULT_duplicate))
         source->info.frame_count = 0; /* not known without playing */
     const enum fovea_pixel_format format = source->info.format;
     if (format == FOVEA_PIXEL_GREY8) source->channels = 1;
@@ -206,7 +203,8 @@ static enum fovea_status fault_open(const char *address,
     if (opened == NULL) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "fault: out of memory");
     enum fovea_status status = fv_fault_options_parse(faults_of, &opened->options, error);
     for (int kind = 0; kind < FV_FAULT_OF_FRAMES; kind++)
-        if (has(opened, (enum fv_fault_kind)kind)) opened->needs_last |= faults[kind].needs_last;
+        if (fv_fault_has(&opened->options, (enum fv_fault_kind)kind))
+            opened->needs_last |= faults[kind].needs_last;
     if (status == FOVEA_OK) status = inner_open(opened, uri, selection, error);
     if (status != FOVEA_OK) {
         fault_close(opened);
@@ -280,7 +278,7 @@ static void image_spoil(struct fovea_source *source, struct held *held, uint32_t
         source->has_last[i] = true;
     }
     for (int kind = 0; kind < FV_FAULT_OF_FRAMES; kind++)
-        if (has(source, (enum fv_fault_kind)kind)) faults[kind].apply(&picture);
+        if (fv_fault_has(&source->options, (enum fv_fault_kind)kind)) faults[kind].apply(&picture);
     image->data = picture.pixels;
     image->stride_bytes = camera->width * source->channels;
     image->size_bytes = picture_bytes(source, i);
@@ -300,7 +298,7 @@ static enum fovea_status inner_take(struct fovea_source *source, int64_t deadlin
         taken->index = source->info.live ? source->count : taken->own.index;
         taken->faulty = fv_fault_schedule_at(&source->schedule, taken->index, &taken->window);
         source->count++;
-        if (!taken->faulty || !has(source, FV_FAULT_drop)) return FOVEA_OK;
+        if (!taken->faulty || !fv_fault_has(&source->options, FV_FAULT_drop)) return FOVEA_OK;
         source->ops->requeue(source->inner, &taken->own);
         source->lost++;
     }
@@ -334,9 +332,9 @@ static enum fovea_status next_take(struct fovea_source *source, int64_t deadline
         const enum fovea_status status = inner_take(source, deadline_ns, &taken);
         if (status == FOVEA_END && source->waiting.any) continue;
         if (status != FOVEA_OK) return status;
-        const bool late = taken.faulty && has(source, FV_FAULT_delay),
-                   swapped = taken.faulty && has(source, FV_FAULT_reorder);
-        if (source->waiting.any && has(source, FV_FAULT_delay)) {
+        const bool late = taken.faulty && fv_fault_has(&source->options, FV_FAULT_delay),
+                   swapped = taken.faulty && fv_fault_has(&source->options, FV_FAULT_reorder);
+        if (source->waiting.any && fv_fault_has(&source->options, FV_FAULT_delay)) {
             give_waiting(source, held);
             wait_for_turn(source, &taken, !late);
             return FOVEA_OK;
@@ -358,10 +356,10 @@ static void stamp_spoil(const struct fovea_source *source, const struct taken *t
     double moved_ms = 0;
     struct fv_random random;
     fv_random_seed(&random, picture_seed(taken, FOVEA_CAMERAS_MAX));
-    if (has(source, FV_FAULT_jitter))
+    if (fv_fault_has(&source->options, FV_FAULT_jitter))
         moved_ms += source->options.spread_ms * (2 * fv_random_unit(&random) - 1);
-    if (has(source, FV_FAULT_jump)) moved_ms += source->options.leap_ms;
-    frame->stamp_ns += (int64_t)(moved_ms * 1e6 + (moved_ms < 0 ? -0.5 : 0.5));
+    if (fv_fault_has(&source->options, FV_FAULT_jump)) moved_ms += source->options.leap_ms;
+    frame->stamp_ns += fv_clock_from_ms(moved_ms);
 }
 
 /* Whether a fault strikes camera i. */
@@ -376,7 +374,7 @@ static void frame_spoil(struct fovea_source *source, struct held *held, struct f
     for (uint32_t i = 0; i < frame->image_count; i++) {
         struct fovea_image *image = &frame->images[i];
         if (image->data == NULL || !strikes(source, i)) continue;
-        if (has(source, FV_FAULT_unplug))
+        if (fv_fault_has(&source->options, FV_FAULT_unplug))
             *image = (struct fovea_image){.data = NULL};
         else if (has_pictures(source))
             image_spoil(source, held, i, image);
@@ -386,8 +384,8 @@ static void frame_spoil(struct fovea_source *source, struct held *held, struct f
 /* Whether all cameras are unplugged, which is the state of the source. */
 static void note_away(struct fovea_source *source, const struct held *held)
 {
-    const bool away =
-        held->taken.faulty && has(source, FV_FAULT_unplug) && source->options.camera == 0;
+    const bool away = held->taken.faulty && fv_fault_has(&source->options, FV_FAULT_unplug) &&
+                      source->options.camera == 0;
     source->returns += source->away && !away;
     source->away = away;
 }
@@ -405,8 +403,8 @@ static enum fovea_status fault_dequeue(struct fovea_source *source, int64_t dead
     source->ended = status == FOVEA_END;
     if (status != FOVEA_OK) return status;
     held->used = true;
-    held->again =
-        held->taken.faulty && has(source, FV_FAULT_duplicate) && !repeated && !source->waiting.any;
+    held->again = held->taken.faulty && fv_fault_has(&source->options, FV_FAULT_duplicate) &&
+                  !repeated && !source->waiting.any;
     if (held->again) {
         wait_for_turn(source, &held->taken, true);
         source->waiting.shared = held;

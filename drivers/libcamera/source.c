@@ -2,6 +2,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "../clock.h"
 #include "support/uri_options.h"
 #include "support/text.h"
 #include "client.h"
@@ -111,7 +112,7 @@ static enum fovea_status open_camera(const char *address,
                  .rate_hz = agreed.rate_hz,
                  .heap_bytes = fv_libcamera_heap_bytes()},
         .buffers = agreed.buffers,
-        .readout_ns = options.readout_ms < 0 ? -1 : (int64_t)(options.readout_ms * 1e6),
+        .readout_ns = options.readout_ms < 0 ? -1 : fv_clock_from_ms(options.readout_ms),
     };
     status = fv_live_open(&fv_libcamera_live, client, &setup, selection, source, error);
     if (status == FOVEA_OK && notice.text[0] != '\0') fv_live_notice(*source, &notice);

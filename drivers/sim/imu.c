@@ -115,7 +115,7 @@ static void begin_biases(const struct fv_sim_options *options, struct state *imu
 static double within(double value, double range)
 {
     if (range == 0) return value;
-    return value > range ? range : value < -range ? -range : value;
+    return fv_within(value, range);
 }
 
 static void sample(const struct fovea_source *source, void *state, uint64_t n, double begin_s,

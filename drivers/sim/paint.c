@@ -26,21 +26,16 @@ int32_t fv_sim_mm(const struct fv_sim_brush *brush, int32_t millimetres)
     return texels < 1 ? 1 : texels;
 }
 
-static int32_t clamp(int32_t value, int32_t low, int32_t high)
-{
-    return value < low ? low : value > high ? high : value;
-}
-
 void fv_sim_fill(struct fv_sim_brush *brush, int32_t x0, int32_t y0, int32_t x1, int32_t y1,
                  int32_t grey)
 {
-    x0 = clamp(x0, 0, brush->width);
-    x1 = clamp(x1, 0, brush->width);
-    y0 = clamp(y0, 0, brush->height);
-    y1 = clamp(y1, 0, brush->height);
+    x0 = fv_sim_clamp(x0, 0, brush->width);
+    x1 = fv_sim_clamp(x1, 0, brush->width);
+    y0 = fv_sim_clamp(y0, 0, brush->height);
+    y1 = fv_sim_clamp(y1, 0, brush->height);
     if (x1 <= x0) return;
     for (int32_t y = y0; y < y1; y++)
-        memset(brush->texels + (size_t)y * (size_t)brush->stride + x0, clamp(grey, 0, 255),
+        memset(brush->texels + (size_t)y * (size_t)brush->stride + x0, fv_sim_clamp(grey, 0, 255),
                (size_t)(x1 - x0));
 }
 
@@ -71,7 +66,8 @@ void fv_sim_triangle(struct fv_sim_brush *brush, const int32_t x[3], const int32
         if (y[i] < top) top = y[i];
         if (y[i] > bottom) bottom = y[i];
     }
-    for (int32_t row = clamp(top, 0, brush->height); row < clamp(bottom, 0, brush->height); row++) {
+    for (int32_t row = fv_sim_clamp(top, 0, brush->height);
+         row < fv_sim_clamp(bottom, 0, brush->height); row++) {
         int32_t left = INT32_MAX, right = INT32_MIN;
         for (int32_t i = 0; i < 3; i++) {
             const int32_t j = (i + 1) % 3;
@@ -161,7 +157,7 @@ static void octave_add(struct octave *o, int32_t sum[BAND][STRIP], int32_t x0, i
 FV_WIDE static void add_noise(uint8_t *restrict row, const int32_t *restrict sum, int32_t count)
 {
     for (int32_t i = 0; i < count; i++)
-        row[i] = (uint8_t)clamp(row[i] + sum[i] / 256, 0, 255);
+        row[i] = (uint8_t)fv_sim_clamp(row[i] + sum[i] / 256, 0, 255);
 }
 
 void fv_sim_noise(struct fv_sim_brush *brush, int32_t x0, int32_t y0, int32_t x1, int32_t y1,
@@ -170,10 +166,10 @@ void fv_sim_noise(struct fv_sim_brush *brush, int32_t x0, int32_t y0, int32_t x1
     int32_t sum[BAND][STRIP];
     struct octave o;
     const uint32_t seed = fv_random_u32(&brush->random);
-    x0 = clamp(x0, 0, brush->width);
-    x1 = clamp(x1, 0, brush->width);
-    y0 = clamp(y0, 0, brush->height);
-    y1 = clamp(y1, 0, brush->height);
+    x0 = fv_sim_clamp(x0, 0, brush->width);
+    x1 = fv_sim_clamp(x1, 0, brush->width);
+    y0 = fv_sim_clamp(y0, 0, brush->height);
+    y1 = fv_sim_clamp(y1, 0, brush->height);
     if (finest < 1) finest = 1;
     for (int32_t left = x0; left < x1; left += STRIP) {
         const int32_t count = left + STRIP < x1 ? STRIP : x1 - left;
@@ -236,8 +232,8 @@ static void paint_grain(struct fv_sim_brush *b, int32_t amount)
         int32_t x = 0;
         while (x < b->width) {
             const int32_t run = fv_sim_draw(b, 6, 40), change = fv_sim_draw(b, -amount, amount);
-            for (int32_t end = clamp(x + run, 0, b->width); x < end; x++)
-                row[x] = (uint8_t)clamp(row[x] + change, 0, 255);
+            for (int32_t end = fv_sim_clamp(x + run, 0, b->width); x < end; x++)
+                row[x] = (uint8_t)fv_sim_clamp(row[x] + change, 0, 255);
         }
     }
 }
@@ -339,7 +335,7 @@ static void paint_cone(struct fv_sim_brush *b)
 static void paint_clothes(struct fv_sim_brush *b)
 {
     const int32_t grey = fv_sim_draw(b, 30, 200), kind = fv_sim_draw(b, 0, 3),
-                  other = clamp(grey + (grey > 120 ? -80 : 80), 0, 255);
+                  other = fv_sim_clamp(grey + (grey > 120 ? -80 : 80), 0, 255);
     fv_sim_fill(b, 0, 0, b->width, b->height, grey);
     for (int32_t i = 0; kind == 0 && i < 8; i++)
         fv_sim_fill(b, 0, b->height * i / 8, b->width, b->height * i / 8 + b->height / 18, other);

@@ -4,25 +4,21 @@
  * a wall.
  */
 
-static int32_t clamp(int32_t value, int32_t low, int32_t high)
-{
-    return value < low ? low : value > high ? high : value;
-}
-
 /* Lines of blocks, as print looks from afar; every letter a little different. */
 static void poster_print(struct fv_sim_brush *b, int32_t x0, int32_t y0, int32_t x1, int32_t y1,
                          int32_t ink)
 {
     int32_t y = y0 + 2;
     while (y < y1 - 3) {
-        const int32_t height = clamp(fv_sim_draw(b, fv_sim_mm(b, 14), fv_sim_mm(b, 70)), 2, y1 - y);
+        const int32_t height =
+            fv_sim_clamp(fv_sim_draw(b, fv_sim_mm(b, 14), fv_sim_mm(b, 70)), 2, y1 - y);
         int32_t x = x0 + 2;
-        const int32_t end = x1 - fv_sim_draw(b, 2, clamp((x1 - x0) / 2, 2, 1000));
+        const int32_t end = x1 - fv_sim_draw(b, 2, fv_sim_clamp((x1 - x0) / 2, 2, 1000));
         while (x < end) {
             const int32_t width = fv_sim_draw(b, height / 3 + 1, height),
                           kind = fv_sim_draw(b, 0, 4);
             if (kind < 3)
-                fv_sim_fill(b, x, y, x + clamp(width - 1, 1, end - x), y + height - 1, ink);
+                fv_sim_fill(b, x, y, x + fv_sim_clamp(width - 1, 1, end - x), y + height - 1, ink);
             if (kind == 1)
                 fv_sim_fill(b, x + width / 3, y + height / 4, x + width, y + height / 2, 255 - ink);
             if (kind == 2) fv_sim_fill(b, x, y, x + width / 2, y + height / 2, 255 - ink);
@@ -38,14 +34,16 @@ static void poster_shapes(struct fv_sim_brush *b, int32_t x0, int32_t y0, int32_
     for (int32_t i = 0; i < 14; i++) {
         const int32_t grey = fv_sim_draw(b, 10, 245);
         const int32_t x = x0 + fv_sim_draw(b, 0, w), y = y0 + fv_sim_draw(b, 0, h),
-                      s = fv_sim_draw(b, 2, clamp(w / 3, 3, 4000));
+                      s = fv_sim_draw(b, 2, fv_sim_clamp(w / 3, 3, 4000));
         if (i % 3 == 0) {
-            const int32_t r = clamp(s / 2, 1, clamp((x1 - x < x - x0 ? x1 - x : x - x0), 1, 4000));
+            const int32_t r =
+                fv_sim_clamp(s / 2, 1, fv_sim_clamp((x1 - x < x - x0 ? x1 - x : x - x0), 1, 4000));
             const int32_t room = y1 - y < y - y0 ? y1 - y : y - y0;
-            fv_sim_disc(b, x, y, clamp(r, 0, room > 0 ? room : 0), grey);
+            fv_sim_disc(b, x, y, fv_sim_clamp(r, 0, room > 0 ? room : 0), grey);
         } else if (i % 3 == 1) {
-            fv_sim_fill(b, x, y, clamp(x + s, x0, x1),
-                        clamp(y + fv_sim_draw(b, 2, clamp(h / 3, 3, 4000)), y0, y1), grey);
+            fv_sim_fill(b, x, y, fv_sim_clamp(x + s, x0, x1),
+                        fv_sim_clamp(y + fv_sim_draw(b, 2, fv_sim_clamp(h / 3, 3, 4000)), y0, y1),
+                        grey);
         } else {
             int32_t tx[3], ty[3];
             for (int32_t k = 0; k < 3; k++) {
@@ -72,15 +70,15 @@ static void poster_landscape(struct fv_sim_brush *b, int32_t x0, int32_t y0, int
                                horizon - fv_sim_draw(b, h / 8, h * 2 / 5)};
         fv_sim_triangle(b, tx, ty, fv_sim_draw(b, 30, 160));
     }
-    fv_sim_noise(b, x0, y0, x1, y1, clamp(w / 4, 4, 256), 2, 60, 190);
+    fv_sim_noise(b, x0, y0, x1, y1, fv_sim_clamp(w / 4, 4, 256), 2, 60, 190);
 }
 
 static void poster_checks(struct fv_sim_brush *b, int32_t x0, int32_t y0, int32_t x1, int32_t y1)
 {
-    const int32_t cell = clamp((x1 - x0) / fv_sim_draw(b, 4, 9), 2, 4000);
+    const int32_t cell = fv_sim_clamp((x1 - x0) / fv_sim_draw(b, 4, 9), 2, 4000);
     for (int32_t y = y0; y < y1; y += cell) {
         for (int32_t x = x0; x < x1; x += cell)
-            fv_sim_fill(b, x, y, clamp(x + cell, x0, x1), clamp(y + cell, y0, y1),
+            fv_sim_fill(b, x, y, fv_sim_clamp(x + cell, x0, x1), fv_sim_clamp(y + cell, y0, y1),
                         fv_sim_draw(b, 0, 2) ? fv_sim_draw(b, 10, 110) : fv_sim_draw(b, 150, 250));
     }
 }
@@ -88,7 +86,7 @@ static void poster_checks(struct fv_sim_brush *b, int32_t x0, int32_t y0, int32_
 void fv_sim_poster(struct fv_sim_brush *b, int32_t x0, int32_t y0, int32_t x1, int32_t y1)
 {
     if (x1 - x0 < 8 || y1 - y0 < 8) return;
-    const int32_t border = clamp(fv_sim_mm(b, fv_sim_draw(b, 12, 40)), 1, (x1 - x0) / 5);
+    const int32_t border = fv_sim_clamp(fv_sim_mm(b, fv_sim_draw(b, 12, 40)), 1, (x1 - x0) / 5);
     const int32_t paper = fv_sim_draw(b, 0, 2) ? fv_sim_draw(b, 190, 245) : fv_sim_draw(b, 20, 80);
     fv_sim_fill(b, x0, y0, x1, y1, paper > 128 ? fv_sim_draw(b, 10, 80) : fv_sim_draw(b, 170, 240));
     x0 += border;
@@ -113,7 +111,8 @@ void fv_sim_poster(struct fv_sim_brush *b, int32_t x0, int32_t y0, int32_t x1, i
 
 void fv_sim_books(struct fv_sim_brush *b, int32_t x0, int32_t y0, int32_t x1, int32_t y1)
 {
-    const int32_t shelves = clamp((y1 - y0) / fv_sim_mm(b, 330), 2, 20), board = fv_sim_mm(b, 24);
+    const int32_t shelves = fv_sim_clamp((y1 - y0) / fv_sim_mm(b, 330), 2, 20),
+                  board = fv_sim_mm(b, 24);
     fv_sim_fill(b, x0, y0, x1, y1, 45);
     for (int32_t s = 0; s < shelves; s++) {
         const int32_t top = y0 + (y1 - y0) * s / shelves,
@@ -124,7 +123,7 @@ void fv_sim_books(struct fv_sim_brush *b, int32_t x0, int32_t y0, int32_t x1, in
                           gap = fv_sim_draw(b, 0, 12) == 0 ? fv_sim_mm(b, 90) : 1;
             const int32_t height = (bottom - top) * fv_sim_draw(b, 55, 95) / 100,
                           grey = fv_sim_draw(b, 20, 235);
-            const int32_t right = clamp(x + width, x, x1 - board);
+            const int32_t right = fv_sim_clamp(x + width, x, x1 - board);
             fv_sim_fill(b, x, bottom - height, right, bottom, grey);
             const int32_t band = bottom - height + height * fv_sim_draw(b, 10, 60) / 100;
             fv_sim_fill(b, x, band, right, band + height / fv_sim_draw(b, 6, 14) + 1, 255 - grey);
@@ -185,7 +184,7 @@ static int32_t hang(struct fv_sim_brush *b, int32_t x)
     int32_t y = floor - fv_sim_mm(b, fv_sim_draw(b, 1900, 2500));
     for (int32_t i = 0; i < 3 && y < floor - fv_sim_mm(b, 400); i++) {
         const int32_t height = fv_sim_mm(b, fv_sim_draw(b, 250, 1000));
-        fv_sim_poster(b, x, y, x + width, clamp(y + height, y, floor - fv_sim_mm(b, 150)));
+        fv_sim_poster(b, x, y, x + width, fv_sim_clamp(y + height, y, floor - fv_sim_mm(b, 150)));
         y += height + fv_sim_mm(b, fv_sim_draw(b, 80, 500));
     }
     return width;
@@ -215,7 +214,7 @@ void fv_sim_paint_wall(struct fv_sim_texture *texture, double texels_per_m, uint
         const int32_t width = fv_sim_mm(b, fv_sim_draw(b, 700, 2000)),
                       top = fv_sim_mm(b, fv_sim_draw(b, 250, 700));
         fv_sim_poster(b, x, top, x + width,
-                      clamp(top + fv_sim_mm(b, fv_sim_draw(b, 700, 2400)), top, above));
+                      fv_sim_clamp(top + fv_sim_mm(b, fv_sim_draw(b, 700, 2400)), top, above));
         x += width + fv_sim_mm(b, fv_sim_draw(b, 150, 900));
     }
     /* A skirting board and a cable duct: long straight lines, as rooms have. */
@@ -227,14 +226,14 @@ void fv_sim_paint_shade(struct fv_sim_texture *texture, int32_t x0, int32_t y0, 
                         int32_t y1, int32_t soft, int32_t strength)
 {
     if (soft < 1) soft = 1;
-    for (int32_t y = clamp(y0 - soft, 0, texture->height); y < clamp(y1 + soft, 0, texture->height);
-         y++) {
+    for (int32_t y = fv_sim_clamp(y0 - soft, 0, texture->height);
+         y < fv_sim_clamp(y1 + soft, 0, texture->height); y++) {
         uint8_t *row = texture->texels + (size_t)y * (size_t)texture->level[0].stride;
         const int32_t dy = y < y0 ? y0 - y : y > y1 ? y - y1 : 0;
-        for (int32_t x = clamp(x0 - soft, 0, texture->width);
-             x < clamp(x1 + soft, 0, texture->width); x++) {
+        for (int32_t x = fv_sim_clamp(x0 - soft, 0, texture->width);
+             x < fv_sim_clamp(x1 + soft, 0, texture->width); x++) {
             const int32_t dx = x < x0 ? x0 - x : x > x1 ? x - x1 : 0;
-            const int32_t near = clamp(256 - (dx + dy) * 256 / soft, 0, 256);
+            const int32_t near = fv_sim_clamp(256 - (dx + dy) * 256 / soft, 0, 256);
             row[x] = (uint8_t)(row[x] * (256 * 256 - near * strength) / (256 * 256));
         }
     }
@@ -248,7 +247,7 @@ FV_WIDE static void light_row(uint8_t *restrict texel, const int32_t *restrict c
 {
     for (int32_t x = 0; x < count; x++) {
         const int32_t gain = (180 + corner[x] + edge) * lamp[x] / 256;
-        texel[x] = (uint8_t)clamp(texel[x] * gain / 205, 0, 255);
+        texel[x] = (uint8_t)fv_sim_clamp(texel[x] * gain / 205, 0, 255);
     }
 }
 
@@ -265,12 +264,13 @@ void fv_sim_paint_light(struct fv_sim_texture *texture, double texels_per_m, uin
         const int32_t count = w - left < COLUMNS ? w - left : COLUMNS;
         for (int32_t i = 0; i < count; i++) {
             const int32_t x = left + i, p = ((x + at) % pool) * 512 / pool - 256;
-            corner[i] = clamp((x < w - 1 - x ? x : w - 1 - x) * 256 / near, 0, 256) * 38 / 256;
+            corner[i] =
+                fv_sim_clamp((x < w - 1 - x ? x : w - 1 - x) * 256 / near, 0, 256) * 38 / 256;
             lamp[i] = 256 - p * p / 1024;
         }
         for (int32_t y = 0; y < h; y++) {
             const int32_t edge =
-                clamp((y < h - 1 - y ? y : h - 1 - y) * 256 / near, 0, 256) * 38 / 256;
+                fv_sim_clamp((y < h - 1 - y ? y : h - 1 - y) * 256 / near, 0, 256) * 38 / 256;
             light_row(texture->texels + (size_t)y * (size_t)texture->level[0].stride + left, corner,
                       lamp, edge, count);
         }

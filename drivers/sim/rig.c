@@ -1,3 +1,4 @@
+#include "../clock.h"
 #include "sim.h"
 
 #include <string.h>
@@ -73,7 +74,7 @@ enum fovea_status fv_sim_rig_describe(const struct fv_sim_options *options, stru
         camera->camera = rig->cameras[0].camera;
         camera->calibrated = true;
         camera->has_readout = true;
-        if (options->rolling) camera->readout_ns = (int64_t)(options->readout_ms * 1e6 + 0.5);
+        if (options->rolling) camera->readout_ns = fv_clock_from_ms(options->readout_ms);
         camera->has_T_body_cam = rig->camera_count > 1;
         if (camera->has_T_body_cam) memcpy(camera->T_body_cam, T_body_cam[i], sizeof T_body_cam[i]);
     }

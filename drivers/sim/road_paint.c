@@ -2,11 +2,6 @@
 
 /* The materials of the road. Integers and seeded draws only, as in paint.c. */
 
-static int32_t clamp(int32_t value, int32_t low, int32_t high)
-{
-    return value < low ? low : value > high ? high : value;
-}
-
 /* ---- ground ---------------------------------------------------------------------------------- */
 
 /* Rows run from the left edge of the road to the right one; the pattern of the dashes repeats every
@@ -267,7 +262,7 @@ static void paint_air(struct fv_sim_brush *b)
             const int32_t off = dx * dx + (y - sun_y) * (y - sun_y);
             const int32_t glow = 6000000 / (off + 60000);
             b->texels[(size_t)y * (size_t)b->stride + (size_t)x] =
-                (uint8_t)clamp(base + glow, 0, 255);
+                (uint8_t)fv_sim_clamp(base + glow, 0, 255);
         }
     }
     fv_sim_noise(b, 0, 0, b->width, horizon(b) - 40, 256, 32, 20, 170);
@@ -279,11 +274,11 @@ static void paint_ridge(struct fv_sim_brush *b, int32_t low, int32_t high, int32
 {
     int32_t height = fv_sim_draw(b, low, high) * 16, drift = 0;
     for (int32_t x = 0; x < b->width; x++) {
-        drift = clamp(drift + fv_sim_draw(b, -rough, rough), -3 * rough, 3 * rough);
-        height = clamp(height + drift, low * 16, high * 16);
+        drift = fv_sim_clamp(drift + fv_sim_draw(b, -rough, rough), -3 * rough, 3 * rough);
+        height = fv_sim_clamp(height + drift, low * 16, high * 16);
         if (height == low * 16 || height == high * 16) drift = -drift / 2;
         const int32_t top = horizon(b) - height / 16;
-        for (int32_t y = clamp(top, 0, b->height); y < b->height; y++) {
+        for (int32_t y = fv_sim_clamp(top, 0, b->height); y < b->height; y++) {
             const int32_t leaf = fv_sim_draw(b, -14, 14);
             b->texels[(size_t)y * (size_t)b->stride + (size_t)x] = (uint8_t)(grey + leaf);
         }

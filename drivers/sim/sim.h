@@ -26,6 +26,11 @@
 #include "fovea/source.h"
 #include "support/uri_options.h"
 
+static inline int32_t fv_sim_clamp(int32_t value, int32_t low, int32_t high)
+{
+    return value < low ? low : value > high ? high : value;
+}
+
 #include "road.h"
 
 /* ---- options (options.c) --------------------------------------------------------------------- */

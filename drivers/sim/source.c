@@ -1,3 +1,4 @@
+#include "../clock.h"
 #include "sim.h"
 
 #include <stdio.h>
@@ -348,7 +349,7 @@ static enum fovea_status sim_dequeue(struct fovea_source *source, int64_t deadli
         .slot = slot,
     };
     for (uint32_t k = 0; k < cameras; k++) {
-        frame->exposure_ns[k] = (int64_t)(o->exposure_ms * 1e6 + 0.5);
+        frame->exposure_ns[k] = fv_clock_from_ms(o->exposure_ms);
         frame->images[k] =
             (struct fovea_image){source->image[slot][k], o->width,      o->height, o->width,
                                  FOVEA_PIXEL_GREY8,      (size_t)pixels};

@@ -48,11 +48,6 @@ bool fv_sim_texture_create(struct fv_sim_texture *texture, int32_t width, int32_
     return true;
 }
 
-static int32_t clamp(int32_t value, int32_t low, int32_t high)
-{
-    return value < low ? low : value > high ? high : value;
-}
-
 enum { GROUPS = 64 }; /* of seven source texels, which make five, in a part of a row */
 
 /* Weights, in fifths of a source texel, of the (up to three) source texels under target texel i of
@@ -61,8 +56,8 @@ static int32_t seven_to_five(int32_t i, int32_t weight[3])
 {
     const int32_t begin = 7 * i, end = begin + 7, first = begin / 5;
     for (int32_t k = 0; k < 3; k++) {
-        const int32_t low = clamp(5 * (first + k), begin, end),
-                      high = clamp(5 * (first + k + 1), begin, end);
+        const int32_t low = fv_sim_clamp(5 * (first + k), begin, end),
+                      high = fv_sim_clamp(5 * (first + k + 1), begin, end);
         weight[k] = high - low;
     }
     return first;
@@ -91,8 +86,8 @@ static void reduce_seven_to_five(const struct fv_sim_level *from, struct fv_sim_
         const int32_t y0 = seven_to_five(y, wy);
         const uint8_t *row[3];
         for (int32_t j = 0; j < 3; j++)
-            row[j] =
-                from->texels + (size_t)clamp(y0 + j, 0, from->height - 1) * (size_t)from->stride;
+            row[j] = from->texels +
+                     (size_t)fv_sim_clamp(y0 + j, 0, from->height - 1) * (size_t)from->stride;
         for (int32_t x = 0; x < to->width; x++) {
             const int32_t group = x / 5 % GROUPS, i = x % 5;
             if (group == 0 && i == 0) weigh_rows(sum, row, wy, x / 5 * 7, from->width);
@@ -115,9 +110,9 @@ static void reduce_half(const struct fv_sim_level *from, struct fv_sim_level *to
     for (int32_t y = 0; y < to->height; y++) {
         uint8_t *out = (uint8_t *)to->texels + (size_t)y * (size_t)to->stride;
         const uint8_t *a =
-            from->texels + (size_t)clamp(2 * y, 0, from->height - 1) * (size_t)from->stride;
-        const uint8_t *b =
-            from->texels + (size_t)clamp(2 * y + 1, 0, from->height - 1) * (size_t)from->stride;
+            from->texels + (size_t)fv_sim_clamp(2 * y, 0, from->height - 1) * (size_t)from->stride;
+        const uint8_t *b = from->texels + (size_t)fv_sim_clamp(2 * y + 1, 0, from->height - 1) *
+                                              (size_t)from->stride;
         halve_row(out, a, b, whole < to->width ? whole : to->width);
         for (int32_t x = whole; x < to->width; x++)
             out[x] = (uint8_t)((2 * a[last] + 2 * b[last] + 2) / 4);

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "../clock.h"
 #include "../live/split.h"
 #include "v4l2.h"
 
@@ -129,7 +130,7 @@ static enum fovea_status open_camera(const char *address,
                  .heap_bytes = sizeof *device},
         .split = options.split == 2,
         .buffers = (uint32_t)options.buffers,
-        .readout_ns = options.readout_ms < 0 ? -1 : (int64_t)(options.readout_ms * 1e6),
+        .readout_ns = options.readout_ms < 0 ? -1 : fv_clock_from_ms(options.readout_ms),
     };
     status = fv_live_open(&live_ops, device, &setup, selection, source, error);
     if (status == FOVEA_OK && notice.text[0] != '\0') fv_live_notice(*source, &notice);

@@ -35,6 +35,11 @@ double fv_pow(double base, double exponent);
 
 /* Largest integer value not above `value`, |value| < 2^51. */
 double fv_floor(double value);
+/* `value`, or the end of [-most, most] that it lies beyond. */
+static inline double fv_within(double value, double most)
+{
+    return value > most ? most : value < -most ? -most : value;
+}
 
 /* Seeded generator (xoshiro128++ 1.0 by Blackman and Vigna, public domain algorithm, seeded through
  * splitmix64). A plain struct, so that it lives in the state, is copied and replayed with it. */

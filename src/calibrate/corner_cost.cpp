@@ -121,12 +121,17 @@ Eigen::Vector3d on_board(const Corner &corner, const double *bend)
             bend[0] * (1 - corner.x * corner.x) + bend[1] * (1 - corner.y * corner.y)};
 }
 
+void less(const Pixel &found, double *residual)
+{
+    for (size_t i = 0; i < 2; i++)
+        residual[i] -= found[i];
+}
+
 bool predicted_less_found(Model model, const double *camera, const Eigen::Vector3d &point,
                           const Pixel &found, double *residual)
 {
     if (!project(model, camera, point.data(), residual)) return false;
-    for (size_t i = 0; i < 2; i++)
-        residual[i] -= found[i];
+    less(found, residual);
     return true;
 }
 
@@ -135,8 +140,7 @@ bool evaluate(Model model, const double *camera, const Eigen::Vector3d &point, c
               double *residual, ProjectionDerivatives &derivatives)
 {
     if (!project_derivatives(model, camera, point.data(), residual, derivatives)) return false;
-    for (size_t i = 0; i < 2; i++)
-        residual[i] -= found[i];
+    less(found, residual);
     return true;
 }
 

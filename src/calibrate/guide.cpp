@@ -8,8 +8,6 @@ namespace calibrate
 namespace
 {
 
-constexpr double STILL_PX = 1;       /* mean shift of corners since the frame before */
-constexpr double NEW_SHARE = .04;    /* of the image's width: mean shift from every picture taken */
 constexpr double EDGE_MAX_PX = 5;    /* wider edges are blurred, */
 constexpr double EDGE_FACTOR = 1.6;  /* and those so much wider than the taken pictures' */
 constexpr double SIDES_TILTED = .08; /* logarithm of the ratio of opposite sides */

@@ -41,6 +41,8 @@ struct Placed {
 
 /* Between two boards, over the corners that both see; infinite where there are none. */
 double mean_shift(const View &a, const View &b);
+constexpr double STILL_PX = 1;    /* a board is still below this shift since the frame before, */
+constexpr double NEW_SHARE = .04; /* and new from this share of the image's width on */
 
 class Guide
 {

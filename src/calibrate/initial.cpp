@@ -2,6 +2,7 @@
 #include <Eigen/Dense>
 
 #include "calibrate/calibrate.h"
+#include "calibrate/least_squares.h"
 
 #include <algorithm>
 #include <cmath>
@@ -42,9 +43,7 @@ Eigen::Matrix3d homography(const std::vector<Point> &points, double unit,
     for (size_t i = 0; i < points.size(); i++) {
         if (!bearings[i].allFinite()) continue;
         const Eigen::Vector3d board(points[i][0] / unit, points[i][1] / unit, 1);
-        const Eigen::Vector3d &b = bearings[i];
-        Eigen::Matrix3d cross;
-        cross << 0, -b[2], b[1], b[2], 0, -b[0], -b[1], b[0], 0;
+        const Eigen::Matrix3d cross = cross_matrix(bearings[i]);
         Eigen::Matrix<double, 3, 9> rows;
         for (int r = 0; r < 3; r++)
             for (int c = 0; c < 3; c++)

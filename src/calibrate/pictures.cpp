@@ -106,7 +106,6 @@ fovea_status collect_folder(const std::string &folder, const Board &board, Refin
 /* Whether a frame's board is worth a view: elsewhere than in all views so far and, where frames
  * come by the clock, where it was in the frame before. */
 struct Chooser {
-    static constexpr double NEW_SHARE = .04, STILL_PX = 1;
     bool live;
     View before = {};
     bool still(const View &view)

@@ -228,11 +228,9 @@ Eigen::Matrix<double, 6, 6> change_of_place(const Pose &T_cam_first)
 {
     const Rigid T = rigid_of(T_cam_first);
     const Eigen::Matrix3d turn = left_jacobian({T_cam_first[0], T_cam_first[1], T_cam_first[2]});
-    Eigen::Matrix3d cross;
-    cross << 0, -T.t[2], T.t[1], T.t[2], 0, -T.t[0], -T.t[1], T.t[0], 0;
     Eigen::Matrix<double, 6, 6> change = Eigen::Matrix<double, 6, 6>::Zero();
     change.block<3, 3>(0, 0) = turn;
-    change.block<3, 3>(3, 0) = -T.R.transpose() * cross * turn;
+    change.block<3, 3>(3, 0) = -T.R.transpose() * cross_matrix(T.t) * turn;
     change.block<3, 3>(3, 3) = -T.R.transpose();
     return change;
 }

@@ -246,8 +246,8 @@ double projection_stdev(const State &state, const Normal &normal, const fovea_ca
         return NAN;
     Eigen::Matrix<double, 2, Eigen::Dynamic> change =
         Eigen::Matrix<double, 2, Eigen::Dynamic>::Zero(2, normal.covariance.cols());
-    Eigen::Matrix3d cross; /* a rotation by r moves the bearing b by r x b = -[b]x r */
-    cross << 0, bearing[2], -bearing[1], -bearing[2], 0, bearing[0], bearing[1], -bearing[0], 0;
+    /* A rotation by r moves the bearing b by r x b = -[b]x r. */
+    const Eigen::Matrix3d cross = -cross_matrix(Eigen::Vector3d(bearing));
     for (int axis = 0; axis < 2; axis++) {
         for (size_t i = 0; i < normal.free_parameters.size(); i++)
             change(axis, (int)i) = by.by_camera(axis, normal.free_parameters[i]);
