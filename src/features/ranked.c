@@ -5,6 +5,9 @@
 
 enum { WINDOW = 7, RADIUS = WINDOW / 2 };
 
+/* Of the way from a corner's pixel to the refined place (ranked.h). */
+static const float part = 0.85f;
+
 void fv_ranked_carve(struct fv_ranked *ranked, uint32_t count_max, uint32_t threshold,
                      const struct fv_pyramid *pyramid, int32_t border, struct fv_arena *arena)
 {
@@ -17,6 +20,23 @@ void fv_ranked_carve(struct fv_ranked *ranked, uint32_t count_max, uint32_t thre
     ranked->corners = fv_arena_take(arena, count_max, sizeof *ranked->corners);
     ranked->places = fv_arena_take(arena, count_max, sizeof *ranked->places);
     ranked->responses = fv_arena_take(arena, count_max, sizeof *ranked->responses);
+    if (pyramid->levels == 1) return;
+    const struct fv_plane *largest = &pyramid->level[1];
+    fv_gauss_make(&ranked->gauss, 3, 0);
+    fv_filters_carve(&ranked->filters, largest->width, arena);
+    ranked->smooth = fv_arena_take(arena, (size_t)largest->height, (size_t)largest->stride);
+}
+
+/* The level as corners are found on it. */
+static struct fv_plane smoothed(const struct fv_ranked *ranked, const struct fv_kernels *kernels,
+                                const struct fv_pyramid *pyramid, uint32_t level)
+{
+    struct fv_plane plane = pyramid->level[level];
+    const int32_t least = 2 * ranked->border; /* no corner fits in so few pixels */
+    if (level == 0 || plane.width <= least || plane.height <= least) return plane;
+    plane.pixels = ranked->smooth;
+    fv_gauss_run(&ranked->filters, &ranked->gauss, kernels, &pyramid->level[level], &plane);
+    return plane;
 }
 
 /* Differences and weighted sums along x, the horizontal halves of Sobel derivatives. */
@@ -103,12 +123,26 @@ static uint32_t rank(struct fv_ranked *ranked, const struct fv_plane *from, uint
     return best->count;
 }
 
+static void refine(struct fv_ranked *ranked, const struct fv_kernels *kernels,
+                   const struct fv_pyramid *seen, uint32_t first, uint32_t count)
+{
+    const struct fv_corner *corners = ranked->corners + first;
+    struct fovea_feature *places = ranked->places + first;
+    fv_refine_corners(kernels, seen, corners, count, places);
+    for (uint32_t i = 0; i < count; i++) {
+        const float x_px = fv_pyramid_to_raw(corners[i].level, corners[i].x);
+        const float y_px = fv_pyramid_to_raw(corners[i].level, corners[i].y);
+        places[i].x_px = x_px + part * (places[i].x_px - x_px);
+        places[i].y_px = y_px + part * (places[i].y_px - y_px);
+    }
+}
+
 uint32_t fv_ranked_find(struct fv_ranked *ranked, const struct fv_kernels *kernels,
                         const struct fv_pyramid *pyramid, const struct fv_plane *mask)
 {
+    struct fv_pyramid seen = *pyramid;
     uint32_t count = 0, due = ranked->count_max;
     for (uint32_t level = pyramid->levels; level-- > 0 && due > 0;) {
-        const struct fv_plane *from = &pyramid->level[level];
         uint32_t quota =
             fv_spread_quota(level, pyramid->levels, ranked->count_max, FV_SPREAD_OVER_EVEN);
         if (quota > due || level == 0) quota = due;
@@ -116,9 +150,11 @@ uint32_t fv_ranked_find(struct fv_ranked *ranked, const struct fv_kernels *kerne
         due -= quota;
         ranked->by_score.room = FV_RANKED_MORE * quota;
         ranked->by_measure.room = quota;
-        scan(ranked, kernels, from, level, mask);
-        count += rank(ranked, from, level, count);
+        seen.level[level] = smoothed(ranked, kernels, pyramid, level);
+        scan(ranked, kernels, &seen.level[level], level, mask);
+        const uint32_t found = rank(ranked, &seen.level[level], level, count);
+        refine(ranked, kernels, &seen, count, found);
+        count += found;
     }
-    fv_refine_corners(kernels, pyramid, ranked->corners, count, ranked->places);
     return count;
 }

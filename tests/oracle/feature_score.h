@@ -11,12 +11,14 @@
 
 struct FeatureSet {
     std::vector<cv::Point2d> points;
-    cv::Mat descriptors; /* a row for each; float or bytes */
+    cv::Mat descriptors;       /* a row for each; float or bytes */
+    std::vector<double> sizes; /* of each; may be empty */
 };
 
 struct FeatureScore {
     double repeatability = 0; /* features with one of their own within 2.5 px / those in both */
     double matching = 0;      /* right mutual nearest neighbours / those in both */
+    double alike = 0;         /* repeatability of pairs of like size; 0 without sizes */
 };
 
 inline cv::Point2d through(const cv::Matx33d &H, cv::Point2d p)
@@ -25,10 +27,29 @@ inline cv::Point2d through(const cv::Matx33d &H, cv::Point2d p)
     return {q[0] / q[2], q[1] / q[2]};
 }
 
-/* Pairs within 2.5 px in both images, the nearest first, each feature in one pair at most. */
-inline int repeated(const std::vector<cv::Point2d> &a, const std::vector<cv::Point2d> &b,
-                    const cv::Matx33d &H)
+/* How much larger H makes what lies at p. */
+inline double growth(const cv::Matx33d &H, cv::Point2d p)
 {
+    const cv::Point2d x(.5, 0), y(0, .5);
+    const cv::Point2d along = through(H, p + x) - through(H, p - x);
+    const cv::Point2d across = through(H, p + y) - through(H, p - y);
+    return std::sqrt(std::abs(along.cross(across)));
+}
+
+/* Circles around one place whose union they share to 60 %, as regions that count as found again do
+ * in Mikolajczyk et al., "A comparison of affine region detectors", IJCV 2005. */
+inline bool alike(double size_a, double size_b)
+{
+    const double least = std::sqrt(.6);
+    return size_a >= least * size_b && size_b >= least * size_a;
+}
+
+/* Pairs within 2.5 px in both images, of like size where `sized`, the nearest first, each feature
+ * in one pair at most. */
+inline int repeated(const FeatureSet &set_a, const FeatureSet &set_b, const cv::Matx33d &H,
+                    bool sized)
+{
+    const std::vector<cv::Point2d> &a = set_a.points, &b = set_b.points;
     std::vector<std::tuple<double, size_t, size_t>> pairs;
     const cv::Matx33d back = H.inv();
     std::vector<cv::Point2d> b_in_a;
@@ -36,7 +57,9 @@ inline int repeated(const std::vector<cv::Point2d> &a, const std::vector<cv::Poi
         b_in_a.push_back(through(back, p));
     for (size_t i = 0; i < a.size(); i++) {
         const cv::Point2d q = through(H, a[i]);
+        const double size = sized ? set_a.sizes[i] * growth(H, a[i]) : 0;
         for (size_t k = 0; k < b.size(); k++) {
+            if (sized && !alike(size, set_b.sizes[k])) continue;
             const double error = std::max(cv::norm(q - b[k]), cv::norm(a[i] - b_in_a[k]));
             if (error < 2.5) pairs.emplace_back(error, i, k);
         }
@@ -76,7 +99,9 @@ inline FeatureScore score(const FeatureSet &a, const FeatureSet &b, int norm, co
     }
     const double both =
         std::max(1, std::min(inside(a.points, H, size_b), inside(b.points, H.inv(), size_a)));
-    return {repeated(a.points, b.points, H) / both, right / both};
+    const bool sized = !a.sizes.empty() && !b.sizes.empty();
+    return {repeated(a, b, H, false) / both, right / both,
+            sized ? repeated(a, b, H, true) / both : 0};
 }
 
 #endif
