@@ -12,6 +12,7 @@ packages() {
                 libopencv-contrib-dev libceres-dev ;;
     package) echo dpkg-dev debhelper fakeroot lintian libcamera-dev libopencv-videoio-dev ;;
     package-root) echo mmdebstrap ;;
+    package-service) echo systemd-container ;;
     package-root-arm64) echo mmdebstrap arch-test qemu-user-static ;;
     test)  echo libcmocka-dev libopencv-core-dev libopencv-imgproc-dev libopencv-features2d-dev \
                 libopencv-calib3d-dev libopencv-imgcodecs-dev libopencv-contrib-dev libceres-dev python3 python3-venv iproute2 iptables \

@@ -3,6 +3,8 @@
 #   amd64         in a bare Debian: apt install, a run, an upgrade that keeps what was changed in /etc/fovea, a purge that leaves nothing
 #   all           the same with all five packages: a program linked with libfovea-dev, the page and the calibration answer
 #   arm64         the packages of arm64 in a bare arm64 Debian, emulated: installed and run
+#   service       in a Debian that systemd starts as its first process, by systemd-nspawn: the service is real-time in its loop alone, its page
+#                 answers, a run that is stopped is started again and poses, a reload takes a key, a stop saves the map
 #   reproducible  built twice, in folders of different names, at different dates, with another locale, umask and number of cores: the same bytes
 # Usage: tools/package/check.sh PART...     after `make deb`, for arm64 after `make deb ARCH=arm64`
 #   FOVEA_SUITE   the Debian of the roots (default bookworm)
@@ -121,6 +123,27 @@ arm64() {
     upgraded_and_purged fovea libfovea0
 }
 
+service() {
+    tools/install.sh package-service
+    bare_root amd64
+    in_root 'apt-get update -q >/dev/null
+             apt-get install -y -q --no-install-recommends systemd-sysv udev curl /packages/fovea_*.deb /packages/fovea-web_*.deb >/packages/log 2>&1 || { tail -n 20 /packages/log; exit 1; }'
+    cp tools/package/try_service.sh "$root/packages/"
+    printf '%s\n' 'source: sim:orbit?frames=1000000' 'rate: real' 'lcm_url: ""' 'web.socket: /run/fovea/front.sock' 'map.save: hall.map' >"$root/etc/fovea/front.yaml"
+    printf '%s\n' '[Unit]' 'After=multi-user.target' '[Service]' 'Type=oneshot' \
+        'ExecStart=/bin/sh -c "/packages/try_service.sh >/packages/said 2>&1; systemctl poweroff"' \
+        '[Install]' 'WantedBy=multi-user.target' >"$root/etc/systemd/system/trial.service"
+    in_root 'systemctl enable trial.service >/dev/null 2>&1'
+    umount "$root/proc"
+    timeout 180 systemd-nspawn --quiet --directory="$root" --boot --register=no --keep-unit >"$work/boot" 2>&1 </dev/null || true
+    mount -t proc proc "$root/proc"
+    tail -n 1 "$root/packages/said" 2>/dev/null | grep -qx 'service: ok' || {
+        tail -n 5 "$work/boot"
+        cat "$root/packages/said" 2>/dev/null
+        fail "the service did not do what it must"
+    }
+}
+
 reproducible() {
     export CCACHE_DISABLE=1
     (umask 022 && export TZ=UTC LC_ALL=C FOVEA_JOBS=1 FOVEA_PLACE="$work/first" FOVEA_PACKAGES="$work/packages-1" && tools/package/build.sh >/dev/null)
@@ -132,9 +155,9 @@ reproducible() {
     (cd "$work/packages-1" && sha256sum ./*.deb)
 }
 
-[ $# -gt 0 ] || { sed -n '2,9s/^# //p' "$0" && exit 2; }
+[ $# -gt 0 ] || { sed -n '2,11s/^# //p' "$0" && exit 2; }
 for part in "$@"; do
-    case $part in amd64 | all | arm64 | reproducible) ;; *) fail "found '$part', expected amd64, all, arm64 or reproducible" ;; esac
+    case $part in amd64 | all | arm64 | service | reproducible) ;; *) fail "found '$part', expected amd64, all, arm64, service or reproducible" ;; esac
     "$part" # by itself: a failure within it ends this script
     echo "packages: $part: ok"
     [ -z "${root:-}" ] || { umount "$root/proc" && rm -rf --one-file-system "$root" && root=; }
