@@ -552,7 +552,7 @@ TESTS_CXX := $(if $(CROSS)$(SAN),,$(shell find tests -name 'test_*.cpp' 2>/dev/n
 TESTS     := $(patsubst tests/%.c,$(BUILD)/tests/%,$(TESTS_C)) $(patsubst tests/%.cpp,$(BUILD)/tests/%,$(TESTS_CXX))
 # Of the page, where its program is built.
 TESTS     := $(if $(WEB),$(TESTS),$(filter-out $(BUILD)/tests/unit/web/% $(BUILD)/tests/transport/test_web%,$(TESTS)))
-TEST_HELP := $(call objs,$(filter-out tests/common/wrong_case.c,$(wildcard tests/common/*.c)))
+TEST_HELP := $(call objs,$(filter-out tests/common/wrong_case.c tests/common/program.c,$(wildcard tests/common/*.c)))
 # The jar is tested where there is a Java to build it: 200 MB that no other test needs.
 JAR       := $(if $(and $(wildcard /usr/share/java/lcm.jar),$(shell command -v javac)),$(BUILD)/fovea-types.jar)
 .PHONY: tests
@@ -591,10 +591,13 @@ KERNEL_CHECKS := $(call objs,$(filter-out tests/kernels/test_%,$(wildcard tests/
 $(BUILD)/tests/kernels/test_kernels: $(KERNEL_CHECKS)
 $(BUILD)/tests/kernels/test_kernels: TEST_MORE := $(KERNEL_CHECKS)
 
-# Runs the whole command, which replaces malloc: tests that watch the heap themselves cannot be linked with it.
+# These run the whole command, which replaces malloc: tests that watch the heap themselves cannot be linked with it.
 WRONG_TESTS := $(BUILD)/tests/unit/app/config/test_wrong_values $(BUILD)/tests/unit/app/run/test_wrong $(BUILD)/tests/unit/app/run/test_kept
 $(WRONG_TESTS): $(call objs,tests/common/wrong_case.c)
 $(WRONG_TESTS): TEST_MORE := $(call objs,tests/common/wrong_case.c)
+PROGRAM_TESTS := $(BUILD)/tests/realtime/test_ends $(BUILD)/tests/realtime/test_host
+$(PROGRAM_TESTS): $(call objs,tests/common/program.c)
+$(PROGRAM_TESTS): TEST_MORE := $(call objs,tests/common/program.c)
 # The benchmarks beside OpenCV, one file per room, make up one program.
 BENCH_O := $(call objs,$(wildcard tests/bench/*.cpp)) $(KERNEL_CHECKS)
 $(BUILD)/bench: $(BENCH_O) $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
