@@ -38,6 +38,25 @@ static inline uint64_t fv_hash_bulk(uint64_t hash, const void *data, size_t byte
     return fv_hash(fv_hash(hash, lane, sizeof lane), from + at, bytes - at);
 }
 
+/* fv_hash_bulk for states that may differ in signs: there two flipped top bits of a lane would
+ * cancel, since multiplying leaves the top bit to itself. Here it reaches the others. */
+static inline uint64_t fv_hash_state(uint64_t hash, const void *data, size_t bytes)
+{
+    const uint8_t *from = (const uint8_t *)data;
+    uint64_t lane[4], word[4];
+    size_t at = 0;
+    for (uint64_t i = 0; i < 4; i++)
+        lane[i] = hash + i;
+    for (; at + sizeof word <= bytes; at += sizeof word) {
+        memcpy(word, from + at, sizeof word);
+        for (int i = 0; i < 4; i++) {
+            lane[i] = (lane[i] ^ word[i]) * UINT64_C(1099511628211);
+            lane[i] ^= lane[i] >> 32;
+        }
+    }
+    return fv_hash(fv_hash(hash, lane, sizeof lane), from + at, bytes - at);
+}
+
 #ifdef __cplusplus
 }
 #endif

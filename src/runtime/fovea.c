@@ -253,7 +253,7 @@ enum fovea_status fovea_work(struct fovea *rt, const struct fovea_grants *grants
         outputs->units_done[job] = rt->units_done[job];
         stage_end(rt, (enum fovea_stage)(FOVEA_STAGE_JOBS + job), begin);
     }
-    fv_lockstep_end(rt, outputs);
+    fv_lockstep_end(rt, grants, outputs);
     outputs->jobs_waiting = fv_jobs_waiting(rt);
     return outputs->jobs_waiting ? FOVEA_AGAIN : FOVEA_OK;
 }

@@ -46,14 +46,17 @@ static uint64_t hash_inputs(struct fovea *rt, const struct fovea_inputs *inputs)
     for (uint32_t i = 0; i < inputs->sample_count; i++) {
         const uint32_t bytes =
             fv_message_sample_encode(&inputs->samples[i], &stamp, buffer, capacity);
-        hash = fv_hash_bulk(hash, buffer, bytes);
+        hash = fv_hash_state(hash, buffer, bytes);
     }
     struct fovea_inputs counted = *inputs;
-    counted.resident_bytes = 0;
+    counted.resident_bytes = 0; /* and what else clocks and processes measure */
     counted.temperature_c = 0;
+    counted.latency_ns = 0;
+    counted.utc_offset_ns = 0;
+    counted.frames_late = 0;
     const uint32_t bytes =
         fv_message_inputs_encode(&counted, fv_lockstep_frame_hash(inputs->frame), buffer, capacity);
-    hash = fv_hash_bulk(hash, buffer, bytes);
+    hash = fv_hash_state(hash, buffer, bytes);
     return fv_hash(hash, &stamp.time_ns, sizeof stamp.time_ns);
 }
 
@@ -77,15 +80,19 @@ void fv_lockstep_sent(struct fovea *rt, const struct fovea_outputs *outputs)
         if (message->volatile_values || at == FV_LOCKSTEP_MAX) continue;
         lockstep->kinds[at] =
             (uint32_t)((message->channel - rt->outbox.channel[0]) / FV_MESSAGE_CHANNEL_BYTES);
-        lockstep->hashes[at] = fv_hash_bulk(FV_HASH_START, message->data, message->bytes);
+        lockstep->hashes[at] = fv_hash_state(FV_HASH_START, message->data, message->bytes);
         lockstep->message_count++;
     }
 }
 
-void fv_lockstep_end(struct fovea *rt, struct fovea_outputs *outputs)
+void fv_lockstep_end(struct fovea *rt, const struct fovea_grants *grants,
+                     struct fovea_outputs *outputs)
 {
     struct fv_lockstep *lockstep = &rt->lockstep;
     if (!lockstep->due) return;
+    lockstep->inputs_hash =
+        fv_hash(lockstep->inputs_hash, &grants->features, sizeof grants->features);
+    lockstep->inputs_hash = fv_hash(lockstep->inputs_hash, grants->units, sizeof grants->units);
     fv_lockstep_sent(rt, outputs);
     lockstep->due = false;
     struct fv_message_lockstep message = {
@@ -100,11 +107,11 @@ void fv_lockstep_end(struct fovea *rt, struct fovea_outputs *outputs)
     uint32_t features;
     const struct fovea_feature *found = fovea_features_get(rt, &features);
     message.stages[message.stage_count++] = (struct fv_message_hash){
-        "features", fv_hash_bulk(FV_HASH_START, found, features * sizeof *found)};
+        "features", fv_hash_state(FV_HASH_START, found, features * sizeof *found)};
     for (uint32_t i = 0; i < lockstep->part_count; i++) {
         const struct fv_lockstep_part *part = &lockstep->parts[i];
         const uint64_t hash =
-            fv_hash_bulk(FV_HASH_START, rt->part_base[part->part] + part->from, part->bytes);
+            fv_hash_state(FV_HASH_START, rt->part_base[part->part] + part->from, part->bytes);
         message.stages[message.stage_count++] = (struct fv_message_hash){part->owner, hash};
         message.state_hash = fv_hash(message.state_hash, &hash, sizeof hash);
     }

@@ -44,9 +44,10 @@ void fv_lockstep_own(struct fv_lockstep *lockstep, const char *owner, enum fovea
 uint64_t fv_lockstep_frame_hash(const struct fovea_frame *frame);
 
 /* At the start and the end of a step, and at the end of the work after it, which adds the message
- * to `outputs`. */
+ * to `outputs`. The grants of the work are inputs, too. */
 void fv_lockstep_begin(struct fovea *rt, const struct fovea_inputs *inputs);
 void fv_lockstep_sent(struct fovea *rt, const struct fovea_outputs *outputs);
-void fv_lockstep_end(struct fovea *rt, struct fovea_outputs *outputs);
+void fv_lockstep_end(struct fovea *rt, const struct fovea_grants *grants,
+                     struct fovea_outputs *outputs);
 
 #endif

@@ -22,7 +22,10 @@ static void name_difference(int32_t a_count, const fovea_named_hash_t *a, int32_
     for (int32_t i = 0; i < a_count || i < b_count; i++) {
         const bool both = i < a_count && i < b_count;
         if (both && a[i].hash == b[i].hash && strcmp(a[i].name, b[i].name) == 0) continue;
-        *name = i < b_count ? b[i].name : a[i].name;
+        bool b_has = false; /* what `a` has there; else it is what `b` lacks */
+        for (int32_t k = i; k < b_count && i < a_count; k++)
+            b_has = b_has || strcmp(a[i].name, b[k].name) == 0;
+        *name = i < a_count && (!b_has || i >= b_count) ? a[i].name : b[i].name;
         return;
     }
 }
@@ -222,6 +225,9 @@ static uint32_t without_process(const char *suffix, const uint8_t *data, uint32_
         if (fovea_inputs_t_decode(data, 0, (int)bytes, &inputs) < 0) return bytes;
         inputs.resident_bytes = 0;
         inputs.temperature_c = 0;
+        inputs.latency_ns = 0;
+        inputs.utc_offset_ns = 0;
+        inputs.frames_late = 0;
         written = fovea_inputs_t_encode(copy, 0, (int)bytes, &inputs);
         fovea_inputs_t_decode_cleanup(&inputs);
     } else if (strcmp(suffix, "STATISTICS") == 0) {
@@ -335,6 +341,8 @@ enum fovea_status fv_compare_recordings(const char *a_path, const char *b_path,
         status = iteration_read(&a, error);
         if (status == FOVEA_OK) status = iteration_read(&b, error);
         if (status != FOVEA_OK) break;
+        if (a.at_end && !a.whole) a.count = 0; /* the last iteration may lack its end */
+        if (b.at_end && !b.whole) b.count = 0;
         if (a.count == 0 || b.count == 0) {
             end(&a, &b, compared);
             break;

@@ -11,6 +11,7 @@
 #include "app/watch/compare.h"
 #include "drivers/clock.h"
 #include "message/fields.h"
+#include "support/say.h"
 
 #include "fovea_lockstep_t.h"
 
@@ -29,6 +30,8 @@ struct board {
 
 struct pair {
     struct board boards[2];
+    uint64_t unheard;  /* iterations of one run that were given up: the other's did not come */
+    int64_t paired_ns; /* when two were compared last */
     struct fv_compared compared;
 };
 
@@ -48,10 +51,15 @@ static void take(void *context, const struct fv_received *received)
     fovea_lockstep_t_decode_cleanup(&message);
     for (int i = 0; i < WAITING_MAX; i++) {
         struct waiting *partner = &other->waiting[i];
-        if (partner->bytes == 0 || partner->iteration != iteration || partner->stamp_ns != stamp_ns)
-            continue;
+        if (partner->bytes == 0 || partner->iteration != iteration) continue;
         const bool first = board == board->pair->boards;
-        compared->different = !fv_compare_lockstep(
+        if (partner->stamp_ns != stamp_ns)
+            snprintf(compared->inputs, sizeof compared->inputs,
+                     "stamp.time_ns: found %" PRId64 ", expected %" PRId64,
+                     first ? partner->stamp_ns : stamp_ns, first ? stamp_ns : partner->stamp_ns);
+        board->pair->paired_ns = fv_clock_ns(CLOCK_MONOTONIC);
+        compared->different = partner->stamp_ns != stamp_ns;
+        compared->different |= !fv_compare_lockstep(
             first ? received->data : partner->data, first ? received->bytes : partner->bytes,
             first ? partner->data : received->data, first ? partner->bytes : received->bytes,
             compared);
@@ -64,9 +72,26 @@ static void take(void *context, const struct fv_received *received)
         return;
     }
     struct waiting *place = &board->waiting[board->count++ % WAITING_MAX];
+    board->pair->unheard += place->bytes != 0;
     *place = (struct waiting){.iteration = iteration, .stamp_ns = stamp_ns, .sequence = sequence};
     place->bytes = received->bytes;
     memcpy(place->data, received->data, received->bytes);
+}
+
+/* What one run sent and the other did not: a message that was lost on the way, or a run that has
+ * ended, or stands. The last iteration may be on its way. */
+static void tell_unheard(const struct pair *pair, char **prefixes, struct fv_compared *compared)
+{
+    uint64_t waiting[2] = {0, 0};
+    for (int board = 0; board < 2; board++)
+        for (int i = 0; i < WAITING_MAX; i++)
+            waiting[board] += pair->boards[board].waiting[i].bytes != 0;
+    const int other = waiting[1] > waiting[0] ? 0 : 1; /* that said less */
+    const uint64_t unheard = pair->unheard + waiting[1 - other];
+    if (!compared->different && unheard > 1)
+        snprintf(compared->ended, sizeof compared->ended,
+                 "%" PRIu64 " were not compared, since %.100s did not send them", unheard,
+                 prefixes[other]);
 }
 
 /* Two runs that are heard, until they differ, `iterations` were equal, the end, or silence. */
@@ -89,12 +114,17 @@ static enum fovea_status live(struct fv_bus *bus, char **prefixes, uint64_t iter
     if (status == FOVEA_OK) status = fv_bus_open(bus, rows, 2, error);
     if (status == FOVEA_OK) {
         const int64_t timeout_ns = (int64_t)timeout_s * FV_SECOND_NS;
+        pair->paired_ns = fv_clock_ns(CLOCK_MONOTONIC);
         while (!pair->compared.different && !fv_bus_ended() &&
                (iterations == 0 || pair->compared.iterations < iterations) &&
-               fv_bus_wait(bus, fv_clock_ns(CLOCK_MONOTONIC) + timeout_ns) > 0) {
+               fv_clock_ns(CLOCK_MONOTONIC) < pair->paired_ns + timeout_ns &&
+               fv_bus_wait(bus, pair->paired_ns + timeout_ns) > 0) {
         }
         fv_bus_close(bus);
         *compared = pair->compared;
+        tell_unheard(pair, prefixes, compared);
+        fv_say_clean(compared->stage);
+        fv_say_clean(compared->message);
     }
     free(pair);
     return status;
@@ -106,7 +136,7 @@ static enum fv_exit report(const struct fv_compared *compared, const char *a, co
         printf("equal: %" PRIu64 " iterations, %" PRIu64 " of them with hashes of the state%s%s\n",
                compared->iterations, compared->hashed, compared->ended[0] != '\0' ? "; " : "",
                compared->ended);
-        return compared->iterations > 0 ? FV_EXIT_OK : FV_EXIT_FAILED;
+        return compared->iterations > 0 && compared->ended[0] == '\0' ? FV_EXIT_OK : FV_EXIT_FAILED;
     }
     printf("different: %s from %s at frame %" PRId64 " (iteration %" PRIu64 ", stamp %" PRId64
            " ns), after %" PRIu64 " equal iterations: ",
@@ -115,7 +145,7 @@ static enum fv_exit report(const struct fv_compared *compared, const char *a, co
         printf("inputs: %s\n", compared->inputs);
     else
         printf("equal inputs; first stage: %s; first message: %s\n",
-               compared->stage[0] != '\0' ? compared->stage : "not known or equal",
+               compared->stage[0] != '\0' ? compared->stage : "none that is known",
                compared->message[0] != '\0' ? compared->message : "none");
     return FV_EXIT_FAILED;
 }
