@@ -16,7 +16,7 @@ packages() {
     package-root-arm64) echo mmdebstrap arch-test qemu-user-static ;;
     test)  echo libcmocka-dev libopencv-core-dev libopencv-imgproc-dev libopencv-features2d-dev \
                 libopencv-calib3d-dev libopencv-imgcodecs-dev libopencv-contrib-dev libceres-dev python3 python3-venv iproute2 iptables \
-                libwebsockets-dev chromium chromium-driver ;;
+                libwebsockets-dev openssl chromium chromium-driver ;;
     bench) echo libopencv-core-dev libopencv-imgproc-dev libopencv-features2d-dev libopencv-calib3d-dev \
                 libopencv-imgcodecs-dev opencv-doc python3 python3-venv ;;
     evaluate) echo python3 python3-venv ;;

@@ -1,5 +1,6 @@
 #include "web/certificate.h"
 
+#include <arpa/inet.h>
 #include <errno.h>
 #include <fcntl.h>
 #include <stdio.h>
@@ -9,6 +10,7 @@
 
 #include <openssl/err.h>
 #include <openssl/pem.h>
+#include <openssl/ssl.h>
 #include <openssl/x509v3.h>
 
 #include "web/access.h"
@@ -46,6 +48,17 @@ static FILE *open_file(const char *path, mode_t forbidden, const char **found)
     return NULL;
 }
 
+/* Whether the library takes them: it also reads those behind the first, and has its own bounds. */
+static bool is_served(const struct fv_web_certificate *certificate)
+{
+    SSL_CTX *context = SSL_CTX_new(TLS_server_method());
+    const bool served =
+        context != NULL && SSL_CTX_use_certificate_chain_file(context, certificate->file) == 1 &&
+        SSL_CTX_use_PrivateKey_file(context, certificate->key_file, SSL_FILETYPE_PEM) == 1;
+    SSL_CTX_free(context);
+    return served;
+}
+
 enum fovea_status fv_web_certificate_check(const struct fv_web_certificate *certificate,
                                            struct fovea_error *error)
 {
@@ -63,13 +76,18 @@ enum fovea_status fv_web_certificate_check(const struct fv_web_certificate *cert
     static char no_password[] = "";
     EVP_PKEY *key = file != NULL ? PEM_read_PrivateKey(file, NULL, NULL, no_password) : NULL;
     if (file != NULL) fclose(file);
-    const bool fits = key != NULL && X509_check_private_key(read, key) == 1;
+    const bool fits = key != NULL && X509_check_private_key(read, key) == 1,
+               served = fits && is_served(certificate);
     X509_free(read);
     EVP_PKEY_free(key);
     if (key == NULL) return wrong(error, "--certificate-key", certificate->key_file, found, of_key);
     if (!fits)
         return wrong(error, "--certificate-key", certificate->key_file,
                      "the key of another certificate", "that of the file of --certificate");
+    if (!served)
+        return wrong(error, "--certificate", certificate->file, "what OpenSSL does not serve",
+                     "keys of 2,048 bits (RSA) or 256 (EC) at least, and whole certificates behind "
+                     "the first");
     return FOVEA_OK;
 }
 
@@ -91,9 +109,16 @@ static bool write_hosts(char text[NAMES_BYTES], const char *const *names, int co
     if (strcmp(address, "0.0.0.0") != 0 && strcmp(address, "127.0.0.1") != 0)
         used += (size_t)snprintf(text + used, NAMES_BYTES - used, ",IP:%s", address);
     for (int i = 0; i < count; i++) {
-        if (strpbrk(names[i], ",:;\n") != NULL || strlen(names[i]) >= FV_WEB_NAME_BYTES)
+        static const char letters[] = "abcdefghijklmnopqrstuvwxyz"
+                                      "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789.-";
+        struct in_addr number;
+        const size_t length = strlen(names[i]);
+        if (length == 0 || length >= FV_WEB_NAME_BYTES ||
+            names[i][strspn(names[i], letters)] != '\0')
             return false;
-        used += (size_t)snprintf(text + used, NAMES_BYTES - used, ",DNS:%s", names[i]);
+        used +=
+            (size_t)snprintf(text + used, NAMES_BYTES - used, ",%s:%s",
+                             inet_pton(AF_INET, names[i], &number) == 1 ? "IP" : "DNS", names[i]);
     }
     return true;
 }

@@ -285,7 +285,8 @@ static bool connect_run(struct fv_web_relay *relay)
     if (fv_feed_reader_open(relay->path, 0, &relay->reader, &error) != FOVEA_OK) return false;
     relay->wished = 0;
     relay->overlay_next = 0;
-    memset(relay->pieces, 0, sizeof relay->pieces);
+    for (size_t i = 0; i < SHOWN; i++) /* what comes by rows is shown from its first row on */
+        relay->pieces[i] = table[i].piece != NULL ? -1 : 0;
     memset(relay->overlays, 0, sizeof relay->overlays);
     relay->state = relay->scale_state = relay->map_id = relay->camera_state = -1;
     fv_feed_reader_prefix(relay->reader, relay->prefix);

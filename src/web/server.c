@@ -215,7 +215,7 @@ enum fovea_status fv_web_server_open(const struct fv_web_setup *setup,
         .gid = -1,
         .uid = -1,
         .max_http_header_data = HEADER_BYTES_MAX,
-        .max_http_header_pool = 16,
+        .max_http_header_pool = FV_WEB_CONNECTIONS_MAX, /* who sends half a request holds one */
         .fd_limit_per_thread = FV_WEB_CONNECTIONS_MAX,
         .timeout_secs = 5,
         .timeout_secs_ah_idle = 5,

@@ -16,6 +16,7 @@
 #include <string.h>
 #include <sys/mman.h>
 #include <sys/mount.h>
+#include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
@@ -143,6 +144,7 @@ static void processors_that_others_take_cost_frames_alone(void **state)
     for (int i = 0; i < count; i++) {
         others[i] = fork();
         assert_true(others[i] >= 0);
+        if (others[i] == 0) prctl(PR_SET_PDEATHSIG, SIGKILL);
         for (volatile unsigned n = 0; others[i] == 0; n++)
             continue;
     }

@@ -22,6 +22,7 @@
 
 #include "common/watched.h"
 #include "common/web_client.h"
+#include "drivers/clock.h"
 
 #define OURS "Origin: http://127.0.0.1:7680\r\n"
 #define HOST "Host: 127.0.0.1:7680\r\n"
@@ -428,6 +429,11 @@ static void one_address_does_not_keep_the_others_out(void **state)
     running = process;
     const int open = connect_from("10.11.0.2", TRIES, sockets);
     assert_int_equal(open, OF_ADDRESS);
+    for (int i = 0; i < open; i++) /* half a request each */
+        assert_true(web_send(sockets[i], "GET / HTTP/1.1\r\nHost: 10."));
+    const int64_t asked_ns = fv_clock_ns(CLOCK_MONOTONIC);
+    assert_int_equal(web_get("/app.js", "", answer), 401);
+    assert_true(fv_clock_ns(CLOCK_MONOTONIC) - asked_ns < 4 * INT64_C(1000000000)); /* of 5 s */
     assert_int_equal(connect_from("10.11.0.3", 4, others), 4);
     for (int i = 0; i < open; i++)
         close(sockets[i]);

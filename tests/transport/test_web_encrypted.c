@@ -272,6 +272,17 @@ static void wrong_files_are_named(void **state)
     const char *const name[] = {"--certificate",      none,     "--certificate-key", none,
                                 "--make-certificate", "--name", "a,IP:1.2.3.4",      NULL};
     expect_refused(name, "found a --name that is none of a host");
+    char weak[80], weak_key[80];
+    snprintf(weak, sizeof weak, "%s/weak.crt", folder);
+    snprintf(weak_key, sizeof weak_key, "%s/weak.key", folder);
+    snprintf(command, sizeof command,
+             "openssl req -x509 -newkey rsa:1024 -nodes -subj /CN=weak -keyout %s -out %s "
+             "2>/dev/null && chmod 600 %s",
+             weak_key, weak, weak_key);
+    assert_int_equal(system(command), 0);
+    const char *const refused[] = {"--feed", socket_path,         "--lcm-url", "",  "--certificate",
+                                   weak,     "--certificate-key", weak_key,    NULL};
+    expect_refused(refused, "found what OpenSSL does not serve");
 }
 
 int main(void)
