@@ -61,7 +61,7 @@ for library in libfovea libfovea-messages; do
     sed "s/.*/ &@Base $api~/" tools/$library.symbols
 done >"$tree/debian/libfovea0.symbols"
 
-rm -f "$packages"/*_"$arch".deb
+rm -f "$packages"/fovea*_"$arch".* "$packages"/libfovea*_"$arch".* # ours of before, with what lintian would look for
 echo "Building fovea $full-0fovea1 for $arch"
 (cd "$tree" && dpkg-buildpackage -b -us -uc -a"$arch" -j"${FOVEA_JOBS:-$(nproc)}" "$@") >"$place/log" 2>&1 || {
     tail -n 40 "$place/log"
