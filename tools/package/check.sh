@@ -147,7 +147,7 @@ service() {
 reproducible() {
     export CCACHE_DISABLE=1
     (umask 022 && export TZ=UTC LC_ALL=C FOVEA_JOBS=1 FOVEA_PLACE="$work/first" FOVEA_PACKAGES="$work/packages-1" && tools/package/build.sh >/dev/null)
-    (umask 077 && export TZ=Pacific/Kiritimati LC_ALL=en_US.UTF-8 LANGUAGE=fr FOVEA_JOBS=3 FOVEA_PLACE="$work/second build of another name" \
+    (umask 077 && export TZ=Pacific/Kiritimati LC_ALL=en_US.UTF-8 LANGUAGE=fr FOVEA_JOBS=3 FOVEA_PLACE="$work/second-build-of-another-name" \
         FOVEA_PACKAGES="$work/packages-2" HOME="$work" && tools/package/build.sh >/dev/null)
     for deb in "$work"/packages-1/*.deb; do
         cmp "$deb" "$work/packages-2/${deb##*/}" || fail "two builds differ in ${deb##*/}"
