@@ -62,7 +62,7 @@ struct fovea_extract_config {
     float contrast;
     /* [1, 100], default 10: largest ratio of the two curvatures, which is high on edges (SIFT) */
     float edge_ratio;
-    /* [0, 10000], default 60 (grey levels)^2: least determinant of the Hessian, of derivatives by
+    /* [0, 10000], default 30 (grey levels)^2: least determinant of the Hessian, of derivatives by
      * the scale of their filter (SURF) */
     float hessian;
     /* 0, or 1 (default): SIFT and SURF start with the image at twice its size, which gives more and
