@@ -13,6 +13,7 @@ cd "$(dirname "$0")/../.."
 suite=${FOVEA_SUITE:-bookworm}
 work=$(mktemp -d)
 trap 'umount "$work"/root-*/proc 2>/dev/null || true; rm -rf --one-file-system "$work"' EXIT
+trap 'exit 1' INT TERM
 
 fail() { echo "package check: $*" >&2; exit 1; }
 # What is called in them sees no variable of this shell, and starts no service.
