@@ -47,7 +47,8 @@ static uint32_t region_least(int32_t columns, int32_t rows)
 }
 
 void fv_segments_carve(struct fv_segments *s, const struct fovea_segments_config *config,
-                       int32_t width, int32_t height, struct fv_arena *arena)
+                       int32_t width, int32_t height, struct fv_arena *arena,
+                       struct fv_arena *scratch)
 {
     s->config = *config;
     s->width = width;
@@ -57,7 +58,7 @@ void fv_segments_carve(struct fv_segments *s, const struct fovea_segments_config
     s->region_least = region_least(s->columns, s->rows);
     fv_gauss_make(&s->gauss, 7, 0.75);
     const size_t pixels = (size_t)s->columns * (size_t)s->rows;
-    s->scratch = fv_arena_take_raw(arena, (size_t)width + FV_GAUSS_PAD, sizeof *s->scratch);
+    s->scratch = fv_arena_take_raw(scratch, (size_t)width + FV_GAUSS_PAD, sizeof *s->scratch);
     for (int i = 0; i < 2; i++) {
         s->smooth[i] = fv_arena_take_raw(arena, (size_t)width + FV_CACHE_LINE_BYTES, 1);
         s->reduced[i] = fv_arena_take_raw(arena, (size_t)s->columns, 1);
@@ -238,7 +239,7 @@ static struct fovea_segments *carve(const struct fovea_segments_config *config, 
     struct fovea_segments counted = {0};
     struct fovea_segments *made = fv_arena_take(arena, 1, sizeof *made);
     fv_segments_carve(made == NULL ? &counted.segments : &made->segments, config, width, height,
-                      arena);
+                      arena, arena);
     return made;
 }
 

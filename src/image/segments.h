@@ -53,9 +53,11 @@ struct fv_segments_state {
 };
 
 /* Take the memory of a checked detector for planes of width x height, and compute what depends on
- * its size. Init-only. */
+ * its size. `scratch` gives what holds nothing between two calls: its bytes differ by kernel set.
+ * Init-only. */
 void fv_segments_carve(struct fv_segments *segments, const struct fovea_segments_config *config,
-                       int32_t width, int32_t height, struct fv_arena *arena);
+                       int32_t width, int32_t height, struct fv_arena *arena,
+                       struct fv_arena *scratch);
 
 /* Begin an image. Real-time safe, as all that follows. */
 void fv_segments_begin(const struct fv_segments *segments, struct fv_segments_state *state);

@@ -19,7 +19,7 @@ void fv_edge_stage_carve(struct fv_edge_stage *stage, const struct fovea_edge_jo
     if (!config->segments) return;
     const struct fovea_segments_config segments = {.length_min_px = config->segment_length_min_px,
                                                    .count_max = FV_MESSAGE_EDGE_SEGMENTS_MAX};
-    fv_segments_carve(&stage->segments, &segments, width, height, job);
+    fv_segments_carve(&stage->segments, &segments, width, height, job, frame);
     stage->ends = fv_arena_take(frame, FV_MESSAGE_EDGE_SEGMENTS_MAX, sizeof *stage->ends);
 }
 

@@ -39,7 +39,7 @@ record() { # record LOG COMMAND...
     shift
     # shellcheck disable=SC2086 # the model only with --all: its network takes an emulator as long as all else
     "$@" run --source 'sim:?seed=5&width=320&height=240' --frames "$frames" --record "$log" --set preview.period_frames=7 \
-        --set "image.operations=[denoise, contrast_enhancement, sharpen, normalize]" --set "image.seen_by=[features, networks]" --set edges.period_frames=5 --set edges.segments=true ${all:+--model src/detect/shipped.fvm}
+        --set "image.operations=[denoise, contrast_enhancement, sharpen, normalize]" --set "image.seen_by=[features, networks]" --set edges.period_frames=5 --set edges.segments=true --set lockstep_every=1 ${all:+--model src/detect/shipped.fvm}
 }
 
 # What was seen by a corridor at 8 Hz, which returns to its start: closures and their graphs are float work from end to end.

@@ -103,7 +103,7 @@ static void steps_of_any_size_give_the_same(void **state)
     const struct fv_plane plane = {picture, WIDTH, HEIGHT, WIDTH};
     fv_kernels_init(&kernels, FV_CPU_C);
     fv_arena_init(&arena, other, sizeof other);
-    fv_segments_carve(&segments, &config, WIDTH, HEIGHT, &arena);
+    fv_segments_carve(&segments, &config, WIDTH, HEIGHT, &arena, &arena);
     assert_true(found.count > 100);
     for (int32_t pixels = 1; pixels < 2000000; pixels *= 11) {
         fv_segments_begin(&segments, &progress);
@@ -125,7 +125,7 @@ static void work_is_bounded_by_the_pixels(void **state)
     struct fv_segments_state progress;
     fv_kernels_init(&kernels, FV_CPU_C);
     fv_arena_init(&arena, memory, sizeof memory);
-    fv_segments_carve(&segments, &config, WIDTH, HEIGHT, &arena);
+    fv_segments_carve(&segments, &config, WIDTH, HEIGHT, &arena, &arena);
     for (int kind = 0; kind < 6; kind++) {
         if (kind < 3) draw_noise((uint64_t)kind, 6u << 2 * kind);
         for (int i = 0; kind >= 3 && i < WIDTH * HEIGHT; i++)

@@ -1,0 +1,174 @@
+/* Hashes of each iteration (lockstep_t): the same on every kernel set with every job at work, other
+ * ones where any input or state differs, and none of what clocks and processes measure. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "base/hash.h"
+#include "common/job_switch.h"
+#include "common/sim_rig.h"
+
+#include "fovea_lockstep_t.h"
+
+enum { FRAMES = 12 };
+
+static struct sim_rig rig;
+
+/* ---- what is sent ---------------------------------------------------------------------------- */
+
+static void decode(fovea_lockstep_t *message)
+{
+    const struct fovea_message *found = NULL;
+    for (uint32_t i = 0; i < rig.work.message_count; i++)
+        if (strstr(rig.work.messages[i].channel, "LOCKSTEP") != NULL) found = &rig.work.messages[i];
+    assert_non_null(found);
+    assert_int_equal(fovea_lockstep_t_decode(found->data, 0, (int)found->bytes, message),
+                     found->bytes);
+}
+
+static void open_with_all_jobs(void)
+{
+    sim_rig_open(&rig, "sim:orbit?width=320&height=240", 0, FRAMES);
+    rig.config.lockstep_every = 1;
+    rig.config.edge_job.segments = true;
+    rig.config.image.preprocess.operations.count = FOVEA_OPERATION_COUNT;
+    for (int i = 0; i < FOVEA_OPERATION_COUNT; i++)
+        rig.config.image.preprocess.operations.items[i] = (enum fovea_operation)i;
+    assert_true(job_switch_all(&rig.config, 3));
+}
+
+static void expect_equal(const fovea_lockstep_t *first, const fovea_lockstep_t *found,
+                         const char *set, int frame)
+{
+    assert_int_equal(found->stage_count, first->stage_count);
+    assert_int_equal(found->message_count, first->message_count);
+    for (int32_t i = 0; i < first->stage_count; i++)
+        if (first->stages[i].hash != found->stages[i].hash)
+            fail_msg("frame %d: %s: other state of %s", frame, set, first->stages[i].name);
+    for (int32_t i = 0; i < first->message_count; i++)
+        if (first->messages[i].hash != found->messages[i].hash)
+            fail_msg("frame %d: %s: another %s", frame, set, first->messages[i].name);
+    assert_true(found->inputs_hash == first->inputs_hash && found->state_hash == first->state_hash);
+}
+
+static void every_kernel_set_gives_the_same_hashes(void **state)
+{
+    static const char *const sets[] = {"c", "sse4", "avx2", "avx512", "neon", "dotprod", "i8mm"};
+    static fovea_lockstep_t first[FRAMES];
+    int compared = 0;
+    (void)state;
+    for (size_t i = 0; i < sizeof sets / sizeof sets[0]; i++) {
+        struct fovea_error error;
+        size_t bytes;
+        setenv("FOVEA_CPU", sets[i], 1);
+        open_with_all_jobs();
+        if (fovea_size(&rig.config, &bytes, &error)) fail_msg("%s", error.text);
+        void *memory = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, (bytes + 63) / 64 * 64);
+        const bool there = fovea_init(memory, bytes, &rig.config, &rig.rt, &error) == FOVEA_OK;
+        for (int n = 0; there && sim_rig_next(&rig); n++) {
+            fovea_lockstep_t found;
+            sim_rig_process(&rig);
+            decode(compared == 0 ? &first[n] : &found);
+            if (compared == 0) continue;
+            expect_equal(&first[n], &found, sets[i], n);
+            fovea_lockstep_t_decode_cleanup(&found);
+        }
+        compared += there;
+        rig.rt = memory;
+        sim_rig_close(&rig);
+    }
+    unsetenv("FOVEA_CPU");
+    for (int n = 0; n < FRAMES; n++)
+        fovea_lockstep_t_decode_cleanup(&first[n]);
+    assert_true(compared > 1);
+}
+
+/* ---- inputs ---------------------------------------------------------------------------------- */
+
+enum change { NOTHING, LATENCY, UTC, LATE, RESIDENT, TEMPERATURE, COMMAND, GRANTS, STAMP, PIXEL };
+
+static int64_t inputs_hash(enum change change)
+{
+    static uint8_t pixels[320 * 240];
+    fovea_lockstep_t message;
+    sim_rig_open(&rig, "sim:orbit?width=320&height=240", 0, 1);
+    rig.config.lockstep_every = 1;
+    sim_rig_build(&rig);
+    assert_true(sim_rig_next(&rig));
+    struct fovea_inputs *inputs = &rig.inputs;
+    struct fovea_frame frame = rig.frame;
+    inputs->frame = &frame;
+    if (change == LATENCY) inputs->latency_ns = 1234;
+    if (change == UTC) inputs->utc_offset_ns = 1234;
+    if (change == LATE) inputs->frames_late = 3;
+    if (change == RESIDENT) inputs->resident_bytes = 1234;
+    if (change == TEMPERATURE) inputs->temperature_c = 50;
+    if (change == COMMAND) inputs->commands = FOVEA_COMMAND_RESET;
+    if (change == STAMP) frame.stamp_ns++;
+    if (change == PIXEL) {
+        for (int y = 0; y < 240; y++)
+            memcpy(pixels + 320 * y,
+                   (const uint8_t *)frame.images[0].data + y * frame.images[0].stride_bytes, 320);
+        pixels[777] ^= 1;
+        frame.images[0].data = pixels;
+        frame.images[0].stride_bytes = 320;
+    }
+    (void)fovea_step(rig.rt, inputs, &rig.outputs);
+    struct fovea_grants grants = inputs->grants;
+    if (change == GRANTS) grants.units[FOVEA_JOB_DETECT]++;
+    (void)fovea_work(rig.rt, &grants, &rig.work);
+    decode(&message);
+    const int64_t hash = message.inputs_hash;
+    fovea_lockstep_t_decode_cleanup(&message);
+    rig.ops->requeue(rig.source, &rig.frame);
+    sim_rig_close(&rig);
+    return hash;
+}
+
+static void inputs_are_hashed_and_measured_times_are_not(void **state)
+{
+    (void)state;
+    const int64_t hash = inputs_hash(NOTHING);
+    for (int change = LATENCY; change <= TEMPERATURE; change++)
+        if (inputs_hash((enum change)change) != hash) fail_msg("change %d is seen", change);
+    for (int change = COMMAND; change <= PIXEL; change++)
+        if (inputs_hash((enum change)change) == hash) fail_msg("change %d is not seen", change);
+}
+
+/* ---- the hash -------------------------------------------------------------------------------- */
+
+/* Any two flipped bits, in whatever words: also the signs of two numbers. */
+static void two_flipped_bits_do_not_cancel(void **state)
+{
+    enum { WORDS = 16 };
+    double numbers[WORDS];
+    uint64_t words[WORDS];
+    (void)state;
+    for (int i = 0; i < WORDS; i++)
+        numbers[i] = 0.37 * i + 1;
+    const uint64_t hash = fv_hash_state(FV_HASH_START, numbers, sizeof numbers);
+    for (int a = 0; a < WORDS * 64; a++) {
+        for (int b = 0; b < a; b++) {
+            memcpy(words, numbers, sizeof words);
+            words[a / 64] ^= UINT64_C(1) << a % 64;
+            words[b / 64] ^= UINT64_C(1) << b % 64;
+            if (fv_hash_state(FV_HASH_START, words, sizeof words) == hash)
+                fail_msg("bits %d and %d cancel", b, a);
+        }
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(every_kernel_set_gives_the_same_hashes),
+        cmocka_unit_test(inputs_are_hashed_and_measured_times_are_not),
+        cmocka_unit_test(two_flipped_bits_do_not_cancel),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
