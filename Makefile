@@ -33,7 +33,7 @@ MACHINE  := $(shell $(CC) -dumpmachine 2>/dev/null)
 ifneq (,$(findstring aarch64,$(CROSS)))
 SYSROOT  ?= $(BUILD)/sysroot
 SYSLIBS  := $(SYSROOT)/usr/lib/aarch64-linux-gnu:$(SYSROOT)/lib/aarch64-linux-gnu
-# A root of a whole system (tools/package/arm64_root.sh) brings its own C library; what make_sysroot.sh unpacks stands beside the compiler's.
+# A root of a whole system (tools/make_sysroot.sh DIR whole) brings its own C library; what make_sysroot.sh unpacks stands beside the compiler's.
 ifneq (,$(wildcard $(SYSROOT)/usr/include/stdio.h))
 WHOLE    := $(SYSROOT)
 SYSFLAGS := --sysroot=$(SYSROOT)
@@ -208,7 +208,7 @@ cross:  ## build for aarch64 and run the tests under qemu-user
 # What CI runs of them: the runtime's rooms and the simulated camera, whose results must be the same on ARM. The others are tests of
 # files, processes, sockets and camera drivers, where an emulator tells nothing new; the program that is made of them is run on ARM by
 # tests/replay/everywhere.sh, and the campaign runs all (its part `cross`).
-CORE_TESTS = $(filter-out unit/app/% unit/web/% unit/drivers/% transport/% realtime/%,$(TESTS_C:tests/%.c=%)) unit/drivers/test_sim unit/drivers/test_sim_imu unit/drivers/test_fault
+CORE_TESTS = $(filter-out unit/app/% unit/web/% unit/drivers/% transport/% realtime/%,$(TESTS_C:tests/%.c=%)) unit/drivers/test_sim unit/drivers/test_sim_imu unit/drivers/test_fault unit/drivers/test_fault_schedule
 .PHONY: cross-core
 cross-core:  ## build for aarch64 and run the tests of the runtime's rooms under qemu-user
 	@tools/install.sh build test cross

@@ -235,19 +235,24 @@ static void what_is_lacking_is_named(void **state)
     assert_int_equal(fv_iio_open("", 0, &iio, &error), FOVEA_ERROR_INPUT);
 }
 
+/* A scan with this stamp comes to the loop. */
+static void expect_scan(int64_t stamp_ns)
+{
+    static const int16_t raw[6] = {1, 2, 3, 4, 5, 6};
+    assert_true(fake_iio_scan(raw, stamp_ns));
+    assert_true(await().stamp_ns == stamp_ns);
+}
+
 /* Nothing that the sensor does reaches the loop but samples; what happened is said. */
 static void a_sensor_that_hangs_or_goes_comes_back(void **state)
 {
-    static const int16_t raw[6] = {1, 2, 3, 4, 5, 6};
     struct fv_iio_counts counts;
     (void)state;
     open_iio("adis16448", 0);
     await_set_up();
-    assert_true(fake_iio_scan(raw, 1));
-    assert_true(await().stamp_ns == 1);
+    expect_scan(1);
     await_line("is there, but gives no samples"); /* half a second on */
-    assert_true(fake_iio_scan(raw, 2));
-    assert_true(await().stamp_ns == 2);
+    expect_scan(2);
     await_line("gives samples again");
     fake_iio_unplug();
     await_line("is gone; it is searched for");
@@ -255,8 +260,7 @@ static void a_sensor_that_hangs_or_goes_comes_back(void **state)
     fake_iio_plug();
     await_set_up();
     pause_ms(100); /* the buffer's reader */
-    assert_true(fake_iio_scan(raw, 3));
-    assert_true(await().stamp_ns == 3);
+    expect_scan(3);
     fv_iio_counts(iio, &counts);
     assert_int_equal(counts.samples, 3);
     assert_int_equal(counts.dropped, 0);
@@ -266,21 +270,18 @@ static void a_sensor_that_hangs_or_goes_comes_back(void **state)
 /* A sensor that stays silent is set up anew. */
 static void a_sensor_that_stays_silent_is_started_anew(void **state)
 {
-    static const int16_t raw[6] = {1, 2, 3, 4, 5, 6};
     struct fv_iio_counts counts;
     (void)state;
     open_iio("adis16448", 0);
     await_set_up();
-    assert_true(fake_iio_scan(raw, 1));
-    assert_true(await().stamp_ns == 1);
+    expect_scan(1);
     fv_iio_counts(iio, &counts);
     assert_int_equal(counts.returns, 0);
     fake_iio_file("buffer/enable", "0"); /* as a driver whose buffer stopped */
     await_line("is there, but gives no samples");
     await_set_up();
     pause_ms(100); /* the buffer's reader */
-    assert_true(fake_iio_scan(raw, 2));
-    assert_true(await().stamp_ns == 2);
+    expect_scan(2);
     await_line("gives samples again");
     fv_iio_counts(iio, &counts);
     assert_int_equal(counts.returns, 1);
