@@ -148,34 +148,40 @@ static X509 *sign(EVP_PKEY *key, const char *hosts)
     return NULL;
 }
 
-/* A new file, on the disk when this returns. */
+/* A new file; closed by finish, which has it on the disk. */
 static FILE *create(const char *path, mode_t mode)
 {
     const int file = open(path, O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, mode);
     return file >= 0 ? fdopen(file, "w") : NULL;
 }
 
-static bool finish(FILE *file, bool written)
+static bool finish(FILE *file, const char *path, bool written)
 {
     const bool kept = written && fflush(file) == 0 && fsync(fileno(file)) == 0;
-    return fclose(file) == 0 && kept;
+    const bool closed = fclose(file) == 0;
+    if (!kept || !closed) unlink(path);
+    return kept && closed;
 }
 
-static bool write_files(const struct fv_web_certificate *certificate, X509 *made, EVP_PKEY *key)
+/* The key of the file, or a new one, which is written there; NULL: neither. */
+static EVP_PKEY *key_of(const char *path)
 {
-    FILE *file = create(certificate->key_file, 0600);
-    if (file == NULL) return false;
-    if (!finish(file, PEM_write_PrivateKey(file, key, NULL, NULL, 0, NULL, NULL) == 1)) {
-        unlink(certificate->key_file);
-        return false;
+    static char no_password[] = "";
+    const char *found;
+    FILE *file = open_file(path, S_IRWXO, &found);
+    EVP_PKEY *key = file != NULL ? PEM_read_PrivateKey(file, NULL, NULL, no_password) : NULL;
+    if (file != NULL) {
+        fclose(file);
+        return key;
     }
-    file = create(certificate->file, 0644);
-    if (file != NULL && finish(file, PEM_write_X509(file, made) == 1)) return true;
-    const int reason = errno;
-    if (file != NULL) unlink(certificate->file);
-    unlink(certificate->key_file);
-    errno = reason;
-    return false;
+    file = create(path, 0600);
+    if (file == NULL) return NULL;
+    key = EVP_EC_gen("P-256");
+    if (finish(file, path,
+               key != NULL && PEM_write_PrivateKey(file, key, NULL, NULL, 0, NULL, NULL) == 1))
+        return key;
+    EVP_PKEY_free(key);
+    return NULL;
 }
 
 enum fovea_status fv_web_certificate_make(const struct fv_web_certificate *certificate,
@@ -185,26 +191,27 @@ enum fovea_status fv_web_certificate_make(const struct fv_web_certificate *certi
 {
     char hosts[NAMES_BYTES];
     struct stat status;
-    *made = stat(certificate->file, &status) != 0 && errno == ENOENT &&
-            stat(certificate->key_file, &status) != 0 && errno == ENOENT;
-    if (!*made) return FOVEA_OK; /* the check says what is there */
+    *made = false;
+    if (stat(certificate->file, &status) == 0 || errno != ENOENT)
+        return FOVEA_OK; /* the check says what is there */
     if (name_count > FV_WEB_NAMES_MAX || !write_hosts(hosts, names, name_count, address))
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "--make-certificate: found a --name that is none of a host, "
                                "expected letters, digits, dots and hyphens");
-    EVP_PKEY *key = EVP_EC_gen("P-256");
-    X509 *signed_by_itself = key != NULL ? sign(key, hosts) : NULL;
     errno = 0;
-    const bool written =
-        signed_by_itself != NULL && write_files(certificate, signed_by_itself, key);
+    EVP_PKEY *key = key_of(certificate->key_file);
+    X509 *signed_by_itself = key != NULL ? sign(key, hosts) : NULL;
+    FILE *file = signed_by_itself != NULL ? create(certificate->file, 0644) : NULL;
+    *made = file != NULL &&
+            finish(file, certificate->file, PEM_write_X509(file, signed_by_itself) == 1);
     const int reason = errno;
     X509_free(signed_by_itself);
     EVP_PKEY_free(key);
-    if (written) return FOVEA_OK;
     ERR_clear_error();
-    *made = false;
-    return fovea_error_set(error, FOVEA_ERROR_SYSTEM,
-                           "--make-certificate: %.200s and %.200s cannot be made: %s",
+    if (*made) return FOVEA_OK;
+    return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                           "--make-certificate: %.200s and %.200s: found no way to make them (%s), "
+                           "expected a folder of this user, and no other key there",
                            certificate->file, certificate->key_file,
                            reason != 0 ? strerror(reason) : "libcrypto refuses it");
 }

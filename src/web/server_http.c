@@ -38,8 +38,8 @@ static void addresses(struct lws *wsi, char local[INET_ADDRSTRLEN], char remote[
         inet_ntop(AF_INET, &end.sin_addr, remote, INET_ADDRSTRLEN);
 }
 
-/* Whether the address of a new connection has all that one may have: nobody keeps the others out.
- * Programs of this host are not told apart, so they have no such bound. */
+/* Whether the address of a new connection has all that one may have, so that one host alone does
+ * not keep the others out. On the loopback nobody is told apart, and there is no such bound. */
 static bool is_crowd(const struct lws_filter_network_conn_args *arrived)
 {
     struct sockaddr_in from, other;

@@ -162,6 +162,14 @@ static void the_page_is_served_by_the_certificate_that_was_made(void **state)
     assert_int_equal(stat(key, &again), 0);
     assert_true(again.st_ino == about.st_ino && again.st_mtim.tv_nsec == about.st_mtim.tv_nsec);
     assert_int_equal(web_end(next, true), 0);
+    /* As after an interrupted start: the key is there, and stays. */
+    assert_int_equal(unlink(certificate), 0);
+    const pid_t third = start(true);
+    assert_int_equal(stat(key, &again), 0);
+    assert_true(again.st_ino == about.st_ino && again.st_mtim.tv_nsec == about.st_mtim.tv_nsec);
+    assert_true(encrypted_open(&to, "robot.local", TLS1_3_VERSION));
+    encrypted_close(&to);
+    assert_int_equal(web_end(third, true), 0);
 }
 
 static int descriptors(pid_t process)

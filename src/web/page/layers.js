@@ -2,6 +2,12 @@
 
 const UNKNOWN = -1;
 
+// What is left of a message before the one that is shown. A clock that was set back by more is none of it.
+function isOlder(stamp, shown) {
+  const age = shown === undefined ? 0 : Number(shown - stamp.time_ns);
+  return age > 0 && age < 1e9;
+}
+
 // The classes of the pixels (segmentation_t), over the picture. Pieces of one stamp make one mask.
 export class Mask {
   constructor() {
@@ -10,7 +16,7 @@ export class Mask {
   }
   take(message) {
     const { width, height, stamp, classes } = message;
-    if (stamp.time_ns < this.stamp) return; // what is left of an older one
+    if (isOlder(stamp, this.stamp)) return;
     if (stamp.time_ns !== this.stamp || this.canvas.width !== width || this.canvas.height !== height) {
       Object.assign(this.canvas, { width, height });
       this.stamp = stamp.time_ns;
@@ -55,7 +61,7 @@ export class Mask {
 export class FloorGrid {
   take(message) {
     const { stamp, width, first_row, cells, row_count } = message;
-    if (stamp.time_ns < this.stamp) return;
+    if (isOlder(stamp, this.stamp)) return;
     if (stamp.time_ns !== this.stamp) Object.assign(this, { stamp: stamp.time_ns, free: [], occupied: [] });
     this.place = message;
     const kind = (value) => value === UNKNOWN ? null : value < 100 * message.free_below ? this.free : value > 100 * message.occupied_above ? this.occupied : null;
