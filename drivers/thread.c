@@ -13,7 +13,8 @@ int fv_thread_start(pthread_t *thread, void *(*run)(void *), void *context)
     int failed = pthread_attr_init(&attributes);
     if (failed != 0) return failed;
     pthread_attr_setstacksize(&attributes, FV_THREAD_STACK_BYTES);
-    /* Where it would not be so by itself; a service that is real-time may not ask for it. */
+    /* It is ordinary by itself, but where this thread is real-time without the flag; a service that
+     * was started real-time may not ask for it. */
     const int policy = sched_getscheduler(0);
     if (policy > 0 && (policy & SCHED_RESET_ON_FORK) == 0) {
         pthread_attr_setinheritsched(&attributes, PTHREAD_EXPLICIT_SCHED);

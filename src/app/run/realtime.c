@@ -108,7 +108,7 @@ static void lent_serve(void)
 }
 
 /* A thread as main's: with a stack of the process's limit. Its scheduling is ordinary by
- * SCHED_RESET_ON_FORK; without that flag it is asked for, which nothing forbids. */
+ * SCHED_RESET_ON_FORK; where that flag could not be had it is asked for. */
 static int program_start(pthread_t *thread, int policy, struct program *program)
 {
     pthread_attr_t attributes;
@@ -129,9 +129,15 @@ int fv_realtime_main(int (*program)(int, char **), int argc, char **argv)
 {
     struct program given = {program, argc, argv, 0};
     pthread_t thread;
-    const int policy = sched_getscheduler(0),
-              kind = policy < 0 ? SCHED_OTHER : policy & ~SCHED_RESET_ON_FORK;
+    struct sched_param given_priority;
+    int policy = sched_getscheduler(0);
+    const int kind = policy < 0 ? SCHED_OTHER : policy & ~SCHED_RESET_ON_FORK;
     if (kind != SCHED_FIFO && kind != SCHED_RR) return program(argc, argv);
+    /* Where it lacks the flag, as from chrt without -R, it takes it, so that no thread of this
+     * process becomes real-time. */
+    if (policy == kind && sched_getparam(0, &given_priority) == 0 &&
+        sched_setscheduler(0, kind | SCHED_RESET_ON_FORK, &given_priority) == 0)
+        policy |= SCHED_RESET_ON_FORK;
     sem_init(&lent.asked, 0, 0);
     sem_init(&lent.begun, 0, 0);
     sem_init(&lent.done, 0, 0);
@@ -210,7 +216,10 @@ enum fovea_status fv_realtime_start(struct fv_realtime_thread *thread, uint32_t 
 {
     int failure = 0, unbound = 0;
     thread->lent = lent.offered;
-    if (lent.offered) return (lent_start(cpu, body, argument, rights), FOVEA_OK);
+    if (lent.offered) {
+        lent_start(cpu, body, argument, rights);
+        return FOVEA_OK;
+    }
     *rights = (struct fv_realtime_rights){.fifo = priority > 0, .bound = cpu >= 0};
     /* What is not permitted and what is not there are gone without, one after the other. */
     for (int tries = 0; tries < 3; tries++) {
@@ -219,12 +228,14 @@ enum fovea_status fv_realtime_start(struct fv_realtime_thread *thread, uint32_t 
             say_why(rights, priority, cpu, unbound);
             return FOVEA_OK;
         }
-        if (failure == EPERM && rights->fifo)
+        if (failure == EPERM && rights->fifo) {
             rights->fifo = false;
-        else if ((failure == EINVAL || failure == EPERM) && rights->bound)
-            rights->bound = (unbound = failure, false);
-        else
+        } else if ((failure == EINVAL || failure == EPERM) && rights->bound) {
+            rights->bound = false;
+            unbound = failure;
+        } else {
             break;
+        }
     }
     return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "the loop's thread could not be started: %s",
                            strerror(failure));

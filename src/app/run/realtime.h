@@ -22,7 +22,7 @@ void fv_realtime_unmap(void *memory, size_t bytes);
 void fv_realtime_release(void *memory, size_t bytes, size_t tail);
 
 struct fv_realtime_rights {
-    bool fifo;  /* runs under SCHED_FIFO */
+    bool fifo;  /* runs under SCHED_FIFO; a lent one under SCHED_RR, where it came so */
     bool bound; /* runs on the processor that was asked for */
     bool lent;  /* on the thread that the process was started with, at the priority it came with */
     struct fovea_error

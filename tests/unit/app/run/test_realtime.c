@@ -28,7 +28,8 @@ enum { PRIORITY = 7, ENDED = 23, NO_RIGHT = 77, WRONG = 99 };
 
 struct seen {
     int policy, priority;
-    bool first; /* the thread that the process came with */
+    bool first;    /* the thread that the process came with */
+    bool ordinary; /* what it starts is */
 };
 
 static void *look(void *context)
@@ -36,8 +37,10 @@ static void *look(void *context)
     struct seen *seen = context;
     struct sched_param parameter = {0};
     sched_getparam(0, &parameter);
-    *seen = (struct seen){sched_getscheduler(0) & ~SCHED_RESET_ON_FORK, parameter.sched_priority,
-                          syscall(SYS_gettid) == getpid()};
+    const int policy = sched_getscheduler(0);
+    *seen = (struct seen){policy & ~SCHED_RESET_ON_FORK, parameter.sched_priority,
+                          syscall(SYS_gettid) == getpid(),
+                          policy == SCHED_OTHER || (policy & SCHED_RESET_ON_FORK) != 0};
     return NULL;
 }
 
@@ -93,6 +96,7 @@ static int threads(int argc, char **argv)
     fv_realtime_join(&thread);
     if (rights.lent != real_time || loop.first != real_time) return 5;
     if (real_time && (loop.policy != SCHED_FIFO || loop.priority != PRIORITY)) return 6;
+    if (real_time && !loop.ordinary) return 11; /* as the thread of a camera asks */
     if (real_time && (!rights.fifo || rights.why.text[0] != '\0')) return 7;
     /* And once more, as a check does. */
     if (fv_realtime_start(&thread, 0, 0, look, &again, &rights, &error) != FOVEA_OK) return 8;
