@@ -32,7 +32,6 @@ if [ -z "${SOURCE_DATE_EPOCH:-}" ]; then
     SOURCE_DATE_EPOCH=$(git log -1 --format=%ct 2>/dev/null || stat -c %Y CHANGELOG.md)
 fi
 export SOURCE_DATE_EPOCH
-# Debian itself has no package of it: one of its own, -1, would be later.
 # Debian has no package of it: one of its own, -1, would be later than this.
 full=$version
 grep -m 1 '^## ' CHANGELOG.md | grep -q '(not released)' && full=$version~$(date -u -d "@$SOURCE_DATE_EPOCH" +%Y%m%d%H%M%S)

@@ -76,7 +76,7 @@ later_version() {
 }
 
 upgraded_and_purged() { # upgraded_and_purged PACKAGE...
-    in_root 'fovea config >/etc/fovea/front.yaml; mkdir -p /var/lib/fovea; echo kept >/var/lib/fovea/hall.map'
+    in_root 'systemctl enable -q fovea@front; fovea config >/etc/fovea/front.yaml; mkdir -p /var/lib/fovea; echo kept >/var/lib/fovea/hall.map'
     later_version
     installed "$@"
     in_root 'dpkg-query -W fovea' | grep -q '+later' || fail "the later version was not installed"
@@ -84,7 +84,9 @@ upgraded_and_purged() { # upgraded_and_purged PACKAGE...
     # And one that was changed.
     echo '# mine' >>"$root/etc/fovea/example.yaml"
     later_version
+    before=$(in_root 'dpkg-query -W fovea')
     installed "$@"
+    [ "$(in_root 'dpkg-query -W fovea')" != "$before" ] || fail "the second later version was not installed"
     tail -n 1 "$root/etc/fovea/example.yaml" | grep -q '# mine' || fail "an example that was changed was lost in an upgrade"
     [ -f "$root/etc/fovea/front.yaml" ] || fail "/etc/fovea/front.yaml was lost in an upgrade"
     in_root "apt-get remove -y -q fovea >/dev/null 2>&1"
