@@ -22,8 +22,8 @@
  * repeatability .441 with corners spread as in the loop, .493 without smoothing and with all of the
  * refinement, .511 as here; OpenCV's .471. Matching .279, .295; OpenCV's .246. On 80 pairs of
  * photographs (blur, zoom and rotation, tilt) that nothing was chosen by: .636, .657; OpenCV's
- * .552. Smoothing level 0 too helps blurred images by .01 and costs graf as
- * much; smoothing for the rank alone gives half, for FAST alone nothing. Quotas that fall by 1.3
+ * .552. Smoothing level 0 too helps blurred images by .01 and costs graf as much; smoothing for the
+ * rank alone gives half, for FAST alone nothing. Quotas that fall by 1.3
  * repeat better in other such photographs (+.014) and match less in the affine sets (-.009).
  * Without smoothing: a flat window and twice the quota .488; from there a threshold of 7 .477;
  * lacks handed to finer levels .488; all ranked by FAST score .461, over all levels at once .451;
@@ -35,8 +35,7 @@
  * not fit the zoom: its places are whole pixels, up to 1.8 pixels of the image off, so that corners
  * on several levels scatter, and meet others by chance; hardly one matches. Among pairs of like
  * size no pair is more than .018 below OpenCV's with 300, 500, 1000 or 2000 features; of all the
- * least are -.016,
- * -.036, -.033, -.045 (graf 1-6) with 300, 500, 1000, 2000. */
+ * least are -.016, -.036, -.033, -.045 (graf 1-6) with 300, 500, 1000, 2000. */
 #ifndef FOVEA_FEATURES_RANKED_H
 #define FOVEA_FEATURES_RANKED_H
 

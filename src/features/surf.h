@@ -25,7 +25,7 @@
  *   more, which survive blur, but not a change of viewpoint: .247 (.175); 1 and .7: .262 (.159) and
  *   .236 (.183).
  * - `hessian` keeps weak fine features out of blurred images. 60 in place of 30 gives .294 and,
- * with 500 features, no pair more than .032 below mahotas' repeatability (.073), but leaves dark
+ *   with 500 features, no pair more than .032 below mahotas' repeatability (.073), but leaves dark
  *   pictures none: at a quarter of the brightness two of three have no feature then.
  * Integers, and floating point in a fixed order without libm: equal bits everywhere. */
 #ifndef FOVEA_FEATURES_SURF_H

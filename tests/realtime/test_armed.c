@@ -192,6 +192,7 @@ static int build(void **state)
     if (!job_switch_all(&config, 3)) return -1;
     /* A chain whose result networks and the preview see, so that the way stays as it is. */
     config.edge_job.segments = true;
+    config.lockstep_every = 7;
     config.image.seen_by = FOVEA_VIEWER_NETWORKS | FOVEA_VIEWER_PREVIEW;
     config.image.preprocess.operations.count = FOVEA_OPERATION_COUNT;
     for (int i = 0; i < FOVEA_OPERATION_COUNT; i++)

@@ -32,6 +32,7 @@
 #include "common/own_network.h"
 #include "common/program.h"
 #include "drivers/clock.h"
+#include "support/lcmlog.h"
 
 static char folder[] = "/tmp/fovea_host_XXXXXX";
 static char recording[64], map[64], errors[64], disk[64];
@@ -95,17 +96,44 @@ static void stopped_for_seconds_it_goes_on(void **state)
     expect_goes_on(child);
 }
 
+/* By how many hours the stamps of a log of messages leap, at most. */
+static int64_t hours_leapt(const char *path)
+{
+    struct fv_lcmlog *log;
+    struct fv_lcmlog_event event;
+    struct fovea_error error;
+    int64_t before_us = 0, most_us = 0;
+    assert_int_equal(fv_lcmlog_open(path, &log, &error), FOVEA_OK);
+    while (fv_lcmlog_next(log, &event, &error) == FOVEA_OK) {
+        const int64_t leap_us =
+            event.time_us > before_us ? event.time_us - before_us : before_us - event.time_us;
+        if (before_us != 0 && leap_us > most_us) most_us = leap_us;
+        before_us = event.time_us;
+    }
+    fv_lcmlog_close(log);
+    return most_us / 3600000000;
+}
+
+/* Messages are stamped by it; poses and what is recorded do not depend on it. */
 static void a_clock_that_is_set_changes_nothing(void **state)
 {
     static const int64_t hour_ns = 3600 * INT64_C(1000000000);
+    char messages[64], url[96];
     (void)state;
-    const pid_t child = begin_recorded();
+    snprintf(messages, sizeof messages, "%s/messages.lcm", folder);
+    snprintf(url, sizeof url, "lcm_url=file://%s?mode=w", messages);
+    const char *const words[] = {BY_THE_CLOCK, "--set",      url, "--record",
+                                 recording,    "--save-map", map, NULL};
+    const pid_t child = program_begin(words, -1, NULL, NULL);
+    program_wait_until_grown(recording, PART);
     atomic_store(set_by_ns, -hour_ns);
     program_wait_until_grown(recording, program_file_bytes(recording) + PART / 4);
     atomic_store(set_by_ns, 24 * 365 * hour_ns);
     program_wait_until_grown(recording, program_file_bytes(recording) + PART / 4);
     atomic_store(set_by_ns, 0);
     expect_goes_on(child);
+    assert_in_range(hours_leapt(messages), 24 * 365 - 1, 24 * 365 + 1);
+    unlink(messages);
 }
 
 /* ---- what others take ------------------------------------------------------------------------ */

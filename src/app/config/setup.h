@@ -61,8 +61,8 @@ void fv_setup_close(struct fv_setup *setup);
 /* Whether there is a network that takes colour. Recordings that have colours then give them. */
 bool fv_setup_wants_colour(const struct fv_setup *setup);
 
-/* Whether frames come by the clock, and the bytes of one, its rows as the
- * source pads them. */
+/* Whether frames come by the clock, and the bytes of one, its rows as wide as the source states
+ * (fovea_source_camera). */
 bool fv_setup_real_time(const struct fv_settings *settings, const struct fv_setup *setup);
 size_t fv_setup_frame_bytes(const struct fv_setup *setup);
 

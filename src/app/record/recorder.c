@@ -24,8 +24,8 @@
 #include "image/jpeg.h"
 #include "message/message.h"
 #include "message/recorded.h"
-#include "runtime/lockstep.h"
 #include "message/wire.h"
+#include "runtime/lockstep.h"
 
 enum {
     PACED_FRAMES = 4, /* the loop waits for the disk: no need to hold more */

@@ -12,6 +12,7 @@
 #include "base/hash.h"
 #include "common/job_switch.h"
 #include "common/sim_rig.h"
+#include "runtime/state.h"
 
 #include "fovea_lockstep_t.h"
 
@@ -86,6 +87,25 @@ static void every_kernel_set_gives_the_same_hashes(void **state)
     for (int n = 0; n < FRAMES; n++)
         fovea_lockstep_t_decode_cleanup(&first[n]);
     assert_true(compared > 1);
+}
+
+/* No byte that lives from step to step is left out. */
+static void all_of_the_state_is_hashed(void **state)
+{
+    size_t bytes[FOVEA_MEMORY_PART_COUNT] = {0};
+    (void)state;
+    open_with_all_jobs();
+    sim_rig_build(&rig);
+    const struct fv_lockstep *lockstep = &rig.rt->lockstep;
+    for (uint32_t i = 0; i < lockstep->part_count; i++) {
+        const struct fv_lockstep_part *part = &lockstep->parts[i];
+        assert_int_equal(part->from, bytes[part->part]); /* one behind the other */
+        bytes[part->part] += part->bytes;
+    }
+    assert_int_equal(bytes[FOVEA_MEMORY_PERSISTENT], rig.rt->part_bytes[FOVEA_MEMORY_PERSISTENT]);
+    assert_int_equal(bytes[FOVEA_MEMORY_JOB], rig.rt->part_bytes[FOVEA_MEMORY_JOB]);
+    assert_int_equal(bytes[FOVEA_MEMORY_FRAME], 0);
+    sim_rig_close(&rig);
 }
 
 /* ---- inputs ---------------------------------------------------------------------------------- */
@@ -167,6 +187,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(every_kernel_set_gives_the_same_hashes),
+        cmocka_unit_test(all_of_the_state_is_hashed),
         cmocka_unit_test(inputs_are_hashed_and_measured_times_are_not),
         cmocka_unit_test(two_flipped_bits_do_not_cancel),
     };
