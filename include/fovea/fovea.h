@@ -514,6 +514,19 @@ uint64_t fovea_state_hash(const struct fovea *rt);
 enum fovea_status fovea_copy(const struct fovea *rt, void *memory, size_t bytes,
                              struct fovea **copy);
 
+/* The same as bytes, for a runtime in another block, process or machine of the same word size and
+ * byte order: built by the same version and fovea_init with the same configuration. Parameters in
+ * force are not in it: the next step's inputs say them. fovea_state_save writes
+ * fovea_state_bytes, in the time that copying them takes. Loop thread, between steps.
+ *
+ * fovea_state_load takes them as they are: bytes that fovea_state_save did not write may make later
+ * steps read and write anywhere. FOVEA_ERROR_INPUT: they are of another version or configuration,
+ * and nothing was changed. */
+size_t fovea_state_bytes(const struct fovea *rt);
+void fovea_state_save(const struct fovea *rt, void *data);
+enum fovea_status fovea_state_load(struct fovea *rt, const void *data, size_t bytes,
+                                   struct fovea_error *error);
+
 /* Name of the kernel set that was picked ("c", "sse4", "avx2", "avxvnni", "avx512", "neon",
  * "dotprod", "i8mm"). Any thread. */
 const char *fovea_cpu_name(const struct fovea *rt);

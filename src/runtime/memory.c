@@ -339,3 +339,74 @@ uint64_t fovea_state_hash(const struct fovea *rt)
     uint64_t hash = fv_hash(FV_HASH_START, rt->part_base[PERSISTENT], rt->part_bytes[PERSISTENT]);
     return fv_hash(hash, rt->part_base[JOB], rt->part_bytes[JOB]);
 }
+
+/* ---- the state as bytes ---------------------------------------------------------------------- */
+
+/* Before the persistent and the job part: what lies in neither and still shows in later messages.
+ * No padding. */
+struct saved {
+    uint64_t layout;
+    uint64_t persistent_bytes, job_bytes;
+    uint64_t distances;
+    struct fovea_grants work_grants;
+    uint32_t units_done[FOVEA_JOB_COUNT];
+};
+
+/* Of who owns which bytes, in this version. */
+static uint64_t layout_hash(const struct fovea *rt)
+{
+    static const char version[] = FOVEA_VERSION;
+    uint64_t hash = fv_hash(FV_HASH_START, version, sizeof version);
+    for (uint32_t i = 0; i < rt->lockstep.part_count; i++) {
+        const struct fv_lockstep_part *part = &rt->lockstep.parts[i];
+        const uint64_t place[3] = {(uint64_t)part->part, part->from, part->bytes};
+        hash = fv_hash(hash, part->owner, strlen(part->owner));
+        hash = fv_hash(hash, place, sizeof place);
+    }
+    return hash;
+}
+
+size_t fovea_state_bytes(const struct fovea *rt)
+{
+    return sizeof(struct saved) + rt->part_bytes[PERSISTENT] + rt->part_bytes[JOB];
+}
+
+void fovea_state_save(const struct fovea *rt, void *data)
+{
+    struct saved head;
+    uint8_t *to = data;
+    memset(&head, 0, sizeof head);
+    head.layout = layout_hash(rt);
+    head.persistent_bytes = rt->part_bytes[PERSISTENT];
+    head.job_bytes = rt->part_bytes[JOB];
+    head.distances = rt->distances;
+    head.work_grants = rt->work_grants;
+    memcpy(head.units_done, rt->units_done, sizeof head.units_done);
+    memcpy(to, &head, sizeof head);
+    memcpy(to + sizeof head, rt->part_base[PERSISTENT], rt->part_bytes[PERSISTENT]);
+    memcpy(to + sizeof head + rt->part_bytes[PERSISTENT], rt->part_base[JOB], rt->part_bytes[JOB]);
+}
+
+enum fovea_status fovea_state_load(struct fovea *rt, const void *data, size_t bytes,
+                                   struct fovea_error *error)
+{
+    struct saved head;
+    const uint8_t *from = data;
+    if (bytes != fovea_state_bytes(rt))
+        return fovea_error_set(error, FOVEA_ERROR_INPUT, "state: found %zu bytes, expected %zu",
+                               bytes, fovea_state_bytes(rt));
+    memcpy(&head, from, sizeof head);
+    if (head.layout != layout_hash(rt) || head.persistent_bytes != rt->part_bytes[PERSISTENT] ||
+        head.job_bytes != rt->part_bytes[JOB])
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "state: found that of another version or configuration, expected "
+                               "one of version %s with this configuration",
+                               FOVEA_VERSION);
+    rt->distances = (uint32_t)head.distances;
+    rt->work_grants = head.work_grants;
+    memcpy(rt->units_done, head.units_done, sizeof head.units_done);
+    memcpy(rt->part_base[PERSISTENT], from + sizeof head, rt->part_bytes[PERSISTENT]);
+    memcpy(rt->part_base[JOB], from + sizeof head + rt->part_bytes[PERSISTENT],
+           rt->part_bytes[JOB]);
+    return FOVEA_OK;
+}

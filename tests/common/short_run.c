@@ -78,8 +78,11 @@ void short_run_samples(uint32_t n, struct fovea_sample *samples)
 }
 
 static void record_turns(const struct short_run *run, struct fovea *rt,
-                         const struct fovea_config *config, struct fv_recorder *recorder)
+                         const struct fovea_config *config, struct fv_recorder *opened)
 {
+    struct fv_recorder *recorder = run->begin == 0 ? opened : NULL;
+    struct fovea_config changed = *config;
+    changed.features.threshold = 25;
     const int32_t width2 = run->width * 3 / 4, height2 = run->height * 3 / 4;
     size_t bytes = (size_t)run->width * (size_t)run->height;
     uint8_t *pixels = malloc(bytes), *second = malloc(bytes);
@@ -120,6 +123,11 @@ static void record_turns(const struct short_run *run, struct fovea *rt,
         fovea_grants_fixed(config, &inputs.grants);
         uint32_t granted = run->features - 50 + n;
         inputs.grants.features = granted < run->features ? granted : run->features;
+        if (run->begin > 0 && n + 2 == run->begin) inputs.parameters = &changed;
+        if (run->begin > 0 && n == run->begin) {
+            recorder = opened;
+            fv_recorder_begin(recorder, rt, &inputs);
+        }
         while (!fv_recorder_room(recorder))
             nanosleep(&(struct timespec){.tv_nsec = 1000000}, NULL);
         fovea_step(rt, &inputs, &outputs);
@@ -164,10 +172,18 @@ void short_run_record(const char *path, const struct short_run *run)
                                       .kernel_set = fovea_cpu_name(rt),
                                       .frame_bytes =
                                           cameras * (size_t)run->width * (size_t)run->height};
+    if (run->begin > 0) {
+        setup.state_bytes = fovea_state_bytes(rt);
+        setup.state = malloc(setup.state_bytes);
+        setup.ring_bytes = fv_recorder_ring_bytes(&setup);
+        setup.ring_memory = aligned_alloc(64, setup.ring_bytes);
+    }
     expect(fv_recorder_open(&setup, &recorder, &error), &error);
     record_turns(run, rt, &settings->runtime, recorder);
     snprintf(error.text, sizeof error.text, "%s: not complete", path);
     expect(fv_recorder_close(recorder, NULL), &error);
+    free(setup.state);
+    free(setup.ring_memory);
     free(memory);
     free(mask);
     free(settings);

@@ -24,6 +24,9 @@ struct short_run {
     bool rig;
     uint32_t features; /* most per frame; granted are 50 fewer at first, one more each iteration */
     enum fovea_feature_method method;
+    /* the iteration that the recording begins before, in the middle of the run; 0: with it. Two
+     * before it features.threshold becomes 25 */
+    uint32_t begin;
 };
 
 /* The samples of iteration n, SHORT_RUN_SAMPLES of them: no two have the same values. */

@@ -122,7 +122,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t bytes)
     size_t log_bytes = make_log(data, bytes, &log);
     if (ftruncate(file, 0) != 0 || pwrite(file, log, log_bytes, 0) != (ssize_t)log_bytes) abort();
     free(log);
-    enum fovea_status status = fv_replay(path, true, NULL, NULL, &result, &error);
+    enum fovea_status status = fv_replay(path, FV_REPLAY_STOPS, NULL, NULL, &result, &error);
     if (status != FOVEA_OK &&
         (strchr(error.text, '\n') != NULL || strncmp(error.text, path, strlen(path)) != 0))
         abort();

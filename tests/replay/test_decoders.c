@@ -123,7 +123,7 @@ static void replays(const struct fv_model_decode *one, const char *first_channel
     }
     snprintf(name, sizeof name, "FOVEA_%s", first_channel);
     heard(path, name, &at);
-    assert_int_equal(fv_replay(path, true, NULL, NULL, &result, &error), FOVEA_OK);
+    assert_int_equal(fv_replay(path, FV_REPLAY_STOPS, NULL, NULL, &result, &error), FOVEA_OK);
     if (result.different) fail_msg("%s", result.difference);
     assert_int_equal(result.steps, FRAMES);
 
@@ -134,7 +134,7 @@ static void replays(const struct fv_model_decode *one, const char *first_channel
     assert_int_equal(fseek(file, (long)at + 150, SEEK_SET), 0);
     fputc(byte ^ 1, file);
     fclose(file);
-    assert_int_equal(fv_replay(path, true, NULL, NULL, &result, &error), FOVEA_OK);
+    assert_int_equal(fv_replay(path, FV_REPLAY_STOPS, NULL, NULL, &result, &error), FOVEA_OK);
     assert_true(result.different);
     assert_non_null(strstr(result.difference, name));
     unlink(path);

@@ -77,7 +77,7 @@ static enum fovea_status replay_flipped(size_t at, uint8_t bits, struct fv_repla
     whole[at] ^= bits;
     write_changed(whole, whole_bytes);
     whole[at] ^= bits;
-    return fv_replay(changed, true, NULL, NULL, result, error);
+    return fv_replay(changed, FV_REPLAY_STOPS, NULL, NULL, result, error);
 }
 
 /* Offset in the file of a field of the n-th event on a channel, and its bytes; 0: there is no such
@@ -115,7 +115,8 @@ static void test_equal(void **state)
     (void)state;
     struct fv_replay_result result;
     struct fovea_error error;
-    if (fv_replay(good, true, NULL, NULL, &result, &error) != FOVEA_OK) fail_msg("%s", error.text);
+    if (fv_replay(good, FV_REPLAY_STOPS, NULL, NULL, &result, &error) != FOVEA_OK)
+        fail_msg("%s", error.text);
     if (result.different) fail_msg("%s", result.difference);
     assert_int_equal(result.end, FV_REPLAY_WHOLE);
     assert_int_equal(result.frames, ITERATIONS - 3);
@@ -139,7 +140,7 @@ static void test_methods(void **state)
                                       .features = 200,
                                       .method = (enum fovea_feature_method)m};
         short_run_record(changed, &run);
-        if (fv_replay(changed, true, NULL, NULL, &result, &error) != FOVEA_OK)
+        if (fv_replay(changed, FV_REPLAY_STOPS, NULL, NULL, &result, &error) != FOVEA_OK)
             fail_msg("%s", error.text);
         if (result.different) fail_msg("method %d: %s", m, result.difference);
         assert_int_equal(result.end, FV_REPLAY_WHOLE);
@@ -240,7 +241,7 @@ static void test_missing_message(void **state)
     memcpy(shorter, whole, event);
     memcpy(shorter + event, whole + end, whole_bytes - end);
     write_changed(shorter, whole_bytes - (end - event));
-    assert_int_equal(fv_replay(changed, true, NULL, NULL, &result, &error), FOVEA_OK);
+    assert_int_equal(fv_replay(changed, FV_REPLAY_STOPS, NULL, NULL, &result, &error), FOVEA_OK);
     assert_true(result.different);
     assert_non_null(strstr(result.difference, "frame 5"));
     assert_non_null(strstr(result.difference, "found FOVEA_FEATURES, expected this channel"));
@@ -253,19 +254,23 @@ static void test_not_a_recording(void **state)
     struct fv_replay_result result;
     struct fovea_error error;
     write_changed(whole, 0);
-    assert_int_equal(fv_replay(changed, true, NULL, NULL, &result, &error), FOVEA_ERROR_INPUT);
+    assert_int_equal(fv_replay(changed, FV_REPLAY_STOPS, NULL, NULL, &result, &error),
+                     FOVEA_ERROR_INPUT);
     assert_non_null(strstr(error.text, "byte 0: found nothing, expected a recording"));
     write_changed((const uint8_t *)"# a text file, and not a short one at that", 42);
-    assert_int_equal(fv_replay(changed, true, NULL, NULL, &result, &error), FOVEA_ERROR_INPUT);
+    assert_int_equal(fv_replay(changed, FV_REPLAY_STOPS, NULL, NULL, &result, &error),
+                     FOVEA_ERROR_INPUT);
     assert_non_null(strstr(error.text, "byte 0: found 23206120, expected an LCM event (eda1da01)"));
     size_t frame = find_event("FOVEA_FRAME", 0);
     write_changed(whole + frame, whole_bytes - frame);
-    assert_int_equal(fv_replay(changed, true, NULL, NULL, &result, &error), FOVEA_ERROR_INPUT);
+    assert_int_equal(fv_replay(changed, FV_REPLAY_STOPS, NULL, NULL, &result, &error),
+                     FOVEA_ERROR_INPUT);
     assert_non_null(
         strstr(error.text, "begins with channel FOVEA_FRAME, expected a recording of fovea run"));
-    assert_int_equal(fv_replay("/nonexistent", true, NULL, NULL, &result, &error),
+    assert_int_equal(fv_replay("/nonexistent", FV_REPLAY_STOPS, NULL, NULL, &result, &error),
                      FOVEA_ERROR_INPUT);
-    assert_int_equal(fv_replay("/tmp", true, NULL, NULL, &result, &error), FOVEA_ERROR_INPUT);
+    assert_int_equal(fv_replay("/tmp", FV_REPLAY_STOPS, NULL, NULL, &result, &error),
+                     FOVEA_ERROR_INPUT);
 }
 
 /* Cut anywhere: never a difference, and either the byte where the last event begins, or a log that
@@ -275,7 +280,7 @@ static void expect_cut(size_t cut, uint32_t *refused)
     struct fv_replay_result result;
     struct fovea_error error;
     write_changed(whole, cut);
-    enum fovea_status status = fv_replay(changed, true, NULL, NULL, &result, &error);
+    enum fovea_status status = fv_replay(changed, FV_REPLAY_STOPS, NULL, NULL, &result, &error);
     assert_false(result.different);
     assert_int_equal(result.end, FV_REPLAY_CUT_OFF);
     if (status == FOVEA_ERROR_INPUT)
@@ -389,7 +394,7 @@ static void test_texts_are_printable(void **state)
     memcpy(longer + reason, "\x1b[2J", 5);
     write_changed(longer, whole_bytes + 4);
     free(longer);
-    assert_int_equal(fv_replay(changed, false, NULL, NULL, &result, &error), FOVEA_OK);
+    assert_int_equal(fv_replay(changed, 0, NULL, NULL, &result, &error), FOVEA_OK);
     assert_string_equal(result.reason, "?[2J");
 }
 
@@ -406,7 +411,8 @@ static void test_more_after_the_end(void **state)
     memcpy(longer + whole_bytes, whole + inputs, more);
     write_changed(longer, whole_bytes + more);
     free(longer);
-    assert_int_equal(fv_replay(changed, true, NULL, NULL, &result, &error), FOVEA_ERROR_INPUT);
+    assert_int_equal(fv_replay(changed, FV_REPLAY_STOPS, NULL, NULL, &result, &error),
+                     FOVEA_ERROR_INPUT);
     assert_non_null(
         strstr(error.text, "found an event after the end of the recording, expected none"));
 }
@@ -428,7 +434,7 @@ static void test_other_formats(void **state)
     for (int i = 0; i < 3; i++) {
         whole[format] = cases[i].format;
         write_changed(whole, whole_bytes);
-        assert_int_equal(fv_replay(changed, true, NULL, NULL, &result, &error),
+        assert_int_equal(fv_replay(changed, FV_REPLAY_STOPS, NULL, NULL, &result, &error),
                          FOVEA_ERROR_UNSUPPORTED);
         if (strstr(error.text, cases[i].said) == NULL) fail_msg("%s", error.text);
     }
@@ -521,7 +527,8 @@ static void check_missing_sample(const uint8_t *bytes, size_t count)
     memcpy(less + at, bytes + behind, count - behind);
     write_changed(less, count - (behind - at));
     free(less);
-    assert_int_equal(fv_replay(changed, true, NULL, NULL, &result, &error), FOVEA_ERROR_INPUT);
+    assert_int_equal(fv_replay(changed, FV_REPLAY_STOPS, NULL, NULL, &result, &error),
+                     FOVEA_ERROR_INPUT);
     assert_non_null(
         strstr(error.text, "found another number of samples and parameters before them"));
     write_changed(bytes, count);
@@ -539,7 +546,7 @@ static void test_rig(void **state)
     char *bytes;
     size_t count;
     short_run_record(changed, &run);
-    if (fv_replay(changed, true, NULL, NULL, &result, &error) != FOVEA_OK)
+    if (fv_replay(changed, FV_REPLAY_STOPS, NULL, NULL, &result, &error) != FOVEA_OK)
         fail_msg("%s", error.text);
     if (result.different) fail_msg("%s", result.difference);
     assert_true(result.end == FV_REPLAY_WHOLE && result.frames == ITERATIONS - 3);
@@ -570,7 +577,7 @@ static void test_rig(void **state)
     bytes[at - iteration / 2] ^= 1;
     write_changed((uint8_t *)bytes, count);
     free(bytes);
-    assert_int_equal(fv_replay(changed, true, NULL, NULL, &result, &error), FOVEA_OK);
+    assert_int_equal(fv_replay(changed, FV_REPLAY_STOPS, NULL, NULL, &result, &error), FOVEA_OK);
     assert_true(result.different);
     assert_non_null(strstr(result.difference, "frame 1 ("));
     assert_non_null(strstr(result.difference, "hash of the pixels"));
@@ -593,7 +600,7 @@ static void test_mutated(void **state)
         write_changed(copy, whole_bytes);
         struct fv_replay_result result;
         struct fovea_error error = {0};
-        enum fovea_status status = fv_replay(changed, true, NULL, NULL, &result, &error);
+        enum fovea_status status = fv_replay(changed, FV_REPLAY_STOPS, NULL, NULL, &result, &error);
         if (status != FOVEA_OK) {
             assert_true(strncmp(error.text, changed, strlen(changed)) == 0);
             assert_null(strchr(error.text, '\n'));
@@ -604,6 +611,35 @@ static void test_mutated(void **state)
                   outcomes[1], outcomes[2]);
     assert_true(outcomes[0] > 30 && outcomes[1] > 5);
     free(copy);
+}
+
+/* A recording that began in the middle of its run replays bit for bit, before and after networks,
+ * maps and jobs have begun, with the parameters that were in force; but only when it is trusted. */
+static void test_middle(void **state)
+{
+    (void)state;
+    struct fv_replay_result result;
+    struct fovea_error error;
+    for (uint32_t begin = 2; begin < ITERATIONS; begin += 9) {
+        const struct short_run run = {.width = WIDTH,
+                                      .height = HEIGHT,
+                                      .iterations = ITERATIONS,
+                                      .features = 200,
+                                      .detect = begin % 2 == 0,
+                                      .rig = begin % 4 == 3,
+                                      .begin = begin};
+        short_run_record(changed, &run);
+        assert_int_equal(fv_replay(changed, FV_REPLAY_STOPS, NULL, NULL, &result, &error),
+                         FOVEA_ERROR_INPUT);
+        assert_non_null(strstr(error.text, "--trust-state"));
+        if (fv_replay(changed, FV_REPLAY_STOPS | FV_REPLAY_TRUSTS, NULL, NULL, &result, &error) !=
+            FOVEA_OK)
+            fail_msg("%s", error.text);
+        if (result.different) fail_msg("from %u: %s", (unsigned)begin, result.difference);
+        assert_int_equal(result.end, FV_REPLAY_WHOLE);
+        assert_int_equal(result.steps, ITERATIONS - begin);
+        assert_true(result.messages_equal > 2 * (ITERATIONS - begin));
+    }
 }
 
 int main(void)
@@ -628,6 +664,7 @@ int main(void)
         cmocka_unit_test(test_not_a_recording),
         cmocka_unit_test(test_cut_off),
         cmocka_unit_test(test_mutated),
+        cmocka_unit_test(test_middle),
     };
     int failed = cmocka_run_group_tests(tests, NULL, NULL);
     unlink(good);

@@ -72,7 +72,7 @@ static void both_networks_replay_bit_for_bit(void **state)
     find("FOVEA_DETECTIONS", &first);
     const size_t at = find("FOVEA_DETECTIONS2", &second);
     assert_true(first > 5 && second > 5);
-    assert_int_equal(fv_replay(path, true, NULL, NULL, &result, &error), FOVEA_OK);
+    assert_int_equal(fv_replay(path, FV_REPLAY_STOPS, NULL, NULL, &result, &error), FOVEA_OK);
     if (result.different) fail_msg("%s", result.difference);
     assert_int_equal(result.steps, 30);
 
@@ -83,7 +83,7 @@ static void both_networks_replay_bit_for_bit(void **state)
     assert_int_equal(fseek(file, (long)at + 8 + 7, SEEK_SET), 0);
     fputc(byte ^ 1, file);
     fclose(file);
-    assert_int_equal(fv_replay(path, true, NULL, NULL, &result, &error), FOVEA_OK);
+    assert_int_equal(fv_replay(path, FV_REPLAY_STOPS, NULL, NULL, &result, &error), FOVEA_OK);
     assert_true(result.different);
     assert_non_null(strstr(result.difference, "FOVEA_DETECTIONS2"));
     unlink(path);

@@ -1,30 +1,19 @@
-#include "app/record/recorder.h"
+#include "app/record/recorder_internal.h"
 
-#include <errno.h>
-#include <fcntl.h>
-#include <inttypes.h>
-#include <pthread.h>
 #include <signal.h>
-#include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
-#include <unistd.h>
 
 #include "support/aligned.h"
-#include "app/record/recording_file.h"
 #include "app/record/recording_header.h"
 #include "support/say.h"
 #include "support/stall.h"
 #include "base/hash.h"
-#include "base/ring.h"
 #include "drivers/thread.h"
 #include "support/lcmlog.h"
 #include "image/jpeg.h"
-#include "message/message.h"
 #include "message/recorded.h"
-#include "message/wire.h"
 #include "runtime/lockstep.h"
 
 enum {
@@ -32,50 +21,7 @@ enum {
     SMALL_BYTES =
         32 << 10, /* inputs, grants and the messages of one iteration that are not named below */
     FEATURE_BYTES = 16,
-    OBJECTS_BYTES = 256 << 10, /* detections and objects, as many as there may be */
-    WRITE_BYTES_MAX = 1 << 20,
-    POLL_NS = 4000000,
-    LOOK_POLLS = 64 /* between looks whether the file is still there: 0.3 s */
-};
-
-enum ending { RUNNING = 0, ENDED_SLOW = 1, ENDED_FAILED = 2 };
-
-/* How far the log goes: up to here it could end. */
-struct extent {
-    uint64_t events, bytes, iterations, hash;
-    int64_t time_us; /* of the last event */
-};
-
-struct fv_recorder {
-    struct fv_ring ring;
-    void *ring_memory;
-    size_t iteration_bytes;          /* room that pace waits for */
-    char path[FV_OUTPUT_PATH_BYTES]; /* of the file that is written */
-    char channels[FV_MESSAGE_KIND_COUNT][FV_MESSAGE_CHANNEL_BYTES];
-
-    /* The loop thread's. */
-    uint8_t *header; /* encoded recording_t, sent with the first iteration since it needs a time */
-    uint32_t header_bytes;
-    bool started;
-    int64_t event_number;
-    uint64_t steps_lost;
-    int64_t samples[FOVEA_SAMPLE_KIND_COUNT]; /* so far */
-    uint32_t parameters;                      /* changes recorded for the step to come */
-    enum fovea_clock clock;                   /* of the frames, of which the last said so */
-
-    /* Shared. */
-    atomic_int ending; /* enum ending; set by either thread, once */
-    atomic_bool stop;  /* no more will come */
-
-    /* The writer's. */
-    pthread_t thread;
-    struct fv_recording_file place;
-    int file;                /* of `place` */
-    int looks;               /* since the file was looked for */
-    struct extent written;   /* whole events */
-    struct extent iteration; /* those before the last iteration that has begun */
-    bool iteration_begun;    /* by samples or a frame: the inputs that follow belong to it */
-    char reason[FV_RECORDING_END_REASON_BYTES];
+    OBJECTS_BYTES = 256 << 10 /* detections and objects, as many as there may be */
 };
 
 /* ---- the loop's side ------------------------------------------------------------------------- */
@@ -83,13 +29,14 @@ struct fv_recorder {
 /* Room for an event with at most `bytes_max` of data; NULL ends the recording. */
 static uint8_t *event_begin(struct fv_recorder *recorder, const char *channel, size_t bytes_max)
 {
-    if (atomic_load_explicit(&recorder->ending, memory_order_relaxed) != RUNNING) return NULL;
+    if (atomic_load_explicit(&recorder->ending, memory_order_relaxed) != FV_RECORDER_RUNNING)
+        return NULL;
     size_t channel_bytes = strlen(channel);
     uint8_t *event =
         fv_ring_reserve(&recorder->ring, FV_LCMLOG_HEADER_BYTES + channel_bytes + bytes_max);
     if (event == NULL) {
-        int running = RUNNING;
-        atomic_compare_exchange_strong(&recorder->ending, &running, ENDED_SLOW);
+        int running = FV_RECORDER_RUNNING;
+        atomic_compare_exchange_strong(&recorder->ending, &running, FV_RECORDER_SLOW);
         return NULL;
     }
     /* A log holds the bytes alone. NOLINTNEXTLINE(bugprone-not-null-terminated-result) */
@@ -171,11 +118,22 @@ static void record_header(struct fv_recorder *recorder, int64_t time_us)
     recorder->started = true;
 }
 
+void fv_recorder_begin(struct fv_recorder *recorder, const struct fovea *rt,
+                       const struct fovea_inputs *inputs)
+{
+    fovea_state_save(rt, recorder->setup.state);
+    recorder->in_force = *fovea_config_get(rt);
+    recorder->begin_us = event_time_us(inputs);
+    recorder->started = true; /* the writer writes the header, which has number 0 */
+    recorder->event_number = 1;
+    atomic_store_explicit(&recorder->begun, true, memory_order_release);
+}
+
 void fv_recorder_parameter(struct fv_recorder *recorder, const struct fovea_inputs *inputs,
                            const char *key, const char *value)
 {
     if (recorder == NULL ||
-        atomic_load_explicit(&recorder->ending, memory_order_relaxed) != RUNNING)
+        atomic_load_explicit(&recorder->ending, memory_order_relaxed) != FV_RECORDER_RUNNING)
         return;
     const int64_t time_us = event_time_us(inputs);
     const char *channel = recorder->channels[FV_MESSAGE_PARAMETER];
@@ -208,7 +166,7 @@ void fv_recorder_step(struct fv_recorder *recorder, const struct fovea_inputs *i
                       const struct fovea_outputs *outputs)
 {
     if (recorder == NULL) return;
-    if (atomic_load_explicit(&recorder->ending, memory_order_relaxed) != RUNNING) {
+    if (atomic_load_explicit(&recorder->ending, memory_order_relaxed) != FV_RECORDER_RUNNING) {
         recorder->steps_lost++;
         return;
     }
@@ -234,226 +192,10 @@ void fv_recorder_work(struct fv_recorder *recorder, const struct fovea_inputs *i
     record_messages(recorder, time_us, outputs);
 }
 
-static void sleep_a_little(void)
-{
-    const struct timespec pause = {.tv_nsec = POLL_NS};
-    nanosleep(&pause, NULL);
-}
-
 bool fv_recorder_room(struct fv_recorder *recorder)
 {
     return recorder == NULL || fv_ring_room(&recorder->ring) >= recorder->iteration_bytes ||
-           atomic_load(&recorder->ending) != RUNNING;
-}
-
-/* ---- the writer ------------------------------------------------------------------------------ */
-
-/* Lengths as an event's header states them. */
-static uint32_t channel_bytes_of(const uint8_t *event)
-{
-    return (uint32_t)fv_wire_read(event + 20, 4);
-}
-
-static uint32_t data_bytes_of(const uint8_t *event)
-{
-    return (uint32_t)fv_wire_read(event + 24, 4);
-}
-
-static size_t event_bytes(const uint8_t *event)
-{
-    return FV_LCMLOG_HEADER_BYTES + (size_t)channel_bytes_of(event) + data_bytes_of(event);
-}
-
-/* The bytes of the whole events within the first `limit` bytes of `data`, at least one. */
-static size_t whole_events(const uint8_t *data, size_t bytes, size_t limit)
-{
-    size_t at = 0;
-    while (at < bytes && (at == 0 || at + event_bytes(data + at) <= limit))
-        at += event_bytes(data + at);
-    return at;
-}
-
-static bool is_on(const struct fv_recorder *recorder, const uint8_t *event,
-                  enum fv_message_kind kind)
-{
-    const char *channel = recorder->channels[kind];
-    return channel_bytes_of(event) == strlen(channel) &&
-           memcmp(event + FV_LCMLOG_HEADER_BYTES, channel, strlen(channel)) == 0;
-}
-
-/* Whether inputs are still to come in the iteration that begins with it. */
-static bool before_inputs(const struct fv_recorder *recorder, const uint8_t *event)
-{
-    bool sample = false;
-    for (int kind = 0; kind < FOVEA_SAMPLE_KIND_COUNT; kind++)
-        sample = sample || is_on(recorder, event, fv_message_of_sample(kind));
-    return sample || is_on(recorder, event, FV_MESSAGE_PARAMETER) ||
-           is_on(recorder, event, FV_MESSAGE_FRAME);
-}
-
-static bool begins_iteration(const struct fv_recorder *recorder, const uint8_t *event)
-{
-    return !recorder->iteration_begun &&
-           (before_inputs(recorder, event) || is_on(recorder, event, FV_MESSAGE_INPUTS));
-}
-
-static void count_event(struct fv_recorder *recorder, const uint8_t *event)
-{
-    const size_t head_bytes = FV_LCMLOG_HEADER_BYTES + channel_bytes_of(event);
-    struct extent *written = &recorder->written;
-    if (begins_iteration(recorder, event)) {
-        recorder->iteration = *written;
-        written->iterations++;
-    }
-    recorder->iteration_begun = before_inputs(recorder, event);
-    written->hash = fv_recording_hash_event(written->hash, event, head_bytes, event + head_bytes,
-                                            data_bytes_of(event));
-    written->time_us = (int64_t)fv_wire_read(event + 12, 8);
-    written->bytes += event_bytes(event);
-    written->events++;
-}
-
-/* How many bytes were written; fewer than asked: errno says why. */
-static size_t write_bytes(int file, const char *path, const uint8_t *data, size_t bytes)
-{
-    size_t done = 0;
-    const int call = fv_stall_enter(path);
-    while (done < bytes) {
-        ssize_t wrote = write(file, data + done, bytes - done);
-        if (wrote < 0 && errno == EINTR) continue;
-        if (wrote == 0) errno = ENOSPC;
-        if (wrote <= 0) break;
-        done += (size_t)wrote;
-        fv_stall_move(call);
-    }
-    const int reason = errno;
-    fv_stall_leave(call);
-    errno = reason;
-    return done;
-}
-
-/* The last message: without it, a replay takes the log for one that was cut off. Not in a log that
- * has not begun. */
-static bool write_end(struct fv_recorder *recorder)
-{
-    const struct extent *at = &recorder->written;
-    const char *channel = recorder->channels[FV_MESSAGE_RECORDING_END];
-    const size_t channel_bytes = strlen(channel),
-                 head_bytes = FV_LCMLOG_HEADER_BYTES + channel_bytes;
-    uint8_t event[FV_LCMLOG_HEADER_BYTES + FV_MESSAGE_CHANNEL_BYTES + FV_RECORDING_END_BYTES_MAX];
-    struct fv_recording_end end = {
-        .iterations = at->iterations, .events = at->events, .hash = at->hash};
-    if (at->events == 0) return true;
-    memcpy(end.reason, recorder->reason, sizeof end.reason);
-    const uint32_t bytes =
-        fv_recording_end_encode(&end, event + head_bytes, FV_RECORDING_END_BYTES_MAX);
-    fv_recording_event_head(event, (int64_t)at->events, at->time_us, channel_bytes, bytes);
-    /* A log holds the bytes alone. NOLINTNEXTLINE(bugprone-not-null-terminated-result) */
-    memcpy(event + FV_LCMLOG_HEADER_BYTES, channel, channel_bytes);
-    if (write_bytes(recorder->file, recorder->path, event, head_bytes + bytes) < head_bytes + bytes)
-        return false;
-    recorder->written.events++;
-    recorder->written.bytes += head_bytes + bytes;
-    return true;
-}
-
-static bool cut_to(struct fv_recorder *recorder, const struct extent *extent)
-{
-    if (ftruncate(recorder->file, (off_t)extent->bytes) != 0) return false;
-    recorder->written = *extent;
-    return lseek(recorder->file, (off_t)extent->bytes, SEEK_SET) >= 0;
-}
-
-/* End the log before the run, after a whole iteration: the one that is written, when
- * `between_iterations`, and else (or when that leaves no room for the log's own end) the one before
- * it. */
-static void end_early(struct fv_recorder *recorder, enum ending ending, const char *reason,
-                      bool between_iterations)
-{
-    const struct extent iteration = recorder->iteration;
-    snprintf(recorder->reason, sizeof recorder->reason, "%s", reason);
-    atomic_store(&recorder->ending, ending);
-    if (between_iterations && cut_to(recorder, &recorder->written) && write_end(recorder)) return;
-    if (cut_to(recorder, &iteration)) {
-        if (!write_end(recorder)) cut_to(recorder, &iteration);
-    } else {
-        snprintf(recorder->reason, sizeof recorder->reason,
-                 "%.120s, and its end could not be cut to a whole iteration", reason);
-    }
-}
-
-/* Write one run of whole events from the ring. False: nothing to do, or the disk refused. */
-static bool write_some(struct fv_recorder *recorder)
-{
-    size_t bytes;
-    const uint8_t *data = fv_ring_peek(&recorder->ring, &bytes);
-    if (data == NULL) return false;
-    bytes = whole_events(data, bytes, WRITE_BYTES_MAX);
-    const size_t done = write_bytes(recorder->file, recorder->path, data, bytes);
-    const char *problem = done < bytes ? strerrordesc_np(errno) : NULL;
-    size_t at = 0;
-    for (; at < bytes && at + event_bytes(data + at) <= done; at += event_bytes(data + at))
-        count_event(recorder, data + at);
-    if (problem != NULL)
-        end_early(recorder, ENDED_FAILED, problem, begins_iteration(recorder, data + at));
-    else
-        fv_ring_release(&recorder->ring, bytes);
-    return problem == NULL;
-}
-
-static void say_ended(const struct fv_recorder *recorder)
-{
-    fv_say("%s: recording ended after %" PRIu64 " events (%" PRIu64 " bytes): %s; the run goes on",
-           recorder->path, recorder->written.events, recorder->written.bytes, recorder->reason);
-}
-
-static void end_slow(struct fv_recorder *recorder)
-{
-    char reason[FV_RECORDING_END_REASON_BYTES];
-    snprintf(
-        reason, sizeof reason,
-        "the disk is too slow: %zu MiB waited to be written; record to a faster disk, fewer frames, or raise record_buffer",
-        recorder->ring.capacity >> 20);
-    end_early(recorder, ENDED_SLOW, reason, false);
-}
-
-/* A few times a second: whoever deletes the file shall not believe that it is being written. */
-static void look_for_file(struct fv_recorder *recorder)
-{
-    if (recorder->looks < 0 || ++recorder->looks < LOOK_POLLS) return;
-    const int call = fv_stall_enter(recorder->path);
-    recorder->looks = fv_output_there(&recorder->place.output) ? 0 : -1;
-    fv_stall_leave(call);
-    if (recorder->looks < 0)
-        fv_say(
-            "%s: the recording was deleted or moved during the run; the run goes on, and a deleted recording is lost when the run ends",
-            recorder->path);
-}
-
-static void *write_all(void *context)
-{
-    struct fv_recorder *recorder = context;
-    for (;;) {
-        bool stopping = atomic_load_explicit(&recorder->stop, memory_order_acquire);
-        int ending = atomic_load(
-            &recorder->ending); /* read first: what was committed before it is still written */
-        while (write_some(recorder))
-            ;
-        if (atomic_load(&recorder->ending) == ENDED_FAILED) break;
-        if (ending == ENDED_SLOW) {
-            end_slow(recorder);
-            break;
-        }
-        if (stopping && write_end(recorder)) return NULL;
-        if (stopping) {
-            end_early(recorder, ENDED_FAILED, strerrordesc_np(errno), true);
-            break;
-        }
-        look_for_file(recorder);
-        sleep_a_little();
-    }
-    say_ended(recorder);
-    return NULL;
+           atomic_load(&recorder->ending) != FV_RECORDER_RUNNING;
 }
 
 /* ---- opening and closing --------------------------------------------------------------------- */
@@ -462,13 +204,13 @@ static void release(struct fv_recorder *recorder)
 {
     fv_output_discard(&recorder->place.output);
     free(recorder->header);
-    free(recorder->ring_memory);
+    if (recorder->setup.ring_memory == NULL) free(recorder->ring_memory);
     free(recorder);
 }
 
 static enum fovea_status start_thread(struct fv_recorder *recorder, struct fovea_error *error)
 {
-    int failed = fv_thread_start(&recorder->thread, write_all, recorder);
+    int failed = fv_thread_start(&recorder->thread, fv_recorder_write, recorder);
     if (failed == 0) return FOVEA_OK;
     return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: no thread to write it: %s",
                            recorder->path, strerror(failed));
@@ -502,12 +244,18 @@ static size_t ring_bytes(const struct fv_recorder_setup *setup, size_t header_by
     return ((bytes > least ? bytes : least) + 63) / 64 * 64;
 }
 
+size_t fv_recorder_ring_bytes(const struct fv_recorder_setup *setup)
+{
+    return ring_bytes(setup, 0);
+}
+
 static enum fovea_status make_ring(struct fv_recorder *recorder,
                                    const struct fv_recorder_setup *setup, struct fovea_error *error)
 {
-    const size_t bytes = ring_bytes(setup, recorder->header_bytes);
+    const bool given = setup->ring_memory != NULL;
+    const size_t bytes = given ? setup->ring_bytes : ring_bytes(setup, recorder->header_bytes);
     recorder->iteration_bytes = iteration_bytes(setup) + recorder->header_bytes;
-    recorder->ring_memory = fv_aligned_zeroed(bytes); /* touches every page before the loop */
+    recorder->ring_memory = given ? setup->ring_memory : fv_aligned_zeroed(bytes); /* touched */
     if (recorder->ring_memory == NULL)
         return fovea_error_set(error, FOVEA_ERROR_MEMORY, "%s: no memory for %zu bytes of buffer",
                                recorder->path, bytes);
@@ -548,9 +296,11 @@ enum fovea_status fv_recorder_open(const struct fv_recorder_setup *setup,
     signal(SIGXFSZ, SIG_IGN); /* a file size limit shall end the recording, not the run */
     enum fovea_status status = FOVEA_OK;
     opened->place.output = FV_OUTPUT_CLOSED;
-    status =
-        fv_recording_header_encode(setup->settings, setup->identity, setup->kernel_set,
-                                   setup->real_time, &opened->header, &opened->header_bytes, error);
+    opened->setup = *setup;
+    if (setup->state == NULL)
+        status = fv_recording_header_encode(setup->settings, setup->identity, setup->kernel_set,
+                                            setup->real_time, NULL, &opened->header,
+                                            &opened->header_bytes, error);
     if (status == FOVEA_OK) status = make_ring(opened, setup, error);
     if (status == FOVEA_OK) status = open_place(opened, setup, error);
     if (status == FOVEA_OK) status = start_thread(opened, error);
@@ -568,17 +318,34 @@ size_t fv_recorder_bytes(const struct fv_recorder_setup *setup)
     uint8_t *header = NULL;
     uint32_t header_bytes = 0;
     if (fv_recording_header_encode(setup->settings, setup->identity, setup->kernel_set,
-                                   setup->real_time, &header, &header_bytes, &error) != FOVEA_OK)
+                                   setup->real_time, NULL, &header, &header_bytes,
+                                   &error) != FOVEA_OK)
         return 0;
     free(header);
     return sizeof(struct fv_recorder) + ring_bytes(setup, header_bytes) + header_bytes +
            FV_THREAD_STACK_BYTES;
 }
 
+uint64_t fv_recorder_written(const struct fv_recorder *recorder)
+{
+    return atomic_load_explicit(&recorder->bytes, memory_order_relaxed);
+}
+
+bool fv_recorder_has_ended(const struct fv_recorder *recorder)
+{
+    return atomic_load(&recorder->ending) != FV_RECORDER_RUNNING;
+}
+
+void fv_recorder_stop(struct fv_recorder *recorder, const char *reason)
+{
+    snprintf(recorder->stop_reason, sizeof recorder->stop_reason, "%s", reason);
+}
+
 /* Of a run whose recording ended early: one without an iteration is of no use. */
 static enum fv_recording_holds part_held(struct fv_recorder *recorder)
 {
     if (recorder->written.iterations > 0 || !recorder->place.numbered) return FV_RECORDING_PART;
+    if (recorder->reason[0] == '\0') return FV_RECORDING_NONE; /* stopped before it began */
     const size_t length = strlen(recorder->reason);
     snprintf(recorder->reason + length, sizeof recorder->reason - length,
              "; it held no iteration and is removed");
@@ -592,14 +359,15 @@ enum fovea_status fv_recorder_close(struct fv_recorder *recorder,
     if (recorder != NULL) {
         atomic_store_explicit(&recorder->stop, true, memory_order_release);
         pthread_join(recorder->thread, NULL);
-        closed.complete = atomic_load(&recorder->ending) == RUNNING;
+        closed.complete = atomic_load(&recorder->ending) == FV_RECORDER_RUNNING;
         const int call = fv_stall_enter(recorder->path);
         struct fovea_error why;
+        const bool empty = recorder->setup.state != NULL && recorder->written.iterations == 0;
         const enum fv_recording_holds holds =
-            closed.complete ? FV_RECORDING_ALL : part_held(recorder);
+            closed.complete && !empty ? FV_RECORDING_ALL : part_held(recorder);
         if (fv_recording_file_close(&recorder->place, holds, &why) != FOVEA_OK && closed.complete) {
             snprintf(recorder->reason, sizeof recorder->reason, "%.180s", why.text);
-            say_ended(recorder);
+            fv_recorder_say_ended(recorder);
             closed.complete = false;
         }
         memcpy(closed.path, recorder->place.output.path, sizeof closed.path);

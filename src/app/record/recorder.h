@@ -42,7 +42,15 @@ struct fv_recorder_setup {
     size_t frame_bytes; /* of the largest frame, all its images */
     /* 0: settings->record_buffer frames when real_time, else a few, as the loop waits then */
     size_t ring_bytes;
+    /* A recording that begins in the middle of its run, at fv_recorder_begin: memory for the state
+     * (fovea_state_bytes) and of `ring_bytes` for the ring (fv_recorder_ring_bytes), the caller's
+     * until closed, as `settings` and `identity` are. NULL: it begins with its run. */
+    uint8_t *state, *ring_memory;
+    size_t state_bytes;
 };
+
+/* The bytes of a ring for a recording that begins in the middle of its run. Init-only. */
+size_t fv_recorder_ring_bytes(const struct fv_recorder_setup *setup);
 
 /* Create the file, the ring and the thread. Init-only. */
 enum fovea_status fv_recorder_open(const struct fv_recorder_setup *setup,
@@ -50,6 +58,20 @@ enum fovea_status fv_recorder_open(const struct fv_recorder_setup *setup,
 
 /* The file that is written; valid until closed. */
 const char *fv_recorder_path(const struct fv_recorder *recorder);
+
+/* Begin in the middle of the run: copy the state, in the time that this takes (some 1 ms for 4 MB).
+ * Before the first step that is recorded is given `inputs`, whose times are filled in. Loop thread,
+ * real-time safe. */
+void fv_recorder_begin(struct fv_recorder *recorder, const struct fovea *rt,
+                       const struct fovea_inputs *inputs);
+
+/* Bytes written so far. Any thread. */
+uint64_t fv_recorder_written(const struct fv_recorder *recorder);
+/* Whether it has ended early. Any thread. */
+bool fv_recorder_has_ended(const struct fv_recorder *recorder);
+/* End here, before the run, which says why: in the log's last message. Then close it. Not after
+ * the loop may still record. */
+void fv_recorder_stop(struct fv_recorder *recorder, const char *reason);
 
 /* Record a change of a parameter that the coming fv_recorder_step was given, before it; at most
  * FV_MESSAGE_PARAMETERS_MAX. Loop thread, real-time safe. */

@@ -33,7 +33,7 @@
 #define PROCESSOR "unknown processor"
 #endif
 
-enum { PARTS_MAX = 8 + FOVEA_CAMERAS_MAX };
+enum { PARTS_MAX = 10 + FOVEA_CAMERAS_MAX };
 
 static const char *const mask_parts[FOVEA_CAMERAS_MAX] = {"mask", "mask2", "mask3", "mask4"};
 
@@ -94,10 +94,27 @@ static void add_masks(fovea_recording_t *message, const struct fv_settings *sett
                      (size_t)rig->cameras[i].camera.width * (size_t)rig->cameras[i].camera.height);
 }
 
+/* The settings with the live parameters in force, likewise; "" where the recording began with the
+ * run. */
+static char *in_force_text(const struct fv_settings *settings,
+                           const struct fv_recording_middle *middle, size_t *bytes)
+{
+    if (middle == NULL) return strdup("");
+    struct fv_settings *with = malloc(sizeof *with);
+    if (with == NULL) return NULL;
+    *with = *settings;
+    with->runtime = *middle->in_force;
+    char *text = settings_text(with, bytes);
+    free(with);
+    return text;
+}
+
 enum fovea_status fv_recording_header_encode(const struct fv_settings *settings,
                                              const struct fv_identity *identity,
-                                             const char *kernel_set, bool real_time, uint8_t **data,
-                                             uint32_t *bytes, struct fovea_error *error)
+                                             const char *kernel_set, bool real_time,
+                                             const struct fv_recording_middle *middle,
+                                             uint8_t **data, uint32_t *bytes,
+                                             struct fovea_error *error)
 {
     const struct fovea_camera *camera = &settings->runtime.rig.cameras[0].camera;
     struct fv_calibration calibration = {.camera = *camera};
@@ -105,14 +122,16 @@ enum fovea_status fv_recording_header_encode(const struct fv_settings *settings,
     enum fovea_status status =
         fv_calibration_format_text(FV_CALIBRATION_ROS, &calibration, calibration_text, NULL, error);
     if (status != FOVEA_OK) return status;
-    size_t text_bytes = 0, types_bytes = 0;
+    size_t text_bytes = 0, types_bytes = 0, in_force_bytes = 0;
     uint32_t rig_size = 0;
     char *text = settings_text(settings, &text_bytes);
     char *types = fv_recording_types_text(&types_bytes);
+    char *in_force = in_force_text(settings, middle, &in_force_bytes);
     uint8_t *rig_data = rig_bytes(&settings->runtime.rig, &rig_size);
-    if (text == NULL || types == NULL || rig_data == NULL) {
+    if (text == NULL || types == NULL || rig_data == NULL || in_force == NULL) {
         free(text);
         free(types);
+        free(in_force);
         free(rig_data);
         return fovea_error_set(error, FOVEA_ERROR_MEMORY,
                                "no memory for the header of a recording");
@@ -144,9 +163,14 @@ enum fovea_status fv_recording_header_encode(const struct fv_settings *settings,
                  settings->runtime.detect2.model_bytes);
     if (identity != NULL && identity->bytes > 0)
         add_part(&message, "run", identity->channel, identity->data, identity->bytes);
+    if (middle != NULL) {
+        add_part(&message, "in_force", "", in_force, in_force_bytes);
+        add_part(&message, "state", "", middle->state, middle->state_bytes);
+    }
     status = encode(&message, data, bytes, error);
     free(text);
     free(types);
+    free(in_force);
     free(rig_data);
     return status;
 }
@@ -330,6 +354,42 @@ static enum fovea_status read_models(const struct source *from, const fovea_reco
     return status;
 }
 
+/* Of a recording that began in the middle of its run: the live parameters then, and its state. */
+static enum fovea_status read_middle(const struct source *from, const fovea_recording_t *message,
+                                     struct fv_recording_header *header, struct fovea_error *error)
+{
+    const fovea_recording_part_t *state = find_part(message, "state");
+    const fovea_recording_part_t *in_force = find_part(message, "in_force");
+    char label[160];
+    if (state == NULL && in_force == NULL) return FOVEA_OK;
+    if (state == NULL || in_force == NULL)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "%s: byte %" PRId64 ": found one of the parts state and in_force, "
+                               "expected both or none",
+                               from->name, from->offset);
+    struct fv_settings *read = malloc(sizeof *read);
+    header->in_force = malloc(sizeof *header->in_force);
+    header->state_bytes = (size_t)state->size_bytes;
+    header->state = malloc(header->state_bytes + 1);
+    enum fovea_status status = FOVEA_OK;
+    if (read == NULL || header->in_force == NULL || header->state == NULL) {
+        status = fovea_error_set(error, FOVEA_ERROR_MEMORY, "%s: no memory for the state of a run",
+                                 from->name);
+    } else {
+        memcpy(header->state, state->data, header->state_bytes);
+        snprintf(label, sizeof label, "%.128s: in_force", from->name);
+        fv_settings_default(read);
+        status = fv_settings_parse(read, label, (const char *)in_force->data,
+                                   (size_t)in_force->size_bytes, error);
+        *header->in_force = header->settings;
+    }
+    for (size_t i = 0; status == FOVEA_OK && i < fv_settings_key_count; i++)
+        if (fv_settings_keys[i].live)
+            fv_settings_key_copy(&fv_settings_keys[i], header->in_force, read);
+    free(read);
+    return status;
+}
+
 static enum fovea_status read_parts(const struct source *from, const fovea_recording_t *message,
                                     struct fv_recording_header *header, struct fovea_error *error)
 {
@@ -372,7 +432,8 @@ static enum fovea_status read_parts(const struct source *from, const fovea_recor
     status = read_rig(from, rig, &header->settings.runtime.rig, error);
     if (status == FOVEA_OK) status = read_masks(from, message, header, error);
     if (map != NULL && status == FOVEA_OK) status = read_map(from, map, header, error);
-    return status == FOVEA_OK ? read_models(from, message, header, error) : status;
+    if (status == FOVEA_OK) status = read_models(from, message, header, error);
+    return status == FOVEA_OK ? read_middle(from, message, header, error) : status;
 }
 
 enum fovea_status fv_recording_header_decode(const char *name, int64_t offset, const uint8_t *data,
@@ -410,7 +471,10 @@ enum fovea_status fv_recording_header_decode(const char *name, int64_t offset, c
         free(header->model);
         free(header->model2);
         free(header->map);
-        header->map = NULL;
+        free(header->state);
+        free(header->in_force);
+        header->map = header->state = NULL;
+        header->in_force = NULL;
         header->model = header->model2 = NULL;
     }
     fovea_recording_t_decode_cleanup(&message);

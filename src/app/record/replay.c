@@ -41,7 +41,8 @@ struct replay {
     uint32_t compared;     /* of outputs.messages */
     uint64_t events, hash; /* of the log so far, as its end states them */
 
-    bool stop_at_difference;
+    unsigned how;  /* enum fv_replay_how */
+    bool in_force; /* the next step takes `settings` as it takes changes of parameters */
     fv_replay_function sent;
     void *context;
     struct fv_replay_result *result;
@@ -105,6 +106,28 @@ static enum fovea_status read_header(struct replay *replay, struct fovea_error *
     return FOVEA_OK;
 }
 
+/* The run as it was when the recording began. */
+static enum fovea_status take_state(struct replay *replay, struct fovea_error *error)
+{
+    const struct fv_recording_header *header = &replay->header;
+    struct fovea_error inner;
+    if ((replay->how & FV_REPLAY_TRUSTS) == 0)
+        return fovea_error_set(
+            error, FOVEA_ERROR_INPUT,
+            "%s: found a recording that began in the middle of its run, whose state of %zu bytes "
+            "is taken as it is: expected --trust-state, for recordings of your own robots alone",
+            replay->path, header->state_bytes);
+    if (fovea_state_load(replay->rt, header->state, header->state_bytes, &inner) != FOVEA_OK)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%.200s: %.300s", replay->path,
+                               inner.text);
+    if (fovea_parameters_check(replay->rt, &header->in_force->runtime, &inner) != FOVEA_OK)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%.200s: in_force: %.300s", replay->path,
+                               inner.text);
+    replay->settings = *header->in_force;
+    replay->in_force = true;
+    return FOVEA_OK;
+}
+
 static enum fovea_status build(struct replay *replay, struct fovea_error *error)
 {
     const struct fovea_config *config = &replay->header.settings.runtime;
@@ -122,6 +145,8 @@ static enum fovea_status build(struct replay *replay, struct fovea_error *error)
         return fovea_error_set(error, FOVEA_ERROR_INPUT, "%.200s: configuration: %.300s",
                                replay->path, inner.text);
     replay->settings = replay->header.settings;
+    if (replay->header.state != NULL) status = take_state(replay, error);
+    if (status != FOVEA_OK) return status;
     replay->result->kernel_set = fovea_cpu_name(replay->rt);
     return FOVEA_OK;
 }
@@ -305,8 +330,10 @@ static enum fovea_status step(struct replay *replay, struct fovea_error *error)
             "found another number of samples and parameters before them, expected sample_count",
             error);
     inputs.sample_count = replay->sample_count;
-    if (replay->parameter_count > 0) inputs.parameters = &replay->settings.runtime;
+    if (replay->parameter_count > 0 || replay->in_force)
+        inputs.parameters = &replay->settings.runtime;
     replay->parameter_count = 0;
+    replay->in_force = false;
     enum fovea_status status = check_grants(replay, &inputs.grants, error);
     if (status != FOVEA_OK) return status;
     expect_none_left(replay);
@@ -401,7 +428,7 @@ static enum fovea_status feed(struct replay *replay, struct fovea_error *error)
         else
             compare(replay);
         if (status != FOVEA_OK) return status;
-        if (replay->result->different && replay->stop_at_difference) return FOVEA_OK;
+        if (replay->result->different && (replay->how & FV_REPLAY_STOPS)) return FOVEA_OK;
         count_event(replay);
     }
     if (replay->frame_waits || replay->sample_count > 0 || replay->parameter_count > 0 ||
@@ -411,16 +438,15 @@ static enum fovea_status feed(struct replay *replay, struct fovea_error *error)
     return status == FOVEA_END ? FOVEA_OK : status;
 }
 
-enum fovea_status fv_replay(const char *path, bool stop_at_difference, fv_replay_function sent,
-                            void *context, struct fv_replay_result *result,
-                            struct fovea_error *error)
+enum fovea_status fv_replay(const char *path, unsigned how, fv_replay_function sent, void *context,
+                            struct fv_replay_result *result, struct fovea_error *error)
 {
     struct replay *replay = calloc(1, sizeof *replay);
     memset(result, 0, sizeof *result);
     if (replay == NULL)
         return fovea_error_set(error, FOVEA_ERROR_MEMORY, "%s: no memory to replay", path);
     replay->path = path;
-    replay->stop_at_difference = stop_at_difference;
+    replay->how = how;
     replay->sent = sent;
     replay->context = context;
     replay->result = result;
@@ -436,6 +462,8 @@ enum fovea_status fv_replay(const char *path, bool stop_at_difference, fv_replay
     free(replay->header.model);
     free(replay->header.model2);
     free(replay->header.map);
+    free(replay->header.state);
+    free(replay->header.in_force);
     free(replay->memory);
     free(replay->pixels);
     free(replay);

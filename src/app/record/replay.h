@@ -41,13 +41,21 @@ struct fv_replay_result {
 typedef void (*fv_replay_function)(void *context, int64_t now_ns,
                                    const struct fovea_outputs *outputs);
 
+/* Of fv_replay, as bits. */
+enum fv_replay_how {
+    FV_REPLAY_STOPS = 1, /* at the first difference */
+    /* Take the state of a recording that began in the middle of its run. It is taken as it is, so
+     * that one from a stranger can make this program do anything. */
+    FV_REPLAY_TRUSTS = 2
+};
+
 /* A recording of another version is named in one line on stderr before anything is compared.
  *
- * Run a recording until its end or, when `stop_at_difference`, the first difference (noted in
- * either case). FOVEA_OK: the recording was read to the end, or a difference was found. Else
- * `error` says what is wrong with it and `result` says how far the replay got. */
-enum fovea_status fv_replay(const char *path, bool stop_at_difference, fv_replay_function sent,
-                            void *context, struct fv_replay_result *result,
-                            struct fovea_error *error);
+ * Run a recording until its end or, with FV_REPLAY_STOPS, the first difference (noted in either
+ * case). One that began in the middle of its run is refused without FV_REPLAY_TRUSTS. FOVEA_OK: the
+ * recording was read to the end, or a difference was found. Else `error` says what is wrong with it
+ * and `result` says how far the replay got. */
+enum fovea_status fv_replay(const char *path, unsigned how, fv_replay_function sent, void *context,
+                            struct fv_replay_result *result, struct fovea_error *error);
 
 #endif

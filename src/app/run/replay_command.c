@@ -93,11 +93,14 @@ static enum fv_exit report(const char *path, bool verify, enum fovea_status stat
 
 int fv_command_replay(int argc, char **argv)
 {
-    bool verify = false;
+    bool verify = false, trust = false;
     const char *url = "", *rate = "real";
     const struct fv_option options[] = {
         {"verify", NULL, FV_OPTION_FLAG, &verify,
          "compare every message and name the first difference"},
+        {"trust-state", NULL, FV_OPTION_FLAG, &trust,
+         "replay a recording that began in the middle of its run (record_folder), from the state "
+         "in it, which is taken as it is: only for recordings of your own robots"},
         {"lcm-url", "URL", FV_OPTION_TEXT, &url,
          "send the messages to this LCM URL, within this host"},
         {"rate", "max|real", FV_OPTION_TEXT, &rate, "pace of sending (default real)"},
@@ -124,7 +127,8 @@ int fv_command_replay(int argc, char **argv)
     struct stat recorded;
     if (stat(argv[first], &recorded) == 0) sending.recording_bytes = (double)recorded.st_size;
     fv_progress_begin(&sending.progress, "replay");
-    status = fv_replay(argv[first], verify, send, &sending, &result, &error);
+    const unsigned how = (verify ? FV_REPLAY_STOPS : 0) | (trust ? FV_REPLAY_TRUSTS : 0);
+    status = fv_replay(argv[first], how, send, &sending, &result, &error);
     fv_progress_end(&sending.progress);
     fv_transport_finish(sending.transport);
     uint64_t offered;

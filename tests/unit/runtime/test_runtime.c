@@ -319,6 +319,30 @@ static void a_copy_goes_on_alone(void **state)
     free(twin.memory);
 }
 
+/* A runtime that was given the bytes of another's state goes on as that one does; those of another
+ * configuration or length are refused, and change nothing. */
+static void a_state_goes_on_in_another(void **state)
+{
+    (void)state;
+    struct made a = make(0), twin = make(0), b = make(0xff);
+    const size_t bytes = fovea_state_bytes(a.rt);
+    uint8_t *data = malloc(bytes);
+    compare_runs(a.rt, twin.rt, 0, 11);
+    fovea_state_save(a.rt, data);
+    assert_int_equal(fovea_state_load(b.rt, data, bytes - 1, &error), FOVEA_ERROR_INPUT);
+    data[0] ^= 1; /* of the layout */
+    assert_int_equal(fovea_state_load(b.rt, data, bytes, &error), FOVEA_ERROR_INPUT);
+    assert_non_null(strstr(error.text, "another version or configuration"));
+    assert_true(fovea_state_hash(b.rt) != fovea_state_hash(a.rt));
+    data[0] ^= 1;
+    assert_int_equal(fovea_state_load(b.rt, data, bytes, &error), FOVEA_OK);
+    compare_runs(twin.rt, b.rt, 11, 30);
+    free(data);
+    free(a.memory);
+    free(b.memory);
+    free(twin.memory);
+}
+
 /* Noise at the best quality takes more bytes than a packet holds: it comes at a lower one, not
  * never. */
 static void preview_of_noise_comes_too(void **state)
@@ -492,6 +516,7 @@ int main(void)
         cmocka_unit_test(commands_pause_resume_and_reset),
         cmocka_unit_test(results_do_not_depend_on_what_memory_held),
         cmocka_unit_test(a_copy_goes_on_alone),
+        cmocka_unit_test(a_state_goes_on_in_another),
         cmocka_unit_test(preview_of_noise_comes_too),
         cmocka_unit_test(preview_takes_the_granted_units_and_keeps_its_stamp),
         cmocka_unit_test(masked_pixels_give_no_features),

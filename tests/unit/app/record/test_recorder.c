@@ -190,7 +190,8 @@ static void a_header_keeps_the_whole_rig(void **state)
     (void)state;
     make_settings(settings);
     add_rig(&settings->runtime.rig);
-    if (fv_recording_header_encode(settings, NULL, "", false, &data, &bytes, &error) != FOVEA_OK ||
+    if (fv_recording_header_encode(settings, NULL, "", false, NULL, &data, &bytes, &error) !=
+            FOVEA_OK ||
         fv_recording_header_decode("x", 0, data, bytes, header, &error) != FOVEA_OK)
         fail_msg("%s", error.text);
     const struct fovea_rig *found = &header->settings.runtime.rig,

@@ -150,7 +150,8 @@ static void read_closed(const char *path)
 {
     struct fv_replay_result result;
     struct fovea_error error;
-    if (fv_replay(path, true, NULL, NULL, &result, &error) != FOVEA_OK) FAIL("%s", error.text);
+    if (fv_replay(path, FV_REPLAY_STOPS, NULL, NULL, &result, &error) != FOVEA_OK)
+        FAIL("%s", error.text);
     if (result.difference[0] != '\0') FAIL("%s: %s", path, result.difference);
 }
 
