@@ -260,6 +260,9 @@ enum fovea_command {
     FOVEA_COMMAND_SAVE = 8,
     /* for the application that writes the saved map to a file; a step ignores it */
     FOVEA_COMMAND_OVERWRITE = 16,
+    /* for the application that records, which keeps them from steps */
+    FOVEA_COMMAND_RECORD = 32,
+    FOVEA_COMMAND_RECORD_STOP = 64,
 };
 
 enum { FOVEA_INPUT_BOXES_MAX = 64 };

@@ -55,6 +55,7 @@ enum fv_message_kind {
     FV_MESSAGE_PARAMETER,        /* in, and in recordings */
     FV_MESSAGE_PARAMETER_RESULT, /* of the application */
     FV_MESSAGE_RUN,              /* likewise */
+    FV_MESSAGE_RECORDER,         /* likewise, where record_folder is set */
     FV_MESSAGE_SAMPLE, /* of the first sensor kind; this and all that follow: in recordings only */
     FV_MESSAGE_FRAME = FV_MESSAGE_SAMPLE + FOVEA_SAMPLE_KIND_COUNT,
     FV_MESSAGE_RECORDING,

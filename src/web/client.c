@@ -305,7 +305,9 @@ static bool words_read(char *words, int32_t *bits)
                  {"pause", FOVEA_COMMAND_T_PAUSE},
                  {"resume", FOVEA_COMMAND_T_RESUME},
                  {"save", FOVEA_COMMAND_T_SAVE},
-                 {"overwrite", FOVEA_COMMAND_T_OVERWRITE}};
+                 {"overwrite", FOVEA_COMMAND_T_OVERWRITE},
+                 {"record", FOVEA_COMMAND_T_RECORD},
+                 {"record-stop", FOVEA_COMMAND_T_RECORD_STOP}};
     char *rest = NULL;
     *bits = 0;
     for (char *word = strtok_r(words, " ", &rest); word != NULL;

@@ -15,6 +15,7 @@
 #include "fovea_grid_t.h"
 #include "fovea_map_t.h"
 #include "fovea_pose_t.h"
+#include "fovea_recorder_t.h"
 #include "fovea_segmentation_t.h"
 
 enum { MESSAGES_PER_TICK = 200 };
@@ -109,6 +110,22 @@ static void take_camera(struct fv_web_relay *relay, const struct fv_feed_message
     fovea_camera_status_t_decode_cleanup(&camera);
 }
 
+static void take_recorder(struct fv_web_relay *relay, const struct fv_feed_message *message)
+{
+    fovea_recorder_t recorder;
+    if (!is("fovea.recorder_t", message) ||
+        fovea_recorder_t_decode(message->data, 0, (int)message->bytes, &recorder) < 0)
+        return;
+    const bool records = recorder.state == FOVEA_RECORDER_T_STATE_RECORDS;
+    if (records && !relay->records)
+        fv_web_store_log(relay->store, utime(), "recording: %.100s begins", recorder.file);
+    if (!records && relay->records)
+        fv_web_store_log(relay->store, utime(), "recording: ends%s%.80s",
+                         recorder.reason[0] != '\0' ? ": " : "", recorder.reason);
+    relay->records = records;
+    fovea_recorder_t_decode_cleanup(&recorder);
+}
+
 /* The slot after those that this message lists, as the number of its piece. */
 static int32_t piece_of_map(const struct fv_feed_message *message, int32_t last)
 {
@@ -201,6 +218,7 @@ static const struct shown {
     {"SEGMENTATION2", FV_SECOND_NS / 10, NULL, piece_of_mask, FOR_ALL},
     {"GRID", FV_SECOND_NS / 4, NULL, piece_of_grid, FOR_ALL},
     {"MAP", FV_SECOND_NS / 2, NULL, piece_of_map, FOR_ALL},
+    {"RECORDER", 0, take_recorder, NULL, FOR_ALL},
     {"COMMAND_RESULT", 0, NULL, piece_of_answer, FOR_ALL},
     {"PARAMETER_RESULT", 0, NULL, piece_of_answer, FOR_OPERATORS}, /* values may be secret */
     {"FEATURES", 0, take_features, NULL, FOR_NOBODY},
@@ -289,6 +307,7 @@ static bool connect_run(struct fv_web_relay *relay)
         relay->pieces[i] = table[i].piece != NULL ? -1 : 0;
     memset(relay->overlays, 0, sizeof relay->overlays);
     relay->state = relay->scale_state = relay->map_id = relay->camera_state = -1;
+    relay->records = false;
     fv_feed_reader_prefix(relay->reader, relay->prefix);
     fv_web_store_begin(relay->store, relay->prefix);
     fv_web_store_log(relay->store, utime(), "run %016llx found",

@@ -61,6 +61,7 @@ static struct fv_transport *transport;
 static struct fv_receiver *receiver;
 static struct heard heard;
 static struct fv_answers answers;
+static struct fv_recordings recordings; /* without a folder */
 
 static int open_both(void **state)
 {
@@ -141,10 +142,10 @@ static void a_command_is_done_when_the_step_has_taken_it(void **state)
     send(2, FOVEA_COMMAND_RESET);
     send(3, FOVEA_COMMAND_RESUME);
     send(4, FOVEA_COMMAND_SAVE);
-    send(5, 64);
+    send(5, 512);
     arrived(5);
     /* Of pause and resume the later one. */
-    assert_int_equal(fv_answers_take(&answers, &keeper),
+    assert_int_equal(fv_answers_take(&answers, &keeper, &recordings),
                      FOVEA_COMMAND_RESET | FOVEA_COMMAND_RESUME | FOVEA_COMMAND_SAVE);
     answered(1);
     assert_int_equal(heard.answers[0].id, 5);
@@ -166,16 +167,16 @@ static void a_save_is_answered_when_it_has_ended(void **state)
     (void)state;
     send(1, FOVEA_COMMAND_SAVE | FOVEA_COMMAND_RESET);
     arrived(1);
-    assert_true(fv_answers_take(&answers, &keeper) & FOVEA_COMMAND_SAVE);
+    assert_true(fv_answers_take(&answers, &keeper, &recordings) & FOVEA_COMMAND_SAVE);
     fv_answers_step(&answers);
     answered(0);
     keeper.begun = 1; /* by hand what fv_keeper_commands and the watching thread do */
     atomic_store(&keeper.stage, FV_KEEPER_FILLING);
-    (void)fv_answers_take(&answers, &keeper);
+    (void)fv_answers_take(&answers, &keeper, &recordings);
     answered(0);
     snprintf(keeper.failure.text, sizeof keeper.failure.text, "m.fvmap: no space left");
     atomic_store(&keeper.stage, FV_KEEPER_IDLE);
-    (void)fv_answers_take(&answers, &keeper);
+    (void)fv_answers_take(&answers, &keeper, &recordings);
     answered(1);
     assert_answer(0, 1, FAILED, "m.fvmap: no space left");
 }
@@ -187,11 +188,11 @@ static void the_end_of_the_run_answers_the_rest(void **state)
     (void)state;
     send(1, FOVEA_COMMAND_SAVE);
     arrived(1);
-    (void)fv_answers_take(&answers, &keeper);
+    (void)fv_answers_take(&answers, &keeper, &recordings);
     fv_answers_step(&answers);
     send(2, FOVEA_COMMAND_PAUSE); /* which no step takes any more */
     arrived(2);
-    fv_answers_end(&answers, &keeper, NULL);
+    fv_answers_end(&answers, &keeper, &recordings, NULL);
     answered(2);
     assert_answer(0, 1, DONE, "");
     assert_answer(1, 2, REFUSED, "the run has ended");
@@ -206,13 +207,13 @@ static void a_flood_of_wrong_commands_gets_few_answers(void **state)
     (void)state;
     clock_gettime(CLOCK_MONOTONIC, &begin);
     for (int i = 0; i < 200; i++) {
-        send(i, 64);
+        send(i, 512);
         sleep_ms(1);
-        if (i % 20 == 0) (void)fv_answers_take(&answers, &keeper);
+        if (i % 20 == 0) (void)fv_answers_take(&answers, &keeper, &recordings);
     }
     arrived(200);
     clock_gettime(CLOCK_MONOTONIC, &end);
-    (void)fv_answers_take(&answers, &keeper);
+    (void)fv_answers_take(&answers, &keeper, &recordings);
     const uint32_t seconds = (uint32_t)(end.tv_sec - begin.tv_sec) + 2;
     for (int i = 0; i < 20; i++)
         fv_receiver_handle(receiver, 10);
@@ -280,7 +281,8 @@ static void programs_print_the_answers_of_a_run(void **state)
         expect_answer(tools[i], "reset resume", 0, "done\n");
         expect_answer(tools[i], "overwrite", 1,
                       "refused: unknown commands: expected a sum of 1 (reset), 2 (pause), 4 "
-                      "(resume), 8 (save) and, with save, 16 (overwrite)\n");
+                      "(resume), 8 (save) and, with save, 16 (overwrite), or 32 (record) or 64 "
+                      "(record-stop) alone\n");
     }
     expect_answer(tools[0], "save", 0, "done\n");
     assert_int_equal(stat(map, &saved), 0); /* the answer comes when the file is there */
@@ -290,6 +292,83 @@ static void programs_print_the_answers_of_a_run(void **state)
     watched_interrupt(&watched);
     assert_int_equal(watched_end(&watched), 0);
     char away[96]; /* the map of the end, and the one before it */
+    snprintf(away, sizeof away, "rm -r %s", folder);
+    assert_int_equal(system(away), 0);
+}
+
+static bool replays(const char *path, const char *option)
+{
+    char command[1400], line[512] = "", last[512] = "";
+    snprintf(command, sizeof command, "%s/fovea replay %s --verify %s 2>&1", build, path, option);
+    FILE *pipe = popen(command, "r");
+    assert_non_null(pipe);
+    while (fgets(line, sizeof line, pipe) != NULL)
+        memcpy(last, line, sizeof last);
+    const int status = pclose(pipe);
+    if (status != 0) print_message("%s: %s", path, last);
+    return status == 0;
+}
+
+/* The only recording in the folder that ended in order. */
+static void find_recording(const char *folder, char *path, size_t bytes)
+{
+    char command[200];
+    snprintf(command, sizeof command, "ls %s/records/*Z.lcm", folder);
+    FILE *pipe = popen(command, "r");
+    assert_non_null(pipe);
+    assert_non_null(fgets(path, (int)bytes, pipe));
+    path[strcspn(path, "\n")] = '\0';
+    assert_int_equal(pclose(pipe), 0);
+}
+
+/* A recording that commands begin and end replays bit for bit, with the parameters that were
+ * changed before and in it; the run's own recording does, too: a step sees nothing of it. */
+static void recordings_by_command_replay(void **state)
+{
+    static struct watched watched;
+    char folder[] = "/tmp/fovea_answers_XXXXXX", whole[64], kept[96], tool[700], line[512],
+         path[256];
+    (void)state;
+    assert_non_null(mkdtemp(folder));
+    snprintf(whole, sizeof whole, "%s/whole.lcm", folder);
+    snprintf(kept, sizeof kept, "record_folder=%s/records", folder);
+    snprintf(tool, sizeof tool, "python3 tools/subscribers/command.py --types %s/python", build);
+    const char *const arguments[] = {"--source",
+                                     "sim:tour?width=160&height=120&frames=100000",
+                                     "--rate",
+                                     "real",
+                                     "--quiet",
+                                     "--picture",
+                                     "none",
+                                     "--set",
+                                     kept,
+                                     "--set",
+                                     "record_buffer=1000",
+                                     "--set",
+                                     "channel_prefix=R",
+                                     "--record",
+                                     whole,
+                                     NULL};
+    watched_start(&watched, "run", arguments);
+    int code = 3; /* until the run listens */
+    for (int i = 0; i < 60 && code == 3; i++) {
+        char command[64] = "--wait 1 resume";
+        code = ask(tool, command, line, sizeof line);
+    }
+    assert_int_equal(code, 0);
+    expect_answer(tool, "record-stop", 1, "refused: found no recording to end\n");
+    expect_answer(tool, "features.threshold=27", 0, "done\n");
+    expect_answer(tool, "record", 0, "done\n");
+    expect_answer(tool, "record", 1, "refused: a recording has been begun already\n");
+    expect_answer(tool, "features.threshold=24", 0, "done\n");
+    expect_answer(tool, "record-stop", 0, "done\n");
+    find_recording(folder, path, sizeof path);
+    watched_interrupt(&watched);
+    assert_int_equal(watched_end(&watched), 0);
+    assert_false(replays(path, "")); /* it is not trusted */
+    assert_true(replays(path, "--trust-state"));
+    assert_true(replays(whole, ""));
+    char away[96];
     snprintf(away, sizeof away, "rm -r %s", folder);
     assert_int_equal(system(away), 0);
 }
@@ -308,6 +387,7 @@ int main(int argc, char **argv)
         cmocka_unit_test_setup_teardown(a_flood_of_wrong_commands_gets_few_answers, open_both,
                                         close_both),
         cmocka_unit_test(programs_print_the_answers_of_a_run),
+        cmocka_unit_test(recordings_by_command_replay),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -258,6 +258,24 @@ def check_parameters(page, kept):
     page.driver.find_element(By.ID, "all-keys").click()
 
 
+def check_recording(page, records):
+    """Begun and ended by the buttons, in the middle of the run, with the disk's space; it replays bit for bit."""
+    press = lambda word: page.driver.find_element(By.CSS_SELECTOR, f"[data-command={word}]").click()
+    said = "document.getElementById('recording').textContent"
+    page.until(said + ".startsWith('not recording; ') && " + said + ".endsWith(' GB free')", "the state of the recorder")
+    press("record-stop")
+    page.until("document.getElementById('answer').textContent === 'record-stop: refused: found no recording to end'", "the refusal")
+    press("record")
+    page.until(said + ".startsWith('recording 000001-') && Number(" + said + ".match(/([0-9.]+) MB/)[1]) > 12", "a recording that grows")
+    press("record-stop")
+    page.until(said + ".startsWith('recorded 000001-')", "the end of the recording")
+    file = page.js("return " + said + ".match(/ (0000.*?lcm)/)[1]")
+    assert os.listdir(records) == [file], (os.listdir(records), file)
+    done = subprocess.run([os.path.join(build, "fovea"), "replay", os.path.join(records, file), "--verify", "--trust-state"],
+                          capture_output=True, text=True, check=False)
+    assert done.returncode == 0 and "equal bit for bit" in done.stdout, done
+
+
 def check_widths(page):
     keep = os.environ.get("FOVEA_SCREENSHOTS")
     for width, height in ((1440, 1000), (360, 800)):
@@ -299,6 +317,7 @@ def check_login(token):
         page.until("globalThis.fovea && fovea.live.picture", "a picture after the login")
         assert page.js("return document.cookie") == "" and view not in page.driver.current_url
         assert page.driver.find_element(By.CSS_SELECTOR, "[data-command=pause]").get_property("disabled")
+        assert page.driver.find_element(By.CSS_SELECTOR, "[data-command=record]").get_property("disabled")
     finally:
         page.driver.quit()
 
@@ -309,8 +328,8 @@ def web(*more):
 
 def main():
     recording = os.path.join(folder, "run.lcm")
-    kept = os.path.join(folder, "kept.yaml")
-    robot = run("--record", recording, "--save-map", os.path.join(folder, "map"), "--set", "parameters.file=" + kept)
+    kept, records = os.path.join(folder, "kept.yaml"), os.path.join(folder, "records")
+    robot = run("--set", "record_folder=" + records, "--record", recording, "--save-map", os.path.join(folder, "map"), "--set", "parameters.file=" + kept)
     server = web()
     page = Page()
     try:
@@ -325,6 +344,7 @@ def main():
         check_path(page)
         check_layers(page)
         check_parameters(page, kept)
+        check_recording(page, records)
         check_widths(page)
         check_accessible(page)
         check_commands(page)

@@ -42,14 +42,15 @@ static int usage(void)
 {
     fprintf(stderr, "usage: command [--prefix FOVEA] [--ttl 0] [--wait 3] [--key FILE --run-id N] "
                     "[--sender N] "
-                    "reset|pause|resume|save|overwrite ...\n");
+                    "reset|pause|resume|save|overwrite|record|record-stop ...\n");
     return 2;
 }
 
 static bool take_word(struct options *options, const char *word)
 {
-    static const char *const words[] = {"reset", "pause", "resume", "save", "overwrite"};
-    for (int i = 0; i < 5; i++)
+    static const char *const words[] = {"reset",     "pause",  "resume",     "save",
+                                        "overwrite", "record", "record-stop"};
+    for (int i = 0; i < (int)(sizeof words / sizeof words[0]); i++)
         if (strcmp(word, words[i]) == 0) {
             options->command.commands |= 1 << i;
             return true;

@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Send a command to a run of Fovea: reset, pause, resume, save, overwrite (with save: over a larger map, too), or KEY=VALUE.
+"""Send a command to a run of Fovea: reset, pause, resume, save, overwrite (with save: over a larger map, too), record,
+record-stop, or KEY=VALUE.
 
 KEY=VALUE changes a live parameter (docs/configuration.md), such as features.threshold=30; with --keep it holds after the next
 start too, where the run has a file for it (parameters.file). KEY= asks for the value of any key and changes nothing.
@@ -117,7 +118,7 @@ def read_key(path):
     return key
 
 
-COMMANDS = ("reset", "pause", "resume", "save", "overwrite")
+COMMANDS = ("reset", "pause", "resume", "save", "overwrite", "record", "record-stop")
 
 
 def word(text):

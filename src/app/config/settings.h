@@ -29,7 +29,7 @@ enum fv_rate {
 /* Where boxes around movable things come from. */
 enum fv_movable_boxes { FV_MOVABLE_NONE = 0, FV_MOVABLE_TRUTH = 1 };
 
-enum { FV_SETTINGS_PATH_BYTES = 1024, FV_SETTINGS_KEYS_MAX = 128 };
+enum { FV_SETTINGS_PATH_BYTES = 1024, FV_SETTINGS_KEYS_MAX = 192 };
 
 struct fv_settings {
     struct fovea_config runtime; /* its rig is filled in when the source is open */
@@ -56,11 +56,12 @@ struct fv_settings {
     char wheel_odometry_channel[64];
     /* faster samples are left out; 0: no limit */
     double wheel_odometry_max_m_s, wheel_odometry_max_rad_s;
-    int movable_boxes;                   /* enum fv_movable_boxes */
-    char record[FV_SETTINGS_PATH_BYTES]; /* "": none */
-    uint32_t record_keep;                /* of numbered recordings; 0: all */
-    uint32_t record_buffer;              /* frames that may wait for the disk in real time */
-    char movable[256], heights[512];     /* lists of classes (app/classes.h) */
+    int movable_boxes;                          /* enum fv_movable_boxes */
+    char record[FV_SETTINGS_PATH_BYTES];        /* "": none */
+    char record_folder[FV_SETTINGS_PATH_BYTES]; /* "": none */
+    uint32_t record_keep;                       /* of numbered recordings; 0: all */
+    uint32_t record_buffer;                     /* frames that may wait for the disk in real time */
+    char movable[256], heights[512];            /* lists of classes (app/classes.h) */
     char grid_floor[512], grid_movable[512], grid_ignored[512]; /* likewise */
     /* "": no detection; the runtime gets its bytes when the source is open */
     char model[FV_SETTINGS_PATH_BYTES], model2[FV_SETTINGS_PATH_BYTES];

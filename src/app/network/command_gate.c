@@ -26,7 +26,7 @@ const char *fv_command_verdict_reason(enum fv_command_verdict verdict)
         [FV_COMMAND_TAKEN] = "",
         [FV_COMMAND_MALFORMED] = "malformed: expected an encoded fovea.command_t",
         [FV_COMMAND_UNKNOWN] =
-            "unknown commands: expected a sum of 1 (reset), 2 (pause), 4 (resume), 8 (save) and, with save, 16 (overwrite)",
+            "unknown commands: expected a sum of 1 (reset), 2 (pause), 4 (resume), 8 (save) and, with save, 16 (overwrite), or 32 (record) or 64 (record-stop) alone",
         [FV_COMMAND_FORBIDDEN] =
             "not allowed from the network: expected one of those in the key `commands`",
         [FV_COMMAND_FORGED] =
@@ -52,8 +52,10 @@ void fv_command_gate_init(struct fv_command_gate *gate, const struct fv_command_
 /* Bits of command_t that the network may send. */
 static uint32_t commands_from_network(const struct fv_command_gate *gate)
 {
-    const uint32_t bits = gate->rules.from_network & ~(uint32_t)FV_COMMAND_PARAMETERS;
-    return bits & FOVEA_COMMAND_T_SAVE ? bits | FOVEA_COMMAND_T_OVERWRITE : bits;
+    uint32_t bits = gate->rules.from_network & ~(uint32_t)FV_COMMAND_PARAMETERS;
+    if (bits & FOVEA_COMMAND_T_SAVE) bits |= FOVEA_COMMAND_T_OVERWRITE;
+    if (bits & FOVEA_COMMAND_T_RECORD) bits |= FOVEA_COMMAND_T_RECORD_STOP;
+    return bits;
 }
 
 bool fv_command_gate_parameters(const struct fv_command_gate *gate)
@@ -115,7 +117,9 @@ static enum fv_command_verdict judge(struct fv_command_gate *gate, const uint8_t
     const uint32_t bits = (uint32_t)command.commands;
     *judged = (struct fv_judged_command){
         .bits = bits, .commands = command.commands, .id = command.id, .sender = command.sender};
-    if ((bits & ~(uint32_t)FOVEA_COMMAND_T_OVERWRITE) == 0 || (bits & ~(uint32_t)FV_COMMAND_ALL))
+    const uint32_t alone = FOVEA_COMMAND_T_RECORD | FOVEA_COMMAND_T_RECORD_STOP;
+    if ((bits & ~(uint32_t)FOVEA_COMMAND_T_OVERWRITE) == 0 || (bits & ~(uint32_t)FV_COMMAND_ALL) ||
+        ((bits & alone) && (bits & (bits - 1))))
         return FV_COMMAND_UNKNOWN;
     const struct fv_command_claim claim = {.data = data,
                                            .bytes = bytes,

@@ -21,7 +21,7 @@
 
 enum {
     FV_COMMAND_SENDERS_MAX = 32,
-    FV_COMMAND_ALL = 31, /* bits of command_t */
+    FV_COMMAND_ALL = 127, /* bits of command_t */
     /* in the place of OVERWRITE, which goes with SAVE, among those that the network may send */
     FV_COMMAND_PARAMETERS = 16,
     FV_COMMAND_AUTO = 1 << 30

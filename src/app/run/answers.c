@@ -51,7 +51,26 @@ static void answer_saved(struct fv_answers *answers, uint32_t ended, const char 
     uint32_t kept = 0;
     for (uint32_t i = 0; i < answers->count; i++) {
         const struct fv_answers_waiting waiting = answers->waiting[i];
-        if (waiting.save > ended)
+        if (waiting.save == 0 || waiting.save > ended)
+            answers->waiting[kept++] = waiting;
+        else
+            answer(answers, &waiting.command,
+                   failure[0] == '\0' ? FOVEA_COMMAND_RESULT_T_RESULT_DONE
+                                      : FOVEA_COMMAND_RESULT_T_RESULT_FAILED,
+                   failure);
+    }
+    answers->count = kept;
+}
+
+/* Likewise those that wait for a recording. */
+static void answer_recorded(struct fv_answers *answers, const struct fv_recordings *recordings)
+{
+    const char *failure;
+    uint32_t kept = 0;
+    const uint32_t ended = fv_recordings_ended(recordings, &failure);
+    for (uint32_t i = 0; i < answers->count; i++) {
+        const struct fv_answers_waiting waiting = answers->waiting[i];
+        if (waiting.recording == 0 || waiting.recording > ended)
             answers->waiting[kept++] = waiting;
         else
             answer(answers, &waiting.command,
@@ -66,10 +85,23 @@ static void keep(struct fv_answers *answers, const struct fv_judged_command *com
                  const struct fv_keeper *keeper)
 {
     const uint32_t save = command->bits & FOVEA_COMMAND_SAVE ? fv_keeper_next(keeper) : 0;
-    answers->waiting[answers->count++] = (struct fv_answers_waiting){*command, save};
+    answers->waiting[answers->count++] = (struct fv_answers_waiting){*command, save, 0};
 }
 
-uint32_t fv_answers_take(struct fv_answers *answers, const struct fv_keeper *keeper)
+/* Such a command comes alone, and no step sees it. */
+static void record(struct fv_answers *answers, const struct fv_judged_command *command,
+                   struct fv_recordings *recordings)
+{
+    const char *refused = fv_recordings_ask(recordings, command->bits);
+    if (refused != NULL)
+        answer(answers, command, FOVEA_COMMAND_RESULT_T_RESULT_REFUSED, refused);
+    else
+        answers->waiting[answers->count++] =
+            (struct fv_answers_waiting){*command, 0, recordings->asked};
+}
+
+uint32_t fv_answers_take(struct fv_answers *answers, const struct fv_keeper *keeper,
+                         struct fv_recordings *recordings)
 {
     const uint32_t either = FOVEA_COMMAND_PAUSE | FOVEA_COMMAND_RESUME;
     struct fv_judged_command command;
@@ -77,11 +109,16 @@ uint32_t fv_answers_take(struct fv_answers *answers, const struct fv_keeper *kee
     uint32_t all = 0;
     const uint32_t ended = fv_keeper_ended(keeper, &failure);
     answer_saved(answers, ended, failure);
+    answer_recorded(answers, recordings);
     for (int i = 0; i < COMMANDS_PER_STEP && answers->count < FV_ANSWERS_WAITING_MAX; i++) {
         if (!fv_transport_command(answers->transport, &command)) break;
         if (command.verdict != FV_COMMAND_TAKEN) {
             answer(answers, &command, FOVEA_COMMAND_RESULT_T_RESULT_REFUSED,
                    fv_command_verdict_reason(command.verdict));
+            continue;
+        }
+        if (command.bits & (FOVEA_COMMAND_RECORD | FOVEA_COMMAND_RECORD_STOP)) {
+            record(answers, &command, recordings);
             continue;
         }
         if (command.bits & either) all &= ~either;
@@ -108,7 +145,7 @@ void fv_answers_step(struct fv_answers *answers)
     uint32_t kept = 0;
     for (uint32_t i = 0; i < answers->count; i++) {
         const struct fv_answers_waiting waiting = answers->waiting[i];
-        if (waiting.save != 0)
+        if (waiting.save != 0 || waiting.recording != 0)
             answers->waiting[kept++] = waiting;
         else
             answer_step(answers, &waiting.command);
@@ -116,12 +153,14 @@ void fv_answers_step(struct fv_answers *answers)
     answers->count = kept;
 }
 
-void fv_answers_end(struct fv_answers *answers, const struct fv_keeper *keeper, const char *failure)
+void fv_answers_end(struct fv_answers *answers, const struct fv_keeper *keeper,
+                    const struct fv_recordings *recordings, const char *failure)
 {
     const char *earlier;
     struct fv_judged_command command;
     const uint32_t ended = fv_keeper_ended(keeper, &earlier);
-    fv_answers_step(answers); /* those that wait for no save */
+    fv_answers_step(answers); /* those that wait for nothing else */
+    answer_recorded(answers, recordings);
     answer_saved(answers, ended, earlier);
     answer_saved(answers, UINT32_MAX, failure != NULL ? failure : "");
     while (fv_transport_command(answers->transport, &command))

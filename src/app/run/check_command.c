@@ -82,6 +82,19 @@ static size_t recorder_bytes(const struct check *check)
     return fv_recorder_bytes(&setup);
 }
 
+/* Likewise where record_folder is set: with the state, which is the persistent and the job part. */
+static size_t recordings_bytes(const struct check *check,
+                               const size_t parts[FOVEA_MEMORY_PART_COUNT])
+{
+    const struct fv_recorder_setup setup = {
+        .settings = &check->settings,
+        .real_time = fv_setup_real_time(&check->settings, &check->setup),
+        .frame_bytes = fv_setup_frame_bytes(&check->setup),
+    };
+    return fv_recorder_ring_bytes(&setup) + parts[FOVEA_MEMORY_PERSISTENT] +
+           parts[FOVEA_MEMORY_JOB];
+}
+
 static size_t masks_bytes(const struct check *check)
 {
     const struct fovea_rig *rig = &check->settings.runtime.rig;
@@ -125,6 +138,8 @@ static enum fovea_status memory_print(struct check *check, size_t lcm_bytes,
     memory_row("stack of the loop", "outside", FV_THREAD_STACK_BYTES);
     if (check->setup.source != NULL)
         memory_row("recorder, if recording", "outside", recorder_bytes(check));
+    if (check->setup.source != NULL && check->settings.record_folder[0] != '\0')
+        memory_row("recordings by command", "outside", recordings_bytes(check, parts));
     if (masks > 0) memory_row("masks", "outside", masks);
     if (check->setup.map != NULL)
         memory_row("map, until started", "outside", check->settings.runtime.map_bytes);

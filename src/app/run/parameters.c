@@ -421,13 +421,14 @@ static void answer(const struct fv_parameters *parameters, struct fv_parameter_c
     fv_feed_put(feed, &out);
 }
 
-void fv_parameters_step(struct fv_parameters *parameters, struct fv_recorder *recorder,
+void fv_parameters_step(struct fv_parameters *parameters, struct fv_recorder *const recorders[2],
                         const struct fovea_inputs *inputs, struct fv_transport *transport,
                         struct fv_feed *feed)
 {
     for (uint32_t i = 0; i < parameters->taken_count; i++) {
         struct fv_parameter_change *change = &parameters->taken[i];
-        if (change->bytes > 0) fv_recorder_parameter(recorder, inputs, change->key, change->value);
+        for (int n = 0; n < 2 && change->bytes > 0; n++)
+            fv_recorder_parameter(recorders[n], inputs, change->key, change->value);
         answer(parameters, change, transport, feed);
     }
     parameters->taken_count = 0;

@@ -95,9 +95,9 @@ void fv_parameters_tend(struct fv_parameters *parameters, bool now);
 /* Put what has come into the inputs of the next step. Loop thread, wait-free. */
 void fv_parameters_take(struct fv_parameters *parameters, struct fovea_inputs *inputs);
 
-/* The step has taken it: record it, before the step is recorded, and answer. Loop thread,
- * wait-free. */
-void fv_parameters_step(struct fv_parameters *parameters, struct fv_recorder *recorder,
+/* The step has taken it: record it by both recorders, each of which may be NULL, before the step is
+ * recorded, and answer. Loop thread, wait-free. */
+void fv_parameters_step(struct fv_parameters *parameters, struct fv_recorder *const recorders[2],
                         const struct fovea_inputs *inputs, struct fv_transport *transport,
                         struct fv_feed *feed);
 

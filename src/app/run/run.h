@@ -17,6 +17,7 @@
 #include "app/run/loop.h"
 #include "app/run/pose_watch.h"
 #include "app/record/recorder.h"
+#include "app/run/recordings.h"
 #include "app/run/results.h"
 #include "app/run/service.h"
 #include "app/config/setup.h"
@@ -70,6 +71,7 @@ struct fv_run {
     struct fv_imu_input imu; /* beside the source */
     struct fv_recorder *recorder;
     char recording[FV_OUTPUT_PATH_BYTES]; /* the file that it writes */
+    struct fv_recordings recordings;      /* by commands */
     struct fv_trajectory *trajectory, *truth;
     struct fv_results *results;
     uint64_t inferences;               /* of the first network, whose results were taken */

@@ -27,9 +27,11 @@ static void pace(void *context)
 {
     struct fv_run *run = context;
     while (!atomic_load_explicit(&run->shared.stop, memory_order_relaxed) &&
-           (!fv_recorder_room(run->recorder) || !fv_transport_room(run->transport) ||
-            !fv_trajectory_room(run->trajectory) || !fv_trajectory_room(run->truth) ||
-            !fv_final_room(run->final) || !fv_results_room(run->results))) {
+           (!fv_recorder_room(run->recorder) ||
+            !fv_recorder_room(fv_recordings_recorder(&run->recordings)) ||
+            !fv_transport_room(run->transport) || !fv_trajectory_room(run->trajectory) ||
+            !fv_trajectory_room(run->truth) || !fv_final_room(run->final) ||
+            !fv_results_room(run->results))) {
         atomic_fetch_add_explicit(&run->shared.beats, 1, memory_order_relaxed);
         nanosleep(&(struct timespec){.tv_nsec = 1000000}, NULL);
     }
@@ -38,7 +40,7 @@ static void pace(void *context)
 static uint32_t commands(void *context)
 {
     struct fv_run *run = context;
-    const uint32_t bits = fv_answers_take(&run->answers, &run->keeper);
+    const uint32_t bits = fv_answers_take(&run->answers, &run->keeper, &run->recordings);
     return fv_keeper_commands(&run->keeper, bits);
 }
 
@@ -65,8 +67,11 @@ static void step_done(void *context, const struct fovea_inputs *inputs,
     fv_feed_publish(run->feed, outputs);
     fv_feed_frame(run->feed, inputs->frame);
     fv_answers_step(&run->answers);
-    fv_parameters_step(&run->parameters, run->recorder, inputs, run->transport, run->feed);
-    fv_recorder_step(run->recorder, inputs, outputs);
+    struct fv_recorder *const recorders[2] = {run->recorder,
+                                              fv_recordings_recorder(&run->recordings)};
+    fv_parameters_step(&run->parameters, recorders, inputs, run->transport, run->feed);
+    for (int i = 0; i < 2; i++)
+        fv_recorder_step(recorders[i], inputs, outputs);
     fv_watch_step(&run->watch, run->loop.rt, inputs, pose != NULL);
     fv_final_observe(run->final, run->loop.rt);
     if (pose != NULL) fv_snapshot_step(&run->snapshot, run->loop.rt, inputs->frame, pose);
@@ -97,6 +102,8 @@ static void work_done(void *context, const struct fovea_inputs *inputs,
     fv_transport_publish(run->transport, outputs);
     fv_feed_publish(run->feed, outputs);
     fv_recorder_work(run->recorder, inputs, grants, outputs);
+    fv_recorder_work(fv_recordings_recorder(&run->recordings), inputs, grants, outputs);
+    fv_recordings_work(&run->recordings, run->transport, run->feed);
     fv_keeper_work(&run->keeper, outputs);
     fv_final_observe(run->final, run->loop.rt);
     struct fovea_detections detections;
@@ -263,9 +270,8 @@ static enum fovea_status feed_open(struct fv_run *run, struct fovea_error *error
     return status;
 }
 
-static enum fovea_status recorder_open(struct fv_run *run, struct fovea_error *error)
+static enum fovea_status recorders_open(struct fv_run *run, struct fovea_error *error)
 {
-    if (run->settings.record[0] == '\0') return FOVEA_OK;
     struct fv_recorder_setup setup = {
         .path = run->settings.record,
         .settings = &run->settings,
@@ -274,6 +280,10 @@ static enum fovea_status recorder_open(struct fv_run *run, struct fovea_error *e
         .real_time = run->loop.real_time,
         .frame_bytes = fv_setup_frame_bytes(&run->setup),
     };
+    const enum fovea_status status =
+        fv_recordings_open(&run->recordings, run->loop.rt, &setup, run->run_id, error);
+    if (status == FOVEA_ERROR_INPUT) fv_settings_blame(&run->settings, "record_folder", error);
+    if (status != FOVEA_OK || run->settings.record[0] == '\0') return status;
     /* A file that cannot be made is a wrong name; later troubles with it are the machine's. */
     if (fv_recorder_open(&setup, &run->recorder, error) == FOVEA_OK) {
         snprintf(run->recording, sizeof run->recording, "%s", fv_recorder_path(run->recorder));
@@ -338,7 +348,7 @@ static enum fovea_status open_all(struct fv_run *run, struct fovea_error *error)
         status = fv_keeper_open(&run->keeper, run->loop.rt, &run->settings, error);
     if (status == FOVEA_OK) remarks(run);
     if (status == FOVEA_OK) status = stats_open(run, error);
-    if (status == FOVEA_OK) status = recorder_open(run, error);
+    if (status == FOVEA_OK) status = recorders_open(run, error);
     if (status == FOVEA_OK)
         status = fv_trajectory_open(run->trajectory_path, &run->trajectory, error);
     if (status == FOVEA_OK && run->truth_path != NULL)
@@ -376,6 +386,7 @@ static void close_all(struct fv_run *run)
 {
     fv_web_page_end(run->web_page);
     fv_recorder_close(run->recorder, NULL);
+    fv_recordings_close(&run->recordings);
     fv_transport_close(run->transport);
     fv_parameters_close(&run->parameters);
     free(run->as_read);
@@ -421,6 +432,7 @@ static void drain(struct fv_run *run)
     fv_results_drain(run->results);
     fv_stall_leave(call);
     fv_final_drain(run->final);
+    fv_recordings_tend(&run->recordings);
 }
 
 /* Until the loop has ended: the terminal, what the process looks like. */
@@ -493,13 +505,15 @@ static enum fovea_status map_end(struct fv_run *run, struct fovea_error *error)
 {
     /* Ended before the first frame, there is no map: one of an earlier run is kept. */
     if (atomic_load(&run->shared.stop) && run->loop.counts.processed == 0) {
-        fv_answers_end(&run->answers, &run->keeper, "the run ended before its first frame");
+        fv_answers_end(&run->answers, &run->keeper, &run->recordings,
+                       "the run ended before its first frame");
         return FOVEA_OK;
     }
     const int call = fv_stall_enter(run->settings.map_save);
     const enum fovea_status status = fv_keeper_end(&run->keeper, error);
     fv_stall_leave(call);
-    fv_answers_end(&run->answers, &run->keeper, status != FOVEA_OK ? error->text : NULL);
+    fv_answers_end(&run->answers, &run->keeper, &run->recordings,
+                   status != FOVEA_OK ? error->text : NULL);
     fv_run_written(run, FV_RUN_MAP);
     return status;
 }
@@ -531,11 +545,12 @@ int fv_command_run(int argc, char **argv)
         if (run.setup.ops != NULL) run.setup.ops->stop(run.setup.source);
         fv_stall_leave(call);
     }
+    fv_recordings_end(&run.recordings);
     fv_parameters_end(&run.parameters, run.transport, run.feed);
     if (status == FOVEA_OK)
         status = map_end(&run, &error);
     else
-        fv_answers_end(&run.answers, &run.keeper, error.text);
+        fv_answers_end(&run.answers, &run.keeper, &run.recordings, error.text);
     if (status == FOVEA_OK)
         end = fv_run_report(&run);
     else

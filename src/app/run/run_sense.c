@@ -63,6 +63,8 @@ static void boxes_from_truth(struct fv_run *run, struct fovea_inputs *inputs)
 void fv_run_sense(void *context, const struct fovea_frame *given, struct fovea_inputs *inputs)
 {
     struct fv_run *run = context;
+    fv_recordings_sense(&run->recordings, inputs,
+                        atomic_load(&run->keeper.stage) != FV_KEEPER_IDLE);
     fv_parameters_take(&run->parameters, inputs);
     take_samples(run, given, inputs);
     if (run->settings.movable_boxes == FV_MOVABLE_TRUTH && inputs->frame != NULL)

@@ -7,10 +7,11 @@ import { Scene } from "/scene.js";
 import { Plot } from "/plots.js";
 import { Parameters } from "/parameters.js";
 import { Requests } from "/requests.js";
-import { Actions, PosePanel, byId, facts, fixed, logLine, names } from "/panels.js";
+import { Actions, PosePanel, byId, facts, fixed, logLine, names, showRecorder } from "/panels.js";
 
 const types = readTypes(await (await fetch("/types")).text());
 const cameraStates = names(types, "fovea.camera_status_t", "STATE_");
+const recorderStates = names(types, "fovea.recorder_t", "STATE_");
 const of = () => link;
 const shown = { times: [], run: undefined };
 
@@ -54,6 +55,7 @@ function forget() {
   pose.forget();
   stages.forget();
   features.forget();
+  byId("recorder").hidden = true;
 }
 
 function showLink(state, word) {
@@ -132,6 +134,7 @@ const link = new Link(types, {
   SEGMENTATION2: (message) => live.segmentation(message, 1),
   KEYPOINTS: (message) => live.keypoints(message),
   KEYPOINTS2: (message) => live.keypoints(message),
+  RECORDER: (message) => showRecorder(recorderStates, message),
   COMMAND_RESULT: (message) => requests.answer(message),
   PARAMETER_RESULT: (message) => {
     requests.answer(message);

@@ -82,6 +82,20 @@ export function logLine({ number, utime, text }) {
   while (list.childElementCount > 200) list.lastChild.remove();
 }
 
+const megabytes = (bytes) => `${(Number(bytes) / 1e6).toFixed(1)} MB`;
+
+// Recordings that the buttons begin and end: state, size, and what the disk has left.
+export function showRecorder(states, message) {
+  const state = states[message.state], parts = [];
+  if (state === "ready") parts.push(message.file ? `recorded ${message.file}, ${megabytes(message.bytes)}` : "not recording");
+  else parts.push(`${state === "records" ? "recording" : state} ${message.file}, ${megabytes(message.bytes)}`);
+  if (message.reason) parts.push(`it ended early: ${message.reason}`);
+  if (message.free_bytes >= 0) parts.push(`${(Number(message.free_bytes) / 1e9).toFixed(1)} GB free`);
+  byId("recorder").hidden = false;
+  byId("recorder").dataset.state = state;
+  byId("recording").textContent = parts.join("; ");
+}
+
 // Buttons that send commands, and the run's answers.
 export class Actions {
   constructor(types, requests) {

@@ -13,6 +13,7 @@
 #include "fovea_calibration_warning_t.h"
 #include "fovea_classes_t.h"
 #include "fovea_command_result_t.h"
+#include "fovea_recorder_t.h"
 #include "fovea_edges_t.h"
 #include "fovea_grid_t.h"
 #include "fovea_health_t.h"
@@ -160,6 +161,8 @@ static void commands_and_answers_fit(void **state)
     const fovea_command_result_t command = {.reason = longest(255)};
     const fovea_parameter_result_t parameter = {
         .key = longest(63), .value = longest(1023), .reason = longest(255)};
+    const fovea_recorder_t recorder = {.file = longest(127), .reason = longest(255)};
+    assert_fits("recorder_t", fovea_recorder_t_encoded_size(&recorder));
     assert_fits("velocity_command_t", fovea_velocity_command_t_encoded_size(&velocity));
     assert_fits("command_result_t", fovea_command_result_t_encoded_size(&command));
     assert_fits("parameter_result_t", fovea_parameter_result_t_encoded_size(&parameter));

@@ -75,10 +75,13 @@ static void test_without_key_this_host_may_all_and_the_network_what_is_allowed(v
     assert_int_equal(plain(&gate, 8 | 16, true), FV_COMMAND_TAKEN);
     assert_int_equal(plain(&gate, 0, true), FV_COMMAND_UNKNOWN);
     assert_int_equal(plain(&gate, 16, true), FV_COMMAND_UNKNOWN); /* nothing to overwrite with */
-    assert_int_equal(plain(&gate, 1 | 32, true), FV_COMMAND_UNKNOWN);
+    assert_int_equal(plain(&gate, 1 | 32, true), FV_COMMAND_UNKNOWN); /* not alone */
+    assert_int_equal(plain(&gate, 32 | 64, true), FV_COMMAND_UNKNOWN);
+    assert_int_equal(plain(&gate, 128, true), FV_COMMAND_UNKNOWN);
+    assert_int_equal(plain(&gate, 64, true), FV_COMMAND_TAKEN);
     assert_int_equal(plain(&gate, INT32_MIN | 1, true), FV_COMMAND_UNKNOWN);
     assert_int_equal(judge(&gate, (const uint8_t *)"abc", 3, true, 0), FV_COMMAND_MALFORMED);
-    assert_int_equal(gate.counts[FV_COMMAND_UNKNOWN], 4);
+    assert_int_equal(gate.counts[FV_COMMAND_UNKNOWN], 6);
     assert_int_equal(gate.counts[FV_COMMAND_FORBIDDEN], 2);
     assert_int_equal(gate.counts[FV_COMMAND_MALFORMED], 1);
 }
@@ -189,12 +192,12 @@ static void refused_commands_are_answered_at_a_limited_rate(void **state)
     struct fv_judged_command command;
     uint8_t data[128];
     const struct fv_command_rules rules = {.run_id = RUN};
-    const fovea_command_t wrong = {.commands = 64, .id = 5, .sender = 6}, right = {.commands = 1};
+    const fovea_command_t wrong = {.commands = 512, .id = 5, .sender = 6}, right = {.commands = 1};
     int answered = 0;
     (void)state;
     fv_command_gate_init(&gate, &rules);
     fv_command_gate_judge(&gate, data, encode(&wrong, data), true, 0, &command);
-    assert_true(command.id == 5 && command.sender == 6 && command.commands == 64);
+    assert_true(command.id == 5 && command.sender == 6 && command.commands == 512);
     for (int i = 0; i < 25000; i++)
         answered += fv_command_gate_answers(&gate, &command, (int64_t)i * 100000);
     assert_int_equal(answered, 30); /* 2.5 seconds */
