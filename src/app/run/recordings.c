@@ -194,12 +194,13 @@ static void close_file(struct fv_recordings *recordings, const char *reason)
     fv_recorder_stop(recordings->recorder, reason);
     const bool whole = fv_recorder_close(recordings->recorder, &summary) == FOVEA_OK;
     recordings->recorder = NULL;
-    keep_name(recordings, summary.path);
+    keep_name(recordings, summary.events > 1 ? summary.path : ""); /* it was removed */
+    recordings->bytes = (int64_t)summary.bytes;
     snprintf(recordings->failure, sizeof recordings->failure, "%s", whole ? "" : summary.reason);
     snprintf(recordings->reason, sizeof recordings->reason, "%s", whole ? "" : summary.reason);
     fv_say("%s: recorded %llu events (%llu bytes)%s", summary.path,
            (unsigned long long)summary.events, (unsigned long long)summary.bytes,
-           whole ? "" : ", not to its end");
+           whole ? "" : ", not all");
     pass(recordings, FV_RECORDINGS_READY);
 }
 
@@ -220,7 +221,8 @@ static void tell(struct fv_recordings *recordings)
     recordings->told_stage = stage;
     recordings->told_ns = now_ns;
     if (recordings->recorder != NULL)
-        recordings->told.bytes = (int64_t)fv_recorder_written(recordings->recorder);
+        recordings->bytes = (int64_t)fv_recorder_written(recordings->recorder);
+    recordings->told.bytes = recordings->bytes;
     recordings->told.state = states[stage];
     recordings->told.free_bytes = free_bytes(recordings);
     memcpy(recordings->told.file, recordings->file, sizeof recordings->file);

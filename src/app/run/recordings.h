@@ -49,7 +49,7 @@ struct fv_recordings {
     /* The watching thread's. */
     char file[FV_RECORDINGS_NAME_BYTES]; /* name of the last recording; "": none */
     char reason[FV_RECORDINGS_REASON_BYTES];
-    int64_t told_ns;
+    int64_t bytes, told_ns;
     int told_stage;
 
     /* What is told: the watching thread's, the loop's where `news`. */
