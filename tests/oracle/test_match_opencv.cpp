@@ -1,10 +1,12 @@
 /* Exact matching beside OpenCV's on boat 1 and 2, SIFT and ORB features: the same pairs as its
- * brute force with the ratio test. With --flann also, on a quiet machine: a fifth of the
+ * brute force with the ratio test, so no other is accepted. With --flann also: a fifth of the
  * processor's time of the fastest setting of FLANN, its index included, that keeps 0.95 of them.
  *
  *   test_match_opencv [--flann] [COUNT]     default 5000 features of each image */
 #include "oracle/images.h"
 
+#include <algorithm>
+#include <array>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
@@ -12,6 +14,8 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <string>
+#include <vector>
 
 #include <opencv2/core/utility.hpp>
 #include <opencv2/features2d.hpp>
@@ -57,20 +61,15 @@ struct Features {
     }
 };
 
-/* Median of five, milliseconds of the processor. */
+/* Milliseconds of the processor. */
 double time_of(const std::function<void()> &run)
 {
-    std::vector<double> times;
-    for (int i = 0; i < 5; i++) {
-        struct timespec start, end;
-        clock_gettime(CLOCK_THREAD_CPUTIME_ID, &start);
-        run();
-        clock_gettime(CLOCK_THREAD_CPUTIME_ID, &end);
-        times.push_back(1e3 * static_cast<double>(end.tv_sec - start.tv_sec) +
-                        1e-6 * static_cast<double>(end.tv_nsec - start.tv_nsec));
-    }
-    std::nth_element(times.begin(), times.begin() + 2, times.end());
-    return times[2];
+    struct timespec start, end;
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &start);
+    run();
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &end);
+    return 1e3 * static_cast<double>(end.tv_sec - start.tv_sec) +
+           1e-6 * static_cast<double>(end.tv_nsec - start.tv_nsec);
 }
 
 using Pairs = std::map<int, int>;
@@ -84,40 +83,80 @@ Pairs accepted(const std::vector<std::vector<cv::DMatch>> &matches)
     return pairs;
 }
 
-/* The fastest setting of a grid that keeps 0.95 of `expected`; infinite where none does. */
-double fastest_flann(const cv::Mat &a, const cv::Mat &b, bool binary, const Pairs &expected)
+double kept(const Pairs &found, const Pairs &expected)
 {
-    double best = 1e9;
-    for (int setting = 0; setting < (binary ? 3 : 18); setting++) {
-        static const int lsh[3][3] = {{6, 12, 1}, {12, 12, 1}, {12, 20, 2}};
-        const int trees = 1 << setting % 3, checks = 16 << setting / 3;
-        Pairs found;
-        const double ms = time_of([&] {
-            cv::Ptr<cv::flann::IndexParams> index;
-            if (binary)
-                index = cv::makePtr<cv::flann::LshIndexParams>(lsh[setting][0], lsh[setting][1],
-                                                               lsh[setting][2]);
-            else
-                index = cv::makePtr<cv::flann::KDTreeIndexParams>(trees);
-            cv::FlannBasedMatcher matcher(index, cv::makePtr<cv::flann::SearchParams>(checks));
-            std::vector<std::vector<cv::DMatch>> matches;
-            matcher.knnMatch(a, b, matches, 2);
-            found = accepted(matches);
-        });
-        size_t kept = 0;
-        for (const auto &[q, t] : expected) {
-            const auto at = found.find(q);
-            kept += at != found.end() && at->second == t;
-        }
-        const double part = static_cast<double>(kept) / static_cast<double>(expected.size());
-        if (binary)
-            std::printf("    LSH %d %d %d: ", lsh[setting][0], lsh[setting][1], lsh[setting][2]);
-        else
-            std::printf("    %d trees, %3d checks: ", trees, checks);
-        std::printf("%.1f ms, keeps %.3f\n", ms, part);
-        if (part >= .95) best = std::min(best, ms);
+    size_t count = 0;
+    for (const auto &[q, t] : expected) {
+        const auto at = found.find(q);
+        count += at != found.end() && at->second == t;
     }
-    return best;
+    return static_cast<double>(count) / static_cast<double>(expected.size());
+}
+
+/* A setting of FLANN, whose trees are random: the least time of its rounds, their mean part of the
+ * pairs of brute force. */
+struct Setting {
+    std::string name;
+    std::function<cv::Ptr<cv::flann::IndexParams>()> index;
+    int checks;
+    double least_ms = 1e9, kept_sum = 0;
+
+    void round(const cv::Mat &a, const cv::Mat &b, const Pairs &expected)
+    {
+        std::vector<std::vector<cv::DMatch>> matches;
+        least_ms = std::min(least_ms, time_of([&] {
+                                cv::FlannBasedMatcher matcher(
+                                    index(), cv::makePtr<cv::flann::SearchParams>(checks));
+                                matcher.knnMatch(a, b, matches, 2);
+                            }));
+        kept_sum += kept(accepted(matches), expected);
+    }
+};
+
+std::vector<Setting> grid(bool binary)
+{
+    std::vector<Setting> settings;
+    if (binary) {
+        for (const auto &[tables, key, probes] :
+             {std::array{6, 12, 1}, std::array{12, 12, 1}, std::array{12, 20, 2}})
+            settings.push_back({cv::format("LSH %d %d %d", tables, key, probes),
+                                [tables = tables, key = key, probes = probes] {
+                                    return cv::makePtr<cv::flann::LshIndexParams>(tables, key,
+                                                                                  probes);
+                                },
+                                32});
+        return settings;
+    }
+    for (int checks = 16; checks <= 512; checks *= 2)
+        for (int trees = 1; trees <= 4; trees *= 2)
+            settings.push_back(
+                {cv::format("%d trees, %3d checks", trees, checks),
+                 [trees] { return cv::makePtr<cv::flann::KDTreeIndexParams>(trees); }, checks});
+    return settings;
+}
+
+/* Over the fastest setting that keeps 0.95 of `expected`: the least time of as many rounds of each,
+ * in turns, so that what else the machine does meets all alike. */
+double over_flann(const std::function<void()> &ours, const cv::Mat &a, const cv::Mat &b,
+                  bool binary, const Pairs &expected)
+{
+    constexpr int rounds = 7;
+    std::vector<Setting> settings = grid(binary);
+    double least_ms = 1e9, fastest_ms = 1e9;
+    for (int i = 0; i < rounds; i++) {
+        least_ms = std::min(least_ms, time_of(ours));
+        for (Setting &setting : settings)
+            setting.round(a, b, expected);
+    }
+    for (const Setting &setting : settings) {
+        const double part = setting.kept_sum / rounds;
+        std::printf("    %s: %.1f ms, keeps %.4f\n", setting.name.c_str(), setting.least_ms, part);
+        if (part >= .95) fastest_ms = std::min(fastest_ms, setting.least_ms);
+    }
+    std::printf("  least of %d rounds: ours %.2f ms, the fastest FLANN that keeps 0.95 %.1f ms: "
+                "%.3f\n",
+                rounds, least_ms, fastest_ms, least_ms / fastest_ms);
+    return least_ms / fastest_ms;
 }
 
 bool check(enum fovea_feature_method method, uint32_t count, bool held)
@@ -164,9 +203,8 @@ bool check(enum fovea_feature_method method, uint32_t count, bool held)
                 expected.size(), same, ours, brute);
     bool good = matched.count == expected.size() && same == expected.size();
     if (held) {
-        const double flann = fastest_flann(a_cv, b_cv, binary, expected);
-        std::printf("  over the fastest FLANN that keeps 0.95: %.3f\n", ours / flann);
-        good = good && ours <= .2 * flann;
+        const auto run = [&] { fovea_match_run(matcher, &a.found, &b.found, &matched); };
+        good = over_flann(run, a_cv, b_cv, binary, expected) <= .2 && good;
     }
     if (!good) std::printf("FAILED\n");
     return good;
