@@ -598,6 +598,10 @@ $(WRONG_TESTS): TEST_MORE := $(call objs,tests/common/wrong_case.c)
 PROGRAM_TESTS := $(BUILD)/tests/realtime/test_ends $(BUILD)/tests/realtime/test_host
 $(PROGRAM_TESTS): $(call objs,tests/common/program.c)
 $(PROGRAM_TESTS): TEST_MORE := $(call objs,tests/common/program.c)
+# The campaign of fault schedules, one file per part, is one program.
+FAULTS_O := $(call objs,$(wildcard tests/campaign/faults/*.c))
+$(BUILD)/tests/campaign/faults: $(FAULTS_O)
+$(BUILD)/tests/campaign/faults: TEST_MORE := $(FAULTS_O)
 # The benchmarks beside OpenCV, one file per room, make up one program.
 BENCH_O := $(call objs,$(wildcard tests/bench/*.cpp)) $(KERNEL_CHECKS)
 $(BUILD)/bench: $(BENCH_O) $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a

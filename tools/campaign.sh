@@ -57,6 +57,23 @@ corridor() { # corridor SEEDS NEEDED OPTIONS NAME
     $build/tests/campaign/closures "$1" "$2" "$3" ${4:+"$done_folder/$4.seeds"}
 }
 
+# Seeded faults upon simulated and recorded sources, each run in a process of its own; what is done is kept by seed. The report, with
+# pictures of the worst runs, is BUILD/campaign/fault-schedules/faults.md.
+faults() { # faults SEEDS FIRST [--sample]
+    folder=$done_folder/fault-schedules
+    program=$build/tests/campaign/faults
+    data=${FOVEA_DATA:-../shared/data}
+    mkdir -p "$folder"
+    $program --recordings | while read -r name uri; do
+        [ -f "$folder/$name" ] && continue
+        $build/fovea run --source "$uri" --record "$folder/begun" --picture none --quiet --set lcm_url= || exit 1
+        mv "$folder/begun" "$folder/$name"
+    done || return 1
+    [ ! -d "$data/handheld_7scenes_a" ] || $program --real "tum:$data/handheld_7scenes_a" "$folder" handheld || return 1
+    [ ! -d "$data/euroc_mh05_a" ] || $program --real "euroc:$data/euroc_mh05_a" "$folder" euroc || return 1
+    $program "$1" "$2" "$folder" "${3:-}"
+}
+
 # Processes that save maps and record to numbered files are killed at random moments: nothing that was kept is lost.
 kills() {
     make --no-print-directory "$build/tests/unit/app/config/test_map_file" && FOVEA_KILLS=$1 "$build/tests/unit/app/config/test_map_file" || return 1
@@ -134,6 +151,9 @@ if [ -n "$sample" ]; then
     part bisect tests/replay/bisect.sh
     part kills kills 200
     part kidnap tools/evaluate/kidnap.sh 2
+    seed=${FAULTS_SEED:-$(date +%s)}
+    case $parts in "  " | *" faults "*) echo "faults       seeds from $seed on (FAULTS_SEED=$seed repeats them)" ;; esac
+    part faults faults 45 "$seed" --sample
     part packets packets 50000
     part fuzz make --no-print-directory fuzz FUZZ_SECONDS="${FUZZ_SECONDS:-6}"
     part networks tools/check_networks.sh "$build" 1 best
@@ -152,6 +172,7 @@ else
     part kills kills 1000
     part slow-links slow_links
     part kidnap tools/evaluate/kidnap.sh 100
+    part faults faults 2000 0
     part revisits tools/evaluate/revisits.sh
     part sweeps sweeps
     part packets packets 1000000

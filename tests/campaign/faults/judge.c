@@ -1,0 +1,219 @@
+#include "judge.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "app/run/trajectory.h"
+#include "geometry/linear.h"
+#include "geometry/se3.h"
+#include "geometry/vec.h"
+
+enum { POSES_MIN = 10 };
+static const double nees_max = 22.5;
+static const int64_t flow_ns = 1000000000;
+
+static bool is_metric(const struct fovea_pose *pose)
+{
+    return pose->scale_source != FOVEA_SCALE_FREE;
+}
+
+bool faults_fit(const struct faults_play *play, uint32_t map_id, bool metric,
+                struct faults_fit *fit)
+{
+    struct fv_similarity_sums sums = {0};
+    for (uint32_t i = 0; i < play->count; i++) {
+        const struct faults_frame *frame = &play->frame[i];
+        const double *T = frame->pose.T_world_cam;
+        if (!frame->processed || !frame->pose.posed || !frame->has_truth ||
+            frame->pose.map_id != map_id || is_metric(&frame->pose) != metric)
+            continue;
+        const double p[3] = {T[3], T[7], T[11]},
+                     q[3] = {frame->truth[3], frame->truth[7], frame->truth[11]};
+        sums.n++;
+        for (int r = 0; r < 3; r++) {
+            sums.p[r] += p[r];
+            sums.q[r] += q[r];
+            for (int c = 0; c < 3; c++)
+                sums.qp[3 * r + c] += q[r] * p[c];
+        }
+        sums.pp += fv_dot3(p, p);
+        sums.qq += fv_dot3(q, q);
+    }
+    double rms;
+    if (sums.n < POSES_MIN || !fv_similarity_fit(&sums, &fit->scale, fit->R, fit->t, &rms) ||
+        !(fit->scale > 0))
+        return false;
+    if (metric) { /* the same rotation without the scale */
+        double turned[3], mean[3];
+        for (int i = 0; i < 3; i++)
+            mean[i] = sums.p[i] / sums.n;
+        fv_rotate3(fit->R, mean, turned);
+        for (int i = 0; i < 3; i++)
+            fit->t[i] = sums.q[i] / sums.n - turned[i];
+        fit->scale = 1;
+    }
+    return true;
+}
+
+/* ---- NEES ------------------------------------------------------------------------------------ */
+
+/* (rho, omega) with exp of it the motion T. */
+static void logarithm(const struct fv_se3 *T, double error[6])
+{
+    double crossed[3], twice[3];
+    fv_so3_log(T->R, error + 3);
+    const double angle2 = fv_dot3(error + 3, error + 3), angle = sqrt(angle2),
+                 factor = angle2 < 1e-8 ? 1.0 / 12 + angle2 / 720
+                                        : (1 - 0.5 * angle / tan(0.5 * angle)) / angle2;
+    fv_cross3(error + 3, T->t, crossed);
+    fv_cross3(error + 3, crossed, twice);
+    for (int i = 0; i < 3; i++)
+        error[i] = T->t[i] - 0.5 * crossed[i] + factor * twice[i];
+}
+
+/* Infinite where the covariance is none. */
+static double squared_error(const double covariance[21], const double error[6])
+{
+    double S[36], solved[6], sum = 0;
+    for (int row = 0, k = 0; row < 6; row++)
+        for (int column = row; column < 6; column++, k++)
+            S[6 * row + column] = S[6 * column + row] = covariance[k];
+    memcpy(solved, error, sizeof solved);
+    if (!fv_ldlt_solve(S, 6, solved)) return INFINITY;
+    for (int i = 0; i < 6; i++)
+        sum += error[i] * solved[i];
+    return sum;
+}
+
+static const struct faults_frame *at_stamp(const struct faults_play *play, int64_t stamp_ns)
+{
+    for (uint32_t i = 0; i < play->count; i++)
+        if (play->frame[i].processed && play->frame[i].stamp_ns == stamp_ns) return &play->frame[i];
+    return NULL;
+}
+
+/* Metres per unit of the published world: 1, or by the similarity of the map. 0: not known. */
+static double metres_of(const struct faults_play *play, const struct fovea_pose *pose)
+{
+    struct faults_fit fit;
+    if (is_metric(pose)) return 1;
+    return faults_fit(play, pose->map_id, false, &fit) ? fit.scale : 0;
+}
+
+/* NEES of a frame's pose relative to its reference keyframe; NaN: it cannot be judged. `vector`:
+ * its error, in metres and rad. */
+static double nees_of(const struct faults_play *play, const struct faults_frame *frame,
+                      double vector[6])
+{
+    const struct fovea_pose *pose = &frame->pose;
+    const struct faults_frame *keyframe = at_stamp(play, pose->keyframe_stamp_ns);
+    const double metres = metres_of(play, pose);
+    if (keyframe == NULL || keyframe == frame || !keyframe->has_truth || !(metres > 0)) return NAN;
+    /* The published unit per unit of the map, as in the message's T_keyframe_child. */
+    const double unit = is_metric(pose) ? pose->scale : 1 / pose->map_scale;
+    struct fv_se3 T_keyframe_cam, T_world_keyframe, T_world_cam, truth, error;
+    fv_se3_from_rows(pose->T_keyframe_cam, &T_keyframe_cam);
+    fv_se3_from_rows(keyframe->truth, &T_world_keyframe);
+    fv_se3_from_rows(frame->truth, &T_world_cam);
+    fv_se3_invert(&T_world_keyframe, &truth);
+    fv_se3_compose(&truth, &T_world_cam, &truth);
+    for (int i = 0; i < 3; i++) {
+        T_keyframe_cam.t[i] *= unit;
+        truth.t[i] /= metres;
+    }
+    fv_se3_invert(&T_keyframe_cam, &error);
+    fv_se3_compose(&error, &truth, &error);
+    logarithm(&error, vector);
+    const double nees = squared_error(pose->covariance, vector);
+    for (int i = 0; i < 3; i++)
+        vector[i] *= metres;
+    return nees;
+}
+
+/* ---- frames flow again ----------------------------------------------------------------------- */
+
+bool faults_strikes(const struct faults_plan *plan, uint64_t index)
+{
+    for (uint32_t i = 0; i < plan->count; i++) {
+        struct fv_fault_options options;
+        struct fv_fault_schedule schedule;
+        struct fv_fault_window window;
+        struct fovea_error error;
+        if (fv_fault_options_parse(plan->options[i], &options, &error)) faults_die(error.text);
+        fv_fault_schedule_open(&schedule, &options);
+        if (fv_fault_schedule_at(&schedule, index, &window)) return true;
+    }
+    return false;
+}
+
+/* From the first good frame behind a fault to the next processed frame, by stamps. Ends that have
+ * less than a second of the source behind them count only when frames flow in it. */
+static void judge_returns(const struct faults_plan *plan, const struct faults_play *play,
+                          struct faults_verdict *verdict)
+{
+    bool before = false;
+    for (uint32_t i = 0; i < play->count; i++) {
+        const struct faults_frame *good = &play->frame[i];
+        const bool returns = !faults_strikes(plan, good->index) && good->index > 0 &&
+                             faults_strikes(plan, good->index - 1);
+        const bool first = returns && !before;
+        before = returns;
+        if (!first) continue;
+        int64_t waited_ns = -1;
+        for (uint32_t k = i; k < play->count && waited_ns < 0; k++)
+            if (play->frame[k].processed && play->frame[k].stamp_ns >= good->stamp_ns)
+                waited_ns = play->frame[k].stamp_ns - good->stamp_ns;
+        const int64_t left_ns = play->frame[play->count - 1].stamp_ns - good->stamp_ns;
+        if (waited_ns < 0 && left_ns < flow_ns) continue;
+        verdict->returns++;
+        verdict->late += waited_ns < 0 || waited_ns > flow_ns;
+        if (1e-9 * (double)waited_ns > verdict->last_s) verdict->last_s = 1e-9 * (double)waited_ns;
+    }
+}
+
+void faults_explain(const struct faults_play *play, const double nees[FAULTS_GIVEN_MAX])
+{
+    for (uint32_t i = 0; i < play->count; i++) {
+        const struct faults_frame *frame = &play->frame[i], *keyframe;
+        const struct fovea_pose *pose = &frame->pose;
+        double error[6];
+        if (!(nees[i] > nees_max)) continue;
+        (void)nees_of(play, frame, error);
+        keyframe = at_stamp(play, pose->keyframe_stamp_ns);
+        printf(
+            "  frame %llu: NEES %.4g, of keyframe %llu at frame %llu, %u inliers of %u; error (mm, mrad) "
+            "over sigma:",
+            (unsigned long long)frame->index, nees[i], (unsigned long long)pose->reference_keyframe,
+            (unsigned long long)keyframe->index, pose->inliers, pose->matches);
+        for (int row = 0, k = 0; row < 6; k += 6 - row, row++)
+            printf(" %.2f/%.2f", 1e3 * error[row],
+                   1e3 * sqrt(pose->covariance[k]) * (row < 3 ? metres_of(play, pose) : 1));
+        putchar('\n');
+    }
+}
+
+void faults_judge(const struct faults_plan *plan, const struct faults_play *play,
+                  bool truth_is_exact, double nees[FAULTS_GIVEN_MAX],
+                  struct faults_verdict *verdict)
+{
+    memset(verdict, 0, sizeof *verdict);
+    verdict->given = play->count;
+    for (uint32_t i = 0; i < play->count; i++) {
+        const struct faults_frame *frame = &play->frame[i];
+        double error[6];
+        nees[i] = NAN;
+        verdict->processed += frame->processed;
+        verdict->posed += frame->processed && frame->pose.posed;
+        if (!frame->processed || frame->pose.state != FOVEA_TRACKING_OK) continue;
+        verdict->tracking++;
+        if (!truth_is_exact || !frame->has_truth) continue;
+        nees[i] = nees_of(play, frame, error);
+        if (isnan(nees[i])) continue;
+        verdict->judged++;
+        verdict->wrong += !(nees[i] <= nees_max);
+        if (nees[i] > verdict->worst) verdict->worst = nees[i];
+        verdict->error_m = fmax(verdict->error_m, fv_norm3(error));
+    }
+    if (plan->count > 0) judge_returns(plan, play, verdict);
+}
