@@ -1,5 +1,6 @@
 #include "web/command.h"
 
+#include <stdlib.h>
 #include <string.h>
 
 #include "app/network/command_gate.h"
@@ -8,6 +9,7 @@
 
 #include "fovea_command_t.h"
 #include "fovea_parameter_t.h"
+#include "fovea_settings_t.h"
 
 enum { COMMAND_BYTES_MAX = 128, PARAMETER_BYTES_MAX = 1024 };
 
@@ -83,6 +85,27 @@ int64_t fv_web_commander_set(struct fv_web_commander *commander, const char *pre
     request.mac = mac_of(commander, data, bytes);
     put(commander, prefix, FV_MESSAGE_PARAMETER, data,
         fovea_parameter_t_encode(data, 0, sizeof data, &request));
+    return commander->id;
+}
+
+int64_t fv_web_commander_settings(struct fv_web_commander *commander, const char *prefix,
+                                  int64_t run_id, const char *text)
+{
+    const size_t capacity = FV_WEB_SETTINGS_BYTES + 512;
+    const int64_t now_ns = fv_clock_ns(CLOCK_REALTIME);
+    uint8_t *data = malloc(capacity);
+    if (data == NULL) return 0;
+    fovea_settings_t request = {.utime = now_ns / 1000,
+                                .id = next_id(commander, now_ns),
+                                .text = (char *)(uintptr_t)text,
+                                .run_id = run_id,
+                                .sender = FV_WEB_SENDER,
+                                .counter = commander->id};
+    const int bytes = fovea_settings_t_encode(data, 0, capacity, &request);
+    request.mac = mac_of(commander, data, bytes);
+    put(commander, prefix, FV_MESSAGE_SETTINGS, data,
+        fovea_settings_t_encode(data, 0, capacity, &request));
+    free(data);
     return commander->id;
 }
 

@@ -220,6 +220,7 @@ static const struct shown {
     {"MAP", FV_SECOND_NS / 2, NULL, piece_of_map, FOR_ALL},
     {"RECORDER", 0, take_recorder, NULL, FOR_ALL},
     {"COMMAND_RESULT", 0, NULL, piece_of_answer, FOR_ALL},
+    {"SETTINGS_RESULT", 0, NULL, NULL, FOR_OPERATORS},
     {"PARAMETER_RESULT", 0, NULL, piece_of_answer, FOR_OPERATORS}, /* values may be secret */
     {"FEATURES", 0, take_features, NULL, FOR_NOBODY},
 };

@@ -82,15 +82,20 @@ static int send_next(struct fv_web_server *server, struct lws *wsi)
     return 0;
 }
 
+const char *fv_web_server_refusal(const struct fv_web_server *server, enum fv_web_role role)
+{
+    return role != FV_WEB_OPERATE ? "this token may only look"
+           : server->setup.commander == NULL || server->setup.commander->transport == NULL
+               ? "fovea-web was started without --lcm-url"
+           : server->setup.relay->reader == NULL ? "there is no run"
+                                                 : NULL;
+}
+
 static void command(struct fv_web_server *server, struct fv_web_client *client,
                     const struct fv_web_command *command)
 {
     const struct fv_web_relay *relay = server->setup.relay;
-    const char *reason = client->role != FV_WEB_OPERATE ? "this token may only look"
-                         : server->setup.commander->transport == NULL
-                             ? "fovea-web was started without --lcm-url"
-                         : relay->reader == NULL ? "there is no run"
-                                                 : NULL;
+    const char *reason = fv_web_server_refusal(server, client->role);
     if (reason != NULL) {
         fv_web_client_reply(client, "{\"kind\":\"refused\",\"request\":%u,\"reason\":\"%s\"}",
                             command->request, reason);

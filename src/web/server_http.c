@@ -242,6 +242,46 @@ static int begin_login(struct fv_web_server *server, struct lws *wsi,
     return 0;
 }
 
+/* All settings of the run are asked for, by an empty line, or come in the body to be restored. */
+static int begin_settings(struct fv_web_server *server, struct lws *wsi,
+                          struct fv_web_request *request, enum fv_web_role role)
+{
+    char length[16];
+    const char *refusal = fv_web_server_refusal(server, role);
+    if (refusal != NULL) {
+        request->made = (uint8_t *)strdup(refusal);
+        if (request->made == NULL) return -1;
+        return answer_text(wsi, request, HTTP_STATUS_FORBIDDEN, (const char *)request->made);
+    }
+    const bool any = header(wsi, WSI_TOKEN_HTTP_CONTENT_LENGTH, length, sizeof length);
+    if (!any || strtoul(length, NULL, 10) > FV_WEB_SETTINGS_BYTES)
+        return answer_text(wsi, request, 413, "Too long: settings have at most 32767 bytes\n");
+    request->settings = malloc(FV_WEB_SETTINGS_BYTES + 1);
+    return request->settings == NULL ? -1 : 0;
+}
+
+/* Pass them on, and say by which number the run answers. */
+static int end_settings(struct fv_web_server *server, struct lws *wsi,
+                        struct fv_web_request *request)
+{
+    const struct fv_web_relay *relay = server->setup.relay;
+    char id[32];
+    if (relay->reader == NULL) return -1;
+    request->settings[request->settings_bytes] = '\0';
+    const bool asks = strcmp(request->settings, "\n") == 0;
+    if (strlen(request->settings) != request->settings_bytes)
+        return answer_text(wsi, request, HTTP_STATUS_BAD_REQUEST, "Found a byte 0 in settings\n");
+    snprintf(id, sizeof id, "%lld",
+             (long long)fv_web_commander_settings(server->setup.commander, relay->prefix,
+                                                  (int64_t)fv_feed_reader_run(relay->reader),
+                                                  asks ? "" : request->settings));
+    free(request->settings);
+    request->settings = NULL;
+    request->made = (uint8_t *)strdup(id);
+    if (request->made == NULL) return -1;
+    return answer_text(wsi, request, HTTP_STATUS_OK, (const char *)request->made);
+}
+
 /* Of a run's page, and of fovea-calibrate's. */
 static const char *const forbidden[] = {
     "Forbidden: Host or Origin is none of this page's (--name adds one)\n",
@@ -260,6 +300,9 @@ static int begin(struct fv_web_server *server, struct lws *wsi, struct fv_web_re
     if (status == HTTP_STATUS_FORBIDDEN)
         return answer_text(wsi, request, status, forbidden[server->setup.pages != NULL]);
     if (post && strcmp(path, "/login") == 0) return begin_login(server, wsi, request);
+    if (post && status == HTTP_STATUS_OK && strcmp(path, "/settings") == 0 &&
+        server->setup.relay != NULL)
+        return begin_settings(server, wsi, request, role);
     if (!get) return answer_text(wsi, request, HTTP_STATUS_METHOD_NOT_ALLOWED, "Not allowed\n");
     const struct fv_web_asset *asset = asset_of(server, path);
     if (status == HTTP_STATUS_UNAUTHORIZED && (asset == NULL || !asset->open)) {
@@ -307,6 +350,12 @@ static int end_login(struct fv_web_server *server, struct lws *wsi, struct fv_we
 static int take_body(struct fv_web_request *request, const void *in, size_t length)
 {
     if (length == 0) return 0;
+    if (request != NULL && request->settings != NULL) {
+        if (length > FV_WEB_SETTINGS_BYTES - request->settings_bytes) return -1;
+        memcpy(request->settings + request->settings_bytes, in, length);
+        request->settings_bytes += length;
+        return 0;
+    }
     if (request == NULL || !request->login || length >= sizeof request->body - request->body_bytes)
         return -1;
     memcpy(request->body + request->body_bytes, in, length);
@@ -332,13 +381,16 @@ int fv_web_http(struct lws *wsi, enum lws_callback_reasons reason, void *user, v
     case LWS_CALLBACK_HTTP_BODY:
         return take_body(request, in, length);
     case LWS_CALLBACK_HTTP_BODY_COMPLETION:
+        if (request != NULL && request->settings != NULL) return end_settings(server, wsi, request);
         return request != NULL && request->login ? end_login(server, wsi, request) : -1;
     case LWS_CALLBACK_HTTP_WRITEABLE:
         return answer_more(wsi, request);
     case LWS_CALLBACK_CLOSED_HTTP:
         if (request != NULL) {
             free(request->made);
+            free(request->settings);
             request->made = NULL;
+            request->settings = NULL;
         }
         return 0;
     default:

@@ -14,7 +14,9 @@ enum { FV_WEB_URI_BYTES = 64, FV_WEB_BODY_BYTES = 128, FV_WEB_COOKIE_BYTES = 102
 
 /* A request, from its headers to the end of its answer. */
 struct fv_web_request {
-    bool login; /* a token comes in the body */
+    bool login;     /* a token comes in the body */
+    char *settings; /* of malloc: they come in the body; NULL: none */
+    size_t settings_bytes;
     char address[48];
     char body[FV_WEB_BODY_BYTES];
     size_t body_bytes;
@@ -41,6 +43,9 @@ struct fv_web_server {
     } clients[FV_WEB_CLIENTS_MAX];
     uint8_t packet[LWS_PRE + FV_WEB_PACKET_BYTES_MAX];
 };
+
+/* Why nothing can be sent to the run for somebody of this role; NULL: it can. */
+const char *fv_web_server_refusal(const struct fv_web_server *server, enum fv_web_role role);
 
 /* Of the connection whose headers are there: 200, or the status to refuse it with. */
 int fv_web_server_judge(struct fv_web_server *server, struct lws *wsi, bool of_page,

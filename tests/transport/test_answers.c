@@ -373,6 +373,92 @@ static void recordings_by_command_replay(void **state)
     assert_int_equal(system(away), 0);
 }
 
+static void put_text(const char *path, const char *text)
+{
+    FILE *file = fopen(path, "w");
+    assert_non_null(file);
+    fputs(text, file);
+    assert_int_equal(fclose(file), 0);
+}
+
+/* What `backup` prints of a run that was just started. */
+static char *back_up(const char *tool)
+{
+    char command[1400], *text = calloc(1, 65536);
+    assert_non_null(text);
+    snprintf(command, sizeof command, "%s --prefix R --wait 1 backup", tool);
+    for (int i = 0; i < 60 && strncmp(text, "# All settings", 14) != 0; i++) {
+        FILE *pipe = popen(command, "r"); /* until the run listens */
+        assert_non_null(pipe);
+        text[fread(text, 1, 65535, pipe)] = '\0';
+        (void)pclose(pipe);
+    }
+    return text;
+}
+
+static void replace(char *text, const char *from, const char *to)
+{
+    char *at = strstr(text, from);
+    assert_non_null(at);
+    assert_int_equal(strlen(from), strlen(to));
+    memcpy(at, to, strlen(to));
+}
+
+/* Settings and calibration that were restored hold in the next run; wrong ones change nothing. */
+static void settings_are_restored(void **state)
+{
+    static const char camera_text[] =
+        "image_width: 160\nimage_height: 120\ncamera_name: cam\ndistortion_model: plumb_bob\n"
+        "camera_matrix: {rows: 3, cols: 3, data: [121.5, 0, 80, 0, 121.5, 60, 0, 0, 1]}\n"
+        "distortion_coefficients: {rows: 1, cols: 5, data: [0, 0, 0, 0, 0]}\n";
+    static struct watched watched;
+    char folder[] = "/tmp/fovea_answers_XXXXXX", camera[64], kept[80], file[64], config[64],
+         config_text[300], tool[700], words[100];
+    (void)state;
+    assert_non_null(mkdtemp(folder));
+    snprintf(camera, sizeof camera, "%s/camera.yaml", folder);
+    snprintf(kept, sizeof kept, "%s/kept.yaml", folder);
+    snprintf(file, sizeof file, "%s/other.yaml", folder);
+    snprintf(config, sizeof config, "%s/config.yaml", folder);
+    snprintf(words, sizeof words, "restore:%s", file);
+    snprintf(tool, sizeof tool, "python3 tools/subscribers/command.py --types %s/python", build);
+    put_text(camera, camera_text);
+    snprintf(config_text, sizeof config_text, "camera: %s\nparameters.file: %s\n", camera, kept);
+    put_text(config, config_text);
+    const char *const arguments[] = {
+        "--config", config,  "--source",         "sim:orbit?width=160&height=120&frames=100000",
+        "--rate",   "real",  "--quiet",          "--picture",
+        "none",     "--set", "channel_prefix=R", NULL};
+    watched_start(&watched, "run", arguments);
+    char *text = back_up(tool);
+    replace(text, "121.5", "122.5");
+    replace(text, "\nimage_width: 160", "\nimage_width: 161");
+    put_text(file, text);
+    expect_answer(tool, words, 1,
+                  "refused: calibration: image size: found 161 x 120, expected 160 x 120 as the "
+                  "frames have\n");
+    assert_int_not_equal(access(kept, F_OK), 0);
+    replace(text, "\nimage_width: 161", "\nimage_width: 160");
+    replace(text, "\nstatistics_every: 30\n", "\nstatistics_every: 31\n");
+    replace(text, "\nodometry.keyframes: 128\n", "\nodometry.keyframes: 129\n");
+    put_text(file, text);
+    expect_answer(tool, words, 0, "done: 1 took hold, 1 and the calibration with the next start\n");
+    free(text);
+    watched_interrupt(&watched);
+    assert_int_equal(watched_end(&watched), 0);
+    watched_start(&watched, "run", arguments);
+    text = back_up(tool);
+    assert_non_null(strstr(text, "122.5"));
+    assert_non_null(strstr(text, "\nstatistics_every: 31\n"));
+    assert_non_null(strstr(text, "\nodometry.keyframes: 129\n"));
+    free(text);
+    watched_interrupt(&watched);
+    assert_int_equal(watched_end(&watched), 0);
+    char away[96];
+    snprintf(away, sizeof away, "rm -r %s", folder);
+    assert_int_equal(system(away), 0);
+}
+
 int main(int argc, char **argv)
 {
     (void)argc;
@@ -388,6 +474,7 @@ int main(int argc, char **argv)
                                         close_both),
         cmocka_unit_test(programs_print_the_answers_of_a_run),
         cmocka_unit_test(recordings_by_command_replay),
+        cmocka_unit_test(settings_are_restored),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

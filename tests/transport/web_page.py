@@ -258,6 +258,63 @@ def check_parameters(page, kept):
     page.driver.find_element(By.ID, "all-keys").click()
 
 
+def restore(page, path, what):
+    page.js("document.getElementById('settings-said').textContent = ''")
+    page.driver.find_element(By.ID, "restored").send_keys(path)
+    return page.until("document.getElementById('settings-said').textContent", what)
+
+
+def check_settings(page, kept):
+    """All settings as one file, saved and given back: refused whole when one line is wrong, in force and kept when all are right."""
+    page.driver.execute_cdp_cmd("Browser.setDownloadBehavior", {"behavior": "allow", "downloadPath": folder})
+    page.driver.find_element(By.ID, "back-up").click()
+    name = page.until("(document.getElementById('settings-said').textContent.match(/^saved as (.*)/) || [])[1]", "the saved settings")
+    path = os.path.join(folder, name)
+    until = time.monotonic() + PATIENCE_S
+    while not os.path.exists(path) and time.monotonic() < until:
+        time.sleep(0.05)
+    with open(path, encoding="utf-8") as file:
+        text = file.read()
+    assert "\n# source: " in text and "\nsource: " not in text and "\nfeatures.count_max: " in text and "command_key: (not" in text, text
+    before = text.split("\nfeatures.count_max: ")[1].split("\n")[0]
+    with open(kept, encoding="utf-8") as file:
+        as_kept = file.read()
+    other = os.path.join(folder, "other.yaml")
+
+    def write(*changes):
+        changed = text
+        for key, value in changes:
+            changed = "\n".join(f"{key}: {value}" if line.startswith(key + ": ") else line for line in changed.split("\n"))
+        with open(other, "w", encoding="utf-8") as file:
+            file.write(changed)
+
+    write(("features.count_max", "160"), ("features.threshold", "many"))
+    said = restore(page, other, "the answer to wrong settings")
+    assert said.startswith("refused: settings:") and "features.threshold: found 'many'" in said, said
+    write()
+    with open(other, "a", encoding="utf-8") as file:
+        file.write("record_keep: 1\n")
+    said = restore(page, other, "the answer to a key of the host")
+    assert "record_keep: found a key of the host" in said, said
+    with open(other, "w", encoding="utf-8") as file:
+        file.write(text + "---\nimage_width: 640\n")
+    said = restore(page, other, "the answer to a calibration of no file")
+    assert said.startswith("refused: calibration: found one, expected none"), said
+    with open(kept, encoding="utf-8") as file:
+        assert file.read() == as_kept
+    write(("features.count_max", "160"), ("odometry.keyframes", "77"))
+    said = restore(page, other, "the answer to right settings")
+    assert said == "restored other.yaml: 1 took hold, 1 with the next start", said
+    page.until("fovea.live.picture.points.length <= 3 * 160", "pictures with fewer features")
+    with open(kept, encoding="utf-8") as file:
+        lines = file.read().split("\n")
+    assert "features.count_max: 160" in lines and "odometry.keyframes: 77" in lines and len(lines) == 4, lines
+    said = restore(page, path, "the answer to what was saved")
+    assert said == "restored " + name + ": 1 took hold, 0 with the next start", said
+    with open(kept, encoding="utf-8") as file:
+        assert "features.count_max: " + before in file.read()
+
+
 def check_recording(page, records):
     """Begun and ended by the buttons, in the middle of the run, with the disk's space; it replays bit for bit."""
     press = lambda word: page.driver.find_element(By.CSS_SELECTOR, f"[data-command={word}]").click()
@@ -318,6 +375,10 @@ def check_login(token):
         assert page.js("return document.cookie") == "" and view not in page.driver.current_url
         assert page.driver.find_element(By.CSS_SELECTOR, "[data-command=pause]").get_property("disabled")
         assert page.driver.find_element(By.CSS_SELECTOR, "[data-command=record]").get_property("disabled")
+        assert page.driver.find_element(By.ID, "back-up").get_property("disabled")
+        answer = page.driver.execute_async_script("const done = arguments[0]; fetch('/settings', { method: 'POST', body: '\\n' })"
+                                                  ".then(async (answer) => done([answer.status, await answer.text()]))")
+        assert answer == [403, "this token may only look"], answer
     finally:
         page.driver.quit()
 
@@ -344,6 +405,7 @@ def main():
         check_path(page)
         check_layers(page)
         check_parameters(page, kept)
+        check_settings(page, kept)
         check_recording(page, records)
         check_widths(page)
         check_accessible(page)

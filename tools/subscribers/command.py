@@ -1,6 +1,8 @@
 #!/usr/bin/env python3
 """Send a command to a run of Fovea: reset, pause, resume, save, overwrite (with save: over a larger map, too), record,
-record-stop, or KEY=VALUE.
+record-stop, backup, restore:FILE, or KEY=VALUE.
+
+backup prints all settings of the run as one file; restore:FILE gives such a file back, which is taken or refused as a whole.
 
 KEY=VALUE changes a live parameter (docs/configuration.md), such as features.threshold=30; with --keep it holds after the next
 start too, where the run has a file for it (parameters.file). KEY= asks for the value of any key and changes nothing.
@@ -89,8 +91,9 @@ def wait_for_answer(fovea, options, hearing, message):
     """Print the answer to the message; the exit code."""
     change = isinstance(message, fovea.parameter_t)
     words = ("done", "refused", "needs a restart" if change else "failed")
-    kind = fovea.parameter_result_t if change else fovea.command_result_t
-    channel = options.prefix + ("_PARAMETER_RESULT" if change else "_COMMAND_RESULT")
+    settings = options.command[0] in ("backup",) or options.command[0].startswith("restore:")
+    kind = fovea.parameter_result_t if change else fovea.settings_result_t if settings else fovea.command_result_t
+    channel = options.prefix + ("_PARAMETER_RESULT" if change else "_SETTINGS_RESULT" if settings else "_COMMAND_RESULT")
     other = None  # what a run that was not meant says: its word only where the right one is silent
     for data in messages(hearing, channel, options.wait):
         answer = kind.decode(data)
@@ -99,6 +102,8 @@ def wait_for_answer(fovea, options, hearing, message):
         text = words[answer.result] + (": " + answer.reason if answer.reason else "")
         if change and message.value == "" and answer.result == kind.RESULT_DONE:
             text = f"{answer.key}: {answer.value}"
+        if settings and answer.text and answer.result == kind.RESULT_DONE:
+            text = answer.text.rstrip()
         if message.run_id in (0, answer.run_id):
             print(text)
             return 0 if answer.result == kind.RESULT_DONE else 1
@@ -122,16 +127,27 @@ COMMANDS = ("reset", "pause", "resume", "save", "overwrite", "record", "record-s
 
 
 def word(text):
-    if text not in COMMANDS and "=" not in text:
-        raise argparse.ArgumentTypeError(f"found {text!r}, expected one of {', '.join(COMMANDS)}, or KEY=VALUE")
+    if text not in COMMANDS + ("backup",) and "=" not in text and not text.startswith("restore:"):
+        raise argparse.ArgumentTypeError(f"found {text!r}, expected one of {', '.join(COMMANDS)}, backup, restore:FILE, or KEY=VALUE")
     return text
 
 
 def make_message(fovea, options):
     """The message that the words ask for, and its channel."""
-    changes = [text for text in options.command if "=" in text]
+    files = [text for text in options.command if text == "backup" or text.startswith("restore:")]
+    changes = [text for text in options.command if "=" in text and text not in files]
     if options.keep and not changes:
         sys.exit("command.py: --keep: found no KEY=VALUE, expected one to keep")
+    if files and len(options.command) > 1:
+        sys.exit(f"command.py: found {len(options.command)} words, expected {files[0]} alone")
+    if files:
+        message = fovea.settings_t()
+        if files[0] != "backup":
+            with open(files[0].split(":", 1)[1], encoding="utf-8") as file:
+                message.text = file.read()
+            if not 0 < len(message.text.encode()) <= 32767:
+                sys.exit(f"command.py: {files[0]}: found {len(message.text.encode())} bytes, expected 1 to 32767")
+        return message, "SETTINGS"
     if not changes:
         message = fovea.command_t()
         message.commands = sum(1 << COMMANDS.index(text) for text in set(options.command))
@@ -146,7 +162,7 @@ def make_message(fovea, options):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("command", nargs="+", type=word, metavar="COMMAND", help=", ".join(COMMANDS) + ", or KEY=VALUE")
+    parser.add_argument("command", nargs="+", type=word, metavar="COMMAND", help=", ".join(COMMANDS) + ", backup, restore:FILE, or KEY=VALUE")
     parser.add_argument("--keep", action="store_true", help="keep KEY=VALUE for the next start")
     parser.add_argument("--group", default="239.255.76.67", help="multicast group of the run's lcm_url")
     parser.add_argument("--port", type=int, default=7667)

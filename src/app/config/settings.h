@@ -137,6 +137,10 @@ bool fv_settings_has_auto(const struct fv_settings_key *key);
 /* The key of this name; NULL: there is none. */
 const struct fv_settings_key *fv_settings_key_find(const char *name);
 
+/* Whether it belongs to the host and not to the vision: it names files, a camera, sockets or who is
+ * heard, or deletes files. Such a key is never taken from a file that was restored. */
+bool fv_settings_key_of_host(const struct fv_settings_key *key);
+
 /* Bytes of its member. */
 size_t fv_settings_key_bytes(const struct fv_settings_key *key);
 

@@ -46,6 +46,43 @@ const struct fv_settings_key *fv_settings_key_find(const char *name)
     return NULL;
 }
 
+bool fv_settings_key_of_host(const struct fv_settings_key *key)
+{
+    static const char *const names[] = {"source",
+                                        "camera",
+                                        "mask",
+                                        "mask2",
+                                        "mask3",
+                                        "mask4",
+                                        "imu",
+                                        "imu_file",
+                                        "lcm_url",
+                                        "lcm_ttl",
+                                        "listen",
+                                        "commands",
+                                        "command_key",
+                                        "record",
+                                        "record_keep",
+                                        "record_folder",
+                                        "record_buffer",
+                                        "map.load",
+                                        "map.save",
+                                        "map.keep",
+                                        "map.overwrite",
+                                        "detect.model",
+                                        "web.socket",
+                                        "loop.cpu",
+                                        "channel_prefix",
+                                        "parameters.file",
+                                        "web.picture_rate",
+                                        "detect2.model",
+                                        "loop.priority",
+                                        "loop.lock_memory"};
+    for (size_t i = 0; i < sizeof names / sizeof names[0]; i++)
+        if (strcmp(key->name, names[i]) == 0) return true;
+    return false;
+}
+
 size_t fv_settings_key_bytes(const struct fv_settings_key *key)
 {
     switch (key->kind) {

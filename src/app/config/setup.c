@@ -104,7 +104,13 @@ static enum fovea_status camera_read(struct fv_settings *settings, struct fovea_
 {
     struct fv_calibration calibration;
     if (settings->camera[0] == '\0') return FOVEA_OK;
-    enum fovea_status status = fv_calibration_read(settings->camera, NULL, &calibration, error);
+    bool kept = false;
+    if (fv_kept_calibration_read(settings, &calibration, &kept, error) != FOVEA_OK) {
+        fv_say("%s; the kept calibration is left out", error->text);
+        kept = false;
+    }
+    enum fovea_status status =
+        kept ? FOVEA_OK : fv_calibration_read(settings->camera, NULL, &calibration, error);
     if (status == FOVEA_OK) settings->runtime.rig.cameras[0].camera = calibration.camera;
     if (status != FOVEA_OK) fv_settings_blame(settings, "camera", error);
     return status;

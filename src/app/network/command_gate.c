@@ -6,7 +6,7 @@
 
 #include "fovea_command_t.h"
 
-enum { MAC_BYTES = 8, BYTES_MAX = 2048 };
+enum { MAC_BYTES = 8 };
 
 const char *fv_command_verdict_name(enum fv_command_verdict verdict)
 {
@@ -64,14 +64,17 @@ bool fv_command_gate_parameters(const struct fv_command_gate *gate)
 }
 
 /* Whether the code at the end of the message is right. */
-static bool is_genuine(const struct fv_command_gate *gate, const uint8_t *data, size_t bytes,
-                       int64_t mac)
+static bool is_genuine(const struct fv_command_gate *gate, const struct fv_command_claim *claim)
 {
-    uint8_t text[BYTES_MAX];
-    if (bytes > sizeof text || bytes < MAC_BYTES) return false;
-    memcpy(text, data, bytes);
-    memset(text + bytes - MAC_BYTES, 0, MAC_BYTES);
-    return (fv_siphash(gate->rules.key, text, bytes) ^ (uint64_t)mac) == 0;
+    uint8_t text[FV_COMMAND_BYTES_MAX];
+    const uint8_t *zeroed = claim->data;
+    if ((!claim->zeroed && claim->bytes > sizeof text) || claim->bytes < MAC_BYTES) return false;
+    if (!claim->zeroed) {
+        memcpy(text, claim->data, claim->bytes);
+        memset(text + claim->bytes - MAC_BYTES, 0, MAC_BYTES);
+        zeroed = text;
+    }
+    return (fv_siphash(gate->rules.key, zeroed, claim->bytes) ^ (uint64_t)claim->mac) == 0;
 }
 
 /* Only for genuine commands: nobody else may move a counter. */
@@ -97,8 +100,7 @@ enum fv_command_verdict fv_command_gate_claim(struct fv_command_gate *gate,
 {
     const struct fv_command_rules *rules = &gate->rules;
     if (!claim->from_host && !claim->allowed) return FV_COMMAND_FORBIDDEN;
-    if (rules->keyed && !is_genuine(gate, claim->data, claim->bytes, claim->mac))
-        return FV_COMMAND_FORGED;
+    if (rules->keyed && !is_genuine(gate, claim)) return FV_COMMAND_FORGED;
     if (claim->run_id != rules->run_id && (rules->keyed || claim->run_id != 0))
         return FV_COMMAND_OTHER_RUN;
     return rules->keyed ? pass_counter(gate, claim) : FV_COMMAND_TAKEN;

@@ -49,7 +49,12 @@ enum fovea_status fv_parameters_open(struct fv_parameters *parameters, const str
         return fovea_error_set(error, FOVEA_ERROR_MEMORY, "no memory for live parameters");
     }
     *parameters->settings = *parameters->kept = *settings;
-    fv_kept_parameters_list(parameters->kept, settings->parameters_file);
+    parameters->kept_calibration =
+        fv_kept_parameters_list(parameters->kept, settings->parameters_file);
+    if (parameters->kept_calibration == NULL) {
+        fv_parameters_close(parameters);
+        return fovea_error_set(error, FOVEA_ERROR_MEMORY, "no memory for live parameters");
+    }
     parameters->in_force = settings->runtime;
     fv_ring_init(&parameters->ring, parameters->ring_memory, RING_BYTES);
     fv_command_gate_init(&parameters->gate, rules);
@@ -65,6 +70,7 @@ void fv_parameters_close(struct fv_parameters *parameters)
     free(parameters->kept);
     free(parameters->kept_tried);
     free(parameters->written);
+    free(parameters->kept_calibration);
     free(parameters->keeping);
     free(parameters->answers);
     free(parameters->taken);
@@ -354,7 +360,9 @@ static void write_kept(struct fv_parameters *parameters)
     struct fovea_error error;
     char reason[FV_PARAMETER_REASON_BYTES];
     const char *path = parameters->settings->parameters_file;
-    if (fv_kept_parameters_write(parameters->written, path, &error) == FOVEA_OK) return;
+    if (fv_kept_parameters_write(parameters->written, parameters->kept_calibration, path, &error) ==
+        FOVEA_OK)
+        return;
     snprintf(reason, sizeof reason, "not kept for the next start: %.200s", error.text);
     for (uint32_t i = 0; i < parameters->answer_count; i++)
         refuse(&parameters->answers[i], reason);

@@ -57,6 +57,7 @@ struct fv_parameters {
     /* Those of the start with all that is kept, which stand in the file's lines; the same with the
      * request that is judged; a copy for writing. */
     struct fv_settings *kept, *kept_tried, *written;
+    char *kept_calibration;              /* of that file, as it is written with them; "": none */
     struct fv_parameter_change *keeping; /* requests whose values are to be written */
     uint32_t keeping_count;
 

@@ -8,6 +8,7 @@
 #include <stdio.h>
 
 #include "app/run/answers.h"
+#include "app/run/backup.h"
 #include "app/run/commands.h"
 #include "app/run/final_path.h"
 #include "app/run/grid_file.h"
@@ -87,6 +88,7 @@ struct fv_run {
     struct fv_keeper keeper;
     struct fv_answers answers;
     struct fv_parameters parameters;
+    struct fv_backup backup;
     struct fv_loop_shared shared;
     struct fv_service service;
     struct fv_timings timings;

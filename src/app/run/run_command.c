@@ -67,6 +67,7 @@ static void step_done(void *context, const struct fovea_inputs *inputs,
     fv_feed_publish(run->feed, outputs);
     fv_feed_frame(run->feed, inputs->frame);
     fv_answers_step(&run->answers);
+    fv_backup_step(&run->backup, run->transport, run->feed);
     struct fv_recorder *const recorders[2] = {run->recorder,
                                               fv_recordings_recorder(&run->recordings)};
     fv_parameters_step(&run->parameters, recorders, inputs, run->transport, run->feed);
@@ -222,11 +223,12 @@ static enum fovea_status transport_open(struct fv_run *run, struct fovea_error *
     struct fv_receiver_channel more[] = {
         fv_identity_row(settings->runtime.channel_prefix, &run->others),
         {.take = NULL},
+        {.take = NULL},
         {.take = NULL}};
     struct fv_transport_ears ears = {
         .listen = settings->listen,
         .more = more,
-        .more_count = fv_imu_input_hears(&run->imu) ? 3 : 2,
+        .more_count = fv_imu_input_hears(&run->imu) ? 4 : 3,
         .rules = {.from_network = settings->commands, .run_id = run->run_id},
         .wheel_odometry_limits = {settings->wheel_odometry_max_m_s,
                                   settings->wheel_odometry_max_rad_s},
@@ -240,8 +242,11 @@ static enum fovea_status transport_open(struct fv_run *run, struct fovea_error *
         status = fv_command_key_read(settings->command_key, ears.rules.key, error);
     if (status == FOVEA_OK)
         status = fv_parameters_open(&run->parameters, run->loop.rt, settings, &ears.rules, error);
+    if (status == FOVEA_OK)
+        status = fv_backup_open(&run->backup, &run->parameters, settings, error);
     more[1] = fv_parameters_row(&run->parameters);
-    if (fv_imu_input_hears(&run->imu)) more[2] = fv_imu_input_row(&run->imu);
+    more[2] = fv_backup_row(&run->backup);
+    if (fv_imu_input_hears(&run->imu)) more[3] = fv_imu_input_row(&run->imu);
     if (status == FOVEA_OK)
         status =
             fv_transport_open_early(settings->lcm_url, settings->lcm_ttl, &run->transport, error);
@@ -388,6 +393,7 @@ static void close_all(struct fv_run *run)
     fv_recorder_close(run->recorder, NULL);
     fv_recordings_close(&run->recordings);
     fv_transport_close(run->transport);
+    fv_backup_close(&run->backup);
     fv_parameters_close(&run->parameters);
     free(run->as_read);
     fv_feed_close(run->feed);
@@ -451,6 +457,7 @@ static void watch(struct fv_run *run)
         drain(run);
         fv_run_reload(run);
         fv_parameters_tend(&run->parameters, false);
+        fv_backup_tend(&run->backup);
         fv_web_page_tend(&run->web_page);
         if (fv_thread_take(&run->ended, fv_clock_ns(CLOCK_MONOTONIC) + wait_ns)) break;
         if (terminal) fv_run_status_show(run, &pace);

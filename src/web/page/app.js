@@ -7,6 +7,7 @@ import { Scene } from "/scene.js";
 import { Plot } from "/plots.js";
 import { Parameters } from "/parameters.js";
 import { Requests } from "/requests.js";
+import { Settings } from "/settings.js";
 import { Actions, PosePanel, byId, facts, fixed, logLine, names, showRecorder } from "/panels.js";
 
 const types = readTypes(await (await fetch("/types")).text());
@@ -21,6 +22,7 @@ const pose = new PosePanel(types);
 const requests = new Requests(of);
 const actions = new Actions(types, requests);
 const parameters = new Parameters(requests);
+const settings = new Settings(types, requests);
 await parameters.fetch();
 const stages = new Plot(byId("plot-stages"), byId("legend-stages"), " ms", 2);
 const features = new Plot(byId("plot-features"), byId("legend-features"), "", 0);
@@ -47,6 +49,7 @@ function showLatency(picture) {
 function allow(hello) {
   actions.allow(hello);
   parameters.allow(hello.commands && hello.running);
+  settings.allow(hello.commands && hello.running);
 }
 
 function forget() {
@@ -136,6 +139,7 @@ const link = new Link(types, {
   KEYPOINTS2: (message) => live.keypoints(message),
   RECORDER: (message) => showRecorder(recorderStates, message),
   COMMAND_RESULT: (message) => requests.answer(message),
+  SETTINGS_RESULT: (message) => requests.answer(message),
   PARAMETER_RESULT: (message) => {
     requests.answer(message);
     parameters.heard(message);

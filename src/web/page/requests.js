@@ -1,6 +1,7 @@
 // Requests to the run, which answers through the feed. Until it is sent a request has a number of this page, then that of its message.
 
 const SENT_MS = 5000, ANSWERED_MS = 8000;
+const NO_ANSWER = "no answer of the run (its keys listen, commands and command_key)";
 
 export class Requests {
   constructor(link) {
@@ -15,6 +16,15 @@ export class Requests {
     return new Promise((answered, failed) => {
       this.wait(request, { answered, failed }, SENT_MS, "not sent");
       this.link().say(words(request));
+    });
+  }
+  // The same for what is posted to a path of the server, which answers with the number of its message.
+  async post(path, text) {
+    const answer = await fetch(path, { method: "POST", body: text }), id = (await answer.text()).trim();
+    if (!answer.ok) throw new Error("refused: " + id);
+    return new Promise((answered, failed) => {
+      this.wait(id, { answered, failed }, ANSWERED_MS, NO_ANSWER);
+      if (this.early.has(id)) this.answer(this.early.get(id));
     });
   }
   wait(number, waiting, ms, reason) {
@@ -35,7 +45,7 @@ export class Requests {
   sent({ request, id }) {
     const waiting = this.take(request);
     if (!waiting) return;
-    this.wait(id, waiting, ANSWERED_MS, "no answer of the run (its keys listen, commands and command_key)");
+    this.wait(id, waiting, ANSWERED_MS, NO_ANSWER);
     if (this.early.has(id)) this.answer(this.early.get(id));
   }
   refused({ request, reason }) {

@@ -14,6 +14,7 @@
 #include "fovea_classes_t.h"
 #include "fovea_command_result_t.h"
 #include "fovea_recorder_t.h"
+#include "fovea_settings_result_t.h"
 #include "fovea_edges_t.h"
 #include "fovea_grid_t.h"
 #include "fovea_health_t.h"
@@ -25,7 +26,7 @@
 #include "fovea_tensors_t.h"
 #include "fovea_velocity_command_t.h"
 
-static char text[1024]; /* as long as any text may be */
+static char text[32768]; /* as long as any text may be */
 
 /* The longest text of at most `bytes` bytes. */
 static char *longest(size_t bytes)
@@ -163,6 +164,8 @@ static void commands_and_answers_fit(void **state)
         .key = longest(63), .value = longest(1023), .reason = longest(255)};
     const fovea_recorder_t recorder = {.file = longest(127), .reason = longest(255)};
     assert_fits("recorder_t", fovea_recorder_t_encoded_size(&recorder));
+    const fovea_settings_result_t settings = {.text = longest(32767), .reason = longest(255)};
+    assert_fits("settings_result_t", fovea_settings_result_t_encoded_size(&settings));
     assert_fits("velocity_command_t", fovea_velocity_command_t_encoded_size(&velocity));
     assert_fits("command_result_t", fovea_command_result_t_encoded_size(&command));
     assert_fits("parameter_result_t", fovea_parameter_result_t_encoded_size(&parameter));

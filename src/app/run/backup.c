@@ -1,0 +1,332 @@
+#include "app/run/backup.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "drivers/clock.h"
+#include "support/say.h"
+
+#include "fovea_settings_result_t.h"
+#include "fovea_settings_t.h"
+
+enum { MAC_BYTES = 8 };
+
+enum fovea_status fv_backup_open(struct fv_backup *backup, struct fv_parameters *parameters,
+                                 const struct fv_settings *started, struct fovea_error *error)
+{
+    const char *prefix = started->runtime.channel_prefix;
+    memset(backup, 0, sizeof *backup);
+    backup->parameters = parameters;
+    backup->started = started;
+    backup->copy = malloc(FV_BACKUP_MESSAGE_BYTES);
+    backup->answer = malloc(FV_BACKUP_MESSAGE_BYTES);
+    backup->text = calloc(1, FV_KEPT_BYTES_MAX + 1);
+    fv_message_channel(prefix, FV_MESSAGE_SETTINGS, backup->request_channel);
+    fv_message_channel(prefix, FV_MESSAGE_SETTINGS_RESULT, backup->channel);
+    if (backup->copy != NULL && backup->answer != NULL && backup->text != NULL) return FOVEA_OK;
+    fv_backup_close(backup);
+    return fovea_error_set(error, FOVEA_ERROR_MEMORY, "no memory for backups of settings");
+}
+
+void fv_backup_close(struct fv_backup *backup)
+{
+    free(backup->copy);
+    free(backup->answer);
+    free(backup->text);
+    memset(backup, 0, sizeof *backup);
+}
+
+/* ---- on the listener's thread ---------------------------------------------------------------- */
+
+static enum fv_command_verdict judge(struct fv_backup *backup, const fovea_settings_t *request,
+                                     const struct fv_received *received)
+{
+    struct fv_command_gate *gate = &backup->parameters->gate;
+    memcpy(backup->copy, received->data, received->bytes);
+    memset(backup->copy + received->bytes - MAC_BYTES, 0, MAC_BYTES);
+    const struct fv_command_claim claim = {.data = backup->copy,
+                                           .bytes = received->bytes,
+                                           .zeroed = true,
+                                           .from_host = received->from_host,
+                                           .allowed = fv_command_gate_parameters(gate),
+                                           .run_id = request->run_id,
+                                           .sender = request->sender,
+                                           .counter = request->counter,
+                                           .mac = request->mac};
+    return fv_command_gate_claim(gate, &claim);
+}
+
+static void take(struct fv_backup *backup, const fovea_settings_t *request,
+                 const struct fv_received *received)
+{
+    struct fv_command_gate *gate = &backup->parameters->gate;
+    if (atomic_load(&backup->stage) != FV_BACKUP_IDLE) {
+        fv_command_gate_count(gate, FV_COMMAND_BUSY);
+        return;
+    }
+    const struct fv_judged_command judged = {
+        .verdict = judge(backup, request, received), .id = request->id, .sender = request->sender};
+    fv_command_gate_count(gate, judged.verdict);
+    backup->refused = judged.verdict != FV_COMMAND_TAKEN;
+    if (backup->refused && !fv_command_gate_answers(gate, &judged, fv_clock_ns(CLOCK_MONOTONIC)))
+        return;
+    backup->id = request->id;
+    backup->sender = request->sender;
+    snprintf(backup->reason, sizeof backup->reason, "%s",
+             fv_command_verdict_reason(judged.verdict));
+    snprintf(backup->text, FV_KEPT_BYTES_MAX + 1, "%s", request->text);
+    if (strlen(request->text) > FV_KEPT_BYTES_MAX) {
+        backup->refused = true;
+        snprintf(backup->reason, sizeof backup->reason, "found %zu bytes, expected at most %d",
+                 strlen(request->text), FV_KEPT_BYTES_MAX);
+    }
+    atomic_store(&backup->stage, FV_BACKUP_ASKED);
+}
+
+static void take_request(void *context, const struct fv_received *received)
+{
+    struct fv_backup *backup = context;
+    fovea_settings_t request;
+    if (received->bytes > FV_BACKUP_MESSAGE_BYTES ||
+        fovea_settings_t_decode(received->data, 0, (int)received->bytes, &request) < 0)
+        return;
+    pthread_mutex_lock(&backup->parameters->changing); /* the gate is that of parameters */
+    take(backup, &request, received);
+    pthread_mutex_unlock(&backup->parameters->changing);
+    fovea_settings_t_decode_cleanup(&request);
+}
+
+struct fv_receiver_channel fv_backup_row(struct fv_backup *backup)
+{
+    struct fv_receiver_channel row = {.type = "fovea.settings_t",
+                                      .bytes_max = FV_BACKUP_MESSAGE_BYTES,
+                                      .take = take_request,
+                                      .context = backup};
+    snprintf(row.name, sizeof row.name, "%s", backup->request_channel);
+    return row;
+}
+
+/* ---- giving out ------------------------------------------------------------------------------ */
+
+static void print_keys(FILE *file, const struct fv_settings *settings)
+{
+    for (size_t i = 0; i < fv_settings_key_count; i++) {
+        const struct fv_settings_key *key = &fv_settings_keys[i];
+        fprintf(file, "%s%s: ", fv_settings_key_of_host(key) ? "# " : "", key->name);
+        if (strcmp(key->name, "command_key") == 0)
+            fprintf(file, "(not given out)"); /* where the key of commands is */
+        else
+            fv_settings_value_print(file, settings, key);
+        fprintf(file, "\n");
+    }
+}
+
+/* The calibration in force, where a file states it; one of several cameras stays in its file. */
+static void print_calibration(FILE *file, const struct fv_settings *settings)
+{
+    const struct fovea_rig *rig = &settings->runtime.rig;
+    const struct fv_calibration calibration = {.camera = rig->cameras[0].camera};
+    char text[FV_CALIBRATION_BYTES_MAX];
+    if (settings->camera[0] != '\0' && rig->camera_count == 1 &&
+        fv_calibration_format_text(FV_CALIBRATION_ROS, &calibration, text, NULL, NULL) == FOVEA_OK)
+        fprintf(file, "---\n%s", text);
+}
+
+/* All settings in force, of malloc; NULL: no memory. */
+static char *give(const struct fv_backup *backup)
+{
+    char *text = NULL;
+    size_t bytes = 0;
+    struct fv_settings *settings = malloc(sizeof *settings);
+    FILE *file = settings != NULL ? open_memstream(&text, &bytes) : NULL;
+    if (file == NULL) {
+        free(settings);
+        return NULL;
+    }
+    pthread_mutex_lock(&backup->parameters->changing);
+    *settings = *backup->parameters->settings;
+    pthread_mutex_unlock(&backup->parameters->changing);
+    fprintf(file,
+            "# All settings of a run of Fovea %s. Lines that are comments belong to the host, and\n"
+            "# stay in its configuration when this file is restored.\n",
+            FOVEA_VERSION);
+    print_keys(file, settings);
+    print_calibration(file, settings);
+    free(settings);
+    if (fclose(file) == 0 && bytes <= FV_KEPT_BYTES_MAX) return text;
+    free(text);
+    return NULL;
+}
+
+/* ---- taking back ----------------------------------------------------------------------------- */
+
+struct restored {
+    struct fv_settings with;   /* of the next start; lines: keys that are kept */
+    struct fv_settings before; /* parameters->kept */
+    struct fv_settings wanted; /* in force, with all that is live */
+    char calibration[FV_KEPT_BYTES_MAX + 1];
+    bool has_calibration;
+    uint32_t live, later; /* keys that change */
+};
+
+static bool differs(const struct fv_settings_key *key, const struct fv_settings *a,
+                    const struct fv_settings *b)
+{
+    return memcmp((const char *)a + key->offset, (const char *)b + key->offset,
+                  fv_settings_key_bytes(key)) != 0;
+}
+
+/* It must be one of this camera's frames. */
+static enum fovea_status check_calibration(const struct fv_backup *backup, const char *text,
+                                           struct fovea_error *error)
+{
+    const struct fv_settings *started = backup->started;
+    const struct fovea_camera *camera = &started->runtime.rig.cameras[0].camera;
+    struct fv_calibration read;
+    if (started->camera[0] == '\0' || started->runtime.rig.camera_count != 1)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "calibration: found one, expected none where the key camera names "
+                               "no file of one camera");
+    const enum fovea_status status =
+        fv_calibration_parse("calibration", text, strlen(text), NULL, &read, error);
+    return status != FOVEA_OK ? status
+                              : fv_calibration_fit(&read.camera, camera->width, camera->height,
+                                                   started->camera_scale, "calibration", error);
+}
+
+/* Which keys are kept, and how many change; a key that is as it would be anyhow is not kept. */
+static void count_keys(const struct fv_backup *backup, struct restored *restored)
+{
+    for (size_t i = 0; i < fv_settings_key_count; i++) {
+        const struct fv_settings_key *key = &fv_settings_keys[i];
+        if (restored->with.line[i] != 0) {
+            const bool same = !differs(key, &restored->with, &restored->before);
+            if (key->live && differs(key, &restored->with, &restored->wanted)) restored->live++;
+            if (!key->live && differs(key, &restored->with, backup->started)) restored->later++;
+            if (key->live) fv_settings_key_copy(key, &restored->wanted, &restored->with);
+            restored->with.line[i] = same && restored->before.line[i] == 0 ? 0 : 1;
+        } else {
+            restored->with.line[i] = restored->before.line[i];
+        }
+    }
+}
+
+/* The whole text, before anything changes. */
+static enum fovea_status check(const struct fv_backup *backup, struct restored *restored,
+                               struct fovea_error *error)
+{
+    const char *calibration;
+    size_t block_bytes;
+    if (backup->started->parameters_file[0] == '\0')
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "found no file to restore to, expected one in the key "
+                               "parameters.file");
+    restored->with = restored->before;
+    enum fovea_status status =
+        fv_kept_parameters_parse(&restored->with, "settings", backup->text, &calibration, error);
+    count_keys(backup, restored);
+    if (status == FOVEA_OK) status = fv_settings_check(&restored->with, error);
+    if (status == FOVEA_OK) status = fovea_size(&restored->with.runtime, &block_bytes, error);
+    restored->has_calibration = calibration != NULL;
+    if (status == FOVEA_OK && calibration != NULL) {
+        snprintf(restored->calibration, sizeof restored->calibration, "%s", calibration);
+        status = check_calibration(backup, calibration, error);
+    }
+    return status;
+}
+
+/* Returns RESULT_*; `backup->reason` says what happened. */
+static int8_t restore(struct fv_backup *backup, struct restored *restored)
+{
+    struct fv_parameters *parameters = backup->parameters;
+    struct fovea_error error = {0};
+    uint32_t changed = 0;
+    pthread_mutex_lock(&parameters->changing);
+    restored->before = *parameters->kept;
+    restored->wanted = *parameters->settings;
+    enum fovea_status status = check(backup, restored, &error);
+    if (status == FOVEA_OK) *parameters->kept = restored->with;
+    pthread_mutex_unlock(&parameters->changing);
+    if (status != FOVEA_OK) {
+        snprintf(backup->reason, sizeof backup->reason, "%.255s", error.text);
+        return FOVEA_SETTINGS_RESULT_T_RESULT_REFUSED;
+    }
+    const char *calibration =
+        restored->has_calibration ? restored->calibration : parameters->kept_calibration;
+    char *kept = strdup(calibration);
+    if (kept == NULL)
+        status = fovea_error_set(&error, FOVEA_ERROR_MEMORY, "no memory");
+    else
+        status = fv_kept_parameters_write(&restored->with, calibration,
+                                          backup->started->parameters_file, &error);
+    if (status != FOVEA_OK) {
+        free(kept);
+        pthread_mutex_lock(&parameters->changing);
+        *parameters->kept = restored->before;
+        pthread_mutex_unlock(&parameters->changing);
+        snprintf(backup->reason, sizeof backup->reason, "%.255s", error.text);
+        return FOVEA_SETTINGS_RESULT_T_RESULT_FAILED;
+    }
+    free(parameters->kept_calibration);
+    parameters->kept_calibration = kept;
+    if (fv_parameters_reload(parameters, &restored->wanted, &changed, &error) != FOVEA_OK)
+        changed = 0; /* all of them at the next start, then */
+    snprintf(backup->reason, sizeof backup->reason, "%u took hold, %u%s with the next start",
+             changed, restored->later + (restored->live > changed ? restored->live - changed : 0),
+             restored->has_calibration ? " and the calibration" : "");
+    return FOVEA_SETTINGS_RESULT_T_RESULT_DONE;
+}
+
+static int8_t work(struct fv_backup *backup, char **given)
+{
+    *given = NULL;
+    if (backup->refused) return FOVEA_SETTINGS_RESULT_T_RESULT_REFUSED;
+    if (backup->text[0] == '\0') {
+        *given = give(backup);
+        if (*given != NULL) return FOVEA_SETTINGS_RESULT_T_RESULT_DONE;
+    } else {
+        struct restored *restored = calloc(1, sizeof *restored);
+        const int8_t result =
+            restored != NULL ? restore(backup, restored) : FOVEA_SETTINGS_RESULT_T_RESULT_FAILED;
+        if (restored == NULL) snprintf(backup->reason, sizeof backup->reason, "no memory");
+        free(restored);
+        return result;
+    }
+    snprintf(backup->reason, sizeof backup->reason, "no memory");
+    return FOVEA_SETTINGS_RESULT_T_RESULT_FAILED;
+}
+
+void fv_backup_tend(struct fv_backup *backup)
+{
+    char none[] = "", *given;
+    if (atomic_load(&backup->stage) != FV_BACKUP_ASKED) return;
+    const int8_t result = work(backup, &given);
+    const fovea_settings_result_t message = {.utime = fv_clock_ns(CLOCK_REALTIME) / 1000,
+                                             .run_id = backup->parameters->run_id,
+                                             .id = backup->id,
+                                             .sender = backup->sender,
+                                             .result = result,
+                                             .text = given != NULL ? given : none,
+                                             .reason = backup->reason};
+    const int bytes =
+        fovea_settings_result_t_encode(backup->answer, 0, FV_BACKUP_MESSAGE_BYTES, &message);
+    backup->answer_bytes = bytes > 0 ? (uint32_t)bytes : 0;
+    free(given);
+    if (backup->text[0] != '\0' && result == FOVEA_SETTINGS_RESULT_T_RESULT_DONE)
+        fv_say("fovea run: settings were restored: %s", backup->reason);
+    atomic_store(&backup->stage, FV_BACKUP_ANSWERED);
+}
+
+/* ---- on the loop's --------------------------------------------------------------------------- */
+
+void fv_backup_step(struct fv_backup *backup, struct fv_transport *transport, struct fv_feed *feed)
+{
+    if (atomic_load_explicit(&backup->stage, memory_order_acquire) != FV_BACKUP_ANSWERED) return;
+    const struct fovea_message out = {backup->channel, backup->answer, backup->answer_bytes, true};
+    if (backup->answer_bytes > 0) {
+        fv_transport_put(transport, &out);
+        fv_feed_put(feed, &out);
+    }
+    atomic_store_explicit(&backup->stage, FV_BACKUP_IDLE, memory_order_release);
+}
