@@ -305,7 +305,7 @@ static void test_what_is_kept_holds_at_the_next_start(void **state)
     static const char *const wrong[][2] = {
         {"features.threshold_min: 50\n", "features.threshold_min: found 50"},
         {"features.threshold: 25\nrecord: x.lcmlog\n",
-         "kept.yaml:2: record: found a key that is no live parameter"},
+         "kept.yaml:2: record: found a key of the host"},
         {"features.threshold: [\n", "kept.yaml:"}};
     for (int i = 0; i < 3; i++) {
         FILE *kept_file = fopen(kept, "w");
