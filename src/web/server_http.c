@@ -247,15 +247,11 @@ static int begin_settings(struct fv_web_server *server, struct lws *wsi,
                           struct fv_web_request *request, enum fv_web_role role)
 {
     char length[16];
-    const char *refusal = fv_web_server_refusal(server, role);
-    if (refusal != NULL) {
-        request->made = (uint8_t *)strdup(refusal);
-        if (request->made == NULL) return -1;
-        return answer_text(wsi, request, HTTP_STATUS_FORBIDDEN, (const char *)request->made);
-    }
-    const bool any = header(wsi, WSI_TOKEN_HTTP_CONTENT_LENGTH, length, sizeof length);
-    if (!any || strtoul(length, NULL, 10) > FV_WEB_SETTINGS_BYTES)
-        return answer_text(wsi, request, 413, "Too long: settings have at most 32767 bytes\n");
+    if (!header(wsi, WSI_TOKEN_HTTP_CONTENT_LENGTH, length, sizeof length) ||
+        strtoul(length, NULL, 10) > FV_WEB_SETTINGS_BYTES)
+        return -1; /* as a login's */
+    request->refusal = fv_web_server_refusal(server, role);
+    if (request->refusal != NULL) return 0;
     request->settings = malloc(FV_WEB_SETTINGS_BYTES + 1);
     return request->settings == NULL ? -1 : 0;
 }
@@ -350,6 +346,7 @@ static int end_login(struct fv_web_server *server, struct lws *wsi, struct fv_we
 static int take_body(struct fv_web_request *request, const void *in, size_t length)
 {
     if (length == 0) return 0;
+    if (request != NULL && request->refusal != NULL) return 0;
     if (request != NULL && request->settings != NULL) {
         if (length > FV_WEB_SETTINGS_BYTES - request->settings_bytes) return -1;
         memcpy(request->settings + request->settings_bytes, in, length);
@@ -381,6 +378,8 @@ int fv_web_http(struct lws *wsi, enum lws_callback_reasons reason, void *user, v
     case LWS_CALLBACK_HTTP_BODY:
         return take_body(request, in, length);
     case LWS_CALLBACK_HTTP_BODY_COMPLETION:
+        if (request != NULL && request->refusal != NULL)
+            return answer_text(wsi, request, HTTP_STATUS_FORBIDDEN, request->refusal);
         if (request != NULL && request->settings != NULL) return end_settings(server, wsi, request);
         return request != NULL && request->login ? end_login(server, wsi, request) : -1;
     case LWS_CALLBACK_HTTP_WRITEABLE:

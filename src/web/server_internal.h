@@ -17,6 +17,7 @@ struct fv_web_request {
     bool login;     /* a token comes in the body */
     char *settings; /* of malloc: they come in the body; NULL: none */
     size_t settings_bytes;
+    const char *refusal; /* the answer when the body, which nobody reads, is through; NULL: none */
     char address[48];
     char body[FV_WEB_BODY_BYTES];
     size_t body_bytes;
