@@ -3,8 +3,13 @@
 #include <stdbool.h>
 #include <string.h>
 
+#include "features/sift_basis.h"
+
 /* Why no descriptor is missed. W is the transform without a factor, n its size: W^T W = n I, so
- * that n |a - b|^2 = |W a - W b|^2, of which the chosen coefficients, each once, are a part.
+ * that n |a - b|^2 = |W a - W b|^2, of which the chosen coefficients, each once, are a part. With
+ * the basis of SIFT descriptors as W, n |a - b|^2 >= |W a - W b|^2 (features/sift_basis.h), and its
+ * coefficients are rounded: by .5 at most each, in all by sqrt(28) / 2, less than the 3 by which
+ * e_a and e_b are larger.
  *
  * Let x be those of W a less their means (which cancel), c = x clipped to +-FAR steps, a' the
  * values, e_a = |c - step a'|; y, d, b' and e_b the same of b. Clipping each coefficient to one
@@ -62,9 +67,14 @@ void fv_bounded_carve(struct fv_bounded *bounded, uint32_t count_max, uint32_t b
 {
     const uint32_t count = padded(count_max);
     bounded->bytes = bytes;
-    bounded->size =
-        bytes <= FV_BOUNDED_SIZE_MAX / 2 ? FV_BOUNDED_SIZE_MAX / 2 : FV_BOUNDED_SIZE_MAX;
-    bounded->values = bytes <= FV_BOUNDED_SIZE_MAX / 2 ? 24 : FV_BOUNDED_VALUES_MAX;
+    bounded->size = bytes <= FV_BOUNDED_SIZE_MAX / 2 ? FV_BOUNDED_SIZE_MAX / 2
+                    : bytes == FV_SIFT_BASIS_BYTES   ? FV_SIFT_BASIS_ROWS
+                                                     : FV_BOUNDED_SIZE_MAX;
+    bounded->values = bounded->size < FV_BOUNDED_SIZE_MAX / 2    ? bounded->size
+                      : bounded->size == FV_BOUNDED_SIZE_MAX / 2 ? 24
+                                                                 : FV_BOUNDED_VALUES_MAX;
+    bounded->square = bounded->size == FV_SIFT_BASIS_ROWS ? FV_SIFT_BASIS_SQUARE : bounded->size;
+    bounded->rounding = bounded->size == FV_SIFT_BASIS_ROWS ? 3 : 0;
     for (int k = 0; k < 2; k++) {
         struct fv_bounded_set *set = &bounded->sets[k];
         set->queries = fv_arena_take(arena, count, (size_t)bounded->values);
@@ -94,6 +104,21 @@ static void butterflies(union batch *x, uint32_t size, uint32_t apart)
         }
 }
 
+static void transform_sift(union batch *x, const uint8_t *const at[BATCH])
+{
+    for (int i = 0; i < BATCH; i++) {
+        int16_t wide[FV_SIFT_BASIS_BYTES];
+        for (int k = 0; k < FV_SIFT_BASIS_BYTES; k++)
+            wide[k] = at[i][k];
+        for (int v = 0; v < FV_SIFT_BASIS_ROWS; v++) {
+            int32_t sum = 1 << (FV_SIFT_BASIS_SHIFT - 1);
+            for (int k = 0; k < FV_SIFT_BASIS_BYTES; k++)
+                sum += wide[k] * fv_sift_basis[v][k];
+            x->of[v][i] = (int16_t)(sum >> FV_SIFT_BASIS_SHIFT);
+        }
+    }
+}
+
 /* Coefficients of BATCH descriptors, `stride` apart; those behind `count` repeat the first. */
 static void transform(const struct fv_bounded *bounded, union batch *x, const uint8_t *descriptors,
                       uint32_t count, size_t stride)
@@ -102,6 +127,10 @@ static void transform(const struct fv_bounded *bounded, union batch *x, const ui
     const uint8_t *at[BATCH];
     for (uint32_t i = 0; i < BATCH; i++)
         at[i] = descriptors + stride * (i < count ? i : 0);
+    if (size == FV_SIFT_BASIS_ROWS) {
+        transform_sift(x, at);
+        return;
+    }
     for (uint32_t k = 0; k < bytes; k++)
         for (int i = 0; i < BATCH; i++)
             x->of[k][i] = at[i][k];
@@ -236,7 +265,8 @@ static void put(const struct fv_bounded *bounded, struct fv_bounded_set *set, ui
         const bool holds = values->error[i] >= 0;
         set->square[from + i] = values->square[i];
         set->half[from + i] = holds ? (int16_t)(values->square[i] / 2) : INT16_MAX;
-        set->error[from + i] = holds ? (int32_t)__builtin_sqrt((double)values->error[i]) + 1 : -1;
+        const int32_t root = holds ? (int32_t)__builtin_sqrt((double)values->error[i]) + 1 : 0;
+        set->error[from + i] = holds ? root + bounded->rounding : -1;
         if (i < count && !holds) set->unbounded[set->unbounded_count++] = (uint16_t)(from + i);
         if (set->error[from + i] > set->error_max) set->error_max = set->error[from + i];
     }
@@ -300,7 +330,7 @@ static int16_t limit_of(const struct search *search, double square)
     const int32_t error = search->from->error[search->query];
     if (error < 0) return LIMIT_MAX;
     const double within =
-        (__builtin_sqrt(bounded->size * square) + error + search->to->error_max) / bounded->step;
+        (__builtin_sqrt(bounded->square * square) + error + search->to->error_max) / bounded->step;
     const double limit = (within * within - search->from->square[search->query]) / 2;
     /* down, below 0 too */
     return limit > LIMIT_MAX ? LIMIT_MAX : (int16_t)((int32_t)(limit - INT16_MIN) + INT16_MIN);
