@@ -43,7 +43,8 @@ enum {
     SQUARE_MAX = 21843, /* half + product fits 16 bits where both are below: 1.5 of it <= 32767 */
     STEP_MAX = 480,     /* with FAR steps in 16 bits */
     FAR = 67,           /* steps: the error of a value there is more than pack() lets pass */
-    LIMIT_MAX = INT16_MAX - 1
+    LIMIT_MAX = INT16_MAX - 1,
+    NOTHING = INT16_MIN - 1 /* less than rows hold */
 };
 
 /* Coefficient k of each descriptor of a batch. */
@@ -62,19 +63,28 @@ static uint32_t padded(uint32_t count)
     return (count + FV_BOUND_GROUP - 1) / FV_BOUND_GROUP * FV_BOUND_GROUP;
 }
 
+static void choose_transform(struct fv_bounded *bounded, enum fv_bounded_by by)
+{
+    if (by == FV_BOUNDED_BY_SIFT) {
+        bounded->size = bounded->values = FV_SIFT_BASIS_ROWS;
+        bounded->square = FV_SIFT_BASIS_SQUARE;
+        bounded->rounding = 3;
+        return;
+    }
+    const bool small = bounded->bytes <= FV_BOUNDED_SIZE_MAX / 2;
+    bounded->size = small ? FV_BOUNDED_SIZE_MAX / 2 : FV_BOUNDED_SIZE_MAX;
+    bounded->values = small ? 24 : FV_BOUNDED_VALUES_MAX;
+    bounded->square = bounded->size;
+    bounded->rounding = 0;
+}
+
 void fv_bounded_carve(struct fv_bounded *bounded, uint32_t count_max, uint32_t bytes,
-                      struct fv_arena *arena)
+                      enum fv_bounded_by by, struct fv_arena *arena)
 {
     const uint32_t count = padded(count_max);
     bounded->bytes = bytes;
-    bounded->size = bytes <= FV_BOUNDED_SIZE_MAX / 2 ? FV_BOUNDED_SIZE_MAX / 2
-                    : bytes == FV_SIFT_BASIS_BYTES   ? FV_SIFT_BASIS_ROWS
-                                                     : FV_BOUNDED_SIZE_MAX;
-    bounded->values = bounded->size < FV_BOUNDED_SIZE_MAX / 2    ? bounded->size
-                      : bounded->size == FV_BOUNDED_SIZE_MAX / 2 ? 24
-                                                                 : FV_BOUNDED_VALUES_MAX;
-    bounded->square = bounded->size == FV_SIFT_BASIS_ROWS ? FV_SIFT_BASIS_SQUARE : bounded->size;
-    bounded->rounding = bounded->size == FV_SIFT_BASIS_ROWS ? 3 : 0;
+    bounded->by = by;
+    choose_transform(bounded, by);
     for (int k = 0; k < 2; k++) {
         struct fv_bounded_set *set = &bounded->sets[k];
         set->queries = fv_arena_take(arena, count, (size_t)bounded->values);
@@ -127,7 +137,7 @@ static void transform(const struct fv_bounded *bounded, union batch *x, const ui
     const uint8_t *at[BATCH];
     for (uint32_t i = 0; i < BATCH; i++)
         at[i] = descriptors + stride * (i < count ? i : 0);
-    if (size == FV_SIFT_BASIS_ROWS) {
+    if (bounded->by == FV_BOUNDED_BY_SIFT) {
         transform_sift(x, at);
         return;
     }
@@ -336,29 +346,42 @@ static int16_t limit_of(const struct search *search, double square)
     return limit > LIMIT_MAX ? LIMIT_MAX : (int16_t)((int32_t)(limit - INT16_MIN) + INT16_MIN);
 }
 
-/* The two nearest of those whose row holds at most `limit`, and of those without a bound. */
-static struct two compare(const struct search *search, int16_t limit)
+/* Those whose row holds more than `above` and at most `limit`; returns how many. */
+static int32_t pick(const struct search *search, int32_t above, int16_t limit)
+{
+    uint16_t *indices = search->bounded->indices;
+    const int32_t count = search->kernels->squares_below_s16(
+        indices, search->row, (int32_t)padded(search->to->count), limit);
+    if (above == NOTHING) return count;
+    int32_t picked = 0;
+    for (int32_t i = 0; i < count; i++) {
+        const uint16_t at = indices[i];
+        indices[picked] = at;
+        picked += search->row[at] > above;
+    }
+    return picked;
+}
+
+/* Compare also those whose row holds more than `above` and at most `limit`; with NOTHING, those
+ * without a bound too. */
+static void compare(const struct search *search, int32_t above, int16_t limit, struct two *two)
 {
     const struct fv_bounded *bounded = search->bounded;
-    const struct fv_kernels *kernels = search->kernels;
     const uint8_t *query = search->from->descriptors + (size_t)bounded->bytes * search->query;
-    int32_t count = kernels->squares_below_s16(bounded->indices, search->row,
-                                               (int32_t)padded(search->to->count), limit);
-    for (uint32_t i = 0; i < search->to->unbounded_count; i++)
+    int32_t count = pick(search, above, limit);
+    for (uint32_t i = 0; above == NOTHING && i < search->to->unbounded_count; i++)
         bounded->indices[count++] = search->to->unbounded[i];
-    struct two two = {FV_SQUARES_NONE, FV_SQUARES_NONE, 0};
-    kernels->squares_some_u8(bounded->distances, query, search->to->descriptors,
-                             (int32_t)bounded->bytes, bounded->indices, count);
+    search->kernels->squares_some_u8(bounded->distances, query, search->to->descriptors,
+                                     (int32_t)bounded->bytes, bounded->indices, count);
     for (int32_t i = 0; i < count; i++) {
         const int32_t distance = bounded->distances[i];
         const uint32_t index = bounded->indices[i];
-        if (distance < two.distance || (distance == two.distance && index < two.index)) {
-            two = (struct two){distance, two.distance, index};
-        } else if (distance < two.second) {
-            two.second = distance;
+        if (distance < two->distance || (distance == two->distance && index < two->index)) {
+            *two = (struct two){distance, two->distance, index};
+        } else if (distance < two->second) {
+            two->second = distance;
         }
     }
-    return two;
 }
 
 static int16_t second_least(const int16_t least[FV_BOUND_LANES])
@@ -372,21 +395,38 @@ static int16_t second_least(const int16_t least[FV_BOUND_LANES])
     return second;
 }
 
-static struct two find(const struct search *search, const int16_t least[FV_BOUND_LANES],
-                       double ratio)
+static const struct two none = {FV_SQUARES_NONE, FV_SQUARES_NONE, 0};
+
+/* How far above the second least bound to look at first, so that once is mostly enough: what some
+ * three of four earlier queries needed. */
+static void learn(int32_t *above, int32_t needed)
 {
-    const int16_t few = second_least(least);
-    struct two two = compare(search, few);
+    enum { STEP = 8 };
+    *above += needed > *above ? 3 * STEP : -STEP;
+    *above = *above > 0 ? *above : 0;
+}
+
+static struct two find(const struct search *search, const int16_t least[FV_BOUND_LANES],
+                       double ratio, int32_t *above)
+{
+    struct two two = none;
+    const int32_t few = second_least(least);
+    int16_t done = (int16_t)(few + *above < LIMIT_MAX ? few + *above : LIMIT_MAX);
+    compare(search, NOTHING, done, &two);
     if (ratio < 1 && two.second < FV_SQUARES_NONE) {
         /* roots in single precision do not make a ratio of squares that much smaller */
         const double passing = ratio * ratio * 1.00001;
         const int16_t limit = limit_of(search, passing * two.second);
-        if (limit > few) two = compare(search, limit);
+        learn(above, limit - few);
+        if (limit > done) compare(search, done, limit, &two);
+        done = limit > done ? limit : done;
         /* those not compared are farther than passing times what the second is at most */
         if (two.distance >= passing * two.second)
             return (struct two){two.second, two.second, two.index};
     }
-    return compare(search, limit_of(search, two.second));
+    const int16_t limit = limit_of(search, two.second);
+    if (limit > done) compare(search, done, limit, &two);
+    return two;
 }
 
 static void bound(const struct search *search, const int8_t *queries, int16_t *least)
@@ -402,13 +442,14 @@ void fv_bounded_two(const struct fv_bounded *bounded, const struct fv_kernels *k
                     int32_t *distance, int32_t *second, uint32_t *index)
 {
     struct search search = {bounded, kernels, &bounded->sets[0], &bounded->sets[1], 0, NULL};
+    int32_t above = 0;
     for (uint32_t q = 0; q < search.from->count; q += FV_BOUND_QUERIES) {
         int16_t least[FV_BOUND_QUERIES][FV_BOUND_LANES];
         bound(&search, search.from->queries + (size_t)q * (size_t)bounded->values, &least[0][0]);
         for (uint32_t k = 0; k < FV_BOUND_QUERIES && q + k < search.from->count; k++) {
             search.query = q + k;
             search.row = bounded->rows + (size_t)k * padded(search.to->count);
-            const struct two two = find(&search, least[k], (double)ratio);
+            const struct two two = find(&search, least[k], (double)ratio, &above);
             distance[q + k] = two.distance;
             second[q + k] = two.second;
             index[q + k] = two.index;
@@ -431,7 +472,9 @@ void fv_bounded_back(const struct fv_bounded *bounded, const struct fv_kernels *
         for (uint32_t k = 0; k < FV_BOUND_QUERIES && q + k < count; k++) {
             search.query = which[q + k];
             search.row = bounded->rows + (size_t)k * padded(search.to->count);
-            index[q + k] = compare(&search, limit_of(&search, most[q + k])).index;
+            struct two two = none;
+            compare(&search, NOTHING, limit_of(&search, most[q + k]), &two);
+            index[q + k] = two.index;
         }
     }
 }

@@ -2,12 +2,12 @@
  * computing it.
  *
  * A Walsh-Hadamard transform keeps distances up to a factor, so that the distance in some of its
- * coefficients bounds the whole one from below; so do coefficients by an orthogonal basis that was
- * learnt from SIFT descriptors, for those of 128 bytes. Those that vary most are rounded to 7 bits,
- * and the error of rounding is counted for each descriptor: |a - b| >= step |a' - b'| - error_a -
- * error_b. Only descriptors whose bound is below the second nearest found so far are compared in
- * full. A query that fails the ratio test needs still fewer: those whose bound is below the nearest
- * that would pass. (Bounds by orthogonal transforms: Hel-Or and Hel-Or, "Real-time pattern matching
+ * coefficients bounds the whole one from below. So do coefficients in an orthogonal basis that was
+ * learnt from SIFT descriptors, and fewer do. Those that vary most are rounded to 7 bits, and the
+ * error of rounding is counted for each descriptor: |a - b| >= step |a' - b'| - error_a - error_b.
+ * Only descriptors whose bound is below the second nearest found so far are compared in full. A
+ * query that fails the ratio test needs still fewer: those whose bound is below the nearest that
+ * would pass. (Bounds by orthogonal transforms: Hel-Or and Hel-Or, "Real-time pattern matching
  * using projection kernels", 2005.) */
 #ifndef FOVEA_FEATURES_BOUNDED_H
 #define FOVEA_FEATURES_BOUNDED_H
@@ -33,8 +33,11 @@ struct fv_bounded_set {
     uint32_t unbounded_count;
 };
 
+enum fv_bounded_by { FV_BOUNDED_BY_WALSH, FV_BOUNDED_BY_SIFT };
+
 struct fv_bounded {
     uint32_t bytes;
+    enum fv_bounded_by by;
     int32_t size, values; /* coefficients, and how many of them the bound takes */
     int32_t square;       /* of the length of coefficients, over that of the descriptor, at most */
     int32_t rounding;     /* of coefficients, in all */
@@ -46,9 +49,10 @@ struct fv_bounded {
     int32_t *distances;
 };
 
-/* Take memory for two sets of `count_max` descriptors of `bytes` [1, 128]. Init-only. */
+/* Take memory for two sets of `count_max` descriptors of `bytes` [1, 128]; BY_SIFT: 128. Init-only.
+ */
 void fv_bounded_carve(struct fv_bounded *bounded, uint32_t count_max, uint32_t bytes,
-                      struct fv_arena *arena);
+                      enum fv_bounded_by by, struct fv_arena *arena);
 
 /* Prepare two sets, which stay where they are until the searches are done. counts: 1 to count_max.
  * False: the coefficients are too large for 16 bits, as those of noise between 0 and 255 may be.

@@ -6,6 +6,7 @@
 #include "features/bounded.h"
 #include "features/nearest.h"
 #include "features/patch.h"
+#include "features/sift_basis.h"
 #include "fovea/match.h"
 #include "geometry/essential.h"
 #include "geometry/fundamental.h"
@@ -110,7 +111,10 @@ static struct fovea_matcher *carve(const struct fovea_match_config *config, stru
         fv_nearest_carve(&matcher->nearest, count, config->descriptor_bytes, matcher->packed, 2,
                          arena);
         if (config->descriptor_bytes >= BOUNDED_BYTES)
-            fv_bounded_carve(&matcher->bounded, count, config->descriptor_bytes, arena);
+            fv_bounded_carve(&matcher->bounded, count, config->descriptor_bytes,
+                             config->descriptor_bytes == FV_SIFT_BASIS_BYTES ? FV_BOUNDED_BY_SIFT
+                                                                             : FV_BOUNDED_BY_WALSH,
+                             arena);
     }
     matcher->asked = fv_arena_take(arena, count, sizeof *matcher->asked);
     carve_found(&matcher->there, count, arena);

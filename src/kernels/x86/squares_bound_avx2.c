@@ -66,21 +66,51 @@ void fv_k_squares_bound_s16__avx2(int16_t *rows, int32_t stride, int16_t *least,
         _mm256_storeu_si256((void *)(least + (int64_t)q * FV_BOUND_LANES), lanes[q]);
 }
 
-int32_t fv_k_squares_below_s16__avx2(uint16_t *indices, const int16_t *row, int32_t count,
-                                     int16_t limit)
+/* Where some of 32 are found: which, and the index of the first. */
+struct masks {
+    uint32_t mask[64];
+    int32_t first[64];
+    int32_t count;
+};
+
+static void look(struct masks *masks, const int16_t *row, int32_t from, int32_t to, int16_t limit)
 {
     const __m256i most = _mm256_set1_epi16(limit);
-    int32_t found = 0;
-    for (int32_t i = 0; i < count; i += 32) {
+    masks->count = 0;
+    for (int32_t i = from; i < to; i += 32) {
         const __m256i a = _mm256_cmpgt_epi16(load(row + i), most);
         const __m256i b = _mm256_cmpgt_epi16(load(row + i + 16), most);
         /* packed, the halves of a and b alternate */
-        const __m256i both = _mm256_packs_epi16(a, b);
-        uint32_t mask = ~(uint32_t)_mm256_movemask_epi8(both);
-        if (mask == 0) continue;
-        mask = (mask & 0xff0000ff) | (mask & 0xff00) << 8 | (mask & 0xff0000) >> 8;
-        for (; mask != 0; mask &= mask - 1)
-            indices[found++] = (uint16_t)(i + __builtin_ctz(mask));
+        const __m256i both = _mm256_permute4x64_epi64(_mm256_packs_epi16(a, b), 0xd8);
+        const uint32_t mask = ~(uint32_t)_mm256_movemask_epi8(both);
+        masks->mask[masks->count] = mask;
+        masks->first[masks->count] = i;
+        masks->count += mask != 0;
+    }
+}
+
+/* A processor does not foresee where some are found, nor how many: no branches on either, but for
+ * more than two of 32. */
+int32_t fv_k_squares_below_s16__avx2(uint16_t *indices, const int16_t *row, int32_t count,
+                                     int16_t limit)
+{
+    enum { BLOCK = 64 * 32 };
+    int32_t found = 0;
+    for (int32_t from = 0; from < count; from += BLOCK) {
+        struct masks masks;
+        look(&masks, row, from, from + BLOCK < count ? from + BLOCK : count, limit);
+        for (int32_t k = 0; k < masks.count; k++) {
+            uint32_t mask = masks.mask[k];
+            const int32_t first = masks.first[k];
+            const int32_t one = first + __builtin_ctz(mask);
+            mask &= mask - 1;
+            const int32_t two = first + (int32_t)_tzcnt_u32(mask);
+            indices[found] = (uint16_t)one;
+            if (found + 1 < count) indices[found + 1] = (uint16_t)two;
+            found += 1 + (mask != 0);
+            for (mask &= mask - 1; mask != 0; mask &= mask - 1)
+                indices[found++] = (uint16_t)(first + __builtin_ctz(mask));
+        }
     }
     return found;
 }
@@ -95,6 +125,10 @@ static inline __attribute__((always_inline)) void compare(int32_t *distances, co
     for (int32_t v = 0; v < full; v++)
         wide[v] = _mm256_cvtepu8_epi16(_mm_loadu_si128((const void *)(query + 16 * (int64_t)v)));
     for (int32_t k = 0; k < count; k++) {
+        /* far apart, and more than the caches nearby hold */
+        const uint8_t *then = descriptors + (int64_t)bytes * indices[k + 8 < count ? k + 8 : k];
+        _mm_prefetch(then, _MM_HINT_T0);
+        _mm_prefetch(then + 64, _MM_HINT_T0);
         const uint8_t *other = descriptors + (int64_t)bytes * indices[k];
         __m256i sums = _mm256_setzero_si256();
         int32_t sum = 0;

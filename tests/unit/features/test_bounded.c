@@ -13,6 +13,7 @@
 
 #include "base/elementary.h"
 #include "features/bounded.h"
+#include "features/sift_basis.h"
 
 enum { COUNT = 520, CENTRES = 40, TRIALS = 2000, LONG = 300, MANY = 20000, FEW_BYTES = 36 };
 
@@ -140,17 +141,18 @@ struct fixture {
     void *memory;
 };
 
-static void set_up(struct fixture *fixture, uint32_t count, uint32_t bytes, int set)
+static void set_up(struct fixture *fixture, uint32_t count, uint32_t bytes, enum fv_bounded_by by,
+                   int set)
 {
     struct fv_arena arena;
     enum fv_cpu_set best;
     fv_arena_count(&arena);
-    fv_bounded_carve(&fixture->bounded, count, bytes, &arena);
+    fv_bounded_carve(&fixture->bounded, count, bytes, by, &arena);
     const size_t size = arena.used;
     fixture->memory = aligned_alloc(64, (size + 63) / 64 * 64);
     assert_non_null(fixture->memory);
     fv_arena_init(&arena, fixture->memory, size);
-    fv_bounded_carve(&fixture->bounded, count, bytes, &arena);
+    fv_bounded_carve(&fixture->bounded, count, bytes, by, &arena);
     assert_false(arena.exhausted);
     assert_int_equal(fv_cpu_from_environment(&best, NULL), FOVEA_OK);
     fv_kernels_init(&fixture->kernels, set == 0 ? FV_CPU_C : best);
@@ -159,13 +161,14 @@ static void set_up(struct fixture *fixture, uint32_t count, uint32_t bytes, int 
 static void pairs_are_those_of_plain_loops(void **state)
 {
     (void)state;
-    static const uint32_t sizes[] = {33, 64, 81, 128},
+    static const uint32_t sizes[] = {33, 64, 81, 128, 128},
                           counts[][2] = {{COUNT, COUNT - 1}, {33, 129}, {5, 1}, {1, 2}, {2, 1}};
     static const float ratios[] = {1, .8f, .002f};
     for (size_t s = 0; s < sizeof sizes / sizeof sizes[0]; s++)
         for (int set = 0; set < 2; set++) {
             struct fixture fixture;
-            set_up(&fixture, COUNT, sizes[s], set);
+            set_up(&fixture, COUNT, sizes[s], s == 4 ? FV_BOUNDED_BY_SIFT : FV_BOUNDED_BY_WALSH,
+                   set);
             fill(sizes[s], 7 + s);
             for (size_t c = 0; c < sizeof counts / sizeof counts[0]; c++)
                 for (size_t r = c == 0 ? 1 : 0; r < 3; r++) {
@@ -178,6 +181,26 @@ static void pairs_are_those_of_plain_loops(void **state)
             check(&fixture.bounded, &fixture.kernels, sizes[s], counts[0], 1);
             free(fixture.memory);
         }
+}
+
+/* What bounds by the basis rest on, in whole numbers: no length grows by more than is said, since
+ * no eigenvalue of B B^T is larger than the largest sum of a row's magnitudes, and sums fit. */
+static void basis_is_nearly_orthogonal(void **state)
+{
+    (void)state;
+    for (int i = 0; i < FV_SIFT_BASIS_ROWS; i++) {
+        int64_t all = 0, sum = 0;
+        for (int j = 0; j < FV_SIFT_BASIS_ROWS; j++) {
+            int64_t product = 0;
+            for (int k = 0; k < FV_SIFT_BASIS_BYTES; k++)
+                product += fv_sift_basis[i][k] * fv_sift_basis[j][k];
+            all += product < 0 ? -product : product;
+        }
+        for (int k = 0; k < FV_SIFT_BASIS_BYTES; k++)
+            sum += fv_sift_basis[i][k] < 0 ? -fv_sift_basis[i][k] : fv_sift_basis[i][k];
+        assert_in_range(all, 1, (int64_t)FV_SIFT_BASIS_SQUARE << (2 * FV_SIFT_BASIS_SHIFT));
+        assert_in_range(sum, 1, FV_SIFT_BASIS_SUM);
+    }
 }
 
 /* Descriptors that a few Walsh functions make up, all as much: 128 + s times their sum. Those that
@@ -285,7 +308,7 @@ static void nearest_at_the_limit_are_found(void **state)
             struct fv_random random;
             struct line line = {.bytes = bytes};
             uint32_t tight[4] = {0};
-            set_up(&fixture, 3, bytes, set);
+            set_up(&fixture, 3, bytes, FV_BOUNDED_BY_WALSH, set);
             fv_random_seed(&random, bytes);
             for (int trial = 0; trial < TRIALS; trial++) {
                 draw(&line, &random);
@@ -314,7 +337,7 @@ static void long_ones_are_found(void **state)
     struct fixture fixture;
     struct fv_random random;
     for (int set = 0; set < 2; set++) {
-        set_up(&fixture, LONG, BYTES, set);
+        set_up(&fixture, LONG, BYTES, FV_BOUNDED_BY_WALSH, set);
         struct fv_bounded *bounded = &fixture.bounded;
         fv_random_seed(&random, 5);
         for (int k = 0; k < 2; k++)
@@ -358,7 +381,7 @@ static void extremes_are_found(void **state)
         for (uint32_t bytes = 64; bytes <= 128; bytes += 64) {
             struct fixture fixture;
             struct fv_random random;
-            set_up(&fixture, 65, bytes, set);
+            set_up(&fixture, 65, bytes, FV_BOUNDED_BY_WALSH, set);
             fv_random_seed(&random, 9);
             for (int kind = 0; kind < 4; kind++)
                 for (size_t c = 0; c < sizeof counts / sizeof counts[0]; c++) {
@@ -385,7 +408,7 @@ static void nearest_of_many_are_found(void **state)
     for (int set = 0; set < 2; set++) {
         struct fixture fixture;
         struct fv_random random;
-        set_up(&fixture, MANY, FEW_BYTES, set);
+        set_up(&fixture, MANY, FEW_BYTES, FV_BOUNDED_BY_WALSH, set);
         fv_random_seed(&random, 11);
         for (size_t i = 0; i < sizeof descriptors[1]; i++)
             descriptors[1][i] = (uint8_t)fv_random_below(&random, 60);
@@ -403,7 +426,7 @@ static void noise_is_refused(void **state)
 {
     (void)state;
     struct fixture fixture;
-    set_up(&fixture, COUNT, FV_BOUNDED_SIZE_MAX, 0);
+    set_up(&fixture, COUNT, FV_BOUNDED_SIZE_MAX, FV_BOUNDED_BY_WALSH, 0);
     const uint8_t *const both[2] = {descriptors[0], descriptors[1]};
     memset(descriptors, 0, sizeof descriptors);
     memset(descriptors[0], 255, FV_BOUNDED_SIZE_MAX);
@@ -414,6 +437,7 @@ static void noise_is_refused(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(basis_is_nearly_orthogonal),
         cmocka_unit_test(pairs_are_those_of_plain_loops),
         cmocka_unit_test(nearest_at_the_limit_are_found),
         cmocka_unit_test(long_ones_are_found),
