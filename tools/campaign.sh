@@ -145,6 +145,7 @@ packages() {
 if [ -n "$sample" ]; then
     part realtime realtime 3600
     part wander wander 3000
+    part soak $build/tests/campaign/wander --soak 20000
     part corridor corridor 1 1 'width=320&height=240'
     part cameras cameras 100 2000
     part everywhere tests/replay/everywhere.sh 100
@@ -163,6 +164,7 @@ else
     part corridor corridor 100 95 '' corridor
     part corridor-repeated corridor 100 95 'textures=repeated' corridor-repeated
     part wander wander 108000
+    part soak $build/tests/campaign/wander --soak 2000000
     part cameras cameras 1000 20000
     part hil make --no-print-directory hil
     part cross make --no-print-directory cross

@@ -5,8 +5,17 @@
  * thread. Of 108,000 frames (an hour at 30 Hz) the median of the last sixth (ten minutes) may be at
  * most 1.05 times that of frames 9,000 to 27,000 (minutes 5 to 15); of fewer frames, the same
  * shares. OPTIONS go to sim:wander. Exit 0 when that holds and resident memory at the end is that
- * of the same place. */
+ * of the same place.
+ *
+ * wander --soak STEPS [OPTIONS]     at 160 x 120 unless OPTIONS say otherwise. From step 10,000 on
+ * (of fewer than 100,000 steps: from a tenth on) every 1,000th step, and the last, must find memory
+ * that is in no file, the resident set and open descriptors equal to the byte; and the median of
+ * the last tenth of the steps may be at most 1.05 times that of the first tenth behind that step,
+ * and not less than its 1 / 1.05. */
+#include <dirent.h>
+#include <inttypes.h>
 #include <math.h>
+#include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -14,6 +23,7 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "app/run/process.h"
 #include "fovea/fovea.h"
 #include "drivers/table.h"
 #include "fovea/source.h"
@@ -55,6 +65,24 @@ static double median(float *values, size_t count)
     return (double)values[count / 2];
 }
 
+/* What must not change. */
+struct holding {
+    uint64_t anonymous, resident;
+    int descriptors;
+};
+
+static struct holding holding_now(void)
+{
+    struct holding now = {.anonymous = fv_process_anonymous_bytes(),
+                          .resident = fv_process_resident_bytes()};
+    DIR *folder = opendir("/proc/self/fd");
+    if (folder == NULL || now.anonymous == 0) die("/proc/self");
+    while (readdir(folder) != NULL)
+        now.descriptors++;
+    closedir(folder);
+    return now;
+}
+
 /* The runtime on an endless walk, and what each frame took. */
 struct walk {
     const struct fovea_source_ops *ops;
@@ -64,6 +92,10 @@ struct walk {
     size_t bytes, frames, posed;
     float *spent; /* CPU ms */
     long resident_early, resident_end;
+    /* of a soak */
+    bool soak;
+    struct holding held;
+    size_t looks, changed_at; /* looks that were taken; the first step with other values */
 };
 
 static void begin(struct walk *walk, const char *uri)
@@ -96,6 +128,24 @@ static void begin(struct walk *walk, const char *uri)
         fputs("pages cannot be locked: code may yet become resident\n", stderr);
 }
 
+/* Hold what the process has at step n against what it had at step `early`. Files of /proc are read
+ * from the heap: the first look of all is not compared with, as it may make that grow. */
+static void look(struct walk *walk, size_t n, size_t early)
+{
+    if (n == 0) (void)holding_now();
+    if (n == early) walk->held = holding_now();
+    if (n <= early || (n % 1000 != 0 && n + 1 < walk->frames)) return;
+    const struct holding now = holding_now(), *held = &walk->held;
+    walk->looks++;
+    if (now.anonymous == held->anonymous && now.resident == held->resident &&
+        now.descriptors == held->descriptors)
+        return;
+    if (walk->changed_at == 0)
+        printf("step %zu: %" PRIu64 " bytes in no file, %" PRIu64 " resident, %d descriptors\n", n,
+               now.anonymous, now.resident, now.descriptors);
+    if (walk->changed_at == 0) walk->changed_at = n;
+}
+
 /* All frames; what is resident is noted after frame number `early`. */
 static void go(struct walk *walk, size_t early)
 {
@@ -117,14 +167,58 @@ static void go(struct walk *walk, size_t early)
         walk->posed += pose.posed;
         walk->ops->requeue(walk->source, &frame);
         if (n == early) walk->resident_early = resident_bytes();
+        if (walk->soak) look(walk, n, early);
     }
     walk->resident_end = resident_bytes();
     if (n < walk->frames) die("the source ended early");
 }
 
+static void end(struct walk *walk)
+{
+    walk->ops->stop(walk->source);
+    walk->ops->close(walk->source);
+    free(walk->rt);
+    free(walk->spent);
+}
+
+static void say_map(const struct walk *walk)
+{
+    const struct fv_odometry *o = &walk->rt->odometry;
+    printf(
+        "%zu of %zu frames posed; %u keyframes, %u landmarks; %u closures, %u maps merged, %u resets\n",
+        walk->posed, walk->frames, o->map.state->keyframe_count, o->map.state->landmark_count,
+        o->closure.state->counts.closed, o->closure.state->counts.merged, o->state->reset_counter);
+}
+
+static int soak(size_t steps, const char *options)
+{
+    struct walk walk = {.frames = steps, .soak = true};
+    const size_t early = steps < 100000 ? steps / 10 : 10000, tenth = steps / 10;
+    char uri[256];
+    (void)snprintf(uri, sizeof uri, "sim:wander?%s",
+                   options != NULL ? options : "width=160&height=120");
+    begin(&walk, uri);
+    go(&walk, early);
+    const double first = median(walk.spent + early, tenth),
+                 last = median(walk.spent + steps - tenth, tenth), ratio = last / first;
+    const bool steady = ratio <= ratio_max && ratio * ratio_max >= 1;
+    say_map(&walk);
+    printf("step %zu: %" PRIu64 " bytes in no file, %" PRIu64
+           " resident, %d descriptors; %zu looks later %s\n",
+           early, walk.held.anonymous, walk.held.resident, walk.held.descriptors, walk.looks,
+           walk.changed_at == 0 ? "all are equal" : "NOT ALL ARE EQUAL");
+    printf(
+        "median CPU ms per step: %.4f in the first tenth behind it, %.4f in the last (%.3f times)%s\n",
+        first, last, ratio, steady ? "" : ": DRIFT");
+    end(&walk);
+    return walk.changed_at == 0 && walk.looks > 0 && steady ? 0 : 1;
+}
+
 int main(int argc, char **argv)
 {
-    if (argc < 2) die("usage: wander FRAMES [OPTIONS]");
+    if (argc > 2 && strcmp(argv[1], "--soak") == 0 && atol(argv[2]) >= 100)
+        return soak((size_t)atol(argv[2]), argc > 3 ? argv[3] : NULL);
+    if (argc < 2 || atol(argv[1]) < 100) die("usage: wander [--soak] FRAMES [OPTIONS]");
     struct walk walk = {.frames = (size_t)atol(argv[1])};
     const size_t early = walk.frames / 12, early_end = walk.frames / 4,
                  late = walk.frames - walk.frames / 6;
@@ -132,20 +226,13 @@ int main(int argc, char **argv)
     (void)snprintf(uri, sizeof uri, "sim:wander%s%s", argc > 2 ? "?" : "", argc > 2 ? argv[2] : "");
     begin(&walk, uri);
     go(&walk, early);
-    const struct fv_odometry *o = &walk.rt->odometry;
     const double first = median(walk.spent + early, early_end - early),
                  last = median(walk.spent + late, walk.frames - late);
-    printf(
-        "%zu of %zu frames posed; %u keyframes, %u landmarks; %u closures, %u maps merged, %u resets\n",
-        walk.posed, walk.frames, o->map.state->keyframe_count, o->map.state->landmark_count,
-        o->closure.state->counts.closed, o->closure.state->counts.merged, o->state->reset_counter);
+    say_map(&walk);
     printf("median CPU ms per frame: %.3f early, %.3f at the end (%.3f times; at most %.2f)\n",
            first, last, last / first, ratio_max);
     printf("resident bytes: %ld early, %ld at the end; block %zu\n", walk.resident_early,
            walk.resident_end, walk.bytes);
-    walk.ops->stop(walk.source);
-    walk.ops->close(walk.source);
-    free(walk.rt);
-    free(walk.spent);
+    end(&walk);
     return last <= ratio_max * first && walk.resident_early == walk.resident_end ? 0 : 1;
 }
