@@ -48,6 +48,8 @@ void fv_man_program(void)
                 "(default: the best that the processor has; results are the same)");
     fv_man_item("FOVEA_PLUGINS", NULL,
                 "folder of fovea-video.so and fovea-libcamera, instead of the installed one");
+    fv_man_item("FOVEA_SYS_ROOT", NULL,
+                "folder in which /sys is looked for temperatures and throttling, for tests");
     fv_man_item("NO_COLOR", NULL, "when it is set and not empty, the terminal shows no colours");
     fv_man_see_also(NULL);
 }

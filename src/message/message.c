@@ -38,6 +38,7 @@ void fv_message_channel(const char *prefix, enum fv_message_kind kind, char *nam
         [FV_MESSAGE_RECORDER] = "RECORDER",
         [FV_MESSAGE_SETTINGS] = "SETTINGS",
         [FV_MESSAGE_SETTINGS_RESULT] = "SETTINGS_RESULT",
+        [FV_MESSAGE_HEALTH] = "HEALTH",
         [FV_MESSAGE_FRAME] = "FRAME",
         [FV_MESSAGE_RECORDING] = "RECORDING",
         [FV_MESSAGE_INPUTS] = "INPUTS",

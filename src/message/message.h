@@ -56,6 +56,7 @@ enum fv_message_kind {
     FV_MESSAGE_PARAMETER_RESULT, /* of the application */
     FV_MESSAGE_RUN,              /* likewise */
     FV_MESSAGE_RECORDER,         /* likewise, where record_folder is set */
+    FV_MESSAGE_HEALTH,           /* likewise, where frames come by the clock */
     FV_MESSAGE_SETTINGS,         /* in */
     FV_MESSAGE_SETTINGS_RESULT,  /* of the application */
     FV_MESSAGE_SAMPLE, /* of the first sensor kind; this and all that follow: in recordings only */

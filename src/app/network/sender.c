@@ -91,8 +91,9 @@ static bool ends_in(const char *name, const char *suffix)
 
 static enum fv_sender_class class_of(const char *name)
 {
-    static const char *const states[] = {"POSE", "CAMERA_STATUS",  "IMU_STATUS",       "STATISTICS",
-                                         "RUN",  "COMMAND_RESULT", "PARAMETER_RESULT", "RECORDER"};
+    static const char *const states[] = {
+        "POSE",           "CAMERA_STATUS",    "IMU_STATUS", "STATISTICS", "RUN",
+        "COMMAND_RESULT", "PARAMETER_RESULT", "RECORDER",   "HEALTH"};
     for (size_t i = 0; i < sizeof states / sizeof states[0]; i++)
         if (ends_in(name, states[i])) return FV_SENDER_STATE;
     if (ends_in(name, "FEATURES")) return FV_SENDER_FEATURES;

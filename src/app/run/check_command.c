@@ -14,6 +14,7 @@
 #include "app/run/realtime.h"
 #include "app/run/report.h"
 #include "app/run/results.h"
+#include "app/run/self_test.h"
 #include "app/run/snapshot.h"
 #include "support/say.h"
 #include "app/config/imu.h"
@@ -163,6 +164,10 @@ static enum fovea_status kernels_check(struct check *check, struct fovea_error *
     else
         line(check, WARNING, "kernels", "set %s, though this processor has %s: unset FOVEA_CPU",
              fv_cpu_set_name(picked), fv_cpu_set_name(best));
+    char wrong[FV_SELF_TEST_REASON_BYTES];
+    fv_self_test(wrong);
+    line(check, wrong[0] == '\0' ? OK : WARNING, "self-test", "%s",
+         wrong[0] == '\0' ? "the kernels give the bits of plain C, and the clock goes" : wrong);
     return FOVEA_OK;
 }
 

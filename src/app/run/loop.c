@@ -148,10 +148,13 @@ static void fill_inputs(struct fv_loop *loop, const struct fovea_frame *given, i
         atomic_load_explicit(&loop->shared->temperature_c, memory_order_relaxed);
     inputs->resident_bytes =
         atomic_load_explicit(&loop->shared->resident_bytes, memory_order_relaxed);
-    if (loop->real_time)
+    if (loop->real_time) {
+        const uint32_t share = atomic_load_explicit(&loop->shared->share, memory_order_relaxed);
+        loop->governor.period_ns = share > 0 ? loop->period_ns / 100 * share : loop->period_ns;
         fovea_governor_next(&loop->governor, loop->config, &inputs->grants);
-    else
+    } else {
         fovea_grants_fixed(loop->config, &inputs->grants);
+    }
     if (loop->hooks.sense != NULL) loop->hooks.sense(loop->hooks.context, given, inputs);
 }
 

@@ -29,6 +29,9 @@ struct fv_loop_shared {
     atomic_bool stop;                /* set by the watcher: end after this frame */
     _Atomic uint64_t resident_bytes; /* set by the watcher */
     _Atomic float temperature_c;     /* set by the watcher */
+    /* Set by the watcher: percent of the period that step and work may use, by the clock; 0: all of
+     * it. Grants follow, and they are recorded. */
+    _Atomic uint32_t share;
     _Atomic uint64_t frames, dropped, features;
     _Atomic uint64_t beats; /* rises while the loop runs, with and without frames */
     _Atomic int64_t step_ns;

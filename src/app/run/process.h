@@ -1,5 +1,5 @@
-/* What the process and its machine look like from outside. Each call reads a file under /proc or
- * /sys: off the loop thread. */
+/* What the process looks like from outside. Each call reads a file under /proc: off the loop
+ * thread. Of its machine: host.h. */
 #ifndef FOVEA_APP_RUN_PROCESS_H
 #define FOVEA_APP_RUN_PROCESS_H
 
@@ -11,9 +11,5 @@ uint64_t fv_process_resident_max_bytes(void);
 /* Of it, what is in no file: counted page by page, and the same whatever other programs do, where
  * the resident set also counts pages of libraries that happen to be cached. */
 uint64_t fv_process_anonymous_bytes(void);
-
-/* The hottest thermal zone that names the processor, or else the hottest of all, degrees Celsius;
- * NaN where none. */
-float fv_process_temperature_c(void);
 
 #endif

@@ -20,6 +20,7 @@
 #include "app/record/recorder.h"
 #include "app/run/recordings.h"
 #include "app/run/results.h"
+#include "app/run/run_health.h"
 #include "app/run/service.h"
 #include "app/config/setup.h"
 #include "app/run/snapshot.h"
@@ -91,6 +92,7 @@ struct fv_run {
     struct fv_backup backup;
     struct fv_loop_shared shared;
     struct fv_service service;
+    struct fv_run_health health;
     struct fv_timings timings;
     struct fv_loop loop;
     struct fovea_sample samples[FOVEA_INPUT_SAMPLES_MAX]; /* of the step under way; the loop's */

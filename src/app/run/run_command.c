@@ -105,6 +105,7 @@ static void work_done(void *context, const struct fovea_inputs *inputs,
     fv_recorder_work(run->recorder, inputs, grants, outputs);
     fv_recorder_work(fv_recordings_recorder(&run->recordings), inputs, grants, outputs);
     fv_recordings_work(&run->recordings, run->transport, run->feed);
+    fv_run_health_work(run, inputs);
     fv_keeper_work(&run->keeper, outputs);
     fv_final_observe(run->final, run->loop.rt);
     struct fovea_detections detections;
@@ -112,6 +113,7 @@ static void work_done(void *context, const struct fovea_inputs *inputs,
     count_second(run);
     if (detections.inferences == run->inferences) return;
     run->inferences = detections.inferences;
+    atomic_store_explicit(&run->health.inferences_now, detections.inferences, memory_order_relaxed);
     struct fovea_objects objects;
     fovea_objects_get(run->loop.rt, &objects);
     run->detections += detections.count;
@@ -451,7 +453,7 @@ static void watch(struct fv_run *run)
     fv_timing_clock(NULL, &pace.wall_ns, &cpu_ns);
     for (;;) {
         atomic_store(&run->shared.resident_bytes, fv_process_resident_bytes());
-        atomic_store(&run->shared.temperature_c, fv_process_temperature_c());
+        fv_run_health_tend(run);
         complaints(run);
         fv_run_changes_say(run);
         drain(run);
@@ -487,6 +489,7 @@ static enum fovea_status run_loop(struct fv_run *run, struct fovea_error *error)
             run->settings.model[0] != '\0');
     fv_watch_open(&run->watch, run->settings.runtime.odometry.enabled, loop->real_time);
     atomic_store(&run->shared.temperature_c, NAN);
+    fv_run_health_open(run);
     sem_init(&run->ended, 0, 0);
 
     enum fovea_status status = loop->ops->start(loop->source, error);

@@ -165,6 +165,21 @@ static void test_limits_and_failures(void **state)
     assert_int_equal(loop.status, FOVEA_OK);
 }
 
+/* A hot machine: the governor has a shorter period, and frames are not late by it. */
+static void test_share_of_the_period(void **state)
+{
+    (void)state;
+    loop.real_time = true;
+    source.count = 5;
+    fv_loop_run(&loop);
+    assert_int_equal(loop.governor.period_ns, loop.period_ns);
+    atomic_store(&shared.share, 60);
+    source.next = 0;
+    fv_loop_run(&loop);
+    assert_int_equal(loop.governor.period_ns, loop.period_ns / 100 * 60);
+    assert_int_equal(loop.period_ns, 10000000);
+}
+
 static void test_pace_follows_stamps(void **state)
 {
     (void)state;
@@ -407,6 +422,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(test_every_frame_at_full_speed, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_limits_and_failures, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_share_of_the_period, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_pace_follows_stamps, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_slow_source_drops_nothing, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_late_frames, set_up, tear_down),

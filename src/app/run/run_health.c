@@ -1,0 +1,130 @@
+#include "app/run/run_health.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "app/run/run.h"
+#include "drivers/clock.h"
+#include "support/say.h"
+
+void fv_run_health_open(struct fv_run *run)
+{
+    struct fv_run_health *health = &run->health;
+    const char *root = getenv("FOVEA_SYS_ROOT");
+    health->on = run->loop.real_time;
+    health->root = root != NULL ? root : "";
+    health->share = FV_HOST_SHARE_MAX;
+    health->frame_ns = health->inference_ns = fv_clock_ns(CLOCK_MONOTONIC);
+    health->stamp = fv_message_stamp(NULL, 0);
+    fv_message_channel(run->settings.runtime.channel_prefix, FV_MESSAGE_HEALTH, health->channel);
+    if (!health->on) return;
+    fv_self_test(health->self_test);
+    if (health->self_test[0] != '\0')
+        fv_say_word(FV_SAY_RED, "self-test", ": %s", health->self_test);
+}
+
+/* How much a counter has risen since it was last seen. */
+static uint64_t risen(uint64_t *seen, uint64_t now)
+{
+    const uint64_t before = *seen;
+    *seen = now;
+    return now - before;
+}
+
+static void facts_gather(struct fv_run *run, int64_t now_ns, struct fv_health_facts *facts)
+{
+    struct fv_run_health *health = &run->health;
+    struct fv_transport_counts counts;
+    fv_transport_counts(run->transport, &counts);
+    if (risen(&health->frames, atomic_load(&run->shared.frames)) > 0) health->frame_ns = now_ns;
+    if (risen(&health->inferences, atomic_load(&health->inferences_now)) > 0)
+        health->inference_ns = now_ns;
+    *facts = (struct fv_health_facts){
+        .self_test = health->self_test,
+        .silence_ns = (int64_t)run->settings.health_silence_ms * 1000000,
+        .source_state = atomic_load(&run->watch.source_state),
+        .silent_ns = now_ns - health->frame_ns,
+        .imu_state = atomic_load(&run->watch.imu_state),
+        .pose = (enum fv_watch_state)atomic_load(&run->watch.now_state),
+        .pose_ns = atomic_load(&run->watch.lasts_ns),
+        .calibration = atomic_load(&run->watch.calibration),
+        .has_network = run->settings.model[0] != '\0',
+        .inferences = health->inferences,
+        .inference_ns = now_ns - health->inference_ns,
+        .late = risen(&health->late, atomic_load(&run->shared.dropped)),
+        .publishes = run->settings.lcm_url[0] != '\0',
+        .sends = run->transport != NULL,
+        .unsent = risen(&health->unsent, counts.dropped),
+        .records = run->recorder != NULL,
+        .recording_ended = run->recorder != NULL && fv_recorder_has_ended(run->recorder),
+        .unlocked = run->unlocked.text,
+        .host = health->host,
+        .heat_limit_c = run->settings.health_heat_limit_c,
+        .share = health->share};
+}
+
+/* A change of the host's state, which no other line says; at first all is thought to be well. */
+static void change_say(const struct fv_run *run, struct fv_run_health *health)
+{
+    static const enum fv_say_colour colours[] = {FV_SAY_GREEN, FV_SAY_YELLOW, FV_SAY_RED};
+    const struct fv_health_part *host = &health->judged.parts[health->judged.count - 1];
+    if (run->quiet || host->state == health->host_said) return;
+    health->host_said = host->state;
+    fv_say_word(colours[host->state], host->name, ": %s",
+                host->state == FV_HEALTH_OK ? "as it should be" : host->reason);
+}
+
+/* Once a second, and when a part's state has changed: the loop sends it. */
+static void tell(struct fv_run_health *health, int64_t now_ns)
+{
+    if (atomic_load_explicit(&health->news, memory_order_acquire)) return;
+    if (now_ns - health->told_ns < FV_SECOND_NS &&
+        !fv_health_differs(&health->judged, &health->told))
+        return;
+    health->told_ns = now_ns;
+    health->told = health->judged;
+    atomic_store_explicit(&health->news, true, memory_order_release);
+}
+
+void fv_run_health_tend(struct fv_run *run)
+{
+    struct fv_run_health *health = &run->health;
+    struct fv_health_facts facts;
+    const int64_t now_ns = fv_clock_ns(CLOCK_MONOTONIC);
+    fv_host_read(health->root, &health->host);
+    atomic_store(&run->shared.temperature_c, health->host.temperature_c);
+    if (!health->on) return;
+    health->share = fv_host_share(&health->host, run->settings.health_heat_limit_c, health->share);
+    atomic_store(&run->shared.share, health->share);
+    facts_gather(run, now_ns, &facts);
+    fv_health_judge(&facts, &health->judged);
+    change_say(run, health);
+    tell(health, now_ns);
+}
+
+void fv_run_health_work(struct fv_run *run, const struct fovea_inputs *inputs)
+{
+    struct fv_run_health *health = &run->health;
+    uint8_t data[FV_HEALTH_BYTES_MAX];
+    fovea_health_part_t parts[FV_HEALTH_PARTS_MAX];
+    if (inputs->frame != NULL)
+        health->stamp = fv_message_stamp(inputs->frame, inputs->utc_offset_ns);
+    if (!atomic_load_explicit(&health->news, memory_order_acquire)) return;
+    struct fv_health *told = &health->told;
+    for (uint32_t i = 0; i < told->count; i++)
+        parts[i] = (fovea_health_part_t){.name = (char *)told->parts[i].name,
+                                         .state = (int8_t)told->parts[i].state,
+                                         .reason = told->parts[i].reason};
+    const fovea_health_t message = {.stamp = health->stamp,
+                                    .utime = fv_clock_ns(CLOCK_REALTIME) / 1000,
+                                    .run_id = run->run_id,
+                                    .state = (int8_t)fv_health_worst(told),
+                                    .count = (int32_t)told->count,
+                                    .parts = parts};
+    const int bytes = fovea_health_t_encode(data, 0, sizeof data, &message);
+    atomic_store_explicit(&health->news, false, memory_order_release);
+    if (bytes <= 0) return;
+    const struct fovea_message out = {health->channel, data, (uint32_t)bytes, true};
+    fv_transport_put(run->transport, &out);
+    fv_feed_put(run->feed, &out);
+}

@@ -1,0 +1,52 @@
+/* The health of a run, gathered four times a second by the watching thread and sent by the loop as
+ * health_t: once a second, and when the state of a part changes. Only where frames come by the
+ * clock: a recording at full speed is no robot.
+ *
+ * Heat: the watching thread also lowers the share of the period that the governor may use
+ * (host.h). */
+#ifndef FOVEA_APP_RUN_RUN_HEALTH_H
+#define FOVEA_APP_RUN_RUN_HEALTH_H
+
+#include <stdatomic.h>
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "app/run/health.h"
+#include "app/run/self_test.h"
+#include "fovea_health_t.h"
+#include "message/message.h"
+
+struct fv_run;
+
+struct fv_run_health {
+    bool on; /* frames come by the clock */
+    char channel[FV_MESSAGE_CHANNEL_BYTES];
+    const char *root; /* before /sys: the environment's FOVEA_SYS_ROOT, "" by default */
+    char self_test[FV_SELF_TEST_REASON_BYTES];
+
+    /* The watching thread's. */
+    struct fv_health judged;        /* the newest; the host is its last part */
+    enum fv_health_state host_said; /* on the terminal */
+    struct fv_host host;
+    uint32_t share;
+    uint64_t frames, late, unsent, inferences; /* as last seen */
+    int64_t frame_ns, inference_ns;            /* when they last changed */
+    int64_t told_ns;
+
+    /* Handed to the loop. */
+    struct fv_health told;
+    atomic_bool news; /* `told` is the loop's to send */
+
+    /* The loop's. */
+    _Atomic uint64_t inferences_now;
+    fovea_stamp_t stamp; /* of the last frame */
+};
+
+/* Before the loop: whether there is health at all, and the self-test. Init-only. */
+void fv_run_health_open(struct fv_run *run);
+/* Look at everything; the watching thread. */
+void fv_run_health_tend(struct fv_run *run);
+/* After a work: send what is new. Loop thread: no heap, no system call but clocks. */
+void fv_run_health_work(struct fv_run *run, const struct fovea_inputs *inputs);
+
+#endif

@@ -1,0 +1,116 @@
+/* The health of a whole run: on a machine whose sysfs says that it is hot, less work is granted and
+ * health_t says so; the recording replays to the bit all the same. On one that says nothing, all
+ * parts of the host are well. */
+#include <libgen.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "fovea_health_t.h"
+#include "support/lcmlog.h"
+
+static char build[512]; /* folder that this program was built into */
+static char folder[] = "/tmp/fovea_health_XXXXXX";
+
+static void shell(const char *format, ...) __attribute__((format(printf, 1, 2)));
+static void shell(const char *format, ...)
+{
+    char command[3000];
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(command, sizeof command, format, arguments);
+    va_end(arguments);
+    if (system(command) != 0) fail_msg("%s", command);
+}
+
+/* The reason of the part `host` in the last health_t of the log. Returns how many there were. */
+static int last_reason(char reason[128], int *state)
+{
+    char path[256];
+    struct fv_lcmlog *log;
+    struct fv_lcmlog_event event;
+    struct fovea_error error;
+    int count = 0;
+    snprintf(path, sizeof path, "%s/sent.log", folder);
+    if (fv_lcmlog_open(path, &log, &error) != FOVEA_OK) fail_msg("%s", error.text);
+    while (fv_lcmlog_next(log, &event, &error) == FOVEA_OK) {
+        fovea_health_t health;
+        if (strcmp(event.channel, "FOVEA_HEALTH") != 0) continue;
+        assert_true(fovea_health_t_decode(event.data, 0, (int)event.bytes, &health) > 0);
+        assert_true(health.run_id != 0 && health.utime > 0 && health.count >= 6);
+        assert_string_equal(health.parts[0].name, "self_test");
+        assert_int_equal(health.parts[0].state, FOVEA_HEALTH_T_STATE_OK);
+        const fovea_health_part_t *host = &health.parts[health.count - 1];
+        assert_string_equal(host->name, "host");
+        assert_true(health.state >= host->state);
+        snprintf(reason, 128, "%s", host->reason);
+        *state = host->state;
+        count++;
+        fovea_health_t_decode_cleanup(&health);
+    }
+    fv_lcmlog_close(log);
+    return count;
+}
+
+static void run(const char *root)
+{
+    shell(
+        "FOVEA_SYS_ROOT=%s/%s %s/fovea run --source 'sim:orbit?width=160&height=120' --rate real --frames 60 --quiet"
+        " --picture none --set 'lcm_url=file://%s/sent.log?mode=w' --set loop.priority=0 --record %s/run.log"
+        " && %s/fovea replay %s/run.log --verify >%s/said",
+        folder, root, build, folder, folder, build, folder, folder);
+}
+
+static void heat_is_told_and_replays(void **unused)
+{
+    (void)unused;
+    char reason[128] = "";
+    int state = -1;
+    shell(
+        "mkdir -p %s/hot/sys/class/thermal/thermal_zone0 && cd %s/hot/sys/class/thermal/thermal_zone0"
+        " && echo cpu-thermal >type && echo 74000 >temp",
+        folder, folder);
+    run("hot");
+    assert_true(last_reason(reason, &state) >= 2);
+    assert_int_equal(state, FOVEA_HEALTH_T_STATE_DEGRADED);
+    assert_string_equal(reason,
+                        "74.0 degrees, the limit is 80.0; work is kept to 75 % of the period");
+}
+
+static void a_machine_that_says_nothing_is_well(void **unused)
+{
+    (void)unused;
+    char reason[128] = "?";
+    int state = -1;
+    run("none");
+    assert_true(last_reason(reason, &state) >= 2);
+    assert_int_equal(state, FOVEA_HEALTH_T_STATE_OK);
+    assert_string_equal(reason, "");
+}
+
+int main(int argc, char **argv)
+{
+    (void)argc;
+    char path[512];
+    snprintf(path, sizeof path, "%s", argv[0]); /* BUILD/tests/transport/NAME */
+    snprintf(build, sizeof build, "%s", dirname(dirname(dirname(path))));
+    if (getenv("FOVEA_EMULATED") != NULL) {
+        puts("SKIPPED: the program is not started under an emulator");
+        return 0;
+    }
+    if (mkdtemp(folder) == NULL) return 1;
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(heat_is_told_and_replays),
+        cmocka_unit_test(a_machine_that_says_nothing_is_well),
+    };
+    const int failed = cmocka_run_group_tests_name("health of a run", tests, NULL, NULL);
+    snprintf(path, sizeof path, "rm -r %s", folder);
+    return system(path) != 0 || failed != 0;
+}

@@ -1,0 +1,251 @@
+/* The health of a run: what the machine states in a sysfs of files, how much work it is then given,
+ * the word and the reason of each part, and the self-test. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "app/run/health.h"
+#include "app/run/self_test.h"
+
+static char root[64];
+
+static void put(const char *path, const char *text)
+{
+    char whole[512], *slash;
+    snprintf(whole, sizeof whole, "%s%s", root, path);
+    for (slash = whole + strlen(root) + 1; (slash = strchr(slash, '/')) != NULL; slash++) {
+        *slash = '\0';
+        mkdir(whole, 0777);
+        *slash = '/';
+    }
+    FILE *file = fopen(whole, "w");
+    assert_non_null(file);
+    fputs(text, file);
+    assert_int_equal(fclose(file), 0);
+}
+
+static int make_root(void **state)
+{
+    (void)state;
+    strcpy(root, "/tmp/fovea-health-XXXXXX");
+    return mkdtemp(root) == NULL;
+}
+
+static int remove_root(void **state)
+{
+    char command[128];
+    (void)state;
+    snprintf(command, sizeof command, "rm -r %s", root);
+    return system(command);
+}
+
+#define ZONE "/sys/class/thermal/thermal_zone"
+
+static void test_host_is_read(void **state)
+{
+    (void)state;
+    struct fv_host host;
+    fv_host_read(root, &host);
+    assert_true(isnan(host.temperature_c) && isnan(host.trip_c) && host.throttled == 0);
+    put(ZONE "0/temp", "91000\n");
+    put(ZONE "0/type", "battery\n");
+    fv_host_read(root, &host);
+    assert_true(host.temperature_c == 91 && isnan(host.trip_c));
+    /* A zone of the processor counts before hotter ones of other things. */
+    put(ZONE "2/temp", "61500\n");
+    put(ZONE "2/type", "cpu-thermal\n");
+    put(ZONE "2/trip_point_0_type", "active\n");
+    put(ZONE "2/trip_point_0_temp", "40000\n");
+    put(ZONE "2/trip_point_1_type", "critical\n");
+    put(ZONE "2/trip_point_1_temp", "110000\n");
+    put(ZONE "2/trip_point_2_type", "passive\n");
+    put(ZONE "2/trip_point_2_temp", "75000\n");
+    put("/sys/devices/platform/soc@107c000000/soc@107c000000:firmware/get_throttled", "50005\n");
+    fv_host_read(root, &host);
+    assert_true(host.temperature_c == 61.5f && host.trip_c == 75);
+    assert_int_equal(host.throttled, FV_HOST_UNDER_VOLTAGE | FV_HOST_THROTTLED);
+    assert_true(fv_host_limit_c(&host, 0) == 75 && fv_host_limit_c(&host, 70) == 70);
+    put(ZONE "2/temp", "nonsense\n");
+    fv_host_read(root, &host);
+    assert_true(host.temperature_c == 0);
+}
+
+static uint32_t share_at(float celsius, uint32_t throttled, uint32_t before)
+{
+    const struct fv_host host = {celsius, NAN, throttled};
+    return fv_host_share(&host, 0, before);
+}
+
+static void test_heat_takes_work_away(void **state)
+{
+    (void)state;
+    assert_int_equal(share_at(NAN, 0, 100), 100);
+    assert_int_equal(share_at(70, 0, 100), 100); /* without a trip point the limit is 80 */
+    assert_int_equal(share_at(74, 0, 100), 75);
+    assert_int_equal(share_at(78, 0, 100), 50);
+    assert_int_equal(share_at(95, 0, 100), 50);
+    assert_int_equal(share_at(40, FV_HOST_THROTTLED, 100), 50);
+    assert_int_equal(share_at(40, FV_HOST_SOFT_LIMIT, 100), 50);
+    assert_int_equal(share_at(40, FV_HOST_UNDER_VOLTAGE, 100), 100);
+    assert_int_equal(share_at(40, 0, 50), 51); /* slowly up */
+    for (float c = 60; c < 90; c += 0.25f)
+        assert_true(share_at(c + 0.25f, 0, 100) <= share_at(c, 0, 100));
+}
+
+static struct fv_health_facts well(void)
+{
+    return (struct fv_health_facts){.self_test = "",
+                                    .silence_ns = 1000000000,
+                                    .imu_state = FOVEA_IMU_OK,
+                                    .pose = FV_WATCH_TRACKING,
+                                    .has_network = true,
+                                    .publishes = true,
+                                    .sends = true,
+                                    .records = true,
+                                    .unlocked = "",
+                                    .host = {50, NAN, 0},
+                                    .share = 100};
+}
+
+/* One part is of this state, with this reason; all others are well. */
+static void expect(const struct fv_health_facts *facts, const char *name,
+                   enum fv_health_state state, const char *reason)
+{
+    struct fv_health health;
+    bool found = false;
+    fv_health_judge(facts, &health);
+    assert_int_equal(fv_health_worst(&health), state);
+    for (uint32_t i = 0; i < health.count; i++) {
+        const bool it = strcmp(health.parts[i].name, name) == 0;
+        found |= it;
+        assert_int_equal(health.parts[i].state, it ? state : FV_HEALTH_OK);
+        assert_string_equal(health.parts[i].reason, it ? reason : "");
+    }
+    assert_true(found);
+}
+
+static void test_parts(void **state)
+{
+    (void)state;
+    struct fv_health_facts facts = well();
+    struct fv_health health;
+    fv_health_judge(&facts, &health);
+    assert_int_equal(health.count, FV_HEALTH_PARTS_MAX);
+    assert_int_equal(fv_health_worst(&health), FV_HEALTH_OK);
+    facts.self_test = "wrong bits";
+    expect(&facts, "self_test", FV_HEALTH_FAILED, "wrong bits");
+    facts = well();
+    facts.silent_ns = 1000000001;
+    expect(&facts, "source", FV_HEALTH_FAILED, "no frame for 1.0 s");
+    facts.source_state = FOVEA_SOURCE_GONE;
+    expect(&facts, "source", FV_HEALTH_FAILED, "the camera is gone, for 1.0 s");
+    facts.silent_ns = 300000000;
+    facts.source_state = FOVEA_SOURCE_STALLED;
+    expect(&facts, "source", FV_HEALTH_DEGRADED, "the camera gives no frames");
+    facts = well();
+    facts.imu_state = FOVEA_IMU_NONE + 2;
+    expect(&facts, "imu", FV_HEALTH_DEGRADED, fovea_imu_state_name(FOVEA_IMU_NONE + 2));
+    facts = well();
+    facts.pose = FV_WATCH_LOST;
+    expect(&facts, "odometry", FV_HEALTH_DEGRADED, "lost for 0.0 s");
+    facts.pose_ns = 2500000000;
+    expect(&facts, "odometry", FV_HEALTH_FAILED, "lost for 2.5 s");
+    facts.pose = FV_WATCH_STARTING;
+    facts.pose_ns = 12000000000;
+    expect(&facts, "odometry", FV_HEALTH_DEGRADED, "no map after 12.0 s");
+    facts = well();
+    facts.calibration = FOVEA_CALIBRATION_WRONG;
+    expect(&facts, "odometry", FV_HEALTH_DEGRADED, "the calibration does not fit the pictures");
+    facts = well();
+    facts.inferences = 4;
+    facts.inference_ns = 6000000000;
+    expect(&facts, "network", FV_HEALTH_DEGRADED, "no inference for 6.0 s");
+    facts = well();
+    facts.late = 3;
+    expect(&facts, "loop", FV_HEALTH_DEGRADED, "3 frames came too late and were dropped");
+    facts = well();
+    facts.unsent = 7;
+    expect(&facts, "publisher", FV_HEALTH_DEGRADED, "7 messages were not sent");
+    facts.sends = false;
+    expect(&facts, "publisher", FV_HEALTH_FAILED, "no message can be sent");
+    facts = well();
+    facts.recording_ended = true;
+    expect(&facts, "recorder", FV_HEALTH_FAILED, "the recording has ended, the run goes on");
+    facts = well();
+    facts.unlocked = "not allowed";
+    expect(&facts, "memory", FV_HEALTH_DEGRADED, "not allowed");
+    facts = well();
+    facts.share = 75;
+    facts.host.temperature_c = 74;
+    expect(&facts, "host", FV_HEALTH_DEGRADED,
+           "74.0 degrees, the limit is 80.0; work is kept to 75 % of the period");
+    facts.host.throttled = FV_HOST_THROTTLED;
+    expect(&facts, "host", FV_HEALTH_DEGRADED,
+           "the system throttles the processor; work is kept to 75 % of the period");
+}
+
+static void test_absent_parts(void **state)
+{
+    (void)state;
+    struct fv_health_facts facts = well();
+    struct fv_health health;
+    facts.imu_state = FOVEA_IMU_NONE;
+    facts.pose = FV_WATCH_RUNNING;
+    facts.has_network = facts.publishes = facts.records = false;
+    fv_health_judge(&facts, &health);
+    assert_int_equal(health.count, FV_HEALTH_PARTS_MAX - 5);
+}
+
+/* Kernels that are off by one grey level in one pixel, and by one bit. */
+static struct fv_kernels right;
+
+static void wrong_shrink(uint8_t *out, const uint8_t *in, int32_t count)
+{
+    right.shrink_row_u8(out, in, count);
+    out[count / 2] ^= 1;
+}
+
+static void wrong_score(uint8_t *scores, const uint8_t *pixels, ptrdiff_t stride_bytes,
+                        int32_t count, int32_t threshold)
+{
+    right.fast_score_u8(scores, pixels, stride_bytes, count, threshold);
+    for (int32_t i = 0; i < count; i++)
+        if (scores[i] > 20) scores[i]--;
+}
+
+static void test_self_test(void **state)
+{
+    (void)state;
+    char reason[FV_SELF_TEST_REASON_BYTES] = "?";
+    struct fv_kernels kernels;
+    fv_self_test(reason);
+    assert_string_equal(reason, "");
+    fv_kernels_init(&right, FV_CPU_C);
+    kernels = right;
+    assert_true(fv_self_test_kernels(&kernels));
+    kernels.shrink_row_u8 = wrong_shrink;
+    assert_false(fv_self_test_kernels(&kernels));
+    kernels = right;
+    kernels.fast_score_u8 = wrong_score;
+    assert_false(fv_self_test_kernels(&kernels));
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(test_host_is_read, make_root, remove_root),
+        cmocka_unit_test(test_heat_takes_work_away),
+        cmocka_unit_test(test_parts),
+        cmocka_unit_test(test_absent_parts),
+        cmocka_unit_test(test_self_test),
+    };
+    return cmocka_run_group_tests_name("health", tests, NULL, NULL);
+}
