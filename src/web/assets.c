@@ -37,6 +37,7 @@
     ROW(panels, "/panels.js", "panels.js", JAVASCRIPT, false)                                      \
     ROW(parameters, "/parameters.js", "parameters.js", JAVASCRIPT, false)                          \
     ROW(requests, "/requests.js", "requests.js", JAVASCRIPT, false)                                \
+    ROW(playback, "/playback.js", "playback.js", JAVASCRIPT, false)                                \
     ROW(settings, "/settings.js", "settings.js", JAVASCRIPT, false)                                \
     ROW(calibrate, "/calibrate", "calibrate.html", HTML, false)                                    \
     ROW(calibrate_js, "/calibrate.js", "calibrate.js", JAVASCRIPT, false)                          \

@@ -109,6 +109,20 @@ static size_t next_log(struct fv_web_client *client, const struct fv_web_store *
                             at, store->log[at % FV_WEB_LOG_MAX].utime, text);
 }
 
+/* How a recording that is played stands. */
+static size_t next_playback(struct fv_web_client *client, const struct fv_web_store *store,
+                            char *to, size_t capacity)
+{
+    const struct fv_web_playback *playback = &store->playback;
+    if (client->playback == store->playback_version) return 0;
+    client->playback = store->playback_version;
+    return (size_t)snprintf(to, capacity,
+                            "{\"kind\":\"playback\",\"position_ms\":%" PRId64
+                            ",\"length_ms\":%" PRId64 ",\"speed\":%.3f,\"paused\":%s}",
+                            playback->position_ms, playback->length_ms, playback->speed,
+                            playback->paused ? "true" : "false");
+}
+
 static size_t next_reply(struct fv_web_client *client, char *to)
 {
     if (client->reply_count == 0) return 0;
@@ -260,6 +274,7 @@ size_t fv_web_client_next(struct fv_web_client *client, struct fv_web_store *sto
     if (client->run != store->run) forget_versions(client);
     client->run = store->run;
     if ((bytes = next_hello(client, store, (char *)to, capacity)) > 0) return bytes;
+    if ((bytes = next_playback(client, store, (char *)to, capacity)) > 0) return bytes;
     if ((bytes = next_reply(client, (char *)to)) > 0) return bytes;
     if ((bytes = next_log(client, store, (char *)to, capacity)) > 0) return bytes;
     *text = false;
@@ -335,6 +350,27 @@ static bool parameter_read(char *words, struct fv_web_command *command)
     return true;
 }
 
+static bool play_read(char *words, struct fv_web_command *command)
+{
+    static const char *const known[] = {[FV_WEB_PAUSE] = "pause",
+                                        [FV_WEB_RESUME] = "resume",
+                                        [FV_WEB_SEEK] = "seek",
+                                        [FV_WEB_SPEED] = "speed"};
+    char *rest = NULL, *end;
+    const char *what = strtok_r(words, " ", &rest), *number = strtok_r(NULL, " ", &rest);
+    if (what == NULL) return false;
+    for (int i = 0; i < 4; i++) {
+        if (strcmp(what, known[i]) != 0) continue;
+        command->play = i;
+        const bool needs = i == FV_WEB_SEEK || i == FV_WEB_SPEED;
+        if (needs != (number != NULL)) return false;
+        command->play_to = needs ? strtod(number, &end) : 0.0;
+        return !needs || (end != number && *end == '\0' && command->play_to >= 0.0 &&
+                          command->play_to < 1e12);
+    }
+    return false;
+}
+
 enum fv_web_said fv_web_client_hear(struct fv_web_client *client, const char *words, size_t length,
                                     int64_t now_ns, struct fv_web_command *command)
 {
@@ -361,6 +397,9 @@ enum fv_web_said fv_web_client_hear(struct fv_web_client *client, const char *wo
     } else if (strcmp(verb, "command") == 0) {
         command->request = number;
         return words_read(rest, &command->bits) ? FV_WEB_SAID_COMMAND : FV_WEB_SAID_WRONG;
+    } else if (strcmp(verb, "play") == 0) {
+        command->request = number;
+        return play_read(rest, command) ? FV_WEB_SAID_PLAY : FV_WEB_SAID_WRONG;
     } else if (strcmp(verb, "parameter") == 0) {
         command->request = number;
         return parameter_read(rest, command) ? FV_WEB_SAID_COMMAND : FV_WEB_SAID_WRONG;

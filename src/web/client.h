@@ -11,7 +11,8 @@
  *   3  a piece of the path: epoch (4), number of the first place (8), count (4), x y z (4 each)
  * The page says, in words: "ack N" (picture N is on the screen), "ping TEXT", "pictures 0|1",
  * "command REQUEST WORD..." with the words of docs/messages.md, "parameter REQUEST once|keep KEY
- * [VALUE]" (without a value it asks for the one in force).
+ * [VALUE]" (without a value it asks for the one in force), and of a recording that is played
+ * "play REQUEST pause|resume|seek MS|speed FACTOR"; how it stands is sent as JSON, "playback".
  *
  * At most two pictures are on their way. Where the link is too slow for that, the class of size and
  * quality falls, then pictures are left out; messages go first. */
@@ -36,7 +37,7 @@ enum {
 struct fv_web_client {
     enum fv_web_role role;
     bool commands;                           /* may be sent: shown in hello */
-    uint32_t news, run;                      /* of the store, as they were sent */
+    uint32_t news, run, playback;            /* of the store, as they were sent */
     uint32_t versions[FV_WEB_ROWS_MAX], row; /* the row that was sent last */
     uint32_t path_epoch;
     uint64_t path_sent, log_sent;
@@ -64,11 +65,13 @@ size_t fv_web_client_next(struct fv_web_client *client, struct fv_web_store *sto
                           size_t capacity, int64_t now_ns, bool *text);
 
 /* What a page said. */
-enum fv_web_said { FV_WEB_SAID_NOTHING, FV_WEB_SAID_COMMAND, FV_WEB_SAID_WRONG };
+enum fv_web_said { FV_WEB_SAID_NOTHING, FV_WEB_SAID_COMMAND, FV_WEB_SAID_PLAY, FV_WEB_SAID_WRONG };
 struct fv_web_command {
     uint32_t request; /* the page's number of it */
     int32_t bits;     /* of command_t; 0: of a parameter_t are key, value and keep */
     bool keep;
+    enum { FV_WEB_PAUSE, FV_WEB_RESUME, FV_WEB_SEEK, FV_WEB_SPEED } play; /* FV_WEB_SAID_PLAY */
+    double play_to;                                                       /* milliseconds, factor */
     char key[FV_WEB_WORDS_BYTES + 1], value[FV_WEB_WORDS_BYTES + 1];
 };
 enum fv_web_said fv_web_client_hear(struct fv_web_client *client, const char *words, size_t length,

@@ -23,7 +23,7 @@
 enum { PORT_DEFAULT = 7680, RATE_DEFAULT = 15, RATE_MAX = 60 };
 
 struct web {
-    const char *feed, *address, *token, *url, *key;
+    const char *feed, *play, *address, *token, *url, *key;
     uint64_t port, rate;
     uint64_t with_parent; /* process; 0: none */
     struct fv_option_list names;
@@ -55,6 +55,9 @@ static enum fv_options_result options_read(struct web *web, int argc, char **arg
         {"feed", "SOCKET", FV_OPTION_TEXT, &web->feed,
          "the run on this host whose key web.socket names this socket (default " SOCKET_DEFAULT
          "); it may start later, and be restarted"},
+        {"play", "RECORDING", FV_OPTION_TEXT, &web->play,
+         "in place of a run show a recording of one, which is read alone: play, pause, position "
+         "and speed are on the page"},
         {"port", "N", FV_OPTION_COUNT, &web->port,
          "TCP port of the page (default 7680; 0: one that is free)"},
         {"address", "A", FV_OPTION_TEXT, &web->address,
@@ -99,6 +102,7 @@ static enum fv_options_result options_read(struct web *web, int argc, char **arg
         fv_man_section("EXAMPLES");
         fv_man_example(
             "fovea run --source v4l2:/dev/video0 --web\n"
+            "fovea-web --play run.lcm\n"
             "fovea-web --feed /run/fovea/front.sock --address 0.0.0.0 --name robot.local "
             "--token /var/lib/fovea/web.token --certificate /var/lib/fovea/web.crt "
             "--certificate-key /var/lib/fovea/web.key --make-certificate");
@@ -186,11 +190,19 @@ static enum fovea_status serve(struct web *web, struct fovea_error *error)
 
 static enum fovea_status run(struct web *web, struct fovea_error *error)
 {
+    struct fv_web_player *player = NULL;
     enum fovea_status status = options_check(web, error);
     if (status == FOVEA_OK) status = tokens_open(web, error);
     if (status == FOVEA_OK) status = certificate_open(web, error);
     fv_message_prepare();
-    if (status == FOVEA_OK)
+    if (status == FOVEA_OK && web->play != NULL) {
+        struct fovea_error damage;
+        status = fv_web_player_open(web->play, &player, &damage, error);
+        if (status == FOVEA_OK && damage.text[0] != '\0')
+            fv_say("fovea-web: %s; it is played up to there", damage.text);
+        if (status == FOVEA_ERROR_UNSUPPORTED) status = FOVEA_ERROR_INPUT;
+    }
+    if (status == FOVEA_OK && web->play == NULL)
         status = fv_web_commander_open(&web->commander, web->url, web->key, error);
     if (status == FOVEA_OK) {
         web->store = calloc(1, sizeof *web->store);
@@ -200,11 +212,13 @@ static enum fovea_status run(struct web *web, struct fovea_error *error)
     }
     if (status == FOVEA_OK) {
         fv_web_relay_init(web->relay, web->feed, (uint32_t)web->rate, web->store);
+        web->relay->player = player;
         status = serve(web, error);
         fv_web_relay_close(web->relay);
         fv_web_store_free(web->store);
     }
     fv_web_commander_close(&web->commander);
+    fv_web_player_close(player);
     free(web->store);
     free(web->relay);
     return status;

@@ -267,33 +267,52 @@ static int64_t age_of(const struct fv_feed_frame *frame)
     return age_ns >= 0 && age_ns < 60 * FV_SECOND_NS ? age_ns : -1; /* one that is played */
 }
 
+/* A picture, of malloc, of a frame, with the features of that very one. */
+static void show_picture(struct fv_web_relay *relay, const struct fovea_image *image,
+                         int64_t stamp_ns, int64_t sequence, int64_t age_ns)
+{
+    struct fv_web_picture *picture = &relay->store->picture;
+    free((void *)(uintptr_t)picture->image.data);
+    picture->image = *image;
+    picture->number = picture->number < UINT32_MAX ? picture->number + 1 : 1;
+    picture->stamp_ns = stamp_ns;
+    picture->sequence = sequence;
+    picture->age_ns = age_ns;
+    picture->taken_ns = fv_clock_ns(CLOCK_MONOTONIC);
+    picture->point_count = 0;
+    for (int i = 0; i < FV_WEB_OVERLAYS; i++) {
+        if (relay->overlays[i].stamp_ns != stamp_ns) continue;
+        picture->point_count = relay->overlays[i].count;
+        memcpy(picture->points, relay->overlays[i].points,
+               picture->point_count * sizeof picture->points[0]);
+    }
+}
+
 static bool take_frame(struct fv_web_relay *relay)
 {
     struct fv_feed_frame frame;
     const uint8_t *images;
     struct fovea_image image;
-    struct fv_web_picture *picture = &relay->store->picture;
     if (fv_feed_reader_frame(relay->reader, &frame, &images) != FOVEA_OK ||
         fv_frame_image(&frame, images, &image, NULL) != FOVEA_OK)
         return false;
-    free((void *)(uintptr_t)picture->image.data);
-    picture->image = image;
-    picture->number = picture->number < UINT32_MAX ? picture->number + 1 : 1;
-    picture->stamp_ns = frame.stamp_ns;
-    picture->sequence = frame.sequence;
-    picture->age_ns = age_of(&frame);
-    picture->taken_ns = fv_clock_ns(CLOCK_MONOTONIC);
-    picture->point_count = 0;
-    for (int i = 0; i < FV_WEB_OVERLAYS; i++) {
-        if (relay->overlays[i].stamp_ns != frame.stamp_ns) continue;
-        picture->point_count = relay->overlays[i].count;
-        memcpy(picture->points, relay->overlays[i].points,
-               picture->point_count * sizeof picture->points[0]);
-    }
+    show_picture(relay, &image, frame.stamp_ns, frame.sequence, age_of(&frame));
     return true;
 }
 
 /* ---- the run --------------------------------------------------------------------------------- */
+
+/* What comes does not follow on what came. */
+static void begin(struct fv_web_relay *relay)
+{
+    relay->overlay_next = 0;
+    for (size_t i = 0; i < SHOWN; i++) /* what comes by rows is shown from its first row on */
+        relay->pieces[i] = table[i].piece != NULL ? -1 : 0;
+    memset(relay->overlays, 0, sizeof relay->overlays);
+    relay->state = relay->scale_state = relay->map_id = relay->camera_state = -1;
+    relay->records = false;
+    fv_web_store_begin(relay->store, relay->prefix);
+}
 
 static bool connect_run(struct fv_web_relay *relay)
 {
@@ -303,14 +322,8 @@ static bool connect_run(struct fv_web_relay *relay)
     relay->next_try_ns = now_ns + TRY_NS;
     if (fv_feed_reader_open(relay->path, 0, &relay->reader, &error) != FOVEA_OK) return false;
     relay->wished = 0;
-    relay->overlay_next = 0;
-    for (size_t i = 0; i < SHOWN; i++) /* what comes by rows is shown from its first row on */
-        relay->pieces[i] = table[i].piece != NULL ? -1 : 0;
-    memset(relay->overlays, 0, sizeof relay->overlays);
-    relay->state = relay->scale_state = relay->map_id = relay->camera_state = -1;
-    relay->records = false;
     fv_feed_reader_prefix(relay->reader, relay->prefix);
-    fv_web_store_begin(relay->store, relay->prefix);
+    begin(relay);
     fv_web_store_log(relay->store, utime(), "run %016llx found",
                      (unsigned long long)fv_feed_reader_run(relay->reader));
     return true;
@@ -323,10 +336,83 @@ static void wish(struct fv_web_relay *relay, bool watched)
     if (fv_feed_reader_wish(relay->reader, wished)) relay->wished = wished;
 }
 
+/* ---- a recording ----------------------------------------------------------------------------- */
+
+static void drop_played(struct fv_web_relay *relay)
+{
+    free((void *)(uintptr_t)relay->played.data);
+    relay->played.data = NULL;
+}
+
+/* Its picture, unless the one before was shown a moment ago. */
+static void hold_frame(struct fv_web_relay *relay, const struct fovea_frame *frame, bool watched)
+{
+    const int64_t now_ns = fv_clock_ns(CLOCK_MONOTONIC);
+    const struct fovea_image *from = &frame->images[0];
+    const struct fv_feed_frame head = {
+        .stamp_ns = frame->stamp_ns,
+        .image_count = frame->image_count,
+        .images = {{from->width, from->height, from->stride_bytes, (int32_t)from->format, 0,
+                    from->data != NULL ? from->size_bytes : 0}}};
+    drop_played(relay);
+    if (!watched || now_ns - relay->picture_ns < FV_SECOND_NS * 1000 / relay->rate_per_1000_s)
+        return;
+    if (fv_frame_image(&head, from->data, &relay->played, NULL) != FOVEA_OK) {
+        relay->played.data = NULL;
+        return;
+    }
+    relay->picture_ns = now_ns;
+    relay->played_stamp_ns = frame->stamp_ns;
+    relay->played_sequence = (int64_t)frame->sequence;
+}
+
+static void tell_playback(struct fv_web_relay *relay)
+{
+    struct fv_web_playback state = {0};
+    fv_web_player_state(relay->player, &state);
+    if (state.damage[0] != '\0' && strcmp(state.damage, relay->store->playback.damage) != 0)
+        fv_web_store_log(relay->store, utime(), "%s", state.damage);
+    relay->store->playback = state;
+    relay->store->playback_version++;
+}
+
+static bool tick_player(struct fv_web_relay *relay, bool watched)
+{
+    struct fv_web_player_out out;
+    const int64_t now_ns = fv_clock_ns(CLOCK_MONOTONIC);
+    bool changed = false;
+    for (int i = 0; i < MESSAGES_PER_TICK; i++) {
+        const enum fv_web_played played = fv_web_player_next(relay->player, now_ns, &out);
+        if (played == FV_WEB_PLAYED_NOTHING) break;
+        if (played == FV_WEB_PLAYED_MESSAGE) take(relay, &out.message, watched);
+        if (played == FV_WEB_PLAYED_FRAME) hold_frame(relay, &out.frame, watched);
+        if (played == FV_WEB_PLAYED_WORK && relay->played.data != NULL) {
+            show_picture(relay, &relay->played, relay->played_stamp_ns, relay->played_sequence, -1);
+            relay->played.data = NULL; /* the store's */
+            changed = true;
+        }
+        if (played != FV_WEB_PLAYED_JUMP) continue;
+        drop_played(relay);
+        relay->picture_ns = 0;
+        snprintf(relay->prefix, sizeof relay->prefix, "%s", fv_web_player_prefix(relay->player));
+        begin(relay);
+        if (fv_web_player_run(relay->player)->bytes > 0)
+            take(relay, fv_web_player_run(relay->player), watched);
+        relay->told_ns = 0;
+    }
+    if (now_ns - relay->told_ns >= FV_SECOND_NS / 4) {
+        relay->told_ns = now_ns;
+        tell_playback(relay);
+        changed = true;
+    }
+    return fv_web_store_tick(relay->store, now_ns) || changed;
+}
+
 bool fv_web_relay_tick(struct fv_web_relay *relay, bool watched)
 {
     struct fv_feed_message message;
     bool changed = false;
+    if (relay->player != NULL) return tick_player(relay, watched);
     if (relay->reader == NULL) {
         if (!connect_run(relay)) return false;
         changed = true;
@@ -351,4 +437,5 @@ void fv_web_relay_close(struct fv_web_relay *relay)
 {
     fv_feed_reader_close(relay->reader);
     relay->reader = NULL;
+    drop_played(relay);
 }

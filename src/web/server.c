@@ -91,6 +91,34 @@ const char *fv_web_server_refusal(const struct fv_web_server *server, enum fv_we
                                                  : NULL;
 }
 
+/* What all pages see changes: who may only look may not. */
+static void play(struct fv_web_server *server, struct fv_web_client *client,
+                 const struct fv_web_command *command)
+{
+    struct fv_web_relay *relay = server->setup.relay;
+    const char *reason = client->role != FV_WEB_OPERATE ? "this token may only look"
+                         : relay->player == NULL        ? "a run is shown, no recording"
+                                                        : NULL;
+    if (reason != NULL) {
+        fv_web_client_reply(client, "{\"kind\":\"refused\",\"request\":%u,\"reason\":\"%s\"}",
+                            command->request, reason);
+        return;
+    }
+    switch (command->play) {
+    case FV_WEB_PAUSE:
+    case FV_WEB_RESUME:
+        fv_web_player_pause(relay->player, command->play == FV_WEB_PAUSE);
+        break;
+    case FV_WEB_SEEK:
+        fv_web_player_seek(relay->player, (int64_t)command->play_to);
+        break;
+    case FV_WEB_SPEED:
+        fv_web_player_speed(relay->player, command->play_to);
+        break;
+    }
+    relay->told_ns = 0; /* soon */
+}
+
 static void command(struct fv_web_server *server, struct fv_web_client *client,
                     const struct fv_web_command *command)
 {
@@ -119,6 +147,7 @@ static int hear(struct fv_web_server *server, struct lws *wsi, const char *words
     const enum fv_web_said what =
         fv_web_client_hear(&place->client, words, length, fv_clock_ns(CLOCK_MONOTONIC), &said);
     if (what == FV_WEB_SAID_WRONG) return -1;
+    if (what == FV_WEB_SAID_PLAY) play(server, &place->client, &said);
     if (what == FV_WEB_SAID_COMMAND) command(server, &place->client, &said);
     lws_callback_on_writable(wsi);
     return 0;

@@ -13,6 +13,7 @@
 #include "fovea/image.h"
 #include "message/message.h"
 #include "web/jpeg.h"
+#include "web/player.h"
 
 enum {
     FV_WEB_ROWS_MAX = 320, /* pieces of a map, and one or few of each other message */
@@ -72,8 +73,10 @@ struct fv_web_store {
     } log[FV_WEB_LOG_MAX];
 
     struct fv_web_picture picture;
-    uint32_t run;  /* counts runs that were found; 0: none yet */
-    uint32_t news; /* counts changes of what follows and of `run` */
+    struct fv_web_playback playback;
+    uint32_t playback_version; /* counts its changes; 0: a run is shown, no recording */
+    uint32_t run;              /* counts runs that were found; 0: none yet */
+    uint32_t news;             /* counts changes of what follows and of `run` */
     bool running;
     char prefix[FV_MESSAGE_CHANNEL_BYTES];
 };

@@ -383,6 +383,67 @@ def check_login(token):
         page.driver.quit()
 
 
+def check_playback(recording):
+    """A recording on the same page: its own frames at the right positions, paused, at another speed, to its end; cut off, up to there."""
+    with open(recording, "rb") as file:
+        data = file.read()
+    os.chmod(recording, 0o444)
+    times = [time_us for _, time_us, channel, _ in reader().events(recording) if channel.endswith("_FRAME")]
+    server, page = web("--play", recording), None
+    try:
+        time.sleep(1)
+        page = Page()
+        page.driver.get(ADDRESS)
+        shown = "fovea.live.picture.sequence"
+        page.until("globalThis.fovea && fovea.live.picture && fovea.live.picture.points.length > 300", "a picture of the recording")
+        assert page.text("link") == "recording" and page.js("return document.getElementById('actions').hidden")
+        first = page.js("return " + shown)
+        page.until(f"{shown} > {first + 5}", "pictures that follow")
+        page.until("document.getElementById('state').dataset.state === 'tracking'", "the recorded pose")
+        page.driver.find_element(By.ID, "play").click()
+        page.until("document.getElementById('play').textContent === 'Play'", "the pause")
+        still = page.js("return " + shown)
+
+        def seek(place):
+            page.js("const slider = document.getElementById('position'); slider.value = arguments[0];"
+                    "slider.dispatchEvent(new Event('change'))", (times[place] - times[0]) // 1000 + 1)
+
+        for place in (40, 10):  # forwards and back; sequences count from 0 here
+            seek(place)
+            page.until(f"{shown} === {place}", f"frame {place} while paused")
+        time.sleep(0.5)
+        assert page.js("return " + shown) == 10 and still != 10
+        page.js("const speed = document.getElementById('speed'); speed.value = '8'; speed.dispatchEvent(new Event('change'))")
+        page.driver.find_element(By.ID, "play").click()
+        begin = time.monotonic()
+        page.until("document.getElementById('play').textContent === 'Play' && document.getElementById('position').value"
+                   " === document.getElementById('position').max", "the end of the recording")
+        assert time.monotonic() - begin < (times[-1] - times[10]) * 1e-6, "8 times as fast"
+        check_accessible(page)
+        check_console(page)
+        if os.environ.get("FOVEA_SCREENSHOTS"):
+            page.driver.save_screenshot(os.path.join(os.environ["FOVEA_SCREENSHOTS"], "page-playback.png"))
+        page.driver.quit()
+        end(server)
+        with open(recording, "rb") as file:
+            assert file.read() == data
+        cut = os.path.join(folder, "cut.lcm")
+        with open(cut, "wb") as file:
+            file.write(data[:len(data) * 2 // 3])
+        server = subprocess.Popen([os.path.join(build, "fovea-web"), "--play", cut], stderr=subprocess.PIPE, text=True)
+        lines = [server.stderr.readline() for _ in range(2)]
+        assert lines[0].startswith("fovea-web: " + cut + ": byte ") and lines[0].endswith("; it is played up to there\n"), lines
+        end(server)
+        with open(cut, "wb") as file:
+            file.write(data[:1000])
+        done = subprocess.run([os.path.join(build, "fovea-web"), "--play", cut], capture_output=True, text=True, check=False)
+        assert done.returncode == 2 and done.stderr.startswith("fovea-web: " + cut + ": byte ") and done.stderr.count("\n") == 1, done
+    finally:
+        if page is not None:
+            page.driver.quit()
+        server.kill()
+
+
 def web(*more):
     return subprocess.Popen([os.path.join(build, "fovea-web"), "--feed", os.path.join(folder, "feed"), *more])
 
@@ -428,6 +489,7 @@ def main():
         check_login(token)
         end(robot)
         end(server)
+        check_playback(recording)
     finally:
         page.driver.quit()
         for process in (robot, server):

@@ -5,6 +5,7 @@ import { Link } from "/link.js";
 import { Live } from "/live.js";
 import { Scene } from "/scene.js";
 import { Plot } from "/plots.js";
+import { Playback } from "/playback.js";
 import { Parameters } from "/parameters.js";
 import { Requests } from "/requests.js";
 import { Settings } from "/settings.js";
@@ -21,6 +22,7 @@ const scene = new Scene(byId("scene"));
 const pose = new PosePanel(types);
 const requests = new Requests(of);
 const actions = new Actions(types, requests);
+const playback = new Playback(of);
 const parameters = new Parameters(requests);
 const settings = new Settings(types, requests);
 await parameters.fetch();
@@ -97,8 +99,13 @@ const link = new Link(types, {
     if (!hello.running) byId("no-picture").hidden = false;
     byId("no-picture").textContent = hello.running ? "Waiting for a picture" : "There is no run";
     allow(hello);
+    playback.allow(hello.role);
   },
   log: logLine,
+  playback: (message) => {
+    playback.show(message);
+    showLink("live", "recording");
+  },
   sent: (message) => requests.sent(message),
   refused: (message) => requests.refused(message),
   picture: (picture) => live.show(picture),
