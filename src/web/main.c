@@ -212,7 +212,7 @@ static enum fovea_status run(struct web *web, struct fovea_error *error)
     }
     if (status == FOVEA_OK) {
         fv_web_relay_init(web->relay, web->feed, (uint32_t)web->rate, web->store);
-        web->relay->player = player;
+        fv_web_relay_play(web->relay, player);
         status = serve(web, error);
         fv_web_relay_close(web->relay);
         fv_web_store_free(web->store);

@@ -31,6 +31,11 @@ void fv_web_relay_init(struct fv_web_relay *relay, const char *path, uint32_t ra
     relay->rate_per_1000_s = rate_hz * 1000;
 }
 
+void fv_web_relay_play(struct fv_web_relay *relay, struct fv_web_player *player)
+{
+    relay->player = player;
+}
+
 static int64_t utime(void)
 {
     return fv_clock_ns(CLOCK_REALTIME) / 1000;

@@ -46,6 +46,9 @@ struct fv_web_relay {
 void fv_web_relay_init(struct fv_web_relay *relay, const char *path, uint32_t rate_hz,
                        struct fv_web_store *store);
 
+/* Play a recording in place of a feed; NULL: none. It stays the caller's. */
+void fv_web_relay_play(struct fv_web_relay *relay, struct fv_web_player *player);
+
 /* Take what has come; `watched`: somebody wants pictures. Returns whether the store has changed. */
 bool fv_web_relay_tick(struct fv_web_relay *relay, bool watched);
 

@@ -82,7 +82,7 @@ static void the_relay_shows_it(void **state)
     static struct fv_web_relay relay;
     (void)state;
     fv_web_relay_init(&relay, "", 60, &store);
-    relay.player = open_player(path);
+    fv_web_relay_play(&relay, open_player(path));
     fv_web_player_pause(relay.player, true);
     fv_web_player_seek(relay.player, 15 * PERIOD_MS);
     assert_true(fv_web_relay_tick(&relay, true));
