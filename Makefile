@@ -158,7 +158,7 @@ test:  ## install what is missing, build, and run the tests
 
 # Everything else that must hold: other compiler, layers, symbols, style, sanitizers. Under tsan, which is some ten times
 # slower, run the tests of code with more than one thread: the loop, the readers, live cameras, the recorder, sender and receiver of LCM.
-THREADED := unit/base/test_ring unit/app/run/test_loop unit/app/record/test_recorder unit/app/network/test_sender_file \
+THREADED := unit/base/test_ring unit/runtime/test_sense_offers unit/app/run/test_imu_input unit/app/run/test_loop unit/app/record/test_recorder unit/app/network/test_sender_file \
             unit/app/network/test_sender_link unit/app/network/test_sender_preview unit/drivers/test_recorded \
             unit/drivers/test_wrong_recordings unit/drivers/test_odd_recordings unit/drivers/test_odd_logs unit/drivers/test_rig_recordings unit/drivers/test_recovery \
             unit/drivers/test_v4l2 unit/drivers/test_v4l2_faults unit/drivers/test_v4l2_gain unit/drivers/test_v4l2_unplug \

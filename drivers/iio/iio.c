@@ -38,6 +38,8 @@ struct fv_iio {
     bool started;
     int quit_fd;
     struct fv_complaints complaints;
+    void (*tap)(void *context, const struct fovea_imu_sample *sample);
+    void *tap_context;
 
     /* A ring of samples: `head` is the thread's, `tail` the loop's. */
     _Alignas(64) _Atomic uint64_t head;
@@ -113,14 +115,16 @@ static bool pause_until(const struct fv_iio *iio, int64_t until_ns)
 static void hand_over(struct fv_iio *iio, const uint8_t *scan, int64_t offset_ns)
 {
     const uint64_t head = atomic_load_explicit(&iio->head, memory_order_relaxed);
+    struct fovea_imu_sample sample;
+    fv_iio_scan_read(&iio->device.scan, scan, &sample);
+    if (__builtin_add_overflow(sample.stamp_ns, offset_ns, &sample.stamp_ns))
+        sample.stamp_ns = INT64_MAX; /* off the clock, which the step says */
+    if (iio->tap != NULL) iio->tap(iio->tap_context, &sample);
     if (head - atomic_load_explicit(&iio->tail, memory_order_acquire) == RING_SAMPLES) {
         atomic_fetch_add_explicit(&iio->dropped, 1, memory_order_relaxed);
         return;
     }
-    struct fovea_imu_sample *sample = &iio->samples[head % RING_SAMPLES];
-    fv_iio_scan_read(&iio->device.scan, scan, sample);
-    if (__builtin_add_overflow(sample->stamp_ns, offset_ns, &sample->stamp_ns))
-        sample->stamp_ns = INT64_MAX; /* off the clock, which the step says */
+    iio->samples[head % RING_SAMPLES] = sample;
     atomic_store_explicit(&iio->head, head + 1, memory_order_release);
 }
 
@@ -216,6 +220,13 @@ static void *run(void *context)
         }
     }
     return NULL;
+}
+
+void fv_iio_tap(struct fv_iio *iio,
+                void (*see)(void *context, const struct fovea_imu_sample *sample), void *context)
+{
+    iio->tap = see;
+    iio->tap_context = context;
 }
 
 enum fovea_status fv_iio_start(struct fv_iio *iio, struct fovea_error *error)

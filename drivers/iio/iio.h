@@ -33,6 +33,10 @@ struct fv_iio_counts {
 enum fovea_status fv_iio_open(const char *name, double rate_hz, struct fv_iio **iio,
                               struct fovea_error *error);
 const struct fv_iio_info *fv_iio_info(const struct fv_iio *iio);
+/* `see` gets each sample as it comes, on the thread of the sensor, also while the loop takes none.
+ * Before fv_iio_start. */
+void fv_iio_tap(struct fv_iio *iio,
+                void (*see)(void *context, const struct fovea_imu_sample *sample), void *context);
 enum fovea_status fv_iio_start(struct fv_iio *iio, struct fovea_error *error);
 
 /* The oldest sample that has come, which stays until fv_iio_release; NULL: there is none. Loop

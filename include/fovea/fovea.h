@@ -332,11 +332,12 @@ enum fovea_status fovea_step(struct fovea *rt, const struct fovea_inputs *inputs
                              struct fovea_outputs *outputs);
 
 /* Carry the last frame's pose on by samples of the inertial sensor that have come since, for
- * controllers: called between steps, with each sample or a few. FOVEA_OK: `outputs` holds one
- * message, the pose at the last of them (fast_pose_t). FOVEA_AGAIN: none, since the last frame has
- * no pose that the sensor can carry on, or samples lacked since. The same samples are inputs of the
- * next step all the same: results of steps do not depend on these calls. `outputs` is overwritten
- * and valid until the next call of the kind, step or work. Some microseconds. Loop thread. */
+ * controllers: with each sample or a few. FOVEA_OK: `outputs` holds one message, the pose at the
+ * last of them (fast_pose_t). FOVEA_AGAIN: none, since the last frame has no pose that the sensor
+ * can carry on, or samples lacked since. The same samples are inputs of the next step all the same:
+ * results of steps do not depend on these calls. `outputs` is overwritten and valid until the next
+ * call. Some microseconds, wait-free. One thread at a time, while steps and works may run on the
+ * loop's; not while the runtime is copied. */
 enum fovea_status fovea_sense(struct fovea *rt, const struct fovea_sample *samples, uint32_t count,
                               struct fovea_outputs *outputs);
 

@@ -114,12 +114,13 @@ void fv_encode_paused(struct fovea *rt, const struct fovea_inputs *inputs,
 void fv_encode_fast_pose(struct fovea *rt, const struct fv_sense_pose *pose,
                          struct fovea_outputs *outputs)
 {
+    const struct fv_sense_anchor *from = &rt->sense->anchor;
     struct fv_message_fast_pose message = {
-        .stamp = fv_frame_id_stamp(&rt->state->frame),
+        .stamp = fv_frame_id_stamp(&from->frame),
         .since_ns = pose->since_ns,
-        .reset_counter = fv_reset_counter(rt),
-        .map_id = fv_publish_pose(&rt->publish)->map_id,
-        .change_count = fv_publish_last_change(&rt->publish).count,
+        .reset_counter = from->reset_counter,
+        .map_id = from->map_id,
+        .change_count = from->change_count,
         .T_odom_body = transform_of(&pose->T_odom_body),
     };
     message.stamp.time_ns = pose->stamp_ns;

@@ -12,7 +12,8 @@ void fv_encode_poses(struct fovea *rt, const struct fovea_inputs *inputs,
 void fv_encode_paused(struct fovea *rt, const struct fovea_inputs *inputs,
                       struct fovea_outputs *outputs);
 
-/* The pose at the rate of the inertial sensor. */
+/* The pose at the rate of the inertial sensor. On the thread of its samples: nothing that a step
+ * writes is read. */
 void fv_encode_fast_pose(struct fovea *rt, const struct fv_sense_pose *pose,
                          struct fovea_outputs *outputs);
 

@@ -91,24 +91,26 @@ static void remember(struct fv_state *state, const struct fovea_frame *frame, in
 /* ---- the loop -------------------------------------------------------------------------------- */
 
 /* The pose from which samples between frames carry on, or none. */
-static void begin_sense(struct fovea *rt)
+static void offer_sense(struct fovea *rt)
 {
     const struct fv_inertial_known *known = fv_inertial_stage_known(&rt->inertial);
     const struct fv_rates *rates = fv_publish_rates(&rt->publish, FV_PUBLISH_BODY);
+    const struct fovea_pose *pose = fv_publish_pose(&rt->publish);
     if (rt->sense == NULL) return;
-    if (known == NULL || !fv_publish_pose(&rt->publish)->posed || !rates->known ||
-        !(rates->velocity_sigma > 0)) {
-        fv_sense_begin(rt->sense, &rt->config.rig.imu, NULL);
-        return;
+    struct fv_sense_anchor anchor = {.posed = known != NULL && pose->posed && rates->known &&
+                                              rates->velocity_sigma > 0};
+    if (anchor.posed) {
+        anchor.frame = rt->state->frame;
+        anchor.reset_counter = fv_reset_counter(rt);
+        anchor.map_id = pose->map_id;
+        anchor.change_count = fv_publish_last_change(&rt->publish).count;
+        anchor.T_odom_body = fv_publish_child_pose(&rt->publish, FV_PUBLISH_BODY);
+        anchor.biases = known->biases;
+        memcpy(anchor.velocity, rates->velocity, sizeof anchor.velocity);
+        memcpy(anchor.angular_rate, rates->rotation_rate, sizeof anchor.angular_rate);
+        fv_publish_turn(&rt->publish, known->gravity, anchor.gravity);
     }
-    struct fv_sense_anchor anchor = {.stamp_ns = rt->state->frame.stamp_ns,
-                                     .T_odom_body =
-                                         fv_publish_child_pose(&rt->publish, FV_PUBLISH_BODY),
-                                     .biases = known->biases};
-    memcpy(anchor.velocity, rates->velocity, sizeof anchor.velocity);
-    memcpy(anchor.angular_rate, rates->rotation_rate, sizeof anchor.angular_rate);
-    fv_publish_turn(&rt->publish, known->gravity, anchor.gravity);
-    fv_sense_begin(rt->sense, &rt->config.rig.imu, &anchor);
+    fv_sense_offer(rt->sense, &anchor);
 }
 
 /* After odometry has the pose of a frame, or knows that it has none. */
@@ -121,7 +123,7 @@ static void publish_pose(struct fovea *rt)
                     stamp_ns);
     fv_relative_note(&rt->relative, fv_publish_pose(&rt->publish),
                      fv_publish_last_change(&rt->publish).count, stamp_ns);
-    begin_sense(rt);
+    offer_sense(rt);
 }
 
 static struct fv_stereo_view view_of(const struct fv_front_end *front_end)

@@ -303,6 +303,7 @@ enum fovea_status fovea_init(void *memory, size_t bytes, const struct fovea_conf
     }
     if (config->odometry.enabled) {
         fv_odometry_init(&built->odometry, config->seed);
+        if (built->sense != NULL) fv_sense_init(built->sense);
         if (built->stereo_used) fv_stereo_init(&built->stereo);
         fv_scale_init(&built->scale, config->seed);
         if (built->inertial.enabled) fv_inertial_stage_init(&built->inertial);

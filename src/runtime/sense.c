@@ -39,7 +39,8 @@ static bool advance(struct fv_sense *sense, uint32_t i)
     const struct fv_imu_biases *biases = &sense->anchor.biases;
     const int64_t from_ns = i > 0 ? before->stamp_ns : sense->reached_ns;
     if (now->stamp_ns <= sense->reached_ns) return true;
-    if (now->stamp_ns - from_ns > gap_max_ns || now->stamp_ns - sense->anchor.stamp_ns > most_ns)
+    if (now->stamp_ns - from_ns > gap_max_ns ||
+        now->stamp_ns - sense->anchor.frame.stamp_ns > most_ns)
         return false;
     const double t = (double)(now->stamp_ns - sense->reached_ns) * 1e-9;
     double half[3], force[3], R[9], turned[9], step[9], a[3];
@@ -61,13 +62,14 @@ static bool advance(struct fv_sense *sense, uint32_t i)
     return true;
 }
 
-void fv_sense_begin(struct fv_sense *sense, const struct fovea_rig_imu *rig,
-                    const struct fv_sense_anchor *anchor)
+/* From a pose that has been offered. */
+static void begin(struct fv_sense *sense, const struct fovea_rig_imu *rig,
+                  const struct fv_sense_anchor *anchor)
 {
     struct fv_se3 T_body_imu;
     double lever[3], turned[3];
-    sense->begun = anchor != NULL;
-    if (anchor == NULL) return;
+    sense->begun = anchor->posed;
+    if (!anchor->posed) return;
     sense->anchor = *anchor;
     fv_se3_from_rows(rig->T_body_imu, &T_body_imu);
     fv_se3_compose(&anchor->T_odom_body, &T_body_imu, &sense->T_odom_imu);
@@ -75,7 +77,7 @@ void fv_sense_begin(struct fv_sense *sense, const struct fovea_rig_imu *rig,
     fv_rotate3(anchor->T_odom_body.R, lever, turned);
     for (int i = 0; i < 3; i++)
         sense->velocity[i] = anchor->velocity[i] + turned[i];
-    sense->reached_ns = anchor->stamp_ns;
+    sense->reached_ns = anchor->frame.stamp_ns;
     for (uint32_t i = 0; i < sense->count && sense->begun; i++)
         sense->begun = advance(sense, i);
 }
@@ -96,17 +98,47 @@ static void write_pose(struct fv_sense *sense, const struct fovea_rig_imu *rig,
     fv_rotate3(pose->T_odom_body.R, lever, turned);
     fv_subtract3(sense->velocity, turned, pose->velocity);
     pose->stamp_ns = sense->reached_ns;
-    pose->since_ns = sense->reached_ns - sense->anchor.stamp_ns;
+    pose->since_ns = sense->reached_ns - sense->anchor.frame.stamp_ns;
+}
+
+/* ---- between the threads --------------------------------------------------------------------- */
+
+void fv_sense_init(struct fv_sense *sense)
+{
+    sense->loops = 0;
+    atomic_init(&sense->between, 1);
+    sense->own = 2;
+}
+
+void fv_sense_offer(struct fv_sense *sense, const struct fv_sense_anchor *anchor)
+{
+    sense->offers[sense->loops] = *anchor;
+    const uint32_t was = atomic_exchange_explicit(&sense->between, sense->loops | FV_SENSE_NEWER,
+                                                  memory_order_acq_rel);
+    sense->loops = was & ~(uint32_t)FV_SENSE_NEWER;
+}
+
+/* The newest pose, or NULL: none has come since. */
+static const struct fv_sense_anchor *newest(struct fv_sense *sense)
+{
+    if ((atomic_load_explicit(&sense->between, memory_order_relaxed) & FV_SENSE_NEWER) == 0)
+        return NULL;
+    const uint32_t was =
+        atomic_exchange_explicit(&sense->between, sense->own, memory_order_acq_rel);
+    sense->own = was & ~(uint32_t)FV_SENSE_NEWER;
+    return &sense->offers[sense->own];
 }
 
 bool fv_sense_take(struct fv_sense *sense, const struct fovea_rig_imu *rig,
                    const struct fovea_imu_sample *sample, struct fv_sense_pose *pose)
 {
+    const struct fv_sense_anchor *anchor = newest(sense);
+    if (anchor != NULL) begin(sense, rig, anchor);
     if (!keep(sense, rig, sample)) return false;
     if (!sense->begun) return false;
     sense->begun = advance(sense, sense->count - 1);
     if (!sense->begun || sense->reached_ns < kept_at(sense, sense->count - 1)->stamp_ns ||
-        sense->reached_ns <= sense->anchor.stamp_ns)
+        sense->reached_ns <= sense->anchor.frame.stamp_ns)
         return false;
     write_pose(sense, rig, pose);
     return true;

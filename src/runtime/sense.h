@@ -5,13 +5,23 @@
  * A frame is processed after its instant, so its samples have been seen by then: those of the last
  * while are kept, and applied again from the new pose on. Between two samples the sensor's motion
  * is that of their mean; the force counts in the attitude half-way (inertial/preintegration.h has
- * the equations; its sums carry a covariance, too dear for all samples kept in one step). It ends
+ * the equations; its sums carry a covariance, too dear for all samples kept at once). It ends
  * when samples lack for 60 ms, or 2 s after the last pose.
  *
- * No addresses. Real-time safe: a sample costs about a hundred multiplications, a new pose that
- * times the samples kept. */
+ * Two threads: the loop's offers poses, and that of the samples takes the newest one with the next
+ * sample. Neither waits: there are three places, of which one lies between them. The loop's writes
+ * its own and exchanges it for the one between; the other exchanges likewise when that is newer.
+ *
+ * No addresses. Real-time safe: an offer is a copy, a sample costs about a hundred multiplications,
+ * the first one after an offer that times the samples kept since the pose. */
 #ifndef FOVEA_RUNTIME_SENSE_H
 #define FOVEA_RUNTIME_SENSE_H
+
+#ifdef __cplusplus
+#error "poses are handed over by C11 atomics: C only"
+#endif
+
+#include <stdatomic.h>
 
 #include "base/arena.h"
 #include "fovea/rig.h"
@@ -19,12 +29,15 @@
 #include "geometry/se3.h"
 #include "inertial/preintegration.h"
 #include "inertial/reading.h"
+#include "runtime/frame_id.h"
 
-enum { FV_SENSE_KEPT = 256 };
+enum { FV_SENSE_KEPT = 256, FV_SENSE_NEWER = 4 };
 
 /* What a frame ends with, in odom and metres. */
 struct fv_sense_anchor {
-    int64_t stamp_ns;
+    bool posed; /* false: no pose that samples can carry on; the rest is undefined */
+    struct fv_frame_id frame;
+    uint32_t reset_counter, map_id, change_count;
     struct fv_se3 T_odom_body;
     double velocity[3];     /* of the body's origin */
     double angular_rate[3]; /* in the body's axes */
@@ -33,6 +46,13 @@ struct fv_sense_anchor {
 };
 
 struct fv_sense {
+    /* Between the threads: a place of `offers`, and FV_SENSE_NEWER where the loop's put it there.
+     */
+    struct fv_sense_anchor offers[3];
+    atomic_uint between;
+    uint32_t loops; /* the loop's place */
+    /* The rest is of the samples' thread. */
+    uint32_t own; /* its place */
     struct fv_sense_anchor anchor;
     struct fv_se3 T_odom_imu; /* at reached_ns */
     double velocity[3];       /* of the sensor */
@@ -48,12 +68,14 @@ struct fv_sense_pose {
     double velocity[3], angular_rate[3];
 };
 
-/* After a frame; NULL: it has no pose to go on from. */
-void fv_sense_begin(struct fv_sense *sense, const struct fovea_rig_imu *rig,
-                    const struct fv_sense_anchor *anchor);
+/* Zeroed memory. */
+void fv_sense_init(struct fv_sense *sense);
+
+/* After a frame. Loop thread. */
+void fv_sense_offer(struct fv_sense *sense, const struct fv_sense_anchor *anchor);
 
 /* The next sample as it came. False: it is not taken (not finite, not after the last), or there is
- * no pose. */
+ * no pose. Thread of the samples. */
 bool fv_sense_take(struct fv_sense *sense, const struct fovea_rig_imu *rig,
                    const struct fovea_imu_sample *sample, struct fv_sense_pose *pose);
 

@@ -20,7 +20,9 @@
 enum {
     POLL_NS = 1000000,
     UDP_HEADER_BYTES = 8,
-    REPEATED = 0 /* channel of the repeated message */
+    REPEATED = 0, /* channel of the repeated message */
+    SENSED,       /* and of those that are put sensed */
+    LOOP          /* the loop's from here on */
 };
 
 static const int64_t state_age_ns = 1000000000; /* a state that could not be sent is dropped then */
@@ -30,12 +32,12 @@ static const int64_t room_wait_ns = 1000000000;
 static const int64_t stalled_ns = 1000000000; /* what takes nothing for so long has stalled */
 static const int64_t repeat_ns = 1000000000;
 
-/* Poses for a quarter of a second at 200 Hz, 30 messages of 1,000 features, five messages of
- * objects or of a network's results of the longest size, 60,000 bytes. */
+/* Poses for a quarter of a second at 200 Hz, those between frames for a tenth at 1,000 Hz, 30
+ * messages of 1,000 features, five messages of objects or of a network's results of the longest
+ * size, 60,000 bytes. */
 static const size_t ring_bytes[FV_SENDER_CLASSES] = {
-    [FV_SENDER_STATE] = 128 << 10,
-    [FV_SENDER_OBJECTS] = 320 << 10,
-    [FV_SENDER_FEATURES] = 640 << 10,
+    [FV_SENDER_STATE] = 128 << 10,    [FV_SENDER_SENSED] = 32 << 10,
+    [FV_SENDER_OBJECTS] = 320 << 10,  [FV_SENDER_FEATURES] = 640 << 10,
     [FV_SENDER_PREVIEWS] = 128 << 10,
 };
 
@@ -110,7 +112,7 @@ static void channel_name(struct channel *channel, const char *name)
 static uint32_t channel_find(struct fv_sender *sender, const char *name)
 {
     const uint32_t count = atomic_load_explicit(&sender->channel_count, memory_order_relaxed);
-    for (uint32_t i = REPEATED + 1; i < count; i++)
+    for (uint32_t i = LOOP; i < count; i++)
         if (strcmp(sender->channels[i].name, name) == 0) return i;
     if (count == FV_TRANSPORT_CHANNELS || strlen(name) >= FV_TRANSPORT_CHANNEL_BYTES)
         return FV_TRANSPORT_CHANNELS;
@@ -137,10 +139,8 @@ static void taken(struct fv_sender *sender, int64_t now_ns)
     atomic_store_explicit(&sender->taken_ns, now_ns, memory_order_relaxed);
 }
 
-void fv_sender_put(struct fv_sender *sender, const struct fovea_message *message)
+static void put(struct fv_sender *sender, uint32_t at, const struct fovea_message *message)
 {
-    const uint32_t at = channel_find(sender, message->channel);
-    if (at == FV_TRANSPORT_CHANNELS) return; /* of no channel that the runtime has */
     struct channel *channel = &sender->channels[at];
     const size_t size = (sizeof(struct record) + message->bytes + 7) / 8 * 8;
     const int64_t now_ns = fv_clock_ns(CLOCK_MONOTONIC);
@@ -157,6 +157,17 @@ void fv_sender_put(struct fv_sender *sender, const struct fovea_message *message
     fv_ring_commit(&sender->rings[channel->class], size);
 }
 
+void fv_sender_put(struct fv_sender *sender, const struct fovea_message *message)
+{
+    const uint32_t at = channel_find(sender, message->channel);
+    if (at != FV_TRANSPORT_CHANNELS) put(sender, at, message); /* else none that the runtime has */
+}
+
+void fv_sender_put_sensed(struct fv_sender *sender, const struct fovea_message *message)
+{
+    put(sender, SENSED, message);
+}
+
 static void sleep_ns(int64_t ns)
 {
     const struct timespec pause = fv_clock_timespec(ns);
@@ -168,7 +179,8 @@ bool fv_sender_room(struct fv_sender *sender)
     const int64_t now_ns = fv_clock_ns(CLOCK_MONOTONIC);
     bool room = true;
     for (int class = 0; class < FV_SENDER_CLASSES; class ++)
-        room = room && fv_ring_room(&sender->rings[class]) >= ring_bytes[class] / 8 * 3;
+        room = room && (class == FV_SENDER_SENSED || /* not the loop's */
+                        fv_ring_room(&sender->rings[class]) >= ring_bytes[class] / 8 * 3);
     if (room) sender->full_ns = 0;
     if (!room && sender->full_ns == 0) sender->full_ns = now_ns;
     return room || now_ns - sender->full_ns > room_wait_ns;
@@ -265,7 +277,7 @@ static bool serve(struct fv_sender *sender, enum fv_sender_class class, int64_t 
     if (front == NULL) return false;
     struct fv_outgoing message = {class, sender->channels[front->channel].name,
                                   (const uint8_t *)(front + 1), front->bytes};
-    int result = sender->outlet->paced && class != FV_SENDER_STATE
+    int result = sender->outlet->paced && class >= FV_SENDER_OBJECTS
                      ? send_bulk(sender, &message, now_ns)
                      : sender->outlet->send(sender->outlet, &message, now_ns);
     if (class == FV_SENDER_STATE && result == FV_TRANSPORT_DROP_QUEUE &&
@@ -314,7 +326,8 @@ static bool serve_one(struct fv_sender *sender, int64_t now_ns)
         fv_link_observe(&sender->link, sender->outlet->bulk_left(sender->outlet), now_ns);
     if (!sender->outlet->begun(sender->outlet, FV_SENDER_STATE) && serve_repeated(sender, now_ns))
         return true;
-    if (serve(sender, FV_SENDER_STATE, now_ns)) return true;
+    if (serve(sender, FV_SENDER_STATE, now_ns) || serve(sender, FV_SENDER_SENSED, now_ns))
+        return true;
     if (sender->outlet->paced && preview_overdue(sender, now_ns))
         return serve(sender, FV_SENDER_PREVIEWS, now_ns);
     for (int class = FV_SENDER_OBJECTS; class < FV_SENDER_CLASSES; class ++)
@@ -407,7 +420,7 @@ enum fovea_status fv_sender_open(const char *url, struct fv_sender **sender,
 {
     struct fv_sender *opened = fv_aligned_zeroed(sizeof *opened);
     if (opened == NULL) return fovea_error_set(error, FOVEA_ERROR_MEMORY, "no memory for LCM");
-    atomic_store(&opened->channel_count, REPEATED + 1);
+    atomic_store(&opened->channel_count, LOOP);
     fv_link_init(&opened->link, fv_clock_ns(CLOCK_MONOTONIC));
     enum fovea_status status = rings_make(opened, error);
     if (status == FOVEA_OK) status = outlet_open(url, &opened->outlet, error);
@@ -434,6 +447,12 @@ void fv_sender_repeat(struct fv_sender *sender, const char *channel, const uint8
     memcpy(sender->repeated, data, bytes);
     sender->repeated_bytes = bytes;
     atomic_store_explicit(&sender->repeats, true, memory_order_release);
+}
+
+void fv_sender_sense(struct fv_sender *sender, const char *channel)
+{
+    channel_name(&sender->channels[SENSED], channel);
+    sender->channels[SENSED].class = FV_SENDER_SENSED;
 }
 
 bool fv_sender_finish(struct fv_sender *sender)

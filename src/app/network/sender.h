@@ -3,8 +3,8 @@
  *
  * The loop copies a message into the ring of its class and goes on: no system call, lock or heap
  * call, and no waiting for a link, a server or a disk. The classes, first served first: state
- * (poses, status, statistics, run,
- * answers to commands), objects (with detections, the map and unknown channels),
+ * (poses, status, statistics, run, answers to commands), poses between frames (handed over by the
+ * thread of the inertial sensor), objects (with detections, the map and unknown channels),
  * features, previews. A preview that has waited for a second goes before objects and features, so
  * that these do not keep it back for ever.
  *
@@ -40,6 +40,13 @@ void fv_sender_repeat(struct fv_sender *sender, const char *channel, const uint8
 
 /* Copy a message into its ring. Loop thread, wait-free, no system call. */
 void fv_sender_put(struct fv_sender *sender, const struct fovea_message *message);
+
+/* The same for one channel, whatever the message names, from one thread at a time that need not be
+ * the loop's. A newer message replaces those that could not be sent. */
+void fv_sender_put_sensed(struct fv_sender *sender, const struct fovea_message *message);
+/* That channel, at most FV_TRANSPORT_CHANNEL_BYTES - 1 bytes. Before the first such message, once.
+ */
+void fv_sender_sense(struct fv_sender *sender, const char *channel);
 
 /* Whether each ring is about half empty, or this have been asked in vain for a second, as where a
  * server does not read. For frames that do not come by the clock: to be asked before an iteration.

@@ -10,6 +10,7 @@
 
 enum fv_sender_class {
     FV_SENDER_STATE = 0,
+    FV_SENDER_SENSED, /* of another thread than the loop's; what follows is bulk */
     FV_SENDER_OBJECTS,
     FV_SENDER_FEATURES,
     FV_SENDER_PREVIEWS,
@@ -34,7 +35,7 @@ struct fv_outlet {
     int (*send)(struct fv_outlet *outlet, const struct fv_outgoing *message, int64_t now_ns);
     /* A part of the class's message has gone: it must not be exchanged for another one. */
     bool (*begun)(const struct fv_outlet *outlet, enum fv_sender_class class);
-    /* Nothing of the classes after FV_SENDER_STATE is on this host any more. */
+    /* Nothing of the classes from FV_SENDER_OBJECTS on is on this host any more. */
     bool (*bulk_left)(struct fv_outlet *outlet);
     /* Free it. False: what was sent may not last; one line has said so. */
     bool (*close)(struct fv_outlet *outlet);

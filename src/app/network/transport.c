@@ -69,6 +69,19 @@ void fv_transport_publish(struct fv_transport *transport, const struct fovea_out
         fv_sender_put(transport->sender, &outputs->messages[i]);
 }
 
+void fv_transport_sense(struct fv_transport *transport, const char *channel)
+{
+    if (transport != NULL) fv_sender_sense(transport->sender, channel);
+}
+
+void fv_transport_publish_sensed(struct fv_transport *transport,
+                                 const struct fovea_outputs *outputs)
+{
+    if (transport == NULL) return;
+    for (uint32_t i = 0; i < outputs->message_count; i++)
+        fv_sender_put_sensed(transport->sender, &outputs->messages[i]);
+}
+
 void fv_transport_put(struct fv_transport *transport, const struct fovea_message *message)
 {
     if (transport != NULL) fv_sender_put(transport->sender, message);

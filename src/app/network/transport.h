@@ -59,6 +59,13 @@ void fv_transport_repeat(struct fv_transport *transport, const char *channel, co
 /* Hand over the messages of a step or a work for sending. Loop thread, wait-free. */
 void fv_transport_publish(struct fv_transport *transport, const struct fovea_outputs *outputs);
 
+/* Poses between frames will be sent on `channel`. Before the first one, once. */
+void fv_transport_sense(struct fv_transport *transport, const char *channel);
+
+/* Hand over poses between frames. One thread at a time, which need not be the loop's; wait-free. */
+void fv_transport_publish_sensed(struct fv_transport *transport,
+                                 const struct fovea_outputs *outputs);
+
 /* Whether there is room for an iteration, or it was asked for in vain for a second. Where frames do
  * not come by the clock: ask before an iteration. Loop thread. */
 bool fv_transport_room(struct fv_transport *transport);

@@ -29,7 +29,66 @@ void fv_imu_input_open(struct fv_imu_input *input, const struct fv_settings *set
     fv_ring_init(&input->ring, input->memory, sizeof input->memory);
 }
 
-/* ---- the receiver's thread ------------------------------------------------------------------- */
+/* ---- the sensor's thread, or the receiver's -------------------------------------------------- */
+
+/* Onto the frames' clock. False: the message does not say how. */
+static bool stamp_heard(const struct heard *heard, int clock, int64_t utc_offset_ns,
+                        int64_t *stamp_ns)
+{
+    const bool own =
+        heard->clock == clock && (heard->from_host || heard->clock == FOVEA_CLOCK_REALTIME);
+    *stamp_ns = heard->sample.stamp_ns;
+    if (own) return true;
+    if (heard->utc_offset_ns == 0 && heard->clock != FOVEA_CLOCK_REALTIME) return false;
+    return !__builtin_add_overflow(*stamp_ns, heard->utc_offset_ns, stamp_ns) &&
+           !__builtin_sub_overflow(*stamp_ns, utc_offset_ns, stamp_ns);
+}
+
+/* What to add to CLOCK_MONOTONIC for the frames' clock. */
+static int64_t from_monotonic(enum fovea_clock clock)
+{
+    const clockid_t of = fv_clock_of(clock);
+    return of == CLOCK_MONOTONIC ? 0 : fv_clock_ns(of) - fv_clock_ns(CLOCK_MONOTONIC);
+}
+
+/* With its stamp on the frames' clock. */
+static void tap(struct fv_imu_input *input, const struct fovea_imu_sample *sample)
+{
+    int64_t age_ns;
+    const int64_t now_ns = fv_clock_ns(fv_clock_of((enum fovea_clock)atomic_load(&input->clock)));
+    if (__builtin_add_overflow(sample->stamp_ns, input->time_offset_ns, &age_ns) ||
+        __builtin_sub_overflow(now_ns, age_ns, &age_ns) || age_ns > far_ns || age_ns < -far_ns)
+        return;
+    input->tap(input->tap_context, sample);
+}
+
+static void tap_heard(struct fv_imu_input *input, const struct heard *heard)
+{
+    struct fovea_imu_sample sample = heard->sample;
+    if (input->tap == NULL || !atomic_load(&input->any_frame)) return;
+    if (stamp_heard(heard, atomic_load(&input->clock), atomic_load(&input->utc_offset_ns),
+                    &sample.stamp_ns))
+        tap(input, &sample);
+}
+
+static void tap_read(void *context, const struct fovea_imu_sample *sample)
+{
+    struct fv_imu_input *input = context;
+    struct fovea_imu_sample on_clock = *sample;
+    if (input->tap == NULL || !atomic_load(&input->any_frame)) return;
+    const int64_t offset_ns = from_monotonic((enum fovea_clock)atomic_load(&input->clock));
+    if (!__builtin_add_overflow(sample->stamp_ns, offset_ns, &on_clock.stamp_ns))
+        tap(input, &on_clock);
+}
+
+void fv_imu_input_tap(struct fv_imu_input *input,
+                      void (*see)(void *context, const struct fovea_imu_sample *sample),
+                      void *context)
+{
+    input->tap = see;
+    input->tap_context = context;
+    if (input->iio != NULL) fv_iio_tap(input->iio, tap_read, input);
+}
 
 static void take_message(void *context, const struct fv_received *received)
 {
@@ -42,6 +101,7 @@ static void take_message(void *context, const struct fv_received *received)
                           .from_host = received->from_host};
     memcpy(heard.sample.gyro, message.gyro, sizeof heard.sample.gyro);
     memcpy(heard.sample.acceleration, message.acceleration, sizeof heard.sample.acceleration);
+    tap_heard(input, &heard);
     uint8_t *room = fv_ring_reserve(&input->ring, sizeof heard);
     atomic_fetch_add_explicit(room != NULL ? &input->heard : &input->no_room, 1,
                               memory_order_relaxed);
@@ -65,19 +125,6 @@ struct fv_receiver_channel fv_imu_input_row(struct fv_imu_input *input)
 }
 
 /* ---- the loop -------------------------------------------------------------------------------- */
-
-/* Onto the frames' clock. False: the message does not say how. */
-static bool stamp_heard(const struct fv_imu_input *input, const struct heard *heard,
-                        const struct fovea_inputs *inputs, int64_t *stamp_ns)
-{
-    const bool own = heard->clock == (int32_t)input->clock &&
-                     (heard->from_host || heard->clock == FOVEA_CLOCK_REALTIME);
-    *stamp_ns = heard->sample.stamp_ns;
-    if (own) return true;
-    if (heard->utc_offset_ns == 0 && heard->clock != FOVEA_CLOCK_REALTIME) return false;
-    return !__builtin_add_overflow(*stamp_ns, heard->utc_offset_ns, stamp_ns) &&
-           !__builtin_sub_overflow(*stamp_ns, inputs->utc_offset_ns, stamp_ns);
-}
 
 static void release(struct fv_imu_input *input)
 {
@@ -106,18 +153,13 @@ static bool peek(struct fv_imu_input *input, const struct fovea_inputs *inputs,
         struct heard heard;
         memcpy(&heard, data, sizeof heard);
         *sample = heard.sample;
-        if (stamp_heard(input, &heard, inputs, &sample->stamp_ns)) return true;
+        if (stamp_heard(&heard, atomic_load(&input->clock), inputs->utc_offset_ns,
+                        &sample->stamp_ns))
+            return true;
         atomic_fetch_add_explicit(&input->no_clock, 1, memory_order_relaxed);
         release(input);
     }
     return false;
-}
-
-/* What to add to CLOCK_MONOTONIC for the frames' clock. */
-static int64_t from_monotonic(enum fovea_clock clock)
-{
-    const clockid_t of = fv_clock_of(clock);
-    return of == CLOCK_MONOTONIC ? 0 : fv_clock_ns(of) - fv_clock_ns(CLOCK_MONOTONIC);
 }
 
 /* Whether a stamp is still to come at `now_ns`, and worth to be waited for. */
@@ -173,10 +215,11 @@ void fv_imu_input_take(struct fv_imu_input *input, const struct fovea_frame *giv
     const int64_t now_ns = given != NULL ? given->stamp_ns : inputs->now_ns;
     struct fovea_imu_sample sample;
     if (input->iio == NULL && input->channel == NULL) return;
-    if (given != NULL) input->clock = given->clock;
+    if (given != NULL) atomic_store(&input->clock, (int)given->clock);
+    atomic_store(&input->utc_offset_ns, inputs->utc_offset_ns);
     if (!input->any_frame) keep_few(input);
     if (given == NULL && !input->any_frame) return; /* the clock is not known yet */
-    const int64_t monotonic_ns = from_monotonic(input->clock);
+    const int64_t monotonic_ns = from_monotonic((enum fovea_clock)atomic_load(&input->clock));
     if (!input->any_frame) leave_early(input, inputs, monotonic_ns, now_ns);
     if (!input->any_frame) atomic_store(&input->lost_early, counts_of(input).lost);
     input->any_frame = true;

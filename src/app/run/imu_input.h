@@ -35,12 +35,23 @@ struct fv_imu_input {
     uint64_t taken; /* samples that wait no more */
     atomic_bool any_frame;
     atomic_uint_fast64_t lost_early; /* before the first frame */
-    enum fovea_clock clock;          /* of the frames */
+    /* Written by the loop: of the frames, whose first one has come when any_frame is set. */
+    atomic_int clock;
+    atomic_int_fast64_t utc_offset_ns;
+    void (*tap)(void *context, const struct fovea_imu_sample *sample);
+    void *tap_context;
 };
 
 /* Zeroed memory; settings that fv_imu_join has seen. */
 void fv_imu_input_open(struct fv_imu_input *input, const struct fv_settings *settings,
                        struct fv_iio *iio);
+/* `see` gets each sample as it comes, on the thread that brings it, from the first frame on: its
+ * stamp is on the frames' clock. Those more than a quarter of a second from the time of that clock
+ * are left out, so that one forged message in the future does not keep back those that follow.
+ * After fv_imu_input_open and before the sensor or the receiver starts. */
+void fv_imu_input_tap(struct fv_imu_input *input,
+                      void (*see)(void *context, const struct fovea_imu_sample *sample),
+                      void *context);
 /* Whether it hears a channel, and the row of the receiver's table for it. */
 bool fv_imu_input_hears(const struct fv_imu_input *input);
 struct fv_receiver_channel fv_imu_input_row(struct fv_imu_input *input);

@@ -10,6 +10,7 @@
 #include "app/run/answers.h"
 #include "app/run/backup.h"
 #include "app/run/commands.h"
+#include "app/run/fast_pose.h"
 #include "app/run/final_path.h"
 #include "app/run/grid_file.h"
 #include "app/run/imu_input.h"
@@ -71,6 +72,7 @@ struct fv_run {
     struct fv_transport *transport;
     struct fv_feed *feed;
     struct fv_imu_input imu; /* beside the source */
+    struct fv_fast_pose fast_pose;
     struct fv_recorder *recorder;
     char recording[FV_OUTPUT_PATH_BYTES]; /* the file that it writes */
     struct fv_recordings recordings;      /* by commands */

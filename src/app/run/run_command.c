@@ -216,6 +216,18 @@ static enum fovea_status runtime_open(struct fv_run *run, struct fovea_error *er
     return fovea_init(run->memory, run->bytes, config, &run->loop.rt, error);
 }
 
+/* Before anything brings samples. */
+static void fast_pose_open(struct fv_run *run)
+{
+    const struct fv_settings *settings = &run->settings;
+    if (settings->imu[0] == '\0' || settings->fast_pose_rate == 0 ||
+        !run->setup.ops->info(run->setup.source)->live)
+        return;
+    fv_fast_pose_open(&run->fast_pose, run->loop.rt, run->transport,
+                      settings->runtime.channel_prefix, settings->fast_pose_rate);
+    fv_imu_input_tap(&run->imu, fv_fast_pose_take, &run->fast_pose);
+}
+
 /* A machine that cannot send messages is no reason not to run: the recording and the statistics are
  * still of use. A malformed URL is. */
 static enum fovea_status transport_open(struct fv_run *run, struct fovea_error *error)
@@ -253,6 +265,7 @@ static enum fovea_status transport_open(struct fv_run *run, struct fovea_error *
         status =
             fv_transport_open_early(settings->lcm_url, settings->lcm_ttl, &run->transport, error);
     if (status == FOVEA_OK) {
+        fast_pose_open(run);
         without = "no commands";
         status = fv_transport_listen(run->transport, &ears, error);
     }
@@ -392,6 +405,7 @@ static void outputs_open(struct fv_run *run)
 static void close_all(struct fv_run *run)
 {
     fv_web_page_end(run->web_page);
+    fv_fast_pose_end(&run->fast_pose);
     fv_recorder_close(run->recorder, NULL);
     fv_recordings_close(&run->recordings);
     fv_transport_close(run->transport);
@@ -503,6 +517,7 @@ static enum fovea_status run_loop(struct fv_run *run, struct fovea_error *error)
     watch(run);
     fv_service_close(&run->service);
     fv_realtime_join(&thread);
+    fv_fast_pose_end(&run->fast_pose);
     fv_watch_close(&run->watch); /* the loop's until here */
     if (loop->status < 0)
         return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%.200s: the source failed (%s)",

@@ -28,6 +28,12 @@ static struct fovea_sample list[FOVEA_INPUT_SAMPLES_MAX];
 static struct fv_sense sense;
 static const struct fovea_rig_imu at_body = {.T_body_imu = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0}};
 
+static void fresh(void)
+{
+    memset(&sense, 0, sizeof sense);
+    fv_sense_init(&sense);
+}
+
 static struct fovea_imu_sample still_at(int64_t stamp_ns)
 {
     return (struct fovea_imu_sample){.stamp_ns = stamp_ns, .acceleration = {0, 0, 9.8}};
@@ -36,7 +42,7 @@ static struct fovea_imu_sample still_at(int64_t stamp_ns)
 static struct fv_sense_anchor moving_at(int64_t stamp_ns)
 {
     struct fv_sense_anchor anchor = {
-        .stamp_ns = stamp_ns, .velocity = {1, 0, 0}, .gravity = {0, 0, -9.8}};
+        .posed = true, .frame.stamp_ns = stamp_ns, .velocity = {1, 0, 0}, .gravity = {0, 0, -9.8}};
     fv_se3_identity(&anchor.T_odom_body);
     return anchor;
 }
@@ -47,15 +53,17 @@ static void an_arm_and_biases_are_taken_away(void **state)
     (void)state;
     const double w = 0.7, arm = 0.4;
     struct fovea_rig_imu rig_imu = {.T_body_imu = {1, 0, 0, arm, 0, 1, 0, 0, 0, 0, 1, 0}};
-    struct fv_sense_anchor anchor = {
-        .gravity = {0, 0, -9.8}, .angular_rate = {0, 0, w}, .biases = {{0.01, 0, 0}, {0, 0.2, 0}}};
+    struct fv_sense_anchor anchor = {.posed = true,
+                                     .gravity = {0, 0, -9.8},
+                                     .angular_rate = {0, 0, w},
+                                     .biases = {{0.01, 0, 0}, {0, 0.2, 0}}};
     struct fv_sense_pose pose = {.stamp_ns = 0};
-    memset(&sense, 0, sizeof sense);
+    fresh();
     fv_se3_identity(&anchor.T_odom_body);
     struct fovea_imu_sample sample = {.gyro = {0.01, 0, w},
                                       .acceleration = {-w * w * arm, 0.2, 9.8}};
     assert_false(fv_sense_take(&sense, &rig_imu, &sample, &pose)); /* no pose yet */
-    fv_sense_begin(&sense, &rig_imu, &anchor);
+    fv_sense_offer(&sense, &anchor);
     for (int n = 1; n <= 200; n++) {
         sample.stamp_ns = n * 5000000;
         assert_true(fv_sense_take(&sense, &rig_imu, &sample, &pose));
@@ -73,13 +81,13 @@ static void a_pose_that_comes_late_is_carried_on_at_once(void **state)
 {
     (void)state;
     struct fv_sense_pose pose = {.stamp_ns = 0};
-    memset(&sense, 0, sizeof sense);
+    fresh();
     for (int n = 0; n < 400; n++) { /* more than are kept */
         const struct fovea_imu_sample sample = still_at((int64_t)n * 5000000);
         (void)fv_sense_take(&sense, &at_body, &sample, &pose);
     }
     const struct fv_sense_anchor anchor = moving_at(1900000000);
-    fv_sense_begin(&sense, &at_body, &anchor);
+    fv_sense_offer(&sense, &anchor);
     const struct fovea_imu_sample next = still_at(2000000000);
     assert_true(fv_sense_take(&sense, &at_body, &next, &pose));
     assert_true(fabs(pose.T_odom_body.t[0] - 0.1) < 1e-9 && fabs(pose.velocity[0] - 1) < 1e-9);
@@ -101,17 +109,22 @@ static void it_ends_two_seconds_after_the_last_pose(void **state)
 {
     (void)state;
     struct fv_sense_pose pose = {.stamp_ns = 0};
-    memset(&sense, 0, sizeof sense);
+    fresh();
     const struct fv_sense_anchor anchor = moving_at(0);
-    fv_sense_begin(&sense, &at_body, &anchor);
+    fv_sense_offer(&sense, &anchor);
     int carried = 0;
     for (int n = 1; n < 600; n++) {
         const struct fovea_imu_sample sample = still_at((int64_t)n * 5000000);
         carried += fv_sense_take(&sense, &at_body, &sample, &pose);
     }
     assert_int_equal(carried, 400);
-    fv_sense_begin(&sense, &at_body, NULL);
-    assert_false(sense.begun);
+    const struct fovea_imu_sample next = still_at(3000000000);
+    const struct fv_sense_anchor again = moving_at(2990000000), none = {.posed = false};
+    fv_sense_offer(&sense, &again);
+    assert_true(fv_sense_take(&sense, &at_body, &next, &pose));
+    fv_sense_offer(&sense, &none);
+    const struct fovea_imu_sample last = still_at(3005000000);
+    assert_false(fv_sense_take(&sense, &at_body, &last, &pose));
 }
 
 /* ---- in the runtime -------------------------------------------------------------------------- */

@@ -2,6 +2,7 @@
  * to, on the frames' clock, in the order of stamps, and what does not say its clock is counted. */
 #include <setjmp.h>
 #include <stdarg.h>
+#include <stdatomic.h>
 #include <stddef.h>
 #include <stdint.h>
 #include <stdio.h>
@@ -258,6 +259,101 @@ static void stamps_of_iio_follow_the_frames_clock(void **state)
     fake_iio_remove();
 }
 
+/* ---- what sees each sample as it comes ------------------------------------------------------- */
+
+static struct fovea_imu_sample tapped[8];
+static atomic_uint tapped_count;
+
+static void tap(void *context, const struct fovea_imu_sample *sample)
+{
+    assert_ptr_equal(context, tapped);
+    const unsigned at = atomic_load(&tapped_count);
+    if (at < 8) tapped[at] = *sample;
+    atomic_store(&tapped_count, at + 1);
+}
+
+static int open_tapped(void **state)
+{
+    (void)open_lcm(state);
+    atomic_store(&tapped_count, 0);
+    fv_imu_input_tap(&input, tap, tapped);
+    return 0;
+}
+
+/* One that is seen, with a stamp `offset_ns` from now; again where it was held up on the way. */
+static void hear_now(int64_t offset_ns, int8_t clock, int64_t *stamp_ns)
+{
+    const unsigned before = tapped_count;
+    for (int i = 0; i < 100 && tapped_count == before; i++) {
+        *stamp_ns = fv_clock_ns(CLOCK_MONOTONIC);
+        hear(*stamp_ns + offset_ns, clock, 0, offset_ns == 0);
+    }
+    assert_int_equal(tapped_count, before + 1);
+}
+
+static void each_sample_is_seen_on_the_frames_clock(void **state)
+{
+    (void)state;
+    int64_t stamp_ns = fv_clock_ns(CLOCK_MONOTONIC);
+    hear(stamp_ns, 0, 0, true);
+    assert_int_equal(tapped_count, 0); /* no frame yet */
+    (void)take(stamp_ns, true);
+    hear(fv_clock_ns(CLOCK_MONOTONIC), 0, 0, false); /* whose clock? */
+    assert_int_equal(tapped_count, 0);
+    hear_now(0, 0, &stamp_ns);
+    assert_true(tapped[0].stamp_ns == stamp_ns && tapped[0].gyro[2] == 3);
+    hear_now(utc_ns, (int8_t)FOVEA_CLOCK_REALTIME, &stamp_ns); /* another host's */
+    assert_true(tapped[1].stamp_ns == stamp_ns && tapped[1].gyro[2] == 3);
+    while (input.no_room == 0) /* the loop takes none, so that the ring gets full */
+        hear(1, 0, 0, true);
+    hear_now(0, 0, &stamp_ns);
+    assert_true(tapped[2].stamp_ns == stamp_ns);
+}
+
+static void stamps_far_from_now_are_not_seen(void **state)
+{
+    (void)state;
+    const int64_t now_ns = fv_clock_ns(CLOCK_MONOTONIC);
+    (void)take(now_ns, true);
+    hear(now_ns + 60 * FV_SECOND_NS, 0, 0, true);
+    hear(now_ns - 60 * FV_SECOND_NS, 0, 0, true);
+    hear(INT64_MAX, 0, 0, true);
+    hear(INT64_MIN, 0, 0, true);
+    assert_int_equal(tapped_count, 0);
+    input.time_offset_ns = -60 * FV_SECOND_NS; /* which the step adds */
+    for (int i = 0; i < 100 && tapped_count == 0; i++)
+        hear(fv_clock_ns(CLOCK_MONOTONIC) + 60 * FV_SECOND_NS, 0, 0, true);
+    assert_int_equal(tapped_count, 1);
+}
+
+static void a_device_of_iio_shows_each_sample(void **state)
+{
+    static const int16_t raw[6] = {1000, 0, 0, 0, 0, 981};
+    struct fovea_error error;
+    struct fv_iio *iio;
+    (void)state;
+    fake_iio_make();
+    if (fv_iio_open("adis16448", 0, &iio, &error) != FOVEA_OK) fail_msg("%s", error.text);
+    fv_imu_input_open(&input, &settings, iio);
+    fv_imu_input_tap(&input, tap, tapped);
+    frame.clock = FOVEA_CLOCK_REALTIME;
+    (void)take(fv_clock_ns(CLOCK_REALTIME), true);
+    assert_int_equal(fv_iio_start(iio, &error), FOVEA_OK);
+    for (int i = 0; i < 2000 && !fake_iio_says("buffer/enable", "1"); i++)
+        nanosleep(&(struct timespec){.tv_nsec = 5000000}, NULL);
+    unsigned written = 0; /* one that waits for a quarter of a second is not seen */
+    for (int i = 0; i < 200 && tapped_count == 0; i++) {
+        assert_true(fake_iio_scan(raw, fv_clock_ns(CLOCK_MONOTONIC)));
+        written++;
+        nanosleep(&(struct timespec){.tv_nsec = 20000000}, NULL);
+    }
+    fv_iio_close(iio);
+    fake_iio_remove();
+    assert_true(tapped_count > 0 && tapped_count <= written);
+    const int64_t age_ns = fv_clock_ns(CLOCK_REALTIME) - tapped[0].stamp_ns;
+    assert_true(age_ns > -FV_SECOND_NS && age_ns < 60 * FV_SECOND_NS && tapped[0].gyro[0] > 0.999);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -270,6 +366,9 @@ int main(void)
         cmocka_unit_test_setup(the_time_offset_counts, open_lcm),
         cmocka_unit_test_setup(a_device_of_iio_brings_them_too, open_lcm),
         cmocka_unit_test_setup(stamps_of_iio_follow_the_frames_clock, open_lcm),
+        cmocka_unit_test_setup(each_sample_is_seen_on_the_frames_clock, open_tapped),
+        cmocka_unit_test_setup(stamps_far_from_now_are_not_seen, open_tapped),
+        cmocka_unit_test_setup(a_device_of_iio_shows_each_sample, open_tapped),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

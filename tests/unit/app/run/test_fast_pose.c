@@ -1,0 +1,139 @@
+/* Poses between frames in a run: the samples' thread sends them while the loop steps, at most at
+ * the rate asked for, and neither a step's result nor the end depends on it. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdatomic.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+#include <sched.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "app/run/fast_pose.h"
+#include "common/sim_rig.h"
+#include "drivers/clock.h"
+
+enum { FRAMES = 80, POSED = 50, IMU_HZ = 200 };
+
+static struct sim_rig rig;
+static struct fv_fast_pose fast;
+static struct fovea_sample list[FOVEA_INPUT_SAMPLES_MAX];
+
+/* ---- the thread of a sensor ------------------------------------------------------------------ */
+
+static struct {
+    struct fovea_imu_sample samples[FOVEA_INPUT_SAMPLES_MAX];
+    uint32_t count;
+    bool last;               /* nothing comes after this list */
+    atomic_uint asked, done; /* lists */
+} sensor;
+
+static void *sense_all(void *context)
+{
+    for (unsigned list_number = 1;; list_number++) {
+        while (atomic_load(&sensor.asked) < list_number)
+            sched_yield();
+        for (uint32_t i = 0; i < sensor.count; i++)
+            fv_fast_pose_take(context, &sensor.samples[i]);
+        const bool last = sensor.last;
+        atomic_store(&sensor.done, list_number);
+        if (last) return NULL;
+    }
+}
+
+/* Hand a list over, once the one before has been worked on. */
+static void give(const struct fovea_sample *samples, uint32_t count, bool last)
+{
+    while (atomic_load(&sensor.done) < atomic_load(&sensor.asked))
+        sched_yield();
+    sensor.count = 0;
+    for (uint32_t i = 0; i < count; i++)
+        if (samples[i].kind == FOVEA_SAMPLE_IMU) sensor.samples[sensor.count++] = samples[i].imu;
+    sensor.last = last;
+    atomic_fetch_add(&sensor.asked, 1);
+}
+
+/* ---- a run ----------------------------------------------------------------------------------- */
+
+static void open_rig(void)
+{
+    sim_rig_open(&rig, "sim:orbit?width=320&height=240&rate=20&imu=200&baseline=0.12", 0, FRAMES);
+    rig.config.rig = rig.ops->info(rig.source)->rig;
+    rig.config.odometry.keyframes = 40;
+    sim_rig_build(&rig);
+}
+
+/* All frames, their samples on another thread at the same time where `thread`. */
+static uint64_t drive(bool thread)
+{
+    while (sim_rig_next(&rig)) {
+        rig.inputs.samples = list;
+        rig.inputs.sample_count =
+            rig.ops->samples(rig.source, &rig.frame, list, FOVEA_INPUT_SAMPLES_MAX);
+        if (thread) give(list, rig.inputs.sample_count, false);
+        sim_rig_process(&rig);
+    }
+    return fovea_state_hash(rig.rt);
+}
+
+/* What was sent on the channel in a run at a rate; `alone` is the state without. */
+static uint64_t sent_at(uint32_t rate_hz, uint64_t alone)
+{
+    struct fv_transport *transport;
+    struct fv_transport_sent sent;
+    struct fovea_error error;
+    pthread_t thread;
+    open_rig();
+    if (fv_transport_open("memq://", 0, &transport, &error) != FOVEA_OK) fail_msg("%s", error.text);
+    memset(&fast, 0, sizeof fast);
+    fv_fast_pose_open(&fast, rig.rt, transport, "TEST", rate_hz);
+    sensor.asked = sensor.done = 0;
+    assert_int_equal(pthread_create(&thread, NULL, sense_all, &fast), 0);
+    const uint64_t state = drive(true);
+    fv_fast_pose_end(&fast);
+    give(list, rig.inputs.sample_count, true); /* nobody is there for them */
+    assert_int_equal(pthread_join(thread, NULL), 0);
+    fv_transport_finish(transport);
+    fv_transport_sent(transport, &sent);
+    assert_int_equal(sent.count, 1);
+    assert_string_equal(sent.channels[0].name, "TEST_POSE_FAST");
+    assert_int_equal(sent.channels[0].offered, sent.channels[0].sent);
+    fv_transport_close(transport);
+    sim_rig_close(&rig);
+    assert_true(state == alone);
+    return sent.channels[0].sent;
+}
+
+static void they_are_sent_at_the_rate_beside_the_steps(void **state)
+{
+    (void)state;
+    open_rig();
+    const uint64_t alone = drive(false);
+    sim_rig_close(&rig);
+    const uint64_t all = sent_at(1000, alone), some = sent_at(50, alone);
+    const uint64_t samples = (uint64_t)(FRAMES - POSED) * IMU_HZ / 20;
+    print_message("%d of %d samples after frame %d, at 50 Hz %d\n", (int)all, (int)samples, POSED,
+                  (int)some);
+    assert_true(all > samples / 2 && all <= (uint64_t)FRAMES * IMU_HZ / 20);
+    /* A quarter, and one more where samples lacked. */
+    assert_true(some >= all / 4 - 2 && some <= all / 4 + FRAMES / 10);
+}
+
+static void an_end_without_a_beginning_is_none(void **state)
+{
+    (void)state;
+    memset(&fast, 0, sizeof fast);
+    fv_fast_pose_end(&fast);
+    assert_null(fast.rt);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(they_are_sent_at_the_rate_beside_the_steps),
+        cmocka_unit_test(an_end_without_a_beginning_is_none),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
