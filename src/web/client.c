@@ -87,10 +87,10 @@ static size_t next_hello(struct fv_web_client *client, const struct fv_web_store
     return (size_t)snprintf(
         to, capacity,
         "{\"kind\":\"hello\",\"version\":\"%s\",\"role\":\"%s\",\"commands\":%s,\"run\":%" PRIu32
-        ",\"running\":%s,\"prefix\":\"%s\"}",
+        ",\"running\":%s,\"previews\":%s,\"prefix\":\"%s\"}",
         FOVEA_VERSION, client->role == FV_WEB_OPERATE ? "operate" : "view",
         client->commands && client->role == FV_WEB_OPERATE ? "true" : "false", store->run,
-        store->running ? "true" : "false", prefix);
+        store->running ? "true" : "false", store->previews ? "true" : "false", prefix);
 }
 
 static size_t next_log(struct fv_web_client *client, const struct fv_web_store *store, char *to,

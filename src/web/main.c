@@ -15,6 +15,7 @@
 #include "support/man.h"
 #include "support/say.h"
 #include "support/text.h"
+#include "web/heard.h"
 #include "web/server.h"
 
 #define URL_DEFAULT "udpm://239.255.76.67:7667"
@@ -23,7 +24,7 @@
 enum { PORT_DEFAULT = 7680, RATE_DEFAULT = 15, RATE_MAX = 60 };
 
 struct web {
-    const char *feed, *play, *address, *token, *url, *key;
+    const char *feed, *play, *lcm, *listen, *prefix, *address, *token, *url, *key;
     uint64_t port, rate;
     uint64_t with_parent; /* process; 0: none */
     struct fv_option_list names;
@@ -58,6 +59,13 @@ static enum fv_options_result options_read(struct web *web, int argc, char **arg
         {"play", "RECORDING", FV_OPTION_TEXT, &web->play,
          "in place of a run show a recording of one, which is read alone: play, pause, position "
          "and speed are on the page"},
+        {"lcm", "URL", FV_OPTION_TEXT, &web->lcm,
+         "in place of a run of this host hear a robot of another one at this LCM URL: its messages, "
+         "and its previews as pictures, at their rate; no commands"},
+        {"listen", "WHOM", FV_OPTION_TEXT, &web->listen,
+         "with --lcm, who is heard: loopback, the name of an interface, or any (default)"},
+        {"prefix", "P", FV_OPTION_TEXT, &web->prefix,
+         "with --lcm, the robot's channel_prefix (default FOVEA)"},
         {"port", "N", FV_OPTION_COUNT, &web->port,
          "TCP port of the page (default 7680; 0: one that is free)"},
         {"address", "A", FV_OPTION_TEXT, &web->address,
@@ -103,6 +111,7 @@ static enum fv_options_result options_read(struct web *web, int argc, char **arg
         fv_man_example(
             "fovea run --source v4l2:/dev/video0 --web\n"
             "fovea-web --play run.lcm\n"
+            "fovea-web --lcm udpm://239.255.76.67:7667 --prefix LEFT_ROBOT\n"
             "fovea-web --feed /run/fovea/front.sock --address 0.0.0.0 --name robot.local "
             "--token /var/lib/fovea/web.token --certificate /var/lib/fovea/web.crt "
             "--certificate-key /var/lib/fovea/web.key --make-certificate");
@@ -130,6 +139,12 @@ static enum fovea_status options_check(struct web *web, struct fovea_error *erro
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "found one of --certificate, --certificate-key and "
                                "--make-certificate alone, expected the first two together");
+    if ((web->play != NULL && web->lcm != NULL) ||
+        (web->lcm == NULL && (web->listen != NULL || web->prefix != NULL)))
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               web->lcm == NULL
+                                   ? "found --listen or --prefix, expected them with --lcm alone"
+                                   : "found --play and --lcm, expected one of them");
     return fv_web_address_check(web->address, web->token != NULL, error);
 }
 
@@ -191,6 +206,7 @@ static enum fovea_status serve(struct web *web, struct fovea_error *error)
 static enum fovea_status run(struct web *web, struct fovea_error *error)
 {
     struct fv_web_player *player = NULL;
+    struct fv_web_heard heard;
     enum fovea_status status = options_check(web, error);
     if (status == FOVEA_OK) status = tokens_open(web, error);
     if (status == FOVEA_OK) status = certificate_open(web, error);
@@ -202,7 +218,7 @@ static enum fovea_status run(struct web *web, struct fovea_error *error)
             fv_say("fovea-web: %s; it is played up to there", damage.text);
         if (status == FOVEA_ERROR_UNSUPPORTED) status = FOVEA_ERROR_INPUT;
     }
-    if (status == FOVEA_OK && web->play == NULL)
+    if (status == FOVEA_OK && web->play == NULL && web->lcm == NULL)
         status = fv_web_commander_open(&web->commander, web->url, web->key, error);
     if (status == FOVEA_OK) {
         web->store = calloc(1, sizeof *web->store);
@@ -213,7 +229,14 @@ static enum fovea_status run(struct web *web, struct fovea_error *error)
     if (status == FOVEA_OK) {
         fv_web_relay_init(web->relay, web->feed, (uint32_t)web->rate, web->store);
         fv_web_relay_play(web->relay, player);
-        status = serve(web, error);
+        if (web->lcm != NULL) {
+            status = fv_web_heard_open(&heard, web->relay, web->lcm,
+                                       web->listen != NULL ? web->listen : "any",
+                                       web->prefix != NULL ? web->prefix : "FOVEA", error);
+            fv_web_relay_hear(web->relay, &heard);
+        }
+        if (status == FOVEA_OK) status = serve(web, error);
+        if (web->lcm != NULL) fv_web_heard_close(&heard);
         fv_web_relay_close(web->relay);
         fv_web_store_free(web->store);
     }

@@ -9,6 +9,7 @@
 #include "drivers/clock.h"
 #include "fovea/fields.h"
 #include "message/fields.h"
+#include "web/heard.h"
 
 #include "fovea_camera_status_t.h"
 #include "fovea_features_t.h"
@@ -34,6 +35,12 @@ void fv_web_relay_init(struct fv_web_relay *relay, const char *path, uint32_t ra
 void fv_web_relay_play(struct fv_web_relay *relay, struct fv_web_player *player)
 {
     relay->player = player;
+}
+
+void fv_web_relay_hear(struct fv_web_relay *relay, struct fv_web_heard *heard)
+{
+    relay->heard = heard;
+    relay->store->previews = heard != NULL;
 }
 
 static int64_t utime(void)
@@ -202,32 +209,33 @@ static void take_features(struct fv_web_relay *relay, const struct fv_feed_messa
 /* ---- the table ------------------------------------------------------------------------------- */
 
 static const struct shown {
-    const char *channel;
+    const char *channel, *type;
     int64_t pause_ns; /* between two that are sent to a page */
     void (*take)(struct fv_web_relay *relay, const struct fv_feed_message *message);
     /* Which piece it is, after `last` of the channel; -1: not to be shown. NULL: 0. */
     int32_t (*piece)(const struct fv_feed_message *message, int32_t last);
     enum { FOR_ALL, FOR_OPERATORS, FOR_NOBODY } whom; /* it is sent to as it is */
 } table[] = {
-    {"POSE", FV_SECOND_NS / 33, take_pose, NULL, FOR_ALL},
-    {"RUN", 0, NULL, NULL, FOR_ALL},
-    {"STATISTICS", FV_SECOND_NS / 10, NULL, NULL, FOR_ALL},
-    {"CAMERA_STATUS", FV_SECOND_NS / 2, take_camera, NULL, FOR_ALL},
-    {"HEALTH", FV_SECOND_NS / 5, NULL, NULL, FOR_ALL},
-    {"OBJECTS", FV_SECOND_NS / 30, NULL, NULL, FOR_ALL},
-    {"DETECTIONS", FV_SECOND_NS / 30, NULL, NULL, FOR_ALL},
-    {"DETECTIONS2", FV_SECOND_NS / 30, NULL, NULL, FOR_ALL},
-    {"KEYPOINTS", FV_SECOND_NS / 30, NULL, NULL, FOR_ALL},
-    {"KEYPOINTS2", FV_SECOND_NS / 30, NULL, NULL, FOR_ALL},
-    {"SEGMENTATION", FV_SECOND_NS / 10, NULL, piece_of_mask, FOR_ALL},
-    {"SEGMENTATION2", FV_SECOND_NS / 10, NULL, piece_of_mask, FOR_ALL},
-    {"GRID", FV_SECOND_NS / 4, NULL, piece_of_grid, FOR_ALL},
-    {"MAP", FV_SECOND_NS / 2, NULL, piece_of_map, FOR_ALL},
-    {"RECORDER", 0, take_recorder, NULL, FOR_ALL},
-    {"COMMAND_RESULT", 0, NULL, piece_of_answer, FOR_ALL},
-    {"SETTINGS_RESULT", 0, NULL, NULL, FOR_OPERATORS},
-    {"PARAMETER_RESULT", 0, NULL, piece_of_answer, FOR_OPERATORS}, /* values may be secret */
-    {"FEATURES", 0, take_features, NULL, FOR_NOBODY},
+    {"POSE", "fovea.pose_t", FV_SECOND_NS / 33, take_pose, NULL, FOR_ALL},
+    {"RUN", "fovea.run_t", 0, NULL, NULL, FOR_ALL},
+    {"STATISTICS", "fovea.statistics_t", FV_SECOND_NS / 10, NULL, NULL, FOR_ALL},
+    {"CAMERA_STATUS", "fovea.camera_status_t", FV_SECOND_NS / 2, take_camera, NULL, FOR_ALL},
+    {"HEALTH", "fovea.health_t", FV_SECOND_NS / 5, NULL, NULL, FOR_ALL},
+    {"OBJECTS", "fovea.objects_t", FV_SECOND_NS / 30, NULL, NULL, FOR_ALL},
+    {"DETECTIONS", "fovea.detections_t", FV_SECOND_NS / 30, NULL, NULL, FOR_ALL},
+    {"DETECTIONS2", "fovea.detections_t", FV_SECOND_NS / 30, NULL, NULL, FOR_ALL},
+    {"KEYPOINTS", "fovea.keypoints_t", FV_SECOND_NS / 30, NULL, NULL, FOR_ALL},
+    {"KEYPOINTS2", "fovea.keypoints_t", FV_SECOND_NS / 30, NULL, NULL, FOR_ALL},
+    {"SEGMENTATION", "fovea.segmentation_t", FV_SECOND_NS / 10, NULL, piece_of_mask, FOR_ALL},
+    {"SEGMENTATION2", "fovea.segmentation_t", FV_SECOND_NS / 10, NULL, piece_of_mask, FOR_ALL},
+    {"GRID", "fovea.grid_t", FV_SECOND_NS / 4, NULL, piece_of_grid, FOR_ALL},
+    {"MAP", "fovea.map_t", FV_SECOND_NS / 2, NULL, piece_of_map, FOR_ALL},
+    {"RECORDER", "fovea.recorder_t", 0, take_recorder, NULL, FOR_ALL},
+    {"COMMAND_RESULT", "fovea.command_result_t", 0, NULL, piece_of_answer, FOR_ALL},
+    {"SETTINGS_RESULT", "fovea.settings_result_t", 0, NULL, NULL, FOR_OPERATORS},
+    {"PARAMETER_RESULT", "fovea.parameter_result_t", 0, NULL, piece_of_answer,
+     FOR_OPERATORS}, /* values may be secret */
+    {"FEATURES", "fovea.features_t", 0, take_features, NULL, FOR_NOBODY},
 };
 enum { SHOWN = sizeof table / sizeof table[0] };
 _Static_assert(sizeof table / sizeof table[0] <= FV_WEB_SHOWN_MAX, "each has its last piece");
@@ -244,7 +252,16 @@ static const struct shown *shown_find(const struct fv_web_relay *relay, const ch
     return NULL;
 }
 
-static void take(struct fv_web_relay *relay, const struct fv_feed_message *message, bool watched)
+const char *fv_web_relay_shows(uint32_t index, const char **type)
+{
+    if (index == SHOWN) *type = "fovea.preview_t";
+    if (index >= SHOWN) return index == SHOWN ? "PREVIEW" : NULL;
+    *type = table[index].type;
+    return table[index].channel;
+}
+
+void fv_web_relay_take(struct fv_web_relay *relay, const struct fv_feed_message *message,
+                       bool watched)
 {
     const struct shown *shown = shown_find(relay, message->channel);
     if (shown == NULL || (shown->whom == FOR_NOBODY && !watched)) return;
@@ -272,9 +289,8 @@ static int64_t age_of(const struct fv_feed_frame *frame)
     return age_ns >= 0 && age_ns < 60 * FV_SECOND_NS ? age_ns : -1; /* one that is played */
 }
 
-/* A picture, of malloc, of a frame, with the features of that very one. */
-static void show_picture(struct fv_web_relay *relay, const struct fovea_image *image,
-                         int64_t stamp_ns, int64_t sequence, int64_t age_ns)
+void fv_web_relay_picture(struct fv_web_relay *relay, const struct fovea_image *image,
+                          int64_t stamp_ns, int64_t sequence, int64_t age_ns)
 {
     struct fv_web_picture *picture = &relay->store->picture;
     free((void *)(uintptr_t)picture->image.data);
@@ -301,15 +317,15 @@ static bool take_frame(struct fv_web_relay *relay)
     if (fv_feed_reader_frame(relay->reader, &frame, &images) != FOVEA_OK ||
         fv_frame_image(&frame, images, &image, NULL) != FOVEA_OK)
         return false;
-    show_picture(relay, &image, frame.stamp_ns, frame.sequence, age_of(&frame));
+    fv_web_relay_picture(relay, &image, frame.stamp_ns, frame.sequence, age_of(&frame));
     return true;
 }
 
 /* ---- the run --------------------------------------------------------------------------------- */
 
-/* What comes does not follow on what came. */
-static void begin(struct fv_web_relay *relay)
+void fv_web_relay_begin(struct fv_web_relay *relay, const char *prefix)
 {
+    snprintf(relay->prefix, sizeof relay->prefix, "%s", prefix);
     relay->overlay_next = 0;
     for (size_t i = 0; i < SHOWN; i++) /* what comes by rows is shown from its first row on */
         relay->pieces[i] = table[i].piece != NULL ? -1 : 0;
@@ -317,6 +333,13 @@ static void begin(struct fv_web_relay *relay)
     relay->state = relay->scale_state = relay->map_id = relay->camera_state = -1;
     relay->records = false;
     fv_web_store_begin(relay->store, relay->prefix);
+}
+
+void fv_web_relay_silent(struct fv_web_relay *relay)
+{
+    fv_web_store_log(relay->store, utime(),
+                     relay->heard != NULL ? "the robot is silent" : "the run has ended");
+    fv_web_store_end(relay->store);
 }
 
 static bool connect_run(struct fv_web_relay *relay)
@@ -327,8 +350,9 @@ static bool connect_run(struct fv_web_relay *relay)
     relay->next_try_ns = now_ns + TRY_NS;
     if (fv_feed_reader_open(relay->path, 0, &relay->reader, &error) != FOVEA_OK) return false;
     relay->wished = 0;
-    fv_feed_reader_prefix(relay->reader, relay->prefix);
-    begin(relay);
+    char prefix[FV_MESSAGE_CHANNEL_BYTES];
+    fv_feed_reader_prefix(relay->reader, prefix);
+    fv_web_relay_begin(relay, prefix);
     fv_web_store_log(relay->store, utime(), "run %016llx found",
                      (unsigned long long)fv_feed_reader_run(relay->reader));
     return true;
@@ -389,20 +413,20 @@ static bool tick_player(struct fv_web_relay *relay, bool watched)
     for (int i = 0; i < MESSAGES_PER_TICK; i++) {
         const enum fv_web_played played = fv_web_player_next(relay->player, now_ns, &out);
         if (played == FV_WEB_PLAYED_NOTHING) break;
-        if (played == FV_WEB_PLAYED_MESSAGE) take(relay, &out.message, watched);
+        if (played == FV_WEB_PLAYED_MESSAGE) fv_web_relay_take(relay, &out.message, watched);
         if (played == FV_WEB_PLAYED_FRAME) hold_frame(relay, &out.frame, watched);
         if (played == FV_WEB_PLAYED_WORK && relay->played.data != NULL) {
-            show_picture(relay, &relay->played, relay->played_stamp_ns, relay->played_sequence, -1);
+            fv_web_relay_picture(relay, &relay->played, relay->played_stamp_ns,
+                                 relay->played_sequence, -1);
             relay->played.data = NULL; /* the store's */
             changed = true;
         }
         if (played != FV_WEB_PLAYED_JUMP) continue;
         drop_played(relay);
         relay->picture_ns = 0;
-        snprintf(relay->prefix, sizeof relay->prefix, "%s", fv_web_player_prefix(relay->player));
-        begin(relay);
+        fv_web_relay_begin(relay, fv_web_player_prefix(relay->player));
         if (fv_web_player_run(relay->player)->bytes > 0)
-            take(relay, fv_web_player_run(relay->player), watched);
+            fv_web_relay_take(relay, fv_web_player_run(relay->player), watched);
         relay->told_ns = 0;
     }
     if (now_ns - relay->told_ns >= FV_SECOND_NS / 4) {
@@ -418,6 +442,10 @@ bool fv_web_relay_tick(struct fv_web_relay *relay, bool watched)
     struct fv_feed_message message;
     bool changed = false;
     if (relay->player != NULL) return tick_player(relay, watched);
+    if (relay->heard != NULL) {
+        changed = fv_web_heard_tick(relay->heard, watched);
+        return fv_web_store_tick(relay->store, fv_clock_ns(CLOCK_MONOTONIC)) || changed;
+    }
     if (relay->reader == NULL) {
         if (!connect_run(relay)) return false;
         changed = true;
@@ -425,10 +453,9 @@ bool fv_web_relay_tick(struct fv_web_relay *relay, bool watched)
     wish(relay, watched);
     for (int i = 0; i < MESSAGES_PER_TICK; i++) {
         const enum fovea_status status = fv_feed_reader_next(relay->reader, &message);
-        if (status == FOVEA_OK) take(relay, &message, watched);
+        if (status == FOVEA_OK) fv_web_relay_take(relay, &message, watched);
         if (status == FOVEA_END) {
-            fv_web_store_log(relay->store, utime(), "the run has ended");
-            fv_web_store_end(relay->store);
+            fv_web_relay_silent(relay);
             fv_web_relay_close(relay);
             return true;
         }

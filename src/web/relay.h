@@ -17,11 +17,14 @@ enum {
     FV_WEB_PIECES_MAX = 32 /* of one grid or mask */
 };
 
+struct fv_web_heard;
+
 struct fv_web_relay {
     const char *path; /* of the feed's socket */
     struct fv_web_store *store;
     struct fv_feed_reader *reader; /* NULL: there is no run now */
     struct fv_web_player *player;  /* plays in place of a feed, the caller's; NULL: none */
+    struct fv_web_heard *heard;    /* a robot heard over LCM, likewise */
     struct fovea_image played;     /* of malloc: a frame whose messages follow; data NULL: none */
     int64_t played_stamp_ns, played_sequence, picture_ns, told_ns;
     uint32_t rate_per_1000_s, wished;
@@ -48,6 +51,22 @@ void fv_web_relay_init(struct fv_web_relay *relay, const char *path, uint32_t ra
 
 /* Play a recording in place of a feed; NULL: none. It stays the caller's. */
 void fv_web_relay_play(struct fv_web_relay *relay, struct fv_web_player *player);
+
+/* Hear a robot over LCM in place of a feed; likewise. */
+void fv_web_relay_hear(struct fv_web_relay *relay, struct fv_web_heard *heard);
+
+/* For what stands in the place of a feed. The channels that are shown, without prefix, and their
+ * types, by index; NULL: no more. */
+const char *fv_web_relay_shows(uint32_t index, const char **type);
+/* Another run, or what comes does not follow on what came; nothing comes any more. */
+void fv_web_relay_begin(struct fv_web_relay *relay, const char *prefix);
+void fv_web_relay_silent(struct fv_web_relay *relay);
+void fv_web_relay_take(struct fv_web_relay *relay, const struct fv_feed_message *message,
+                       bool watched);
+/* A picture, of malloc, which becomes the store's, with the features of this very stamp. `age_ns`:
+ * of the frame; -1: not known. */
+void fv_web_relay_picture(struct fv_web_relay *relay, const struct fovea_image *image,
+                          int64_t stamp_ns, int64_t sequence, int64_t age_ns);
 
 /* Take what has come; `watched`: somebody wants pictures. Returns whether the store has changed. */
 bool fv_web_relay_tick(struct fv_web_relay *relay, bool watched);

@@ -74,6 +74,7 @@ struct fv_web_store {
 
     struct fv_web_picture picture;
     struct fv_web_playback playback;
+    bool previews;             /* pictures are previews, heard over LCM */
     uint32_t playback_version; /* counts its changes; 0: a run is shown, no recording */
     uint32_t run;              /* counts runs that were found; 0: none yet */
     uint32_t news;             /* counts changes of what follows and of `run` */

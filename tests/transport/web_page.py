@@ -383,6 +383,33 @@ def check_login(token):
         page.driver.quit()
 
 
+def check_heard():
+    """A robot that is heard over LCM: previews at the size of its frames, messages, and a word that this is all."""
+    robot, server, page = run("--set", "preview.level=1", "--set", "preview.period_frames=3"), web("--lcm", "udpm://239.255.76.67:7667"), None
+    try:
+        time.sleep(1)
+        page = Page()
+        page.driver.get(ADDRESS)
+        page.until("globalThis.fovea && fovea.live.picture && document.getElementById('state').dataset.state === 'tracking'", "a preview")
+        assert page.text("link") == "live, preview rate only", page.text("link")
+        assert page.js("return fovea.live.picture.width === 640 && fovea.live.picture.height === 480")
+        first = page.js("return fovea.live.picture.sequence")
+        page.until(f"fovea.live.picture.sequence > {first + 6}", "previews that follow")
+        found = check_box(page)
+        assert found["box"]["x_max_px"] <= 640
+        assert page.js("return document.getElementById('actions').hidden")
+        check_console(page)
+        end(robot)
+        page.until("document.getElementById('link').textContent === 'no run'", "the silence of the robot")
+        page.driver.quit()
+        end(server)
+    finally:
+        if page is not None:
+            page.driver.quit()
+        for process in (robot, server):
+            process.kill()
+
+
 def check_playback(recording):
     """A recording on the same page: its own frames at the right positions, paused, at another speed, to its end; cut off, up to there."""
     with open(recording, "rb") as file:
@@ -490,6 +517,7 @@ def main():
         end(robot)
         end(server)
         check_playback(recording)
+        check_heard()
     finally:
         page.driver.quit()
         for process in (robot, server):

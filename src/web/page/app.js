@@ -95,7 +95,8 @@ const link = new Link(types, {
   hello: (hello) => {
     if (hello.run !== shown.run) forget();
     shown.run = hello.run;
-    showLink(hello.running ? "live" : "gone", hello.running ? "live" : "no run");
+    showLink(hello.running ? "live" : "gone", !hello.running ? "no run" : hello.previews ? "live, preview rate only" : "live");
+    byId("actions").hidden = byId("parameters").hidden = hello.previews; // a robot that is heard only
     if (!hello.running) byId("no-picture").hidden = false;
     byId("no-picture").textContent = hello.running ? "Waiting for a picture" : "There is no run";
     allow(hello);
