@@ -1,16 +1,20 @@
-/* Pictures that are of no use: blurred, or frozen. Black ones have no features, and lose the
- * camera.
+/* Pictures that are of no use: blurred, frozen, or patched. Black ones have no features, and lose
+ * the camera.
  *
  * Blurred: the mean score of a picture's features is far below that of the pictures before it.
  * From one picture to the next it changes by a fifth at most on recordings and in simulation, and a
  * blur of 2 px (standard deviation), or 15 px of motion, halves it. Exposure changes it slowly, and
  * is followed.
  *
- * Frozen: the camera repeats a picture, perhaps with noise or compressed anew. Exactly the same
- * features occur once. Else what tells is that all motion ends from one picture to the next, which
- * mass does not: a car that brakes, however hard, still moves in the next frame. While the picture
+ * Frozen: the camera repeats a picture, perhaps with noise or compressed anew. Noise lets exactly
+ * the same features occur once, so that many of them again are an old picture, whatever boxes have
+ * hidden of it. Else what tells is that all motion ends from one picture to the next, which mass
+ * does not: a car that brakes, however hard, still moves in the next frame. While the picture
  * stays, the camera may stand or go on, so the way that it would have gone since is added to the
  * covariance.
+ *
+ * Patched: some of the features are exactly those of an earlier picture, as after a transfer that
+ * broke off: what is old says that the camera stands.
  *
  * Poses of such pictures are `weak`, and none becomes a keyframe. Real-time safe, no addresses in
  * the state. */
@@ -27,12 +31,15 @@
 extern "C" {
 #endif
 
+enum { FV_USABLE_SEEN = 8192 }; /* features that are remembered: those of some eight pictures */
+
 struct fv_usable_state {
-    uint64_t picture; /* hash of the last one's features */
-    double sharpness; /* mean score that is usual; 0: not known */
-    bool blurred;     /* the current picture */
-    bool repeated;    /* it has exactly the features of the last one */
-    bool frozen;      /* since the last posed frame but some */
+    uint64_t seen[FV_USABLE_SEEN]; /* hashes of features, each at its value modulo the places */
+    double sharpness;              /* mean score that is usual; 0: not known */
+    bool blurred;                  /* the current picture */
+    bool repeated;                 /* most of its features are exactly those of earlier ones */
+    bool patched;                  /* a part of them are */
+    bool frozen;                   /* since the last posed frame but some */
 };
 
 struct fv_odometry;
@@ -54,7 +61,7 @@ void fv_odometry_add_freeze(struct fv_odometry *odometry, const struct fv_map_fr
 
 static inline bool fv_usable(const struct fv_usable_state *state)
 {
-    return !state->blurred && !state->frozen;
+    return !state->blurred && !state->frozen && !state->patched;
 }
 
 #ifdef __cplusplus

@@ -115,12 +115,66 @@ static void standing_is_not_frozen(void **state)
     sim_rig_close(&rig);
 }
 
+enum { FEATURES = 400 };
+static struct fovea_feature features[FEATURES];
+static uint8_t descriptors[FEATURES][32];
+
+/* A picture whose features are those numbered from `first` on, and what is said of it. */
+static void show(struct fv_usable_state *state, uint32_t first, uint32_t count)
+{
+    for (uint32_t i = 0; i < count; i++) {
+        const uint32_t number = first + i;
+        features[i] = (struct fovea_feature){
+            .x_px = (float)(number % 97), .y_px = (float)(number / 97), .score = 50};
+        memset(descriptors[i], (int)(number * 31 % 251), sizeof descriptors[i]);
+    }
+    fv_usable_picture(state, count, features, descriptors[0]);
+}
+
+static void old_features_tell(void **unused)
+{
+    (void)unused;
+    static struct fv_usable_state state;
+    memset(&state, 0, sizeof state);
+    show(&state, 0, 0);
+    assert_true(!state.repeated && !state.patched);
+    show(&state, 1, 400);
+    assert_true(!state.repeated && !state.patched && fv_usable(&state));
+    show(&state, 401, 400); /* all of it new */
+    assert_true(!state.repeated && !state.patched);
+    show(&state, 101, 300); /* the first again, of which a box hides a part, two pictures later */
+    assert_true(state.repeated && !fv_usable(&state));
+    show(&state, 781, 400); /* 20 of 400 are old: chance */
+    assert_true(!state.repeated && !state.patched);
+    show(&state, 1081, 400); /* 100 of 400 */
+    assert_true(!state.repeated && state.patched && !fv_usable(&state));
+}
+
+/* Transfers that break off: below a row that each picture draws it is the last good one. Frames of
+ * which more than a little is old are no longer `tracking`. */
+static void patched_pictures_are_weak(void **unused)
+{
+    (void)unused;
+    int tracking = 0;
+    run("fault:sim:orbit?width=400&height=300?kind=partial&first=60&shortest=15&longest=15&count=1",
+        FIRST + LENGTH + AFTER);
+    assert_int_equal(rig.pose[FIRST - 1].state, FOVEA_TRACKING_OK);
+    const uint64_t keyframe = rig.pose[FIRST - 1].reference_keyframe;
+    for (int n = FIRST; n < FIRST + LENGTH; n++) {
+        tracking += rig.pose[n].state == FOVEA_TRACKING_OK;
+        assert_true(!rig.pose[n].posed || tracking > 0 ||
+                    rig.pose[n].reference_keyframe <= keyframe);
+    }
+    assert_true(tracking <= LENGTH / 3);
+    sim_rig_close(&rig);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(frozen_pictures_are_weak),
-        cmocka_unit_test(blurred_pictures_are_weak),
-        cmocka_unit_test(standing_is_not_frozen),
+        cmocka_unit_test(frozen_pictures_are_weak),  cmocka_unit_test(blurred_pictures_are_weak),
+        cmocka_unit_test(standing_is_not_frozen),    cmocka_unit_test(old_features_tell),
+        cmocka_unit_test(patched_pictures_are_weak),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
