@@ -410,6 +410,7 @@ install: all man  ## install program, manual pages, libraries, headers, message 
 	install -m 644 include/lcmtypes/*.lcm $(DESTDIR)$(PREFIX)/share/fovea/lcmtypes/
 	install -d $(DESTDIR)$(PREFIX)/lib/systemd/system
 	for unit in $(UNITS); do sed 's|/usr/local/bin|$(PREFIX)/bin|' "tools/service/$$unit" >"$(DESTDIR)$(PREFIX)/lib/systemd/system/$$unit"; done
+	$(if $(WEB),install -D -m 644 tools/service/fovea-web.avahi $(DESTDIR)$(PREFIX)/share/fovea/avahi/fovea-web.service)
 	install -D -m 644 tools/service/fovea.sysusers $(DESTDIR)$(PREFIX)/lib/sysusers.d/fovea.conf
 	install -D -m 644 tools/service/71-fovea.rules $(DESTDIR)$(PREFIX)/lib/udev/rules.d/71-fovea.rules
 	for name in fovea fovea-messages; do sed 's|@PREFIX@|$(PREFIX)|; s|@LIBDIR@|$(LIBDIR)|; s|@VERSION@|$(VERSION)|' tools/$$name.pc.in >$(DESTDIR)$(LIBDIR)/pkgconfig/$$name.pc; done

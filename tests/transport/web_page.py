@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from xml.etree import ElementTree
 
 from selenium import webdriver
 from selenium.webdriver.chrome.service import Service
@@ -335,6 +336,7 @@ def check_recording(page, records):
 
 def check_widths(page):
     keep = os.environ.get("FOVEA_SCREENSHOTS")
+    page.js("for (const group of document.getElementById('keys').children) group.open = group.textContent.startsWith('features')")
     for width, height in ((1440, 1000), (360, 800)):
         page.size(width, height)
         page.until("document.documentElement.scrollWidth <= innerWidth", f"nothing beyond {width} pixels")
@@ -356,6 +358,13 @@ def check_accessible(page):
     found = page.driver.execute_async_script("const done = arguments[0]; axe.run().then((result) => done(result.violations))")
     bad = [(rule["id"], [node["html"][:120] for node in rule["nodes"]]) for rule in found if rule["impact"] in ("serious", "critical")]
     assert not bad, bad
+
+
+def check_announced():
+    """What avahi-daemon would announce is this page at its port, and well-formed."""
+    group = ElementTree.parse(os.path.join(here, "..", "..", "tools", "service", "fovea-web.avahi")).getroot()
+    assert group.tag == "service-group" and [service.findtext("type") for service in group.findall("service")] == ["_fovea._tcp"]
+    assert f":{group.findtext('service/port')}/" in ADDRESS, "the port of a page without options"
 
 
 def check_console(page):
@@ -489,6 +498,7 @@ def main():
         page.until("Boolean(globalThis.fovea)", "the page")
         check_picture(page)
         check_load(page)
+        check_announced()
         found = check_box(page)
         check_path(page)
         check_layers(page)
