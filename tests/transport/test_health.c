@@ -95,6 +95,23 @@ static void a_machine_that_says_nothing_is_well(void **unused)
     assert_string_equal(reason, "");
 }
 
+/* A run that is killed has begun and has not ended. */
+static void counters_survive_a_kill(void **unused)
+{
+    (void)unused;
+    const char *run =
+        "fovea run --source 'sim:orbit?width=160&height=120' --rate real --quiet --picture none --set lcm_url="
+        " --set loop.priority=0 --set health.state_file=";
+    shell("%s/%s%s/state --frames 30", build, run, folder);
+    shell(
+        "%s/%s%s/state & pid=$!; for i in $(seq 600); do grep -q 'starts: 2' %s/state && break; sleep 0.1; done; kill -9 $pid",
+        build, run, folder, folder);
+    shell("%s/%s%s/state --frames 30", build, run, folder);
+    shell(
+        "grep -qx 'starts: 3' %s/state && grep -qx 'ends: 2' %s/state && grep -qx 'frames: 60' %s/state",
+        folder, folder, folder);
+}
+
 int main(int argc, char **argv)
 {
     (void)argc;
@@ -109,6 +126,7 @@ int main(int argc, char **argv)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(heat_is_told_and_replays),
         cmocka_unit_test(a_machine_that_says_nothing_is_well),
+        cmocka_unit_test(counters_survive_a_kill),
     };
     const int failed = cmocka_run_group_tests_name("health of a run", tests, NULL, NULL);
     snprintf(path, sizeof path, "rm -r %s", folder);

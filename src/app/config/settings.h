@@ -57,14 +57,15 @@ struct fv_settings {
     char wheel_odometry_channel[64];
     /* faster samples are left out; 0: no limit */
     double wheel_odometry_max_m_s, wheel_odometry_max_rad_s;
-    int movable_boxes;                          /* enum fv_movable_boxes */
-    char record[FV_SETTINGS_PATH_BYTES];        /* "": none */
-    char record_folder[FV_SETTINGS_PATH_BYTES]; /* "": none */
-    uint32_t record_keep;                       /* of numbered recordings; 0: all */
-    uint32_t health_silence_ms;                 /* without a frame: the source has failed */
-    double health_heat_limit_c;                 /* 0: as the machine states it */
-    uint32_t record_buffer;                     /* frames that may wait for the disk in real time */
-    char movable[256], heights[512];            /* lists of classes (app/classes.h) */
+    int movable_boxes;                              /* enum fv_movable_boxes */
+    char record[FV_SETTINGS_PATH_BYTES];            /* "": none */
+    char record_folder[FV_SETTINGS_PATH_BYTES];     /* "": none */
+    uint32_t record_keep;                           /* of numbered recordings; 0: all */
+    uint32_t health_silence_ms;                     /* without a frame: the source has failed */
+    char health_state_file[FV_SETTINGS_PATH_BYTES]; /* "": none */
+    double health_heat_limit_c;                     /* 0: as the machine states it */
+    uint32_t record_buffer;          /* frames that may wait for the disk in real time */
+    char movable[256], heights[512]; /* lists of classes (app/classes.h) */
     char grid_floor[512], grid_movable[512], grid_ignored[512]; /* likewise */
     /* "": no detection; the runtime gets its bytes when the source is open */
     char model[FV_SETTINGS_PATH_BYTES], model2[FV_SETTINGS_PATH_BYTES];

@@ -503,10 +503,10 @@ static enum fovea_status run_loop(struct fv_run *run, struct fovea_error *error)
             run->settings.model[0] != '\0');
     fv_watch_open(&run->watch, run->settings.runtime.odometry.enabled, loop->real_time);
     atomic_store(&run->shared.temperature_c, NAN);
-    fv_run_health_open(run);
     sem_init(&run->ended, 0, 0);
 
-    enum fovea_status status = loop->ops->start(loop->source, error);
+    enum fovea_status status = fv_run_health_open(run, error);
+    if (status == FOVEA_OK) status = loop->ops->start(loop->source, error);
     if (status == FOVEA_OK && run->setup.iio != NULL) status = fv_iio_start(run->setup.iio, error);
     if (status != FOVEA_OK) return status;
     status = fv_realtime_start(&thread, run->settings.priority, run->settings.cpu, loop_body, run,
@@ -519,6 +519,7 @@ static enum fovea_status run_loop(struct fv_run *run, struct fovea_error *error)
     fv_realtime_join(&thread);
     fv_fast_pose_end(&run->fast_pose);
     fv_watch_close(&run->watch); /* the loop's until here */
+    fv_run_health_end(run);
     if (loop->status < 0)
         return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%.200s: the source failed (%s)",
                                run->settings.source, fovea_status_name(loop->status));

@@ -12,7 +12,7 @@
 
 enum {
     MAPS_MAX = 2 * FV_MAP_FILE_KEEP_MAX,
-    WRITTEN_MAX = 11,
+    WRITTEN_MAX = 12,
     WRITTEN_RECORD = 0,
     MAP_NAME_BYTES = FV_SETTINGS_PATH_BYTES + 16
 };
@@ -28,7 +28,7 @@ _Static_assert(WRITTEN_MAX + MAPS_MAX <= FV_FILES_WATCHED_MAX, "raise FV_FILES_W
 
 static int list_written(const struct fv_run *run, struct written *written)
 {
-    const char *kept = run->settings.parameters_file;
+    const char *kept = run->settings.parameters_file, *history = run->settings.health_state_file;
     const bool drawn = run->picture_path != NULL && strcmp(run->picture_path, "none") != 0;
     const struct fv_file files[] = {
         {"--record", run->settings.record},
@@ -41,6 +41,7 @@ static int list_written(const struct fv_run *run, struct written *written)
         {"--objects", run->objects_path},
         {"--grid", run->grid_path},
         {"parameters.file", kept[0] != '\0' ? kept : NULL},
+        {"health.state_file", history[0] != '\0' ? history : NULL},
     };
     int count = sizeof files / sizeof files[0];
     memset(written->files, 0, sizeof written->files);

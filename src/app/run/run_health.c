@@ -1,13 +1,92 @@
 #include "app/run/run_health.h"
 
+#include <inttypes.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "app/run/run.h"
 #include "drivers/clock.h"
 #include "support/say.h"
+#include "support/text.h"
 
-void fv_run_health_open(struct fv_run *run)
+/* ---- the history ----------------------------------------------------------------------------- */
+
+static const int64_t keep_ns = 60 * FV_SECOND_NS;
+
+/* Count the start and keep it at once, so that a run that is killed is known by the ends. */
+static enum fovea_status history_open(struct fv_run *run, struct fovea_error *error)
+{
+    struct fv_history *history = &run->health.history;
+    const char *path = run->settings.health_state_file;
+    if (path[0] == '\0') return FOVEA_OK;
+    enum fovea_status status = fv_history_read(path, history, error);
+    if (status != FOVEA_OK) return status;
+    char runs[FV_TEXT_COUNT_BYTES];
+    if (!run->quiet && history->starts > 0)
+        fv_say("%.200s: %s before, %" PRIu64 " of them not ended in order; %.1f hours", path,
+               fv_text_count(history->starts, "run", runs), history->starts - history->ends,
+               (double)history->seconds / 3600);
+    history->starts++;
+    return fv_history_write(path, history, error);
+}
+
+static void history_keep(struct fv_run *run)
+{
+    struct fovea_error error;
+    const char *path = run->settings.health_state_file;
+    if (path[0] == '\0') return;
+    if (fv_history_write(path, &run->health.history, &error) != FOVEA_OK) fv_say("%s", error.text);
+}
+
+/* Whole seconds of what has gone by, and the rest. */
+static uint64_t whole_seconds(int64_t *rest_ns, int64_t more_ns)
+{
+    *rest_ns += more_ns;
+    const int64_t seconds = *rest_ns / FV_SECOND_NS;
+    *rest_ns -= seconds * FV_SECOND_NS;
+    return (uint64_t)seconds;
+}
+
+/* 1 where a part has failed that had not. */
+static uint32_t fails_anew(const struct fv_health *before, const struct fv_health *now,
+                           const char *name)
+{
+    bool failed = false, was = false;
+    for (uint32_t i = 0; i < now->count; i++)
+        failed |= strcmp(now->parts[i].name, name) == 0 && now->parts[i].state == FV_HEALTH_FAILED;
+    for (uint32_t i = 0; i < before->count; i++)
+        was |=
+            strcmp(before->parts[i].name, name) == 0 && before->parts[i].state == FV_HEALTH_FAILED;
+    return failed && !was;
+}
+
+static void history_count(struct fv_run *run, const struct fv_health *before, int64_t now_ns)
+{
+    struct fv_run_health *health = &run->health;
+    struct fv_history *history = &health->history;
+    const int64_t gone_ns = now_ns - health->counted_ns;
+    health->counted_ns = now_ns;
+    history->seconds += whole_seconds(&health->rest_ns, gone_ns);
+    if (health->share < FV_HOST_SHARE_MAX)
+        history->hot_seconds += whole_seconds(&health->hot_rest_ns, gone_ns);
+    history->source_failures += fails_anew(before, &health->judged, "source");
+    history->pose_failures += fails_anew(before, &health->judged, "odometry");
+    if (now_ns - health->kept_ns < keep_ns) return;
+    health->kept_ns = now_ns;
+    history_keep(run);
+}
+
+void fv_run_health_end(struct fv_run *run)
+{
+    if (!run->health.on) return;
+    fv_run_health_tend(run); /* the last frames */
+    run->health.history.ends++;
+    history_keep(run);
+}
+
+/* ---- health ---------------------------------------------------------------------------------- */
+
+enum fovea_status fv_run_health_open(struct fv_run *run, struct fovea_error *error)
 {
     struct fv_run_health *health = &run->health;
     const char *root = getenv("FOVEA_SYS_ROOT");
@@ -17,10 +96,12 @@ void fv_run_health_open(struct fv_run *run)
     health->frame_ns = health->inference_ns = fv_clock_ns(CLOCK_MONOTONIC);
     health->stamp = fv_message_stamp(NULL, 0);
     fv_message_channel(run->settings.runtime.channel_prefix, FV_MESSAGE_HEALTH, health->channel);
-    if (!health->on) return;
+    health->counted_ns = health->kept_ns = health->frame_ns;
+    if (!health->on) return FOVEA_OK;
     fv_self_test(health->self_test);
     if (health->self_test[0] != '\0')
         fv_say_word(FV_SAY_RED, "self-test", ": %s", health->self_test);
+    return history_open(run, error);
 }
 
 /* How much a counter has risen since it was last seen. */
@@ -36,7 +117,9 @@ static void facts_gather(struct fv_run *run, int64_t now_ns, struct fv_health_fa
     struct fv_run_health *health = &run->health;
     struct fv_transport_counts counts;
     fv_transport_counts(run->transport, &counts);
-    if (risen(&health->frames, atomic_load(&run->shared.frames)) > 0) health->frame_ns = now_ns;
+    const uint64_t frames = risen(&health->frames, atomic_load(&run->shared.frames));
+    if (frames > 0) health->frame_ns = now_ns;
+    health->history.frames += frames;
     if (risen(&health->inferences, atomic_load(&health->inferences_now)) > 0)
         health->inference_ns = now_ns;
     *facts = (struct fv_health_facts){
@@ -96,8 +179,10 @@ void fv_run_health_tend(struct fv_run *run)
     if (!health->on) return;
     health->share = fv_host_share(&health->host, run->settings.health_heat_limit_c, health->share);
     atomic_store(&run->shared.share, health->share);
+    const struct fv_health before = health->judged;
     facts_gather(run, now_ns, &facts);
     fv_health_judge(&facts, &health->judged);
+    history_count(run, &before, now_ns);
     change_say(run, health);
     tell(health, now_ns);
 }

@@ -12,6 +12,7 @@
 #include <stdint.h>
 
 #include "app/run/health.h"
+#include "app/run/history.h"
 #include "app/run/self_test.h"
 #include "fovea_health_t.h"
 #include "message/message.h"
@@ -32,6 +33,9 @@ struct fv_run_health {
     uint64_t frames, late, unsent, inferences; /* as last seen */
     int64_t frame_ns, inference_ns;            /* when they last changed */
     int64_t told_ns;
+    struct fv_history history;    /* where health.state_file is set */
+    int64_t counted_ns, kept_ns;  /* when seconds were last counted, and the file written */
+    int64_t rest_ns, hot_rest_ns; /* of seconds that are not whole yet */
 
     /* Handed to the loop. */
     struct fv_health told;
@@ -42,10 +46,14 @@ struct fv_run_health {
     fovea_stamp_t stamp; /* of the last frame */
 };
 
-/* Before the loop: whether there is health at all, and the self-test. Init-only. */
-void fv_run_health_open(struct fv_run *run);
+/* Before the loop: whether there is health at all, the self-test, and one start more in the
+ * history. FOVEA_ERROR_INPUT or FOVEA_ERROR_SYSTEM: its file is damaged or cannot be written.
+ * Init-only. */
+enum fovea_status fv_run_health_open(struct fv_run *run, struct fovea_error *error);
 /* Look at everything; the watching thread. */
 void fv_run_health_tend(struct fv_run *run);
+/* The loop has ended: keep the history. */
+void fv_run_health_end(struct fv_run *run);
 /* After a work: send what is new. Loop thread: no heap, no system call but clocks. */
 void fv_run_health_work(struct fv_run *run, const struct fovea_inputs *inputs);
 

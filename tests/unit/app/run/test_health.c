@@ -13,6 +13,7 @@
 #include <unistd.h>
 
 #include "app/run/health.h"
+#include "app/run/history.h"
 #include "app/run/self_test.h"
 
 static char root[64];
@@ -221,6 +222,36 @@ static void wrong_score(uint8_t *scores, const uint8_t *pixels, ptrdiff_t stride
         if (scores[i] > 20) scores[i]--;
 }
 
+static void test_history(void **state)
+{
+    (void)state;
+    char path[128], text[256];
+    struct fv_history history, read;
+    struct fovea_error error;
+    snprintf(path, sizeof path, "%s/history", root);
+    assert_int_equal(fv_history_read(path, &history, &error), FOVEA_OK);
+    assert_int_equal(history.starts, 0);
+    history = (struct fv_history){7, 6, 1234567890123, 4, 5, 6, 8};
+    assert_int_equal(fv_history_write(path, &history, &error), FOVEA_OK);
+    assert_int_equal(fv_history_read(path, &read, &error), FOVEA_OK);
+    assert_memory_equal(&history, &read, sizeof read);
+    static const struct {
+        const char *text, *said;
+    } wrong[] = {
+        {"", "history: line 1: found '', expected \"starts: NUMBER\""},
+        {"starts: 1\nends: -1\n", "history: line 2: found 'ends: -1', expected \"ends: NUMBER\""},
+        {"starts: 1\nends: 2\nseconds: 0\nframes: 0\nsource_failures: 0\npose_failures: 0\nhot_seconds: 0\n",
+         "history: line 2: found 2 ends, expected at most the 1 starts"},
+        {"starts: 1\nends: 1\nseconds: 0\nframes: 0\nsource_failures: 0\npose_failures: 0\nhot_seconds: 0",
+         "history: line 7: found more or no end of the line, expected 7 lines"},
+    };
+    for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; i++) {
+        snprintf(text, sizeof text, "%s", wrong[i].text);
+        assert_int_equal(fv_history_parse("history", text, &read, &error), FOVEA_ERROR_INPUT);
+        assert_string_equal(error.text, wrong[i].said);
+    }
+}
+
 static void test_self_test(void **state)
 {
     (void)state;
@@ -245,6 +276,7 @@ int main(void)
         cmocka_unit_test(test_heat_takes_work_away),
         cmocka_unit_test(test_parts),
         cmocka_unit_test(test_absent_parts),
+        cmocka_unit_test_setup_teardown(test_history, make_root, remove_root),
         cmocka_unit_test(test_self_test),
     };
     return cmocka_run_group_tests_name("health", tests, NULL, NULL);
