@@ -75,8 +75,9 @@ static enum fovea_status mark(const struct fovea_edges_config *config,
                               const struct fovea_image *image, struct fovea_error *error)
 {
     struct fovea_edges *edges = NULL;
-    const size_t bytes = fovea_edges_size(config, image->width, image->height, error);
-    if (bytes == 0) return FOVEA_ERROR_ARGUMENT;
+    struct fovea_error wrong;
+    const size_t bytes = fovea_edges_size(config, image->width, image->height, &wrong);
+    if (bytes == 0) return fovea_error_set(error, wrong.status, "--%s", wrong.text);
     const int32_t stride = (image->width + 7) / 8;
     const size_t bitmap = (size_t)stride * (size_t)image->height;
     uint8_t *memory = fv_aligned_new(bytes + bitmap); /* the bitmap follows the detector */

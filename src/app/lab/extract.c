@@ -58,9 +58,10 @@ enum fovea_status fv_extract_config(const char *method, const char *descriptor, 
                                "--descriptor: found '%.100s', expected %s", descriptor, names);
     config->descriptor = (enum fovea_descriptor)found;
     /* Whether the method has it. */
-    return fovea_extract_size(config, FOVEA_IMAGE_WIDTH_MIN, FOVEA_IMAGE_HEIGHT_MIN, error) > 0
+    struct fovea_error wrong;
+    return fovea_extract_size(config, FOVEA_IMAGE_WIDTH_MIN, FOVEA_IMAGE_HEIGHT_MIN, &wrong) > 0
                ? FOVEA_OK
-               : FOVEA_ERROR_ARGUMENT;
+               : fovea_error_set(error, wrong.status, "--%s", wrong.text);
 }
 
 static enum fovea_status make_mask(const struct fovea_image *image,
