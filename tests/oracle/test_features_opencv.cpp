@@ -259,6 +259,7 @@ bool check(const Method &method, int count)
     const bool surf = method.config.method == FOVEA_FEATURES_SURF;
     Comparison all;
     std::printf("%s, %d features\n", fovea_feature_method_name(method.config.method), count);
+    bool above = true; /* with SURF, ORB on a change of viewpoint */
     for (const std::string name : {"graf", "bikes", "boat"}) {
         const Comparison of = compare(method, name, true);
         if (of.pairs == 0) {
@@ -280,7 +281,7 @@ bool check(const Method &method, int count)
                         of.ours.matching, orb.ours.matching, orb.theirs.matching);
             if (of.ours.matching <= std::max(orb.ours.matching, orb.theirs.matching)) {
                 std::printf("FAILED: not above ORB\n");
-                return false;
+                above = false;
             }
         }
     }
@@ -296,7 +297,7 @@ bool check(const Method &method, int count)
         all.worst.matching >= -.04 &&
         (surf || (all.ours.alike >= all.theirs.alike - slack && all.worst.alike >= -.04));
     if (!good) std::printf("FAILED: below %s\n", method.peer);
-    return good;
+    return good && above;
 }
 
 } // namespace
