@@ -68,9 +68,10 @@ static enum fovea_status read_operation(const char *word, struct fovea_preproces
     for (int i = 0; i < FOVEA_OPERATION_COUNT; i++)
         if (strcmp(word, fovea_operation_name((enum fovea_operation)i)) == 0) {
             if (config->operations.count == FOVEA_OPERATIONS_MAX)
-                return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
-                                       "--operations: found more than %d names, expected %d at most",
-                                       FOVEA_OPERATIONS_MAX, FOVEA_OPERATIONS_MAX);
+                return fovea_error_set(
+                    error, FOVEA_ERROR_ARGUMENT,
+                    "--operations: found more than %d names, expected %d at most",
+                    FOVEA_OPERATIONS_MAX, FOVEA_OPERATIONS_MAX);
             config->operations.items[config->operations.count++] = (enum fovea_operation)i;
             return FOVEA_OK;
         }
