@@ -148,6 +148,20 @@ static int answer_text(struct lws *wsi, struct fv_web_request *request, int stat
     return answer_begin(wsi, request, &answer, (const uint8_t *)text, strlen(text));
 }
 
+/* The same to a request that may have a body: libwebsockets holds back what is answered before all
+ * of that has come. A long one is not waited for. */
+static int refuse(struct lws *wsi, struct fv_web_request *request, int status, const char *text)
+{
+    char length[16];
+    const bool has_body = header(wsi, WSI_TOKEN_HTTP_CONTENT_LENGTH, length, sizeof length);
+    const unsigned long bytes = has_body ? strtoul(length, NULL, 10) : 0;
+    if (bytes == 0) return answer_text(wsi, request, status, text);
+    if (bytes > FV_WEB_SETTINGS_BYTES) return -1;
+    request->refusal = text;
+    request->refusal_status = status;
+    return 0;
+}
+
 static bool accepts_gzip(struct lws *wsi)
 {
     char accepted[128];
@@ -247,11 +261,11 @@ static int begin_settings(struct fv_web_server *server, struct lws *wsi,
                           struct fv_web_request *request, enum fv_web_role role)
 {
     char length[16];
+    const char *refusal = fv_web_server_refusal(server, role);
+    if (refusal != NULL) return refuse(wsi, request, HTTP_STATUS_FORBIDDEN, refusal);
     if (!header(wsi, WSI_TOKEN_HTTP_CONTENT_LENGTH, length, sizeof length) ||
         strtoul(length, NULL, 10) > FV_WEB_SETTINGS_BYTES)
         return -1; /* as a login's */
-    request->refusal = fv_web_server_refusal(server, role);
-    if (request->refusal != NULL) return 0;
     request->settings = malloc(FV_WEB_SETTINGS_BYTES + 1);
     return request->settings == NULL ? -1 : 0;
 }
@@ -294,12 +308,14 @@ static int begin(struct fv_web_server *server, struct lws *wsi, struct fv_web_re
     const bool get = request->head || lws_hdr_total_length(wsi, WSI_TOKEN_GET_URI) > 0;
     const int status = fv_web_server_judge(server, wsi, post, &role);
     if (status == HTTP_STATUS_FORBIDDEN)
-        return answer_text(wsi, request, status, forbidden[server->setup.pages != NULL]);
+        return refuse(wsi, request, status, forbidden[server->setup.pages != NULL]);
     if (post && strcmp(path, "/login") == 0) return begin_login(server, wsi, request);
     if (post && status == HTTP_STATUS_OK && strcmp(path, "/settings") == 0 &&
         server->setup.relay != NULL)
         return begin_settings(server, wsi, request, role);
-    if (!get) return answer_text(wsi, request, HTTP_STATUS_METHOD_NOT_ALLOWED, "Not allowed\n");
+    if (!get && status == HTTP_STATUS_UNAUTHORIZED)
+        return refuse(wsi, request, status, "Unauthorized: log in at /login\n");
+    if (!get) return refuse(wsi, request, HTTP_STATUS_METHOD_NOT_ALLOWED, "Not allowed\n");
     const struct fv_web_asset *asset = asset_of(server, path);
     if (status == HTTP_STATUS_UNAUTHORIZED && (asset == NULL || !asset->open)) {
         const bool page = asset != NULL && strcmp(path, "/") == 0;
@@ -379,7 +395,7 @@ int fv_web_http(struct lws *wsi, enum lws_callback_reasons reason, void *user, v
         return take_body(request, in, length);
     case LWS_CALLBACK_HTTP_BODY_COMPLETION:
         if (request != NULL && request->refusal != NULL)
-            return answer_text(wsi, request, HTTP_STATUS_FORBIDDEN, request->refusal);
+            return answer_text(wsi, request, request->refusal_status, request->refusal);
         if (request != NULL && request->settings != NULL) return end_settings(server, wsi, request);
         return request != NULL && request->login ? end_login(server, wsi, request) : -1;
     case LWS_CALLBACK_HTTP_WRITEABLE:

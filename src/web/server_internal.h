@@ -18,6 +18,7 @@ struct fv_web_request {
     char *settings; /* of malloc: they come in the body; NULL: none */
     size_t settings_bytes;
     const char *refusal; /* the answer when the body, which nobody reads, is through; NULL: none */
+    int refusal_status;
     char address[48];
     char body[FV_WEB_BODY_BYTES];
     size_t body_bytes;

@@ -120,6 +120,32 @@ static void strange_hosts_and_origins_are_refused(void **state)
     running = 0;
 }
 
+/* Settings are taken of our own page alone, and refused when the body is through. */
+static void settings_are_judged(const char *more, int status, const char *said)
+{
+    char request[512];
+    snprintf(request, sizeof request,
+             "POST /settings HTTP/1.1\r\n" HOST "%sContent-Length: 7\r\n\r\nseed: 1", more);
+    assert_int_equal(web_ask(request, answer), status);
+    if (strstr(answer, said) == NULL) fail_msg("found %s, expected %s", answer, said);
+}
+
+static void posts_are_judged(void **state)
+{
+    (void)state;
+    pid_t process = start(false);
+    settings_are_judged("", 403, "Origin");
+    settings_are_judged("Origin: http://evil.org\r\n", 403, "Origin");
+    settings_are_judged(OURS, 403, "without --lcm-url");
+    assert_int_equal(
+        web_ask("POST /none HTTP/1.1\r\n" HOST OURS "Content-Length: 1\r\n\r\nx", answer), 405);
+    assert_int_equal(web_end(process, true), 0);
+    process = start(true);
+    settings_are_judged(OURS, 401, "log in");
+    assert_int_equal(web_end(process, true), 0);
+    running = 0;
+}
+
 /* What POST /login with this body says. */
 static int login(const char *token)
 {
@@ -237,6 +263,7 @@ static size_t sample(uint32_t which, char *data)
         "GET / HTTP/1.1\r\n" HOST "Accept-Encoding: gzip\r\nCookie: fovea_7680=0\r\n\r\n",
         "POST /login HTTP/1.1\r\n" HOST OURS "Content-Length: 38\r\n\r\n"
         "token=0123456789abcdef0123456789abcdef",
+        "POST /settings HTTP/1.1\r\n" HOST OURS "Content-Length: 7\r\n\r\nseed: 1",
         "GET / HTTP/1.1\r\n" HOST OURS "Upgrade: websocket\r\nConnection: Upgrade\r\n"
         "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n"
         "Sec-WebSocket-Protocol: fovea\r\n\r\n\x81\x85\1\2\3\4`al%0",
@@ -480,6 +507,7 @@ int main(void)
     if (!web_possible("test_web") || !watched_possible("test_web")) return 0;
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_teardown(the_page_is_sent_with_its_rules, end_of_test),
+        cmocka_unit_test_teardown(posts_are_judged, end_of_test),
         cmocka_unit_test_teardown(strange_hosts_and_origins_are_refused, end_of_test),
         cmocka_unit_test_teardown(without_the_token_only_the_login_page_is_seen, end_of_test),
         cmocka_unit_test_teardown(a_network_needs_a_token, end_of_test),
