@@ -42,8 +42,15 @@ static void reset(struct fovea *rt)
     fv_jobs_reset(rt);
 }
 
+/* No more poses between frames until a frame has one again. */
+static void end_sense(struct fovea *rt)
+{
+    if (rt->sense != NULL) fv_sense_offer(rt->sense, &(struct fv_sense_anchor){.posed = false});
+}
+
 static void take_commands(struct fovea *rt, uint32_t commands)
 {
+    if (commands & (FOVEA_COMMAND_RESET | FOVEA_COMMAND_PAUSE)) end_sense(rt);
     if (commands & FOVEA_COMMAND_RESET) reset(rt);
     if (commands & FOVEA_COMMAND_PAUSE) rt->state->paused = 1;
     if (commands & FOVEA_COMMAND_RESUME) rt->state->paused = 0;

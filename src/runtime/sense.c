@@ -19,8 +19,17 @@ static bool keep(struct fv_sense *sense, const struct fovea_rig_imu *rig,
 {
     struct fv_imu_reading next;
     if (!fv_imu_possible(sample) || !fv_imu_read(rig, sample, &next)) return false;
-    if (sense->count > 0 && next.stamp_ns <= kept_at(sense, sense->count - 1)->stamp_ns)
+    int64_t back_ns = -1;
+    if (sense->count > 0) {
+        const int64_t last_ns = kept_at(sense, sense->count - 1)->stamp_ns;
+        if (__builtin_sub_overflow(last_ns, next.stamp_ns, &back_ns)) back_ns = INT64_MAX;
+    }
+    if (back_ns > most_ns) { /* the clock was set back: what is kept is of another time */
+        sense->count = 0;
+        sense->begun = false;
+    } else if (back_ns >= 0) {
         return false;
+    }
     if (sense->count == FV_SENSE_KEPT) {
         sense->first = (sense->first + 1) % FV_SENSE_KEPT;
         sense->count--;

@@ -6,7 +6,8 @@
  * while are kept, and applied again from the new pose on. Between two samples the sensor's motion
  * is that of their mean; the force counts in the attitude half-way (inertial/preintegration.h has
  * the equations; its sums carry a covariance, too dear for all samples kept at once). It ends
- * when samples lack for 60 ms, or 2 s after the last pose.
+ * when samples lack for 60 ms, or 2 s after the last pose. A sample more than 2 s before the last
+ * one is of a clock that was set back, and what was kept is dropped.
  *
  * Two threads: the loop's offers poses, and that of the samples takes the newest one with the next
  * sample. Neither waits: there are three places, of which one lies between them. The loop's writes
@@ -74,8 +75,8 @@ void fv_sense_init(struct fv_sense *sense);
 /* After a frame. Loop thread. */
 void fv_sense_offer(struct fv_sense *sense, const struct fv_sense_anchor *anchor);
 
-/* The next sample as it came. False: it is not taken (not finite, not after the last), or there is
- * no pose. Thread of the samples. */
+/* The next sample as it came. False: it is not taken (not finite, not after the last one), or there
+ * is no pose. Thread of the samples. */
 bool fv_sense_take(struct fv_sense *sense, const struct fovea_rig_imu *rig,
                    const struct fovea_imu_sample *sample, struct fv_sense_pose *pose);
 

@@ -57,7 +57,7 @@ struct channel {
 struct fv_sender {
     struct fv_ring rings[FV_SENDER_CLASSES];
     void *memory[FV_SENDER_CLASSES];
-    struct channel channels[FV_TRANSPORT_CHANNELS]; /* the last stands for all that have no place */
+    struct channel channels[FV_TRANSPORT_CHANNELS];
     atomic_uint channel_count;
 
     int64_t full_ns; /* the loop's: since when it finds no room; 0: it does */
@@ -107,6 +107,9 @@ static void channel_name(struct channel *channel, const char *name)
     snprintf(channel->name, sizeof channel->name, "%s", name);
     channel->class = class_of(channel->name);
 }
+
+_Static_assert((int)FV_MESSAGE_SAMPLE < (int)FV_TRANSPORT_CHANNELS,
+               "raise FV_TRANSPORT_CHANNELS: each kind that goes out has a place");
 
 /* The loop's: a channel is entered when it is first used. */
 static uint32_t channel_find(struct fv_sender *sender, const char *name)

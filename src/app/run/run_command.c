@@ -220,7 +220,7 @@ static enum fovea_status runtime_open(struct fv_run *run, struct fovea_error *er
 static void fast_pose_open(struct fv_run *run)
 {
     const struct fv_settings *settings = &run->settings;
-    if (settings->imu[0] == '\0' || settings->fast_pose_rate == 0 ||
+    if (run->transport == NULL || settings->imu[0] == '\0' || settings->fast_pose_rate == 0 ||
         !run->setup.ops->info(run->setup.source)->live)
         return;
     fv_fast_pose_open(&run->fast_pose, run->loop.rt, run->transport,

@@ -127,6 +127,22 @@ static void it_ends_two_seconds_after_the_last_pose(void **state)
     assert_false(fv_sense_take(&sense, &at_body, &last, &pose));
 }
 
+static void a_clock_that_was_set_back_is_followed(void **state)
+{
+    (void)state;
+    struct fv_sense_pose pose;
+    fresh();
+    const struct fv_sense_anchor before = moving_at(3600000000000), after = moving_at(1000000);
+    const struct fovea_imu_sample late = still_at(3600005000000), back = still_at(5000000),
+                                  next = still_at(10000000);
+    fv_sense_offer(&sense, &before);
+    assert_true(fv_sense_take(&sense, &at_body, &late, &pose));
+    assert_false(fv_sense_take(&sense, &at_body, &back, &pose)); /* of the pose of another time */
+    fv_sense_offer(&sense, &after);
+    assert_true(fv_sense_take(&sense, &at_body, &next, &pose));
+    assert_true(pose.stamp_ns == 10000000 && pose.since_ns == 9000000);
+}
+
 /* ---- in the runtime -------------------------------------------------------------------------- */
 
 static bool heard(const struct fovea_outputs *outputs, fovea_fast_pose_t *pose)
@@ -140,10 +156,23 @@ static bool heard(const struct fovea_outputs *outputs, fovea_fast_pose_t *pose)
     return true;
 }
 
+/* After the last frame, whose pose samples carry on: `next` is its last one. */
+static void it_ends_with(uint32_t command, struct fovea_sample next)
+{
+    struct fovea_outputs outputs;
+    next.imu.stamp_ns += 5000000;
+    assert_int_equal(fovea_sense(rig.rt, &next, 1, &outputs), FOVEA_OK);
+    const struct fovea_inputs inputs = {.commands = command, .now_ns = next.imu.stamp_ns};
+    (void)fovea_step(rig.rt, &inputs, &outputs);
+    next.imu.stamp_ns += 5000000;
+    assert_int_equal(fovea_sense(rig.rt, &next, 1, &outputs), FOVEA_AGAIN);
+}
+
 static void it_leads_from_frame_to_frame(void **state)
 {
     fovea_fast_pose_t pose = {.since_ns = 0};
     struct fovea_outputs outputs, twin_outputs;
+    struct fovea_sample last = {.kind = FOVEA_SAMPLE_IMU};
     struct fovea *twin = NULL;
     double worst_m = 0, worst_rad = 0, sum2 = 0;
     int carried = 0, asked = 0, compared = 0;
@@ -167,6 +196,7 @@ static void it_leads_from_frame_to_frame(void **state)
             const bool imu = list[i].kind == FOVEA_SAMPLE_IMU;
             any = heard(&outputs, &pose) || (any && !imu);
             assert_int_equal(status == FOVEA_OK, outputs.message_count == 1);
+            if (imu) last = list[i];
             if (rig.frames < WARM || !imu) continue;
             asked++;
             carried += status == FOVEA_OK;
@@ -204,6 +234,7 @@ static void it_leads_from_frame_to_frame(void **state)
     assert_true(sqrt(sum2 / compared) < 0.008 && worst_m < 0.025 && worst_rad < 0.005);
     assert_true(fovea_state_hash(twin) == fovea_state_hash(rig.rt));
     free(memory);
+    it_ends_with(FOVEA_COMMAND_PAUSE, last);
     sim_rig_close(&rig);
 }
 
@@ -246,6 +277,7 @@ int main(void)
         cmocka_unit_test(an_arm_and_biases_are_taken_away),
         cmocka_unit_test(a_pose_that_comes_late_is_carried_on_at_once),
         cmocka_unit_test(it_ends_two_seconds_after_the_last_pose),
+        cmocka_unit_test(a_clock_that_was_set_back_is_followed),
         cmocka_unit_test(it_leads_from_frame_to_frame),
         cmocka_unit_test(the_mask_of_boxes_lies_elsewhere),
         cmocka_unit_test(without_a_sensor_there_is_nothing),
