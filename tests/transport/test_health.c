@@ -78,7 +78,7 @@ static void heat_is_told_and_replays(void **unused)
         " && echo cpu-thermal >type && echo 74000 >temp",
         folder, folder);
     run("hot");
-    assert_true(last_reason(reason, &state) >= 2);
+    assert_true(last_reason(reason, &state) >= 1);
     assert_int_equal(state, FOVEA_HEALTH_T_STATE_DEGRADED);
     assert_string_equal(reason,
                         "74.0 degrees, the limit is 80.0; work is kept to 75 % of the period");
@@ -90,7 +90,7 @@ static void a_machine_that_says_nothing_is_well(void **unused)
     char reason[128] = "?";
     int state = -1;
     run("none");
-    assert_true(last_reason(reason, &state) >= 2);
+    assert_true(last_reason(reason, &state) >= 1);
     assert_int_equal(state, FOVEA_HEALTH_T_STATE_OK);
     assert_string_equal(reason, "");
 }
