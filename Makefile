@@ -208,7 +208,7 @@ cross:  ## build for aarch64 and run the tests under qemu-user
 # What CI runs of them: the runtime's rooms and the simulated camera, whose results must be the same on ARM. The others are tests of
 # files, processes, sockets and camera drivers, where an emulator tells nothing new; the program that is made of them is run on ARM by
 # tests/replay/everywhere.sh, and the campaign runs all (its part `cross`).
-CORE_TESTS = $(filter-out unit/app/% unit/web/% unit/drivers/% transport/% realtime/%,$(TESTS_C:tests/%.c=%)) unit/drivers/test_sim unit/drivers/test_sim_imu unit/drivers/test_fault unit/drivers/test_fault_schedule
+CORE_TESTS = $(filter-out unit/app/% unit/campaign/% unit/web/% unit/drivers/% transport/% realtime/%,$(TESTS_C:tests/%.c=%)) unit/drivers/test_sim unit/drivers/test_sim_imu unit/drivers/test_fault unit/drivers/test_fault_schedule
 .PHONY: cross-core
 cross-core:  ## build for aarch64 and run the tests of the runtime's rooms under qemu-user
 	@tools/install.sh build test cross
@@ -599,10 +599,11 @@ $(WRONG_TESTS): TEST_MORE := $(call objs,tests/common/wrong_case.c)
 PROGRAM_TESTS := $(BUILD)/tests/realtime/test_ends $(BUILD)/tests/realtime/test_host
 $(PROGRAM_TESTS): $(call objs,tests/common/program.c)
 $(PROGRAM_TESTS): TEST_MORE := $(call objs,tests/common/program.c)
-# The campaign of fault schedules, one file per part, is one program.
+# The campaign of fault schedules, one file per part, is one program; a test judges its judging.
 FAULTS_O := $(call objs,$(wildcard tests/campaign/faults/*.c))
-$(BUILD)/tests/campaign/faults: $(FAULTS_O)
-$(BUILD)/tests/campaign/faults: TEST_MORE := $(FAULTS_O)
+FAULTS := $(BUILD)/tests/campaign/faults $(BUILD)/tests/unit/campaign/test_faults
+$(FAULTS): $(FAULTS_O)
+$(FAULTS): TEST_MORE := $(FAULTS_O)
 # The benchmarks beside OpenCV, one file per room, make up one program.
 BENCH_O := $(call objs,$(wildcard tests/bench/*.cpp)) $(KERNEL_CHECKS)
 $(BUILD)/bench: $(BENCH_O) $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a

@@ -2,7 +2,7 @@
  * against the whole runtime with detector, map and grid; each in a process of its own.
  *
  * Usage: faults SEEDS FIRST FOLDER [--sample]   seeds FIRST to FIRST + SEEDS - 1. What is done
- *            stands in FOLDER/faults.seeds and is not run again; the report is
+ *            stands in FOLDER/faults.seeds and is not run again by the same build; the report is
  *            FOLDER/faults.md, with pictures of the worst runs beside it. Exit 0 when all bars
  * hold.
  *            --sample: nothing is remembered, and no run without faults is made to compare with;
@@ -16,13 +16,16 @@
  * A seed decides everything of its run (faults/plan.h). Judged are (faults/judge.h, report.c):
  *
  *   crashes, hangs, heap calls in the loop, descriptors that stay open: none
+ *   frames processed and tracking, without faults too, returns, maps: some, or nothing is judged
+ *   judged for false confidence: at least 70 % of the tracking frames whose truth is exact (a
+ *       frame that is its own keyframe is not, nor is a map of a few poses)
  *   false confidence, of tracking frames: at most 0.5 % per kind of fault. NEES of the pose against
- *       its reference keyframe over 22.5. Poses in metres are compared as they are, those of free
- *       scale after the similarity of their map to the truth, which gives the unit alone
- *   tracking frames: at least 30 % of those of the same source without faults, per kind
- *   frames: one is processed within 1 s, by stamps, in 99 % of all returns of a source
- *   map: loads, and a run without faults on the same place finds itself in it within 60 frames
- *       (or at least tracks with it loaded), in 99 %; a run that never had a pose has no map */
+ *       its reference keyframe over 22.5, or a pose that is not finite. Poses in metres are
+ * compared as they are, those of free scale after the similarity of their map to the truth, which
+ * gives the unit alone tracking frames: at least 30 % of those of the same source without faults,
+ * per kind frames: one is processed within 1 s, by stamps, in 99 % of all returns of a source map:
+ * loads, and a run without faults on the same place finds itself in it within 60 frames (or at
+ * least tracks with it loaded), in 99 %; a run that never had a pose has no map */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -35,6 +38,7 @@
 #include "faults/plan.h"
 #include "faults/play.h"
 #include "faults/real.h"
+#include "faults/record.h"
 #include "faults/report.h"
 #include "app/run/heap.h"
 
@@ -126,49 +130,39 @@ static void run_task(const void *argument, void *found)
 
 /* ---- runs without faults, one for each source ------------------------------------------------ */
 
-static struct bare {
-    char source[FAULTS_TEXT];
-    struct faults_verdict verdict;
-} bares[SOURCES_MAX];
+static struct faults_bare bares[SOURCES_MAX];
 static uint32_t bare_count;
-
-static void bare_line(FILE *file, const struct bare *bare)
-{
-    fprintf(file, "%u %u %u %u %.9g %s\n", bare->verdict.given, bare->verdict.tracking,
-            bare->verdict.judged, bare->verdict.wrong, bare->verdict.worst, bare->source);
-}
+static uint64_t build; /* this program */
 
 static void bares_read(const char *path)
 {
-    FILE *file = fopen(path, "r");
-    struct bare *next;
-    while (file != NULL && bare_count < SOURCES_MAX && (next = &bares[bare_count]) &&
-           fscanf(file, "%u %u %u %u %lf %1023[^\n]\n", &next->verdict.given,
-                  &next->verdict.tracking, &next->verdict.judged, &next->verdict.wrong,
-                  &next->verdict.worst, next->source) == 6)
-        bare_count++;
+    char line[FAULTS_LINE];
+    FILE *file = faults_record_open(path, build);
+    while (file != NULL && bare_count < SOURCES_MAX && faults_record_next(file, line))
+        bare_count += faults_bare_read(line, &bares[bare_count]);
     if (file != NULL) fclose(file);
 }
 
-static const struct bare *bare_of(const struct faults_plan *plan, const char *path)
+static const struct faults_bare *bare_of(const struct faults_plan *plan, const char *path)
 {
     struct task task = {.plan = *plan};
     struct faults_result result = {.kind = FAULTS_KINDS};
+    char line[FAULTS_LINE];
     for (uint32_t i = 0; i < bare_count; i++)
-        if (strcmp(bares[i].source, plan->source) == 0) return &bares[i];
+        if (strcmp(bares[i].source, plan->source) == 0 && bares[i].wheels == plan->wheels)
+            return &bares[i];
     if (bare_count == SOURCES_MAX) faults_die("too many sources");
     task.plan.count = 0;
     task.plan.kind = FAULTS_KINDS;
     memcpy(task.plan.uri, plan->source, sizeof plan->source);
-    if (faults_in_child(run_task, &task, &result, sizeof result) != FAULTS_WELL)
+    if (faults_in_child(run_task, &task, &result, sizeof result, FAULTS_LOOK_MS) != FAULTS_WELL)
         faults_die("a source without faults does not run");
-    struct bare *bare = &bares[bare_count++];
+    struct faults_bare *bare = &bares[bare_count++];
     memcpy(bare->source, plan->source, sizeof bare->source);
+    bare->wheels = plan->wheels;
     bare->verdict = result.verdict;
-    FILE *file = fopen(path, "a");
-    if (file == NULL) faults_die("the record cannot be written");
-    bare_line(file, bare);
-    if (fclose(file)) faults_die("the record cannot be written");
+    faults_bare_write(bare, line);
+    faults_record_append(path, build, line);
     return bare;
 }
 
@@ -179,35 +173,11 @@ static void bares_sum(struct faults_verdict *sum)
         const struct faults_verdict *v = &bares[i].verdict;
         sum->given += v->given;
         sum->tracking += v->tracking;
+        sum->due += v->due;
         sum->judged += v->judged;
         sum->wrong += v->wrong;
         sum->worst = fmax(sum->worst, v->worst);
     }
-}
-
-/* ---- the record ------------------------------------------------------------------------------ */
-
-static void record_line(FILE *file, const struct faults_result *r)
-{
-    const struct faults_verdict *v = &r->verdict;
-    fprintf(file, "%llu %u %u %u %u %u %d %llu %u %u %u %u %u %u %.9g %.9g %u %u %.9g\n",
-            (unsigned long long)r->seed, r->kind, r->end, r->bare, r->map, r->endless,
-            r->descriptors, (unsigned long long)r->heap_calls, v->given, v->processed, v->posed,
-            v->tracking, v->judged, v->wrong, v->worst, v->error_m, v->returns, v->late, v->last_s);
-}
-
-static bool record_read(FILE *file, struct faults_result *r)
-{
-    struct faults_verdict *v = &r->verdict;
-    unsigned long long seed, heap_calls;
-    if (fscanf(file, "%llu %u %u %u %u %u %d %llu %u %u %u %u %u %u %lf %lf %u %u %lf\n", &seed,
-               &r->kind, &r->end, &r->bare, &r->map, &r->endless, &r->descriptors, &heap_calls,
-               &v->given, &v->processed, &v->posed, &v->tracking, &v->judged, &v->wrong, &v->worst,
-               &v->error_m, &v->returns, &v->late, &v->last_s) != 19)
-        return false;
-    r->seed = seed;
-    r->heap_calls = heap_calls;
-    return r->kind < FAULTS_KINDS && r->end <= FAULTS_HANG && r->map <= FAULTS_MAP_USELESS;
 }
 
 /* ---- all seeds ------------------------------------------------------------------------------- */
@@ -236,7 +206,7 @@ static void run_seed(uint64_t seed, const char *folder, bool sample, struct faul
     memset(result, 0, sizeof *result);
     result->seed = seed;
     result->kind = task.plan.kind;
-    result->end = faults_in_child(run_task, &task, result, sizeof *result);
+    result->end = faults_in_child(run_task, &task, result, sizeof *result, FAULTS_LOOK_MS);
     if (result->end != FAULTS_WELL || result->heap_calls > 0 || result->descriptors != 0 ||
         result->endless)
         printf("  again: build/tests/campaign/faults --one %llu %s   (%s)\n",
@@ -247,27 +217,24 @@ static void run_seed(uint64_t seed, const char *folder, bool sample, struct faul
 
 static void run_all(uint64_t first, uint32_t seeds, const char *folder, bool sample)
 {
-    char path[FAULTS_TEXT];
+    char path[FAULTS_TEXT], line[FAULTS_LINE];
     struct faults_plan plan;
     uint32_t skipped = 0;
     (void)snprintf(path, sizeof path, "%s/faults.bare", folder);
     if (!sample) bares_read(path);
     (void)snprintf(path, sizeof path, "%s/faults.seeds", folder);
-    FILE *file = sample ? NULL : fopen(path, "r");
-    while (file != NULL && result_count < SEEDS_MAX && record_read(file, &results[result_count]))
-        if (results[result_count].seed - first < seeds) result_count++;
+    FILE *file = sample ? NULL : faults_record_open(path, build);
+    while (file != NULL && result_count < SEEDS_MAX && faults_record_next(file, line))
+        result_count += faults_result_read(line, &results[result_count]) &&
+                        results[result_count].seed - first < seeds;
     if (file != NULL) fclose(file);
     for (uint64_t seed = first; seed < first + seeds && result_count < SEEDS_MAX; seed++) {
         faults_plan_draw(seed, folder, &plan);
         skipped += !is_there(&plan);
         if (is_done(seed) || !is_there(&plan)) continue;
         run_seed(seed, folder, sample, &results[result_count]);
-        file = sample ? NULL : fopen(path, "a");
-        if (file == NULL && !sample) faults_die("the record cannot be written");
-        if (file != NULL) {
-            record_line(file, &results[result_count]);
-            if (fclose(file)) faults_die("the record cannot be written");
-        }
+        faults_result_write(&results[result_count], line);
+        if (!sample) faults_record_append(path, build, line);
         result_count++;
     }
     if (skipped > 0) printf("SKIPPED %u seeds on real recordings, which are not there\n", skipped);
@@ -295,7 +262,8 @@ static void draw_worst(FILE *out, const char *folder)
         (void)snprintf(path, sizeof path, "%s/worst-%u.png", folder, i + 1);
         faults_plan_draw(r->seed, folder, &task.plan);
         task.picture = path;
-        const bool drawn = faults_in_child(run_task, &task, &result, sizeof result) == FAULTS_WELL;
+        const bool drawn =
+            faults_in_child(run_task, &task, &result, sizeof result, FAULTS_LOOK_MS) == FAULTS_WELL;
         fprintf(out, "- seed %llu, %s: %u of %u judged frames false, NEES up to %.4g: %s, `%s`\n",
                 (unsigned long long)r->seed, faults_kind_name(r->kind), r->verdict.wrong,
                 r->verdict.judged, r->verdict.worst, drawn ? path : "no picture", task.plan.uri);
@@ -341,7 +309,9 @@ static int one(uint64_t seed, const char *folder, const char *picture, bool bare
     if (bare) task.plan.count = 0;
     if (bare) memcpy(task.plan.uri, task.plan.source, sizeof task.plan.source);
     printf("%s%s\n", task.plan.uri, task.plan.wheels ? " (scale.source wheel_odometry)" : "");
-    return faults_in_child(run_task, &task, &result, sizeof result) == FAULTS_WELL ? 0 : 1;
+    return faults_in_child(run_task, &task, &result, sizeof result, FAULTS_LOOK_MS) == FAULTS_WELL
+               ? 0
+               : 1;
 }
 
 static int recordings(void)
@@ -366,6 +336,7 @@ int main(int argc, char **argv)
     if (argc < 4 || atoi(argv[1]) < 1 || atoi(argv[1]) > SEEDS_MAX)
         faults_die("usage: faults SEEDS FIRST FOLDER [--sample]");
     const bool sample = argc > 4 && strcmp(argv[4], "--sample") == 0;
+    build = faults_build();
     run_all(strtoull(argv[2], NULL, 10), (uint32_t)atoi(argv[1]), argv[3], sample);
     return report(argv[3], sample);
 }

@@ -5,6 +5,7 @@
 #include <poll.h>
 #include <signal.h>
 #include <stdbool.h>
+#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -44,29 +45,67 @@ static unsigned long ticks_of(pid_t pid, bool *asleep)
     return sum;
 }
 
-/* Read the result as it comes; false: it did not come whole. `hangs`: the child sleeps for ever. */
-static bool take_result(int from, pid_t pid, void *result, size_t bytes, bool *hangs)
+bool faults_sleeps(struct faults_sleep *sleep, bool asleep, unsigned long ticks, long per_look)
 {
-    size_t got = 0;
-    unsigned long before = 0;
-    int asleep_for = 0;
-    while (got < bytes && !*hangs) {
-        struct pollfd wait = {.fd = from, .events = POLLIN};
-        const int ready = poll(&wait, 1, 1000);
-        if (ready < 0 && errno != EINTR) return false;
-        if (ready <= 0) {
-            bool asleep;
-            const unsigned long ticks = ticks_of(pid, &asleep);
-            asleep_for = asleep && ticks == before ? asleep_for + 1 : 0;
-            before = ticks;
-            *hangs = asleep_for >= FAULTS_ASLEEP_S;
-            continue;
+    if (!asleep) sleep->asleep_for = 0;
+    if (!asleep) return false;
+    if (sleep->asleep_for == 0) sleep->from = ticks;
+    if (++sleep->asleep_for <= FAULTS_ASLEEP_S) return false;
+    sleep->asleep_for = 0;
+    return 100 * (ticks - sleep->from) <= (unsigned long)(FAULTS_ASLEEP_S * per_look);
+}
+
+struct child {
+    pid_t pid;
+    int from; /* what it writes; -1: it has closed that */
+    int look_ms;
+    uint8_t *result;
+    size_t got, bytes;
+    int status;
+};
+
+/* Take what the child has written. */
+static void take(struct child *child)
+{
+    uint8_t beyond;
+    uint8_t *to = child->got < child->bytes ? child->result + child->got : &beyond;
+    const size_t room = child->got < child->bytes ? child->bytes - child->got : 1;
+    const ssize_t more = read(child->from, to, room);
+    if (more > 0 && child->got < child->bytes) child->got += (size_t)more;
+    if (more > 0 || (more < 0 && errno == EINTR)) return;
+    close(child->from);
+    child->from = -1;
+}
+
+/* Until the child has ended. False: it sleeps for ever, and was killed. */
+static bool watch(struct child *child)
+{
+    enum { SHORT_MS = 10 };
+    const long per_look = sysconf(_SC_CLK_TCK) * child->look_ms / 1000;
+    struct faults_sleep sleep = {0};
+    int waited_ms = 0;
+    while (waitpid(child->pid, &child->status, WNOHANG) == 0) {
+        /* Whatever has closed its end of the pipe is about to be gone. */
+        const int wait_ms =
+            child->from < 0 && SHORT_MS < child->look_ms ? SHORT_MS : child->look_ms;
+        struct pollfd wait = {.fd = child->from, .events = POLLIN};
+        const int ready = poll(&wait, 1, wait_ms);
+        if (ready > 0) take(child);
+        if (ready != 0) continue;
+        waited_ms += wait_ms;
+        if (waited_ms < child->look_ms) continue;
+        waited_ms = 0;
+        bool asleep;
+        const unsigned long ticks = ticks_of(child->pid, &asleep);
+        if (!faults_sleeps(&sleep, asleep, ticks, per_look)) continue;
+        kill(child->pid, SIGKILL);
+        while (waitpid(child->pid, &child->status, 0) < 0 && errno == EINTR) {
         }
-        const ssize_t more = read(from, (char *)result + got, bytes - got);
-        if (more <= 0) return false;
-        got += (size_t)more;
+        return false;
     }
-    return !*hangs;
+    while (child->from >= 0)
+        take(child);
+    return true;
 }
 
 _Noreturn static void be_child(void (*work)(const void *argument, void *result),
@@ -86,32 +125,31 @@ _Noreturn static void be_child(void (*work)(const void *argument, void *result),
 }
 
 enum faults_end faults_in_child(void (*work)(const void *argument, void *result),
-                                const void *argument, void *result, size_t bytes)
+                                const void *argument, void *result, size_t bytes, int look_ms)
 {
-    int ends[2], status = 0;
-    bool hangs = false;
-    void *found = malloc(bytes);
+    int ends[2];
+    struct child child = {.bytes = bytes, .look_ms = look_ms, .result = malloc(bytes)};
     fflush(NULL);
-    if (found == NULL || pipe(ends)) faults_die("no memory, or no pipe");
-    const pid_t pid = fork();
-    if (pid < 0) faults_die("no process");
-    if (pid == 0) {
+    if (child.result == NULL || pipe(ends)) faults_die("no memory, or no pipe");
+    child.pid = fork();
+    if (child.pid < 0) faults_die("no process");
+    if (child.pid == 0) {
         close(ends[0]);
         be_child(work, argument, bytes, ends[1]);
     }
     close(ends[1]);
-    const bool whole = take_result(ends[0], pid, found, bytes, &hangs);
-    if (hangs) kill(pid, SIGKILL);
-    close(ends[0]);
-    while (waitpid(pid, &status, 0) < 0 && errno == EINTR) {
-    }
-    const bool too_long = WIFSIGNALED(status) && WTERMSIG(status) == SIGXCPU;
-    if (whole && status == 0) memcpy(result, found, bytes);
-    free(found);
-    if (hangs) printf("  HANG: all threads slept for %d s\n", FAULTS_ASLEEP_S);
+    child.from = ends[0];
+    const bool hangs = !watch(&child);
+    if (child.from >= 0) close(child.from);
+    const int status = child.status;
+    const bool too_long = WIFSIGNALED(status) && WTERMSIG(status) == SIGXCPU,
+               well = !hangs && child.got == bytes && status == 0;
+    if (well) memcpy(result, child.result, bytes);
+    free(child.result);
+    if (hangs) printf("  HANG: all threads slept for %d looks\n", FAULTS_ASLEEP_S);
     if (too_long) printf("  HANG: more than %d s of processor time\n", FAULTS_CPU_S);
     if (hangs || too_long) return FAULTS_HANG;
-    if (whole && status == 0) return FAULTS_WELL;
+    if (well) return FAULTS_WELL;
     if (WIFSIGNALED(status))
         printf("  CRASH: ended by signal %d (%s)\n", WTERMSIG(status), strsignal(WTERMSIG(status)));
     else

@@ -18,6 +18,19 @@ static bool is_metric(const struct fovea_pose *pose)
     return pose->scale_source != FOVEA_SCALE_FREE;
 }
 
+static bool all_finite(const double *value, int count)
+{
+    for (int i = 0; i < count; i++)
+        if (!isfinite(value[i])) return false;
+    return true;
+}
+
+static bool is_finite(const struct fovea_pose *pose)
+{
+    return all_finite(pose->T_world_cam, 12) && all_finite(pose->T_keyframe_cam, 12) &&
+           all_finite(pose->covariance, 21);
+}
+
 bool faults_fit(const struct faults_play *play, uint32_t map_id, bool metric,
                 struct faults_fit *fit)
 {
@@ -26,7 +39,7 @@ bool faults_fit(const struct faults_play *play, uint32_t map_id, bool metric,
         const struct faults_frame *frame = &play->frame[i];
         const double *T = frame->pose.T_world_cam;
         if (!frame->processed || !frame->pose.posed || !frame->has_truth ||
-            frame->pose.map_id != map_id || is_metric(&frame->pose) != metric)
+            frame->pose.map_id != map_id || is_metric(&frame->pose) != metric || !all_finite(T, 12))
             continue;
         const double p[3] = {T[3], T[7], T[11]},
                      q[3] = {frame->truth[3], frame->truth[7], frame->truth[11]};
@@ -101,8 +114,8 @@ static double metres_of(const struct faults_play *play, const struct fovea_pose 
     return faults_fit(play, pose->map_id, false, &fit) ? fit.scale : 0;
 }
 
-/* NEES of a frame's pose relative to its reference keyframe; NaN: it cannot be judged. `vector`:
- * its error, in metres and rad. */
+/* NEES of a frame's pose relative to its reference keyframe; infinite: it is none at all; NaN: it
+ * cannot be judged. `vector`: its error, in metres and rad. */
 static double nees_of(const struct faults_play *play, const struct faults_frame *frame,
                       double vector[6])
 {
@@ -128,7 +141,7 @@ static double nees_of(const struct faults_play *play, const struct faults_frame 
     const double nees = squared_error(pose->covariance, vector);
     for (int i = 0; i < 3; i++)
         vector[i] *= metres;
-    return nees;
+    return isnan(nees) ? INFINITY : nees;
 }
 
 /* ---- frames flow again ----------------------------------------------------------------------- */
@@ -179,6 +192,10 @@ void faults_explain(const struct faults_play *play, const double nees[FAULTS_GIV
         const struct fovea_pose *pose = &frame->pose;
         double error[6];
         if (!(nees[i] > nees_max)) continue;
+        if (!is_finite(pose)) {
+            printf("  frame %llu: its pose is not finite\n", (unsigned long long)frame->index);
+            continue;
+        }
         (void)nees_of(play, frame, error);
         keyframe = at_stamp(play, pose->keyframe_stamp_ns);
         printf(
@@ -207,13 +224,15 @@ void faults_judge(const struct faults_plan *plan, const struct faults_play *play
         verdict->posed += frame->processed && frame->pose.posed;
         if (!frame->processed || frame->pose.state != FOVEA_TRACKING_OK) continue;
         verdict->tracking++;
-        if (!truth_is_exact || !frame->has_truth) continue;
-        nees[i] = nees_of(play, frame, error);
+        const bool finite = is_finite(&frame->pose);
+        if (finite && (!truth_is_exact || !frame->has_truth)) continue;
+        verdict->due++;
+        nees[i] = finite ? nees_of(play, frame, error) : INFINITY;
         if (isnan(nees[i])) continue;
         verdict->judged++;
         verdict->wrong += !(nees[i] <= nees_max);
         if (nees[i] > verdict->worst) verdict->worst = nees[i];
-        verdict->error_m = fmax(verdict->error_m, fv_norm3(error));
+        if (finite) verdict->error_m = fmax(verdict->error_m, fv_norm3(error));
     }
     if (plan->count > 0) judge_returns(plan, play, verdict);
 }

@@ -4,7 +4,8 @@
  * allows. As tools/evaluate has it (nees6_keyframe): the pose relative to its reference keyframe,
  * which is what the covariance is of, against the same of the truth; error = log(T_est^-1 T_true),
  * NEES = error^T S^-1 error, false where it is over 22.5 (99.9 % of six degrees of freedom are
- * below). Frames that are their own reference have no error and are not judged.
+ * below). Frames that are their own reference have no error and are not judged. A tracking frame
+ * whose pose or covariance is not finite is false, whatever the truth.
  *
  * A pose that claims metres is compared as it is. One whose scale is free is known up to a
  * similarity: its lengths are brought to metres by the scale of the best similarity of all such
@@ -18,8 +19,8 @@
 
 struct faults_verdict {
     uint32_t given, processed, posed;
-    uint32_t tracking, judged,
-        wrong;              /* frames: of the first that could be judged; of these false */
+    uint32_t tracking, due, /* frames: of the first that have an exact truth, and those that */
+        judged, wrong;      /* are not finite; of these that could be judged; of these false */
     double worst;           /* largest NEES of a judged frame */
     double error_m;         /* largest error of a judged frame since its keyframe */
     uint32_t returns, late; /* ends of faults; of these without a processed frame in 1 s */

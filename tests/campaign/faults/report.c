@@ -4,11 +4,11 @@
 #include <string.h>
 
 /* Bars of a campaign. */
-static const double tracking_min = 0.3, flow_min = 0.99, map_min = 0.99;
+static const double judged_min = 0.7, tracking_min = 0.3, flow_min = 0.99, map_min = 0.99;
 
 struct sum {
     uint32_t runs, ends[3], returns, late, maps[4];
-    uint64_t tracking, with_bare, bare, judged, wrong, heap_calls;
+    uint64_t processed, tracking, with_bare, bare, due, judged, wrong, heap_calls;
     uint32_t spoiled; /* runs with any false frame */
     uint32_t leaks, endless;
     double worst;
@@ -20,11 +20,13 @@ static void add(struct sum *sum, const struct faults_result *result)
     sum->runs++;
     sum->ends[result->end]++;
     if (result->end != FAULTS_WELL) return;
+    sum->processed += v->processed;
     sum->tracking += v->tracking;
     if (result->bare > 0) {
         sum->with_bare += v->tracking;
         sum->bare += result->bare;
     }
+    sum->due += v->due;
     sum->judged += v->judged;
     sum->wrong += v->wrong;
     sum->spoiled += v->wrong > 0;
@@ -64,30 +66,53 @@ static bool holds(FILE *out, bool right, const char *bar, const char *of, double
     return right;
 }
 
-/* Bars of the campaign that hold for each kind, and of all runs. */
-static bool judge_rates(FILE *out, const struct sum kinds[FAULTS_KINDS], const struct sum *all,
-                        double wrong_max)
+/* Of all that runs can be judged by there must be something: a runtime that does nothing does
+ * nothing wrong. */
+static bool judge_worth(FILE *out, const struct sum *all, double slack)
+{
+    const double judged = share(all->judged, all->due),
+                 flow = share(all->returns - all->late, all->returns) + slack;
+    const uint32_t with_map =
+        all->runs - all->maps[FAULTS_MAP_NONE] - all->ends[FAULTS_CRASH] - all->ends[FAULTS_HANG];
+    const double usable = share(with_map - all->maps[FAULTS_MAP_USELESS], with_map) + slack;
+    bool right = holds(out, all->processed > 0, "frames processed", "all", (double)all->processed);
+    right &= holds(out, all->tracking > 0, "frames tracking", "all", (double)all->tracking);
+    right &= holds(out, judged >= judged_min, "judged, % of tracking frames with a truth", "all",
+                   100 * judged);
+    right &= holds(out, all->returns > 0 && flow >= flow_min,
+                   "frames flow within 1 s of a fault's end, %", "all", 100 * flow);
+    return holds(out, with_map > 0 && usable >= map_min, "maps usable, %", "all", 100 * usable) &&
+           right;
+}
+
+/* Bars of the campaign that hold for each kind. */
+static bool judge_kinds(FILE *out, const struct sum kinds[FAULTS_KINDS], double wrong_max)
 {
     bool right = true;
     struct sum gone = {0}; /* the source itself was away */
     for (uint32_t kind = 0; kind < FAULTS_KINDS; kind++) {
         const struct sum *sum = &kinds[kind];
         const char *name = faults_kind_name(kind);
-        const double wrong = share(sum->wrong, sum->judged),
+        const double wrong = share(sum->wrong, sum->judged), judged = share(sum->judged, sum->due),
                      kept = share(sum->with_bare, sum->bare);
+        if (sum->runs == 0) continue;
+        right &= holds(out, judged >= judged_min, "judged, % of tracking frames with a truth", name,
+                       100 * judged);
         right &= holds(out, wrong <= wrong_max, "false confidence, % of frames", name, 100 * wrong);
-        right &= holds(out, sum->bare == 0 || kept >= tracking_min,
-                       "tracking frames, % of those without faults", name, 100 * kept);
+        right &=
+            holds(out, sum->bare > 0, "tracking frames without faults", name, (double)sum->bare);
+        right &= holds(out, kept >= tracking_min, "tracking frames, % of those without faults",
+                       name, 100 * kept);
         if (kind != FV_FAULT_unplug && kind != FV_FAULT_drop) continue;
+        gone.runs += sum->runs;
         gone.returns += sum->returns;
         gone.late += sum->late;
     }
-    const double flow = 1 - share(gone.late, gone.returns);
-    right &= holds(out, flow >= flow_min, "frames flow within 1 s of a return, %", "unplug, drop",
-                   100 * flow);
-    const uint32_t with_map = all->runs - all->maps[FAULTS_MAP_NONE];
-    const double usable = 1 - share(all->maps[FAULTS_MAP_USELESS], with_map);
-    return holds(out, usable >= map_min, "maps usable, %", "all", 100 * usable) && right;
+    if (gone.runs == 0) return right;
+    const double flow = share(gone.returns - gone.late, gone.returns);
+    return holds(out, flow >= flow_min, "frames flow within 1 s of a return, %", "unplug, drop",
+                 100 * flow) &&
+           right;
 }
 
 bool faults_report(FILE *out, const struct faults_result *results, uint32_t count,
@@ -123,9 +148,8 @@ bool faults_report(FILE *out, const struct faults_result *results, uint32_t coun
     bool right = all.ends[FAULTS_CRASH] + all.ends[FAULTS_HANG] + all.leaks + all.endless == 0 &&
                  all.heap_calls == 0;
     const double wrong = share(all.wrong, all.judged);
-    if (bars->sample)
-        return holds(out, wrong <= bars->wrong_max, "false confidence, % of frames", "all",
-                     100 * wrong) &&
-               right;
-    return judge_rates(out, kinds, &all, bars->wrong_max) && right;
+    right &= judge_worth(out, &all, bars->sample && all.runs > 0 ? 1.0 / all.runs : 0);
+    right &=
+        holds(out, wrong <= bars->wrong_max, "false confidence, % of frames", "all", 100 * wrong);
+    return (bars->sample || judge_kinds(out, kinds, bars->wrong_max)) && right;
 }

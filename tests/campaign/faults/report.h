@@ -29,8 +29,8 @@ struct faults_result {
     struct faults_verdict verdict;
 };
 
-/* What a campaign judges. A sample judges false confidence of all runs together by `wrong_max`, and
- * no rates of single kinds. */
+/* What a campaign judges. A sample judges all runs together, false confidence by `wrong_max` and
+ * the other shares with one run more that may miss, and no rates of single kinds. */
 struct faults_bars {
     bool sample;
     double wrong_max; /* of judged frames */

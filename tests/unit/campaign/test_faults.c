@@ -1,0 +1,282 @@
+/* The campaign's own judging: a runtime that gives nothing, or no numbers, misses its bars; a
+ * record of another program, or a torn line of it, is not believed; a process that sleeps for ever
+ * is found, also when it has already given its result. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "../../campaign/faults/child.h"
+#include "../../campaign/faults/judge.h"
+#include "../../campaign/faults/record.h"
+#include "../../campaign/faults/report.h"
+
+enum { FRAMES = 60 };
+static struct faults_play play;
+static double nees[FAULTS_GIVEN_MAX];
+static const struct faults_plan no_fault = {.count = 0};
+
+static void stand_at(double T[12], double x, double y)
+{
+    const double at[12] = {1, 0, 0, x, 0, 1, 0, y, 0, 0, 1, 0};
+    memcpy(T, at, sizeof at);
+}
+
+/* A walk with the truth for its poses; every tenth frame is a keyframe. */
+static void walk(enum fovea_scale_source scale)
+{
+    memset(&play, 0, sizeof play);
+    play.count = FRAMES;
+    for (int i = 0; i < FRAMES; i++) {
+        struct faults_frame *frame = &play.frame[i];
+        struct fovea_pose *pose = &frame->pose;
+        const int keyframe = i / 10 * 10;
+        frame->index = (uint64_t)i;
+        frame->stamp_ns = i * INT64_C(33000000);
+        frame->image = frame->processed = frame->has_truth = true;
+        stand_at(frame->truth, 0.1 * i, 0.002 * i * i);
+        pose->state = FOVEA_TRACKING_OK;
+        pose->posed = true;
+        pose->scale_source = scale;
+        pose->scale = pose->map_scale = 1;
+        pose->keyframe_stamp_ns = keyframe * INT64_C(33000000);
+        stand_at(pose->T_world_cam, 0.1 * i, 0.002 * i * i);
+        stand_at(pose->T_keyframe_cam, 0.1 * (i - keyframe), 0.002 * (i * i - keyframe * keyframe));
+        for (int row = 0, k = 0; row < 6; k += 6 - row, row++)
+            pose->covariance[k] = 1e-4;
+    }
+}
+
+static void judge(struct faults_verdict *verdict, bool exact)
+{
+    faults_judge(&no_fault, &play, exact, nees, verdict);
+}
+
+static void a_right_walk_is_right(void **unused)
+{
+    (void)unused;
+    struct faults_verdict verdict;
+    walk(FOVEA_SCALE_FREE);
+    judge(&verdict, true);
+    assert_int_equal(verdict.tracking, FRAMES);
+    assert_int_equal(verdict.due, FRAMES);
+    assert_int_equal(verdict.judged, FRAMES - FRAMES / 10);
+    assert_int_equal(verdict.wrong, 0);
+}
+
+/* One place that is no number makes that frame false, and no other unjudged. */
+static void what_is_not_finite_is_false(void **unused)
+{
+    (void)unused;
+    struct faults_verdict verdict;
+    for (int kind = 0; kind < 4; kind++) {
+        walk(kind == 0 ? FOVEA_SCALE_FREE : FOVEA_SCALE_INERTIAL);
+        struct fovea_pose *pose = &play.frame[33].pose;
+        if (kind < 2) pose->T_world_cam[3] = NAN;
+        if (kind == 2) pose->T_keyframe_cam[7] = INFINITY;
+        if (kind == 3) pose->covariance[4] = NAN;
+        judge(&verdict, true);
+        assert_int_equal(verdict.judged, FRAMES - FRAMES / 10);
+        assert_int_equal(verdict.wrong, 1);
+        assert_true(isfinite(verdict.error_m));
+        judge(&verdict, false); /* without a truth, too */
+        assert_int_equal(verdict.wrong, 1);
+    }
+    for (int i = 0; i < FRAMES; i++)
+        for (int k = 0; k < 12; k++)
+            play.frame[i].pose.T_world_cam[k] = NAN;
+    judge(&verdict, true);
+    assert_int_equal(verdict.wrong, FRAMES);
+}
+
+/* ---- the report ------------------------------------------------------------------------------ */
+
+/* One run of each kind that is as it should be. */
+static void good_runs(struct faults_result runs[FAULTS_KINDS])
+{
+    memset(runs, 0, FAULTS_KINDS * sizeof *runs);
+    for (uint32_t kind = 0; kind < FAULTS_KINDS; kind++)
+        runs[kind] = (struct faults_result){.seed = kind,
+                                            .kind = kind,
+                                            .bare = 180,
+                                            .map = FAULTS_MAP_LOCALISES,
+                                            .verdict = {.given = 200,
+                                                        .processed = 200,
+                                                        .posed = 190,
+                                                        .tracking = 170,
+                                                        .due = 170,
+                                                        .judged = 150,
+                                                        .returns = 4}};
+}
+
+static bool holds(const struct faults_result runs[FAULTS_KINDS], bool sample)
+{
+    const struct faults_bars bars = {.sample = sample, .wrong_max = 0.005};
+    FILE *out = fopen("/dev/null", "w");
+    assert_non_null(out);
+    const bool right = faults_report(out, runs, FAULTS_KINDS, NULL, &bars);
+    fclose(out);
+    return right;
+}
+
+enum want { PROCESSED, TRACKING, JUDGED, RETURNS, LATE, MAPS, USELESS, BARE, WANTS };
+
+static void spoil(struct faults_result *run, enum want want)
+{
+    struct faults_verdict *v = &run->verdict;
+    if (want == PROCESSED) memset(v, 0, sizeof *v);
+    if (want == TRACKING) v->tracking = v->due = v->judged = 0;
+    if (want == JUDGED) v->judged = v->wrong = 0;
+    if (want == RETURNS) v->returns = v->late = 0;
+    if (want == LATE) v->late = v->returns;
+    if (want == MAPS) run->map = FAULTS_MAP_NONE;
+    if (want == USELESS) run->map = FAULTS_MAP_USELESS;
+    if (want == BARE) run->bare = 0;
+}
+
+static void nothing_misses_the_bars(void **unused)
+{
+    (void)unused;
+    static struct faults_result runs[FAULTS_KINDS];
+    for (int sample = 0; sample < 2; sample++) {
+        good_runs(runs);
+        assert_true(holds(runs, sample));
+        for (enum want want = 0; want < WANTS; want++) {
+            if (want == BARE && sample) continue; /* a sample makes none */
+            good_runs(runs);
+            for (uint32_t kind = 0; kind < FAULTS_KINDS; kind++)
+                spoil(&runs[kind], want);
+            assert_false(holds(runs, sample));
+        }
+    }
+    good_runs(runs);
+    spoil(&runs[FV_FAULT_blur], BARE);
+    assert_false(holds(runs, false));
+    good_runs(runs);
+    spoil(&runs[FV_FAULT_blur], JUDGED);
+    assert_false(holds(runs, false));
+}
+
+/* ---- the record ------------------------------------------------------------------------------ */
+
+static void a_record_is_of_one_build(void **unused)
+{
+    (void)unused;
+    char folder[] = "/tmp/fovea_faults_XXXXXX", path[64], before[80], line[FAULTS_LINE],
+         written[FAULTS_LINE];
+    struct faults_result result = {.seed = 7, .kind = 1, .verdict = {.due = 3, .worst = 1.5}},
+                         again;
+    assert_non_null(mkdtemp(folder));
+    (void)snprintf(path, sizeof path, "%s/seeds", folder);
+    (void)snprintf(before, sizeof before, "%s.before", path);
+    assert_null(faults_record_open(path, 1));
+    faults_result_write(&result, written);
+    faults_record_append(path, 1, written);
+    FILE *file = fopen(path, "a"); /* the next was torn */
+    assert_non_null(file);
+    fputs("8 1 0 180 1 0 0 0 200 2", file);
+    fclose(file);
+
+    for (int i = 0; i < 2; i++) {
+        file = faults_record_open(path, 1);
+        assert_non_null(file);
+        assert_true(faults_record_next(file, line));
+        assert_true(faults_result_read(line, &again));
+        faults_result_write(&again, line);
+        assert_string_equal(line, written);
+        assert_int_equal(faults_record_next(file, line), i == 1);
+        fclose(file);
+        if (i == 0) faults_record_append(path, 1, written);
+    }
+    assert_false(faults_result_read("8 1 0 180 1 0 0 0 200 2", &again));
+    assert_null(faults_record_open(path, 2));
+    assert_int_equal(access(before, F_OK), 0);
+    assert_int_not_equal(access(path, F_OK), 0);
+    assert_int_equal(unlink(before), 0);
+    assert_int_equal(rmdir(folder), 0);
+    assert_true(faults_build() != 0 && faults_build() == faults_build());
+}
+
+static void wheels_make_another_source(void **unused)
+{
+    (void)unused;
+    char line[FAULTS_LINE];
+    struct faults_bare bare = {.source = "sim:orbit?seed=1 and more", .wheels = true}, again;
+    for (int i = 0; i < 2; i++, bare.wheels = false) {
+        faults_bare_write(&bare, line);
+        assert_true(faults_bare_read(line, &again));
+        assert_string_equal(again.source, bare.source);
+        assert_int_equal(again.wheels, bare.wheels);
+    }
+}
+
+/* ---- hangs ----------------------------------------------------------------------------------- */
+
+/* Looks until a process is thought to hang that uses `used` ticks from look to look; 0: never. */
+static int looks_until(unsigned long used, bool awake_between)
+{
+    struct faults_sleep sleep = {0};
+    for (int look = 1; look <= 10 * FAULTS_ASLEEP_S; look++)
+        if (faults_sleeps(&sleep, !awake_between || look % 20 != 0, (unsigned long)look * used,
+                          100))
+            return look;
+    return 0;
+}
+
+static void sleepers_are_found(void **unused)
+{
+    (void)unused;
+    assert_int_equal(looks_until(0, false), FAULTS_ASLEEP_S + 1);
+    assert_int_equal(looks_until(1, false), FAULTS_ASLEEP_S + 1); /* it looks about itself */
+    assert_int_equal(looks_until(3, false), 0);
+    assert_int_equal(looks_until(0, true), 0); /* it waits for a processor */
+}
+
+static void sleep_for_ever(void)
+{
+    for (;;)
+        pause();
+}
+
+static void work(const void *argument, void *result)
+{
+    const int what = *(const int *)argument;
+    *(int *)result = 5;
+    if (what == 1) sleep_for_ever();
+    if (what == 2) (void)atexit(sleep_for_ever); /* behind the result */
+    if (what == 3) abort();
+}
+
+static void a_child_is_watched_to_its_end(void **unused)
+{
+    (void)unused;
+    static const enum faults_end ends[4] = {FAULTS_WELL, FAULTS_HANG, FAULTS_HANG, FAULTS_CRASH};
+    alarm(120);
+    for (int what = 0; what < 4; what++) {
+        int result = 0;
+        assert_int_equal(faults_in_child(work, &what, &result, sizeof result, 10), ends[what]);
+        assert_int_equal(result, what == 0 ? 5 : 0);
+    }
+    alarm(0);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_right_walk_is_right),
+        cmocka_unit_test(what_is_not_finite_is_false),
+        cmocka_unit_test(nothing_misses_the_bars),
+        cmocka_unit_test(a_record_is_of_one_build),
+        cmocka_unit_test(wheels_make_another_source),
+        cmocka_unit_test(sleepers_are_found),
+        cmocka_unit_test(a_child_is_watched_to_its_end),
+    };
+    return cmocka_run_group_tests_name("judging of the campaign of faults", tests, NULL, NULL);
+}
