@@ -10,6 +10,7 @@
 #include "fovea_recording_t.h"
 
 #define LEAP_US INT64_C(5000000) /* a longer gap between stamps is not waited for */
+#define STAMP_MOST_US (INT64_C(1) << 55)
 static const double speed_most = 8.0;
 
 struct place {
@@ -80,6 +81,17 @@ static enum fovea_status read_header(struct fv_web_player *player, struct fovea_
     return status;
 }
 
+/* Stamps of events are computed with: those of no year of a robot are damage. */
+static enum fovea_status check_stamp(const struct fv_web_player *player,
+                                     const struct fv_lcmlog_event *event, struct fovea_error *error)
+{
+    if (event->time_us <= STAMP_MOST_US && event->time_us >= -STAMP_MOST_US) return FOVEA_OK;
+    return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                           "%s: byte %lld: found an event of the time %lld us, expected at most "
+                           "2^55 on either side of 0",
+                           player->path, (long long)event->offset + 12, (long long)event->time_us);
+}
+
 /* Every stride-th frame; when the index is full, every second of its places goes. */
 static void index_frame(struct fv_web_player *player, const struct fv_lcmlog_event *event)
 {
@@ -104,6 +116,7 @@ static enum fovea_status make_index(struct fv_web_player *player, struct fovea_e
     player->last_us = INT64_MIN;
     damage->text[0] = '\0';
     while ((status = fv_lcmlog_skim(player->log, &event, damage)) == FOVEA_OK) {
+        if ((status = check_stamp(player, &event, damage)) != FOVEA_OK) break;
         if (fv_lcmlog_channel_is(event.channel, "FRAME")) index_frame(player, &event);
         ended = fv_lcmlog_channel_is(event.channel, "RECORDING_END");
     }
@@ -187,7 +200,8 @@ static bool read_event(struct fv_web_player *player)
 {
     struct fovea_error error = {0};
     if (player->waits) return true;
-    const enum fovea_status status = fv_lcmlog_next(player->log, &player->event, &error);
+    enum fovea_status status = fv_lcmlog_next(player->log, &player->event, &error);
+    if (status == FOVEA_OK) status = check_stamp(player, &player->event, &error);
     const bool beyond = status == FOVEA_OK && player->event.offset >= player->end;
     if (status == FOVEA_OK && !beyond) return player->waits = true;
     stop(player, status == FOVEA_END || beyond ? "" : error.text);

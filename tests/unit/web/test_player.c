@@ -13,6 +13,7 @@
 
 #include "common/short_run.h"
 #include "drivers/clock.h"
+#include "message/wire.h"
 #include "support/text.h"
 #include "web/relay.h"
 
@@ -135,6 +136,48 @@ static void damage_ends_in_one_line(void **state)
     free(copy);
 }
 
+/* Where in the file the n-th frame's event begins. */
+static size_t frame_at(int n)
+{
+    size_t at = 0;
+    for (int seen = 0; at + 33 < whole_bytes;) {
+        const size_t channel = fv_wire_read(whole + at + 20, 4);
+        if (memcmp(whole + at + 28 + channel - 5, "FRAME", 5) == 0 && seen++ == n) return at;
+        at += 28 + channel + fv_wire_read(whole + at + 24, 4);
+    }
+    fail_msg("no frame %d", n);
+    return 0;
+}
+
+/* A stamp that nothing can be computed with is damage, and what is before it is played. */
+static void stamps_without_bounds_are_damage(void **state)
+{
+    static const uint64_t stamps[] = {UINT64_C(1) << 63, INT64_MAX, (UINT64_C(1) << 55) + 1,
+                                      UINT64_C(0) - (UINT64_C(1) << 55) - 1};
+    uint8_t *copy = malloc(whole_bytes);
+    (void)state;
+    for (int i = 0; i < 8; i++) {
+        struct fv_web_player *player;
+        struct fovea_error damage = {0}, error = {0};
+        int64_t last = -1;
+        memcpy(copy, whole, whole_bytes);
+        for (int byte = 0; byte < 8; byte++)
+            copy[frame_at(i < 4 ? 5 : 0) + 12 + (size_t)byte] =
+                (uint8_t)(stamps[i % 4] >> (56 - 8 * byte));
+        FILE *file = fopen(changed, "wb");
+        assert_int_equal(fwrite(copy, 1, whole_bytes, file), whole_bytes);
+        fclose(file);
+        const enum fovea_status status = fv_web_player_open(changed, &player, &damage, &error);
+        assert_int_equal(status, i < 4 ? FOVEA_OK : FOVEA_ERROR_INPUT);
+        assert_non_null(strstr(i < 4 ? damage.text : error.text, "found an event of the time"));
+        if (i >= 4) continue;
+        play(player, fv_clock_ns(CLOCK_MONOTONIC) + INT64_C(4000000000), &last);
+        assert_int_equal(last, 4);
+        fv_web_player_close(player);
+    }
+    free(copy);
+}
+
 int main(void)
 {
     const struct short_run run = {
@@ -151,6 +194,7 @@ int main(void)
         cmocka_unit_test(frames_come_at_their_pace),
         cmocka_unit_test(the_relay_shows_it),
         cmocka_unit_test(damage_ends_in_one_line),
+        cmocka_unit_test(stamps_without_bounds_are_damage),
     };
     const int failed = cmocka_run_group_tests(tests, NULL, NULL);
     unlink(path);
