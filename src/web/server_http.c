@@ -239,6 +239,15 @@ static int answer_more(struct lws *wsi, struct fv_web_request *request)
     return lws_http_transaction_completed(wsi) != 0 ? -1 : 0;
 }
 
+/* The memory of a request: on a connection that stays, the one before the next. */
+static void forget(struct fv_web_request *request)
+{
+    free(request->made);
+    free(request->settings);
+    request->made = NULL;
+    request->settings = NULL;
+}
+
 /* ---- requests -------------------------------------------------------------------------------- */
 
 static int begin_login(struct fv_web_server *server, struct lws *wsi,
@@ -279,8 +288,10 @@ static int end_settings(struct fv_web_server *server, struct lws *wsi,
     if (relay->reader == NULL) return -1;
     request->settings[request->settings_bytes] = '\0';
     const bool asks = strcmp(request->settings, "\n") == 0;
-    if (strlen(request->settings) != request->settings_bytes)
+    if (strlen(request->settings) != request->settings_bytes) {
+        forget(request);
         return answer_text(wsi, request, HTTP_STATUS_BAD_REQUEST, "Found a byte 0 in settings\n");
+    }
     snprintf(id, sizeof id, "%lld",
              (long long)fv_web_commander_settings(server->setup.commander, relay->prefix,
                                                   (int64_t)fv_feed_reader_run(relay->reader),
@@ -302,6 +313,7 @@ static int begin(struct fv_web_server *server, struct lws *wsi, struct fv_web_re
                  const char *path)
 {
     enum fv_web_role role = FV_WEB_NOBODY;
+    forget(request);
     memset(request, 0, sizeof *request);
     const bool post = lws_hdr_total_length(wsi, WSI_TOKEN_POST_URI) > 0;
     request->head = lws_hdr_total_length(wsi, WSI_TOKEN_HEAD_URI) > 0;
@@ -401,12 +413,7 @@ int fv_web_http(struct lws *wsi, enum lws_callback_reasons reason, void *user, v
     case LWS_CALLBACK_HTTP_WRITEABLE:
         return answer_more(wsi, request);
     case LWS_CALLBACK_CLOSED_HTTP:
-        if (request != NULL) {
-            free(request->made);
-            free(request->settings);
-            request->made = NULL;
-            request->settings = NULL;
-        }
+        if (request != NULL) forget(request);
         return 0;
     default:
         return 0;

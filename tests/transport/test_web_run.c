@@ -9,6 +9,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/socket.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -300,6 +301,67 @@ static void who_may_only_look_cannot_command(void **state)
     end_run();
 }
 
+/* The resident memory of a process. */
+static long resident_kb(pid_t process)
+{
+    char path[64], line[128];
+    long kb = 0;
+    snprintf(path, sizeof path, "/proc/%d/status", (int)process);
+    FILE *file = fopen(path, "r");
+    assert_non_null(file);
+    while (fgets(line, sizeof line, file) != NULL)
+        if (strncmp(line, "VmRSS:", 6) == 0) kb = strtol(line + 6, NULL, 10);
+    fclose(file);
+    assert_true(kb > 0);
+    return kb;
+}
+
+static void post_wrong_settings(int to, int count)
+{
+    static const char request[] =
+        "POST /settings HTTP/1.1\r\nHost: 127.0.0.1:7680\r\n" OURS "Content-Length: 20000\r\n\r\n";
+    static char body[20000];
+    char said[2048] = "";
+    for (int i = 0; i < count; i++) {
+        assert_true(web_send(to, request));
+        assert_int_equal(send(to, body, sizeof body, MSG_NOSIGNAL), sizeof body);
+        size_t used = 0;
+        while (strstr(said, "byte 0 in settings") == NULL) {
+            const ssize_t got = recv(to, said + used, sizeof said - 1 - used, 0);
+            if (got <= 0) fail_msg("request %d: found \"%s\"", i, said);
+            said[used += (size_t)got] = '\0';
+        }
+        said[0] = '\0';
+    }
+}
+
+/* What is refused after its body has come leaves nothing behind on a connection that stays. */
+static void refused_settings_leave_no_memory(void **state)
+{
+    const char *const arguments[] = {"--feed", socket_path, NULL};
+    (void)state;
+    start_run(false);
+    web = web_start(arguments);
+    assert_true(web > 0);
+    const int page = open_page("");
+    until_text(page, "\"running\":true");
+    close(page);
+    const int to = web_connect();
+    assert_true(to >= 0);
+    post_wrong_settings(to, 100);
+    const long before = resident_kb(web);
+    post_wrong_settings(to, 2000);
+    const long grown = resident_kb(web) - before;
+    print_message("2,000 refused settings: %ld KB\n", grown);
+#if !defined(FOVEA_SANITIZED) /* sanitizers have memory of their own, and tell of leaks */
+    assert_true(grown < 10000);
+#endif
+    close(to);
+    assert_int_equal(web_end(web, true), 0);
+    web = 0;
+    end_run();
+}
+
 /* ---- another run ----------------------------------------------------------------------------- */
 
 static void a_run_that_begins_again_is_found(void **state)
@@ -332,6 +394,7 @@ int main(void)
         cmocka_unit_test_teardown(a_page_that_acknowledges_nothing_gets_two_pictures, tear_down),
         cmocka_unit_test_teardown(commands_are_sent_and_answered, tear_down),
         cmocka_unit_test_teardown(who_may_only_look_cannot_command, tear_down),
+        cmocka_unit_test_teardown(refused_settings_leave_no_memory, tear_down),
         cmocka_unit_test_teardown(a_run_that_begins_again_is_found, tear_down),
     };
     if (mkdtemp(folder) == NULL) return 1;
