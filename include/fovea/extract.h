@@ -93,8 +93,7 @@ struct fovea_extracted {
     uint32_t count;
     const struct fovea_local_feature
         *features;              /* strongest first; ORB: coarse levels first, so of each level;
-                                 * SURF: each octave is due half as many as the one before, and
-                                 * counts 0.8 of it; behind them what fills up */
+                                 * SURF: an octave counts 0.8 of the one before */
     const uint8_t *descriptors; /* count x descriptor_bytes */
     uint32_t descriptor_bytes;
 };

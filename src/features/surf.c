@@ -37,9 +37,7 @@ void fv_surf_carve(struct fv_surf *surf, const struct fovea_extract_config *conf
     surf->rows =
         fv_arena_take(arena, 3 * FV_SURF_LAYERS * (size_t)surf->stride, sizeof *surf->rows);
     /* Some are left out when they are refined. */
-    for (int o = 0; o < FV_SURF_OCTAVES; o++)
-        fv_strongest_carve(&surf->strongest[o], config->count_max + config->count_max / 4 + 16,
-                           arena);
+    fv_strongest_carve(&surf->strongest, config->count_max + config->count_max / 4 + 16, arena);
     surf->tables = fv_arena_take(arena, 1, sizeof *surf->tables);
     if (surf->tables != NULL) fv_surf_tables_fill(surf->tables);
     surf->features = fv_arena_take(arena, surf->count_max, sizeof *surf->features);
@@ -193,32 +191,31 @@ static void search_row(struct fv_surf *surf, uint32_t octave, int32_t layer, int
         uint32_t bits;
         memcpy(&bits, &weighted, sizeof bits); /* in the order of the values */
         const int32_t found = (int32_t)octave * LAYERS_FOUND + layer - 1;
-        fv_strongest_offer(&surf->strongest[octave], bits, found << X_BITS | x, y);
+        fv_strongest_offer(&surf->strongest, bits, found << X_BITS | x, y);
     }
 }
 
 static void find(struct fv_surf *surf, const struct fv_plane *mask)
 {
+    fv_strongest_begin(&surf->strongest);
     for (uint32_t octave = 0; octave < FV_SURF_OCTAVES; octave++) {
-        fv_strongest_begin(&surf->strongest[octave]);
         const int32_t step = 1 << octave, rows = (surf->height + step - 1) / step;
         for (int32_t row = 0; row < rows; row++) {
             respond_layers(surf, sides[octave], step, row);
             for (int32_t layer = 1; layer < FV_SURF_LAYERS - 1; layer++)
                 search_row(surf, octave, layer, row - 1, mask);
         }
-        fv_strongest_sort(&surf->strongest[octave]);
     }
+    fv_strongest_sort(&surf->strongest);
 }
 
-/* The determinants around maximum i of an octave again; false where the quadratic has its peak
- * elsewhere. */
-static bool refine(struct fv_surf *surf, uint32_t octave, uint32_t i, struct fv_surf_point *point)
+/* The determinants around a maximum again; false where the quadratic has its peak elsewhere. */
+static bool refine(struct fv_surf *surf, uint32_t i, struct fv_surf_point *point)
 {
-    const struct fv_strongest *strongest = &surf->strongest[octave];
-    const int32_t key = fv_strongest_x(strongest, i);
-    const int32_t x = key & ((1 << X_BITS) - 1), y = fv_strongest_y(strongest, i);
-    const int32_t layer = (key >> X_BITS) % LAYERS_FOUND + 1;
+    const int32_t key = fv_strongest_x(&surf->strongest, i);
+    const int32_t x = key & ((1 << X_BITS) - 1), y = fv_strongest_y(&surf->strongest, i);
+    const int32_t found = key >> X_BITS, layer = found % LAYERS_FOUND + 1;
+    const uint32_t octave = (uint32_t)(found / LAYERS_FOUND);
     const int32_t step = 1 << octave, *side = sides[octave];
     double values[3][3][3], at[3];
     for (int32_t s = 0; s < 3; s++)
@@ -244,51 +241,26 @@ static bool refine(struct fv_surf *surf, uint32_t octave, uint32_t i, struct fv_
     return true;
 }
 
-/* The octave whose next maximum counts most, of those with room; FV_SURF_OCTAVES: none. */
-static uint32_t octave_of_next(const struct fv_surf *surf, const uint32_t next[FV_SURF_OCTAVES],
-                               const uint32_t room[FV_SURF_OCTAVES])
-{
-    uint32_t best = FV_SURF_OCTAVES, most = 0;
-    for (uint32_t o = 0; o < FV_SURF_OCTAVES; o++) {
-        if (room[o] == 0 || next[o] >= surf->strongest[o].count) continue;
-        const uint32_t response = fv_strongest_response(&surf->strongest[o], next[o]);
-        if (response > most) best = o;
-        if (response > most) most = response;
-    }
-    return best;
-}
-
-static void put(struct fv_surf *surf, const struct fv_surf_point *point, uint32_t at)
-{
-    const float angle = surf->upright ? 0 : fv_surf_orient(surf, point);
-    surf->features[at] = (struct fovea_local_feature){
-        .x_px = (float)(surf->doubled ? point->x / 2 - .25 : point->x),
-        .y_px = (float)(surf->doubled ? point->y / 2 - .25 : point->y),
-        .size_px = (float)(surf->doubled ? point->sigma : 2 * point->sigma),
-        .angle_rad = angle,
-        .response = point->response,
-        .level = point->octave,
-    };
-    fv_surf_describe(surf, point, angle, surf->descriptors + (size_t)at * FV_SURF_BYTES);
-}
-
 uint32_t fv_surf_run(struct fv_surf *surf, const struct fv_plane *image,
                      const struct fv_plane *mask)
 {
-    uint32_t count = 0, next[FV_SURF_OCTAVES] = {0};
+    uint32_t count = 0;
     integrate(surf, image);
     find(surf, mask);
-    for (int fill = 0; fill < 2; fill++) { /* shares, then what octaves lack */
-        uint32_t room[FV_SURF_OCTAVES], octave;
-        for (uint32_t o = 0; o < FV_SURF_OCTAVES; o++)
-            room[o] = fill ? surf->count_max : surf->count_max * (8u >> o) / 15;
-        while (count < surf->count_max &&
-               (octave = octave_of_next(surf, next, room)) < FV_SURF_OCTAVES) {
-            struct fv_surf_point point;
-            if (!refine(surf, octave, next[octave]++, &point)) continue;
-            put(surf, &point, count++);
-            room[octave]--;
-        }
+    for (uint32_t i = 0; i < surf->strongest.count && count < surf->count_max; i++) {
+        struct fv_surf_point point;
+        if (!refine(surf, i, &point)) continue;
+        const float angle = surf->upright ? 0 : fv_surf_orient(surf, &point);
+        surf->features[count] = (struct fovea_local_feature){
+            .x_px = (float)(surf->doubled ? point.x / 2 - .25 : point.x),
+            .y_px = (float)(surf->doubled ? point.y / 2 - .25 : point.y),
+            .size_px = (float)(surf->doubled ? point.sigma : 2 * point.sigma),
+            .angle_rad = angle,
+            .response = point.response,
+            .level = point.octave,
+        };
+        fv_surf_describe(surf, &point, angle, surf->descriptors + (size_t)count * FV_SURF_BYTES);
+        count++;
     }
     return count;
 }
