@@ -10,9 +10,9 @@
  * wander --soak STEPS [OPTIONS]     at 160 x 120 unless OPTIONS say otherwise. From step 10,000 on
  * (of fewer than 100,000 steps: from a tenth on) every 1,000th step, and the last, must find memory
  * that is in no file, the resident set and open descriptors equal to the byte; and the median of
- * the last tenth of the steps may be at most 1.05 times that of the first tenth behind that step,
- * and not less than its 1 / 1.05. At least half of the frames must be posed: what sees nothing has
- * nothing that could grow. */
+ * the last tenth of the steps may be at most 1.05 times that of the first tenth behind that step.
+ * At least half of the frames must be posed: what sees nothing has nothing that could grow. Other
+ * programs slow CPU time down, too: where they come and go, a ratio proves little. */
 #include <dirent.h>
 #include <inttypes.h>
 #include <math.h>
@@ -202,7 +202,7 @@ static int soak(size_t steps, const char *options)
     go(&walk, early);
     const double first = median(walk.spent + early, tenth),
                  last = median(walk.spent + steps - tenth, tenth), ratio = last / first;
-    const bool steady = ratio <= ratio_max && ratio * ratio_max >= 1;
+    const bool steady = ratio <= ratio_max;
     say_map(&walk);
     printf("step %zu: %" PRIu64 " bytes in no file, %" PRIu64
            " resident, %d descriptors; %zu looks later %s\n",
