@@ -1,5 +1,6 @@
 #include "app/run/host.h"
 
+#include <errno.h>
 #include <glob.h>
 #include <math.h>
 #include <stdarg.h>
@@ -8,7 +9,8 @@
 #include <string.h>
 
 enum { ZONES_MAX = 16, TRIPS_MAX = 12, PATH_BYTES = 512 };
-static const float limit_without_trips_c = 80, begin_c = 10, full_c = 2;
+static const float limit_without_trips_c = 80, before_critical_c = 10, begin_c = 10, full_c = 2;
+static const long lowest_mc = -40000, highest_mc = 150000; /* what is no fault of a sensor */
 
 __attribute__((format(printf, 3, 4))) static bool line_read(char *line, int bytes,
                                                             const char *format, ...)
@@ -25,44 +27,66 @@ __attribute__((format(printf, 3, 4))) static bool line_read(char *line, int byte
     return read;
 }
 
-/* The lowest temperature at which the system acts by itself in a zone. */
+/* A line of millidegrees. False: it is none, or no temperature of a machine. */
+static bool celsius_of(const char *line, float *celsius)
+{
+    char *end;
+    errno = 0;
+    const long millidegrees = strtol(line, &end, 10);
+    if (end == line || (*end != '\0' && *end != '\n') || errno != 0 || millidegrees < lowest_mc ||
+        millidegrees > highest_mc)
+        return false;
+    *celsius = (float)millidegrees / 1000.0F;
+    return true;
+}
+
+/* Where the system begins to take processor time away in a zone; NaN: it states nothing. */
 static float trip_of(const char *root, int zone)
 {
-    float lowest = NAN;
+    float lowest = NAN, critical = NAN;
     char line[64];
     for (int trip = 0; trip < TRIPS_MAX; trip++) {
+        float celsius, *of;
         if (!line_read(line, sizeof line, "%s/sys/class/thermal/thermal_zone%d/trip_point_%d_type",
                        root, zone, trip))
             break;
-        const bool acts = strncmp(line, "passive", 7) == 0 || strncmp(line, "hot", 3) == 0 ||
-                          strncmp(line, "critical", 8) == 0;
-        if (!acts ||
-            !line_read(line, sizeof line, "%s/sys/class/thermal/thermal_zone%d/trip_point_%d_temp",
-                       root, zone, trip))
+        const bool is_critical = strncmp(line, "critical", 8) == 0;
+        if (!is_critical && strncmp(line, "passive", 7) != 0 && strncmp(line, "hot", 3) != 0)
             continue;
-        const float celsius = (float)strtol(line, NULL, 10) / 1000.0F;
-        if (celsius > 0 && !(celsius >= lowest)) lowest = celsius;
+        of = is_critical ? &critical : &lowest;
+        if (line_read(line, sizeof line, "%s/sys/class/thermal/thermal_zone%d/trip_point_%d_temp",
+                      root, zone, trip) &&
+            celsius_of(line, &celsius) && celsius > 0 && !(celsius >= *of))
+            *of = celsius;
     }
-    return lowest;
+    if (!isnan(lowest) || isnan(critical)) return lowest;
+    return fminf(limit_without_trips_c, critical - before_critical_c);
 }
 
-static void zones_read(const char *root, struct fv_host *host)
+static bool is_of_processor(const char *type)
 {
-    bool of_processor = false;
+    static const char *const names[] = {"cpu", "soc", "x86_pkg", "package", "core", "cluster"};
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++)
+        if (strcasestr(type, names[i]) != NULL) return true;
+    return false;
+}
+
+static void zones_read(const char *root, double limit_c, struct fv_host *host)
+{
     for (int zone = 0; zone < ZONES_MAX; zone++) {
         char line[64];
-        if (!line_read(line, sizeof line, "%s/sys/class/thermal/thermal_zone%d/temp", root, zone))
+        struct fv_host of = {.trip_c = NAN};
+        if (!line_read(line, sizeof line, "%s/sys/class/thermal/thermal_zone%d/temp", root, zone) ||
+            !celsius_of(line, &of.temperature_c))
             continue;
-        const float celsius = (float)strtol(line, NULL, 10) / 1000.0F;
-        const bool processor =
-            line_read(line, sizeof line, "%s/sys/class/thermal/thermal_zone%d/type", root, zone) &&
-            (strcasestr(line, "cpu") != NULL || strcasestr(line, "soc") != NULL ||
-             strcasestr(line, "x86_pkg") != NULL);
-        if (processor == of_processor ? !(celsius <= host->temperature_c) : processor) {
-            host->temperature_c = celsius;
-            host->trip_c = trip_of(root, zone);
-        }
-        of_processor = of_processor || processor;
+        of.other =
+            !line_read(line, sizeof line, "%s/sys/class/thermal/thermal_zone%d/type", root, zone) ||
+            !is_of_processor(line);
+        if (!of.other) of.trip_c = trip_of(root, zone);
+        const bool nearer = fv_host_limit_c(&of, limit_c) - of.temperature_c <
+                            fv_host_limit_c(host, limit_c) - host->temperature_c;
+        if (isnan(host->temperature_c) || (of.other == host->other ? nearer : host->other))
+            *host = of;
     }
 }
 
@@ -81,10 +105,10 @@ static uint32_t throttled_read(const char *root)
     return bits;
 }
 
-void fv_host_read(const char *root, struct fv_host *host)
+void fv_host_read(const char *root, double limit_c, struct fv_host *host)
 {
     *host = (struct fv_host){.temperature_c = NAN, .trip_c = NAN};
-    zones_read(root, host);
+    zones_read(root, limit_c, host);
     host->throttled = throttled_read(root);
 }
 
@@ -97,7 +121,7 @@ float fv_host_limit_c(const struct fv_host *host, double limit_c)
 uint32_t fv_host_share(const struct fv_host *host, double limit_c, uint32_t before)
 {
     const uint32_t cut = FV_HOST_CAPPED | FV_HOST_THROTTLED | FV_HOST_SOFT_LIMIT;
-    const float below = fv_host_limit_c(host, limit_c) - host->temperature_c;
+    const float below = host->other ? NAN : fv_host_limit_c(host, limit_c) - host->temperature_c;
     uint32_t share = FV_HOST_SHARE_MAX;
     if ((host->throttled & cut) != 0 || below <= full_c)
         share = FV_HOST_SHARE_MIN;

@@ -21,20 +21,27 @@ enum fv_host_throttled {
 };
 
 struct fv_host {
-    /* The hottest zone that names the processor, or else the hottest of all, degrees Celsius; NaN:
-     * there is none. */
+    /* Of the processor's zones the one that is nearest to its limit; where none names the
+     * processor, the hottest of all; degrees Celsius; NaN: there is none. A zone that states no
+     * number from -40 to 150 is left out. Names of the processor: cpu, soc, x86_pkg, package, core
+     * and cluster, anywhere in the type of the zone. */
     float temperature_c;
-    /* Where the system begins to throttle: the lowest trip point of that zone that is passive, hot
-     * or critical; NaN: it states none. */
+    /* Where the system begins to throttle: the lowest passive or hot trip point of that zone, or
+     * else, at most 80, 10 degrees below the lowest critical one, at which it is switched off; NaN:
+     * it states none. */
     float trip_c;
     uint32_t throttled; /* enum fv_host_throttled; 0: nothing, or not known */
+    /* The zone is of something else than the processor (a battery, a radio): its temperature is
+     * shown, and nothing is done about it. */
+    bool other;
 };
 
-/* `root` stands before "/sys", "" is this machine: tests give a folder with files of their own. */
-void fv_host_read(const char *root, struct fv_host *host);
+/* `root` stands before "/sys", "" is this machine: tests give a folder with files of their own.
+ * `limit_c`: of all zones; 0: each by its own trip points. */
+void fv_host_read(const char *root, double limit_c, struct fv_host *host);
 
 /* Where `limit_c` is 0: the trip point, or 80 where none is known (a Raspberry Pi throttles from 80
- * on). */
+ * on). Processors of PCs mostly state none and stand 95 to 100: there `limit_c` should be given. */
 float fv_host_limit_c(const struct fv_host *host, double limit_c);
 
 /* Percent of the period that step and work may use together: 100 up to 10 degrees below the limit,

@@ -174,7 +174,7 @@ void fv_run_health_tend(struct fv_run *run)
     struct fv_run_health *health = &run->health;
     struct fv_health_facts facts;
     const int64_t now_ns = fv_clock_ns(CLOCK_MONOTONIC);
-    fv_host_read(health->root, &health->host);
+    fv_host_read(health->root, run->settings.health_heat_limit_c, &health->host);
     atomic_store(&run->shared.temperature_c, health->host.temperature_c);
     if (!health->on) return;
     health->share = fv_host_share(&health->host, run->settings.health_heat_limit_c, health->share);

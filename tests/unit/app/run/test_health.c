@@ -54,11 +54,11 @@ static void test_host_is_read(void **state)
 {
     (void)state;
     struct fv_host host;
-    fv_host_read(root, &host);
+    fv_host_read(root, 0, &host);
     assert_true(isnan(host.temperature_c) && isnan(host.trip_c) && host.throttled == 0);
     put(ZONE "0/temp", "91000\n");
     put(ZONE "0/type", "battery\n");
-    fv_host_read(root, &host);
+    fv_host_read(root, 0, &host);
     assert_true(host.temperature_c == 91 && isnan(host.trip_c));
     /* A zone of the processor counts before hotter ones of other things. */
     put(ZONE "2/temp", "61500\n");
@@ -70,18 +70,110 @@ static void test_host_is_read(void **state)
     put(ZONE "2/trip_point_2_type", "passive\n");
     put(ZONE "2/trip_point_2_temp", "75000\n");
     put("/sys/devices/platform/soc@107c000000/soc@107c000000:firmware/get_throttled", "50005\n");
-    fv_host_read(root, &host);
+    fv_host_read(root, 0, &host);
     assert_true(host.temperature_c == 61.5f && host.trip_c == 75);
     assert_int_equal(host.throttled, FV_HOST_UNDER_VOLTAGE | FV_HOST_THROTTLED);
     assert_true(fv_host_limit_c(&host, 0) == 75 && fv_host_limit_c(&host, 70) == 70);
-    put(ZONE "2/temp", "nonsense\n");
-    fv_host_read(root, &host);
-    assert_true(host.temperature_c == 0);
+}
+
+/* What no sensor can mean counts as no zone at all. */
+static void test_odd_temperatures(void **state)
+{
+    (void)state;
+    static const char *const odd[] = {"nonsense\n",
+                                      "",
+                                      "255000\n",
+                                      "-274000\n",
+                                      "9223372036854775807\n",
+                                      "99999999999999999999\n",
+                                      "61500 or so\n"};
+    struct fv_host host;
+    put(ZONE "0/type", "cpu-thermal\n");
+    for (size_t i = 0; i < sizeof odd / sizeof *odd; i++) {
+        put(ZONE "0/temp", odd[i]);
+        fv_host_read(root, 0, &host);
+        assert_true(isnan(host.temperature_c));
+        assert_int_equal(fv_host_share(&host, 0, 100), 100);
+    }
+    put(ZONE "0/temp", "-12000");
+    put(ZONE "0/trip_point_0_type", "passive\n");
+    put(ZONE "0/trip_point_0_temp", "nonsense\n");
+    fv_host_read(root, 0, &host);
+    assert_true(host.temperature_c == -12 && isnan(host.trip_c));
+}
+
+/* At a critical trip point the machine is switched off: less work is granted well before. */
+static void test_critical_alone(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *critical;
+        float limit_c;
+    } zones[] = {{"115000\n", 80}, {"90000\n", 80}, {"85000\n", 75}};
+    struct fv_host host;
+    put(ZONE "0/type", "cpu-thermal\n");
+    put(ZONE "0/temp", "79000\n");
+    put(ZONE "0/trip_point_0_type", "critical\n");
+    for (size_t i = 0; i < sizeof zones / sizeof *zones; i++) {
+        put(ZONE "0/trip_point_0_temp", zones[i].critical);
+        fv_host_read(root, 0, &host);
+        assert_true(fv_host_limit_c(&host, 0) == zones[i].limit_c);
+        assert_int_equal(fv_host_share(&host, 0, 100), 50);
+    }
+    put(ZONE "0/trip_point_1_type", "hot\n");
+    put(ZONE "0/trip_point_1_temp", "95000\n");
+    fv_host_read(root, 0, &host);
+    assert_true(host.trip_c == 95);
+}
+
+/* Not the hottest zone of the processor counts, but the one that is nearest to its limit. */
+static void test_nearest_zone(void **state)
+{
+    (void)state;
+    struct fv_host host;
+    for (int zone = 0; zone < 2; zone++) {
+        char path[96];
+        snprintf(path, sizeof path, ZONE "%d/type", zone);
+        put(path, zone == 0 ? "bigcore0-thermal\n" : "Package-thermal\n");
+        snprintf(path, sizeof path, ZONE "%d/temp", zone);
+        put(path, zone == 0 ? "75000\n" : "74000\n");
+        snprintf(path, sizeof path, ZONE "%d/trip_point_0_type", zone);
+        put(path, "passive\n");
+        snprintf(path, sizeof path, ZONE "%d/trip_point_0_temp", zone);
+        put(path, zone == 0 ? "105000\n" : "75000\n");
+    }
+    fv_host_read(root, 0, &host);
+    assert_true(host.temperature_c == 74 && host.trip_c == 75 && !host.other);
+    assert_int_equal(fv_host_share(&host, 0, 100), 50);
+    fv_host_read(root, 84, &host); /* one limit for all */
+    assert_true(host.temperature_c == 75);
+}
+
+/* A hot battery or radio is shown, and takes no work away. */
+static void test_other_zones(void **state)
+{
+    (void)state;
+    struct fv_host host;
+    put(ZONE "0/type", "wifi\n");
+    put(ZONE "0/temp", "60000\n");
+    put(ZONE "1/type", "battery\n");
+    put(ZONE "1/temp", "91000\n");
+    put(ZONE "1/trip_point_0_type", "passive\n");
+    put(ZONE "1/trip_point_0_temp", "50000\n");
+    fv_host_read(root, 0, &host);
+    assert_true(host.temperature_c == 91 && host.other);
+    assert_int_equal(fv_host_share(&host, 0, 100), 100);
+    assert_int_equal(fv_host_share(&host, 60, 100), 100);
+    put(ZONE "2/type", "soc-thermal\n");
+    put(ZONE "2/temp", "79000\n");
+    fv_host_read(root, 0, &host);
+    assert_true(host.temperature_c == 79 && !host.other);
+    assert_int_equal(fv_host_share(&host, 0, 100), 50);
 }
 
 static uint32_t share_at(float celsius, uint32_t throttled, uint32_t before)
 {
-    const struct fv_host host = {celsius, NAN, throttled};
+    const struct fv_host host = {.temperature_c = celsius, .trip_c = NAN, .throttled = throttled};
     return fv_host_share(&host, 0, before);
 }
 
@@ -112,7 +204,7 @@ static struct fv_health_facts well(void)
                                     .sends = true,
                                     .records = true,
                                     .unlocked = "",
-                                    .host = {50, NAN, 0},
+                                    .host = {.temperature_c = 50, .trip_c = NAN},
                                     .share = 100};
 }
 
@@ -273,6 +365,10 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(test_host_is_read, make_root, remove_root),
+        cmocka_unit_test_setup_teardown(test_odd_temperatures, make_root, remove_root),
+        cmocka_unit_test_setup_teardown(test_critical_alone, make_root, remove_root),
+        cmocka_unit_test_setup_teardown(test_nearest_zone, make_root, remove_root),
+        cmocka_unit_test_setup_teardown(test_other_zones, make_root, remove_root),
         cmocka_unit_test(test_heat_takes_work_away),
         cmocka_unit_test(test_parts),
         cmocka_unit_test(test_absent_parts),
