@@ -343,8 +343,6 @@ static void recordings_by_command_replay(void **state)
                                      "--set",
                                      kept,
                                      "--set",
-                                     "record_buffer=1000",
-                                     "--set",
                                      "channel_prefix=R",
                                      "--record",
                                      whole,

@@ -236,11 +236,14 @@ static size_t iteration_bytes(const struct fv_recorder_setup *setup)
            (config->detect2.model != NULL ? OBJECTS_BYTES : 0);
 }
 
+/* While the writer is at a header with a state, a disk that keeps up with the frames is behind by
+ * the frames of the time that the state takes: as many bytes again. */
 static size_t ring_bytes(const struct fv_recorder_setup *setup, size_t header_bytes)
 {
     const size_t iteration = iteration_bytes(setup), least = 2 * (iteration + header_bytes) + 4096;
     const size_t frames = setup->real_time ? setup->settings->record_buffer : PACED_FRAMES;
-    const size_t bytes = setup->ring_bytes != 0 ? setup->ring_bytes : frames * setup->frame_bytes;
+    const size_t bytes = setup->ring_bytes != 0 ? setup->ring_bytes
+                                                : frames * setup->frame_bytes + setup->state_bytes;
     return ((bytes > least ? bytes : least) + 63) / 64 * 64;
 }
 

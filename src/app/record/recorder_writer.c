@@ -189,10 +189,11 @@ void fv_recorder_say_ended(const struct fv_recorder *recorder)
 static void end_slow(struct fv_recorder *recorder)
 {
     char reason[FV_RECORDING_END_REASON_BYTES];
+    const size_t mib = recorder->ring.capacity >> 20;
     snprintf(
         reason, sizeof reason,
-        "the disk is too slow: %zu MiB waited to be written; record to a faster disk, fewer frames, or raise record_buffer",
-        recorder->ring.capacity >> 20);
+        "the disk is too slow: %zu %s waited to be written; record to a faster disk, fewer frames, or raise record_buffer",
+        mib > 0 ? mib : recorder->ring.capacity, mib > 0 ? "MiB" : "bytes");
     end_early(recorder, FV_RECORDER_SLOW, reason, false);
 }
 
@@ -241,6 +242,7 @@ static bool write_middle(struct fv_recorder *recorder, struct fovea_error *error
     extent->bytes = head_bytes + bytes;
     extent->events = 1;
     recorder->iteration = *extent;
+    atomic_store_explicit(&recorder->bytes, extent->bytes, memory_order_relaxed);
     free(recorder->header);
     recorder->header = NULL;
     return true;

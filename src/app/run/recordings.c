@@ -16,7 +16,7 @@
 
 enum {
     MESSAGE_BYTES_MAX = 1024,
-    SPARE_BYTES = 64 << 20 /* that must be free beyond the state and the ring, to begin */
+    SPARE_BYTES = 64 << 20 /* that stay free: beyond the state and the ring, to begin */
 };
 
 static const char stopped[] = "ended by a command";
@@ -91,6 +91,11 @@ const char *fv_recordings_ask(struct fv_recordings *recordings, uint32_t bits)
     if (begin && stage != FV_RECORDINGS_READY)
         return stage == FV_RECORDINGS_CLOSES ? "the recording before is still being written"
                                              : "a recording has been begun already";
+    if (!begin && stage == FV_RECORDINGS_READY && recordings->reason[0] != '\0') {
+        snprintf(recordings->refusal, sizeof recordings->refusal,
+                 "found no recording to end: the last one ended: %s", recordings->reason);
+        return recordings->refusal;
+    }
     if (!begin && stage != FV_RECORDINGS_RECORDS)
         return stage == FV_RECORDINGS_READY ? "found no recording to end"
                                             : "the recording is still being begun or ended";
@@ -103,7 +108,9 @@ const char *fv_recordings_ask(struct fv_recordings *recordings, uint32_t bits)
 uint32_t fv_recordings_ended(const struct fv_recordings *recordings, const char **failure)
 {
     const int stage = stage_of(recordings);
-    const bool through = stage == FV_RECORDINGS_READY || stage == FV_RECORDINGS_RECORDS;
+    const bool through =
+        stage == FV_RECORDINGS_READY ||
+        (stage == FV_RECORDINGS_RECORDS && fv_recorder_written(recordings->recorder) > 0);
     *failure = through ? recordings->failure : "";
     return through || recordings->asked == 0 ? recordings->asked : recordings->asked - 1;
 }
@@ -116,7 +123,8 @@ void fv_recordings_sense(struct fv_recordings *recordings, const struct fovea_in
         fv_recorder_begin(recordings->recorder, recordings->rt, inputs);
         pass(recordings, FV_RECORDINGS_RECORDS);
     }
-    if (stage == FV_RECORDINGS_RECORDS && fv_recorder_has_ended(recordings->recorder)) {
+    if (stage == FV_RECORDINGS_RECORDS &&
+        (fv_recorder_has_ended(recordings->recorder) || atomic_load(&recordings->full))) {
         recordings->by_command = false;
         pass(recordings, FV_RECORDINGS_CLOSES);
     }
@@ -166,18 +174,28 @@ static void keep_name(struct fv_recordings *recordings, const char *path)
              slash != NULL ? slash + 1 : path);
 }
 
+static enum fovea_status open_recorder(struct fv_recordings *recordings, struct fovea_error *error)
+{
+    const int call = fv_stall_enter(recordings->folder);
+    const enum fovea_status status =
+        fv_recorder_open(&recordings->setup, &recordings->recorder, error);
+    fv_stall_leave(call);
+    return status;
+}
+
 static void open_file(struct fv_recordings *recordings)
 {
     const int64_t there = free_bytes(recordings);
     const int64_t needed = (int64_t)recordings->setup.state_bytes +
                            (int64_t)recordings->setup.ring_bytes + SPARE_BYTES;
     struct fovea_error error = {0};
-    recordings->failure[0] = recordings->reason[0] = '\0';
+    recordings->failure[0] = recordings->reason[0] = recordings->low[0] = '\0';
+    atomic_store(&recordings->full, false);
     if (there >= 0 && there < needed)
         snprintf(recordings->failure, sizeof recordings->failure,
-                 "found %lld MB free in the folder of recordings, expected %lld",
+                 "%.150s: found %lld MB free, expected %lld", recordings->folder,
                  (long long)there / 1000000, (long long)needed / 1000000);
-    else if (fv_recorder_open(&recordings->setup, &recordings->recorder, &error) != FOVEA_OK)
+    else if (open_recorder(recordings, &error) != FOVEA_OK)
         snprintf(recordings->failure, sizeof recordings->failure, "%.255s", error.text);
     if (recordings->failure[0] != '\0') {
         recordings->recorder = NULL;
@@ -188,20 +206,35 @@ static void open_file(struct fv_recordings *recordings)
     pass(recordings, FV_RECORDINGS_BEGINS);
 }
 
-static void close_file(struct fv_recordings *recordings, const char *reason)
+static void close_file(struct fv_recordings *recordings)
 {
     struct fv_recorder_summary summary;
+    const bool by_command = stage_of(recordings) == FV_RECORDINGS_CLOSES && recordings->by_command;
+    const char *reason = by_command ? stopped : recordings->low;
     fv_recorder_stop(recordings->recorder, reason);
     const bool whole = fv_recorder_close(recordings->recorder, &summary) == FOVEA_OK;
     recordings->recorder = NULL;
     keep_name(recordings, summary.events > 1 ? summary.path : ""); /* it was removed */
     recordings->bytes = (int64_t)summary.bytes;
     snprintf(recordings->failure, sizeof recordings->failure, "%s", whole ? "" : summary.reason);
-    snprintf(recordings->reason, sizeof recordings->reason, "%s", whole ? "" : summary.reason);
+    snprintf(recordings->reason, sizeof recordings->reason, "%s",
+             whole ? recordings->low : summary.reason);
     fv_say("%s: recorded %llu events (%llu bytes)%s", summary.path,
            (unsigned long long)summary.events, (unsigned long long)summary.bytes,
            whole ? "" : ", not all");
     pass(recordings, FV_RECORDINGS_READY);
+}
+
+/* What waits in the ring still goes to the disk. */
+static void look_for_room(struct fv_recordings *recordings, int stage)
+{
+    const int64_t there = recordings->told.free_bytes;
+    const int64_t needed = (int64_t)recordings->setup.ring_bytes + SPARE_BYTES;
+    if (stage != FV_RECORDINGS_RECORDS || there < 0 || there >= needed) return;
+    snprintf(recordings->low, sizeof recordings->low,
+             "the disk is almost full: %.80s: found %lld MB free, expected %lld",
+             recordings->folder, (long long)there / 1000000, (long long)needed / 1000000);
+    atomic_store(&recordings->full, true);
 }
 
 /* Once a second, and when the stage has changed: the loop passes it on. */
@@ -225,6 +258,7 @@ static void tell(struct fv_recordings *recordings)
     recordings->told.bytes = recordings->bytes;
     recordings->told.state = states[stage];
     recordings->told.free_bytes = free_bytes(recordings);
+    look_for_room(recordings, stage);
     memcpy(recordings->told.file, recordings->file, sizeof recordings->file);
     memcpy(recordings->told.reason, recordings->reason, sizeof recordings->reason);
     atomic_store_explicit(&recordings->news, true, memory_order_release);
@@ -235,8 +269,7 @@ void fv_recordings_tend(struct fv_recordings *recordings)
     if (recordings->setup.path == NULL) return;
     const int stage = stage_of(recordings);
     if (stage == FV_RECORDINGS_OPENS) open_file(recordings);
-    if (stage == FV_RECORDINGS_CLOSES)
-        close_file(recordings, recordings->by_command ? stopped : "");
+    if (stage == FV_RECORDINGS_CLOSES) close_file(recordings);
     tell(recordings);
 }
 
@@ -245,9 +278,7 @@ void fv_recordings_end(struct fv_recordings *recordings)
     const int stage = stage_of(recordings);
     if (recordings->setup.path == NULL) return;
     const bool begun = stage == FV_RECORDINGS_RECORDS || stage == FV_RECORDINGS_CLOSES;
-    if (recordings->recorder != NULL)
-        close_file(recordings,
-                   stage == FV_RECORDINGS_CLOSES && recordings->by_command ? stopped : "");
+    if (recordings->recorder != NULL) close_file(recordings);
     if (!begun && stage != FV_RECORDINGS_READY)
         snprintf(recordings->failure, sizeof recordings->failure, "the run has ended");
     pass(recordings, FV_RECORDINGS_READY);

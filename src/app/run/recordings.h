@@ -6,8 +6,10 @@
  * recording goes from hand to hand: the loop's thread takes the command, the thread that watches
  * the loop makes the file and the recorder (fv_recordings_tend), the loop's thread copies the state
  * before a step (fv_recordings_sense) and records from that step on; at its end the watching thread
- * closes the file. So the loop makes no heap call and waits for no disk. Begins and ends are
- * numbered together from 1, so that whoever asked for one can see how it ended. */
+ * closes the file. A begin is through when the header with the state is in the file. Where the disk
+ * is about to fill, the watching thread asks for the end. So the loop makes no heap call and waits
+ * for no disk. Begins and ends are numbered together from 1, so that whoever asked for one can see
+ * how it ended. */
 #ifndef FOVEA_APP_RUN_RECORDINGS_H
 #define FOVEA_APP_RUN_RECORDINGS_H
 
@@ -43,14 +45,17 @@ struct fv_recordings {
     uint32_t asked; /* begins and ends */
     /* Handed over with the stage. */
     struct fv_recorder *recorder;
-    bool by_command;                          /* the end */
-    char failure[FV_RECORDINGS_REASON_BYTES]; /* of the last begin or end; "": none */
+    bool by_command;                               /* the end */
+    char failure[FV_RECORDINGS_REASON_BYTES];      /* of the last begin or end; "": none */
+    char refusal[FV_RECORDINGS_REASON_BYTES + 64]; /* the loop's: of the last command */
 
     /* The watching thread's. */
     char file[FV_RECORDINGS_NAME_BYTES]; /* name of the last recording; "": none */
     char reason[FV_RECORDINGS_REASON_BYTES];
     int64_t bytes, told_ns;
     int told_stage;
+    char low[FV_RECORDINGS_REASON_BYTES]; /* why `full`; "": it is not */
+    atomic_bool full;                     /* the loop is to end the recording */
 
     /* What is told: the watching thread's, the loop's where `news`. */
     struct fv_recordings_state {

@@ -14,6 +14,8 @@ export class Playback {
       this.held = true;
       this.label(Number(byId("position").value));
     });
+    for (const end of ["pointerup", "pointercancel", "blur"]) // back where it was, there is no change
+      byId("position").addEventListener(end, () => { this.held = false; });
     byId("position").addEventListener("change", () => {
       this.held = false;
       this.say("seek " + byId("position").value);
