@@ -127,7 +127,9 @@ void fv_health_judge(const struct fv_health_facts *facts, struct fv_health *heal
             spoil(at, FV_HEALTH_DEGRADED, "no inference for %.1f s", seconds(facts->inference_ns));
     }
     at = part(health, "loop");
-    if (facts->late > 0)
+    if (facts->stood_ns > facts->silence_ns)
+        spoil(at, FV_HEALTH_FAILED, "no step has ended for %.1f s", seconds(facts->stood_ns));
+    else if (facts->late > 0)
         spoil(at, FV_HEALTH_DEGRADED, "%llu frames came too late and were dropped",
               (unsigned long long)facts->late);
     judge_outputs(facts, health);

@@ -10,9 +10,10 @@
  *   odometry   failed: lost for longer than `silence_ns`; degraded: weak, lost, coasting, starting
  *              for more than 10 s, paused, or a calibration that does not fit
  *   network    degraded: no inference for 5 s, though there was one and frames come
- *   loop       degraded: frames were dropped since the last judgement, as the loop was busy
- *   publisher  failed: no message can be sent at all; degraded: some were dropped since the last
- *   recorder   failed: the recording ended, the run goes on
+ *   loop       failed: a step has hung for `silence_ns`; degraded: frames were dropped since health
+ *              was last sent, as the loop was busy
+ *   publisher  failed: no message can be sent at all; degraded: some were dropped since
+ *   recorder   failed: a recording, also one begun by command, ended by itself, the run goes on
  *   memory     degraded: it was to be locked and is not
  *   host       degraded: hot or short of voltage, and what is done about it */
 #ifndef FOVEA_APP_RUN_HEALTH_H
@@ -46,7 +47,7 @@ struct fv_health_facts {
     int64_t silence_ns;    /* of the watchdog */
 
     int source_state;  /* enum fovea_source_state */
-    int64_t silent_ns; /* since the last frame */
+    int64_t silent_ns; /* since the last picture that was processed */
     int imu_state;     /* enum fovea_imu_state; FOVEA_IMU_NONE: no part */
 
     enum fv_watch_state pose; /* FV_WATCH_RUNNING: odometry is off */
@@ -57,9 +58,10 @@ struct fv_health_facts {
     uint64_t inferences;
     int64_t inference_ns; /* since the last one */
 
-    uint64_t late;         /* frames dropped since the last judgement */
+    int64_t stood_ns;      /* since the loop last moved */
+    uint64_t late;         /* frames dropped since health was last sent */
     bool publishes, sends; /* messages are to be sent; a way to send them is open */
-    uint64_t unsent;       /* messages dropped since the last judgement */
+    uint64_t unsent;       /* messages dropped since */
     bool records, recording_ended;
     const char *unlocked; /* why the memory is not locked; "": it is, or was not to be */
 

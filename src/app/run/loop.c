@@ -233,7 +233,9 @@ static void iteration(struct fv_loop *loop, const struct fovea_frame *given, int
     loop->counts.refused += inputs.frame != NULL && status != FOVEA_OK;
     loop->counts.without_frame += inputs.frame == NULL;
     atomic_store_explicit(&loop->shared->frames, loop->counts.in, memory_order_relaxed);
-    atomic_store_explicit(&loop->shared->dropped, loop->counts.late, memory_order_relaxed);
+    atomic_store_explicit(&loop->shared->pictures, loop->counts.processed, memory_order_relaxed);
+    atomic_store_explicit(&loop->shared->dropped, loop->counts.late + inputs.source_counts.dropped,
+                          memory_order_relaxed);
 }
 
 static void prepare(struct fv_loop *loop)

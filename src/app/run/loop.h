@@ -32,8 +32,10 @@ struct fv_loop_shared {
     /* Set by the watcher: percent of the period that step and work may use, by the clock; 0: all of
      * it. Grants follow, and they are recorded. */
     _Atomic uint32_t share;
-    _Atomic uint64_t frames, dropped, features;
-    _Atomic uint64_t beats; /* rises while the loop runs, with and without frames */
+    _Atomic uint64_t frames, features;
+    _Atomic uint64_t pictures; /* frames that a step has processed */
+    _Atomic uint64_t dropped; /* by the loop as too late, and by the source, as the loop was busy */
+    _Atomic uint64_t beats;   /* rises while the loop runs, with and without frames */
     _Atomic int64_t step_ns;
 };
 

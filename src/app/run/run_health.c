@@ -7,6 +7,7 @@
 #include "app/run/run.h"
 #include "drivers/clock.h"
 #include "support/say.h"
+#include "support/stall.h"
 #include "support/text.h"
 
 /* ---- the history ----------------------------------------------------------------------------- */
@@ -93,10 +94,10 @@ enum fovea_status fv_run_health_open(struct fv_run *run, struct fovea_error *err
     health->on = run->loop.real_time;
     health->root = root != NULL ? root : "";
     health->share = FV_HOST_SHARE_MAX;
-    health->frame_ns = health->inference_ns = fv_clock_ns(CLOCK_MONOTONIC);
+    health->picture_ns = health->inference_ns = fv_clock_ns(CLOCK_MONOTONIC);
     health->stamp = fv_message_stamp(NULL, 0);
     fv_message_channel(run->settings.runtime.channel_prefix, FV_MESSAGE_HEALTH, health->channel);
-    health->counted_ns = health->kept_ns = health->frame_ns;
+    health->counted_ns = health->kept_ns = health->looked_ns = health->picture_ns;
     if (!health->on) return FOVEA_OK;
     fv_self_test(health->self_test);
     if (health->self_test[0] != '\0')
@@ -112,21 +113,43 @@ static uint64_t risen(uint64_t *seen, uint64_t now)
     return now - before;
 }
 
+/* For how long the loop has not moved. A look that comes late says that this thread, or the whole
+ * process, had no processor: so much counts at most. */
+static int64_t stood(struct fv_run *run, int64_t now_ns)
+{
+    const int64_t look_max_ns = FV_SECOND_NS / 2;
+    struct fv_run_health *health = &run->health;
+    const int64_t gone_ns = now_ns - health->looked_ns;
+    health->looked_ns = now_ns;
+    health->stood_ns += gone_ns < look_max_ns ? gone_ns : look_max_ns;
+    if (risen(&health->beats, atomic_load(&run->shared.beats)) > 0) health->stood_ns = 0;
+    return health->stood_ns;
+}
+
+/* Whether a recording has ended by itself. */
+static bool recording_ended(const struct fv_run *run)
+{
+    return (run->recorder != NULL && fv_recorder_has_ended(run->recorder)) ||
+           run->recordings.reason[0] != '\0';
+}
+
 static void facts_gather(struct fv_run *run, int64_t now_ns, struct fv_health_facts *facts)
 {
     struct fv_run_health *health = &run->health;
     struct fv_transport_counts counts;
     fv_transport_counts(run->transport, &counts);
-    const uint64_t frames = risen(&health->frames, atomic_load(&run->shared.frames));
-    if (frames > 0) health->frame_ns = now_ns;
-    health->history.frames += frames;
+    health->history.frames += risen(&health->frames, atomic_load(&run->shared.frames));
+    if (risen(&health->pictures, atomic_load(&run->shared.pictures)) > 0)
+        health->picture_ns = now_ns;
+    health->dropped_now = atomic_load(&run->shared.dropped);
+    health->unsent_now = counts.dropped;
     if (risen(&health->inferences, atomic_load(&health->inferences_now)) > 0)
         health->inference_ns = now_ns;
     *facts = (struct fv_health_facts){
         .self_test = health->self_test,
         .silence_ns = (int64_t)run->settings.health_silence_ms * 1000000,
         .source_state = atomic_load(&run->watch.source_state),
-        .silent_ns = now_ns - health->frame_ns,
+        .silent_ns = now_ns - health->picture_ns,
         .imu_state = atomic_load(&run->watch.imu_state),
         .pose = (enum fv_watch_state)atomic_load(&run->watch.now_state),
         .pose_ns = atomic_load(&run->watch.lasts_ns),
@@ -134,12 +157,13 @@ static void facts_gather(struct fv_run *run, int64_t now_ns, struct fv_health_fa
         .has_network = run->settings.model[0] != '\0',
         .inferences = health->inferences,
         .inference_ns = now_ns - health->inference_ns,
-        .late = risen(&health->late, atomic_load(&run->shared.dropped)),
+        .stood_ns = stood(run, now_ns),
+        .late = health->dropped_now - health->late,
         .publishes = run->settings.lcm_url[0] != '\0',
         .sends = run->transport != NULL,
-        .unsent = risen(&health->unsent, counts.dropped),
-        .records = run->recorder != NULL,
-        .recording_ended = run->recorder != NULL && fv_recorder_has_ended(run->recorder),
+        .unsent = health->unsent_now - health->unsent,
+        .records = run->recorder != NULL || run->recordings.setup.path != NULL,
+        .recording_ended = recording_ended(run),
         .unlocked = run->unlocked.text,
         .host = health->host,
         .heat_limit_c = run->settings.health_heat_limit_c,
@@ -157,16 +181,30 @@ static void change_say(const struct fv_run *run, struct fv_run_health *health)
                 host->state == FV_HEALTH_OK ? "as it should be" : host->reason);
 }
 
-/* Once a second, and when a part's state has changed: the loop sends it. */
+/* What was sent need not be counted again. */
+static void forget_sent(struct fv_run_health *health)
+{
+    if (atomic_load_explicit(&health->news, memory_order_acquire) != FV_RUN_HEALTH_SENT) return;
+    health->late = health->told_late;
+    health->unsent = health->told_unsent;
+}
+
+/* Once a second, and when a part's state has changed: the loop sends it. What it has not sent yet
+ * is replaced. */
 static void tell(struct fv_run_health *health, int64_t now_ns)
 {
-    if (atomic_load_explicit(&health->news, memory_order_acquire)) return;
     if (now_ns - health->told_ns < FV_SECOND_NS &&
         !fv_health_differs(&health->judged, &health->told))
         return;
+    int ready = FV_RUN_HEALTH_READY;
+    if (!atomic_compare_exchange_strong(&health->news, &ready, FV_RUN_HEALTH_SENT) &&
+        ready == FV_RUN_HEALTH_TAKEN)
+        return;
     health->told_ns = now_ns;
     health->told = health->judged;
-    atomic_store_explicit(&health->news, true, memory_order_release);
+    health->told_late = health->dropped_now;
+    health->told_unsent = health->unsent_now;
+    atomic_store_explicit(&health->news, FV_RUN_HEALTH_READY, memory_order_release);
 }
 
 void fv_run_health_tend(struct fv_run *run)
@@ -174,12 +212,15 @@ void fv_run_health_tend(struct fv_run *run)
     struct fv_run_health *health = &run->health;
     struct fv_health_facts facts;
     const int64_t now_ns = fv_clock_ns(CLOCK_MONOTONIC);
+    const int call = fv_stall_enter("the temperatures in /sys");
     fv_host_read(health->root, run->settings.health_heat_limit_c, &health->host);
+    fv_stall_leave(call);
     atomic_store(&run->shared.temperature_c, health->host.temperature_c);
     if (!health->on) return;
     health->share = fv_host_share(&health->host, run->settings.health_heat_limit_c, health->share);
     atomic_store(&run->shared.share, health->share);
     const struct fv_health before = health->judged;
+    forget_sent(health);
     facts_gather(run, now_ns, &facts);
     fv_health_judge(&facts, &health->judged);
     history_count(run, &before, now_ns);
@@ -194,7 +235,8 @@ void fv_run_health_work(struct fv_run *run, const struct fovea_inputs *inputs)
     fovea_health_part_t parts[FV_HEALTH_PARTS_MAX];
     if (inputs->frame != NULL)
         health->stamp = fv_message_stamp(inputs->frame, inputs->utc_offset_ns);
-    if (!atomic_load_explicit(&health->news, memory_order_acquire)) return;
+    int news = FV_RUN_HEALTH_READY;
+    if (!atomic_compare_exchange_strong(&health->news, &news, FV_RUN_HEALTH_TAKEN)) return;
     struct fv_health *told = &health->told;
     for (uint32_t i = 0; i < told->count; i++)
         parts[i] = (fovea_health_part_t){.name = (char *)told->parts[i].name,
@@ -207,7 +249,7 @@ void fv_run_health_work(struct fv_run *run, const struct fovea_inputs *inputs)
                                     .count = (int32_t)told->count,
                                     .parts = parts};
     const int bytes = fovea_health_t_encode(data, 0, sizeof data, &message);
-    atomic_store_explicit(&health->news, false, memory_order_release);
+    atomic_store_explicit(&health->news, FV_RUN_HEALTH_SENT, memory_order_release);
     if (bytes <= 0) return;
     const struct fovea_message out = {health->channel, data, (uint32_t)bytes, true};
     fv_transport_put(run->transport, &out);

@@ -19,6 +19,14 @@
 
 struct fv_run;
 
+/* Whose `told` is: what the loop has not begun to send, the watching thread may take back, so that
+ * after a step that hung what is newest is sent. */
+enum fv_run_health_news {
+    FV_RUN_HEALTH_SENT,  /* the watching thread's */
+    FV_RUN_HEALTH_READY, /* whoever takes it */
+    FV_RUN_HEALTH_TAKEN  /* the loop's */
+};
+
 struct fv_run_health {
     bool on; /* frames come by the clock */
     char channel[FV_MESSAGE_CHANNEL_BYTES];
@@ -30,8 +38,11 @@ struct fv_run_health {
     enum fv_health_state host_said; /* on the terminal */
     struct fv_host host;
     uint32_t share;
-    uint64_t frames, late, unsent, inferences; /* as last seen */
-    int64_t frame_ns, inference_ns;            /* when they last changed */
+    uint64_t frames, pictures, inferences, beats; /* as last seen */
+    uint64_t dropped_now, unsent_now;             /* counts at the last look */
+    uint64_t late, unsent;                        /* those that were last sent */
+    int64_t picture_ns, inference_ns;             /* when they last changed */
+    int64_t looked_ns, stood_ns; /* the last look; for how long the loop has not moved */
     int64_t told_ns;
     struct fv_history history;    /* where health.state_file is set */
     int64_t counted_ns, kept_ns;  /* when seconds were last counted, and the file written */
@@ -39,7 +50,8 @@ struct fv_run_health {
 
     /* Handed to the loop. */
     struct fv_health told;
-    atomic_bool news; /* `told` is the loop's to send */
+    uint64_t told_late, told_unsent; /* what `told` has counted; the watching thread's */
+    _Atomic int news;                /* enum fv_run_health_news */
 
     /* The loop's. */
     _Atomic uint64_t inferences_now;

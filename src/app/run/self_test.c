@@ -1,6 +1,7 @@
 #include "app/run/self_test.h"
 
 #include <math.h>
+#include <stdbool.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -80,12 +81,13 @@ static uint64_t outcome(const struct fv_kernels *kernels)
     return hash;
 }
 
-bool fv_self_test_kernels(const struct fv_kernels *kernels)
+enum fv_self_test_result fv_self_test_kernels(const struct fv_kernels *kernels)
 {
     struct fv_kernels plain;
     fv_kernels_init(&plain, FV_CPU_C);
-    const uint64_t expected = outcome(&plain);
-    return expected != FV_HASH_START && outcome(kernels) == expected;
+    const uint64_t expected = outcome(&plain), found = outcome(kernels);
+    if (expected == FV_HASH_START || found == FV_HASH_START) return FV_SELF_TEST_NO_MEMORY;
+    return found == expected ? FV_SELF_TEST_SAME : FV_SELF_TEST_DIFFERS;
 }
 
 static bool clock_goes(void)
@@ -108,7 +110,10 @@ void fv_self_test(char reason[FV_SELF_TEST_REASON_BYTES])
     reason[0] = '\0';
     if (fv_cpu_from_environment(&set, &error) != FOVEA_OK) return; /* fovea_init has said so */
     fv_kernels_init(&kernels, set);
-    if (!fv_self_test_kernels(&kernels))
+    const enum fv_self_test_result result = fv_self_test_kernels(&kernels);
+    if (result == FV_SELF_TEST_NO_MEMORY)
+        snprintf(reason, FV_SELF_TEST_REASON_BYTES, "there is no memory to try the kernels with");
+    else if (result == FV_SELF_TEST_DIFFERS)
         snprintf(reason, FV_SELF_TEST_REASON_BYTES,
                  "the kernels of set %s do not give the bits of plain C",
                  fv_cpu_set_name(kernels.set));

@@ -14,7 +14,9 @@
 
 #include "app/run/health.h"
 #include "app/run/history.h"
+#include "app/run/run.h"
 #include "app/run/self_test.h"
+#include "drivers/clock.h"
 
 static char root[64];
 
@@ -264,6 +266,8 @@ static void test_parts(void **state)
     facts = well();
     facts.late = 3;
     expect(&facts, "loop", FV_HEALTH_DEGRADED, "3 frames came too late and were dropped");
+    facts.stood_ns = 1000000001;
+    expect(&facts, "loop", FV_HEALTH_FAILED, "no step has ended for 1.0 s");
     facts = well();
     facts.unsent = 7;
     expect(&facts, "publisher", FV_HEALTH_DEGRADED, "7 messages were not sent");
@@ -353,18 +357,100 @@ static void test_self_test(void **state)
     assert_string_equal(reason, "");
     fv_kernels_init(&right, FV_CPU_C);
     kernels = right;
-    assert_true(fv_self_test_kernels(&kernels));
+    assert_int_equal(fv_self_test_kernels(&kernels), FV_SELF_TEST_SAME);
     kernels.shrink_row_u8 = wrong_shrink;
-    assert_false(fv_self_test_kernels(&kernels));
+    assert_int_equal(fv_self_test_kernels(&kernels), FV_SELF_TEST_DIFFERS);
     kernels = right;
     kernels.fast_score_u8 = wrong_score;
-    assert_false(fv_self_test_kernels(&kernels));
+    assert_int_equal(fv_self_test_kernels(&kernels), FV_SELF_TEST_DIFFERS);
+}
+
+/* ---- what the watching thread gathers -------------------------------------------------------- */
+
+static struct fv_run run;
+
+static int make_run(void **state)
+{
+    memset(&run, 0, sizeof run);
+    run.health.on = run.quiet = true;
+    run.health.root = root;
+    run.health.share = FV_HOST_SHARE_MAX;
+    run.health.looked_ns = run.health.picture_ns = fv_clock_ns(CLOCK_MONOTONIC);
+    run.settings.health_silence_ms = 60000;
+    fv_watch_open(&run.watch, false, true);
+    return make_root(state);
+}
+
+static const struct fv_health_part *told(const char *name)
+{
+    const struct fv_health *health = &run.health.told;
+    for (uint32_t i = 0; i < health->count; i++)
+        if (strcmp(health->parts[i].name, name) == 0) return &health->parts[i];
+    return NULL;
+}
+
+/* The loop hangs before it has sent what was ready: that is replaced, with all counts since what
+ * was last sent, and sent when it goes on. */
+static void test_a_loop_that_hangs(void **state)
+{
+    (void)state;
+    const struct fovea_inputs inputs = {.frame = NULL};
+    run.shared.beats = 1;
+    run.shared.dropped = 3;
+    fv_run_health_tend(&run);
+    assert_string_equal(told("loop")->reason, "3 frames came too late and were dropped");
+    run.shared.dropped = 5;
+    run.health.stood_ns = INT64_C(61000000000);
+    fv_run_health_tend(&run);
+    assert_int_equal(told("loop")->state, FV_HEALTH_FAILED);
+    run.shared.beats = 2;
+    fv_run_health_tend(&run);
+    assert_string_equal(told("loop")->reason, "5 frames came too late and were dropped");
+    fv_run_health_work(&run, &inputs);
+    assert_int_equal(run.health.news, FV_RUN_HEALTH_SENT);
+    fv_run_health_tend(&run);
+    assert_int_equal(told("loop")->state, FV_HEALTH_OK);
+    run.health.news = FV_RUN_HEALTH_TAKEN; /* the loop reads it */
+    run.shared.dropped = 6;
+    fv_run_health_tend(&run);
+    assert_int_equal(told("loop")->state, FV_HEALTH_OK);
+}
+
+/* Frames without a picture, and those that no step takes, are no life of a source. */
+static void test_frames_without_pictures(void **state)
+{
+    (void)state;
+    run.health.picture_ns -= INT64_C(61000000000);
+    run.shared.frames = 7;
+    fv_run_health_tend(&run);
+    assert_int_equal(told("source")->state, FV_HEALTH_FAILED);
+    run.shared.pictures = 1;
+    fv_run_health_tend(&run);
+    assert_int_equal(told("source")->state, FV_HEALTH_OK);
+}
+
+/* A recording that was begun by command counts, too. */
+static void test_recordings_by_command(void **state)
+{
+    (void)state;
+    fv_run_health_tend(&run);
+    assert_null(told("recorder"));
+    run.health.told_ns = 0;
+    run.recordings.setup.path = "a folder";
+    fv_run_health_tend(&run);
+    assert_int_equal(told("recorder")->state, FV_HEALTH_OK);
+    strcpy(run.recordings.reason, "the disk is full");
+    fv_run_health_tend(&run);
+    assert_int_equal(told("recorder")->state, FV_HEALTH_FAILED);
 }
 
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(test_host_is_read, make_root, remove_root),
+        cmocka_unit_test_setup_teardown(test_a_loop_that_hangs, make_run, remove_root),
+        cmocka_unit_test_setup_teardown(test_frames_without_pictures, make_run, remove_root),
+        cmocka_unit_test_setup_teardown(test_recordings_by_command, make_run, remove_root),
         cmocka_unit_test_setup_teardown(test_odd_temperatures, make_root, remove_root),
         cmocka_unit_test_setup_teardown(test_critical_alone, make_root, remove_root),
         cmocka_unit_test_setup_teardown(test_nearest_zone, make_root, remove_root),

@@ -31,6 +31,8 @@ struct fovea_source {
     enum fovea_clock clock;
     int nothing; /* dequeues without a frame before each frame but the first */
     int asked;
+    int pictures;     /* frames of a later number have none; 0: all have one */
+    uint64_t dropped; /* by the source, with each frame */
     uint8_t pixels[SIDE * SIDE];
 };
 
@@ -71,6 +73,7 @@ static enum fovea_status dequeue(struct fovea_source *from, int64_t deadline_ns,
         .clock = from->clock,
         .sequence = (uint64_t)from->next,
     };
+    if (from->pictures > 0 && from->next >= from->pictures) frame->images[0].data = NULL;
     from->next++;
     return FOVEA_OK;
 }
@@ -81,8 +84,13 @@ static void requeue(struct fovea_source *from, const struct fovea_frame *frame)
     from->held--;
 }
 
+static void counts(const struct fovea_source *from, struct fovea_source_counts *counts)
+{
+    *counts = (struct fovea_source_counts){.dropped = from->dropped * (uint64_t)from->next};
+}
+
 static const struct fovea_source_ops ops = {
-    .name = "made", .info = info, .dequeue = dequeue, .requeue = requeue};
+    .name = "made", .info = info, .dequeue = dequeue, .requeue = requeue, .counts = counts};
 
 /* ---- a loop around it ------------------------------------------------------------------------ */
 
@@ -417,6 +425,20 @@ static void test_json(void **state)
     free(text);
 }
 
+/* What a camera loses while the loop is busy is the loop's loss as well. */
+static void test_losses_of_a_camera(void **state)
+{
+    (void)state;
+    source.info.live = true;
+    source.dropped = 2;
+    source.pictures = 40;
+    source.stamps[20] = source.stamps[5]; /* refused */
+    fv_loop_run(&loop);
+    assert_int_equal(shared.frames, 100);
+    assert_int_equal(shared.pictures, 39);
+    assert_int_equal(shared.dropped, 200);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -426,6 +448,7 @@ int main(void)
         cmocka_unit_test_setup_teardown(test_pace_follows_stamps, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_slow_source_drops_nothing, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_late_frames, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_losses_of_a_camera, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_steps_without_a_frame_are_on_the_frames_clock, set_up,
                                         tear_down),
         cmocka_unit_test_setup_teardown(test_planted_heap_call_is_counted, set_up, tear_down),
