@@ -99,6 +99,10 @@ enum fovea_status fv_run_health_open(struct fv_run *run, struct fovea_error *err
     fv_message_channel(run->settings.runtime.channel_prefix, FV_MESSAGE_HEALTH, health->channel);
     health->counted_ns = health->kept_ns = health->looked_ns = health->picture_ns;
     if (!health->on) return FOVEA_OK;
+    /* A hot machine is given less from the first frame on. */
+    fv_host_read(health->root, run->settings.health_heat_limit_c, &health->host);
+    health->share = fv_host_share(&health->host, run->settings.health_heat_limit_c, health->share);
+    atomic_store(&run->shared.share, health->share);
     fv_self_test(health->self_test);
     if (health->self_test[0] != '\0')
         fv_say_word(FV_SAY_RED, "self-test", ": %s", health->self_test);
