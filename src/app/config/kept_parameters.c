@@ -117,23 +117,34 @@ char *fv_kept_parameters_list(struct fv_settings *kept, const char *path)
     return copy;
 }
 
-enum fovea_status fv_kept_parameters_write(const struct fv_settings *settings,
-                                           const char *calibration, const char *path,
-                                           struct fovea_error *error)
+/* The whole file, of malloc; NULL: no memory. */
+static char *format(const struct fv_settings *settings, const char *calibration, size_t *bytes)
+{
+    char *text = NULL;
+    FILE *file = open_memstream(&text, bytes);
+    if (file == NULL) return NULL;
+    fprintf(file, "# Settings that were changed during a run and kept, or restored.\n");
+    for (size_t i = 0; i < fv_settings_key_count; i++) {
+        if (settings->line[i] == 0) continue;
+        fprintf(file, "%s: ", fv_settings_keys[i].name);
+        fv_settings_value_print(file, settings, &fv_settings_keys[i]);
+        fprintf(file, "\n");
+    }
+    if (calibration[0] != '\0') fprintf(file, "---\n%s", calibration);
+    if (fclose(file) == 0) return text;
+    free(text);
+    return NULL;
+}
+
+static enum fovea_status write_text(const char *path, const char *text, size_t bytes,
+                                    struct fovea_error *error)
 {
     struct fv_output output;
     const int call = fv_stall_enter(path);
     enum fovea_status status = fv_output_open(&output, path, FV_OUTPUT_WHOLE, error);
     FILE *file = status == FOVEA_OK ? fv_output_stream(&output) : NULL;
     if (file != NULL) {
-        fprintf(file, "# Settings that were changed during a run and kept, or restored.\n");
-        for (size_t i = 0; i < fv_settings_key_count; i++) {
-            if (settings->line[i] == 0) continue;
-            fprintf(file, "%s: ", fv_settings_keys[i].name);
-            fv_settings_value_print(file, settings, &fv_settings_keys[i]);
-            fprintf(file, "\n");
-        }
-        if (calibration[0] != '\0') fprintf(file, "---\n%s", calibration);
+        fwrite(text, 1, bytes, file);
         status = fv_output_close(&output, error);
     } else if (status == FOVEA_OK) {
         fv_output_discard(&output);
@@ -141,4 +152,25 @@ enum fovea_status fv_kept_parameters_write(const struct fv_settings *settings,
     }
     fv_stall_leave(call);
     return status == FOVEA_OK ? FOVEA_OK : FOVEA_ERROR_SYSTEM;
+}
+
+enum fovea_status fv_kept_parameters_write(const struct fv_settings *settings,
+                                           const char *calibration, const char *path,
+                                           struct fovea_error *error)
+{
+    size_t bytes = 0;
+    char *text = format(settings, calibration, &bytes);
+    enum fovea_status status = FOVEA_OK;
+    if (text == NULL) {
+        fovea_error_set(error, FOVEA_ERROR_MEMORY, "%.200s: no memory to write it", path);
+        status = FOVEA_ERROR_SYSTEM;
+    } else if (bytes > FV_KEPT_BYTES_MAX) {
+        status = fovea_error_set(error, FOVEA_ERROR_INPUT,
+                                 "%.200s: found %zu bytes to keep, expected at most %d", path,
+                                 bytes, FV_KEPT_BYTES_MAX);
+    } else {
+        status = write_text(path, text, bytes, error);
+    }
+    free(text);
+    return status;
 }

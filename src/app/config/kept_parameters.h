@@ -38,7 +38,8 @@ enum fovea_status fv_kept_parameters_parse(struct fv_settings *settings, const c
 char *fv_kept_parameters_list(struct fv_settings *kept, const char *path);
 
 /* Write the keys of `kept` that have a line and the calibration, where it is not "", in place of
- * the file at `path`. FOVEA_ERROR_SYSTEM: it cannot be written, and is as it was. */
+ * the file at `path`. On an error it is as it was: FOVEA_ERROR_INPUT, it would be too large to be
+ * read; FOVEA_ERROR_SYSTEM, it cannot be written. */
 enum fovea_status fv_kept_parameters_write(const struct fv_settings *kept, const char *calibration,
                                            const char *path, struct fovea_error *error);
 

@@ -4,6 +4,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 
 #include "support/man.h"
 #include "app/config/kept_parameters.h"
@@ -15,6 +16,7 @@
 #include "geometry/se3.h"
 #include "map/archive.h"
 #include "support/calibration.h"
+#include "support/stall.h"
 
 /* A key that has an option of its own, which errors name: "--set: map.save: found" would name one
  * that nobody gave. */
@@ -99,6 +101,18 @@ enum fovea_status fv_setup_settings(const struct fv_setup_options *options,
     return status == FOVEA_OK ? fv_settings_check(settings, error) : status;
 }
 
+/* A file that the user changed shall not be passed over in silence. */
+static void say_kept(const struct fv_settings *settings)
+{
+    struct stat own, kept;
+    const bool newer = stat(settings->camera, &own) == 0 &&
+                       stat(settings->parameters_file, &kept) == 0 && own.st_mtime > kept.st_mtime;
+    fv_say("camera: the calibration kept in %.200s stands for %.200s%s", settings->parameters_file,
+           settings->camera,
+           newer ? ", which was changed later; without the lines after --- in the former it holds"
+                 : "");
+}
+
 /* The file is looked at before the source is opened: what is quickly wrong is quickly said. */
 static enum fovea_status camera_read(struct fv_settings *settings, struct fovea_error *error)
 {
@@ -109,6 +123,7 @@ static enum fovea_status camera_read(struct fv_settings *settings, struct fovea_
         fv_say("%s; the kept calibration is left out", error->text);
         kept = false;
     }
+    if (kept) say_kept(settings);
     enum fovea_status status =
         kept ? FOVEA_OK : fv_calibration_read(settings->camera, NULL, &calibration, error);
     if (status == FOVEA_OK) settings->runtime.rig.cameras[0].camera = calibration.camera;
@@ -443,6 +458,54 @@ enum fovea_status fv_setup_check_files(struct fv_settings *settings, struct fove
         if (status != FOVEA_OK) fv_settings_blame(settings, "map.load", error);
     }
     fv_setup_close(&setup);
+    return status;
+}
+
+static enum fovea_status check_next(struct fv_settings *next, const struct fovea_source_info *info,
+                                    const struct fovea_camera *kept, struct fv_setup *setup,
+                                    struct fovea_error *error)
+{
+    const struct fovea_rig now = next->runtime.rig;
+    struct fv_calibration calibration;
+    size_t block_bytes;
+    enum fovea_status status = FOVEA_OK;
+    if (kept != NULL) {
+        next->runtime.rig.cameras[0].camera = *kept;
+    } else if (next->camera[0] != '\0') {
+        status = fv_calibration_read(next->camera, NULL, &calibration, error);
+        if (status == FOVEA_OK) next->runtime.rig.cameras[0].camera = calibration.camera;
+    }
+    if (status == FOVEA_OK) status = model_read(next, setup, error);
+    if (status == FOVEA_OK) status = rig_fit(next, info, false, error);
+    if (status == FOVEA_OK && next->imu[0] != '\0') {
+        next->runtime.rig.has_imu = now.has_imu;
+        next->runtime.rig.imu = now.imu;
+    }
+    if (status == FOVEA_OK) status = fv_setup_read(next, setup, error);
+    return status == FOVEA_OK ? fovea_size(&next->runtime, &block_bytes, error) : status;
+}
+
+enum fovea_status fv_setup_check_next(const struct fv_settings *next,
+                                      const struct fovea_source_info *info,
+                                      const struct fovea_camera *kept, struct fovea_error *error)
+{
+    struct fv_setup setup = {0};
+    struct fv_settings *with = malloc(sizeof *with);
+    if (with == NULL) return fovea_error_set(error, FOVEA_ERROR_MEMORY, "no memory");
+    *with = *next;
+    for (int i = 0; i < FOVEA_CAMERAS_MAX; i++)
+        with->runtime.rig.cameras[i].mask = NULL;
+    with->runtime.map = NULL;
+    with->runtime.map_bytes = 0;
+    with->runtime.detect.model = with->runtime.detect2.model = NULL;
+    with->runtime.detect.model_bytes = with->runtime.detect2.model_bytes = 0;
+    for (size_t i = 0; i < fv_settings_key_count; i++)
+        if (with->line[i] != 0) with->line[i] = FV_SETTINGS_KEPT;
+    const int call = fv_stall_enter("files that restored settings name");
+    const enum fovea_status status = check_next(with, info, kept, &setup, error);
+    fv_stall_leave(call);
+    fv_setup_close(&setup);
+    free(with);
     return status;
 }
 

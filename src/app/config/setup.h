@@ -54,6 +54,14 @@ enum fovea_status fv_setup_read(struct fv_settings *settings, struct fv_setup *s
 /* Open and read all files that the settings name, and close them again: calibration, network,
  * mask, map, and the source where it is no camera. */
 enum fovea_status fv_setup_check_files(struct fv_settings *settings, struct fovea_error *error);
+/* What a start with `next` would find, with the source that is open now, of which `info` tells, and
+ * inertial sensors as they are: calibration, network, masks and map are read, and the size of the
+ * block is asked for. `kept`: the calibration that will be kept in place of the file that `camera`
+ * names; NULL: none. Keys with a line are those of parameters.file. Not on a thread that may not
+ * wait for the disk. */
+enum fovea_status fv_setup_check_next(const struct fv_settings *next,
+                                      const struct fovea_source_info *info,
+                                      const struct fovea_camera *kept, struct fovea_error *error);
 /* The source alone, with its memory; the rest stays. */
 void fv_setup_close_source(struct fv_setup *setup);
 void fv_setup_close(struct fv_setup *setup);

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "app/config/setup.h"
 #include "drivers/clock.h"
 #include "support/say.h"
 
@@ -13,12 +14,14 @@
 enum { MAC_BYTES = 8 };
 
 enum fovea_status fv_backup_open(struct fv_backup *backup, struct fv_parameters *parameters,
-                                 const struct fv_settings *started, struct fovea_error *error)
+                                 const struct fv_settings *started,
+                                 const struct fovea_source_info *source, struct fovea_error *error)
 {
     const char *prefix = started->runtime.channel_prefix;
     memset(backup, 0, sizeof *backup);
     backup->parameters = parameters;
     backup->started = started;
+    backup->source = source;
     backup->copy = malloc(FV_BACKUP_MESSAGE_BYTES);
     backup->answer = malloc(FV_BACKUP_MESSAGE_BYTES);
     backup->text = calloc(1, FV_KEPT_BYTES_MAX + 1);
@@ -164,9 +167,10 @@ static char *give(const struct fv_backup *backup)
 struct restored {
     struct fv_settings with;   /* of the next start; lines: keys that are kept */
     struct fv_settings before; /* parameters->kept */
-    struct fv_settings wanted; /* in force, with all that is live */
-    char calibration[FV_KEPT_BYTES_MAX + 1];
-    bool has_calibration;
+    struct fv_settings wanted; /* in force, with all that is live; lines: keys of the text */
+    char calibration[FV_CALIBRATION_BYTES_MAX];
+    struct fovea_camera camera; /* the same */
+    bool has_calibration, keeps_camera;
     uint32_t live, later; /* keys that change */
 };
 
@@ -177,22 +181,27 @@ static bool differs(const struct fv_settings_key *key, const struct fv_settings 
                   fv_settings_key_bytes(key)) != 0;
 }
 
-/* It must be one of this camera's frames. */
-static enum fovea_status check_calibration(const struct fv_backup *backup, const char *text,
-                                           struct fovea_error *error)
+/* It must be one of this camera's frames, and is kept as we print it. */
+static enum fovea_status take_calibration(const struct fv_backup *backup, const char *text,
+                                          struct restored *restored, struct fovea_error *error)
 {
     const struct fv_settings *started = backup->started;
-    const struct fovea_camera *camera = &started->runtime.rig.cameras[0].camera;
+    const struct fovea_source_camera *camera = &backup->source->cameras[0];
     struct fv_calibration read;
     if (started->camera[0] == '\0' || started->runtime.rig.camera_count != 1)
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "calibration: found one, expected none where the key camera names "
                                "no file of one camera");
-    const enum fovea_status status =
+    enum fovea_status status =
         fv_calibration_parse("calibration", text, strlen(text), NULL, &read, error);
-    return status != FOVEA_OK ? status
-                              : fv_calibration_fit(&read.camera, camera->width, camera->height,
-                                                   started->camera_scale, "calibration", error);
+    if (status == FOVEA_OK)
+        status = fv_calibration_format_text(FV_CALIBRATION_ROS, &read, restored->calibration, NULL,
+                                            error);
+    restored->camera = read.camera;
+    return status != FOVEA_OK
+               ? status
+               : fv_calibration_fit(&read.camera, camera->width, camera->height,
+                                    restored->with.camera_scale, "calibration", error);
 }
 
 /* Which keys are kept, and how many change; a key that is as it would be anyhow is not kept. */
@@ -200,6 +209,7 @@ static void count_keys(const struct fv_backup *backup, struct restored *restored
 {
     for (size_t i = 0; i < fv_settings_key_count; i++) {
         const struct fv_settings_key *key = &fv_settings_keys[i];
+        restored->wanted.line[i] = restored->with.line[i];
         if (restored->with.line[i] != 0) {
             const bool same = !differs(key, &restored->with, &restored->before);
             if (key->live && differs(key, &restored->with, &restored->wanted)) restored->live++;
@@ -212,12 +222,27 @@ static void count_keys(const struct fv_backup *backup, struct restored *restored
     }
 }
 
+/* Of the calibration that is kept already. */
+static enum fovea_status kept_camera(const struct fv_backup *backup, struct restored *restored,
+                                     struct fovea_error *error)
+{
+    const char *text = backup->parameters->kept_calibration;
+    char name[FV_SETTINGS_PATH_BYTES + 16];
+    struct fv_calibration read;
+    restored->keeps_camera = text[0] != '\0' && restored->with.camera[0] != '\0';
+    if (!restored->keeps_camera) return FOVEA_OK;
+    snprintf(name, sizeof name, "%s: calibration", backup->started->parameters_file);
+    const enum fovea_status status =
+        fv_calibration_parse(name, text, strlen(text), NULL, &read, error);
+    restored->camera = read.camera;
+    return status;
+}
+
 /* The whole text, before anything changes. */
 static enum fovea_status check(const struct fv_backup *backup, struct restored *restored,
                                struct fovea_error *error)
 {
     const char *calibration;
-    size_t block_bytes;
     if (backup->started->parameters_file[0] == '\0')
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "found no file to restore to, expected one in the key "
@@ -227,13 +252,24 @@ static enum fovea_status check(const struct fv_backup *backup, struct restored *
         fv_kept_parameters_parse(&restored->with, "settings", backup->text, &calibration, error);
     count_keys(backup, restored);
     if (status == FOVEA_OK) status = fv_settings_check(&restored->with, error);
-    if (status == FOVEA_OK) status = fovea_size(&restored->with.runtime, &block_bytes, error);
     restored->has_calibration = calibration != NULL;
-    if (status == FOVEA_OK && calibration != NULL) {
-        snprintf(restored->calibration, sizeof restored->calibration, "%s", calibration);
-        status = check_calibration(backup, calibration, error);
-    }
+    if (status == FOVEA_OK && calibration != NULL)
+        status = take_calibration(backup, calibration, restored, error);
+    else if (status == FOVEA_OK)
+        status = kept_camera(backup, restored, error);
     return status;
+}
+
+/* What was written is what is kept: beside it stays what was kept meanwhile. */
+static void publish(struct fv_parameters *parameters, const struct restored *restored)
+{
+    pthread_mutex_lock(&parameters->changing);
+    for (size_t i = 0; i < fv_settings_key_count; i++) {
+        if (restored->wanted.line[i] == 0) continue;
+        fv_settings_key_copy(&fv_settings_keys[i], parameters->kept, &restored->with);
+        parameters->kept->line[i] = restored->with.line[i];
+    }
+    pthread_mutex_unlock(&parameters->changing);
 }
 
 /* Returns RESULT_*; `backup->reason` says what happened. */
@@ -246,8 +282,11 @@ static int8_t restore(struct fv_backup *backup, struct restored *restored)
     restored->before = *parameters->kept;
     restored->wanted = *parameters->settings;
     enum fovea_status status = check(backup, restored, &error);
-    if (status == FOVEA_OK) *parameters->kept = restored->with;
     pthread_mutex_unlock(&parameters->changing);
+    const bool camera = restored->has_calibration || restored->keeps_camera;
+    if (status == FOVEA_OK) /* reads files */
+        status = fv_setup_check_next(&restored->with, backup->source,
+                                     camera ? &restored->camera : NULL, &error);
     if (status != FOVEA_OK) {
         snprintf(backup->reason, sizeof backup->reason, "%.255s", error.text);
         return FOVEA_SETTINGS_RESULT_T_RESULT_REFUSED;
@@ -262,15 +301,14 @@ static int8_t restore(struct fv_backup *backup, struct restored *restored)
                                           backup->started->parameters_file, &error);
     if (status != FOVEA_OK) {
         free(kept);
-        pthread_mutex_lock(&parameters->changing);
-        *parameters->kept = restored->before;
-        pthread_mutex_unlock(&parameters->changing);
         snprintf(backup->reason, sizeof backup->reason, "%.255s", error.text);
-        return FOVEA_SETTINGS_RESULT_T_RESULT_FAILED;
+        return status == FOVEA_ERROR_INPUT ? FOVEA_SETTINGS_RESULT_T_RESULT_REFUSED
+                                           : FOVEA_SETTINGS_RESULT_T_RESULT_FAILED;
     }
+    publish(parameters, restored);
     free(parameters->kept_calibration);
     parameters->kept_calibration = kept;
-    if (fv_parameters_reload(parameters, &restored->wanted, &changed, &error) != FOVEA_OK)
+    if (fv_parameters_reload(parameters, &restored->wanted, true, &changed, &error) != FOVEA_OK)
         changed = 0; /* all of them at the next start, then */
     snprintf(backup->reason, sizeof backup->reason, "%u took hold, %u%s with the next start",
              changed, restored->later + (restored->live > changed ? restored->live - changed : 0),
@@ -316,6 +354,18 @@ void fv_backup_tend(struct fv_backup *backup)
     if (backup->text[0] != '\0' && result == FOVEA_SETTINGS_RESULT_T_RESULT_DONE)
         fv_say("fovea run: settings were restored: %s", backup->reason);
     atomic_store(&backup->stage, FV_BACKUP_ANSWERED);
+}
+
+void fv_backup_end(struct fv_backup *backup, struct fv_transport *transport, struct fv_feed *feed)
+{
+    if (backup->parameters == NULL) return;
+    fv_backup_step(backup, transport, feed);
+    if (atomic_load(&backup->stage) == FV_BACKUP_ASKED && !backup->refused) {
+        backup->refused = true;
+        snprintf(backup->reason, sizeof backup->reason, "the run has ended");
+    }
+    fv_backup_tend(backup);
+    fv_backup_step(backup, transport, feed);
 }
 
 /* ---- on the loop's --------------------------------------------------------------------------- */

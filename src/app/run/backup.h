@@ -27,6 +27,7 @@ enum fv_backup_stage { FV_BACKUP_IDLE, FV_BACKUP_ASKED, FV_BACKUP_ANSWERED };
 struct fv_backup {
     struct fv_parameters *parameters; /* NULL: nothing is heard */
     const struct fv_settings *started;
+    const struct fovea_source_info *source; /* of the source that is open */
     char request_channel[FV_MESSAGE_CHANNEL_BYTES], channel[FV_MESSAGE_CHANNEL_BYTES];
     _Atomic int stage; /* enum fv_backup_stage: whose turn it is */
     uint8_t *copy;     /* the listener's: of a message, to judge it */
@@ -40,10 +41,12 @@ struct fv_backup {
     uint32_t answer_bytes;
 };
 
-/* For the parameters of a run, whose settings at the start are `started`; both stay the caller's.
+/* For the parameters of a run, whose settings at the start are `started`, and its source; all stay
+ * the caller's.
  * Init-only. FOVEA_ERROR_MEMORY. */
 enum fovea_status fv_backup_open(struct fv_backup *backup, struct fv_parameters *parameters,
-                                 const struct fv_settings *started, struct fovea_error *error);
+                                 const struct fv_settings *started,
+                                 const struct fovea_source_info *source, struct fovea_error *error);
 void fv_backup_close(struct fv_backup *backup);
 
 /* The row of the receiver's table for requests. */
@@ -51,6 +54,10 @@ struct fv_receiver_channel fv_backup_row(struct fv_backup *backup);
 
 /* Do what was asked. On the thread that watches the loop. */
 void fv_backup_tend(struct fv_backup *backup);
+
+/* When the loop has ended: answer who still waits. A request that nothing was done for is refused.
+ */
+void fv_backup_end(struct fv_backup *backup, struct fv_transport *transport, struct fv_feed *feed);
 
 /* Send the answer that is there. Loop thread, wait-free. */
 void fv_backup_step(struct fv_backup *backup, struct fv_transport *transport, struct fv_feed *feed);

@@ -303,14 +303,16 @@ static bool differs(const struct fv_settings_key *key, const struct fv_settings 
 
 /* Again and again over the keys: where two limit each other, one of them can go first. */
 static enum fovea_status change_all(struct fv_parameters *parameters,
-                                    const struct fv_settings *wanted, uint32_t *count,
+                                    const struct fv_settings *wanted, bool named, uint32_t *count,
                                     struct fovea_error *error)
 {
     for (uint32_t before = UINT32_MAX; before != *count;) {
         before = *count;
         for (size_t i = 0; i < fv_settings_key_count; i++) {
             const struct fv_settings_key *key = &fv_settings_keys[i];
-            if (!key->live || !differs(key, parameters->settings, wanted)) continue;
+            if (!key->live || (named && wanted->line[i] == 0) ||
+                !differs(key, parameters->settings, wanted))
+                continue;
             const enum fovea_status status = change_key(parameters, key, wanted, error);
             if (status < 0) return status;
             *count += status == FOVEA_OK;
@@ -320,15 +322,20 @@ static enum fovea_status change_all(struct fv_parameters *parameters,
 }
 
 enum fovea_status fv_parameters_reload(struct fv_parameters *parameters,
-                                       const struct fv_settings *wanted, uint32_t *count,
-                                       struct fovea_error *error)
+                                       const struct fv_settings *wanted, bool named,
+                                       uint32_t *count, struct fovea_error *error)
 {
     *count = 0;
     if (parameters->rt == NULL)
         return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "no parameters can change in this run");
-    enum fovea_status status = fovea_parameters_check(parameters->rt, &wanted->runtime, error);
     pthread_mutex_lock(&parameters->changing);
-    if (status == FOVEA_OK) status = change_all(parameters, wanted, count, error);
+    *parameters->tried = named ? *parameters->settings : *wanted;
+    for (size_t i = 0; named && i < fv_settings_key_count; i++)
+        if (fv_settings_keys[i].live && wanted->line[i] != 0)
+            fv_settings_key_copy(&fv_settings_keys[i], parameters->tried, wanted);
+    enum fovea_status status =
+        fovea_parameters_check(parameters->rt, &parameters->tried->runtime, error);
+    if (status == FOVEA_OK) status = change_all(parameters, wanted, named, count, error);
     pthread_mutex_unlock(&parameters->changing);
     return status;
 }

@@ -82,11 +82,12 @@ enum fovea_status fv_parameters_open(struct fv_parameters *parameters, const str
 struct fv_receiver_channel fv_parameters_row(struct fv_parameters *parameters);
 
 /* Change every live parameter that differs from `wanted`, in an order in which each step has values
- * that go together; `*count` of them. Any thread but the loop's; waits for the loop at most 2
- * seconds. FOVEA_ERROR_*: nothing was changed, but where the loop takes nothing. */
+ * that go together; `*count` of them. `named`: of those alone that have a line in `wanted`. Any
+ * thread but the loop's; waits for the loop at most 2 seconds. FOVEA_ERROR_*: nothing was changed,
+ * but where the loop takes nothing. */
 enum fovea_status fv_parameters_reload(struct fv_parameters *parameters,
-                                       const struct fv_settings *wanted, uint32_t *count,
-                                       struct fovea_error *error);
+                                       const struct fv_settings *wanted, bool named,
+                                       uint32_t *count, struct fovea_error *error);
 
 /* Write what is to be kept, at most once in a second unless `now`, and have it answered. On a
  * thread that may wait for the disk; after the loop has ended, before fv_parameters_end, with

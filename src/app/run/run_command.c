@@ -257,7 +257,8 @@ static enum fovea_status transport_open(struct fv_run *run, struct fovea_error *
     if (status == FOVEA_OK)
         status = fv_parameters_open(&run->parameters, run->loop.rt, settings, &ears.rules, error);
     if (status == FOVEA_OK)
-        status = fv_backup_open(&run->backup, &run->parameters, settings, error);
+        status = fv_backup_open(&run->backup, &run->parameters, settings,
+                                run->setup.ops->info(run->setup.source), error);
     more[1] = fv_parameters_row(&run->parameters);
     more[2] = fv_backup_row(&run->backup);
     if (fv_imu_input_hears(&run->imu)) more[3] = fv_imu_input_row(&run->imu);
@@ -572,6 +573,7 @@ int fv_command_run(int argc, char **argv)
         fv_stall_leave(call);
     }
     fv_recordings_end(&run.recordings);
+    fv_backup_end(&run.backup, run.transport, run.feed);
     fv_parameters_end(&run.parameters, run.transport, run.feed);
     if (status == FOVEA_OK)
         status = map_end(&run, &error);

@@ -34,7 +34,7 @@ static enum fovea_status reload(struct fv_run *run, uint32_t *count, struct fove
         return fovea_error_set(error, FOVEA_ERROR_MEMORY, "no memory for the configuration");
     enum fovea_status status = fv_setup_settings(&run->options, now, error);
     if (status == FOVEA_OK) {
-        status = fv_parameters_reload(&run->parameters, now, count, error);
+        status = fv_parameters_reload(&run->parameters, now, false, count, error);
         if (status != FOVEA_OK) fv_settings_locate(now, error);
     }
     if (status == FOVEA_OK) say_others(run->as_read, now);
