@@ -132,6 +132,11 @@ sweeps() {
     make --no-print-directory "$build/venv-sweep/ready" && "$build/venv-sweep/bin/python" tests/evaluate/sweeps.py
 }
 
+# Ten thousand steps that call no heap, lock or system.
+armed() {
+    make --no-print-directory "$build/tests/realtime/test_armed" && FOVEA_LONG=1 "$build/tests/realtime/test_armed"
+}
+
 # A minute on each slow link: every pose in time in the other network, a preview every 5 s.
 slow_links() {
     make --no-print-directory "$build/tests/transport/test_sending" && FOVEA_LONG=60 "$build/tests/transport/test_sending"
@@ -173,6 +178,7 @@ else
     part bisect tests/replay/bisect.sh
     part kills kills 1000
     part slow-links slow_links
+    part armed armed
     part kidnap tools/evaluate/kidnap.sh 100
     part faults faults 2000 0
     part revisits tools/evaluate/revisits.sh
