@@ -20,9 +20,11 @@
 enum {
     POLL_NS = 1000000,
     UDP_HEADER_BYTES = 8,
-    REPEATED = 0, /* channel of the repeated message */
-    SENSED,       /* and of those that are put sensed */
-    LOOP          /* the loop's from here on */
+    WATCHED_BYTES = 16 << 10, /* some messages of health: one a second, and at changes */
+    REPEATED = 0,             /* channel of the repeated message */
+    SENSED,                   /* and of those that are put sensed */
+    WATCHED,                  /* and by the watching thread */
+    LOOP                      /* the loop's from here on */
 };
 
 static const int64_t state_age_ns = 1000000000; /* a state that could not be sent is dropped then */
@@ -55,8 +57,9 @@ struct channel {
 };
 
 struct fv_sender {
-    struct fv_ring rings[FV_SENDER_CLASSES];
+    struct fv_ring rings[FV_SENDER_CLASSES], watched;
     void *memory[FV_SENDER_CLASSES];
+    _Alignas(64) uint8_t watched_memory[WATCHED_BYTES];
     struct channel channels[FV_TRANSPORT_CHANNELS];
     atomic_uint channel_count;
 
@@ -108,7 +111,7 @@ static void channel_name(struct channel *channel, const char *name)
     channel->class = class_of(channel->name);
 }
 
-_Static_assert((int)FV_MESSAGE_SAMPLE < (int)FV_TRANSPORT_CHANNELS,
+_Static_assert((int)FV_MESSAGE_SAMPLE + (int)LOOP <= (int)FV_TRANSPORT_CHANNELS,
                "raise FV_TRANSPORT_CHANNELS: each kind that goes out has a place");
 
 /* The loop's: a channel is entered when it is first used. */
@@ -142,13 +145,14 @@ static void taken(struct fv_sender *sender, int64_t now_ns)
     atomic_store_explicit(&sender->taken_ns, now_ns, memory_order_relaxed);
 }
 
-static void put(struct fv_sender *sender, uint32_t at, const struct fovea_message *message)
+static void put_in(struct fv_sender *sender, struct fv_ring *ring, uint32_t at,
+                   const struct fovea_message *message)
 {
     struct channel *channel = &sender->channels[at];
     const size_t size = (sizeof(struct record) + message->bytes + 7) / 8 * 8;
     const int64_t now_ns = fv_clock_ns(CLOCK_MONOTONIC);
     count(&channel->offered);
-    uint8_t *room = fv_ring_reserve(&sender->rings[channel->class], size);
+    uint8_t *room = fv_ring_reserve(ring, size);
     if (room == NULL) {
         count(
             &channel->dropped[stalled(sender, now_ns) ? sender->stalled : FV_TRANSPORT_DROP_BUSY]);
@@ -157,7 +161,12 @@ static void put(struct fv_sender *sender, uint32_t at, const struct fovea_messag
     const struct record record = {(uint32_t)size, message->bytes, at, now_ns};
     memcpy(room, &record, sizeof record);
     memcpy(room + sizeof record, message->data, message->bytes);
-    fv_ring_commit(&sender->rings[channel->class], size);
+    fv_ring_commit(ring, size);
+}
+
+static void put(struct fv_sender *sender, uint32_t at, const struct fovea_message *message)
+{
+    put_in(sender, &sender->rings[sender->channels[at].class], at, message);
 }
 
 void fv_sender_put(struct fv_sender *sender, const struct fovea_message *message)
@@ -169,6 +178,11 @@ void fv_sender_put(struct fv_sender *sender, const struct fovea_message *message
 void fv_sender_put_sensed(struct fv_sender *sender, const struct fovea_message *message)
 {
     put(sender, SENSED, message);
+}
+
+void fv_sender_put_watched(struct fv_sender *sender, const struct fovea_message *message)
+{
+    put_in(sender, &sender->watched, WATCHED, message);
 }
 
 static void sleep_ns(int64_t ns)
@@ -294,6 +308,23 @@ static bool serve(struct fv_sender *sender, enum fv_sender_class class, int64_t 
     return true;
 }
 
+/* The oldest message of the watching thread, beside the loop's states. */
+static bool serve_watched(struct fv_sender *sender, int64_t now_ns)
+{
+    size_t bytes;
+    const struct record *front =
+        (const struct record *)(const void *)fv_ring_peek(&sender->watched, &bytes);
+    if (front == NULL || sender->outlet->begun(sender->outlet, FV_SENDER_STATE)) return false;
+    const struct fv_outgoing message = {FV_SENDER_STATE, sender->channels[WATCHED].name,
+                                        (const uint8_t *)(front + 1), front->bytes};
+    int result = sender->outlet->send(sender->outlet, &message, now_ns);
+    if (result == FV_OUTLET_BUSY && now_ns - front->put_ns <= state_age_ns) return false;
+    if (result == FV_OUTLET_BUSY) result = FV_TRANSPORT_DROP_LATE;
+    account(sender, WATCHED, result);
+    fv_ring_release(&sender->watched, front->size);
+    return true;
+}
+
 static bool serve_repeated(struct fv_sender *sender, int64_t now_ns)
 {
     if (!atomic_load_explicit(&sender->repeats, memory_order_acquire)) return false;
@@ -329,7 +360,8 @@ static bool serve_one(struct fv_sender *sender, int64_t now_ns)
         fv_link_observe(&sender->link, sender->outlet->bulk_left(sender->outlet), now_ns);
     if (!sender->outlet->begun(sender->outlet, FV_SENDER_STATE) && serve_repeated(sender, now_ns))
         return true;
-    if (serve(sender, FV_SENDER_STATE, now_ns) || serve(sender, FV_SENDER_SENSED, now_ns))
+    if (serve(sender, FV_SENDER_STATE, now_ns) || serve_watched(sender, now_ns) ||
+        serve(sender, FV_SENDER_SENSED, now_ns))
         return true;
     if (sender->outlet->paced && preview_overdue(sender, now_ns))
         return serve(sender, FV_SENDER_PREVIEWS, now_ns);
@@ -341,6 +373,7 @@ static bool serve_one(struct fv_sender *sender, int64_t now_ns)
 static bool any_waits(struct fv_sender *sender)
 {
     size_t bytes;
+    if (fv_ring_peek(&sender->watched, &bytes) != NULL) return true;
     for (int class = 0; class < FV_SENDER_CLASSES; class ++)
         if (front_of(sender, (enum fv_sender_class) class, &bytes) != NULL) return true;
     return false;
@@ -424,6 +457,7 @@ enum fovea_status fv_sender_open(const char *url, struct fv_sender **sender,
     struct fv_sender *opened = fv_aligned_zeroed(sizeof *opened);
     if (opened == NULL) return fovea_error_set(error, FOVEA_ERROR_MEMORY, "no memory for LCM");
     atomic_store(&opened->channel_count, LOOP);
+    fv_ring_init(&opened->watched, opened->watched_memory, sizeof opened->watched_memory);
     fv_link_init(&opened->link, fv_clock_ns(CLOCK_MONOTONIC));
     enum fovea_status status = rings_make(opened, error);
     if (status == FOVEA_OK) status = outlet_open(url, &opened->outlet, error);
@@ -456,6 +490,11 @@ void fv_sender_sense(struct fv_sender *sender, const char *channel)
 {
     channel_name(&sender->channels[SENSED], channel);
     sender->channels[SENSED].class = FV_SENDER_SENSED;
+}
+
+void fv_sender_watch(struct fv_sender *sender, const char *channel)
+{
+    channel_name(&sender->channels[WATCHED], channel);
 }
 
 bool fv_sender_finish(struct fv_sender *sender)

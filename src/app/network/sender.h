@@ -48,6 +48,10 @@ void fv_sender_put_sensed(struct fv_sender *sender, const struct fovea_message *
  */
 void fv_sender_sense(struct fv_sender *sender, const char *channel);
 
+/* The same for a channel that the watching thread sends on while the loop does not move. */
+void fv_sender_put_watched(struct fv_sender *sender, const struct fovea_message *message);
+void fv_sender_watch(struct fv_sender *sender, const char *channel);
+
 /* Whether each ring is about half empty, or this have been asked in vain for a second, as where a
  * server does not read. For frames that do not come by the clock: to be asked before an iteration.
  * Loop thread. */

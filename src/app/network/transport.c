@@ -82,6 +82,16 @@ void fv_transport_publish_sensed(struct fv_transport *transport,
         fv_sender_put_sensed(transport->sender, &outputs->messages[i]);
 }
 
+void fv_transport_watch(struct fv_transport *transport, const char *channel)
+{
+    if (transport != NULL) fv_sender_watch(transport->sender, channel);
+}
+
+void fv_transport_put_watched(struct fv_transport *transport, const struct fovea_message *message)
+{
+    if (transport != NULL) fv_sender_put_watched(transport->sender, message);
+}
+
 void fv_transport_put(struct fv_transport *transport, const struct fovea_message *message)
 {
     if (transport != NULL) fv_sender_put(transport->sender, message);

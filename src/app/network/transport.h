@@ -66,6 +66,12 @@ void fv_transport_sense(struct fv_transport *transport, const char *channel);
 void fv_transport_publish_sensed(struct fv_transport *transport,
                                  const struct fovea_outputs *outputs);
 
+/* The watching thread will send on `channel` while the loop does not move. Before the first one,
+ * once. */
+void fv_transport_watch(struct fv_transport *transport, const char *channel);
+/* Hand over such a message, whatever channel it names. The watching thread, wait-free. */
+void fv_transport_put_watched(struct fv_transport *transport, const struct fovea_message *message);
+
 /* Whether there is room for an iteration, or it was asked for in vain for a second. Where frames do
  * not come by the clock: ask before an iteration. Loop thread. */
 bool fv_transport_room(struct fv_transport *transport);

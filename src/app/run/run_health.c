@@ -99,6 +99,7 @@ enum fovea_status fv_run_health_open(struct fv_run *run, struct fovea_error *err
     fv_message_channel(run->settings.runtime.channel_prefix, FV_MESSAGE_HEALTH, health->channel);
     health->counted_ns = health->kept_ns = health->looked_ns = health->picture_ns;
     if (!health->on) return FOVEA_OK;
+    fv_transport_watch(run->transport, health->channel);
     /* A hot machine is given less from the first frame on. */
     fv_host_read(health->root, run->settings.health_heat_limit_c, &health->host);
     health->share = fv_host_share(&health->host, run->settings.health_heat_limit_c, health->share);
@@ -211,6 +212,41 @@ static void tell(struct fv_run_health *health, int64_t now_ns)
     atomic_store_explicit(&health->news, FV_RUN_HEALTH_READY, memory_order_release);
 }
 
+/* `told` as a message; 0 bytes: it does not fit. */
+static uint32_t encode(struct fv_run *run, fovea_stamp_t stamp, uint8_t data[FV_HEALTH_BYTES_MAX])
+{
+    struct fv_run_health *health = &run->health;
+    fovea_health_part_t parts[FV_HEALTH_PARTS_MAX];
+    struct fv_health *told = &health->told;
+    for (uint32_t i = 0; i < told->count; i++)
+        parts[i] = (fovea_health_part_t){.name = (char *)told->parts[i].name,
+                                         .state = (int8_t)told->parts[i].state,
+                                         .reason = told->parts[i].reason};
+    const fovea_health_t message = {.stamp = stamp,
+                                    .utime = fv_clock_ns(CLOCK_REALTIME) / 1000,
+                                    .run_id = run->run_id,
+                                    .state = (int8_t)fv_health_worst(told),
+                                    .count = (int32_t)told->count,
+                                    .parts = parts};
+    const int bytes = fovea_health_t_encode(data, 0, FV_HEALTH_BYTES_MAX, &message);
+    return bytes > 0 ? (uint32_t)bytes : 0;
+}
+
+/* While the loop does not move, this thread sends by itself, without the stamp, which is the
+ * loop's; the feed is the loop's as well. */
+static void send_for_loop(struct fv_run *run)
+{
+    struct fv_run_health *health = &run->health;
+    uint8_t data[FV_HEALTH_BYTES_MAX];
+    int news = FV_RUN_HEALTH_READY;
+    if (health->stood_ns <= (int64_t)run->settings.health_silence_ms * 1000000 ||
+        !atomic_compare_exchange_strong(&health->news, &news, FV_RUN_HEALTH_SENT))
+        return;
+    const uint32_t bytes = encode(run, fv_message_stamp(NULL, 0), data);
+    const struct fovea_message out = {health->channel, data, bytes, true};
+    if (bytes > 0) fv_transport_put_watched(run->transport, &out);
+}
+
 void fv_run_health_tend(struct fv_run *run)
 {
     struct fv_run_health *health = &run->health;
@@ -230,32 +266,21 @@ void fv_run_health_tend(struct fv_run *run)
     history_count(run, &before, now_ns);
     change_say(run, health);
     tell(health, now_ns);
+    send_for_loop(run);
 }
 
 void fv_run_health_work(struct fv_run *run, const struct fovea_inputs *inputs)
 {
     struct fv_run_health *health = &run->health;
     uint8_t data[FV_HEALTH_BYTES_MAX];
-    fovea_health_part_t parts[FV_HEALTH_PARTS_MAX];
     if (inputs->frame != NULL)
         health->stamp = fv_message_stamp(inputs->frame, inputs->utc_offset_ns);
     int news = FV_RUN_HEALTH_READY;
     if (!atomic_compare_exchange_strong(&health->news, &news, FV_RUN_HEALTH_TAKEN)) return;
-    struct fv_health *told = &health->told;
-    for (uint32_t i = 0; i < told->count; i++)
-        parts[i] = (fovea_health_part_t){.name = (char *)told->parts[i].name,
-                                         .state = (int8_t)told->parts[i].state,
-                                         .reason = told->parts[i].reason};
-    const fovea_health_t message = {.stamp = health->stamp,
-                                    .utime = fv_clock_ns(CLOCK_REALTIME) / 1000,
-                                    .run_id = run->run_id,
-                                    .state = (int8_t)fv_health_worst(told),
-                                    .count = (int32_t)told->count,
-                                    .parts = parts};
-    const int bytes = fovea_health_t_encode(data, 0, sizeof data, &message);
+    const uint32_t bytes = encode(run, health->stamp, data);
     atomic_store_explicit(&health->news, FV_RUN_HEALTH_SENT, memory_order_release);
-    if (bytes <= 0) return;
-    const struct fovea_message out = {health->channel, data, (uint32_t)bytes, true};
+    if (bytes == 0) return;
+    const struct fovea_message out = {health->channel, data, bytes, true};
     fv_transport_put(run->transport, &out);
     fv_feed_put(run->feed, &out);
 }

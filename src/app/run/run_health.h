@@ -1,6 +1,7 @@
 /* The health of a run, gathered four times a second by the watching thread and sent by the loop as
- * health_t: once a second, and when the state of a part changes. Only where frames come by the
- * clock: a recording at full speed is no robot.
+ * health_t: once a second, and when the state of a part changes. While a step hangs the watching
+ * thread sends it, over LCM alone. Only where frames come by the clock: a recording at full speed
+ * is no robot.
  *
  * Heat: the watching thread also lowers the share of the period that the governor may use
  * (host.h). */

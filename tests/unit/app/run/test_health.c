@@ -17,6 +17,7 @@
 #include "app/run/run.h"
 #include "app/run/self_test.h"
 #include "drivers/clock.h"
+#include "support/lcmlog.h"
 
 static char root[64];
 
@@ -403,17 +404,55 @@ static void test_a_loop_that_hangs(void **state)
     run.health.stood_ns = INT64_C(61000000000);
     fv_run_health_tend(&run);
     assert_int_equal(told("loop")->state, FV_HEALTH_FAILED);
+    assert_int_equal(run.health.news, FV_RUN_HEALTH_SENT); /* by this thread */
     run.shared.beats = 2;
+    run.shared.dropped = 7;
     fv_run_health_tend(&run);
-    assert_string_equal(told("loop")->reason, "5 frames came too late and were dropped");
+    assert_string_equal(told("loop")->reason, "2 frames came too late and were dropped");
+    run.shared.dropped = 9;
+    run.health.told_ns = 0;
+    fv_run_health_tend(&run); /* nobody has sent it */
+    assert_string_equal(told("loop")->reason, "4 frames came too late and were dropped");
     fv_run_health_work(&run, &inputs);
     assert_int_equal(run.health.news, FV_RUN_HEALTH_SENT);
     fv_run_health_tend(&run);
     assert_int_equal(told("loop")->state, FV_HEALTH_OK);
     run.health.news = FV_RUN_HEALTH_TAKEN; /* the loop reads it */
-    run.shared.dropped = 6;
+    run.shared.dropped = 10;
     fv_run_health_tend(&run);
     assert_int_equal(told("loop")->state, FV_HEALTH_OK);
+}
+
+/* While a step hangs, the watching thread itself sends. */
+static void test_a_hung_step_is_told(void **state)
+{
+    (void)state;
+    char url[128], path[96];
+    struct fovea_error error;
+    struct fv_lcmlog *log;
+    struct fv_lcmlog_event event;
+    int count = 0;
+    snprintf(path, sizeof path, "%s/sent.log", root);
+    snprintf(url, sizeof url, "file://%s?mode=w", path);
+    strcpy(run.health.channel, "FOVEA_HEALTH");
+    fv_message_prepare();
+    assert_int_equal(fv_transport_open(url, 0, &run.transport, &error), FOVEA_OK);
+    fv_transport_watch(run.transport, run.health.channel);
+    run.health.stood_ns = INT64_C(61000000000);
+    fv_run_health_tend(&run);
+    fv_transport_close(run.transport);
+    run.transport = NULL;
+    if (fv_lcmlog_open(path, &log, &error) != FOVEA_OK) fail_msg("%s", error.text);
+    while (fv_lcmlog_next(log, &event, &error) == FOVEA_OK) {
+        fovea_health_t health;
+        assert_string_equal(event.channel, "FOVEA_HEALTH");
+        assert_true(fovea_health_t_decode(event.data, 0, (int)event.bytes, &health) > 0);
+        assert_int_equal(health.state, FOVEA_HEALTH_T_STATE_FAILED);
+        fovea_health_t_decode_cleanup(&health);
+        count++;
+    }
+    fv_lcmlog_close(log);
+    assert_int_equal(count, 1);
 }
 
 /* Frames without a picture, and those that no step takes, are no life of a source. */
@@ -449,6 +488,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(test_host_is_read, make_root, remove_root),
         cmocka_unit_test_setup_teardown(test_a_loop_that_hangs, make_run, remove_root),
+        cmocka_unit_test_setup_teardown(test_a_hung_step_is_told, make_run, remove_root),
         cmocka_unit_test_setup_teardown(test_frames_without_pictures, make_run, remove_root),
         cmocka_unit_test_setup_teardown(test_recordings_by_command, make_run, remove_root),
         cmocka_unit_test_setup_teardown(test_odd_temperatures, make_root, remove_root),
