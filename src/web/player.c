@@ -147,6 +147,11 @@ enum fovea_status fv_web_player_open(const char *path, struct fv_web_player **pl
     }
     enum fovea_status status = fv_lcmlog_open(path, &opened->log, error);
     if (status == FOVEA_OK) status = read_header(opened, error);
+    if (status == FOVEA_OK) { /* the header may hold a state: its memory is given back */
+        fv_lcmlog_close(opened->log);
+        opened->log = NULL;
+        status = fv_lcmlog_open(path, &opened->log, error);
+    }
     if (status == FOVEA_OK) status = make_index(opened, damage, error);
     if (status != FOVEA_OK) {
         fv_web_player_close(opened);

@@ -1,5 +1,6 @@
 /* A recording as the page plays it: all of it in its order, from where it is told, at its pace; and
  * whatever is in the file, it ends in a picture, a message or one line. */
+#include <malloc.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -178,6 +179,25 @@ static void stamps_without_bounds_are_damage(void **state)
     free(copy);
 }
 
+/* A recording from the middle of a run has its state in the header, which is not held. */
+static void a_state_is_not_held(void **state)
+{
+    const struct short_run run = {
+        .width = 160, .height = 120, .iterations = 12, .features = 200, .begin = 5};
+    (void)state;
+    short_run_record(changed, &run);
+    const struct mallinfo2 before = mallinfo2();
+    struct fv_web_player *player = open_player(changed);
+    const struct mallinfo2 after = mallinfo2();
+    const long held =
+        (long)(after.uordblks + after.hblkhd) - (long)(before.uordblks + before.hblkhd);
+    print_message("held by a player: %ld bytes\n", held);
+#if !defined(FOVEA_SANITIZED) /* sanitizers own the heap */
+    assert_in_range(held, 1, 1 << 20);
+#endif
+    fv_web_player_close(player);
+}
+
 int main(void)
 {
     const struct short_run run = {
@@ -195,6 +215,7 @@ int main(void)
         cmocka_unit_test(the_relay_shows_it),
         cmocka_unit_test(damage_ends_in_one_line),
         cmocka_unit_test(stamps_without_bounds_are_damage),
+        cmocka_unit_test(a_state_is_not_held),
     };
     const int failed = cmocka_run_group_tests(tests, NULL, NULL);
     unlink(path);
