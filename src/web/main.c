@@ -145,6 +145,17 @@ static enum fovea_status options_check(struct web *web, struct fovea_error *erro
                                web->lcm == NULL
                                    ? "found --listen or --prefix, expected them with --lcm alone"
                                    : "found --play and --lcm, expected one of them");
+    const char *of_run = web->feed != NULL  ? "--feed"
+                         : web->url != NULL ? "--lcm-url"
+                         : web->key != NULL ? "--command-key"
+                                            : NULL;
+    if (web->play != NULL && of_run != NULL)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "found --play and %s, expected one of them: there is no run to ask "
+                               "where a recording is played",
+                               of_run);
+    if (web->feed == NULL) web->feed = SOCKET_DEFAULT;
+    if (web->url == NULL) web->url = URL_DEFAULT;
     return fv_web_address_check(web->address, web->token != NULL, error);
 }
 
@@ -249,11 +260,7 @@ static enum fovea_status run(struct web *web, struct fovea_error *error)
 
 int main(int argc, char **argv)
 {
-    struct web web = {.feed = SOCKET_DEFAULT,
-                      .address = "127.0.0.1",
-                      .port = PORT_DEFAULT,
-                      .rate = RATE_DEFAULT,
-                      .url = URL_DEFAULT};
+    struct web web = {.address = "127.0.0.1", .port = PORT_DEFAULT, .rate = RATE_DEFAULT};
     struct sigaction action = {.sa_handler = on_end};
     struct fovea_error error;
     if (argc == 2 && strcmp(argv[1], "--version") == 0) {

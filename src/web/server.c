@@ -84,7 +84,8 @@ static int send_next(struct fv_web_server *server, struct lws *wsi)
 
 const char *fv_web_server_refusal(const struct fv_web_server *server, enum fv_web_role role)
 {
-    return role != FV_WEB_OPERATE ? "this token may only look"
+    return role != FV_WEB_OPERATE                ? "this token may only look"
+           : server->setup.relay->player != NULL ? "a recording is played: there is no run to ask"
            : server->setup.commander == NULL || server->setup.commander->transport == NULL
                ? "fovea-web was started without --lcm-url"
            : server->setup.relay->reader == NULL ? "there is no run"

@@ -20,6 +20,7 @@
 
 #include <cmocka.h>
 
+#include "common/short_run.h"
 #include "common/watched.h"
 #include "common/web_client.h"
 #include "drivers/clock.h"
@@ -144,6 +145,36 @@ static void posts_are_judged(void **state)
     settings_are_judged(OURS, 401, "log in");
     assert_int_equal(web_end(process, true), 0);
     running = 0;
+}
+
+/* Where a recording is played, what is of a run is refused: as an option, and as a request. */
+static void a_recording_is_no_run(void **state)
+{
+    static const char *const of_run[] = {"--feed", "--lcm-url", "--command-key"};
+    const struct short_run run = {.width = 160, .height = 120, .iterations = 4, .features = 200};
+    char path[600] = "", recording[64], command[800], line[300];
+    (void)state;
+    snprintf(recording, sizeof recording, "%s/played.lcm", folder);
+    assert_true(readlink("/proc/self/exe", path, sizeof path - 1) > 0);
+    *strstr(path, "/tests/") = '\0';
+    for (int i = 0; i < 3; i++) {
+        snprintf(command, sizeof command, "%s/fovea-web --play %s %s x 2>&1", path, recording,
+                 of_run[i]);
+        FILE *pipe = popen(command, "r");
+        assert_non_null(pipe);
+        assert_non_null(fgets(line, sizeof line, pipe));
+        assert_int_equal(pclose(pipe), 2 << 8);
+        if (strstr(line, "--play and") == NULL || strstr(line, of_run[i]) == NULL)
+            fail_msg("found %s", line);
+    }
+    short_run_record(recording, &run);
+    const char *const arguments[] = {"--play", recording, NULL};
+    running = web_start(arguments);
+    assert_true(running > 0);
+    settings_are_judged(OURS, 403, "a recording is played");
+    assert_int_equal(web_end(running, true), 0);
+    running = 0;
+    unlink(recording);
 }
 
 /* What POST /login with this body says. */
@@ -508,6 +539,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_teardown(the_page_is_sent_with_its_rules, end_of_test),
         cmocka_unit_test_teardown(posts_are_judged, end_of_test),
+        cmocka_unit_test_teardown(a_recording_is_no_run, end_of_test),
         cmocka_unit_test_teardown(strange_hosts_and_origins_are_refused, end_of_test),
         cmocka_unit_test_teardown(without_the_token_only_the_login_page_is_seen, end_of_test),
         cmocka_unit_test_teardown(a_network_needs_a_token, end_of_test),

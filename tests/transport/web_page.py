@@ -481,7 +481,8 @@ def check_playback(recording):
 
 
 def web(*more):
-    return subprocess.Popen([os.path.join(build, "fovea-web"), "--feed", os.path.join(folder, "feed"), *more])
+    feed = () if "--play" in more else ("--feed", os.path.join(folder, "feed"))
+    return subprocess.Popen([os.path.join(build, "fovea-web"), *feed, *more])
 
 
 def main():
