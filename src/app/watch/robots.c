@@ -7,6 +7,7 @@
 #include "support/say.h"
 
 #include "fovea_camera_status_t.h"
+#include "fovea_health_t.h"
 #include "fovea_pose_t.h"
 #include "fovea_run_t.h"
 #include "fovea_statistics_t.h"
@@ -33,6 +34,12 @@ const char *fv_robot_scale_name(int scale_state)
     return NAME_OF(names, scale_state);
 }
 
+const char *fv_robot_health_name(int health)
+{
+    static const char *const names[] = {"ok", "degraded", "failed"};
+    return NAME_OF(names, health);
+}
+
 /* Text of others, which may go to a terminal. */
 static void keep(char name[FV_ROBOT_NAME_BYTES], const char *text)
 {
@@ -55,7 +62,8 @@ static void begin_window(struct fv_robot *robot, int64_t now_ns)
 
 static void forget_counts(struct fv_robot *robot)
 {
-    robot->state = robot->scale_state = robot->camera_state = -1;
+    robot->state = robot->scale_state = robot->camera_state = robot->health = -1;
+    robot->faults[0] = '\0';
     robot->quality = robot->latency_ms = robot->temperature_c = NAN;
     for (int i = 0; i < 3; i++)
         robot->position[i] = NAN;
@@ -194,6 +202,27 @@ static void take_statistics(void *context, const struct fv_received *received)
     fovea_statistics_t_decode_cleanup(&statistics);
 }
 
+static void take_health(void *context, const struct fv_received *received)
+{
+    struct fv_robot *robot = robot_of(context, received, "_HEALTH");
+    fovea_health_t health;
+    size_t length = 0;
+    if (robot == NULL ||
+        fovea_health_t_decode(received->data, 0, (int)received->bytes, &health) < 0)
+        return;
+    robot->health = (uint8_t)health.state;
+    robot->faults[0] = '\0';
+    for (int32_t i = 0; i < health.count && length < sizeof robot->faults; i++) {
+        const fovea_health_part_t *part = &health.parts[i];
+        if (part->state == FOVEA_HEALTH_T_STATE_OK) continue;
+        length += (size_t)snprintf(robot->faults + length, sizeof robot->faults - length,
+                                   "%s%s %s: %s", length > 0 ? "; " : "", part->name,
+                                   fv_robot_health_name((uint8_t)part->state), part->reason);
+    }
+    fv_say_clean(robot->faults);
+    fovea_health_t_decode_cleanup(&health);
+}
+
 enum fovea_status fv_robots_rows(struct fv_robots *robots, const char *prefix,
                                  struct fv_receiver_channel rows[FV_ROBOT_ROWS],
                                  struct fovea_error *error)
@@ -204,7 +233,8 @@ enum fovea_status fv_robots_rows(struct fv_robots *robots, const char *prefix,
     } kinds[FV_ROBOT_ROWS] = {{"_RUN", "fovea.run_t", take_run},
                               {"_POSE", "fovea.pose_t", take_pose},
                               {"_CAMERA_STATUS", "fovea.camera_status_t", take_camera},
-                              {"_STATISTICS", "fovea.statistics_t", take_statistics}};
+                              {"_STATISTICS", "fovea.statistics_t", take_statistics},
+                              {"_HEALTH", "fovea.health_t", take_health}};
     if (strlen(prefix) + strlen("_CAMERA_STATUS") >= FV_MESSAGE_CHANNEL_BYTES)
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "PREFIX: found %zu bytes, expected at most %zu", strlen(prefix),

@@ -13,7 +13,8 @@ enum {
     FV_ROBOTS_MAX = 32,
     FV_ROBOT_STAGES_MAX = 24,
     FV_ROBOT_NAME_BYTES = 32,
-    FV_ROBOT_ROWS = 4 /* of the receiver's table */
+    FV_ROBOT_FAULT_BYTES = 256,
+    FV_ROBOT_ROWS = 5 /* of the receiver's table */
 };
 #define FV_ROBOT_SILENT_NS INT64_C(3000000000) /* heard last so long ago: it is silent */
 #define FV_ROBOT_GONE_NS INT64_C(60000000000)  /* it is forgotten */
@@ -53,6 +54,10 @@ struct fv_robot {
     int64_t resident_bytes;
     double temperature_c;
 
+    /* HEALTH: the worst of its parts, and which have a fault: "host degraded: 74 degrees; ..." */
+    int health;
+    char faults[FV_ROBOT_FAULT_BYTES];
+
     /* Of the last whole window, and the one that goes on. */
     double frames_hz, poses_hz, frame_mean_ms, frame_max_ms, late_hz;
     int64_t window_ns; /* when it began; 0: none has. Counts that fall begin a new one */
@@ -85,5 +90,6 @@ void fv_robots_tick(struct fv_robots *robots);
 const char *fv_robot_state_name(int state);
 const char *fv_robot_camera_name(int camera_state);
 const char *fv_robot_scale_name(int scale_state);
+const char *fv_robot_health_name(int health);
 
 #endif

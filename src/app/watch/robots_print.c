@@ -116,6 +116,13 @@ static void stages_line(const struct fv_robot *robot, struct line *line)
         add(line, "  %s %s", robot->stages[i].name, number(robot->stages[i].mean_ms, 2, text));
 }
 
+static void faults_put(FILE *out, const struct fv_robot *robot, const struct fv_robots_look *look)
+{
+    struct line line = {.length = 0};
+    add(&line, "  %s", robot->faults);
+    put(out, &line, robot->health == 1 ? "\033[33m" : "\033[31m", look);
+}
+
 void fv_robots_table(FILE *out, const struct fv_robots *robots, const struct fv_robots_look *look)
 {
     unsigned left = look->lines > 0 ? look->lines : 1u << 30;
@@ -128,6 +135,10 @@ void fv_robots_table(FILE *out, const struct fv_robots *robots, const struct fv_
         robot_line(robots, robot, &line);
         put(out, &line, colour_of(state_of(robots, robot)), look);
         left--;
+        if (robot->faults[0] != '\0' && left > 1) {
+            faults_put(out, robot, look);
+            left--;
+        }
         if (robot->stage_count == 0 || left <= 1) continue;
         stages_line(robot, &stages);
         put(out, &stages, "", look);
@@ -228,5 +239,7 @@ void fv_robots_json(FILE *out, const struct fv_robots *robots, const struct fv_r
     member_count(out, "height", camera, robot->height);
     member(out, "temperature_c", robot->temperature_c);
     member_count(out, "resident_bytes", robot->resident_bytes > 0, robot->resident_bytes);
+    member_text(out, "health", robot->health >= 0 ? fv_robot_health_name(robot->health) : NULL);
+    member_text(out, "faults", robot->health >= 0 ? robot->faults : NULL);
     stages_json(out, robot);
 }

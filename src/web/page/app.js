@@ -9,10 +9,11 @@ import { Playback } from "/playback.js";
 import { Parameters } from "/parameters.js";
 import { Requests } from "/requests.js";
 import { Settings } from "/settings.js";
-import { Actions, PosePanel, byId, facts, fixed, logLine, names, showRecorder } from "/panels.js";
+import { Actions, PosePanel, byId, facts, fixed, logLine, names, showHealth, showRecorder } from "/panels.js";
 
 const types = readTypes(await (await fetch("/types")).text());
 const cameraStates = names(types, "fovea.camera_status_t", "STATE_");
+const healthStates = names(types, "fovea.health_t", "STATE_");
 const recorderStates = names(types, "fovea.recorder_t", "STATE_");
 const of = () => link;
 const shown = { times: [], run: undefined };
@@ -137,6 +138,7 @@ const link = new Link(types, {
     byId("live-title").textContent = `Live: ${message.width} x ${message.height} ${message.pixel_format}, camera ${state}`;
   },
   STATISTICS: showStatistics,
+  HEALTH: (message) => showHealth(healthStates, message),
   OBJECTS: (message) => live.objects(message),
   DETECTIONS: (message) => live.detections(message),
   DETECTIONS2: (message) => live.detections(message),

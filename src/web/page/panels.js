@@ -82,6 +82,14 @@ export function logLine({ number, utime, text }) {
   while (list.childElementCount > 200) list.lastChild.remove();
 }
 
+// Which parts of the run have a fault, and why.
+export function showHealth(states, message) {
+  const parts = message.parts.filter((part) => part.state !== 0);
+  byId("health").hidden = parts.length === 0;
+  byId("health").dataset.state = states[message.state] || "failed";
+  byId("health").textContent = parts.map((part) => `${part.name} ${states[part.state]}: ${part.reason}`).join("; ");
+}
+
 const megabytes = (bytes) => `${(Number(bytes) / 1e6).toFixed(1)} MB`;
 
 // Recordings that the buttons begin and end: state, size, and what the disk has left.

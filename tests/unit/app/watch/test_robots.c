@@ -12,6 +12,7 @@
 
 #include "app/watch/robots.h"
 
+#include "fovea_health_t.h"
 #include "fovea_pose_t.h"
 #include "fovea_run_t.h"
 #include "fovea_statistics_t.h"
@@ -20,7 +21,7 @@
 
 static struct fv_robots robots;
 static struct fv_receiver_channel rows[FV_ROBOT_ROWS];
-enum { RUN, POSE, CAMERA, STATISTICS };
+enum { RUN, POSE, CAMERA, STATISTICS, HEALTH };
 
 static int set_up(void **state)
 {
@@ -73,6 +74,36 @@ static void say_statistics(const char *channel, int64_t processed, int64_t late,
     statistics.stages = stages;
     hand_over(STATISTICS, channel, data,
               fovea_statistics_t_encode(data, 0, sizeof data, &statistics));
+}
+
+static void say_health(int8_t state, fovea_health_part_t *parts, int32_t count)
+{
+    static uint8_t data[16384];
+    fovea_health_t health = {.state = state, .count = count, .parts = parts};
+    hand_over(HEALTH, "R_HEALTH", data, fovea_health_t_encode(data, 0, sizeof data, &health));
+}
+
+/* The parts with a fault, in the order of the message; text of others is cleaned and cut. */
+static void test_health(void **state)
+{
+    (void)state;
+    char longest[128];
+    fovea_health_part_t parts[32] = {{(char *)"camera", 0, (char *)""},
+                                     {(char *)"host", 1, (char *)"74 degrees\033[2J"},
+                                     {(char *)"network", 2, (char *)"no route"}};
+    say_health(2, parts, 3);
+    const struct fv_robot *robot = &robots.robots[0];
+    assert_string_equal(fv_robot_health_name(robot->health), "failed");
+    assert_string_equal(robot->faults, "host degraded: 74 degrees?[2J; network failed: no route");
+    memset(longest, 'x', sizeof longest - 1);
+    longest[sizeof longest - 1] = '\0';
+    for (int i = 0; i < 32; i++)
+        parts[i] = (fovea_health_part_t){(char *)"part", 99, longest};
+    say_health(99, parts, 32);
+    assert_string_equal(fv_robot_health_name(robot->health), "?");
+    assert_int_equal(strlen(robot->faults), FV_ROBOT_FAULT_BYTES - 1);
+    say_health(0, parts, 0);
+    assert_true(robot->health == 0 && robot->faults[0] == '\0');
 }
 
 static void test_rates_and_times(void **state)
@@ -164,6 +195,7 @@ static void test_many(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup(test_health, set_up),
         cmocka_unit_test_setup(test_rates_and_times, set_up),
         cmocka_unit_test_setup(test_restart, set_up),
         cmocka_unit_test_setup(test_many, set_up),
