@@ -318,13 +318,13 @@ static long resident_kb(pid_t process)
 
 static void post_wrong_settings(int to, int count)
 {
-    static const char request[] =
+    static const char head[] =
         "POST /settings HTTP/1.1\r\nHost: 127.0.0.1:7680\r\n" OURS "Content-Length: 20000\r\n\r\n";
-    static char body[20000];
+    static char request[sizeof head - 1 + 20000]; /* one send: two would wait for each other */
+    memcpy(request, head, sizeof head - 1);
     char said[2048] = "";
     for (int i = 0; i < count; i++) {
-        assert_true(web_send(to, request));
-        assert_int_equal(send(to, body, sizeof body, MSG_NOSIGNAL), sizeof body);
+        assert_int_equal(send(to, request, sizeof request, MSG_NOSIGNAL), sizeof request);
         size_t used = 0;
         while (strstr(said, "byte 0 in settings") == NULL) {
             const ssize_t got = recv(to, said + used, sizeof said - 1 - used, 0);
