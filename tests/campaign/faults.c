@@ -44,10 +44,11 @@
 
 enum { SEEDS_MAX = 10000, SOURCES_MAX = 512, WORST = 6, AGAIN_FROM = 100, AGAIN = 60 };
 
-/* 99.9 % of six degrees of freedom are below 22.5: 0.1 % is what a right covariance gives. A sample
- * of some fifty runs: the bar, and four standard deviations of what one run has of false frames
- * over the root of their number. */
-static const double wrong_max = 0.005, wrong_of_a_run = 0.033;
+/* 99.9 % of six degrees of freedom are below 22.5: 0.1 % is what a right covariance gives. The
+ * campaign holds each kind to the bar, and misses it for some (docs/measured.md). False frames come
+ * in few runs and many at a time, so 45 runs cannot tell 1 % from 3 %: of samples drawn from 217
+ * runs, 1 in 1,000 has more than 4.1 %. A sample fails where something has broken. */
+static const double wrong_max = 0.005, wrong_max_of_sample = 0.06;
 
 /* ---- in the child ---------------------------------------------------------------------------- */
 
@@ -283,10 +284,8 @@ static int report(const char *folder, bool sample)
 {
     char path[FAULTS_TEXT];
     struct faults_verdict bare;
-    const struct faults_bars bars = {
-        .sample = sample,
-        .wrong_max = wrong_max +
-                     (sample ? 4 * wrong_of_a_run / sqrt(result_count > 0 ? result_count : 1) : 0)};
+    const struct faults_bars bars = {.sample = sample,
+                                     .wrong_max = sample ? wrong_max_of_sample : wrong_max};
     (void)snprintf(path, sizeof path, "%s/faults.md", folder);
     FILE *out = fopen(path, "w");
     if (out == NULL) faults_die("the report cannot be written");
