@@ -149,11 +149,12 @@ static enum fovea_status options_check(struct web *web, struct fovea_error *erro
                          : web->url != NULL ? "--lcm-url"
                          : web->key != NULL ? "--command-key"
                                             : NULL;
-    if (web->play != NULL && of_run != NULL)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                               "found --play and %s, expected one of them: there is no run to ask "
-                               "where a recording is played",
-                               of_run);
+    if ((web->play != NULL || web->lcm != NULL) && of_run != NULL)
+        return fovea_error_set(
+            error, FOVEA_ERROR_INPUT, "found %s and %s, expected one of them: %s",
+            web->play != NULL ? "--play" : "--lcm", of_run,
+            web->play != NULL ? "there is no run to ask where a recording is played"
+                              : "nothing is asked of a robot that is heard");
     if (web->feed == NULL) web->feed = SOCKET_DEFAULT;
     if (web->url == NULL) web->url = URL_DEFAULT;
     return fv_web_address_check(web->address, web->token != NULL, error);

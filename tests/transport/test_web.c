@@ -147,26 +147,34 @@ static void posts_are_judged(void **state)
     running = 0;
 }
 
-/* Where a recording is played, what is of a run is refused: as an option, and as a request. */
-static void a_recording_is_no_run(void **state)
+/* What stands beside an option that has no run to ask. */
+static void options_of_a_run_are_refused(const char *option, const char *value)
 {
     static const char *const of_run[] = {"--feed", "--lcm-url", "--command-key"};
-    const struct short_run run = {.width = 160, .height = 120, .iterations = 4, .features = 200};
-    char path[600] = "", recording[64], command[800], line[300];
-    (void)state;
-    snprintf(recording, sizeof recording, "%s/played.lcm", folder);
+    char path[600] = "", command[800], line[300];
     assert_true(readlink("/proc/self/exe", path, sizeof path - 1) > 0);
     *strstr(path, "/tests/") = '\0';
     for (int i = 0; i < 3; i++) {
-        snprintf(command, sizeof command, "%s/fovea-web --play %s %s x 2>&1", path, recording,
+        snprintf(command, sizeof command, "%s/fovea-web %s %s %s x 2>&1", path, option, value,
                  of_run[i]);
         FILE *pipe = popen(command, "r");
         assert_non_null(pipe);
         assert_non_null(fgets(line, sizeof line, pipe));
         assert_int_equal(pclose(pipe), 2 << 8);
-        if (strstr(line, "--play and") == NULL || strstr(line, of_run[i]) == NULL)
+        if (strstr(line, option) == NULL || strstr(line, of_run[i]) == NULL)
             fail_msg("found %s", line);
     }
+}
+
+/* Where a recording is played, what is of a run is refused: as an option, and as a request. */
+static void a_recording_is_no_run(void **state)
+{
+    const struct short_run run = {.width = 160, .height = 120, .iterations = 4, .features = 200};
+    char recording[64];
+    (void)state;
+    snprintf(recording, sizeof recording, "%s/played.lcm", folder);
+    options_of_a_run_are_refused("--play", recording);
+    options_of_a_run_are_refused("--lcm", "udpm://239.255.76.67:7667");
     short_run_record(recording, &run);
     const char *const arguments[] = {"--play", recording, NULL};
     running = web_start(arguments);

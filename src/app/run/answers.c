@@ -45,13 +45,18 @@ static void answer(const struct fv_answers *answers, const struct fv_judged_comm
     fv_feed_put(answers->feed, &out);
 }
 
-/* Answer those that are not kept, and close the gaps. */
-static void answer_saved(struct fv_answers *answers, uint32_t ended, const char *failure)
+enum awaited { A_SAVE, A_RECORDING };
+
+/* Answer those whose save or recording is among the first `ended`; the others stay, without gaps.
+ */
+static void answer_ended(struct fv_answers *answers, enum awaited awaited, uint32_t ended,
+                         const char *failure)
 {
     uint32_t kept = 0;
     for (uint32_t i = 0; i < answers->count; i++) {
         const struct fv_answers_waiting waiting = answers->waiting[i];
-        if (waiting.save == 0 || waiting.save > ended)
+        const uint32_t number = awaited == A_SAVE ? waiting.save : waiting.recording;
+        if (number == 0 || number > ended)
             answers->waiting[kept++] = waiting;
         else
             answer(answers, &waiting.command,
@@ -62,23 +67,11 @@ static void answer_saved(struct fv_answers *answers, uint32_t ended, const char 
     answers->count = kept;
 }
 
-/* Likewise those that wait for a recording. */
 static void answer_recorded(struct fv_answers *answers, const struct fv_recordings *recordings)
 {
     const char *failure;
-    uint32_t kept = 0;
     const uint32_t ended = fv_recordings_ended(recordings, &failure);
-    for (uint32_t i = 0; i < answers->count; i++) {
-        const struct fv_answers_waiting waiting = answers->waiting[i];
-        if (waiting.recording == 0 || waiting.recording > ended)
-            answers->waiting[kept++] = waiting;
-        else
-            answer(answers, &waiting.command,
-                   failure[0] == '\0' ? FOVEA_COMMAND_RESULT_T_RESULT_DONE
-                                      : FOVEA_COMMAND_RESULT_T_RESULT_FAILED,
-                   failure);
-    }
-    answers->count = kept;
+    answer_ended(answers, A_RECORDING, ended, failure);
 }
 
 static void keep(struct fv_answers *answers, const struct fv_judged_command *command,
@@ -108,7 +101,7 @@ uint32_t fv_answers_take(struct fv_answers *answers, const struct fv_keeper *kee
     const char *failure;
     uint32_t all = 0;
     const uint32_t ended = fv_keeper_ended(keeper, &failure);
-    answer_saved(answers, ended, failure);
+    answer_ended(answers, A_SAVE, ended, failure);
     answer_recorded(answers, recordings);
     for (int i = 0; i < COMMANDS_PER_STEP && answers->count < FV_ANSWERS_WAITING_MAX; i++) {
         if (!fv_transport_command(answers->transport, &command)) break;
@@ -161,8 +154,8 @@ void fv_answers_end(struct fv_answers *answers, const struct fv_keeper *keeper,
     const uint32_t ended = fv_keeper_ended(keeper, &earlier);
     fv_answers_step(answers); /* those that wait for nothing else */
     answer_recorded(answers, recordings);
-    answer_saved(answers, ended, earlier);
-    answer_saved(answers, UINT32_MAX, failure != NULL ? failure : "");
+    answer_ended(answers, A_SAVE, ended, earlier);
+    answer_ended(answers, A_SAVE, UINT32_MAX, failure != NULL ? failure : "");
     while (fv_transport_command(answers->transport, &command))
         answer(answers, &command, FOVEA_COMMAND_RESULT_T_RESULT_REFUSED,
                command.verdict != FV_COMMAND_TAKEN ? fv_command_verdict_reason(command.verdict)
