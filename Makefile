@@ -101,6 +101,10 @@ LAST_C    := $(filter src/kernels/%_c.c src/grid/% src/stereo/% src/inertial/% s
 CORE_C    := $(filter-out $(LAST_C),$(CORE_C)) $(LAST_C)
 DRIVERS_C := $(wildcard drivers/*.c drivers/*/*.c)
 APP_C     := $(wildcard src/app/*.c src/app/*/*.c src/support/*.c)
+# Likewise what few runs need: other commands than run, and what is asked for by commands or at the end.
+LAST_APP  := $(filter src/app/lab/% src/app/watch/% src/app/man.c $(addprefix src/app/run/,backup.c check_command.c fast_pose.c health.c history.c host.c recordings.c \
+             replay_command.c run_health.c self_test.c run_picture.c path_picture.c frame_picture.c objects_picture.c report_picture.c grid_file.c imu_input.c),$(APP_C))
+APP_C     := $(filter-out $(LAST_APP),$(APP_C)) $(LAST_APP)
 
 # Parts that need further libraries are built where those are installed: here, or in the root of a cross build.
 INSTALLED := $(if $(SAN),,$(if $(CROSS),$(if $(WHOLE),$(WHOLE)/usr),/usr))
@@ -131,6 +135,8 @@ CORE_O    := $(call objs,$(CORE_C)) $(GEN_O)
 DRIVERS_O := $(call objs,$(DRIVERS_C))
 APP_O     := $(filter-out $(BUILD)/obj/src/app/main.o,$(call objs,$(APP_C)))
 MAIN_O    := $(BUILD)/obj/src/app/main.o
+# The application waits and prints: small code, of which fewer pages are read.
+$(if $(SAN),,$(APP_O) $(MAIN_O)): CFLAGS += -Os
 
 LIBS_CORE := -llcm
 LIBS_APP  := -llcm -lyaml -lpng -ljpeg -lz -ldl -lm

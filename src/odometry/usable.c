@@ -5,7 +5,11 @@
 #include "geometry/vec.h"
 #include "odometry/odometry.h"
 
-enum { SAMPLE = 64 /* landmarks whose motion in the image is looked at */ };
+enum {
+    SAMPLE = 64,     /* landmarks whose motion in the image is looked at */
+    PICTURES = 8,    /* before this one, whose features are looked for */
+    AGE_MASK = 0xff, /* of what is remembered of a feature: the number of its picture */
+};
 
 /* Of a picture's features, those that one of the last pictures had at the same place with the same
  * descriptor. On recordings, also of a camera that stands, 0.006 at most; in the simulation, where
@@ -40,13 +44,15 @@ void fv_usable_picture(struct fv_usable_state *s, uint32_t count,
 {
     uint32_t again = 0;
     uint64_t sum = 0;
+    s->picture = (s->picture + 1) & AGE_MASK;
     for (uint32_t i = 0; i < count; i++) {
         const uint64_t hash =
             mix(mix(1, &descriptors[(size_t)i * FV_MAP_DESCRIPTOR_BYTES], FV_MAP_DESCRIPTOR_BYTES),
                 &features[i].x_px, sizeof features[i].x_px + sizeof features[i].y_px);
-        uint64_t *place = &s->seen[hash % FV_USABLE_SEEN];
-        again += *place == hash;
-        *place = hash;
+        uint32_t *place = &s->seen[hash % FV_USABLE_SEEN];
+        const uint32_t kept = (uint32_t)(hash >> 32) | AGE_MASK;
+        again += (*place | AGE_MASK) == kept && ((s->picture - *place) & AGE_MASK) <= PICTURES;
+        *place = (kept ^ AGE_MASK) | s->picture;
         sum += features[i].score;
     }
     s->repeated = count > 0 && again > repeated_fraction * count;

@@ -31,10 +31,13 @@
 extern "C" {
 #endif
 
-enum { FV_USABLE_SEEN = 8192 }; /* features that are remembered: those of some eight pictures */
+enum { FV_USABLE_SEEN = 8192 }; /* features that are remembered: those of eight pictures */
 
 struct fv_usable_state {
-    uint64_t seen[FV_USABLE_SEEN]; /* hashes of features, each at its value modulo the places */
+    /* 24 bits of the hash of a feature, each at the rest of it modulo the places, and 8 of the number
+     * of its picture. */
+    uint32_t seen[FV_USABLE_SEEN];
+    uint32_t picture, reserved; /* number of the current picture */
     double sharpness;              /* mean score that is usual; 0: not known */
     bool blurred;                  /* the current picture */
     bool repeated;                 /* most of its features are exactly those of earlier ones */

@@ -212,20 +212,21 @@ static bool has_word(const char *name, const char *word, size_t length)
 }
 
 /* Where no name is like it: the one that shares most words with the last part of `name`, in its
- * section rather than elsewhere
- * ("features.max_count", "lcm"); NULL when none does. */
+ * section rather than elsewhere, and one that is such a word rather than one of several
+ * ("features.max_count", "lcm", "frame_rate"); NULL when none does. */
 static const char *name_by_words(const char *name)
 {
     const char *dot = strrchr(name, '.'), *best = NULL;
     const size_t section = dot != NULL ? (size_t)(dot - name) : 0;
-    int most = 1;
+    int most = 0;
     for (size_t i = 0; i < fv_settings_key_count; i++) {
         const char *key = fv_settings_keys[i].name;
         int shared = section_length(key) == section && strncmp(key, name, section) == 0;
         for (const char *at = name + section + (dot != NULL); *at != '\0';
              at += word_length(at), at += *at != '\0')
             shared += word_length(at) > 2 && has_word(key, at, word_length(at)) ? 2 : 0;
-        if (shared <= most) continue;
+        const bool is_word = key[word_length(key)] == '\0';
+        if (shared < 2 || shared < most || (shared == most && !is_word)) continue;
         most = shared;
         best = key;
     }

@@ -46,7 +46,7 @@ struct fv_settings {
     int rate;           /* enum fv_rate */
     char lcm_url[256];  /* "": nothing is sent */
     uint32_t lcm_ttl;
-    uint32_t fast_pose_rate;                      /* Hz; 0: none */
+    uint32_t pose_fast_rate;                      /* Hz; 0: none */
     char listen[16];                              /* who is heard: network/receiver.h */
     uint32_t commands;                            /* struct fv_command_rules: from_network */
     char command_key[FV_SETTINGS_PATH_BYTES];     /* file; "": none */

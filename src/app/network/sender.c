@@ -20,11 +20,11 @@
 enum {
     POLL_NS = 1000000,
     UDP_HEADER_BYTES = 8,
-    WATCHED_BYTES = 16 << 10, /* some messages of health: one a second, and at changes */
-    REPEATED = 0,             /* channel of the repeated message */
-    SENSED,                   /* and of those that are put sensed */
-    WATCHED,                  /* and by the watching thread */
-    LOOP                      /* the loop's from here on */
+    WATCHED_BYTES = 8 << 10, /* some messages of health: one a second, and at changes */
+    REPEATED = 0,            /* channel of the repeated message */
+    SENSED,                  /* and of those that are put sensed */
+    WATCHED,                 /* and by the watching thread */
+    LOOP                     /* the loop's from here on */
 };
 
 static const int64_t state_age_ns = 1000000000; /* a state that could not be sent is dropped then */
@@ -34,12 +34,12 @@ static const int64_t room_wait_ns = 1000000000;
 static const int64_t stalled_ns = 1000000000; /* what takes nothing for so long has stalled */
 static const int64_t repeat_ns = 1000000000;
 
-/* Poses for a quarter of a second at 200 Hz, those between frames for a tenth at 1,000 Hz, 30
- * messages of 1,000 features, five messages of objects or of a network's results of the longest
- * size, 60,000 bytes. */
+/* Poses for a quarter of a second at 200 Hz, those between frames for a fifteenth at 1,000 Hz,
+ * five messages of objects or of a network's results of the longest size, 60,000 bytes, 18
+ * messages of 1,000 features. What waits longer is replaced by newer ones anyway. */
 static const size_t ring_bytes[FV_SENDER_CLASSES] = {
-    [FV_SENDER_STATE] = 128 << 10,    [FV_SENDER_SENSED] = 32 << 10,
-    [FV_SENDER_OBJECTS] = 320 << 10,  [FV_SENDER_FEATURES] = 640 << 10,
+    [FV_SENDER_STATE] = 128 << 10,    [FV_SENDER_SENSED] = 16 << 10,
+    [FV_SENDER_OBJECTS] = 320 << 10,  [FV_SENDER_FEATURES] = 384 << 10,
     [FV_SENDER_PREVIEWS] = 128 << 10,
 };
 

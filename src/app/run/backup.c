@@ -22,20 +22,18 @@ enum fovea_status fv_backup_open(struct fv_backup *backup, struct fv_parameters 
     backup->parameters = parameters;
     backup->started = started;
     backup->source = source;
-    backup->copy = malloc(FV_BACKUP_MESSAGE_BYTES);
-    backup->answer = malloc(FV_BACKUP_MESSAGE_BYTES);
+    backup->message = malloc(FV_BACKUP_MESSAGE_BYTES);
     backup->text = calloc(1, FV_KEPT_BYTES_MAX + 1);
     fv_message_channel(prefix, FV_MESSAGE_SETTINGS, backup->request_channel);
     fv_message_channel(prefix, FV_MESSAGE_SETTINGS_RESULT, backup->channel);
-    if (backup->copy != NULL && backup->answer != NULL && backup->text != NULL) return FOVEA_OK;
+    if (backup->message != NULL && backup->text != NULL) return FOVEA_OK;
     fv_backup_close(backup);
     return fovea_error_set(error, FOVEA_ERROR_MEMORY, "no memory for backups of settings");
 }
 
 void fv_backup_close(struct fv_backup *backup)
 {
-    free(backup->copy);
-    free(backup->answer);
+    free(backup->message);
     free(backup->text);
     memset(backup, 0, sizeof *backup);
 }
@@ -46,9 +44,9 @@ static enum fv_command_verdict judge(struct fv_backup *backup, const fovea_setti
                                      const struct fv_received *received)
 {
     struct fv_command_gate *gate = &backup->parameters->gate;
-    memcpy(backup->copy, received->data, received->bytes);
-    memset(backup->copy + received->bytes - MAC_BYTES, 0, MAC_BYTES);
-    const struct fv_command_claim claim = {.data = backup->copy,
+    memcpy(backup->message, received->data, received->bytes);
+    memset(backup->message + received->bytes - MAC_BYTES, 0, MAC_BYTES);
+    const struct fv_command_claim claim = {.data = backup->message,
                                            .bytes = received->bytes,
                                            .zeroed = true,
                                            .from_host = received->from_host,
@@ -348,7 +346,7 @@ void fv_backup_tend(struct fv_backup *backup)
                                              .text = given != NULL ? given : none,
                                              .reason = backup->reason};
     const int bytes =
-        fovea_settings_result_t_encode(backup->answer, 0, FV_BACKUP_MESSAGE_BYTES, &message);
+        fovea_settings_result_t_encode(backup->message, 0, FV_BACKUP_MESSAGE_BYTES, &message);
     backup->answer_bytes = bytes > 0 ? (uint32_t)bytes : 0;
     free(given);
     if (backup->text[0] != '\0' && result == FOVEA_SETTINGS_RESULT_T_RESULT_DONE)
@@ -373,7 +371,7 @@ void fv_backup_end(struct fv_backup *backup, struct fv_transport *transport, str
 void fv_backup_step(struct fv_backup *backup, struct fv_transport *transport, struct fv_feed *feed)
 {
     if (atomic_load_explicit(&backup->stage, memory_order_acquire) != FV_BACKUP_ANSWERED) return;
-    const struct fovea_message out = {backup->channel, backup->answer, backup->answer_bytes, true};
+    const struct fovea_message out = {backup->channel, backup->message, backup->answer_bytes, true};
     if (backup->answer_bytes > 0) {
         fv_transport_put(transport, &out);
         fv_feed_put(feed, &out);

@@ -30,14 +30,13 @@ struct fv_backup {
     const struct fovea_source_info *source; /* of the source that is open */
     char request_channel[FV_MESSAGE_CHANNEL_BYTES], channel[FV_MESSAGE_CHANNEL_BYTES];
     _Atomic int stage; /* enum fv_backup_stage: whose turn it is */
-    uint8_t *copy;     /* the listener's: of a message, to judge it */
 
     /* Handed over with the stage. */
     int64_t id, sender;
     bool refused;     /* by the gate */
     char reason[256]; /* why */
     char *text;       /* FV_KEPT_BYTES_MAX + 1 */
-    uint8_t *answer;  /* encoded */
+    uint8_t *message; /* the request while it is judged, then the encoded answer */
     uint32_t answer_bytes;
 };
 

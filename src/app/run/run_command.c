@@ -220,11 +220,11 @@ static enum fovea_status runtime_open(struct fv_run *run, struct fovea_error *er
 static void fast_pose_open(struct fv_run *run)
 {
     const struct fv_settings *settings = &run->settings;
-    if (run->transport == NULL || settings->imu[0] == '\0' || settings->fast_pose_rate == 0 ||
+    if (run->transport == NULL || settings->imu[0] == '\0' || settings->pose_fast_rate == 0 ||
         !run->setup.ops->info(run->setup.source)->live)
         return;
     fv_fast_pose_open(&run->fast_pose, run->loop.rt, run->transport,
-                      settings->runtime.channel_prefix, settings->fast_pose_rate);
+                      settings->runtime.channel_prefix, settings->pose_fast_rate);
     fv_imu_input_tap(&run->imu, fv_fast_pose_take, &run->fast_pose);
 }
 

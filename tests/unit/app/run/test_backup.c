@@ -73,7 +73,7 @@ static int8_t restore(const char *text)
     fv_backup_tend(&backup);
     assert_int_equal(atomic_load(&backup.stage), FV_BACKUP_ANSWERED);
     assert_true(
-        fovea_settings_result_t_decode(backup.answer, 0, (int)backup.answer_bytes, &result) > 0);
+        fovea_settings_result_t_decode(backup.message, 0, (int)backup.answer_bytes, &result) > 0);
     const int8_t found = result.result;
     fovea_settings_result_t_decode_cleanup(&result);
     atomic_store(&backup.stage, FV_BACKUP_IDLE);
