@@ -34,15 +34,15 @@ extern "C" {
 enum { FV_USABLE_SEEN = 8192 }; /* features that are remembered: those of eight pictures */
 
 struct fv_usable_state {
-    /* 24 bits of the hash of a feature, each at the rest of it modulo the places, and 8 of the number
-     * of its picture. */
+    /* 24 bits of the hash of a feature, each at the rest of it modulo the places, and 8 of the
+     * number of its picture. */
     uint32_t seen[FV_USABLE_SEEN];
     uint32_t picture, reserved; /* number of the current picture */
-    double sharpness;              /* mean score that is usual; 0: not known */
-    bool blurred;                  /* the current picture */
-    bool repeated;                 /* most of its features are exactly those of earlier ones */
-    bool patched;                  /* a part of them are */
-    bool frozen;                   /* since the last posed frame but some */
+    double sharpness;           /* mean score that is usual; 0: not known */
+    bool blurred;               /* the current picture */
+    bool repeated;              /* most of its features are exactly those of earlier ones */
+    bool patched;               /* a part of them are */
+    bool frozen;                /* since the last posed frame but some */
 };
 
 struct fv_odometry;
