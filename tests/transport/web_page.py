@@ -497,7 +497,7 @@ def check_playback(recording):
 
 
 def web(*more):
-    feed = () if "--play" in more else ("--feed", os.path.join(folder, "feed"))
+    feed = () if more and more[0] in ("--play", "--lcm") else ("--feed", os.path.join(folder, "feed"))
     return subprocess.Popen([os.path.join(build, "fovea-web"), *feed, *more])
 
 
