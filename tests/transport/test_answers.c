@@ -344,6 +344,8 @@ static void recordings_by_command_replay(void **state)
                                      kept,
                                      "--set",
                                      "channel_prefix=R",
+                                     "--set",
+                                     "record_buffer=1000", /* of a disk that is busy */
                                      "--record",
                                      whole,
                                      NULL};
