@@ -46,7 +46,8 @@ static void write_calibrations(const char *corpus)
     for (int format = 0; format < FV_CALIBRATION_FORMAT_COUNT; format++) {
         char name[64], text[FV_CALIBRATION_BYTES_MAX];
         struct fovea_error error;
-        c.camera.lens = format % 2 == 0 ? FOVEA_LENS_RADTAN : FOVEA_LENS_EQUIDISTANT;
+        const bool radtan = format % 2 == 0 || format == FV_CALIBRATION_PHOTONVISION; /* no other */
+        c.camera.lens = radtan ? FOVEA_LENS_RADTAN : FOVEA_LENS_EQUIDISTANT;
         c.camera.k[0] = -0.1;
         if (fv_calibration_format_text((enum fv_calibration_format)format, &c, text, NULL,
                                        &error) != FOVEA_OK)
@@ -102,7 +103,7 @@ static void write_received(const char *corpus)
     fv_test_make_folder(fv_test_path(corpus, "fuzz_receiver"));
     const size_t bytes = (size_t)fovea_command_t_encode(text, 0, sizeof text, &command);
     const size_t pose_bytes = (size_t)bot_core_pose_t_encode(pose, 0, sizeof pose, &odometry);
-    command.mac = (int64_t)fv_siphash(key, text, bytes);
+    command.mac = (int64_t)fv_siphash(key, text, bytes, 0);
     fovea_command_t_encode(text, 0, sizeof text, &command);
     for (uint8_t kind = 2; kind < 4; kind++) {
         size_t used = put(out, &kind, 1);
