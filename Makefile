@@ -102,7 +102,7 @@ CORE_C    := $(filter-out $(LAST_C),$(CORE_C)) $(LAST_C)
 DRIVERS_C := $(wildcard drivers/*.c drivers/*/*.c)
 APP_C     := $(wildcard src/app/*.c src/app/*/*.c src/support/*.c)
 # Likewise what few runs need: other commands than run, and what is asked for by commands or at the end.
-LAST_APP  := $(filter src/app/lab/% src/app/watch/% src/app/man.c $(addprefix src/app/run/,backup.c check_command.c fast_pose.c health.c history.c host.c recordings.c \
+LAST_APP  := $(filter src/app/lab/% src/app/watch/% src/app/man.c $(addprefix src/app/run/,backup.c check_command.c check_memory.c fast_pose.c health.c history.c host.c recordings.c \
              replay_command.c run_health.c self_test.c run_picture.c path_picture.c frame_picture.c objects_picture.c report_picture.c grid_file.c imu_input.c),$(APP_C))
 APP_C     := $(filter-out $(LAST_APP),$(APP_C)) $(LAST_APP)
 
@@ -168,7 +168,7 @@ THREADED := unit/base/test_ring unit/runtime/test_sense_offers unit/app/run/test
             unit/app/network/test_sender_link unit/app/network/test_sender_preview unit/drivers/test_recorded \
             unit/drivers/test_wrong_recordings unit/drivers/test_odd_recordings unit/drivers/test_odd_logs unit/drivers/test_rig_recordings unit/drivers/test_recovery \
             unit/drivers/test_v4l2 unit/drivers/test_v4l2_faults unit/drivers/test_v4l2_gain unit/drivers/test_v4l2_unplug \
-            unit/drivers/test_libcamera replay/test_replay realtime/test_run transport/test_transport transport/test_receiver transport/test_sending transport/test_answers transport/test_feed_run transport/test_service transport/test_parameters
+            unit/drivers/test_libcamera replay/test_replay replay/test_replay_rig realtime/test_run transport/test_transport transport/test_receiver transport/test_sending transport/test_answers transport/test_feed_run transport/test_service transport/test_parameters
 check: export WERROR = -Werror
 check:  ## layers, names, format, symbols, stack, hardening, headers, clang build, clang-tidy, tests under asan+ubsan and tsan, a trial installation
 	@tools/install.sh build test check

@@ -13,8 +13,9 @@
  * stays, the camera may stand or go on, so the way that it would have gone since is added to the
  * covariance.
  *
- * Patched: some of the features are exactly those of an earlier picture, as after a transfer that
- * broke off: what is old says that the camera stands.
+ * Patched: some of the features are exactly those of one of the last eight pictures, as after a
+ * transfer that broke off: what is old says that the camera stands. A picture from before an outage
+ * is older, and counts as new.
  *
  * Poses of such pictures are `weak`, and none becomes a keyframe. Real-time safe, no addresses in
  * the state. */

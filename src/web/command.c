@@ -36,8 +36,9 @@ static int64_t next_id(struct fv_web_commander *commander, int64_t now_ns)
 /* Proves that the sender knows the key: of the message with mac 0. */
 static int64_t mac_of(const struct fv_web_commander *commander, const uint8_t *data, int bytes)
 {
-    return commander->keyed && bytes > 0 ? (int64_t)fv_siphash(commander->key, data, (size_t)bytes)
-                                         : 0;
+    return commander->keyed && bytes > 0
+               ? (int64_t)fv_siphash(commander->key, data, (size_t)bytes, 0)
+               : 0;
 }
 
 static void put(struct fv_web_commander *commander, const char *prefix, enum fv_message_kind kind,

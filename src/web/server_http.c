@@ -39,7 +39,8 @@ static void addresses(struct lws *wsi, char local[INET_ADDRSTRLEN], char remote[
 }
 
 /* Whether the address of a new connection has all that one may have, so that one host alone does
- * not keep the others out. On the loopback nobody is told apart, and there is no such bound. */
+ * not keep the others out. All programs of this host have the loopback's address, so there is no
+ * such bound for it. */
 static bool is_crowd(const struct lws_filter_network_conn_args *arrived)
 {
     struct sockaddr_in from, other;

@@ -57,15 +57,7 @@ static double map_fit(const struct run *run, double *scale)
         const double origin[3] = {0, 0, 0}, q[3] = {truth[3], truth[7], truth[11]};
         double p[3];
         fv_se3_apply_inverse(&map->keyframes[k].T_cam_world, origin, p);
-        sums.n++;
-        for (int r = 0; r < 3; r++) {
-            sums.p[r] += p[r];
-            sums.q[r] += q[r];
-            for (int c = 0; c < 3; c++)
-                sums.qp[3 * r + c] += q[r] * p[c];
-        }
-        sums.pp += fv_dot3(p, p);
-        sums.qq += fv_dot3(q, q);
+        fv_similarity_add(&sums, p, q);
     }
     double R[9], t[3], rms = NAN;
     if (!fv_similarity_fit(&sums, scale, R, t, &rms)) *scale = NAN;

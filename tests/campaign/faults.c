@@ -3,8 +3,7 @@
  *
  * Usage: faults SEEDS FIRST FOLDER [--sample]   seeds FIRST to FIRST + SEEDS - 1. What is done
  *            stands in FOLDER/faults.seeds and is not run again by the same build; the report is
- *            FOLDER/faults.md, with pictures of the worst runs beside it. Exit 0 when all bars
- * hold.
+ *            FOLDER/faults.md, with pictures of the worst runs beside it. Exit 0: all bars hold.
  *            --sample: nothing is remembered, and no run without faults is made to compare with;
  *            rates of single kinds are not judged.
  *        faults --one SEED FOLDER [PICTURE.png]  one seed again, and what it is made of
@@ -15,17 +14,19 @@
  *
  * A seed decides everything of its run (faults/plan.h). Judged are (faults/judge.h, report.c):
  *
- *   crashes, hangs, heap calls in the loop, descriptors that stay open: none
- *   frames processed and tracking, without faults too, returns, maps: some, or nothing is judged
- *   judged for false confidence: at least 70 % of the tracking frames whose truth is exact (a
- *       frame that is its own keyframe is not, nor is a map of a few poses)
- *   false confidence, of tracking frames: at most 0.5 % per kind of fault. NEES of the pose against
- *       its reference keyframe over 22.5, or a pose that is not finite. Poses in metres are
- * compared as they are, those of free scale after the similarity of their map to the truth, which
- * gives the unit alone tracking frames: at least 30 % of those of the same source without faults,
- * per kind frames: one is processed within 1 s, by stamps, in 99 % of all returns of a source map:
- * loads, and a run without faults on the same place finds itself in it within 60 frames (or at
- * least tracks with it loaded), in 99 %; a run that never had a pose has no map */
+ * - Crashes, hangs, heap calls in the loop, descriptors that stay open: none.
+ * - Frames processed, frames in state `tracking` (without faults too), returns, maps: some of each,
+ *   or nothing is judged.
+ * - Judged for false confidence: at least 70 % of the tracking frames whose truth is exact. A frame
+ *   that is its own keyframe is not judged, nor is a map of a few poses.
+ * - False confidence, of tracking frames: at most 0.5 % for each kind of fault. A frame is false
+ *   whose pose against its reference keyframe has a NEES over 22.5, or is not finite. Poses in
+ *   metres are compared as they are. Those of free scale take their unit, and nothing else, from
+ *   the similarity of their map to the truth.
+ * - Tracking frames: for each kind at least 30 % of those of the same source without faults.
+ * - Frames: after a return of the source one is processed within 1 s, by stamps, in 99 %.
+ * - Map: it loads, and a run without faults on the same place finds itself in it within 60 frames,
+ *   or at least tracks with it loaded, in 99 %. A run that never had a pose has no map. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -13,7 +13,6 @@
 
 #include "app/record/replay.h"
 #include "common/short_run.h"
-#include "../../drivers/recorded/player.h"
 #include "support/lcmlog.h"
 #include "support/text.h"
 #include "message/fields.h"
@@ -441,148 +440,6 @@ static void test_other_formats(void **state)
     whole[format] = 4;
 }
 
-/* What a source of the recorded log gives: samples bit by bit as they were recorded. An iteration
- * without a frame has its samples with the next frame. */
-static void check_fed_again(const char *path)
-{
-    static const struct fovea_source_selection everything = {.step = 1};
-    const struct fovea_source_ops *ops = &fv_source_lcmlog;
-    struct fovea_sample found[FOVEA_INPUT_SAMPLES_MAX], expected[SHORT_RUN_SAMPLES];
-    struct fovea_source *source;
-    struct fovea_frame frame;
-    struct fovea_error error;
-    uint32_t iteration = 0;
-    assert_int_equal(ops->open(path, &everything, &source, &error), FOVEA_OK);
-    const struct fovea_source_info *info = ops->info(source);
-    assert_true(info->rig.camera_count == 2 && info->rig.has_imu);
-    assert_int_equal(info->sample_kinds, (1u << FOVEA_SAMPLE_KIND_COUNT) - 1);
-    assert_int_equal(ops->start(source, &error), FOVEA_OK);
-    while (ops->dequeue(source, INT64_MAX, &frame) == FOVEA_OK) {
-        const uint32_t count = ops->samples(source, &frame, found, FOVEA_INPUT_SAMPLES_MAX);
-        uint32_t at = 0;
-        for (; iteration <= frame.sequence; iteration++) {
-            short_run_samples(iteration, expected);
-            assert_true(count >= at + SHORT_RUN_SAMPLES);
-            for (int i = 0; i < SHORT_RUN_SAMPLES; i++, at++) {
-                const uint32_t values = fovea_sample_value_count(expected[i].kind);
-                assert_int_equal(found[at].kind, expected[i].kind);
-                assert_int_equal(found[at].any.stamp_ns, expected[i].any.stamp_ns);
-                assert_memory_equal(found[at].any.values, expected[i].any.values,
-                                    values * sizeof(double));
-            }
-        }
-        assert_int_equal(count, at);
-        assert_int_equal(frame.images[0].width, WIDTH);
-        if (frame.images[1].data != NULL)
-            assert_true(frame.images[1].width == WIDTH * 3 / 4 &&
-                        frame.images[1].height == HEIGHT * 3 / 4);
-        ops->requeue(source, &frame);
-    }
-    assert_true(iteration >= ITERATIONS - 1);
-    ops->close(source);
-}
-
-/* In reverse the pictures come alone, and one line says so. */
-static void check_fed_in_reverse(const char *path)
-{
-    static const struct fovea_source_selection backwards = {.step = 1, .reverse = true};
-    const struct fovea_source_ops *ops = &fv_source_lcmlog;
-    struct fovea_sample found[FOVEA_INPUT_SAMPLES_MAX];
-    struct fovea_source *source;
-    struct fovea_frame frame;
-    struct fovea_error error;
-    uint32_t frames = 0;
-    assert_int_equal(ops->open(path, &backwards, &source, &error), FOVEA_OK);
-    const struct fovea_source_info *info = ops->info(source);
-    assert_true(info->rig.camera_count == 2 && !info->rig.has_imu && info->sample_kinds == 0);
-    assert_int_equal(ops->complaint(source, &error), FOVEA_OK);
-    assert_non_null(strstr(error.text, ": played in reverse without its "));
-    assert_int_equal(ops->complaint(source, &error), FOVEA_AGAIN);
-    assert_int_equal(ops->start(source, &error), FOVEA_OK);
-    for (; ops->dequeue(source, INT64_MAX, &frame) == FOVEA_OK; frames++) {
-        assert_int_equal(ops->samples(source, &frame, found, FOVEA_INPUT_SAMPLES_MAX), 0);
-        ops->requeue(source, &frame);
-    }
-    assert_int_equal(frames, info->frame_count);
-    ops->close(source);
-}
-
-/* One of the samples is taken out of the log. */
-static void check_missing_sample(const uint8_t *bytes, size_t count)
-{
-    struct fv_replay_result result;
-    struct fv_lcmlog *log;
-    struct fv_lcmlog_event event;
-    struct fovea_error error;
-    uint8_t *less = malloc(count);
-    assert_non_null(less);
-    assert_int_equal(fv_lcmlog_open(changed, &log, &error), FOVEA_OK);
-    do
-        assert_int_equal(fv_lcmlog_next(log, &event, &error), FOVEA_OK);
-    while (strcmp(event.channel, "FOVEA_IMU") != 0);
-    fv_lcmlog_close(log);
-    const size_t at = (size_t)event.offset,
-                 behind = at + FV_LCMLOG_HEADER_BYTES + strlen("FOVEA_IMU") + event.bytes;
-    memcpy(less, bytes, at);
-    memcpy(less + at, bytes + behind, count - behind);
-    write_changed(less, count - (behind - at));
-    free(less);
-    assert_int_equal(fv_replay(changed, FV_REPLAY_STOPS, NULL, NULL, &result, &error),
-                     FOVEA_ERROR_INPUT);
-    assert_non_null(
-        strstr(error.text, "found another number of samples and parameters before them"));
-    write_changed(bytes, count);
-}
-
-/* Two cameras, the second absent in every third frame, and other sensors: all is fed back, and a
- * pixel of the second camera, which no message shows, is missed by its hash. */
-static void test_rig(void **state)
-{
-    (void)state;
-    const struct short_run run = {
-        .width = WIDTH, .height = HEIGHT, .iterations = ITERATIONS, .features = 200, .rig = true};
-    struct fv_replay_result result;
-    struct fovea_error error;
-    char *bytes;
-    size_t count;
-    short_run_record(changed, &run);
-    if (fv_replay(changed, FV_REPLAY_STOPS, NULL, NULL, &result, &error) != FOVEA_OK)
-        fail_msg("%s", error.text);
-    if (result.different) fail_msg("%s", result.difference);
-    assert_true(result.end == FV_REPLAY_WHOLE && result.frames == ITERATIONS - 3);
-    check_fed_again(changed);
-    check_fed_in_reverse(changed);
-
-    struct fv_lcmlog *log;
-    struct fv_lcmlog_event event;
-    struct fovea_frame frame;
-    assert_int_equal(fv_lcmlog_open(changed, &log, &error), FOVEA_OK);
-    for (int frames = 0; frames < 3;) {
-        assert_int_equal(fv_lcmlog_next(log, &event, &error), FOVEA_OK);
-        if (strcmp(event.channel, "FOVEA_FRAME") != 0) continue;
-        assert_int_equal(fv_lcmlog_frame(changed, &event, &frame, &error), FOVEA_OK);
-        assert_int_equal(frame.image_count, 2);
-        assert_int_equal(frame.images[1].width, frames == 2 ? 0 : WIDTH * 3 / 4);
-        assert_int_equal(frame.images[1].data == NULL, frames++ == 2);
-    }
-    const size_t third = (size_t)event.offset;
-    fv_lcmlog_close(log);
-    assert_int_equal(fv_text_read(changed, 1 << 28, &bytes, &count, &error), FOVEA_OK);
-    check_missing_sample((uint8_t *)bytes, count);
-    const size_t iteration =
-        WIDTH * HEIGHT * 9 / 16; /* back into the second image of the second frame */
-    size_t at = third;
-    while (memcmp(bytes + at, "FOVEA_INPUTS", 12) != 0)
-        at--;
-    bytes[at - iteration / 2] ^= 1;
-    write_changed((uint8_t *)bytes, count);
-    free(bytes);
-    assert_int_equal(fv_replay(changed, FV_REPLAY_STOPS, NULL, NULL, &result, &error), FOVEA_OK);
-    assert_true(result.different);
-    assert_non_null(strstr(result.difference, "frame 1 ("));
-    assert_non_null(strstr(result.difference, "hash of the pixels"));
-}
-
 static void test_mutated(void **state)
 {
     (void)state;
@@ -656,7 +513,6 @@ int main(void)
         cmocka_unit_test(test_missing_message),
         cmocka_unit_test(test_changed_statistics),
         cmocka_unit_test(test_every_edit),
-        cmocka_unit_test(test_rig),
         cmocka_unit_test(test_other_formats),
         cmocka_unit_test(test_more_after_the_end),
         cmocka_unit_test(test_another_version_is_named),

@@ -91,7 +91,7 @@ static int encode(struct options *options, uint8_t data[256], struct fovea_error
     int bytes = fovea_command_t_encode(data, 0, 256, &options->command);
     if (options->key == NULL || bytes < 0) return bytes;
     if (fv_command_key_read(options->key, key, error) != FOVEA_OK) return -1;
-    options->command.mac = (int64_t)fv_siphash(key, data, (size_t)bytes);
+    options->command.mac = (int64_t)fv_siphash(key, data, (size_t)bytes, 0);
     return fovea_command_t_encode(data, 0, 256, &options->command);
 }
 

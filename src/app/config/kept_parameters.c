@@ -22,7 +22,7 @@ enum fovea_status fv_kept_parameters_parse(struct fv_settings *settings, const c
     const enum fovea_status status = fv_settings_parse(
         settings, name, text, end != NULL ? (size_t)(end + 1 - text) : strlen(text), error);
     for (size_t i = 0; status == FOVEA_OK && i < fv_settings_key_count; i++)
-        if (settings->line[i] != 0 && fv_settings_key_of_host(&fv_settings_keys[i]))
+        if (settings->line[i] != 0 && fv_settings_keys[i].host)
             return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                    "%.200s:%u: %s: found a key of the host, expected it in the "
                                    "configuration alone",

@@ -131,6 +131,7 @@ struct fv_settings_key {
     const char *help;           /* what it does */
     const char *cost;           /* of raising it; NULL where there is none */
     bool live;                  /* a step may change it: a live parameter */
+    bool host; /* of the host: never taken from a file that is restored (FV_HOST_KEY) */
 };
 
 enum { FV_SETTINGS_RANGE_BYTES = 128 };
@@ -141,16 +142,16 @@ bool fv_settings_has_auto(const struct fv_settings_key *key);
 /* The key of this name; NULL: there is none. */
 const struct fv_settings_key *fv_settings_key_find(const char *name);
 
-/* Whether it belongs to the host and not to the vision: it names files, a camera, sockets or who is
- * heard, or deletes files. Such a key is never taken from a file that was restored. */
-bool fv_settings_key_of_host(const struct fv_settings_key *key);
-
 /* Bytes of its member. */
 size_t fv_settings_key_bytes(const struct fv_settings_key *key);
 
 /* Copy its value. */
 void fv_settings_key_copy(const struct fv_settings_key *key, struct fv_settings *settings,
                           const struct fv_settings *from);
+
+/* Whether its values are not the same bytes. */
+bool fv_settings_key_differs(const struct fv_settings_key *key, const struct fv_settings *a,
+                             const struct fv_settings *b);
 
 /* What the key accepts, in words: "1 to 8 levels", "auto | max | real". */
 void fv_settings_range_print(const struct fv_settings_key *key, char *range, size_t bytes);

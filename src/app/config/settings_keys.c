@@ -10,7 +10,7 @@
 
 #define WORDS(...) ((const char *const[]){__VA_ARGS__, NULL})
 #define NONE NULL
-#define ROW(name, kind, member, min, max, unit, words, cost, help, live)                           \
+#define ROW(name, kind, member, min, max, unit, words, cost, help, live, host)                     \
     {name,                                                                                         \
      FV_CONFIG_##kind,                                                                             \
      offsetof(struct fv_settings, member),                                                         \
@@ -22,13 +22,18 @@
      words,                                                                                        \
      help,                                                                                         \
      cost,                                                                                         \
-     live},
+     live,                                                                                         \
+     host},
 #define FV_APP_KEY(name, kind, member, min, max, value, unit, words, cost, help)                   \
-    ROW(name, kind, member, min, max, unit, words, cost, help, false)
+    ROW(name, kind, member, min, max, unit, words, cost, help, false, false)
+#define FV_HOST_KEY(name, kind, member, min, max, value, unit, words, cost, help)                  \
+    ROW(name, kind, member, min, max, unit, words, cost, help, false, true)
 #define FV_KEY(name, kind, member, min, max, value, unit, words, cost, help)                       \
-    ROW(name, kind, runtime.member, min, max, unit, words, cost, help, false)
+    ROW(name, kind, runtime.member, min, max, unit, words, cost, help, false, false)
+#define FV_NAME_KEY(name, kind, member, min, max, value, unit, words, cost, help)                  \
+    ROW(name, kind, runtime.member, min, max, unit, words, cost, help, false, true)
 #define FV_LIVE_KEY(name, kind, member, min, max, value, unit, words, cost, help)                  \
-    ROW(name, kind, runtime.member, min, max, unit, words, cost, help, true)
+    ROW(name, kind, runtime.member, min, max, unit, words, cost, help, true, false)
 
 const struct fv_settings_key fv_settings_keys[] = {
 #include "runtime/config.def"
@@ -44,43 +49,6 @@ const struct fv_settings_key *fv_settings_key_find(const char *name)
     for (size_t i = 0; i < fv_settings_key_count; i++)
         if (strcmp(fv_settings_keys[i].name, name) == 0) return &fv_settings_keys[i];
     return NULL;
-}
-
-bool fv_settings_key_of_host(const struct fv_settings_key *key)
-{
-    static const char *const names[] = {"source",
-                                        "camera",
-                                        "mask",
-                                        "mask2",
-                                        "mask3",
-                                        "mask4",
-                                        "imu",
-                                        "imu_file",
-                                        "lcm_url",
-                                        "lcm_ttl",
-                                        "listen",
-                                        "commands",
-                                        "command_key",
-                                        "record",
-                                        "record_keep",
-                                        "record_folder",
-                                        "record_buffer",
-                                        "map.load",
-                                        "map.save",
-                                        "map.keep",
-                                        "map.overwrite",
-                                        "detect.model",
-                                        "web.socket",
-                                        "loop.cpu",
-                                        "channel_prefix",
-                                        "parameters.file",
-                                        "web.picture_rate",
-                                        "detect2.model",
-                                        "loop.priority",
-                                        "loop.lock_memory"};
-    for (size_t i = 0; i < sizeof names / sizeof names[0]; i++)
-        if (strcmp(key->name, names[i]) == 0) return true;
-    return false;
 }
 
 size_t fv_settings_key_bytes(const struct fv_settings_key *key)
@@ -112,6 +80,13 @@ void fv_settings_key_copy(const struct fv_settings_key *key, struct fv_settings 
 {
     memcpy((char *)settings + key->offset, (const char *)from + key->offset,
            fv_settings_key_bytes(key));
+}
+
+bool fv_settings_key_differs(const struct fv_settings_key *key, const struct fv_settings *a,
+                             const struct fv_settings *b)
+{
+    return memcmp((const char *)a + key->offset, (const char *)b + key->offset,
+                  fv_settings_key_bytes(key)) != 0;
 }
 
 void fv_settings_default(struct fv_settings *settings)

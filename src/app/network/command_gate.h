@@ -21,7 +21,6 @@
 
 enum {
     FV_COMMAND_SENDERS_MAX = 32,
-    FV_COMMAND_BYTES_MAX = 2048,
     FV_COMMAND_ALL = 127, /* bits of command_t */
     /* in the place of OVERWRITE, which goes with SAVE, among those that the network may send */
     FV_COMMAND_PARAMETERS = 16,
@@ -88,7 +87,6 @@ void fv_command_gate_init(struct fv_command_gate *gate, const struct fv_command_
 struct fv_command_claim {
     const uint8_t *data; /* the whole encoded message, which ends in its code */
     size_t bytes;
-    bool zeroed; /* the code in `data` is 0; else `bytes` is at most FV_COMMAND_BYTES_MAX */
     bool from_host;
     bool allowed; /* from the network */
     int64_t run_id, sender, counter, mac;

@@ -20,11 +20,9 @@
 enum {
     POLL_NS = 1000000,
     UDP_HEADER_BYTES = 8,
-    WATCHED_BYTES = 8 << 10, /* some messages of health: one a second, and at changes */
-    REPEATED = 0,            /* channel of the repeated message */
-    SENSED,                  /* and of those that are put sensed */
-    WATCHED,                 /* and by the watching thread */
-    LOOP                     /* the loop's from here on */
+    REPEATED = 0, /* channel of the repeated message */
+    THREADS,      /* and of the other threads */
+    LOOP = THREADS + FV_TRANSPORT_THREADS
 };
 
 static const int64_t state_age_ns = 1000000000; /* a state that could not be sent is dropped then */
@@ -34,13 +32,14 @@ static const int64_t room_wait_ns = 1000000000;
 static const int64_t stalled_ns = 1000000000; /* what takes nothing for so long has stalled */
 static const int64_t repeat_ns = 1000000000;
 
-/* Poses for a quarter of a second at 200 Hz, those between frames for a fifteenth at 1,000 Hz,
+/* Poses for a quarter of a second at 200 Hz, some messages of health, poses between frames for a
+ * fifteenth at 1,000 Hz,
  * five messages of objects or of a network's results of the longest size, 60,000 bytes, 18
  * messages of 1,000 features. What waits longer is replaced by newer ones anyway. */
 static const size_t ring_bytes[FV_SENDER_CLASSES] = {
-    [FV_SENDER_STATE] = 128 << 10,    [FV_SENDER_SENSED] = 16 << 10,
-    [FV_SENDER_OBJECTS] = 320 << 10,  [FV_SENDER_FEATURES] = 384 << 10,
-    [FV_SENDER_PREVIEWS] = 128 << 10,
+    [FV_SENDER_STATE] = 128 << 10,    [FV_SENDER_WATCHER] = 8 << 10,
+    [FV_SENDER_SENSOR] = 16 << 10,    [FV_SENDER_OBJECTS] = 320 << 10,
+    [FV_SENDER_FEATURES] = 384 << 10, [FV_SENDER_PREVIEWS] = 128 << 10,
 };
 
 /* In a ring, before the data of a message; a multiple of 8 bytes in all. */
@@ -57,9 +56,8 @@ struct channel {
 };
 
 struct fv_sender {
-    struct fv_ring rings[FV_SENDER_CLASSES], watched;
+    struct fv_ring rings[FV_SENDER_CLASSES];
     void *memory[FV_SENDER_CLASSES];
-    _Alignas(64) uint8_t watched_memory[WATCHED_BYTES];
     struct channel channels[FV_TRANSPORT_CHANNELS];
     atomic_uint channel_count;
 
@@ -92,6 +90,17 @@ static bool ends_in(const char *name, const char *suffix)
     const size_t length = strlen(name), wanted = strlen(suffix);
     if (length < wanted || strcmp(name + length - wanted, suffix) != 0) return false;
     return length == wanted || name[length - wanted - 1] == '_';
+}
+
+static bool is_loops(enum fv_sender_class class)
+{
+    return class == FV_SENDER_STATE || class >= FV_SENDER_OBJECTS;
+}
+
+/* Sent late rather than never. */
+static bool is_state(enum fv_sender_class class)
+{
+    return class == FV_SENDER_STATE || class == FV_SENDER_WATCHER;
 }
 
 static enum fv_sender_class class_of(const char *name)
@@ -145,10 +154,10 @@ static void taken(struct fv_sender *sender, int64_t now_ns)
     atomic_store_explicit(&sender->taken_ns, now_ns, memory_order_relaxed);
 }
 
-static void put_in(struct fv_sender *sender, struct fv_ring *ring, uint32_t at,
-                   const struct fovea_message *message)
+static void put(struct fv_sender *sender, uint32_t at, const struct fovea_message *message)
 {
     struct channel *channel = &sender->channels[at];
+    struct fv_ring *ring = &sender->rings[channel->class];
     const size_t size = (sizeof(struct record) + message->bytes + 7) / 8 * 8;
     const int64_t now_ns = fv_clock_ns(CLOCK_MONOTONIC);
     count(&channel->offered);
@@ -164,25 +173,16 @@ static void put_in(struct fv_sender *sender, struct fv_ring *ring, uint32_t at,
     fv_ring_commit(ring, size);
 }
 
-static void put(struct fv_sender *sender, uint32_t at, const struct fovea_message *message)
-{
-    put_in(sender, &sender->rings[sender->channels[at].class], at, message);
-}
-
 void fv_sender_put(struct fv_sender *sender, const struct fovea_message *message)
 {
     const uint32_t at = channel_find(sender, message->channel);
     if (at != FV_TRANSPORT_CHANNELS) put(sender, at, message); /* else none that the runtime has */
 }
 
-void fv_sender_put_sensed(struct fv_sender *sender, const struct fovea_message *message)
+void fv_sender_put_from(struct fv_sender *sender, enum fv_transport_thread thread,
+                        const struct fovea_message *message)
 {
-    put(sender, SENSED, message);
-}
-
-void fv_sender_put_watched(struct fv_sender *sender, const struct fovea_message *message)
-{
-    put_in(sender, &sender->watched, WATCHED, message);
+    put(sender, THREADS + (uint32_t)thread, message);
 }
 
 static void sleep_ns(int64_t ns)
@@ -196,7 +196,7 @@ bool fv_sender_room(struct fv_sender *sender)
     const int64_t now_ns = fv_clock_ns(CLOCK_MONOTONIC);
     bool room = true;
     for (int class = 0; class < FV_SENDER_CLASSES; class ++)
-        room = room && (class == FV_SENDER_SENSED || /* not the loop's */
+        room = room && (!is_loops((enum fv_sender_class) class) ||
                         fv_ring_room(&sender->rings[class]) >= ring_bytes[class] / 8 * 3);
     if (room) sender->full_ns = 0;
     if (!room && sender->full_ns == 0) sender->full_ns = now_ns;
@@ -278,7 +278,7 @@ static int give_up(struct fv_sender *sender, enum fv_sender_class class, const s
                    size_t bytes, int64_t now_ns)
 {
     if (sender->outlet->begun(sender->outlet, class)) return FV_OUTLET_BUSY;
-    const bool state = class == FV_SENDER_STATE;
+    const bool state = is_state(class);
     if (state ? now_ns - front->put_ns <= state_age_ns : !newer_waits(front, bytes))
         return FV_OUTLET_BUSY;
     if (sender->stalled != FV_TRANSPORT_DROP_BUSY && stalled(sender, now_ns))
@@ -297,7 +297,7 @@ static bool serve(struct fv_sender *sender, enum fv_sender_class class, int64_t 
     int result = sender->outlet->paced && class >= FV_SENDER_OBJECTS
                      ? send_bulk(sender, &message, now_ns)
                      : sender->outlet->send(sender->outlet, &message, now_ns);
-    if (class == FV_SENDER_STATE && result == FV_TRANSPORT_DROP_QUEUE &&
+    if (is_state(class) && result == FV_TRANSPORT_DROP_QUEUE &&
         now_ns - front->put_ns < queue_age_ns)
         return false;
     if (result == FV_OUTLET_BUSY) result = give_up(sender, class, front, bytes, now_ns);
@@ -305,23 +305,6 @@ static bool serve(struct fv_sender *sender, enum fv_sender_class class, int64_t 
     if (class == FV_SENDER_PREVIEWS && result == FV_OUTLET_SENT) sender->preview_ns = 0;
     account(sender, front->channel, result);
     fv_ring_release(&sender->rings[class], front->size);
-    return true;
-}
-
-/* The oldest message of the watching thread, beside the loop's states. */
-static bool serve_watched(struct fv_sender *sender, int64_t now_ns)
-{
-    size_t bytes;
-    const struct record *front =
-        (const struct record *)(const void *)fv_ring_peek(&sender->watched, &bytes);
-    if (front == NULL || sender->outlet->begun(sender->outlet, FV_SENDER_STATE)) return false;
-    const struct fv_outgoing message = {FV_SENDER_STATE, sender->channels[WATCHED].name,
-                                        (const uint8_t *)(front + 1), front->bytes};
-    int result = sender->outlet->send(sender->outlet, &message, now_ns);
-    if (result == FV_OUTLET_BUSY && now_ns - front->put_ns <= state_age_ns) return false;
-    if (result == FV_OUTLET_BUSY) result = FV_TRANSPORT_DROP_LATE;
-    account(sender, WATCHED, result);
-    fv_ring_release(&sender->watched, front->size);
     return true;
 }
 
@@ -334,7 +317,7 @@ static bool serve_repeated(struct fv_sender *sender, int64_t now_ns)
         sender->repeated_ns = now_ns;
         count(&sender->channels[REPEATED].offered);
     }
-    const struct fv_outgoing message = {FV_SENDER_STATE, sender->channels[REPEATED].name,
+    const struct fv_outgoing message = {FV_SENDER_REPEATED, sender->channels[REPEATED].name,
                                         sender->repeated, sender->repeated_bytes};
     int result = sender->outlet->send(sender->outlet, &message, now_ns);
     if (result == FV_OUTLET_BUSY && now_ns - sender->repeated_ns < repeat_ns) return false;
@@ -358,11 +341,9 @@ static bool serve_one(struct fv_sender *sender, int64_t now_ns)
 {
     if (sender->outlet->paced)
         fv_link_observe(&sender->link, sender->outlet->bulk_left(sender->outlet), now_ns);
-    if (!sender->outlet->begun(sender->outlet, FV_SENDER_STATE) && serve_repeated(sender, now_ns))
-        return true;
-    if (serve(sender, FV_SENDER_STATE, now_ns) || serve_watched(sender, now_ns) ||
-        serve(sender, FV_SENDER_SENSED, now_ns))
-        return true;
+    if (serve_repeated(sender, now_ns)) return true;
+    for (int class = FV_SENDER_STATE; class < FV_SENDER_OBJECTS; class ++)
+        if (serve(sender, (enum fv_sender_class) class, now_ns)) return true;
     if (sender->outlet->paced && preview_overdue(sender, now_ns))
         return serve(sender, FV_SENDER_PREVIEWS, now_ns);
     for (int class = FV_SENDER_OBJECTS; class < FV_SENDER_CLASSES; class ++)
@@ -373,7 +354,6 @@ static bool serve_one(struct fv_sender *sender, int64_t now_ns)
 static bool any_waits(struct fv_sender *sender)
 {
     size_t bytes;
-    if (fv_ring_peek(&sender->watched, &bytes) != NULL) return true;
     for (int class = 0; class < FV_SENDER_CLASSES; class ++)
         if (front_of(sender, (enum fv_sender_class) class, &bytes) != NULL) return true;
     return false;
@@ -443,6 +423,7 @@ static void release(struct fv_sender *sender)
 static enum fovea_status rings_make(struct fv_sender *sender, struct fovea_error *error)
 {
     for (int class = 0; class < FV_SENDER_CLASSES; class ++) {
+        if (ring_bytes[class] == 0) continue;
         sender->memory[class] = fv_aligned_zeroed(ring_bytes[class]);
         if (sender->memory[class] == NULL)
             return fovea_error_set(error, FOVEA_ERROR_MEMORY, "no memory for LCM");
@@ -457,7 +438,6 @@ enum fovea_status fv_sender_open(const char *url, struct fv_sender **sender,
     struct fv_sender *opened = fv_aligned_zeroed(sizeof *opened);
     if (opened == NULL) return fovea_error_set(error, FOVEA_ERROR_MEMORY, "no memory for LCM");
     atomic_store(&opened->channel_count, LOOP);
-    fv_ring_init(&opened->watched, opened->watched_memory, sizeof opened->watched_memory);
     fv_link_init(&opened->link, fv_clock_ns(CLOCK_MONOTONIC));
     enum fovea_status status = rings_make(opened, error);
     if (status == FOVEA_OK) status = outlet_open(url, &opened->outlet, error);
@@ -486,15 +466,12 @@ void fv_sender_repeat(struct fv_sender *sender, const char *channel, const uint8
     atomic_store_explicit(&sender->repeats, true, memory_order_release);
 }
 
-void fv_sender_sense(struct fv_sender *sender, const char *channel)
+void fv_sender_reserve(struct fv_sender *sender, enum fv_transport_thread thread,
+                       const char *channel)
 {
-    channel_name(&sender->channels[SENSED], channel);
-    sender->channels[SENSED].class = FV_SENDER_SENSED;
-}
-
-void fv_sender_watch(struct fv_sender *sender, const char *channel)
-{
-    channel_name(&sender->channels[WATCHED], channel);
+    struct channel *of = &sender->channels[THREADS + (uint32_t)thread];
+    channel_name(of, channel);
+    of->class = thread == FV_TRANSPORT_SENSOR ? FV_SENDER_SENSOR : FV_SENDER_WATCHER;
 }
 
 bool fv_sender_finish(struct fv_sender *sender)

@@ -3,10 +3,10 @@
  *
  * The loop copies a message into the ring of its class and goes on: no system call, lock or heap
  * call, and no waiting for a link, a server or a disk. The classes, first served first: state
- * (poses, status, statistics, run, answers to commands), poses between frames (handed over by the
- * thread of the inertial sensor), objects (with detections, the map and unknown channels),
- * features, previews. A preview that has waited for a second goes before objects and features, so
- * that these do not keep it back for ever.
+ * (poses, status, statistics, run, answers to commands), the message that is repeated, what the
+ * watching thread says, poses between frames (of the inertial sensor's thread), objects (with
+ * detections, the map and unknown channels), features, previews. A preview that has waited for a
+ * second goes before objects and features, so that these do not keep it back for ever.
  *
  * Every message ends in one of two ways: it is sent, or it is dropped for one of the reasons below
  * and counted for its channel. offered == sent + dropped as soon as the thread has ended.
@@ -41,20 +41,16 @@ void fv_sender_repeat(struct fv_sender *sender, const char *channel, const uint8
 /* Copy a message into its ring. Loop thread, wait-free, no system call. */
 void fv_sender_put(struct fv_sender *sender, const struct fovea_message *message);
 
-/* The same for one channel, whatever the message names, from one thread at a time that need not be
- * the loop's. A newer message replaces those that could not be sent. */
-void fv_sender_put_sensed(struct fv_sender *sender, const struct fovea_message *message);
-/* That channel, at most FV_TRANSPORT_CHANNEL_BYTES - 1 bytes. Before the first such message, once.
- */
-void fv_sender_sense(struct fv_sender *sender, const char *channel);
+/* As fv_transport_reserve and fv_transport_put_from. Of the sensor's, a newer message replaces
+ * those that could not be sent; those of the watching thread are state. */
+void fv_sender_reserve(struct fv_sender *sender, enum fv_transport_thread thread,
+                       const char *channel);
+void fv_sender_put_from(struct fv_sender *sender, enum fv_transport_thread thread,
+                        const struct fovea_message *message);
 
-/* The same for a channel that the watching thread sends on while the loop does not move. */
-void fv_sender_put_watched(struct fv_sender *sender, const struct fovea_message *message);
-void fv_sender_watch(struct fv_sender *sender, const char *channel);
-
-/* Whether each ring is about half empty, or this have been asked in vain for a second, as where a
- * server does not read. For frames that do not come by the clock: to be asked before an iteration.
- * Loop thread. */
+/* Whether each of the loop's rings is about half empty, or this has been asked in vain for a
+ * second, as where a server does not read. For frames that do not come by the clock: to be asked
+ * before an iteration. Loop thread. */
 bool fv_sender_room(struct fv_sender *sender);
 
 /* Send what is left, for at most FV_SENDER_FINISH_MS; drop the rest; end the thread. Where a disk

@@ -10,8 +10,10 @@
 
 enum fv_sender_class {
     FV_SENDER_STATE = 0,
-    FV_SENDER_SENSED, /* of another thread than the loop's; what follows is bulk */
-    FV_SENDER_OBJECTS,
+    FV_SENDER_REPEATED, /* one message, without a ring */
+    FV_SENDER_WATCHER,  /* state of the watching thread */
+    FV_SENDER_SENSOR,   /* poses between frames, of the sensor's thread */
+    FV_SENDER_OBJECTS,  /* bulk from here on */
     FV_SENDER_FEATURES,
     FV_SENDER_PREVIEWS,
     FV_SENDER_CLASSES

@@ -8,6 +8,8 @@
 
 enum { FV_SIPHASH_KEY_BYTES = 16 };
 
-uint64_t fv_siphash(const uint8_t key[FV_SIPHASH_KEY_BYTES], const uint8_t *data, size_t bytes);
+/* Of the `bytes` of `data`, and `zeros` zero bytes behind them, which are not read. */
+uint64_t fv_siphash(const uint8_t key[FV_SIPHASH_KEY_BYTES], const uint8_t *data, size_t bytes,
+                    size_t zeros);
 
 #endif

@@ -69,27 +69,16 @@ void fv_transport_publish(struct fv_transport *transport, const struct fovea_out
         fv_sender_put(transport->sender, &outputs->messages[i]);
 }
 
-void fv_transport_sense(struct fv_transport *transport, const char *channel)
+void fv_transport_reserve(struct fv_transport *transport, enum fv_transport_thread thread,
+                          const char *channel)
 {
-    if (transport != NULL) fv_sender_sense(transport->sender, channel);
+    if (transport != NULL) fv_sender_reserve(transport->sender, thread, channel);
 }
 
-void fv_transport_publish_sensed(struct fv_transport *transport,
-                                 const struct fovea_outputs *outputs)
+void fv_transport_put_from(struct fv_transport *transport, enum fv_transport_thread thread,
+                           const struct fovea_message *message)
 {
-    if (transport == NULL) return;
-    for (uint32_t i = 0; i < outputs->message_count; i++)
-        fv_sender_put_sensed(transport->sender, &outputs->messages[i]);
-}
-
-void fv_transport_watch(struct fv_transport *transport, const char *channel)
-{
-    if (transport != NULL) fv_sender_watch(transport->sender, channel);
-}
-
-void fv_transport_put_watched(struct fv_transport *transport, const struct fovea_message *message)
-{
-    if (transport != NULL) fv_sender_put_watched(transport->sender, message);
+    if (transport != NULL) fv_sender_put_from(transport->sender, thread, message);
 }
 
 void fv_transport_put(struct fv_transport *transport, const struct fovea_message *message)

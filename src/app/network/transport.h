@@ -59,18 +59,17 @@ void fv_transport_repeat(struct fv_transport *transport, const char *channel, co
 /* Hand over the messages of a step or a work for sending. Loop thread, wait-free. */
 void fv_transport_publish(struct fv_transport *transport, const struct fovea_outputs *outputs);
 
-/* Poses between frames will be sent on `channel`. Before the first one, once. */
-void fv_transport_sense(struct fv_transport *transport, const char *channel);
+/* Threads that send beside the loop's, each on one channel: that of the inertial sensor poses
+ * between frames, and the watching one health while a step hangs. */
+enum fv_transport_thread { FV_TRANSPORT_SENSOR, FV_TRANSPORT_WATCHER, FV_TRANSPORT_THREADS };
 
-/* Hand over poses between frames. One thread at a time, which need not be the loop's; wait-free. */
-void fv_transport_publish_sensed(struct fv_transport *transport,
-                                 const struct fovea_outputs *outputs);
-
-/* The watching thread will send on `channel` while the loop does not move. Before the first one,
- * once. */
-void fv_transport_watch(struct fv_transport *transport, const char *channel);
-/* Hand over such a message, whatever channel it names. The watching thread, wait-free. */
-void fv_transport_put_watched(struct fv_transport *transport, const struct fovea_message *message);
+/* `channel`, at most FV_TRANSPORT_CHANNEL_BYTES - 1 bytes, is that thread's. Before its first
+ * message, once. */
+void fv_transport_reserve(struct fv_transport *transport, enum fv_transport_thread thread,
+                          const char *channel);
+/* Hand over a message on that channel, whatever it names. That thread, wait-free. */
+void fv_transport_put_from(struct fv_transport *transport, enum fv_transport_thread thread,
+                           const struct fovea_message *message);
 
 /* Whether there is room for an iteration, or it was asked for in vain for a second. Where frames do
  * not come by the clock: ask before an iteration. Loop thread. */

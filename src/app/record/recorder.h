@@ -69,8 +69,8 @@ void fv_recorder_begin(struct fv_recorder *recorder, const struct fovea *rt,
 uint64_t fv_recorder_written(const struct fv_recorder *recorder);
 /* Whether it has ended early. Any thread. */
 bool fv_recorder_has_ended(const struct fv_recorder *recorder);
-/* End here, before the run, which says why: in the log's last message. Then close it. Not after
- * the loop may still record. */
+/* The recording ends before its run, for this reason, which goes into the log's last message. Then
+ * close it. Not while the loop may record. */
 void fv_recorder_stop(struct fv_recorder *recorder, const char *reason);
 
 /* Record a change of a parameter that the coming fv_recorder_step was given, before it; at most

@@ -11,8 +11,6 @@
 #include "fovea_settings_result_t.h"
 #include "fovea_settings_t.h"
 
-enum { MAC_BYTES = 8 };
-
 enum fovea_status fv_backup_open(struct fv_backup *backup, struct fv_parameters *parameters,
                                  const struct fv_settings *started,
                                  const struct fovea_source_info *source, struct fovea_error *error)
@@ -44,11 +42,8 @@ static enum fv_command_verdict judge(struct fv_backup *backup, const fovea_setti
                                      const struct fv_received *received)
 {
     struct fv_command_gate *gate = &backup->parameters->gate;
-    memcpy(backup->message, received->data, received->bytes);
-    memset(backup->message + received->bytes - MAC_BYTES, 0, MAC_BYTES);
-    const struct fv_command_claim claim = {.data = backup->message,
+    const struct fv_command_claim claim = {.data = received->data,
                                            .bytes = received->bytes,
-                                           .zeroed = true,
                                            .from_host = received->from_host,
                                            .allowed = fv_command_gate_parameters(gate),
                                            .run_id = request->run_id,
@@ -114,7 +109,7 @@ static void print_keys(FILE *file, const struct fv_settings *settings)
 {
     for (size_t i = 0; i < fv_settings_key_count; i++) {
         const struct fv_settings_key *key = &fv_settings_keys[i];
-        fprintf(file, "%s%s: ", fv_settings_key_of_host(key) ? "# " : "", key->name);
+        fprintf(file, "%s%s: ", key->host ? "# " : "", key->name);
         if (strcmp(key->name, "command_key") == 0)
             fprintf(file, "(not given out)"); /* where the key of commands is */
         else
@@ -172,13 +167,6 @@ struct restored {
     uint32_t live, later; /* keys that change */
 };
 
-static bool differs(const struct fv_settings_key *key, const struct fv_settings *a,
-                    const struct fv_settings *b)
-{
-    return memcmp((const char *)a + key->offset, (const char *)b + key->offset,
-                  fv_settings_key_bytes(key)) != 0;
-}
-
 /* It must be one of this camera's frames, and is kept as we print it. */
 static enum fovea_status take_calibration(const struct fv_backup *backup, const char *text,
                                           struct restored *restored, struct fovea_error *error)
@@ -209,9 +197,11 @@ static void count_keys(const struct fv_backup *backup, struct restored *restored
         const struct fv_settings_key *key = &fv_settings_keys[i];
         restored->wanted.line[i] = restored->with.line[i];
         if (restored->with.line[i] != 0) {
-            const bool same = !differs(key, &restored->with, &restored->before);
-            if (key->live && differs(key, &restored->with, &restored->wanted)) restored->live++;
-            if (!key->live && differs(key, &restored->with, backup->started)) restored->later++;
+            const bool same = !fv_settings_key_differs(key, &restored->with, &restored->before);
+            if (key->live && fv_settings_key_differs(key, &restored->with, &restored->wanted))
+                restored->live++;
+            if (!key->live && fv_settings_key_differs(key, &restored->with, backup->started))
+                restored->later++;
             if (key->live) fv_settings_key_copy(key, &restored->wanted, &restored->with);
             restored->with.line[i] = same && restored->before.line[i] == 0 ? 0 : 1;
         } else {

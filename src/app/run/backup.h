@@ -2,7 +2,7 @@
  *
  * What is taken back is checked whole first, as the next start would check it, and refused whole;
  * then it is written in place of the file that parameters.file names, and live parameters change at
- * once where all of them can. Keys of the host (fv_settings_key_of_host) are given out as comments,
+ * once where all of them can. Keys of the host (fv_settings_key.host) are given out as comments,
  * and refused. A calibration goes with it where `camera` names a file: it stands in the kept file,
  * and the user's files are never written.
  *
@@ -36,7 +36,7 @@ struct fv_backup {
     bool refused;     /* by the gate */
     char reason[256]; /* why */
     char *text;       /* FV_KEPT_BYTES_MAX + 1 */
-    uint8_t *message; /* the request while it is judged, then the encoded answer */
+    uint8_t *message; /* the encoded answer */
     uint32_t answer_bytes;
 };
 

@@ -9,18 +9,14 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "app/run/check_memory.h"
 #include "app/run/commands.h"
 #include "app/run/loop.h"
 #include "app/run/realtime.h"
-#include "app/run/report.h"
-#include "app/run/results.h"
 #include "app/run/self_test.h"
-#include "app/run/snapshot.h"
 #include "support/say.h"
 #include "app/config/imu.h"
 #include "app/config/setup.h"
-#include "app/run/trajectory.h"
-#include "app/record/recorder.h"
 #include "app/network/transport_url.h"
 #include "kernels/cpu.h"
 
@@ -64,91 +60,6 @@ static size_t heap_bytes(void)
 {
     struct mallinfo2 info = mallinfo2();
     return info.uordblks + info.hblkhd;
-}
-
-static void memory_row(const char *owner, const char *part, size_t bytes)
-{
-    printf("  %-24s %-11s %10zu\n", owner, part, bytes);
-}
-
-/* What recording takes, or would take. */
-static size_t recorder_bytes(const struct check *check)
-{
-    const struct fv_recorder_setup setup = {
-        .settings = &check->settings,
-        .kernel_set = "",
-        .real_time = fv_setup_real_time(&check->settings, &check->setup),
-        .frame_bytes = fv_setup_frame_bytes(&check->setup),
-    };
-    return fv_recorder_bytes(&setup);
-}
-
-/* Likewise where record_folder is set: with the state, which is the persistent and the job part. */
-static size_t recordings_bytes(const struct check *check,
-                               const size_t parts[FOVEA_MEMORY_PART_COUNT])
-{
-    const struct fv_recorder_setup setup = {
-        .settings = &check->settings,
-        .real_time = fv_setup_real_time(&check->settings, &check->setup),
-        .frame_bytes = fv_setup_frame_bytes(&check->setup),
-    };
-    return fv_recorder_ring_bytes(&setup) + parts[FOVEA_MEMORY_PERSISTENT] +
-           parts[FOVEA_MEMORY_JOB];
-}
-
-static size_t masks_bytes(const struct check *check)
-{
-    const struct fovea_rig *rig = &check->settings.runtime.rig;
-    size_t bytes = 0;
-    for (uint32_t i = 0; i < rig->camera_count; i++)
-        if (rig->cameras[i].mask != NULL)
-            bytes += (size_t)rig->cameras[i].camera.width * (size_t)rig->cameras[i].camera.height;
-    return bytes;
-}
-
-static enum fovea_status memory_print(struct check *check, size_t lcm_bytes,
-                                      struct fovea_error *error)
-{
-    struct fovea_memory_table table;
-    size_t parts[FOVEA_MEMORY_PART_COUNT];
-    const struct fovea_camera *camera = &check->settings.runtime.rig.cameras[0].camera;
-    const size_t masks = masks_bytes(check);
-    enum fovea_status status = fovea_memory(&check->settings.runtime, &table, error);
-    if (status != FOVEA_OK) return status;
-    printf("memory of %s, %d x %d, in bytes\n", check->settings.source, camera->width,
-           camera->height);
-    for (uint32_t i = 0; i < table.count; i++)
-        memory_row(table.rows[i].owner, fv_report_part_name(table.rows[i].part),
-                   table.rows[i].bytes);
-    fv_report_parts(&table, parts);
-    for (int part = 0; part < FOVEA_MEMORY_PART_COUNT; part++)
-        memory_row("all", fv_report_part_name((enum fovea_memory_part)part), parts[part]);
-    memory_row("the block", "", check->bytes);
-    if (check->setup.source != NULL) memory_row("source", "outside", check->source_bytes);
-    if (lcm_bytes > 0) memory_row("LCM", "outside", lcm_bytes);
-    memory_row("timings", "outside", sizeof(struct fv_timings));
-    memory_row("trajectory", "outside", fv_trajectory_bytes());
-    if (check->setup.source != NULL)
-        memory_row("frame for the picture", "outside",
-                   fv_snapshot_bytes(check->setup.ops->info(check->setup.source)->live
-                                         ? fv_setup_frame_bytes(&check->setup)
-                                         : 0));
-    if (check->setup.model.data != NULL) memory_row("model", "outside", check->setup.model.bytes);
-    if (check->setup.model2.data != NULL)
-        memory_row("second model", "outside", check->setup.model2.bytes);
-    memory_row("stack of the loop", "outside", FV_THREAD_STACK_BYTES);
-    if (check->setup.source != NULL)
-        memory_row("recorder, if recording", "outside", recorder_bytes(check));
-    if (check->setup.source != NULL && check->settings.record_folder[0] != '\0')
-        memory_row("recordings by command", "outside", recordings_bytes(check, parts));
-    if (masks > 0) memory_row("masks", "outside", masks);
-    if (check->setup.map != NULL)
-        memory_row("map, until started", "outside", check->settings.runtime.map_bytes);
-    if (check->settings.map_save[0] != '\0')
-        memory_row("map to be saved", "outside", fovea_map_bytes_max(&check->settings.runtime));
-    if (check->setup.model.data != NULL)
-        memory_row("results, if written", "outside", fv_results_bytes());
-    return FOVEA_OK;
 }
 
 /* ---- the machine ----------------------------------------------------------------------------- */
@@ -510,7 +421,13 @@ static enum fovea_status memory_check(struct check *check, struct fovea_error *l
     const struct fovea_config *config = &check->settings.runtime;
     enum fovea_status status = fovea_size(config, &check->bytes, error);
     if (status == FOVEA_OK)
-        status = memory_print(check, check->memory_only ? 0 : lcm_bytes(check), error);
+        status = fv_check_memory_print(
+            &(struct fv_check_memory){.settings = &check->settings,
+                                      .setup = &check->setup,
+                                      .block = check->bytes,
+                                      .source = check->source_bytes,
+                                      .lcm = check->memory_only ? 0 : lcm_bytes(check)},
+            error);
     if (status != FOVEA_OK || check->memory_only) return status;
     status = fv_realtime_map(check->bytes, check->settings.lock_memory, &check->memory,
                              &check->locked, lock);

@@ -9,7 +9,7 @@ void fv_fast_pose_open(struct fv_fast_pose *fast, struct fovea *rt, struct fv_tr
 {
     char channel[FV_TRANSPORT_CHANNEL_BYTES];
     snprintf(channel, sizeof channel, "%s_POSE_FAST", prefix);
-    fv_transport_sense(transport, channel);
+    fv_transport_reserve(transport, FV_TRANSPORT_SENSOR, channel);
     pthread_mutex_init(&fast->mutex, NULL);
     fast->rt = rt;
     fast->transport = transport;
@@ -17,16 +17,12 @@ void fv_fast_pose_open(struct fv_fast_pose *fast, struct fovea *rt, struct fv_tr
     fast->next_ns = 0;
 }
 
-/* Whether a message of this stamp goes out. One that comes a little early is due: the stamps of
- * sensors vary. */
-static bool due(struct fv_fast_pose *fast, int64_t stamp_ns)
+bool fv_fast_pose_due(struct fv_fast_pose *fast, int64_t stamp_ns)
 {
-    const int64_t early_ns = fast->next_ns - stamp_ns;
-    /* The stamps are increasing, and near this clock's. */
-    if (early_ns > fast->period_ns / 8 && early_ns <= fast->period_ns) return false;
-    fast->next_ns =
-        (early_ns > -fast->period_ns && early_ns <= fast->period_ns ? fast->next_ns : stamp_ns) +
-        fast->period_ns;
+    const int64_t early_ns = fast->next_ns - stamp_ns, period_ns = fast->period_ns;
+    if (early_ns > period_ns / 8 && early_ns <= period_ns) return false;
+    const bool on_time = early_ns > -period_ns && early_ns <= period_ns;
+    fast->next_ns = (on_time ? fast->next_ns : stamp_ns) + period_ns;
     return true;
 }
 
@@ -37,8 +33,8 @@ void fv_fast_pose_take(void *context, const struct fovea_imu_sample *sample)
     struct fovea_outputs outputs;
     pthread_mutex_lock(&fast->mutex);
     if (fast->rt != NULL && fovea_sense(fast->rt, &one, 1, &outputs) == FOVEA_OK &&
-        due(fast, sample->stamp_ns))
-        fv_transport_publish_sensed(fast->transport, &outputs);
+        fv_fast_pose_due(fast, sample->stamp_ns))
+        fv_transport_put_from(fast->transport, FV_TRANSPORT_SENSOR, &outputs.messages[0]);
     pthread_mutex_unlock(&fast->mutex);
 }
 

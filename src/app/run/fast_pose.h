@@ -26,6 +26,12 @@ struct fv_fast_pose {
 void fv_fast_pose_open(struct fv_fast_pose *fast, struct fovea *rt, struct fv_transport *transport,
                        const char *prefix, uint32_t rate_hz);
 
+/* Whether a message of this stamp goes out; if so, the next one is due a period later. One that
+ * comes up to an eighth of a period early is due, since the stamps of sensors vary: so the rate is
+ * kept. After a gap, or when the stamps go back by more than a period, the rate begins again at
+ * this stamp. */
+bool fv_fast_pose_due(struct fv_fast_pose *fast, int64_t stamp_ns);
+
 /* The next sample, its stamp on the frames' clock; `context` is a struct fv_fast_pose. From one
  * thread, on which it may wait for the end alone. */
 void fv_fast_pose_take(void *context, const struct fovea_imu_sample *sample);

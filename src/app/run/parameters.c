@@ -294,13 +294,6 @@ static enum fovea_status change_key(struct fv_parameters *parameters,
     return FOVEA_OK;
 }
 
-static bool differs(const struct fv_settings_key *key, const struct fv_settings *a,
-                    const struct fv_settings *b)
-{
-    return memcmp((const char *)a + key->offset, (const char *)b + key->offset,
-                  fv_settings_key_bytes(key)) != 0;
-}
-
 /* Again and again over the keys: where two limit each other, one of them can go first. */
 static enum fovea_status change_all(struct fv_parameters *parameters,
                                     const struct fv_settings *wanted, bool named, uint32_t *count,
@@ -311,7 +304,7 @@ static enum fovea_status change_all(struct fv_parameters *parameters,
         for (size_t i = 0; i < fv_settings_key_count; i++) {
             const struct fv_settings_key *key = &fv_settings_keys[i];
             if (!key->live || (named && wanted->line[i] == 0) ||
-                !differs(key, parameters->settings, wanted))
+                !fv_settings_key_differs(key, parameters->settings, wanted))
                 continue;
             const enum fovea_status status = change_key(parameters, key, wanted, error);
             if (status < 0) return status;

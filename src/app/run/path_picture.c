@@ -65,15 +65,7 @@ static void placing_fit(const struct fv_map_open *open, uint32_t map_id,
     for (uint32_t i = 0; i < count; i++) {
         fv_map_open_centre(open, slots[i], p);
         if (!path_at(path, open->map.keyframes[slots[i]].stamp_ns, q)) continue;
-        sums.n += 1.0;
-        for (int r = 0; r < 3; r++) {
-            sums.p[r] += p[r];
-            sums.q[r] += q[r];
-            for (int c = 0; c < 3; c++)
-                sums.qp[3 * r + c] += q[r] * p[c];
-        }
-        sums.pp += fv_dot3(p, p);
-        sums.qq += fv_dot3(q, q);
+        fv_similarity_add(&sums, p, q);
     }
     placing->found =
         sums.n >= 4.0 && fv_similarity_fit(&sums, &placing->scale, placing->R, placing->t, &rms);

@@ -57,7 +57,8 @@ struct fv_recordings {
     char low[FV_RECORDINGS_REASON_BYTES]; /* why `full`; "": it is not */
     atomic_bool full;                     /* the loop is to end the recording */
 
-    /* What is told: the watching thread's, the loop's where `news`. */
+    /* What goes out next. While `news` is set the loop reads it; else the watching thread writes.
+     */
     struct fv_recordings_state {
         int8_t state;
         int64_t bytes, free_bytes;

@@ -99,7 +99,7 @@ enum fovea_status fv_run_health_open(struct fv_run *run, struct fovea_error *err
     fv_message_channel(run->settings.runtime.channel_prefix, FV_MESSAGE_HEALTH, health->channel);
     health->counted_ns = health->kept_ns = health->looked_ns = health->picture_ns;
     if (!health->on) return FOVEA_OK;
-    fv_transport_watch(run->transport, health->channel);
+    fv_transport_reserve(run->transport, FV_TRANSPORT_WATCHER, health->channel);
     /* A hot machine is given less from the first frame on. */
     fv_host_read(health->root, run->settings.health_heat_limit_c, &health->host);
     health->share = fv_host_share(&health->host, run->settings.health_heat_limit_c, health->share);
@@ -244,7 +244,7 @@ static void send_for_loop(struct fv_run *run)
         return;
     const uint32_t bytes = encode(run, fv_message_stamp(NULL, 0), data);
     const struct fovea_message out = {health->channel, data, bytes, true};
-    if (bytes > 0) fv_transport_put_watched(run->transport, &out);
+    if (bytes > 0) fv_transport_put_from(run->transport, FV_TRANSPORT_WATCHER, &out);
 }
 
 void fv_run_health_tend(struct fv_run *run)

@@ -27,6 +27,19 @@ static double image_of(const double H[9], const double v[3], const double other[
     return length;
 }
 
+void fv_similarity_add(struct fv_similarity_sums *sums, const double p[3], const double q[3])
+{
+    for (int i = 0; i < 3; i++) {
+        sums->p[i] += p[i];
+        sums->q[i] += q[i];
+        sums->pp += p[i] * p[i];
+        sums->qq += q[i] * q[i];
+        for (int j = 0; j < 3; j++)
+            sums->qp[3 * i + j] += q[i] * p[j];
+    }
+    sums->n += 1.0;
+}
+
 bool fv_similarity_fit(const struct fv_similarity_sums *sums, double *scale, double rotation[9],
                        double translation[3], double *rms)
 {

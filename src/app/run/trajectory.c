@@ -211,15 +211,7 @@ static void sums_add(struct map *map, const double centre[3], const double truth
         p[i] = centre[i] - map->origin_p[i];
         q[i] = truth[i] - map->origin_q[i];
     }
-    for (int i = 0; i < 3; i++) {
-        sums->p[i] += p[i];
-        sums->q[i] += q[i];
-        sums->pp += p[i] * p[i];
-        sums->qq += q[i] * q[i];
-        for (int j = 0; j < 3; j++)
-            sums->qp[3 * i + j] += q[i] * p[j];
-    }
-    sums->n += 1.0;
+    fv_similarity_add(sums, p, q);
 }
 
 /* Note the world of a sample: one met before, or a new one. Its index, FV_TRAJECTORY_MAPS_MAX for

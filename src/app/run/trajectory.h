@@ -80,6 +80,8 @@ void fv_trajectory_close(struct fv_trajectory *trajectory);
 struct fv_similarity_sums {
     double n, p[3], q[3], qp[9], pp, qq;
 };
+/* One more pair. */
+void fv_similarity_add(struct fv_similarity_sums *sums, const double p[3], const double q[3]);
 bool fv_similarity_fit(const struct fv_similarity_sums *sums, double *scale, double rotation[9],
                        double translation[3], double *rms);
 

@@ -43,15 +43,7 @@ bool faults_fit(const struct faults_play *play, uint32_t map_id, bool metric,
             continue;
         const double p[3] = {T[3], T[7], T[11]},
                      q[3] = {frame->truth[3], frame->truth[7], frame->truth[11]};
-        sums.n++;
-        for (int r = 0; r < 3; r++) {
-            sums.p[r] += p[r];
-            sums.q[r] += q[r];
-            for (int c = 0; c < 3; c++)
-                sums.qp[3 * r + c] += q[r] * p[c];
-        }
-        sums.pp += fv_dot3(p, p);
-        sums.qq += fv_dot3(q, q);
+        fv_similarity_add(&sums, p, q);
     }
     double rms;
     if (sums.n < POSES_MIN || !fv_similarity_fit(&sums, &fit->scale, fit->R, fit->t, &rms) ||

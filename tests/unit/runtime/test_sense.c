@@ -157,15 +157,15 @@ static bool heard(const struct fovea_outputs *outputs, fovea_fast_pose_t *pose)
 }
 
 /* After the last frame, whose pose samples carry on: `next` is its last one. */
-static void it_ends_with(uint32_t command, struct fovea_sample next)
+static void it_ends_with(struct fovea *rt, uint32_t command, struct fovea_sample next)
 {
     struct fovea_outputs outputs;
     next.imu.stamp_ns += 5000000;
-    assert_int_equal(fovea_sense(rig.rt, &next, 1, &outputs), FOVEA_OK);
+    assert_int_equal(fovea_sense(rt, &next, 1, &outputs), FOVEA_OK);
     const struct fovea_inputs inputs = {.commands = command, .now_ns = next.imu.stamp_ns};
-    (void)fovea_step(rig.rt, &inputs, &outputs);
+    (void)fovea_step(rt, &inputs, &outputs);
     next.imu.stamp_ns += 5000000;
-    assert_int_equal(fovea_sense(rig.rt, &next, 1, &outputs), FOVEA_AGAIN);
+    assert_int_equal(fovea_sense(rt, &next, 1, &outputs), FOVEA_AGAIN);
 }
 
 static void it_leads_from_frame_to_frame(void **state)
@@ -233,8 +233,9 @@ static void it_leads_from_frame_to_frame(void **state)
     /* What single poses of this small picture are off by; holding the last one is off by 25 mm. */
     assert_true(sqrt(sum2 / compared) < 0.008 && worst_m < 0.025 && worst_rad < 0.005);
     assert_true(fovea_state_hash(twin) == fovea_state_hash(rig.rt));
+    it_ends_with(twin, FOVEA_COMMAND_RESET, last);
     free(memory);
-    it_ends_with(FOVEA_COMMAND_PAUSE, last);
+    it_ends_with(rig.rt, FOVEA_COMMAND_PAUSE, last);
     sim_rig_close(&rig);
 }
 

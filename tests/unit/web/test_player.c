@@ -1,5 +1,6 @@
-/* A recording as the page plays it: all of it in its order, from where it is told, at its pace; and
- * whatever is in the file, it ends in a picture, a message or one line. */
+/* The player of recordings: it gives all frames and messages in their order and at their pace, from
+ * the position that was asked for. Whatever is in the file, each call gives a picture, a message or
+ * one line about damage. */
 #include <malloc.h>
 #include <setjmp.h>
 #include <stdarg.h>

@@ -251,6 +251,25 @@ static void the_manual_is_that_of_the_table(void **state)
     free(committed);
 }
 
+/* A file of settings that is restored could otherwise have any file of the host read, written or
+ * deleted. What a step may change is never the host's. */
+static void keys_that_name_files_are_of_the_host(void **state)
+{
+    static const char *const units[] = {"file", "folder", "file or folder/", "URI", "URL", "files"};
+    uint32_t found = 0;
+    (void)state;
+    for (size_t i = 0; i < fv_settings_key_count; i++) {
+        const struct fv_settings_key *key = &fv_settings_keys[i];
+        bool names = key->kind == FV_CONFIG_TEXT && key->max >= FV_SETTINGS_PATH_BYTES - 1;
+        for (size_t k = 0; k < sizeof units / sizeof units[0]; k++)
+            names = names || strcmp(key->unit, units[k]) == 0;
+        if (names && !key->host) fail_msg("%s: found no FV_HOST_KEY, expected one", key->name);
+        if (key->live && key->host) fail_msg("%s: found a live key of the host", key->name);
+        found += names;
+    }
+    assert_true(found >= 20);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -258,6 +277,7 @@ int main(void)
         cmocka_unit_test(library_checks_the_range_of_every_key),
         cmocka_unit_test(a_choice_has_a_word_for_each_of_its_values),
         cmocka_unit_test(the_manual_is_that_of_the_table),
+        cmocka_unit_test(keys_that_name_files_are_of_the_host),
     };
     return cmocka_run_group_tests(tests, headers_read, headers_free);
 }

@@ -34,7 +34,7 @@ static size_t sign(fovea_command_t command, const uint8_t with[FV_SIPHASH_KEY_BY
 {
     command.mac = 0;
     size_t bytes = encode(&command, data);
-    command.mac = (int64_t)fv_siphash(with, data, bytes);
+    command.mac = (int64_t)fv_siphash(with, data, bytes, 0);
     return encode(&command, data);
 }
 

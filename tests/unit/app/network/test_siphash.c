@@ -32,12 +32,28 @@ static void test_published_codes(void **state)
         uint64_t code = 0;
         for (int k = 0; k < 8; k++)
             code |= (uint64_t)known[i].code[k] << (8 * k);
-        assert_true(fv_siphash(key, text, known[i].bytes) == code);
+        assert_true(fv_siphash(key, text, known[i].bytes, 0) == code);
+    }
+}
+
+/* Zeros that are not there count like those that are, at every length. */
+static void zeros_need_not_be_there(void **state)
+{
+    uint8_t key[FV_SIPHASH_KEY_BYTES] = {7, 1}, text[64] = {0};
+    (void)state;
+    for (size_t bytes = 0; bytes <= 40; bytes++) {
+        for (size_t i = 0; i < bytes; i++)
+            text[i] = (uint8_t)(3 * i + 1);
+        for (size_t zeros = 0; zeros <= 17; zeros++)
+            assert_true(fv_siphash(key, text, bytes, zeros) ==
+                        fv_siphash(key, text, bytes + zeros, 0));
+        assert_true(fv_siphash(key, text, bytes, 8) != fv_siphash(key, text, bytes, 7));
     }
 }
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_published_codes)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_published_codes),
+                                       cmocka_unit_test(zeros_need_not_be_there)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -128,6 +128,32 @@ static void they_are_sent_at_the_rate_beside_the_steps(void **state)
     assert_true(some >= FRAMES - POSED - 1 && some <= all / 2);
 }
 
+/* How many of `count` samples, `step_ns` apart from `stamp_ns` on, are due; every second one comes
+ * `vary_ns` early. */
+static int due_of(int count, int64_t stamp_ns, int64_t step_ns, int64_t vary_ns)
+{
+    int sent = 0;
+    for (int i = 0; i < count; i++)
+        sent += fv_fast_pose_due(&fast, stamp_ns + i * step_ns - (i % 2) * vary_ns);
+    return sent;
+}
+
+static void the_rate_is_kept(void **state)
+{
+    enum { PERIOD_NS = 10000000, MS = 1000000 };
+    const int64_t begin_ns = 1000 * (int64_t)PERIOD_NS, later_ns = 2 * begin_ns;
+    (void)state;
+    fast = (struct fv_fast_pose){.period_ns = PERIOD_NS};
+    /* Sensor at the rate, its stamps varying by a tenth of the period: all of them. */
+    assert_int_equal(due_of(100, begin_ns, PERIOD_NS, MS), 100);
+    /* A sensor whose samples come every 7 of its 10 ms: still one in 10 ms. */
+    assert_int_equal(due_of(100, begin_ns + 200 * PERIOD_NS, 7 * MS, 0), 70);
+    /* After a gap none is made up for: at four times the rate a fourth of them. */
+    assert_int_equal(due_of(100, later_ns, PERIOD_NS / 4, 0), 25);
+    /* The clock is set back: the rate from there on, without waiting for where it was. */
+    assert_int_equal(due_of(100, begin_ns, PERIOD_NS / 4, 0), 25);
+}
+
 static void an_end_without_a_beginning_is_none(void **state)
 {
     (void)state;
@@ -140,6 +166,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(they_are_sent_at_the_rate_beside_the_steps),
+        cmocka_unit_test(the_rate_is_kept),
         cmocka_unit_test(an_end_without_a_beginning_is_none),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

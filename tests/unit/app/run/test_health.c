@@ -437,7 +437,7 @@ static void test_a_hung_step_is_told(void **state)
     strcpy(run.health.channel, "FOVEA_HEALTH");
     fv_message_prepare();
     assert_int_equal(fv_transport_open(url, 0, &run.transport, &error), FOVEA_OK);
-    fv_transport_watch(run.transport, run.health.channel);
+    fv_transport_reserve(run.transport, FV_TRANSPORT_WATCHER, run.health.channel);
     run.health.stood_ns = INT64_C(61000000000);
     fv_run_health_tend(&run);
     fv_transport_close(run.transport);
