@@ -272,6 +272,9 @@ struct fovea_box {
     float x_min_px, y_min_px, x_max_px, y_max_px;
 };
 
+/* A map that fovea_map_prepare has read and checked. */
+struct fovea_ready_map;
+
 struct fovea_inputs {
     const struct fovea_frame *frame; /* NULL: none this time */
     int64_t now_ns; /* on the frames' clock: this frame's stamp, or when it was due */
@@ -297,6 +300,14 @@ struct fovea_inputs {
      * (docs/configuration.md marks them): all of them, or none where fovea_parameters_check refuses
      * the values. Owned by the caller; not read after the step. */
     const struct fovea_config *parameters;
+
+    /* A map in place of the one that is there, from this step on, after `commands`; NULL: none. The
+     * reset counter rises; the state is `lost` until the camera is found in the map, whose maps get
+     * ids and keyframes numbers that this runtime has not used yet. A save that is under way begins
+     * again. Prepared for a runtime of the same configuration, or it is left; not taken where
+     * odometry is off. It takes the time that copying it takes (2 MB: some 1 ms). Owned by the
+     * caller; not read after the step. */
+    const struct fovea_ready_map *map;
 
     /* Measured by the application, never used for results. Every pose message and the statistics
      * message state the latency, the statistics message alone the rest. */
@@ -478,6 +489,24 @@ void fovea_map_seal(uint8_t *data, size_t bytes);
 /* Save at once, while no loop runs. Returns the bytes of the sealed file, 0 when the buffer is too
  * small or odometry is off. */
 size_t fovea_map_save(struct fovea *rt, uint8_t *buffer, size_t bytes);
+
+/* ---- loading maps while the loop runs -------------------------------------------------------- */
+
+/* Bytes that fovea_map_prepare needs for this runtime: as many as its map takes in the block. Any
+ * thread. */
+size_t fovea_map_prepared_bytes(const struct fovea *rt);
+
+/* Read and check a map file into memory of the caller's (FOVEA_BLOCK_ALIGNMENT aligned, at least
+ * fovea_map_prepared_bytes; every byte of it is written), for fovea_inputs.map of steps of this
+ * runtime, whose state is neither read nor changed. `data` is not read afterwards. Any thread,
+ * beside the loop; some milliseconds. FOVEA_ERROR_MEMORY: the memory is too small or misaligned.
+ * FOVEA_ERROR_UNSUPPORTED: odometry is off. FOVEA_ERROR_INPUT: the file is damaged, from another
+ * camera, empty, or needs more than this runtime has room for; `error` begins with `name` and says
+ * which byte. On error `*ready` is untouched. */
+enum fovea_status fovea_map_prepare(const struct fovea *rt, void *memory, size_t bytes,
+                                    const uint8_t *data, size_t data_bytes, const char *name,
+                                    const struct fovea_ready_map **ready,
+                                    struct fovea_error *error);
 
 /* ---- inspection ------------------------------------------------------------------------------ */
 

@@ -200,6 +200,15 @@ void fv_map_carve(struct fv_map *map, const struct fv_map_limits *limits,
 /* Empty the map; generations go on rising, so that links from before no longer hold. */
 void fv_map_reset(struct fv_map *map);
 
+/* Maps that are taken whole (take.c). `from` was read from a file: give its maps and keyframes
+ * numbers without gaps, from 0 on, and forget maps without keyframes. Init-only. */
+void fv_map_settle(struct fv_map *from);
+/* Take a settled map of the same limits in place of what is there. Its maps and keyframes are
+ * numbered on from those that there were, generations rise as with fv_map_reset, and frames of
+ * landmarks become `frames_later` more. Bounded by the limits. */
+void fv_map_take(struct fv_map *map, const struct fv_map *from, uint32_t frames_later);
+bool fv_map_same_limits(const struct fv_map *a, const struct fv_map *b);
+
 struct fv_map_frame fv_map_frame_at(const struct fv_map *map, uint32_t slot);
 static inline uint32_t fv_map_current(const struct fv_map *map)
 {

@@ -43,10 +43,10 @@ void fv_odometry_carve(struct fv_odometry *o, const struct fovea_odometry_config
     o->saver.archive = fv_arena_take(persistent, 1, sizeof *o->saver.archive);
 }
 
-static void begin(struct fv_odometry *o)
+/* Forget what was found out about the map that there was. */
+static void begin_in_map(struct fv_odometry *o)
 {
     struct fv_odometry_state *s = o->state;
-    fv_map_reset(&o->map);
     fv_window_abort(&o->window);
     fv_relocaliser_reset(&o->relocaliser);
     if (o->config.closures) fv_closure_reset(&o->closure, o->state->random.s[0]);
@@ -59,6 +59,12 @@ static void begin(struct fv_odometry *o)
     memset(&s->agreement, 0, sizeof s->agreement);
     memset(&s->usable, 0, sizeof s->usable);
     if (o->config.localise_only) s->state = FOVEA_TRACKING_LOST;
+}
+
+static void begin(struct fv_odometry *o)
+{
+    fv_map_reset(&o->map);
+    begin_in_map(o);
 }
 
 void fv_odometry_set(struct fv_odometry *o, const struct fovea_odometry_config *config)
@@ -86,6 +92,19 @@ void fv_odometry_reset(struct fv_odometry *o)
     o->state->localise.recent_count = o->state->lost_frames = 0;
 }
 
+/* The camera is looked for in a map that was loaded. */
+static void look_in_map(struct fv_odometry *o)
+{
+    struct fv_odometry_state *s = o->state;
+    s->state = FOVEA_TRACKING_LOST;
+    s->newest = 0;
+    for (uint32_t k = 0; k < o->map.limits.keyframes; k++)
+        if (o->map.keyframes[k].used &&
+            (!o->map.keyframes[s->newest].used ||
+             o->map.keyframes[k].number > o->map.keyframes[s->newest].number))
+            s->newest = k;
+}
+
 enum fovea_status fv_odometry_load(struct fv_odometry *o, const struct fv_kernels *kernels,
                                    const uint8_t *data, size_t bytes, const char *name,
                                    struct fovea_error *error)
@@ -95,16 +114,28 @@ enum fovea_status fv_odometry_load(struct fv_odometry *o, const struct fv_kernel
     const enum fovea_status status = fv_archive_read(data, bytes, name, &o->map, &info, error);
     if (status != FOVEA_OK || o->map.state->keyframe_count == 0) return status;
     s->frame_number = s->keyframe_frame = info.frame_number;
-    s->state = FOVEA_TRACKING_LOST;
-    s->newest = 0;
-    for (uint32_t k = 0; k < o->map.limits.keyframes; k++)
-        if (o->map.keyframes[k].used &&
-            (!o->map.keyframes[s->newest].used ||
-             o->map.keyframes[k].number > o->map.keyframes[s->newest].number))
-            s->newest = k;
+    look_in_map(o);
     while (fv_odometry_index_waiting(o))
         fv_odometry_index_unit(o, kernels);
     return FOVEA_OK;
+}
+
+void fv_odometry_take_map(struct fv_odometry *o, const struct fv_map *from, uint64_t frame_number)
+{
+    struct fv_odometry_state *s = o->state;
+    s->first_keyframe = o->map.state->keyframe_number;
+    s->keyframe_frame = s->frame_number;
+    s->reset_counter++;
+    fv_map_take(&o->map, from, (uint32_t)(s->frame_number - frame_number));
+    begin_in_map(o);
+    if (fv_odometry_saving(o)) fv_odometry_save_begin(o); /* half of another map is no map */
+    look_in_map(o);
+    memset(&s->pose, 0, sizeof s->pose);
+    s->pose.state = FOVEA_TRACKING_LOST;
+    s->pose.reset_counter = s->reset_counter;
+    s->pose.map_id = o->map.state->odom_id;
+    s->pose.keyframes = o->map.state->keyframe_count;
+    s->pose.landmarks = o->map.state->landmark_count;
 }
 
 /* Fill the current frame of the map from the image's features. */

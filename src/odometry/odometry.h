@@ -153,6 +153,12 @@ enum fovea_status fv_odometry_load(struct fv_odometry *odometry, const struct fv
                                    const uint8_t *data, size_t bytes, const char *name,
                                    struct fovea_error *error);
 
+/* Take a settled map (map.h) of the same limits while frames come: the reset counter rises, and the
+ * state is `lost` until the camera is found in it. Its place index is made by the job. The file was
+ * saved at `frame_number`. Real-time safe; as long as copying it takes. */
+void fv_odometry_take_map(struct fv_odometry *odometry, const struct fv_map *from,
+                          uint64_t frame_number);
+
 /* ---- for other rooms; all real-time safe ----------------------------------------------------- */
 
 /* Of the last frame: in `odom`, in the unit of the map that began it. The members of the scale and

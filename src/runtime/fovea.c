@@ -4,6 +4,7 @@
 #include "runtime/encode_pose.h"
 #include "runtime/jobs.h"
 #include "runtime/live.h"
+#include "runtime/ready_map.h"
 #include "runtime/state.h"
 
 /* ---- stage clock ----------------------------------------------------------------------------- */
@@ -56,6 +57,13 @@ static void take_commands(struct fovea *rt, uint32_t commands)
     if (commands & FOVEA_COMMAND_RESUME) rt->state->paused = 0;
     if ((commands & FOVEA_COMMAND_SAVE) && rt->config.odometry.enabled)
         fv_odometry_save_begin(&rt->odometry);
+}
+
+static void take_map(struct fovea *rt, const struct fovea_ready_map *ready)
+{
+    if (!rt->config.odometry.enabled || !fv_map_same_limits(&rt->odometry.map, &ready->map)) return;
+    end_sense(rt);
+    fv_odometry_take_map(&rt->odometry, &ready->map, ready->frame_number);
 }
 
 /* Whether an image is one of a camera of the rig. */
@@ -210,6 +218,7 @@ enum fovea_status fovea_step(struct fovea *rt, const struct fovea_inputs *inputs
     fv_lockstep_begin(rt, inputs);
     if (inputs->parameters != NULL) fv_live_take(rt, inputs->parameters);
     take_commands(rt, inputs->commands);
+    if (inputs->map != NULL) take_map(rt, inputs->map);
     if (rt->config.rig.has_imu)
         fv_imu_gate_step(&rt->imu, inputs->samples, inputs->sample_count, inputs->now_ns);
     if (rt->config.odometry.enabled) {
@@ -231,6 +240,7 @@ enum fovea_status fovea_step(struct fovea *rt, const struct fovea_inputs *inputs
     rt->inputs.frame = NULL; /* the caller's, and gone after this; likewise the rest */
     rt->inputs.samples = NULL;
     rt->inputs.parameters = NULL;
+    rt->inputs.map = NULL;
     rt->state->steps++;
     outputs->jobs_waiting = fv_jobs_waiting(rt);
     return processed ? FOVEA_OK : FOVEA_AGAIN;

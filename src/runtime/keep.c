@@ -1,5 +1,9 @@
 /* Maps that outlive a run. */
+#include <string.h>
+
+#include "base/hash.h"
 #include "runtime/config.h"
+#include "runtime/ready_map.h"
 #include "runtime/state.h"
 
 size_t fovea_map_bytes_max(const struct fovea_config *config)
@@ -34,4 +38,56 @@ size_t fovea_map_save(struct fovea *rt, uint8_t *buffer, size_t bytes)
     if (saved > bytes) return 0;
     fovea_map_seal(buffer, saved);
     return saved;
+}
+
+/* ---- loading --------------------------------------------------------------------------------- */
+
+static struct fovea_ready_map *carve_ready(const struct fovea *rt, struct fv_arena *arena,
+                                           struct fv_map *map)
+{
+    const struct fv_odometry *odometry = &rt->odometry;
+    struct fovea_ready_map *ready = fv_arena_take(arena, 1, sizeof *ready);
+    memset(map, 0, sizeof *map);
+    fv_map_carve(map, &odometry->map.limits, &odometry->camera, &odometry->bearings, arena);
+    return ready;
+}
+
+size_t fovea_map_prepared_bytes(const struct fovea *rt)
+{
+    struct fv_arena arena;
+    struct fv_map map;
+    if (!rt->config.odometry.enabled) return sizeof(struct fovea_ready_map);
+    fv_arena_count(&arena);
+    (void)carve_ready(rt, &arena, &map);
+    return arena.used;
+}
+
+enum fovea_status fovea_map_prepare(const struct fovea *rt, void *memory, size_t bytes,
+                                    const uint8_t *data, size_t data_bytes, const char *name,
+                                    const struct fovea_ready_map **ready, struct fovea_error *error)
+{
+    struct fv_arena arena;
+    struct fv_map map;
+    struct fv_archive_info info;
+    if (!rt->config.odometry.enabled)
+        return fovea_error_set(error, FOVEA_ERROR_UNSUPPORTED,
+                               "%.200s: found no odometry, expected odometry.enabled true", name);
+    enum fovea_status status =
+        fv_arena_check_block(memory, bytes, fovea_map_prepared_bytes(rt), error);
+    if (status != FOVEA_OK) return status;
+    memset(memory, 0, bytes);
+    fv_arena_init(&arena, memory, bytes);
+    struct fovea_ready_map *made = carve_ready(rt, &arena, &map);
+    status = fv_archive_read(data, data_bytes, name, &map, &info, error);
+    if (status == FOVEA_OK && map.state->keyframe_count == 0)
+        status = fovea_error_set(error, FOVEA_ERROR_INPUT,
+                                 "%.200s: found a map without keyframes, expected at least one",
+                                 name);
+    if (status != FOVEA_OK) return status;
+    fv_map_settle(&map);
+    *made = (struct fovea_ready_map){.map = map,
+                                     .frame_number = info.frame_number,
+                                     .hash = fv_hash(FV_HASH_START, data, data_bytes)};
+    *ready = made;
+    return FOVEA_OK;
 }
