@@ -492,9 +492,9 @@ size_t fovea_map_save(struct fovea *rt, uint8_t *buffer, size_t bytes);
 
 /* ---- loading maps while the loop runs -------------------------------------------------------- */
 
-/* Bytes that fovea_map_prepare needs for this runtime: as many as its map takes in the block. Any
- * thread. */
-size_t fovea_map_prepared_bytes(const struct fovea *rt);
+/* Bytes that fovea_map_prepare needs for a runtime of this configuration: as many as its map takes
+ * in the block. Any thread. */
+size_t fovea_map_prepared_bytes(const struct fovea_config *config);
 
 /* Read and check a map file into memory of the caller's (FOVEA_BLOCK_ALIGNMENT aligned, at least
  * fovea_map_prepared_bytes; every byte of it is written), for fovea_inputs.map of steps of this

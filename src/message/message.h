@@ -59,10 +59,13 @@ enum fv_message_kind {
     FV_MESSAGE_HEALTH,           /* likewise, where frames come by the clock */
     FV_MESSAGE_SETTINGS,         /* in */
     FV_MESSAGE_SETTINGS_RESULT,  /* of the application */
+    FV_MESSAGE_MAP_LOAD,         /* in */
+    FV_MESSAGE_MAP_FILES,        /* of the application */
     FV_MESSAGE_SAMPLE, /* of the first sensor kind; this and all that follow: in recordings only */
     FV_MESSAGE_FRAME = FV_MESSAGE_SAMPLE + FOVEA_SAMPLE_KIND_COUNT,
     FV_MESSAGE_RECORDING,
     FV_MESSAGE_RECORDING_END,
+    FV_MESSAGE_LOADED_MAP,
     FV_MESSAGE_INPUTS,
     FV_MESSAGE_GRANTS,
     FV_MESSAGE_KIND_COUNT

@@ -61,6 +61,23 @@ uint32_t fv_message_parameter_encode(const char *key, const char *value, uint8_t
         fovea_parameter_t_encode(buffer, 0, fv_wire_capacity(capacity), &message));
 }
 
+size_t fv_message_loaded_map_size_max(size_t bytes)
+{
+    char nothing[] = "";
+    const fovea_loaded_map_t empty = {.file = nothing};
+    return (size_t)fovea_loaded_map_t_encoded_size(&empty) + FV_MESSAGE_MAP_NAME_BYTES + bytes;
+}
+
+uint32_t fv_message_loaded_map_encode(const char *file, const uint8_t *data, size_t bytes,
+                                      uint8_t *buffer, size_t capacity)
+{
+    const fovea_loaded_map_t message = {.file = (char *)(uintptr_t)file,
+                                        .size_bytes = (int32_t)bytes,
+                                        .data = (uint8_t *)(uintptr_t)data};
+    return fv_wire_encoded(
+        fovea_loaded_map_t_encode(buffer, 0, fv_wire_capacity(capacity), &message));
+}
+
 size_t fv_message_image_bytes(const struct fovea_image *image)
 {
     if (image->data == NULL) return 0;
@@ -354,7 +371,7 @@ bool fv_message_inputs_decode(const uint8_t *data, size_t bytes, struct fovea_in
     found.resident_bytes = next_bits(&reader);
     uint32_t temperature = (uint32_t)next_bits(&reader);
     memcpy(&found.temperature_c, &temperature, sizeof temperature);
-    if (!next_count(&reader, FOVEA_INPUT_SAMPLES_MAX + FV_MESSAGE_PARAMETERS_MAX,
+    if (!next_count(&reader, FOVEA_INPUT_SAMPLES_MAX + FV_MESSAGE_PARAMETERS_MAX + 1,
                     &found.sample_count, problem, at) ||
         !next_boxes(&reader, &found, problem, at) ||
         !next_grants(&reader, &found.grants, problem, at))

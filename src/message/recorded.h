@@ -19,7 +19,10 @@
 extern "C" {
 #endif
 
-enum { FV_MESSAGE_PARAMETERS_MAX = 8 }; /* changes of parameters that one step takes */
+enum {
+    FV_MESSAGE_PARAMETERS_MAX = 8, /* changes of parameters that one step takes */
+    FV_MESSAGE_MAP_NAME_BYTES = 128
+};
 
 /* Exact for frames. */
 size_t fv_message_frame_size_max(const struct fovea_frame *frame);
@@ -27,6 +30,8 @@ size_t fv_message_rig_size_max(void);
 size_t fv_message_sample_size_max(void);
 size_t fv_message_inputs_size_max(void);
 size_t fv_message_parameter_size_max(void);
+/* Of a map file of `bytes` bytes whose name has less than FV_MESSAGE_MAP_NAME_BYTES. */
+size_t fv_message_loaded_map_size_max(size_t bytes);
 size_t fv_message_grants_size_max(void);
 
 /* The pixels that count: all planes at the image's stride, or all of a compressed picture; 0: the
@@ -48,8 +53,12 @@ uint32_t fv_message_grants_encode(int64_t now_ns, const struct fovea_grants *gra
 uint32_t fv_message_parameter_encode(const char *key, const char *value, uint8_t *buffer,
                                      size_t capacity);
 
+/* A loaded_map_t: in the time that copying it takes. */
+uint32_t fv_message_loaded_map_encode(const char *file, const uint8_t *data, size_t bytes,
+                                      uint8_t *buffer, size_t capacity);
+
 /* `has_frame` and `frame_hash` tell of the frame that went with these inputs; inputs->frame and
- * inputs->samples are NULL, and sample_count includes changes of parameters. Jobs that this build
+ * inputs->samples are NULL, and sample_count includes changes of parameters and maps. Jobs that this build
  * does not have are refused, jobs that the recording did not have get no units. On refusal
  * `*problem` and `*at` (byte within the message) say why and where. */
 bool fv_message_inputs_decode(const uint8_t *data, size_t bytes, struct fovea_inputs *inputs,

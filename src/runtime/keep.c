@@ -6,12 +6,17 @@
 #include "runtime/ready_map.h"
 #include "runtime/state.h"
 
-size_t fovea_map_bytes_max(const struct fovea_config *config)
+static struct fv_map_limits limits_of(const struct fovea_config *config)
 {
-    const struct fv_map_limits limits = {
+    return (struct fv_map_limits){
         config->odometry.keyframes,           config->odometry.landmarks,
         config->features.count_max,           config->rig.cameras[0].camera.width,
         config->rig.cameras[0].camera.height, fv_config_stereo(config)};
+}
+
+size_t fovea_map_bytes_max(const struct fovea_config *config)
+{
+    const struct fv_map_limits limits = limits_of(config);
     return fv_archive_bytes_max(&limits);
 }
 
@@ -42,23 +47,14 @@ size_t fovea_map_save(struct fovea *rt, uint8_t *buffer, size_t bytes)
 
 /* ---- loading --------------------------------------------------------------------------------- */
 
-static struct fovea_ready_map *carve_ready(const struct fovea *rt, struct fv_arena *arena,
-                                           struct fv_map *map)
+size_t fovea_map_prepared_bytes(const struct fovea_config *config)
 {
-    const struct fv_odometry *odometry = &rt->odometry;
-    struct fovea_ready_map *ready = fv_arena_take(arena, 1, sizeof *ready);
-    memset(map, 0, sizeof *map);
-    fv_map_carve(map, &odometry->map.limits, &odometry->camera, &odometry->bearings, arena);
-    return ready;
-}
-
-size_t fovea_map_prepared_bytes(const struct fovea *rt)
-{
+    const struct fv_map_limits limits = limits_of(config);
     struct fv_arena arena;
-    struct fv_map map;
-    if (!rt->config.odometry.enabled) return sizeof(struct fovea_ready_map);
+    struct fv_map map = {0};
     fv_arena_count(&arena);
-    (void)carve_ready(rt, &arena, &map);
+    (void)fv_arena_take(&arena, 1, sizeof(struct fovea_ready_map));
+    fv_map_carve(&map, &limits, &config->rig.cameras[0].camera, NULL, &arena);
     return arena.used;
 }
 
@@ -66,18 +62,20 @@ enum fovea_status fovea_map_prepare(const struct fovea *rt, void *memory, size_t
                                     const uint8_t *data, size_t data_bytes, const char *name,
                                     const struct fovea_ready_map **ready, struct fovea_error *error)
 {
+    const struct fv_odometry *odometry = &rt->odometry;
     struct fv_arena arena;
-    struct fv_map map;
+    struct fv_map map = {0};
     struct fv_archive_info info;
     if (!rt->config.odometry.enabled)
         return fovea_error_set(error, FOVEA_ERROR_UNSUPPORTED,
                                "%.200s: found no odometry, expected odometry.enabled true", name);
     enum fovea_status status =
-        fv_arena_check_block(memory, bytes, fovea_map_prepared_bytes(rt), error);
+        fv_arena_check_block(memory, bytes, fovea_map_prepared_bytes(&rt->started), error);
     if (status != FOVEA_OK) return status;
     memset(memory, 0, bytes);
     fv_arena_init(&arena, memory, bytes);
-    struct fovea_ready_map *made = carve_ready(rt, &arena, &map);
+    struct fovea_ready_map *made = fv_arena_take(&arena, 1, sizeof *made);
+    fv_map_carve(&map, &odometry->map.limits, &odometry->camera, &odometry->bearings, &arena);
     status = fv_archive_read(data, data_bytes, name, &map, &info, error);
     if (status == FOVEA_OK && map.state->keyframe_count == 0)
         status = fovea_error_set(error, FOVEA_ERROR_INPUT,

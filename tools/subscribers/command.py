@@ -1,6 +1,9 @@
 #!/usr/bin/env python3
 """Send a command to a run of Fovea: reset, pause, resume, save, overwrite (with save: over a larger map, too), record,
-record-stop, backup, restore:FILE, or KEY=VALUE.
+record-stop, maps, load:MAP, backup, restore:FILE, or KEY=VALUE.
+
+maps lists the maps in the folder of the run (map.folder); load:MAP loads one of them, by its name there, in place of the map
+that the run has.
 
 backup prints all settings of the run as one file; restore:FILE gives such a file back, which is taken or refused as a whole.
 
@@ -63,18 +66,18 @@ def listen(group, port):
     return hearing
 
 
-def messages(hearing, channel, seconds):
-    """The encoded messages of a channel that come within some seconds."""
+def messages(hearing, channels, seconds):
+    """Channel and encoded message of those that come within some seconds."""
     end = time.monotonic() + seconds
-    name = channel.encode() + b"\0"
     while time.monotonic() < end:
         hearing.settimeout(max(end - time.monotonic(), 0.001))
         try:
             packet = hearing.recv(65536)
         except socket.timeout:
             return
-        if packet[:4] == b"LC02" and packet[8:8 + len(name)] == name:
-            yield packet[8 + len(name):]
+        name, zero, data = packet[8:].partition(b"\0")
+        if packet[:4] == b"LC02" and zero and name.decode(errors="replace") in channels:
+            yield name.decode(), data
 
 
 def hear_run(fovea, options):
@@ -82,7 +85,7 @@ def hear_run(fovea, options):
     channel = options.prefix + "_RUN"
     if not hasattr(fovea, "run_t"):
         sys.exit("command.py: these types have no run_t: expected --run-id")
-    for data in messages(listen(options.group, options.port), channel, 3):
+    for _, data in messages(listen(options.group, options.port), [channel], 3):
         return fovea.run_t.decode(data).run_id
     sys.exit(f"command.py: found no run on {channel} within 3 s, expected one, or --run-id")
 
@@ -91,22 +94,28 @@ def wait_for_answer(fovea, options, hearing, message):
     """Print the answer to the message; the exit code."""
     change = isinstance(message, fovea.parameter_t)
     words = ("done", "refused", "needs a restart" if change else "failed")
-    settings = options.command[0] in ("backup",) or options.command[0].startswith("restore:")
-    kind = fovea.parameter_result_t if change else fovea.settings_result_t if settings else fovea.command_result_t
+    settings = isinstance(message, fovea.settings_t)
     channel = options.prefix + ("_PARAMETER_RESULT" if change else "_SETTINGS_RESULT" if settings else "_COMMAND_RESULT")
+    kinds = {channel: fovea.parameter_result_t if change else fovea.settings_result_t if settings else fovea.command_result_t}
+    if isinstance(message, fovea.map_load_t):
+        kinds[options.prefix + "_MAP_FILES"] = fovea.map_files_t
     other = None  # what a run that was not meant says: its word only where the right one is silent
-    for data in messages(hearing, channel, options.wait):
-        answer = kind.decode(data)
+    for name, data in messages(hearing, kinds, options.wait):
+        answer = kinds[name].decode(data)
         if (answer.id, answer.sender) != (message.id, message.sender):
             continue
-        text = words[answer.result] + (": " + answer.reason if answer.reason else "")
-        if change and message.value == "" and answer.result == kind.RESULT_DONE:
+        done = not hasattr(answer, "result") or answer.result == answer.RESULT_DONE
+        if hasattr(answer, "files"):
+            text = "\n".join(f"{file.name}  {file.landmarks} landmarks, {file.bytes} bytes" for file in answer.files) or "no maps"
+        else:
+            text = words[answer.result] + (": " + answer.reason if answer.reason else "")
+        if change and message.value == "" and done:
             text = f"{answer.key}: {answer.value}"
-        if settings and answer.text and answer.result == kind.RESULT_DONE:
+        if settings and answer.text and done:
             text = answer.text.rstrip()
         if message.run_id in (0, answer.run_id):
             print(text)
-            return 0 if answer.result == kind.RESULT_DONE else 1
+            return 0 if done else 1
         other = text
     if other is not None:
         print(other)
@@ -126,20 +135,34 @@ def read_key(path):
 COMMANDS = ("reset", "pause", "resume", "save", "overwrite", "record", "record-stop")
 
 
+OTHERS = ("maps", "load:MAP", "backup", "restore:FILE", "KEY=VALUE")
+
+
+def is_alone(text):
+    """Whether the word is a request of its own kind."""
+    return text in ("backup", "maps") or text.startswith(("restore:", "load:"))
+
+
 def word(text):
-    if text not in COMMANDS + ("backup",) and "=" not in text and not text.startswith("restore:"):
-        raise argparse.ArgumentTypeError(f"found {text!r}, expected one of {', '.join(COMMANDS)}, backup, restore:FILE, or KEY=VALUE")
+    if text not in COMMANDS and "=" not in text and not is_alone(text):
+        raise argparse.ArgumentTypeError(f"found {text!r}, expected one of {', '.join(COMMANDS + OTHERS)}")
     return text
 
 
 def make_message(fovea, options):
     """The message that the words ask for, and its channel."""
-    files = [text for text in options.command if text == "backup" or text.startswith("restore:")]
+    files = [text for text in options.command if is_alone(text)]
     changes = [text for text in options.command if "=" in text and text not in files]
     if options.keep and not changes:
         sys.exit("command.py: --keep: found no KEY=VALUE, expected one to keep")
     if files and len(options.command) > 1:
         sys.exit(f"command.py: found {len(options.command)} words, expected {files[0]} alone")
+    if files and (files[0] == "maps" or files[0].startswith("load:")):
+        message = fovea.map_load_t()
+        message.file = files[0].partition(":")[2]
+        if files[0] == "load:":
+            sys.exit("command.py: load: found no name, expected that of a map in map.folder")
+        return message, "MAP_LOAD"
     if files:
         message = fovea.settings_t()
         if files[0] != "backup":
@@ -162,7 +185,7 @@ def make_message(fovea, options):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("command", nargs="+", type=word, metavar="COMMAND", help=", ".join(COMMANDS) + ", backup, restore:FILE, or KEY=VALUE")
+    parser.add_argument("command", nargs="+", type=word, metavar="COMMAND", help=", ".join(COMMANDS + OTHERS))
     parser.add_argument("--keep", action="store_true", help="keep KEY=VALUE for the next start")
     parser.add_argument("--group", default="239.255.76.67", help="multicast group of the run's lcm_url")
     parser.add_argument("--port", type=int, default=7667)

@@ -40,7 +40,8 @@ struct fv_settings {
     char masks[FOVEA_CAMERAS_MAX][FV_SETTINGS_PATH_BYTES]; /* picture for each camera; "": none */
     char imu[128];                         /* lcm:CHANNEL or iio:NAME; "": none beside the source */
     char imu_file[FV_SETTINGS_PATH_BYTES]; /* of that sensor */
-    char map_load[FV_SETTINGS_PATH_BYTES], map_save[FV_SETTINGS_PATH_BYTES]; /* "": none */
+    char map_load[FV_SETTINGS_PATH_BYTES], map_save[FV_SETTINGS_PATH_BYTES],
+        map_folder[FV_SETTINGS_PATH_BYTES]; /* "": none */
     uint32_t map_keep;                                                       /* saved maps */
     bool map_overwrite; /* also by one with under half of the landmarks */
     int rate;           /* enum fv_rate */

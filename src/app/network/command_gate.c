@@ -52,7 +52,8 @@ void fv_command_gate_init(struct fv_command_gate *gate, const struct fv_command_
 /* Bits of command_t that the network may send. */
 static uint32_t commands_from_network(const struct fv_command_gate *gate)
 {
-    uint32_t bits = gate->rules.from_network & ~(uint32_t)FV_COMMAND_PARAMETERS;
+    const uint32_t others = FV_COMMAND_PARAMETERS | FV_COMMAND_LOAD;
+    uint32_t bits = gate->rules.from_network & ~others;
     if (bits & FOVEA_COMMAND_T_SAVE) bits |= FOVEA_COMMAND_T_OVERWRITE;
     if (bits & FOVEA_COMMAND_T_RECORD) bits |= FOVEA_COMMAND_T_RECORD_STOP;
     return bits;
@@ -61,6 +62,11 @@ static uint32_t commands_from_network(const struct fv_command_gate *gate)
 bool fv_command_gate_parameters(const struct fv_command_gate *gate)
 {
     return (gate->rules.from_network & FV_COMMAND_PARAMETERS) != 0;
+}
+
+bool fv_command_gate_loads(const struct fv_command_gate *gate)
+{
+    return (gate->rules.from_network & FV_COMMAND_LOAD) != 0;
 }
 
 /* Whether the code at the end of the message is right: of the message with 0 in its place. */

@@ -24,12 +24,13 @@ enum {
     FV_COMMAND_ALL = 127, /* bits of command_t */
     /* in the place of OVERWRITE, which goes with SAVE, among those that the network may send */
     FV_COMMAND_PARAMETERS = 16,
+    FV_COMMAND_LOAD = 64, /* maps; likewise in the place of RECORD_STOP, which goes with RECORD */
     FV_COMMAND_AUTO = 1 << 30
 };
 #define FV_COMMAND_SAVE_NS INT64_C(5000000000)
 
 struct fv_command_rules {
-    /* enum fovea_command bits that the network may send, and FV_COMMAND_PARAMETERS;
+    /* enum fovea_command bits that the network may send, FV_COMMAND_PARAMETERS and FV_COMMAND_LOAD;
      * FV_COMMAND_AUTO: all with a key, none without */
     uint32_t from_network;
     bool keyed;
@@ -99,6 +100,8 @@ enum fv_command_verdict fv_command_gate_claim(struct fv_command_gate *gate,
 
 /* Whether the network may change parameters. */
 bool fv_command_gate_parameters(const struct fv_command_gate *gate);
+/* Whether it may load maps. */
+bool fv_command_gate_loads(const struct fv_command_gate *gate);
 
 /* Judge the encoded message at `now_ns` (CLOCK_MONOTONIC), and count it if it is refused. Returns
  * command->verdict. */

@@ -143,7 +143,24 @@ void fv_recorder_parameter(struct fv_recorder *recorder, const struct fovea_inpu
     if (event == NULL) return;
     event_end(recorder, event, channel, time_us,
               fv_message_parameter_encode(key, value, data_of(event, channel), size));
-    recorder->parameters++;
+    recorder->before_step++;
+}
+
+void fv_recorder_map(struct fv_recorder *recorder, const struct fovea_inputs *inputs,
+                     const char *file, const uint8_t *data, size_t bytes)
+{
+    if (recorder == NULL ||
+        atomic_load_explicit(&recorder->ending, memory_order_relaxed) != FV_RECORDER_RUNNING)
+        return;
+    const int64_t time_us = event_time_us(inputs);
+    const char *channel = recorder->channels[FV_MESSAGE_LOADED_MAP];
+    const size_t size = fv_message_loaded_map_size_max(bytes);
+    record_header(recorder, time_us);
+    uint8_t *event = event_begin(recorder, channel, size);
+    if (event == NULL) return;
+    event_end(recorder, event, channel, time_us,
+              fv_message_loaded_map_encode(file, data, bytes, data_of(event, channel), size));
+    recorder->before_step++;
 }
 
 /* The inputs, and how many events before them belong to them. */
@@ -155,8 +172,8 @@ static void record_inputs(struct fv_recorder *recorder, int64_t time_us,
     uint8_t *event = event_begin(recorder, channel, size);
     if (event == NULL) return;
     struct fovea_inputs counted = *inputs;
-    counted.sample_count += recorder->parameters;
-    recorder->parameters = 0;
+    counted.sample_count += recorder->before_step;
+    recorder->before_step = 0;
     event_end(recorder, event, channel, time_us,
               fv_message_inputs_encode(&counted, fv_lockstep_frame_hash(inputs->frame),
                                        data_of(event, channel), size));
@@ -229,7 +246,12 @@ static size_t iteration_bytes(const struct fv_recorder_setup *setup)
         FV_LCMLOG_HEADER_BYTES + FV_MESSAGE_CHANNEL_BYTES + fv_message_sample_size_max();
     const size_t parameter_bytes =
         FV_LCMLOG_HEADER_BYTES + FV_MESSAGE_CHANNEL_BYTES + fv_message_parameter_size_max();
-    return setup->frame_bytes + fv_jpeg_capacity((int32_t)pixels, 1) + SMALL_BYTES +
+    const size_t map_bytes =
+        setup->settings->map_folder[0] != '\0'
+            ? FV_LCMLOG_HEADER_BYTES + FV_MESSAGE_CHANNEL_BYTES +
+                  fv_message_loaded_map_size_max(fovea_map_bytes_max(config))
+            : 0;
+    return setup->frame_bytes + map_bytes + fv_jpeg_capacity((int32_t)pixels, 1) + SMALL_BYTES +
            FOVEA_INPUT_SAMPLES_MAX * sample_bytes + FV_MESSAGE_PARAMETERS_MAX * parameter_bytes +
            (size_t)config->features.count_max * FEATURE_BYTES +
            (config->detect.model != NULL ? OBJECTS_BYTES : 0) +

@@ -78,6 +78,12 @@ void fv_recorder_stop(struct fv_recorder *recorder, const char *reason);
 void fv_recorder_parameter(struct fv_recorder *recorder, const struct fovea_inputs *inputs,
                            const char *key, const char *value);
 
+/* Record the map that the coming fv_recorder_step was given, before it: a file of at most
+ * fovea_map_bytes_max, where settings->map_folder names a folder. In the time that copying it takes
+ * (some 1 ms for 4 MB). Loop thread, real-time safe. */
+void fv_recorder_map(struct fv_recorder *recorder, const struct fovea_inputs *inputs,
+                     const char *file, const uint8_t *data, size_t bytes);
+
 /* Record what a step was given and what it gave. After fovea_step, while frame and outputs are
  * valid. Loop thread, real-time safe. */
 void fv_recorder_step(struct fv_recorder *recorder, const struct fovea_inputs *inputs,

@@ -66,6 +66,7 @@ static bool before_inputs(const struct fv_recorder *recorder, const uint8_t *eve
     for (int kind = 0; kind < FOVEA_SAMPLE_KIND_COUNT; kind++)
         sample = sample || is_on(recorder, event, fv_message_of_sample(kind));
     return sample || is_on(recorder, event, FV_MESSAGE_PARAMETER) ||
+           is_on(recorder, event, FV_MESSAGE_LOADED_MAP) ||
            is_on(recorder, event, FV_MESSAGE_FRAME);
 }
 

@@ -15,6 +15,7 @@
 #include "message/recorded.h"
 #include "runtime/lockstep.h"
 
+#include "fovea_loaded_map_t.h"
 #include "fovea_parameter_t.h"
 
 struct replay {
@@ -31,6 +32,8 @@ struct replay {
     struct fovea_sample samples[FOVEA_INPUT_SAMPLES_MAX]; /* likewise */
     uint32_t sample_count;
     uint32_t parameter_count;    /* changes, likewise, in `settings` */
+    const struct fovea_ready_map *map; /* likewise, in `map_memory`; NULL: none */
+    void *map_memory;
     struct fv_settings settings; /* in force from the next step on */
     uint8_t *pixels;
     size_t pixels_capacity;
@@ -297,6 +300,36 @@ static enum fovea_status take_parameter(struct replay *replay, struct fovea_erro
     return FOVEA_OK;
 }
 
+/* A map that the step took in place of its own: checked as every map file is. */
+static enum fovea_status take_map(struct replay *replay, struct fovea_error *error)
+{
+    const struct fv_lcmlog_event *event = &replay->event;
+    struct fovea_error inner = {0};
+    const char *problem;
+    size_t at;
+    fovea_loaded_map_t loaded;
+    if (replay->frame_waits || replay->map != NULL)
+        return refuse(replay, 0,
+                      replay->map != NULL
+                          ? "found a second map for one step, expected inputs"
+                          : "found a map after the frame of its step, expected inputs",
+                      error);
+    if (!fv_message_check("fovea.loaded_map_t", event->data, event->bytes, &problem, &at))
+        return refuse(replay, at, problem, error);
+    const size_t bytes = fovea_map_prepared_bytes(&replay->header.settings.runtime);
+    if (replay->map_memory == NULL) replay->map_memory = fv_aligned_new(bytes);
+    if (replay->map_memory == NULL)
+        return fovea_error_set(error, FOVEA_ERROR_MEMORY, "%s: no memory for a map of %zu bytes",
+                               replay->path, bytes);
+    if (fovea_loaded_map_t_decode(event->data, 0, (int)event->bytes, &loaded) < 0)
+        return refuse(replay, 0, "found a broken message, expected a loaded_map_t", error);
+    const enum fovea_status status =
+        fovea_map_prepare(replay->rt, replay->map_memory, bytes, loaded.data,
+                          (size_t)loaded.size_bytes, "the map", &replay->map, &inner);
+    fovea_loaded_map_t_decode_cleanup(&loaded);
+    return status == FOVEA_OK ? FOVEA_OK : refuse(replay, 0, inner.text, error);
+}
+
 static enum fovea_status check_grants(const struct replay *replay,
                                       const struct fovea_grants *grants, struct fovea_error *error)
 {
@@ -324,11 +357,14 @@ static enum fovea_status step(struct replay *replay, struct fovea_error *error)
                           ? "found inputs that had a frame, expected the frame before them"
                           : "found inputs without a frame, expected those of the frame before",
                       error);
-    if (inputs.sample_count != replay->sample_count + replay->parameter_count)
-        return refuse(
-            replay, 8,
-            "found another number of samples and parameters before them, expected sample_count",
-            error);
+    if (inputs.sample_count !=
+        replay->sample_count + replay->parameter_count + (replay->map != NULL))
+        return refuse(replay, 8,
+                      "found another number of samples, parameters and maps before them, expected "
+                      "sample_count",
+                      error);
+    inputs.map = replay->map;
+    replay->map = NULL;
     inputs.sample_count = replay->sample_count;
     if (replay->parameter_count > 0 || replay->in_force)
         inputs.parameters = &replay->settings.runtime;
@@ -421,6 +457,8 @@ static enum fovea_status feed(struct replay *replay, struct fovea_error *error)
             status = take_sample(replay, error);
         else if (strcmp(channel, replay->channels[FV_MESSAGE_PARAMETER]) == 0)
             status = take_parameter(replay, error);
+        else if (strcmp(channel, replay->channels[FV_MESSAGE_LOADED_MAP]) == 0)
+            status = take_map(replay, error);
         else if (strcmp(channel, replay->channels[FV_MESSAGE_INPUTS]) == 0)
             status = step(replay, error);
         else if (strcmp(channel, replay->channels[FV_MESSAGE_GRANTS]) == 0)
@@ -432,7 +470,7 @@ static enum fovea_status feed(struct replay *replay, struct fovea_error *error)
         count_event(replay);
     }
     if (replay->frame_waits || replay->sample_count > 0 || replay->parameter_count > 0 ||
-        replay->compared < replay->outputs.message_count ||
+        replay->map != NULL || replay->compared < replay->outputs.message_count ||
         replay->result->works < replay->result->steps)
         replay->result->end = FV_REPLAY_CUT_OFF;
     return status == FOVEA_END ? FOVEA_OK : status;
@@ -465,6 +503,7 @@ enum fovea_status fv_replay(const char *path, unsigned how, fv_replay_function s
     free(replay->header.state);
     free(replay->header.in_force);
     free(replay->memory);
+    free(replay->map_memory);
     free(replay->pixels);
     free(replay);
     return status;

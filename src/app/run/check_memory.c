@@ -89,6 +89,10 @@ enum fovea_status fv_check_memory_print(const struct fv_check_memory *memory,
         memory_row("map, until started", "outside", settings->runtime.map_bytes);
     if (settings->map_save[0] != '\0')
         memory_row("map to be saved", "outside", fovea_map_bytes_max(&settings->runtime));
+    if (settings->map_folder[0] != '\0')
+        memory_row("map to be loaded", "outside",
+                   fovea_map_bytes_max(&settings->runtime) +
+                       fovea_map_prepared_bytes(&settings->runtime));
     if (setup->model.data != NULL) memory_row("results, if written", "outside", fv_results_bytes());
     return FOVEA_OK;
 }

@@ -15,6 +15,7 @@
 #include "app/run/grid_file.h"
 #include "app/run/imu_input.h"
 #include "app/run/keeper.h"
+#include "app/run/map_loads.h"
 #include "app/run/parameters.h"
 #include "app/run/loop.h"
 #include "app/run/pose_watch.h"
@@ -92,6 +93,7 @@ struct fv_run {
     struct fv_answers answers;
     struct fv_parameters parameters;
     struct fv_backup backup;
+    struct fv_map_loads map_loads;
     struct fv_loop_shared shared;
     struct fv_service service;
     struct fv_run_health health;

@@ -71,6 +71,7 @@ static void step_done(void *context, const struct fovea_inputs *inputs,
     struct fv_recorder *const recorders[2] = {run->recorder,
                                               fv_recordings_recorder(&run->recordings)};
     fv_parameters_step(&run->parameters, recorders, inputs, run->transport, run->feed);
+    fv_map_loads_step(&run->map_loads, recorders, inputs, run->transport, run->feed);
     for (int i = 0; i < 2; i++)
         fv_recorder_step(recorders[i], inputs, outputs);
     fv_watch_step(&run->watch, run->loop.rt, inputs, pose != NULL);
@@ -238,11 +239,12 @@ static enum fovea_status transport_open(struct fv_run *run, struct fovea_error *
         fv_identity_row(settings->runtime.channel_prefix, &run->others),
         {.take = NULL},
         {.take = NULL},
+        {.take = NULL},
         {.take = NULL}};
     struct fv_transport_ears ears = {
         .listen = settings->listen,
         .more = more,
-        .more_count = fv_imu_input_hears(&run->imu) ? 4 : 3,
+        .more_count = fv_imu_input_hears(&run->imu) ? 5 : 4,
         .rules = {.from_network = settings->commands, .run_id = run->run_id},
         .wheel_odometry_limits = {settings->wheel_odometry_max_m_s,
                                   settings->wheel_odometry_max_rad_s},
@@ -259,9 +261,15 @@ static enum fovea_status transport_open(struct fv_run *run, struct fovea_error *
     if (status == FOVEA_OK)
         status = fv_backup_open(&run->backup, &run->parameters, settings,
                                 run->setup.ops->info(run->setup.source), error);
+    if (status == FOVEA_OK) {
+        status =
+            fv_map_loads_open(&run->map_loads, &run->parameters, run->loop.rt, settings, error);
+        if (status == FOVEA_ERROR_INPUT) fv_settings_blame(settings, "map.folder", error);
+    }
     more[1] = fv_parameters_row(&run->parameters);
     more[2] = fv_backup_row(&run->backup);
-    if (fv_imu_input_hears(&run->imu)) more[3] = fv_imu_input_row(&run->imu);
+    more[3] = fv_map_loads_row(&run->map_loads);
+    if (fv_imu_input_hears(&run->imu)) more[4] = fv_imu_input_row(&run->imu);
     if (status == FOVEA_OK)
         status =
             fv_transport_open_early(settings->lcm_url, settings->lcm_ttl, &run->transport, error);
@@ -411,6 +419,7 @@ static void close_all(struct fv_run *run)
     fv_recordings_close(&run->recordings);
     fv_transport_close(run->transport);
     fv_backup_close(&run->backup);
+    fv_map_loads_close(&run->map_loads);
     fv_parameters_close(&run->parameters);
     free(run->as_read);
     fv_feed_close(run->feed);
@@ -475,6 +484,7 @@ static void watch(struct fv_run *run)
         fv_run_reload(run);
         fv_parameters_tend(&run->parameters, false);
         fv_backup_tend(&run->backup);
+        fv_map_loads_tend(&run->map_loads);
         fv_web_page_tend(&run->web_page);
         if (fv_thread_take(&run->ended, fv_clock_ns(CLOCK_MONOTONIC) + wait_ns)) break;
         if (terminal) fv_run_status_show(run, &pace);
@@ -574,6 +584,7 @@ int fv_command_run(int argc, char **argv)
     }
     fv_recordings_end(&run.recordings);
     fv_backup_end(&run.backup, run.transport, run.feed);
+    fv_map_loads_end(&run.map_loads, run.transport, run.feed);
     fv_parameters_end(&run.parameters, run.transport, run.feed);
     if (status == FOVEA_OK)
         status = map_end(&run, &error);

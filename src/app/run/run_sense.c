@@ -63,8 +63,9 @@ static void boxes_from_truth(struct fv_run *run, struct fovea_inputs *inputs)
 void fv_run_sense(void *context, const struct fovea_frame *given, struct fovea_inputs *inputs)
 {
     struct fv_run *run = context;
-    fv_recordings_sense(&run->recordings, inputs,
-                        atomic_load(&run->keeper.stage) != FV_KEEPER_IDLE);
+    const bool saves = atomic_load(&run->keeper.stage) != FV_KEEPER_IDLE;
+    fv_recordings_sense(&run->recordings, inputs, saves);
+    fv_map_loads_take(&run->map_loads, inputs, saves);
     fv_parameters_take(&run->parameters, inputs);
     take_samples(run, given, inputs);
     if (run->settings.movable_boxes == FV_MOVABLE_TRUTH && inputs->frame != NULL)

@@ -89,7 +89,9 @@ static enum kind kind_of(const char *suffix)
 {
     for (int kind = 0; kind < FOVEA_SAMPLE_KIND_COUNT; kind++)
         if (strcmp(suffix, fovea_sample_channel((enum fovea_sample_kind)kind)) == 0) return INPUT;
-    if (strcmp(suffix, "FRAME") == 0 || strcmp(suffix, "PARAMETER") == 0) return INPUT;
+    if (strcmp(suffix, "FRAME") == 0 || strcmp(suffix, "PARAMETER") == 0 ||
+        strcmp(suffix, "LOADED_MAP") == 0)
+        return INPUT;
     if (strcmp(suffix, "INPUTS") == 0) return INPUTS;
     if (strcmp(suffix, "GRANTS") == 0) return GRANTS;
     if (strcmp(suffix, "LOCKSTEP") == 0) return LOCKSTEP;

@@ -63,7 +63,7 @@ static int drop_map(void **state)
 
 static void *ready_memory(size_t *bytes)
 {
-    *bytes = fovea_map_prepared_bytes(rig.rt);
+    *bytes = fovea_map_prepared_bytes(&rig.config);
     void *memory = fv_aligned_new(*bytes);
     assert_non_null(memory);
     memset(memory, 0xa5, *bytes);
