@@ -111,7 +111,8 @@ static void take_landmark(struct fv_landmark *out, const struct fv_landmark *in,
 static void take_edge(struct fv_map *map, const struct fv_map *from, uint32_t i)
 {
     const struct fv_map_edge e = from->edges[i];
-    if (!fv_map_holds(from, e.a, e.generation_a) || !fv_map_holds(from, e.b, e.generation_b)) return;
+    if (!fv_map_holds(from, e.a, e.generation_a) || !fv_map_holds(from, e.b, e.generation_b))
+        return;
     map->edges[i] = (struct fv_map_edge){e.a, e.b, map->keyframes[e.a].generation,
                                          map->keyframes[e.b].generation};
 }

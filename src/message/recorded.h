@@ -58,8 +58,9 @@ uint32_t fv_message_loaded_map_encode(const char *file, const uint8_t *data, siz
                                       uint8_t *buffer, size_t capacity);
 
 /* `has_frame` and `frame_hash` tell of the frame that went with these inputs; inputs->frame and
- * inputs->samples are NULL, and sample_count includes changes of parameters and maps. Jobs that this build
- * does not have are refused, jobs that the recording did not have get no units. On refusal
+ * inputs->samples are NULL, and sample_count includes changes of parameters and maps. Jobs that
+ * this build does not have are refused, jobs that the recording did not have get no units. On
+ * refusal
  * `*problem` and `*at` (byte within the message) say why and where. */
 bool fv_message_inputs_decode(const uint8_t *data, size_t bytes, struct fovea_inputs *inputs,
                               bool *has_frame, uint64_t *frame_hash, const char **problem,

@@ -78,9 +78,9 @@ enum fovea_status fovea_map_prepare(const struct fovea *rt, void *memory, size_t
     fv_map_carve(&map, &odometry->map.limits, &odometry->camera, &odometry->bearings, &arena);
     status = fv_archive_read(data, data_bytes, name, &map, &info, error);
     if (status == FOVEA_OK && map.state->keyframe_count == 0)
-        status = fovea_error_set(error, FOVEA_ERROR_INPUT,
-                                 "%.200s: found a map without keyframes, expected at least one",
-                                 name);
+        status =
+            fovea_error_set(error, FOVEA_ERROR_INPUT,
+                            "%.200s: found a map without keyframes, expected at least one", name);
     if (status != FOVEA_OK) return status;
     fv_map_settle(&map);
     *made = (struct fovea_ready_map){.map = map,

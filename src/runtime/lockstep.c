@@ -58,8 +58,7 @@ static uint64_t hash_inputs(struct fovea *rt, const struct fovea_inputs *inputs)
     const uint32_t bytes =
         fv_message_inputs_encode(&counted, fv_lockstep_frame_hash(inputs->frame), buffer, capacity);
     hash = fv_hash_state(hash, buffer, bytes);
-    if (inputs->map != NULL)
-        hash = fv_hash(hash, &inputs->map->hash, sizeof inputs->map->hash);
+    if (inputs->map != NULL) hash = fv_hash(hash, &inputs->map->hash, sizeof inputs->map->hash);
     return fv_hash(hash, &stamp.time_ns, sizeof stamp.time_ns);
 }
 

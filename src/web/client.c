@@ -350,6 +350,15 @@ static bool parameter_read(char *words, struct fv_web_command *command)
     return true;
 }
 
+/* "[FILE]": the rest, with its spaces. */
+static bool map_read(const char *words, struct fv_web_command *command)
+{
+    command->bits = 0;
+    command->loads = true;
+    snprintf(command->key, sizeof command->key, "%s", words != NULL ? words : "");
+    return true;
+}
+
 static bool play_read(char *words, struct fv_web_command *command)
 {
     static const char *const known[] = {[FV_WEB_PAUSE] = "pause",
@@ -389,6 +398,7 @@ enum fv_web_said fv_web_client_hear(struct fv_web_client *client, const char *wo
         return FV_WEB_SAID_NOTHING;
     }
     if (!number_read(word, &number)) return FV_WEB_SAID_WRONG;
+    command->loads = false;
     if (strcmp(verb, "ack") == 0) {
         acknowledge(client, number, now_ns);
     } else if (strcmp(verb, "pictures") == 0) {
@@ -397,6 +407,9 @@ enum fv_web_said fv_web_client_hear(struct fv_web_client *client, const char *wo
     } else if (strcmp(verb, "command") == 0) {
         command->request = number;
         return words_read(rest, &command->bits) ? FV_WEB_SAID_COMMAND : FV_WEB_SAID_WRONG;
+    } else if (strcmp(verb, "map") == 0) {
+        command->request = number;
+        return map_read(rest, command) ? FV_WEB_SAID_COMMAND : FV_WEB_SAID_WRONG;
     } else if (strcmp(verb, "play") == 0) {
         command->request = number;
         return play_read(rest, command) ? FV_WEB_SAID_PLAY : FV_WEB_SAID_WRONG;

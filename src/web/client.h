@@ -11,7 +11,8 @@
  *   3  a piece of the path: epoch (4), number of the first place (8), count (4), x y z (4 each)
  * The page says, in words: "ack N" (picture N is on the screen), "ping TEXT", "pictures 0|1",
  * "command REQUEST WORD..." with the words of docs/messages.md, "parameter REQUEST once|keep KEY
- * [VALUE]" (without a value it asks for the one in force), and of a recording that is played
+ * [VALUE]" (without a value it asks for the one in force), "map REQUEST [FILE]" (without a file it
+ * asks for the list of those that can be loaded), and of a recording that is played
  * "play REQUEST pause|resume|seek MS|speed FACTOR"; how it stands is sent as JSON, "playback".
  *
  * At most two pictures are on their way. Where the link is too slow for that, the class of size and
@@ -68,7 +69,9 @@ size_t fv_web_client_next(struct fv_web_client *client, struct fv_web_store *sto
 enum fv_web_said { FV_WEB_SAID_NOTHING, FV_WEB_SAID_COMMAND, FV_WEB_SAID_PLAY, FV_WEB_SAID_WRONG };
 struct fv_web_command {
     uint32_t request; /* the page's number of it */
-    int32_t bits;     /* of command_t; 0: of a parameter_t are key, value and keep */
+    int32_t
+        bits;   /* of command_t; 0: of a parameter_t are key, value and keep, or of a map_load_t */
+    bool loads; /* the last, whose file is `key` */
     bool keep;
     enum { FV_WEB_PAUSE, FV_WEB_RESUME, FV_WEB_SEEK, FV_WEB_SPEED } play; /* FV_WEB_SAID_PLAY */
     double play_to;                                                       /* milliseconds, factor */

@@ -8,6 +8,7 @@
 #include "message/message.h"
 
 #include "fovea_command_t.h"
+#include "fovea_map_load_t.h"
 #include "fovea_parameter_t.h"
 #include "fovea_settings_t.h"
 
@@ -86,6 +87,24 @@ int64_t fv_web_commander_set(struct fv_web_commander *commander, const char *pre
     request.mac = mac_of(commander, data, bytes);
     put(commander, prefix, FV_MESSAGE_PARAMETER, data,
         fovea_parameter_t_encode(data, 0, sizeof data, &request));
+    return commander->id;
+}
+
+int64_t fv_web_commander_map(struct fv_web_commander *commander, const char *prefix, int64_t run_id,
+                             const char *file)
+{
+    uint8_t data[PARAMETER_BYTES_MAX];
+    const int64_t now_ns = fv_clock_ns(CLOCK_REALTIME);
+    fovea_map_load_t request = {.utime = now_ns / 1000,
+                                .id = next_id(commander, now_ns),
+                                .file = (char *)(uintptr_t)file,
+                                .run_id = run_id,
+                                .sender = FV_WEB_SENDER,
+                                .counter = commander->id};
+    const int bytes = fovea_map_load_t_encode(data, 0, sizeof data, &request);
+    request.mac = mac_of(commander, data, bytes);
+    put(commander, prefix, FV_MESSAGE_MAP_LOAD, data,
+        fovea_map_load_t_encode(data, 0, sizeof data, &request));
     return commander->id;
 }
 

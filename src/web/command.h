@@ -38,6 +38,11 @@ enum { FV_WEB_SETTINGS_BYTES = 32767 };
 int64_t fv_web_commander_settings(struct fv_web_commander *commander, const char *prefix,
                                   int64_t run_id, const char *text);
 
+/* Send a map_load_t, `file` "": to ask for the list. Returns the number by which command_result_t
+ * or map_files_t answers. */
+int64_t fv_web_commander_map(struct fv_web_commander *commander, const char *prefix, int64_t run_id,
+                             const char *file);
+
 void fv_web_commander_close(struct fv_web_commander *commander);
 
 #endif

@@ -233,6 +233,7 @@ static const struct shown {
     {"RECORDER", "fovea.recorder_t", 0, take_recorder, NULL, FOR_ALL},
     {"COMMAND_RESULT", "fovea.command_result_t", 0, NULL, piece_of_answer, FOR_ALL},
     {"SETTINGS_RESULT", "fovea.settings_result_t", 0, NULL, NULL, FOR_OPERATORS},
+    {"MAP_FILES", "fovea.map_files_t", 0, NULL, NULL, FOR_OPERATORS},
     {"PARAMETER_RESULT", "fovea.parameter_result_t", 0, NULL, piece_of_answer,
      FOR_OPERATORS}, /* values may be secret */
     {"FEATURES", "fovea.features_t", 0, take_features, NULL, FOR_NOBODY},

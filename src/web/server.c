@@ -132,8 +132,9 @@ static void command(struct fv_web_server *server, struct fv_web_client *client,
     }
     struct fv_web_commander *commander = server->setup.commander;
     const int64_t run_id = fv_feed_reader_run(relay->reader);
-    const int64_t id = command->bits != 0
-                           ? fv_web_commander_send(commander, relay->prefix, run_id, command->bits)
+    const int64_t id =
+        command->bits != 0 ? fv_web_commander_send(commander, relay->prefix, run_id, command->bits)
+        : command->loads   ? fv_web_commander_map(commander, relay->prefix, run_id, command->key)
                            : fv_web_commander_set(commander, relay->prefix, run_id, command->key,
                                                   command->value, command->keep);
     fv_web_client_reply(client, "{\"kind\":\"sent\",\"request\":%u,\"id\":\"%lld\"}",

@@ -136,7 +136,7 @@ static void wait_for_tracking(void)
     snprintf(line, sizeof line,
              "timeout 60 %s/fovea echo R_POSE --count 20 2>&1 | grep -c '\"state\": 1,'", build);
     for (int i = 0; i < 20; i++)
-        if (command(line, text, sizeof text) == 0 && atoi(text) > 15) return;
+        if (command(line, text, sizeof text) == 0 && strtol(text, NULL, 10) > 15) return;
 }
 
 static void maps_are_loaded_and_replayed(void **state)
@@ -162,17 +162,26 @@ static void maps_are_loaded_and_replayed(void **state)
     snprintf(line, sizeof line, "%s/maps/.hidden", folder);
     assert_int_equal(mkdir(line, 0700), 0);
 
-    const char *const arguments[] = {
-        "--source", "sim:stand?width=320&height=240",
-        "--rate",   "real",
-        "--quiet",  "--picture",
-        "none",     "--set",
-        maps,       "--set",
-        kept,       "--set",
-        "channel_prefix=R", "--set",
-        "features.count_max=400", "--set",
-        "record_buffer=1000", "--record",
-        whole,      NULL};
+    const char *const arguments[] = {"--source",
+                                     "sim:stand?width=320&height=240",
+                                     "--rate",
+                                     "real",
+                                     "--quiet",
+                                     "--picture",
+                                     "none",
+                                     "--set",
+                                     maps,
+                                     "--set",
+                                     kept,
+                                     "--set",
+                                     "channel_prefix=R",
+                                     "--set",
+                                     "features.count_max=400",
+                                     "--set",
+                                     "record_buffer=1000",
+                                     "--record",
+                                     whole,
+                                     NULL};
     watched_start(&watched, "run", arguments);
     expect("maps", 0, "here  ");
     expect("load:../maps/here", 1, "refused: found no name of a file");

@@ -201,7 +201,18 @@ def check_commands(page):
     page.until("document.getElementById('state').dataset.state === 'tracking'", "the state tracking")
     page.driver.find_element(By.CSS_SELECTOR, "[data-command=save]").click()
     page.until("/^save: done/.test(document.getElementById('answer').textContent)", "the answer to save")
-    assert os.path.getsize(os.path.join(folder, "map")) > 1000
+    assert os.path.getsize(os.path.join(folder, "maps", "map")) > 1000
+    with open(os.path.join(folder, "maps", "other"), "wb") as file:  # shown as a map, and damaged
+        with open(os.path.join(folder, "maps", "map"), "rb") as saved:
+            file.write(saved.read()[:-9] + b"damaged!!")
+    epoch = page.js("return fovea.scene.path.epoch")
+    page.js("document.getElementById('map-file').focus()")
+    page.until("document.getElementById('map-file').options.length === 2", "the list of maps")
+    for name, said in (("other", "refused: other: byte "), ("map", "done")):
+        page.js("document.getElementById('map-file').value = arguments[0]", name)
+        page.driver.find_element(By.ID, "load-map").click()
+        page.until(f"document.getElementById('answer').textContent.startsWith('load {name}: {said}')", "the answer to load")
+    page.until(f"fovea.scene.path.epoch > {epoch}", "the path in the map that was loaded")
     reset = page.driver.find_element(By.CSS_SELECTOR, "[data-command=reset]")
     reset.click()
     assert reset.text == "Discard the map?", reset.text  # once is not enough
@@ -503,8 +514,9 @@ def web(*more):
 
 def main():
     recording = os.path.join(folder, "run.lcm")
-    kept, records = os.path.join(folder, "kept.yaml"), os.path.join(folder, "records")
-    robot = run("--set", "record_folder=" + records, "--record", recording, "--save-map", os.path.join(folder, "map"), "--set", "parameters.file=" + kept)
+    kept, records, maps = (os.path.join(folder, name) for name in ("kept.yaml", "records", "maps"))
+    os.mkdir(maps)
+    robot = run("--set", "record_folder=" + records, "--record", recording, "--save-map", os.path.join(maps, "map"), "--set", "map.folder=" + maps, "--set", "parameters.file=" + kept)
     server = web()
     page = Page()
     try:

@@ -42,10 +42,10 @@ struct fv_settings {
     char imu_file[FV_SETTINGS_PATH_BYTES]; /* of that sensor */
     char map_load[FV_SETTINGS_PATH_BYTES], map_save[FV_SETTINGS_PATH_BYTES],
         map_folder[FV_SETTINGS_PATH_BYTES]; /* "": none */
-    uint32_t map_keep;                                                       /* saved maps */
-    bool map_overwrite; /* also by one with under half of the landmarks */
-    int rate;           /* enum fv_rate */
-    char lcm_url[256];  /* "": nothing is sent */
+    uint32_t map_keep;                      /* saved maps */
+    bool map_overwrite;                     /* also by one with under half of the landmarks */
+    int rate;                               /* enum fv_rate */
+    char lcm_url[256];                      /* "": nothing is sent */
     uint32_t lcm_ttl;
     uint32_t pose_fast_rate;                      /* Hz; 0: none */
     char listen[16];                              /* who is heard: network/receiver.h */

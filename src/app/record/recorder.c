@@ -246,11 +246,10 @@ static size_t iteration_bytes(const struct fv_recorder_setup *setup)
         FV_LCMLOG_HEADER_BYTES + FV_MESSAGE_CHANNEL_BYTES + fv_message_sample_size_max();
     const size_t parameter_bytes =
         FV_LCMLOG_HEADER_BYTES + FV_MESSAGE_CHANNEL_BYTES + fv_message_parameter_size_max();
-    const size_t map_bytes =
-        setup->settings->map_folder[0] != '\0'
-            ? FV_LCMLOG_HEADER_BYTES + FV_MESSAGE_CHANNEL_BYTES +
-                  fv_message_loaded_map_size_max(fovea_map_bytes_max(config))
-            : 0;
+    const size_t map_bytes = setup->settings->map_folder[0] != '\0'
+                                 ? FV_LCMLOG_HEADER_BYTES + FV_MESSAGE_CHANNEL_BYTES +
+                                       fv_message_loaded_map_size_max(fovea_map_bytes_max(config))
+                                 : 0;
     return setup->frame_bytes + map_bytes + fv_jpeg_capacity((int32_t)pixels, 1) + SMALL_BYTES +
            FOVEA_INPUT_SAMPLES_MAX * sample_bytes + FV_MESSAGE_PARAMETERS_MAX * parameter_bytes +
            (size_t)config->features.count_max * FEATURE_BYTES +

@@ -32,8 +32,8 @@ struct fv_recorder {
     int64_t event_number;
     uint64_t steps_lost;
     int64_t samples[FOVEA_SAMPLE_KIND_COUNT]; /* so far */
-    uint32_t before_step; /* changes of parameters and maps recorded for the step to come */
-    enum fovea_clock clock;                   /* of the frames, of which the last said so */
+    uint32_t before_step;   /* changes of parameters and maps recorded for the step to come */
+    enum fovea_clock clock; /* of the frames, of which the last said so */
 
     /* Of a recording that begins in the middle of its run: the loop's until `begun`. */
     struct fv_recorder_setup setup;

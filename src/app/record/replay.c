@@ -31,7 +31,7 @@ struct replay {
     bool frame_waits;                                     /* read, but no inputs yet */
     struct fovea_sample samples[FOVEA_INPUT_SAMPLES_MAX]; /* likewise */
     uint32_t sample_count;
-    uint32_t parameter_count;    /* changes, likewise, in `settings` */
+    uint32_t parameter_count;          /* changes, likewise, in `settings` */
     const struct fovea_ready_map *map; /* likewise, in `map_memory`; NULL: none */
     void *map_memory;
     struct fv_settings settings; /* in force from the next step on */

@@ -40,9 +40,9 @@ enum fovea_status fv_map_loads_open(struct fv_map_loads *loads, struct fv_parame
     fv_message_channel(prefix, FV_MESSAGE_MAP_FILES, loads->files_channel);
     const bool folder = loads->folder[0] != '\0';
     if (folder && (stat(loads->folder, &there) != 0 || !S_ISDIR(there.st_mode)))
-        return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                               "map.folder: %.400s: found %s, expected a folder", loads->folder,
-                               stat(loads->folder, &there) == 0 ? "a file" : strerrordesc_np(errno));
+        return fovea_error_set(
+            error, FOVEA_ERROR_INPUT, "map.folder: %.400s: found %s, expected a folder",
+            loads->folder, stat(loads->folder, &there) == 0 ? "a file" : strerrordesc_np(errno));
     loads->message = malloc(FV_MAP_LOADS_MESSAGE_BYTES);
     if (folder) {
         loads->capacity = fovea_map_bytes_max(&settings->runtime);
@@ -114,9 +114,8 @@ static void take(struct fv_map_loads *loads, const fovea_map_load_t *request,
                  const struct fv_received *received)
 {
     struct fv_command_gate *gate = &loads->parameters->gate;
-    struct fv_judged_command judged = {.verdict = judge(loads, request, received),
-                                       .id = request->id,
-                                       .sender = request->sender};
+    struct fv_judged_command judged = {
+        .verdict = judge(loads, request, received), .id = request->id, .sender = request->sender};
     const bool idle = atomic_load(&loads->stage) == FV_MAP_LOADS_IDLE;
     if (!idle && judged.verdict == FV_COMMAND_TAKEN) judged.verdict = FV_COMMAND_BUSY;
     fv_command_gate_count(gate, judged.verdict);

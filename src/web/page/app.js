@@ -9,6 +9,7 @@ import { Playback } from "/playback.js";
 import { Parameters } from "/parameters.js";
 import { Requests } from "/requests.js";
 import { Settings } from "/settings.js";
+import { Maps } from "/maps.js";
 import { Actions, PosePanel, byId, facts, fixed, logLine, names, showHealth, showRecorder } from "/panels.js";
 
 const types = readTypes(await (await fetch("/types")).text());
@@ -26,6 +27,7 @@ const actions = new Actions(types, requests);
 const playback = new Playback(of);
 const parameters = new Parameters(requests);
 const settings = new Settings(types, requests);
+const maps = new Maps(types, requests);
 await parameters.fetch();
 const stages = new Plot(byId("plot-stages"), byId("legend-stages"), " ms", 2);
 const features = new Plot(byId("plot-features"), byId("legend-features"), "", 0);
@@ -53,6 +55,7 @@ function allow(hello) {
   actions.allow(hello);
   parameters.allow(hello.commands && hello.running);
   settings.allow(hello.commands && hello.running);
+  maps.allow(hello.commands && hello.running);
 }
 
 function forget() {
@@ -149,6 +152,7 @@ const link = new Link(types, {
   KEYPOINTS2: (message) => live.keypoints(message),
   RECORDER: (message) => showRecorder(recorderStates, message),
   COMMAND_RESULT: (message) => requests.answer(message),
+  MAP_FILES: (message) => requests.answer(message),
   SETTINGS_RESULT: (message) => requests.answer(message),
   PARAMETER_RESULT: (message) => {
     requests.answer(message);

@@ -5,7 +5,7 @@ import { decode } from "/lcm.js";
 const TYPES = {
   POSE: "pose_t", RUN: "run_t", STATISTICS: "statistics_t", CAMERA_STATUS: "camera_status_t", HEALTH: "health_t",
   OBJECTS: "objects_t", DETECTIONS: "detections_t", DETECTIONS2: "detections_t", KEYPOINTS: "keypoints_t",
-  KEYPOINTS2: "keypoints_t", MAP: "map_t", COMMAND_RESULT: "command_result_t", RECORDER: "recorder_t", SETTINGS_RESULT: "settings_result_t", GRID: "grid_t",
+  KEYPOINTS2: "keypoints_t", MAP: "map_t", COMMAND_RESULT: "command_result_t", RECORDER: "recorder_t", SETTINGS_RESULT: "settings_result_t", MAP_FILES: "map_files_t", GRID: "grid_t",
   SEGMENTATION: "segmentation_t", SEGMENTATION2: "segmentation_t",
   PARAMETER_RESULT: "parameter_result_t",
 };

@@ -160,7 +160,8 @@ static void it_is_as_at_the_start(void **state)
     struct fovea_error error;
     const struct fovea_ready_map *ready;
     assert_int_equal(
-        fovea_map_prepare(rig.rt, memory, bytes, again, again_bytes, "m", &ready, &error), FOVEA_OK);
+        fovea_map_prepare(rig.rt, memory, bytes, again, again_bytes, "m", &ready, &error),
+        FOVEA_OK);
     assert_int_equal(again_bytes, file_bytes);
     free(again);
     free(memory);
@@ -282,8 +283,8 @@ static void a_save_under_way_is_of_the_new_map(void **state)
     }
     assert_int_equal(saved, file_bytes);
     fovea_map_seal(buffer, saved);
-    assert_int_equal(
-        fovea_map_prepare(rig.rt, memory, bytes, buffer, saved, "m", &ready, &error), FOVEA_OK);
+    assert_int_equal(fovea_map_prepare(rig.rt, memory, bytes, buffer, saved, "m", &ready, &error),
+                     FOVEA_OK);
     free(buffer);
     free(memory);
     sim_rig_close(&rig);

@@ -312,13 +312,21 @@ static void what_a_page_cannot_say_is_refused(void **state)
     const char parameter[] = "parameter 8 keep image.operations [denoise, gamma]";
     assert_int_equal(fv_web_client_hear(&client, parameter, sizeof parameter - 1, now_ns, &command),
                      FV_WEB_SAID_COMMAND);
-    assert_true(command.bits == 0 && command.keep && command.request == 8);
+    assert_true(command.bits == 0 && !command.loads && command.keep && command.request == 8);
     assert_string_equal(command.key, "image.operations");
     assert_string_equal(command.value, "[denoise, gamma]");
     assert_int_equal(fv_web_client_hear(&client, "parameter 9 once seed", 21, now_ns, &command),
                      FV_WEB_SAID_COMMAND);
     assert_true(!command.keep);
     assert_string_equal(command.value, "");
+    assert_int_equal(fv_web_client_hear(&client, "map 3 hall 2.map", 16, now_ns, &command),
+                     FV_WEB_SAID_COMMAND);
+    assert_true(command.loads && command.bits == 0 && command.request == 3);
+    assert_string_equal(command.key, "hall 2.map");
+    assert_int_equal(fv_web_client_hear(&client, "map 4", 5, now_ns, &command),
+                     FV_WEB_SAID_COMMAND);
+    assert_true(command.loads);
+    assert_string_equal(command.key, "");
     assert_int_equal(say("ping \"}<x\\"), FV_WEB_SAID_NOTHING);
     drain();
     assert_int_equal(say("ping a\"b"), FV_WEB_SAID_NOTHING);
