@@ -38,6 +38,24 @@ void fv_web_client_init(struct fv_web_client *client, enum fv_web_role role, boo
     client->picture_class = FV_WEB_CLASSES - 1;
 }
 
+/* What was sent of another run, or robot. */
+static void forget_versions(struct fv_web_client *client)
+{
+    memset(client->versions, 0, sizeof client->versions);
+    client->log_sent = 0;
+    client->unacked_count = 0;
+}
+
+void fv_web_client_show(struct fv_web_client *client, uint32_t robot, bool commands)
+{
+    client->robot = robot;
+    client->commands = commands;
+    client->news = UINT32_MAX;
+    client->path_epoch = UINT32_MAX;
+    client->robots_sent = client->sent = client->frame = client->playback = 0;
+    forget_versions(client);
+}
+
 void fv_web_client_reply(struct fv_web_client *client, const char *format, ...)
 {
     va_list arguments;
@@ -87,10 +105,21 @@ static size_t next_hello(struct fv_web_client *client, const struct fv_web_store
     return (size_t)snprintf(
         to, capacity,
         "{\"kind\":\"hello\",\"version\":\"%s\",\"role\":\"%s\",\"commands\":%s,\"run\":%" PRIu32
-        ",\"running\":%s,\"previews\":%s,\"prefix\":\"%s\"}",
+        ",\"running\":%s,\"previews\":%s,\"prefix\":\"%s\",\"robot\":%" PRIu32 "}",
         FOVEA_VERSION, client->role == FV_WEB_OPERATE ? "operate" : "view",
         client->commands && client->role == FV_WEB_OPERATE ? "true" : "false", store->run,
-        store->running ? "true" : "false", store->previews ? "true" : "false", prefix);
+        store->running ? "true" : "false", store->previews ? "true" : "false", prefix,
+        client->robot);
+}
+
+static size_t next_robots(struct fv_web_client *client, char *to, size_t capacity)
+{
+    const struct fv_web_robots *robots = client->robots;
+    if (robots == NULL || client->robots_sent == robots->version) return 0;
+    client->robots_sent = robots->version;
+    return (size_t)snprintf(to, capacity,
+                            "{\"kind\":\"robots\",\"shown\":%" PRIu32 ",\"robots\":%s}",
+                            client->robot, robots->text);
 }
 
 static size_t next_log(struct fv_web_client *client, const struct fv_web_store *store, char *to,
@@ -259,13 +288,6 @@ static size_t next_picture(struct fv_web_client *client, struct fv_web_store *st
     return (size_t)(at - to) + bytes;
 }
 
-static void forget_versions(struct fv_web_client *client)
-{
-    memset(client->versions, 0, sizeof client->versions);
-    client->log_sent = 0;
-    client->unacked_count = 0;
-}
-
 size_t fv_web_client_next(struct fv_web_client *client, struct fv_web_store *store, uint8_t *to,
                           size_t capacity, int64_t now_ns, bool *text)
 {
@@ -274,6 +296,7 @@ size_t fv_web_client_next(struct fv_web_client *client, struct fv_web_store *sto
     if (client->run != store->run) forget_versions(client);
     client->run = store->run;
     if ((bytes = next_hello(client, store, (char *)to, capacity)) > 0) return bytes;
+    if ((bytes = next_robots(client, (char *)to, capacity)) > 0) return bytes;
     if ((bytes = next_playback(client, store, (char *)to, capacity)) > 0) return bytes;
     if ((bytes = next_reply(client, (char *)to)) > 0) return bytes;
     if ((bytes = next_log(client, store, (char *)to, capacity)) > 0) return bytes;
@@ -404,6 +427,9 @@ enum fv_web_said fv_web_client_hear(struct fv_web_client *client, const char *wo
     } else if (strcmp(verb, "pictures") == 0) {
         client->hidden = number == 0;
         client->unacked_count = 0;
+    } else if (strcmp(verb, "robot") == 0) {
+        command->request = number;
+        return FV_WEB_SAID_ROBOT;
     } else if (strcmp(verb, "command") == 0) {
         command->request = number;
         return words_read(rest, &command->bits) ? FV_WEB_SAID_COMMAND : FV_WEB_SAID_WRONG;

@@ -1,19 +1,18 @@
 /* One page that looks: what it was sent, what it may be sent next, what it says. No sockets here
  * (server.c), so that all of it is tested without any.
  *
- * To the page go packets of four kinds. Text is JSON with a member "kind": hello, log, pong, sent,
- * refused. Binary frames hold packets, each behind its length (4 bytes), which begin with a byte;
- * numbers are big-endian:
- *   1  a message: length of the channel's name (1 byte), name, the message as LCM encodes it; the
- *      page decodes it by the definitions of /types. It is sent as it is because the same bytes
- *      then serve all clients, take a fourth of their JSON, and no new message type needs code here
- *   2  a picture: fv_web_client_next says its head
- *   3  a piece of the path: epoch (4), number of the first place (8), count (4), x y z (4 each)
- * The page says, in words: "ack N" (picture N is on the screen), "ping TEXT", "pictures 0|1",
- * "command REQUEST WORD..." with the words of docs/messages.md, "parameter REQUEST once|keep KEY
- * [VALUE]" (without a value it asks for the one in force), "map REQUEST [FILE]" (without a file it
- * asks for the list of those that can be loaded), and of a recording that is played
- * "play REQUEST pause|resume|seek MS|speed FACTOR"; how it stands is sent as JSON, "playback".
+ * To the page go packets of four kinds. Text is JSON with a member "kind": hello, robots, log,
+ * pong, sent, refused. Binary frames hold packets, each behind its length (4 bytes), which begin
+ * with a byte; numbers are big-endian: 1  a message: length of the channel's name (1 byte), name,
+ * the message as LCM encodes it; the page decodes it by the definitions of /types. It is sent as it
+ * is because the same bytes then serve all clients, take a fourth of their JSON, and no new message
+ * type needs code here 2  a picture: fv_web_client_next says its head 3  a piece of the path: epoch
+ * (4), number of the first place (8), count (4), x y z (4 each) The page says, in words: "ack N"
+ * (picture N is on the screen), "ping TEXT", "pictures 0|1", "command REQUEST WORD..." with the
+ * words of docs/messages.md, "parameter REQUEST once|keep KEY [VALUE]" (without a value it asks for
+ * the one in force), "map REQUEST [FILE]" (without a file it asks for the list of those that can be
+ * loaded), "robot N" (shows another one), and of a recording that is played "play REQUEST
+ * pause|resume|seek MS|speed FACTOR"; how it stands is sent as JSON, "playback".
  *
  * At most two pictures are on their way. Where the link is too slow for that, the class of size and
  * quality falls, then pictures are left out; messages go first. */
@@ -25,6 +24,7 @@
 #include <stdint.h>
 
 #include "web/access.h"
+#include "web/robots.h"
 #include "web/store.h"
 
 enum {
@@ -38,6 +38,8 @@ enum {
 struct fv_web_client {
     enum fv_web_role role;
     bool commands;                           /* may be sent: shown in hello */
+    const struct fv_web_robots *robots;      /* NULL: there is one */
+    uint32_t robot, robots_sent;             /* that is shown; version of what was told of all */
     uint32_t news, run, playback;            /* of the store, as they were sent */
     uint32_t versions[FV_WEB_ROWS_MAX], row; /* the row that was sent last */
     uint32_t path_epoch;
@@ -60,15 +62,24 @@ struct fv_web_client {
 
 void fv_web_client_init(struct fv_web_client *client, enum fv_web_role role, bool commands);
 
+/* Show a robot from now on, from its beginning; `commands` as above. */
+void fv_web_client_show(struct fv_web_client *client, uint32_t robot, bool commands);
+
 /* The next packet, into `to`. Returns its bytes, 0: there is nothing to send now. `*text`: it is
  * text. */
 size_t fv_web_client_next(struct fv_web_client *client, struct fv_web_store *store, uint8_t *to,
                           size_t capacity, int64_t now_ns, bool *text);
 
 /* What a page said. */
-enum fv_web_said { FV_WEB_SAID_NOTHING, FV_WEB_SAID_COMMAND, FV_WEB_SAID_PLAY, FV_WEB_SAID_WRONG };
+enum fv_web_said {
+    FV_WEB_SAID_NOTHING,
+    FV_WEB_SAID_COMMAND,
+    FV_WEB_SAID_PLAY,
+    FV_WEB_SAID_ROBOT,
+    FV_WEB_SAID_WRONG
+};
 struct fv_web_command {
-    uint32_t request; /* the page's number of it */
+    uint32_t request; /* the page's number of it; FV_WEB_SAID_ROBOT: that of the robot */
     int32_t
         bits;   /* of command_t; 0: of a parameter_t are key, value and keep, or of a map_load_t */
     bool loads; /* the last, whose file is `key` */

@@ -16,6 +16,7 @@
 #include "support/say.h"
 #include "support/text.h"
 #include "web/heard.h"
+#include "web/robots.h"
 #include "web/server.h"
 
 #define URL_DEFAULT "udpm://239.255.76.67:7667"
@@ -24,15 +25,16 @@
 enum { PORT_DEFAULT = 7680, RATE_DEFAULT = 15, RATE_MAX = 60 };
 
 struct web {
-    const char *feed, *play, *lcm, *listen, *prefix, *address, *token, *url, *key;
+    const char *play, *lcm, *listen, *address, *token, *url, *key;
+    struct fv_option_list feeds, prefixes; /* robots of this host; heard ones */
     uint64_t port, rate;
     uint64_t with_parent; /* process; 0: none */
     struct fv_option_list names;
     struct fv_web_certificate certificate;
     bool make_certificate;
     struct fv_web_tokens tokens;
-    struct fv_web_store *store;
-    struct fv_web_relay *relay;
+    struct fv_web_robots robots;
+    struct fv_web_heard heard[FV_WEB_ROBOTS_MAX];
     struct fv_web_commander commander;
 };
 
@@ -53,19 +55,20 @@ static void on_end(int signal)
 static enum fv_options_result options_read(struct web *web, int argc, char **argv)
 {
     const struct fv_option options[] = {
-        {"feed", "SOCKET", FV_OPTION_TEXT, &web->feed,
+        {"feed", "SOCKET", FV_OPTION_LIST, &web->feeds,
          "the run on this host whose key web.socket names this socket (default " SOCKET_DEFAULT
-         "); it may start later, and be restarted"},
+         "); it may start later, and be restarted; several of them are robots that the page chooses "
+         "from, eight at most with heard ones"},
         {"play", "RECORDING", FV_OPTION_TEXT, &web->play,
          "in place of a run show a recording of one, which is read alone: play, pause, position "
          "and speed are on the page"},
         {"lcm", "URL", FV_OPTION_TEXT, &web->lcm,
-         "in place of a run of this host hear a robot of another one at this LCM URL: its messages, "
-         "and its previews as pictures, at their rate; no commands"},
+         "in place of a run of this host, or beside those of --feed, hear a robot of another one at "
+         "this LCM URL: its messages, and its previews as pictures, at their rate; no commands"},
         {"listen", "WHOM", FV_OPTION_TEXT, &web->listen,
          "with --lcm, who is heard: loopback, the name of an interface, or any (default)"},
-        {"prefix", "P", FV_OPTION_TEXT, &web->prefix,
-         "with --lcm, the robot's channel_prefix (default FOVEA)"},
+        {"prefix", "P", FV_OPTION_LIST, &web->prefixes,
+         "with --lcm, the robot's channel_prefix (default FOVEA); several are several robots"},
         {"port", "N", FV_OPTION_COUNT, &web->port,
          "TCP port of the page (default 7680; 0: one that is free)"},
         {"address", "A", FV_OPTION_TEXT, &web->address,
@@ -111,7 +114,7 @@ static enum fv_options_result options_read(struct web *web, int argc, char **arg
         fv_man_example(
             "fovea run --source v4l2:/dev/video0 --web\n"
             "fovea-web --play run.lcm\n"
-            "fovea-web --lcm udpm://239.255.76.67:7667 --prefix LEFT_ROBOT\n"
+            "fovea-web --lcm udpm://239.255.76.67:7667 --prefix LEFT_ROBOT --prefix RIGHT_ROBOT\n"
             "fovea-web --feed /run/fovea/front.sock --address 0.0.0.0 --name robot.local "
             "--token /var/lib/fovea/web.token --certificate /var/lib/fovea/web.crt "
             "--certificate-key /var/lib/fovea/web.key --make-certificate");
@@ -120,6 +123,36 @@ static enum fv_options_result options_read(struct web *web, int argc, char **arg
         putchar('\n');
     }
     return result;
+}
+
+/* Where robots come from, with what stands for it where nothing is said. */
+static enum fovea_status robots_check(struct web *web, struct fovea_error *error)
+{
+    if ((web->play != NULL && web->lcm != NULL) ||
+        (web->lcm == NULL && (web->listen != NULL || web->prefixes.count > 0)))
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               web->lcm == NULL
+                                   ? "found --listen or --prefix, expected them with --lcm alone"
+                                   : "found --play and --lcm, expected one of them");
+    const char *of_run = web->feeds.count > 0 ? "--feed"
+                         : web->url != NULL   ? "--lcm-url"
+                         : web->key != NULL   ? "--command-key"
+                                              : NULL;
+    if ((web->play != NULL || (web->lcm != NULL && web->feeds.count == 0)) && of_run != NULL)
+        return fovea_error_set(
+            error, FOVEA_ERROR_INPUT, "found %s and %s, expected one of them: %s",
+            web->play != NULL ? "--play" : "--lcm", of_run,
+            web->play != NULL ? "there is no run to ask where a recording is played"
+                              : "nothing is asked of a robot that is heard");
+    if (web->play == NULL && web->lcm == NULL && web->feeds.count == 0)
+        web->feeds.values[web->feeds.count++] = SOCKET_DEFAULT;
+    if (web->lcm != NULL && web->prefixes.count == 0)
+        web->prefixes.values[web->prefixes.count++] = "FOVEA";
+    if (web->feeds.count + web->prefixes.count > FV_WEB_ROBOTS_MAX)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "found %d robots by --feed and --prefix, expected at most %d",
+                               web->feeds.count + web->prefixes.count, FV_WEB_ROBOTS_MAX);
+    return FOVEA_OK;
 }
 
 /* FOVEA_ERROR_INPUT: what was asked for cannot be, or is not safe. */
@@ -139,23 +172,8 @@ static enum fovea_status options_check(struct web *web, struct fovea_error *erro
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "found one of --certificate, --certificate-key and "
                                "--make-certificate alone, expected the first two together");
-    if ((web->play != NULL && web->lcm != NULL) ||
-        (web->lcm == NULL && (web->listen != NULL || web->prefix != NULL)))
-        return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                               web->lcm == NULL
-                                   ? "found --listen or --prefix, expected them with --lcm alone"
-                                   : "found --play and --lcm, expected one of them");
-    const char *of_run = web->feed != NULL  ? "--feed"
-                         : web->url != NULL ? "--lcm-url"
-                         : web->key != NULL ? "--command-key"
-                                            : NULL;
-    if ((web->play != NULL || web->lcm != NULL) && of_run != NULL)
-        return fovea_error_set(
-            error, FOVEA_ERROR_INPUT, "found %s and %s, expected one of them: %s",
-            web->play != NULL ? "--play" : "--lcm", of_run,
-            web->play != NULL ? "there is no run to ask where a recording is played"
-                              : "nothing is asked of a robot that is heard");
-    if (web->feed == NULL) web->feed = SOCKET_DEFAULT;
+    const enum fovea_status status = robots_check(web, error);
+    if (status != FOVEA_OK) return status;
     if (web->url == NULL) web->url = URL_DEFAULT;
     return fv_web_address_check(web->address, web->token != NULL, error);
 }
@@ -193,7 +211,8 @@ static enum fovea_status serve(struct web *web, struct fovea_error *error)
                                        .name_count = web->names.count,
                                        .certificate = web->certificate,
                                        .tokens = web->token != NULL ? &web->tokens : NULL,
-                                       .relay = web->relay,
+                                       .relay = web->robots.robots[0].relay,
+                                       .robots = &web->robots,
                                        .commander = &web->commander};
     enum fovea_status status = fv_web_server_open(&setup, &server, error);
     if (status != FOVEA_OK) return status;
@@ -215,10 +234,61 @@ static enum fovea_status serve(struct web *web, struct fovea_error *error)
     return status;
 }
 
+/* One more, with its store. NULL: no memory. */
+static struct fv_web_relay *robot_add(struct web *web, const char *name, const char *path)
+{
+    struct fv_web_store *store = calloc(1, sizeof *store);
+    struct fv_web_relay *relay = calloc(1, sizeof *relay);
+    if (store == NULL || relay == NULL || !fv_web_robots_add(&web->robots, relay, name)) {
+        free(store);
+        free(relay);
+        return NULL;
+    }
+    fv_web_relay_init(relay, path, (uint32_t)web->rate, store);
+    return relay;
+}
+
+static enum fovea_status robots_open(struct web *web, struct fv_web_player *player,
+                                     struct fovea_error *error)
+{
+    enum fovea_status status = FOVEA_OK;
+    struct fv_web_relay *relay = NULL;
+    bool all = true;
+    if (player != NULL) {
+        relay = robot_add(web, web->play, "");
+        all = relay != NULL;
+        if (all) fv_web_relay_play(relay, player);
+    }
+    for (int i = 0; i < web->feeds.count && all; i++)
+        all = robot_add(web, web->feeds.values[i], web->feeds.values[i]) != NULL;
+    for (int i = 0; i < web->prefixes.count && all && status == FOVEA_OK; i++) {
+        relay = robot_add(web, web->prefixes.values[i], "");
+        all = relay != NULL;
+        if (!all) break;
+        fv_web_relay_hear(relay, &web->heard[i]);
+        status = fv_web_heard_open(&web->heard[i], relay, web->lcm,
+                                   web->listen != NULL ? web->listen : "any",
+                                   web->prefixes.values[i], error);
+    }
+    return all ? status : fovea_error_set(error, FOVEA_ERROR_MEMORY, "no memory");
+}
+
+static void robots_close(struct web *web)
+{
+    for (int i = 0; i < web->prefixes.count; i++)
+        fv_web_heard_close(&web->heard[i]);
+    for (uint32_t i = 0; i < web->robots.count; i++) {
+        struct fv_web_relay *relay = web->robots.robots[i].relay;
+        fv_web_relay_close(relay);
+        fv_web_store_free(relay->store);
+        free(relay->store);
+        free(relay);
+    }
+}
+
 static enum fovea_status run(struct web *web, struct fovea_error *error)
 {
     struct fv_web_player *player = NULL;
-    struct fv_web_heard heard;
     enum fovea_status status = options_check(web, error);
     if (status == FOVEA_OK) status = tokens_open(web, error);
     if (status == FOVEA_OK) status = certificate_open(web, error);
@@ -230,38 +300,19 @@ static enum fovea_status run(struct web *web, struct fovea_error *error)
             fv_say("fovea-web: %s; it is played up to there", damage.text);
         if (status == FOVEA_ERROR_UNSUPPORTED) status = FOVEA_ERROR_INPUT;
     }
-    if (status == FOVEA_OK && web->play == NULL && web->lcm == NULL)
+    if (status == FOVEA_OK && web->feeds.count > 0)
         status = fv_web_commander_open(&web->commander, web->url, web->key, error);
-    if (status == FOVEA_OK) {
-        web->store = calloc(1, sizeof *web->store);
-        web->relay = calloc(1, sizeof *web->relay);
-        if (web->store == NULL || web->relay == NULL)
-            status = fovea_error_set(error, FOVEA_ERROR_MEMORY, "no memory");
-    }
-    if (status == FOVEA_OK) {
-        fv_web_relay_init(web->relay, web->feed, (uint32_t)web->rate, web->store);
-        fv_web_relay_play(web->relay, player);
-        if (web->lcm != NULL) {
-            status = fv_web_heard_open(&heard, web->relay, web->lcm,
-                                       web->listen != NULL ? web->listen : "any",
-                                       web->prefix != NULL ? web->prefix : "FOVEA", error);
-            fv_web_relay_hear(web->relay, &heard);
-        }
-        if (status == FOVEA_OK) status = serve(web, error);
-        if (web->lcm != NULL) fv_web_heard_close(&heard);
-        fv_web_relay_close(web->relay);
-        fv_web_store_free(web->store);
-    }
+    if (status == FOVEA_OK) status = robots_open(web, player, error);
+    if (status == FOVEA_OK) status = serve(web, error);
+    robots_close(web);
     fv_web_commander_close(&web->commander);
     fv_web_player_close(player);
-    free(web->store);
-    free(web->relay);
     return status;
 }
 
 int main(int argc, char **argv)
 {
-    struct web web = {.address = "127.0.0.1", .port = PORT_DEFAULT, .rate = RATE_DEFAULT};
+    static struct web web = {.address = "127.0.0.1", .port = PORT_DEFAULT, .rate = RATE_DEFAULT};
     struct sigaction action = {.sa_handler = on_end};
     struct fovea_error error;
     if (argc == 2 && strcmp(argv[1], "--version") == 0) {

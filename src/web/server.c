@@ -33,6 +33,19 @@ static struct fv_web_place_of_client *place_of(struct fv_web_server *server, str
     return NULL;
 }
 
+static struct fv_web_relay *shown_to(const struct fv_web_server *server,
+                                     const struct fv_web_client *client)
+{
+    return server->setup.robots->robots[client->robot].relay;
+}
+
+/* Whether commands can be sent to it at all. */
+static bool is_commanded(const struct fv_web_server *server, uint32_t robot)
+{
+    return server->setup.commander->transport != NULL &&
+           server->setup.robots->robots[robot].relay->heard == NULL;
+}
+
 static int arrive(struct fv_web_server *server, struct lws *wsi)
 {
     enum fv_web_role role;
@@ -43,7 +56,8 @@ static int arrive(struct fv_web_server *server, struct lws *wsi)
     setsockopt(socket, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
     place->socket = wsi;
     place->sent_ns = 0;
-    fv_web_client_init(&place->client, role, server->setup.commander->transport != NULL);
+    fv_web_client_init(&place->client, role, is_commanded(server, 0));
+    if (server->setup.robots->count > 1) place->client.robots = server->setup.robots;
     lws_callback_on_writable(wsi);
     return 0;
 }
@@ -69,8 +83,9 @@ static int send_next(struct fv_web_server *server, struct lws *wsi)
     }
     place->sent_ns = now_ns;
     while (!text && bytes > 0 && used < FRAME_BYTES) {
-        bytes = fv_web_client_next(&place->client, server->setup.relay->store, packet + used + 4,
-                                   FV_WEB_PACKET_BYTES_MAX - used - 4, now_ns, &text);
+        bytes = fv_web_client_next(&place->client, shown_to(server, &place->client)->store,
+                                   packet + used + 4, FV_WEB_PACKET_BYTES_MAX - used - 4, now_ns,
+                                   &text);
         if (text || bytes == 0) break;
         for (int i = 0; i < 4; i++)
             packet[used + (size_t)i] = (uint8_t)(bytes >> 8 * (3 - i));
@@ -82,21 +97,23 @@ static int send_next(struct fv_web_server *server, struct lws *wsi)
     return 0;
 }
 
-const char *fv_web_server_refusal(const struct fv_web_server *server, enum fv_web_role role)
+const char *fv_web_server_refusal(const struct fv_web_server *server,
+                                  const struct fv_web_relay *relay, enum fv_web_role role)
 {
-    return role != FV_WEB_OPERATE                ? "this token may only look"
-           : server->setup.relay->player != NULL ? "a recording is played: there is no run to ask"
+    return role != FV_WEB_OPERATE  ? "this token may only look"
+           : relay->player != NULL ? "a recording is played: there is no run to ask"
            : server->setup.commander == NULL || server->setup.commander->transport == NULL
                ? "fovea-web was started without --lcm-url"
-           : server->setup.relay->reader == NULL ? "there is no run"
-                                                 : NULL;
+           : relay->heard != NULL  ? "nothing is asked of a robot that is heard"
+           : relay->reader == NULL ? "there is no run"
+                                   : NULL;
 }
 
 /* What all pages see changes: who may only look may not. */
 static void play(struct fv_web_server *server, struct fv_web_client *client,
                  const struct fv_web_command *command)
 {
-    struct fv_web_relay *relay = server->setup.relay;
+    struct fv_web_relay *relay = shown_to(server, client);
     const char *reason = client->role != FV_WEB_OPERATE ? "this token may only look"
                          : relay->player == NULL        ? "a run is shown, no recording"
                                                         : NULL;
@@ -123,8 +140,8 @@ static void play(struct fv_web_server *server, struct fv_web_client *client,
 static void command(struct fv_web_server *server, struct fv_web_client *client,
                     const struct fv_web_command *command)
 {
-    const struct fv_web_relay *relay = server->setup.relay;
-    const char *reason = fv_web_server_refusal(server, client->role);
+    const struct fv_web_relay *relay = shown_to(server, client);
+    const char *reason = fv_web_server_refusal(server, relay, client->role);
     if (reason != NULL) {
         fv_web_client_reply(client, "{\"kind\":\"refused\",\"request\":%u,\"reason\":\"%s\"}",
                             command->request, reason);
@@ -150,6 +167,9 @@ static int hear(struct fv_web_server *server, struct lws *wsi, const char *words
         fv_web_client_hear(&place->client, words, length, fv_clock_ns(CLOCK_MONOTONIC), &said);
     if (what == FV_WEB_SAID_WRONG) return -1;
     if (what == FV_WEB_SAID_PLAY) play(server, &place->client, &said);
+    if (what == FV_WEB_SAID_ROBOT && said.request < server->setup.robots->count &&
+        said.request != place->client.robot)
+        fv_web_client_show(&place->client, said.request, is_commanded(server, said.request));
     if (what == FV_WEB_SAID_COMMAND) command(server, &place->client, &said);
     lws_callback_on_writable(wsi);
     return 0;
@@ -215,16 +235,15 @@ static const lws_retry_bo_t liveness = {.secs_since_valid_ping = 10, .secs_since
 static void tick(lws_sorted_usec_list_t *timer)
 {
     struct fv_web_server *server = lws_container_of(timer, struct fv_web_server, timer);
-    bool watched = false, any = false;
+    bool watched[FV_WEB_ROBOTS_MAX] = {false}, any = false, pictured;
     if (server->setup.relay == NULL) return; /* a page that asks by itself */
     for (int i = 0; i < FV_WEB_CLIENTS_MAX; i++) {
         any |= server->clients[i].socket != NULL;
-        watched |= server->clients[i].socket != NULL && !server->clients[i].client.hidden;
+        watched[server->clients[i].client.robot] |=
+            server->clients[i].socket != NULL && !server->clients[i].client.hidden;
     }
-    const uint32_t shown = server->setup.relay->store->picture.number;
     const int64_t now_ns = fv_clock_ns(CLOCK_MONOTONIC);
-    server->changed |= fv_web_relay_tick(server->setup.relay, watched);
-    const bool pictured = server->setup.relay->store->picture.number != shown;
+    server->changed |= fv_web_robots_tick(server->setup.robots, watched, &pictured);
     if (server->changed && (pictured || now_ns - server->sent_ns >= TOGETHER_NS)) {
         server->changed = false;
         server->sent_ns = now_ns;
@@ -242,6 +261,10 @@ enum fovea_status fv_web_server_open(const struct fv_web_setup *setup,
     *server = NULL;
     if (made == NULL) return fovea_error_set(error, FOVEA_ERROR_MEMORY, "no memory for the server");
     made->setup = *setup;
+    if (setup->robots == NULL && setup->relay != NULL) {
+        fv_web_robots_add(&made->alone, setup->relay, "");
+        made->setup.robots = &made->alone;
+    }
     lws_set_log_level(0, NULL);
     struct lws_context_creation_info info = {
         .port = setup->port,

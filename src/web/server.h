@@ -17,6 +17,7 @@
 #include "web/command.h"
 #include "web/pages.h"
 #include "web/relay.h"
+#include "web/robots.h"
 
 enum {
     FV_WEB_CLIENTS_MAX = 24,
@@ -31,7 +32,9 @@ struct fv_web_setup {
     int name_count;
     struct fv_web_certificate certificate; /* that was checked; its files stay; none: HTTP */
     const struct fv_web_tokens *tokens;    /* NULL: everybody who reaches the port may do all */
-    struct fv_web_relay *relay;
+    struct fv_web_relay *relay;            /* of the robot that is shown first */
+    /* All of them, of which the first is that; NULL: it alone. Each page asks for one. */
+    struct fv_web_robots *robots;
     struct fv_web_commander *commander;
     /* The page of another program; NULL: that of a run, which the two above are for. */
     const struct fv_web_pages_setup *pages;

@@ -270,8 +270,13 @@ static int begin_login(struct fv_web_server *server, struct lws *wsi,
 static int begin_settings(struct fv_web_server *server, struct lws *wsi,
                           struct fv_web_request *request, enum fv_web_role role)
 {
-    char length[16];
-    const char *refusal = fv_web_server_refusal(server, role);
+    char length[16], number[16];
+    const struct fv_web_robots *robots = server->setup.robots;
+    const char *of = lws_get_urlarg_by_name(wsi, "robot=", number, sizeof number);
+    const unsigned long robot = of != NULL ? strtoul(of, NULL, 10) : 0;
+    if (robot >= robots->count) return refuse(wsi, request, HTTP_STATUS_NOT_FOUND, "Not found\n");
+    request->relay = robots->robots[robot].relay;
+    const char *refusal = fv_web_server_refusal(server, request->relay, role);
     if (refusal != NULL) return refuse(wsi, request, HTTP_STATUS_FORBIDDEN, refusal);
     if (!header(wsi, WSI_TOKEN_HTTP_CONTENT_LENGTH, length, sizeof length) ||
         strtoul(length, NULL, 10) > FV_WEB_SETTINGS_BYTES)
@@ -284,7 +289,7 @@ static int begin_settings(struct fv_web_server *server, struct lws *wsi,
 static int end_settings(struct fv_web_server *server, struct lws *wsi,
                         struct fv_web_request *request)
 {
-    const struct fv_web_relay *relay = server->setup.relay;
+    const struct fv_web_relay *relay = request->relay;
     char id[32];
     if (relay->reader == NULL) return -1;
     request->settings[request->settings_bytes] = '\0';

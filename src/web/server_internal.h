@@ -17,6 +17,7 @@ struct fv_web_request {
     bool login;     /* a token comes in the body */
     char *settings; /* of malloc: they come in the body; NULL: none */
     size_t settings_bytes;
+    const struct fv_web_relay *relay; /* of the robot that they are for */
     const char *refusal; /* the answer when the body, which nobody reads, is through; NULL: none */
     int refusal_status;
     char address[48];
@@ -30,6 +31,7 @@ struct fv_web_request {
 
 struct fv_web_server {
     struct fv_web_setup setup;
+    struct fv_web_robots alone; /* where there is one */
     struct lws_context *context;
     struct lws_vhost *vhost;
     uint16_t port;
@@ -46,8 +48,9 @@ struct fv_web_server {
     uint8_t packet[LWS_PRE + FV_WEB_PACKET_BYTES_MAX];
 };
 
-/* Why nothing can be sent to the run for somebody of this role; NULL: it can. */
-const char *fv_web_server_refusal(const struct fv_web_server *server, enum fv_web_role role);
+/* Why nothing can be sent to the run of this relay for somebody of this role; NULL: it can. */
+const char *fv_web_server_refusal(const struct fv_web_server *server,
+                                  const struct fv_web_relay *relay, enum fv_web_role role);
 
 /* Of the connection whose headers are there: 200, or the status to refuse it with. */
 int fv_web_server_judge(struct fv_web_server *server, struct lws *wsi, bool of_page,

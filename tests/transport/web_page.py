@@ -419,30 +419,62 @@ def check_login(token):
         page.driver.quit()
 
 
-def check_heard():
-    """A robot that is heard over LCM: previews at the size of its frames, messages, and a word that this is all."""
-    robot, server, page = run("--set", "preview.level=1", "--set", "preview.period_frames=3"), web("--lcm", "udpm://239.255.76.67:7667"), None
+def check_robots():
+    """Several robots on one page: one of this host with its frames, which alone is paused; one that is heard over LCM by previews at the
+    size of its frames, and a word that this is all; one that is silent."""
+    small = os.path.join(folder, "small.sock")
+    robots = [run("--set", "preview.level=1", "--set", "preview.period_frames=3"),
+              subprocess.Popen([os.path.join(build, "fovea"), "run", "--source", "sim:orbit?frames=1000000&rate=5&width=320&height=240", "--rate",
+                                "real", "--quiet", "--picture", "none", "--set", "channel_prefix=SMALL", "--set", "web.socket=" + small])]
+    server, page = web("--feed", os.path.join(folder, "feed"), "--feed", small, "--lcm", "udpm://239.255.76.67:7667", "--prefix", "FOVEA",
+                       "--prefix", "SILENT"), None
     try:
         time.sleep(1)
         page = Page()
         page.driver.get(ADDRESS)
-        page.until("globalThis.fovea && fovea.live.picture && document.getElementById('state').dataset.state === 'tracking'", "a preview")
-        assert page.text("link") == "live, preview rate only", page.text("link")
+        said = "[...document.getElementById('robot-choice').options].map((option) => option.text).join(', ')"
+        page.until(f"globalThis.fovea && {said} === 'feed: tracking, small: tracking, FOVEA: tracking, SILENT: no run'", "what the robots do")
+
+        def choose(name):
+            page.js("const choice = document.getElementById('robot-choice'), wanted = arguments[0] + ':';"
+                    "choice.selectedIndex = [...choice.options].findIndex((option) => option.text.startsWith(wanted));"
+                    "choice.dispatchEvent(new Event('change'))", name)
+
+        page.until("fovea.live.picture && fovea.live.picture.width === 640", "a picture of the first robot")
+        choose("small")
+        page.until("fovea.live.picture && fovea.live.picture.width === 320", "a picture of the second robot")
+        page.driver.find_element(By.CSS_SELECTOR, "[data-command=pause]").click()
+        page.until("document.getElementById('answer').textContent === 'pause: done'", "the answer of the second robot")
+        page.until(f"{said} === 'feed: tracking, small: paused, FOVEA: tracking, SILENT: no run'", "the pause of the second robot alone")
+        check_accessible(page)
+        choose("FOVEA")
+        page.until("document.getElementById('link').textContent === 'live, preview rate only' && fovea.live.picture"
+                   " && document.getElementById('state').dataset.state === 'tracking'", "a preview")
         assert page.js("return fovea.live.picture.width === 640 && fovea.live.picture.height === 480")
         first = page.js("return fovea.live.picture.sequence")
         page.until(f"fovea.live.picture.sequence > {first + 6}", "previews that follow")
         found = check_box(page)
         assert found["box"]["x_max_px"] <= 640
         assert page.js("return document.getElementById('actions').hidden")
-        check_console(page)
-        end(robot)
+        assert page.driver.current_url == ADDRESS + "#robot=FOVEA"
+        page.driver.refresh()
+        page.until("globalThis.fovea && document.getElementById('link').textContent === 'live, preview rate only'", "the same robot again")
+        if os.environ.get("FOVEA_SCREENSHOTS"):
+            page.js("scrollTo(0, 0)")
+            page.driver.save_screenshot(os.path.join(os.environ["FOVEA_SCREENSHOTS"], "page-robots.png"))
+        choose("SILENT")
+        page.until("document.getElementById('link').textContent === 'no run'", "the silent robot")
+        choose("FOVEA")
+        end(robots[0])
         page.until("document.getElementById('link').textContent === 'no run'", "the silence of the robot")
+        check_console(page)
         page.driver.quit()
+        end(robots[1])
         end(server)
     finally:
         if page is not None:
             page.driver.quit()
-        for process in (robot, server):
+        for process in (*robots, server):
             process.kill()
 
 
@@ -508,7 +540,7 @@ def check_playback(recording):
 
 
 def web(*more):
-    feed = () if more and more[0] in ("--play", "--lcm") else ("--feed", os.path.join(folder, "feed"))
+    feed = () if more and more[0] in ("--play", "--feed") else ("--feed", os.path.join(folder, "feed"))
     return subprocess.Popen([os.path.join(build, "fovea-web"), *feed, *more])
 
 
@@ -545,7 +577,7 @@ def main():
         robot = run()
         page.until("document.getElementById('link').textContent === 'live' && document.getElementById('state').dataset.state === 'tracking'",
                    "the run that began again")
-        first = page.js("return fovea.live.picture.number")
+        first = page.until("fovea.live.picture && fovea.live.picture.number", "a picture of the run that began again")
         page.until(f"fovea.live.picture.number > {first + 5}", "pictures of the run that began again")
         check_console(page)
         page.driver.quit()
@@ -557,7 +589,7 @@ def main():
         end(robot)
         end(server)
         check_playback(recording)
-        check_heard()
+        check_robots()
     finally:
         page.driver.quit()
         for process in (robot, server):

@@ -10,6 +10,7 @@ import { Parameters } from "/parameters.js";
 import { Requests } from "/requests.js";
 import { Settings } from "/settings.js";
 import { Maps } from "/maps.js";
+import { Robots } from "/robots.js";
 import { Actions, PosePanel, byId, facts, fixed, logLine, names, showHealth, showRecorder } from "/panels.js";
 
 const types = readTypes(await (await fetch("/types")).text());
@@ -28,6 +29,7 @@ const playback = new Playback(of);
 const parameters = new Parameters(requests);
 const settings = new Settings(types, requests);
 const maps = new Maps(types, requests);
+const robots = new Robots(of);
 await parameters.fetch();
 const stages = new Plot(byId("plot-stages"), byId("legend-stages"), " ms", 2);
 const features = new Plot(byId("plot-features"), byId("legend-features"), "", 0);
@@ -64,7 +66,7 @@ function forget() {
   pose.forget();
   stages.forget();
   features.forget();
-  byId("recorder").hidden = true;
+  byId("recorder").hidden = byId("health").hidden = true;
 }
 
 function showLink(state, word) {
@@ -97,8 +99,14 @@ const link = new Link(types, {
     shown.opened = state === "live" ? true : undefined;
   },
   hello: (hello) => {
-    if (hello.run !== shown.run) forget();
+    if (hello.run !== shown.run || hello.robot !== shown.robot) forget();
     shown.run = hello.run;
+    if (hello.robot !== shown.robot) {
+      live.clear();
+      maps.allow(false); // those of another
+      byId("no-picture").hidden = false;
+    }
+    link.robot = shown.robot = hello.robot;
     showLink(hello.running ? "live" : "gone", !hello.running ? "no run" : hello.previews ? "live, preview rate only" : "live");
     byId("actions").hidden = byId("parameters").hidden = hello.previews; // a robot that is heard only
     if (!hello.running) byId("no-picture").hidden = false;
@@ -106,6 +114,7 @@ const link = new Link(types, {
     allow(hello);
     playback.allow(hello.role);
   },
+  robots: (message) => robots.show(message),
   log: logLine,
   playback: (message) => {
     playback.show(message);

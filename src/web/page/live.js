@@ -37,16 +37,19 @@ export class Live {
   }
   async put(picture) {
     try {
-      const bitmap = await createImageBitmap(new Blob([picture.jpeg], { type: "image/jpeg" }));
+      const { before } = this, bitmap = await createImageBitmap(new Blob([picture.jpeg], { type: "image/jpeg" }));
+      if (before !== this.before) return bitmap.close();
       if (this.bitmap) this.bitmap.close();
       this.bitmap = bitmap;
       this.picture = picture;
       await new Promise((done) => (document.hidden ? setTimeout(done, 0) : requestAnimationFrame(done)));
+      if (before !== this.before) return undefined;
       this.draw();
       this.onShown(picture);
     } catch (error) {
       console.warn("a picture cannot be shown:", error.message);
     }
+    return undefined;
   }
 
   objects(message) {
@@ -81,6 +84,14 @@ export class Live {
   }
   keypoints(message) {
     this.sets = message.sets;
+  }
+  // No picture of another robot stays.
+  clear() {
+    this.before = this.before ? this.before + 1 : 1;
+    this.waiting = this.picture = null;
+    if (this.bitmap) this.bitmap.close();
+    this.bitmap = null;
+    this.context.clearRect(0, 0, this.canvas.width, this.canvas.height);
   }
   forget() {
     this.boxes = this.sets = undefined;

@@ -19,7 +19,7 @@ export class Settings {
   }
   async ask(text, done) {
     try {
-      const answer = await this.requests.post("/settings", text);
+      const answer = await this.requests.post("/settings?robot=" + (this.requests.link().robot || 0), text);
       if (answer.result === 0) done(answer);
       else this.say(`${this.results[answer.result]}: ${answer.reason}`);
     } catch (reason) {
