@@ -62,15 +62,15 @@ struct fovea_extract_config {
     float contrast;
     /* [1, 100], default 10: largest ratio of the two curvatures, which is high on edges (SIFT) */
     float edge_ratio;
-    /* [0, 10000], default 30 (grey levels)^2: least determinant of the Hessian, of derivatives by
+    /* [0, 10000], default 1 (grey levels)^2: least determinant of the Hessian, of derivatives by
      * the scale of their filter (SURF) */
     float hessian;
     /* 0, or 1 (default): SIFT and SURF start with the image at twice its size, which gives more and
      * finer features for four times the memory and about three times the time */
     uint32_t doubled;
     float harris_k; /* [0, 0.25], default 0.04 (Harris) */
-    /* [0, 1], default 0.01: least response as a fraction of the largest of the image (Harris, Shi
-     * and Tomasi) */
+    /* [0, 1]: least response as a fraction of the largest of the image (Harris, Shi and Tomasi;
+     * default 0.01), or of the variance of its grey levels (SURF, default 0.004) */
     float quality;
     /* [0, 256] pixels, default 0: of two corners that are nearer only the stronger counts; the
      * strongest 4 x count_max are looked at (Harris, Shi and Tomasi) */

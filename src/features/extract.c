@@ -244,7 +244,7 @@ static void surf_run(struct fovea_extract *extract, const struct fovea_image *im
     struct fv_surf *surf = &extract->with.surf;
     const struct fv_plane plane =
         fv_plane_of(image->data, image->width, image->height, image->stride_bytes);
-    const uint32_t count = fv_surf_run(surf, &plane, mask);
+    const uint32_t count = fv_surf_run(surf, &extract->kernels, &plane, mask);
     *found = (struct fovea_extracted){count, surf->features, surf->descriptors, FV_SURF_BYTES};
 }
 #else
@@ -291,10 +291,10 @@ void fovea_extract_config_default(struct fovea_extract_config *config,
         .threshold = THRESHOLD,
         .contrast = 3.4f,
         .edge_ratio = 10,
-        .hessian = 30,
+        .hessian = 1,
         .doubled = 1,
         .harris_k = .04f,
-        .quality = .01f,
+        .quality = method == FOVEA_FEATURES_SURF ? .004f : .01f,
         .upright = (unsigned)method < FOVEA_FEATURE_METHOD_COUNT && methods[method].upright,
     };
 }

@@ -2,7 +2,7 @@
 
 #include "base/elementary.h"
 
-static void gauss_make(struct fv_scale_gauss *gauss, double sigma)
+void fv_scale_gauss_make(struct fv_scale_gauss *gauss, double sigma)
 {
     double exact[FV_SCALE_RADIUS_MAX + 1], sum = 0;
     int32_t radius = (int32_t)(4 * sigma + .5), left = 65536;
@@ -22,7 +22,7 @@ static void gauss_make(struct fv_scale_gauss *gauss, double sigma)
 /* Blur from one sigma to another, in the same pixels. */
 static void gauss_between(struct fv_scale_gauss *gauss, double from, double to)
 {
-    gauss_make(gauss, __builtin_sqrt(to * to - from * from));
+    fv_scale_gauss_make(gauss, __builtin_sqrt(to * to - from * from));
 }
 
 void fv_scale_space_carve(struct fv_scale_space *space, int32_t width, int32_t height, bool doubled,

@@ -37,6 +37,9 @@ struct fv_scale_space {
     uint16_t *row;                                      /* scratch of blurs */
 };
 
+/* Weights of a Gaussian, cut off at 4 sigma and at FV_SCALE_RADIUS_MAX. Init-only. */
+void fv_scale_gauss_make(struct fv_scale_gauss *gauss, double sigma);
+
 /* Take memory for images of this size; sides of octaves are at least FV_SCALE_SIDE_MIN. Fills
  * sizes, weights and addresses only. Init-only. */
 void fv_scale_space_carve(struct fv_scale_space *space, int32_t width, int32_t height, bool doubled,

@@ -14,8 +14,12 @@ _Static_assert(2 * FOVEA_IMAGE_WIDTH_MAX <= 1 << X_BITS &&
 static const int32_t sides[FV_SURF_OCTAVES][FV_SURF_LAYERS] = {
     {9, 15, 21, 27}, {15, 27, 39, 51}, {27, 51, 75, 99}, {51, 99, 147, 195}};
 
-/* What a determinant counts for, by octave (surf.h). */
-static const float worth[FV_SURF_OCTAVES] = {1, .8f, .64f, .512f};
+/* Pixels from determinant to determinant. */
+static const int32_t steps[FV_SURF_OCTAVES] = {2, 2, 4, 8};
+
+/* What a determinant counts for: (side / 15)^-0.8 (surf.h). */
+static const float worth[FV_SURF_OCTAVES][LAYERS_FOUND] = {
+    {1, .764f}, {.625f, .466f}, {.376f, .276f}, {.221f, .161f}};
 
 #define REACH 1. /* of refining, in steps of the grid or between layers */
 
@@ -25,13 +29,11 @@ void fv_surf_carve(struct fv_surf *surf, const struct fovea_extract_config *conf
     surf->doubled = config->doubled != 0;
     surf->width = surf->doubled ? 2 * width : width;
     surf->height = surf->doubled ? 2 * height : height;
-    surf->stride = (surf->width + 1 + 15) / 16 * 16;
     surf->count_max = config->count_max;
     surf->hessian = config->hessian;
+    surf->quality = config->quality;
     surf->upright = config->upright != 0;
-    surf->line = fv_arena_take(arena, (size_t)surf->stride, sizeof *surf->line);
-    surf->integral = fv_arena_take_raw(arena, (size_t)surf->height + 1,
-                                       (size_t)surf->stride * sizeof *surf->integral);
+    fv_surf_carve_integral(surf, arena);
     for (int i = 0; i < 3; i++)
         surf->sums[i] = fv_arena_take(arena, (size_t)surf->stride, sizeof *surf->sums[i]);
     surf->rows =
@@ -42,39 +44,6 @@ void fv_surf_carve(struct fv_surf *surf, const struct fovea_extract_config *conf
     if (surf->tables != NULL) fv_surf_tables_fill(surf->tables);
     surf->features = fv_arena_take(arena, surf->count_max, sizeof *surf->features);
     surf->descriptors = fv_arena_take(arena, surf->count_max, FV_SURF_BYTES);
-}
-
-/* Row y of the image at twice its size, bilinear. */
-static const uint8_t *double_row(struct fv_surf *surf, const struct fv_plane *image, int32_t y)
-{
-    const int32_t near = y / 2, last = image->height - 1;
-    int32_t far = y % 2 != 0 ? near + 1 : near - 1;
-    far = far < 0 ? 0 : far > last ? last : far;
-    const uint8_t *a = fv_plane_row(image, near), *b = fv_plane_row(image, far);
-    uint32_t left = 3u * a[0] + b[0];
-    for (int32_t x = 0; x < image->width; x++) {
-        const int32_t next = x + 1 < image->width ? x + 1 : x;
-        const uint32_t here = 3u * a[x] + b[x], right = 3u * a[next] + b[next];
-        surf->line[2 * x] = (uint8_t)((3 * here + left + 8) >> 4);
-        surf->line[2 * x + 1] = (uint8_t)((3 * here + right + 8) >> 4);
-        left = here;
-    }
-    return surf->line;
-}
-
-static void integrate(struct fv_surf *surf, const struct fv_plane *image)
-{
-    memset(surf->integral, 0, (size_t)surf->stride * sizeof *surf->integral);
-    for (int32_t y = 0; y < surf->height; y++) {
-        const uint8_t *pixels = surf->doubled ? double_row(surf, image, y) : fv_plane_row(image, y);
-        const uint32_t *above = surf->integral + (ptrdiff_t)y * surf->stride;
-        uint32_t *row = surf->integral + (ptrdiff_t)(y + 1) * surf->stride, sum = 0;
-        row[0] = 0;
-        for (int32_t x = 0; x < surf->width; x++) {
-            sum += pixels[x];
-            row[x + 1] = above[x + 1] + sum;
-        }
-    }
 }
 
 static const uint32_t *sums_above(const struct fv_surf *surf, int32_t y)
@@ -105,7 +74,7 @@ static inline void determinants(const uint32_t *xx, const uint32_t *yy, const ui
                                 int32_t side, int32_t step, int32_t count, float *restrict out)
 {
     const int32_t lobe = side / 3, half = side / 2, near = lobe / 2;
-    const float scale = 1.f / (float)(side * side);
+    const float scale = 1.f / (float)(128 * side * side);
     for (int32_t i = 0; i < count; i++) {
         const int32_t x = i * step;
         const int32_t sum_xx =
@@ -171,9 +140,9 @@ static bool is_maximum(const struct fv_surf *surf, int32_t layer, int32_t row, i
 }
 
 static void search_row(struct fv_surf *surf, uint32_t octave, int32_t layer, int32_t row,
-                       const struct fv_plane *mask)
+                       float least, const struct fv_plane *mask)
 {
-    const int32_t step = 1 << octave, outer = sides[octave][layer + 1];
+    const int32_t step = steps[octave], outer = sides[octave][layer + 1];
     const int32_t first = first_of(outer, step) / step + 1;
     const int32_t last = (surf->width - outer / 2 - 1) / step - 1;
     const int32_t last_row = (surf->height - outer / 2 - 1) / step - 1;
@@ -182,12 +151,12 @@ static void search_row(struct fv_surf *surf, uint32_t octave, int32_t layer, int
     const float *values = row_of(surf, layer, row);
     for (int32_t i = first; i <= last; i++) {
         const float value = values[i];
-        if (!(value > surf->hessian && value > values[i - 1] && value >= values[i + 1]) ||
+        if (!(value > least && value > values[i - 1] && value >= values[i + 1]) ||
             !is_maximum(surf, layer, row, i))
             continue;
         const int32_t x = i * step, y = row * step;
         if (mask->pixels != NULL && fv_plane_row(mask, y / pixel)[x / pixel] == 0) continue;
-        const float weighted = value * worth[octave];
+        const float weighted = value * worth[octave][layer - 1];
         uint32_t bits;
         memcpy(&bits, &weighted, sizeof bits); /* in the order of the values */
         const int32_t found = (int32_t)octave * LAYERS_FOUND + layer - 1;
@@ -195,15 +164,36 @@ static void search_row(struct fv_surf *surf, uint32_t octave, int32_t layer, int
     }
 }
 
-static void find(struct fv_surf *surf, const struct fv_plane *mask)
+/* The least determinant that counts (surf.h). */
+static float least_of(const struct fv_surf *surf, const struct fv_plane *image)
 {
+    const double pixels = (double)image->width * image->height;
+    uint64_t sum = 0, squares = 0;
+    for (int32_t y = 0; y < image->height; y++) {
+        const uint8_t *row = fv_plane_row(image, y);
+        uint32_t row_sum = 0, row_squares = 0;
+        for (int32_t x = 0; x < image->width; x++) {
+            row_sum += row[x];
+            row_squares += (uint32_t)(row[x] * row[x]);
+        }
+        sum += row_sum;
+        squares += row_squares;
+    }
+    const double mean = (double)sum / pixels, variance = (double)squares / pixels - mean * mean;
+    const float least = surf->quality * (float)variance;
+    return least > surf->hessian ? least : surf->hessian;
+}
+
+static void find(struct fv_surf *surf, const struct fv_plane *image, const struct fv_plane *mask)
+{
+    const float least = least_of(surf, image);
     fv_strongest_begin(&surf->strongest);
     for (uint32_t octave = 0; octave < FV_SURF_OCTAVES; octave++) {
-        const int32_t step = 1 << octave, rows = (surf->height + step - 1) / step;
+        const int32_t step = steps[octave], rows = (surf->height + step - 1) / step;
         for (int32_t row = 0; row < rows; row++) {
             respond_layers(surf, sides[octave], step, row);
             for (int32_t layer = 1; layer < FV_SURF_LAYERS - 1; layer++)
-                search_row(surf, octave, layer, row - 1, mask);
+                search_row(surf, octave, layer, row - 1, least, mask);
         }
     }
     fv_strongest_sort(&surf->strongest);
@@ -216,7 +206,7 @@ static bool refine(struct fv_surf *surf, uint32_t i, struct fv_surf_point *point
     const int32_t x = key & ((1 << X_BITS) - 1), y = fv_strongest_y(&surf->strongest, i);
     const int32_t found = key >> X_BITS, layer = found % LAYERS_FOUND + 1;
     const uint32_t octave = (uint32_t)(found / LAYERS_FOUND);
-    const int32_t step = 1 << octave, *side = sides[octave];
+    const int32_t step = steps[octave], *side = sides[octave];
     double values[3][3][3], at[3];
     for (int32_t s = 0; s < 3; s++)
         for (int32_t r = 0; r < 3; r++) {
@@ -241,12 +231,12 @@ static bool refine(struct fv_surf *surf, uint32_t i, struct fv_surf_point *point
     return true;
 }
 
-uint32_t fv_surf_run(struct fv_surf *surf, const struct fv_plane *image,
-                     const struct fv_plane *mask)
+uint32_t fv_surf_run(struct fv_surf *surf, const struct fv_kernels *kernels,
+                     const struct fv_plane *image, const struct fv_plane *mask)
 {
     uint32_t count = 0;
-    integrate(surf, image);
-    find(surf, mask);
+    fv_surf_integrate(surf, kernels, image);
+    find(surf, image, mask);
     for (uint32_t i = 0; i < surf->strongest.count && count < surf->count_max; i++) {
         struct fv_surf_point point;
         if (!refine(surf, i, &point)) continue;

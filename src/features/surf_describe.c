@@ -16,7 +16,7 @@ enum {
     SUMS = 4             /* of a square */
 };
 
-#define CIRCLE_SIGMA 2.5
+#define CIRCLE_SIGMA 3.
 #define WINDOW_SIGMA 6.
 
 /* Weights exp(-r^2 / (2 sigma^2)) of a square of samples around its middle. */
@@ -68,15 +68,23 @@ static struct samples samples_of(const struct fv_surf_point *point, int32_t side
     };
 }
 
-/* The integral image at a place in 1/256 pixel, times 2^16, modulo 2^48. */
+static uint64_t widened(uint32_t difference)
+{
+    return (uint64_t)(int64_t)(int32_t)difference;
+}
+
+/* The integral image at a place in 1/256 pixel, times 2^16, modulo 2^48: sums are modulo 2^32, but
+ * those of a row or a column of pixels, which differ between neighbours, fit. */
 static uint64_t sum_at(const struct fv_surf *surf, int32_t x, int32_t y)
 {
-    const uint64_t fx = (uint32_t)x & 255, fy = (uint32_t)y & 255;
+    const uint32_t fx = (uint32_t)x & 255, fy = (uint32_t)y & 255;
     const uint32_t *above = surf->integral + (ptrdiff_t)(y >> 8) * surf->stride + (x >> 8);
     const uint32_t *below = above + (fy != 0 ? surf->stride : 0);
     const int32_t next = fx != 0;
-    return (above[0] * (256 - fx) + above[next] * fx) * (256 - fy) +
-           (below[0] * (256 - fx) + below[next] * fx) * fy;
+    const uint32_t right = above[next] - above[0], down = below[0] - above[0];
+    const uint32_t both = below[next] - below[0] - right;
+    return ((uint64_t)above[0] << 16) + (widened(right) * fx << 8) + (widened(down) * fy << 8) +
+           widened(both) * (fx * fy);
 }
 
 /* A number modulo 2^48 with its sign. */
@@ -121,7 +129,7 @@ static float turns_of(float dx, float dy)
 static void sum_directions(const struct fv_surf *surf, const struct fv_surf_point *point,
                            float sums[BINS][2])
 {
-    const int32_t half = fixed(2 * point->sigma) >> 8;
+    const int32_t half = fixed(3 * point->sigma) >> 8;
     const struct samples at = samples_of(point, CIRCLE, point->sigma, 0);
     for (int32_t i = 0; i < CIRCLE; i++)
         for (int32_t j = 0; j < CIRCLE; j++) {
