@@ -124,10 +124,12 @@ LIBCAMERA_PLUGIN := $(if $(call installed,libcamera/libcamera/libcamera.h)$(call
 CALIBRATE_CXX := $(filter-out src/calibrate/main.cpp,$(wildcard src/calibrate/*.cpp))
 CALIBRATE := $(if $(and $(call installed,opencv4/opencv2/aruco.hpp),$(call installed,ceres/ceres.h)),$(BUILD)/fovea-calibrate)
 
-# So is the program that serves the page of a run, where libwebsockets is installed; sanitizers see it, too.
+# So is the program that serves the page of a run, where libwebsockets and jansson are installed; sanitizers see it, too.
 WEB_C := $(filter-out src/web/main.c,$(wildcard src/web/*.c))
-WEB_LIBS := -lwebsockets -lssl -lcrypto
-WEB := $(if $(filter fuzz tsan,$(SAN)),,$(if $(if $(filter asan,$(SAN)),$(wildcard /usr/include/libwebsockets.h),$(call installed,libwebsockets.h)),$(BUILD)/fovea-web))
+WEB_LIBS := -lwebsockets -lssl -lcrypto -ljansson
+WEB_NEEDS := libwebsockets.h jansson.h
+WEB_THERE := $(if $(filter asan,$(SAN)),$(wildcard $(WEB_NEEDS:%=/usr/include/%)),$(foreach header,$(WEB_NEEDS),$(call installed,$(header))))
+WEB := $(if $(filter fuzz tsan,$(SAN)),,$(if $(filter $(words $(WEB_NEEDS)),$(words $(WEB_THERE))),$(BUILD)/fovea-web))
 
 objs = $(patsubst %.c,$(BUILD)/obj/%.o,$(filter %.c,$(1))) $(patsubst %.cpp,$(BUILD)/obj/%.o,$(filter %.cpp,$(1)))
 GEN_O     := $(patsubst %.c,%.o,$(filter %.c,$(LCMGEN)))

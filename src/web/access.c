@@ -139,6 +139,46 @@ bool fv_web_origin_is_ours(const char *origin, const char *host, bool encrypted)
            strcasecmp(origin + strlen(scheme), host) == 0;
 }
 
+bool fv_web_origin_is_listed(const char *origin, const char *list)
+{
+    const size_t length = strlen(origin);
+    for (const char *at = list != NULL ? list : ""; *at != '\0';) {
+        at += strspn(at, " ");
+        const size_t word = strcspn(at, " ");
+        if (word > 0 && word == length && strncasecmp(at, origin, length) == 0) return true;
+        at += word;
+    }
+    return false;
+}
+
+/* A scheme, "://" and something without a slash: those of programs' own pages have other schemes
+ * than http (app://, file://, whose rest is empty). */
+static bool is_origin(const char *word, size_t bytes)
+{
+    const char *colon = memchr(word, ':', bytes);
+    if (bytes == 4 && strncmp(word, "null", 4) == 0) return true;
+    if (colon == NULL || colon == word || (size_t)(word + bytes - colon) < 3 ||
+        strncmp(colon, "://", 3) != 0)
+        return false;
+    const char *rest = colon + 3;
+    return memchr(rest, '/', (size_t)(word + bytes - rest)) == NULL;
+}
+
+enum fovea_status fv_web_origins_check(const char *list, struct fovea_error *error)
+{
+    for (const char *at = list; *at != '\0';) {
+        at += strspn(at, " ");
+        const size_t word = strcspn(at, " ");
+        if (word > 0 && !is_origin(at, word))
+            return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                                   "--origins: found '%.*s', expected origins such as "
+                                   "https://app.foxglove.dev, without a path",
+                                   (int)(word < 80 ? word : 80), at);
+        at += word;
+    }
+    return FOVEA_OK;
+}
+
 bool fv_web_cookie_token(const char *cookies, const char *name, char token[FV_WEB_TOKEN_DIGITS + 1])
 {
     const size_t length = strlen(name);

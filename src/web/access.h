@@ -49,6 +49,13 @@ bool fv_web_host_is_ours(const char *host, uint16_t port, bool encrypted, const 
  * the Host header. */
 bool fv_web_origin_is_ours(const char *origin, const char *host, bool encrypted);
 
+/* Whether it is one of a list with spaces between; NULL: none is. */
+bool fv_web_origin_is_listed(const char *origin, const char *list);
+
+/* FOVEA_ERROR_INPUT: a word of the list is no origin: a scheme, :// and a host without a path, or
+ * null. Init-only. */
+enum fovea_status fv_web_origins_check(const char *list, struct fovea_error *error);
+
 /* The value of a cookie that holds a token; false: there is none of this name. */
 bool fv_web_cookie_token(const char *cookies, const char *name,
                          char token[FV_WEB_TOKEN_DIGITS + 1]);

@@ -90,10 +90,8 @@ static void take(void *context, const struct fv_received *received)
     if (is_other_run(heard, received) || heard->heard_ns == 0)
         fv_web_relay_begin(heard->relay, heard->prefix);
     heard->heard_ns = fv_clock_ns(CLOCK_MONOTONIC);
-    if (fv_lcmlog_channel_is(received->channel, "PREVIEW")) {
-        if (heard->watched) take_preview(heard, received);
-        return;
-    }
+    if (fv_lcmlog_channel_is(received->channel, "PREVIEW") && heard->watched)
+        take_preview(heard, received);
     memcpy(message.channel, received->channel, strlen(received->channel) + 1);
     fv_web_relay_take(heard->relay, &message, heard->watched);
 }

@@ -10,7 +10,8 @@
 static const struct {
     int32_t shrink;
     int quality;
-} classes[FV_WEB_CLASSES] = {{1, 80}, {1, 60}, {1, 40}, {2, 60}, {2, 40}, {4, 50}};
+} classes[FV_WEB_JPEGS] = {{1, 80}, {1, 60}, {1, 40}, {2, 60}, {2, 40},
+                           {4, 50}, {1, 80}, {1, 60}, {1, 40}};
 
 enum { SHRINK_MAX = 64, ROW_BYTES_MAX = 3 * FV_WEB_WIDTH_MAX };
 
@@ -35,7 +36,13 @@ static void on_message(j_common_ptr jpeg, int level)
 int32_t fv_web_jpeg_shrink(int32_t width, int picture_class)
 {
     const int32_t least = (width + FV_WEB_WIDTH_MAX - 1) / FV_WEB_WIDTH_MAX;
+    if (picture_class >= FV_WEB_CLASSES) return 1;
     return classes[picture_class].shrink * (least > 1 ? least : 1);
+}
+
+int fv_web_jpeg_whole(int32_t width, int quality)
+{
+    return width <= FV_WEB_WIDTH_MAX ? quality : FV_WEB_CLASSES + quality;
 }
 
 /* The means of squares of `shrink` pixels a side, of `channels` bytes each. */

@@ -25,6 +25,7 @@
 enum { PORT_DEFAULT = 7680, RATE_DEFAULT = 15, RATE_MAX = 60 };
 
 struct web {
+    const char *origins; /* of Foxglove's clients */
     const char *play, *lcm, *listen, *address, *token, *url, *key;
     struct fv_option_list feeds, prefixes; /* robots of this host; heard ones */
     uint64_t port, rate;
@@ -76,6 +77,9 @@ static enum fv_options_result options_read(struct web *web, int argc, char **arg
          "with --token)"},
         {"name", "HOST", FV_OPTION_LIST, &web->names,
          "a further name by which browsers call this host, such as robot.local"},
+        {"origins", "LIST", FV_OPTION_TEXT, &web->origins,
+         "origins, with spaces between, that pages of Foxglove and Lichtblick may come from, such as "
+         "'https://app.foxglove.dev http://localhost:8080' (the key web.origins of a run)"},
         {"token", "FILE", FV_OPTION_TEXT, &web->token,
          "the page asks for a token of this file; without such a file one is made (two tokens: to "
          "view, and to operate)"},
@@ -172,6 +176,8 @@ static enum fovea_status options_check(struct web *web, struct fovea_error *erro
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "found one of --certificate, --certificate-key and "
                                "--make-certificate alone, expected the first two together");
+    if (web->origins != NULL && fv_web_origins_check(web->origins, error) != FOVEA_OK)
+        return FOVEA_ERROR_INPUT;
     const enum fovea_status status = robots_check(web, error);
     if (status != FOVEA_OK) return status;
     if (web->url == NULL) web->url = URL_DEFAULT;
@@ -209,6 +215,7 @@ static enum fovea_status serve(struct web *web, struct fovea_error *error)
                                        .port = (uint16_t)web->port,
                                        .names = web->names.values,
                                        .name_count = web->names.count,
+                                       .origins = web->origins,
                                        .certificate = web->certificate,
                                        .tokens = web->token != NULL ? &web->tokens : NULL,
                                        .relay = web->robots.robots[0].relay,

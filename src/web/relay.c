@@ -9,6 +9,7 @@
 #include "drivers/clock.h"
 #include "fovea/fields.h"
 #include "message/fields.h"
+#include "web/foxglove.h"
 #include "web/heard.h"
 
 #include "fovea_camera_status_t.h"
@@ -41,6 +42,11 @@ void fv_web_relay_hear(struct fv_web_relay *relay, struct fv_web_heard *heard)
 {
     relay->heard = heard;
     relay->store->previews = heard != NULL;
+}
+
+void fv_web_relay_show(struct fv_web_relay *relay, struct fv_foxglove_shown *foxglove)
+{
+    relay->foxglove = foxglove;
 }
 
 static int64_t utime(void)
@@ -237,6 +243,8 @@ static const struct shown {
     {"PARAMETER_RESULT", "fovea.parameter_result_t", 0, NULL, piece_of_answer,
      FOR_OPERATORS}, /* values may be secret */
     {"FEATURES", "fovea.features_t", 0, take_features, NULL, FOR_NOBODY},
+    {"CAMERA_POSE", "fovea.pose_t", 0, NULL, NULL, FOR_NOBODY},
+    {"PREVIEW", "fovea.preview_t", 0, NULL, NULL, FOR_NOBODY},
 };
 enum { SHOWN = sizeof table / sizeof table[0] };
 _Static_assert(sizeof table / sizeof table[0] <= FV_WEB_SHOWN_MAX, "each has its last piece");
@@ -255,8 +263,7 @@ static const struct shown *shown_find(const struct fv_web_relay *relay, const ch
 
 const char *fv_web_relay_shows(uint32_t index, const char **type)
 {
-    if (index == SHOWN) *type = "fovea.preview_t";
-    if (index >= SHOWN) return index == SHOWN ? "PREVIEW" : NULL;
+    if (index >= SHOWN) return NULL;
     *type = table[index].type;
     return table[index].channel;
 }
@@ -265,7 +272,14 @@ void fv_web_relay_take(struct fv_web_relay *relay, const struct fv_feed_message 
                        bool watched)
 {
     const struct shown *shown = shown_find(relay, message->channel);
-    if (shown == NULL || (shown->whom == FOR_NOBODY && !watched)) return;
+    if (shown == NULL) return;
+    if (relay->foxglove != NULL) {
+        fv_foxglove_views_take(relay->foxglove->views, shown->channel, message->data,
+                               message->bytes);
+        fv_foxglove_parameters_take(relay->foxglove->parameters, shown->channel, message->data,
+                                    message->bytes);
+    }
+    if (shown->whom == FOR_NOBODY && !watched) return;
     int32_t *last = &relay->pieces[shown - table];
     if (shown->take != NULL) shown->take(relay, message);
     if (shown->piece != NULL) *last = shown->piece(message, *last);
@@ -301,6 +315,7 @@ void fv_web_relay_picture(struct fv_web_relay *relay, const struct fovea_image *
     picture->sequence = sequence;
     picture->age_ns = age_ns;
     picture->taken_ns = fv_clock_ns(CLOCK_MONOTONIC);
+    if (relay->foxglove != NULL) fv_foxglove_views_picture(relay->foxglove->views, stamp_ns);
     picture->point_count = 0;
     for (int i = 0; i < FV_WEB_OVERLAYS; i++) {
         if (relay->overlays[i].stamp_ns != stamp_ns) continue;
@@ -334,6 +349,9 @@ void fv_web_relay_begin(struct fv_web_relay *relay, const char *prefix)
     relay->state = relay->scale_state = relay->map_id = relay->camera_state = -1;
     relay->records = false;
     fv_web_store_begin(relay->store, relay->prefix);
+    if (relay->foxglove == NULL) return;
+    fv_foxglove_views_begin(relay->foxglove->views, relay->prefix);
+    fv_foxglove_parameters_begin(relay->foxglove->parameters);
 }
 
 void fv_web_relay_silent(struct fv_web_relay *relay)

@@ -18,10 +18,12 @@ enum {
 };
 
 struct fv_web_heard;
+struct fv_foxglove_shown;
 
 struct fv_web_relay {
     const char *path; /* of the feed's socket */
     struct fv_web_store *store;
+    struct fv_foxglove_shown *foxglove; /* takes the same messages, the caller's; NULL: none */
     struct fv_feed_reader *reader; /* NULL: there is no run now */
     struct fv_web_player *player;  /* plays in place of a feed, the caller's; NULL: none */
     struct fv_web_heard *heard;    /* a robot heard over LCM, likewise */
@@ -51,6 +53,9 @@ void fv_web_relay_init(struct fv_web_relay *relay, const char *path, uint32_t ra
 
 /* Play a recording in place of a feed; NULL: none. It stays the caller's. */
 void fv_web_relay_play(struct fv_web_relay *relay, struct fv_web_player *player);
+
+/* Give views for Foxglove's clients what comes; likewise. */
+void fv_web_relay_show(struct fv_web_relay *relay, struct fv_foxglove_shown *foxglove);
 
 /* Hear a robot over LCM in place of a feed; likewise. */
 void fv_web_relay_hear(struct fv_web_relay *relay, struct fv_web_heard *heard);

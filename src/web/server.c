@@ -16,9 +16,10 @@ enum {
     LOOK_US = 10000,        /* at the feed, while somebody looks at the page */
     LOOK_SELDOM_US = 50000, /* the ring of messages holds a second and a half */
     HEADER_BYTES_MAX = 4096,
-    UNSENT_BYTES_MAX = 8192, /* in the kernel: newer messages must not wait behind old ones */
-    FRAME_BYTES = 16384,     /* of a frame, but for its last packet */
-    SLOW_CLASS = 4           /* of pictures: the link is so slow that messages go more seldom */
+    UNSENT_BYTES_MAX = 8192,     /* in the kernel: newer messages must not wait behind old ones */
+    FOXGLOVE_CHUNK_BYTES = 4096, /* of what a client says, at once */
+    FRAME_BYTES = 16384,         /* of a frame, but for its last packet */
+    SLOW_CLASS = 4               /* of pictures: the link is so slow that messages go more seldom */
 };
 
 #define TOGETHER_NS (FV_SECOND_NS / 33) /* messages are sent as many at once, or with a picture */
@@ -46,14 +47,19 @@ static bool is_commanded(const struct fv_web_server *server, uint32_t robot)
            server->setup.robots->robots[robot].relay->heard == NULL;
 }
 
+void fv_web_server_hasten(struct lws *wsi)
+{
+    const int unsent = UNSENT_BYTES_MAX, on = 1, socket = lws_get_socket_fd(wsi);
+    setsockopt(socket, IPPROTO_TCP, TCP_NOTSENT_LOWAT, &unsent, sizeof unsent);
+    setsockopt(socket, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
+}
+
 static int arrive(struct fv_web_server *server, struct lws *wsi)
 {
     enum fv_web_role role;
     struct fv_web_place_of_client *place = place_of(server, NULL);
-    const int unsent = UNSENT_BYTES_MAX, on = 1, socket = lws_get_socket_fd(wsi);
     if (place == NULL || fv_web_server_judge(server, wsi, true, &role) != HTTP_STATUS_OK) return -1;
-    setsockopt(socket, IPPROTO_TCP, TCP_NOTSENT_LOWAT, &unsent, sizeof unsent);
-    setsockopt(socket, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
+    fv_web_server_hasten(wsi);
     place->socket = wsi;
     place->sent_ns = 0;
     fv_web_client_init(&place->client, role, is_commanded(server, 0));
@@ -175,15 +181,8 @@ static int hear(struct fv_web_server *server, struct lws *wsi, const char *words
     return 0;
 }
 
-/* Before a websocket opens: who may, and whether there is room. */
-static int judge(struct fv_web_server *server, struct lws *wsi)
+int fv_web_server_refuse(struct fv_web_server *server, struct lws *wsi, int status)
 {
-    enum fv_web_role role;
-    int status = server->setup.relay == NULL ? HTTP_STATUS_NOT_FOUND
-                                             : fv_web_server_judge(server, wsi, true, &role);
-    if (status == HTTP_STATUS_OK && place_of(server, NULL) == NULL)
-        status = HTTP_STATUS_SERVICE_UNAVAILABLE;
-    if (status == HTTP_STATUS_OK) return 0;
     char text[128];
     const int length =
         snprintf(text, sizeof text,
@@ -194,6 +193,17 @@ static int judge(struct fv_web_server *server, struct lws *wsi)
     else
         (void)send(lws_get_socket_fd(wsi), text, (size_t)length, MSG_NOSIGNAL | MSG_DONTWAIT);
     return -1;
+}
+
+/* Before a websocket opens: who may, and whether there is room. */
+static int judge(struct fv_web_server *server, struct lws *wsi)
+{
+    enum fv_web_role role;
+    int status = server->setup.relay == NULL ? HTTP_STATUS_NOT_FOUND
+                                             : fv_web_server_judge(server, wsi, true, &role);
+    if (status == HTTP_STATUS_OK && place_of(server, NULL) == NULL)
+        status = HTTP_STATUS_SERVICE_UNAVAILABLE;
+    return status == HTTP_STATUS_OK ? 0 : fv_web_server_refuse(server, wsi, status);
 }
 
 static int on_websocket(struct lws *wsi, enum lws_callback_reasons reason, void *user, void *in,
@@ -226,6 +236,9 @@ static int on_websocket(struct lws *wsi, enum lws_callback_reasons reason, void 
 static const struct lws_protocols protocols[] = {
     {"http", fv_web_http, sizeof(struct fv_web_request), 0, 0, NULL, 0},
     {"fovea", on_websocket, 0, FV_WEB_WORDS_BYTES, 0, NULL, FV_WEB_PACKET_BYTES_MAX},
+    {"foxglove.sdk.v1", fv_web_foxglove, 0, FOXGLOVE_CHUNK_BYTES, 0, NULL, FV_WEB_PACKET_BYTES_MAX},
+    {"foxglove.websocket.v1", fv_web_foxglove, 0, FOXGLOVE_CHUNK_BYTES, 0, NULL,
+     FV_WEB_PACKET_BYTES_MAX},
     {NULL, NULL, 0, 0, 0, NULL, 0},
 };
 
@@ -242,14 +255,17 @@ static void tick(lws_sorted_usec_list_t *timer)
         watched[server->clients[i].client.robot] |=
             server->clients[i].socket != NULL && !server->clients[i].client.hidden;
     }
+    any |= fv_web_foxglove_any(server, watched);
     const int64_t now_ns = fv_clock_ns(CLOCK_MONOTONIC);
     server->changed |= fv_web_robots_tick(server->setup.robots, watched, &pictured);
+    fv_web_foxglove_tick(server);
     if (server->changed && (pictured || now_ns - server->sent_ns >= TOGETHER_NS)) {
         server->changed = false;
         server->sent_ns = now_ns;
         for (int i = 0; i < FV_WEB_CLIENTS_MAX; i++)
             if (server->clients[i].socket != NULL)
                 lws_callback_on_writable(server->clients[i].socket);
+        fv_web_foxglove_changed(server);
     }
     lws_sul_schedule(server->context, 0, &server->timer, tick, any ? LOOK_US : LOOK_SELDOM_US);
 }
@@ -304,6 +320,10 @@ enum fovea_status fv_web_server_open(const struct fv_web_setup *setup,
                                setup->address, (unsigned)setup->port);
     }
     made->port = (uint16_t)lws_get_vhost_listen_port(made->vhost);
+    if (!fv_web_foxglove_open(made)) {
+        fv_web_server_close(made);
+        return fovea_error_set(error, FOVEA_ERROR_MEMORY, "no memory for the server");
+    }
     lws_sul_schedule(made->context, 0, &made->timer, tick, 1);
     *server = made;
     return FOVEA_OK;
@@ -333,5 +353,6 @@ void fv_web_server_close(struct fv_web_server *server)
         lws_sul_schedule(server->context, 0, &server->timer, tick, LWS_SET_TIMER_USEC_CANCEL);
         lws_context_destroy(server->context);
     }
+    fv_web_foxglove_close(server);
     free(server);
 }

@@ -1,9 +1,12 @@
 /* The server of the page: HTTP/1.1 and websockets by libwebsockets, in one thread,
- * over TLS (1.2 or later) where there is a certificate.
+ * over TLS (1.2 or later) where there is a certificate; and of Foxglove's protocol (foxglove.h) at
+ * the same port.
  *
  * A request is answered only when its Host header names this server (access.h); a websocket is
- * opened only for our own page's origin. Where there are tokens, everything but the login page
- * needs one, in a cookie. Connections, those of one address, headers and what a page may say are
+ * opened only for our own page's origin; one of Foxglove's protocol also for the origins that the
+ * caller names, and for programs that are no browser's page and state none. Where there are tokens, everything but the login page
+ * needs one, in a cookie; of Foxglove's clients, which may have none, in the header Authorization
+ * or in the query of the address, too. Connections, those of one address, headers and what a page may say are
  * bounded. */
 #ifndef FOVEA_WEB_SERVER_H
 #define FOVEA_WEB_SERVER_H
@@ -21,6 +24,7 @@
 
 enum {
     FV_WEB_CLIENTS_MAX = 24,
+    FV_WEB_FOXGLOVE_MAX = 8, /* clients of Foxglove's protocol */
     FV_WEB_CONNECTIONS_MAX = 96,
     FV_WEB_CONNECTIONS_OF_ADDRESS = 32 /* of another host */
 };
@@ -30,6 +34,7 @@ struct fv_web_setup {
     uint16_t port;       /* 0: one that is free */
     const char *const *names;
     int name_count;
+    const char *origins; /* that Foxglove's clients may come from, spaces between; NULL: none */
     struct fv_web_certificate certificate; /* that was checked; its files stay; none: HTTP */
     const struct fv_web_tokens *tokens;    /* NULL: everybody who reaches the port may do all */
     struct fv_web_relay *relay;            /* of the robot that is shown first */

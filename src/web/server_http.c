@@ -91,6 +91,57 @@ int fv_web_server_judge(struct fv_web_server *server, struct lws *wsi, bool of_p
     return *role != FV_WEB_NOBODY ? HTTP_STATUS_OK : HTTP_STATUS_UNAUTHORIZED;
 }
 
+/* The token of a client that is no page: of a header, or of the query of the address. */
+static bool foxglove_token(struct lws *wsi, char token[FV_WEB_TOKEN_DIGITS + 1])
+{
+    static const char bearer[] = "Bearer ";
+    char text[FV_WEB_TOKEN_DIGITS + 32];
+    const char *found = NULL;
+    if (header(wsi, WSI_TOKEN_HTTP_AUTHORIZATION, text, sizeof text))
+        found = strncasecmp(text, bearer, strlen(bearer)) == 0 ? text + strlen(bearer) : NULL;
+    else
+        found = lws_get_urlarg_by_name(wsi, "token=", text, sizeof text);
+    if (found == NULL) return false;
+    const bool fits = strlen(found) == FV_WEB_TOKEN_DIGITS;
+    memcpy(token, fits ? found : "", fits ? FV_WEB_TOKEN_DIGITS + 1 : 1);
+    return true; /* a wrong one, if it does not fit */
+}
+
+/* Wrong ones are limited as at the login. */
+static int judge_token(struct fv_web_server *server, struct lws *wsi, enum fv_web_role *role)
+{
+    char token[FV_WEB_TOKEN_DIGITS + 1], local[INET_ADDRSTRLEN], remote[INET_ADDRSTRLEN];
+    const int64_t now_ns = fv_clock_ns(CLOCK_MONOTONIC);
+    *role = role_of(server, wsi);
+    if (*role != FV_WEB_NOBODY) return HTTP_STATUS_OK;
+    addresses(wsi, local, remote);
+    if (!fv_web_tries_left(&server->tries, remote, now_ns)) return 429;
+    const bool any = foxglove_token(wsi, token);
+    *role = any ? fv_web_tokens_role(server->setup.tokens, token) : FV_WEB_NOBODY;
+    if (*role != FV_WEB_NOBODY) return HTTP_STATUS_OK;
+    if (any) fv_web_tries_failed(&server->tries, remote, now_ns);
+    return HTTP_STATUS_UNAUTHORIZED;
+}
+
+int fv_web_server_judge_foxglove(struct fv_web_server *server, struct lws *wsi,
+                                 enum fv_web_role *role)
+{
+    char host[FV_WEB_NAME_BYTES], origin[FV_WEB_NAME_BYTES + 8], local[INET_ADDRSTRLEN],
+        remote[INET_ADDRSTRLEN];
+    const bool encrypted = server->setup.certificate.file != NULL;
+    addresses(wsi, local, remote);
+    if (!header(wsi, WSI_TOKEN_HOST, host, sizeof host) ||
+        !fv_web_host_is_ours(host, server->port, encrypted, local, server->setup.names,
+                             server->setup.name_count))
+        return HTTP_STATUS_FORBIDDEN;
+    if (lws_hdr_total_length(wsi, WSI_TOKEN_ORIGIN) > 0 &&
+        (!header(wsi, WSI_TOKEN_ORIGIN, origin, sizeof origin) ||
+         (!fv_web_origin_is_ours(origin, host, encrypted) &&
+          !fv_web_origin_is_listed(origin, server->setup.origins))))
+        return HTTP_STATUS_FORBIDDEN;
+    return judge_token(server, wsi, role);
+}
+
 /* ---- answers --------------------------------------------------------------------------------- */
 
 struct answer {

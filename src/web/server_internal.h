@@ -8,6 +8,7 @@
 
 #include "web/assets.h"
 #include "web/client.h"
+#include "web/foxglove.h"
 #include "web/server.h"
 
 enum { FV_WEB_URI_BYTES = 64, FV_WEB_BODY_BYTES = 128, FV_WEB_COOKIE_BYTES = 1024 };
@@ -45,6 +46,21 @@ struct fv_web_server {
         struct fv_web_client client;
         int64_t sent_ns; /* last */
     } clients[FV_WEB_CLIENTS_MAX];
+    struct fv_web_place_of_foxglove {
+        struct lws *socket; /* NULL: free */
+        uint32_t robot;     /* that it is shown */
+        struct fv_foxglove_client client;
+        uint8_t words[FV_FOXGLOVE_WORDS_BYTES]; /* that are coming */
+        size_t words_bytes;
+    } foxglove[FV_WEB_FOXGLOVE_MAX];
+    struct fv_web_foxglove_robot {
+        struct fv_web_server *server;
+        struct fv_foxglove_views views;
+        struct fv_foxglove_parameters parameters;
+        struct fv_foxglove_shown shown;
+    } * foxglove_robots;          /* what Foxglove's clients are shown of each robot: of malloc */
+    struct fv_foxglove_said said; /* by one of them: no place for it is on the stack */
+    int64_t session;              /* of this start of the server */
     uint8_t packet[LWS_PRE + FV_WEB_PACKET_BYTES_MAX];
 };
 
@@ -56,7 +72,27 @@ const char *fv_web_server_refusal(const struct fv_web_server *server,
 int fv_web_server_judge(struct fv_web_server *server, struct lws *wsi, bool of_page,
                         enum fv_web_role *role);
 
+/* The same of one that speaks Foxglove's protocol; whose token is wrong has to wait, as at the
+ * login. */
+int fv_web_server_judge_foxglove(struct fv_web_server *server, struct lws *wsi,
+                                 enum fv_web_role *role);
+/* Refuse a websocket before it opens. Returns what the callback returns. */
+int fv_web_server_refuse(struct fv_web_server *server, struct lws *wsi, int status);
+
+/* Only what is new waits behind what is being sent, not what was to be sent before. */
+void fv_web_server_hasten(struct lws *wsi);
+
+/* Foxglove's clients: make what they are shown, drop it, look after them; whether there is one, and
+ * the robots whose pictures one wants. */
+bool fv_web_foxglove_open(struct fv_web_server *server);
+void fv_web_foxglove_close(struct fv_web_server *server);
+void fv_web_foxglove_tick(struct fv_web_server *server);
+bool fv_web_foxglove_any(const struct fv_web_server *server, bool watched[FV_WEB_ROBOTS_MAX]);
+void fv_web_foxglove_changed(struct fv_web_server *server);
+
 /* Callbacks of libwebsockets, after lws_callback_function. */
+int fv_web_foxglove(struct lws *wsi, enum lws_callback_reasons reason, void *user, void *in,
+                    size_t length);
 int fv_web_http(struct lws *wsi, enum lws_callback_reasons reason, void *user, void *in,
                 size_t length);
 

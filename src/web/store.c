@@ -135,6 +135,6 @@ const uint8_t *fv_web_store_jpeg(struct fv_web_store *store, int picture_class, 
 void fv_web_store_free(struct fv_web_store *store)
 {
     forget(store);
-    for (int i = 0; i < FV_WEB_CLASSES; i++)
+    for (int i = 0; i < FV_WEB_JPEGS; i++)
         free(store->picture.jpeg[i].data);
 }

@@ -53,7 +53,7 @@ struct fv_web_picture {
         uint8_t *data;
         size_t bytes, capacity;
         uint32_t number;
-    } jpeg[FV_WEB_CLASSES];
+    } jpeg[FV_WEB_JPEGS];
     uint64_t made; /* JPEGs, since the start */
 };
 

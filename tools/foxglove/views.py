@@ -11,8 +11,11 @@ Topics, after `/` and the channel prefix (here FOVEA):
     /FOVEA/pose, camera_pose     PoseInFrame in `map`; from `pose_t`
     /FOVEA/transforms            FrameTransforms from `map` to `body` and `cam0`
     /FOVEA/map                   PointCloud of the landmarks in `map` that have been heard of so far; from `map_t`
+    /FOVEA/grid                  Grid in `map`, field `occupancy`: 0 (free) to 100 (occupied) percent, -1 unknown; from `grid_t` and the last `pose_t`
     /FOVEA/log                   Log: changes of the states of pose and camera
     /FOVEA/statistics, camera_status   JSON, for plots
+
+`fovea-web` serves the same ones live (src/web/foxglove_views.h), but for pictures, which it sends as CompressedImage.
 
 `map` and the unit of length are those of pose_t. Poses of another map are in its frame: Foxglove has no notion of several maps.
 Annotations are in pixels whose origin is the corner of the image, half a pixel from Fovea's, which is the centre of the first pixel.
@@ -23,6 +26,7 @@ import struct
 
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+from foxglove_schemas_protobuf.Grid_pb2 import Grid
 from foxglove_schemas_protobuf.ImageAnnotations_pb2 import ImageAnnotations
 from foxglove_schemas_protobuf.Log_pb2 import Log
 from foxglove_schemas_protobuf.PackedElementField_pb2 import PackedElementField
@@ -121,9 +125,11 @@ class Views:
         self.schemas = {}
         self.states = {}
         self.slots = {}  # landmarks by slot: map, x, y, z
+        self.to_map = None  # map_id, scale, position and orientation of `odom` in `map`, by the last pose
+        self.rows = None  # of the grid that is coming: what its messages must share, and its cells
         self.makers = {"fovea.frame_t": self.frame, "fovea.preview_t": self.preview, "fovea.features_t": self.features,
                        "fovea.detections_t": self.detections, "fovea.objects_t": self.objects, "fovea.keypoints_t": self.keypoints,
-                       "fovea.pose_t": self.pose, "fovea.map_t": self.map, "fovea.statistics_t": self.statistics,
+                       "fovea.pose_t": self.pose, "fovea.map_t": self.map, "fovea.grid_t": self.grid, "fovea.statistics_t": self.statistics,
                        "fovea.camera_status_t": self.camera_status}
 
     def wants(self, name):
@@ -202,6 +208,8 @@ class Views:
         if message["map_id"] < 0 or not known:
             return
         to_map = (message["map_scale"], message["map_position"], message["map_orientation"])
+        if suffix == "POSE":
+            self.to_map = (message["map_id"], *to_map)
         position = similar(*to_map, message["position"])
         orientation = multiply(message["map_orientation"], message["orientation"])
         made = PoseInFrame(frame_id="map")
@@ -222,13 +230,33 @@ class Views:
         for slot, of, p in zip(message["landmark_slot"], message["landmark_map"], message["landmark_p"]):
             self.slots[slot] = (of, p)
         own = (message["own_scale"], message["own_position"], message["own_orientation"])
-        points = [similar(*own, p) for of, p in self.slots.values() if of == message["map_id"]]
+        points = [similar(*own, p) for _, (of, p) in sorted(self.slots.items()) if of == message["map_id"]]
         made = PointCloud(frame_id="map", point_stride=12, data=b"".join(struct.pack("<3f", *p) for p in points if is_finite(p)))
         set_time(made.timestamp, time_of(message["stamp"]))
         made.pose.orientation.w = 1
         for at, name in enumerate("xyz"):
             made.fields.add(name=name, offset=4 * at, type=PackedElementField.FLOAT32)
         yield "map", made
+
+    def grid(self, _, message):
+        """When the last rows of one are there."""
+        shared = message["stamp"]["time_ns"], message["width"], message["height"]
+        if message["first_row"] == 0:
+            self.rows = shared, []
+        if self.rows is None or self.rows[0] != shared or len(self.rows[1]) != message["first_row"] * message["width"]:
+            return
+        self.rows[1].extend(message["cells"])
+        if len(self.rows[1]) != message["width"] * message["height"] or self.to_map is None or self.to_map[0] != message["map_id"]:
+            return
+        scale, position, orientation = self.to_map[1:]
+        made = Grid(frame_id="map", column_count=message["width"], row_stride=message["width"], cell_stride=1,
+                    data=struct.pack(f"{len(self.rows[1])}b", *self.rows[1]))
+        set_time(made.timestamp, time_of(message["stamp"]))
+        set_vector(made.pose.position, similar(scale, position, orientation, message["origin_position"]))
+        set_quaternion(made.pose.orientation, multiply(orientation, message["origin_orientation"]))
+        made.cell_size.x = made.cell_size.y = scale * message["resolution_m"]
+        made.fields.add(name="occupancy", offset=0, type=PackedElementField.INT8)
+        yield "grid", made
 
     def plain(self, value):
         """What JSON can say: unknown numbers as null."""

@@ -54,6 +54,7 @@ struct fv_settings {
     char parameters_file[FV_SETTINGS_PATH_BYTES]; /* "": none */
     char web_socket[96];                          /* path; "": none */
     uint32_t web_picture_rate;                    /* Hz */
+    char web_origins[256];                        /* spaces between; "": none */
     /* LCM channel of bot_core.pose_t, for scale.source: wheel_odometry; "": none */
     char wheel_odometry_channel[64];
     /* faster samples are left out; 0: no limit */

@@ -79,13 +79,17 @@ enum fovea_status fv_web_page_start(const char *port, struct fv_settings *settin
              settings->web_picture_rate > 0 && settings->web_picture_rate < 60
                  ? settings->web_picture_rate
                  : 15);
-    const char *words[16] = {program,  "--with-parent",      process,
+    const char *words[20] = {program,  "--with-parent",      process,
                              "--feed", settings->web_socket, "--rate",
                              rate,     "--lcm-url",          settings->lcm_url};
     int count = 9;
     if (port[0] != '\0') {
         words[count++] = "--port";
         words[count++] = port;
+    }
+    if (settings->web_origins[0] != '\0') {
+        words[count++] = "--origins";
+        words[count++] = settings->web_origins;
     }
     if (settings->command_key[0] != '\0') {
         words[count++] = "--command-key";
