@@ -638,14 +638,15 @@ $(BESIDE_CERES:%=$(BUILD)/tests/unit/%): ORACLE_LIBS := -lopencv_aruco -lceres -
 $(BESIDE_CERES:%=$(BUILD)/obj/tests/unit/%.o) $(BUILD)/obj/tests/unit/geometry/test_normal_equations.o $(BUILD)/obj/tests/unit/calibrate/%.o: CXXFLAGS += -isystem $(INCLUDED)/eigen3
 # Parts of the page's server that know no socket are tested by their functions, the others by the program.
 WEB_TESTS := $(filter $(BUILD)/tests/unit/web/%,$(TESTS))
-$(WEB_TESTS): $(filter-out %/server.o %/server_http.o %/pages.o %/main.o,$(WEB_O))
-$(WEB_TESTS): TEST_MORE := $(filter-out %/server.o %/server_http.o %/pages.o %/main.o,$(WEB_O))
+WEB_ROOM := $(filter-out %/server.o %/server_http.o %/server_foxglove.o %/pages.o %/main.o,$(WEB_O))
+$(WEB_TESTS): $(WEB_ROOM)
+$(WEB_TESTS): TEST_MORE := $(WEB_ROOM)
 $(filter $(BUILD)/tests/transport/test_web%,$(TESTS)): | $(WEB)
 $(filter %/test_web_calibrate,$(TESTS)): | $(CALIBRATE)
 $(filter %/transport/test_web_pages,$(TESTS)): $(WEB_O)
 $(filter %/transport/test_web_pages,$(TESTS)): TEST_MORE := $(WEB_O)
 $(filter %/transport/test_web_pages,$(TESTS)): ORACLE_LIBS := $(WEB_LIBS)
-$(WEB_TESTS) $(filter %/transport/test_web_encrypted,$(TESTS)): ORACLE_LIBS := -lssl -lcrypto
+$(WEB_TESTS) $(filter %/transport/test_web_encrypted,$(TESTS)): ORACLE_LIBS := -lssl -lcrypto -ljansson
 # Calibration is tested by its functions.
 CALIBRATE_TESTS := $(patsubst tests/%.cpp,$(BUILD)/tests/%,$(wildcard tests/unit/calibrate/*.cpp))
 $(CALIBRATE_TESTS): $(CALIBRATE_O) $(CALIBRATE_WEB_O)

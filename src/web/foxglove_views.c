@@ -258,7 +258,8 @@ static bool take_grid(struct fv_foxglove_views *views, const uint8_t *data, size
 {
     fovea_grid_t grid;
     if (fovea_grid_t_decode(data, 0, (int)bytes, &grid) < 0) return false;
-    const bool whole = rows_take(views, &grid) && grid.map_id == views->to_map.map_id;
+    const bool whole =
+        rows_take(views, &grid) && grid.map_id >= 0 && grid.map_id == views->to_map.map_id;
     fovea_grid_t_decode_cleanup(&grid);
     return whole;
 }

@@ -125,15 +125,22 @@ int web_get(const char *path, const char *headers, char answer[WEB_ANSWER_BYTES]
 
 int web_open(const char *origin, const char *headers, int *socket)
 {
+    char both[1500];
+    snprintf(both, sizeof both, "%s%s", origin, headers);
+    return web_open_protocol("fovea", "/", both, socket);
+}
+
+int web_open_protocol(const char *protocol, const char *path, const char *headers, int *socket)
+{
     char request[2048], answer[2048] = "";
     size_t got = 0;
     *socket = web_connect();
     if (*socket < 0) return 0;
     snprintf(request, sizeof request,
-             "GET / HTTP/1.1\r\nHost: 127.0.0.1:%d\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+             "GET %s HTTP/1.1\r\nHost: 127.0.0.1:%d\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
              "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n"
-             "Sec-WebSocket-Protocol: fovea\r\n%s%s\r\n",
-             WEB_PORT, origin, headers);
+             "Sec-WebSocket-Protocol: %s\r\n%s\r\n",
+             path, WEB_PORT, protocol, headers);
     if (web_send(*socket, request))
         while (got < sizeof answer - 1 && strstr(answer, "\r\n\r\n") == NULL &&
                recv(*socket, answer + got, 1, 0) == 1) /* what comes after is a frame's */
@@ -148,12 +155,22 @@ int web_open(const char *origin, const char *headers, int *socket)
 
 bool web_say(int socket, const char *text)
 {
-    uint8_t frame[256] = {0x81, 0x80};
-    const size_t length = strlen(text);
-    if (length > 125) return false;
-    frame[1] = (uint8_t)(0x80 | length);
-    memcpy(frame + 6, text, length); /* the mask is 0 */
-    return send(socket, frame, 6 + length, MSG_NOSIGNAL) == (ssize_t)(6 + length);
+    return web_say_frame(socket, 0x81, text, strlen(text));
+}
+
+bool web_say_frame(int socket, uint8_t first, const void *data, size_t bytes)
+{
+    uint8_t head[8] = {first, (uint8_t)(0x80 | bytes)}; /* the mask is 0 */
+    size_t length = 6;
+    if (bytes > UINT16_MAX) return false;
+    if (bytes > 125) {
+        head[1] = 0x80 | 126;
+        head[2] = (uint8_t)(bytes >> 8);
+        head[3] = (uint8_t)bytes;
+        length = 8;
+    }
+    return send(socket, head, length, MSG_NOSIGNAL | MSG_MORE) == (ssize_t)length &&
+           send(socket, data, bytes, MSG_NOSIGNAL) == (ssize_t)bytes;
 }
 
 int web_hear(int socket, uint8_t *data, size_t capacity, size_t *bytes)

@@ -27,8 +27,12 @@ int web_get(const char *path, const char *headers, char answer[WEB_ANSWER_BYTES]
 
 /* Open a websocket. Returns the status, 101: it is open at `*socket`. */
 int web_open(const char *origin, const char *headers, int *socket);
+/* The same of another protocol and path; `headers` as above. */
+int web_open_protocol(const char *protocol, const char *path, const char *headers, int *socket);
 /* One frame of text, masked. */
 bool web_say(int socket, const char *text);
+/* One frame that begins with this byte (0x81: text, 0x82: bytes, 0x01 and 0x80: its pieces). */
+bool web_say_frame(int socket, uint8_t first, const void *data, size_t bytes);
 /* The next frame: its opcode; -1: closed, or longer than `capacity`. */
 int web_hear(int socket, uint8_t *data, size_t capacity, size_t *bytes);
 

@@ -4,8 +4,8 @@
 // Usage: node foxglove_client.cjs NODE_MODULES
 "use strict";
 const path = require("path");
-const { FoxgloveClient } = require(path.join(process.argv[2], "@foxglove/ws-protocol"));
-const WebSocket = require(path.join(process.argv[2], "ws"));
+const { FoxgloveClient } = require(path.resolve(process.argv[2], "@foxglove/ws-protocol"));
+const WebSocket = require(path.resolve(process.argv[2], "ws"));
 
 function fail(what) {
     console.error(`foxglove_client: ${what}`);

@@ -1,0 +1,639 @@
+/* What a client of Foxglove's protocol is shown and told: views field by field, the newest of each
+ * channel that it wants, refusals that name what they are about; and that no words of a stranger do
+ * harm. Without sockets, without time and without packages. FOVEA_LONG=N says N damaged words. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "base/elementary.h"
+#include "web/foxglove.h"
+
+#include "fovea_camera_status_t.h"
+#include "fovea_detections_t.h"
+#include "fovea_grid_t.h"
+#include "fovea_map_t.h"
+#include "fovea_pose_t.h"
+
+#define SECOND INT64_C(1000000000)
+
+enum { PACKET = 700000 };
+
+static struct fv_web_store store;
+static struct fv_foxglove_views views;
+static struct fv_foxglove_parameters parameters;
+static struct fv_foxglove_shown shown = {&store, &views, &parameters};
+static struct fv_foxglove_client client;
+static struct fv_foxglove_said said;
+static uint8_t packet[PACKET], encoded[1 << 16];
+static size_t bytes;
+static int length; /* of the last message that was encoded */
+static bool text;
+static int64_t now_ns;
+
+static struct fv_random random_state;
+
+static uint32_t below(size_t bound)
+{
+    return fv_random_below(&random_state, (uint32_t)bound);
+}
+
+static int begin(void **state)
+{
+    (void)state;
+    memset(&store, 0, sizeof store);
+    memset(&parameters, 0, sizeof parameters);
+    fv_message_prepare();
+    fv_random_seed(&random_state, 12345);
+    fv_foxglove_views_init(&views);
+    fv_foxglove_views_begin(&views, "R");
+    fv_foxglove_init(&client, FV_WEB_OPERATE, true, 5, 0);
+    now_ns = 1000 * SECOND;
+    return 0;
+}
+
+static int end(void **state)
+{
+    (void)state;
+    fv_web_store_free(&store);
+    fv_foxglove_views_free(&views);
+    fv_foxglove_parameters_free(&parameters);
+    return 0;
+}
+
+/* ---- our messages ---------------------------------------------------------------------------- */
+
+static fovea_pose_t pose_of(int64_t time_ns)
+{
+    static char parent[] = "odom", child[] = "body";
+    return (fovea_pose_t){.stamp = {.time_ns = time_ns, .utc_offset_ns = 77},
+                          .state = FOVEA_POSE_T_STATE_TRACKING,
+                          .map_id = 4,
+                          .parent_frame = parent,
+                          .child_frame = child,
+                          .position = {1, 2, 3},
+                          .orientation = {1, 0, 0, 0},
+                          .map_scale = 2,
+                          .map_position = {10, 20, 30},
+                          /* a quarter turn about z */
+                          .map_orientation = {0.5, 0, 0, 0.5 * 1.7320508075688772}};
+}
+
+static void take_pose(const fovea_pose_t *pose)
+{
+    length = fovea_pose_t_encode(encoded, 0, sizeof encoded, pose);
+    assert_true(length > 0);
+    fv_foxglove_views_take(&views, "POSE", encoded, (size_t)length);
+}
+
+static void take_grid(int64_t time_ns, int32_t first, int32_t count, int8_t value)
+{
+    static char frame[] = "odom";
+    int8_t cells[64];
+    memset(cells, value, sizeof cells);
+    const fovea_grid_t grid = {.stamp = {.time_ns = time_ns},
+                               .map_id = 4,
+                               .frame = frame,
+                               .resolution_m = 0.25,
+                               .width = 5,
+                               .height = 4,
+                               .origin_position = {1, 0, 0},
+                               .origin_orientation = {1, 0, 0, 0},
+                               .first_row = first,
+                               .row_count = count,
+                               .cell_count = 5 * count,
+                               .cells = cells};
+    length = fovea_grid_t_encode(encoded, 0, sizeof encoded, &grid);
+    assert_true(length > 0);
+    fv_foxglove_views_take(&views, "GRID", encoded, (size_t)length);
+}
+
+/* Landmarks in these slots, of a piece that lists slots from first to last. */
+static void take_map(int32_t first, int32_t last, int32_t count, int32_t *slots)
+{
+    int32_t maps[8];
+    float places[8][3], *rows[8];
+    for (int i = 0; i < count; i++) {
+        maps[i] = slots[i] % 10 == 9 ? 3 : 4;
+        for (int k = 0; k < 3; k++)
+            places[i][k] = (float)(slots[i] + k);
+        rows[i] = places[i];
+    }
+    const fovea_map_t map = {.stamp = {.time_ns = SECOND},
+                             .map_id = 4,
+                             .own_scale = 2,
+                             .own_position = {1, 1, 1},
+                             .own_orientation = {1, 0, 0, 0},
+                             .landmark_slots = 100,
+                             .landmark_first = first,
+                             .landmark_last = last,
+                             .landmark_count = count,
+                             .landmark_slot = slots,
+                             .landmark_map = maps,
+                             .landmark_p = rows};
+    length = fovea_map_t_encode(encoded, 0, sizeof encoded, &map);
+    assert_true(length > 0);
+    fv_foxglove_views_take(&views, "MAP", encoded, (size_t)length);
+}
+
+/* ---- what is sent ---------------------------------------------------------------------------- */
+
+static bool next(void)
+{
+    bytes = fv_foxglove_next(&client, &shown, packet, sizeof packet - 1, now_ns, &text);
+    packet[bytes] = '\0';
+    return bytes > 0;
+}
+
+/* The next text with these words. */
+static void until(const char *words)
+{
+    while (next())
+        if (text && strstr((char *)packet, words) != NULL) return;
+    fail_msg("no text with %s", words);
+}
+
+static void drain(void)
+{
+    while (next())
+        continue;
+}
+
+static void say(const char *words)
+{
+    fv_foxglove_hear((const uint8_t *)words, strlen(words), false, &said);
+    fv_foxglove_do(&client, &shown, &said, NULL, now_ns);
+}
+
+static uint32_t channel_of(const char *topic)
+{
+    for (uint32_t i = 0; i < views.channel_count; i++)
+        if (strcmp(views.channels[i].topic, topic) == 0) return views.first_id + i;
+    fail_msg("no channel %s", topic);
+    return 0;
+}
+
+static void subscribe(const char *topic, uint32_t id)
+{
+    char words[120];
+    drain(); /* only what was advertised can be */
+    snprintf(words, sizeof words,
+             "{\"op\":\"subscribe\",\"subscriptions\":[{\"id\":%u,\"channelId\":%u}]}", id,
+             channel_of(topic));
+    say(words);
+}
+
+/* The next message of a subscription; false: there is none now. */
+static bool data_of(uint32_t id)
+{
+    while (next())
+        if (!text && packet[0] == 1 && packet[1] == id) return true;
+    return false;
+}
+
+/* ---- a reader of Protocol Buffers ------------------------------------------------------------ */
+
+struct piece {
+    const uint8_t *at;
+    size_t bytes;
+};
+
+static uint64_t varint(struct piece *from)
+{
+    uint64_t value = 0;
+    for (int shift = 0;; shift += 7) {
+        assert_true(from->bytes > 0 && shift < 70);
+        value |= (uint64_t)(*from->at & 0x7f) << shift;
+        from->bytes--;
+        if ((*from->at++ & 0x80) == 0) return value;
+    }
+}
+
+/* The n-th field of this number: its bytes, those of a number as little-endian. */
+static struct piece field(struct piece from, uint32_t number, int n)
+{
+    static uint8_t made[8][8];
+    static int turn;
+    while (from.bytes > 0) {
+        const uint64_t tag = varint(&from);
+        struct piece value = {from.at, (tag & 7) == 1 ? 8 : 4};
+        if ((tag & 7) == 0) {
+            const uint64_t found = varint(&from);
+            turn = (turn + 1) % 8;
+            memcpy(made[turn], &found, 8);
+            value = (struct piece){made[turn], 8};
+        } else {
+            if ((tag & 7) == 2) value.bytes = (size_t)varint(&from);
+            value.at = from.at;
+            assert_true(value.bytes <= from.bytes);
+            from.at += value.bytes;
+            from.bytes -= value.bytes;
+        }
+        if (tag >> 3 == number && n-- == 0) return value;
+    }
+    return (struct piece){NULL, 0};
+}
+
+static double double_of(struct piece from, uint32_t number)
+{
+    double value = 0;
+    const struct piece found = field(from, number, 0);
+    if (found.at != NULL) memcpy(&value, found.at, sizeof value);
+    return value;
+}
+
+static uint64_t number_of(struct piece from, uint32_t number)
+{
+    uint64_t value = 0;
+    const struct piece found = field(from, number, 0);
+    if (found.at != NULL) memcpy(&value, found.at, found.bytes);
+    return value;
+}
+
+static int64_t time_of(struct piece from)
+{
+    return (int64_t)number_of(from, 1) * SECOND + (int64_t)number_of(from, 2);
+}
+
+static void assert_text(struct piece found, const char *expected)
+{
+    assert_int_equal(found.bytes, strlen(expected));
+    assert_memory_equal(found.at, expected, found.bytes);
+}
+
+static struct piece payload(void)
+{
+    return (struct piece){packet + 13, bytes - 13};
+}
+
+/* ---- tests ----------------------------------------------------------------------------------- */
+
+static void a_pose_is_shown_in_the_map(void **state)
+{
+    const fovea_pose_t pose = pose_of(3 * SECOND);
+    (void)state;
+    take_pose(&pose);
+    subscribe("/R/pose", 7);
+    assert_true(data_of(7));
+    uint64_t stamp;
+    memcpy(&stamp, packet + 5, 8);
+    assert_int_equal(stamp, 3 * SECOND + 77);
+    assert_int_equal(time_of(field(payload(), 1, 0)), 3 * SECOND + 77);
+    assert_text(field(payload(), 2, 0), "map");
+    const struct piece at = field(payload(), 3, 0), position = field(at, 1, 0);
+    /* 2 R p + t, R a turn by 120 degrees about z */
+    const double c = -0.5, s = 0.86602540378443864676;
+    assert_true(fabs(double_of(position, 1) - (10 + 2 * (c * 1 - s * 2))) < 1e-12);
+    assert_true(fabs(double_of(position, 2) - (20 + 2 * (s * 1 + c * 2))) < 1e-12);
+    assert_true(fabs(double_of(position, 3) - 36) < 1e-12);
+    assert_true(double_of(field(at, 2, 0), 4) == 0.5); /* w is the last */
+    assert_true(double_of(field(at, 2, 0), 1) == 0);
+    subscribe("/R/transforms", 8);
+    assert_true(data_of(8));
+    assert_text(field(field(payload(), 1, 0), 3, 0), "body");
+    subscribe("/R/transforms", 9); /* refused: there is one */
+    until("subscribed already");
+    assert_false(data_of(9));
+    fovea_pose_t unknown = pose_of(4 * SECOND);
+    unknown.position[1] = NAN;
+    take_pose(&unknown);
+    assert_false(data_of(7));
+}
+
+static void a_grid_is_shown_when_all_its_rows_are_there(void **state)
+{
+    const fovea_pose_t pose = pose_of(SECOND);
+    (void)state;
+    take_grid(SECOND, 0, 4, 1); /* before there is a pose */
+    take_pose(&pose);
+    take_grid(SECOND, 0, 3, 11);
+    take_grid(2 * SECOND, 3, 1, 12); /* of another one */
+    take_grid(SECOND, 2, 2, 12);     /* twice the third row */
+    for (uint32_t i = 0; i < views.channel_count; i++)
+        assert_string_not_equal(views.channels[i].topic, "/R/grid");
+    take_grid(SECOND, 3, 1, -1);
+    subscribe("/R/grid", 3);
+    assert_true(data_of(3));
+    const struct piece cells = field(payload(), 9, 0), size = field(payload(), 5, 0);
+    assert_int_equal(cells.bytes, 20);
+    assert_int_equal((int8_t)cells.at[14], 11);
+    assert_int_equal((int8_t)cells.at[15], -1);
+    assert_int_equal(number_of(payload(), 4), 5);
+    assert_true(double_of(size, 1) == 0.5 && double_of(size, 2) == 0.5); /* in the map's unit */
+    const struct piece origin = field(field(payload(), 3, 0), 1, 0);
+    assert_true(fabs(double_of(origin, 1) - 9) < 1e-12); /* 10 + 2 cos 120 */
+    assert_text(field(field(payload(), 8, 0), 1, 0), "occupancy");
+}
+
+static void the_map_is_all_landmarks_so_far(void **state)
+{
+    (void)state;
+    take_map(0, 10, 3, (int32_t[]){1, 2, 9}); /* 9 is of another map */
+    take_map(10, 20, 1, (int32_t[]){15});
+    subscribe("/R/map", 1);
+    assert_true(data_of(1));
+    assert_int_equal(field(payload(), 6, 0).bytes, 3 * 12);
+    float x;
+    memcpy(&x, field(payload(), 6, 0).at + 24, 4);
+    assert_true(x == 2 * 15 + 1); /* own_scale p + own_position */
+    take_map(0, 10, 1, (int32_t[]){2});   /* 1 is gone */
+    take_map(90, 100, 2, (int32_t[]){-3, 100}); /* no slots */
+    assert_true(data_of(1));
+    assert_int_equal(field(payload(), 6, 0).bytes, 2 * 12);
+    assert_false(data_of(1));
+}
+
+static void the_log_says_changes_alone(void **state)
+{
+    fovea_pose_t pose = pose_of(SECOND);
+    (void)state;
+    take_pose(&pose);
+    take_pose(&pose);
+    pose.state = FOVEA_POSE_T_STATE_LOST;
+    take_pose(&pose);
+    subscribe("/R/log", 2);
+    assert_true(data_of(2));
+    assert_text(field(payload(), 3, 0), "pose: tracking");
+    assert_int_equal(number_of(payload(), 2), 2);
+    assert_true(data_of(2));
+    assert_text(field(payload(), 3, 0), "pose: lost");
+    assert_text(field(payload(), 4, 0), "pose");
+    assert_int_equal(number_of(payload(), 2), 3);
+    assert_false(data_of(2));
+    for (int i = 0; i < 1000; i++) { /* the last ones are kept */
+        pose.state = i % 2 == 0 ? FOVEA_POSE_T_STATE_TRACKING : FOVEA_POSE_T_STATE_LOST;
+        take_pose(&pose);
+    }
+    int lines = 0;
+    while (data_of(2))
+        lines++;
+    assert_int_equal(lines, FV_FOXGLOVE_LOG_MAX);
+}
+
+static void who_is_slow_gets_the_newest(void **state)
+{
+    (void)state;
+    for (int i = 1; i <= 3; i++) {
+        const fovea_pose_t pose = pose_of(i * SECOND);
+        take_pose(&pose);
+    }
+    subscribe("/R/pose", 7);
+    assert_true(data_of(7));
+    assert_int_equal(time_of(field(payload(), 1, 0)), 3 * SECOND + 77);
+    assert_false(data_of(7));
+    say("{\"op\":\"unsubscribe\",\"subscriptionIds\":[7]}");
+    const fovea_pose_t pose = pose_of(9 * SECOND);
+    take_pose(&pose);
+    assert_false(data_of(7));
+    assert_int_equal(client.time_ns, 9 * SECOND + 77); /* time goes on */
+}
+
+/* A frame, of noise; `wide`: wider than pages get. */
+static void frame(int32_t width)
+{
+    enum { HEIGHT = 48 };
+    uint8_t *pixels = malloc((size_t)width * HEIGHT);
+    assert_non_null(pixels);
+    for (int32_t i = 0; i < width * HEIGHT; i++)
+        pixels[i] = (uint8_t)((uint32_t)i * 2654435761U >> 13);
+    free((void *)(uintptr_t)store.picture.image.data);
+    store.picture.image = (struct fovea_image){.data = pixels,
+                                               .width = width,
+                                               .height = HEIGHT,
+                                               .stride_bytes = width,
+                                               .format = FOVEA_PIXEL_GREY8,
+                                               .size_bytes = (size_t)width * HEIGHT};
+    store.picture.number++;
+    store.picture.stamp_ns = now_ns;
+    fv_foxglove_views_picture(&views, now_ns);
+}
+
+static void pictures_fall_in_quality_and_keep_their_size(void **state)
+{
+    (void)state;
+    subscribe("/R/cam0/image", 4);
+    assert_true(fv_foxglove_watches(&client, &views));
+    const int32_t widths[] = {64, 1600};
+    for (int w = 0; w < 2; w++) {
+        frame(widths[w]);
+        assert_true(data_of(4));
+        assert_false(data_of(4));
+        const struct piece jpeg = field(payload(), 2, 0);
+        assert_text(field(payload(), 3, 0), "jpeg");
+        assert_text(field(payload(), 4, 0), "cam0");
+        const uint8_t *at = jpeg.at;
+        while (!(at[0] == 0xff && at[1] == 0xc0))
+            at++;
+        assert_int_equal(at[7] << 8 | at[8], widths[w]);
+    }
+    const uint64_t made = store.picture.made;
+    assert_int_equal(client.quality, 0);
+    for (int i = 0; i < 3; i++) { /* of two frames each, the client has time for one */
+        frame(64);
+        frame(64);
+        now_ns += SECOND;
+        assert_true(data_of(4));
+    }
+    assert_int_equal(client.quality, 2);
+    assert_int_equal(store.picture.made, made + 3);
+    for (int i = 0; i < 200; i++) {
+        frame(64);
+        now_ns += SECOND;
+        assert_true(data_of(4));
+    }
+    assert_int_equal(client.quality, 0);
+}
+
+static void channels_of_another_robot_are_others(void **state)
+{
+    const fovea_pose_t pose = pose_of(SECOND);
+    (void)state;
+    assert_true(next());
+    assert_non_null(strstr((char *)packet, "\"op\":\"serverInfo\""));
+    assert_non_null(strstr((char *)packet, "\"sessionId\":\"5\""));
+    take_pose(&pose);
+    subscribe("/R/pose", 7);
+    const uint32_t before = views.first_id, count = views.channel_count;
+    fv_foxglove_views_begin(&views, "R"); /* the same robot: they stay */
+    take_pose(&pose);
+    assert_true(data_of(7));
+    fv_foxglove_views_begin(&views, "S\"");
+    until("\"op\":\"unadvertise\"");
+    assert_int_equal(views.first_id, before + count);
+    until("\"topic\":\"/S?/cam0/image\"");
+    take_pose(&pose);
+    assert_false(data_of(7));
+}
+
+static void refusals_name_key_and_reason(void **state)
+{
+    (void)state;
+    drain();
+    const char *words = "{\"op\":\"setParameters\",\"parameters\":[{\"name\":\"seed\",\"value\":1}]}";
+    fv_foxglove_hear((const uint8_t *)words, strlen(words), false, &said);
+    assert_int_equal(said.op, FV_FOXGLOVE_SET);
+    fv_foxglove_do(&client, &shown, &said, "this token may only look", now_ns);
+    until("\"level\":2,\"message\":\"seed: this token may only look\"");
+    say("{\"op\":\"setParameters\",\"parameters\":[{\"name\":\"none.such\",\"value\":1}]}");
+    until("none.such: no key");
+    say("{\"op\":\"setParameters\",\"parameters\":[{\"name\":\"seed\",\"value\":{\"a\":1}}]}");
+    until("seed: found an object");
+    say("{\"op\":\"setParameters\",\"parameters\":[{\"name\":\"seed\",\"value\":\"AA==\","
+        "\"type\":\"byte_array\"}]}");
+    until("seed: found bytes");
+    say("{\"op\":\"getParameters\",\"parameterNames\":[\"\\u00e4\\\"\"]}");
+    until("no key");
+    say("{\"op\":\"advertise\",\"channels\":[]}");
+    until("clientPublish");
+    say("[]");
+    until("no object");
+    for (int i = 0; i < 100; i++)
+        say("{");
+    int lines = 0;
+    while (next())
+        lines += text && strstr((char *)packet, "\"status\"") != NULL;
+    assert_int_equal(lines, FV_FOXGLOVE_REPLIES);
+}
+
+static void values_are_written_as_a_configuration_has_them(void **state)
+{
+    static const struct {
+        const char *json, *value;
+    } cases[] = {{"0.1", "0.1"},   {"25", "25"},
+                 {"-3", "-3"},     {"1e-7", "1e-07"},
+                 {"true", "true"}, {"\"a b\"", "a b"},
+                 {"[1, 0.5, \"x\"]", "[1, 0.5, x]"}, {"[]", "[]"}};
+    char words[200];
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        snprintf(words, sizeof words,
+                 "{\"op\":\"setParameters\",\"parameters\":[{\"name\":\"k\",\"value\":%s}]}",
+                 cases[i].json);
+        fv_foxglove_hear((const uint8_t *)words, strlen(words), false, &said);
+        assert_int_equal(said.op, FV_FOXGLOVE_SET);
+        assert_null(said.refused[0]);
+        assert_string_equal(said.values[0], cases[i].value);
+    }
+}
+
+/* ---- strangers ------------------------------------------------------------------------------- */
+
+static const char *const words_of_clients[] = {
+    "{\"op\":\"subscribe\",\"subscriptions\":[{\"id\":1,\"channelId\":1},{\"id\":2,\"channelId\":2}]}",
+    "{\"op\":\"unsubscribe\",\"subscriptionIds\":[1,2]}",
+    "{\"op\":\"getParameters\",\"parameterNames\":[\"seed\",\"features.threshold\"],\"id\":\"one\"}",
+    "{\"op\":\"setParameters\",\"parameters\":[{\"name\":\"seed\",\"value\":{\"a\":[1]}}],\"id\":\"x\"}",
+    "{\"op\":\"subscribeParameterUpdates\",\"parameterNames\":[\"seed\"]}",
+    "{\"op\":\"unsubscribeParameterUpdates\",\"parameterNames\":[\"seed\"]}",
+    "{\"op\":\"advertise\",\"channels\":[{\"id\":1,\"topic\":\"/t\",\"encoding\":\"json\"}]}",
+    "{\"op\":\"fetchAsset\",\"uri\":\"package:\\/\\/x\",\"requestId\":1}",
+    "\x01\x05\x00\x00\x00 bytes", "\x02 call"};
+enum { WORDS = sizeof words_of_clients / sizeof words_of_clients[0] };
+
+static void damaged_words_do_no_harm(void **state)
+{
+    const char *wanted = getenv("FOVEA_LONG");
+    const int count = wanted != NULL ? (int)strtol(wanted, NULL, 10) : 1000;
+    const fovea_pose_t pose = pose_of(SECOND);
+    int wrong = 0;
+    (void)state;
+    take_pose(&pose);
+    for (int n = 0; n < count; n++) {
+        const char *words = words_of_clients[below(WORDS)];
+        const size_t whole = strlen(words);
+        uint8_t damaged[200];
+        memcpy(damaged, words, whole);
+        for (uint32_t i = 1 + below(4); i > 0; i--)
+            damaged[below(whole)] = (uint8_t)below(256);
+        const size_t kept = n % 3 == 0 ? below(whole + 1) : whole;
+        uint8_t *exact = malloc(kept > 0 ? kept : 1); /* asan sees what is read beyond */
+        assert_non_null(exact);
+        memcpy(exact, damaged, kept);
+        fv_foxglove_hear(exact, kept, n % 4 == 0, &said);
+        if (said.op == FV_FOXGLOVE_WRONG) wrong++;
+        assert_true(said.count <= FV_FOXGLOVE_NAMES);
+        fv_foxglove_do(&client, &shown, &said, n % 5 == 0 ? NULL : "no", now_ns);
+        for (int i = 0; i < 40 && next(); i++)
+            if (text) assert_true(packet[0] == '{' && packet[bytes - 1] == '}');
+        now_ns += SECOND;
+        free(exact);
+    }
+    assert_true(wrong > count / 2);
+}
+
+static void deep_and_long_words_are_refused(void **state)
+{
+    static char words[FV_FOXGLOVE_WORDS_BYTES + 2];
+    (void)state;
+    memset(words, '[', sizeof words);
+    fv_foxglove_hear((const uint8_t *)words, FV_FOXGLOVE_WORDS_BYTES, false, &said);
+    assert_int_equal(said.op, FV_FOXGLOVE_WRONG);
+    fv_foxglove_hear((const uint8_t *)words, FV_FOXGLOVE_WORDS_BYTES + 1, false, &said);
+    assert_non_null(strstr(said.problem, "more than 16384"));
+    fv_foxglove_hear((const uint8_t *)"", 0, false, &said);
+    assert_int_equal(said.op, FV_FOXGLOVE_WRONG);
+    char many[3000] = "{\"op\":\"unsubscribe\",\"subscriptionIds\":[0";
+    for (int i = 0; i < 64; i++)
+        strcat(many, ",1");
+    strcat(many, "]}");
+    fv_foxglove_hear((const uint8_t *)many, strlen(many), false, &said);
+    assert_non_null(strstr(said.problem, "found 65, expected at most 64"));
+}
+
+/* Whatever a recording or a network holds. */
+static void damaged_messages_do_no_harm(void **state)
+{
+    static const char *const channels[] = {"POSE", "MAP", "GRID", "CAMERA_POSE"};
+    static uint8_t whole[4][1 << 12];
+    size_t lengths[4];
+    const fovea_pose_t pose = pose_of(SECOND);
+    (void)state;
+    take_pose(&pose);
+    lengths[0] = lengths[3] = (size_t)length;
+    memcpy(whole[0], encoded, lengths[0]);
+    memcpy(whole[3], encoded, lengths[0]);
+    take_map(0, 10, 3, (int32_t[]){1, 2, 9});
+    lengths[1] = (size_t)length;
+    memcpy(whole[1], encoded, lengths[1]);
+    take_grid(SECOND, 0, 4, 1);
+    lengths[2] = (size_t)length;
+    memcpy(whole[2], encoded, lengths[2]);
+    for (int n = 0; n < 2000; n++) {
+        const int of = n % 4;
+        uint8_t *damaged = malloc(lengths[of]);
+        assert_non_null(damaged);
+        memcpy(damaged, whole[of], lengths[of]);
+        for (int i = 0; i < 3; i++) /* behind the type, or nothing would be decoded */
+            damaged[8 + below(lengths[of] - 8)] = (uint8_t)below(256);
+        fv_foxglove_views_take(&views, channels[of], damaged, lengths[of]);
+        free(damaged);
+        for (uint32_t i = 0; i < views.view_count; i++)
+            (void)fv_foxglove_views_made(&views, i, &bytes);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(a_pose_is_shown_in_the_map, begin, end),
+        cmocka_unit_test_setup_teardown(a_grid_is_shown_when_all_its_rows_are_there, begin, end),
+        cmocka_unit_test_setup_teardown(the_map_is_all_landmarks_so_far, begin, end),
+        cmocka_unit_test_setup_teardown(the_log_says_changes_alone, begin, end),
+        cmocka_unit_test_setup_teardown(who_is_slow_gets_the_newest, begin, end),
+        cmocka_unit_test_setup_teardown(pictures_fall_in_quality_and_keep_their_size, begin, end),
+        cmocka_unit_test_setup_teardown(channels_of_another_robot_are_others, begin, end),
+        cmocka_unit_test_setup_teardown(refusals_name_key_and_reason, begin, end),
+        cmocka_unit_test_setup_teardown(values_are_written_as_a_configuration_has_them, begin, end),
+        cmocka_unit_test_setup_teardown(damaged_words_do_no_harm, begin, end),
+        cmocka_unit_test_setup_teardown(deep_and_long_words_are_refused, begin, end),
+        cmocka_unit_test_setup_teardown(damaged_messages_do_no_harm, begin, end),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
