@@ -236,10 +236,15 @@ fuzz:  ## fuzz every parser of outside input for FUZZ_SECONDS each, under asan+u
 .PHONY: fuzzers
 FUZZ_HELP := $(call objs,tests/common/short_run.c tests/common/small_map.c)
 fuzzers: $(FUZZERS)
+# What strangers say to the page's server, but for what libwebsockets parses.
+FUZZ_WEB_O := $(call objs,$(filter-out src/web/server%.c src/web/pages.c src/web/assets.c src/web/certificate.c,$(WEB_C)))
+$(BUILD)/fuzz/fuzz_web: $(FUZZ_WEB_O)
+$(BUILD)/fuzz/fuzz_web: FUZZ_MORE := $(FUZZ_WEB_O)
+$(BUILD)/fuzz/fuzz_web: ORACLE_LIBS := -ljansson
 $(BUILD)/fuzz/%: $(BUILD)/obj/tests/fuzz/%.o $(FUZZ_HELP) $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
 	@mkdir -p $(@D)
 	@echo "  link $@"
-	$(Q)$(CXX) $(LDFLAGS) -pie -fsanitize=fuzzer -o $@ $< $(FUZZ_HELP) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group $(LIBS_APP)
+	$(Q)$(CXX) $(LDFLAGS) -pie -fsanitize=fuzzer -o $@ $< $(FUZZ_MORE) $(FUZZ_HELP) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group $(ORACLE_LIBS) $(LIBS_APP)
 
 bench:  ## install what is missing, then time every stage and kernel beside OpenCV: build/bench.json, the tables of docs/measured.md and src/kernels/MEASURED.md
 	@tools/install.sh build bench
@@ -565,7 +570,7 @@ TEST_HELP := $(call objs,$(filter-out tests/common/wrong_case.c tests/common/pro
 # The jar is tested where there is a Java to build it: 200 MB that no other test needs.
 JAR       := $(if $(and $(wildcard /usr/share/java/lcm.jar),$(shell command -v javac)),$(BUILD)/fovea-types.jar)
 .PHONY: tests
-tests: $(TESTS) $(EXAMPLES) $(BUILD)/subscribe $(BUILD)/command $(BUILD)/python/fovea/__init__.py $(if $(CROSS)$(SAN),,$(BUILD)/subscribe-cpp $(BUILD)/venv-lcm/ready $(BUILD)/venv-import/ready $(BUILD)/venv-mahotas/ready $(BUILD)/mcap-venv/ready $(if $(WEB),$(BUILD)/browser-venv/ready) $(JAR))
+tests: $(TESTS) $(EXAMPLES) $(BUILD)/subscribe $(BUILD)/command $(BUILD)/python/fovea/__init__.py $(if $(CROSS)$(SAN),,$(BUILD)/subscribe-cpp $(BUILD)/venv-lcm/ready $(BUILD)/venv-import/ready $(BUILD)/venv-mahotas/ready $(BUILD)/mcap-venv/ready $(if $(WEB),$(BUILD)/browser-venv/ready $(BUILD)/foxglove-venv/ready) $(JAR))
 
 # LCM for the Python subscriber comes from PyPI; where that cannot be reached its test says so and is skipped.
 $(BUILD)/venv-lcm/ready:
@@ -579,6 +584,10 @@ $(BUILD)/mcap-venv/ready:
 # What drives a browser through the page.
 $(BUILD)/browser-venv/ready:
 	@tools/browser_python.sh $(BUILD) >/dev/null || echo "found no Python package selenium: the page will not be tested in a browser"
+
+# Clients of Foxglove's protocol.
+$(BUILD)/foxglove-venv/ready:
+	@tools/foxglove_python.sh $(BUILD) >/dev/null || echo "found no Python packages foxglove-sdk and websockets: no client of theirs will be tested"
 
 # SURF to compare ours with: OpenCV's packages have none.
 $(BUILD)/venv-mahotas/ready:
