@@ -22,8 +22,8 @@ enum {
     QUALITIES = 3,
     DESCRIBED_BYTES = 8192
 };
-#define QUALITY_NS (FV_SECOND_NS / 2)  /* between two falls */
-#define BETTER_NS (3 * FV_SECOND_NS)   /* without a loss, before it rises; twice that each time */
+#define QUALITY_NS (FV_SECOND_NS / 2) /* between two falls */
+#define BETTER_NS (3 * FV_SECOND_NS)  /* without a loss, before it rises; twice that each time */
 #define BETTER_MAX_NS (60 * FV_SECOND_NS)
 #define DEADLINE_NS (20 * FV_SECOND_NS) /* of a request for every key of a slow run */
 
@@ -316,8 +316,7 @@ static size_t next_line(struct fv_foxglove_client *client, const struct fv_foxgl
     if (views->log_count - client->log_sent > FV_FOXGLOVE_LOG_MAX)
         client->log_sent = views->log_count - FV_FOXGLOVE_LOG_MAX;
     const uint64_t at = client->log_sent++ % FV_FOXGLOVE_LOG_MAX;
-    const size_t head =
-        put_head(client, (uint32_t)views->log_channel, views->log[at].time_ns, to);
+    const size_t head = put_head(client, (uint32_t)views->log_channel, views->log[at].time_ns, to);
     memcpy(to + head, views->log[at].data, views->log[at].bytes);
     return head + views->log[at].bytes;
 }
@@ -371,10 +370,9 @@ static size_t next_data(struct fv_foxglove_client *client, const struct fv_foxgl
     const uint32_t count = shown->views->view_count + 2;
     for (uint32_t n = 0; n < count; n++) {
         const uint32_t i = client->turn++ % count;
-        const size_t bytes =
-            i + 2 < count    ? next_view(client, shown->views, i, to, capacity)
-            : i + 2 == count ? next_line(client, shown->views, to)
-                             : next_picture(client, shown, to, capacity, now_ns);
+        const size_t bytes = i + 2 < count    ? next_view(client, shown->views, i, to, capacity)
+                             : i + 2 == count ? next_line(client, shown->views, to)
+                                              : next_picture(client, shown, to, capacity, now_ns);
         if (bytes > 0) return bytes;
     }
     return 0;

@@ -37,7 +37,7 @@ struct fv_foxglove_said {
     struct {
         uint32_t id, channel;
     } subscriptions[FV_FOXGLOVE_SUBSCRIPTIONS];
-    char names[FV_FOXGLOVE_NAMES][FV_FOXGLOVE_KEY_BYTES]; /* cut: then no key's */
+    char names[FV_FOXGLOVE_NAMES][FV_FOXGLOVE_KEY_BYTES];   /* cut: then no key's */
     char values[FV_FOXGLOVE_SETS][FV_FOXGLOVE_VALUE_BYTES]; /* as a configuration has them */
     const char *refused[FV_FOXGLOVE_SETS];                  /* why a value is none; NULL: it is */
 };

@@ -348,8 +348,8 @@ void fv_foxglove_make_detections(const struct fv_foxglove_views *views, const ui
     for (int32_t i = 0; i < all.count; i++) {
         const fovea_detection_t *one = &all.detections[i];
         snprintf(name, sizeof name, "%d", one->class_id);
-        snprintf(text, sizeof text, "%.63s %.2f", one->class_name[0] != '\0' ? one->class_name : name,
-                 (double)one->score);
+        snprintf(text, sizeof text, "%.63s %.2f",
+                 one->class_name[0] != '\0' ? one->class_name : name, (double)one->score);
         put_box_label(to, &one->box, (double)one->angle, text, time_ns, colour_of(one->class_id));
     }
     fovea_detections_t_decode_cleanup(&all);
@@ -368,8 +368,8 @@ void fv_foxglove_make_objects(const struct fv_foxglove_views *views, const uint8
     for (int32_t i = 0; i < all.count; i++) {
         const fovea_object_t *one = &all.objects[i];
         snprintf(name, sizeof name, "%d", one->class_id);
-        snprintf(text, sizeof text, "%.63s %lld", one->class_name[0] != '\0' ? one->class_name : name,
-                 (long long)one->id);
+        snprintf(text, sizeof text, "%.63s %lld",
+                 one->class_name[0] != '\0' ? one->class_name : name, (long long)one->id);
         put_box_label(to, &one->box, 0, text, time_ns, colour_of(one->id));
     }
     fovea_objects_t_decode_cleanup(&all);

@@ -1,6 +1,6 @@
-/* One message of ours as one of Foxglove's: what each topic of foxglove_views.h is made of, field by
- * field as tools/foxglove/views.py has it. Messages were checked as their type. What does not fit
- * sets `to->full`. */
+/* One message of ours as one of Foxglove's: what each topic of foxglove_views.h is made of, field
+ * by field as tools/foxglove/views.py has it. Messages were checked as their type. What does not
+ * fit sets `to->full`. */
 #ifndef FOVEA_WEB_FOXGLOVE_MAKE_H
 #define FOVEA_WEB_FOXGLOVE_MAKE_H
 

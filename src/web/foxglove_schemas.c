@@ -35,10 +35,22 @@ struct message {
 };
 
 #define TIMESTAMP "google.protobuf.Timestamp"
-#define ONE(name, number, type) {name, number, type, OPTIONAL, NULL}
-#define OF(name, number, of) {name, number, MESSAGE, OPTIONAL, of}
-#define MANY(name, number, of) {name, number, MESSAGE, REPEATED, of}
-#define KIND(name, number, of) {name, number, ENUMERATION, OPTIONAL, of}
+#define ONE(name, number, type)                                                                    \
+    {                                                                                              \
+        name, number, type, OPTIONAL, NULL                                                         \
+    }
+#define OF(name, number, of)                                                                       \
+    {                                                                                              \
+        name, number, MESSAGE, OPTIONAL, of                                                        \
+    }
+#define MANY(name, number, of)                                                                     \
+    {                                                                                              \
+        name, number, MESSAGE, REPEATED, of                                                        \
+    }
+#define KIND(name, number, of)                                                                     \
+    {                                                                                              \
+        name, number, ENUMERATION, OPTIONAL, of                                                    \
+    }
 
 static const struct message timestamp = {
     "Timestamp", {ONE("seconds", 1, INT64), ONE("nanos", 2, INT32)}, NULL, {NULL}};
@@ -69,9 +81,9 @@ static const struct message messages[] = {
      {NULL}},
     {"Grid",
      {OF("timestamp", 1, TIMESTAMP), ONE("frame_id", 2, TEXT), OF("pose", 3, "Pose"),
-      ONE("column_count", 4, FIXED32), OF("cell_size", 5, "Vector2"),
-      ONE("row_stride", 6, FIXED32), ONE("cell_stride", 7, FIXED32),
-      MANY("fields", 8, "PackedElementField"), ONE("data", 9, BYTES)},
+      ONE("column_count", 4, FIXED32), OF("cell_size", 5, "Vector2"), ONE("row_stride", 6, FIXED32),
+      ONE("cell_stride", 7, FIXED32), MANY("fields", 8, "PackedElementField"),
+      ONE("data", 9, BYTES)},
      NULL,
      {NULL}},
     {"Log",
@@ -88,14 +100,14 @@ static const struct message messages[] = {
     {"PointsAnnotation",
      {OF("timestamp", 1, TIMESTAMP), KIND("type", 2, "PointsAnnotation.Type"),
       MANY("points", 3, "Point2"), OF("outline_color", 4, "Color"),
-      MANY("outline_colors", 5, "Color"), OF("fill_color", 6, "Color"),
-      ONE("thickness", 7, DOUBLE), MANY("metadata", 8, "KeyValuePair")},
+      MANY("outline_colors", 5, "Color"), OF("fill_color", 6, "Color"), ONE("thickness", 7, DOUBLE),
+      MANY("metadata", 8, "KeyValuePair")},
      "Type",
      {"UNKNOWN", "POINTS", "LINE_LOOP", "LINE_STRIP", "LINE_LIST"}},
     {"TextAnnotation",
      {OF("timestamp", 1, TIMESTAMP), OF("position", 2, "Point2"), ONE("text", 3, TEXT),
-      ONE("font_size", 4, DOUBLE), OF("text_color", 5, "Color"),
-      OF("background_color", 6, "Color"), MANY("metadata", 7, "KeyValuePair")},
+      ONE("font_size", 4, DOUBLE), OF("text_color", 5, "Color"), OF("background_color", 6, "Color"),
+      MANY("metadata", 7, "KeyValuePair")},
      NULL,
      {NULL}},
     {"KeyValuePair", {ONE("key", 1, TEXT), ONE("value", 2, TEXT)}, NULL, {NULL}},
@@ -128,10 +140,13 @@ _Static_assert(sizeof messages / sizeof messages[0] <= MESSAGES_MAX, "a mark for
 
 const char *fv_foxglove_schema_name(enum fv_foxglove_schema schema)
 {
-    static const char *const names[FV_FOXGLOVE_SCHEMAS] = {
-        "foxglove.CompressedImage", "foxglove.ImageAnnotations", "foxglove.PoseInFrame",
-        "foxglove.FrameTransforms", "foxglove.PointCloud",       "foxglove.Grid",
-        "foxglove.Log"};
+    static const char *const names[FV_FOXGLOVE_SCHEMAS] = {"foxglove.CompressedImage",
+                                                           "foxglove.ImageAnnotations",
+                                                           "foxglove.PoseInFrame",
+                                                           "foxglove.FrameTransforms",
+                                                           "foxglove.PointCloud",
+                                                           "foxglove.Grid",
+                                                           "foxglove.Log"};
     return names[schema];
 }
 

@@ -1,6 +1,7 @@
 /* The schemas of Foxglove (docs.foxglove.dev/docs/visualization/message-schemas) that our messages
  * are shown by: names, numbers and types of their fields as the published ones have them, which a
- * test compares. Their text is not here: a client is sent a FileDescriptorSet made of this table. */
+ * test compares. Their text is not here: a client is sent a FileDescriptorSet made of this table.
+ */
 #ifndef FOVEA_WEB_FOXGLOVE_SCHEMAS_H
 #define FOVEA_WEB_FOXGLOVE_SCHEMAS_H
 

@@ -41,7 +41,8 @@ static int32_t channel_find(struct fv_foxglove_views *views, const char *topic, 
     snprintf(whole, sizeof whole, "%s%s", views->base, topic);
     for (uint32_t i = 0; i < views->channel_count; i++)
         if (strcmp(views->channels[i].topic, whole) == 0) return (int32_t)i;
-    if (views->channel_count == FV_FOXGLOVE_CHANNELS_MAX || strlen(whole) >= FV_FOXGLOVE_TOPIC_BYTES)
+    if (views->channel_count == FV_FOXGLOVE_CHANNELS_MAX ||
+        strlen(whole) >= FV_FOXGLOVE_TOPIC_BYTES)
         return -1;
     struct fv_foxglove_channel *made = &views->channels[views->channel_count];
     memcpy(made->topic, whole, strlen(whole) + 1);
@@ -151,8 +152,7 @@ static bool take_pose(struct fv_foxglove_views *views, const uint8_t *data, size
     fovea_pose_t pose;
     char number[8];
     if (fovea_pose_t_decode(data, 0, (int)bytes, &pose) < 0) return false;
-    log_change(views, &views->pose_state, pose.state, "pose",
-               name_of(names, 6, pose.state, number),
+    log_change(views, &views->pose_state, pose.state, "pose", name_of(names, 6, pose.state, number),
                pose.state == FOVEA_POSE_T_STATE_LOST || pose.state == FOVEA_POSE_T_STATE_WEAK,
                time_of(&pose.stamp));
     const bool known = fv_foxglove_make_known(&pose);
@@ -231,9 +231,8 @@ static bool rows_take(struct fv_foxglove_views *views, const fovea_grid_t *grid)
 {
     const int64_t cells = (int64_t)grid->width * grid->height;
     if (grid->width < 1 || grid->height < 1 || grid->width > SIDE_MAX || grid->height > SIDE_MAX ||
-        cells > FV_FOXGLOVE_VIEW_BYTES - 1000 ||
-        grid->row_count < 0 || grid->row_count > SIDE_MAX ||
-        grid->cell_count != grid->width * grid->row_count)
+        cells > FV_FOXGLOVE_VIEW_BYTES - 1000 || grid->row_count < 0 ||
+        grid->row_count > SIDE_MAX || grid->cell_count != grid->width * grid->row_count)
         return false;
     if (grid->first_row == 0) {
         int8_t *more = realloc(views->cells, (size_t)cells);
@@ -337,8 +336,7 @@ static size_t make_json(const struct fv_foxglove_view *view, char *to, size_t ca
 {
     struct fovea_error error;
     size_t length;
-    if (fovea_message_json(view->raw, view->raw_bytes, to, capacity, &length, &error) !=
-            FOVEA_OK ||
+    if (fovea_message_json(view->raw, view->raw_bytes, to, capacity, &length, &error) != FOVEA_OK ||
         length >= capacity)
         return 0;
     const char *rest = strchr(to, ',');

@@ -1,8 +1,8 @@
 /* What Foxglove and Lichtblick show of our messages: views of them in Foxglove's schemas, with the
  * topics, the meaning and the stamps of tools/foxglove/views.py, whose head lists them. A view is
- * made when a client wants it, once for all clients, of the message that came last; who is slow gets
- * the newest. Channels are made known when the first message of theirs comes, pictures and log at
- * once.
+ * made when a client wants it, once for all clients, of the message that came last; who is slow
+ * gets the newest. Channels are made known when the first message of theirs comes, pictures and log
+ * at once.
  *
  * Bounded: FV_FOXGLOVE_VIEWS_MAX views of at most FV_FOXGLOVE_VIEW_BYTES each, FV_FOXGLOVE_LOG_MAX
  * lines, the landmarks and the grid that a run can have. Messages are a stranger's, and checked as
@@ -41,7 +41,7 @@ struct fv_foxglove_view {
 };
 
 struct fv_foxglove_views {
-    uint32_t epoch; /* counts prefixes: channels of another one are others */
+    uint32_t epoch;                     /* counts prefixes: channels of another one are others */
     char base[FV_FOXGLOVE_TOPIC_BYTES]; /* of topics: "/FOVEA/" */
     uint32_t first_id;                  /* of the first channel; ids are never used again */
     uint32_t channel_count;
@@ -54,7 +54,7 @@ struct fv_foxglove_views {
     uint32_t view_count;
     struct fv_foxglove_view views[FV_FOXGLOVE_VIEWS_MAX];
 
-    uint8_t *scratch;                   /* of malloc: where a view is made */
+    uint8_t *scratch; /* of malloc: where a view is made */
 
     int64_t time_ns; /* the newest stamp, in UTC where that is known */
 
@@ -74,7 +74,7 @@ struct fv_foxglove_views {
     struct fv_foxglove_landmark {
         int32_t map; /* -1: there is none in this slot */
         float p[3];
-    } *landmarks; /* of malloc, by slot */
+    } * landmarks; /* of malloc, by slot */
     int32_t landmark_slots;
     int8_t *cells; /* of malloc: the grid whose rows are coming */
     int32_t cells_wide, cells_high, rows_there;

@@ -24,10 +24,10 @@ struct fv_web_relay {
     const char *path; /* of the feed's socket */
     struct fv_web_store *store;
     struct fv_foxglove_shown *foxglove; /* takes the same messages, the caller's; NULL: none */
-    struct fv_feed_reader *reader; /* NULL: there is no run now */
-    struct fv_web_player *player;  /* plays in place of a feed, the caller's; NULL: none */
-    struct fv_web_heard *heard;    /* a robot heard over LCM, likewise */
-    struct fovea_image played;     /* of malloc: a frame whose messages follow; data NULL: none */
+    struct fv_feed_reader *reader;      /* NULL: there is no run now */
+    struct fv_web_player *player;       /* plays in place of a feed, the caller's; NULL: none */
+    struct fv_web_heard *heard;         /* a robot heard over LCM, likewise */
+    struct fovea_image played; /* of malloc: a frame whose messages follow; data NULL: none */
     int64_t played_stamp_ns, played_sequence, picture_ns, told_ns;
     uint32_t rate_per_1000_s, wished;
     int64_t next_try_ns;

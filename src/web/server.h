@@ -4,10 +4,10 @@
  *
  * A request is answered only when its Host header names this server (access.h); a websocket is
  * opened only for our own page's origin; one of Foxglove's protocol also for the origins that the
- * caller names, and for programs that are no browser's page and state none. Where there are tokens, everything but the login page
- * needs one, in a cookie; of Foxglove's clients, which may have none, in the header Authorization
- * or in the query of the address, too. Connections, those of one address, headers and what a page may say are
- * bounded. */
+ * caller names, and for programs that are no browser's page and state none. Where there are tokens,
+ * everything but the login page needs one, in a cookie; of Foxglove's clients, which may have none,
+ * in the header Authorization or in the query of the address, too. Connections, those of one
+ * address, headers and what a page may say are bounded. */
 #ifndef FOVEA_WEB_SERVER_H
 #define FOVEA_WEB_SERVER_H
 

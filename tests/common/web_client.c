@@ -136,11 +136,12 @@ int web_open_protocol(const char *protocol, const char *path, const char *header
     size_t got = 0;
     *socket = web_connect();
     if (*socket < 0) return 0;
-    snprintf(request, sizeof request,
-             "GET %s HTTP/1.1\r\nHost: 127.0.0.1:%d\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
-             "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n"
-             "Sec-WebSocket-Protocol: %s\r\n%s\r\n",
-             path, WEB_PORT, protocol, headers);
+    snprintf(
+        request, sizeof request,
+        "GET %s HTTP/1.1\r\nHost: 127.0.0.1:%d\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+        "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n"
+        "Sec-WebSocket-Protocol: %s\r\n%s\r\n",
+        path, WEB_PORT, protocol, headers);
     if (web_send(*socket, request))
         while (got < sizeof answer - 1 && strstr(answer, "\r\n\r\n") == NULL &&
                recv(*socket, answer + got, 1, 0) == 1) /* what comes after is a frame's */

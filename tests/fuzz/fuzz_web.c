@@ -76,9 +76,10 @@ static void hear_foxglove(const uint8_t *data, size_t bytes, bool binary)
 static void take_message(uint8_t which, const uint8_t *data, size_t bytes)
 {
     static const char *const channels[] = {
-        "POSE",      "CAMERA_POSE", "FEATURES",      "DETECTIONS",       "OBJECTS", "KEYPOINTS",
-        "PREVIEW",   "MAP",         "GRID",          "STATISTICS",       "CAMERA_STATUS",
-        "DETECTIONS2", "KEYPOINTS2", "PARAMETER_RESULT"};
+        "POSE",       "CAMERA_POSE",     "FEATURES",      "DETECTIONS",
+        "OBJECTS",    "KEYPOINTS",       "PREVIEW",       "MAP",
+        "GRID",       "STATISTICS",      "CAMERA_STATUS", "DETECTIONS2",
+        "KEYPOINTS2", "PARAMETER_RESULT"};
     const char *channel = channels[which % (sizeof channels / sizeof channels[0])];
     size_t made;
     fv_foxglove_views_take(&views, channel, data, bytes);

@@ -288,7 +288,8 @@ static int subscribe(bool small)
     const int client = open_client("/", ""), few = 4096;
     if (small) setsockopt(client, SOL_SOCKET, SO_RCVBUF, &few, sizeof few);
     until_text(client, "/FOVEA/cam0/image");
-    assert_true(web_say(client, "{\"op\":\"subscribe\",\"subscriptions\":[{\"id\":1,\"channelId\":1}]}"));
+    assert_true(
+        web_say(client, "{\"op\":\"subscribe\",\"subscriptions\":[{\"id\":1,\"channelId\":1}]}"));
     until_text(client, "/FOVEA/cam0/features");
     const char *id = strstr((char *)frame, "\"id\":");
     assert_non_null(id);

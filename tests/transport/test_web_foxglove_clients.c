@@ -51,16 +51,17 @@ static bool has(const char *what)
     char path[600];
     snprintf(path, sizeof path, "%s/foxglove-venv/%s", build, what);
     if (getenv("FOVEA_EMULATED") == NULL && access(path, F_OK) == 0) return true;
-    printf("SKIPPED test_web_foxglove_clients: in part: it needs what tools/foxglove_python.sh gets (%s)\n",
-           what);
+    printf(
+        "SKIPPED test_web_foxglove_clients: in part: it needs what tools/foxglove_python.sh gets (%s)\n",
+        what);
     return false;
 }
 
 static void check(const char *arguments)
 {
     char command[1600];
-    snprintf(command, sizeof command, "%s/foxglove-venv/bin/python tests/transport/foxglove_check.py %s",
-             build, arguments);
+    snprintf(command, sizeof command,
+             "%s/foxglove-venv/bin/python tests/transport/foxglove_check.py %s", build, arguments);
     assert_int_equal(system(command), 0);
 }
 
@@ -162,7 +163,8 @@ int main(int argc, char **argv)
 {
     (void)argc;
     char path[512], command[200];
-    if (!web_possible("test_web_foxglove_clients") || !watched_possible("test_web_foxglove_clients"))
+    if (!web_possible("test_web_foxglove_clients") ||
+        !watched_possible("test_web_foxglove_clients"))
         return 0;
     snprintf(path, sizeof path, "%s", argv[0]); /* BUILD/tests/transport/NAME */
     snprintf(build, sizeof build, "%s", dirname(dirname(dirname(path))));

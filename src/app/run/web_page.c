@@ -69,10 +69,11 @@ enum fovea_status fv_web_page_start(const char *port, struct fv_settings *settin
                                "fovea run: --web: found '%.40s', expected a port from 0 to 65535",
                                port);
     if (!program_find(program, sizeof program))
-        return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                               "fovea run: --web: found no program fovea-web beside this one, "
-                               "expected it there (it is built where libwebsockets is installed: "
-                               "tools/install.sh web)");
+        return fovea_error_set(
+            error, FOVEA_ERROR_INPUT,
+            "fovea run: --web: found no program fovea-web beside this one, "
+            "expected it there (it is built where libwebsockets and jansson are: "
+            "tools/install.sh web)");
     socket_choose(settings);
     snprintf(process, sizeof process, "%d", (int)getpid());
     snprintf(rate, sizeof rate, "%u",

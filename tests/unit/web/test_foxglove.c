@@ -342,8 +342,8 @@ static void the_map_is_all_landmarks_so_far(void **state)
     assert_int_equal(field(payload(), 6, 0).bytes, 3 * 12);
     float x;
     memcpy(&x, field(payload(), 6, 0).at + 24, 4);
-    assert_true(x == 2 * 15 + 1); /* own_scale p + own_position */
-    take_map(0, 10, 1, (int32_t[]){2});   /* 1 is gone */
+    assert_true(x == 2 * 15 + 1);               /* own_scale p + own_position */
+    take_map(0, 10, 1, (int32_t[]){2});         /* 1 is gone */
     take_map(90, 100, 2, (int32_t[]){-3, 100}); /* no slots */
     assert_true(data_of(1));
     assert_int_equal(field(payload(), 6, 0).bytes, 2 * 12);
@@ -476,7 +476,8 @@ static void refusals_name_key_and_reason(void **state)
 {
     (void)state;
     drain();
-    const char *words = "{\"op\":\"setParameters\",\"parameters\":[{\"name\":\"seed\",\"value\":1}]}";
+    const char *words =
+        "{\"op\":\"setParameters\",\"parameters\":[{\"name\":\"seed\",\"value\":1}]}";
     fv_foxglove_hear((const uint8_t *)words, strlen(words), false, &said);
     assert_int_equal(said.op, FV_FOXGLOVE_SET);
     fv_foxglove_do(&client, &shown, &said, "this token may only look", now_ns);
@@ -506,10 +507,14 @@ static void values_are_written_as_a_configuration_has_them(void **state)
 {
     static const struct {
         const char *json, *value;
-    } cases[] = {{"0.1", "0.1"},   {"25", "25"},
-                 {"-3", "-3"},     {"1e-7", "1e-07"},
-                 {"true", "true"}, {"\"a b\"", "a b"},
-                 {"[1, 0.5, \"x\"]", "[1, 0.5, x]"}, {"[]", "[]"}};
+    } cases[] = {{"0.1", "0.1"},
+                 {"25", "25"},
+                 {"-3", "-3"},
+                 {"1e-7", "1e-07"},
+                 {"true", "true"},
+                 {"\"a b\"", "a b"},
+                 {"[1, 0.5, \"x\"]", "[1, 0.5, x]"},
+                 {"[]", "[]"}};
     char words[200];
     (void)state;
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
@@ -534,7 +539,8 @@ static const char *const words_of_clients[] = {
     "{\"op\":\"unsubscribeParameterUpdates\",\"parameterNames\":[\"seed\"]}",
     "{\"op\":\"advertise\",\"channels\":[{\"id\":1,\"topic\":\"/t\",\"encoding\":\"json\"}]}",
     "{\"op\":\"fetchAsset\",\"uri\":\"package:\\/\\/x\",\"requestId\":1}",
-    "\x01\x05\x00\x00\x00 bytes", "\x02 call"};
+    "\x01\x05\x00\x00\x00 bytes",
+    "\x02 call"};
 enum { WORDS = sizeof words_of_clients / sizeof words_of_clients[0] };
 
 static void damaged_words_do_no_harm(void **state)
