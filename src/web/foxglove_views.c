@@ -76,7 +76,7 @@ static struct fv_foxglove_view *view_find(struct fv_foxglove_views *views,
 
 static bool grow(uint8_t **data, size_t *capacity, size_t bytes)
 {
-    if (bytes <= *capacity && *data != NULL) return true;
+    if (bytes <= *capacity) return true;
     uint8_t *more = realloc(*data, bytes);
     if (more == NULL) return false;
     *data = more;
@@ -360,7 +360,7 @@ const uint8_t *fv_foxglove_views_made(struct fv_foxglove_views *views, uint32_t 
             view->kind->make(views, view->raw, view->raw_bytes, &to);
         else
             to.bytes = make_json(view, (char *)to.data, to.capacity);
-        if (!to.full && grow(&view->made, &view->made_capacity, to.bytes)) {
+        if (!to.full && to.bytes > 0 && grow(&view->made, &view->made_capacity, to.bytes)) {
             memcpy(view->made, to.data, to.bytes);
             view->made_bytes = to.bytes;
         }
