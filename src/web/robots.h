@@ -18,7 +18,7 @@ struct fv_web_robots {
         bool running; /* as last told */
         int state;
     } robots[FV_WEB_ROBOTS_MAX];
-    uint32_t version; /* counts changes of the text */
+    uint32_t version;                                              /* counts changes of the text */
     char text[FV_WEB_ROBOTS_MAX * (FV_WEB_ROBOT_NAME_BYTES + 64)]; /* of all, as a list in JSON */
 };
 
