@@ -81,6 +81,11 @@ kills() {
         FOVEA_KILLS=$(($1 < 200 ? $1 : 200)) FOVEA_LONG=$([ -n "$sample" ] || echo 1) "$build/tests/unit/app/run/test_black_box"
 }
 
+# The latency that the page of fovea-web shows, against blinks of a light seen in Chromium. It judges times: on a quiet machine.
+blinks() { # blinks COUNT
+    "$(tools/browser_python.sh $build)" tests/campaign/blinks.py $build "$1"
+}
+
 # Cameras on the fake device: unplugged over and over, and damaged motion JPEG under asan.
 cameras() { # cameras UNPLUGGED DAMAGED
     make --no-print-directory $build/tests/unit/drivers/test_v4l2_unplug || return 1
@@ -184,6 +189,7 @@ else
     part revisits tools/evaluate/revisits.sh
     part sweeps sweeps
     part packets packets 1000000
+    part blinks blinks 200
     part commands $build/tests/campaign/commands $build/fovea 1800
     part fuzz make --no-print-directory fuzz FUZZ_SECONDS=1200
     part networks tools/check_networks.sh "$build" 40

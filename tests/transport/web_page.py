@@ -22,13 +22,16 @@ ADDRESS = "http://127.0.0.1:7680/"
 PATIENCE_S = 60
 
 
+def module(*path):
+    """A program beside this one, as a module."""
+    spec = importlib.util.spec_from_file_location(path[-1], os.path.join(here, *path) + ".py")
+    loaded = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(loaded)
+    return loaded
+
+
 def reader():
-    """tools/subscribers/read_recording.py, as a module."""
-    path = os.path.join(here, "..", "..", "tools", "subscribers", "read_recording.py")
-    spec = importlib.util.spec_from_file_location("read_recording", path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return module("..", "..", "tools", "subscribers", "read_recording")
 
 
 def browser():
@@ -141,15 +144,15 @@ def check_box(page):
 
 
 def check_against_recording(found, path):
-    module = reader()
-    types = dict(module.read_types(module.RECORDING))
-    for _, _, channel, data in module.events(path):
+    recorded = reader()
+    types = dict(recorded.read_types(recorded.RECORDING))
+    for _, _, channel, data in recorded.events(path):
         if channel.endswith("RECORDING"):
-            parts = module.Reader(types, data).struct("fovea.recording_t")["parts"]
-            types.update(module.read_types(next(part["data"] for part in parts if part["name"] == "types").decode()))
+            parts = recorded.Reader(types, data).struct("fovea.recording_t")["parts"]
+            types.update(recorded.read_types(next(part["data"] for part in parts if part["name"] == "types").decode()))
         if not channel.endswith("_OBJECTS"):
             continue
-        message = module.Reader(types, data).struct("fovea.objects_t")
+        message = recorded.Reader(types, data).struct("fovea.objects_t")
         if message["stamp"]["time_ns"] != found["stamp"]:
             continue
         box = next(o["box"] for o in message["objects"] if o["id"] == found["id"])
@@ -419,6 +422,14 @@ def check_login(token):
         page.driver.quit()
 
 
+def check_blinks(page):
+    """A light that blinks is seen on the canvas, dark and light in turns, and the latency shown holds the 5 ms that its frames take to come."""
+    page.until("fovea.live.picture && fovea.live.picture.width === 640", "a picture of the light")
+    page.js(module("..", "campaign", "blinks").WATCH)
+    seen = page.until("seen.length >= 4 && seen", "blinks of the light")
+    assert all(a[1] != b[1] and a[0] < b[0] for a, b in zip(seen, seen[1:])) and all(5 <= said < 60_000 for _, _, said, _ in seen), seen
+
+
 def check_robots():
     """Several robots on one page: one of this host with its frames, which alone is paused; one that is heard over LCM by previews at the
     size of its frames, and a word that this is all; one that is silent."""
@@ -426,14 +437,16 @@ def check_robots():
     robots = [run("--set", "preview.level=1", "--set", "preview.period_frames=3"),
               subprocess.Popen([os.path.join(build, "fovea"), "run", "--source", "sim:orbit?frames=1000000&rate=5&width=320&height=240", "--rate",
                                 "real", "--quiet", "--picture", "none", "--set", "channel_prefix=SMALL", "--set", "web.socket=" + small])]
-    server, page = web("--feed", os.path.join(folder, "feed"), "--feed", small, "--lcm", "udpm://239.255.76.67:7667", "--prefix", "FOVEA",
+    blink = os.path.join(folder, "light.sock")
+    robots.append(subprocess.Popen([os.path.join(build, "tests", "campaign", "blinks"), blink], stdin=subprocess.PIPE, stdout=subprocess.DEVNULL))
+    server, page = web("--feed", os.path.join(folder, "feed"), "--feed", small, "--feed", blink, "--lcm", "udpm://239.255.76.67:7667", "--prefix", "FOVEA",
                        "--prefix", "SILENT"), None
     try:
         time.sleep(1)
         page = Page()
         page.driver.get(ADDRESS)
         said = "[...document.getElementById('robot-choice').options].map((option) => option.text).join(', ')"
-        page.until(f"globalThis.fovea && {said} === 'feed: tracking, small: tracking, FOVEA: tracking, SILENT: no run'", "what the robots do")
+        page.until(f"globalThis.fovea && {said} === 'feed: tracking, small: tracking, light: no pose yet, FOVEA: tracking, SILENT: no run'", "what the robots do")
 
         def choose(name):
             page.js("const choice = document.getElementById('robot-choice'), wanted = arguments[0] + ':';"
@@ -445,8 +458,10 @@ def check_robots():
         page.until("fovea.live.picture && fovea.live.picture.width === 320", "a picture of the second robot")
         page.driver.find_element(By.CSS_SELECTOR, "[data-command=pause]").click()
         page.until("document.getElementById('answer').textContent === 'pause: done'", "the answer of the second robot")
-        page.until(f"{said} === 'feed: tracking, small: paused, FOVEA: tracking, SILENT: no run'", "the pause of the second robot alone")
+        page.until(f"{said} === 'feed: tracking, small: paused, light: no pose yet, FOVEA: tracking, SILENT: no run'", "the pause of the second robot alone")
         check_accessible(page)
+        choose("light")
+        check_blinks(page)
         choose("FOVEA")
         page.until("document.getElementById('link').textContent === 'live, preview rate only' && fovea.live.picture"
                    " && document.getElementById('state').dataset.state === 'tracking'", "a preview")
