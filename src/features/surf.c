@@ -34,8 +34,7 @@ void fv_surf_carve(struct fv_surf *surf, const struct fovea_extract_config *conf
     surf->quality = config->quality;
     surf->upright = config->upright != 0;
     fv_surf_carve_integral(surf, arena);
-    for (int i = 0; i < 3; i++)
-        surf->sums[i] = fv_arena_take(arena, (size_t)surf->stride, sizeof *surf->sums[i]);
+    surf->sums = fv_arena_take(arena, 3 * (size_t)surf->stride, sizeof *surf->sums);
     surf->rows =
         fv_arena_take(arena, 3 * FV_SURF_LAYERS * (size_t)surf->stride, sizeof *surf->rows);
     /* Some are left out when they are refined. */
@@ -46,60 +45,19 @@ void fv_surf_carve(struct fv_surf *surf, const struct fovea_extract_config *conf
     surf->descriptors = fv_arena_take(arena, surf->count_max, FV_SURF_BYTES);
 }
 
-static const uint32_t *sums_above(const struct fv_surf *surf, int32_t y)
-{
-    return surf->integral + (ptrdiff_t)y * surf->stride;
-}
-
-/* Sums of the columns [from, end) of the three filters in row y, each of all to its left. */
-static void sum_columns(struct fv_surf *surf, int32_t side, int32_t y, int32_t from, int32_t end)
-{
-    const int32_t lobe = side / 3, half = side / 2, near = lobe / 2;
-    const uint32_t *wide0 = sums_above(surf, y - lobe + 1), *wide1 = sums_above(surf, y + lobe);
-    const uint32_t *all0 = sums_above(surf, y - half), *all1 = sums_above(surf, y + half + 1);
-    const uint32_t *in0 = sums_above(surf, y - near), *in1 = sums_above(surf, y + near + 1);
-    const uint32_t *up0 = sums_above(surf, y - lobe), *up1 = sums_above(surf, y);
-    const uint32_t *down0 = sums_above(surf, y + 1), *down1 = sums_above(surf, y + lobe + 1);
-    uint32_t *restrict xx = surf->sums[0], *restrict yy = surf->sums[1],
-                       *restrict xy = surf->sums[2];
-    for (int32_t x = from; x < end; x++) {
-        xx[x] = wide1[x] - wide0[x];
-        yy[x] = all1[x] - all0[x] - 3 * (in1[x] - in0[x]);
-        xy[x] = (up1[x] - up0[x]) - (down1[x] - down0[x]);
-    }
-}
-
-/* Determinants of every `step`-th column from the sums of a row's columns. */
-static inline void determinants(const uint32_t *xx, const uint32_t *yy, const uint32_t *xy,
-                                int32_t side, int32_t step, int32_t count, float *restrict out)
-{
-    const int32_t lobe = side / 3, half = side / 2, near = lobe / 2;
-    const float scale = 1.f / (float)(128 * side * side);
-    for (int32_t i = 0; i < count; i++) {
-        const int32_t x = i * step;
-        const int32_t sum_xx =
-            (int32_t)(xx[x + half + 1] - xx[x - half] - 3 * (xx[x + near + 1] - xx[x - near]));
-        const int32_t sum_yy = (int32_t)(yy[x + lobe] - yy[x - lobe + 1]);
-        const int32_t sum_xy = (int32_t)((xy[x] - xy[x - lobe]) - (xy[x + lobe + 1] - xy[x + 1]));
-        const float dxx = (float)sum_xx * scale, dyy = (float)sum_yy * scale,
-                    dxy = (float)sum_xy * scale;
-        out[i] = dxx * dyy - .81f * (dxy * dxy);
-    }
-}
-
 /* Determinants of row y, where the filter fits; `from` (on the grid) and `end` are columns of the
  * image. */
-static void respond(struct fv_surf *surf, int32_t side, int32_t y, int32_t step, int32_t from,
-                    int32_t end, float *out)
+static void respond(struct fv_surf *surf, const struct fv_kernels *kernels, int32_t side, int32_t y,
+                    int32_t step, int32_t from, int32_t end, float *out)
 {
-    const int32_t half = side / 2, count = (end - from + step - 1) / step;
-    sum_columns(surf, side, y, from - half, end + half + 1);
-    const uint32_t *xx = surf->sums[0] + from, *yy = surf->sums[1] + from,
-                   *xy = surf->sums[2] + from;
-    if (step == 1) /* a loop of its own, in vectors */
-        determinants(xx, yy, xy, side, 1, count, out + from);
-    else
-        determinants(xx, yy, xy, side, step, count, out + from / step);
+    const int32_t lobe = side / 3, half = side / 2, near = lobe / 2;
+    const int32_t at[FV_SURF_BOX_ROWS] = {1 - lobe, lobe,  -half, half + 1, -near,
+                                          near + 1, -lobe, 0,     1,        lobe + 1};
+    const uint32_t *rows[FV_SURF_BOX_ROWS];
+    for (int32_t k = 0; k < FV_SURF_BOX_ROWS; k++)
+        rows[k] = surf->integral + (ptrdiff_t)(y + at[k]) * surf->stride + from;
+    kernels->surf_row_f32(out + from / step, rows, side, step, (end - from + step - 1) / step,
+                          surf->sums);
 }
 
 /* Rows of determinants of an octave: three of each layer in turn. */
@@ -114,13 +72,15 @@ static int32_t first_of(int32_t side, int32_t step)
     return (side / 2 + step - 1) / step * step;
 }
 
-static void respond_layers(struct fv_surf *surf, const int32_t *side, int32_t step, int32_t row)
+static void respond_layers(struct fv_surf *surf, const struct fv_kernels *kernels,
+                           const int32_t *side, int32_t step, int32_t row)
 {
     const int32_t y = row * step;
     for (int32_t layer = 0; layer < FV_SURF_LAYERS; layer++) {
         const int32_t from = first_of(side[layer], step), half = side[layer] / 2;
         if (y >= from && y < surf->height - half && from < surf->width - half)
-            respond(surf, side[layer], y, step, from, surf->width - half, row_of(surf, layer, row));
+            respond(surf, kernels, side[layer], y, step, from, surf->width - half,
+                    row_of(surf, layer, row));
     }
 }
 
@@ -184,14 +144,15 @@ static float least_of(const struct fv_surf *surf, const struct fv_plane *image)
     return least > surf->hessian ? least : surf->hessian;
 }
 
-static void find(struct fv_surf *surf, const struct fv_plane *image, const struct fv_plane *mask)
+static void find(struct fv_surf *surf, const struct fv_kernels *kernels,
+                 const struct fv_plane *image, const struct fv_plane *mask)
 {
     const float least = least_of(surf, image);
     fv_strongest_begin(&surf->strongest);
     for (uint32_t octave = 0; octave < FV_SURF_OCTAVES; octave++) {
         const int32_t step = steps[octave], rows = (surf->height + step - 1) / step;
         for (int32_t row = 0; row < rows; row++) {
-            respond_layers(surf, sides[octave], step, row);
+            respond_layers(surf, kernels, sides[octave], step, row);
             for (int32_t layer = 1; layer < FV_SURF_LAYERS - 1; layer++)
                 search_row(surf, octave, layer, row - 1, least, mask);
         }
@@ -200,7 +161,8 @@ static void find(struct fv_surf *surf, const struct fv_plane *image, const struc
 }
 
 /* The determinants around a maximum again; false where the quadratic has its peak elsewhere. */
-static bool refine(struct fv_surf *surf, uint32_t i, struct fv_surf_point *point)
+static bool refine(struct fv_surf *surf, const struct fv_kernels *kernels, uint32_t i,
+                   struct fv_surf_point *point)
 {
     const int32_t key = fv_strongest_x(&surf->strongest, i);
     const int32_t x = key & ((1 << X_BITS) - 1), y = fv_strongest_y(&surf->strongest, i);
@@ -211,8 +173,8 @@ static bool refine(struct fv_surf *surf, uint32_t i, struct fv_surf_point *point
     for (int32_t s = 0; s < 3; s++)
         for (int32_t r = 0; r < 3; r++) {
             float *row = row_of(surf, 0, 0);
-            respond(surf, side[layer + s - 1], y + (r - 1) * step, step, x - step, x + step + 1,
-                    row);
+            respond(surf, kernels, side[layer + s - 1], y + (r - 1) * step, step, x - step,
+                    x + step + 1, row);
             for (int32_t c = 0; c < 3; c++)
                 values[s][r][c] = (double)row[x / step + c - 1];
         }
@@ -236,10 +198,10 @@ uint32_t fv_surf_run(struct fv_surf *surf, const struct fv_kernels *kernels,
 {
     uint32_t count = 0;
     fv_surf_integrate(surf, kernels, image);
-    find(surf, image, mask);
+    find(surf, kernels, image, mask);
     for (uint32_t i = 0; i < surf->strongest.count && count < surf->count_max; i++) {
         struct fv_surf_point point;
-        if (!refine(surf, i, &point)) continue;
+        if (!refine(surf, kernels, i, &point)) continue;
         const float angle = surf->upright ? 0 : fv_surf_orient(surf, &point);
         surf->features[count] = (struct fovea_local_feature){
             .x_px = (float)(surf->doubled ? point.x / 2 - .25 : point.x),

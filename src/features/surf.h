@@ -101,8 +101,8 @@ struct fv_surf {
     uint16_t *scratch;
     /* (height + 1) x (width + 1) sums of all above and to the left in 1/128 grey level, mod 2^32 */
     uint32_t *integral;
-    uint32_t *sums[3]; /* scratch of one row of a filter */
-    float *rows;       /* determinants: FV_SURF_LAYERS x 3 rows */
+    uint32_t *sums; /* scratch of one row of a filter */
+    float *rows;    /* determinants: FV_SURF_LAYERS x 3 rows */
     struct fv_strongest strongest;
     struct fv_surf_tables *tables;
     struct fovea_local_feature *features; /* count_max */

@@ -24,6 +24,7 @@
 #include "kernels/contracts/response.h"
 #include "kernels/contracts/scale.h"
 #include "kernels/contracts/squares.h"
+#include "kernels/contracts/surf.h"
 #include "kernels/contracts/nn.h"
 
 #ifdef __cplusplus
