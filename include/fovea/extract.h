@@ -53,7 +53,8 @@ struct fovea_extract_config {
      * not rotated against each other. Default 0 for ORB, SIFT and SURF, 1 for the others */
     uint32_t upright;
     /* [1, 8], default 8: of the pyramid (ORB). Each is due a part of count_max, falling by 5/6 from
-     * level to level; what one lacks is not made up for on others */
+     * level to level; what one lacks is not made up for on others. Octaves at most (SIFT; SURF has
+     * up to 4) */
     uint32_t levels;
     /* [2, 100] grey levels, default 20: of corners (ORB, FAST). Where FAST finds less than
      * count_max / 32 of them, corners of 7 fill up to that number. */

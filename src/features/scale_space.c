@@ -26,7 +26,7 @@ static void gauss_between(struct fv_scale_gauss *gauss, double from, double to)
 }
 
 void fv_scale_space_carve(struct fv_scale_space *space, int32_t width, int32_t height, bool doubled,
-                          struct fv_arena *arena)
+                          uint32_t most, struct fv_arena *arena)
 {
     const int32_t times = doubled ? 2 : 1;
     space->doubled = doubled;
@@ -40,8 +40,8 @@ void fv_scale_space_carve(struct fv_scale_space *space, int32_t width, int32_t h
     height *= times;
     space->row = fv_arena_take_raw(arena, (size_t)fv_scale_stride(width) + 2 * FV_SCALE_PAD,
                                    sizeof *space->row);
-    while (space->octaves < FV_SCALE_OCTAVES_MAX && width >= FV_SCALE_SIDE_MIN &&
-           height >= FV_SCALE_SIDE_MIN) {
+    while (space->octaves < FV_SCALE_OCTAVES_MAX && space->octaves < most &&
+           width >= FV_SCALE_SIDE_MIN && height >= FV_SCALE_SIDE_MIN) {
         struct fv_scale_octave *octave = &space->octave[space->octaves++];
         octave->width = width;
         octave->height = height;

@@ -40,10 +40,10 @@ struct fv_scale_space {
 /* Weights of a Gaussian, cut off at 4 sigma and at FV_SCALE_RADIUS_MAX. Init-only. */
 void fv_scale_gauss_make(struct fv_scale_gauss *gauss, double sigma);
 
-/* Take memory for images of this size; sides of octaves are at least FV_SCALE_SIDE_MIN. Fills
- * sizes, weights and addresses only. Init-only. */
+/* Take memory for images of this size; at most `most` octaves, whose sides are at least
+ * FV_SCALE_SIDE_MIN. Fills sizes, weights and addresses only. Init-only. */
 void fv_scale_space_carve(struct fv_scale_space *space, int32_t width, int32_t height, bool doubled,
-                          struct fv_arena *arena);
+                          uint32_t most, struct fv_arena *arena);
 
 /* Fill all levels. Real-time safe: time is proportional to the pixels. */
 void fv_scale_space_build(struct fv_scale_space *space, const struct fv_kernels *kernels,

@@ -10,7 +10,7 @@ enum { BORDER_PX = 5, STEPS_MAX = 5, ORIENTATIONS_MAX = 4 };
 void fv_sift_carve(struct fv_sift *sift, const struct fovea_extract_config *config, int32_t width,
                    int32_t height, struct fv_arena *arena)
 {
-    fv_scale_space_carve(&sift->space, width, height, config->doubled != 0, arena);
+    fv_scale_space_carve(&sift->space, width, height, config->doubled != 0, config->levels, arena);
     const size_t stride = (size_t)sift->space.octave[0].stride + 2 * FV_SCALE_PAD;
     sift->count_max = config->count_max;
     sift->room = config->count_max + config->count_max / 4 + 16;

@@ -30,6 +30,7 @@ void fv_surf_carve(struct fv_surf *surf, const struct fovea_extract_config *conf
     surf->width = surf->doubled ? 2 * width : width;
     surf->height = surf->doubled ? 2 * height : height;
     surf->count_max = config->count_max;
+    surf->octaves = config->levels < FV_SURF_OCTAVES ? config->levels : FV_SURF_OCTAVES;
     surf->hessian = config->hessian;
     surf->quality = config->quality;
     surf->upright = config->upright != 0;
@@ -149,7 +150,7 @@ static void find(struct fv_surf *surf, const struct fv_kernels *kernels,
 {
     const float least = least_of(surf, image);
     fv_strongest_begin(&surf->strongest);
-    for (uint32_t octave = 0; octave < FV_SURF_OCTAVES; octave++) {
+    for (uint32_t octave = 0; octave < surf->octaves; octave++) {
         const int32_t step = steps[octave], rows = (surf->height + step - 1) / step;
         for (int32_t row = 0; row < rows; row++) {
             respond_layers(surf, kernels, sides[octave], step, row);

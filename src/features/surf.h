@@ -91,7 +91,7 @@ struct fv_surf_tables {
 struct fv_surf {
     int32_t width, height; /* of the image, or of its double */
     int32_t stride;        /* elements of a row of the integral image */
-    uint32_t count_max;
+    uint32_t count_max, octaves;
     float hessian, quality;
     bool upright, doubled;
     struct fv_scale_gauss gauss; /* the smoothing, in pixels of the image */

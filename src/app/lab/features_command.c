@@ -99,7 +99,7 @@ static bool read_box(const char *text, struct fv_mask_box *box)
 
 int fv_command_features(int argc, char **argv)
 {
-    uint64_t max = 500;
+    uint64_t max = 500, levels = 0, distance = 0;
     const char *picture = NULL, *mask = NULL, *method = NULL, *descriptor = NULL;
     bool json = false, upright = false;
     struct fv_option_list ignored = {0};
@@ -112,6 +112,11 @@ int fv_command_features(int argc, char **argv)
         {"upright", NULL, FV_OPTION_FLAG, &upright,
          "leave orientations out (orb, sift, surf; others have none)"},
         {"max", "N", FV_OPTION_COUNT, &max, "most features to find (default 500)"},
+        {"levels", "N", FV_OPTION_POSITIVE, &levels,
+         "levels of the pyramid (orb), or octaves at most (sift, surf): 1 to 8 (default)"},
+        {"distance", "PIXELS", FV_OPTION_COUNT, &distance,
+         "spread corners: of two that are nearer only the stronger counts (harris, shi_tomasi; 0 to "
+         "256, default 0)"},
         {"mask", "FILE", FV_OPTION_TEXT, &mask,
          "PNG of the size of the picture, black where features are ignored"},
         {"ignore", "X,Y,X,Y", FV_OPTION_LIST, &ignored,
@@ -134,6 +139,8 @@ int fv_command_features(int argc, char **argv)
         fv_files_apart(written, read, &error) != FOVEA_OK)
         return fv_say_wrong("%s", error.text);
     if (upright) config.upright = 1;
+    if (levels > 0) config.levels = (uint32_t)(levels < UINT32_MAX ? levels : UINT32_MAX);
+    config.distance_px = (float)distance;
     struct fv_mask_box boxes[FV_OPTION_LIST_MAX];
     for (int i = 0; i < ignored.count; i++)
         if (!read_box(ignored.values[i], &boxes[i]))

@@ -177,7 +177,7 @@ static enum fovea_status read_request(const struct request *request,
     config->count_max = extract->count_max;
     config->ratio = (float)request->ratio / 100;
     config->cross_check = !request->no_cross_check;
-    int geometry = 0;
+    int geometry = request->geometry == NULL ? FOVEA_MATCH_FUNDAMENTAL : 0;
     while (request->geometry != NULL && geometry < FOVEA_MATCH_GEOMETRY_COUNT &&
            strcmp(request->geometry,
                   fovea_match_geometry_name((enum fovea_match_geometry)geometry)) != 0)
@@ -232,7 +232,7 @@ int fv_command_match(int argc, char **argv)
         {"no-cross-check", NULL, FV_OPTION_FLAG, &request.no_cross_check,
          "keep matches that are not the nearest in both directions too"},
         {"geometry", "NAME", FV_OPTION_TEXT, &request.geometry,
-         "any (default), homography (a plane, or a camera that turns), essential (a rigid scene and --focal), or fundamental (a rigid scene, unknown cameras)"},
+         "fundamental (default: a rigid scene, unknown cameras), homography (a plane, or a camera that turns), essential (a rigid scene and --focal), or any (matches are not verified)"},
         {"focal", "PIXELS", FV_OPTION_TEXT, &request.focal,
          "focal length of both pictures, for --geometry essential"},
         {"centre", "X,Y", FV_OPTION_TEXT, &request.centre,

@@ -481,6 +481,25 @@ static void orb_gives_of_each_level_the_best(void **state)
 }
 
 /* Squares of little contrast: none of the threshold, and a few are found all the same. */
+static void levels_bound_the_octaves_of_sift_and_surf(void **state)
+{
+    (void)state;
+    static const enum fovea_feature_method with[] = {FOVEA_FEATURES_SIFT, FOVEA_FEATURES_SURF};
+    draw_squares(5);
+    for (int m = 0; m < 2; m++) {
+        if (!is_built(with[m])) continue;
+        for (uint32_t levels = 1; levels <= 3; levels++) {
+            struct fovea_extract_config config = config_of(with[m], 500);
+            uint32_t highest = 0;
+            config.levels = levels;
+            const struct fovea_extracted found = run(&config, NULL);
+            for (uint32_t i = 0; i < found.count; i++)
+                highest = found.features[i].level > highest ? found.features[i].level : highest;
+            assert_int_equal(highest, levels - 1);
+        }
+    }
+}
+
 static void fast_finds_some_corners_where_all_are_weak(void **state)
 {
     (void)state;
@@ -557,6 +576,7 @@ int main(void)
         cmocka_unit_test(corners_keep_their_distance),
         cmocka_unit_test(the_measure_of_corners_is_that_of_harris),
         cmocka_unit_test(orb_gives_of_each_level_the_best),
+        cmocka_unit_test(levels_bound_the_octaves_of_sift_and_surf),
         cmocka_unit_test(fast_finds_some_corners_where_all_are_weak),
         cmocka_unit_test(wrong_parameters_are_named),
     };

@@ -149,6 +149,8 @@ static void wrong_input_is_reported(void **state)
     assert_int_equal(CALL(fv_command_features, "features", in, "--max", "0"), FV_EXIT_WRONG);
     assert_int_equal(CALL(fv_command_features, "features", in, "--ignore", "4,4,2"), FV_EXIT_WRONG);
     assert_int_equal(CALL(fv_command_features, "features", in, "--method", "shift"), FV_EXIT_WRONG);
+    assert_int_equal(CALL(fv_command_features, "features", in, "--levels", "9"), FV_EXIT_WRONG);
+    assert_int_equal(CALL(fv_command_features, "features", in, "--distance", "257"), FV_EXIT_WRONG);
     assert_int_equal(
         CALL(fv_command_features, "features", in, "--method", "sift", "--descriptor", "binary"),
         FV_EXIT_WRONG);
