@@ -31,6 +31,7 @@ static char folder[] = "/tmp/fovea_foxglove_XXXXXX";
 static char token_path[64], socket_path[64], recording[64];
 static uint8_t frame[FRAME_BYTES + 1];
 static size_t bytes;
+static struct watched watched;
 static pid_t running;
 
 static void start(const char *const *arguments)
@@ -48,6 +49,9 @@ static void end(void)
 static int tear_down(void **state)
 {
     (void)state;
+    if (watched.process > 0) kill(watched.process, SIGKILL);
+    if (watched.process > 0) waitpid(watched.process, NULL, 0);
+    watched.process = 0;
     if (running > 0 && kill(running, SIGKILL) == 0) waitpid(running, NULL, 0);
     running = 0;
     return 0;
@@ -191,6 +195,46 @@ static void there_is_room_for_eight(void **state)
     assert_int_equal(status, 101);
     for (int i = 0; i < ROOM; i++)
         close(clients[i]);
+    end();
+}
+
+/* Of two robots the second runs; each client is shown one. */
+static void an_address_says_which_robot(void **state)
+{
+    char other_path[80], feed[96];
+    (void)state;
+    snprintf(other_path, sizeof other_path, "%s/other", folder);
+    snprintf(feed, sizeof feed, "web.socket=%s", other_path);
+    const char *const arguments[] = {"--feed", socket_path, "--feed", other_path, NULL};
+    const char *const run[] = {"--source",
+                               "sim:orbit?width=160&height=120&frames=1000000",
+                               "--rate",
+                               "real",
+                               "--quiet",
+                               "--picture",
+                               "none",
+                               "--set",
+                               "loop.priority=0",
+                               "--set",
+                               "channel_prefix=T",
+                               "--set",
+                               feed,
+                               NULL};
+    start(arguments);
+    assert_int_equal(status_of(SDK, "/?robot=2", ""), 404);
+    assert_int_equal(status_of(SDK, "/?robot=-1", ""), 404);
+    const int first = open_client("/", ""), second = open_client("/?robot=1", "");
+    watched_start(&watched, "run", run);
+    until_text(second, "/T/pose");
+    assert_true(web_say(first, "{\"op\":\"none\"}"));
+    until_text(first, "\"serverInfo\"");
+    assert_int_equal(next(first), 1); /* and nothing of the other robot */
+    assert_non_null(strstr((char *)frame, "op: found 'none'"));
+    watched_interrupt(&watched);
+    assert_int_equal(watched_end(&watched), 0);
+    watched.process = 0;
+    close(first);
+    close(second);
     end();
 }
 
@@ -349,6 +393,7 @@ int main(int argc, char **argv)
         cmocka_unit_test_teardown(pages_come_from_listed_origins, tear_down),
         cmocka_unit_test_teardown(a_token_is_asked_for, tear_down),
         cmocka_unit_test_teardown(there_is_room_for_eight, tear_down),
+        cmocka_unit_test_teardown(an_address_says_which_robot, tear_down),
         cmocka_unit_test_teardown(long_words_come_in_pieces, tear_down),
         cmocka_unit_test_teardown(damaged_frames_do_no_harm, tear_down),
         cmocka_unit_test_teardown(who_does_not_read_slows_nobody, tear_down),

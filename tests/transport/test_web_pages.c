@@ -69,6 +69,7 @@ static void nothing_of_a_run_is_there(void **state)
     assert_int_equal(web_get("/app.js", "", answer), 404);
     assert_int_equal(web_get("/types", "", answer), 404);
     assert_int_equal(web_open(OURS, "", &socket), 404);
+    assert_int_equal(web_open_protocol("foxglove.sdk.v1", "/", "", &socket), 404);
     fv_web_pages_close(pages);
 }
 

@@ -79,6 +79,27 @@ static void only_our_page_is_an_origin(void **state)
     assert_false(fv_web_origin_is_ours("", "", false));
 }
 
+static void listed_origins_are_compared_whole(void **state)
+{
+    static const char *const wrong[] = {"app.foxglove.dev", "https://a/b", "https://a b", "://a",
+                                        "http:/a", "https://a/"};
+    const char *list = " https://app.foxglove.dev  http://localhost:8080 ";
+    (void)state;
+    assert_true(fv_web_origin_is_listed("https://app.foxglove.dev", list));
+    assert_true(fv_web_origin_is_listed("http://LOCALHOST:8080", list));
+    assert_false(fv_web_origin_is_listed("http://localhost:808", list));
+    assert_false(fv_web_origin_is_listed("http://localhost:80801", list));
+    assert_false(fv_web_origin_is_listed("", list));
+    assert_false(fv_web_origin_is_listed(" ", list));
+    assert_false(fv_web_origin_is_listed("https://app.foxglove.dev", NULL));
+    assert_int_equal(fv_web_origins_check(list, &error), FOVEA_OK);
+    assert_int_equal(fv_web_origins_check("null file:// app://lichtblick", &error), FOVEA_OK);
+    for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; i++) {
+        assert_int_equal(fv_web_origins_check(wrong[i], &error), FOVEA_ERROR_INPUT);
+        assert_non_null(strstr(error.text, "--origins: found '"));
+    }
+}
+
 static void a_cookie_is_found_by_its_whole_name(void **state)
 {
     char token[FV_WEB_TOKEN_DIGITS + 1];
@@ -187,6 +208,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(only_our_names_are_ours),
         cmocka_unit_test(only_our_page_is_an_origin),
+        cmocka_unit_test(listed_origins_are_compared_whole),
         cmocka_unit_test(a_cookie_is_found_by_its_whole_name),
         cmocka_unit_test(tokens_are_made_once_and_kept),
         cmocka_unit_test(a_wrong_file_of_tokens_is_refused),
