@@ -72,7 +72,7 @@ static void messages_are_those_of_views_py(void **state)
     if (!has("ready")) return;
     char command[1200];
     snprintf(command, sizeof command,
-             "%s/fovea run --source 'sim:orbit?width=320&height=240&frames=150' --model "
+             "%s/fovea run --source 'sim:orbit?width=320&height=240&frames=110' --model "
              "src/detect/shipped.fvm --quiet --picture none --set lcm_url= --set loop.priority=0 "
              "--set preview.period_frames=10 --set map_every=1 --record %s",
              build, recording);
