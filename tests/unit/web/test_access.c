@@ -82,7 +82,7 @@ static void only_our_page_is_an_origin(void **state)
 static void listed_origins_are_compared_whole(void **state)
 {
     static const char *const wrong[] = {"app.foxglove.dev", "https://a/b", "https://a b", "://a",
-                                        "http:/a", "https://a/"};
+                                        "http:/a",          "https://a/"};
     const char *list = " https://app.foxglove.dev  http://localhost:8080 ";
     (void)state;
     assert_true(fv_web_origin_is_listed("https://app.foxglove.dev", list));
