@@ -86,6 +86,11 @@ blinks() { # blinks COUNT
     "$(tools/browser_python.sh $build)" tests/campaign/blinks.py $build "$1"
 }
 
+# What browsers cost the loop: the same bits, and counted instructions.
+browsers() { # browsers FRAMES
+    "$(tools/browser_python.sh $build)" tests/campaign/browsers.py $build "$1"
+}
+
 # Cameras on the fake device: unplugged over and over, and damaged motion JPEG under asan.
 cameras() { # cameras UNPLUGGED DAMAGED
     make --no-print-directory $build/tests/unit/drivers/test_v4l2_unplug || return 1
@@ -190,6 +195,7 @@ else
     part sweeps sweeps
     part packets packets 1000000
     part blinks blinks 200
+    part browsers browsers 60
     part commands $build/tests/campaign/commands $build/fovea 1800
     part fuzz make --no-print-directory fuzz FUZZ_SECONDS=1200
     part networks tools/check_networks.sh "$build" 40
