@@ -52,6 +52,7 @@ void fv_web_client_show(struct fv_web_client *client, uint32_t robot, bool comma
     client->commands = commands;
     client->news = UINT32_MAX;
     client->path_epoch = UINT32_MAX;
+    client->camera = 0;
     client->robots_sent = client->sent = client->frame = client->playback = 0;
     forget_versions(client);
 }
@@ -105,11 +106,12 @@ static size_t next_hello(struct fv_web_client *client, const struct fv_web_store
     return (size_t)snprintf(
         to, capacity,
         "{\"kind\":\"hello\",\"version\":\"%s\",\"role\":\"%s\",\"commands\":%s,\"run\":%" PRIu32
-        ",\"running\":%s,\"previews\":%s,\"prefix\":\"%s\",\"robot\":%" PRIu32 "}",
+        ",\"running\":%s,\"previews\":%s,\"prefix\":\"%s\",\"robot\":%" PRIu32
+        ",\"cameras\":%" PRIu32 "}",
         FOVEA_VERSION, client->role == FV_WEB_OPERATE ? "operate" : "view",
         client->commands && client->role == FV_WEB_OPERATE ? "true" : "false", store->run,
         store->running ? "true" : "false", store->previews ? "true" : "false", prefix,
-        client->robot);
+        client->robot, store->cameras);
 }
 
 static size_t next_robots(struct fv_web_client *client, char *to, size_t capacity)
@@ -258,7 +260,7 @@ static uint8_t *put_points(uint8_t *at, const struct fv_web_picture *picture, in
 static size_t next_picture(struct fv_web_client *client, struct fv_web_store *store, uint8_t *to,
                            size_t capacity, int64_t now_ns)
 {
-    const struct fv_web_picture *picture = &store->picture;
+    struct fv_web_picture *picture = fv_web_store_picture(store, client->camera);
     size_t bytes = 0;
     if (picture->image.data == NULL || client->hidden) return 0;
     judge_class(client, picture->number, now_ns);
@@ -267,8 +269,8 @@ static size_t next_picture(struct fv_web_client *client, struct fv_web_store *st
     const uint8_t *jpeg;
     const size_t head = 64 + 5 * (size_t)FV_WEB_POINTS_MAX;
     const int64_t begin_ns = fv_clock_ns(CLOCK_MONOTONIC);
-    while ((jpeg = fv_web_store_jpeg(store, class, &bytes)) != NULL && head + bytes > capacity &&
-           class < FV_WEB_CLASSES - 1)
+    while ((jpeg = fv_web_picture_jpeg(picture, class, &bytes)) != NULL &&
+           head + bytes > capacity && class < FV_WEB_CLASSES - 1)
         class ++;
     now_ns += fv_clock_ns(CLOCK_MONOTONIC) - begin_ns; /* what the JPEG took, if this one made it */
     client->sent = picture->number;
@@ -427,6 +429,10 @@ enum fv_web_said fv_web_client_hear(struct fv_web_client *client, const char *wo
     } else if (strcmp(verb, "pictures") == 0) {
         client->hidden = number == 0;
         client->unacked_count = 0;
+    } else if (strcmp(verb, "camera") == 0) {
+        client->camera = number < FOVEA_CAMERAS_MAX ? number : 0;
+        client->sent = client->frame = client->unacked_count = 0;
+        fv_web_client_reply(client, "{\"kind\":\"camera\",\"camera\":%" PRIu32 "}", client->camera);
     } else if (strcmp(verb, "robot") == 0) {
         command->request = number;
         return FV_WEB_SAID_ROBOT;

@@ -11,8 +11,10 @@
  * (picture N is on the screen), "ping TEXT", "pictures 0|1", "command REQUEST WORD..." with the
  * words of docs/messages.md, "parameter REQUEST once|keep KEY [VALUE]" (without a value it asks for
  * the one in force), "map REQUEST [FILE]" (without a file it asks for the list of those that can be
- * loaded), "robot N" (shows another one), and of a recording that is played "play REQUEST
- * pause|resume|seek MS|speed FACTOR"; how it stands is sent as JSON, "playback".
+ * loaded), "robot N" and
+ * "camera N" (shows another one; a reply of kind "camera" comes before its pictures), and of a
+ * recording that is played "play REQUEST pause|resume|seek MS|speed FACTOR"; how it stands is sent
+ * as JSON, "playback".
  *
  * At most two pictures are on their way. Where the link is too slow for that, the class of size and
  * quality falls, then pictures are left out; messages go first. */
@@ -47,7 +49,8 @@ struct fv_web_client {
     char replies[FV_WEB_REPLIES][FV_WEB_REPLY_BYTES]; /* texts that wait: a ring */
     uint32_t reply_first, reply_count;
 
-    bool hidden; /* the page is, and wants no pictures */
+    bool hidden;     /* the page is, and wants no pictures */
+    uint32_t camera; /* of the rig, whose pictures it gets */
     int picture_class;
     uint32_t sent, frame; /* pictures: last sent, last that was there */
     uint32_t unacked_count;

@@ -308,15 +308,8 @@ void fv_web_relay_picture(struct fv_web_relay *relay, const struct fovea_image *
                           int64_t stamp_ns, int64_t sequence, int64_t age_ns)
 {
     struct fv_web_picture *picture = &relay->store->picture;
-    free((void *)(uintptr_t)picture->image.data);
-    picture->image = *image;
-    picture->number = picture->number < UINT32_MAX ? picture->number + 1 : 1;
-    picture->stamp_ns = stamp_ns;
-    picture->sequence = sequence;
-    picture->age_ns = age_ns;
-    picture->taken_ns = fv_clock_ns(CLOCK_MONOTONIC);
+    fv_web_picture_take(picture, image, stamp_ns, sequence, age_ns);
     if (relay->foxglove != NULL) fv_foxglove_views_picture(relay->foxglove->views, stamp_ns);
-    picture->point_count = 0;
     for (int i = 0; i < FV_WEB_OVERLAYS; i++) {
         if (relay->overlays[i].stamp_ns != stamp_ns) continue;
         picture->point_count = relay->overlays[i].count;
@@ -325,14 +318,33 @@ void fv_web_relay_picture(struct fv_web_relay *relay, const struct fovea_image *
     }
 }
 
+/* The pictures of the further cameras that somebody looks at. */
+static void take_others(struct fv_web_relay *relay, const struct fv_feed_frame *frame,
+                        const uint8_t *images)
+{
+    struct fv_web_store *store = relay->store;
+    for (uint32_t camera = 1; camera < frame->image_count && camera < FOVEA_CAMERAS_MAX; camera++) {
+        struct fovea_image image;
+        if ((relay->cameras >> camera & 1) == 0 ||
+            fv_frame_image(frame, images, camera, &image, NULL) != FOVEA_OK)
+            continue;
+        fv_web_picture_take(fv_web_store_picture(store, camera), &image, frame->stamp_ns,
+                            frame->sequence, age_of(frame));
+    }
+}
+
 static bool take_frame(struct fv_web_relay *relay)
 {
     struct fv_feed_frame frame;
     const uint8_t *images;
     struct fovea_image image;
-    if (fv_feed_reader_frame(relay->reader, &frame, &images) != FOVEA_OK ||
-        fv_frame_image(&frame, images, &image, NULL) != FOVEA_OK)
-        return false;
+    if (fv_feed_reader_frame(relay->reader, &frame, &images) != FOVEA_OK) return false;
+    if (frame.image_count != relay->store->cameras && frame.image_count <= FOVEA_CAMERAS_MAX) {
+        relay->store->cameras = frame.image_count;
+        relay->store->news++;
+    }
+    take_others(relay, &frame, images);
+    if (fv_frame_image(&frame, images, 0, &image, NULL) != FOVEA_OK) return relay->cameras > 1;
     fv_web_relay_picture(relay, &image, frame.stamp_ns, frame.sequence, age_of(&frame));
     return true;
 }
@@ -405,7 +417,7 @@ static void hold_frame(struct fv_web_relay *relay, const struct fovea_frame *fra
     drop_played(relay);
     if (!watched || now_ns - relay->picture_ns < FV_SECOND_NS * 1000 / relay->rate_per_1000_s)
         return;
-    if (fv_frame_image(&head, from->data, &relay->played, NULL) != FOVEA_OK) {
+    if (fv_frame_image(&head, from->data, 0, &relay->played, NULL) != FOVEA_OK) {
         relay->played.data = NULL;
         return;
     }

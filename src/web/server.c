@@ -245,6 +245,18 @@ static const struct lws_protocols protocols[] = {
 /* A page that is gone is noticed, and its place is free again. */
 static const lws_retry_bo_t liveness = {.secs_since_valid_ping = 10, .secs_since_valid_hangup = 25};
 
+/* Which cameras of each robot somebody looks at. */
+static void wish_cameras(struct fv_web_server *server)
+{
+    for (uint32_t i = 0; i < server->setup.robots->count; i++)
+        server->setup.robots->robots[i].relay->cameras = 0;
+    for (int i = 0; i < FV_WEB_CLIENTS_MAX; i++) {
+        const struct fv_web_client *client = &server->clients[i].client;
+        if (server->clients[i].socket != NULL && !client->hidden)
+            shown_to(server, client)->cameras |= UINT32_C(1) << client->camera;
+    }
+}
+
 static void tick(lws_sorted_usec_list_t *timer)
 {
     struct fv_web_server *server = lws_container_of(timer, struct fv_web_server, timer);
@@ -256,6 +268,7 @@ static void tick(lws_sorted_usec_list_t *timer)
             server->clients[i].socket != NULL && !server->clients[i].client.hidden;
     }
     any |= fv_web_foxglove_any(server, watched);
+    wish_cameras(server);
     const int64_t now_ns = fv_clock_ns(CLOCK_MONOTONIC);
     server->changed |= fv_web_robots_tick(server->setup.robots, watched, &pictured);
     fv_web_foxglove_tick(server);

@@ -5,6 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "drivers/clock.h"
+
 static struct fv_web_row *row_find(struct fv_web_store *store, const char *channel, int32_t piece)
 {
     for (uint32_t i = 0; i < store->row_count; i++)
@@ -98,8 +100,12 @@ static void forget(struct fv_web_store *store)
     store->row_count = 0;
     store->log_count = 0;
     fv_web_store_path_begin(store);
-    free((void *)(uintptr_t)store->picture.image.data);
-    store->picture.image.data = NULL;
+    for (uint32_t camera = 0; camera < FOVEA_CAMERAS_MAX; camera++) {
+        struct fv_web_picture *picture = fv_web_store_picture(store, camera);
+        free((void *)(uintptr_t)picture->image.data);
+        picture->image.data = NULL;
+    }
+    store->cameras = 0;
 }
 
 void fv_web_store_begin(struct fv_web_store *store, const char *prefix)
@@ -117,9 +123,32 @@ void fv_web_store_end(struct fv_web_store *store)
     store->news++;
 }
 
+struct fv_web_picture *fv_web_store_picture(struct fv_web_store *store, uint32_t camera)
+{
+    return camera == 0 || camera >= FOVEA_CAMERAS_MAX ? &store->picture
+                                                      : &store->others[camera - 1];
+}
+
+void fv_web_picture_take(struct fv_web_picture *picture, const struct fovea_image *image,
+                         int64_t stamp_ns, int64_t sequence, int64_t age_ns)
+{
+    free((void *)(uintptr_t)picture->image.data);
+    picture->image = *image;
+    picture->number = picture->number < UINT32_MAX ? picture->number + 1 : 1;
+    picture->stamp_ns = stamp_ns;
+    picture->sequence = sequence;
+    picture->age_ns = age_ns;
+    picture->taken_ns = fv_clock_ns(CLOCK_MONOTONIC);
+    picture->point_count = 0;
+}
+
 const uint8_t *fv_web_store_jpeg(struct fv_web_store *store, int picture_class, size_t *bytes)
 {
-    struct fv_web_picture *picture = &store->picture;
+    return fv_web_picture_jpeg(&store->picture, picture_class, bytes);
+}
+
+const uint8_t *fv_web_picture_jpeg(struct fv_web_picture *picture, int picture_class, size_t *bytes)
+{
     if (picture->image.data == NULL) return NULL;
     if (picture->jpeg[picture_class].number != picture->number) {
         picture->jpeg[picture_class].number = picture->number;

@@ -11,6 +11,7 @@
 #include <stdint.h>
 
 #include "fovea/image.h"
+#include "fovea/rig.h"
 #include "message/message.h"
 #include "web/jpeg.h"
 #include "web/player.h"
@@ -72,7 +73,9 @@ struct fv_web_store {
         char text[FV_WEB_LOG_BYTES];
     } log[FV_WEB_LOG_MAX];
 
-    struct fv_web_picture picture;
+    struct fv_web_picture picture; /* of the first camera */
+    struct fv_web_picture others[FOVEA_CAMERAS_MAX - 1];
+    uint32_t cameras; /* of the rig; 0: not known */
     struct fv_web_playback playback;
     bool previews;             /* pictures are previews, heard over LCM */
     uint32_t playback_version; /* counts its changes; 0: a run is shown, no recording */
@@ -108,6 +111,15 @@ void fv_web_store_log(struct fv_web_store *store, int64_t utime, const char *for
 /* Forget all, for another run, whose channels begin with `prefix`; or the run has ended. */
 void fv_web_store_begin(struct fv_web_store *store, const char *prefix);
 void fv_web_store_end(struct fv_web_store *store);
+
+/* That of a camera of the rig; of those that it has not, the first's. */
+struct fv_web_picture *fv_web_store_picture(struct fv_web_store *store, uint32_t camera);
+/* Another frame, without features; the image, of malloc, becomes the picture's. */
+void fv_web_picture_take(struct fv_web_picture *picture, const struct fovea_image *image,
+                         int64_t stamp_ns, int64_t sequence, int64_t age_ns);
+/* Its JPEG in a class, as below. */
+const uint8_t *fv_web_picture_jpeg(struct fv_web_picture *picture, int picture_class,
+                                   size_t *bytes);
 
 /* The JPEG of the newest frame in a class, made now if nobody asked before. NULL: none. */
 const uint8_t *fv_web_store_jpeg(struct fv_web_store *store, int picture_class, size_t *bytes);

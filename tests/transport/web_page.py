@@ -435,7 +435,7 @@ def check_robots():
     size of its frames, and a word that this is all; one that is silent."""
     small = os.path.join(folder, "small.sock")
     robots = [run("--set", "preview.level=1", "--set", "preview.period_frames=3"),
-              subprocess.Popen([os.path.join(build, "fovea"), "run", "--source", "sim:orbit?frames=1000000&rate=5&width=320&height=240", "--rate",
+              subprocess.Popen([os.path.join(build, "fovea"), "run", "--source", "sim:orbit?frames=1000000&rate=5&width=320&height=240&baseline=0.1", "--rate",
                                 "real", "--quiet", "--picture", "none", "--set", "channel_prefix=SMALL", "--set", "web.socket=" + small])]
     blink = os.path.join(folder, "light.sock")
     robots.append(subprocess.Popen([os.path.join(build, "tests", "campaign", "blinks"), blink], stdin=subprocess.PIPE, stdout=subprocess.DEVNULL))
@@ -459,6 +459,11 @@ def check_robots():
         page.driver.find_element(By.CSS_SELECTOR, "[data-command=pause]").click()
         page.until("document.getElementById('answer').textContent === 'pause: done'", "the answer of the second robot")
         page.until(f"{said} === 'feed: tracking, small: paused, light: no pose yet, FOVEA: tracking, SILENT: no run'", "the pause of the second robot alone")
+        before = page.until("document.getElementById('camera-choice').options.length === 2 && fovea.live.context.getImageData(0, 0, 320, 60).data.join()",
+                            "a picture of the first camera")
+        page.js("const choice = document.getElementById('camera-choice'); choice.selectedIndex = 1; choice.dispatchEvent(new Event('change'))")
+        page.until("fovea.live.camera === 1 && fovea.live.picture && fovea.live.context.getImageData(0, 0, 320, 60).data.join()"
+                   f" !== {json.dumps(before)}", "a picture of the second camera")
         check_accessible(page)
         choose("light")
         check_blinks(page)

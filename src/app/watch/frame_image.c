@@ -78,18 +78,20 @@ static enum fovea_status jpeg_decode(const uint8_t *data, size_t bytes, struct f
 }
 
 enum fovea_status fv_frame_image(const struct fv_feed_frame *frame, const uint8_t *images,
-                                 struct fovea_image *image, struct fovea_error *error)
+                                 uint32_t camera, struct fovea_image *image,
+                                 struct fovea_error *error)
 {
-    const struct fv_feed_image *from = &frame->images[0];
+    const struct fv_feed_image *from = &frame->images[camera < FOVEA_CAMERAS_MAX ? camera : 0];
     const struct fovea_image raw = {.data = images + from->offset,
                                     .width = from->width,
                                     .height = from->height,
                                     .stride_bytes = from->stride_bytes,
                                     .format = (enum fovea_pixel_format)from->format,
                                     .size_bytes = from->bytes};
-    if (frame->image_count == 0 || from->bytes == 0 || fovea_image_check(&raw) != FOVEA_OK)
+    if (frame->image_count <= camera || from->bytes == 0 || fovea_image_check(&raw) != FOVEA_OK)
         return fovea_error_set(error, FOVEA_ERROR_UNSUPPORTED,
-                               "found no image of the first camera in the feed, expected one");
+                               "found no image of cam%u in the feed, expected one",
+                               (unsigned)camera);
     if (raw.format == FOVEA_PIXEL_MJPEG) return jpeg_decode(raw.data, raw.size_bytes, image, error);
     const bool reversed = raw.format == FOVEA_PIXEL_BGR24,
                colour = reversed || raw.format == FOVEA_PIXEL_RGB24;

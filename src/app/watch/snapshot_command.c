@@ -130,7 +130,7 @@ static enum fovea_status take_frame(struct fv_bus *bus, struct snapshot *snapsho
     snapshot->stamp.sequence = frame.sequence;
     snapshot->scale = 1;
     snapshot->taken = true;
-    return fv_frame_image(&frame, images, &snapshot->image, error);
+    return fv_frame_image(&frame, images, 0, &snapshot->image, error);
 }
 
 /* Listen until a picture has come. */

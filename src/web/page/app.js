@@ -94,6 +94,7 @@ function showStatistics(message) {
 const link = new Link(types, {
   link: (state) => {
     showLink(state === "live" ? "waiting" : "gone", state === "live" ? "connected" : "fovea-web does not answer");
+    if (state !== "live") live.camera = 0; // as of a new connection
     if (state !== "live") allow({ commands: false, running: false, role: "operate" });
     if (state !== "live" && shown.opened === undefined) fetch("/").then((answer) => answer.status === 401 && location.reload(), () => 0);
     shown.opened = state === "live" ? true : undefined;
@@ -102,7 +103,7 @@ const link = new Link(types, {
     if (hello.run !== shown.run || hello.robot !== shown.robot) forget();
     shown.run = hello.run;
     if (hello.robot !== shown.robot) {
-      live.clear();
+      live.look(0);
       maps.allow(false); // those of another
       byId("no-picture").hidden = false;
     }
@@ -111,10 +112,15 @@ const link = new Link(types, {
     byId("actions").hidden = byId("parameters").hidden = hello.previews; // a robot that is heard only
     if (!hello.running) byId("no-picture").hidden = false;
     byId("no-picture").textContent = hello.running ? "Waiting for a picture" : "There is no run";
+    showCameras(hello.cameras);
     allow(hello);
     playback.allow(hello.role);
   },
   robots: (message) => robots.show(message),
+  camera: ({ camera }) => {
+    live.look(camera);
+    byId("no-picture").hidden = false;
+  },
   log: logLine,
   playback: (message) => {
     playback.show(message);
@@ -177,6 +183,15 @@ function showScene() {
 }
 
 globalThis.fovea = { live, scene, link, parameters }; // for the console, and for tests
+
+// Those of the rig, of which the first is shown at each connection.
+function showCameras(count) {
+  const select = byId("camera-choice");
+  select.hidden = count < 2;
+  if (select.options.length !== count) select.replaceChildren(...Array.from({ length: count }, (_, i) => new Option("cam" + i)));
+  select.selectedIndex = live.camera || 0;
+}
+byId("camera-choice").addEventListener("change", () => link.say("camera " + byId("camera-choice").selectedIndex));
 
 // ---- buttons and the window
 

@@ -85,6 +85,11 @@ export class Live {
   keypoints(message) {
     this.sets = message.sets;
   }
+  // Pictures of another camera follow.
+  look(camera) {
+    this.clear();
+    this.camera = camera;
+  }
   // No picture of another robot stays.
   clear() {
     this.before = this.before ? this.before + 1 : 1;
@@ -113,6 +118,7 @@ export class Live {
     context.imageSmoothingEnabled = true;
     context.drawImage(bitmap, 0, 0, k * bitmap.width * picture.shrink, k * bitmap.height * picture.shrink);
     this.k = k;
+    if (this.camera) return; // what is found is of the first camera
     if (this.layers.classes) for (const mask of this.masks) mask.draw(context, k);
     if (this.layers.features) this.drawFeatures();
     if (this.layers.tracks) this.drawTrails();

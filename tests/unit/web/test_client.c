@@ -327,6 +327,14 @@ static void what_a_page_cannot_say_is_refused(void **state)
                      FV_WEB_SAID_COMMAND);
     assert_true(command.loads);
     assert_string_equal(command.key, "");
+    assert_int_equal(fv_web_client_hear(&client, "robot 2", 7, now_ns, &command),
+                     FV_WEB_SAID_ROBOT);
+    assert_int_equal(command.request, 2);
+    assert_int_equal(say("camera 1"), FV_WEB_SAID_NOTHING);
+    assert_int_equal(client.camera, 1);
+    assert_int_equal(say("camera 4"), FV_WEB_SAID_NOTHING);
+    assert_int_equal(client.camera, 0);
+    drain();
     assert_int_equal(say("ping \"}<x\\"), FV_WEB_SAID_NOTHING);
     drain();
     assert_int_equal(say("ping a\"b"), FV_WEB_SAID_NOTHING);
