@@ -170,10 +170,11 @@ enum fovea_status fv_web_origins_check(const char *list, struct fovea_error *err
         at += strspn(at, " ");
         const size_t word = strcspn(at, " ");
         if (word > 0 && !is_origin(at, word))
-            return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                                   "--origins: found '%.*s', expected origins such as "
-                                   "https://app.foxglove.dev, without a path",
-                                   (int)(word < 80 ? word : 80), at);
+            return fovea_error_set(
+                error, FOVEA_ERROR_INPUT,
+                "--origins (web.origins): found '%.*s', expected origins such as "
+                "https://app.foxglove.dev, without a path",
+                (int)(word < 80 ? word : 80), at);
         at += word;
     }
     return FOVEA_OK;

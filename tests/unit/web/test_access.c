@@ -96,7 +96,7 @@ static void listed_origins_are_compared_whole(void **state)
     assert_int_equal(fv_web_origins_check("null file:// app://lichtblick", &error), FOVEA_OK);
     for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; i++) {
         assert_int_equal(fv_web_origins_check(wrong[i], &error), FOVEA_ERROR_INPUT);
-        assert_non_null(strstr(error.text, "--origins: found '"));
+        assert_non_null(strstr(error.text, "(web.origins): found '"));
     }
 }
 
