@@ -304,6 +304,13 @@ def check_settings(page, kept):
     until = time.monotonic() + PATIENCE_S
     while not os.path.exists(path) and time.monotonic() < until:
         time.sleep(0.05)
+    page.driver.find_element(By.ID, "save-log").click()
+    until = time.monotonic() + PATIENCE_S
+    while not (logs := [name for name in os.listdir(folder) if name.startswith("fovea-log-") and name.endswith(".txt")]) and time.monotonic() < until:
+        time.sleep(0.05)
+    with open(os.path.join(folder, logs[0]), encoding="utf-8") as file:
+        lines = file.read().split("\n")
+    assert lines[0].split()[1] == "run" and any("pose: " in line for line in lines), lines
     with open(path, encoding="utf-8") as file:
         text = file.read()
     assert "\n# source: " in text and "\nsource: " not in text and "\nfeatures.count_max: " in text and "command_key: (not" in text, text

@@ -11,7 +11,7 @@ import { Requests } from "/requests.js";
 import { Settings } from "/settings.js";
 import { Maps } from "/maps.js";
 import { Robots } from "/robots.js";
-import { Actions, PosePanel, byId, facts, fixed, logLine, names, showHealth, showRecorder } from "/panels.js";
+import { Actions, PosePanel, byId, download, facts, fixed, logLine, names, saveLog, showHealth, showRecorder } from "/panels.js";
 
 const types = readTypes(await (await fetch("/types")).text());
 const cameraStates = names(types, "fovea.camera_status_t", "STATE_");
@@ -215,13 +215,9 @@ for (const button of document.querySelectorAll("[data-view]"))
 scene.onFree = () => document.querySelector("[data-view=follow]").setAttribute("aria-pressed", "false");
 byId("snapshot").addEventListener("click", () => {
   if (!live.picture) return;
-  byId("picture").toBlob((blob) => {
-    const anchor = document.createElement("a");
-    anchor.href = URL.createObjectURL(blob);
-    anchor.download = `fovea-${live.picture.sequence}.png`;
-    anchor.click();
-    setTimeout(() => URL.revokeObjectURL(anchor.href), 1000);
-  });
+  const name = `fovea-${live.picture.sequence}.png`;
+  byId("picture").toBlob((blob) => download(name, blob));
 });
+byId("save-log").addEventListener("click", saveLog);
 document.addEventListener("visibilitychange", () => link.visible());
 addEventListener("resize", () => live.draw());

@@ -70,6 +70,21 @@ export class PosePanel {
   }
 }
 
+// Give a file to the browser's user.
+export function download(name, blob) {
+  const anchor = document.createElement("a");
+  anchor.href = URL.createObjectURL(blob);
+  anchor.download = name;
+  anchor.click();
+  setTimeout(() => URL.revokeObjectURL(anchor.href), 1000);
+}
+
+// The log as text, oldest line first.
+export function saveLog() {
+  const lines = [...byId("log").children].reverse().map((line) => `${line.firstChild.dateTime} ${line.lastChild.textContent}\n`);
+  download(`fovea-log-${new Date().toISOString().slice(0, 19).replaceAll(":", "")}.txt`, new Blob(lines, { type: "text/plain" }));
+}
+
 export function logLine({ number, utime, text }) {
   const list = byId("log"), line = document.createElement("li"), time = document.createElement("time"), words = document.createElement("span");
   if (number === 0) list.replaceChildren();

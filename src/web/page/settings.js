@@ -1,6 +1,6 @@
 // All settings of the run as one file: saved here, and given back to it.
 
-import { byId, names } from "/panels.js";
+import { byId, download, names } from "/panels.js";
 
 export class Settings {
   constructor(types, requests) {
@@ -28,12 +28,9 @@ export class Settings {
   }
   backUp() {
     return this.ask("\n", (answer) => {
-      const anchor = document.createElement("a");
-      anchor.href = URL.createObjectURL(new Blob([answer.text], { type: "application/yaml" }));
-      anchor.download = `fovea-settings-${new Date().toISOString().slice(0, 10)}.yaml`;
-      anchor.click();
-      setTimeout(() => URL.revokeObjectURL(anchor.href), 1000);
-      this.say(`saved as ${anchor.download}`, true);
+      const name = `fovea-settings-${new Date().toISOString().slice(0, 10)}.yaml`;
+      download(name, new Blob([answer.text], { type: "application/yaml" }));
+      this.say(`saved as ${name}`, true);
     });
   }
   async restore() {

@@ -13,6 +13,7 @@
 
 #include "base/elementary.h"
 #include "common/sim_rig.h"
+#include "runtime/state.h"
 #include "support/aligned.h"
 
 enum { FRAMES = 80, FROM = 30, AGAIN = 45, LOAD = 20 };
@@ -164,6 +165,39 @@ static void it_is_as_at_the_start(void **state)
         FOVEA_OK);
     assert_int_equal(again_bytes, file_bytes);
     free(again);
+    free(memory);
+    sim_rig_close(&rig);
+}
+
+/* What a map knows of its unit holds in a run that knew nothing. */
+static void metres_come_with_a_map(void **state)
+{
+    (void)state;
+    const struct fv_map_scale known = {FOVEA_SCALE_WHEEL_ODOMETRY, 0, .3, 1e-4};
+    uint8_t *const unscaled = file;
+    const size_t unscaled_bytes = file_bytes;
+    size_t bytes;
+    open_rig(WAY, FROM, AGAIN);
+    rig.config.map = file;
+    rig.config.map_bytes = file_bytes;
+    sim_rig_build(&rig);
+    fv_odometry_keep_scale(&rig.rt->odometry, &known);
+    file = save(&file_bytes);
+    sim_rig_close(&rig);
+    open_rig(WAY, FROM, AGAIN);
+    sim_rig_build(&rig);
+    void *memory = ready_memory(&bytes);
+    for (int n = 0; sim_rig_next(&rig); n++) {
+        if (n == LOAD) rig.inputs.map = prepare(memory, bytes);
+        sim_rig_process(&rig);
+    }
+    const struct fovea_pose *before = &rig.pose[LOAD - 1], *end = &rig.pose[AGAIN - 1];
+    assert_true(before->posed && before->scale_source == FOVEA_SCALE_FREE);
+    assert_true(end->posed && end->scale_source == FOVEA_SCALE_WHEEL_ODOMETRY);
+    assert_true(end->scale > 1.3 && end->scale < 1.4); /* exp(.3) is 1.35 */
+    free(file);
+    file = unscaled;
+    file_bytes = unscaled_bytes;
     free(memory);
     sim_rig_close(&rig);
 }
@@ -332,6 +366,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_camera_is_found_in_it),
         cmocka_unit_test(it_is_as_at_the_start),
+        cmocka_unit_test(metres_come_with_a_map),
         cmocka_unit_test(what_does_not_fit_is_refused),
         cmocka_unit_test(one_of_another_runtime),
         cmocka_unit_test(a_save_under_way_is_of_the_new_map),
