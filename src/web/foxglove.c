@@ -38,11 +38,21 @@ void fv_foxglove_init(struct fv_foxglove_client *client, enum fv_web_role role, 
     client->quality_ns = client->lost_ns = now_ns;
 }
 
-bool fv_foxglove_watches(const struct fv_foxglove_client *client,
-                         const struct fv_foxglove_views *views)
+/* Whether there are pictures of the camera, and it wants them. */
+static bool wants(const struct fv_foxglove_client *client, const struct fv_foxglove_views *views,
+                  int32_t camera)
 {
-    return views->image_channel >= 0 && client->epoch == views->epoch &&
-           client->subscribed[views->image_channel].is;
+    const int32_t channel = views->image_channels[camera];
+    return channel >= 0 && client->subscribed[channel].is;
+}
+
+uint32_t fv_foxglove_watches(const struct fv_foxglove_client *client,
+                             const struct fv_foxglove_views *views)
+{
+    uint32_t bits = 0;
+    for (int32_t i = 0; i < FOVEA_CAMERAS_MAX && client->epoch == views->epoch; i++)
+        if (wants(client, views, i)) bits |= UINT32_C(1) << i;
+    return bits;
 }
 
 /* ---- texts ----------------------------------------------------------------------------------- */
@@ -322,9 +332,10 @@ static size_t next_line(struct fv_foxglove_client *client, const struct fv_foxgl
 }
 
 /* Once for each picture that is there to be sent. */
-static void judge_quality(struct fv_foxglove_client *client, uint32_t number, int64_t now_ns)
+static void judge_quality(struct fv_foxglove_client *client, uint32_t before, uint32_t number,
+                          int64_t now_ns)
 {
-    const bool lost = client->picture != 0 && number > client->picture + 1;
+    const bool lost = before != 0 && number > before + 1;
     if (lost) client->lost_ns = now_ns;
     if (lost && client->quality < QUALITIES - 1 && now_ns - client->quality_ns > QUALITY_NS) {
         client->quality++;
@@ -340,39 +351,40 @@ static void judge_quality(struct fv_foxglove_client *client, uint32_t number, in
 
 /* Of the size that the camera gives: annotations are in its pixels. */
 static size_t next_picture(struct fv_foxglove_client *client, const struct fv_foxglove_shown *shown,
-                           uint8_t *to, size_t capacity, int64_t now_ns)
+                           int32_t camera, uint8_t *to, size_t capacity, int64_t now_ns)
 {
     const struct fv_foxglove_views *views = shown->views;
-    const struct fv_web_picture *picture = &shown->store->picture;
+    struct fv_web_picture *picture = fv_web_store_picture(shown->store, (uint32_t)camera);
     size_t bytes, made = 0;
-    if (views->image_channel < 0 || !client->subscribed[views->image_channel].is ||
-        picture->image.data == NULL || client->picture == picture->number)
+    if (!wants(client, views, camera) || picture->image.data == NULL ||
+        client->pictures[camera] == picture->number)
         return 0;
-    judge_quality(client, picture->number, now_ns);
-    client->picture = picture->number;
+    judge_quality(client, client->pictures[camera], picture->number, now_ns);
+    client->pictures[camera] = picture->number;
     for (int quality = client->quality; made == 0 && quality < QUALITIES; quality++) {
-        const uint8_t *jpeg = fv_web_store_jpeg(
-            shown->store, fv_web_jpeg_whole(picture->image.width, quality), &bytes);
+        const uint8_t *jpeg =
+            fv_web_picture_jpeg(picture, fv_web_jpeg_whole(picture->image.width, quality), &bytes);
         if (jpeg == NULL) return 0;
-        made = fv_foxglove_views_image(views, picture->stamp_ns, jpeg, bytes, to + DATA_BYTES,
-                                       capacity - DATA_BYTES);
+        made = fv_foxglove_views_image(views, camera, picture->stamp_ns, jpeg, bytes,
+                                       to + DATA_BYTES, capacity - DATA_BYTES);
     }
     if (made == 0) return 0;
-    return put_head(client, (uint32_t)views->image_channel,
+    return put_head(client, (uint32_t)views->image_channels[camera],
                     fv_foxglove_views_time(views, picture->stamp_ns), to) +
            made;
 }
 
-/* Each in its turn, so that none keeps the others waiting: views, the log, the picture. */
+/* Each in its turn, so that none keeps the others waiting: views, the log, pictures. */
 static size_t next_data(struct fv_foxglove_client *client, const struct fv_foxglove_shown *shown,
                         uint8_t *to, size_t capacity, int64_t now_ns)
 {
-    const uint32_t count = shown->views->view_count + 2;
-    for (uint32_t n = 0; n < count; n++) {
-        const uint32_t i = client->turn++ % count;
-        const size_t bytes = i + 2 < count    ? next_view(client, shown->views, i, to, capacity)
-                             : i + 2 == count ? next_line(client, shown->views, to)
-                                              : next_picture(client, shown, to, capacity, now_ns);
+    const uint32_t count = shown->views->view_count, all = count + 1 + FOVEA_CAMERAS_MAX;
+    for (uint32_t n = 0; n < all; n++) {
+        const uint32_t i = client->turn++ % all;
+        const size_t bytes = i < count    ? next_view(client, shown->views, i, to, capacity)
+                             : i == count ? next_line(client, shown->views, to)
+                                          : next_picture(client, shown, (int32_t)(i - count - 1),
+                                                         to, capacity, now_ns);
         if (bytes > 0) return bytes;
     }
     return 0;
@@ -383,6 +395,7 @@ size_t fv_foxglove_next(struct fv_foxglove_client *client, const struct fv_foxgl
 {
     size_t bytes;
     *text = true;
+    fv_foxglove_views_cameras(shown->views, shown->store->cameras);
     if ((bytes = next_greeting(client, to, capacity)) > 0) return bytes;
     if ((bytes = next_farewell(client, shown->views, to, capacity)) > 0) return bytes;
     if ((bytes = next_channel(client, shown->views, to, capacity)) > 0) return bytes;
@@ -422,7 +435,8 @@ static void subscribe(struct fv_foxglove_client *client, struct fv_foxglove_view
     for (uint32_t i = 0; i < views->view_count; i++) /* what came last is sent once more */
         if (views->views[i].channel == channel) client->versions[i] = 0;
     if ((int32_t)channel == views->log_channel) client->log_sent = 0;
-    if ((int32_t)channel == views->image_channel) client->picture = 0;
+    for (int i = 0; i < FOVEA_CAMERAS_MAX; i++)
+        if ((int32_t)channel == views->image_channels[i]) client->pictures[i] = 0;
 }
 
 static void unsubscribe(struct fv_foxglove_client *client, uint32_t subscription)

@@ -42,7 +42,7 @@ struct fv_foxglove_client {
     uint32_t versions[FV_FOXGLOVE_VIEWS_MAX], turn; /* of views that were sent; who is next */
     uint64_t log_sent;
     int64_t time_ns;                        /* that was sent last */
-    uint32_t picture;                       /* number of the one that was sent last */
+    uint32_t pictures[FOVEA_CAMERAS_MAX];   /* numbers of those that were sent last */
     int quality;                            /* 0 is the best */
     int64_t quality_ns, lost_ns, better_ns; /* changed; a picture was lost; patience */
 
@@ -74,9 +74,9 @@ struct fv_foxglove_shown {
 void fv_foxglove_init(struct fv_foxglove_client *client, enum fv_web_role role, bool operates,
                       int64_t session, int64_t now_ns);
 
-/* Whether it wants pictures. */
-bool fv_foxglove_watches(const struct fv_foxglove_client *client,
-                         const struct fv_foxglove_views *views);
+/* The cameras whose pictures it wants, as bits. */
+uint32_t fv_foxglove_watches(const struct fv_foxglove_client *client,
+                             const struct fv_foxglove_views *views);
 
 /* The next message, into `to`. Returns its bytes, 0: there is nothing to send now. */
 size_t fv_foxglove_next(struct fv_foxglove_client *client, const struct fv_foxglove_shown *shown,

@@ -369,18 +369,28 @@ const uint8_t *fv_foxglove_views_made(struct fv_foxglove_views *views, uint32_t 
     return view->made_bytes > 0 ? view->made : NULL;
 }
 
+void fv_foxglove_views_cameras(struct fv_foxglove_views *views, uint32_t count)
+{
+    char topic[32];
+    for (uint32_t i = 0; i < count && i < FOVEA_CAMERAS_MAX; i++) {
+        if (views->image_channels[i] >= 0) continue;
+        snprintf(topic, sizeof topic, "cam%u/image", (unsigned)i);
+        views->image_channels[i] = channel_find(views, topic, NULL, FV_FOXGLOVE_COMPRESSED_IMAGE);
+    }
+}
+
 void fv_foxglove_views_picture(struct fv_foxglove_views *views, int64_t stamp_ns)
 {
     const int64_t time_ns = fv_foxglove_views_time(views, stamp_ns);
     if (time_ns > views->time_ns) views->time_ns = time_ns;
 }
 
-size_t fv_foxglove_views_image(const struct fv_foxglove_views *views, int64_t stamp_ns,
-                               const uint8_t *jpeg, size_t jpeg_bytes, uint8_t *data,
-                               size_t capacity)
+size_t fv_foxglove_views_image(const struct fv_foxglove_views *views, int32_t camera,
+                               int64_t stamp_ns, const uint8_t *jpeg, size_t jpeg_bytes,
+                               uint8_t *data, size_t capacity)
 {
     struct fv_protobuf to = {.data = data, .capacity = capacity};
-    fv_foxglove_make_image(fv_foxglove_views_time(views, stamp_ns), 0, jpeg, jpeg_bytes, &to);
+    fv_foxglove_make_image(fv_foxglove_views_time(views, stamp_ns), camera, jpeg, jpeg_bytes, &to);
     return to.full ? 0 : to.bytes;
 }
 
@@ -410,10 +420,17 @@ static void forget(struct fv_foxglove_views *views)
     memset(views->offsets, 0, sizeof views->offsets);
 }
 
+static void no_channels(struct fv_foxglove_views *views)
+{
+    for (int i = 0; i < FOVEA_CAMERAS_MAX; i++)
+        views->image_channels[i] = -1;
+    views->log_channel = -1;
+}
+
 void fv_foxglove_views_init(struct fv_foxglove_views *views)
 {
     memset(views, 0, sizeof *views);
-    views->image_channel = views->log_channel = -1;
+    no_channels(views);
     views->first_id = 1;
     forget(views);
 }
@@ -434,7 +451,8 @@ void fv_foxglove_views_begin(struct fv_foxglove_views *views, const char *prefix
     views->epoch++;
     views->first_id += views->channel_count;
     views->channel_count = views->view_count = 0;
-    views->image_channel = channel_find(views, "cam0/image", NULL, FV_FOXGLOVE_COMPRESSED_IMAGE);
+    no_channels(views);
+    fv_foxglove_views_cameras(views, 1);
     views->log_channel = channel_find(views, "log", NULL, FV_FOXGLOVE_LOG);
 }
 

@@ -14,12 +14,13 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "fovea/rig.h"
 #include "message/message.h"
 #include "web/foxglove_schemas.h"
 
 enum {
-    FV_FOXGLOVE_CHANNELS_MAX = 32,
-    FV_FOXGLOVE_VIEWS_MAX = 32,
+    FV_FOXGLOVE_CHANNELS_MAX = 48, /* of four cameras, some 40 */
+    FV_FOXGLOVE_VIEWS_MAX = 48,
     FV_FOXGLOVE_VIEW_BYTES = 600000,
     FV_FOXGLOVE_LOG_MAX = 64,
     FV_FOXGLOVE_LOG_BYTES = 128,
@@ -50,7 +51,7 @@ struct fv_foxglove_views {
         const char *json; /* name of the type that it shows as JSON; NULL: `schema` */
         enum fv_foxglove_schema schema;
     } channels[FV_FOXGLOVE_CHANNELS_MAX];
-    int32_t image_channel, log_channel; /* of pictures and of the log; -1: there was no run yet */
+    int32_t image_channels[FOVEA_CAMERAS_MAX], log_channel; /* -1: not known yet */
     uint32_t view_count;
     struct fv_foxglove_view views[FV_FOXGLOVE_VIEWS_MAX];
 
@@ -97,6 +98,9 @@ void fv_foxglove_views_begin(struct fv_foxglove_views *views, const char *prefix
 void fv_foxglove_views_take(struct fv_foxglove_views *views, const char *channel,
                             const uint8_t *data, size_t bytes);
 
+/* The rig has so many cameras. */
+void fv_foxglove_views_cameras(struct fv_foxglove_views *views, uint32_t count);
+
 /* A picture of the first camera has come. */
 void fv_foxglove_views_picture(struct fv_foxglove_views *views, int64_t stamp_ns);
 
@@ -104,10 +108,10 @@ void fv_foxglove_views_picture(struct fv_foxglove_views *views, int64_t stamp_ns
 const uint8_t *fv_foxglove_views_made(struct fv_foxglove_views *views, uint32_t index,
                                       size_t *bytes);
 
-/* A JPEG as CompressedImage, at `to`. Returns its bytes; 0: it does not fit. */
-size_t fv_foxglove_views_image(const struct fv_foxglove_views *views, int64_t stamp_ns,
-                               const uint8_t *jpeg, size_t jpeg_bytes, uint8_t *to,
-                               size_t capacity);
+/* A JPEG of a camera as CompressedImage, at `to`. Returns its bytes; 0: it does not fit. */
+size_t fv_foxglove_views_image(const struct fv_foxglove_views *views, int32_t camera,
+                               int64_t stamp_ns, const uint8_t *jpeg, size_t jpeg_bytes,
+                               uint8_t *to, size_t capacity);
 
 /* A stamp in UTC where that is known. */
 int64_t fv_foxglove_views_time(const struct fv_foxglove_views *views, int64_t stamp_ns);

@@ -267,8 +267,8 @@ static void tick(lws_sorted_usec_list_t *timer)
         watched[server->clients[i].client.robot] |=
             server->clients[i].socket != NULL && !server->clients[i].client.hidden;
     }
-    any |= fv_web_foxglove_any(server, watched);
     wish_cameras(server);
+    any |= fv_web_foxglove_any(server, watched);
     const int64_t now_ns = fv_clock_ns(CLOCK_MONOTONIC);
     server->changed |= fv_web_robots_tick(server->setup.robots, watched, &pictured);
     fv_web_foxglove_tick(server);

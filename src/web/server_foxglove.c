@@ -169,8 +169,10 @@ bool fv_web_foxglove_any(const struct fv_web_server *server, bool watched[FV_WEB
         const struct fv_web_place_of_foxglove *place = &server->foxglove[i];
         if (place->socket == NULL) continue;
         any = true;
-        watched[place->robot] |=
+        const uint32_t cameras =
             fv_foxglove_watches(&place->client, &server->foxglove_robots[place->robot].views);
+        watched[place->robot] |= cameras != 0;
+        server->setup.robots->robots[place->robot].relay->cameras |= cameras;
     }
     return any;
 }

@@ -83,7 +83,7 @@ int fv_web_server_refuse(struct fv_web_server *server, struct lws *wsi, int stat
 void fv_web_server_hasten(struct lws *wsi);
 
 /* Foxglove's clients: make what they are shown, drop it, look after them; whether there is one, and
- * the robots whose pictures one wants. */
+ * the robots whose pictures one wants, whose relays are told of which cameras. */
 bool fv_web_foxglove_open(struct fv_web_server *server);
 void fv_web_foxglove_close(struct fv_web_server *server);
 void fv_web_foxglove_tick(struct fv_web_server *server);

@@ -142,11 +142,6 @@ void fv_web_picture_take(struct fv_web_picture *picture, const struct fovea_imag
     picture->point_count = 0;
 }
 
-const uint8_t *fv_web_store_jpeg(struct fv_web_store *store, int picture_class, size_t *bytes)
-{
-    return fv_web_picture_jpeg(&store->picture, picture_class, bytes);
-}
-
 const uint8_t *fv_web_picture_jpeg(struct fv_web_picture *picture, int picture_class, size_t *bytes)
 {
     if (picture->image.data == NULL) return NULL;

@@ -117,12 +117,9 @@ struct fv_web_picture *fv_web_store_picture(struct fv_web_store *store, uint32_t
 /* Another frame, without features; the image, of malloc, becomes the picture's. */
 void fv_web_picture_take(struct fv_web_picture *picture, const struct fovea_image *image,
                          int64_t stamp_ns, int64_t sequence, int64_t age_ns);
-/* Its JPEG in a class, as below. */
+/* Its JPEG in a class, made now if nobody asked before. NULL: none. */
 const uint8_t *fv_web_picture_jpeg(struct fv_web_picture *picture, int picture_class,
                                    size_t *bytes);
-
-/* The JPEG of the newest frame in a class, made now if nobody asked before. NULL: none. */
-const uint8_t *fv_web_store_jpeg(struct fv_web_store *store, int picture_class, size_t *bytes);
 
 void fv_web_store_free(struct fv_web_store *store);
 

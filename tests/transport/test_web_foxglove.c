@@ -112,6 +112,29 @@ static void until_text(int client, const char *words)
     fail_msg("no text with %s", words);
 }
 
+/* Subscribe to the channel of a topic, by this number. */
+static void subscribe(int client, const char *topic, int number)
+{
+    char words[120];
+    until_text(client, topic);
+    const char *id = strstr((char *)frame, "\"id\":");
+    assert_non_null(id);
+    snprintf(words, sizeof words,
+             "{\"op\":\"subscribe\",\"subscriptions\":[{\"id\":%d,\"channelId\":%ld}]}", number,
+             strtol(id + 5, NULL, 10));
+    assert_true(web_say(client, words));
+}
+
+/* Read on until a message of that subscription. */
+static void until_message(int client, int number)
+{
+    int opcode;
+    do {
+        opcode = next(client);
+        assert_true(opcode > 0);
+    } while (opcode != 2 || frame[0] != 1 || frame[1] != number);
+}
+
 /* ---- who is let in --------------------------------------------------------------------------- */
 
 static void pages_come_from_listed_origins(void **state)
@@ -198,7 +221,7 @@ static void there_is_room_for_eight(void **state)
     end();
 }
 
-/* Of two robots the second runs; each client is shown one. */
+/* Of two robots the second runs, with two cameras; each client is shown one. */
 static void an_address_says_which_robot(void **state)
 {
     char other_path[80], feed[96];
@@ -207,7 +230,7 @@ static void an_address_says_which_robot(void **state)
     snprintf(feed, sizeof feed, "web.socket=%s", other_path);
     const char *const arguments[] = {"--feed", socket_path, "--feed", other_path, NULL};
     const char *const run[] = {"--source",
-                               "sim:orbit?width=160&height=120&frames=1000000",
+                               "sim:orbit?width=160&height=120&baseline=0.1&frames=1000000",
                                "--rate",
                                "real",
                                "--quiet",
@@ -225,7 +248,10 @@ static void an_address_says_which_robot(void **state)
     assert_int_equal(status_of(SDK, "/?robot=-1", ""), 404);
     const int first = open_client("/", ""), second = open_client("/?robot=1", "");
     watched_start(&watched, "run", run);
-    until_text(second, "/T/pose");
+    subscribe(second, "/T/cam0/image", 1);
+    subscribe(second, "/T/cam1/image", 2);
+    until_message(second, 2);
+    assert_non_null(memmem(frame, bytes, "cam1", 4));
     assert_true(web_say(first, "{\"op\":\"none\"}"));
     until_text(first, "\"serverInfo\"");
     assert_int_equal(next(first), 1); /* and nothing of the other robot */
@@ -326,43 +352,25 @@ static void damaged_frames_do_no_harm(void **state)
 
 /* ---- one that does not read ------------------------------------------------------------------ */
 
-/* Subscribe to the pictures and one more channel, with small buffers if `small`. */
-static int subscribe(bool small)
-{
-    const int client = open_client("/", ""), few = 4096;
-    if (small) setsockopt(client, SOL_SOCKET, SO_RCVBUF, &few, sizeof few);
-    until_text(client, "/FOVEA/cam0/image");
-    assert_true(
-        web_say(client, "{\"op\":\"subscribe\",\"subscriptions\":[{\"id\":1,\"channelId\":1}]}"));
-    until_text(client, "/FOVEA/cam0/features");
-    const char *id = strstr((char *)frame, "\"id\":");
-    assert_non_null(id);
-    char words[120];
-    snprintf(words, sizeof words,
-             "{\"op\":\"subscribe\",\"subscriptions\":[{\"id\":2,\"channelId\":%ld}]}",
-             strtol(id + 5, NULL, 10));
-    assert_true(web_say(client, words));
-    return client;
-}
-
 static void who_does_not_read_slows_nobody(void **state)
 {
     int seen = 0, late = 0;
     uint64_t newest = 0, stamp;
     (void)state;
     start_recording();
-    const int slow = subscribe(true), quick = subscribe(false);
+    const int slow = open_client("/", ""), quick = open_client("/", ""), few = 4096;
+    setsockopt(slow, SOL_SOCKET, SO_RCVBUF, &few, sizeof few);
+    subscribe(slow, "/FOVEA/cam0/image", 1);
+    subscribe(slow, "/FOVEA/cam0/features", 2);
+    subscribe(quick, "/FOVEA/cam0/image", 1);
+    subscribe(quick, "/FOVEA/cam0/features", 2);
     while (seen < 60) { /* features of that many frames */
-        const int opcode = next(quick);
-        assert_true(opcode > 0);
-        if (opcode != 2 || frame[0] != 1 || frame[1] != 2) continue;
+        until_message(quick, 2);
         memcpy(&newest, frame + 5, 8);
         seen++;
     }
     for (stamp = 0; stamp < newest;) { /* it reads again, and soon has the newest */
-        const int opcode = next(slow);
-        assert_true(opcode > 0);
-        if (opcode != 2 || frame[0] != 1 || frame[1] != 2) continue;
+        until_message(slow, 2);
         memcpy(&stamp, frame + 5, 8);
         late++;
     }

@@ -419,7 +419,7 @@ static void pictures_fall_in_quality_and_keep_their_size(void **state)
 {
     (void)state;
     subscribe("/R/cam0/image", 4);
-    assert_true(fv_foxglove_watches(&client, &views));
+    assert_int_equal(fv_foxglove_watches(&client, &views), 1);
     const int32_t widths[] = {64, 1600};
     for (int w = 0; w < 2; w++) {
         frame(widths[w]);
@@ -449,6 +449,32 @@ static void pictures_fall_in_quality_and_keep_their_size(void **state)
         assert_true(data_of(4));
     }
     assert_int_equal(client.quality, 0);
+}
+
+static void each_camera_has_its_pictures(void **state)
+{
+    (void)state;
+    frame(64);
+    drain();
+    store.cameras = 2;
+    drain();
+    assert_int_equal(fv_foxglove_watches(&client, &views), 0);
+    subscribe("/R/cam1/image", 6);
+    assert_int_equal(fv_foxglove_watches(&client, &views), 2);
+    assert_false(data_of(6));
+    uint8_t *pixels = calloc(32, 16);
+    const struct fovea_image image = {.data = pixels,
+                                      .width = 32,
+                                      .height = 16,
+                                      .stride_bytes = 32,
+                                      .format = FOVEA_PIXEL_GREY8,
+                                      .size_bytes = 32 * 16};
+    assert_non_null(pixels);
+    fv_web_picture_take(fv_web_store_picture(&store, 1), &image, now_ns, 1, -1);
+    assert_true(data_of(6));
+    assert_text(field(payload(), 4, 0), "cam1");
+    assert_int_equal(time_of(field(payload(), 1, 0)), now_ns);
+    assert_false(data_of(6));
 }
 
 static void channels_of_another_robot_are_others(void **state)
@@ -634,6 +660,7 @@ int main(void)
         cmocka_unit_test_setup_teardown(the_log_says_changes_alone, begin, end),
         cmocka_unit_test_setup_teardown(who_is_slow_gets_the_newest, begin, end),
         cmocka_unit_test_setup_teardown(pictures_fall_in_quality_and_keep_their_size, begin, end),
+        cmocka_unit_test_setup_teardown(each_camera_has_its_pictures, begin, end),
         cmocka_unit_test_setup_teardown(channels_of_another_robot_are_others, begin, end),
         cmocka_unit_test_setup_teardown(refusals_name_key_and_reason, begin, end),
         cmocka_unit_test_setup_teardown(values_are_written_as_a_configuration_has_them, begin, end),
