@@ -128,7 +128,10 @@ void fv_odometry_take_map(struct fv_odometry *o, const struct fv_map *from, uint
     s->reset_counter++;
     fv_map_take(&o->map, from, (uint32_t)(s->frame_number - frame_number));
     begin_in_map(o);
-    if (fv_odometry_saving(o)) fv_odometry_save_begin(o); /* half of another map is no map */
+    if (fv_odometry_saving(o)) { /* half of another map is no map */
+        fv_odometry_save_drop(o);
+        fv_odometry_save_begin(o);
+    }
     look_in_map(o);
     memset(&s->pose, 0, sizeof s->pose);
     s->pose.state = FOVEA_TRACKING_LOST;

@@ -13,6 +13,7 @@
 
 #include "base/elementary.h"
 #include "common/sim_rig.h"
+#include "runtime/ready_map.h"
 #include "runtime/state.h"
 #include "support/aligned.h"
 
@@ -136,6 +137,16 @@ static void the_camera_is_found_in_it(void **state)
     sim_rig_close(&rig);
 }
 
+/* What links keyframes and landmarks, of a map that was read again. */
+static uint64_t links_of(const struct fovea_ready_map *ready)
+{
+    uint64_t links = ready->map.state->landmark_count;
+    for (uint32_t k = 0; k < ready->map.limits.keyframes; k++)
+        if (ready->map.keyframes[k].used)
+            links += UINT64_C(1000000) * ready->map.keyframes[k].landmarks;
+    return links;
+}
+
 /* Loaded over the map of a start, of the same file: nothing is lost on the way. */
 static void it_is_as_at_the_start(void **state)
 {
@@ -151,6 +162,7 @@ static void it_is_as_at_the_start(void **state)
     void *memory = ready_memory(&bytes);
     const uint32_t resets = rig.pose[AGAIN - 1].reset_counter;
     rig.inputs = (struct fovea_inputs){.map = prepare(memory, bytes)};
+    const uint64_t links = links_of(rig.inputs.map);
     fovea_grants_fixed(&rig.config, &rig.inputs.grants);
     assert_int_equal(fovea_step(rig.rt, &rig.inputs, &rig.outputs), FOVEA_AGAIN);
     struct fovea_stats stats;
@@ -164,6 +176,7 @@ static void it_is_as_at_the_start(void **state)
         fovea_map_prepare(rig.rt, memory, bytes, again, again_bytes, "m", &ready, &error),
         FOVEA_OK);
     assert_int_equal(again_bytes, file_bytes);
+    assert_true(links > 0 && links_of(ready) == links);
     free(again);
     free(memory);
     sim_rig_close(&rig);
@@ -295,13 +308,20 @@ static void one_of_another_runtime(void **state)
 static void a_save_under_way_is_of_the_new_map(void **state)
 {
     (void)state;
-    size_t bytes, saved = 0;
+    size_t bytes, small_bytes, saved = 0;
     struct fovea_error error;
     const struct fovea_ready_map *ready;
+    open_rig(WAY, FROM, 25);
+    sim_rig_build(&rig);
+    while (sim_rig_next(&rig))
+        sim_rig_process(&rig);
+    uint8_t *small = save(&small_bytes);
+    sim_rig_close(&rig);
+    assert_true(small_bytes < file_bytes);
     open_rig(WAY, FROM, 40);
     rig.config.odometry.localise_only = true;
-    rig.config.map = file;
-    rig.config.map_bytes = file_bytes;
+    rig.config.map = small;
+    rig.config.map_bytes = small_bytes;
     sim_rig_build(&rig);
     void *memory = ready_memory(&bytes);
     uint8_t *buffer = calloc(1, fovea_map_bytes_max(&rig.config));
@@ -319,6 +339,9 @@ static void a_save_under_way_is_of_the_new_map(void **state)
     fovea_map_seal(buffer, saved);
     assert_int_equal(fovea_map_prepare(rig.rt, memory, bytes, buffer, saved, "m", &ready, &error),
                      FOVEA_OK);
+    const uint64_t links = links_of(ready);
+    assert_true(links_of(prepare(memory, bytes)) == links);
+    free(small);
     free(buffer);
     free(memory);
     sim_rig_close(&rig);
