@@ -35,6 +35,7 @@ export class Maps {
   show(files) {
     const select = byId("map-file"), chosen = select.value;
     const words = files.map(({ name, landmarks, bytes }) => [name, `${name}, ${landmarks} landmarks, ${megabytes(bytes)}`]);
+    if (words.length === 0) words.push(["", "no maps yet"]);
     if (JSON.stringify(words) === this.shown) return; // it may be open
     this.shown = JSON.stringify(words);
     select.replaceChildren(...words.map(([name, text]) => new Option(text, name, false, name === chosen)));
