@@ -159,6 +159,7 @@ const uint8_t *fv_web_picture_jpeg(struct fv_web_picture *picture, int picture_c
 void fv_web_store_free(struct fv_web_store *store)
 {
     forget(store);
-    for (int i = 0; i < FV_WEB_JPEGS; i++)
-        free(store->picture.jpeg[i].data);
+    for (uint32_t camera = 0; camera < FOVEA_CAMERAS_MAX; camera++)
+        for (int i = 0; i < FV_WEB_JPEGS; i++)
+            free(fv_web_store_picture(store, camera)->jpeg[i].data);
 }
