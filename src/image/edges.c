@@ -34,7 +34,7 @@ static enum fovea_status check(const struct fovea_edges_config *config, int32_t 
         {"method", config->method, 0, FOVEA_EDGE_METHOD_COUNT - 1},
         {"norm", config->norm, 0, FOVEA_GRADIENT_L2},
         {"high", config->high, 0, 32767},
-        {"low", config->low, 0, config->method == FOVEA_EDGES_CANNY ? config->high : 32767},
+        {"low", config->low, 0, 32767},
         {"width", width, FOVEA_IMAGE_WIDTH_MIN, FOVEA_IMAGE_WIDTH_MAX},
         {"height", height, FOVEA_IMAGE_HEIGHT_MIN, FOVEA_IMAGE_HEIGHT_MAX},
     };
@@ -42,6 +42,10 @@ static enum fovea_status check(const struct fovea_edges_config *config, int32_t 
         if (!(ranges[i].value >= ranges[i].low && ranges[i].value <= ranges[i].high))
             return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "%s: found %g, expected %g to %g",
                                    ranges[i].name, ranges[i].value, ranges[i].low, ranges[i].high);
+    if (config->method == FOVEA_EDGES_CANNY && config->low > config->high)
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                               "low: found %g, expected at most high, which is %g", config->low,
+                               config->high);
     if (config->laplacian_size != 1 && config->laplacian_size != 3)
         return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
                                "laplacian_size: found %u, expected 1 or 3", config->laplacian_size);

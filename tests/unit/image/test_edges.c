@@ -204,7 +204,10 @@ static void wrong_parameters_memory_and_images_are_refused(void **state)
     struct fovea_edges *edges;
     struct fovea_edges_config config = canny(200, 100);
     assert_int_equal(fovea_edges_size(&config, WIDTH, HEIGHT, &error), 0);
-    assert_string_equal(error.text, "low: found 200, expected 0 to 100");
+    assert_string_equal(error.text, "low: found 200, expected at most high, which is 100");
+    config = canny(-1, 100);
+    assert_int_equal(fovea_edges_size(&config, WIDTH, HEIGHT, &error), 0);
+    assert_string_equal(error.text, "low: found -1, expected 0 to 32767");
     config = canny(50, 100);
     config.laplacian_size = 2;
     assert_int_equal(fovea_edges_size(&config, WIDTH, HEIGHT, &error), 0);
