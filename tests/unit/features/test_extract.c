@@ -259,8 +259,9 @@ static void the_strongest_come_first_and_none_where_the_mask_is_black(void **sta
     (void)state;
     draw_squares(7);
     memset(hidden, 255, sizeof hidden);
+    const int middle = SIDE / 2;
     for (int y = 0; y < SIDE; y++)
-        memset(hidden + y * STRIDE, 0, SIDE / 2);
+        memset(hidden + y * STRIDE, 0, (size_t)middle);
     const struct fovea_image mask = image_of(hidden);
     for (int m = 0; m < FOVEA_FEATURE_METHOD_COUNT; m++) {
         if (!is_built((enum fovea_feature_method)m)) continue;
@@ -268,12 +269,12 @@ static void the_strongest_come_first_and_none_where_the_mask_is_black(void **sta
         struct fovea_extracted found = run(&all, NULL);
         uint32_t left = 0;
         for (uint32_t i = 0; i < found.count; i++)
-            left += found.features[i].x_px < SIDE / 2 - 1;
+            left += found.features[i].x_px < (float)(middle - 1);
         assert_true(left > 5);
         found = run(&all, &mask);
         assert_true(found.count > 5);
         for (uint32_t i = 0; i < found.count; i++)
-            assert_true(found.features[i].x_px > SIDE / 2 - 4); /* coarse pixels */
+            assert_true(found.features[i].x_px > (float)(middle - 4)); /* coarse pixels */
     }
     struct fovea_extract_config sift = config_of(FOVEA_FEATURES_SIFT, 200);
     struct fovea_extracted found = run(&sift, NULL);
