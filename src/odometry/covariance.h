@@ -6,21 +6,18 @@
  * frame's block of the inverse is what is left (B. Triggs et al., "Bundle adjustment: a modern
  * synthesis", 2000, 9). So the errors that landmarks have in common, because keyframes that they
  * were seen from are off, count as what they are. A sample of 48 landmarks stands for all, and the
- * 7 keyframes that see most of them for the rest. The unit of length, which is free, is held by the
- * path of these poses to 1 %.
+ * 7 keyframes that see most of them for the rest. Half of the sample is even, half is taken by
+ * leverage, so that a few near landmarks, on which a direction hangs, neither vanish nor count many
+ * times. The unit of length, which is free, is held by the path of these poses to 1.5 %.
  *
- * Errors are taken to have the variance that the frame's inliers show a posteriori, and where their
- * errors hang together, more: each part of the image (6 x 4) pulls at the pose, and at the minimum
- * all of that adds up to nothing. Of independent errors, the mean square of the pulls, in sigmas of
- * the pose, is the variance. It is larger where a part of the map is off or moves, and pulls
- * against all the rest (the sandwich estimate over clusters: K.-Y. Liang and S. Zeger,
- * "Longitudinal data analysis using generalized linear models", 1986). The larger of both variances
- * counts.
- *
- * What the frame leaves open is long in few directions, as where a turn looks like a step aside,
- * and a linearised problem with a sample of the landmarks knows these to some degrees only. So a
- * fifth of each variance counts as uncorrelated with the others: without, 3.8 % of the poses of
- * euroc_mh05_a were outside their 99.9 % bound, translation and rotation each being as stated.
+ * That takes errors of landmarks for independent, and the frame for a part of the optimum. Neither
+ * holds: things that move, and landmarks that were created a frame ago, pull together, and a
+ * keyframe that no window has optimised yet is off by itself. So the covariance that the parts of
+ * the image (6 x 4) show is added: the pose moves by something when a part is left out, and the sum
+ * of the squares of these motions is the jackknife estimate, which keeps its size where one part
+ * has most of the leverage (R. Bell and D. McCaffrey, "Bias reduction in standard errors for linear
+ * regression with multi-stage samples", Survey Methodology 28, 2002). Errors of single landmarks
+ * are taken to have the variance that the frame's inliers show a posteriori.
  *
  * Noise over the mean parallax of the visible landmarks tells how far the map may be bent, and with
  * it the unit of length from place to place; a fraction of that, over the way from the reference,
@@ -30,9 +27,9 @@
  * So is a twentieth of the way where the pictures leave the map in doubt (agreement.h).
  *
  * Not to be relied on, whatever its size: while the map is young (fewer than ten keyframes) and
- * that bend is 10 % or more; and where the parts' variance is three times that of the errors or
- * more, unless five keyframes or more agree with the map (agreement.h): then what pulls is a thing
- * that moves or a lens, and is counted above. */
+ * that bend is 10 % or more; where the parts' variance is three times that of the errors or more,
+ * unless five keyframes or more agree with the map (agreement.h): then what pulls is a thing that
+ * moves or a lens, and is counted above; and where the pose hangs on one part alone. */
 #ifndef FOVEA_ODOMETRY_COVARIANCE_H
 #define FOVEA_ODOMETRY_COVARIANCE_H
 
@@ -47,12 +44,14 @@ extern "C" {
 enum { FV_COVARIANCE_POSES_MAX = 8 };
 
 struct fv_covariance {
-    double *joint; /* frame part: normal equations of at most FV_COVARIANCE_POSES_MAX poses */
+    double *joint;    /* frame part: normal equations of at most FV_COVARIANCE_POSES_MAX poses */
+    double *leverage; /* frame part: by feature, how many of the pose's six numbers hang on it */
 };
 
 struct fv_odometry;
 
-void fv_covariance_carve(struct fv_covariance *covariance, struct fv_arena *frame);
+void fv_covariance_carve(struct fv_covariance *covariance, uint32_t features_max,
+                         struct fv_arena *frame);
 
 /* Write the covariance to state->pose, lengths in the map's unit. False: it is not to be relied on.
  * Real-time safe. */
