@@ -136,7 +136,7 @@ static void test_missing_sample(void **state)
     assert_int_equal(fv_replay(changed, FV_REPLAY_STOPS, NULL, NULL, &result, &error),
                      FOVEA_ERROR_INPUT);
     assert_non_null(
-        strstr(error.text, "found another number of samples and parameters before them"));
+        strstr(error.text, "found another number of samples, parameters and maps before them"));
 }
 
 /* Offset in the good log of its third frame, the first without an image of the second camera. */

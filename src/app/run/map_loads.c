@@ -43,14 +43,13 @@ enum fovea_status fv_map_loads_open(struct fv_map_loads *loads, struct fv_parame
         return fovea_error_set(
             error, FOVEA_ERROR_INPUT, "map.folder: %.400s: found %s, expected a folder",
             loads->folder, stat(loads->folder, &there) == 0 ? "a file" : strerrordesc_np(errno));
-    loads->message = malloc(FV_MAP_LOADS_MESSAGE_BYTES);
     if (folder) {
         loads->capacity = fovea_map_bytes_max(&settings->runtime);
         loads->data = fv_aligned_zeroed(loads->capacity);
         loads->memory_bytes = fovea_map_prepared_bytes(&settings->runtime);
         loads->memory = fv_aligned_zeroed(loads->memory_bytes);
     }
-    if (loads->message == NULL || (folder && (loads->data == NULL || loads->memory == NULL))) {
+    if (folder && (loads->data == NULL || loads->memory == NULL)) {
         fv_map_loads_close(loads);
         return fovea_error_set(error, FOVEA_ERROR_MEMORY, "map.folder: no memory to load maps");
     }
@@ -60,7 +59,6 @@ enum fovea_status fv_map_loads_open(struct fv_map_loads *loads, struct fv_parame
 
 void fv_map_loads_close(struct fv_map_loads *loads)
 {
-    free(loads->message);
     free(loads->data);
     free(loads->memory);
     memset(loads, 0, sizeof *loads);

@@ -50,7 +50,7 @@ struct fv_map_loads {
     size_t bytes;
     const struct fovea_ready_map *ready;
     bool lists;       /* the answer is map_files_t */
-    uint8_t *message; /* FV_MAP_LOADS_MESSAGE_BYTES: the encoded answer */
+    uint8_t message[FV_MAP_LOADS_MESSAGE_BYTES]; /* the encoded answer */
     uint32_t answer_bytes;
 
     bool given; /* the loop's: to the step under way */
