@@ -94,15 +94,15 @@ $(if $(filter yes no,$(SURF)),,$(error SURF: found '$(SURF)', expected yes or no
 ROOMS     := base image features geometry stereo inertial odometry scale map nn detect objects grid message runtime
 CORE_C    := $(KERNELS) $(foreach r,$(ROOMS),$(wildcard src/$(r)/*.c))
 CORE_C    := $(filter-out $(if $(filter no,$(SURF)),src/features/surf%.c),$(CORE_C))
-# What few loops run stands at the end, for the same reason: second cameras, free space, features and operations of the commands.
-LAST_C    := $(filter src/kernels/%_c.c src/grid/% src/stereo/% src/inertial/% src/%/distances.c src/%/free_space.c $(addprefix src/features/,extract.c harris.c patch.c quadratic.c ranked.c response.c scale_space.c sift%.c strongest.c surf%.c) \
+# What few loops run stands at the end, for the same reason: second cameras, free space, saved maps, features and operations of the commands.
+LAST_C    := $(filter src/kernels/%_c.c src/grid/% src/stereo/% src/inertial/% src/%/distances.c src/%/free_space.c src/map/take.c src/map/archive_% src/%/keep.c $(addprefix src/features/,extract.c harris.c patch.c quadratic.c ranked.c response.c scale_space.c sift%.c strongest.c surf%.c) \
              $(addprefix src/image/,contrast.c edges.c filters.c hysteresis.c preprocess.c region.c segments.c tables.c white_balance.c) \
              $(addprefix src/kernels/x86/,edge_% filter_% response_% bilateral_%),$(CORE_C))
 CORE_C    := $(filter-out $(LAST_C),$(CORE_C)) $(LAST_C)
 DRIVERS_C := $(wildcard drivers/*.c drivers/*/*.c)
 APP_C     := $(wildcard src/app/*.c src/app/*/*.c src/support/*.c)
 # Likewise what few runs need: other commands than run, and what is asked for by commands or at the end.
-LAST_APP  := $(filter src/app/lab/% src/app/watch/% src/app/man.c $(addprefix src/app/run/,backup.c check_command.c check_memory.c fast_pose.c health.c history.c host.c recordings.c \
+LAST_APP  := $(filter src/app/lab/% src/app/watch/% src/app/man.c $(addprefix src/app/run/,backup.c check_command.c check_memory.c fast_pose.c health.c history.c host.c map_loads.c recordings.c \
              replay_command.c run_health.c self_test.c run_picture.c path_picture.c frame_picture.c objects_picture.c report_picture.c grid_file.c imu_input.c),$(APP_C))
 APP_C     := $(filter-out $(LAST_APP),$(APP_C)) $(LAST_APP)
 

@@ -49,7 +49,7 @@ struct fv_map_loads {
     char file[FV_MESSAGE_MAP_NAME_BYTES]; /* "": the list is asked for */
     size_t bytes;
     const struct fovea_ready_map *ready;
-    bool lists;       /* the answer is map_files_t */
+    bool lists;                                  /* the answer is map_files_t */
     uint8_t message[FV_MAP_LOADS_MESSAGE_BYTES]; /* the encoded answer */
     uint32_t answer_bytes;
 

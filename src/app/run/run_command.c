@@ -1,6 +1,7 @@
 /* fovea run: the real-time loop on one source. */
 #include <errno.h>
 #include <inttypes.h>
+#include <malloc.h>
 #include <math.h>
 #include <semaphore.h>
 #include <stdlib.h>
@@ -561,6 +562,8 @@ int fv_command_run(int argc, char **argv)
 {
     static struct fv_run run; /* large, and zeroed */
     struct fovea_error error = {0};
+    /* Blocks that are free again before the loop go back to the system: glibc would raise this. */
+    (void)mallopt(M_MMAP_THRESHOLD, 128 << 10);
     run.stats = FV_OUTPUT_CLOSED;
     enum fv_options_result result = options_read(&run, argc, argv);
     if (result == FV_OPTIONS_HELP) fv_setup_sources_print();
