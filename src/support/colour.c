@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include <jpeglib.h>
+#include <jerror.h>
 #include <png.h>
 
 #include "support/input.h"
@@ -38,6 +39,13 @@ static enum fovea_status new_image(const char *path, int64_t width, int64_t heig
     return FOVEA_OK;
 }
 
+/* Callers give back an image after an error, too. */
+static void give_back(struct fovea_image *image)
+{
+    free((void *)(uintptr_t)image->data);
+    memset(image, 0, sizeof *image);
+}
+
 static enum fovea_status read_png(const char *path, const uint8_t *data, size_t bytes,
                                   struct fovea_image *image, struct fovea_error *error)
 {
@@ -50,7 +58,7 @@ static enum fovea_status read_png(const char *path, const uint8_t *data, size_t 
     const png_color black = {0, 0, 0};
     if (status == FOVEA_OK && !png_image_finish_read(&png, &black, (void *)(uintptr_t)image->data,
                                                      image->stride_bytes, NULL)) {
-        free((void *)(uintptr_t)image->data);
+        give_back(image);
         status = fovea_error_set(error, FOVEA_ERROR_INPUT, "%.300s: %.100s", path, png.message);
     }
     png_image_free(&png);
@@ -70,9 +78,14 @@ static void on_jpeg_error(j_common_ptr info)
     longjmp(failure->leave, 1);
 }
 
-static void on_jpeg_message(j_common_ptr info)
+/* Warnings are damage, but for those that cost no pixel, as in decode_jpeg.c. */
+static void on_jpeg_message(j_common_ptr info, int level)
 {
-    (void)info;
+    const int code = info->err->msg_code;
+    if (level >= 0 || code == JWRN_EXTRANEOUS_DATA || code == JWRN_JFIF_MAJOR ||
+        code == JWRN_ADOBE_XFORM || code == JWRN_TOO_MUCH_DATA)
+        return;
+    on_jpeg_error(info);
 }
 
 static enum fovea_status read_jpeg(const char *path, const uint8_t *data, size_t bytes,
@@ -83,11 +96,12 @@ static enum fovea_status read_jpeg(const char *path, const uint8_t *data, size_t
     struct fovea_image *volatile made = NULL;
     info.err = jpeg_std_error(&failure.manager);
     failure.manager.error_exit = on_jpeg_error;
-    failure.manager.output_message = on_jpeg_message;
+    failure.manager.emit_message = on_jpeg_message;
     if (setjmp(failure.leave)) {
         jpeg_destroy_decompress(&info);
-        if (made != NULL) free((void *)(uintptr_t)made->data);
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%.300s: %.150s", path, failure.text);
+        if (made != NULL) give_back(made);
+        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%.300s: damaged JPEG: %.150s", path,
+                               failure.text);
     }
     jpeg_create_decompress(&info);
     jpeg_mem_src(&info, data, bytes);

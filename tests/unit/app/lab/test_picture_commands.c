@@ -200,6 +200,30 @@ static size_t bytes_of(const char *path, uint8_t *bytes, size_t size)
 }
 
 /* Also by another name of the same file. */
+/* A picture that was cut off anywhere is refused with a line, by both of the ways to read it. */
+static void damaged_pictures_are_reported(void **state)
+{
+    static uint8_t bytes[1 << 20];
+    char cut[80];
+    (void)state;
+    snprintf(cut, sizeof cut, "%s/cut.png", folder);
+    FILE *file = fopen(in, "rb");
+    assert_non_null(file);
+    const size_t whole = fread(bytes, 1, sizeof bytes, file);
+    fclose(file);
+    for (size_t eighths = 1; eighths < 8; eighths++) {
+        file = fopen(cut, "wb");
+        assert_non_null(file);
+        assert_int_equal(fwrite(bytes, whole * eighths / 8, 1, file), 1);
+        fclose(file);
+        assert_int_equal(CALL(fv_command_image, "image", cut, out, "--white-balance"),
+                         FV_EXIT_WRONG);
+        assert_int_equal(CALL(fv_command_image, "image", cut, out, "--operations", "denoise"),
+                         FV_EXIT_WRONG);
+    }
+    unlink(cut);
+}
+
 static void what_is_read_is_never_written_over(void **state)
 {
     (void)state;
@@ -301,6 +325,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(commands_write_pictures),
         cmocka_unit_test(wrong_input_is_reported),
+        cmocka_unit_test(damaged_pictures_are_reported),
         cmocka_unit_test(what_is_read_is_never_written_over),
         cmocka_unit_test(lost_output_is_reported),
         cmocka_unit_test(networks_without_boxes_are_reported), /* writes over the camera */
