@@ -218,7 +218,6 @@ static enum fovea_status serve(struct web *web, struct fovea_error *error)
                                        .origins = web->origins,
                                        .certificate = web->certificate,
                                        .tokens = web->token != NULL ? &web->tokens : NULL,
-                                       .relay = web->robots.robots[0].relay,
                                        .robots = &web->robots,
                                        .commander = &web->commander};
     enum fovea_status status = fv_web_server_open(&setup, &server, error);

@@ -30,7 +30,7 @@ struct fv_web_relay {
     struct fovea_image played; /* of malloc: a frame whose messages follow; data NULL: none */
     int64_t played_stamp_ns, played_sequence, picture_ns, told_ns;
     uint32_t rate_per_1000_s, wished;
-    uint32_t cameras; /* bits: those whose pictures somebody looks at, beside the first's */
+    uint32_t cameras; /* bits: those whose pictures somebody looks at */
     int64_t next_try_ns;
     char prefix[FV_MESSAGE_CHANNEL_BYTES];
 

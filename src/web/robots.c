@@ -5,7 +5,7 @@
 
 #include "app/watch/robots.h"
 
-static void tell(struct fv_web_robots *robots)
+static void write_text(struct fv_web_robots *robots)
 {
     size_t used = 0;
     for (uint32_t i = 0; i < robots->count; i++) {
@@ -38,12 +38,11 @@ bool fv_web_robots_add(struct fv_web_robots *robots, struct fv_web_relay *relay,
     struct fv_web_robot *robot = &robots->robots[robots->count++];
     *robot = (struct fv_web_robot){.relay = relay, .state = -1};
     name_robot(robot, name);
-    tell(robots);
+    write_text(robots);
     return true;
 }
 
-bool fv_web_robots_tick(struct fv_web_robots *robots, const bool watched[FV_WEB_ROBOTS_MAX],
-                        bool *pictured)
+bool fv_web_robots_tick(struct fv_web_robots *robots, bool *pictured)
 {
     bool changed = false, news = false;
     *pictured = false;
@@ -51,12 +50,12 @@ bool fv_web_robots_tick(struct fv_web_robots *robots, const bool watched[FV_WEB_
         struct fv_web_robot *robot = &robots->robots[i];
         const struct fv_web_store *store = robot->relay->store;
         const uint32_t shown = store->picture.number;
-        changed |= fv_web_relay_tick(robot->relay, watched[i]);
+        changed |= fv_web_relay_tick(robot->relay, robot->relay->cameras != 0);
         *pictured |= store->picture.number != shown;
         news |= store->running != robot->running || robot->relay->state != robot->state;
         robot->running = store->running;
         robot->state = robot->relay->state;
     }
-    if (news) tell(robots);
+    if (news) write_text(robots);
     return changed || news;
 }

@@ -1,5 +1,5 @@
-/* The robots of one page: each browser looks at one of them at a time, and chooses. What they are
- * doing is told to all pages. One thread. */
+/* The robots of one page: each browser chooses one of them and shows it. All pages show what each
+ * robot is doing. One thread. */
 #ifndef FOVEA_WEB_ROBOTS_H
 #define FOVEA_WEB_ROBOTS_H
 
@@ -15,7 +15,7 @@ struct fv_web_robots {
     struct fv_web_robot {
         struct fv_web_relay *relay; /* the caller's */
         char name[FV_WEB_ROBOT_NAME_BYTES];
-        bool running; /* as last told */
+        bool running; /* this and `state` as `text` has them */
         int state;
     } robots[FV_WEB_ROBOTS_MAX];
     uint32_t version;                                              /* counts changes of the text */
@@ -26,9 +26,8 @@ struct fv_web_robots {
  * are FV_WEB_ROBOTS_MAX. Init-only. */
 bool fv_web_robots_add(struct fv_web_robots *robots, struct fv_web_relay *relay, const char *name);
 
-/* Take what has come of each; `watched`: somebody wants its pictures. `*pictured`: there is a new
- * picture of one. Returns whether a store or the text has changed. */
-bool fv_web_robots_tick(struct fv_web_robots *robots, const bool watched[FV_WEB_ROBOTS_MAX],
-                        bool *pictured);
+/* Take what has come of each, with its pictures where relay->cameras names one. `*pictured`: one
+ * has a new picture of its first camera. Returns whether a store or the text has changed. */
+bool fv_web_robots_tick(struct fv_web_robots *robots, bool *pictured);
 
 #endif

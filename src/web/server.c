@@ -40,8 +40,7 @@ static struct fv_web_relay *shown_to(const struct fv_web_server *server,
     return server->setup.robots->robots[client->robot].relay;
 }
 
-/* Whether commands can be sent to it at all. */
-static bool is_commanded(const struct fv_web_server *server, uint32_t robot)
+bool fv_web_server_is_commanded(const struct fv_web_server *server, uint32_t robot)
 {
     return server->setup.commander->transport != NULL &&
            server->setup.robots->robots[robot].relay->heard == NULL;
@@ -62,7 +61,7 @@ static int arrive(struct fv_web_server *server, struct lws *wsi)
     fv_web_server_hasten(wsi);
     place->socket = wsi;
     place->sent_ns = 0;
-    fv_web_client_init(&place->client, role, is_commanded(server, 0));
+    fv_web_client_init(&place->client, role, fv_web_server_is_commanded(server, 0));
     if (server->setup.robots->count > 1) place->client.robots = server->setup.robots;
     lws_callback_on_writable(wsi);
     return 0;
@@ -164,7 +163,7 @@ static void command(struct fv_web_server *server, struct fv_web_client *client,
                         command->request, (long long)id);
 }
 
-static int hear(struct fv_web_server *server, struct lws *wsi, const char *words, size_t length)
+static int hear(struct fv_web_server *server, struct lws *wsi, const void *words, size_t length)
 {
     struct fv_web_command said;
     struct fv_web_place_of_client *place = place_of(server, wsi);
@@ -175,7 +174,8 @@ static int hear(struct fv_web_server *server, struct lws *wsi, const char *words
     if (what == FV_WEB_SAID_PLAY) play(server, &place->client, &said);
     if (what == FV_WEB_SAID_ROBOT && said.request < server->setup.robots->count &&
         said.request != place->client.robot)
-        fv_web_client_show(&place->client, said.request, is_commanded(server, said.request));
+        fv_web_client_show(&place->client, said.request,
+                           fv_web_server_is_commanded(server, said.request));
     if (what == FV_WEB_SAID_COMMAND) command(server, &place->client, &said);
     lws_callback_on_writable(wsi);
     return 0;
@@ -199,35 +199,46 @@ int fv_web_server_refuse(struct fv_web_server *server, struct lws *wsi, int stat
 static int judge(struct fv_web_server *server, struct lws *wsi)
 {
     enum fv_web_role role;
-    int status = server->setup.relay == NULL ? HTTP_STATUS_NOT_FOUND
-                                             : fv_web_server_judge(server, wsi, true, &role);
+    int status = server->setup.robots == NULL ? HTTP_STATUS_NOT_FOUND
+                                              : fv_web_server_judge(server, wsi, true, &role);
     if (status == HTTP_STATUS_OK && place_of(server, NULL) == NULL)
         status = HTTP_STATUS_SERVICE_UNAVAILABLE;
     return status == HTTP_STATUS_OK ? 0 : fv_web_server_refuse(server, wsi, status);
 }
 
-static int on_websocket(struct lws *wsi, enum lws_callback_reasons reason, void *user, void *in,
-                        size_t length)
+static void leave(struct fv_web_server *server, struct lws *wsi)
+{
+    struct fv_web_place_of_client *place = place_of(server, wsi);
+    if (place != NULL) place->socket = NULL;
+}
+
+int fv_web_websocket(const struct fv_web_protocol *protocol, struct lws *wsi,
+                     enum lws_callback_reasons reason, void *in, size_t length)
 {
     struct fv_web_server *server = lws_context_user(lws_get_context(wsi));
-    struct fv_web_place_of_client *place;
-    (void)user;
     switch (reason) {
     case LWS_CALLBACK_FILTER_PROTOCOL_CONNECTION:
-        return judge(server, wsi);
+        return protocol->judge(server, wsi);
     case LWS_CALLBACK_ESTABLISHED:
-        return arrive(server, wsi);
+        return protocol->arrive(server, wsi);
     case LWS_CALLBACK_SERVER_WRITEABLE:
-        return send_next(server, wsi);
+        return protocol->send_next(server, wsi);
     case LWS_CALLBACK_RECEIVE:
-        return hear(server, wsi, in, length);
+        return protocol->hear(server, wsi, in, length);
     case LWS_CALLBACK_CLOSED:
-        place = place_of(server, wsi);
-        if (place != NULL) place->socket = NULL;
+        protocol->leave(server, wsi);
         return 0;
     default:
         return 0;
     }
+}
+
+static int on_page(struct lws *wsi, enum lws_callback_reasons reason, void *user, void *in,
+                   size_t length)
+{
+    static const struct fv_web_protocol page = {judge, arrive, send_next, hear, leave};
+    (void)user;
+    return fv_web_websocket(&page, wsi, reason, in, length);
 }
 
 /* ---- the server ------------------------------------------------------------------------------ */
@@ -235,7 +246,7 @@ static int on_websocket(struct lws *wsi, enum lws_callback_reasons reason, void 
 /* The last number is what is handed to the kernel at once: without one it is FV_WEB_WORDS_BYTES. */
 static const struct lws_protocols protocols[] = {
     {"http", fv_web_http, sizeof(struct fv_web_request), 0, 0, NULL, 0},
-    {"fovea", on_websocket, 0, FV_WEB_WORDS_BYTES, 0, NULL, FV_WEB_PACKET_BYTES_MAX},
+    {"fovea", on_page, 0, FV_WEB_WORDS_BYTES, 0, NULL, FV_WEB_PACKET_BYTES_MAX},
     {"foxglove.sdk.v1", fv_web_foxglove, 0, FOXGLOVE_CHUNK_BYTES, 0, NULL, FV_WEB_PACKET_BYTES_MAX},
     {"foxglove.websocket.v1", fv_web_foxglove, 0, FOXGLOVE_CHUNK_BYTES, 0, NULL,
      FV_WEB_PACKET_BYTES_MAX},
@@ -245,32 +256,29 @@ static const struct lws_protocols protocols[] = {
 /* A page that is gone is noticed, and its place is free again. */
 static const lws_retry_bo_t liveness = {.secs_since_valid_ping = 10, .secs_since_valid_hangup = 25};
 
-/* Which cameras of each robot somebody looks at. */
-static void wish_cameras(struct fv_web_server *server)
+/* Set the cameras of each robot that somebody looks at. Whether there is a client at all. */
+static bool wish_cameras(struct fv_web_server *server)
 {
+    bool any = false;
     for (uint32_t i = 0; i < server->setup.robots->count; i++)
         server->setup.robots->robots[i].relay->cameras = 0;
     for (int i = 0; i < FV_WEB_CLIENTS_MAX; i++) {
         const struct fv_web_client *client = &server->clients[i].client;
-        if (server->clients[i].socket != NULL && !client->hidden)
-            shown_to(server, client)->cameras |= UINT32_C(1) << client->camera;
+        if (server->clients[i].socket == NULL) continue;
+        any = true;
+        if (!client->hidden) shown_to(server, client)->cameras |= UINT32_C(1) << client->camera;
     }
+    return fv_web_foxglove_wish(server) || any;
 }
 
 static void tick(lws_sorted_usec_list_t *timer)
 {
     struct fv_web_server *server = lws_container_of(timer, struct fv_web_server, timer);
-    bool watched[FV_WEB_ROBOTS_MAX] = {false}, any = false, pictured;
-    if (server->setup.relay == NULL) return; /* a page that asks by itself */
-    for (int i = 0; i < FV_WEB_CLIENTS_MAX; i++) {
-        any |= server->clients[i].socket != NULL;
-        watched[server->clients[i].client.robot] |=
-            server->clients[i].socket != NULL && !server->clients[i].client.hidden;
-    }
-    wish_cameras(server);
-    any |= fv_web_foxglove_any(server, watched);
+    bool pictured;
+    if (server->setup.robots == NULL) return; /* a page that asks by itself */
+    const bool any = wish_cameras(server);
     const int64_t now_ns = fv_clock_ns(CLOCK_MONOTONIC);
-    server->changed |= fv_web_robots_tick(server->setup.robots, watched, &pictured);
+    server->changed |= fv_web_robots_tick(server->setup.robots, &pictured);
     fv_web_foxglove_tick(server);
     if (server->changed && (pictured || now_ns - server->sent_ns >= TOGETHER_NS)) {
         server->changed = false;
@@ -290,10 +298,6 @@ enum fovea_status fv_web_server_open(const struct fv_web_setup *setup,
     *server = NULL;
     if (made == NULL) return fovea_error_set(error, FOVEA_ERROR_MEMORY, "no memory for the server");
     made->setup = *setup;
-    if (setup->robots == NULL && setup->relay != NULL) {
-        fv_web_robots_add(&made->alone, setup->relay, "");
-        made->setup.robots = &made->alone;
-    }
     lws_set_log_level(0, NULL);
     struct lws_context_creation_info info = {
         .port = setup->port,

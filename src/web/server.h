@@ -37,8 +37,7 @@ struct fv_web_setup {
     const char *origins; /* that Foxglove's clients may come from, spaces between; NULL: none */
     struct fv_web_certificate certificate; /* that was checked; its files stay; none: HTTP */
     const struct fv_web_tokens *tokens;    /* NULL: everybody who reaches the port may do all */
-    struct fv_web_relay *relay;            /* of the robot that is shown first */
-    /* All of them, of which the first is that; NULL: it alone. Each page asks for one. */
+    /* Each page asks for one of them; the first is shown until then. NULL: as `pages`. */
     struct fv_web_robots *robots;
     struct fv_web_commander *commander;
     /* The page of another program; NULL: that of a run, which the two above are for. */

@@ -14,21 +14,13 @@ static struct fv_web_place_of_foxglove *place_of(struct fv_web_server *server,
     return NULL;
 }
 
-/* The robot whose number the address says; the first where it says none. */
-static uint32_t robot_of(struct lws *wsi)
-{
-    char number[16];
-    const char *of = lws_get_urlarg_by_name(wsi, "robot=", number, sizeof number);
-    return of != NULL ? (uint32_t)strtoul(of, NULL, 10) : 0;
-}
-
 /* Before it opens: who may, and whether there is room. */
 static int judge(struct fv_web_server *server, struct lws *wsi)
 {
     enum fv_web_role role;
-    int status = server->setup.relay == NULL ? HTTP_STATUS_NOT_FOUND
-                                             : fv_web_server_judge_foxglove(server, wsi, &role);
-    if (status == HTTP_STATUS_OK && robot_of(wsi) >= server->setup.robots->count)
+    int status = server->setup.robots == NULL ? HTTP_STATUS_NOT_FOUND
+                                              : fv_web_server_judge_foxglove(server, wsi, &role);
+    if (status == HTTP_STATUS_OK && fv_web_server_robot(wsi) >= server->setup.robots->count)
         status = HTTP_STATUS_NOT_FOUND;
     if (status == HTTP_STATUS_OK && place_of(server, NULL) == NULL)
         status = HTTP_STATUS_SERVICE_UNAVAILABLE;
@@ -39,18 +31,17 @@ static int arrive(struct fv_web_server *server, struct lws *wsi)
 {
     enum fv_web_role role;
     struct fv_web_place_of_foxglove *place = place_of(server, NULL);
-    const uint32_t robot = robot_of(wsi);
-    if (place == NULL || server->setup.relay == NULL || robot >= server->setup.robots->count ||
+    const uint32_t robot = fv_web_server_robot(wsi);
+    if (place == NULL || server->setup.robots == NULL || robot >= server->setup.robots->count ||
         fv_web_server_judge_foxglove(server, wsi, &role) != HTTP_STATUS_OK)
         return -1;
-    const struct fv_web_relay *relay = server->setup.robots->robots[robot].relay;
-    const bool operates = role == FV_WEB_OPERATE && relay->player == NULL && relay->heard == NULL &&
-                          server->setup.commander->transport != NULL;
     fv_web_server_hasten(wsi);
     place->socket = wsi;
     place->robot = robot;
     place->words_bytes = 0;
-    fv_foxglove_init(&place->client, role, operates, server->session, fv_clock_ns(CLOCK_MONOTONIC));
+    fv_foxglove_init(&place->client, role,
+                     role == FV_WEB_OPERATE && fv_web_server_is_commanded(server, robot),
+                     server->session, fv_clock_ns(CLOCK_MONOTONIC));
     lws_callback_on_writable(wsi);
     return 0;
 }
@@ -74,7 +65,7 @@ static int send_next(struct fv_web_server *server, struct lws *wsi)
 }
 
 /* Frames come in pieces; a message that is too long ends the connection. */
-static int hear(struct fv_web_server *server, struct lws *wsi, const uint8_t *words, size_t length)
+static int hear(struct fv_web_server *server, struct lws *wsi, const void *words, size_t length)
 {
     struct fv_web_place_of_foxglove *place = place_of(server, wsi);
     if (place == NULL) return -1;
@@ -94,28 +85,18 @@ static int hear(struct fv_web_server *server, struct lws *wsi, const uint8_t *wo
     return 0;
 }
 
+static void leave(struct fv_web_server *server, struct lws *wsi)
+{
+    struct fv_web_place_of_foxglove *place = place_of(server, wsi);
+    if (place != NULL) place->socket = NULL;
+}
+
 int fv_web_foxglove(struct lws *wsi, enum lws_callback_reasons reason, void *user, void *in,
                     size_t length)
 {
-    struct fv_web_server *server = lws_context_user(lws_get_context(wsi));
-    struct fv_web_place_of_foxglove *place;
+    static const struct fv_web_protocol foxglove = {judge, arrive, send_next, hear, leave};
     (void)user;
-    switch (reason) {
-    case LWS_CALLBACK_FILTER_PROTOCOL_CONNECTION:
-        return judge(server, wsi);
-    case LWS_CALLBACK_ESTABLISHED:
-        return arrive(server, wsi);
-    case LWS_CALLBACK_SERVER_WRITEABLE:
-        return send_next(server, wsi);
-    case LWS_CALLBACK_RECEIVE:
-        return hear(server, wsi, in, length);
-    case LWS_CALLBACK_CLOSED:
-        place = place_of(server, wsi);
-        if (place != NULL) place->socket = NULL;
-        return 0;
-    default:
-        return 0;
-    }
+    return fv_web_websocket(&foxglove, wsi, reason, in, length);
 }
 
 /* ---- what they are shown --------------------------------------------------------------------- */
@@ -133,7 +114,7 @@ static void answered(void *context, const struct fv_foxglove_answer *answer)
 
 bool fv_web_foxglove_open(struct fv_web_server *server)
 {
-    if (server->setup.relay == NULL) return true;
+    if (server->setup.robots == NULL) return true;
     const struct fv_web_robots *robots = server->setup.robots;
     server->foxglove_robots = calloc(robots->count, sizeof *server->foxglove_robots);
     if (server->foxglove_robots == NULL) return false;
@@ -162,17 +143,15 @@ void fv_web_foxglove_close(struct fv_web_server *server)
     free(server->foxglove_robots);
 }
 
-bool fv_web_foxglove_any(const struct fv_web_server *server, bool watched[FV_WEB_ROBOTS_MAX])
+bool fv_web_foxglove_wish(struct fv_web_server *server)
 {
     bool any = false;
     for (int i = 0; i < FV_WEB_FOXGLOVE_MAX; i++) {
         const struct fv_web_place_of_foxglove *place = &server->foxglove[i];
         if (place->socket == NULL) continue;
         any = true;
-        const uint32_t cameras =
+        server->setup.robots->robots[place->robot].relay->cameras |=
             fv_foxglove_watches(&place->client, &server->foxglove_robots[place->robot].views);
-        watched[place->robot] |= cameras != 0;
-        server->setup.robots->robots[place->robot].relay->cameras |= cameras;
     }
     return any;
 }

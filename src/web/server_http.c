@@ -72,21 +72,29 @@ static enum fv_web_role role_of(struct fv_web_server *server, struct lws *wsi)
     return fv_web_tokens_role(server->setup.tokens, token);
 }
 
-int fv_web_server_judge(struct fv_web_server *server, struct lws *wsi, bool of_page,
-                        enum fv_web_role *role)
+/* Whether it names this server, and comes from our page or an origin that is listed; without an
+ * origin only where it need not be `of_page`. */
+static bool request_is_ours(const struct fv_web_server *server, struct lws *wsi, bool of_page,
+                            const char *listed)
 {
     char host[FV_WEB_NAME_BYTES], origin[FV_WEB_NAME_BYTES + 8], local[INET_ADDRSTRLEN],
         remote[INET_ADDRSTRLEN];
+    const bool encrypted = server->setup.certificate.file != NULL;
     addresses(wsi, local, remote);
     if (!header(wsi, WSI_TOKEN_HOST, host, sizeof host) ||
-        !fv_web_host_is_ours(host, server->port, server->setup.certificate.file != NULL, local,
-                             server->setup.names, server->setup.name_count))
-        return HTTP_STATUS_FORBIDDEN;
-    const bool has_origin = lws_hdr_total_length(wsi, WSI_TOKEN_ORIGIN) > 0;
-    if ((of_page || has_origin) &&
-        (!header(wsi, WSI_TOKEN_ORIGIN, origin, sizeof origin) ||
-         !fv_web_origin_is_ours(origin, host, server->setup.certificate.file != NULL)))
-        return HTTP_STATUS_FORBIDDEN;
+        !fv_web_host_is_ours(host, server->port, encrypted, local, server->setup.names,
+                             server->setup.name_count))
+        return false;
+    if (!of_page && lws_hdr_total_length(wsi, WSI_TOKEN_ORIGIN) == 0) return true;
+    return header(wsi, WSI_TOKEN_ORIGIN, origin, sizeof origin) &&
+           (fv_web_origin_is_ours(origin, host, encrypted) ||
+            fv_web_origin_is_listed(origin, listed));
+}
+
+int fv_web_server_judge(struct fv_web_server *server, struct lws *wsi, bool of_page,
+                        enum fv_web_role *role)
+{
+    if (!request_is_ours(server, wsi, of_page, NULL)) return HTTP_STATUS_FORBIDDEN;
     *role = role_of(server, wsi);
     return *role != FV_WEB_NOBODY ? HTTP_STATUS_OK : HTTP_STATUS_UNAUTHORIZED;
 }
@@ -126,20 +134,16 @@ static int judge_token(struct fv_web_server *server, struct lws *wsi, enum fv_we
 int fv_web_server_judge_foxglove(struct fv_web_server *server, struct lws *wsi,
                                  enum fv_web_role *role)
 {
-    char host[FV_WEB_NAME_BYTES], origin[FV_WEB_NAME_BYTES + 8], local[INET_ADDRSTRLEN],
-        remote[INET_ADDRSTRLEN];
-    const bool encrypted = server->setup.certificate.file != NULL;
-    addresses(wsi, local, remote);
-    if (!header(wsi, WSI_TOKEN_HOST, host, sizeof host) ||
-        !fv_web_host_is_ours(host, server->port, encrypted, local, server->setup.names,
-                             server->setup.name_count))
-        return HTTP_STATUS_FORBIDDEN;
-    if (lws_hdr_total_length(wsi, WSI_TOKEN_ORIGIN) > 0 &&
-        (!header(wsi, WSI_TOKEN_ORIGIN, origin, sizeof origin) ||
-         (!fv_web_origin_is_ours(origin, host, encrypted) &&
-          !fv_web_origin_is_listed(origin, server->setup.origins))))
-        return HTTP_STATUS_FORBIDDEN;
+    if (!request_is_ours(server, wsi, false, server->setup.origins)) return HTTP_STATUS_FORBIDDEN;
     return judge_token(server, wsi, role);
+}
+
+uint32_t fv_web_server_robot(struct lws *wsi)
+{
+    char number[16];
+    const char *of = lws_get_urlarg_by_name(wsi, "robot=", number, sizeof number);
+    const unsigned long robot = of != NULL ? strtoul(of, NULL, 10) : 0;
+    return robot < UINT32_MAX ? (uint32_t)robot : UINT32_MAX;
 }
 
 /* ---- answers --------------------------------------------------------------------------------- */
@@ -321,10 +325,9 @@ static int begin_login(struct fv_web_server *server, struct lws *wsi,
 static int begin_settings(struct fv_web_server *server, struct lws *wsi,
                           struct fv_web_request *request, enum fv_web_role role)
 {
-    char length[16], number[16];
+    char length[16];
     const struct fv_web_robots *robots = server->setup.robots;
-    const char *of = lws_get_urlarg_by_name(wsi, "robot=", number, sizeof number);
-    const unsigned long robot = of != NULL ? strtoul(of, NULL, 10) : 0;
+    const uint32_t robot = fv_web_server_robot(wsi);
     if (robot >= robots->count) return refuse(wsi, request, HTTP_STATUS_NOT_FOUND, "Not found\n");
     request->relay = robots->robots[robot].relay;
     const char *refusal = fv_web_server_refusal(server, request->relay, role);
@@ -380,7 +383,7 @@ static int begin(struct fv_web_server *server, struct lws *wsi, struct fv_web_re
         return refuse(wsi, request, status, forbidden[server->setup.pages != NULL]);
     if (post && strcmp(path, "/login") == 0) return begin_login(server, wsi, request);
     if (post && status == HTTP_STATUS_OK && strcmp(path, "/settings") == 0 &&
-        server->setup.relay != NULL)
+        server->setup.robots != NULL)
         return begin_settings(server, wsi, request, role);
     if (!get && status == HTTP_STATUS_UNAUTHORIZED)
         return refuse(wsi, request, status, "Unauthorized: log in at /login\n");

@@ -32,7 +32,6 @@ struct fv_web_request {
 
 struct fv_web_server {
     struct fv_web_setup setup;
-    struct fv_web_robots alone; /* where there is one */
     struct lws_context *context;
     struct lws_vhost *vhost;
     uint16_t port;
@@ -72,23 +71,42 @@ const char *fv_web_server_refusal(const struct fv_web_server *server,
 int fv_web_server_judge(struct fv_web_server *server, struct lws *wsi, bool of_page,
                         enum fv_web_role *role);
 
-/* The same of one that speaks Foxglove's protocol; whose token is wrong has to wait, as at the
- * login. */
+/* The same of one that speaks Foxglove's protocol. Wrong tokens are limited as at the login. */
 int fv_web_server_judge_foxglove(struct fv_web_server *server, struct lws *wsi,
                                  enum fv_web_role *role);
 /* Refuse a websocket before it opens. Returns what the callback returns. */
 int fv_web_server_refuse(struct fv_web_server *server, struct lws *wsi, int status);
 
+/* The number of the robot that the address names by robot=N; 0: it names none. */
+uint32_t fv_web_server_robot(struct lws *wsi);
+/* Whether commands can be sent to this robot at all. */
+bool fv_web_server_is_commanded(const struct fv_web_server *server, uint32_t robot);
+
 /* Only what is new waits behind what is being sent, not what was to be sent before. */
 void fv_web_server_hasten(struct lws *wsi);
 
-/* Foxglove's clients: make what they are shown, drop it, look after them; whether there is one, and
- * the robots whose pictures one wants, whose relays are told of which cameras. */
+/* Make what Foxglove's clients are shown, of each robot; false: no memory. */
 bool fv_web_foxglove_open(struct fv_web_server *server);
 void fv_web_foxglove_close(struct fv_web_server *server);
+/* Send what is to be asked of the runs. */
 void fv_web_foxglove_tick(struct fv_web_server *server);
-bool fv_web_foxglove_any(const struct fv_web_server *server, bool watched[FV_WEB_ROBOTS_MAX]);
+/* Add the cameras that these clients look at to those of each relay. Whether there is a client. */
+bool fv_web_foxglove_wish(struct fv_web_server *server);
+/* There is something new to send. */
 void fv_web_foxglove_changed(struct fv_web_server *server);
+
+/* What a protocol of websockets does: of a request to open one, of one that is open, where more can
+ * be sent, with what comes, and at its end. But for the last, each returns what the callback does.
+ */
+struct fv_web_protocol {
+    int (*judge)(struct fv_web_server *server, struct lws *wsi);
+    int (*arrive)(struct fv_web_server *server, struct lws *wsi);
+    int (*send_next)(struct fv_web_server *server, struct lws *wsi);
+    int (*hear)(struct fv_web_server *server, struct lws *wsi, const void *words, size_t length);
+    void (*leave)(struct fv_web_server *server, struct lws *wsi);
+};
+int fv_web_websocket(const struct fv_web_protocol *protocol, struct lws *wsi,
+                     enum lws_callback_reasons reason, void *in, size_t length);
 
 /* Callbacks of libwebsockets, after lws_callback_function. */
 int fv_web_foxglove(struct lws *wsi, enum lws_callback_reasons reason, void *user, void *in,
