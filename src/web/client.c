@@ -376,12 +376,11 @@ static bool parameter_read(char *words, struct fv_web_command *command)
 }
 
 /* "[FILE]": the rest, with its spaces. */
-static bool map_read(const char *words, struct fv_web_command *command)
+static void map_read(const char *words, struct fv_web_command *command)
 {
     command->bits = 0;
     command->loads = true;
     snprintf(command->key, sizeof command->key, "%s", words != NULL ? words : "");
-    return true;
 }
 
 static bool play_read(char *words, struct fv_web_command *command)
@@ -441,7 +440,8 @@ enum fv_web_said fv_web_client_hear(struct fv_web_client *client, const char *wo
         return words_read(rest, &command->bits) ? FV_WEB_SAID_COMMAND : FV_WEB_SAID_WRONG;
     } else if (strcmp(verb, "map") == 0) {
         command->request = number;
-        return map_read(rest, command) ? FV_WEB_SAID_COMMAND : FV_WEB_SAID_WRONG;
+        map_read(rest, command);
+        return FV_WEB_SAID_COMMAND;
     } else if (strcmp(verb, "play") == 0) {
         command->request = number;
         return play_read(rest, command) ? FV_WEB_SAID_PLAY : FV_WEB_SAID_WRONG;

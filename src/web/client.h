@@ -1,20 +1,25 @@
 /* One page that looks: what it was sent, what it may be sent next, what it says. No sockets here
  * (server.c), so that all of it is tested without any.
  *
- * To the page go packets of four kinds. Text is JSON with a member "kind": hello, robots, log,
- * pong, sent, refused. Binary frames hold packets, each behind its length (4 bytes), which begin
- * with a byte; numbers are big-endian: 1  a message: length of the channel's name (1 byte), name,
- * the message as LCM encodes it; the page decodes it by the definitions of /types. It is sent as it
- * is because the same bytes then serve all clients, take a fourth of their JSON, and no new message
- * type needs code here 2  a picture: fv_web_client_next says its head 3  a piece of the path: epoch
- * (4), number of the first place (8), count (4), x y z (4 each) The page says, in words: "ack N"
- * (picture N is on the screen), "ping TEXT", "pictures 0|1", "command REQUEST WORD..." with the
- * words of docs/messages.md, "parameter REQUEST once|keep KEY [VALUE]" (without a value it asks for
- * the one in force), "map REQUEST [FILE]" (without a file it asks for the list of those that can be
- * loaded), "robot N" and
- * "camera N" (shows another one; a reply of kind "camera" comes before its pictures), and of a
- * recording that is played "play REQUEST pause|resume|seek MS|speed FACTOR"; how it stands is sent
- * as JSON, "playback".
+ * To the page go packets of four kinds. Text is JSON with a member "kind": hello, robots, camera,
+ * playback, log, pong, sent, refused. Binary frames hold packets, each behind its length (4 bytes),
+ * which begin with a byte; numbers are big-endian:
+ *   1  a message: length of the channel's name (1 byte), name, the message as LCM encodes it; the
+ *      page decodes it by the definitions of /types. It is sent as it is because the same bytes
+ *      then serve all clients, take a fourth of their JSON, and no new message type needs code here
+ *   2  a picture: fv_web_client_next says its head
+ *   3  a piece of the path: epoch (4), number of the first place (8), count (4), x y z (4 each)
+ *
+ * The page says, in words:
+ *   "ack N"               picture N is on the screen
+ *   "ping TEXT"           the answer is "pong"
+ *   "pictures 0|1"        whether it wants pictures
+ *   "robot N"             show this robot
+ *   "camera N"            show this camera; a reply "camera" comes before its pictures
+ *   "command REQUEST WORD..."                      with the words of docs/messages.md
+ *   "parameter REQUEST once|keep KEY [VALUE]"      without a value: asks for the one in force
+ *   "map REQUEST [FILE]"                           loads a map; without a file: asks for the list
+ *   "play REQUEST pause|resume|seek MS|speed FACTOR"   of a recording; its state is "playback"
  *
  * At most two pictures are on their way. Where the link is too slow for that, the class of size and
  * quality falls, then pictures are left out; messages go first. */
@@ -41,7 +46,7 @@ struct fv_web_client {
     enum fv_web_role role;
     bool commands;                           /* may be sent: shown in hello */
     const struct fv_web_robots *robots;      /* NULL: there is one */
-    uint32_t robot, robots_sent;             /* that is shown; version of what was told of all */
+    uint32_t robot, robots_sent;             /* that is shown; version of the list that was sent */
     uint32_t news, run, playback;            /* of the store, as they were sent */
     uint32_t versions[FV_WEB_ROWS_MAX], row; /* the row that was sent last */
     uint32_t path_epoch;
@@ -83,9 +88,8 @@ enum fv_web_said {
 };
 struct fv_web_command {
     uint32_t request; /* the page's number of it; FV_WEB_SAID_ROBOT: that of the robot */
-    int32_t
-        bits;   /* of command_t; 0: of a parameter_t are key, value and keep, or of a map_load_t */
-    bool loads; /* the last, whose file is `key` */
+    int32_t bits;     /* of command_t; 0: it is a map_load_t or a parameter_t */
+    bool loads;       /* a map_load_t, whose file is `key`; false: a parameter_t, as follows */
     bool keep;
     enum { FV_WEB_PAUSE, FV_WEB_RESUME, FV_WEB_SEEK, FV_WEB_SPEED } play; /* FV_WEB_SAID_PLAY */
     double play_to;                                                       /* milliseconds, factor */

@@ -225,7 +225,7 @@ static size_t next_values(struct fv_foxglove_client *client,
         for (uint32_t key = 0; request->sets && key < fv_settings_key_count; key++)
             if (request->waits[key])
                 reply(client, ERROR, "%s: the run has not answered", fv_settings_keys[key].name);
-        if (request->sets && request->id[0] == '\0') continue; /* only updates tell of it */
+        if (request->sets && request->id[0] == '\0') continue; /* only updates show it */
         json_t *list = json_array();
         for (uint32_t key = 0; key < fv_settings_key_count; key++)
             if (request->keys[key]) add_parameter(list, parameters, key);

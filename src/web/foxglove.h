@@ -34,7 +34,7 @@ struct fv_foxglove_client {
     bool operates; /* it may ask for parameters and set them */
     bool greeted;
     char session[FV_FOXGLOVE_SESSION_BYTES]; /* of the server */
-    uint32_t epoch, first_id, advertised;    /* of the views' channels, as they were told */
+    uint32_t epoch, first_id, advertised;    /* of the views' channels, as they were sent */
     struct {
         bool is;
         uint32_t id;

@@ -22,7 +22,7 @@ static void wrong(struct fv_foxglove_said *said, const char *format, ...)
 
 /* ---- binary ---------------------------------------------------------------------------------- */
 
-/* Whoever publishes or calls has been told by our capabilities that this is not taken. */
+/* Our capabilities say that no messages and calls are taken: every one is wrong. */
 static void hear_binary(const uint8_t *words, size_t bytes, struct fv_foxglove_said *said)
 {
     const uint8_t op = words[0];

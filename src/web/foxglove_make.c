@@ -4,6 +4,8 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "drivers/clock.h"
+
 #include "fovea_detections_t.h"
 #include "fovea_features_t.h"
 #include "fovea_grid_t.h"
@@ -33,7 +35,7 @@ static const double *colour_of(int64_t number)
     return colours[(number % COLOURS + COLOURS) % COLOURS];
 }
 
-static int64_t time_of(const fovea_stamp_t *stamp)
+int64_t fv_foxglove_make_time(const fovea_stamp_t *stamp)
 {
     const int64_t sum_ns = (int64_t)((uint64_t)stamp->time_ns + (uint64_t)stamp->utc_offset_ns);
     return sum_ns > 0 ? sum_ns : 0;
@@ -42,8 +44,8 @@ static int64_t time_of(const fovea_stamp_t *stamp)
 static void put_time(struct fv_protobuf *to, uint32_t field, int64_t time_ns)
 {
     const size_t begun = fv_protobuf_begin(to, field);
-    fv_protobuf_number(to, 1, (uint64_t)(time_ns / 1000000000));
-    fv_protobuf_number(to, 2, (uint64_t)(time_ns % 1000000000));
+    fv_protobuf_number(to, 1, (uint64_t)(time_ns / FV_SECOND_NS));
+    fv_protobuf_number(to, 2, (uint64_t)(time_ns % FV_SECOND_NS));
     fv_protobuf_end(to, begun);
 }
 
@@ -128,7 +130,7 @@ void fv_foxglove_make_pose(const struct fv_foxglove_views *views, const uint8_t 
     (void)views;
     if (fovea_pose_t_decode(data, 0, (int)bytes, &pose) < 0) return;
     place_of(&pose, position, orientation);
-    put_time(to, 1, time_of(&pose.stamp));
+    put_time(to, 1, fv_foxglove_make_time(&pose.stamp));
     fv_protobuf_text(to, 2, "map");
     put_pose(to, 3, position, orientation);
     fovea_pose_t_decode_cleanup(&pose);
@@ -143,7 +145,7 @@ void fv_foxglove_make_transforms(const struct fv_foxglove_views *views, const ui
     if (fovea_pose_t_decode(data, 0, (int)bytes, &pose) < 0) return;
     place_of(&pose, position, orientation);
     const size_t begun = fv_protobuf_begin(to, 1);
-    put_time(to, 1, time_of(&pose.stamp));
+    put_time(to, 1, fv_foxglove_make_time(&pose.stamp));
     fv_protobuf_text(to, 2, "map");
     fv_protobuf_text(to, 3, pose.child_frame);
     put_vector(to, 4, position, 3);
@@ -176,17 +178,8 @@ static bool landmark_place(const struct fv_foxglove_landmark *landmark, const fo
 
 static void put_landmark(struct fv_protobuf *to, const double place[3])
 {
-    if (to->full || to->capacity - to->bytes < POINT_BYTES) {
-        to->full = true;
-        return;
-    }
-    for (int i = 0; i < 3; i++) {
-        const float value = (float)place[i];
-        uint32_t bits;
-        memcpy(&bits, &value, sizeof bits);
-        for (int byte = 0; byte < 4; byte++)
-            to->data[to->bytes++] = (uint8_t)(bits >> 8 * byte);
-    }
+    for (int i = 0; i < 3; i++)
+        fv_protobuf_more_float(to, (float)place[i]);
 }
 
 void fv_foxglove_make_map(const struct fv_foxglove_views *views, const uint8_t *data, size_t bytes,
@@ -197,7 +190,7 @@ void fv_foxglove_make_map(const struct fv_foxglove_views *views, const uint8_t *
     double place[3];
     size_t count = 0;
     if (fovea_map_t_decode(data, 0, (int)bytes, &map) < 0) return;
-    put_time(to, 1, time_of(&map.stamp));
+    put_time(to, 1, fv_foxglove_make_time(&map.stamp));
     fv_protobuf_text(to, 2, "map");
     const size_t pose = fv_protobuf_begin(to, 3);
     put_quaternion(to, 2, upright);
@@ -224,7 +217,7 @@ void fv_foxglove_make_grid(const struct fv_foxglove_views *views, const uint8_t 
     similar(views->to_map.scale, views->to_map.position, views->to_map.orientation,
             grid.origin_position, position);
     multiply(views->to_map.orientation, grid.origin_orientation, orientation);
-    put_time(to, 1, time_of(&grid.stamp));
+    put_time(to, 1, fv_foxglove_make_time(&grid.stamp));
     fv_protobuf_text(to, 2, "map");
     put_pose(to, 3, position, orientation);
     fv_protobuf_fixed32(to, 4, (uint32_t)views->cells_wide);
@@ -330,7 +323,8 @@ void fv_foxglove_make_features(const struct fv_foxglove_views *views, const uint
     fovea_features_t features;
     (void)views;
     if (fovea_features_t_decode(data, 0, (int)bytes, &features) < 0) return;
-    put_dots(to, features.p_px, features.count, time_of(&features.stamp), colours[GREEN]);
+    put_dots(to, features.p_px, features.count, fv_foxglove_make_time(&features.stamp),
+             colours[GREEN]);
     fovea_features_t_decode_cleanup(&features);
 }
 
@@ -341,7 +335,7 @@ void fv_foxglove_make_detections(const struct fv_foxglove_views *views, const ui
     char name[16], text[128];
     (void)views;
     if (fovea_detections_t_decode(data, 0, (int)bytes, &all) < 0) return;
-    const int64_t time_ns = time_of(&all.stamp);
+    const int64_t time_ns = fv_foxglove_make_time(&all.stamp);
     for (int32_t i = 0; i < all.count; i++)
         put_box(to, &all.detections[i].box, (double)all.detections[i].angle, time_ns,
                 colour_of(all.detections[i].class_id));
@@ -362,7 +356,7 @@ void fv_foxglove_make_objects(const struct fv_foxglove_views *views, const uint8
     char name[16], text[128];
     (void)views;
     if (fovea_objects_t_decode(data, 0, (int)bytes, &all) < 0) return;
-    const int64_t time_ns = time_of(&all.stamp);
+    const int64_t time_ns = fv_foxglove_make_time(&all.stamp);
     for (int32_t i = 0; i < all.count; i++)
         put_box(to, &all.objects[i].box, 0, time_ns, colour_of(all.objects[i].id));
     for (int32_t i = 0; i < all.count; i++) {
@@ -382,7 +376,8 @@ void fv_foxglove_make_keypoints(const struct fv_foxglove_views *views, const uin
     (void)views;
     if (fovea_keypoints_t_decode(data, 0, (int)bytes, &all) < 0) return;
     for (int32_t i = 0; i < all.count; i++)
-        put_dots(to, all.sets[i].p_px, all.sets[i].point_count, time_of(&all.stamp), colour_of(i));
+        put_dots(to, all.sets[i].p_px, all.sets[i].point_count, fv_foxglove_make_time(&all.stamp),
+                 colour_of(i));
     fovea_keypoints_t_decode_cleanup(&all);
 }
 
@@ -405,7 +400,7 @@ void fv_foxglove_make_preview(const struct fv_foxglove_views *views, const uint8
     fovea_preview_t preview;
     (void)views;
     if (fovea_preview_t_decode(data, 0, (int)bytes, &preview) < 0) return;
-    fv_foxglove_make_image(time_of(&preview.stamp), preview.camera, preview.jpeg,
+    fv_foxglove_make_image(fv_foxglove_make_time(&preview.stamp), preview.camera, preview.jpeg,
                            (size_t)preview.size_bytes, to);
     fovea_preview_t_decode_cleanup(&preview);
 }

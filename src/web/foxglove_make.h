@@ -16,6 +16,9 @@
 typedef void fv_foxglove_make(const struct fv_foxglove_views *views, const uint8_t *data,
                               size_t bytes, struct fv_protobuf *to);
 
+/* A stamp in UTC where its offset is known; 0 of one before 1970. */
+int64_t fv_foxglove_make_time(const fovea_stamp_t *stamp);
+
 /* Whether a pose can be shown: it is in a map, and all its numbers are known. */
 bool fv_foxglove_make_known(const fovea_pose_t *pose);
 

@@ -29,8 +29,8 @@ void fv_foxglove_parameters_want(struct fv_foxglove_parameters *parameters, uint
     parameters->keys[key].wanted = true;
 }
 
-static void tell(struct fv_foxglove_parameters *parameters, uint32_t key, int64_t id,
-                 enum fv_foxglove_result result, const char *reason)
+static void report(struct fv_foxglove_parameters *parameters, uint32_t key, int64_t id,
+                   enum fv_foxglove_result result, const char *reason)
 {
     const struct fv_foxglove_answer answer = {key, id, result, reason};
     if (parameters->answered != NULL) parameters->answered(parameters->context, &answer);
@@ -55,8 +55,8 @@ void fv_foxglove_parameters_tick(struct fv_foxglove_parameters *parameters, int6
     for (int i = 0; i < FV_FOXGLOVE_ASKED_MAX; i++) {
         if (parameters->asked[i].id != 0 && now_ns - parameters->asked[i].sent_ns > PATIENCE_NS) {
             parameters->asked[i].id = 0;
-            tell(parameters, parameters->asked[i].key, 0, FV_FOXGLOVE_SILENT,
-                 "the run has not answered for a second");
+            report(parameters, parameters->asked[i].key, 0, FV_FOXGLOVE_SILENT,
+                   "the run has not answered for a second");
         }
         if (parameters->asked[i].id == 0 && parameters->commander != NULL &&
             parameters->commander->transport != NULL && parameters->run_id != 0)
@@ -64,7 +64,7 @@ void fv_foxglove_parameters_tick(struct fv_foxglove_parameters *parameters, int6
     }
 }
 
-/* Whether it is another value than before. */
+/* Count another value than before. */
 static void keep(struct fv_foxglove_parameters *parameters, uint32_t key, const char *value)
 {
     if (parameters->keys[key].value != NULL && strcmp(parameters->keys[key].value, value) == 0)
@@ -87,11 +87,12 @@ static void take_result(struct fv_foxglove_parameters *parameters, const uint8_t
         for (int i = 0; i < FV_FOXGLOVE_ASKED_MAX; i++)
             if (parameters->asked[i].id == result.id && result.sender == FV_WEB_SENDER)
                 parameters->asked[i].id = 0;
-        tell(parameters, (uint32_t)key, result.sender == FV_WEB_SENDER ? result.id : 0,
-             result.result == FOVEA_PARAMETER_RESULT_T_RESULT_DONE      ? FV_FOXGLOVE_DONE
-             : result.result == FOVEA_PARAMETER_RESULT_T_RESULT_REFUSED ? FV_FOXGLOVE_REFUSED
-                                                                        : FV_FOXGLOVE_NEEDS_RESTART,
-             result.reason);
+        report(parameters, (uint32_t)key, result.sender == FV_WEB_SENDER ? result.id : 0,
+               result.result == FOVEA_PARAMETER_RESULT_T_RESULT_DONE ? FV_FOXGLOVE_DONE
+               : result.result == FOVEA_PARAMETER_RESULT_T_RESULT_REFUSED
+                   ? FV_FOXGLOVE_REFUSED
+                   : FV_FOXGLOVE_NEEDS_RESTART,
+               result.reason);
     }
     fovea_parameter_result_t_decode_cleanup(&result);
 }

@@ -28,108 +28,103 @@ struct field {
 };
 
 struct message {
-    const char *name;
+    const char *name; /* with its package */
     struct field fields[FIELDS_MAX + 1];
     const char *enumeration; /* inside it; NULL: none */
     const char *values[VALUES_MAX + 1];
 };
 
+#define FOXGLOVE "foxglove."
 #define TIMESTAMP "google.protobuf.Timestamp"
-#define ONE(name, number, type)                                                                    \
+#define FIELD(name, number, type, label, of)                                                       \
     {                                                                                              \
-        name, number, type, OPTIONAL, NULL                                                         \
+        name, number, type, label, of                                                              \
     }
-#define OF(name, number, of)                                                                       \
-    {                                                                                              \
-        name, number, MESSAGE, OPTIONAL, of                                                        \
-    }
-#define MANY(name, number, of)                                                                     \
-    {                                                                                              \
-        name, number, MESSAGE, REPEATED, of                                                        \
-    }
-#define KIND(name, number, of)                                                                     \
-    {                                                                                              \
-        name, number, ENUMERATION, OPTIONAL, of                                                    \
-    }
+#define ONE(name, number, type) FIELD(name, number, type, OPTIONAL, NULL)
+#define TIME(number) FIELD("timestamp", number, MESSAGE, OPTIONAL, TIMESTAMP)
+#define OF(name, number, of) FIELD(name, number, MESSAGE, OPTIONAL, FOXGLOVE of)
+#define MANY(name, number, of) FIELD(name, number, MESSAGE, REPEATED, FOXGLOVE of)
+#define KIND(name, number, of) FIELD(name, number, ENUMERATION, OPTIONAL, FOXGLOVE of)
 
 static const struct message timestamp = {
-    "Timestamp", {ONE("seconds", 1, INT64), ONE("nanos", 2, INT32)}, NULL, {NULL}};
+    TIMESTAMP, {ONE("seconds", 1, INT64), ONE("nanos", 2, INT32)}, NULL, {NULL}};
 
 /* Those that are shown first, in the order of enum fv_foxglove_schema. */
 static const struct message messages[] = {
-    {"CompressedImage",
-     {OF("timestamp", 1, TIMESTAMP), ONE("frame_id", 4, TEXT), ONE("data", 2, BYTES),
-      ONE("format", 3, TEXT)},
+    {FOXGLOVE "CompressedImage",
+     {TIME(1), ONE("frame_id", 4, TEXT), ONE("data", 2, BYTES), ONE("format", 3, TEXT)},
      NULL,
      {NULL}},
-    {"ImageAnnotations",
-     {OF("timestamp", 5, TIMESTAMP), MANY("circles", 1, "CircleAnnotation"),
-      MANY("points", 2, "PointsAnnotation"), MANY("texts", 3, "TextAnnotation"),
-      MANY("metadata", 4, "KeyValuePair")},
+    {FOXGLOVE "ImageAnnotations",
+     {TIME(5), MANY("circles", 1, "CircleAnnotation"), MANY("points", 2, "PointsAnnotation"),
+      MANY("texts", 3, "TextAnnotation"), MANY("metadata", 4, "KeyValuePair")},
      NULL,
      {NULL}},
-    {"PoseInFrame",
-     {OF("timestamp", 1, TIMESTAMP), ONE("frame_id", 2, TEXT), OF("pose", 3, "Pose")},
+    {FOXGLOVE "PoseInFrame",
+     {TIME(1), ONE("frame_id", 2, TEXT), OF("pose", 3, "Pose")},
      NULL,
      {NULL}},
-    {"FrameTransforms", {MANY("transforms", 1, "FrameTransform")}, NULL, {NULL}},
-    {"PointCloud",
-     {OF("timestamp", 1, TIMESTAMP), ONE("frame_id", 2, TEXT), OF("pose", 3, "Pose"),
-      ONE("point_stride", 4, FIXED32), MANY("fields", 5, "PackedElementField"),
-      ONE("data", 6, BYTES)},
+    {FOXGLOVE "FrameTransforms", {MANY("transforms", 1, "FrameTransform")}, NULL, {NULL}},
+    {FOXGLOVE "PointCloud",
+     {TIME(1), ONE("frame_id", 2, TEXT), OF("pose", 3, "Pose"), ONE("point_stride", 4, FIXED32),
+      MANY("fields", 5, "PackedElementField"), ONE("data", 6, BYTES)},
      NULL,
      {NULL}},
-    {"Grid",
-     {OF("timestamp", 1, TIMESTAMP), ONE("frame_id", 2, TEXT), OF("pose", 3, "Pose"),
-      ONE("column_count", 4, FIXED32), OF("cell_size", 5, "Vector2"), ONE("row_stride", 6, FIXED32),
-      ONE("cell_stride", 7, FIXED32), MANY("fields", 8, "PackedElementField"),
-      ONE("data", 9, BYTES)},
+    {FOXGLOVE "Grid",
+     {TIME(1), ONE("frame_id", 2, TEXT), OF("pose", 3, "Pose"), ONE("column_count", 4, FIXED32),
+      OF("cell_size", 5, "Vector2"), ONE("row_stride", 6, FIXED32), ONE("cell_stride", 7, FIXED32),
+      MANY("fields", 8, "PackedElementField"), ONE("data", 9, BYTES)},
      NULL,
      {NULL}},
-    {"Log",
-     {OF("timestamp", 1, TIMESTAMP), KIND("level", 2, "Log.Level"), ONE("message", 3, TEXT),
-      ONE("name", 4, TEXT), ONE("file", 5, TEXT), ONE("line", 6, FIXED32)},
+    {FOXGLOVE "Log",
+     {TIME(1), KIND("level", 2, "Log.Level"), ONE("message", 3, TEXT), ONE("name", 4, TEXT),
+      ONE("file", 5, TEXT), ONE("line", 6, FIXED32)},
      "Level",
      {"UNKNOWN", "DEBUG", "INFO", "WARNING", "ERROR", "FATAL"}},
-    {"CircleAnnotation",
-     {OF("timestamp", 1, TIMESTAMP), OF("position", 2, "Point2"), ONE("diameter", 3, DOUBLE),
-      ONE("thickness", 4, DOUBLE), OF("fill_color", 5, "Color"), OF("outline_color", 6, "Color"),
+    {FOXGLOVE "CircleAnnotation",
+     {TIME(1), OF("position", 2, "Point2"), ONE("diameter", 3, DOUBLE), ONE("thickness", 4, DOUBLE),
+      OF("fill_color", 5, "Color"), OF("outline_color", 6, "Color"),
       MANY("metadata", 7, "KeyValuePair")},
      NULL,
      {NULL}},
-    {"PointsAnnotation",
-     {OF("timestamp", 1, TIMESTAMP), KIND("type", 2, "PointsAnnotation.Type"),
-      MANY("points", 3, "Point2"), OF("outline_color", 4, "Color"),
-      MANY("outline_colors", 5, "Color"), OF("fill_color", 6, "Color"), ONE("thickness", 7, DOUBLE),
+    {FOXGLOVE "PointsAnnotation",
+     {TIME(1), KIND("type", 2, "PointsAnnotation.Type"), MANY("points", 3, "Point2"),
+      OF("outline_color", 4, "Color"), MANY("outline_colors", 5, "Color"),
+      OF("fill_color", 6, "Color"), ONE("thickness", 7, DOUBLE),
       MANY("metadata", 8, "KeyValuePair")},
      "Type",
      {"UNKNOWN", "POINTS", "LINE_LOOP", "LINE_STRIP", "LINE_LIST"}},
-    {"TextAnnotation",
-     {OF("timestamp", 1, TIMESTAMP), OF("position", 2, "Point2"), ONE("text", 3, TEXT),
-      ONE("font_size", 4, DOUBLE), OF("text_color", 5, "Color"), OF("background_color", 6, "Color"),
+    {FOXGLOVE "TextAnnotation",
+     {TIME(1), OF("position", 2, "Point2"), ONE("text", 3, TEXT), ONE("font_size", 4, DOUBLE),
+      OF("text_color", 5, "Color"), OF("background_color", 6, "Color"),
       MANY("metadata", 7, "KeyValuePair")},
      NULL,
      {NULL}},
-    {"KeyValuePair", {ONE("key", 1, TEXT), ONE("value", 2, TEXT)}, NULL, {NULL}},
-    {"Point2", {ONE("x", 1, DOUBLE), ONE("y", 2, DOUBLE)}, NULL, {NULL}},
-    {"Color",
+    {FOXGLOVE "KeyValuePair", {ONE("key", 1, TEXT), ONE("value", 2, TEXT)}, NULL, {NULL}},
+    {FOXGLOVE "Point2", {ONE("x", 1, DOUBLE), ONE("y", 2, DOUBLE)}, NULL, {NULL}},
+    {FOXGLOVE "Color",
      {ONE("r", 1, DOUBLE), ONE("g", 2, DOUBLE), ONE("b", 3, DOUBLE), ONE("a", 4, DOUBLE)},
      NULL,
      {NULL}},
-    {"FrameTransform",
-     {OF("timestamp", 1, TIMESTAMP), ONE("parent_frame_id", 2, TEXT),
-      ONE("child_frame_id", 3, TEXT), OF("translation", 4, "Vector3"),
-      OF("rotation", 5, "Quaternion")},
+    {FOXGLOVE "FrameTransform",
+     {TIME(1), ONE("parent_frame_id", 2, TEXT), ONE("child_frame_id", 3, TEXT),
+      OF("translation", 4, "Vector3"), OF("rotation", 5, "Quaternion")},
      NULL,
      {NULL}},
-    {"Pose", {OF("position", 1, "Vector3"), OF("orientation", 2, "Quaternion")}, NULL, {NULL}},
-    {"Vector3", {ONE("x", 1, DOUBLE), ONE("y", 2, DOUBLE), ONE("z", 3, DOUBLE)}, NULL, {NULL}},
-    {"Vector2", {ONE("x", 1, DOUBLE), ONE("y", 2, DOUBLE)}, NULL, {NULL}},
-    {"Quaternion",
+    {FOXGLOVE "Pose",
+     {OF("position", 1, "Vector3"), OF("orientation", 2, "Quaternion")},
+     NULL,
+     {NULL}},
+    {FOXGLOVE "Vector3",
+     {ONE("x", 1, DOUBLE), ONE("y", 2, DOUBLE), ONE("z", 3, DOUBLE)},
+     NULL,
+     {NULL}},
+    {FOXGLOVE "Vector2", {ONE("x", 1, DOUBLE), ONE("y", 2, DOUBLE)}, NULL, {NULL}},
+    {FOXGLOVE "Quaternion",
      {ONE("x", 1, DOUBLE), ONE("y", 2, DOUBLE), ONE("z", 3, DOUBLE), ONE("w", 4, DOUBLE)},
      NULL,
      {NULL}},
-    {"PackedElementField",
+    {FOXGLOVE "PackedElementField",
      {ONE("name", 1, TEXT), ONE("offset", 2, FIXED32),
       KIND("type", 3, "PackedElementField.NumericType")},
      "NumericType",
@@ -140,14 +135,7 @@ _Static_assert(sizeof messages / sizeof messages[0] <= MESSAGES_MAX, "a mark for
 
 const char *fv_foxglove_schema_name(enum fv_foxglove_schema schema)
 {
-    static const char *const names[FV_FOXGLOVE_SCHEMAS] = {"foxglove.CompressedImage",
-                                                           "foxglove.ImageAnnotations",
-                                                           "foxglove.PoseInFrame",
-                                                           "foxglove.FrameTransforms",
-                                                           "foxglove.PointCloud",
-                                                           "foxglove.Grid",
-                                                           "foxglove.Log"};
-    return names[schema];
+    return messages[schema].name;
 }
 
 /* Mark the message and those that its fields are of, which the table lists behind it or which were
@@ -180,8 +168,7 @@ static void put_field(struct fv_protobuf *to, const struct field *field)
     fv_protobuf_number(to, 4, field->label);
     fv_protobuf_number(to, 5, field->type);
     if (field->of != NULL) {
-        const bool ours = strcmp(field->of, TIMESTAMP) != 0;
-        snprintf(of, sizeof of, "%s%s", ours ? ".foxglove." : ".", field->of);
+        snprintf(of, sizeof of, ".%s", field->of);
         fv_protobuf_text(to, 6, of);
     }
     fv_protobuf_end(to, begun);
@@ -190,7 +177,7 @@ static void put_field(struct fv_protobuf *to, const struct field *field)
 static void put_message(struct fv_protobuf *to, const struct message *message)
 {
     const size_t begun = fv_protobuf_begin(to, 4);
-    fv_protobuf_text(to, 1, message->name);
+    fv_protobuf_text(to, 1, strrchr(message->name, '.') + 1);
     for (const struct field *field = message->fields; field->name != NULL; field++)
         put_field(to, field);
     if (message->enumeration != NULL) {

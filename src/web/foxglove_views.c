@@ -14,7 +14,6 @@
 #include "fovea_pose_t.h"
 
 enum {
-    CAMERAS = 4,
     CAMERA_AT = 34,      /* of messages that begin with a stamp_t and the camera, behind the hash */
     SLOTS_MAX = 1 << 16, /* of landmarks */
     SIDE_MAX = 1024      /* of a grid, cells */
@@ -29,9 +28,7 @@ struct fv_foxglove_kind {
     enum fv_foxglove_schema schema;
     /* Keeps of a checked message what is shown later; NULL: the message. Whether to show it. */
     bool (*take)(struct fv_foxglove_views *views, const uint8_t *data, size_t bytes);
-    /* NULL: JSON. */
-    void (*make)(const struct fv_foxglove_views *views, const uint8_t *data, size_t bytes,
-                 struct fv_protobuf *to);
+    fv_foxglove_make *make; /* NULL: JSON */
 };
 
 static int32_t channel_find(struct fv_foxglove_views *views, const char *topic, const char *json,
@@ -86,13 +83,6 @@ static bool grow(uint8_t **data, size_t *capacity, size_t bytes)
 
 /* ---- stamps ---------------------------------------------------------------------------------- */
 
-static int64_t time_of(const fovea_stamp_t *stamp)
-{
-    const int64_t sum_ns =
-        (int64_t)((uint64_t)stamp->time_ns + (uint64_t)stamp->utc_offset_ns); /* a stranger's */
-    return sum_ns > 0 ? sum_ns : 0;
-}
-
 /* Of the stamp_t that a message begins with. */
 static void stamp_read(const uint8_t *data, fovea_stamp_t *stamp)
 {
@@ -117,7 +107,7 @@ int64_t fv_foxglove_views_time(const struct fv_foxglove_views *views, int64_t st
     for (int i = 0; i < FV_FOXGLOVE_OFFSETS; i++)
         if (views->offsets[i].stamp_ns == stamp_ns)
             stamp.utc_offset_ns = views->offsets[i].utc_offset_ns;
-    return time_of(&stamp);
+    return fv_foxglove_make_time(&stamp);
 }
 
 /* ---- what is kept of messages ---------------------------------------------------------------- */
@@ -137,24 +127,23 @@ static void log_change(struct fv_foxglove_views *views, int *state, int now, con
     views->log[at].time_ns = time_ns;
 }
 
-/* Names of states as views.py has them; a number where there is none. */
-static const char *name_of(const char *const *names, int count, int state, char number[8])
+/* The name of a state; its number where there is none ("?"), as views.py has it. */
+static const char *name_of(const char *name, int state, char number[8])
 {
-    if (state >= 0 && state < count) return names[state];
+    if (strcmp(name, "?") != 0) return name;
     snprintf(number, 8, "%d", state);
     return number;
 }
 
 static bool take_pose(struct fv_foxglove_views *views, const uint8_t *data, size_t bytes)
 {
-    static const char *const names[] = {"starting", "tracking", "weak",
-                                        "lost",     "paused",   "coasting"};
     fovea_pose_t pose;
     char number[8];
     if (fovea_pose_t_decode(data, 0, (int)bytes, &pose) < 0) return false;
-    log_change(views, &views->pose_state, pose.state, "pose", name_of(names, 6, pose.state, number),
+    log_change(views, &views->pose_state, pose.state, "pose",
+               name_of(fv_robot_state_name(pose.state), pose.state, number),
                pose.state == FOVEA_POSE_T_STATE_LOST || pose.state == FOVEA_POSE_T_STATE_WEAK,
-               time_of(&pose.stamp));
+               fv_foxglove_make_time(&pose.stamp));
     const bool known = fv_foxglove_make_known(&pose);
     if (known) {
         views->to_map.map_id = pose.map_id;
@@ -166,7 +155,7 @@ static bool take_pose(struct fv_foxglove_views *views, const uint8_t *data, size
     return known;
 }
 
-static bool take_camera_pose(struct fv_foxglove_views *views, const uint8_t *data, size_t bytes)
+static bool is_known_pose(struct fv_foxglove_views *views, const uint8_t *data, size_t bytes)
 {
     fovea_pose_t pose;
     (void)views;
@@ -178,17 +167,16 @@ static bool take_camera_pose(struct fv_foxglove_views *views, const uint8_t *dat
 
 static bool take_camera_status(struct fv_foxglove_views *views, const uint8_t *data, size_t bytes)
 {
-    static const char *const names[] = {"ok", "late", "stalled", "gone", "returning", "ended"};
     fovea_camera_status_t camera;
     char number[8], who[16];
     if (fovea_camera_status_t_decode(data, 0, (int)bytes, &camera) < 0) return false;
-    if (camera.camera >= 0 && camera.camera < CAMERAS) {
+    if (camera.camera >= 0 && camera.camera < FOVEA_CAMERAS_MAX) {
         snprintf(who, sizeof who, "cam%d", camera.camera);
         log_change(views, &views->camera_states[camera.camera], camera.state, who,
-                   name_of(names, 6, camera.state, number),
+                   name_of(fv_robot_camera_name(camera.state), camera.state, number),
                    camera.state >= FOVEA_CAMERA_STATUS_T_STATE_LATE &&
                        camera.state <= FOVEA_CAMERA_STATUS_T_STATE_GONE,
-                   time_of(&camera.stamp));
+                   fv_foxglove_make_time(&camera.stamp));
     }
     fovea_camera_status_t_decode_cleanup(&camera);
     return true;
@@ -268,12 +256,12 @@ static bool take_grid(struct fv_foxglove_views *views, const uint8_t *data, size
 static const struct fv_foxglove_kind kinds[] = {
     {"POSE", "fovea.pose_t", "pose", false, FV_FOXGLOVE_POSE_IN_FRAME, take_pose,
      fv_foxglove_make_pose},
-    {"POSE", "fovea.pose_t", "transforms", false, FV_FOXGLOVE_FRAME_TRANSFORMS, take_camera_pose,
+    {"POSE", "fovea.pose_t", "transforms", false, FV_FOXGLOVE_FRAME_TRANSFORMS, is_known_pose,
      fv_foxglove_make_transforms},
-    {"CAMERA_POSE", "fovea.pose_t", "camera_pose", false, FV_FOXGLOVE_POSE_IN_FRAME,
-     take_camera_pose, fv_foxglove_make_pose},
+    {"CAMERA_POSE", "fovea.pose_t", "camera_pose", false, FV_FOXGLOVE_POSE_IN_FRAME, is_known_pose,
+     fv_foxglove_make_pose},
     {"CAMERA_POSE", "fovea.pose_t", "transforms", false, FV_FOXGLOVE_FRAME_TRANSFORMS,
-     take_camera_pose, fv_foxglove_make_transforms},
+     is_known_pose, fv_foxglove_make_transforms},
     {"FEATURES", "fovea.features_t", "features", true, FV_FOXGLOVE_IMAGE_ANNOTATIONS, NULL,
      fv_foxglove_make_features},
     {"DETECTIONS", "fovea.detections_t", "detections", true, FV_FOXGLOVE_IMAGE_ANNOTATIONS, NULL,
@@ -300,14 +288,14 @@ static void show(struct fv_foxglove_views *views, const struct fv_foxglove_kind 
 {
     const int32_t camera = kind->of_camera ? (int8_t)data[CAMERA_AT] : 0;
     fovea_stamp_t stamp;
-    if (camera < 0 || camera >= CAMERAS) return;
+    if (camera < 0 || camera >= FOVEA_CAMERAS_MAX) return;
     struct fv_foxglove_view *view = view_find(views, kind, camera);
     if (view == NULL || !grow(&view->raw, &view->raw_capacity, bytes)) return;
     memcpy(view->raw, data, bytes);
     view->raw_bytes = bytes;
     view->version++;
     stamp_read(data, &stamp);
-    view->time_ns = time_of(&stamp);
+    view->time_ns = fv_foxglove_make_time(&stamp);
     if (view->time_ns > views->time_ns) views->time_ns = view->time_ns;
     offset_keep(views, &stamp);
     if (kind->schema == FV_FOXGLOVE_GRID) /* its place in the map is that of now */
@@ -414,7 +402,7 @@ static void forget(struct fv_foxglove_views *views)
     views->log_count = 0;
     views->time_ns = 0;
     views->pose_state = -1;
-    for (int i = 0; i < CAMERAS; i++)
+    for (int i = 0; i < FOVEA_CAMERAS_MAX; i++)
         views->camera_states[i] = -1;
     views->to_map.map_id = -1;
     memset(views->offsets, 0, sizeof views->offsets);

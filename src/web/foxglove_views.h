@@ -65,7 +65,7 @@ struct fv_foxglove_views {
         uint32_t bytes;
         uint8_t data[FV_FOXGLOVE_LOG_BYTES];
     } log[FV_FOXGLOVE_LOG_MAX];
-    int pose_state, camera_states[4]; /* -1: none yet */
+    int pose_state, camera_states[FOVEA_CAMERAS_MAX]; /* -1: none yet */
 
     /* From `odom` to `map`, by the last pose. */
     struct {

@@ -72,6 +72,13 @@ void fv_protobuf_head(struct fv_protobuf *to, uint32_t field, size_t bytes)
     put_varint(to, bytes);
 }
 
+void fv_protobuf_more_float(struct fv_protobuf *to, float value)
+{
+    uint32_t bits;
+    memcpy(&bits, &value, sizeof bits);
+    put_fixed(to, bits, sizeof bits);
+}
+
 void fv_protobuf_bytes(struct fv_protobuf *to, uint32_t field, const uint8_t *data, size_t bytes)
 {
     if (bytes == 0) return;

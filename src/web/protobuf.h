@@ -20,10 +20,11 @@ void fv_protobuf_fixed32(struct fv_protobuf *to, uint32_t field, uint32_t value)
 void fv_protobuf_double(struct fv_protobuf *to, uint32_t field, double value);
 void fv_protobuf_text(struct fv_protobuf *to, uint32_t field, const char *text);
 void fv_protobuf_bytes(struct fv_protobuf *to, uint32_t field, const uint8_t *data, size_t bytes);
-/* The head of a field of that many bytes, which the caller puts behind it. */
+/* The head of a field of that many bytes, which must follow it piece by piece. */
 void fv_protobuf_head(struct fv_protobuf *to, uint32_t field, size_t bytes);
+void fv_protobuf_more_float(struct fv_protobuf *to, float value);
 
-/* What is written between these two is a message inside it; `begin` says what `end` is told. */
+/* What is written between these two is a message inside it; `end` takes what `begin` returned. */
 size_t fv_protobuf_begin(struct fv_protobuf *to, uint32_t field);
 void fv_protobuf_end(struct fv_protobuf *to, size_t begun);
 

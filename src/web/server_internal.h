@@ -37,7 +37,7 @@ struct fv_web_server {
     uint16_t port;
     atomic_bool stopped;
     lws_sorted_usec_list_t timer;
-    bool changed;    /* the store, since the pages were last told */
+    bool changed;    /* a store, since the pages were last asked to take more */
     int64_t sent_ns; /* when that was */
     struct fv_web_tries tries;
     struct fv_web_place_of_client {

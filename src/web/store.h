@@ -112,7 +112,8 @@ void fv_web_store_log(struct fv_web_store *store, int64_t utime, const char *for
 void fv_web_store_begin(struct fv_web_store *store, const char *prefix);
 void fv_web_store_end(struct fv_web_store *store);
 
-/* That of a camera of the rig; of those that it has not, the first's. */
+/* That of a camera; from number FOVEA_CAMERAS_MAX on the first's. Of a camera that the rig does not
+ * have it holds no image. */
 struct fv_web_picture *fv_web_store_picture(struct fv_web_store *store, uint32_t camera);
 /* Another frame, without features; the image, of malloc, becomes the picture's. */
 void fv_web_picture_take(struct fv_web_picture *picture, const struct fovea_image *image,

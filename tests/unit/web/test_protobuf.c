@@ -45,6 +45,10 @@ static void fields_are_written_as_specified(void **state)
     is("\x09\x66\x66\x66\x66\x66\x66\x39\x40", 9);
     fv_protobuf_double(&to, 1, -0.0); /* is not 0 */
     is("\x09\0\0\0\0\0\0\0\x80", 9);
+    fv_protobuf_head(&to, 6, 8);
+    fv_protobuf_more_float(&to, 1.5F);
+    fv_protobuf_more_float(&to, 0);
+    is("\x32\x08\0\0\xc0\x3f\0\0\0\0", 10);
     fv_protobuf_number(&to, 1, 0);
     fv_protobuf_fixed32(&to, 1, 0);
     fv_protobuf_double(&to, 1, 0.0);
