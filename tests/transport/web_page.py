@@ -441,9 +441,12 @@ def check_robots():
     """Several robots on one page: one of this host with its frames, which alone is paused; one that is heard over LCM by previews at the
     size of its frames, and a word that this is all; one that is silent."""
     small = os.path.join(folder, "small.sock")
-    robots = [run("--set", "preview.level=1", "--set", "preview.period_frames=3"),
-              subprocess.Popen([os.path.join(build, "fovea"), "run", "--source", "sim:orbit?frames=1000000&rate=5&width=320&height=240&baseline=0.1", "--rate",
-                                "real", "--quiet", "--picture", "none", "--set", "channel_prefix=SMALL", "--set", "web.socket=" + small])]
+
+    def small_run(more):
+        return subprocess.Popen([os.path.join(build, "fovea"), "run", "--source", "sim:orbit?frames=1000000&rate=5&width=320&height=240" + more, "--rate",
+                                 "real", "--quiet", "--picture", "none", "--set", "channel_prefix=SMALL", "--set", "web.socket=" + small])
+
+    robots = [run("--set", "preview.level=1", "--set", "preview.period_frames=3"), small_run("&baseline=0.1")]
     blink = os.path.join(folder, "light.sock")
     robots.append(subprocess.Popen([os.path.join(build, "tests", "campaign", "blinks"), blink], stdin=subprocess.PIPE, stdout=subprocess.DEVNULL))
     server, page = web("--feed", os.path.join(folder, "feed"), "--feed", small, "--feed", blink, "--lcm", "udpm://239.255.76.67:7667", "--prefix", "FOVEA",
@@ -472,6 +475,10 @@ def check_robots():
         page.until("fovea.live.camera === 1 && fovea.live.picture && fovea.live.context.getImageData(0, 0, 320, 60).data.join()"
                    f" !== {json.dumps(before)}", "a picture of the second camera")
         check_accessible(page)
+        end(robots[1])
+        robots[1] = small_run("")
+        page.until("document.getElementById('camera-choice').hidden && fovea.live.camera === 0 && fovea.live.picture",
+                   "a picture of the one camera that the next run has")
         choose("light")
         check_blinks(page)
         choose("FOVEA")

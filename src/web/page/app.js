@@ -190,6 +190,7 @@ function showCameras(count) {
   select.hidden = count < 2;
   if (select.options.length !== count) select.replaceChildren(...Array.from({ length: count }, (_, i) => new Option("cam" + i)));
   select.selectedIndex = live.camera || 0;
+  if (count > 0 && live.camera >= count) link.say("camera 0"); // of another run, with fewer of them
 }
 byId("camera-choice").addEventListener("change", () => link.say("camera " + byId("camera-choice").selectedIndex));
 
