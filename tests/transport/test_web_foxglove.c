@@ -1,26 +1,16 @@
 /* Foxglove's websocket protocol of fovea-web: who is let in, what is refused, damaged and endless
  * words, a client that does not read. FOVEA_LONG=N sends N damaged frames. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <libgen.h>
 #include <netinet/in.h>
 #include <arpa/inet.h>
-#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/socket.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
 #include "base/elementary.h"
-#include "common/watched.h"
-#include "common/web_client.h"
+#include "common/web_case.h"
 
 #define SDK "foxglove.sdk.v1"
 #define OLDER "foxglove.websocket.v1"
@@ -31,31 +21,6 @@ static char folder[] = "/tmp/fovea_foxglove_XXXXXX";
 static char token_path[64], socket_path[64], recording[64];
 static uint8_t frame[FRAME_BYTES + 1];
 static size_t bytes;
-static struct watched watched;
-static pid_t running;
-
-static void start(const char *const *arguments)
-{
-    running = web_start(arguments);
-    assert_true(running > 0);
-}
-
-static void end(void)
-{
-    assert_int_equal(web_end(running, true), 0);
-    running = 0;
-}
-
-static int tear_down(void **state)
-{
-    (void)state;
-    if (watched.process > 0) kill(watched.process, SIGKILL);
-    if (watched.process > 0) waitpid(watched.process, NULL, 0);
-    watched.process = 0;
-    if (running > 0 && kill(running, SIGKILL) == 0) waitpid(running, NULL, 0);
-    running = 0;
-    return 0;
-}
 
 static void start_alone(bool with_token)
 {
@@ -256,9 +221,7 @@ static void an_address_says_which_robot(void **state)
     until_text(first, "\"serverInfo\"");
     assert_int_equal(next(first), 1); /* and nothing of the other robot */
     assert_non_null(strstr((char *)frame, "op: found 'none'"));
-    watched_interrupt(&watched);
-    assert_int_equal(watched_end(&watched), 0);
-    watched.process = 0;
+    end_run();
     close(first);
     close(second);
     end();

@@ -1,50 +1,16 @@
 /* Foxglove's websocket protocol of fovea-web as programs of others see it, by foxglove_check.py and
  * foxglove_client.cjs beside this: clients of PyPI and npm, answers held against those of
  * foxglove-sdk's server, and messages against those of tools/foxglove/views.py. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <libgen.h>
-#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
-#include "common/watched.h"
-#include "common/web_client.h"
+#include "common/web_case.h"
 
 static char folder[] = "/tmp/fovea_foxglove_XXXXXX", build[512];
 static char socket_path[64], recording[64], further[64];
-static struct watched watched;
-static pid_t running;
-
-static void start(const char *const *arguments)
-{
-    running = web_start(arguments);
-    assert_true(running > 0);
-}
-
-static void end(void)
-{
-    assert_int_equal(web_end(running, true), 0);
-    running = 0;
-}
-
-static int tear_down(void **state)
-{
-    (void)state;
-    if (watched.process > 0) kill(watched.process, SIGKILL);
-    if (watched.process > 0) waitpid(watched.process, NULL, 0);
-    if (running > 0 && kill(running, SIGKILL) == 0) waitpid(running, NULL, 0);
-    watched.process = running = 0;
-    return 0;
-}
 
 static bool has(const char *what)
 {
@@ -113,13 +79,6 @@ static void start_run(const char *const *more)
     }
     assert_true(probe >= 0);
     close(probe);
-}
-
-static void end_run(void)
-{
-    watched_interrupt(&watched);
-    assert_int_equal(watched_end(&watched), 0);
-    watched.process = 0;
 }
 
 static void answers_are_those_of_foxglove_sdk(void **state)

@@ -1,22 +1,12 @@
 /* fovea-web beside a run: what a page gets, how a slow one is treated, commands with their answers,
  * and a run that ends and begins again. Frames, messages and packets are counted. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/socket.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
-#include "common/watched.h"
-#include "common/web_client.h"
+#include "common/web_case.h"
 #include "message/fields.h"
 #include "support/decode.h"
 
@@ -30,8 +20,6 @@ enum { PACKET_BYTES = 1 << 20, WIDTH = 160, HEIGHT = 120 };
 static char folder[] = "/tmp/fovea_web_run_XXXXXX", token_path[64], socket_path[64];
 static uint8_t packet[PACKET_BYTES];
 static size_t bytes;
-static struct watched watched;
-static pid_t web;
 
 /* A run of the simulated camera, with its page if `with_page`. */
 static void start_run(bool with_page)
@@ -52,23 +40,6 @@ static void start_run(bool with_page)
                                      with_page ? "--web" : NULL,
                                      NULL};
     watched_start(&watched, "run", arguments);
-}
-
-static void end_run(void)
-{
-    watched_interrupt(&watched);
-    assert_int_equal(watched_end(&watched), 0);
-    watched.process = 0;
-}
-
-static int tear_down(void **state)
-{
-    (void)state;
-    if (watched.process > 0) kill(watched.process, SIGKILL);
-    if (watched.process > 0) waitpid(watched.process, NULL, 0);
-    if (web > 0 && kill(web, SIGKILL) == 0) waitpid(web, NULL, 0);
-    watched.process = web = 0;
-    return 0;
 }
 
 static int open_page(const char *headers)
@@ -279,8 +250,7 @@ static void who_may_only_look_cannot_command(void **state)
     const char *const arguments[] = {"--feed", socket_path, "--token", token_path, NULL};
     (void)state;
     start_run(false);
-    web = web_start(arguments);
-    assert_true(web > 0);
+    start(arguments);
     FILE *file = fopen(token_path, "r");
     assert_non_null(file);
     assert_int_equal(fscanf(file, "view %32s", view), 1);
@@ -296,8 +266,7 @@ static void who_may_only_look_cannot_command(void **state)
     assert_true(web_say(page, "parameter 3 keep features.threshold 30"));
     until_text(page, "\"kind\":\"refused\",\"request\":3");
     close(page);
-    assert_int_equal(web_end(web, true), 0);
-    web = 0;
+    end();
     end_run();
 }
 
@@ -341,24 +310,22 @@ static void refused_settings_leave_no_memory(void **state)
     const char *const arguments[] = {"--feed", socket_path, NULL};
     (void)state;
     start_run(false);
-    web = web_start(arguments);
-    assert_true(web > 0);
+    start(arguments);
     const int page = open_page("");
     until_text(page, "\"running\":true");
     close(page);
     const int to = web_connect();
     assert_true(to >= 0);
     post_wrong_settings(to, 100);
-    const long before = resident_kb(web);
+    const long before = resident_kb(running);
     post_wrong_settings(to, 2000);
-    const long grown = resident_kb(web) - before;
+    const long grown = resident_kb(running) - before;
     print_message("2,000 refused settings: %ld KB\n", grown);
 #if !defined(FOVEA_SANITIZED) /* sanitizers have memory of their own, and tell of leaks */
     assert_true(grown < 10000);
 #endif
     close(to);
-    assert_int_equal(web_end(web, true), 0);
-    web = 0;
+    end();
     end_run();
 }
 
@@ -368,8 +335,7 @@ static void a_run_that_begins_again_is_found(void **state)
 {
     const char *const arguments[] = {"--feed", socket_path, NULL};
     (void)state;
-    web = web_start(arguments);
-    assert_true(web > 0);
+    start(arguments);
     const int page = open_page("");
     until_text(page, "\"run\":0,\"running\":false");
     start_run(false);
@@ -382,8 +348,7 @@ static void a_run_that_begins_again_is_found(void **state)
     until_text(page, "\"number\":0,"); /* its log */
     until_state(page, FOVEA_POSE_T_STATE_TRACKING);
     close(page);
-    assert_int_equal(web_end(web, true), 0);
-    web = 0;
+    end();
     end_run();
 }
 

@@ -1,97 +1,14 @@
-/* What a client of Foxglove's protocol is shown and told: views field by field, the newest of each
- * channel that it wants, refusals that name what they are about; and that no words of a stranger do
- * harm. Without sockets, without time and without packages. FOVEA_LONG=N says N damaged words. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
+/* What a client of Foxglove's protocol is shown: views field by field, the newest of each channel
+ * that it wants; and that no message of a stranger does harm. Without packages. */
 #include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 
-#include <cmocka.h>
+#include "common/foxglove_case.h"
 
-#include "base/elementary.h"
-#include "web/foxglove.h"
-
-#include "fovea_camera_status_t.h"
 #include "fovea_detections_t.h"
 #include "fovea_grid_t.h"
 #include "fovea_map_t.h"
-#include "fovea_pose_t.h"
-
-#define SECOND INT64_C(1000000000)
-
-enum { PACKET = 700000 };
-
-static struct fv_web_store store;
-static struct fv_foxglove_views views;
-static struct fv_foxglove_parameters parameters;
-static struct fv_foxglove_shown shown = {&store, &views, &parameters};
-static struct fv_foxglove_client client;
-static struct fv_foxglove_said said;
-static uint8_t packet[PACKET], encoded[1 << 16];
-static size_t bytes;
-static int length; /* of the last message that was encoded */
-static bool text;
-static int64_t now_ns;
-
-static struct fv_random random_state;
-
-static uint32_t below(size_t bound)
-{
-    return fv_random_below(&random_state, (uint32_t)bound);
-}
-
-static int begin(void **state)
-{
-    (void)state;
-    memset(&store, 0, sizeof store);
-    memset(&parameters, 0, sizeof parameters);
-    fv_message_prepare();
-    fv_random_seed(&random_state, 12345);
-    fv_foxglove_views_init(&views);
-    fv_foxglove_views_begin(&views, "R");
-    fv_foxglove_init(&client, FV_WEB_OPERATE, true, 5, 0);
-    now_ns = 1000 * SECOND;
-    return 0;
-}
-
-static int end(void **state)
-{
-    (void)state;
-    fv_web_store_free(&store);
-    fv_foxglove_views_free(&views);
-    fv_foxglove_parameters_free(&parameters);
-    return 0;
-}
 
 /* ---- our messages ---------------------------------------------------------------------------- */
-
-static fovea_pose_t pose_of(int64_t time_ns)
-{
-    static char parent[] = "odom", child[] = "body";
-    return (fovea_pose_t){.stamp = {.time_ns = time_ns, .utc_offset_ns = 77},
-                          .state = FOVEA_POSE_T_STATE_TRACKING,
-                          .map_id = 4,
-                          .parent_frame = parent,
-                          .child_frame = child,
-                          .position = {1, 2, 3},
-                          .orientation = {1, 0, 0, 0},
-                          .map_scale = 2,
-                          .map_position = {10, 20, 30},
-                          /* a quarter turn about z */
-                          .map_orientation = {0.5, 0, 0, 0.5 * 1.7320508075688772}};
-}
-
-static void take_pose(const fovea_pose_t *pose)
-{
-    length = fovea_pose_t_encode(encoded, 0, sizeof encoded, pose);
-    assert_true(length > 0);
-    fv_foxglove_views_take(&views, "POSE", encoded, (size_t)length);
-}
 
 static void take_grid(int64_t time_ns, int32_t first, int32_t count, int8_t value)
 {
@@ -141,61 +58,6 @@ static void take_map(int32_t first, int32_t last, int32_t count, int32_t *slots)
     length = fovea_map_t_encode(encoded, 0, sizeof encoded, &map);
     assert_true(length > 0);
     fv_foxglove_views_take(&views, "MAP", encoded, (size_t)length);
-}
-
-/* ---- what is sent ---------------------------------------------------------------------------- */
-
-static bool next(void)
-{
-    bytes = fv_foxglove_next(&client, &shown, packet, sizeof packet - 1, now_ns, &text);
-    packet[bytes] = '\0';
-    return bytes > 0;
-}
-
-/* The next text with these words. */
-static void until(const char *words)
-{
-    while (next())
-        if (text && strstr((char *)packet, words) != NULL) return;
-    fail_msg("no text with %s", words);
-}
-
-static void drain(void)
-{
-    while (next())
-        continue;
-}
-
-static void say(const char *words)
-{
-    fv_foxglove_hear((const uint8_t *)words, strlen(words), false, &said);
-    fv_foxglove_do(&client, &shown, &said, NULL, now_ns);
-}
-
-static uint32_t channel_of(const char *topic)
-{
-    for (uint32_t i = 0; i < views.channel_count; i++)
-        if (strcmp(views.channels[i].topic, topic) == 0) return views.first_id + i;
-    fail_msg("no channel %s", topic);
-    return 0;
-}
-
-static void subscribe(const char *topic, uint32_t id)
-{
-    char words[120];
-    drain(); /* only what was advertised can be */
-    snprintf(words, sizeof words,
-             "{\"op\":\"subscribe\",\"subscriptions\":[{\"id\":%u,\"channelId\":%u}]}", id,
-             channel_of(topic));
-    say(words);
-}
-
-/* The next message of a subscription; false: there is none now. */
-static bool data_of(uint32_t id)
-{
-    while (next())
-        if (!text && packet[0] == 1 && packet[1] == id) return true;
-    return false;
 }
 
 /* ---- a reader of Protocol Buffers ------------------------------------------------------------ */
@@ -330,6 +192,35 @@ static void a_grid_is_shown_when_all_its_rows_are_there(void **state)
     const struct piece origin = field(field(payload(), 3, 0), 1, 0);
     assert_true(fabs(double_of(origin, 1) - 9) < 1e-12); /* 10 + 2 cos 120 */
     assert_text(field(field(payload(), 8, 0), 1, 0), "occupancy");
+    fovea_pose_t later = pose_of(2 * SECOND); /* does not move what was seen before it */
+    take_grid(2 * SECOND, 0, 4, 1);
+    later.map_position[0] = 50;
+    take_pose(&later);
+    assert_true(data_of(3));
+    const struct piece same = field(field(payload(), 3, 0), 1, 0);
+    assert_true(fabs(double_of(same, 1) - 9) < 1e-12);
+}
+
+/* Foxglove's pixels begin at the corner of the image, ours at the centre of its first pixel. */
+static void a_turned_box_is_half_a_pixel_further(void **state)
+{
+    static char name[] = "pallet";
+    fovea_detection_t one = {
+        .class_name = name, .box = {10, 20, 30, 60}, .angle = 1.57079632F /* a quarter turn */};
+    const fovea_detections_t all = {
+        .model = name, .stamp = {.time_ns = SECOND}, .count = 1, .detections = &one};
+    (void)state;
+    length = fovea_detections_t_encode(encoded, 0, sizeof encoded, &all);
+    assert_true(length > 0);
+    fv_foxglove_views_take(&views, "DETECTIONS", encoded, (size_t)length);
+    subscribe("/R/cam0/detections", 5);
+    assert_true(data_of(5));
+    const struct piece outline = field(payload(), 2, 0), first = field(outline, 3, 0);
+    assert_true(fabs(double_of(first, 1) - 40.5) < 1e-5);
+    assert_true(fabs(double_of(first, 2) - 30.5) < 1e-5);
+    const struct piece label = field(payload(), 3, 0);
+    assert_true(double_of(field(label, 2, 0), 1) == double_of(first, 1));
+    assert_text(field(label, 3, 0), "pallet 0.00");
 }
 
 static void the_map_is_all_landmarks_so_far(void **state)
@@ -375,6 +266,10 @@ static void the_log_says_changes_alone(void **state)
     while (data_of(2))
         lines++;
     assert_int_equal(lines, FV_FOXGLOVE_LOG_MAX);
+    fv_foxglove_views_begin(&views, "R"); /* another run */
+    take_pose(&pose);
+    assert_true(data_of(2));
+    assert_text(field(payload(), 3, 0), "pose: lost");
 }
 
 static void who_is_slow_gets_the_newest(void **state)
@@ -393,6 +288,26 @@ static void who_is_slow_gets_the_newest(void **state)
     take_pose(&pose);
     assert_false(data_of(7));
     assert_int_equal(client.time_ns, 9 * SECOND + 77); /* time goes on */
+}
+
+static void none_keeps_the_others_waiting(void **state)
+{
+    bool seen[9] = {false};
+    (void)state;
+    take_map(0, 10, 1, (int32_t[]){1});
+    subscribe("/R/map", 1);
+    const fovea_pose_t first = pose_of(SECOND);
+    take_pose(&first);
+    subscribe("/R/pose", 7);
+    for (int i = 2; i < 100; i++) { /* there is a new pose and a new map whenever it can be sent */
+        const fovea_pose_t pose = pose_of(i * SECOND);
+        take_pose(&pose);
+        take_map(0, 10, 1, (int32_t[]){1});
+        while (next() && packet[0] != 1)
+            continue; /* the time */
+        seen[packet[1]] = true;
+    }
+    assert_true(seen[1] && seen[7]);
 }
 
 /* A frame, of noise; `wide`: wider than pages get. */
@@ -451,6 +366,21 @@ static void pictures_fall_in_quality_and_keep_their_size(void **state)
     assert_int_equal(client.quality, 0);
 }
 
+/* Of the message with its stamp, even where the clock was set since. */
+static void a_picture_has_the_time_of_its_stamp_in_utc(void **state)
+{
+    fovea_pose_t pose = pose_of(SECOND);
+    (void)state;
+    take_pose(&pose);
+    assert_int_equal(fv_foxglove_views_time(&views, SECOND), SECOND + 77);
+    pose.stamp.time_ns = 2 * SECOND;
+    pose.stamp.utc_offset_ns = 99;
+    take_pose(&pose);
+    assert_int_equal(fv_foxglove_views_time(&views, SECOND), SECOND + 77);
+    assert_int_equal(fv_foxglove_views_time(&views, 2 * SECOND), 2 * SECOND + 99);
+    assert_int_equal(fv_foxglove_views_time(&views, 3 * SECOND), 3 * SECOND + 99);
+}
+
 static void each_camera_has_its_pictures(void **state)
 {
     (void)state;
@@ -498,127 +428,6 @@ static void channels_of_another_robot_are_others(void **state)
     assert_false(data_of(7));
 }
 
-static void refusals_name_key_and_reason(void **state)
-{
-    (void)state;
-    drain();
-    const char *words =
-        "{\"op\":\"setParameters\",\"parameters\":[{\"name\":\"seed\",\"value\":1}]}";
-    fv_foxglove_hear((const uint8_t *)words, strlen(words), false, &said);
-    assert_int_equal(said.op, FV_FOXGLOVE_SET);
-    fv_foxglove_do(&client, &shown, &said, "this token may only look", now_ns);
-    until("\"level\":2,\"message\":\"seed: this token may only look\"");
-    say("{\"op\":\"setParameters\",\"parameters\":[{\"name\":\"none.such\",\"value\":1}]}");
-    until("none.such: no key");
-    say("{\"op\":\"setParameters\",\"parameters\":[{\"name\":\"seed\",\"value\":{\"a\":1}}]}");
-    until("seed: found an object");
-    say("{\"op\":\"setParameters\",\"parameters\":[{\"name\":\"seed\",\"value\":\"AA==\","
-        "\"type\":\"byte_array\"}]}");
-    until("seed: found bytes");
-    say("{\"op\":\"getParameters\",\"parameterNames\":[\"\\u00e4\\\"\"]}");
-    until("no key");
-    say("{\"op\":\"advertise\",\"channels\":[]}");
-    until("clientPublish");
-    say("[]");
-    until("no object");
-    for (int i = 0; i < 100; i++)
-        say("{");
-    int lines = 0;
-    while (next())
-        lines += text && strstr((char *)packet, "\"status\"") != NULL;
-    assert_int_equal(lines, FV_FOXGLOVE_REPLIES);
-}
-
-static void values_are_written_as_a_configuration_has_them(void **state)
-{
-    static const struct {
-        const char *json, *value;
-    } cases[] = {{"0.1", "0.1"},
-                 {"25", "25"},
-                 {"-3", "-3"},
-                 {"1e-7", "1e-07"},
-                 {"true", "true"},
-                 {"\"a b\"", "a b"},
-                 {"[1, 0.5, \"x\"]", "[1, 0.5, x]"},
-                 {"[]", "[]"}};
-    char words[200];
-    (void)state;
-    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
-        snprintf(words, sizeof words,
-                 "{\"op\":\"setParameters\",\"parameters\":[{\"name\":\"k\",\"value\":%s}]}",
-                 cases[i].json);
-        fv_foxglove_hear((const uint8_t *)words, strlen(words), false, &said);
-        assert_int_equal(said.op, FV_FOXGLOVE_SET);
-        assert_null(said.refused[0]);
-        assert_string_equal(said.values[0], cases[i].value);
-    }
-}
-
-/* ---- strangers ------------------------------------------------------------------------------- */
-
-static const char *const words_of_clients[] = {
-    "{\"op\":\"subscribe\",\"subscriptions\":[{\"id\":1,\"channelId\":1},{\"id\":2,\"channelId\":2}]}",
-    "{\"op\":\"unsubscribe\",\"subscriptionIds\":[1,2]}",
-    "{\"op\":\"getParameters\",\"parameterNames\":[\"seed\",\"features.threshold\"],\"id\":\"one\"}",
-    "{\"op\":\"setParameters\",\"parameters\":[{\"name\":\"seed\",\"value\":{\"a\":[1]}}],\"id\":\"x\"}",
-    "{\"op\":\"subscribeParameterUpdates\",\"parameterNames\":[\"seed\"]}",
-    "{\"op\":\"unsubscribeParameterUpdates\",\"parameterNames\":[\"seed\"]}",
-    "{\"op\":\"advertise\",\"channels\":[{\"id\":1,\"topic\":\"/t\",\"encoding\":\"json\"}]}",
-    "{\"op\":\"fetchAsset\",\"uri\":\"package:\\/\\/x\",\"requestId\":1}",
-    "\x01\x05\x00\x00\x00 bytes",
-    "\x02 call"};
-enum { WORDS = sizeof words_of_clients / sizeof words_of_clients[0] };
-
-static void damaged_words_do_no_harm(void **state)
-{
-    const char *wanted = getenv("FOVEA_LONG");
-    const int count = wanted != NULL ? (int)strtol(wanted, NULL, 10) : 1000;
-    const fovea_pose_t pose = pose_of(SECOND);
-    int wrong = 0;
-    (void)state;
-    take_pose(&pose);
-    for (int n = 0; n < count; n++) {
-        const char *words = words_of_clients[below(WORDS)];
-        const size_t whole = strlen(words);
-        uint8_t damaged[200];
-        memcpy(damaged, words, whole);
-        for (uint32_t i = 1 + below(4); i > 0; i--)
-            damaged[below(whole)] = (uint8_t)below(256);
-        const size_t kept = n % 3 == 0 ? below(whole + 1) : whole;
-        uint8_t *exact = malloc(kept > 0 ? kept : 1); /* asan sees what is read beyond */
-        assert_non_null(exact);
-        memcpy(exact, damaged, kept);
-        fv_foxglove_hear(exact, kept, n % 4 == 0, &said);
-        if (said.op == FV_FOXGLOVE_WRONG) wrong++;
-        assert_true(said.count <= FV_FOXGLOVE_NAMES);
-        fv_foxglove_do(&client, &shown, &said, n % 5 == 0 ? NULL : "no", now_ns);
-        for (int i = 0; i < 40 && next(); i++)
-            if (text) assert_true(packet[0] == '{' && packet[bytes - 1] == '}');
-        now_ns += SECOND;
-        free(exact);
-    }
-    assert_true(wrong > count / 2);
-}
-
-static void deep_and_long_words_are_refused(void **state)
-{
-    static char words[FV_FOXGLOVE_WORDS_BYTES + 2];
-    (void)state;
-    memset(words, '[', sizeof words);
-    fv_foxglove_hear((const uint8_t *)words, FV_FOXGLOVE_WORDS_BYTES, false, &said);
-    assert_int_equal(said.op, FV_FOXGLOVE_WRONG);
-    fv_foxglove_hear((const uint8_t *)words, FV_FOXGLOVE_WORDS_BYTES + 1, false, &said);
-    assert_non_null(strstr(said.problem, "more than 16384"));
-    fv_foxglove_hear((const uint8_t *)"", 0, false, &said);
-    assert_int_equal(said.op, FV_FOXGLOVE_WRONG);
-    char many[3000] = "{\"op\":\"unsubscribe\",\"subscriptionIds\":[0";
-    for (int i = 0; i < 64; i++)
-        strcat(many, ",1");
-    strcat(many, "]}");
-    fv_foxglove_hear((const uint8_t *)many, strlen(many), false, &said);
-    assert_non_null(strstr(said.problem, "found 65, expected at most 64"));
-}
-
 /* Whatever a recording or a network holds. */
 static void damaged_messages_do_no_harm(void **state)
 {
@@ -656,16 +465,15 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(a_pose_is_shown_in_the_map, begin, end),
         cmocka_unit_test_setup_teardown(a_grid_is_shown_when_all_its_rows_are_there, begin, end),
+        cmocka_unit_test_setup_teardown(a_turned_box_is_half_a_pixel_further, begin, end),
         cmocka_unit_test_setup_teardown(the_map_is_all_landmarks_so_far, begin, end),
         cmocka_unit_test_setup_teardown(the_log_says_changes_alone, begin, end),
         cmocka_unit_test_setup_teardown(who_is_slow_gets_the_newest, begin, end),
+        cmocka_unit_test_setup_teardown(none_keeps_the_others_waiting, begin, end),
         cmocka_unit_test_setup_teardown(pictures_fall_in_quality_and_keep_their_size, begin, end),
+        cmocka_unit_test_setup_teardown(a_picture_has_the_time_of_its_stamp_in_utc, begin, end),
         cmocka_unit_test_setup_teardown(each_camera_has_its_pictures, begin, end),
         cmocka_unit_test_setup_teardown(channels_of_another_robot_are_others, begin, end),
-        cmocka_unit_test_setup_teardown(refusals_name_key_and_reason, begin, end),
-        cmocka_unit_test_setup_teardown(values_are_written_as_a_configuration_has_them, begin, end),
-        cmocka_unit_test_setup_teardown(damaged_words_do_no_harm, begin, end),
-        cmocka_unit_test_setup_teardown(deep_and_long_words_are_refused, begin, end),
         cmocka_unit_test_setup_teardown(damaged_messages_do_no_harm, begin, end),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
