@@ -13,9 +13,8 @@
 #include "web/server_internal.h"
 
 enum {
-    LOOK_US = 10000,        /* at the feed, while somebody looks at the page */
-    LOOK_SELDOM_US = 50000, /* the ring of messages holds a second and a half */
-    HEADER_BYTES_MAX = 4096,
+    LOOK_US = 10000,             /* at the feed, while somebody looks at the page */
+    LOOK_SELDOM_US = 50000,      /* the ring of messages holds a second and a half */
     UNSENT_BYTES_MAX = 8192,     /* in the kernel: newer messages must not wait behind old ones */
     FOXGLOVE_CHUNK_BYTES = 4096, /* of what a client says, at once */
     FRAME_BYTES = 16384,         /* of a frame, but for its last packet */
@@ -306,7 +305,7 @@ enum fovea_status fv_web_server_open(const struct fv_web_setup *setup,
         .user = made,
         .gid = -1,
         .uid = -1,
-        .max_http_header_data = HEADER_BYTES_MAX,
+        .max_http_header_data = FV_WEB_HEADERS_BYTES,
         .max_http_header_pool = FV_WEB_CONNECTIONS_MAX, /* who sends half a request holds one */
         .fd_limit_per_thread = FV_WEB_CONNECTIONS_MAX,
         .timeout_secs = 5,

@@ -99,16 +99,23 @@ int fv_web_server_judge(struct fv_web_server *server, struct lws *wsi, bool of_p
     return *role != FV_WEB_NOBODY ? HTTP_STATUS_OK : HTTP_STATUS_UNAUTHORIZED;
 }
 
+/* What the query of the address says behind `name` ("robot="); NULL: nothing. An argument before it
+ * that did not fit would hide it from libwebsockets, so there is room for all that may come. */
+static const char *argument(struct lws *wsi, const char *name, char text[FV_WEB_HEADERS_BYTES])
+{
+    return lws_get_urlarg_by_name(wsi, name, text, FV_WEB_HEADERS_BYTES);
+}
+
 /* The token of a client that is no page: of a header, or of the query of the address. */
 static bool foxglove_token(struct lws *wsi, char token[FV_WEB_TOKEN_DIGITS + 1])
 {
     static const char bearer[] = "Bearer ";
-    char text[FV_WEB_TOKEN_DIGITS + 32];
+    char text[FV_WEB_HEADERS_BYTES];
     const char *found = NULL;
     if (header(wsi, WSI_TOKEN_HTTP_AUTHORIZATION, text, sizeof text))
         found = strncasecmp(text, bearer, strlen(bearer)) == 0 ? text + strlen(bearer) : NULL;
     else
-        found = lws_get_urlarg_by_name(wsi, "token=", text, sizeof text);
+        found = argument(wsi, "token=", text);
     if (found == NULL) return false;
     const bool fits = strlen(found) == FV_WEB_TOKEN_DIGITS;
     memcpy(token, fits ? found : "", fits ? FV_WEB_TOKEN_DIGITS + 1 : 1);
@@ -140,8 +147,8 @@ int fv_web_server_judge_foxglove(struct fv_web_server *server, struct lws *wsi,
 
 uint32_t fv_web_server_robot(struct lws *wsi)
 {
-    char number[16];
-    const char *of = lws_get_urlarg_by_name(wsi, "robot=", number, sizeof number);
+    char text[FV_WEB_HEADERS_BYTES];
+    const char *of = argument(wsi, "robot=", text);
     const unsigned long robot = of != NULL ? strtoul(of, NULL, 10) : 0;
     return robot < UINT32_MAX ? (uint32_t)robot : UINT32_MAX;
 }

@@ -11,7 +11,12 @@
 #include "web/foxglove.h"
 #include "web/server.h"
 
-enum { FV_WEB_URI_BYTES = 64, FV_WEB_BODY_BYTES = 128, FV_WEB_COOKIE_BYTES = 1024 };
+enum {
+    FV_WEB_URI_BYTES = 64,
+    FV_WEB_BODY_BYTES = 128,
+    FV_WEB_COOKIE_BYTES = 1024,
+    FV_WEB_HEADERS_BYTES = 4096 /* of a request, all together */
+};
 
 /* A request, from its headers to the end of its answer. */
 struct fv_web_request {

@@ -153,6 +153,11 @@ static void a_token_is_asked_for(void **state)
     assert_true(web_say(client, "{\"op\":\"getParameters\",\"parameterNames\":[]}"));
     until_text(client, "parameters: there is no run");
     close(client);
+    char both[160]; /* an argument that is long does not hide the next one */
+    snprintf(both, sizeof both, "%s&robot=1", path);
+    assert_int_equal(status_of(SDK, both, ""), 404);
+    snprintf(both, sizeof both, "/?x=%060d&%s", 0, path + 2);
+    assert_int_equal(status_of(SDK, both, ""), 101);
     /* The page itself takes no token of an address. */
     snprintf(headers, sizeof headers, "Origin: http://127.0.0.1:7680\r\n");
     assert_int_equal(status_of("fovea", path, headers), 401);
@@ -186,14 +191,17 @@ static void there_is_room_for_eight(void **state)
     end();
 }
 
-/* Of two robots the second runs, with two cameras; each client is shown one. */
+/* The second of three robots runs, with two cameras; the third is one of another host. Each client
+ * is shown one. */
 static void an_address_says_which_robot(void **state)
 {
     char other_path[80], feed[96];
     (void)state;
     snprintf(other_path, sizeof other_path, "%s/other", folder);
     snprintf(feed, sizeof feed, "web.socket=%s", other_path);
-    const char *const arguments[] = {"--feed", socket_path, "--feed", other_path, NULL};
+    const char *const arguments[] = {"--feed",   socket_path, "--feed",
+                                     other_path, "--lcm",     "udpm://239.255.76.67:7667",
+                                     "--prefix", "H",         NULL};
     const char *const run[] = {"--source",
                                "sim:orbit?width=160&height=120&baseline=0.1&frames=1000000",
                                "--rate",
@@ -209,7 +217,8 @@ static void an_address_says_which_robot(void **state)
                                feed,
                                NULL};
     start(arguments);
-    assert_int_equal(status_of(SDK, "/?robot=2", ""), 404);
+    assert_int_equal(status_of(SDK, "/?robot=3", ""), 404);
+    assert_int_equal(status_of(SDK, "/?robot=4294967296", ""), 404);
     assert_int_equal(status_of(SDK, "/?robot=-1", ""), 404);
     const int first = open_client("/", ""), second = open_client("/?robot=1", "");
     watched_start(&watched, "run", run);
@@ -219,11 +228,19 @@ static void an_address_says_which_robot(void **state)
     assert_non_null(memmem(frame, bytes, "cam1", 4));
     assert_true(web_say(first, "{\"op\":\"none\"}"));
     until_text(first, "\"serverInfo\"");
+    assert_non_null(strstr((char *)frame, "\"parameters\""));
     assert_int_equal(next(first), 1); /* and nothing of the other robot */
     assert_non_null(strstr((char *)frame, "op: found 'none'"));
     end_run();
+    const int third = open_client("/?robot=2", "");
+    until_text(third, "\"serverInfo\""); /* nothing can be asked of it */
+    assert_non_null(strstr((char *)frame, "\"capabilities\":[\"time\"]"));
+    assert_true(web_say(third, "{\"op\":\"setParameters\",\"parameters\":[{\"name\":\"seed\","
+                               "\"value\":1}]}"));
+    until_text(third, "seed: nothing is asked of a robot that is heard");
     close(first);
     close(second);
+    close(third);
     end();
 }
 

@@ -342,6 +342,28 @@ static void what_a_page_cannot_say_is_refused(void **state)
     assert_non_null(strstr((char *)packet, "\"echo\":\"a?b\"")); /* it stays JSON */
 }
 
+/* Of another robot a page gets all that it was not sent yet, and pictures of the first camera. */
+static void another_robot_is_shown_from_its_beginning(void **state)
+{
+    (void)state;
+    message("POSE", 0, "abc");
+    drain();
+    say("camera 1");
+    drain();
+    assert_true(next() < 0);
+    fv_web_client_show(&client, 1, false);
+    assert_int_equal(client.camera, 0);
+    assert_int_equal(next(), 0);
+    assert_non_null(strstr((char *)packet, "\"kind\":\"hello\""));
+    assert_non_null(strstr((char *)packet, "\"commands\":false"));
+    assert_non_null(strstr((char *)packet, "\"robot\":1"));
+    int kind;
+    do /* the log, and then the message again */
+        kind = next();
+    while (kind == 0);
+    assert_int_equal(kind, 1);
+}
+
 int main(void)
 {
 #define TEST(name) cmocka_unit_test_setup_teardown(name, begin, end)
@@ -357,6 +379,7 @@ int main(void)
         TEST(a_long_way_alone_changes_no_class),
         TEST(replies_wait_in_their_order),
         TEST(what_a_page_cannot_say_is_refused),
+        TEST(another_robot_is_shown_from_its_beginning),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -162,6 +162,7 @@ static void a_pose_is_shown_in_the_map(void **state)
     assert_text(field(field(payload(), 1, 0), 3, 0), "body");
     subscribe("/R/transforms", 9); /* refused: there is one */
     until("subscribed already");
+    assert_non_null(strstr((char *)packet, "\"level\":1,"));
     assert_false(data_of(9));
     fovea_pose_t unknown = pose_of(4 * SECOND);
     unknown.position[1] = NAN;

@@ -23,6 +23,8 @@ static void refusals_name_key_and_reason(void **state)
     until("no key");
     say("{\"op\":\"advertise\",\"channels\":[]}");
     until("clientPublish");
+    say("{\"op\":\"subscribe\",\"subscriptions\":[{\"id\":1,\"channelId\":123456}]}");
+    until("\"level\":2,\"message\":\"channel 123456: there is none\"");
     say("[]");
     until("no object");
     for (int i = 0; i < 100; i++)
