@@ -13,8 +13,8 @@ import tempfile
 import threading
 import time
 
-from selenium import webdriver
-from selenium.webdriver.chrome.service import Service
+sys.path.append(os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "common"))
+from chromium import browser  # noqa: E402
 
 PORT = 7686
 WATCH = """
@@ -31,15 +31,6 @@ WATCH = """
     };
     const look = () => { channel.port2.postMessage(0); requestAnimationFrame(look); };
     look();"""
-
-
-def browser(folder):
-    options = webdriver.ChromeOptions()
-    options.binary_location = "/usr/bin/chromium"
-    for word in ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run", "--no-proxy-server",
-                 "--disable-background-networking", "--disable-component-update", "--user-data-dir=" + os.path.join(folder, "profile")):
-        options.add_argument(word)
-    return webdriver.Chrome(options=options, service=Service("/usr/bin/chromedriver"))
 
 
 def tie(driver):

@@ -7,7 +7,6 @@ recordings must be the same, frame by frame (fovea compare). Then the instructio
 of FRAMES frames (60), without the Chromium: every frame is copied there, since a run under callgrind is slow, where at 30 Hz and 15 pictures a second one of two is.
 Exit 0: the same bits; at most 2 % more instructions with the page, and none more for each browser (.05 % for the parts of messages that differ).
 """
-import importlib.util
 import os
 import re
 import subprocess
@@ -16,14 +15,10 @@ import tempfile
 import time
 
 here = os.path.dirname(os.path.abspath(__file__))
+sys.path.append(os.path.join(here, "..", "common"))
+from chromium import browser  # noqa: E402
+
 PORT = 7687
-
-
-def blinks():
-    spec = importlib.util.spec_from_file_location("blinks", os.path.join(here, "blinks.py"))
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 class Lookers:
@@ -37,7 +32,7 @@ class Lookers:
                                                 "--port", str(PORT)], stderr=subprocess.DEVNULL))
         time.sleep(1)
         if chromium:
-            self.driver = blinks().browser(folder)
+            self.driver = browser(folder)
             self.driver.get(f"http://127.0.0.1:{PORT}/")
             pages -= 1
         if pages > 0:

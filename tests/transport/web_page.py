@@ -2,93 +2,16 @@
 
 Usage: web_page.py BUILD FOLDER     FOVEA_SCREENSHOTS=DIR keeps the screenshots of the page at 360 and 1,440 pixels of width
 """
-import importlib.util
 import json
 import os
-import signal
 import subprocess
-import sys
 import time
 from xml.etree import ElementTree
 
-from selenium import webdriver
-from selenium.webdriver.chrome.service import Service
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
-
-build, folder = sys.argv[1:3]
-here = os.path.dirname(os.path.abspath(__file__))
-ADDRESS = "http://127.0.0.1:7680/"
-PATIENCE_S = 60
-
-
-def module(*path):
-    """A program beside this one, as a module."""
-    spec = importlib.util.spec_from_file_location(path[-1], os.path.join(here, *path) + ".py")
-    loaded = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(loaded)
-    return loaded
-
-
-def reader():
-    return module("..", "..", "tools", "subscribers", "read_recording")
-
-
-def browser():
-    options = webdriver.ChromeOptions()
-    options.binary_location = "/usr/bin/chromium"
-    for word in ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run", "--no-proxy-server",
-                 "--disable-background-networking", "--disable-component-update", "--user-data-dir=" + os.path.join(folder, "profile")):
-        options.add_argument(word)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
-    return webdriver.Chrome(options=options, service=Service("/usr/bin/chromedriver"))
-
-
-def run(*more):
-    words = [os.path.join(build, "fovea"), "run", "--source", "sim:orbit?frames=1000000&rate=12", "--rate", "real", "--quiet", "--picture",
-             "none", "--model", "src/detect/shipped.fvm", "--set", "record_buffer=64", "--set", "web.socket=" + os.path.join(folder, "feed"), *more]
-    return subprocess.Popen(words, env={**os.environ, "FOVEA_SYS_ROOT": heat()})
-
-
-def heat():
-    """A machine of one thermal zone, which is near its limit: the folder before its /sys."""
-    zone = os.path.join(folder, "hot", "sys", "class", "thermal", "thermal_zone0")
-    os.makedirs(zone, exist_ok=True)
-    for name, text in (("type", "cpu-thermal"), ("temp", "79000"), ("trip_point_0_type", "passive"), ("trip_point_0_temp", "80000")):
-        with open(os.path.join(zone, name), "w") as file:
-            file.write(text + "\n")
-    return os.path.join(folder, "hot")
-
-
-def end(process):
-    process.send_signal(signal.SIGINT)
-    assert process.wait(PATIENCE_S) == 0, "an exit status"
-
-
-class Page:
-    def __init__(self):
-        self.driver = browser()
-        self.errors = []
-
-    def js(self, text, *arguments):
-        return self.driver.execute_script(text, *arguments)
-
-    def until(self, text, what):
-        """Wait until an expression is true, and return it."""
-        until = time.monotonic() + PATIENCE_S
-        while time.monotonic() < until:
-            found = self.js("return " + text)
-            if found:
-                return found
-            time.sleep(0.05)
-        raise SystemExit(f"web_page.py: {what}: not within {PATIENCE_S} s; log: {self.driver.get_log('browser')[:5]}")
-
-    def text(self, name):
-        return self.js("return document.getElementById(arguments[0]).textContent", name)
-
-    def size(self, width, height):
-        self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride",
-                                    {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 500})
+from web_browser import (ADDRESS, PATIENCE_S, Page, build, check_accessible, check_against_recording, check_box, check_console, end, folder, here, reader, run, web)
+from web_robots import check_robots
 
 
 def check_load(page):
@@ -118,47 +41,6 @@ def check_picture(page):
         return seen.size;""")
     assert levels > 100, f"{levels} levels of red in the picture"
     assert page.js("return fovea.live.picture.points.length") > 300
-
-
-def check_box(page):
-    """A box's edges, whose first pixel's outer edge is half a pixel before its centre, are where the message says; it is compared with the
-    recording later."""
-    page.until("fovea.live.hasObjects && fovea.live.boxes.some((box) => !box.faint)", "an object")
-    found = page.js("""
-        const { live } = fovea, box = live.boxes.find((box) => !box.faint), k = live.k;
-        live.boxes = [box];
-        for (const layer in live.layers) live.layers[layer] = layer === "boxes";
-        live.draw();
-        const at = (x, y) => [...live.context.getImageData(Math.floor(x * k), Math.floor(y * k), 1, 1).data];
-        const { x_min_px: left, y_min_px: top, x_max_px: right, y_max_px: bottom } = box.box, high = (top + bottom) / 2;
-        const result = { stamp: live.boxesStamp, id: Number(box.id), box: box.box, on: [at(left, high), at(right, high),
-          at((left + right) / 2, bottom)], off: [at(left - 5, high), at(left + 5, high), at((left + right) / 2, bottom + 5)] };
-        for (const layer in live.layers) live.layers[layer] = true;
-        return result;""")
-    colour = max(set(map(tuple, found["on"])), key=found["on"].count)
-    for pixel in found["on"]:
-        assert max(abs(a - b) for a, b in zip(pixel, colour)) < 40 and max(pixel[:3]) - min(pixel[:3]) > 60, found
-    for pixel in found["off"]:
-        assert max(pixel[:3]) - min(pixel[:3]) < 30, found  # the picture is grey
-    return found
-
-
-def check_against_recording(found, path):
-    recorded = reader()
-    types = dict(recorded.read_types(recorded.RECORDING))
-    for _, _, channel, data in recorded.events(path):
-        if channel.endswith("RECORDING"):
-            parts = recorded.Reader(types, data).struct("fovea.recording_t")["parts"]
-            types.update(recorded.read_types(next(part["data"] for part in parts if part["name"] == "types").decode()))
-        if not channel.endswith("_OBJECTS"):
-            continue
-        message = recorded.Reader(types, data).struct("fovea.objects_t")
-        if message["stamp"]["time_ns"] != found["stamp"]:
-            continue
-        box = next(o["box"] for o in message["objects"] if o["id"] == found["id"])
-        assert all(abs(box[side] - found["box"][side]) < 1e-6 for side in box), (box, found)
-        return
-    raise SystemExit("web_page.py: the recording has no objects of the page's stamp")
 
 
 def check_health(page):
@@ -387,27 +269,11 @@ def check_widths(page):
     page.size(1440, 1000)
 
 
-def check_accessible(page):
-    import axe_core_python
-    script = os.path.join(os.path.dirname(axe_core_python.__file__), "axe.min.js")
-    with open(script, encoding="utf-8") as file:
-        page.js(file.read())
-    found = page.driver.execute_async_script("const done = arguments[0]; axe.run().then((result) => done(result.violations))")
-    bad = [(rule["id"], [node["html"][:120] for node in rule["nodes"]]) for rule in found if rule["impact"] in ("serious", "critical")]
-    assert not bad, bad
-
-
 def check_announced():
     """What avahi-daemon would announce is this page at its port, and well-formed."""
     group = ElementTree.parse(os.path.join(here, "..", "..", "tools", "service", "fovea-web.avahi")).getroot()
     assert group.tag == "service-group" and [service.findtext("type") for service in group.findall("service")] == ["_fovea._tcp"]
     assert f":{group.findtext('service/port')}/" in ADDRESS, "the port of a page without options"
-
-
-def check_console(page):
-    wrong = [entry for entry in page.driver.get_log("browser") if entry["level"] in ("SEVERE", "WARNING")
-             and entry["source"] != "rendering"]  # which is about this test's reading of pixels
-    assert not wrong, wrong
 
 
 def check_login(token):
@@ -427,89 +293,6 @@ def check_login(token):
         assert answer == [403, "this token may only look"], answer
     finally:
         page.driver.quit()
-
-
-def check_blinks(page):
-    """A light that blinks is seen on the canvas, dark and light in turns, and the latency shown holds the 5 ms that its frames take to come."""
-    page.until("fovea.live.picture && fovea.live.picture.width === 640", "a picture of the light")
-    page.js(module("..", "campaign", "blinks").WATCH)
-    seen = page.until("seen.length >= 4 && seen", "blinks of the light")
-    assert all(a[1] != b[1] and a[0] < b[0] for a, b in zip(seen, seen[1:])) and all(5 <= said < 60_000 for _, _, said, _ in seen), seen
-
-
-def check_robots():
-    """Several robots on one page: one of this host with its frames, which alone is paused; one that is heard over LCM by previews at the
-    size of its frames, and a word that this is all; one that is silent."""
-    small = os.path.join(folder, "small.sock")
-
-    def small_run(more):
-        return subprocess.Popen([os.path.join(build, "fovea"), "run", "--source", "sim:orbit?frames=1000000&rate=5&width=320&height=240" + more, "--rate",
-                                 "real", "--quiet", "--picture", "none", "--set", "channel_prefix=SMALL", "--set", "web.socket=" + small])
-
-    robots = [run("--set", "preview.level=1", "--set", "preview.period_frames=3"), small_run("&baseline=0.1")]
-    blink = os.path.join(folder, "light.sock")
-    robots.append(subprocess.Popen([os.path.join(build, "tests", "campaign", "blinks"), blink], stdin=subprocess.PIPE, stdout=subprocess.DEVNULL))
-    server, page = web("--feed", os.path.join(folder, "feed"), "--feed", small, "--feed", blink, "--lcm", "udpm://239.255.76.67:7667", "--prefix", "FOVEA",
-                       "--prefix", "SILENT"), None
-    try:
-        time.sleep(1)
-        page = Page()
-        page.driver.get(ADDRESS)
-        said = "[...document.getElementById('robot-choice').options].map((option) => option.text).join(', ')"
-        page.until(f"globalThis.fovea && {said} === 'feed: tracking, small: tracking, light: no pose yet, FOVEA: tracking, SILENT: no run'", "what the robots do")
-
-        def choose(name):
-            page.js("const choice = document.getElementById('robot-choice'), wanted = arguments[0] + ':';"
-                    "choice.selectedIndex = [...choice.options].findIndex((option) => option.text.startsWith(wanted));"
-                    "choice.dispatchEvent(new Event('change'))", name)
-
-        page.until("fovea.live.picture && fovea.live.picture.width === 640", "a picture of the first robot")
-        choose("small")
-        page.until("fovea.live.picture && fovea.live.picture.width === 320", "a picture of the second robot")
-        page.driver.find_element(By.CSS_SELECTOR, "[data-command=pause]").click()
-        page.until("document.getElementById('answer').textContent === 'pause: done'", "the answer of the second robot")
-        page.until(f"{said} === 'feed: tracking, small: paused, light: no pose yet, FOVEA: tracking, SILENT: no run'", "the pause of the second robot alone")
-        before = page.until("document.getElementById('camera-choice').options.length === 2 && fovea.live.context.getImageData(0, 0, 320, 60).data.join()",
-                            "a picture of the first camera")
-        page.js("const choice = document.getElementById('camera-choice'); choice.selectedIndex = 1; choice.dispatchEvent(new Event('change'))")
-        page.until("fovea.live.camera === 1 && fovea.live.picture && fovea.live.context.getImageData(0, 0, 320, 60).data.join()"
-                   f" !== {json.dumps(before)}", "a picture of the second camera")
-        check_accessible(page)
-        end(robots[1])
-        robots[1] = small_run("")
-        page.until("document.getElementById('camera-choice').hidden && fovea.live.camera === 0 && fovea.live.picture",
-                   "a picture of the one camera that the next run has")
-        choose("light")
-        check_blinks(page)
-        choose("FOVEA")
-        page.until("document.getElementById('link').textContent === 'live, preview rate only' && fovea.live.picture"
-                   " && document.getElementById('state').dataset.state === 'tracking'", "a preview")
-        assert page.js("return fovea.live.picture.width === 640 && fovea.live.picture.height === 480")
-        first = page.js("return fovea.live.picture.sequence")
-        page.until(f"fovea.live.picture.sequence > {first + 6}", "previews that follow")
-        found = check_box(page)
-        assert found["box"]["x_max_px"] <= 640
-        assert page.js("return document.getElementById('actions').hidden")
-        assert page.driver.current_url == ADDRESS + "#robot=FOVEA"
-        page.driver.refresh()
-        page.until("globalThis.fovea && document.getElementById('link').textContent === 'live, preview rate only'", "the same robot again")
-        if os.environ.get("FOVEA_SCREENSHOTS"):
-            page.js("scrollTo(0, 0)")
-            page.driver.save_screenshot(os.path.join(os.environ["FOVEA_SCREENSHOTS"], "page-robots.png"))
-        choose("SILENT")
-        page.until("document.getElementById('link').textContent === 'no run'", "the silent robot")
-        choose("FOVEA")
-        end(robots[0])
-        page.until("document.getElementById('link').textContent === 'no run'", "the silence of the robot")
-        check_console(page)
-        page.driver.quit()
-        end(robots[1])
-        end(server)
-    finally:
-        if page is not None:
-            page.driver.quit()
-        for process in (*robots, server):
-            process.kill()
 
 
 def check_playback(recording):
@@ -571,11 +354,6 @@ def check_playback(recording):
         if page is not None:
             page.driver.quit()
         server.kill()
-
-
-def web(*more):
-    feed = () if more and more[0] in ("--play", "--feed") else ("--feed", os.path.join(folder, "feed"))
-    return subprocess.Popen([os.path.join(build, "fovea-web"), *feed, *more])
 
 
 def main():

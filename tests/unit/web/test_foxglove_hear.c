@@ -25,6 +25,8 @@ static void refusals_name_key_and_reason(void **state)
     until("clientPublish");
     say("{\"op\":\"subscribe\",\"subscriptions\":[{\"id\":1,\"channelId\":123456}]}");
     until("\"level\":2,\"message\":\"channel 123456: there is none\"");
+    say("{\"op\":\"subscribe\",\"op\":\"unsubscribe\"}");
+    until("duplicate");
     say("[]");
     until("no object");
     for (int i = 0; i < 100; i++)
