@@ -168,6 +168,20 @@ static void options_of_a_run_are_refused(const char *option, const char *value)
     }
 }
 
+static void a_wrong_origin_is_refused(void)
+{
+    char path[600] = "", command[800], line[300];
+    assert_true(readlink("/proc/self/exe", path, sizeof path - 1) > 0);
+    *strstr(path, "/tests/") = '\0';
+    snprintf(command, sizeof command,
+             "timeout 5 %s/fovea-web --origins 'https://a https://b/page' 2>&1", path);
+    FILE *pipe = popen(command, "r");
+    assert_non_null(pipe);
+    assert_non_null(fgets(line, sizeof line, pipe));
+    assert_int_equal(pclose(pipe), 2 << 8);
+    assert_non_null(strstr(line, "--origins (web.origins): found 'https://b/page'"));
+}
+
 /* Where a recording is played, what is of a run is refused: as an option, and as a request. */
 static void a_recording_is_no_run(void **state)
 {
@@ -176,6 +190,7 @@ static void a_recording_is_no_run(void **state)
     (void)state;
     snprintf(recording, sizeof recording, "%s/played.lcm", folder);
     options_of_a_run_are_refused("--play", recording);
+    a_wrong_origin_is_refused();
     options_of_a_run_are_refused("--lcm", "udpm://239.255.76.67:7667");
     short_run_record(recording, &run);
     const char *const arguments[] = {"--play", recording, NULL};

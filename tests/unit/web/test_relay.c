@@ -191,6 +191,22 @@ static void answers_are_kept_side_by_side(void **state)
     assert_false(row->operators);
     row = row_of("PARAMETER_RESULT", 1, &count);
     assert_true(row != NULL && row->operators);
+    put("R_MAP_FILES", 64);
+    row = row_of("MAP_FILES", 0, &count);
+    assert_true(row != NULL && row->operators);
+}
+
+/* For Foxglove's clients, or made into something else. */
+static void some_messages_go_to_no_page(void **state)
+{
+    static const char *const channels[] = {"R_PREVIEW", "R_CAMERA_POSE", "R_FEATURES"};
+    uint32_t count;
+    (void)state;
+    for (int i = 0; i < 3; i++) {
+        put(channels[i], 64);
+        (void)row_of(channels[i] + 2, 0, &count);
+        assert_int_equal(count, 0);
+    }
 }
 
 /* Neither another robot's messages nor ones of another type under a known name. */
@@ -222,6 +238,7 @@ int main(void)
         RUN(a_grid_comes_in_pieces_by_rows),    RUN(pieces_beyond_the_last_are_left_out),
         RUN(masks_of_two_networks_count_apart), RUN(a_map_comes_in_pieces_by_slots),
         RUN(answers_are_kept_side_by_side),     RUN(what_is_not_known_is_left),
+        RUN(some_messages_go_to_no_page),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
