@@ -14,7 +14,7 @@
  * every sigma, turned by the orientation, of unit length.
  *
  * Where this differs from the paper:
- * - It starts with the image at twice its size (`doubled`; the paper tells of this too).
+ * - It starts with the image at twice its size (`doubled`; the paper says this, too).
  * - The image is smoothed by a Gaussian of FV_SURF_SMOOTH pixels of that, which makes small boxes
  *   answer alike in every direction and removes noise. Sums are of 1/128 grey level, so that dark
  *   images keep their features. It also allows every second pixel in the first octave.

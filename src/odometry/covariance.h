@@ -10,14 +10,14 @@
  * leverage, so that a few near landmarks, on which a direction hangs, neither vanish nor count many
  * times. The unit of length, which is free, is held by the path of these poses to 1.5 %.
  *
- * That takes errors of landmarks for independent, and the frame for a part of the optimum. Neither
- * holds: things that move, and landmarks that were created a frame ago, pull together, and a
- * keyframe that no window has optimised yet is off by itself. So the covariance that the parts of
- * the image (6 x 4) show is added: the pose moves by something when a part is left out, and the sum
- * of the squares of these motions is the jackknife estimate, which keeps its size where one part
- * has most of the leverage (R. Bell and D. McCaffrey, "Bias reduction in standard errors for linear
- * regression with multi-stage samples", Survey Methodology 28, 2002). Errors of single landmarks
- * are taken to have the variance that the frame's inliers show a posteriori.
+ * That takes the errors of landmarks for independent. They are not: a thing that moves, whose
+ * landmarks were created a frame ago, pulls with all of them, and where they have most of the
+ * leverage the pose follows. So the covariance that the parts of the image (6 x 4) show is added:
+ * the pose moves by something when a part is left out, and the sum of the squares of these motions
+ * is the jackknife estimate, which keeps its size where one part has most of the leverage (R. Bell
+ * and D. McCaffrey, "Bias reduction in standard errors for linear regression with multi-stage
+ * samples", Survey Methodology 28, 2002). Errors of single landmarks are taken to have the variance
+ * that the frame's inliers show a posteriori.
  *
  * Noise over the mean parallax of the visible landmarks tells how far the map may be bent, and with
  * it the unit of length from place to place; a fraction of that, over the way from the reference,
