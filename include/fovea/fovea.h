@@ -252,7 +252,8 @@ struct fovea_grants {
 
 /* Commands, as bits, taken at the start of a step. */
 enum fovea_command {
-    /* discard everything learnt since fovea_init; the reset counter rises */
+    /* discard everything learnt since fovea_init; the reset counter rises. A save that is under way
+     * begins again, where the map is discarded */
     FOVEA_COMMAND_RESET = 1,
     FOVEA_COMMAND_PAUSE = 2, /* frames are counted but not processed until resumed */
     FOVEA_COMMAND_RESUME = 4,
@@ -304,9 +305,10 @@ struct fovea_inputs {
     /* A map in place of the one that is there, from this step on, after `commands`; NULL: none. The
      * reset counter rises; the state is `lost` until the camera is found in the map, whose maps get
      * ids and keyframes numbers that this runtime has not used yet. A save that is under way begins
-     * again. Prepared for a runtime of the same configuration, or it is left; not taken where
-     * odometry is off. It takes the time that copying it takes (65 keyframes: .8 ms). Owned by the
-     * caller; not read after the step. */
+     * again. Prepared for this runtime or another one of the same configuration: one for other sizes
+     * is left, one for another camera of the same size is not noticed. Not taken where odometry is
+     * off. It takes the time that copying it takes (65 keyframes: .8 ms). Owned by the caller; not
+     * read after the step. */
     const struct fovea_ready_map *map;
 
     /* Measured by the application, never used for results. Every pose message and the statistics

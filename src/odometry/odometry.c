@@ -59,6 +59,10 @@ static void begin_in_map(struct fv_odometry *o)
     memset(&s->agreement, 0, sizeof s->agreement);
     memset(&s->usable, 0, sizeof s->usable);
     if (o->config.localise_only) s->state = FOVEA_TRACKING_LOST;
+    if (fv_odometry_saving(o)) { /* half of one map and half of another are none */
+        fv_odometry_save_drop(o);
+        fv_odometry_save_begin(o);
+    }
 }
 
 static void begin(struct fv_odometry *o)
@@ -91,6 +95,27 @@ void fv_odometry_reset(struct fv_odometry *o)
     fv_motion_forget(&o->state->localise.motion);
     o->state->localise.recent_count = o->state->lost_frames = 0;
 }
+
+/* ---- what a pose says beside itself ---------------------------------------------------------- */
+
+/* Nothing of a pose is published. */
+static void withhold(struct fovea_pose *pose)
+{
+    memset(pose, 0, sizeof *pose);
+    pose->state = FOVEA_TRACKING_LOST;
+}
+
+/* The map that it is of. */
+static void write_map(struct fv_odometry *o)
+{
+    struct fovea_pose *pose = &o->state->pose;
+    pose->reset_counter = o->state->reset_counter;
+    pose->map_id = o->map.state->odom_id;
+    pose->keyframes = o->map.state->keyframe_count;
+    pose->landmarks = o->map.state->landmark_count;
+}
+
+/* ---- maps that are loaded -------------------------------------------------------------------- */
 
 /* The camera is looked for in a map that was loaded. */
 static void look_in_map(struct fv_odometry *o)
@@ -128,17 +153,9 @@ void fv_odometry_take_map(struct fv_odometry *o, const struct fv_map *from, uint
     s->reset_counter++;
     fv_map_take(&o->map, from, (uint32_t)(s->frame_number - frame_number));
     begin_in_map(o);
-    if (fv_odometry_saving(o)) { /* half of another map is no map */
-        fv_odometry_save_drop(o);
-        fv_odometry_save_begin(o);
-    }
     look_in_map(o);
-    memset(&s->pose, 0, sizeof s->pose);
-    s->pose.state = FOVEA_TRACKING_LOST;
-    s->pose.reset_counter = s->reset_counter;
-    s->pose.map_id = o->map.state->odom_id;
-    s->pose.keyframes = o->map.state->keyframe_count;
-    s->pose.landmarks = o->map.state->landmark_count;
+    withhold(&s->pose);
+    write_map(o);
 }
 
 /* Fill the current frame of the map from the image's features. */
@@ -296,13 +313,6 @@ static bool contradicted(const struct fv_odometry *o)
            fv_agreement_verdict(&s->agreement) == FV_AGREEMENT_CONTRADICTED;
 }
 
-/* Odometry goes on, and nothing of it is published. */
-static void withhold(struct fovea_pose *pose)
-{
-    memset(pose, 0, sizeof *pose);
-    pose->state = FOVEA_TRACKING_LOST;
-}
-
 void fv_odometry_step(struct fv_odometry *o, const struct fv_kernels *kernels,
                       const struct fv_odometry_input *input)
 {
@@ -321,11 +331,8 @@ void fv_odometry_step(struct fv_odometry *o, const struct fv_kernels *kernels,
         write_pose(o);
     }
     s->pose.state = s->state;
-    if (fv_agreement_withholds(&s->agreement)) withhold(&s->pose);
-    s->pose.reset_counter = s->reset_counter;
-    s->pose.map_id = o->map.state->odom_id;
-    s->pose.keyframes = o->map.state->keyframe_count;
-    s->pose.landmarks = o->map.state->landmark_count;
+    if (fv_agreement_withholds(&s->agreement)) withhold(&s->pose); /* odometry itself goes on */
+    write_map(o);
 }
 
 /* ---- the job --------------------------------------------------------------------------------- */
