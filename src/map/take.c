@@ -5,25 +5,36 @@
 
 /* ---- settling -------------------------------------------------------------------------------- */
 
-/* How many maps with keyframes, or the current one, have lower ids. */
-static uint32_t rank_of_map(const struct fv_map *map, uint32_t map_id)
+/* The ids of the current map and of all that have keyframes, each once. */
+struct ids {
+    uint32_t count, id[1 + FV_MAP_KEYFRAMES_MAX];
+};
+
+static void find_ids(const struct fv_map *map, struct ids *ids)
 {
-    uint32_t rank = 0, last = 0;
-    for (;; rank++) { /* once for each id, from the lowest on */
-        uint32_t next = map_id;
-        if (map->state->map_id < next && (rank == 0 || map->state->map_id > last))
-            next = map->state->map_id;
-        for (uint32_t k = 0; k < map->limits.keyframes; k++)
-            if (map->keyframes[k].used && map->keyframes[k].map_id < next &&
-                (rank == 0 || map->keyframes[k].map_id > last))
-                next = map->keyframes[k].map_id;
-        if (next == map_id) return rank;
-        last = next;
+    ids->count = 1;
+    ids->id[0] = map->state->map_id;
+    for (uint32_t k = 0; k < map->limits.keyframes; k++) {
+        if (!map->keyframes[k].used) continue;
+        uint32_t i = 0;
+        while (i < ids->count && ids->id[i] != map->keyframes[k].map_id)
+            i++;
+        ids->id[i] = map->keyframes[k].map_id;
+        if (i == ids->count) ids->count++;
     }
 }
 
+/* How many of them are lower. */
+static uint32_t rank_of(const struct ids *ids, uint32_t id)
+{
+    uint32_t rank = 0;
+    for (uint32_t i = 0; i < ids->count; i++)
+        rank += ids->id[i] < id;
+    return rank;
+}
+
 /* Maps that were left and have keyframes, by their new ids. */
-static void settle_left(struct fv_map *map)
+static void settle_left(struct fv_map *map, const struct ids *ids)
 {
     struct fv_map_state *s = map->state;
     const uint32_t count = s->left_count < FV_MAP_WORLDS_MAX ? s->left_count : FV_MAP_WORLDS_MAX;
@@ -31,44 +42,48 @@ static void settle_left(struct fv_map *map)
     for (uint32_t i = 0; i < count; i++) {
         if (fv_map_count_keyframes(map, s->left[i].map_id) == 0) continue;
         s->left[kept] = s->left[i];
-        s->left[kept].map_id = s->left[kept].odom_id = rank_of_map(map, s->left[i].map_id);
+        s->left[kept].map_id = s->left[kept].odom_id = rank_of(ids, s->left[i].map_id);
         kept++;
     }
     memset(s->left + kept, 0, (FV_MAP_WORLDS_MAX - kept) * sizeof s->left[0]);
     s->left_count = kept;
 }
 
-void fv_map_settle(struct fv_map *map)
+/* Keyframes in the order of their numbers; of equal ones, which only damaged files have, in that of
+ * their slots. */
+static void settle_numbers(struct fv_map *map)
 {
-    uint32_t ids[FV_MAP_KEYFRAMES_MAX], numbers[FV_MAP_KEYFRAMES_MAX] = {0}, highest = 0;
-    const uint32_t current = rank_of_map(map, map->state->map_id);
-    settle_left(map);
-    for (uint32_t k = 0; k < map->limits.keyframes; k++) {
-        if (!map->keyframes[k].used) continue;
-        ids[k] = rank_of_map(map, map->keyframes[k].map_id);
+    uint64_t numbers[FV_MAP_KEYFRAMES_MAX] = {0};
+    for (uint32_t k = 0; k < map->limits.keyframes; k++)
         for (uint32_t i = 0; i < map->limits.keyframes; i++)
             numbers[k] += map->keyframes[i].used &&
                           (map->keyframes[i].number < map->keyframes[k].number ||
                            (map->keyframes[i].number == map->keyframes[k].number && i < k));
-        if (ids[k] > highest) highest = ids[k];
-    }
-    for (uint32_t k = 0; k < map->limits.keyframes; k++) {
-        if (!map->keyframes[k].used) continue;
-        map->keyframes[k].map_id = ids[k];
-        map->keyframes[k].number = numbers[k];
-    }
-    map->state->map_id = map->state->odom_id = current;
-    map->state->map_next = (current > highest ? current : highest) + 1;
+    for (uint32_t k = 0; k < map->limits.keyframes; k++)
+        if (map->keyframes[k].used) map->keyframes[k].number = numbers[k];
     map->state->keyframe_number = map->state->keyframe_count;
+}
+
+void fv_map_settle(struct fv_map *map)
+{
+    struct ids ids;
+    find_ids(map, &ids);
+    settle_left(map, &ids);
+    settle_numbers(map);
+    for (uint32_t k = 0; k < map->limits.keyframes; k++)
+        if (map->keyframes[k].used)
+            map->keyframes[k].map_id = rank_of(&ids, map->keyframes[k].map_id);
+    map->state->map_id = map->state->odom_id = rank_of(&ids, map->state->map_id);
+    map->state->map_next = ids.count;
 }
 
 /* ---- taking ---------------------------------------------------------------------------------- */
 
-static void take_state(struct fv_map_state *s, const struct fv_map_state *from)
+static void take_state(struct fv_map_state *s, const struct fv_map_state *from, uint32_t first_id,
+                       uint64_t first_number)
 {
-    const uint32_t first_id = s->map_next;
-    const uint64_t first_number = s->keyframe_number;
     *s = *from;
+    s->mark = 0;
     s->map_id += first_id;
     s->odom_id += first_id;
     s->map_next += first_id;
@@ -108,11 +123,10 @@ static void take_landmark(struct fv_landmark *out, const struct fv_landmark *in,
     out->seen += frames_later;
 }
 
+/* Of keyframes that are there: what was read has no others. */
 static void take_edge(struct fv_map *map, const struct fv_map *from, uint32_t i)
 {
     const struct fv_map_edge e = from->edges[i];
-    if (!fv_map_holds(from, e.a, e.generation_a) || !fv_map_holds(from, e.b, e.generation_b))
-        return;
     map->edges[i] = (struct fv_map_edge){e.a, e.b, map->keyframes[e.a].generation,
                                          map->keyframes[e.b].generation};
 }
@@ -121,11 +135,8 @@ void fv_map_take(struct fv_map *map, const struct fv_map *from, uint32_t frames_
 {
     const uint32_t first_id = map->state->map_next;
     const uint64_t first_number = map->state->keyframe_number;
-    take_state(map->state, from->state);
-    const struct fv_map_state taken = *map->state;
     fv_map_reset(map);
-    *map->state = taken;
-    map->state->mark = 0;
+    take_state(map->state, from->state, first_id, first_number);
     for (uint32_t k = 0; k < map->limits.keyframes; k++)
         if (from->keyframes[k].used) take_keyframe(map, from, k, first_id, first_number);
     for (uint32_t i = 0; i < map->limits.landmarks; i++)
@@ -133,7 +144,7 @@ void fv_map_take(struct fv_map *map, const struct fv_map *from, uint32_t frames_
             take_landmark(&map->landmarks[i], &from->landmarks[i], frames_later);
     memcpy(map->free_landmarks, from->free_landmarks,
            from->state->free_count * sizeof *map->free_landmarks);
-    for (uint32_t i = 0; i < FV_MAP_EDGES_MAX; i++)
+    for (uint32_t i = 0; i < FV_MAP_EDGES_MAX && i < from->state->edge_count; i++)
         take_edge(map, from, i);
 }
 

@@ -42,6 +42,17 @@ static uint8_t *save(size_t *bytes)
     return map;
 }
 
+/* The path has no closure of its own. */
+static void add_edge(struct fv_map *map)
+{
+    uint32_t ends[2], count = 0;
+    for (uint32_t k = 0; k < map->limits.keyframes && count < 2; k++)
+        if (map->keyframes[k].used) ends[count++] = k;
+    assert_int_equal(count, 2);
+    assert_int_equal(map->state->edge_count, 0);
+    fv_map_add_edge(map, ends[0], ends[1]);
+}
+
 static int make_map(void **state)
 {
     (void)state;
@@ -51,6 +62,7 @@ static int make_map(void **state)
         sim_rig_process(&rig);
     for (int n = 0; n < FRAMES; n++)
         memcpy(made[n], rig.pose[n].T_world_cam, sizeof made[n]);
+    add_edge(&rig.rt->odometry.map);
     file = save(&file_bytes);
     sim_rig_close(&rig);
     return 0;
@@ -137,10 +149,11 @@ static void the_camera_is_found_in_it(void **state)
     sim_rig_close(&rig);
 }
 
-/* What links keyframes and landmarks, of a map that was read again. */
+/* What links keyframes and landmarks, of a map that was read again, and closures. */
 static uint64_t links_of(const struct fovea_ready_map *ready)
 {
-    uint64_t links = ready->map.state->landmark_count;
+    uint64_t links =
+        ready->map.state->landmark_count + UINT64_C(1000000000000) * ready->map.state->edge_count;
     for (uint32_t k = 0; k < ready->map.limits.keyframes; k++)
         if (ready->map.keyframes[k].used)
             links += UINT64_C(1000000) * ready->map.keyframes[k].landmarks;
@@ -347,6 +360,35 @@ static void a_save_under_way_is_of_the_new_map(void **state)
     sim_rig_close(&rig);
 }
 
+/* Landmarks of the map that was discarded would be in the file, without keyframes. */
+static void a_save_under_way_is_of_the_map_after_a_reset(void **state)
+{
+    (void)state;
+    size_t saved = 0;
+    open_rig(WAY, FROM, 25);
+    sim_rig_build(&rig);
+    uint8_t *buffer = calloc(1, fovea_map_bytes_max(&rig.config));
+    assert_non_null(buffer);
+    for (int n = 0; sim_rig_next(&rig) && saved == 0; n++) {
+        if (n == 20) {
+            assert_true(rig.pose[n - 1].posed);
+            fovea_map_save_to(rig.rt, buffer, fovea_map_bytes_max(&rig.config));
+            rig.inputs.commands = FOVEA_COMMAND_SAVE;
+            rig.inputs.grants.units[FOVEA_JOB_MAP] = 2; /* landmarks alone */
+        }
+        if (n == 21) rig.inputs.commands = FOVEA_COMMAND_RESET;
+        sim_rig_process(&rig);
+        saved = rig.work.map_bytes;
+        assert_true(n == 21 || saved == 0);
+    }
+    uint32_t landmarks = UINT32_MAX;
+    assert_int_equal(saved, FV_ARCHIVE_HEADER_BYTES + FV_ARCHIVE_CHECKSUM_BYTES); /* none yet */
+    assert_true(fv_archive_landmarks(buffer, saved, &landmarks));
+    assert_int_equal(landmarks, 0);
+    free(buffer);
+    sim_rig_close(&rig);
+}
+
 /* Bytes changed at random under a right checksum: refused, or taken and stepped with. */
 static void damaged_files_do_no_harm(void **state)
 {
@@ -393,6 +435,7 @@ int main(void)
         cmocka_unit_test(what_does_not_fit_is_refused),
         cmocka_unit_test(one_of_another_runtime),
         cmocka_unit_test(a_save_under_way_is_of_the_new_map),
+        cmocka_unit_test(a_save_under_way_is_of_the_map_after_a_reset),
         cmocka_unit_test(damaged_files_do_no_harm),
     };
     if (getenv("FOVEA_EMULATED") != NULL) {
