@@ -1,5 +1,7 @@
 #include "support/utf8.h"
 
+#include <stddef.h>
+
 int fv_utf8_decode(const char *text, uint32_t *code)
 {
     static const uint32_t smallest[5] = {0, 1, 0x80, 0x800, 0x10000};
@@ -23,13 +25,22 @@ int fv_utf8_decode(const char *text, uint32_t *code)
     return bytes;
 }
 
-bool fv_utf8_check(const char *text)
+/* Bytes at the front that are well-formed. */
+static size_t well_formed(const char *text)
 {
     uint32_t code;
-    while (*text != '\0') {
-        int bytes = fv_utf8_decode(text, &code);
-        if (bytes == 0) return false;
-        text += bytes;
-    }
-    return true;
+    size_t at = 0;
+    for (int bytes = 1; bytes > 0; at += (size_t)bytes)
+        bytes = fv_utf8_decode(text + at, &code);
+    return at;
+}
+
+bool fv_utf8_check(const char *text)
+{
+    return text[well_formed(text)] == '\0';
+}
+
+void fv_utf8_cut(char *text)
+{
+    text[well_formed(text)] = '\0';
 }

@@ -12,4 +12,7 @@ int fv_utf8_decode(const char *text, uint32_t *code);
 /* Whether the whole text is well-formed. */
 bool fv_utf8_check(const char *text);
 
+/* Cut the text, which was cut within a letter or is no UTF-8, where it ceases to be well-formed. */
+void fv_utf8_cut(char *text);
+
 #endif

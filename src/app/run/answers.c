@@ -4,14 +4,11 @@
 #include <string.h>
 
 #include "drivers/clock.h"
+#include "support/utf8.h"
 
 #include "fovea_command_result_t.h"
 
-enum {
-    COMMANDS_PER_STEP = 32,
-    REASON_BYTES = 256, /* of command_result_t, with its zero */
-    MESSAGE_BYTES_MAX = 512
-};
+enum { COMMANDS_PER_STEP = 32 };
 
 static const char unnamed[] = "found no file for the map, expected one in map.save";
 
@@ -25,22 +22,30 @@ void fv_answers_open(struct fv_answers *answers, struct fv_transport *transport,
     fv_message_channel(prefix, FV_MESSAGE_COMMAND_RESULT, answers->channel);
 }
 
-static void answer(const struct fv_answers *answers, const struct fv_judged_command *command,
-                   int8_t result, const char *reason)
+uint32_t fv_answer_encode(int64_t run_id, const struct fv_judged_command *command, int8_t result,
+                          const char *reason, uint8_t data[FV_ANSWER_BYTES_MAX])
 {
-    uint8_t data[MESSAGE_BYTES_MAX];
-    char text[REASON_BYTES];
+    char text[FV_ANSWER_REASON_BYTES];
     snprintf(text, sizeof text, "%s", reason);
+    fv_utf8_cut(text);
     const fovea_command_result_t message = {.utime = fv_clock_ns(CLOCK_REALTIME) / 1000,
-                                            .run_id = answers->run_id,
+                                            .run_id = run_id,
                                             .id = command->id,
                                             .sender = command->sender,
                                             .commands = command->commands,
                                             .result = result,
                                             .reason = text};
-    const int bytes = fovea_command_result_t_encode(data, 0, sizeof data, &message);
-    if (bytes <= 0) return;
-    const struct fovea_message out = {answers->channel, data, (uint32_t)bytes, true};
+    const int bytes = fovea_command_result_t_encode(data, 0, FV_ANSWER_BYTES_MAX, &message);
+    return bytes > 0 ? (uint32_t)bytes : 0;
+}
+
+static void answer(const struct fv_answers *answers, const struct fv_judged_command *command,
+                   int8_t result, const char *reason)
+{
+    uint8_t data[FV_ANSWER_BYTES_MAX];
+    const uint32_t bytes = fv_answer_encode(answers->run_id, command, result, reason, data);
+    if (bytes == 0) return;
+    const struct fovea_message out = {answers->channel, data, bytes, true};
     fv_transport_put(answers->transport, &out);
     fv_feed_put(answers->feed, &out);
 }

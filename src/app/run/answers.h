@@ -16,7 +16,16 @@
 #include "app/run/recordings.h"
 #include "message/message.h"
 
-enum { FV_ANSWERS_WAITING_MAX = 32 };
+enum {
+    FV_ANSWERS_WAITING_MAX = 32,
+    FV_ANSWER_REASON_BYTES = 256, /* with its zero */
+    FV_ANSWER_BYTES_MAX = 512     /* of an encoded answer */
+};
+
+/* Encode a command_result_t, of which longer reasons are cut; `result` is one of its RESULT_*.
+ * Returns its bytes. Real-time safe. */
+uint32_t fv_answer_encode(int64_t run_id, const struct fv_judged_command *command, int8_t result,
+                          const char *reason, uint8_t data[FV_ANSWER_BYTES_MAX]);
 
 struct fv_answers {
     struct fv_transport *transport;

@@ -9,6 +9,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "app/run/answers.h"
 #include "drivers/clock.h"
 #include "map/archive.h"
 #include "support/aligned.h"
@@ -22,8 +23,7 @@
 
 enum {
     REQUEST_BYTES_MAX = 256 + FV_MESSAGE_MAP_NAME_BYTES,
-    REASON_BYTES = 256, /* of command_result_t, with its zero */
-    ENTRIES_MAX = 4096  /* of the folder that are looked at for a list */
+    ENTRIES_MAX = 4096 /* of the folder that are looked at for a list */
 };
 
 enum fovea_status fv_map_loads_open(struct fv_map_loads *loads, struct fv_parameters *parameters,
@@ -39,10 +39,14 @@ enum fovea_status fv_map_loads_open(struct fv_map_loads *loads, struct fv_parame
     fv_message_channel(prefix, FV_MESSAGE_COMMAND_RESULT, loads->result_channel);
     fv_message_channel(prefix, FV_MESSAGE_MAP_FILES, loads->files_channel);
     const bool folder = loads->folder[0] != '\0';
-    if (folder && (stat(loads->folder, &there) != 0 || !S_ISDIR(there.st_mode)))
-        return fovea_error_set(
-            error, FOVEA_ERROR_INPUT, "map.folder: %.400s: found %s, expected a folder",
-            loads->folder, stat(loads->folder, &there) == 0 ? "a file" : strerrordesc_np(errno));
+    const char *wrong = !folder                            ? NULL
+                        : stat(loads->folder, &there) != 0 ? strerrordesc_np(errno)
+                        : !S_ISDIR(there.st_mode)          ? "a file"
+                                                           : NULL;
+    if (wrong != NULL)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "map.folder: %.400s: found %s, expected a folder", loads->folder,
+                               wrong);
     if (folder) {
         loads->capacity = fovea_map_bytes_max(&settings->runtime);
         loads->data = fv_aligned_zeroed(loads->capacity);
@@ -64,31 +68,12 @@ void fv_map_loads_close(struct fv_map_loads *loads)
     memset(loads, 0, sizeof *loads);
 }
 
-static uint32_t encode_result(const struct fv_map_loads *loads,
-                              const struct fv_judged_command *command, int8_t result,
-                              const char *reason, uint8_t *data, size_t capacity)
-{
-    char text[REASON_BYTES];
-    snprintf(text, sizeof text, "%s", reason);
-    for (size_t bytes = strlen(text); bytes > 0 && !fv_utf8_check(text); bytes--)
-        text[bytes - 1] = '\0';
-    const fovea_command_result_t message = {.utime = fv_clock_ns(CLOCK_REALTIME) / 1000,
-                                            .run_id = loads->parameters->run_id,
-                                            .id = command->id,
-                                            .sender = command->sender,
-                                            .commands = FOVEA_MAP_LOAD_T_LOAD,
-                                            .result = result,
-                                            .reason = text};
-    const int bytes = fovea_command_result_t_encode(data, 0, capacity, &message);
-    return bytes > 0 ? (uint32_t)bytes : 0;
-}
-
 static void refuse(struct fv_map_loads *loads, const char *reason)
 {
     loads->lists = false;
     loads->answer_bytes =
-        encode_result(loads, &loads->command, FOVEA_COMMAND_RESULT_T_RESULT_REFUSED, reason,
-                      loads->message, FV_MAP_LOADS_MESSAGE_BYTES);
+        fv_answer_encode(loads->parameters->run_id, &loads->command,
+                         FOVEA_COMMAND_RESULT_T_RESULT_REFUSED, reason, loads->message);
 }
 
 /* ---- on the listener's thread ---------------------------------------------------------------- */
@@ -112,8 +97,10 @@ static void take(struct fv_map_loads *loads, const fovea_map_load_t *request,
                  const struct fv_received *received)
 {
     struct fv_command_gate *gate = &loads->parameters->gate;
-    struct fv_judged_command judged = {
-        .verdict = judge(loads, request, received), .id = request->id, .sender = request->sender};
+    struct fv_judged_command judged = {.verdict = judge(loads, request, received),
+                                       .commands = FOVEA_MAP_LOAD_T_LOAD,
+                                       .id = request->id,
+                                       .sender = request->sender};
     const bool idle = atomic_load(&loads->stage) == FV_MAP_LOADS_IDLE;
     if (!idle && judged.verdict == FV_COMMAND_TAKEN) judged.verdict = FV_COMMAND_BUSY;
     fv_command_gate_count(gate, judged.verdict);
@@ -196,7 +183,7 @@ static bool read_whole(int file, uint8_t *data, size_t bytes)
 /* The file's bytes. False: it was refused. */
 static bool fetch(struct fv_map_loads *loads, int folder)
 {
-    char reason[REASON_BYTES];
+    char reason[FV_ANSWER_REASON_BYTES];
     struct stat there;
     const int file = open_in(folder, loads->file, &there);
     if (file < 0) {
@@ -293,7 +280,7 @@ static void list(struct fv_map_loads *loads, DIR *folder)
 
 static bool work(struct fv_map_loads *loads)
 {
-    char reason[REASON_BYTES];
+    char reason[FV_ANSWER_REASON_BYTES];
     bool ready = false;
     if (loads->command.verdict != FV_COMMAND_TAKEN) {
         refuse(loads, fv_command_verdict_reason(loads->command.verdict));
@@ -347,14 +334,13 @@ void fv_map_loads_take(struct fv_map_loads *loads, struct fovea_inputs *inputs, 
 static void answer_busy(struct fv_map_loads *loads, struct fv_transport *transport,
                         struct fv_feed *feed)
 {
-    uint8_t data[512];
+    uint8_t data[FV_ANSWER_BYTES_MAX];
     if (!atomic_load_explicit(&loads->busy, memory_order_acquire)) return;
     const char *reason = loads->busy_command.verdict == FV_COMMAND_BUSY
                              ? "the request for a map before this one is not through"
                              : fv_command_verdict_reason(loads->busy_command.verdict);
-    const uint32_t bytes =
-        encode_result(loads, &loads->busy_command, FOVEA_COMMAND_RESULT_T_RESULT_REFUSED, reason,
-                      data, sizeof data);
+    const uint32_t bytes = fv_answer_encode(loads->parameters->run_id, &loads->busy_command,
+                                            FOVEA_COMMAND_RESULT_T_RESULT_REFUSED, reason, data);
     atomic_store_explicit(&loads->busy, false, memory_order_release);
     send(loads->result_channel, data, bytes, transport, feed);
 }
@@ -371,8 +357,8 @@ void fv_map_loads_step(struct fv_map_loads *loads, struct fv_recorder *const rec
             fv_recorder_map(recorders[i], inputs, loads->file, loads->data, loads->bytes);
         loads->lists = false;
         loads->answer_bytes =
-            encode_result(loads, &loads->command, FOVEA_COMMAND_RESULT_T_RESULT_DONE, "",
-                          loads->message, FV_MAP_LOADS_MESSAGE_BYTES);
+            fv_answer_encode(loads->parameters->run_id, &loads->command,
+                             FOVEA_COMMAND_RESULT_T_RESULT_DONE, "", loads->message);
     } else if (stage != FV_MAP_LOADS_ANSWERED) {
         return;
     }

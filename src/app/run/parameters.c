@@ -80,13 +80,6 @@ void fv_parameters_close(struct fv_parameters *parameters)
 
 /* ---- on the listener's thread ---------------------------------------------------------------- */
 
-/* Text that was cut within a letter, or is no UTF-8, up to where it is. */
-static void cut_to_letters(char *text)
-{
-    for (size_t bytes = strlen(text); bytes > 0 && !fv_utf8_check(text); bytes--)
-        text[bytes - 1] = '\0';
-}
-
 static void print_value(const struct fv_settings *settings, const struct fv_settings_key *key,
                         char value[FV_PARAMETER_VALUE_BYTES])
 {
@@ -100,7 +93,7 @@ static void refuse(struct fv_parameter_change *change, const char *reason)
     change->result = FOVEA_PARAMETER_RESULT_T_RESULT_REFUSED;
     change->bytes = 0;
     snprintf(change->reason, sizeof change->reason, "%.255s", reason);
-    cut_to_letters(change->reason);
+    fv_utf8_cut(change->reason);
 }
 
 /* Without what says that the text was an option. */
@@ -207,7 +200,7 @@ static struct fv_parameter_change *reserve(struct fv_parameters *parameters,
     change->id = request->id;
     change->sender = request->sender;
     snprintf(change->key, sizeof change->key, "%s", request->key);
-    cut_to_letters(change->key);
+    fv_utf8_cut(change->key);
     return change;
 }
 
