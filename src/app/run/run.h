@@ -130,7 +130,12 @@ enum fovea_status fv_run_keep_settings(struct fv_run *run, struct fovea_error *e
 /* Do so where it was asked for; on the thread that watches the loop. */
 void fv_run_reload(struct fv_run *run);
 
-/* After the loop's last call: the summary on stdout, the statistics, the ends of trajectories and
+/* run_end.c, in this order. After the loop's last call: end the recordings that commands began,
+ * save the map where all went well so far (`status`, of which `error` says why), and answer who
+ * still waits. Returns `status`, or what became of the map. */
+enum fovea_status fv_run_end_requests(struct fv_run *run, enum fovea_status status,
+                                      struct fovea_error *error);
+/* After that: the summary on stdout, the statistics, the ends of trajectories and
  * results, and the picture, for whose memory the source is closed. A file that could not be written
  * is named on stderr. */
 enum fv_exit fv_run_report(struct fv_run *run);

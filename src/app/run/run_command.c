@@ -236,16 +236,10 @@ static enum fovea_status transport_open(struct fv_run *run, struct fovea_error *
 {
     const struct fv_settings *settings = &run->settings;
     const bool odometry = settings->runtime.scale.source == FOVEA_SCALE_WHEEL_ODOMETRY;
-    struct fv_receiver_channel more[] = {
-        fv_identity_row(settings->runtime.channel_prefix, &run->others),
-        {.take = NULL},
-        {.take = NULL},
-        {.take = NULL},
-        {.take = NULL}};
+    struct fv_receiver_channel more[5];
     struct fv_transport_ears ears = {
         .listen = settings->listen,
         .more = more,
-        .more_count = fv_imu_input_hears(&run->imu) ? 5 : 4,
         .rules = {.from_network = settings->commands, .run_id = run->run_id},
         .wheel_odometry_limits = {settings->wheel_odometry_max_m_s,
                                   settings->wheel_odometry_max_rad_s},
@@ -267,10 +261,11 @@ static enum fovea_status transport_open(struct fv_run *run, struct fovea_error *
             fv_map_loads_open(&run->map_loads, &run->parameters, run->loop.rt, settings, error);
         if (status == FOVEA_ERROR_INPUT) fv_settings_blame(settings, "map.folder", error);
     }
-    more[1] = fv_parameters_row(&run->parameters);
-    more[2] = fv_backup_row(&run->backup);
-    more[3] = fv_map_loads_row(&run->map_loads);
-    if (fv_imu_input_hears(&run->imu)) more[4] = fv_imu_input_row(&run->imu);
+    more[ears.more_count++] = fv_identity_row(settings->runtime.channel_prefix, &run->others);
+    more[ears.more_count++] = fv_parameters_row(&run->parameters);
+    more[ears.more_count++] = fv_backup_row(&run->backup);
+    more[ears.more_count++] = fv_map_loads_row(&run->map_loads);
+    if (fv_imu_input_hears(&run->imu)) more[ears.more_count++] = fv_imu_input_row(&run->imu);
     if (status == FOVEA_OK)
         status =
             fv_transport_open_early(settings->lcm_url, settings->lcm_ttl, &run->transport, error);
@@ -538,24 +533,6 @@ static enum fovea_status run_loop(struct fv_run *run, struct fovea_error *error)
     return FOVEA_OK;
 }
 
-/* Save the map of the end, and answer who still waits for one. */
-static enum fovea_status map_end(struct fv_run *run, struct fovea_error *error)
-{
-    /* Ended before the first frame, there is no map: one of an earlier run is kept. */
-    if (atomic_load(&run->shared.stop) && run->loop.counts.processed == 0) {
-        fv_answers_end(&run->answers, &run->keeper, &run->recordings,
-                       "the run ended before its first frame");
-        return FOVEA_OK;
-    }
-    const int call = fv_stall_enter(run->settings.map_save);
-    const enum fovea_status status = fv_keeper_end(&run->keeper, error);
-    fv_stall_leave(call);
-    fv_answers_end(&run->answers, &run->keeper, &run->recordings,
-                   status != FOVEA_OK ? error->text : NULL);
-    fv_run_written(run, FV_RUN_MAP);
-    return status;
-}
-
 /* ---- the command ----------------------------------------------------------------------------- */
 
 int fv_command_run(int argc, char **argv)
@@ -585,14 +562,7 @@ int fv_command_run(int argc, char **argv)
         if (run.setup.ops != NULL) run.setup.ops->stop(run.setup.source);
         fv_stall_leave(call);
     }
-    fv_recordings_end(&run.recordings);
-    fv_backup_end(&run.backup, run.transport, run.feed);
-    fv_map_loads_end(&run.map_loads, run.transport, run.feed);
-    fv_parameters_end(&run.parameters, run.transport, run.feed);
-    if (status == FOVEA_OK)
-        status = map_end(&run, &error);
-    else
-        fv_answers_end(&run.answers, &run.keeper, &run.recordings, error.text);
+    status = fv_run_end_requests(&run, status, &error);
     if (status == FOVEA_OK)
         end = fv_run_report(&run);
     else

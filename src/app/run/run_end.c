@@ -1,4 +1,5 @@
-/* How a run ends: its summary, and the files that were asked for. */
+/* How a run ends: the answers to who still waits, its summary, and the files that were asked for.
+ */
 #include "app/run/run.h"
 
 #include <errno.h>
@@ -14,6 +15,40 @@
 #include "support/say.h"
 #include "support/stall.h"
 #include "support/text.h"
+
+/* ---- the map of the end, and answers --------------------------------------------------------- */
+
+/* Save the map, and answer who still waits for one. */
+static enum fovea_status map_end(struct fv_run *run, struct fovea_error *error)
+{
+    /* Ended before the first frame, there is no map: one of an earlier run is kept. */
+    if (atomic_load(&run->shared.stop) && run->loop.counts.processed == 0) {
+        fv_answers_end(&run->answers, &run->keeper, &run->recordings,
+                       "the run ended before its first frame");
+        return FOVEA_OK;
+    }
+    const int call = fv_stall_enter(run->settings.map_save);
+    const enum fovea_status status = fv_keeper_end(&run->keeper, error);
+    fv_stall_leave(call);
+    fv_answers_end(&run->answers, &run->keeper, &run->recordings,
+                   status != FOVEA_OK ? error->text : NULL);
+    fv_run_written(run, FV_RUN_MAP);
+    return status;
+}
+
+enum fovea_status fv_run_end_requests(struct fv_run *run, enum fovea_status status,
+                                      struct fovea_error *error)
+{
+    fv_recordings_end(&run->recordings);
+    fv_backup_end(&run->backup, run->transport, run->feed);
+    fv_map_loads_end(&run->map_loads, run->transport, run->feed);
+    fv_parameters_end(&run->parameters, run->transport, run->feed);
+    if (status == FOVEA_OK) return map_end(run, error);
+    fv_answers_end(&run->answers, &run->keeper, &run->recordings, error->text);
+    return status;
+}
+
+/* ---- the report ------------------------------------------------------------------------------ */
 
 static enum fv_exit stats_write(struct fv_run *run, const struct fv_report *report)
 {
