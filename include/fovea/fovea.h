@@ -305,10 +305,10 @@ struct fovea_inputs {
     /* A map in place of the one that is there, from this step on, after `commands`; NULL: none. The
      * reset counter rises; the state is `lost` until the camera is found in the map, whose maps get
      * ids and keyframes numbers that this runtime has not used yet. A save that is under way begins
-     * again. Prepared for this runtime or another one of the same configuration: one for other sizes
-     * is left, one for another camera of the same size is not noticed. Not taken where odometry is
-     * off. It takes the time that copying it takes (65 keyframes: .8 ms). Owned by the caller; not
-     * read after the step. */
+     * again. Prepared for this runtime or another one of the same configuration: one for other
+     * sizes is left, one for another camera of the same size is not noticed. Not taken where
+     * odometry is off. It takes the time that copying it takes (65 keyframes: .8 ms). Owned by the
+     * caller; not read after the step. */
     const struct fovea_ready_map *map;
 
     /* Measured by the application, never used for results. Every pose message and the statistics

@@ -4,8 +4,8 @@
  * The listener's thread judges a request and hands it to the thread that watches the loop, which
  * reads and checks the file in memory that was taken at the start. The loop's thread gives the map
  * to the next step, not while a map is being saved, records its bytes, and answers with
- * command_result_t. One request at a time: one that comes meanwhile is refused, and of more in the
- * same moment only one is answered. */
+ * command_result_t. One request at a time: others that come meanwhile are refused, and one of them
+ * is answered with each step. */
 #ifndef FOVEA_APP_RUN_MAP_LOADS_H
 #define FOVEA_APP_RUN_MAP_LOADS_H
 

@@ -127,8 +127,7 @@ static void assert_same_frame(uint32_t slot, uint32_t generation, uint32_t first
     expected.map_id += first_id;
     expected.number += first_number;
     assert_memory_equal(b.keyframe, &expected, sizeof expected);
-    const size_t features = expected.features,
-                 cells = (size_t)(to.map.columns * to.map.rows) + 1;
+    const size_t features = expected.features, cells = (size_t)(to.map.columns * to.map.rows) + 1;
     assert_memory_equal(b.points, a.points, features * sizeof *a.points);
     assert_memory_equal(b.descriptors, a.descriptors, features * FV_MAP_DESCRIPTOR_BYTES);
     assert_memory_equal(b.landmark, a.landmark, features * sizeof *a.landmark);
@@ -212,13 +211,14 @@ static void limits_that_differ_are_seen(void **state)
     make_read(1);
     make_to(1);
     assert_true(fv_map_same_limits(&to.map, &read.map));
-    const struct fv_map_limits limits = to.map.limits, others[] = {
-        {limits.keyframes - 1, limits.landmarks, limits.features, 320, 240, true},
-        {limits.keyframes, limits.landmarks - 1, limits.features, 320, 240, true},
-        {limits.keyframes, limits.landmarks, limits.features - 1, 320, 240, true},
-        {limits.keyframes, limits.landmarks, limits.features, 319, 240, true},
-        {limits.keyframes, limits.landmarks, limits.features, 320, 239, true},
-        {limits.keyframes, limits.landmarks, limits.features, 320, 240, false}};
+    const struct fv_map_limits
+        limits = to.map.limits,
+        others[] = {{limits.keyframes - 1, limits.landmarks, limits.features, 320, 240, true},
+                    {limits.keyframes, limits.landmarks - 1, limits.features, 320, 240, true},
+                    {limits.keyframes, limits.landmarks, limits.features - 1, 320, 240, true},
+                    {limits.keyframes, limits.landmarks, limits.features, 319, 240, true},
+                    {limits.keyframes, limits.landmarks, limits.features, 320, 239, true},
+                    {limits.keyframes, limits.landmarks, limits.features, 320, 240, false}};
     for (size_t i = 0; i < sizeof others / sizeof *others; i++) {
         to.map.limits = others[i];
         assert_false(fv_map_same_limits(&to.map, &read.map));

@@ -160,6 +160,19 @@ static uint64_t links_of(const struct fovea_ready_map *ready)
     return links;
 }
 
+/* Frames go on from those that there were. */
+static void assert_seen_as_long_ago(const struct fovea_ready_map *ready)
+{
+    const struct fv_odometry *o = &rig.rt->odometry;
+    const uint32_t now = (uint32_t)o->state->frame_number, then = (uint32_t)ready->frame_number;
+    for (uint32_t i = 0; i < o->map.limits.landmarks; i++) {
+        const struct fv_landmark *a = &ready->map.landmarks[i], *b = &o->map.landmarks[i];
+        if (!a->used) continue;
+        assert_int_equal(now - b->seen, then - a->seen);
+        assert_int_equal(now - b->born, then - a->born);
+    }
+}
+
 /* Loaded over the map of a start, of the same file: nothing is lost on the way. */
 static void it_is_as_at_the_start(void **state)
 {
@@ -181,6 +194,7 @@ static void it_is_as_at_the_start(void **state)
     struct fovea_stats stats;
     fovea_stats_get(rig.rt, &stats);
     assert_int_equal(stats.reset_counter, resets + 1);
+    assert_seen_as_long_ago(rig.inputs.map);
     size_t again_bytes;
     uint8_t *again = save(&again_bytes);
     struct fovea_error error;
