@@ -123,6 +123,25 @@ int watched_end(struct watched *watched)
     return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
 }
 
+int watched_shell(const char *line, char *text, size_t bytes)
+{
+    char rest[4096];
+    FILE *pipe = popen(line, "r");
+    assert_non_null(pipe);
+    text[fread(text, 1, bytes - 1, pipe)] = '\0';
+    while (fread(rest, 1, sizeof rest, pipe) > 0) /* so that it does not end by a broken pipe */
+        continue;
+    const int status = pclose(pipe);
+    return status >= 0 && (status & 127) == 0 ? status >> 8 : -1;
+}
+
+void watched_remove(const char *folder)
+{
+    char line[512], text[512];
+    snprintf(line, sizeof line, "rm -r %s 2>&1", folder);
+    if (watched_shell(line, text, sizeof text) != 0) fail_msg("%s", text);
+}
+
 void watched_send(const char *channel, const uint8_t *data, size_t bytes)
 {
     static uint8_t packet[1 << 16];

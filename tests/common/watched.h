@@ -31,6 +31,12 @@ void watched_interrupt(const struct watched *watched);
 /* Wait for its end; returns its exit status, -1 after a signal. */
 int watched_end(struct watched *watched);
 
+/* The exit code of a line of the shell, -1 after a signal; what it prints goes to `text`, as much
+ * as there is room for. */
+int watched_shell(const char *line, char *text, size_t bytes);
+/* Remove a folder with all that is in it. */
+void watched_remove(const char *folder);
+
 /* One packet to the default group of LCM. */
 void watched_send(const char *channel, const uint8_t *data, size_t bytes);
 

@@ -225,14 +225,9 @@ static void a_flood_of_wrong_commands_gets_few_answers(void **state)
 /* What the program prints for the words; its exit code. */
 static int ask(const char *program, const char *words, char *line, size_t bytes)
 {
-    char command[1400];
+    char command[1600];
     snprintf(command, sizeof command, "%s --prefix R --wait 60 %s 2>&1", program, words);
-    FILE *pipe = popen(command, "r");
-    assert_non_null(pipe);
-    line[0] = '\0';
-    if (fgets(line, (int)bytes, pipe) == NULL) line[0] = '\0';
-    const int status = pclose(pipe);
-    return status >= 0 && (status & 127) == 0 ? status >> 8 : -1;
+    return watched_shell(command, line, bytes);
 }
 
 static void expect_answer(const char *program, const char *words, int code, const char *text)
@@ -291,9 +286,7 @@ static void programs_print_the_answers_of_a_run(void **state)
                   "refused: for another run: expected the run_id of this one\n");
     watched_interrupt(&watched);
     assert_int_equal(watched_end(&watched), 0);
-    char away[96]; /* the map of the end, and the one before it */
-    snprintf(away, sizeof away, "rm -r %s", folder);
-    assert_int_equal(system(away), 0);
+    watched_remove(folder);
 }
 
 static bool replays(const char *path, const char *option)
@@ -314,11 +307,8 @@ static void find_recording(const char *folder, char *path, size_t bytes)
 {
     char command[200];
     snprintf(command, sizeof command, "ls %s/records/*Z.lcm", folder);
-    FILE *pipe = popen(command, "r");
-    assert_non_null(pipe);
-    assert_non_null(fgets(path, (int)bytes, pipe));
+    assert_int_equal(watched_shell(command, path, bytes), 0);
     path[strcspn(path, "\n")] = '\0';
-    assert_int_equal(pclose(pipe), 0);
 }
 
 /* A recording that commands begin and end replays bit for bit, with the parameters that were
@@ -368,9 +358,7 @@ static void recordings_by_command_replay(void **state)
     assert_false(replays(path, "")); /* it is not trusted */
     assert_true(replays(path, "--trust-state"));
     assert_true(replays(whole, ""));
-    char away[96];
-    snprintf(away, sizeof away, "rm -r %s", folder);
-    assert_int_equal(system(away), 0);
+    watched_remove(folder);
 }
 
 static void put_text(const char *path, const char *text)
@@ -388,10 +376,7 @@ static char *back_up(const char *tool)
     assert_non_null(text);
     snprintf(command, sizeof command, "%s --prefix R --wait 1 backup", tool);
     for (int i = 0; i < 60 && strncmp(text, "# All settings", 14) != 0; i++) {
-        FILE *pipe = popen(command, "r"); /* until the run listens */
-        assert_non_null(pipe);
-        text[fread(text, 1, 65535, pipe)] = '\0';
-        (void)pclose(pipe);
+        (void)watched_shell(command, text, 65536); /* until the run listens */
     }
     return text;
 }
@@ -454,9 +439,7 @@ static void settings_are_restored(void **state)
     free(text);
     watched_interrupt(&watched);
     assert_int_equal(watched_end(&watched), 0);
-    char away[96];
-    snprintf(away, sizeof away, "rm -r %s", folder);
-    assert_int_equal(system(away), 0);
+    watched_remove(folder);
 }
 
 int main(int argc, char **argv)

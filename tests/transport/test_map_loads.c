@@ -22,24 +22,13 @@
 
 static char build[512], folder[64], tool[700];
 
-/* The command's code, and what it printed. */
-static int command(const char *words, char *text, size_t bytes)
-{
-    FILE *pipe = popen(words, "r");
-    assert_non_null(pipe);
-    const size_t got = fread(text, 1, bytes - 1, pipe);
-    text[got] = '\0';
-    const int status = pclose(pipe);
-    return status < 0 ? -1 : status >> 8;
-}
-
 static int ask(const char *words, char *text, size_t bytes)
 {
     char line[1400];
     snprintf(line, sizeof line, "%s --prefix R --wait 1 %s", tool, words);
     int code = 3;
     for (int i = 0; i < 60 && code == 3; i++) /* until the run listens */
-        code = command(line, text, bytes);
+        code = watched_shell(line, text, bytes);
     return code;
 }
 
@@ -58,7 +47,7 @@ static void make_map(const char *source, const char *name, const char *options)
              "%s/fovea run --source '%s' --rate max --quiet --picture none --set listen=none --set "
              "lcm_url= --save-map %s/maps/%s %s 2>&1",
              build, source, folder, name, options);
-    if (command(line, text, sizeof text) != 0) fail_msg("%s: %s", line, text);
+    if (watched_shell(line, text, sizeof text) != 0) fail_msg("%s: %s", line, text);
 }
 
 /* A copy with one bit of its middle changed, or of which only some is there. */
@@ -93,7 +82,7 @@ static void replay(const char *file, const char *option, int code, const char *s
     char line[1400], text[4096];
     snprintf(line, sizeof line, "%s/fovea replay %s/%s --verify %s 2>&1", build, folder, file,
              option);
-    const int found = command(line, text, sizeof text);
+    const int found = watched_shell(line, text, sizeof text);
     if (found != code || strstr(text, said) == NULL)
         fail_msg("%s: found %d: %sexpected %d: %s", line, found, text, code, said);
 }
@@ -136,7 +125,7 @@ static void wait_for_tracking(void)
     snprintf(line, sizeof line,
              "timeout 60 %s/fovea echo R_POSE --count 20 2>&1 | grep -c '\"state\": 1,'", build);
     for (int i = 0; i < 20; i++)
-        if (command(line, text, sizeof text) == 0 && strtol(text, NULL, 10) > 15) return;
+        if (watched_shell(line, text, sizeof text) == 0 && strtol(text, NULL, 10) > 15) return;
 }
 
 static void maps_are_loaded_and_replayed(void **state)
@@ -211,8 +200,7 @@ static void maps_are_loaded_and_replayed(void **state)
     replay("records/*Z.lcm", "--trust-state", 0, "equal bit for bit");
     spoil("whole.lcm", "spoiled.lcm", 0);
     replay("spoiled.lcm", "", 2, "R_LOADED_MAP: the map: byte ");
-    snprintf(line, sizeof line, "rm -r %s", folder);
-    assert_int_equal(system(line), 0);
+    watched_remove(folder);
 }
 
 int main(int argc, char **argv)

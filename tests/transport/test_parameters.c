@@ -144,11 +144,10 @@ static int open_all(void **state)
 
 static int close_all(void **state)
 {
-    char away[128];
     (void)state;
     fv_receiver_close(receiver);
-    snprintf(away, sizeof away, "rm -r %s", folder);
-    return system(away);
+    watched_remove(folder);
+    return 0;
 }
 
 /* Output of a command of the build, and its exit code. */
@@ -156,12 +155,7 @@ static int run_command(const char *words, char *text, size_t bytes)
 {
     char command[1400];
     snprintf(command, sizeof command, "%s/%s 2>&1", build, words);
-    FILE *pipe = popen(command, "r");
-    assert_non_null(pipe);
-    const size_t read = fread(text, 1, bytes - 1, pipe);
-    text[read] = '\0';
-    const int status = pclose(pipe);
-    return status >= 0 && (status & 127) == 0 ? status >> 8 : -1;
+    return watched_shell(command, text, bytes);
 }
 
 static uint32_t big_endian(const uint8_t bytes[4])
@@ -406,10 +400,7 @@ static void test_the_program_that_users_copy_changes_parameters(void **state)
                  "python3 tools/subscribers/command.py --types %s/python --prefix P --wait 60 "
                  "'%s' 2>&1",
                  build, asked[i][0]);
-        FILE *pipe = popen(command, "r");
-        assert_non_null(pipe);
-        if (fgets(line, sizeof line, pipe) == NULL) line[0] = '\0';
-        assert_int_equal(pclose(pipe) >> 8, asked[i][2][0] - '0');
+        assert_int_equal(watched_shell(command, line, sizeof line), asked[i][2][0] - '0');
         assert_string_equal(line, asked[i][1]);
     }
     stop();

@@ -141,9 +141,6 @@ enum fovea_status fv_run_end_requests(struct fv_run *run, enum fovea_status stat
 enum fv_exit fv_run_report(struct fv_run *run);
 /* Whether a picture is to be drawn at the end. */
 bool fv_run_draws(const struct fv_run *run);
-/* An output is whole, or it has been said that it is not: a run that ends at once loses it no more.
- */
-void fv_run_written(struct fv_run *run, enum fv_run_output output);
 /* The outputs that are not whole, as text, for struct fv_signals; `run` is a struct fv_run. */
 void fv_run_lost(const void *run, char *text, size_t bytes);
 /* Close the recording, if there is one, and say what is in it. FV_EXIT_FAILED: it is not whole. */

@@ -18,6 +18,14 @@
 
 /* ---- the map of the end, and answers --------------------------------------------------------- */
 
+/* An output is whole, or it has been said that it is not: a run that ends at once loses it no more.
+ */
+static void written(struct fv_run *run, enum fv_run_output output)
+{
+    atomic_fetch_and(&run->unwritten, ~(1u << output));
+    fv_stall_move(-1);
+}
+
 /* Save the map, and answer who still waits for one. */
 static enum fovea_status map_end(struct fv_run *run, struct fovea_error *error)
 {
@@ -32,7 +40,7 @@ static enum fovea_status map_end(struct fv_run *run, struct fovea_error *error)
     fv_stall_leave(call);
     fv_answers_end(&run->answers, &run->keeper, &run->recordings,
                    status != FOVEA_OK ? error->text : NULL);
-    fv_run_written(run, FV_RUN_MAP);
+    written(run, FV_RUN_MAP);
     return status;
 }
 
@@ -215,12 +223,6 @@ static enum fv_exit path_failed(const char *file, const struct fv_trajectory_sum
                          summary->lost);
 }
 
-void fv_run_written(struct fv_run *run, enum fv_run_output output)
-{
-    atomic_fetch_and(&run->unwritten, ~(1u << output));
-    fv_stall_move(-1);
-}
-
 void fv_run_lost(const void *context, char *text, size_t bytes)
 {
     static const char *const what[FV_RUN_OUTPUT_COUNT] = {
@@ -270,7 +272,7 @@ static enum fv_exit recording_close(struct fv_run *run, struct fv_recorder_summa
     if (run->recorder == NULL) return FV_EXIT_OK;
     const enum fovea_status status = fv_recorder_close(run->recorder, summary);
     run->recorder = NULL;
-    fv_run_written(run, FV_RUN_RECORDING);
+    written(run, FV_RUN_RECORDING);
     return status == FOVEA_OK ? FV_EXIT_OK : FV_EXIT_FAILED;
 }
 
@@ -319,36 +321,36 @@ enum fv_exit fv_run_report(struct fv_run *run)
         fv_report_parts(&table, report.part_bytes);
     int call = fv_stall_enter(name_of(run, FV_RUN_TRAJECTORY));
     fv_trajectory_finish(run->trajectory, &path);
-    fv_run_written(run, FV_RUN_TRAJECTORY);
+    written(run, FV_RUN_TRAJECTORY);
     fv_stall_leave(call);
     call = fv_stall_enter(name_of(run, FV_RUN_TRUTH));
     fv_trajectory_finish(run->truth, &truth);
-    fv_run_written(run, FV_RUN_TRUTH);
+    written(run, FV_RUN_TRUTH);
     fv_stall_leave(call);
     call = fv_stall_enter(name_of(run, FV_RUN_FINAL));
     fv_final_finish(run->final, run->loop.rt, &final);
-    fv_run_written(run, FV_RUN_FINAL);
+    written(run, FV_RUN_FINAL);
     fv_stall_leave(call);
     call = fv_stall_enter(
         name_of(run, run->objects_path != NULL ? FV_RUN_OBJECTS : FV_RUN_DETECTIONS));
     enum fovea_status results = fv_results_close(run->results, &error);
     run->results = NULL;
-    fv_run_written(run, FV_RUN_DETECTIONS);
-    fv_run_written(run, FV_RUN_OBJECTS);
+    written(run, FV_RUN_DETECTIONS);
+    written(run, FV_RUN_OBJECTS);
     fv_stall_leave(call);
     call = fv_stall_enter(name_of(run, FV_RUN_GRID));
     struct fovea_error grid_error;
     const enum fovea_status grid = grid_draw(run, &grid_error);
-    fv_run_written(run, FV_RUN_GRID);
+    written(run, FV_RUN_GRID);
     fv_stall_leave(call);
     fv_setup_close_source(&run->setup); /* its memory is the picture's */
     call = fv_stall_enter(name_of(run, FV_RUN_STATS));
     enum fv_exit end = stats_write(run, &report);
-    fv_run_written(run, FV_RUN_STATS);
+    written(run, FV_RUN_STATS);
     fv_stall_leave(call);
     call = fv_stall_enter(name_of(run, FV_RUN_PICTURE));
     enum fv_exit picture = picture_draw(run, &report, &path);
-    fv_run_written(run, FV_RUN_PICTURE);
+    written(run, FV_RUN_PICTURE);
     fv_stall_leave(call);
     struct fv_recorder_summary recording;
     const bool recorded = run->recorder != NULL;
