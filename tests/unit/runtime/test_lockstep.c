@@ -12,6 +12,7 @@
 #include "base/hash.h"
 #include "common/job_switch.h"
 #include "common/sim_rig.h"
+#include "runtime/ready_map.h"
 #include "runtime/state.h"
 
 #include "fovea_lockstep_t.h"
@@ -110,7 +111,19 @@ static void all_of_the_state_is_hashed(void **state)
 
 /* ---- inputs ---------------------------------------------------------------------------------- */
 
-enum change { NOTHING, LATENCY, UTC, LATE, RESIDENT, TEMPERATURE, COMMAND, GRANTS, STAMP, PIXEL };
+enum change {
+    NOTHING,
+    LATENCY,
+    UTC,
+    LATE,
+    RESIDENT,
+    TEMPERATURE,
+    COMMAND,
+    MAP,
+    GRANTS,
+    STAMP,
+    PIXEL
+};
 
 static int64_t inputs_hash(enum change change)
 {
@@ -129,6 +142,8 @@ static int64_t inputs_hash(enum change change)
     if (change == RESIDENT) inputs->resident_bytes = 1234;
     if (change == TEMPERATURE) inputs->temperature_c = 50;
     if (change == COMMAND) inputs->commands = FOVEA_COMMAND_RESET;
+    const struct fovea_ready_map map = {.hash = 1}; /* of other limits: hashed, and left */
+    if (change == MAP) inputs->map = &map;
     if (change == STAMP) frame.stamp_ns++;
     if (change == PIXEL) {
         for (int y = 0; y < 240; y++)
