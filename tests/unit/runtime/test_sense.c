@@ -15,6 +15,7 @@
 #include "geometry/se3.h"
 #include "geometry/vec.h"
 #include "runtime/state.h"
+#include "support/aligned.h"
 
 #include "fovea_fast_pose_t.h"
 
@@ -157,15 +158,36 @@ static bool heard(const struct fovea_outputs *outputs, fovea_fast_pose_t *pose)
 }
 
 /* After the last frame, whose pose samples carry on: `next` is its last one. */
-static void it_ends_with(struct fovea *rt, uint32_t command, struct fovea_sample next)
+static void it_ends_with(struct fovea *rt, uint32_t command, const struct fovea_ready_map *map,
+                         struct fovea_sample next)
 {
     struct fovea_outputs outputs;
     next.imu.stamp_ns += 5000000;
     assert_int_equal(fovea_sense(rt, &next, 1, &outputs), FOVEA_OK);
-    const struct fovea_inputs inputs = {.commands = command, .now_ns = next.imu.stamp_ns};
+    const struct fovea_inputs inputs = {
+        .commands = command, .map = map, .now_ns = next.imu.stamp_ns};
     (void)fovea_step(rt, &inputs, &outputs);
     next.imu.stamp_ns += 5000000;
     assert_int_equal(fovea_sense(rt, &next, 1, &outputs), FOVEA_AGAIN);
+}
+
+/* With a map of its own that is loaded. */
+static void it_ends_with_a_map(struct fovea *rt, struct fovea_sample next)
+{
+    const size_t capacity = fovea_map_bytes_max(&rig.config),
+                 bytes = fovea_map_prepared_bytes(&rig.config);
+    uint8_t *file = malloc(capacity);
+    void *memory = fv_aligned_new(bytes);
+    const struct fovea_ready_map *map = NULL;
+    struct fovea_error error;
+    assert_non_null(file);
+    assert_non_null(memory);
+    const size_t saved = fovea_map_save(rt, file, capacity);
+    assert_int_equal(fovea_map_prepare(rt, memory, bytes, file, saved, "m", &map, &error),
+                     FOVEA_OK);
+    it_ends_with(rt, 0, map, next);
+    free(memory);
+    free(file);
 }
 
 static void it_leads_from_frame_to_frame(void **state)
@@ -233,9 +255,11 @@ static void it_leads_from_frame_to_frame(void **state)
     /* What single poses of this small picture are off by; holding the last one is off by 25 mm. */
     assert_true(sqrt(sum2 / compared) < 0.008 && worst_m < 0.025 && worst_rad < 0.005);
     assert_true(fovea_state_hash(twin) == fovea_state_hash(rig.rt));
-    it_ends_with(twin, FOVEA_COMMAND_RESET, last);
+    it_ends_with(twin, FOVEA_COMMAND_RESET, NULL, last);
+    assert_int_equal(fovea_copy(rig.rt, memory, rig.rt->block_bytes, &twin), FOVEA_OK);
+    it_ends_with_a_map(twin, last);
     free(memory);
-    it_ends_with(rig.rt, FOVEA_COMMAND_PAUSE, last);
+    it_ends_with(rig.rt, FOVEA_COMMAND_PAUSE, NULL, last);
     sim_rig_close(&rig);
 }
 
