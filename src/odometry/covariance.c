@@ -19,7 +19,6 @@ enum {
 
 static const double scale_sigma =
     0.015; /* of the window's unit of length against that of the whole path */
-static const double even_fraction = 0.5; /* of the sample: taken whatever its leverage */
 static const double nearly = 1e-6,
                     nearly_zero = 1e-9; /* added to diagonals, relative: no parallax is any depth */
 static const double own_fraction = 0.75; /* of the variance that inliers show: their landmarks' own
@@ -32,11 +31,10 @@ static const double bend_max = 0.1, bend_fraction = 0.17;
 static const double doubt_fraction =
     0.05; /* of the way, where the pictures do not bear the map out */
 
-void fv_covariance_carve(struct fv_covariance *c, uint32_t features_max, struct fv_arena *frame)
+void fv_covariance_carve(struct fv_covariance *c, struct fv_arena *frame)
 {
     c->joint = fv_arena_take_raw(frame, 36 * FV_COVARIANCE_POSES_MAX * FV_COVARIANCE_POSES_MAX,
                                  sizeof *c->joint);
-    c->leverage = fv_arena_take_raw(frame, features_max, sizeof *c->leverage);
 }
 
 /* An observation of a landmark, linearised: by the frame's small motion (left of T_cam_world) and
@@ -54,30 +52,21 @@ struct fv_joint {
     double *S; /* size x size, row-major; lower triangle */
     uint32_t slots[FREE];
     int8_t block_of[FOVEA_ODOMETRY_KEYFRAMES_MAX];
-    uint32_t sample[SAMPLE];   /* features */
-    double stands_for[SAMPLE]; /* inliers that each stands for */
+    uint32_t sample[SAMPLE]; /* features */
     uint32_t sample_count;
 };
 
-/* Some of the inliers, the likelier the higher their leverage, each standing for as many as it was
- * unlikely: systematic sampling in the order of features, which are kept cell by cell. */
-static void sample_inliers(const struct fv_map_frame *frame, const double *leverage,
-                           uint32_t inliers, struct fv_joint *j)
+/* Some of the inliers, spread as they lie in the image: features are kept cell by cell. */
+static void sample_inliers(const struct fv_map_frame *frame, uint32_t inliers, struct fv_joint *j)
 {
-    double sum = 0, met = 0.5;
-    for (uint32_t f = 0; f < frame->keyframe->features; f++)
-        if (frame->landmark[f] != FV_MAP_NONE) sum += leverage[f];
-    const double even = even_fraction / inliers,
-                 by_leverage = sum > 0 ? (1 - even_fraction) / sum : 0;
+    const uint32_t wanted = inliers < SAMPLE ? inliers : SAMPLE;
+    uint32_t met = 0;
     j->sample_count = 0;
-    for (uint32_t f = 0; f < frame->keyframe->features && j->sample_count < SAMPLE; f++) {
+    for (uint32_t f = 0; f < frame->keyframe->features && j->sample_count < wanted; f++) {
         if (frame->landmark[f] == FV_MAP_NONE) continue;
-        const double likely = SAMPLE * (even + by_leverage * leverage[f]),
-                     chance = likely < 1 ? likely : 1, before = met;
-        met += chance;
-        if ((uint32_t)met == (uint32_t)before) continue;
-        j->stands_for[j->sample_count] = 1 / chance;
-        j->sample[j->sample_count++] = f;
+        if (met * wanted / inliers != (met + 1) * wanted / inliers)
+            j->sample[j->sample_count++] = f;
+        met++;
     }
 }
 
@@ -185,17 +174,14 @@ static void add_distance(const struct fv_linear_observation *s, double H[6], dou
             cross[6 * r + c] += w * s->distance_row[c] * b[r];
 }
 
-/* A landmark's observations, the landmark itself eliminated; all as often as it stands for others.
- */
-static void add_landmark(struct fv_joint *j, double stands_for,
-                         struct fv_linear_observation *observations, int count)
+/* A landmark's observations, the landmark itself eliminated. */
+static void add_landmark(struct fv_joint *j, const struct fv_linear_observation *observations,
+                         int count)
 {
     double H[6] = {0}, V[6], cross[FV_MAP_OBSERVERS_MAX + 1][18];
     struct fv_coupling couplings[FV_MAP_OBSERVERS_MAX + 1];
     int coupled = 0;
     for (int i = 0; i < count; i++) {
-        observations[i].weight *= stands_for;
-        observations[i].distance_weight *= stands_for;
         const double *b = observations[i].by_point, w = observations[i].weight;
         for (int r = 0, k = 0; r < 3; r++)
             for (int c = r; c < 3; c++, k++)
@@ -254,38 +240,32 @@ struct fv_part {
     double pull[6], information[36]; /* lower triangle */
 };
 
-/* An error and its derivative by the pose. Its leverage is how many of the pose's six numbers hang
- * on it. `A`: the pose's information, factored. */
-static void add_error(const double A[36], double weight, double e, const double row[6],
-                      struct fv_part *part, double *leverage)
+/* An error and its derivative by the pose. */
+static void add_error(double weight, double e, const double row[6], struct fv_part *part)
 {
-    double moved[6];
-    memcpy(moved, row, sizeof moved);
-    fv_ldlt_back(A, 6, moved);
     for (int k = 0; k < 6; k++) {
         part->pull[k] += weight * e * row[k];
-        *leverage += weight * moved[k] * row[k];
         for (int i = 0; i <= k; i++)
             part->information[6 * k + i] += weight * row[k] * row[i];
     }
 }
 
-static void add_distance_error(const double A[36], const struct fv_inverse_distance *measured,
-                               const double bearing[3], const double q[3], struct fv_part *part,
-                               double *leverage)
+static void add_distance_error(const struct fv_inverse_distance *measured, const double bearing[3],
+                               const double q[3], struct fv_part *part)
 {
     double e, row[6];
     if (!fv_inverse_distance_error(measured, bearing, q, &e, row)) return;
     fv_cross3(q, row, row + 3);
-    add_error(A, fv_inverse_distance_robust(measured, e), e, row, part, leverage);
+    add_error(fv_inverse_distance_robust(measured, e), e, row, part);
 }
 
-/* The inliers' errors by part of the image, and the leverage of each. */
+/* The inliers' errors by part of the image. */
 static void collect_parts(const struct fv_map *map, const struct fv_map_frame *frame,
-                          const double A[36], struct fv_part parts[FV_MAP_PARTS], double *leverage)
+                          struct fv_part parts[FV_MAP_PARTS])
 {
     const struct fv_se3 *T = &frame->keyframe->T_cam_world;
     const struct fv_inverse_distance *distances = distances_of(map, fv_map_current(map));
+    memset(parts, 0, FV_MAP_PARTS * sizeof *parts);
     for (uint32_t f = 0; f < frame->keyframe->features; f++) {
         double q[3], e[2], J[6], row[6];
         struct fv_observation s;
@@ -297,10 +277,9 @@ static void collect_parts(const struct fv_map *map, const struct fv_map_frame *f
         for (int r = 0; r < 2; r++) {
             fv_copy3(J + 3 * r, row);
             fv_cross3(q, row, row + 3);
-            add_error(A, s.weight, e[r], row, part, &leverage[f]);
+            add_error(s.weight, e[r], row, part);
         }
-        if (distances != NULL)
-            add_distance_error(A, &distances[f], s.bearing, q, part, &leverage[f]);
+        if (distances != NULL) add_distance_error(&distances[f], s.bearing, q, part);
     }
 }
 
@@ -309,18 +288,12 @@ static void collect_parts(const struct fv_map *map, const struct fv_map_frame *f
  * an error of variance 1, which is the variance of the errors where these are independent. False:
  * without one of the parts the pose would not be determined. */
 static bool jackknife(const struct fv_map *map, const struct fv_map_frame *frame,
-                      const struct fv_pose_fit *fit, double *leverage, double covariance[21],
-                      double *variance)
+                      const struct fv_pose_fit *fit, double covariance[21], double *variance)
 {
     struct fv_part parts[FV_MAP_PARTS];
-    double A[36];
     *variance = 0;
-    memset(parts, 0, sizeof parts);
-    memset(leverage, 0, frame->keyframe->features * sizeof *leverage);
     memset(covariance, 0, 21 * sizeof *covariance);
-    memcpy(A, fit->information, sizeof A);
-    if (!fv_ldlt_factor(A, 6)) return false;
-    collect_parts(map, frame, A, parts, leverage);
+    collect_parts(map, frame, parts);
     for (int p = 0; p < FV_MAP_PARTS; p++) {
         double rest[36], *moved = parts[p].pull;
         for (int k = 0; k < 36; k++)
@@ -363,15 +336,16 @@ static bool solve_joint(struct fv_odometry *o, const struct fv_map_frame *frame,
 {
     struct fv_joint j;
     j.S = o->covariance.joint;
-    sample_inliers(frame, o->covariance.leverage, inliers, &j);
+    sample_inliers(frame, inliers, &j);
     pick_poses(&o->map, o->state->newest, frame, &j);
     for (uint32_t i = 0; i < j.sample_count; i++) {
         struct fv_linear_observation observations[FV_MAP_OBSERVERS_MAX + 1];
-        const int count = find_observations(&o->map, frame, j.sample[i], &j, observations);
-        add_landmark(&j, j.stands_for[i], observations, count);
+        add_landmark(&j, observations,
+                     find_observations(&o->map, frame, j.sample[i], &j, observations));
     }
+    const double information = (double)inliers / (double)j.sample_count / variance;
     for (int k = 0; k < j.size * j.size; k++)
-        j.S[k] /= variance;
+        j.S[k] *= information;
     hold_scale(&o->map, o->state->newest, frame, &j);
     const struct fv_normal normal = {j.S, NULL, j.size};
     fv_normal_damp(&normal, nearly_zero, 0);
@@ -416,8 +390,7 @@ bool fv_covariance_write(struct fv_odometry *o, const struct fv_map_frame *frame
     double *covariance = o->state->pose.covariance, variance = fv_pose_variance(fit), parts[21],
            parts_variance;
     if (variance < FV_MAP_VARIANCE_MIN) variance = FV_MAP_VARIANCE_MIN;
-    const bool spread =
-        jackknife(&o->map, frame, fit, o->covariance.leverage, parts, &parts_variance);
+    const bool spread = jackknife(&o->map, frame, fit, parts, &parts_variance);
     const double bend = map_bend(&o->map, o->focal_px, frame, __builtin_sqrt(variance));
     bool reliable = spread && (parts_variance < together_max * variance ||
                                fv_agreement_settled(&o->state->agreement));

@@ -6,9 +6,9 @@
  * frame's block of the inverse is what is left (B. Triggs et al., "Bundle adjustment: a modern
  * synthesis", 2000, 9). So the errors that landmarks have in common, because keyframes that they
  * were seen from are off, count as what they are. A sample of 48 landmarks stands for all, and the
- * 7 keyframes that see most of them for the rest. Half of the sample is even, half is taken by
- * leverage, so that a few near landmarks, on which a direction hangs, neither vanish nor count many
- * times. The unit of length, which is free, is held by the path of these poses to 1.5 %.
+ * 7 keyframes that see most of them for the rest; with the jackknife below, a sample taken by
+ * leverage was no better than an even one. The unit of length, which is free, is held by the path
+ * of these poses to 1.5 %.
  *
  * That takes the errors of landmarks for independent. They are not: a thing that moves, whose
  * landmarks were created a frame ago, pulls with all of them, and where they have most of the
@@ -44,14 +44,12 @@ extern "C" {
 enum { FV_COVARIANCE_POSES_MAX = 8 };
 
 struct fv_covariance {
-    double *joint;    /* frame part: normal equations of at most FV_COVARIANCE_POSES_MAX poses */
-    double *leverage; /* frame part: by feature, how many of the pose's six numbers hang on it */
+    double *joint; /* frame part: normal equations of at most FV_COVARIANCE_POSES_MAX poses */
 };
 
 struct fv_odometry;
 
-void fv_covariance_carve(struct fv_covariance *covariance, uint32_t features_max,
-                         struct fv_arena *frame);
+void fv_covariance_carve(struct fv_covariance *covariance, struct fv_arena *frame);
 
 /* Write the covariance to state->pose, lengths in the map's unit. False: it is not to be relied on.
  * Real-time safe. */

@@ -31,7 +31,7 @@ void fv_odometry_carve(struct fv_odometry *o, const struct fovea_odometry_config
     fv_localiser_carve(&o->localiser, features_max, distances, persistent, frame);
     fv_initialiser_carve(&o->initialiser, &o->map, o->focal_px, features_max, persistent, frame);
     fv_matches_carve(&o->matches, features_max, frame);
-    fv_covariance_carve(&o->covariance, features_max, frame);
+    fv_covariance_carve(&o->covariance, frame);
     fv_distances_carve(&o->distances, distances, features_max, frame);
     const struct fv_window_limits window = {config->window, WINDOW_LANDMARKS, WINDOW_OBSERVATIONS,
                                             WINDOW_PASSES, window_converged};
