@@ -264,3 +264,34 @@ bool fv_pose_refine_to_noise(struct fv_observation *observations,
     *T_cam_world = T;
     return true;
 }
+
+void fv_pose_part_add(struct fv_pose_part *part, double weight, double error, const double row[6])
+{
+    for (int k = 0; k < 6; k++) {
+        part->pull[k] += weight * error * row[k];
+        for (int i = 0; i <= k; i++)
+            part->information[6 * k + i] += weight * row[k] * row[i];
+    }
+}
+
+bool fv_pose_jackknife(const struct fv_pose_fit *fit, const struct fv_pose_part *parts,
+                       uint32_t count, double covariance[21], double *variance)
+{
+    *variance = 0;
+    memset(covariance, 0, 21 * sizeof *covariance);
+    for (uint32_t p = 0; p < count; p++) {
+        double rest[36], moved[6];
+        for (int k = 0; k < 36; k++)
+            rest[k] = fit->information[k] - parts[p].information[k];
+        memcpy(moved, parts[p].pull, sizeof moved);
+        if (!fv_ldlt_solve(rest, 6, moved)) return false;
+        for (int row = 0, k = 0; row < 6; row++)
+            for (int column = row; column < 6; column++, k++) {
+                const double product = moved[row] * moved[column];
+                covariance[k] += product;
+                *variance +=
+                    (column == row ? 1 : 2) * product * fit->information[6 * row + column] / 6;
+            }
+    }
+    return true;
+}

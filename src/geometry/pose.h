@@ -74,6 +74,23 @@ bool fv_pose_refine(struct fv_observation *observations,
  * nothing is left to tell. */
 double fv_pose_variance(const struct fv_pose_fit *fit);
 
+/* What some of a fit's errors say of the pose; begins as zeros. */
+struct fv_pose_part {
+    double pull[6], information[36]; /* lower triangle, order as in fv_pose_fit */
+};
+
+/* An error of a part and its derivative by the pose. */
+void fv_pose_part_add(struct fv_pose_part *part, double weight, double error, const double row[6]);
+
+/* Covariance of a fit as its parts show it, which needs no errors that are independent within one:
+ * the sum of the squares of what the pose would move by, were each part left out (R. Bell and D.
+ * McCaffrey, "Bias reduction in standard errors for linear regression with multi-stage samples",
+ * Survey Methodology 28, 2002). Upper triangle by rows. `variance`: its mean square in sigmas of an
+ * error of variance 1, which is the variance of the errors where these are independent. False:
+ * without one of the parts the pose would not be determined. */
+bool fv_pose_jackknife(const struct fv_pose_fit *fit, const struct fv_pose_part *parts,
+                       uint32_t count, double covariance[21], double *variance);
+
 /* Go on from fv_pose_refine's pose and fit, with the limit that the noise found allows: 9.21
  * (chi-square, 99 %, 2 dof) times its variance, and never more than before. Where matches are good
  * to a third of a pixel, what is a pixel off is a thing that moves. Two steps. False when the

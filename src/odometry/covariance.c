@@ -235,33 +235,18 @@ static void hold_scale(const struct fv_map *map, uint32_t newest, const struct f
     fv_normal_add_one(&normal, 0, j->size, way, weighted, NULL, 1, NULL);
 }
 
-/* What the errors of one part of the image say of the pose. */
-struct fv_part {
-    double pull[6], information[36]; /* lower triangle */
-};
-
-/* An error and its derivative by the pose. */
-static void add_error(double weight, double e, const double row[6], struct fv_part *part)
-{
-    for (int k = 0; k < 6; k++) {
-        part->pull[k] += weight * e * row[k];
-        for (int i = 0; i <= k; i++)
-            part->information[6 * k + i] += weight * row[k] * row[i];
-    }
-}
-
 static void add_distance_error(const struct fv_inverse_distance *measured, const double bearing[3],
-                               const double q[3], struct fv_part *part)
+                               const double q[3], struct fv_pose_part *part)
 {
     double e, row[6];
     if (!fv_inverse_distance_error(measured, bearing, q, &e, row)) return;
     fv_cross3(q, row, row + 3);
-    add_error(fv_inverse_distance_robust(measured, e), e, row, part);
+    fv_pose_part_add(part, fv_inverse_distance_robust(measured, e), e, row);
 }
 
 /* The inliers' errors by part of the image. */
 static void collect_parts(const struct fv_map *map, const struct fv_map_frame *frame,
-                          struct fv_part parts[FV_MAP_PARTS])
+                          struct fv_pose_part parts[FV_MAP_PARTS])
 {
     const struct fv_se3 *T = &frame->keyframe->T_cam_world;
     const struct fv_inverse_distance *distances = distances_of(map, fv_map_current(map));
@@ -273,41 +258,14 @@ static void collect_parts(const struct fv_map *map, const struct fv_map_frame *f
         fv_observation_from(&frame->keypoints[f], map->landmarks[frame->landmark[f]].point, &s);
         fv_se3_apply(T, s.point, q);
         if (!fv_observation_error(s.bearing, s.A, q, e, J)) continue;
-        struct fv_part *part = &parts[fv_map_part(map, &frame->points[f])];
+        struct fv_pose_part *part = &parts[fv_map_part(map, &frame->points[f])];
         for (int r = 0; r < 2; r++) {
             fv_copy3(J + 3 * r, row);
             fv_cross3(q, row, row + 3);
-            add_error(s.weight, e[r], row, part);
+            fv_pose_part_add(part, s.weight, e[r], row);
         }
         if (distances != NULL) add_distance_error(&distances[f], s.bearing, q, part);
     }
-}
-
-/* Covariance of the pose, the map held, as the parts of the image show it: the sum of the squares
- * of what the pose would move by, were each part left out. `variance`: its mean square in sigmas of
- * an error of variance 1, which is the variance of the errors where these are independent. False:
- * without one of the parts the pose would not be determined. */
-static bool jackknife(const struct fv_map *map, const struct fv_map_frame *frame,
-                      const struct fv_pose_fit *fit, double covariance[21], double *variance)
-{
-    struct fv_part parts[FV_MAP_PARTS];
-    *variance = 0;
-    memset(covariance, 0, 21 * sizeof *covariance);
-    collect_parts(map, frame, parts);
-    for (int p = 0; p < FV_MAP_PARTS; p++) {
-        double rest[36], *moved = parts[p].pull;
-        for (int k = 0; k < 36; k++)
-            rest[k] = fit->information[k] - parts[p].information[k];
-        if (!fv_ldlt_solve(rest, 6, moved)) return false;
-        for (int row = 0, k = 0; row < 6; row++)
-            for (int column = row; column < 6; column++, k++) {
-                const double product = moved[row] * moved[column];
-                covariance[k] += product;
-                *variance +=
-                    (column == row ? 1 : 2) * product * fit->information[6 * row + column] / 6;
-            }
-    }
-    return true;
 }
 
 /* How far the visible map is bent: noise over the mean parallax of its landmarks. Those with more
@@ -390,7 +348,9 @@ bool fv_covariance_write(struct fv_odometry *o, const struct fv_map_frame *frame
     double *covariance = o->state->pose.covariance, variance = fv_pose_variance(fit), parts[21],
            parts_variance;
     if (variance < FV_MAP_VARIANCE_MIN) variance = FV_MAP_VARIANCE_MIN;
-    const bool spread = jackknife(&o->map, frame, fit, parts, &parts_variance);
+    struct fv_pose_part part[FV_MAP_PARTS];
+    collect_parts(&o->map, frame, part);
+    const bool spread = fv_pose_jackknife(fit, part, FV_MAP_PARTS, parts, &parts_variance);
     const double bend = map_bend(&o->map, o->focal_px, frame, __builtin_sqrt(variance));
     bool reliable = spread && (parts_variance < together_max * variance ||
                                fv_agreement_settled(&o->state->agreement));

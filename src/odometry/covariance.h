@@ -13,11 +13,9 @@
  * That takes the errors of landmarks for independent. They are not: a thing that moves, whose
  * landmarks were created a frame ago, pulls with all of them, and where they have most of the
  * leverage the pose follows. So the covariance that the parts of the image (6 x 4) show is added:
- * the pose moves by something when a part is left out, and the sum of the squares of these motions
- * is the jackknife estimate, which keeps its size where one part has most of the leverage (R. Bell
- * and D. McCaffrey, "Bias reduction in standard errors for linear regression with multi-stage
- * samples", Survey Methodology 28, 2002). Errors of single landmarks are taken to have the variance
- * that the frame's inliers show a posteriori.
+ * the pose moves by something when a part is left out, and what is moved where one part has most of
+ * the leverage is much (fv_pose_jackknife). Errors of single landmarks are taken to have the
+ * variance that the frame's inliers show a posteriori.
  *
  * Noise over the mean parallax of the visible landmarks tells how far the map may be bent, and with
  * it the unit of length from place to place; a fraction of that, over the way from the reference,

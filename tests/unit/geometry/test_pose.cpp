@@ -11,6 +11,7 @@
 #include <time.h>
 
 #include "fovea/camera.h"
+#include "geometry/linear.h"
 #include "geometry/pose.h"
 #include "geometry/triangulate.h"
 #include "geometry/vec.h"
@@ -174,6 +175,74 @@ static double cpu_seconds(void)
 
 /* The bar: P3P sampling in at most 0.6 of the time of OpenCV's solvePnPRansac with P3P, 500 points.
  */
+/* Least squares of `rows` numbers by six; errors of all at the solution. Parts but `without` count.
+ */
+static void fit_rows(const double (*rows)[6], const double *values, int count, int per_part,
+                     int without, double x[6], double A[36])
+{
+    memset(A, 0, 36 * sizeof *A);
+    memset(x, 0, 6 * sizeof *x);
+    for (int n = 0; n < count; n++)
+        for (int k = 0; k < 6 && n / per_part != without; k++) {
+            x[k] += rows[n][k] * values[n];
+            for (int i = 0; i < 6; i++)
+                A[6 * k + i] += rows[n][k] * rows[n][i];
+        }
+    double factored[36];
+    memcpy(factored, A, sizeof factored);
+    assert_true(fv_ldlt_solve(factored, 6, x));
+}
+
+/* The jackknife is what the fits without each part differ by, also where a part has most of the
+ * leverage on a number; and there is none where a number hangs on one part alone. */
+static void parts_are_left_out(void **)
+{
+    enum { PARTS = 5, PER_PART = 12, ROWS = PARTS * PER_PART };
+    static double rows[ROWS][6], values[ROWS];
+    double x[6], expected[36] = {0}, covariance[21], variance, square = 0;
+    fv_random random;
+    fv_pose_fit fit = {};
+    fv_pose_part parts[PARTS] = {};
+    fv_random_seed(&random, 3);
+    for (int n = 0; n < ROWS; n++) {
+        for (int k = 0; k < 6; k++)
+            rows[n][k] = fv_random_unit(&random) - .5;
+        if (n / PER_PART != 2) rows[n][4] *= .05; /* hangs on part 2 */
+        values[n] = fv_random_unit(&random) + (n / PER_PART == 2 ? 1 : 0);
+    }
+    fit_rows(rows, values, ROWS, PER_PART, -1, x, fit.information);
+    for (int n = 0; n < ROWS; n++) {
+        double error = -values[n];
+        for (int k = 0; k < 6; k++)
+            error += rows[n][k] * x[k];
+        fv_pose_part_add(&parts[n / PER_PART], 1, error, rows[n]);
+    }
+    for (int p = 0; p < PARTS; p++) {
+        double without[6], A[36];
+        fit_rows(rows, values, ROWS, PER_PART, p, without, A);
+        for (int r = 0; r < 6; r++)
+            for (int c = 0; c < 6; c++)
+                expected[6 * r + c] += (without[r] - x[r]) * (without[c] - x[c]);
+    }
+    assert_true(fv_pose_jackknife(&fit, parts, PARTS, covariance, &variance));
+    for (int r = 0, k = 0; r < 6; r++)
+        for (int c = 0; c < 6; c++) {
+            square += expected[6 * r + c] * fit.information[6 * r + c];
+            if (c >= r) assert_true(fabs(covariance[k++] - expected[6 * r + c]) < 1e-9);
+        }
+    assert_true(fabs(variance - square / 6) < 1e-9 * square);
+    memset(parts, 0, sizeof parts);
+    memset(&fit, 0, sizeof fit);
+    for (int n = 0; n < ROWS; n++) {
+        if (n / PER_PART != 2) rows[n][4] = 0;
+        fv_pose_part_add(&parts[n / PER_PART], 1, .1, rows[n]);
+    }
+    for (const fv_pose_part &part : parts)
+        for (int k = 0; k < 36; k++)
+            fit.information[k] += part.information[k];
+    assert_false(fv_pose_jackknife(&fit, parts, PARTS, covariance, &variance));
+}
+
 static void faster_than_opencv(void **)
 {
     cv::setNumThreads(1);
@@ -253,6 +322,7 @@ int main(void)
         cmocka_unit_test(three_exact_points_give_the_truth),
         cmocka_unit_test(sampling_and_refinement_find_the_pose),
         cmocka_unit_test(information_is_consistent),
+        cmocka_unit_test(parts_are_left_out),
         cmocka_unit_test(faster_than_opencv),
         cmocka_unit_test(triangulation_is_exact_and_splits_errors),
     };
