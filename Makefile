@@ -169,7 +169,7 @@ test:  ## install what is missing, build, and run the tests
 THREADED := unit/base/test_ring unit/runtime/test_sense_offers unit/app/run/test_imu_input unit/app/run/test_loop unit/app/record/test_recorder unit/app/network/test_sender_file \
             unit/app/network/test_sender_link unit/app/network/test_sender_preview unit/drivers/test_recorded \
             unit/drivers/test_wrong_recordings unit/drivers/test_odd_recordings unit/drivers/test_odd_logs unit/drivers/test_rig_recordings unit/drivers/test_recovery \
-            unit/drivers/test_v4l2 unit/drivers/test_v4l2_faults unit/drivers/test_v4l2_gain unit/drivers/test_v4l2_unplug \
+            unit/drivers/test_v4l2 unit/drivers/test_v4l2_faults unit/drivers/test_v4l2_gain unit/drivers/test_v4l2_unplug unit/drivers/test_source_controls \
             unit/drivers/test_libcamera replay/test_replay replay/test_replay_rig realtime/test_run transport/test_transport transport/test_receiver transport/test_sending transport/test_answers transport/test_feed_run transport/test_service transport/test_parameters
 check: export WERROR = -Werror
 check:  ## layers, names, format, symbols, stack, hardening, headers, clang build, clang-tidy, tests under asan+ubsan and tsan, a trial installation

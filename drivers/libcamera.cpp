@@ -299,6 +299,7 @@ void Device::know(const fv_libcamera_options &options, const fv_libcamera_agreed
 enum fovea_status Device::stream_on(fovea_error *error)
 {
     ControlList list(camera_->controls());
+    changed_.clear();
     fovea_error refused{};
     if (fv_libcamera_controls(*camera_, options_, uri_.c_str(), &list, &refused) != FOVEA_OK)
         list.clear();
@@ -428,6 +429,20 @@ enum fovea_status Device::give(uint32_t index, fovea_error *error)
                                index);
     Request *request = requests_[index].get();
     request->reuse(Request::ReuseBuffers);
+    request->controls().merge(changed_);
+    changed_.clear();
     const int failure = camera_->queueRequest(request);
     return failure == 0 ? FOVEA_OK : failed("queueing a request", failure, error);
+}
+
+enum fovea_status Device::control(const fv_libcamera_options &options, fovea_error *error)
+{
+    if (!camera_) return fovea_error_set(error, FOVEA_GONE, "%s: the camera is away", uri_.c_str());
+    ControlList list(camera_->controls());
+    const enum fovea_status status =
+        fv_libcamera_controls(*camera_, options, uri_.c_str(), &list, error);
+    if (status != FOVEA_OK) return status;
+    options_ = options;
+    if (streaming_) changed_ = list;
+    return FOVEA_OK;
 }

@@ -49,8 +49,9 @@ struct fovea_source { /* NOLINT(clang-analyzer-optin.performance.Padding): in or
     bool any_alone;
     int64_t alone_ns; /* stamp of the last frame that went alone */
     struct held held[FOVEA_SOURCE_FRAMES_HELD];
-    uint64_t unmatched; /* frames of the second without a partner */
-    bool second_away;   /* the last frame went alone */
+    uint64_t unmatched;                      /* frames of the second without a partner */
+    bool second_away;                        /* the last frame went alone */
+    double told[FOVEA_SOURCE_CONTROL_COUNT]; /* what both were told last */
 };
 
 /* ---- opening --------------------------------------------------------------------------------- */
@@ -183,6 +184,7 @@ static enum fovea_status pair_open(const char *address,
         return status;
     }
     info_make(opened, bound_ms);
+    opened->told[FOVEA_SOURCE_GAIN] = -1;
     *source = opened;
     return FOVEA_OK;
 }
@@ -386,6 +388,24 @@ static enum fovea_status pair_complaint(struct fovea_source *source, struct fove
     return FOVEA_AGAIN;
 }
 
+/* Both, or none: where the second refuses, the first goes back. */
+static enum fovea_status pair_control(struct fovea_source *source,
+                                      enum fovea_source_control control, double value,
+                                      struct fovea_error *error)
+{
+    struct side *first = &source->sides[0], *second = &source->sides[1];
+    struct fovea_error said = {.text = ""}, unused;
+    enum fovea_status status = fv_source_control(first->ops, first->source, control, value, error);
+    if (status != FOVEA_OK) return status;
+    status = fv_source_control(second->ops, second->source, control, value, &said);
+    if (status == FOVEA_OK)
+        source->told[control] = value;
+    else
+        (void)fv_source_control(first->ops, first->source, control, source->told[control], &unused);
+    if (error != NULL && (status != FOVEA_OK || error->text[0] == '\0')) *error = said;
+    return status;
+}
+
 static void pair_reads(const struct fovea_source *source,
                        void (*visit)(void *context, const char *path), void *context)
 {
@@ -411,5 +431,6 @@ const struct fovea_source_ops fv_source_pair = {
     .state = pair_state,
     .complaint = pair_complaint,
     .reads = pair_reads,
+    .control = pair_control,
     .takes_device = pair_takes_device,
 };

@@ -78,3 +78,15 @@ enum fovea_status fv_source_find(const char *uri, const struct fovea_source_ops 
     *ops = found;
     return FOVEA_OK;
 }
+
+enum fovea_status fv_source_control(const struct fovea_source_ops *ops, struct fovea_source *source,
+                                    enum fovea_source_control control, double value,
+                                    struct fovea_error *error)
+{
+    if (error != NULL) error->text[0] = '\0';
+    if (ops->control != NULL) return ops->control(source, control, value, error);
+    return fovea_error_set(error, FOVEA_ERROR_UNSUPPORTED,
+                           "%s: found a recording, expected a camera whose %s can be set: v4l2, "
+                           "libcamera or sim",
+                           ops->name, control == FOVEA_SOURCE_EXPOSURE ? "exposure" : "gain");
+}

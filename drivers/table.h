@@ -17,6 +17,11 @@ extern const struct fovea_source_ops *const fv_source_table[];
  * one that is not known. */
 bool fv_source_takes_device(const char *uri);
 
+/* As ops->control. FOVEA_ERROR_UNSUPPORTED, with a line, where the source has none. */
+enum fovea_status fv_source_control(const struct fovea_source_ops *ops, struct fovea_source *source,
+                                    enum fovea_source_control control, double value,
+                                    struct fovea_error *error);
+
 /* The driver for a URI "name:address" and where its address starts; an error that lists the known
  * names otherwise. */
 enum fovea_status fv_source_find(const char *uri, const struct fovea_source_ops **ops,

@@ -487,6 +487,13 @@ static enum fovea_status fault_complaint(struct fovea_source *source, struct fov
                                           : FOVEA_AGAIN;
 }
 
+static enum fovea_status fault_control(struct fovea_source *source,
+                                       enum fovea_source_control control, double value,
+                                       struct fovea_error *error)
+{
+    return fv_source_control(source->ops, source->inner, control, value, error);
+}
+
 static void fault_reads(const struct fovea_source *source,
                         void (*visit)(void *context, const char *path), void *context)
 {
@@ -519,5 +526,6 @@ const struct fovea_source_ops fv_source_fault = {
     .state = fault_state,
     .complaint = fault_complaint,
     .reads = fault_reads,
+    .control = fault_control,
     .takes_device = fault_takes_device,
 };

@@ -46,6 +46,9 @@ struct fv_libcamera_client {
     struct mapping mappings[FV_LIVE_BUFFERS_MAX];
     struct fv_libcamera_request request; /* options stay in it */
     struct fv_libcamera_event event;     /* the last that came */
+    struct fv_libcamera_options asked;   /* by the address; those of the request are in force */
+    struct fv_libcamera_frame early[FV_LIVE_BUFFERS_MAX]; /* came before an answer */
+    uint32_t early_count;
 };
 
 static int64_t now_ns(void)
@@ -315,6 +318,13 @@ static void wait_for_message(const struct fv_libcamera_client *client, int quit_
     ppoll(fds, 2, &left, NULL);
 }
 
+/* A frame that came before an answer is for the next `take`. */
+static void keep_frame(struct fv_libcamera_client *client)
+{
+    if (client->event.kind == FV_LIBCAMERA_FRAME && client->early_count < FV_LIVE_BUFFERS_MAX)
+        client->early[client->early_count++] = client->event.frame;
+}
+
 /* Until the answer, past frames from before. `quit_fd`: -1 while opening. */
 static enum fovea_status await_answer(struct fv_libcamera_client *client, int quit_fd,
                                       int *descriptors, uint32_t *count, struct fovea_error *error)
@@ -327,6 +337,11 @@ static enum fovea_status await_answer(struct fv_libcamera_client *client, int qu
         if (status == FOVEA_OK && descriptors != NULL) {
             close_all(descriptors, *count);
             *count = 0;
+        }
+        if (status == FOVEA_OK) keep_frame(client);
+        if (status == FOVEA_OK && client->event.kind == FV_LIBCAMERA_BROKEN) {
+            end_process(client, 0); /* which `take` finds out */
+            break;
         }
         if (status != FOVEA_OK && status != FOVEA_AGAIN) return status;
         const bool over = can_be_read(quit_fd);
@@ -422,6 +437,7 @@ static enum fovea_status set_up(void *of, int quit_fd, struct fovea_error *error
     uint32_t count = 0;
     enum fovea_status status = ask(client, FV_LIBCAMERA_SET_UP, error);
     if (status == FOVEA_OK) status = await_answer(client, quit_fd, descriptors, &count, error);
+    client->early_count = 0;
     if (status == FOVEA_OK)
         status = map(client, descriptors, count, error);
     else
@@ -433,22 +449,16 @@ static enum fovea_status set_up(void *of, int quit_fd, struct fovea_error *error
 static void tear_down(void *of)
 {
     struct fv_libcamera_client *client = of;
+    client->early_count = 0;
     unmap(client);
     end_process(client, fv_libcamera_patience_ns);
 }
 
-static enum fovea_status use_event(struct fv_libcamera_client *client,
+static enum fovea_status use_frame(struct fv_libcamera_client *client,
+                                   const struct fv_libcamera_frame *frame,
                                    struct fv_live_buffer *buffer, struct fovea_error *error)
 {
-    struct fv_libcamera_event *event = &client->event;
-    if (event->kind == FV_LIBCAMERA_BROKEN) {
-        *error = event->error;
-        if (event->error.status == FOVEA_GONE) end_process(client, 0);
-        return event->error.status == FOVEA_GONE ? FOVEA_GONE : FOVEA_ERROR_SYSTEM;
-    }
-    const struct fv_libcamera_frame *frame = &event->frame;
-    if (event->kind != FV_LIBCAMERA_FRAME || frame->index >= client->buffer_count)
-        return no_sense(client, error);
+    if (frame->index >= client->buffer_count) return no_sense(client, error);
     const struct mapping *mapping = &client->mappings[frame->index];
     const size_t room = mapping->bytes - mapping->offset;
     let_read(mapping, DMA_BUF_SYNC_START);
@@ -461,11 +471,35 @@ static enum fovea_status use_event(struct fv_libcamera_client *client,
     return FOVEA_OK;
 }
 
+static enum fovea_status use_event(struct fv_libcamera_client *client,
+                                   struct fv_live_buffer *buffer, struct fovea_error *error)
+{
+    const struct fv_libcamera_event *event = &client->event;
+    if (event->kind == FV_LIBCAMERA_BROKEN) {
+        *error = event->error;
+        if (event->error.status == FOVEA_GONE) end_process(client, 0);
+        return event->error.status == FOVEA_GONE ? FOVEA_GONE : FOVEA_ERROR_SYSTEM;
+    }
+    if (event->kind != FV_LIBCAMERA_FRAME) return no_sense(client, error);
+    return use_frame(client, &event->frame, buffer, error);
+}
+
+static bool take_early(struct fv_libcamera_client *client, struct fv_libcamera_frame *frame)
+{
+    if (client->early_count == 0) return false;
+    *frame = client->early[0];
+    client->early_count--;
+    memmove(client->early, client->early + 1, client->early_count * sizeof *client->early);
+    return true;
+}
+
 static enum fovea_status take(void *of, int64_t deadline_ns, int wake_fd,
                               struct fv_live_buffer *buffer, struct fovea_error *error)
 {
     struct fv_libcamera_client *client = of;
+    struct fv_libcamera_frame early;
     reap_left(client);
+    if (take_early(client, &early)) return use_frame(client, &early, buffer, error);
     enum fovea_status status = receive(client, NULL, NULL, error);
     if (status == FOVEA_AGAIN) {
         struct pollfd fds[2] = {{.fd = wake_fd, .events = POLLIN},
@@ -485,6 +519,36 @@ static enum fovea_status give(void *of, uint32_t index, struct fovea_error *erro
     return ask(client, FV_LIBCAMERA_GIVE, error);
 }
 
+/* Options with one control changed; without a number, as the address has it, else automatic. */
+static void change_options(struct fv_libcamera_options *options,
+                           const struct fv_libcamera_options *asked,
+                           enum fovea_source_control control, double value)
+{
+    if (control == FOVEA_SOURCE_EXPOSURE) {
+        const bool given = value > 0, said = asked->exposure_ms > 0 || asked->auto_exposure_given;
+        options->exposure_ms = given ? value : asked->exposure_ms;
+        options->auto_exposure = !given && (!said || asked->auto_exposure);
+        options->auto_exposure_given = true;
+    } else {
+        const bool given = value >= 0, said = asked->gain >= 0 || asked->auto_gain_given;
+        options->gain = given ? value : asked->gain;
+        options->auto_gain = !given && (!said || asked->auto_gain);
+        options->auto_gain_given = true;
+    }
+}
+
+static enum fovea_status change(void *of, enum fovea_source_control control, double value,
+                                int quit_fd, struct fovea_error *error)
+{
+    struct fv_libcamera_client *client = of;
+    const struct fv_libcamera_options before = client->request.options;
+    change_options(&client->request.options, &client->asked, control, value);
+    enum fovea_status status = ask(client, FV_LIBCAMERA_CONTROL, error);
+    if (status == FOVEA_OK) status = await_answer(client, quit_fd, NULL, NULL, error);
+    if (status != FOVEA_OK) client->request.options = before;
+    return status;
+}
+
 static void close_client(void *of)
 {
     struct fv_libcamera_client *client = of;
@@ -499,6 +563,7 @@ const struct fv_live_ops fv_libcamera_live = {
     .tear_down = tear_down,
     .take = take,
     .give = give,
+    .control = change,
     .close = close_client,
 };
 
@@ -531,7 +596,7 @@ enum fovea_status fv_libcamera_open(const struct fv_libcamera_options *options,
     if (client == NULL)
         return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "libcamera: out of memory");
     client->socket = -1;
-    client->request.options = *options;
+    client->request.options = client->asked = *options;
     snprintf(client->uri, sizeof client->uri, "libcamera:%s", options->id);
     bool lost;
     struct fovea_error grief = {.text = ""}, unused;

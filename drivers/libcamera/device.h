@@ -60,6 +60,7 @@ class Device
     // `notice` may hold a line on success too. `descriptors` stay the camera's.
     enum fovea_status set_up(fv_libcamera_event *answer, int descriptors[FV_LIVE_BUFFERS_MAX]);
     enum fovea_status give(uint32_t index, fovea_error *error);
+    enum fovea_status control(const fv_libcamera_options &options, fovea_error *error);
 
     // Readable when a frame has come or the camera has gone.
     int bell() const
@@ -92,6 +93,7 @@ class Device
     libcamera::Stream *stream_ = nullptr;
     Completed completed_;
     std::atomic<bool> gone_{false};
+    libcamera::ControlList changed_; // for the next request
     int bell_ = -1;
     bool acquired_ = false, streaming_ = false, known_ = false, luma_only_ = false;
     int32_t width_ = 0, height_ = 0, stride_bytes_ = 0;

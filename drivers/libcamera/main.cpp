@@ -96,6 +96,8 @@ void Process::answer(const fv_libcamera_request &request)
             return device_.find(error);
         case FV_LIBCAMERA_SET_UP:
             return device_.set_up(&event, descriptors);
+        case FV_LIBCAMERA_CONTROL:
+            return device_.control(request.options, error);
         default:
             return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
                                    "libcamera: found an unknown request");

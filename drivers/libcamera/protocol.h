@@ -20,6 +20,9 @@
  *                      <-   ANSWER    status; buffers, their descriptors beside it
  *                      <-   FRAME     a buffer is filled
  *   GIVE index         ->             it is free again
+ *   CONTROL options    ->             exposure and gain become these, also of a camera that does
+ *                                     not stream; FRAMEs may come before the answer
+ *                      <-   ANSWER    status; on an error they stay as they were
  *                      <-   BROKEN    streaming is over: FOVEA_GONE when unplugged, or negative
  *
  * A process serves one SET_UP: when streaming is over, for whatever reason, the program ends it and
@@ -49,7 +52,7 @@ extern "C" {
 #define FV_LIBCAMERA_PROGRAM "fovea-libcamera"
 #define FV_LIBCAMERA_LIST "--list"
 enum {
-    FV_LIBCAMERA_VERSION = 3,
+    FV_LIBCAMERA_VERSION = 4,
     FV_LIBCAMERA_SOCKET = 3, /* the process's descriptor */
     FV_LIBCAMERA_WISHES_MAX = 16,
     FV_LIBCAMERA_ID_BYTES = 200
@@ -97,7 +100,8 @@ enum fv_libcamera_call {
     FV_LIBCAMERA_KNOW,
     FV_LIBCAMERA_FIND,
     FV_LIBCAMERA_SET_UP,
-    FV_LIBCAMERA_GIVE
+    FV_LIBCAMERA_GIVE,
+    FV_LIBCAMERA_CONTROL
 };
 
 /* From the program. GIVE, FIND and SET_UP end before `options`. */
@@ -137,7 +141,8 @@ struct fv_libcamera_event {
 /* Of a message as it travels. */
 static inline size_t fv_libcamera_request_bytes(uint32_t call)
 {
-    const bool whole = call == FV_LIBCAMERA_LEARN || call == FV_LIBCAMERA_KNOW;
+    const bool whole =
+        call == FV_LIBCAMERA_LEARN || call == FV_LIBCAMERA_KNOW || call == FV_LIBCAMERA_CONTROL;
     return whole ? sizeof(struct fv_libcamera_request)
                  : offsetof(struct fv_libcamera_request, options);
 }

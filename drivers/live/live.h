@@ -57,6 +57,10 @@ struct fv_live_ops {
     /* A buffer is free again. As `take`. */
     enum fovea_status (*give)(void *device, uint32_t index, struct fovea_error *error);
     void (*close)(void *device);
+    /* As fovea_source_ops.control, while it is set up; or while the source is not started, by the
+     * thread that asks. `quit_fd`: -1 then. */
+    enum fovea_status (*control)(void *device, enum fovea_source_control control, double value,
+                                 int quit_fd, struct fovea_error *error);
     /* NULL, or: a good frame, decoded, just before the loop gets it. */
     void (*seen)(void *device, const struct fovea_image *image);
 };
@@ -98,13 +102,15 @@ void fv_live_counts(const struct fovea_source *source, struct fovea_source_count
 enum fovea_source_state fv_live_state(const struct fovea_source *source);
 enum fovea_status fv_live_complaint(struct fovea_source *source, struct fovea_error *error);
 bool fv_live_takes_device(const char *address);
+enum fovea_status fv_live_control(struct fovea_source *source, enum fovea_source_control control,
+                                  double value, struct fovea_error *error);
 
 #define FV_LIVE_OPS(name_, help_, open_)                                                           \
     {                                                                                              \
         .name = (name_), .help = (help_), .open = (open_), .info = fv_live_info,                   \
         .start = fv_live_start, .dequeue = fv_live_dequeue, .requeue = fv_live_requeue,            \
         .stop = fv_live_stop, .close = fv_live_close, .counts = fv_live_counts,                    \
-        .state = fv_live_state, .complaint = fv_live_complaint,                                    \
+        .state = fv_live_state, .complaint = fv_live_complaint, .control = fv_live_control,        \
         .takes_device = fv_live_takes_device                                                       \
     }
 

@@ -17,6 +17,7 @@
 #ifndef FOVEA_DRIVERS_SIM_H
 #define FOVEA_DRIVERS_SIM_H
 
+#include <stdatomic.h>
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -420,6 +421,14 @@ struct fovea_source {
     struct fv_sim_world world;
     struct fv_sim_scene scene;
     uint32_t camera; /* of the rig, which the scene is seen by */
+    /* What the camera is told, by any thread (sim_control), and what the frame that is rendered
+     * takes of it. The brightness of the address's exposure at gain 1 is that of `light`. */
+    struct {
+        _Atomic double exposure_ms, gain;
+    } told;
+    struct {
+        double exposure_ms, gain;
+    } taken;
     uint8_t *image[FOVEA_SOURCE_FRAMES_HELD][FOVEA_CAMERAS_MAX];
     uint64_t image_index[FOVEA_SOURCE_FRAMES_HELD]; /* trajectory frame shown in it */
     bool held[FOVEA_SOURCE_FRAMES_HELD];

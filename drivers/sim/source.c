@@ -7,6 +7,9 @@
 
 enum { BLUR_STEPS = 8, ROLLING_ROWS = 4 };
 
+/* A sensor's gain, and how much brighter than the address has it a picture can become. */
+static const double gain_min = 0.0625, gain_max = 16, bright_max = 64;
+
 double fv_sim_frame_time(const struct fovea_source *source, uint64_t index)
 {
     const double delay = source->options.rolling ? 0.5 * source->options.readout_ms : 0.0;
@@ -179,6 +182,8 @@ static enum fovea_status sim_open(const char *address,
     struct fovea_source *source = calloc(1, sizeof *source);
     if (source == NULL) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "sim: out of memory");
     source->options = options;
+    atomic_init(&source->told.exposure_ms, options.exposure_ms);
+    atomic_init(&source->told.gain, 1);
     source->selection = selection != NULL ? *selection : (struct fovea_source_selection){.step = 1};
     status = select_frames(source, error);
     if (status == FOVEA_OK) status = fv_sim_rig_describe(&options, &source->info.rig, error);
@@ -292,12 +297,16 @@ static void render_frame(struct fovea_source *source, double time_s, uint64_t se
     const struct fv_sim_options *o = &source->options;
     const int32_t pixels = o->width * o->height, steps = o->blur ? BLUR_STEPS : 1;
     source->grey = grey;
-    const double gain =
+    const double road =
         o->trajectory == FV_SIM_ROAD ? fv_sim_road_gain(&source->world.road, time_s) : 1.0;
-    fv_sim_sensor_begin(&source->sensor, o->light * gain, o->noise, seed);
+    const double told = source->taken.exposure_ms / o->exposure_ms * source->taken.gain;
+    const double bright = o->light * road * told;
+    fv_sim_sensor_begin(&source->sensor, bright < bright_max ? bright : bright_max,
+                        source->taken.gain > 1 ? o->noise * source->taken.gain : o->noise, seed);
     if (o->blur) memset(source->exposed, 0, (size_t)pixels * sizeof *source->exposed);
     for (int32_t k = 0; k < steps; k++)
-        render_instant(source, time_s + ((k + 0.5) / steps - 0.5) * o->exposure_ms * 1e-3);
+        render_instant(source,
+                       time_s + ((k + 0.5) / steps - 0.5) * source->taken.exposure_ms * 1e-3);
     if (source->exposed != NULL)
         fv_sim_sensor_expose(&source->sensor, source->exposed, pixels, grey);
 }
@@ -330,6 +339,8 @@ static enum fovea_status sim_dequeue(struct fovea_source *source, int64_t deadli
     const uint64_t n = source->delivered, index = frame_index(source, n);
     const uint64_t seed = o->seed ^ (index + 1) * 0x9E3779B97F4A7C15u;
     const uint32_t cameras = source->info.rig.camera_count;
+    source->taken.exposure_ms = atomic_load(&source->told.exposure_ms);
+    source->taken.gain = atomic_load(&source->told.gain);
     for (uint32_t k = 0; k < cameras; k++) {
         source->camera = k;
         render_frame(source, fv_sim_frame_time(source, index), seed + k * 0xC2B2AE3D27D4EB4Fu,
@@ -349,7 +360,7 @@ static enum fovea_status sim_dequeue(struct fovea_source *source, int64_t deadli
         .slot = slot,
     };
     for (uint32_t k = 0; k < cameras; k++) {
-        frame->exposure_ns[k] = fv_clock_from_ms(o->exposure_ms);
+        frame->exposure_ns[k] = fv_clock_from_ms(source->taken.exposure_ms);
         frame->images[k] =
             (struct fovea_image){source->image[slot][k], o->width,      o->height, o->width,
                                  FOVEA_PIXEL_GREY8,      (size_t)pixels};
@@ -360,6 +371,26 @@ static enum fovea_status sim_dequeue(struct fovea_source *source, int64_t deadli
 static void sim_requeue(struct fovea_source *source, const struct fovea_frame *frame)
 {
     if (frame->slot < FOVEA_SOURCE_FRAMES_HELD) source->held[frame->slot] = false;
+}
+
+static enum fovea_status sim_control(struct fovea_source *source, enum fovea_source_control control,
+                                     double value, struct fovea_error *error)
+{
+    const double period_ms = 1000 / source->options.rate_hz;
+    const bool exposure = control == FOVEA_SOURCE_EXPOSURE;
+    const double low = exposure ? 0.05 : gain_min, high = !exposure         ? gain_max
+                                                          : period_ms < 100 ? period_ms
+                                                                            : 100;
+    const bool given = exposure ? value > 0 : value >= 0;
+    if (given && !(value >= low && value <= high))
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "sim: %s: found %.10g, expected [%.10g, %.10g]",
+                               exposure ? "exposure (ms)" : "gain", value, low, high);
+    if (exposure)
+        atomic_store(&source->told.exposure_ms, given ? value : source->options.exposure_ms);
+    else
+        atomic_store(&source->told.gain, given ? value : 1);
+    return FOVEA_OK;
 }
 
 static void sim_counts(const struct fovea_source *source, struct fovea_source_counts *counts)
@@ -393,4 +424,5 @@ const struct fovea_source_ops fv_source_sim = {
     .samples = fv_sim_samples,
     .counts = sim_counts,
     .state = sim_state,
+    .control = sim_control,
 };

@@ -202,22 +202,31 @@ static void keep_rate(const struct fv_v4l2_device *device)
         (void)write_value(device, "exposure_dynamic_framerate", &info, 0, &unused);
 }
 
-static enum fovea_status set_exposure(const struct fv_v4l2_device *device,
-                                      struct fovea_error *notice, struct fovea_error *error)
+static const double unit_ms = 0.1; /* of V4L2_CID_EXPOSURE_ABSOLUTE */
+
+/* The time that is asked for, in the driver's unit, if that is in its range. */
+static enum fovea_status find_exposure(const struct fv_v4l2_device *device, control_info *info,
+                                       int64_t *value, struct fovea_error *error)
 {
-    control_info info;
-    const double unit_ms = 0.1; /* of V4L2_CID_EXPOSURE_ABSOLUTE */
-    if (!query(device, V4L2_CID_EXPOSURE_ABSOLUTE, &info))
+    if (!query(device, V4L2_CID_EXPOSURE_ABSOLUTE, info))
         return fovea_error_set(
             error, FOVEA_ERROR_INPUT,
             "%s: exposure: this driver knows no exposure in units of time, expected control.exposure=N in its own unit",
             device->uri);
-    const int64_t step = info.step > 0 ? (int64_t)info.step : 1;
+    const int64_t step = info->step > 0 ? (int64_t)info->step : 1;
     const int64_t asked = (int64_t)(device->options.exposure_ms / unit_ms + 0.5);
-    const int64_t value = asked < info.minimum || asked > info.maximum
-                              ? asked
-                              : info.minimum + (asked - info.minimum + step / 2) / step * step;
-    enum fovea_status status = check_range(device, "exposure (ms)", &info, value, unit_ms, error);
+    *value = asked < info->minimum || asked > info->maximum
+                 ? asked
+                 : info->minimum + (asked - info->minimum + step / 2) / step * step;
+    return check_range(device, "exposure (ms)", info, *value, unit_ms, error);
+}
+
+static enum fovea_status set_exposure(const struct fv_v4l2_device *device,
+                                      struct fovea_error *notice, struct fovea_error *error)
+{
+    control_info info;
+    int64_t value = 0;
+    enum fovea_status status = find_exposure(device, &info, &value, error);
     if (status == FOVEA_OK) status = write_value(device, "exposure", &info, value, error);
     if (status == FOVEA_OK)
         notice_difference(device, "exposure (ms)", info.id, device->options.exposure_ms, unit_ms,
@@ -261,8 +270,9 @@ static int64_t known_exposure(const struct fv_v4l2_device *device)
     return (int64_t)value * 100000;
 }
 
-enum fovea_status fv_v4l2_controls_set(struct fv_v4l2_device *device, struct fovea_error *notice,
-                                       struct fovea_error *error)
+/* As the options have it. */
+static enum fovea_status apply_exposure(const struct fv_v4l2_device *device,
+                                        struct fovea_error *notice, struct fovea_error *error)
 {
     const struct fv_v4l2_options *options = &device->options;
     enum fovea_status status = FOVEA_OK;
@@ -271,9 +281,114 @@ enum fovea_status fv_v4l2_controls_set(struct fv_v4l2_device *device, struct fov
     if (status == FOVEA_OK && options->auto_exposure_given) keep_rate(device);
     if (status == FOVEA_OK && options->exposure_ms > 0)
         status = set_exposure(device, notice, error);
+    return status;
+}
+
+enum fovea_status fv_v4l2_controls_set(struct fv_v4l2_device *device, struct fovea_error *notice,
+                                       struct fovea_error *error)
+{
+    const struct fv_v4l2_options *options = &device->options;
+    enum fovea_status status = apply_exposure(device, notice, error);
     if (status == FOVEA_OK) status = set_gain(device, notice, error);
     for (uint32_t i = 0; i < options->wish_count && status == FOVEA_OK; i++)
         status = set_wish(device, &options->wishes[i], notice, error);
+    device->exposure_ns = known_exposure(device);
+    return status;
+}
+
+/* ---- while it runs --------------------------------------------------------------------------- */
+
+static uint32_t mode_id(enum fovea_source_control control)
+{
+    return control == FOVEA_SOURCE_EXPOSURE ? V4L2_CID_EXPOSURE_AUTO : V4L2_CID_AUTOGAIN;
+}
+
+static uint32_t value_id(const struct fv_v4l2_device *device, enum fovea_source_control control)
+{
+    control_info info;
+    if (control == FOVEA_SOURCE_EXPOSURE) return V4L2_CID_EXPOSURE_ABSOLUTE;
+    return query(device, V4L2_CID_GAIN, &info) ? V4L2_CID_GAIN : V4L2_CID_ANALOGUE_GAIN;
+}
+
+static void remember(struct fv_v4l2_device *device, enum fovea_source_control control)
+{
+    struct fv_v4l2_before *before = &device->before[control];
+    if (before->known) return;
+    before->known = true;
+    before->has_mode = read_value(device, mode_id(control), &before->mode);
+    before->has_value = read_value(device, value_id(device, control), &before->value);
+}
+
+/* Where the address says nothing: as it was. An automatism that is on has the number to itself. */
+static enum fovea_status put_back(const struct fv_v4l2_device *device,
+                                  enum fovea_source_control control, struct fovea_error *error)
+{
+    static const char *const names[FOVEA_SOURCE_CONTROL_COUNT] = {"exposure", "gain"};
+    const struct fv_v4l2_before *before = &device->before[control];
+    control_info info;
+    enum fovea_status status = FOVEA_OK;
+    if (before->has_mode && query(device, mode_id(control), &info))
+        status = write_value(device, names[control], &info, before->mode, error);
+    if (status != FOVEA_OK || !before->has_value ||
+        !query(device, value_id(device, control), &info) ||
+        (info.flags & V4L2_CTRL_FLAG_INACTIVE) != 0)
+        return status;
+    return write_value(device, names[control], &info, before->value, error);
+}
+
+/* What the options say of the control, or as it was where they say nothing. */
+static enum fovea_status apply(struct fv_v4l2_device *device, enum fovea_source_control control,
+                               struct fovea_error *notice, struct fovea_error *error)
+{
+    const struct fv_v4l2_options *options = &device->options;
+    const bool exposure = control == FOVEA_SOURCE_EXPOSURE;
+    control_info info;
+    int64_t value = 0;
+    if (exposure ? !options->auto_exposure_given && !(options->exposure_ms > 0)
+                 : !options->auto_gain_given && options->gain < 0)
+        return put_back(device, control, error);
+    if (!exposure) return set_gain(device, notice, error);
+    /* Before the automatism is switched off for it. */
+    if (options->exposure_ms > 0 && find_exposure(device, &info, &value, error) != FOVEA_OK)
+        return FOVEA_ERROR_INPUT;
+    return apply_exposure(device, notice, error);
+}
+
+static void change_options(struct fv_v4l2_device *device, enum fovea_source_control control,
+                           double value)
+{
+    struct fv_v4l2_options *options = &device->options;
+    const struct fv_v4l2_options *asked = &device->asked;
+    if (control == FOVEA_SOURCE_EXPOSURE) {
+        const bool given = value > 0;
+        options->exposure_ms = given ? value : asked->exposure_ms;
+        options->auto_exposure = !given && asked->auto_exposure;
+        options->auto_exposure_given = given || asked->auto_exposure_given;
+    } else {
+        const bool given = value >= 0;
+        options->gain = given ? value : asked->gain;
+        options->auto_gain = !given && asked->auto_gain;
+        options->auto_gain_given = given || asked->auto_gain_given;
+        device->gain.id = 0; /* ours begins again where it is asked for */
+    }
+}
+
+enum fovea_status fv_v4l2_control(struct fv_v4l2_device *device, enum fovea_source_control control,
+                                  double value, struct fovea_error *error)
+{
+    const struct fv_v4l2_options before = device->options;
+    const struct fv_v4l2_auto_gain gain = device->gain;
+    struct fovea_error notice = {.text = ""}, unused;
+    remember(device, control);
+    change_options(device, control, value);
+    const enum fovea_status status = apply(device, control, &notice, error);
+    if (status != FOVEA_OK) {
+        device->options = before;
+        device->gain = gain;
+        (void)apply(device, control, NULL, &unused);
+    } else if (error != NULL) {
+        *error = notice;
+    }
     device->exposure_ns = known_exposure(device);
     return status;
 }

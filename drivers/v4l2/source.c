@@ -53,6 +53,18 @@ static enum fovea_status find(void *device, int quit_fd, struct fovea_error *err
     return fv_v4l2_find(device, error);
 }
 
+static enum fovea_status change(void *of, enum fovea_source_control control, double value,
+                                int quit_fd, struct fovea_error *error)
+{
+    struct fv_v4l2_device *device = of;
+    const bool closed = device->fd < 0;
+    (void)quit_fd;
+    enum fovea_status status = closed ? open_node(device, error) : FOVEA_OK;
+    if (status == FOVEA_OK) status = fv_v4l2_control(device, control, value, error);
+    if (closed) close_node(device);
+    return status;
+}
+
 static void seen(void *device, const struct fovea_image *image)
 {
     fv_v4l2_auto_gain_seen(device, image);
@@ -64,6 +76,7 @@ static const struct fv_live_ops live_ops = {
     .tear_down = tear_down,
     .take = fv_v4l2_take,
     .give = fv_v4l2_give,
+    .control = change,
     .seen = seen,
     .close = free,
 };
@@ -111,7 +124,7 @@ static enum fovea_status open_camera(const char *address,
     if (status != FOVEA_OK) return status;
     struct fv_v4l2_device *device = calloc(1, sizeof *device);
     if (device == NULL) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "v4l2: out of memory");
-    device->options = options;
+    device->options = device->asked = options;
     device->fd = -1;
     snprintf(device->uri, sizeof device->uri, "v4l2:%s", options.path);
     status = learn(device, &notice, error);

@@ -83,8 +83,16 @@ struct fv_v4l2_auto_gain {
     uint32_t frames; /* since the last look */
 };
 
+/* How exposure or gain were before they were first changed. */
+struct fv_v4l2_before {
+    bool known, has_mode, has_value;
+    int32_t mode, value; /* of the automatism's control, and of the number's */
+};
+
 struct fv_v4l2_device {
-    struct fv_v4l2_options options;
+    struct fv_v4l2_options options; /* in force: those asked for, and what was changed since */
+    struct fv_v4l2_options asked;   /* by the address */
+    struct fv_v4l2_before before[FOVEA_SOURCE_CONTROL_COUNT];
     char uri[FV_V4L2_PATH_BYTES + 8]; /* "v4l2:PATH", begins every line */
     char node[FV_V4L2_PATH_BYTES];
     struct fv_v4l2_identity identity;
@@ -122,6 +130,10 @@ void fv_v4l2_option_name(const char *name, char out[32]);
  * was asked for. Sets device->exposure_ns. */
 enum fovea_status fv_v4l2_controls_set(struct fv_v4l2_device *device, struct fovea_error *notice,
                                        struct fovea_error *error);
+
+/* controls.c: as fovea_source_ops.control, on an open node. Sets device->exposure_ns. */
+enum fovea_status fv_v4l2_control(struct fv_v4l2_device *device, enum fovea_source_control control,
+                                  double value, struct fovea_error *error);
 
 /* auto_gain.c: for a camera that has a gain, described by `info`, but does not move it itself.
  * `begin` with every set-up; `seen` with every good frame, on the camera thread. */

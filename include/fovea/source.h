@@ -147,6 +147,15 @@ struct fovea_source_info {
     size_t heap_bytes; /* what open allocated outside the runtime's block, for the memory table */
 };
 
+/* What a camera can be told while it runs, each a number. */
+enum fovea_source_control {
+    /* Exposure time in milliseconds. 0: as the address says, or where it says nothing, as the
+     * camera was before the first change; so its automatism may be on again. */
+    FOVEA_SOURCE_EXPOSURE = 0,
+    FOVEA_SOURCE_GAIN = 1, /* in the unit of the source's option `gain`; negative: likewise */
+    FOVEA_SOURCE_CONTROL_COUNT
+};
+
 struct fovea_source; /* one open source; each driver defines its own */
 
 struct fovea_source_ops {
@@ -194,6 +203,16 @@ struct fovea_source_ops {
      * is left out of all; FOVEA_AGAIN when there is none. To be called a few times a
      * second. Off the loop thread. */
     enum fovea_status (*complaint)(struct fovea_source *source, struct fovea_error *error);
+    /* Change one control of all cameras of the source. A time or gain takes the place of the
+     * automatism. FOVEA_OK: it is done and holds until the source is closed, also when the camera
+     * comes back; the frames of the next exposures show it, and tell it in exposure_ns where the
+     * time is known. `error` may then hold a line on what the camera made of it. FOVEA_ERROR_INPUT,
+     * FOVEA_ERROR_UNSUPPORTED: out of its range, or it has none. FOVEA_GONE: the camera is away.
+     * FOVEA_AGAIN: it did not answer in time. Whatever the error, the camera is as it was, but
+     * where the line says otherwise. From open to close, by one thread at a time that is not the
+     * loop's; waits for the camera, at most 3 seconds. NULL: nothing can be changed. */
+    enum fovea_status (*control)(struct fovea_source *source, enum fovea_source_control control,
+                                 double value, struct fovea_error *error);
     /* Call `visit` with the path of every file that the open source has read or may read, and of
      * every folder of which it reads all files, so that none of them is overwritten. NULL: it reads
      * no files. Not on the loop thread. */

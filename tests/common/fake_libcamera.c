@@ -71,11 +71,16 @@ void fake_stage_reset(struct fake_stage *stage)
     atomic_store(&stage->fault, FAKE_NONE);
     atomic_store(&stage->fault_at_set_up, FAKE_NONE);
     atomic_store(&stage->fault_at_learn, FAKE_NONE);
+    atomic_store(&stage->fault_when_told, FAKE_NONE);
     atomic_store(&stage->stubborn, false);
     atomic_store(&stage->scribble, 0);
     atomic_store(&stage->lives, 0);
     atomic_store(&stage->set_ups, 0);
     atomic_store(&stage->missed, 0);
+    atomic_store(&stage->exposure_us, 0);
+    atomic_store(&stage->gain, 0);
+    atomic_store(&stage->refuses, false);
+    atomic_store(&stage->before_answer, 0);
 }
 
 void fake_stage_hide(struct fake_stage *stage, bool hidden)
@@ -270,6 +275,24 @@ static void set_up(struct fv_libcamera_event *event)
     me.streams = true;
 }
 
+static void take_options(const struct fv_libcamera_options *options)
+{
+    atomic_store(&me.stage->exposure_us, (int)(options->exposure_ms * 1000 + 0.5));
+    atomic_store(&me.stage->gain, (int)(options->gain * 1000));
+}
+
+static void be_told(const struct fv_libcamera_options *options, struct fv_libcamera_event *event)
+{
+    for (uint32_t i = 0; i < atomic_load(&me.stage->before_answer); i++)
+        send_frame();
+    event->error.status = atomic_load(&me.stage->refuses) ? FOVEA_ERROR_INPUT : FOVEA_OK;
+    if (event->error.status != FOVEA_OK)
+        snprintf(event->error.text, sizeof event->error.text, "gain: found %g, expected [1, 8]",
+                 options->gain);
+    else
+        take_options(options);
+}
+
 static void serve(const struct fv_libcamera_request *request)
 {
     struct fv_libcamera_event event = {.kind = FV_LIBCAMERA_ANSWER};
@@ -289,6 +312,13 @@ static void serve(const struct fv_libcamera_request *request)
         if (do_wrong(&me.stage->fault_at_set_up, FV_LIBCAMERA_ANSWER)) return;
         set_up(&event);
         descriptors = BUFFERS;
+        break;
+    case FV_LIBCAMERA_KNOW:
+        take_options(&request->options);
+        return;
+    case FV_LIBCAMERA_CONTROL:
+        if (do_wrong(&me.stage->fault_when_told, FV_LIBCAMERA_BROKEN)) return;
+        be_told(&request->options, &event);
         break;
     case FV_LIBCAMERA_GIVE:
         me.with_camera[request->index] = true;

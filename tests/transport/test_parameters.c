@@ -17,6 +17,7 @@
 
 #include "app/network/receiver.h"
 #include "common/watched.h"
+#include "drivers/table.h"
 
 #include "fovea_parameter_result_t.h"
 #include "fovea_parameter_t.h"
@@ -185,6 +186,42 @@ static int count_events(const char *path, const char *channel)
     return count;
 }
 
+/* The simulated camera was told 2.5 ms in place of 5, and a gain of 4: its frames are brighter. */
+static void assert_frames_changed(void)
+{
+    static const struct fovea_source_selection all = {.step = 1};
+    const struct fovea_source_ops *ops;
+    struct fovea_source *source;
+    struct fovea_frame frame;
+    struct fovea_error error;
+    const char *address;
+    char uri[128];
+    double first = 0, last = 0;
+    int64_t exposure_ns = 0;
+    snprintf(uri, sizeof uri, "lcmlog:%s", log_path);
+    assert_int_equal(fv_source_find(uri, &ops, &address, &error), FOVEA_OK);
+    assert_int_equal(ops->open(address, &all, &source, &error), FOVEA_OK);
+    assert_int_equal(ops->start(source, &error), FOVEA_OK);
+    while (ops->dequeue(source, INT64_MAX, &frame) == FOVEA_OK) {
+        const struct fovea_image *image = &frame.images[0];
+        double sum = 0;
+        for (int32_t y = 0; y < image->height; y++)
+            for (int32_t x = 0; x < image->width; x++)
+                sum += image->data[y * image->stride_bytes + x];
+        if (first == 0) {
+            assert_int_equal(frame.exposure_ns[0], 5000000);
+            first = sum;
+        }
+        last = sum;
+        exposure_ns = frame.exposure_ns[0];
+        ops->requeue(source, &frame);
+    }
+    ops->stop(source);
+    ops->close(source);
+    assert_int_equal(exposure_ns, 2500000);
+    if (last < 1.3 * first) fail_msg("found grey %g, before %g", last, first);
+}
+
 /* ---- tests ----------------------------------------------------------------------------------- */
 
 static void test_a_recording_with_twenty_changes_replays_bit_for_bit(void **state)
@@ -207,8 +244,8 @@ static void test_a_recording_with_twenty_changes_replays_bit_for_bit(void **stat
                                              {"camera_status_every", "4"},
                                              {"image.white_balance", "true"},
                                              {"features.count_max", "500"},
-                                             {"image.operations", "[normalize]"},
-                                             {"odometry.lost_frames_reset", "20"}};
+                                             {"camera_exposure_ms", "2.5"},
+                                             {"camera_gain", "4"}};
     enum { CHANGES = sizeof changes / sizeof changes[0] };
     char words[256], text[4096];
     (void)state;
@@ -217,7 +254,9 @@ static void test_a_recording_with_twenty_changes_replays_bit_for_bit(void **stat
     ask("features.per_cell", "2", false); /* until the run listens */
     for (int i = 0; i < CHANGES; i++)
         expect(changes[i][0], changes[i][1], DONE, changes[i][1], "");
+    usleep(200000);
     stop();
+    assert_frames_changed();
     /* More where a request was sent again before its answer came. */
     assert_true(count_events(log_path, "P_PARAMETER") >= CHANGES + 1);
     assert_int_equal(count_events(log_path, "P_PARAMETER_RESULT"), 0);
@@ -255,6 +294,12 @@ static void test_wrong_requests_change_nothing(void **state)
     expect("features.treshold", "25", REFUSED, "", "unknown key");
     expect("seed", "7", REFUSED, "1", "read at the start");
     expect("lcm_url", "udpm://239.255.76.67:1", REFUSED, "\"" URL "\"", "read at the start");
+    expect("camera_exposure_ms", "34", REFUSED, "0",
+           "sim: exposure (ms): found 34, expected [0.05");
+    expect("camera_exposure_ms", "10001", REFUSED, "0", "camera_exposure_ms: found '10001'");
+    expect("camera_gain", "17", REFUSED, "-1", "sim: gain: found 17, expected [0.0625, 16]");
+    expect("camera_gain", "2", DONE, "2", "");
+    expect("camera_gain", "-1", DONE, "-1", "");
     expect("features.count_max", "1001", REFUSED, "1000", "expected at most 1000");
     expect("edges.period_frames", "1", REFUSED, "0", "or a restart");
     expect("image.operations", "[contrast_enhancement]", REFUSED, "[sharpen]", "or a restart");
@@ -283,6 +328,11 @@ static void test_what_is_kept_holds_at_the_next_start(void **state)
     expect("features.threshold", "200", REFUSED, "33", "");
     expect("edges.period_frames", "4", DONE, "4", "");
     expect("features.per_cell", "200", REFUSED, "2", "");
+    ask("camera_exposure_ms", "7", true);
+    assert_int_equal(heard.result, DONE);
+    stop();
+    start(false);
+    expect("camera_exposure_ms", "", DONE, "7", "");
     stop();
     /* What a start could not read is refused, though it goes with what is in force now. */
     start(false);
@@ -364,7 +414,8 @@ static void test_a_service_reads_its_configuration_again(void **state)
     watched_start(&watched, "run", arguments);
     unsetenv("NOTIFY_SOCKET");
     await_threshold("40");
-    snprintf(text, sizeof text, "%sfeatures: {threshold: 20, threshold_min: 10}\npose_every: 3\n",
+    snprintf(text, sizeof text,
+             "%sfeatures: {threshold: 20, threshold_min: 10}\npose_every: 3\ncamera_gain: 3\n",
              both);
     write_config(config, text);
     assert_int_equal(kill(watched.process, SIGHUP), 0);
@@ -372,6 +423,14 @@ static void test_a_service_reads_its_configuration_again(void **state)
     snprintf(text, sizeof text, "%sfeatures: {threshold: 9, threshold_min: 10}\n", both);
     write_config(config, text); /* wrong: nothing of it is taken, and the run goes on */
     assert_int_equal(kill(watched.process, SIGHUP), 0);
+    snprintf(text, sizeof text,
+             "%sfeatures: {threshold: 60, threshold_min: 50}\nseed: 5\ncamera_gain: 99\n",
+             both); /* what the camera refuses */
+    write_config(config, text);
+    assert_int_equal(kill(watched.process, SIGHUP), 0);
+    usleep(600000);
+    await_threshold("20");
+    expect("camera_gain", "", DONE, "3", "");
     snprintf(text, sizeof text, "%sfeatures: {threshold: 60, threshold_min: 50}\nseed: 5\n", both);
     usleep(600000);
     await_threshold("20");
@@ -379,7 +438,7 @@ static void test_a_service_reads_its_configuration_again(void **state)
     assert_int_equal(kill(watched.process, SIGHUP), 0);
     await_threshold("60");
     stop();
-    assert_int_equal(count_events(log_path, "P_PARAMETER"), 3 + 3);
+    assert_int_equal(count_events(log_path, "P_PARAMETER"), 4 + 4);
     snprintf(words, sizeof words, "fovea replay %s --verify", log_path);
     if (run_command(words, output, sizeof output) != 0) fail_msg("%s: %s", words, output);
 }

@@ -7,6 +7,7 @@
 #include <sys/stat.h>
 
 #include "support/man.h"
+#include "app/config/camera_controls.h"
 #include "app/config/kept_parameters.h"
 #include "support/say.h"
 #include "app/config/map_file.h"
@@ -407,7 +408,8 @@ enum fovea_status fv_setup_open(struct fv_settings *settings,
         return status;
     }
     const struct fovea_source_info *info = setup->ops->info(setup->source);
-    status = rig_fit(settings, info, false, error);
+    status = fv_camera_controls_set(settings, setup->ops, setup->source, error);
+    if (status == FOVEA_OK) status = rig_fit(settings, info, false, error);
     if (status == FOVEA_OK) status = fv_imu_join(settings, info, &setup->iio, error);
     return status == FOVEA_OK ? fv_setup_read(settings, setup, error) : status;
 }

@@ -296,11 +296,16 @@ static int8_t restore(struct fv_backup *backup, struct restored *restored)
     publish(parameters, restored);
     free(parameters->kept_calibration);
     parameters->kept_calibration = kept;
+    error.text[0] = '\0';
     if (fv_parameters_reload(parameters, &restored->wanted, true, &changed, &error) != FOVEA_OK)
         changed = 0; /* all of them at the next start, then */
-    snprintf(backup->reason, sizeof backup->reason, "%u took hold, %u%s with the next start",
-             changed, restored->later + (restored->live > changed ? restored->live - changed : 0),
-             restored->has_calibration ? " and the calibration" : "");
+    else
+        error.text[0] = '\0';
+    snprintf(backup->reason, sizeof backup->reason,
+             "%u took hold, %u%s with the next start%s%.128s", changed,
+             restored->later + (restored->live > changed ? restored->live - changed : 0),
+             restored->has_calibration ? " and the calibration" : "",
+             error.text[0] != '\0' ? ": " : "", error.text);
     return FOVEA_SETTINGS_RESULT_T_RESULT_DONE;
 }
 

@@ -5,8 +5,10 @@
 #include <string.h>
 #include <time.h>
 
+#include "app/config/camera_controls.h"
 #include "app/config/kept_parameters.h"
 #include "drivers/clock.h"
+#include "drivers/table.h"
 #include "support/aligned.h"
 #include "support/utf8.h"
 
@@ -24,12 +26,15 @@ static const int64_t keep_ns = 1000000000; /* between two writes of the file */
 
 enum fovea_status fv_parameters_open(struct fv_parameters *parameters, const struct fovea *rt,
                                      const struct fv_settings *settings,
+                                     const struct fv_setup *setup,
                                      const struct fv_command_rules *rules,
                                      struct fovea_error *error)
 {
     const char *prefix = settings->runtime.channel_prefix;
     memset(parameters, 0, sizeof *parameters);
     parameters->rt = rt;
+    parameters->ops = setup->ops;
+    parameters->source = setup->source;
     parameters->run_id = rules->run_id;
     pthread_mutex_init(&parameters->changing, NULL);
     parameters->settings = malloc(sizeof *parameters->settings);
@@ -38,13 +43,14 @@ enum fovea_status fv_parameters_open(struct fv_parameters *parameters, const str
     parameters->kept_tried = malloc(sizeof *parameters->kept_tried);
     parameters->written = malloc(sizeof *parameters->written);
     parameters->keeping = calloc(FV_PARAMETERS_WAITING, sizeof *parameters->keeping);
+    parameters->wishes = calloc(FV_PARAMETERS_WAITING, sizeof *parameters->wishes);
     parameters->answers = calloc(FV_PARAMETERS_WAITING, sizeof *parameters->answers);
     parameters->taken = calloc(FV_PARAMETERS_WAITING, sizeof *parameters->taken);
     parameters->ring_memory = fv_aligned_zeroed(RING_BYTES);
     if (parameters->settings == NULL || parameters->tried == NULL || parameters->kept == NULL ||
         parameters->kept_tried == NULL || parameters->written == NULL ||
-        parameters->keeping == NULL || parameters->answers == NULL || parameters->taken == NULL ||
-        parameters->ring_memory == NULL) {
+        parameters->keeping == NULL || parameters->wishes == NULL || parameters->answers == NULL ||
+        parameters->taken == NULL || parameters->ring_memory == NULL) {
         fv_parameters_close(parameters);
         return fovea_error_set(error, FOVEA_ERROR_MEMORY, "no memory for live parameters");
     }
@@ -72,6 +78,7 @@ void fv_parameters_close(struct fv_parameters *parameters)
     free(parameters->written);
     free(parameters->kept_calibration);
     free(parameters->keeping);
+    free(parameters->wishes);
     free(parameters->answers);
     free(parameters->taken);
     free(parameters->ring_memory);
@@ -103,15 +110,21 @@ static const char *without_option(const char *text)
     return strncmp(text, option, sizeof option - 1) == 0 ? text + sizeof option - 1 : text;
 }
 
-/* The value as an input of the loop. */
-static void accept(struct fv_parameters *parameters, const struct fv_settings_key *key,
-                   struct fv_parameter_change *change)
+/* The value tried as an input of the loop. */
+static void describe(const struct fv_parameters *parameters, const struct fv_settings_key *key,
+                     struct fv_parameter_change *change)
 {
     const struct fovea_config *config = &parameters->tried->runtime;
     change->result = FOVEA_PARAMETER_RESULT_T_RESULT_DONE;
     change->offset = (uint32_t)(key->offset - offsetof(struct fv_settings, runtime));
     change->bytes = (uint32_t)fv_settings_key_bytes(key);
     memcpy(change->raw, (const char *)config + change->offset, change->bytes);
+}
+
+static void accept(struct fv_parameters *parameters, const struct fv_settings_key *key,
+                   struct fv_parameter_change *change)
+{
+    describe(parameters, key, change);
     *parameters->settings = *parameters->tried;
 }
 
@@ -148,12 +161,28 @@ static void keep(struct fv_parameters *parameters, struct fv_parameter_change *c
     change->answered = false;
 }
 
+/* To the thread that tells the camera; the answer comes after that. */
+static void wish(struct fv_parameters *parameters, const fovea_parameter_t *request,
+                 struct fv_parameter_change *change)
+{
+    if (parameters->wish_count == FV_PARAMETERS_WAITING) {
+        refuse(change, "too often: the camera has not yet taken the values before this one");
+        return;
+    }
+    struct fv_parameter_change *waits = &parameters->wishes[parameters->wish_count++];
+    *waits = *change;
+    waits->keep = request->keep;
+    snprintf(waits->value, sizeof waits->value, "%s", request->value);
+    change->answered = false;
+}
+
 /* Read the value over a copy of what is in force, and take the copy where all is right. */
 static void decide(struct fv_parameters *parameters, const fovea_parameter_t *request,
                    struct fv_parameter_change *change)
 {
     char assignment[FV_PARAMETER_KEY_BYTES + FV_PARAMETER_VALUE_BYTES];
     struct fovea_error error = {0};
+    enum fovea_source_control control;
     const struct fv_settings_key *key = fv_settings_key_find(request->key);
     if (key == NULL) {
         refuse(change, "found an unknown key, expected one that `fovea config` prints as live");
@@ -179,6 +208,10 @@ static void decide(struct fv_parameters *parameters, const fovea_parameter_t *re
         return;
     }
     if (request->keep && !try_to_keep(parameters, assignment, change)) return;
+    if (fv_camera_control(key, &control)) {
+        wish(parameters, request, change);
+        return;
+    }
     if (later) {
         refuse(change, error.text);
         change->result = FOVEA_PARAMETER_RESULT_T_RESULT_NEEDS_RESTART;
@@ -287,6 +320,41 @@ static enum fovea_status change_key(struct fv_parameters *parameters,
     return FOVEA_OK;
 }
 
+/* Whether a reload changes the key. */
+static bool changes(const struct fv_parameters *parameters, const struct fv_settings_key *key,
+                    const struct fv_settings *wanted, bool named)
+{
+    return key->live && (!named || wanted->line[key - fv_settings_keys] != 0) &&
+           fv_settings_key_differs(key, parameters->settings, wanted);
+}
+
+/* Tell the cameras what a reload changes: all of it, or nothing. */
+static enum fovea_status tell_cameras(struct fv_parameters *parameters,
+                                      const struct fv_settings *wanted, bool named,
+                                      struct fovea_error *error)
+{
+    bool told[FOVEA_SOURCE_CONTROL_COUNT] = {false};
+    enum fovea_status status = FOVEA_OK;
+    enum fovea_source_control control;
+    struct fovea_error said = {.text = ""}, unused;
+    for (size_t i = 0; i < fv_settings_key_count && status == FOVEA_OK; i++) {
+        const struct fv_settings_key *key = &fv_settings_keys[i];
+        if (!fv_camera_control(key, &control) || !changes(parameters, key, wanted, named)) continue;
+        status = fv_source_control(parameters->ops, parameters->source, control,
+                                   fv_camera_control_value(wanted, control), &said);
+        told[control] = status == FOVEA_OK;
+    }
+    for (int i = 0; i < FOVEA_SOURCE_CONTROL_COUNT && status != FOVEA_OK; i++) {
+        control = (enum fovea_source_control)i;
+        if (told[i])
+            (void)fv_source_control(parameters->ops, parameters->source, control,
+                                    fv_camera_control_value(parameters->settings, control),
+                                    &unused);
+    }
+    return status == FOVEA_OK ? FOVEA_OK
+                              : fovea_error_set(error, FOVEA_ERROR_INPUT, "%s", said.text);
+}
+
 /* Again and again over the keys: where two limit each other, one of them can go first. */
 static enum fovea_status change_all(struct fv_parameters *parameters,
                                     const struct fv_settings *wanted, bool named, uint32_t *count,
@@ -296,9 +364,7 @@ static enum fovea_status change_all(struct fv_parameters *parameters,
         before = *count;
         for (size_t i = 0; i < fv_settings_key_count; i++) {
             const struct fv_settings_key *key = &fv_settings_keys[i];
-            if (!key->live || (named && wanted->line[i] == 0) ||
-                !fv_settings_key_differs(key, parameters->settings, wanted))
-                continue;
+            if (!changes(parameters, key, wanted, named)) continue;
             const enum fovea_status status = change_key(parameters, key, wanted, error);
             if (status < 0) return status;
             *count += status == FOVEA_OK;
@@ -321,9 +387,74 @@ enum fovea_status fv_parameters_reload(struct fv_parameters *parameters,
             fv_settings_key_copy(&fv_settings_keys[i], parameters->tried, wanted);
     enum fovea_status status =
         fovea_parameters_check(parameters->rt, &parameters->tried->runtime, error);
+    if (status == FOVEA_OK) status = tell_cameras(parameters, wanted, named, error);
     if (status == FOVEA_OK) status = change_all(parameters, wanted, named, count, error);
     pthread_mutex_unlock(&parameters->changing);
     return status;
+}
+
+/* ---- what cameras are told ------------------------------------------------------------------- */
+
+/* Take the first that waits, its value read into `tried`. False: none. */
+static bool take_wish(struct fv_parameters *parameters, struct fv_parameter_change *change,
+                      char assignment[FV_PARAMETER_KEY_BYTES + FV_PARAMETER_VALUE_BYTES])
+{
+    if (parameters->wish_count == 0) return false;
+    *change = parameters->wishes[0];
+    parameters->wish_count--;
+    memmove(parameters->wishes, parameters->wishes + 1,
+            parameters->wish_count * sizeof *parameters->wishes);
+    snprintf(assignment, FV_PARAMETER_KEY_BYTES + FV_PARAMETER_VALUE_BYTES, "%s=%s", change->key,
+             change->value);
+    *parameters->tried = *parameters->settings;
+    return fv_settings_set(parameters->tried, assignment, NULL) == FOVEA_OK; /* as before */
+}
+
+/* The camera has answered: to the loop. */
+static void end_wish(struct fv_parameters *parameters, const struct fv_settings_key *key,
+                     struct fv_parameter_change *change)
+{
+    struct fv_parameter_change *room = await_room(parameters);
+    if (room == NULL) return; /* the loop stands still: nobody would send an answer */
+    if (change->bytes > 0) *parameters->settings = *parameters->tried;
+    print_value(parameters->settings, key, change->value);
+    if (change->keep && change->bytes > 0) keep(parameters, change);
+    *room = *change;
+    fv_ring_commit(&parameters->ring, sizeof *room);
+}
+
+/* False: there is none, or the camera does not answer. */
+static bool tell_wish(struct fv_parameters *parameters)
+{
+    char assignment[FV_PARAMETER_KEY_BYTES + FV_PARAMETER_VALUE_BYTES];
+    struct fv_parameter_change change;
+    struct fovea_error said;
+    enum fovea_source_control control;
+    pthread_mutex_lock(&parameters->changing);
+    const bool any = take_wish(parameters, &change, assignment);
+    const struct fv_settings_key *key = any ? fv_settings_key_find(change.key) : NULL;
+    const bool one = key != NULL && fv_camera_control(key, &control);
+    const double before = one ? fv_camera_control_value(parameters->settings, control) : 0,
+                 value = one ? fv_camera_control_value(parameters->tried, control) : 0;
+    pthread_mutex_unlock(&parameters->changing);
+    if (!one) return false;
+    const enum fovea_status status =
+        fv_source_control(parameters->ops, parameters->source, control, value, &said);
+    pthread_mutex_lock(&parameters->changing);
+    *parameters->tried = *parameters->settings;
+    if (status != FOVEA_OK) {
+        refuse(&change, said.text);
+    } else if (change.keep && !try_to_keep(parameters, assignment, &change)) {
+        (void)fv_source_control(parameters->ops, parameters->source, control, before, &said);
+    } else {
+        (void)fv_settings_set(parameters->tried, assignment, NULL);
+        describe(parameters, key, &change);
+        snprintf(change.reason, sizeof change.reason, "%.255s", said.text);
+        fv_utf8_cut(change.reason);
+    }
+    end_wish(parameters, key, &change);
+    pthread_mutex_unlock(&parameters->changing);
+    return status != FOVEA_AGAIN;
 }
 
 /* ---- what is kept ---------------------------------------------------------------------------- */
@@ -378,6 +509,8 @@ static void pass_answers(struct fv_parameters *parameters)
 void fv_parameters_tend(struct fv_parameters *parameters, bool now)
 {
     if (parameters->rt == NULL) return;
+    while (!now && tell_wish(parameters))
+        continue;
     if (parameters->answers_passed == parameters->answer_count && take_kept(parameters, now))
         write_kept(parameters);
     pass_answers(parameters);
@@ -439,6 +572,13 @@ void fv_parameters_end(struct fv_parameters *parameters, struct fv_transport *tr
                        struct fv_feed *feed)
 {
     struct fovea_inputs none = {.frame = NULL};
+    for (uint32_t i = 0; i < parameters->wish_count; i++) {
+        struct fv_parameter_change *waits = &parameters->wishes[i];
+        print_value(parameters->settings, fv_settings_key_find(waits->key), waits->value);
+        refuse(waits, "the run has ended");
+        answer(parameters, waits, transport, feed);
+    }
+    parameters->wish_count = 0;
     do {
         fv_parameters_tend(parameters, true);
         fv_parameters_take(parameters, &none);

@@ -5,7 +5,8 @@
  * the change over in a ring; so the loop's thread copies bytes and nothing else. What was changed
  * with `keep` stands in a YAML file of its own, which the next start reads after the configuration:
  * the user's file is never written. The thread that watches the loop writes it, so that a slow disk
- * holds up no command. */
+ * holds up no command; and it tells the cameras what they are to change, for the same reason: only
+ * what a camera has taken becomes an input. */
 #ifndef FOVEA_APP_RUN_PARAMETERS_H
 #define FOVEA_APP_RUN_PARAMETERS_H
 
@@ -14,6 +15,7 @@
 #include <stdint.h>
 
 #include "app/config/settings.h"
+#include "app/config/setup.h"
 #include "app/network/command_gate.h"
 #include "app/network/feed.h"
 #include "app/network/receiver.h"
@@ -37,6 +39,7 @@ struct fv_parameter_change {
     uint32_t offset, bytes; /* of the member in struct fovea_config; 0 bytes: nothing changes */
     uint8_t raw[FV_PARAMETER_RAW_BYTES];
     bool answered; /* somebody waits for the result */
+    bool keep;     /* of one that waits for the camera */
     int8_t result; /* FOVEA_PARAMETER_RESULT_T_RESULT_* */
     char key[FV_PARAMETER_KEY_BYTES], value[FV_PARAMETER_VALUE_BYTES],
         reason[FV_PARAMETER_REASON_BYTES];
@@ -44,6 +47,8 @@ struct fv_parameter_change {
 
 struct fv_parameters {
     const struct fovea *rt;
+    const struct fovea_source_ops *ops; /* of the cameras */
+    struct fovea_source *source;
     struct fv_ring ring; /* of struct fv_parameter_change, from the listener to the loop */
     void *ring_memory;
     char request_channel[FV_MESSAGE_CHANNEL_BYTES], channel[FV_MESSAGE_CHANNEL_BYTES];
@@ -60,6 +65,8 @@ struct fv_parameters {
     char *kept_calibration;              /* of that file, as it is written with them; "": none */
     struct fv_parameter_change *keeping; /* requests whose values are to be written */
     uint32_t keeping_count;
+    struct fv_parameter_change *wishes; /* requests that the camera is to be told, in order */
+    uint32_t wish_count;
 
     /* Of the thread that writes. */
     struct fv_parameter_change *answers; /* to requests whose values were written, or not */
@@ -72,9 +79,11 @@ struct fv_parameters {
     struct fv_parameter_change *taken;
 };
 
-/* Prepare for a runtime with these settings. Init-only. FOVEA_ERROR_MEMORY. */
+/* Prepare for a runtime with these settings and the open source of `setup`, which stays the
+ * caller's. Init-only. FOVEA_ERROR_MEMORY. */
 enum fovea_status fv_parameters_open(struct fv_parameters *parameters, const struct fovea *rt,
                                      const struct fv_settings *settings,
+                                     const struct fv_setup *setup,
                                      const struct fv_command_rules *rules,
                                      struct fovea_error *error);
 
@@ -89,9 +98,9 @@ enum fovea_status fv_parameters_reload(struct fv_parameters *parameters,
                                        const struct fv_settings *wanted, bool named,
                                        uint32_t *count, struct fovea_error *error);
 
-/* Write what is to be kept, at most once in a second unless `now`, and have it answered. On a
- * thread that may wait for the disk; after the loop has ended, before fv_parameters_end, with
- * `now`. */
+/* Tell the cameras what waits for them, write what is to be kept, at most once in a second unless
+ * `now`, and have it answered. On a thread that may wait for the disk and the camera; after the
+ * loop has ended, before fv_parameters_end, with `now`, and cameras are told nothing more. */
 void fv_parameters_tend(struct fv_parameters *parameters, bool now);
 
 /* Put what has come into the inputs of the next step. Loop thread, wait-free. */

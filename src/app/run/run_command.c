@@ -252,7 +252,8 @@ static enum fovea_status transport_open(struct fv_run *run, struct fovea_error *
     if (ears.rules.keyed)
         status = fv_command_key_read(settings->command_key, ears.rules.key, error);
     if (status == FOVEA_OK)
-        status = fv_parameters_open(&run->parameters, run->loop.rt, settings, &ears.rules, error);
+        status = fv_parameters_open(&run->parameters, run->loop.rt, settings, &run->setup,
+                                    &ears.rules, error);
     if (status == FOVEA_OK)
         status = fv_backup_open(&run->backup, &run->parameters, settings,
                                 run->setup.ops->info(run->setup.source), error);

@@ -102,6 +102,56 @@ static struct fovea_frame take(struct fovea_source *source)
     return frame;
 }
 
+/* Frames that come before the answer are not lost, and a process that follows is told too. */
+static void test_told_while_streaming(void **state)
+{
+    (void)state;
+    struct fovea_error said = {.text = ""};
+    struct fovea_source *source = start_source();
+    uint64_t last = take(source).sequence;
+    fv_test_finish(source);
+    source = start_source();
+    atomic_store(&stage->before_answer, 2);
+    for (int i = 0; i < 50; i++) {
+        const struct fovea_frame frame = take(source);
+        if (i > 0) assert_int_equal(frame.sequence, last + 1);
+        last = frame.sequence;
+        ops->requeue(source, &frame);
+        if (i % 10 != 5) continue;
+        assert_int_equal(ops->control(source, FOVEA_SOURCE_EXPOSURE, 5 + i, &said), FOVEA_OK);
+        assert_int_equal(atomic_load(&stage->exposure_us), 5000 + 1000 * i);
+    }
+    assert_int_equal(ops->control(source, FOVEA_SOURCE_GAIN, 2.5, &said), FOVEA_OK);
+    assert_int_equal(atomic_load(&stage->gain), 2500);
+    atomic_store(&stage->refuses, true);
+    assert_int_equal(ops->control(source, FOVEA_SOURCE_GAIN, 9, &said), FOVEA_ERROR_INPUT);
+    assert_string_equal(said.text, "gain: found 9, expected [1, 8]");
+    assert_int_equal(fv_test_counts(source).dropped, 0);
+    atomic_store(&stage->gain, 0);
+    atomic_store(&stage->fault, FAKE_ABORT);
+    wait_for_frame_of_life(source, atomic_load(&stage->lives) + 1);
+    assert_int_equal(atomic_load(&stage->gain), 2500);
+    assert_int_equal(atomic_load(&stage->exposure_us), 50000);
+    fv_test_finish(source);
+}
+
+/* Streaming that ends, and a process that ends, while the answer is waited for. */
+static void test_fault_while_told(void **state)
+{
+    (void)state;
+    struct fovea_error said = {.text = ""};
+    for (int i = 0; i < 2; i++) {
+        struct fovea_source *source = start_source();
+        const struct fovea_frame frame = take(source);
+        ops->requeue(source, &frame);
+        atomic_store(&stage->fault_when_told, i == 0 ? FAKE_BROKEN : FAKE_EXIT);
+        assert_true(ops->control(source, FOVEA_SOURCE_GAIN, 2, &said) < 0);
+        wait_for_frame_of_life(source, 2);
+        assert_int_equal(ops->control(source, FOVEA_SOURCE_GAIN, 3, &said), FOVEA_OK);
+        fv_test_finish(source);
+    }
+}
+
 static int ascending(const void *a, const void *b)
 {
     const int64_t x = *(const int64_t *)a, y = *(const int64_t *)b;
@@ -451,6 +501,8 @@ static void test_ends_over_and_over(void **state)
 int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_frames_bit_for_bit),
+                                       cmocka_unit_test(test_told_while_streaming),
+                                       cmocka_unit_test(test_fault_while_told),
                                        cmocka_unit_test(test_frames_are_not_copied),
                                        cmocka_unit_test(test_frames_held_outlive_the_process),
                                        cmocka_unit_test(test_faults_while_streaming),

@@ -32,6 +32,7 @@ static const char camera_text[] =
 static struct fv_settings settings;
 static struct fovea_source_info info;
 static struct fv_parameters parameters;
+static const struct fv_setup setup; /* no source: no camera is told anything */
 static struct fv_backup backup;
 static struct fovea *rt;
 static void *block;
@@ -105,7 +106,7 @@ static int open_all(void **state)
         return -1;
     block = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, (bytes + 63) / 64 * 64);
     if (block == NULL || fovea_init(block, bytes, &settings.runtime, &rt, &error) != FOVEA_OK ||
-        fv_parameters_open(&parameters, rt, &settings, &rules, &error) != FOVEA_OK)
+        fv_parameters_open(&parameters, rt, &settings, &setup, &rules, &error) != FOVEA_OK)
         return -1;
     changes = fails = keeps = false;
     return fv_backup_open(&backup, &parameters, &settings, &info, &error) == FOVEA_OK ? 0 : -1;
