@@ -37,7 +37,7 @@ image equalization histogram_equalization --operations histogram_equalization
 image contrast contrast_enhancement --operations contrast_enhancement
 image gamma gamma --operations gamma --gamma .5
 tile warm 'before, in warm light'
-"$fovea" image "$work/warm.png" "$work/balanced.png" --white-balance >/dev/null
+"$fovea" image "$work/warm.png" "$work/balanced.png" --operations white_balance >/dev/null
 tile balanced 'white balance'
 edges sobel --high 60
 edges scharr --high 240

@@ -59,12 +59,12 @@ static enum fovea_status escape(const char *name, char pattern[FV_PATH_BYTES],
                            FV_PATH_BYTES - 2);
 }
 
-/* The file or folder of that name, else the files that fit the pattern; of a folder, its PNG and
- * JPEG files.
- */
+/* The file or folder of that name, else the files that fit the pattern; of a folder, its PNG,
+ * JPEG and BMP files. */
 static enum fovea_status find_files(const char *address, glob_t *found, struct fovea_error *error)
 {
-    static const char *const endings[] = {"*.png", "*.jpg", "*.jpeg", "*.PNG", "*.JPG", "*.JPEG"};
+    static const char *const endings[] = {"*.png", "*.jpg", "*.jpeg", "*.bmp",
+                                          "*.PNG", "*.JPG", "*.JPEG", "*.BMP"};
     char name[FV_PATH_BYTES], pattern[FV_PATH_BYTES];
     int result = GLOB_NOMATCH;
     memset(found, 0, sizeof *found);
@@ -85,7 +85,7 @@ static enum fovea_status find_files(const char *address, glob_t *found, struct f
     if (result == 0) return FOVEA_OK;
     if (result == GLOB_NOMATCH)
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                               "%s: found no file, expected PNG or JPEG images", address);
+                               "%s: found no file, expected PNG, JPEG or BMP images", address);
     return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: the files cannot be listed", address);
 }
 

@@ -33,7 +33,7 @@ static bool is_log(const char *path)
 static bool has_images(const char *path)
 {
     enum { LOOKED_AT = 1000 };
-    static const char *const endings[] = {".png", ".jpg", ".jpeg"};
+    static const char *const endings[] = {".png", ".jpg", ".jpeg", ".bmp"};
     DIR *folder = opendir(path);
     bool found = false;
     const struct dirent *entry;

@@ -1,5 +1,5 @@
-/* Data sets whose frames are PNG or JPEG files: the list of them, and the player's way to fetch
- * one. */
+/* Data sets whose frames are PNG, JPEG or BMP files: the list of them, and the player's way to
+ * fetch one. */
 #ifndef FOVEA_RECORDED_LISTING_H
 #define FOVEA_RECORDED_LISTING_H
 

@@ -96,16 +96,16 @@ enum { FOVEA_VIEWERS_ALL = 15 };
 /* What is done to the images of the first camera before anybody looks at them. Recordings keep
  * them as the camera gave them. */
 struct fovea_image_config {
-    /* Default: no operations. Run in the step, in time proportional to the pixels. */
+    /* Default: no operations. Run in the step, in time proportional to the pixels.
+     * FOVEA_OPERATION_WHITE_BALANCE changes no grey levels: networks of colours that see the result
+     * get balanced colours, after the other operations, by the means of a grid of 160 x 120 pixels,
+     * in at most two units more of the network's job. It is refused where networks do not see the
+     * result. */
     struct fovea_preprocess_config preprocess;
     /* FOVEA_VIEWER_* bits, default FOVEA_VIEWER_FEATURES: who sees the result; the others see the
      * image as it came. Networks keep the colours of an image: only its luma is that of the result.
      */
     uint32_t seen_by;
-    /* Networks of colours see them balanced by the grey world assumption (fovea/preprocess.h),
-     * after the operations that they see; default false. The means are of a grid of 160 x 120
-     * pixels. In work, at most two units of the network's job more. */
-    bool white_balance;
 };
 
 struct fovea_calibration_config {

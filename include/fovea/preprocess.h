@@ -34,6 +34,9 @@ enum fovea_operation {
     FOVEA_OPERATION_HISTOGRAM_EQUALIZATION = 3,
     FOVEA_OPERATION_CONTRAST_ENHANCEMENT = 4, /* CLAHE */
     FOVEA_OPERATION_GAMMA = 5,                /* 255 (x / 255)^gamma */
+    /* Of colours, by the grey world assumption: the loop and `fovea image` have it in their lists
+     * (fovea/fovea.h); a chain of grey images refuses it, fovea_white_balance does it */
+    FOVEA_OPERATION_WHITE_BALANCE = 6,
     FOVEA_OPERATION_COUNT
 };
 

@@ -71,27 +71,28 @@ const struct fv_command fv_commands[] = {
      "fovea snapshot now.jpg\nfovea snapshot left.png --prefix LEFT --timeout 30\n"
      "fovea snapshot now.png --feed /run/fovea/front.sock"},
     {"features", "find, describe and draw the features of a picture", fv_command_features,
-     "IMAGE is a PNG or JPEG file.",
+     "IMAGE is a PNG, JPEG or BMP file.",
      "fovea features photo.png --draw out.png\n"
      "fovea features photo.png --method sift --max 500 --draw out.png --json >out.json"},
     {"match", "match the features of two pictures", fv_command_match,
-     "A and B are PNG or JPEG files.",
+     "A and B are PNG, JPEG or BMP files.",
      "fovea match a.png b.png --draw matches.png\n"
      "fovea match a.png b.png --method sift --geometry homography --json >out.json"},
     {"rectify", "remove the lens distortion of a picture", fv_command_rectify,
-     "IN is a PNG or JPEG file; OUT is written as PNG.",
+     "IN is a PNG, JPEG or BMP file; OUT is written as PNG.",
      "fovea rectify --camera camera.yaml in.png out.png --write-camera out.yaml"},
     {"image", "run a chain of image operations on a picture", fv_command_image,
-     "IN is a PNG or JPEG file; OUT is written as PNG, in grey levels.",
+     "IN is a PNG, JPEG or BMP file; OUT is written as PNG, in grey levels, or in colours "
+     "where white_balance is among the operations: the others change their brightness then.",
      "fovea image in.png out.png --operations denoise,sharpen\n"
      "fovea image in.png out.png --operations contrast_enhancement --limit 3\n"
-     "fovea image in.jpg out.png --white-balance"},
+     "fovea image in.jpg out.png --operations white_balance,denoise"},
     {"edges", "find the edges of a picture", fv_command_edges,
-     "IN is a PNG or JPEG file; OUT is written as PNG, with edges white.",
+     "IN is a PNG, JPEG or BMP file; OUT is written as PNG, with edges white.",
      "fovea edges in.png out.png --method canny --low 50 --high 150\n"
      "fovea edges in.png out.png --method scharr --high 800"},
     {"segments", "find the line segments of a picture", fv_command_segments,
-     "IN is a PNG or JPEG file; OUT is written as PNG, with the segments over the darkened picture.",
+     "IN is a PNG, JPEG or BMP file; OUT is written as PNG, with the segments over the darkened picture.",
      "fovea segments in.png out.png --min-length 20\nfovea segments in.png out.png --json >out.json"},
     {"detect", "run an int8 network on pictures: boxes, keypoints, classes, masks",
      fv_command_detect, "One line of JSON is printed for each picture.",

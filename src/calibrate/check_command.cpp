@@ -93,7 +93,8 @@ int command_check(int argc, char **argv)
 {
     std::string source, target, json, which;
     const std::vector<Option> options = {
-        {"source", "URI|FOLDER", &source, "camera or recording, or folder of PNG and JPEG files"},
+        {"source", "URI|FOLDER", &source,
+         "camera or recording, or folder of PNG, JPEG and BMP files"},
         {"target", "BOARD", &target, "board, as chessboard:9x6:0.025; see --man for the others"},
         {"which", "CAMERA", &which, "camera of a file with several, as cam1 (default: the first)"},
         {"json", "FILE", &json, "write the verdict with its numbers"},

@@ -152,7 +152,7 @@ int command_floor(int argc, char **argv)
     Given given;
     const std::vector<Option> options = {
         {"source", "URI|FOLDER", &given.source,
-         "camera or recording, or folder of PNG and JPEG files"},
+         "camera or recording, or folder of PNG, JPEG and BMP files"},
         {"target", "BOARD", &given.target,
          "board, as chessboard:9x6:0.025; see --man for the others"},
         {"camera", "FILE", &given.camera, "camera file of the camera"},

@@ -226,7 +226,7 @@ int command_hand_eye(int argc, char **argv)
     Given given;
     const std::vector<Option> options = {
         {"source", "URI|FOLDER", &given.source,
-         "recording or camera, or folder of PNG and JPEG files"},
+         "recording or camera, or folder of PNG, JPEG and BMP files"},
         {"target", "BOARD", &given.target,
          "board, as chessboard:9x6:0.025; see --man for the others"},
         {"camera", "FILE", &given.camera, "camera file of the camera"},

@@ -37,7 +37,7 @@ int is_picture(const dirent *entry)
 {
     const char *dot = std::strrchr(entry->d_name, '.');
     if (dot == nullptr || entry->d_name[0] == '.') return 0;
-    for (const char *extension : {".png", ".jpg", ".jpeg"})
+    for (const char *extension : {".png", ".jpg", ".jpeg", ".bmp"})
         if (strcasecmp(dot, extension) == 0) return 1;
     return 0;
 }
@@ -97,7 +97,7 @@ fovea_status collect_folder(const std::string &folder, const Board &board, Refin
     if (fv_say_terminal()) fv_say_status("%s", "");
     if (count == 0)
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                               "%.300s: found no picture in it, expected PNG or JPEG files",
+                               "%.300s: found no picture in it, expected PNG, JPEG or BMP files",
                                folder.c_str());
     choose_size(collection);
     return FOVEA_OK;

@@ -11,6 +11,7 @@ static const char *const names[FOVEA_OPERATION_COUNT] = {
     [FOVEA_OPERATION_HISTOGRAM_EQUALIZATION] = "histogram_equalization",
     [FOVEA_OPERATION_CONTRAST_ENHANCEMENT] = "contrast_enhancement",
     [FOVEA_OPERATION_GAMMA] = "gamma",
+    [FOVEA_OPERATION_WHITE_BALANCE] = "white_balance",
 };
 
 const char *fovea_operation_name(enum fovea_operation operation)
@@ -30,6 +31,28 @@ void fovea_preprocess_config_default(struct fovea_preprocess_config *config)
                                                .contrast_limit = 2,
                                                .contrast_tiles = 8,
                                                .gamma = 1};
+}
+
+static bool uses(const struct fovea_preprocess_config *config, enum fovea_operation operation)
+{
+    for (uint32_t i = 0; i < config->operations.count; i++)
+        if (config->operations.items[i] == operation) return true;
+    return false;
+}
+
+bool fv_preprocess_balances(const struct fovea_preprocess_config *config)
+{
+    return uses(config, FOVEA_OPERATION_WHITE_BALANCE);
+}
+
+void fv_preprocess_grey(const struct fovea_preprocess_config *config,
+                        struct fovea_preprocess_config *grey)
+{
+    *grey = *config;
+    grey->operations = (struct fovea_operation_list){0};
+    for (uint32_t i = 0; i < config->operations.count; i++)
+        if (config->operations.items[i] != FOVEA_OPERATION_WHITE_BALANCE)
+            grey->operations.items[grey->operations.count++] = config->operations.items[i];
 }
 
 static enum fovea_status check_range(const char *name, double value, double low, double high,
@@ -86,14 +109,11 @@ static enum fovea_status check_config(const struct fovea_preprocess_config *conf
     for (uint32_t i = 0; status == FOVEA_OK && i < config->operations.count; i++)
         status = check_range("operations", config->operations.items[i], 0,
                              FOVEA_OPERATION_COUNT - 1, error);
+    if (status == FOVEA_OK && fv_preprocess_balances(config))
+        status = fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                                 "operations: found white_balance, expected operations on grey "
+                                 "images: fovea_white_balance takes colours");
     return status;
-}
-
-static bool uses(const struct fovea_preprocess_config *config, enum fovea_operation operation)
-{
-    for (uint32_t i = 0; i < config->operations.count; i++)
-        if (config->operations.items[i] == operation) return true;
-    return false;
 }
 
 void fv_preprocess_carve(struct fv_preprocess *chain, const struct fovea_preprocess_config *config,
@@ -195,6 +215,7 @@ static void run_one(struct fv_preprocess *chain, enum fovea_operation operation,
     case FOVEA_OPERATION_GAMMA:
         fv_table_run(chain->gamma, kernels, in, out);
         break;
+    case FOVEA_OPERATION_WHITE_BALANCE:
     case FOVEA_OPERATION_COUNT:
         break;
     }

@@ -26,6 +26,13 @@ struct fv_preprocess {
     struct fv_contrast contrast; /* carved where the chain has it */
 };
 
+/* Whether white_balance is among the operations. Real-time safe. */
+bool fv_preprocess_balances(const struct fovea_preprocess_config *config);
+
+/* The chain without white_balance: what is done to grey levels. Real-time safe. */
+void fv_preprocess_grey(const struct fovea_preprocess_config *config,
+                        struct fovea_preprocess_config *grey);
+
 /* Take the memory of a checked chain for planes of width x height. Init-only. */
 void fv_preprocess_carve(struct fv_preprocess *chain, const struct fovea_preprocess_config *config,
                          int32_t width, int32_t height, struct fv_arena *arena);

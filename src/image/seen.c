@@ -33,19 +33,23 @@ void fv_seen_carve(struct fv_seen *seen, const struct fovea_preprocess_config *c
                    uint32_t seen_by, const uint32_t looked_at[FV_VIEWER_COUNT], int32_t width,
                    int32_t height, uint32_t levels, struct fv_arena *frame)
 {
+    struct fovea_preprocess_config grey;
+    fv_preprocess_grey(chain, &grey);
     fv_pyramid_carve(&seen->main, width, height, levels, frame);
     seen->seen_by = seen_by;
-    seen->changes = chain->operations.count > 0 && anybody_sees(seen_by, looked_at);
+    seen->changes = grey.operations.count > 0 && anybody_sees(seen_by, looked_at);
     seen->other.levels = 0;
     if (!seen->changes) return;
-    fv_preprocess_carve(&seen->chain, chain, width, height, frame);
+    fv_preprocess_carve(&seen->chain, &grey, width, height, frame);
     const uint32_t others = other_levels(seen, looked_at);
     if (others > 0) fv_pyramid_carve(&seen->other, width, height, others, frame);
 }
 
 void fv_seen_set(struct fv_seen *seen, const struct fovea_preprocess_config *chain)
 {
-    if (seen->changes) fv_preprocess_set(&seen->chain, chain);
+    struct fovea_preprocess_config grey;
+    fv_preprocess_grey(chain, &grey);
+    if (seen->changes) fv_preprocess_set(&seen->chain, &grey);
 }
 
 void fv_seen_build(struct fv_seen *seen, const struct fv_kernels *kernels,

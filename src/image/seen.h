@@ -27,7 +27,8 @@ struct fv_seen {
     bool changes;     /* somebody does */
 };
 
-/* Take memory for images of width x height: the main pyramid of `levels`, and what the chain and
+/* Of `chain` only what is done to grey levels counts here: white_balance is the networks' own.
+ * Take memory for images of width x height: the main pyramid of `levels`, and what the chain and
  * the other viewers need. `looked_at`: levels that each viewer looks at, 0 for one that is not
  * there; networks that see the result take the image before it too, for its colours. Init-only. */
 void fv_seen_carve(struct fv_seen *seen, const struct fovea_preprocess_config *chain,

@@ -6,6 +6,7 @@
 
 #include "base/elementary.h"
 #include "grid/grid.h"
+#include "image/preprocess.h"
 #include "stereo/stereo.h"
 
 static const double identity[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
@@ -362,9 +363,10 @@ static enum fovea_status check_grid(const struct fovea_config *config, struct fo
 }
 
 /* What single ranges do not say of the chain. */
-static enum fovea_status check_chain(const struct fovea_preprocess_config *chain,
+static enum fovea_status check_chain(const struct fovea_image_config *image,
                                      struct fovea_error *error)
 {
+    const struct fovea_preprocess_config *chain = &image->preprocess;
     const struct {
         const char *name;
         uint32_t size;
@@ -384,6 +386,10 @@ static enum fovea_status check_chain(const struct fovea_preprocess_config *chain
             return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
                                    "image.operations: found operation %u, expected 0 to %d",
                                    (unsigned)chain->operations.items[i], FOVEA_OPERATION_COUNT - 1);
+    if (fv_preprocess_balances(chain) && (image->seen_by & FOVEA_VIEWER_NETWORKS) == 0)
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                               "image.operations: found white_balance, expected networks in "
+                               "image.seen_by: nobody else looks at colours");
     return FOVEA_OK;
 }
 
@@ -423,7 +429,7 @@ static enum fovea_status check_together(const struct fovea_config *config,
                                         struct fovea_error *error)
 {
     enum fovea_status status = check_pairs(config, error);
-    if (status == FOVEA_OK) status = check_chain(&config->image.preprocess, error);
+    if (status == FOVEA_OK) status = check_chain(&config->image, error);
     return status == FOVEA_OK ? check_edges(&config->edge_job.edges, error) : status;
 }
 

@@ -172,7 +172,7 @@ static bool offer_to(struct fovea *rt, struct fv_detection *detection,
     const struct fv_seen *seen = fv_front_end_images(&rt->front_end);
     if (is_kept(rt, detection)) return false;
     if (!fv_detection_offer(detection, frame, &rt->state->frame, seen,
-                            rt->config.image.white_balance))
+                            fv_preprocess_balances(&rt->config.image.preprocess)))
         return false;
     if (detection == labeller(rt) && fv_detection_sends(detection, FV_DETECTION_SEGMENTATION))
         fv_free_space_note(&rt->free_space, &rt->publish, &rt->state->frame);

@@ -1,5 +1,6 @@
 #include "runtime/live.h"
 
+#include "image/preprocess.h"
 #include "runtime/config.h"
 
 /* ---- what may be taken ----------------------------------------------------------------------- */
@@ -35,10 +36,13 @@ static enum fovea_status check_operations(const struct fovea *rt,
                                           struct fovea_error *error)
 {
     const struct fovea_preprocess_config *started = &rt->started.image.preprocess;
-    if (chain->operations.count > 0 && started->operations.count == 0)
+    struct fovea_preprocess_config grey, started_grey;
+    fv_preprocess_grey(chain, &grey);
+    fv_preprocess_grey(started, &started_grey);
+    if (grey.operations.count > 0 && started_grey.operations.count == 0)
         return fovea_error_set(
             error, FOVEA_ERROR_UNSUPPORTED,
-            "image.operations: found %u operations, expected none, as at the start, or a restart",
+            "image.operations: found %u operations, expected none but white_balance, as at the start, or a restart",
             chain->operations.count);
     if (has_contrast(chain) && !has_contrast(started))
         return fovea_error_set(

@@ -21,13 +21,18 @@ static bool is_jpeg(const uint8_t *data, size_t bytes)
     return bytes >= 3 && data[0] == 0xFF && data[1] == 0xD8 && data[2] == 0xFF;
 }
 
+static bool is_bmp(const uint8_t *data, size_t bytes)
+{
+    return bytes >= 2 && data[0] == 'B' && data[1] == 'M';
+}
+
 static enum fovea_status unknown_kind(const uint8_t *data, size_t bytes, struct fovea_error *reason)
 {
     if (bytes == 0)
         return fovea_error_set(reason, FOVEA_ERROR_INPUT,
-                               "found an empty file, expected PNG or JPEG");
+                               "found an empty file, expected PNG, JPEG or BMP");
     return fovea_error_set(reason, FOVEA_ERROR_INPUT,
-                           "byte 0: found 0x%02X%s, expected PNG or JPEG", data[0],
+                           "byte 0: found 0x%02X%s, expected PNG, JPEG or BMP", data[0],
                            bytes < 8 ? " and too few bytes" : "");
 }
 
@@ -47,26 +52,30 @@ enum fovea_status fv_decode_check_size(int64_t width, int64_t height, struct fov
                            FOVEA_IMAGE_HEIGHT_MIN, FOVEA_IMAGE_WIDTH_MAX, FOVEA_IMAGE_HEIGHT_MAX);
 }
 
-static enum fovea_status probe_png(const uint8_t *data, size_t bytes, int32_t *width,
-                                   int32_t *height, struct fovea_error *reason)
+enum fovea_status fv_decode_size(const uint8_t *data, size_t bytes, int64_t *width, int64_t *height,
+                                 struct fovea_error *reason)
 {
+    if (is_jpeg(data, bytes)) return fv_decode_jpeg_size(data, bytes, width, height, reason);
+    if (is_bmp(data, bytes)) return fv_decode_bmp_size(data, bytes, width, height, reason);
+    if (!is_png(data, bytes)) return unknown_kind(data, bytes, reason);
     if (bytes < 33 || memcmp(data + 12, "IHDR", 4) != 0)
         return fovea_error_set(reason, FOVEA_ERROR_INPUT,
                                "byte 8: found no image header, expected IHDR");
-    const uint32_t w = big_endian(data + 16), h = big_endian(data + 20);
-    const enum fovea_status status = fv_decode_check_size(w, h, reason);
-    if (status != FOVEA_OK) return status;
-    *width = (int32_t)w;
-    *height = (int32_t)h;
+    *width = big_endian(data + 16);
+    *height = big_endian(data + 20);
     return FOVEA_OK;
 }
 
 enum fovea_status fv_decode_probe(const uint8_t *data, size_t bytes, int32_t *width,
                                   int32_t *height, struct fovea_error *reason)
 {
-    if (is_png(data, bytes)) return probe_png(data, bytes, width, height, reason);
-    if (is_jpeg(data, bytes)) return fv_decode_jpeg_probe(data, bytes, width, height, reason);
-    return unknown_kind(data, bytes, reason);
+    int64_t w = 0, h = 0;
+    enum fovea_status status = fv_decode_size(data, bytes, &w, &h, reason);
+    if (status == FOVEA_OK) status = fv_decode_check_size(w, h, reason);
+    if (status != FOVEA_OK) return status;
+    *width = (int32_t)w;
+    *height = (int32_t)h;
+    return FOVEA_OK;
 }
 
 /* Number of components in a JPEG's frame header, 0 without one. Segments are walked as they state
@@ -88,6 +97,7 @@ bool fv_decode_has_colour(const uint8_t *data, size_t bytes)
     enum { COLOUR_TYPE_AT = 25, COLOUR_BIT = 2 };
     if (is_png(data, bytes))
         return bytes > COLOUR_TYPE_AT && (data[COLOUR_TYPE_AT] & COLOUR_BIT) != 0;
+    if (is_bmp(data, bytes)) return fv_decode_bmp_has_colour(data, bytes);
     return is_jpeg(data, bytes) && jpeg_components(data, bytes) == 3;
 }
 
@@ -96,6 +106,7 @@ enum fovea_status fv_decode(const uint8_t *data, size_t bytes, const struct fv_d
 {
     if (is_png(data, bytes)) return fv_decode_png(data, bytes, image, reason);
     if (is_jpeg(data, bytes)) return fv_decode_jpeg(data, bytes, image, reason);
+    if (is_bmp(data, bytes)) return fv_decode_bmp(data, bytes, image, reason);
     return unknown_kind(data, bytes, reason);
 }
 

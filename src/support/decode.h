@@ -1,10 +1,11 @@
-/* PNG and JPEG from memory to 8-bit grey levels, or to RGB where that is asked for.
+/* PNG, JPEG and BMP from memory to 8-bit grey levels, or to RGB where that is asked for.
  *
  * Colour is turned into grey by one integer formula on every machine (ITU-R BT.601 weights in 15
  * bits, as OpenCV): grey = (9798 R + 19235 G + 3735 B + 16384) >> 15. A JPEG in YCbCr gives its
  * luma channel, which is that formula applied before compression, through the accurate integer
  * transform (JDCT_ISLOW), which is exact over all of libjpeg-turbo's instruction sets. PNG: 16-bit
- * samples give their high byte, alpha is dropped.
+ * samples give their high byte, alpha is dropped. BMP: uncompressed, of 8 bits with a palette, of
+ * 24 or of 32.
  *
  * Images are hostile: sizes are held against FOVEA_IMAGE_*, memory is bounded, truncated or corrupt
  * data is an error and never a half-filled frame. Allocates; for the reader thread, any number of
@@ -24,8 +25,12 @@ struct fv_decode_image {
     bool colour; /* three bytes per pixel, red first; a grey file gives three equal ones */
 };
 
-/* Size that the header states. FOVEA_ERROR_INPUT: neither PNG nor JPEG, or of a size that Fovea
- * does not take; `reason` says what was found, without a file name. */
+/* Size that the header states, of any value. FOVEA_ERROR_INPUT: neither PNG, JPEG nor BMP; `reason`
+ * says what was found, without a file name. */
+enum fovea_status fv_decode_size(const uint8_t *data, size_t bytes, int64_t *width, int64_t *height,
+                                 struct fovea_error *reason);
+
+/* The same, and FOVEA_ERROR_INPUT for a size that the runtime does not take. */
 enum fovea_status fv_decode_probe(const uint8_t *data, size_t bytes, int32_t *width,
                                   int32_t *height, struct fovea_error *reason);
 
@@ -62,14 +67,20 @@ enum fovea_status fv_file_read(struct fv_file_buffer *buffer, const char *path,
                                struct fovea_error *reason);
 void fv_file_free(struct fv_file_buffer *buffer);
 
-/* For the two decoders. */
+/* For the decoders. */
+enum { FV_DECODE_SIDE_MAX = 16384 }; /* pixels of what is decoded */
 void fv_decode_rgb_row(const uint8_t *rgb, uint8_t *grey, int32_t width);
 enum fovea_status fv_decode_check_size(int64_t width, int64_t height, struct fovea_error *reason);
 enum fovea_status fv_decode_png(const uint8_t *data, size_t bytes,
                                 const struct fv_decode_image *image, struct fovea_error *reason);
 enum fovea_status fv_decode_jpeg(const uint8_t *data, size_t bytes,
                                  const struct fv_decode_image *image, struct fovea_error *reason);
-enum fovea_status fv_decode_jpeg_probe(const uint8_t *data, size_t bytes, int32_t *width,
-                                       int32_t *height, struct fovea_error *reason);
+enum fovea_status fv_decode_jpeg_size(const uint8_t *data, size_t bytes, int64_t *width,
+                                      int64_t *height, struct fovea_error *reason);
+enum fovea_status fv_decode_bmp(const uint8_t *data, size_t bytes,
+                                const struct fv_decode_image *image, struct fovea_error *reason);
+enum fovea_status fv_decode_bmp_size(const uint8_t *data, size_t bytes, int64_t *width,
+                                     int64_t *height, struct fovea_error *reason);
+bool fv_decode_bmp_has_colour(const uint8_t *data, size_t bytes);
 
 #endif

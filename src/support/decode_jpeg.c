@@ -11,7 +11,8 @@
 
 #include <jerror.h>
 
-enum { MEMORY_BYTES_MAX = 1 << 27, SCANS_MAX = 64 };
+/* Pictures of several scans keep 6 bytes of each pixel. */
+enum { MEMORY_BYTES_MAX = 1 << 27, PIXEL_BYTES = 8, SCANS_MAX = 64 };
 
 struct job {
     struct jpeg_decompress_struct jpeg;
@@ -127,6 +128,8 @@ static enum fovea_status decode_once(struct job *job, const uint8_t *data, size_
 {
     if (setjmp(job->escape)) return FOVEA_ERROR_INPUT;
     create(job);
+    const long needed = (long)job->image->width * job->image->height * PIXEL_BYTES;
+    if (needed > MEMORY_BYTES_MAX) job->jpeg.mem->max_memory_to_use = needed;
     return decode(job, data, bytes);
 }
 
@@ -139,19 +142,16 @@ static void prepare(struct job *job)
     job->progress.progress_monitor = on_progress;
 }
 
-enum fovea_status fv_decode_jpeg_probe(const uint8_t *data, size_t bytes, int32_t *width,
-                                       int32_t *height, struct fovea_error *reason)
+enum fovea_status fv_decode_jpeg_size(const uint8_t *data, size_t bytes, int64_t *width,
+                                      int64_t *height, struct fovea_error *reason)
 {
     struct job job = {.reason = reason};
     prepare(&job);
-    enum fovea_status status = probe(&job, data, bytes);
-    const int64_t w = job.jpeg.image_width, h = job.jpeg.image_height;
+    const enum fovea_status status = probe(&job, data, bytes);
+    *width = job.jpeg.image_width;
+    *height = job.jpeg.image_height;
     jpeg_destroy_decompress(&job.jpeg);
-    if (status != FOVEA_OK || (status = fv_decode_check_size(w, h, reason)) != FOVEA_OK)
-        return status;
-    *width = (int32_t)w;
-    *height = (int32_t)h;
-    return FOVEA_OK;
+    return status;
 }
 
 enum fovea_status fv_decode_jpeg(const uint8_t *data, size_t bytes,

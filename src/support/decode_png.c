@@ -5,8 +5,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "fovea/image.h"
-
 enum { CHUNK_BYTES_MAX = 1 << 22, CHUNKS_MAX = 256 };
 
 struct job {
@@ -84,7 +82,7 @@ static enum fovea_status decode(struct job *job)
 {
     if (setjmp(png_jmpbuf(job->png))) return FOVEA_ERROR_INPUT;
     png_set_read_fn(job->png, job, on_read);
-    png_set_user_limits(job->png, FOVEA_IMAGE_WIDTH_MAX, FOVEA_IMAGE_HEIGHT_MAX);
+    png_set_user_limits(job->png, FV_DECODE_SIDE_MAX, FV_DECODE_SIDE_MAX);
     png_set_chunk_malloc_max(job->png, CHUNK_BYTES_MAX);
     png_set_chunk_cache_max(job->png, CHUNKS_MAX);
 #ifdef FUZZING_BUILD_MODE_UNSAFE_FOR_PRODUCTION

@@ -1,14 +1,23 @@
-/* Pictures as files: PNG and JPEG read as grey levels, grey levels and colours written as PNG. For
- * commands; the heap is used. */
+/* Pictures as files: PNG, JPEG and BMP read as grey levels or colours (support/decode.h), written
+ * as PNG. For commands; the heap is used. */
 #ifndef FOVEA_SUPPORT_PICTURE_H
 #define FOVEA_SUPPORT_PICTURE_H
 
 #include "fovea/image.h"
 #include "fovea/status.h"
 
-/* Read a picture. image->data is from malloc, to be given to free(). Errors name the file. */
+/* Read a picture as grey8, of a size that the runtime takes. image->data is from malloc, to be
+ * given to free(); after an error it is NULL. Errors name the file. */
 enum fovea_status fv_picture_read(const char *path, struct fovea_image *image,
                                   struct fovea_error *error);
+
+/* The same as rgb24, of any size up to 16384 pixels a side: for networks, which scale it. */
+enum fovea_status fv_picture_read_colour(const char *path, struct fovea_image *image,
+                                         struct fovea_error *error);
+
+/* The same, of a size that the runtime takes; refuses a picture that states no colours. */
+enum fovea_status fv_picture_read_coloured(const char *path, struct fovea_image *image,
+                                           struct fovea_error *error);
 
 /* Write a grey8 or rgb24 image. FOVEA_ERROR_SYSTEM: `error` names the file and the reason; no half
  * of a picture is left. */

@@ -12,7 +12,7 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "support/colour.h"
+#include "support/picture.h"
 #include "app/config/model_file.h"
 #include "common/imported.h"
 #include "detect/job.h"
@@ -47,7 +47,7 @@ static bool read_picture(const char *name, struct fovea_image *image)
     char path[512];
     struct fovea_error error;
     snprintf(path, sizeof path, "%s/images/%s", fv_data_folder(), name);
-    return fv_colour_read(path, image, &error) == FOVEA_OK;
+    return fv_picture_read_colour(path, image, &error) == FOVEA_OK;
 }
 
 /* ---- in the loop ----------------------------------------------------------------------------- */

@@ -21,7 +21,7 @@
 #include "common/imported.h"
 #include "drivers/table.h"
 #include "fovea/fovea.h"
-#include "support/colour.h"
+#include "support/picture.h"
 
 #include "fovea_segmentation_t.h"
 
@@ -81,7 +81,7 @@ static struct fovea_image read_picture(const char *name)
     char file[512];
     struct fovea_image image;
     snprintf(file, sizeof file, "%s/%s", fv_data_folder(), name);
-    if (fv_colour_read(file, &image, &error) != FOVEA_OK) fail_msg("%s", error.text);
+    if (fv_picture_read_colour(file, &image, &error) != FOVEA_OK) fail_msg("%s", error.text);
     return image;
 }
 

@@ -242,7 +242,7 @@ static void test_a_recording_with_twenty_changes_replays_bit_for_bit(void **stat
                                              {"statistics_every", "10"},
                                              {"image.operations", "[]"},
                                              {"camera_status_every", "4"},
-                                             {"image.white_balance", "true"},
+                                             {"edges.low", "40"},
                                              {"features.count_max", "500"},
                                              {"camera_exposure_ms", "2.5"},
                                              {"camera_gain", "4"}};

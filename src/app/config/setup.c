@@ -15,6 +15,7 @@
 #include "app/config/mask.h"
 #include "base/elementary.h"
 #include "geometry/se3.h"
+#include "image/preprocess.h"
 #include "map/archive.h"
 #include "support/calibration.h"
 #include "support/stall.h"
@@ -179,6 +180,32 @@ static bool takes_colour(const struct fv_model_file *file)
 bool fv_setup_wants_colour(const struct fv_setup *setup)
 {
     return takes_colour(&setup->model) || takes_colour(&setup->model2);
+}
+
+static bool is_grey(enum fovea_pixel_format format)
+{
+    return format == FOVEA_PIXEL_GREY8 || format == FOVEA_PIXEL_Y10 || format == FOVEA_PIXEL_Y12 ||
+           format == FOVEA_PIXEL_Y14 || format == FOVEA_PIXEL_Y16;
+}
+
+/* White balance that would change nothing. */
+static enum fovea_status check_balance(const struct fv_settings *settings,
+                                       const struct fv_setup *setup, struct fovea_error *error)
+{
+    if (!fv_preprocess_balances(&settings->runtime.image.preprocess)) return FOVEA_OK;
+    if (!fv_setup_wants_colour(setup))
+        fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                        "image.operations: found white_balance, expected a network of colours "
+                        "(detect.model): nobody else looks at colours");
+    else if (is_grey(setup->ops->info(setup->source)->format))
+        fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                        "image.operations: found white_balance, expected a source with colours: "
+                        "%.100s gives grey images",
+                        settings->source);
+    else
+        return FOVEA_OK;
+    fv_settings_locate(settings, error);
+    return FOVEA_ERROR_ARGUMENT;
 }
 
 /* Whether the configuration asks for what needs the camera's calibration: poses, or positions of
@@ -408,7 +435,9 @@ enum fovea_status fv_setup_open(struct fv_settings *settings,
         return status;
     }
     const struct fovea_source_info *info = setup->ops->info(setup->source);
-    status = fv_camera_controls_set(settings, setup->ops, setup->source, error);
+    status = check_balance(settings, setup, error);
+    if (status == FOVEA_OK)
+        status = fv_camera_controls_set(settings, setup->ops, setup->source, error);
     if (status == FOVEA_OK) status = rig_fit(settings, info, false, error);
     if (status == FOVEA_OK) status = fv_imu_join(settings, info, &setup->iio, error);
     return status == FOVEA_OK ? fv_setup_read(settings, setup, error) : status;

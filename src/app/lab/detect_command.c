@@ -7,7 +7,7 @@
 
 #include "app/lab/commands.h"
 #include "support/canvas.h"
-#include "support/colour.h"
+#include "support/picture.h"
 #include "support/files.h"
 #include "app/config/options.h"
 #include "app/lab/inference.h"
@@ -110,7 +110,7 @@ int fv_command_detect(int argc, char **argv)
         fv_say("%s: its states go from each picture to the next, zero before the first", model);
     for (int i = first; i < argc && status == FV_EXIT_OK; i++) {
         struct fovea_image image;
-        if (fv_colour_read(argv[i], &image, &error) != FOVEA_OK) {
+        if (fv_picture_read_colour(argv[i], &image, &error) != FOVEA_OK) {
             status = fv_say_wrong("%s", error.text);
             break;
         }

@@ -2,57 +2,66 @@
 #include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "app/lab/commands.h"
-#include "app/config/options.h"
+#include "app/lab/parameters.h"
 #include "fovea/edges.h"
 #include "support/aligned.h"
 #include "support/files.h"
 #include "support/picture.h"
 #include "support/say.h"
-#include "support/text.h"
+
+enum { CANNY = 1 << FOVEA_EDGES_CANNY, LAPLACIAN = 1 << FOVEA_EDGES_LAPLACIAN, ANY = 15 };
+
+#define ROW(option, value, kind, member, with, needed, help)                                       \
+    {                                                                                              \
+        option, value, help, FV_PARAMETER_##kind, #member,                                         \
+            offsetof(struct fovea_edges_config, member), with, needed                              \
+    }
+
+static const struct fv_parameter table[] = {
+    ROW("low", "N", REAL, low, CANNY, "--method canny",
+        "canny: gradient above which a pixel connected to an edge is an edge pixel (default 50)"),
+    ROW("high", "N", REAL, high, ANY, "",
+        "gradient above which a pixel is an edge pixel (default 150)"),
+    ROW("laplacian-size", "N", WHOLE, laplacian_size, LAPLACIAN, "--method laplacian",
+        "laplacian: 1 (default: four neighbours) or 3 (those at the corners)"),
+    {0},
+};
 
 /* What the command line says, before it is read. */
 struct request {
-    const char *method, *norm, *low, *high;
+    const char *method, *norm;
+    struct fv_parameters parameters;
 };
 
-static enum fovea_status read_number(const char *name, const char *text, double *value,
-                                     struct fovea_error *error)
+static const char *method_name(int method)
 {
-    double number;
-    if (text == NULL) return FOVEA_OK;
-    if (!fv_text_number(text, &number) || number < -1e6 || number > 1e6)
-        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
-                               "--%s: found '%.100s', expected a number from 0 to 32767", name,
-                               text);
-    *value = number;
-    return FOVEA_OK;
+    return fovea_edge_method_name((enum fovea_edge_method)method);
+}
+
+static const char *norm_name(int norm)
+{
+    return norm == FOVEA_GRADIENT_L1 ? "l1" : "l2";
 }
 
 static enum fovea_status read_config(const struct request *request,
                                      struct fovea_edges_config *config, struct fovea_error *error)
 {
+    int method = FOVEA_EDGES_CANNY, norm = FOVEA_GRADIENT_L1;
     fovea_edges_config_default(config);
-    int method = 0;
-    while (request->method != NULL && method < FOVEA_EDGE_METHOD_COUNT &&
-           strcmp(request->method, fovea_edge_method_name((enum fovea_edge_method)method)) != 0)
-        method++;
-    if (method == FOVEA_EDGE_METHOD_COUNT)
+    enum fovea_status status = fv_choice_read("method", request->method, method_name,
+                                              FOVEA_EDGE_METHOD_COUNT, &method, error);
+    if (status == FOVEA_OK)
+        status = fv_choice_read("norm", request->norm, norm_name, 2, &norm, error);
+    if (status != FOVEA_OK) return status;
+    if (request->norm != NULL && method == FOVEA_EDGES_LAPLACIAN)
         return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
-                               "--method: found '%.100s', expected canny, sobel, scharr or "
-                               "laplacian",
-                               request->method);
-    const bool squares = request->norm != NULL && strcmp(request->norm, "l2") == 0;
-    if (request->norm != NULL && !squares && strcmp(request->norm, "l1") != 0)
-        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
-                               "--norm: found '%.100s', expected l1 or l2", request->norm);
+                               "--norm: found it without effect, expected --method canny, sobel or "
+                               "scharr");
     config->method = (enum fovea_edge_method)method;
-    config->norm = squares ? FOVEA_GRADIENT_L2 : FOVEA_GRADIENT_L1;
-    enum fovea_status status = read_number("low", request->low, &config->low, error);
-    if (status == FOVEA_OK) status = read_number("high", request->high, &config->high, error);
-    return status;
+    config->norm = (enum fovea_gradient_norm)norm;
+    return fv_parameters_read(&request->parameters, 1u << method, config, error);
 }
 
 /* White where a bit is set, black elsewhere; prints how many are white. */
@@ -75,9 +84,8 @@ static enum fovea_status mark(const struct fovea_edges_config *config,
                               const struct fovea_image *image, struct fovea_error *error)
 {
     struct fovea_edges *edges = NULL;
-    struct fovea_error wrong;
-    const size_t bytes = fovea_edges_size(config, image->width, image->height, &wrong);
-    if (bytes == 0) return fovea_error_set(error, wrong.status, "--%s", wrong.text);
+    const size_t bytes = fovea_edges_size(config, image->width, image->height, error);
+    if (bytes == 0) return FOVEA_ERROR_ARGUMENT;
     const int32_t stride = (image->width + 7) / 8;
     const size_t bitmap = (size_t)stride * (size_t)image->height;
     uint8_t *memory = fv_aligned_new(bytes + bitmap); /* the bitmap follows the detector */
@@ -100,18 +108,15 @@ static enum fovea_status mark(const struct fovea_edges_config *config,
 
 int fv_command_edges(int argc, char **argv)
 {
-    struct request request = {0};
-    const struct fv_option options[] = {
+    struct request request = {.parameters.table = table};
+    struct fv_option options[FV_OPTIONS_MAX + 1] = {
         {"method", "NAME", FV_OPTION_TEXT, &request.method,
          "canny (default), or sobel, scharr or laplacian with one threshold"},
-        {"low", "N", FV_OPTION_TEXT, &request.low,
-         "canny: gradient above which a pixel connected to an edge is an edge pixel (default 50)"},
-        {"high", "N", FV_OPTION_TEXT, &request.high,
-         "gradient above which a pixel is an edge pixel (default 150)"},
-        {"norm", "NAME", FV_OPTION_TEXT, &request.norm, "of the gradient: l1 (default) or l2"},
-        {0},
+        {"norm", "NAME", FV_OPTION_TEXT, &request.norm,
+         "of the gradient: l1 (default) or l2 (the Laplacian has none)"},
     };
     int first;
+    fv_parameters_offer(&request.parameters, options);
     const enum fv_options_result result =
         fv_options_parse(options, "IN OUT", 2, 2, argc, argv, &first);
     if (result != FV_OPTIONS_READ) return result == FV_OPTIONS_HELP ? FV_EXIT_OK : FV_EXIT_WRONG;
@@ -127,6 +132,7 @@ int fv_command_edges(int argc, char **argv)
     if (status == FOVEA_OK) status = fv_picture_write(argv[first + 1], &image, &error);
     free((void *)(uintptr_t)image.data);
     if (status == FOVEA_OK) return FV_EXIT_OK;
+    fv_parameters_name(&request.parameters, &error);
     return status == FOVEA_ERROR_SYSTEM ? fv_say_failed("%s", error.text)
                                         : fv_say_wrong("%s", error.text);
 }

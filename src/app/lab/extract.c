@@ -10,22 +10,6 @@
 #include "support/aligned.h"
 #include "support/picture.h"
 
-/* A name out of `count`; false: `names` gets all of them, for the message. */
-static bool find_name(const char *text, const char *(*name_of)(int), int count, int *found,
-                      char *names, size_t size)
-{
-    for (*found = 0; *found < count; ++*found)
-        if (strcmp(text, name_of(*found)) == 0) return true;
-    size_t used = 0;
-    for (int i = 0; i < count && used < size; i++)
-        used += (size_t)snprintf(names + used, size - used, "%s%s",
-                                 i == 0           ? ""
-                                 : i == count - 1 ? " or "
-                                                  : ", ",
-                                 name_of(i));
-    return false;
-}
-
 static const char *method_name(int method)
 {
     return fovea_feature_method_name((enum fovea_feature_method)method);
@@ -36,32 +20,100 @@ static const char *descriptor_name(int descriptor)
     return fovea_descriptor_name((enum fovea_descriptor)descriptor);
 }
 
-enum fovea_status fv_extract_config(const char *method, const char *descriptor, uint64_t max,
+enum {
+    FAST = 1 << FOVEA_FEATURES_FAST,
+    ORB = 1 << FOVEA_FEATURES_ORB,
+    HARRIS = 1 << FOVEA_FEATURES_HARRIS,
+    SHI_TOMASI = 1 << FOVEA_FEATURES_SHI_TOMASI,
+    SIFT = 1 << FOVEA_FEATURES_SIFT,
+    SURF = 1 << FOVEA_FEATURES_SURF
+};
+
+#define ROW(option, value, kind, member, with, needed, help)                                       \
+    {                                                                                              \
+        option, value, help, FV_PARAMETER_##kind, #member,                                         \
+            offsetof(struct fovea_extract_config, member), with, needed                            \
+    }
+
+static const struct fv_parameter table[] = {
+    ROW("upright", NULL, SET_1, upright, ORB | SIFT | SURF,
+        "--method orb, sift or surf: others are upright unless --oriented",
+        "leave orientations out (orb, sift, surf)"),
+    ROW("oriented", NULL, SET_0, upright, FAST | HARRIS | SHI_TOMASI,
+        "--method fast, harris or shi_tomasi: others are oriented unless --upright",
+        "give corners orientations (fast, harris, shi_tomasi)"),
+    ROW("levels", "N", WHOLE, levels, ORB | SIFT | SURF, "--method orb, sift or surf",
+        "levels of the pyramid (orb), or octaves at most (sift, surf): 1 to 8 (default)"),
+    ROW("threshold", "LEVELS", WHOLE, threshold, FAST | ORB, "--method fast or orb",
+        "least contrast of corners in grey levels (orb, fast; 2 to 100, default 20)"),
+    ROW("contrast", "LEVELS", FLOAT, contrast, SIFT, "--method sift",
+        "least difference of Gaussians in grey levels (sift; .1 to 50, default 3.4)"),
+    ROW("edge-ratio", "R", FLOAT, edge_ratio, SIFT, "--method sift",
+        "largest ratio of the two curvatures, high on edges (sift; 1 to 100, default 10)"),
+    ROW("hessian", "N", FLOAT, hessian, SURF, "--method surf",
+        "least determinant of the Hessian (surf; 0 to 10000, default 1)"),
+    ROW("no-doubling", NULL, SET_0, doubled, SIFT | SURF, "--method sift or surf",
+        "start with the picture at its own size: fewer and coarser features in less time (sift, "
+        "surf)"),
+    ROW("harris-k", "K", FLOAT, harris_k, HARRIS, "--method harris",
+        "k of det - k trace^2 (harris; 0 to .25, default .04)"),
+    ROW("quality", "Q", FLOAT, quality, HARRIS | SHI_TOMASI | SURF,
+        "--method harris, shi_tomasi or surf",
+        "least strength, of the strongest (harris, shi_tomasi; default .01) or of the variance of "
+        "the grey levels (surf; default .004), 0 to 1"),
+    ROW("distance", "PIXELS", FLOAT, distance_px, HARRIS | SHI_TOMASI,
+        "--method harris or shi_tomasi",
+        "spread corners: of two that are nearer only the stronger counts (harris, shi_tomasi; 0 to "
+        "256, default 0)"),
+    {0},
+};
+
+void fv_extract_offer(struct fv_extract_request *request, uint64_t max, struct fv_option *options)
+{
+    *request = (struct fv_extract_request){.max = max, .parameters.table = table};
+    const struct fv_option own[] = {
+        {"method", "NAME", FV_OPTION_TEXT, &request->method,
+         "orb (default): FAST corners on a pyramid; fast, harris, shi_tomasi: corners of the picture "
+         "itself; sift, surf"},
+        {"descriptor", "NAME", FV_OPTION_TEXT, &request->descriptor,
+         "binary (default of corners) or patch (9x9 pixels) of corners; float of sift and surf"},
+        {"max", "N", FV_OPTION_COUNT, &request->max,
+         max == 500 ? "most features to find (default 500)"
+                    : "most features to find in each picture (default 1000)"},
+        {0},
+    };
+    fv_parameters_join(options, own);
+    fv_parameters_offer(&request->parameters, options);
+}
+
+enum fovea_status fv_extract_config(const struct fv_extract_request *request,
                                     struct fovea_extract_config *config, struct fovea_error *error)
 {
-    int found = FOVEA_FEATURES_ORB;
-    char names[128] = "";
-    if (method != NULL &&
-        !find_name(method, method_name, FOVEA_FEATURE_METHOD_COUNT, &found, names, sizeof names))
-        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "--method: found '%.100s', expected %s",
-                               method, names);
-    fovea_extract_config_default(config, (enum fovea_feature_method)found);
-    if (max < 1 || max > FOVEA_EXTRACT_COUNT_MAX)
+    int method = FOVEA_FEATURES_ORB;
+    enum fovea_status status = fv_choice_read("method", request->method, method_name,
+                                              FOVEA_FEATURE_METHOD_COUNT, &method, error);
+    if (status != FOVEA_OK) return status;
+    fovea_extract_config_default(config, (enum fovea_feature_method)method);
+    if (request->max < 1 || request->max > FOVEA_EXTRACT_COUNT_MAX)
         return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
-                               "--max: found %" PRIu64 ", expected 1 to %d", max,
+                               "--max: found %" PRIu64 ", expected 1 to %d", request->max,
                                FOVEA_EXTRACT_COUNT_MAX);
-    config->count_max = (uint32_t)max;
-    if (descriptor == NULL) return FOVEA_OK;
-    if (!find_name(descriptor, descriptor_name, FOVEA_DESCRIPTOR_COUNT, &found, names,
-                   sizeof names))
-        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
-                               "--descriptor: found '%.100s', expected %s", descriptor, names);
-    config->descriptor = (enum fovea_descriptor)found;
-    /* Whether the method has it. */
-    struct fovea_error wrong;
-    return fovea_extract_size(config, FOVEA_IMAGE_WIDTH_MIN, FOVEA_IMAGE_HEIGHT_MIN, &wrong) > 0
-               ? FOVEA_OK
-               : fovea_error_set(error, wrong.status, "--%s", wrong.text);
+    config->count_max = (uint32_t)request->max;
+    int descriptor = (int)config->descriptor;
+    status = fv_choice_read("descriptor", request->descriptor, descriptor_name,
+                            FOVEA_DESCRIPTOR_COUNT, &descriptor, error);
+    config->descriptor = (enum fovea_descriptor)descriptor;
+    if (status == FOVEA_OK)
+        status = fv_parameters_read(&request->parameters, 1u << method, config, error);
+    if (status != FOVEA_OK) return status;
+    /* Whether the method has the descriptor, and values are in their ranges. */
+    if (fovea_extract_size(config, FOVEA_IMAGE_WIDTH_MIN, FOVEA_IMAGE_HEIGHT_MIN, error) > 0)
+        return FOVEA_OK;
+    const struct fovea_error wrong = *error;
+    if (strncmp(wrong.text, "method:", 7) == 0 || strncmp(wrong.text, "descriptor:", 11) == 0)
+        fovea_error_set(error, wrong.status, "--%s", wrong.text);
+    fv_parameters_name(&request->parameters, error);
+    return FOVEA_ERROR_ARGUMENT;
 }
 
 static enum fovea_status make_mask(const struct fovea_image *image,

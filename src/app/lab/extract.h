@@ -3,6 +3,7 @@
 #ifndef FOVEA_APP_LAB_EXTRACT_H
 #define FOVEA_APP_LAB_EXTRACT_H
 
+#include "app/lab/parameters.h"
 #include "features/mask.h"
 #include "fovea/extract.h"
 
@@ -32,8 +33,19 @@ enum fovea_status fv_extract_image(const struct fovea_image *image,
                                    struct fv_extract *extract, struct fovea_error *error);
 void fv_extract_free(struct fv_extract *extract);
 
-/* What the commands' options say, checked; NULL for what is not given. */
-enum fovea_status fv_extract_config(const char *method, const char *descriptor, uint64_t max,
+/* What the command line says about features. */
+struct fv_extract_request {
+    const char *method, *descriptor;
+    uint64_t max;
+    struct fv_parameters parameters;
+};
+
+/* Append the options about features to those of a command, which {0} ends; `max` is the default of
+ * the most features. */
+void fv_extract_offer(struct fv_extract_request *request, uint64_t max, struct fv_option *options);
+
+/* The configuration that is asked for, checked. Errors name the option. */
+enum fovea_status fv_extract_config(const struct fv_extract_request *request,
                                     struct fovea_extract_config *config, struct fovea_error *error);
 
 #endif

@@ -99,24 +99,12 @@ static bool read_box(const char *text, struct fv_mask_box *box)
 
 int fv_command_features(int argc, char **argv)
 {
-    uint64_t max = 500, levels = 0, distance = 0;
-    const char *picture = NULL, *mask = NULL, *method = NULL, *descriptor = NULL;
-    bool json = false, upright = false;
+    const char *picture = NULL, *mask = NULL;
+    bool json = false;
+    struct fv_extract_request request;
     struct fv_option_list ignored = {0};
-    const struct fv_option options[] = {
-        {"method", "NAME", FV_OPTION_TEXT, &method,
-         "orb (default): FAST corners on a pyramid; fast, harris, shi_tomasi: corners of the picture "
-         "itself; sift, surf"},
-        {"descriptor", "NAME", FV_OPTION_TEXT, &descriptor,
-         "binary (default of corners) or patch (9x9 pixels) of corners; float of sift and surf"},
-        {"upright", NULL, FV_OPTION_FLAG, &upright,
-         "leave orientations out (orb, sift, surf; others have none)"},
-        {"max", "N", FV_OPTION_COUNT, &max, "most features to find (default 500)"},
-        {"levels", "N", FV_OPTION_POSITIVE, &levels,
-         "levels of the pyramid (orb), or octaves at most (sift, surf): 1 to 8 (default)"},
-        {"distance", "PIXELS", FV_OPTION_COUNT, &distance,
-         "spread corners: of two that are nearer only the stronger counts (harris, shi_tomasi; 0 to "
-         "256, default 0)"},
+    struct fv_option options[FV_OPTIONS_MAX + 1] = {{0}};
+    const struct fv_option own[] = {
         {"mask", "FILE", FV_OPTION_TEXT, &mask,
          "PNG of the size of the picture, black where features are ignored"},
         {"ignore", "X,Y,X,Y", FV_OPTION_LIST, &ignored,
@@ -126,6 +114,8 @@ int fv_command_features(int argc, char **argv)
         {0},
     };
     int first;
+    fv_extract_offer(&request, 500, options);
+    fv_parameters_join(options, own);
     const enum fv_options_result result =
         fv_options_parse(options, "IMAGE", 1, 1, argc, argv, &first);
     if (result != FV_OPTIONS_READ) return result == FV_OPTIONS_HELP ? FV_EXIT_OK : FV_EXIT_WRONG;
@@ -135,12 +125,9 @@ int fv_command_features(int argc, char **argv)
     struct fv_extract extract;
     const struct fv_file written[] = {{"--draw", picture}, {0}},
                          read[] = {{"IMAGE", argv[first]}, {"--mask", mask}, {0}};
-    if (fv_extract_config(method, descriptor, max, &config, &error) != FOVEA_OK ||
+    if (fv_extract_config(&request, &config, &error) != FOVEA_OK ||
         fv_files_apart(written, read, &error) != FOVEA_OK)
         return fv_say_wrong("%s", error.text);
-    if (upright) config.upright = 1;
-    if (levels > 0) config.levels = (uint32_t)(levels < UINT32_MAX ? levels : UINT32_MAX);
-    config.distance_px = (float)distance;
     struct fv_mask_box boxes[FV_OPTION_LIST_MAX];
     for (int i = 0; i < ignored.count; i++)
         if (!read_box(ignored.values[i], &boxes[i]))

@@ -117,11 +117,28 @@ static enum fovea_status match(struct pair *pair, struct fovea_error *error)
     return status;
 }
 
+enum {
+    VERIFIED =
+        1 << FOVEA_MATCH_HOMOGRAPHY | 1 << FOVEA_MATCH_ESSENTIAL | 1 << FOVEA_MATCH_FUNDAMENTAL
+};
+
+static const struct fv_parameter table[] = {
+    {"residual", "PIXELS", "largest residual of an inlier, in B (0.1 to 50, default 3)",
+     FV_PARAMETER_FLOAT, "threshold_px", offsetof(struct fovea_match_config, threshold_px),
+     VERIFIED, "--geometry homography, essential or fundamental"},
+    {"samples", "N", "most samples of matches that --geometry is computed from (default 2000)",
+     FV_PARAMETER_WHOLE, "samples_max", offsetof(struct fovea_match_config, samples_max), VERIFIED,
+     "--geometry homography, essential or fundamental"},
+    {0},
+};
+
 /* What the command line says, before it is read. */
 struct request {
-    const char *method, *descriptor, *matcher, *geometry, *focal, *centre;
-    uint64_t max, ratio;
-    bool upright, no_cross_check;
+    struct fv_extract_request features;
+    struct fv_parameters parameters;
+    const char *matcher, *geometry, *focal, *centre;
+    uint64_t ratio;
+    bool no_cross_check;
 };
 
 static bool read_numbers(const char *text, int count, double *values)
@@ -158,6 +175,11 @@ static enum fovea_status read_camera(const struct request *request, const struct
     return FOVEA_OK;
 }
 
+static const char *geometry_name(int geometry)
+{
+    return fovea_match_geometry_name((enum fovea_match_geometry)geometry);
+}
+
 static enum fovea_status read_request(const struct request *request,
                                       struct fovea_extract_config *extract,
                                       struct fovea_match_config *config, struct fovea_error *error)
@@ -167,28 +189,28 @@ static enum fovea_status read_request(const struct request *request,
                                "--ratio: found %" PRIu64 ", expected 1 to 100 (percent)",
                                request->ratio);
     if (request->matcher != NULL && strcmp(request->matcher, "brute_force") != 0)
-        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
-                               "--matcher: found '%.100s', expected brute_force", request->matcher);
-    const enum fovea_status status =
-        fv_extract_config(request->method, request->descriptor, request->max, extract, error);
+        return fovea_error_set(
+            error, FOVEA_ERROR_ARGUMENT, "--matcher: found '%.100s', expected brute_force%s",
+            request->matcher,
+            strcmp(request->matcher, "approximate") == 0
+                ? ": the exact search is faster than an approximate one (docs/operations.md)"
+                : "");
+    enum fovea_status status = fv_extract_config(&request->features, extract, error);
     if (status != FOVEA_OK) return status;
-    if (request->upright) extract->upright = 1;
     fovea_match_config_default(config, extract->descriptor);
     config->count_max = extract->count_max;
     config->ratio = (float)request->ratio / 100;
     config->cross_check = !request->no_cross_check;
-    int geometry = request->geometry == NULL ? FOVEA_MATCH_FUNDAMENTAL : 0;
-    while (request->geometry != NULL && geometry < FOVEA_MATCH_GEOMETRY_COUNT &&
-           strcmp(request->geometry,
-                  fovea_match_geometry_name((enum fovea_match_geometry)geometry)) != 0)
-        geometry++;
-    if (geometry == FOVEA_MATCH_GEOMETRY_COUNT)
-        return fovea_error_set(
-            error, FOVEA_ERROR_ARGUMENT,
-            "--geometry: found '%.100s', expected any, homography, essential or fundamental",
-            request->geometry);
+    int geometry = FOVEA_MATCH_FUNDAMENTAL;
+    status = fv_choice_read("geometry", request->geometry, geometry_name,
+                            FOVEA_MATCH_GEOMETRY_COUNT, &geometry, error);
+    if (status != FOVEA_OK) return status;
     config->geometry = (enum fovea_match_geometry)geometry;
-    return FOVEA_OK;
+    if (geometry != FOVEA_MATCH_ESSENTIAL && (request->focal != NULL || request->centre != NULL))
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                               "--%s: found it without effect, expected --geometry essential",
+                               request->focal != NULL ? "focal" : "centre");
+    return fv_parameters_read(&request->parameters, 1u << geometry, config, error);
 }
 
 /* Read both pictures, match, and write what was asked for. */
@@ -201,6 +223,7 @@ static enum fv_exit run(const struct request *request, const struct fovea_extrac
     if (status == FOVEA_OK && pair->config.geometry == FOVEA_MATCH_ESSENTIAL)
         status = read_camera(request, &pair->a.image, &pair->config, &error);
     if (status == FOVEA_OK) status = match(pair, &error);
+    if (status != FOVEA_OK) fv_parameters_name(&request->parameters, &error);
     if (status != FOVEA_OK)
         return status == FOVEA_ERROR_SYSTEM ? fv_say_failed("%s", error.text)
                                             : fv_say_wrong("%s", error.text);
@@ -215,16 +238,11 @@ static enum fv_exit run(const struct request *request, const struct fovea_extrac
 
 int fv_command_match(int argc, char **argv)
 {
-    struct request request = {.max = 1000, .ratio = 80};
+    struct request request = {.ratio = 80, .parameters.table = table};
     const char *picture = NULL;
     bool json = false;
-    const struct fv_option options[] = {
-        {"method", "NAME", FV_OPTION_TEXT, &request.method,
-         "of features, as of 'fovea features': orb (default), sift, ..."},
-        {"descriptor", "NAME", FV_OPTION_TEXT, &request.descriptor, "as of 'fovea features'"},
-        {"upright", NULL, FV_OPTION_FLAG, &request.upright, "as of 'fovea features'"},
-        {"max", "N", FV_OPTION_COUNT, &request.max,
-         "most features to find in each picture (default 1000)"},
+    struct fv_option options[FV_OPTIONS_MAX + 1] = {{0}};
+    const struct fv_option own[] = {
         {"matcher", "NAME", FV_OPTION_TEXT, &request.matcher,
          "brute_force (default): each descriptor of A is compared with each of B"},
         {"ratio", "PERCENT", FV_OPTION_COUNT, &request.ratio,
@@ -242,6 +260,9 @@ int fv_command_match(int argc, char **argv)
         {0},
     };
     int first;
+    fv_extract_offer(&request.features, 1000, options);
+    fv_parameters_offer(&request.parameters, options);
+    fv_parameters_join(options, own);
     const enum fv_options_result result =
         fv_options_parse(options, "A B", 2, 2, argc, argv, &first);
     if (result != FV_OPTIONS_READ) return result == FV_OPTIONS_HELP ? FV_EXIT_OK : FV_EXIT_WRONG;

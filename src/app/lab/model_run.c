@@ -7,7 +7,7 @@
 #include "app/config/model_file.h"
 #include "app/lab/npy.h"
 #include "support/aligned.h"
-#include "support/colour.h"
+#include "support/picture.h"
 #include "support/files.h"
 #include "support/output.h"
 #include "support/say.h"
@@ -107,7 +107,7 @@ static enum fovea_status set_picture(struct engine *e, const char *path, struct 
     struct fovea_image image;
     struct fovea_tensor t;
     char text[128];
-    enum fovea_status status = fv_colour_read(path, &image, error);
+    enum fovea_status status = fv_picture_read_colour(path, &image, error);
     if (status != FOVEA_OK) return status;
     if (fovea_network_set_image(e->network, &image) != FOVEA_OK) {
         (void)fovea_network_input(e->network, 0, &t);

@@ -9,10 +9,9 @@
 #include "app/lab/inference.h"
 #include "app/lab/label_picture.h"
 #include "support/canvas.h"
-#include "support/colour.h"
+#include "support/picture.h"
 #include "support/files.h"
 #include "support/json.h"
-#include "support/picture.h"
 #include "support/say.h"
 
 struct asked {
@@ -102,7 +101,7 @@ static enum fovea_status take(struct fv_inference *engine, struct fv_confusion *
 {
     struct fovea_image image;
     struct fovea_segmentation seen;
-    enum fovea_status status = fv_colour_read(path, &image, error);
+    enum fovea_status status = fv_picture_read_colour(path, &image, error);
     if (status != FOVEA_OK) return status;
     if (fv_inference_run(engine, &image) != FOVEA_OK)
         status = fovea_error_set(error, FOVEA_ERROR_INPUT,

@@ -185,8 +185,8 @@ static void operations_call_no_heap(void **state)
     for (uint32_t size = 3; size <= 7; size += 2) { /* all, one after the other */
         config.denoise_method = FOVEA_DENOISE_GAUSSIAN;
         config.denoise_size = config.sharpen_size = size;
-        config.operations.count = FOVEA_OPERATION_COUNT;
-        for (int operation = 0; operation < FOVEA_OPERATION_COUNT; operation++)
+        config.operations.count = FOVEA_OPERATION_WHITE_BALANCE;
+        for (int operation = 0; operation < FOVEA_OPERATION_WHITE_BALANCE; operation++)
             config.operations.items[operation] = (enum fovea_operation)operation;
         preprocess_with(&config);
     }

@@ -91,7 +91,7 @@ static void an_empty_chain_copies_and_touches_nothing_beside_the_rows(void **sta
 static void each_operation_gives_the_same_in_place_and_on_every_kernel_set(void **state)
 {
     (void)state;
-    for (int i = 0; i < FOVEA_OPERATION_COUNT; i++)
+    for (int i = 0; i < FOVEA_OPERATION_WHITE_BALANCE; i++)
         for (int method = 0; method < 3; method++) {
             struct fovea_preprocess_config config = LIST((enum fovea_operation)i);
             config.denoise_method = (enum fovea_denoise_method)method;
@@ -194,6 +194,9 @@ static void wrong_parameters_are_refused_by_name(void **state)
     config = LIST((enum fovea_operation)FOVEA_OPERATION_COUNT);
     assert_int_equal(fovea_preprocess_size(&config, WIDTH, HEIGHT, &error), 0);
     assert_non_null(strstr(error.text, "operations"));
+    config = LIST(FOVEA_OPERATION_WHITE_BALANCE);
+    assert_int_equal(fovea_preprocess_size(&config, WIDTH, HEIGHT, &error), 0);
+    assert_non_null(strstr(error.text, "fovea_white_balance"));
     config = LIST(FOVEA_OPERATION_GAMMA);
     assert_int_equal(fovea_preprocess_size(&config, 63, HEIGHT, &error), 0);
     assert_string_equal(error.text, "width: found 63, expected 64 to 4096");

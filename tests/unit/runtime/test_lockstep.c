@@ -38,8 +38,8 @@ static void open_with_all_jobs(void)
     sim_rig_open(&rig, "sim:orbit?width=320&height=240", 0, FRAMES);
     rig.config.lockstep_every = 1;
     rig.config.edge_job.segments = true;
-    rig.config.image.preprocess.operations.count = FOVEA_OPERATION_COUNT;
-    for (int i = 0; i < FOVEA_OPERATION_COUNT; i++)
+    rig.config.image.preprocess.operations.count = FOVEA_OPERATION_WHITE_BALANCE;
+    for (int i = 0; i < FOVEA_OPERATION_WHITE_BALANCE; i++)
         rig.config.image.preprocess.operations.items[i] = (enum fovea_operation)i;
     assert_true(job_switch_all(&rig.config, 3));
 }

@@ -188,7 +188,7 @@ static void vary(struct fovea_config *config, const struct row *row, struct fv_r
     const bool truth = fv_random_below(random, 2) != 0;
     uint32_t list[1 + FOVEA_OPERATIONS_MAX] = {1 + fv_random_below(random, 4)};
     for (uint32_t i = 1; i <= list[0]; i++)
-        list[i] = fv_random_below(random, FOVEA_OPERATION_COUNT);
+        list[i] = fv_random_below(random, FOVEA_OPERATION_WHITE_BALANCE);
     if (row->kind == FV_CONFIG_REAL) memcpy(at, &value, sizeof value);
     if (row->kind == FV_CONFIG_BOOL) memcpy(at, &truth, sizeof truth);
     if (row->kind == FV_CONFIG_U32 || row->kind == FV_CONFIG_CHOICE) memcpy(at, &whole, 4);

@@ -234,7 +234,9 @@ static void networks_see_balanced_colours(void **state)
     run.image.preprocess.operations.count = 0;
     run_of(&run, &images[0], &kept_tinted);
     run_of(&run, &images[1], &kept_grey);
-    run.image.white_balance = true;
+    run.image.preprocess.operations =
+        (struct fovea_operation_list){1, {FOVEA_OPERATION_WHITE_BALANCE}};
+    run.image.seen_by = FOVEA_VIEWER_NETWORKS;
     run_of(&run, &images[0], &kept);
     for (int c = 0; c < CHANNELS; c++)
         assert_true(
@@ -271,6 +273,11 @@ static void a_wrong_chain_is_refused(void **state)
     run.image.preprocess.operations.items[1] = FOVEA_OPERATION_COUNT;
     assert_int_equal(fovea_size(&run, &bytes, &error), FOVEA_ERROR_ARGUMENT);
     assert_non_null(strstr(error.text, "image.operations"));
+    run = config;
+    run.image.preprocess.operations.items[1] = FOVEA_OPERATION_WHITE_BALANCE;
+    run.image.seen_by = FOVEA_VIEWERS_ALL & ~(uint32_t)FOVEA_VIEWER_NETWORKS;
+    assert_int_equal(fovea_size(&run, &bytes, &error), FOVEA_ERROR_ARGUMENT);
+    assert_non_null(strstr(error.text, "expected networks in image.seen_by"));
     run = config;
     run.image.preprocess.denoise_size = 4;
     assert_int_equal(fovea_size(&run, &bytes, &error), FOVEA_ERROR_ARGUMENT);

@@ -127,8 +127,6 @@ static void commands_write_pictures(void **state)
         CALL(fv_command_image, "image", in, out, "--operations", "denoise,normalize,sharpen"),
         FV_EXIT_OK);
     size_of(out, WIDTH, HEIGHT);
-    assert_int_equal(CALL(fv_command_image, "image", in, out, "--white-balance"), FV_EXIT_OK);
-    size_of(out, WIDTH, HEIGHT);
     assert_int_equal(CALL(fv_command_edges, "edges", in, out, "--method", "canny", "--norm", "l2"),
                      FV_EXIT_OK);
     size_of(out, WIDTH, HEIGHT);
@@ -178,7 +176,10 @@ static void wrong_input_is_reported(void **state)
     assert_int_equal(CALL(fv_command_edges, "edges", in, out, "--method", "kanny"), FV_EXIT_WRONG);
     assert_int_equal(CALL(fv_command_edges, "edges", in, out, "--low", "200"), FV_EXIT_WRONG);
     assert_int_equal(CALL(fv_command_edges, "edges", in, out, "--high", "1e9"), FV_EXIT_WRONG);
-    assert_int_equal(CALL(fv_command_image, "image", in, in, "--white-balance"), FV_EXIT_WRONG);
+    assert_int_equal(CALL(fv_command_image, "image", in, in, "--operations", "gamma"),
+                     FV_EXIT_WRONG);
+    assert_int_equal(CALL(fv_command_image, "image", in, out, "--operations", "white_balance"),
+                     FV_EXIT_WRONG); /* grey */
     assert_int_equal(CALL(fv_command_rectify, "rectify", in, out), FV_EXIT_WRONG);
     assert_int_equal(CALL(fv_command_rectify, "rectify", in, out, "--camera", in), FV_EXIT_WRONG);
     assert_int_equal(
@@ -199,7 +200,6 @@ static size_t bytes_of(const char *path, uint8_t *bytes, size_t size)
     return count;
 }
 
-/* Also by another name of the same file. */
 /* A picture that was cut off anywhere is refused with a line, by both of the ways to read it. */
 static void damaged_pictures_are_reported(void **state)
 {
@@ -216,14 +216,122 @@ static void damaged_pictures_are_reported(void **state)
         assert_non_null(file);
         assert_int_equal(fwrite(bytes, whole * eighths / 8, 1, file), 1);
         fclose(file);
-        assert_int_equal(CALL(fv_command_image, "image", cut, out, "--white-balance"),
-                         FV_EXIT_WRONG);
+        struct fovea_image image;
+        struct fovea_error error;
+        assert_int_equal(fv_picture_read_colour(cut, &image, &error), FOVEA_ERROR_INPUT);
         assert_int_equal(CALL(fv_command_image, "image", cut, out, "--operations", "denoise"),
                          FV_EXIT_WRONG);
     }
     unlink(cut);
 }
 
+static void put32(uint8_t *at, uint32_t value)
+{
+    for (int i = 0; i < 4; i++)
+        at[i] = (uint8_t)(value >> 8 * i);
+}
+
+/* A BMP of 64 x 64 pixels, of 24 bits, of 32 from the top, or of 8 with a palette. */
+static size_t make_bmp(uint8_t *bmp, int bits, const uint8_t rgb[64 * 64][3])
+{
+    const uint32_t palette = bits == 8 ? 1024 : 0, row = 64u * (uint32_t)bits / 8,
+                   start = 54 + palette;
+    memset(bmp, 0, start);
+    bmp[0] = 'B';
+    bmp[1] = 'M';
+    put32(bmp + 10, start);
+    put32(bmp + 14, 40);
+    put32(bmp + 18, 64);
+    put32(bmp + 22, bits == 32 ? (uint32_t)-64 : 64);
+    bmp[28] = (uint8_t)bits;
+    for (uint32_t i = 0; i < palette / 4; i++) /* index i is the level 255 - i */
+        memset(bmp + 54 + 4 * (size_t)i, (int)(255 - i), 3);
+    for (uint32_t i = 0; i < 64 * 64; i++) {
+        const uint32_t y = i / 64, from_file = bits == 32 ? y : 63 - y;
+        uint8_t *to = bmp + start + (size_t)from_file * row + (size_t)(i % 64) * (size_t)bits / 8;
+        for (int c = 0; bits > 8 && c < 3; c++)
+            to[c] = rgb[i][2 - c];
+        if (bits == 8) to[0] = (uint8_t)(255 - rgb[i][0]);
+    }
+    return start + (size_t)64 * row;
+}
+
+/* Every command reads the same formats: the pixels of a BMP are those of the PNG. */
+static void all_formats_give_the_same_pixels(void **state)
+{
+    (void)state;
+    static uint8_t rgb[64 * 64][3], bmp[1 << 15];
+    char path[80];
+    struct fovea_error error;
+    struct fovea_image png, read;
+    snprintf(path, sizeof path, "%s/picture", folder);
+    for (int grey = 0; grey < 2; grey++) {
+        for (int i = 0; i < 64 * 64; i++)
+            for (int c = 0; c < 3; c++)
+                rgb[i][c] = (uint8_t)(i * (grey ? 7 : 7 + c) + i / 64);
+        const struct fovea_image image = {&rgb[0][0], 64, 64, 192, FOVEA_PIXEL_RGB24, sizeof rgb};
+        enum fovea_status (*const readers[])(const char *, struct fovea_image *,
+                                             struct fovea_error *) = {fv_picture_read,
+                                                                      fv_picture_read_colour};
+        for (int reader = 0; reader < 2; reader++)
+            for (int bits = grey ? 8 : 24; bits <= 32; bits += grey ? 16 : 8) {
+                assert_int_equal(fv_picture_write(out, &image, &error), FOVEA_OK);
+                assert_int_equal(readers[reader](out, &png, &error), FOVEA_OK);
+                const size_t bytes = make_bmp(bmp, bits, (const uint8_t(*)[3])rgb);
+                for (size_t short_by = 0; short_by < 2; short_by++) {
+                    FILE *file = fopen(path, "wb");
+                    assert_non_null(file);
+                    assert_int_equal(fwrite(bmp, bytes - short_by, 1, file), 1);
+                    fclose(file);
+                    if (short_by > 0)
+                        assert_int_equal(readers[reader](path, &read, &error), FOVEA_ERROR_INPUT);
+                    else
+                        assert_int_equal(readers[reader](path, &read, &error), FOVEA_OK);
+                    if (short_by > 0) continue;
+                    assert_int_equal(read.size_bytes, png.size_bytes);
+                    assert_memory_equal(read.data, png.data, png.size_bytes);
+                    free((void *)(uintptr_t)read.data);
+                }
+                free((void *)(uintptr_t)png.data);
+            }
+    }
+    unlink(path);
+    unlink(out);
+}
+
+/* With white balance the colours are kept; the operations beside it change the brightness. */
+static void white_balance_is_an_operation(void **state)
+{
+    (void)state;
+    static const uint8_t seen[2][3] = {{200, 100, 50}, {100, 50, 25}};
+    static uint8_t rgb[64 * 64][3];
+    struct fovea_error error;
+    struct fovea_image read;
+    char path[80];
+    snprintf(path, sizeof path, "%s/warm.png", folder);
+    for (int i = 0; i < 64 * 64; i++)
+        memcpy(rgb[i], seen[i % 64 / 32], 3);
+    const struct fovea_image image = {&rgb[0][0], 64, 64, 192, FOVEA_PIXEL_RGB24, sizeof rgb};
+    assert_int_equal(fv_picture_write(path, &image, &error), FOVEA_OK);
+    assert_int_equal(CALL(fv_command_image, "image", path, out, "--operations",
+                          "white_balance,gamma", "--gamma", "1"),
+                     FV_EXIT_OK);
+    assert_int_equal(fv_picture_read_colour(out, &read, &error), FOVEA_OK);
+    for (int side = 0; side < 2; side++)
+        for (int c = 0; c < 3; c++) /* the means, 150, 75 and 37.5, become 87.5 */
+            assert_in_range(read.data[side * 3 * 63 + c], side ? 57 : 116, side ? 59 : 117);
+    free((void *)(uintptr_t)read.data);
+    assert_int_equal(
+        CALL(fv_command_image, "image", path, out, "--operations", "normalize,white_balance"),
+        FV_EXIT_OK);
+    assert_int_equal(fv_picture_read_colour(out, &read, &error), FOVEA_OK);
+    assert_int_not_equal(read.data[0], 117);
+    free((void *)(uintptr_t)read.data);
+    unlink(out);
+    unlink(path);
+}
+
+/* Also by another name of the same file. */
 static void what_is_read_is_never_written_over(void **state)
 {
     (void)state;
@@ -326,6 +434,8 @@ int main(void)
         cmocka_unit_test(commands_write_pictures),
         cmocka_unit_test(wrong_input_is_reported),
         cmocka_unit_test(damaged_pictures_are_reported),
+        cmocka_unit_test(all_formats_give_the_same_pixels),
+        cmocka_unit_test(white_balance_is_an_operation),
         cmocka_unit_test(what_is_read_is_never_written_over),
         cmocka_unit_test(lost_output_is_reported),
         cmocka_unit_test(networks_without_boxes_are_reported), /* writes over the camera */
