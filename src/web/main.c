@@ -27,6 +27,7 @@ enum { PORT_DEFAULT = 7680, RATE_DEFAULT = 15, RATE_MAX = 60 };
 struct web {
     const char *origins; /* of Foxglove's clients */
     const char *play, *lcm, *listen, *address, *token, *url, *key;
+    const char *recordings;                /* folder */
     struct fv_option_list feeds, prefixes; /* robots of this host; heard ones */
     uint64_t port, rate;
     uint64_t with_parent; /* process; 0: none */
@@ -90,6 +91,9 @@ static enum fv_options_result options_read(struct web *web, int argc, char **arg
         {"make-certificate", NULL, FV_OPTION_FLAG, &web->make_certificate,
          "make both files where there are none: a certificate that signs itself, for localhost, "
          "--address and every --name"},
+        {"recordings", "FOLDER", FV_OPTION_TEXT, &web->recordings,
+         "the page lists the recordings in this folder (the key record_folder of a run), and who "
+         "may see the page may download them"},
         {"rate", "HZ", FV_OPTION_POSITIVE, &web->rate,
          "pictures in a second, at most (default 15; web.picture_rate of the run is the limit)"},
         {"lcm-url", "URL", FV_OPTION_TEXT, &web->url,
@@ -219,6 +223,7 @@ static enum fovea_status serve(struct web *web, struct fovea_error *error)
                                        .certificate = web->certificate,
                                        .tokens = web->token != NULL ? &web->tokens : NULL,
                                        .robots = &web->robots,
+                                       .recordings = web->recordings,
                                        .commander = &web->commander};
     enum fovea_status status = fv_web_server_open(&setup, &server, error);
     if (status != FOVEA_OK) return status;

@@ -39,6 +39,7 @@ struct fv_web_setup {
     const struct fv_web_tokens *tokens;    /* NULL: everybody who reaches the port may do all */
     /* Each page asks for one of them; the first is shown until then. NULL: as `pages`. */
     struct fv_web_robots *robots;
+    const char *recordings; /* folder of recordings that can be downloaded; NULL: none */
     struct fv_web_commander *commander;
     /* The page of another program; NULL: that of a run, which the two above are for. */
     const struct fv_web_pages_setup *pages;

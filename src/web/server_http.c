@@ -4,9 +4,11 @@
 #include <string.h>
 #include <strings.h>
 #include <sys/socket.h>
+#include <unistd.h>
 
 #include "drivers/clock.h"
 #include "web/keys.h"
+#include "web/recordings.h"
 #include "web/server_internal.h"
 
 enum {
@@ -160,6 +162,7 @@ struct answer {
     const char *type;
     const char *cookie; /* of a login, which leads to the page; NULL: none */
     bool gzip;
+    const char *disposition; /* of a file to be saved; NULL: none */
 };
 
 static bool add(struct lws *wsi, const char *name, const char *value, uint8_t **at, uint8_t *end)
@@ -168,9 +171,20 @@ static bool add(struct lws *wsi, const char *name, const char *value, uint8_t **
                                        (int)strlen(value), at, end) == 0;
 }
 
+/* What a request holds: on a connection that stays, the one before the next. */
+static void forget(struct fv_web_request *request)
+{
+    free(request->made);
+    free(request->settings);
+    if (request->of_file) close(request->file);
+    request->made = NULL;
+    request->settings = NULL;
+    request->of_file = false;
+}
+
 /* Send the head of an answer with `bytes` to follow. Returns what the callback returns. */
 static int answer_begin(struct lws *wsi, struct fv_web_request *request,
-                        const struct answer *answer, const uint8_t *data, size_t bytes)
+                        const struct answer *answer, const uint8_t *data, uint64_t bytes)
 {
     static const char *const always[][2] = {
         {"content-security-policy:", "default-src 'self'; frame-ancestors 'none'; base-uri 'none'; "
@@ -189,13 +203,14 @@ static int answer_begin(struct lws *wsi, struct fv_web_request *request,
     for (size_t i = 0; i < sizeof always / sizeof always[0]; i++)
         fits = fits && add(wsi, always[i][0], always[i][1], &at, end);
     if (answer->gzip) fits = fits && add(wsi, "content-encoding:", "gzip", &at, end);
+    if (answer->disposition != NULL)
+        fits = fits && add(wsi, "content-disposition:", answer->disposition, &at, end);
     if (answer->cookie != NULL)
         fits = fits && add(wsi, "set-cookie:", answer->cookie, &at, end) &&
                add(wsi, "location:", "/", &at, end);
     if (!fits || lws_finalize_write_http_header(wsi, memory + LWS_PRE, &at, end) != 0) return -1;
     if (request->head) {
-        free(request->made);
-        request->made = NULL;
+        forget(request);
         return lws_http_transaction_completed(wsi) != 0 ? -1 : 0;
     }
     request->data = data;
@@ -258,6 +273,28 @@ static int answer_keys(struct lws *wsi, struct fv_web_request *request)
     return answer_begin(wsi, request, &answer, request->made, bytes);
 }
 
+/* The list of recordings, or one of them. */
+static int answer_recordings(const struct fv_web_server *server, struct lws *wsi,
+                             struct fv_web_request *request, const char *path)
+{
+    char disposition[FV_WEB_RECORDING_NAME_BYTES + 32];
+    uint64_t bytes;
+    const char *folder = server->setup.recordings;
+    struct answer answer = {.status = HTTP_STATUS_OK, .type = "application/json; charset=utf-8"};
+    if (*path == '\0') {
+        request->made = (uint8_t *)fv_web_recordings_json(folder);
+        if (request->made == NULL) return -1;
+        return answer_begin(wsi, request, &answer, request->made, strlen((char *)request->made));
+    }
+    request->file = fv_web_recording_open(folder, path + 1, &bytes);
+    request->of_file = request->file >= 0;
+    if (!request->of_file) return answer_text(wsi, request, HTTP_STATUS_NOT_FOUND, "Not found\n");
+    snprintf(disposition, sizeof disposition, "attachment; filename=\"%s\"", path + 1);
+    answer.type = "application/octet-stream";
+    answer.disposition = disposition;
+    return answer_begin(wsi, request, &answer, NULL, bytes);
+}
+
 /* What another program makes for a path. */
 static int answer_made(struct lws *wsi, struct fv_web_request *request,
                        const struct fv_web_pages_setup *pages, const char *path)
@@ -281,14 +318,22 @@ static const struct fv_web_asset *asset_of(const struct fv_web_server *server, c
     return of_another == (pages != NULL) ? asset : NULL;
 }
 
+/* False: the file has become shorter, or cannot be read. */
+static bool take_piece(struct fv_web_request *request, uint8_t *to, size_t bytes)
+{
+    if (request->of_file) return read(request->file, to, bytes) == (ssize_t)bytes;
+    memcpy(to, request->data, bytes);
+    request->data += bytes;
+    return true;
+}
+
 static int answer_more(struct lws *wsi, struct fv_web_request *request)
 {
     uint8_t memory[LWS_PRE + CHUNK_BYTES];
-    if (request == NULL || request->data == NULL) return 0;
-    const size_t bytes = request->left < CHUNK_BYTES ? request->left : CHUNK_BYTES;
+    if (request == NULL || (request->data == NULL && !request->of_file)) return 0;
+    const size_t bytes = request->left < CHUNK_BYTES ? (size_t)request->left : CHUNK_BYTES;
     const bool last = bytes == request->left;
-    memcpy(memory + LWS_PRE, request->data, bytes);
-    request->data += bytes;
+    if (!take_piece(request, memory + LWS_PRE, bytes)) return -1;
     request->left -= bytes;
     if (lws_write(wsi, memory + LWS_PRE, bytes, last ? LWS_WRITE_HTTP_FINAL : LWS_WRITE_HTTP) < 0)
         return -1;
@@ -297,18 +342,8 @@ static int answer_more(struct lws *wsi, struct fv_web_request *request)
         return 0;
     }
     request->data = NULL;
-    free(request->made);
-    request->made = NULL;
+    forget(request);
     return lws_http_transaction_completed(wsi) != 0 ? -1 : 0;
-}
-
-/* The memory of a request: on a connection that stays, the one before the next. */
-static void forget(struct fv_web_request *request)
-{
-    free(request->made);
-    free(request->settings);
-    request->made = NULL;
-    request->settings = NULL;
 }
 
 /* ---- requests -------------------------------------------------------------------------------- */
@@ -408,6 +443,10 @@ static int begin(struct fv_web_server *server, struct lws *wsi, struct fv_web_re
     if (asset == NULL && server->setup.pages != NULL)
         return answer_made(wsi, request, server->setup.pages, path);
     if (strcmp(path, "/keys") == 0) return answer_keys(wsi, request);
+    const size_t recordings = strlen("/recordings");
+    if (server->setup.robots != NULL && strncmp(path, "/recordings", recordings) == 0 &&
+        (path[recordings] == '\0' || path[recordings] == '/'))
+        return answer_recordings(server, wsi, request, path + recordings);
     if (asset == NULL) return answer_text(wsi, request, HTTP_STATUS_NOT_FOUND, "Not found\n");
     return answer_asset(wsi, request, asset);
 }

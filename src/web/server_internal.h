@@ -30,7 +30,9 @@ struct fv_web_request {
     char body[FV_WEB_BODY_BYTES];
     size_t body_bytes;
     const uint8_t *data; /* of the answer that is being sent */
-    size_t left;
+    uint64_t left;
+    bool of_file; /* the answer is read from `file` */
+    int file;
     bool head;     /* HEAD: an answer without its body */
     uint8_t *made; /* of malloc, where the client takes no compression */
 };

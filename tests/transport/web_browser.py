@@ -74,6 +74,17 @@ class Page:
     def text(self, name):
         return self.js("return document.getElementById(arguments[0]).textContent", name)
 
+    def downloads(self):
+        """From now on, into the folder."""
+        self.driver.execute_cdp_cmd("Browser.setDownloadBehavior", {"behavior": "allow", "downloadPath": folder})
+
+    def await_file(self, name, size):
+        until = time.monotonic() + PATIENCE_S
+        path = os.path.join(folder, name)
+        while not (os.path.exists(path) and os.path.getsize(path) == size):
+            assert time.monotonic() < until, f"{name}: not downloaded"
+            time.sleep(0.05)
+
     def size(self, width, height):
         self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride",
                                     {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 500})

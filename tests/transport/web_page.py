@@ -179,7 +179,7 @@ def restore(page, path, what):
 
 def check_settings(page, kept):
     """All settings as one file, saved and given back: refused whole when one line is wrong, in force and kept when all are right."""
-    page.driver.execute_cdp_cmd("Browser.setDownloadBehavior", {"behavior": "allow", "downloadPath": folder})
+    page.downloads()
     page.driver.find_element(By.ID, "back-up").click()
     name = page.until("(document.getElementById('settings-said').textContent.match(/^saved as (.*)/) || [])[1]", "the saved settings")
     path = os.path.join(folder, name)
@@ -248,6 +248,11 @@ def check_recording(page, records):
     page.until(said + ".startsWith('recorded 000001-')", "the end of the recording")
     file = page.js("return " + said + ".match(/ (0000.*?lcm)/)[1]")
     assert os.listdir(records) == [file], (os.listdir(records), file)
+    page.until(f"document.getElementById('recording-file').value === '{file}'", "the recording among those to download")
+    page.driver.find_element(By.ID, "download-recording").click()
+    page.await_file(file, os.path.getsize(os.path.join(records, file)))
+    with open(os.path.join(records, file), "rb") as there, open(os.path.join(folder, file), "rb") as here_:
+        assert there.read() == here_.read(), "what was downloaded is another file"
     done = subprocess.run([os.path.join(build, "fovea"), "replay", os.path.join(records, file), "--verify", "--trust-state"],
                           capture_output=True, text=True, check=False)
     assert done.returncode == 0 and "equal bit for bit" in done.stdout, done
@@ -361,7 +366,7 @@ def main():
     kept, records, maps = (os.path.join(folder, name) for name in ("kept.yaml", "records", "maps"))
     os.mkdir(maps)
     robot = run("--set", "record_folder=" + records, "--record", recording, "--save-map", os.path.join(maps, "map"), "--set", "map.folder=" + maps, "--set", "parameters.file=" + kept)
-    server = web()
+    server = web("--recordings", records)
     page = Page()
     try:
         time.sleep(1)

@@ -13,6 +13,7 @@
 #include "drivers/clock.h"
 #include "map/archive.h"
 #include "support/aligned.h"
+#include "support/folder.h"
 #include "support/say.h"
 #include "support/stall.h"
 #include "support/utf8.h"
@@ -155,18 +156,6 @@ static bool is_name(const char *file)
     return plain;
 }
 
-/* An ordinary file of the folder, no link; -1: none, and errno says why. */
-static int open_in(int folder, const char *file, struct stat *there)
-{
-    const int opened =
-        openat(folder, file, O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_NOCTTY | O_CLOEXEC);
-    if (opened < 0) return -1;
-    if (fstat(opened, there) == 0 && S_ISREG(there->st_mode)) return opened;
-    close(opened);
-    errno = EINVAL;
-    return -1;
-}
-
 static bool read_whole(int file, uint8_t *data, size_t bytes)
 {
     size_t at = 0;
@@ -185,7 +174,7 @@ static bool fetch(struct fv_map_loads *loads, int folder)
 {
     char reason[FV_ANSWER_REASON_BYTES];
     struct stat there;
-    const int file = open_in(folder, loads->file, &there);
+    const int file = fv_folder_open_file(folder, loads->file, &there);
     if (file < 0) {
         const char *why = errno == EINVAL  ? "found no ordinary file"
                           : errno == ELOOP ? "found a link"
@@ -260,7 +249,7 @@ static void list(struct fv_map_loads *loads, DIR *folder)
         struct dirent *entry = readdir(folder);
         if (entry == NULL) break;
         const int file =
-            is_name(entry->d_name) ? open_in(dirfd(folder), entry->d_name, &there) : -1;
+            is_name(entry->d_name) ? fv_folder_open_file(dirfd(folder), entry->d_name, &there) : -1;
         if (file < 0) continue;
         if (read_whole(file, head, sizeof head) &&
             fv_archive_landmarks(head, (uint64_t)there.st_size, &landmarks))

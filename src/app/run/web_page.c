@@ -80,13 +80,17 @@ enum fovea_status fv_web_page_start(const char *port, struct fv_settings *settin
              settings->web_picture_rate > 0 && settings->web_picture_rate < 60
                  ? settings->web_picture_rate
                  : 15);
-    const char *words[20] = {program,  "--with-parent",      process,
+    const char *words[24] = {program,  "--with-parent",      process,
                              "--feed", settings->web_socket, "--rate",
                              rate,     "--lcm-url",          settings->lcm_url};
     int count = 9;
     if (port[0] != '\0') {
         words[count++] = "--port";
         words[count++] = port;
+    }
+    if (settings->record_folder[0] != '\0') {
+        words[count++] = "--recordings";
+        words[count++] = settings->record_folder;
     }
     if (settings->web_origins[0] != '\0') {
         words[count++] = "--origins";

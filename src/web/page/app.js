@@ -10,6 +10,7 @@ import { Parameters } from "/parameters.js";
 import { Requests } from "/requests.js";
 import { Settings } from "/settings.js";
 import { Maps } from "/maps.js";
+import { Recordings } from "/recordings.js";
 import { Robots } from "/robots.js";
 import { Actions, PosePanel, byId, download, facts, fixed, logLine, names, saveLog, showHealth, showRecorder } from "/panels.js";
 
@@ -29,6 +30,7 @@ const playback = new Playback(of);
 const parameters = new Parameters(requests);
 const settings = new Settings(types, requests);
 const maps = new Maps(types, requests);
+const recordings = new Recordings();
 const robots = new Robots(of);
 await parameters.fetch();
 const stages = new Plot(byId("plot-stages"), byId("legend-stages"), " ms", 2);
@@ -165,7 +167,11 @@ const link = new Link(types, {
   SEGMENTATION2: (message) => live.segmentation(message, 1),
   KEYPOINTS: (message) => live.keypoints(message),
   KEYPOINTS2: (message) => live.keypoints(message),
-  RECORDER: (message) => showRecorder(recorderStates, message),
+  RECORDER: (message) => {
+    showRecorder(recorderStates, message);
+    if (message.file + message.state !== shown.recording) recordings.changed();
+    shown.recording = message.file + message.state;
+  },
   COMMAND_RESULT: (message) => requests.answer(message),
   MAP_FILES: (message) => requests.answer(message),
   SETTINGS_RESULT: (message) => requests.answer(message),

@@ -1,8 +1,6 @@
 // The maps in the folder of the run, one of which can be loaded into it.
 
-import { byId, names } from "/panels.js";
-
-const megabytes = (bytes) => `${(Number(bytes) / 1e6).toFixed(1)} MB`;
+import { byId, megabytes, names } from "/panels.js";
 
 export class Maps {
   constructor(types, requests) {

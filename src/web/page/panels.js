@@ -105,7 +105,7 @@ export function showHealth(states, message) {
   byId("health").textContent = parts.map((part) => `${part.name} ${states[part.state]}: ${part.reason}`).join("; ");
 }
 
-const megabytes = (bytes) => `${(Number(bytes) / 1e6).toFixed(1)} MB`;
+export const megabytes = (bytes) => `${(Number(bytes) / 1e6).toFixed(1)} MB`;
 
 // Recordings that the buttons begin and end: state, size, and what the disk has left.
 export function showRecorder(states, message) {
