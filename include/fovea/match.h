@@ -57,6 +57,11 @@ struct fovea_match {
 struct fovea_matched {
     uint32_t count, inlier_count;
     const struct fovea_match *matches; /* in order of a */
+    /* Of `model`: as asked for; or HOMOGRAPHY in place of ESSENTIAL, where the camera only turned
+     * or did not move as far as the matches show, and in place of FUNDAMENTAL there and where they
+     * show one plane: such matches agree with many essential or fundamental matrices, and determine
+     * none. Its inliers are those within 1.77 threshold_px (geometry/two_views.h) */
+    enum fovea_match_geometry geometry;
     /* Row by row: the homography in pixels, its last element 1 where that is not 0; the essential
      * matrix; or the fundamental matrix in pixels, its Frobenius norm 1. All 0 with ANY, where
      * every match counts as an inlier; otherwise all 0: none was found, and there are no inliers */

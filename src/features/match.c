@@ -8,9 +8,8 @@
 #include "features/patch.h"
 #include "features/sift_basis.h"
 #include "fovea/match.h"
-#include "geometry/essential.h"
-#include "geometry/fundamental.h"
 #include "geometry/homography.h"
+#include "geometry/two_views.h"
 #include "geometry/vec.h"
 
 enum {
@@ -35,7 +34,7 @@ struct fovea_matcher {
     uint32_t *asked; /* of the cross check: features of the other image */
     struct fovea_match *matches;
     struct fv_pair *pairs;
-    uint8_t *inlier;
+    uint8_t *inlier, *work;
 };
 
 static const char *const names[FOVEA_MATCH_GEOMETRY_COUNT] = {
@@ -123,6 +122,7 @@ static struct fovea_matcher *carve(const struct fovea_match_config *config, stru
     if (config->geometry != FOVEA_MATCH_ANY) {
         matcher->pairs = fv_arena_take(arena, count, sizeof *matcher->pairs);
         matcher->inlier = fv_arena_take(arena, count, sizeof *matcher->inlier);
+        matcher->work = fv_arena_take(arena, count, sizeof *matcher->work);
     }
     return made;
 }
@@ -329,32 +329,26 @@ static void fundamental_to_pixels(const struct view *view, const double F[9], do
         out[i] *= scale;
 }
 
-/* The model that most pairs agree on, in pixels where it is one of them; returns its inliers. */
-static uint32_t estimate(struct fovea_matcher *matcher, uint32_t count, const struct view *view,
-                         double model[9])
+/* The model that most pairs agree on, on bearings. */
+static void estimate(struct fovea_matcher *matcher, uint32_t count, const struct view *view,
+                     struct fv_two_views *found)
 {
     const struct fovea_match_config *config = &matcher->config;
     const struct fv_sampling sampling = {(double)config->threshold_px / view->focal, .999,
                                          config->samples_max};
     const struct fv_pair *pairs = matcher->pairs;
     struct fv_random random;
-    struct fv_se3 T_b_a;
-    double found[9];
-    uint32_t inliers;
     fv_random_seed(&random, SEED);
-    switch (config->geometry) {
-    case FOVEA_MATCH_ESSENTIAL:
-        inliers = fv_essential_estimate(pairs, count, &sampling, &random, &T_b_a, matcher->inlier);
-        if (inliers > 0) fv_essential_from_motion(&T_b_a, model);
-        return inliers;
-    case FOVEA_MATCH_FUNDAMENTAL:
-        inliers = fv_fundamental_estimate(pairs, count, &sampling, &random, found, matcher->inlier);
-        if (inliers > 0) fundamental_to_pixels(view, found, model);
-        return inliers;
-    default:
-        inliers = fv_homography_estimate(pairs, count, &sampling, &random, found, matcher->inlier);
-        if (inliers > 0) homography_to_pixels(view, found, model);
-        return inliers;
+    if (config->geometry == FOVEA_MATCH_ESSENTIAL) {
+        fv_two_views_essential(pairs, count, &sampling, &random, matcher->inlier, matcher->work,
+                               found);
+    } else if (config->geometry == FOVEA_MATCH_FUNDAMENTAL) {
+        fv_two_views_fundamental(pairs, count, &sampling, &random, matcher->inlier, matcher->work,
+                                 found);
+    } else {
+        *found = (struct fv_two_views){.simple = true};
+        found->inliers =
+            fv_homography_estimate(pairs, count, &sampling, &random, found->model, matcher->inlier);
     }
 }
 
@@ -365,13 +359,24 @@ static void verify(struct fovea_matcher *matcher, const struct fovea_extracted *
     const struct view own = {(double)config->focal_px, (double)config->centre_px[0],
                              (double)config->centre_px[1]};
     const struct view view = config->geometry == FOVEA_MATCH_ESSENTIAL ? own : view_of(a, b);
+    struct fv_two_views found;
     for (uint32_t i = 0; i < matched->count; i++) {
         bearing(&view, &a->features[matcher->matches[i].a], matcher->pairs[i].x1);
         bearing(&view, &b->features[matcher->matches[i].b], matcher->pairs[i].x2);
     }
-    matched->inlier_count = estimate(matcher, matched->count, &view, matched->model);
+    estimate(matcher, matched->count, &view, &found);
+    matched->inlier_count = found.inliers;
     for (uint32_t i = 0; i < matched->count; i++)
-        matcher->matches[i].inlier = matched->inlier_count > 0 && matcher->inlier[i] != 0;
+        matcher->matches[i].inlier = found.inliers > 0 && matcher->inlier[i] != 0;
+    if (found.inliers == 0) return;
+    if (found.simple) {
+        matched->geometry = FOVEA_MATCH_HOMOGRAPHY;
+        homography_to_pixels(&view, found.model, matched->model);
+    } else if (config->geometry == FOVEA_MATCH_FUNDAMENTAL) {
+        fundamental_to_pixels(&view, found.model, matched->model);
+    } else {
+        memcpy(matched->model, found.model, sizeof matched->model);
+    }
 }
 
 enum fovea_status fovea_match_run(struct fovea_matcher *matcher, const struct fovea_extracted *a,
@@ -384,7 +389,7 @@ enum fovea_status fovea_match_run(struct fovea_matcher *matcher, const struct fo
             (of->count > 0 && of->descriptor_bytes != config->descriptor_bytes))
             return FOVEA_ERROR_ARGUMENT;
     }
-    *matched = (struct fovea_matched){.matches = matcher->matches};
+    *matched = (struct fovea_matched){.matches = matcher->matches, .geometry = config->geometry};
     if (a->count == 0 || b->count == 0) return FOVEA_OK;
     search(matcher, a, b);
     matched->count = matched->inlier_count = keep(matcher, a->count);

@@ -58,9 +58,10 @@ static void print_json(const struct pair *pair)
     const struct fovea_matched *matched = &pair->matched;
     printf(
         "{\"features\": [%u, %u], \"method\": \"%s\", \"matcher\": \"brute_force\", \"search_ms\": %.3f, "
-        "\"geometry\": \"%s\", \"inliers\": %u, \"model\": [",
+        "\"geometry\": \"%s\", \"asked\": \"%s\", \"inliers\": %u, \"model\": [",
         pair->a.found.count, pair->b.found.count, fovea_feature_method_name(pair->a.config.method),
-        pair->search_ms, fovea_match_geometry_name(pair->config.geometry), matched->inlier_count);
+        pair->search_ms, fovea_match_geometry_name(matched->geometry),
+        fovea_match_geometry_name(pair->config.geometry), matched->inlier_count);
     for (int i = 0; i < 9; i++)
         printf("%s%.9g", i == 0 ? "" : ", ", matched->model[i]);
     printf("], \"matches\": [");
@@ -77,6 +78,20 @@ static void print_json(const struct pair *pair)
     printf("\n]}\n");
 }
 
+/* Of inliers, between the pictures. */
+static double most_moved(const struct pair *pair)
+{
+    double most = 0;
+    for (uint32_t i = 0; i < pair->matched.count; i++) {
+        const struct fovea_match *match = &pair->matched.matches[i];
+        const struct fovea_local_feature *p = &pair->a.found.features[match->a],
+                                         *q = &pair->b.found.features[match->b];
+        const double x = (double)(q->x_px - p->x_px), y = (double)(q->y_px - p->y_px);
+        if (match->inlier && x * x + y * y > most) most = x * x + y * y;
+    }
+    return __builtin_sqrt(most);
+}
+
 static void print_summary(const struct pair *pair)
 {
     const struct fovea_matched *matched = &pair->matched;
@@ -84,8 +99,16 @@ static void print_summary(const struct pair *pair)
            pair->b.found.count);
     if (pair->config.geometry != FOVEA_MATCH_ANY)
         printf(", %u inliers of the %s", matched->inlier_count,
-               fovea_match_geometry_name(pair->config.geometry));
+               fovea_match_geometry_name(matched->geometry));
     printf(", searched in %.1f ms\n", pair->search_ms);
+    if (matched->geometry != pair->config.geometry)
+        printf("no %s matrix is determined: a homography explains the matches (%s), which move by "
+               "%.1f px at most\n",
+               fovea_match_geometry_name(pair->config.geometry),
+               pair->config.geometry == FOVEA_MATCH_ESSENTIAL
+                   ? "a camera that turned, or did not move"
+                   : "a plane, or a camera that turned or did not move",
+               most_moved(pair));
     for (int i = 0; i < 9 && matched->inlier_count > 0 && pair->config.geometry != FOVEA_MATCH_ANY;
          i += 3)
         printf("  %12.6g %12.6g %12.6g\n", matched->model[i], matched->model[i + 1],

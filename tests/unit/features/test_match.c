@@ -270,6 +270,42 @@ static void a_fundamental_matrix_is_found_among_wrong_matches(void **state)
         assert_true(__builtin_fabs(matched.model[i] - expected[i]) < 1e-4);
 }
 
+static void see_the_same(double x, double y, double z, double *u, double *v)
+{
+    (void)z;
+    *u = x;
+    *v = y;
+}
+
+/* Pictures without motion determine no essential or fundamental matrix, but the identity; those of
+ * a plane an essential matrix alone. */
+static void no_motion_is_a_homography(void **state)
+{
+    static const enum fovea_match_geometry asked[2] = {FOVEA_MATCH_ESSENTIAL,
+                                                       FOVEA_MATCH_FUNDAMENTAL};
+    (void)state;
+    for (int k = 0; k < 2; k++) {
+        struct fovea_match_config config;
+        fovea_match_config_default(&config, FOVEA_DESCRIPTOR_BINARY);
+        config.geometry = asked[k];
+        config.centre_px[0] = 320;
+        config.centre_px[1] = 240;
+        place(see_the_same);
+        const struct fovea_extracted a = set_of(0, COUNT, 32), b = set_of(1, COUNT, 32);
+        struct fovea_matched matched = run(&config, &a, &b);
+        assert_int_equal(matched.geometry, FOVEA_MATCH_HOMOGRAPHY);
+        assert_true(matched.inlier_count > COUNT / 2);
+        for (int i = 0; i < 9; i++)
+            assert_true(__builtin_fabs(matched.model[i] - (i % 4 == 0)) < 1e-6);
+        for (uint32_t i = 0; i < matched.count; i++) /* every fifth is wrong */
+            if (matched.matches[i].b == COUNT - 1 - matched.matches[i].a)
+                assert_int_equal(matched.matches[i].inlier, matched.matches[i].a % 5 != 0);
+        place(see_moved);
+        matched = run(&config, &a, &b);
+        assert_int_equal(matched.geometry, asked[k]);
+    }
+}
+
 static void few_and_none_match_without_a_model(void **state)
 {
     (void)state;
@@ -329,6 +365,7 @@ int main(void)
         cmocka_unit_test(a_homography_is_found_among_wrong_matches),
         cmocka_unit_test(an_essential_matrix_is_found_among_wrong_matches),
         cmocka_unit_test(a_fundamental_matrix_is_found_among_wrong_matches),
+        cmocka_unit_test(no_motion_is_a_homography),
         cmocka_unit_test(few_and_none_match_without_a_model),
         cmocka_unit_test(wrong_parameters_are_named),
     };
