@@ -48,7 +48,8 @@ struct fovea_source { /* NOLINT(clang-analyzer-optin.performance.Padding): in or
     int64_t patience_ns; /* the second one is waited for as long, more where it comes later */
     bool any_alone;
     int64_t alone_ns; /* stamp of the last frame that went alone */
-    struct held held[FOVEA_SOURCE_FRAMES_HELD];
+    struct held held[FOVEA_SOURCE_FRAMES_HELD_MAX];
+    uint32_t held_max;
     uint64_t unmatched;                      /* frames of the second without a partner */
     bool second_away;                        /* the last frame went alone */
     double told[FOVEA_SOURCE_CONTROL_COUNT]; /* what both were told last */
@@ -176,6 +177,7 @@ static enum fovea_status pair_open(const char *address,
     if (status != FOVEA_OK) return status;
     struct fovea_source *opened = calloc(1, sizeof *opened);
     if (opened == NULL) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "pair: out of memory");
+    opened->held_max = fv_source_frames_held(selection);
     for (int i = 0; i < SIDES && status == FOVEA_OK; i++)
         status = side_open(&opened->sides[i], uris[i], selection, error);
     if (status == FOVEA_OK) status = check_fit(opened, error);
@@ -294,9 +296,9 @@ static enum fovea_status pair_dequeue(struct fovea_source *source, int64_t deadl
 {
     struct side *first = &source->sides[0], *second = &source->sides[1];
     uint32_t slot = 0;
-    while (slot < FOVEA_SOURCE_FRAMES_HELD && source->held[slot].used)
+    while (slot < source->held_max && source->held[slot].used)
         slot++;
-    if (slot == FOVEA_SOURCE_FRAMES_HELD) return FOVEA_AGAIN;
+    if (slot == source->held_max) return FOVEA_AGAIN;
     const enum fovea_status status = side_take(first, deadline_ns);
     if (status != FOVEA_OK) return status;
     struct held *held = &source->held[slot];

@@ -49,7 +49,7 @@ struct fovea_source { /* NOLINT(clang-analyzer-optin.performance.Padding): in or
     struct part parts[PARTS_MAX];
     uint32_t count, playing;
     bool started;
-    struct held held[FOVEA_SOURCE_FRAMES_HELD];
+    struct held held[FOVEA_SOURCE_FRAMES_HELD_MAX];
     uint64_t position; /* of the next frame among all */
     uint64_t delivered;
     int64_t period_ns, last_ns; /* stamp of the last frame, moved */
@@ -139,6 +139,7 @@ static enum fovea_status open_part(struct fovea_source *source, char *text,
     struct part *part = &source->parts[source->count];
     enum fovea_status status = read_selection(text, &selection, error);
     selection.camera_given = source->selection.camera_given;
+    selection.frames_held = source->selection.frames_held;
     if (status == FOVEA_OK) status = fv_source_find(text, &part->ops, &address, error);
     if (status != FOVEA_OK) return status;
     if (part->ops == &fv_source_sequence)
@@ -244,7 +245,7 @@ static void sequence_close(struct fovea_source *source)
         for (int k = 0; k < FOVEA_CAMERAS_MAX; k++)
             free(source->parts[i].map[k]);
     }
-    for (int i = 0; i < FOVEA_SOURCE_FRAMES_HELD; i++)
+    for (int i = 0; i < FOVEA_SOURCE_FRAMES_HELD_MAX; i++)
         for (int k = 0; k < FOVEA_CAMERAS_MAX; k++)
             free(source->held[i].pixels[k]);
     free(source);
@@ -290,7 +291,7 @@ static enum fovea_status make_maps(struct fovea_source *source, struct part *par
         if (status != FOVEA_OK) return status;
         if (part->map[i] == NULL) continue;
         info->heap_bytes += bytes * sizeof(struct from);
-        for (int k = 0; k < FOVEA_SOURCE_FRAMES_HELD; k++) {
+        for (uint32_t k = 0; k < fv_source_frames_held(&source->selection); k++) {
             uint8_t **pixels = &source->held[k].pixels[i];
             if (*pixels != NULL) continue;
             *pixels = malloc(bytes);
@@ -466,11 +467,12 @@ static uint32_t sequence_samples(struct fovea_source *source, const struct fovea
 static enum fovea_status sequence_dequeue(struct fovea_source *source, int64_t deadline_ns,
                                           struct fovea_frame *frame)
 {
+    const uint32_t held_max = fv_source_frames_held(&source->selection);
     uint32_t slot = 0;
     if (!source->started) return FOVEA_END;
-    while (slot < FOVEA_SOURCE_FRAMES_HELD && source->held[slot].used)
+    while (slot < held_max && source->held[slot].used)
         slot++;
-    if (slot == FOVEA_SOURCE_FRAMES_HELD) return FOVEA_AGAIN;
+    if (slot == held_max) return FOVEA_AGAIN;
     if (source->selection.frames > 0 && source->delivered == source->selection.frames)
         source->playing = source->count;
     while (source->playing < source->count) {

@@ -10,6 +10,12 @@
 extern "C" {
 #endif
 
+/* How many frames of a source may be held at once. */
+static inline uint32_t fv_source_frames_held(const struct fovea_source_selection *selection)
+{
+    return selection->frames_held > 0 ? selection->frames_held : (uint32_t)FOVEA_SOURCE_FRAMES_HELD;
+}
+
 /* Ended by NULL. */
 extern const struct fovea_source_ops *const fv_source_table[];
 

@@ -22,6 +22,7 @@ part() { # part NAME COMMAND...
         [ -n "$sample" ] || touch "$done_folder/$name"
     else
         echo "FAILED       $name"
+        grep -hE -A 1 '^ +(HANG|CRASH)' "$done_folder/$name.log" | head -n 20
         tail -n 15 "$done_folder/$name.log"
         failed="$failed $name"
     fi

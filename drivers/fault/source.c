@@ -9,8 +9,9 @@
  * same in any selection and in reverse; only what is frozen is the last good picture of those that
  * were played. Samples are faulty when they come with a faulty frame.
  *
- * Nothing is copied but pictures that are changed: a frame that is to come later, or again, is kept
- * of the two that the source lends. */
+ * Nothing is copied but pictures that are changed. A frame that is to come later is kept beside
+ * those that are lent, for which the source within lends one more; one that comes again is lent
+ * twice, and goes back with the last of the two. */
 #include <stdlib.h>
 #include <string.h>
 
@@ -40,7 +41,7 @@ struct taken {
 
 struct held {
     bool used;
-    bool again; /* it will come once more: requeued with that */
+    struct held *twin; /* the slot that has the same frame of the source; NULL: none */
     struct taken taken;
     uint8_t *pixels[FOVEA_CAMERAS_MAX];
 };
@@ -53,15 +54,17 @@ struct fovea_source { /* NOLINT(clang-analyzer-optin.performance.Padding): in or
     struct fv_fault_schedule schedule;
     int32_t channels;
     bool needs_last;
-    struct held held[FOVEA_SOURCE_FRAMES_HELD];
+    struct held held[FOVEA_SOURCE_FRAMES_HELD_MAX];
+    uint32_t held_max;
     uint8_t *last[FOVEA_CAMERAS_MAX]; /* pictures before a fault; NULL where none needs them */
     bool has_last[FOVEA_CAMERAS_MAX];
     uint8_t *scratch;
 
     /* A frame that comes later than it was taken (delay, reorder), or again (duplicate). */
     struct {
-        bool any, ready;     /* ready: it is the next */
-        struct held *shared; /* the slot of which it is the repetition; NULL: it is its own */
+        bool any, ready;   /* ready: it is the next */
+        bool repeats;      /* it has come once */
+        struct held *twin; /* the slot that has it too; NULL: none has it any more */
         struct taken taken;
     } waiting;
     struct fv_fault_imu imu;
@@ -91,7 +94,7 @@ static void fault_close(struct fovea_source *source)
 {
     if (source->inner != NULL) source->ops->close(source->inner);
     for (int i = 0; i < FOVEA_CAMERAS_MAX; i++) {
-        for (int k = 0; k < FOVEA_SOURCE_FRAMES_HELD; k++)
+        for (int k = 0; k < FOVEA_SOURCE_FRAMES_HELD_MAX; k++)
             free(source->held[k].pixels[i]);
         free(source->last[i]);
     }
@@ -121,7 +124,7 @@ static enum fovea_status memory_take(struct fovea_source *source, struct fovea_e
     if (!has_pictures(source)) return FOVEA_OK;
     for (uint32_t i = 0; i < source->info.rig.camera_count; i++) {
         const size_t bytes = picture_bytes(source, i);
-        for (int k = 0; k < FOVEA_SOURCE_FRAMES_HELD; k++)
+        for (uint32_t k = 0; k < source->held_max; k++)
             enough = enough && take(source, &source->held[k].pixels[i], bytes);
         if (source->needs_last) enough = enough && take(source, &source->last[i], bytes);
         if (bytes > most) most = bytes;
@@ -156,8 +159,17 @@ static enum fovea_status inner_open(struct fovea_source *source, const char *uri
                                     struct fovea_error *error)
 {
     const char *address;
+    struct fovea_source_selection within = *selection;
+    source->held_max = fv_source_frames_held(selection);
+    within.frames_held = source->held_max + (fv_fault_has(&source->options, FV_FAULT_delay) ||
+                                             fv_fault_has(&source->options, FV_FAULT_reorder));
+    if (within.frames_held > FOVEA_SOURCE_FRAMES_HELD_MAX)
+        return fovea_error_set(
+            error, FOVEA_ERROR_INPUT,
+            "fault: kind: found delay or reorder in more than %d faults upon each other, expected at most as many",
+            FOVEA_SOURCE_FRAMES_HELD_MAX - FOVEA_SOURCE_FRAMES_HELD);
     enum fovea_status status = fv_source_find(uri, &source->ops, &address, error);
-    if (status == FOVEA_OK) status = source->ops->open(address, selection, &source->inner, error);
+    if (status == FOVEA_OK) status = source->ops->open(address, &within, &source->inner, error);
     if (status != FOVEA_OK) return status;
     source->info = *source->ops->info(source->inner);
     if (fv_fault_has(&source->options, FV_FAULT_drop) ||
@@ -227,7 +239,8 @@ static enum fovea_status fault_start(struct fovea_source *source, struct fovea_e
 
 static void fault_stop(struct fovea_source *source)
 {
-    if (source->waiting.any) source->ops->requeue(source->inner, &source->waiting.taken.own);
+    if (source->waiting.any && source->waiting.twin == NULL)
+        source->ops->requeue(source->inner, &source->waiting.taken.own);
     source->waiting.any = false;
     source->ops->stop(source->inner);
 }
@@ -308,13 +321,16 @@ static void wait_for_turn(struct fovea_source *source, const struct taken *taken
 {
     source->waiting.any = true;
     source->waiting.ready = ready;
-    source->waiting.shared = NULL;
+    source->waiting.repeats = false;
+    source->waiting.twin = NULL;
     source->waiting.taken = *taken;
 }
 
 static void give_waiting(struct fovea_source *source, struct held *held)
 {
     held->taken = source->waiting.taken;
+    held->twin = source->waiting.twin;
+    if (held->twin != NULL) held->twin->twin = held;
     source->waiting.any = false;
 }
 
@@ -325,7 +341,6 @@ static enum fovea_status next_take(struct fovea_source *source, int64_t deadline
     struct taken taken;
     for (;;) {
         if (source->waiting.any && (source->waiting.ready || source->inner_ended)) {
-            if (source->waiting.shared != NULL && source->waiting.shared->used) return FOVEA_AGAIN;
             give_waiting(source, held);
             return FOVEA_OK;
         }
@@ -394,20 +409,20 @@ static enum fovea_status fault_dequeue(struct fovea_source *source, int64_t dead
                                        struct fovea_frame *frame)
 {
     uint32_t slot = 0;
-    while (slot < FOVEA_SOURCE_FRAMES_HELD && source->held[slot].used)
+    while (slot < source->held_max && source->held[slot].used)
         slot++;
-    if (slot == FOVEA_SOURCE_FRAMES_HELD) return FOVEA_AGAIN;
+    if (slot == source->held_max) return FOVEA_AGAIN;
     struct held *held = &source->held[slot];
-    const bool repeated = source->waiting.any && source->waiting.shared != NULL;
+    const bool repeated = source->waiting.any && source->waiting.repeats;
     const enum fovea_status status = next_take(source, deadline_ns, held);
     source->ended = status == FOVEA_END;
     if (status != FOVEA_OK) return status;
     held->used = true;
-    held->again = held->taken.faulty && fv_fault_has(&source->options, FV_FAULT_duplicate) &&
-                  !repeated && !source->waiting.any;
-    if (held->again) {
+    if (held->taken.faulty && fv_fault_has(&source->options, FV_FAULT_duplicate) && !repeated &&
+        !source->waiting.any) {
         wait_for_turn(source, &held->taken, true);
-        source->waiting.shared = held;
+        source->waiting.repeats = true;
+        source->waiting.twin = held;
     }
     *frame = held->taken.own;
     frame->slot = slot;
@@ -422,8 +437,12 @@ static enum fovea_status fault_dequeue(struct fovea_source *source, int64_t dead
 static void fault_requeue(struct fovea_source *source, const struct fovea_frame *frame)
 {
     struct held *held = &source->held[frame->slot];
-    if (!held->again) source->ops->requeue(source->inner, &held->taken.own);
-    held->used = held->again = false;
+    const bool waits = source->waiting.any && source->waiting.twin == held;
+    if (waits) source->waiting.twin = NULL;
+    if (held->twin != NULL) held->twin->twin = NULL;
+    if (held->twin == NULL && !waits) source->ops->requeue(source->inner, &held->taken.own);
+    held->used = false;
+    held->twin = NULL;
 }
 
 /* ---- samples --------------------------------------------------------------------------------- */

@@ -15,6 +15,7 @@
 #include "../clock.h"
 #include "../complaints.h"
 #include "../slot_ring.h"
+#include "../table.h"
 #include "../thread.h"
 #include "picture.h"
 #include "wish.h"
@@ -41,6 +42,7 @@ struct fovea_source { /* NOLINT(clang-analyzer-optin.performance.Padding): in or
     struct fv_recovery_times times;
     uint32_t slot_count;
     uint64_t frames_max; /* 0: no limit */
+    uint32_t held_max;
     int64_t readout_ns;
 
     struct fv_live_pictures pictures;
@@ -375,6 +377,7 @@ enum fovea_status fv_live_open(const struct fv_live_ops *ops, void *device,
     source->info.frame_count = selection->frames;
     source->info.heap_bytes += sizeof *source;
     source->frames_max = selection->frames;
+    source->held_max = fv_source_frames_held(selection);
     source->readout_ns = setup->readout_ns;
     source->info.rig.cameras[0].has_readout = setup->readout_ns >= 0;
     source->info.rig.cameras[0].readout_ns = setup->readout_ns < 0 ? 0 : setup->readout_ns;
@@ -498,7 +501,7 @@ enum fovea_status fv_live_dequeue(struct fovea_source *source, int64_t deadline_
     uint8_t slot;
     if (!source->started || finished(source)) return FOVEA_END;
     if (!source->scheduled) take_over_scheduling(source);
-    if (source->held_count >= FOVEA_SOURCE_FRAMES_HELD) return FOVEA_AGAIN;
+    if (source->held_count >= source->held_max) return FOVEA_AGAIN;
     if (!fv_thread_take(&source->ready_count, deadline_ns) ||
         !fv_slot_ring_pop(&source->ready, &slot))
         return fv_live_state(source) == FOVEA_SOURCE_GONE ? FOVEA_GONE : FOVEA_AGAIN;

@@ -8,6 +8,7 @@
 
 #include "../clock.h"
 #include "../slot_ring.h"
+#include "../table.h"
 #include "../thread.h"
 
 enum {
@@ -42,7 +43,7 @@ struct fovea_source {
 
     /* Loop thread only. */
     bool held[FV_PLAYER_SLOTS];
-    uint32_t held_count;
+    uint32_t held_count, held_max;
     struct fovea_source_counts counts;
     bool seen_end;
     bool sensed;        /* samples were asked for */
@@ -237,6 +238,7 @@ static enum fovea_status set_order(struct fovea_source *source, uint64_t count, 
                                (unsigned long long)selection->start, (unsigned long long)count);
     uint64_t chosen = count > 0 ? (count - selection->start - 1) / selection->step + 1 : UINT64_MAX;
     source->first = selection->start;
+    source->held_max = fv_source_frames_held(selection);
     source->step = (int64_t)selection->step;
     source->reverse = selection->reverse;
     if (selection->frames > 0 && selection->frames < chosen) chosen = selection->frames;
@@ -473,7 +475,7 @@ enum fovea_status fv_player_dequeue(struct fovea_source *source, int64_t deadlin
                                     struct fovea_frame *frame)
 {
     if (!source->started) return FOVEA_END;
-    if (source->held_count >= FOVEA_SOURCE_FRAMES_HELD ||
+    if (source->held_count >= source->held_max ||
         !fv_thread_take(&source->ready_count, deadline_ns))
         return FOVEA_AGAIN;
     uint8_t slot;

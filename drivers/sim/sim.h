@@ -429,9 +429,9 @@ struct fovea_source {
     struct {
         double exposure_ms, gain;
     } taken;
-    uint8_t *image[FOVEA_SOURCE_FRAMES_HELD][FOVEA_CAMERAS_MAX];
-    uint64_t image_index[FOVEA_SOURCE_FRAMES_HELD]; /* trajectory frame shown in it */
-    bool held[FOVEA_SOURCE_FRAMES_HELD];
+    uint8_t *image[FOVEA_SOURCE_FRAMES_HELD_MAX][FOVEA_CAMERAS_MAX];
+    uint64_t image_index[FOVEA_SOURCE_FRAMES_HELD_MAX]; /* trajectory frame shown in it */
+    bool held[FOVEA_SOURCE_FRAMES_HELD_MAX];
     uint64_t deliverable; /* frames that the selection leaves; 0: endless */
     uint64_t delivered;
     bool started;

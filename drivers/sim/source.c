@@ -1,4 +1,5 @@
 #include "../clock.h"
+#include "../table.h"
 #include "sim.h"
 
 #include <stdio.h>
@@ -30,7 +31,7 @@ static void sim_close(struct fovea_source *source)
     free(source->lensed);
     for (int k = 0; k < FOVEA_CAMERAS_MAX; k++)
         free(source->dirt[k]);
-    for (int32_t i = 0; i < FOVEA_SOURCE_FRAMES_HELD; i++)
+    for (int32_t i = 0; i < FOVEA_SOURCE_FRAMES_HELD_MAX; i++)
         for (int k = 0; k < FOVEA_CAMERAS_MAX; k++)
             free(source->image[i][k]);
     fv_sim_body_sensors_close(source);
@@ -114,14 +115,15 @@ static bool allocate(struct fovea_source *source)
         source->exposed = calloc(pixels, sizeof(uint16_t));
         fine = fine && source->exposed != NULL;
     }
-    for (int32_t i = 0; i < FOVEA_SOURCE_FRAMES_HELD; i++) {
+    const uint32_t held = fv_source_frames_held(&source->selection);
+    for (uint32_t i = 0; i < held; i++) {
         for (uint32_t k = 0; k < cameras; k++) {
             source->image[i][k] = calloc(pixels, 1);
             fine = fine && source->image[i][k] != NULL;
         }
     }
     size_t bytes = sizeof *source + in_canvas * 2 * sizeof(uint16_t) +
-                   pixels * (sizeof(float) + 2 + FOVEA_SOURCE_FRAMES_HELD * (size_t)cameras) +
+                   pixels * (sizeof(float) + 2 + held * (size_t)cameras) +
                    tiles * (FV_SIM_TILE_PIXELS * 2 * sizeof(float) + sizeof(struct fv_sim_rect) +
                             sizeof(float)) +
                    (whole ? pixels * sizeof(uint16_t) : 0);
@@ -330,10 +332,11 @@ static enum fovea_status sim_dequeue(struct fovea_source *source, int64_t deadli
     (void)deadline_ns; /* a frame is always at hand: it is rendered now */
     if (!source->started || (source->deliverable != 0 && source->delivered == source->deliverable))
         return FOVEA_END;
+    const uint32_t held = fv_source_frames_held(&source->selection);
     uint32_t slot = 0;
-    while (slot < FOVEA_SOURCE_FRAMES_HELD && source->held[slot])
+    while (slot < held && source->held[slot])
         slot++;
-    if (slot == FOVEA_SOURCE_FRAMES_HELD) return FOVEA_AGAIN;
+    if (slot == held) return FOVEA_AGAIN;
     const struct fv_sim_options *o = &source->options;
     const int32_t pixels = o->width * o->height;
     const uint64_t n = source->delivered, index = frame_index(source, n);
@@ -370,7 +373,7 @@ static enum fovea_status sim_dequeue(struct fovea_source *source, int64_t deadli
 
 static void sim_requeue(struct fovea_source *source, const struct fovea_frame *frame)
 {
-    if (frame->slot < FOVEA_SOURCE_FRAMES_HELD) source->held[frame->slot] = false;
+    if (frame->slot < FOVEA_SOURCE_FRAMES_HELD_MAX) source->held[frame->slot] = false;
 }
 
 static enum fovea_status sim_control(struct fovea_source *source, enum fovea_source_control control,

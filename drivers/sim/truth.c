@@ -170,7 +170,7 @@ enum fovea_status fv_sim_truth(struct fovea_source *source, const struct fovea_f
                                struct fovea_truth *truth)
 {
     struct tally tally[FV_SIM_OBJECTS_MAX + 1];
-    if (frame->slot >= FOVEA_SOURCE_FRAMES_HELD || !source->held[frame->slot])
+    if (frame->slot >= FOVEA_SOURCE_FRAMES_HELD_MAX || !source->held[frame->slot])
         return FOVEA_ERROR_ARGUMENT;
     const double time_s = fv_sim_frame_time(source, source->image_index[frame->slot]);
     trace_image(source, time_s);
@@ -203,7 +203,7 @@ enum fovea_status fv_sim_truth(struct fovea_source *source, const struct fovea_f
 enum fovea_status fv_sim_truth_pose(struct fovea_source *source, const struct fovea_frame *frame,
                                     double T_world_cam[12])
 {
-    if (frame->slot >= FOVEA_SOURCE_FRAMES_HELD || !source->held[frame->slot])
+    if (frame->slot >= FOVEA_SOURCE_FRAMES_HELD_MAX || !source->held[frame->slot])
         return FOVEA_ERROR_ARGUMENT;
     fv_sim_motion_pose(&source->motion, fv_sim_frame_time(source, source->image_index[frame->slot]),
                        T_world_cam);

@@ -3,7 +3,8 @@
  * Life of a source: open -> start -> { dequeue -> requeue }* -> stop -> close. `open` may allocate,
  * read files and start threads; between `start` and `stop` the calls made on the loop thread
  * (dequeue, requeue, truth, truth_pose) make no heap call, and wait at most until the deadline. At
- * most `FOVEA_SOURCE_FRAMES_HELD` frames may be held at once. */
+ * most `FOVEA_SOURCE_FRAMES_HELD` frames may be held at once, or as many as the selection asks for.
+ */
 #ifndef FOVEA_SOURCE_H
 #define FOVEA_SOURCE_H
 
@@ -20,7 +21,7 @@
 extern "C" {
 #endif
 
-enum { FOVEA_SOURCE_FRAMES_HELD = 2 };
+enum { FOVEA_SOURCE_FRAMES_HELD = 2, FOVEA_SOURCE_FRAMES_HELD_MAX = 4 };
 
 /* On which clock a stamp was taken. */
 enum fovea_clock {
@@ -115,6 +116,10 @@ struct fovea_source_selection {
     bool reverse;
     bool colour;
     bool camera_given;
+    /* Frames that may be held at once, at most FOVEA_SOURCE_FRAMES_HELD_MAX; 0 is
+     * FOVEA_SOURCE_FRAMES_HELD. A source that wraps another and keeps a frame of it back asks for
+     * one more than is asked of itself. */
+    uint32_t frames_held;
 };
 
 /* What went wrong with single frames since start, counted by the source. */
@@ -172,8 +177,8 @@ struct fovea_source_ops {
     /* Wait for a frame until CLOCK_MONOTONIC reaches `deadline_ns` (INT64_MAX: no limit; 0: do not
      * wait). FOVEA_OK: `frame` is valid until requeued. FOVEA_AGAIN: none in time. FOVEA_END: no
      * more will come. FOVEA_GONE: the camera is away, keep asking. Negative: the source is beyond
-     * repair. Loop thread. FOVEA_AGAIN comes at once while FOVEA_SOURCE_FRAMES_HELD frames are
-     * held, and early after a signal. */
+     * repair. Loop thread. FOVEA_AGAIN comes at once while as many frames are held as may be, and
+     * early after a signal. */
     enum fovea_status (*dequeue)(struct fovea_source *source, int64_t deadline_ns,
                                  struct fovea_frame *frame);
     void (*requeue)(struct fovea_source *source, const struct fovea_frame *frame);

@@ -24,7 +24,7 @@
  *   metres are compared as they are. Those of free scale take their unit, and nothing else, from
  *   the similarity of their map to the truth.
  * - Tracking frames: for each kind at least 30 % of those of the same source without faults.
- * - Frames: after a return of the source one is processed within 1 s, by stamps, in 99 %.
+ * - Frames: after a return of the source one is processed within 1 s of its time, in 99 %.
  * - Map: it loads, and a run without faults on the same place finds itself in it within 60 frames,
  *   or at least tracks with it loaded, in 99 %. A run that never had a pose has no map. */
 #include <math.h>

@@ -152,11 +152,27 @@ bool faults_strikes(const struct faults_plan *plan, uint64_t index)
     return false;
 }
 
-/* From the first good frame behind a fault to the next processed frame, by stamps. Ends that have
- * less than a second of the source behind them count only when frames flow in it. */
+/* Time of the source between two frames of it, by frames without a fault: stamps may be at fault.
+ */
+static double period_ns(const struct faults_plan *plan, const struct faults_play *play)
+{
+    const struct faults_frame *first = NULL, *last = NULL;
+    for (uint32_t i = 0; i < play->count; i++) {
+        if (faults_strikes(plan, play->frame[i].index)) continue;
+        last = &play->frame[i];
+        if (first == NULL) first = last;
+    }
+    return first == NULL || last->index <= first->index
+               ? 0
+               : (double)(last->stamp_ns - first->stamp_ns) / (double)(last->index - first->index);
+}
+
+/* From the first good frame behind a fault to the next processed frame, by the time of the source.
+ * Ends that have less than a second of the source behind them count only when frames flow in it. */
 static void judge_returns(const struct faults_plan *plan, const struct faults_play *play,
                           struct faults_verdict *verdict)
 {
+    const double period = period_ns(plan, play);
     bool before = false;
     for (uint32_t i = 0; i < play->count; i++) {
         const struct faults_frame *good = &play->frame[i];
@@ -168,8 +184,9 @@ static void judge_returns(const struct faults_plan *plan, const struct faults_pl
         int64_t waited_ns = -1;
         for (uint32_t k = i; k < play->count && waited_ns < 0; k++)
             if (play->frame[k].processed && play->frame[k].stamp_ns >= good->stamp_ns)
-                waited_ns = play->frame[k].stamp_ns - good->stamp_ns;
-        const int64_t left_ns = play->frame[play->count - 1].stamp_ns - good->stamp_ns;
+                waited_ns = (int64_t)(period * (double)(play->frame[k].index - good->index));
+        const int64_t left_ns =
+            (int64_t)(period * (double)(play->frame[play->count - 1].index - good->index));
         if (waited_ns < 0 && left_ns < flow_ns) continue;
         verdict->returns++;
         verdict->late += waited_ns < 0 || waited_ns > flow_ns;

@@ -38,15 +38,16 @@ struct run {
 
 static struct run own, faulty, again;
 
-/* Play all of a source; each frame's true pose is that of its index. */
-static void play(const char *uri, struct run *run)
+/* Play all of a source; each frame's true pose is that of its index. `held_max`: frames that are
+ * held at once, the oldest goes back first. */
+static void play_holding(const char *uri, uint32_t held_max, struct run *run)
 {
     const struct fovea_source_selection all = {.step = 1};
     const struct fovea_source_ops *ops;
     struct fovea_source *source;
     struct fovea_error error = {.text = ""};
     const char *address;
-    struct fovea_frame frame;
+    struct fovea_frame frame, held[FOVEA_SOURCE_FRAMES_HELD];
     struct fovea_sample list[FOVEA_INPUT_SAMPLES_MAX];
     memset(run, 0, sizeof *run);
     if (fv_source_find(uri, &ops, &address, &error) != FOVEA_OK ||
@@ -57,6 +58,7 @@ static void play(const char *uri, struct run *run)
     }
     run->frame_count = ops->info(source)->frame_count;
     while (ops->dequeue(source, INT64_MAX, &frame) == FOVEA_OK) {
+        held[run->count % held_max] = frame;
         struct come *come = &run->come[run->count++];
         double T[12];
         assert_true(run->count < ALL_MAX);
@@ -73,11 +75,16 @@ static void play(const char *uri, struct run *run)
             run->sample[run->samples++] = list[i].imu;
         }
         come->samples = run->samples;
-        ops->requeue(source, &frame);
+        if (run->count >= held_max) ops->requeue(source, &held[run->count % held_max]);
     }
     if (ops->counts != NULL) ops->counts(source, &run->counts);
     ops->stop(source);
     ops->close(source);
+}
+
+static void play(const char *uri, struct run *run)
+{
+    play_holding(uri, 1, run);
 }
 
 /* With faults, every third time twice, and once the source alone beside it. */
@@ -328,6 +335,30 @@ static void faults_stand_in_each_other(void **state)
         assert_true(faulty.come[i].image[0] == !in_window(i));
 }
 
+/* Faults that keep a frame back, or give it again, upon each other and under a program that holds
+ * as many frames as it may: none waits for ever for the other, and every frame comes. */
+static void faults_that_keep_frames_stand_in_each_other(void **state)
+{
+    static const char *const kinds[] = {"duplicate", "delay", "reorder"};
+    (void)state;
+    for (uint32_t i = 0; i < 9; i++) {
+        for (uint32_t held = 1; held <= FOVEA_SOURCE_FRAMES_HELD; held++) {
+            bool came[FRAMES] = {false};
+            char uri[256];
+            (void)snprintf(uri, sizeof uri, "fault:fault:" SIM "?kind=%s" WINDOW "?kind=%s" WINDOW,
+                           kinds[i % 3], kinds[i / 3]);
+            play_holding(uri, held, &faulty);
+            for (uint32_t k = 0; k < faulty.count; k++)
+                came[faulty.come[k].index] = true;
+            for (uint32_t k = 0; k < FRAMES; k++)
+                assert_true(came[k]);
+            assert_int_equal(faulty.count, i == 0                ? FRAMES + 3 * (LAST - FIRST + 1)
+                                           : i < 3 || i % 3 == 0 ? FRAMES + (LAST - FIRST + 1)
+                                                                 : FRAMES);
+        }
+    }
+}
+
 static void what_the_source_has_not_is_refused(void **state)
 {
     static const char *const wrong[][2] = {
@@ -335,6 +366,8 @@ static void what_the_source_has_not_is_refused(void **state)
         {"sim:orbit?kind=black&camera=2", "fault: camera: found 2, expected at most 1"},
         {"sim:orbit?kind=jump&leap=1e9", "fault: leap: found '1e9'"},
         {"sim:orbit?kind=imu_dropp", "fault: kind: found 'imu_dropp'"},
+        {"fault:fault:sim:orbit?kind=delay?kind=reorder?kind=delay",
+         "found delay or reorder in more than 2 faults upon each other"},
     };
     const struct fovea_source_selection all = {.step = 1};
     (void)state;
@@ -359,6 +392,7 @@ int main(void)
         cmocka_unit_test(single_samples_are_struck),
         cmocka_unit_test(values_and_stamps_are_spoiled),
         cmocka_unit_test(faults_stand_in_each_other),
+        cmocka_unit_test(faults_that_keep_frames_stand_in_each_other),
         cmocka_unit_test(what_the_source_has_not_is_refused),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
