@@ -46,7 +46,10 @@ int check(const Given &given, std::vector<Model> &models, Board &board, int64_t 
     return files_check({{"--out", given.out, false},
                         {"--json", given.json, false},
                         {"--report", given.report, false}},
-                       {{"--source", given.source, true}, {"--token", given.page.token, false}});
+                       {{"--source", given.source, true},
+                        {"--token", given.page.token, false},
+                        {"--certificate", given.page.certificate, false},
+                        {"--certificate-key", given.page.certificate_key, false}});
 }
 
 int write(const Given &given, const Report &report)
@@ -87,7 +90,8 @@ int command_camera(int argc, char **argv)
     Given given;
     const std::vector<Option> options = {
         {"source", "URI|FOLDER", &given.source,
-         "camera or recording, or folder of PNG, JPEG and BMP files"},
+         "camera or recording, feed:SOCKET for the pictures of a run on this host (its key "
+         "web.socket), which keeps its camera, or folder of PNG, JPEG and BMP files"},
         {"target", "BOARD", &given.target,
          "board, as chessboard:9x6:0.025; see --man for the others"},
         {"model", "MODEL", &given.model, "auto (default), radtan, rational or equidistant"},
@@ -104,6 +108,11 @@ int command_camera(int argc, char **argv)
          "a further name by which browsers call this host, such as robot.local"},
         {"token", "FILE", &given.page.token,
          "the page asks for a token of this file, which is made where there is none"},
+        {"certificate", "FILE", &given.page.certificate,
+         "serve the page by HTTPS with this certificate (PEM), as 'fovea-web --make-certificate' "
+         "makes one"},
+        {"certificate-key", "FILE", &given.page.certificate_key,
+         "the key of the certificate (PEM)"},
         {"bend", "yes|no", &given.bend, "estimate how the board is bent (default no)"},
         {"corners", "own|opencv", &given.corners,
          "refinement of corners; opencv: cornerSubPix of 11, as OpenCV's calibration program"},

@@ -91,14 +91,18 @@ int LivePage::open(const PageOptions &options, int views_max)
     int64_t port;
     views_max_ = views_max;
     if (options.port.empty()) {
-        if (!options.address.empty() || !options.name.empty() || !options.token.empty())
-            return fv_say_wrong("fovea-calibrate camera: found --address, --host or --token "
-                                "without --page");
+        if (!options.address.empty() || !options.name.empty() || !options.token.empty() ||
+            !options.certificate.empty() || !options.certificate_key.empty())
+            return fv_say_wrong("fovea-calibrate camera: found --address, --host, --token or "
+                                "--certificate without --page");
         return FV_EXIT_OK;
     }
     if (!fv_text_integer(options.port.c_str(), &port) || port < 0 || port > UINT16_MAX)
         return fv_say_wrong("--page: found '%s', expected a port from 0 to 65535",
                             options.port.c_str());
+    if (options.certificate.empty() != options.certificate_key.empty())
+        return fv_say_wrong("found one of --certificate and --certificate-key alone, expected "
+                            "both");
 #ifdef FV_CALIBRATE_PAGE
     fovea_error error;
     fv_web_pages_setup setup = {};
@@ -106,6 +110,10 @@ int LivePage::open(const PageOptions &options, int views_max)
     setup.port = (uint16_t)port;
     setup.name = options.name.empty() ? nullptr : options.name.c_str();
     setup.token = options.token.empty() ? nullptr : options.token.c_str();
+    if (!options.certificate.empty()) {
+        setup.certificate = options.certificate.c_str();
+        setup.certificate_key = options.certificate_key.c_str();
+    }
     setup.index = "/calibrate";
     setup.answer = on_path;
     setup.context = this;

@@ -19,6 +19,7 @@ struct PageOptions {
     std::string port;    /* empty: no page */
     std::string address; /* empty: 127.0.0.1 */
     std::string name, token;
+    std::string certificate, certificate_key;
 };
 
 class LivePage : public Observer

@@ -9,6 +9,7 @@
 #include <map>
 #include <sys/stat.h>
 
+#include "app/network/feed_source.h"
 #include "drivers/table.h"
 #include "fovea/source.h"
 #include "image/grey.h"
@@ -135,7 +136,13 @@ struct Frames {
 fovea_status open_source(const std::string &uri, Frames &frames, fovea_error *error)
 {
     const char *address;
-    fovea_status status = fv_source_find(uri.c_str(), &frames.ops, &address, error);
+    fovea_status status = FOVEA_OK;
+    if (uri.compare(0, 5, "feed:") == 0) { /* of a run, which keeps its camera */
+        frames.ops = &fv_source_feed;
+        address = uri.c_str() + 5;
+    } else {
+        status = fv_source_find(uri.c_str(), &frames.ops, &address, error);
+    }
     if (status != FOVEA_OK) return status;
     fovea_source_selection selection = {};
     selection.step = 1;

@@ -40,6 +40,7 @@
     ROW(playback, "/playback.js", "playback.js", JAVASCRIPT, false)                                \
     ROW(settings, "/settings.js", "settings.js", JAVASCRIPT, false)                                \
     ROW(maps, "/maps.js", "maps.js", JAVASCRIPT, false)                                            \
+    ROW(calibration, "/calibration.js", "calibration.js", JAVASCRIPT, false)                       \
     ROW(recordings, "/recordings.js", "recordings.js", JAVASCRIPT, false)                          \
     ROW(robots, "/robots.js", "robots.js", JAVASCRIPT, false)                                      \
     ROW(calibrate, "/calibrate", "calibrate.html", HTML, false)                                    \

@@ -27,7 +27,8 @@ enum { PORT_DEFAULT = 7680, RATE_DEFAULT = 15, RATE_MAX = 60 };
 struct web {
     const char *origins; /* of Foxglove's clients */
     const char *play, *lcm, *listen, *address, *token, *url, *key;
-    const char *recordings;                /* folder */
+    const char *recordings; /* folder */
+    struct fv_web_calibration calibration;
     struct fv_option_list feeds, prefixes; /* robots of this host; heard ones */
     uint64_t port, rate;
     uint64_t with_parent; /* process; 0: none */
@@ -94,6 +95,9 @@ static enum fv_options_result options_read(struct web *web, int argc, char **arg
         {"recordings", "FOLDER", FV_OPTION_TEXT, &web->recordings,
          "the page lists the recordings in this folder (the key record_folder of a run), and who "
          "may see the page may download them"},
+        {"calibrations", "FOLDER", FV_OPTION_TEXT, &web->calibration.folder,
+         "the page calibrates the camera of a run of this host by fovea-calibrate, whose page is at "
+         "the next port, and whose camera files go to this folder"},
         {"rate", "HZ", FV_OPTION_POSITIVE, &web->rate,
          "pictures in a second, at most (default 15; web.picture_rate of the run is the limit)"},
         {"lcm-url", "URL", FV_OPTION_TEXT, &web->url,
@@ -180,6 +184,13 @@ static enum fovea_status options_check(struct web *web, struct fovea_error *erro
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "found one of --certificate, --certificate-key and "
                                "--make-certificate alone, expected the first two together");
+    if (web->calibration.folder != NULL && web->feeds.count == 0 &&
+        (web->play != NULL || web->lcm != NULL))
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "found --calibrations without a run of this host (--feed)");
+    if (web->calibration.folder != NULL && access(web->calibration.folder, W_OK) != 0)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT, "--calibrations: %.300s: %s",
+                               web->calibration.folder, strerror(errno));
     if (web->origins != NULL && fv_web_origins_check(web->origins, error) != FOVEA_OK)
         return FOVEA_ERROR_INPUT;
     const enum fovea_status status = robots_check(web, error);
@@ -224,9 +235,16 @@ static enum fovea_status serve(struct web *web, struct fovea_error *error)
                                        .tokens = web->token != NULL ? &web->tokens : NULL,
                                        .robots = &web->robots,
                                        .recordings = web->recordings,
+                                       .calibration = &web->calibration,
                                        .commander = &web->commander};
     enum fovea_status status = fv_web_server_open(&setup, &server, error);
     if (status != FOVEA_OK) return status;
+    web->calibration.address = web->address;
+    web->calibration.name = web->names.count > 0 ? web->names.values[0] : NULL;
+    web->calibration.token = web->token;
+    web->calibration.certificate = web->certificate.file;
+    web->calibration.certificate_key = web->certificate.key_file;
+    web->calibration.port = (uint16_t)(fv_web_server_port(server) + 1);
     const bool all = strcmp(web->address, "0.0.0.0") == 0;
     const char *host = all && web->names.count > 0 ? web->names.values[0]
                        : all                       ? "127.0.0.1"
@@ -242,6 +260,7 @@ static enum fovea_status serve(struct web *web, struct fovea_error *error)
         status = fovea_error_set(error, FOVEA_ERROR_SYSTEM, "the server failed");
     atomic_store(&served, NULL);
     fv_web_server_close(server);
+    fv_web_calibration_end(&web->calibration);
     return status;
 }
 

@@ -30,6 +30,10 @@ static enum fovea_status open_server(struct fv_web_pages *pages, struct fovea_er
     enum fovea_status status = fv_web_address_check(setup->address, setup->token != NULL, error);
     if (status == FOVEA_OK && setup->token != NULL)
         status = fv_web_tokens_read(setup->token, &pages->tokens, &made, error);
+    const struct fv_web_certificate certificate = {.file = setup->certificate,
+                                                   .key_file = setup->certificate_key};
+    if (status == FOVEA_OK && certificate.file != NULL)
+        status = fv_web_certificate_check(&certificate, error);
     if (status != FOVEA_OK) return status;
     if (made) fv_say("made %s: either of its tokens opens the page", setup->token);
     pages->names[0] = setup->name;
@@ -38,11 +42,12 @@ static enum fovea_status open_server(struct fv_web_pages *pages, struct fovea_er
                                        .names = pages->names,
                                        .name_count = setup->name != NULL,
                                        .tokens = setup->token != NULL ? &pages->tokens : NULL,
+                                       .certificate = certificate,
                                        .pages = &pages->setup};
     status = fv_web_server_open(&whole, &pages->server, error);
     if (status != FOVEA_OK) return status;
     const bool all = strcmp(setup->address, "0.0.0.0") == 0;
-    fv_say("page: http://%s:%u/",
+    fv_say("page: http%s://%s:%u/", certificate.file != NULL ? "s" : "",
            all && setup->name != NULL ? setup->name
            : all                      ? "127.0.0.1"
                                       : setup->address,

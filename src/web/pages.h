@@ -25,7 +25,8 @@ struct fv_web_pages_setup {
     uint16_t port;       /* 0: one that is free */
     const char *name;    /* a further name by which browsers call this host; NULL: none */
     const char *token;   /* file of tokens, made where there is none; NULL: none is asked for */
-    const char *index;   /* the asset that "/" shows: /calibrate */
+    const char *certificate, *certificate_key; /* PEM files, for HTTPS; NULL: HTTP */
+    const char *index;                         /* the asset that "/" shows: /calibrate */
     /* The answer for a path that is no asset, in the server's thread. False: there is none. */
     bool (*answer)(void *context, const char *path, struct fv_web_made *made);
     void *context;

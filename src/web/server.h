@@ -16,6 +16,7 @@
 
 #include "fovea/status.h"
 #include "web/access.h"
+#include "web/calibration.h"
 #include "web/certificate.h"
 #include "web/command.h"
 #include "web/pages.h"
@@ -40,6 +41,7 @@ struct fv_web_setup {
     /* Each page asks for one of them; the first is shown until then. NULL: as `pages`. */
     struct fv_web_robots *robots;
     const char *recordings; /* folder of recordings that can be downloaded; NULL: none */
+    struct fv_web_calibration *calibration; /* of their cameras */
     struct fv_web_commander *commander;
     /* The page of another program; NULL: that of a run, which the two above are for. */
     const struct fv_web_pages_setup *pages;

@@ -1,9 +1,7 @@
-#include <arpa/inet.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
-#include <sys/socket.h>
 #include <unistd.h>
 
 #include "drivers/clock.h"
@@ -11,149 +9,7 @@
 #include "web/recordings.h"
 #include "web/server_internal.h"
 
-enum {
-    HEADER_BYTES = 2048,
-    CHUNK_BYTES = 16384,
-    FILES_MAX = FV_WEB_CONNECTIONS_MAX + 64 /* numbers of open files: the lowest are taken first */
-};
-
-/* ---- who asks -------------------------------------------------------------------------------- */
-
-static bool header(struct lws *wsi, enum lws_token_indexes which, char *to, size_t bytes)
-{
-    const int length = lws_hdr_total_length(wsi, which);
-    to[0] = '\0';
-    return length > 0 && (size_t)length < bytes && lws_hdr_copy(wsi, to, (int)bytes, which) > 0;
-}
-
-/* The addresses of both ends. */
-static void addresses(struct lws *wsi, char local[INET_ADDRSTRLEN], char remote[INET_ADDRSTRLEN])
-{
-    struct sockaddr_in end;
-    socklen_t bytes = sizeof end;
-    const int socket = lws_get_socket_fd(wsi);
-    local[0] = remote[0] = '\0';
-    if (getsockname(socket, (struct sockaddr *)&end, &bytes) == 0 && end.sin_family == AF_INET)
-        inet_ntop(AF_INET, &end.sin_addr, local, INET_ADDRSTRLEN);
-    bytes = sizeof end;
-    if (getpeername(socket, (struct sockaddr *)&end, &bytes) == 0 && end.sin_family == AF_INET)
-        inet_ntop(AF_INET, &end.sin_addr, remote, INET_ADDRSTRLEN);
-}
-
-/* Whether the address of a new connection has all that one may have, so that one host alone does
- * not keep the others out. All programs of this host have the loopback's address, so there is no
- * such bound for it. */
-static bool is_crowd(const struct lws_filter_network_conn_args *arrived)
-{
-    struct sockaddr_in from, other;
-    int count = 0;
-    memcpy(&from, &arrived->cli_addr, sizeof from);
-    if (from.sin_family != AF_INET || ntohl(from.sin_addr.s_addr) >> 24 == 127) return false;
-    for (int file = 0; file < FILES_MAX; file++) {
-        socklen_t bytes = sizeof other;
-        count += file != arrived->accept_fd &&
-                 getpeername(file, (struct sockaddr *)&other, &bytes) == 0 &&
-                 other.sin_family == AF_INET && other.sin_addr.s_addr == from.sin_addr.s_addr;
-    }
-    return count >= FV_WEB_CONNECTIONS_OF_ADDRESS;
-}
-
-static void cookie_name(const struct fv_web_server *server, char name[24])
-{
-    snprintf(name, 24, "fovea_%u", (unsigned)server->port); /* cookies do not know ports */
-}
-
-static enum fv_web_role role_of(struct fv_web_server *server, struct lws *wsi)
-{
-    char cookies[FV_WEB_COOKIE_BYTES], name[24], token[FV_WEB_TOKEN_DIGITS + 1];
-    if (server->setup.tokens == NULL) return FV_WEB_OPERATE;
-    cookie_name(server, name);
-    if (!header(wsi, WSI_TOKEN_HTTP_COOKIE, cookies, sizeof cookies) ||
-        !fv_web_cookie_token(cookies, name, token))
-        return FV_WEB_NOBODY;
-    return fv_web_tokens_role(server->setup.tokens, token);
-}
-
-/* Whether it names this server, and comes from our page or an origin that is listed; without an
- * origin only where it need not be `of_page`. */
-static bool request_is_ours(const struct fv_web_server *server, struct lws *wsi, bool of_page,
-                            const char *listed)
-{
-    char host[FV_WEB_NAME_BYTES], origin[FV_WEB_NAME_BYTES + 8], local[INET_ADDRSTRLEN],
-        remote[INET_ADDRSTRLEN];
-    const bool encrypted = server->setup.certificate.file != NULL;
-    addresses(wsi, local, remote);
-    if (!header(wsi, WSI_TOKEN_HOST, host, sizeof host) ||
-        !fv_web_host_is_ours(host, server->port, encrypted, local, server->setup.names,
-                             server->setup.name_count))
-        return false;
-    if (!of_page && lws_hdr_total_length(wsi, WSI_TOKEN_ORIGIN) == 0) return true;
-    return header(wsi, WSI_TOKEN_ORIGIN, origin, sizeof origin) &&
-           (fv_web_origin_is_ours(origin, host, encrypted) ||
-            fv_web_origin_is_listed(origin, listed));
-}
-
-int fv_web_server_judge(struct fv_web_server *server, struct lws *wsi, bool of_page,
-                        enum fv_web_role *role)
-{
-    if (!request_is_ours(server, wsi, of_page, NULL)) return HTTP_STATUS_FORBIDDEN;
-    *role = role_of(server, wsi);
-    return *role != FV_WEB_NOBODY ? HTTP_STATUS_OK : HTTP_STATUS_UNAUTHORIZED;
-}
-
-/* What the query of the address says behind `name` ("robot="); NULL: nothing. An argument before it
- * that did not fit would hide it from libwebsockets, so there is room for all that may come. */
-static const char *argument(struct lws *wsi, const char *name, char text[FV_WEB_HEADERS_BYTES])
-{
-    return lws_get_urlarg_by_name(wsi, name, text, FV_WEB_HEADERS_BYTES);
-}
-
-/* The token of a client that is no page: of a header, or of the query of the address. */
-static bool foxglove_token(struct lws *wsi, char token[FV_WEB_TOKEN_DIGITS + 1])
-{
-    static const char bearer[] = "Bearer ";
-    char text[FV_WEB_HEADERS_BYTES];
-    const char *found = NULL;
-    if (header(wsi, WSI_TOKEN_HTTP_AUTHORIZATION, text, sizeof text))
-        found = strncasecmp(text, bearer, strlen(bearer)) == 0 ? text + strlen(bearer) : NULL;
-    else
-        found = argument(wsi, "token=", text);
-    if (found == NULL) return false;
-    const bool fits = strlen(found) == FV_WEB_TOKEN_DIGITS;
-    memcpy(token, fits ? found : "", fits ? FV_WEB_TOKEN_DIGITS + 1 : 1);
-    return true; /* a wrong one, if it does not fit */
-}
-
-/* Wrong ones are limited as at the login. */
-static int judge_token(struct fv_web_server *server, struct lws *wsi, enum fv_web_role *role)
-{
-    char token[FV_WEB_TOKEN_DIGITS + 1], local[INET_ADDRSTRLEN], remote[INET_ADDRSTRLEN];
-    const int64_t now_ns = fv_clock_ns(CLOCK_MONOTONIC);
-    *role = role_of(server, wsi);
-    if (*role != FV_WEB_NOBODY) return HTTP_STATUS_OK;
-    addresses(wsi, local, remote);
-    if (!fv_web_tries_left(&server->tries, remote, now_ns)) return 429;
-    const bool any = foxglove_token(wsi, token);
-    *role = any ? fv_web_tokens_role(server->setup.tokens, token) : FV_WEB_NOBODY;
-    if (*role != FV_WEB_NOBODY) return HTTP_STATUS_OK;
-    if (any) fv_web_tries_failed(&server->tries, remote, now_ns);
-    return HTTP_STATUS_UNAUTHORIZED;
-}
-
-int fv_web_server_judge_foxglove(struct fv_web_server *server, struct lws *wsi,
-                                 enum fv_web_role *role)
-{
-    if (!request_is_ours(server, wsi, false, server->setup.origins)) return HTTP_STATUS_FORBIDDEN;
-    return judge_token(server, wsi, role);
-}
-
-uint32_t fv_web_server_robot(struct lws *wsi)
-{
-    char text[FV_WEB_HEADERS_BYTES];
-    const char *of = argument(wsi, "robot=", text);
-    const unsigned long robot = of != NULL ? strtoul(of, NULL, 10) : 0;
-    return robot < UINT32_MAX ? (uint32_t)robot : UINT32_MAX;
-}
+enum { HEADER_BYTES = 2048, CHUNK_BYTES = 16384 };
 
 /* ---- answers --------------------------------------------------------------------------------- */
 
@@ -231,7 +87,8 @@ static int answer_text(struct lws *wsi, struct fv_web_request *request, int stat
 static int refuse(struct lws *wsi, struct fv_web_request *request, int status, const char *text)
 {
     char length[16];
-    const bool has_body = header(wsi, WSI_TOKEN_HTTP_CONTENT_LENGTH, length, sizeof length);
+    const bool has_body =
+        fv_web_server_header(wsi, WSI_TOKEN_HTTP_CONTENT_LENGTH, length, sizeof length);
     const unsigned long bytes = has_body ? strtoul(length, NULL, 10) : 0;
     if (bytes == 0) return answer_text(wsi, request, status, text);
     if (bytes > FV_WEB_SETTINGS_BYTES) return -1;
@@ -243,7 +100,7 @@ static int refuse(struct lws *wsi, struct fv_web_request *request, int status, c
 static bool accepts_gzip(struct lws *wsi)
 {
     char accepted[128];
-    return header(wsi, WSI_TOKEN_HTTP_ACCEPT_ENCODING, accepted, sizeof accepted) &&
+    return fv_web_server_header(wsi, WSI_TOKEN_HTTP_ACCEPT_ENCODING, accepted, sizeof accepted) &&
            strstr(accepted, "gzip") != NULL;
 }
 
@@ -293,6 +150,33 @@ static int answer_recordings(const struct fv_web_server *server, struct lws *wsi
     answer.type = "application/octet-stream";
     answer.disposition = disposition;
     return answer_begin(wsi, request, &answer, NULL, bytes);
+}
+
+/* How the calibration stands, and the camera file that it made. */
+static int answer_calibration(const struct fv_web_server *server, struct lws *wsi,
+                              struct fv_web_request *request)
+{
+    const struct answer answer = {.status = HTTP_STATUS_OK,
+                                  .type = "application/json; charset=utf-8"};
+    request->made = (uint8_t *)fv_web_calibration_json(server->setup.calibration);
+    if (request->made == NULL) return -1;
+    return answer_begin(wsi, request, &answer, request->made, strlen((char *)request->made));
+}
+
+static int answer_calibrated(const struct fv_web_server *server, struct lws *wsi,
+                             struct fv_web_request *request)
+{
+    char disposition[FV_WEB_CALIBRATION_NAME_BYTES + 32];
+    size_t bytes;
+    const struct fv_web_calibration *calibration = server->setup.calibration;
+    const struct answer answer = {.status = HTTP_STATUS_OK,
+                                  .type = "application/yaml; charset=utf-8",
+                                  .disposition = disposition};
+    request->made = (uint8_t *)fv_web_calibration_result(calibration, &bytes);
+    if (request->made == NULL)
+        return answer_text(wsi, request, HTTP_STATUS_NOT_FOUND, "Not found\n");
+    snprintf(disposition, sizeof disposition, "attachment; filename=\"%s\"", calibration->file);
+    return answer_begin(wsi, request, &answer, request->made, bytes);
 }
 
 /* What another program makes for a path. */
@@ -353,32 +237,78 @@ static int begin_login(struct fv_web_server *server, struct lws *wsi,
 {
     char local[INET_ADDRSTRLEN], remote[INET_ADDRSTRLEN];
     char length[16];
-    addresses(wsi, local, remote);
+    fv_web_server_addresses(wsi, local, remote);
     snprintf(request->address, sizeof request->address, "%s", remote);
     if (server->setup.tokens == NULL) return answer_text(wsi, request, 404, "Not found\n");
-    if (!header(wsi, WSI_TOKEN_HTTP_CONTENT_LENGTH, length, sizeof length) ||
+    if (!fv_web_server_header(wsi, WSI_TOKEN_HTTP_CONTENT_LENGTH, length, sizeof length) ||
         strtoul(length, NULL, 10) >= FV_WEB_BODY_BYTES)
         return -1; /* a body that is none of ours is not read */
     request->login = true;
     return 0;
 }
 
+/* A body that is taken whole, of at most so many bytes. */
+static int begin_body(struct lws *wsi, struct fv_web_request *request, size_t bytes_max)
+{
+    char length[16];
+    if (!fv_web_server_header(wsi, WSI_TOKEN_HTTP_CONTENT_LENGTH, length, sizeof length) ||
+        strtoul(length, NULL, 10) > bytes_max)
+        return -1; /* as a login's */
+    request->settings = malloc(FV_WEB_SETTINGS_BYTES + 1);
+    return request->settings == NULL ? -1 : 0;
+}
+
+/* A board, by which the camera of the run is calibrated, or "end". */
+static int begin_calibration(struct fv_web_server *server, struct lws *wsi,
+                             struct fv_web_request *request, enum fv_web_role role)
+{
+    const struct fv_web_robots *robots = server->setup.robots;
+    const uint32_t robot = fv_web_server_robot(wsi);
+    if (robot >= robots->count || server->setup.calibration->folder == NULL)
+        return refuse(wsi, request, HTTP_STATUS_NOT_FOUND, "Not found\n");
+    request->relay = robots->robots[robot].relay;
+    if (role != FV_WEB_OPERATE)
+        return refuse(wsi, request, HTTP_STATUS_FORBIDDEN, "this token may only look");
+    if (request->relay->reader == NULL)
+        return refuse(wsi, request, HTTP_STATUS_FORBIDDEN, "there is no run of this host");
+    request->calibrates = true;
+    return begin_body(wsi, request, FV_WEB_TARGET_BYTES);
+}
+
+static int end_calibration(struct fv_web_server *server, struct lws *wsi,
+                           struct fv_web_request *request)
+{
+    struct fv_web_calibration *calibration = server->setup.calibration;
+    struct fovea_error error;
+    enum fovea_status status = FOVEA_OK;
+    request->settings[request->settings_bytes] = '\0';
+    if (strcmp(request->settings, "end") == 0)
+        fv_web_calibration_stop(calibration);
+    else
+        status =
+            fv_web_calibration_start(calibration, request->relay->path, request->settings, &error);
+    free(request->settings);
+    request->settings = NULL;
+    if (status == FOVEA_OK) return answer_calibration(server, wsi, request);
+    request->made = (uint8_t *)strdup(error.text);
+    if (request->made == NULL) return -1;
+    return answer_text(wsi, request,
+                       status == FOVEA_ERROR_INPUT ? HTTP_STATUS_CONFLICT
+                                                   : HTTP_STATUS_INTERNAL_SERVER_ERROR,
+                       (const char *)request->made);
+}
+
 /* All settings of the run are asked for, by an empty line, or come in the body to be restored. */
 static int begin_settings(struct fv_web_server *server, struct lws *wsi,
                           struct fv_web_request *request, enum fv_web_role role)
 {
-    char length[16];
     const struct fv_web_robots *robots = server->setup.robots;
     const uint32_t robot = fv_web_server_robot(wsi);
     if (robot >= robots->count) return refuse(wsi, request, HTTP_STATUS_NOT_FOUND, "Not found\n");
     request->relay = robots->robots[robot].relay;
     const char *refusal = fv_web_server_refusal(server, request->relay, role);
     if (refusal != NULL) return refuse(wsi, request, HTTP_STATUS_FORBIDDEN, refusal);
-    if (!header(wsi, WSI_TOKEN_HTTP_CONTENT_LENGTH, length, sizeof length) ||
-        strtoul(length, NULL, 10) > FV_WEB_SETTINGS_BYTES)
-        return -1; /* as a login's */
-    request->settings = malloc(FV_WEB_SETTINGS_BYTES + 1);
-    return request->settings == NULL ? -1 : 0;
+    return begin_body(wsi, request, FV_WEB_SETTINGS_BYTES);
 }
 
 /* Pass them on, and say by which number the run answers. */
@@ -427,6 +357,9 @@ static int begin(struct fv_web_server *server, struct lws *wsi, struct fv_web_re
     if (post && status == HTTP_STATUS_OK && strcmp(path, "/settings") == 0 &&
         server->setup.robots != NULL)
         return begin_settings(server, wsi, request, role);
+    if (post && status == HTTP_STATUS_OK && strcmp(path, "/calibration") == 0 &&
+        server->setup.robots != NULL)
+        return begin_calibration(server, wsi, request, role);
     if (!get && status == HTTP_STATUS_UNAUTHORIZED)
         return refuse(wsi, request, status, "Unauthorized: log in at /login\n");
     if (!get) return refuse(wsi, request, HTTP_STATUS_METHOD_NOT_ALLOWED, "Not allowed\n");
@@ -443,6 +376,10 @@ static int begin(struct fv_web_server *server, struct lws *wsi, struct fv_web_re
     if (asset == NULL && server->setup.pages != NULL)
         return answer_made(wsi, request, server->setup.pages, path);
     if (strcmp(path, "/keys") == 0) return answer_keys(wsi, request);
+    if (server->setup.robots != NULL && strcmp(path, "/calibration") == 0)
+        return answer_calibration(server, wsi, request);
+    if (server->setup.robots != NULL && strcmp(path, "/calibration/result") == 0)
+        return answer_calibrated(server, wsi, request);
     const size_t recordings = strlen("/recordings");
     if (server->setup.robots != NULL && strncmp(path, "/recordings", recordings) == 0 &&
         (path[recordings] == '\0' || path[recordings] == '/'))
@@ -467,7 +404,7 @@ static int end_login(struct fv_web_server *server, struct lws *wsi, struct fv_we
         fv_web_tries_failed(&server->tries, request->address, now_ns);
         return answer_text(wsi, request, HTTP_STATUS_UNAUTHORIZED, "Wrong token\n");
     }
-    cookie_name(server, name);
+    fv_web_server_cookie_name(server, name);
     snprintf(cookie, sizeof cookie, "%s=%s; Path=/; Max-Age=31536000; HttpOnly; SameSite=Strict%s",
              name, token, server->setup.certificate.file != NULL ? "; Secure" : "");
     struct answer answer = {
@@ -504,7 +441,7 @@ int fv_web_http(struct lws *wsi, enum lws_callback_reasons reason, void *user, v
         if (lws_get_network_wsi(wsi) != wsi) return -1; /* a stream of HTTP/2 */
         return begin(server, wsi, request, in);
     case LWS_CALLBACK_FILTER_NETWORK_CONNECTION:
-        return is_crowd(user) ? -1 : 0;
+        return fv_web_server_is_crowd(user) ? -1 : 0;
     case LWS_CALLBACK_HTTP_CONFIRM_UPGRADE: /* to HTTP/2: not here */
         return in != NULL && strcasecmp(in, "websocket") == 0 ? 0 : -1;
     case LWS_CALLBACK_FILTER_PROTOCOL_CONNECTION: /* a websocket that names no protocol */
@@ -514,6 +451,8 @@ int fv_web_http(struct lws *wsi, enum lws_callback_reasons reason, void *user, v
     case LWS_CALLBACK_HTTP_BODY_COMPLETION:
         if (request != NULL && request->refusal != NULL)
             return answer_text(wsi, request, request->refusal_status, request->refusal);
+        if (request != NULL && request->settings != NULL && request->calibrates)
+            return end_calibration(server, wsi, request);
         if (request != NULL && request->settings != NULL) return end_settings(server, wsi, request);
         return request != NULL && request->login ? end_login(server, wsi, request) : -1;
     case LWS_CALLBACK_HTTP_WRITEABLE:

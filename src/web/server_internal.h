@@ -2,6 +2,7 @@
 #ifndef FOVEA_WEB_SERVER_INTERNAL_H
 #define FOVEA_WEB_SERVER_INTERNAL_H
 
+#include <arpa/inet.h>
 #include <stdatomic.h>
 
 #include <libwebsockets.h>
@@ -23,6 +24,7 @@ struct fv_web_request {
     bool login;     /* a token comes in the body */
     char *settings; /* of malloc: they come in the body; NULL: none */
     size_t settings_bytes;
+    bool calibrates;                  /* what comes there is a board, or the end of a calibration */
     const struct fv_web_relay *relay; /* of the robot that they are for */
     const char *refusal; /* the answer when the body, which nobody reads, is through; NULL: none */
     int refusal_status;
@@ -73,6 +75,18 @@ struct fv_web_server {
 /* Why nothing can be sent to the run of this relay for somebody of this role; NULL: it can. */
 const char *fv_web_server_refusal(const struct fv_web_server *server,
                                   const struct fv_web_relay *relay, enum fv_web_role role);
+
+/* A header of a request, as text. False: there is none, or it does not fit. */
+bool fv_web_server_header(struct lws *wsi, enum lws_token_indexes which, char *to, size_t bytes);
+/* The addresses of both ends. */
+void fv_web_server_addresses(struct lws *wsi, char local[INET_ADDRSTRLEN],
+                             char remote[INET_ADDRSTRLEN]);
+/* Whether the address of a new connection has all that one may have, so that one host alone does
+ * not keep the others out. All programs of this host have the loopback's address, so there is no
+ * such bound for it. */
+bool fv_web_server_is_crowd(const struct lws_filter_network_conn_args *arrived);
+/* Cookies do not know ports: the server's port is in the name. */
+void fv_web_server_cookie_name(const struct fv_web_server *server, char name[24]);
 
 /* Of the connection whose headers are there: 200, or the status to refuse it with. */
 int fv_web_server_judge(struct fv_web_server *server, struct lws *wsi, bool of_page,

@@ -84,6 +84,16 @@ def keep(address, until_set):
             return
 
 
+def until_served(address):
+    end = time.monotonic() + PATIENCE_S
+    while time.monotonic() < end:
+        try:
+            return status_of(address, address[7:-1])
+        except OSError:
+            time.sleep(0.1)
+    raise SystemExit("calibrate_page.py: nothing is served at " + address)
+
+
 def camera_file(name):
     with open(os.path.join(folder, name), encoding="utf-8") as file:
         return file.read()
@@ -105,13 +115,64 @@ def interrupt_while_it_waits():
     assert "camera_matrix" in camera_file("alone.yaml")
 
 
+CAMERA = """image_width: 640
+image_height: 480
+camera_matrix: {rows: 3, cols: 3, data: [400, 0, 320, 0, 400, 240, 0, 0, 1]}
+distortion_model: plumb_bob
+distortion_coefficients: {rows: 1, cols: 5, data: [0, 0, 0, 0, 0]}
+"""
+
+
+def start_run():
+    """A run whose camera looks at a board that is held still for a third of a second each time, and its page, which prints into one pipe with what it starts."""
+    camera, feed = os.path.join(folder, "start.yaml"), os.path.join(folder, "feed")
+    with open(camera, "w", encoding="utf-8") as file:
+        file.write(CAMERA)
+    started.append(subprocess.Popen([os.path.join(build, "fovea"), "run", "--source", "fault:sim:board?rate=12&seed=4&frames=1000000?kind=freeze&first=2&shortest=3&longest=3"
+                                     "&fraction=0.74", "--rate", "real", "--quiet", "--picture", "none", "--set", "camera=" + camera, "--set", "web.socket=" + feed,
+                                     "--set", "parameters.file=" + os.path.join(folder, "kept.yaml"), "--set", "odometry.enabled=false"]))
+    os.mkdir(os.path.join(folder, "results"))
+    process = subprocess.Popen([os.path.join(build, "fovea-web"), "--feed", feed, "--port", "0", "--calibrations", os.path.join(folder, "results")],
+                               stderr=subprocess.STDOUT, stdout=subprocess.PIPE, text=True)
+    started.append(process)
+    return process, re.search(r"http://127\.0\.0\.1:\d+/", process.stdout.readline()).group(0)
+
+
+def begin(driver, live):
+    """Press the button of the live page; the address that it leads to."""
+    driver.get(live)
+    until(driver, "!document.getElementById('calibration').hidden && !document.getElementById('calibrate').disabled", "the button")
+    said = "document.getElementById('calibration-said')"
+    driver.execute_script("document.getElementById('board').value = '--out'")
+    driver.execute_script("document.getElementById('calibrate').click()")
+    until(driver, said + ".textContent === 'refused: found no board, expected one as chessboard:9x6:0.025'", "the refusal of what is no board")
+    errors = [line for line in driver.get_log("browser") if line["level"] == "SEVERE"]
+    assert len(errors) == 1 and "409" in errors[0]["message"], errors  # the refusal
+    driver.execute_script("document.getElementById('board').value = 'chessboard:9x6:0.03'")
+    driver.execute_script("document.getElementById('calibrate').click()")
+    return until(driver, said + ".textContent.startsWith('goes on: ') && " + said + ".querySelector('a').href", "the address of the calibration")
+
+
+def use(driver, live):
+    """The result becomes the run's with the next start."""
+    driver.get(live)
+    until(driver, "!document.getElementById('use-calibration').disabled", "the result")
+    driver.execute_script("document.getElementById('use-calibration').click()")
+    said = until(driver, "(document.getElementById('calibration-said').textContent.match(/^camera-.*: (.*)/) || [])[1]", "the answer of the run")
+    assert said == "0 took hold, 0 and the calibration with the next start", said
+    with open(os.path.join(folder, "kept.yaml"), encoding="utf-8") as file:
+        assert "camera_matrix" in file.read().split("---\n")[1]
+
+
 def follow_in_a_browser():
-    """From any time on to the verdict; what is printed has the instructions from the first on."""
-    process, address = start("camera.yaml")
-    done = threading.Event()
-    threading.Thread(target=keep, args=(address, done), daemon=True).start()
+    """From the page of a run to the verdict, and its result to the run; what is printed has the instructions from the first on."""
+    process, live = start_run()
     driver = browser()
+    done = threading.Event()
     try:
+        address = begin(driver, live)
+        threading.Thread(target=keep, args=(address, done), daemon=True).start()
+        until_served(address)
         driver.get(address)
         until(driver, "document.getElementById('picture').naturalWidth > 0", "a picture")
         until(driver, "/^[1-9][0-9]* of at most 40$/.test(document.getElementById('pictures').textContent)", "a picture that is taken")
@@ -127,16 +188,19 @@ def follow_in_a_browser():
         assert "fx" in text(driver, "parameters") and "RMS" in text(driver, "parameters"), text(driver, "parameters")
         assert re.fullmatch(r"± 0\.0\d\d %", text(driver, "focal")), text(driver, "focal")
         screenshot(driver, "verdict")
+        done.set()
+        use(driver, live)
         errors = [line for line in driver.get_log("browser") if line["level"] == "SEVERE"]
         assert not errors, errors
     finally:
         done.set()
         driver.quit()
-    said = process.communicate(timeout=PATIENCE_S)[0]  # nobody looks any more
+    process.terminate()
+    said = process.communicate(timeout=PATIENCE_S)[0]
     assert process.returncode == 0, process.returncode
     instructions = re.findall(r"next: board to the (.* of the picture.* nearer to the camera.*)", said)
     assert len(set(instructions)) > 3, said
-    assert "camera_matrix" in camera_file("camera.yaml")
+    assert len(os.listdir(os.path.join(folder, "results"))) == 1
     print("page: " + grade + ", " + instructions[0])
 
 

@@ -1,5 +1,5 @@
 /* The page of fovea-calibrate camera in a headless Chromium, by calibrate_page.py beside it: from
- * the first picture to the verdict, with a simulated board. */
+ * the first picture to the verdict, with a simulated board, also of a run by its page. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -10,6 +10,9 @@
 #include <unistd.h>
 
 #include <cmocka.h>
+
+#include "common/watched.h"
+#include "common/web_client.h"
 
 static char build[512]; /* folder that this program was built into */
 
@@ -43,6 +46,7 @@ int main(int argc, char **argv)
             "the Python of tools/browser_python.sh\n");
         return 0;
     }
+    if (!web_possible("test_web_calibrate") || !watched_possible("test_web_calibrate")) return 0;
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_browser_leads_from_the_first_picture_to_the_verdict),
     };

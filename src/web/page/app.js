@@ -11,6 +11,7 @@ import { Requests } from "/requests.js";
 import { Settings } from "/settings.js";
 import { Maps } from "/maps.js";
 import { Recordings } from "/recordings.js";
+import { Calibration } from "/calibration.js";
 import { Robots } from "/robots.js";
 import { Actions, PosePanel, byId, download, facts, fixed, logLine, names, saveLog, showHealth, showRecorder } from "/panels.js";
 
@@ -31,6 +32,7 @@ const parameters = new Parameters(requests);
 const settings = new Settings(types, requests);
 const maps = new Maps(types, requests);
 const recordings = new Recordings();
+const calibration = new Calibration(settings, of);
 const robots = new Robots(of);
 await parameters.fetch();
 const stages = new Plot(byId("plot-stages"), byId("legend-stages"), " ms", 2);
@@ -42,12 +44,13 @@ function showLatency(picture) {
   byId("no-picture").hidden = true;
   shown.times = shown.times.filter((time) => time > now - 2000).concat(now);
   const link_ms = link.serverNow() - picture.sent_ms;
-  const total = picture.age_ms >= 0 ? picture.age_ms + picture.held_ms + link_ms : NaN;
+  const total = picture.age_ms >= 0 ? picture.age_ms + picture.held_ms + link_ms + picture.between_ms : NaN;
   facts(byId("latency"), {
     "Camera to screen": picture.age_ms >= 0 ? fixed(total, 0, " ms") : "not this clock",
     "Camera to here": picture.age_ms >= 0 ? fixed(picture.age_ms, 0, " ms") : undefined,
     "Wait and JPEG": fixed(picture.held_ms, 1, " ms"),
     "Link and screen": fixed(link_ms, 0, " ms"),
+    "Frames between": fixed(picture.between_ms, 0, " ms"),
     Pictures: fixed(shown.times.length / 2, 1, " /s"),
     Size: `${Math.floor(picture.width / picture.shrink)} x ${Math.floor(picture.height / picture.shrink)}, ${(picture.jpeg.length / 1024).toFixed(0)} KB`,
     Features: String(picture.points.length / 3),
@@ -60,6 +63,7 @@ function allow(hello) {
   parameters.allow(hello.commands && hello.running);
   settings.allow(hello.commands && hello.running);
   maps.allow(hello.commands && hello.running);
+  calibration.allow(hello.role === "operate" && hello.running);
 }
 
 function forget() {

@@ -18,38 +18,65 @@ export class Live {
     this.layers = { classes: true, features: true, boxes: true, tracks: true, keypoints: true };
     this.trails = new Map();
     this.busy = false;
-    this.waiting = null;
+    this.waiting = this.ready = null;
+    const channel = new MessageChannel();
+    channel.port1.onmessage = () => this.picture && this.onShown(this.picture);
+    this.painted = channel.port2;
   }
 
   // The newest picture: one is decoded at a time, and one waits.
   async show(picture) {
-    if (this.waiting) this.link().say("ack " + this.waiting.number);
+    if (this.waiting) this.acknowledge(this.waiting);
     this.waiting = picture;
     if (this.busy) return;
     this.busy = true;
     while (this.waiting) {
       const next = this.waiting;
       this.waiting = null;
-      await this.put(next);
-      this.link().say("ack " + next.number);
+      await this.decode(next);
     }
     this.busy = false;
   }
-  async put(picture) {
+  acknowledge(picture) {
+    this.link().say("ack " + picture.number);
+  }
+  // For the next frame of the screen, whose picture is the newest that is decoded by then.
+  async decode(picture) {
+    const { before } = this;
+    let bitmap;
     try {
-      const { before } = this, bitmap = await createImageBitmap(new Blob([picture.jpeg], { type: "image/jpeg" }));
-      if (before !== this.before) return bitmap.close();
-      if (this.bitmap) this.bitmap.close();
-      this.bitmap = bitmap;
-      this.picture = picture;
-      await new Promise((done) => (document.hidden ? setTimeout(done, 0) : requestAnimationFrame(done)));
-      if (before !== this.before) return undefined;
-      this.draw();
-      this.onShown(picture);
+      bitmap = await createImageBitmap(new Blob([picture.jpeg], { type: "image/jpeg" }));
     } catch (error) {
       console.warn("a picture cannot be shown:", error.message);
     }
-    return undefined;
+    if (!bitmap || before !== this.before) {
+      if (bitmap) bitmap.close();
+      this.acknowledge(picture);
+      return;
+    }
+    if (this.ready) this.leaveOut();
+    else if (document.hidden) setTimeout(() => this.put(), 0);
+    else requestAnimationFrame(() => this.put());
+    this.ready = { picture, bitmap };
+  }
+  leaveOut() {
+    this.ready.bitmap.close();
+    this.acknowledge(this.ready.picture);
+    this.ready = null;
+  }
+  put() {
+    if (!this.ready) return;
+    const { picture, bitmap } = this.ready, last = this.picture;
+    if (this.bitmap) this.bitmap.close();
+    this.bitmap = bitmap;
+    this.picture = picture;
+    this.ready = null;
+    // What happened in one of the frames between was not seen before this one: half of them is the mean.
+    const steps = last ? picture.sequence - last.sequence : 1;
+    picture.between_ms = steps > 1 ? (picture.stamp_ns - last.stamp_ns) * 1e-6 * (steps - 1) / steps / 2 : 0;
+    this.draw();
+    this.acknowledge(picture);
+    this.painted.postMessage(picture.number); // heard when this frame of the screen is painted
   }
 
   objects(message) {
@@ -94,6 +121,7 @@ export class Live {
   clear() {
     this.before = this.before ? this.before + 1 : 1;
     this.waiting = this.picture = null;
+    if (this.ready) this.leaveOut();
     if (this.bitmap) this.bitmap.close();
     this.bitmap = null;
     this.context.clearRect(0, 0, this.canvas.width, this.canvas.height);

@@ -13,17 +13,17 @@ export class Settings {
   allow(allowed) {
     byId("back-up").disabled = byId("restore").disabled = !allowed;
   }
-  say(text, good) {
-    byId("settings-said").textContent = text;
-    byId("settings-said").dataset.result = good ? "good" : "bad";
+  say(text, good, said = byId("settings-said")) {
+    said.textContent = text;
+    said.dataset.result = good ? "good" : "bad";
   }
-  async ask(text, done) {
+  async ask(text, done, said) {
     try {
       const answer = await this.requests.post("/settings?robot=" + (this.requests.link().robot || 0), text);
       if (answer.result === 0) done(answer);
-      else this.say(`${this.results[answer.result]}: ${answer.reason}`);
+      else this.say(`${this.results[answer.result]}: ${answer.reason}`, false, said);
     } catch (reason) {
-      this.say(reason.message);
+      this.say(reason.message, false, said);
     }
   }
   backUp() {
