@@ -111,7 +111,7 @@ int64_t fv_web_commander_map(struct fv_web_commander *commander, const char *pre
 int64_t fv_web_commander_settings(struct fv_web_commander *commander, const char *prefix,
                                   int64_t run_id, const char *text)
 {
-    const size_t capacity = FV_WEB_SETTINGS_BYTES + 512;
+    const size_t capacity = FV_KEPT_BYTES_MAX + 512;
     const int64_t now_ns = fv_clock_ns(CLOCK_REALTIME);
     uint8_t *data = malloc(capacity);
     if (data == NULL) return 0;

@@ -5,6 +5,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "app/config/kept_parameters.h"
 #include "app/network/siphash.h"
 #include "app/network/transport.h"
 
@@ -31,9 +32,7 @@ int64_t fv_web_commander_send(struct fv_web_commander *commander, const char *pr
 int64_t fv_web_commander_set(struct fv_web_commander *commander, const char *prefix, int64_t run_id,
                              const char *key, const char *value, bool keep);
 
-enum { FV_WEB_SETTINGS_BYTES = 32767 };
-
-/* Send a settings_t of at most FV_WEB_SETTINGS_BYTES, `text` "": to ask for them. Returns the
+/* Send a settings_t of at most FV_KEPT_BYTES_MAX, `text` "": to ask for them. Returns the
  * number by which settings_result_t answers; 0: no memory. */
 int64_t fv_web_commander_settings(struct fv_web_commander *commander, const char *prefix,
                                   int64_t run_id, const char *text);

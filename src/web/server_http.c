@@ -91,7 +91,7 @@ static int refuse(struct lws *wsi, struct fv_web_request *request, int status, c
         fv_web_server_header(wsi, WSI_TOKEN_HTTP_CONTENT_LENGTH, length, sizeof length);
     const unsigned long bytes = has_body ? strtoul(length, NULL, 10) : 0;
     if (bytes == 0) return answer_text(wsi, request, status, text);
-    if (bytes > FV_WEB_SETTINGS_BYTES) return -1;
+    if (bytes > FV_KEPT_BYTES_MAX) return -1;
     request->refusal = text;
     request->refusal_status = status;
     return 0;
@@ -254,7 +254,7 @@ static int begin_body(struct lws *wsi, struct fv_web_request *request, size_t by
     if (!fv_web_server_header(wsi, WSI_TOKEN_HTTP_CONTENT_LENGTH, length, sizeof length) ||
         strtoul(length, NULL, 10) > bytes_max)
         return -1; /* as a login's */
-    request->settings = malloc(FV_WEB_SETTINGS_BYTES + 1);
+    request->settings = malloc(FV_KEPT_BYTES_MAX + 1);
     return request->settings == NULL ? -1 : 0;
 }
 
@@ -308,7 +308,7 @@ static int begin_settings(struct fv_web_server *server, struct lws *wsi,
     request->relay = robots->robots[robot].relay;
     const char *refusal = fv_web_server_refusal(server, request->relay, role);
     if (refusal != NULL) return refuse(wsi, request, HTTP_STATUS_FORBIDDEN, refusal);
-    return begin_body(wsi, request, FV_WEB_SETTINGS_BYTES);
+    return begin_body(wsi, request, FV_KEPT_BYTES_MAX);
 }
 
 /* Pass them on, and say by which number the run answers. */
@@ -419,7 +419,7 @@ static int take_body(struct fv_web_request *request, const void *in, size_t leng
     if (length == 0) return 0;
     if (request != NULL && request->refusal != NULL) return 0;
     if (request != NULL && request->settings != NULL) {
-        if (length > FV_WEB_SETTINGS_BYTES - request->settings_bytes) return -1;
+        if (length > FV_KEPT_BYTES_MAX - request->settings_bytes) return -1;
         memcpy(request->settings + request->settings_bytes, in, length);
         request->settings_bytes += length;
         return 0;

@@ -38,45 +38,50 @@ void fv_backup_close(struct fv_backup *backup)
 
 /* ---- on the listener's thread ---------------------------------------------------------------- */
 
-static enum fv_command_verdict judge(struct fv_backup *backup, const fovea_settings_t *request,
-                                     const struct fv_received *received)
+static int encode(const struct fv_backup *backup, int8_t result, const char *text, uint8_t *data,
+                  int bytes_max)
 {
-    struct fv_command_gate *gate = &backup->parameters->gate;
-    const struct fv_command_claim claim = {.data = received->data,
-                                           .bytes = received->bytes,
-                                           .from_host = received->from_host,
-                                           .allowed = fv_command_gate_parameters(gate),
-                                           .run_id = request->run_id,
-                                           .sender = request->sender,
-                                           .counter = request->counter,
-                                           .mac = request->mac};
-    return fv_command_gate_claim(gate, &claim);
+    const fovea_settings_result_t message = {.utime = fv_clock_ns(CLOCK_REALTIME) / 1000,
+                                             .run_id = backup->parameters->requests->run_id,
+                                             .id = backup->id,
+                                             .sender = backup->sender,
+                                             .result = result,
+                                             .text = (char *)(uintptr_t)text,
+                                             .reason = (char *)(uintptr_t)backup->reason};
+    return fovea_settings_result_t_encode(data, 0, bytes_max, &message);
+}
+
+static void refuse(struct fv_backup *backup, const fovea_settings_t *request, const char *reason)
+{
+    uint8_t data[FV_REQUESTS_ANSWER_BYTES];
+    struct fv_backup one = {
+        .parameters = backup->parameters, .id = request->id, .sender = request->sender};
+    snprintf(one.reason, sizeof one.reason, "%s", reason);
+    fv_requests_answer(backup->parameters->requests, backup->channel, data,
+                       encode(&one, FOVEA_SETTINGS_RESULT_T_RESULT_REFUSED, "", data, sizeof data));
 }
 
 static void take(struct fv_backup *backup, const fovea_settings_t *request,
                  const struct fv_received *received)
 {
-    struct fv_command_gate *gate = &backup->parameters->gate;
-    if (atomic_load(&backup->stage) != FV_BACKUP_IDLE) {
-        fv_command_gate_count(gate, FV_COMMAND_BUSY);
-        return;
+    struct fv_requests *requests = backup->parameters->requests;
+    char too_long[80];
+    const char *reason;
+    enum fv_request_verdict verdict =
+        fv_requests_judge(requests, request, received, fv_command_gate_parameters(&requests->gate),
+                          atomic_load(&backup->stage) == FV_BACKUP_IDLE, &reason);
+    if (verdict == FV_REQUEST_TAKEN && strlen(request->text) > FV_KEPT_BYTES_MAX) {
+        snprintf(too_long, sizeof too_long, "found %zu bytes, expected at most %d",
+                 strlen(request->text), FV_KEPT_BYTES_MAX);
+        verdict = FV_REQUEST_REFUSED;
+        reason = too_long;
     }
-    const struct fv_judged_command judged = {
-        .verdict = judge(backup, request, received), .id = request->id, .sender = request->sender};
-    fv_command_gate_count(gate, judged.verdict);
-    backup->refused = judged.verdict != FV_COMMAND_TAKEN;
-    if (backup->refused && !fv_command_gate_answers(gate, &judged, fv_clock_ns(CLOCK_MONOTONIC)))
-        return;
+    if (verdict == FV_REQUEST_REFUSED) refuse(backup, request, reason);
+    if (verdict != FV_REQUEST_TAKEN) return;
     backup->id = request->id;
     backup->sender = request->sender;
-    snprintf(backup->reason, sizeof backup->reason, "%s",
-             fv_command_verdict_reason(judged.verdict));
+    backup->reason[0] = '\0';
     snprintf(backup->text, FV_KEPT_BYTES_MAX + 1, "%s", request->text);
-    if (strlen(request->text) > FV_KEPT_BYTES_MAX) {
-        backup->refused = true;
-        snprintf(backup->reason, sizeof backup->reason, "found %zu bytes, expected at most %d",
-                 strlen(request->text), FV_KEPT_BYTES_MAX);
-    }
     atomic_store(&backup->stage, FV_BACKUP_ASKED);
 }
 
@@ -87,9 +92,7 @@ static void take_request(void *context, const struct fv_received *received)
     if (received->bytes > FV_BACKUP_MESSAGE_BYTES ||
         fovea_settings_t_decode(received->data, 0, (int)received->bytes, &request) < 0)
         return;
-    pthread_mutex_lock(&backup->parameters->changing); /* the gate is that of parameters */
     take(backup, &request, received);
-    pthread_mutex_unlock(&backup->parameters->changing);
     fovea_settings_t_decode_cleanup(&request);
 }
 
@@ -312,7 +315,7 @@ static int8_t restore(struct fv_backup *backup, struct restored *restored)
 static int8_t work(struct fv_backup *backup, char **given)
 {
     *given = NULL;
-    if (backup->refused) return FOVEA_SETTINGS_RESULT_T_RESULT_REFUSED;
+    if (backup->ended) return FOVEA_SETTINGS_RESULT_T_RESULT_REFUSED;
     if (backup->text[0] == '\0') {
         *given = give(backup);
         if (*given != NULL) return FOVEA_SETTINGS_RESULT_T_RESULT_DONE;
@@ -330,18 +333,11 @@ static int8_t work(struct fv_backup *backup, char **given)
 
 void fv_backup_tend(struct fv_backup *backup)
 {
-    char none[] = "", *given;
+    char *given;
     if (atomic_load(&backup->stage) != FV_BACKUP_ASKED) return;
     const int8_t result = work(backup, &given);
-    const fovea_settings_result_t message = {.utime = fv_clock_ns(CLOCK_REALTIME) / 1000,
-                                             .run_id = backup->parameters->run_id,
-                                             .id = backup->id,
-                                             .sender = backup->sender,
-                                             .result = result,
-                                             .text = given != NULL ? given : none,
-                                             .reason = backup->reason};
-    const int bytes =
-        fovea_settings_result_t_encode(backup->message, 0, FV_BACKUP_MESSAGE_BYTES, &message);
+    const int bytes = encode(backup, result, given != NULL ? given : "", backup->message,
+                             FV_BACKUP_MESSAGE_BYTES);
     backup->answer_bytes = bytes > 0 ? (uint32_t)bytes : 0;
     free(given);
     if (backup->text[0] != '\0' && result == FOVEA_SETTINGS_RESULT_T_RESULT_DONE)
@@ -353,8 +349,8 @@ void fv_backup_end(struct fv_backup *backup, struct fv_transport *transport, str
 {
     if (backup->parameters == NULL) return;
     fv_backup_step(backup, transport, feed);
-    if (atomic_load(&backup->stage) == FV_BACKUP_ASKED && !backup->refused) {
-        backup->refused = true;
+    if (atomic_load(&backup->stage) == FV_BACKUP_ASKED) {
+        backup->ended = true;
         snprintf(backup->reason, sizeof backup->reason, "the run has ended");
     }
     fv_backup_tend(backup);

@@ -8,7 +8,7 @@
  *
  * The listener's thread judges a request and hands it to the thread that watches the loop, which
  * does the work and may wait for the disk; the loop's thread sends the answer. One request at a
- * time: others that come meanwhile are dropped and counted as busy. */
+ * time: others that come meanwhile are refused (requests.h). */
 #ifndef FOVEA_APP_RUN_BACKUP_H
 #define FOVEA_APP_RUN_BACKUP_H
 
@@ -33,7 +33,7 @@ struct fv_backup {
 
     /* Handed over with the stage. */
     int64_t id, sender;
-    bool refused;     /* by the gate */
+    bool ended;       /* the run has: it is refused */
     char reason[256]; /* why */
     char *text;       /* FV_KEPT_BYTES_MAX + 1 */
     uint8_t *message; /* the encoded answer */

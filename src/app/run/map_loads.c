@@ -27,7 +27,7 @@ enum {
     ENTRIES_MAX = 4096 /* of the folder that are looked at for a list */
 };
 
-enum fovea_status fv_map_loads_open(struct fv_map_loads *loads, struct fv_parameters *parameters,
+enum fovea_status fv_map_loads_open(struct fv_map_loads *loads, struct fv_requests *requests,
                                     const struct fovea *rt, const struct fv_settings *settings,
                                     struct fovea_error *error)
 {
@@ -58,7 +58,7 @@ enum fovea_status fv_map_loads_open(struct fv_map_loads *loads, struct fv_parame
         fv_map_loads_close(loads);
         return fovea_error_set(error, FOVEA_ERROR_MEMORY, "map.folder: no memory to load maps");
     }
-    loads->parameters = parameters;
+    loads->requests = requests;
     return FOVEA_OK;
 }
 
@@ -73,52 +73,38 @@ static void refuse(struct fv_map_loads *loads, const char *reason)
 {
     loads->lists = false;
     loads->answer_bytes =
-        fv_answer_encode(loads->parameters->run_id, &loads->command,
+        fv_answer_encode(loads->requests->run_id, &loads->command,
                          FOVEA_COMMAND_RESULT_T_RESULT_REFUSED, reason, loads->message);
 }
 
 /* ---- on the listener's thread ---------------------------------------------------------------- */
 
-static enum fv_command_verdict judge(struct fv_map_loads *loads, const fovea_map_load_t *request,
-                                     const struct fv_received *received)
-{
-    struct fv_command_gate *gate = &loads->parameters->gate;
-    const struct fv_command_claim claim = {.data = received->data,
-                                           .bytes = received->bytes,
-                                           .from_host = received->from_host,
-                                           .allowed = fv_command_gate_loads(gate),
-                                           .run_id = request->run_id,
-                                           .sender = request->sender,
-                                           .counter = request->counter,
-                                           .mac = request->mac};
-    return fv_command_gate_claim(gate, &claim);
-}
-
 static void take(struct fv_map_loads *loads, const fovea_map_load_t *request,
                  const struct fv_received *received)
 {
-    struct fv_command_gate *gate = &loads->parameters->gate;
-    struct fv_judged_command judged = {.verdict = judge(loads, request, received),
-                                       .commands = FOVEA_MAP_LOAD_T_LOAD,
-                                       .id = request->id,
-                                       .sender = request->sender};
-    const bool idle = atomic_load(&loads->stage) == FV_MAP_LOADS_IDLE;
-    if (!idle && judged.verdict == FV_COMMAND_TAKEN) judged.verdict = FV_COMMAND_BUSY;
-    fv_command_gate_count(gate, judged.verdict);
-    if (judged.verdict != FV_COMMAND_TAKEN &&
-        !fv_command_gate_answers(gate, &judged, fv_clock_ns(CLOCK_MONOTONIC)))
-        return;
-    if (!idle && atomic_load(&loads->busy)) return;
-    if (!idle) {
-        loads->busy_command = judged;
-        atomic_store(&loads->busy, true);
-        return;
+    struct fv_requests *requests = loads->requests;
+    const struct fv_judged_command command = {
+        .commands = FOVEA_MAP_LOAD_T_LOAD, .id = request->id, .sender = request->sender};
+    uint8_t data[FV_ANSWER_BYTES_MAX];
+    const char *reason;
+    switch (fv_requests_judge(requests, request, received, fv_command_gate_loads(&requests->gate),
+                              atomic_load(&loads->stage) == FV_MAP_LOADS_IDLE, &reason)) {
+    case FV_REQUEST_TAKEN:
+        loads->command = command;
+        /* One that is too long is refused by its length. */
+        snprintf(loads->file, sizeof loads->file, "%.127s", request->file);
+        if (strlen(request->file) >= sizeof loads->file) strcpy(loads->file, "/");
+        atomic_store(&loads->stage, FV_MAP_LOADS_ASKED);
+        break;
+    case FV_REQUEST_REFUSED:
+        fv_requests_answer(requests, loads->result_channel, data,
+                           (int)fv_answer_encode(requests->run_id, &command,
+                                                 FOVEA_COMMAND_RESULT_T_RESULT_REFUSED, reason,
+                                                 data));
+        break;
+    case FV_REQUEST_IGNORED:
+        break;
     }
-    loads->command = judged;
-    /* One that is too long is refused by its length. */
-    snprintf(loads->file, sizeof loads->file, "%.127s", request->file);
-    if (strlen(request->file) >= sizeof loads->file) strcpy(loads->file, "/");
-    atomic_store(&loads->stage, FV_MAP_LOADS_ASKED);
 }
 
 static void take_request(void *context, const struct fv_received *received)
@@ -128,9 +114,7 @@ static void take_request(void *context, const struct fv_received *received)
     if (received->bytes > REQUEST_BYTES_MAX ||
         fovea_map_load_t_decode(received->data, 0, (int)received->bytes, &request) < 0)
         return;
-    pthread_mutex_lock(&loads->parameters->changing); /* the gate is that of parameters */
     take(loads, &request, received);
-    pthread_mutex_unlock(&loads->parameters->changing);
     fovea_map_load_t_decode_cleanup(&request);
 }
 
@@ -234,7 +218,7 @@ static void list(struct fv_map_loads *loads, DIR *folder)
     static char names[FV_MAP_LOADS_FILES_MAX][FV_MESSAGE_MAP_NAME_BYTES]; /* one thread's */
     fovea_map_file_t files[FV_MAP_LOADS_FILES_MAX];
     fovea_map_files_t message = {.utime = fv_clock_ns(CLOCK_REALTIME) / 1000,
-                                 .run_id = loads->parameters->run_id,
+                                 .run_id = loads->requests->run_id,
                                  .id = loads->command.id,
                                  .sender = loads->command.sender,
                                  .files = files};
@@ -271,10 +255,6 @@ static bool work(struct fv_map_loads *loads)
 {
     char reason[FV_ANSWER_REASON_BYTES];
     bool ready = false;
-    if (loads->command.verdict != FV_COMMAND_TAKEN) {
-        refuse(loads, fv_command_verdict_reason(loads->command.verdict));
-        return false;
-    }
     if (loads->memory == NULL) {
         refuse(loads, "found no folder of maps, expected one in map.folder");
         return false;
@@ -296,7 +276,7 @@ static bool work(struct fv_map_loads *loads)
 
 void fv_map_loads_tend(struct fv_map_loads *loads)
 {
-    if (loads->parameters == NULL || atomic_load(&loads->stage) != FV_MAP_LOADS_ASKED) return;
+    if (loads->requests == NULL || atomic_load(&loads->stage) != FV_MAP_LOADS_ASKED) return;
     const bool ready = work(loads);
     if (ready) fv_say("fovea run: loads the map %s", loads->file);
     atomic_store(&loads->stage, ready ? FV_MAP_LOADS_READY : FV_MAP_LOADS_ANSWERED);
@@ -320,33 +300,18 @@ void fv_map_loads_take(struct fv_map_loads *loads, struct fovea_inputs *inputs, 
     if (loads->given) inputs->map = loads->ready;
 }
 
-static void answer_busy(struct fv_map_loads *loads, struct fv_transport *transport,
-                        struct fv_feed *feed)
-{
-    uint8_t data[FV_ANSWER_BYTES_MAX];
-    if (!atomic_load_explicit(&loads->busy, memory_order_acquire)) return;
-    const char *reason = loads->busy_command.verdict == FV_COMMAND_BUSY
-                             ? "the request for a map before this one is not through"
-                             : fv_command_verdict_reason(loads->busy_command.verdict);
-    const uint32_t bytes = fv_answer_encode(loads->parameters->run_id, &loads->busy_command,
-                                            FOVEA_COMMAND_RESULT_T_RESULT_REFUSED, reason, data);
-    atomic_store_explicit(&loads->busy, false, memory_order_release);
-    send(loads->result_channel, data, bytes, transport, feed);
-}
-
 void fv_map_loads_step(struct fv_map_loads *loads, struct fv_recorder *const recorders[2],
                        const struct fovea_inputs *inputs, struct fv_transport *transport,
                        struct fv_feed *feed)
 {
-    if (loads->parameters == NULL) return;
+    if (loads->requests == NULL) return;
     const int stage = atomic_load_explicit(&loads->stage, memory_order_acquire);
-    answer_busy(loads, transport, feed);
     if (loads->given) {
         for (int i = 0; i < 2; i++)
             fv_recorder_map(recorders[i], inputs, loads->file, loads->data, loads->bytes);
         loads->lists = false;
         loads->answer_bytes =
-            fv_answer_encode(loads->parameters->run_id, &loads->command,
+            fv_answer_encode(loads->requests->run_id, &loads->command,
                              FOVEA_COMMAND_RESULT_T_RESULT_DONE, "", loads->message);
     } else if (stage != FV_MAP_LOADS_ANSWERED) {
         return;
@@ -362,7 +327,7 @@ void fv_map_loads_end(struct fv_map_loads *loads, struct fv_transport *transport
 {
     struct fv_recorder *const none[2] = {NULL, NULL};
     const struct fovea_inputs inputs = {.now_ns = 0};
-    if (loads->parameters == NULL) return;
+    if (loads->requests == NULL) return;
     const int stage = atomic_load(&loads->stage);
     loads->given = false;
     if (stage == FV_MAP_LOADS_ASKED || stage == FV_MAP_LOADS_READY) {

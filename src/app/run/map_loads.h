@@ -4,8 +4,7 @@
  * The listener's thread judges a request and hands it to the thread that watches the loop, which
  * reads and checks the file in memory that was taken at the start. The loop's thread gives the map
  * to the next step, not while a map is being saved, records its bytes, and answers with
- * command_result_t. One request at a time: others that come meanwhile are refused, and one of them
- * is answered with each step. */
+ * command_result_t. One request at a time: others that come meanwhile are refused (requests.h). */
 #ifndef FOVEA_APP_RUN_MAP_LOADS_H
 #define FOVEA_APP_RUN_MAP_LOADS_H
 
@@ -15,7 +14,8 @@
 #include "app/network/receiver.h"
 #include "app/network/transport.h"
 #include "app/record/recorder.h"
-#include "app/run/parameters.h"
+#include "app/config/settings.h"
+#include "app/run/requests.h"
 #include "message/recorded.h"
 
 enum {
@@ -31,7 +31,7 @@ enum fv_map_loads_stage {
 };
 
 struct fv_map_loads {
-    struct fv_parameters *parameters; /* whose gate judges; NULL: nothing is heard */
+    struct fv_requests *requests; /* whose gate judges; NULL: nothing is heard */
     const struct fovea *rt;
     const char *folder; /* "": none */
     char request_channel[FV_MESSAGE_CHANNEL_BYTES], result_channel[FV_MESSAGE_CHANNEL_BYTES],
@@ -40,9 +40,7 @@ struct fv_map_loads {
     size_t memory_bytes;
     uint8_t *data; /* the file's */
     size_t capacity;
-    _Atomic int stage;                     /* enum fv_map_loads_stage: whose turn it is */
-    atomic_bool busy;                      /* another request waits to be refused */
-    struct fv_judged_command busy_command; /* handed over with it */
+    _Atomic int stage; /* enum fv_map_loads_stage: whose turn it is */
 
     /* Handed over with the stage. */
     struct fv_judged_command command;
@@ -56,10 +54,10 @@ struct fv_map_loads {
     bool given; /* the loop's: to the step under way */
 };
 
-/* For a run with these settings, whose parameters are open; takes the memory where they name a
+/* For a run with these settings, whose requests are open; takes the memory where they name a
  * folder. FOVEA_ERROR_INPUT: there is no such folder; FOVEA_ERROR_MEMORY. All stays the caller's.
  * Init-only. */
-enum fovea_status fv_map_loads_open(struct fv_map_loads *loads, struct fv_parameters *parameters,
+enum fovea_status fv_map_loads_open(struct fv_map_loads *loads, struct fv_requests *requests,
                                     const struct fovea *rt, const struct fv_settings *settings,
                                     struct fovea_error *error);
 void fv_map_loads_close(struct fv_map_loads *loads);

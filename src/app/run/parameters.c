@@ -26,8 +26,7 @@ static const int64_t keep_ns = 1000000000; /* between two writes of the file */
 
 enum fovea_status fv_parameters_open(struct fv_parameters *parameters, const struct fovea *rt,
                                      const struct fv_settings *settings,
-                                     const struct fv_setup *setup,
-                                     const struct fv_command_rules *rules,
+                                     const struct fv_setup *setup, struct fv_requests *requests,
                                      struct fovea_error *error)
 {
     const char *prefix = settings->runtime.channel_prefix;
@@ -35,7 +34,7 @@ enum fovea_status fv_parameters_open(struct fv_parameters *parameters, const str
     parameters->rt = rt;
     parameters->ops = setup->ops;
     parameters->source = setup->source;
-    parameters->run_id = rules->run_id;
+    parameters->requests = requests;
     pthread_mutex_init(&parameters->changing, NULL);
     parameters->settings = malloc(sizeof *parameters->settings);
     parameters->tried = malloc(sizeof *parameters->tried);
@@ -63,7 +62,6 @@ enum fovea_status fv_parameters_open(struct fv_parameters *parameters, const str
     }
     parameters->in_force = settings->runtime;
     fv_ring_init(&parameters->ring, parameters->ring_memory, RING_BYTES);
-    fv_command_gate_init(&parameters->gate, rules);
     fv_message_channel(prefix, FV_MESSAGE_PARAMETER, parameters->request_channel);
     fv_message_channel(prefix, FV_MESSAGE_PARAMETER_RESULT, parameters->channel);
     return FOVEA_OK;
@@ -222,47 +220,56 @@ static void decide(struct fv_parameters *parameters, const fovea_parameter_t *re
     if (request->keep) keep(parameters, change);
 }
 
-/* Room for what goes to the loop, with whom it answers. NULL: the loop is behind. */
-static struct fv_parameter_change *reserve(struct fv_parameters *parameters,
-                                           const fovea_parameter_t *request)
+static void begin_change(struct fv_parameter_change *change, const fovea_parameter_t *request)
 {
-    struct fv_parameter_change *change = (void *)fv_ring_reserve(&parameters->ring, sizeof *change);
-    if (change == NULL) return NULL;
     memset(change, 0, sizeof *change);
     change->answered = true;
     change->id = request->id;
     change->sender = request->sender;
     snprintf(change->key, sizeof change->key, "%s", request->key);
     fv_utf8_cut(change->key);
-    return change;
+}
+
+/* Of an answer; 0: it does not fit. */
+static int encode(const struct fv_parameters *parameters, struct fv_parameter_change *change,
+                  uint8_t data[ANSWER_BYTES_MAX])
+{
+    const fovea_parameter_result_t message = {.utime = fv_clock_ns(CLOCK_REALTIME) / 1000,
+                                              .run_id = parameters->requests->run_id,
+                                              .id = change->id,
+                                              .sender = change->sender,
+                                              .key = change->key,
+                                              .value = change->value,
+                                              .result = change->result,
+                                              .reason = change->reason};
+    const int bytes = fovea_parameter_result_t_encode(data, 0, ANSWER_BYTES_MAX, &message);
+    return bytes > 0 ? bytes : 0;
 }
 
 static void judge(struct fv_parameters *parameters, const fovea_parameter_t *request,
                   const struct fv_received *received)
 {
-    struct fv_command_gate *gate = &parameters->gate;
-    const struct fv_command_claim claim = {.data = received->data,
-                                           .bytes = received->bytes,
-                                           .from_host = received->from_host,
-                                           .allowed = fv_command_gate_parameters(gate),
-                                           .run_id = request->run_id,
-                                           .sender = request->sender,
-                                           .counter = request->counter,
-                                           .mac = request->mac};
-    const struct fv_judged_command judged = {.verdict = fv_command_gate_claim(gate, &claim),
-                                             .id = request->id,
-                                             .sender = request->sender};
-    struct fv_parameter_change *change = reserve(parameters, request);
-    const bool taken = judged.verdict == FV_COMMAND_TAKEN;
-    fv_command_gate_count(gate, taken && change == NULL ? FV_COMMAND_BUSY : judged.verdict);
-    if (change == NULL) return;
-    if (taken)
+    struct fv_requests *requests = parameters->requests;
+    struct fv_parameter_change *change = (void *)fv_ring_reserve(&parameters->ring, sizeof *change),
+                               refused;
+    uint8_t data[ANSWER_BYTES_MAX];
+    const char *reason;
+    switch (fv_requests_judge(requests, request, received,
+                              fv_command_gate_parameters(&requests->gate), change != NULL,
+                              &reason)) {
+    case FV_REQUEST_TAKEN:
+        begin_change(change, request);
         decide(parameters, request, change);
-    else if (fv_command_gate_answers(gate, &judged, fv_clock_ns(CLOCK_MONOTONIC)))
-        refuse(change, fv_command_verdict_reason(judged.verdict));
-    else
-        return;
-    fv_ring_commit(&parameters->ring, sizeof *change);
+        fv_ring_commit(&parameters->ring, sizeof *change);
+        break;
+    case FV_REQUEST_REFUSED:
+        begin_change(&refused, request);
+        refuse(&refused, reason);
+        fv_requests_answer(requests, parameters->channel, data, encode(parameters, &refused, data));
+        break;
+    case FV_REQUEST_IGNORED:
+        break;
+    }
 }
 
 static void take_request(void *context, const struct fv_received *received)
@@ -540,16 +547,8 @@ static void answer(const struct fv_parameters *parameters, struct fv_parameter_c
 {
     uint8_t data[ANSWER_BYTES_MAX];
     if (!change->answered) return;
-    const fovea_parameter_result_t message = {.utime = fv_clock_ns(CLOCK_REALTIME) / 1000,
-                                              .run_id = parameters->run_id,
-                                              .id = change->id,
-                                              .sender = change->sender,
-                                              .key = change->key,
-                                              .value = change->value,
-                                              .result = change->result,
-                                              .reason = change->reason};
-    const int bytes = fovea_parameter_result_t_encode(data, 0, sizeof data, &message);
-    if (bytes <= 0) return;
+    const int bytes = encode(parameters, change, data);
+    if (bytes == 0) return;
     const struct fovea_message out = {parameters->channel, data, (uint32_t)bytes, true};
     fv_transport_put(transport, &out);
     fv_feed_put(feed, &out);

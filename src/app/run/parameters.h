@@ -16,11 +16,11 @@
 
 #include "app/config/settings.h"
 #include "app/config/setup.h"
-#include "app/network/command_gate.h"
 #include "app/network/feed.h"
 #include "app/network/receiver.h"
 #include "app/network/transport.h"
 #include "app/record/recorder.h"
+#include "app/run/requests.h"
 #include "base/ring.h"
 #include "message/message.h"
 #include "message/recorded.h"
@@ -52,11 +52,10 @@ struct fv_parameters {
     struct fv_ring ring; /* of struct fv_parameter_change, from the listener to the loop */
     void *ring_memory;
     char request_channel[FV_MESSAGE_CHANNEL_BYTES], channel[FV_MESSAGE_CHANNEL_BYTES];
-    int64_t run_id;
+    struct fv_requests *requests; /* whose gate judges */
 
     /* Of who changes parameters, one at a time. */
     pthread_mutex_t changing;
-    struct fv_command_gate gate;
     struct fv_settings *settings; /* in force when all that is in the ring has been taken */
     struct fv_settings *tried;    /* the same with the request that is judged */
     /* Those of the start with all that is kept, which stand in the file's lines; the same with the
@@ -79,12 +78,11 @@ struct fv_parameters {
     struct fv_parameter_change *taken;
 };
 
-/* Prepare for a runtime with these settings and the open source of `setup`, which stays the
- * caller's. Init-only. FOVEA_ERROR_MEMORY. */
+/* Prepare for a runtime with these settings and the open source of `setup`; that and `requests`
+ * stay the caller's. Init-only. FOVEA_ERROR_MEMORY. */
 enum fovea_status fv_parameters_open(struct fv_parameters *parameters, const struct fovea *rt,
                                      const struct fv_settings *settings,
-                                     const struct fv_setup *setup,
-                                     const struct fv_command_rules *rules,
+                                     const struct fv_setup *setup, struct fv_requests *requests,
                                      struct fovea_error *error);
 
 /* The row of the receiver's table for requests. */

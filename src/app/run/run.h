@@ -21,6 +21,7 @@
 #include "app/run/pose_watch.h"
 #include "app/record/recorder.h"
 #include "app/run/recordings.h"
+#include "app/run/requests.h"
 #include "app/run/results.h"
 #include "app/run/run_health.h"
 #include "app/run/service.h"
@@ -91,6 +92,7 @@ struct fv_run {
     struct fv_final *final;
     struct fv_keeper keeper;
     struct fv_answers answers;
+    struct fv_requests requests;
     struct fv_parameters parameters;
     struct fv_backup backup;
     struct fv_map_loads map_loads;

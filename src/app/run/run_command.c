@@ -68,6 +68,7 @@ static void step_done(void *context, const struct fovea_inputs *inputs,
     fv_feed_publish(run->feed, outputs);
     fv_feed_frame(run->feed, inputs->frame);
     fv_answers_step(&run->answers);
+    fv_requests_step(&run->requests, run->transport, run->feed);
     fv_backup_step(&run->backup, run->transport, run->feed);
     struct fv_recorder *const recorders[2] = {run->recorder,
                                               fv_recordings_recorder(&run->recordings)};
@@ -251,15 +252,15 @@ static enum fovea_status transport_open(struct fv_run *run, struct fovea_error *
     ears.rules.keyed = settings->command_key[0] != '\0';
     if (ears.rules.keyed)
         status = fv_command_key_read(settings->command_key, ears.rules.key, error);
+    if (status == FOVEA_OK) status = fv_requests_open(&run->requests, &ears.rules, error);
     if (status == FOVEA_OK)
         status = fv_parameters_open(&run->parameters, run->loop.rt, settings, &run->setup,
-                                    &ears.rules, error);
+                                    &run->requests, error);
     if (status == FOVEA_OK)
         status = fv_backup_open(&run->backup, &run->parameters, settings,
                                 run->setup.ops->info(run->setup.source), error);
     if (status == FOVEA_OK) {
-        status =
-            fv_map_loads_open(&run->map_loads, &run->parameters, run->loop.rt, settings, error);
+        status = fv_map_loads_open(&run->map_loads, &run->requests, run->loop.rt, settings, error);
         if (status == FOVEA_ERROR_INPUT) fv_settings_blame(settings, "map.folder", error);
     }
     more[ears.more_count++] = fv_identity_row(settings->runtime.channel_prefix, &run->others);
@@ -418,6 +419,7 @@ static void close_all(struct fv_run *run)
     fv_backup_close(&run->backup);
     fv_map_loads_close(&run->map_loads);
     fv_parameters_close(&run->parameters);
+    fv_requests_close(&run->requests);
     free(run->as_read);
     fv_feed_close(run->feed);
     fv_trajectory_close(run->trajectory);

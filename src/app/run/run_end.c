@@ -48,6 +48,7 @@ enum fovea_status fv_run_end_requests(struct fv_run *run, enum fovea_status stat
                                       struct fovea_error *error)
 {
     fv_recordings_end(&run->recordings);
+    fv_requests_step(&run->requests, run->transport, run->feed);
     fv_backup_end(&run->backup, run->transport, run->feed);
     fv_map_loads_end(&run->map_loads, run->transport, run->feed);
     fv_parameters_end(&run->parameters, run->transport, run->feed);

@@ -31,6 +31,7 @@ static const char camera_text[] =
     "distortion_coefficients: {rows: 1, cols: 5, data: [0, 0, 0, 0, 0]}\n";
 static struct fv_settings settings;
 static struct fovea_source_info info;
+static struct fv_requests requests;
 static struct fv_parameters parameters;
 static const struct fv_setup setup; /* no source: no camera is told anything */
 static struct fv_backup backup;
@@ -65,7 +66,7 @@ static int8_t restore(const char *text)
 {
     static uint8_t data[FV_BACKUP_MESSAGE_BYTES];
     fovea_settings_result_t result;
-    const fovea_settings_t message = {.text = (char *)text};
+    const fovea_settings_t message = {.id = 3, .text = (char *)text};
     const int bytes = fovea_settings_t_encode(data, 0, sizeof data, &message);
     assert_true(bytes > 0);
     const struct fv_received received = {.data = data, .bytes = (uint32_t)bytes, .from_host = true};
@@ -106,7 +107,8 @@ static int open_all(void **state)
         return -1;
     block = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, (bytes + 63) / 64 * 64);
     if (block == NULL || fovea_init(block, bytes, &settings.runtime, &rt, &error) != FOVEA_OK ||
-        fv_parameters_open(&parameters, rt, &settings, &setup, &rules, &error) != FOVEA_OK)
+        fv_requests_open(&requests, &rules, &error) != FOVEA_OK ||
+        fv_parameters_open(&parameters, rt, &settings, &setup, &requests, &error) != FOVEA_OK)
         return -1;
     changes = fails = keeps = false;
     return fv_backup_open(&backup, &parameters, &settings, &info, &error) == FOVEA_OK ? 0 : -1;
@@ -117,6 +119,7 @@ static int close_all(void **state)
     (void)state;
     fv_backup_close(&backup);
     fv_parameters_close(&parameters);
+    fv_requests_close(&requests);
     free(block);
     (void)unlink(kept);
     return 0;
@@ -239,13 +242,58 @@ static void a_kept_calibration_is_named(void **state)
     assert_int_equal(utimensat(AT_FDCWD, camera_file, NULL, 0), 0);
 }
 
+/* Who comes while one before is not through hears of it, as all who are refused. */
+static void others_are_refused_meanwhile(void **state)
+{
+    static char text[FV_KEPT_BYTES_MAX + 2];
+    static const struct {
+        int64_t id;
+        bool long_text;
+        const char *reason;
+    } rows[] = {{8, false, "the request before this one is not through"},
+                {9, false, "the request before this one is not through"},
+                {10, true, "found 32768 bytes, expected at most 32767"}};
+    const struct fv_receiver_channel row = fv_backup_row(&backup);
+    static uint8_t data[FV_BACKUP_MESSAGE_BYTES];
+    fovea_settings_t message = {.id = 7, .text = (char *)"seed: 3\n"};
+    (void)state;
+    memset(text, '#', sizeof text - 1);
+    for (int i = -1; i < 3; i++) { /* the first is taken */
+        if (i >= 0) message.id = rows[i].id;
+        if (i == 2) {
+            message.text = text;
+            atomic_store(&backup.stage, FV_BACKUP_IDLE);
+        }
+        const int bytes = fovea_settings_t_encode(data, 0, sizeof data, &message);
+        const struct fv_received received = {
+            .data = data, .bytes = (uint32_t)bytes, .from_host = true};
+        row.take(row.context, &received);
+        assert_int_equal(backup.id, 7);
+    }
+    assert_string_equal(backup.text, "seed: 3\n");
+    for (int i = 0; i < 3; i++) {
+        size_t bytes;
+        fovea_settings_result_t result;
+        const uint8_t *answer = fv_ring_peek(&requests.ring, &bytes);
+        assert_non_null(answer);
+        const size_t head = sizeof(uint32_t) + FV_MESSAGE_CHANNEL_BYTES; /* requests.c */
+        assert_true(fovea_settings_result_t_decode(answer + head, 0, FV_REQUESTS_ANSWER_BYTES,
+                                                   &result) > 0);
+        assert_int_equal(result.id, rows[i].id);
+        assert_int_equal(result.result, REFUSED);
+        assert_string_equal(result.reason, rows[i].reason);
+        fovea_settings_result_t_decode_cleanup(&result);
+        fv_ring_release(&requests.ring, head + FV_REQUESTS_ANSWER_BYTES);
+    }
+    assert_int_equal(atomic_load(&requests.gate.counts[FV_COMMAND_BUSY]), 2);
+}
+
 /* Who asks while the run ends hears of it. */
 static void the_end_answers(void **state)
 {
     (void)state;
     atomic_store(&backup.stage, FV_BACKUP_ASKED);
     snprintf(backup.text, 20, "seed: 3\n");
-    backup.refused = false;
     backup.answer_bytes = 0;
     fv_backup_end(&backup, NULL, NULL);
     assert_int_equal(atomic_load(&backup.stage), FV_BACKUP_IDLE);
@@ -265,6 +313,7 @@ int main(void)
         cmocka_unit_test_setup_teardown(what_is_kept_can_be_read, open_all, close_all),
         cmocka_unit_test_setup_teardown(a_kept_calibration_is_named, open_all, close_all),
         cmocka_unit_test_setup_teardown(the_end_answers, open_all, close_all),
+        cmocka_unit_test_setup_teardown(others_are_refused_meanwhile, open_all, close_all),
     };
     if (mkdtemp(folder) == NULL) return 1;
     snprintf(kept, sizeof kept, "%s/kept.yaml", folder);

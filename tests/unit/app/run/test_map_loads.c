@@ -24,7 +24,7 @@ enum { FILES = FV_MAP_LOADS_FILES_MAX + 6, FIRST_TIME = 1000000 };
 
 static char folder[64], outside[64];
 static struct fv_settings settings;
-static struct fv_parameters parameters; /* of which only the gate is used */
+static struct fv_requests requests;
 static struct fv_map_loads loads;
 static uint8_t *map;
 static size_t map_bytes;
@@ -66,10 +66,9 @@ static int make(void **state)
     snprintf(path, sizeof path, "%s/sub", folder);
     if (mkdir(path, 0700) != 0) return -1;
     put(path, "map", FIRST_TIME);
-    pthread_mutex_init(&parameters.changing, NULL);
-    fv_command_gate_init(&parameters.gate, &(struct fv_command_rules){.run_id = 5});
-    parameters.run_id = 5;
-    if (fv_map_loads_open(&loads, &parameters, NULL, &settings, &error) == FOVEA_OK) return 0;
+    if (fv_requests_open(&requests, &(struct fv_command_rules){.run_id = 5}, &error) == FOVEA_OK &&
+        fv_map_loads_open(&loads, &requests, NULL, &settings, &error) == FOVEA_OK)
+        return 0;
     print_error("%s\n", error.text);
     return -1;
 }
@@ -79,6 +78,7 @@ static int clear(void **state)
     char line[200];
     (void)state;
     fv_map_loads_close(&loads);
+    fv_requests_close(&requests);
     free(map);
     snprintf(line, sizeof line, "rm -r %s %s", folder, outside);
     return system(line);
@@ -203,26 +203,23 @@ static void the_list_has_the_newest_first(void **state)
     step();
 }
 
-static void one_of_those_that_come_meanwhile_is_refused_with_each_step(void **state)
+static void those_that_come_meanwhile_are_refused(void **state)
 {
+    size_t bytes;
     (void)state;
     ask("first", 1);
     ask("second", 2);
     ask("third", 3);
-    assert_true(atomic_load(&loads.busy));
-    assert_int_equal(loads.busy_command.id, 2);
-    assert_int_equal(loads.busy_command.verdict, FV_COMMAND_BUSY);
     assert_int_equal(loads.command.id, 1);
     assert_string_equal(loads.file, "first");
+    assert_int_equal(atomic_load(&requests.gate.counts[FV_COMMAND_BUSY]), 2);
+    assert_non_null(fv_ring_peek(&requests.ring, &bytes));
+    fv_requests_step(&requests, NULL, NULL);
+    assert_null(fv_ring_peek(&requests.ring, &bytes)); /* both answers are sent */
     step();
-    assert_false(atomic_load(&loads.busy));
     assert_int_equal(atomic_load(&loads.stage), FV_MAP_LOADS_ASKED); /* the first still is */
-    ask("fourth", 4);
-    assert_true(atomic_load(&loads.busy));
-    assert_int_equal(loads.busy_command.id, 4);
     fv_map_loads_tend(&loads);
     step();
-    assert_false(atomic_load(&loads.busy));
     assert_int_equal(atomic_load(&loads.stage), FV_MAP_LOADS_IDLE);
     expect_refused("fifth", "fifth: No such file or directory");
 }
@@ -234,12 +231,10 @@ static void a_folder_that_is_none_is_named(void **state)
     struct fovea_error error;
     (void)state;
     snprintf(wrong.map_folder, sizeof wrong.map_folder, "%s/absent", folder);
-    assert_int_equal(fv_map_loads_open(&other, &parameters, NULL, &wrong, &error),
-                     FOVEA_ERROR_INPUT);
+    assert_int_equal(fv_map_loads_open(&other, &requests, NULL, &wrong, &error), FOVEA_ERROR_INPUT);
     assert_non_null(strstr(error.text, "/absent: found No such file or directory, expected a "));
     snprintf(wrong.map_folder, sizeof wrong.map_folder, "%s/map", outside);
-    assert_int_equal(fv_map_loads_open(&other, &parameters, NULL, &wrong, &error),
-                     FOVEA_ERROR_INPUT);
+    assert_int_equal(fv_map_loads_open(&other, &requests, NULL, &wrong, &error), FOVEA_ERROR_INPUT);
     assert_non_null(strstr(error.text, "/map: found a file, expected a folder"));
 }
 
@@ -249,7 +244,7 @@ int main(void)
         cmocka_unit_test(only_names_within_the_folder_are_opened),
         cmocka_unit_test(only_ordinary_files_are_opened),
         cmocka_unit_test(the_list_has_the_newest_first),
-        cmocka_unit_test(one_of_those_that_come_meanwhile_is_refused_with_each_step),
+        cmocka_unit_test(those_that_come_meanwhile_are_refused),
         cmocka_unit_test(a_folder_that_is_none_is_named),
     };
     return cmocka_run_group_tests(tests, make, clear);
