@@ -96,7 +96,7 @@ static void take(void *context, const struct fv_received *received)
     fv_web_relay_take(heard->relay, &message, heard->watched);
 }
 
-bool fv_web_heard_tick(struct fv_web_heard *heard, bool watched)
+static bool hear(struct fv_web_heard *heard, bool watched)
 {
     heard->watched = watched;
     const bool any = fv_receiver_handle(heard->receiver, 0) > 0;
@@ -150,3 +150,18 @@ void fv_web_heard_close(struct fv_web_heard *heard)
     fv_receiver_close(heard->receiver);
     heard->receiver = NULL;
 }
+
+/* ---- as a source of the relay ---------------------------------------------------------------- */
+
+static bool tick(struct fv_web_relay *relay, bool watched)
+{
+    return hear(relay->heard, watched);
+}
+
+static void nothing_to_close(struct fv_web_relay *relay)
+{
+    (void)relay; /* the caller's */
+}
+
+const struct fv_web_relay_source fv_web_relay_robot = {"the robot is silent", tick,
+                                                       nothing_to_close};

@@ -27,7 +27,4 @@ enum fovea_status fv_web_heard_open(struct fv_web_heard *heard, struct fv_web_re
                                     struct fovea_error *error);
 void fv_web_heard_close(struct fv_web_heard *heard);
 
-/* Take what has come, without waiting. Returns whether there was anything new. */
-bool fv_web_heard_tick(struct fv_web_heard *heard, bool watched);
-
 #endif

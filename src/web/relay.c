@@ -4,7 +4,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "app/watch/frame_image.h"
 #include "app/watch/robots.h"
 #include "drivers/clock.h"
 #include "fovea/fields.h"
@@ -20,8 +19,6 @@
 #include "fovea_recorder_t.h"
 #include "fovea_segmentation_t.h"
 
-enum { MESSAGES_PER_TICK = 200 };
-#define TRY_NS (FV_SECOND_NS / 2)
 #define PATH_NS (FV_SECOND_NS / 10)
 
 void fv_web_relay_init(struct fv_web_relay *relay, const char *path, uint32_t rate_hz,
@@ -30,17 +27,20 @@ void fv_web_relay_init(struct fv_web_relay *relay, const char *path, uint32_t ra
     memset(relay, 0, sizeof *relay);
     relay->path = path;
     relay->store = store;
+    relay->source = &fv_web_relay_feed;
     relay->rate_per_1000_s = rate_hz * 1000;
 }
 
 void fv_web_relay_play(struct fv_web_relay *relay, struct fv_web_player *player)
 {
     relay->player = player;
+    relay->source = &fv_web_relay_recording;
 }
 
 void fv_web_relay_hear(struct fv_web_relay *relay, struct fv_web_heard *heard)
 {
     relay->heard = heard;
+    relay->source = &fv_web_relay_robot;
     relay->store->previews = heard != NULL;
 }
 
@@ -293,16 +293,7 @@ void fv_web_relay_take(struct fv_web_relay *relay, const struct fv_feed_message 
                                                    .operators = shown->whom == FOR_OPERATORS});
 }
 
-/* ---- frames ---------------------------------------------------------------------------------- */
-
-/* Nanoseconds since the frame's stamp; -1: its clock is none of this host. */
-static int64_t age_of(const struct fv_feed_frame *frame)
-{
-    const clockid_t clocks[] = {CLOCK_MONOTONIC, CLOCK_BOOTTIME, CLOCK_REALTIME};
-    if (frame->clock < 0 || frame->clock >= (int32_t)(sizeof clocks / sizeof clocks[0])) return -1;
-    const int64_t age_ns = fv_clock_ns(clocks[frame->clock]) - frame->stamp_ns;
-    return age_ns >= 0 && age_ns < 60 * FV_SECOND_NS ? age_ns : -1; /* one that is played */
-}
+/* ---- pictures -------------------------------------------------------------------------------- */
 
 void fv_web_relay_picture(struct fv_web_relay *relay, const struct fovea_image *image,
                           int64_t stamp_ns, int64_t sequence, int64_t age_ns)
@@ -317,39 +308,6 @@ void fv_web_relay_picture(struct fv_web_relay *relay, const struct fovea_image *
                picture->point_count * sizeof picture->points[0]);
     }
 }
-
-/* The pictures of the further cameras that somebody looks at. */
-static void take_others(struct fv_web_relay *relay, const struct fv_feed_frame *frame,
-                        const uint8_t *images)
-{
-    struct fv_web_store *store = relay->store;
-    for (uint32_t camera = 1; camera < frame->image_count && camera < FOVEA_CAMERAS_MAX; camera++) {
-        struct fovea_image image;
-        if ((relay->cameras >> camera & 1) == 0 ||
-            fv_frame_image(frame, images, camera, &image, NULL) != FOVEA_OK)
-            continue;
-        fv_web_picture_take(fv_web_store_picture(store, camera), &image, frame->stamp_ns,
-                            frame->sequence, age_of(frame));
-    }
-}
-
-static bool take_frame(struct fv_web_relay *relay)
-{
-    struct fv_feed_frame frame;
-    const uint8_t *images;
-    struct fovea_image image;
-    if (fv_feed_reader_frame(relay->reader, &frame, &images) != FOVEA_OK) return false;
-    if (frame.image_count != relay->store->cameras && frame.image_count <= FOVEA_CAMERAS_MAX) {
-        relay->store->cameras = frame.image_count;
-        relay->store->news++;
-    }
-    take_others(relay, &frame, images);
-    if (fv_frame_image(&frame, images, 0, &image, NULL) != FOVEA_OK) return relay->cameras > 1;
-    fv_web_relay_picture(relay, &image, frame.stamp_ns, frame.sequence, age_of(&frame));
-    return true;
-}
-
-/* ---- the run --------------------------------------------------------------------------------- */
 
 void fv_web_relay_begin(struct fv_web_relay *relay, const char *prefix)
 {
@@ -368,137 +326,24 @@ void fv_web_relay_begin(struct fv_web_relay *relay, const char *prefix)
 
 void fv_web_relay_silent(struct fv_web_relay *relay)
 {
-    fv_web_store_log(relay->store, utime(),
-                     relay->heard != NULL ? "the robot is silent" : "the run has ended");
+    fv_web_store_log(relay->store, utime(), "%s", relay->source->silence);
     fv_web_store_end(relay->store);
 }
 
-static bool connect_run(struct fv_web_relay *relay)
+void fv_web_relay_cameras(struct fv_web_relay *relay, uint32_t count)
 {
-    const int64_t now_ns = fv_clock_ns(CLOCK_MONOTONIC);
-    struct fovea_error error;
-    if (now_ns < relay->next_try_ns) return false;
-    relay->next_try_ns = now_ns + TRY_NS;
-    if (fv_feed_reader_open(relay->path, 0, &relay->reader, &error) != FOVEA_OK) return false;
-    relay->wished = 0;
-    char prefix[FV_MESSAGE_CHANNEL_BYTES];
-    fv_feed_reader_prefix(relay->reader, prefix);
-    fv_web_relay_begin(relay, prefix);
-    fv_web_store_log(relay->store, utime(), "run %016llx found",
-                     (unsigned long long)fv_feed_reader_run(relay->reader));
-    return true;
-}
-
-static void wish(struct fv_web_relay *relay, bool watched)
-{
-    const uint32_t wished = watched ? relay->rate_per_1000_s : 0;
-    if (wished == relay->wished) return;
-    if (fv_feed_reader_wish(relay->reader, wished)) relay->wished = wished;
-}
-
-/* ---- a recording ----------------------------------------------------------------------------- */
-
-static void drop_played(struct fv_web_relay *relay)
-{
-    free((void *)(uintptr_t)relay->played.data);
-    relay->played.data = NULL;
-}
-
-/* Its picture, unless the one before was shown a moment ago. */
-static void hold_frame(struct fv_web_relay *relay, const struct fovea_frame *frame, bool watched)
-{
-    const int64_t now_ns = fv_clock_ns(CLOCK_MONOTONIC);
-    const struct fovea_image *from = &frame->images[0];
-    const struct fv_feed_frame head = {
-        .stamp_ns = frame->stamp_ns,
-        .image_count = frame->image_count,
-        .images = {{from->width, from->height, from->stride_bytes, (int32_t)from->format, 0,
-                    from->data != NULL ? from->size_bytes : 0}}};
-    drop_played(relay);
-    if (!watched || now_ns - relay->picture_ns < FV_SECOND_NS * 1000 / relay->rate_per_1000_s)
-        return;
-    if (fv_frame_image(&head, from->data, 0, &relay->played, NULL) != FOVEA_OK) {
-        relay->played.data = NULL;
-        return;
-    }
-    relay->picture_ns = now_ns;
-    relay->played_stamp_ns = frame->stamp_ns;
-    relay->played_sequence = (int64_t)frame->sequence;
-}
-
-static void tell_playback(struct fv_web_relay *relay)
-{
-    struct fv_web_playback state = {0};
-    fv_web_player_state(relay->player, &state);
-    if (state.damage[0] != '\0' && strcmp(state.damage, relay->store->playback.damage) != 0)
-        fv_web_store_log(relay->store, utime(), "%s", state.damage);
-    relay->store->playback = state;
-    relay->store->playback_version++;
-}
-
-static bool tick_player(struct fv_web_relay *relay, bool watched)
-{
-    struct fv_web_player_out out;
-    const int64_t now_ns = fv_clock_ns(CLOCK_MONOTONIC);
-    bool changed = false;
-    for (int i = 0; i < MESSAGES_PER_TICK; i++) {
-        const enum fv_web_played played = fv_web_player_next(relay->player, now_ns, &out);
-        if (played == FV_WEB_PLAYED_NOTHING) break;
-        if (played == FV_WEB_PLAYED_MESSAGE) fv_web_relay_take(relay, &out.message, watched);
-        if (played == FV_WEB_PLAYED_FRAME) hold_frame(relay, &out.frame, watched);
-        if (played == FV_WEB_PLAYED_WORK && relay->played.data != NULL) {
-            fv_web_relay_picture(relay, &relay->played, relay->played_stamp_ns,
-                                 relay->played_sequence, -1);
-            relay->played.data = NULL; /* the store's */
-            changed = true;
-        }
-        if (played != FV_WEB_PLAYED_JUMP) continue;
-        drop_played(relay);
-        relay->picture_ns = 0;
-        fv_web_relay_begin(relay, fv_web_player_prefix(relay->player));
-        if (fv_web_player_run(relay->player)->bytes > 0)
-            fv_web_relay_take(relay, fv_web_player_run(relay->player), watched);
-        relay->told_ns = 0;
-    }
-    if (now_ns - relay->told_ns >= FV_SECOND_NS / 4) {
-        relay->told_ns = now_ns;
-        tell_playback(relay);
-        changed = true;
-    }
-    return fv_web_store_tick(relay->store, now_ns) || changed;
+    if (count == relay->store->cameras || count > FOVEA_CAMERAS_MAX) return;
+    relay->store->cameras = count;
+    relay->store->news++;
 }
 
 bool fv_web_relay_tick(struct fv_web_relay *relay, bool watched)
 {
-    struct fv_feed_message message;
-    bool changed = false;
-    if (relay->player != NULL) return tick_player(relay, watched);
-    if (relay->heard != NULL) {
-        changed = fv_web_heard_tick(relay->heard, watched);
-        return fv_web_store_tick(relay->store, fv_clock_ns(CLOCK_MONOTONIC)) || changed;
-    }
-    if (relay->reader == NULL) {
-        if (!connect_run(relay)) return false;
-        changed = true;
-    }
-    wish(relay, watched);
-    for (int i = 0; i < MESSAGES_PER_TICK; i++) {
-        const enum fovea_status status = fv_feed_reader_next(relay->reader, &message);
-        if (status == FOVEA_OK) fv_web_relay_take(relay, &message, watched);
-        if (status == FOVEA_END) {
-            fv_web_relay_silent(relay);
-            fv_web_relay_close(relay);
-            return true;
-        }
-        if (status != FOVEA_OK) break;
-    }
-    if (watched && take_frame(relay)) changed = true;
+    const bool changed = relay->source->tick(relay, watched);
     return fv_web_store_tick(relay->store, fv_clock_ns(CLOCK_MONOTONIC)) || changed;
 }
 
 void fv_web_relay_close(struct fv_web_relay *relay)
 {
-    fv_feed_reader_close(relay->reader);
-    relay->reader = NULL;
-    drop_played(relay);
+    relay->source->close(relay);
 }

@@ -19,15 +19,32 @@ enum {
 
 struct fv_web_heard;
 struct fv_foxglove_shown;
+struct fv_web_relay;
+
+/* Where a robot's messages and pictures come from. */
+struct fv_web_relay_source {
+    const char *silence; /* what the log says when nothing comes any more */
+    /* Take what has come, into the relay; whether there was anything new. */
+    bool (*tick)(struct fv_web_relay *relay, bool watched);
+    void (*close)(struct fv_web_relay *relay);
+};
+/* The feed of a run, relay_feed.c; a recording, relay_recording.c; a robot on another host,
+ * heard.c.
+ */
+extern const struct fv_web_relay_source fv_web_relay_feed, fv_web_relay_recording,
+    fv_web_relay_robot;
 
 struct fv_web_relay {
+    const struct fv_web_relay_source *source;
     const char *path; /* of the feed's socket */
     struct fv_web_store *store;
     struct fv_foxglove_shown *foxglove; /* takes the same messages, the caller's; NULL: none */
     struct fv_feed_reader *reader;      /* NULL: there is no run now */
     struct fv_web_player *player;       /* plays in place of a feed, the caller's; NULL: none */
     struct fv_web_heard *heard;         /* a robot heard over LCM, likewise */
-    struct fovea_image played; /* of malloc: a frame whose messages follow; data NULL: none */
+    /* Of malloc: a recorded frame whose messages follow, by camera; data NULL: none. */
+    struct fovea_image played[FOVEA_CAMERAS_MAX];
+    uint32_t played_cameras; /* `cameras` when it was looked at last */
     int64_t played_stamp_ns, played_sequence, picture_ns, told_ns;
     uint32_t rate_per_1000_s, wished;
     uint32_t cameras; /* bits: those whose pictures somebody looks at */
@@ -73,6 +90,9 @@ void fv_web_relay_take(struct fv_web_relay *relay, const struct fv_feed_message 
  * of the frame; -1: not known. */
 void fv_web_relay_picture(struct fv_web_relay *relay, const struct fovea_image *image,
                           int64_t stamp_ns, int64_t sequence, int64_t age_ns);
+
+/* So many cameras have come: pages choose from them. */
+void fv_web_relay_cameras(struct fv_web_relay *relay, uint32_t count);
 
 /* Take what has come; `watched`: somebody wants pictures. Returns whether the store has changed. */
 bool fv_web_relay_tick(struct fv_web_relay *relay, bool watched);

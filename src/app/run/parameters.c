@@ -258,6 +258,7 @@ static void judge(struct fv_parameters *parameters, const fovea_parameter_t *req
                               fv_command_gate_parameters(&requests->gate), change != NULL,
                               &reason)) {
     case FV_REQUEST_TAKEN:
+        if (change == NULL) break; /* there is room: it is none of those */
         begin_change(change, request);
         decide(parameters, request, change);
         fv_ring_commit(&parameters->ring, sizeof *change);
