@@ -38,7 +38,7 @@ record() { # record LOG COMMAND...
     log=$1
     shift
     # shellcheck disable=SC2086 # the model only with --all: its network takes an emulator as long as all else
-    "$@" run --source 'sim:?seed=5&width=320&height=240' --frames "$frames" --record "$log" --set preview.period_frames=7 \
+    "$@" run --source 'sim:?seed=5&width=320&height=240&imu=200' --frames "$frames" --record "$log" --set preview.period_frames=7 \
         --set "image.operations=[denoise, contrast_enhancement, sharpen, normalize]" --set "image.seen_by=[features, networks]" --set edges.period_frames=5 --set edges.segments=true --set lockstep_every=1 ${all:+--model src/detect/shipped.fvm}
 }
 
@@ -48,11 +48,12 @@ record_loop() {
         --set preview.period_frames=0 --set lcm_url= | tee "$folder/loop.txt"
     grep -q ' 1 closure' "$folder/loop.txt"
 }
-# A short way with each further method of features, past the first map, and one with two cameras.
-methods="orb harris shi_tomasi stereo"
+# A short way with each further method of features, past the first map, one with two cameras and one with an IMU beside them.
+methods="orb harris shi_tomasi stereo inertial"
 record_method() {
     method=$1 rig=
     [ "$1" = stereo ] && method=fast rig='&camera2=0.1,0,0,0,-4,3'
+    [ "$1" = inertial ] && method=fast rig='&baseline=0.1&imu=200'
     build/fovea run --source "sim:orbit?seed=3&width=320&height=240$rig" --frames 40 --record "$folder/$1.lcm" --picture none \
         --set features.method="$method" --set preview.period_frames=0 --set lcm_url= | grep 'posed [1-9]'
 }
@@ -72,7 +73,7 @@ to_arm_and_back() {
 if have build-aarch64/fovea; then
     run "replay the loop on aarch64" tools/emulate.sh build-aarch64/fovea replay "$folder/loop.lcm" --verify
     run "record on aarch64, replay that on x86, in lock-step with the recording of x86" to_arm_and_back
-    run "replay every method and two cameras on aarch64" replay_methods tools/emulate.sh build-aarch64/fovea
+    run "replay every method and rig on aarch64" replay_methods tools/emulate.sh build-aarch64/fovea
     run "replay the x86 recording on aarch64" tools/emulate.sh build-aarch64/fovea replay "$folder/x86.lcm" --verify
     for set in c ${all:+neon dotprod}; do # without a cap it is i8mm
         run "replay it on aarch64 with FOVEA_CPU=$set" env FOVEA_CPU=$set tools/emulate.sh build-aarch64/fovea replay "$folder/x86.lcm" --verify
@@ -84,7 +85,7 @@ for set in c sse4 avx2 avxvnni avx512; do
         continue
     fi
     run "replay with FOVEA_CPU=$set" env FOVEA_CPU=$set build/fovea replay "$folder/x86.lcm" --verify
-    run "replay every method and two cameras with FOVEA_CPU=$set" replay_methods env FOVEA_CPU=$set build/fovea
+    run "replay every method and rig with FOVEA_CPU=$set" replay_methods env FOVEA_CPU=$set build/fovea
     [ "$set" = c ] && [ -z "$all" ] && continue # ten times as long; they replay the shorter run
     run "replay the loop with FOVEA_CPU=$set" env FOVEA_CPU=$set build/fovea replay "$folder/loop.lcm" --verify
 done
@@ -93,7 +94,7 @@ run "replay with libc's FMA and AVX2 masked" env \
     build/fovea replay "$folder/x86.lcm" --verify
 if have build-clang/fovea; then
     run "replay with the clang build" build-clang/fovea replay "$folder/x86.lcm" --verify
-    run "replay every method and two cameras with the clang build" replay_methods build-clang/fovea
+    run "replay every method and rig with the clang build" replay_methods build-clang/fovea
     run "replay the loop with the clang build" build-clang/fovea replay "$folder/loop.lcm" --verify
 fi
 # Each further run must itself replay to what it sent: none of the three holds a message that depends on the run.
