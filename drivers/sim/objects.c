@@ -129,12 +129,12 @@ void fv_sim_objects_create(struct fv_sim_world *world, const struct fv_sim_optio
 {
     static const enum fovea_truth_class order[4] = {FOVEA_TRUTH_PERSON, FOVEA_TRUTH_BALL,
                                                     FOVEA_TRUTH_BOX, FOVEA_TRUTH_CONE};
-    static const enum fv_sim_material material[5] = {FV_SIM_CLOTHES, FV_SIM_BALL, FV_SIM_CONE,
-                                                     FV_SIM_PARCEL, FV_SIM_CLOTHES};
-    uint16_t variant[FOVEA_TRUTH_CLASS_COUNT][VARIANTS] = {{0}}, head[VARIANTS] = {0};
+    static const enum fv_sim_material material[FOVEA_TRUTH_OBJECT_COUNT] = {
+        FV_SIM_CLOTHES, FV_SIM_BALL, FV_SIM_CONE, FV_SIM_PARCEL, FV_SIM_CLOTHES};
+    uint16_t variant[FOVEA_TRUTH_OBJECT_COUNT][VARIANTS] = {{0}}, head[VARIANTS] = {0};
     struct fv_random random;
     fv_random_seed(&random, world->seed ^ 0x0B7EC75u);
-    for (int32_t c = 1; c < FOVEA_TRUTH_CLASS_COUNT; c++) {
+    for (int32_t c = 1; c < FOVEA_TRUTH_OBJECT_COUNT; c++) {
         for (int32_t k = 0; k < VARIANTS && k * 4 < options->objects; k++)
             variant[c][k] = fv_sim_world_texture(world, material[c], 1.0, 1.0, 128.0, false);
     }

@@ -44,12 +44,17 @@ static void builder_open(struct builder *b, struct fv_sim_world *world, uint64_t
     b->metal = fv_sim_world_texture(world, FV_SIM_METAL, 0.9, 1.2, detail_per_m, false);
 }
 
+static void face_of(struct fv_sim_face *face, enum fovea_truth_class truth_class)
+{
+    if (face != NULL) face->truth_class = (uint8_t)truth_class;
+}
+
 /* Wall from a to b (a on the left as one looks at it), standing on z. */
 static void wall(struct fv_sim_world *world, double ax, double ay, double bx, double by, double z,
                  double height, uint16_t texture, double light)
 {
     const double origin[3] = {ax, ay, z}, u[3] = {bx - ax, by - ay, 0.0}, v[3] = {0.0, 0.0, height};
-    fv_sim_world_face(world, origin, u, v, texture, light);
+    face_of(fv_sim_world_face(world, origin, u, v, texture, light), FOVEA_TRUTH_WALL);
 }
 
 static enum fv_sim_material wall_material(struct builder *b)
@@ -91,10 +96,10 @@ static void floor_and_ceiling(struct builder *b, double cx, double cy, double hx
     b->floor_x = cx - hx;
     b->floor_y = cy + hy;
     b->floor_scale = (double)b->world->texture[b->floor].width / (2.0 * hx);
-    fv_sim_world_face(b->world, origin, ux, uy, b->floor, 1.0);
+    face_of(fv_sim_world_face(b->world, origin, ux, uy, b->floor, 1.0), FOVEA_TRUTH_FLOOR);
     const uint16_t ceiling =
         fv_sim_world_texture(b->world, FV_SIM_CEILING, 2.0 * hx, 2.0 * hy, scale * 0.5, false);
-    fv_sim_world_face(b->world, above, ux, down, ceiling, 0.95);
+    face_of(fv_sim_world_face(b->world, above, ux, down, ceiling, 0.95), FOVEA_TRUTH_BACKGROUND);
 }
 
 static void shade(struct builder *b, double x, double y, double sx, double sy)
@@ -324,6 +329,7 @@ void fv_sim_place_house(struct fv_sim_world *world)
                 face = fv_sim_world_face(world, whole.origin, whole.u, whole.v, whole.texture,
                                          whole.light);
             if (face == NULL) return;
+            face->truth_class = whole.truth_class;
             for (int32_t i = 0; i < 3; i++) {
                 face->origin[i] = whole.origin[i] + cut[c][0] * whole.u[i] + cut[c][2] * whole.v[i];
                 face->u[i] = (cut[c][1] - cut[c][0]) * whole.u[i];
@@ -340,7 +346,7 @@ void fv_sim_place_house(struct fv_sim_world *world)
     wall(world, door_right, -hy - thick, door_right, -hy, 0.0, lintel, b->wood[0], 0.9);
     const double under[3] = {door_right, -hy, lintel}, u[3] = {door_left - door_right, 0, 0},
                  v[3] = {0, -thick, 0};
-    fv_sim_world_face(world, under, u, v, b->wood[1], 0.6);
+    face_of(fv_sim_world_face(world, under, u, v, b->wood[1], 0.6), FOVEA_TRUTH_WALL);
     furnish(b, 0.0, 0.0, hx, hy, hx - door_left - 0.6, hx - door_right + 0.6);
     corridor_clutter(b, ring_x, ring_y);
 }

@@ -122,7 +122,9 @@ void fv_sim_road_car_put(struct fv_sim_world *world, const struct fv_sim_car *ca
     struct fv_sim_face *shadow = put(
         &f, (const double[3]){-length / 2 - 0.15, -width / 2 - 0.15, 0.03},
         (const double[3]){length + 0.3, 0, 0}, (const double[3]){0, width + 0.3, 0}, car->glass);
-    if (shadow != NULL) shadow->light = 0.35f;
+    if (shadow == NULL) return;
+    shadow->light = 0.35f;
+    shadow->truth_class = FOVEA_TRUTH_FLOOR;
     f.object = object;
     put_body(&f, length, width, clearance_m, body, car->paint);
     if (sizes[car->shape].cabin > 0)

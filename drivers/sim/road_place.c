@@ -72,6 +72,7 @@ static void put_strip(struct fv_sim_world *world, const double along[2], double 
     struct fv_sim_face *face = fv_sim_world_face(world, origin, u, v, texture,
                                                  light_on(&world->road, -rise * c, -rise * s, 1));
     if (face == NULL) return;
+    face->truth_class = FOVEA_TRUTH_FLOOR;
     face->is_cut = true;
     face->cut[0][0] = low - a0 + over_m;
     face->cut[0][1] = span;
@@ -108,7 +109,9 @@ static void put_ground(struct builder *b)
     const struct fv_sim_road_point *middle = &world->road.point[FV_SIM_ROAD_POINTS / 2];
     const double origin[3] = {middle->x - 1000, middle->y - 1000, lowest - 0.4},
                  u[3] = {2000, 0, 0}, v[3] = {0, 2000, 0};
-    fv_sim_world_face(world, origin, u, v, b->ground, light_on(&world->road, 0, 0, 1));
+    struct fv_sim_face *face =
+        fv_sim_world_face(world, origin, u, v, b->ground, light_on(&world->road, 0, 0, 1));
+    if (face != NULL) face->truth_class = FOVEA_TRUTH_FLOOR;
 }
 
 /* A ring of sky about the middle of the road, and under it what is far. */
@@ -129,6 +132,7 @@ static void put_sky(struct builder *b)
                      v[3] = {0, 0, sky_height_m};
         struct fv_sim_face *face = fv_sim_world_face(world, origin, u, v, texture, 1.2);
         if (face == NULL) return;
+        face->truth_class = FOVEA_TRUTH_BACKGROUND;
         const float width = face->tex_du / SKY_SIDES;
         face->tex_u = (float)k * width;
         face->tex_du = width;
@@ -149,6 +153,7 @@ static void put_wall(struct builder *b, const double from[3], const double to[3]
     const double level[3] = {u[0], u[1], 0};
     struct fv_sim_face *face = fv_sim_world_face(
         world, from, level, v, texture, light_on(&world->road, u[1] / length, -u[0] / length, 0));
+    if (face != NULL) face->truth_class = FOVEA_TRUTH_WALL;
     if (face == NULL || texels_per_m <= 0) return;
     const struct fv_sim_texture *t = &world->texture[texture];
     const double most = (double)t->width / texels_per_m - length;

@@ -204,6 +204,7 @@ static bool set_face(struct fv_sim_surface *s, const struct fv_sim_face *face,
     s->light = face->light;
     s->texture = texture;
     s->object = face->object;
+    s->truth_class = face->truth_class;
     s->is_round = false;
     s->disc = face->disc;
     s->is_cut = face->is_cut;
@@ -272,6 +273,7 @@ static bool set_round(struct fv_sim_surface *s, const struct fv_sim_round *round
     s->light = round->light;
     s->texture = texture;
     s->object = round->object;
+    s->truth_class = round->truth_class;
     s->is_round = true;
     s->disc = false;
     s->is_cut = false;

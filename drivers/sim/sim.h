@@ -182,6 +182,7 @@ struct fv_sim_face {
     float tex_u, tex_v, tex_du, tex_dv; /* texels at u = v = 0, and across the face */
     float light;
     uint16_t texture, object; /* object: 0 for what never moves */
+    uint8_t truth_class;      /* enum fovea_truth_class, of what never moves */
     bool disc;
     bool is_cut; /* to where, of both, cut[k][0] + cut[k][1] u + cut[k][2] v >= 0 */
     double cut[2][3];
@@ -192,6 +193,7 @@ struct fv_sim_round {
     double height, q0, q1, q2;
     float light;
     uint16_t texture, object;
+    uint8_t truth_class;
 };
 
 /* A moving object. Sizes are constants of its class (README.md). */
@@ -227,7 +229,7 @@ void fv_sim_world_free(struct fv_sim_world *world);
 /* Put the moving objects where they are at `time_s`. */
 void fv_sim_world_place(struct fv_sim_world *world, double time_s);
 
-/* Building blocks (world.c). */
+/* Building blocks (world.c). What they make is an obstacle, until its `truth_class` says other. */
 uint16_t fv_sim_world_texture(struct fv_sim_world *world, enum fv_sim_material material,
                               double width_m, double height_m, double texels_per_m, bool wall);
 struct fv_sim_face *fv_sim_world_face(struct fv_sim_world *world, const double origin[3],
@@ -314,6 +316,7 @@ struct fv_sim_surface {
     float tex_u, tex_v, tex_du, tex_dv, light, sun[3];
     const struct fv_sim_texture *texture;
     uint16_t object;
+    uint8_t truth_class;
     bool is_round, disc, is_cut;
 };
 

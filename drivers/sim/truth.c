@@ -31,11 +31,14 @@ static void trace_tile(struct fovea_source *source, int32_t tile, const uint16_t
         const int32_t x = tx + i % FV_SIM_TILE, y = ty + i / FV_SIM_TILE;
         if (x >= raster->width || y < y_begin || y >= y_end) continue;
         const size_t at = (size_t)y * (size_t)raster->width + (size_t)x;
-        const int32_t object = hit[i] < 0 ? 0 : source->scene.surface[list[hit[i]]].object;
+        const struct fv_sim_surface *seen =
+            hit[i] < 0 ? NULL : &source->scene.surface[list[hit[i]]];
+        const int32_t object = seen == NULL ? 0 : seen->object;
         source->depth_m[at] = hit[i] < 0 ? 0.0f : 1.0f / inverse_z[i];
         source->object_map[at] = (uint8_t)object;
-        source->class_mask[at] =
-            object == 0 ? 0 : (uint8_t)source->world.object[object - 1].object_class;
+        source->class_mask[at] = object > 0 ? (uint8_t)source->world.object[object - 1].object_class
+                                 : seen != NULL ? seen->truth_class
+                                                : (uint8_t)FOVEA_TRUTH_BACKGROUND;
     }
 }
 

@@ -51,7 +51,8 @@ struct fv_sim_face *fv_sim_world_face(struct fv_sim_world *world, const double o
         return NULL;
     }
     struct fv_sim_face *face = &world->face[world->face_count++];
-    *face = (struct fv_sim_face){.texture = texture, .light = (float)light};
+    *face = (struct fv_sim_face){
+        .texture = texture, .light = (float)light, .truth_class = FOVEA_TRUTH_OBSTACLE};
     for (int32_t i = 0; i < 3; i++) {
         face->origin[i] = origin[i];
         face->u[i] = u[i];
@@ -140,7 +141,8 @@ struct fv_sim_round *fv_sim_world_round(struct fv_sim_world *world, double x, do
                                    .side = {1.0, 0.0, 0.0},
                                    .height = height,
                                    .light = 1.0f,
-                                   .texture = texture};
+                                   .texture = texture,
+                                   .truth_class = FOVEA_TRUTH_OBSTACLE};
     return round;
 }
 

@@ -75,8 +75,13 @@ enum fovea_truth_class {
     FOVEA_TRUTH_BACKGROUND = 0,
     FOVEA_TRUTH_BALL = 1,
     FOVEA_TRUTH_CONE = 2,
-    FOVEA_TRUTH_BOX = 3,    /* also cars */
-    FOVEA_TRUTH_PERSON = 4, /* a person-sized post */
+    FOVEA_TRUTH_BOX = 3,          /* also cars */
+    FOVEA_TRUTH_PERSON = 4,       /* a person-sized post */
+    FOVEA_TRUTH_OBJECT_COUNT = 5, /* those above are of objects that move, and have boxes */
+    /* of what stands still, in masks alone; ceilings and the sky are background */
+    FOVEA_TRUTH_FLOOR = 5, /* the ground, of roads too */
+    FOVEA_TRUTH_WALL = 6,  /* of rooms and houses; doorposts; fences */
+    FOVEA_TRUTH_OBSTACLE = 7,
     FOVEA_TRUTH_CLASS_COUNT
 };
 

@@ -7,7 +7,7 @@ import subprocess
 import cv2
 import numpy as np
 
-CLASSES = ["ball", "cone", "box", "person"]
+CLASSES = ["ball", "cone", "box", "person"]  # 1 to 4 in masks, which have classes of what stands still behind them
 
 
 def options(rng):
@@ -42,6 +42,7 @@ def read(folder):
     for image in truth["images"]:
         path = os.path.join(folder, image["file_name"])
         mask = cv2.imread(path.replace(".png", ".mask.png"), cv2.IMREAD_GRAYSCALE)
+        mask[mask > len(CLASSES)] = 0
         scenes.append((cv2.imread(path, cv2.IMREAD_GRAYSCALE), mask, np.array(boxes[image["id"]], np.float32).reshape(-1, 6)))
     return scenes
 

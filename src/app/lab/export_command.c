@@ -2,8 +2,9 @@
  * source knows it.
  *
  * DIR/000000.png ..., of a rig DIR/000000.cam1.png ... too (where the camera gave an image),
- * DIR/truth.json and, with --masks, DIR/000000.mask.png (the class of every pixel). The truth is
- * that of the first camera, whose images alone it lists. For training and evaluating detectors and
+ * DIR/truth.json and, with --masks, DIR/000000.mask.png (the class of every pixel: objects, floor,
+ * wall, obstacle, or 0; `mask_classes` of the truth names them). The truth is that of the first
+ * camera, whose images alone it lists. For training and evaluating detectors and
  * multi-object tracking. Boxes are COCO's: [left, top, width, height], (0, 0) the corner of the
  * first pixel; `track_id` is constant over the run and `visible` the visible fraction. */
 #include <errno.h>
@@ -22,8 +23,8 @@
 #include "drivers/table.h"
 #include "fovea/source.h"
 
-static const char *const class_names[FOVEA_TRUTH_CLASS_COUNT] = {"background", "ball", "cone",
-                                                                 "box", "person"};
+static const char *const class_names[FOVEA_TRUTH_CLASS_COUNT] = {
+    "background", "ball", "cone", "box", "person", "floor", "wall", "obstacle"};
 
 enum { PATH_BYTES = 1024 };
 
@@ -138,6 +139,13 @@ static void append(FILE *to, FILE *from)
         fwrite(part, 1, n, to);
 }
 
+static void write_classes(FILE *file, int first, int end)
+{
+    for (int c = first; c < end; c++)
+        fprintf(file, "%s\n  {\"id\": %d, \"name\": \"%s\"}", c == first ? "" : ",", c,
+                class_names[c]);
+}
+
 static enum fovea_status write_json(const struct export_run *export, struct fovea_error *error)
 {
     char path[PATH_BYTES];
@@ -155,8 +163,11 @@ static enum fovea_status write_json(const struct export_run *export, struct fove
     fprintf(file, "\n], \"annotations\": [");
     append(file, export->annotations);
     fprintf(file, "\n], \"categories\": [");
-    for (int c = 1; c < FOVEA_TRUTH_CLASS_COUNT; c++)
-        fprintf(file, "%s\n  {\"id\": %d, \"name\": \"%s\"}", c == 1 ? "" : ",", c, class_names[c]);
+    write_classes(file, 1, FOVEA_TRUTH_OBJECT_COUNT);
+    if (export->masks) {
+        fprintf(file, "\n], \"mask_classes\": [");
+        write_classes(file, 0, FOVEA_TRUTH_CLASS_COUNT);
+    }
     fprintf(file, "\n]}\n");
     return fv_output_close(&output, error);
 }

@@ -115,7 +115,7 @@ static void check_rays(const char *address, uint64_t start)
     for (int32_t y = 3; y < frame.images[0].height; y += 7) {
         for (int32_t x = 2; x < frame.images[0].width; x += 7) {
             double b[3], d[3], t = INFINITY;
-            int object = 0;
+            int object = 0, still = 0;
             assert_int_equal(fovea_camera_unproject(&source->info.rig.cameras[0].camera,
                                                     (const double[2]){x, y}, b, NULL),
                              FOVEA_OK);
@@ -126,6 +126,7 @@ static void check_rays(const char *address, uint64_t start)
                 if (m < t) {
                     t = m;
                     object = w->face[i].object;
+                    still = w->face[i].truth_class;
                 }
             }
             for (int32_t i = 0; i < w->round_count; i++) {
@@ -133,12 +134,13 @@ static void check_rays(const char *address, uint64_t start)
                 if (m < t) {
                     t = m;
                     object = w->round[i].object;
+                    still = w->round[i].truth_class;
                     rounds++;
                 }
             }
             const int32_t at = y * frame.images[0].width + x;
             const double error = fabs((double)truth.depth_m[at] / t - 1.0);
-            const int expected = object == 0 ? 0 : (int)w->object[object - 1].object_class;
+            const int expected = object == 0 ? still : (int)w->object[object - 1].object_class;
             count++;
             if (error > 1e-4 || truth.class_mask[at] != expected)
                 wrong++;
@@ -159,6 +161,52 @@ static void test_depth_and_classes(void **state)
     check_rays("tour?objects=16", 700);
     check_rays("corridor?lens=pinhole", 300);
     check_rays("wander?lens=equidistant&objects=24&seed=4", 900);
+}
+
+/* Of what stands still by where it is: floor is what lies on the ground, walls and obstacles rise
+ * from it, the ceiling is none of them; and each of them is seen. */
+static void test_classes_of_what_stands(void **state)
+{
+    static const struct {
+        const char *address;
+        double ceiling_m;
+    } worlds[] = {
+        {"orbit?seed=2", 2.8}, {"tour?seed=5", 2.7}, {"corridor", 2.7}, {"wander?seed=4", 5.5}};
+    int all[FOVEA_TRUTH_CLASS_COUNT] = {0};
+    (void)state;
+    for (size_t i = 0; i < sizeof worlds / sizeof worlds[0]; i++) {
+        struct fovea_frame frame;
+        static struct fovea_truth truth;
+        struct fovea_source *source = open_at(worlds[i].address, 60, &frame);
+        const struct fovea_camera *camera = &source->info.rig.cameras[0].camera;
+        int seen[FOVEA_TRUTH_CLASS_COUNT] = {0}, low[FOVEA_TRUTH_CLASS_COUNT] = {0},
+            high[FOVEA_TRUTH_CLASS_COUNT] = {0};
+        assert_int_equal(fv_source_sim.truth(source, &frame, &truth), FOVEA_OK);
+        const double *T = truth.T_world_cam;
+        for (int32_t at = 0; at < camera->width * camera->height; at++) {
+            const double pixel[2] = {at % camera->width, at / camera->width};
+            const uint8_t kind = truth.class_mask[at];
+            double b[3];
+            assert_true(kind < FOVEA_TRUTH_CLASS_COUNT);
+            assert_int_equal(fovea_camera_unproject(camera, pixel, b, NULL), FOVEA_OK);
+            const double z = T[11] + (double)truth.depth_m[at] *
+                                         (T[8] * b[0] + T[9] * b[1] + T[10] * b[2]) / b[2];
+            seen[kind]++;
+            all[kind]++;
+            low[kind] += z < 0.001;
+            high[kind] += z > worlds[i].ceiling_m - 0.001;
+        }
+        assert_int_equal(low[FOVEA_TRUTH_FLOOR], seen[FOVEA_TRUTH_FLOOR]);
+        assert_int_equal(high[FOVEA_TRUTH_BACKGROUND], seen[FOVEA_TRUTH_BACKGROUND]);
+        assert_true(100 * low[FOVEA_TRUTH_WALL] <= seen[FOVEA_TRUTH_WALL]);
+        assert_true(100 * low[FOVEA_TRUTH_OBSTACLE] <= seen[FOVEA_TRUTH_OBSTACLE]);
+        close_source(source);
+    }
+    for (int kind = 0; kind < FOVEA_TRUTH_CLASS_COUNT; kind++)
+        print_message("class %d: %d pixels\n", kind, all[kind]);
+    for (int kind = FOVEA_TRUTH_FLOOR; kind < FOVEA_TRUTH_CLASS_COUNT; kind++)
+        assert_true(all[kind] > 10000);
+    assert_true(all[FOVEA_TRUTH_BACKGROUND] > 1000);
 }
 
 /* ---- boxes by the sizes in the documentation ------------------------------------------------- */
@@ -220,7 +268,7 @@ static void outline(struct extent *e, const struct fovea_source *source, const d
 static void test_boxes(void **state)
 {
     (void)state;
-    int checked[FOVEA_TRUTH_CLASS_COUNT] = {0};
+    int checked[FOVEA_TRUTH_OBJECT_COUNT] = {0};
     double worst = 0.0;
     for (uint64_t start = 0; start < 800; start += 80) {
         struct fovea_frame frame;
@@ -262,7 +310,7 @@ static void test_boxes(void **state)
     }
     print_message("boxes checked: ball %d cone %d box %d person %d, sides within %.2f px\n",
                   checked[1], checked[2], checked[3], checked[4], worst);
-    for (int c = 1; c < FOVEA_TRUTH_CLASS_COUNT; c++)
+    for (int c = 1; c < FOVEA_TRUTH_OBJECT_COUNT; c++)
         assert_true(checked[c] >= 5);
 }
 
@@ -466,8 +514,11 @@ static void test_truth_needs_a_held_frame(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_depth_and_classes),        cmocka_unit_test(test_boxes),
-        cmocka_unit_test(test_visible_fraction),         cmocka_unit_test(test_pictures_fit),
+        cmocka_unit_test(test_depth_and_classes),
+        cmocka_unit_test(test_boxes),
+        cmocka_unit_test(test_classes_of_what_stands),
+        cmocka_unit_test(test_visible_fraction),
+        cmocka_unit_test(test_pictures_fit),
         cmocka_unit_test(test_truth_needs_a_held_frame),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

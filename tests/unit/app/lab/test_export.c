@@ -89,14 +89,18 @@ static void writes_frames_masks_and_truth(void **state)
     ops->close(source);
     assert_true(boxes > 0);
     char path[128], line[512];
-    uint32_t written = 0;
+    uint32_t written = 0, classes = 0, named = 0;
     snprintf(path, sizeof path, "%s/truth.json", target);
     FILE *file = fopen(path, "r");
     assert_non_null(file);
-    while (fgets(line, sizeof line, file) != NULL)
+    while (fgets(line, sizeof line, file) != NULL) {
         written += strstr(line, "\"track_id\"") != NULL;
+        classes |= strstr(line, "\"mask_classes\"") != NULL;
+        named += classes && strstr(line, "\"name\"") != NULL;
+    }
     fclose(file);
     assert_int_equal(written, boxes);
+    assert_int_equal(named, FOVEA_TRUTH_CLASS_COUNT);
 }
 
 /* Of a rig every camera's images are written, at their own sizes; an absent one leaves no file. */
