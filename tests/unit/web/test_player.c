@@ -103,6 +103,37 @@ static void the_relay_shows_it(void **state)
     fv_web_store_free(&store);
 }
 
+/* Each camera of a rig that somebody looks at; another one while it is paused, too. */
+static void the_relay_shows_every_camera(void **state)
+{
+    static const struct short_run rig = {
+        .width = 160, .height = 120, .iterations = 8, .features = 100, .rig = true};
+    static struct fv_web_store store;
+    static struct fv_web_relay relay;
+    char name[80];
+    (void)state;
+    snprintf(name, sizeof name, "%s/rig.lcm", folder);
+    short_run_record(name, &rig);
+    fv_web_relay_init(&relay, "", 60, &store);
+    fv_web_relay_play(&relay, open_player(name));
+    relay.cameras = 1;
+    fv_web_player_pause(relay.player, true);
+    fv_web_player_seek(relay.player, PERIOD_MS);
+    assert_true(fv_web_relay_tick(&relay, true));
+    assert_int_equal(store.cameras, 2);
+    assert_int_equal(store.picture.image.width, 160);
+    assert_null(fv_web_store_picture(&store, 1)->image.data);
+    relay.cameras = 3;
+    for (int i = 0; i < 2; i++)
+        (void)fv_web_relay_tick(&relay, true);
+    assert_int_equal(fv_web_store_picture(&store, 1)->image.width, 120);
+    assert_int_equal(fv_web_store_picture(&store, 1)->stamp_ns, store.picture.stamp_ns);
+    fv_web_player_close(relay.player);
+    fv_web_relay_close(&relay);
+    fv_web_store_free(&store);
+    assert_int_equal(unlink(name), 0);
+}
+
 static void damage_ends_in_one_line(void **state)
 {
     uint64_t seed = 3;
@@ -214,6 +245,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(frames_come_at_their_pace),
         cmocka_unit_test(the_relay_shows_it),
+        cmocka_unit_test(the_relay_shows_every_camera),
         cmocka_unit_test(damage_ends_in_one_line),
         cmocka_unit_test(stamps_without_bounds_are_damage),
         cmocka_unit_test(a_state_is_not_held),
