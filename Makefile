@@ -276,7 +276,7 @@ pictures: all  ## renew the pictures of README.md, a simulated run, and of docs/
 	@tools/install.sh pictures
 	$(BUILD)/fovea run --quiet --source sim:tour --frames 900 --set lcm_url= --model src/detect/shipped.fvm --picture $(PICTURE)
 	convert $(PICTURE) -strip -filter Lanczos -resize 1280x -dither None -colors 128 -define png:compression-level=9 docs/run.png
-	tools/operations_picture.sh $(BUILD) docs/operations.png
+	tools/operations_pictures.sh $(BUILD) docs
 evaluate: all $(BUILD)/venv-sweep/ready $(BUILD)/venv-objects/ready  ## the recordings with truth over seeds and start frames, objects beside SORT and ByteTrack: rewrites the committed tables
 	$(BUILD)/venv-sweep/bin/python tools/evaluate odometry --binary $(BUILD)/fovea
 	$(BUILD)/venv-sweep/bin/python tools/evaluate road --binary $(BUILD)/fovea
