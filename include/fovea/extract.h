@@ -83,8 +83,9 @@ struct fovea_local_feature {
     float x_px, y_px; /* in the image */
     float size_px;    /* diameter of what it stands for: SIFT, SURF 2 sigma; others the patch */
     float angle_rad;  /* clockwise in the image from +x, (-pi, pi]; 0 where the method has none */
-    /* Strength, in the method's unit: FAST score; grey levels (SIFT), squared (SURF); grey levels
-     * per pixel to the fourth (Harris, ORB) or second power (Shi and Tomasi) */
+    /* Strength, in the method's unit: FAST score; grey levels (SIFT; of a further orientation times
+     * the square of its share of the highest peak), squared (SURF); grey levels per pixel to the
+     * fourth (Harris, ORB) or second power (Shi and Tomasi) */
     float response;
     uint32_t level; /* of the pyramid, or octave; 0 the finest */
 };

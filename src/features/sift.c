@@ -5,7 +5,7 @@
 #include "base/elementary.h"
 #include "features/quadratic.h"
 
-enum { BORDER_PX = 5, STEPS_MAX = 5, ORIENTATIONS_MAX = 4 };
+enum { BORDER_PX = 5, STEPS_MAX = 5 };
 
 void fv_sift_carve(struct fv_sift *sift, const struct fovea_extract_config *config, int32_t width,
                    int32_t height, struct fv_arena *arena)
@@ -18,6 +18,8 @@ void fv_sift_carve(struct fv_sift *sift, const struct fovea_extract_config *conf
     sift->edge_ratio = config->edge_ratio;
     sift->upright = config->upright != 0;
     sift->extremes = fv_arena_take(arena, sift->room, sizeof *sift->extremes);
+    sift->pending =
+        fv_arena_take(arena, sift->room, (FV_SIFT_ORIENTATIONS_MAX - 1) * sizeof *sift->pending);
     sift->marks = fv_arena_take(arena, stride, sizeof *sift->marks);
     sift->peaks = fv_arena_take(arena, 2 * FV_SCALE_DIFFERENCES * stride, sizeof *sift->peaks);
     sift->tables = fv_arena_take(arena, 1, fv_sift_tables_bytes());
@@ -200,33 +202,87 @@ static void find(struct fv_sift *sift, const struct fv_kernels *kernels,
     sort(sift);
 }
 
+/* ---- features -------------------------------------------------------------------------------- */
+
+/* Whether a goes before b: the stronger, and of equals that of the earlier extreme. */
+static bool pending_before(const struct fv_sift_pending *a, const struct fv_sift_pending *b)
+{
+    if (a->strength != b->strength) return a->strength > b->strength;
+    if (a->extreme != b->extreme) return a->extreme < b->extreme;
+    return a->angle_rad < b->angle_rad;
+}
+
+static void push(struct fv_sift *sift, const struct fv_sift_pending *one)
+{
+    struct fv_sift_pending *heap = sift->pending;
+    uint32_t at = sift->pending_count++;
+    for (; at > 0 && pending_before(one, &heap[(at - 1) / 2]); at = (at - 1) / 2)
+        heap[at] = heap[(at - 1) / 2];
+    heap[at] = *one;
+}
+
+static struct fv_sift_pending pop(struct fv_sift *sift)
+{
+    struct fv_sift_pending *heap = sift->pending;
+    const struct fv_sift_pending first = heap[0], moved = heap[--sift->pending_count];
+    uint32_t at = 0;
+    for (uint32_t child; (child = 2 * at + 1) < sift->pending_count; at = child) {
+        if (child + 1 < sift->pending_count && pending_before(&heap[child + 1], &heap[child]))
+            child++;
+        if (!pending_before(&heap[child], &moved)) break;
+        heap[at] = heap[child];
+    }
+    heap[at] = moved;
+    return first;
+}
+
+static void add(struct fv_sift *sift, uint32_t *count, uint32_t index, float strength,
+                float angle_rad)
+{
+    const struct fv_sift_extreme *extreme = &sift->extremes[index];
+    const double pixel = fv_scale_pixel(&sift->space, extreme->octave);
+    sift->features[*count] = (struct fovea_local_feature){
+        .x_px = (float)fv_scale_in_image(&sift->space, extreme->octave, extreme->x),
+        .y_px = (float)fv_scale_in_image(&sift->space, extreme->octave, extreme->y),
+        .size_px = (float)(2 * fv_sift_sigma(extreme) * pixel),
+        .angle_rad = angle_rad,
+        .response = strength,
+        .level = extreme->octave,
+    };
+    fv_sift_describe(sift, extreme, angle_rad, sift->descriptors + (size_t)*count * FV_SIFT_BYTES);
+    ++*count;
+}
+
+/* Add the pending orientations that are at least as strong. */
+static void add_pending(struct fv_sift *sift, uint32_t *count, float strength)
+{
+    while (sift->pending_count > 0 && *count < sift->count_max &&
+           sift->pending[0].strength >= strength) {
+        const struct fv_sift_pending next = pop(sift);
+        add(sift, count, next.extreme, next.strength, next.angle_rad);
+    }
+}
+
 uint32_t fv_sift_run(struct fv_sift *sift, const struct fv_kernels *kernels,
                      const struct fv_plane *image, const struct fv_plane *mask)
 {
     uint32_t count = 0;
     fv_scale_space_build(&sift->space, kernels, image);
     find(sift, kernels, mask);
-    for (uint32_t i = 0; i < sift->extreme_count && count < sift->count_max; i++) {
+    sift->pending_count = 0;
+    for (uint32_t i = 0; i < sift->extreme_count; i++) {
         const struct fv_sift_extreme *extreme = &sift->extremes[i];
-        const double pixel = fv_scale_pixel(&sift->space, extreme->octave);
-        float angles[ORIENTATIONS_MAX] = {0};
-        const uint32_t left = sift->count_max - count;
-        const uint32_t made =
-            sift->upright ? 1
-                          : fv_sift_orient(sift, extreme, angles,
-                                           left < ORIENTATIONS_MAX ? left : ORIENTATIONS_MAX);
-        for (uint32_t k = 0; k < made; k++, count++) {
-            sift->features[count] = (struct fovea_local_feature){
-                .x_px = (float)fv_scale_in_image(&sift->space, extreme->octave, extreme->x),
-                .y_px = (float)fv_scale_in_image(&sift->space, extreme->octave, extreme->y),
-                .size_px = (float)(2 * fv_sift_sigma(extreme) * pixel),
-                .angle_rad = angles[k],
-                .response = extreme->response,
-                .level = extreme->octave,
-            };
-            fv_sift_describe(sift, extreme, angles[k],
-                             sift->descriptors + (size_t)count * FV_SIFT_BYTES);
+        struct fv_sift_orientation found[FV_SIFT_ORIENTATIONS_MAX] = {{0, 1}};
+        add_pending(sift, &count, extreme->response);
+        if (count == sift->count_max) break;
+        const uint32_t made = sift->upright ? 1 : fv_sift_orient(sift, extreme, found);
+        if (made > 0) add(sift, &count, i, extreme->response, found[0].angle_rad);
+        for (uint32_t k = 1; k < made; k++) {
+            const float strength = extreme->response * found[k].share * found[k].share;
+            const struct fv_sift_pending one = {strength, found[k].angle_rad, i};
+            push(sift, &one);
         }
     }
+    add_pending(sift, &count, 0);
     return count;
 }

@@ -142,19 +142,24 @@ static void orientations(const struct fv_sift *sift, const struct fv_sift_extrem
 }
 
 uint32_t fv_sift_orient(const struct fv_sift *sift, const struct fv_sift_extreme *extreme,
-                        float *angles_rad, uint32_t room)
+                        struct fv_sift_orientation found[FV_SIFT_ORIENTATIONS_MAX])
 {
     float bins[BINS], highest = 0;
     uint32_t count = 0;
     orientations(sift, extreme, bins);
     for (int32_t i = 0; i < BINS; i++)
         if (bins[i] > highest) highest = bins[i];
-    for (int32_t i = 0; i < BINS && count < room; i++) {
+    for (int32_t i = 0; i < BINS && count < FV_SIFT_ORIENTATIONS_MAX; i++) {
         const float left = bins[(i + BINS - 1) % BINS], right = bins[(i + 1) % BINS];
         if (!(bins[i] > left && bins[i] > right && bins[i] >= PEAK * highest)) continue;
         const float peak = (float)i + .5f * (left - right) / (left - 2 * bins[i] + right);
         const float turns = peak / BINS; /* (-1/72, 1) */
-        angles_rad[count++] = (float)(2 * FV_PI) * (turns > .5f ? turns - 1 : turns);
+        const struct fv_sift_orientation one = {
+            (float)(2 * FV_PI) * (turns > .5f ? turns - 1 : turns), bins[i] / highest};
+        uint32_t at = count++;
+        for (; at > 0 && found[at - 1].share < one.share; at--)
+            found[at] = found[at - 1];
+        found[at] = one;
     }
     return count;
 }
