@@ -197,6 +197,7 @@ else
     part packets packets 1000000
     part blinks blinks 200
     part browsers browsers 60
+    part slow_link python3 tests/campaign/slow_link.py $build 40
     part commands $build/tests/campaign/commands $build/fovea 1800
     part fuzz make --no-print-directory fuzz FUZZ_SECONDS=1200
     part networks tools/check_networks.sh "$build" 40

@@ -20,7 +20,9 @@ enum {
     DATA_BYTES = 13,
     TIME_BYTES = 9,
     QUALITIES = 3,
-    DESCRIBED_BYTES = 8192
+    DESCRIBED_BYTES = 8192,
+    SMALL_BYTES = 8192,  /* of a message of the run */
+    SMALLS_IN_A_ROW = 24 /* before a large one has its turn */
 };
 #define QUALITY_NS (FV_SECOND_NS / 2) /* between two falls */
 #define BETTER_NS (3 * FV_SECOND_NS)  /* without a loss, before it rises; twice that each time */
@@ -374,13 +376,21 @@ static size_t next_picture(struct fv_foxglove_client *client, const struct fv_fo
            made;
 }
 
-/* Each in its turn, so that none keeps the others waiting: views, the log, pictures. */
-static size_t next_data(struct fv_foxglove_client *client, const struct fv_foxglove_shown *shown,
-                        uint8_t *to, size_t capacity, int64_t now_ns)
+static bool is_small(const struct fv_foxglove_views *views, uint32_t index)
+{
+    return index < views->view_count ? views->views[index].raw_bytes <= SMALL_BYTES
+                                     : index == views->view_count; /* the log */
+}
+
+/* The small ones or the large ones, each in its turn, so that none keeps the others waiting: views,
+ * the log, pictures. */
+static size_t next_sized(struct fv_foxglove_client *client, const struct fv_foxglove_shown *shown,
+                         bool small, uint8_t *to, size_t capacity, int64_t now_ns)
 {
     const uint32_t count = shown->views->view_count, all = count + 1 + FOVEA_CAMERAS_MAX;
     for (uint32_t n = 0; n < all; n++) {
-        const uint32_t i = client->turn++ % all;
+        const uint32_t i = client->turns[small]++ % all;
+        if (is_small(shown->views, i) != small) continue;
         const size_t bytes = i < count    ? next_view(client, shown->views, i, to, capacity)
                              : i == count ? next_line(client, shown->views, to)
                                           : next_picture(client, shown, (int32_t)(i - count - 1),
@@ -388,6 +398,18 @@ static size_t next_data(struct fv_foxglove_client *client, const struct fv_foxgl
         if (bytes > 0) return bytes;
     }
     return 0;
+}
+
+/* Poses and numbers do not wait for pictures on a slow link, nor pictures for ever for these. */
+static size_t next_data(struct fv_foxglove_client *client, const struct fv_foxglove_shown *shown,
+                        uint8_t *to, size_t capacity, int64_t now_ns)
+{
+    const bool small_first = client->smalls < SMALLS_IN_A_ROW;
+    size_t bytes = next_sized(client, shown, small_first, to, capacity, now_ns);
+    const bool small = (bytes > 0) == small_first;
+    if (bytes == 0) bytes = next_sized(client, shown, !small_first, to, capacity, now_ns);
+    if (bytes > 0) client->smalls = small ? client->smalls + 1 : 0;
+    return bytes;
 }
 
 size_t fv_foxglove_next(struct fv_foxglove_client *client, const struct fv_foxglove_shown *shown,
