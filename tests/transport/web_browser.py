@@ -54,9 +54,27 @@ def web(*more):
 
 
 class Page:
+    """All that follow each other are in one browser, which starts once."""
+    shared = None
+
     def __init__(self):
-        self.driver = module("..", "common", "chromium").browser(folder)
-        self.errors = []
+        if Page.shared is None:
+            Page.shared = module("..", "common", "chromium").browser(folder)
+        self.driver = Page.shared
+
+    def close(self):
+        """Nothing of it is left for the next, but what the browser holds in its cache."""
+        self.driver.delete_all_cookies()
+        self.driver.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+        self.driver.get("about:blank")
+        for name in ("browser", "performance"):
+            self.driver.get_log(name)
+
+    @staticmethod
+    def quit():
+        if Page.shared is not None:
+            Page.shared.quit()
+        Page.shared = None
 
     def js(self, text, *arguments):
         return self.driver.execute_script(text, *arguments)

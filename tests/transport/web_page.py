@@ -297,7 +297,7 @@ def check_login(token):
                                                   ".then(async (answer) => done([answer.status, await answer.text()]))")
         assert answer == [403, "this token may only look"], answer
     finally:
-        page.driver.quit()
+        page.close()
 
 
 def check_playback(recording):
@@ -340,7 +340,7 @@ def check_playback(recording):
         check_console(page)
         if os.environ.get("FOVEA_SCREENSHOTS"):
             page.driver.save_screenshot(os.path.join(os.environ["FOVEA_SCREENSHOTS"], "page-playback.png"))
-        page.driver.quit()
+        page.close()
         end(server)
         with open(recording, "rb") as file:
             assert file.read() == data
@@ -356,8 +356,6 @@ def check_playback(recording):
         done = subprocess.run([os.path.join(build, "fovea-web"), "--play", cut], capture_output=True, text=True, check=False)
         assert done.returncode == 2 and done.stderr.startswith("fovea-web: " + cut + ": byte ") and done.stderr.count("\n") == 1, done
     finally:
-        if page is not None:
-            page.driver.quit()
         server.kill()
 
 
@@ -397,7 +395,7 @@ def main():
         first = page.until("fovea.live.picture && fovea.live.picture.number", "a picture of the run that began again")
         page.until(f"fovea.live.picture.number > {first + 5}", "pictures of the run that began again")
         check_console(page)
-        page.driver.quit()
+        page.close()
         end(server)
         token = os.path.join(folder, "token")
         server = web("--token", token)
@@ -408,7 +406,7 @@ def main():
         check_playback(recording)
         check_robots()
     finally:
-        page.driver.quit()
+        Page.quit()
         for process in (robot, server):
             process.kill()
 

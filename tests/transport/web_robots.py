@@ -81,11 +81,9 @@ def check_robots():
         end(robots[0])
         page.until("document.getElementById('link').textContent === 'no run'", "the silence of the robot")
         check_console(page)
-        page.driver.quit()
+        page.close()
         end(robots[1])
         end(server)
     finally:
-        if page is not None:
-            page.driver.quit()
         for process in (*robots, server):
             process.kill()

@@ -3,6 +3,7 @@
 import { byId } from "/panels.js";
 
 const DONE = 0, NEEDS_RESTART = 2, VALUE_BYTES_MAX = 300; // a page may say 400 at once
+const AT_ONCE = 3; // values that are asked for: the server holds four replies
 const bytes = new TextEncoder();
 
 function element(tag, properties, ...children) {
@@ -75,7 +76,11 @@ export class Parameters {
     this.reading = (this.reading || Promise.resolve()).then(() => this.readNow(group));
   }
   async readNow(group) {
-    for (const form of group.querySelectorAll(".parameter")) {
+    const forms = [...group.querySelectorAll(".parameter")];
+    await Promise.all(Array.from({ length: AT_ONCE }, () => this.readSome(group, forms)));
+  }
+  async readSome(group, forms) {
+    for (let form; (form = forms.shift());) {
       const row = this.rows.get(form.firstChild.textContent);
       if (!group.open || !this.allowed || form.hidden || row.known) continue;
       row.known = true;
@@ -84,7 +89,7 @@ export class Parameters {
       } catch (reason) {
         row.known = false;
         this.say(row, reason.message, "bad");
-        return;
+        forms.length = 0;
       }
     }
   }
