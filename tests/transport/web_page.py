@@ -43,6 +43,12 @@ def check_picture(page):
     assert page.js("return fovea.live.picture.points.length") > 300
 
 
+def check_plots(page):
+    text = "document.getElementById('legend-%s').textContent"
+    page.until((text % "temperature") + " === 'processor 79 °C'", "the temperature in its plot")
+    page.until("/^late \\d+\\.\\d \\/sdropped \\d+\\.\\d \\/s$/.test(" + (text % "deadlines") + ")", "missed deadlines in their plot")
+
+
 def check_health(page):
     page.until("document.getElementById('health').textContent.startsWith('host degraded: ') "
                "&& !document.getElementById('health').hidden", "the heat of the machine")
@@ -382,6 +388,7 @@ def main():
         check_parameters(page, kept)
         check_settings(page, kept)
         check_recording(page, records)
+        check_plots(page)
         check_widths(page)
         check_accessible(page)
         check_commands(page)

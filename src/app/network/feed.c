@@ -144,8 +144,9 @@ void fv_feed_frame(struct fv_feed *feed, const struct fovea_frame *frame)
     const int64_t period_ns = atomic_load_explicit(&feed->period_ns, memory_order_relaxed);
     if (period_ns == 0) return;
     const int64_t now_ns = fv_clock_ns(CLOCK_MONOTONIC);
-    if (feed->frames > 0 && now_ns - feed->frame_ns < period_ns) return;
-    /* On a grid of the period: a frame that comes a little early is not waited for twice. */
+    /* On a grid of the period, which a frame may be ahead of by a fourth: frames that come at that
+     * very rate come a little early and late. The grid goes on by a period with each. */
+    if (feed->frames > 0 && now_ns - feed->frame_ns < period_ns - period_ns / 4) return;
     const int64_t due_ns = feed->frame_ns + period_ns;
     feed->frame_ns = feed->frames > 0 && now_ns - due_ns < period_ns ? due_ns : now_ns;
     const uint64_t number = ++feed->frames;

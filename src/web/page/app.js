@@ -37,6 +37,8 @@ const robots = new Robots(of);
 await parameters.fetch();
 const stages = new Plot(byId("plot-stages"), byId("legend-stages"), " ms", 2);
 const features = new Plot(byId("plot-features"), byId("legend-features"), "", 0);
+const deadlines = new Plot(byId("plot-deadlines"), byId("legend-deadlines"), " /s", 1);
+const temperature = new Plot(byId("plot-temperature"), byId("legend-temperature"), " °C", 0);
 
 // Camera to screen, by parts, and what the picture is.
 function showLatency(picture) {
@@ -71,7 +73,8 @@ function forget() {
   scene.forget();
   pose.forget();
   stages.forget();
-  features.forget();
+  for (const plot of [features, deadlines, temperature]) plot.forget();
+  shown.statistics = undefined;
   byId("recorder").hidden = byId("health").hidden = true;
 }
 
@@ -85,6 +88,8 @@ function showStatistics(message) {
   for (const { name, wall_ns } of message.stages) if (wall_ns > 0) times[name] = wall_ns * 1e-6;
   stages.add(times);
   features.add({ features: message.features, granted: message.features_granted });
+  temperature.add({ processor: message.temperature_c });
+  showDeadlines(message);
   facts(byId("machine"), {
     Frames: String(message.frames_processed),
     Late: String(message.frames_late),
@@ -95,6 +100,14 @@ function showStatistics(message) {
     Memory: message.resident_bytes ? fixed(message.resident_bytes / 1e6, 1, " MB") : "not known",
     Kernels: message.kernel_set,
   });
+}
+
+// What was missed since the message before, by its stamps.
+function showDeadlines(message) {
+  const before = shown.statistics, seconds = before ? Number(message.stamp.time_ns - before.stamp.time_ns) * 1e-9 : 0;
+  shown.statistics = message;
+  if (!(seconds > 0)) return;
+  deadlines.add({ late: Number(message.frames_late - before.frames_late) / seconds, dropped: Number(message.source_dropped - before.source_dropped) / seconds });
 }
 
 const link = new Link(types, {
