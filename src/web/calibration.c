@@ -56,6 +56,7 @@ static bool is_target(const char *target)
 static int spawn(const char *program, const char *const *words, pid_t *process)
 {
     posix_spawnattr_t attributes;
+    posix_spawn_file_actions_t files;
     sigset_t none, reset;
     sigemptyset(&none);
     sigfillset(&reset);
@@ -64,8 +65,13 @@ static int spawn(const char *program, const char *const *words, pid_t *process)
     posix_spawnattr_setsigmask(&attributes, &none);
     posix_spawnattr_setsigdefault(&attributes, &reset);
     posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF);
-    failed =
-        posix_spawn(process, program, NULL, &attributes, (char *const *)(uintptr_t)words, environ);
+    failed = posix_spawn_file_actions_init(&files);
+    if (failed == 0) { /* no connection of a page is the other program's */
+        posix_spawn_file_actions_addclosefrom_np(&files, STDERR_FILENO + 1);
+        failed = posix_spawn(process, program, &files, &attributes, (char *const *)(uintptr_t)words,
+                             environ);
+        posix_spawn_file_actions_destroy(&files);
+    }
     posix_spawnattr_destroy(&attributes);
     return failed;
 }

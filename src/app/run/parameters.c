@@ -572,6 +572,8 @@ void fv_parameters_end(struct fv_parameters *parameters, struct fv_transport *tr
                        struct fv_feed *feed)
 {
     struct fovea_inputs none = {.frame = NULL};
+    if (parameters->rt == NULL) return; /* nothing is heard */
+    pthread_mutex_lock(&parameters->changing);
     for (uint32_t i = 0; i < parameters->wish_count; i++) {
         struct fv_parameter_change *waits = &parameters->wishes[i];
         print_value(parameters->settings, fv_settings_key_find(waits->key), waits->value);
@@ -579,6 +581,7 @@ void fv_parameters_end(struct fv_parameters *parameters, struct fv_transport *tr
         answer(parameters, waits, transport, feed);
     }
     parameters->wish_count = 0;
+    pthread_mutex_unlock(&parameters->changing);
     do {
         fv_parameters_tend(parameters, true);
         fv_parameters_take(parameters, &none);
