@@ -64,8 +64,8 @@ static enum fovea_status read_config(const struct request *request,
     return fv_parameters_read(&request->parameters, 1u << method, config, error);
 }
 
-/* White where a bit is set, black elsewhere; prints how many are white. */
-static void draw(const struct fovea_image *image, const uint8_t *bits, int32_t stride)
+/* White where a bit is set, black elsewhere; returns how many are white. */
+static int64_t draw(const struct fovea_image *image, const uint8_t *bits, int32_t stride)
 {
     int64_t count = 0;
     for (int32_t y = 0; y < image->height; y++) {
@@ -76,12 +76,13 @@ static void draw(const struct fovea_image *image, const uint8_t *bits, int32_t s
             count += edge;
         }
     }
-    printf("%lld edge pixels in %d x %d\n", (long long)count, image->width, image->height);
+    return count;
 }
 
 /* Mark the edges of an image in white, in its own pixels. */
 static enum fovea_status mark(const struct fovea_edges_config *config,
-                              const struct fovea_image *image, struct fovea_error *error)
+                              const struct fovea_image *image, int64_t *count,
+                              struct fovea_error *error)
 {
     struct fovea_edges *edges = NULL;
     const size_t bytes = fovea_edges_size(config, image->width, image->height, error);
@@ -97,7 +98,7 @@ static enum fovea_status mark(const struct fovea_edges_config *config,
     if (status == FOVEA_OK) {
         status = fovea_edges_run(edges, image, memory + bytes, stride);
         if (status == FOVEA_OK)
-            draw(image, memory + bytes, stride);
+            *count = draw(image, memory + bytes, stride);
         else
             fovea_error_set(error, status, "the detector refuses a picture of %d x %d pixels",
                             image->width, image->height);
@@ -123,13 +124,16 @@ int fv_command_edges(int argc, char **argv)
     struct fovea_error error;
     struct fovea_edges_config config;
     struct fovea_image image = {0};
+    int64_t count = 0;
     const struct fv_file written[] = {{"OUT", argv[first + 1]}, {0}},
                          read[] = {{"IN", argv[first]}, {0}};
     enum fovea_status status = fv_files_apart(written, read, &error);
     if (status == FOVEA_OK) status = read_config(&request, &config, &error);
     if (status == FOVEA_OK) status = fv_picture_read(argv[first], &image, &error);
-    if (status == FOVEA_OK) status = mark(&config, &image, &error);
+    if (status == FOVEA_OK) status = mark(&config, &image, &count, &error);
     if (status == FOVEA_OK) status = fv_picture_write(argv[first + 1], &image, &error);
+    if (status == FOVEA_OK)
+        printf("%lld edge pixels in %d x %d\n", (long long)count, image.width, image.height);
     free((void *)(uintptr_t)image.data);
     if (status == FOVEA_OK) return FV_EXIT_OK;
     fv_parameters_name(&request.parameters, &error);
