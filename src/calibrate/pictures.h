@@ -49,8 +49,8 @@ class Interruption
     bool came() const;
 };
 
-/* `source` is a folder of PNG and JPEG files or the URI of a source. All pictures of a folder, and
- * all frames of a recording of at most `views_max`, are taken; of other sources, the first
+/* `source` is a folder of PNG, JPEG and BMP files or the URI of a source. All pictures of a folder,
+ * and all frames of a recording of at most `views_max`, are taken; of other sources, the first
  * `views_max` frames whose board is new and, of a live camera, still. FOVEA_ERROR_INPUT: there is
  * none, or it cannot be read. */
 fovea_status collect(const std::string &source, const Board &board, Refinement refinement,
