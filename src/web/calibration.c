@@ -3,7 +3,6 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <signal.h>
-#include <spawn.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -13,24 +12,11 @@
 #include <unistd.h>
 
 #include "support/folder.h"
-
-extern char **environ;
+#include "support/program.h"
 
 enum { RESULT_BYTES_MAX = 30000, PATH_BYTES = 4096, WORDS_MAX = 24 };
 
 static const char program_name[] = "fovea-calibrate";
-
-/* The program in the folder of this one. */
-static bool program_find(char *path, size_t bytes)
-{
-    const ssize_t length = readlink("/proc/self/exe", path, bytes - 1);
-    if (length <= 0) return false;
-    path[length] = '\0';
-    char *last = strrchr(path, '/');
-    if (last == NULL || (size_t)(last + 1 - path) + sizeof program_name > bytes) return false;
-    strcpy(last + 1, program_name);
-    return access(path, X_OK) == 0;
-}
 
 /* Whether it has ended meanwhile is looked at. */
 static void look(struct fv_web_calibration *calibration)
@@ -51,29 +37,6 @@ static bool is_target(const char *target)
     const size_t length = strlen(target);
     return length > 0 && length < FV_WEB_TARGET_BYTES && strspn(target, plain) == length &&
            target[0] != '-';
-}
-
-static int spawn(const char *program, const char *const *words, pid_t *process)
-{
-    posix_spawnattr_t attributes;
-    posix_spawn_file_actions_t files;
-    sigset_t none, reset;
-    sigemptyset(&none);
-    sigfillset(&reset);
-    int failed = posix_spawnattr_init(&attributes);
-    if (failed != 0) return failed;
-    posix_spawnattr_setsigmask(&attributes, &none);
-    posix_spawnattr_setsigdefault(&attributes, &reset);
-    posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF);
-    failed = posix_spawn_file_actions_init(&files);
-    if (failed == 0) { /* no connection of a page is the other program's */
-        posix_spawn_file_actions_addclosefrom_np(&files, STDERR_FILENO + 1);
-        failed = posix_spawn(process, program, &files, &attributes, (char *const *)(uintptr_t)words,
-                             environ);
-        posix_spawn_file_actions_destroy(&files);
-    }
-    posix_spawnattr_destroy(&attributes);
-    return failed;
 }
 
 /* Its options, behind those that are always there. */
@@ -97,7 +60,7 @@ enum fovea_status fv_web_calibration_start(struct fv_web_calibration *calibratio
     if (!is_target(target))
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "found no board, expected one as chessboard:9x6:0.025");
-    if (!program_find(program, sizeof program))
+    if (!fv_program_beside(program_name, program, sizeof program))
         return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "found no %s beside fovea-web",
                                program_name);
     gmtime_r(&now, &utc);
@@ -116,7 +79,7 @@ enum fovea_status fv_web_calibration_start(struct fv_web_calibration *calibratio
     words_add(words, &count, "--token", calibration->token);
     words_add(words, &count, "--certificate", calibration->certificate);
     words_add(words, &count, "--certificate-key", calibration->certificate_key);
-    const int failed = spawn(program, words, &calibration->process);
+    const int failed = fv_program_start(program, words, &calibration->process);
     calibration->ran = false;
     if (failed == 0) return FOVEA_OK;
     calibration->process = 0;

@@ -115,6 +115,41 @@ def interrupt_while_it_waits():
     assert "camera_matrix" in camera_file("alone.yaml")
 
 
+def follow_in_a_browser():
+    """From any time on to the verdict; what is printed has the instructions from the first on."""
+    process, address = start("camera.yaml")
+    done = threading.Event()
+    threading.Thread(target=keep, args=(address, done), daemon=True).start()
+    driver = browser()
+    try:
+        driver.get(address)
+        until(driver, "document.getElementById('picture').naturalWidth > 0", "a picture")
+        until(driver, "/^[1-9][0-9]* of at most 40$/.test(document.getElementById('pictures').textContent)", "a picture that is taken")
+        painted = "(() => { const c = document.getElementById('coverage'), d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data; " \
+                  "let n = 0; for (let i = 2; i < d.length; i += 4) n += d[i] > 240; return n > 100; })()"
+        until(driver, painted, "the coverage")
+        screenshot(driver, "looking")
+        assert status_of(address, "evil.example") == 403, "another Host is refused"
+        assert status_of(address, address[7:-1]) == 200
+        grade = until(driver, "!document.getElementById('verdict-section').hidden && document.getElementById('verdict').textContent", "a verdict")
+        assert grade == "pass", grade
+        assert text(driver, "next") == "done: the verdict is pass", text(driver, "next")
+        assert "fx" in text(driver, "parameters") and "RMS" in text(driver, "parameters"), text(driver, "parameters")
+        assert re.fullmatch(r"± 0\.0\d\d %", text(driver, "focal")), text(driver, "focal")
+        screenshot(driver, "verdict")
+        errors = [line for line in driver.get_log("browser") if line["level"] == "SEVERE"]
+        assert not errors, errors
+    finally:
+        done.set()
+        driver.quit()
+    said = process.communicate(timeout=PATIENCE_S)[0]  # nobody looks any more
+    assert process.returncode == 0, process.returncode
+    instructions = re.findall(r"next: board to the (.* of the picture.* nearer to the camera.*)", said)
+    assert len(set(instructions)) > 3, said
+    assert "camera_matrix" in camera_file("camera.yaml")
+    print("page: " + grade + ", " + instructions[0])
+
+
 CAMERA = """image_width: 640
 image_height: 480
 camera_matrix: {rows: 3, cols: 3, data: [400, 0, 320, 0, 400, 240, 0, 0, 1]}
@@ -124,18 +159,17 @@ distortion_coefficients: {rows: 1, cols: 5, data: [0, 0, 0, 0, 0]}
 
 
 def start_run():
-    """A run whose camera looks at a board that is held still for a third of a second each time, and its page, which prints into one pipe with what it starts."""
+    """A run whose camera looks at a board, and its page."""
     camera, feed = os.path.join(folder, "start.yaml"), os.path.join(folder, "feed")
     with open(camera, "w", encoding="utf-8") as file:
         file.write(CAMERA)
-    started.append(subprocess.Popen([os.path.join(build, "fovea"), "run", "--source", "fault:sim:board?rate=12&seed=4&frames=1000000?kind=freeze&first=2&shortest=3&longest=3"
-                                     "&fraction=0.74", "--rate", "real", "--quiet", "--picture", "none", "--set", "camera=" + camera, "--set", "web.socket=" + feed,
+    started.append(subprocess.Popen([os.path.join(build, "fovea"), "run", "--source", "sim:board?rate=12&frames=1000000", "--rate", "real", "--quiet", "--picture", "none", "--set", "camera=" + camera, "--set", "web.socket=" + feed,
                                      "--set", "parameters.file=" + os.path.join(folder, "kept.yaml"), "--set", "odometry.enabled=false"]))
     os.mkdir(os.path.join(folder, "results"))
     process = subprocess.Popen([os.path.join(build, "fovea-web"), "--feed", feed, "--port", "0", "--calibrations", os.path.join(folder, "results")],
-                               stderr=subprocess.STDOUT, stdout=subprocess.PIPE, text=True)
+                               stderr=subprocess.PIPE, text=True)
     started.append(process)
-    return process, re.search(r"http://127\.0\.0\.1:\d+/", process.stdout.readline()).group(0)
+    return re.search(r"http://127\.0\.0\.1:\d+/", process.stderr.readline()).group(0)
 
 
 def begin(driver, live):
@@ -153,61 +187,55 @@ def begin(driver, live):
     return until(driver, said + ".textContent.startsWith('goes on: ') && " + said + ".querySelector('a').href", "the address of the calibration")
 
 
-def use(driver, live):
-    """The result becomes the run's with the next start."""
-    driver.get(live)
-    until(driver, "!document.getElementById('use-calibration').disabled", "the result")
-    driver.execute_script("document.getElementById('use-calibration').click()")
-    said = until(driver, "(document.getElementById('calibration-said').textContent.match(/^camera-.*: (.*)/) || [])[1]", "the answer of the run")
-    assert said == "0 took hold, 0 and the calibration with the next start", said
-    with open(os.path.join(folder, "kept.yaml"), encoding="utf-8") as file:
-        assert "camera_matrix" in file.read().split("---\n")[1]
+def result_of_process():
+    """The file that the one process of fovea-calibrate is to make."""
+    for process in filter(str.isdigit, os.listdir("/proc")):
+        try:
+            with open(f"/proc/{process}/cmdline", encoding="utf-8") as file:
+                words = file.read().split("\0")
+        except OSError:
+            continue
+        if words[0].endswith("/fovea-calibrate") and "--out" in words:
+            return words[words.index("--out") + 1]
+    raise SystemExit("calibrate_page.py: no process of fovea-calibrate")
 
 
-def follow_in_a_browser():
-    """From the page of a run to the verdict, and its result to the run; what is printed has the instructions from the first on."""
-    process, live = start_run()
+def from_the_page_of_a_run():
+    """Begun and ended there, and its result to the run. How far it comes is the machine's matter: the result is this test's."""
+    live = start_run()
     driver = browser()
-    done = threading.Event()
     try:
         address = begin(driver, live)
-        threading.Thread(target=keep, args=(address, done), daemon=True).start()
         until_served(address)
+        path = result_of_process()
+        assert os.path.dirname(path) == os.path.join(folder, "results"), path
         driver.get(address)
-        until(driver, "document.getElementById('picture').naturalWidth > 0", "a picture")
-        until(driver, "/^[1-9][0-9]* of at most 40$/.test(document.getElementById('pictures').textContent)", "a picture that is taken")
-        painted = "(() => { const c = document.getElementById('coverage'), d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data; " \
-                  "let n = 0; for (let i = 2; i < d.length; i += 4) n += d[i] > 240; return n > 100; })()"
-        until(driver, painted, "the coverage")
-        screenshot(driver, "looking")
-        assert status_of(address, "evil.example") == 403, "another Host is refused"
-        assert status_of(address, address[7:-1]) == 200
-        grade = until(driver, "!document.getElementById('verdict-section').hidden && document.getElementById('verdict').textContent", "a verdict")
-        assert grade == "pass", grade
-        assert text(driver, "next") == "done: the verdict is pass", text(driver, "next")
-        assert "fx" in text(driver, "parameters") and "RMS" in text(driver, "parameters"), text(driver, "parameters")
-        assert re.fullmatch(r"± 0\.0\d\d %", text(driver, "focal")), text(driver, "focal")
-        screenshot(driver, "verdict")
-        done.set()
-        use(driver, live)
+        until(driver, "document.getElementById('picture').naturalWidth > 0", "a picture of the run")
+        driver.get(live)
+        until(driver, "!document.getElementById('end-calibration').disabled", "the button for the end")
+        driver.execute_script("document.getElementById('end-calibration').click()")
+        said = "document.getElementById('calibration-said').textContent"
+        until(driver, said + ".startsWith('ended with status ') || " + said + ".startsWith('made ')", "the end of the calibration")
+        with open(path, "w", encoding="utf-8") as file:
+            file.write(CAMERA.replace("400", "401"))
+        driver.get(live)
+        until(driver, "!document.getElementById('use-calibration').disabled", "the result")
+        driver.execute_script("document.getElementById('use-calibration').click()")
+        answer = until(driver, "(" + said + ".match(/^(?!made ).+/) || [])[0]", "the answer of the run")
+        assert answer == os.path.basename(path) + ": 0 took hold, 0 and the calibration with the next start", answer
+        with open(os.path.join(folder, "kept.yaml"), encoding="utf-8") as file:
+            assert "401" in file.read().split("---\n")[1]
         errors = [line for line in driver.get_log("browser") if line["level"] == "SEVERE"]
         assert not errors, errors
     finally:
-        done.set()
         driver.quit()
-    process.terminate()
-    said = process.communicate(timeout=PATIENCE_S)[0]
-    assert process.returncode == 0, process.returncode
-    instructions = re.findall(r"next: board to the (.* of the picture.* nearer to the camera.*)", said)
-    assert len(set(instructions)) > 3, said
-    assert len(os.listdir(os.path.join(folder, "results"))) == 1
-    print("page: " + grade + ", " + instructions[0])
 
 
 started = []
 try:
     interrupt_while_it_waits()
     follow_in_a_browser()
+    from_the_page_of_a_run()
 finally:
     for one in started:
         one.kill()

@@ -2,30 +2,15 @@
 
 #include <errno.h>
 #include <signal.h>
-#include <spawn.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "support/program.h"
 #include "support/say.h"
 #include "support/text.h"
-
-extern char **environ;
-
-/* The program in the folder of this one. */
-static bool program_find(char *path, size_t bytes)
-{
-    const char *name = "fovea-web";
-    const ssize_t length = readlink("/proc/self/exe", path, bytes - 1);
-    if (length <= 0) return false;
-    path[length] = '\0';
-    char *last = strrchr(path, '/');
-    if (last == NULL || (size_t)(last + 1 - path) + strlen(name) >= bytes) return false;
-    strcpy(last + 1, name);
-    return access(path, X_OK) == 0;
-}
 
 static void socket_choose(struct fv_settings *settings)
 {
@@ -34,27 +19,6 @@ static void socket_choose(struct fv_settings *settings)
     if (folder == NULL || access(folder, W_OK) != 0 || strlen(folder) > 60) folder = "/tmp";
     snprintf(settings->web_socket, sizeof settings->web_socket, "%s/fovea-%d.sock", folder,
              (int)getpid());
-}
-
-/* With the signals of a program that was just started, whatever is blocked here. */
-static int spawn(const char *program, const char *const *words, pid_t *child)
-{
-    posix_spawnattr_t attributes;
-    sigset_t none, all;
-    sigemptyset(&none);
-    sigfillset(&all);
-    struct sigaction hangup;
-    if (sigaction(SIGHUP, NULL, &hangup) == 0 && hangup.sa_handler == SIG_IGN)
-        sigdelset(&all, SIGHUP); /* nohup holds for both */
-    int failed = posix_spawnattr_init(&attributes);
-    if (failed != 0) return failed;
-    posix_spawnattr_setsigmask(&attributes, &none);
-    posix_spawnattr_setsigdefault(&attributes, &all);
-    posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF);
-    failed =
-        posix_spawn(child, program, NULL, &attributes, (char *const *)(uintptr_t)words, environ);
-    posix_spawnattr_destroy(&attributes);
-    return failed;
 }
 
 enum fovea_status fv_web_page_start(const char *port, struct fv_settings *settings, pid_t *child,
@@ -68,7 +32,7 @@ enum fovea_status fv_web_page_start(const char *port, struct fv_settings *settin
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "fovea run: --web: found '%.40s', expected a port from 0 to 65535",
                                port);
-    if (!program_find(program, sizeof program))
+    if (!fv_program_beside("fovea-web", program, sizeof program))
         return fovea_error_set(
             error, FOVEA_ERROR_INPUT,
             "fovea run: --web: found no program fovea-web beside this one, "
@@ -100,7 +64,7 @@ enum fovea_status fv_web_page_start(const char *port, struct fv_settings *settin
         words[count++] = "--command-key";
         words[count++] = settings->command_key;
     }
-    const int failed = spawn(program, words, child);
+    const int failed = fv_program_start(program, words, child);
     if (failed == 0) return FOVEA_OK;
     *child = 0;
     return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "fovea run: --web: %.300s: %s", program,
