@@ -16,7 +16,7 @@ sheet() { # name, columns, tiles...
     name=$1 columns=$2
     shift 2
     montage "$@" -tile "$columns"x -geometry +3+3 all.png
-    convert all.png -strip -dither None -colors 128 -depth 8 -define png:compression-level=9 PNG8:"$name"
+    convert all.png -strip -dither None -colors 64 -depth 8 -define png:compression-level=9 PNG8:"$name"
     cp "$name" "$out/$name"
 }
 
