@@ -1,0 +1,143 @@
+#include "bounds/runs.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "bounds/counter.h"
+#include "bounds/full_map.h"
+#include "bounds/kinds.h"
+#include "bounds/pictures.h"
+#include "bounds/table.h"
+
+enum { UNITS_PER_FRAME = 200 }; /* so many of each job at most */
+
+struct run {
+    const char *name, *uri; /* of the film */
+    int start, step;
+    int lengths; /* of the usual number of frames */
+    picture_draw *draw; /* does without a film where uri is NULL */
+    bool boxes; /* as many as a step takes, over all of the image */
+    bool saves;
+    bool detects;
+    bool brief; /* one of those that a brief check plays */
+};
+
+static const struct run runs[] = {
+    {"corridor", "sim:corridor", 0, 2, 1, picture_film, false, true, true, true},
+    {"tour, fast", "sim:tour", 100, 2, 1, picture_film, false, false, false, false},
+    {"noise", NULL, 0, 1, 1, picture_noise, false, false, true, false},
+    {"drifting noise", NULL, 0, 1, 1, picture_drifting, false, false, false, false},
+    {"tiles", NULL, 0, 1, 1, picture_tiles, false, false, false, false},
+    {"chequer", NULL, 0, 1, 1, picture_chequer, false, false, false, false},
+    {"dots", NULL, 0, 1, 1, picture_dots, false, false, false, true},
+    {"window", "sim:corridor", 0, 2, 1, picture_window, false, false, false, false},
+    {"boxes", NULL, 0, 1, 1, picture_noise, true, false, false, false},
+    {"kidnapped", "sim:corridor", 0, 2, 4, picture_kidnapped, false, false, false, false},
+    {"loop", "sim:corridor", 0, 4, 8, picture_film, false, false, false, false},
+};
+
+/* ---- one step, and its units ----------------------------------------------------------------- */
+
+static void note_step(const struct fovea *rt, const char *run, uint64_t step)
+{
+    struct fovea_stats stats;
+    fovea_stats_get(rt, &stats);
+    for (int stage = 0; stage < FOVEA_STAGE_JOBS; stage++) {
+        const uint64_t took = (uint64_t)stats.stage_wall_ns[stage];
+        step -= took;
+        bound_note(fovea_stage_name((enum fovea_stage)stage), run, took);
+    }
+    bound_note("the rest of the step", run, step);
+}
+
+static void do_units(struct fovea *rt, const char *run, enum fovea_job job)
+{
+    for (int n = 0; n < UNITS_PER_FRAME; n++) {
+        const char *kind = kind_of(rt, job);
+        struct fovea_grants one = {.features = 0};
+        struct fovea_outputs outputs;
+        struct fovea_stats stats;
+        if (kind == NULL) return;
+        one.units[job] = 1;
+        (void)fovea_work(rt, &one, &outputs);
+        if (outputs.units_done[job] == 0) return;
+        fovea_stats_get(rt, &stats);
+        bound_note(kind, run, (uint64_t)stats.stage_wall_ns[FOVEA_STAGE_JOBS + job]);
+    }
+}
+
+static void process(struct fovea *rt, const struct run *run, const struct fovea_frame *frame,
+                    int n)
+{
+    static struct fovea_inputs inputs;
+    struct fovea_outputs outputs;
+    memset(&inputs, 0, sizeof inputs);
+    inputs.frame = frame;
+    inputs.now_ns = frame->stamp_ns;
+    inputs.commands = run->saves && n == 40 ? FOVEA_COMMAND_SAVE : 0;
+    fovea_grants_fixed(fovea_config_get(rt), &inputs.grants);
+    inputs.has_boxes = run->boxes;
+    inputs.boxes_stamp_ns = frame->stamp_ns;
+    inputs.box_count = run->boxes ? FOVEA_INPUT_BOXES_MAX : 0;
+    for (uint32_t i = 0; i < inputs.box_count; i++)
+        inputs.boxes[i] = (struct fovea_box){0, 0, 1e4f, 1e4f};
+    const uint64_t before = counter_now();
+    (void)fovea_step(rt, &inputs, &outputs);
+    note_step(rt, run->name, counter_now() - before);
+    for (int job = 0; job < FOVEA_JOB_COUNT; job++)
+        do_units(rt, run->name, (enum fovea_job)job);
+}
+
+/* ---- a run ----------------------------------------------------------------------------------- */
+
+void runs_configure(struct fovea_config *config, const struct runs_size *size)
+{
+    full_map_config(config, size->width, size->height);
+    if (size->features != 0) config->features.count_max = size->features;
+    if (size->keyframes != 0) config->odometry.keyframes = size->keyframes;
+    if (size->landmarks != 0) config->odometry.landmarks = size->landmarks;
+    config->clock = counter_clock;
+}
+
+static void play(const struct run *run, const struct runs_size *size)
+{
+    static struct fovea_config config;
+    struct film film = {.width = size->width, .height = size->height};
+    char uri[96];
+    const int frames = size->frames * run->lengths;
+    runs_configure(&config, size);
+    if (!run->detects) config.detect.model = NULL;
+    if (run->uri != NULL) {
+        snprintf(uri, sizeof uri, "%s?width=%d&height=%d", run->uri, (int)size->width,
+                 (int)size->height);
+        film_render(&film, uri, run->start, run->step, frames);
+    }
+    struct fovea *rt = full_map_runtime(&config);
+    const size_t saved_bytes = fovea_map_bytes_max(&config);
+    uint8_t *saved = malloc(saved_bytes), *pixels = malloc((size_t)film.width * film.height);
+    fovea_map_save_to(rt, saved, saved_bytes);
+    for (int n = 0; n < frames; n++) {
+        struct fovea_frame frame = {.stamp_ns = (n + 1) * INT64_C(33000000),
+                                    .sequence = (uint64_t)n,
+                                    .image_count = 1};
+        run->draw(pixels, &film, n);
+        frame.images[0] = (struct fovea_image){.data = pixels,
+                                               .width = film.width,
+                                               .height = film.height,
+                                               .stride_bytes = film.width,
+                                               .format = FOVEA_PIXEL_GREY8,
+                                               .size_bytes = (size_t)film.width * film.height};
+        process(rt, run, &frame, n);
+    }
+    free(pixels);
+    free(saved);
+    free(rt);
+    film_free(&film);
+}
+
+void runs_play(const struct runs_size *size)
+{
+    for (size_t i = 0; i < sizeof runs / sizeof runs[0]; i++)
+        if (runs[i].brief || !size->brief) play(&runs[i], size);
+}

@@ -1,0 +1,266 @@
+#include "bounds/stages.h"
+
+#include "bounds/table.h"
+#include "features/spread.h"
+
+/* Loops of one file whose constants nobody else sees; the file says what they are. */
+enum {
+    TRACKS_MAX = 800,         /* odometry/initialise.c */
+    TRACKS_TRIED = 200,       /* odometry/initialise.c */
+    BUNDLE_STEPS = 16,        /* odometry/initialise_bundle.c: STEPS_MAX */
+    BUNDLE_STAGES = 3,        /* odometry/initialise_bundle.c: STAGES */
+    BUNDLE_ROUNDS = 2,        /* odometry/initialise_bundle.c: TIGHT_ROUNDS */
+    SAMPLES = 300,            /* odometry/initialise_motions.c: of each estimate */
+    ESSENTIAL_TRACKS = 512,   /* geometry/essential.c: REFINE_SAMPLES_MAX */
+    ESSENTIAL_STEPS = 4,      /* geometry/essential.c: REFINE_STEPS */
+    SPREAD_ITERATIONS = 4,    /* features/spread.c, in the piece */
+    RATED_AGAIN = 8,          /* map/keep.c, in the piece */
+    LANDMARKS_ROOM = 1000,    /* odometry/keyframe.c */
+    SWEEPS = 3,               /* map/keep.c: fv_map_make_room */
+    MAP_KEYFRAMES_MIN = 5,    /* odometry/odometry.c */
+    ROOTS_SEARCHED = 55,      /* geometry/polynomial.c: of degrees 1 to 10, one for each degree */
+    ROOT_STEPS = 60,          /* geometry/polynomial.c */
+    FOLLOWED = 13 + 4,        /* odometry/initialise_motions.c: directions and planes */
+    SIZES_OF_SAMPLES = 2,     /* essential estimates, wide and tight */
+};
+
+static double least(double a, double b)
+{
+    return a < b ? a : b;
+}
+
+struct capacities capacities_of(const struct fovea *rt)
+{
+    const struct fovea_config *config = &rt->config;
+    const struct fv_pyramid *pyramid = &rt->front_end.images.main;
+    struct capacities c = {.width = config->rig.cameras[0].camera.width,
+                           .height = config->rig.cameras[0].camera.height,
+                           .features = config->features.count_max,
+                           .keyframes = config->odometry.keyframes,
+                           .landmarks = config->odometry.landmarks,
+                           .window = config->odometry.window,
+                           .per_cell = config->features.per_cell,
+                           .model = (double)config->detect.model_bytes};
+    for (uint32_t i = 0; i < pyramid->levels; i++) {
+        c.level_pixels += (double)pyramid->level[i].width * pyramid->level[i].height;
+        c.level_rows += pyramid->level[i].height;
+    }
+    return c;
+}
+
+/* ---- image and features ---------------------------------------------------------------------- */
+
+static void derive_pyramid(const struct capacities *c)
+{
+    struct bound *b = bound_of("pyramid");
+    const double width = c->width, height = c->height;
+    TERM(b, BOUND_ALWAYS, width * height, pixel_taken);
+}
+
+static void derive_features(const struct capacities *c)
+{
+    struct bound *b = bound_of("features");
+    const double level_pixels = c->level_pixels, level_rows = c->level_rows, features = c->features,
+                 per_cell = c->per_cell;
+    TERM(b, BOUND_ALWAYS, 1, mask_begun);
+    TERM(b, BOUND_ALWAYS, FOVEA_INPUT_BOXES_MAX, box_masked);
+    TERM(b, BOUND_ALWAYS, level_pixels, pixel_scored);
+    TERM(b, BOUND_ALWAYS, level_rows, row_walked);
+    TERM(b, BOUND_ALWAYS, level_pixels / 4, corner_offered); /* peaks: one of 2 x 2 at most */
+    TERM(b, BOUND_ALWAYS, 1, corners_begin);
+    TERM(b, BOUND_ALWAYS, 1, corners_picked);
+    TERM(b, BOUND_ALWAYS, FV_SPREAD_KEPT - per_cell, corners_ranked);
+    TERM(b, BOUND_ALWAYS, features, corner_refined);
+    TERM(b, BOUND_ALWAYS, features, corner_described);
+    TERM(b, BOUND_ALWAYS, level_pixels, row_smoothed);
+    TERM(b, BOUND_ALWAYS, 1, patterns_turned);
+}
+
+/* ---- odometry -------------------------------------------------------------------------------- */
+
+/* fv_localiser_refine, `to_noise` or not: in rounds of steps, all of them taken. */
+#define REFINED(b, way, times, rounds, steps, noise)                                               \
+    do {                                                                                           \
+        TERM(b, way, (times) * 1, observations);                                                   \
+        TERM(b, way, (times) * ((rounds) * (steps) + 2 * (noise)), pose_step);                     \
+        TERM(b, way, (times) * ((rounds) + 3 * (noise)), pose_sorted);                             \
+        TERM(b, way, (times) * (1 + (noise)), pose_fit);                                           \
+    } while (0)
+
+/* fv_odometry_try_keyframe, `tries` times. */
+static void add_tries(struct bound *b, uint32_t way, const char *often, double tries)
+{
+#define TIMES(piece, count) bound_add(b, way, often, tries *(count), PIECE_##piece)
+    TIMES(keyframe_matched, 1);
+    TIMES(observations, 2);
+    TIMES(pose_sampled, FV_PLACE_SAMPLES_MAX);
+    TIMES(cubic_root, FV_PLACE_SAMPLES_MAX);
+    TIMES(pose_cost, FV_PLACE_SAMPLES_MAX * (FV_P3P_SOLUTIONS_MAX + 1) + 2);
+    TIMES(pose_angular, FV_PLACE_SAMPLES_MAX * 2);
+    TIMES(local_matched, 1);
+    TIMES(observations, 2);
+    TIMES(pose_step, 2 * 15);
+    TIMES(pose_sorted, 2 * 3);
+    TIMES(pose_fit, 2);
+#undef TIMES
+}
+
+/* fv_map_make_room: sweeps, then keyframes go until two are left. */
+static void add_room(struct bound *b, uint32_t way, const struct capacities *c, double wanted)
+{
+    const double landmarks = c->landmarks, keyframes = c->keyframes;
+    TERM(b, way, SWEEPS * landmarks, landmark_swept);
+    TERM(b, way, wanted, landmark_removed);
+    TERM(b, way, wanted * FV_MAP_OBSERVERS_MAX, landmark_unlinked);
+    TERM(b, way, keyframes - 2, keyframe_chosen);
+    TERM(b, way, keyframes - 2, keyframe_removed);
+}
+
+/* After a rough pose: the local map, the covariance, and a keyframe. */
+static void add_rest(struct bound *b, uint32_t way, const struct capacities *c)
+{
+    const double features = c->features, landmarks = c->landmarks;
+    TERM(b, way, 2, local_matched);
+    TERM(b, way, 2, observations);
+    REFINED(b, way, 1, 2, 4, 1);
+    REFINED(b, way, 1, 3, 5, 0);
+    TERM(b, way, 4 * features, projected); /* of two poses twice, where none is in the image */
+    TERM(b, way, 1, parts_collected);
+    TERM(b, way, 1, jackknife);
+    TERM(b, way, 1, joint);
+    TERM(b, way, 1, remembered);
+    TERM(b, way, 2, depth);
+    add_room(b, way, c, least(LANDMARKS_ROOM, landmarks / 4));
+    TERM(b, way, 1, keyframe_chosen);
+    TERM(b, way, 1, keyframe_removed);
+    TERM(b, way, 1, keyframe_added);
+    TERM(b, way, features, landmark_linked);
+    TERM(b, way, features, landmark_refreshed);
+}
+
+static void derive_tracking(struct bound *b, uint32_t way, const struct capacities *c)
+{
+    const double features = c->features;
+    b->ways[way] = "tracked, every search in vain but the last, and a keyframe made in a full map";
+    TERM(b, way, 2 * features / 16, projected); /* whether the motion goes far */
+    TERM(b, way, 3, recent_matched);
+    REFINED(b, way, 2, 2, 4, 1);
+    REFINED(b, way, 1, 3, 5, 0);
+    TERM(b, way, 1, local_matched);
+    REFINED(b, way, 1, 3, 5, 0);
+    add_tries(b, way, "1 keyframe tried", 1);
+    add_rest(b, way, c);
+}
+
+static void derive_relocalised(struct bound *b, uint32_t way, const struct capacities *c)
+{
+    b->ways[way] = "lost, found again at the last try, and a keyframe made in a full map";
+    TERM(b, way, 1, words);
+    TERM(b, way, FV_RELOCALISE_TRIES, scores);
+    TERM(b, way, FV_RELOCALISE_TRIES, neighbours);
+    add_tries(b, way, "FV_RELOCALISE_TRIES", FV_RELOCALISE_TRIES);
+    add_rest(b, way, c);
+}
+
+/* fv_initialise_adjust with `stages` stages, on so many tracks. */
+static void add_adjusted(struct bound *b, uint32_t way, const char *often, double times,
+                         double stages, double tracks)
+{
+    const double minimised = times * (stages + BUNDLE_ROUNDS);
+#define TIMES(piece, count) bound_add(b, way, often, count, PIECE_##piece)
+    TIMES(bundle_built, minimised * (1 + 2 * BUNDLE_STEPS) * tracks);
+    TIMES(bundle_solved, minimised * BUNDLE_STEPS);
+    TIMES(bundle_moved, minimised * BUNDLE_STEPS * tracks);
+    TIMES(bundle_judged, times * (BUNDLE_ROUNDS + 1) * tracks);
+    TIMES(bundle_direction, times * tracks);
+#undef TIMES
+}
+
+/* fv_initialise_motions. */
+static void add_motions(struct bound *b, uint32_t way)
+{
+    TERM(b, way, SAMPLES, homography_four);
+    TERM(b, way, SAMPLES + 2, homography_cost);
+    TERM(b, way, SAMPLES + 3, homography_fit);
+    TERM(b, way, SIZES_OF_SAMPLES * SAMPLES, five_point);
+    TERM(b, way, SIZES_OF_SAMPLES * SAMPLES * ROOTS_SEARCHED * ROOT_STEPS, root_step);
+    TERM(b, way, SIZES_OF_SAMPLES * SAMPLES * (FV_ESSENTIAL_SOLUTIONS_MAX + 1), essential_cost);
+    TERM(b, way, SIZES_OF_SAMPLES * (SAMPLES + 2), motion_picked);
+    TERM(b, way,
+         SIZES_OF_SAMPLES * (SAMPLES * ESSENTIAL_STEPS * ESSENTIAL_TRACKS / TRACKS_MAX + 3) + 6,
+         motion_refined);
+    TERM(b, way, 2 + FOLLOWED, motion_added);
+    TERM(b, way, FOLLOWED, motion_followed);
+}
+
+static void derive_first_map(struct bound *b, uint32_t way, const struct capacities *c)
+{
+    const double tracks = least(TRACKS_MAX, c->features), tried = least(TRACKS_TRIED, tracks);
+    enum { GUESSES = 2 * FV_INITIALISE_MOTIONS_MAX };
+    b->ways[way] = "lost for long, no keyframe found, every motion followed to a first map";
+    TERM(b, way, 1, words);
+    TERM(b, way, FV_RELOCALISE_TRIES, scores);
+    TERM(b, way, FV_RELOCALISE_TRIES, neighbours);
+    add_tries(b, way, "FV_RELOCALISE_TRIES", FV_RELOCALISE_TRIES);
+    TERM(b, way, 3, views_matched);
+    TERM(b, way, 2, matches_noted);
+    TERM(b, way, 1, pairs_taken);
+    TERM(b, way, 1, tracks_extended);
+    TERM(b, way, 1, view_held);
+    add_motions(b, way);
+    TERM(b, way, (2 + GUESSES + 3) * (FV_INITIALISE_VIEWS_MAX - 1), view_placed);
+    TERM(b, way, GUESSES * tried, track_guessed);
+    TERM(b, way, 2 + GUESSES, guess_noted);
+    add_adjusted(b, way, "the last guess", 1, BUNDLE_STAGES - FV_INITIALISE_FAIR, tried);
+    add_adjusted(b, way, "4 motions and a reversal, from rough", FV_INITIALISE_MOTIONS_MAX + 1,
+                 BUNDLE_STAGES - FV_INITIALISE_ROUGH, tried);
+    add_adjusted(b, way, "4 motions, sure", FV_INITIALISE_MOTIONS_MAX,
+                 BUNDLE_STAGES - FV_INITIALISE_SURE, tried);
+    add_adjusted(b, way, "the best, on all tracks", 1, BUNDLE_STAGES - FV_INITIALISE_FINE, tracks);
+    TERM(b, way, 2 * tracks, bundle_judged);
+    TERM(b, way, 1, scale_found);
+    add_room(b, way, c, tracks);
+    TERM(b, way, FV_INITIALISE_VIEWS_MAX, keyframe_chosen);
+    TERM(b, way, FV_INITIALISE_VIEWS_MAX + MAP_KEYFRAMES_MIN - 1, keyframe_removed);
+    TERM(b, way, FV_INITIALISE_VIEWS_MAX, keyframe_added);
+    TERM(b, way, tracks, track_added);
+    REFINED(b, way, 1, 1, 3, 0);
+    TERM(b, way, 1, parts_collected);
+    TERM(b, way, 1, jackknife);
+    TERM(b, way, 1, joint);
+}
+
+static void derive_odometry(const struct capacities *c)
+{
+    struct bound *b = bound_of("odometry");
+    TERM(b, BOUND_ALWAYS, 1, frame_filled);
+    TERM(b, BOUND_ALWAYS, 1, frame_usable);
+    TERM(b, BOUND_ALWAYS, 1, published);
+    TERM(b, BOUND_ALWAYS, 1, map_given_up);
+    derive_tracking(b, 1, c);
+    derive_relocalised(b, 2, c);
+    derive_first_map(b, 3, c);
+}
+
+/* Messages, and what the step does besides its stages: inputs, and what jobs are asked for. */
+static void derive_others(const struct capacities *c)
+{
+    struct bound *b = bound_of("stereo"); /* one camera: nothing */
+    TERM(b, BOUND_ALWAYS, 0, clock);
+    b = bound_of("encode");
+    TERM(b, BOUND_ALWAYS, 1, encoded);
+    b = bound_of("the rest of the step");
+    TERM(b, BOUND_ALWAYS, 1, inputs_taken);
+    TERM(b, BOUND_ALWAYS, 1, samples_observed);
+    TERM(b, BOUND_ALWAYS, 1, jobs_asked);
+    TERM(b, BOUND_ALWAYS, 1, lens_frame);
+    if (c->model > 0) TERM(b, BOUND_ALWAYS, 1, picture_copied);
+}
+
+void stages_derive(const struct capacities *c)
+{
+    derive_pyramid(c);
+    derive_features(c);
+    derive_odometry(c);
+    derive_others(c);
+}

@@ -1,0 +1,177 @@
+/* Bounds of each kind of unit, by the names of kinds.c. */
+#include "bounds/stages.h"
+#include "bounds/table.h"
+
+/* Constants of one file each that nobody else sees. */
+enum {
+    UNIT_FEATURES = 96,         /* odometry/landmark_creation.c */
+    WINDOW_LANDMARKS = 1200,    /* odometry/odometry.c */
+    WINDOW_OBSERVATIONS = 9000, /* odometry/odometry.c */
+    UNIT_OBSERVATIONS = 350,    /* map/window.c */
+    SAMPLE_TESTS = 1500,        /* map/closure.c: SAMPLE_TESTS_PER_UNIT */
+    SAMPLE_SOLVED = 50,         /* map/closure.c: SAMPLE_SOLVED_TESTS */
+    CORRESPONDENCES_MIN = 15,   /* map/place.h: FV_PLACE_MATCHES_MIN */
+    REFINEMENTS = 2,            /* map/closure.c */
+    GROUP_PER_UNIT = 300,       /* map/closure_search.c */
+    FUSE_PER_UNIT = 120,        /* map/closure_search.c */
+    GRAPH_PER_UNIT = 8,         /* map/closure_commit.c */
+    LENS_SLOTS = 1500,          /* odometry/lens_window.c: UNIT_SLOTS */
+    LENS_POINTS = 20            /* odometry/lens_window.c: UNIT_POINTS */
+};
+
+static double least(double a, double b)
+{
+    return a < b ? a : b;
+}
+
+static void derive_creation(const struct capacities *c)
+{
+    const double features = c->features, keyframes = c->keyframes;
+    struct bound *b = bound_of("map: keyframe taken up");
+    TERM(b, BOUND_ALWAYS, 1, neighbours);
+    TERM(b, BOUND_ALWAYS, keyframes, shared_chosen);
+    b = bound_of("map: new landmarks");
+    TERM(b, BOUND_ALWAYS, 1, bearings);
+    TERM(b, BOUND_ALWAYS, UNIT_FEATURES, feature_triangulated);
+    TERM(b, BOUND_ALWAYS, features, feature_passed);
+    b = bound_of("map: landmarks searched in neighbours");
+    TERM(b, BOUND_ALWAYS, features, feature_passed);
+    TERM(b, BOUND_ALWAYS, UNIT_FEATURES * FV_CREATION_NEIGHBOURS_MAX, landmark_searched);
+    TERM(b, BOUND_ALWAYS, UNIT_FEATURES * FV_CREATION_NEIGHBOURS_MAX, landmark_linked);
+    TERM(b, BOUND_ALWAYS, UNIT_FEATURES * FV_CREATION_NEIGHBOURS_MAX, landmark_refreshed);
+    TERM(b, BOUND_ALWAYS, 1, neighbours);
+    TERM(b, BOUND_ALWAYS, 1 + FV_LOCAL_KEYFRAMES_MAX, keyframe_rated);
+}
+
+static void derive_agreement(void)
+{
+    struct bound *b = bound_of("map: agreement");
+    TERM(b, BOUND_ALWAYS, 1, agreement_matched);
+    TERM(b, BOUND_ALWAYS, 1, agreement_judged);
+    b = bound_of("map: keyframe given up");
+    TERM(b, BOUND_ALWAYS, 1, keyframe_removed);
+    TERM(b, BOUND_ALWAYS, 1, keyframe_chosen); /* as many are looked at */
+}
+
+static void derive_window(const struct capacities *c)
+{
+    const double features = c->features, keyframes = c->keyframes, landmarks = c->landmarks,
+                 window = c->window;
+    struct bound *b = bound_of("map: window begun");
+    TERM(b, BOUND_ALWAYS, 1, window_picked);
+    TERM(b, BOUND_ALWAYS, 2 * window * features, feature_scanned);
+    TERM(b, BOUND_ALWAYS, WINDOW_OBSERVATIONS, observation_copied);
+    b = bound_of("map: window pass");
+    TERM(b, BOUND_ALWAYS, UNIT_OBSERVATIONS + FV_MAP_OBSERVERS_MAX - 1, observation_passed);
+    TERM(b, BOUND_ALWAYS, 1, pass_ended);
+    b = bound_of("map: window committed");
+    TERM(b, BOUND_ALWAYS, keyframes + 1, keyframe_moved);
+    TERM(b, BOUND_ALWAYS, landmarks + 2 * WINDOW_LANDMARKS, landmark_moved);
+    TERM(b, BOUND_ALWAYS, WINDOW_OBSERVATIONS, misfit_dropped);
+    TERM(b, BOUND_ALWAYS, landmarks, landmark_culled);
+    TERM(b, BOUND_ALWAYS, landmarks, landmark_removed);
+    TERM(b, BOUND_ALWAYS, least(landmarks * FV_MAP_OBSERVERS_MAX, keyframes * features),
+         landmark_unlinked);
+}
+
+static void derive_rest_of_map(const struct capacities *c)
+{
+    const double features = c->features;
+    struct bound *b = bound_of("map: index");
+    TERM(b, BOUND_ALWAYS, 1, words_256);
+    TERM(b, BOUND_ALWAYS, 1, words_inserted);
+    TERM(b, BOUND_ALWAYS, 1, closure_offered);
+    b = bound_of("map: saving");
+    b->ways[1] = "landmarks";
+    b->ways[2] = "a keyframe";
+    b->ways[3] = "the end";
+    TERM(b, 1, FV_ARCHIVE_UNIT_LANDMARKS, saved_landmark);
+    TERM(b, 2, least(features, FV_ARCHIVE_UNIT_FEATURES), saved_feature);
+    TERM(b, 3, 1, saved_edges);
+}
+
+static void derive_closure(const struct capacities *c)
+{
+    const double features = c->features;
+    struct bound *b = bound_of("closure: match");
+    TERM(b, BOUND_ALWAYS, 2, features_gathered);
+    TERM(b, BOUND_ALWAYS, 1, closure_matched);
+    TERM(b, BOUND_ALWAYS, 1, correspondences_made);
+    b = bound_of("closure: sample");
+    TERM(b, BOUND_ALWAYS, 1, similarity_judged);
+    /* The fewer correspondences, the more samples; each is tested on all of them. */
+    TERM(b, BOUND_ALWAYS, SAMPLE_TESTS / (CORRESPONDENCES_MIN + SAMPLE_SOLVED) + 1,
+         similarity_solved);
+    TERM(b, BOUND_ALWAYS, SAMPLE_TESTS + features, similarity_tested);
+    b = bound_of("closure: refine");
+    TERM(b, BOUND_ALWAYS, 1, similarity_refined);
+    TERM(b, BOUND_ALWAYS, 1, group_gathered);
+    b = bound_of("closure: guided");
+    TERM(b, BOUND_ALWAYS, 1, group_begun);
+    TERM(b, BOUND_ALWAYS, GROUP_PER_UNIT, group_searched);
+    TERM(b, BOUND_ALWAYS, REFINEMENTS, similarity_refined);
+    TERM(b, BOUND_ALWAYS, 1, closure_judged);
+    b = bound_of("closure: before");
+    b->ways[1] = "the next asked";
+    b->ways[2] = "judged, and the graph begun";
+    TERM(b, 1, 1, group_begun);
+    TERM(b, 1, GROUP_PER_UNIT, group_searched);
+    TERM(b, 2, 1, closure_judged);
+    TERM(b, 2, 1, graph_begun);
+}
+
+static void derive_correction(void)
+{
+    struct bound *b = bound_of("closure: graph");
+    TERM(b, BOUND_ALWAYS, 1, closures_held);
+    TERM(b, BOUND_ALWAYS, GRAPH_PER_UNIT, keyframe_held);
+    TERM(b, BOUND_ALWAYS, 1, graph_started);
+    b = bound_of("closure: linearise");
+    TERM(b, BOUND_ALWAYS, 1, graph_linearised);
+    b = bound_of("closure: factor");
+    TERM(b, BOUND_ALWAYS, 1, graph_factored);
+    b = bound_of("closure: iterate");
+    TERM(b, BOUND_ALWAYS, 1, graph_iterated);
+    b = bound_of("closure: judge step");
+    TERM(b, BOUND_ALWAYS, 1, graph_judged);
+    b = bound_of("closure: committed");
+    TERM(b, BOUND_ALWAYS, 1, closure_committed);
+    b = bound_of("closure: fuse");
+    TERM(b, BOUND_ALWAYS, FUSE_PER_UNIT, landmark_fused);
+}
+
+static void derive_others(const struct capacities *c)
+{
+    struct bound *b = bound_of("calibration");
+    b->ways[1] = "landmarks";
+    b->ways[2] = "the end, or begun anew";
+    TERM(b, 1, LENS_SLOTS, lens_looked);
+    TERM(b, 1, LENS_POINTS, lens_added);
+    TERM(b, 2, 1, lens_solved);
+    TERM(b, 2, 1, lens_begun);
+    b = bound_of("calibration: message");
+    TERM(b, BOUND_ALWAYS, 1, encoded); /* one of those that a step sends, and a small one */
+    b = bound_of("preview");
+    TERM(b, BOUND_ALWAYS, 1, preview_unit);
+    if (c->model == 0) return;
+    b = bound_of("detect: input");
+    TERM(b, BOUND_ALWAYS, 1, network_input);
+    b = bound_of("detect: network");
+    TERM(b, BOUND_ALWAYS, 1, network_unit);
+    b = bound_of("detect: decode");
+    TERM(b, BOUND_ALWAYS, 1, network_decoded);
+    b = bound_of("detect: boxes and objects");
+    TERM(b, BOUND_ALWAYS, 1, boxes_sent);
+    TERM(b, BOUND_ALWAYS, 1, objects_assigned);
+}
+
+void units_derive(const struct capacities *c)
+{
+    derive_creation(c);
+    derive_agreement();
+    derive_window(c);
+    derive_rest_of_map(c);
+    derive_closure(c);
+    derive_correction();
+    derive_others(c);
+}
