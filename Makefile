@@ -226,6 +226,15 @@ cross-core:  ## build for aarch64 and run the tests of the runtime's rooms under
 	@$(CROSSMAKE) all $(CORE_TESTS:%=build-aarch64/tests/%)
 	@tools/check_hardening.sh build-aarch64
 	@FOVEA_TESTS="$(CORE_TESTS)" tools/run_tests.sh build-aarch64 tools/emulate.sh
+	@$(CROSSMAKE) build-aarch64/bounds
+	@tools/bounds.py --check
+
+bounds:  ## install what is missing, then count under qemu the most work of each stage and unit: the tables of docs/bounds.md
+	@tools/install.sh build cross
+	@tools/make_sysroot.sh build-aarch64/sysroot
+	@$(CROSSMAKE) build-aarch64/bounds
+	@tools/bounds.py
+.PHONY: bounds
 
 # Every tests/fuzz/fuzz_*.c is a libFuzzer target; its corpus of past findings and seeds is tests/fuzz/corpus/NAME.
 FUZZ_SECONDS ?= 60

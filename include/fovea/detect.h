@@ -6,7 +6,7 @@
  * exclusive.
  *
  * In the runtime detection is a job: an image is copied when the job is free, the network runs in
- * units of at most 0.25 ms over as many frames as it takes, and its boxes are published with the
+ * units of bounded work over as many frames as it takes, and its boxes are published with the
  * stamp of the image that they belong to. */
 #ifndef FOVEA_DETECT_H
 #define FOVEA_DETECT_H

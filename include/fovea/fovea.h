@@ -252,7 +252,9 @@ enum fovea_job {
  * frame. */
 struct fovea_grants {
     uint32_t features; /* most features of this step, up to config.features.count_max */
-    uint32_t units[FOVEA_JOB_COUNT]; /* units of at most 0.25 ms each, by job */
+    /* By job. A unit is bounded work, 0.25 ms and less as a rule on a desktop processor; how many
+     * instructions each kind can take stands in docs/bounds.md. */
+    uint32_t units[FOVEA_JOB_COUNT];
 };
 
 /* Commands, as bits, taken at the start of a step. */

@@ -78,7 +78,7 @@ enum fovea_status fovea_network_set(struct fovea_network *network, uint32_t inde
 enum fovea_status fovea_network_set_image(struct fovea_network *network,
                                           const struct fovea_image *image);
 
-/* Go on with the run for at most `units` units of at most 0.25 ms, 0: all. FOVEA_OK: the outputs
+/* Go on with the run for at most `units` units of bounded work, 0: all. FOVEA_OK: the outputs
  * are there. FOVEA_AGAIN: units are left. FOVEA_ERROR_ARGUMENT: an input was not set since the last
  * run. */
 enum fovea_status fovea_network_run(struct fovea_network *network, uint32_t units);

@@ -130,9 +130,8 @@ struct fv_closure_outcome {
     struct fv_sim3 S_new_current; /* takes the old world of the current frame to the new one */
 };
 
-/* One unit, at most about 0.25 ms; the commit longer, in proportion to the pools. True when units
- * are left.
- */
+/* One unit, bounded work (docs/bounds.md); the commit in proportion to the pools. True when units
+ * are left. */
 bool fv_closure_unit(struct fv_closure *closure, struct fv_map *map,
                      const struct fv_kernels *kernels, struct fv_closure_outcome *outcome);
 

@@ -97,7 +97,7 @@ void fv_pose_graph_between(const struct fv_pose_graph *graph, uint32_t a, uint32
 /* Build the tree. Nodes that no path ties to a fixed one do not move. False when nothing moves. */
 bool fv_pose_graph_start(struct fv_pose_graph *graph);
 
-/* One unit of work, at most about 0.25 ms; true when units are left. Afterwards nodes[].S is the
+/* One unit of bounded work; true when units are left. Afterwards nodes[].S is the
  * result. */
 bool fv_pose_graph_unit(struct fv_pose_graph *graph);
 

@@ -1,7 +1,7 @@
 /* Landmark creation: features of a new keyframe that have no landmark are matched along epipolar
  * lines in neighbouring keyframes, triangulated and checked; then the keyframe's landmarks are
- * searched for in the neighbours that do not see them yet. Part of the map's job, in units of at
- * most 0.25 ms. Real-time safe. */
+ * searched for in the neighbours that do not see them yet. Part of the map's job, in units of
+ * bounded work. Real-time safe. */
 #ifndef FOVEA_ODOMETRY_LANDMARK_CREATION_H
 #define FOVEA_ODOMETRY_LANDMARK_CREATION_H
 

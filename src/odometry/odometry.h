@@ -131,7 +131,8 @@ bool fv_odometry_interrupt(struct fv_odometry *odometry);
 void fv_odometry_step(struct fv_odometry *odometry, const struct fv_kernels *kernels,
                       const struct fv_odometry_input *input);
 
-/* One unit of the map's job, at most about 0.25 ms; true when units are left. Real-time safe. */
+/* One unit of the map's job, bounded work (docs/bounds.md); true when units are left. Real-time
+ * safe. */
 bool fv_odometry_unit(struct fv_odometry *odometry, const struct fv_kernels *kernels);
 bool fv_odometry_job_waiting(const struct fv_odometry *odometry);
 /* The same for the job that finds closures and merges maps. */

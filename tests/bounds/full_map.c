@@ -19,8 +19,7 @@ void full_map_config(struct fovea_config *config, int32_t width, int32_t height)
     char uri[64];
     snprintf(uri, sizeof uri, "sim:corridor?width=%d&height=%d", (int)width, (int)height);
     fovea_config_default(config);
-    if (fv_source_find(uri, &ops, &address, &error) ||
-        ops->open(address, &none, &source, &error)) {
+    if (fv_source_find(uri, &ops, &address, &error) || ops->open(address, &none, &source, &error)) {
         fprintf(stderr, "%s\n", error.text);
         exit(2);
     }
@@ -87,8 +86,8 @@ static void pose_of(const struct fv_odometry *o, uint32_t place, struct fv_se3 *
 struct crowd full_map_crowd(const struct fv_odometry *o)
 {
     const uint32_t features = o->map.limits.features;
-    return (struct crowd){
-        .levels_high = features > CROWD_MATCHES ? features - CROWD_MATCHES : 0, .descriptor = 0};
+    return (struct crowd){.levels_high = features > CROWD_MATCHES ? features - CROWD_MATCHES : 0,
+                          .descriptor = 0};
 }
 
 void full_map_view(struct fv_odometry *o, const struct crowd *crowd, uint32_t place)
@@ -104,11 +103,11 @@ void full_map_view(struct fv_odometry *o, const struct crowd *crowd, uint32_t pl
         full_map_point(o, f, point);
         fv_se3_apply(T, point, q);
         if (fovea_camera_project(&o->camera, q, pixel, NULL) != FOVEA_OK) abort();
-        features[f] = (struct fovea_feature){.x_px = (float)pixel[0],
-                                             .y_px = (float)pixel[1] +
-                                                     (f < crowd->off ? crowd->off_px : 0),
-                                             .level = f < crowd->levels_high ? 7 : 0,
-                                             .score = 50};
+        features[f] =
+            (struct fovea_feature){.x_px = (float)pixel[0],
+                                   .y_px = (float)pixel[1] + (f < crowd->off ? crowd->off_px : 0),
+                                   .level = f < crowd->levels_high ? 7 : 0,
+                                   .score = 50};
     }
     memset(descriptors, 0, (size_t)count * FV_MAP_DESCRIPTOR_BYTES);
     for (uint32_t f = 0; f < count; f++) /* 40 bits where it is 0xff */

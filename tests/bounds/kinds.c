@@ -37,13 +37,12 @@ static const char *kind_of_map(const struct fovea *rt)
 
 static const char *kind_of_closure(const struct fv_closure *closure)
 {
-    static const char *const names[] = {"closure: none",        "closure: match",
-                                        "closure: sample",      "closure: refine",
-                                        "closure: guided",      "closure: before",
-                                        "closure: graph",       "closure: solve",
-                                        "closure: committed",   "closure: fuse"};
-    static const char *const solves[] = {"closure: none",      "closure: linearise",
-                                         "closure: factor",    "closure: iterate",
+    static const char *const names[] = {"closure: none",   "closure: match",  "closure: sample",
+                                        "closure: refine", "closure: guided", "closure: before",
+                                        "closure: graph",  "closure: solve",  "closure: committed",
+                                        "closure: fuse"};
+    static const char *const solves[] = {"closure: none",       "closure: linearise",
+                                         "closure: factor",     "closure: iterate",
                                          "closure: judge step", "closure: none"};
     if (closure->state->phase == FV_CLOSURE_SOLVE) return solves[closure->graph.state->phase];
     return names[closure->state->phase];
@@ -81,7 +80,7 @@ const char *kind_of(const struct fovea *rt, enum fovea_job job)
         return "edges";
     case FOVEA_JOB_CALIBRATION:
         return rt->odometry.state != NULL && rt->calibration.state->due ? "calibration: message"
-                                                                         : "calibration";
+                                                                        : "calibration";
     case FOVEA_JOB_COUNT:
         break;
     }

@@ -17,8 +17,7 @@ static void hold(void *context)
     struct fv_odometry *o = &rt->odometry;
     const struct fv_map_frame a = fv_map_frame_at(&o->map, o->state->agreement.before),
                               b = fv_map_frame_at(&o->map, o->state->agreement.slot);
-    judge(o, &a, &b,
-          a.keyframe->features < SAMPLED_MAX ? a.keyframe->features : SAMPLED_MAX);
+    judge(o, &a, &b, a.keyframe->features < SAMPLED_MAX ? a.keyframe->features : SAMPLED_MAX);
 }
 
 static void give_up(void *context)

@@ -5,8 +5,13 @@
 
 #include "bounds/counter.h"
 #include "bounds/full_map.h"
+#include "bounds/limits.h"
 #include "bounds/pieces.h"
 #include "odometry/odometry.h"
+
+LIMIT(STEPS_MAX, BUNDLE_STEPS);
+LIMIT(STAGES, BUNDLE_STAGES);
+LIMIT(TIGHT_ROUNDS, BUNDLE_ROUNDS);
 
 struct bundling {
     struct fv_initialiser *in;

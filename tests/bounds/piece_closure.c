@@ -3,7 +3,13 @@
 
 #include "bounds/counter.h"
 #include "bounds/full_map.h"
+#include "bounds/limits.h"
 #include "bounds/pieces.h"
+
+LIMIT(SAMPLE_TESTS_PER_UNIT, CLOSURE_TESTS);
+LIMIT(SAMPLE_SOLVED_TESTS, CLOSURE_TESTS_OF_SAMPLE);
+LIMIT(REFINEMENTS, CLOSURE_REFINEMENTS);
+LIMIT(QUERIES_PER_UNIT, CLOSURE_QUERIES);
 
 struct closing {
     struct fovea *rt;
@@ -45,8 +51,8 @@ static void judge_inliers(void *context)
 static void refine_all(void *context)
 {
     struct closing *c = context;
-    (void)fv_sim3_refine(c->closure->correspondences, c->closure->state->correspondence_count, 1e300,
-                         3, false, &c->S);
+    (void)fv_sim3_refine(c->closure->correspondences, c->closure->state->correspondence_count,
+                         1e300, 3, false, &c->S);
 }
 
 static void group(void *context)

@@ -5,7 +5,10 @@
 
 #include "bounds/counter.h"
 #include "bounds/full_map.h"
+#include "bounds/limits.h"
 #include "bounds/pieces.h"
+
+LIMIT(GRAPH_PER_UNIT, CLOSURE_GRAPH_KEYFRAMES);
 
 struct committing {
     struct fovea *rt;
@@ -59,7 +62,8 @@ static void make_graph(struct committing *c)
     full_map_fill(&c->rt->odometry, FV_MAP_OBSERVERS_MAX);
     for (uint32_t i = 0; i < FV_MAP_EDGES_MAX; i++)
         fv_map_add_edge(c->map, i % keyframes, (i + keyframes / 2) % keyframes);
-    s->keyframe = (struct fv_map_handle){keyframes - 1, c->map->keyframes[keyframes - 1].generation};
+    s->keyframe =
+        (struct fv_map_handle){keyframes - 1, c->map->keyframes[keyframes - 1].generation};
     s->candidates[0] = (struct fv_map_handle){0, c->map->keyframes[0].generation};
     s->candidate = 0;
     fv_sim3_identity(&s->S_keyframe_candidate);

@@ -3,7 +3,11 @@
 
 #include "bounds/counter.h"
 #include "bounds/full_map.h"
+#include "bounds/limits.h"
 #include "bounds/pieces.h"
+
+LIMIT(GROUP_PER_UNIT, CLOSURE_GROUP);
+LIMIT(FUSE_PER_UNIT, CLOSURE_FUSED);
 
 struct searching {
     struct fovea *rt;
@@ -16,8 +20,7 @@ struct searching {
 static void search(void *context)
 {
     struct searching *s = context;
-    search_one(s->closure, s->map, &s->rt->kernels, &s->guided,
-               &s->map->landmarks[s->landmark]);
+    search_one(s->closure, s->map, &s->rt->kernels, &s->guided, &s->map->landmarks[s->landmark]);
 }
 
 static void clear(void *context)

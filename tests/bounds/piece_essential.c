@@ -3,7 +3,11 @@
 
 #include "bounds/counter.h"
 #include "bounds/full_map.h"
+#include "bounds/limits.h"
 #include "bounds/pieces.h"
+
+LIMIT(REFINE_SAMPLES_MAX, ESSENTIAL_TRACKS);
+LIMIT(REFINE_STEPS, ESSENTIAL_STEPS);
 
 enum { SAMPLES_TRIED = 2000 };
 

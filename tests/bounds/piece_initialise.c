@@ -3,7 +3,11 @@
 
 #include "bounds/counter.h"
 #include "bounds/full_map.h"
+#include "bounds/limits.h"
 #include "bounds/pieces.h"
+
+LIMIT(TRACKS_MAX, FIRST_TRACKS);
+LIMIT(TRACKS_TRIED, FIRST_TRACKS_TRIED);
 
 struct beginning {
     struct fovea *rt;
@@ -15,8 +19,8 @@ struct beginning {
 static void match(void *context)
 {
     struct beginning *b = context;
-    b->matches = match_views(&b->o->map, &b->o->matches, &b->rt->kernels, fv_map_waiting(&b->o->map, 0),
-                             fv_map_current(&b->o->map));
+    b->matches = match_views(&b->o->map, &b->o->matches, &b->rt->kernels,
+                             fv_map_waiting(&b->o->map, 0), fv_map_current(&b->o->map));
 }
 
 static void note(void *context)
@@ -71,8 +75,7 @@ static void see_views(struct beginning *b)
     s->count = 0;
     for (uint32_t i = 0; i <= FV_MAP_WAITING_MAX; i++) {
         full_map_view(b->o, &crowd, i);
-        const struct fv_map_frame frame =
-            fv_map_frame_at(&b->o->map, fv_map_current(&b->o->map));
+        const struct fv_map_frame frame = fv_map_frame_at(&b->o->map, fv_map_current(&b->o->map));
         for (uint32_t f = 0; f < frame.keyframe->features * FV_MAP_DESCRIPTOR_BYTES; f++)
             frame.descriptors[f] = (uint8_t)(f * 2654435761u >> 13);
         if (i == FV_MAP_WAITING_MAX) break;

@@ -134,9 +134,8 @@ static void of_preview(struct working *w)
     w->job = FOVEA_JOB_PREVIEW;
     w->rt->config.preview.quality = 100; /* no coefficient vanishes */
     fv_front_end_take(&w->rt->front_end, &w->rt->kernels, &w->frame.images[0]);
-    const struct fv_plane *level =
-        fv_pyramid_level(fv_seen_pyramid(&w->rt->front_end.images, FV_VIEWER_PREVIEW),
-                         w->rt->config.preview.level);
+    const struct fv_plane *level = fv_pyramid_level(
+        fv_seen_pyramid(&w->rt->front_end.images, FV_VIEWER_PREVIEW), w->rt->config.preview.level);
     for (int32_t y = 0; y < level->height; y++)
         for (int32_t x = 0; x < level->width; x++)
             fv_plane_row(level, y)[x] =
@@ -157,7 +156,8 @@ static void spoil(struct working *w, int how)
         uint8_t *data = fv_nn_tensor(model, memory->nn.arena, model->outputs[i]);
         const size_t bytes = (size_t)model->tensors[model->outputs[i]].bytes;
         for (size_t k = 0; k < bytes; k++)
-            data[k] = how == 0 ? 127 : (uint8_t)(how == 1 ? k * 127 / bytes : k * 2654435761u >> 20);
+            data[k] =
+                how == 0 ? 127 : (uint8_t)(how == 1 ? k * 127 / bytes : k * 2654435761u >> 20);
     }
 }
 
@@ -199,11 +199,8 @@ static void detect(struct working *w, uint32_t time)
     for (int32_t i = 0; i < job->count; i++) {
         const float x = (float)(((uint32_t)i * 53 + time * 17) % 500),
                     y = (float)(((uint32_t)i * 29 + time * 7) % 400);
-        job->found[i] = (struct fovea_detection){.x_min_px = x,
-                                                 .y_min_px = y,
-                                                 .x_max_px = x + 90,
-                                                 .y_max_px = y + 70,
-                                                 .score = 0.9f};
+        job->found[i] = (struct fovea_detection){
+            .x_min_px = x, .y_min_px = y, .x_max_px = x + 90, .y_max_px = y + 70, .score = 0.9f};
     }
     state->mapping = FV_DETECTION_MAPPING;
     state->mapped = 0;

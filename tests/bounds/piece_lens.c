@@ -3,7 +3,11 @@
 
 #include "bounds/counter.h"
 #include "bounds/full_map.h"
+#include "bounds/limits.h"
 #include "bounds/pieces.h"
+
+LIMIT(UNIT_SLOTS, LENS_SLOTS);
+LIMIT(UNIT_POINTS, LENS_POINTS);
 
 struct looking {
     struct fovea *rt;
@@ -57,8 +61,7 @@ void pieces_of_lens(struct fovea *rt)
     NOTE(lens_begun, begin, &l, 1);
     const struct fv_map_frame newest = fv_map_frame_at(l.map, o->state->newest),
                               other = fv_map_frame_at(l.map, 0);
-    for (uint32_t f = 0; f < newest.keyframe->features;
-         f += 1 + newest.keyframe->features / 150) {
+    for (uint32_t f = 0; f < newest.keyframe->features; f += 1 + newest.keyframe->features / 150) {
         l.landmark = &l.map->landmarks[newest.landmark[f]];
         NOTE(lens_looked, look, &l, 1);
         NOTE(lens_added, add, &l, 1);

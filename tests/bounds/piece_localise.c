@@ -45,7 +45,8 @@ static void project(void *context)
 {
     struct localising *l = context;
     double q[3], pixel[2];
-    (void)project_landmark(&l->rt->odometry.map, &l->T, &l->rt->odometry.map.landmarks[0], q, pixel);
+    (void)project_landmark(&l->rt->odometry.map, &l->T, &l->rt->odometry.map.landmarks[0], q,
+                           pixel);
 }
 
 static void median_depth(void *context)

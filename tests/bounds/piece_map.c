@@ -134,11 +134,11 @@ void pieces_of_map(struct fovea *rt)
     k.features = calloc(features, sizeof *k.features);
     k.descriptors = calloc(features, FV_MAP_DESCRIPTOR_BYTES);
     for (uint32_t f = 0; f < features; f++)
-        k.features[f] = (struct fovea_feature){
-            .x_px = (float)(f * 7 % (uint32_t)o->map.limits.width),
-            .y_px = (float)(f * 13 % (uint32_t)o->map.limits.height),
-            .level = 7,
-            .score = 200};
+        k.features[f] =
+            (struct fovea_feature){.x_px = (float)(f * 7 % (uint32_t)o->map.limits.width),
+                                   .y_px = (float)(f * 13 % (uint32_t)o->map.limits.height),
+                                   .level = 7,
+                                   .score = 200};
     fv_usable_picture(&o->state->usable, features, k.features, k.descriptors);
     NOTE(frame_usable, usable, &k, 1);
     full_map_fill(o, FV_MAP_OBSERVERS_MAX);

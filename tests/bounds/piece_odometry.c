@@ -3,7 +3,12 @@
 
 #include "bounds/counter.h"
 #include "bounds/full_map.h"
+#include "bounds/limits.h"
 #include "bounds/pieces.h"
+
+LIMIT(WINDOW_LANDMARKS, WINDOW_LANDMARKS_MOST);
+LIMIT(WINDOW_OBSERVATIONS, WINDOW_OBSERVATIONS_MOST);
+LIMIT(MAP_KEYFRAMES_MIN - 1, SMALL_MAP_KEYFRAMES_DROPPED);
 
 static void publish(void *context)
 {

@@ -5,7 +5,10 @@
 
 #include "bounds/counter.h"
 #include "bounds/full_map.h"
+#include "bounds/limits.h"
 #include "bounds/pieces.h"
+
+LIMIT(UNIT_OBSERVATIONS, WINDOW_UNIT_OBSERVATIONS);
 
 struct windowing {
     struct fv_window *window;

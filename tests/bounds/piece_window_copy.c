@@ -69,7 +69,8 @@ static void of_misfits(struct copying *c)
 
 void pieces_of_window_copy(struct fovea *rt)
 {
-    struct copying c = {.window = &rt->odometry.window, .o = &rt->odometry, .map = &rt->odometry.map};
+    struct copying c = {
+        .window = &rt->odometry.window, .o = &rt->odometry, .map = &rt->odometry.map};
     full_map_fill(c.o, FV_MAP_OBSERVERS_MAX);
     NOTE(window_picked, pick, &c, 1);
     c.landmark = (uint32_t)fv_map_frame_at(c.map, c.o->state->newest).landmark[0];
@@ -77,7 +78,8 @@ void pieces_of_window_copy(struct fovea *rt)
     c.map->state->mark++;
     NOTE(feature_scanned, scan, &c, c.in_window * c.map->limits.features);
     MUST(fv_window_start(c.window, c.map, c.o->state->newest));
-    while (fv_window_unit(c.window)) {}
+    while (fv_window_unit(c.window)) {
+    }
     c.map->state->mark++;
     NOTE(landmark_moved, move_all, &c, c.map->state->landmark_top);
     for (uint32_t k = 0; k < c.map->limits.keyframes; k++) {
@@ -89,6 +91,7 @@ void pieces_of_window_copy(struct fovea *rt)
     NOTE(keyframe_moved, move_rest, &c, c.map->limits.keyframes);
     full_map_fill(c.o, FV_MAP_OBSERVERS_MAX);
     MUST(fv_window_start(c.window, c.map, c.o->state->newest));
-    while (fv_window_unit(c.window)) {}
+    while (fv_window_unit(c.window)) {
+    }
     of_misfits(&c);
 }

@@ -9,7 +9,7 @@
 #define PIECES(ROW)                                                                                \
     /* image and features */                                                                       \
     ROW(pixel_taken, "a pixel of the frame to grey and to all levels, the dearest format")         \
-    ROW(pixel_scored, "a pixel of a level, FAST, where most pass its first tests")                  \
+    ROW(pixel_scored, "a pixel of a level, FAST, where most pass its first tests")                 \
     ROW(row_walked, "a row of a level, besides its pixels")                                        \
     ROW(corner_offered, "a corner offered to its cell")                                            \
     ROW(corners_begin, "cells emptied")                                                            \
@@ -57,7 +57,7 @@
     ROW(keyframe_removed, "a keyframe removed with all its links")                                 \
     ROW(keyframe_added, "a frame copied to a keyframe")                                            \
     /* the first map */                                                                            \
-    ROW(views_matched, "all features of one view against all of another")                         \
+    ROW(views_matched, "all features of one view against all of another")                          \
     ROW(matches_noted, "matches of a view noted")                                                  \
     ROW(pairs_taken, "matches to pairs and tracks")                                                \
     ROW(tracks_extended, "tracks found in the views between")                                      \

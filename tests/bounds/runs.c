@@ -15,9 +15,9 @@ enum { UNITS_PER_FRAME = 200 }; /* so many of each job at most */
 struct run {
     const char *name, *uri; /* of the film */
     int start, step;
-    int lengths; /* of the usual number of frames */
+    int lengths;        /* of the usual number of frames */
     picture_draw *draw; /* does without a film where uri is NULL */
-    bool boxes; /* as many as a step takes, over all of the image */
+    bool boxes;         /* as many as a step takes, over all of the image */
     bool saves;
     bool detects;
     bool brief; /* one of those that a brief check plays */
@@ -67,8 +67,7 @@ static void do_units(struct fovea *rt, const char *run, enum fovea_job job)
     }
 }
 
-static void process(struct fovea *rt, const struct run *run, const struct fovea_frame *frame,
-                    int n)
+static void process(struct fovea *rt, const struct run *run, const struct fovea_frame *frame, int n)
 {
     static struct fovea_inputs inputs;
     struct fovea_outputs outputs;
@@ -118,9 +117,8 @@ static void play(const struct run *run, const struct runs_size *size)
     uint8_t *saved = malloc(saved_bytes), *pixels = malloc((size_t)film.width * film.height);
     fovea_map_save_to(rt, saved, saved_bytes);
     for (int n = 0; n < frames; n++) {
-        struct fovea_frame frame = {.stamp_ns = (n + 1) * INT64_C(33000000),
-                                    .sequence = (uint64_t)n,
-                                    .image_count = 1};
+        struct fovea_frame frame = {
+            .stamp_ns = (n + 1) * INT64_C(33000000), .sequence = (uint64_t)n, .image_count = 1};
         run->draw(pixels, &film, n);
         frame.images[0] = (struct fovea_image){.data = pixels,
                                                .width = film.width,

@@ -1,28 +1,8 @@
 #include "bounds/stages.h"
 
+#include "bounds/limits.h"
 #include "bounds/table.h"
 #include "features/spread.h"
-
-/* Loops of one file whose constants nobody else sees; the file says what they are. */
-enum {
-    TRACKS_MAX = 800,         /* odometry/initialise.c */
-    TRACKS_TRIED = 200,       /* odometry/initialise.c */
-    BUNDLE_STEPS = 16,        /* odometry/initialise_bundle.c: STEPS_MAX */
-    BUNDLE_STAGES = 3,        /* odometry/initialise_bundle.c: STAGES */
-    BUNDLE_ROUNDS = 2,        /* odometry/initialise_bundle.c: TIGHT_ROUNDS */
-    SAMPLES = 300,            /* odometry/initialise_motions.c: of each estimate */
-    ESSENTIAL_TRACKS = 512,   /* geometry/essential.c: REFINE_SAMPLES_MAX */
-    ESSENTIAL_STEPS = 4,      /* geometry/essential.c: REFINE_STEPS */
-    SPREAD_ITERATIONS = 4,    /* features/spread.c, in the piece */
-    RATED_AGAIN = 8,          /* map/keep.c, in the piece */
-    LANDMARKS_ROOM = 1000,    /* odometry/keyframe.c */
-    SWEEPS = 3,               /* map/keep.c: fv_map_make_room */
-    MAP_KEYFRAMES_MIN = 5,    /* odometry/odometry.c */
-    ROOTS_SEARCHED = 55,      /* geometry/polynomial.c: of degrees 1 to 10, one for each degree */
-    ROOT_STEPS = 60,          /* geometry/polynomial.c */
-    FOLLOWED = 13 + 4,        /* odometry/initialise_motions.c: directions and planes */
-    SIZES_OF_SAMPLES = 2,     /* essential estimates, wide and tight */
-};
 
 static double least(double a, double b)
 {
@@ -81,7 +61,7 @@ static void derive_features(const struct capacities *c)
 /* fv_localiser_refine, `to_noise` or not: in rounds of steps, all of them taken. */
 #define REFINED(b, way, times, rounds, steps, noise)                                               \
     do {                                                                                           \
-        TERM(b, way, (times) * 1, observations);                                                   \
+        TERM(b, way, (times)*1, observations);                                                     \
         TERM(b, way, (times) * ((rounds) * (steps) + 2 * (noise)), pose_step);                     \
         TERM(b, way, (times) * ((rounds) + 3 * (noise)), pose_sorted);                             \
         TERM(b, way, (times) * (1 + (noise)), pose_fit);                                           \
@@ -109,7 +89,7 @@ static void add_tries(struct bound *b, uint32_t way, const char *often, double t
 static void add_room(struct bound *b, uint32_t way, const struct capacities *c, double wanted)
 {
     const double landmarks = c->landmarks, keyframes = c->keyframes;
-    TERM(b, way, SWEEPS * landmarks, landmark_swept);
+    TERM(b, way, ROOM_SWEEPS * landmarks, landmark_swept);
     TERM(b, way, wanted, landmark_removed);
     TERM(b, way, wanted * FV_MAP_OBSERVERS_MAX, landmark_unlinked);
     TERM(b, way, keyframes - 2, keyframe_chosen);
@@ -130,7 +110,7 @@ static void add_rest(struct bound *b, uint32_t way, const struct capacities *c)
     TERM(b, way, 1, joint);
     TERM(b, way, 1, remembered);
     TERM(b, way, 2, depth);
-    add_room(b, way, c, least(LANDMARKS_ROOM, landmarks / 4));
+    add_room(b, way, c, least(ROOM_LANDMARKS, landmarks / 4));
     TERM(b, way, 1, keyframe_chosen);
     TERM(b, way, 1, keyframe_removed);
     TERM(b, way, 1, keyframe_added);
@@ -179,23 +159,27 @@ static void add_adjusted(struct bound *b, uint32_t way, const char *often, doubl
 /* fv_initialise_motions. */
 static void add_motions(struct bound *b, uint32_t way)
 {
-    TERM(b, way, SAMPLES, homography_four);
-    TERM(b, way, SAMPLES + 2, homography_cost);
-    TERM(b, way, SAMPLES + 3, homography_fit);
-    TERM(b, way, SIZES_OF_SAMPLES * SAMPLES, five_point);
-    TERM(b, way, SIZES_OF_SAMPLES * SAMPLES * ROOTS_SEARCHED * ROOT_STEPS, root_step);
-    TERM(b, way, SIZES_OF_SAMPLES * SAMPLES * (FV_ESSENTIAL_SOLUTIONS_MAX + 1), essential_cost);
-    TERM(b, way, SIZES_OF_SAMPLES * (SAMPLES + 2), motion_picked);
+    TERM(b, way, MOTION_SAMPLES, homography_four);
+    TERM(b, way, MOTION_SAMPLES + 2, homography_cost);
+    TERM(b, way, MOTION_SAMPLES + 3, homography_fit);
+    TERM(b, way, MOTION_ESTIMATES * MOTION_SAMPLES, five_point);
+    TERM(b, way, MOTION_ESTIMATES * MOTION_SAMPLES * ROOTS_SEARCHED * ROOT_STEPS, root_step);
+    TERM(b, way, MOTION_ESTIMATES * MOTION_SAMPLES * (FV_ESSENTIAL_SOLUTIONS_MAX + 1),
+         essential_cost);
+    TERM(b, way, MOTION_ESTIMATES * (MOTION_SAMPLES + 2), motion_picked);
     TERM(b, way,
-         SIZES_OF_SAMPLES * (SAMPLES * ESSENTIAL_STEPS * ESSENTIAL_TRACKS / TRACKS_MAX + 3) + 6,
+         MOTION_ESTIMATES *
+                 (MOTION_SAMPLES * ESSENTIAL_STEPS * ESSENTIAL_TRACKS / FIRST_TRACKS + 3) +
+             6,
          motion_refined);
-    TERM(b, way, 2 + FOLLOWED, motion_added);
-    TERM(b, way, FOLLOWED, motion_followed);
+    TERM(b, way, 2 + MOTIONS_FOLLOWED, motion_added);
+    TERM(b, way, MOTIONS_FOLLOWED, motion_followed);
 }
 
 static void derive_first_map(struct bound *b, uint32_t way, const struct capacities *c)
 {
-    const double tracks = least(TRACKS_MAX, c->features), tried = least(TRACKS_TRIED, tracks);
+    const double tracks = least(FIRST_TRACKS, c->features),
+                 tried = least(FIRST_TRACKS_TRIED, tracks);
     enum { GUESSES = 2 * FV_INITIALISE_MOTIONS_MAX };
     b->ways[way] = "lost for long, no keyframe found, every motion followed to a first map";
     TERM(b, way, 1, words);
@@ -221,7 +205,7 @@ static void derive_first_map(struct bound *b, uint32_t way, const struct capacit
     TERM(b, way, 1, scale_found);
     add_room(b, way, c, tracks);
     TERM(b, way, FV_INITIALISE_VIEWS_MAX, keyframe_chosen);
-    TERM(b, way, FV_INITIALISE_VIEWS_MAX + MAP_KEYFRAMES_MIN - 1, keyframe_removed);
+    TERM(b, way, FV_INITIALISE_VIEWS_MAX + SMALL_MAP_KEYFRAMES_DROPPED, keyframe_removed);
     TERM(b, way, FV_INITIALISE_VIEWS_MAX, keyframe_added);
     TERM(b, way, tracks, track_added);
     REFINED(b, way, 1, 1, 3, 0);

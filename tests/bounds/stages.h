@@ -7,13 +7,13 @@
 
 /* Capacities, by the names that docs/bounds.md has. */
 struct capacities {
-    double width, height;        /* of the image */
+    double width, height;            /* of the image */
     double level_pixels, level_rows; /* of all levels together */
-    double features;             /* features.count_max */
-    double keyframes, landmarks; /* odometry.keyframes, odometry.landmarks */
-    double window;               /* odometry.window */
-    double per_cell;             /* features.per_cell */
-    double model;                /* bytes of detect.model, 0: none */
+    double features;                 /* features.count_max */
+    double keyframes, landmarks;     /* odometry.keyframes, odometry.landmarks */
+    double window;                   /* odometry.window */
+    double per_cell;                 /* features.per_cell */
+    double model;                    /* bytes of detect.model, 0: none */
 };
 
 struct capacities capacities_of(const struct fovea *rt);

@@ -41,7 +41,8 @@ struct bound *bound_of(const char *name);
 /* Added to the term of the same way and piece, where there is one. */
 void bound_add(struct bound *bound, uint32_t way, const char *often, double count,
                enum piece piece);
-/* The sum of the dearest way and one reading of the clock, the way's number `way` gets unless NULL. */
+/* The sum of the dearest way and one reading of the clock, the way's number `way` gets unless NULL.
+ */
 double bound_sum(const struct bound *bound, uint32_t *way);
 /* A count of a run. */
 void bound_note(const char *name, const char *run, uint64_t instructions);

@@ -1,23 +1,7 @@
 /* Bounds of each kind of unit, by the names of kinds.c. */
+#include "bounds/limits.h"
 #include "bounds/stages.h"
 #include "bounds/table.h"
-
-/* Constants of one file each that nobody else sees. */
-enum {
-    UNIT_FEATURES = 96,         /* odometry/landmark_creation.c */
-    WINDOW_LANDMARKS = 1200,    /* odometry/odometry.c */
-    WINDOW_OBSERVATIONS = 9000, /* odometry/odometry.c */
-    UNIT_OBSERVATIONS = 350,    /* map/window.c */
-    SAMPLE_TESTS = 1500,        /* map/closure.c: SAMPLE_TESTS_PER_UNIT */
-    SAMPLE_SOLVED = 50,         /* map/closure.c: SAMPLE_SOLVED_TESTS */
-    CORRESPONDENCES_MIN = 15,   /* map/place.h: FV_PLACE_MATCHES_MIN */
-    REFINEMENTS = 2,            /* map/closure.c */
-    GROUP_PER_UNIT = 300,       /* map/closure_search.c */
-    FUSE_PER_UNIT = 120,        /* map/closure_search.c */
-    GRAPH_PER_UNIT = 8,         /* map/closure_commit.c */
-    LENS_SLOTS = 1500,          /* odometry/lens_window.c: UNIT_SLOTS */
-    LENS_POINTS = 20            /* odometry/lens_window.c: UNIT_POINTS */
-};
 
 static double least(double a, double b)
 {
@@ -32,13 +16,13 @@ static void derive_creation(const struct capacities *c)
     TERM(b, BOUND_ALWAYS, keyframes, shared_chosen);
     b = bound_of("map: new landmarks");
     TERM(b, BOUND_ALWAYS, 1, bearings);
-    TERM(b, BOUND_ALWAYS, UNIT_FEATURES, feature_triangulated);
+    TERM(b, BOUND_ALWAYS, CREATION_FEATURES, feature_triangulated);
     TERM(b, BOUND_ALWAYS, features, feature_passed);
     b = bound_of("map: landmarks searched in neighbours");
     TERM(b, BOUND_ALWAYS, features, feature_passed);
-    TERM(b, BOUND_ALWAYS, UNIT_FEATURES * FV_CREATION_NEIGHBOURS_MAX, landmark_searched);
-    TERM(b, BOUND_ALWAYS, UNIT_FEATURES * FV_CREATION_NEIGHBOURS_MAX, landmark_linked);
-    TERM(b, BOUND_ALWAYS, UNIT_FEATURES * FV_CREATION_NEIGHBOURS_MAX, landmark_refreshed);
+    TERM(b, BOUND_ALWAYS, CREATION_FEATURES * FV_CREATION_NEIGHBOURS_MAX, landmark_searched);
+    TERM(b, BOUND_ALWAYS, CREATION_FEATURES * FV_CREATION_NEIGHBOURS_MAX, landmark_linked);
+    TERM(b, BOUND_ALWAYS, CREATION_FEATURES * FV_CREATION_NEIGHBOURS_MAX, landmark_refreshed);
     TERM(b, BOUND_ALWAYS, 1, neighbours);
     TERM(b, BOUND_ALWAYS, 1 + FV_LOCAL_KEYFRAMES_MAX, keyframe_rated);
 }
@@ -60,14 +44,14 @@ static void derive_window(const struct capacities *c)
     struct bound *b = bound_of("map: window begun");
     TERM(b, BOUND_ALWAYS, 1, window_picked);
     TERM(b, BOUND_ALWAYS, 2 * window * features, feature_scanned);
-    TERM(b, BOUND_ALWAYS, WINDOW_OBSERVATIONS, observation_copied);
+    TERM(b, BOUND_ALWAYS, WINDOW_OBSERVATIONS_MOST, observation_copied);
     b = bound_of("map: window pass");
-    TERM(b, BOUND_ALWAYS, UNIT_OBSERVATIONS + FV_MAP_OBSERVERS_MAX - 1, observation_passed);
+    TERM(b, BOUND_ALWAYS, WINDOW_UNIT_OBSERVATIONS + FV_MAP_OBSERVERS_MAX - 1, observation_passed);
     TERM(b, BOUND_ALWAYS, 1, pass_ended);
     b = bound_of("map: window committed");
     TERM(b, BOUND_ALWAYS, keyframes + 1, keyframe_moved);
-    TERM(b, BOUND_ALWAYS, landmarks + 2 * WINDOW_LANDMARKS, landmark_moved);
-    TERM(b, BOUND_ALWAYS, WINDOW_OBSERVATIONS, misfit_dropped);
+    TERM(b, BOUND_ALWAYS, landmarks + 2 * WINDOW_LANDMARKS_MOST, landmark_moved);
+    TERM(b, BOUND_ALWAYS, WINDOW_OBSERVATIONS_MOST, misfit_dropped);
     TERM(b, BOUND_ALWAYS, landmarks, landmark_culled);
     TERM(b, BOUND_ALWAYS, landmarks, landmark_removed);
     TERM(b, BOUND_ALWAYS, least(landmarks * FV_MAP_OBSERVERS_MAX, keyframes * features),
@@ -100,22 +84,22 @@ static void derive_closure(const struct capacities *c)
     b = bound_of("closure: sample");
     TERM(b, BOUND_ALWAYS, 1, similarity_judged);
     /* The fewer correspondences, the more samples; each is tested on all of them. */
-    TERM(b, BOUND_ALWAYS, SAMPLE_TESTS / (CORRESPONDENCES_MIN + SAMPLE_SOLVED) + 1,
+    TERM(b, BOUND_ALWAYS, CLOSURE_TESTS / (FV_PLACE_MATCHES_MIN + CLOSURE_TESTS_OF_SAMPLE) + 1,
          similarity_solved);
-    TERM(b, BOUND_ALWAYS, SAMPLE_TESTS + features, similarity_tested);
+    TERM(b, BOUND_ALWAYS, CLOSURE_TESTS + features, similarity_tested);
     b = bound_of("closure: refine");
     TERM(b, BOUND_ALWAYS, 1, similarity_refined);
     TERM(b, BOUND_ALWAYS, 1, group_gathered);
     b = bound_of("closure: guided");
     TERM(b, BOUND_ALWAYS, 1, group_begun);
-    TERM(b, BOUND_ALWAYS, GROUP_PER_UNIT, group_searched);
-    TERM(b, BOUND_ALWAYS, REFINEMENTS, similarity_refined);
+    TERM(b, BOUND_ALWAYS, CLOSURE_GROUP, group_searched);
+    TERM(b, BOUND_ALWAYS, CLOSURE_REFINEMENTS, similarity_refined);
     TERM(b, BOUND_ALWAYS, 1, closure_judged);
     b = bound_of("closure: before");
     b->ways[1] = "the next asked";
     b->ways[2] = "judged, and the graph begun";
     TERM(b, 1, 1, group_begun);
-    TERM(b, 1, GROUP_PER_UNIT, group_searched);
+    TERM(b, 1, CLOSURE_GROUP, group_searched);
     TERM(b, 2, 1, closure_judged);
     TERM(b, 2, 1, graph_begun);
 }
@@ -124,7 +108,7 @@ static void derive_correction(void)
 {
     struct bound *b = bound_of("closure: graph");
     TERM(b, BOUND_ALWAYS, 1, closures_held);
-    TERM(b, BOUND_ALWAYS, GRAPH_PER_UNIT, keyframe_held);
+    TERM(b, BOUND_ALWAYS, CLOSURE_GRAPH_KEYFRAMES, keyframe_held);
     TERM(b, BOUND_ALWAYS, 1, graph_started);
     b = bound_of("closure: linearise");
     TERM(b, BOUND_ALWAYS, 1, graph_linearised);
@@ -137,7 +121,7 @@ static void derive_correction(void)
     b = bound_of("closure: committed");
     TERM(b, BOUND_ALWAYS, 1, closure_committed);
     b = bound_of("closure: fuse");
-    TERM(b, BOUND_ALWAYS, FUSE_PER_UNIT, landmark_fused);
+    TERM(b, BOUND_ALWAYS, CLOSURE_FUSED, landmark_fused);
 }
 
 static void derive_others(const struct capacities *c)
