@@ -77,7 +77,9 @@ const char *kind_of(const struct fovea *rt, enum fovea_job job)
     case FOVEA_JOB_PREVIEW:
         return "preview";
     case FOVEA_JOB_EDGES:
-        return "edges";
+        return rt->edges.state->phase == FV_EDGE_JOINING   ? "edges: segments"
+               : rt->edges.state->phase == FV_EDGE_SENDING ? "edges: sent"
+                                                           : "edges";
     case FOVEA_JOB_CALIBRATION:
         return rt->odometry.state != NULL && rt->calibration.state->due ? "calibration: message"
                                                                         : "calibration";

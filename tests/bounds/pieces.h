@@ -145,6 +145,9 @@
     ROW(network_unit, "a unit of a network, the dearest of all")                                   \
     ROW(network_decoded, "a unit of a network's outputs, with most candidates")                    \
     ROW(boxes_sent, "boxes of a picture mapped, objects updated, messages made")                   \
+    ROW(edges_found, "a unit of edges, the dearest of six pictures")                               \
+    ROW(segments_found, "a unit of line segments, the dearest of six pictures")                    \
+    ROW(edges_sent, "rows of edges, and segments, sent")                                           \
     ROW(objects_assigned, "most detections assigned to most objects")                              \
     ROW(clock, "the readings of the clock, and a job asked in vain")
 
@@ -186,6 +189,7 @@ void pieces_of_agreement(struct fovea *rt);
 void pieces_of_archive(struct fovea *rt);
 void pieces_of_lens(struct fovea *rt);
 void pieces_of_jobs(struct fovea *rt);
+void pieces_of_edges(struct fovea *rt);
 void pieces_of_closure(struct fovea *rt);
 void pieces_of_similarity(struct fovea *rt);
 void pieces_of_closure_search(struct fovea *rt);

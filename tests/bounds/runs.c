@@ -96,6 +96,8 @@ void runs_configure(struct fovea_config *config, const struct runs_size *size)
     if (size->features != 0) config->features.count_max = size->features;
     if (size->keyframes != 0) config->odometry.keyframes = size->keyframes;
     if (size->landmarks != 0) config->odometry.landmarks = size->landmarks;
+    config->edge_job.period_frames = 4;
+    config->edge_job.segments = true;
     config->clock = counter_clock;
 }
 
@@ -106,7 +108,10 @@ static void play(const struct run *run, const struct runs_size *size)
     char uri[96];
     const int frames = size->frames * run->lengths;
     runs_configure(&config, size);
-    if (!run->detects) config.detect.model = NULL;
+    if (!run->detects) {
+        config.detect.model = NULL;
+        config.edge_job.period_frames = 0;
+    }
     if (run->uri != NULL) {
         snprintf(uri, sizeof uri, "%s?width=%d&height=%d", run->uri, (int)size->width,
                  (int)size->height);

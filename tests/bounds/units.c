@@ -137,6 +137,12 @@ static void derive_others(const struct capacities *c)
     TERM(b, BOUND_ALWAYS, 1, encoded); /* one of those that a step sends, and a small one */
     b = bound_of("preview");
     TERM(b, BOUND_ALWAYS, 1, preview_unit);
+    b = bound_of("edges");
+    TERM(b, BOUND_ALWAYS, 1, edges_found);
+    b = bound_of("edges: segments");
+    TERM(b, BOUND_ALWAYS, 1, segments_found);
+    b = bound_of("edges: sent");
+    TERM(b, BOUND_ALWAYS, 1, edges_sent);
     if (c->model == 0) return;
     b = bound_of("detect: input");
     TERM(b, BOUND_ALWAYS, 1, network_input);
