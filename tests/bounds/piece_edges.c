@@ -55,6 +55,8 @@ void pieces_of_edges(struct fovea *rt)
         fv_edge_stage_ask(e.stage, &rt->config.edge_job, &rt->state->frame, level);
         while (fv_edge_stage_waiting(e.stage)) {
             const enum fv_edge_phase phase = (enum fv_edge_phase)e.stage->state->phase;
+            if (phase == FV_EDGE_SENDING)
+                e.stage->state->joined.count = FV_MESSAGE_EDGE_SEGMENTS_MAX;
             piece_note(phase == FV_EDGE_FINDING   ? PIECE_edges_found
                        : phase == FV_EDGE_JOINING ? PIECE_segments_found
                                                   : PIECE_edges_sent,
