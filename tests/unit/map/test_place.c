@@ -177,7 +177,8 @@ static void words_of_world(uint32_t world, struct fv_place_words words[2])
     assert_int_equal(ops->open(address, &selection, &source, &error), FOVEA_OK);
     assert_int_equal(ops->start(source, &error), FOVEA_OK);
     fv_kernels_init(&kernels, fv_cpu_best(fv_cpu_detect()));
-    assert_int_equal(fv_extract_config(NULL, NULL, 600, &config, &error), FOVEA_OK);
+    fovea_extract_config_default(&config, FOVEA_FEATURES_ORB);
+    config.count_max = 600;
     for (int i = 0; i < 2; i++) {
         struct fv_extract extract;
         assert_int_equal(ops->dequeue(source, INT64_MAX, &frame), FOVEA_OK);
