@@ -188,24 +188,31 @@ static bool is_grey(enum fovea_pixel_format format)
            format == FOVEA_PIXEL_Y14 || format == FOVEA_PIXEL_Y16;
 }
 
-/* White balance that would change nothing. */
+enum fovea_status fv_setup_check_balance(const struct fv_setup *setup,
+                                         const struct fovea_source_info *info, const char *source,
+                                         struct fovea_error *error)
+{
+    if (!fv_setup_wants_colour(setup))
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                               "image.operations: found white_balance, expected a network of "
+                               "colours (detect.model): nobody else looks at colours");
+    if (is_grey(info->format))
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                               "image.operations: found white_balance, expected a source with "
+                               "colours: %.100s gives grey images",
+                               source);
+    return FOVEA_OK;
+}
+
 static enum fovea_status check_balance(const struct fv_settings *settings,
-                                       const struct fv_setup *setup, struct fovea_error *error)
+                                       const struct fv_setup *setup,
+                                       const struct fovea_source_info *info,
+                                       struct fovea_error *error)
 {
     if (!fv_preprocess_balances(&settings->runtime.image.preprocess)) return FOVEA_OK;
-    if (!fv_setup_wants_colour(setup))
-        fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
-                        "image.operations: found white_balance, expected a network of colours "
-                        "(detect.model): nobody else looks at colours");
-    else if (is_grey(setup->ops->info(setup->source)->format))
-        fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
-                        "image.operations: found white_balance, expected a source with colours: "
-                        "%.100s gives grey images",
-                        settings->source);
-    else
-        return FOVEA_OK;
-    fv_settings_locate(settings, error);
-    return FOVEA_ERROR_ARGUMENT;
+    const enum fovea_status status = fv_setup_check_balance(setup, info, settings->source, error);
+    if (status != FOVEA_OK) fv_settings_locate(settings, error);
+    return status;
 }
 
 /* Whether the configuration asks for what needs the camera's calibration: poses, or positions of
@@ -435,7 +442,7 @@ enum fovea_status fv_setup_open(struct fv_settings *settings,
         return status;
     }
     const struct fovea_source_info *info = setup->ops->info(setup->source);
-    status = check_balance(settings, setup, error);
+    status = check_balance(settings, setup, info, error);
     if (status == FOVEA_OK)
         status = fv_camera_controls_set(settings, setup->ops, setup->source, error);
     if (status == FOVEA_OK) status = rig_fit(settings, info, false, error);
@@ -507,6 +514,7 @@ static enum fovea_status check_next(struct fv_settings *next, const struct fovea
         if (status == FOVEA_OK) next->runtime.rig.cameras[0].camera = calibration.camera;
     }
     if (status == FOVEA_OK) status = model_read(next, setup, error);
+    if (status == FOVEA_OK) status = check_balance(next, setup, info, error);
     if (status == FOVEA_OK) status = rig_fit(next, info, false, error);
     if (status == FOVEA_OK && next->imu[0] != '\0') {
         next->runtime.rig.has_imu = now.has_imu;

@@ -68,6 +68,11 @@ void fv_setup_close(struct fv_setup *setup);
 
 /* Whether there is a network that takes colour. Recordings that have colours then give them. */
 bool fv_setup_wants_colour(const struct fv_setup *setup);
+/* Whether white balance would change what a network sees of the source that `info` describes, named
+ * `source`. FOVEA_ERROR_ARGUMENT: nothing, and why. */
+enum fovea_status fv_setup_check_balance(const struct fv_setup *setup,
+                                         const struct fovea_source_info *info, const char *source,
+                                         struct fovea_error *error);
 
 /* Whether frames come by the clock, and the bytes of one, its rows as wide as the source states
  * (fovea_source_camera). */

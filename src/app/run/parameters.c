@@ -9,6 +9,7 @@
 #include "app/config/kept_parameters.h"
 #include "drivers/clock.h"
 #include "drivers/table.h"
+#include "image/preprocess.h"
 #include "support/aligned.h"
 #include "support/utf8.h"
 
@@ -34,6 +35,8 @@ enum fovea_status fv_parameters_open(struct fv_parameters *parameters, const str
     parameters->rt = rt;
     parameters->ops = setup->ops;
     parameters->source = setup->source;
+    (void)fv_setup_check_balance(setup, setup->ops != NULL ? setup->ops->info(setup->source) : NULL,
+                                 settings->source, &parameters->unbalanced);
     parameters->requests = requests;
     pthread_mutex_init(&parameters->changing, NULL);
     parameters->settings = malloc(sizeof *parameters->settings);
@@ -106,6 +109,18 @@ static const char *without_option(const char *text)
 {
     static const char option[] = "--set: ";
     return strncmp(text, option, sizeof option - 1) == 0 ? text + sizeof option - 1 : text;
+}
+
+/* The values tried, as the loop takes them and as a start would. `error` may be NULL. */
+static enum fovea_status check_tried(const struct fv_parameters *parameters,
+                                     struct fovea_error *error)
+{
+    const struct fovea_config *config = &parameters->tried->runtime;
+    const enum fovea_status status = fovea_parameters_check(parameters->rt, config, error);
+    if ((status == FOVEA_OK || status == FOVEA_ERROR_UNSUPPORTED) &&
+        parameters->unbalanced.text[0] != '\0' && fv_preprocess_balances(&config->image.preprocess))
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "%s", parameters->unbalanced.text);
+    return status;
 }
 
 /* The value tried as an input of the loop. */
@@ -198,8 +213,7 @@ static void decide(struct fv_parameters *parameters, const fovea_parameter_t *re
     *parameters->tried = *parameters->settings;
     snprintf(assignment, sizeof assignment, "%s=%s", key->name, request->value);
     enum fovea_status status = fv_settings_set(parameters->tried, assignment, &error);
-    if (status == FOVEA_OK)
-        status = fovea_parameters_check(parameters->rt, &parameters->tried->runtime, &error);
+    if (status == FOVEA_OK) status = check_tried(parameters, &error);
     const bool later = status == FOVEA_ERROR_UNSUPPORTED && request->keep;
     if (status != FOVEA_OK && !later) {
         refuse(change, without_option(error.text));
@@ -314,8 +328,7 @@ static enum fovea_status change_key(struct fv_parameters *parameters,
 {
     *parameters->tried = *parameters->settings;
     fv_settings_key_copy(key, parameters->tried, wanted);
-    if (fovea_parameters_check(parameters->rt, &parameters->tried->runtime, NULL) != FOVEA_OK)
-        return FOVEA_AGAIN;
+    if (check_tried(parameters, NULL) != FOVEA_OK) return FOVEA_AGAIN;
     struct fv_parameter_change *change = await_room(parameters);
     if (change == NULL)
         return fovea_error_set(error, FOVEA_ERROR_SYSTEM,
@@ -393,8 +406,7 @@ enum fovea_status fv_parameters_reload(struct fv_parameters *parameters,
     for (size_t i = 0; named && i < fv_settings_key_count; i++)
         if (fv_settings_keys[i].live && wanted->line[i] != 0)
             fv_settings_key_copy(&fv_settings_keys[i], parameters->tried, wanted);
-    enum fovea_status status =
-        fovea_parameters_check(parameters->rt, &parameters->tried->runtime, error);
+    enum fovea_status status = check_tried(parameters, error);
     if (status == FOVEA_OK) status = tell_cameras(parameters, wanted, named, error);
     if (status == FOVEA_OK) status = change_all(parameters, wanted, named, count, error);
     pthread_mutex_unlock(&parameters->changing);

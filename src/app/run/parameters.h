@@ -49,6 +49,7 @@ struct fv_parameters {
     const struct fovea *rt;
     const struct fovea_source_ops *ops; /* of the cameras */
     struct fovea_source *source;
+    struct fovea_error unbalanced; /* why white balance would change nothing; "": it would */
     struct fv_ring ring; /* of struct fv_parameter_change, from the listener to the loop */
     void *ring_memory;
     char request_channel[FV_MESSAGE_CHANNEL_BYTES], channel[FV_MESSAGE_CHANNEL_BYTES];

@@ -18,6 +18,7 @@
 #include "app/run/backup.h"
 #include "support/text.h"
 
+#include "fovea_parameter_result_t.h"
 #include "fovea_parameter_t.h"
 #include "fovea_settings_result_t.h"
 #include "fovea_settings_t.h"
@@ -33,7 +34,7 @@ static struct fv_settings settings;
 static struct fovea_source_info info;
 static struct fv_requests requests;
 static struct fv_parameters parameters;
-static const struct fv_setup setup; /* no source: no camera is told anything */
+static struct fv_setup setup; /* no source: no camera is told anything */
 static struct fv_backup backup;
 static struct fovea *rt;
 static void *block;
@@ -95,6 +96,7 @@ static int open_all(void **state)
     const struct fv_command_rules rules = {.run_id = 1};
     (void)state;
     fv_settings_default(&settings);
+    settings.runtime.image.seen_by |= FOVEA_VIEWER_NETWORKS;
     snprintf(settings.parameters_file, sizeof settings.parameters_file, "%s", kept);
     snprintf(settings.camera, sizeof settings.camera, "%s", camera_file);
     info = (struct fovea_source_info){.rig.camera_count = 1,
@@ -150,6 +152,72 @@ static void what_the_next_start_refuses_is_refused(void **state)
     memcpy(strstr(text, "120"), "240", 3);
     assert_int_equal(restore(text), DONE);                       /* which the same file allows */
     assert_int_equal(restore("camera_scale: false\n"), REFUSED); /* not without it */
+}
+
+static const struct fovea_source_info *info_of(const struct fovea_source *source)
+{
+    (void)source;
+    return &info;
+}
+
+/* With a network of colours in the file `model`, if any, and a source of `format`. */
+static void reopen(const char *model, enum fovea_pixel_format format)
+{
+    static const struct fovea_source_ops ops = {.info = info_of};
+    struct fovea_error error;
+    fv_backup_close(&backup);
+    fv_parameters_close(&parameters);
+    info.format = format;
+    setup = (struct fv_setup){.ops = &ops};
+    snprintf(settings.model, sizeof settings.model, "%s", model);
+    if (model[0] != '\0')
+        assert_int_equal(fv_model_file_read(model, &setup.model, &error), FOVEA_OK);
+    assert_int_equal(fv_parameters_open(&parameters, rt, &settings, &setup, &requests, &error),
+                     FOVEA_OK);
+    assert_int_equal(fv_backup_open(&backup, &parameters, &settings, &info, &error), FOVEA_OK);
+}
+
+/* White balance that would change nothing, as a live change, kept or not, and as settings. */
+static void white_balance_without_colours_is_refused(void **state)
+{
+    static const char network[] = "tests/golden/detector.fvm";
+    static const struct {
+        const char *model;
+        enum fovea_pixel_format format;
+        const char *reason; /* NULL: it is taken */
+    } rows[] = {{"", FOVEA_PIXEL_RGB24, "expected a network of colours"},
+                {network, FOVEA_PIXEL_GREY8, "expected a source with colours"},
+                {network, FOVEA_PIXEL_Y10, "expected a source with colours"},
+                {network, FOVEA_PIXEL_RGB24, NULL}};
+    (void)state;
+    for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
+        reopen(rows[i].model, rows[i].format);
+        for (int form = 0; form < 3; form++) { /* the last needs a restart for its denoise */
+            size_t bytes;
+            change("image.operations", form < 2 ? "[white_balance]" : "[denoise, white_balance]",
+                   form > 0);
+            const struct fv_parameter_change *judged =
+                (const void *)fv_ring_peek(&parameters.ring, &bytes);
+            assert_non_null(judged);
+            if (rows[i].reason != NULL) {
+                assert_int_equal(judged->result, FOVEA_PARAMETER_RESULT_T_RESULT_REFUSED);
+                assert_non_null(strstr(judged->reason, rows[i].reason));
+                assert_int_equal(parameters.settings->runtime.image.preprocess.operations.count, 0);
+            } else {
+                assert_int_equal(judged->result,
+                                 form < 2 ? FOVEA_PARAMETER_RESULT_T_RESULT_DONE
+                                          : FOVEA_PARAMETER_RESULT_T_RESULT_NEEDS_RESTART);
+            }
+            fv_ring_release(&parameters.ring, bytes);
+        }
+        fv_parameters_tend(&parameters, true);
+        assert_int_equal(access(kept, F_OK), rows[i].reason != NULL ? -1 : 0);
+        assert_int_equal(restore("image.operations: [white_balance]\n"),
+                         rows[i].reason != NULL ? REFUSED : DONE);
+        if (rows[i].reason != NULL) assert_non_null(strstr(backup.reason, rows[i].reason));
+        fv_setup_close(&setup);
+    }
+    setup = (struct fv_setup){.ops = NULL};
 }
 
 static void a_change_during_the_write_holds(void **state)
@@ -306,6 +374,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(what_the_next_start_refuses_is_refused, open_all,
+                                        close_all),
+        cmocka_unit_test_setup_teardown(white_balance_without_colours_is_refused, open_all,
                                         close_all),
         cmocka_unit_test_setup_teardown(a_change_during_the_write_holds, open_all, close_all),
         cmocka_unit_test_setup_teardown(a_failed_restore_loses_nothing_that_is_kept, open_all,
