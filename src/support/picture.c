@@ -6,6 +6,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 
 #include "support/decode.h"
 #include "support/output.h"
@@ -127,6 +128,21 @@ void fv_picture_encode(const struct fovea_image *image, unsigned char **png, siz
     }
     free(*png);
     *png = NULL;
+}
+
+enum fovea_status fv_picture_check_name(const char *option, const char *path,
+                                        struct fovea_error *error)
+{
+    static const char *const others[] = {".jpg", ".jpeg", ".bmp", ".tif", ".tiff",
+                                         ".gif", ".webp", ".pgm", ".ppm"};
+    const char *end = path != NULL ? strrchr(path, '.') : NULL;
+    for (size_t i = 0; end != NULL && i < sizeof others / sizeof others[0]; i++)
+        if (strcasecmp(end, others[i]) == 0)
+            return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                                   "%s: found %.300s, expected a name that ends in .png: pictures "
+                                   "are written as PNG",
+                                   option, path);
+    return FOVEA_OK;
 }
 
 enum fovea_status fv_picture_write(const char *path, const struct fovea_image *image,

@@ -19,6 +19,11 @@ enum fovea_status fv_picture_read_colour(const char *path, struct fovea_image *i
 enum fovea_status fv_picture_read_coloured(const char *path, struct fovea_image *image,
                                            struct fovea_error *error);
 
+/* Whether a picture may be written to `path`, which `option` names; NULL may. FOVEA_ERROR_INPUT:
+ * the name ends as that of another kind of picture than PNG. */
+enum fovea_status fv_picture_check_name(const char *option, const char *path,
+                                        struct fovea_error *error);
+
 /* Write a grey8 or rgb24 image. FOVEA_ERROR_SYSTEM: `error` names the file and the reason; no half
  * of a picture is left. */
 enum fovea_status fv_picture_write(const char *path, const struct fovea_image *image,

@@ -128,6 +128,7 @@ int fv_command_edges(int argc, char **argv)
     const struct fv_file written[] = {{"OUT", argv[first + 1]}, {0}},
                          read[] = {{"IN", argv[first]}, {0}};
     enum fovea_status status = fv_files_apart(written, read, &error);
+    if (status == FOVEA_OK) status = fv_picture_check_name("OUT", argv[first + 1], &error);
     if (status == FOVEA_OK) status = read_config(&request, &config, &error);
     if (status == FOVEA_OK) status = fv_picture_read(argv[first], &image, &error);
     if (status == FOVEA_OK) status = mark(&config, &image, &count, &error);

@@ -6,6 +6,7 @@
 #include "app/lab/commands.h"
 #include "app/lab/extract.h"
 #include "support/files.h"
+#include "support/picture.h"
 #include "app/config/options.h"
 #include "support/say.h"
 #include "base/elementary.h"
@@ -126,7 +127,8 @@ int fv_command_features(int argc, char **argv)
     const struct fv_file written[] = {{"--draw", picture}, {0}},
                          read[] = {{"IMAGE", argv[first]}, {"--mask", mask}, {0}};
     if (fv_extract_config(&request, &config, &error) != FOVEA_OK ||
-        fv_files_apart(written, read, &error) != FOVEA_OK)
+        fv_files_apart(written, read, &error) != FOVEA_OK ||
+        fv_picture_check_name("--draw", picture, &error) != FOVEA_OK)
         return fv_say_wrong("%s", error.text);
     struct fv_mask_box boxes[FV_OPTION_LIST_MAX];
     for (int i = 0; i < ignored.count; i++)

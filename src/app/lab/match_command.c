@@ -10,6 +10,7 @@
 #include "app/lab/commands.h"
 #include "app/lab/extract.h"
 #include "support/files.h"
+#include "support/picture.h"
 #include "app/config/options.h"
 #include "support/say.h"
 #include "support/text.h"
@@ -183,12 +184,10 @@ static enum fovea_status read_camera(const struct request *request, const struct
                                      struct fovea_match_config *config, struct fovea_error *error)
 {
     double focal = 0, centre[2] = {(image->width - 1) / 2., (image->height - 1) / 2.};
-    if (request->focal == NULL || !read_numbers(request->focal, 1, &focal) || !(focal >= 1) ||
-        focal > 1e5)
+    if (!read_numbers(request->focal, 1, &focal) || !(focal >= 1) || focal > 1e5)
         return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
-                               "--focal: found '%.100s', expected pixels from 1 to 100000: the "
-                               "essential matrix needs a camera",
-                               request->focal == NULL ? "" : request->focal);
+                               "--focal: found '%.100s', expected pixels from 1 to 100000",
+                               request->focal);
     if (request->centre != NULL && !read_numbers(request->centre, 2, centre))
         return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
                                "--centre: found '%.100s', expected X,Y in pixels", request->centre);
@@ -229,6 +228,10 @@ static enum fovea_status read_request(const struct request *request,
                             FOVEA_MATCH_GEOMETRY_COUNT, &geometry, error);
     if (status != FOVEA_OK) return status;
     config->geometry = (enum fovea_match_geometry)geometry;
+    if (geometry == FOVEA_MATCH_ESSENTIAL && request->focal == NULL)
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                               "--focal: found none, expected pixels from 1 to 100000: the "
+                               "essential matrix needs a camera");
     if (geometry != FOVEA_MATCH_ESSENTIAL && (request->focal != NULL || request->centre != NULL))
         return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
                                "--%s: found it without effect, expected --geometry essential",
@@ -296,7 +299,8 @@ int fv_command_match(int argc, char **argv)
     const struct fv_file written[] = {{"--draw", picture}, {0}},
                          read[] = {{"A", argv[first]}, {"B", argv[first + 1]}, {0}};
     if (read_request(&request, &extract, &pair.config, &error) != FOVEA_OK ||
-        fv_files_apart(written, read, &error) != FOVEA_OK)
+        fv_files_apart(written, read, &error) != FOVEA_OK ||
+        fv_picture_check_name("--draw", picture, &error) != FOVEA_OK)
         return fv_say_wrong("%s", error.text);
     const enum fv_exit status = run(&request, &extract, argv + first, &pair, picture, json);
     fv_extract_free(&pair.a);

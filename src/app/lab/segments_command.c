@@ -107,6 +107,7 @@ int fv_command_segments(int argc, char **argv)
                          read[] = {{"IN", argv[first]}, {0}};
     fovea_segments_config_default(&config);
     enum fovea_status status = fv_files_apart(written, read, &error);
+    if (status == FOVEA_OK) status = fv_picture_check_name("OUT", argv[first + 1], &error);
     if (status == FOVEA_OK) status = read_length(length, &config.length_min_px, &error);
     if (status == FOVEA_OK) status = fv_picture_read(argv[first], &image, &error);
     if (status == FOVEA_OK) status = find(&config, &image, argv[first + 1], json, &error);
