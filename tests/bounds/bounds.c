@@ -19,6 +19,9 @@
 #include "bounds/stages.h"
 #include "bounds/table.h"
 
+/* Of a map that is full in the sense of full_map.h. */
+enum { KEYFRAMES_LEAST = 24, FEATURES_LEAST = 200 };
+
 static void tell_capacities(const struct capacities *c)
 {
     const struct {
@@ -86,6 +89,12 @@ static void read_options(int argc, char **argv, struct runs_size *size)
         if (c == 'l') size->landmarks = (uint32_t)value;
         if (c == 'n') size->frames = (int)value;
     }
+    if ((size->keyframes == 0 || size->keyframes >= KEYFRAMES_LEAST) &&
+        (size->features == 0 || size->features >= FEATURES_LEAST))
+        return;
+    fprintf(stderr, "found %u keyframes and %u features, expected at least %d and %d, or 0\n",
+            size->keyframes, size->features, KEYFRAMES_LEAST, FEATURES_LEAST);
+    exit(2);
 }
 
 int main(int argc, char **argv)

@@ -51,6 +51,7 @@ void pieces_measure(struct fovea *rt)
     pieces_of_archive(rt);
     pieces_of_lens(rt);
     pieces_of_edges(rt);
+    pieces_of_floor(rt);
     pieces_of_jobs(rt);
     if (rt->config.odometry.closures) {
         pieces_of_closure(rt);

@@ -145,6 +145,8 @@
     ROW(network_unit, "a unit of a network, the dearest of all")                                   \
     ROW(network_decoded, "a unit of a network's outputs, with most candidates")                    \
     ROW(boxes_sent, "boxes of a picture mapped, objects updated, messages made")                   \
+    ROW(floor_looked, "a landmark looked at for the floor")                                        \
+    ROW(floor_estimated, "the floor estimated from 512 points, 96 samples")                        \
     ROW(edges_found, "a unit of edges, the dearest of six pictures")                               \
     ROW(segments_found, "a unit of line segments, the dearest of six pictures")                    \
     ROW(edges_sent, "rows of edges, and segments, sent")                                           \
@@ -190,6 +192,7 @@ void pieces_of_archive(struct fovea *rt);
 void pieces_of_lens(struct fovea *rt);
 void pieces_of_jobs(struct fovea *rt);
 void pieces_of_edges(struct fovea *rt);
+void pieces_of_floor(struct fovea *rt);
 void pieces_of_closure(struct fovea *rt);
 void pieces_of_similarity(struct fovea *rt);
 void pieces_of_closure_search(struct fovea *rt);

@@ -12,29 +12,34 @@
 
 enum { UNITS_PER_FRAME = 200 }; /* so many of each job at most */
 
+enum {
+    BOXES = 1,   /* as many as a step takes, over all of the image */
+    SAVES = 2,   /* the map, once */
+    DETECTS = 4, /* a detector and edges run */
+    FLOORS = 8,  /* the scale comes from the floor */
+    BRIEF = 16   /* a brief check plays it too */
+};
+
 struct run {
     const char *name, *uri; /* of the film */
     int start, step;
     int lengths;        /* of the usual number of frames */
     picture_draw *draw; /* does without a film where uri is NULL */
-    bool boxes;         /* as many as a step takes, over all of the image */
-    bool saves;
-    bool detects;
-    bool brief; /* one of those that a brief check plays */
+    uint32_t flags;
 };
 
 static const struct run runs[] = {
-    {"corridor", "sim:corridor", 0, 2, 1, picture_film, false, true, true, true},
-    {"tour, fast", "sim:tour", 100, 2, 1, picture_film, false, false, false, false},
-    {"noise", NULL, 0, 1, 1, picture_noise, false, false, true, false},
-    {"drifting noise", NULL, 0, 1, 1, picture_drifting, false, false, false, false},
-    {"tiles", NULL, 0, 1, 1, picture_tiles, false, false, false, false},
-    {"chequer", NULL, 0, 1, 1, picture_chequer, false, false, false, false},
-    {"dots", NULL, 0, 1, 1, picture_dots, false, false, false, true},
-    {"window", "sim:corridor", 0, 2, 1, picture_window, false, false, false, false},
-    {"boxes", NULL, 0, 1, 1, picture_noise, true, false, false, false},
-    {"kidnapped", "sim:corridor", 0, 2, 4, picture_kidnapped, false, false, false, false},
-    {"loop", "sim:corridor", 0, 4, 8, picture_film, false, false, false, false},
+    {"corridor", "sim:corridor", 0, 2, 1, picture_film, SAVES | DETECTS | BRIEF},
+    {"tour, fast", "sim:tour", 100, 2, 1, picture_film, FLOORS},
+    {"noise", NULL, 0, 1, 1, picture_noise, DETECTS},
+    {"drifting noise", NULL, 0, 1, 1, picture_drifting, 0},
+    {"tiles", NULL, 0, 1, 1, picture_tiles, 0},
+    {"chequer", NULL, 0, 1, 1, picture_chequer, 0},
+    {"dots", NULL, 0, 1, 1, picture_dots, BRIEF},
+    {"window", "sim:corridor", 0, 2, 1, picture_window, 0},
+    {"boxes", NULL, 0, 1, 1, picture_noise, BOXES},
+    {"kidnapped", "sim:corridor", 0, 2, 4, picture_kidnapped, 0},
+    {"loop", "sim:corridor", 0, 4, 8, picture_film, FLOORS},
 };
 
 /* ---- one step, and its units ----------------------------------------------------------------- */
@@ -74,11 +79,11 @@ static void process(struct fovea *rt, const struct run *run, const struct fovea_
     memset(&inputs, 0, sizeof inputs);
     inputs.frame = frame;
     inputs.now_ns = frame->stamp_ns;
-    inputs.commands = run->saves && n == 40 ? FOVEA_COMMAND_SAVE : 0;
+    inputs.commands = (run->flags & SAVES) && n == 40 ? FOVEA_COMMAND_SAVE : 0;
     fovea_grants_fixed(fovea_config_get(rt), &inputs.grants);
-    inputs.has_boxes = run->boxes;
+    inputs.has_boxes = (run->flags & BOXES) != 0;
     inputs.boxes_stamp_ns = frame->stamp_ns;
-    inputs.box_count = run->boxes ? FOVEA_INPUT_BOXES_MAX : 0;
+    inputs.box_count = (run->flags & BOXES) ? FOVEA_INPUT_BOXES_MAX : 0;
     for (uint32_t i = 0; i < inputs.box_count; i++)
         inputs.boxes[i] = (struct fovea_box){0, 0, 1e4f, 1e4f};
     const uint64_t before = counter_now();
@@ -108,7 +113,11 @@ static void play(const struct run *run, const struct runs_size *size)
     char uri[96];
     const int frames = size->frames * run->lengths;
     runs_configure(&config, size);
-    if (!run->detects) {
+    if ((run->flags & FLOORS) != 0) {
+        config.scale.source = FOVEA_SCALE_CAMERA_HEIGHT;
+        config.scale.camera_height_m = 1.2;
+    }
+    if (!(run->flags & DETECTS)) {
         config.detect.model = NULL;
         config.edge_job.period_frames = 0;
     }
@@ -142,5 +151,5 @@ static void play(const struct run *run, const struct runs_size *size)
 void runs_play(const struct runs_size *size)
 {
     for (size_t i = 0; i < sizeof runs / sizeof runs[0]; i++)
-        if (runs[i].brief || !size->brief) play(&runs[i], size);
+        if ((runs[i].flags & BRIEF) != 0 || !size->brief) play(&runs[i], size);
 }
