@@ -18,6 +18,7 @@
 #include "bounds/runs.h"
 #include "bounds/stages.h"
 #include "bounds/table.h"
+#include "bounds/two_cameras.h"
 
 /* Of a map that is full in the sense of full_map.h. */
 enum { KEYFRAMES_LEAST = 24, FEATURES_LEAST = 200 };
@@ -67,17 +68,20 @@ static void refuse(const char *option, const char *found)
 
 static void read_options(int argc, char **argv, struct runs_size *size)
 {
-    static const struct option options[] = {
-        {"width", required_argument, NULL, 'w'},     {"height", required_argument, NULL, 'h'},
-        {"features", required_argument, NULL, 'f'},  {"keyframes", required_argument, NULL, 'k'},
-        {"landmarks", required_argument, NULL, 'l'}, {"frames", required_argument, NULL, 'n'},
-        {"brief", no_argument, NULL, 'b'},           {NULL, 0, NULL, 0}};
+    static const struct option options[] = {{"width", required_argument, NULL, 'w'},
+                                            {"height", required_argument, NULL, 'h'},
+                                            {"features", required_argument, NULL, 'f'},
+                                            {"keyframes", required_argument, NULL, 'k'},
+                                            {"landmarks", required_argument, NULL, 'l'},
+                                            {"frames", required_argument, NULL, 'n'},
+                                            {"run", required_argument, NULL, 'r'},
+                                            {"brief", no_argument, NULL, 'b'},
+                                            {NULL, 0, NULL, 0}};
     for (int at, c; (c = getopt_long(argc, argv, "", options, &at)) != -1;) {
         char *end = NULL;
-        if (c == 'b') {
-            size->brief = true;
-            continue;
-        }
+        if (c == 'b') size->brief = true;
+        if (c == 'r') size->only = optarg;
+        if (c == 'b' || c == 'r') continue;
         const long value = c == '?' ? -1 : strtol(optarg, &end, 10);
         if (c == '?') exit(2);
         if (value < 0 || value > 100000 || end == optarg || *end != '\0')
@@ -106,8 +110,12 @@ int main(int argc, char **argv)
     if (!counter_open()) return 2;
     runs_configure(&config, &size);
     struct fovea *rt = full_map_runtime(&config);
+    two_cameras_config(&config, size.width, size.height);
+    config.features.count_max = rt->config.features.count_max;
+    struct fovea *two = full_map_runtime(&config);
     const struct capacities capacities = capacities_of(rt);
-    pieces_measure(rt);
+    pieces_measure(rt, two);
+    free(two);
     free(rt);
     stages_derive(&capacities);
     units_derive(&capacities);

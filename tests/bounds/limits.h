@@ -40,6 +40,8 @@ enum {
     CLOSURE_GROUP = 300,
     CLOSURE_FUSED = 120,
     CLOSURE_GRAPH_KEYFRAMES = 8,
+    /* stereo/align.c */
+    STEREO_STEPS = 5,
     /* odometry/lens_window.c */
     LENS_SLOTS = 1500,
     LENS_POINTS = 20

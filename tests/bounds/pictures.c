@@ -7,6 +7,13 @@
 #include "drivers/table.h"
 #include "fovea/source.h"
 
+static void keep(uint8_t *to, const struct fovea_image *image)
+{
+    for (int32_t y = 0; y < image->height && to != NULL; y++)
+        memcpy(to + (size_t)y * (size_t)image->width,
+               image->data + (size_t)y * (size_t)image->stride_bytes, (size_t)image->width);
+}
+
 void film_render(struct film *film, const char *uri, int start, int step, int count)
 {
     const struct fovea_source_selection selection = {
@@ -26,12 +33,11 @@ void film_render(struct film *film, const char *uri, int start, int step, int co
     film->height = film->camera.height;
     const size_t bytes = (size_t)film->width * (size_t)film->height;
     film->pixels = malloc(bytes * (size_t)count);
-    while (film->pixels != NULL && film->count < count &&
-           ops->dequeue(source, INT64_MAX, &frame) == FOVEA_OK) {
-        for (int32_t y = 0; y < film->height; y++)
-            memcpy(film->pixels + bytes * (size_t)film->count + (size_t)y * (size_t)film->width,
-                   frame.images[0].data + (size_t)y * (size_t)frame.images[0].stride_bytes,
-                   (size_t)film->width);
+    if (ops->info(source)->rig.camera_count > 1) film->seconds = malloc(bytes * (size_t)count);
+    while (film->count < count && ops->dequeue(source, INT64_MAX, &frame) == FOVEA_OK) {
+        keep(film->pixels + bytes * (size_t)film->count, &frame.images[0]);
+        if (film->seconds != NULL)
+            keep(film->seconds + bytes * (size_t)film->count, &frame.images[1]);
         film->count++;
         ops->requeue(source, &frame);
     }
@@ -41,6 +47,7 @@ void film_render(struct film *film, const char *uri, int start, int step, int co
 
 void film_free(struct film *film)
 {
+    free(film->seconds);
     free(film->pixels);
 }
 

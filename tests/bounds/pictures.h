@@ -9,7 +9,8 @@
 
 /* Frames of the simulated camera, in memory. */
 struct film {
-    uint8_t *pixels; /* grey, one frame after the other */
+    uint8_t *pixels;  /* grey, one frame after the other */
+    uint8_t *seconds; /* likewise of the second camera; NULL: none */
     int count;
     int32_t width, height;
     struct fovea_camera camera;

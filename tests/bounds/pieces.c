@@ -29,8 +29,11 @@ _Noreturn void piece_wrong(const char *file, int line, const char *what)
     exit(1);
 }
 
-void pieces_measure(struct fovea *rt)
+void pieces_measure(struct fovea *rt, struct fovea *two)
 {
+    pieces_of_stereo(two);
+    pieces_of_stereo_match(two);
+    pieces_of_stereo_align(two);
     pieces_of_features(rt);
     pieces_of_pose(rt);
     pieces_of_map(rt);

@@ -38,6 +38,11 @@
     ROW(depth, "the median depth, by halving")                                                     \
     ROW(published, "the pose, its covariance and its rates for those outside")                     \
     ROW(map_given_up, "a map given up that the pictures contradict")                               \
+    /* two cameras */                                                                              \
+    ROW(rays_found, "rays of the features of both cameras, sorted")                                \
+    ROW(stereo_matched, "a feature along its curve, most looked at, most compared")                \
+    ROW(patch_aligned, "a patch taken and aligned")                                                \
+    ROW(patch_step, "a further step of its alignment")                                             \
     /* finding the camera again */                                                                 \
     ROW(words, "features to visual words")                                                         \
     ROW(scores, "scores of all keyframes, every word in each")                                     \
@@ -167,8 +172,8 @@ void piece_note(enum piece piece, double instructions);
 
 struct fovea;
 
-/* Measure all, on a runtime that they use up. */
-void pieces_measure(struct fovea *rt);
+/* Measure all, on a runtime that they use up; `two` has two cameras. */
+void pieces_measure(struct fovea *rt, struct fovea *two);
 
 /* By file. */
 void pieces_of_features(struct fovea *rt);
@@ -192,6 +197,9 @@ void pieces_of_archive(struct fovea *rt);
 void pieces_of_lens(struct fovea *rt);
 void pieces_of_jobs(struct fovea *rt);
 void pieces_of_edges(struct fovea *rt);
+void pieces_of_stereo(struct fovea *rt);
+void pieces_of_stereo_match(struct fovea *rt);
+void pieces_of_stereo_align(struct fovea *rt);
 void pieces_of_floor(struct fovea *rt);
 void pieces_of_closure(struct fovea *rt);
 void pieces_of_similarity(struct fovea *rt);

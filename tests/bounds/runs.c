@@ -9,6 +9,7 @@
 #include "bounds/kinds.h"
 #include "bounds/pictures.h"
 #include "bounds/table.h"
+#include "bounds/two_cameras.h"
 
 enum { UNITS_PER_FRAME = 200 }; /* so many of each job at most */
 
@@ -17,7 +18,8 @@ enum {
     SAVES = 2,   /* the map, once */
     DETECTS = 4, /* a detector and edges run */
     FLOORS = 8,  /* the scale comes from the floor */
-    BRIEF = 16   /* a brief check plays it too */
+    BRIEF = 16,  /* a brief check plays it too */
+    TWO = 32     /* cameras, whose stage alone is noted: distances add to others */
 };
 
 struct run {
@@ -40,20 +42,26 @@ static const struct run runs[] = {
     {"boxes", NULL, 0, 1, 1, picture_noise, BOXES},
     {"kidnapped", "sim:corridor", 0, 2, 4, picture_kidnapped, 0},
     {"loop", "sim:corridor", 0, 4, 8, picture_film, FLOORS},
+    {"two cameras", "sim:corridor", 0, 2, 1, picture_film, TWO},
 };
 
 /* ---- one step, and its units ----------------------------------------------------------------- */
 
-static void note_step(const struct fovea *rt, const char *run, uint64_t step)
+static void note_step(const struct fovea *rt, const struct run *run, uint64_t step)
 {
     struct fovea_stats stats;
     fovea_stats_get(rt, &stats);
+    if ((run->flags & TWO) != 0) {
+        bound_note("stereo: two cameras", run->name,
+                   (uint64_t)stats.stage_wall_ns[FOVEA_STAGE_STEREO]);
+        return;
+    }
     for (int stage = 0; stage < FOVEA_STAGE_JOBS; stage++) {
         const uint64_t took = (uint64_t)stats.stage_wall_ns[stage];
         step -= took;
-        bound_note(fovea_stage_name((enum fovea_stage)stage), run, took);
+        bound_note(fovea_stage_name((enum fovea_stage)stage), run->name, took);
     }
-    bound_note("the rest of the step", run, step);
+    bound_note("the rest of the step", run->name, step);
 }
 
 static void do_units(struct fovea *rt, const char *run, enum fovea_job job)
@@ -88,7 +96,11 @@ static void process(struct fovea *rt, const struct run *run, const struct fovea_
         inputs.boxes[i] = (struct fovea_box){0, 0, 1e4f, 1e4f};
     const uint64_t before = counter_now();
     (void)fovea_step(rt, &inputs, &outputs);
-    note_step(rt, run->name, counter_now() - before);
+    note_step(rt, run, counter_now() - before);
+    if ((run->flags & TWO) != 0) {
+        (void)fovea_work(rt, &inputs.grants, &outputs);
+        return;
+    }
     for (int job = 0; job < FOVEA_JOB_COUNT; job++)
         do_units(rt, run->name, (enum fovea_job)job);
 }
@@ -106,6 +118,14 @@ void runs_configure(struct fovea_config *config, const struct runs_size *size)
     config->clock = counter_clock;
 }
 
+/* The rig of two cameras in place of the one. */
+static void take_two(struct fovea_config *config, const struct runs_size *size)
+{
+    static struct fovea_config two;
+    two_cameras_config(&two, size->width, size->height);
+    config->rig = two.rig;
+}
+
 static void play(const struct run *run, const struct runs_size *size)
 {
     static struct fovea_config config;
@@ -121,9 +141,10 @@ static void play(const struct run *run, const struct runs_size *size)
         config.detect.model = NULL;
         config.edge_job.period_frames = 0;
     }
+    if ((run->flags & TWO) != 0) take_two(&config, size);
     if (run->uri != NULL) {
-        snprintf(uri, sizeof uri, "%s?width=%d&height=%d", run->uri, (int)size->width,
-                 (int)size->height);
+        snprintf(uri, sizeof uri, "%s?width=%d&height=%d%s", run->uri, (int)size->width,
+                 (int)size->height, (run->flags & TWO) != 0 ? "&baseline=0.11" : "");
         film_render(&film, uri, run->start, run->step, frames);
     }
     struct fovea *rt = full_map_runtime(&config);
@@ -140,6 +161,12 @@ static void play(const struct run *run, const struct runs_size *size)
                                                .stride_bytes = film.width,
                                                .format = FOVEA_PIXEL_GREY8,
                                                .size_bytes = (size_t)film.width * film.height};
+        if (film.seconds != NULL) {
+            frame.image_count = 2;
+            frame.images[1] = frame.images[0];
+            frame.images[1].data =
+                film.seconds + frame.images[0].size_bytes * (size_t)(n % film.count);
+        }
         process(rt, run, &frame, n);
     }
     free(pixels);
@@ -151,5 +178,7 @@ static void play(const struct run *run, const struct runs_size *size)
 void runs_play(const struct runs_size *size)
 {
     for (size_t i = 0; i < sizeof runs / sizeof runs[0]; i++)
-        if ((runs[i].flags & BRIEF) != 0 || !size->brief) play(&runs[i], size);
+        if (size->only != NULL ? strcmp(size->only, runs[i].name) == 0
+                               : (runs[i].flags & BRIEF) != 0 || !size->brief)
+            play(&runs[i], size);
 }

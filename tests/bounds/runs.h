@@ -11,6 +11,7 @@ struct runs_size {
     uint32_t features, keyframes, landmarks; /* capacities; 0: the defaults */
     int frames;                              /* of each run; long ones have a multiple of it */
     bool brief;                              /* only some of them */
+    const char *only;                        /* name of the one that is played; NULL: all */
 };
 
 struct fovea_config;

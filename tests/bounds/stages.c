@@ -37,13 +37,10 @@ static void derive_pyramid(const struct capacities *c)
     TERM(b, BOUND_ALWAYS, width * height, pixel_taken);
 }
 
-static void derive_features(const struct capacities *c)
+static void add_features(struct bound *b, const struct capacities *c)
 {
-    struct bound *b = bound_of("features");
     const double level_pixels = c->level_pixels, level_rows = c->level_rows, features = c->features,
                  per_cell = c->per_cell;
-    TERM(b, BOUND_ALWAYS, 1, mask_begun);
-    TERM(b, BOUND_ALWAYS, FOVEA_INPUT_BOXES_MAX, box_masked);
     TERM(b, BOUND_ALWAYS, level_pixels, pixel_scored);
     TERM(b, BOUND_ALWAYS, level_rows, row_walked);
     TERM(b, BOUND_ALWAYS, level_pixels / 4, corner_offered); /* peaks: one of 2 x 2 at most */
@@ -54,6 +51,27 @@ static void derive_features(const struct capacities *c)
     TERM(b, BOUND_ALWAYS, features, corner_described);
     TERM(b, BOUND_ALWAYS, level_pixels, row_smoothed);
     TERM(b, BOUND_ALWAYS, 1, patterns_turned);
+}
+
+static void derive_features(const struct capacities *c)
+{
+    struct bound *b = bound_of("features");
+    TERM(b, BOUND_ALWAYS, 1, mask_begun);
+    TERM(b, BOUND_ALWAYS, FOVEA_INPUT_BOXES_MAX, box_masked);
+    add_features(b, c);
+}
+
+/* The second camera's images and features, then distances. */
+static void derive_stereo(const struct capacities *c)
+{
+    struct bound *b = bound_of("stereo: two cameras");
+    const double width = c->width, height = c->height, features = c->features;
+    TERM(b, BOUND_ALWAYS, width * height, pixel_taken);
+    add_features(b, c);
+    TERM(b, BOUND_ALWAYS, 1, rays_found);
+    TERM(b, BOUND_ALWAYS, features, stereo_matched);
+    TERM(b, BOUND_ALWAYS, least(FV_STEREO_ALIGNED_MAX, features), patch_aligned);
+    TERM(b, BOUND_ALWAYS, STEREO_STEPS * least(FV_STEREO_ALIGNED_MAX, features), patch_step);
 }
 
 /* ---- odometry -------------------------------------------------------------------------------- */
@@ -245,6 +263,7 @@ void stages_derive(const struct capacities *c)
 {
     derive_pyramid(c);
     derive_features(c);
+    derive_stereo(c);
     derive_odometry(c);
     derive_others(c);
 }
