@@ -18,6 +18,7 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent
 BUILD = ROOT / "build-aarch64"
 DOCUMENT = ROOT / "docs" / "bounds.md"
 SETS = {"neon": ("NEON", []), "c": ("plain C", ["--brief", "--frames", "30"])}  # plain C takes ten times as long
+STEP = ("pyramid", "features", "stereo", "odometry", "encode", "the rest of the step")
 UNIT = 375000  # instructions: 0.25 ms at 1.5 of them per ns
 SMALL = "--brief --width 320 --height 240 --features 500 --keyframes 24 --landmarks 1000 --frames 50".split()
 
@@ -69,11 +70,18 @@ def times_over(bound):
     return f"{bound['sum'] / bound['most']:.1f}" if bound["most"] else "-"
 
 
+def step_of(counts):
+    """The step: the sum of its stages, of their bounds and of their largest counts."""
+    total = {key: sum(counts.bounds[name][key] for name in STEP) for key in ("sum", "most")}
+    return f"{short(total['sum'])} | {short(total['most'])} | {times_over(total)}"
+
+
 def overview(counts):
     """Every bound, with NEON and in plain C, beside the largest count."""
     neon, plain = counts["neon"], counts["c"]
     lines = ["| stage or unit | bound, NEON | counted | times | in the run | bound, plain C | counted | times |",
-             "| --- | ---: | ---: | ---: | --- | ---: | ---: | ---: |"]
+             "| --- | ---: | ---: | ---: | --- | ---: | ---: | ---: |",
+             f"| the step: one camera, all stages together | {step_of(neon)} | sum of the runs' largest | {step_of(plain)} |"]
     for name, bound in neon.bounds.items():
         other = plain.bounds[name]
         counted = [short(b["most"]) if b["times"] else "never ran" for b in (bound, other)]

@@ -56,8 +56,12 @@ static void of_messages(struct working *w)
     rt->state->any_frame = 1;
     rt->state->frames_processed = 1;
     rt->state->steps = 0;
-    for (int n = 0; n < 4 * STATES; n++) { /* quaternions take four ways, texts differ */
-        turn_all(rt, n % 4, (enum fovea_tracking_state)(n / 4));
+    for (int n = 0; n < 8 * STATES; n++) { /* quaternions take four ways, texts differ */
+        rt->scale.state->known = n >= 4 * STATES;
+        rt->scale.state->source = FOVEA_SCALE_CAMERA_HEIGHT;
+        rt->scale.state->log_scale = 0.01 * n;
+        rt->scale.state->variance = 0.01;
+        turn_all(rt, n % 4, (enum fovea_tracking_state)(n / 4 % STATES));
         rt->state->map_keyframe = rt->state->map_landmark = 0;
         w->inputs.source_state = (enum fovea_source_state)(n / 4 % SOURCE_STATES);
         rt->state->frame.pixel_format = (uint32_t)(n % FOVEA_PIXEL_FORMAT_COUNT);
