@@ -111,7 +111,7 @@ struct fovea_pose {
      * in rad. From the joint information of the frame, its landmarks and their keyframes, at the
      * noise that the frame shows, plus the corrections of the reference since its own pose was
      * published. In metres it includes the scale's uncertainty, scale_sigma of the way since the
-     * keyframe, along it; while the scale is free the unit is held to 1 % over the window. */
+     * keyframe, along it; while the scale is free the unit is held to 1.5 % over the window. */
     double covariance[21];
     /* Landmarks matched, and of them those that agree. While starting, matches are those of
      * features with the oldest image held. */

@@ -21,8 +21,8 @@ static const double scale_sigma =
     0.015; /* of the window's unit of length against that of the whole path */
 static const double nearly = 1e-6,
                     nearly_zero = 1e-9; /* added to diagonals, relative: no parallax is any depth */
-static const double own_fraction = 0.75; /* of the variance that inliers show: their landmarks' own
-                                         errors are in it, and counted again */
+static const double own_fraction = 0.65; /* of the variance that inliers show: their own errors are
+                                         in it, and counted again by the parts */
 static const double together_max =
     3; /* parts' variance over that of the errors: more, and something moves, or the map is bent */
 static const double young_spread_px =

@@ -41,6 +41,10 @@ void fv_motion_forget(struct fv_motion *motion);
 void fv_motion_predict(const struct fv_motion *motion, const struct fv_se3 *T_last,
                        int64_t stamp_ns, struct fv_se3 *T);
 
+/* Pose at `stamp_ns`, from that of a later frame, at `from_ns`, which the motion is not of. */
+void fv_motion_predict_from(const struct fv_motion *motion, const struct fv_se3 *T_from,
+                            int64_t from_ns, int64_t stamp_ns, struct fv_se3 *T);
+
 /* The same with a hint; where it holds no translation, the camera goes on in a straight line. */
 void fv_motion_predict_by(const struct fv_motion *motion, const struct fv_motion_hint *hint,
                           const struct fv_se3 *T_last, int64_t stamp_ns, struct fv_se3 *T);

@@ -21,6 +21,7 @@ static const double blurred_fraction = 0.65; /* of the usual score */
 static const double follow = 0.2;            /* of a usable picture's score */
 static const double fall = 0.995;            /* per blurred picture: so lasts the memory */
 static const double predicted_min_px = 1;    /* less motion than this may end at once */
+static const double crept_px = 1;            /* since motion ended: it goes on, slowly */
 static const double frozen_fraction = 0.15;  /* of the motion predicted, above which it goes on */
 static const double frozen_px = 0.1;         /* noise of a pose, in the image */
 static const double across = 0.3; /* of the way: the uncertainty to its sides, as where it turns */
@@ -100,15 +101,19 @@ void fv_odometry_judge_freeze(struct fv_odometry *o, const struct fv_map_frame *
                               const struct fv_se3 *T_last, const struct fv_se3 *T)
 {
     struct fv_usable_state *s = &o->state->usable;
-    struct fv_se3 predicted = *T_last; /* one interval on */
     const struct fv_motion *motion = &o->state->localise.motion;
-    if (motion->known) fv_se3_compose(&motion->T_now_before, T_last, &predicted);
+    const int64_t stamp_ns = frame->keyframe->stamp_ns;
+    struct fv_se3 predicted;
+    fv_motion_predict_from(motion, T_last, s->judged_ns, stamp_ns, &predicted);
+    s->judged_ns = stamp_ns;
     const double expected_px = image_motion_px(o, frame, T_last, &predicted),
                  found_px = image_motion_px(o, frame, T_last, T);
     const bool ended =
         expected_px >= predicted_min_px && found_px < frozen_px + frozen_fraction * expected_px;
+    if (!s->frozen) s->frozen_at = *T_last;
+    const bool creeps = image_motion_px(o, frame, &s->frozen_at, T) >= crept_px;
     /* The motion model stays that of the frames before, so what froze is still held against it. */
-    s->frozen = s->repeated || (motion->known && ended);
+    s->frozen = s->repeated || (motion->known && ended && !creeps);
 }
 
 void fv_odometry_add_freeze(struct fv_odometry *o, const struct fv_map_frame *frame)

@@ -9,9 +9,10 @@
  * Frozen: the camera repeats a picture, perhaps with noise or compressed anew. Noise lets exactly
  * the same features occur once, so that many of them again are an old picture, whatever boxes have
  * hidden of it. Else what tells is that all motion ends from one picture to the next, which mass
- * does not: a car that brakes, however hard, still moves in the next frame. While the picture
- * stays, the camera may stand or go on, so the way that it would have gone since is added to the
- * covariance.
+ * does not: a car that brakes, however hard, still moves in the next frame. Motion is by time, so
+ * the frame behind a gap says nothing of the next. What creeps on is no repeated picture: a pixel
+ * of it, all told, ends the freeze. While the picture stays, the camera may stand or go on, so the
+ * way that it would have gone since is added to the covariance.
  *
  * Patched: some of the features are exactly those of one of the last eight pictures, as after a
  * transfer that broke off: what is old says that the camera stands. A picture from before an outage
@@ -40,6 +41,8 @@ struct fv_usable_state {
     uint32_t seen[FV_USABLE_SEEN];
     uint32_t picture, reserved; /* number of the current picture */
     double sharpness;           /* mean score that is usual; 0: not known */
+    int64_t judged_ns;          /* stamp of the last frame that was judged, frozen or not */
+    struct fv_se3 frozen_at;    /* pose where motion ended; of a picture that is frozen */
     bool blurred;               /* the current picture */
     bool repeated;              /* most of its features are exactly those of earlier ones */
     bool patched;               /* a part of them are */

@@ -115,6 +115,65 @@ static void standing_is_not_frozen(void **state)
     sim_rig_close(&rig);
 }
 
+/* Frames that lack for half a second make one long interval. What follows is as fast as before,
+ * and no picture that repeats itself. */
+static void a_gap_is_no_freeze(void **state)
+{
+    enum { BEGIN = 180, GAP = 60, SETTLED = 10, END = 240 };
+    static const char *const rigs[] = {"", "&baseline=0.1"};
+    (void)state;
+    for (size_t i = 0; i < sizeof rigs / sizeof rigs[0]; i++) {
+        char uri[192];
+        int tracking = 0;
+        snprintf(
+            uri, sizeof uri,
+            "fault:sim:orbit?seed=3&width=400&height=300&rate=120%s?kind=drop&first=%d&shortest=%d&longest=%d&count=1",
+            rigs[i], BEGIN, GAP, GAP);
+        sim_rig_open(&rig, uri, 0, END + GAP);
+        sim_rig_build(&rig);
+        while (sim_rig_next(&rig)) {
+            sim_rig_process(&rig);
+            assert_false(rig.frames > BEGIN && rig.rt->odometry.state->usable.frozen);
+        }
+        const uint64_t keyframe = rig.pose[BEGIN - 1].reference_keyframe;
+        assert_int_equal(rig.pose[BEGIN - 1].state, FOVEA_TRACKING_OK);
+        for (int n = BEGIN + SETTLED; n < END; n++)
+            tracking += rig.pose[n].state == FOVEA_TRACKING_OK;
+        printf("%s: behind a gap %d of %d frames tracking\n", uri, tracking, END - BEGIN - SETTLED);
+        assert_true(4 * tracking > 3 * (END - BEGIN - SETTLED));
+        assert_true(rig.pose[END - 1].reference_keyframe > keyframe);
+        sim_rig_close(&rig);
+    }
+}
+
+/* A camera that all at once is slower, but moves: what looked like a freeze ends. */
+static void creeping_is_no_freeze(void **state)
+{
+    enum { FAST = 12, FAST_FRAMES = 40, WEAK_MAX = 12, END = 120 };
+    int64_t stamp_ns = 0;
+    int tracking = 0, frozen = 0;
+    (void)state;
+    sim_rig_open(&rig, "sim:orbit?seed=3&width=400&height=300&rate=60", 0, 0);
+    sim_rig_build(&rig);
+    while (rig.frames < END && sim_rig_next(&rig)) {
+        for (int k = 1; k < FAST && rig.frames < FAST_FRAMES; k++) {
+            rig.ops->requeue(rig.source, &rig.frame);
+            assert_true(sim_rig_next(&rig));
+        }
+        rig.frame.stamp_ns = rig.inputs.now_ns = stamp_ns += 33333333;
+        sim_rig_process(&rig);
+        frozen += rig.rt->odometry.state->usable.frozen;
+    }
+    assert_int_equal(rig.pose[FAST_FRAMES - 1].state, FOVEA_TRACKING_OK);
+    for (int n = FAST_FRAMES + WEAK_MAX; n < END; n++)
+        tracking += rig.pose[n].state == FOVEA_TRACKING_OK;
+    printf("slower at once: %d frames taken as frozen; %d of %d tracking\n", frozen, tracking,
+           END - FAST_FRAMES - WEAK_MAX);
+    assert_true(frozen < WEAK_MAX);
+    assert_true(4 * tracking > 3 * (END - FAST_FRAMES - WEAK_MAX));
+    sim_rig_close(&rig);
+}
+
 enum { FEATURES = 400 };
 static struct fovea_feature features[FEATURES];
 static uint8_t descriptors[FEATURES][32];
@@ -174,6 +233,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(frozen_pictures_are_weak),  cmocka_unit_test(blurred_pictures_are_weak),
         cmocka_unit_test(standing_is_not_frozen),    cmocka_unit_test(old_features_tell),
+        cmocka_unit_test(a_gap_is_no_freeze),        cmocka_unit_test(creeping_is_no_freeze),
         cmocka_unit_test(patched_pictures_are_weak),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
