@@ -212,7 +212,9 @@ static void every_option_of_the_help_is_in_the_manual_page(void **)
         for (size_t at = help.find("\n  --"); at != std::string::npos;
              at = help.find("\n  --", at + 1), options++) {
             std::string item = "\\fB\\-\\-";
-            item += help.substr(at + 5, help.find(' ', at + 5) - at - 5) + "\\fR";
+            for (const char letter : help.substr(at + 5, help.find(' ', at + 5) - at - 5))
+                item += letter == '-' ? std::string("\\-") : std::string(1, letter);
+            item += "\\fR";
             if (page.find(item) == std::string::npos) fail_msg("%s: no %s", command.name, &item[0]);
         }
         assert_true(options >= 4); /* --help, --man and at least two of its own */
