@@ -13,7 +13,9 @@ extern "C" {
 /* How many frames of a source may be held at once. */
 static inline uint32_t fv_source_frames_held(const struct fovea_source_selection *selection)
 {
-    return selection->frames_held > 0 ? selection->frames_held : (uint32_t)FOVEA_SOURCE_FRAMES_HELD;
+    const uint32_t most = FOVEA_SOURCE_FRAMES_HELD_MAX, usual = FOVEA_SOURCE_FRAMES_HELD,
+                   wanted = selection->frames_held;
+    return wanted == 0 ? usual : wanted < most ? wanted : most;
 }
 
 /* Ended by NULL. */

@@ -121,9 +121,9 @@ struct fovea_source_selection {
     bool reverse;
     bool colour;
     bool camera_given;
-    /* Frames that may be held at once, at most FOVEA_SOURCE_FRAMES_HELD_MAX; 0 is
-     * FOVEA_SOURCE_FRAMES_HELD. A source that wraps another and keeps a frame of it back asks for
-     * one more than is asked of itself. */
+    /* Frames that may be held at once; 0 is FOVEA_SOURCE_FRAMES_HELD, more than
+     * FOVEA_SOURCE_FRAMES_HELD_MAX is as many. A source that keeps a frame of another back while it
+     * takes the next one asks for one more than is asked of itself. */
     uint32_t frames_held;
 };
 

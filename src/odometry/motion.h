@@ -41,7 +41,7 @@ void fv_motion_forget(struct fv_motion *motion);
 void fv_motion_predict(const struct fv_motion *motion, const struct fv_se3 *T_last,
                        int64_t stamp_ns, struct fv_se3 *T);
 
-/* Pose at `stamp_ns`, from that of a later frame, at `from_ns`, which the motion is not of. */
+/* The same from the pose of any frame, taken at `from_ns`. */
 void fv_motion_predict_from(const struct fv_motion *motion, const struct fv_se3 *T_from,
                             int64_t from_ns, int64_t stamp_ns, struct fv_se3 *T);
 

@@ -111,9 +111,9 @@ void fv_odometry_judge_freeze(struct fv_odometry *o, const struct fv_map_frame *
     const bool ended =
         expected_px >= predicted_min_px && found_px < frozen_px + frozen_fraction * expected_px;
     if (!s->frozen) s->frozen_at = *T_last;
-    const bool creeps = image_motion_px(o, frame, &s->frozen_at, T) >= crept_px;
     /* The motion model stays that of the frames before, so what froze is still held against it. */
-    s->frozen = s->repeated || (motion->known && ended && !creeps);
+    s->frozen = s->repeated ||
+                (motion->known && ended && image_motion_px(o, frame, &s->frozen_at, T) < crept_px);
 }
 
 void fv_odometry_add_freeze(struct fv_odometry *o, const struct fv_map_frame *frame)

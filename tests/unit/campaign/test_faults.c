@@ -71,6 +71,43 @@ static void a_right_walk_is_right(void **unused)
     assert_int_equal(verdict.wrong, 0);
 }
 
+/* A walk whose stamps leap in some windows. Frames whose stamps are not after that of the last
+ * processed one are refused, as the runtime does. */
+static void leap(const struct faults_plan *plan)
+{
+    int64_t last_ns = -1;
+    walk(FOVEA_SCALE_FREE);
+    for (int i = 0; i < FRAMES; i++) {
+        struct faults_frame *frame = &play.frame[i];
+        if (faults_strikes(plan, (uint64_t)i)) frame->stamp_ns += 868000000;
+        frame->processed = frame->stamp_ns > last_ns;
+        if (frame->processed) last_ns = frame->stamp_ns;
+    }
+}
+
+/* Whether frames flow again is a matter of the source's time: stamps that leap are at fault. */
+static void leaping_stamps_are_no_wait(void **state)
+{
+    struct faults_plan plan = {.count = 1};
+    struct faults_verdict verdict;
+    (void)state;
+    snprintf(plan.options[0], sizeof plan.options[0],
+             "kind=jump&leap=868&seed=3&first=8&shortest=4&longest=4&fraction=0.3");
+    leap(&plan);
+    faults_judge(&plan, &play, true, nees, &verdict);
+    assert_true(verdict.returns >= 2);
+    assert_int_equal(verdict.late, 0);
+    assert_true(verdict.last_s > 0.2 && verdict.last_s < 0.869);
+    snprintf(plan.options[0], sizeof plan.options[0],
+             "kind=black&seed=3&first=8&shortest=4&longest=4&count=1");
+    walk(FOVEA_SCALE_FREE);
+    for (int i = 12; i < 12 + 31; i++)
+        play.frame[i].processed = false;
+    faults_judge(&plan, &play, true, nees, &verdict);
+    assert_int_equal(verdict.returns, 1);
+    assert_int_equal(verdict.late, 1);
+}
+
 /* One place that is no number makes that frame false, and no other unjudged. */
 static void what_is_not_finite_is_false(void **unused)
 {
@@ -272,6 +309,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_right_walk_is_right),
         cmocka_unit_test(what_is_not_finite_is_false),
+        cmocka_unit_test(leaping_stamps_are_no_wait),
         cmocka_unit_test(nothing_misses_the_bars),
         cmocka_unit_test(a_record_is_of_one_build),
         cmocka_unit_test(wheels_make_another_source),

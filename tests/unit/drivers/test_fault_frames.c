@@ -38,8 +38,16 @@ struct run {
 
 static struct run own, faulty, again;
 
-/* Play all of a source; each frame's true pose is that of its index. `held_max`: frames that are
- * held at once, the oldest goes back first. */
+static uint64_t sum_of(const struct fovea_frame *frame)
+{
+    uint64_t sum = 0;
+    for (size_t i = 0; frame->images[0].data != NULL && i < frame->images[0].size_bytes; i++)
+        sum = 31 * sum + frame->images[0].data[i];
+    return sum;
+}
+
+/* Play all of a source; each frame's true pose is that of its index, and its picture stays while it
+ * is held. `held_max`: frames that are held at once, the oldest goes back first. */
 static void play_holding(const char *uri, uint32_t held_max, struct run *run)
 {
     const struct fovea_source_selection all = {.step = 1};
@@ -48,6 +56,7 @@ static void play_holding(const char *uri, uint32_t held_max, struct run *run)
     struct fovea_error error = {.text = ""};
     const char *address;
     struct fovea_frame frame, held[FOVEA_SOURCE_FRAMES_HELD];
+    uint64_t sums[FOVEA_SOURCE_FRAMES_HELD];
     struct fovea_sample list[FOVEA_INPUT_SAMPLES_MAX];
     memset(run, 0, sizeof *run);
     if (fv_source_find(uri, &ops, &address, &error) != FOVEA_OK ||
@@ -59,6 +68,7 @@ static void play_holding(const char *uri, uint32_t held_max, struct run *run)
     run->frame_count = ops->info(source)->frame_count;
     while (ops->dequeue(source, INT64_MAX, &frame) == FOVEA_OK) {
         held[run->count % held_max] = frame;
+        sums[run->count % held_max] = sum_of(&frame);
         struct come *come = &run->come[run->count++];
         double T[12];
         assert_true(run->count < ALL_MAX);
@@ -75,7 +85,10 @@ static void play_holding(const char *uri, uint32_t held_max, struct run *run)
             run->sample[run->samples++] = list[i].imu;
         }
         come->samples = run->samples;
-        if (run->count >= held_max) ops->requeue(source, &held[run->count % held_max]);
+        const uint32_t oldest = run->count % held_max;
+        if (run->count < held_max) continue;
+        assert_true(sum_of(&held[oldest]) == sums[oldest]);
+        ops->requeue(source, &held[oldest]);
     }
     if (ops->counts != NULL) ops->counts(source, &run->counts);
     ops->stop(source);

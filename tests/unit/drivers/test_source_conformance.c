@@ -387,33 +387,42 @@ static void test_heap_watch_sees(void **state)
     assert_true(calls >= 2);
 }
 
-static void test_hold_limit(void **state)
+/* As many frames as the selection asks for, and no more. */
+static void check_hold_limit(uint32_t asked, int limit)
 {
-    (void)state;
+    struct fovea_source_selection selection = some;
     size_t i = 0;
+    selection.frames_held = asked;
     for (const struct fovea_source_ops *ops; (ops = next_driver(&i)) != NULL;) {
-        struct fovea_source *source = open_with(ops, &some);
-        struct fovea_frame held[FOVEA_SOURCE_FRAMES_HELD], more;
+        struct fovea_source *source = open_with(ops, &selection);
+        struct fovea_frame held[FOVEA_SOURCE_FRAMES_HELD_MAX], more;
         start(ops, source);
-        for (int j = 0; j < FOVEA_SOURCE_FRAMES_HELD; j++)
+        for (int j = 0; j < limit; j++)
             assert_int_equal(ops->dequeue(source, INT64_MAX, &held[j]), FOVEA_OK);
         const int64_t before_ns = now_ns();
         assert_int_equal(ops->dequeue(source, INT64_MAX, &more),
                          FOVEA_AGAIN); /* at once, whatever the deadline */
         assert_true(now_ns() - before_ns < 5000000000);
         const uint64_t hash = hash_image(&held[0].images[0]);
-        for (int j = 0; j < FV_TEST_FRAMES - FOVEA_SOURCE_FRAMES_HELD;
-             ++j) { /* the rest goes through the second place */
-            ops->requeue(source, &held[1]);
-            assert_int_equal(ops->dequeue(source, INT64_MAX, &held[1]), FOVEA_OK);
+        for (int j = 0; j < FV_TEST_FRAMES - limit; j++) { /* the rest goes through one place */
+            ops->requeue(source, &held[limit - 1]);
+            assert_int_equal(ops->dequeue(source, INT64_MAX, &held[limit - 1]), FOVEA_OK);
         }
         assert_true(hash == hash_image(&held[0].images[0])); /* untouched while held */
-        ops->requeue(source, &held[0]);
-        ops->requeue(source, &held[1]);
+        for (int j = 0; j < limit; j++)
+            ops->requeue(source, &held[j]);
         assert_int_equal(ops->dequeue(source, INT64_MAX, &more), FOVEA_END);
         ops->stop(source);
         ops->close(source);
     }
+}
+
+static void test_hold_limit(void **state)
+{
+    (void)state;
+    check_hold_limit(0, FOVEA_SOURCE_FRAMES_HELD);
+    check_hold_limit(FOVEA_SOURCE_FRAMES_HELD + 1, FOVEA_SOURCE_FRAMES_HELD + 1);
+    check_hold_limit(1000, FOVEA_SOURCE_FRAMES_HELD_MAX);
 }
 
 static void test_deadlines(void **state)
