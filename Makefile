@@ -615,7 +615,7 @@ $(BUILD)/tests/%: $(BUILD)/obj/tests/%.o $(TEST_HELP) $(BUILD)/libfovea-app.a $(
 	@echo "  link $@"
 	$(Q)$(CXX) $(LDFLAGS) -pie -o $@ $< $(TEST_MORE) $(TEST_HELP) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group \
 	    -lcmocka $(LIBS_APP) $(if $(filter tests/%.cpp,$(wildcard tests/$*.cpp)),$(OPENCV_LIBS)) $(ORACLE_LIBS) -lm
-# What bounds are made of and checked with, in one program that runs under qemu with a counting plug-in (tools/bounds.sh). It includes
+# What bounds are made of and checked with, in one program that runs under qemu with a counting plug-in (tools/bounds.py). It includes
 # sources of the library, whose own objects are then not linked.
 BOUNDS_O := $(call objs,$(wildcard tests/bounds/*.c))
 $(BUILD)/bounds: $(BOUNDS_O) $(TEST_HELP) $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a

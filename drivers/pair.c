@@ -50,9 +50,9 @@ struct fovea_source { /* NOLINT(clang-analyzer-optin.performance.Padding): in or
     int64_t alone_ns; /* stamp of the last frame that went alone */
     struct held held[FOVEA_SOURCE_FRAMES_HELD_MAX];
     uint32_t held_max;
-    uint64_t unmatched;                      /* frames of the second without a partner */
-    bool second_away;                        /* the last frame went alone */
-    double told[FOVEA_SOURCE_CONTROL_COUNT]; /* what both were told last */
+    uint64_t unmatched;                           /* frames of the second without a partner */
+    bool second_away;                             /* the last frame went alone */
+    double requested[FOVEA_SOURCE_CONTROL_COUNT]; /* of both, the last */
 };
 
 /* ---- opening --------------------------------------------------------------------------------- */
@@ -186,7 +186,7 @@ static enum fovea_status pair_open(const char *address,
         return status;
     }
     info_make(opened, bound_ms);
-    opened->told[FOVEA_SOURCE_GAIN] = -1;
+    opened->requested[FOVEA_SOURCE_GAIN] = -1;
     *source = opened;
     return FOVEA_OK;
 }
@@ -401,9 +401,10 @@ static enum fovea_status pair_control(struct fovea_source *source,
     if (status != FOVEA_OK) return status;
     status = fv_source_control(second->ops, second->source, control, value, &said);
     if (status == FOVEA_OK)
-        source->told[control] = value;
+        source->requested[control] = value;
     else
-        (void)fv_source_control(first->ops, first->source, control, source->told[control], &unused);
+        (void)fv_source_control(first->ops, first->source, control, source->requested[control],
+                                &unused);
     if (error != NULL && (status != FOVEA_OK || error->text[0] == '\0')) *error = said;
     return status;
 }

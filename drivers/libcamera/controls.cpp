@@ -99,21 +99,21 @@ enum fovea_status add_number(const Asked &asked, const ControlId &id, const char
     return FOVEA_OK;
 }
 
-enum fovea_status add_wish(const Asked &asked, const fv_libcamera_wish &wish)
+enum fovea_status add_control_value(const Asked &asked, const fv_libcamera_control_value &given)
 {
     std::string names;
-    const ControlId *id = control_named(asked.camera, wish.name, &names);
+    const ControlId *id = control_named(asked.camera, given.name, &names);
     if (id == nullptr)
         return fovea_error_set(asked.error, FOVEA_ERROR_INPUT,
                                "%s: unknown control '%.63s'; expected one of: %.300s", asked.uri,
-                               wish.name, names.c_str());
+                               given.name, names.c_str());
     char *end = nullptr;
-    const double value = std::strtod(wish.value, &end);
-    const std::string what = std::string("control.") + wish.name;
-    if (end == wish.value || *end != '\0' || !std::isfinite(value))
+    const double value = std::strtod(given.value, &end);
+    const std::string what = std::string("control.") + given.name;
+    if (end == given.value || *end != '\0' || !std::isfinite(value))
         return fovea_error_set(asked.error, FOVEA_ERROR_INPUT,
                                "%s: %s: found '%.63s', expected a number", asked.uri, what.c_str(),
-                               wish.value);
+                               given.value);
     return add_number(asked, *id, what.c_str(), value, 1, true);
 }
 
@@ -168,7 +168,7 @@ enum fovea_status fv_libcamera_controls(const Camera &camera, const fv_libcamera
         const std::array<int64_t, 2> limits{duration_us, duration_us};
         list->set(controls::FrameDurationLimits, libcamera::Span<const int64_t, 2>(limits));
     }
-    for (uint32_t i = 0; i < options.wish_count && status == FOVEA_OK; i++)
-        status = add_wish(asked, options.wishes[i]);
+    for (uint32_t i = 0; i < options.control_value_count && status == FOVEA_OK; i++)
+        status = add_control_value(asked, options.control_values[i]);
     return status;
 }

@@ -54,7 +54,7 @@ extern "C" {
 enum {
     FV_LIBCAMERA_VERSION = 4,
     FV_LIBCAMERA_SOCKET = 3, /* the process's descriptor */
-    FV_LIBCAMERA_WISHES_MAX = 16,
+    FV_LIBCAMERA_CONTROL_VALUES_MAX = 16,
     FV_LIBCAMERA_ID_BYTES = 200
 };
 
@@ -66,7 +66,7 @@ enum fv_libcamera_role {
 };
 
 /* A control by libcamera's name for it ("Brightness"), and the value as given. */
-struct fv_libcamera_wish {
+struct fv_libcamera_control_value {
     char name[64], value[64];
 };
 
@@ -81,8 +81,8 @@ struct fv_libcamera_options {
     bool auto_exposure, auto_exposure_given, auto_gain, auto_gain_given;
     double readout_ms; /* negative: not given */
     int32_t buffers;
-    uint32_t wish_count;
-    struct fv_libcamera_wish wishes[FV_LIBCAMERA_WISHES_MAX];
+    uint32_t control_value_count;
+    struct fv_libcamera_control_value control_values[FV_LIBCAMERA_CONTROL_VALUES_MAX];
 };
 
 /* What was agreed on. */

@@ -31,30 +31,32 @@ static const struct fv_uri_option option_table[] = {
      NULL},
 };
 
-static enum fovea_status add_wish(void *to, const char *name, const char *value,
-                                  struct fovea_error *error)
+static enum fovea_status add_control_value(void *to, const char *name, const char *value,
+                                           struct fovea_error *error)
 {
     struct fv_libcamera_options *options = to;
     char quoted[FV_TEXT_QUOTED_BYTES];
-    struct fv_libcamera_wish *wish = &options->wishes[options->wish_count];
-    if (options->wish_count == FV_LIBCAMERA_WISHES_MAX)
+    struct fv_libcamera_control_value *given =
+        &options->control_values[options->control_value_count];
+    if (options->control_value_count == FV_LIBCAMERA_CONTROL_VALUES_MAX)
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "libcamera: control.: found more than %d, expected fewer",
-                               FV_LIBCAMERA_WISHES_MAX);
-    if (name[0] == '\0' || strlen(name) >= sizeof wish->name || strlen(value) >= sizeof wish->value)
+                               FV_LIBCAMERA_CONTROL_VALUES_MAX);
+    if (name[0] == '\0' || strlen(name) >= sizeof given->name ||
+        strlen(value) >= sizeof given->value)
         return fovea_error_set(
             error, FOVEA_ERROR_INPUT,
             "libcamera: control.: found %s, expected a name and a value of less than %zu bytes",
-            fv_text_quote(name, quoted, sizeof quoted), sizeof wish->name);
-    options->wish_count++;
-    memcpy(wish->name, name, strlen(name) + 1);
-    memcpy(wish->value, value, strlen(value) + 1);
+            fv_text_quote(name, quoted, sizeof quoted), sizeof given->name);
+    options->control_value_count++;
+    memcpy(given->name, name, strlen(name) + 1);
+    memcpy(given->value, value, strlen(value) + 1);
     return FOVEA_OK;
 }
 
 static const struct fv_uri_table options_table = {
-    "libcamera", option_table, sizeof option_table / sizeof option_table[0],
-    "control.",  add_wish,     NULL};
+    "libcamera", option_table,      sizeof option_table / sizeof option_table[0],
+    "control.",  add_control_value, NULL};
 
 static enum fovea_status parse(const char *address, struct fv_libcamera_options *options,
                                struct fovea_error *error)

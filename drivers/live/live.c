@@ -18,7 +18,7 @@
 #include "../table.h"
 #include "../thread.h"
 #include "picture.h"
-#include "wish.h"
+#include "control_request.h"
 
 enum { URI_BYTES = 256 };
 
@@ -58,7 +58,7 @@ struct fovea_source { /* NOLINT(clang-analyzer-optin.performance.Padding): in or
     struct tallies tallies;
     _Atomic int phase; /* of the recovery's view */
     _Atomic int64_t mark_ns;
-    struct fv_wish wish;
+    struct fv_control_request request;
 
     /* Camera thread only. */
     struct fv_recovery recovery;
@@ -297,25 +297,25 @@ static void stream(struct fovea_source *source)
     if (status != FOVEA_OK && status != FOVEA_AGAIN) broken(source, status, &error);
 }
 
-/* Tell the camera what is wished. */
-static void serve_wish(struct fovea_source *source)
+/* Set the control that a request names. */
+static void serve_control_request(struct fovea_source *source)
 {
     struct fovea_error error = {.text = ""};
     enum fovea_source_control control;
     double value;
-    if (!fv_wish_take(&source->wish, &control, &value)) return;
+    if (!fv_control_request_take(&source->request, &control, &value)) return;
     const enum fovea_status status =
         source->set_up
             ? source->ops->control(source->device, control, value, source->quit_fd, &error)
             : fovea_error_set(&error, FOVEA_GONE, "%s: the camera is away", source->uri);
-    fv_wish_answer(&source->wish, status, &error);
+    fv_control_request_answer(&source->request, status, &error);
 }
 
 static void *run(void *argument)
 {
     struct fovea_source *source = argument;
     while (!quitting(source)) {
-        serve_wish(source);
+        serve_control_request(source);
         if (fv_recovery_streams(&source->recovery)) {
             stream(source);
         } else if (now_ns() < source->recovery.next_ns) {
@@ -353,7 +353,7 @@ static void release(struct fovea_source *source)
     if (source->wake_fd >= 0) close(source->wake_fd);
     if (source->quit_fd >= 0) close(source->quit_fd);
     fv_complaints_close(&source->complaints);
-    fv_wish_close(&source->wish);
+    fv_control_request_close(&source->request);
     fv_live_pictures_close(&source->pictures);
     free(source);
 }
@@ -387,7 +387,7 @@ enum fovea_status fv_live_open(const struct fv_live_ops *ops, void *device,
     else
         fv_recovery_times_default(&source->times, setup->info.rate_hz);
     fv_complaints_open(&source->complaints);
-    fv_wish_open(&source->wish);
+    fv_control_request_open(&source->request);
     source->wake_fd = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
     source->quit_fd = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
     enum fovea_status status = FOVEA_OK;
@@ -472,7 +472,8 @@ enum fovea_status fv_live_control(struct fovea_source *source, enum fovea_source
                                   double value, struct fovea_error *error)
 {
     if (source->started)
-        return fv_wish_ask(&source->wish, source->uri, source->wake_fd, control, value, error);
+        return fv_control_request_ask(&source->request, source->uri, source->wake_fd, control,
+                                      value, error);
     return source->ops->control(source->device, control, value, -1, error);
 }
 

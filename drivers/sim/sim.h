@@ -424,11 +424,11 @@ struct fovea_source {
     struct fv_sim_world world;
     struct fv_sim_scene scene;
     uint32_t camera; /* of the rig, which the scene is seen by */
-    /* What the camera is told, by any thread (sim_control), and what the frame that is rendered
+    /* What is requested by any thread (sim_control), and what the frame that is rendered
      * takes of it. The brightness of the address's exposure at gain 1 is that of `light`. */
     struct {
         _Atomic double exposure_ms, gain;
-    } told;
+    } requested;
     struct {
         double exposure_ms, gain;
     } taken;

@@ -184,8 +184,8 @@ static enum fovea_status sim_open(const char *address,
     struct fovea_source *source = calloc(1, sizeof *source);
     if (source == NULL) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "sim: out of memory");
     source->options = options;
-    atomic_init(&source->told.exposure_ms, options.exposure_ms);
-    atomic_init(&source->told.gain, 1);
+    atomic_init(&source->requested.exposure_ms, options.exposure_ms);
+    atomic_init(&source->requested.gain, 1);
     source->selection = selection != NULL ? *selection : (struct fovea_source_selection){.step = 1};
     status = select_frames(source, error);
     if (status == FOVEA_OK) status = fv_sim_rig_describe(&options, &source->info.rig, error);
@@ -301,8 +301,8 @@ static void render_frame(struct fovea_source *source, double time_s, uint64_t se
     source->grey = grey;
     const double road =
         o->trajectory == FV_SIM_ROAD ? fv_sim_road_gain(&source->world.road, time_s) : 1.0;
-    const double told = source->taken.exposure_ms / o->exposure_ms * source->taken.gain;
-    const double bright = o->light * road * told;
+    const double brightness = source->taken.exposure_ms / o->exposure_ms * source->taken.gain;
+    const double bright = o->light * road * brightness;
     fv_sim_sensor_begin(&source->sensor, bright < bright_max ? bright : bright_max,
                         source->taken.gain > 1 ? o->noise * source->taken.gain : o->noise, seed);
     if (o->blur) memset(source->exposed, 0, (size_t)pixels * sizeof *source->exposed);
@@ -342,8 +342,8 @@ static enum fovea_status sim_dequeue(struct fovea_source *source, int64_t deadli
     const uint64_t n = source->delivered, index = frame_index(source, n);
     const uint64_t seed = o->seed ^ (index + 1) * 0x9E3779B97F4A7C15u;
     const uint32_t cameras = source->info.rig.camera_count;
-    source->taken.exposure_ms = atomic_load(&source->told.exposure_ms);
-    source->taken.gain = atomic_load(&source->told.gain);
+    source->taken.exposure_ms = atomic_load(&source->requested.exposure_ms);
+    source->taken.gain = atomic_load(&source->requested.gain);
     for (uint32_t k = 0; k < cameras; k++) {
         source->camera = k;
         render_frame(source, fv_sim_frame_time(source, index), seed + k * 0xC2B2AE3D27D4EB4Fu,
@@ -390,9 +390,9 @@ static enum fovea_status sim_control(struct fovea_source *source, enum fovea_sou
                                "sim: %s: found %.10g, expected [%.10g, %.10g]",
                                exposure ? "exposure (ms)" : "gain", value, low, high);
     if (exposure)
-        atomic_store(&source->told.exposure_ms, given ? value : source->options.exposure_ms);
+        atomic_store(&source->requested.exposure_ms, given ? value : source->options.exposure_ms);
     else
-        atomic_store(&source->told.gain, given ? value : 1);
+        atomic_store(&source->requested.gain, given ? value : 1);
     return FOVEA_OK;
 }
 

@@ -136,15 +136,15 @@ static void notice_difference(const struct fv_v4l2_device *device, const char *w
         fv_v4l2_notice(notice, device, what, asked, value * unit);
 }
 
-static enum fovea_status set_wish(const struct fv_v4l2_device *device,
-                                  const struct fv_v4l2_wish *wish, struct fovea_error *notice,
-                                  struct fovea_error *error)
+static enum fovea_status set_control_value(const struct fv_v4l2_device *device,
+                                           const struct fv_v4l2_control_value *given,
+                                           struct fovea_error *notice, struct fovea_error *error)
 {
     control_info info;
     char what[FV_V4L2_WORD_BYTES + 16], quoted[FV_TEXT_QUOTED_BYTES];
     int64_t value = 0;
-    snprintf(what, sizeof what, "control.%s", wish->name);
-    enum fovea_status status = find_by_name(device, wish->name, &info, error);
+    snprintf(what, sizeof what, "control.%s", given->name);
+    enum fovea_status status = find_by_name(device, given->name, &info, error);
     if (status != FOVEA_OK) return status;
     const bool menu = info.type == V4L2_CTRL_TYPE_MENU || info.type == V4L2_CTRL_TYPE_INTEGER_MENU;
     const bool number = menu || info.type == V4L2_CTRL_TYPE_INTEGER ||
@@ -155,12 +155,12 @@ static enum fovea_status set_wish(const struct fv_v4l2_device *device,
         return fovea_error_set(error, FOVEA_ERROR_UNSUPPORTED,
                                "%s: %s: found a control of type %u, expected a number", device->uri,
                                what, info.type);
-    const bool read = fv_text_integer(wish->value, &value) ||
-                      (menu && menu_row(device, &info, wish->value, &value));
+    const bool read = fv_text_integer(given->value, &value) ||
+                      (menu && menu_row(device, &info, given->value, &value));
     if (!read || (menu && !menu_has(device, &info, value)))
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "%s: %s: found %s, expected %s in [%lld, %lld]", device->uri, what,
-                               fv_text_quote(wish->value, quoted, sizeof quoted),
+                               fv_text_quote(given->value, quoted, sizeof quoted),
                                menu ? "a row of the menu, by name or number," : "a whole number",
                                (long long)info.minimum, (long long)info.maximum);
     status = info.type == V4L2_CTRL_TYPE_BITMASK
@@ -290,8 +290,8 @@ enum fovea_status fv_v4l2_controls_set(struct fv_v4l2_device *device, struct fov
     const struct fv_v4l2_options *options = &device->options;
     enum fovea_status status = apply_exposure(device, notice, error);
     if (status == FOVEA_OK) status = set_gain(device, notice, error);
-    for (uint32_t i = 0; i < options->wish_count && status == FOVEA_OK; i++)
-        status = set_wish(device, &options->wishes[i], notice, error);
+    for (uint32_t i = 0; i < options->control_value_count && status == FOVEA_OK; i++)
+        status = set_control_value(device, &options->control_values[i], notice, error);
     device->exposure_ns = known_exposure(device);
     return status;
 }

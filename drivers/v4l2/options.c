@@ -25,29 +25,30 @@ static const struct fv_uri_option option_table[] = {
     {"split", FV_URI_I32, AT(split), 1, 2, "cameras side by side in one picture", NULL},
 };
 
-static enum fovea_status add_wish(void *to, const char *name, const char *value,
-                                  struct fovea_error *error)
+static enum fovea_status add_control_value(void *to, const char *name, const char *value,
+                                           struct fovea_error *error)
 {
     struct fv_v4l2_options *options = to;
     char quoted[FV_TEXT_QUOTED_BYTES];
-    if (options->wish_count == FV_V4L2_WISHES_MAX)
+    if (options->control_value_count == FV_V4L2_CONTROL_VALUES_MAX)
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "v4l2: control.: found more than %d, expected fewer",
-                               FV_V4L2_WISHES_MAX);
+                               FV_V4L2_CONTROL_VALUES_MAX);
     if (name[0] == '\0' || strlen(name) >= FV_V4L2_WORD_BYTES ||
         strlen(value) >= FV_V4L2_WORD_BYTES)
         return fovea_error_set(
             error, FOVEA_ERROR_INPUT,
             "v4l2: control.: found %s, expected a name and a value of less than %d bytes",
             fv_text_quote(name, quoted, sizeof quoted), FV_V4L2_WORD_BYTES);
-    struct fv_v4l2_wish *wish = &options->wishes[options->wish_count++];
-    memcpy(wish->name, name, strlen(name) + 1);
-    memcpy(wish->value, value, strlen(value) + 1);
+    struct fv_v4l2_control_value *given = &options->control_values[options->control_value_count++];
+    memcpy(given->name, name, strlen(name) + 1);
+    memcpy(given->value, value, strlen(value) + 1);
     return FOVEA_OK;
 }
 
 static const struct fv_uri_table options_table = {
-    "v4l2", option_table, sizeof option_table / sizeof option_table[0], "control.", add_wish, NULL};
+    "v4l2",     option_table,      sizeof option_table / sizeof option_table[0],
+    "control.", add_control_value, NULL};
 
 static enum fovea_status check_together(const struct fv_v4l2_options *options,
                                         struct fovea_error *error)

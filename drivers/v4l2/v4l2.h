@@ -7,13 +7,13 @@
 #include "../live/live.h"
 #include "system.h"
 
-enum { FV_V4L2_WISHES_MAX = 16, FV_V4L2_WORD_BYTES = 64 };
+enum { FV_V4L2_CONTROL_VALUES_MAX = 16, FV_V4L2_WORD_BYTES = 64 };
 
 /* ---- options (options.c) --------------------------------------------------------------------- */
 
 /* A control by its name, as v4l2-ctl writes it ("exposure_time_absolute"), and the value as given.
  */
-struct fv_v4l2_wish {
+struct fv_v4l2_control_value {
     char name[FV_V4L2_WORD_BYTES], value[FV_V4L2_WORD_BYTES];
 };
 
@@ -30,8 +30,8 @@ struct fv_v4l2_options {
     double readout_ms; /* negative: not given */
     int32_t buffers;
     int32_t split; /* cameras that share a picture side by side: 1 or 2 */
-    uint32_t wish_count;
-    struct fv_v4l2_wish wishes[FV_V4L2_WISHES_MAX];
+    uint32_t control_value_count;
+    struct fv_v4l2_control_value control_values[FV_V4L2_CONTROL_VALUES_MAX];
 };
 
 /* Parse what follows "v4l2:" in the URI. Init-only. */

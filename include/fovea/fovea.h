@@ -168,8 +168,8 @@ struct fovea_config {
      * its horizontal field of view, which the caller made; poses are marked `uncalibrated`. */
     double camera_fov_deg;
 
-    /* What the cameras are told (fovea_source_ops.control), by the application, before the step
-     * that takes it; no result depends on it but by the frames. */
+    /* Controls that the cameras have (fovea_source_ops.control), set by the application, before the
+     * step that takes it; no result depends on it but by the frames. */
     double camera_exposure_ms; /* [0, 10000], default 0: as the source has it */
     double camera_gain;        /* [-1, 1000000000], default -1: likewise */
 

@@ -157,7 +157,7 @@ struct fovea_source_info {
     size_t heap_bytes; /* what open allocated outside the runtime's block, for the memory table */
 };
 
-/* What a camera can be told while it runs, each a number. */
+/* Controls of a camera that change while it runs, each a number. */
 enum fovea_source_control {
     /* Exposure time in milliseconds. 0: as the address says, or where it says nothing, as the
      * camera was before the first change; so its automatism may be on again. */

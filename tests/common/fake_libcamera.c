@@ -71,7 +71,7 @@ void fake_stage_reset(struct fake_stage *stage)
     atomic_store(&stage->fault, FAKE_NONE);
     atomic_store(&stage->fault_at_set_up, FAKE_NONE);
     atomic_store(&stage->fault_at_learn, FAKE_NONE);
-    atomic_store(&stage->fault_when_told, FAKE_NONE);
+    atomic_store(&stage->fault_when_set, FAKE_NONE);
     atomic_store(&stage->stubborn, false);
     atomic_store(&stage->scribble, 0);
     atomic_store(&stage->lives, 0);
@@ -281,7 +281,8 @@ static void take_options(const struct fv_libcamera_options *options)
     atomic_store(&me.stage->gain, (int)(options->gain * 1000));
 }
 
-static void be_told(const struct fv_libcamera_options *options, struct fv_libcamera_event *event)
+static void set_controls(const struct fv_libcamera_options *options,
+                         struct fv_libcamera_event *event)
 {
     for (uint32_t i = 0; i < atomic_load(&me.stage->before_answer); i++)
         send_frame();
@@ -317,8 +318,8 @@ static void serve(const struct fv_libcamera_request *request)
         take_options(&request->options);
         return;
     case FV_LIBCAMERA_CONTROL:
-        if (do_wrong(&me.stage->fault_when_told, FV_LIBCAMERA_BROKEN)) return;
-        be_told(&request->options, &event);
+        if (do_wrong(&me.stage->fault_when_set, FV_LIBCAMERA_BROKEN)) return;
+        set_controls(&request->options, &event);
         break;
     case FV_LIBCAMERA_GIVE:
         me.with_camera[request->index] = true;

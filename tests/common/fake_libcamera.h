@@ -31,14 +31,14 @@ struct fake_stage {
     atomic_bool away; /* the camera is unplugged */
     atomic_bool deaf; /* a process that has seen it away does not see it come */
     atomic_int fault, fault_at_set_up, fault_at_learn,
-        fault_when_told;        /* enum fake_fault, done once */
+        fault_when_set;         /* enum fake_fault, done once */
     atomic_bool stubborn;       /* not once, but by each process */
     atomic_int scribble;        /* 1 + value: written into the first byte of all buffers, then 0 */
     atomic_uint lives, set_ups; /* processes started; asked to stream */
     atomic_uint missed;         /* times that one said that the camera is away */
     atomic_int pid;             /* of the last */
-    atomic_int exposure_us, gain; /* what it was told last; gain in thousandths */
-    atomic_bool refuses;          /* to be told */
+    atomic_int exposure_us, gain; /* set last; gain in thousandths */
+    atomic_bool refuses;          /* to be set */
     atomic_uint before_answer;    /* frames that it sends first */
 };
 

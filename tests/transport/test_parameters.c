@@ -186,7 +186,7 @@ static int count_events(const char *path, const char *channel)
     return count;
 }
 
-/* The simulated camera was told 2.5 ms in place of 5, and a gain of 4: from one frame to the next
+/* The simulated camera was set to 2.5 ms in place of 5, and a gain of 4: from one frame to the next
  * they are brighter than the way of the camera makes them. */
 static void assert_frames_changed(void)
 {

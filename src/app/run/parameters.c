@@ -45,14 +45,16 @@ enum fovea_status fv_parameters_open(struct fv_parameters *parameters, const str
     parameters->kept_tried = malloc(sizeof *parameters->kept_tried);
     parameters->written = malloc(sizeof *parameters->written);
     parameters->keeping = calloc(FV_PARAMETERS_WAITING, sizeof *parameters->keeping);
-    parameters->wishes = calloc(FV_PARAMETERS_WAITING, sizeof *parameters->wishes);
+    parameters->camera_requests =
+        calloc(FV_PARAMETERS_WAITING, sizeof *parameters->camera_requests);
     parameters->answers = calloc(FV_PARAMETERS_WAITING, sizeof *parameters->answers);
     parameters->taken = calloc(FV_PARAMETERS_WAITING, sizeof *parameters->taken);
     parameters->ring_memory = fv_aligned_zeroed(RING_BYTES);
     if (parameters->settings == NULL || parameters->tried == NULL || parameters->kept == NULL ||
         parameters->kept_tried == NULL || parameters->written == NULL ||
-        parameters->keeping == NULL || parameters->wishes == NULL || parameters->answers == NULL ||
-        parameters->taken == NULL || parameters->ring_memory == NULL) {
+        parameters->keeping == NULL || parameters->camera_requests == NULL ||
+        parameters->answers == NULL || parameters->taken == NULL ||
+        parameters->ring_memory == NULL) {
         fv_parameters_close(parameters);
         return fovea_error_set(error, FOVEA_ERROR_MEMORY, "no memory for live parameters");
     }
@@ -79,7 +81,7 @@ void fv_parameters_close(struct fv_parameters *parameters)
     free(parameters->written);
     free(parameters->kept_calibration);
     free(parameters->keeping);
-    free(parameters->wishes);
+    free(parameters->camera_requests);
     free(parameters->answers);
     free(parameters->taken);
     free(parameters->ring_memory);
@@ -174,15 +176,16 @@ static void keep(struct fv_parameters *parameters, struct fv_parameter_change *c
     change->answered = false;
 }
 
-/* To the thread that tells the camera; the answer comes after that. */
-static void wish(struct fv_parameters *parameters, const fovea_parameter_t *request,
-                 struct fv_parameter_change *change)
+/* To the thread that may wait for the camera; the answer comes after that. */
+static void queue_camera_request(struct fv_parameters *parameters, const fovea_parameter_t *request,
+                                 struct fv_parameter_change *change)
 {
-    if (parameters->wish_count == FV_PARAMETERS_WAITING) {
+    if (parameters->camera_request_count == FV_PARAMETERS_WAITING) {
         refuse(change, "too often: the camera has not yet taken the values before this one");
         return;
     }
-    struct fv_parameter_change *waits = &parameters->wishes[parameters->wish_count++];
+    struct fv_parameter_change *waits =
+        &parameters->camera_requests[parameters->camera_request_count++];
     *waits = *change;
     waits->keep = request->keep;
     snprintf(waits->value, sizeof waits->value, "%s", request->value);
@@ -221,7 +224,7 @@ static void decide(struct fv_parameters *parameters, const fovea_parameter_t *re
     }
     if (request->keep && !try_to_keep(parameters, assignment, change)) return;
     if (fv_camera_control(key, &control)) {
-        wish(parameters, request, change);
+        queue_camera_request(parameters, request, change);
         return;
     }
     if (later) {
@@ -349,12 +352,12 @@ static bool changes(const struct fv_parameters *parameters, const struct fv_sett
            fv_settings_key_differs(key, parameters->settings, wanted);
 }
 
-/* Tell the cameras what a reload changes: all of it, or nothing. */
-static enum fovea_status tell_cameras(struct fv_parameters *parameters,
-                                      const struct fv_settings *wanted, bool named,
-                                      struct fovea_error *error)
+/* Set the controls that a reload changes: all of it, or nothing. */
+static enum fovea_status set_cameras(struct fv_parameters *parameters,
+                                     const struct fv_settings *wanted, bool named,
+                                     struct fovea_error *error)
 {
-    bool told[FOVEA_SOURCE_CONTROL_COUNT] = {false};
+    bool set[FOVEA_SOURCE_CONTROL_COUNT] = {false};
     enum fovea_status status = FOVEA_OK;
     enum fovea_source_control control;
     struct fovea_error said = {.text = ""}, unused;
@@ -363,11 +366,11 @@ static enum fovea_status tell_cameras(struct fv_parameters *parameters,
         if (!fv_camera_control(key, &control) || !changes(parameters, key, wanted, named)) continue;
         status = fv_source_control(parameters->ops, parameters->source, control,
                                    fv_camera_control_value(wanted, control), &said);
-        told[control] = status == FOVEA_OK;
+        set[control] = status == FOVEA_OK;
     }
     for (int i = 0; i < FOVEA_SOURCE_CONTROL_COUNT && status != FOVEA_OK; i++) {
         control = (enum fovea_source_control)i;
-        if (told[i])
+        if (set[i])
             (void)fv_source_control(parameters->ops, parameters->source, control,
                                     fv_camera_control_value(parameters->settings, control),
                                     &unused);
@@ -407,23 +410,24 @@ enum fovea_status fv_parameters_reload(struct fv_parameters *parameters,
         if (fv_settings_keys[i].live && wanted->line[i] != 0)
             fv_settings_key_copy(&fv_settings_keys[i], parameters->tried, wanted);
     enum fovea_status status = check_tried(parameters, error);
-    if (status == FOVEA_OK) status = tell_cameras(parameters, wanted, named, error);
+    if (status == FOVEA_OK) status = set_cameras(parameters, wanted, named, error);
     if (status == FOVEA_OK) status = change_all(parameters, wanted, named, count, error);
     pthread_mutex_unlock(&parameters->changing);
     return status;
 }
 
-/* ---- what cameras are told ------------------------------------------------------------------- */
+/* ---- requests that change a camera ----------------------------------------------------------- */
 
 /* Take the first that waits, its value read into `tried`. False: none. */
-static bool take_wish(struct fv_parameters *parameters, struct fv_parameter_change *change,
-                      char assignment[FV_PARAMETER_KEY_BYTES + FV_PARAMETER_VALUE_BYTES])
+static bool take_camera_request(struct fv_parameters *parameters,
+                                struct fv_parameter_change *change,
+                                char assignment[FV_PARAMETER_KEY_BYTES + FV_PARAMETER_VALUE_BYTES])
 {
-    if (parameters->wish_count == 0) return false;
-    *change = parameters->wishes[0];
-    parameters->wish_count--;
-    memmove(parameters->wishes, parameters->wishes + 1,
-            parameters->wish_count * sizeof *parameters->wishes);
+    if (parameters->camera_request_count == 0) return false;
+    *change = parameters->camera_requests[0];
+    parameters->camera_request_count--;
+    memmove(parameters->camera_requests, parameters->camera_requests + 1,
+            parameters->camera_request_count * sizeof *parameters->camera_requests);
     snprintf(assignment, FV_PARAMETER_KEY_BYTES + FV_PARAMETER_VALUE_BYTES, "%s=%s", change->key,
              change->value);
     *parameters->tried = *parameters->settings;
@@ -431,8 +435,8 @@ static bool take_wish(struct fv_parameters *parameters, struct fv_parameter_chan
 }
 
 /* The camera has answered: to the loop. */
-static void end_wish(struct fv_parameters *parameters, const struct fv_settings_key *key,
-                     struct fv_parameter_change *change)
+static void end_camera_request(struct fv_parameters *parameters, const struct fv_settings_key *key,
+                               struct fv_parameter_change *change)
 {
     struct fv_parameter_change *room = await_room(parameters);
     if (room == NULL) return; /* the loop stands still: nobody would send an answer */
@@ -444,14 +448,14 @@ static void end_wish(struct fv_parameters *parameters, const struct fv_settings_
 }
 
 /* False: there is none, or the camera does not answer. */
-static bool tell_wish(struct fv_parameters *parameters)
+static bool serve_camera_request(struct fv_parameters *parameters)
 {
     char assignment[FV_PARAMETER_KEY_BYTES + FV_PARAMETER_VALUE_BYTES];
     struct fv_parameter_change change;
     struct fovea_error said;
     enum fovea_source_control control;
     pthread_mutex_lock(&parameters->changing);
-    const bool any = take_wish(parameters, &change, assignment);
+    const bool any = take_camera_request(parameters, &change, assignment);
     const struct fv_settings_key *key = any ? fv_settings_key_find(change.key) : NULL;
     const bool one = key != NULL && fv_camera_control(key, &control);
     const double before = one ? fv_camera_control_value(parameters->settings, control) : 0,
@@ -472,7 +476,7 @@ static bool tell_wish(struct fv_parameters *parameters)
         snprintf(change.reason, sizeof change.reason, "%.255s", said.text);
         fv_utf8_cut(change.reason);
     }
-    end_wish(parameters, key, &change);
+    end_camera_request(parameters, key, &change);
     pthread_mutex_unlock(&parameters->changing);
     return status != FOVEA_AGAIN;
 }
@@ -529,7 +533,7 @@ static void pass_answers(struct fv_parameters *parameters)
 void fv_parameters_tend(struct fv_parameters *parameters, bool now)
 {
     if (parameters->rt == NULL) return;
-    while (!now && tell_wish(parameters))
+    while (!now && serve_camera_request(parameters))
         continue;
     if (parameters->answers_passed == parameters->answer_count && take_kept(parameters, now))
         write_kept(parameters);
@@ -586,13 +590,13 @@ void fv_parameters_end(struct fv_parameters *parameters, struct fv_transport *tr
     struct fovea_inputs none = {.frame = NULL};
     if (parameters->rt == NULL) return; /* nothing is heard */
     pthread_mutex_lock(&parameters->changing);
-    for (uint32_t i = 0; i < parameters->wish_count; i++) {
-        struct fv_parameter_change *waits = &parameters->wishes[i];
+    for (uint32_t i = 0; i < parameters->camera_request_count; i++) {
+        struct fv_parameter_change *waits = &parameters->camera_requests[i];
         print_value(parameters->settings, fv_settings_key_find(waits->key), waits->value);
         refuse(waits, "the run has ended");
         answer(parameters, waits, transport, feed);
     }
-    parameters->wish_count = 0;
+    parameters->camera_request_count = 0;
     pthread_mutex_unlock(&parameters->changing);
     do {
         fv_parameters_tend(parameters, true);

@@ -5,7 +5,7 @@
  * the change over in a ring; so the loop's thread copies bytes and nothing else. What was changed
  * with `keep` stands in a YAML file of its own, which the next start reads after the configuration:
  * the user's file is never written. The thread that watches the loop writes it, so that a slow disk
- * holds up no command; and it tells the cameras what they are to change, for the same reason: only
+ * holds up no command; and it sets the controls of cameras, for the same reason: only
  * what a camera has taken becomes an input. */
 #ifndef FOVEA_APP_RUN_PARAMETERS_H
 #define FOVEA_APP_RUN_PARAMETERS_H
@@ -65,8 +65,8 @@ struct fv_parameters {
     char *kept_calibration;              /* of that file, as it is written with them; "": none */
     struct fv_parameter_change *keeping; /* requests whose values are to be written */
     uint32_t keeping_count;
-    struct fv_parameter_change *wishes; /* requests that the camera is to be told, in order */
-    uint32_t wish_count;
+    struct fv_parameter_change *camera_requests; /* requests that change a camera, in order */
+    uint32_t camera_request_count;
 
     /* Of the thread that writes. */
     struct fv_parameter_change *answers; /* to requests whose values were written, or not */
@@ -97,9 +97,9 @@ enum fovea_status fv_parameters_reload(struct fv_parameters *parameters,
                                        const struct fv_settings *wanted, bool named,
                                        uint32_t *count, struct fovea_error *error);
 
-/* Tell the cameras what waits for them, write what is to be kept, at most once in a second unless
- * `now`, and have it answered. On a thread that may wait for the disk and the camera; after the
- * loop has ended, before fv_parameters_end, with `now`, and cameras are told nothing more. */
+/* Serve the requests that change a camera, write what is to be kept, at most once in a second
+ * unless `now`, and have it answered. On a thread that may wait for the disk and the camera; after
+ * the loop has ended, before fv_parameters_end, with `now`, and no camera is set any more. */
 void fv_parameters_tend(struct fv_parameters *parameters, bool now);
 
 /* Put what has come into the inputs of the next step. Loop thread, wait-free. */

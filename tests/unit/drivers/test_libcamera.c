@@ -102,8 +102,8 @@ static struct fovea_frame take(struct fovea_source *source)
     return frame;
 }
 
-/* Frames that come before the answer are not lost, and a process that follows is told too. */
-static void test_told_while_streaming(void **state)
+/* Frames that come before the answer are not lost, and a process that follows is set, too. */
+static void test_set_while_streaming(void **state)
 {
     (void)state;
     struct fovea_error said = {.text = ""};
@@ -136,7 +136,7 @@ static void test_told_while_streaming(void **state)
 }
 
 /* Streaming that ends, and a process that ends, while the answer is waited for. */
-static void test_fault_while_told(void **state)
+static void test_fault_while_set(void **state)
 {
     (void)state;
     struct fovea_error said = {.text = ""};
@@ -144,7 +144,7 @@ static void test_fault_while_told(void **state)
         struct fovea_source *source = start_source();
         const struct fovea_frame frame = take(source);
         ops->requeue(source, &frame);
-        atomic_store(&stage->fault_when_told, i == 0 ? FAKE_BROKEN : FAKE_EXIT);
+        atomic_store(&stage->fault_when_set, i == 0 ? FAKE_BROKEN : FAKE_EXIT);
         assert_true(ops->control(source, FOVEA_SOURCE_GAIN, 2, &said) < 0);
         wait_for_frame_of_life(source, 2);
         assert_int_equal(ops->control(source, FOVEA_SOURCE_GAIN, 3, &said), FOVEA_OK);
@@ -501,8 +501,8 @@ static void test_ends_over_and_over(void **state)
 int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_frames_bit_for_bit),
-                                       cmocka_unit_test(test_told_while_streaming),
-                                       cmocka_unit_test(test_fault_while_told),
+                                       cmocka_unit_test(test_set_while_streaming),
+                                       cmocka_unit_test(test_fault_while_set),
                                        cmocka_unit_test(test_frames_are_not_copied),
                                        cmocka_unit_test(test_frames_held_outlive_the_process),
                                        cmocka_unit_test(test_faults_while_streaming),

@@ -1,5 +1,5 @@
-/* Exposure and gain of running cameras: what a V4L2 device is told, what the simulated camera makes
- * of it, what goes through `fault:` and `pair:`, and who refuses. */
+/* Exposure and gain of running cameras: what a V4L2 device is set to, what the simulated camera
+ * makes of it, what goes through `fault:` and `pair:`, and who refuses. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -45,7 +45,7 @@ static void close_source(struct fovea_source *source)
     ops->close(source);
 }
 
-static void tell(struct fovea_source *source, int control, double value)
+static void set_control(struct fovea_source *source, int control, double value)
 {
     if (fv_source_control(ops, source, (enum fovea_source_control)control, value, &said) !=
         FOVEA_OK)
@@ -103,17 +103,17 @@ static void the_simulated_camera_gets_brighter(void **state)
     const struct seen before = see(source, 0);
     (void)state;
     assert_int_equal(before.exposure_ns, 8000000);
-    tell(source, EXPOSURE, 4);
+    set_control(source, EXPOSURE, 4);
     struct seen seen = see(source, 0);
     assert_int_equal(seen.exposure_ns, 4000000);
     assert_near(seen.mean, before.mean / 2, 0.02);
-    tell(source, GAIN, 2);
+    set_control(source, GAIN, 2);
     assert_near(see(source, 0).mean, before.mean, 0.02);
-    tell(source, EXPOSURE, 0); /* that of the address */
+    set_control(source, EXPOSURE, 0); /* that of the address */
     seen = see(source, 0);
     assert_int_equal(seen.exposure_ns, 8000000);
     assert_true(seen.mean > 1.6 * before.mean); /* some of it is cut off at white */
-    tell(source, GAIN, -1);
+    set_control(source, GAIN, -1);
     seen = see(source, 0);
     assert_true(seen.hash == before.hash); /* bit for bit as before */
     assert_refused(source, EXPOSURE, 34, FOVEA_ERROR_INPUT,
@@ -142,7 +142,7 @@ static void noise_rises_with_gain(void **state)
         *(i == 0 ? &before : &after) = sqrt(sum / 2 / (96 * 64));
         ops->requeue(source, &a);
         ops->requeue(source, &b);
-        tell(source, GAIN, 3);
+        set_control(source, GAIN, 3);
     }
     assert_near(after / before, 3, 0.15);
     close_source(source);
@@ -153,8 +153,8 @@ static void blur_follows_the_exposure(void **state)
     (void)state;
     struct fovea_source *one = start_source("sim:fast?width=96&height=64&blur=1&exposure=15");
     struct fovea_source *other = start_source("sim:fast?width=96&height=64&blur=1&exposure=5");
-    tell(other, EXPOSURE, 15);
-    tell(other, GAIN, 1.0 / 3);
+    set_control(other, EXPOSURE, 15);
+    set_control(other, GAIN, 1.0 / 3);
     for (int i = 0; i < 100; i++) {
         const struct seen a = see(one, 0), b = see(other, 0);
         assert_int_equal(a.exposure_ns, b.exposure_ns);
@@ -171,7 +171,7 @@ static void faults_pass_it_on(void **state)
     struct fovea_source *source = start_source("fault:" STILL "?kind=black&first=1000");
     const double before = see(source, 0).mean;
     (void)state;
-    tell(source, EXPOSURE, 2);
+    set_control(source, EXPOSURE, 2);
     assert_near(see(source, 0).mean, before / 4, 0.02);
     assert_refused(source, GAIN, 99, FOVEA_ERROR_INPUT, "sim: gain: found 99");
     close_source(source);
@@ -183,7 +183,7 @@ static void a_pair_changes_both_or_none(void **state)
         start_source("pair:" STILL "&rate=10 and " STILL "&rate=100 within 1000");
     const double before = see(source, 0).mean;
     (void)state;
-    tell(source, EXPOSURE, 4);
+    set_control(source, EXPOSURE, 4);
     assert_near(see(source, 0).mean, before / 2, 0.02);
     assert_near(see(source, 1).mean, before / 2, 0.02);
     /* Longer than a frame of the second. */
@@ -259,16 +259,16 @@ static void a_device_is_told(void **state)
     struct fovea_source *source = start_camera("v4l2:/dev/video0?format=GREY");
     fv_test_next_frame(source);
     assert_int_equal(fv_test_next_frame(source).exposure_ns[0], 0); /* automatic: not known */
-    tell(source, EXPOSURE, 7.3);
+    set_control(source, EXPOSURE, 7.3);
     assert_camera(V4L2_EXPOSURE_MANUAL, 73, 1, gain);
-    tell(source, GAIN, 99);
+    set_control(source, GAIN, 99);
     assert_camera(V4L2_EXPOSURE_MANUAL, 73, 0, 99);
     for (int i = 0; i < 20; i++) /* those that were filled before go by */
         fv_test_next_frame(source);
     assert_int_equal(fv_test_next_frame(source).exposure_ns[0], 7300000);
     /* Back to what it was. */
-    tell(source, EXPOSURE, 0);
-    tell(source, GAIN, -1);
+    set_control(source, EXPOSURE, 0);
+    set_control(source, GAIN, -1);
     assert_camera(V4L2_EXPOSURE_APERTURE_PRIORITY, own, 1, gain);
     close_source(source);
 }
@@ -278,11 +278,11 @@ static void the_address_holds_again(void **state)
 {
     (void)state;
     struct fovea_source *source = start_camera("v4l2:/dev/video0?exposure=5&gain=40");
-    tell(source, EXPOSURE, 9);
-    tell(source, GAIN, 50);
+    set_control(source, EXPOSURE, 9);
+    set_control(source, GAIN, 50);
     assert_camera(V4L2_EXPOSURE_MANUAL, 90, 0, 50);
-    tell(source, EXPOSURE, 0);
-    tell(source, GAIN, -1);
+    set_control(source, EXPOSURE, 0);
+    set_control(source, GAIN, -1);
     assert_camera(V4L2_EXPOSURE_MANUAL, 50, 0, 40);
     close_source(source);
 }
@@ -310,7 +310,7 @@ static void it_holds_when_the_camera_comes_back(void **state)
     (void)state;
     camera->grain = 8;
     struct fovea_source *source = start_camera("v4l2:/dev/video0");
-    tell(source, GAIN, 77);
+    set_control(source, GAIN, 77);
     assert_non_null(strstr(said.text, "gain: asked 77, the camera gives 72"));
     fake_unplug(camera);
     fv_test_wait_for_state(source, FOVEA_SOURCE_GONE);
@@ -328,11 +328,11 @@ static void a_gain_ends_our_automatism(void **state)
     (void)state;
     find_control(V4L2_CID_AUTOGAIN)->id = V4L2_CID_HUE;
     struct fovea_source *source = start_camera("v4l2:/dev/video0?auto_gain=1&format=GREY");
-    tell(source, GAIN, 200);
+    set_control(source, GAIN, 200);
     for (int i = 0; i < 40; i++)
         fv_test_next_frame(source);
     assert_int_equal(value_of(V4L2_CID_GAIN), 200);
-    tell(source, GAIN, -1);
+    set_control(source, GAIN, -1);
     for (int i = 0; i < 200 && value_of(V4L2_CID_GAIN) == 200; i++)
         fv_test_next_frame(source);
     assert_int_not_equal(value_of(V4L2_CID_GAIN), 200);
@@ -343,7 +343,7 @@ static void before_the_start(void **state)
 {
     (void)state;
     struct fovea_source *source = open_source("v4l2:/dev/video0");
-    tell(source, GAIN, 33);
+    set_control(source, GAIN, 33);
     assert_int_equal(value_of(V4L2_CID_GAIN), 33);
     find_control(V4L2_CID_GAIN)->value = 0;
     assert_int_equal(ops->start(source, &said), FOVEA_OK);

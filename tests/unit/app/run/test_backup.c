@@ -34,7 +34,7 @@ static struct fv_settings settings;
 static struct fovea_source_info info;
 static struct fv_requests requests;
 static struct fv_parameters parameters;
-static struct fv_setup setup; /* no source: no camera is told anything */
+static struct fv_setup setup; /* no source: no camera is set */
 static struct fv_backup backup;
 static struct fovea *rt;
 static void *block;
