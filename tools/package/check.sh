@@ -5,6 +5,7 @@
 #   arm64         the packages of arm64 in a bare arm64 Debian, emulated: installed and run
 #   service       in a Debian that systemd starts as its first process, by systemd-nspawn: the service is real-time in its loop alone, its page
 #                 answers, a run that is stopped is started again and poses, a reload takes a key, a stop saves the map
+#   trixie        built and installed in a bare Debian 13, from a clone of this commit: a run
 #   reproducible  built twice, in folders of different names, at different dates, with another locale, umask and number of cores: the same bytes
 # Usage: tools/package/check.sh PART...     after `make deb`, for arm64 after `make deb ARCH=arm64`
 #   FOVEA_SUITE   the Debian of the roots (default bookworm)
@@ -19,7 +20,7 @@ fail() { echo "package check: $*" >&2; exit 1; }
 # What is called in them sees no variable of this shell, and starts no service.
 in_root() { chroot "$root" env -i HOME=/root PATH=/usr/sbin:/usr/bin:/sbin:/bin DEBIAN_FRONTEND=noninteractive LC_ALL=C sh -euc "$1"; }
 
-bare_root() { # bare_root ARCH: a Debian with apt and nothing else
+debian_root() { # debian_root ARCH: a Debian of `suite` with apt and nothing else
     root=$work/root-$1
     tools/install.sh package-root
     if [ "$1" != "$(dpkg --print-architecture)" ]; then
@@ -35,6 +36,10 @@ bare_root() { # bare_root ARCH: a Debian with apt and nothing else
     mount -t proc proc "$root/proc"
     cp /etc/resolv.conf "$root/etc/resolv.conf"
     mkdir "$root/packages"
+}
+
+bare_root() { # bare_root ARCH: a Debian beside our packages
+    debian_root "$1"
     cp build/packages/*_"$1".deb "$root/packages/" || fail "found no package of $1 in build/packages: make deb ARCH=$1"
 }
 
@@ -147,6 +152,21 @@ service() {
     }
 }
 
+# Other compilers and libraries than those that the rest is tested with: gcc 14, libcamera 0.4.
+trixie() {
+    suite=trixie
+    debian_root "$(dpkg --print-architecture)"
+    in_root 'apt-get update -q >/dev/null && apt-get install -y -q --no-install-recommends git make ca-certificates >/dev/null 2>&1'
+    git clone -q --no-hardlinks . "$root/root/fovea"
+    in_root 'chown -R root:root /root/fovea && cd /root/fovea && make deb >/packages/log 2>&1 || { tail -n 40 /packages/log; exit 1; }'
+    cp "$root"/root/fovea/build/packages/*.deb "$root/packages/"
+    rm -rf "$root/root/fovea"
+    installed fovea libfovea0 libfovea-dev fovea-web fovea-calibrate
+    in_root 'fovea run --frames 60 --set lcm_url= --picture none' >"$work/run" 2>&1 || { cat "$work/run"; fail "fovea run failed"; }
+    grep -q 'posed [1-9]' "$work/run" || { cat "$work/run"; fail "fovea run gave no pose"; }
+    in_root 'fovea-web --help >/dev/null && fovea-calibrate target --target chessboard:9x6:0.025 --out /packages/board.pdf >/dev/null'
+}
+
 reproducible() {
     export CCACHE_DISABLE=1
     (umask 022 && export TZ=UTC LC_ALL=C FOVEA_JOBS=1 FOVEA_PLACE="$work/first" FOVEA_PACKAGES="$work/packages-1" && tools/package/build.sh >/dev/null)
@@ -158,9 +178,9 @@ reproducible() {
     (cd "$work/packages-1" && sha256sum ./*.deb)
 }
 
-[ $# -gt 0 ] || { sed -n '2,11s/^# //p' "$0" && exit 2; }
+[ $# -gt 0 ] || { sed -n '2,12s/^# //p' "$0" && exit 2; }
 for part in "$@"; do
-    case $part in amd64 | all | arm64 | service | reproducible) ;; *) fail "found '$part', expected amd64, all, arm64, service or reproducible" ;; esac
+    case $part in amd64 | all | arm64 | service | trixie | reproducible) ;; *) fail "found '$part', expected amd64, all, arm64, service, trixie or reproducible" ;; esac
     "$part" # by itself: a failure within it ends this script
     echo "packages: $part: ok"
     [ -z "${root:-}" ] || { umount "$root/proc" && rm -rf --one-file-system "$root" && root=; }
