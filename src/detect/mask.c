@@ -5,7 +5,7 @@
 #include "detect/heads.h"
 #include "detect/segmentation.h"
 
-enum { PRODUCTS_PER_UNIT = 1 << 17, LABELS_PER_UNIT = 1 << 15 };
+enum { PRODUCTS_PER_UNIT = 1 << 17, LABELS_PER_UNIT = 1 << 14 };
 
 /* ---- the grid -------------------------------------------------------------------------------- */
 

@@ -266,7 +266,7 @@ def arg_max(low, op):
     inner = int(np.prod(ti.shape[axis + 1:], dtype=np.int64))
     p = dict(outer=outer, axis=ti.shape[axis], inner=inner, element_bytes=TYPE_BYTES[to.type],
              minimum=int(op.name == "ARG_MIN"))
-    low.net.step("ARG_MAX", op, [source], [out], p, outer, cost=ti.size * 4)
+    low.net.step("ARG_MAX", op, [source], [out], p, outer, cost=ti.size * 8)
 
 
 def batch_matmul(low, op):
