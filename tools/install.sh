@@ -10,7 +10,7 @@ packages() {
     web)   echo libwebsockets-dev libjansson-dev ;;
     calibrate) echo libopencv-core-dev libopencv-imgproc-dev libopencv-calib3d-dev libopencv-features2d-dev \
                 libopencv-contrib-dev libceres-dev ;;
-    package) echo dpkg-dev debhelper fakeroot lintian libcamera-dev libopencv-videoio-dev ;;
+    package) echo build-essential dpkg-dev debhelper fakeroot lintian libcamera-dev libopencv-videoio-dev ;;
     package-root) echo mmdebstrap ;;
     package-service) echo systemd-container ;;
     package-root-arm64) echo mmdebstrap arch-test qemu-user-static ;;
