@@ -4,7 +4,7 @@
 #include <stdlib.h>
 
 #include "app/lab/commands.h"
-#include "app/lab/parameters.h"
+#include "app/lab/member_options.h"
 #include "fovea/edges.h"
 #include "support/aligned.h"
 #include "support/files.h"
@@ -13,13 +13,9 @@
 
 enum { CANNY = 1 << FOVEA_EDGES_CANNY, LAPLACIAN = 1 << FOVEA_EDGES_LAPLACIAN, ANY = 15 };
 
-#define ROW(option, value, kind, member, with, needed, help)                                       \
-    {                                                                                              \
-        option, value, help, FV_PARAMETER_##kind, #member,                                         \
-            offsetof(struct fovea_edges_config, member), with, needed                              \
-    }
+#define ROW(...) FV_MEMBER_ROW(struct fovea_edges_config, __VA_ARGS__)
 
-static const struct fv_parameter table[] = {
+static const struct fv_member_option table[] = {
     ROW("low", "N", REAL, low, CANNY, "--method canny",
         "canny: gradient above which a pixel connected to an edge is an edge pixel (default 50)"),
     ROW("high", "N", REAL, high, ANY, "",
@@ -32,7 +28,7 @@ static const struct fv_parameter table[] = {
 /* What the command line says, before it is read. */
 struct request {
     const char *method, *norm;
-    struct fv_parameters parameters;
+    struct fv_member_options members;
 };
 
 static const char *method_name(int method)
@@ -61,7 +57,7 @@ static enum fovea_status read_config(const struct request *request,
                                "scharr");
     config->method = (enum fovea_edge_method)method;
     config->norm = (enum fovea_gradient_norm)norm;
-    return fv_parameters_read(&request->parameters, 1u << method, config, error);
+    return fv_member_options_read(&request->members, 1u << method, config, error);
 }
 
 /* White where a bit is set, black elsewhere; returns how many are white. */
@@ -109,7 +105,7 @@ static enum fovea_status mark(const struct fovea_edges_config *config,
 
 int fv_command_edges(int argc, char **argv)
 {
-    struct request request = {.parameters.table = table};
+    struct request request = {.members.table = table};
     struct fv_option options[FV_OPTIONS_MAX + 1] = {
         {"method", "NAME", FV_OPTION_TEXT, &request.method,
          "canny (default), or sobel, scharr or laplacian with one threshold"},
@@ -117,7 +113,7 @@ int fv_command_edges(int argc, char **argv)
          "of the gradient: l1 (default) or l2 (the Laplacian has none)"},
     };
     int first;
-    fv_parameters_offer(&request.parameters, options);
+    fv_member_options_offer(&request.members, options);
     const enum fv_options_result result =
         fv_options_parse(options, "IN OUT", 2, 2, argc, argv, &first);
     if (result != FV_OPTIONS_READ) return result == FV_OPTIONS_HELP ? FV_EXIT_OK : FV_EXIT_WRONG;
@@ -137,7 +133,7 @@ int fv_command_edges(int argc, char **argv)
         printf("%lld edge pixels in %d x %d\n", (long long)count, image.width, image.height);
     free((void *)(uintptr_t)image.data);
     if (status == FOVEA_OK) return FV_EXIT_OK;
-    fv_parameters_name(&request.parameters, &error);
+    fv_member_options_name(&request.members, &error);
     return status == FOVEA_ERROR_SYSTEM ? fv_say_failed("%s", error.text)
                                         : fv_say_wrong("%s", error.text);
 }

@@ -29,13 +29,9 @@ enum {
     SURF = 1 << FOVEA_FEATURES_SURF
 };
 
-#define ROW(option, value, kind, member, with, needed, help)                                       \
-    {                                                                                              \
-        option, value, help, FV_PARAMETER_##kind, #member,                                         \
-            offsetof(struct fovea_extract_config, member), with, needed                            \
-    }
+#define ROW(...) FV_MEMBER_ROW(struct fovea_extract_config, __VA_ARGS__)
 
-static const struct fv_parameter table[] = {
+static const struct fv_member_option table[] = {
     ROW("upright", NULL, SET_1, upright, ORB | SIFT | SURF,
         "--method orb, sift or surf: others are upright unless --oriented",
         "leave orientations out (orb, sift, surf)"),
@@ -70,7 +66,7 @@ static const struct fv_parameter table[] = {
 
 void fv_extract_offer(struct fv_extract_request *request, uint64_t max, struct fv_option *options)
 {
-    *request = (struct fv_extract_request){.max = max, .parameters.table = table};
+    *request = (struct fv_extract_request){.max = max, .members.table = table};
     const struct fv_option own[] = {
         {"method", "NAME", FV_OPTION_TEXT, &request->method,
          "orb (default): FAST corners on a pyramid; fast, harris, shi_tomasi: corners of the picture "
@@ -82,8 +78,8 @@ void fv_extract_offer(struct fv_extract_request *request, uint64_t max, struct f
                     : "most features to find in each picture (default 1000)"},
         {0},
     };
-    fv_parameters_join(options, own);
-    fv_parameters_offer(&request->parameters, options);
+    fv_member_options_join(options, own);
+    fv_member_options_offer(&request->members, options);
 }
 
 enum fovea_status fv_extract_config(const struct fv_extract_request *request,
@@ -104,7 +100,7 @@ enum fovea_status fv_extract_config(const struct fv_extract_request *request,
                             FOVEA_DESCRIPTOR_COUNT, &descriptor, error);
     config->descriptor = (enum fovea_descriptor)descriptor;
     if (status == FOVEA_OK)
-        status = fv_parameters_read(&request->parameters, 1u << method, config, error);
+        status = fv_member_options_read(&request->members, 1u << method, config, error);
     if (status != FOVEA_OK) return status;
     /* Whether the method has the descriptor, and values are in their ranges. */
     if (fovea_extract_size(config, FOVEA_IMAGE_WIDTH_MIN, FOVEA_IMAGE_HEIGHT_MIN, error) > 0)
@@ -112,7 +108,7 @@ enum fovea_status fv_extract_config(const struct fv_extract_request *request,
     const struct fovea_error wrong = *error;
     if (strncmp(wrong.text, "method:", 7) == 0 || strncmp(wrong.text, "descriptor:", 11) == 0)
         fovea_error_set(error, wrong.status, "--%s", wrong.text);
-    fv_parameters_name(&request->parameters, error);
+    fv_member_options_name(&request->members, error);
     return FOVEA_ERROR_ARGUMENT;
 }
 

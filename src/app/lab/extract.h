@@ -3,7 +3,7 @@
 #ifndef FOVEA_APP_LAB_EXTRACT_H
 #define FOVEA_APP_LAB_EXTRACT_H
 
-#include "app/lab/parameters.h"
+#include "app/lab/member_options.h"
 #include "features/mask.h"
 #include "fovea/extract.h"
 
@@ -37,7 +37,7 @@ void fv_extract_free(struct fv_extract *extract);
 struct fv_extract_request {
     const char *method, *descriptor;
     uint64_t max;
-    struct fv_parameters parameters;
+    struct fv_member_options members;
 };
 
 /* Append the options about features to those of a command, which {0} ends; `max` is the default of

@@ -116,7 +116,7 @@ int fv_command_features(int argc, char **argv)
     };
     int first;
     fv_extract_offer(&request, 500, options);
-    fv_parameters_join(options, own);
+    fv_member_options_join(options, own);
     const enum fv_options_result result =
         fv_options_parse(options, "IMAGE", 1, 1, argc, argv, &first);
     if (result != FV_OPTIONS_READ) return result == FV_OPTIONS_HELP ? FV_EXIT_OK : FV_EXIT_WRONG;

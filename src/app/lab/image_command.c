@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "app/lab/commands.h"
-#include "app/lab/parameters.h"
+#include "app/lab/member_options.h"
 #include "fovea/preprocess.h"
 #include "image/preprocess.h"
 #include "nn/pixel.h"
@@ -15,7 +15,7 @@
 #include "support/picture.h"
 #include "support/say.h"
 
-/* What parameters depend on: operations, and the methods of two of them. */
+/* What options depend on: operations, and the methods of two of them. */
 enum {
     GAUSSIAN = 1,
     MEDIAN = 2,
@@ -29,13 +29,9 @@ enum {
     NORMALIZE = RANGE | DEVIATION
 };
 
-#define ROW(option, value, kind, member, with, needed, help)                                       \
-    {                                                                                              \
-        option, value, help, FV_PARAMETER_##kind, #member,                                         \
-            offsetof(struct fovea_preprocess_config, member), with, needed                         \
-    }
+#define ROW(...) FV_MEMBER_ROW(struct fovea_preprocess_config, __VA_ARGS__)
 
-static const struct fv_parameter table[] = {
+static const struct fv_member_option table[] = {
     ROW("size", "PIXELS", WHOLE, denoise_size, GAUSSIAN,
         "denoise in --operations, by --denoise gaussian",
         "width of the Gaussian of denoise: 3 (default), 5 or 7"),
@@ -75,7 +71,7 @@ static const struct fv_parameter table[] = {
 /* What the command line says, before it is read. */
 struct request {
     const char *operations, *denoise, *normalize;
-    struct fv_parameters parameters;
+    struct fv_member_options members;
 };
 
 static const char *operation_name(int operation)
@@ -161,7 +157,7 @@ static enum fovea_status read_config(const struct request *request,
         return without_effect("denoise", "denoise", error);
     if (request->normalize != NULL && (choices & NORMALIZE) == 0)
         return without_effect("normalize", "normalize", error);
-    return fv_parameters_read(&request->parameters, choices, config, error);
+    return fv_member_options_read(&request->members, choices, config, error);
 }
 
 /* Run a chain of grey levels on an image in place. */
@@ -249,7 +245,7 @@ static enum fovea_status run(const struct fovea_preprocess_config *config, const
 
 int fv_command_image(int argc, char **argv)
 {
-    struct request request = {.parameters.table = table};
+    struct request request = {.members.table = table};
     struct fv_option options[FV_OPTIONS_MAX + 1] = {
         {"operations", "LIST", FV_OPTION_TEXT, &request.operations,
          "operations in their order, with commas between: denoise, normalize, sharpen, "
@@ -261,7 +257,7 @@ int fv_command_image(int argc, char **argv)
          "range (default: 0 to 255) or deviation (mean 128, standard deviation 50)"},
     };
     int first;
-    fv_parameters_offer(&request.parameters, options);
+    fv_member_options_offer(&request.members, options);
     const enum fv_options_result result =
         fv_options_parse(options, "IN OUT", 2, 2, argc, argv, &first);
     if (result != FV_OPTIONS_READ) return result == FV_OPTIONS_HELP ? FV_EXIT_OK : FV_EXIT_WRONG;
@@ -276,7 +272,7 @@ int fv_command_image(int argc, char **argv)
     if (status == FOVEA_OK) status = read_config(&request, &config, &error);
     if (status == FOVEA_OK) status = run(&config, argv[first], argv[first + 1], &error);
     if (status == FOVEA_OK) return FV_EXIT_OK;
-    fv_parameters_name(&request.parameters, &error);
+    fv_member_options_name(&request.members, &error);
     return status == FOVEA_ERROR_SYSTEM ? fv_say_failed("%s", error.text)
                                         : fv_say_wrong("%s", error.text);
 }

@@ -146,12 +146,12 @@ enum {
         1 << FOVEA_MATCH_HOMOGRAPHY | 1 << FOVEA_MATCH_ESSENTIAL | 1 << FOVEA_MATCH_FUNDAMENTAL
 };
 
-static const struct fv_parameter table[] = {
+static const struct fv_member_option table[] = {
     {"residual", "PIXELS", "largest residual of an inlier, in B (0.1 to 50, default 3)",
-     FV_PARAMETER_FLOAT, "threshold_px", offsetof(struct fovea_match_config, threshold_px),
-     VERIFIED, "--geometry homography, essential or fundamental"},
+     FV_MEMBER_FLOAT, "threshold_px", offsetof(struct fovea_match_config, threshold_px), VERIFIED,
+     "--geometry homography, essential or fundamental"},
     {"samples", "N", "most samples of matches that --geometry is computed from (default 2000)",
-     FV_PARAMETER_WHOLE, "samples_max", offsetof(struct fovea_match_config, samples_max), VERIFIED,
+     FV_MEMBER_WHOLE, "samples_max", offsetof(struct fovea_match_config, samples_max), VERIFIED,
      "--geometry homography, essential or fundamental"},
     {0},
 };
@@ -159,7 +159,7 @@ static const struct fv_parameter table[] = {
 /* What the command line says, before it is read. */
 struct request {
     struct fv_extract_request features;
-    struct fv_parameters parameters;
+    struct fv_member_options members;
     const char *matcher, *geometry, *focal, *centre;
     uint64_t ratio;
     bool no_cross_check;
@@ -236,7 +236,7 @@ static enum fovea_status read_request(const struct request *request,
         return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
                                "--%s: found it without effect, expected --geometry essential",
                                request->focal != NULL ? "focal" : "centre");
-    return fv_parameters_read(&request->parameters, 1u << geometry, config, error);
+    return fv_member_options_read(&request->members, 1u << geometry, config, error);
 }
 
 /* Read both pictures, match, and write what was asked for. */
@@ -249,7 +249,7 @@ static enum fv_exit run(const struct request *request, const struct fovea_extrac
     if (status == FOVEA_OK && pair->config.geometry == FOVEA_MATCH_ESSENTIAL)
         status = read_camera(request, &pair->a.image, &pair->config, &error);
     if (status == FOVEA_OK) status = match(pair, &error);
-    if (status != FOVEA_OK) fv_parameters_name(&request->parameters, &error);
+    if (status != FOVEA_OK) fv_member_options_name(&request->members, &error);
     if (status != FOVEA_OK)
         return status == FOVEA_ERROR_SYSTEM ? fv_say_failed("%s", error.text)
                                             : fv_say_wrong("%s", error.text);
@@ -264,7 +264,7 @@ static enum fv_exit run(const struct request *request, const struct fovea_extrac
 
 int fv_command_match(int argc, char **argv)
 {
-    struct request request = {.ratio = 80, .parameters.table = table};
+    struct request request = {.ratio = 80, .members.table = table};
     const char *picture = NULL;
     bool json = false;
     struct fv_option options[FV_OPTIONS_MAX + 1] = {{0}};
@@ -287,8 +287,8 @@ int fv_command_match(int argc, char **argv)
     };
     int first;
     fv_extract_offer(&request.features, 1000, options);
-    fv_parameters_offer(&request.parameters, options);
-    fv_parameters_join(options, own);
+    fv_member_options_offer(&request.members, options);
+    fv_member_options_join(options, own);
     const enum fv_options_result result =
         fv_options_parse(options, "A B", 2, 2, argc, argv, &first);
     if (result != FV_OPTIONS_READ) return result == FV_OPTIONS_HELP ? FV_EXIT_OK : FV_EXIT_WRONG;

@@ -1,16 +1,16 @@
-#include "app/lab/parameters.h"
+#include "app/lab/member_options.h"
 
 #include <stdio.h>
 #include <string.h>
 
 #include "support/text.h"
 
-static bool is_flag(const struct fv_parameter *parameter)
+static bool is_flag(const struct fv_member_option *option)
 {
-    return parameter->kind == FV_PARAMETER_SET_0 || parameter->kind == FV_PARAMETER_SET_1;
+    return option->kind == FV_MEMBER_SET_0 || option->kind == FV_MEMBER_SET_1;
 }
 
-void fv_parameters_join(struct fv_option *options, const struct fv_option *more)
+void fv_member_options_join(struct fv_option *options, const struct fv_option *more)
 {
     int end = 0;
     while (options[end].name != NULL)
@@ -20,30 +20,30 @@ void fv_parameters_join(struct fv_option *options, const struct fv_option *more)
     options[end] = (struct fv_option){0};
 }
 
-void fv_parameters_offer(struct fv_parameters *parameters, struct fv_option *options)
+void fv_member_options_offer(struct fv_member_options *members, struct fv_option *options)
 {
-    struct fv_option rows[FV_PARAMETERS_MAX + 1] = {{0}};
-    for (int i = 0; parameters->table[i].option != NULL && i < FV_PARAMETERS_MAX; i++) {
-        const struct fv_parameter *row = &parameters->table[i];
-        struct fv_parameter_given *given = &parameters->given[i];
+    struct fv_option rows[FV_MEMBER_OPTIONS_MAX + 1] = {{0}};
+    for (int i = 0; members->table[i].option != NULL && i < FV_MEMBER_OPTIONS_MAX; i++) {
+        const struct fv_member_option *row = &members->table[i];
+        struct fv_member_given *given = &members->given[i];
         rows[i] = (struct fv_option){
             row->option, row->value, is_flag(row) ? FV_OPTION_FLAG : FV_OPTION_TEXT,
             is_flag(row) ? (void *)&given->flag : (void *)&given->text, row->help};
     }
-    fv_parameters_join(options, rows);
+    fv_member_options_join(options, rows);
 }
 
-static enum fovea_status store(const struct fv_parameter *row, const char *text, void *at,
+static enum fovea_status store(const struct fv_member_option *row, const char *text, void *at,
                                struct fovea_error *error)
 {
     double real = 0;
     int64_t whole = 0;
     switch (row->kind) {
-    case FV_PARAMETER_SET_0:
-    case FV_PARAMETER_SET_1:
-        *(uint32_t *)at = row->kind == FV_PARAMETER_SET_1;
+    case FV_MEMBER_SET_0:
+    case FV_MEMBER_SET_1:
+        *(uint32_t *)at = row->kind == FV_MEMBER_SET_1;
         return FOVEA_OK;
-    case FV_PARAMETER_WHOLE:
+    case FV_MEMBER_WHOLE:
         if (!fv_text_integer(text, &whole) || whole < 0 || whole > UINT32_MAX)
             return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
                                    "--%s: found '%.100s', expected a whole number", row->option,
@@ -54,7 +54,7 @@ static enum fovea_status store(const struct fv_parameter *row, const char *text,
         if (!fv_text_number(text, &real) || real < -1e9 || real > 1e9)
             return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
                                    "--%s: found '%.100s', expected a number", row->option, text);
-        if (row->kind == FV_PARAMETER_REAL)
+        if (row->kind == FV_MEMBER_REAL)
             *(double *)at = real;
         else
             *(float *)at = (float)real;
@@ -62,12 +62,12 @@ static enum fovea_status store(const struct fv_parameter *row, const char *text,
     }
 }
 
-enum fovea_status fv_parameters_read(const struct fv_parameters *parameters, uint32_t choices,
-                                     void *config, struct fovea_error *error)
+enum fovea_status fv_member_options_read(const struct fv_member_options *members, uint32_t choices,
+                                         void *config, struct fovea_error *error)
 {
-    for (int i = 0; parameters->table[i].option != NULL; i++) {
-        const struct fv_parameter *row = &parameters->table[i];
-        const struct fv_parameter_given *given = &parameters->given[i];
+    for (int i = 0; members->table[i].option != NULL; i++) {
+        const struct fv_member_option *row = &members->table[i];
+        const struct fv_member_given *given = &members->given[i];
         if (given->text == NULL && !given->flag) continue;
         if ((row->with & choices) == 0)
             return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
@@ -80,10 +80,10 @@ enum fovea_status fv_parameters_read(const struct fv_parameters *parameters, uin
     return FOVEA_OK;
 }
 
-void fv_parameters_name(const struct fv_parameters *parameters, struct fovea_error *error)
+void fv_member_options_name(const struct fv_member_options *members, struct fovea_error *error)
 {
-    for (int i = 0; parameters->table[i].option != NULL; i++) {
-        const struct fv_parameter *row = &parameters->table[i];
+    for (int i = 0; members->table[i].option != NULL; i++) {
+        const struct fv_member_option *row = &members->table[i];
         const size_t length = strlen(row->member);
         if (strncmp(error->text, row->member, length) != 0 || error->text[length] != ':') continue;
         const struct fovea_error wrong = *error;
