@@ -23,7 +23,8 @@ enum fv_fault_kind {
     FV_FAULT_COUNT,
     /* where those of other things begin */
     FV_FAULT_OF_FRAMES = FV_FAULT_drop,
-    FV_FAULT_OF_SAMPLES = FV_FAULT_imu_drop
+    FV_FAULT_OF_SAMPLES = FV_FAULT_imu_drop,
+    FV_FAULT_OF_CALLS = FV_FAULT_stall
 };
 
 static inline uint32_t fv_fault_bit(enum fv_fault_kind kind)

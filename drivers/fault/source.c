@@ -14,6 +14,7 @@
  * twice, and goes back with the last of the two. */
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 
 #include "../clock.h"
 #include "../table.h"
@@ -85,7 +86,7 @@ static bool has_pictures(const struct fovea_source *source)
 
 static bool has_samples(const struct fovea_source *source)
 {
-    return has_between(source, FV_FAULT_OF_SAMPLES, FV_FAULT_COUNT);
+    return has_between(source, FV_FAULT_OF_SAMPLES, FV_FAULT_OF_CALLS);
 }
 
 /* ---- open and close -------------------------------------------------------------------------- */
@@ -405,6 +406,16 @@ static void note_away(struct fovea_source *source, const struct held *held)
     source->away = away;
 }
 
+/* A driver that does not return, as of a device that hangs in the kernel: whatever the deadline. */
+static void stall(const struct fovea_source *source, const struct taken *taken)
+{
+    const bool begins = taken->faulty && taken->index == taken->window.begin;
+    if (!begins || !fv_fault_has(&source->options, FV_FAULT_stall)) return;
+    struct timespec left = fv_clock_timespec(fv_clock_from_ms(source->options.wait_ms));
+    while (nanosleep(&left, &left) != 0)
+        continue;
+}
+
 static enum fovea_status fault_dequeue(struct fovea_source *source, int64_t deadline_ns,
                                        struct fovea_frame *frame)
 {
@@ -417,6 +428,7 @@ static enum fovea_status fault_dequeue(struct fovea_source *source, int64_t dead
     const enum fovea_status status = next_take(source, deadline_ns, held);
     source->ended = status == FOVEA_END;
     if (status != FOVEA_OK) return status;
+    if (!repeated) stall(source, &held->taken);
     held->used = true;
     if (held->taken.faulty && fv_fault_has(&source->options, FV_FAULT_duplicate) && !repeated &&
         !source->waiting.any) {

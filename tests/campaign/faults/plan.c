@@ -11,16 +11,16 @@ enum { SCENES = 6, RIGS = 5, WORLDS = 4, REAL = 2, STEREO = 1u << 0, IMU = 1u <<
 static const char *const scenes[SCENES] = {"orbit", "corridor", "wander", "stopgo", "fast", "tour"};
 static const char *const real[REAL] = {"handheld", "euroc"};
 
-static const char *const names[FAULTS_KINDS] = {
+static const char *const names[] = {
 #define FV_FAULT(name, needs_last) #name,
 #define FV_FAULT_OTHER(name) #name,
 #include "drivers/fault/faults.def"
-    "mixed",
 };
 
 const char *faults_kind_name(uint32_t kind)
 {
-    return kind < FAULTS_KINDS ? names[kind] : "none";
+    if (kind == FAULTS_KIND_MIXED) return "mixed";
+    return kind < FAULTS_KIND_MIXED ? names[kind] : "none";
 }
 
 /* Rig r: bits STEREO and IMU, or wheel odometry beside one camera. */
@@ -142,7 +142,7 @@ static uint32_t draw_source(struct fv_random *random, const char *folder, bool n
 
 static bool of_imu(uint32_t kind)
 {
-    return kind >= FV_FAULT_OF_SAMPLES && kind < FV_FAULT_COUNT;
+    return kind >= FV_FAULT_OF_SAMPLES && kind < FV_FAULT_OF_CALLS;
 }
 
 void faults_plan_draw(uint64_t seed, const char *folder, struct faults_plan *plan)
@@ -156,8 +156,8 @@ void faults_plan_draw(uint64_t seed, const char *folder, struct faults_plan *pla
     fv_random_seed(&random, seed);
     uint32_t kinds[2] = {plan->kind, 0};
     if (plan->count == 2) {
-        kinds[0] = fv_random_below(&random, FV_FAULT_COUNT);
-        kinds[1] = fv_random_below(&random, FV_FAULT_COUNT);
+        kinds[0] = fv_random_below(&random, FV_FAULT_OF_CALLS);
+        kinds[1] = fv_random_below(&random, FV_FAULT_OF_CALLS);
     }
     const bool needs_imu = of_imu(kinds[0]) || (plan->count == 2 && of_imu(kinds[1]));
     plan->origin = round < 6                ? FAULTS_SIMULATED

@@ -17,7 +17,7 @@ enum {
     FAULTS_FRAMES = 200,
     FAULTS_WIDTH = 320,
     FAULTS_HEIGHT = 240,
-    FAULTS_KIND_MIXED = FV_FAULT_COUNT,
+    FAULTS_KIND_MIXED = FV_FAULT_OF_CALLS, /* a call that stalls harms no frame */
     FAULTS_KINDS,
     FAULTS_TEXT = 1024
 };

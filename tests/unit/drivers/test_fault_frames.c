@@ -12,6 +12,7 @@
 
 #include <cmocka.h>
 
+#include "../../../drivers/clock.h"
 #include "../../../drivers/fault/fault.h"
 #include "../../../drivers/fault/samples.h"
 #include "../../../drivers/table.h"
@@ -337,6 +338,39 @@ static void values_and_stamps_are_spoiled(void **state)
     assert_int_equal(faulty.count, FRAMES); /* pictures are whole */
 }
 
+/* The call for the first frame of each fault does not return in time; all frames come as they are.
+ */
+static void a_call_stalls(void **state)
+{
+    const struct fovea_source_selection all = {.step = 1};
+    const struct fovea_source_ops *ops;
+    struct fovea_source *source;
+    struct fovea_error error = {.text = ""};
+    const char *address;
+    struct fovea_frame frame;
+    enum { WAIT_MS = 60 };
+    (void)state;
+    assert_int_equal(
+        fv_source_find("fault:" SIM "?kind=stall&wait=60" WINDOW, &ops, &address, &error),
+        FOVEA_OK);
+    assert_int_equal(ops->open(address, &all, &source, &error), FOVEA_OK);
+    assert_int_equal(ops->start(source, &error), FOVEA_OK);
+    uint32_t count = 0;
+    int64_t before_ns = fv_clock_ns(CLOCK_MONOTONIC), took_ns = 0;
+    while (ops->dequeue(source, 0, &frame) == FOVEA_OK) {
+        const int64_t now_ns = fv_clock_ns(CLOCK_MONOTONIC);
+        if (frame.index == FIRST) took_ns = now_ns - before_ns;
+        assert_true(frame.images[0].data != NULL && frame.index == count);
+        count++;
+        ops->requeue(source, &frame);
+        before_ns = now_ns;
+    }
+    assert_int_equal(count, FRAMES);
+    assert_true(took_ns >= WAIT_MS * 1000000);
+    ops->stop(source);
+    ops->close(source);
+}
+
 /* A fault upon a fault: each with its schedule. */
 static void faults_stand_in_each_other(void **state)
 {
@@ -404,6 +438,7 @@ int main(void)
         cmocka_unit_test(unplugged_cameras_give_no_picture),
         cmocka_unit_test(single_samples_are_struck),
         cmocka_unit_test(values_and_stamps_are_spoiled),
+        cmocka_unit_test(a_call_stalls),
         cmocka_unit_test(faults_stand_in_each_other),
         cmocka_unit_test(faults_that_keep_frames_stand_in_each_other),
         cmocka_unit_test(what_the_source_has_not_is_refused),
