@@ -5,6 +5,8 @@
 #   arm64         the packages of arm64 in a bare arm64 Debian, emulated: installed and run
 #   service       in a Debian that systemd starts as its first process, by systemd-nspawn: the service is real-time in its loop alone, its page
 #                 answers, a run that is stopped is started again and poses, a reload takes a key, a stop saves the map
+#   guest         in the virtual machine of `make hil`, with cameras of the kernel's drivers: notify, LCM both ways, libcamera's process, and what
+#                 the watchdog does about a run that is stopped and a loop that hangs
 #   trixie        built and installed in a bare Debian 13, from a clone of this commit: a run
 #   reproducible  built twice, in folders of different names, at different dates, with another locale, umask and number of cores: the same bytes
 # Usage: tools/package/check.sh PART...     after `make deb`, for arm64 after `make deb ARCH=arm64`
@@ -152,6 +154,25 @@ service() {
     }
 }
 
+guest() {
+    tools/install.sh hil
+    make --no-print-directory build/command
+    tools/hil/setup.sh build-hil
+    bare_root amd64
+    in_root 'apt-get update -q >/dev/null
+             apt-get install -y -q --no-install-recommends systemd-sysv udev kmod iproute2 procps libcamera-ipa libcamera0.0.3 /packages/fovea_*.deb >/packages/log 2>&1 || { tail -n 20 /packages/log; exit 1; }'
+    cp tools/package/try_guest.sh build/command "$root/packages/"
+    printf '%s\n' '[Unit]' 'After=multi-user.target' '[Service]' 'Type=oneshot' 'TimeoutStartSec=infinity' \
+        'ExecStart=/bin/sh -c "/packages/try_guest.sh >/results/said 2>&1; sync; printf \\\\001 | dd of=/dev/port bs=1 seek=244"' \
+        '[Install]' 'WantedBy=multi-user.target' >"$root/etc/systemd/system/trial.service"
+    in_root 'systemctl enable trial.service >/dev/null 2>&1'
+    umount "$root/proc"
+    HIL_ROOT=$root tools/hil/vm.sh build-hil "$work/results" 1800 >"$work/boot" 2>&1 || true
+    mount -t proc proc "$root/proc"
+    cat "$work/results/said" 2>/dev/null || tail -n 20 "$work/boot"
+    tail -n 1 "$work/results/said" | grep -qx 'guest: ok' || fail "the service did not do what it must in the machine"
+}
+
 # Other compilers and libraries than those that the rest is tested with: gcc 14, libcamera 0.4.
 trixie() {
     suite=trixie
@@ -178,9 +199,9 @@ reproducible() {
     (cd "$work/packages-1" && sha256sum ./*.deb)
 }
 
-[ $# -gt 0 ] || { sed -n '2,12s/^# //p' "$0" && exit 2; }
+[ $# -gt 0 ] || { sed -n '2,14s/^# //p' "$0" && exit 2; }
 for part in "$@"; do
-    case $part in amd64 | all | arm64 | service | trixie | reproducible) ;; *) fail "found '$part', expected amd64, all, arm64, service, trixie or reproducible" ;; esac
+    case $part in amd64 | all | arm64 | service | guest | trixie | reproducible) ;; *) fail "found '$part', expected amd64, all, arm64, service, guest, trixie or reproducible" ;; esac
     "$part" # by itself: a failure within it ends this script
     echo "packages: $part: ok"
     [ -z "${root:-}" ] || { umount "$root/proc" && rm -rf --one-file-system "$root" && root=; }
