@@ -156,9 +156,20 @@ bool find_circles(const Grey &image, const Board &board, View &view)
     return true;
 }
 
+/* OpenCV gives a pointer to a dictionary before 4.7, and a dictionary since. */
+[[maybe_unused]] cv::Ptr<cv::aruco::Dictionary> held(cv::Ptr<cv::aruco::Dictionary> dictionary)
+{
+    return dictionary;
+}
+
+[[maybe_unused]] cv::Ptr<cv::aruco::Dictionary> held(const cv::aruco::Dictionary &dictionary)
+{
+    return cv::makePtr<cv::aruco::Dictionary>(dictionary);
+}
+
 cv::Ptr<cv::aruco::Dictionary> dictionary_of(int dictionary)
 {
-    return cv::aruco::getPredefinedDictionary((cv::aruco::PREDEFINED_DICTIONARY_NAME)dictionary);
+    return held(cv::aruco::getPredefinedDictionary(dictionary));
 }
 
 } // namespace
@@ -166,7 +177,7 @@ cv::Ptr<cv::aruco::Dictionary> dictionary_of(int dictionary)
 std::vector<Marker> find_markers(const Grey &image, int dictionary, int border)
 {
     constexpr int twice_pixels_max = 1300000;
-    const auto how = cv::aruco::DetectorParameters::create();
+    const auto how = cv::makePtr<cv::aruco::DetectorParameters>();
     how->markerBorderBits = border;
     how->perspectiveRemoveIgnoredMarginPerCell = .25; /* finds more of small, tilted tags */
     how->adaptiveThreshConstant = 10;
@@ -198,13 +209,14 @@ std::vector<Marker> find_markers(const Grey &image, int dictionary, int border)
 std::vector<uint8_t> marker_cells(int dictionary, int id, int border, int &side)
 {
     const auto found = dictionary_of(dictionary);
-    cv::Mat cells;
-    side = found->markerSize + 2 * border;
-    cv::aruco::drawMarker(found, id, side, cells, border);
-    std::vector<uint8_t> white;
-    for (int j = 0; j < side; j++)
-        for (int i = 0; i < side; i++)
-            white.push_back(cells.at<uint8_t>(j, i) > 127);
+    const int bits = found->markerSize;
+    const cv::Mat inner =
+        cv::aruco::Dictionary::getBitsFromByteList(found->bytesList.rowRange(id, id + 1), bits);
+    side = bits + 2 * border;
+    std::vector<uint8_t> white((size_t)(side * side));
+    for (int j = 0; j < bits; j++)
+        for (int i = 0; i < bits; i++)
+            white[(size_t)((j + border) * side + i + border)] = inner.at<uint8_t>(j, i) != 0;
     return white;
 }
 
