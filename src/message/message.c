@@ -296,6 +296,7 @@ uint32_t fv_message_preview_encode(const struct fv_message_preview *in, uint8_t 
 {
     fovea_preview_t message = {
         .stamp = in->stamp,
+        .camera = (int8_t)in->camera,
         .width = in->width,
         .height = in->height,
         .scale = in->scale,

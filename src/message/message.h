@@ -207,6 +207,7 @@ uint32_t fv_message_imu_status_encode(const struct fovea_imu_status *status, fov
 
 struct fv_message_preview {
     fovea_stamp_t stamp; /* of the image shown */
+    uint32_t camera;
     int32_t width, height;
     double scale; /* raw-image pixels per preview pixel */
     const uint8_t *jpeg;

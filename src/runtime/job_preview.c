@@ -3,11 +3,13 @@
 
 #include "runtime/jobs.h"
 
-/* The level of the pyramid that is shown. */
-static const struct fv_plane *shown_level(const struct fovea *rt)
+/* The level of a camera's pyramid that is shown. */
+static const struct fv_plane *shown_level(const struct fovea *rt, uint32_t camera)
 {
-    return fv_pyramid_level(fv_seen_pyramid(fv_front_end_images(&rt->front_end), FV_VIEWER_PREVIEW),
-                            rt->config.preview.level);
+    const struct fv_pyramid *pyramid =
+        camera > 0 ? &rt->preview.others[camera - 1]
+                   : fv_seen_pyramid(fv_front_end_images(&rt->front_end), FV_VIEWER_PREVIEW);
+    return fv_pyramid_level(pyramid, rt->config.preview.level);
 }
 
 static bool waiting(const struct fovea *rt)
@@ -18,10 +20,12 @@ static bool waiting(const struct fovea *rt)
 static void send_preview(struct fovea *rt, struct fovea_outputs *outputs)
 {
     const struct fv_preview *preview = &rt->preview;
+    const struct fv_plane *level = shown_level(rt, preview->state->camera);
     const struct fv_message_preview message = {
         .stamp = fv_frame_id_stamp(&preview->state->frame),
-        .width = preview->picture.width,
-        .height = preview->picture.height,
+        .camera = preview->state->camera,
+        .width = level->width,
+        .height = level->height,
         .scale = (double)fv_pyramid_scale(rt->config.preview.level),
         .jpeg = preview->jpeg,
         .jpeg_bytes = (uint32_t)preview->state->jpeg.used,
@@ -36,7 +40,7 @@ static void send_preview(struct fovea *rt, struct fovea_outputs *outputs)
 static const struct fovea_segmentation *drawn_mask(const struct fovea *rt,
                                                    struct fovea_segmentation *mask)
 {
-    if (!rt->config.preview.segmentation) return NULL;
+    if (!rt->config.preview.segmentation || rt->preview.state->camera > 0) return NULL;
     return fv_detection_has_mask(&rt->detection, mask) ||
                    fv_detection_has_mask(&rt->detection2, mask)
                ? mask
@@ -45,7 +49,7 @@ static const struct fovea_segmentation *drawn_mask(const struct fovea *rt,
 
 static uint32_t advance(struct fovea *rt, uint32_t units, struct fovea_outputs *outputs)
 {
-    const struct fv_plane *level = shown_level(rt);
+    const struct fv_plane *level = shown_level(rt, rt->preview.state->camera);
     struct fovea_segmentation found;
     const struct fovea_segmentation *mask = drawn_mask(rt, &found);
     uint32_t done = 0;
@@ -61,16 +65,39 @@ static uint32_t advance(struct fovea *rt, uint32_t units, struct fovea_outputs *
 
 static void carve(struct fovea *rt, struct fv_carving *carving)
 {
-    const struct fv_plane *level = shown_level(rt);
-    fv_preview_carve(&rt->preview, level->width, level->height,
-                     &carving->arenas[FOVEA_MEMORY_PERSISTENT], &carving->arenas[FOVEA_MEMORY_JOB]);
+    const struct fovea_rig *rig = &rt->config.rig;
+    const struct fv_plane *levels[FOVEA_CAMERAS_MAX] = {shown_level(rt, 0)};
+    uint32_t cameras = 1;
+    for (; cameras < rt->config.preview.cameras && cameras < rig->camera_count; cameras++) {
+        const struct fovea_camera *camera = &rig->cameras[cameras].camera;
+        fv_pyramid_carve(&rt->preview.others[cameras - 1], camera->width, camera->height,
+                         rt->config.preview.level + 1, &carving->arenas[FOVEA_MEMORY_FRAME]);
+        levels[cameras] = shown_level(rt, cameras);
+    }
+    fv_preview_carve(&rt->preview, levels, cameras, &carving->arenas[FOVEA_MEMORY_PERSISTENT],
+                     &carving->arenas[FOVEA_MEMORY_JOB]);
+}
+
+/* The camera whose turn it is, where this frame has its image: that is looked at now. */
+static uint32_t take_turn(struct fovea *rt, const struct fovea_frame *frame)
+{
+    const uint32_t camera = rt->preview.state->turn;
+    if (camera == 0 || camera >= frame->image_count) return 0;
+    const struct fovea_image *image = &frame->images[camera];
+    const struct fv_plane *size = &rt->preview.others[camera - 1].level[0];
+    if (fovea_image_check(image) != FOVEA_OK || image->width != size->width ||
+        image->height != size->height || image->format == FOVEA_PIXEL_MJPEG)
+        return 0;
+    fv_pyramid_build(&rt->preview.others[camera - 1], &rt->kernels, image);
+    return camera;
 }
 
 static void ask(struct fovea *rt, const struct fovea_frame *frame)
 {
-    (void)frame;
+    struct fv_preview *preview = &rt->preview;
     const bool due = fv_every(rt->state->frames_processed - 1, rt->config.preview.period_frames);
-    if (due || rt->preview.state->due) fv_preview_ask(&rt->preview, &rt->state->frame);
+    if ((due || preview->state->due) && !preview->state->active)
+        fv_preview_ask(preview, &rt->state->frame, take_turn(rt, frame));
 }
 
 static void reset(struct fovea *rt)

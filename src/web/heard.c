@@ -57,14 +57,30 @@ static bool enlarge(const fovea_preview_t *preview, struct fovea_image *image)
     return true;
 }
 
+static void show(struct fv_web_relay *relay, uint32_t camera, const fovea_preview_t *preview,
+                 const struct fovea_image *image)
+{
+    const fovea_stamp_t *stamp = &preview->stamp;
+    if (camera == 0)
+        fv_web_relay_picture(relay, image, stamp->time_ns, stamp->sequence, -1);
+    else
+        fv_web_picture_take(fv_web_store_picture(relay->store, camera), image, stamp->time_ns,
+                            stamp->sequence, -1);
+}
+
+/* A rig's cameras become known by their previews. */
 static void take_preview(struct fv_web_heard *heard, const struct fv_received *received)
 {
     fovea_preview_t preview;
     struct fovea_image image;
     if (fovea_preview_t_decode(received->data, 0, (int)received->bytes, &preview) < 0) return;
-    if (preview.camera == 0 && enlarge(&preview, &image))
-        fv_web_relay_picture(heard->relay, &image, preview.stamp.time_ns, preview.stamp.sequence,
-                             -1);
+    struct fv_web_relay *relay = heard->relay;
+    const uint32_t camera = (uint8_t)preview.camera, known = relay->store->cameras;
+    if (camera < FOVEA_CAMERAS_MAX) {
+        fv_web_relay_cameras(relay, camera < known ? known : camera + 1);
+        const bool looked_at = camera == 0 || (relay->cameras >> camera & 1) != 0;
+        if (looked_at && enlarge(&preview, &image)) show(relay, camera, &preview, &image);
+    }
     fovea_preview_t_decode_cleanup(&preview);
 }
 

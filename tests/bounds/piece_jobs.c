@@ -144,7 +144,7 @@ static void of_preview(struct working *w)
         for (int32_t x = 0; x < level->width; x++)
             fv_plane_row(level, y)[x] =
                 (uint32_t)(y * 7919 + x + 1) * 2654435761u >> 19 & 1 ? 255 : 0;
-    fv_preview_ask(&w->rt->preview, &w->rt->state->frame);
+    fv_preview_ask(&w->rt->preview, &w->rt->state->frame, 0);
     while (fv_preview_waiting(&w->rt->preview)) {
         memset(&w->outputs, 0, sizeof w->outputs);
         NOTE(preview_unit, unit, w, 1);

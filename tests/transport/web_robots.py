@@ -16,26 +16,35 @@ def check_blinks(page):
     assert all(a[1] != b[1] and a[0] < b[0] for a, b in zip(seen, seen[1:])) and all(5 <= said < 60_000 for _, _, said, *_ in seen), seen
 
 
+def check_cameras(page):
+    """Two of them, of which the second shows another picture."""
+    before = page.until("document.getElementById('camera-choice').options.length === 2 && fovea.live.picture && fovea.live.context.getImageData(0, 0, 320, 60).data.join()",
+                        "a picture of the first camera")
+    page.js("const choice = document.getElementById('camera-choice'); choice.selectedIndex = 1; choice.dispatchEvent(new Event('change'))")
+    page.until("fovea.live.camera === 1 && fovea.live.picture && fovea.live.context.getImageData(0, 0, 320, 60).data.join()"
+               f" !== {json.dumps(before)}", "a picture of the second camera")
+
+
 def check_robots():
-    """Several robots on one page: one of this host with its frames, which alone is paused; one that is heard over LCM by previews at the
-    size of its frames, and a word that this is all; one that is silent."""
+    """Several robots on one page: one of this host with its frames, which alone is paused; two that are heard over LCM by previews at the
+    size of their frames, of all cameras that send them, and a word that this is all; one that is silent."""
     small = os.path.join(folder, "small.sock")
 
     def small_run(more):
         return subprocess.Popen([os.path.join(build, "fovea"), "run", "--source", "sim:orbit?frames=1000000&rate=5&width=320&height=240" + more, "--rate",
-                                 "real", "--quiet", "--picture", "none", "--set", "channel_prefix=SMALL", "--set", "web.socket=" + small])
+                                 "real", "--quiet", "--picture", "none", "--set", "channel_prefix=SMALL", "--set", "web.socket=" + small, "--set", "preview.cameras=4", "--set", "preview.period_frames=2", "--set", "preview.level=0"])
 
     robots = [run("--set", "preview.level=1", "--set", "preview.period_frames=3"), small_run("&baseline=0.1")]
     blink = os.path.join(folder, "light.sock")
     robots.append(subprocess.Popen([os.path.join(build, "tests", "campaign", "blinks"), blink], stdin=subprocess.PIPE, stdout=subprocess.DEVNULL))
     server, page = web("--feed", os.path.join(folder, "feed"), "--feed", small, "--feed", blink, "--lcm", "udpm://239.255.76.67:7667", "--prefix", "FOVEA",
-                       "--prefix", "SILENT"), None
+                       "--prefix", "SILENT", "--prefix", "SMALL"), None
     try:
         time.sleep(1)
         page = Page()
         page.driver.get(ADDRESS)
         said = "[...document.getElementById('robot-choice').options].map((option) => option.text).join(', ')"
-        page.until(f"globalThis.fovea && {said} === 'feed: tracking, small: tracking, light: no pose yet, FOVEA: tracking, SILENT: no run'", "what the robots do")
+        page.until(f"globalThis.fovea && {said} === 'feed: tracking, small: tracking, light: no pose yet, FOVEA: tracking, SILENT: no run, SMALL: tracking'", "what the robots do")
 
         def choose(name):
             page.js("const choice = document.getElementById('robot-choice'), wanted = arguments[0] + ':';"
@@ -47,12 +56,16 @@ def check_robots():
         page.until("fovea.live.picture && fovea.live.picture.width === 320", "a picture of the second robot")
         page.driver.find_element(By.CSS_SELECTOR, "[data-command=pause]").click()
         page.until("document.getElementById('answer').textContent === 'pause: done'", "the answer of the second robot")
-        page.until(f"{said} === 'feed: tracking, small: paused, light: no pose yet, FOVEA: tracking, SILENT: no run'", "the pause of the second robot alone")
-        before = page.until("document.getElementById('camera-choice').options.length === 2 && fovea.live.context.getImageData(0, 0, 320, 60).data.join()",
-                            "a picture of the first camera")
-        page.js("const choice = document.getElementById('camera-choice'); choice.selectedIndex = 1; choice.dispatchEvent(new Event('change'))")
-        page.until("fovea.live.camera === 1 && fovea.live.picture && fovea.live.context.getImageData(0, 0, 320, 60).data.join()"
-                   f" !== {json.dumps(before)}", "a picture of the second camera")
+        page.until(f"{said} === 'feed: tracking, small: paused, light: no pose yet, FOVEA: tracking, SILENT: no run, SMALL: paused'", "the pause of the second robot alone")
+        check_cameras(page)
+        page.driver.find_element(By.CSS_SELECTOR, "[data-command=resume]").click()
+        page.until("document.getElementById('answer').textContent === 'resume: done'", "that the second robot goes on")
+        choose("SMALL")
+        page.until("document.getElementById('link').textContent === 'live, preview rate only' && fovea.live.picture && fovea.live.picture.width === 320",
+                   "a preview of the second robot")
+        check_cameras(page)
+        choose("small")
+        page.until("document.getElementById('link').textContent === 'live' && fovea.live.picture", "the frames of the second robot again")
         check_accessible(page)
         end(robots[1])
         robots[1] = small_run("")

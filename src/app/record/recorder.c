@@ -238,8 +238,12 @@ static enum fovea_status start_thread(struct fv_recorder *recorder, struct fovea
 static size_t iteration_bytes(const struct fv_recorder_setup *setup)
 {
     const struct fovea_config *config = &setup->settings->runtime;
-    const struct fovea_camera *camera = &config->rig.cameras[0].camera;
-    size_t pixels = (size_t)camera->width * (size_t)camera->height;
+    size_t pixels = 0;
+    for (uint32_t i = 0; i < config->preview.cameras && i < config->rig.camera_count; i++) {
+        const struct fovea_camera *camera = &config->rig.cameras[i].camera;
+        const size_t of_camera = (size_t)camera->width * (size_t)camera->height;
+        if (of_camera > pixels) pixels = of_camera;
+    }
     for (uint32_t level = 0; level < config->preview.level; level++)
         pixels = pixels * 10 / 14;
     const size_t sample_bytes =

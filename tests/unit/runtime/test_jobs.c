@@ -11,8 +11,11 @@
 #include "common/job_switch.h"
 #include "common/sim_rig.h"
 #include "runtime/jobs.h"
+#include "support/decode.h"
 
-enum { FRAMES = 60 };
+#include "fovea_preview_t.h"
+
+enum { FRAMES = 60, WIDTH = 320, HEIGHT = 240, PIXELS = WIDTH * HEIGHT, KEPT = 16 };
 #define WAY "sim:orbit?width=320&height=240&lens=pinhole&fov=70&rate=3"
 
 static struct sim_rig rig;
@@ -111,6 +114,86 @@ static void a_reset_leaves_no_job_with_work(void **state)
     sim_rig_close(&rig);
 }
 
+/* ---- previews of several cameras ------------------------------------------------------------- */
+
+static struct kept_frame {
+    int64_t stamp_ns;
+    uint8_t pixels[2][PIXELS];
+} kept_frames[KEPT];
+
+static double difference(const uint8_t *a, const uint8_t *b)
+{
+    double sum = 0;
+    for (int i = 0; i < PIXELS; i++)
+        sum += a[i] > b[i] ? a[i] - b[i] : b[i] - a[i];
+    return sum / PIXELS;
+}
+
+/* It is the picture of its camera in the frame of its stamp. Returns the camera. */
+static int judge_preview(const struct fovea_message *message)
+{
+    static uint8_t pixels[PIXELS];
+    const struct fv_decode_image image = {.pixels = pixels, WIDTH, HEIGHT, WIDTH, false};
+    const struct kept_frame *frame = NULL;
+    fovea_preview_t preview;
+    assert_true(fovea_preview_t_decode(message->data, 0, (int)message->bytes, &preview) > 0);
+    assert_true(preview.width == WIDTH && preview.height == HEIGHT);
+    assert_int_equal(fv_decode(preview.jpeg, (size_t)preview.size_bytes, &image, NULL), FOVEA_OK);
+    for (int i = 0; i < KEPT; i++)
+        if (kept_frames[i].stamp_ns == preview.stamp.time_ns) frame = &kept_frames[i];
+    assert_non_null(frame);
+    const int camera = preview.camera;
+    assert_in_range(camera, 0, 1);
+    const double own = difference(pixels, frame->pixels[camera]);
+    assert_true(own < 3 && difference(pixels, frame->pixels[1 - camera]) > 2 * own + 1);
+    fovea_preview_t_decode_cleanup(&preview);
+    return camera;
+}
+
+/* Cameras of the previews of a run, a digit each; the second gives no image in frames from
+ * `blind` on. */
+static void previews_of(uint32_t cameras, int blind, char shown[FRAMES + 1])
+{
+    size_t count = 0;
+    for (int i = 0; i < KEPT; i++)
+        kept_frames[i].stamp_ns = -1;
+    sim_rig_open(&rig, WAY "&baseline=0.1", 0, FRAMES);
+    rig.config.rig = rig.ops->info(rig.source)->rig;
+    rig.config.odometry.enabled = false;
+    rig.config.preview = (struct fovea_preview_config){
+        .period_frames = 4, .quality = 90, .level = 0, .cameras = cameras};
+    sim_rig_build(&rig);
+    for (int n = 0; sim_rig_next(&rig); n++) {
+        struct kept_frame *frame = &kept_frames[n % KEPT];
+        frame->stamp_ns = rig.frame.stamp_ns;
+        for (int i = 0; i < 2; i++)
+            for (int y = 0; y < HEIGHT; y++)
+                memcpy(frame->pixels[i] + (size_t)y * WIDTH,
+                       rig.frame.images[i].data + (ptrdiff_t)y * rig.frame.images[i].stride_bytes,
+                       WIDTH);
+        if (n >= blind) rig.frame.images[1].data = NULL;
+        sim_rig_process(&rig);
+        for (uint32_t i = 0; i < rig.work.message_count; i++)
+            if (strstr(rig.work.messages[i].channel, "PREVIEW") != NULL)
+                shown[count++] = (char)('0' + judge_preview(&rig.work.messages[i]));
+    }
+    shown[count] = '\0';
+    sim_rig_close(&rig);
+}
+
+static void previews_show_the_cameras_in_turn(void **state)
+{
+    char shown[FRAMES + 1];
+    (void)state;
+    previews_of(1, FRAMES, shown);
+    assert_true(strlen(shown) > 4 && strspn(shown, "0") == strlen(shown));
+    previews_of(FOVEA_CAMERAS_MAX, FRAMES, shown); /* more than there are */
+    assert_memory_equal(shown, "010101", 6);
+    previews_of(2, FRAMES / 2, shown); /* one that is blind is left out */
+    assert_memory_equal(shown, "010", 3);
+    assert_string_equal(shown + strlen(shown) - 3, "000");
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -118,6 +201,7 @@ int main(void)
         cmocka_unit_test(the_schedules_follow_from_the_rows),
         cmocka_unit_test(a_job_waits_for_work_and_never_when_its_key_is_off),
         cmocka_unit_test(a_reset_leaves_no_job_with_work),
+        cmocka_unit_test(previews_show_the_cameras_in_turn),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
