@@ -124,12 +124,17 @@ LIBCAMERA_PLUGIN := $(if $(call installed,libcamera/libcamera/libcamera.h)$(call
 CALIBRATE_CXX := $(filter-out src/calibrate/main.cpp,$(wildcard src/calibrate/*.cpp))
 CALIBRATE := $(if $(and $(call installed,opencv4/opencv2/aruco.hpp),$(call installed,ceres/ceres.h)),$(BUILD)/fovea-calibrate)
 
-# So is the program that serves the page of a run, where libwebsockets and jansson are installed; sanitizers see it, too.
+# So is the program that serves the page of a run, where libwebsockets, jansson and the page's libraries are installed; sanitizers see it, too.
 WEB_C := $(filter-out src/web/main.c,$(wildcard src/web/*.c))
 WEB_LIBS := -lwebsockets -lssl -lcrypto -ljansson
 WEB_NEEDS := libwebsockets.h jansson.h
 WEB_THERE := $(if $(filter asan,$(SAN)),$(wildcard $(WEB_NEEDS:%=/usr/include/%)),$(foreach header,$(WEB_NEEDS),$(call installed,$(header))))
-WEB := $(if $(filter fuzz tsan,$(SAN)),,$(if $(filter $(words $(WEB_NEEDS)),$(words $(WEB_THERE))),$(BUILD)/fovea-web))
+# What the page takes from Debian's libjs-three and libjs-chart.js: the same files for every processor.
+SCRIPTS := /usr/share/javascript
+WEB_SCRIPTS := $(addprefix $(SCRIPTS)/,chart.js/chart.min.js three/three.module.js three/examples/jsm/controls/OrbitControls.js \
+    $(addprefix three/examples/jsm/lines/,LineMaterial.js LineSegments2.js LineSegmentsGeometry.js))
+WEB_THERE += $(wildcard $(WEB_SCRIPTS))
+WEB := $(if $(filter fuzz tsan,$(SAN)),,$(if $(filter $(words $(WEB_NEEDS) $(WEB_SCRIPTS)),$(words $(WEB_THERE))),$(BUILD)/fovea-web))
 
 objs = $(patsubst %.c,$(BUILD)/obj/%.o,$(filter %.c,$(1))) $(patsubst %.cpp,$(BUILD)/obj/%.o,$(filter %.cpp,$(1)))
 GEN_O     := $(patsubst %.c,%.o,$(filter %.c,$(LCMGEN)))
@@ -554,8 +559,11 @@ $(BUILD)/fovea-calibrate: $(BUILD)/obj/src/calibrate/main.o $(CALIBRATE_O) $(CAL
 	@echo "  link $@"
 	$(Q)$(CXX) $(LDFLAGS) -pie -o $@ $(filter %.o,$^) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group \
 	    $(CALIBRATE_LIBS) $(LIBS_APP)
-WEB_PAGE := $(patsubst src/web/page/%,$(BUILD)/page/%.gz,$(wildcard src/web/page/*)) $(BUILD)/page/types.txt.gz
+WEB_PAGE := $(patsubst src/web/page/%,$(BUILD)/page/%.gz,$(wildcard src/web/page/*)) $(WEB_SCRIPTS:$(SCRIPTS)/%=$(BUILD)/page/library/%.gz) $(BUILD)/page/types.txt.gz
 $(BUILD)/page/%.gz: src/web/page/%
+	@mkdir -p $(@D)
+	$(Q)gzip -9nc $< >$@
+$(BUILD)/page/library/%.gz: $(SCRIPTS)/%
 	@mkdir -p $(@D)
 	$(Q)gzip -9nc $< >$@
 # The definitions of all messages, by which the page decodes them.

@@ -7,7 +7,7 @@ packages() {
     case $1 in
     build) echo gcc g++ make pkg-config liblcm-dev liblcm-bin libyaml-dev libpng-dev libjpeg-dev \
                 zlib1g-dev libfreetype-dev fonts-dejavu-core ;;
-    web)   echo libwebsockets-dev libjansson-dev ;;
+    web)   echo libwebsockets-dev libjansson-dev libjs-three libjs-chart.js ;;
     calibrate) echo libopencv-core-dev libopencv-imgproc-dev libopencv-calib3d-dev libopencv-features2d-dev \
                 libopencv-contrib-dev libceres-dev ;;
     package) echo build-essential dpkg-dev debhelper fakeroot lintian libcamera-dev libopencv-videoio-dev ;;
@@ -16,7 +16,7 @@ packages() {
     package-root-arm64) echo mmdebstrap arch-test qemu-user-static ;;
     test)  echo libcmocka-dev libopencv-core-dev libopencv-imgproc-dev libopencv-features2d-dev \
                 libopencv-calib3d-dev libopencv-imgcodecs-dev libopencv-contrib-dev libceres-dev python3 python3-venv iproute2 iptables \
-                libwebsockets-dev libjansson-dev openssl chromium chromium-driver ;;
+                libwebsockets-dev libjansson-dev libjs-three libjs-chart.js openssl chromium chromium-driver ;;
     bench) echo libopencv-core-dev libopencv-imgproc-dev libopencv-features2d-dev libopencv-calib3d-dev \
                 libopencv-imgcodecs-dev opencv-doc python3 python3-venv ;;
     evaluate) echo python3 python3-venv ;;

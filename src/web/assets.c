@@ -1,5 +1,6 @@
 #include "web/assets.h"
 
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -22,6 +23,7 @@
 #define SVG "image/svg+xml"
 #define TEXT "text/plain; charset=utf-8"
 
+/* Those of libraries are in the folders by which they find each other. */
 #define EVERY_ASSET(ROW)                                                                           \
     ROW(index, "/", "index.html", HTML, false)                                                     \
     ROW(style, "/style.css", "style.css", CSS, true)                                               \
@@ -32,8 +34,11 @@
     ROW(lcm, "/lcm.js", "lcm.js", JAVASCRIPT, false)                                               \
     ROW(live, "/live.js", "live.js", JAVASCRIPT, false)                                            \
     ROW(scene, "/scene.js", "scene.js", JAVASCRIPT, false)                                         \
+    ROW(space, "/space.js", "space.js", JAVASCRIPT, false)                                         \
+    ROW(lines, "/lines.js", "lines.js", JAVASCRIPT, false)                                         \
     ROW(layers, "/layers.js", "layers.js", JAVASCRIPT, false)                                      \
     ROW(plots, "/plots.js", "plots.js", JAVASCRIPT, false)                                         \
+    ROW(charts, "/charts.js", "charts.js", JAVASCRIPT, false)                                      \
     ROW(panels, "/panels.js", "panels.js", JAVASCRIPT, false)                                      \
     ROW(parameters, "/parameters.js", "parameters.js", JAVASCRIPT, false)                          \
     ROW(requests, "/requests.js", "requests.js", JAVASCRIPT, false)                                \
@@ -45,7 +50,17 @@
     ROW(robots, "/robots.js", "robots.js", JAVASCRIPT, false)                                      \
     ROW(calibrate, "/calibrate", "calibrate.html", HTML, false)                                    \
     ROW(calibrate_js, "/calibrate.js", "calibrate.js", JAVASCRIPT, false)                          \
-    ROW(types, "/types", "types.txt", TEXT, false)
+    ROW(types, "/types", "types.txt", TEXT, false)                                                 \
+    ROW(chart, "/chart.js", "library/chart.js/chart.min.js", JAVASCRIPT, false)                    \
+    ROW(three, "/three/build/three.module.js", "library/three/three.module.js", JAVASCRIPT, false) \
+    ROW(orbit_controls, "/three/examples/jsm/controls/OrbitControls.js",                           \
+        "library/three/examples/jsm/controls/OrbitControls.js", JAVASCRIPT, false)                 \
+    ROW(line_material, "/three/examples/jsm/lines/LineMaterial.js",                                \
+        "library/three/examples/jsm/lines/LineMaterial.js", JAVASCRIPT, false)                     \
+    ROW(line_segments, "/three/examples/jsm/lines/LineSegments2.js",                               \
+        "library/three/examples/jsm/lines/LineSegments2.js", JAVASCRIPT, false)                    \
+    ROW(line_geometry, "/three/examples/jsm/lines/LineSegmentsGeometry.js",                        \
+        "library/three/examples/jsm/lines/LineSegmentsGeometry.js", JAVASCRIPT, false)
 
 #define DATA(name, path, file, type, open) ASSET(fv_web_page_##name, file)
 EVERY_ASSET(DATA)
@@ -59,6 +74,15 @@ const struct fv_web_asset *fv_web_asset_find(const char *path)
     for (size_t i = 0; i < sizeof assets / sizeof assets[0]; i++)
         if (strcmp(path, assets[i].path) == 0) return &assets[i];
     return NULL;
+}
+
+void fv_web_asset_tag(const struct fv_web_asset *asset, char tag[FV_WEB_TAG_BYTES])
+{
+    const uint8_t *tail = asset->gzip_end - 8; /* RFC 1952: CRC-32, and the length */
+    size_t at = (size_t)snprintf(tag, FV_WEB_TAG_BYTES, "W/\"");
+    for (int i = 0; i < 8; i++)
+        at += (size_t)snprintf(tag + at, FV_WEB_TAG_BYTES - at, "%02x", tail[i]);
+    snprintf(tag + at, FV_WEB_TAG_BYTES - at, "\"");
 }
 
 uint8_t *fv_web_asset_inflate(const struct fv_web_asset *asset, size_t *bytes)

@@ -6,6 +6,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
+enum { FV_WEB_TAG_BYTES = 24 };
+
 struct fv_web_asset {
     const char *path, *type;
     bool open; /* of the login page: seen without a token */
@@ -14,6 +16,10 @@ struct fv_web_asset {
 
 /* NULL: there is none. */
 const struct fv_web_asset *fv_web_asset_find(const char *path);
+
+/* What tells its content from any other's: an entity tag of HTTP, weak, as it stands for the asset
+ * compressed and not. */
+void fv_web_asset_tag(const struct fv_web_asset *asset, char tag[FV_WEB_TAG_BYTES]);
 
 /* The asset without compression, in memory of malloc. NULL: no memory. */
 uint8_t *fv_web_asset_inflate(const struct fv_web_asset *asset, size_t *bytes);

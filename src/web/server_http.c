@@ -19,6 +19,7 @@ struct answer {
     const char *cookie; /* of a login, which leads to the page; NULL: none */
     bool gzip;
     const char *disposition; /* of a file to be saved; NULL: none */
+    const char *tag;         /* it may be kept, and is asked about by this; NULL: it may not */
 };
 
 static bool add(struct lws *wsi, const char *name, const char *value, uint8_t **at, uint8_t *end)
@@ -50,14 +51,20 @@ static int answer_begin(struct lws *wsi, struct fv_web_request *request,
         {"referrer-policy:", "same-origin"}, /* "no-referrer" would make the login's Origin null */
         {"cross-origin-opener-policy:", "same-origin"},
         {"cross-origin-resource-policy:", "same-origin"},
-        {"cache-control:", "no-store"},
     };
     uint8_t memory[LWS_PRE + HEADER_BYTES], *at = memory + LWS_PRE, *end = memory + sizeof memory;
     bool fits = lws_add_http_header_status(wsi, (unsigned)answer->status, &at, end) == 0 &&
-                add(wsi, "content-type:", answer->type, &at, end) &&
-                lws_add_http_header_content_length(wsi, bytes, &at, end) == 0;
+                add(wsi, "content-type:", answer->type, &at, end);
+    if (answer->status != HTTP_STATUS_NOT_MODIFIED)
+        fits = fits && lws_add_http_header_content_length(wsi, bytes, &at, end) == 0;
     for (size_t i = 0; i < sizeof always / sizeof always[0]; i++)
         fits = fits && add(wsi, always[i][0], always[i][1], &at, end);
+    fits =
+        fits && add(wsi, "cache-control:", answer->tag != NULL ? "private, no-cache" : "no-store",
+                    &at, end);
+    if (answer->tag != NULL)
+        fits = fits && add(wsi, "etag:", answer->tag, &at, end) &&
+               add(wsi, "vary:", "accept-encoding", &at, end);
     if (answer->gzip) fits = fits && add(wsi, "content-encoding:", "gzip", &at, end);
     if (answer->disposition != NULL)
         fits = fits && add(wsi, "content-disposition:", answer->disposition, &at, end);
@@ -104,11 +111,27 @@ static bool accepts_gzip(struct lws *wsi)
            strstr(accepted, "gzip") != NULL;
 }
 
+/* The browser has this content already. Only who may see it is told so. */
+static bool is_kept(struct lws *wsi, const char *tag)
+{
+    char kept[256];
+    return fv_web_server_header(wsi, WSI_TOKEN_HTTP_IF_NONE_MATCH, kept, sizeof kept) &&
+           strstr(kept, tag) != NULL;
+}
+
 static int answer_asset(struct lws *wsi, struct fv_web_request *request,
                         const struct fv_web_asset *asset)
 {
-    const struct answer answer = {
-        .status = HTTP_STATUS_OK, .type = asset->type, .gzip = accepts_gzip(wsi)};
+    char tag[FV_WEB_TAG_BYTES];
+    fv_web_asset_tag(asset, tag);
+    struct answer answer = {
+        .status = HTTP_STATUS_OK, .type = asset->type, .gzip = accepts_gzip(wsi), .tag = tag};
+    if (is_kept(wsi, tag)) {
+        answer.status = HTTP_STATUS_NOT_MODIFIED;
+        answer.gzip = false;
+        request->head = true; /* nothing follows */
+        return answer_begin(wsi, request, &answer, NULL, 0);
+    }
     if (answer.gzip)
         return answer_begin(wsi, request, &answer, asset->gzip,
                             (size_t)(asset->gzip_end - asset->gzip));

@@ -5,12 +5,12 @@ from selenium import webdriver
 from selenium.webdriver.chrome.service import Service
 
 
-def browser(folder):
-    """With a profile in the folder, and logs of its console and network."""
+def browser(folder, *more):
+    """With a profile in the folder, logs of its console and network, and WebGL by the processor."""
     options = webdriver.ChromeOptions()
     options.binary_location = "/usr/bin/chromium"
-    for word in ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run", "--no-proxy-server",
-                 "--disable-background-networking", "--disable-component-update", "--user-data-dir=" + os.path.join(folder, "profile")):
+    for word in ("--headless=new", "--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader", "--disable-dev-shm-usage", "--no-first-run", "--no-proxy-server",
+                 "--disable-background-networking", "--disable-component-update", "--user-data-dir=" + os.path.join(folder, "profile"), *more):
         options.add_argument(word)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
     return webdriver.Chrome(options=options, service=Service("/usr/bin/chromedriver"))

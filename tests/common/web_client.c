@@ -88,7 +88,8 @@ static bool is_whole(const char *answer, size_t bytes)
 {
     const char *end = strstr(answer, "\r\n\r\n"), *length = strcasestr(answer, "content-length:");
     if (end == NULL) return false;
-    if (length == NULL || length > end) return strncmp(answer, "HTTP/1.1 101", 12) == 0;
+    if (length == NULL || length > end)
+        return strncmp(answer, "HTTP/1.1 101", 12) == 0 || strncmp(answer, "HTTP/1.1 304", 12) == 0;
     return bytes >= (size_t)(end + 4 - answer) + strtoul(length + 15, NULL, 10);
 }
 

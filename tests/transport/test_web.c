@@ -74,11 +74,28 @@ static void head_is_get_without_a_body(void)
     }
 }
 
+/* A browser keeps what does not change, and asks about it by its tag. */
+static void kept_assets_are_not_sent_again(void)
+{
+    char tag[64] = "", request[200];
+    assert_int_equal(web_get("/three/build/three.module.js", "Accept-Encoding: gzip\r\n", answer),
+                     200);
+    const char *found = strcasestr(answer, "\r\netag: ");
+    assert_non_null(found);
+    assert_int_equal(sscanf(found, "\r\n%*s %63s", tag), 1);
+    snprintf(request, sizeof request, "If-None-Match: \"other\", %s\r\n", tag);
+    assert_int_equal(web_get("/three/build/three.module.js", request, answer), 304);
+    assert_string_equal(strstr(answer, "\r\n\r\n"), "\r\n\r\n");  /* no body */
+    assert_int_equal(web_get("/chart.js", request, answer), 200); /* the tag of another */
+    assert_int_equal(web_get("/keys", "", answer), 200);
+    assert_non_null(strcasestr(answer, "cache-control: no-store"));
+}
+
 static void the_page_is_sent_with_its_rules(void **state)
 {
     const char *const headers[] = {"content-security-policy: default-src 'self'; frame",
                                    "frame-ancestors 'none';", "x-content-type-options: nosniff",
-                                   "cache-control: no-store"};
+                                   "cache-control: private, no-cache"};
     (void)state;
     const pid_t process = start(false);
     assert_int_equal(web_get("/", "", answer), 200);
@@ -97,6 +114,7 @@ static void the_page_is_sent_with_its_rules(void **state)
         404); /* there is no token to ask for */
     assert_int_equal(web_ask("PUT / HTTP/1.1\r\n" HOST "Content-Length: 0\r\n\r\n", answer), 405);
     head_is_get_without_a_body();
+    kept_assets_are_not_sent_again();
     assert_int_equal(web_end(process, true), 0);
     running = 0;
 }

@@ -14,6 +14,21 @@ from web_browser import (ADDRESS, PATIENCE_S, Page, build, check_accessible, che
 from web_robots import check_robots
 
 
+# Pixels of the view in three dimensions, drawn now, and where a place of the path is on it.
+LOOK = """
+    const look = (space) => {
+      space.draw();
+      const gl = space.renderer.getContext(), { width, height } = space.canvas, data = new Uint8Array(4 * width * height);
+      gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, data);
+      return (x, y) => [...data.subarray(4 * ((height - 1 - Math.floor(y)) * width + Math.floor(x)), 4 * ((height - 1 - Math.floor(y)) * width + Math.floor(x)) + 3)];
+    };
+    const where = (space, place) => {
+      const p = space.odometry.localToWorld(space.camera.position.clone().fromArray(place)).project(space.camera);
+      return [(p.x + 1) / 2 * space.canvas.width, (1 - p.y) / 2 * space.canvas.height];
+    };
+"""
+
+
 def check_load(page):
     """Small, from here alone."""
     urls, sizes = [], {}
@@ -23,13 +38,31 @@ def check_load(page):
             urls.append(message["params"]["request"]["url"])
         if message["method"] == "Network.loadingFinished":
             sizes[message["params"]["requestId"]] = message["params"]["encodedDataLength"]
-    assert all(size < 100_000 for size in sizes.values()), sizes
     strange = [url for url in urls if not url.startswith((ADDRESS, "ws://127.0.0.1:7680/", "data:", "chrome:"))]
     assert not strange, strange
     assert len(urls) >= 10, urls
     assert sum(sizes.values()) < 600_000, sizes
-    times = page.js("const t = performance.getEntriesByType('navigation')[0]; return [t.domContentLoadedEventEnd, t.loadEventEnd]")
-    print(f"page: {sum(sizes.values())} bytes in {len(urls)} requests, content loaded after {times[0]:.0f} ms")
+    times = page.js("const mark = (name) => performance.getEntriesByName(name)[0].startTime; "
+                    "return [performance.getEntriesByType('navigation')[0].domContentLoadedEventEnd, mark('plots drawn'), mark('space drawn')]")
+    print("page: {} bytes in {} requests; content loaded after {:.0f} ms, plots drawn after {:.0f}, the view in three dimensions after {:.0f}".format(sum(sizes.values()), len(urls), *times))
+
+
+def check_again(page):
+    """What the browser has kept is asked about, and not sent again; without WebGL the page says so in one line, and the rest of it works."""
+    script = page.driver.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": """
+        const get = HTMLCanvasElement.prototype.getContext;
+        HTMLCanvasElement.prototype.getContext = function (kind, ...more) { return kind.startsWith("webgl") ? null : get.call(this, kind, ...more); };"""})
+    page.driver.refresh()
+    page.until("globalThis.fovea && !document.getElementById('no-scene').hidden && fovea.live.picture && performance.getEntriesByName('plots drawn').length",
+               "the page without WebGL")
+    assert page.text("no-scene") == "This browser has no WebGL: path and map are not drawn.", page.text("no-scene")
+    page.until("fovea.scene.path.count > 3 && fovea.plots[0].lines.size > 0", "that the rest of the page works")
+    sizes = page.js("return performance.getEntriesByType('resource').map(({ name, transferSize }) => [new URL(name).pathname, transferSize])")
+    assert all(size < 1000 for name, size in sizes if name.endswith(".js")) and len(sizes) > 20, sizes
+    check_console(page)
+    page.driver.execute_cdp_cmd("Page.removeScriptToEvaluateOnNewDocument", {"identifier": script["identifier"]})
+    page.driver.refresh()
+    page.until("Boolean(globalThis.fovea && fovea.space)", "the page")
 
 
 def check_picture(page):
@@ -46,6 +79,13 @@ def check_picture(page):
 def check_plots(page):
     text = "document.getElementById('legend-%s').textContent"
     page.until((text % "temperature") + " === 'processor 79 °C'", "the temperature in its plot")
+    drawn = page.js("""
+        return fovea.plots.map(({ canvas, lines }) => {
+          const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height), seen = new Set();
+          for (let i = 0; i < data.length; i += 4) if (data[i + 3] > 200) seen.add(data[i] << 16 | data[i + 1] << 8 | data[i + 2]);
+          return [...lines.values()].filter(({ points }) => points.length > 4).map(({ colour }) => seen.has(parseInt(colour.slice(1), 16)));
+        });""")
+    assert len(drawn) == 4 and all(2 * sum(lines) >= len(lines) > 0 for lines in drawn), drawn  # of equal values one covers the others
     page.until("/^late \\d+\\.\\d \\/sdropped \\d+\\.\\d \\/s$/.test(" + (text % "deadlines") + ")", "missed deadlines in their plot")
 
 
@@ -56,29 +96,53 @@ def check_health(page):
 
 
 def check_path(page):
-    page.until("fovea.scene.path.places.length > 30 && fovea.scene.landmarks.size > 50 && fovea.scene.keyframes.size > 2",
+    page.until("fovea.scene.path.count > 10 && fovea.scene.landmarks.size > 50 && fovea.scene.keyframes.size > 2",
                "a path and a map")
-    found = page.js("""
-        const { scene } = fovea, ratio = scene.canvas.width / scene.canvas.clientWidth, places = scene.path.places;
-        scene.shown.landmarks = scene.shown.keyframes = false;
-        scene.drawBody = () => {}; // it covers the newest places
-        scene.draw();
-        const data = scene.context.getImageData(0, 0, scene.canvas.width, scene.canvas.height).data;
-        const blue = (i) => data[i] < 140 && data[i + 1] > 150 && data[i + 2] > 200;
+    found = page.js(LOOK + """
+        const { space, scene } = fovea, { places, count } = scene.path, shown = { ...space.shown };
+        space.shown.landmarks = space.shown.keyframes = false;
+        space.body.material.visible = false; // it covers the newest places
+        const pixel = look(space), blue = (x, y) => { const [r, g, b] = pixel(x, y); return r < 140 && g > 120 && b > 170; };
         let all = 0, hit = 0;
-        for (let i = 0; i < data.length; i += 4) all += blue(i);
-        const count = places.length / 3;
+        for (let y = 0; y < space.canvas.height; y++) for (let x = 0; x < space.canvas.width; x++) all += blue(x, y);
         for (let n = 0; n < count; n++) {
-          const p = scene.project(scene.toMap([...places.slice(3 * n, 3 * n + 3)]), scene.eye);
-          const near = (dx, dy) => blue(4 * ((Math.floor(p[1]) + dy) * scene.canvas.width + Math.floor(p[0]) + dx));
-          hit += p !== null && [-1, 0, 1].some((dx) => [-1, 0, 1].some((dy) => near(dx, dy)));
+          const [x, y] = where(space, [...places.slice(3 * n, 3 * n + 3)]);
+          hit += [-1, 0, 1].some((dx) => [-1, 0, 1].some((dy) => blue(x + dx, y + dy)));
         }
-        scene.shown.landmarks = scene.shown.keyframes = true;
-        delete scene.drawBody;
-        scene.draw();
+        Object.assign(space.shown, shown);
+        space.body.material.visible = true;
+        space.draw();
         return { all, hit, count };""")
     assert found["all"] > 100, found
     assert found["hit"] >= 0.95 * found["count"], found
+
+
+def check_hands(page):
+    """The view follows the path until hands move it: a finger turns it, a wheel comes nearer, keys do both; buttons bring it back."""
+    state = ("const { camera, controls, shown } = fovea.space, at = camera.position.clone().sub(controls.target); "
+             "return [shown.follow, at.length(), Math.atan2(at.x, at.z), at.y / at.length(), document.querySelector('[data-view=follow]').getAttribute('aria-pressed')]")
+    canvas = page.driver.find_element(By.ID, "scene")
+    page.js("arguments[0].scrollIntoView({ block: 'center' })", canvas)
+    before = page.js(state)
+    assert before[0] and before[4] == "true", before
+    box = page.js("const { x, y, width, height } = arguments[0].getBoundingClientRect(); return [x + width / 2, y + height / 2]", canvas)
+    for kind, more in (("touchStart", 0), ("touchMove", 60), ("touchMove", 90), ("touchEnd", None)):
+        points = [] if more is None else [{"x": box[0] + more, "y": box[1]}]
+        page.driver.execute_cdp_cmd("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+    turned = page.js(state)
+    assert turned[0] and abs(turned[2] - before[2]) > 0.3, (before, turned)
+    canvas.send_keys(Keys.ARROW_UP)
+    raised = page.js(state)
+    assert raised[3] > turned[3] + 0.03, (turned, raised)
+    page.driver.execute_cdp_cmd("Input.dispatchMouseEvent", {"type": "mouseWheel", "x": box[0], "y": box[1], "deltaX": 0, "deltaY": -200})
+    page.until("!fovea.space.shown.follow", "that the wheel moved the eye")
+    nearer = page.js(state)
+    assert nearer[1] < raised[1] and nearer[4] == "false", (raised, nearer)
+    page.driver.find_element(By.CSS_SELECTOR, "[data-view=top]").click()
+    assert page.js(state)[3] > 0.999
+    page.driver.find_element(By.CSS_SELECTOR, "[data-view=follow]").click()
+    page.until("fovea.space.shown.follow", "the path again")
+    page.js("scrollTo(0, 0)")
 
 
 def check_commands(page):
@@ -111,7 +175,7 @@ def check_commands(page):
 
 def check_layers(page):
     """A mask and a grid of known cells are drawn where they say; no network of the simulated run makes any."""
-    found = page.js("""
+    found = page.js(LOOK + """
         const { live, scene } = fovea, classes = [0, 255].map((red, i) => ({ class_id: i, class_name: ["floor", "wall"][i], red, green: 255 - red, blue: 0, fraction: 0.5 }));
         const layers = { ...live.layers };
         for (const layer in live.layers) live.layers[layer] = layer === "classes";
@@ -132,15 +196,28 @@ def check_layers(page):
         const mask = { green: change(0, 0), none: change(3, 0), red: change(3, 1), below: change(0, 2), legend: live.classes.textContent };
         Object.assign(live.layers, layers);
         live.masks[0].forget();
-        scene.floor.take({ stamp: { time_ns: 1n }, width: 4, height: 2, first_row: 0, row_count: 2, cells: [0, 0, 50, 100, -1, 10, 90, 90],
-          free_below: 0.35, occupied_above: 0.65, resolution_m: 0.5, origin_position: [0, 0, 0], origin_orientation: [1, 0, 0, 0] });
-        const runs = { free: scene.floor.free, occupied: scene.floor.occupied };
+        live.classes.replaceChildren();
+        // Two rows of four cells before the eye, in the frame of the path.
+        const { space } = fovea, shown = { ...space.shown }, side = space.seen.distance / 8, { target } = space.controls;
+        const corner = space.odometry.worldToLocal(target.clone()).toArray();
+        for (const part of ["landmarks", "keyframes"]) space.shown[part] = false;
+        for (const thing of [space.path, space.body, space.grid]) thing.material.visible = false;
+        scene.addFloor({ stamp: { time_ns: 1n }, width: 4, height: 2, first_row: 1, row_count: 1, cells: [-1, 10, 90, 90],
+          free_below: 0.35, occupied_above: 0.65, resolution_m: side, origin_position: corner, origin_orientation: [1, 0, 0, 0] });
+        scene.addFloor({ stamp: { time_ns: 1n }, width: 4, height: 2, first_row: 0, row_count: 1, cells: [0, 0, 50, 100],
+          free_below: 0.35, occupied_above: 0.65, resolution_m: side, origin_position: corner, origin_orientation: [1, 0, 0, 0] });
+        const pixel = look(space), kind = ([r, g]) => r > g + 40 ? "occupied" : g > r + 30 ? "free" : "none";
+        const cells = [0, 1].map((row) => [0, 1, 2, 3].map((column) =>
+          kind(pixel(...where(space, [corner[0] + (column + 0.5) * side, corner[1] + (row + 0.5) * side, corner[2]])))));
         scene.floor.forget();
-        return { mask, runs };""")
-    mask, runs = found["mask"], found["runs"]
+        for (const thing of [space.path, space.body, space.grid]) thing.material.visible = true;
+        Object.assign(space.shown, shown);
+        space.draw();
+        return { mask, cells };""")
+    mask, cells = found["mask"], found["cells"]
     assert mask["green"][1] > mask["green"][0] and mask["red"][0] > mask["red"][1] and mask["below"] != [0, 0, 0, 0], mask
     assert mask["none"][:3] == [0, 0, 0] and "floor 50 %" in mask["legend"] and "wall 50 %" in mask["legend"], mask
-    assert runs == {"free": [[0, 2, 0], [1, 2, 1]], "occupied": [[3, 4, 0], [2, 4, 1]]}, runs
+    assert cells == [["free", "free", "none", "occupied"], ["none", "free", "occupied", "occupied"]], cells
 
 
 def check_parameters(page, kept):
@@ -377,13 +454,15 @@ def main():
         page.driver.get("about:blank")
         page.driver.get_log("performance")  # of the browser's own first page
         page.driver.get(ADDRESS)
-        page.until("Boolean(globalThis.fovea)", "the page")
+        page.until("Boolean(globalThis.fovea && fovea.space)", "the page")
         check_picture(page)
         check_load(page)
+        check_again(page)
         check_health(page)
         check_announced()
         found = check_box(page)
         check_path(page)
+        check_hands(page)
         check_layers(page)
         check_parameters(page, kept)
         check_settings(page, kept)

@@ -23,7 +23,7 @@ const of = () => link;
 const shown = { times: [], run: undefined };
 
 const live = new Live(byId("picture"), byId("legend-classes"), of, showLatency);
-const scene = new Scene(byId("scene"));
+const scene = new Scene();
 const pose = new PosePanel(types);
 const requests = new Requests(of);
 const actions = new Actions(types, requests);
@@ -39,6 +39,7 @@ const stages = new Plot(byId("plot-stages"), byId("legend-stages"), " ms", 2);
 const features = new Plot(byId("plot-features"), byId("legend-features"), "", 0);
 const deadlines = new Plot(byId("plot-deadlines"), byId("legend-deadlines"), " /s", 1);
 const temperature = new Plot(byId("plot-temperature"), byId("legend-temperature"), " °C", 0);
+const plots = [stages, features, deadlines, temperature];
 
 // Camera to screen, by parts, and what the picture is.
 function showLatency(picture) {
@@ -72,8 +73,7 @@ function forget() {
   live.forget();
   scene.forget();
   pose.forget();
-  stages.forget();
-  for (const plot of [features, deadlines, temperature]) plot.forget();
+  for (const plot of plots) plot.forget();
   shown.statistics = undefined;
   byId("recorder").hidden = byId("health").hidden = true;
 }
@@ -201,11 +201,11 @@ const link = new Link(types, {
 function showScene() {
   facts(byId("scene-facts"), {
     Landmarks: String(scene.landmarks.size), Keyframes: String(scene.keyframes.size), "Places of the path": String(shown.path || 0),
-    "Square of the grid": scene.step ? String(Number(scene.step.toPrecision(2))) : undefined,
+    "Square of the grid": fovea.space?.step ? String(Number(fovea.space.step.toPrecision(2))) : undefined,
   });
 }
 
-globalThis.fovea = { live, scene, link, parameters }; // for the console, and for tests
+globalThis.fovea = { live, scene, link, parameters, plots }; // for the console, and for tests
 
 // Those of the rig, of which the first is shown at each connection.
 function showCameras(count) {
@@ -227,16 +227,15 @@ for (const button of document.querySelectorAll("[data-layer]"))
   });
 for (const button of document.querySelectorAll("[data-view]"))
   button.addEventListener("click", () => {
-    const view = button.dataset.view;
-    if (view === "top") scene.turn.elevation = 1.5707;
-    if (view === "all") scene.fit();
-    if (view in scene.shown) {
-      scene.shown[view] = !scene.shown[view];
-      button.setAttribute("aria-pressed", String(scene.shown[view]));
+    const { view } = button.dataset, { space } = fovea;
+    if (view === "top") space.fromAbove();
+    if (view === "all") space.fit();
+    if (view in space.shown) {
+      space.shown[view] = !space.shown[view];
+      button.setAttribute("aria-pressed", String(space.shown[view]));
     }
-    scene.ask();
+    space.ask();
   });
-scene.onFree = () => document.querySelector("[data-view=follow]").setAttribute("aria-pressed", "false");
 byId("snapshot").addEventListener("click", () => {
   if (!live.picture) return;
   const name = `fovea-${live.picture.sequence}.png`;
@@ -245,3 +244,25 @@ byId("snapshot").addEventListener("click", () => {
 byId("save-log").addEventListener("click", saveLog);
 document.addEventListener("visibilitychange", () => link.visible());
 addEventListener("resize", () => live.draw());
+
+// ---- what is drawn by libraries, which are large: the picture does not wait for them
+
+function showNoSpace(why) {
+  byId("no-scene").textContent = `${why}: path and map are not drawn.`;
+  byId("no-scene").hidden = false;
+  byId("scene").hidden = byId("views").hidden = true;
+}
+
+import("/space.js").then(({ Space, context }) => {
+  const canvas = byId("scene"), found = context(canvas);
+  if (!found) return showNoSpace("This browser has no WebGL");
+  const space = fovea.space = new Space(canvas, found, scene);
+  space.onFree = () => document.querySelector("[data-view=follow]").setAttribute("aria-pressed", "false");
+  byId("views").hidden = false;
+  space.draw();
+  performance.mark("space drawn");
+}).catch(({ message }) => showNoSpace(message));
+import("/charts.js").then(({ draw }) => {
+  plots.forEach(draw);
+  performance.mark("plots drawn");
+});

@@ -57,37 +57,23 @@ export class Mask {
   }
 }
 
-// Free and occupied cells (grid_t), as runs along the rows: a few polygons instead of all cells.
+// Free and occupied cells (grid_t) as pixels of a picture, red, green, blue and opacity of each. Pieces of one stamp make one grid.
+const FREE = [47, 143, 95, 136], OCCUPIED = [255, 107, 107, 204], NOTHING = [0, 0, 0, 0];
+
 export class FloorGrid {
   take(message) {
-    const { stamp, width, first_row, cells, row_count } = message;
+    const { stamp, width, height, first_row, cells } = message, bytes = 4 * width * height;
     if (isOlder(stamp, this.stamp)) return;
-    if (stamp.time_ns !== this.stamp) Object.assign(this, { stamp: stamp.time_ns, free: [], occupied: [] });
+    if (!this.pixels || this.pixels.length !== bytes || this.place?.width !== width) this.pixels = new Uint8Array(bytes);
+    else if (stamp.time_ns !== this.stamp) this.pixels.fill(0);
+    this.stamp = stamp.time_ns;
     this.place = message;
-    const kind = (value) => value === UNKNOWN ? null : value < 100 * message.free_below ? this.free : value > 100 * message.occupied_above ? this.occupied : null;
-    for (let row = 0; row < row_count; row++)
-      for (let x = 0, begin = 0; x < width; x++) {
-        const here = kind(cells[row * width + x]), next = x + 1 < width ? kind(cells[row * width + x + 1]) : null;
-        if (here && here !== next) here.push([begin, x + 1, first_row + row]);
-        if (here !== next) begin = x + 1;
-      }
-  }
-  // to(x, y) projects a point of the grid (metres from its origin) to the canvas; null: it is behind the eye.
-  draw(context, to) {
-    if (!this.place) return;
-    const side = this.place.resolution_m;
-    for (const [runs, colour] of [[this.free, "#2f8f5f88"], [this.occupied, "#ff6b6bcc"]]) {
-      context.fillStyle = colour;
-      context.beginPath();
-      for (const [begin, end, row] of runs) {
-        const corners = [[begin, row], [end, row], [end, row + 1], [begin, row + 1]].map(([x, y]) => to(x * side, y * side));
-        if (corners.includes(null)) continue;
-        corners.forEach((p, i) => context[i ? "lineTo" : "moveTo"](p[0], p[1]));
-      }
-      context.fill();
-    }
+    this.changed = true; // and not drawn yet
+    const kind = (value) => value === UNKNOWN ? NOTHING : value < 100 * message.free_below ? FREE : value > 100 * message.occupied_above ? OCCUPIED : NOTHING;
+    cells.forEach((value, i) => this.pixels.set(kind(value), 4 * (first_row * width + i)));
   }
   forget() {
-    this.place = this.stamp = undefined;
+    this.place = this.stamp = this.pixels = undefined;
+    this.changed = true;
   }
 }

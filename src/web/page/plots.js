@@ -1,19 +1,17 @@
-// Lines over the last two minutes, on a canvas, with their newest values as text beside it.
+// Values of the last two minutes, with the newest as text. charts.js draws them.
 
 const SPAN_MS = 120000;
 const COLOURS = ["#5fd0ff", "#ffb347", "#7ee787", "#ff8fb1", "#c9a2ff", "#ffe066", "#66e0c8", "#ff7f66", "#a3b8ff", "#d9c2a0"];
 
 export class Plot {
   constructor(canvas, legend, unit, digits) {
-    Object.assign(this, { canvas, legend, unit, digits, lines: new Map() });
-    this.context = canvas.getContext("2d");
-    new ResizeObserver(() => this.draw()).observe(canvas);
+    Object.assign(this, { canvas, legend, unit, digits, lines: new Map(), onChange: () => {} });
   }
 
   forget() {
     this.lines.clear();
     this.legend.replaceChildren();
-    this.draw();
+    this.onChange();
   }
 
   // Values by name, at this instant.
@@ -23,11 +21,14 @@ export class Plot {
       if (!Number.isFinite(value)) continue;
       if (!this.lines.has(name)) this.lines.set(name, this.begin(name));
       const line = this.lines.get(name);
-      line.points.push([now, value]);
-      while (line.points[0][0] < now - SPAN_MS) line.points.shift();
-      line.text.textContent = `${name} ${value.toFixed(this.digits)}${this.unit}`;
+      line.points.push({ x: now, y: value });
+      while (line.points[0].x < now - SPAN_MS) line.points.shift();
+      line.text.textContent = `${name} ${this.say(value)}`;
     }
-    this.draw();
+    this.onChange();
+  }
+  say(value) {
+    return value.toFixed(this.digits) + this.unit;
   }
   begin(name) {
     const colour = COLOURS[this.lines.size % COLOURS.length];
@@ -39,51 +40,5 @@ export class Plot {
     item.append(key, text);
     this.legend.append(item);
     return { colour, text, points: [], name };
-  }
-
-  draw() {
-    const { canvas, context } = this, ratio = Math.min(devicePixelRatio || 1, 2);
-    const width = Math.round(canvas.clientWidth * ratio), height = Math.round(canvas.clientHeight * ratio);
-    if (!width || !height) return;
-    if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
-    context.clearRect(0, 0, width, height);
-    const now = performance.now();
-    let most = 0, oldest = now;
-    for (const { points } of this.lines.values()) {
-      for (const [, value] of points) most = Math.max(most, value);
-      oldest = Math.min(oldest, points[0][0]);
-    }
-    const span = [15000, 30000, 60000].find((some) => now - oldest < some) || SPAN_MS;
-    const step = 10 ** Math.floor(Math.log10(most || 1)), top = Math.ceil((most * 1.05 || 1) / (step / 2)) * (step / 2);
-    const left = 46 * ratio, bottom = height - 18 * ratio;
-    const x = (time) => left + (width - left - 4 * ratio) * (1 - (now - time) / span);
-    const y = (value) => bottom - (bottom - 6 * ratio) * (value / top);
-    context.font = `${11 * ratio}px system-ui, sans-serif`;
-    context.fillStyle = "#9fb3c3";
-    context.strokeStyle = "#22323f";
-    context.lineWidth = ratio;
-    for (let i = 0; i <= 4; i++) {
-      const value = (top * i) / 4;
-      context.beginPath();
-      context.moveTo(left, y(value));
-      context.lineTo(width, y(value));
-      context.stroke();
-      context.textAlign = "right";
-      context.textBaseline = "middle";
-      context.fillText(value >= 100 ? value.toFixed(0) : value.toPrecision(2), left - 6 * ratio, y(value));
-    }
-    context.textBaseline = "alphabetic";
-    for (const [seconds, align] of [[span / 1000, "left"], [span / 2000, "center"], [0, "right"]]) {
-      context.textAlign = align;
-      context.fillText(seconds ? `-${seconds} s` : "now", x(now - seconds * 1000), height - 4 * ratio);
-    }
-    context.lineWidth = 1.7 * ratio;
-    context.lineJoin = "round";
-    for (const { colour, points } of this.lines.values()) {
-      context.strokeStyle = colour;
-      context.beginPath();
-      points.forEach(([time, value], i) => context[i ? "lineTo" : "moveTo"](x(time), y(value)));
-      context.stroke();
-    }
   }
 }
