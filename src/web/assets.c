@@ -29,6 +29,7 @@
     ROW(style, "/style.css", "style.css", CSS, true)                                               \
     ROW(icon, "/icon.svg", "icon.svg", SVG, true)                                                  \
     ROW(login, "/login", "login.html", HTML, true)                                                 \
+    ROW(readable, "/readable.js", "readable.js", JAVASCRIPT, true)                                 \
     ROW(app, "/app.js", "app.js", JAVASCRIPT, false)                                               \
     ROW(link, "/link.js", "link.js", JAVASCRIPT, false)                                            \
     ROW(lcm, "/lcm.js", "lcm.js", JAVASCRIPT, false)                                               \

@@ -14,6 +14,7 @@
 #include "fovea_camera_status_t.h"
 #include "fovea_features_t.h"
 #include "fovea_grid_t.h"
+#include "fovea_health_t.h"
 #include "fovea_map_t.h"
 #include "fovea_pose_t.h"
 #include "fovea_recorder_t.h"
@@ -144,6 +145,29 @@ static void take_recorder(struct fv_web_relay *relay, const struct fv_feed_messa
     fovea_recorder_t_decode_cleanup(&recorder);
 }
 
+/* What health was: `faults` has a bit for each part with one. */
+static void take_health(struct fv_web_relay *relay, const struct fv_feed_message *message)
+{
+    fovea_health_t health;
+    if (!is("fovea.health_t", message) ||
+        fovea_health_t_decode(message->data, 0, (int)message->bytes, &health) < 0)
+        return;
+    for (int32_t i = 0; i < health.count && i < FOVEA_HEALTH_T_COUNT_MAX; i++) {
+        const fovea_health_part_t *part = &health.parts[i];
+        const uint32_t bit = UINT32_C(1) << i;
+        const bool fault = part->state != FOVEA_HEALTH_T_STATE_OK;
+        if (strcmp(part->name, "odometry") == 0) continue; /* the state of the pose says it */
+        if (fault && (relay->faults & bit) == 0)
+            fv_web_store_log(relay->store, utime(), "%.40s %s: %.120s", part->name,
+                             part->state == FOVEA_HEALTH_T_STATE_FAILED ? "failed" : "degraded",
+                             part->reason);
+        if (!fault && (relay->faults & bit) != 0)
+            fv_web_store_log(relay->store, utime(), "%.40s: ok again", part->name);
+        relay->faults = fault ? relay->faults | bit : relay->faults & ~bit;
+    }
+    fovea_health_t_decode_cleanup(&health);
+}
+
 /* The slot after those that this message lists, as the number of its piece. */
 static int32_t piece_of_map(const struct fv_feed_message *message, int32_t last)
 {
@@ -226,7 +250,7 @@ static const struct shown {
     {"RUN", "fovea.run_t", 0, NULL, NULL, FOR_ALL},
     {"STATISTICS", "fovea.statistics_t", FV_SECOND_NS / 10, NULL, NULL, FOR_ALL},
     {"CAMERA_STATUS", "fovea.camera_status_t", FV_SECOND_NS / 2, take_camera, NULL, FOR_ALL},
-    {"HEALTH", "fovea.health_t", FV_SECOND_NS / 5, NULL, NULL, FOR_ALL},
+    {"HEALTH", "fovea.health_t", FV_SECOND_NS / 5, take_health, NULL, FOR_ALL},
     {"OBJECTS", "fovea.objects_t", FV_SECOND_NS / 30, NULL, NULL, FOR_ALL},
     {"DETECTIONS", "fovea.detections_t", FV_SECOND_NS / 30, NULL, NULL, FOR_ALL},
     {"DETECTIONS2", "fovea.detections_t", FV_SECOND_NS / 30, NULL, NULL, FOR_ALL},
@@ -318,6 +342,7 @@ void fv_web_relay_begin(struct fv_web_relay *relay, const char *prefix)
     memset(relay->overlays, 0, sizeof relay->overlays);
     relay->state = relay->scale_state = relay->map_id = relay->camera_state = -1;
     relay->records = false;
+    relay->faults = 0;
     fv_web_store_begin(relay->store, relay->prefix);
     if (relay->foxglove == NULL) return;
     fv_foxglove_views_begin(relay->foxglove->views, relay->prefix);

@@ -54,7 +54,8 @@ struct fv_web_relay {
     /* Of the last pose, whose changes are logged. */
     int state, scale_state, map_id, reset_counter, change_count, camera_state;
     int64_t state_since_ns, path_ns;
-    bool records; /* a recording that a command began is being written */
+    uint32_t faults; /* bits of the parts of health */
+    bool records;    /* a recording that a command began is being written */
 
     /* The last messages of features, of which the one with a picture's stamp goes with it. */
     struct {

@@ -59,7 +59,7 @@ class Page:
 
     def __init__(self):
         if Page.shared is None:
-            Page.shared = module("..", "common", "chromium").browser(folder)
+            Page.shared = module("..", "common", "chromium").browser(folder, "--host-resolver-rules=MAP robot.local 127.0.0.1")
         self.driver = Page.shared
 
     def close(self):

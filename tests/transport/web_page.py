@@ -275,7 +275,7 @@ def check_settings(page, kept):
         time.sleep(0.05)
     with open(os.path.join(folder, logs[0]), encoding="utf-8") as file:
         lines = file.read().split("\n")
-    assert lines[0].split()[1] == "run" and any("pose: " in line for line in lines), lines
+    assert lines[0].split()[1] == "run" and any("pose: " in line for line in lines) and any(" host degraded: " in line for line in lines), lines
     with open(path, encoding="utf-8") as file:
         text = file.read()
     assert "\n# source: " in text and "\nsource: " not in text and "\nfeatures.count_max: " in text and "command_key: (not" in text, text
@@ -365,13 +365,18 @@ def check_announced():
 
 
 def check_login(token):
+    """By the name of a host, as from another one: the page says that it is not encrypted."""
     page = Page()
     try:
         page.driver.get(ADDRESS)
+        assert not page.driver.find_element(By.ID, "readable").is_displayed()
+        page.driver.get(ADDRESS.replace("127.0.0.1", "robot.local"))
+        page.until("!document.getElementById('readable').hidden", "a word that the token can be read")
         with open(token, encoding="ascii") as file:
             view = file.read().split()[1]
         page.driver.find_element(By.ID, "token").send_keys(view + Keys.ENTER)
         page.until("globalThis.fovea && fovea.live.picture", "a picture after the login")
+        assert page.driver.find_element(By.ID, "readable").is_displayed()
         assert page.js("return document.cookie") == "" and view not in page.driver.current_url
         assert page.driver.find_element(By.CSS_SELECTOR, "[data-command=pause]").get_property("disabled")
         assert page.driver.find_element(By.CSS_SELECTOR, "[data-command=record]").get_property("disabled")
@@ -484,7 +489,7 @@ def main():
         page.close()
         end(server)
         token = os.path.join(folder, "token")
-        server = web("--token", token)
+        server = web("--token", token, "--name", "robot.local")
         time.sleep(1)
         check_login(token)
         end(robot)
