@@ -672,7 +672,7 @@ $(BESIDE_CERES:%=$(BUILD)/tests/unit/%): ORACLE_LIBS := -lopencv_aruco -lceres -
 $(BESIDE_CERES:%=$(BUILD)/obj/tests/unit/%.o) $(BUILD)/obj/tests/unit/geometry/test_normal_equations.o $(BUILD)/obj/tests/unit/calibrate/%.o: CXXFLAGS += -isystem $(INCLUDED)/eigen3
 # Parts of the page's server that know no socket are tested by their functions, the others by the program.
 WEB_TESTS := $(filter $(BUILD)/tests/unit/web/%,$(TESTS))
-WEB_ROOM := $(filter-out %/server.o %/server_access.o %/server_http.o %/server_foxglove.o %/pages.o %/main.o,$(WEB_O))
+WEB_ROOM := $(filter-out %/server.o %/server_access.o %/server_link.o %/server_http.o %/server_foxglove.o %/pages.o %/main.o,$(WEB_O))
 $(WEB_TESTS): $(WEB_ROOM)
 $(WEB_TESTS): TEST_MORE := $(WEB_ROOM)
 $(filter $(BUILD)/tests/transport/test_web%,$(TESTS)): | $(WEB)

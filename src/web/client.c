@@ -210,13 +210,25 @@ static size_t next_path(struct fv_web_client *client, const struct fv_web_store 
 
 /* ---- pictures -------------------------------------------------------------------------------- */
 
+/* Whether a picture of a class is through the link in the time in which a class is fast. To try it
+ * would hold up messages for longer than that. */
+static bool is_carried(const struct fv_web_client *client, struct fv_web_picture *picture,
+                       int picture_class)
+{
+    size_t bytes;
+    return client->bytes_per_s == 0 ||
+           fv_web_picture_jpeg(picture, picture_class, &bytes) == NULL ||
+           (double)bytes / (double)client->bytes_per_s < FAST_NS * 1e-9;
+}
+
 /* Once for each new frame. A page begins with the smallest pictures, whose way to it and back is
  * that of the link alone. What larger ones take beyond, messages have to wait for, too: the class
  * falls when that is long, and rises when it is short. */
-static void judge_class(struct fv_web_client *client, uint32_t number, int64_t now_ns)
+static void judge_class(struct fv_web_client *client, struct fv_web_picture *picture,
+                        int64_t now_ns)
 {
-    if (client->frame == number) return;
-    client->frame = number;
+    if (client->frame == picture->number) return;
+    client->frame = picture->number;
     const bool waiting =
         client->unacked_count > 0 && now_ns - client->unacked[0].sent_ns > FV_SECOND_NS;
     const int64_t beyond_ns = client->ack_ns - client->ack_least_ns; /* ack_ns 0: not known */
@@ -231,9 +243,10 @@ static void judge_class(struct fv_web_client *client, uint32_t number, int64_t n
                                                                 : BETTER_MAX_NS;
     } else if (client->picture_class > 0 && client->ack_ns > 0 && beyond_ns < FAST_NS &&
                now_ns - client->class_ns > client->better_ns) {
+        client->class_ns = now_ns;
+        if (!is_carried(client, picture, client->picture_class - 1)) return;
         client->picture_class--;
         client->ack_ns = 0;
-        client->class_ns = now_ns;
     }
 }
 
@@ -263,7 +276,7 @@ static size_t next_picture(struct fv_web_client *client, struct fv_web_store *st
     struct fv_web_picture *picture = fv_web_store_picture(store, client->camera);
     size_t bytes = 0;
     if (picture->image.data == NULL || client->hidden) return 0;
-    judge_class(client, picture->number, now_ns);
+    judge_class(client, picture, now_ns);
     if (client->sent == picture->number || client->unacked_count == FV_WEB_UNACKED_MAX) return 0;
     int class = client->picture_class;
     const uint8_t *jpeg;

@@ -66,6 +66,7 @@ struct fv_web_client {
     } unacked[FV_WEB_UNACKED_MAX];
     int64_t ack_least_ns, ack_ns; /* from sending to acknowledgement: least; last of this class */
     int64_t class_ns, better_ns;  /* class changed; how long it must go well for a better one */
+    uint64_t bytes_per_s;         /* that its link carries, the caller's; 0: not known */
 };
 
 void fv_web_client_init(struct fv_web_client *client, enum fv_web_role role, bool commands);

@@ -21,8 +21,9 @@ enum {
     TIME_BYTES = 9,
     QUALITIES = 3,
     DESCRIBED_BYTES = 8192,
-    SMALL_BYTES = 8192,  /* of a message of the run */
-    SMALLS_IN_A_ROW = 24 /* before a large one has its turn */
+    SMALL_BYTES = 8192,   /* of a message of the run */
+    SMALLS_IN_A_ROW = 24, /* before a large one has its turn */
+    LARGE_PART = 3        /* of the link's time, one in so many and one is for large ones */
 };
 #define QUALITY_NS (FV_SECOND_NS / 2) /* between two falls */
 #define BETTER_NS (3 * FV_SECOND_NS)  /* without a loss, before it rises; twice that each time */
@@ -400,15 +401,26 @@ static size_t next_sized(struct fv_foxglove_client *client, const struct fv_foxg
     return 0;
 }
 
+/* Large ones take a part of the link alone: for the rest of the time small ones do not wait for
+ * one. */
+static void note_large(struct fv_foxglove_client *client, size_t bytes, int64_t now_ns)
+{
+    if (client->bytes_per_s == 0) return;
+    const double link_s = (double)bytes / (double)client->bytes_per_s;
+    client->large_ns = now_ns + (int64_t)(LARGE_PART * (link_s < 1 ? link_s : 1) * 1e9);
+}
+
 /* Poses and numbers do not wait for pictures on a slow link, nor pictures for ever for these. */
 static size_t next_data(struct fv_foxglove_client *client, const struct fv_foxglove_shown *shown,
                         uint8_t *to, size_t capacity, int64_t now_ns)
 {
+    if (now_ns < client->large_ns) return next_sized(client, shown, true, to, capacity, now_ns);
     const bool small_first = client->smalls < SMALLS_IN_A_ROW;
     size_t bytes = next_sized(client, shown, small_first, to, capacity, now_ns);
     const bool small = (bytes > 0) == small_first;
     if (bytes == 0) bytes = next_sized(client, shown, !small_first, to, capacity, now_ns);
     if (bytes > 0) client->smalls = small ? client->smalls + 1 : 0;
+    if (bytes > SMALL_BYTES) note_large(client, bytes, now_ns);
     return bytes;
 }
 

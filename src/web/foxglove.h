@@ -41,6 +41,8 @@ struct fv_foxglove_client {
     } subscribed[FV_FOXGLOVE_CHANNELS_MAX];
     uint32_t versions[FV_FOXGLOVE_VIEWS_MAX]; /* of views that were sent */
     uint32_t turns[2], smalls; /* who is next, of large ones and small ones; small ones in a row */
+    uint64_t bytes_per_s;      /* that its link carries, the caller's; 0: not known */
+    int64_t large_ns;          /* when it may get a large one again */
     uint64_t log_sent;
     int64_t time_ns;                        /* that was sent last */
     uint32_t pictures[FOVEA_CAMERAS_MAX];   /* numbers of those that were sent last */

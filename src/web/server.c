@@ -79,9 +79,13 @@ static int send_next(struct fv_web_server *server, struct lws *wsi)
     const int64_t now_ns = fv_clock_ns(CLOCK_MONOTONIC);
     size_t used = 0, bytes = 1;
     bool text = false;
+    struct fv_web_link link;
     if (place == NULL) return -1;
+    fv_web_server_link(wsi, &link);
+    place->client.bytes_per_s = link.bytes_per_s;
     const bool slow = place->client.picture_class >= SLOW_CLASS;
-    if (slow && place->client.reply_count == 0 && now_ns - place->sent_ns < SELDOM_NS) {
+    if ((slow && place->client.reply_count == 0 && now_ns - place->sent_ns < SELDOM_NS) ||
+        link.behind) {
         server->changed = true; /* it is asked again */
         return 0;
     }

@@ -53,6 +53,10 @@ static int send_next(struct fv_web_server *server, struct lws *wsi)
     if (place == NULL) return -1;
     for (int i = 0; i < TOGETHER; i++) {
         bool text;
+        struct fv_web_link link;
+        fv_web_server_link(wsi, &link);
+        if (link.behind || link.queued) return 0; /* it is asked again */
+        if (link.bytes_per_s > 0) place->client.bytes_per_s = link.bytes_per_s;
         const size_t bytes =
             fv_foxglove_next(&place->client, &server->foxglove_robots[place->robot].shown, packet,
                              FV_WEB_PACKET_BYTES_MAX, fv_clock_ns(CLOCK_MONOTONIC), &text);

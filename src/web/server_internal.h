@@ -105,6 +105,12 @@ bool fv_web_server_is_commanded(const struct fv_web_server *server, uint32_t rob
 
 /* Only what is new waits behind what is being sent, not what was to be sent before. */
 void fv_web_server_hasten(struct lws *wsi);
+struct fv_web_link {
+    uint64_t bytes_per_s; /* that it carries; 0: not known, or more than there was to send */
+    bool behind; /* more is on its way than it carries there and back: what is written now waits */
+    bool queued; /* the way there and back takes longer than it did */
+};
+void fv_web_server_link(struct lws *wsi, struct fv_web_link *link);
 
 /* Make what Foxglove's clients are shown, of each robot; false: no memory. */
 bool fv_web_foxglove_open(struct fv_web_server *server);

@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
 """How old poses and statistics are behind a link of 1 Mbit/s and 200 ms (there and back): of a page, and of a client of Foxglove's protocol that
-subscribes to every channel, pictures included. The link is a proxy in user space, which passes 1,250 bytes each 10 ms and holds each for 100 ms,
-behind 8 KB of the kernel's. Each message is looked for at a second client without the link; the time between is its age.
+subscribes to every channel, pictures included. The link joins two network namespaces (slow_network.py: root). Each message is looked for at a second
+client without the link; the time between is its age.
 
-Usage: slow_link.py BUILD [SECONDS]     exit 0: after the first 10 of SECONDS (40), no pose and no statistics is older than 500 ms
+Usage: slow_link.py BUILD [SECONDS]     exit 0: after the first 10 of SECONDS (40), no pose and no statistics of the page is older than 500 ms. Those
+of a client of Foxglove's protocol are printed: it asked for messages that take longer than that on such a link.
 """
-import collections
+import contextlib
 import json
 import os
 import socket
@@ -16,60 +17,31 @@ import tempfile
 import threading
 import time
 
-PORT, LINK = 7688, 7689
-PIECE, STEP_S, DELAY_S = 1250, 0.01, 0.1
+from slow_network import NEAR, Network
 
-
-def carry(source, sink):
-    """One direction of the link."""
-    waiting, due = collections.deque(), time.monotonic()
-    source.setblocking(False)
-    while True:
-        due += STEP_S
-        time.sleep(max(0.0, due - time.monotonic()))
-        try:
-            data = source.recv(PIECE)
-            if not data:
-                return
-            waiting.append((time.monotonic() + DELAY_S, data))
-        except BlockingIOError:
-            pass
-        except OSError:
-            return
-        while waiting and waiting[0][0] <= time.monotonic():
-            sink.sendall(waiting.popleft()[1])
-
-
-def link():
-    server = socket.socket()
-    server.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    server.bind(("127.0.0.1", LINK))
-    server.listen(8)
-    while True:
-        near, _ = server.accept()
-        far = socket.socket()
-        far.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)  # before it connects: its window
-        far.connect(("127.0.0.1", PORT))
-        for pair in ((far, near), (near, far)):
-            threading.Thread(target=carry, args=pair, daemon=True).start()
+PORT = 7688
 
 
 class Client:
     """A websocket whose frames are heard on a thread of its own; each message that counts by what is in it, and when it came."""
 
-    def __init__(self, port, protocol):
-        self.socket = socket.create_connection(("127.0.0.1", port))
-        self.socket.sendall((f"GET / HTTP/1.1\r\nHost: 127.0.0.1:{PORT}\r\nOrigin: http://127.0.0.1:{PORT}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+    def __init__(self, token, protocol):
+        self.socket = socket.create_connection((NEAR, PORT))
+        self.socket.sendall((f"GET / HTTP/1.1\r\nHost: {NEAR}:{PORT}\r\nOrigin: http://{NEAR}:{PORT}\r\nCookie: fovea_{PORT}={token}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
                              f"Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Protocol: {protocol}\r\n\r\n").encode())
         self.came, self.pictures, self.channels = {}, 0, {}
         self.file = self.socket.makefile("rb")
         while self.file.readline() != b"\r\n":
             pass
-        threading.Thread(target=self.listen, daemon=True).start()
+        threading.Thread(target=self.hear, daemon=True).start()
 
     def say(self, opcode, data):
         head = bytes([0x80 | opcode]) + (bytes([0x80 | len(data)]) if len(data) < 126 else bytes([0xfe]) + struct.pack(">H", len(data)))
         self.socket.sendall(head + bytes(4) + data)
+
+    def hear(self):
+        with contextlib.suppress(ConnectionError):
+            self.listen()
 
     def listen(self):
         while True:
@@ -92,8 +64,8 @@ class Client:
 
 
 class Page(Client):
-    def __init__(self, port):
-        super().__init__(port, "fovea")
+    def __init__(self, token):
+        super().__init__(token, "fovea")
 
     def text(self, message):
         pass
@@ -114,8 +86,8 @@ class Page(Client):
 
 
 class Foxglove(Client):
-    def __init__(self, port):
-        super().__init__(port, "foxglove.sdk.v1")
+    def __init__(self, token):
+        super().__init__(token, "foxglove.sdk.v1")
 
     def text(self, message):
         if message["op"] != "advertise":
@@ -148,20 +120,27 @@ def main():
     build, seconds = sys.argv[1], float(sys.argv[2]) if len(sys.argv) > 2 else 40
     worst = 0.0
     with tempfile.TemporaryDirectory() as folder:
-        feed = os.path.join(folder, "feed")
+        feed, token = (os.path.join(folder, name) for name in ("feed", "token"))
+        network = Network()
         robot = subprocess.Popen([os.path.join(build, "fovea"), "run", "--source", "sim:orbit?frames=1000000", "--rate", "real", "--quiet", "--picture", "none",
                                   "--set", "lcm_url=", "--set", "listen=none", "--set", "web.socket=" + feed])
-        server = subprocess.Popen([os.path.join(build, "fovea-web"), "--feed", feed, "--lcm-url", "", "--port", str(PORT)], stderr=subprocess.DEVNULL)
+        with network.on(network.near):
+            server = subprocess.Popen([os.path.join(build, "fovea-web"), "--feed", feed, "--lcm-url", "", "--port", str(PORT), "--address", NEAR, "--token", token],
+                                      stderr=subprocess.DEVNULL)
         try:
             time.sleep(2)
-            threading.Thread(target=link, daemon=True).start()
+            with open(token, encoding="ascii") as file:
+                words = file.read().split()
             for kind in (Page, Foxglove):
-                near, far = kind(PORT), kind(LINK)
+                with network.on(network.near):
+                    near = kind(words[1])
+                with network.on(network.far):
+                    far = kind(words[1])
                 begin = time.monotonic()
                 time.sleep(seconds)
                 for name, all_ms in sorted(ages(near, far, begin + 10).items()):
                     all_ms.sort()
-                    worst = max(worst, all_ms[-1])
+                    worst = max(worst, all_ms[-1]) if kind is Page else worst
                     print(f"{kind.__name__:9} {name:24} {len(all_ms):5} messages: {all_ms[len(all_ms) // 2]:.0f} ms (median), {all_ms[int(0.95 * len(all_ms))]:.0f} (95 %), "
                           f"{all_ms[-1]:.0f} at most", flush=True)
                 print(f"{kind.__name__:9} {far.pictures / seconds:.1f} pictures a second, {near.pictures / seconds:.1f} without the link; load "
@@ -173,6 +152,7 @@ def main():
             robot.terminate()
             server.wait()
             robot.wait()
+            network.close()
     return 0 if 0 < worst <= 500 else 1
 
 

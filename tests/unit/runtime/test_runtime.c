@@ -357,7 +357,8 @@ static void preview_of_noise_comes_too(void **state)
     fv_random_seed(&random, 5);
     for (size_t i = 0; i < sizeof picture; i++)
         picture[i] = (uint8_t)fv_random_below(&random, 256);
-    config.preview = (struct fovea_preview_config){.period_frames = 1, .quality = 100, .level = 0};
+    config.preview =
+        (struct fovea_preview_config){.period_frames = 1, .quality = 100, .level = 0, .cameras = 1};
     struct made made = make(0);
     for (int i = 0; i < 60; i++) {
         struct fovea_frame frame = frame_at((i + 1) * 1000000);

@@ -51,7 +51,7 @@ static void last_preview(bool drawn, uint8_t *pixels, uint8_t *places)
     config.detect.model = model;
     config.detect.model_bytes = make_model();
     config.preview = (struct fovea_preview_config){
-        .period_frames = 1, .quality = 95, .level = 0, .segmentation = drawn};
+        .cameras = 1, .period_frames = 1, .quality = 95, .level = 0, .segmentation = drawn};
     if (fovea_size(&config, &bytes, &error) != FOVEA_OK) fail_msg("%s", error.text);
     void *memory = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, (bytes + 63) / 64 * 64);
     assert_int_equal(fovea_init(memory, bytes, &config, &rt, &error), FOVEA_OK);

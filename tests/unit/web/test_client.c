@@ -263,6 +263,25 @@ static void a_long_way_alone_changes_no_class(void **state)
     assert_int_equal(client.picture_class, 0);
 }
 
+/* The way is short as long as pictures are small; a larger one would hold up messages. */
+static void no_class_is_tried_that_the_link_cannot_carry(void **state)
+{
+    size_t small, larger;
+    (void)state;
+    (void)play(60, 20 * MS);
+    (void)play(300, 700 * MS);
+    assert_int_equal(client.picture_class, FV_WEB_CLASSES - 1);
+    (void)fv_web_picture_jpeg(&store.picture, FV_WEB_CLASSES - 2, &small);
+    (void)fv_web_picture_jpeg(&store.picture, FV_WEB_CLASSES - 3, &larger);
+    assert_true(larger > small);
+    client.bytes_per_s = (small + larger) / 2 * 20; /* 50 ms for something between */
+    (void)play(6000, 20 * MS);
+    assert_int_equal(client.picture_class, FV_WEB_CLASSES - 2);
+    client.bytes_per_s = 0;
+    (void)play(6000, 20 * MS);
+    assert_int_equal(client.picture_class, 0);
+}
+
 static void replies_wait_in_their_order(void **state)
 {
     (void)state;
@@ -377,6 +396,7 @@ int main(void)
         TEST(a_jpeg_is_made_once_for_all_pages),
         TEST(size_and_quality_fall_before_the_rate_and_come_back),
         TEST(a_long_way_alone_changes_no_class),
+        TEST(no_class_is_tried_that_the_link_cannot_carry),
         TEST(replies_wait_in_their_order),
         TEST(what_a_page_cannot_say_is_refused),
         TEST(another_robot_is_shown_from_its_beginning),
