@@ -32,11 +32,17 @@ static void draw_range(struct check *check, int32_t *zero, int32_t *low, int32_t
 }
 
 /* Weights of all sizes, or mostly of sizes whose pairs just fit 16 bits when multiplied by 255, or
- * just do not. */
+ * just do not; or small ones, of any signs or of one, whose sums reach the ends of 16 bits after
+ * some. */
 static void fill_weights(struct check *check, int8_t *weights, int32_t count)
 {
     check_fill(check, weights, (size_t)count);
-    if (check_between(check, 0, 2) == 0) return;
+    const int32_t form = check_between(check, 0, 3), most = check_between(check, 1, 24),
+                  least = check_between(check, 0, 1) ? most : -most;
+    if (form == 0) return;
+    for (int32_t i = 0; form == 1 && i < count; i++)
+        weights[i] = (int8_t)(least > 0 ? least : check_between(check, least, most));
+    if (form == 1) return;
     for (int32_t i = 0; i < count; i++) {
         const int32_t size = check_between(check, 60, 64), kind = check_between(check, 0, 200);
         if (kind != 0)
@@ -78,15 +84,26 @@ static struct fv_nn_gemm draw_gemm(struct check *check, int32_t k, int32_t n)
     return g;
 }
 
+/* Bytes of all sizes, or the largest in most places, as of a clamped activation. */
+static void fill_inputs(struct check *check, uint8_t *to, ptrdiff_t count)
+{
+    check_fill(check, to, (size_t)count);
+    const int32_t clamped = check_between(check, 0, 1);
+    for (ptrdiff_t i = 0; clamped && i < count; i++) {
+        if (to[i] > 40) to[i] = 255;
+    }
+}
+
 void check_nn_gemm_u8(struct check *check, fv_k_nn_gemm_u8_fn *reference,
                       fv_k_nn_gemm_u8_fn *variant)
 {
-    const int32_t k = check_between(check, 1, 150), n = check_between(check, 1, 150),
-                  m = check_between(check, 1, 40);
+    const int32_t k = check_between(check, 1, 150), n = check_between(check, 1, 150);
+    const int32_t m =
+        check_between(check, 0, 9) ? check_between(check, 1, 40) : check_between(check, 120, 270);
     const struct fv_nn_gemm g = draw_gemm(check, k, n);
     const ptrdiff_t lda = k + check_between(check, 0, 9), ldo = n + check_between(check, 0, 9);
     uint8_t *a = check_buffer(check, (size_t)((m - 1) * lda + k), 1, SLACK);
-    check_fill(check, a, (size_t)((m - 1) * lda + k));
+    fill_inputs(check, a, (m - 1) * lda + k);
     const size_t bytes = (size_t)((m - 1) * ldo + n);
     uint8_t *expected = check_buffer(check, bytes, 1, 0), *found = check_buffer(check, bytes, 1, 0);
     reference(&g, a, lda, expected, ldo, m);
@@ -97,12 +114,13 @@ void check_nn_gemm_u8(struct check *check, fv_k_nn_gemm_u8_fn *reference,
 void check_nn_gemm_i32(struct check *check, fv_k_nn_gemm_i32_fn *reference,
                        fv_k_nn_gemm_i32_fn *variant)
 {
-    const int32_t k = check_between(check, 1, 300), n = check_between(check, 1, 90),
-                  m = check_between(check, 1, 24);
+    const int32_t k = check_between(check, 1, 300), n = check_between(check, 1, 90);
+    const int32_t m =
+        check_between(check, 0, 9) ? check_between(check, 1, 24) : check_between(check, 120, 270);
     const struct fv_nn_gemm g = draw_gemm(check, k, n);
     const ptrdiff_t lda = k + check_between(check, 0, 9), ldo = (n + 15) / 16 * 16;
     uint8_t *a = check_buffer(check, (size_t)((m - 1) * lda + k), 1, SLACK);
-    check_fill(check, a, (size_t)((m - 1) * lda + k));
+    fill_inputs(check, a, (m - 1) * lda + k);
     const size_t bytes = (size_t)(m * ldo) * 4;
     int32_t *expected = check_buffer(check, bytes, 64, 0),
             *found = check_buffer(check, bytes, 64, 0);

@@ -1,21 +1,24 @@
 /* The matrix product on bytes: vpmaddubsw multiplies four neighbouring inputs by the weights of 8
- * channels and adds pairs, vpmaddwd adds the pairs. The first saturates at 16 bits. Which groups of
- * four k may use it is found for each block of channels and chunk of rows, from the largest value
- * that each k has in these rows: a pair of weights of one sign comes nearest to the limit there,
- * one of both signs never reaches it. The other groups are multiplied as 16-bit values, even and
- * odd k apart. Finding out costs as much as two or three rows of the product.
+ * channels and adds pairs, in 16 bits, which saturate. Groups of four k run together as long as
+ * these sums of theirs have room: they are added in 16 bits, and vpmaddwd widens them once for a
+ * run. How far a run may go is found for each block of channels and chunk of rows, from the largest
+ * value that each k has in these rows: the sums of all positive and of all negative products must
+ * fit for themselves, then those of any order and any inputs do. A group that saturates alone is
+ * multiplied as 16-bit values, even and odd k apart. Finding out costs as much as three or four
+ * rows of the product.
  *
  * A tile is four rows by 16 channels. */
 #include "kernels/kernels.h"
 #include "kernels/x86/nn_avx2.h"
 
-enum { ROWS = 4, CHUNK_ROWS = 64, CHUNK_ROWS_MAX = CHUNK_ROWS + ROWS, GROUPS_MAX = 3072 };
+enum { ROWS = 4, CHUNK_ROWS = 128, CHUNK_ROWS_MAX = CHUNK_ROWS + ROWS, GROUPS_MAX = 3072 };
 
-/* The weights of 16 channels, and their groups of four k by kind. */
+/* The weights of 16 channels, and their groups of four k: from the front those that run together,
+ * with the end of each run; from the back those that are multiplied as 16-bit values. */
 struct panel {
     const int8_t *weights;
-    int32_t narrow_count, wide_count;
-    uint16_t narrow[GROUPS_MAX], wide[GROUPS_MAX];
+    int32_t run_count, wide_count;
+    uint16_t groups[GROUPS_MAX], end[GROUPS_MAX];
 };
 
 FV_INLINE __m256i load32(const int8_t *from)
@@ -48,47 +51,110 @@ static void init_maxima(struct maxima *most, int32_t k, const uint8_t *a, ptrdif
     }
 }
 
-/* 32767 where a pair of products may saturate. */
-FV_INLINE __m256i reach(__m256i most, __m256i w)
+/* The sums of the positive products of a run, and of its negative ones, as far as they can go. */
+struct reach {
+    __m256i above[2], below[2];
+};
+
+FV_INLINE struct reach nothing(void)
 {
-    const __m256i sum = _mm256_maddubs_epi16(most, w);
-    return _mm256_xor_si256(sum, _mm256_srai_epi16(sum, 15));
+    const __m256i zero = _mm256_setzero_si256();
+    return (struct reach){.above = {zero, zero}, .below = {zero, zero}};
+}
+
+FV_INLINE void reach_of(struct reach *r, __m256i most, const int8_t *weights)
+{
+    const __m256i zero = _mm256_setzero_si256();
+    for (int h = 0; h < 2; h++) {
+        const __m256i w = load32(weights + 32 * h);
+        r->above[h] = _mm256_maddubs_epi16(most, _mm256_max_epi8(w, zero));
+        r->below[h] = _mm256_maddubs_epi16(most, _mm256_min_epi8(w, zero));
+    }
+}
+
+FV_INLINE void extend(struct reach *r, const struct reach *by)
+{
+    for (int h = 0; h < 2; h++) {
+        r->above[h] = _mm256_adds_epi16(r->above[h], by->above[h]);
+        r->below[h] = _mm256_adds_epi16(r->below[h], by->below[h]);
+    }
+}
+
+/* Whether one of the sums may have saturated. */
+FV_INLINE int is_full(const struct reach *r)
+{
+    const __m256i top = _mm256_max_epi16(r->above[0], r->above[1]),
+                  bottom = _mm256_min_epi16(r->below[0], r->below[1]);
+    const __m256i full = _mm256_or_si256(_mm256_cmpeq_epi16(top, _mm256_set1_epi16(INT16_MAX)),
+                                         _mm256_cmpeq_epi16(bottom, _mm256_set1_epi16(INT16_MIN)));
+    return !_mm256_testz_si256(full, full);
 }
 
 static void init_panel(struct panel *p, const int8_t *weights, int32_t k4,
                        const struct maxima *most)
 {
-    const __m256i limit = _mm256_set1_epi16(INT16_MAX);
+    struct reach run = nothing();
+    int32_t count = 0, begin = 0;
     p->weights = weights;
-    p->narrow_count = p->wide_count = 0;
+    p->run_count = p->wide_count = 0;
     for (int32_t i = 0; i < k4; i++, weights += 64) {
-        const __m256i x = four_inputs(most->of + 4 * (ptrdiff_t)i);
-        const __m256i top =
-            _mm256_max_epi16(reach(x, load32(weights)), reach(x, load32(weights + 32)));
-        const __m256i large = _mm256_cmpeq_epi16(top, limit);
-        const int none = _mm256_testz_si256(large, large);
-        p->narrow[p->narrow_count] = p->wide[p->wide_count] = (uint16_t)i;
-        p->narrow_count += none;
-        p->wide_count += 1 - none;
+        struct reach own;
+        reach_of(&own, four_inputs(most->of + 4 * (ptrdiff_t)i), weights);
+        extend(&run, &own);
+        if (is_full(&run)) {
+            if (count > begin) p->end[p->run_count++] = (uint16_t)count;
+            begin = count;
+            run = own;
+            if (is_full(&own)) {
+                p->groups[GROUPS_MAX - ++p->wide_count] = (uint16_t)i;
+                run = nothing();
+                continue;
+            }
+        }
+        p->groups[count++] = (uint16_t)i;
     }
+    if (count > begin) p->end[p->run_count++] = (uint16_t)count;
 }
 
-/* Products of N rows with a group of four k where no pair saturates. */
-FV_INLINE void add_narrow(const uint8_t *a, ptrdiff_t lda, const int N, const int8_t *w,
-                          __m256i acc[][2])
+/* Written out: compilers move the sums around, or to the stack and back. */
+FV_INLINE void add_products(__m256i *sum, __m256i x, __m256i w)
 {
-    const __m256i ones = _mm256_set1_epi16(1), w0 = load32(w), w1 = load32(w + 32);
+    __m256i products;
+    __asm__("vpmaddubsw %2, %3, %1\n\tvpaddw %1, %0, %0"
+            : "+x"(*sum), "=&x"(products)
+            : "x"(w), "x"(x));
+}
+
+/* Products of four rows with the groups of four k of a run. */
+FV_INLINE void add_run(const struct panel *p, int32_t from, int32_t end, const uint8_t *a,
+                       ptrdiff_t lda, __m256i acc[ROWS][2])
+{
+    const __m256i ones = _mm256_set1_epi16(1);
+    __m256i sum[ROWS][2];
 #pragma GCC unroll 4
-    for (int r = 0; r < N; r++) {
-        const __m256i x = four_inputs(a + r * lda);
-        acc[r][0] =
-            _mm256_add_epi32(acc[r][0], _mm256_madd_epi16(_mm256_maddubs_epi16(x, w0), ones));
-        acc[r][1] =
-            _mm256_add_epi32(acc[r][1], _mm256_madd_epi16(_mm256_maddubs_epi16(x, w1), ones));
+    for (int r = 0; r < ROWS; r++)
+        sum[r][0] = sum[r][1] = _mm256_setzero_si256();
+    const uint16_t *group = p->groups + from, *last = p->groups + end;
+    const uint8_t *b = a + 2 * lda;
+    do {
+        const int8_t *w = p->weights + 64 * (ptrdiff_t)*group;
+        const __m256i w0 = load32(w), w1 = load32(w + 32);
+        const ptrdiff_t at = 4 * (ptrdiff_t)*group++;
+#pragma GCC unroll 4
+        for (int r = 0; r < ROWS; r++) {
+            const __m256i x = four_inputs((r < 2 ? a : b) + (r & 1) * lda + at);
+            add_products(&sum[r][0], x, w0);
+            add_products(&sum[r][1], x, w1);
+        }
+    } while (group != last);
+#pragma GCC unroll 4
+    for (int r = 0; r < ROWS; r++) {
+        acc[r][0] = _mm256_add_epi32(acc[r][0], _mm256_madd_epi16(sum[r][0], ones));
+        acc[r][1] = _mm256_add_epi32(acc[r][1], _mm256_madd_epi16(sum[r][1], ones));
     }
 }
 
-/* The same for any weights. */
+/* Products of N rows with a group of four k for any weights. */
 FV_INLINE void add_wide(const uint8_t *a, ptrdiff_t lda, const int N, const int8_t *w,
                         __m256i acc[][2])
 {
@@ -123,12 +189,10 @@ FV_INLINE void start(const int32_t *bias, const int32_t *sums, const int N, __m2
 FV_INLINE void accumulate(const struct panel *p, const uint8_t *a, ptrdiff_t lda,
                           __m256i acc[ROWS][2])
 {
-    for (int32_t i = 0; i < p->narrow_count; i++) {
-        const ptrdiff_t group = p->narrow[i];
-        add_narrow(a + 4 * group, lda, ROWS, p->weights + 64 * group, acc);
-    }
-    for (int32_t i = 0; i < p->wide_count; i++) {
-        const ptrdiff_t group = p->wide[i];
+    for (int32_t i = 0, from = 0; i < p->run_count; from = p->end[i++])
+        add_run(p, from, p->end[i], a, lda, acc);
+    for (int32_t i = 1; i <= p->wide_count; i++) {
+        const ptrdiff_t group = p->groups[GROUPS_MAX - i];
         add_wide(a + 4 * group, lda, ROWS, p->weights + 64 * group, acc);
     }
 }
@@ -269,7 +333,7 @@ void fv_k_nn_gemm_i32__avx2(const struct fv_nn_gemm *g, const uint8_t *a, ptrdif
 {
     struct panel p;
     struct maxima most;
-    p.narrow_count = p.wide_count = 0;
+    p.run_count = p.wide_count = 0;
     int32_t sums[CHUNK_ROWS_MAX];
     for (int32_t i = 0, rows; i < m; i += rows) {
         rows = next_rows(m - i);

@@ -1,42 +1,169 @@
-/* The matrix product on bytes with pmaddwd: pmaddubsw saturates at 16 bits, so both factors are
- * widened. Four neighbouring inputs, twice, are multiplied by the weights of two channels, and the
- * two sums of each channel are added at the end.
+/* The matrix product on bytes, as with AVX2 (nn_gemm_avx2.c): pmaddubsw adds pairs of products in
+ * 16 bits, which saturate; groups of four k run together as long as these sums have room, found
+ * from the largest value that each k has in a chunk of rows; groups that saturate alone are
+ * multiplied as 16-bit values.
  *
- * Three rows run together over eight channels. Their inputs are widened once for all channels, as
- * far as there is room for them. */
+ * A tile is four rows by 8 channels. Rows that are too few for one are multiplied as 16-bit values
+ * throughout. */
 #include "kernels/kernels.h"
 #include "kernels/x86/nn_sse4.h"
 
-/* Groups of four k that are kept widened; blocks of 16 channels whose scales are kept. */
-enum { ROWS = 3, WIDE_MAX = 384, SCALES_MAX = 12 };
+enum { ROWS = 4, CHUNK_ROWS = 128, CHUNK_ROWS_MAX = CHUNK_ROWS + ROWS, GROUPS_MAX = 3072 };
 
-struct rows {
-    __m128i wide[WIDE_MAX][ROWS];
-    int32_t sums[ROWS]; /* the row's sum times row_sum_factor */
+/* The weights of 16 channels, and their groups of four k: from the front those that run together,
+ * with the end of each run; from the back those that are multiplied as 16-bit values. */
+struct panel {
+    const int8_t *weights;
+    int32_t run_count, wide_count;
+    uint16_t groups[GROUPS_MAX], end[GROUPS_MAX];
 };
-
-struct scales {
-    struct scale4 of[SCALES_MAX][4];
-};
-
-static void load_block(const struct fv_nn_gemm *g, int32_t c, struct scale4 s[4])
-{
-    for (int i = 0; i < 4; i++)
-        load_scale(&s[i], g->multiplier + c + 4 * i, g->shift + c + 4 * i);
-}
 
 FV_INLINE __m128i four_inputs(const uint8_t *bytes)
 {
     int32_t word;
     memcpy(&word, bytes, 4);
-    return _mm_cvtepu8_epi16(_mm_set1_epi32(word));
+    return _mm_set1_epi32(word);
 }
 
-FV_INLINE __m128i two_weights(const int8_t *w)
+/* The largest value of each k over some rows. */
+struct maxima {
+    uint8_t of[4 * GROUPS_MAX + 16];
+};
+
+static void init_maxima(struct maxima *most, int32_t k, const uint8_t *a, ptrdiff_t lda,
+                        int32_t rows)
 {
-    return _mm_cvtepi8_epi16(_mm_loadl_epi64((const __m128i *)(const void *)w));
+    for (int32_t i = 0; i < k; i += 16) {
+        const uint8_t *from = a + i;
+        __m128i v = _mm_setzero_si128();
+        for (int32_t r = 0; r < rows; r++, from += lda)
+            v = _mm_max_epu8(v, load16(from));
+        _mm_storeu_si128((__m128i *)(void *)(most->of + i), v);
+    }
 }
 
+/* The sums of the positive products of a run, and of its negative ones, as far as they can go. */
+struct reach {
+    __m128i above[4], below[4];
+};
+
+FV_INLINE void clear(struct reach *r)
+{
+    for (int i = 0; i < 4; i++)
+        r->above[i] = r->below[i] = _mm_setzero_si128();
+}
+
+FV_INLINE void reach_of(struct reach *r, __m128i most, const int8_t *weights)
+{
+    const __m128i zero = _mm_setzero_si128();
+    for (int i = 0; i < 4; i++) {
+        const __m128i w = load16(weights + 16 * i);
+        r->above[i] = _mm_maddubs_epi16(most, _mm_max_epi8(w, zero));
+        r->below[i] = _mm_maddubs_epi16(most, _mm_min_epi8(w, zero));
+    }
+}
+
+FV_INLINE void extend(struct reach *r, const struct reach *by)
+{
+    for (int i = 0; i < 4; i++) {
+        r->above[i] = _mm_adds_epi16(r->above[i], by->above[i]);
+        r->below[i] = _mm_adds_epi16(r->below[i], by->below[i]);
+    }
+}
+
+/* Whether one of the sums may have saturated. */
+FV_INLINE int is_full(const struct reach *r)
+{
+    __m128i top = r->above[0], bottom = r->below[0];
+    for (int i = 1; i < 4; i++) {
+        top = _mm_max_epi16(top, r->above[i]);
+        bottom = _mm_min_epi16(bottom, r->below[i]);
+    }
+    const __m128i full = _mm_or_si128(_mm_cmpeq_epi16(top, _mm_set1_epi16(INT16_MAX)),
+                                      _mm_cmpeq_epi16(bottom, _mm_set1_epi16(INT16_MIN)));
+    return !_mm_testz_si128(full, full);
+}
+
+static void init_panel(struct panel *p, const int8_t *weights, int32_t k4,
+                       const struct maxima *most)
+{
+    struct reach run;
+    int32_t count = 0, begin = 0;
+    clear(&run);
+    p->weights = weights;
+    p->run_count = p->wide_count = 0;
+    for (int32_t i = 0; i < k4; i++, weights += 64) {
+        struct reach own;
+        reach_of(&own, four_inputs(most->of + 4 * (ptrdiff_t)i), weights);
+        extend(&run, &own);
+        if (is_full(&run)) {
+            if (count > begin) p->end[p->run_count++] = (uint16_t)count;
+            begin = count;
+            run = own;
+            if (is_full(&own)) {
+                p->groups[GROUPS_MAX - ++p->wide_count] = (uint16_t)i;
+                clear(&run);
+                continue;
+            }
+        }
+        p->groups[count++] = (uint16_t)i;
+    }
+    if (count > begin) p->end[p->run_count++] = (uint16_t)count;
+}
+
+/* Written out: compilers move the sums around, or to the stack and back. `x` is used up. */
+FV_INLINE void add_products(__m128i *low, __m128i *high, __m128i x, __m128i w0, __m128i w1)
+{
+    __m128i products;
+    __asm__("movdqa %2, %3\n\tpmaddubsw %4, %3\n\tpaddw %3, %0\n\t"
+            "pmaddubsw %5, %2\n\tpaddw %2, %1"
+            : "+x"(*low), "+x"(*high), "+x"(x), "=&x"(products)
+            : "x"(w0), "x"(w1));
+}
+
+/* Products of four rows with the groups of four k of a run; `weights`: of the 8 channels. */
+FV_INLINE void add_run(const struct panel *p, int32_t from, int32_t end, const int8_t *weights,
+                       const uint8_t *a, ptrdiff_t lda, __m128i acc[ROWS][2])
+{
+    const __m128i ones = _mm_set1_epi16(1);
+    const uint16_t *group = p->groups + from, *last = p->groups + end;
+    __m128i sum[ROWS][2];
+#pragma GCC unroll 4
+    for (int r = 0; r < ROWS; r++)
+        sum[r][0] = sum[r][1] = _mm_setzero_si128();
+    do {
+        const int8_t *w = weights + 64 * (ptrdiff_t)*group;
+        const __m128i w0 = load16(w), w1 = load16(w + 16);
+        const uint8_t *row = a + 4 * (ptrdiff_t)*group++;
+#pragma GCC unroll 4
+        for (int r = 0; r < ROWS; r++)
+            add_products(&sum[r][0], &sum[r][1], four_inputs(row + r * lda), w0, w1);
+    } while (group != last);
+#pragma GCC unroll 4
+    for (int r = 0; r < ROWS; r++) {
+        acc[r][0] = _mm_add_epi32(acc[r][0], _mm_madd_epi16(sum[r][0], ones));
+        acc[r][1] = _mm_add_epi32(acc[r][1], _mm_madd_epi16(sum[r][1], ones));
+    }
+}
+
+/* Products of four rows with a group of four k for any weights. */
+FV_INLINE void add_wide(const uint8_t *a, ptrdiff_t lda, const int8_t *w, __m128i acc[ROWS][2])
+{
+#pragma GCC unroll 2
+    for (int h = 0; h < 2; h++) {
+        const __m128i both = load16(w + 16 * h), odd = _mm_srai_epi16(both, 8),
+                      even = _mm_srai_epi16(_mm_slli_epi16(both, 8), 8);
+#pragma GCC unroll 4
+        for (int r = 0; r < ROWS; r++) {
+            const __m128i x = four_inputs(a + r * lda);
+            const __m128i low = _mm_and_si128(x, _mm_set1_epi16(255)), high = _mm_srli_epi16(x, 8);
+            acc[r][h] = _mm_add_epi32(
+                acc[r][h], _mm_add_epi32(_mm_madd_epi16(even, low), _mm_madd_epi16(odd, high)));
+        }
+    }
+}
+
+/* Factor times the sum of a row's k bytes. */
 static int32_t sum_of(const struct fv_nn_gemm *g, const uint8_t *row)
 {
     __m128i sum = _mm_setzero_si128();
@@ -50,122 +177,133 @@ static int32_t sum_of(const struct fv_nn_gemm *g, const uint8_t *row)
     return (int32_t)(total * (uint32_t)g->row_sum_factor);
 }
 
-static void widen(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda, const int N,
-                  struct rows *rows)
+/* Products of one row with all groups: weights of two channels are widened at a time, and the two
+ * sums of each are added at the end. */
+FV_INLINE void add_row(const uint8_t *row, int32_t k4, const int8_t *weights, __m128i acc[2])
 {
-    for (int r = 0; r < N; r++)
-        rows->sums[r] = sum_of(g, a + r * lda);
-    if (g->k4 > WIDE_MAX) return;
-    for (int32_t i = 0; i < g->k4; i++) {
-        for (int r = 0; r < N; r++)
-            rows->wide[i][r] = four_inputs(a + r * lda + 4 * (ptrdiff_t)i);
-    }
-}
-
-/* Accumulators of N rows by 8 channels, of which `weights` and `bias` are the first; out[row][0..3]
- * and [4..7]. */
-FV_INLINE void accumulate(const struct fv_nn_gemm *g, const struct rows *rows, const uint8_t *a,
-                          ptrdiff_t lda, const int N, const int wide, const int8_t *weights,
-                          const int32_t *bias, __m128i out[][2])
-{
-    __m128i acc[ROWS][4];
-#pragma GCC unroll 3
-    for (int r = 0; r < N; r++)
-        acc[r][0] = acc[r][1] = acc[r][2] = acc[r][3] = _mm_setzero_si128();
-#pragma GCC unroll 1
-    for (int32_t i = 0; i < g->k4; i++, weights += 64) {
-        __m128i x[ROWS];
-#pragma GCC unroll 3
-        for (int r = 0; r < N; r++)
-            x[r] = wide ? rows->wide[i][r] : four_inputs(a + r * lda + 4 * (ptrdiff_t)i);
+    __m128i sum[4];
+    for (int c = 0; c < 4; c++)
+        sum[c] = _mm_setzero_si128();
+    for (int32_t i = 0; i < k4; i++, row += 4, weights += 64) {
+        const __m128i x = _mm_cvtepu8_epi16(four_inputs(row));
 #pragma GCC unroll 4
         for (int c = 0; c < 4; c++) {
-            const __m128i w = two_weights(weights + 8 * (ptrdiff_t)c);
-#pragma GCC unroll 3
-            for (int r = 0; r < N; r++)
-                acc[r][c] = _mm_add_epi32(acc[r][c], _mm_madd_epi16(w, x[r]));
+            const __m128i *w = (const __m128i *)(const void *)(weights + 8 * (ptrdiff_t)c);
+            sum[c] =
+                _mm_add_epi32(sum[c], _mm_madd_epi16(_mm_cvtepi8_epi16(_mm_loadl_epi64(w)), x));
         }
     }
-#pragma GCC unroll 3
-    for (int r = 0; r < N; r++) {
-        const __m128i sum = _mm_set1_epi32(rows->sums[r]);
-        out[r][0] =
-            _mm_add_epi32(_mm_add_epi32(load16(bias), sum), _mm_hadd_epi32(acc[r][0], acc[r][1]));
-        out[r][1] = _mm_add_epi32(_mm_add_epi32(load16(bias + 4), sum),
-                                  _mm_hadd_epi32(acc[r][2], acc[r][3]));
-    }
+    acc[0] = _mm_add_epi32(acc[0], _mm_hadd_epi32(sum[0], sum[1]));
+    acc[1] = _mm_add_epi32(acc[1], _mm_hadd_epi32(sum[2], sum[3]));
 }
 
-/* 16 channels of N rows. */
-FV_INLINE void both_halves(const struct fv_nn_gemm *g, const struct rows *rows, const uint8_t *a,
-                           ptrdiff_t lda, const int N, int32_t c, __m128i low[][2],
-                           __m128i high[][2])
+/* Accumulators of N rows by 8 channels, 8 h the first of the panel's; of one row without knowing
+ * the groups. */
+FV_INLINE void accumulate(const struct fv_nn_gemm *g, const struct panel *p, int32_t c, int h,
+                          const uint8_t *a, ptrdiff_t lda, const int32_t *sums, const int N,
+                          __m128i acc[][2])
 {
-    const int8_t *weights = g->weights + (ptrdiff_t)c * g->k4 * 4;
-    if (g->k4 <= WIDE_MAX) {
-        accumulate(g, rows, a, lda, N, 1, weights, g->bias + c, low);
-        accumulate(g, rows, a, lda, N, 1, weights + 32, g->bias + c + 8, high);
-    } else {
-        accumulate(g, rows, a, lda, N, 0, weights, g->bias + c, low);
-        accumulate(g, rows, a, lda, N, 0, weights + 32, g->bias + c + 8, high);
+    const int8_t *weights = g->weights + (ptrdiff_t)c * g->k4 * 4 + 32 * (ptrdiff_t)h;
+    const int32_t *bias = g->bias + c + 8 * h;
+#pragma GCC unroll 4
+    for (int r = 0; r < N; r++) {
+        const __m128i sum = _mm_set1_epi32(sums[r]);
+        acc[r][0] = _mm_add_epi32(load16(bias), sum);
+        acc[r][1] = _mm_add_epi32(load16(bias + 4), sum);
+    }
+    if (N == 1) {
+        add_row(a, g->k4, weights, acc[0]);
+        return;
+    }
+    for (int32_t i = 0, from = 0; i < p->run_count; from = p->end[i++])
+        add_run(p, from, p->end[i], weights, a, lda, acc);
+    for (int32_t i = 1; i <= p->wide_count; i++) {
+        const ptrdiff_t group = p->groups[GROUPS_MAX - i];
+        add_wide(a + 4 * group, lda, weights + 64 * group, acc);
     }
 }
 
-FV_INLINE void strip_u8(const struct fv_nn_gemm *g, const struct rows *rows,
-                        const struct scales *scales, const uint8_t *a, ptrdiff_t lda, uint8_t *out,
-                        ptrdiff_t ldo, const int N, const struct output *o)
+/* Bytes of 16 channels of N rows. */
+FV_INLINE void tile_u8(const struct fv_nn_gemm *g, const struct panel *p, int32_t c,
+                       const struct scale4 s[4], const struct output *o, const uint8_t *a,
+                       ptrdiff_t lda, const int32_t *sums, uint8_t *out, ptrdiff_t ldo, const int N)
 {
     const int above = g->act_min >= g->zero_out;
-    for (int32_t c = 0; c < g->n; c += 16) {
-        __m128i low[ROWS][2], high[ROWS][2];
-        struct scale4 own[4];
-        const struct scale4 *s = scales->of[c / 16 % SCALES_MAX];
-        both_halves(g, rows, a, lda, N, c, low, high);
-        if (c >= 16 * SCALES_MAX) {
-            load_block(g, c, own);
-            s = own;
-        }
+    __m128i low[ROWS][2], high[ROWS][2];
+    accumulate(g, p, c, 0, a, lda, sums, N, low);
+    accumulate(g, p, c, 1, a, lda, sums, N, high);
+    for (int r = 0; r < N; r++) {
+        const __m128i bytes =
+            to_bytes(o, requantize(low[r][0], &s[0], above), requantize(low[r][1], &s[1], above),
+                     requantize(high[r][0], &s[2], above), requantize(high[r][1], &s[3], above));
+        store_bytes(o, out + r * ldo, bytes, g->n - c < 16 ? g->n - c : 16);
+    }
+}
+
+/* The accumulators themselves. */
+FV_INLINE void tile_i32(const struct fv_nn_gemm *g, const struct panel *p, int32_t c,
+                        const uint8_t *a, ptrdiff_t lda, const int32_t *sums, int32_t *out,
+                        ptrdiff_t ldo, const int N)
+{
+    __m128i acc[ROWS][2];
+    for (int h = 0; h < 2; h++) {
+        accumulate(g, p, c, h, a, lda, sums, N, acc);
         for (int r = 0; r < N; r++) {
-            const __m128i bytes = to_bytes(
-                o, requantize(low[r][0], &s[0], above), requantize(low[r][1], &s[1], above),
-                requantize(high[r][0], &s[2], above), requantize(high[r][1], &s[3], above));
-            store_bytes(o, out + r * ldo + c, bytes, g->n - c < 16 ? g->n - c : 16);
+            __m128i *to = (__m128i *)(void *)(out + r * ldo + 8 * (ptrdiff_t)h);
+            _mm_storeu_si128(to, acc[r][0]);
+            _mm_storeu_si128(to + 1, acc[r][1]);
         }
     }
+}
+
+/* Rows that run together: all, or fewer that leave a whole tile. */
+static int32_t next_rows(int32_t left)
+{
+    return left <= CHUNK_ROWS_MAX ? left : CHUNK_ROWS;
+}
+
+/* What is known of the next rows; returns whether they are enough for tiles. */
+static int look_at(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda, int32_t rows,
+                   struct maxima *most, int32_t *sums)
+{
+    for (int32_t r = 0; r < rows; r++)
+        sums[r] = sum_of(g, a + r * lda);
+    if (rows < ROWS || g->k4 > GROUPS_MAX) return 0;
+    init_maxima(most, g->k, a, lda, rows);
+    return 1;
+}
+
+/* The last tile of `rows` overlaps the one before. */
+static int32_t place(int32_t row, int32_t rows, int tiles)
+{
+    return tiles && row + ROWS > rows ? rows - ROWS : row;
 }
 
 void fv_k_nn_gemm_u8__sse4(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda,
                            uint8_t *out, ptrdiff_t ldo, int32_t m)
 {
-    struct rows rows;
-    struct scales scales;
+    struct panel p;
+    struct maxima most;
     struct output o;
+    int32_t sums[CHUNK_ROWS_MAX];
     init_output(&o, g->zero_out, g->act_min, g->act_max, g->table);
-    for (int32_t c = 0; c < g->n && c < 16 * SCALES_MAX; c += 16)
-        load_block(g, c, scales.of[c / 16]);
-    int32_t i = 0;
-    for (; i + ROWS <= m; i += ROWS) {
-        widen(g, a + i * lda, lda, ROWS, &rows);
-        strip_u8(g, &rows, &scales, a + i * lda, lda, out + i * ldo, ldo, ROWS, &o);
-    }
-    for (; i < m; i++) {
-        widen(g, a + i * lda, lda, 1, &rows);
-        strip_u8(g, &rows, &scales, a + i * lda, lda, out + i * ldo, ldo, 1, &o);
-    }
-}
-
-FV_INLINE void strip_i32(const struct fv_nn_gemm *g, const struct rows *rows, const uint8_t *a,
-                         ptrdiff_t lda, int32_t *out, ptrdiff_t ldo, const int N)
-{
-    for (int32_t c = 0; c < g->n; c += 16) {
-        __m128i low[ROWS][2], high[ROWS][2];
-        both_halves(g, rows, a, lda, N, c, low, high);
-        for (int r = 0; r < N; r++) {
-            __m128i *to = (__m128i *)(void *)(out + r * ldo + c);
-            _mm_storeu_si128(to, low[r][0]);
-            _mm_storeu_si128(to + 1, low[r][1]);
-            _mm_storeu_si128(to + 2, high[r][0]);
-            _mm_storeu_si128(to + 3, high[r][1]);
+    for (int32_t i = 0, rows; i < m; i += rows, a += rows * lda, out += rows * ldo) {
+        rows = next_rows(m - i);
+        const int tiles = look_at(g, a, lda, rows, &most, sums);
+        for (int32_t c = 0; c < g->n; c += 16) {
+            struct scale4 s[4];
+            for (int q = 0; q < 4; q++)
+                load_scale(&s[q], g->multiplier + c + 4 * q, g->shift + c + 4 * q);
+            if (tiles) init_panel(&p, g->weights + (ptrdiff_t)c * g->k4 * 4, g->k4, &most);
+            for (int32_t r = 0; r < rows; r += tiles ? ROWS : 1) {
+                const int32_t at = place(r, rows, tiles);
+                if (tiles)
+                    tile_u8(g, &p, c, s, &o, a + at * lda, lda, sums + at, out + at * ldo + c, ldo,
+                            ROWS);
+                else
+                    tile_u8(g, &p, c, s, &o, a + at * lda, lda, sums + at, out + at * ldo + c, ldo,
+                            1);
+            }
         }
     }
 }
@@ -173,14 +311,21 @@ FV_INLINE void strip_i32(const struct fv_nn_gemm *g, const struct rows *rows, co
 void fv_k_nn_gemm_i32__sse4(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda,
                             int32_t *out, ptrdiff_t ldo, int32_t m)
 {
-    struct rows rows;
-    int32_t i = 0;
-    for (; i + ROWS <= m; i += ROWS) {
-        widen(g, a + i * lda, lda, ROWS, &rows);
-        strip_i32(g, &rows, a + i * lda, lda, out + i * ldo, ldo, ROWS);
-    }
-    for (; i < m; i++) {
-        widen(g, a + i * lda, lda, 1, &rows);
-        strip_i32(g, &rows, a + i * lda, lda, out + i * ldo, ldo, 1);
+    struct panel p;
+    struct maxima most;
+    int32_t sums[CHUNK_ROWS_MAX];
+    for (int32_t i = 0, rows; i < m; i += rows, a += rows * lda, out += rows * ldo) {
+        rows = next_rows(m - i);
+        const int tiles = look_at(g, a, lda, rows, &most, sums);
+        for (int32_t c = 0; c < g->n; c += 16) {
+            if (tiles) init_panel(&p, g->weights + (ptrdiff_t)c * g->k4 * 4, g->k4, &most);
+            for (int32_t r = 0; r < rows; r += tiles ? ROWS : 1) {
+                const int32_t at = place(r, rows, tiles);
+                if (tiles)
+                    tile_i32(g, &p, c, a + at * lda, lda, sums + at, out + at * ldo + c, ldo, ROWS);
+                else
+                    tile_i32(g, &p, c, a + at * lda, lda, sums + at, out + at * ldo + c, ldo, 1);
+            }
+        }
     }
 }
