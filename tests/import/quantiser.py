@@ -157,6 +157,94 @@ def known(bench):
     bench.holds(f"a known network loses {said(done.stdout)[1]:g} %", said(done.stdout)[1] < 3 and "decoder classifier" in done.stdout, done)
 
 
+def older(data):
+    """The file as converters of phones write it: operators' numbers in the older field alone, weights of half precision behind DEQUANTIZE, those of
+    convolutions sparse before that, behind DENSIFY: of each four neighbouring channels all are stored or none."""
+    from ai_edge_litert.tools import flatbuffer_utils
+    schema = flatbuffer_utils.schema_fb
+    model, draw = flatbuffer_utils.read_model_from_bytearray(bytearray(data)), np.random.default_rng(8)
+    graph, kinds = model.subgraphs[0], schema.BuiltinOperator
+    steps = []
+
+    def then(kind, source, shape, dtype):
+        tensor, op = schema.TensorT(), schema.OperatorT()
+        tensor.shape, tensor.type, tensor.buffer, tensor.name = list(shape), dtype, 0, b"step%d" % len(steps)
+        graph.tensors.append(tensor)
+        if kind not in [c.builtinCode for c in model.operatorCodes]:
+            model.operatorCodes.append(schema.OperatorCodeT())
+            model.operatorCodes[-1].builtinCode = model.operatorCodes[-1].deprecatedBuiltinCode = kind
+        op.opcodeIndex = [c.builtinCode for c in model.operatorCodes].index(kind)
+        op.inputs, op.outputs = np.array([source], np.int32), np.array([len(graph.tensors) - 1], np.int32)
+        steps.append(op)
+        return len(graph.tensors) - 1
+    for op in list(graph.operators):
+        for place, t in enumerate(op.inputs):
+            tensor = graph.tensors[t]
+            stored = model.buffers[tensor.buffer].data
+            if tensor.type != schema.TensorType.FLOAT32 or stored is None or len(stored) == 0:
+                continue
+            values, shape = np.frombuffer(bytes(stored), np.float32).reshape(tensor.shape), list(tensor.shape)
+            tensor.type = schema.TensorType.FLOAT16
+            if len(shape) == 4 and shape[3] % 4 == 0:
+                kept = np.flatnonzero(draw.random(values.size // 4) < 0.6)
+                tensor.sparsity = blocks(schema, shape, kept)
+                values = values.reshape(-1, 4)[kept]
+            model.buffers[tensor.buffer].data = np.frombuffer(values.astype(np.float16).tobytes(), np.uint8)
+            t = t if tensor.sparsity is None else then(kinds.DENSIFY, t, shape, schema.TensorType.FLOAT16)
+            op.inputs[place] = then(kinds.DEQUANTIZE, t, shape, schema.TensorType.FLOAT32)
+    graph.operators = steps + list(graph.operators)
+    for code in model.operatorCodes:
+        code.deprecatedBuiltinCode, code.builtinCode = max(code.builtinCode, code.deprecatedBuiltinCode), 0
+    return bytes(flatbuffer_utils.convert_object_to_bytearray(model))
+
+
+def blocks(schema, shape, kept):
+    """Blocks of four along the last axis, by their numbers in order."""
+    def kind(size=0, **lists):
+        made = schema.DimensionMetadataT()
+        made.format, made.denseSize = int(bool(lists)), size
+        for name, values in lists.items():
+            vector = schema.Int32VectorT()
+            vector.values = [int(v) for v in values]
+            setattr(made, name, vector)
+            setattr(made, name + "Type", schema.SparseIndexVector.Int32Vector)
+        return made
+    rows, width = int(np.prod(shape[:3])), shape[3] // 4
+    found = schema.SparsityParametersT()
+    found.traversalOrder, found.blockMap = [0, 1, 2, 3, 4], [3]
+    found.dimMetadata = [kind(n) for n in shape[:3]] + [kind(arraySegments=np.searchsorted(kept // width, np.arange(rows + 1)), arrayIndices=kept % width),
+                                                        kind(4)]
+    return found
+
+
+def halves(bench):
+    """What LiteRT computes from the older file, the same file with its constants made plain computes too."""
+    from ai_edge_litert.interpreter import Interpreter
+    import quantise
+    made = older(network())
+    outs = []
+    for data in (made, quantise.prepared(made)[0]):
+        net = Interpreter(model_content=data, num_threads=1)
+        net.allocate_tensors()
+        detail, out = net.get_input_details()[0], net.get_output_details()[0]
+        net.set_tensor(detail["index"], np.random.default_rng(2).uniform(-1, 1, detail["shape"]).astype(np.float32))
+        net.invoke()
+        outs.append(net.get_tensor(out["index"]))
+    bench.holds("constants of half precision, and sparse ones", np.abs(outs[0] - outs[1]).max() < 1e-5 < np.abs(outs[0]).max(), outs)
+    path = bench.path("older.tflite", made)
+    done = bench.tool("--quantise", path, os.path.join(bench.folder, "pictures"), "-o", bench.path("older.fvm"), "--decoder", "none")
+    bench.holds(f"and their network loses {said(done.stdout)[1]:g} %", said(done.stdout)[1] < 6, done)
+    bench.refused("weights of half precision without --quantise", "found float16", path)
+
+
+def ranges(bench):
+    """Pictures of known networks that take them as 0 to 1; others take -1 to 1."""
+    import quantise
+    none = dict(fit=None, mean=None, scale=None)
+    found = [quantise.habits(none, {}, side, [n, 1]) for side, n in ((224, 63), (192, 1404), (192, 2016 * 18), (128, 896 * 16))]
+    bench.holds("networks that are known to take 0 to 1", [f[1] for f in found] == [0, 0, 0, 127.5], found)
+
+
 def precision(bench):
     """AP beside that of what `fovea detect` finds with the model file, on photographs with labels."""
     from real import real
@@ -229,6 +317,8 @@ def main():
         quantises(bench, False)
         quantises(bench, True)
         known(bench)
+        halves(bench)
+        ranges(bench)
         precision(bench)
         refuses(bench)
     return 1 if bench.wrong else 0

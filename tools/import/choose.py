@@ -133,7 +133,7 @@ def landmarks(e):
     if form is None:
         return "is not known with this input"
     outputs, ones = details.landmark_outputs(e, form[0] * form[1])
-    return None if ones and len(e.outs) <= 4 else f"has an output of one number, the score, found {len(ones)}"
+    return None if ones and len(e.outs) <= 5 else f"has an output of one number, the score, found {len(ones)}"
 
 
 def several(e):
@@ -143,7 +143,7 @@ def several(e):
     if details.prototypes(e):
         boxes = details.prototypes(e)[0]
         return {"yolov8_seg": details.seg_fault(e, e.arguments) or labelled(e, details.rows_of(e, boxes)[1])}
-    if len(e.image) == 4 and len(e.outs) <= 4 and any(int(np.prod(t.shape)) >= 20 for t in e.outs) and \
+    if len(e.image) == 4 and len(e.outs) <= 5 and any(int(np.prod(t.shape)) >= 20 for t in e.outs) and \
             details.landmark_outputs(e, 0)[1]:
         return {"landmarks": landmarks(e)}
     return {}

@@ -20,6 +20,10 @@ LANDMARKS = {(192, 1404): (468, 3), (256, 1434): (478, 3), (192, 136): (68, 2), 
              (256, 195): (39, 5)}
 
 
+# Those of them that take pictures as 0 to 1, before they are quantised, by the input's side and the numbers of an output.
+FRACTIONS = {(192, 2016 * 18), (192, 1404), (256, 1434), (224, 63), (256, 195)}
+
+
 @dataclasses.dataclass
 class Details:
     classes: int = 1

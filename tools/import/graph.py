@@ -132,8 +132,11 @@ def _bytes_of(buffer):
 
 def _tensor(model, index, t):
     kind = TYPE_NAMES[t.Type()]
+    name = t.Name().decode("utf-8", "replace") if t.Name() else ""
     if kind not in DTYPES:
-        raise ImportProblem(f"tensor {index} {t.Name()!r} has type {kind}, which no operator here can hold")
+        asked = "export full integer quantisation, or let --quantise do it on pictures" if kind in ("FLOAT16", "BFLOAT16") else \
+            "no operator here can hold others"
+        raise ImportProblem(f"tensor {index} {name[:40]!r}: found {kind.lower()}, expected int8 or uint8: {asked}")
     q = t.Quantization()
     scale = np.zeros(0, np.float32)
     zero = np.zeros(0, np.int64)
@@ -152,7 +155,6 @@ def _tensor(model, index, t):
         if len(raw) < count * dtype.itemsize:
             raise ImportProblem(f"tensor {index}: {len(raw)} bytes of data, expected {count * dtype.itemsize}")
         data = np.frombuffer(raw, dtype, count).reshape(shape)
-    name = t.Name().decode("utf-8", "replace") if t.Name() else ""
     is_open = t.ShapeSignatureLength() > 0 and bool((t.ShapeSignatureAsNumpy() < 0).any())
     return Tensor(index, name, kind, shape, scale, zero, axis, data, is_open)
 

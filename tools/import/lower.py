@@ -123,8 +123,8 @@ class Lowering:
         if missing:
             first = next(op for op in self.g.ops if op.name in missing)
             others = [name for name in missing if name != first.name]
-            raise ImportProblem(shortened(self.describe_missing(first), REFUSAL_MAX - 60) +
-                                (shortened(f"; nor {', '.join(others)}", 60) if others else ""))
+            beside = shortened(f"; nor {', '.join(others)}", 50) if others else ""
+            raise ImportProblem(self.describe_missing(first, beside))
         for t in self.g.inputs:
             if self.tensor(t).data is None:
                 self.net.inputs.append(self.output(t))
@@ -185,8 +185,9 @@ class Lowering:
             return " ".join(f"{self.tensor(t).type.lower()}{list(self.tensor(t).shape)}" for t in indices if t >= 0)
         return f"operator {op.index} {op.name}{what}; inputs {shapes(op.inputs)}, outputs {shapes(op.outputs)}"
 
-    def describe_missing(self, op):
-        return shortened(self.describe(op, ": not supported"))
+    def describe_missing(self, op, beside=""):
+        remedy = ": export without it, or end before it: --outputs NAME"
+        return shortened(self.describe(op, ": not supported"), REFUSAL_MAX - len(beside + remedy)) + beside + remedy
 
     def fault(self, op, problem):
         """Why an operator's numbers cannot be worked with."""

@@ -11,6 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+import dense
+import details
 import planes
 from graph import ImportProblem
 
@@ -86,7 +88,8 @@ class Pictures:
 
 
 def prepared(raw):
-    """The model as the quantiser wants it: a signature, names that differ, no tensor that nothing needs; and its picture's shape."""
+    """The model as the quantiser wants it: a signature, names that differ, no tensor that nothing needs; its picture's shape, and how many
+    numbers each output has."""
     from ai_edge_litert.tools import flatbuffer_utils
     schema = flatbuffer_utils.schema_fb
     model = flatbuffer_utils.read_model_from_bytearray(bytearray(raw))
@@ -95,6 +98,9 @@ def prepared(raw):
     graph = model.subgraphs[0]
     if len(graph.inputs) != 1:
         raise ImportProblem(f"--quantise: found {len(graph.inputs)} inputs, expected one, which is a picture")
+    for code in model.operatorCodes:  # files of converters before 2020 have their number in the older field alone, which the quantiser does not read
+        code.builtinCode = max(code.builtinCode, code.deprecatedBuiltinCode)
+    dense.constants(model, schema)
     used = sorted({int(t) for op in graph.operators for t in [*op.inputs, *op.outputs] if t >= 0} | {int(t) for t in [*graph.inputs, *graph.outputs]})
     place = {t: i for i, t in enumerate(used)}
     graph.tensors = [graph.tensors[t] for t in used]
@@ -115,7 +121,8 @@ def prepared(raw):
     signature.inputs, signature.outputs = ([entry(schema, b"%s%d" % (kind, n), t) for n, t in enumerate(ts)]
                                            for kind, ts in ((b"input", graph.inputs), (b"output", graph.outputs)))
     model.signatureDefs = [signature]
-    return bytes(flatbuffer_utils.convert_object_to_bytearray(model)), [int(n) for n in image.shape]
+    sizes = [int(np.prod(graph.tensors[t].shape)) for t in graph.outputs]
+    return bytes(flatbuffer_utils.convert_object_to_bytearray(model)), [int(n) for n in image.shape], sizes
 
 
 def entry(schema, name, t):
@@ -211,22 +218,24 @@ def write(path, target, made):
         raise
 
 
-def habits(options, metadata):
-    """(fit, mean, scale): as the options (a dictionary) say, else as Ultralytics' exports or most others take their pictures."""
-    ours = ("letterbox", 0.0, 1 / 255) if metadata.get("task") else ("stretch", 127.5, 1 / 127.5)
+def habits(options, metadata, side=0, sizes=()):
+    """(fit, mean, scale): as the options (a dictionary) say, else as Ultralytics' exports, known networks of this side and outputs of so many numbers,
+    or most others take their pictures."""
+    known = any((side, n) in details.FRACTIONS for n in sizes)
+    ours = ("letterbox", 0.0, 1 / 255) if metadata.get("task") else ("stretch", 0.0, 1 / 255) if known else ("stretch", 127.5, 1 / 127.5)
     return tuple(usual if options[key] is None else options[key] for key, usual in zip(("fit", "mean", "scale"), ours))
 
 
 def run(path, target, arguments, metadata):
     """Write the int8 model to `target`; returns the lines to print, and what average precision needs."""
-    fit, mean, scale = habits(vars(arguments), metadata)
     with open(path, "rb") as file:
         raw = file.read()
     if raw[4:8] != b"TFL3":
         raise ImportProblem(f"byte 4: found {raw[4:8]!r}, expected b'TFL3': not a .tflite file")
     try:
         with quiet():
-            data, shape = prepared(raw)
+            data, shape, sizes = prepared(raw)
+            fit, mean, scale = habits(vars(arguments), metadata, shape[2] if len(shape) == 4 else 0, sizes)
             pictures = Pictures(shape, mean, scale, fit == "letterbox", arguments.order)
             files = listed(arguments.pictures)
             values = [pictures.read(p) for p in files]

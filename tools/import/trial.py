@@ -110,7 +110,7 @@ def details_look_wrong(kind, outs, image, normalised, known, smooth):
         scores = values[:, 2]
         return points_look_wrong(values[:, :2], 1.0) or (None if scores.min() > -0.02 and scores.max() < 1.02 else "scores beyond 0 to 1")
     if kind == "blaze":
-        scores = outs[1] if not known.logits else 1 / (1 + np.exp(-outs[1]))
+        scores = outs[1] if not known.logits else 1 / (1 + np.exp(-np.clip(outs[1], -80, 80)))
         if np.mean(scores > 0.5) > 0.2:
             return f"{100 * np.mean(scores > 0.5):.0f} % of all boxes above a score of 0.5"
         return points_look_wrong(first[0, :, :2] + known.anchors[:, 1::-1] * size, size)
