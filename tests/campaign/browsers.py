@@ -69,7 +69,7 @@ def instructions(build, folder, pages, frames):
     """Of each iteration of the loop."""
     inside = os.path.join(folder, f"counts.{pages}")
     os.mkdir(inside)
-    run(build, folder, pages, frames, False, ("valgrind", "-q", "--tool=callgrind", "--separate-threads=yes", "--toggle-collect=iteration", "--dump-before=iteration",
+    run(build, folder, pages, frames, False, ("valgrind", "-q", "--fair-sched=yes", "--tool=callgrind", "--separate-threads=yes", "--toggle-collect=iteration", "--dump-before=iteration",
                                               "--callgrind-out-file=" + os.path.join(inside, "callgrind")))
     threads = {}
     for name in os.listdir(inside):

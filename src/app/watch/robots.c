@@ -52,6 +52,7 @@ static void keep(char name[FV_ROBOT_NAME_BYTES], const char *text)
 static void begin_window(struct fv_robot *robot, int64_t now_ns)
 {
     robot->window_ns = now_ns;
+    robot->window_first = false;
     robot->window_processed = (double)robot->processed;
     robot->window_late = (double)robot->late;
     robot->window_poses = robot->window_times = 0;
@@ -197,6 +198,7 @@ static void take_statistics(void *context, const struct fv_received *received)
     robot->resident_bytes = statistics.resident_bytes;
     robot->temperature_c = (double)statistics.temperature_c;
     if (fresh) begin_window(robot, robot->heard_ns);
+    if (fresh) robot->window_first = true;
     robot->counted = true;
     add_times(robot, &statistics);
     fovea_statistics_t_decode_cleanup(&statistics);
@@ -263,7 +265,7 @@ static void end_window(struct fv_robot *robot, int64_t now_ns)
 {
     const double seconds = (double)(now_ns - robot->window_ns) * 1e-9;
     const uint32_t times = robot->window_times;
-    const bool counted = robot->counted && times > 0;
+    const bool counted = robot->counted && times > (robot->window_first ? 1 : 0);
     robot->poses_hz = robot->state >= 0 ? robot->window_poses / seconds : NAN;
     robot->frames_hz =
         counted ? ((double)robot->processed - robot->window_processed) / seconds : NAN;

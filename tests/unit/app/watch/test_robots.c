@@ -141,6 +141,24 @@ static void test_rates_and_times(void **state)
     assert_float_equal(robot->poses_hz, 0, 0);
 }
 
+/* One count alone tells no rate, not that of a robot that stands still. */
+static void test_one_count(void **state)
+{
+    const struct fv_robot *robot = &robots.robots[0];
+    (void)state;
+    robots.now_ns = 10 * SECOND;
+    say_statistics("A_STATISTICS", 100, 7, 1000000, 3000000);
+    robots.now_ns = 12 * SECOND;
+    fv_robots_tick(&robots);
+    assert_true(isnan(robot->frames_hz) && isnan(robot->late_hz));
+    assert_float_equal(robot->frame_mean_ms, 4, 1e-9);
+    robots.now_ns = 13 * SECOND; /* the next window has what it follows on */
+    say_statistics("A_STATISTICS", 130, 7, 1000000, 3000000);
+    robots.now_ns = 14 * SECOND;
+    fv_robots_tick(&robots);
+    assert_float_equal(robot->frames_hz, 15, 1e-9);
+}
+
 /* Counts of another run are not compared with those before. */
 static void test_restart(void **state)
 {
@@ -197,6 +215,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup(test_health, set_up),
         cmocka_unit_test_setup(test_rates_and_times, set_up),
+        cmocka_unit_test_setup(test_one_count, set_up),
         cmocka_unit_test_setup(test_restart, set_up),
         cmocka_unit_test_setup(test_many, set_up),
     };
