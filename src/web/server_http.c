@@ -9,7 +9,11 @@
 #include "web/recordings.h"
 #include "web/server_internal.h"
 
-enum { HEADER_BYTES = 2048, CHUNK_BYTES = 16384 };
+enum {
+    HEADER_BYTES = 2048,
+    CHUNK_BYTES = 16384,
+    PACKED_BYTES_MAX = 32768 /* of what is unpacked for a client: each holds memory for it */
+};
 
 /* ---- answers --------------------------------------------------------------------------------- */
 
@@ -135,6 +139,8 @@ static int answer_asset(struct lws *wsi, struct fv_web_request *request,
     if (answer.gzip)
         return answer_begin(wsi, request, &answer, asset->gzip,
                             (size_t)(asset->gzip_end - asset->gzip));
+    if (asset->gzip_end - asset->gzip > PACKED_BYTES_MAX)
+        return answer_text(wsi, request, HTTP_STATUS_NOT_ACCEPTABLE, "It is sent as gzip alone\n");
     size_t bytes;
     request->made = fv_web_asset_inflate(asset, &bytes);
     if (request->made == NULL) return -1;

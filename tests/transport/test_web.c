@@ -83,10 +83,12 @@ static void kept_assets_are_not_sent_again(void)
     const char *found = strcasestr(answer, "\r\netag: ");
     assert_non_null(found);
     assert_int_equal(sscanf(found, "\r\n%*s %63s", tag), 1);
-    snprintf(request, sizeof request, "If-None-Match: \"other\", %s\r\n", tag);
+    snprintf(request, sizeof request, "Accept-Encoding: gzip\r\nIf-None-Match: \"other\", %s\r\n",
+             tag);
     assert_int_equal(web_get("/three/build/three.module.js", request, answer), 304);
     assert_string_equal(strstr(answer, "\r\n\r\n"), "\r\n\r\n");  /* no body */
     assert_int_equal(web_get("/chart.js", request, answer), 200); /* the tag of another */
+    assert_int_equal(web_get("/three/build/three.module.js", "", answer), 406); /* a megabyte */
     assert_int_equal(web_get("/keys", "", answer), 200);
     assert_non_null(strcasestr(answer, "cache-control: no-store"));
 }
