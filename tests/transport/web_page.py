@@ -22,8 +22,13 @@ LOOK = """
       gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, data);
       return (x, y) => [...data.subarray(4 * ((height - 1 - Math.floor(y)) * width + Math.floor(x)), 4 * ((height - 1 - Math.floor(y)) * width + Math.floor(x)) + 3)];
     };
-    const where = (space, place) => {
-      const p = space.odometry.localToWorld(space.camera.position.clone().fromArray(place)).project(space.camera);
+    const where = (space, [x, y, z]) => { // by the words of pose_t, from its frame to `map`
+      const { map_orientation: [w, a, b, c], map_scale: s, map_position: t } = fovea.scene.pose;
+      const place = [
+        (1 - 2 * (b * b + c * c)) * x + 2 * (a * b - w * c) * y + 2 * (a * c + w * b) * z,
+        2 * (a * b + w * c) * x + (1 - 2 * (a * a + c * c)) * y + 2 * (b * c - w * a) * z,
+        2 * (a * c - w * b) * x + 2 * (b * c + w * a) * y + (1 - 2 * (a * a + b * b)) * z].map((value, i) => s * value + t[i]);
+      const p = space.map.localToWorld(space.camera.position.clone().fromArray(place)).project(space.camera);
       return [(p.x + 1) / 2 * space.canvas.width, (1 - p.y) / 2 * space.canvas.height];
     };
 """
@@ -100,6 +105,8 @@ def check_path(page):
                "a path and a map")
     found = page.js(LOOK + """
         const { space, scene } = fovea, { places, count } = scene.path, shown = { ...space.shown };
+        // Another place of the map than that of the run, whose is often the same.
+        scene.pose = { ...scene.pose, map_scale: 1.5, map_position: [0.2, -0.1, 0.3], map_orientation: [0.8, 0, 0.6, 0] };
         space.shown.landmarks = space.shown.keyframes = false;
         space.body.material.visible = false; // it covers the newest places
         const pixel = look(space), blue = (x, y) => { const [r, g, b] = pixel(x, y); return r < 140 && g > 120 && b > 170; };
@@ -112,7 +119,9 @@ def check_path(page):
         Object.assign(space.shown, shown);
         space.body.material.visible = true;
         space.draw();
-        return { all, hit, count };""")
+        const up = space.map.localToWorld(space.camera.position.clone().fromArray(scene.up)).y / Math.hypot(...scene.up);
+        return { all, hit, count, up };""")
+    assert found["up"] > 0.99, found
     assert found["all"] > 100, found
     assert found["hit"] >= 0.95 * found["count"], found
 
