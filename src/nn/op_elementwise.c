@@ -109,12 +109,37 @@ static void spread_row(const struct fv_op_binary *p, const struct fv_kernels *ke
     }
 }
 
-/* One row of a function that a table holds. */
-static void lookup_row(const struct fv_op_binary *p, const uint8_t *table, const uint8_t *a,
-                       const uint8_t *b, uint8_t *out)
+/* Packed elements; eight are read before any is written, so that they wait for nothing. */
+static void lookup_packed(const uint8_t *table, const uint8_t *a, const uint8_t *b, uint8_t *out,
+                          int32_t count)
 {
-    for (int32_t i = 0; i < p->dims[5]; i++, a += p->a[5], b += p->b[5], out += p->out[5])
-        *out = table[256 * *a + *b];
+    int32_t i = 0;
+    for (; i + 8 <= count; i += 8) {
+        uint8_t found[8];
+#pragma GCC unroll 8
+        for (int j = 0; j < 8; j++)
+            found[j] = table[256 * a[i + j] + b[i + j]];
+#pragma GCC unroll 8
+        for (int j = 0; j < 8; j++)
+            out[i + j] = found[j];
+    }
+    for (; i < count; i++)
+        out[i] = table[256 * a[i] + b[i]];
+}
+
+/* Rows of a function that a table holds, which axis 4 tells apart. */
+static void lookup_rows(const struct fv_op_binary *p, const uint8_t *table, const uint8_t *a,
+                        const uint8_t *b, uint8_t *out, int32_t rows)
+{
+    const ptrdiff_t step_a = p->a[5], step_b = p->b[5], step_out = p->out[5];
+    const ptrdiff_t next_a = p->a[4], next_b = p->b[4], next_out = p->out[4];
+    const int32_t count = p->dims[5];
+    const int packed = step_a == 1 && step_b == 1 && step_out == 1;
+    for (int32_t r = 0; r < rows; r++, a += next_a, b += next_b, out += next_out) {
+        if (packed) lookup_packed(table, a, b, out, count);
+        for (ptrdiff_t i = 0; !packed && i < count; i++)
+            out[i * step_out] = table[256 * a[i * step_a] + b[i * step_b]];
+    }
 }
 
 void fv_nn_op_binary(const struct fv_nn_call *call, int32_t begin, int32_t end)
@@ -134,13 +159,15 @@ void fv_nn_op_binary(const struct fv_nn_call *call, int32_t begin, int32_t end)
         const uint8_t *a = call->in[0] + at[0], *b = call->in[1] + at[1];
         uint8_t *out = call->out[0] + at[2];
         rows = 1;
-        if (looked_up) {
-            lookup_row(p, table, a, b, out);
-            continue;
-        }
-        if (packed) { /* rows up to the end of axis 4 at once */
+        if (looked_up || packed) { /* rows up to the end of axis 4 at once */
             const int32_t left = p->dims[4] - row % p->dims[4];
             rows = left < end - row ? left : end - row;
+        }
+        if (looked_up) {
+            lookup_rows(p, table, a, b, out, rows);
+            continue;
+        }
+        if (packed) {
             packed_rows(p, call->kernels, &add, a, b, out, table, rows);
             continue;
         }
