@@ -86,9 +86,13 @@ def check_plots(page):
     page.until((text % "temperature") + " === 'processor 79 °C'", "the temperature in its plot")
     drawn = page.js("""
         return fovea.plots.map(({ canvas, lines }) => {
-          const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height), seen = new Set();
-          for (let i = 0; i < data.length; i += 4) if (data[i + 3] > 200) seen.add(data[i] << 16 | data[i + 1] << 8 | data[i + 2]);
-          return [...lines.values()].filter(({ points }) => points.length > 4).map(({ colour }) => seen.has(parseInt(colour.slice(1), 16)));
+          const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+          const drawn = (colour) => {
+            const wanted = [1, 3, 5].map((at) => parseInt(colour.slice(at, at + 2), 16));
+            for (let i = 0; i < data.length; i += 4) if (data[i + 3] > 150 && wanted.every((value, k) => Math.abs(data[i + k] - value) < 25)) return true;
+            return false;
+          };
+          return [...lines.values()].filter(({ points }) => points.length > 4).map(({ colour }) => drawn(colour));
         });""")
     assert len(drawn) == 4 and all(2 * sum(lines) >= len(lines) > 0 for lines in drawn), drawn  # of equal values one covers the others
     page.until("/^late \\d+\\.\\d \\/sdropped \\d+\\.\\d \\/s$/.test(" + (text % "deadlines") + ")", "missed deadlines in their plot")
