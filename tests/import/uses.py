@@ -180,6 +180,8 @@ def heads(bench):
     for kind, n, other in (("yolov8", 84, 80), ("yolov5", 252, 80)):
         found = bench.run(yolo(kind, 3, n))
         bench.holds(f"{kind} of {n} boxes", getattr(found, "decoder", found), kind)
+        wrong = "yolov5" if kind == "yolov8" else "yolov8"
+        bench.refused(f"{wrong} where {kind} fits", yolo(kind, 3, n), f"expected --decoder {kind}", "--decoder", wrong)
         bench.holds("its classes and fractions", (getattr(found, "classes", 0), getattr(found, "normalised", 0)), (3, 1))
         for what, model in (("rows that are no scores", yolo(kind, 1, n, 8)), ("no sigmoid", yolo(kind, 3, n, sigmoid=False)),
                             ("another number of boxes", yolo(kind, 3, other, boxes=lambda n: np.zeros((n, 4)))),
@@ -262,6 +264,18 @@ def refusals(bench):
     bench.holds("an operator of many inputs is refused in 200 letters",
                 (status, "ADD_N: not supported" in line, "nor CUMSUM" in line, "--outputs NAME" in line, len(line.split(": ", 1)[1]) <= 201),
                 (2, 1, 1, 1, 1))
+
+
+def beyond(bench):
+    """What the engine refuses to load is refused in a line, also where a decoder was to be tried on it."""
+    b = Builder()
+    x, y = b.tensor("int8", (1, 8, 8, 3), 1 / 255, -128), b.tensor("int8", (1, 1, 1, 4), 0.1, 0)
+    w = b.const("int8", np.ones((4, 1, 1, 3)), scale=[0.1] * 4, zero=0)
+    b.op("CONV_2D", [x, w], [y], "Conv2D", StrideH=70000, StrideW=70000, DilationHFactor=1, DilationWFactor=1, Padding=0)
+    flat, z = b.tensor("int8", (1, 4), 0.1, 0), b.tensor("int8", (1, 4), 1 / 256, -128)
+    b.op("RESHAPE", [y, b.const("int32", [1, 4])], [flat], "Reshape", NewShape=[1, 4])
+    b.op("SOFTMAX", [flat], [z], "Softmax", Beta=1.0)
+    bench.refused("a stride beyond the engine's", b.bytes([x], [z]), "window is out of range")
 
 
 def ranges(bench):
@@ -434,7 +448,7 @@ def files(bench):
 def main():
     with tempfile.TemporaryDirectory() as folder:
         bench = Bench(folder)
-        for test in (guesses, heads, planes, states, outputs, refusals, ranges, thresholds, labels, anchors, loaded, units, archived, files, damaged):
+        for test in (guesses, heads, planes, states, outputs, refusals, beyond, ranges, thresholds, labels, anchors, loaded, units, archived, files, damaged):
             test(bench)
     return 1 if bench.wrong else 0
 

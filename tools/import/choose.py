@@ -225,6 +225,9 @@ def hold(e, name):
     sets."""
     if name != "none":
         one_input(e)
+    other = {"yolov5": "yolov8", "yolov8": "yolov5"}.get(name)
+    if other and candidates(e).get(other, "no") is None:
+        raise ImportProblem(f"--decoder {name}: found outputs {shape_text(e)}, which {other} reads: expected --decoder {other}, or none")
     if name not in ("classifier", "fomo", "ssd_raw"):
         return
     tensors = sorted(e.graph.outputs, key=lambda t: e.graph.tensors[t].shape[-1:] != (4,))
@@ -232,7 +235,7 @@ def hold(e, name):
     low, high = e.range_of(e.graph.tensors[t])
     if not e.mask(t).all() and np.isfinite(high) and (low < -0.05 or high > 1.05):
         raise ImportProblem(f"--decoder {name}: found numbers from {low:.3g} to {high:.3g}, expected scores from 0 to 1 (an export with its "
-                            "SOFTMAX or LOGISTIC), or --decoder none")
+                            "SOFTMAX or LOGISTIC), or none")
 
 
 def metadata_of(text):

@@ -142,6 +142,8 @@ def engine(data):
     try:
         from engine import Engine
         return Engine(data)
+    except RuntimeError as problem:  # what the loader says of a model
+        raise ImportProblem(f"its operators are none that the engine runs ({' '.join(str(problem).split())[:120]})") from problem
     except (ImportError, OSError, SystemExit, subprocess.CalledProcessError):
         return None
 
