@@ -11,6 +11,7 @@ static const double usual_rate_hz = 30;
 static double usual_rate(const struct fv_camera_mode *mode)
 {
     double best = 0;
+    if (mode->any_rate) return fmin(fmax(usual_rate_hz, mode->rates_hz[1]), mode->rates_hz[0]);
     for (uint32_t i = 0; i < mode->rate_count; i++) {
         const double rate = mode->rates_hz[i];
         const bool nearer = fabs(rate - usual_rate_hz) < fabs(best - usual_rate_hz);

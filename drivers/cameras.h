@@ -1,5 +1,6 @@
-/* The cameras of this host, as `fovea cameras` lists them: what a URI of a source can name. Nothing
- * is set up and no frame is taken; a camera that another program uses is listed too. Init-only. */
+/* The cameras of this host, as `fovea cameras` lists them: what a URI of a source can name. No
+ * frame is taken; a camera that another program uses is listed too. Cameras of libcamera are set up
+ * for a moment, each format and size in turn, since only then their rates are known. Init-only. */
 #ifndef FOVEA_DRIVERS_CAMERAS_H
 #define FOVEA_DRIVERS_CAMERAS_H
 
@@ -26,6 +27,7 @@ struct fv_camera_mode {
     int32_t width_max, height_max; /* larger where every size up to this one is possible */
     uint32_t rate_count;
     double rates_hz[FV_CAMERA_RATES_MAX]; /* highest first */
+    bool any_rate;                        /* every one between the two that are stated */
 };
 
 /* A control by the name that the option `control.NAME` of the URI takes. */

@@ -50,6 +50,11 @@ static void add_mode(struct fv_camera *camera, char *const fields[], size_t coun
     mode->read = format != NULL;
     mode->width = mode->width_max = (int32_t)strtol(fields[2], NULL, 10);
     mode->height = mode->height_max = (int32_t)strtol(fields[3], NULL, 10);
+    if (count < 6) return;
+    mode->rates_hz[0] = strtod(fields[4], NULL);
+    mode->rates_hz[1] = strtod(fields[5], NULL);
+    mode->any_rate = mode->rates_hz[1] > 0 && mode->rates_hz[0] > mode->rates_hz[1];
+    mode->rate_count = mode->any_rate ? 2 : mode->rates_hz[0] > 0 ? 1 : 0;
 }
 
 static void add_control(struct fv_camera *camera, char *const fields[], size_t count)

@@ -1,9 +1,12 @@
 // fovea-libcamera --list: every camera of libcamera on stdout (protocol.h).
 #include "printing.h"
 
+#include <cstdint>
 #include <cstdio>
 #include <memory>
 #include <string>
+
+#include <libcamera/control_ids.h>
 
 #include "controls.h"
 #include "protocol.h"
@@ -23,6 +26,39 @@ std::string plain(std::string text)
     return text;
 }
 
+// The highest and the lowest rate of the format and size that the camera is set up for, as fields;
+// empty: it states none. Some pipelines state them only then.
+std::string rates(const Camera &camera)
+{
+    const auto &all = camera.controls();
+    const auto found = all.find(&libcamera::controls::FrameDurationLimits);
+    if (found == all.end()) return "";
+    const libcamera::ControlValue &least = found->second.min(), &most = found->second.max();
+    if (least.type() != libcamera::ControlTypeInteger64 || least.isArray() ||
+        most.type() != libcamera::ControlTypeInteger64 || most.isArray())
+        return "";
+    std::string text;
+    for (const int64_t duration_us : {least.get<int64_t>(), most.get<int64_t>()}) {
+        char number[32];
+        if (duration_us <= 0) break;
+        std::snprintf(number, sizeof number, "\t%.6g", 1e6 / static_cast<double>(duration_us));
+        text += number;
+    }
+    return text;
+}
+
+// The same after the camera is set up for them, which another program's camera is not.
+std::string rates_of(Camera &camera, libcamera::CameraConfiguration &configuration, bool ours,
+                     const libcamera::PixelFormat &pixels, const libcamera::Size &size)
+{
+    libcamera::StreamConfiguration &stream = configuration.at(0);
+    stream.pixelFormat = pixels;
+    stream.size = size;
+    const bool set_up = ours && configuration.validate() == libcamera::CameraConfiguration::Valid &&
+                        camera.configure(&configuration) == 0;
+    return ours && !set_up ? "" : rates(camera);
+}
+
 void list_formats(Camera &camera)
 {
     const auto configuration = camera.generateConfiguration({StreamRole::VideoRecording});
@@ -30,11 +66,13 @@ void list_formats(Camera &camera)
         std::printf("trouble\tit takes no video\n");
         return;
     }
-    const libcamera::StreamFormats &formats = configuration->at(0).formats();
+    const libcamera::StreamFormats formats = configuration->at(0).formats();
+    const bool ours = camera.acquire() == 0;
     for (const libcamera::PixelFormat &pixels : formats.pixelformats())
         for (const libcamera::Size &size : formats.sizes(pixels))
-            std::printf("format\t%s\t%u\t%u\n", plain(pixels.toString()).c_str(), size.width,
-                        size.height);
+            std::printf("format\t%s\t%u\t%u%s\n", plain(pixels.toString()).c_str(), size.width,
+                        size.height, rates_of(camera, *configuration, ours, pixels, size).c_str());
+    if (ours) camera.release();
 }
 
 void list_controls(const Camera &camera)

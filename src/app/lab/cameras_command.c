@@ -17,7 +17,7 @@ static void print_mode(const struct fv_camera_mode *mode)
     if (mode->width_max > mode->width || mode->height_max > mode->height)
         printf(" to %d x %d", mode->width_max, mode->height_max);
     for (uint32_t i = 0; i < mode->rate_count; i++)
-        printf("%s%.4g", i == 0 ? " at " : ", ", mode->rates_hz[i]);
+        printf("%s%.4g", i == 0 ? " at " : mode->any_rate ? " to " : ", ", mode->rates_hz[i]);
     printf("%s%s\n", mode->rate_count > 0 ? " Hz" : "", mode->read ? "" : " (not read by fovea)");
 }
 
@@ -60,9 +60,9 @@ static void json_mode(const struct fv_camera_mode *mode)
 {
     json_pair("format", mode->format);
     printf("\"read\": %s, \"width\": %d, \"height\": %d, \"width_max\": %d, \"height_max\": %d, "
-           "\"rates_hz\": [",
+           "\"any_rate\": %s, \"rates_hz\": [",
            mode->read ? "true" : "false", mode->width, mode->height, mode->width_max,
-           mode->height_max);
+           mode->height_max, mode->any_rate ? "true" : "false");
     for (uint32_t i = 0; i < mode->rate_count; i++)
         printf("%s%.6g", i == 0 ? "" : ", ", mode->rates_hz[i]);
     putchar(']');

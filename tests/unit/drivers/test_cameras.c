@@ -178,8 +178,8 @@ static void test_libcamera(void **state)
     size_t count;
     const enum fovea_status status = list_by(
         "#!/bin/sh\n[ \"$1\" = --list ] || exit 3\n"
-        "printf 'camera\\t/base/i2c@1/imx219@10\\timx219\\nformat\\tYUV420\\t640\\t480\\n'\n"
-        "printf 'format\\tYUV420\\t1640\\t1232\\nformat\\tXYZ\\t640\\t480\\n'\n"
+        "printf 'camera\\t/base/i2c@1/imx219@10\\timx219\\nformat\\tYUV420\\t640\\t480\\t206.65\\t0.0996\\n'\n"
+        "printf 'format\\tYUV420\\t1640\\t1232\\t41.85\\t41.85\\nformat\\tXYZ\\t640\\t480\\n'\n"
         "printf 'control\\tBrightness\\t-1.000000\\t1.000000\\t0.000000\\n'\n"
         "printf 'control\\tAeEnable\\tfalse\\ttrue\\tfalse\\n'\n"
         "printf 'camera\\tother\\t\\ntrouble\\tit takes no video\\nformat\\tshort\\n'\n",
@@ -187,8 +187,13 @@ static void test_libcamera(void **state)
     if (status != FOVEA_OK) fail_msg("%s", error.text);
     assert_int_equal(count, 2);
     assert_string_equal(cameras[0].uri,
-                        "libcamera:/base/i2c@1/imx219@10?width=640&height=480&format=YU12");
+                        "libcamera:/base/i2c@1/imx219@10?width=640&height=480&format=YU12&rate=30");
     assert_int_equal(cameras[0].mode_count, 3);
+    assert_true(cameras[0].modes[0].any_rate && cameras[0].modes[0].rate_count == 2);
+    assert_true(cameras[0].modes[0].rates_hz[0] == 206.65);
+    assert_false(cameras[0].modes[1].any_rate);
+    assert_true(cameras[0].modes[1].rate_count == 1 && cameras[0].modes[1].rates_hz[0] == 41.85);
+    assert_int_equal(cameras[0].modes[2].rate_count, 0);
     assert_string_equal(cameras[0].modes[2].format, "XYZ");
     assert_false(cameras[0].modes[2].read);
     assert_true(cameras[0].controls[0].minimum == -1 && cameras[0].controls[0].maximum == 1);
