@@ -78,6 +78,7 @@ void solve_and_judge(const Collection &collection, const std::vector<Model> &mod
     }
     report.verdict = judge(report.views, report.solution, report.held_out_px);
     report.cross_solve_px = cross_solve(report, width, height, options);
+    judge_halves(report.cross_solve_px, report.verdict);
     if (options.bend) return;
     SolveOptions bent = options;
     Solution solution;

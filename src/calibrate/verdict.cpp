@@ -28,6 +28,9 @@ constexpr double SHOWN_SHARE = .5; /* of the boards, that are another one or mir
 constexpr double BEND_PASS = .003; /* height over the board's width */
 constexpr double BEND_SIGMAS = 5;
 constexpr int CELL_COLUMNS = 6, CELL_ROWS = 5;
+constexpr double HALVES_PASS_PX = 1, HALVES_DOUBTFUL_PX = 4;
+constexpr double HALVES_SIGMAS =
+    4; /* of the worst place, of which the largest difference is taken */
 
 /* Corners of views that are used, per cell of the image. */
 std::vector<int> cells_of(const std::vector<View> &views, const Solution &solution, int columns,
@@ -298,6 +301,21 @@ void judge_bend(const Board &board, const Solution &flat, const Solution &bent, 
         "the board is bent: its middle is %.1f mm off, expected %.1f mm or less: mount it on a flat "
         "plate, or use --bend yes",
         1e3 * height_m, 1e3 * BEND_PASS * width_m);
+}
+
+/* Each half knows half as much: its deviation is larger by the root of two, and that of the
+ * difference by two. */
+void judge_halves(double cross_solve_px, Verdict &verdict)
+{
+    const double allowed_px = HALVES_SIGMAS * 2 * verdict.uncertainty_seen_px;
+    if (!(cross_solve_px > allowed_px)) return;
+    const Grade grade = grade_of(cross_solve_px, HALVES_PASS_PX, HALVES_DOUBTFUL_PX);
+    if (grade == Grade::pass) return;
+    add_reason(verdict, grade,
+               "every second picture and the others, solved apart, project up to %.1f px apart, "
+               "expected %.1f or less: the lens or the board changed between pictures (focus, "
+               "zoom), or the model does not fit",
+               cross_solve_px, std::max(HALVES_PASS_PX, allowed_px));
 }
 
 Verdict judge(const std::vector<View> &views, const Solution &solution, double held_out_px)

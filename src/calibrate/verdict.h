@@ -48,6 +48,10 @@ Verdict judge_unsolved(const std::vector<View> &views, const std::string &error)
 /* Add to the verdict on `flat` what `bent`, solved with the board's bend, says of the board. */
 void judge_bend(const Board &board, const Solution &flat, const Solution &bent, Verdict &verdict);
 
+/* Add to the verdict how far apart the cameras of two halves of the pictures project
+ * (Report::cross_solve_px; NaN: not known), where that is more than their deviations allow. */
+void judge_halves(double cross_solve_px, Verdict &verdict);
+
 /* Leave out the views whose edges are much wider than the others'. */
 void leave_out_blurred(std::vector<View> &views);
 

@@ -80,6 +80,29 @@ Set two_views(Random &random, unsigned seed)
     return seen_boards(random, seed, 2, Holding());
 }
 
+/* The lens is focused anew for every second picture. */
+Set two_lenses(Random &random, unsigned seed)
+{
+    Set set, other;
+    fovea_camera camera = true_camera(models[seed / 2 % models.size()], random);
+    const double zoom = random.between(1.01, 1.02);
+    set.collection.views = see_boards(camera, random, VIEWS / 2, nullptr);
+    camera.fx *= zoom;
+    camera.fy *= zoom;
+    assert_int_equal(fovea_camera_prepare(&camera, nullptr), FOVEA_OK);
+    other.collection.views = see_boards(camera, random, VIEWS / 2, nullptr);
+    for (size_t v = 0; v < other.collection.views.size(); v++)
+        set.collection.views.insert(set.collection.views.begin() + (std::ptrdiff_t)(2 * v + 1),
+                                    other.collection.views[v]);
+    for (View &view : set.collection.views) {
+        view.width = WIDTH;
+        view.height = HEIGHT;
+    }
+    set.collection.width = WIDTH;
+    set.collection.height = HEIGHT;
+    return set;
+}
+
 Set bent(Random &random, unsigned seed)
 {
     Holding holding;
@@ -252,6 +275,11 @@ void a_bent_board_is_named(void **)
     assert_named("bent", bent, "the board is bent");
 }
 
+void a_lens_that_changes_is_named(void **)
+{
+    assert_named("two lenses", two_lenses, "solved apart");
+}
+
 void pictures_of_two_sizes_are_named(void **)
 {
     assert_named("two sizes", two_sizes, "pictures have different sizes");
@@ -282,6 +310,7 @@ int main()
         cmocka_unit_test(boards_in_one_corner_are_named),
         cmocka_unit_test(two_views_are_too_few),
         cmocka_unit_test(a_bent_board_is_named),
+        cmocka_unit_test(a_lens_that_changes_is_named),
         cmocka_unit_test(pictures_of_two_sizes_are_named),
         cmocka_unit_test(blurred_pictures_are_named),
         cmocka_unit_test(another_board_is_named_by_its_size),
