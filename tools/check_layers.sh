@@ -63,7 +63,7 @@ check_room() { # ROOM DEPTH
             case $header in
             fovea/*) continue ;;
             fovea_*_t.h | bot_core_*_t.h | fovea_fields.h | fovea_types.h | fovea_type_texts.h)
-                case $room in message | support | app/* | web) ;; *) echo "$file:$line: only message/, support/, app/ and web/ see LCM types" ;; esac
+                case $room in message | support | app/* | calibrate | web) ;; *) echo "$file:$line: only message/, support/, app/, calibrate/ and web/ see LCM types" ;; esac
                 continue ;;
             esac
             case $header in

@@ -90,10 +90,13 @@ struct Motion { /* between two views: A of the body, B of the camera; A X = X B 
     Eigen::Vector3d body_turn, camera_turn;
 };
 
-std::vector<Motion> motions_of(const std::vector<Sight> &sights)
+constexpr double TURN_MOST_RAD = 2.8; /* beyond, an axis may point either way */
+
+/* `half_turns` counts those that are left out since they turn further. */
+std::vector<Motion> motions_of(const std::vector<Sight> &sights, int &half_turns)
 {
-    constexpr double turn_most_rad = 2.8; /* beyond, an axis may point either way */
     std::vector<Motion> motions;
+    half_turns = 0;
     for (size_t i = 0; i < sights.size(); i++) {
         for (size_t j = 0; j < i; j++) {
             Motion motion;
@@ -101,16 +104,18 @@ std::vector<Motion> motions_of(const std::vector<Sight> &sights)
             motion.camera = sights[i].T_cam_board * sights[j].T_cam_board.inverse();
             motion.body_turn = angle_axis(motion.body.R);
             motion.camera_turn = angle_axis(motion.camera.R);
-            if (motion.body_turn.norm() < turn_most_rad &&
-                motion.camera_turn.norm() < turn_most_rad)
+            if (motion.body_turn.norm() < TURN_MOST_RAD &&
+                motion.camera_turn.norm() < TURN_MOST_RAD)
                 motions.push_back(motion);
+            else
+                half_turns++;
         }
     }
     return motions;
 }
 
 /* Motions that do not determine the camera, by name. */
-bool check_motions(const std::vector<Motion> &motions, HandEyeSolution &solution,
+bool check_motions(const std::vector<Motion> &motions, int half_turns, HandEyeSolution &solution,
                    std::string &error)
 {
     Eigen::Matrix3d turns = Eigen::Matrix3d::Zero();
@@ -120,12 +125,22 @@ bool check_motions(const std::vector<Motion> &motions, HandEyeSolution &solution
         turns += motion.body_turn * motion.body_turn.transpose();
         off += std::pow(motion.body_turn.norm() - motion.camera_turn.norm(), 2);
     }
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(turns / (double)motions.size());
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(turns /
+                                                              std::max(1., (double)motions.size()));
     const Eigen::Vector3d axis = axes.eigenvectors().col(2);
     solution.second_turn_rad = std::sqrt(std::max(0., axes.eigenvalues()[1]));
-    solution.angle_off_rad = std::sqrt(off / (double)motions.size());
+    solution.angle_off_rad = std::sqrt(off / std::max(1., (double)motions.size()));
     char text[320] = "";
-    if (solution.turn_rad < TURN_MIN_RAD)
+    const bool too_little = solution.turn_rad < TURN_MIN_RAD;
+    if (half_turns > 0 && (too_little || solution.second_turn_rad < SECOND_TURN_MIN_RAD))
+        snprintf(
+            text, sizeof text,
+            "half turns: %d of %zu motions between two poses turn by more than %.0f degrees, of "
+            "which the axis may point either way, and the others %s: turn the robot by 30 to "
+            "120 degrees from picture to picture, about two axes",
+            half_turns, (size_t)half_turns + motions.size(), DEGREE * TURN_MOST_RAD,
+            too_little ? "do not turn" : "turn about one axis alone");
+    else if (too_little)
         snprintf(
             text, sizeof text,
             "no rotation: the body's poses turn by %.1f degrees at most, expected %.0f or more "
@@ -356,8 +371,9 @@ bool solve_hand_eye(const Board &board, const std::vector<View> &views,
         return (int)state.sights.size() < VIEWS_MIN;
     };
     if (too_few()) return false;
-    const std::vector<Motion> motions = motions_of(state.sights);
-    if (!check_motions(motions, solution, error)) return false;
+    int half_turns;
+    const std::vector<Motion> motions = motions_of(state.sights, half_turns);
+    if (!check_motions(motions, half_turns, solution, error)) return false;
     const Rigid X = start_from(motions);
     const Sight &middle = state.sights[state.sights.size() / 2];
     state.T_cam_body = pose_of(X.inverse());

@@ -4,6 +4,7 @@
 
 #include "calibrate/command.h"
 #include "calibrate/hand_eye.h"
+#include "calibrate/heard_poses.h"
 #include "calibrate/html.h"
 #include "calibrate/json_text.h"
 #include "calibrate/outputs.h"
@@ -13,7 +14,6 @@
 #include "calibrate/text_file.h"
 #include "support/text.h"
 extern "C" {
-#include "drivers/recorded/poses.h"
 #include "support/say.h"
 }
 
@@ -26,7 +26,13 @@ constexpr int VIEWS_MAX_DEFAULT = 40, VIEWS_MAX_LIMIT = 500;
 constexpr double DEGREE = 57.29577951308232;
 
 struct Given {
-    std::string source, target, camera, poses, out, json, report, views;
+    std::string source, target, camera, poses, out, json, report, views, lcm_url, listen;
+    /* A channel of LCM; nullptr: `poses` is a file. */
+    const char *channel() const
+    {
+        constexpr size_t scheme = 4;
+        return poses.compare(0, scheme, "lcm:") == 0 ? poses.c_str() + scheme : nullptr;
+    }
 };
 
 struct HandEyeReport {
@@ -47,19 +53,24 @@ int check(const Given &given, Board &board, int64_t &views_max)
             "('fovea-calibrate camera' makes one)");
     if (given.poses.empty())
         return fv_say_wrong(
-            "fovea-calibrate hand-eye: found no --poses, expected a file with lines "
+            "fovea-calibrate hand-eye: found no --poses, expected lcm:CHANNEL or a file with lines "
             "of stamp x y z qx qy qz qw");
+    if (given.channel() == nullptr && !(given.lcm_url.empty() && given.listen.empty()))
+        return fv_say_wrong("fovea-calibrate hand-eye: found --%s without --poses lcm:CHANNEL, "
+                            "expected both",
+                            given.listen.empty() ? "lcm-url" : "listen");
     views_max = VIEWS_MAX_DEFAULT;
     if (!given.views.empty() && (!fv_text_integer(given.views.c_str(), &views_max) ||
                                  views_max < 3 || views_max > VIEWS_MAX_LIMIT))
         return fv_say_wrong("--views: found '%s', expected a number from 3 to %d",
                             given.views.c_str(), VIEWS_MAX_LIMIT);
+    std::vector<NamedFile> read = {{"--source", given.source, true},
+                                   {"--camera", given.camera, false}};
+    if (given.channel() == nullptr) read.push_back({"--poses", given.poses, false});
     return files_check({{"--out", given.out, false},
                         {"--json", given.json, false},
                         {"--report", given.report, false}},
-                       {{"--source", given.source, true},
-                        {"--camera", given.camera, false},
-                        {"--poses", given.poses, false}});
+                       read);
 }
 
 Rigid from_rows(const double rows[12])
@@ -90,20 +101,15 @@ int other_times(const Given &given, const fv_poses &poses, const std::vector<Vie
 }
 
 /* By stamp, or by their order where no picture has one and there are as many. */
-int match(const Given &given, const std::vector<View> &views, std::vector<BodyPose> &found)
+int match(const Given &given, const std::vector<View> &views, const fv_poses &poses,
+          std::vector<BodyPose> &found)
 {
-    const double identity[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
-    fv_poses poses = {};
-    fovea_error error;
-    if (fv_poses_read(given.poses.c_str(), FV_POSES_TUM, identity, &poses, &error) != FOVEA_OK)
-        return fv_say_wrong("%s", error.text);
     bool stamped = false, any = false;
     for (const View &view : views)
         stamped |= view.stamp_ns >= 0;
-    const size_t count = poses.count;
     for (size_t v = 0; v < views.size(); v++) {
         double rows[12];
-        const bool ordered = !stamped && count == views.size();
+        const bool ordered = !stamped && poses.count == views.size();
         const int64_t stamp_ns = ordered ? poses.by_stamp[v].stamp_ns : views[v].stamp_ns;
         BodyPose pose;
         pose.known = stamp_ns >= 0 && fv_poses_at(&poses, stamp_ns, v, rows);
@@ -111,12 +117,57 @@ int match(const Given &given, const std::vector<View> &views, std::vector<BodyPo
         any |= pose.known;
         found.push_back(pose);
     }
-    const int status = stamped && !any && count > 0 ? other_times(given, poses, views) : FV_EXIT_OK;
-    fv_poses_free(&poses);
-    if (stamped || count == views.size()) return status;
+    if (stamped) return !any && poses.count > 0 ? other_times(given, poses, views) : FV_EXIT_OK;
+    if (poses.count == views.size()) return FV_EXIT_OK;
     return fv_say_wrong("%s: found %zu poses for %zu pictures without stamps, expected as many, or "
                         "pictures with stamps as names",
-                        given.poses.c_str(), count, views.size());
+                        given.poses.c_str(), poses.count, views.size());
+}
+
+constexpr double IDENTITY[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
+
+int match_file(const Given &given, const std::vector<View> &views, std::vector<BodyPose> &found)
+{
+    fv_poses poses = {};
+    fovea_error error;
+    if (fv_poses_read(given.poses.c_str(), FV_POSES_TUM, IDENTITY, &poses, &error) != FOVEA_OK)
+        return fv_say_wrong("%s", error.text);
+    const int status = match(given, views, poses, found);
+    fv_poses_free(&poses);
+    return status;
+}
+
+int match_heard(const Given &given, const Collection &collection, HeardPoses &heard,
+                std::vector<BodyPose> &found)
+{
+    std::vector<fv_pose> list = heard.end(collection.clock);
+    if (list.empty())
+        return fv_say_wrong("%s: heard no pose while pictures were taken, expected bot_core.pose_t "
+                            "on that channel (--lcm-url, --listen)",
+                            given.poses.c_str());
+    fv_poses poses = {};
+    poses.by_stamp = list.data();
+    poses.count = list.size();
+    std::copy(IDENTITY, IDENTITY + 12, poses.T_body_cam);
+    return match(given, collection.views, poses, found);
+}
+
+/* Pictures, and the poses of the body at their times. */
+int collect_posed(const Given &given, const Board &board, int views_max, Collection &collection,
+                  fovea_camera &camera, std::vector<BodyPose> &poses)
+{
+    HeardPoses heard;
+    fovea_error error;
+    const char *channel = given.channel();
+    if (channel != nullptr &&
+        heard.open(given.lcm_url.empty() ? lcm_url_usual : given.lcm_url,
+                   given.listen.empty() ? "loopback" : given.listen, channel, &error) != FOVEA_OK)
+        return fv_say_wrong("%s", error.text);
+    const int status =
+        collect_known(given.source, given.camera, board, views_max, collection, camera);
+    if (status != FV_EXIT_OK) return status;
+    return channel != nullptr ? match_heard(given, collection, heard, poses)
+                              : match_file(given, collection.views, poses);
 }
 
 std::string configuration(const HandEyeReport &report)
@@ -230,12 +281,18 @@ int command_hand_eye(int argc, char **argv)
         {"target", "BOARD", &given.target,
          "board, as chessboard:9x6:0.025; see --man for the others"},
         {"camera", "FILE", &given.camera, "camera file of the camera"},
-        {"poses", "FILE", &given.poses, "poses of the body, a line each: stamp x y z qx qy qz qw"},
+        {"poses", "FILE|lcm:CHANNEL", &given.poses,
+         "poses of the body: a file with a line each, stamp x y z qx qy qz qw; or a channel of "
+         "bot_core.pose_t, heard while pictures are taken"},
         {"out", "FILE", &given.out,
          "write the key T_body_cam of Fovea's configuration; not when the verdict is fail"},
         {"json", "FILE", &given.json, "write the verdict with all its numbers"},
         {"report", "FILE", &given.report, "write the verdict as one HTML file"},
         {"views", "N", &given.views, "pictures to take from a URI (default 40)"},
+        {"lcm-url", "URL", &given.lcm_url,
+         "where lcm:CHANNEL is heard (default udpm://239.255.76.67:7667)"},
+        {"listen", "WHOM", &given.listen,
+         "whom lcm:CHANNEL is heard from: loopback (default), any, or an interface"},
     };
     std::vector<std::string> operands;
     int status;
@@ -247,9 +304,7 @@ int command_hand_eye(int argc, char **argv)
     Collection collection;
     fovea_camera camera;
     std::vector<BodyPose> poses;
-    status =
-        collect_known(given.source, given.camera, report.board, (int)views_max, collection, camera);
-    if (status == FV_EXIT_OK) status = match(given, collection.views, poses);
+    status = collect_posed(given, report.board, (int)views_max, collection, camera, poses);
     if (status != FV_EXIT_OK) return status;
     report.views = collection.views;
     report.camera = given.camera;

@@ -9,11 +9,7 @@
 #include <map>
 #include <sys/stat.h>
 
-#include "app/network/feed_source.h"
-#include "drivers/table.h"
-#include "fovea/source.h"
-#include "image/grey.h"
-#include "kernels/cpu.h"
+#include "calibrate/frames.h"
 #include "support/text.h"
 extern "C" {
 #include "support/picture.h"
@@ -124,59 +120,6 @@ struct Chooser {
     }
 };
 
-struct Frames {
-    const fovea_source_ops *ops = nullptr;
-    fovea_source *source = nullptr;
-    ~Frames()
-    {
-        if (source != nullptr) ops->close(source);
-    }
-};
-
-fovea_status open_source(const std::string &uri, Frames &frames, fovea_error *error)
-{
-    const char *address;
-    fovea_status status = FOVEA_OK;
-    if (uri.compare(0, 5, "feed:") == 0) { /* of a run, which keeps its camera */
-        frames.ops = &fv_source_feed;
-        address = uri.c_str() + 5;
-    } else {
-        status = fv_source_find(uri.c_str(), &frames.ops, &address, error);
-    }
-    if (status != FOVEA_OK) return status;
-    fovea_source_selection selection = {};
-    selection.step = 1;
-    selection.camera_given = true;
-    return frames.ops->open(address, &selection, &frames.source, error);
-}
-
-/* A frame's views, one of each camera. False: a camera gave no image. */
-bool look(const fovea_frame &frame, const fv_kernels &kernels, const Board &board,
-          Refinement refinement, std::vector<Collection> &collections, std::vector<View> &views,
-          std::vector<std::vector<uint8_t>> &greys)
-{
-    bool all = true;
-    for (size_t k = 0; k < collections.size(); k++) {
-        const int width = collections[k].width, height = collections[k].height;
-        greys[k].resize((size_t)width * (size_t)height);
-        const fv_plane plane = {greys[k].data(), width, height, width};
-        if (frame.images[k].data != nullptr)
-            fv_grey_convert(&plane, &kernels, &frame.images[k]);
-        else
-            all = false;
-    }
-    if (!all) return false;
-    for (size_t k = 0; k < collections.size(); k++) {
-        const Grey image = {greys[k].data(), collections[k].width, collections[k].height,
-                            collections[k].width};
-        views[k] = View();
-        views[k].name = "frame " + std::to_string(frame.sequence);
-        views[k].stamp_ns = frame.stamp_ns + frame.offset_ns[k];
-        detect_board(image, board, refinement, views[k]);
-    }
-    return true;
-}
-
 /* Of several cameras the board must be still in all, and new in one. */
 bool is_chosen(std::vector<Chooser> &choosers, const std::vector<View> &views,
                const std::vector<Collection> &collections)
@@ -197,7 +140,7 @@ class Guided
   public:
     Guided(const Guidance *guidance, const Board &board, const Collection &size, int views_max,
            bool live)
-        : guidance_(guidance), width_(size.width), height_(size.height), views_max_(views_max)
+        : guidance_(guidance), views_max_(views_max)
     {
         if (guidance != nullptr)
             guide_.emplace_back(board, guidance->models, size.width, size.height, views_max, live);
@@ -211,12 +154,11 @@ class Guided
         return is_on() && guide_[0].done();
     }
     /* Whether this frame is taken. */
-    bool look(const std::vector<uint8_t> &grey, const View &view)
+    bool look(const Grey &image, const View &view)
     {
         advice_ = guide_[0].look(view);
         if (guidance_->observer != nullptr)
-            guidance_->observer->frame({grey.data(), width_, height_, width_}, view, advice_,
-                                       guide_[0]);
+            guidance_->observer->frame(image, view, advice_, guide_[0]);
         if (fv_say_terminal())
             fv_say_status("%zu of at most %d pictures  %s  %s", guide_[0].views().size(),
                           views_max_, advice_.take ? "taken" : advice_.trouble.c_str(),
@@ -238,7 +180,7 @@ class Guided
 
   private:
     const Guidance *guidance_;
-    int width_, height_, views_max_;
+    int views_max_;
     std::vector<Guide> guide_; /* one, or none */
     Advice advice_;
 };
@@ -249,23 +191,17 @@ fovea_status collect_source(const std::string &uri, const Board &board, Refineme
                             std::vector<Collection> &collections, fovea_error *error)
 {
     Frames frames;
-    fv_cpu_set set;
-    fv_kernels kernels;
-    fovea_status status = open_source(uri, frames, error);
-    if (status == FOVEA_OK) status = fv_cpu_from_environment(&set, error);
+    fovea_status status = open_frames(uri, frames, error);
+    if (status != FOVEA_OK) return status;
+    const fovea_source_info *info = frames.ops->info(frames.source);
+    Finder finder(*info, cameras, board, refinement);
+    status = finder.begin(error);
     if (status == FOVEA_OK) status = frames.ops->start(frames.source, error);
     if (status != FOVEA_OK) return status;
-    fv_kernels_init(&kernels, set);
-    const fovea_source_info *info = frames.ops->info(frames.source);
-    collections.resize(cameras > 0 ? cameras : info->rig.camera_count);
-    for (size_t k = 0; k < collections.size(); k++) {
-        collections[k].width = info->cameras[k].width;
-        collections[k].height = info->cameras[k].height;
-    }
+    collections = finder.sizes();
     const bool few = info->frame_count > 0 && info->frame_count <= (uint64_t)views_max;
     std::vector<Chooser> choosers(collections.size(), {info->live});
-    std::vector<View> views(collections.size());
-    std::vector<std::vector<uint8_t>> greys(collections.size());
+    std::vector<View> views;
     Guided guided(guidance != nullptr && !few ? guidance : nullptr, board, collections[0],
                   views_max, info->live);
     uint64_t count = 0;
@@ -280,16 +216,15 @@ fovea_status collect_source(const std::string &uri, const Board &board, Refineme
             return fovea_error_set(error, status, "%.300s: the source failed", uri.c_str());
         }
         if (status != FOVEA_OK) continue;
-        const bool there = look(frame, kernels, board, refinement, collections, views, greys);
+        const bool there = finder.look(frame, views);
         frames.ops->requeue(frames.source, &frame);
         if (!there) continue;
-        const bool chosen = guided.is_on() ? guided.look(greys[0], views[0])
+        const bool chosen = guided.is_on() ? guided.look(finder.image(0), views[0])
                                            : is_chosen(choosers, views, collections) || few;
         if (chosen) {
             for (size_t k = 0; k < views.size(); k++) {
-                take({greys[k].data(), collections[k].width, collections[k].height,
-                      collections[k].width},
-                     board, views[k]);
+                take(finder.image(k), board, views[k]);
+                collections[k].clock = frame.clock;
                 collections[k].views.push_back(views[k]);
             }
             guided.add(views[0]);
@@ -315,7 +250,7 @@ bool is_folder(const std::string &source)
 fovea_status check_recording(const std::string &uri, int views_max, fovea_error *error)
 {
     Frames frames;
-    const fovea_status status = open_source(uri, frames, error);
+    const fovea_status status = open_frames(uri, frames, error);
     if (status != FOVEA_OK) return status;
     const uint64_t count = frames.ops->info(frames.source)->frame_count;
     if (count > 0 && count <= (uint64_t)views_max) return FOVEA_OK;
@@ -358,7 +293,7 @@ void visit_source(const std::string &source, void (*visit)(void *, const char *)
     }
     Frames frames;
     fovea_error error;
-    if (open_source(source, frames, &error) == FOVEA_OK && frames.ops->reads != nullptr)
+    if (open_frames(source, frames, &error) == FOVEA_OK && frames.ops->reads != nullptr)
         frames.ops->reads(frames.source, visit, context);
 }
 
@@ -445,7 +380,7 @@ fovea_status expect_guidance(const std::string &source, int views_max, fovea_err
                                source.c_str());
     Frames frames;
     fovea_error why;
-    if (open_source(source, frames, &why) != FOVEA_OK) return FOVEA_OK;
+    if (open_frames(source, frames, &why) != FOVEA_OK) return FOVEA_OK;
     const uint64_t count = frames.ops->info(frames.source)->frame_count;
     if (count == 0 || count > (uint64_t)views_max) return FOVEA_OK;
     return fovea_error_set(error, FOVEA_ERROR_INPUT,

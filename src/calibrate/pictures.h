@@ -4,6 +4,7 @@
 
 #include "calibrate/detect.h"
 #include "calibrate/guide.h"
+#include "fovea/source.h"
 
 namespace calibrate
 {
@@ -11,6 +12,7 @@ namespace calibrate
 struct Collection {
     std::vector<View> views;
     int width = 0, height = 0; /* of the views that are not left out for their size */
+    fovea_clock clock = FOVEA_CLOCK_RECORDED; /* that the stamps of the views are on */
 };
 
 /* A picture as a view, with the reason where it shows no board. */

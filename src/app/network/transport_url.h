@@ -7,6 +7,7 @@
 #include <stdint.h>
 
 #include "app/network/transport.h"
+#include "app/network/url_check.h"
 
 enum fv_transport_kind {
     FV_TRANSPORT_UDPM, /* udpm://[GROUP[:PORT]][?ttl=N&recv_buf_size=N] */
@@ -17,9 +18,6 @@ enum fv_transport_kind {
 };
 
 enum fv_transport_kind fv_transport_kind_of(const char *url);
-
-/* Whether the URL is well-formed. FOVEA_ERROR_INPUT: `error` starts with "lcm_url:". */
-enum fovea_status fv_transport_url_check(const char *url, struct fovea_error *error);
 
 /* Group and port of a well-formed udpm URL. */
 void fv_transport_udpm(const char *url, struct sockaddr_in *address);

@@ -3,11 +3,18 @@
 #include "calibrate/command.h"
 #include "calibrate/hand_eye.h"
 
+#include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
+#include <thread>
 #include <unistd.h>
 
+#include <lcm/lcm.h>
+
+#include "bot_core_pose_t.h"
 #include "drivers/table.h"
 #include "fovea/source.h"
 #include "support/calibration.h"
@@ -18,6 +25,8 @@
 
 using namespace calibrate;
 using namespace simulated;
+
+#define LCM_URL "udpm://239.255.76.67:7689"
 
 namespace
 {
@@ -178,6 +187,33 @@ void motions_that_are_not_enough_are_named(void **)
     }
 }
 
+/* Half a turn of the camera about its optical axis, there and back. */
+void half_turns_are_named(void **)
+{
+    Set set = random_set(1, 0, 0);
+    HandEyeSolution solution;
+    std::string error;
+    for (size_t v = 0; v < set.views.size(); v++) {
+        Rigid turn, board_before;
+        turn.R = Eigen::AngleAxisd(v % 2 == 0 ? 0 : 3.1415, Eigen::Vector3d::UnitZ());
+        turn.t = {.01 * (double)(v % 3), 0, 0};
+        board_before.t = {-.12, -.07, .6};
+        const Rigid T_cam_board = turn.inverse() * board_before;
+        set.poses[v].T_world_body = set.T_body_cam * turn * set.T_body_cam.inverse();
+        set.views[v].corners.clear();
+        for (const Point &point : board.points()) {
+            const Eigen::Vector3d at = T_cam_board * Eigen::Vector3d(point[0], point[1], 0);
+            double pixel[2] = {0, 0};
+            assert_int_equal(fovea_camera_project(&set.camera, at.data(), pixel, nullptr),
+                             FOVEA_OK);
+            set.views[v].corners.push_back({pixel[0], pixel[1]});
+        }
+    }
+    assert_false(solve_hand_eye(board, set.views, set.poses, set.camera, solution, error));
+    if (std::strncmp(error.c_str(), "half turns: 56 of 105 ", 22) != 0)
+        fail_msg("%s", error.c_str());
+}
+
 void a_wrong_pose_is_left_out(void **)
 {
     Set set = random_set(3, .001, .001);
@@ -213,6 +249,56 @@ void write(const std::string &path, const std::string &text)
     assert_non_null(file);
     std::fputs(text.c_str(), file);
     assert_int_equal(std::fclose(file), 0);
+}
+
+/* The command hears on LCM what stands in the lines of a file. Stamps are those of the pictures, as
+ * the simulated clock is none of this host. */
+void send_poses(const std::string &lines, const std::atomic<bool> &ended)
+{
+    lcm_t *lcm = lcm_create(LCM_URL "?ttl=0");
+    assert_non_null(lcm);
+    while (!ended) {
+        for (const char *line = lines.c_str(); *line != '\0'; line = std::strchr(line, '\n') + 1) {
+            bot_core_pose_t pose = {};
+            double stamp_s, *p = pose.pos, *q = pose.orientation;
+            if (std::sscanf(line, "%lf %lf %lf %lf %lf %lf %lf %lf", &stamp_s, &p[0], &p[1], &p[2],
+                            &q[1], &q[2], &q[3], &q[0]) != 8)
+                continue;
+            pose.utime = std::llround(1e6 * stamp_s);
+            bot_core_pose_t_publish(lcm, "BODY", &pose);
+        }
+        usleep(20000);
+    }
+    lcm_destroy(lcm);
+}
+
+void hear_poses(std::vector<std::string> words, const std::string &lines, const std::string &json,
+                double T_body_cam[12])
+{
+    const auto value =
+        [&](const char *option) { /* what follows it */
+                                  return std::find(words.begin(), words.end(), option) + 1;
+        };
+    *value("--poses") = "lcm:BODY";
+    words.insert(words.end(), {"--lcm-url", LCM_URL});
+    std::atomic<bool> ended = false;
+    std::thread sender(send_poses, std::cref(lines), std::cref(ended));
+    const int status = run(words);
+    ended = true;
+    sender.join();
+    assert_int_equal(status, 0);
+    char *text = nullptr;
+    size_t bytes = 0;
+    fovea_error error;
+    assert_int_equal(fv_text_read(json.c_str(), 1000000, &text, &bytes, &error), FOVEA_OK);
+    const char *at = std::strstr(text, "\"T_body_cam\": [");
+    assert_non_null(at);
+    at = std::strchr(at, '[');
+    for (int i = 0; i < 12; i++)
+        T_body_cam[i] = std::strtod(at + 1, const_cast<char **>(&at));
+    std::free(text);
+    *value("--poses") = "lcm:SILENT";
+    assert_int_equal(run(words), 2);
 }
 
 /* Whole, by pictures: the true poses of the simulated camera, which are by the time of its frames,
@@ -270,6 +356,8 @@ void the_command_finds_the_simulated_camera(void **)
         "12",       "--out",    out,       "--json",   json,
         "--report", report};
     const int status = run(words);
+    double by_lcm[12];
+    hear_poses(words, lines, json, by_lcm);
     char *text = nullptr;
     size_t bytes = 0;
     const std::string written =
@@ -296,8 +384,9 @@ void the_command_finds_the_simulated_camera(void **)
     }
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 4; j++)
-            assert_true(std::fabs(found[4 * i + j] -
-                                  (j < 3 ? T_body_cam.R(i, j) : T_body_cam.t[i])) < .002);
+            for (const double *T : {found, by_lcm})
+                assert_true(std::fabs(T[4 * i + j] -
+                                      (j < 3 ? T_body_cam.R(i, j) : T_body_cam.t[i])) < .002);
 }
 
 } // namespace
@@ -310,6 +399,7 @@ int main()
         cmocka_unit_test(cameras_far_from_the_body_are_found_as_stated),
         cmocka_unit_test(the_noise_of_poses_is_found),
         cmocka_unit_test(motions_that_are_not_enough_are_named),
+        cmocka_unit_test(half_turns_are_named),
         cmocka_unit_test(a_wrong_pose_is_left_out),
         cmocka_unit_test(poses_of_other_pictures_do_not_pass),
         cmocka_unit_test(the_command_finds_the_simulated_camera),
