@@ -7,6 +7,16 @@
 #include "support/text.h"
 #include "support/yaml_tree.h"
 
+/* Not of EuRoC's files, but of those of `fovea-calibrate rig`. */
+static enum fovea_status read_offset(const struct fv_yaml_tree *tree, struct fovea_rig_imu *imu,
+                                     struct fovea_error *error)
+{
+    static const int64_t most_ns = INT64_C(10000000000);
+    const struct fv_yaml_node *node = fv_yaml_child(tree->root, "time_offset_ns");
+    if (node == NULL) return FOVEA_OK;
+    return fv_yaml_integer(tree, node, -most_ns, most_ns, &imu->time_offset_ns, error);
+}
+
 static enum fovea_status read_sensor(const struct fv_yaml_tree *tree, struct fovea_rig_imu *imu,
                                      struct fovea_error *error)
 {
@@ -27,6 +37,7 @@ static enum fovea_status read_sensor(const struct fv_yaml_tree *tree, struct fov
         status = fv_yaml_require(tree, tree->root, rows[i].key, &node, error);
         if (status == FOVEA_OK) status = fv_yaml_number(tree, node, 0, 1e6, rows[i].value, error);
     }
+    if (status == FOVEA_OK) status = read_offset(tree, imu, error);
     if (status != FOVEA_OK) return status;
     if (!fv_calibration_is_rotation(T) || T[12] != 0 || T[13] != 0 || T[14] != 0 || T[15] != 1)
         return fv_yaml_refuse(

@@ -27,7 +27,8 @@ const std::vector<Command> commands = {
      "that the pictures know, doubtful from 1 px on or where the pictures do not know enough. Ten "
      "pictures with the board tilted and near all corners of the image are enough.",
      "fovea-calibrate check camera.yaml --source pictures/ --target chessboard:9x6:0.025"},
-    {"rig", "place several cameras to each other from pictures of a board", command_rig,
+    {"rig", "place cameras and an inertial sensor to each other from pictures of a board",
+     command_rig,
      "All cameras take pictures of one board at the same instants; each board is seen by two or more "
      "of them. Lenses come from --camera files or are estimated from the same pictures, and then "
      "all lenses, the cameras' places and the board's are solved for together. The verdict states "
@@ -36,11 +37,23 @@ const std::vector<Command> commands = {
      "out what is uncertain in the file. --out is a camchain with T_cn_cnm1, of which Fovea reads "
      "cam1 and on with their place before cam0: 'convert --which cam1' carries it into other "
      "formats. A source with several cameras is sim:board?baseline=0.1, euroc:DIR?cameras=2 or a "
-     "recording; of several sources the pictures belong together in their order.",
+     "recording; of several sources the pictures belong together in their order.\n\n"
+     "With --imu, cameras and inertial sensor are moved together before a board that stands still: turn "
+     "quickly about all axes, one after the other, for half a minute or more, with the board in the "
+     "image. The place of the sensor, the offset of its clock, its biases and gravity are solved for "
+     "together with its motion, a spline over time. --out then holds T_cam_imu and timeshift_cam_imu, "
+     "as Kalibr's camchain-imucam, and --imu-out is the file for the key imu_file of fovea. A live "
+     "camera takes the samples of --imu iio:NAME or lcm:CHANNEL, whose densities --imu-file states.",
      "fovea-calibrate rig --source left/ --source right/ --target chessboard:9x6:0.025 --out rig.yaml\n"
      "fovea-calibrate rig --source left/ --source right/ --camera left.yaml --camera right.yaml "
      "--target aprilgrid:6x6:0.088:0.3 --out rig.yaml --report rig.html\n"
-     "fovea-calibrate rig --source 'sim:board?baseline=0.1' --target chessboard:9x6:0.03"},
+     "fovea-calibrate rig --source 'sim:board?baseline=0.1' --target chessboard:9x6:0.03\n"
+     "fovea-calibrate rig --source 'euroc:DIR?imu=1' --imu source --camera camera.yaml --target "
+     "aprilgrid:6x6:0.088:0.3 --out camchain-imucam.yaml --imu-out imu.yaml\n"
+     "fovea-calibrate rig --source v4l2:/dev/video0 --imu iio:adis16448 --imu-file noise.yaml --camera "
+     "camera.yaml --target chessboard:9x6:0.025 --out rig.yaml --imu-out imu.yaml\n"
+     "fovea-calibrate rig --source 'sim:board?imu=200&imu_pose=0.05,0,0,0,0,90' --imu source --target "
+     "chessboard:9x6:0.03"},
     {"floor", "find the height and tilt of a camera over the floor from a board that lies on it",
      command_floor,
      "The board lies on the floor, and is moved to other places between the pictures. The camera is "
@@ -56,11 +69,15 @@ const std::vector<Command> commands = {
      "more. --poses holds poses of the body, one a line: stamp x y z qx qy qz qw (TUM), in seconds and "
      "metres, T_world_body. They are found by the stamps of the pictures: those of a recording, or "
      "names of files as 1305031102.175304.png (seconds) or of 16 digits and more (nanoseconds). "
-     "Pictures without stamps and as many poses belong together in their order. --out holds the key "
+     "Pictures without stamps and as many poses belong together in their order. With --poses lcm:CHANNEL "
+     "the robot sends its poses as bot_core.pose_t (utime in microseconds of UTC) while a live camera "
+     "takes the pictures. --out holds the key "
      "T_body_cam of Fovea's configuration. The noise of the poses is estimated too. Motions without "
-     "rotation, or with rotation about one axis alone, are refused.",
+     "rotation, with rotation about one axis alone, or with half turns alone are refused.",
      "fovea-calibrate hand-eye --source pictures/ --poses poses.txt --camera camera.yaml --target "
-     "chessboard:9x6:0.025 --out hand_eye.yaml"},
+     "chessboard:9x6:0.025 --out hand_eye.yaml\n"
+     "fovea-calibrate hand-eye --source v4l2:/dev/video0 --poses lcm:ARM_POSE --camera camera.yaml "
+     "--target chessboard:9x6:0.025 --out hand_eye.yaml"},
     {"imu", "find the noise of an inertial sensor from a log in which it stands still", command_imu,
      "Noise densities and random walks of gyroscope and accelerometer by the Allan variance (IEEE Std "
      "952-1997), with standard deviations. The sensor stands still, away from people and engines, at "

@@ -222,19 +222,6 @@ struct Spread {
     std::vector<std::array<int, 2>> at; /* per camera: lens, place */
 };
 
-/* How T_first_cam moves with the six numbers of T_cam_first = [R t]: the turn about the camera's
- * axes d by the left Jacobian, the place -R'(t + dt - d x t). */
-Eigen::Matrix<double, 6, 6> change_of_place(const Pose &T_cam_first)
-{
-    const Rigid T = rigid_of(T_cam_first);
-    const Eigen::Matrix3d turn = left_jacobian({T_cam_first[0], T_cam_first[1], T_cam_first[2]});
-    Eigen::Matrix<double, 6, 6> change = Eigen::Matrix<double, 6, 6>::Zero();
-    change.block<3, 3>(0, 0) = turn;
-    change.block<3, 3>(3, 0) = -T.R.transpose() * cross_matrix(T.t) * turn;
-    change.block<3, 3>(3, 3) = -T.R.transpose();
-    return change;
-}
-
 void set_deviations(const State &state, const Spread &spread, size_t k, RigCamera &camera)
 {
     const int lens = spread.at[k][0], place = spread.at[k][1];

@@ -2,6 +2,7 @@
 #include "calibrate/command.h"
 #include "calibrate/compare.h"
 #include "calibrate/choose_model.h"
+#include "calibrate/inertial_command.h"
 #include "calibrate/outputs.h"
 #include "calibrate/pictures.h"
 #include "calibrate/rig_report.h"
@@ -28,6 +29,7 @@ constexpr int VIEWS_MAX_DEFAULT = 40, VIEWS_MAX_LIMIT = 500, FOLDS = 5;
 struct Given {
     std::string target, model = "auto", format = "rig", out, json, report, views;
     std::vector<std::string> sources, cameras;
+    InertialGiven imu;
 };
 
 int check(const Given &given, Board &board, std::vector<Model> &models, int64_t &views_max)
@@ -56,6 +58,8 @@ int check(const Given &given, Board &board, std::vector<Model> &models, int64_t 
             return fv_say_wrong("--model: found rational with --format kalibr, expected auto, "
                                 "radtan or equidistant: Kalibr has no such lens");
     }
+    status = check_inertial(given.imu, given.sources);
+    if (status != FV_EXIT_OK) return status;
     views_max = VIEWS_MAX_DEFAULT;
     if (!given.views.empty() && (!fv_text_integer(given.views.c_str(), &views_max) ||
                                  views_max < 2 || views_max > VIEWS_MAX_LIMIT))
@@ -66,7 +70,9 @@ int check(const Given &given, Board &board, std::vector<Model> &models, int64_t 
         read.push_back({"--source", source, true});
     for (const std::string &camera : given.cameras)
         read.push_back({"--camera", camera, false});
+    if (!given.imu.file.empty()) read.push_back({"--imu-file", given.imu.file, false});
     return files_check({{"--out", given.out, false},
+                        {"--imu-out", given.imu.out, false},
                         {"--json", given.json, false},
                         {"--report", given.report, false}},
                        read);
@@ -102,25 +108,42 @@ int read_cameras(const Given &given, std::vector<RigInput> &inputs)
     return FV_EXIT_OK;
 }
 
-/* A lens from a file against the camera's own pictures, where these know it well enough to say. */
-void judge_file(const Board &board, const Collection &collection, const RigInput &input, size_t k,
-                Verdict &lenses)
+/* A lens from a file against the camera's own pictures, where these know it well enough to say.
+ * Returns its error in them. */
+double judge_file(const Board &board, const Collection &collection, const RigInput &input, size_t k,
+                  Verdict &lenses)
 {
     const Comparison comparison = compare(input.camera, board, collection.views);
-    if (!comparison.solved || comparison.uncertainty_px > PROJECTION_PASS_PX) return;
+    if (!comparison.solved || comparison.uncertainty_px > PROJECTION_PASS_PX)
+        return comparison.rms_px;
     for (const Reason &reason : comparison.verdict.reasons)
         add_reason(lenses, reason.grade, "cam%zu: %s", k, reason.text.c_str());
+    return comparison.rms_px;
+}
+
+/* A camera by itself, as the only one of a rig. */
+RigCamera camera_alone(const fovea_camera &lens, Model model, double rms_px)
+{
+    RigCamera camera;
+    camera.camera = lens;
+    camera.model = model;
+    camera.rms_px = camera.alone_rms_px = std::max(0., rms_px);
+    return camera;
 }
 
 /* The best model of each camera whose lens is not known, from its own pictures. The verdict on each
- * lens is a part of the rig's. */
-void choose_models(const std::vector<Model> &models, const std::vector<Collection> &collections,
-                   RigReport &report, Verdict &lenses)
+ * lens is a part of the rig's. Returns the cameras by themselves; width 0: not solved. */
+std::vector<RigCamera> choose_models(const std::vector<Model> &models,
+                                     const std::vector<Collection> &collections, RigReport &report,
+                                     Verdict &lenses)
 {
+    std::vector<RigCamera> cameras;
     for (size_t k = 0; k < report.inputs.size(); k++) {
         RigInput &input = report.inputs[k];
         if (input.held) {
-            judge_file(report.board, collections[k], input, k, lenses);
+            const double rms_px = judge_file(report.board, collections[k], input, k, lenses);
+            cameras.push_back(camera_alone(input.camera, input.model, rms_px));
+            cameras.back().held = true;
             continue;
         }
         Report alone;
@@ -131,7 +154,23 @@ void choose_models(const std::vector<Model> &models, const std::vector<Collectio
         input.model = alone.solution.model;
         for (const Reason &reason : alone.verdict.reasons)
             add_reason(lenses, reason.grade, "cam%zu: %s", k, reason.text.c_str());
+        const Solution &found = alone.solution;
+        cameras.push_back(camera_alone(found.camera, found.model, found.rms_px));
+        cameras.back().lens_stdev = found.stdev;
+        cameras.back().corners_used = found.corners_used;
+        cameras.back().views_used = alone.verdict.views_used;
     }
+    return cameras;
+}
+
+/* One camera is the rig, whose inertial sensor is to be placed. */
+void take_alone(RigReport &report, const RigCamera &alone, const Verdict &lens)
+{
+    report.verdict = lens;
+    if (alone.camera.width > 0) report.solution.cameras = {alone};
+    report.solution.left_out.resize(1);
+    report.solution.rms_px = alone.rms_px;
+    report.solution.corners_used = alone.corners_used;
 }
 
 void solve_and_judge_rig(RigReport &report, const Verdict &lenses)
@@ -152,13 +191,31 @@ void solve_and_judge_rig(RigReport &report, const Verdict &lenses)
 
 int write(const Given &given, const RigReport &report)
 {
-    const int status = write_verdict(given.json, rig_json(report), given.report, rig_html(report));
+    int status = write_verdict(given.json, rig_json(report), given.report, rig_html(report));
+    const bool placed = report.inertial && report.inertial->solved;
+    if (status == FV_EXIT_OK && placed && result_wanted(given.imu.out, report.verdict.grade))
+        status = write_text(given.imu.out,
+                            inertial_file(*report.inertial, report.verdict.grade, report.date));
     if (status != FV_EXIT_OK || !result_wanted(given.out, report.verdict.grade)) return status;
     std::string text;
     fovea_error error;
     if (rig_chain(report, given.format == "kalibr", text, &error) != FOVEA_OK)
         return fv_say_wrong("%s: %s", given.out.c_str(), error.text);
     return write_text(given.out, text);
+}
+
+int collect_pictures(const Given &given, int views_max, RigReport &report, Moving &moving,
+                     std::vector<Collection> &collections)
+{
+    fovea_error why;
+    if (given.imu.wanted()) {
+        report.inertial.emplace();
+        return collect_inertial(given.imu, given.sources[0], report.board, views_max, moving,
+                                collections, *report.inertial);
+    }
+    if (collect_rig(given.sources, report.board, views_max, collections, &why) != FOVEA_OK)
+        return fv_say_wrong("%s", why.text);
+    return FV_EXIT_OK;
 }
 
 } // namespace
@@ -185,6 +242,22 @@ int command_rig(int argc, char **argv)
         {"report", "FILE", &given.report, "write the verdict as one HTML file", nullptr},
         {"views", "N", &given.views, "pictures to take of each camera from a URI (default 40)",
          nullptr},
+        {"imu", "SENSOR", &given.imu.sensor,
+         "place an inertial sensor too, which moves with the cameras before the board: source (its "
+         "samples come with the pictures), iio:NAME or lcm:CHANNEL",
+         nullptr},
+        {"imu-file", "FILE", &given.imu.file,
+         "noise densities and rate of the sensor, as 'fovea-calibrate imu' writes them (default: "
+         "what the source states)",
+         nullptr},
+        {"imu-out", "FILE", &given.imu.out,
+         "write the sensor's file for the key imu_file; not when the verdict is fail", nullptr},
+        {"seconds", "N", &given.imu.seconds,
+         "with --imu, of a live source: how long pictures are taken (default 60)", nullptr},
+        {"lcm-url", "URL", &given.imu.lcm_url,
+         "where lcm:CHANNEL is heard (default udpm://239.255.76.67:7667)", nullptr},
+        {"listen", "WHOM", &given.imu.listen,
+         "whom lcm:CHANNEL is heard from: loopback (default), any, or an interface", nullptr},
     };
     std::vector<std::string> operands;
     int status;
@@ -195,9 +268,9 @@ int command_rig(int argc, char **argv)
     status = check(given, report.board, models, views_max);
     if (status != FV_EXIT_OK) return status;
     std::vector<Collection> collections;
-    fovea_error why;
-    if (collect_rig(given.sources, report.board, (int)views_max, collections, &why) != FOVEA_OK)
-        return fv_say_wrong("%s", why.text);
+    Moving moving;
+    status = collect_pictures(given, (int)views_max, report, moving, collections);
+    if (status != FV_EXIT_OK) return status;
     for (size_t k = 0; k < collections.size(); k++) {
         RigInput input;
         input.source = given.sources.size() > 1 ? given.sources[k] : given.sources[0];
@@ -215,8 +288,12 @@ int command_rig(int argc, char **argv)
     if (status != FV_EXIT_OK) return status;
     report.date = now_text();
     Verdict lenses;
-    choose_models(models, collections, report, lenses);
-    solve_and_judge_rig(report, lenses);
+    const std::vector<RigCamera> alone = choose_models(models, collections, report, lenses);
+    if (alone.size() == 1)
+        take_alone(report, alone[0], lenses);
+    else
+        solve_and_judge_rig(report, lenses);
+    if (report.inertial) place_inertial(moving, report);
     rig_print(report);
     status = write(given, report);
     if (status != FV_EXIT_OK) return status;

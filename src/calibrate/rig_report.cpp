@@ -23,6 +23,11 @@ double size_of(const double stdev[3])
     return std::sqrt(stdev[0] * stdev[0] + stdev[1] * stdev[1] + stdev[2] * stdev[2]);
 }
 
+bool is_placed(const RigReport &report)
+{
+    return report.inertial.has_value() && report.inertial->solved;
+}
+
 fv_calibration calibration_of(const RigReport &report, size_t k)
 {
     const RigCamera &camera = report.solution.cameras[k];
@@ -32,18 +37,29 @@ fv_calibration calibration_of(const RigReport &report, size_t k)
     calibration.has_T_body_cam = true;
     const std::array<double, 12> T = T_first_cam(camera);
     std::copy(T.begin(), T.end(), calibration.T_body_cam);
+    std::copy(camera.stdev.begin(), camera.stdev.end(), record.place_stdev);
     snprintf(record.program, sizeof record.program, "fovea-calibrate %s", FOVEA_VERSION);
     snprintf(record.date, sizeof record.date, "%s", report.date.c_str());
     snprintf(record.verdict, sizeof record.verdict, "%s", grade_name(report.verdict.grade));
     snprintf(record.camera_id, sizeof record.camera_id, "%s", report.inputs[k].source.c_str());
     snprintf(record.board, sizeof record.board, "%s", report.board.text().c_str());
+    if (is_placed(report)) {
+        const InertialSolution &found = report.inertial->solution;
+        const Rigid T_first_cam = rigid_of(camera.T_cam_first).inverse();
+        const std::array<double, 12> T_imu_cam = rows_of(found.T_cam_imu.inverse() * T_first_cam);
+        const std::array<double, 6> stdev = place_stdev(found, T_first_cam, camera.stdev);
+        std::copy(T_imu_cam.begin(), T_imu_cam.end(), calibration.T_body_cam);
+        std::copy(stdev.begin(), stdev.end(), record.place_stdev);
+        calibration.has_time_shift = true;
+        calibration.time_shift_s = found.time_shift_s;
+        record.time_shift_stdev_s = found.time_shift_stdev_s;
+    }
     record.views = camera.views_used;
     record.corners = camera.corners_used;
     record.rms_px = camera.rms_px;
     record.noise_px = report.solution.noise_px;
     for (int i = 0; parameter_name(camera.model, i) != nullptr; i++)
         record.stdev[i] = camera.lens_stdev[(size_t)i];
-    std::copy(camera.stdev.begin(), camera.stdev.end(), record.place_stdev);
     return calibration;
 }
 
@@ -147,8 +163,8 @@ fovea_status rig_chain(const RigReport &report, bool kalibr, std::string &text, 
     for (size_t k = 0; k < report.solution.cameras.size(); k++)
         cameras.push_back(calibration_of(report, k));
     std::vector<char> written(FV_CALIBRATION_CHAIN_BYTES_MAX);
-    const fovea_status status = fv_calibration_chain_text(cameras.data(), cameras.size(), false,
-                                                          kalibr, written.data(), error);
+    const fovea_status status = fv_calibration_chain_text(
+        cameras.data(), cameras.size(), is_placed(report), kalibr, written.data(), error);
     if (status == FOVEA_OK) text = written.data();
     return status;
 }
@@ -165,6 +181,7 @@ std::string rig_json(const RigReport &report)
                 ",\n  \"held_out_epipolar_rms_px\": " +
                 json_number(report.held_out_px >= 0 ? report.held_out_px : NAN) +
                 formatted(",\n  \"corners_used\": %d", report.solution.corners_used);
+    if (report.inertial) text += ",\n  \"imu\": " + inertial_json(*report.inertial);
     text += ",\n  \"cameras\": [";
     for (size_t k = 0; k < report.solution.cameras.size(); k++)
         text += (k > 0 ? "," : "") + camera_json(report, k);
@@ -184,18 +201,22 @@ std::string rig_html(const RigReport &report)
     std::string text = verdict_header("Calibration of a rig", report.verdict, next,
                                       "Board: " + report.board.text() + ". Date: " + report.date);
     if (!solved) return html_page(report.verdict.grade, text);
-    text += section(
-        "errors", "Errors",
-        "<p>RMS " + datum("rms_px", report.solution.rms_px) + " px over " +
-            datum("corners_used", report.solution.corners_used, "%.0f") +
-            " corners. Distance from the epipolar lines " +
-            datum("epipolar_rms_px", report.epipolar_px >= 0 ? report.epipolar_px : NAN) +
-            " px RMS, in pictures held out " +
-            datum("held_out_epipolar_rms_px", report.held_out_px >= 0 ? report.held_out_px : NAN) +
-            " px. Noise of one coordinate " + datum("noise_px", report.solution.noise_px) +
-            " px.</p>\n");
-    text +=
-        cameras_section(report) + places_section(report) + left_out_section(rig_left_out(report));
+    if (report.solution.cameras.size() > 1)
+        text += section(
+            "errors", "Errors",
+            "<p>RMS " + datum("rms_px", report.solution.rms_px) + " px over " +
+                datum("corners_used", report.solution.corners_used, "%.0f") +
+                " corners. Distance from the epipolar lines " +
+                datum("epipolar_rms_px", report.epipolar_px >= 0 ? report.epipolar_px : NAN) +
+                " px RMS, in pictures held out " +
+                datum("held_out_epipolar_rms_px",
+                      report.held_out_px >= 0 ? report.held_out_px : NAN) +
+                " px. Noise of one coordinate " + datum("noise_px", report.solution.noise_px) +
+                " px.</p>\n");
+    text += cameras_section(report);
+    if (report.solution.cameras.size() > 1) text += places_section(report);
+    if (report.inertial) text += inertial_section(*report.inertial);
+    text += left_out_section(rig_left_out(report));
     return html_page(report.verdict.grade, text);
 }
 
@@ -222,6 +243,7 @@ void rig_print(const RigReport &report)
         if (report.held_out_px >= 0) printf(", %.3f px in pictures held out", report.held_out_px);
         printf("\n");
     }
+    if (report.inertial) inertial_print(*report.inertial);
     print_verdict(report.verdict);
 }
 

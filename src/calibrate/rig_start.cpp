@@ -14,22 +14,6 @@ constexpr int SHARED_MIN = 2;
 /* T_cam_board of every camera and view; not finite: not posed. */
 using Posed = std::vector<std::vector<Rigid>>;
 
-/* The board, counted from its other end: half a turn about its middle. */
-Rigid half_turn(const Board &board)
-{
-    const Point last = board.points().back();
-    Rigid turn;
-    turn.R = Eigen::Vector3d(-1, -1, 1).asDiagonal();
-    turn.t = {last[0], last[1], 0};
-    return turn;
-}
-
-/* Markers say which corner is which; of other boards a detector may count from either end. */
-bool may_be_turned(const Board &board)
-{
-    return board.pattern == Pattern::chessboard || board.pattern == Pattern::circles;
-}
-
 /* How far apart two places are: of points a metre away, roughly. */
 double distance(const Rigid &a, const Rigid &b)
 {
@@ -202,6 +186,21 @@ void place_boards(const Board &board, const std::vector<RigInput> &inputs, const
 }
 
 } // namespace
+
+Rigid half_turn(const Board &board)
+{
+    const Point last = board.points().back();
+    Rigid turn;
+    turn.R = Eigen::Vector3d(-1, -1, 1).asDiagonal();
+    turn.t = {last[0], last[1], 0};
+    return turn;
+}
+
+/* Markers say which corner is which; of other boards a detector may count from either end. */
+bool may_be_turned(const Board &board)
+{
+    return board.pattern == Pattern::chessboard || board.pattern == Pattern::circles;
+}
 
 Pixel rig_corner(const RigInput &input, bool turned, size_t view, size_t c)
 {

@@ -8,6 +8,11 @@
 namespace calibrate
 {
 
+/* Whether a detector may count a board from its other end, and the board counted so: half a turn
+ * about its middle. */
+bool may_be_turned(const Board &board);
+Rigid half_turn(const Board &board);
+
 /* Corner `c` of a view, counted from the board's other end where that is `turned`. */
 Pixel rig_corner(const RigInput &input, bool turned, size_t view, size_t c);
 

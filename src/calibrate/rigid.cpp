@@ -89,6 +89,18 @@ Eigen::Vector3d angle_axis(const Eigen::Matrix3d &R)
     return axis;
 }
 
+/* The turn about a's axes d by the left Jacobian, the place -R'(t + dt - d x t). */
+Eigen::Matrix<double, 6, 6> change_of_place(const Pose &T_a_b)
+{
+    const Rigid T = rigid_of(T_a_b);
+    const Eigen::Matrix3d turn = left_jacobian({T_a_b[0], T_a_b[1], T_a_b[2]});
+    Eigen::Matrix<double, 6, 6> change = Eigen::Matrix<double, 6, 6>::Zero();
+    change.block<3, 3>(0, 0) = turn;
+    change.block<3, 3>(3, 0) = -T.R.transpose() * cross_matrix(T.t) * turn;
+    change.block<3, 3>(3, 3) = -T.R.transpose();
+    return change;
+}
+
 bool pose_view(const Board &board, const fovea_camera &camera, const View &view, Pose &pose,
                double &rms_px)
 {

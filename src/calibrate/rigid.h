@@ -27,6 +27,10 @@ std::array<double, 12> rows_of(const Rigid &motion); /* three rows of [R t] */
 /* The axis of a rotation times its angle, of [0, pi]. */
 Eigen::Vector3d angle_axis(const Eigen::Matrix3d &R);
 
+/* How T_b_a moves with the six numbers of T_a_b = [R t]: a small turn about a's axes, and the place
+ * of a in b. */
+Eigen::Matrix<double, 6, 6> change_of_place(const Pose &T_a_b);
+
 /* T_cam_board of a view by a camera that is prepared: the least squares over the corners that the
  * view has, with less weight on those far off. Its error is the RMS over all its corners. False:
  * fewer than six of its corners are seen where the camera has rays, or nothing fits. */

@@ -60,6 +60,7 @@ struct fv_calibration_record {
     /* Of the camera's place in its rig: a small rotation about the camera's axes (radians), its
      * translation (metres). */
     double place_stdev[6];
+    double time_shift_stdev_s;                 /* of time_shift_s */
     double stdev[4 + FOVEA_LENS_COEFFICIENTS]; /* of fx fy cx cy k...; 0: held, or not stated */
 };
 

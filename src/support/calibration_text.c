@@ -137,6 +137,7 @@ void fv_calibration_put_record(struct fv_calibration_writer *w, int indent,
     put_stated(w, inner, "noise_px", record->noise_px, &first);
     put_stated(w, inner, "held_out_rms_px", record->held_out_rms_px, &first);
     put_stated(w, inner, "projection_stdev_px", record->projection_stdev_px, &first);
+    put_stated(w, inner, "time_shift_stdev_s", record->time_shift_stdev_s, &first);
     bool placed = false;
     for (int i = 0; i < 6; i++)
         placed |= record->place_stdev[i] != 0;

@@ -209,13 +209,14 @@ static enum fovea_status read_record_numbers(const struct fv_calibration_reader 
     } numbers[] = {{"rms_px", &record->rms_px},
                    {"noise_px", &record->noise_px},
                    {"held_out_rms_px", &record->held_out_rms_px},
-                   {"projection_stdev_px", &record->projection_stdev_px}};
+                   {"projection_stdev_px", &record->projection_stdev_px},
+                   {"time_shift_stdev_s", &record->time_shift_stdev_s}};
     const struct {
         const char *key;
         int32_t *value;
     } counts[] = {{"views", &record->views}, {"corners", &record->corners}};
     enum fovea_status status;
-    for (size_t i = 0; i < 4; i++) {
+    for (size_t i = 0; i < sizeof numbers / sizeof numbers[0]; i++) {
         node *child = fv_yaml_child(section, numbers[i].key);
         if (child != NULL && (status = fv_yaml_number(r->tree, child, 0, 1e12, numbers[i].value,
                                                       r->error)) != FOVEA_OK)

@@ -74,6 +74,10 @@ static void the_rig_gets_what_the_file_states(void **state)
     assert_true(rig->imu.gyro_noise == 0.001 && rig->imu.gyro_walk == 0.0001 &&
                 rig->imu.acceleration_noise == 0.02 && rig->imu.acceleration_walk == 0.003);
     assert_true(rig->imu.gyro_range == 0 && rig->imu.acceleration_range == 0);
+    assert_true(rig->imu.time_offset_ns == 0);
+    fv_test_write_text(file, T_BS "rate_hz: 250\ntime_offset_ns: -4523788\n" NOISES);
+    if (join("lcm:ROBOT_IMU", file, false, &iio) != FOVEA_OK) fail_msg("%s", error.text);
+    assert_true(rig->imu.time_offset_ns == -4523788);
     assert_string_equal(fv_imu_lcm_channel(&settings), "ROBOT_IMU");
     assert_null(fv_imu_iio_name(&settings));
     assert_int_equal(join("", "", false, &iio), FOVEA_OK);
