@@ -172,7 +172,7 @@ def main():
         if tried is not None and figures is not None and arguments.labels is not None and os.path.isdir(arguments.labels):
             print_precision(tried, arguments, figures)
     except graph_module.ImportProblem as problem:
-        return complain(f"{arguments.model}: {problem}")
+        return complain(f"{arguments.model}: {shortened(' '.join(str(problem).split()))}")
     except OSError as problem:
         return complain(f"{problem.filename or arguments.model}: {problem.strerror}")
     if figures is None:
