@@ -11,6 +11,7 @@ import os
 import platform
 import sys
 import tempfile
+import warnings
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 sys.path.insert(0, HERE)
@@ -160,6 +161,7 @@ def main():
     parser.add_argument("--no-fold", action="store_true", help="merge nothing, for finding faults")
     use.add_arguments(parser)
     arguments = parser.parse_intermixed_args()
+    warnings.simplefilter("ignore", RuntimeWarning)  # numpy's, of scales that a damaged file has; what is wrong is said in one line
     if arguments.pictures and not arguments.quantise:
         return complain(f"{arguments.pictures[0]}: found a second file, expected one model (pictures go with --quantise)")
     output, tried = arguments.output or os.path.splitext(arguments.model)[0] + ".fvm", None
