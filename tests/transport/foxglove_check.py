@@ -265,7 +265,8 @@ async def check_views(recording):
         else:
             expect(any(near(json.loads(payload), json.loads(p)) for p in stamps[time_ns]), f"{topic} at {time_ns}: {payload}")
     back = sum(after < before for before, after in zip(client.times, client.times[1:]))
-    expect(back <= 1, f"time goes back {back} times, expected once: to the start")
+    # To the start; and before that to where it stood, if it had ended when the page came and looked at more cameras.
+    expect(back <= 2, f"time goes back {back} times, expected twice at most")
     print(f"{len(client.data)} messages on {len(topics)} topics as views.py makes them")
 
 
