@@ -4,9 +4,7 @@
 #include <fcntl.h>
 #include <linux/dma-buf.h>
 #include <poll.h>
-#include <sched.h>
 #include <signal.h>
-#include <spawn.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -18,8 +16,7 @@
 
 #include "../clock.h"
 #include "../plugin.h"
-
-extern char **environ;
+#include "child.h"
 
 int64_t fv_libcamera_answer_ns = INT64_C(30000000000), fv_libcamera_idle_ns = INT64_C(6000000000),
         fv_libcamera_away_ns = INT64_C(5000000000);
@@ -64,44 +61,6 @@ static struct timespec left_until(int64_t deadline_ns)
 
 /* ---- the process ----------------------------------------------------------------------------- */
 
-/* Signals of the terminal are for the runtime; everything else is as in a program just started. */
-static void set_attributes(posix_spawnattr_t *attributes)
-{
-    static const int mine[] = {SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGPIPE};
-    const struct sched_param ordinary = {.sched_priority = 0};
-    sigset_t blocked, reset;
-    sigemptyset(&blocked);
-    for (size_t i = 0; i < sizeof mine / sizeof mine[0]; i++)
-        sigaddset(&blocked, mine[i]);
-    sigfillset(&reset);
-    posix_spawnattr_setsigmask(attributes, &blocked);
-    posix_spawnattr_setsigdefault(attributes, &reset);
-    posix_spawnattr_setschedpolicy(attributes, SCHED_OTHER);
-    posix_spawnattr_setschedparam(attributes, &ordinary);
-    posix_spawnattr_setflags(attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF |
-                                             POSIX_SPAWN_SETSCHEDULER);
-}
-
-/* 0, or an errno value. */
-static int spawn(const char *path, int socket, pid_t *pid)
-{
-    char name[] = FV_LIBCAMERA_PROGRAM;
-    char *arguments[] = {name, NULL};
-    posix_spawn_file_actions_t files;
-    posix_spawnattr_t attributes;
-    posix_spawn_file_actions_init(&files);
-    posix_spawnattr_init(&attributes);
-    set_attributes(&attributes);
-    posix_spawn_file_actions_addopen(&files, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
-    posix_spawn_file_actions_adddup2(&files, STDERR_FILENO, STDOUT_FILENO);
-    posix_spawn_file_actions_adddup2(&files, socket, FV_LIBCAMERA_SOCKET);
-    posix_spawn_file_actions_addclosefrom_np(&files, FV_LIBCAMERA_SOCKET + 1);
-    const int failure = posix_spawn(pid, path, &files, &attributes, arguments, environ);
-    posix_spawnattr_destroy(&attributes);
-    posix_spawn_file_actions_destroy(&files);
-    return failure;
-}
-
 static enum fovea_status start_process(struct fv_libcamera_client *client,
                                        struct fovea_error *error)
 {
@@ -116,7 +75,7 @@ static enum fovea_status start_process(struct fv_libcamera_client *client,
     if (socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends) != 0)
         return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: no socket: %s", client->uri,
                                strerror(errno));
-    const int failure = spawn(path, ends[1], &client->pid);
+    const int failure = fv_libcamera_spawn(path, ends[1], &client->pid);
     close(ends[1]);
     if (failure == 0) {
         client->socket = ends[0];
