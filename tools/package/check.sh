@@ -161,7 +161,7 @@ guest() {
     bare_root amd64
     in_root 'apt-get update -q >/dev/null
              apt-get install -y -q --no-install-recommends systemd-sysv udev kmod iproute2 procps libcamera-ipa libcamera0.0.3 /packages/fovea_*.deb >/packages/log 2>&1 || { tail -n 20 /packages/log; exit 1; }'
-    cp tools/package/try_guest.sh build/command "$root/packages/"
+    cp tools/package/try_guest.sh build/command "$(command -v busybox)" "$root/packages/"
     printf '%s\n' '[Unit]' 'After=multi-user.target' '[Service]' 'Type=oneshot' 'TimeoutStartSec=infinity' \
         'ExecStart=/bin/sh -c "/packages/try_guest.sh >/results/said 2>&1; sync; printf \\\\001 | dd of=/dev/port bs=1 seek=244"' \
         '[Install]' 'WantedBy=multi-user.target' >"$root/etc/systemd/system/trial.service"

@@ -35,11 +35,11 @@ name=none
 ip link set lo up
 ip link set lo multicast on
 ip route add 224.0.0.0/4 dev lo
-modprobe vivid n_devs=1 node_types=0x1 num_inputs=1 input_types=0x00 || fail "no driver vivid"
+./busybox modprobe vivid n_devs=1 node_types=0x1 num_inputs=1 input_types=0x00 || fail "no driver vivid"
 udevadm settle -t 30
 
 # A camera, LCM both ways, and a map that is saved.
-configure front 'source: v4l2:/dev/video0?width=320&height=180' 'map.save: hall.map'
+configure front 'source: v4l2:/dev/video0?width=320&height=180' 'camera_fov: 60' 'map.save: hall.map'
 systemctl start fovea@front || fail "it does not start"
 [ "$(shows ActiveState)" = active ] || fail "it does not say that it runs"
 until_true 120 'fovea top --once --json 2>/dev/null | grep -q FOVEA' || fail "its messages do not come"
@@ -48,9 +48,9 @@ echo "vivid: $(cat said)"
 systemctl stop fovea@front || fail "it does not stop"
 
 # The program of libcamera, a process of its own.
-modprobe vimc || fail "no driver vimc"
+./busybox modprobe vimc || fail "no driver vimc"
 udevadm settle -t 30
-configure lib 'source: libcamera:0?width=320&height=240'
+configure lib 'source: libcamera:0?width=320&height=240' 'camera_fov: 60'
 systemctl start fovea@lib || fail "it does not start with a camera of libcamera"
 until_true 60 'pidof fovea-libcamera >/dev/null' || fail "the program of libcamera does not run"
 until_true 120 'fovea top --once --json 2>/dev/null | grep -q FOVEA' || fail "no messages with a camera of libcamera"
