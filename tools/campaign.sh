@@ -156,7 +156,7 @@ slow_links() {
 
 # Packages of both architectures, in bare roots; two builds give the same bytes.
 packages() {
-    make --no-print-directory deb && make --no-print-directory deb ARCH=arm64 && tools/package/check.sh all arm64 service trixie reproducible
+    make --no-print-directory deb && make --no-print-directory deb ARCH=arm64 && tools/package/check.sh all arm64 service guest trixie reproducible
 }
 
 if [ -n "$sample" ]; then
