@@ -11,11 +11,16 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <linux/filter.h>
+#include <linux/seccomp.h>
+#include <sched.h>
 #include <signal.h>
 #include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/prctl.h>
+#include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -498,6 +503,49 @@ static void test_ends_over_and_over(void **state)
     free(took_ns);
 }
 
+/* ---- scheduling ------------------------------------------------------------------------------ */
+
+/* From here on this thread and what it starts may not change a scheduling policy, as under the
+ * service. False: this kernel has no filters. */
+static bool forbid_scheduling(void)
+{
+    static struct sock_filter rules[] = {
+        BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(struct seccomp_data, nr)),
+        BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, SYS_sched_setscheduler, 0, 1),
+        BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ERRNO | EPERM),
+        BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ALLOW)};
+    const struct sock_fprog filter = {sizeof rules / sizeof rules[0], rules};
+    return prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) == 0 &&
+           prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, &filter) == 0;
+}
+
+static void check_process_is_not_real_time(void)
+{
+    struct fovea_source *source = start_source();
+    fv_test_next_frame(source);
+    assert_int_equal(sched_getscheduler(atomic_load(&stage->pid)), SCHED_OTHER);
+    fv_test_finish(source);
+}
+
+/* The process is not real-time where this one is: it is started so, or, where it would not be
+ * real-time anyway, without a call for it. The last test: the filter stays. */
+static void test_process_is_not_real_time(void **state)
+{
+    const struct sched_param lowest = {.sched_priority = 1};
+    (void)state;
+    if (sched_setscheduler(0, SCHED_FIFO, &lowest) != 0) {
+        printf("SKIPPED scheduling: this process may not be real-time\n");
+        skip();
+    }
+    check_process_is_not_real_time();
+    assert_int_equal(sched_setscheduler(0, SCHED_FIFO | SCHED_RESET_ON_FORK, &lowest), 0);
+    if (!forbid_scheduling()) {
+        printf("SKIPPED scheduling: this kernel has no filters of system calls\n");
+        skip();
+    }
+    check_process_is_not_real_time();
+}
+
 int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_frames_bit_for_bit),
@@ -516,7 +564,8 @@ int main(int argc, char **argv)
                                        cmocka_unit_test(test_cannot_be_started),
                                        cmocka_unit_test(test_refused_at_open),
                                        cmocka_unit_test(test_fault_while_opening),
-                                       cmocka_unit_test(test_ends_over_and_over)};
+                                       cmocka_unit_test(test_ends_over_and_over),
+                                       cmocka_unit_test(test_process_is_not_real_time)};
     if (fake_libcamera_is_me(argv[0])) return fake_libcamera_run();
     if (getenv("FOVEA_EMULATED") != NULL) {
         printf("SKIPPED libcamera: an emulated program cannot start another\n");
