@@ -52,9 +52,17 @@ installed() { # installed PACKAGE...: by apt, as a user does it
              apt-get install -y -q --no-install-recommends $kept_as_they_are $(printf ' /packages/%s_*.deb' "$@") >/packages/log 2>&1 || { tail -n 20 /packages/log; exit 1; }"
 }
 
-runs() { # the command, its service's user and what belongs to it
+poses() { # a run of the command
     in_root 'fovea run --frames 60 --set lcm_url= --picture none' >"$work/run" 2>&1 || { cat "$work/run"; fail "fovea run failed"; }
     grep -q 'posed [1-9]' "$work/run" || { cat "$work/run"; fail "fovea run gave no pose"; }
+}
+
+answer() { # the two programs beside it
+    in_root 'fovea-web --help >/dev/null && fovea-calibrate target --target chessboard:9x6:0.025 --out /packages/board.pdf >/dev/null'
+}
+
+runs() { # the command, its service's user and what belongs to it
+    poses
     in_root 'fovea config --check /etc/fovea/example.yaml >/dev/null'
     cp docs/run.png "$root/packages/"
     in_root 'cd /packages && fovea detect --model /usr/share/fovea/shipped.fvm run.png && fovea features run.png' >"$work/run" 2>&1 || { cat "$work/run"; fail "fovea detect or features failed"; }
@@ -121,7 +129,7 @@ all() {
     cp tools/examples/loop.c "$root/packages/"
     # shellcheck disable=SC2016
     in_root 'cd /packages && gcc -Wall -o loop loop.c $(pkg-config --cflags --libs fovea) && ldd loop | grep -q "libfovea.so" && ./loop >/dev/null'
-    in_root 'fovea-web --help >/dev/null && fovea-calibrate target --target chessboard:9x6:0.025 --out /packages/board.pdf >/dev/null'
+    answer
     upgraded_and_purged fovea libfovea0 libfovea-dev fovea-web fovea-calibrate
 }
 
@@ -160,7 +168,8 @@ guest() {
     tools/hil/setup.sh build-hil
     bare_root amd64
     in_root 'apt-get update -q >/dev/null
-             apt-get install -y -q --no-install-recommends systemd-sysv udev kmod iproute2 procps libcamera-ipa libcamera0.0.3 /packages/fovea_*.deb >/packages/log 2>&1 || { tail -n 20 /packages/log; exit 1; }'
+             apt-get install -y -q --no-install-recommends systemd-sysv udev kmod iproute2 procps libcamera-ipa >/packages/log 2>&1 &&
+             apt-get install -y -q /packages/fovea_*.deb >>/packages/log 2>&1 || { tail -n 20 /packages/log; exit 1; }' # with what it recommends: libcamera
     cp tools/package/try_guest.sh build/command "$(command -v busybox)" "$root/packages/"
     printf '%s\n' '[Unit]' 'After=multi-user.target' '[Service]' 'Type=oneshot' 'TimeoutStartSec=infinity' \
         'ExecStart=/bin/sh -c "/packages/try_guest.sh >/results/said 2>&1; sync; printf \\\\001 | dd of=/dev/port bs=1 seek=244"' \
@@ -183,9 +192,8 @@ trixie() {
     cp "$root"/root/fovea/build/packages/*.deb "$root/packages/"
     rm -rf "$root/root/fovea"
     installed fovea libfovea0 libfovea-dev fovea-web fovea-calibrate
-    in_root 'fovea run --frames 60 --set lcm_url= --picture none' >"$work/run" 2>&1 || { cat "$work/run"; fail "fovea run failed"; }
-    grep -q 'posed [1-9]' "$work/run" || { cat "$work/run"; fail "fovea run gave no pose"; }
-    in_root 'fovea-web --help >/dev/null && fovea-calibrate target --target chessboard:9x6:0.025 --out /packages/board.pdf >/dev/null'
+    poses
+    answer
 }
 
 reproducible() {
