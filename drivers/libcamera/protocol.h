@@ -32,8 +32,9 @@
  * With FV_LIBCAMERA_LIST as its only argument the process has no socket: it prints the cameras on
  * stdout and ends. Fields are between tabs, lines below a camera are its own:
  *   camera   ID  MODEL
- *   format   libcamera's name  WIDTH  HEIGHT, and where they are known the highest and the lowest
- * rate in Hz control  NAME  MINIMUM  MAXIMUM  DEFAULT trouble  why nothing more is known
+ *   format   libcamera's name  WIDTH  HEIGHT [highest rate in Hz [lowest]]
+ *   control  NAME  MINIMUM  MAXIMUM  DEFAULT
+ *   trouble  why nothing more is known
  */
 #ifndef FOVEA_LIBCAMERA_PROTOCOL_H
 #define FOVEA_LIBCAMERA_PROTOCOL_H

@@ -17,8 +17,8 @@
 #include "../slot_ring.h"
 #include "../table.h"
 #include "../thread.h"
-#include "picture.h"
 #include "control_request.h"
+#include "picture.h"
 
 enum { URI_BYTES = 256 };
 

@@ -301,8 +301,8 @@ static void render_frame(struct fovea_source *source, double time_s, uint64_t se
     source->grey = grey;
     const double road =
         o->trajectory == FV_SIM_ROAD ? fv_sim_road_gain(&source->world.road, time_s) : 1.0;
-    const double brightness = source->taken.exposure_ms / o->exposure_ms * source->taken.gain;
-    const double bright = o->light * road * brightness;
+    const double sensitivity = source->taken.exposure_ms / o->exposure_ms * source->taken.gain;
+    const double bright = o->light * road * sensitivity;
     fv_sim_sensor_begin(&source->sensor, bright < bright_max ? bright : bright_max,
                         source->taken.gain > 1 ? o->noise * source->taken.gain : o->noise, seed);
     if (o->blur) memset(source->exposed, 0, (size_t)pixels * sizeof *source->exposed);
