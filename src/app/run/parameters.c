@@ -7,6 +7,7 @@
 
 #include "app/config/camera_controls.h"
 #include "app/config/kept_parameters.h"
+#include "app/run/parameters_internal.h"
 #include "drivers/clock.h"
 #include "drivers/table.h"
 #include "image/preprocess.h"
@@ -18,12 +19,9 @@
 
 enum {
     REQUEST_BYTES_MAX = 1280, /* key, value and the rest */
-    ANSWER_BYTES_MAX = 1536,
     /* The ring gives a record no more than half of its room. */
     RING_BYTES = (2 * FV_PARAMETERS_WAITING + 1) * sizeof(struct fv_parameter_change)
 };
-
-static const int64_t keep_ns = 1000000000; /* between two writes of the file */
 
 enum fovea_status fv_parameters_open(struct fv_parameters *parameters, const struct fovea *rt,
                                      const struct fv_settings *settings,
@@ -90,15 +88,16 @@ void fv_parameters_close(struct fv_parameters *parameters)
 
 /* ---- on the listener's thread ---------------------------------------------------------------- */
 
-static void print_value(const struct fv_settings *settings, const struct fv_settings_key *key,
-                        char value[FV_PARAMETER_VALUE_BYTES])
+void fv_parameters_print_value(const struct fv_settings *settings,
+                               const struct fv_settings_key *key,
+                               char value[FV_PARAMETER_VALUE_BYTES])
 {
     char *text = fv_settings_value_text(settings, key);
     snprintf(value, FV_PARAMETER_VALUE_BYTES, "%s", text != NULL ? text : "");
     free(text);
 }
 
-static void refuse(struct fv_parameter_change *change, const char *reason)
+void fv_parameters_refuse(struct fv_parameter_change *change, const char *reason)
 {
     change->result = FOVEA_PARAMETER_RESULT_T_RESULT_REFUSED;
     change->bytes = 0;
@@ -125,9 +124,8 @@ static enum fovea_status check_tried(const struct fv_parameters *parameters,
     return status;
 }
 
-/* The value tried as an input of the loop. */
-static void describe(const struct fv_parameters *parameters, const struct fv_settings_key *key,
-                     struct fv_parameter_change *change)
+void fv_parameters_describe(const struct fv_parameters *parameters,
+                            const struct fv_settings_key *key, struct fv_parameter_change *change)
 {
     const struct fovea_config *config = &parameters->tried->runtime;
     change->result = FOVEA_PARAMETER_RESULT_T_RESULT_DONE;
@@ -139,22 +137,21 @@ static void describe(const struct fv_parameters *parameters, const struct fv_set
 static void accept(struct fv_parameters *parameters, const struct fv_settings_key *key,
                    struct fv_parameter_change *change)
 {
-    describe(parameters, key, change);
+    fv_parameters_describe(parameters, key, change);
     *parameters->settings = *parameters->tried;
 }
 
-/* The value among those of the next start, if it goes with them. False: refused. */
-static bool try_to_keep(struct fv_parameters *parameters, const char *assignment,
-                        struct fv_parameter_change *change)
+bool fv_parameters_try_to_keep(struct fv_parameters *parameters, const char *assignment,
+                               struct fv_parameter_change *change)
 {
     struct fovea_error error = {0};
     char reason[FV_PARAMETER_REASON_BYTES];
     if (parameters->settings->parameters_file[0] == '\0') {
-        refuse(change, "found keep, expected a file in the key parameters.file");
+        fv_parameters_refuse(change, "found keep, expected a file in the key parameters.file");
         return false;
     }
     if (parameters->keeping_count == FV_PARAMETERS_WAITING) {
-        refuse(change, "too often: the values before this one are not yet kept");
+        fv_parameters_refuse(change, "too often: the values before this one are not yet kept");
         return false;
     }
     *parameters->kept_tried = *parameters->kept;
@@ -163,12 +160,11 @@ static bool try_to_keep(struct fv_parameters *parameters, const char *assignment
         return true;
     snprintf(reason, sizeof reason, "the next start cannot have it: %.200s",
              without_option(error.text));
-    refuse(change, reason);
+    fv_parameters_refuse(change, reason);
     return false;
 }
 
-/* To be written; the answer comes after that. */
-static void keep(struct fv_parameters *parameters, struct fv_parameter_change *change)
+void fv_parameters_keep(struct fv_parameters *parameters, struct fv_parameter_change *change)
 {
     *parameters->kept = *parameters->kept_tried;
     parameters->keeping[parameters->keeping_count] = *change;
@@ -181,7 +177,8 @@ static void queue_camera_request(struct fv_parameters *parameters, const fovea_p
                                  struct fv_parameter_change *change)
 {
     if (parameters->camera_request_count == FV_PARAMETERS_WAITING) {
-        refuse(change, "too often: the camera has not yet taken the values before this one");
+        fv_parameters_refuse(change,
+                             "too often: the camera has not yet taken the values before this one");
         return;
     }
     struct fv_parameter_change *waits =
@@ -201,16 +198,18 @@ static void decide(struct fv_parameters *parameters, const fovea_parameter_t *re
     enum fovea_source_control control;
     const struct fv_settings_key *key = fv_settings_key_find(request->key);
     if (key == NULL) {
-        refuse(change, "found an unknown key, expected one that `fovea config` prints as live");
+        fv_parameters_refuse(
+            change, "found an unknown key, expected one that `fovea config` prints as live");
         return;
     }
-    print_value(parameters->settings, key, change->value);
+    fv_parameters_print_value(parameters->settings, key, change->value);
     if (request->value[0] == '\0') { /* asks */
         change->result = FOVEA_PARAMETER_RESULT_T_RESULT_DONE;
         return;
     }
     if (!key->live || fv_settings_key_bytes(key) > sizeof change->raw) {
-        refuse(change, "found a key that is read at the start, expected a live one, or a restart");
+        fv_parameters_refuse(
+            change, "found a key that is read at the start, expected a live one, or a restart");
         return;
     }
     *parameters->tried = *parameters->settings;
@@ -219,22 +218,22 @@ static void decide(struct fv_parameters *parameters, const fovea_parameter_t *re
     if (status == FOVEA_OK) status = check_tried(parameters, &error);
     const bool later = status == FOVEA_ERROR_UNSUPPORTED && request->keep;
     if (status != FOVEA_OK && !later) {
-        refuse(change, without_option(error.text));
+        fv_parameters_refuse(change, without_option(error.text));
         return;
     }
-    if (request->keep && !try_to_keep(parameters, assignment, change)) return;
+    if (request->keep && !fv_parameters_try_to_keep(parameters, assignment, change)) return;
     if (fv_camera_control(key, &control)) {
         queue_camera_request(parameters, request, change);
         return;
     }
     if (later) {
-        refuse(change, error.text);
+        fv_parameters_refuse(change, error.text);
         change->result = FOVEA_PARAMETER_RESULT_T_RESULT_NEEDS_RESTART;
     } else {
         accept(parameters, key, change);
-        print_value(parameters->settings, key, change->value);
+        fv_parameters_print_value(parameters->settings, key, change->value);
     }
-    if (request->keep) keep(parameters, change);
+    if (request->keep) fv_parameters_keep(parameters, change);
 }
 
 static void begin_change(struct fv_parameter_change *change, const fovea_parameter_t *request)
@@ -247,9 +246,8 @@ static void begin_change(struct fv_parameter_change *change, const fovea_paramet
     fv_utf8_cut(change->key);
 }
 
-/* Of an answer; 0: it does not fit. */
-static int encode(const struct fv_parameters *parameters, struct fv_parameter_change *change,
-                  uint8_t data[ANSWER_BYTES_MAX])
+int fv_parameters_encode(const struct fv_parameters *parameters, struct fv_parameter_change *change,
+                         uint8_t data[FV_PARAMETERS_ANSWER_BYTES])
 {
     const fovea_parameter_result_t message = {.utime = fv_clock_ns(CLOCK_REALTIME) / 1000,
                                               .run_id = parameters->requests->run_id,
@@ -259,7 +257,8 @@ static int encode(const struct fv_parameters *parameters, struct fv_parameter_ch
                                               .value = change->value,
                                               .result = change->result,
                                               .reason = change->reason};
-    const int bytes = fovea_parameter_result_t_encode(data, 0, ANSWER_BYTES_MAX, &message);
+    const int bytes =
+        fovea_parameter_result_t_encode(data, 0, FV_PARAMETERS_ANSWER_BYTES, &message);
     return bytes > 0 ? bytes : 0;
 }
 
@@ -269,7 +268,7 @@ static void judge(struct fv_parameters *parameters, const fovea_parameter_t *req
     struct fv_requests *requests = parameters->requests;
     struct fv_parameter_change *change = (void *)fv_ring_reserve(&parameters->ring, sizeof *change),
                                refused;
-    uint8_t data[ANSWER_BYTES_MAX];
+    uint8_t data[FV_PARAMETERS_ANSWER_BYTES];
     const char *reason;
     switch (fv_requests_judge(requests, request, received,
                               fv_command_gate_parameters(&requests->gate), change != NULL,
@@ -282,8 +281,9 @@ static void judge(struct fv_parameters *parameters, const fovea_parameter_t *req
         break;
     case FV_REQUEST_REFUSED:
         begin_change(&refused, request);
-        refuse(&refused, reason);
-        fv_requests_answer(requests, parameters->channel, data, encode(parameters, &refused, data));
+        fv_parameters_refuse(&refused, reason);
+        fv_requests_answer(requests, parameters->channel, data,
+                           fv_parameters_encode(parameters, &refused, data));
         break;
     case FV_REQUEST_IGNORED:
         break;
@@ -313,8 +313,7 @@ struct fv_receiver_channel fv_parameters_row(struct fv_parameters *parameters)
 
 /* ---- the configuration, read again ----------------------------------------------------------- */
 
-/* Room in the ring, for which the loop is waited for. NULL: it takes nothing. */
-static struct fv_parameter_change *await_room(struct fv_parameters *parameters)
+struct fv_parameter_change *fv_parameters_await_room(struct fv_parameters *parameters)
 {
     void *room = NULL;
     for (int i = 0; i < 200 && room == NULL; i++) {
@@ -332,14 +331,14 @@ static enum fovea_status change_key(struct fv_parameters *parameters,
     *parameters->tried = *parameters->settings;
     fv_settings_key_copy(key, parameters->tried, wanted);
     if (check_tried(parameters, NULL) != FOVEA_OK) return FOVEA_AGAIN;
-    struct fv_parameter_change *change = await_room(parameters);
+    struct fv_parameter_change *change = fv_parameters_await_room(parameters);
     if (change == NULL)
         return fovea_error_set(error, FOVEA_ERROR_SYSTEM,
                                "%s: the loop has taken no parameter for 2 s", key->name);
     memset(change, 0, sizeof *change);
     snprintf(change->key, sizeof change->key, "%s", key->name);
     accept(parameters, key, change);
-    print_value(parameters->settings, key, change->value);
+    fv_parameters_print_value(parameters->settings, key, change->value);
     fv_ring_commit(&parameters->ring, sizeof *change);
     return FOVEA_OK;
 }
@@ -414,196 +413,4 @@ enum fovea_status fv_parameters_reload(struct fv_parameters *parameters,
     if (status == FOVEA_OK) status = change_all(parameters, wanted, named, count, error);
     pthread_mutex_unlock(&parameters->changing);
     return status;
-}
-
-/* ---- requests that change a camera ----------------------------------------------------------- */
-
-/* Take the first that waits, its value read into `tried`. False: none. */
-static bool take_camera_request(struct fv_parameters *parameters,
-                                struct fv_parameter_change *change,
-                                char assignment[FV_PARAMETER_KEY_BYTES + FV_PARAMETER_VALUE_BYTES])
-{
-    if (parameters->camera_request_count == 0) return false;
-    *change = parameters->camera_requests[0];
-    parameters->camera_request_count--;
-    memmove(parameters->camera_requests, parameters->camera_requests + 1,
-            parameters->camera_request_count * sizeof *parameters->camera_requests);
-    snprintf(assignment, FV_PARAMETER_KEY_BYTES + FV_PARAMETER_VALUE_BYTES, "%s=%s", change->key,
-             change->value);
-    *parameters->tried = *parameters->settings;
-    return fv_settings_set(parameters->tried, assignment, NULL) == FOVEA_OK; /* as before */
-}
-
-/* The camera has answered: to the loop. */
-static void end_camera_request(struct fv_parameters *parameters, const struct fv_settings_key *key,
-                               struct fv_parameter_change *change)
-{
-    struct fv_parameter_change *room = await_room(parameters);
-    if (room == NULL) return; /* the loop stands still: nobody would send an answer */
-    if (change->bytes > 0) *parameters->settings = *parameters->tried;
-    print_value(parameters->settings, key, change->value);
-    if (change->keep && change->bytes > 0) keep(parameters, change);
-    *room = *change;
-    fv_ring_commit(&parameters->ring, sizeof *room);
-}
-
-/* False: there is none, or the camera does not answer. */
-static bool serve_camera_request(struct fv_parameters *parameters)
-{
-    char assignment[FV_PARAMETER_KEY_BYTES + FV_PARAMETER_VALUE_BYTES];
-    struct fv_parameter_change change;
-    struct fovea_error said;
-    enum fovea_source_control control;
-    pthread_mutex_lock(&parameters->changing);
-    const bool any = take_camera_request(parameters, &change, assignment);
-    const struct fv_settings_key *key = any ? fv_settings_key_find(change.key) : NULL;
-    const bool one = key != NULL && fv_camera_control(key, &control);
-    const double before = one ? fv_camera_control_value(parameters->settings, control) : 0,
-                 value = one ? fv_camera_control_value(parameters->tried, control) : 0;
-    pthread_mutex_unlock(&parameters->changing);
-    if (!one) return false;
-    const enum fovea_status status =
-        fv_source_control(parameters->ops, parameters->source, control, value, &said);
-    pthread_mutex_lock(&parameters->changing);
-    *parameters->tried = *parameters->settings;
-    if (status != FOVEA_OK) {
-        refuse(&change, said.text);
-    } else if (change.keep && !try_to_keep(parameters, assignment, &change)) {
-        (void)fv_source_control(parameters->ops, parameters->source, control, before, &said);
-    } else {
-        (void)fv_settings_set(parameters->tried, assignment, NULL);
-        describe(parameters, key, &change);
-        snprintf(change.reason, sizeof change.reason, "%.255s", said.text);
-        fv_utf8_cut(change.reason);
-    }
-    end_camera_request(parameters, key, &change);
-    pthread_mutex_unlock(&parameters->changing);
-    return status != FOVEA_AGAIN;
-}
-
-/* ---- what is kept ---------------------------------------------------------------------------- */
-
-/* Take what is to be written; false: nothing, or too soon after the last time. */
-static bool take_kept(struct fv_parameters *parameters, bool now)
-{
-    const int64_t now_ns = fv_clock_ns(CLOCK_MONOTONIC);
-    pthread_mutex_lock(&parameters->changing);
-    const bool due =
-        parameters->keeping_count > 0 && (now || now_ns - parameters->written_ns >= keep_ns);
-    if (due) {
-        parameters->answer_count = parameters->keeping_count;
-        memcpy(parameters->answers, parameters->keeping,
-               parameters->keeping_count * sizeof *parameters->keeping);
-        parameters->keeping_count = 0;
-        *parameters->written = *parameters->kept;
-        parameters->answers_passed = 0;
-        parameters->written_ns = now_ns;
-    }
-    pthread_mutex_unlock(&parameters->changing);
-    return due;
-}
-
-static void write_kept(struct fv_parameters *parameters)
-{
-    struct fovea_error error;
-    char reason[FV_PARAMETER_REASON_BYTES];
-    const char *path = parameters->settings->parameters_file;
-    if (fv_kept_parameters_write(parameters->written, parameters->kept_calibration, path, &error) ==
-        FOVEA_OK)
-        return;
-    snprintf(reason, sizeof reason, "not kept for the next start: %.200s", error.text);
-    for (uint32_t i = 0; i < parameters->answer_count; i++)
-        refuse(&parameters->answers[i], reason);
-}
-
-/* To the loop, which sends answers; those that find no room wait. */
-static void pass_answers(struct fv_parameters *parameters)
-{
-    pthread_mutex_lock(&parameters->changing);
-    while (parameters->answers_passed < parameters->answer_count) {
-        void *room = fv_ring_reserve(&parameters->ring, sizeof(struct fv_parameter_change));
-        if (room == NULL) break;
-        memcpy(room, &parameters->answers[parameters->answers_passed++],
-               sizeof(struct fv_parameter_change));
-        fv_ring_commit(&parameters->ring, sizeof(struct fv_parameter_change));
-    }
-    pthread_mutex_unlock(&parameters->changing);
-}
-
-void fv_parameters_tend(struct fv_parameters *parameters, bool now)
-{
-    if (parameters->rt == NULL) return;
-    while (!now && serve_camera_request(parameters))
-        continue;
-    if (parameters->answers_passed == parameters->answer_count && take_kept(parameters, now))
-        write_kept(parameters);
-    pass_answers(parameters);
-}
-
-/* ---- on the loop's --------------------------------------------------------------------------- */
-
-void fv_parameters_take(struct fv_parameters *parameters, struct fovea_inputs *inputs)
-{
-    parameters->taken_count = 0;
-    if (parameters->taken == NULL) return; /* nothing is heard */
-    while (parameters->taken_count < FV_PARAMETERS_WAITING) {
-        size_t bytes;
-        const uint8_t *data = fv_ring_peek(&parameters->ring, &bytes);
-        if (data == NULL) return;
-        struct fv_parameter_change *change = &parameters->taken[parameters->taken_count++];
-        memcpy(change, data, sizeof *change);
-        fv_ring_release(&parameters->ring, sizeof *change);
-        if (change->bytes == 0) continue;
-        memcpy((char *)&parameters->in_force + change->offset, change->raw, change->bytes);
-        inputs->parameters = &parameters->in_force;
-    }
-}
-
-static void answer(const struct fv_parameters *parameters, struct fv_parameter_change *change,
-                   struct fv_transport *transport, struct fv_feed *feed)
-{
-    uint8_t data[ANSWER_BYTES_MAX];
-    if (!change->answered) return;
-    const int bytes = encode(parameters, change, data);
-    if (bytes == 0) return;
-    const struct fovea_message out = {parameters->channel, data, (uint32_t)bytes, true};
-    fv_transport_put(transport, &out);
-    fv_feed_put(feed, &out);
-}
-
-void fv_parameters_step(struct fv_parameters *parameters, struct fv_recorder *const recorders[2],
-                        const struct fovea_inputs *inputs, struct fv_transport *transport,
-                        struct fv_feed *feed)
-{
-    for (uint32_t i = 0; i < parameters->taken_count; i++) {
-        struct fv_parameter_change *change = &parameters->taken[i];
-        for (int n = 0; n < 2 && change->bytes > 0; n++)
-            fv_recorder_parameter(recorders[n], inputs, change->key, change->value);
-        answer(parameters, change, transport, feed);
-    }
-    parameters->taken_count = 0;
-}
-
-void fv_parameters_end(struct fv_parameters *parameters, struct fv_transport *transport,
-                       struct fv_feed *feed)
-{
-    struct fovea_inputs none = {.frame = NULL};
-    if (parameters->rt == NULL) return; /* nothing is heard */
-    pthread_mutex_lock(&parameters->changing);
-    for (uint32_t i = 0; i < parameters->camera_request_count; i++) {
-        struct fv_parameter_change *waits = &parameters->camera_requests[i];
-        print_value(parameters->settings, fv_settings_key_find(waits->key), waits->value);
-        refuse(waits, "the run has ended");
-        answer(parameters, waits, transport, feed);
-    }
-    parameters->camera_request_count = 0;
-    pthread_mutex_unlock(&parameters->changing);
-    do {
-        fv_parameters_tend(parameters, true);
-        fv_parameters_take(parameters, &none);
-        for (uint32_t i = 0; i < parameters->taken_count; i++) {
-            if (parameters->taken[i].bytes > 0) refuse(&parameters->taken[i], "the run has ended");
-            answer(parameters, &parameters->taken[i], transport, feed);
-        }
-    } while (parameters->taken_count > 0);
 }
