@@ -26,23 +26,33 @@ static void fill_scaling(struct check *check, int32_t *bias, int32_t *multiplier
 
 static void draw_range(struct check *check, int32_t *zero, int32_t *low, int32_t *high)
 {
-    *zero = check_between(check, 0, 255);
+    *zero = check_between(check, 0, 3) ? check_between(check, 0, 255)
+                                       : 255 * check_between(check, 0, 1);
     *low = check_between(check, 0, 1) ? 0 : *zero;
     *high = check_between(check, 0, 2) ? 255 : check_between(check, *low, 255);
 }
 
-/* Weights of all sizes, or mostly of sizes whose pairs just fit 16 bits when multiplied by 255, or
- * just do not; or small ones, of any signs or of one, whose sums reach the ends of 16 bits after
- * some. */
-static void fill_weights(struct check *check, int8_t *weights, int32_t count)
+/* Small weights, positive, negative or both, whose sums reach the ends of 16 bits after some. */
+static void fill_small(struct check *check, int8_t *weights, int32_t count)
 {
-    check_fill(check, weights, (size_t)count);
-    const int32_t form = check_between(check, 0, 3), most = check_between(check, 1, 24),
-                  least = check_between(check, 0, 1) ? most : -most;
-    if (form == 0) return;
-    for (int32_t i = 0; form == 1 && i < count; i++)
-        weights[i] = (int8_t)(least > 0 ? least : check_between(check, least, most));
-    if (form == 1) return;
+    const int32_t most = check_between(check, 1, 24), signs = check_between(check, -1, 1);
+    for (int32_t i = 0; i < count; i++)
+        weights[i] = (int8_t)(signs != 0 ? signs * most : check_between(check, -most, most));
+}
+
+/* The ends of the range alone: all the lowest, all the highest, or both. */
+static void fill_ends(struct check *check, int8_t *weights, int32_t count)
+{
+    const int32_t ends = check_between(check, -1, 1);
+    for (int32_t i = 0; i < count; i++) {
+        const int32_t up = ends != 0 ? ends : 2 * check_between(check, 0, 1) - 1;
+        weights[i] = up > 0 ? INT8_MAX : INT8_MIN;
+    }
+}
+
+/* Mostly of sizes whose pairs just fit 16 bits when multiplied by 255, or just do not. */
+static void fill_near_limit(struct check *check, int8_t *weights, int32_t count)
+{
     for (int32_t i = 0; i < count; i++) {
         const int32_t size = check_between(check, 60, 64), kind = check_between(check, 0, 200);
         if (kind != 0)
@@ -50,6 +60,23 @@ static void fill_weights(struct check *check, int8_t *weights, int32_t count)
                                   : kind == 2       ? -65
                                   : weights[i] >= 0 ? size
                                                     : -size);
+    }
+}
+
+static void fill_weights(struct check *check, int8_t *weights, int32_t count)
+{
+    check_fill(check, weights, (size_t)count);
+    switch (check_between(check, 0, 4)) {
+    case 0: /* of all sizes */
+        return;
+    case 1:
+        fill_small(check, weights, count);
+        return;
+    case 2:
+        fill_ends(check, weights, count);
+        return;
+    default:
+        fill_near_limit(check, weights, count);
     }
 }
 
@@ -75,7 +102,7 @@ static struct fv_nn_gemm draw_gemm(struct check *check, int32_t k, int32_t n)
                            .multiplier = multiplier,
                            .shift = shift};
     draw_range(check, &g.zero_out, &g.act_min, &g.act_max);
-    g.row_sum_factor = check_between(check, 0, 1) ? 0 : check_between(check, -128, 127);
+    g.row_sum_factor = check_between(check, 0, 1) ? 0 : check_between(check, -256, 256);
     if (check_between(check, 0, 3) == 0) {
         uint8_t *table = check_buffer(check, 256, 1, 0);
         check_fill(check, table, 256);
@@ -84,13 +111,13 @@ static struct fv_nn_gemm draw_gemm(struct check *check, int32_t k, int32_t n)
     return g;
 }
 
-/* Bytes of all sizes, or the largest in most places, as of a clamped activation. */
+/* Bytes of all sizes, the largest in most places, as of a clamped activation, or everywhere. */
 static void fill_inputs(struct check *check, uint8_t *to, ptrdiff_t count)
 {
+    const int32_t kept = (const int32_t[]){255, 40, -1}[check_between(check, 0, 2)];
     check_fill(check, to, (size_t)count);
-    const int32_t clamped = check_between(check, 0, 1);
-    for (ptrdiff_t i = 0; clamped && i < count; i++) {
-        if (to[i] > 40) to[i] = 255;
+    for (ptrdiff_t i = 0; i < count; i++) {
+        if (to[i] > kept) to[i] = 255;
     }
 }
 

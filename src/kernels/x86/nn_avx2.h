@@ -9,6 +9,20 @@
 
 #define FV_INLINE static inline __attribute__((always_inline))
 
+/* 32 bytes, aligned to 32. */
+FV_INLINE __m256i load32(const void *from)
+{
+    return _mm256_load_si256((const __m256i *)from);
+}
+
+/* Four neighbouring bytes, in every lane of 32 bits. */
+FV_INLINE __m256i four_inputs(const uint8_t *bytes)
+{
+    int32_t word;
+    memcpy(&word, bytes, 4);
+    return _mm256_set1_epi32(word);
+}
+
 /* Constants of 8 channels: see fv_nn_requantize. AVX2 has no arithmetic 64-bit shift: 2^62 is added
  * before the logical one and what it became, 2^(62 - right), taken off after it. `down`: the half
  * of negative products. */
@@ -49,6 +63,13 @@ FV_INLINE void load_scale(struct scale8 *s, __m256i m, __m256i shift)
     const __m256i one = _mm256_set1_epi64x(1), top = _mm256_set1_epi64x(62);
     s->excess = low_words(_mm256_sllv_epi64(one, _mm256_sub_epi64(top, s->right_even)),
                           _mm256_sllv_epi64(one, _mm256_sub_epi64(top, s->right_odd)));
+}
+
+/* Those of 16 channels. */
+FV_INLINE void load_scales(struct scale8 scale[2], const int32_t *multiplier, const int32_t *shift)
+{
+    for (int h = 0; h < 2; h++)
+        load_scale(&scale[h], load32(multiplier + 8 * h), load32(shift + 8 * h));
 }
 
 /* A product plus its rounding, shifted; a negative one is rounded down where it lies half way. */

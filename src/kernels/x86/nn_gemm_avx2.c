@@ -1,120 +1,12 @@
-/* The matrix product on bytes: vpmaddubsw multiplies four neighbouring inputs by the weights of 8
- * channels and adds pairs, in 16 bits, which saturate. Groups of four k run together as long as
- * these sums of theirs have room: they are added in 16 bits, and vpmaddwd widens them once for a
- * run. How far a run may go is found for each block of channels and chunk of rows, from the largest
- * value that each k has in these rows: the sums of all positive and of all negative products must
- * fit for themselves, then those of any order and any inputs do. A group that saturates alone is
- * multiplied as 16-bit values, even and odd k apart. Finding out costs as much as three or four
- * rows of the product.
- *
- * A tile is four rows by 16 channels. */
+/* The matrix product on bytes with vpmaddubsw, whose sums of 16 bits run as far as they fit
+ * (nn_gemm_runs.h). A tile is four rows by 16 channels. */
 #include "kernels/kernels.h"
 #include "kernels/x86/nn_avx2.h"
 
-enum { ROWS = 4, CHUNK_ROWS = 128, CHUNK_ROWS_MAX = CHUNK_ROWS + ROWS, GROUPS_MAX = 3072 };
-
-/* The weights of 16 channels, and their groups of four k: from the front those that run together,
- * with the end of each run; from the back those that are multiplied as 16-bit values. */
-struct panel {
-    const int8_t *weights;
-    int32_t run_count, wide_count;
-    uint16_t groups[GROUPS_MAX], end[GROUPS_MAX];
-};
-
-FV_INLINE __m256i load32(const int8_t *from)
-{
-    return _mm256_load_si256((const __m256i *)(const void *)from);
-}
-
-FV_INLINE __m256i four_inputs(const uint8_t *bytes)
-{
-    int32_t word;
-    memcpy(&word, bytes, 4);
-    return _mm256_set1_epi32(word);
-}
-
-/* The largest value of each k over some rows. */
-struct maxima {
-    uint8_t of[4 * GROUPS_MAX + 32];
-};
-
-static void init_maxima(struct maxima *most, int32_t k, const uint8_t *a, ptrdiff_t lda,
-                        int32_t rows)
-{
-    for (int32_t i = 0; i < k; i += 32) {
-        const uint8_t *from = a + i;
-        __m256i v = _mm256_setzero_si256();
-        for (int32_t r = 0; r < rows; r++, from += lda) {
-            v = _mm256_max_epu8(v, _mm256_loadu_si256((const __m256i *)(const void *)from));
-        }
-        _mm256_storeu_si256((__m256i *)(void *)(most->of + i), v);
-    }
-}
-
-/* The sums of the positive products of a run, and of its negative ones, as far as they can go. */
-struct reach {
-    __m256i above[2], below[2];
-};
-
-FV_INLINE struct reach nothing(void)
-{
-    const __m256i zero = _mm256_setzero_si256();
-    return (struct reach){.above = {zero, zero}, .below = {zero, zero}};
-}
-
-FV_INLINE void reach_of(struct reach *r, __m256i most, const int8_t *weights)
-{
-    const __m256i zero = _mm256_setzero_si256();
-    for (int h = 0; h < 2; h++) {
-        const __m256i w = load32(weights + 32 * h);
-        r->above[h] = _mm256_maddubs_epi16(most, _mm256_max_epi8(w, zero));
-        r->below[h] = _mm256_maddubs_epi16(most, _mm256_min_epi8(w, zero));
-    }
-}
-
-FV_INLINE void extend(struct reach *r, const struct reach *by)
-{
-    for (int h = 0; h < 2; h++) {
-        r->above[h] = _mm256_adds_epi16(r->above[h], by->above[h]);
-        r->below[h] = _mm256_adds_epi16(r->below[h], by->below[h]);
-    }
-}
-
-/* Whether one of the sums may have saturated. */
-FV_INLINE int is_full(const struct reach *r)
-{
-    const __m256i top = _mm256_max_epi16(r->above[0], r->above[1]),
-                  bottom = _mm256_min_epi16(r->below[0], r->below[1]);
-    const __m256i full = _mm256_or_si256(_mm256_cmpeq_epi16(top, _mm256_set1_epi16(INT16_MAX)),
-                                         _mm256_cmpeq_epi16(bottom, _mm256_set1_epi16(INT16_MIN)));
-    return !_mm256_testz_si256(full, full);
-}
-
-static void init_panel(struct panel *p, const int8_t *weights, int32_t k4,
-                       const struct maxima *most)
-{
-    struct reach run = nothing();
-    int32_t count = 0, begin = 0;
-    p->weights = weights;
-    p->run_count = p->wide_count = 0;
-    for (int32_t i = 0; i < k4; i++, weights += 64) {
-        struct reach own;
-        reach_of(&own, four_inputs(most->of + 4 * (ptrdiff_t)i), weights);
-        extend(&run, &own);
-        if (is_full(&run)) {
-            if (count > begin) p->end[p->run_count++] = (uint16_t)count;
-            begin = count;
-            run = own;
-            if (is_full(&own)) {
-                p->groups[GROUPS_MAX - ++p->wide_count] = (uint16_t)i;
-                run = nothing();
-                continue;
-            }
-        }
-        p->groups[count++] = (uint16_t)i;
-    }
-    if (count > begin) p->end[p->run_count++] = (uint16_t)count;
-}
+#define VECTOR __m256i
+#define OP(name) _mm256_##name
+#define WHOLE(name) _mm256_##name##_si256
+#include "kernels/x86/nn_gemm_runs.h"
 
 /* Written out: compilers move the sums around, or to the stack and back. */
 FV_INLINE void add_products(__m256i *sum, __m256i x, __m256i w)
@@ -180,9 +72,8 @@ FV_INLINE void start(const int32_t *bias, const int32_t *sums, const int N, __m2
 #pragma GCC unroll 4
     for (int r = 0; r < N; r++) {
         const __m256i sum = _mm256_set1_epi32(sums[r]);
-        acc[r][0] = _mm256_add_epi32(_mm256_load_si256((const __m256i *)(const void *)bias), sum);
-        acc[r][1] =
-            _mm256_add_epi32(_mm256_load_si256((const __m256i *)(const void *)(bias + 8)), sum);
+        acc[r][0] = _mm256_add_epi32(load32(bias), sum);
+        acc[r][1] = _mm256_add_epi32(load32(bias + 8), sum);
     }
 }
 
@@ -261,27 +152,11 @@ FV_INLINE void strip_u8(const struct panel *p, const struct strip *s, const stru
         return;
     }
     for (int32_t i = 0; i < s->rows; i += ROWS) {
-        const int32_t at =
-            i + ROWS > s->rows ? s->rows - ROWS : i; /* the last tile overlaps the one before */
+        const int32_t at = tile_row(i, s->rows);
         start(s->bias, s->sums + at, ROWS, acc);
         accumulate(p, s->a + at * s->lda, s->lda, acc);
         store_tile(o, s->scale, acc, ROWS, s->out + at * s->ldo, s->ldo, s->width, above);
     }
-}
-
-static void load_scales(struct scale8 scale[2], const int32_t *multiplier, const int32_t *shift)
-{
-    for (int h = 0; h < 2; h++) {
-        load_scale(&scale[h],
-                   _mm256_load_si256((const __m256i *)(const void *)(multiplier + 8 * h)),
-                   _mm256_load_si256((const __m256i *)(const void *)(shift + 8 * h)));
-    }
-}
-
-/* Rows that run together, at most CHUNK_ROWS_MAX: all, or fewer that leave a whole tile. */
-static int32_t next_rows(int32_t left)
-{
-    return left <= CHUNK_ROWS_MAX ? left : CHUNK_ROWS;
 }
 
 void fv_k_nn_gemm_u8__avx2(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda,
@@ -344,7 +219,7 @@ void fv_k_nn_gemm_i32__avx2(const struct fv_nn_gemm *g, const uint8_t *a, ptrdif
             const int8_t *weights = g->weights + (ptrdiff_t)c * g->k4 * 4;
             if (tiles) init_panel(&p, weights, g->k4, &most);
             for (int32_t r = 0; r < rows; r += tiles ? ROWS : 1) {
-                const int32_t at = tiles && r + ROWS > rows ? rows - ROWS : r;
+                const int32_t at = tiles ? tile_row(r, rows) : r;
                 const uint8_t *row = a + (i + at) * lda;
                 int32_t *to = out + (i + at) * ldo + c;
                 __m256i acc[ROWS][2];

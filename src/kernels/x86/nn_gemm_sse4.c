@@ -1,115 +1,13 @@
-/* The matrix product on bytes, as with AVX2 (nn_gemm_avx2.c): pmaddubsw adds pairs of products in
- * 16 bits, which saturate; groups of four k run together as long as these sums have room, found
- * from the largest value that each k has in a chunk of rows; groups that saturate alone are
- * multiplied as 16-bit values.
- *
- * A tile is four rows by 8 channels. Rows that are too few for one are multiplied as 16-bit values
- * throughout. */
+/* The matrix product on bytes with pmaddubsw, whose sums of 16 bits run as far as they fit
+ * (nn_gemm_runs.h). A tile is four rows by 8 channels. Rows that are too few for one are multiplied
+ * as 16-bit values throughout. */
 #include "kernels/kernels.h"
 #include "kernels/x86/nn_sse4.h"
 
-enum { ROWS = 4, CHUNK_ROWS = 128, CHUNK_ROWS_MAX = CHUNK_ROWS + ROWS, GROUPS_MAX = 3072 };
-
-/* The weights of 16 channels, and their groups of four k: from the front those that run together,
- * with the end of each run; from the back those that are multiplied as 16-bit values. */
-struct panel {
-    const int8_t *weights;
-    int32_t run_count, wide_count;
-    uint16_t groups[GROUPS_MAX], end[GROUPS_MAX];
-};
-
-FV_INLINE __m128i four_inputs(const uint8_t *bytes)
-{
-    int32_t word;
-    memcpy(&word, bytes, 4);
-    return _mm_set1_epi32(word);
-}
-
-/* The largest value of each k over some rows. */
-struct maxima {
-    uint8_t of[4 * GROUPS_MAX + 16];
-};
-
-static void init_maxima(struct maxima *most, int32_t k, const uint8_t *a, ptrdiff_t lda,
-                        int32_t rows)
-{
-    for (int32_t i = 0; i < k; i += 16) {
-        const uint8_t *from = a + i;
-        __m128i v = _mm_setzero_si128();
-        for (int32_t r = 0; r < rows; r++, from += lda)
-            v = _mm_max_epu8(v, load16(from));
-        _mm_storeu_si128((__m128i *)(void *)(most->of + i), v);
-    }
-}
-
-/* The sums of the positive products of a run, and of its negative ones, as far as they can go. */
-struct reach {
-    __m128i above[4], below[4];
-};
-
-FV_INLINE void clear(struct reach *r)
-{
-    for (int i = 0; i < 4; i++)
-        r->above[i] = r->below[i] = _mm_setzero_si128();
-}
-
-FV_INLINE void reach_of(struct reach *r, __m128i most, const int8_t *weights)
-{
-    const __m128i zero = _mm_setzero_si128();
-    for (int i = 0; i < 4; i++) {
-        const __m128i w = load16(weights + 16 * i);
-        r->above[i] = _mm_maddubs_epi16(most, _mm_max_epi8(w, zero));
-        r->below[i] = _mm_maddubs_epi16(most, _mm_min_epi8(w, zero));
-    }
-}
-
-FV_INLINE void extend(struct reach *r, const struct reach *by)
-{
-    for (int i = 0; i < 4; i++) {
-        r->above[i] = _mm_adds_epi16(r->above[i], by->above[i]);
-        r->below[i] = _mm_adds_epi16(r->below[i], by->below[i]);
-    }
-}
-
-/* Whether one of the sums may have saturated. */
-FV_INLINE int is_full(const struct reach *r)
-{
-    __m128i top = r->above[0], bottom = r->below[0];
-    for (int i = 1; i < 4; i++) {
-        top = _mm_max_epi16(top, r->above[i]);
-        bottom = _mm_min_epi16(bottom, r->below[i]);
-    }
-    const __m128i full = _mm_or_si128(_mm_cmpeq_epi16(top, _mm_set1_epi16(INT16_MAX)),
-                                      _mm_cmpeq_epi16(bottom, _mm_set1_epi16(INT16_MIN)));
-    return !_mm_testz_si128(full, full);
-}
-
-static void init_panel(struct panel *p, const int8_t *weights, int32_t k4,
-                       const struct maxima *most)
-{
-    struct reach run;
-    int32_t count = 0, begin = 0;
-    clear(&run);
-    p->weights = weights;
-    p->run_count = p->wide_count = 0;
-    for (int32_t i = 0; i < k4; i++, weights += 64) {
-        struct reach own;
-        reach_of(&own, four_inputs(most->of + 4 * (ptrdiff_t)i), weights);
-        extend(&run, &own);
-        if (is_full(&run)) {
-            if (count > begin) p->end[p->run_count++] = (uint16_t)count;
-            begin = count;
-            run = own;
-            if (is_full(&own)) {
-                p->groups[GROUPS_MAX - ++p->wide_count] = (uint16_t)i;
-                clear(&run);
-                continue;
-            }
-        }
-        p->groups[count++] = (uint16_t)i;
-    }
-    if (count > begin) p->end[p->run_count++] = (uint16_t)count;
-}
+#define VECTOR __m128i
+#define OP(name) _mm_##name
+#define WHOLE(name) _mm_##name##_si128
+#include "kernels/x86/nn_gemm_runs.h"
 
 /* Written out: compilers move the sums around, or to the stack and back. `x` is used up. */
 FV_INLINE void add_products(__m128i *low, __m128i *high, __m128i x, __m128i w0, __m128i w1)
@@ -256,12 +154,6 @@ FV_INLINE void tile_i32(const struct fv_nn_gemm *g, const struct panel *p, int32
     }
 }
 
-/* Rows that run together: all, or fewer that leave a whole tile. */
-static int32_t next_rows(int32_t left)
-{
-    return left <= CHUNK_ROWS_MAX ? left : CHUNK_ROWS;
-}
-
 /* What is known of the next rows; returns whether they are enough for tiles. */
 static int look_at(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda, int32_t rows,
                    struct maxima *most, int32_t *sums)
@@ -271,12 +163,6 @@ static int look_at(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda, 
     if (rows < ROWS || g->k4 > GROUPS_MAX) return 0;
     init_maxima(most, g->k, a, lda, rows);
     return 1;
-}
-
-/* The last tile of `rows` overlaps the one before. */
-static int32_t place(int32_t row, int32_t rows, int tiles)
-{
-    return tiles && row + ROWS > rows ? rows - ROWS : row;
 }
 
 void fv_k_nn_gemm_u8__sse4(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda,
@@ -296,7 +182,7 @@ void fv_k_nn_gemm_u8__sse4(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff
                 load_scale(&s[q], g->multiplier + c + 4 * q, g->shift + c + 4 * q);
             if (tiles) init_panel(&p, g->weights + (ptrdiff_t)c * g->k4 * 4, g->k4, &most);
             for (int32_t r = 0; r < rows; r += tiles ? ROWS : 1) {
-                const int32_t at = place(r, rows, tiles);
+                const int32_t at = tiles ? tile_row(r, rows) : r;
                 if (tiles)
                     tile_u8(g, &p, c, s, &o, a + at * lda, lda, sums + at, out + at * ldo + c, ldo,
                             ROWS);
@@ -320,7 +206,7 @@ void fv_k_nn_gemm_i32__sse4(const struct fv_nn_gemm *g, const uint8_t *a, ptrdif
         for (int32_t c = 0; c < g->n; c += 16) {
             if (tiles) init_panel(&p, g->weights + (ptrdiff_t)c * g->k4 * 4, g->k4, &most);
             for (int32_t r = 0; r < rows; r += tiles ? ROWS : 1) {
-                const int32_t at = place(r, rows, tiles);
+                const int32_t at = tiles ? tile_row(r, rows) : r;
                 if (tiles)
                     tile_i32(g, &p, c, a + at * lda, lda, sums + at, out + at * ldo + c, ldo, ROWS);
                 else

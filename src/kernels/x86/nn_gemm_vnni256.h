@@ -11,18 +11,6 @@
 
 enum { ROWS = 6, CHUNK_ROWS = 48 };
 
-FV_INLINE __m256i load32(const void *from)
-{
-    return _mm256_load_si256((const __m256i *)from);
-}
-
-FV_INLINE __m256i four_inputs(const uint8_t *bytes)
-{
-    int32_t word;
-    memcpy(&word, bytes, 4);
-    return _mm256_set1_epi32(word);
-}
-
 /* Factor times the sum of a row's k bytes, for each of `rows` rows. */
 static void sum_rows(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda, int32_t rows,
                      int32_t *sums)
@@ -86,12 +74,6 @@ static __attribute__((noinline)) void accumulate_tile(const struct fv_nn_gemm *g
         out[r][0] = acc[r][0];
         out[r][1] = acc[r][1];
     }
-}
-
-static void load_scales(struct scale8 scale[2], const int32_t *multiplier, const int32_t *shift)
-{
-    for (int h = 0; h < 2; h++)
-        load_scale(&scale[h], load32(multiplier + 8 * h), load32(shift + 8 * h));
 }
 
 /* 16 channels of the rows of a chunk. */

@@ -24,6 +24,14 @@ FV_INLINE __m128i load16(const void *from)
     return _mm_loadu_si128((const __m128i *)from);
 }
 
+/* Four neighbouring bytes, in every lane of 32 bits. */
+FV_INLINE __m128i four_inputs(const uint8_t *bytes)
+{
+    int32_t word;
+    memcpy(&word, bytes, 4);
+    return _mm_set1_epi32(word);
+}
+
 static inline void load_scale(struct scale4 *s, const int32_t *multiplier, const int32_t *shift)
 {
     int64_t half[4], down[4];
