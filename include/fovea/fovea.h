@@ -67,7 +67,7 @@ struct fovea_preview_config {
     uint32_t quality; /* [1, 100], default 70: JPEG quality in libjpeg's scale */
     /* [0, 7], default 2: pyramid level that is shown, less than features.pyramid_levels */
     uint32_t level;
-    /* [1, 4], default 1: so many of the rig's first cameras are shown in turn, one at each time */
+    /* [1, 4], default 1: how many cameras, from the first, are shown in turn */
     uint32_t cameras;
     /* default false: the borders between the classes of the last mask are drawn into it, that of
      * detect.model or else of detect2.model, whose image may be some frames older */

@@ -78,17 +78,26 @@ static void carve(struct fovea *rt, struct fv_carving *carving)
                      &carving->arenas[FOVEA_MEMORY_JOB]);
 }
 
-/* The camera whose turn it is, where this frame has its image: that is looked at now. */
-static uint32_t take_turn(struct fovea *rt, const struct fovea_frame *frame)
+/* Whether the frame has an image of that camera. */
+static bool has_image(const struct fovea *rt, const struct fovea_frame *frame, uint32_t camera)
 {
-    const uint32_t camera = rt->preview.state->turn;
-    if (camera == 0 || camera >= frame->image_count) return 0;
+    if (camera == 0) return true;
+    if (camera >= frame->image_count) return false;
     const struct fovea_image *image = &frame->images[camera];
     const struct fv_plane *size = &rt->preview.others[camera - 1].level[0];
-    if (fovea_image_check(image) != FOVEA_OK || image->width != size->width ||
-        image->height != size->height || image->format == FOVEA_PIXEL_MJPEG)
-        return 0;
-    fv_pyramid_build(&rt->preview.others[camera - 1], &rt->kernels, image);
+    return fovea_image_check(image) == FOVEA_OK && image->width == size->width &&
+           image->height == size->height && image->format != FOVEA_PIXEL_MJPEG;
+}
+
+/* The camera whose turn it is, or the next one with an image in this frame. Its pyramid is computed
+ * now. */
+static uint32_t take_turn(struct fovea *rt, const struct fovea_frame *frame)
+{
+    uint32_t camera = rt->preview.state->turn;
+    while (!has_image(rt, frame, camera))
+        camera = (camera + 1) % rt->preview.cameras;
+    if (camera > 0)
+        fv_pyramid_build(&rt->preview.others[camera - 1], &rt->kernels, &frame->images[camera]);
     return camera;
 }
 

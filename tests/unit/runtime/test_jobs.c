@@ -15,7 +15,7 @@
 
 #include "fovea_preview_t.h"
 
-enum { FRAMES = 60, WIDTH = 320, HEIGHT = 240, PIXELS = WIDTH * HEIGHT, KEPT = 16 };
+enum { FRAMES = 60, WIDTH = 320, HEIGHT = 240, PIXELS = WIDTH * HEIGHT, KEPT = 16, CAMERAS = 3 };
 #define WAY "sim:orbit?width=320&height=240&lens=pinhole&fov=70&rate=3"
 
 static struct sim_rig rig;
@@ -118,7 +118,7 @@ static void a_reset_leaves_no_job_with_work(void **state)
 
 static struct kept_frame {
     int64_t stamp_ns;
-    uint8_t pixels[2][PIXELS];
+    uint8_t pixels[CAMERAS][PIXELS];
 } kept_frames[KEPT];
 
 static double difference(const uint8_t *a, const uint8_t *b)
@@ -143,9 +143,11 @@ static int judge_preview(const struct fovea_message *message)
         if (kept_frames[i].stamp_ns == preview.stamp.time_ns) frame = &kept_frames[i];
     assert_non_null(frame);
     const int camera = preview.camera;
-    assert_in_range(camera, 0, 1);
+    assert_in_range(camera, 0, CAMERAS - 1);
     const double own = difference(pixels, frame->pixels[camera]);
-    assert_true(own < 3 && difference(pixels, frame->pixels[1 - camera]) > 2 * own + 1);
+    assert_true(own < 3);
+    for (int i = 0; i < CAMERAS; i++)
+        assert_true(i == camera || difference(pixels, frame->pixels[i]) > 2 * own + 1);
     fovea_preview_t_decode_cleanup(&preview);
     return camera;
 }
@@ -157,7 +159,7 @@ static void previews_of(uint32_t cameras, int blind, char shown[FRAMES + 1])
     size_t count = 0;
     for (int i = 0; i < KEPT; i++)
         kept_frames[i].stamp_ns = -1;
-    sim_rig_open(&rig, WAY "&baseline=0.1", 0, FRAMES);
+    sim_rig_open(&rig, WAY "&camera2=0.1,0,0&camera3=0,0.1,0", 0, FRAMES);
     rig.config.rig = rig.ops->info(rig.source)->rig;
     rig.config.odometry.enabled = false;
     rig.config.preview = (struct fovea_preview_config){
@@ -166,7 +168,7 @@ static void previews_of(uint32_t cameras, int blind, char shown[FRAMES + 1])
     for (int n = 0; sim_rig_next(&rig); n++) {
         struct kept_frame *frame = &kept_frames[n % KEPT];
         frame->stamp_ns = rig.frame.stamp_ns;
-        for (int i = 0; i < 2; i++)
+        for (int i = 0; i < CAMERAS; i++)
             for (int y = 0; y < HEIGHT; y++)
                 memcpy(frame->pixels[i] + (size_t)y * WIDTH,
                        rig.frame.images[i].data + (ptrdiff_t)y * rig.frame.images[i].stride_bytes,
@@ -188,8 +190,11 @@ static void previews_show_the_cameras_in_turn(void **state)
     previews_of(1, FRAMES, shown);
     assert_true(strlen(shown) > 4 && strspn(shown, "0") == strlen(shown));
     previews_of(FOVEA_CAMERAS_MAX, FRAMES, shown); /* more than there are */
-    assert_memory_equal(shown, "010101", 6);
-    previews_of(2, FRAMES / 2, shown); /* one that is blind is left out */
+    assert_memory_equal(shown, "012012", 6);
+    previews_of(CAMERAS, FRAMES / 2, shown); /* one that is blind is left out, no other */
+    assert_memory_equal(shown, "012", 3);
+    assert_non_null(strstr("020202", shown + strlen(shown) - 4));
+    previews_of(2, FRAMES / 2, shown);
     assert_memory_equal(shown, "010", 3);
     assert_string_equal(shown + strlen(shown) - 3, "000");
 }
