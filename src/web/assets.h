@@ -17,7 +17,7 @@ struct fv_web_asset {
 /* NULL: there is none. */
 const struct fv_web_asset *fv_web_asset_find(const char *path);
 
-/* What tells its content from any other's: an entity tag of HTTP, weak, as it stands for the asset
+/* An entity tag of HTTP, which identifies its content; weak, since it stands for the asset
  * compressed and not. */
 void fv_web_asset_tag(const struct fv_web_asset *asset, char tag[FV_WEB_TAG_BYTES]);
 

@@ -23,7 +23,7 @@ enum {
     DESCRIBED_BYTES = 8192,
     SMALL_BYTES = 8192,   /* of a message of the run */
     SMALLS_IN_A_ROW = 24, /* before a large one has its turn */
-    LARGE_PART = 3        /* of the link's time, one in so many and one is for large ones */
+    LARGE_PART = 3        /* small ones have the link this many times as long as large ones */
 };
 #define QUALITY_NS (FV_SECOND_NS / 2) /* between two falls */
 #define BETTER_NS (3 * FV_SECOND_NS)  /* without a loss, before it rises; twice that each time */

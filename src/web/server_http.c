@@ -115,7 +115,8 @@ static bool accepts_gzip(struct lws *wsi)
            strstr(accepted, "gzip") != NULL;
 }
 
-/* The browser has this content already. Only who may see it is told so. */
+/* The browser has this content already. It is called after the client's right to see the file is
+ * checked, so that nobody else learns what the file holds. */
 static bool is_kept(struct lws *wsi, const char *tag)
 {
     char kept[256];

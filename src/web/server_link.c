@@ -1,6 +1,5 @@
-/* What the kernel knows of the way to a client. Its TCP fills the queues on that way when it is
- * let: on a slow link the newest message then waits for half a second and more behind older ones.
- */
+/* What the kernel knows of the way to a client. Without a limit TCP fills the queues on that way:
+ * on a slow link the newest message then waits for half a second and more behind older ones. */
 #include <linux/sockios.h>
 #include <linux/tcp.h>
 #include <netinet/in.h>

@@ -61,7 +61,7 @@ struct fv_robot {
     /* Of the last whole window, and the one that goes on. */
     double frames_hz, poses_hz, frame_mean_ms, frame_max_ms, late_hz;
     int64_t window_ns; /* when it began; 0: none has. Counts that fall begin a new one */
-    bool window_first; /* the first count of all came in it: the next tells a rate */
+    bool window_first; /* the first count of all came in it: the next gives a rate */
     double window_processed, window_late, window_sum_ms, window_max_ms;
     uint32_t window_poses, window_times;
     uint32_t stage_count;

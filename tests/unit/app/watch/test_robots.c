@@ -141,7 +141,7 @@ static void test_rates_and_times(void **state)
     assert_float_equal(robot->poses_hz, 0, 0);
 }
 
-/* One count alone tells no rate, not that of a robot that stands still. */
+/* One count alone gives no rate, not even that of a robot that stands still. */
 static void test_one_count(void **state)
 {
     const struct fv_robot *robot = &robots.robots[0];
