@@ -38,6 +38,7 @@
     ROW(space, "/space.js", "space.js", JAVASCRIPT, false)                                         \
     ROW(lines, "/lines.js", "lines.js", JAVASCRIPT, false)                                         \
     ROW(layers, "/layers.js", "layers.js", JAVASCRIPT, false)                                      \
+    ROW(view, "/view.js", "view.js", JAVASCRIPT, false)                                            \
     ROW(plots, "/plots.js", "plots.js", JAVASCRIPT, false)                                         \
     ROW(charts, "/charts.js", "charts.js", JAVASCRIPT, false)                                      \
     ROW(panels, "/panels.js", "panels.js", JAVASCRIPT, false)                                      \

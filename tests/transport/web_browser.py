@@ -65,7 +65,7 @@ class Page:
     def close(self):
         """Nothing of it is left for the next, but what the browser holds in its cache."""
         self.driver.delete_all_cookies()
-        self.driver.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+        self.size()
         self.driver.get("about:blank")
         for name in ("browser", "performance"):
             self.driver.get_log(name)
@@ -103,7 +103,20 @@ class Page:
             assert time.monotonic() < until, f"{name}: not downloaded"
             time.sleep(0.05)
 
-    def size(self, width, height):
+    def end_network_log(self):
+        """The log of the network holds each frame of a websocket: passing it on takes as much time as the page itself."""
+        self.driver.execute_cdp_cmd("Network.disable", {})
+        self.driver.get_log("performance")
+
+    def see(self, name):
+        """Bring an element into view."""
+        self.js("document.getElementById(arguments[0]).scrollIntoView({ block: 'center' })", name)
+
+    def size(self, width=None, height=None):
+        """Of the window; without arguments its own."""
+        if width is None:
+            self.driver.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+            return
         self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride",
                                     {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 500})
 

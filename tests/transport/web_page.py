@@ -14,6 +14,8 @@ from web_browser import (ADDRESS, PATIENCE_S, Page, build, check_accessible, che
 from web_robots import check_robots
 
 
+TALL = 2400  # pixels of a window that shows all plots and the view in three dimensions
+
 # Pixels of the view in three dimensions, drawn now, and where a place of the path is on it.
 LOOK = """
     const look = (space) => {
@@ -50,6 +52,30 @@ def check_load(page):
     times = page.js("const mark = (name) => performance.getEntriesByName(name)[0].startTime; "
                     "return [performance.getEntriesByType('navigation')[0].domContentLoadedEventEnd, mark('plots drawn'), mark('space drawn')]")
     print("page: {} bytes in {} requests; content loaded after {:.0f} ms, plots drawn after {:.0f}, the view in three dimensions after {:.0f}".format(sum(sizes.values()), len(urls), *times))
+    page.end_network_log()
+
+
+def check_in_view(page):
+    """Libraries are loaded when what they draw comes into view; it is drawn as long as it is there and the tab is shown."""
+    fetched = "performance.getEntriesByType('resource').map(({ name }) => new URL(name).pathname)"
+    page.size(360, 400)  # filled by the first panels
+    page.driver.refresh()
+    page.until("globalThis.fovea && fovea.live.picture && fovea.scene.path.count > 3 && fovea.plots[0].lines.size > 0", "a small page")
+    early = {"/space.js", "/three/build/three.module.js", "/charts.js", "/chart.js"} & set(page.js("return " + fetched))
+    assert not early, early
+    page.see("scene")
+    drawn = "fovea.space.renderer.info.render.frame"
+    page.until(f"fovea.space && {drawn} > 5", "the view in three dimensions")
+    assert "/chart.js" not in page.js("return " + fetched)
+    page.see("times")
+    page.until("performance.getEntriesByName('plots drawn').length && fovea.plots[0].chart.data.datasets.length", "the plots")
+    time.sleep(0.2)
+    before, places = page.js(f"return [{drawn}, fovea.scene.path.count]")
+    page.until(f"fovea.scene.path.count > {places + 3}", "a longer path")
+    assert page.js("return " + drawn) == before, "what is out of view was drawn"
+    page.see("scene")
+    page.until(f"{drawn} > {before + 2}", "the view in three dimensions again")
+    page.size()
 
 
 def check_again(page):
@@ -57,6 +83,7 @@ def check_again(page):
     script = page.driver.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": """
         const get = HTMLCanvasElement.prototype.getContext;
         HTMLCanvasElement.prototype.getContext = function (kind, ...more) { return kind.startsWith("webgl") ? null : get.call(this, kind, ...more); };"""})
+    page.size(1440, TALL)
     page.driver.refresh()
     page.until("globalThis.fovea && !document.getElementById('no-scene').hidden && fovea.live.picture && performance.getEntriesByName('plots drawn').length",
                "the page without WebGL")
@@ -64,10 +91,12 @@ def check_again(page):
     page.until("fovea.scene.path.count > 3 && fovea.plots[0].lines.size > 0", "that the rest of the page works")
     sizes = page.js("return performance.getEntriesByType('resource').map(({ name, transferSize }) => [new URL(name).pathname, transferSize])")
     assert all(size < 1000 for name, size in sizes if name.endswith(".js")) and len(sizes) > 20, sizes
+    assert not any(name.startswith(("/three/", "/space.js")) for name, _ in sizes), sizes
     check_console(page)
     page.driver.execute_cdp_cmd("Page.removeScriptToEvaluateOnNewDocument", {"identifier": script["identifier"]})
     page.driver.refresh()
     page.until("Boolean(globalThis.fovea && fovea.space)", "the page")
+    page.size()
 
 
 def check_picture(page):
@@ -84,8 +113,9 @@ def check_picture(page):
 def check_plots(page):
     text = "document.getElementById('legend-%s').textContent"
     page.until((text % "temperature") + " === 'processor 79 °C'", "the temperature in its plot")
-    drawn = page.js("""
-        return fovea.plots.map(({ canvas, lines }) => {
+    page.size(1440, TALL)
+    page.see("times")  # all of it
+    drawn = page.until("""(() => { const found = fovea.plots.map(({ canvas, lines }) => {
           const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
           const drawn = (colour) => {
             const wanted = [1, 3, 5].map((at) => parseInt(colour.slice(at, at + 2), 16));
@@ -93,8 +123,9 @@ def check_plots(page):
             return false;
           };
           return [...lines.values()].filter(({ points }) => points.length > 4).map(({ colour }) => drawn(colour));
-        });""")
-    assert len(drawn) == 4 and all(2 * sum(lines) >= len(lines) > 0 for lines in drawn), drawn  # of equal values one covers the others
+        }); // of equal values one covers the others
+        return found.every((lines) => lines.length > 0 && 2 * lines.filter(Boolean).length >= lines.length) && found; })()""", "all plots")
+    assert len(drawn) == 4, drawn
     page.until("/^late \\d+\\.\\d \\/sdropped \\d+\\.\\d \\/s$/.test(" + (text % "deadlines") + ")", "missed deadlines in their plot")
 
 
@@ -471,10 +502,12 @@ def main():
         time.sleep(1)
         page.driver.get("about:blank")
         page.driver.get_log("performance")  # of the browser's own first page
+        page.size(1440, TALL)
         page.driver.get(ADDRESS)
-        page.until("Boolean(globalThis.fovea && fovea.space)", "the page")
+        page.until("globalThis.fovea && fovea.space && performance.getEntriesByName('plots drawn').length", "the page")
         check_picture(page)
         check_load(page)
+        check_in_view(page)
         check_again(page)
         check_health(page)
         check_announced()

@@ -13,6 +13,7 @@ import { Maps } from "/maps.js";
 import { Recordings } from "/recordings.js";
 import { Calibration } from "/calibration.js";
 import { Robots } from "/robots.js";
+import { drawnInView } from "/view.js";
 import { Actions, PosePanel, byId, download, facts, fixed, logLine, names, saveLog, showHealth, showRecorder } from "/panels.js";
 
 const types = readTypes(await (await fetch("/types")).text());
@@ -245,7 +246,7 @@ byId("save-log").addEventListener("click", saveLog);
 document.addEventListener("visibilitychange", () => link.visible());
 addEventListener("resize", () => live.draw());
 
-// ---- what is drawn by libraries, which are large: the picture does not wait for them
+// ---- what is drawn by libraries, which are large: they are loaded when their panel is in view
 
 function showNoSpace(why) {
   byId("no-scene").textContent = `${why}: path and map are not drawn.`;
@@ -253,16 +254,27 @@ function showNoSpace(why) {
   byId("scene").hidden = byId("views").hidden = true;
 }
 
-import("/space.js").then(({ Space, context }) => {
-  const canvas = byId("scene"), found = context(canvas);
-  if (!found) return showNoSpace("This browser has no WebGL");
-  const space = fovea.space = new Space(canvas, found, scene);
+// null: this browser has no WebGL. It is asked here, before three.js is loaded, which would complain on the console.
+function webgl(canvas) {
+  const wanted = { alpha: false, antialias: true, depth: false, stencil: false };
+  return canvas.getContext("webgl2", wanted) || canvas.getContext("webgl", wanted);
+}
+
+async function showSpace() {
+  const canvas = byId("scene"), context = webgl(canvas);
+  if (!context) return showNoSpace("This browser has no WebGL");
+  // space.js needs three.js, which is asked for at the same time.
+  const [{ Space }] = await Promise.all([import("/space.js"), import("/three/build/three.module.js")]);
+  const space = fovea.space = new Space(canvas, context, scene);
   space.onFree = () => document.querySelector("[data-view=follow]").setAttribute("aria-pressed", "false");
   byId("views").hidden = false;
   space.draw();
   performance.mark("space drawn");
-}).catch(({ message }) => showNoSpace(message));
-import("/charts.js").then(({ draw }) => {
+}
+async function showPlots() {
+  const { draw } = await import("/charts.js");
   plots.forEach(draw);
   performance.mark("plots drawn");
-});
+}
+drawnInView(byId("scene"), () => showSpace().catch(({ message }) => showNoSpace(message)))();
+drawnInView(byId("times"), showPlots)();

@@ -1,6 +1,7 @@
 // Plots, drawn by Chart.js, with the values under the pointer.
 
 import "/chart.js";
+import { drawnInView } from "/view.js";
 
 const { Chart } = globalThis; // as the library names itself
 const AXIS = "#9fb3c3", GRID = "#22323f";
@@ -18,7 +19,7 @@ function span(now, lines) {
 }
 
 export function draw(plot) {
-  let now = performance.now(), asked = false;
+  let now = performance.now();
   const chart = new Chart(plot.canvas, {
     type: "line",
     data: { datasets: [] },
@@ -42,17 +43,13 @@ export function draw(plot) {
   });
 
   function update() {
-    asked = false;
     now = performance.now();
     const lines = [...plot.lines.values()];
     Object.assign(chart.options.scales.x, { min: now - span(now, lines), max: now });
     chart.data.datasets = lines.map((line) => (line.dataset ||= { label: line.name, data: line.points, borderColor: line.colour, backgroundColor: line.colour }));
     chart.update("none");
   }
-  plot.onChange = () => {
-    if (!asked) setTimeout(update, PAUSE_MS);
-    asked = true;
-  };
+  plot.onChange = drawnInView(plot.canvas, update, PAUSE_MS);
   plot.chart = chart;
   update();
 }

@@ -14,7 +14,7 @@ export class Lines extends LineSegments2 {
     this.reserve(64);
   }
 
-  // Room for so many segments, with those that there are.
+  // Make room for a number of segments; those that there are stay.
   reserve(segments) {
     const array = new Float32Array(NUMBERS * segments), { buffer } = this, count = buffer ? this.geometry.maxInstancedCount : 0;
     if (buffer) array.set(buffer.array.subarray(0, NUMBERS * count));

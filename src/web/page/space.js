@@ -1,4 +1,4 @@
-// The scene in three dimensions, drawn by three.js when something has changed. Its world is the frame `map`, turned so that up is y.
+// The scene in three dimensions, drawn by three.js when something has changed and it is in view. Its world is the frame `map`, turned so that up is y.
 
 import {
   BufferAttribute, BufferGeometry, Box3, DataTexture, DoubleSide, Group, Matrix4, Mesh, MeshBasicMaterial, PerspectiveCamera, PlaneBufferGeometry, Points,
@@ -6,6 +6,7 @@ import {
 } from "/three/build/three.module.js";
 import { OrbitControls } from "/three/examples/jsm/controls/OrbitControls.js";
 import { Lines } from "/lines.js";
+import { drawnInView } from "/view.js";
 
 const BACK = "#08111a", PATH = "#5fd0ff", LAND = "#9fb3c3", KEY = "#9c8139", BODY = "#3ddc84", GRID = "#1d3040";
 const FLAT = { transparent: true, depthTest: false, depthWrite: false }; // drawn in the order that `stack` gives
@@ -22,18 +23,13 @@ const pyramid = (matrix) => PYRAMID.flatMap((end) => end.clone().applyMatrix4(ma
 // The camera's axes in those of a body, x forward, y left, z up.
 const OF_BODY = new Quaternion().setFromRotationMatrix(new Matrix4().makeBasis(vector([0, -1, 0]), vector([0, 0, -1]), vector([1, 0, 0])));
 
-// null: this browser has no WebGL. It is asked here, since the library would complain on the console.
-export function context(canvas) {
-  const wanted = { alpha: false, antialias: true, depth: false, stencil: false };
-  return canvas.getContext("webgl2", wanted) || canvas.getContext("webgl", wanted);
-}
-
 export class Space {
   constructor(canvas, context, scene) {
     Object.assign(this, { canvas, scene, shown: { follow: true, landmarks: true, keyframes: true, floor: true }, bounds: new Box3() });
     this.renderer = new WebGLRenderer({ canvas, context });
     this.renderer.setClearColor(BACK);
     this.camera = new PerspectiveCamera();
+    this.ask = drawnInView(canvas, () => this.draw());
     this.build();
     this.control();
     scene.onChange = () => this.ask();
@@ -66,15 +62,6 @@ export class Space {
   }
 
   // ---- drawing
-
-  ask() {
-    if (this.asked) return;
-    this.asked = true;
-    requestAnimationFrame(() => {
-      this.asked = false;
-      this.draw();
-    });
-  }
 
   draw() {
     const width = this.canvas.clientWidth, height = this.canvas.clientHeight;
