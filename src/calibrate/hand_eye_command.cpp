@@ -159,9 +159,7 @@ int collect_posed(const Given &given, const Board &board, int views_max, Collect
     HeardPoses heard;
     fovea_error error;
     const char *channel = given.channel();
-    if (channel != nullptr &&
-        heard.open(given.lcm_url.empty() ? lcm_url_usual : given.lcm_url,
-                   given.listen.empty() ? "loopback" : given.listen, channel, &error) != FOVEA_OK)
+    if (channel != nullptr && heard.open(given.lcm_url, given.listen, channel, &error) != FOVEA_OK)
         return fv_say_wrong("%s", error.text);
     const int status =
         collect_known(given.source, given.camera, board, views_max, collection, camera);
@@ -289,10 +287,8 @@ int command_hand_eye(int argc, char **argv)
         {"json", "FILE", &given.json, "write the verdict with all its numbers"},
         {"report", "FILE", &given.report, "write the verdict as one HTML file"},
         {"views", "N", &given.views, "pictures to take from a URI (default 40)"},
-        {"lcm-url", "URL", &given.lcm_url,
-         "where lcm:CHANNEL is heard (default udpm://239.255.76.67:7667)"},
-        {"listen", "WHOM", &given.listen,
-         "whom lcm:CHANNEL is heard from: loopback (default), any, or an interface"},
+        {"lcm-url", "URL", &given.lcm_url, lcm_url_help},
+        {"listen", "WHOM", &given.listen, listen_help},
     };
     std::vector<std::string> operands;
     int status;

@@ -2,17 +2,17 @@
 
 #include "drivers/clock.h"
 extern "C" {
-#pragma GCC diagnostic push
-#pragma GCC diagnostic ignored "-Wshadow" /* it has a struct and a function of one name */
-#include "app/network/receiver.h"
-#pragma GCC diagnostic pop
 #include "app/network/url_check.h"
 }
 
 namespace calibrate
 {
 
-const char lcm_url_usual[] = "udpm://239.255.76.67:7667";
+#define URL_USUAL "udpm://239.255.76.67:7667"
+
+const char lcm_url_help[] = "where lcm:CHANNEL is heard (default " URL_USUAL ")";
+const char listen_help[] =
+    "whom lcm:CHANNEL is heard from: loopback (default), any, or an interface";
 
 Heard::~Heard()
 {
@@ -21,13 +21,15 @@ Heard::~Heard()
 
 void Heard::take(void *context, const fv_received *received)
 {
-    static_cast<Heard *>(context)->take_(received->data, received->bytes);
+    static_cast<Heard *>(context)->take_(*received);
 }
 
-fovea_status Heard::open(const std::string &url, const std::string &listen,
+fovea_status Heard::open(const std::string &stated_url, const std::string &stated_listen,
                          const std::string &channel, const char *type, Take taker,
                          fovea_error *error)
 {
+    const std::string url = stated_url.empty() ? URL_USUAL : stated_url,
+                      listen = stated_listen.empty() ? "loopback" : stated_listen;
     fv_receiver_channel row = {};
     const fovea_status well_formed = fv_transport_url_check(url.c_str(), error);
     if (well_formed != FOVEA_OK) return well_formed;

@@ -6,28 +6,33 @@
 #include <string>
 
 #include "fovea/source.h"
-
-struct fv_receiver;
-struct fv_received;
+extern "C" {
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wshadow" /* it has a struct and a function of one name */
+#include "app/network/receiver.h"
+#pragma GCC diagnostic pop
+}
 
 namespace calibrate
 {
 
-extern const char lcm_url_usual[]; /* where programs send if nothing else is said */
+/* Help of the options whose values `open` takes. */
+extern const char lcm_url_help[], listen_help[];
 
 class Heard
 {
   public:
     /* Gets each message, which is well-formed. */
-    using Take = std::function<void(const uint8_t *data, uint32_t bytes)>;
+    using Take = std::function<void(const fv_received &received)>;
     Heard() = default;
     Heard(const Heard &) = delete;
     Heard &operator=(const Heard &) = delete;
     ~Heard();
-    /* `type` as "fovea.imu_t". `listen` as of the configuration: loopback, any, an interface. */
+    /* `type` as "fovea.imu_t". `listen` as of the configuration: loopback, any, an interface.
+     * Empty: the usual URL, and loopback. */
     fovea_status open(const std::string &url, const std::string &listen, const std::string &channel,
                       const char *type, Take take, fovea_error *error);
-    /* Hand over what has come, and wait for it at most so long. */
+    /* Hand over what has come. Where nothing has, wait for it, at most `patience_ms`. */
     void handle(int patience_ms = 0);
 
   private:

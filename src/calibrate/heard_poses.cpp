@@ -28,11 +28,11 @@ HeardPoses::~HeardPoses()
 }
 
 /* Poses that are none are left out. */
-void HeardPoses::take(const uint8_t *data, uint32_t bytes)
+void HeardPoses::take(const fv_received &received)
 {
     constexpr double off = .05; /* of the length of a quaternion */
     bot_core_pose_t message;
-    if (bot_core_pose_t_decode(data, 0, (int)bytes, &message) < 0) return;
+    if (bot_core_pose_t_decode(received.data, 0, (int)received.bytes, &message) < 0) return;
     fv_pose pose = {};
     double squares = 0;
     bool finite = message.utime > 0 && message.utime < INT64_MAX / 1000;
@@ -53,7 +53,7 @@ fovea_status HeardPoses::open(const std::string &url, const std::string &listen,
 {
     const fovea_status status = heard_.open(
         url, listen, channel, "bot_core.pose_t",
-        [this](const uint8_t *data, uint32_t bytes) { take(data, bytes); }, error);
+        [this](const fv_received &received) { take(received); }, error);
     if (status != FOVEA_OK) return status;
     thread_ = std::thread([this] {
         constexpr int patience_ms = 50;

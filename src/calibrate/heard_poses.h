@@ -29,7 +29,7 @@ class HeardPoses
     std::vector<fv_pose> end(fovea_clock clock);
 
   private:
-    void take(const uint8_t *data, uint32_t bytes);
+    void take(const fv_received &received);
     Heard heard_;
     std::vector<fv_pose> poses_;
     std::atomic<bool> ended_ = false;

@@ -3,7 +3,6 @@
 #include <algorithm>
 
 #include "calibrate/command.h"
-#include "calibrate/heard.h"
 #include "drivers/table.h"
 #include "support/text.h"
 extern "C" {
@@ -30,8 +29,7 @@ double seconds_of(const InertialGiven &given)
 LiveImuSetup setup_of(const InertialGiven &given, const fovea_rig_imu &imu)
 {
     if (given.sensor == OWN) return {};
-    return {given.sensor, given.lcm_url.empty() ? lcm_url_usual : given.lcm_url,
-            given.listen.empty() ? "loopback" : given.listen, imu.rate_hz};
+    return {given.sensor, given.lcm_url, given.listen, imu.rate_hz};
 }
 
 int no_densities(const std::string &source)

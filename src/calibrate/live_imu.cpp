@@ -2,17 +2,15 @@
 
 #include <cmath>
 #include <cstring>
-#include <list>
 
 #include "calibrate/heard.h"
 extern "C" {
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wshadow" /* it has structs and functions of one name */
+#include "app/network/heard_imu.h"
 #include "drivers/iio/iio.h"
 #pragma GCC diagnostic pop
 }
-
-#include "fovea_imu_t.h"
 
 namespace calibrate
 {
@@ -27,15 +25,14 @@ const char *behind(const std::string &text, const char *scheme)
                                                                         : nullptr;
 }
 
-bool is_finite(const fovea_imu_sample &sample)
-{
-    bool finite = true;
-    for (int i = 0; i < 3; i++)
-        finite = finite && std::isfinite(sample.gyro[i]) && std::isfinite(sample.acceleration[i]);
-    return finite;
-}
-
 } // namespace
+
+void append_sample(const fovea_imu_sample &sample, std::vector<fovea_imu_sample> &samples)
+{
+    for (int i = 0; i < 3; i++)
+        if (!std::isfinite(sample.gyro[i]) || !std::isfinite(sample.acceleration[i])) return;
+    if (samples.empty() || sample.stamp_ns > samples.back().stamp_ns) samples.push_back(sample);
+}
 
 bool live_imu_valid(const std::string &sensor)
 {
@@ -43,29 +40,15 @@ bool live_imu_valid(const std::string &sensor)
 }
 
 struct LiveImu::Parts {
-    struct Message {
-        fovea_imu_sample sample;
-        int clock;
-        int64_t utc_offset_ns;
-    };
     Heard heard;
-    std::list<Message> messages;
+    std::vector<fv_heard_imu> messages;
+    int no_clock = 0;
     fv_iio *iio = nullptr;
     bool is_open = false;
 
     ~Parts()
     {
         if (iio != nullptr) fv_iio_close(iio);
-    }
-    void take_message(const uint8_t *data, uint32_t bytes)
-    {
-        fovea_imu_t message;
-        if (fovea_imu_t_decode(data, 0, (int)bytes, &message) < 0) return;
-        Message taken = {{}, message.stamp.clock, message.stamp.utc_offset_ns};
-        taken.sample.stamp_ns = message.stamp.time_ns;
-        std::copy(message.gyro, message.gyro + 3, taken.sample.gyro);
-        std::copy(message.acceleration, message.acceleration + 3, taken.sample.acceleration);
-        messages.push_back(taken);
     }
 };
 
@@ -85,7 +68,10 @@ fovea_status LiveImu::open(const LiveImuSetup &setup, fovea_error *error)
     } else if (const char *channel = behind(setup.sensor, "lcm:")) {
         status = parts.heard.open(
             setup.lcm_url, setup.listen, channel, "fovea.imu_t",
-            [&parts](const uint8_t *data, uint32_t bytes) { parts.take_message(data, bytes); },
+            [&parts](const fv_received &received) {
+                fv_heard_imu message;
+                if (fv_heard_imu_decode(&received, &message)) parts.messages.push_back(message);
+            },
             error);
     } else {
         return FOVEA_OK;
@@ -94,32 +80,35 @@ fovea_status LiveImu::open(const LiveImuSetup &setup, fovea_error *error)
     return status;
 }
 
-/* A stamp by LCM counts as it is where it states the frames' own clock; else by its UTC, where it
- * states that. */
 void LiveImu::take(fovea_clock clock, std::vector<fovea_imu_sample> &samples)
 {
     Parts &parts = *parts_;
-    const auto append = [&](fovea_imu_sample sample, int64_t offset_ns) {
-        sample.stamp_ns += offset_ns;
-        if (is_finite(sample) && (samples.empty() || sample.stamp_ns > samples.back().stamp_ns))
-            samples.push_back(sample);
-    };
     if (!parts.is_open) return;
     if (parts.iio != nullptr) {
         const int64_t offset_ns = between_clocks(FOVEA_CLOCK_MONOTONIC, clock);
-        while (const fovea_imu_sample *sample = fv_iio_peek(parts.iio)) {
-            append(*sample, offset_ns);
+        while (const fovea_imu_sample *read = fv_iio_peek(parts.iio)) {
+            fovea_imu_sample sample = *read;
+            sample.stamp_ns += offset_ns;
+            append_sample(sample, samples);
             fv_iio_release(parts.iio);
         }
         return;
     }
     parts.heard.handle();
-    for (const Parts::Message &message : parts.messages)
-        append(message.sample,
-               message.clock == clock || message.utc_offset_ns == 0
-                   ? 0
-                   : message.utc_offset_ns + between_clocks(FOVEA_CLOCK_REALTIME, clock));
+    const int64_t utc_offset_ns = between_clocks(clock, FOVEA_CLOCK_REALTIME);
+    for (const fv_heard_imu &message : parts.messages) {
+        fovea_imu_sample sample = message.sample;
+        if (fv_heard_imu_stamp(&message, clock, utc_offset_ns, &sample.stamp_ns))
+            append_sample(sample, samples);
+        else
+            parts.no_clock++;
+    }
     parts.messages.clear();
+}
+
+int LiveImu::no_clock() const
+{
+    return parts_->no_clock;
 }
 
 double LiveImu::gyro_range() const

@@ -1,7 +1,6 @@
 #include "calibrate/moving.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include "calibrate/frames.h"
 extern "C" {
@@ -21,15 +20,8 @@ void take_samples(const Frames &frames, const fovea_frame &frame,
     uint32_t count = FOVEA_INPUT_SAMPLES_MAX;
     while (frames.ops->samples != nullptr && count == FOVEA_INPUT_SAMPLES_MAX) {
         count = frames.ops->samples(frames.source, &frame, some, FOVEA_INPUT_SAMPLES_MAX);
-        for (uint32_t i = 0; i < count; i++) {
-            const fovea_imu_sample &sample = some[i].imu;
-            bool taken = some[i].kind == FOVEA_SAMPLE_IMU &&
-                         (samples.empty() || sample.stamp_ns > samples.back().stamp_ns);
-            for (int axis = 0; taken && axis < 3; axis++)
-                taken =
-                    std::isfinite(sample.gyro[axis]) && std::isfinite(sample.acceleration[axis]);
-            if (taken) samples.push_back(sample);
-        }
+        for (uint32_t i = 0; i < count; i++)
+            if (some[i].kind == FOVEA_SAMPLE_IMU) append_sample(some[i].imu, samples);
     }
 }
 
@@ -114,6 +106,11 @@ fovea_status collect_moving(const std::string &source, const LiveImuSetup &imu, 
     }
     frames.ops->stop(frames.source);
     if (fv_say_terminal()) fv_say_status("%s", "");
+    if (moving.samples.empty() && beside.no_clock() > 0)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "%.100s: found no sample whose stamp states the clock of the "
+                               "pictures or its UTC (clock, utc_offset_ns) among %d",
+                               imu.sensor.c_str(), beside.no_clock());
     return FOVEA_OK;
 }
 

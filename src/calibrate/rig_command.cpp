@@ -2,6 +2,7 @@
 #include "calibrate/command.h"
 #include "calibrate/compare.h"
 #include "calibrate/choose_model.h"
+#include "calibrate/heard.h"
 #include "calibrate/inertial_command.h"
 #include "calibrate/outputs.h"
 #include "calibrate/pictures.h"
@@ -254,10 +255,8 @@ int command_rig(int argc, char **argv)
          "write the sensor's file for the key imu_file; not when the verdict is fail", nullptr},
         {"seconds", "N", &given.imu.seconds,
          "with --imu, of a live source: how long pictures are taken (default 60)", nullptr},
-        {"lcm-url", "URL", &given.imu.lcm_url,
-         "where lcm:CHANNEL is heard (default udpm://239.255.76.67:7667)", nullptr},
-        {"listen", "WHOM", &given.imu.listen,
-         "whom lcm:CHANNEL is heard from: loopback (default), any, or an interface", nullptr},
+        {"lcm-url", "URL", &given.imu.lcm_url, lcm_url_help, nullptr},
+        {"listen", "WHOM", &given.imu.listen, listen_help, nullptr},
     };
     std::vector<std::string> operands;
     int status;

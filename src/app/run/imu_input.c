@@ -3,22 +3,13 @@
 #include <inttypes.h>
 #include <string.h>
 
+#include "app/network/heard_imu.h"
 #include "app/run/run_sense.h"
 #include "drivers/clock.h"
-
-#include "fovea_imu_t.h"
 
 static const int64_t far_ns =
     FV_SECOND_NS / 4; /* ahead: not waited for, the step says what it is */
 static const int64_t early_ns = FV_SECOND_NS / 5;
-
-/* A sample as LCM brought it. */
-struct heard {
-    struct fovea_imu_sample sample; /* its stamp on `clock` */
-    int64_t utc_offset_ns;
-    int32_t clock;
-    uint32_t from_host;
-};
 
 void fv_imu_input_open(struct fv_imu_input *input, const struct fv_settings *settings,
                        struct fv_iio *iio)
@@ -30,19 +21,6 @@ void fv_imu_input_open(struct fv_imu_input *input, const struct fv_settings *set
 }
 
 /* ---- the sensor's thread, or the receiver's -------------------------------------------------- */
-
-/* Onto the frames' clock. False: the message does not say how. */
-static bool stamp_heard(const struct heard *heard, int clock, int64_t utc_offset_ns,
-                        int64_t *stamp_ns)
-{
-    const bool own =
-        heard->clock == clock && (heard->from_host || heard->clock == FOVEA_CLOCK_REALTIME);
-    *stamp_ns = heard->sample.stamp_ns;
-    if (own) return true;
-    if (heard->utc_offset_ns == 0 && heard->clock != FOVEA_CLOCK_REALTIME) return false;
-    return !__builtin_add_overflow(*stamp_ns, heard->utc_offset_ns, stamp_ns) &&
-           !__builtin_sub_overflow(*stamp_ns, utc_offset_ns, stamp_ns);
-}
 
 /* What to add to CLOCK_MONOTONIC for the frames' clock. */
 static int64_t from_monotonic(enum fovea_clock clock)
@@ -62,12 +40,12 @@ static void tap(struct fv_imu_input *input, const struct fovea_imu_sample *sampl
     input->tap(input->tap_context, sample);
 }
 
-static void tap_heard(struct fv_imu_input *input, const struct heard *heard)
+static void tap_heard(struct fv_imu_input *input, const struct fv_heard_imu *heard)
 {
     struct fovea_imu_sample sample = heard->sample;
     if (input->tap == NULL || !atomic_load(&input->any_frame)) return;
-    if (stamp_heard(heard, atomic_load(&input->clock), atomic_load(&input->utc_offset_ns),
-                    &sample.stamp_ns))
+    if (fv_heard_imu_stamp(heard, atomic_load(&input->clock), atomic_load(&input->utc_offset_ns),
+                           &sample.stamp_ns))
         tap(input, &sample);
 }
 
@@ -93,14 +71,8 @@ void fv_imu_input_tap(struct fv_imu_input *input,
 static void take_message(void *context, const struct fv_received *received)
 {
     struct fv_imu_input *input = context;
-    fovea_imu_t message;
-    if (fovea_imu_t_decode(received->data, 0, (int)received->bytes, &message) < 0) return;
-    struct heard heard = {.sample.stamp_ns = message.stamp.time_ns,
-                          .utc_offset_ns = message.stamp.utc_offset_ns,
-                          .clock = message.stamp.clock,
-                          .from_host = received->from_host};
-    memcpy(heard.sample.gyro, message.gyro, sizeof heard.sample.gyro);
-    memcpy(heard.sample.acceleration, message.acceleration, sizeof heard.sample.acceleration);
+    struct fv_heard_imu heard;
+    if (!fv_heard_imu_decode(received, &heard)) return;
     tap_heard(input, &heard);
     uint8_t *room = fv_ring_reserve(&input->ring, sizeof heard);
     atomic_fetch_add_explicit(room != NULL ? &input->heard : &input->no_room, 1,
@@ -132,7 +104,7 @@ static void release(struct fv_imu_input *input)
     if (input->iio != NULL)
         fv_iio_release(input->iio);
     else
-        fv_ring_release(&input->ring, sizeof(struct heard));
+        fv_ring_release(&input->ring, sizeof(struct fv_heard_imu));
 }
 
 /* The next sample on the frames' clock, which stays. False: there is none. */
@@ -150,11 +122,11 @@ static bool peek(struct fv_imu_input *input, const struct fovea_inputs *inputs,
     size_t bytes;
     const uint8_t *data;
     while ((data = fv_ring_peek(&input->ring, &bytes)) != NULL) {
-        struct heard heard;
+        struct fv_heard_imu heard;
         memcpy(&heard, data, sizeof heard);
         *sample = heard.sample;
-        if (stamp_heard(&heard, atomic_load(&input->clock), inputs->utc_offset_ns,
-                        &sample->stamp_ns))
+        if (fv_heard_imu_stamp(&heard, atomic_load(&input->clock), inputs->utc_offset_ns,
+                               &sample->stamp_ns))
             return true;
         atomic_fetch_add_explicit(&input->no_clock, 1, memory_order_relaxed);
         release(input);
