@@ -1,6 +1,7 @@
 /* The cameras of this host, as `fovea cameras` lists them: what a URI of a source can name. No
  * frame is taken; a camera that another program uses is listed too. Cameras of libcamera are set up
- * for a moment, each format and size in turn, since only then their rates are known. Init-only. */
+ * for a moment, each format and size in turn, since only then their rates are known: those of a
+ * camera in use are not. Init-only. */
 #ifndef FOVEA_DRIVERS_CAMERAS_H
 #define FOVEA_DRIVERS_CAMERAS_H
 

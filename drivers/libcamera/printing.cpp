@@ -47,16 +47,16 @@ std::string rates(const Camera &camera)
     return text;
 }
 
-// The same after the camera is set up for them, which another program's camera is not.
-std::string rates_of(Camera &camera, libcamera::CameraConfiguration &configuration, bool ours,
+// The same after the camera, which is acquired, is set up for them; empty: it cannot be.
+std::string rates_of(Camera &camera, libcamera::CameraConfiguration &configuration,
                      const libcamera::PixelFormat &pixels, const libcamera::Size &size)
 {
     libcamera::StreamConfiguration &stream = configuration.at(0);
     stream.pixelFormat = pixels;
     stream.size = size;
-    const bool set_up = ours && configuration.validate() == libcamera::CameraConfiguration::Valid &&
+    const bool set_up = configuration.validate() == libcamera::CameraConfiguration::Valid &&
                         camera.configure(&configuration) == 0;
-    return ours && !set_up ? "" : rates(camera);
+    return set_up ? rates(camera) : "";
 }
 
 void list_formats(Camera &camera)
@@ -67,11 +67,12 @@ void list_formats(Camera &camera)
         return;
     }
     const libcamera::StreamFormats formats = configuration->at(0).formats();
-    const bool ours = camera.acquire() == 0;
+    const bool ours = camera.acquire() == 0; // not while another program uses it
     for (const libcamera::PixelFormat &pixels : formats.pixelformats())
         for (const libcamera::Size &size : formats.sizes(pixels))
             std::printf("format\t%s\t%u\t%u%s\n", plain(pixels.toString()).c_str(), size.width,
-                        size.height, rates_of(camera, *configuration, ours, pixels, size).c_str());
+                        size.height,
+                        (ours ? rates_of(camera, *configuration, pixels, size) : "").c_str());
     if (ours) camera.release();
 }
 

@@ -203,6 +203,25 @@ static void test_libcamera(void **state)
     assert_int_equal(cameras[1].mode_count, 0);
 }
 
+/* The rate that is proposed is 30 Hz, or the nearest one. */
+static void test_libcamera_rates(void **state)
+{
+    (void)state;
+    struct fovea_error error = {.text = ""};
+    size_t count;
+    const enum fovea_status status =
+        list_by("#!/bin/sh\n"
+                "printf 'camera\\tfast\\t\\nformat\\tYUV420\\t640\\t480\\t120\\t50\\n'\n"
+                "printf 'camera\\tslow\\t\\nformat\\tYUV420\\t640\\t480\\t20\\t1\\n'\n"
+                "printf 'camera\\tone\\t\\nformat\\tYUV420\\t640\\t480\\t41.85\\t41.85\\n'\n",
+                &count, &error);
+    if (status != FOVEA_OK) fail_msg("%s", error.text);
+    assert_int_equal(count, 3);
+    static const char *const rates[] = {"&rate=50", "&rate=20", "&rate=41.85"};
+    for (size_t i = 0; i < count; i++)
+        if (strstr(cameras[i].uri, rates[i]) == NULL) fail_msg("%s", cameras[i].uri);
+}
+
 static void test_libcamera_that_fails(void **state)
 {
     (void)state;
@@ -227,6 +246,7 @@ int main(void)
         cmocka_unit_test_setup_teardown(test_camera_that_cannot_be_opened, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_uri_opens, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_libcamera, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_libcamera_rates, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_libcamera_that_fails, set_up, tear_down),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
