@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "calibrate/inertial_problem.h"
+#include "calibrate/least_squares.h"
 
 namespace calibrate
 {
@@ -92,8 +93,8 @@ void measure_excess(InertialState &state, double excess[INERTIAL_PARTS])
                 : 0;
 }
 
-/* Solve by knots so far apart until nothing changes any more; `excess` is what the samples show.
- */
+/* Solve with `knots_hz` knots a second until nothing changes any more; `excess` is what the samples
+ * show. */
 bool settle(InertialState &state, double knots_hz, double excess[INERTIAL_PARTS])
 {
     bool changed = true;
@@ -356,6 +357,29 @@ bool solve_inertial(const InertialInput &input, InertialSolution &solution, std:
     }
     keep(state);
     return true;
+}
+
+std::array<double, 6> place_stdev(const InertialSolution &solution, const Rigid &T_first_cam,
+                                  const std::array<double, 6> &T_first_cam_stdev)
+{
+    /* The turn of the first camera by its own axes, seen by the other's; its centre moves by the
+     * turn across the distance between both, in the sensor's frame. */
+    const Eigen::Matrix3d R_imu_first = solution.T_cam_imu.R.transpose();
+    Eigen::Matrix<double, 6, 6> change = Eigen::Matrix<double, 6, 6>::Zero();
+    change.block<3, 3>(0, 0) = T_first_cam.R.transpose();
+    change.block<3, 3>(3, 0) = R_imu_first * cross_matrix(T_first_cam.t);
+    change.block<3, 3>(3, 3).setIdentity();
+    const Eigen::Matrix<double, 6, 6> of_first = change * solution.covariance * change.transpose();
+    const Eigen::Vector3d own(T_first_cam_stdev[3], T_first_cam_stdev[4], T_first_cam_stdev[5]);
+    const Eigen::Matrix3d place =
+        R_imu_first * own.cwiseAbs2().asDiagonal() * R_imu_first.transpose();
+    std::array<double, 6> stdev;
+    for (int i = 0; i < 3; i++) {
+        const double turn = T_first_cam_stdev[(size_t)i];
+        stdev[(size_t)i] = std::sqrt(of_first(i, i) + turn * turn);
+        stdev[(size_t)(3 + i)] = std::sqrt(of_first(3 + i, 3 + i) + place(i, i));
+    }
+    return stdev;
 }
 
 } // namespace calibrate

@@ -1,6 +1,5 @@
-/* Cameras to an inertial sensor, from a board before which both are moved (or that is moved with
- * gravity left out of account: the board must stand still): rotation, translation, time offset,
- * biases, gravity.
+/* Cameras to an inertial sensor, from pictures and samples while both are moved before a board that
+ * stands still: rotation, translation, time offset, biases, gravity.
  *
  * The motion of the sensor is a B-spline over time, which is fitted together with them to the
  * corners of the board at the time of each picture plus the offset, to the angular rates and to the
@@ -65,6 +64,11 @@ struct InertialSolution {
 
 /* False, with a line: too few pictures or samples, clocks that do not meet, or nothing fits. */
 bool solve_inertial(const InertialInput &input, InertialSolution &solution, std::string &error);
+
+/* Six standard deviations of the place on the sensor of another camera, whose place before the
+ * first one is known to `T_first_cam_stdev` (both as RigCamera::stdev). */
+std::array<double, 6> place_stdev(const InertialSolution &solution, const Rigid &T_first_cam,
+                                  const std::array<double, 6> &T_first_cam_stdev);
 
 Verdict judge_inertial(const InertialSolution &solution);
 

@@ -9,8 +9,6 @@
 namespace calibrate
 {
 
-constexpr double GRAVITY_M_S2 = 9.80665;
-
 /* A residual with the blocks that it depends on. */
 struct InertialTerm {
     const ceres::CostFunction *cost;
@@ -47,8 +45,8 @@ struct InertialState {
     }
 };
 
-/* The start, but for the spline; and the spline through the pictures' poses by knots so far apart,
- * by the camera's place so far. */
+/* The start, but for the spline; and the spline through the pictures' poses with `knots_hz` knots
+ * a second, by the present place of the camera. */
 void begin_inertial(InertialState &state);
 void lay_spline(InertialState &state, double knots_hz);
 

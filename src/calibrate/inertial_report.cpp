@@ -24,38 +24,10 @@ double offset_s(const InertialSolution &solution)
 
 std::string row(const std::string &what, double value, double stdev, const char *shown = "%.3f")
 {
-    return "<tr><td>" + escaped(what) + "</td><td class=\"number\">" + datum("imu", value, shown) +
-           "</td><td class=\"number\">" +
-           (std::isfinite(stdev) ? datum("imu-stdev", stdev, "%.2g") : "") + "</td></tr>\n";
+    return value_row(what, "imu", value, stdev, shown);
 }
 
 } // namespace
-
-std::array<double, 6> place_stdev(const InertialSolution &solution, const Rigid &T_first_cam,
-                                  const std::array<double, 6> &T_first_cam_stdev)
-{
-    /* The turn of the first camera by its own axes, seen by the other's; its centre moves by the
-     * turn across the distance between both, in the sensor's frame. */
-    const Eigen::Matrix3d R_imu_first = solution.T_cam_imu.R.transpose();
-    const Eigen::Vector3d &arm = T_first_cam.t;
-    Eigen::Matrix<double, 6, 6> change = Eigen::Matrix<double, 6, 6>::Zero();
-    Eigen::Matrix3d across;
-    across << 0, -arm[2], arm[1], arm[2], 0, -arm[0], -arm[1], arm[0], 0;
-    change.block<3, 3>(0, 0) = T_first_cam.R.transpose();
-    change.block<3, 3>(3, 0) = R_imu_first * across;
-    change.block<3, 3>(3, 3).setIdentity();
-    const Eigen::Matrix<double, 6, 6> of_first = change * solution.covariance * change.transpose();
-    const Eigen::Vector3d own(T_first_cam_stdev[3], T_first_cam_stdev[4], T_first_cam_stdev[5]);
-    const Eigen::Matrix3d place =
-        R_imu_first * own.cwiseAbs2().asDiagonal() * R_imu_first.transpose();
-    std::array<double, 6> stdev;
-    for (int i = 0; i < 3; i++) {
-        const double turn = T_first_cam_stdev[(size_t)i];
-        stdev[(size_t)i] = std::sqrt(of_first(i, i) + turn * turn);
-        stdev[(size_t)(3 + i)] = std::sqrt(of_first(3 + i, 3 + i) + place(i, i));
-    }
-    return stdev;
-}
 
 std::string inertial_json(const Inertial &inertial)
 {
@@ -95,20 +67,9 @@ std::string inertial_json(const Inertial &inertial)
 
 std::string inertial_section(const Inertial &inertial)
 {
-    static const char *const names[] = {"turn about x, degrees",
-                                        "turn about y, degrees",
-                                        "turn about z, degrees",
-                                        "x, mm",
-                                        "y, mm",
-                                        "z, mm"};
     const InertialSolution &s = inertial.solution;
     if (!inertial.solved) return "";
-    const Pose place = pose_of(s.T_cam_imu.inverse());
-    std::string rows;
-    for (size_t i = 0; i < 6; i++) {
-        const double unit = i < 3 ? DEGREE : 1e3;
-        rows += row(names[i], unit * place[i], unit * s.stdev[i]);
-    }
+    std::string rows = place_rows(pose_of(s.T_cam_imu.inverse()), s.stdev);
     rows += row("time offset, added to the stamp of a sample, ms", 1e3 * offset_s(s),
                 1e3 * s.time_shift_stdev_s, "%.4f");
     rows += row("clock of the sensor, faster by, ppm", 1e6 * s.clock_drift,
@@ -129,11 +90,8 @@ std::string inertial_section(const Inertial &inertial)
                    "<p>The first camera in the frame of " + escaped(inertial.sensor) + ", from " +
                        datum("imu_views_used", s.views_used, "%.0f") + " pictures in " +
                        datum("duration_s", s.duration_s, "%.1f") + " s and " +
-                       datum("samples_used", s.samples_used, "%.0f") +
-                       " samples.</p>\n<div class=\"wide\"><table>\n<tr><th>what</th>"
-                       "<th class=\"number\">value</th><th class=\"number\">standard deviation</th>"
-                       "</tr>\n" +
-                       rows + "</table></div>\n");
+                       datum("samples_used", s.samples_used, "%.0f") + " samples.</p>\n" +
+                       values_table(rows));
 }
 
 void inertial_print(const Inertial &inertial)

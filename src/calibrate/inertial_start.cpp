@@ -231,7 +231,7 @@ std::string other_clocks(const InertialInput &input, const InertialStart &start)
 /* Mean acceleration at the pictures, in the board's frame; how the sensor is held is known. */
 bool find_gravity(const InertialInput &input, InertialStart &start, std::string &error)
 {
-    constexpr double least = 5, most = 15, usual = 9.80665;
+    constexpr double least = 5, most = 15;
     Eigen::Vector3d sum = Eigen::Vector3d::Zero();
     int count = 0;
     for (const PosedPicture &picture : start.pictures) {
@@ -253,7 +253,7 @@ bool find_gravity(const InertialInput &input, InertialStart &start, std::string 
                           mean.norm());
         return false;
     }
-    start.gravity_m_s2 = -usual / mean.norm() * mean;
+    start.gravity_m_s2 = -GRAVITY_M_S2 / mean.norm() * mean;
     return true;
 }
 

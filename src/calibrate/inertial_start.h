@@ -8,6 +8,8 @@
 namespace calibrate
 {
 
+constexpr double GRAVITY_M_S2 = 9.80665;
+
 /* A picture with a board that takes part. */
 struct PosedPicture {
     size_t camera, view;

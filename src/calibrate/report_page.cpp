@@ -1,5 +1,7 @@
 #include "calibrate/report_page.h"
 
+#include <cmath>
+
 #include "calibrate/html.h"
 #include "fovea/fovea.h"
 
@@ -69,6 +71,41 @@ std::string verdict_header(const std::string &title, const Verdict &verdict,
     text += "<p class=\"soft\">" + escaped(origin) +
             ". Program: fovea-calibrate " FOVEA_VERSION ".</p>\n";
     return text + "</header>\n";
+}
+
+std::string value_row(const std::string &what, const char *name, double value, double stdev,
+                      const char *shown, const std::string &lead)
+{
+    const std::string deviation = std::string(name) + "-stdev";
+    return "<tr>" + lead + "<td>" + escaped(what) + "</td><td class=\"number\">" +
+           datum(name, value, shown) + "</td><td class=\"number\">" +
+           (std::isfinite(stdev) ? datum(deviation.c_str(), stdev, "%.2g") : "") + "</td></tr>\n";
+}
+
+std::string place_rows(const Pose &place, const std::array<double, 6> &stdev,
+                       const std::string &lead)
+{
+    static const char *const names[] = {"turn about x, degrees",
+                                        "turn about y, degrees",
+                                        "turn about z, degrees",
+                                        "x, mm",
+                                        "y, mm",
+                                        "z, mm"};
+    constexpr double degree = 57.29577951308232;
+    std::string rows;
+    for (size_t i = 0; i < 6; i++) {
+        const double unit = i < 3 ? degree : 1e3;
+        rows += value_row(names[i], "place", unit * place[i], unit * stdev[i], "%.3f", lead);
+    }
+    return rows;
+}
+
+std::string values_table(const std::string &rows, const char *lead_head)
+{
+    return std::string("<div class=\"wide\"><table>\n<tr>") + lead_head +
+           "<th>what</th><th class=\"number\">value</th>"
+           "<th class=\"number\">standard deviation</th></tr>\n" +
+           rows + "</table></div>\n";
 }
 
 std::string html_page(Grade grade, const std::string &content)

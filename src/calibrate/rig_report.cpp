@@ -116,27 +116,16 @@ std::string cameras_section(const RigReport &report)
 
 std::string places_section(const RigReport &report)
 {
-    static const char *const names[] = {"turn about x, degrees",
-                                        "turn about y, degrees",
-                                        "turn about z, degrees",
-                                        "x, mm",
-                                        "y, mm",
-                                        "z, mm"};
-    std::string text =
-        "<p>Places before cam0 (x right, y down, z forward). Standard deviations of turns are about "
-        "the camera's own axes.</p>\n<div class=\"wide\"><table>\n<tr><th>camera</th><th>what</th>"
-        "<th class=\"number\">value</th><th class=\"number\">standard deviation</th></tr>\n";
+    std::string rows;
     for (size_t k = 1; k < report.solution.cameras.size(); k++) {
         const RigCamera &camera = report.solution.cameras[k];
-        const Pose place = pose_of(rigid_of(camera.T_cam_first).inverse());
-        for (size_t i = 0; i < 6; i++) {
-            const double unit = i < 3 ? DEGREE : 1e3;
-            text += formatted("<tr><td>cam%zu</td><td>%s</td><td class=\"number\">", k, names[i]) +
-                    datum("place", unit * place[i], "%.3f") + "</td><td class=\"number\">" +
-                    datum("place-stdev", unit * camera.stdev[i], "%.2g") + "</td></tr>\n";
-        }
+        rows += place_rows(pose_of(rigid_of(camera.T_cam_first).inverse()), camera.stdev,
+                           formatted("<td>cam%zu</td>", k));
     }
-    return section("places", "Places", text + "</table></div>\n");
+    return section("places", "Places",
+                   "<p>Places before cam0 (x right, y down, z forward). Standard deviations of "
+                   "turns are about the camera's own axes.</p>\n" +
+                       values_table(rows, "<th>camera</th>"));
 }
 
 LeftOutPictures rig_left_out(const RigReport &report)
