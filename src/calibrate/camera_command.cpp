@@ -15,7 +15,7 @@ namespace calibrate
 namespace
 {
 
-constexpr int VIEWS_MAX_DEFAULT = 40, VIEWS_MAX_LIMIT = 500;
+constexpr int VIEWS_MAX_DEFAULT = 40;
 
 struct Given {
     std::string source, target, model = "auto", out, json, report, bend = "no", views,
@@ -25,7 +25,7 @@ struct Given {
 
 int check(const Given &given, std::vector<Model> &models, Board &board, int64_t &views_max)
 {
-    const int status = source_check("camera", given.source, given.target, board);
+    int status = source_check("camera", given.source, given.target, board);
     if (status != FV_EXIT_OK) return status;
     if (!models_of(given.model, models))
         return fv_say_wrong("--model: found '%s', expected auto, radtan, rational or equidistant",
@@ -34,11 +34,8 @@ int check(const Given &given, std::vector<Model> &models, Board &board, int64_t 
         return fv_say_wrong("--bend: found '%s', expected yes or no", given.bend.c_str());
     if (given.corners != "own" && given.corners != "opencv")
         return fv_say_wrong("--corners: found '%s', expected own or opencv", given.corners.c_str());
-    views_max = VIEWS_MAX_DEFAULT;
-    if (!given.views.empty() && (!fv_text_integer(given.views.c_str(), &views_max) ||
-                                 views_max < 2 || views_max > VIEWS_MAX_LIMIT))
-        return fv_say_wrong("--views: found '%s', expected a number from 2 to %d",
-                            given.views.c_str(), VIEWS_MAX_LIMIT);
+    status = views_check(given.views, VIEWS_MAX_DEFAULT, 2, views_max);
+    if (status != FV_EXIT_OK) return status;
     fovea_error error;
     if (!given.page.port.empty() &&
         expect_guidance(given.source, (int)views_max, &error) != FOVEA_OK)

@@ -39,6 +39,10 @@ bool options_parse(int argc, char **argv, const std::vector<Option> &options, co
 int source_check(const char *command, const std::string &source, const std::string &target,
                  Board &board);
 
+/* FV_EXIT_OK and the value of --views, `usual` where it is empty, or a line is printed: it is not
+ * from `least` to 500. */
+int views_check(const std::string &views, int usual, int least, int64_t &views_max);
+
 /* A file or folder that a command reads or writes; an empty path is none. */
 struct NamedFile {
     const char *option;

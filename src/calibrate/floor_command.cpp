@@ -1,15 +1,13 @@
 /* fovea-calibrate floor: height and tilt of a camera over the floor. */
 #include <cstdio>
 
-#include "calibrate/command.h"
 #include "calibrate/floor.h"
 #include "calibrate/html.h"
 #include "calibrate/json_text.h"
+#include "calibrate/known_command.h"
 #include "calibrate/outputs.h"
-#include "calibrate/pictures.h"
 #include "calibrate/report.h"
 #include "calibrate/report_page.h"
-#include "calibrate/text_file.h"
 #include "support/text.h"
 extern "C" {
 #include "support/say.h"
@@ -20,66 +18,47 @@ namespace calibrate
 namespace
 {
 
-constexpr int VIEWS_MAX_DEFAULT = 10, VIEWS_MAX_LIMIT = 500;
+constexpr int VIEWS_MAX_DEFAULT = 10;
 constexpr double DEGREE = 57.29577951308232;
 
-struct Given {
-    std::string source, target, camera, thickness = "0", out, json, report, views;
+struct Given : KnownGiven {
+    std::string thickness = "0";
 };
 
-struct FloorReport {
-    Board board;
-    std::vector<View> views;
+struct FloorReport : KnownReport {
     FloorSolution solution;
-    Verdict verdict;
-    std::string camera, source, date;
 };
 
 int check(const Given &given, Board &board, double &thickness_m, int64_t &views_max)
 {
-    const int status = source_check("floor", given.source, given.target, board);
+    int status = known_check("floor", given, board);
     if (status != FV_EXIT_OK) return status;
-    if (given.camera.empty())
-        return fv_say_wrong("fovea-calibrate floor: found no --camera, expected the camera's file "
-                            "('fovea-calibrate camera' makes one)");
     if (!fv_text_number(given.thickness.c_str(), &thickness_m) || thickness_m < 0 ||
         thickness_m > 1)
         return fv_say_wrong("--thickness: found '%s', expected metres from 0 to 1",
                             given.thickness.c_str());
-    views_max = VIEWS_MAX_DEFAULT;
-    if (!given.views.empty() && (!fv_text_integer(given.views.c_str(), &views_max) ||
-                                 views_max < 1 || views_max > VIEWS_MAX_LIMIT))
-        return fv_say_wrong("--views: found '%s', expected a number from 1 to %d",
-                            given.views.c_str(), VIEWS_MAX_LIMIT);
-    return files_check({{"--out", given.out, false},
-                        {"--json", given.json, false},
-                        {"--report", given.report, false}},
-                       {{"--source", given.source, true}, {"--camera", given.camera, false}});
+    status = views_check(given.views, VIEWS_MAX_DEFAULT, 1, views_max);
+    return status == FV_EXIT_OK ? known_files(given) : status;
 }
 
 /* Keys of Fovea's configuration. */
 std::string configuration(const FloorReport &report)
 {
     const FloorSolution &s = report.solution;
-    std::string text = formatted(
-        "# The camera over the floor, by fovea-calibrate floor of %s: %s.\n"
-        "# Height +- %.4f m, tilt +- %.3f degrees, roll +- %.3f degrees. The body is on the "
-        "floor\n# right below the camera: x ahead, y left, z up.\nT_body_cam:\n",
-        report.date.c_str(), grade_name(report.verdict.grade), s.height_stdev_m,
-        DEGREE * s.tilt_stdev_rad, DEGREE * s.roll_stdev_rad);
-    for (size_t i = 0; i < 12; i += 4)
-        text += formatted("- [%.17g, %.17g, %.17g, %.17g]\n", s.T_body_cam[i], s.T_body_cam[i + 1],
-                          s.T_body_cam[i + 2], s.T_body_cam[i + 3]);
-    return text +
+    return formatted(
+               "# The camera over the floor, by fovea-calibrate floor of %s: %s.\n"
+               "# Height +- %.4f m, tilt +- %.3f degrees, roll +- %.3f degrees. The body is on the "
+               "floor\n# right below the camera: x ahead, y left, z up.\n",
+               report.date.c_str(), grade_name(report.verdict.grade), s.height_stdev_m,
+               DEGREE * s.tilt_stdev_rad, DEGREE * s.roll_stdev_rad) +
+           T_body_cam_key(s.T_body_cam) +
            formatted("scale:\n  source: camera_height\n  camera_height_m: %.17g\n", s.height_m);
 }
 
 std::string json(const FloorReport &report)
 {
     const FloorSolution &s = report.solution;
-    std::string text = "{\n" + json_verdict(report.verdict, report.date) +
-                       "  \"camera\": " + json_string(report.camera) +
-                       ",\n  \"board\": " + json_string(report.board.text());
+    std::string text = known_json(report);
     if (s.views_used > 0)
         text += ",\n  \"camera_height_m\": {\"value\": " + json_number(s.height_m) +
                 ", \"stdev\": " + json_number(s.height_stdev_m) +
@@ -99,14 +78,7 @@ std::string json(const FloorReport &report)
 std::string html(const FloorReport &report)
 {
     const FloorSolution &s = report.solution;
-    std::string page = verdict_header(
-        "The camera over the floor", report.verdict,
-        report.verdict.grade == Grade::fail
-            ? "No file was written. Do what the reasons ask for and calibrate again."
-            : "Put the keys of the file into the configuration. When the camera's mount was touched, "
-              "calibrate again.",
-        "Pictures: " + report.source + ". Camera: " + report.camera +
-            ". Board: " + report.board.text() + ". Date: " + report.date);
+    std::string page = known_header(report, "The camera over the floor", "keys");
     if (s.views_used > 0)
         page += section(
             "floor", "Height and tilt",
@@ -138,32 +110,17 @@ void print(const FloorReport &report)
     print_verdict(report.verdict);
 }
 
-int write(const Given &given, const FloorReport &report)
-{
-    const int status = write_verdict(given.json, json(report), given.report, html(report));
-    if (status != FV_EXIT_OK || !result_wanted(given.out, report.verdict.grade)) return status;
-    return write_text(given.out, configuration(report));
-}
-
 } // namespace
 
 int command_floor(int argc, char **argv)
 {
     Given given;
-    const std::vector<Option> options = {
-        {"source", "URI|FOLDER", &given.source,
-         "camera or recording, or folder of PNG, JPEG and BMP files"},
-        {"target", "BOARD", &given.target,
-         "board, as chessboard:9x6:0.025; see --man for the others"},
-        {"camera", "FILE", &given.camera, "camera file of the camera"},
-        {"thickness", "METRES", &given.thickness,
-         "of the board: its printed side over the floor (default 0)"},
-        {"out", "FILE", &given.out,
-         "write keys of Fovea's configuration; not when the verdict is fail"},
-        {"json", "FILE", &given.json, "write the verdict with all its numbers"},
-        {"report", "FILE", &given.report, "write the verdict as one HTML file"},
-        {"views", "N", &given.views, "pictures to take from a URI (default 10)"},
-    };
+    const std::vector<Option> options =
+        known_options(given,
+                      {{"thickness", "METRES", &given.thickness,
+                        "of the board: its printed side over the floor (default 0)"}},
+                      "write keys of Fovea's configuration; not when the verdict is fail",
+                      "pictures to take from a URI (default 10)");
     std::vector<std::string> operands;
     int status;
     if (!options_parse(argc, argv, options, "", 0, operands, &status)) return status;
@@ -177,19 +134,14 @@ int command_floor(int argc, char **argv)
     status =
         collect_known(given.source, given.camera, report.board, (int)views_max, collection, camera);
     if (status != FV_EXIT_OK) return status;
-    report.views = collection.views;
-    report.camera = given.camera;
-    report.source = given.source;
-    report.date = now_text();
+    known_begin(given, collection, report);
     std::string error;
     if (solve_floor(report.board, report.views, camera, thickness_m, report.solution, error))
         report.verdict = judge_floor(report.views, report.solution);
     else
         add_reason(report.verdict, Grade::fail, "%s", error.c_str());
     print(report);
-    status = write(given, report);
-    if (status != FV_EXIT_OK) return status;
-    return report.verdict.grade == Grade::fail ? FV_EXIT_FAILED : FV_EXIT_OK;
+    return known_write(given, report, json(report), html(report), configuration(report));
 }
 
 } // namespace calibrate

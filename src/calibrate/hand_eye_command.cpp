@@ -2,16 +2,14 @@
 #include <algorithm>
 #include <cstdio>
 
-#include "calibrate/command.h"
 #include "calibrate/hand_eye.h"
 #include "calibrate/heard_poses.h"
 #include "calibrate/html.h"
 #include "calibrate/json_text.h"
+#include "calibrate/known_command.h"
 #include "calibrate/outputs.h"
-#include "calibrate/pictures.h"
 #include "calibrate/report.h"
 #include "calibrate/report_page.h"
-#include "calibrate/text_file.h"
 #include "support/text.h"
 extern "C" {
 #include "support/say.h"
@@ -22,11 +20,11 @@ namespace calibrate
 namespace
 {
 
-constexpr int VIEWS_MAX_DEFAULT = 40, VIEWS_MAX_LIMIT = 500;
+constexpr int VIEWS_MAX_DEFAULT = 40;
 constexpr double DEGREE = 57.29577951308232;
 
-struct Given {
-    std::string source, target, camera, poses, out, json, report, views, lcm_url, listen;
+struct Given : KnownGiven {
+    std::string poses, lcm_url, listen;
     /* A channel of LCM; nullptr: `poses` is a file. */
     const char *channel() const
     {
@@ -35,22 +33,15 @@ struct Given {
     }
 };
 
-struct HandEyeReport {
-    Board board;
-    std::vector<View> views;
+struct HandEyeReport : KnownReport {
     HandEyeSolution solution;
-    Verdict verdict;
-    std::string camera, source, poses, date;
+    std::string poses; /* as given */
 };
 
 int check(const Given &given, Board &board, int64_t &views_max)
 {
-    const int status = source_check("hand-eye", given.source, given.target, board);
+    int status = known_check("hand-eye", given, board);
     if (status != FV_EXIT_OK) return status;
-    if (given.camera.empty())
-        return fv_say_wrong(
-            "fovea-calibrate hand-eye: found no --camera, expected the camera's file "
-            "('fovea-calibrate camera' makes one)");
     if (given.poses.empty())
         return fv_say_wrong(
             "fovea-calibrate hand-eye: found no --poses, expected lcm:CHANNEL or a file with lines "
@@ -59,18 +50,10 @@ int check(const Given &given, Board &board, int64_t &views_max)
         return fv_say_wrong("fovea-calibrate hand-eye: found --%s without --poses lcm:CHANNEL, "
                             "expected both",
                             given.listen.empty() ? "lcm-url" : "listen");
-    views_max = VIEWS_MAX_DEFAULT;
-    if (!given.views.empty() && (!fv_text_integer(given.views.c_str(), &views_max) ||
-                                 views_max < 3 || views_max > VIEWS_MAX_LIMIT))
-        return fv_say_wrong("--views: found '%s', expected a number from 3 to %d",
-                            given.views.c_str(), VIEWS_MAX_LIMIT);
-    std::vector<NamedFile> read = {{"--source", given.source, true},
-                                   {"--camera", given.camera, false}};
-    if (given.channel() == nullptr) read.push_back({"--poses", given.poses, false});
-    return files_check({{"--out", given.out, false},
-                        {"--json", given.json, false},
-                        {"--report", given.report, false}},
-                       read);
+    status = views_check(given.views, VIEWS_MAX_DEFAULT, 3, views_max);
+    if (status != FV_EXIT_OK) return status;
+    if (given.channel() != nullptr) return known_files(given);
+    return known_files(given, {{"--poses", given.poses, false}});
 }
 
 Rigid from_rows(const double rows[12])
@@ -171,24 +154,18 @@ int collect_posed(const Given &given, const Board &board, int views_max, Collect
 std::string configuration(const HandEyeReport &report)
 {
     const HandEyeSolution &s = report.solution;
-    const std::array<double, 12> T = rows_of(s.T_body_cam);
-    std::string text = formatted(
-        "# The camera on the body, by fovea-calibrate hand-eye of %s: %s.\n"
-        "# Rotation +- %.3f %.3f %.3f degrees about the body's axes, place +- %.4f %.4f %.4f m.\n"
-        "T_body_cam:\n",
-        report.date.c_str(), grade_name(report.verdict.grade), DEGREE * s.stdev[0],
-        DEGREE * s.stdev[1], DEGREE * s.stdev[2], s.stdev[3], s.stdev[4], s.stdev[5]);
-    for (size_t i = 0; i < 12; i += 4)
-        text += formatted("- [%.17g, %.17g, %.17g, %.17g]\n", T[i], T[i + 1], T[i + 2], T[i + 3]);
-    return text;
+    return formatted("# The camera on the body, by fovea-calibrate hand-eye of %s: %s.\n"
+                     "# Rotation +- %.3f %.3f %.3f degrees about the body's axes, place +- %.4f "
+                     "%.4f %.4f m.\n",
+                     report.date.c_str(), grade_name(report.verdict.grade), DEGREE * s.stdev[0],
+                     DEGREE * s.stdev[1], DEGREE * s.stdev[2], s.stdev[3], s.stdev[4], s.stdev[5]) +
+           T_body_cam_key(rows_of(s.T_body_cam));
 }
 
 std::string json(const HandEyeReport &report)
 {
     const HandEyeSolution &s = report.solution;
-    std::string text = "{\n" + json_verdict(report.verdict, report.date) +
-                       "  \"camera\": " + json_string(report.camera) +
-                       ",\n  \"board\": " + json_string(report.board.text());
+    std::string text = known_json(report);
     if (s.views_used > 0)
         text += ",\n  \"T_body_cam\": " + json_numbers(rows_of(s.T_body_cam).data(), 12) +
                 ",\n  \"rotation_stdev_rad\": " + json_numbers(s.stdev.data(), 3) +
@@ -206,39 +183,17 @@ std::string json(const HandEyeReport &report)
 
 std::string html(const HandEyeReport &report)
 {
-    static const char *const names[] = {"turn about x, degrees",
-                                        "turn about y, degrees",
-                                        "turn about z, degrees",
-                                        "x, mm",
-                                        "y, mm",
-                                        "z, mm"};
     const HandEyeSolution &s = report.solution;
-    std::string page = verdict_header(
-        "The camera on the body", report.verdict,
-        report.verdict.grade == Grade::fail
-            ? "No file was written. Do what the reasons ask for and calibrate again."
-            : "Put the key of the file into the configuration. When the camera's mount was touched, "
-              "calibrate again.",
-        "Pictures: " + report.source + ". Poses: " + report.poses + ". Camera: " + report.camera +
-            ". Board: " + report.board.text() + ". Date: " + report.date);
+    std::string page =
+        known_header(report, "The camera on the body", "key", " Poses: " + report.poses + ".");
     if (s.views_used > 0) {
-        const Pose place = pose_of(s.T_body_cam);
-        std::string rows;
-        for (size_t i = 0; i < 6; i++) {
-            const double unit = i < 3 ? DEGREE : 1e3;
-            rows += formatted("<tr><td>%s</td><td class=\"number\">", names[i]) +
-                    datum("place", unit * place[i], "%.3f") + "</td><td class=\"number\">" +
-                    datum("place-stdev", unit * s.stdev[i], "%.2g") + "</td></tr>\n";
-        }
-        page +=
-            section("place", "The camera in the body's frame",
-                    "<div class=\"wide\"><table>\n<tr><th>what</th><th class=\"number\">value</th>"
-                    "<th class=\"number\">standard deviation</th></tr>\n" +
-                        rows + "</table></div>\n<p>" + datum("views_used", s.views_used, "%.0f") +
-                        " pictures. Noise of the body's poses: " +
-                        datum("pose_noise_degrees", DEGREE * s.pose_noise_rad) + " degrees, " +
-                        datum("pose_noise_mm", 1e3 * s.pose_noise_m) +
-                        " mm; of corners: " + datum("noise_px", s.noise_px) + " px.</p>\n");
+        page += section("place", "The camera in the body's frame",
+                        values_table(place_rows(pose_of(s.T_body_cam), s.stdev)) + "<p>" +
+                            datum("views_used", s.views_used, "%.0f") +
+                            " pictures. Noise of the body's poses: " +
+                            datum("pose_noise_degrees", DEGREE * s.pose_noise_rad) + " degrees, " +
+                            datum("pose_noise_mm", 1e3 * s.pose_noise_m) +
+                            " mm; of corners: " + datum("noise_px", s.noise_px) + " px.</p>\n");
     }
     page += left_out_section(pictures_left_out(report.views, s.left_out));
     return html_page(report.verdict.grade, page);
@@ -261,35 +216,20 @@ void print(const HandEyeReport &report)
     print_verdict(report.verdict);
 }
 
-int write(const Given &given, const HandEyeReport &report)
-{
-    const int status = write_verdict(given.json, json(report), given.report, html(report));
-    if (status != FV_EXIT_OK || !result_wanted(given.out, report.verdict.grade)) return status;
-    return write_text(given.out, configuration(report));
-}
-
 } // namespace
 
 int command_hand_eye(int argc, char **argv)
 {
     Given given;
-    const std::vector<Option> options = {
-        {"source", "URI|FOLDER", &given.source,
-         "recording or camera, or folder of PNG, JPEG and BMP files"},
-        {"target", "BOARD", &given.target,
-         "board, as chessboard:9x6:0.025; see --man for the others"},
-        {"camera", "FILE", &given.camera, "camera file of the camera"},
-        {"poses", "FILE|lcm:CHANNEL", &given.poses,
-         "poses of the body: a file with a line each, stamp x y z qx qy qz qw; or a channel of "
-         "bot_core.pose_t, heard while pictures are taken"},
-        {"out", "FILE", &given.out,
-         "write the key T_body_cam of Fovea's configuration; not when the verdict is fail"},
-        {"json", "FILE", &given.json, "write the verdict with all its numbers"},
-        {"report", "FILE", &given.report, "write the verdict as one HTML file"},
-        {"views", "N", &given.views, "pictures to take from a URI (default 40)"},
-        {"lcm-url", "URL", &given.lcm_url, lcm_url_help},
-        {"listen", "WHOM", &given.listen, listen_help},
-    };
+    const std::vector<Option> options = known_options(
+        given,
+        {{"poses", "FILE|lcm:CHANNEL", &given.poses,
+          "poses of the body: a file with a line each, stamp x y z qx qy qz qw; or a channel of "
+          "bot_core.pose_t, heard while pictures are taken"},
+         {"lcm-url", "URL", &given.lcm_url, lcm_url_help},
+         {"listen", "WHOM", &given.listen, listen_help}},
+        "write the key T_body_cam of Fovea's configuration; not when the verdict is fail",
+        "pictures to take from a URI (default 40)");
     std::vector<std::string> operands;
     int status;
     if (!options_parse(argc, argv, options, "", 0, operands, &status)) return status;
@@ -302,20 +242,15 @@ int command_hand_eye(int argc, char **argv)
     std::vector<BodyPose> poses;
     status = collect_posed(given, report.board, (int)views_max, collection, camera, poses);
     if (status != FV_EXIT_OK) return status;
-    report.views = collection.views;
-    report.camera = given.camera;
-    report.source = given.source;
+    known_begin(given, collection, report);
     report.poses = given.poses;
-    report.date = now_text();
     std::string error;
     if (solve_hand_eye(report.board, report.views, poses, camera, report.solution, error))
         report.verdict = judge_hand_eye(report.solution);
     else
         add_reason(report.verdict, Grade::fail, "%s", error.c_str());
     print(report);
-    status = write(given, report);
-    if (status != FV_EXIT_OK) return status;
-    return report.verdict.grade == Grade::fail ? FV_EXIT_FAILED : FV_EXIT_OK;
+    return known_write(given, report, json(report), html(report), configuration(report));
 }
 
 } // namespace calibrate

@@ -6,6 +6,7 @@
 #include <ctime>
 
 #include "support/man.h"
+#include "support/text.h"
 extern "C" {
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wshadow" /* it has a struct and a function of one name */
@@ -99,6 +100,17 @@ bool options_parse(int argc, char **argv, const std::vector<Option> &options, co
     *status = fv_say_wrong("fovea-calibrate %s: found %zu operands, expected %zu%s%s", command,
                            found.size(), operand_count, operand_count > 0 ? ": " : "", operands);
     return false;
+}
+
+int views_check(const std::string &views, int usual, int least, int64_t &views_max)
+{
+    constexpr int most = 500;
+    views_max = usual;
+    if (views.empty() ||
+        (fv_text_integer(views.c_str(), &views_max) && views_max >= least && views_max <= most))
+        return FV_EXIT_OK;
+    return fv_say_wrong("--views: found '%s', expected a number from %d to %d", views.c_str(),
+                        least, most);
 }
 
 int files_check(const std::vector<NamedFile> &written, const std::vector<NamedFile> &read)

@@ -25,7 +25,7 @@ namespace calibrate
 namespace
 {
 
-constexpr int VIEWS_MAX_DEFAULT = 40, VIEWS_MAX_LIMIT = 500, FOLDS = 5;
+constexpr int VIEWS_MAX_DEFAULT = 40, FOLDS = 5;
 
 struct Given {
     std::string target, model = "auto", format = "rig", out, json, report, views;
@@ -61,11 +61,8 @@ int check(const Given &given, Board &board, std::vector<Model> &models, int64_t 
     }
     status = check_inertial(given.imu, given.sources);
     if (status != FV_EXIT_OK) return status;
-    views_max = VIEWS_MAX_DEFAULT;
-    if (!given.views.empty() && (!fv_text_integer(given.views.c_str(), &views_max) ||
-                                 views_max < 2 || views_max > VIEWS_MAX_LIMIT))
-        return fv_say_wrong("--views: found '%s', expected a number from 2 to %d",
-                            given.views.c_str(), VIEWS_MAX_LIMIT);
+    status = views_check(given.views, VIEWS_MAX_DEFAULT, 2, views_max);
+    if (status != FV_EXIT_OK) return status;
     std::vector<NamedFile> read;
     for (const std::string &source : given.sources)
         read.push_back({"--source", source, true});
