@@ -115,6 +115,26 @@ inline bool hold(const fovea_camera &camera, Random &random, const Holding &hold
     return true;
 }
 
+/* A pixel of a point in the camera's frame; false: it is not seen, or too near to the border. */
+inline bool see_point(const fovea_camera &camera, const double point[3], double pixel[2])
+{
+    return fovea_camera_project(&camera, point, pixel, nullptr) == FOVEA_OK && pixel[0] >= 3 &&
+           pixel[1] >= 3 && pixel[0] <= WIDTH - 4 && pixel[1] <= HEIGHT - 4;
+}
+
+inline calibrate::Pixel with_noise(const double pixel[2], Random &random)
+{
+    const double x = pixel[0] + NOISE_PX * random.gauss();
+    return {x, pixel[1] + NOISE_PX * random.gauss()};
+}
+
+inline calibrate::View without_board(calibrate::View view)
+{
+    view.corners.clear();
+    view.left_out = "no board";
+    return view;
+}
+
 /* What a detector finds of such a board, with noise, and the truth; false: a corner is not seen. */
 inline bool see(const fovea_camera &camera, Random &random, const Holding &holding,
                 calibrate::View &view, calibrate::View &exact)
@@ -131,9 +151,7 @@ inline bool see(const fovea_camera &camera, Random &random, const Holding &holdi
         const double up = holding.bend_m * (1 - 4 * a * a / (size * size));
         for (int i = 0; i < 3; i++)
             seen[i] = held.middle[i] + a * held.x[i] + b * held.y[i] - up * held.z[i];
-        if (fovea_camera_project(&camera, seen, pixel, nullptr) != FOVEA_OK) return false;
-        if (pixel[0] < 3 || pixel[1] < 3 || pixel[0] > WIDTH - 4 || pixel[1] > HEIGHT - 4)
-            return false;
+        if (!see_point(camera, seen, pixel)) return false;
         exact.corners.push_back({pixel[0], pixel[1]});
         view.corners.push_back({pixel[0] + holding.noise_px * random.gauss(),
                                 pixel[1] + holding.noise_px * random.gauss()});

@@ -37,18 +37,24 @@ struct Set {
     Collection collection;
 };
 
+/* All views are of one size. */
+void state_size(Collection &collection)
+{
+    collection.width = WIDTH;
+    collection.height = HEIGHT;
+    for (View &view : collection.views) {
+        view.width = WIDTH;
+        view.height = HEIGHT;
+    }
+}
+
 /* Corners as a good detector finds them. */
 Set seen_boards(Random &random, unsigned seed, size_t count, const Holding &holding)
 {
     Set set;
     const fovea_camera camera = true_camera(models[seed / 2 % models.size()], random);
     set.collection.views = see_boards(camera, random, count, nullptr, holding);
-    for (View &view : set.collection.views) {
-        view.width = WIDTH;
-        view.height = HEIGHT;
-    }
-    set.collection.width = WIDTH;
-    set.collection.height = HEIGHT;
+    state_size(set.collection);
     return set;
 }
 
@@ -83,23 +89,18 @@ Set two_views(Random &random, unsigned seed)
 /* The lens is focused anew for every second picture. */
 Set two_lenses(Random &random, unsigned seed)
 {
-    Set set, other;
+    Set set;
     fovea_camera camera = true_camera(models[seed / 2 % models.size()], random);
     const double zoom = random.between(1.01, 1.02);
-    set.collection.views = see_boards(camera, random, VIEWS / 2, nullptr);
+    std::vector<View> &views = set.collection.views;
+    views = see_boards(camera, random, VIEWS / 2, nullptr);
     camera.fx *= zoom;
     camera.fy *= zoom;
     assert_int_equal(fovea_camera_prepare(&camera, nullptr), FOVEA_OK);
-    other.collection.views = see_boards(camera, random, VIEWS / 2, nullptr);
-    for (size_t v = 0; v < other.collection.views.size(); v++)
-        set.collection.views.insert(set.collection.views.begin() + (std::ptrdiff_t)(2 * v + 1),
-                                    other.collection.views[v]);
-    for (View &view : set.collection.views) {
-        view.width = WIDTH;
-        view.height = HEIGHT;
-    }
-    set.collection.width = WIDTH;
-    set.collection.height = HEIGHT;
+    const std::vector<View> others = see_boards(camera, random, VIEWS / 2, nullptr);
+    for (size_t v = 0; v < others.size(); v++)
+        views.insert(views.begin() + (std::ptrdiff_t)(2 * v + 1), others[v]);
+    state_size(set.collection);
     return set;
 }
 

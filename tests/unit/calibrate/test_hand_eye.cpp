@@ -154,6 +154,19 @@ void the_noise_of_poses_is_found(void **)
     assert_true(std::fabs(m / .003 - 1) < .1);
 }
 
+/* Picture `v` without noise: where the board and the body are. */
+void place_view(Set &set, size_t v, const Rigid &T_cam_board, const Rigid &T_world_body)
+{
+    set.poses[v].T_world_body = T_world_body;
+    set.views[v].corners.clear();
+    for (const Point &point : board.points()) {
+        const Eigen::Vector3d at = T_cam_board * Eigen::Vector3d(point[0], point[1], 0);
+        double pixel[2] = {0, 0};
+        assert_int_equal(fovea_camera_project(&set.camera, at.data(), pixel, nullptr), FOVEA_OK);
+        set.views[v].corners.push_back({pixel[0], pixel[1]});
+    }
+}
+
 void motions_that_are_not_enough_are_named(void **)
 {
     Set set = random_set(1, 0, 0);
@@ -171,15 +184,7 @@ void motions_that_are_not_enough_are_named(void **)
             board_before.t = {-.1, -.07, .5};
             const Rigid T_cam_board =
                 set.T_body_cam.inverse() * T_world_body.inverse() * set.T_body_cam * board_before;
-            set.poses[v].T_world_body = T_world_body;
-            set.views[v].corners.clear();
-            for (const Point &point : board.points()) {
-                const Eigen::Vector3d at = T_cam_board * Eigen::Vector3d(point[0], point[1], 0);
-                double pixel[2] = {0, 0};
-                assert_int_equal(fovea_camera_project(&set.camera, at.data(), pixel, nullptr),
-                                 FOVEA_OK);
-                set.views[v].corners.push_back({pixel[0], pixel[1]});
-            }
+            place_view(set, v, T_cam_board, T_world_body);
         }
         assert_false(solve_hand_eye(board, set.views, set.poses, set.camera, solution, error));
         assert_non_null(std::strstr(
@@ -198,16 +203,8 @@ void half_turns_are_named(void **)
         turn.R = Eigen::AngleAxisd(v % 2 == 0 ? 0 : 3.1415, Eigen::Vector3d::UnitZ());
         turn.t = {.01 * (double)(v % 3), 0, 0};
         board_before.t = {-.12, -.07, .6};
-        const Rigid T_cam_board = turn.inverse() * board_before;
-        set.poses[v].T_world_body = set.T_body_cam * turn * set.T_body_cam.inverse();
-        set.views[v].corners.clear();
-        for (const Point &point : board.points()) {
-            const Eigen::Vector3d at = T_cam_board * Eigen::Vector3d(point[0], point[1], 0);
-            double pixel[2] = {0, 0};
-            assert_int_equal(fovea_camera_project(&set.camera, at.data(), pixel, nullptr),
-                             FOVEA_OK);
-            set.views[v].corners.push_back({pixel[0], pixel[1]});
-        }
+        place_view(set, v, turn.inverse() * board_before,
+                   set.T_body_cam * turn * set.T_body_cam.inverse());
     }
     assert_false(solve_hand_eye(board, set.views, set.poses, set.camera, solution, error));
     if (std::strncmp(error.c_str(), "half turns: 56 of 105 ", 22) != 0)

@@ -59,14 +59,8 @@ View view_of_board(const Truth &truth, size_t k, const Held &held, Random &rando
             in_first[i] = held.middle[i] + (point[0] - .5 * width) * held.x[i] +
                           (point[1] - .5 * height) * held.y[i];
         const Eigen::Vector3d in_camera = truth.T_cam_first[k] * in_first;
-        if (fovea_camera_project(&truth.cameras[k], in_camera.data(), pixel, nullptr) != FOVEA_OK ||
-            pixel[0] < 3 || pixel[1] < 3 || pixel[0] > WIDTH - 4 || pixel[1] > HEIGHT - 4) {
-            view.corners.clear();
-            view.left_out = "no board";
-            return view;
-        }
-        view.corners.push_back(
-            {pixel[0] + NOISE_PX * random.gauss(), pixel[1] + NOISE_PX * random.gauss()});
+        if (!see_point(truth.cameras[k], in_camera.data(), pixel)) return without_board(view);
+        view.corners.push_back(with_noise(pixel, random));
     }
     return view;
 }
