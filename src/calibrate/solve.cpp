@@ -123,7 +123,6 @@ std::vector<Pixel> residuals_of(const State &state, size_t v)
     return residuals;
 }
 
-/* Of the values that are known. */
 /* Corners further off than five standard deviations (of Gaussian noise, four in a million are), and
  * views whose middle corner is far worse than that of the others. True: the choice has changed. */
 constexpr double CORNER_SIGMAS = 5, VIEW_RATIO = 3.5, VIEW_CORNERS_SHARE = .6;
