@@ -21,9 +21,9 @@ enum {
     TIME_BYTES = 9,
     QUALITIES = 3,
     DESCRIBED_BYTES = 8192,
-    SMALL_BYTES = 8192,   /* of a message of the run */
+    SMALL_BYTES = 8192,   /* 66 ms at 1 Mbit/s */
     SMALLS_IN_A_ROW = 24, /* before a large one has its turn */
-    LARGE_PART = 3        /* small ones have the link this many times as long as large ones */
+    LARGE_PART = 3        /* large ones have at most a third of the link's time */
 };
 #define QUALITY_NS (FV_SECOND_NS / 2) /* between two falls */
 #define BETTER_NS (3 * FV_SECOND_NS)  /* without a loss, before it rises; twice that each time */
@@ -377,10 +377,13 @@ static size_t next_picture(struct fv_foxglove_client *client, const struct fv_fo
            made;
 }
 
+/* A view is as large as its message or as what was made of the one before, which grows: of a map
+ * that comes in parts all of it is shown. */
 static bool is_small(const struct fv_foxglove_views *views, uint32_t index)
 {
-    return index < views->view_count ? views->views[index].raw_bytes <= SMALL_BYTES
-                                     : index == views->view_count; /* the log */
+    if (index >= views->view_count) return index == views->view_count; /* the log, or a picture */
+    const struct fv_foxglove_view *view = &views->views[index];
+    return view->raw_bytes <= SMALL_BYTES && view->made_bytes <= SMALL_BYTES;
 }
 
 /* The small ones or the large ones, each in its turn, so that none keeps the others waiting: views,

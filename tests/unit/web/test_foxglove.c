@@ -48,7 +48,7 @@ static void take_map(int32_t first, int32_t last, int32_t count, int32_t *slots)
                              .own_scale = 2,
                              .own_position = {1, 1, 1},
                              .own_orientation = {1, 0, 0, 0},
-                             .landmark_slots = 100,
+                             .landmark_slots = 1000,
                              .landmark_first = first,
                              .landmark_last = last,
                              .landmark_count = count,
@@ -236,7 +236,7 @@ static void the_map_is_all_landmarks_so_far(void **state)
     memcpy(&x, field(payload(), 6, 0).at + 24, 4);
     assert_true(x == 2 * 15 + 1);               /* own_scale p + own_position */
     take_map(0, 10, 1, (int32_t[]){2});         /* 1 is gone */
-    take_map(90, 100, 2, (int32_t[]){-3, 100}); /* no slots */
+    take_map(90, 100, 2, (int32_t[]){-3, 1000}); /* no slots */
     assert_true(data_of(1));
     assert_int_equal(field(payload(), 6, 0).bytes, 2 * 12);
     assert_false(data_of(1));
@@ -309,6 +309,38 @@ static void none_keeps_the_others_waiting(void **state)
         seen[packet[1]] = true;
     }
     assert_true(seen[1] && seen[7]);
+}
+
+/* All of a map is shown when a part of it comes: small messages, and a large view. */
+static void a_large_view_leaves_the_link_to_poses(void **state)
+{
+    enum { LINK = 50000 /* bytes per second */ };
+    uint64_t of_map = 0, all = 0;
+    const fovea_pose_t first = pose_of(SECOND);
+    (void)state;
+    take_pose(&first);
+    for (int32_t at = 0; at < 1000; at += 8) {
+        int32_t slots[8];
+        for (int32_t i = 0; i < 8; i++)
+            slots[i] = at + i;
+        take_map(at, at + 8, 8, slots);
+    }
+    subscribe("/R/map", 1);
+    assert_true(data_of(1));
+    assert_true(bytes > 10000);
+    subscribe("/R/pose", 7);
+    client.bytes_per_s = LINK;
+    for (int i = 2; i < 10000; i++) { /* there is a new part whenever something can be sent */
+        const fovea_pose_t pose = pose_of(i * SECOND);
+        take_pose(&pose);
+        take_map(0, 10, 1, (int32_t[]){1});
+        while (next() && packet[0] != 1)
+            continue; /* the time */
+        now_ns += (int64_t)(bytes * SECOND / LINK);
+        all += bytes;
+        if (packet[1] == 1) of_map += bytes;
+    }
+    assert_true(of_map > all / 4 && of_map < 2 * all / 5);
 }
 
 /* A frame, of noise; `wide`: wider than pages get. */
@@ -471,6 +503,7 @@ int main(void)
         cmocka_unit_test_setup_teardown(the_log_says_changes_alone, begin, end),
         cmocka_unit_test_setup_teardown(who_is_slow_gets_the_newest, begin, end),
         cmocka_unit_test_setup_teardown(none_keeps_the_others_waiting, begin, end),
+        cmocka_unit_test_setup_teardown(a_large_view_leaves_the_link_to_poses, begin, end),
         cmocka_unit_test_setup_teardown(pictures_fall_in_quality_and_keep_their_size, begin, end),
         cmocka_unit_test_setup_teardown(a_picture_has_the_time_of_its_stamp_in_utc, begin, end),
         cmocka_unit_test_setup_teardown(each_camera_has_its_pictures, begin, end),
