@@ -234,8 +234,8 @@ static void the_map_is_all_landmarks_so_far(void **state)
     assert_int_equal(field(payload(), 6, 0).bytes, 3 * 12);
     float x;
     memcpy(&x, field(payload(), 6, 0).at + 24, 4);
-    assert_true(x == 2 * 15 + 1);               /* own_scale p + own_position */
-    take_map(0, 10, 1, (int32_t[]){2});         /* 1 is gone */
+    assert_true(x == 2 * 15 + 1);                /* own_scale p + own_position */
+    take_map(0, 10, 1, (int32_t[]){2});          /* 1 is gone */
     take_map(90, 100, 2, (int32_t[]){-3, 1000}); /* no slots */
     assert_true(data_of(1));
     assert_int_equal(field(payload(), 6, 0).bytes, 2 * 12);
