@@ -116,7 +116,7 @@ def coloured(bench):
                             ("a wrong colour", "#000000\n#12345\n", "line 2: found '#12345'"), ("a number too large", "0 0 256\n", "line 1"),
                             ("no colours", "\n", "found 0 colours")):
         bench.refused(what, deeplab().bytes(), why, "--colours", bench.file("colours.txt", text))
-    bench.refused("colours of a classifier", network([(1, 20)], "SOFTMAX"), "expected a segmentation", "--colours",
+    bench.refused("colours of a classifier", network([(1, 20)], "SOFTMAX"), "expected segment", "--colours",
                   bench.file("colours.txt", "#000000\n"))
 
 

@@ -340,6 +340,15 @@ def anchors(bench):
     bench.refused("no pairs", grid, "--anchors", "--decoder", "yolov2")
 
 
+def unread(bench):
+    """Options of other decoders than the one that is named or chosen."""
+    classes = network([(1, 20)], "SOFTMAX")
+    for option, value, expected in (("--points", "5,3", "expected yolov8_pose or end2end or landmarks"), ("--box-scales", "1,1,1,1", "expected ssd_raw"),
+                                    ("--anchors", "1,2", "expected ssd_raw or yolov2 or yolov3"), ("--colours", "x", "expected segment")):
+        for kind, model, named in (("classifier", classes, ()), ("none", classes, ("--decoder", "none")), ("yolov8", network([(1, 7, 40)]), V8)):
+            bench.refused(f"{option} with {kind}", model, f"{option}: found with decoder {kind}, {expected}", option, value, *named)
+
+
 def sound():
     """An input as long as a second of sound, pooled into a row."""
     b = Builder()
@@ -452,7 +461,7 @@ def files(bench):
 def main():
     with tempfile.TemporaryDirectory() as folder:
         bench = Bench(folder)
-        for test in (guesses, heads, planes, states, outputs, refusals, beyond, ranges, thresholds, labels, anchors, loaded, units, archived, files, damaged):
+        for test in (guesses, heads, planes, states, outputs, refusals, beyond, ranges, thresholds, labels, anchors, unread, loaded, units, archived, files, damaged):
             test(bench)
     return 1 if bench.wrong else 0
 

@@ -14,6 +14,8 @@ from graph import ImportProblem, origin
 DECODERS = ["none", "classifier", "ssd", "ssd_raw", "yolov5", "yolov8", "yolov2", "fomo", "segment", "embedding", "yolov8_pose", "yolov8_seg",
             "yolov8_obb", "end2end", "movenet", "blaze", "landmarks", "yolox", "yolov3"]
 SIDE_MAX = 8192
+READERS = {"points": ("yolov8_pose", "end2end", "landmarks"), "anchors": ("ssd_raw", "yolov2", "yolov3"), "box_scales": ("ssd_raw",),
+           "colours": ("segment",)}  # options, and the decoders that read them
 ORDERS = {"rgb": 0, "bgr": 1, "grey": 2}
 
 
@@ -41,7 +43,7 @@ def add_arguments(parser):
     parser.add_argument("--agnostic", action="store_true", help="suppress across classes")
     parser.add_argument("--anchors", help="YOLOv2: width,height pairs in cells, comma separated; ssd_raw: text file of n rows of "
                         "centre y, centre x, height, width, or of four rows of n")
-    parser.add_argument("--box-scales", default="10,10,5,5", help="ssd_raw: divisors of y, x, h, w, default 10,10,5,5")
+    parser.add_argument("--box-scales", help="ssd_raw: divisors of y, x, h, w, default 10,10,5,5")
 
 
 def bits(value):
@@ -113,13 +115,18 @@ def chosen(evidence, arguments):
     """The decoder's name, and whether it was chosen here; --check compares outputs, whatever reads them."""
     if arguments.decoder:
         choose.hold(evidence, arguments.decoder)
-        return arguments.decoder, False
-    try:
-        return choose.choose(evidence), True
-    except ImportProblem:
-        if getattr(arguments, "check", []) is None:
-            raise
-        return "none", False
+        kind = arguments.decoder
+    else:
+        try:
+            kind = choose.choose(evidence)
+        except ImportProblem:
+            if getattr(arguments, "check", []) is None:
+                raise
+            return "none", False
+    for name, readers in READERS.items():
+        if getattr(arguments, name) is not None and kind not in readers:
+            raise ImportProblem(f"--{name.replace('_', '-')}: found with decoder {kind}, expected {' or '.join(readers)}")
+    return kind, not arguments.decoder
 
 
 def classes_of(kind, graph, pairs):
@@ -271,11 +278,9 @@ def decoder_words(kind, graph, net, labels, arguments, known):
     first_label = int(bool(labels) and len(labels) == classes - background + 1 and labels[0].lower() in ("background", "???"))
     table = net.blob(class_thresholds(arguments, score, labels, first_label, classes)) if arguments.class_score else 0
     boxes = net.blob(ssd_anchors(arguments.anchors, graph)) if kind == "ssd_raw" else 0
-    scales = numbers(arguments.box_scales, "--box-scales", 1e-6) if boxes else [0] * 4
+    scales = numbers("10,10,5,5" if arguments.box_scales is None else arguments.box_scales, "--box-scales", 1e-6) if boxes else [0] * 4
     if known is not None and known.anchors is not None:
         boxes = net.blob(known.anchors)
-    if arguments.colours is not None and kind != "segment":
-        raise ImportProblem(f"--colours: found with decoder {kind}, expected a segmentation")
     colours = segment.colours(arguments.colours, read_lines(arguments.colours), classes) if arguments.colours is not None else np.zeros((0, 3), np.uint8)
     if len(scales) != 4:
         raise ImportProblem(f"--box-scales: found {len(scales)} numbers, expected four")
