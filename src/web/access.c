@@ -215,18 +215,43 @@ bool fv_web_tries_left(struct fv_web_tries *tries, const char *address, int64_t 
     return trier->count < FV_WEB_TRIES;
 }
 
-void fv_web_tries_failed(struct fv_web_tries *tries, const char *address, int64_t now_ns)
+/* The place of an address, which may be new. */
+static struct fv_web_trier *trier_of(struct fv_web_tries *tries, const char *address,
+                                     int64_t now_ns)
 {
     struct fv_web_trier *trier = trier_find(tries, address);
     if (trier == NULL) {
         trier = &tries->list[0];
         for (int i = 1; i < FV_WEB_TRIERS_MAX; i++)
-            if (tries->list[i].last_ns < trier->last_ns) trier = &tries->list[i];
+            if (tries->list[i].heard_ns < trier->heard_ns) trier = &tries->list[i];
         memset(trier, 0, sizeof *trier);
         snprintf(trier->address, sizeof trier->address, "%s", address);
     }
+    trier->heard_ns = now_ns;
+    return trier;
+}
+
+void fv_web_tries_failed(struct fv_web_tries *tries, const char *address, int64_t now_ns)
+{
+    struct fv_web_trier *trier = trier_of(tries, address, now_ns);
     trier->count++;
     trier->last_ns = now_ns;
+}
+
+bool fv_web_tries_cookie(struct fv_web_tries *tries, const char *address, const char *token,
+                         bool is_right, int64_t now_ns)
+{
+    const bool left = fv_web_tries_left(tries, address, now_ns);
+    struct fv_web_trier *trier = trier_of(tries, address, now_ns);
+    if (is_right) {
+        trier->is_in |= left;
+        return trier->is_in;
+    }
+    if (left && strcmp(trier->wrong, token) != 0) {
+        fv_web_tries_failed(tries, address, now_ns);
+        snprintf(trier->wrong, sizeof trier->wrong, "%s", token);
+    }
+    return false;
 }
 
 enum fovea_status fv_web_address_check(const char *address, bool has_token,

@@ -61,17 +61,26 @@ bool fv_web_cookie_token(const char *cookies, const char *name,
                          char token[FV_WEB_TOKEN_DIGITS + 1]);
 
 /* Wrong tokens, by address. Zeroed at first. An address that is not known takes the place of the
- * one that tried longest ago. */
+ * one that was heard of longest ago. */
 struct fv_web_tries {
     struct fv_web_trier {
         char address[48];
         uint32_t count;
-        int64_t last_ns;
+        int64_t last_ns, heard_ns;           /* of a wrong one; of any */
+        bool is_in;                          /* a right cookie came, while it might try */
+        char wrong[FV_WEB_TOKEN_DIGITS + 1]; /* of the last wrong cookie */
     } list[FV_WEB_TRIERS_MAX];
 };
 
 /* Whether this address may try a token at `now_ns` (CLOCK_MONOTONIC). */
 bool fv_web_tries_left(struct fv_web_tries *tries, const char *address, int64_t now_ns);
 void fv_web_tries_failed(struct fv_web_tries *tries, const char *address, int64_t now_ns);
+
+/* Whether the cookie of this address, which holds a token that is right or not, lets it in. A wrong
+ * one is a try as at the login, once however often the browser sends it; and a right one that comes
+ * when none is left lets in only who was in before, so that nobody is locked out of an open page.
+ */
+bool fv_web_tries_cookie(struct fv_web_tries *tries, const char *address, const char *token,
+                         bool is_right, int64_t now_ns);
 
 #endif

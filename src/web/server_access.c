@@ -55,13 +55,19 @@ void fv_web_server_cookie_name(const struct fv_web_server *server, char name[24]
 
 static enum fv_web_role role_of(struct fv_web_server *server, struct lws *wsi)
 {
-    char cookies[FV_WEB_COOKIE_BYTES], name[24], token[FV_WEB_TOKEN_DIGITS + 1];
+    char cookies[FV_WEB_COOKIE_BYTES], name[24], token[FV_WEB_TOKEN_DIGITS + 1],
+        local[INET_ADDRSTRLEN], remote[INET_ADDRSTRLEN];
     if (server->setup.tokens == NULL) return FV_WEB_OPERATE;
     fv_web_server_cookie_name(server, name);
     if (!fv_web_server_header(wsi, WSI_TOKEN_HTTP_COOKIE, cookies, sizeof cookies) ||
         !fv_web_cookie_token(cookies, name, token))
         return FV_WEB_NOBODY;
-    return fv_web_tokens_role(server->setup.tokens, token);
+    const enum fv_web_role role = fv_web_tokens_role(server->setup.tokens, token);
+    fv_web_server_addresses(wsi, local, remote);
+    return fv_web_tries_cookie(&server->tries, remote, token, role != FV_WEB_NOBODY,
+                               fv_clock_ns(CLOCK_MONOTONIC))
+               ? role
+               : FV_WEB_NOBODY;
 }
 
 /* Whether it names this server, and comes from our page or an origin that is listed; without an

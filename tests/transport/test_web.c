@@ -292,6 +292,28 @@ static void without_the_token_only_the_login_page_is_seen(void **state)
     running = 0;
 }
 
+static void cookies_are_no_way_to_guess_tokens(void **state)
+{
+    char view[33], operate[33], cookie[128];
+    int socket;
+    (void)state;
+    const pid_t process = start(true);
+    read_tokens(view, operate);
+    for (int i = 0; i < 5; i++) {
+        snprintf(cookie, sizeof cookie, "Cookie: fovea_7680=%032x\r\n", (unsigned)i);
+        for (int again = 0; again < 2; again++)
+            assert_int_equal(i % 2 == 0 ? web_get("/keys", cookie, answer)
+                                        : web_open(OURS, cookie, &socket),
+                             401);
+    }
+    snprintf(cookie, sizeof cookie, "Cookie: fovea_7680=%s\r\n", operate);
+    assert_int_equal(web_get("/keys", cookie, answer), 401);
+    assert_int_equal(web_open(OURS, cookie, &socket), 401);
+    assert_int_equal(login(operate), 429);
+    assert_int_equal(web_end(process, true), 0);
+    running = 0;
+}
+
 static void a_network_needs_a_token(void **state)
 {
     const char *const wrong[][6] = {{"--address", "0.0.0.0"},
@@ -437,6 +459,7 @@ int main(void)
         cmocka_unit_test_teardown(a_recording_is_no_run, end_of_test),
         cmocka_unit_test_teardown(strange_hosts_and_origins_are_refused, end_of_test),
         cmocka_unit_test_teardown(without_the_token_only_the_login_page_is_seen, end_of_test),
+        cmocka_unit_test_teardown(cookies_are_no_way_to_guess_tokens, end_of_test),
         cmocka_unit_test_teardown(a_network_needs_a_token, end_of_test),
         cmocka_unit_test_teardown(damaged_requests_do_no_harm, end_of_test),
         cmocka_unit_test_teardown(frames_that_lie_end_their_connection_alone, end_of_test),

@@ -203,6 +203,33 @@ static void who_guesses_has_to_wait(void **state)
     assert_true(fv_web_tries_left(&tries, "10.1.0.1", now_ns));
 }
 
+static void who_guesses_cookies_has_to_wait_too(void **state)
+{
+    static struct fv_web_tries tries;
+    static const char right[] = "00000000000000000000000000000000";
+    char wrong[FV_WEB_TOKEN_DIGITS + 1];
+    int64_t now_ns = 1000;
+    (void)state;
+    for (int i = 0; i < 100; i++) /* a browser that kept an old one: it can log in */
+        assert_false(
+            fv_web_tries_cookie(&tries, "10.0.0.1", "old", false, now_ns += FV_WEB_TRY_WAIT_NS));
+    assert_true(fv_web_tries_left(&tries, "10.0.0.1", now_ns));
+    assert_true(fv_web_tries_cookie(&tries, "10.0.0.1", right, true, now_ns));
+    for (int i = 0; i < FV_WEB_TRIES; i++) {
+        snprintf(wrong, sizeof wrong, "%032x", 1U + (unsigned)i);
+        assert_true(fv_web_tries_left(&tries, "10.0.0.2", now_ns));
+        assert_false(fv_web_tries_cookie(&tries, "10.0.0.1", wrong, false, now_ns));
+        assert_false(fv_web_tries_cookie(&tries, "10.0.0.2", wrong, false, now_ns));
+    }
+    assert_false(fv_web_tries_left(&tries, "10.0.0.1", now_ns));
+    assert_false(fv_web_tries_left(&tries, "10.0.0.2", now_ns));
+    assert_true(fv_web_tries_cookie(&tries, "10.0.0.1", right, true, now_ns)); /* was in */
+    assert_false(fv_web_tries_cookie(&tries, "10.0.0.2", right, true, now_ns));
+    assert_true(fv_web_tries_cookie(&tries, "10.0.0.3", right, true, now_ns));
+    now_ns += FV_WEB_TRY_WAIT_NS;
+    assert_true(fv_web_tries_cookie(&tries, "10.0.0.2", right, true, now_ns));
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -213,6 +240,7 @@ int main(void)
         cmocka_unit_test(tokens_are_made_once_and_kept),
         cmocka_unit_test(a_wrong_file_of_tokens_is_refused),
         cmocka_unit_test(who_guesses_has_to_wait),
+        cmocka_unit_test(who_guesses_cookies_has_to_wait_too),
     };
     if (mkdtemp(folder) == NULL) return 1;
     snprintf(path, sizeof path, "%s/token", folder);
