@@ -94,7 +94,7 @@ static enum fv_options_result options_read(struct web *web, int argc, char **arg
          "--address and every --name"},
         {"recordings", "FOLDER", FV_OPTION_TEXT, &web->recordings,
          "the page lists the recordings in this folder (the key record_folder of a run), and who "
-         "may see the page may download them"},
+         "may operate may download them: they hold the configuration, too"},
         {"calibrations", "FOLDER", FV_OPTION_TEXT, &web->calibration.folder,
          "the page calibrates the camera of a run of this host by fovea-calibrate, whose page is at "
          "the next port, and whose camera files go to this folder"},

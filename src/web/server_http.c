@@ -160,13 +160,15 @@ static int answer_keys(struct lws *wsi, struct fv_web_request *request)
     return answer_begin(wsi, request, &answer, request->made, bytes);
 }
 
-/* The list of recordings, or one of them. */
+/* The list of recordings, or one of them. They hold the configuration, and what else only operators
+ * see: for others it is as if there were no folder. */
 static int answer_recordings(const struct fv_web_server *server, struct lws *wsi,
-                             struct fv_web_request *request, const char *path)
+                             struct fv_web_request *request, const char *path,
+                             enum fv_web_role role)
 {
     char disposition[FV_WEB_RECORDING_NAME_BYTES + 32];
     uint64_t bytes;
-    const char *folder = server->setup.recordings;
+    const char *folder = role == FV_WEB_OPERATE ? server->setup.recordings : NULL;
     struct answer answer = {.status = HTTP_STATUS_OK, .type = "application/json; charset=utf-8"};
     if (*path == '\0') {
         request->made = (uint8_t *)fv_web_recordings_json(folder);
@@ -413,7 +415,7 @@ static int begin(struct fv_web_server *server, struct lws *wsi, struct fv_web_re
     const size_t recordings = strlen("/recordings");
     if (server->setup.robots != NULL && strncmp(path, "/recordings", recordings) == 0 &&
         (path[recordings] == '\0' || path[recordings] == '/'))
-        return answer_recordings(server, wsi, request, path + recordings);
+        return answer_recordings(server, wsi, request, path + recordings, role);
     if (asset == NULL) return answer_text(wsi, request, HTTP_STATUS_NOT_FOUND, "Not found\n");
     return answer_asset(wsi, request, asset);
 }

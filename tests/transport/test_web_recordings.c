@@ -30,6 +30,22 @@ static void remove_file(const char *name)
     assert_int_equal(unlink(path), 0);
 }
 
+/* Of a server with tokens. To others it is as if there were no folder. */
+static void recordings_are_for_operators(void)
+{
+    char view[33], operate[33], cookie[80];
+    FILE *file = fopen(token_path, "r");
+    assert_non_null(file);
+    assert_int_equal(fscanf(file, "view %32s\noperate %32s", view, operate), 2);
+    fclose(file);
+    snprintf(cookie, sizeof cookie, "Cookie: fovea_%d=%s\r\n", WEB_PORT, view);
+    assert_int_equal(web_get("/recordings", cookie, answer), 200);
+    assert_string_equal(strstr(answer, "\r\n\r\n") + 4, "null\n");
+    assert_int_equal(web_get("/recordings/new.lcm", cookie, answer), 404);
+    snprintf(cookie, sizeof cookie, "Cookie: fovea_%d=%s\r\n", WEB_PORT, operate);
+    assert_int_equal(web_get("/recordings/new.lcm", cookie, answer), 200);
+}
+
 static void recordings_are_listed_and_sent(void **state)
 {
     static const char *const not [] = {
@@ -84,6 +100,7 @@ static void recordings_are_listed_and_sent(void **state)
                                 NULL});
     assert_int_equal(web_get("/recordings", "", answer), 401);
     assert_int_equal(web_get("/recordings/new.lcm", "", answer), 401);
+    recordings_are_for_operators();
     end();
     static const char *const made[] = {"old.lcm",  "new.lcm",  "notes.txt", ".hidden.lcm",
                                        "a\"b.lcm", "link.lcm", "pipe.lcm"};
