@@ -316,6 +316,17 @@ static void robots_close(struct web *web)
     }
 }
 
+/* The page shows all that the feed has without LCM, too: it sends no commands then. */
+static enum fovea_status commander_open(struct web *web, struct fovea_error *error)
+{
+    if (web->feeds.count == 0) return FOVEA_OK;
+    const enum fovea_status status =
+        fv_web_commander_open(&web->commander, web->url, web->key, error);
+    if (status != FOVEA_ERROR_SYSTEM) return status;
+    fv_say("fovea-web: the page sends no commands until it is started again: %s", error->text);
+    return FOVEA_OK;
+}
+
 static enum fovea_status run(struct web *web, struct fovea_error *error)
 {
     struct fv_web_player *player = NULL;
@@ -330,8 +341,7 @@ static enum fovea_status run(struct web *web, struct fovea_error *error)
             fv_say("fovea-web: %s; it is played up to there", damage.text);
         if (status == FOVEA_ERROR_UNSUPPORTED) status = FOVEA_ERROR_INPUT;
     }
-    if (status == FOVEA_OK && web->feeds.count > 0)
-        status = fv_web_commander_open(&web->commander, web->url, web->key, error);
+    if (status == FOVEA_OK) status = commander_open(web, error);
     if (status == FOVEA_OK) status = robots_open(web, player, error);
     if (status == FOVEA_OK) status = serve(web, error);
     robots_close(web);

@@ -111,7 +111,7 @@ const char *fv_web_server_refusal(const struct fv_web_server *server,
     return role != FV_WEB_OPERATE  ? "this token may only look"
            : relay->player != NULL ? "a recording is played: there is no run to ask"
            : server->setup.commander == NULL || server->setup.commander->transport == NULL
-               ? "fovea-web was started without --lcm-url"
+               ? "fovea-web was started without --lcm-url, or found no LCM there"
            : relay->heard != NULL  ? "nothing is asked of a robot that is heard"
            : relay->reader == NULL ? "there is no run"
                                    : NULL;

@@ -163,6 +163,19 @@ static void posts_are_judged(void **state)
     running = 0;
 }
 
+/* A server of LCM that does not answer takes the commands, not the page. */
+static void without_lcm_there_is_a_page(void **state)
+{
+    (void)state;
+    const pid_t process = web_start((const char *const[]){"--lcm-url", "tcpq://127.0.0.1:1", NULL});
+    running = process;
+    assert_true(process > 0);
+    assert_int_equal(web_get("/", "", answer), 200);
+    settings_are_judged(OURS, 403, "found no LCM there");
+    assert_int_equal(web_end(process, true), 0);
+    running = 0;
+}
+
 /* What stands beside an option that has no run to ask; beside a robot that is heard there may be
  * one of this host. */
 static void options_of_a_run_are_refused(const char *option, const char *value)
@@ -456,6 +469,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_teardown(the_page_is_sent_with_its_rules, end_of_test),
         cmocka_unit_test_teardown(posts_are_judged, end_of_test),
+        cmocka_unit_test_teardown(without_lcm_there_is_a_page, end_of_test),
         cmocka_unit_test_teardown(a_recording_is_no_run, end_of_test),
         cmocka_unit_test_teardown(strange_hosts_and_origins_are_refused, end_of_test),
         cmocka_unit_test_teardown(without_the_token_only_the_login_page_is_seen, end_of_test),

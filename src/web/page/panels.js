@@ -130,7 +130,7 @@ export class Actions {
     const allowed = hello.commands && hello.running;
     for (const button of document.querySelectorAll("[data-command]")) button.disabled = !allowed;
     const why = hello.role !== "operate" ? "Your token allows to look, not to operate."
-      : !hello.commands ? "fovea-web was started without --lcm-url: no commands." : "";
+      : !hello.commands ? "fovea-web was started without --lcm-url, or found no LCM there: no commands." : "";
     if (why || !allowed) this.say(why);
   }
   async press(button) {
