@@ -253,9 +253,7 @@ static enum fovea_status serve(struct web *web, struct fovea_error *error)
     const bool encrypted = web->certificate.file != NULL;
     fv_say("fovea-web: http%s://%s:%u/", encrypted ? "s" : "", host,
            (unsigned)fv_web_server_port(server));
-    if (!encrypted && strncmp(web->address, "127.", 4) != 0)
-        fv_say(
-            "fovea-web: all that the page shows can be read on the network: it is not encrypted");
+    fv_web_server_warn(server, "fovea-web: ");
     if (!fv_web_server_run(server))
         status = fovea_error_set(error, FOVEA_ERROR_SYSTEM, "the server failed");
     atomic_store(&served, NULL);

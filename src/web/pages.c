@@ -52,6 +52,7 @@ static enum fovea_status open_server(struct fv_web_pages *pages, struct fovea_er
            : all                      ? "127.0.0.1"
                                       : setup->address,
            (unsigned)fv_web_server_port(pages->server));
+    fv_web_server_warn(pages->server, "");
     return FOVEA_OK;
 }
 

@@ -10,6 +10,7 @@
 #include <openssl/ssl.h>
 
 #include "drivers/clock.h"
+#include "support/say.h"
 #include "web/server_internal.h"
 
 enum {
@@ -352,6 +353,14 @@ enum fovea_status fv_web_server_open(const struct fv_web_setup *setup,
 uint16_t fv_web_server_port(const struct fv_web_server *server)
 {
     return server->port;
+}
+
+void fv_web_server_warn(const struct fv_web_server *server, const char *program)
+{
+    const bool encrypted = server->setup.certificate.file != NULL;
+    if (!encrypted && strncmp(server->setup.address, "127.", 4) != 0)
+        fv_say("%sall that the page shows can be read on the network: it is not encrypted",
+               program);
 }
 
 bool fv_web_server_run(struct fv_web_server *server)

@@ -53,6 +53,9 @@ struct fv_web_server;
 enum fovea_status fv_web_server_open(const struct fv_web_setup *setup,
                                      struct fv_web_server **server, struct fovea_error *error);
 uint16_t fv_web_server_port(const struct fv_web_server *server);
+/* Say behind the name of the program, "fovea-web: " or "", that what it shows can be read on the
+ * network, where that is so. */
+void fv_web_server_warn(const struct fv_web_server *server, const char *program);
 
 /* Serve until fv_web_server_stop. False: the server failed. */
 bool fv_web_server_run(struct fv_web_server *server);

@@ -31,12 +31,12 @@ static bool make(void *context, const char *path, struct fv_web_made *made)
     return made->data != NULL;
 }
 
-static struct fv_web_pages *open_pages(const char *token)
+static struct fv_web_pages *open_pages_at(const char *address, const char *token)
 {
     static const char *const texts[] = {"{\"stage\":\"looking\"}", "a picture"};
     struct fv_web_pages *pages;
     struct fovea_error error;
-    const struct fv_web_pages_setup setup = {.address = "127.0.0.1",
+    const struct fv_web_pages_setup setup = {.address = address,
                                              .port = WEB_PORT,
                                              .token = token,
                                              .index = "/calibrate",
@@ -46,12 +46,47 @@ static struct fv_web_pages *open_pages(const char *token)
     return pages;
 }
 
+static struct fv_web_pages *open_pages(const char *token)
+{
+    return open_pages_at("127.0.0.1", token);
+}
+
+/* Where others can read the page, the log says so; whether the page does is up to the browser,
+ * which knows how it came there. */
+static void what_can_be_read_is_said(void **state)
+{
+    static const char *const addresses[] = {"0.0.0.0", "127.0.0.1"};
+    char said[1000];
+    int ends[2];
+    (void)state;
+    for (int i = 0; i < 2; i++) {
+        fflush(stderr);
+        assert_int_equal(pipe(ends), 0);
+        const int before = dup(STDERR_FILENO);
+        assert_int_equal(dup2(ends[1], STDERR_FILENO), STDERR_FILENO);
+        struct fv_web_pages *pages = open_pages_at(addresses[i], token_path);
+        assert_int_equal(dup2(before, STDERR_FILENO), STDERR_FILENO);
+        close(before);
+        close(ends[1]);
+        const ssize_t bytes = read(ends[0], said, sizeof said - 1);
+        close(ends[0]);
+        fv_web_pages_close(pages);
+        assert_true(bytes > 0);
+        said[bytes] = '\0';
+        if ((strstr(said, "can be read on the network") != NULL) != (i == 0))
+            fail_msg("%s: %s", addresses[i], said);
+    }
+}
+
 static void the_program_s_answers_are_sent(void **state)
 {
     (void)state;
     struct fv_web_pages *pages = open_pages(NULL);
     assert_int_equal(web_get("/", "", answer), 200);
     assert_non_null(strstr(answer, "calibrate.js"));
+    assert_non_null(strstr(answer, "/readable.js"));
+    assert_non_null(strstr(answer, "id=\"readable\" class=\"readable\" hidden"));
+    assert_int_equal(web_get("/readable.js", "", answer), 200);
     assert_int_equal(web_get("/state.json", "", answer), 200);
     assert_non_null(strcasestr(answer, "content-type: application/json"));
     assert_non_null(strstr(answer, "{\"stage\":\"looking\"}"));
@@ -117,6 +152,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_program_s_answers_are_sent),
+        cmocka_unit_test(what_can_be_read_is_said),
         cmocka_unit_test(nothing_of_a_run_is_there),
         cmocka_unit_test(a_strange_host_is_refused_with_the_option_that_adds_it),
         cmocka_unit_test(without_a_token_nothing_is_shown),
