@@ -251,6 +251,28 @@ static void test_every_message(void **state)
     if (with_python) expect(&third, "Python", sent);
 }
 
+static void test_a_signal_ends_python_in_order(void **state)
+{
+    const struct timespec a_while = {.tv_nsec = 200000000};
+    char python[640], types[640], ready[640];
+    int status;
+    (void)state;
+    snprintf(python, sizeof python, "%s/venv-lcm/bin/python", build);
+    snprintf(types, sizeof types, "%s/python", build);
+    snprintf(ready, sizeof ready, "%s/venv-lcm/ready", build);
+    char *const arguments[] = {python, (char *)"tools/subscribers/subscribe.py", (char *)"--types",
+                               types, NULL};
+    if (!can_start("Python", ready)) skip();
+    struct subscriber subscriber;
+    start(&subscriber, arguments);
+    nanosleep(&a_while, NULL); /* it waits for messages */
+    kill(subscriber.process, SIGINT);
+    assert_int_equal(waitpid(subscriber.process, &status, 0), subscriber.process);
+    fclose(subscriber.output);
+    assert_true(WIFEXITED(status));
+    assert_int_equal(WEXITSTATUS(status), 0);
+}
+
 static void test_every_message_in_java(void **state)
 {
     (void)state;
@@ -307,6 +329,7 @@ int main(int argc, char **argv)
         return 0;
     }
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_every_message),
+                                       cmocka_unit_test(test_a_signal_ends_python_in_order),
                                        cmocka_unit_test(test_every_message_in_java)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

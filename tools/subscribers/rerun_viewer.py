@@ -7,6 +7,7 @@ Poses are those of the body in `odom`, which stands in `map`; a new map begins w
 """
 import argparse
 import os
+import select
 import sys
 import time
 
@@ -101,6 +102,7 @@ for suffix in TAKE:
 last["heard"] = time.monotonic()
 try:
     while not options.idle or time.monotonic() - last["heard"] < options.idle:
-        bus.handle_timeout(200)
+        if select.select([bus.fileno()], [], [], 0.2)[0]:  # handle_timeout takes a signal for a fault
+            bus.handle()
 except KeyboardInterrupt:
     pass

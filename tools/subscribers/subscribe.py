@@ -8,6 +8,7 @@ slower, so both are large. Like subscribe.c it receives through liblcm, which a 
 import argparse
 import os
 import re
+import select
 import signal
 import struct
 import sys
@@ -148,7 +149,8 @@ def listen():
     print("listening", flush=True)
     last = time.monotonic()
     while not stopping and (options.idle == 0 or time.monotonic() - last < options.idle):
-        if connection.handle_timeout(100) > 0:
+        if select.select([connection.fileno()], [], [], 0.1)[0]:  # handle_timeout takes a signal for a fault
+            connection.handle()
             last = time.monotonic()
 
 
