@@ -49,6 +49,8 @@ struct fv_web_relay {
     uint32_t rate_per_1000_s, wished;
     uint32_t cameras; /* bits: those whose pictures somebody looks at */
     int64_t next_try_ns;
+    uint32_t tries; /* to reach the run, that ended as follows */
+    char why_not[FV_WEB_LOG_BYTES];
     char prefix[FV_MESSAGE_CHANNEL_BYTES];
 
     /* Of the last pose, whose changes are logged. */

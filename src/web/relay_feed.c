@@ -1,11 +1,16 @@
 /* The feed of a run of this host, as a source of the relay. */
 #include <stdio.h>
+#include <string.h>
 
 #include "app/watch/frame_image.h"
 #include "drivers/clock.h"
+#include "support/say.h"
 #include "web/relay.h"
 
-enum { MESSAGES_PER_TICK = 200 };
+enum {
+    MESSAGES_PER_TICK = 200,
+    TRIES_SAID = 20 /* a run that begins needs some seconds */
+};
 #define TRY_NS (FV_SECOND_NS / 2)
 
 /* ---- frames ---------------------------------------------------------------------------------- */
@@ -49,14 +54,31 @@ static bool take_frame(struct fv_web_relay *relay)
 
 /* ---- the run --------------------------------------------------------------------------------- */
 
+/* Once, when it lasts: there may be a run whose feed this user may not read. Whether it was said.
+ */
+static bool say_why_not(struct fv_web_relay *relay, const char *text)
+{
+    char why_not[sizeof relay->why_not];
+    snprintf(why_not, sizeof why_not, "%.*s", (int)sizeof why_not - 1, text);
+    if (strcmp(why_not, relay->why_not) != 0) relay->tries = 0;
+    memcpy(relay->why_not, why_not, sizeof why_not);
+    if (relay->tries > TRIES_SAID || ++relay->tries != TRIES_SAID) return false;
+    fv_say("fovea-web: %s", why_not);
+    fv_web_store_log(relay->store, fv_clock_ns(CLOCK_REALTIME) / 1000, "%s", why_not);
+    return true;
+}
+
+/* Whether the store has changed. */
 static bool connect_run(struct fv_web_relay *relay)
 {
     const int64_t now_ns = fv_clock_ns(CLOCK_MONOTONIC);
     struct fovea_error error;
     if (now_ns < relay->next_try_ns) return false;
     relay->next_try_ns = now_ns + TRY_NS;
-    if (fv_feed_reader_open(relay->path, 0, &relay->reader, &error) != FOVEA_OK) return false;
-    relay->wished = 0;
+    if (fv_feed_reader_open(relay->path, 0, &relay->reader, &error) != FOVEA_OK)
+        return say_why_not(relay, error.text);
+    relay->wished = relay->tries = 0;
+    relay->why_not[0] = '\0';
     char prefix[FV_MESSAGE_CHANNEL_BYTES];
     fv_feed_reader_prefix(relay->reader, prefix);
     fv_web_relay_begin(relay, prefix);
@@ -83,8 +105,8 @@ static bool tick(struct fv_web_relay *relay, bool watched)
     struct fv_feed_message message;
     bool changed = false;
     if (relay->reader == NULL) {
-        if (!connect_run(relay)) return false;
-        changed = true;
+        changed = connect_run(relay);
+        if (relay->reader == NULL) return changed;
     }
     wish(relay, watched);
     for (int i = 0; i < MESSAGES_PER_TICK; i++) {

@@ -231,6 +231,37 @@ static void what_is_not_known_is_left(void **state)
     assert_int_equal(count, 0);
 }
 
+/* Tries without the time between them; how often the log gives a reason. */
+static int try_without_run(int times)
+{
+    const uint64_t before = store.log_count;
+    uint64_t said = before;
+    for (int i = 0; i < times; i++) {
+        relay.next_try_ns = 0;
+        const bool changed = fv_web_relay_tick(&relay, false);
+        assert_true(changed || store.log_count == said); /* pages are told */
+        said = store.log_count;
+    }
+    return (int)(said - before);
+}
+
+static void why_there_is_no_run_is_said_once(void **state)
+{
+    (void)state;
+    fv_feed_close(feed);
+    feed = NULL;
+    while (store.running)
+        (void)fv_web_relay_tick(&relay, false);
+    assert_int_equal(try_without_run(5), 0);
+    assert_int_equal(try_without_run(100), 1);
+    assert_non_null(strstr(store.log[(store.log_count - 1) % FV_WEB_LOG_MAX].text, path));
+    FILE *other = fopen(path, "w"); /* no socket */
+    assert_non_null(other);
+    fclose(other);
+    assert_int_equal(try_without_run(100), 1);
+    assert_int_equal(unlink(path), 0);
+}
+
 int main(void)
 {
 #define RUN(name) cmocka_unit_test_setup_teardown(name, begin, end)
@@ -238,7 +269,7 @@ int main(void)
         RUN(a_grid_comes_in_pieces_by_rows),    RUN(pieces_beyond_the_last_are_left_out),
         RUN(masks_of_two_networks_count_apart), RUN(a_map_comes_in_pieces_by_slots),
         RUN(answers_are_kept_side_by_side),     RUN(what_is_not_known_is_left),
-        RUN(some_messages_go_to_no_page),
+        RUN(some_messages_go_to_no_page),       RUN(why_there_is_no_run_is_said_once),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
