@@ -14,7 +14,8 @@ enum {
     FREE = FV_COVARIANCE_POSES_MAX - 1, /* keyframes besides the reference */
     REFERENCE = -1,
     OUTSIDE = -2,
-    YOUNG_KEYFRAMES = 10
+    YOUNG_KEYFRAMES = 10,
+    SHOWN_MIN = 12 /* errors that show a variance */
 };
 
 static const double scale_sigma =
@@ -40,10 +41,17 @@ void fv_covariance_carve(struct fv_covariance *c, struct fv_arena *frame)
 /* An observation of a landmark, linearised: by the frame's small motion (left of T_cam_world) and
  * by the point. */
 struct fv_linear_observation {
-    int pose; /* block of the system, or REFERENCE */
-    double weight, rows[12], by_point[6];
+    int pose;                                     /* block of the system, or REFERENCE */
+    double weight, rows[12], by_point[6], error2; /* squared, weighted */
     /* the same of its measured distance; a weight of 0: none */
     double distance_weight, distance_row[6], distance_by_point[3];
+};
+
+/* What a pose's errors show. */
+struct fv_shown {
+    uint32_t count;
+    double error2, freedom; /* sums: of squared errors, and what landmarks left of their freedom */
+    double noisier;         /* their variance over the frame's, 1 at least */
 };
 
 /* The problem around a frame: blocks of the free keyframes, then that of the frame. */
@@ -54,6 +62,7 @@ struct fv_joint {
     int8_t block_of[FOVEA_ODOMETRY_KEYFRAMES_MAX];
     uint32_t sample[SAMPLE]; /* features */
     uint32_t sample_count;
+    struct fv_shown shown[FV_COVARIANCE_POSES_MAX + 1]; /* by block, the reference's the last */
 };
 
 /* Some of the inliers, spread as they lie in the image: features are kept cell by cell. */
@@ -124,9 +133,9 @@ static bool linear_observation_of(const struct fv_se3 *T, const struct fv_keypoi
     struct fv_observation observation;
     fv_observation_from(p, point, &observation);
     fv_se3_apply(T, point, q);
-    if (!fv_observation_error(observation.bearing, observation.A, q, e, J) ||
-        observation.weight * (e[0] * e[0] + e[1] * e[1]) > FV_CHI_SQUARE_95_2)
-        return false;
+    if (!fv_observation_error(observation.bearing, observation.A, q, e, J)) return false;
+    s->error2 = observation.weight * (e[0] * e[0] + e[1] * e[1]);
+    if (s->error2 > FV_CHI_SQUARE_95_2) return false;
     s->pose = pose;
     s->weight = observation.weight;
     for (int r = 0; r < 2; r++) {
@@ -288,19 +297,63 @@ static double map_bend(const struct fv_map *map, double focal_px, const struct f
     return bend < 1 ? bend : 1;
 }
 
-/* The joint problem's covariance upper triangle by rows. False: not determined. */
+static struct fv_shown *shown_of(struct fv_joint *j, int pose)
+{
+    return &j->shown[pose == REFERENCE ? FV_COVARIANCE_POSES_MAX : pose];
+}
+
+/* Variances of the keyframes' errors, by those of the sample. Places of landmarks were fitted to
+ * them, which took 3 degrees of freedom of a landmark's 2 per observer. */
+static void find_variances(const struct fv_map *map, const struct fv_map_frame *frame,
+                           double variance, struct fv_joint *j)
+{
+    memset(j->shown, 0, sizeof j->shown);
+    for (uint32_t i = 0; i < j->sample_count; i++) {
+        struct fv_linear_observation observations[FV_MAP_OBSERVERS_MAX + 1];
+        const int count = find_observations(map, frame, j->sample[i], j, observations);
+        const uint32_t observers = map->landmarks[frame->landmark[j->sample[i]]].observer_count;
+        const double freedom = 2 - 3.0 / (observers > 2 ? observers : 2);
+        for (int k = 0; k < count; k++) {
+            struct fv_shown *shown = shown_of(j, observations[k].pose);
+            shown->count++;
+            shown->error2 += observations[k].error2;
+            shown->freedom += freedom;
+        }
+    }
+    for (int k = 0; k <= FV_COVARIANCE_POSES_MAX; k++) {
+        struct fv_shown *shown = &j->shown[k];
+        const bool is_frame = k == j->poses - 1;
+        const double own = shown->count < SHOWN_MIN ? 0 : shown->error2 / shown->freedom;
+        shown->noisier = !is_frame && own > variance ? own / variance : 1;
+    }
+}
+
+static void weigh(struct fv_joint *j, struct fv_linear_observation *observations, int count)
+{
+    for (int k = 0; k < count; k++) {
+        const double noisier = shown_of(j, observations[k].pose)->noisier;
+        observations[k].weight /= noisier;
+        observations[k].distance_weight /= noisier;
+    }
+}
+
+/* The joint problem's covariance upper triangle by rows, and how much noisier the reference is than
+ * the frame. False: not determined. */
 static bool solve_joint(struct fv_odometry *o, const struct fv_map_frame *frame, uint32_t inliers,
-                        double variance, double covariance[21])
+                        double variance, double covariance[21], double *noisier)
 {
     struct fv_joint j;
     j.S = o->covariance.joint;
     sample_inliers(frame, inliers, &j);
     pick_poses(&o->map, o->state->newest, frame, &j);
+    find_variances(&o->map, frame, variance, &j);
     for (uint32_t i = 0; i < j.sample_count; i++) {
         struct fv_linear_observation observations[FV_MAP_OBSERVERS_MAX + 1];
-        add_landmark(&j, observations,
-                     find_observations(&o->map, frame, j.sample[i], &j, observations));
+        const int count = find_observations(&o->map, frame, j.sample[i], &j, observations);
+        weigh(&j, observations, count);
+        add_landmark(&j, observations, count);
     }
+    *noisier = shown_of(&j, REFERENCE)->noisier;
     const double information = (double)inliers / (double)j.sample_count / variance;
     for (int k = 0; k < j.size * j.size; k++)
         j.S[k] *= information;
@@ -354,12 +407,13 @@ bool fv_covariance_write(struct fv_odometry *o, const struct fv_map_frame *frame
     const double bend = map_bend(&o->map, o->focal_px, frame, __builtin_sqrt(variance));
     bool reliable = spread && (parts_variance < together_max * variance ||
                                fv_agreement_settled(&o->state->agreement));
-    if (!solve_joint(o, frame, fit->inliers, variance, covariance)) {
+    double noisier = 1;
+    if (!solve_joint(o, frame, fit->inliers, variance, covariance, &noisier)) {
         solve_alone(fit, variance, covariance);
         reliable = false;
     }
     for (int k = 0; k < 21; k++)
-        covariance[k] = own_fraction * covariance[k] + parts[k];
+        covariance[k] = own_fraction * covariance[k] + noisier * parts[k];
     const bool doubt = fv_agreement_verdict(&o->state->agreement) != FV_AGREEMENT_GOOD;
     const double open = bend_fraction * bend + (doubt ? doubt_fraction : 0),
                  drift = open * way_of(reference, frame),

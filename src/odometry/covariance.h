@@ -17,6 +17,11 @@
  * the leverage is much (fv_pose_jackknife). Errors of single landmarks are taken to have the
  * variance that the frame's inliers show a posteriori.
  *
+ * A keyframe may have been noisier than the frame: the sensor had more gain, or the link failed
+ * for some pictures. Its errors of the sample show its own variance, and where that is larger than
+ * the frame's its observations count the less. What parts of the image show of the frame is taken
+ * to hold for the reference, too, in proportion to its variance.
+ *
  * Noise over the mean parallax of the visible landmarks tells how far the map may be bent, and with
  * it the unit of length from place to place; a fraction of that, over the way from the reference,
  * is added. It fades as parallax grows. In a metric map nothing is: measured distances are errors

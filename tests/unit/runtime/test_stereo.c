@@ -4,6 +4,7 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -134,6 +135,54 @@ static void a_map_begun_with_one_camera_gets_its_metres_from_two(void **state)
 }
 
 /* Round a ring of corridors, back to its start: the closure leaves the map in metres. */
+/* Squared distance of a frame's place before its reference keyframe from the true one, over its
+ * variance. */
+static double squared_error(int frame, int keyframe)
+{
+    const struct fovea_pose *pose = &rig.pose[frame];
+    const double *T = rig.truth[keyframe];
+    double sum = 0;
+    for (int r = 0; r < 3; r++) {
+        double true_m = 0;
+        for (int i = 0; i < 3; i++)
+            true_m += T[4 * i + r] * (rig.truth[frame][4 * i + 3] - T[4 * i + 3]);
+        const double off = true_m - pose->T_keyframe_cam[4 * r + 3];
+        sum += off * off;
+    }
+    return sum / (pose->covariance[0] + pose->covariance[6] + pose->covariance[11]);
+}
+
+/* Behind pictures with noise a frame has none, and its reference keyframe still has. */
+static void a_keyframe_with_noise_counts_as_what_it_is(void **state)
+{
+    enum { FIRST = 50, LENGTH = 10, BEHIND = 20, SEEDS = 4 };
+    double sum = 0;
+    int count = 0;
+    (void)state;
+    for (int seed = 1; seed <= SEEDS; seed++) {
+        char uri[160];
+        int64_t stamps[FIRST + LENGTH];
+        snprintf(uri, sizeof uri,
+                 "fault:sim:orbit?width=320&height=240&baseline=0.11&seed=%d?"
+                 "kind=noise&amount=50&first=%d&shortest=%d&longest=%d&count=1",
+                 seed, FIRST, LENGTH, LENGTH);
+        open_rig(uri, FIRST + LENGTH + BEHIND, FOVEA_SENSORS_AUTO);
+        while (sim_rig_next(&rig)) {
+            if (rig.frames < FIRST + LENGTH) stamps[rig.frames] = rig.frame.stamp_ns;
+            sim_rig_process(&rig);
+        }
+        for (int n = FIRST + LENGTH; n < rig.frames; n++)
+            for (int k = FIRST; k < FIRST + LENGTH; k++) {
+                if (!rig.pose[n].posed || rig.pose[n].keyframe_stamp_ns != stamps[k]) continue;
+                sum += squared_error(n, k);
+                count++;
+            }
+        sim_rig_close(&rig);
+    }
+    printf("%d poses behind noise: squared error %.2f of its variance\n", count, sum / count);
+    assert_true(count >= 2 * BEHIND && sum / count < 2.5);
+}
+
 static void a_closure_keeps_the_metres(void **state)
 {
     (void)state;
@@ -245,6 +294,7 @@ int main(void)
         cmocka_unit_test(the_map_stays_in_metres_while_the_second_camera_is_gone),
         cmocka_unit_test(a_second_camera_that_hangs_does_not_bend_the_path),
         cmocka_unit_test(a_map_begun_with_one_camera_gets_its_metres_from_two),
+        cmocka_unit_test(a_keyframe_with_noise_counts_as_what_it_is),
         cmocka_unit_test(a_closure_keeps_the_metres),
         cmocka_unit_test(one_camera_of_a_rig_is_odometry_with_that_camera),
         cmocka_unit_test(every_kernel_set_gives_the_same_state),
