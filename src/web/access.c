@@ -132,6 +132,18 @@ bool fv_web_host_is_ours(const char *host, uint16_t port, bool encrypted, const 
     return false;
 }
 
+bool fv_web_host_is_loopback(const char *host)
+{
+    char name[FV_WEB_NAME_BYTES];
+    const char *colon = strrchr(host, ':');
+    if (colon != NULL && strchr(colon, ']') != NULL) colon = NULL; /* of an IPv6 address */
+    const size_t length = colon != NULL ? (size_t)(colon - host) : strlen(host);
+    if (length >= sizeof name) return false;
+    memcpy(name, host, length);
+    name[length] = '\0';
+    return is_loopback(name);
+}
+
 bool fv_web_origin_is_ours(const char *origin, const char *host, bool encrypted)
 {
     const char *scheme = encrypted ? "https://" : "http://";

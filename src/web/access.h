@@ -45,6 +45,9 @@ enum fv_web_role fv_web_tokens_role(const struct fv_web_tokens *tokens, const ch
 bool fv_web_host_is_ours(const char *host, uint16_t port, bool encrypted, const char *local,
                          const char *const *names, int count);
 
+/* Whether a Host header names the loopback, whose pages browsers trust as encrypted ones. */
+bool fv_web_host_is_loopback(const char *host);
+
 /* Whether the Origin header is that of our own page: http:// (https:// where it is encrypted) and
  * the Host header. */
 bool fv_web_origin_is_ours(const char *origin, const char *host, bool encrypted);

@@ -43,6 +43,16 @@ static void forget(struct fv_web_request *request)
     request->of_file = false;
 }
 
+/* Browsers take some rules of such pages alone, and of others complain on the console. */
+static bool is_trusted(struct lws *wsi)
+{
+    char host[FV_WEB_NAME_BYTES];
+    const struct fv_web_server *server = lws_context_user(lws_get_context(wsi));
+    return server->setup.certificate.file != NULL ||
+           (fv_web_server_header(wsi, WSI_TOKEN_HOST, host, sizeof host) &&
+            fv_web_host_is_loopback(host));
+}
+
 /* Send the head of an answer with `bytes` to follow. Returns what the callback returns. */
 static int answer_begin(struct lws *wsi, struct fv_web_request *request,
                         const struct answer *answer, const uint8_t *data, uint64_t bytes)
@@ -53,7 +63,6 @@ static int answer_begin(struct lws *wsi, struct fv_web_request *request,
         {"x-content-type-options:", "nosniff"},
         {"x-frame-options:", "DENY"},
         {"referrer-policy:", "same-origin"}, /* "no-referrer" would make the login's Origin null */
-        {"cross-origin-opener-policy:", "same-origin"},
         {"cross-origin-resource-policy:", "same-origin"},
     };
     uint8_t memory[LWS_PRE + HEADER_BYTES], *at = memory + LWS_PRE, *end = memory + sizeof memory;
@@ -63,6 +72,8 @@ static int answer_begin(struct lws *wsi, struct fv_web_request *request,
         fits = fits && lws_add_http_header_content_length(wsi, bytes, &at, end) == 0;
     for (size_t i = 0; i < sizeof always / sizeof always[0]; i++)
         fits = fits && add(wsi, always[i][0], always[i][1], &at, end);
+    if (is_trusted(wsi))
+        fits = fits && add(wsi, "cross-origin-opener-policy:", "same-origin", &at, end);
     fits =
         fits && add(wsi, "cache-control:", answer->tag != NULL ? "private, no-cache" : "no-store",
                     &at, end);

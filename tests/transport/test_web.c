@@ -93,7 +93,8 @@ static void the_page_is_sent_with_its_rules(void **state)
 {
     const char *const headers[] = {"content-security-policy: default-src 'self'; frame",
                                    "frame-ancestors 'none';", "x-content-type-options: nosniff",
-                                   "cache-control: private, no-cache"};
+                                   "cache-control: private, no-cache",
+                                   "cross-origin-opener-policy: same-origin"};
     (void)state;
     const pid_t process = start(false);
     assert_int_equal(web_get("/", "", answer), 200);

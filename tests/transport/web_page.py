@@ -4,6 +4,7 @@ Usage: web_page.py BUILD FOLDER     FOVEA_SCREENSHOTS=DIR keeps the screenshots 
 """
 import json
 import os
+import re
 import subprocess
 import time
 from xml.etree import ElementTree
@@ -428,6 +429,8 @@ def check_login(token):
         answer = page.driver.execute_async_script("const done = arguments[0]; fetch('/settings', { method: 'POST', body: '\\n' })"
                                                   ".then(async (answer) => done([answer.status, await answer.text()]))")
         assert answer == [403, "this token may only look"], answer
+        wrong = [entry for entry in page.driver.get_log("browser") if entry["level"] == "SEVERE" and not re.search(" 40[13] ", entry["message"])]
+        assert not wrong, wrong  # but for what was to be refused
     finally:
         page.close()
 

@@ -66,6 +66,28 @@ static void only_our_names_are_ours(void **state)
     assert_false(fv_web_host_is_ours("127.0.0.1", 443, false, "", names, 2));
 }
 
+static void some_names_are_the_loopback(void **state)
+{
+    static const char *const are[] = {"localhost", "LOCALHOST:7680", "127.0.0.1:7680",
+                                      "127.9.9.9", "[::1]:7680",     "[::1]"},
+                             *const are_not[] = {"",
+                                                 ":",
+                                                 "robot.local:7680",
+                                                 "localhost.evil.org",
+                                                 "128.0.0.1",
+                                                 "[::2]",
+                                                 "127.0.0.1.evil.org:7680"};
+    char longest[400];
+    (void)state;
+    for (size_t i = 0; i < sizeof are / sizeof are[0]; i++)
+        if (!fv_web_host_is_loopback(are[i])) fail_msg("%s", are[i]);
+    for (size_t i = 0; i < sizeof are_not / sizeof are_not[0]; i++)
+        if (fv_web_host_is_loopback(are_not[i])) fail_msg("%s", are_not[i]);
+    memset(longest, 'a', sizeof longest);
+    longest[sizeof longest - 1] = '\0';
+    assert_false(fv_web_host_is_loopback(longest));
+}
+
 static void only_our_page_is_an_origin(void **state)
 {
     (void)state;
@@ -234,6 +256,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(only_our_names_are_ours),
+        cmocka_unit_test(some_names_are_the_loopback),
         cmocka_unit_test(only_our_page_is_an_origin),
         cmocka_unit_test(listed_origins_are_compared_whole),
         cmocka_unit_test(a_cookie_is_found_by_its_whole_name),
