@@ -301,6 +301,19 @@ static int begin_body(struct lws *wsi, struct fv_web_request *request, size_t by
     return request->settings == NULL ? -1 : 0;
 }
 
+/* The page of the calibration answers to one name alone: that by which the browser came here. */
+static void name_calibration(struct fv_web_server *server, struct lws *wsi)
+{
+    char host[FV_WEB_NAME_BYTES];
+    if (!fv_web_server_header(wsi, WSI_TOKEN_HOST, host, sizeof host)) return;
+    for (int i = 0; i < server->setup.name_count; i++) {
+        const char *name = server->setup.names[i];
+        const size_t length = strlen(name);
+        if (strncasecmp(host, name, length) == 0 && (host[length] == '\0' || host[length] == ':'))
+            server->setup.calibration->name = name;
+    }
+}
+
 /* A board, by which the camera of the run is calibrated, or "end". */
 static int begin_calibration(struct fv_web_server *server, struct lws *wsi,
                              struct fv_web_request *request, enum fv_web_role role)
@@ -315,6 +328,7 @@ static int begin_calibration(struct fv_web_server *server, struct lws *wsi,
     if (request->relay->reader == NULL)
         return refuse(wsi, request, HTTP_STATUS_FORBIDDEN, "there is no run of this host");
     request->calibrates = true;
+    name_calibration(server, wsi);
     return begin_body(wsi, request, FV_WEB_TARGET_BYTES);
 }
 

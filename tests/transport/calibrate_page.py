@@ -24,7 +24,7 @@ def browser():
     options = webdriver.ChromeOptions()
     options.binary_location = "/usr/bin/chromium"
     for word in ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run", "--no-proxy-server",
-                 "--disable-background-networking", "--disable-component-update", "--user-data-dir=" + os.path.join(folder, "profile")):
+                 "--disable-background-networking", "--disable-component-update", "--host-resolver-rules=MAP robot.two 127.0.0.1", "--user-data-dir=" + os.path.join(folder, "profile")):
         options.add_argument(word)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
     return webdriver.Chrome(options=options, service=Service("/usr/bin/chromedriver"))
@@ -159,17 +159,17 @@ distortion_coefficients: {rows: 1, cols: 5, data: [0, 0, 0, 0, 0]}
 
 
 def start_run():
-    """A run whose camera looks at a board, and its page."""
+    """A run whose camera looks at a board, and its page, by the second of its names."""
     camera, feed = os.path.join(folder, "start.yaml"), os.path.join(folder, "feed")
     with open(camera, "w", encoding="utf-8") as file:
         file.write(CAMERA)
     started.append(subprocess.Popen([os.path.join(build, "fovea"), "run", "--source", "sim:board?rate=12&frames=1000000", "--rate", "real", "--quiet", "--picture", "none", "--set", "camera=" + camera, "--set", "web.socket=" + feed,
                                      "--set", "parameters.file=" + os.path.join(folder, "kept.yaml"), "--set", "odometry.enabled=false"]))
     os.mkdir(os.path.join(folder, "results"))
-    process = subprocess.Popen([os.path.join(build, "fovea-web"), "--feed", feed, "--port", "0", "--calibrations", os.path.join(folder, "results")],
+    process = subprocess.Popen([os.path.join(build, "fovea-web"), "--feed", feed, "--port", "0", "--calibrations", os.path.join(folder, "results"), "--name", "robot.one", "--name", "robot.two"],
                                stderr=subprocess.PIPE, text=True)
     started.append(process)
-    return re.search(r"http://127\.0\.0\.1:\d+/", process.stderr.readline()).group(0)
+    return re.search(r"http://127\.0\.0\.1:\d+/", process.stderr.readline()).group(0).replace("127.0.0.1", "robot.two")
 
 
 def begin(driver, live):
@@ -206,7 +206,7 @@ def from_the_page_of_a_run():
     driver = browser()
     try:
         address = begin(driver, live)
-        until_served(address)
+        until_served(address.replace("robot.two", "127.0.0.1"))
         path = result_of_process()
         assert os.path.dirname(path) == os.path.join(folder, "results"), path
         driver.get(address)
