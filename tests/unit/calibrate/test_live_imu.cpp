@@ -1,4 +1,5 @@
-/* An inertial sensor beside a live camera: what LCM brings of it comes onto the pictures' clock. */
+/* An inertial sensor beside a live camera: what LCM and Linux IIO bring of it comes onto the
+ * pictures' clock. */
 #include "calibrate/live_imu.h"
 
 #include <cmath>
@@ -12,6 +13,9 @@
 #include "fovea_imu_t.h"
 
 #include "common/cmocka_cpp.h"
+extern "C" {
+#include "common/fake_iio.h"
+}
 
 using namespace calibrate;
 
@@ -125,12 +129,56 @@ void samples_that_are_none_or_come_late_are_left_out(void **)
     assert_true(samples[0].stamp_ns == 1000 && samples[1].stamp_ns == 3000);
 }
 
+/* The kernel's stamps are on CLOCK_MONOTONIC. */
+void samples_of_iio_come_onto_the_pictures_clock(void **)
+{
+    constexpr int64_t second_ns = 1'000'000'000;
+    constexpr int tries = 2000;
+    const int16_t raw[2][6] = {{100, -200, 300, 981, -2, 5}, {1, 0, 0, 0, 0, 0}};
+    const fovea_clock clocks[] = {FOVEA_CLOCK_MONOTONIC, FOVEA_CLOCK_REALTIME};
+    for (const fovea_clock clock : clocks) {
+        fake_iio_make();
+        {
+            LiveImu imu;
+            fovea_error error;
+            std::vector<fovea_imu_sample> samples;
+            if (imu.open({"iio:adis16448", "", "", 400}, &error) != FOVEA_OK)
+                fail_msg("%s", error.text);
+            for (int i = 0; i < tries && !fake_iio_says("buffer/enable", "1"); i++)
+                usleep(5000);
+            assert_true(fake_iio_says("sampling_frequency", "400"));
+            assert_true(std::fabs(imu.gyro_range() - 32.767) < 1e-9);
+            assert_true(std::fabs(imu.acceleration_range() - 327.67) < 1e-9);
+            const int64_t monotonic_ns = fv_clock_ns(CLOCK_MONOTONIC),
+                          there_ns = fv_clock_ns(clock == FOVEA_CLOCK_MONOTONIC ? CLOCK_MONOTONIC
+                                                                                : CLOCK_REALTIME);
+            assert_true(fake_iio_scan(raw[0], monotonic_ns) &&
+                        fake_iio_scan(raw[1], monotonic_ns + 5 * second_ns));
+            for (int i = 0; i < tries && samples.size() < 2; i++) {
+                imu.take(clock, samples);
+                usleep(5000);
+            }
+            assert_int_equal(samples.size(), 2);
+            assert_true(std::llabs(samples[0].stamp_ns - there_ns) < second_ns);
+            assert_true(std::llabs(samples[1].stamp_ns - samples[0].stamp_ns - 5 * second_ns) <
+                        second_ns);
+            for (int i = 0; i < 3; i++) {
+                assert_true(std::fabs(samples[0].gyro[i] - .001 * raw[0][i]) < 1e-12);
+                assert_true(std::fabs(samples[0].acceleration[i] - .01 * raw[0][3 + i]) < 1e-12);
+            }
+            assert_int_equal(imu.no_clock(), 0);
+        }
+        fake_iio_remove();
+    }
+}
+
 void what_is_no_sensor_is_refused(void **)
 {
     assert_true(live_imu_valid("lcm:IMU") && live_imu_valid("iio:adis16448"));
     for (const char *sensor : {"", "source", "lcm:", "iio:", "lcmlog:IMU"})
         assert_false(live_imu_valid(sensor));
     const std::vector<std::pair<LiveImuSetup, const char *>> wrong = {
+        {{"iio:none", "", "", 0}, "iio:none"},
         {{"lcm:IMU", "none", "", 0}, "none"},
         {{"lcm:IMU", "memq://", "", 0}, "nothing is heard from"},
         {{"lcm:IMU", LCM_URL, "two words", 0}, "--listen"},
@@ -153,6 +201,7 @@ int main()
         cmocka_unit_test(other_stamps_count_by_their_utc),
         cmocka_unit_test(stamps_that_state_no_clock_are_refused),
         cmocka_unit_test(samples_that_are_none_or_come_late_are_left_out),
+        cmocka_unit_test(samples_of_iio_come_onto_the_pictures_clock),
         cmocka_unit_test(what_is_no_sensor_is_refused),
     };
     return cmocka_run_group_tests(tests, nullptr, nullptr);
