@@ -104,6 +104,7 @@ cameras() { # cameras UNPLUGGED DAMAGED
 # true reason.
 calibration() { # calibration CAMERAS
     make --no-print-directory "$build/tests/unit/calibrate/test_simulated" && FOVEA_LONG=$1 "$build/tests/unit/calibrate/test_simulated" || return 1
+    make --no-print-directory "$build/tests/unit/calibrate/test_uncertainty" && FOVEA_LONG=$1 "$build/tests/unit/calibrate/test_uncertainty" || return 1
     make --no-print-directory "$build/tests/unit/calibrate/test_rig" && FOVEA_LONG=$1 "$build/tests/unit/calibrate/test_rig" || return 1
     make --no-print-directory "$build/tests/unit/calibrate/test_inertial" && FOVEA_LONG=20 "$build/tests/unit/calibrate/test_inertial" || return 1
     make --no-print-directory "$build/tests/unit/calibrate/test_bad_sets" && FOVEA_LONG=$1 "$build/tests/unit/calibrate/test_bad_sets" || return 1
