@@ -12,7 +12,6 @@ namespace
 {
 
 constexpr int FOLDS = 5;
-constexpr size_t CROSS_VIEWS_MIN = 3; /* of each half */
 /* A model with more coefficients must be better by this in pictures held out. */
 constexpr double BETTER = .95;
 
@@ -44,25 +43,6 @@ bool choose_model(const std::vector<Model> &models, int width, int height, Solve
     return any;
 }
 
-/* Solve every second view and the others apart, and compare their projections. */
-double cross_solve(const Report &report, int width, int height, SolveOptions options)
-{
-    std::vector<View> halves[2];
-    const std::vector<std::string> &left_out = report.solution.left_out;
-    for (size_t v = 0, used = 0; v < report.views.size(); v++)
-        if (left_out[v].empty() && !report.views[v].corners.empty())
-            halves[used++ % 2].push_back(report.views[v]);
-    if (halves[1].size() < CROSS_VIEWS_MIN) return NAN;
-    options.model = report.solution.model;
-    Solution first;
-    std::string error;
-    if (!solve(report.board, halves[0], width, height, options, first, error)) return NAN;
-    fovea_camera camera = first.camera;
-    if (fovea_camera_prepare(&camera, nullptr) != FOVEA_OK) return NAN;
-    const Comparison comparison = compare(camera, report.board, halves[1]);
-    return comparison.solved ? comparison.difference_px : NAN;
-}
-
 } // namespace
 
 void solve_and_judge(const Collection &collection, const std::vector<Model> &models,
@@ -77,8 +57,9 @@ void solve_and_judge(const Collection &collection, const std::vector<Model> &mod
         return;
     }
     report.verdict = judge(report.views, report.solution, report.held_out_px);
-    report.cross_solve_px = cross_solve(report, width, height, options);
-    judge_halves(report.cross_solve_px, report.verdict);
+    const Halves halves = compare_halves(report.board, report.views, report.solution, options);
+    report.cross_solve_px = halves.difference_px;
+    judge_halves(halves, report.verdict);
     if (options.bend) return;
     SolveOptions bent = options;
     Solution solution;

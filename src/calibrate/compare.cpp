@@ -1,5 +1,7 @@
 #include "calibrate/compare.h"
 
+#include "calibrate/report.h"
+
 #include <Eigen/Dense>
 
 #include <algorithm>
@@ -128,10 +130,17 @@ std::string rounded(double value, int digits)
     return text;
 }
 
+/* The deviation of the normal distribution that chance exceeds as rarely as this one of chi-square
+ * (E. B. Wilson and M. M. Hilferty, 1931). */
+double chi_square_sigmas(double value, double degrees)
+{
+    const double variance = 2 / (9 * degrees);
+    return (std::cbrt(value / degrees) - (1 - variance)) / std::sqrt(variance);
+}
+
 /* Whether the file explains the pictures worse than noise allows in 999 of 1000 cases: the rise of
- * the squared errors is chi-square, by as many degrees of freedom as the model has parameters
- * (bound by Wilson and Hilferty, 1931). All corners together find what no place of the image shows
- * alone. */
+ * the squared errors is chi-square, by as many degrees of freedom as the model has parameters. All
+ * corners together find what no place of the image shows alone. */
 bool explains_worse(const Comparison &comparison)
 {
     constexpr double quantile = 3.0902; /* of the normal distribution, for .999 */
@@ -139,10 +148,9 @@ bool explains_worse(const Comparison &comparison)
     double degrees = 0;
     for (const double deviation : fresh.stdev)
         degrees += deviation > 0;
-    const double root = 1 - 2 / (9 * degrees) + quantile * std::sqrt(2 / (9 * degrees));
     const double rise =
         fresh.corners_used * (comparison.rms_px * comparison.rms_px - fresh.rms_px * fresh.rms_px);
-    return rise > fresh.noise_px * fresh.noise_px * degrees * root * root * root;
+    return chi_square_sigmas(rise / (fresh.noise_px * fresh.noise_px), degrees) > quantile;
 }
 
 void judge_difference(Comparison &comparison)
@@ -173,6 +181,79 @@ void judge_rms(Comparison &comparison)
         "corners are " + rounded(comparison.rms_px, 2) +
             " px RMS from where the file projects them, and " + rounded(fresh, 2) +
             " px from where a new camera does: calibrate again");
+}
+
+/* ---- halves ---------------------------------------------------------------------------------- */
+
+constexpr size_t HALF_VIEWS_MIN = 3;
+
+struct Half {
+    std::vector<View> views;
+    Solution solution;
+    fovea_camera camera; /* prepared */
+};
+
+/* False: it determines no camera. */
+bool solve_half(const Board &board, const SolveOptions &options, Half &half)
+{
+    const int width = half.camera.width, height = half.camera.height;
+    std::string why;
+    if (half.views.size() < HALF_VIEWS_MIN ||
+        !solve(board, half.views, width, height, options, half.solution, why))
+        return false;
+    half.camera = half.solution.camera;
+    return fovea_camera_prepare(&half.camera, nullptr) == FOVEA_OK;
+}
+
+/* Worst where both saw corners. */
+double difference_of(const Half &one, const Half &other)
+{
+    std::vector<Place> both;
+    for (const Place &place : places_of(one.camera, one.views, one.solution))
+        for (const Place &same : places_of(one.camera, other.views, other.solution))
+            if (same.pixel == place.pixel) both.push_back(place);
+    if (both.empty()) return NAN;
+    const Eigen::Matrix3d turn = best_turn(other.camera, both);
+    double worst = 0;
+    for (const Place &place : both) {
+        const double difference = difference_at(other.camera, turn, place).norm();
+        worst = std::max(worst, std::isfinite(difference) ? difference : INFINITY);
+    }
+    return worst;
+}
+
+/* Both halves' parameters are known by their covariances. Chi-square of the difference; and a focal
+ * length that changed alone, fitted to it. */
+void test_parameters(const Half &one, const Half &other, bool equal_focal, Halves &halves)
+{
+    std::vector<int> which;
+    for (int i = 0; i < PARAMETERS_MAX; i++)
+        if (one.solution.stdev[(size_t)i] > 0 && !(i == 1 && equal_focal)) which.push_back(i);
+    const auto count = (Eigen::Index)which.size();
+    Eigen::MatrixXd covariance(count, count);
+    Eigen::VectorXd difference(count), focal(count);
+    for (Eigen::Index i = 0; i < count; i++) {
+        const int of = which[(size_t)i];
+        const double from = parameter(one.camera, of);
+        difference[i] = parameter(other.camera, of) - from;
+        focal[i] = of < 2 ? from : 0;
+        for (Eigen::Index j = 0; j < count; j++) {
+            const auto at = (size_t)(of * PARAMETERS_MAX + which[(size_t)j]);
+            covariance(i, j) = one.solution.covariance[at] + other.solution.covariance[at];
+        }
+    }
+    /* Their sizes are from 1e-9 to 1e3. */
+    const Eigen::VectorXd scale = covariance.diagonal().cwiseSqrt().cwiseInverse();
+    const Eigen::LDLT<Eigen::MatrixXd> factor(scale.asDiagonal() * covariance * scale.asDiagonal());
+    difference = scale.cwiseProduct(difference);
+    focal = scale.cwiseProduct(focal);
+    const Eigen::VectorXd weighed = factor.solve(focal);
+    const double chi_square = difference.dot(factor.solve(difference)),
+                 information = weighed.dot(focal);
+    if (!(chi_square > 0) || !(information > 0)) return;
+    halves.sigmas = chi_square_sigmas(chi_square, (double)count);
+    halves.focal_change = weighed.dot(difference) / information;
+    halves.focal_sigmas = halves.focal_change * std::sqrt(information);
 }
 
 } // namespace
@@ -208,6 +289,28 @@ Comparison compare(const fovea_camera &camera, const Board &board, const std::ve
     judge_difference(comparison);
     judge_rms(comparison);
     return comparison;
+}
+
+Halves compare_halves(const Board &board, const std::vector<View> &views, const Solution &whole,
+                      SolveOptions options)
+{
+    std::vector<View> used = views;
+    for (const LeftOut &corner : whole.corners_left_out)
+        used[(size_t)corner.view].corners[(size_t)corner.corner] = {NAN, NAN};
+    Half parts[2];
+    size_t count = 0;
+    for (size_t v = 0; v < views.size(); v++)
+        if (whole.left_out[v].empty()) parts[count++ % 2].views.push_back(used[v]);
+    options.model = whole.model;
+    options.reject = false;
+    Halves halves;
+    for (Half &half : parts) {
+        half.camera = whole.camera;
+        if (!solve_half(board, options, half)) return halves;
+    }
+    halves.difference_px = difference_of(parts[0], parts[1]);
+    test_parameters(parts[0], parts[1], options.equal_focal, halves);
+    return halves;
 }
 
 } // namespace calibrate

@@ -28,5 +28,10 @@ Model model_of(const fovea_camera &camera);
 /* `camera` is prepared and of the pictures' size. */
 Comparison compare(const fovea_camera &camera, const Board &board, const std::vector<View> &views);
 
+/* Every second view that `whole` uses and the others, each solved by itself with the model of
+ * `whole`, without the corners that it leaves out. */
+Halves compare_halves(const Board &board, const std::vector<View> &views, const Solution &whole,
+                      SolveOptions options);
+
 } // namespace calibrate
 #endif

@@ -29,8 +29,8 @@ constexpr double BEND_PASS = .003; /* height over the board's width */
 constexpr double BEND_SIGMAS = 5;
 constexpr int CELL_COLUMNS = 6, CELL_ROWS = 5;
 constexpr double HALVES_PASS_PX = 1, HALVES_DOUBTFUL_PX = 4;
-constexpr double HALVES_SIGMAS =
-    4; /* of the worst place, of which the largest difference is taken */
+/* Chance exceeds them in one of 1000 sets, and in one of 100. */
+constexpr double HALVES_SIGMAS = 3.0902, HALVES_FOCAL_SIGMAS = 2.5758;
 
 /* Corners of views that are used, per cell of the image. */
 std::vector<int> cells_of(const std::vector<View> &views, const Solution &solution, int columns,
@@ -303,19 +303,21 @@ void judge_bend(const Board &board, const Solution &flat, const Solution &bent, 
         1e3 * height_m, 1e3 * BEND_PASS * width_m);
 }
 
-/* Each half knows half as much: its deviation is larger by the root of two, and that of the
- * difference by two. */
-void judge_halves(double cross_solve_px, Verdict &verdict)
+void judge_halves(const Halves &halves, Verdict &verdict)
 {
-    const double allowed_px = HALVES_SIGMAS * 2 * verdict.uncertainty_seen_px;
-    if (!(cross_solve_px > allowed_px)) return;
-    const Grade grade = grade_of(cross_solve_px, HALVES_PASS_PX, HALVES_DOUBTFUL_PX);
-    if (grade == Grade::pass) return;
+    const bool refocused = std::fabs(halves.focal_sigmas) > HALVES_FOCAL_SIGMAS;
+    if (!refocused && !(halves.sigmas > HALVES_SIGMAS)) return;
+    const Grade grade = grade_of(halves.difference_px, HALVES_PASS_PX, HALVES_DOUBTFUL_PX);
+    if (!std::isfinite(halves.difference_px) || grade == Grade::pass) return;
+    char focal[80] = "";
+    if (refocused)
+        snprintf(focal, sizeof focal, " (focal lengths differ by %.2f %%)",
+                 100 * std::fabs(halves.focal_change));
     add_reason(verdict, grade,
-               "every second picture and the others, solved apart, project up to %.1f px apart, "
+               "every second picture and the others, solved apart, project up to %.1f px apart%s, "
                "expected %.1f or less: the lens or the board changed between pictures (focus, "
                "zoom), or the model does not fit",
-               cross_solve_px, std::max(HALVES_PASS_PX, allowed_px));
+               halves.difference_px, focal, HALVES_PASS_PX);
 }
 
 Verdict judge(const std::vector<View> &views, const Solution &solution, double held_out_px)

@@ -2,6 +2,8 @@
 #ifndef FOVEA_CALIBRATE_VERDICT_H
 #define FOVEA_CALIBRATE_VERDICT_H
 
+#include <cmath>
+
 #include "calibrate/calibrate.h"
 
 namespace calibrate
@@ -48,9 +50,17 @@ Verdict judge_unsolved(const std::vector<View> &views, const std::string &error)
 /* Add to the verdict on `flat` what `bent`, solved with the board's bend, says of the board. */
 void judge_bend(const Board &board, const Solution &flat, const Solution &bent, Verdict &verdict);
 
-/* Add to the verdict how far apart the cameras of two halves of the pictures project
- * (Report::cross_solve_px; NaN: not known), where that is more than their deviations allow. */
-void judge_halves(double cross_solve_px, Verdict &verdict);
+/* The cameras of two halves of the pictures. Their differences are in standard deviations of the
+ * normal distribution. */
+struct Halves {
+    double difference_px = NAN; /* of projection: worst where both saw corners; NaN: not known */
+    double sigmas = 0;          /* of all parameters together */
+    double focal_change = 0;    /* where all else is the same, relative */
+    double focal_sigmas = 0;
+};
+
+/* Add to the verdict what they say of the lens, where chance does not explain it. */
+void judge_halves(const Halves &halves, Verdict &verdict);
 
 /* Leave out the views whose edges are much wider than the others'. */
 void leave_out_blurred(std::vector<View> &views);
