@@ -7,6 +7,7 @@
 
 enum {
     SAMPLE = 64,     /* landmarks whose motion in the image is looked at */
+    DISTRUSTED = 3,  /* pictures behind a patched one */
     PICTURES = 8,    /* before this one, whose features are looked for */
     AGE_MASK = 0xff, /* of what is remembered of a feature: the number of its picture */
 };
@@ -57,7 +58,10 @@ void fv_usable_picture(struct fv_usable_state *s, uint32_t count,
         sum += features[i].score;
     }
     s->repeated = count > 0 && again > repeated_fraction * count;
-    s->patched = again > patched_fraction * count;
+    const bool is_old = again > patched_fraction * count;
+    if (is_old && !s->repeated) s->distrust = DISTRUSTED + 1;
+    s->patched = is_old || s->distrust > 0;
+    s->distrust -= s->distrust > 0;
     const double score = count > 0 ? (double)sum / count : 0;
     s->blurred = score < blurred_fraction * s->sharpness;
     if (s->blurred)

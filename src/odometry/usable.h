@@ -16,7 +16,8 @@
  *
  * Patched: some of the features are exactly those of one of the last eight pictures, as after a
  * transfer that broke off: what is old says that the camera stands. A picture from before an outage
- * is older, and counts as new.
+ * is older, and counts as new. A link that broke off does so again, and what a few old rows leave
+ * shows in too few features: three pictures behind a patched one count as patched.
  *
  * Poses of such pictures are `weak`, and none becomes a keyframe. Real-time safe, no addresses in
  * the state. */
@@ -39,14 +40,15 @@ struct fv_usable_state {
     /* 24 bits of the hash of a feature, each at the rest of it modulo the places, and 8 of the
      * number of its picture. */
     uint32_t seen[FV_USABLE_SEEN];
-    uint32_t picture, reserved; /* number of the current picture */
-    double sharpness;           /* mean score that is usual; 0: not known */
-    int64_t judged_ns;          /* stamp of the last frame that was judged, frozen or not */
-    struct fv_se3 frozen_at;    /* pose where motion ended; of a picture that is frozen */
-    bool blurred;               /* the current picture */
-    bool repeated;              /* most of its features are exactly those of earlier ones */
-    bool patched;               /* a part of them are */
-    bool frozen;                /* since the last posed frame but some */
+    uint32_t picture;        /* number of the current picture */
+    uint32_t distrust;       /* pictures to come that count as patched, whatever they show */
+    double sharpness;        /* mean score that is usual; 0: not known */
+    int64_t judged_ns;       /* stamp of the last frame that was judged, frozen or not */
+    struct fv_se3 frozen_at; /* pose where motion ended; of a picture that is frozen */
+    bool blurred;            /* the current picture */
+    bool repeated;           /* most of its features are exactly those of earlier ones */
+    bool patched;            /* a part of them are, or were just before */
+    bool frozen;             /* since the last posed frame but some */
 };
 
 struct fv_odometry;
