@@ -116,7 +116,13 @@ static void a_knocked_lens_is_reported(void **state)
         char uri[256];
         const double factor = i % 2 == 0 ? 1.02 : 1 / 1.02;
         source_write(uri, &plan, i, factor);
-        const struct said said = run(uri, 1, plan.frames);
+        struct said said = run(uri, 1, plan.frames);
+        if (said.first < 0 && plan.size[0] == '\0') { /* the run ended before the time was over */
+            struct plan whole = plan;
+            whole.frames = plan.knocked + (int)(60 * said.fps);
+            source_write(uri, &whole, i, factor);
+            said = run(uri, 1, whole.frames);
+        }
         const int after = said.first - plan.knocked;
         if (after > latest) latest = after;
         if (after < 0 || after > 60 * said.fps || said.last.cause != FOVEA_CALIBRATION_CHANGED ||
