@@ -90,10 +90,13 @@ Solution solve_simulated(Model model, unsigned seed, fovea_camera &truth, std::v
 void parameters_are_as_near_as_stated(Model model)
 {
     Ratios ratios;
+    double worst = 0;
     for (int seed = 1; seed <= cameras(); seed++) {
         fovea_camera truth;
-        std::vector<View> views;
-        const Solution solution = solve_simulated(model, (unsigned)seed, truth, views, nullptr);
+        std::vector<View> views, exact;
+        Solution solution = solve_simulated(model, (unsigned)seed, truth, views, &exact);
+        assert_int_equal(fovea_camera_prepare(&solution.camera, nullptr), FOVEA_OK);
+        worst = std::max(worst, worst_at_corners_px(solution, exact));
         const double first[4] = {solution.camera.fx - truth.fx, solution.camera.fy - truth.fy,
                                  solution.camera.cx - truth.cx, solution.camera.cy - truth.cy};
         for (int i = 0; i < 4 + coefficient_count(model); i++) {
@@ -103,6 +106,8 @@ void parameters_are_as_near_as_stated(Model model)
         }
         assert_true(solution.noise_px > .93 * NOISE_PX && solution.noise_px < 1.07 * NOISE_PX);
     }
+    printf("%s: at most %.3f px off at the corners\n", model_name(model), worst);
+    assert_true(worst < .5);
     ratios.judge(model_name(model));
 }
 
