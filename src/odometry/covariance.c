@@ -22,12 +22,13 @@ static const double scale_sigma =
     0.015; /* of the window's unit of length against that of the whole path */
 static const double nearly = 1e-6,
                     nearly_zero = 1e-9; /* added to diagonals, relative: no parallax is any depth */
-static const double own_fraction = 0.65; /* of the variance that inliers show: their own errors are
+static const double own_fraction = 0.55; /* of the variance that inliers show: their own errors are
                                          in it, and counted again by the parts */
 static const double together_max =
     3; /* parts' variance over that of the errors: more, and something moves, or the map is bent */
 static const double young_spread_px =
     20; /* below it, landmarks' errors have much in common; above, less and less */
+static const double much_larger = 2;
 static const double bend_max = 0.1, bend_fraction = 0.17;
 static const double doubt_fraction =
     0.05; /* of the way, where the pictures do not bear the map out */
@@ -337,10 +338,9 @@ static void weigh(struct fv_joint *j, struct fv_linear_observation *observations
     }
 }
 
-/* The joint problem's covariance upper triangle by rows, and how much noisier the reference is than
- * the frame. False: not determined. */
+/* The joint problem's covariance upper triangle by rows. False: not determined. */
 static bool solve_joint(struct fv_odometry *o, const struct fv_map_frame *frame, uint32_t inliers,
-                        double variance, double covariance[21], double *noisier)
+                        double variance, double covariance[21])
 {
     struct fv_joint j;
     j.S = o->covariance.joint;
@@ -353,7 +353,6 @@ static bool solve_joint(struct fv_odometry *o, const struct fv_map_frame *frame,
         weigh(&j, observations, count);
         add_landmark(&j, observations, count);
     }
-    *noisier = shown_of(&j, REFERENCE)->noisier;
     const double information = (double)inliers / (double)j.sample_count / variance;
     for (int k = 0; k < j.size * j.size; k++)
         j.S[k] *= information;
@@ -385,13 +384,28 @@ static void solve_alone(const struct fv_pose_fit *fit, double variance, double c
     }
 }
 
-/* Way from the reference keyframe. */
-static double way_of(const struct fv_keyframe *reference, const struct fv_map_frame *frame)
+/* The reference keyframe seen from the frame. */
+static void reference_from(const struct fv_keyframe *reference, const struct fv_map_frame *frame,
+                           struct fv_se3 *T)
 {
-    struct fv_se3 T_world_ref, T;
+    struct fv_se3 T_world_ref;
     fv_se3_invert(&reference->T_cam_world, &T_world_ref);
-    fv_se3_compose(&frame->keyframe->T_cam_world, &T_world_ref, &T);
-    return fv_norm3(T.t);
+    fv_se3_compose(&frame->keyframe->T_cam_world, &T_world_ref, T);
+}
+
+/* What the parts of the reference's image showed, in place of what those of the frame's show, where
+ * that is much larger (of turns, which have one unit everywhere): twice is chance. */
+static void larger_parts(const struct fv_odometry *o, const struct fv_se3 *T_frame_ref,
+                         double parts[21])
+{
+    const struct fv_reference_state *reference = &o->state->reference;
+    const uint32_t slot = o->state->newest;
+    double carried[21];
+    if (reference->slot != slot || reference->generation != o->map.keyframes[slot].generation)
+        return;
+    fv_se3_carry_covariance(T_frame_ref, reference->parts, carried);
+    if (carried[15] + carried[18] + carried[20] > much_larger * (parts[15] + parts[18] + parts[20]))
+        memcpy(parts, carried, sizeof carried);
 }
 
 bool fv_covariance_write(struct fv_odometry *o, const struct fv_map_frame *frame,
@@ -407,16 +421,19 @@ bool fv_covariance_write(struct fv_odometry *o, const struct fv_map_frame *frame
     const double bend = map_bend(&o->map, o->focal_px, frame, __builtin_sqrt(variance));
     bool reliable = spread && (parts_variance < together_max * variance ||
                                fv_agreement_settled(&o->state->agreement));
-    double noisier = 1;
-    if (!solve_joint(o, frame, fit->inliers, variance, covariance, &noisier)) {
+    if (!solve_joint(o, frame, fit->inliers, variance, covariance)) {
         solve_alone(fit, variance, covariance);
         reliable = false;
     }
+    struct fv_se3 T_frame_ref;
+    reference_from(reference, frame, &T_frame_ref);
+    memcpy(o->state->parts, parts, sizeof parts);
+    larger_parts(o, &T_frame_ref, parts);
     for (int k = 0; k < 21; k++)
-        covariance[k] = own_fraction * covariance[k] + noisier * parts[k];
+        covariance[k] = own_fraction * covariance[k] + parts[k];
     const bool doubt = fv_agreement_verdict(&o->state->agreement) != FV_AGREEMENT_GOOD;
     const double open = bend_fraction * bend + (doubt ? doubt_fraction : 0),
-                 drift = open * way_of(reference, frame),
+                 drift = open * fv_norm3(T_frame_ref.t),
                  turn = drift / (reference->depth > 0 ? reference->depth : 1);
     for (int row = 0, k = 0; row < 6; k += 6 - row, row++)
         covariance[k] += row < 3 ? drift * drift : turn * turn;

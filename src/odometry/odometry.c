@@ -224,8 +224,12 @@ static void add_correction(struct fv_odometry *o, const struct fv_sim3 *S_odom_m
     struct fv_se3 T_odom_ref, inverse, now, published;
     double between[3], turned[9], e[6];
     published_pose(o, S_odom_map, slot, &T_odom_ref);
-    if (s->reference.slot != slot || s->reference.generation != generation)
-        s->reference = (struct fv_reference_state){slot, generation, T_odom_ref};
+    if (s->reference.slot != slot || s->reference.generation != generation) {
+        const bool is_own =
+            o->map.keyframes[slot].stamp_ns == o->map.keyframes[fv_map_current(&o->map)].stamp_ns;
+        s->reference = (struct fv_reference_state){slot, generation, T_odom_ref, {0}};
+        if (is_own) memcpy(s->reference.parts, s->parts, sizeof s->parts);
+    }
     fv_se3_invert(&T_odom_ref, &inverse);
     fv_se3_compose(&inverse, T_odom_cam, &now);
     fv_se3_invert(&s->reference.published, &inverse);
@@ -318,6 +322,7 @@ void fv_odometry_step(struct fv_odometry *o, const struct fv_kernels *kernels,
 {
     struct fv_odometry_state *s = o->state;
     memset(&s->pose, 0, sizeof s->pose);
+    memset(s->parts, 0, sizeof s->parts);
     s->frame_number++;
     s->localise.hint = input->hint;
     odometry_fill_view(o, input);

@@ -43,10 +43,12 @@ struct fv_still_state {
     double position[3]; /* world */
 };
 
-/* Keyframe that the last pose hangs on, and T_world_cam as published with its own frame. */
+/* Keyframe that the last pose hangs on, and T_world_cam as published with its own frame; what the
+ * parts of that frame's image showed (covariance.h), zeros where it is not known. */
 struct fv_reference_state {
     uint32_t slot, generation;
     struct fv_se3 published;
+    double parts[21];
 };
 
 struct fv_odometry_state {
@@ -66,6 +68,7 @@ struct fv_odometry_state {
     struct fv_agreement_state agreement;
     struct fv_usable_state usable;
     struct fv_reference_state reference;
+    double parts[21];       /* what those of the last frame's image showed */
     struct fovea_pose pose; /* of the last frame */
 };
 
