@@ -551,7 +551,9 @@ $(BUILD)/fovea-libcamera: $(LIBCAMERA_O) $(BUILD)/obj/src/base/status.o $(BUILD)
 	@echo "  link $@"
 	$(Q)$(CXX) $(LDFLAGS) -pie -o $@ $(filter %.o,$^) $(shell pkg-config --libs libcamera)
 CALIBRATE_O := $(call objs,$(CALIBRATE_CXX))
-CALIBRATE_LIBS := -lopencv_aruco -lopencv_calib3d -lopencv_features2d -lopencv_imgproc -lopencv_core -lceres -lglog
+# Markers are in aruco up to OpenCV 4.6, and in objdetect from 4.7 on.
+MARKER_LIBS := -lopencv_aruco -Wl,--push-state,--as-needed -lopencv_objdetect -Wl,--pop-state
+CALIBRATE_LIBS := $(MARKER_LIBS) -lopencv_calib3d -lopencv_features2d -lopencv_imgproc -lopencv_core -lceres -lglog
 $(BUILD)/obj/src/calibrate/%.o: CXXFLAGS += -isystem $(INCLUDED)/eigen3 -isystem $(INCLUDED)/opencv4
 # It serves its page by the server of fovea-web, where that is built.
 WEB_O := $(call objs,$(WEB_C))
@@ -674,7 +676,7 @@ $(BUILD)/hil-count.so: tests/hil/count_heap.c tests/common/heap_calls.h
 OPENCV_LIBS = -lopencv_calib3d -lopencv_features2d -lopencv_flann -lopencv_imgcodecs -lopencv_imgproc -lopencv_core
 # Optimisers are held against Ceres.
 BESIDE_CERES := map/test_pose_graph map/test_window_ceres
-$(BESIDE_CERES:%=$(BUILD)/tests/unit/%): ORACLE_LIBS := -lopencv_aruco -lceres -lglog
+$(BESIDE_CERES:%=$(BUILD)/tests/unit/%): ORACLE_LIBS := $(MARKER_LIBS) -lceres -lglog
 $(BESIDE_CERES:%=$(BUILD)/obj/tests/unit/%.o) $(BUILD)/obj/tests/unit/geometry/test_normal_equations.o $(BUILD)/obj/tests/unit/calibrate/%.o: CXXFLAGS += -isystem $(INCLUDED)/eigen3
 # Parts of the page's server that know no socket are tested by their functions, the others by the program.
 WEB_TESTS := $(filter $(BUILD)/tests/unit/web/%,$(TESTS))
@@ -691,7 +693,7 @@ $(WEB_TESTS) $(filter %/transport/test_web_encrypted,$(TESTS)): ORACLE_LIBS := -
 CALIBRATE_TESTS := $(patsubst tests/%.cpp,$(BUILD)/tests/%,$(wildcard tests/unit/calibrate/*.cpp))
 $(CALIBRATE_TESTS): $(CALIBRATE_O) $(CALIBRATE_WEB_O)
 $(CALIBRATE_TESTS): TEST_MORE := $(CALIBRATE_O) $(CALIBRATE_WEB_O)
-$(CALIBRATE_TESTS): ORACLE_LIBS := -lopencv_aruco -lceres -lglog $(if $(WEB),$(WEB_LIBS))
+$(CALIBRATE_TESTS): ORACLE_LIBS := $(MARKER_LIBS) -lceres -lglog $(if $(WEB),$(WEB_LIBS))
 $(BUILD)/obj/tests/%.o: CFLAGS += -Itests
 $(BUILD)/obj/tests/%.o: CXXFLAGS += -Itests -isystem $(INCLUDED)/opencv4
 
