@@ -314,7 +314,7 @@ campaign: all $(CAMPAIGN)  ## the long proofs, resumable: hours
 
 # So that several of its targets may then be made beside each other.
 .PHONY: programs
-programs: all tests $(CAMPAIGN) $(BUILD)/hil-tool $(BUILD)/hil-count.so  ## build all that tests, samples and the virtual machine run
+programs: all tests $(CAMPAIGN) $(BUILD)/bounds $(BUILD)/hil-tool $(BUILD)/hil-count.so  ## build all that tests, samples, bounds and the virtual machine run
 
 sample: all $(CAMPAIGN)  ## five minutes of the campaign: real time at 60 Hz, a long run in fixed memory, every fuzz target, replays everywhere; PARTS="..." only these
 	@tools/campaign.sh --sample $(PARTS)
