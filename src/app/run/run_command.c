@@ -1,7 +1,9 @@
 /* fovea run: the real-time loop on one source. */
 #include <errno.h>
 #include <inttypes.h>
+#include <link.h>
 #include <malloc.h>
+#include <sys/mman.h>
 #include <math.h>
 #include <semaphore.h>
 #include <stdlib.h>
@@ -493,8 +495,25 @@ static void watch(struct fv_run *run)
     fv_run_changes_say(run);
 }
 
+/* Code and constants that only the set-up used are not kept in memory: pages of files, which come
+ * again where they are needed. Where memory is locked, they stay. */
+static int forget_pages(struct dl_phdr_info *object, size_t bytes, void *context)
+{
+    const uintptr_t page = (uintptr_t)sysconf(_SC_PAGESIZE);
+    (void)bytes, (void)context;
+    for (int i = 0; i < object->dlpi_phnum; i++) {
+        const ElfW(Phdr) *part = &object->dlpi_phdr[i];
+        if (part->p_type != PT_LOAD || (part->p_flags & PF_W)) continue;
+        const uintptr_t begin = (object->dlpi_addr + part->p_vaddr) / page * page;
+        const uintptr_t end = object->dlpi_addr + part->p_vaddr + part->p_filesz;
+        (void)madvise((void *)begin, end - begin, MADV_DONTNEED);
+    }
+    return 0;
+}
+
 static enum fovea_status run_loop(struct fv_run *run, struct fovea_error *error)
 {
+    dl_iterate_phdr(forget_pages, NULL);
     struct fv_realtime_rights rights;
     struct fv_realtime_thread thread;
     struct fv_loop *loop = &run->loop;
@@ -544,6 +563,8 @@ int fv_command_run(int argc, char **argv)
     struct fovea_error error = {0};
     /* Blocks that are free again before the loop go back to the system: glibc would raise this. */
     (void)mallopt(M_MMAP_THRESHOLD, 128 << 10);
+    (void)mallopt(M_TRIM_THRESHOLD, 4096);
+    (void)mallopt(M_TOP_PAD, 0);
     run.stats = FV_OUTPUT_CLOSED;
     enum fv_options_result result = options_read(&run, argc, argv);
     if (result == FV_OPTIONS_HELP) fv_setup_sources_print();
