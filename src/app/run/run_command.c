@@ -1,9 +1,7 @@
 /* fovea run: the real-time loop on one source. */
 #include <errno.h>
 #include <inttypes.h>
-#include <link.h>
 #include <malloc.h>
-#include <sys/mman.h>
 #include <math.h>
 #include <semaphore.h>
 #include <stdlib.h>
@@ -495,25 +493,8 @@ static void watch(struct fv_run *run)
     fv_run_changes_say(run);
 }
 
-/* Code and constants that only the set-up used are not kept in memory: pages of files, which come
- * again where they are needed. Where memory is locked, they stay. */
-static int forget_pages(struct dl_phdr_info *object, size_t bytes, void *context)
-{
-    const uintptr_t page = (uintptr_t)sysconf(_SC_PAGESIZE);
-    (void)bytes, (void)context;
-    for (int i = 0; i < object->dlpi_phnum; i++) {
-        const ElfW(Phdr) *part = &object->dlpi_phdr[i];
-        if (part->p_type != PT_LOAD || (part->p_flags & PF_W)) continue;
-        const uintptr_t begin = (object->dlpi_addr + part->p_vaddr) / page * page;
-        const uintptr_t end = object->dlpi_addr + part->p_vaddr + part->p_filesz;
-        (void)madvise((void *)begin, end - begin, MADV_DONTNEED);
-    }
-    return 0;
-}
-
 static enum fovea_status run_loop(struct fv_run *run, struct fovea_error *error)
 {
-    dl_iterate_phdr(forget_pages, NULL);
     struct fv_realtime_rights rights;
     struct fv_realtime_thread thread;
     struct fv_loop *loop = &run->loop;
@@ -531,6 +512,7 @@ static enum fovea_status run_loop(struct fv_run *run, struct fovea_error *error)
             loop->ops->info(loop->source)->live ? fv_setup_frame_bytes(&run->setup) : 0,
             run->settings.model[0] != '\0');
     fv_watch_open(&run->watch, run->settings.runtime.odometry.enabled, loop->real_time);
+    fv_process_drop_code();
     atomic_store(&run->shared.temperature_c, NAN);
     sem_init(&run->ended, 0, 0);
 
@@ -561,7 +543,8 @@ int fv_command_run(int argc, char **argv)
 {
     static struct fv_run run; /* large, and zeroed */
     struct fovea_error error = {0};
-    /* Blocks that are free again before the loop go back to the system: glibc would raise this. */
+    /* Blocks that are free again before the loop go back to the system: glibc would raise the first
+     * limit, and keep 128 KiB by the others. */
     (void)mallopt(M_MMAP_THRESHOLD, 128 << 10);
     (void)mallopt(M_TRIM_THRESHOLD, 4096);
     (void)mallopt(M_TOP_PAD, 0);
