@@ -28,7 +28,7 @@ static const double together_max =
     3; /* parts' variance over that of the errors: more, and something moves, or the map is bent */
 static const double young_spread_px =
     20; /* below it, landmarks' errors have much in common; above, less and less */
-static const double much_larger = 2;
+static const double much_larger = 2; /* less is chance */
 static const double bend_max = 0.1, bend_fraction = 0.17;
 static const double doubt_fraction =
     0.05; /* of the way, where the pictures do not bear the map out */
@@ -329,6 +329,7 @@ static void find_variances(const struct fv_map *map, const struct fv_map_frame *
     }
 }
 
+/* Observations of noisier keyframes have less weight. */
 static void weigh(struct fv_joint *j, struct fv_linear_observation *observations, int count)
 {
     for (int k = 0; k < count; k++) {
@@ -394,7 +395,7 @@ static void reference_from(const struct fv_keyframe *reference, const struct fv_
 }
 
 /* What the parts of the reference's image showed, in place of what those of the frame's show, where
- * that is much larger (of turns, which have one unit everywhere): twice is chance. */
+ * that is much larger, judged by turns, which have one unit everywhere. */
 static void larger_parts(const struct fv_odometry *o, const struct fv_se3 *T_frame_ref,
                          double parts[21])
 {

@@ -18,11 +18,11 @@
  * variance that the frame's inliers show a posteriori.
  *
  * A keyframe may have been noisier than the frame: the sensor had more gain, or the link failed
- * for some pictures. Its errors of the sample show its own variance, and where that is larger than
- * the frame's its observations count the less. Likewise the reference keyframe may have hung on few
- * parts of its image, as where something hid the rest, and the frame does not: what the parts
- * showed of the keyframe, when it was the current frame, is added in place of the frame's where it
- * is larger.
+ * for some pictures. Its errors of the sample show its own variance; where that is larger than the
+ * frame's, its observations are weighted by it. Likewise the reference keyframe may have hung on
+ * few parts of its image, as where something hid the rest, and the frame does not: what the parts
+ * showed of the keyframe, when it was the current frame, stands in place of what they show of the
+ * frame where it is at least twice as large, which chance is not.
  *
  * Noise over the mean parallax of the visible landmarks tells how far the map may be bent, and with
  * it the unit of length from place to place; a fraction of that, over the way from the reference,
