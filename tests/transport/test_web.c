@@ -18,24 +18,19 @@
 #include <cmocka.h>
 
 #include "common/short_run.h"
-#include "common/watched.h"
-#include "common/web_client.h"
+#include "common/web_case.h"
 
 #define OURS "Origin: http://127.0.0.1:7680\r\n"
 #define HOST "Host: 127.0.0.1:7680\r\n"
 
 static char folder[] = "/tmp/fovea_web_XXXXXX", token_path[64], socket_path[64];
 static char answer[WEB_ANSWER_BYTES];
-static pid_t running; /* that a failed test leaves behind */
 
-static pid_t start(bool with_token)
+static void begin(bool with_token)
 {
     const char *const arguments[] = {
         "--feed", socket_path, "--lcm-url", "", with_token ? "--token" : NULL, token_path, NULL};
-    const pid_t process = web_start(arguments);
-    assert_true(process > 0);
-    running = process;
-    return process;
+    start(arguments);
 }
 
 static void head_is_get_without_a_body(void)
@@ -96,7 +91,7 @@ static void the_page_is_sent_with_its_rules(void **state)
                                    "cache-control: private, no-cache",
                                    "cross-origin-opener-policy: same-origin"};
     (void)state;
-    const pid_t process = start(false);
+    begin(false);
     assert_int_equal(web_get("/", "", answer), 200);
     assert_non_null(strstr(answer, "<title>Fovea</title>")); /* not compressed unless asked for */
     for (size_t i = 0; i < sizeof headers / sizeof headers[0]; i++)
@@ -114,15 +109,14 @@ static void the_page_is_sent_with_its_rules(void **state)
     assert_int_equal(web_ask("PUT / HTTP/1.1\r\n" HOST "Content-Length: 0\r\n\r\n", answer), 405);
     head_is_get_without_a_body();
     kept_assets_are_not_sent_again();
-    assert_int_equal(web_end(process, true), 0);
-    running = 0;
+    end();
 }
 
 static void strange_hosts_and_origins_are_refused(void **state)
 {
     int socket;
     (void)state;
-    const pid_t process = start(false);
+    begin(false);
     assert_int_equal(web_ask("GET / HTTP/1.1\r\nHost: evil.org:7680\r\n\r\n", answer), 403);
     assert_int_equal(web_ask("GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n", answer), 403);
     assert_int_equal(web_ask("GET / HTTP/1.1\r\n" HOST "Host: evil.org:7680\r\n\r\n", answer), 403);
@@ -134,8 +128,7 @@ static void strange_hosts_and_origins_are_refused(void **state)
     assert_int_equal(web_open("", "", &socket), 403);
     assert_int_equal(web_open(OURS, "", &socket), 101);
     close(socket);
-    assert_int_equal(web_end(process, true), 0);
-    running = 0;
+    end();
 }
 
 /* Settings are taken of our own page alone, and refused when the body is through. */
@@ -151,30 +144,26 @@ static void settings_are_judged(const char *more, int status, const char *said)
 static void posts_are_judged(void **state)
 {
     (void)state;
-    pid_t process = start(false);
+    begin(false);
     settings_are_judged("", 403, "Origin");
     settings_are_judged("Origin: http://evil.org\r\n", 403, "Origin");
     settings_are_judged(OURS, 403, "without --lcm-url");
     assert_int_equal(
         web_ask("POST /none HTTP/1.1\r\n" HOST OURS "Content-Length: 1\r\n\r\nx", answer), 405);
-    assert_int_equal(web_end(process, true), 0);
-    process = start(true);
+    end();
+    begin(true);
     settings_are_judged(OURS, 401, "log in");
-    assert_int_equal(web_end(process, true), 0);
-    running = 0;
+    end();
 }
 
 /* A server of LCM that does not answer takes the commands, not the page. */
 static void without_lcm_there_is_a_page(void **state)
 {
     (void)state;
-    const pid_t process = web_start((const char *const[]){"--lcm-url", "tcpq://127.0.0.1:1", NULL});
-    running = process;
-    assert_true(process > 0);
+    start((const char *const[]){"--lcm-url", "tcpq://127.0.0.1:1", NULL});
     assert_int_equal(web_get("/", "", answer), 200);
     settings_are_judged(OURS, 403, "found no LCM there");
-    assert_int_equal(web_end(process, true), 0);
-    running = 0;
+    end();
 }
 
 /* What stands beside an option that has no run to ask; beside a robot that is heard there may be
@@ -224,11 +213,9 @@ static void a_recording_is_no_run(void **state)
     options_of_a_run_are_refused("--lcm", "udpm://239.255.76.67:7667");
     short_run_record(recording, &run);
     const char *const arguments[] = {"--play", recording, NULL};
-    running = web_start(arguments);
-    assert_true(running > 0);
+    start(arguments);
     settings_are_judged(OURS, 403, "a recording is played");
-    assert_int_equal(web_end(running, true), 0);
-    running = 0;
+    end();
     unlink(recording);
 }
 
@@ -273,7 +260,7 @@ static void without_the_token_only_the_login_page_is_seen(void **state)
     struct stat file;
     int socket;
     (void)state;
-    const pid_t process = start(true);
+    begin(true);
     assert_int_equal(stat(token_path, &file), 0);
     assert_int_equal(file.st_mode & 0777, 0600);
     read_tokens(view, operate);
@@ -302,8 +289,7 @@ static void without_the_token_only_the_login_page_is_seen(void **state)
     assert_int_equal(login("00000000000000000000000000000000"), 429);
     assert_int_equal(login(operate), 429); /* and it reveals nothing */
     assert_int_equal(web_get("/", cookie, answer), 200);
-    assert_int_equal(web_end(process, true), 0);
-    running = 0;
+    end();
 }
 
 static void cookies_are_no_way_to_guess_tokens(void **state)
@@ -311,7 +297,7 @@ static void cookies_are_no_way_to_guess_tokens(void **state)
     char view[33], operate[33], cookie[128];
     int socket;
     (void)state;
-    const pid_t process = start(true);
+    begin(true);
     read_tokens(view, operate);
     for (int i = 0; i < 5; i++) {
         snprintf(cookie, sizeof cookie, "Cookie: fovea_7680=%032x\r\n", (unsigned)i);
@@ -324,8 +310,7 @@ static void cookies_are_no_way_to_guess_tokens(void **state)
     assert_int_equal(web_get("/keys", cookie, answer), 401);
     assert_int_equal(web_open(OURS, cookie, &socket), 401);
     assert_int_equal(login(operate), 429);
-    assert_int_equal(web_end(process, true), 0);
-    running = 0;
+    end();
 }
 
 static void a_network_needs_a_token(void **state)
@@ -389,7 +374,7 @@ static void damaged_requests_do_no_harm(void **state)
     const long count = wanted != NULL ? strtol(wanted, NULL, 10) : 300;
     uint32_t seed = 1;
     (void)state;
-    const pid_t process = start(true);
+    begin(true);
     for (long i = 0; i < count; i++) {
         char data[1024], ignored[512];
         size_t bytes = sample((uint32_t)i, data);
@@ -403,8 +388,7 @@ static void damaged_requests_do_no_harm(void **state)
         close(to);
     }
     assert_int_equal(web_get("/login", "", answer), 200);
-    assert_int_equal(web_end(process, true), 0);
-    running = 0;
+    end();
 }
 
 static void frames_that_lie_end_their_connection_alone(void **state)
@@ -427,7 +411,7 @@ static void frames_that_lie_end_their_connection_alone(void **state)
     uint8_t heard[2000], huge[4096] = {0x81, 0xfe, 0x0f, 0xf0};
     size_t bytes;
     (void)state;
-    const pid_t process = start(false);
+    begin(false);
     int other, to, opcode = 2;
     assert_int_equal(web_open(OURS, "", &other), 101);
     assert_int_equal(web_hear(other, heard, sizeof heard, &bytes), 1);
@@ -452,32 +436,23 @@ static void frames_that_lie_end_their_connection_alone(void **state)
     heard[bytes] = '\0';
     assert_non_null(strstr((char *)heard, "\"pong\",\"echo\":\"7\""));
     close(other);
-    assert_int_equal(web_end(process, true), 0);
-    running = 0;
-}
-
-static int end_of_test(void **state)
-{
-    (void)state;
-    if (running > 0 && kill(running, SIGKILL) == 0) waitpid(running, NULL, 0);
-    running = 0;
-    return 0;
+    end();
 }
 
 int main(void)
 {
     if (!web_possible("test_web") || !watched_possible("test_web")) return 0;
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test_teardown(the_page_is_sent_with_its_rules, end_of_test),
-        cmocka_unit_test_teardown(posts_are_judged, end_of_test),
-        cmocka_unit_test_teardown(without_lcm_there_is_a_page, end_of_test),
-        cmocka_unit_test_teardown(a_recording_is_no_run, end_of_test),
-        cmocka_unit_test_teardown(strange_hosts_and_origins_are_refused, end_of_test),
-        cmocka_unit_test_teardown(without_the_token_only_the_login_page_is_seen, end_of_test),
-        cmocka_unit_test_teardown(cookies_are_no_way_to_guess_tokens, end_of_test),
-        cmocka_unit_test_teardown(a_network_needs_a_token, end_of_test),
-        cmocka_unit_test_teardown(damaged_requests_do_no_harm, end_of_test),
-        cmocka_unit_test_teardown(frames_that_lie_end_their_connection_alone, end_of_test),
+        cmocka_unit_test_teardown(the_page_is_sent_with_its_rules, tear_down),
+        cmocka_unit_test_teardown(posts_are_judged, tear_down),
+        cmocka_unit_test_teardown(without_lcm_there_is_a_page, tear_down),
+        cmocka_unit_test_teardown(a_recording_is_no_run, tear_down),
+        cmocka_unit_test_teardown(strange_hosts_and_origins_are_refused, tear_down),
+        cmocka_unit_test_teardown(without_the_token_only_the_login_page_is_seen, tear_down),
+        cmocka_unit_test_teardown(cookies_are_no_way_to_guess_tokens, tear_down),
+        cmocka_unit_test_teardown(a_network_needs_a_token, tear_down),
+        cmocka_unit_test_teardown(damaged_requests_do_no_harm, tear_down),
+        cmocka_unit_test_teardown(frames_that_lie_end_their_connection_alone, tear_down),
     };
     if (mkdtemp(folder) == NULL) return 1;
     snprintf(token_path, sizeof token_path, "%s/token", folder);

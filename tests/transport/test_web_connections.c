@@ -18,23 +18,18 @@
 
 #include <cmocka.h>
 
-#include "common/watched.h"
-#include "common/web_client.h"
+#include "common/web_case.h"
 #include "drivers/clock.h"
 
 #define OURS "Origin: http://127.0.0.1:7680\r\n"
 
 static char folder[] = "/tmp/fovea_web_many_XXXXXX", token_path[64], socket_path[64];
 static char answer[WEB_ANSWER_BYTES];
-static pid_t running; /* that a failed test leaves behind */
 
-static pid_t start(void)
+static void begin(void)
 {
     const char *const arguments[] = {"--feed", socket_path, "--lcm-url", "", NULL};
-    const pid_t process = web_start(arguments);
-    assert_true(process > 0);
-    running = process;
-    return process;
+    start(arguments);
 }
 
 static int descriptors(pid_t process)
@@ -80,27 +75,26 @@ static void connections(int count)
 static void a_thousand_connections_leave_nothing_behind(void **state)
 {
     (void)state;
-    const pid_t process = start();
+    begin();
     connections(100); /* memory that is taken once */
     assert_int_equal(web_get("/", "", answer), 200);
     usleep(200000);
-    const int before = descriptors(process);
-    const long before_kb = resident_kb(process);
+    const int before = descriptors(running);
+    const long before_kb = resident_kb(running);
     connections(1000);
     int after = before + 1;
     for (int i = 0; i < 1000 && after > before; i++) { /* the server sees the last ends later */
         assert_int_equal(web_get("/", "", answer), 200);
         usleep(10000);
-        after = descriptors(process);
+        after = descriptors(running);
     }
     assert_true(after <= before);
 #ifndef FOVEA_SANITIZED
-    if (resident_kb(process) > before_kb + 1024)
-        fail_msg("%ld kB before, %ld after", before_kb, resident_kb(process));
+    if (resident_kb(running) > before_kb + 1024)
+        fail_msg("%ld kB before, %ld after", before_kb, resident_kb(running));
 #endif
     (void)before_kb;
-    assert_int_equal(web_end(process, true), 0);
-    running = 0;
+    end();
 }
 
 /* Connections from an address of this host's; returns how many are not refused. */
@@ -138,9 +132,7 @@ static void one_address_does_not_keep_the_others_out(void **state)
     assert_int_equal(system("ip addr add 10.11.0.1/24 dev lo && ip addr add 10.11.0.2/24 dev lo "
                             "&& ip addr add 10.11.0.3/24 dev lo"),
                      0);
-    const pid_t process = web_start(arguments);
-    assert_true(process > 0);
-    running = process;
+    start(arguments);
     const int open = connect_from("10.11.0.2", TRIES, sockets);
     assert_int_equal(open, OF_ADDRESS);
     for (int i = 0; i < open; i++) /* half a request each */
@@ -157,8 +149,7 @@ static void one_address_does_not_keep_the_others_out(void **state)
     assert_int_equal(connect_from("10.11.0.2", 8, sockets), 8); /* there is room again */
     for (int i = 0; i < 8; i++)
         close(sockets[i]);
-    assert_int_equal(web_end(process, true), 0);
-    running = 0;
+    end();
 }
 
 static void more_pages_than_there_is_room_for_are_refused(void **state)
@@ -166,7 +157,7 @@ static void more_pages_than_there_is_room_for_are_refused(void **state)
     enum { ROOM = 24 };
     int sockets[ROOM], one;
     (void)state;
-    const pid_t process = start();
+    begin();
     for (int i = 0; i < ROOM; i++)
         assert_int_equal(web_open(OURS, "", &sockets[i]), 101);
     assert_int_equal(web_open(OURS, "", &one), 503);
@@ -177,16 +168,7 @@ static void more_pages_than_there_is_room_for_are_refused(void **state)
     assert_true(sockets[3] >= 0);
     for (int i = 0; i < ROOM; i++)
         close(sockets[i]);
-    assert_int_equal(web_end(process, true), 0);
-    running = 0;
-}
-
-static int end_of_test(void **state)
-{
-    (void)state;
-    if (running > 0 && kill(running, SIGKILL) == 0) waitpid(running, NULL, 0);
-    running = 0;
-    return 0;
+    end();
 }
 
 int main(void)
@@ -194,9 +176,9 @@ int main(void)
     if (!web_possible("test_web_connections") || !watched_possible("test_web_connections"))
         return 0;
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test_teardown(a_thousand_connections_leave_nothing_behind, end_of_test),
-        cmocka_unit_test_teardown(one_address_does_not_keep_the_others_out, end_of_test),
-        cmocka_unit_test_teardown(more_pages_than_there_is_room_for_are_refused, end_of_test),
+        cmocka_unit_test_teardown(a_thousand_connections_leave_nothing_behind, tear_down),
+        cmocka_unit_test_teardown(one_address_does_not_keep_the_others_out, tear_down),
+        cmocka_unit_test_teardown(more_pages_than_there_is_room_for_are_refused, tear_down),
     };
     if (mkdtemp(folder) == NULL) return 1;
     snprintf(token_path, sizeof token_path, "%s/token", folder);

@@ -12,6 +12,7 @@
 #include "support/calibration.h"
 #include "support/text.h"
 
+#include "common/calibrate_command.h"
 #include "common/cmocka_cpp.h"
 #include "common/simulated_boards.h"
 
@@ -185,13 +186,9 @@ void what_is_wrong_is_named(void **)
     assert_string_equal(error.c_str(), "found no picture with the board, expected one or more");
 }
 
-int run(std::vector<std::string> words)
+int run(const std::vector<std::string> &words)
 {
-    std::vector<char *> arguments;
-    for (std::string &word : words)
-        arguments.push_back(word.data());
-    arguments.push_back(nullptr);
-    return command_floor((int)words.size(), arguments.data());
+    return run_command(command_floor, words);
 }
 
 /* Whole, by pictures: the simulated board is turned and tilted before the camera, so no two

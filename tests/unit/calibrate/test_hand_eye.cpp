@@ -20,6 +20,7 @@
 #include "support/calibration.h"
 #include "support/text.h"
 
+#include "common/calibrate_command.h"
 #include "common/cmocka_cpp.h"
 #include "common/simulated_boards.h"
 
@@ -231,13 +232,9 @@ void poses_of_other_pictures_do_not_pass(void **)
         assert_int_equal(judge_hand_eye(solution).grade, Grade::fail);
 }
 
-int run(std::vector<std::string> words)
+int run(const std::vector<std::string> &words)
 {
-    std::vector<char *> arguments;
-    for (std::string &word : words)
-        arguments.push_back(word.data());
-    arguments.push_back(nullptr);
-    return command_hand_eye((int)words.size(), arguments.data());
+    return run_command(command_hand_eye, words);
 }
 
 void write(const std::string &path, const std::string &text)

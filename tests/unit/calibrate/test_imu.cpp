@@ -14,6 +14,7 @@ extern "C" {
 #include "drivers/recorded/euroc_imu.h"
 }
 
+#include "common/calibrate_command.h"
 #include "common/cmocka_cpp.h"
 #include "common/data_folder.h"
 #include "common/simulated_boards.h"
@@ -130,13 +131,9 @@ void what_is_wrong_is_named(void **)
                         "found 0 samples of an inertial sensor, expected 100 or more");
 }
 
-int run(std::vector<std::string> words)
+int run(const std::vector<std::string> &words)
 {
-    std::vector<char *> arguments;
-    for (std::string &word : words)
-        arguments.push_back(word.data());
-    arguments.push_back(nullptr);
-    return command_imu((int)words.size(), arguments.data());
+    return run_command(command_imu, words);
 }
 
 /* From a file in EuRoC's layout to one that Fovea reads. */

@@ -9,6 +9,7 @@
 
 #include "support/calibration.h"
 
+#include "common/calibrate_command.h"
 #include "common/cmocka_cpp.h"
 
 using namespace calibrate;
@@ -18,13 +19,9 @@ namespace
 
 constexpr double DEGREE = 57.29577951308232;
 
-int run(std::vector<std::string> words)
+int run(const std::vector<std::string> &words)
 {
-    std::vector<char *> arguments;
-    for (std::string &word : words)
-        arguments.push_back(word.data());
-    arguments.push_back(nullptr);
-    return command_rig((int)words.size(), arguments.data());
+    return run_command(command_rig, words);
 }
 
 std::string read_text(const std::string &path)

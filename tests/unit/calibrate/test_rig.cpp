@@ -16,6 +16,7 @@
 
 #include "support/calibration.h"
 
+#include "common/calibrate_command.h"
 #include "common/cmocka_cpp.h"
 #include "common/data_folder.h"
 #include "common/simulated_boards.h"
@@ -284,13 +285,9 @@ void a_real_pair_is_near_its_epipolar_lines(void **)
     }
 }
 
-int run(std::vector<std::string> words)
+int run(const std::vector<std::string> &words)
 {
-    std::vector<char *> arguments;
-    for (std::string &word : words)
-        arguments.push_back(word.data());
-    arguments.push_back(nullptr);
-    return command_rig((int)words.size(), arguments.data());
+    return run_command(command_rig, words);
 }
 
 fovea_camera found_lenses[2]; /* of the real pair; width 0: not yet */

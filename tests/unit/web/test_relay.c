@@ -239,7 +239,7 @@ static int try_without_run(int times)
     for (int i = 0; i < times; i++) {
         relay.next_try_ns = 0;
         const bool changed = fv_web_relay_tick(&relay, false);
-        assert_true(changed || store.log_count == said); /* pages are told */
+        assert_true(changed || store.log_count == said); /* pages get the line */
         said = store.log_count;
     }
     return (int)(said - before);
