@@ -10,6 +10,9 @@
 #include <unistd.h>
 
 #include "support/calibration.h"
+extern "C" {
+#include "support/say.h"
+}
 #include "support/text.h"
 
 #include "common/calibrate_command.h"
@@ -246,6 +249,19 @@ void the_command_writes_keys_of_the_configuration(void **)
         2);
 }
 
+/* The option --views, of which each command has its own least and usual number. */
+void numbers_of_views_are_judged(void **)
+{
+    int64_t views = 0;
+    assert_int_equal(views_check("", 10, 1, views), FV_EXIT_OK);
+    assert_int_equal(views, 10);
+    assert_int_equal(views_check("2", 10, 2, views), FV_EXIT_OK);
+    assert_int_equal(views, 2);
+    assert_int_equal(views_check("500", 10, 1, views), FV_EXIT_OK);
+    for (const char *wrong : {"1", "0", "-3", "501", "two", "2x"})
+        assert_int_equal(views_check(wrong, 10, 2, views), FV_EXIT_WRONG);
+}
+
 } // namespace
 
 int main()
@@ -256,6 +272,7 @@ int main()
         cmocka_unit_test(a_board_that_does_not_lie_there_is_left_out),
         cmocka_unit_test(what_is_wrong_is_named),
         cmocka_unit_test(the_command_writes_keys_of_the_configuration),
+        cmocka_unit_test(numbers_of_views_are_judged),
     };
     return cmocka_run_group_tests(tests, nullptr, nullptr);
 }

@@ -152,9 +152,9 @@ static int judge_preview(const struct fovea_message *message)
     return camera;
 }
 
-/* Cameras of the previews of a run, a digit each; the second gives no image in frames from
- * `blind` on. */
-static void previews_of(uint32_t cameras, int blind, char shown[FRAMES + 1])
+/* Cameras of the previews of a run, a digit each; in frames from `blind` on, cameras 1 to
+ * `last_blind` give no image. */
+static void previews_of(uint32_t cameras, int blind, int last_blind, char shown[FRAMES + 1])
 {
     size_t count = 0;
     for (int i = 0; i < KEPT; i++)
@@ -173,7 +173,8 @@ static void previews_of(uint32_t cameras, int blind, char shown[FRAMES + 1])
                 memcpy(frame->pixels[i] + (size_t)y * WIDTH,
                        rig.frame.images[i].data + (ptrdiff_t)y * rig.frame.images[i].stride_bytes,
                        WIDTH);
-        if (n >= blind) rig.frame.images[1].data = NULL;
+        for (int i = 1; n >= blind && i <= last_blind; i++)
+            rig.frame.images[i].data = NULL;
         sim_rig_process(&rig);
         for (uint32_t i = 0; i < rig.work.message_count; i++)
             if (strstr(rig.work.messages[i].channel, "PREVIEW") != NULL)
@@ -187,14 +188,17 @@ static void previews_show_the_cameras_in_turn(void **state)
 {
     char shown[FRAMES + 1];
     (void)state;
-    previews_of(1, FRAMES, shown);
+    previews_of(1, FRAMES, 0, shown);
     assert_true(strlen(shown) > 4 && strspn(shown, "0") == strlen(shown));
-    previews_of(FOVEA_CAMERAS_MAX, FRAMES, shown); /* more than there are */
+    previews_of(FOVEA_CAMERAS_MAX, FRAMES, 0, shown); /* more than there are */
     assert_memory_equal(shown, "012012", 6);
-    previews_of(CAMERAS, FRAMES / 2, shown); /* one that is blind is left out, no other */
+    previews_of(CAMERAS, FRAMES / 2, 1, shown); /* one that is blind is left out, no other */
     assert_memory_equal(shown, "012", 3);
     assert_non_null(strstr("020202", shown + strlen(shown) - 4));
-    previews_of(2, FRAMES / 2, shown);
+    previews_of(CAMERAS, FRAMES / 2, 2, shown);
+    assert_memory_equal(shown, "012", 3);
+    assert_string_equal(shown + strlen(shown) - 3, "000");
+    previews_of(2, FRAMES / 2, 1, shown);
     assert_memory_equal(shown, "010", 3);
     assert_string_equal(shown + strlen(shown) - 3, "000");
 }
