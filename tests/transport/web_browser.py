@@ -139,10 +139,14 @@ def check_console(page):
 
 def check_box(page):
     """A box's edges, whose first pixel's outer edge is half a pixel before its centre, are where the message says; it is compared with the
-    recording later."""
-    page.until("fovea.live.hasObjects && fovea.live.boxes.some((box) => !box.faint)", "an object")
-    found = page.js("""
-        const { live } = fovea, box = live.boxes.find((box) => !box.faint), k = live.k;
+    recording later. An object that leaves the picture has edges outside it: the box is one with all edges, and what is looked at beside
+    them, inside. Choosing and drawing it are one call, as the next message brings other boxes."""
+    found = page.until("""(() => {
+        const { live } = fovea, k = live.k, inside = (at, size) => at >= 6 && at < size / k - 6;
+        const box = live.hasObjects && live.boxes.find(({ faint, box }) => !faint &&
+          [box.x_min_px, box.x_max_px].every((x) => inside(x, live.canvas.width)) &&
+          [box.y_min_px, box.y_max_px].every((y) => inside(y, live.canvas.height)));
+        if (!box) return null;
         live.boxes = [box];
         for (const layer in live.layers) live.layers[layer] = layer === "boxes";
         live.draw();
@@ -151,7 +155,8 @@ def check_box(page):
         const result = { stamp: live.boxesStamp, id: Number(box.id), box: box.box, on: [at(left, high), at(right, high),
           at((left + right) / 2, bottom)], off: [at(left - 5, high), at(left + 5, high), at((left + right) / 2, bottom + 5)] };
         for (const layer in live.layers) live.layers[layer] = true;
-        return result;""")
+        return result;
+      })()""", "an object inside the picture")
     colour = max(set(map(tuple, found["on"])), key=found["on"].count)
     for pixel in found["on"]:
         assert max(abs(a - b) for a, b in zip(pixel, colour)) < 40 and max(pixel[:3]) - min(pixel[:3]) > 60, found

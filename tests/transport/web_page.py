@@ -120,7 +120,11 @@ def check_plots(page):
           const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
           const drawn = (colour) => {
             const wanted = [1, 3, 5].map((at) => parseInt(colour.slice(at, at + 2), 16));
-            for (let i = 0; i < data.length; i += 4) if (data[i + 3] > 150 && wanted.every((value, k) => Math.abs(data[i + k] - value) < 25)) return true;
+            for (let i = 0; i < data.length; i += 4) { // thin lines let their background through, a grid's line at the worst
+              if (data[i + 3] <= 100) continue;
+              const pixel = [...data.subarray(i, i + 3)], part = Math.max(...pixel) / Math.max(...wanted);
+              if (part > 0.6 && wanted.every((value, k) => Math.abs(pixel[k] - part * value) < 30)) return true;
+            }
             return false;
           };
           return [...lines.values()].filter(({ points }) => points.length > 4).map(({ colour }) => drawn(colour));
