@@ -4,6 +4,7 @@ what cannot be quantised is refused in a line. Needs the quantiser's Python (too
     build/quantiser-venv/bin/python tests/import/quantiser.py"""
 import os
 import re
+import struct
 import subprocess
 import sys
 import tempfile
@@ -237,6 +238,49 @@ def halves(bench):
     bench.refused("weights of half precision without --quantise", "found float16", path)
 
 
+def enlarged(padding, own):
+    """A convolution that enlarges: the standard operator with a bias, or MediaPipe's own, which has the picture first and its options as bytes."""
+    from ai_edge_litert.tools import flatbuffer_utils
+    b, kernel = Real(5), 3 if padding else 2
+    b.conv(8, 2, 3)
+    side = SIDE if padding == 0 else (SIDE // 2 - 1) * 2 + kernel
+    shape, weights, bias = b.const("int32", [1, side, side, 4]), b.weights((4, kernel, kernel, 8), 8), b.const("float32", b.r.normal(0, 0.2, 4))
+    inputs, out = [shape, weights, b.last, bias], b.tensor("float32", (1, side, side, 4))
+    b.op("TRANSPOSE_CONV", inputs, [out], "TransposeConv", StrideH=2, StrideW=2, Padding=padding)
+    b.last = out
+    model = flatbuffer_utils.read_model_from_bytearray(bytearray(b.file()))
+    op = model.subgraphs[0].operators[-1]
+    code = model.operatorCodes[op.opcodeIndex]
+    code.version = 3
+    if own is not None:
+        op.builtinOptions, op.builtinOptionsType, op.customOptions = None, 0, own
+        code.builtinCode = code.deprecatedBuiltinCode = flatbuffer_utils.schema_fb.BuiltinOperator.CUSTOM
+        code.deprecatedBuiltinCode, code.customCode, code.version = 32, b"Convolution2DTransposeBias", 1
+        op.inputs = np.array([inputs[2], weights, bias], np.int32)
+    return bytes(flatbuffer_utils.convert_object_to_bytearray(model))
+
+
+def own_operators(bench):
+    """MediaPipe's convolution that enlarges is the standard one with other names."""
+    from ai_edge_litert.interpreter import Interpreter
+    import quantise
+    for padding in (0, 1):
+        outs = []
+        for data in (enlarged(padding, None), quantise.prepared(enlarged(padding, struct.pack("<iii", padding + 1, 2, 2)))[0]):
+            net = Interpreter(model_content=data, num_threads=1)
+            net.allocate_tensors()
+            net.set_tensor(net.get_input_details()[0]["index"], np.random.default_rng(2).uniform(-1, 1, (1, SIDE, SIDE, 3)).astype(np.float32))
+            net.invoke()
+            outs.append(net.get_tensor(net.get_output_details()[0]["index"]))
+        bench.holds(f"MediaPipe's transposed convolution, {outs[0].shape}", np.array_equal(*outs) and outs[0].std() > 0.1, outs)
+    path, folder = bench.path("own.tflite", enlarged(1, struct.pack("<iii", 2, 2, 2))), os.path.join(bench.folder, "pictures")
+    done = bench.tool("--quantise", path, folder, "-o", bench.path("own.fvm"), "--decoder", "none")
+    bench.holds(f"and its network loses {said(done.stdout)[1]:g} %", said(done.stdout)[1] < 6, done)
+    for what, text, options in (("padding 0", "found padding 0", (0, 2, 2)), ("stride 0", "strides 0 and 2", (2, 0, 2)),
+                                ("stride 3", "found an output of", (2, 3, 3)), ("few options", "found 8 bytes", (2, 2))):
+        bench.refused(f"{what} of it", text, "--quantise", bench.path("own.tflite", enlarged(1, struct.pack(f"<{len(options)}i", *options))), folder)
+
+
 def ranges(bench):
     """Pictures of known networks that take them as 0 to 1; others take -1 to 1."""
     import quantise
@@ -318,6 +362,7 @@ def main():
         quantises(bench, True)
         known(bench)
         halves(bench)
+        own_operators(bench)
         ranges(bench)
         precision(bench)
         refuses(bench)

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+import custom
 import dense
 import details
 import planes
@@ -101,6 +102,7 @@ def prepared(raw):
     for code in model.operatorCodes:  # files of converters before 2020 have their number in the older field alone, which the quantiser does not read
         code.builtinCode = max(code.builtinCode, code.deprecatedBuiltinCode)
     dense.constants(model, schema)
+    custom.standard(model, schema)
     used = sorted({int(t) for op in graph.operators for t in [*op.inputs, *op.outputs] if t >= 0} | {int(t) for t in [*graph.inputs, *graph.outputs]})
     place = {t: i for i, t in enumerate(used)}
     graph.tensors = [graph.tensors[t] for t in used]
