@@ -35,13 +35,14 @@ static void describe(const struct fv_sim_options *options, struct fovea_rig *rig
     const double offset_ns =
         (options->imu_offset_known ? options->imu_offset_ms * 1e6 : 0) - 0.5e9 / options->imu_hz;
     rig->imu.time_offset_ns = (int64_t)(offset_ns + (offset_ns < 0 ? -0.5 : 0.5));
+    if (rig->cameras[0].has_T_body_cam) return;
     rig->cameras[0].has_T_body_cam = true;
     memcpy(rig->cameras[0].T_body_cam, identity, sizeof identity);
 }
 
 static void pose(const struct fovea_source *source, double time_s, double T_world_imu[12])
 {
-    fv_sim_motion_pose(&source->motion, time_s, T_world_imu);
+    fv_sim_motion_body(&source->motion, time_s, T_world_imu);
     fv_sim_compose(T_world_imu, source->info.rig.imu.T_body_imu, T_world_imu);
 }
 

@@ -273,6 +273,7 @@ void fv_sim_motion_create(struct fv_sim_motion *motion, const struct fv_sim_opti
     memcpy(motion->lane, world->lane, sizeof motion->lane);
     memcpy(motion->store, world->store, sizeof motion->store);
     motion->road = &world->road;
+    motion->drive = &world->drive;
     struct fv_random random;
     fv_random_seed(&random, options->seed ^ 0x60A7E5u);
     for (int32_t i = 0; i < FV_SIM_PHASES; i++)
@@ -296,6 +297,13 @@ uint64_t fv_sim_motion_frames(enum fv_sim_trajectory trajectory, double rate_hz)
 void fv_sim_motion_pose(const struct fv_sim_motion *m, double t, double T_world_cam[12])
 {
     struct pose pose = {.position = {0.0, 0.0, 1.5}};
+    if (m->trajectory == FV_SIM_DRIVE) {
+        double T_body_cam[12];
+        fv_sim_drive_camera(T_body_cam);
+        fv_sim_drive_body(m->drive, t, T_world_cam);
+        fv_sim_compose(T_world_cam, T_body_cam, T_world_cam);
+        return;
+    }
     switch (m->trajectory) {
     case FV_SIM_TOUR:
         spline_pose(m, t, 3.0, &pose);
@@ -339,4 +347,12 @@ void fv_sim_motion_pose(const struct fv_sim_motion *m, double t, double T_world_
         break;
     }
     pose_matrix(&pose, T_world_cam);
+}
+
+void fv_sim_motion_body(const struct fv_sim_motion *m, double t, double T_world_body[12])
+{
+    if (m->trajectory == FV_SIM_DRIVE)
+        fv_sim_drive_body(m->drive, t, T_world_body);
+    else
+        fv_sim_motion_pose(m, t, T_world_body);
 }

@@ -208,11 +208,11 @@ static struct fv_sim_round *put_round(struct fv_sim_world *world, const double p
     return round;
 }
 
+/* `way`: metres that it has rolled. */
 static void put_ball(struct fv_sim_world *world, const struct fv_sim_object *o,
-                     const double position[2], double heading, double time_s, int32_t id)
+                     const double position[2], double heading, double way, int32_t id)
 {
     const double c = fv_cos(heading), s = fv_sin(heading), r = ball_radius_m;
-    const double way = o->rate * time_s * (o->on_ring ? 1.0 : 0.5 * (o->radius[0] + o->radius[1]));
     const double roll = (way < 0.0 ? -way : way) / r, cr = fv_cos(roll), sr = fv_sin(roll);
     struct fv_sim_round *round =
         fv_sim_world_round(world, position[0] + r * s, position[1] - r * c, r, 2.0 * r, o->texture);
@@ -280,10 +280,14 @@ void fv_sim_world_place(struct fv_sim_world *world, double time_s)
     }
     for (int32_t i = 0; i < world->object_count; i++) {
         const struct fv_sim_object *o = &world->object[i];
-        double position[2], heading;
-        fv_sim_object_pose(o, time_s, position, &heading);
+        double position[2], heading,
+            way = o->rate * time_s * (o->on_ring ? 1.0 : 0.5 * (o->radius[0] + o->radius[1]));
+        if (world->drive.tick_count > 0)
+            fv_sim_drive_mover(&world->drive, i, time_s, position, &heading, &way);
+        else
+            fv_sim_object_pose(o, time_s, position, &heading);
         const int32_t id = i + 1;
-        if (o->object_class == FOVEA_TRUTH_BALL) put_ball(world, o, position, heading, time_s, id);
+        if (o->object_class == FOVEA_TRUTH_BALL) put_ball(world, o, position, heading, way, id);
         if (o->object_class == FOVEA_TRUTH_CONE) put_cone(world, o, position, heading, id);
         if (o->object_class == FOVEA_TRUTH_PERSON) put_person(world, o, position, heading, id);
         if (o->object_class == FOVEA_TRUTH_BOX) {

@@ -30,8 +30,8 @@ static const struct fv_uri_table options_table = {
     "sim", option_table, sizeof option_table / sizeof option_table[0], NULL, NULL, renamed};
 
 static const char *const trajectory_name[FV_SIM_TRAJECTORY_COUNT] = {
-    "tour",   "orbit",  "corridor", "rotate", "stopgo", "fast",
-    "kidnap", "wander", "still",    "stand",  "road",   "board"};
+    "tour",   "orbit", "corridor", "rotate", "stopgo", "fast", "kidnap",
+    "wander", "still", "stand",    "road",   "board",  "drive"};
 
 bool fv_sim_option_given(const struct fv_sim_options *options, size_t offset)
 {
@@ -92,6 +92,10 @@ static enum fovea_status check_together(const struct fv_sim_options *options,
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "sim: objects: found %d, expected at most %d cars on the road",
                                (int)options->objects, FV_SIM_ROAD_CARS_MAX);
+    if (options->trajectory == FV_SIM_DRIVE && options->objects > FV_SIM_DRIVE_MOVERS_MAX)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "sim: objects: found %d, expected at most %d beside a driving robot",
+                               (int)options->objects, FV_SIM_DRIVE_MOVERS_MAX);
     if (options->trajectory != FV_SIM_FAST && options->turn_rate_deg_s != FV_SIM_TURN_DEG_S)
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "sim: turn_rate: found %g with the trajectory %s, expected fast",
@@ -113,6 +117,8 @@ static int32_t default_objects(enum fv_sim_trajectory trajectory)
         return 12;
     case FV_SIM_ROAD:
         return 8;
+    case FV_SIM_DRIVE:
+        return 3;
     case FV_SIM_BOARD:
         return 0;
     default:
@@ -156,7 +162,9 @@ enum fovea_status fv_sim_options_parse(const char *address, struct fv_sim_option
     if (status != FOVEA_OK) return status;
     if (!fv_sim_option_given(&o, AT(fov_deg)) &&
         (o.trajectory != FV_SIM_ROAD || fv_sim_option_given(&o, AT(lens))))
-        o.fov_deg = o.lens == FV_SIM_LENS_EQUIDISTANT ? 105.0 : 80.0;
+        o.fov_deg = o.lens == FV_SIM_LENS_EQUIDISTANT ? 105.0
+                    : o.trajectory == FV_SIM_DRIVE    ? 100.0
+                                                      : 80.0;
     if (!fv_sim_option_given(&o, AT(frames)))
         o.frames = fv_sim_motion_frames(o.trajectory, o.rate_hz);
     status = check_together(&o, error);

@@ -3,8 +3,9 @@
 
 #include <string.h>
 
-/* The cameras of the rig. The body's frame is the first camera's (x right, y down, z forward); the
- * others are like it, each in a pose of its own. Masks are the configuration's. */
+/* The cameras of the rig. The body's frame is the first camera's (x right, y down, z forward), or
+ * the driving robot's; the others are like the first, each in a pose of its own beside it. Masks
+ * are the configuration's. */
 
 /* Calibration with the asked field of view across; coefficients like those of a common
  * machine-vision lens, scaled so that they bend equally at the edge of any field. */
@@ -54,9 +55,12 @@ static uint32_t place_cameras(const struct fv_sim_options *o, double T[FOVEA_CAM
         {fv_sim_option_given(o, offsetof(struct fv_sim_options, camera3)), &o->camera3},
         {fv_sim_option_given(o, offsetof(struct fv_sim_options, camera4)), &o->camera4},
     };
+    double T_body_first[12];
     uint32_t count = 0;
+    fv_sim_drive_camera(T_body_first);
     while (count < FOVEA_CAMERAS_MAX && cameras[count].asked) {
         fv_sim_pose_rows(cameras[count].pose, T[count]);
+        if (o->trajectory == FV_SIM_DRIVE) fv_sim_compose(T_body_first, T[count], T[count]);
         count++;
     }
     return count;
@@ -75,7 +79,7 @@ enum fovea_status fv_sim_rig_describe(const struct fv_sim_options *options, stru
         camera->calibrated = true;
         camera->has_readout = true;
         if (options->rolling) camera->readout_ns = fv_clock_from_ms(options->readout_ms);
-        camera->has_T_body_cam = rig->camera_count > 1;
+        camera->has_T_body_cam = rig->camera_count > 1 || options->trajectory == FV_SIM_DRIVE;
         if (camera->has_T_body_cam) memcpy(camera->T_body_cam, T_body_cam[i], sizeof T_body_cam[i]);
     }
     return FOVEA_OK;

@@ -32,6 +32,7 @@ static inline int32_t fv_sim_clamp(int32_t value, int32_t low, int32_t high)
     return value < low ? low : value > high ? high : value;
 }
 
+#include "drive.h"
 #include "road.h"
 
 /* ---- options (options.c) --------------------------------------------------------------------- */
@@ -49,6 +50,7 @@ enum fv_sim_trajectory {
     FV_SIM_STAND,
     FV_SIM_ROAD,
     FV_SIM_BOARD,
+    FV_SIM_DRIVE,
     FV_SIM_TRAJECTORY_COUNT
 };
 
@@ -219,8 +221,9 @@ struct fv_sim_world {
     double lane[2];  /* half-extents of the corridor's centre line, 0 where there is none */
     double store[3]; /* a place cut off from the room (kidnap) */
     uint64_t seed;
-    struct fv_sim_road road; /* only of FV_SIM_ROAD */
-    bool repeated, full;     /* full: an array or memory was too small */
+    struct fv_sim_road road;   /* only of FV_SIM_ROAD */
+    struct fv_sim_drive drive; /* only of FV_SIM_DRIVE */
+    bool repeated, full;       /* full: an array or memory was too small */
 };
 
 /* Build the world of a trajectory. false: out of memory. Init-only. */
@@ -268,7 +271,8 @@ struct fv_sim_motion {
     double turn_s;       /* how long a turn of `fast` takes */
     double half_view[2]; /* angles from the optical axis to the image's border, across and down */
     double room[2], lane[2], store[3];
-    const struct fv_sim_road *road; /* the world's */
+    const struct fv_sim_road *road; /* the world's, as the next */
+    const struct fv_sim_drive *drive;
     int32_t control_count; /* uniform cubic B-spline, one control point a second: x y z yaw pitch */
     double control[FV_SIM_SPLINE_MAX][5];
 };
@@ -277,7 +281,10 @@ void fv_sim_motion_create(struct fv_sim_motion *motion, const struct fv_sim_opti
                           const struct fv_sim_world *world);
 /* Frames of one showing at `rate_hz`; 0: endless. */
 uint64_t fv_sim_motion_frames(enum fv_sim_trajectory trajectory, double rate_hz);
+/* Of the first camera. */
 void fv_sim_motion_pose(const struct fv_sim_motion *motion, double time_s, double T_world_cam[12]);
+/* Of the body: the first camera's frame, but with FV_SIM_DRIVE the robot's. */
+void fv_sim_motion_body(const struct fv_sim_motion *motion, double time_s, double T_world_body[12]);
 
 /* The calibration board of `sim:board` (board.c): 10 x 7 squares of 30 mm (9 x 6 inner corners) and
  * a margin of one square, upright in the middle of the room, seen from -x. */

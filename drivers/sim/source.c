@@ -187,7 +187,13 @@ static enum fovea_status sim_open(const char *address,
     atomic_init(&source->requested.exposure_ms, options.exposure_ms);
     atomic_init(&source->requested.gain, 1);
     source->selection = selection != NULL ? *selection : (struct fovea_source_selection){.step = 1};
-    status = select_frames(source, error);
+    if (!fv_sim_world_build(&source->world, &options))
+        status = fovea_error_set(error, FOVEA_ERROR_SYSTEM, "sim: out of memory");
+    if (options.trajectory == FV_SIM_DRIVE &&
+        !fv_sim_option_given(&options, offsetof(struct fv_sim_options, frames)))
+        source->options.frames =
+            (uint64_t)(fv_sim_drive_seconds(&source->world.drive) * options.rate_hz);
+    if (status == FOVEA_OK) status = select_frames(source, error);
     if (status == FOVEA_OK) status = fv_sim_rig_describe(&options, &source->info.rig, error);
     if (status == FOVEA_OK) status = fv_sim_body_sensors_open(source, error);
     if (status == FOVEA_OK &&
@@ -196,7 +202,7 @@ static enum fovea_status sim_open(const char *address,
             error, FOVEA_ERROR_INPUT,
             "sim: fov: found %g, but the corners of a %d x %d image look too far aside; expected less",
             options.fov_deg, (int)options.width, (int)options.height);
-    if (status == FOVEA_OK && (!fv_sim_world_build(&source->world, &options) || !allocate(source)))
+    if (status == FOVEA_OK && !allocate(source))
         status = fovea_error_set(error, FOVEA_ERROR_SYSTEM, "sim: out of memory");
     if (status != FOVEA_OK) {
         sim_close(source);
@@ -263,10 +269,13 @@ void fv_sim_set_scene(struct fovea_source *source, double time_s, int32_t y_begi
     double T_world_cam[12];
     const struct fv_sim_rect bound = rows_bound(&source->raster, y_begin, y_end);
     fv_sim_world_place(&source->world, time_s);
-    fv_sim_motion_pose(&source->motion, time_s, T_world_cam);
-    if (source->camera > 0)
+    if (source->camera > 0) {
+        fv_sim_motion_body(&source->motion, time_s, T_world_cam);
         fv_sim_compose(T_world_cam, source->info.rig.cameras[source->camera].T_body_cam,
                        T_world_cam);
+    } else {
+        fv_sim_motion_pose(&source->motion, time_s, T_world_cam);
+    }
     source->veil = source->lensed != NULL ? fv_sim_road_veil(&source->world.road, T_world_cam) : 0;
     fv_sim_scene_set(&source->scene, &source->world, T_world_cam, &bound);
 }
@@ -410,7 +419,7 @@ static enum fovea_source_state sim_state(const struct fovea_source *source)
 const struct fovea_source_ops fv_source_sim = {
     .name = "sim",
     .help =
-        "[TRAJECTORY][?OPTION=VALUE&...]  simulated camera: tour (default), orbit, corridor, rotate, stopgo, fast, kidnap, wander, still, stand, road; options"
+        "[TRAJECTORY][?OPTION=VALUE&...]  simulated camera: tour (default), orbit, corridor, rotate, stopgo, fast, kidnap, wander, still, stand, road, board, drive; options"
 #define FV_SIM_OPTION(name, kind, type, member, value, low, high, unit, words) " " name
 #include "options.def"
 #undef FV_SIM_OPTION

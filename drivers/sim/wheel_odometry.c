@@ -3,8 +3,8 @@
 #include <string.h>
 
 /* Wheel odometry of the body that carries the camera, at a rate of its own and with errors of each
- * step: what wheels or legs report. The body's frame is the camera's, so T_body_cam is the
- * identity. A body that is carried off does not turn its wheels: such steps are left out. */
+ * step: what wheels or legs report. A body that is carried off does not turn its wheels: such steps
+ * are left out. */
 
 static const double carried_off_m_s = 20.0;
 
@@ -43,7 +43,7 @@ static void advance(const struct fovea_source *source, struct state *o, uint64_t
     const double step_s = 1 / source->options.wheel_odometry_hz;
     struct fv_random random;
     double T[12], R[9], t[3], moved2 = 0;
-    fv_sim_motion_pose(&source->motion, time_s, T);
+    fv_sim_motion_body(&source->motion, time_s, T);
     if (n == 0) {
         memcpy(o->last, T, sizeof T);
         memcpy(o->R, (const double[9]){1, 0, 0, 0, 1, 0, 0, 0, 1}, sizeof o->R);

@@ -166,6 +166,9 @@ bool fv_sim_world_build(struct fv_sim_world *world, const struct fv_sim_options 
     case FV_SIM_ROAD:
         fv_sim_place_road(world, options);
         break;
+    case FV_SIM_DRIVE:
+        fv_sim_place_drive(world);
+        break;
     case FV_SIM_BOARD:
         fv_sim_place_room(world, false);
         fv_sim_place_board(world);
@@ -175,11 +178,13 @@ bool fv_sim_world_build(struct fv_sim_world *world, const struct fv_sim_options 
         break;
     }
     if (options->trajectory != FV_SIM_ROAD) fv_sim_objects_create(world, options);
+    if (options->trajectory == FV_SIM_DRIVE && !world->full)
+        world->full = !fv_sim_drive_create(world, options);
     world->static_faces = world->face_count;
     world->static_rounds = world->round_count;
     for (int32_t i = 0; i < world->texture_count; i++)
         fv_sim_texture_finish(&world->texture[i]);
-    fv_sim_world_place(world, 0.0);
+    if (!world->full) fv_sim_world_place(world, 0.0);
     return !world->full;
 }
 
@@ -188,4 +193,5 @@ void fv_sim_world_free(struct fv_sim_world *world)
     for (int32_t i = 0; i < world->texture_count; i++)
         fv_sim_texture_free(&world->texture[i]);
     world->texture_count = 0;
+    fv_sim_drive_free(&world->drive);
 }

@@ -115,6 +115,9 @@ static const struct {
     {"road?seed=6&width=620&height=188", 45, 0x0888caa31bb72939u, 0x34bec09b9918065cu},
     {"road?seed=3&width=400&height=200&lens=radtan&blur=1&exposure=12", 30, 0x0846b6d9b27559f1u,
      0x6432a60dee236f88u},
+    {"drive?width=320&height=240", 0, 0x57ad473b4d0349ddu, 0x0083aa8487e9498fu},
+    {"drive?width=320&height=240&seed=7&objects=8&baseline=0.1", 400, 0x727848548922d51bu,
+     0xbc65728d31f8dedau},
 };
 
 static void test_golden(void **state)
