@@ -140,6 +140,11 @@ honest() {
     done
 }
 
+# Free space over whole passes of the driving robot, against the truth: masks of the truth, poses of the truth and of two cameras.
+free_space() { # free_space PASSES
+    make --no-print-directory "$build/tests/unit/drivers/test_sim_free_space" && FOVEA_LONG=$1 "$build/tests/unit/drivers/test_sim_free_space"
+}
+
 # Sweeps of tools/evaluate: interrupted, with a worker killed, two versions side by side.
 sweeps() {
     make --no-print-directory "$build/venv-sweep/ready" && "$build/venv-sweep/bin/python" tests/evaluate/sweeps.py
@@ -196,6 +201,7 @@ else
     part faults faults 2000 0
     part revisits tools/evaluate/revisits.sh
     part sweeps sweeps
+    part free_space free_space 20
     part packets packets 1000000
     part blinks blinks 200
     part browsers browsers 60

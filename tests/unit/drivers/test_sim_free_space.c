@@ -1,0 +1,432 @@
+/* How well the grid knows where a robot can drive: whole passes of `sim:drive` along its path,
+ * judged by the world's truth. Cells of 10 cm that were seen in 3 frames, from at most 3 m, as they
+ * are since: the floor that is called free against the floor that is (intersection over union), how
+ * many cells are known, and how many that are occupied, or without floor, are called free as are
+ * all eight cells beside them (one cell of tolerance: the edge of what is called free may be off by
+ * as much). Of an occupied cell its surface must have been seen: where the floor beside it alone
+ * was, as beyond the corner of a box, the cell is left out.
+ *
+ * Masks are the truth's; poses are the truth's, or of two cameras. With FOVEA_SEGMENTER=FILE, a
+ * network whose classes are floor, wall, obstacle, movable and other, masks of the passes with two
+ * cameras are that network's, run in the loop. FOVEA_LONG=N: N passes of each kind at 640 x 480 and
+ * 30 Hz. FOVEA_PICTURES=DIR: the last grid of each pass. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "common/sim_cells.h"
+#include "common/sim_rig.h"
+#include "fovea/grid.h"
+#include "geometry/se3.h"
+#include "support/picture.h"
+
+enum { CELLS_MAX = 128 * 128, SEEN_FRAMES = 3, SEED_FIRST = 1000 };
+enum { FLOOR = 1, SURFACE = 2 }; /* what a frame shows of a cell; under the floor too */
+static const double range_m = 3;
+
+/* A pass, and what its truth says of each cell of the hall. */
+static struct {
+    struct sim_rig rig;
+    struct sim_cells place;
+    uint8_t still[CELLS_MAX], moving[CELLS_MAX], was[CELLS_MAX], touched[CELLS_MAX];
+    uint16_t floor_seen[CELLS_MAX], surface_seen[CELLS_MAX]; /* frames, since it is as it is */
+    double T_odom_world[12];                                 /* as of the last frame */
+    struct fovea_grid *grid;
+    int8_t cells[256 * 256];
+    struct fovea_grid_place at;
+    bool stereo, network;
+    uint64_t inferences; /* of the network, as of its last mask */
+    void *model;
+    float (*ray)[2]; /* of each pixel: x and y per z */
+} pass;
+
+struct figures {
+    int64_t cells, known, united, common, occupied, free_wrongly, unmarked;
+};
+
+/* ---- truth ----------------------------------------------------------------------------------- */
+
+static int32_t cell_of(const double p[3])
+{
+    const double x = fv_floor((p[0] - pass.place.origin_m[0]) / pass.place.cell_m),
+                 y = fv_floor((p[1] - pass.place.origin_m[1]) / pass.place.cell_m);
+    if (x < 0 || y < 0 || x >= pass.place.width || y >= pass.place.height) return -1;
+    return (int32_t)y * pass.place.width + (int32_t)x;
+}
+
+static int32_t cells_of(void)
+{
+    return pass.place.width * pass.place.height;
+}
+
+static void find_rays(void)
+{
+    const struct fovea_camera *camera = &pass.rig.source->info.rig.cameras[0].camera;
+    pass.ray = malloc((size_t)(camera->width * camera->height) * sizeof *pass.ray);
+    for (int32_t i = 0; i < camera->width * camera->height; i++) {
+        const double pixel[2] = {i % camera->width, (int32_t)(i / camera->width)};
+        double b[3];
+        assert_int_equal(fovea_camera_unproject(camera, pixel, b, NULL), FOVEA_OK);
+        for (int k = 0; k < 2; k++)
+            pass.ray[i][k] = (float)(b[k] / b[2]);
+    }
+}
+
+static void begin_truth(void)
+{
+    const struct fv_sim_world *world = &pass.rig.source->world;
+    pass.place = (struct sim_cells){.cell_m = 0.1};
+    for (int k = 0; k < 2; k++)
+        pass.place.origin_m[k] = -0.1 * (double)((int)(world->drive.half[k] / 0.1) + 2);
+    pass.place.width = (int32_t)(-pass.place.origin_m[0] / 0.1 * 2 + 0.5);
+    pass.place.height = (int32_t)(-pass.place.origin_m[1] / 0.1 * 2 + 0.5);
+    assert_true(cells_of() <= CELLS_MAX);
+    sim_cells_find(world, &pass.place, false, pass.still);
+    find_rays();
+    memset(pass.was, 0, sizeof pass.was);
+    memset(pass.floor_seen, 0, sizeof pass.floor_seen);
+    memset(pass.surface_seen, 0, sizeof pass.surface_seen);
+}
+
+/* What one frame sees: cells of which a point shows, on the floor, under it, or on a surface within
+ * the heights that count. */
+static void see(const struct fovea_truth *truth)
+{
+    const struct fovea_camera *camera = &pass.rig.source->info.rig.cameras[0].camera;
+    const double *T = truth->T_world_cam;
+    sim_cells_find(&pass.rig.source->world, &pass.place, true, pass.moving);
+    memset(pass.touched, 0, sizeof pass.touched);
+    for (int32_t i = 0; i < camera->width * camera->height; i++) {
+        const double depth = (double)truth->depth_m[i];
+        const double x = depth * (double)pass.ray[i][0], y = depth * (double)pass.ray[i][1];
+        double p[3];
+        if (depth <= 0 || depth > 2 * range_m) continue;
+        for (int k = 0; k < 3; k++)
+            p[k] = T[4 * k] * x + T[4 * k + 1] * y + T[4 * k + 2] * depth + T[4 * k + 3];
+        const int32_t cell = p[2] <= SIM_CELL_HIGH_M ? cell_of(p) : -1;
+        if (cell >= 0) pass.touched[cell] |= p[2] < SIM_CELL_LOW_M ? FLOOR : SURFACE;
+    }
+    for (int32_t i = 0; i < cells_of(); i++) {
+        const double x = pass.place.origin_m[0] + (i % pass.place.width + 0.5) * 0.1 - T[3],
+                     y = pass.place.origin_m[1] + ((int32_t)(i / pass.place.width) + 0.5) * 0.1 -
+                         T[7];
+        const bool near = x * x + y * y <= range_m * range_m;
+        if (pass.moving[i] != pass.was[i]) pass.floor_seen[i] = pass.surface_seen[i] = 0;
+        pass.was[i] = pass.moving[i];
+        pass.floor_seen[i] += near && (pass.touched[i] & FLOOR) != 0;
+        pass.surface_seen[i] += near && (pass.touched[i] & SURFACE) != 0;
+    }
+}
+
+static enum sim_cell truth_of(int32_t cell)
+{
+    return pass.moving[cell] == SIM_CELL_OCCUPIED ? SIM_CELL_OCCUPIED
+                                                  : (enum sim_cell)pass.still[cell];
+}
+
+static bool is_seen(int32_t cell)
+{
+    return (truth_of(cell) == SIM_CELL_OCCUPIED ? pass.surface_seen[cell]
+                                                : pass.floor_seen[cell]) >= SEEN_FRAMES;
+}
+
+/* ---- masks ----------------------------------------------------------------------------------- */
+
+static const uint8_t truth_labels[256] = {
+    [FOVEA_TRUTH_BACKGROUND] = FOVEA_GRID_IGNORED, [FOVEA_TRUTH_BALL] = FOVEA_GRID_MOVABLE,
+    [FOVEA_TRUTH_CONE] = FOVEA_GRID_MOVABLE,       [FOVEA_TRUTH_BOX] = FOVEA_GRID_MOVABLE,
+    [FOVEA_TRUTH_PERSON] = FOVEA_GRID_MOVABLE,     [FOVEA_TRUTH_FLOOR] = FOVEA_GRID_FLOOR,
+    [FOVEA_TRUTH_WALL] = FOVEA_GRID_OBSTACLE,      [FOVEA_TRUTH_OBSTACLE] = FOVEA_GRID_OBSTACLE};
+
+static struct fovea_segmentation mask_of(const struct fovea_truth *truth)
+{
+    static struct fovea_segmentation_class list[FOVEA_TRUTH_CLASS_COUNT];
+    static uint8_t index[256];
+    const struct fovea_camera *camera = &pass.rig.source->info.rig.cameras[0].camera;
+    for (int i = 0; i < FOVEA_TRUTH_CLASS_COUNT; i++) {
+        list[i].class_id = i;
+        index[i] = (uint8_t)i;
+    }
+    return (struct fovea_segmentation){.width = camera->width,
+                                       .height = camera->height,
+                                       .image_width = camera->width,
+                                       .image_height = camera->height,
+                                       .raw_scale = {1, 1},
+                                       .count = FOVEA_TRUTH_CLASS_COUNT,
+                                       .list = list,
+                                       .pixels = truth->class_mask,
+                                       .index = index};
+}
+
+static const uint8_t network_labels[256] = {FOVEA_GRID_FLOOR, FOVEA_GRID_OBSTACLE,
+                                            FOVEA_GRID_OBSTACLE, FOVEA_GRID_MOVABLE,
+                                            FOVEA_GRID_IGNORED};
+
+/* The network of FOVEA_SEGMENTER, for the configuration; false: masks are the truth's. */
+static bool read_network(void)
+{
+    enum { MODEL_BYTES_MAX = 8 << 20 };
+    const char *path = getenv("FOVEA_SEGMENTER");
+    struct fovea_config *config = &pass.rig.config;
+    if (path == NULL) return false;
+    FILE *file = fopen(path, "rb");
+    if (file == NULL) fail_msg("%s: cannot be read", path);
+    if (pass.model == NULL) pass.model = aligned_alloc(64, MODEL_BYTES_MAX);
+    config->detect.model = pass.model;
+    config->detect.model_bytes = fread(pass.model, 1, MODEL_BYTES_MAX, file);
+    fclose(file);
+    return true;
+}
+
+/* ---- poses and the grid ---------------------------------------------------------------------- */
+
+/* The odometry frame is the world where poses are the truth's, else where the first frame was. */
+static bool pose_of(int frame, struct fv_se3 *T_odom_cam)
+{
+    struct fv_se3 first, back, now;
+    fv_se3_from_rows(pass.rig.truth[frame], T_odom_cam);
+    if (!pass.stereo) return true;
+    if (!pass.rig.pose[frame].posed || !pass.rig.pose[0].posed) return false;
+    fv_se3_from_rows(pass.rig.truth[0], &first);
+    fv_se3_from_rows(pass.rig.pose[0].T_world_cam, &back);
+    fv_se3_invert(&back, &back);
+    fv_se3_from_rows(pass.rig.pose[frame].T_world_cam, &now);
+    fv_se3_compose(&first, &back, &first);
+    fv_se3_compose(&first, &now, T_odom_cam);
+    return true;
+}
+
+static void update(int frame, int64_t stamp_ns, const struct fovea_segmentation *seen,
+                   const uint8_t *labels)
+{
+    struct fv_se3 T_odom_cam, T_cam_body, T_odom_body, back;
+    struct fovea_grid_view view = {.stamp_ns = stamp_ns, .seen = seen, .labels = labels};
+    if (!pose_of(frame, &T_odom_cam)) {
+        fovea_grid_forget(pass.grid);
+        return;
+    }
+    view.camera = &pass.rig.source->info.rig.cameras[0].camera;
+    fv_se3_from_rows(pass.rig.source->info.rig.cameras[0].T_body_cam, &T_cam_body);
+    fv_se3_invert(&T_cam_body, &T_cam_body);
+    fv_se3_compose(&T_odom_cam, &T_cam_body, &T_odom_body);
+    fv_se3_to_rows(&T_odom_cam, view.T_odom_cam);
+    memcpy(view.position_m, T_odom_body.t, sizeof view.position_m);
+    view.yaw_rad = fv_atan2(T_odom_body.R[3], T_odom_body.R[0]);
+    view.floor_m = T_odom_body.t[2];
+    assert_int_equal(fovea_grid_update(pass.grid, &view), FOVEA_OK);
+    fv_se3_from_rows(pass.rig.truth[frame], &back);
+    fv_se3_invert(&back, &back);
+    fv_se3_compose(&T_odom_cam, &back, &T_odom_cam);
+    fv_se3_to_rows(&T_odom_cam, pass.T_odom_world);
+}
+
+/* What the grid calls a cell of the truth. */
+static int8_t called(int32_t cell)
+{
+    const double *T = pass.T_odom_world,
+                 x = pass.place.origin_m[0] + (cell % pass.place.width + 0.5) * 0.1,
+                 y = pass.place.origin_m[1] + ((int32_t)(cell / pass.place.width) + 0.5) * 0.1;
+    const double column = fv_floor((T[0] * x + T[1] * y + T[3] - pass.at.origin_m[0]) / 0.1),
+                 row = fv_floor((T[4] * x + T[5] * y + T[7] - pass.at.origin_m[1]) / 0.1);
+    if (column < 0 || row < 0 || column >= pass.at.width || row >= pass.at.height)
+        return FOVEA_GRID_UNKNOWN;
+    return pass.cells[(int64_t)row * pass.at.width + (int64_t)column];
+}
+
+static bool is_free(int8_t percent)
+{
+    return percent != FOVEA_GRID_UNKNOWN && percent < 100 * FOVEA_GRID_FREE_BELOW;
+}
+
+static bool is_occupied(int8_t percent)
+{
+    return percent > 100 * FOVEA_GRID_OCCUPIED_ABOVE;
+}
+
+/* How many cells of the nine about one are called free, and how many occupied. */
+static void count_about(int32_t cell, int *free, int *occupied)
+{
+    *free = *occupied = 0;
+    for (int32_t y = -1; y <= 1; y++)
+        for (int32_t x = -1; x <= 1; x++) {
+            const int32_t beside = cell + y * pass.place.width + x;
+            if (beside < 0 || beside >= cells_of()) continue;
+            *free += is_free(called(beside));
+            *occupied += is_occupied(called(beside));
+        }
+}
+
+static struct figures judge(void)
+{
+    struct figures f = {0};
+    for (int32_t i = 0; i < cells_of(); i++) {
+        if (!is_seen(i)) continue;
+        const enum sim_cell truth = truth_of(i);
+        const bool free = is_free(called(i));
+        f.cells += truth != SIM_CELL_NONE;
+        f.known += truth != SIM_CELL_NONE && (free || is_occupied(called(i)));
+        f.united += free || truth == SIM_CELL_FLOOR;
+        f.common += free && truth == SIM_CELL_FLOOR;
+        f.occupied += truth != SIM_CELL_FLOOR;
+        if (truth == SIM_CELL_FLOOR || !free) continue;
+        int free_about, occupied_about;
+        count_about(i, &free_about, &occupied_about);
+        f.free_wrongly += free_about == 9;
+        f.unmarked += occupied_about == 0;
+    }
+    return f;
+}
+
+/* Truth on the left, the grid on the right, four pixels a cell; what was not seen is grey. */
+static void draw(const char *folder, int seed)
+{
+    enum { SIDE = 4 };
+    struct fovea_error error;
+    char path[512];
+    const int32_t w = pass.place.width, h = pass.place.height;
+    struct fovea_image image = {.width = 2 * w * SIDE,
+                                .height = h * SIDE,
+                                .stride_bytes = 2 * w * SIDE,
+                                .format = FOVEA_PIXEL_GREY8,
+                                .size_bytes = (size_t)(2 * w * SIDE * h * SIDE)};
+    uint8_t *pixels = malloc(image.size_bytes);
+    image.data = pixels;
+    for (int32_t i = 0; i < 2 * w * SIDE * h * SIDE; i++) {
+        const int32_t x = i % (2 * w * SIDE) / SIDE, y = h - 1 - i / (2 * w * SIDE) / SIDE,
+                      cell = y * w + x % w;
+        const enum sim_cell truth = truth_of(cell);
+        if (x < w)
+            pixels[i] = truth == SIM_CELL_OCCUPIED ? 0 : truth == SIM_CELL_NONE ? 60 : 255;
+        else
+            pixels[i] = is_free(called(cell)) ? 255 : is_occupied(called(cell)) ? 0 : 160;
+        if (!is_seen(cell)) pixels[i] = (uint8_t)(100 + pixels[i] / 4);
+    }
+    snprintf(path, sizeof path, "%s/grid-%d-%s.png", folder, seed,
+             pass.stereo ? "stereo" : "truth");
+    assert_int_equal(fv_picture_write(path, &image, &error), FOVEA_OK);
+    free(pixels);
+}
+
+/* ---- passes ---------------------------------------------------------------------------------- */
+
+static void *make_grid(void)
+{
+    struct fovea_grid_config config;
+    struct fovea_error error;
+    size_t bytes;
+    fovea_grid_config_default(&config);
+    config.side_cells = 256; /* the hall stays in it */
+    assert_int_equal(fovea_grid_size(&config, &bytes, &error), FOVEA_OK);
+    void *memory = aligned_alloc(64, (bytes + 63) / 64 * 64);
+    assert_int_equal(fovea_grid_init(&pass.grid, &config, memory, bytes, &error), FOVEA_OK);
+    return memory;
+}
+
+/* The next mask of the network, where there is one: of a frame that may be some frames old. */
+static void update_by_network(void)
+{
+    struct fovea_segmentation seen;
+    fovea_segmentation_get(pass.rig.rt, 0, &seen);
+    if (seen.inferences == pass.inferences) return;
+    pass.inferences = seen.inferences;
+    update((int)seen.sequence, seen.stamp_ns, &seen, network_labels);
+}
+
+static void drive(void)
+{
+    static struct fovea_truth truth;
+    pass.inferences = 0;
+    while (sim_rig_next(&pass.rig)) {
+        const int frame = pass.rig.frames;
+        const int64_t stamp_ns = pass.rig.frame.stamp_ns;
+        assert_int_equal(pass.rig.ops->truth(pass.rig.source, &pass.rig.frame, &truth), FOVEA_OK);
+        see(&truth);
+        const struct fovea_segmentation seen = mask_of(&truth);
+        if (pass.stereo) {
+            sim_rig_process(&pass.rig);
+        } else {
+            pass.rig.ops->requeue(pass.rig.source, &pass.rig.frame);
+            pass.rig.frames++;
+        }
+        if (pass.network)
+            update_by_network();
+        else
+            update(frame, stamp_ns, &seen, truth_labels);
+    }
+    fovea_grid_cells(pass.grid, pass.cells, &pass.at);
+}
+
+static struct figures whole_pass(int seed, const char *options, bool stereo)
+{
+    char uri[128];
+    snprintf(uri, sizeof uri, "sim:drive?seed=%d%s%s", seed, options,
+             stereo ? "&baseline=0.12" : "");
+    sim_rig_open(&pass.rig, uri, 0, 0);
+    pass.stereo = stereo;
+    pass.rig.config.rig = pass.rig.ops->info(pass.rig.source)->rig;
+    pass.network = stereo && read_network();
+    if (stereo) sim_rig_build(&pass.rig);
+    void *memory = make_grid();
+    begin_truth();
+    drive();
+    const struct figures f = judge();
+    if (getenv("FOVEA_PICTURES") != NULL) draw(getenv("FOVEA_PICTURES"), seed);
+    print_message(
+        "seed %d, poses by %s, masks by %s, %d frames: IoU %.3f, known %.1f %% of %d cells, %d of %d "
+        "occupied called free (%d with nothing occupied beside them)\n",
+        seed, stereo ? "two cameras" : "truth", pass.network ? "a network" : "truth",
+        pass.rig.frames, (double)f.common / (double)f.united,
+        100.0 * (double)f.known / (double)f.cells, (int)f.cells, (int)f.free_wrongly,
+        (int)f.occupied, (int)f.unmarked);
+    sim_rig_close(&pass.rig);
+    pass.rig.rt = NULL;
+    free(memory);
+    free(pass.ray);
+    return f;
+}
+
+static void passes(int first, int count, const char *options, bool stereo)
+{
+    for (int seed = first; seed < first + count; seed++) {
+        const struct figures f = whole_pass(seed, options, stereo);
+        assert_true(f.cells > 1000 && f.occupied > 100);
+        assert_true((double)f.common >= 0.85 * (double)f.united);
+        assert_true((double)f.known >= 0.85 * (double)f.cells);
+        assert_true((double)f.free_wrongly <= 0.01 * (double)f.occupied);
+    }
+}
+
+static int long_passes(void)
+{
+    const char *text = getenv("FOVEA_LONG");
+    return text != NULL ? atoi(text) : 0;
+}
+
+static void floor_is_free_and_obstacles_are_not(void **state)
+{
+    (void)state;
+    passes(2002, 2, "&width=320&height=240&rate=4", false);
+    passes(SEED_FIRST, long_passes(), "", false);
+}
+
+static void the_same_holds_for_poses_of_two_cameras(void **state)
+{
+    (void)state;
+    passes(1005, 1, "&width=320&height=240&rate=10", true);
+    passes(SEED_FIRST, long_passes(), "", true);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(floor_is_free_and_obstacles_are_not),
+        cmocka_unit_test(the_same_holds_for_poses_of_two_cameras),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
