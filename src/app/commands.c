@@ -112,8 +112,13 @@ const struct fv_command fv_commands[] = {
      "output0 and so on, whose first axis is the run.",
      "fovea model info src/detect/shipped.fvm\nfovea model run mine.fvm photo.png --out outputs.npz"},
     {"export", "write the frames of a source, and their truth, as files", fv_command_export,
-     "DIR gets one PNG per frame and, where the source knows the truth, COCO annotations.",
-     "fovea export --source sim: --frames 100 frames"},
+     "DIR gets one PNG per frame and, where the source knows the truth, COCO annotations. With "
+     "--masks it also gets NAME.mask.png, whose grey levels are classes: 0 background (ceilings, the "
+     "sky), 1 ball, 2 cone, 3 box, 4 person, 5 floor, 6 wall, 7 obstacle (furniture and whatever "
+     "else stands or hangs); and classes-map.txt, which says for 'fovea segment --evaluate DIR "
+     "--classes-map DIR/classes-map.txt' what each of them is: floor, wall, obstacle, movable (1 to "
+     "4) or other (0).",
+     "fovea export --source sim: --frames 100 frames\nfovea export --masks --source sim:wander --frames 100 labelled"},
     {"map", "print what a saved map holds, export it, draw it", fv_command_map,
      "FILE was written by 'fovea run --save-map'. info prints its keyframes, landmarks and camera; "
      "export writes files; draw writes a picture of it from above and from the side.",

@@ -57,11 +57,11 @@ static enum fovea_status take_line(struct fv_confusion *c, char *line, const str
         return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: found label %d again, expected once",
                                at, (int)label);
     if (strcmp(name, "ignore") == 0) return FOVEA_OK;
-    if (strcmp(name, "other") == 0) {
+    const int32_t class_id = class_of(model, name);
+    if (class_id < 0 && strcmp(name, "other") == 0) {
         c->row_of[label] = OTHER;
         return FOVEA_OK;
     }
-    const int32_t class_id = class_of(model, name);
     if (class_id < 0)
         return fovea_error_set(
             error, FOVEA_ERROR_INPUT,
@@ -104,7 +104,8 @@ enum fovea_status fv_confusion_open(struct fv_confusion *c, const char *path,
         status = fovea_error_set(
             error, FOVEA_ERROR_INPUT,
             "%.280s: found no class of the network's, expected lines as '8 car'", path);
-    snprintf(c->names[c->count], FV_CONFUSION_NAME_BYTES, "other");
+    snprintf(c->names[c->count], FV_CONFUSION_NAME_BYTES, "%s",
+             class_of(model, "other") < 0 ? "other" : "none of them");
     for (int i = 0; i < LABELS; i++) {
         if (c->row_of[i] == OTHER) c->row_of[i] = c->count;
         if (c->column_of[i] == FOVEA_SEGMENTATION_NONE) c->column_of[i] = (uint8_t)c->count;

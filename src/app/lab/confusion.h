@@ -14,7 +14,9 @@ enum { FV_CONFUSION_CLASSES_MAX = 64, FV_CONFUSION_NAME_BYTES = 64 };
 
 /* Judged are the network's classes that the map names. Of the last row and column, "other", are the
  * labels that the map calls so, and what the network takes for a class that is not judged or for
- * none. Pixels whose label the map does not name, or ignores, do not count. */
+ * none. Where the network has a class labelled "other" the map means that one, and the last row and
+ * column are called "none of them". Pixels whose label the map does not name, or ignores, do not
+ * count. */
 struct fv_confusion {
     int32_t count; /* judged classes */
     char names[FV_CONFUSION_CLASSES_MAX + 1][FV_CONFUSION_NAME_BYTES];

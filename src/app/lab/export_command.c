@@ -3,8 +3,9 @@
  *
  * DIR/000000.png ..., of a rig DIR/000000.cam1.png ... too (where the camera gave an image),
  * DIR/truth.json and, with --masks, DIR/000000.mask.png (the class of every pixel: objects, floor,
- * wall, obstacle, or 0; `mask_classes` of the truth names them). The truth is that of the first
- * camera, whose images alone it lists. For training and evaluating detectors and
+ * wall, obstacle, or 0; `mask_classes` of the truth names them) and DIR/classes-map.txt, which says
+ * for `fovea segment --evaluate` what each is to a network that labels pixels. The truth is that of
+ * the first camera, whose images alone it lists. For training and evaluating detectors and
  * multi-object tracking. Boxes are COCO's: [left, top, width, height], (0, 0) the corner of the
  * first pixel; `track_id` is constant over the run and `visible` the visible fraction. */
 #include <errno.h>
@@ -25,6 +26,10 @@
 
 static const char *const class_names[FOVEA_TRUTH_CLASS_COUNT] = {
     "background", "ball", "cone", "box", "person", "floor", "wall", "obstacle"};
+
+/* What each is to a network with classes as `segmenter.fvm` has them. */
+static const char *const pixel_class[FOVEA_TRUTH_CLASS_COUNT] = {
+    "other", "movable", "movable", "movable", "movable", "floor", "wall", "obstacle"};
 
 enum { PATH_BYTES = 1024 };
 
@@ -146,18 +151,35 @@ static void write_classes(FILE *file, int first, int end)
                 class_names[c]);
 }
 
-static enum fovea_status write_json(const struct export_run *export, struct fovea_error *error)
+/* DIR/name; NULL: `error` says why. */
+static FILE *open_output(const struct export_run *export, const char *name,
+                         struct fv_output *output, struct fovea_error *error)
 {
     char path[PATH_BYTES];
-    snprintf(path, sizeof path, "%.900s/truth.json", export->folder);
+    snprintf(path, sizeof path, "%.900s/%s", export->folder, name);
+    if (fv_output_open(output, path, FV_OUTPUT_WHOLE, error) != FOVEA_OK) return NULL;
+    FILE *file = fv_output_stream(output);
+    if (file != NULL) return file;
+    fv_output_discard(output);
+    fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory", path);
+    return NULL;
+}
+
+static enum fovea_status write_map(const struct export_run *export, struct fovea_error *error)
+{
     struct fv_output output;
-    if (fv_output_open(&output, path, FV_OUTPUT_WHOLE, error) != FOVEA_OK)
-        return FOVEA_ERROR_SYSTEM;
-    FILE *file = fv_output_stream(&output);
-    if (file == NULL) {
-        fv_output_discard(&output);
-        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory", path);
-    }
+    FILE *file = open_output(export, "classes-map.txt", &output, error);
+    if (file == NULL) return FOVEA_ERROR_SYSTEM;
+    for (int c = 0; c < FOVEA_TRUTH_CLASS_COUNT; c++)
+        fprintf(file, "%d %s # %s\n", c, pixel_class[c], class_names[c]);
+    return fv_output_close(&output, error);
+}
+
+static enum fovea_status write_json(const struct export_run *export, struct fovea_error *error)
+{
+    struct fv_output output;
+    FILE *file = open_output(export, "truth.json", &output, error);
+    if (file == NULL) return FOVEA_ERROR_SYSTEM;
     fprintf(file, "{\"images\": [");
     append(file, export->images);
     fprintf(file, "\n], \"annotations\": [");
@@ -187,6 +209,7 @@ static enum fovea_status run(struct export_run *export, struct fovea_error *erro
                                  strerror(errno));
     if (status == FOVEA_OK) status = write_frames(export, error);
     if (status == FOVEA_OK) status = write_json(export, error);
+    if (status == FOVEA_OK && export->masks) status = write_map(export, error);
     if (export->images != NULL) fclose(export->images);
     if (export->annotations != NULL) fclose(export->annotations);
     return status;
@@ -203,7 +226,8 @@ int fv_command_export(int argc, char **argv)
         {"start", "N", FV_OPTION_COUNT, &selection.start, "start with frame N, counted from 0"},
         {"step", "K", FV_OPTION_POSITIVE, &selection.step, "take every K-th frame"},
         {"reverse", NULL, FV_OPTION_FLAG, &selection.reverse, "play the recording backwards"},
-        {"masks", NULL, FV_OPTION_FLAG, &export.masks, "write the class of every pixel too"},
+        {"masks", NULL, FV_OPTION_FLAG, &export.masks,
+         "write the class of every pixel too, and classes-map.txt"},
         {0},
     };
     int first;

@@ -2,6 +2,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "app/config/options.h"
 #include "app/lab/commands.h"
@@ -67,14 +68,18 @@ static void print(const struct fv_inference *engine, const char *path,
     printf("}\n");
 }
 
-/* DIR/name.png for folder/name.jpg. */
+/* For folder/name.jpg DIR/name.mask.png, where `fovea export --masks` has left one, or
+ * DIR/name.png. */
 static enum fovea_status label_path(const char *folder, const char *picture, char path[1024],
                                     struct fovea_error *error)
 {
     const char *slash = strrchr(picture, '/'), *name = slash == NULL ? picture : slash + 1,
                *dot = strrchr(name, '.');
     const int length = (int)(dot == NULL ? strlen(name) : (size_t)(dot - name));
-    if (snprintf(path, 1024, "%s/%.*s.png", folder, length, name) < 1024) return FOVEA_OK;
+    if (snprintf(path, 1024, "%s/%.*s.mask.png", folder, length, name) < 1024) {
+        if (access(path, F_OK) != 0) snprintf(path, 1024, "%s/%.*s.png", folder, length, name);
+        return FOVEA_OK;
+    }
     return fovea_error_set(error, FOVEA_ERROR_INPUT, "%.200s: found a path of over 1000 bytes",
                            picture);
 }
@@ -176,7 +181,8 @@ int fv_command_segment(int argc, char **argv)
         {"mask", "FILE", FV_OPTION_TEXT, &asked.mask,
          "write the class of each pixel as a PNG of grey levels; 255: none"},
         {"evaluate", "DIR", FV_OPTION_TEXT, &asked.labels,
-         "judge by label pictures: DIR/NAME.png for IMAGE NAME, whose pixels are class numbers"},
+         "judge by label pictures: DIR/NAME.mask.png or DIR/NAME.png for IMAGE NAME, whose pixels are "
+         "class numbers"},
         {"classes-map", "FILE", FV_OPTION_TEXT, &asked.map,
          "for --evaluate: lines 'LABEL CLASS', the label pictures' number and the network's class, "
          "other or ignore; labels without a line are ignored"},

@@ -59,6 +59,21 @@ static void check_mask(const char *name, const struct fovea_truth *truth, int32_
     free((void *)(uintptr_t)image.data);
 }
 
+/* What each class of a mask is to a network that labels pixels. */
+static void check_map(void)
+{
+    static const char expected[] = "0 other # background\n1 movable # ball\n2 movable # cone\n"
+                                   "3 movable # box\n4 movable # person\n5 floor # floor\n"
+                                   "6 wall # wall\n7 obstacle # obstacle\n";
+    char path[128], found[sizeof expected + 1] = "";
+    snprintf(path, sizeof path, "%s/classes-map.txt", target);
+    FILE *file = fopen(path, "r");
+    assert_non_null(file);
+    found[fread(found, 1, sizeof expected, file)] = '\0';
+    fclose(file);
+    assert_string_equal(found, expected);
+}
+
 /* What is written is what the source gives. */
 static void writes_frames_masks_and_truth(void **state)
 {
@@ -101,6 +116,7 @@ static void writes_frames_masks_and_truth(void **state)
     fclose(file);
     assert_int_equal(written, boxes);
     assert_int_equal(named, FOVEA_TRUTH_CLASS_COUNT);
+    check_map();
 }
 
 /* Of a rig every camera's images are written, at their own sizes; an absent one leaves no file. */

@@ -183,6 +183,28 @@ static void the_matrix_counts_pixels_by_label_and_class(void **state)
     assert_non_null(strstr(said(), "\nmean "));
 }
 
+/* What `fovea export --masks` leaves beside its pictures goes before a picture of the same name. */
+static void masks_of_exports_are_labels(void **state)
+{
+    (void)state;
+    static uint8_t truth[WIDTH * HEIGHT];
+    char exported[PATH_BYTES + 16];
+    snprintf(exported, sizeof exported, "%s/a.mask.png", labels);
+    write_picture(label, WIDTH, HEIGHT, truth);
+    memset(truth, 9, sizeof truth);
+    write_picture(exported, WIDTH, HEIGHT, truth);
+    write_file(map, "0 0\n9 ignore\n", 13);
+    assert_int_equal(
+        SEGMENT("--model", model, picture, "--evaluate", labels, "--classes-map", map, "--json"),
+        0);
+    assert_non_null(strstr(said(), "\"pixels\": 0,"));
+    unlink(exported);
+    assert_int_equal(
+        SEGMENT("--model", model, picture, "--evaluate", labels, "--classes-map", map, "--json"),
+        0);
+    assert_non_null(strstr(said(), "\"ignored\": 0,"));
+}
+
 static void wrong_maps_labels_and_networks_are_refused(void **state)
 {
     (void)state;
@@ -288,6 +310,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(masks_and_drawings_are_written_alike_in_units),
         cmocka_unit_test(the_matrix_counts_pixels_by_label_and_class),
+        cmocka_unit_test(masks_of_exports_are_labels),
         cmocka_unit_test(wrong_maps_labels_and_networks_are_refused),
         cmocka_unit_test(streets_give_the_matrix_of_an_independent_script),
     };
