@@ -7,7 +7,7 @@ import sys
 import numpy as np
 
 import operators
-from operators import out_size
+from operator_cases import out_size
 
 
 def conv(c, x, oc, k=3, stride=1, dilation=1, padding=0, activation=0):
