@@ -95,6 +95,7 @@ uint32_t fv_sim_samples(struct fovea_source *source, const struct fovea_frame *f
     const double begin_s = (double)source->selection.start / options->rate_hz;
     uint32_t count = 0;
     if (source->selection.reverse) return 0;
+    count = fv_sim_commands_give(&source->commands, samples, count_max);
     for (; count < count_max; count++) {
         struct fovea_sample *sample = &samples[count];
         int64_t next_ns = INT64_MAX;

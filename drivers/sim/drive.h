@@ -96,6 +96,9 @@ void fv_sim_drive_plan(struct fv_sim_drive_search *search, struct fv_sim_drive *
 
 /* ---- motion (drive_motion.c) ----------------------------------------------------------------- */
 
+/* Begin anew, driven by fv_sim_drive_step: at `begin_s`, with room for `ticks` of 1 / `tick_hz`.
+ * false: out of memory. */
+bool fv_sim_drive_begin(struct fv_sim_drive *drive, double begin_s, double tick_hz, int64_t ticks);
 /* A tick more, with the velocities that the robot is asked for. */
 void fv_sim_drive_step(struct fv_sim_drive *drive, double speed_m_s, double turning_rad_s);
 void fv_sim_drive_robot(const struct fv_sim_drive *drive, double time_s, double position[2],

@@ -280,7 +280,7 @@ static bool make_room(struct fv_sim_drive *d, int64_t ticks)
     return true;
 }
 
-static void begin(struct fv_sim_drive *d)
+static void stand_at_start(struct fv_sim_drive *d)
 {
     struct fv_sim_drive_tick *first = &d->tick[0];
     const double *ahead = d->path[ahead_of(d, 0, 0.5)];
@@ -294,6 +294,18 @@ static void begin(struct fv_sim_drive *d)
     d->reached = -1;
 }
 
+bool fv_sim_drive_begin(struct fv_sim_drive *d, double begin_s, double tick_hz, int64_t ticks)
+{
+    fv_sim_drive_free(d);
+    d->begin_s = begin_s;
+    d->tick_s = 1 / tick_hz;
+    if (!make_room(d, ticks)) return false;
+    d->touches = false;
+    d->contacts = 0;
+    stand_at_start(d);
+    return true;
+}
+
 /* Until it has stood at the goal for a while. */
 static bool drive_path(struct fv_sim_drive *d)
 {
@@ -302,7 +314,7 @@ static bool drive_path(struct fv_sim_drive *d)
     int32_t at = 0;
     d->tick_s = tick_s;
     if (!make_room(d, 4096)) return false;
-    begin(d);
+    stand_at_start(d);
     while (d->tick_count < most && (double)stood * tick_s < stand_s) {
         if (d->tick_count == d->tick_room && !make_room(d, 2 * d->tick_room)) return false;
         follow_path(d, &at);

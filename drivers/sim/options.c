@@ -96,6 +96,10 @@ static enum fovea_status check_together(const struct fv_sim_options *options,
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "sim: objects: found %d, expected at most %d beside a driving robot",
                                (int)options->objects, FV_SIM_DRIVE_MOVERS_MAX);
+    if (options->trajectory != FV_SIM_DRIVE && options->commands)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "sim: commands: found 1 with the trajectory %s, expected drive",
+                               trajectory_name[options->trajectory]);
     if (options->trajectory != FV_SIM_FAST && options->turn_rate_deg_s != FV_SIM_TURN_DEG_S)
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "sim: turn_rate: found %g with the trajectory %s, expected fast",

@@ -32,6 +32,7 @@ static inline int32_t fv_sim_clamp(int32_t value, int32_t low, int32_t high)
     return value < low ? low : value > high ? high : value;
 }
 
+#include "commands.h"
 #include "drive.h"
 #include "road.h"
 
@@ -447,6 +448,7 @@ struct fovea_source {
     bool started;
     void *sensor_state[FV_SIM_BODY_SENSOR_COUNT];
     uint64_t sample_count[FV_SIM_BODY_SENSOR_COUNT]; /* that came */
+    struct fv_sim_commands commands;
     uint8_t *dirt[FOVEA_CAMERAS_MAX]; /* on the lenses, of each pixel; only of the road */
     uint16_t *lensed;  /* light behind the lens, as large as the canvas; only of the road */
     int32_t veil;      /* light that the sun spreads over the picture */

@@ -35,6 +35,7 @@ static void sim_close(struct fovea_source *source)
         for (int k = 0; k < FOVEA_CAMERAS_MAX; k++)
             free(source->image[i][k]);
     fv_sim_body_sensors_close(source);
+    sem_destroy(&source->commands.waiting);
     free(source->depth_m);
     free(source->class_mask);
     free(source->object_map);
@@ -174,6 +175,41 @@ static enum fovea_status select_frames(struct fovea_source *source, struct fovea
     return check_time(source, error);
 }
 
+/* Ticks of at most a 50th of a second, a whole number of them in a frame period. */
+static int64_t ticks_of_frame(const struct fv_sim_options *options)
+{
+    const int64_t least = (int64_t)(50 / options->rate_hz);
+    return (double)least * options->rate_hz < 50 ? least + 1 : least;
+}
+
+/* The robot is driven from its start on: frame after frame, for at most ten minutes where nothing
+ * else is asked for. */
+static enum fovea_status begin_driven(struct fovea_source *source, struct fovea_error *error)
+{
+    struct fv_sim_options *o = &source->options;
+    struct fovea_source_selection *s = &source->selection;
+    const int64_t ticks = ticks_of_frame(o);
+    const double most = FV_SIM_DRIVE_SECONDS_MAX * o->rate_hz;
+    if (!o->commands) return FOVEA_OK;
+    if (s->reverse || s->start > 0 || s->step != 1)
+        return fovea_error_set(
+            error, FOVEA_ERROR_UNSUPPORTED,
+            "sim: commands: found a selection of frames, expected all in order: the robot is driven");
+    if (!fv_sim_option_given(o, offsetof(struct fv_sim_options, frames)))
+        o->frames = (uint64_t)(0.5 * most);
+    if (o->frames == 0 || (double)o->frames > most)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "sim: frames: found %llu, expected 1 to %.0f with commands",
+                               (unsigned long long)o->frames, most);
+    source->commands.enabled = true;
+    source->commands.by_clock = s->by_clock;
+    source->info.sample_kinds |= 1u << FOVEA_SAMPLE_VELOCITY;
+    if (!fv_sim_drive_begin(&source->world.drive, fv_sim_frame_time(source, 0),
+                            (double)ticks * o->rate_hz, ticks * (int64_t)(o->frames + 2)))
+        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "sim: out of memory");
+    return FOVEA_OK;
+}
+
 static enum fovea_status sim_open(const char *address,
                                   const struct fovea_source_selection *selection,
                                   struct fovea_source **out, struct fovea_error *error)
@@ -184,6 +220,7 @@ static enum fovea_status sim_open(const char *address,
     struct fovea_source *source = calloc(1, sizeof *source);
     if (source == NULL) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "sim: out of memory");
     source->options = options;
+    sem_init(&source->commands.waiting, 0, 0);
     atomic_init(&source->requested.exposure_ms, options.exposure_ms);
     atomic_init(&source->requested.gain, 1);
     source->selection = selection != NULL ? *selection : (struct fovea_source_selection){.step = 1};
@@ -193,6 +230,7 @@ static enum fovea_status sim_open(const char *address,
         !fv_sim_option_given(&options, offsetof(struct fv_sim_options, frames)))
         source->options.frames =
             (uint64_t)(fv_sim_drive_seconds(&source->world.drive) * options.rate_hz);
+    if (status == FOVEA_OK) status = begin_driven(source, error);
     if (status == FOVEA_OK) status = select_frames(source, error);
     if (status == FOVEA_OK) status = fv_sim_rig_describe(&options, &source->info.rig, error);
     if (status == FOVEA_OK) status = fv_sim_body_sensors_open(source, error);
@@ -335,17 +373,44 @@ static int64_t frame_stamp(const struct fovea_source *source, uint64_t n)
     return (int64_t)((double)frame_index(source, like) / source->options.rate_hz * 1e9 + 0.5);
 }
 
+/* A driven robot has been at its goal for a second. */
+static bool has_arrived(const struct fovea_source *source)
+{
+    const struct fv_sim_drive *drive = &source->world.drive;
+    return source->commands.enabled && drive->reached >= 0 &&
+           (double)(drive->tick_count - drive->reached) * drive->tick_s > 1;
+}
+
+static bool has_ended(const struct fovea_source *source)
+{
+    return (source->deliverable != 0 && source->delivered == source->deliverable) ||
+           has_arrived(source);
+}
+
+/* Of a driven robot, the motion until the frame after the next; waits for its command. */
+static enum fovea_status advance_drive(struct fovea_source *source, int64_t deadline_ns)
+{
+    const struct fv_sim_options *o = &source->options;
+    if (!source->commands.enabled) return FOVEA_OK;
+    return fv_sim_commands_advance(&source->commands, &source->world.drive, source->delivered,
+                                   ticks_of_frame(o), o->rate_hz, deadline_ns);
+}
+
+/* Without commands a frame is always at hand: it is rendered now. */
 static enum fovea_status sim_dequeue(struct fovea_source *source, int64_t deadline_ns,
                                      struct fovea_frame *frame)
 {
-    (void)deadline_ns; /* a frame is always at hand: it is rendered now */
-    if (!source->started || (source->deliverable != 0 && source->delivered == source->deliverable))
+    if (!source->started || has_ended(source)) {
+        fv_sim_commands_end(&source->commands);
         return FOVEA_END;
+    }
     const uint32_t held = fv_source_frames_held(&source->selection);
     uint32_t slot = 0;
     while (slot < held && source->held[slot])
         slot++;
     if (slot == held) return FOVEA_AGAIN;
+    const enum fovea_status status = advance_drive(source, deadline_ns);
+    if (status != FOVEA_OK) return status;
     const struct fv_sim_options *o = &source->options;
     const int32_t pixels = o->width * o->height;
     const uint64_t n = source->delivered, index = frame_index(source, n);
@@ -362,6 +427,8 @@ static enum fovea_status sim_dequeue(struct fovea_source *source, int64_t deadli
     source->image_index[slot] = index;
     source->held[slot] = true;
     source->delivered++;
+    source->commands.last_stamp_ns = frame_stamp(source, n);
+    if (has_ended(source)) fv_sim_commands_end(&source->commands);
     *frame = (struct fovea_frame){
         .image_count = cameras,
         .stamp_ns = frame_stamp(source, n),
@@ -412,8 +479,20 @@ static void sim_counts(const struct fovea_source *source, struct fovea_source_co
 
 static enum fovea_source_state sim_state(const struct fovea_source *source)
 {
-    const bool ended = source->deliverable != 0 && source->delivered == source->deliverable;
-    return ended ? FOVEA_SOURCE_ENDED : FOVEA_SOURCE_OK;
+    return has_ended(source) ? FOVEA_SOURCE_ENDED : FOVEA_SOURCE_OK;
+}
+
+static enum fovea_status sim_drive(struct fovea_source *source,
+                                   const struct fovea_velocity_command *command,
+                                   struct fovea_error *error)
+{
+    return fv_sim_commands_bring(&source->commands, command, error);
+}
+
+/* How a driven robot's way ended, once: when it is at its goal, or no command came. */
+static enum fovea_status sim_complaint(struct fovea_source *source, struct fovea_error *error)
+{
+    return fv_sim_commands_tell(&source->commands, &source->world.drive, error);
 }
 
 const struct fovea_source_ops fv_source_sim = {
@@ -437,4 +516,6 @@ const struct fovea_source_ops fv_source_sim = {
     .counts = sim_counts,
     .state = sim_state,
     .control = sim_control,
+    .drive = sim_drive,
+    .complaint = sim_complaint,
 };

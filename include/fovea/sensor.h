@@ -19,7 +19,8 @@ extern "C" {
  * follow the stamp in the LCM type. */
 #define FOVEA_SAMPLE_KINDS(ROW)                                                                    \
     ROW(IMU, imu)                                                                                  \
-    ROW(WHEEL_ODOMETRY, wheel_odometry)
+    ROW(WHEEL_ODOMETRY, wheel_odometry)                                                            \
+    ROW(VELOCITY, velocity)
 
 /* An inertial sensor, in its own frame (fovea_rig_imu.T_body_imu). A step judges each of its
  * samples (fovea_imu_status); those that are late, lost or not plausible stop nothing. */
@@ -35,6 +36,14 @@ struct fovea_wheel_odometry_sample {
     int64_t stamp_ns;
     double position_m[3];
     double orientation[4]; /* unit quaternion w x y z */
+};
+
+/* A motion that a driven source was asked for and took (fovea_source_ops.drive): an input of the
+ * run, for the record. In the body frame; the stamp is of the frame that it followed. */
+struct fovea_velocity_sample {
+    int64_t stamp_ns;
+    double velocity_m_s[3];
+    double angular_rate[3]; /* rad/s */
 };
 
 enum { FOVEA_INPUT_SAMPLES_MAX = 256 }; /* that one step takes */

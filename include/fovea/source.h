@@ -121,6 +121,7 @@ struct fovea_source_selection {
     bool reverse;
     bool colour;
     bool camera_given;
+    bool by_clock; /* frames are taken by the clock: a source that is driven waits for no command */
     /* Frames that may be held at once; 0 is FOVEA_SOURCE_FRAMES_HELD, more than
      * FOVEA_SOURCE_FRAMES_HELD_MAX is as many. A source that keeps a frame of another back while it
      * takes the next one asks for one more than is asked of itself. */
@@ -164,6 +165,13 @@ enum fovea_source_control {
     FOVEA_SOURCE_EXPOSURE = 0,
     FOVEA_SOURCE_GAIN = 1, /* in the unit of the source's option `gain`; negative: likewise */
     FOVEA_SOURCE_CONTROL_COUNT
+};
+
+/* A motion of the body, in its frame: x forward, y left, z up. */
+struct fovea_velocity_command {
+    int64_t sequence; /* of the frame that it answers; negative: of the last one */
+    double velocity_m_s[3];
+    double angular_rate[3]; /* rad/s */
 };
 
 struct fovea_source; /* one open source; each driver defines its own */
@@ -223,6 +231,14 @@ struct fovea_source_ops {
      * loop's; waits for the camera, at most 3 seconds. NULL: nothing can be changed. */
     enum fovea_status (*control)(struct fovea_source *source, enum fovea_source_control control,
                                  double value, struct fovea_error *error);
+    /* Ask the body that carries the cameras for a motion, from the frame after the one that
+     * `command` answers. Where the source waits for such commands, a frame comes only when the one
+     * before it has been answered. What it took it gives out as a sample. FOVEA_ERROR_UNSUPPORTED:
+     * it is not driven as it was opened; FOVEA_AGAIN: too many wait. From start to stop, by one
+     * thread at a time, the loop's or another; wait-free. NULL: it cannot be driven. */
+    enum fovea_status (*drive)(struct fovea_source *source,
+                               const struct fovea_velocity_command *command,
+                               struct fovea_error *error);
     /* Call `visit` with the path of every file that the open source has read or may read, and of
      * every folder of which it reads all files, so that none of them is overwritten. NULL: it reads
      * no files. Not on the loop thread. */

@@ -32,6 +32,7 @@ void fv_message_channel(const char *prefix, enum fv_message_kind kind, char *nam
         [FV_MESSAGE_IMU_STATUS] = "IMU_STATUS",
         [FV_MESSAGE_COMMAND] = "COMMAND",
         [FV_MESSAGE_COMMAND_RESULT] = "COMMAND_RESULT",
+        [FV_MESSAGE_VELOCITY_COMMAND] = "VELOCITY_COMMAND",
         [FV_MESSAGE_PARAMETER] = "PARAMETER",
         [FV_MESSAGE_PARAMETER_RESULT] = "PARAMETER_RESULT",
         [FV_MESSAGE_RUN] = "RUN",

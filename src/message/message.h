@@ -52,6 +52,7 @@ enum fv_message_kind {
     FV_MESSAGE_LOCKSTEP,         /* where lockstep_every asks for it */
     FV_MESSAGE_COMMAND,          /* in */
     FV_MESSAGE_COMMAND_RESULT,   /* of the application */
+    FV_MESSAGE_VELOCITY_COMMAND, /* in */
     FV_MESSAGE_PARAMETER,        /* in, and in recordings */
     FV_MESSAGE_PARAMETER_RESULT, /* of the application */
     FV_MESSAGE_RUN,              /* likewise */

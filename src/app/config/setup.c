@@ -436,6 +436,7 @@ enum fovea_status fv_setup_open(struct fv_settings *settings,
     struct fovea_source_selection chosen = *selection;
     chosen.colour = fv_setup_wants_colour(setup);
     chosen.camera_given = settings->camera[0] != '\0';
+    chosen.by_clock = settings->rate == FV_RATE_REAL;
     if (status == FOVEA_OK) status = setup->ops->open(address, &chosen, &setup->source, error);
     if (status != FOVEA_OK) {
         fv_settings_blame(settings, "source", error);

@@ -46,13 +46,13 @@ void fv_command_gate_init(struct fv_command_gate *gate, const struct fv_command_
     memset(gate, 0, sizeof *gate);
     gate->rules = *rules;
     if (rules->from_network & FV_COMMAND_AUTO)
-        gate->rules.from_network = rules->keyed ? FV_COMMAND_ALL : 0;
+        gate->rules.from_network = rules->keyed ? FV_COMMAND_ALL | FV_COMMAND_VELOCITY : 0;
 }
 
 /* Bits of command_t that the network may send. */
 static uint32_t commands_from_network(const struct fv_command_gate *gate)
 {
-    const uint32_t others = FV_COMMAND_PARAMETERS | FV_COMMAND_LOAD;
+    const uint32_t others = FV_COMMAND_PARAMETERS | FV_COMMAND_LOAD | FV_COMMAND_VELOCITY;
     uint32_t bits = gate->rules.from_network & ~others;
     if (bits & FOVEA_COMMAND_T_SAVE) bits |= FOVEA_COMMAND_T_OVERWRITE;
     if (bits & FOVEA_COMMAND_T_RECORD) bits |= FOVEA_COMMAND_T_RECORD_STOP;
@@ -67,6 +67,11 @@ bool fv_command_gate_parameters(const struct fv_command_gate *gate)
 bool fv_command_gate_loads(const struct fv_command_gate *gate)
 {
     return (gate->rules.from_network & FV_COMMAND_LOAD) != 0;
+}
+
+bool fv_command_gate_velocities(const struct fv_command_gate *gate)
+{
+    return (gate->rules.from_network & FV_COMMAND_VELOCITY) != 0;
 }
 
 /* Whether the code at the end of the message is right: of the message with 0 in its place. */

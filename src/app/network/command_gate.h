@@ -25,13 +25,14 @@ enum {
     /* in the place of OVERWRITE, which goes with SAVE, among those that the network may send */
     FV_COMMAND_PARAMETERS = 16,
     FV_COMMAND_LOAD = 64, /* maps; likewise in the place of RECORD_STOP, which goes with RECORD */
+    FV_COMMAND_VELOCITY = 128, /* velocity commands (velocity_command_t) */
     FV_COMMAND_AUTO = 1 << 30
 };
 #define FV_COMMAND_SAVE_NS INT64_C(5000000000)
 
 struct fv_command_rules {
-    /* enum fovea_command bits that the network may send, FV_COMMAND_PARAMETERS and FV_COMMAND_LOAD;
-     * FV_COMMAND_AUTO: all with a key, none without */
+    /* enum fovea_command bits that the network may send, FV_COMMAND_PARAMETERS, FV_COMMAND_LOAD and
+     * FV_COMMAND_VELOCITY; FV_COMMAND_AUTO: all with a key, none without */
     uint32_t from_network;
     bool keyed;
     uint8_t key[FV_SIPHASH_KEY_BYTES];
@@ -102,6 +103,9 @@ enum fv_command_verdict fv_command_gate_claim(struct fv_command_gate *gate,
 bool fv_command_gate_parameters(const struct fv_command_gate *gate);
 /* Whether it may load maps. */
 bool fv_command_gate_loads(const struct fv_command_gate *gate);
+
+/* Whether it may drive the source. */
+bool fv_command_gate_velocities(const struct fv_command_gate *gate);
 
 /* Judge the encoded message at `now_ns` (CLOCK_MONOTONIC), and count it if it is refused. Returns
  * command->verdict. */

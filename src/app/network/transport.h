@@ -112,7 +112,7 @@ enum fv_transport_drop {
 /* One word, for JSON. */
 const char *fv_transport_drop_name(enum fv_transport_drop reason);
 
-enum { FV_TRANSPORT_CHANNELS = 40, FV_TRANSPORT_CHANNEL_BYTES = 64 };
+enum { FV_TRANSPORT_CHANNELS = 44, FV_TRANSPORT_CHANNEL_BYTES = 64 };
 
 /* offered == sent + all dropped, after fv_transport_finish. */
 struct fv_transport_sent {

@@ -29,6 +29,7 @@
 #include "app/run/snapshot.h"
 #include "app/run/trails.h"
 #include "app/run/trajectory.h"
+#include "app/run/velocity_input.h"
 #include "app/network/feed.h"
 #include "app/network/identity.h"
 #include "app/network/transport.h"
@@ -93,6 +94,7 @@ struct fv_run {
     struct fv_keeper keeper;
     struct fv_answers answers;
     struct fv_requests requests;
+    struct fv_velocity_input velocities;
     struct fv_parameters parameters;
     struct fv_backup backup;
     struct fv_map_loads map_loads;

@@ -237,7 +237,7 @@ static enum fovea_status transport_open(struct fv_run *run, struct fovea_error *
 {
     const struct fv_settings *settings = &run->settings;
     const bool odometry = settings->runtime.scale.source == FOVEA_SCALE_WHEEL_ODOMETRY;
-    struct fv_receiver_channel more[5];
+    struct fv_receiver_channel more[6];
     struct fv_transport_ears ears = {
         .listen = settings->listen,
         .more = more,
@@ -267,6 +267,9 @@ static enum fovea_status transport_open(struct fv_run *run, struct fovea_error *
     more[ears.more_count++] = fv_parameters_row(&run->parameters);
     more[ears.more_count++] = fv_backup_row(&run->backup);
     more[ears.more_count++] = fv_map_loads_row(&run->map_loads);
+    fv_velocity_input_open(&run->velocities, &run->requests, run->setup.ops, run->setup.source,
+                           settings->runtime.channel_prefix);
+    more[ears.more_count++] = fv_velocity_input_row(&run->velocities);
     if (fv_imu_input_hears(&run->imu)) more[ears.more_count++] = fv_imu_input_row(&run->imu);
     if (status == FOVEA_OK)
         status =
@@ -566,6 +569,7 @@ int fv_command_run(int argc, char **argv)
         outputs_open(&run);
         status = run_loop(&run, &error);
         const int call = fv_stall_enter(run.settings.source);
+        fv_velocity_input_end(&run.velocities);
         if (run.setup.ops != NULL) run.setup.ops->stop(run.setup.source);
         fv_stall_leave(call);
     }

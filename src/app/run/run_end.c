@@ -263,6 +263,7 @@ static void summary_print(struct fv_run *run, const struct fv_report *report,
     path_print(run, path, final);
     found_print(run);
     fv_imu_input_tell(stdout, &run->imu);
+    fv_velocity_input_tell(stdout, &run->velocities);
     fv_transport_tell(stdout, run->transport);
     fflush(stdout);
     fv_stall_leave(call);
