@@ -13,4 +13,6 @@ def browser(folder, *more):
                  "--disable-background-networking", "--disable-component-update", "--user-data-dir=" + os.path.join(folder, "profile"), *more):
         options.add_argument(word)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
-    return webdriver.Chrome(options=options, service=Service("/usr/bin/chromedriver"))
+    made = webdriver.Chrome(options=options, service=Service("/usr/bin/chromedriver"))
+    made.command_executor.client_config.timeout = 600  # a step of the page may take long while others use the processor
+    return made

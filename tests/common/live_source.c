@@ -9,6 +9,9 @@
 #include <string.h>
 #include <time.h>
 
+/* For what comes sooner unless others take the processor. */
+#define WAIT_NS INT64_C(60000000000)
+
 int64_t fv_test_now_ns(void)
 {
     struct timespec now;
@@ -44,7 +47,7 @@ struct fovea_frame fv_test_hold_frame(struct fovea_source *source)
 {
     struct fovea_frame frame;
     struct fovea_error error = {.text = ""};
-    const int64_t end_ns = fv_test_now_ns() + 10000000000;
+    const int64_t end_ns = fv_test_now_ns() + WAIT_NS;
     enum fovea_status status;
     do
         status = fv_source_v4l2.dequeue(source, end_ns, &frame);
@@ -66,7 +69,7 @@ struct fovea_frame fv_test_next_frame(struct fovea_source *source)
 void fv_test_wait_for_state(struct fovea_source *source, enum fovea_source_state wanted)
 {
     struct fovea_frame frame;
-    const int64_t end_ns = fv_test_now_ns() + 10000000000;
+    const int64_t end_ns = fv_test_now_ns() + WAIT_NS;
     while (fv_source_v4l2.state(source) != wanted && fv_test_now_ns() < end_ns)
         if (fv_source_v4l2.dequeue(source, fv_test_now_ns() + 1000000, &frame) == FOVEA_OK)
             fv_source_v4l2.requeue(source, &frame);
@@ -83,7 +86,7 @@ struct fovea_source_counts fv_test_counts(struct fovea_source *source)
 bool fv_test_complains_of(struct fovea_source *source, const char *words)
 {
     struct fovea_error error;
-    const int64_t end_ns = fv_test_now_ns() + 3000000000;
+    const int64_t end_ns = fv_test_now_ns() + WAIT_NS;
     do {
         while (fv_source_v4l2.complaint(source, &error) == FOVEA_OK)
             if (strstr(error.text, words) != NULL) return true;

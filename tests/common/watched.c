@@ -159,6 +159,25 @@ void watched_send(const char *channel, const uint8_t *data, size_t bytes)
     close(udp);
 }
 
+void watched_wait_until_read(void)
+{
+    unsigned waiting = 1;
+    for (int i = 0; i < 60000 && waiting > 0; i++) {
+        char line[256];
+        FILE *sockets = fopen("/proc/net/udp", "r");
+        assert_non_null(sockets);
+        waiting = 0;
+        while (fgets(line, sizeof line, sockets) != NULL) {
+            unsigned port, bytes;
+            if (sscanf(line, " %*d: %*x:%x %*x:%*x %*x %*x:%x", &port, &bytes) == 2 && port == 7667)
+                waiting += bytes;
+        }
+        fclose(sockets);
+        if (waiting > 0) usleep(1000);
+    }
+    assert_int_equal(waiting, 0);
+}
+
 size_t watched_largest(uint8_t *data, size_t capacity)
 {
     static uint8_t bytes[64000];

@@ -39,6 +39,9 @@ void watched_remove(const char *folder);
 
 /* One packet to the default group of LCM. */
 void watched_send(const char *channel, const uint8_t *data, size_t bytes);
+/* Until the kernel holds no packet that the programs of this network have not read, so that none of
+ * many is lost because they had no processor. */
+void watched_wait_until_read(void);
 
 /* A message of the largest packet that there may be; returns its bytes. */
 size_t watched_largest(uint8_t *data, size_t capacity);

@@ -150,7 +150,7 @@ static void what_one_run_did_not_send_is_said(void **state)
     for (int64_t n = 3; n < 303; n++) { /* more than wait for a partner */
         const struct sent alone = sent_by(n);
         send(LEFT, &alone);
-        usleep(500);
+        watched_wait_until_read();
     }
     expect("equal: 3 iterations, 3 of them with hashes of the state; 300 were not compared, since "
            "RIGHT did not send them",

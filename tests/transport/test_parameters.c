@@ -400,7 +400,8 @@ static void write_config(const char *path, const char *text)
 static void test_a_service_reads_its_configuration_again(void **state)
 {
     static const char both[] =
-        "source: sim:orbit?width=160&height=120&frames=100000\nchannel_prefix: P\nrate: real\n";
+        "source: sim:orbit?width=160&height=120&frames=100000\nchannel_prefix: P\nrate: real\n"
+        "record_buffer: 1000\n";
     char config[128], text[512], words[256], output[4096];
     (void)state;
     snprintf(config, sizeof config, "%s/run.yaml", folder);
