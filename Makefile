@@ -366,6 +366,7 @@ $(BUILD)/command: $(BUILD)/obj/tools/subscribers/command.o $(BUILD)/libfovea-app
 
 # ---- programs to start from: built as strangers build them, against the library and the headers ------------------
 EXAMPLES := $(patsubst tools/examples/%.c,$(BUILD)/examples/%,$(wildcard tools/examples/*.c)) \
+            $(BUILD)/examples/navigate \
             $(if $(SAN)$(CROSS),,$(if $(wildcard /usr/include/eigen3/Eigen/Geometry),$(BUILD)/examples/loop_eigen))
 .PHONY: examples
 examples: $(EXAMPLES)  ## build the programs of tools/examples
@@ -378,6 +379,11 @@ $(BUILD)/examples/loop_eigen: $(BUILD)/obj/tools/examples/loop_eigen.o $(BUILD)/
 	@mkdir -p $(@D)
 	@echo "  link $@"
 	$(Q)$(CXX) $(LDFLAGS) -pie -o $@ $^ $(LIBS_CORE)
+NAVIGATE_O := $(call objs,$(wildcard tools/examples/navigate/*.c))
+$(BUILD)/examples/navigate: $(NAVIGATE_O) $(GEN_O)
+	@mkdir -p $(@D)
+	@echo "  link $@"
+	$(Q)$(CC) $(LDFLAGS) -pie -o $@ $^ -llcm -lm
 $(BUILD)/examples/subscriber: $(BUILD)/obj/tools/examples/subscriber.o $(GEN_O)
 	@mkdir -p $(@D)
 	@echo "  link $@"
@@ -649,6 +655,10 @@ $(WRONG_TESTS): TEST_MORE := $(call objs,tests/common/wrong_case.c)
 PROGRAM_TESTS := $(BUILD)/tests/realtime/test_ends $(BUILD)/tests/realtime/test_host
 $(PROGRAM_TESTS): $(call objs,tests/common/program.c)
 $(PROGRAM_TESTS): TEST_MORE := $(call objs,tests/common/program.c)
+# The planner of an example, and a campaign that drives by it.
+PLANNER_TESTS := $(BUILD)/tests/campaign/drive $(BUILD)/tests/unit/campaign/test_navigate
+$(PLANNER_TESTS): $(call objs,tools/examples/navigate/plan.c)
+$(PLANNER_TESTS): TEST_MORE := $(call objs,tools/examples/navigate/plan.c)
 # The campaign of fault schedules, one file per part, is one program; a test judges its judging.
 FAULTS_O := $(call objs,$(wildcard tests/campaign/faults/*.c))
 FAULTS := $(BUILD)/tests/campaign/faults $(BUILD)/tests/unit/campaign/test_faults

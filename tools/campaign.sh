@@ -202,6 +202,7 @@ else
     part revisits tools/evaluate/revisits.sh
     part sweeps sweeps
     part free_space free_space 20
+    part drive $build/tests/campaign/drive --first 6001 --worlds 100 --needed 95
     part packets packets 1000000
     part blinks blinks 200
     part browsers browsers 60

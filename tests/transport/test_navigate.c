@@ -1,0 +1,197 @@
+/* The navigator drives a run of the simulated robot over LCM, in a network of the test's own: frame
+ * by frame in lock-step, twice to the same bits, and its commands are in the recording, which
+ * replays. A grid in which all is free stands for what a network would see. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <arpa/inet.h>
+#include <libgen.h>
+#include <math.h>
+#include <netinet/in.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "common/own_network.h"
+
+#include "fovea_grid_t.h"
+
+#define URL "udpm://239.255.76.67:7667?ttl=0"
+#define DRIVE                                                                                      \
+    "sim:drive?seed=5&commands=1&width=320&height=240&rate=10&baseline=0.12&wheel_odometry=0"
+
+#define T_BODY_CAM "T_body_cam=[[0,-0.34202,0.939693,0.1],[-1,0,0,0],[0,-0.939693,-0.34202,0.8]]"
+
+enum { SIDE = 100, FRAMES = 45, SECONDS_MAX = 200 };
+
+static char build[512], folder[] = "/tmp/fovea_navigate_XXXXXX";
+
+static FILE *start(const char *const words[], pid_t *id)
+{
+    int ends[2];
+    assert_int_equal(pipe(ends), 0);
+    fflush(NULL);
+    *id = fork();
+    if (*id == 0) {
+        alarm(SECONDS_MAX);
+        dup2(ends[1], STDOUT_FILENO);
+        close(ends[0]);
+        close(ends[1]);
+        execv(words[0], (char *const *)(uintptr_t)words);
+        _exit(127);
+    }
+    close(ends[1]);
+    return fdopen(ends[0], "r");
+}
+
+/* 10 m about the start, all of it free. */
+static void send_grid(void)
+{
+    static int8_t cells[SIDE * SIDE];
+    static uint8_t packet[16384] = {'L', 'C', '0', '2'};
+    fovea_grid_t grid = {.frame = (char[]){"odom"},
+                         .resolution_m = 0.1,
+                         .width = SIDE,
+                         .height = SIDE,
+                         .origin_position = {-5, -5, 0},
+                         .origin_orientation = {1},
+                         .row_count = SIDE,
+                         .cell_count = SIDE * SIDE,
+                         .cells = cells};
+    const int head = 8 + sprintf((char *)packet + 8, "FOVEA_GRID") + 1;
+    const int bytes = fovea_grid_t_encode(packet, head, (int)sizeof packet - head, &grid);
+    const struct sockaddr_in to = {.sin_family = AF_INET,
+                                   .sin_port = htons(7667),
+                                   .sin_addr.s_addr = inet_addr("239.255.76.67")};
+    const int udp = socket(AF_INET, SOCK_DGRAM, 0);
+    assert_true(bytes > SIDE * SIDE && udp >= 0);
+    assert_int_equal(
+        sendto(udp, packet, (size_t)(head + bytes), 0, (const struct sockaddr *)&to, sizeof to),
+        head + bytes);
+    close(udp);
+}
+
+/* One drive; its recording and its trajectory are `name` in the folder. */
+static void drive(const char *name)
+{
+    char navigate[640], fovea[640], recording[128], trajectory[128], line[512], last[512] = "";
+    pid_t navigator, runtime;
+    int status, taken = -1;
+    snprintf(navigate, sizeof navigate, "%s/examples/navigate", build);
+    snprintf(fovea, sizeof fovea, "%s/fovea", build);
+    snprintf(recording, sizeof recording, "%s/%s.log", folder, name);
+    snprintf(trajectory, sizeof trajectory, "%s/%s.tum", folder, name);
+    const char *const controller[] = {navigate, "0.8", "0", "--url", URL, NULL};
+    FILE *heard = start(controller, &navigator);
+    assert_non_null(fgets(line, sizeof line, heard));
+    assert_string_equal(line, "listening\n");
+    send_grid();
+    const char *const run[] = {fovea,          "run",       "--source", DRIVE,          "--frames",
+                               "45",           "--picture", "none",     "--record",     recording,
+                               "--trajectory", trajectory,  "--set",    "lcm_url=" URL, "--set",
+                               T_BODY_CAM,     NULL};
+    FILE *said = start(run, &runtime);
+    while (fgets(line, sizeof line, said) != NULL)
+        (void)sscanf(line, " velocity commands: %d taken, 0 refused, 0 malformed", &taken);
+    assert_int_equal(waitpid(runtime, &status, 0), runtime);
+    assert_int_equal(status, 0);
+    while (fgets(line, sizeof line, heard) != NULL)
+        snprintf(last, sizeof last, "%s", line);
+    assert_int_equal(waitpid(navigator, &status, 0), navigator);
+    print_message("%d commands taken; navigate: %s", taken, last);
+    assert_int_equal(status, 0);
+    assert_true(strncmp(last, "at the goal after 45 poses", 26) == 0);
+    assert_in_range(taken, FRAMES - 1, FRAMES);
+    fclose(said);
+    fclose(heard);
+}
+
+/* The whole file; `*way`: how far its last pose is from the first. */
+static size_t read_path(const char *name, char text[1 << 15], double *way)
+{
+    char path[128];
+    double first[3] = {0, 0, 0}, at[3] = {0, 0, 0};
+    int lines = 0;
+    snprintf(path, sizeof path, "%s/%s.tum", folder, name);
+    FILE *file = fopen(path, "r");
+    assert_non_null(file);
+    const size_t bytes = fread(text, 1, (1 << 15) - 1, file);
+    text[bytes] = '\0';
+    fclose(file);
+    for (const char *line = text; line[0] != '\0' && line[1] != '\0';
+         line = strchr(line, '\n') + 1) {
+        double seconds;
+        if (sscanf(line, "%lf %lf %lf %lf", &seconds, at, at + 1, at + 2) == 4 && lines++ == 0)
+            memcpy(first, at, sizeof first);
+        if (strchr(line, '\n') == NULL) break;
+    }
+    *way = sqrt((at[0] - first[0]) * (at[0] - first[0]) + (at[1] - first[1]) * (at[1] - first[1]) +
+                (at[2] - first[2]) * (at[2] - first[2]));
+    assert_int_equal(lines, FRAMES);
+    return bytes;
+}
+
+static void a_run_is_driven_in_lock_step_and_repeats(void **state)
+{
+    static char one[1 << 15], two[1 << 15];
+    char command[1024];
+    double way;
+    (void)state;
+    drive("one");
+    drive("two");
+    const size_t bytes = read_path("one", one, &way);
+    assert_int_equal(read_path("two", two, &way), bytes);
+    assert_memory_equal(one, two, bytes);
+    print_message("driven %.3f m\n", way);
+    assert_true(way > 0.5 && way < 0.9);
+    snprintf(command, sizeof command, "%s/fovea replay %s/one.log >/dev/null", build, folder);
+    assert_int_equal(WEXITSTATUS(system(command)), 0);
+    snprintf(command, sizeof command, "grep -ac FOVEA_VELOCITY %s/one.log >/dev/null", folder);
+    assert_int_equal(WEXITSTATUS(system(command)), 0);
+}
+
+static void wrong_arguments_are_refused(void **state)
+{
+    char command[1024];
+    (void)state;
+    snprintf(command, sizeof command, "%s/examples/navigate 1 nan 2>/dev/null", build);
+    assert_int_equal(WEXITSTATUS(system(command)), 2);
+    snprintf(command, sizeof command, "%s/examples/navigate 1 2 --speed 0 2>/dev/null", build);
+    assert_int_equal(WEXITSTATUS(system(command)), 2);
+}
+
+static int tear_down(void **state)
+{
+    char command[64];
+    (void)state;
+    snprintf(command, sizeof command, "rm -rf %s", folder);
+    return system(command);
+}
+
+int main(int argc, char **argv)
+{
+    char path[512];
+    (void)argc;
+    snprintf(path, sizeof path, "%s", argv[0]);
+    snprintf(build, sizeof build, "%s/../..", dirname(path));
+    if (getenv("FOVEA_EMULATED") != NULL) { /* a child would need the kernel to know the format */
+        print_message("SKIPPED: emulated, programs cannot be started\n");
+        return 0;
+    }
+    if (!own_network_enter() || !own_network_mend()) {
+        print_message("SKIPPED: no network of the test's own here\n");
+        return 0;
+    }
+    if (mkdtemp(folder) == NULL) return 1;
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_run_is_driven_in_lock_step_and_repeats),
+        cmocka_unit_test(wrong_arguments_are_refused),
+    };
+    return cmocka_run_group_tests(tests, NULL, tear_down);
+}

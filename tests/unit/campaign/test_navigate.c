@@ -1,0 +1,147 @@
+/* The planner of tools/examples/navigate on drawn grids: it leads round what is occupied, through
+ * what is not known only when it must and then slowly, and never into what is occupied. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <math.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "../../../tools/examples/navigate/plan.h"
+
+enum { SIDE = 100, FREE = 10, OCCUPIED = 90, UNKNOWN = -1 };
+static const double origin[2] = {-5, -5};
+static struct navigate planner;
+static int8_t cells[SIDE * SIDE];
+
+static void fill(double x0, double x1, double y0, double y1, int8_t value)
+{
+    for (int i = 0; i < SIDE * SIDE; i++) {
+        const double x = origin[0] + (i % SIDE + 0.5) * 0.1, y = origin[1] + (i / SIDE + 0.5) * 0.1;
+        if (x > x0 && x < x1 && y > y0 && y < y1) cells[i] = value;
+    }
+}
+
+static void begin(double goal_x, double goal_y, int8_t value)
+{
+    const struct navigate_robot robot = {0.2, 0.5, 1.2};
+    const double goal[2] = {goal_x, goal_y};
+    memset(cells, value, sizeof cells);
+    navigate_init(&planner, &robot, goal);
+}
+
+static void plan(void)
+{
+    assert_true(navigate_plan(&planner, cells, SIDE, SIDE, 0.1, origin));
+}
+
+/* Drives on until it arrives; `*farthest`: the largest |y|. Keeps off what is occupied all the way.
+ */
+static bool arrives(double *farthest)
+{
+    double at[2] = {0, 0}, yaw = 0;
+    *farthest = 0;
+    for (int step = 0; step < 2000; step++) {
+        const struct navigate_motion motion = navigate_steer(&planner, at, yaw);
+        if (motion.arrived) return true;
+        assert_true(motion.speed_m_s >= 0 && motion.speed_m_s <= 0.5);
+        assert_true(fabs(motion.turning_rad_s) <= 1.2);
+        yaw += motion.turning_rad_s * 0.05;
+        at[0] += motion.speed_m_s * 0.05 * cos(yaw);
+        at[1] += motion.speed_m_s * 0.05 * sin(yaw);
+        *farthest = fmax(*farthest, fabs(at[1]));
+        for (int i = 0; i < SIDE * SIDE; i++) {
+            const double x = fabs(origin[0] + (i % SIDE + 0.5) * 0.1 - at[0]),
+                         y = fabs(origin[1] + (i / SIDE + 0.5) * 0.1 - at[1]);
+            if (cells[i] == OCCUPIED)
+                assert_true(hypot(fmax(x - 0.05, 0), fmax(y - 0.05, 0)) > 0.2);
+        }
+    }
+    return false;
+}
+
+static void it_goes_straight_where_all_is_free(void **state)
+{
+    double farthest;
+    (void)state;
+    begin(3, 0, FREE);
+    plan();
+    assert_true(arrives(&farthest) && farthest < 0.15);
+}
+
+static void it_goes_round_a_wall(void **state)
+{
+    double farthest;
+    (void)state;
+    begin(3, 0, FREE);
+    fill(1.4, 1.6, -5, 1.5, OCCUPIED);
+    plan();
+    assert_true(arrives(&farthest) && farthest > 1.7 && farthest < 2.6);
+    fill(1.4, 1.6, -5, 5, OCCUPIED); /* no way at all: it stands */
+    plan();
+    assert_true(navigate_steer(&planner, (const double[2]){0, 0}, 0).speed_m_s == 0);
+}
+
+static void a_gap_wider_than_the_robot_is_passed(void **state)
+{
+    double farthest;
+    (void)state;
+    begin(3, 0, FREE);
+    fill(1.4, 1.6, -5, 5, OCCUPIED);
+    fill(1.4, 1.6, 0.6, 1.4, FREE);
+    plan();
+    assert_true(arrives(&farthest) && farthest > 0.8 && farthest < 1.2);
+}
+
+/* What is not known costs three times as much as what is free. */
+static void a_free_way_is_preferred_to_an_unknown_one(void **state)
+{
+    double farthest;
+    (void)state;
+    begin(4, 0, FREE);
+    fill(1, 3, -1.0, 1.0, UNKNOWN);
+    plan();
+    assert_true(arrives(&farthest) && farthest > 0.9);
+}
+
+/* It does not drive into what is not known, but looks at it, and then goes on slowly. */
+static void what_is_not_known_is_entered_slowly(void **state)
+{
+    double fastest = 0;
+    (void)state;
+    begin(4, 0, UNKNOWN);
+    fill(-1, 0.5, -1, 1, FREE);
+    plan();
+    for (int step = 0; step < 15; step++)
+        fastest = fmax(fastest, navigate_steer(&planner, (const double[2]){0.42, 0}, 0).speed_m_s);
+    assert_true(fastest == 0);
+    for (int step = 0; step < 15; step++)
+        fastest = fmax(fastest, navigate_steer(&planner, (const double[2]){0.42, 0}, 0).speed_m_s);
+    assert_true(fastest > 0.05 && fastest < 0.2);
+}
+
+static void a_goal_beyond_the_grid_is_driven_towards(void **state)
+{
+    (void)state;
+    begin(9, 0, FREE);
+    plan();
+    const struct navigate_motion ahead = navigate_steer(&planner, (const double[2]){0, 0}, 0);
+    const struct navigate_motion back = navigate_steer(&planner, (const double[2]){0, 0}, 3);
+    assert_true(ahead.speed_m_s > 0.3 && back.speed_m_s == 0 && fabs(back.turning_rad_s) == 1.2);
+    assert_false(navigate_plan(&planner, cells, 300, 300, 0.1, origin));
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(it_goes_straight_where_all_is_free),
+        cmocka_unit_test(it_goes_round_a_wall),
+        cmocka_unit_test(a_gap_wider_than_the_robot_is_passed),
+        cmocka_unit_test(a_free_way_is_preferred_to_an_unknown_one),
+        cmocka_unit_test(what_is_not_known_is_entered_slowly),
+        cmocka_unit_test(a_goal_beyond_the_grid_is_driven_towards),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,171 @@
+/* Drive a robot to a goal through what it has not seen: the grid of free space and the pose come in
+ * by LCM, velocity commands go out.
+ *
+ *     navigate X Y [--url URL] [--prefix FOVEA] [--radius 0.2] [--speed 0.5] [--turning 1.2]
+ *
+ * X, Y: the goal in metres in the frame odom, which is where the body was at the start: ahead, and
+ * to the left. Start it before the run, for example
+ *
+ *     build/examples/navigate 8 -1.5 &
+ *     fovea run --source 'sim:drive?commands=1&baseline=0.12' --model floor.fvm \
+ *         --set grid.enabled=true --set 'T_body_cam=[...]'
+ *
+ * Every pose is answered, so that sim:drive goes on in lock-step. Without a pose in metres, and
+ * when nothing comes for two seconds, the robot is asked to stand. Exit 0: at the goal. The planner
+ * is in plan.c. A run with command_key needs more: tools/subscribers/command.py shows what. */
+#include <inttypes.h>
+#include <math.h>
+#include <stdbool.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#include <lcm/lcm.h>
+
+#include "plan.h"
+
+#include "fovea_grid_t.h"
+#include "fovea_pose_t.h"
+#include "fovea_velocity_command_t.h"
+
+enum { QUIET_MS = 2000, QUIET_MOST = 15 };
+
+static struct {
+    lcm_t *lcm;
+    const char *url, *prefix;
+    char command_channel[64];
+    struct navigate_robot robot;
+    struct navigate planner;
+    int8_t cells[NAVIGATE_CELLS_MAX];
+    bool planned, arrived;
+    int64_t frame, poses, grids, stood;
+} self = {.prefix = "FOVEA", .robot = {0.2, 0.5, 1.2}};
+
+static void ask(int64_t sequence, double speed_m_s, double turning_rad_s)
+{
+    struct timespec now;
+    clock_gettime(CLOCK_REALTIME, &now);
+    const fovea_velocity_command_t command = {.utime = now.tv_sec * INT64_C(1000000) +
+                                                       now.tv_nsec / 1000,
+                                              .sequence = sequence,
+                                              .velocity_m_s = {speed_m_s, 0, 0},
+                                              .angular_rate = {0, 0, turning_rad_s}};
+    fovea_velocity_command_t_publish(self.lcm, self.command_channel, &command);
+}
+
+/* A grid may come in several pieces, by rows; the last one completes it. */
+static void on_grid(const lcm_recv_buf_t *packet, const char *channel, const fovea_grid_t *grid,
+                    void *context)
+{
+    (void)packet;
+    (void)channel;
+    (void)context;
+    const int64_t first = (int64_t)grid->first_row * grid->width;
+    if (grid->width < 1 || grid->height < 1 || grid->first_row < 0 ||
+        grid->width > NAVIGATE_CELLS_MAX / grid->height || grid->cell_count < 0 ||
+        first + grid->cell_count > (int64_t)grid->width * grid->height)
+        return;
+    memcpy(self.cells + first, grid->cells, (size_t)grid->cell_count);
+    if (first + grid->cell_count < (int64_t)grid->width * grid->height) return;
+    self.grids++;
+    self.planned = navigate_plan(&self.planner, self.cells, grid->width, grid->height,
+                                 grid->resolution_m, grid->origin_position);
+}
+
+static bool is_usable(const fovea_pose_t *pose)
+{
+    return (pose->state == FOVEA_POSE_T_STATE_TRACKING || pose->state == FOVEA_POSE_T_STATE_WEAK) &&
+           pose->scale_state == FOVEA_POSE_T_SCALE_METRIC;
+}
+
+static void on_pose(const lcm_recv_buf_t *packet, const char *channel, const fovea_pose_t *pose,
+                    void *context)
+{
+    struct navigate_motion motion = {0};
+    const double *q = pose->orientation;
+    (void)packet;
+    (void)channel;
+    (void)context;
+    self.poses++;
+    self.frame = pose->stamp.sequence;
+    if (is_usable(pose) && self.planned) {
+        const double yaw =
+            atan2(2 * (q[0] * q[3] + q[1] * q[2]), 1 - 2 * (q[2] * q[2] + q[3] * q[3]));
+        motion = navigate_steer(&self.planner, pose->position, yaw);
+        self.arrived = self.arrived || motion.arrived;
+    } else {
+        self.stood++;
+    }
+    ask(self.frame, motion.speed_m_s, motion.turning_rad_s);
+}
+
+static bool read_options(int argc, char **argv, double goal[2])
+{
+    if (argc < 3 || argc % 2 == 0) return false;
+    for (int k = 0; k < 2; k++) {
+        char *end;
+        goal[k] = strtod(argv[1 + k], &end);
+        if (*end != '\0' || !isfinite(goal[k])) return false;
+    }
+    for (int i = 3; i < argc; i += 2) {
+        const double number = strtod(argv[i + 1], NULL);
+        if (strcmp(argv[i], "--url") == 0)
+            self.url = argv[i + 1];
+        else if (strcmp(argv[i], "--prefix") == 0)
+            self.prefix = argv[i + 1];
+        else if (strcmp(argv[i], "--radius") == 0)
+            self.robot.radius_m = number;
+        else if (strcmp(argv[i], "--speed") == 0)
+            self.robot.speed_m_s = number;
+        else if (strcmp(argv[i], "--turning") == 0)
+            self.robot.turning_rad_s = number;
+        else
+            return false;
+    }
+    return self.robot.radius_m > 0 && self.robot.speed_m_s > 0 && self.robot.turning_rad_s > 0 &&
+           strlen(self.prefix) < 32;
+}
+
+/* Until the run has been silent for long after its first pose, as at its end. A packet may be lost:
+ * after two seconds the last frame is answered again, so that lock-step goes on. */
+static void drive(void)
+{
+    int quiet = 0;
+    while (quiet < (self.arrived ? 2 : QUIET_MOST)) {
+        const int handled = lcm_handle_timeout(self.lcm, QUIET_MS);
+        if (handled < 0) return;
+        quiet = handled > 0 || self.poses == 0 ? 0 : quiet + 1;
+        if (quiet > 0) ask(-1, 0, 0);
+    }
+}
+
+int main(int argc, char **argv)
+{
+    double goal[2];
+    char channel[64];
+    if (!read_options(argc, argv, goal)) {
+        fprintf(stderr, "usage: navigate X Y [--url URL] [--prefix FOVEA] [--radius M] [--speed "
+                        "M_S] [--turning RAD_S]\n");
+        return 2;
+    }
+    self.lcm = lcm_create(self.url);
+    if (self.lcm == NULL) return 1;
+    navigate_init(&self.planner, &self.robot, goal);
+    snprintf(self.command_channel, sizeof self.command_channel, "%s_VELOCITY_COMMAND", self.prefix);
+    snprintf(channel, sizeof channel, "%s_GRID", self.prefix);
+    fovea_grid_t_subscription_t *grids = fovea_grid_t_subscribe(self.lcm, channel, on_grid, NULL);
+    snprintf(channel, sizeof channel, "%s_POSE", self.prefix);
+    fovea_pose_t_subscription_t *poses = fovea_pose_t_subscribe(self.lcm, channel, on_pose, NULL);
+    if (grids == NULL || poses == NULL) return 1;
+    printf("listening\n");
+    fflush(stdout);
+    drive();
+    printf("%s after %" PRId64 " poses, of which %" PRId64 " could not be steered by; %" PRId64
+           " grids\n",
+           self.arrived ? "at the goal" : "not at the goal", self.poses, self.stood, self.grids);
+    fovea_grid_t_unsubscribe(self.lcm, grids);
+    fovea_pose_t_unsubscribe(self.lcm, poses);
+    lcm_destroy(self.lcm);
+    return self.arrived ? 0 : 1;
+}

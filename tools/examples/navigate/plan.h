@@ -1,0 +1,43 @@
+/* A planner on the grid of free space, small enough to read: Dijkstra's algorithm from the goal
+ * over cells that are widened by the robot's radius, and a pursuit of the way it finds. What is
+ * occupied is never entered; what is not known may be planned through at a price, but is entered
+ * only when it has been seen to be free, or slowly where it cannot be seen from anywhere nearer. */
+#ifndef FOVEA_EXAMPLES_NAVIGATE_PLAN_H
+#define FOVEA_EXAMPLES_NAVIGATE_PLAN_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+enum { NAVIGATE_CELLS_MAX = 256 * 256 };
+
+struct navigate_robot {
+    double radius_m, speed_m_s, turning_rad_s; /* disc; limits that it is asked for */
+};
+
+struct navigate {
+    struct navigate_robot robot;
+    double goal[2]; /* in the grid's frame */
+    int32_t width, height;
+    double cell_m, origin[2];
+    uint8_t kind[NAVIGATE_CELLS_MAX]; /* of each cell: enum navigate_kind */
+    float gap[NAVIGATE_CELLS_MAX];    /* metres from its middle to the next occupied cell's */
+    float cost[NAVIGATE_CELLS_MAX];   /* of the way to the goal; large: there is none */
+    int32_t heap[NAVIGATE_CELLS_MAX], place[NAVIGATE_CELLS_MAX], queued;
+    int32_t looked; /* steps for which it has looked at what it cannot see */
+};
+
+enum navigate_kind { NAVIGATE_UNKNOWN, NAVIGATE_FREE, NAVIGATE_OCCUPIED };
+
+struct navigate_motion {
+    double speed_m_s, turning_rad_s;
+    bool arrived;
+};
+
+void navigate_init(struct navigate *n, const struct navigate_robot *robot, const double goal[2]);
+/* Take a grid, as fovea.grid_t has it, and plan anew. Larger than NAVIGATE_CELLS_MAX: false. */
+bool navigate_plan(struct navigate *n, const int8_t *cells, int32_t width, int32_t height,
+                   double cell_m, const double origin[2]);
+/* What to do at a place, by the last plan. */
+struct navigate_motion navigate_steer(struct navigate *n, const double position[2], double yaw);
+
+#endif
