@@ -203,6 +203,7 @@ else
     part sweeps sweeps
     part free_space free_space 20
     part drive $build/tests/campaign/drive --first 6001 --worlds 100 --needed 95
+    part drive-stereo $build/tests/campaign/drive --first 7001 --worlds 100 --needed 95 --stereo 1
     part packets packets 1000000
     part blinks blinks 200
     part browsers browsers 60

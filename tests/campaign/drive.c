@@ -1,7 +1,8 @@
 /* The robot of sim:drive finds its way through unseen halls: grid of free space from true masks,
- * the planner of tools/examples/navigate, velocity commands, frame by frame in lock-step.
+ * the planner of tools/examples/navigate, velocity commands, frame by frame in lock-step. Poses are
+ * the truth's, or those of the runtime with two cameras (--stereo 1).
  *
- *     drive [--first SEED] [--worlds N] [--needed N] [--options TEXT]
+ *     drive [--first SEED] [--worlds N] [--needed N] [--stereo 0|1] [--options TEXT]
  *
  * A line for each world: when it came to the goal, how long the shortest way takes at the same
  * speed, and contacts. Exit 0 when at least `needed` of the worlds were driven within three times
@@ -12,18 +13,23 @@
 
 #include "../../drivers/sim/sim.h"
 #include "../../tools/examples/navigate/plan.h"
-#include "fovea/grid.h"
+#include "fovea/fovea.h"
+#include "geometry/se3.h"
 
 static const struct fovea_source_ops *const ops = &fv_source_sim;
 static const double late = 3; /* times the shortest way's time */
 
 struct settings {
-    long first, worlds, needed;
+    long first, worlds, needed, stereo;
     const char *options;
 };
 
 static struct navigate planner;
 static struct fovea_grid *grid;
+static struct fovea_config config;
+static struct fovea *rt;           /* NULL: poses are the truth's */
+static struct fv_se3 T_world_odom; /* of the runtime's poses, by the first of them */
+static bool begun;
 
 static const uint8_t labels[256] = {
     [FOVEA_TRUTH_BACKGROUND] = FOVEA_GRID_IGNORED, [FOVEA_TRUTH_BALL] = FOVEA_GRID_MOVABLE,
@@ -33,17 +39,61 @@ static const uint8_t labels[256] = {
 
 static void *make_grid(void)
 {
-    struct fovea_grid_config config;
+    struct fovea_grid_config cells;
     struct fovea_error error;
     size_t bytes;
-    fovea_grid_config_default(&config);
-    if (fovea_grid_size(&config, &bytes, &error) != FOVEA_OK) return NULL;
+    fovea_grid_config_default(&cells);
+    if (fovea_grid_size(&cells, &bytes, &error) != FOVEA_OK) return NULL;
     void *memory = aligned_alloc(64, (bytes + 63) / 64 * 64);
-    return fovea_grid_init(&grid, &config, memory, bytes, &error) == FOVEA_OK ? memory : NULL;
+    return fovea_grid_init(&grid, &cells, memory, bytes, &error) == FOVEA_OK ? memory : NULL;
 }
 
+/* ---- poses ----------------------------------------------------------------------------------- */
+
+static bool make_runtime(const struct fovea_source *source)
+{
+    struct fovea_error error;
+    size_t bytes;
+    fovea_config_default(&config);
+    config.rig = source->info.rig;
+    rt = NULL;
+    begun = false;
+    if (fovea_size(&config, &bytes, &error) != FOVEA_OK) return false;
+    void *memory = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, (bytes + 63) / 64 * 64);
+    return memory != NULL && fovea_init(memory, bytes, &config, &rt, &error) == FOVEA_OK;
+}
+
+/* Where the camera is, in the world; the runtime's poses are laid on the truth at the first frame
+ * alone. False: there is no pose. */
+static bool find_pose(const struct fovea_frame *frame, const double truth[12], struct fv_se3 *T)
+{
+    struct fovea_inputs inputs = {.frame = frame, .now_ns = frame->stamp_ns};
+    struct fovea_outputs outputs;
+    struct fovea_pose pose;
+    fv_se3_from_rows(truth, T);
+    if (rt == NULL) return true;
+    fovea_grants_fixed(&config, &inputs.grants);
+    (void)fovea_step(rt, &inputs, &outputs);
+    fovea_pose_get(rt, &pose);
+    (void)fovea_work(rt, &inputs.grants, &outputs);
+    if (!pose.posed || pose.scale_source == FOVEA_SCALE_FREE || pose.reset_counter > 0)
+        return false;
+    struct fv_se3 seen, back;
+    fv_se3_from_rows(pose.T_world_cam, &seen);
+    if (!begun) {
+        fv_se3_invert(&seen, &back);
+        fv_se3_compose(T, &back, &T_world_odom);
+        begun = true;
+    }
+    fv_se3_compose(&T_world_odom, &seen, T);
+    return true;
+}
+
+/* ---- a frame --------------------------------------------------------------------------------- */
+
 static bool update(const struct fovea_source *source, const struct fovea_frame *frame,
-                   const struct fovea_truth *truth, const double T_world_body[12])
+                   const struct fovea_truth *truth, const struct fv_se3 *T_world_cam,
+                   const struct fv_se3 *T_world_body)
 {
     static struct fovea_segmentation_class list[FOVEA_TRUTH_CLASS_COUNT];
     static uint8_t index[256];
@@ -65,28 +115,45 @@ static bool update(const struct fovea_source *source, const struct fovea_frame *
                                    .seen = &seen,
                                    .labels = labels,
                                    .camera = camera,
-                                   .position_m = {T_world_body[3], T_world_body[7]},
-                                   .yaw_rad = fv_atan2(T_world_body[4], T_world_body[0])};
-    memcpy(view.T_odom_cam, truth->T_world_cam, sizeof view.T_odom_cam);
+                                   .position_m = {T_world_body->t[0], T_world_body->t[1]},
+                                   .yaw_rad = fv_atan2(T_world_body->R[3], T_world_body->R[0]),
+                                   .floor_m = T_world_body->t[2]};
+    fv_se3_to_rows(T_world_cam, view.T_odom_cam);
     return fovea_grid_update(grid, &view) == FOVEA_OK;
+}
+
+/* What to do now: nothing without a pose. False: it failed. */
+static bool decide(const struct fovea_source *source, const struct fovea_frame *frame,
+                   const struct fovea_truth *truth, struct navigate_motion *motion)
+{
+    static int8_t cells[128 * 128];
+    struct fovea_grid_place at;
+    struct fv_se3 T_cam_body, T_world_cam, T_world_body;
+    *motion = (struct navigate_motion){0};
+    if (!find_pose(frame, truth->T_world_cam, &T_world_cam)) {
+        fovea_grid_forget(grid);
+        return true;
+    }
+    fv_se3_from_rows(source->info.rig.cameras[0].T_body_cam, &T_cam_body);
+    fv_se3_invert(&T_cam_body, &T_cam_body);
+    fv_se3_compose(&T_world_cam, &T_cam_body, &T_world_body);
+    if (!update(source, frame, truth, &T_world_cam, &T_world_body)) return false;
+    fovea_grid_cells(grid, cells, &at);
+    if (!navigate_plan(&planner, cells, (int32_t)at.width, (int32_t)at.height, at.resolution_m,
+                       at.origin_m))
+        return false;
+    *motion =
+        navigate_steer(&planner, T_world_body.t, fv_atan2(T_world_body.R[3], T_world_body.R[0]));
+    return true;
 }
 
 static bool answer(struct fovea_source *source, const struct fovea_frame *frame)
 {
     static struct fovea_truth truth;
-    static int8_t cells[128 * 128];
-    struct fovea_grid_place at;
+    struct navigate_motion motion;
     struct fovea_error error;
-    double T[12];
-    if (ops->truth(source, frame, &truth) != FOVEA_OK) return false;
-    fv_sim_motion_body(&source->motion, fv_sim_frame_time(source, frame->sequence), T);
-    if (!update(source, frame, &truth, T)) return false;
-    fovea_grid_cells(grid, cells, &at);
-    if (!navigate_plan(&planner, cells, (int32_t)at.width, (int32_t)at.height, at.resolution_m,
-                       at.origin_m))
+    if (ops->truth(source, frame, &truth) != FOVEA_OK || !decide(source, frame, &truth, &motion))
         return false;
-    const double position[2] = {T[3], T[7]};
-    const struct navigate_motion motion = navigate_steer(&planner, position, fv_atan2(T[4], T[0]));
     const struct fovea_velocity_command command = {.sequence = (int64_t)frame->sequence,
                                                    .velocity_m_s = {motion.speed_m_s, 0, 0},
                                                    .angular_rate = {0, 0, motion.turning_rad_s}};
@@ -94,15 +161,15 @@ static bool answer(struct fovea_source *source, const struct fovea_frame *frame)
 }
 
 /* 1: driven as required; 0: not; -1: it could not be tried. */
-static int drive(long seed, const char *options)
+static int drive(long seed, const struct settings *settings)
 {
     const struct navigate_robot robot = {FV_SIM_DRIVE_RADIUS_M, FV_SIM_DRIVE_SPEED_M_S, 1.2};
     char address[256];
     struct fovea_source *source = NULL;
     struct fovea_frame frame;
     struct fovea_error error;
-    snprintf(address, sizeof address, "drive?seed=%ld&commands=1&wheel_odometry=0%s", seed,
-             options);
+    snprintf(address, sizeof address, "drive?seed=%ld&commands=1&wheel_odometry=0%s%s", seed,
+             settings->stereo ? "&baseline=0.12" : "", settings->options);
     if (ops->open(address, NULL, &source, &error) != FOVEA_OK ||
         ops->start(source, &error) != FOVEA_OK) {
         fprintf(stderr, "%s\n", error.text);
@@ -111,7 +178,7 @@ static int drive(long seed, const char *options)
     const struct fv_sim_drive *d = &source->world.drive;
     const double shortest_s = d->shortest_m / FV_SIM_DRIVE_SPEED_M_S;
     void *memory = make_grid();
-    bool fine = memory != NULL;
+    bool fine = memory != NULL && (!settings->stereo || make_runtime(source));
     navigate_init(&planner, &robot, d->goal);
     while (fine && (double)d->tick_count * d->tick_s < late * shortest_s + 1 &&
            ops->dequeue(source, INT64_MAX, &frame) == FOVEA_OK) {
@@ -127,21 +194,24 @@ static int drive(long seed, const char *options)
     ops->stop(source);
     ops->close(source);
     free(memory);
+    free(rt);
+    rt = NULL;
     return fine ? good : -1;
 }
 
 int main(int argc, char **argv)
 {
-    struct settings s = {1, 100, 95, "&width=320&height=240&rate=10"};
+    struct settings s = {1, 100, 95, 0, "&width=320&height=240&rate=10"};
     long done = 0;
     for (int i = 1; i + 1 < argc; i += 2) {
         if (strcmp(argv[i], "--first") == 0) s.first = strtol(argv[i + 1], NULL, 10);
         if (strcmp(argv[i], "--worlds") == 0) s.worlds = strtol(argv[i + 1], NULL, 10);
         if (strcmp(argv[i], "--needed") == 0) s.needed = strtol(argv[i + 1], NULL, 10);
+        if (strcmp(argv[i], "--stereo") == 0) s.stereo = strtol(argv[i + 1], NULL, 10);
         if (strcmp(argv[i], "--options") == 0) s.options = argv[i + 1];
     }
     for (long seed = s.first; seed < s.first + s.worlds; seed++) {
-        const int good = drive(seed, s.options);
+        const int good = drive(seed, &s);
         if (good < 0) return 2;
         done += good;
     }
