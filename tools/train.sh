@@ -1,6 +1,6 @@
 #!/bin/sh
 # tools/train in a Python environment of its own, made at the first call (TensorFlow: about 1.5 GB under build/).
-# Usage: tools/train.sh own DIR -o MODEL.fvm | tools/train.sh shipped        (--help: the options)
+# Usage: tools/train.sh own DIR -o MODEL.fvm | own-segmentation PICTURES MASKS -o MODEL.fvm | shipped | shipped-segmentation    (--help: the options)
 set -eu
 here=$(cd "$(dirname "$0")/.." && pwd)
 venv=$here/build/train-venv
@@ -11,10 +11,10 @@ case " $* " in
     exit 0
     ;;
 esac
-if [ ! -e "$venv/ready" ]; then
+if [ ! -e "$venv/ready2" ]; then
     "$here/tools/install.sh" test
     python3 -m venv "$venv"
-    "$venv/bin/pip" install -q --no-compile tensorflow-cpu==2.21.0 opencv-python-headless numpy tflite
-    touch "$venv/ready"
+    "$venv/bin/pip" install -q --no-compile tensorflow-cpu==2.21.0 opencv-python-headless numpy tflite pillow
+    touch "$venv/ready2"
 fi
 exec "$venv/bin/python" "$here/tools/train" "$@"

@@ -1,15 +1,17 @@
-"""The parts of `tools/train own` that need no training: pictures are split by scenes, few objects are no evaluation, and samples from a user's pictures
-keep their boxes on their objects. The last needs OpenCV, and is skipped without it.
+"""The parts of `tools/train own` and `own-segmentation` that need no training: pictures are split by scenes, few objects or pictures are no evaluation, samples from a
+user's pictures keep their boxes and labels on their objects, and wrong label pictures are refused in one line. The last two need OpenCV (and Pillow), and are skipped without it.
 
     build/train-venv/bin/python tests/train/own.py"""
 import os
 import sys
+import tempfile
 
 import numpy as np
 
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "tools", "train"))
 
 import judge  # noqa: E402
+import overlap  # noqa: E402
 import split  # noqa: E402
 
 wrong = 0
@@ -47,22 +49,22 @@ def splits():
     images, names, boxes = drawn(r, 20, 3)
     numbers = split.scene_numbers(images, names)
     holds("pictures that are alike are one scene", len(set(numbers)) == 20 and all(numbers[3 * s] == numbers[3 * s + 2] for s in range(20)), numbers)
-    parts = split.split(images, names, boxes, 2, 1)
+    parts = split.split(images, names, split.objects_of(boxes, 2), 1)
     whole = sorted(parts.learn + parts.watch + parts.judge)
     holds("every picture is in one part", whole == list(range(60)), whole)
     scenes = [set(numbers[p]) for p in (parts.learn, parts.watch, parts.judge)]
     holds("no scene is in two", not (scenes[0] & scenes[1] or scenes[0] & scenes[2] or scenes[1] & scenes[2]), scenes)
     rare = split.objects_of([boxes[i] for i in parts.judge], 2).sum(0)
     holds("a fifth of the objects of each class is held out", rare[0] == 12 and rare[1] == 3, rare)
-    again = split.split(images, names, boxes, 2, 1)
+    again = split.split(images, names, split.objects_of(boxes, 2), 1)
     holds("the same seed gives the same parts", again == parts)
-    kept = split.split(images + [picture(r), picture(r, images[parts.judge[0]])], names + ["pictures/new.png", "pictures/like.png"], [*boxes, boxes[0], boxes[0]], 2, 5,
+    kept = split.split(images + [picture(r), picture(r, images[parts.judge[0]])], names + ["pictures/new.png", "pictures/like.png"], split.objects_of([*boxes, boxes[0], boxes[0]], 2), 5,
                        {os.path.basename(names[i]) for i in parts.judge})
     holds("--continue: what was held out stays so, and what is of its scenes", kept.judge == parts.judge + [61], kept.judge)
     by_folder = split.scene_numbers([picture(r) for _ in range(4)], ["a/0.png", "a/1.png", "b/0.png", "b/1.png"])
     holds("a folder is a scene where there are several", list(by_folder) == [0, 0, 1, 1], by_folder)
     first = picture(r)
-    one = split.split([picture(r, first) for _ in range(25)], [f"{i}.png" for i in range(25)], [np.array([box(0)], np.float32)] * 25, 1, 1)
+    one = split.split([picture(r, first) for _ in range(25)], [f"{i}.png" for i in range(25)], np.ones((25, 1), int), 1)
     holds("one scene is said", one.mixed and one.judge == list(range(20, 25)), one)
 
 
@@ -119,10 +121,118 @@ def samples():
     holds("objects are set on other pictures", more > 4, more)
 
 
+def overlaps():
+    """Two pictures of the network's input: in each a block of class 1 of 8 x 8 pixels is found where the labels have it, or a cell beside."""
+    labels = np.zeros((16, 32), np.uint8)
+    labels[4:12, 8:16], labels[:, 24:] = 1, overlap.NONE
+
+    def run(shift):
+        scores = np.zeros((4, 8, 2))
+        scores[..., 0] = 0.5
+        scores[1:3, 2 + shift:4 + shift, 1] = 1
+        return scores
+
+    counts = overlap.counts(run, [(0, labels), (1, labels)], 2)
+    holds("pixels are counted by label and class, unknown ones not", counts.tolist() == [[[320, 0], [0, 64]], [[288, 32], [32, 32]]], counts.tolist())
+    values = overlap.of_counts(counts.sum(0))
+    holds("their overlap is what both share of either", np.allclose(values, [608 / 672, 96 / 160]), values)
+    lines = overlap.table(["ground", "block"], counts, counts)
+    holds("a class that few pictures show is no evaluation", "no evaluation: 2 pictures" in lines[2] and "0." not in lines[2], lines[2])
+    lines = overlap.table(["ground", "block"], counts[[0, 1, 0, 1]], counts[[0, 1, 0, 1]])
+    holds("its value stands beside the number of its pixels and pictures", " 256 " in lines[2] and " 4 " in lines[2] and "0.6000" in lines[2], lines[2])
+
+
+def labelled_pictures():
+    try:
+        import pixels
+    except ImportError:
+        print("SKIPPED samples with labels of pixels: no OpenCV in this Python")
+        return
+    r, wrong_pixels, known = np.random.default_rng(4), [], []
+    labels = np.where(np.kron(r.random((6, 8)) < 0.4, np.ones((40, 40))) > 0, 1, 0).astype(np.uint8)
+    image = np.where(labels == 1, 220, 30).astype(np.uint8)
+    for k in range(60):
+        a, b = pixels.turn(r, image, labels) if k % 2 else (image, labels)
+        a, b = pixels.place(r, a, b, fixed=k % 3 == 0)
+        there = b != overlap.NONE
+        wrong_pixels.append(np.mean((a > 125)[there] != (b == 1)[there]))
+        known.append(there.mean())
+    holds("labels stay on what they label, however it is turned, scaled and mirrored", max(wrong_pixels) < 0.02 and min(known) > 0.3, (max(wrong_pixels), min(known)))
+    whole = np.full((480, 640), overlap.NONE, np.uint8)
+    whole[:240] = 1
+    whole[:2, :4], whole[236:240, 4:6] = 0, overlap.NONE
+    cells = pixels.cells(whole, 2)
+    holds("a cell has its most frequent class", cells[0, 0] == 0 and cells[0, 1] == 1 and cells[59, 1] == 1 and cells[60, 0] == overlap.NONE, cells[:2, :2])
+
+
+def refused(read, *arguments):
+    from labels import LabelProblem
+    try:
+        read(*arguments)
+    except LabelProblem as problem:
+        return str(problem)
+    return ""
+
+
+def label_files():
+    try:
+        import cv2
+        import PIL.Image
+
+        import label_pictures
+    except ImportError:
+        print("SKIPPED label pictures: no OpenCV or Pillow in this Python")
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        at = {name: os.path.join(folder, name) for name in ("a.png", "classes.txt", "masks", "masks/a.png")}
+        os.mkdir(at["masks"])
+        classes = os.path.join(at["masks"], "classes.txt")
+        os.mkdir(os.path.join(folder, "pictures"))
+        picture = os.path.join(folder, "pictures", "a.png")
+        cv2.imwrite(picture, np.zeros((6, 8), np.uint8))
+
+        def write(text, values, mode="P"):
+            with open(classes, "w", encoding="utf-8") as file:
+                file.write(text)
+            made = PIL.Image.fromarray(values) if mode != "P" else PIL.Image.fromarray(values, "P")
+            if mode == "P":
+                made.putpalette([k * 7 % 256 for k in range(768)])
+            made.save(at["masks/a.png"])
+
+        def read():
+            return label_pictures.read(os.path.join(folder, "pictures"), at["masks"])
+
+        values = np.arange(48, dtype=np.uint8).reshape(6, 8) % 4
+        write("0 floor #00ff00\n1 wall #ff0000\n2 floor #00ff00\n3 ignore #000000\n", values)
+        names, colours, scenes, _ = read()
+        expected = np.array([0, 1, 0, 255], np.uint8)[values]
+        holds("numbers of a palette are labels, and several may be one class", names == ["floor", "wall"] and colours == ["#00ff00", "#ff0000"] and
+              (scenes[0][1] == expected).all(), (names, colours))
+        write("floor\nwall\n", values % 2, "L")
+        holds("names alone are the labels from 0 on", read()[0] == ["floor", "wall"] and (read()[2][0][1] == values % 2).all())
+        write("floor\nwall\n", values)
+        said = refused(read)
+        holds(f"a label without a class: {said}", "a.png: found label 2 in 12 pixels, expected" in said and "classes.txt" in said)
+        write("floor\nwall\n", values[:5] % 2, "L")
+        holds("another size", "found 8 x 5 pixels, expected 8 x 6 as" in refused(read), refused(read))
+        write("floor\nwall\n", np.zeros((6, 8, 3), np.uint8), "RGB")
+        holds("colours in place of numbers", "found RGB pixels, expected class numbers" in refused(read), refused(read))
+        for text, what in (("floor\n", "found 1 classes, expected 2 to 254"), ("0 a\n0 b\n", ":2: found label 0 again"), ("a #00ff00\nb\n", ":2: found no colour"),
+                           ("0 a\n300 b\n", ":2: found label 300")):
+            write(text, values, "L")
+            holds(f"classes {text!r}", what in refused(read), refused(read))
+        write("floor\nwall\n", values % 2, "L")
+        os.remove(at["masks/a.png"])
+        holds("a picture without labels", "masks/a.png: not there; expected the labels of " in refused(read), refused(read))
+
+
 def main():
     splits()
     figures()
     samples()
+    overlaps()
+    labelled_pictures()
+    label_files()
     return 1 if wrong else 0
 
 

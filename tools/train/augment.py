@@ -65,9 +65,14 @@ def over_photo(rng, scene, backgrounds):
     return np.clip(mixed, 0, 255).astype(np.uint8), boxes
 
 
+def scale_of(rng, image, fixed):
+    """To the width of the network's input, or about."""
+    return WIDTH / image.shape[1] * (1.0 if fixed else float(np.exp(rng.uniform(np.log(0.7), np.log(1.7)))))
+
+
 def place(rng, image, boxes, fixed=False):
     """Scale, mirror and shift into the network's input; grey where the image does not reach."""
-    scale = WIDTH / image.shape[1] * (1.0 if fixed else float(np.exp(rng.uniform(np.log(0.7), np.log(1.7)))))
+    scale = scale_of(rng, image, fixed)
     canvas = np.full((HEIGHT, WIDTH), 114, np.uint8)
     boxes = paste(rng, canvas, image, boxes, scale, fixed)
     if not fixed and rng.random() < 0.5:
@@ -76,18 +81,40 @@ def place(rng, image, boxes, fixed=False):
     return canvas, boxes
 
 
+class Place(NamedTuple):
+    """Where a scaled picture lies on a canvas, part of it perhaps beside it."""
+    left: int
+    top: int
+    width: int
+    height: int
+
+
+def placing(rng, shape, canvas, scale, centred):
+    (h, w), (height, width) = shape, canvas
+    nw, nh = max(8, round(w * scale)), max(8, round(h * scale))
+    left = (width - nw) // 2 if centred else int(rng.integers(min(0, width - nw), max(0, width - nw) + 1))
+    top = (height - nh) // 2 if centred else int(rng.integers(min(0, height - nh), max(0, height - nh) + 1))
+    return Place(left, top, nw, nh)
+
+
+def put(canvas, image, where, interpolation=None):
+    """Draws the scaled picture there; `interpolation` None: the best for pictures."""
+    if interpolation is None:
+        interpolation = cv2.INTER_AREA if where.width < image.shape[1] else cv2.INTER_LINEAR
+    small = cv2.resize(image, (where.width, where.height), interpolation=interpolation)
+    left, top = where.left, where.top
+    x0, y0, x1, y1 = max(left, 0), max(top, 0), min(left + where.width, canvas.shape[1]), min(top + where.height, canvas.shape[0])
+    canvas[y0:y1, x0:x1] = small[y0 - top:y1 - top, x0 - left:x1 - left]
+
+
 def paste(rng, canvas, image, boxes, scale, centred):
     """Draws the scaled image on the canvas, somewhere or centred, and returns where the boxes are now, cut at its border."""
     (h, w), (height, width) = image.shape, canvas.shape
-    nw, nh = max(8, round(w * scale)), max(8, round(h * scale))
-    small = cv2.resize(image, (nw, nh), interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR)
-    left = (width - nw) // 2 if centred else int(rng.integers(min(0, width - nw), max(0, width - nw) + 1))
-    top = (height - nh) // 2 if centred else int(rng.integers(min(0, height - nh), max(0, height - nh) + 1))
-    x0, y0, x1, y1 = max(left, 0), max(top, 0), min(left + nw, width), min(top + nh, height)
-    canvas[y0:y1, x0:x1] = small[y0 - top:y1 - top, x0 - left:x1 - left]
+    where = placing(rng, image.shape, canvas.shape, scale, centred)
+    put(canvas, image, where, cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR)
     moved = boxes.copy()
-    moved[:, [1, 3]] = boxes[:, [1, 3]] * (nw / w) + left
-    moved[:, [2, 4]] = boxes[:, [2, 4]] * (nh / h) + top
+    moved[:, [1, 3]] = boxes[:, [1, 3]] * (where.width / w) + where.left
+    moved[:, [2, 4]] = boxes[:, [2, 4]] * (where.height / h) + where.top
     return cut(moved, width, height)
 
 

@@ -32,17 +32,26 @@ def to_tflite(model, images):
     return converter.convert()
 
 
-def to_fvm(tflite, output, labels, score, iou=0.5):
-    """Writes `output` with tools/import."""
-    anchor = network.ANCHOR_PX / STRIDE
-    names = output + ".labels"
-    with open(names, "w", encoding="utf-8") as file:
-        file.write("\n".join(labels) + "\n")
+def write_fvm(tflite, output, labels, options, colours=None):
+    """Writes `output` with tools/import and these options of it."""
+    texts = {output + ".labels": labels} | ({output + ".colours": colours} if colours else {})
     try:
-        subprocess.run([sys.executable, IMPORT, tflite, "-o", output, "--labels", names, "--decoder", "yolov2", "--fit", "letterbox",
-                        "--anchors", f"{anchor},{anchor}", "--score", str(score), "--iou", str(iou), "--agnostic"], check=True)
+        for path, lines in texts.items():
+            with open(path, "w", encoding="utf-8") as file:
+                file.write("\n".join(lines) + "\n")
+        command = [sys.executable, IMPORT, tflite, "-o", output, "--labels", output + ".labels", *options]
+        subprocess.run(command + (["--colours", output + ".colours"] if colours else []), check=True)
     finally:
-        os.remove(names)
+        for path in texts:
+            if os.path.exists(path):
+                os.remove(path)
+
+
+def to_fvm(tflite, output, labels, score, iou=0.5):
+    """A detector's."""
+    anchor = network.ANCHOR_PX / STRIDE
+    write_fvm(tflite, output, labels, ["--decoder", "yolov2", "--fit", "letterbox", "--anchors", f"{anchor},{anchor}", "--score", str(score),
+                                       "--iou", str(iou), "--agnostic"])
 
 
 def decode(output, score_min=SCORE_MIN, iou_max=0.5):

@@ -3,6 +3,7 @@ import multiprocessing
 import os
 import sys
 import time
+from typing import Callable, NamedTuple
 
 import cv2
 import keras
@@ -20,14 +21,25 @@ WATCH_STEPS, PATIENCE = 25, 10  # the loss is looked at so often; so many looks 
 BETTER = 0.003                  # by so much of it
 KEEP_STEPS = 250
 _worker = {}
+cv2.setNumThreads(1)  # of this process, from its beginning: threads of OpenCV's do not live on in a worker, which would wait for them for ever
 
 
-def _start(sampler, scenes, backgrounds, classes, seed, counter):
-    cv2.setNumThreads(1)
+class Task(NamedTuple):
+    """What is learnt."""
+    sample: Callable         # (rng, scenes, probabilities, backgrounds, classes): picture and target
+    probabilities: Callable  # (scenes): how often each is drawn
+    targets: Callable        # (truth of a watched picture, classes): target
+    loss: Callable           # (targets, outputs)
+
+
+DETECTION = Task(augment.sample, augment.scene_probabilities, augment.targets, network.loss)
+
+
+def _start(task, scenes, backgrounds, classes, seed, counter):
     with counter.get_lock():
         number = counter.value
         counter.value += 1
-    _worker.update(sampler=sampler, scenes=scenes, probabilities=augment.scene_probabilities(scenes), backgrounds=backgrounds, classes=classes,
+    _worker.update(sampler=task.sample, scenes=scenes, probabilities=task.probabilities(scenes), backgrounds=backgrounds, classes=classes,
                    rng=np.random.default_rng([seed, number]))
 
 
@@ -39,11 +51,11 @@ def _batch(size):
 class Watch:
     """The loss on pictures that are not learnt from; keeps the weights of the least one."""
 
-    def __init__(self, model, samples, classes):
+    def __init__(self, model, task, samples, classes):
         self.model, self.best, self.weights, self.stale, self.step = model, np.inf, None, 0, 0
         self.images = np.stack([image for image, _ in samples])[..., None]
-        self.grids = np.stack([augment.targets(boxes, classes) for _, boxes in samples])
-        self.run = tf.function(lambda images, grid: network.loss(grid, tf.cast(model((tf.cast(images, tf.float32) - 128.0) / 128.0, training=False), tf.float32)))
+        self.grids = np.stack([task.targets(truth, classes) for _, truth in samples])
+        self.run = tf.function(lambda images, grid: task.loss(grid, tf.cast(model((tf.cast(images, tf.float32) - 128.0) / 128.0, training=False), tf.float32)))
 
     def look(self, step):
         """Whether it has not become better for long."""
@@ -82,24 +94,24 @@ class Rate:
 
 
 def fit(model, scenes, backgrounds, classes, steps, batch=16, rate=2e-3, seed=1, report=print, keep=None, minutes=None, begun=None,
-        rise=200, sampler=augment.sample, watched=None):
+        rise=200, task=DETECTION, watched=None):
     """Trains in place for a number of steps, or fewer where `minutes` since `begun` (now, unless given; of time.monotonic) are up before, or
-    where the loss on `watched` pictures (image, boxes) has not fallen for long; the weights are then those of its least. `keep(step)`
+    where the loss on `watched` pictures (image, truth) has not fallen for long; the weights are then those of its least. `keep(step)`
     is called now and then. Returns the steps made. With one worker, and steps alone, the result depends on the seed alone, up to the
     order in which the library's threads add."""
     counter = multiprocessing.Value("i", 0)
     optimizer = keras.optimizers.AdamW(rate, weight_decay=1e-3, clipnorm=5.0)
-    watch = Watch(model, watched, classes) if watched else None
+    watch = Watch(model, task, watched, classes) if watched else None
 
     @tf.function(jit_compile=False)
     def train(images, grid):
         with tf.GradientTape() as tape:
             output = model((tf.cast(images, tf.float32) - 128.0) / 128.0, training=True)
-            value = network.loss(grid, tf.cast(output, tf.float32))
+            value = task.loss(grid, tf.cast(output, tf.float32))
         optimizer.apply_gradients(zip(tape.gradient(value, model.trainable_variables), model.trainable_variables))
         return value
 
-    with multiprocessing.Pool(1, _start, (sampler, scenes, backgrounds, classes, seed, counter)) as pool:
+    with multiprocessing.Pool(1, _start, (task, scenes, backgrounds, classes, seed, counter)) as pool:
         pending = [pool.apply_async(_batch, (batch,)) for _ in range(4)]
         recent, entered, seen = [], time.monotonic(), ""
         begun, printed, step = entered if begun is None else begun, entered, 0

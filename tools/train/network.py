@@ -45,9 +45,8 @@ def up(x, fine, filters, name):
     return layers.Add(name=name + "_add")([x, fine])
 
 
-def build(classes):
-    """Input [1, 480, 640, 1] in [-1, 1); output [1, 60, 80, 5 + classes] before activations."""
-    image = keras.Input((HEIGHT, WIDTH, 1), batch_size=None, name="image")
+def trunk(image):
+    """From the picture to features at an eighth of its size, which know of all of it; and those of the first layer, at a quarter."""
     s4 = conv(image, 16, kernel=6, stride=4, name="stem")
     s8 = conv(s4, 32, stride=2, name="down8")
     s8 = conv(s8, 32, name="block8")
@@ -60,7 +59,13 @@ def build(classes):
     s64 = conv(s64, 96, name="block64")
     x = conv(up(s64, s32, 64, "up32"), 64, name="merge32")
     x = conv(up(x, s16, 48, "up16"), 48, name="merge16")
-    x = conv(up(x, s8, 32, "up8"), 32, name="merge8")
+    return conv(up(x, s8, 32, "up8"), 32, name="merge8"), s4
+
+
+def build(classes):
+    """Input [1, 480, 640, 1] in [-1, 1); output [1, 60, 80, 5 + classes] before activations."""
+    image = keras.Input((HEIGHT, WIDTH, 1), batch_size=None, name="image")
+    x, _ = trunk(image)
     bias = np.zeros(5 + classes, np.float32)
     bias[4] = -4.0
     head = layers.Conv2D(5 + classes, 1, name=f"head{classes}", bias_initializer=keras.initializers.Constant(bias))(x)

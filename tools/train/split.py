@@ -74,9 +74,9 @@ def taken_aside(rng, numbers, objects, part):
     return found
 
 
-def split(images, paths, boxes, classes, seed, judged=None):
-    """`judged`: names of pictures that stay judged, from a training before; all others, but those of their scenes, are learnt from."""
-    rng, numbers, objects = np.random.default_rng(seed), scene_numbers(images, paths), objects_of(boxes, classes)
+def split(images, paths, objects, seed, judged=None):
+    """`objects`: how much of each class a picture shows, [pictures, classes]. `judged`: names of pictures that stay judged, from a training before; all others, but those of their scenes, are learnt from."""
+    rng, numbers = np.random.default_rng(seed), scene_numbers(images, paths)
     everything, mixed = np.arange(len(images)), False
     if judged is not None:
         kept = np.array([os.path.basename(p) in judged for p in paths])
@@ -88,6 +88,16 @@ def split(images, paths, boxes, classes, seed, judged=None):
     rest = np.setdiff1d(everything, judge)
     watch = rest[taken_aside(rng, numbers[rest], objects[rest], WATCHED)] if len(rest) >= WATCH_MIN else np.zeros(0, int)
     return Split([int(i) for i in np.setdiff1d(rest, watch)], [int(i) for i in watch], [int(i) for i in judge], len(np.unique(numbers)), mixed)
+
+
+def say(parts, objects, names, unit="objects"):
+    count = len(parts.learn) + len(parts.watch) + len(parts.judge)
+    print(f"{len(names)} classes, {count} pictures of {parts.scenes} scenes: {len(parts.learn)} to learn from, {len(parts.watch)} to stop by, "
+          f"{len(parts.judge)} held out to judge by; none shares a scene with another part" if not parts.mixed else
+          f"{len(names)} classes, {count} pictures of one scene: the last {len(parts.judge)} are held out, and figures on them say little about other scenes")
+    for c, name in enumerate(names):
+        learn, watch, judge = (int(objects[part, c].sum()) for part in (parts.learn, parts.watch, parts.judge))
+        print(f"  {name}: {learn} {unit} to learn from, {watch} to stop by, {judge} to judge by")
 
 
 def spread(values, weights, rounds=400, seed=3):

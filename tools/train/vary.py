@@ -60,13 +60,19 @@ def paste_objects(rng, image, boxes, cut_out):
     return np.clip(image, 0, 255).astype(np.uint8), boxes
 
 
-def turn(rng, image, boxes):
-    """Turned and sheared a little about the middle; boxes around the ellipses that fill them."""
-    height, width = image.shape
+def turning(rng, width, height):
+    """An affine map about the middle, [2, 3]: turned and sheared a little."""
     angle, shear = np.radians(rng.uniform(-TURN_DEGREES, TURN_DEGREES)), rng.uniform(-SHEAR, SHEAR)
     linear = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]) @ np.array([[1, shear], [0, 1]])
     middle = np.array([width / 2, height / 2])
-    matrix = np.concatenate([linear, (middle - linear @ middle)[:, None]], 1)
+    return np.concatenate([linear, (middle - linear @ middle)[:, None]], 1)
+
+
+def turn(rng, image, boxes):
+    """Turned and sheared a little; boxes around the ellipses that fill them."""
+    height, width = image.shape
+    matrix = turning(rng, width, height)
+    linear = matrix[:, :2]
     turned = cv2.warpAffine(image, matrix, (width, height), borderMode=cv2.BORDER_CONSTANT, borderValue=114)
     if len(boxes) == 0:
         return turned, boxes

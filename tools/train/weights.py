@@ -1,0 +1,52 @@
+"""Float weights in files, and how they are taken over."""
+import os
+
+import keras
+import numpy as np
+
+from labels import LabelProblem
+
+SHIPPED = os.path.join(os.path.dirname(os.path.abspath(__file__)), "weights.npz")
+CALIBRATION_IMAGES = 200  # at most; two of each picture are enough
+
+
+def save(model, path, **more):
+    """Half precision: the file is read again only to train on from it."""
+    named = {v.path.replace("/", "."): np.asarray(v).astype(np.float16) for v in model.weights}
+    part = path + ".part.npz"
+    np.savez_compressed(part, **named, **more)
+    os.replace(part, path)
+
+
+def load(model, path, new_classes=False):
+    """Every weight whose name and shape fit. Of a detector's head for other classes, or where they are new, what tells the box and that
+    there is an object; no class is preferred."""
+    stored = np.load(path)
+    head = next((name.rsplit(".", 1)[0] for name in stored if name.startswith("head")), None)
+    for variable in model.weights:
+        name = variable.path.replace("/", ".")
+        last = name.startswith(("head", "pixels"))
+        if name in stored and stored[name].shape == tuple(variable.shape) and not (new_classes and last):
+            variable.assign(stored[name].astype(np.float32))
+        elif name.startswith("head"):
+            value = np.zeros(variable.shape, np.float32)
+            value[..., :5] = stored[head + name[name.rindex("."):]][..., :5]
+            variable.assign(value)
+
+
+def earlier(path, names):
+    """What a training before has left: (weights' file, names of its judged pictures, steps)."""
+    if not os.path.exists(path):
+        raise LabelProblem(f"--continue: {path}: not there; expected what a training with this output has left")
+    with np.load(path) as stored:
+        known = [str(n) for n in stored["fovea_names"]]
+        if known != names:
+            raise LabelProblem(f"--continue: {path}: found classes {' '.join(known)[:80]}, expected {' '.join(names)[:80]}")
+        return {str(n) for n in stored["fovea_judged"]}, int(stored["fovea_steps"])
+
+
+def quick_arithmetic():
+    """Where the processor multiplies bfloat16 in tiles, train with it: half the time of a step."""
+    with open("/proc/cpuinfo", encoding="utf-8") as file:
+        if "amx_bf16" in file.read():
+            keras.config.set_dtype_policy("mixed_bfloat16")
