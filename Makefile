@@ -441,7 +441,7 @@ install: all man  ## install program, manual pages, libraries, headers, message 
 	ln -sf $(MESSAGES_SONAME) $(DESTDIR)$(LIBDIR)/libfovea-messages.so
 	install -m 644 include/fovea/*.h $(DESTDIR)$(PREFIX)/include/fovea/
 	install -m 644 $(MAN) $(CALIBRATE_MAN) $(WEB_MAN) $(DESTDIR)$(PREFIX)/share/man/man1/
-	install -m 644 src/detect/shipped.fvm $(DESTDIR)$(PREFIX)/share/fovea/
+	install -m 644 src/detect/shipped.fvm src/detect/segmenter.fvm $(DESTDIR)$(PREFIX)/share/fovea/
 	install -m 644 include/lcmtypes/*.lcm $(DESTDIR)$(PREFIX)/share/fovea/lcmtypes/
 	install -d $(DESTDIR)$(PREFIX)/lib/systemd/system
 	for unit in $(UNITS); do sed 's|/usr/local/bin|$(PREFIX)/bin|' "tools/service/$$unit" >"$(DESTDIR)$(PREFIX)/lib/systemd/system/$$unit"; done

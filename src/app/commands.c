@@ -103,7 +103,7 @@ const struct fv_command fv_commands[] = {
      "mean confidence where the network gives it, and their colours. --evaluate prints the confusion "
      "matrix (rows are labels, columns what the network sees) and the intersection over union of each "
      "class; pixels that the map ignores do not count.",
-     "fovea segment --model city.fvm street.png --draw out.png --mask classes.png\n"
+     "fovea segment --model src/detect/segmenter.fvm photo.png --draw out.png --mask classes.png\n"
      "fovea segment --model city.fvm pictures/*.png --evaluate labels --classes-map map.txt"},
     {"model", "print what a model file holds and its speed, write its raw outputs",
      fv_command_model,

@@ -154,6 +154,7 @@ static const char *const nothing[] = {"sky",
                                       "unlabelled void",
                                       "ego vehicle",
                                       "background",
+                                      "other",
                                       "rectification border"};
 static const char *const more_moves[] = {"rider", "caravan", "trailer",    "movable",   "animal",
                                          "Car",   "Person",  "Pedestrian", "Bicyclist", "cart"};

@@ -407,6 +407,21 @@ static void test_classes_of_the_grid(void **state)
     fv_model_file_free(&file);
 }
 
+/* Of the network that comes with Fovea and labels pixels, nothing needs to be said. */
+static void test_classes_of_the_shipped_segmenter(void **state)
+{
+    (void)state;
+    static const uint8_t expected[] = {FOVEA_GRID_FLOOR, FOVEA_GRID_OBSTACLE, FOVEA_GRID_OBSTACLE,
+                                       FOVEA_GRID_MOVABLE, FOVEA_GRID_IGNORED};
+    struct fv_model_file file;
+    fv_settings_default(&settings);
+    settings.runtime.grid_job.enabled = true;
+    assert_int_equal(fv_model_file_read("src/detect/segmenter.fvm", &file, &error), FOVEA_OK);
+    assert_int_equal(fv_classes_resolve_grid(&settings, &file.model, NULL, &error), FOVEA_OK);
+    assert_memory_equal(settings.runtime.grid_job.labels, expected, sizeof expected);
+    fv_model_file_free(&file);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -416,6 +431,7 @@ int main(void)
         cmocka_unit_test(test_wrong_together),
         cmocka_unit_test(test_movable_classes),
         cmocka_unit_test(test_classes_of_the_grid),
+        cmocka_unit_test(test_classes_of_the_shipped_segmenter),
         cmocka_unit_test(test_sensors_wait_for_the_rig),
         cmocka_unit_test(test_wrong_assignments),
         cmocka_unit_test(test_keys_of_0_1_are_refused_with_their_names_now),

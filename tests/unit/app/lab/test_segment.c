@@ -205,6 +205,28 @@ static void masks_of_exports_are_labels(void **state)
     assert_non_null(strstr(said(), "\"ignored\": 0,"));
 }
 
+/* A folder of `fovea export --masks` says itself what its labels are to the network that comes with
+ * Fovea, whose class "other" is a class as any other. */
+static void exported_folders_judge_the_shipped_network(void **state)
+{
+    (void)state;
+    char frames[PATH_BYTES], first[PATH_BYTES + 16], classes[PATH_BYTES + 32];
+    snprintf(frames, sizeof frames, "%s/frames", folder);
+    snprintf(first, sizeof first, "%s/000000.png", frames);
+    snprintf(classes, sizeof classes, "%s/classes-map.txt", frames);
+    const char *const words[] = {
+        "export",   "--masks", "--source", "sim:orbit?width=320&height=240",
+        "--frames", "1",       frames,     NULL};
+    assert_int_equal(call(fv_command_export, words), 0);
+    assert_int_equal(SEGMENT("--model", "src/detect/segmenter.fvm", first, "--evaluate", frames,
+                             "--classes-map", classes, "--json"),
+                     0);
+    assert_non_null(strstr(said(), "\"pixels\": 76800, \"ignored\": 0, \"classes\": [\"other\", "
+                                   "\"movable\", \"floor\", \"wall\", \"obstacle\", "
+                                   "\"none of them\"]"));
+    assert_non_null(strstr(said(), ", [0, 0, 0, 0, 0, 0]], \"iou\": ")); /* no label is none */
+}
+
 static void wrong_maps_labels_and_networks_are_refused(void **state)
 {
     (void)state;
@@ -311,6 +333,7 @@ int main(void)
         cmocka_unit_test(masks_and_drawings_are_written_alike_in_units),
         cmocka_unit_test(the_matrix_counts_pixels_by_label_and_class),
         cmocka_unit_test(masks_of_exports_are_labels),
+        cmocka_unit_test(exported_folders_judge_the_shipped_network),
         cmocka_unit_test(wrong_maps_labels_and_networks_are_refused),
         cmocka_unit_test(streets_give_the_matrix_of_an_independent_script),
     };
