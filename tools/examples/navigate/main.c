@@ -7,7 +7,7 @@
  * to the left. Start it before the run, for example
  *
  *     build/examples/navigate 8 -1.5 &
- *     fovea run --source 'sim:drive?commands=1&baseline=0.12' --model floor.fvm \
+ *     fovea run --source 'sim:drive?commands=1&baseline=0.12' --model src/detect/segmenter.fvm \
  *         --set grid.enabled=true --set 'T_body_cam=[...]'
  *
  * Every pose is answered, so that sim:drive goes on in lock-step. Without a pose in metres, and
