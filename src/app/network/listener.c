@@ -95,14 +95,9 @@ static uint32_t fill_table(struct fv_listener *listener, const struct fv_transpo
                                            .take = take_command,
                                            .context = listener};
     fv_message_channel(ears->prefix, FV_MESSAGE_COMMAND, rows[0].name);
-    if (ears->wheel_odometry_channel != NULL && ears->wheel_odometry_channel[0] != '\0') {
-        rows[count] = (struct fv_receiver_channel){.type = "bot_core.pose_t",
-                                                   .bytes_max = ODOMETRY_BYTES_MAX,
-                                                   .take = take_wheel_odometry,
-                                                   .context = listener};
-        snprintf(rows[count].name, sizeof rows[count].name, "%s", ears->wheel_odometry_channel);
-        count++;
-    }
+    if (ears->wheel_odometry_channel != NULL && ears->wheel_odometry_channel[0] != '\0')
+        rows[count++] = fv_receiver_channel_of(ears->wheel_odometry_channel, "bot_core.pose_t",
+                                               ODOMETRY_BYTES_MAX, take_wheel_odometry, listener);
     for (uint32_t i = 0; i < ears->more_count && count < FV_RECEIVER_CHANNELS_MAX; i++)
         rows[count++] = ears->more[i];
     return count;

@@ -28,6 +28,17 @@ enum { BURST = 64 }; /* packets of one socket before the others get their turn *
  * says where a packet is from, by the kernel's word. */
 enum way { WAY_HOST, WAY_NETWORK, WAY_COUNT };
 
+struct fv_receiver_channel
+fv_receiver_channel_of(const char *name, const char *type, uint32_t bytes_max,
+                       void (*take)(void *context, const struct fv_received *received),
+                       void *context)
+{
+    struct fv_receiver_channel row = {
+        .type = type, .bytes_max = bytes_max, .take = take, .context = context};
+    snprintf(row.name, sizeof row.name, "%s", name);
+    return row;
+}
+
 struct fv_receiver {
     struct fv_receiver_table table;
     char url[FV_TRANSPORT_URL_BYTES], listen[IF_NAMESIZE];

@@ -50,6 +50,12 @@ struct fv_receiver_channel {
                      Of the rows that fit a channel the first counts */
 };
 
+/* Messages of one channel and one type, each handed to `take`. */
+struct fv_receiver_channel
+fv_receiver_channel_of(const char *name, const char *type, uint32_t bytes_max,
+                       void (*take)(void *context, const struct fv_received *received),
+                       void *context);
+
 /* Why something was not handed to a handler. */
 enum fv_drop {
     FV_DROP_KERNEL,    /* by the kernel: filtered, or no room in the socket; it gives one number */

@@ -98,12 +98,8 @@ static void take_request(void *context, const struct fv_received *received)
 
 struct fv_receiver_channel fv_backup_row(struct fv_backup *backup)
 {
-    struct fv_receiver_channel row = {.type = "fovea.settings_t",
-                                      .bytes_max = FV_BACKUP_MESSAGE_BYTES,
-                                      .take = take_request,
-                                      .context = backup};
-    snprintf(row.name, sizeof row.name, "%s", backup->request_channel);
-    return row;
+    return fv_receiver_channel_of(backup->request_channel, "fovea.settings_t",
+                                  FV_BACKUP_MESSAGE_BYTES, take_request, backup);
 }
 
 /* ---- giving out ------------------------------------------------------------------------------ */

@@ -90,10 +90,7 @@ bool fv_imu_input_hears(const struct fv_imu_input *input)
 struct fv_receiver_channel fv_imu_input_row(struct fv_imu_input *input)
 {
     enum { BYTES = 128 };
-    struct fv_receiver_channel row = {
-        .type = "fovea.imu_t", .bytes_max = BYTES, .take = take_message, .context = input};
-    snprintf(row.name, sizeof row.name, "%s", input->channel);
-    return row;
+    return fv_receiver_channel_of(input->channel, "fovea.imu_t", BYTES, take_message, input);
 }
 
 /* ---- the loop -------------------------------------------------------------------------------- */

@@ -120,12 +120,8 @@ static void take_request(void *context, const struct fv_received *received)
 
 struct fv_receiver_channel fv_map_loads_row(struct fv_map_loads *loads)
 {
-    struct fv_receiver_channel row = {.type = "fovea.map_load_t",
-                                      .bytes_max = REQUEST_BYTES_MAX,
-                                      .take = take_request,
-                                      .context = loads};
-    snprintf(row.name, sizeof row.name, "%s", loads->request_channel);
-    return row;
+    return fv_receiver_channel_of(loads->request_channel, "fovea.map_load_t", REQUEST_BYTES_MAX,
+                                  take_request, loads);
 }
 
 /* ---- on the thread that watches the loop ----------------------------------------------------- */

@@ -303,12 +303,8 @@ static void take_request(void *context, const struct fv_received *received)
 
 struct fv_receiver_channel fv_parameters_row(struct fv_parameters *parameters)
 {
-    struct fv_receiver_channel row = {.type = "fovea.parameter_t",
-                                      .bytes_max = REQUEST_BYTES_MAX,
-                                      .take = take_request,
-                                      .context = parameters};
-    snprintf(row.name, sizeof row.name, "%s", parameters->request_channel);
-    return row;
+    return fv_receiver_channel_of(parameters->request_channel, "fovea.parameter_t",
+                                  REQUEST_BYTES_MAX, take_request, parameters);
 }
 
 /* ---- the configuration, read again ----------------------------------------------------------- */

@@ -106,12 +106,8 @@ static void take(void *context, const struct fv_received *received)
 
 struct fv_receiver_channel fv_velocity_input_row(struct fv_velocity_input *input)
 {
-    struct fv_receiver_channel row = {.type = "fovea.velocity_command_t",
-                                      .bytes_max = VELOCITY_BYTES_MAX,
-                                      .take = take,
-                                      .context = input};
-    snprintf(row.name, sizeof row.name, "%s", input->channel);
-    return row;
+    return fv_receiver_channel_of(input->channel, "fovea.velocity_command_t", VELOCITY_BYTES_MAX,
+                                  take, input);
 }
 
 void fv_velocity_input_end(struct fv_velocity_input *input)
