@@ -11,7 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "../../drivers/sim/sim.h"
+#include "common/sim_cells.h"
 #include "../../tools/examples/navigate/plan.h"
 #include "fovea/fovea.h"
 #include "geometry/se3.h"
@@ -95,22 +95,8 @@ static bool update(const struct fovea_source *source, const struct fovea_frame *
                    const struct fovea_truth *truth, const struct fv_se3 *T_world_cam,
                    const struct fv_se3 *T_world_body)
 {
-    static struct fovea_segmentation_class list[FOVEA_TRUTH_CLASS_COUNT];
-    static uint8_t index[256];
     const struct fovea_camera *camera = &source->info.rig.cameras[0].camera;
-    for (int i = 0; i < FOVEA_TRUTH_CLASS_COUNT; i++) {
-        list[i].class_id = i;
-        index[i] = (uint8_t)i;
-    }
-    const struct fovea_segmentation seen = {.width = camera->width,
-                                            .height = camera->height,
-                                            .image_width = camera->width,
-                                            .image_height = camera->height,
-                                            .raw_scale = {1, 1},
-                                            .count = FOVEA_TRUTH_CLASS_COUNT,
-                                            .list = list,
-                                            .pixels = truth->class_mask,
-                                            .index = index};
+    const struct fovea_segmentation seen = sim_mask_of(truth, camera);
     struct fovea_grid_view view = {.stamp_ns = frame->stamp_ns,
                                    .seen = &seen,
                                    .labels = labels,

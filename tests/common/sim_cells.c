@@ -97,3 +97,23 @@ void sim_cells_find(const struct fv_sim_world *world, const struct sim_cells *gr
     for (int32_t i = first_round; i < (moving ? world->round_count : world->static_rounds); i++)
         mark_round(&world->round[i], grid, cells);
 }
+
+struct fovea_segmentation sim_mask_of(const struct fovea_truth *truth,
+                                      const struct fovea_camera *camera)
+{
+    static struct fovea_segmentation_class list[FOVEA_TRUTH_CLASS_COUNT];
+    static uint8_t index[256];
+    for (int i = 0; i < FOVEA_TRUTH_CLASS_COUNT; i++) {
+        list[i].class_id = i;
+        index[i] = (uint8_t)i;
+    }
+    return (struct fovea_segmentation){.width = camera->width,
+                                       .height = camera->height,
+                                       .image_width = camera->width,
+                                       .image_height = camera->height,
+                                       .raw_scale = {1, 1},
+                                       .count = FOVEA_TRUTH_CLASS_COUNT,
+                                       .list = list,
+                                       .pixels = truth->class_mask,
+                                       .index = index};
+}

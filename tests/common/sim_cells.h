@@ -1,6 +1,5 @@
-/* The truth of the floor's cells in worlds of the simulated camera, found from their surfaces
- * alone.
- */
+/* The truth of the simulated camera for tests of free space: of the floor's cells, found from the
+ * surfaces of the world alone, and of an image's pixels as a network's mask. */
 #ifndef FOVEA_TESTS_COMMON_SIM_CELLS_H
 #define FOVEA_TESTS_COMMON_SIM_CELLS_H
 
@@ -8,6 +7,7 @@
 #include <stdint.h>
 
 #include "../../drivers/sim/sim.h"
+#include "fovea/segmentation.h"
 
 /* What is over a cell of the floor, seen from above: nothing at all; floor under all of it; or a
  * surface between 5 cm and 1 m above the floor. */
@@ -25,5 +25,10 @@ struct sim_cells {
  * placed last (fv_sim_world_place), where there is then no floor. For a level floor at height 0. */
 void sim_cells_find(const struct fv_sim_world *world, const struct sim_cells *grid, bool moving,
                     uint8_t *cells);
+
+/* The classes of an image's pixels (enum fovea_truth_class) as the mask that a network of just
+ * these classes would give; it uses memory of its own and that of `truth`. */
+struct fovea_segmentation sim_mask_of(const struct fovea_truth *truth,
+                                      const struct fovea_camera *camera);
 
 #endif

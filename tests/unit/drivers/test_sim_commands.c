@@ -12,27 +12,12 @@
 #include <cmocka.h>
 
 #include "../../../drivers/clock.h"
-#include "../../../drivers/sim/sim.h"
+#include "common/sim_source.h"
 
 static const struct fovea_source_ops *const ops = &fv_source_sim;
 static struct fovea_error error;
 
 #define DRIVE "drive?seed=5&width=96&height=64&wheel_odometry=0&commands=1"
-
-static struct fovea_source *open_as(const char *address,
-                                    const struct fovea_source_selection *selection)
-{
-    struct fovea_source *source = NULL;
-    if (ops->open(address, selection, &source, &error) != FOVEA_OK) fail_msg("%s", error.text);
-    assert_int_equal(ops->start(source, &error), FOVEA_OK);
-    return source;
-}
-
-static void close_source(struct fovea_source *source)
-{
-    ops->stop(source);
-    ops->close(source);
-}
 
 static enum fovea_status drive(struct fovea_source *source, int64_t sequence, double speed,
                                double turning)
@@ -52,7 +37,7 @@ static uint64_t hash_of(const struct fovea_image *image, uint64_t hash)
 /* Drives `frames` frames along a bend; T: of the last frame. */
 static uint64_t hash_of_drive(double turning, int frames, double T[12])
 {
-    struct fovea_source *source = open_as(DRIVE, NULL);
+    struct fovea_source *source = sim_source_open(DRIVE, NULL);
     struct fovea_frame frame;
     uint64_t hash = 1;
     for (int n = 0; n < frames; n++) {
@@ -62,7 +47,7 @@ static uint64_t hash_of_drive(double turning, int frames, double T[12])
         ops->requeue(source, &frame);
         assert_int_equal(drive(source, (int64_t)frame.sequence, 0.2, turning), FOVEA_OK);
     }
-    close_source(source);
+    sim_source_close(source);
     return hash;
 }
 
@@ -80,7 +65,7 @@ static void the_same_commands_give_the_same_frames(void **state)
 
 static void a_frame_waits_for_the_answer_to_the_one_before(void **state)
 {
-    struct fovea_source *source = open_as(DRIVE, NULL);
+    struct fovea_source *source = sim_source_open(DRIVE, NULL);
     struct fovea_frame frame;
     (void)state;
     assert_int_equal(ops->dequeue(source, 0, &frame), FOVEA_OK);
@@ -95,13 +80,13 @@ static void a_frame_waits_for_the_answer_to_the_one_before(void **state)
     assert_int_equal(drive(source, -1, 0.2, 0), FOVEA_OK); /* for whichever it is */
     assert_int_equal(ops->dequeue(source, 0, &frame), FOVEA_OK);
     assert_int_equal(frame.sequence, 2);
-    close_source(source);
+    sim_source_close(source);
 }
 
 /* After 20 s without an answer the source gives up, and says which frame had none. */
 static void a_source_that_gets_no_answer_fails_with_its_reason(void **state)
 {
-    struct fovea_source *source = open_as(DRIVE, NULL);
+    struct fovea_source *source = sim_source_open(DRIVE, NULL);
     struct fovea_frame frame;
     (void)state;
     assert_int_equal(ops->dequeue(source, 0, &frame), FOVEA_OK);
@@ -115,12 +100,12 @@ static void a_source_that_gets_no_answer_fails_with_its_reason(void **state)
     assert_int_equal(ops->complaint(source, &error), FOVEA_OK);
     assert_non_null(strstr(error.text, "found no velocity_command_t with sequence 0 for 20 s"));
     assert_int_equal(ops->complaint(source, &error), FOVEA_AGAIN);
-    close_source(source);
+    sim_source_close(source);
 }
 
 static void it_moves_as_it_is_asked_to_and_tells_what_it_took(void **state)
 {
-    struct fovea_source *source = open_as(DRIVE, NULL);
+    struct fovea_source *source = sim_source_open(DRIVE, NULL);
     struct fovea_sample samples[FOVEA_INPUT_SAMPLES_MAX];
     struct fovea_frame frame;
     double first[12], T[12];
@@ -145,12 +130,12 @@ static void it_moves_as_it_is_asked_to_and_tells_what_it_took(void **state)
     const double way = hypot(T[3] - first[3], T[7] - first[7]);
     assert_true(fabs(way - 0.001 * 58 * 59 / 2 / 30) < 0.002);
     assert_true((ops->info(source)->sample_kinds & 1u << FOVEA_SAMPLE_VELOCITY) != 0);
-    close_source(source);
+    sim_source_close(source);
 }
 
 static void the_drive_ends_at_the_goal(void **state)
 {
-    struct fovea_source *source = open_as(DRIVE, NULL);
+    struct fovea_source *source = sim_source_open(DRIVE, NULL);
     struct fovea_frame frame;
     int frames = 0;
     (void)state;
@@ -168,14 +153,14 @@ static void the_drive_ends_at_the_goal(void **state)
     assert_int_equal(ops->complaint(source, &error), FOVEA_OK);
     assert_non_null(strstr(error.text, "sim: drive: at the goal after 1."));
     assert_non_null(strstr(error.text, "contacts 0"));
-    close_source(source);
+    sim_source_close(source);
 }
 
 /* The last command holds for half a second of the drive. */
 static void by_the_clock_nothing_is_waited_for(void **state)
 {
     const struct fovea_source_selection selection = {.step = 1, .by_clock = true};
-    struct fovea_source *source = open_as(DRIVE, &selection);
+    struct fovea_source *source = sim_source_open(DRIVE, &selection);
     struct fovea_frame frame;
     double T[12], at[80][2];
     (void)state;
@@ -191,17 +176,17 @@ static void by_the_clock_nothing_is_waited_for(void **state)
     const double moves = hypot(at[15][0] - at[14][0], at[15][1] - at[14][1]);
     assert_true(fabs(moves - 0.3 / 30) < 1e-6);
     assert_true(hypot(at[79][0] - at[60][0], at[79][1] - at[60][1]) < 1e-9);
-    close_source(source);
+    sim_source_close(source);
 }
 
 static void other_sources_and_selections_are_refused_by_name(void **state)
 {
     const struct fovea_source_selection later = {.start = 5, .step = 1};
-    struct fovea_source *source = open_as("orbit?width=96&height=64", NULL);
+    struct fovea_source *source = sim_source_open("orbit?width=96&height=64", NULL);
     (void)state;
     assert_int_equal(drive(source, 0, 0.1, 0), FOVEA_ERROR_UNSUPPORTED);
     assert_non_null(strstr(error.text, "expected sim:drive with commands=1"));
-    close_source(source);
+    sim_source_close(source);
     assert_int_equal(ops->open(DRIVE, &later, &source, &error), FOVEA_ERROR_UNSUPPORTED);
     assert_int_equal(ops->open(DRIVE "&frames=0", NULL, &source, &error), FOVEA_ERROR_INPUT);
     assert_int_equal(ops->open("orbit?commands=1", NULL, &source, &error), FOVEA_ERROR_INPUT);
@@ -210,12 +195,12 @@ static void other_sources_and_selections_are_refused_by_name(void **state)
 
 static void more_than_a_few_at_once_are_refused(void **state)
 {
-    struct fovea_source *source = open_as(DRIVE, NULL);
+    struct fovea_source *source = sim_source_open(DRIVE, NULL);
     (void)state;
     for (int i = 0; i < FV_SIM_COMMANDS_QUEUE; i++)
         assert_int_equal(drive(source, i, 0.1, 0), FOVEA_OK);
     assert_int_equal(drive(source, 99, 0.1, 0), FOVEA_AGAIN);
-    close_source(source);
+    sim_source_close(source);
 }
 
 int main(void)

@@ -13,6 +13,7 @@
 #include <cmocka.h>
 
 #include "common/sim_cells.h"
+#include "common/sim_source.h"
 
 enum { SEEDS = 24 };
 
@@ -27,22 +28,6 @@ static void build(int seed)
     snprintf(address, sizeof address, "drive?seed=%d", seed);
     assert_int_equal(fv_sim_options_parse(address, &options, &error), FOVEA_OK);
     assert_true(fv_sim_world_build(&world, &options));
-}
-
-static struct fovea_source *open_at(const char *address, uint64_t start)
-{
-    const struct fovea_source_selection selection = {.start = start, .step = 1};
-    struct fovea_source *source = NULL;
-    struct fovea_error error;
-    if (ops->open(address, &selection, &source, &error) != FOVEA_OK) fail_msg("%s", error.text);
-    assert_int_equal(ops->start(source, &error), FOVEA_OK);
-    return source;
-}
-
-static void close_source(struct fovea_source *source)
-{
-    ops->stop(source);
-    ops->close(source);
 }
 
 /* ---- the path -------------------------------------------------------------------------------- */
@@ -234,7 +219,7 @@ static void the_rig_is_that_of_the_robot(void **state)
     double T[12], T_body[12], along[3];
     (void)state;
     struct fovea_source *source =
-        open_at("drive?seed=5&baseline=0.12&imu=200&width=96&height=64", 300);
+        sim_source_open_at("drive?seed=5&baseline=0.12&imu=200&width=96&height=64", 300);
     const struct fovea_rig *rig = &ops->info(source)->rig;
     assert_true(rig->camera_count == 2 && rig->has_imu && rig->cameras[0].has_T_body_cam);
     assert_true(rig->cameras[0].T_body_cam[11] == FV_SIM_DRIVE_CAMERA_M);
@@ -249,7 +234,7 @@ static void the_rig_is_that_of_the_robot(void **state)
     for (int k = 0; k < 12; k++)
         assert_true(fabs(T[k] - T_body[k]) < 1e-12);
     assert_true(T[10] < -0.3 && T[10] > -0.4); /* looks down by 20 degrees */
-    close_source(source);
+    sim_source_close(source);
 }
 
 static void expect_cell(const struct sim_cells *grid, const uint8_t *cells, const double p[3],
@@ -282,7 +267,7 @@ static void cells_hold_what_the_pictures_show(void **state)
     for (int n = 0; n < 8; n++) {
         struct fovea_frame frame;
         struct fovea_source *source =
-            open_at("drive?seed=3&width=160&height=120", 90 * (uint64_t)n);
+            sim_source_open_at("drive?seed=3&width=160&height=120", 90 * (uint64_t)n);
         const struct fovea_camera *camera = &source->info.rig.cameras[0].camera;
         const struct sim_cells grid = {{-6.4, -6.4}, 0.1, 128, 128};
         assert_int_equal(ops->dequeue(source, 0, &frame), FOVEA_OK);
@@ -300,7 +285,7 @@ static void cells_hold_what_the_pictures_show(void **state)
                        depth / b[2] * (T[4 * k] * b[0] + T[4 * k + 1] * b[1] + T[4 * k + 2] * b[2]);
             expect_cell(&grid, cells, p, truth.class_mask[i] < FOVEA_TRUTH_OBJECT_COUNT, counts);
         }
-        close_source(source);
+        sim_source_close(source);
     }
     print_message("%d points on surfaces, %d on the floor, %d of these beside a pit\n", counts[0],
                   counts[1], counts[2]);

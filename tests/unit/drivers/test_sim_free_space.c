@@ -144,26 +144,6 @@ static const uint8_t truth_labels[256] = {
     [FOVEA_TRUTH_PERSON] = FOVEA_GRID_MOVABLE,     [FOVEA_TRUTH_FLOOR] = FOVEA_GRID_FLOOR,
     [FOVEA_TRUTH_WALL] = FOVEA_GRID_OBSTACLE,      [FOVEA_TRUTH_OBSTACLE] = FOVEA_GRID_OBSTACLE};
 
-static struct fovea_segmentation mask_of(const struct fovea_truth *truth)
-{
-    static struct fovea_segmentation_class list[FOVEA_TRUTH_CLASS_COUNT];
-    static uint8_t index[256];
-    const struct fovea_camera *camera = &pass.rig.source->info.rig.cameras[0].camera;
-    for (int i = 0; i < FOVEA_TRUTH_CLASS_COUNT; i++) {
-        list[i].class_id = i;
-        index[i] = (uint8_t)i;
-    }
-    return (struct fovea_segmentation){.width = camera->width,
-                                       .height = camera->height,
-                                       .image_width = camera->width,
-                                       .image_height = camera->height,
-                                       .raw_scale = {1, 1},
-                                       .count = FOVEA_TRUTH_CLASS_COUNT,
-                                       .list = list,
-                                       .pixels = truth->class_mask,
-                                       .index = index};
-}
-
 static const uint8_t network_labels[256] = {FOVEA_GRID_FLOOR, FOVEA_GRID_OBSTACLE,
                                             FOVEA_GRID_OBSTACLE, FOVEA_GRID_MOVABLE,
                                             FOVEA_GRID_IGNORED};
@@ -347,7 +327,8 @@ static void drive(void)
         const int64_t stamp_ns = pass.rig.frame.stamp_ns;
         assert_int_equal(pass.rig.ops->truth(pass.rig.source, &pass.rig.frame, &truth), FOVEA_OK);
         see(&truth);
-        const struct fovea_segmentation seen = mask_of(&truth);
+        const struct fovea_segmentation seen =
+            sim_mask_of(&truth, &pass.rig.source->info.rig.cameras[0].camera);
         if (pass.stereo) {
             sim_rig_process(&pass.rig);
         } else {

@@ -11,33 +11,17 @@
 
 #include <cmocka.h>
 
-#include "../../../drivers/sim/sim.h"
+#include "common/sim_source.h"
 
 enum { WIDTH = 1241, HEIGHT = 376, SEEDS = 40 };
 
 static const struct fovea_source_ops *const ops = &fv_source_sim;
 static struct fovea_truth truth;
 
-static struct fovea_source *open_at(const char *address, uint64_t start)
-{
-    const struct fovea_source_selection selection = {.start = start, .step = 1};
-    struct fovea_source *source = NULL;
-    struct fovea_error error;
-    if (ops->open(address, &selection, &source, &error) != FOVEA_OK) fail_msg("%s", error.text);
-    assert_int_equal(ops->start(source, &error), FOVEA_OK);
-    return source;
-}
-
-static void close_source(struct fovea_source *source)
-{
-    ops->stop(source);
-    ops->close(source);
-}
-
 static void the_camera_is_that_of_a_car(void **state)
 {
     (void)state;
-    struct fovea_source *source = open_at("road", 0);
+    struct fovea_source *source = sim_source_open_at("road", 0);
     const struct fovea_source_info *info = ops->info(source);
     const struct fovea_camera *camera = &info->rig.cameras[0].camera;
     assert_int_equal(camera->width, WIDTH);
@@ -45,7 +29,7 @@ static void the_camera_is_that_of_a_car(void **state)
     assert_true(info->rate_hz == 10 && fabs(camera->fx - 719) < 0.5);
     assert_int_equal(camera->lens, FOVEA_LENS_RADTAN);
     assert_true(camera->k[0] == 0);
-    close_source(source);
+    sim_source_close(source);
 }
 
 /* What drives show of what they are for; each must occur among the seeds. */
@@ -123,7 +107,7 @@ static void the_camera_is_1_65_m_over_the_road(void **state)
         char address[64];
         struct fovea_frame frame;
         snprintf(address, sizeof address, "road?seed=%d&objects=0&width=320&height=240", seed);
-        struct fovea_source *source = open_at(address, 15);
+        struct fovea_source *source = sim_source_open_at(address, 15);
         const struct fovea_camera *camera = &ops->info(source)->rig.cameras[0].camera;
         assert_int_equal(ops->dequeue(source, 0, &frame), FOVEA_OK);
         assert_int_equal(ops->truth(source, &frame, &truth), FOVEA_OK);
@@ -152,7 +136,7 @@ static void the_camera_is_1_65_m_over_the_road(void **state)
             best = fmin(best, off);
         }
         assert_true(best < 4 && fabs(p[2] - height) < 0.05);
-        close_source(source);
+        sim_source_close(source);
     }
 }
 
@@ -175,7 +159,7 @@ static double part_of_cars(const char *address)
         most = fmax(most, (double)cars / PIXELS);
         ops->requeue(source, &frame);
     }
-    close_source(source);
+    sim_source_close(source);
     return most;
 }
 
@@ -219,7 +203,7 @@ static void frames_agree_by_their_truth(void **state)
         double A[12], aa = 0, ab = 0, bb = 0, sa = 0, sb = 0;
         int count = 0;
         snprintf(address, sizeof address, "road?seed=%d&objects=0&noise=0", seed);
-        struct fovea_source *source = open_at(address, 12);
+        struct fovea_source *source = sim_source_open_at(address, 12);
         const struct fovea_camera *camera = &ops->info(source)->rig.cameras[0].camera;
         assert_int_equal(ops->dequeue(source, 0, &a), FOVEA_OK);
         assert_int_equal(ops->dequeue(source, 0, &b), FOVEA_OK);
@@ -258,7 +242,7 @@ static void frames_agree_by_their_truth(void **state)
         print_message("seed %d: %d pixels in both frames, correlation %.3f\n", seed, count,
                       correlation);
         assert_true(count > 10000 && correlation > 0.8);
-        close_source(source);
+        sim_source_close(source);
     }
 }
 

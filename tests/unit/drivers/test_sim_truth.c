@@ -11,24 +11,13 @@
 
 #include <cmocka.h>
 
-#include "../../../drivers/sim/sim.h"
+#include "common/sim_source.h"
 
 static struct fovea_source *open_at(const char *address, uint64_t start, struct fovea_frame *frame)
 {
-    struct fovea_source *source = NULL;
-    struct fovea_error error;
-    const struct fovea_source_selection selection = {.start = start, .step = 1};
-    if (fv_source_sim.open(address, &selection, &source, &error) != FOVEA_OK)
-        fail_msg("%s", error.text);
-    assert_int_equal(fv_source_sim.start(source, &error), FOVEA_OK);
+    struct fovea_source *source = sim_source_open_at(address, start);
     assert_int_equal(fv_source_sim.dequeue(source, 0, frame), FOVEA_OK);
     return source;
-}
-
-static void close_source(struct fovea_source *source)
-{
-    fv_source_sim.stop(source);
-    fv_source_sim.close(source);
 }
 
 /* ---- rays by brute force --------------------------------------------------------------------- */
@@ -151,7 +140,7 @@ static void check_rays(const char *address, uint64_t start)
     print_message("%s frame %d: %d rays (%d on bodies), %d differ (edges), others within %.1e\n",
                   address, (int)start, count, rounds, wrong, worst);
     assert_true(wrong * 500 <= count);
-    close_source(source);
+    sim_source_close(source);
 }
 
 static void test_depth_and_classes(void **state)
@@ -200,7 +189,7 @@ static void test_classes_of_what_stands(void **state)
         assert_int_equal(high[FOVEA_TRUTH_BACKGROUND], seen[FOVEA_TRUTH_BACKGROUND]);
         assert_true(100 * low[FOVEA_TRUTH_WALL] <= seen[FOVEA_TRUTH_WALL]);
         assert_true(100 * low[FOVEA_TRUTH_OBSTACLE] <= seen[FOVEA_TRUTH_OBSTACLE]);
-        close_source(source);
+        sim_source_close(source);
     }
     for (int kind = 0; kind < FOVEA_TRUTH_CLASS_COUNT; kind++)
         print_message("class %d: %d pixels\n", kind, all[kind]);
@@ -306,7 +295,7 @@ static void test_boxes(void **state)
             }
             checked[o->object_class]++;
         }
-        close_source(source);
+        sim_source_close(source);
     }
     print_message("boxes checked: ball %d cone %d box %d person %d, sides within %.2f px\n",
                   checked[1], checked[2], checked[3], checked[4], worst);
@@ -349,8 +338,8 @@ static void test_visible_fraction(void **state)
                 compared++;
             }
         }
-        close_source(source);
-        close_source(part);
+        sim_source_close(source);
+        sim_source_close(part);
     }
     print_message("visible fraction: %d cut objects agree with a wider image\n", compared);
     assert_true(compared >= 5);
@@ -486,8 +475,8 @@ static void check_pictures(const char *address, uint64_t start, uint64_t later)
     assert_true(tiles >= 40);
     assert_true(median <= 3.0 && high <= 16.0);
     assert_true(shifts[tiles / 2] <= 0.06 && rms <= 0.15);
-    close_source(a.source);
-    close_source(b.source);
+    sim_source_close(a.source);
+    sim_source_close(b.source);
 }
 
 static void test_pictures_fit(void **state)
@@ -508,7 +497,7 @@ static void test_truth_needs_a_held_frame(void **state)
     struct fovea_source *source = open_at("still?width=64&height=64", 0, &frame);
     fv_source_sim.requeue(source, &frame);
     assert_int_equal(fv_source_sim.truth(source, &frame, &truth), FOVEA_ERROR_ARGUMENT);
-    close_source(source);
+    sim_source_close(source);
 }
 
 int main(void)
