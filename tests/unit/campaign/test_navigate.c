@@ -95,6 +95,17 @@ static void a_gap_wider_than_the_robot_is_passed(void **state)
     assert_true(arrives(&farthest) && farthest > 0.8 && farthest < 1.2);
 }
 
+static void a_gap_narrower_than_the_robot_is_not(void **state)
+{
+    double farthest;
+    (void)state;
+    begin(3, 0, FREE);
+    fill(1.4, 1.6, -5, 3.5, OCCUPIED);
+    fill(1.4, 1.6, -0.15, 0.15, FREE);
+    plan();
+    assert_true(arrives(&farthest) && farthest > 3.7);
+}
+
 /* What is not known costs three times as much as what is free. */
 static void a_free_way_is_preferred_to_an_unknown_one(void **state)
 {
@@ -139,6 +150,7 @@ int main(void)
         cmocka_unit_test(it_goes_straight_where_all_is_free),
         cmocka_unit_test(it_goes_round_a_wall),
         cmocka_unit_test(a_gap_wider_than_the_robot_is_passed),
+        cmocka_unit_test(a_gap_narrower_than_the_robot_is_not),
         cmocka_unit_test(a_free_way_is_preferred_to_an_unknown_one),
         cmocka_unit_test(what_is_not_known_is_entered_slowly),
         cmocka_unit_test(a_goal_beyond_the_grid_is_driven_towards),
