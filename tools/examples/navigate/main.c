@@ -4,7 +4,7 @@
  *     navigate X Y [--url URL] [--prefix FOVEA] [--radius 0.2] [--speed 0.5] [--turning 1.2]
  *
  * X, Y: the goal in metres in the frame odom, which is where the body was at the start: ahead, and
- * to the left. Start it before the run, for example
+ * to the left. Start it before the run, or within 20 s of it, for example
  *
  *     build/examples/navigate 8 -1.5 &
  *     fovea run --source 'sim:drive?commands=1&baseline=0.12' --model src/detect/segmenter.fvm \
@@ -127,8 +127,9 @@ static bool read_options(int argc, char **argv, double goal[2])
            strlen(self.prefix) < 32;
 }
 
-/* Until the run has been silent for long after its first pose, as at its end. A packet may be lost:
- * after two seconds the last frame is answered again, so that lock-step goes on. */
+/* Until the run has been silent for long after its first pose, as at its end. A pose or an answer
+ * may be lost, or have been sent before this program listened: after two seconds of silence
+ * whichever frame waits is answered, so that lock-step goes on. */
 static void drive(void)
 {
     int quiet = 0;
@@ -136,7 +137,7 @@ static void drive(void)
         const int handled = lcm_handle_timeout(self.lcm, QUIET_MS);
         if (handled < 0) return;
         quiet = handled > 0 || self.poses == 0 ? 0 : quiet + 1;
-        if (quiet > 0) ask(-1, 0, 0);
+        if (handled == 0) ask(-1, 0, 0);
     }
 }
 
