@@ -51,20 +51,21 @@ static int64_t due_of(struct fv_loop *loop, const struct fovea_frame *frame, int
     return loop->last_due_ns;
 }
 
-/* Whether to drop a frame that was due `late_ns` ago; tells apart a busy loop from one that had no
- * processor.
+/* Whether to drop a frame that was due `late_ns` ago. A dropped frame tells apart a busy loop from
+ * one that had no processor: `own_late_ns` is how late it would be had the loop had a processor to
+ * itself, by what it used of one since the frame before.
  */
-static bool too_late(struct fv_loop *loop, int64_t late_ns)
+static bool too_late(struct fv_loop *loop, int64_t due_ns, int64_t late_ns)
 {
-    if (late_ns <= FV_LOOP_QUEUE * loop->period_ns) {
-        loop->mark_wall_ns = now_ns();
-        loop->mark_cpu_ns = fv_clock_ns(CLOCK_THREAD_CPUTIME_ID);
-        return false;
-    }
-    int64_t wall_ns = now_ns() - loop->mark_wall_ns;
-    int64_t cpu_ns = fv_clock_ns(CLOCK_THREAD_CPUTIME_ID) - loop->mark_cpu_ns;
+    const int64_t cpu_ns = fv_clock_ns(CLOCK_THREAD_CPUTIME_ID);
+    const int64_t late_max_ns = FV_LOOP_QUEUE * loop->period_ns;
+    loop->own_late_ns += cpu_ns - loop->mark_cpu_ns - (due_ns - loop->mark_due_ns);
+    if (loop->own_late_ns < 0) loop->own_late_ns = 0;
+    loop->mark_cpu_ns = cpu_ns;
+    loop->mark_due_ns = due_ns;
+    if (late_ns <= late_max_ns) return false;
     loop->counts.late++;
-    if (cpu_ns < wall_ns / 2) loop->counts.starved++;
+    if (loop->own_late_ns <= late_max_ns) loop->counts.starved++;
     return true;
 }
 
@@ -99,7 +100,7 @@ static enum taken take_frame(struct fv_loop *loop, struct fovea_frame *frame, in
         int64_t due_ns = due_of(loop, frame, asked_ns);
         sleep_until(loop, due_ns);
         *late_ns = now_ns() - due_ns;
-        if (!too_late(loop, *late_ns)) return TAKEN_FRAME;
+        if (!too_late(loop, due_ns, *late_ns)) return TAKEN_FRAME;
         loop->ops->requeue(loop->source, frame);
         asked_ns = now_ns();
     }
@@ -257,8 +258,9 @@ void fv_loop_run(struct fv_loop *loop)
     prepare(loop);
     fv_realtime_touch_stack();
     struct span begin = span_begin();
-    loop->mark_wall_ns = begin.wall_ns;
+    loop->mark_due_ns = begin.wall_ns;
     loop->mark_cpu_ns = begin.cpu_ns;
+    loop->own_late_ns = 0;
     fv_heap_arm();
     for (;;) {
         if (loop->hooks.pace != NULL && !loop->real_time) loop->hooks.pace(loop->hooks.context);

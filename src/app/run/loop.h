@@ -63,8 +63,7 @@ struct fv_loop_counts {
     uint64_t lost;      /* of the processed: state `lost`; the rest was looking for a start */
     uint64_t refused;   /* of these: not taken by the step (stamp, format, paused) */
     uint64_t late;      /* of these: dropped since the loop was busy or had no processor time */
-    uint64_t starved;   /* of the late: the loop had less than half of a processor while the frame
-                           waited */
+    uint64_t starved;   /* of the late: in time if the loop had had a processor to itself */
     uint64_t without_frame;
 };
 
@@ -92,8 +91,9 @@ struct fv_loop {
     struct fovea_governor governor;
     int64_t period_ns; /* nominal time between frames */
     int64_t last_stamp_ns, last_due_ns;
-    enum fovea_clock clock;            /* of the last frame */
-    int64_t mark_wall_ns, mark_cpu_ns; /* when the loop last was in time */
+    enum fovea_clock clock;           /* of the last frame */
+    int64_t mark_due_ns, mark_cpu_ns; /* of the last frame taken by the clock */
+    int64_t own_late_ns; /* how late it would be had the loop had a processor to itself */
     bool any_frame;
     bool waiting; /* the last iteration of a live source was without a frame */
 };
