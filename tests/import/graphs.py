@@ -7,7 +7,7 @@ import sys
 import numpy as np
 
 import operators
-from operators import out_size
+from operator_cases import out_size
 
 LIMIT = 60000  # bytes of a tensor: the reference is slow
 
