@@ -117,6 +117,11 @@ clang_tests() {
     make --no-print-directory -j"$(nproc)" BUILD=build-clang CC=clang CXX=clang++ all tests && tools/run_tests.sh build-clang
 }
 
+# All tests under asan+ubsan, those too that CI leaves out there.
+asan_tests() {
+    make --no-print-directory -j"$(nproc)" BUILD=build-asan SAN=asan all tests && tools/run_tests.sh build-asan
+}
+
 # A million mutated packets on every input from a network, under asan+ubsan.
 packets() {
     make --no-print-directory BUILD=build-asan SAN=asan build-asan/tests/campaign/packets && build-asan/tests/campaign/packets "$1"
@@ -191,6 +196,7 @@ else
     part cameras cameras 1000 20000
     part hil make --no-print-directory hil
     part cross make --no-print-directory cross
+    part asan asan_tests
     part clang clang_tests
     part everywhere tests/replay/everywhere.sh --all 500
     part bisect tests/replay/bisect.sh

@@ -310,8 +310,8 @@ unplug
 part_unplug() {
 file=$frames/GREY-320x240.raw
 plug GREY "$file" 20
-check 'uvcvideo: unplugged 50 times: gone, back in time, nothing left behind' \
-    "$tool" read "v4l2:$usb" seconds=900 times=50 unplug='bash usb-unplug.sh' plug='bash usb-plug.sh'
+check "uvcvideo: unplugged ${HIL_UNPLUGS:-50} times: gone, back in time, nothing left behind" \
+    "$tool" read "v4l2:$usb" seconds=900 times="${HIL_UNPLUGS:-50}" unplug='bash usb-unplug.sh' plug='bash usb-plug.sh'
 starting() {
     for wait in 0 0.1 0.3; do
         (sleep $wait; bash usb-unplug.sh) &
