@@ -184,12 +184,11 @@ static void a_feed_changes_no_result(void **state)
     for (int i = 0; i < 2; i++) {
         pid_t reader = 0;
         char words[400];
-        snprintf(
-            words, sizeof words,
-            "run --source 'sim:orbit?width=160&height=120' --frames " FRAMES_TEXT
-            " --quiet --picture none "
-            "--set lcm_url= --trajectory @/%d %s",
-            i, i == 1 ? "--set web.socket=@/s" : "");
+        snprintf(words, sizeof words,
+                 "run --source 'sim:orbit?width=160&height=120' --frames " FRAMES_TEXT
+                 " --quiet --picture none "
+                 "--set lcm_url= --trajectory @/%d %s",
+                 i, i == 1 ? "--set web.socket=@/s" : "");
         if (i == 1 && (reader = fork()) == 0) { /* messages and frames, from the start to the end */
             const char *const arguments[] = {"read.png", "--feed", path, NULL};
             if (chdir(folder) != 0 || freopen("/dev/null", "w", stderr) == NULL ||
