@@ -14,8 +14,10 @@
  * bound: a first URI with " and " in it, as of a folder of such a name, cannot be stated; a second
  * one with " within " only with a bound behind it.
  *
- * Truth, samples, state and selection are the first source's. Where the second's cameras stand on
- * the body is for the calibration file to say (cam0, cam1 of a camchain). */
+ * Truth, samples, state and selection are the first source's, and so is the body: a velocity
+ * command is for the first, and the second has it too where it can be driven. Two that wait for the
+ * answer to each frame count their frames alike, from 0. Where the second's cameras stand on the
+ * body is for the calibration file to say (cam0, cam1 of a camchain). */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -230,10 +232,11 @@ static enum fovea_status side_take(struct side *side, int64_t deadline_ns)
     return status;
 }
 
-/* How long the second one may take: not at all while it has nothing and is known to be late. */
+/* How long a second camera may take: not at all while it has nothing and is known to be late. A
+ * second recording is waited for, if need be by the next call. */
 static int64_t second_deadline(const struct fovea_source *source, int64_t deadline_ns)
 {
-    if (!source->info.live) return INT64_MAX;
+    if (!source->info.live) return deadline_ns;
     if (source->second_away) return 0;
     const int64_t until_ns = fv_clock_ns(CLOCK_MONOTONIC) + source->patience_ns;
     return until_ns < deadline_ns ? until_ns : deadline_ns;
@@ -262,19 +265,23 @@ static void second_drop(struct fovea_source *source)
     give_back(second);
 }
 
-/* Bring the second one's frame up to the waiting one of the first. True: they are a pair. */
-static bool partner_take(struct fovea_source *source, int64_t deadline_ns)
+/* Bring the second one's frame up to the waiting one of the first. FOVEA_OK: they are a pair;
+ * FOVEA_END: the first one has no partner; FOVEA_AGAIN: it may still have; negative: the second has
+ * failed. */
+static enum fovea_status partner_take(struct fovea_source *source, int64_t deadline_ns)
 {
     const struct fovea_frame *a = &source->sides[0].frame;
     struct side *second = &source->sides[1];
-    while (side_take(second, second_deadline(source, deadline_ns)) == FOVEA_OK) {
+    for (;;) {
+        const enum fovea_status status = side_take(second, second_deadline(source, deadline_ns));
+        if (status < 0 || (status == FOVEA_AGAIN && !source->info.live)) return status;
+        if (status != FOVEA_OK) return FOVEA_END;
         const int64_t apart_ns = apart(second->frame.stamp_ns, a->stamp_ns);
         const bool one_clock = a->clock == second->frame.clock;
-        if (one_clock && apart_ns > source->bound_ns) return false; /* of a later one */
-        if (one_clock && apart_ns >= -source->bound_ns) return true;
+        if (one_clock && apart_ns > source->bound_ns) return FOVEA_END; /* of a later one */
+        if (one_clock && apart_ns >= -source->bound_ns) return FOVEA_OK;
         second_drop(source);
     }
-    return false;
 }
 
 /* The pictures and stamps of b behind those of a. */
@@ -299,10 +306,11 @@ static enum fovea_status pair_dequeue(struct fovea_source *source, int64_t deadl
     while (slot < source->held_max && source->held[slot].used)
         slot++;
     if (slot == source->held_max) return FOVEA_AGAIN;
-    const enum fovea_status status = side_take(first, deadline_ns);
-    if (status != FOVEA_OK) return status;
+    enum fovea_status status = side_take(first, deadline_ns);
+    if (status == FOVEA_OK) status = partner_take(source, deadline_ns);
+    if (!first->waits || status < 0 || status == FOVEA_AGAIN) return status;
     struct held *held = &source->held[slot];
-    held->both = partner_take(source, deadline_ns);
+    held->both = status == FOVEA_OK;
     held->used = true;
     held->own[0] = first->frame;
     first->waits = false;
@@ -409,6 +417,31 @@ static enum fovea_status pair_control(struct fovea_source *source,
     return status;
 }
 
+/* The first has it before the second, which need not be driven. */
+static enum fovea_status pair_drive(struct fovea_source *source,
+                                    const struct fovea_velocity_command *command,
+                                    struct fovea_error *error)
+{
+    const struct side *first = &source->sides[0], *second = &source->sides[1];
+    enum fovea_status status = fv_source_drive(first->ops, first->source, command, error);
+    if (status != FOVEA_OK) return status;
+    struct fovea_error said = {.text = ""};
+    status = fv_source_drive(second->ops, second->source, command, &said);
+    if (status == FOVEA_OK || status == FOVEA_ERROR_UNSUPPORTED) return FOVEA_OK;
+    if (error != NULL) *error = said;
+    return status;
+}
+
+static enum fovea_status pair_failure(const struct fovea_source *source, struct fovea_error *error)
+{
+    for (int i = 0; i < SIDES; i++) {
+        const struct side *side = &source->sides[i];
+        const enum fovea_status status = fv_source_failure(side->ops, side->source, error);
+        if (status != FOVEA_AGAIN) return status;
+    }
+    return FOVEA_AGAIN;
+}
+
 static void pair_reads(const struct fovea_source *source,
                        void (*visit)(void *context, const char *path), void *context)
 {
@@ -435,5 +468,7 @@ const struct fovea_source_ops fv_source_pair = {
     .complaint = pair_complaint,
     .reads = pair_reads,
     .control = pair_control,
+    .drive = pair_drive,
+    .failure = pair_failure,
     .takes_device = pair_takes_device,
 };

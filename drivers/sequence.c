@@ -553,6 +553,15 @@ static enum fovea_source_state sequence_state(const struct fovea_source *source)
     return source->playing == source->count ? FOVEA_SOURCE_ENDED : FOVEA_SOURCE_OK;
 }
 
+/* Of the part that is played. */
+static enum fovea_status sequence_failure(const struct fovea_source *source,
+                                          struct fovea_error *error)
+{
+    if (source->playing == source->count) return FOVEA_AGAIN;
+    const struct part *part = &source->parts[source->playing];
+    return fv_source_failure(part->ops, part->source, error);
+}
+
 static enum fovea_status sequence_complaint(struct fovea_source *source, struct fovea_error *error)
 {
     for (uint32_t i = 0; i < source->count; i++)
@@ -587,5 +596,6 @@ const struct fovea_source_ops fv_source_sequence = {
     .counts = sequence_counts,
     .state = sequence_state,
     .complaint = sequence_complaint,
+    .failure = sequence_failure,
     .reads = sequence_reads,
 };

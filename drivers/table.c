@@ -90,3 +90,31 @@ enum fovea_status fv_source_control(const struct fovea_source_ops *ops, struct f
                            "libcamera or sim",
                            ops->name, control == FOVEA_SOURCE_EXPOSURE ? "exposure" : "gain");
 }
+
+enum fovea_status fv_source_drive(const struct fovea_source_ops *ops, struct fovea_source *source,
+                                  const struct fovea_velocity_command *command,
+                                  struct fovea_error *error)
+{
+    if (ops->drive != NULL) return ops->drive(source, command, error);
+    return fovea_error_set(error, FOVEA_ERROR_UNSUPPORTED,
+                           "%s: found a velocity command, expected a source that can be driven",
+                           ops->name);
+}
+
+enum fovea_status fv_source_failure(const struct fovea_source_ops *ops,
+                                    const struct fovea_source *source, struct fovea_error *error)
+{
+    return ops->failure != NULL ? ops->failure(source, error) : FOVEA_AGAIN;
+}
+
+enum fovea_status fv_source_failed(const struct fovea_source_ops *ops,
+                                   const struct fovea_source *source, const char *uri,
+                                   enum fovea_status status, struct fovea_error *error)
+{
+    struct fovea_error why = {.text = ""};
+    if (fv_source_failure(ops, source, &why) == FOVEA_OK)
+        return fovea_error_set(error, status, "%.200s: %s", uri, why.text);
+    return fovea_error_set(error, status,
+                           "%.200s: found an error of the source (%s), expected a frame", uri,
+                           fovea_status_name(status));
+}

@@ -30,6 +30,21 @@ enum fovea_status fv_source_control(const struct fovea_source_ops *ops, struct f
                                     enum fovea_source_control control, double value,
                                     struct fovea_error *error);
 
+/* As ops->drive. FOVEA_ERROR_UNSUPPORTED, with a line, where the source has none. */
+enum fovea_status fv_source_drive(const struct fovea_source_ops *ops, struct fovea_source *source,
+                                  const struct fovea_velocity_command *command,
+                                  struct fovea_error *error);
+
+/* As ops->failure; FOVEA_AGAIN where the source has none. */
+enum fovea_status fv_source_failure(const struct fovea_source_ops *ops,
+                                    const struct fovea_source *source, struct fovea_error *error);
+
+/* The line about a source that gave this negative status, by the name that the user knows it by.
+ * Returns the status. */
+enum fovea_status fv_source_failed(const struct fovea_source_ops *ops,
+                                   const struct fovea_source *source, const char *uri,
+                                   enum fovea_status status, struct fovea_error *error);
+
 /* The driver for a URI "name:address" and where its address starts; an error that lists the known
  * names otherwise. */
 enum fovea_status fv_source_find(const char *uri, const struct fovea_source_ops **ops,

@@ -525,6 +525,18 @@ static enum fovea_status fault_control(struct fovea_source *source,
     return fv_source_control(source->ops, source->inner, control, value, error);
 }
 
+static enum fovea_status fault_drive(struct fovea_source *source,
+                                     const struct fovea_velocity_command *command,
+                                     struct fovea_error *error)
+{
+    return fv_source_drive(source->ops, source->inner, command, error);
+}
+
+static enum fovea_status fault_failure(const struct fovea_source *source, struct fovea_error *error)
+{
+    return fv_source_failure(source->ops, source->inner, error);
+}
+
 static void fault_reads(const struct fovea_source *source,
                         void (*visit)(void *context, const char *path), void *context)
 {
@@ -558,5 +570,7 @@ const struct fovea_source_ops fv_source_fault = {
     .complaint = fault_complaint,
     .reads = fault_reads,
     .control = fault_control,
+    .drive = fault_drive,
+    .failure = fault_failure,
     .takes_device = fault_takes_device,
 };

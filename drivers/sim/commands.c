@@ -57,17 +57,16 @@ static enum fovea_status wait_for(struct fv_sim_commands *c, uint64_t frame, int
         c->waits = true;
         c->waits_since_ns = now_ns;
     }
-    while (fv_thread_take(&c->waiting, deadline_ns)) {
+    const int64_t until_ns = c->waits_since_ns + (int64_t)(c->patience_s * 1e9);
+    while (fv_thread_take(&c->waiting, deadline_ns < until_ns ? deadline_ns : until_ns)) {
         const struct fovea_velocity_command command = take(c);
         if (command.sequence >= 0 && (uint64_t)command.sequence != frame - 1) continue;
         keep(c, &command, frame);
         c->waits = false;
         return FOVEA_OK;
     }
-    if (fv_clock_ns(CLOCK_MONOTONIC) - c->waits_since_ns <= FV_SIM_COMMANDS_WAIT_NS)
-        return FOVEA_AGAIN;
+    if (fv_clock_ns(CLOCK_MONOTONIC) < until_ns) return FOVEA_AGAIN;
     c->failed_frame = frame;
-    fv_sim_commands_end(c);
     return FOVEA_ERROR_INPUT;
 }
 
@@ -113,6 +112,16 @@ void fv_sim_commands_end(struct fv_sim_commands *c)
         atomic_store(&c->end, FV_SIM_COMMANDS_ENDED);
 }
 
+enum fovea_status fv_sim_commands_failure(const struct fv_sim_commands *c,
+                                          struct fovea_error *error)
+{
+    if (c->failed_frame == 0) return FOVEA_AGAIN;
+    return fovea_error_set(
+        error, FOVEA_OK,
+        "found no velocity_command_t with sequence %llu for %g s, expected an answer to each frame",
+        (unsigned long long)(c->failed_frame - 1), c->patience_s);
+}
+
 static void tell_goal(const struct fv_sim_drive *d, struct fovea_error *error)
 {
     const struct fv_sim_drive_tick *start = &d->tick[0];
@@ -134,12 +143,7 @@ enum fovea_status fv_sim_commands_tell(struct fv_sim_commands *c, const struct f
     }
     if (!c->enabled || atomic_load(&c->end) != FV_SIM_COMMANDS_ENDED) return FOVEA_AGAIN;
     atomic_store(&c->end, FV_SIM_COMMANDS_TOLD);
-    if (c->failed_frame > 0)
-        (void)fovea_error_set(
-            error, FOVEA_OK,
-            "sim: commands: found no velocity_command_t with sequence %llu for %d s, expected an answer to each frame",
-            (unsigned long long)(c->failed_frame - 1), (int)(FV_SIM_COMMANDS_WAIT_NS / 1000000000));
-    else if (d->reached >= 0)
+    if (d->reached >= 0)
         (void)fovea_error_set(
             error, FOVEA_OK,
             "sim: drive: at the goal after %.2f s, contacts %lld; the shortest way takes %.2f s at %g m/s",

@@ -15,12 +15,12 @@
 struct fv_sim_drive;
 
 enum { FV_SIM_COMMANDS_QUEUE = 16 };
-#define FV_SIM_COMMANDS_WAIT_NS INT64_C(20000000000) /* for the answer to one frame */
 
 enum fv_sim_commands_end { FV_SIM_COMMANDS_DRIVES, FV_SIM_COMMANDS_ENDED, FV_SIM_COMMANDS_TOLD };
 
 struct fv_sim_commands {
     bool enabled, by_clock;
+    double patience_s; /* for the answer to one frame */
     /* From the thread that brings them to the loop's. */
     struct fovea_velocity_command queue[FV_SIM_COMMANDS_QUEUE];
     atomic_uint brought, taken;
@@ -53,6 +53,9 @@ uint32_t fv_sim_commands_give(struct fv_sim_commands *commands, struct fovea_sam
                               uint32_t count_max);
 /* The drive has ended. Loop thread. */
 void fv_sim_commands_end(struct fv_sim_commands *commands);
+/* That the answer to a frame has not come for long; else FOVEA_AGAIN. */
+enum fovea_status fv_sim_commands_failure(const struct fv_sim_commands *commands,
+                                          struct fovea_error *error);
 /* A line on where the goal is, once, and when the drive has ended another on how it went; else
  * FOVEA_AGAIN. Off the loop thread. */
 enum fovea_status fv_sim_commands_tell(struct fv_sim_commands *commands,

@@ -100,6 +100,11 @@ static enum fovea_status check_together(const struct fv_sim_options *options,
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "sim: commands: found 1 with the trajectory %s, expected drive",
                                trajectory_name[options->trajectory]);
+    if (!options->commands &&
+        fv_sim_option_given(options, offsetof(struct fv_sim_options, patience_s)))
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "sim: patience: found %g without commands, expected commands=1",
+                               options->patience_s);
     if (options->trajectory != FV_SIM_FAST && options->turn_rate_deg_s != FV_SIM_TURN_DEG_S)
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "sim: turn_rate: found %g with the trajectory %s, expected fast",

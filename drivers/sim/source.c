@@ -203,6 +203,7 @@ static enum fovea_status begin_driven(struct fovea_source *source, struct fovea_
                                (unsigned long long)o->frames, most);
     source->commands.enabled = true;
     source->commands.by_clock = s->by_clock;
+    source->commands.patience_s = o->patience_s;
     source->info.sample_kinds |= 1u << FOVEA_SAMPLE_VELOCITY;
     if (!fv_sim_drive_begin(&source->world.drive, fv_sim_frame_time(source, 0),
                             (double)ticks * o->rate_hz, ticks * (int64_t)(o->frames + 2)))
@@ -489,7 +490,12 @@ static enum fovea_status sim_drive(struct fovea_source *source,
     return fv_sim_commands_bring(&source->commands, command, error);
 }
 
-/* How a driven robot's way ended, once: when it is at its goal, or no command came. */
+static enum fovea_status sim_failure(const struct fovea_source *source, struct fovea_error *error)
+{
+    return fv_sim_commands_failure(&source->commands, error);
+}
+
+/* Where a driven robot's goal is, and how its way ended, once each. */
 static enum fovea_status sim_complaint(struct fovea_source *source, struct fovea_error *error)
 {
     return fv_sim_commands_tell(&source->commands, &source->world.drive, error);
@@ -517,5 +523,6 @@ const struct fovea_source_ops fv_source_sim = {
     .state = sim_state,
     .control = sim_control,
     .drive = sim_drive,
+    .failure = sim_failure,
     .complaint = sim_complaint,
 };

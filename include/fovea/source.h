@@ -239,6 +239,10 @@ struct fovea_source_ops {
     enum fovea_status (*drive)(struct fovea_source *source,
                                const struct fovea_velocity_command *command,
                                struct fovea_error *error);
+    /* Why dequeue gave a negative status, as a line to stand behind the source's name: "found ...,
+     * expected ...". FOVEA_AGAIN: it gave none. By the thread that called dequeue, or when that has
+     * ended. NULL: it gives none, or no reason. */
+    enum fovea_status (*failure)(const struct fovea_source *source, struct fovea_error *error);
     /* Call `visit` with the path of every file that the open source has read or may read, and of
      * every folder of which it reads all files, so that none of them is overwritten. NULL: it reads
      * no files. Not on the loop thread. */

@@ -63,7 +63,7 @@ fovea_status drain(const fovea_source_ops *ops, fovea_source *source, const std:
     }
     ops->stop(source);
     if (status == FOVEA_END) return FOVEA_OK;
-    return fovea_error_set(error, FOVEA_ERROR_INPUT, "%.300s: the source failed", uri.c_str());
+    return fv_source_failed(ops, source, uri.c_str(), status, error);
 }
 
 } // namespace

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "calibrate/frames.h"
+#include "drivers/table.h"
 extern "C" {
 #include "support/say.h"
 }
@@ -84,7 +85,7 @@ fovea_status collect_moving(const std::string &source, const LiveImuSetup &imu, 
         if (status == FOVEA_END) break;
         if (status < 0) {
             frames.ops->stop(frames.source);
-            return fovea_error_set(error, status, "%.300s: the source failed", source.c_str());
+            return fv_source_failed(frames.ops, frames.source, source.c_str(), status, error);
         }
         if (status != FOVEA_OK) continue;
         if (begin_ns == INT64_MIN) begin_ns = frame.stamp_ns;

@@ -10,6 +10,7 @@
 #include <sys/stat.h>
 
 #include "calibrate/frames.h"
+#include "drivers/table.h"
 #include "support/text.h"
 extern "C" {
 #include "support/picture.h"
@@ -213,7 +214,7 @@ fovea_status collect_source(const std::string &uri, const Board &board, Refineme
         if (status == FOVEA_END) break;
         if (status < 0) {
             frames.ops->stop(frames.source);
-            return fovea_error_set(error, status, "%.300s: the source failed", uri.c_str());
+            return fv_source_failed(frames.ops, frames.source, uri.c_str(), status, error);
         }
         if (status != FOVEA_OK) continue;
         const bool there = finder.look(frame, views);

@@ -34,7 +34,7 @@ static const char *const pixel_class[FOVEA_TRUTH_CLASS_COUNT] = {
 enum { PATH_BYTES = 1024 };
 
 struct export_run {
-    const char *folder;
+    const char *folder, *uri;
     bool masks;
     const struct fovea_source_ops *ops;
     struct fovea_source *source;
@@ -123,7 +123,8 @@ static enum fovea_status write_frames(struct export_run *export, struct fovea_er
     enum fovea_status status = export->ops->start(export->source, error);
     if (status < 0) return status;
     while ((status = export->ops->dequeue(export->source, INT64_MAX, &frame)) != FOVEA_END) {
-        if (status < 0) return fovea_error_set(error, status, "export: the source failed");
+        if (status < 0)
+            return fv_source_failed(export->ops, export->source, export->uri, status, error);
         if (status != FOVEA_OK) continue;
         const enum fovea_status written = write_frame(export, &frame, error);
         export->ops->requeue(export->source, &frame);
@@ -237,6 +238,7 @@ int fv_command_export(int argc, char **argv)
     if (result != FV_OPTIONS_READ) return result == FV_OPTIONS_HELP ? FV_EXIT_OK : FV_EXIT_WRONG;
     struct fovea_error error;
     export.folder = argv[first];
+    export.uri = uri;
     if (fv_source_find(uri, &export.ops, &address, &error) != FOVEA_OK)
         return fv_say_wrong("%s", error.text);
     if (export.ops->open(address, &selection, &export.source, &error) != FOVEA_OK)

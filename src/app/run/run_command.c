@@ -19,6 +19,7 @@
 #include "app/run/signals.h"
 #include "support/stall.h"
 #include "drivers/clock.h"
+#include "drivers/table.h"
 #include "drivers/thread.h"
 #include "app/network/run_id.h"
 
@@ -534,10 +535,9 @@ static enum fovea_status run_loop(struct fv_run *run, struct fovea_error *error)
     fv_fast_pose_end(&run->fast_pose);
     fv_watch_close(&run->watch); /* the loop's until here */
     fv_run_health_end(run);
-    if (loop->status < 0)
-        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%.200s: the source failed (%s)",
-                               run->settings.source, fovea_status_name(loop->status));
-    return FOVEA_OK;
+    if (loop->status >= 0) return FOVEA_OK;
+    (void)fv_source_failed(loop->ops, loop->source, run->settings.source, loop->status, error);
+    return FOVEA_ERROR_SYSTEM; /* the run failed, whatever the source's status */
 }
 
 /* ---- the command ----------------------------------------------------------------------------- */

@@ -3,6 +3,7 @@
 #include <inttypes.h>
 #include <string.h>
 
+#include "drivers/table.h"
 #include "message/fields.h"
 #include "support/say.h"
 
@@ -44,10 +45,10 @@ static bool decode(const struct fv_received *received, fovea_velocity_command_t 
     return true;
 }
 
-/* Said once: the command is for a source of another kind. */
-static void say_not_driven(struct fv_velocity_input *input, const char *line)
+/* Said once, since a controller gets no answer. */
+static void say_dropped(struct fv_velocity_input *input, const char *why)
 {
-    if (!input->said) fv_say("velocity commands are dropped: %s", line);
+    if (!input->said) fv_say("velocity commands are dropped: %s", why);
     input->said = true;
 }
 
@@ -55,13 +56,9 @@ static enum fovea_status drive(struct fv_velocity_input *input,
                                const struct fovea_velocity_command *command,
                                struct fovea_error *error)
 {
-    if (input->ops->drive == NULL)
-        return fovea_error_set(error, FOVEA_ERROR_UNSUPPORTED,
-                               "%s: found a velocity command, expected a source that can be driven",
-                               input->ops->name);
     enum fovea_status status = FOVEA_END;
     pthread_mutex_lock(&input->lock);
-    if (input->source != NULL) status = input->ops->drive(input->source, command, error);
+    if (input->source != NULL) status = fv_source_drive(input->ops, input->source, command, error);
     pthread_mutex_unlock(&input->lock);
     return status;
 }
@@ -73,7 +70,7 @@ static void hand_over(struct fv_velocity_input *input, const fovea_velocity_comm
     memcpy(command.velocity_m_s, message->velocity_m_s, sizeof command.velocity_m_s);
     memcpy(command.angular_rate, message->angular_rate, sizeof command.angular_rate);
     const enum fovea_status status = drive(input, &command, &error);
-    if (status == FOVEA_ERROR_UNSUPPORTED) say_not_driven(input, error.text);
+    if (status < 0) say_dropped(input, error.text);
     if (status == FOVEA_END) return;
     add(status == FOVEA_OK      ? &input->taken
         : status == FOVEA_AGAIN ? &input->busy
@@ -98,10 +95,12 @@ static void take(void *context, const struct fv_received *received)
                                            .counter = message.counter,
                                            .mac = message.mac};
     const enum fv_command_verdict verdict = fv_command_gate_claim(gate, &claim);
-    if (verdict == FV_COMMAND_TAKEN)
+    if (verdict == FV_COMMAND_TAKEN) {
         hand_over(input, &message);
-    else
-        add(&input->refused);
+        return;
+    }
+    add(&input->refused);
+    say_dropped(input, fv_command_verdict_reason(verdict));
 }
 
 struct fv_receiver_channel fv_velocity_input_row(struct fv_velocity_input *input)

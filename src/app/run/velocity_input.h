@@ -18,7 +18,7 @@ struct fv_velocity_input {
     struct fovea_source *source; /* NULL: none any more */
     pthread_mutex_t lock;        /* of source: between the listener and the end of the run */
     char channel[FV_MESSAGE_CHANNEL_BYTES];
-    bool said; /* that the source is not driven */
+    bool said; /* that commands are dropped, and why the first was */
     atomic_uint_fast64_t taken, refused, malformed, busy;
 };
 

@@ -83,23 +83,27 @@ static void a_frame_waits_for_the_answer_to_the_one_before(void **state)
     sim_source_close(source);
 }
 
-/* After 20 s without an answer the source gives up, and says which frame had none. */
+/* After its patience without an answer the source gives up, and says which frame had none. */
 static void a_source_that_gets_no_answer_fails_with_its_reason(void **state)
 {
     struct fovea_source *source = sim_source_open(DRIVE, NULL);
     struct fovea_frame frame;
     (void)state;
+    assert_true(source->commands.patience_s == 20);
     assert_int_equal(ops->dequeue(source, 0, &frame), FOVEA_OK);
     ops->requeue(source, &frame);
     assert_int_equal(ops->dequeue(source, 0, &frame), FOVEA_AGAIN);
     assert_int_equal(ops->complaint(source, &error), FOVEA_OK);
     assert_non_null(strstr(error.text, "the goal is "));
     assert_int_equal(ops->complaint(source, &error), FOVEA_AGAIN);
-    source->commands.waits_since_ns -= FV_SIM_COMMANDS_WAIT_NS;
-    assert_int_equal(ops->dequeue(source, 0, &frame), FOVEA_ERROR_INPUT);
-    assert_int_equal(ops->complaint(source, &error), FOVEA_OK);
-    assert_non_null(strstr(error.text, "found no velocity_command_t with sequence 0 for 20 s"));
+    assert_int_equal(ops->failure(source, &error), FOVEA_AGAIN);
+    source->commands.waits_since_ns -= INT64_C(20000000000);
+    assert_int_equal(ops->dequeue(source, INT64_MAX, &frame), FOVEA_ERROR_INPUT);
     assert_int_equal(ops->complaint(source, &error), FOVEA_AGAIN);
+    assert_int_equal(ops->failure(source, &error), FOVEA_OK);
+    assert_string_equal(
+        error.text,
+        "found no velocity_command_t with sequence 0 for 20 s, expected an answer to each frame");
     sim_source_close(source);
 }
 
@@ -191,6 +195,8 @@ static void other_sources_and_selections_are_refused_by_name(void **state)
     assert_int_equal(ops->open(DRIVE "&frames=0", NULL, &source, &error), FOVEA_ERROR_INPUT);
     assert_int_equal(ops->open("orbit?commands=1", NULL, &source, &error), FOVEA_ERROR_INPUT);
     assert_non_null(strstr(error.text, "with the trajectory orbit, expected drive"));
+    assert_int_equal(ops->open("drive?patience=3", NULL, &source, &error), FOVEA_ERROR_INPUT);
+    assert_non_null(strstr(error.text, "found 3 without commands, expected commands=1"));
 }
 
 static void more_than_a_few_at_once_are_refused(void **state)

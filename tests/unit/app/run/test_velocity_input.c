@@ -116,6 +116,7 @@ static void the_network_drives_only_where_it_is_allowed_to(void **state)
     open_input(&ops, FV_COMMAND_ALL, false); /* all others */
     send(&ahead, false, false, 0);
     assert_int_equal(drives, 0);
+    assert_true(input.said);
     expect_counts(0, 1, 0, 0);
     open_input(&ops, FV_COMMAND_VELOCITY, false);
     send(&ahead, false, false, 0);
@@ -128,7 +129,9 @@ static void with_a_key_each_command_counts_once(void **state)
     fovea_velocity_command_t message = ahead;
     (void)state;
     open_input(&ops, FV_COMMAND_AUTO, true);
+    assert_false(input.said);
     send(&message, false, true, 0); /* no code */
+    assert_true(input.said);
     message.counter = 5;
     send(&message, true, true, 0); /* for no run */
     message.run_id = RUN;
