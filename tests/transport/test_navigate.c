@@ -1,6 +1,7 @@
 /* The navigator drives a run of the simulated robot over LCM, in a network of the test's own: frame
  * by frame in lock-step, twice to the same bits, and its commands are in the recording, which
- * replays. A grid in which all is free stands for what a network would see. */
+ * replays. With a key it signs its commands, to the same bits again; without, a run that has one
+ * refuses them. A grid in which all is free stands for what a network would see. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -9,10 +10,12 @@
 #include <libgen.h>
 #include <math.h>
 #include <netinet/in.h>
+#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/socket.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -77,25 +80,51 @@ static void send_grid(void)
     close(udp);
 }
 
+static const char *key_path(const char *before)
+{
+    static char path[128];
+    snprintf(path, sizeof path, "%s%s/command.key", before, folder);
+    return path;
+}
+
 /* One drive; its recording and its trajectory are `name` in the folder. */
-static void drive(const char *name)
+static void drive(const char *name, bool keyed)
 {
     char navigate[640], fovea[640], recording[128], trajectory[128], line[512], last[512] = "";
+    char key[128], command_key[128];
     pid_t navigator, runtime;
     int status, taken = -1;
     snprintf(navigate, sizeof navigate, "%s/examples/navigate", build);
     snprintf(fovea, sizeof fovea, "%s/fovea", build);
     snprintf(recording, sizeof recording, "%s/%s.log", folder, name);
     snprintf(trajectory, sizeof trajectory, "%s/%s.tum", folder, name);
-    const char *const controller[] = {navigate, "0.8", "0", "--url", URL, NULL};
+    snprintf(key, sizeof key, "%s", key_path(""));
+    snprintf(command_key, sizeof command_key, "%s", key_path("command_key="));
+    const char *const controller[] = {navigate, "0.8", "0", "--url", URL, keyed ? "--key" : NULL,
+                                      key,      NULL};
     FILE *heard = start(controller, &navigator);
     assert_non_null(fgets(line, sizeof line, heard));
     assert_string_equal(line, "listening\n");
     send_grid();
-    const char *const run[] = {fovea,          "run",       "--source", DRIVE,          "--frames",
-                               "45",           "--picture", "none",     "--record",     recording,
-                               "--trajectory", trajectory,  "--set",    "lcm_url=" URL, "--set",
-                               T_BODY_CAM,     NULL};
+    const char *const run[] = {fovea,
+                               "run",
+                               "--source",
+                               DRIVE,
+                               "--frames",
+                               "45",
+                               "--picture",
+                               "none",
+                               "--record",
+                               recording,
+                               "--trajectory",
+                               trajectory,
+                               "--set",
+                               "lcm_url=" URL,
+                               "--set",
+                               T_BODY_CAM,
+                               keyed ? "--set" : NULL,
+                               command_key,
+                               NULL};
     FILE *said = start(run, &runtime);
     while (fgets(line, sizeof line, said) != NULL)
         (void)sscanf(line, " velocity commands: %d taken, 0 refused, 0 malformed", &taken);
@@ -143,8 +172,8 @@ static void a_run_is_driven_in_lock_step_and_repeats(void **state)
     char command[1024];
     double way;
     (void)state;
-    drive("one");
-    drive("two");
+    drive("one", false);
+    drive("two", true);
     const size_t bytes = read_path("one", one, &way);
     assert_int_equal(read_path("two", two, &way), bytes);
     assert_memory_equal(one, two, bytes);
@@ -156,6 +185,49 @@ static void a_run_is_driven_in_lock_step_and_repeats(void **state)
     assert_int_equal(WEXITSTATUS(system(command)), 0);
 }
 
+/* And the run says why it ends: which source, what it found and what it expected. */
+static void a_run_with_a_key_takes_nothing_that_is_not_signed(void **state)
+{
+    char navigate[640], command[2048], line[512];
+    pid_t navigator;
+    int taken = 0;
+    bool ended = false;
+    (void)state;
+    snprintf(navigate, sizeof navigate, "%s/examples/navigate", build);
+    const char *const controller[] = {navigate, "0.8", "0", "--url", URL, NULL};
+    FILE *heard = start(controller, &navigator);
+    assert_non_null(fgets(line, sizeof line, heard));
+    snprintf(command, sizeof command,
+             "%s/fovea run --source '" DRIVE "&patience=1' --frames 3 --picture none"
+             " --set 'lcm_url=" URL "' --set %s 2>&1",
+             build, key_path("command_key="));
+    FILE *said = popen(command, "r"); /* NOLINT(bugprone-command-processor) */
+    assert_non_null(said);
+    while (fgets(line, sizeof line, said) != NULL) {
+        ended |= strstr(line, DRIVE "&patience=1: found no velocity_command_t with sequence 0 "
+                                    "for 1 s, expected an answer to each frame\n") != NULL;
+        assert_null(strstr(line, "malformed input"));
+        (void)sscanf(line, " velocity commands: %d taken", &taken);
+        if (strstr(line, "velocity commands") != NULL) print_message("%s", line);
+    }
+    assert_int_equal(WEXITSTATUS(pclose(said)), 1);
+    assert_true(ended && taken == 0);
+    kill(navigator, SIGTERM);
+    assert_int_equal(waitpid(navigator, NULL, 0), navigator);
+    fclose(heard);
+}
+
+static int set_up(void **state)
+{
+    (void)state;
+    FILE *file = fopen(key_path(""), "w");
+    assert_non_null(file);
+    assert_int_equal(fchmod(fileno(file), 0600), 0);
+    fputs("000102030405060708090a0b0c0dFEff\n", file);
+    fclose(file);
+    return 0;
+}
+
 static void wrong_arguments_are_refused(void **state)
 {
     char command[1024];
@@ -163,6 +235,9 @@ static void wrong_arguments_are_refused(void **state)
     snprintf(command, sizeof command, "%s/examples/navigate 1 nan 2>/dev/null", build);
     assert_int_equal(WEXITSTATUS(system(command)), 2);
     snprintf(command, sizeof command, "%s/examples/navigate 1 2 --speed 0 2>/dev/null", build);
+    assert_int_equal(WEXITSTATUS(system(command)), 2);
+    snprintf(command, sizeof command, "%s/examples/navigate 1 2 --key /dev/null 2>/dev/null",
+             build);
     assert_int_equal(WEXITSTATUS(system(command)), 2);
 }
 
@@ -191,7 +266,8 @@ int main(int argc, char **argv)
     if (mkdtemp(folder) == NULL) return 1;
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_run_is_driven_in_lock_step_and_repeats),
+        cmocka_unit_test(a_run_with_a_key_takes_nothing_that_is_not_signed),
         cmocka_unit_test(wrong_arguments_are_refused),
     };
-    return cmocka_run_group_tests(tests, NULL, tear_down);
+    return cmocka_run_group_tests(tests, set_up, tear_down);
 }

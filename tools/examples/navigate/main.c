@@ -2,6 +2,7 @@
  * by LCM, velocity commands go out.
  *
  *     navigate X Y [--url URL] [--prefix FOVEA] [--radius 0.2] [--speed 0.5] [--turning 1.2]
+ *         [--key FILE [--run-id N] [--sender 1]]
  *
  * X, Y: the goal in metres in the frame odom, which is where the body was at the start: ahead, and
  * to the left. Start it before the run, or within 20 s of it, for example
@@ -12,7 +13,11 @@
  *
  * Every pose is answered, so that sim:drive goes on in lock-step. Without a pose in metres, and
  * when nothing comes for two seconds, the robot is asked to stand. Exit 0: at the goal. The planner
- * is in plan.c. A run with command_key needs more: tools/subscribers/command.py shows what. */
+ * is in plan.c.
+ *
+ * A run with command_key takes only what was signed with its key: --key names the file. The number
+ * of the run that is meant is heard on PREFIX_RUN, or given by --run-id; each program that shares
+ * the key needs a --sender of its own. The code is made in sign.c. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdbool.h>
@@ -24,34 +29,67 @@
 #include <lcm/lcm.h>
 
 #include "plan.h"
+#include "sign.h"
 
 #include "fovea_grid_t.h"
 #include "fovea_pose_t.h"
+#include "fovea_run_t.h"
 #include "fovea_velocity_command_t.h"
 
 enum { QUIET_MS = 2000, QUIET_MOST = 15 };
 
 static struct {
     lcm_t *lcm;
-    const char *url, *prefix;
+    const char *url, *prefix, *key_path;
     char command_channel[64];
+    struct navigate_key key;
+    int64_t run_id, sender, counter; /* with a key; run_id 0: not known yet */
+    struct navigate_motion motion;   /* the last that was asked for */
     struct navigate_robot robot;
     struct navigate planner;
     int8_t cells[NAVIGATE_CELLS_MAX];
+    fovea_run_t_subscription_t *runs; /* while the run to sign for is not known */
     bool planned, arrived;
     int64_t frame, poses, grids, stood;
-} self = {.prefix = "FOVEA", .robot = {0.2, 0.5, 1.2}};
+} self = {.prefix = "FOVEA", .robot = {0.2, 0.5, 1.2}, .sender = 1};
 
-static void ask(int64_t sequence, double speed_m_s, double turning_rad_s)
+/* For this run alone, once, and by who knows the key: the message is encoded with mac 0, and then
+ * with the code of these bytes. */
+static void sign(fovea_velocity_command_t *command, int64_t now_ns)
+{
+    uint8_t data[256];
+    self.counter = now_ns > self.counter ? now_ns : self.counter + 1; /* it must rise */
+    command->run_id = self.run_id;
+    command->sender = self.sender;
+    command->counter = self.counter;
+    const int bytes = fovea_velocity_command_t_encode(data, 0, sizeof data, command);
+    if (bytes > 0) command->mac = navigate_sign(&self.key, data, (size_t)bytes);
+}
+
+static void ask(int64_t sequence, struct navigate_motion motion)
 {
     struct timespec now;
+    self.motion = motion;
+    if (self.key_path != NULL && self.run_id == 0) return; /* on_run asks */
     clock_gettime(CLOCK_REALTIME, &now);
-    const fovea_velocity_command_t command = {.utime = now.tv_sec * INT64_C(1000000) +
-                                                       now.tv_nsec / 1000,
-                                              .sequence = sequence,
-                                              .velocity_m_s = {speed_m_s, 0, 0},
-                                              .angular_rate = {0, 0, turning_rad_s}};
+    fovea_velocity_command_t command = {.utime = now.tv_sec * INT64_C(1000000) + now.tv_nsec / 1000,
+                                        .sequence = sequence,
+                                        .velocity_m_s = {motion.speed_m_s, 0, 0},
+                                        .angular_rate = {0, 0, motion.turning_rad_s}};
+    if (self.key_path != NULL) sign(&command, now.tv_sec * INT64_C(1000000000) + now.tv_nsec);
     fovea_velocity_command_t_publish(self.lcm, self.command_channel, &command);
+}
+
+/* Which run is to be signed for; the pose that came before is answered now. */
+static void on_run(const lcm_recv_buf_t *packet, const char *channel, const fovea_run_t *run,
+                   void *context)
+{
+    (void)packet;
+    (void)channel;
+    (void)context;
+    if (self.run_id != 0) return;
+    self.run_id = run->run_id;
+    if (self.poses > 0) ask(self.frame, self.motion);
 }
 
 /* A grid may come in several pieces, by rows; the last one completes it. */
@@ -97,7 +135,7 @@ static void on_pose(const lcm_recv_buf_t *packet, const char *channel, const fov
     } else {
         self.stood++;
     }
-    ask(self.frame, motion.speed_m_s, motion.turning_rad_s);
+    ask(self.frame, motion);
 }
 
 static bool read_options(int argc, char **argv, double goal[2])
@@ -114,6 +152,12 @@ static bool read_options(int argc, char **argv, double goal[2])
             self.url = argv[i + 1];
         else if (strcmp(argv[i], "--prefix") == 0)
             self.prefix = argv[i + 1];
+        else if (strcmp(argv[i], "--key") == 0)
+            self.key_path = argv[i + 1];
+        else if (strcmp(argv[i], "--run-id") == 0)
+            self.run_id = strtoll(argv[i + 1], NULL, 10);
+        else if (strcmp(argv[i], "--sender") == 0)
+            self.sender = strtoll(argv[i + 1], NULL, 10);
         else if (strcmp(argv[i], "--radius") == 0)
             self.robot.radius_m = number;
         else if (strcmp(argv[i], "--speed") == 0)
@@ -127,6 +171,14 @@ static bool read_options(int argc, char **argv, double goal[2])
            strlen(self.prefix) < 32;
 }
 
+/* Heard until the run is known: it is sent once a second, which would hide the silence of poses. */
+static void unsubscribe_from_runs(bool now)
+{
+    if (!now || self.runs == NULL) return;
+    fovea_run_t_unsubscribe(self.lcm, self.runs);
+    self.runs = NULL;
+}
+
 /* Until the run has been silent for long after its first pose, as at its end. A pose or an answer
  * may be lost, or have been sent before this program listened: after two seconds of silence
  * whichever frame waits is answered, so that lock-step goes on. */
@@ -137,7 +189,8 @@ static void drive(void)
         const int handled = lcm_handle_timeout(self.lcm, QUIET_MS);
         if (handled < 0) return;
         quiet = handled > 0 || self.poses == 0 ? 0 : quiet + 1;
-        if (handled == 0) ask(-1, 0, 0);
+        if (handled == 0) ask(-1, (struct navigate_motion){0});
+        unsubscribe_from_runs(self.run_id != 0);
     }
 }
 
@@ -147,7 +200,14 @@ int main(int argc, char **argv)
     char channel[64];
     if (!read_options(argc, argv, goal)) {
         fprintf(stderr, "usage: navigate X Y [--url URL] [--prefix FOVEA] [--radius M] [--speed "
-                        "M_S] [--turning RAD_S]\n");
+                        "M_S] [--turning RAD_S] [--key FILE] [--run-id N] [--sender N]\n");
+        return 2;
+    }
+    if (self.key_path != NULL && !navigate_key_read(self.key_path, &self.key)) {
+        fprintf(stderr,
+                "navigate: --key: found no key in %s, expected a file of 32 hexadecimal "
+                "digits\n",
+                self.key_path);
         return 2;
     }
     self.lcm = lcm_create(self.url);
@@ -159,12 +219,16 @@ int main(int argc, char **argv)
     snprintf(channel, sizeof channel, "%s_POSE", self.prefix);
     fovea_pose_t_subscription_t *poses = fovea_pose_t_subscribe(self.lcm, channel, on_pose, NULL);
     if (grids == NULL || poses == NULL) return 1;
+    snprintf(channel, sizeof channel, "%s_RUN", self.prefix);
+    if (self.key_path != NULL && self.run_id == 0)
+        self.runs = fovea_run_t_subscribe(self.lcm, channel, on_run, NULL);
     printf("listening\n");
     fflush(stdout);
     drive();
     printf("%s after %" PRId64 " poses, of which %" PRId64 " could not be steered by; %" PRId64
            " grids\n",
            self.arrived ? "at the goal" : "not at the goal", self.poses, self.stood, self.grids);
+    unsubscribe_from_runs(true);
     fovea_grid_t_unsubscribe(self.lcm, grids);
     fovea_pose_t_unsubscribe(self.lcm, poses);
     lcm_destroy(self.lcm);
