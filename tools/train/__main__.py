@@ -64,7 +64,7 @@ def parse():
     shipped = add_shipped(commands, "shipped", "the detector", "build/train/detector.fvm", weights.SHIPPED, 150, 1)
     for command in (own, shipped):
         command.add_argument("--score", type=float, default=0.3, help="score threshold written into the model, default 0.3")
-    segmenter = add_shipped(commands, "shipped-segmentation", "the network that labels pixels", "build/train/segmenter.fvm", segmentation.WEIGHTS, 260, 3)
+    segmenter = add_shipped(commands, "shipped-segmentation", "the network that labels pixels", "build/train/segmenter.fvm", segmentation.WEIGHTS, 560, 3)
     for command in (own, shipped, pixels, segmenter):
         command.add_argument("--seed", type=int, default=1)
     return parser.parse_args()

@@ -20,6 +20,7 @@ class Kind(NamedTuple):
 CROWDED = Kind({"wander": 9, "orbit": 4, "tour": 2, "corridor": 1, "fast": 1, "still": 1}, (24, 32, 48, 48))
 PLACES = Kind({"wander": 6, "orbit": 4, "tour": 5, "corridor": 3, "fast": 1, "still": 1, "road": 2}, (0, 6, 12, 24, 40))
 DRIVES = Kind({"drive": 1}, (0, 3, 6, 8))
+ROADS = Kind({"road": 1}, (0, 3, 6, 8))
 UNSEEN = Kind(PLACES.trajectories | {"drive": 6}, PLACES.objects, (7 * 10**6, 8 * 10**6))
 
 

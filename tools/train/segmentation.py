@@ -23,6 +23,7 @@ OF_EXPORT = np.array([4, 3, 3, 3, 3, 0, 1, 2], np.uint8)  # background; ball, co
 MOVABLE = CLASSES.index("movable")
 WEIGHTS = os.path.join(os.path.dirname(weights_module.SHIPPED), "segmenter.npz")
 SHOWN_EVERY = 1000  # steps
+PLACES = [("places", scenes_module.PLACES, 50), ("drives", scenes_module.DRIVES, 36), ("roads", scenes_module.ROADS, 14)]  # of 100 worlds
 
 
 def labelled(scenes):
@@ -68,15 +69,16 @@ def finish(trained, scenes, samples, names, colours, output, task, photographs=N
 def train_shipped(arguments):
     keras.utils.set_random_seed(arguments.seed)
     weights_module.quick_arithmetic()
-    photos_folder, scenes_folder = os.path.join(arguments.work, "backgrounds"), os.path.join(arguments.work, "places")
+    photos_folder = os.path.join(arguments.work, "backgrounds")
     backgrounds.fetch(photos_folder)
     photos = backgrounds.read(photos_folder)
     photographs = augment.Backgrounds(photos, [], np.full(len(photos), 1 / len(photos)))
 
     def rendered(worlds, seed):
-        found = scenes_module.render_many(arguments.fovea, scenes_folder, worlds, 12, seed, scenes_module.PLACES)
-        drives = scenes_module.render_many(arguments.fovea, os.path.join(arguments.work, "drives"), -(-worlds // 4), 12, seed, scenes_module.DRIVES)
-        return labelled(found + drives)
+        found = []
+        for folder, kind, share in PLACES:
+            found += scenes_module.render_many(arguments.fovea, os.path.join(arguments.work, folder), -(-worlds * share // 100), 12, seed, kind)
+        return labelled(found)
 
     scenes, held_out = rendered(arguments.worlds, arguments.data_seed), rendered(max(4, arguments.worlds // 12), arguments.data_seed + 1)
     samples = whole(held_out, 200, 11)
