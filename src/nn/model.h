@@ -22,8 +22,7 @@
  * point, so that zeroed memory is the real zero. One FV_OP_COPY reads it, into the tensor that was
  * an input of the .tflite file, and a later one writes it, from the tensor that the next run shall
  * see there; both through a table where zero points or quantisations differ. Nothing else reads or
- * writes it, and no other tensor shares its bytes of the arena. A file with states has version 3,
- * one without them version 2.
+ * writes it, and no other tensor shares its bytes of the arena.
  *
  * The loader (fv_model_open) checks every number that a kernel or operator later relies on, so that
  * a hostile file is refused with the byte at fault and never causes an access out of bounds. */
@@ -40,8 +39,9 @@ extern "C" {
 #endif
 
 enum {
-    FV_MODEL_VERSION = 3,
-    FV_MODEL_VERSION_STATELESS = 2, /* of files without states */
+    FV_MODEL_VERSION = 4,           /* of files with FV_BINARY_SLOPES */
+    FV_MODEL_VERSION_STATES = 3,    /* of other files with states */
+    FV_MODEL_VERSION_STATELESS = 2, /* of other files without states */
     FV_MODEL_HEADER_BYTES = 512,
     FV_MODEL_SLACK_BYTES =
         64, /* that may be read past a tensor's end, in the arena and in the file */
@@ -146,8 +146,10 @@ enum fv_binary {
     FV_BINARY_MAX,
     FV_BINARY_MIN,
     FV_BINARY_PRELU,
-    FV_BINARY_TABLE /* any function of two bytes: `table` has 65,536, that of a and b at 256 a + b
-                     */
+    FV_BINARY_TABLE, /* any function of two bytes: `table` has 65,536, that of a and b at 256 a + b
+                      */
+    FV_BINARY_SLOPES /* of a alone, by place in the row: `table` has float[dims[5] + 1], of values
+                        below zero_a at each place, then of the others (fv_k_nn_slopes_u8_fn) */
 };
 struct fv_op_binary {
     int32_t function, dims[6], a[6], b[6], out[6]; /* byte strides by axis */

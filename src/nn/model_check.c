@@ -245,23 +245,43 @@ static const char *check_depthwise(const struct check *c)
                : "scratch is too small";
 }
 
+/* Slopes that a kernel may multiply a byte by and round to a word. */
+static int slopes_fit(const struct check *c, int32_t offset, int32_t count)
+{
+    if (!constant(c, offset, ((int64_t)count + 1) * 4, 64)) return 0;
+    const float *slopes = (const float *)(const void *)(c->m->base + offset);
+    int good = 1;
+    for (int32_t i = 0; i <= count; i++)
+        good &= slopes[i] >= -16384.0f && slopes[i] <= 16384.0f;
+    return good;
+}
+
+static int binary_table_fits(const struct check *c, const struct fv_op_binary *p)
+{
+    if (p->function == FV_BINARY_SLOPES) return slopes_fit(c, p->table, p->dims[5]);
+    return p->function == FV_BINARY_TABLE ? constant(c, p->table, 65536, 1)
+                                          : table_fits(c, p->table);
+}
+
 static const char *check_binary(const struct check *c)
 {
     const struct fv_op_binary *p = &c->op->u.binary;
-    const char *fault = operands(c, 2, 1);
+    const int32_t alone = p->function == FV_BINARY_SLOPES; /* there is no second operand */
+    const char *fault = operands(c, alone ? 1 : 2, 1);
     if (fault != NULL) return fault;
     *c->word = 5;
-    if (input(c, 0)->type != FV_TYPE_U8 || input(c, 1)->type != FV_TYPE_U8 ||
+    if (input(c, 0)->type != FV_TYPE_U8 || input(c, alone ? 0 : 1)->type != FV_TYPE_U8 ||
         output(c, 0)->type != FV_TYPE_U8)
         return "operands are not bytes";
-    REQUIRE(binary.function, between(p->function, FV_BINARY_ADD, FV_BINARY_TABLE),
+    REQUIRE(binary.function, between(p->function, FV_BINARY_ADD, FV_BINARY_SLOPES),
             "no such function");
-    REQUIRE(binary.a, walk_fits(p->dims, p->a, 6, 0, 1, input(c, 0)),
-            "the first input does not fit its tensor");
-    REQUIRE(binary.b, walk_fits(p->dims, p->b, 6, 0, 1, input(c, 1)),
+    REQUIRE(binary.a, walk_fits(p->dims, p->a, 6, 0, 1, input(c, 0)) && (!alone || p->a[5] == 1),
+            "the first input does not fit its tensor, or is not packed");
+    REQUIRE(binary.b, alone || walk_fits(p->dims, p->b, 6, 0, 1, input(c, 1)),
             "the second input does not fit its tensor");
-    REQUIRE(binary.out, walk_fills(p->dims, p->out, 6, 0, 1, output(c, 0)),
-            "the output does not fit its tensor");
+    REQUIRE(binary.out,
+            walk_fills(p->dims, p->out, 6, 0, 1, output(c, 0)) && (!alone || p->out[5] == 1),
+            "the output does not fit its tensor, or is not packed");
     REQUIRE(binary.zero_a,
             activation_fits(p->zero_a, p->zero_out, p->act_min, p->act_max) &&
                 between(p->zero_b, 0, 255),
@@ -270,10 +290,7 @@ static const char *check_binary(const struct check *c)
     REQUIRE(binary.s_a, between(p->s_a, -31, most), "the shift is out of range");
     REQUIRE(binary.s_b, between(p->s_b, -31, most), "the shift is out of range");
     REQUIRE(binary.s_out, between(p->s_out, -31, 30), "the shift is out of range");
-    REQUIRE(binary.table,
-            p->function == FV_BINARY_TABLE ? constant(c, p->table, 65536, 1)
-                                           : table_fits(c, p->table),
-            "the table lies outside the file");
+    REQUIRE(binary.table, binary_table_fits(c, p), "the table or slopes are out of range");
     *c->word = 13;
     return c->op->rows == product(p->dims, 5) ? NULL : "rows do not match the shape";
 }

@@ -142,9 +142,37 @@ static void lookup_rows(const struct fv_op_binary *p, const uint8_t *table, cons
     }
 }
 
+/* From row `row` to the end of axis 4, at most to row `end`: rows that lie one stride apart. */
+static int32_t rows_of_axis(const struct fv_op_binary *p, int32_t row, int32_t end)
+{
+    const int32_t left = p->dims[4] - row % p->dims[4];
+    return left < end - row ? left : end - row;
+}
+
+static void slopes_rows(const struct fv_nn_call *call, int32_t begin, int32_t end)
+{
+    const struct fv_op_binary *p = &call->op->u.binary;
+    const int32_t *strides[2] = {p->a, p->out};
+    const struct fv_nn_slopes slopes = {
+        .zero_in = p->zero_a,
+        .zero_out = p->zero_out,
+        .slopes = (const float *)(const void *)(call->model->base + p->table)};
+    for (int32_t row = begin, rows; row < end; row += rows) {
+        ptrdiff_t at[2];
+        rows = rows_of_axis(p, row, end);
+        row_offsets(p->dims, row, strides, at, 2);
+        call->kernels->nn_slopes_u8(&slopes, call->in[0] + at[0], p->a[4], call->out[0] + at[1],
+                                    p->out[4], rows, p->dims[5]);
+    }
+}
+
 void fv_nn_op_binary(const struct fv_nn_call *call, int32_t begin, int32_t end)
 {
     const struct fv_op_binary *p = &call->op->u.binary;
+    if (p->function == FV_BINARY_SLOPES) {
+        slopes_rows(call, begin, end);
+        return;
+    }
     const int32_t *strides[3] = {p->a, p->b, p->out};
     const int32_t count = p->dims[5];
     const int packed = p->a[5] == 1 && p->b[5] == 1 && p->out[5] == 1;
@@ -158,11 +186,7 @@ void fv_nn_op_binary(const struct fv_nn_call *call, int32_t begin, int32_t end)
         row_offsets(p->dims, row, strides, at, 3);
         const uint8_t *a = call->in[0] + at[0], *b = call->in[1] + at[1];
         uint8_t *out = call->out[0] + at[2];
-        rows = 1;
-        if (looked_up || packed) { /* rows up to the end of axis 4 at once */
-            const int32_t left = p->dims[4] - row % p->dims[4];
-            rows = left < end - row ? left : end - row;
-        }
+        rows = looked_up || packed ? rows_of_axis(p, row, end) : 1;
         if (looked_up) {
             lookup_rows(p, table, a, b, out, rows);
             continue;

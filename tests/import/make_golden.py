@@ -63,6 +63,22 @@ def spread(case, name, swapped):
     return [one, many] if swapped else [many, one], [out], []
 
 
+def channel_slopes(case):
+    """PRELU in real numbers, for two channels, whose pixels are joined, and for 19, which leave a rest of a vector."""
+    inputs, outputs = [], []
+    for height, channels in ((2, 2), (3, 19)):
+        shape = (1, height, 5, channels)
+        x, y = case.q(shape), case.q(shape)
+        real, sloped = case.b.tensor("float32", shape), case.b.tensor("float32", shape)
+        case.b.op("DEQUANTIZE", [x], [real], "Dequantize")
+        slopes = case.r.uniform(-0.5, 1.5, (1, 1, channels)).astype("float32")
+        case.b.op("PRELU", [real, case.b.const("float32", slopes)], [sloped])
+        case.b.op("QUANTIZE", [sloped], [y], "Quantize")
+        inputs.append(x)
+        outputs.append(y)
+    return inputs, outputs, []
+
+
 def drawn(name, kept, network, *options):
     """A network of states.py or of this page, its states kept or left as inputs and outputs, from which tests of states compute what keeping them gives."""
     case = Case("int8", 4)
@@ -133,6 +149,7 @@ def main():
     for name in ("ADD", "MUL"):
         for swapped in (False, True):
             out += drawn(f"{name} by pixel{' first' if swapped else ''}", False, spread, name, swapped)
+    out += drawn("channel slopes", False, channel_slopes)
     detector(os.path.join(folder, "detector.fvm"))
     target = os.path.join(folder, "nn_operators.bin")
     with open(target, "wb") as file:

@@ -508,12 +508,30 @@ def float_islands(c):
     return [x], [z]
 
 
+def channel_slopes(c):
+    """PRELU in real numbers, as quantisers leave it: slopes of one kind or many, none, steep ones; then an exact table or an addition."""
+    shape = (c.int(1, 2), c.int(1, 6), c.int(1, 6), c.int(2, 70))
+    x = c.q(shape)
+    real, sloped = c.b.tensor("float32", shape), c.b.tensor("float32", shape)
+    slopes = c.r.uniform(-0.5, 0.5, (1, 1, shape[3])) * c.choose(1, 1, 4, 30)
+    slopes[c.r.uniform(0, 1, slopes.shape) < 0.1] = c.choose(0, 1, 0.25)
+    c.b.op("DEQUANTIZE", [x], [real], "Dequantize")
+    c.b.op("PRELU", [real, c.b.const("float32", slopes.astype("float32"))], [sloped])
+    y = c.q(shape, float(np.exp(c.r.uniform(-4, -1))))
+    c.b.op("QUANTIZE", [sloped], [y], "Quantize")
+    if c.int(0, 1):
+        return [x], [y]
+    z = c.q(shape, 0.05)
+    c.b.op("ADD", [x, y], [z], "Add")
+    return [x], [z]
+
+
 operators.CASES.clear()
 operators.CASES.update({f.__name__: f for f in (
     conv_uneven, depthwise_uneven, connected_axes, arithmetic_scales, extreme_constant, slice_masks, slice_ellipsis,
     pool_wide, reduce_axes, resize_images, reshape_forms, tile_long, tile_every_axis, offset_weights, constant_functions, wide_layers,
     unary_ranges, softmax_axes, prelu_forms, matmul_forms, arg_max_cast, up_uneven, pad_long, join_scales, detection_many, one_by_one_chain,
-    open_sizes, dilated_by_batches, picture_in_planes, float_islands)})
+    open_sizes, dilated_by_batches, picture_in_planes, float_islands, channel_slopes)})
 
 if __name__ == "__main__":
     sys.exit(operators.main())

@@ -1,6 +1,7 @@
 """The numbers of src/nn/model.h, in Python. Every parameter is one 32-bit word; lists give their order."""
-VERSION = 3
-VERSION_STATELESS = 2        # of files without states
+VERSION = 4                  # of files with slopes (BINARY)
+VERSION_STATES = 3           # of other files with states
+VERSION_STATELESS = 2        # of other files without states
 MAGIC = b"FVM\x01"
 ALIGN = 64
 HEADER_BYTES = 512
@@ -17,7 +18,7 @@ FLAG_CONST, FLAG_SIGNED = 1, 2
 KINDS = ["NONE", "CONV", "DEPTHWISE", "BINARY", "POOL", "REDUCE", "COPY", "FILL", "RESIZE", "SOFTMAX", "ARG_MAX",
          "DEQUANTIZE", "QUANTIZE", "CAST", "BATCH_MATMUL", "DETECTION", "NORMALISE"]
 KIND = {name: i for i, name in enumerate(KINDS)}
-BINARY = {"ADD": 0, "SUB": 1, "MUL": 2, "MAXIMUM": 3, "MINIMUM": 4, "PRELU": 5, "DIV": 6}
+BINARY = {"ADD": 0, "SUB": 1, "MUL": 2, "MAXIMUM": 3, "MINIMUM": 4, "PRELU": 5, "DIV": 6, "SLOPES": 7}
 
 
 def _six(name):

@@ -9,10 +9,13 @@ from layout import BINARY, CONV_PIXELS, TYPE_BYTES
 from lower_conv import check8, image, same_padding
 from lower_data import coalesce, dense_strides, emit_strided, value_strides
 from net import pad_to
+from slopes import find
 
 f32 = np.float32
 SOFTMAX_DEPTH = 8191  # what the sum holds
 NORMALISE_DEPTH = 32768
+SLOPES_ROW, SLOPES_VALUE = 64, 8  # work in multiply-accumulates or their like
+SLOPES_JOINED = 128  # values in a row of joined pixels, at most
 REDUCE_ROW = 256  # results of a slice, where there are more
 
 
@@ -49,6 +52,26 @@ def binary_cost(dims, last, pairs, table):
     return rows * ((160 if all(last) else 480) + pad_to(count, 16) * (32 if table else 20))
 
 
+def slopes_of(low, op, pairs, dims, sa, sb, so):
+    """A function of two bytes as slopes, the second of which is a constant that tells the channels of packed pixels apart; None: it is none."""
+    kinds = low.tensor(op.inputs[1]).data
+    if kinds is None or (sa[5], so[5]) != (1, 1) or sb != [0, 0, 0, 0, 0, 1] or dims[5] != kinds.size:
+        return None
+    return find(pairs, np.ravel(kinds), low.tensor(op.inputs[0]).zero_u8)
+
+
+def join_pixels(dims, sa, so, slopes):
+    """Rows of few channels that follow each other become longer ones, whose whole vectors leave no rest if possible."""
+    pixels, channels = dims[4:]
+    if sa[4] != channels or so[4] != channels or channels >= SLOPES_JOINED:
+        return dims, sa, so, slopes
+    counts = [k for k in range(1, SLOPES_JOINED // channels + 1) if pixels % k == 0]
+    k = min(counts, key=lambda n: (n * channels % 16 != 0, -n))
+    joined = np.append(np.tile(slopes[:-1], k), slopes[-1:])
+    sa, so = ([*s[:4], channels * k, 1] for s in (sa, so))
+    return [*dims[:4], pixels // k, channels * k], sa, so, joined
+
+
 def emit_binary(low, op, p, pairs):
     """`pairs`: the table of a function that has no kernel; what follows is merged into it."""
     a, b = op.inputs[:2]
@@ -57,7 +80,6 @@ def emit_binary(low, op, p, pairs):
     last, after = low.merged_after(op.outputs[0])
     if pairs is not None:
         after, p = pairs if after is None else after[pairs], dict(act_max=255)
-    table = 0 if after is None else low.net.blob(after)
     out = low.output(last)
     net = low.net
     shape = to.shape
@@ -69,13 +91,23 @@ def emit_binary(low, op, p, pairs):
         return [0 if n == 1 else s for n, s in zip(full, real)]
     vo = net.values[out]
     d, sa, sb, so = coalesce(shape or (1,), strides(va) or [0], strides(vb) or [0], value_strides(vo) or [1])
+    rows, same = int(np.prod(d[:5], dtype=np.int64)), vo.dense and sa == so
+    slopes = slopes_of(low, op, after, d, sa, sb, so) if pairs is not None else None
+    if slopes is not None:
+        zero_out, slopes = slopes
+        d, sa, so, slopes = join_pixels(d, sa, so, slopes)
+        rows = int(np.prod(d[:5], dtype=np.int64))
+        q = {"function": BINARY["SLOPES"], "zero_a": low.tensor(a).zero_u8, "zero_out": zero_out, "act_max": 255, "table": net.blob(slopes)}
+        q.update({f"{name}{i}": n for name, numbers in (("dim", d), ("a", sa), ("o", so)) for i, n in enumerate(numbers)})
+        net.step("BINARY", op, [va], [out], q, rows, cost=rows * (SLOPES_ROW + pad_to(d[5], 16) * SLOPES_VALUE), in_place=bool(same))
+        return
+    table = 0 if after is None else net.blob(after)
     q = {f"dim{i}": d[i] for i in range(6)}
     q.update({f"a{i}": sa[i] for i in range(6)})
     q.update({f"b{i}": sb[i] for i in range(6)})
     q.update({f"o{i}": so[i] for i in range(6)})
     q.update(p, function=BINARY["DIV" if pairs is not None else op.name], table=table)
-    same = vo.dense and sa == so
-    net.step("BINARY", op, [va, vb], [out], q, int(np.prod(d[:5], dtype=np.int64)), cost=binary_cost(d, (sa[5], sb[5], so[5]), pairs, table),
+    net.step("BINARY", op, [va, vb], [out], q, rows, cost=binary_cost(d, (sa[5], sb[5], so[5]), pairs, table),
              in_place=bool(same))
 
 

@@ -4,8 +4,8 @@ import zlib
 
 import numpy as np
 
-from layout import (ALIGN, ARENA_SLACK, FLAG_CONST, FLAG_SIGNED, HEADER_BYTES, KIND, MAGIC, OP_WORDS, PARAMS,
-                    PARAM_WORDS, TENSOR_WORDS, TYPES, VERSION, VERSION_STATELESS)
+from layout import (ALIGN, ARENA_SLACK, BINARY, FLAG_CONST, FLAG_SIGNED, HEADER_BYTES, KIND, MAGIC, OP_WORDS, PARAMS,
+                    PARAM_WORDS, TENSOR_WORDS, TYPES, VERSION, VERSION_STATELESS, VERSION_STATES)
 
 BLOB_KINDS = {"CONV": {"weights", "bias", "multiplier", "shift", "table"},
               "DEPTHWISE": {"weights", "bias", "multiplier", "shift", "table"},
@@ -82,6 +82,12 @@ class Writer:
         """Of the .tflite file, at most 63 bytes, without what an encoding cuts in two."""
         return self.net.names.get(self.net.values[i].source, "").replace("\0", "").encode()[:63].decode(errors="ignore").encode()
 
+    def version(self):
+        """The least that a reader must know."""
+        if any(s.kind == "BINARY" and s.params["function"] == BINARY["SLOPES"] for s in self.net.steps):
+            return VERSION
+        return VERSION_STATES if self.net.states else VERSION_STATELESS
+
     def bytes(self, name, labels, preprocess, decoder):
         net = self.net
         for step in net.steps:
@@ -115,7 +121,7 @@ class Writer:
         out[at_data:at_data + len(net.data)] = net.data
         decoder = [w + at_data - 1 if i in DECODER_BLOBS and w else w for i, w in enumerate(decoder)]
         macs = sum(s.macs for s in net.steps)
-        head = [VERSION if net.states else VERSION_STATELESS, total, 0, 0, count_t, at_tensors, count_o, at_ops, len(net.inputs), at_io, len(net.outputs),
+        head = [self.version(), total, 0, 0, count_t, at_tensors, count_o, at_ops, len(net.inputs), at_io, len(net.outputs),
                 at_io + 4 * len(net.inputs), len(labels), at_labels, len(label_data), at_data, len(net.data),
                 self.arena_bytes + ARENA_SLACK, macs & 0xffffffff, macs >> 32, at_names, len(name_data)]
         struct.pack_into("<4s22I", out, 0, MAGIC, *head)

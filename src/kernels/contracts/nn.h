@@ -84,6 +84,17 @@ typedef void fv_k_nn_add_u8_fn(const struct fv_nn_add *add, const uint8_t *a, pt
  * or for x are in [-31, 30]. */
 typedef fv_k_nn_add_u8_fn fv_k_nn_sub_u8_fn, fv_k_nn_mul_u8_fn, fv_k_nn_prelu_u8_fn;
 
+/* Slopes by channel in real numbers, each float32 with |slope| <= 2^14: with x = in[r ldi + i] -
+ * zero_in and slope = slopes[i] where x < 0, slopes[count] elsewhere, out[r ldo + i] = zero_out + x
+ * slope, rounded once as float32 and once to the nearest whole number, ties to even; clamped to [0,
+ * 255], for r < rows, i < count. in == out with the same stride is allowed. */
+struct fv_nn_slopes {
+    int32_t zero_in, zero_out;
+    const float *slopes; /* [count + 1] */
+};
+typedef void fv_k_nn_slopes_u8_fn(const struct fv_nn_slopes *p, const uint8_t *in, ptrdiff_t ldi,
+                                  uint8_t *out, ptrdiff_t ldo, int32_t rows, int32_t count);
+
 /* out[i] = max(a[i], b[i]); a == out is allowed. */
 typedef void fv_k_nn_max_u8_fn(const uint8_t *a, const uint8_t *b, uint8_t *out, int32_t count);
 /* out[i] = min(a[i], b[i]); likewise. Of both loops compilers find the vectors of SSE2 and NEON by

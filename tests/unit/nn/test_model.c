@@ -5,6 +5,7 @@
 #include <stddef.h>
 #include <stdint.h>
 #include <cmocka.h>
+#include <math.h>
 
 #include <stdio.h>
 
@@ -46,10 +47,10 @@ static void foreign_and_cut_files(void **state)
     memcpy(data, g->model, g->model_bytes);
     data[4] = 9;
     refused(data, g->model_bytes,
-            "the version of the model format is 9, expected 2 or 3: a later Fovea made it");
+            "the version of the model format is 9, expected 2 to 4: a later Fovea made it");
     data[4] = 1;
     refused(data, g->model_bytes,
-            "the version of the model format is 1, expected 2 or 3: only the Fovea before 0.1");
+            "the version of the model format is 1, expected 2 to 4: only the Fovea before 0.1");
     free(data);
 }
 
@@ -130,9 +131,14 @@ static void hostile_functions(void **state)
         const char *model;
         int32_t word, value, from_end; /* counted from the end of the file */
         const char *text;
-    } cases[] = {{"DIV", 52, 0, 0, "table lies outside"},
-                 {"DIV", 52, 65535 + 64, 1, "table lies outside"},
-                 {"DIV", 16, 7, 0, "no such function"},
+    } cases[] = {{"DIV", 52, 0, 0, "table or slopes are out of range"},
+                 {"DIV", 52, 65535 + 64, 1, "table or slopes are out of range"},
+                 {"DIV", 16, 8, 0, "no such function"},
+                 {"channel slopes", 16, FV_BINARY_PRELU, 0, "wrong number of operands"},
+                 {"channel slopes", 28, 2, 0, "not packed"},
+                 {"channel slopes", 40, 2, 0, "not packed"},
+                 {"channel slopes", 41, 256, 0, "zero points"},
+                 {"channel slopes", 52, 0, 0, "table or slopes are out of range"},
                  {"L2_NORMALIZATION", 17, 1 << 20, 0, "does not fit the tensors"},
                  {"L2_NORMALIZATION", 18, 256, 0, "no byte"},
                  {"L2_NORMALIZATION", 19, 2, 0, "not 0 or 1"}};
@@ -143,6 +149,21 @@ static void hostile_functions(void **state)
         op_words(data, 0)[cases[i].word] = end == 0 ? cases[i].value : end - cases[i].value;
         nn_mutant_seal(data, g->model_bytes);
         refused(data, g->model_bytes, cases[i].text);
+        free(data);
+    }
+}
+
+/* A slope that a kernel could not round: too steep, infinite, no number. */
+static void hostile_slopes(void **state)
+{
+    (void)state;
+    const float slopes[] = {16385.0f, -16385.0f, INFINITY, NAN};
+    const struct nn_golden_model *g = named("channel slopes");
+    for (size_t i = 0; i < sizeof slopes / sizeof *slopes; i++) {
+        uint8_t *data = copy_of(g);
+        memcpy(data + op_words(data, 0)[52], &slopes[i], 4);
+        nn_mutant_seal(data, g->model_bytes);
+        refused(data, g->model_bytes, "table or slopes are out of range");
         free(data);
     }
 }
@@ -245,9 +266,13 @@ static void ten_thousand_mutants(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(foreign_and_cut_files), cmocka_unit_test(hostile_words),
-        cmocka_unit_test(hostile_products),      cmocka_unit_test(hostile_functions),
-        cmocka_unit_test(more_work_than_data),   cmocka_unit_test(cycle),
+        cmocka_unit_test(foreign_and_cut_files),
+        cmocka_unit_test(hostile_words),
+        cmocka_unit_test(hostile_products),
+        cmocka_unit_test(hostile_functions),
+        cmocka_unit_test(hostile_slopes),
+        cmocka_unit_test(more_work_than_data),
+        cmocka_unit_test(cycle),
         cmocka_unit_test(ten_thousand_mutants),
     };
     return cmocka_run_group_tests(tests, nn_golden_set_up, nn_golden_tear_down);
