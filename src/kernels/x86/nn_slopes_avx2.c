@@ -20,8 +20,7 @@ FV_INLINE __m256i eight(const struct job *j, const uint8_t *in, const float *slo
 FV_INLINE __m128i sixteen(const struct job *j, const uint8_t *in, const float *slopes)
 {
     const __m256i mixed = _mm256_packs_epi32(eight(j, in, slopes), eight(j, in + 8, slopes + 8));
-    const __m256i sum =
-        _mm256_adds_epi16(_mm256_permute4x64_epi64(mixed, 0xd8), j->zero_out);
+    const __m256i sum = _mm256_adds_epi16(_mm256_permute4x64_epi64(mixed, 0xd8), j->zero_out);
     return _mm_packus_epi16(_mm256_castsi256_si128(sum), _mm256_extracti128_si256(sum, 1));
 }
 

@@ -16,9 +16,9 @@ void fv_k_nn_slopes_u8__avx512(const struct fv_nn_slopes *p, const uint8_t *in, 
             const __m512 x =
                 _mm512_cvtepi32_ps(_mm512_sub_epi32(_mm512_cvtepu8_epi32(bytes), zero_in));
             const __mmask16 falls = _mm512_movepi32_mask(_mm512_castps_si512(x));
-            const __m512 slope =
-                _mm512_mask_loadu_ps(rising, falls & some, p->slopes + i);
-            const __m512i y = _mm512_add_epi32(_mm512_cvtps_epi32(_mm512_mul_ps(x, slope)), zero_out);
+            const __m512 slope = _mm512_mask_loadu_ps(rising, falls & some, p->slopes + i);
+            const __m512i y =
+                _mm512_add_epi32(_mm512_cvtps_epi32(_mm512_mul_ps(x, slope)), zero_out);
             const __m512i positive = _mm512_max_epi32(y, _mm512_setzero_si512());
             _mm_mask_storeu_epi8(out + r * ldo + i, some, _mm512_cvtusepi32_epi8(positive));
         }

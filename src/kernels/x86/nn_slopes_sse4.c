@@ -17,7 +17,8 @@ FV_INLINE __m128i four(const struct job *j, __m128i bytes, const float *slopes)
 /* Words saturate to 16 bits first: what they lose lies beyond a byte with any zero point. */
 FV_INLINE __m128i sixteen(const struct job *j, __m128i v, const float *slopes)
 {
-    const __m128i low = _mm_packs_epi32(four(j, v, slopes), four(j, _mm_srli_si128(v, 4), slopes + 4));
+    const __m128i low =
+        _mm_packs_epi32(four(j, v, slopes), four(j, _mm_srli_si128(v, 4), slopes + 4));
     const __m128i high = _mm_packs_epi32(four(j, _mm_srli_si128(v, 8), slopes + 8),
                                          four(j, _mm_srli_si128(v, 12), slopes + 12));
     return _mm_packus_epi16(_mm_adds_epi16(low, j->zero_out), _mm_adds_epi16(high, j->zero_out));
