@@ -510,10 +510,10 @@ def float_islands(c):
 
 def channel_slopes(c):
     """PRELU in real numbers, as quantisers leave it: slopes of one kind or many, none, steep ones; then an exact table or an addition."""
-    shape = (c.int(1, 2), c.int(1, 6), c.int(1, 6), c.int(2, 70))
+    shape = (c.int(1, 2), c.int(1, 6), c.int(1, 6), c.choose(c.int(2, 70), c.int(2, 70), c.int(2, 70), 300))
     x = c.q(shape)
     real, sloped = c.b.tensor("float32", shape), c.b.tensor("float32", shape)
-    slopes = c.r.uniform(-0.5, 0.5, (1, 1, shape[3])) * c.choose(1, 1, 4, 30)
+    slopes = c.r.uniform(-0.5, 0.5, (1, 1, c.choose(shape[3], shape[3], shape[3], 1))) * (1 if shape[3] > 256 else c.choose(1, 1, 4, 30))
     slopes[c.r.uniform(0, 1, slopes.shape) < 0.1] = c.choose(0, 1, 0.25)
     c.b.op("DEQUANTIZE", [x], [real], "Dequantize")
     c.b.op("PRELU", [real, c.b.const("float32", slopes.astype("float32"))], [sloped])

@@ -45,8 +45,10 @@ def step_of(graph, op):
         return lambda x: x if x > 0 else f32(x * alpha)
     if op.name == "PRELU":
         alpha = tensors[1]
+        if alpha.data is not None and alpha.size == 1:
+            return np.full(1, np.ravel(alpha.data)[0], f32)
         of_channels = alpha.data is not None and alpha.size == alpha.shape[-1] == tensors[0].shape[-1]
-        return np.ravel(alpha.data).astype(f32) if of_channels and len(np.unique(alpha.data)) <= 256 else None
+        return np.ravel(alpha.data).astype(f32) if of_channels else None
     if op.name in TWO:
         constants = [t for t in tensors if t.data is not None]
         activation = op.options.FusedActivationFunction() if hasattr(op.options, "FusedActivationFunction") else 0
@@ -81,14 +83,15 @@ def replace(graph, op, source, chain):
     with np.errstate(all="ignore"):
         columns = [to_bytes([through(f32(x), slope) for x in dequantize_table(ti)], to) for slope in kinds]
     op.inputs, op.options = [source], None
-    if not slopes:
+    if len(kinds) == 1:
         op.name, op.custom = TABLE, {"table": columns[0], "end": chain[-1].name}
         return
-    table = np.zeros((256, 256), np.uint8)
+    table = np.zeros((256, max(len(kinds), 256)), np.uint8)
     table[:, :len(kinds)] = np.stack(columns, 1)
-    which = np.searchsorted(kinds, step_of(graph, slopes[0])).astype(np.uint8)
+    few = len(kinds) <= 256
+    which = np.searchsorted(kinds, step_of(graph, slopes[0])).astype(np.uint8 if few else np.int32)
     from graph import Tensor
-    graph.tensors.append(Tensor(-1, "", "UINT8", (len(which),), np.ones(1, f32), np.zeros(1, np.int64), 0, which))
+    graph.tensors.append(Tensor(-1, "", "UINT8" if few else "INT32", (len(which),), np.ones(1, f32), np.zeros(1, np.int64), 0, which))
     op.name, op.custom = TABLE_PAIR, {"table": table}
     op.inputs.append(len(graph.tensors) - 1)
 

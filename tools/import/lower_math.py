@@ -55,7 +55,7 @@ def binary_cost(dims, last, pairs, table):
 def slopes_of(low, op, pairs, dims, sa, sb, so):
     """A function of two bytes as slopes, the second of which is a constant that tells the channels of packed pixels apart; None: it is none."""
     kinds = low.tensor(op.inputs[1]).data
-    if kinds is None or (sa[5], so[5]) != (1, 1) or sb != [0, 0, 0, 0, 0, 1] or dims[5] != kinds.size:
+    if kinds is None or (sa[5], so[5]) != (1, 1) or sb != [0, 0, 0, 0, 0, kinds.itemsize] or dims[5] != kinds.size:
         return None
     return find(pairs, np.ravel(kinds), low.tensor(op.inputs[0]).zero_u8)
 
@@ -101,6 +101,8 @@ def emit_binary(low, op, p, pairs):
         q.update({f"{name}{i}": n for name, numbers in (("dim", d), ("a", sa), ("o", so)) for i, n in enumerate(numbers)})
         net.step("BINARY", op, [va], [out], q, rows, cost=rows * (SLOPES_ROW + pad_to(d[5], 16) * SLOPES_VALUE), in_place=bool(same))
         return
+    if pairs is not None and after.shape[1] > 256:
+        raise ImportProblem(f"{low.describe(op)}: found {np.max(low.tensor(b).data) + 1} different slopes that no product of float32 equals, expected at most 256 of these")
     table = 0 if after is None else net.blob(after)
     q = {f"dim{i}": d[i] for i in range(6)}
     q.update({f"a{i}": sa[i] for i in range(6)})

@@ -31,10 +31,10 @@ void fv_k_nn_slopes_u8__neon(const struct fv_nn_slopes *p, const uint8_t *in, pt
     const int32_t whole = count & ~7;
     struct fv_nn_slopes rest = *p;
     rest.slopes += whole;
-    for (int32_t r = 0; r < rows; r++) {
+    for (int32_t r = 0; r < rows; r++, in += ldi, out += ldo) {
         for (int32_t i = 0; i < whole; i += 8)
-            vst1_u8(out + r * ldo + i, eight(&j, vld1_u8(in + r * ldi + i), p->slopes + i));
+            vst1_u8(out + i, eight(&j, vld1_u8(in + i), p->slopes + i));
+        if (whole < count)
+            fv_k_nn_slopes_u8__c(&rest, in + whole, ldi, out + whole, ldo, 1, count - whole);
     }
-    if (whole < count)
-        fv_k_nn_slopes_u8__c(&rest, in + whole, ldi, out + whole, ldo, rows, count - whole);
 }

@@ -32,11 +32,10 @@ void fv_k_nn_slopes_u8__avx2(const struct fv_nn_slopes *p, const uint8_t *in, pt
     const int32_t whole = count & ~15;
     struct fv_nn_slopes rest = *p;
     rest.slopes += whole;
-    for (int32_t r = 0; r < rows; r++) {
+    for (int32_t r = 0; r < rows; r++, in += ldi, out += ldo) {
         for (int32_t i = 0; i < whole; i += 16)
-            _mm_storeu_si128((__m128i *)(void *)(out + r * ldo + i),
-                             sixteen(&j, in + r * ldi + i, p->slopes + i));
+            _mm_storeu_si128((__m128i *)(void *)(out + i), sixteen(&j, in + i, p->slopes + i));
+        if (whole < count)
+            fv_k_nn_slopes_u8__c(&rest, in + whole, ldi, out + whole, ldo, 1, count - whole);
     }
-    if (whole < count)
-        fv_k_nn_slopes_u8__c(&rest, in + whole, ldi, out + whole, ldo, rows, count - whole);
 }
