@@ -657,8 +657,9 @@ $(PROGRAM_TESTS): $(call objs,tests/common/program.c)
 $(PROGRAM_TESTS): TEST_MORE := $(call objs,tests/common/program.c)
 # The planner of an example, and a campaign that drives by it.
 PLANNER_TESTS := $(BUILD)/tests/campaign/drive $(BUILD)/tests/unit/campaign/test_navigate
-$(PLANNER_TESTS): $(call objs,tools/examples/navigate/plan.c)
-$(PLANNER_TESTS): TEST_MORE := $(call objs,tools/examples/navigate/plan.c)
+PLANNER_O := $(call objs,tools/examples/navigate/plan.c tools/examples/navigate/pieces.c)
+$(PLANNER_TESTS): $(PLANNER_O)
+$(PLANNER_TESTS): TEST_MORE := $(PLANNER_O)
 # The campaign of fault schedules, one file per part, is one program; a test judges its judging.
 FAULTS_O := $(call objs,$(wildcard tests/campaign/faults/*.c))
 FAULTS := $(BUILD)/tests/campaign/faults $(BUILD)/tests/unit/campaign/test_faults

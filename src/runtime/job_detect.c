@@ -79,11 +79,10 @@ static uint32_t advance_first(struct fovea *rt, uint32_t units, struct fovea_out
 
 /* ---- free space ------------------------------------------------------------------------------ */
 
-/* The network whose masks make the grid. */
+/* The network whose masks make the grid: the first that gives nothing but masks. */
 static struct fv_detection *labeller(struct fovea *rt)
 {
-    return fv_detection_sends(&rt->detection, FV_DETECTION_SEGMENTATION) ? &rt->detection
-                                                                         : &rt->detection2;
+    return rt->detection.gives == FV_DETECT_MASK ? &rt->detection : &rt->detection2;
 }
 
 /* A network keeps its mask until the grid has read it. */

@@ -171,39 +171,41 @@ struct labelled {
 
 #define COUNT_OF(array) (sizeof(array) / sizeof(array)[0])
 
-static uint32_t label_known(const struct fv_model *model, const struct labelled *of,
-                            uint8_t labels[256])
+static void label_known(const struct fv_model *model, const struct labelled *of,
+                        uint8_t labels[256])
 {
-    uint32_t found = 0;
     for (int k = 0; k < 2; k++)
         for (size_t i = 0; i < of->known[k].count; i++) {
             const int32_t c = class_below(model, of->known[k].names[i], 256);
-            if (c < 0 || labels[c] != FOVEA_GRID_OBSTACLE) continue;
-            labels[c] = (uint8_t)of->label;
-            found++;
+            if (c >= 0 && labels[c] == FOVEA_GRID_OBSTACLE) labels[c] = (uint8_t)of->label;
         }
-    return found;
 }
 
-/* `*found`: classes that got the label. */
+/* The entries of a list that name classes; `by_name`: those that `auto` stands for, of the classes
+ * that no list names.
+ */
 static enum fovea_status label_list(const struct fv_model *model, const struct labelled *of,
-                                    uint8_t labels[256], uint32_t *found, struct fovea_error *error)
+                                    bool by_name, uint8_t labels[256], struct fovea_error *error)
 {
     char entry[ENTRY_BYTES];
-    *found = 0;
     for (const char *list = of->list; next(&list, entry);) {
         const int32_t c = class_below(model, entry, 256);
         if (c < 0 && strcmp(entry, "auto") != 0)
             return refuse(of->key, entry, "auto, labels or numbers of the network's classes",
                           error);
-        if (c < 0) {
-            *found += label_known(model, of, labels);
-            continue;
-        }
+        if (c < 0 && by_name) label_known(model, of, labels);
+        if (c < 0 || by_name) continue;
+        if (labels[c] != FOVEA_GRID_OBSTACLE && labels[c] != of->label)
+            return refuse(of->key, entry, "each class in one of the lists of the grid", error);
         labels[c] = (uint8_t)of->label;
-        ++*found;
     }
     return FOVEA_OK;
+}
+
+/* Whether a network's masks can make a grid: those of objects alone say nothing of the floor. */
+static bool labels_pixels(const struct fv_model *model)
+{
+    return model != NULL && fv_detect_gives(model) == FV_DETECT_MASK;
 }
 
 enum fovea_status fv_classes_resolve_grid(struct fv_settings *settings,
@@ -223,21 +225,19 @@ enum fovea_status fv_classes_resolve_grid(struct fv_settings *settings,
          {{nothing, COUNT_OF(nothing)}}},
     };
     if (!job->enabled) return FOVEA_OK;
-    const struct fv_model *labeller =
-        (fv_detect_gives(model) & FV_DETECT_MASK) != 0 ? model : model2;
-    if (labeller == NULL || (fv_detect_gives(labeller) & FV_DETECT_MASK) == 0)
+    const struct fv_model *labeller = labels_pixels(model) ? model : model2;
+    if (!labels_pixels(labeller))
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "grid.enabled: found no network that labels pixels, expected "
                                "detect.model or detect2.model to be one");
     memset(job->labels, FOVEA_GRID_OBSTACLE, sizeof job->labels);
-    for (size_t i = 0; i < COUNT_OF(lists); i++) {
-        uint32_t found;
-        const enum fovea_status status =
-            label_list(labeller, &lists[i], job->labels, &found, error);
+    for (size_t i = 0; i < 2 * COUNT_OF(lists); i++) {
+        const enum fovea_status status = label_list(labeller, &lists[i % COUNT_OF(lists)],
+                                                    i >= COUNT_OF(lists), job->labels, error);
         if (status != FOVEA_OK) return status;
-        if (lists[i].label == FOVEA_GRID_FLOOR && found == 0)
-            return refuse("grid.floor", settings->grid_floor,
-                          "at least one class of the network that is floor", error);
     }
+    if (memchr(job->labels, FOVEA_GRID_FLOOR, sizeof job->labels) == NULL)
+        return refuse("grid.floor", settings->grid_floor,
+                      "at least one class of the network that is floor", error);
     return FOVEA_OK;
 }

@@ -59,8 +59,14 @@ static enum fovea_status write_truth(struct export_run *export, const struct fov
 {
     struct fovea_truth truth;
     memset(&truth, 0, sizeof truth);
-    if (export->ops->truth == NULL || export->ops->truth(export->source, frame, &truth) != FOVEA_OK)
-        return FOVEA_OK;
+    const bool known =
+        export->ops->truth != NULL && export->ops->truth(export->source, frame, &truth) == FOVEA_OK;
+    if (export->masks && truth.class_mask == NULL)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "--masks: found no class of each pixel in %.300s, expected a source "
+                               "that knows them, as sim:",
+                               export->uri);
+    if (!known) return FOVEA_OK;
     for (uint32_t i = 0; i < truth.box_count; i++) {
         const struct fovea_truth_box *b = &truth.boxes[i];
         const double w = (double)(b->x_max_px - b->x_min_px),
@@ -74,7 +80,7 @@ static enum fovea_status write_truth(struct export_run *export, const struct fov
             (double)b->visible_fraction);
         export->boxes++;
     }
-    if (!export->masks || truth.class_mask == NULL) return FOVEA_OK;
+    if (!export->masks) return FOVEA_OK;
     const struct fovea_image mask = {.data = truth.class_mask,
                                      .width = frame->images[0].width,
                                      .height = frame->images[0].height,

@@ -9,6 +9,7 @@
 
 #include <cmocka.h>
 
+#include "../../../tools/examples/navigate/pieces.h"
 #include "../../../tools/examples/navigate/plan.h"
 
 enum { SIDE = 100, FREE = 10, OCCUPIED = 90, UNKNOWN = -1 };
@@ -144,6 +145,69 @@ static void a_goal_beyond_the_grid_is_driven_towards(void **state)
     assert_false(navigate_plan(&planner, cells, 300, 300, 0.1, origin));
 }
 
+/* Rows `first` to `first + count - 1` of a grid of 100 by 100, with the stamp given. */
+static fovea_grid_t piece(int64_t sequence, int32_t first, int32_t count)
+{
+    return (fovea_grid_t){.stamp = {.sequence = sequence},
+                          .map_id = 3,
+                          .reset_counter = 2,
+                          .resolution_m = 0.1,
+                          .width = SIDE,
+                          .height = SIDE,
+                          .first_row = first,
+                          .row_count = count,
+                          .cell_count = SIDE * count,
+                          .cells = cells + (ptrdiff_t)first * SIDE};
+}
+
+static struct navigate_grid grid;
+
+static bool take(fovea_grid_t message)
+{
+    return navigate_take(&grid, &message);
+}
+
+static void a_grid_is_whole_when_all_its_rows_came(void **state)
+{
+    (void)state;
+    for (int i = 0; i < SIDE * SIDE; i++)
+        cells[i] = (int8_t)(i % 100);
+    assert_false(take(piece(7, 0, 40)));
+    assert_true(take(piece(7, 40, 60)));
+    assert_true(grid.map_id == 3 && grid.reset_counter == 2 && grid.width == SIDE);
+    assert_memory_equal(grid.cells, cells, sizeof cells);
+    /* One whose first piece is lost is left out, as is one of two stamps; the next is taken. */
+    assert_false(take(piece(8, 40, 60)));
+    assert_false(take(piece(9, 0, 40)));
+    assert_false(take(piece(10, 40, 60)));
+    assert_false(take(piece(9, 40, 60)));
+    assert_true(take(piece(11, 0, 100)));
+}
+
+static void grids_that_cannot_be_are_left_out(void **state)
+{
+    const double numbers[] = {NAN, -0.1, 0, INFINITY, 1e-9};
+    (void)state;
+    for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++) {
+        fovea_grid_t odd = piece(1, 0, 100);
+        odd.resolution_m = numbers[i];
+        assert_false(take(odd));
+    }
+    fovea_grid_t odd = piece(1, 0, 100);
+    odd.origin_position[1] = NAN;
+    assert_false(take(odd));
+    odd = piece(1, 0, 100);
+    odd.cell_count = 99;
+    assert_false(take(odd));
+    odd = piece(1, 0, 100);
+    odd.height = INT32_MAX;
+    assert_false(take(odd));
+    odd = piece(1, 0, 100);
+    odd.row_count = 101;
+    odd.cell_count = 10100;
+    assert_false(take(odd));
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -154,6 +218,8 @@ int main(void)
         cmocka_unit_test(a_free_way_is_preferred_to_an_unknown_one),
         cmocka_unit_test(what_is_not_known_is_entered_slowly),
         cmocka_unit_test(a_goal_beyond_the_grid_is_driven_towards),
+        cmocka_unit_test(a_grid_is_whole_when_all_its_rows_came),
+        cmocka_unit_test(grids_that_cannot_be_are_left_out),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -28,10 +28,10 @@
 
 #include <lcm/lcm.h>
 
+#include "pieces.h"
 #include "plan.h"
 #include "sign.h"
 
-#include "fovea_grid_t.h"
 #include "fovea_pose_t.h"
 #include "fovea_run_t.h"
 #include "fovea_velocity_command_t.h"
@@ -47,7 +47,8 @@ static struct {
     struct navigate_motion motion;   /* the last that was asked for */
     struct navigate_robot robot;
     struct navigate planner;
-    int8_t cells[NAVIGATE_CELLS_MAX];
+    struct navigate_grid grid;        /* as its pieces come */
+    int32_t reset_counter, map_id;    /* of the grid that was planned on */
     fovea_run_t_subscription_t *runs; /* while the run to sign for is not known */
     bool planned, arrived;
     int64_t frame, poses, grids, stood;
@@ -92,29 +93,32 @@ static void on_run(const lcm_recv_buf_t *packet, const char *channel, const fove
     if (self.poses > 0) ask(self.frame, self.motion);
 }
 
-/* A grid may come in several pieces, by rows; the last one completes it. */
-static void on_grid(const lcm_recv_buf_t *packet, const char *channel, const fovea_grid_t *grid,
+/* A grid is planned on when it is whole. */
+static void on_grid(const lcm_recv_buf_t *packet, const char *channel, const fovea_grid_t *piece,
                     void *context)
 {
+    const struct navigate_grid *grid = &self.grid;
     (void)packet;
     (void)channel;
     (void)context;
-    const int64_t first = (int64_t)grid->first_row * grid->width;
-    if (grid->width < 1 || grid->height < 1 || grid->first_row < 0 ||
-        grid->width > NAVIGATE_CELLS_MAX / grid->height || grid->cell_count < 0 ||
-        first + grid->cell_count > (int64_t)grid->width * grid->height)
-        return;
-    memcpy(self.cells + first, grid->cells, (size_t)grid->cell_count);
-    if (first + grid->cell_count < (int64_t)grid->width * grid->height) return;
+    if (!navigate_take(&self.grid, piece)) return;
     self.grids++;
-    self.planned = navigate_plan(&self.planner, self.cells, grid->width, grid->height,
-                                 grid->resolution_m, grid->origin_position);
+    self.reset_counter = grid->reset_counter;
+    self.map_id = grid->map_id;
+    self.planned = navigate_plan(&self.planner, grid->cells, grid->width, grid->height,
+                                 grid->cell_m, grid->origin);
 }
 
 static bool is_usable(const fovea_pose_t *pose)
 {
     return (pose->state == FOVEA_POSE_T_STATE_TRACKING || pose->state == FOVEA_POSE_T_STATE_WEAK) &&
            pose->scale_state == FOVEA_POSE_T_SCALE_METRIC;
+}
+
+/* Whether the plan is in the frame of this pose. */
+static bool is_planned_for(const fovea_pose_t *pose)
+{
+    return self.planned && pose->reset_counter == self.reset_counter && pose->map_id == self.map_id;
 }
 
 static void on_pose(const lcm_recv_buf_t *packet, const char *channel, const fovea_pose_t *pose,
@@ -127,7 +131,7 @@ static void on_pose(const lcm_recv_buf_t *packet, const char *channel, const fov
     (void)context;
     self.poses++;
     self.frame = pose->stamp.sequence;
-    if (is_usable(pose) && self.planned) {
+    if (is_usable(pose) && is_planned_for(pose)) {
         const double yaw =
             atan2(2 * (q[0] * q[3] + q[1] * q[2]), 1 - 2 * (q[2] * q[2] + q[3] * q[3]));
         motion = navigate_steer(&self.planner, pose->position, yaw);

@@ -419,6 +419,18 @@ static void test_classes_of_the_shipped_segmenter(void **state)
     assert_int_equal(fv_model_file_read("src/detect/segmenter.fvm", &file, &error), FOVEA_OK);
     assert_int_equal(fv_classes_resolve_grid(&settings, &file.model, NULL, &error), FOVEA_OK);
     assert_memory_equal(settings.runtime.grid_job.labels, expected, sizeof expected);
+    /* What a list names goes before what another knows by name; no class has two labels. */
+    strcpy(settings.grid_ignored, "floor auto");
+    assert_int_equal(fv_classes_resolve_grid(&settings, &file.model, NULL, &error),
+                     FOVEA_ERROR_INPUT);
+    assert_non_null(strstr(error.text, "grid.floor: found 'auto', expected at least one class"));
+    strcpy(settings.grid_ignored, "wall auto");
+    assert_int_equal(fv_classes_resolve_grid(&settings, &file.model, NULL, &error), FOVEA_OK);
+    assert_int_equal(settings.runtime.grid_job.labels[1], FOVEA_GRID_IGNORED);
+    strcpy(settings.grid_movable, "wall");
+    assert_int_equal(fv_classes_resolve_grid(&settings, &file.model, NULL, &error),
+                     FOVEA_ERROR_INPUT);
+    assert_non_null(strstr(error.text, "grid.ignored: found 'wall', expected each class in one"));
     fv_model_file_free(&file);
 }
 

@@ -35,17 +35,22 @@ static int tear_down(void **state)
     return system(command);
 }
 
-static int export_frames(const char *uri, const char *frames)
+static int export_some(const char *uri, const char *frames, bool masks)
 {
     char *arguments[] = {(char[]){"export"},
-                         (char[]){"--masks"},
                          (char[]){"--source"},
                          (char *)(uintptr_t)uri,
                          (char[]){"--frames"},
                          (char *)(uintptr_t)frames,
                          target,
+                         masks ? (char[]){"--masks"} : NULL,
                          NULL};
-    return fv_command_export(7, arguments);
+    return fv_command_export(masks ? 7 : 6, arguments);
+}
+
+static int export_frames(const char *uri, const char *frames)
+{
+    return export_some(uri, frames, true);
 }
 
 static void check_mask(const char *name, const struct fovea_truth *truth, int32_t pixels)
@@ -137,7 +142,7 @@ static void writes_every_camera_of_a_rig(void **state)
     fv_test_write_png(fv_test_path(top, "mav0/cam1/data/b.png"), &form, pixels);
     snprintf(uri, sizeof uri, "euroc:%s?cameras=2", top);
     snprintf(target, sizeof target, "%s/rig", folder);
-    assert_int_equal(export_frames(uri, "3"), FV_EXIT_OK);
+    assert_int_equal(export_some(uri, "3", false), FV_EXIT_OK);
     for (int i = 0; i < 3; i++) {
         snprintf(path, sizeof path, "%s/%06d.png", target, i);
         assert_int_equal(fv_picture_read(path, &image, &error), FOVEA_OK);
@@ -162,6 +167,9 @@ static void refuses_wrong_input(void **state)
     snprintf(target, sizeof target, "%s/other", folder);
     assert_int_equal(export_frames("sim:wander", "0"), FV_EXIT_WRONG);
     assert_int_equal(access(target, F_OK), -1);
+    char uri[FV_TEST_PATH_BYTES + 32];
+    snprintf(uri, sizeof uri, "euroc:%s", fv_test_euroc(folder));
+    assert_int_equal(export_frames(uri, "1"), FV_EXIT_WRONG); /* --masks of a recording */
 }
 
 int main(void)
