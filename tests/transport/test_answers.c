@@ -282,7 +282,7 @@ static void programs_print_the_answers_of_a_run(void **state)
     expect_answer(tools[0], "save", 0, "done\n");
     assert_int_equal(stat(map, &saved), 0); /* the answer comes when the file is there */
     assert_true(saved.st_size > 0);
-    expect_answer(tools[0], "--wait 2 --sender 3 --run-id 5 reset", 1,
+    expect_answer(tools[0], "--sender 3 --run-id 5 reset", 1,
                   "refused: for another run: expected the run_id of this one\n");
     watched_interrupt(&watched);
     assert_int_equal(watched_end(&watched), 0);
@@ -374,7 +374,7 @@ static char *back_up(const char *tool)
 {
     char command[1400], *text = calloc(1, 65536);
     assert_non_null(text);
-    snprintf(command, sizeof command, "%s --prefix R --wait 1 backup", tool);
+    snprintf(command, sizeof command, "%s --prefix R --wait 5 backup", tool);
     for (int i = 0; i < 60 && strncmp(text, "# All settings", 14) != 0; i++) {
         (void)watched_shell(command, text, 65536); /* until the run listens */
     }
