@@ -1,0 +1,45 @@
+#include "kernels/check.h"
+
+#include <stdio.h>
+#include <string.h>
+
+/* Slopes as of real networks, none, steep ones, and some that end halfway between two numbers. */
+static float draw_slope(struct check *check)
+{
+    const int32_t kind = check_between(check, 0, 9);
+    if (kind == 0) return 0.0f;
+    if (kind == 1) return (float)check_between(check, -16384, 16384);
+    if (kind == 2) return (float)check_between(check, -8, 8) / 2.0f;
+    return (float)check_between(check, -2000000, 2000000) / 1000000.0f;
+}
+
+void check_nn_slopes_u8(struct check *check, fv_k_nn_slopes_u8_fn *reference,
+                        fv_k_nn_slopes_u8_fn *variant)
+{
+    const int32_t rows = check_between(check, 1, 5), count = check_between(check, 1, 70);
+    const ptrdiff_t ld = count + check_between(check, 0, 9);
+    const size_t bytes = (size_t)((rows - 1) * ld + count);
+    float *slopes = check_buffer(check, ((size_t)count + 1) * sizeof *slopes, 64, 0);
+    uint8_t *expected = check_buffer(check, bytes, 1, 0), *found = check_buffer(check, bytes, 1, 0);
+    const struct fv_nn_slopes p = {.zero_in = check_between(check, 0, 255),
+                                   .zero_out = check_between(check, 0, 255),
+                                   .slopes = slopes};
+    for (int32_t i = 0; i <= count; i++)
+        slopes[i] = draw_slope(check);
+    check_fill(check, found, bytes);
+    memcpy(expected, found, bytes);
+    reference(&p, expected, ld, expected, ld, rows, count);
+    variant(&p, found, ld, found, ld, rows, count);
+    check_equal(check, "out", expected, found, bytes);
+}
+
+void bench_nn_slopes_u8(struct check *check, fv_k_nn_slopes_u8_fn *variant)
+{
+    enum { PIXELS = 1024, CHANNELS = 64 };
+    float *slopes = check_buffer(check, (CHANNELS + 1) * sizeof *slopes, 64, 0);
+    const struct fv_nn_slopes p = {.zero_in = 120, .zero_out = 100, .slopes = slopes};
+    for (int32_t i = 0; i <= CHANNELS; i++)
+        slopes[i] = draw_slope(check);
+    snprintf(check->size, sizeof check->size, "65536");
+    variant(&p, bench_scratch(), CHANNELS, bench_scratch() + (1 << 20), CHANNELS, PIXELS, CHANNELS);
+}
