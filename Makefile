@@ -380,10 +380,10 @@ $(BUILD)/examples/loop_eigen: $(BUILD)/obj/tools/examples/loop_eigen.o $(BUILD)/
 	@echo "  link $@"
 	$(Q)$(CXX) $(LDFLAGS) -pie -o $@ $^ $(LIBS_CORE)
 NAVIGATE_O := $(call objs,$(wildcard tools/examples/navigate/*.c))
-$(BUILD)/examples/navigate: $(NAVIGATE_O) $(GEN_O)
+$(BUILD)/examples/navigate: $(NAVIGATE_O) $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
 	@mkdir -p $(@D)
 	@echo "  link $@"
-	$(Q)$(CC) $(LDFLAGS) -pie -o $@ $^ -llcm -lm
+	$(Q)$(CC) $(LDFLAGS) -pie -o $@ $^ -llcm $(LIBS_CORE) -lm
 $(BUILD)/examples/subscriber: $(BUILD)/obj/tools/examples/subscriber.o $(GEN_O)
 	@mkdir -p $(@D)
 	@echo "  link $@"

@@ -17,20 +17,27 @@ void check_nn_slopes_u8(struct check *check, fv_k_nn_slopes_u8_fn *reference,
                         fv_k_nn_slopes_u8_fn *variant)
 {
     const int32_t rows = check_between(check, 1, 5), count = check_between(check, 1, 70);
-    const ptrdiff_t ld = count + check_between(check, 0, 9);
-    const size_t bytes = (size_t)((rows - 1) * ld + count);
+    const ptrdiff_t ldo = count + check_between(check, 0, 9),
+                    ldi = count + check_between(check, 0, 9);
+    const size_t bytes = (size_t)((rows - 1) * ldo + count),
+                 read = (size_t)((rows - 1) * ldi + count);
     float *slopes = check_buffer(check, ((size_t)count + 1) * sizeof *slopes, 64, 0);
-    uint8_t *expected = check_buffer(check, bytes, 1, 0), *found = check_buffer(check, bytes, 1, 0);
+    uint8_t *expected = check_buffer(check, bytes, 1, 0), *found = check_buffer(check, bytes, 1, 0),
+            *in = check_buffer(check, read, 1, 0);
     const struct fv_nn_slopes p = {.zero_in = check_between(check, 0, 255),
                                    .zero_out = check_between(check, 0, 255),
                                    .slopes = slopes};
     for (int32_t i = 0; i <= count; i++)
         slopes[i] = draw_slope(check);
+    check_fill(check, in, read);
     check_fill(check, found, bytes);
     memcpy(expected, found, bytes);
-    reference(&p, expected, ld, expected, ld, rows, count);
-    variant(&p, found, ld, found, ld, rows, count);
+    reference(&p, in, ldi, expected, ldo, rows, count);
+    variant(&p, in, ldi, found, ldo, rows, count);
     check_equal(check, "out", expected, found, bytes);
+    reference(&p, expected, ldo, expected, ldo, rows, count);
+    variant(&p, found, ldo, found, ldo, rows, count);
+    check_equal(check, "in place", expected, found, bytes);
 }
 
 void bench_nn_slopes_u8(struct check *check, fv_k_nn_slopes_u8_fn *variant)

@@ -72,6 +72,15 @@ def join_pixels(dims, sa, so, slopes):
     return [*dims[:4], pixels // k, channels * k], sa, so, joined
 
 
+def emit_slopes(low, op, va, out, d, sa, so, found, in_place):
+    zero_out, slopes = found
+    d, sa, so, slopes = join_pixels(d, sa, so, slopes)
+    rows = int(np.prod(d[:5], dtype=np.int64))
+    q = {"function": BINARY["SLOPES"], "zero_a": low.tensor(op.inputs[0]).zero_u8, "zero_out": zero_out, "act_max": 255, "table": low.net.blob(slopes)}
+    q.update({f"{name}{i}": n for name, numbers in (("dim", d), ("a", sa), ("o", so)) for i, n in enumerate(numbers)})
+    low.net.step("BINARY", op, [va], [out], q, rows, cost=rows * (SLOPES_ROW + pad_to(d[5], 16) * SLOPES_VALUE), in_place=in_place)
+
+
 def emit_binary(low, op, p, pairs):
     """`pairs`: the table of a function that has no kernel; what follows is merged into it."""
     a, b = op.inputs[:2]
@@ -94,12 +103,7 @@ def emit_binary(low, op, p, pairs):
     rows, same = int(np.prod(d[:5], dtype=np.int64)), vo.dense and sa == so
     slopes = slopes_of(low, op, after, d, sa, sb, so) if pairs is not None else None
     if slopes is not None:
-        zero_out, slopes = slopes
-        d, sa, so, slopes = join_pixels(d, sa, so, slopes)
-        rows = int(np.prod(d[:5], dtype=np.int64))
-        q = {"function": BINARY["SLOPES"], "zero_a": low.tensor(a).zero_u8, "zero_out": zero_out, "act_max": 255, "table": net.blob(slopes)}
-        q.update({f"{name}{i}": n for name, numbers in (("dim", d), ("a", sa), ("o", so)) for i, n in enumerate(numbers)})
-        net.step("BINARY", op, [va], [out], q, rows, cost=rows * (SLOPES_ROW + pad_to(d[5], 16) * SLOPES_VALUE), in_place=bool(same))
+        emit_slopes(low, op, va, out, d, sa, so, slopes, bool(same))
         return
     if pairs is not None and after.shape[1] > 256:
         raise ImportProblem(f"{low.describe(op)}: found {np.max(low.tensor(b).data) + 1} different slopes that no product of float32 equals, expected at most 256 of these")

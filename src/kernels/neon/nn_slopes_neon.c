@@ -1,6 +1,8 @@
 /* Slopes by channel of bytes, in float32. */
 #include "kernels/neon/nn_neon.h"
 
+enum { SLOPES_LANES = 8 };
+
 struct job {
     int16x8_t zero_in, zero_out;
     float32x4_t rising;
@@ -23,18 +25,21 @@ FV_INLINE uint8x8_t eight(const struct job *j, uint8x8_t bytes, const float *slo
     return vqmovun_s16(vqaddq_s16(y, j->zero_out));
 }
 
+#include "kernels/nn_slopes_rows.h"
+
+FV_INLINE struct job job_of(const struct fv_nn_slopes *p, float rising)
+{
+    return (struct job){vdupq_n_s16((int16_t)p->zero_in), vdupq_n_s16((int16_t)p->zero_out),
+                        vdupq_n_f32(rising)};
+}
+
+FV_INLINE void vector(const struct job *job, const uint8_t *in, const float *slopes, uint8_t *out)
+{
+    vst1_u8(out, eight(job, vld1_u8(in), slopes));
+}
+
 void fv_k_nn_slopes_u8__neon(const struct fv_nn_slopes *p, const uint8_t *in, ptrdiff_t ldi,
                              uint8_t *out, ptrdiff_t ldo, int32_t rows, int32_t count)
 {
-    const struct job j = {vdupq_n_s16((int16_t)p->zero_in), vdupq_n_s16((int16_t)p->zero_out),
-                          vdupq_n_f32(p->slopes[count])};
-    const int32_t whole = count & ~7;
-    struct fv_nn_slopes rest = *p;
-    rest.slopes += whole;
-    for (int32_t r = 0; r < rows; r++, in += ldi, out += ldo) {
-        for (int32_t i = 0; i < whole; i += 8)
-            vst1_u8(out + i, eight(&j, vld1_u8(in + i), p->slopes + i));
-        if (whole < count)
-            fv_k_nn_slopes_u8__c(&rest, in + whole, ldi, out + whole, ldo, 1, count - whole);
-    }
+    slopes_rows(p, in, ldi, out, ldo, rows, count);
 }

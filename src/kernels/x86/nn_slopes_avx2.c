@@ -1,6 +1,7 @@
 /* Slopes by channel of bytes, in float32. */
-#include "kernels/kernels.h"
 #include "kernels/x86/nn_avx2.h"
+
+enum { SLOPES_LANES = 16 };
 
 struct job {
     __m256i zero_in, zero_out;
@@ -24,18 +25,21 @@ FV_INLINE __m128i sixteen(const struct job *j, const uint8_t *in, const float *s
     return _mm_packus_epi16(_mm256_castsi256_si128(sum), _mm256_extracti128_si256(sum, 1));
 }
 
+#include "kernels/nn_slopes_rows.h"
+
+FV_INLINE struct job job_of(const struct fv_nn_slopes *p, float rising)
+{
+    return (struct job){_mm256_set1_epi32(p->zero_in), _mm256_set1_epi16((short)p->zero_out),
+                        _mm256_set1_ps(rising)};
+}
+
+FV_INLINE void vector(const struct job *job, const uint8_t *in, const float *slopes, uint8_t *out)
+{
+    _mm_storeu_si128((__m128i *)(void *)out, sixteen(job, in, slopes));
+}
+
 void fv_k_nn_slopes_u8__avx2(const struct fv_nn_slopes *p, const uint8_t *in, ptrdiff_t ldi,
                              uint8_t *out, ptrdiff_t ldo, int32_t rows, int32_t count)
 {
-    const struct job j = {_mm256_set1_epi32(p->zero_in), _mm256_set1_epi16((short)p->zero_out),
-                          _mm256_set1_ps(p->slopes[count])};
-    const int32_t whole = count & ~15;
-    struct fv_nn_slopes rest = *p;
-    rest.slopes += whole;
-    for (int32_t r = 0; r < rows; r++, in += ldi, out += ldo) {
-        for (int32_t i = 0; i < whole; i += 16)
-            _mm_storeu_si128((__m128i *)(void *)(out + i), sixteen(&j, in + i, p->slopes + i));
-        if (whole < count)
-            fv_k_nn_slopes_u8__c(&rest, in + whole, ldi, out + whole, ldo, 1, count - whole);
-    }
+    slopes_rows(p, in, ldi, out, ldo, rows, count);
 }

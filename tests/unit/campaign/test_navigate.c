@@ -174,7 +174,10 @@ static void a_grid_is_whole_when_all_its_rows_came(void **state)
         cells[i] = (int8_t)(i % 100);
     assert_false(take(piece(7, 0, 40)));
     assert_true(take(piece(7, 40, 60)));
-    assert_true(grid.map_id == 3 && grid.reset_counter == 2 && grid.width == SIDE);
+    assert_int_equal(grid.width, SIDE);
+    assert_true(navigate_is_for(&grid.frame, &(fovea_pose_t){.map_id = 3, .reset_counter = 2}));
+    assert_false(navigate_is_for(&grid.frame, &(fovea_pose_t){.map_id = 2, .reset_counter = 2}));
+    assert_false(navigate_is_for(&grid.frame, &(fovea_pose_t){.map_id = 3, .reset_counter = 3}));
     assert_memory_equal(grid.cells, cells, sizeof cells);
     /* One whose first piece is lost is left out, as is one of two stamps; the next is taken. */
     assert_false(take(piece(8, 40, 60)));

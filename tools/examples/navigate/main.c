@@ -17,7 +17,7 @@
  *
  * A run with command_key takes only what was signed with its key: --key names the file. The number
  * of the run that is meant is heard on PREFIX_RUN, or given by --run-id; each program that shares
- * the key needs a --sender of its own. The code is made in sign.c. */
+ * the key needs a --sender of its own. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdbool.h>
@@ -28,9 +28,10 @@
 
 #include <lcm/lcm.h>
 
+#include "app/network/command_gate.h"
+
 #include "pieces.h"
 #include "plan.h"
-#include "sign.h"
 
 #include "fovea_pose_t.h"
 #include "fovea_run_t.h"
@@ -42,13 +43,13 @@ static struct {
     lcm_t *lcm;
     const char *url, *prefix, *key_path;
     char command_channel[64];
-    struct navigate_key key;
+    uint8_t key[FV_SIPHASH_KEY_BYTES];
     int64_t run_id, sender, counter; /* with a key; run_id 0: not known yet */
     struct navigate_motion motion;   /* the last that was asked for */
     struct navigate_robot robot;
     struct navigate planner;
     struct navigate_grid grid;        /* as its pieces come */
-    int32_t reset_counter, map_id;    /* of the grid that was planned on */
+    struct navigate_frame place;      /* of the grid that was planned on */
     fovea_run_t_subscription_t *runs; /* while the run to sign for is not known */
     bool planned, arrived;
     int64_t frame, poses, grids, stood;
@@ -64,7 +65,7 @@ static void sign(fovea_velocity_command_t *command, int64_t now_ns)
     command->sender = self.sender;
     command->counter = self.counter;
     const int bytes = fovea_velocity_command_t_encode(data, 0, sizeof data, command);
-    if (bytes > 0) command->mac = navigate_sign(&self.key, data, (size_t)bytes);
+    if (bytes > 0) command->mac = (int64_t)fv_siphash(self.key, data, (size_t)bytes, 0);
 }
 
 static void ask(int64_t sequence, struct navigate_motion motion)
@@ -103,8 +104,7 @@ static void on_grid(const lcm_recv_buf_t *packet, const char *channel, const fov
     (void)context;
     if (!navigate_take(&self.grid, piece)) return;
     self.grids++;
-    self.reset_counter = grid->reset_counter;
-    self.map_id = grid->map_id;
+    self.place = grid->frame;
     self.planned = navigate_plan(&self.planner, grid->cells, grid->width, grid->height,
                                  grid->cell_m, grid->origin);
 }
@@ -113,12 +113,6 @@ static bool is_usable(const fovea_pose_t *pose)
 {
     return (pose->state == FOVEA_POSE_T_STATE_TRACKING || pose->state == FOVEA_POSE_T_STATE_WEAK) &&
            pose->scale_state == FOVEA_POSE_T_SCALE_METRIC;
-}
-
-/* Whether the plan is in the frame of this pose. */
-static bool is_planned_for(const fovea_pose_t *pose)
-{
-    return self.planned && pose->reset_counter == self.reset_counter && pose->map_id == self.map_id;
 }
 
 static void on_pose(const lcm_recv_buf_t *packet, const char *channel, const fovea_pose_t *pose,
@@ -131,7 +125,7 @@ static void on_pose(const lcm_recv_buf_t *packet, const char *channel, const fov
     (void)context;
     self.poses++;
     self.frame = pose->stamp.sequence;
-    if (is_usable(pose) && is_planned_for(pose)) {
+    if (is_usable(pose) && self.planned && navigate_is_for(&self.place, pose)) {
         const double yaw =
             atan2(2 * (q[0] * q[3] + q[1] * q[2]), 1 - 2 * (q[2] * q[2] + q[3] * q[3]));
         motion = navigate_steer(&self.planner, pose->position, yaw);
@@ -200,6 +194,7 @@ static void drive(void)
 
 int main(int argc, char **argv)
 {
+    struct fovea_error error;
     double goal[2];
     char channel[64];
     if (!read_options(argc, argv, goal)) {
@@ -207,11 +202,8 @@ int main(int argc, char **argv)
                         "M_S] [--turning RAD_S] [--key FILE] [--run-id N] [--sender N]\n");
         return 2;
     }
-    if (self.key_path != NULL && !navigate_key_read(self.key_path, &self.key)) {
-        fprintf(stderr,
-                "navigate: --key: found no key in %s, expected a file of 32 hexadecimal "
-                "digits\n",
-                self.key_path);
+    if (self.key_path != NULL && fv_command_key_read(self.key_path, self.key, &error) < 0) {
+        fprintf(stderr, "navigate: --key: %s\n", error.text);
         return 2;
     }
     self.lcm = lcm_create(self.url);

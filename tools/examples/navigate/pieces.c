@@ -17,8 +17,7 @@ static bool is_possible(const fovea_grid_t *piece)
 
 static void begin(struct navigate_grid *grid, const fovea_grid_t *piece)
 {
-    grid->reset_counter = piece->reset_counter;
-    grid->map_id = piece->map_id;
+    grid->frame = (struct navigate_frame){piece->reset_counter, piece->map_id};
     grid->width = piece->width;
     grid->height = piece->height;
     grid->cell_m = piece->resolution_m;
@@ -45,4 +44,9 @@ bool navigate_take(struct navigate_grid *grid, const fovea_grid_t *piece)
            (size_t)piece->cell_count);
     grid->rows += piece->row_count;
     return grid->rows == grid->height;
+}
+
+bool navigate_is_for(const struct navigate_frame *frame, const fovea_pose_t *pose)
+{
+    return pose->reset_counter == frame->reset_counter && pose->map_id == frame->map_id;
 }

@@ -11,6 +11,7 @@
 #include <cmocka.h>
 
 #include "app/config/classes.h"
+#include "detect/decode.h"
 #include "app/config/model_file.h"
 #include "app/config/settings.h"
 
@@ -419,6 +420,19 @@ static void test_classes_of_the_shipped_segmenter(void **state)
     assert_int_equal(fv_model_file_read("src/detect/segmenter.fvm", &file, &error), FOVEA_OK);
     assert_int_equal(fv_classes_resolve_grid(&settings, &file.model, NULL, &error), FOVEA_OK);
     assert_memory_equal(settings.runtime.grid_job.labels, expected, sizeof expected);
+    /* A network of objects with masks in front of it knows no floor, and is passed over. */
+    struct fv_model_file objects;
+    assert_int_equal(fv_model_file_read("src/detect/shipped.fvm", &objects, &error), FOVEA_OK);
+    struct fv_model_decode *decode =
+        &((struct fv_model_header *)(uintptr_t)objects.model.header)->decode;
+    decode->kind = FV_DECODER_YOLOV8_SEG;
+    decode->roles[FV_ROLE_PROTOTYPES] = 1; /* the only output */
+    decode->coefficients = objects.model.tensors[objects.model.outputs[0]].dims[3];
+    assert_int_equal(fv_detect_gives(&objects.model), FV_DETECT_BOXES | FV_DETECT_MASK);
+    assert_int_equal(fv_classes_resolve_grid(&settings, &objects.model, &file.model, &error),
+                     FOVEA_OK);
+    assert_memory_equal(settings.runtime.grid_job.labels, expected, sizeof expected);
+    fv_model_file_free(&objects);
     /* What a list names goes before what another knows by name; no class has two labels. */
     strcpy(settings.grid_ignored, "floor auto");
     assert_int_equal(fv_classes_resolve_grid(&settings, &file.model, NULL, &error),
