@@ -1,4 +1,5 @@
 /* Slopes by channel of bytes, in float32. */
+#include "kernels/kernels.h"
 #include "kernels/x86/nn_sse4.h"
 
 enum { SLOPES_LANES = 16 };
