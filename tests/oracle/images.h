@@ -4,6 +4,8 @@
 #define FOVEA_TESTS_ORACLE_IMAGES_H
 
 #include <algorithm>
+#include <cstdio>
+#include <cstdlib>
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -33,6 +35,21 @@ inline std::vector<std::string> images_under(const std::string &folder, size_t l
          i += std::max<size_t>(1, all.size() / limit))
         chosen.push_back(all[i]);
     return chosen;
+}
+
+/* What a program with the arguments [FOLDER [LIMIT]] compares on: at most LIMIT images of FOLDER,
+ * 0: all; `most` of the data folder, or of opencv-doc where that is absent. What is not there is
+ * named as skipped. */
+inline std::vector<std::string> images_of(int argc, char **argv, size_t most)
+{
+    const size_t limit = argc > 2 ? std::strtoul(argv[2], nullptr, 10) : most;
+    const std::string folder = argc > 1 ? argv[1] : data_folder();
+    std::vector<std::string> names = images_under(folder, limit == 0 ? 1000000 : limit);
+    if (!names.empty() || argc > 1) return names;
+    std::printf("SKIPPED images of %s: not there\n", folder.c_str());
+    names = images_under("/usr/share/doc/opencv-doc/examples/data", most);
+    if (names.empty()) std::printf("SKIPPED images of opencv-doc: not installed\n");
+    return names;
 }
 
 #endif

@@ -142,13 +142,8 @@ bool check_canny(const std::string &name, const cv::Mat &image, long &edges)
 
 int main(int argc, char **argv)
 {
-    const size_t limit = argc > 2 ? std::strtoul(argv[2], nullptr, 10) : 4;
-    std::vector<std::string> names =
-        images_under(argc > 1 ? argv[1] : data_folder(), limit == 0 ? 1000000 : limit);
-    if (names.empty()) {
-        std::printf("SKIPPED images of %s: not there\n", data_folder().c_str());
-        names = images_under("/usr/share/doc/opencv-doc/examples/data", 4);
-    }
+    const std::vector<std::string> names = images_of(argc, argv, 4);
+    if (names.empty()) return argc > 1 ? 1 : 0; /* named as skipped, or nothing in FOLDER */
     bool good = true;
     int count = 0, sets = 0;
     long edges = 0;

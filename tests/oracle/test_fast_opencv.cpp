@@ -85,14 +85,7 @@ bool compare(const char *set, const std::string &name, const cv::Mat &image, int
 
 int main(int argc, char **argv)
 {
-    const size_t limit = argc > 2 ? std::strtoul(argv[2], nullptr, 10) : 60;
-    std::vector<std::string> names =
-        images_under(argc > 1 ? argv[1] : data_folder(), limit == 0 ? 1000000 : limit);
-    if (names.empty()) {
-        std::printf("SKIPPED images of %s: not there\n", data_folder().c_str());
-        names = images_under("/usr/share/doc/opencv-doc/examples/data", 60);
-    }
-    if (names.empty()) std::printf("SKIPPED images of opencv-doc: not installed\n");
+    const std::vector<std::string> names = images_of(argc, argv, 60);
 
     std::vector<std::pair<const char *, struct fv_kernels>> sets;
     for (int set = 0; set < FV_CPU_SET_COUNT; set++) {

@@ -212,13 +212,7 @@ bool check_image(const cv::Mat &image, const std::vector<struct fv_kernels> &set
 
 int main(int argc, char **argv)
 {
-    const size_t limit = argc > 2 ? std::strtoul(argv[2], nullptr, 10) : 24;
-    std::vector<std::string> names = images_under(argc > 1 ? argv[1] : data_folder(), limit);
-    if (names.empty()) {
-        std::printf("SKIPPED images of %s: not there\n", data_folder().c_str());
-        names = images_under("/usr/share/doc/opencv-doc/examples/data", limit);
-    }
-    if (names.empty()) std::printf("SKIPPED images of opencv-doc: not installed\n");
+    const std::vector<std::string> names = images_of(argc, argv, 24);
 
     std::vector<struct fv_kernels> sets;
     for (int set = 0; set < FV_CPU_SET_COUNT; set++) {

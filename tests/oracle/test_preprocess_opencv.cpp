@@ -209,13 +209,7 @@ bool compare(const Comparison &c, const std::string &name, const cv::Mat &image,
 
 int main(int argc, char **argv)
 {
-    const size_t limit = argc > 2 ? std::strtoul(argv[2], nullptr, 10) : 3;
-    std::vector<std::string> names =
-        images_under(argc > 1 ? argv[1] : data_folder(), limit == 0 ? 1000000 : limit);
-    if (names.empty()) {
-        std::printf("SKIPPED images of %s: not there\n", data_folder().c_str());
-        names = images_under("/usr/share/doc/opencv-doc/examples/data", 3);
-    }
+    const std::vector<std::string> names = images_of(argc, argv, 3);
     std::vector<struct fv_kernels> sets;
     for (int set = 0; set < FV_CPU_SET_COUNT; set++) {
         struct fv_kernels kernels;

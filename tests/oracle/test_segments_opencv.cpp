@@ -103,13 +103,8 @@ double covered(const Segments &a, const Segments &b)
 
 int main(int argc, char **argv)
 {
-    const size_t limit = argc > 2 ? std::strtoul(argv[2], nullptr, 10) : 8;
-    std::vector<std::string> names =
-        images_under(argc > 1 ? argv[1] : data_folder(), limit == 0 ? 1000000 : limit);
-    if (names.empty()) {
-        std::printf("SKIPPED images of %s: not there\n", data_folder().c_str());
-        names = images_under("/usr/share/doc/opencv-doc/examples/data", 4);
-    }
+    const std::vector<std::string> names = images_of(argc, argv, 8);
+    if (names.empty()) return argc > 1 ? 1 : 0; /* named as skipped, or nothing in FOLDER */
     bool good = true;
     double sum = 0;
     int count = 0;
