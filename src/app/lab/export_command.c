@@ -38,6 +38,7 @@ struct export_run {
     bool masks;
     const struct fovea_source_ops *ops;
     struct fovea_source *source;
+    bool made;                  /* the folder, at the first frame that can be written */
     FILE *images, *annotations; /* the two lists of the JSON, joined at the end */
     uint64_t frames, boxes;
     uint64_t others;   /* images of the cameras after the first */
@@ -54,21 +55,43 @@ static enum fovea_status write_picture(const struct export_run *export, const ch
     return fv_picture_write(path, image, error);
 }
 
-static enum fovea_status write_truth(struct export_run *export, const struct fovea_frame *frame,
-                                     struct fovea_error *error)
+static enum fovea_status refuse_folder(const struct export_run *export, int why,
+                                       struct fovea_error *error)
 {
-    struct fovea_truth truth;
-    memset(&truth, 0, sizeof truth);
-    const bool known =
-        export->ops->truth != NULL && export->ops->truth(export->source, frame, &truth) == FOVEA_OK;
-    if (export->masks && truth.class_mask == NULL)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                               "--masks: found no class of each pixel in %.300s, expected a source "
-                               "that knows them, as sim:",
-                               export->uri);
-    if (!known) return FOVEA_OK;
-    for (uint32_t i = 0; i < truth.box_count; i++) {
-        const struct fovea_truth_box *b = &truth.boxes[i];
+    return fovea_error_set(error,
+                           why == ENOSPC || why == EROFS ? FOVEA_ERROR_SYSTEM : FOVEA_ERROR_INPUT,
+                           "%.300s: %s; expected a folder that can be made", export->folder,
+                           why == EEXIST ? "exists" : strerror(why));
+}
+
+/* Once. */
+static enum fovea_status make_folder(struct export_run *export, struct fovea_error *error)
+{
+    if (!export->made && mkdir(export->folder, 0777) != 0)
+        return refuse_folder(export, errno, error);
+    export->made = true;
+    return FOVEA_OK;
+}
+
+/* All zeros where the source knows none. */
+static enum fovea_status get_truth(const struct export_run *export, const struct fovea_frame *frame,
+                                   struct fovea_truth *truth, struct fovea_error *error)
+{
+    memset(truth, 0, sizeof *truth);
+    if (export->ops->truth == NULL || export->ops->truth(export->source, frame, truth) != FOVEA_OK)
+        memset(truth, 0, sizeof *truth);
+    if (!export->masks || truth->class_mask != NULL) return FOVEA_OK;
+    return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                           "--masks: found no class of each pixel in %.300s, expected a source "
+                           "that knows them, as sim:",
+                           export->uri);
+}
+
+static enum fovea_status write_truth(struct export_run *export, const struct fovea_frame *frame,
+                                     const struct fovea_truth *truth, struct fovea_error *error)
+{
+    for (uint32_t i = 0; i < truth->box_count; i++) {
+        const struct fovea_truth_box *b = &truth->boxes[i];
         const double w = (double)(b->x_max_px - b->x_min_px),
                      h = (double)(b->y_max_px - b->y_min_px);
         fprintf(
@@ -81,7 +104,7 @@ static enum fovea_status write_truth(struct export_run *export, const struct fov
         export->boxes++;
     }
     if (!export->masks) return FOVEA_OK;
-    const struct fovea_image mask = {.data = truth.class_mask,
+    const struct fovea_image mask = {.data = truth->class_mask,
                                      .width = frame->images[0].width,
                                      .height = frame->images[0].height,
                                      .stride_bytes = frame->images[0].width,
@@ -104,21 +127,26 @@ static enum fovea_status write_others(struct export_run *export, const struct fo
     return status;
 }
 
+/* What cannot be written is refused before the folder is made. */
 static enum fovea_status write_frame(struct export_run *export, const struct fovea_frame *frame,
                                      struct fovea_error *error)
 {
+    struct fovea_truth truth;
     if (frame->images[0].data == NULL) return FOVEA_OK; /* nothing to number */
     if (frame->images[0].format != FOVEA_PIXEL_GREY8)
         return fovea_error_set(error, FOVEA_ERROR_UNSUPPORTED,
                                "export: found frames in colour, expected grey ones");
+    enum fovea_status status = get_truth(export, frame, &truth, error);
+    if (status == FOVEA_OK) status = make_folder(export, error);
+    if (status != FOVEA_OK) return status;
     fprintf(export->images,
             "%s\n  {\"id\": %" PRIu64 ", \"file_name\": \"%06" PRIu64
             ".png\", \"width\": %d, \"height\": %d, \"stamp_ns\": %" PRId64 "}",
             export->frames == 0 ? "" : ",", export->frames, export->frames, frame->images[0].width,
             frame->images[0].height, frame->stamp_ns);
-    enum fovea_status status = write_picture(export, "", &frame->images[0], error);
+    status = write_picture(export, "", &frame->images[0], error);
     if (status == FOVEA_OK) status = write_others(export, frame, error);
-    if (status == FOVEA_OK) status = write_truth(export, frame, error);
+    if (status == FOVEA_OK) status = write_truth(export, frame, &truth, error);
     export->frames++;
     return status;
 }
@@ -203,11 +231,8 @@ static enum fovea_status write_json(const struct export_run *export, struct fove
 
 static enum fovea_status run(struct export_run *export, struct fovea_error *error)
 {
-    if (mkdir(export->folder, 0777) != 0)
-        return fovea_error_set(
-            error, errno == ENOSPC || errno == EROFS ? FOVEA_ERROR_SYSTEM : FOVEA_ERROR_INPUT,
-            "%.300s: %s; expected a folder that can be made", export->folder,
-            errno == EEXIST ? "exists" : strerror(errno));
+    struct stat there;
+    if (lstat(export->folder, &there) == 0) return refuse_folder(export, EEXIST, error);
     export->images = tmpfile();
     export->annotations = tmpfile();
     enum fovea_status status = FOVEA_OK;
@@ -215,6 +240,7 @@ static enum fovea_status run(struct export_run *export, struct fovea_error *erro
         status = fovea_error_set(error, FOVEA_ERROR_SYSTEM, "export: no temporary file: %s",
                                  strerror(errno));
     if (status == FOVEA_OK) status = write_frames(export, error);
+    if (status == FOVEA_OK) status = make_folder(export, error); /* there was no frame */
     if (status == FOVEA_OK) status = write_json(export, error);
     if (status == FOVEA_OK && export->masks) status = write_map(export, error);
     if (export->images != NULL) fclose(export->images);
