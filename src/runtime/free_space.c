@@ -16,14 +16,35 @@ void fv_free_space_carve(struct fv_free_space *stage, const struct fovea_grid_jo
     stage->cells = fv_arena_take(frame, (size_t)fv_free_space_rows(grid) * grid->side_cells, 1);
 }
 
+/* Send what there is, with the stamp of the last mask. */
+static void send_anew(struct fv_free_space *stage)
+{
+    fv_grid_scan_begin(&stage->grid);
+    stage->state->phase = FV_FREE_SPACE_SCANNING;
+}
+
 void fv_free_space_reset(struct fv_free_space *stage)
 {
     if (!stage->enabled) return;
     stage->state->noted.usable = 0;
     if (!stage->grid.state->begun) return;
     fv_grid_forget(&stage->grid);
-    fv_grid_scan_begin(&stage->grid); /* and say so, with the stamp of the last mask */
-    stage->state->phase = FV_FREE_SPACE_SCANNING;
+    stage->state->emptied = FV_FREE_SPACE_EMPTIED;
+    send_anew(stage);
+}
+
+/* There is no pose at `stamp_ns`: that nothing is known is sent again every second. */
+static void say_empty(struct fv_free_space *stage, int64_t stamp_ns)
+{
+    const int64_t period_ns = 1000000000;
+    struct fv_free_space_state *s = stage->state;
+    if (s->emptied == FV_FREE_SPACE_FILLED) return;
+    if (s->emptied == FV_FREE_SPACE_EMPTIED_TIMED) {
+        if (s->phase != FV_FREE_SPACE_IDLE || stamp_ns - s->emptied_ns < period_ns) return;
+        send_anew(stage);
+    }
+    s->emptied = FV_FREE_SPACE_EMPTIED_TIMED;
+    s->emptied_ns = stamp_ns;
 }
 
 /* ---- poses ----------------------------------------------------------------------------------- */
@@ -53,6 +74,7 @@ void fv_free_space_follow(struct fv_free_space *stage, const struct fv_publish *
     const struct fovea_pose *pose = fv_publish_pose(publish);
     if (!is_metric(pose) || !same(world_of(publish), stage->state->world))
         fv_free_space_reset(stage);
+    if (!is_metric(pose)) say_empty(stage, publish->state->stamp_ns);
 }
 
 void fv_free_space_note(struct fv_free_space *stage, const struct fv_publish *publish,
@@ -116,7 +138,9 @@ void fv_free_space_begin(struct fv_free_space *stage, const struct fovea_segment
     s->pose = s->noted;
     s->noted.usable = 0;
     const struct fovea_grid_view view = view_of(stage, seen, camera, labels);
-    if (fv_grid_begin(&stage->grid, &view)) s->phase = FV_FREE_SPACE_UPDATING;
+    if (!fv_grid_begin(&stage->grid, &view)) return;
+    s->phase = FV_FREE_SPACE_UPDATING;
+    s->emptied = FV_FREE_SPACE_FILLED;
 }
 
 bool fv_free_space_unit(struct fv_free_space *stage, const struct fovea_segmentation *seen,

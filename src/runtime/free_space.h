@@ -4,7 +4,9 @@
  * fv_free_space_note remembers the pose of a frame that the network takes; when its mask is
  * complete, fv_free_space_begin takes it, and units update the grid, send it, and send the scan.
  * Until the update is done the network must keep the mask (fv_free_space_reads). A loss of the
- * pose, and a change of the frame or the unit of poses, make every cell unknown at once. */
+ * pose, and a change of the frame or the unit of poses, make every cell unknown at once, which is
+ * sent, and while there is no pose in metres again every second of the frames' time: a packet may
+ * be lost. */
 #ifndef FOVEA_RUNTIME_FREE_SPACE_H
 #define FOVEA_RUNTIME_FREE_SPACE_H
 
@@ -19,6 +21,14 @@ enum fv_free_space_phase {
     FV_FREE_SPACE_SCANNING,
     FV_FREE_SPACE_SENDING_GRID,
     FV_FREE_SPACE_SENDING_SCAN
+};
+
+/* Whether it was sent that nothing is known, and nothing else since; with the frame's time, or
+ * not. */
+enum fv_free_space_emptied {
+    FV_FREE_SPACE_FILLED = 0,
+    FV_FREE_SPACE_EMPTIED,
+    FV_FREE_SPACE_EMPTIED_TIMED
 };
 
 /* Where a frame was seen from. */
@@ -39,8 +49,11 @@ struct fv_free_space_state {
     struct fv_free_space_pose noted, pose;
     uint64_t inferences;              /* of the network, as of the last mask taken */
     struct fv_free_space_world world; /* that the cells are in */
+    int64_t emptied_ns;               /* of the frame when last it was sent that nothing is known */
+    uint32_t emptied;                 /* enum fv_free_space_emptied */
     uint32_t phase;                   /* enum fv_free_space_phase */
     int32_t sent;                     /* rows */
+    uint32_t unused;
 };
 
 struct fv_free_space {

@@ -40,6 +40,7 @@ struct run {
     int64_t grid_stamp_ns, scan_stamp_ns;
     double origin[3];
     int grids, scans, known;
+    int empty;    /* grids without a known cell after one with some */
     int compared; /* grids that were compared with that beside, as they came */
 };
 
@@ -56,6 +57,14 @@ static size_t make_model(void)
     return bytes;
 }
 
+static int count_known(const int8_t *cells)
+{
+    int known = 0;
+    for (int i = 0; i < SIDE * SIDE; i++)
+        known += cells[i] != FOVEA_GRID_UNKNOWN;
+    return known;
+}
+
 static void take_grid(const struct fovea_message *message, struct run *run)
 {
     fovea_grid_t m;
@@ -65,7 +74,10 @@ static void take_grid(const struct fovea_message *message, struct run *run)
     assert_true(m.cell_count == m.row_count * SIDE && m.cell_count <= FOVEA_GRID_T_CELLS_MAX);
     memcpy(run->cells + m.first_row * SIDE, m.cells, (size_t)m.cell_count);
     memcpy(run->origin, m.origin_position, sizeof run->origin);
-    if (m.first_row + m.row_count == SIDE) run->grids++;
+    if (m.first_row + m.row_count == SIDE) {
+        run->grids++;
+        run->empty += run->grids > 1 && count_known(run->cells) == 0;
+    }
     run->grid_stamp_ns = m.stamp.time_ns;
     fovea_grid_t_decode_cleanup(&m);
 }
@@ -239,8 +251,7 @@ static void run_with(uint32_t units, int calls, int dark, bool copied, struct ru
             memset(other, 0x5a, bytes);
         }
     }
-    for (int i = 0; i < SIDE * SIDE; i++)
-        run->known += run->cells[i] != FOVEA_GRID_UNKNOWN;
+    run->known = count_known(run->cells);
     free(other);
 }
 
@@ -339,6 +350,26 @@ static void a_lost_pose_leaves_nothing_known(void **state)
     end_run();
 }
 
+/* A packet may be lost: while the pose is, the empty grid and its scan come again with every second
+ * of the frames' time, and no more often. */
+static void while_it_stays_lost_that_is_said_every_second(void **state)
+{
+    (void)state;
+    enum { DARK = 60 };
+    static struct run run;
+    run_with(400, 4, DARK, false, &run);
+    int lost = DARK; /* the first frame without a pose */
+    while (rig.pose[lost].posed)
+        lost++;
+    const int seconds = (FRAMES - 1 - lost) / 10;
+    print_message("%d grids, %d scans; lost from frame %d on\n", run.grids, run.scans, lost);
+    assert_true(seconds >= 4);
+    assert_int_equal(run.known, 0);
+    assert_int_equal(run.empty, 1 + seconds);
+    assert_int_equal(run.scans, run.grids);
+    end_run();
+}
+
 /* By the command, and by a camera that is gone: an empty grid is sent, and nothing is given. */
 static void a_reset_and_a_camera_that_is_gone_leave_nothing_known(void **state)
 {
@@ -413,6 +444,7 @@ int main(void)
         cmocka_unit_test(with_few_units_the_same_grid_comes_later),
         cmocka_unit_test(copies_go_on_alike),
         cmocka_unit_test(a_lost_pose_leaves_nothing_known),
+        cmocka_unit_test(while_it_stays_lost_that_is_said_every_second),
         cmocka_unit_test(a_reset_and_a_camera_that_is_gone_leave_nothing_known),
         cmocka_unit_test(nothing_is_known_once_odom_has_changed),
         cmocka_unit_test(a_camera_on_the_floor_is_refused),
