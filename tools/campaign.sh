@@ -217,6 +217,7 @@ else
     part commands $build/tests/campaign/commands $build/fovea 1800
     part fuzz make --no-print-directory fuzz FUZZ_SECONDS=1200
     part networks tools/check_networks.sh "$build" 40
+    part public python3 tests/import/public.py "$build"
     part honest honest 10
     part calibration calibration 100
     part bare-debian tools/try_bare_debian.sh

@@ -172,6 +172,7 @@ def guesses(bench):
                                    ("a mask", [(1, 24, 32, 1)], None), ("scores of every pixel", [(1, 12, 16, 4)], "SOFTMAX")):
             bench.refused(f"{what} {ends}", network(shapes, last, ends), "--decoder none")
     bench.refused("scores that are none", network([(1, 20)], None, scale_in=0.1), "from 0 to 25.5", "--decoder", "classifier")
+    bench.refused("the same, chosen: what would be refused is not proposed", network([(1, 20)], None, scale_in=0.1), "for the raw outputs\n")
 
 
 def heads(bench):

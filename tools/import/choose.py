@@ -213,11 +213,11 @@ def choose(e):
     if not found:
         raise ImportProblem(f"found outputs {shape_text(e)}, which no decoder is certain to read: {raw}, or --decoder NAME")
     name, fault = next(iter(found.items()))
-    named = " or ".join(f"--decoder {other}" for other in found)
+    named = " or ".join(f"--decoder {other}" for other in found if is_held(e, other))
     if len(fitting) > 1:
         raise ImportProblem(f"found outputs {shape_text(e)}, which {' and '.join(fitting)} both read: expected {named}, or --decoder none for the "
                             "raw outputs")
-    raise ImportProblem(f"found outputs {shape_text(e)}; {name} {fault}: {raw}, or {named} if it is that")
+    raise ImportProblem(f"found outputs {shape_text(e)}; {name} {fault}: {raw}" + (f", or {named} if it is that" if named else ""))
 
 
 def hold(e, name):
@@ -236,6 +236,15 @@ def hold(e, name):
     if not e.mask(t).all() and np.isfinite(high) and (low < -0.05 or high > 1.05):
         raise ImportProblem(f"--decoder {name}: found numbers from {low:.3g} to {high:.3g}, expected scores from 0 to 1 (an export with its "
                             "SOFTMAX or LOGISTIC), or none")
+
+
+def is_held(e, name):
+    """Whether hold() believes the user: an option that would be refused is not proposed."""
+    try:
+        hold(e, name)
+    except ImportProblem:
+        return False
+    return True
 
 
 def metadata_of(text):
