@@ -128,7 +128,8 @@ all() {
     in_root 'apt-get install -y -q --no-install-recommends gcc libc6-dev pkg-config >/dev/null 2>&1'
     cp tools/examples/loop.c "$root/packages/"
     # shellcheck disable=SC2016
-    in_root 'cd /packages && gcc -Wall -o loop loop.c $(pkg-config --cflags --libs fovea) && ldd loop | grep -q "libfovea.so" && ./loop >/dev/null'
+    in_root 'cd /packages && gcc -Wall -o loop loop.c $(pkg-config --cflags --libs fovea) && ldd loop | grep -q "libfovea.so"
+             [ "$(head -c $((3 * 320 * 240)) /dev/zero | ./loop 320 240 300 300 160 120 | grep -c " starting$")" = 3 ]'
     answer
     upgraded_and_purged fovea libfovea0 libfovea-dev fovea-web fovea-calibrate
 }
