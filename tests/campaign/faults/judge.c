@@ -31,21 +31,31 @@ static bool is_finite(const struct fovea_pose *pose)
            all_finite(pose->covariance, 21);
 }
 
-bool faults_fit(const struct faults_play *play, uint32_t map_id, bool metric,
-                struct faults_fit *fit)
+/* Positions of a map's poses and of the truth; `sure`: of those in state `tracking` only. */
+static void gather(const struct faults_play *play, uint32_t map_id, bool metric, bool sure,
+                   struct fv_similarity_sums *sums)
 {
-    struct fv_similarity_sums sums = {0};
+    memset(sums, 0, sizeof *sums);
     for (uint32_t i = 0; i < play->count; i++) {
         const struct faults_frame *frame = &play->frame[i];
         const double *T = frame->pose.T_world_cam;
         if (!frame->processed || !frame->pose.posed || !frame->has_truth ||
-            frame->pose.map_id != map_id || is_metric(&frame->pose) != metric || !all_finite(T, 12))
+            frame->pose.map_id != map_id || is_metric(&frame->pose) != metric ||
+            (sure && frame->pose.state != FOVEA_TRACKING_OK) || !all_finite(T, 12))
             continue;
         const double p[3] = {T[3], T[7], T[11]},
                      q[3] = {frame->truth[3], frame->truth[7], frame->truth[11]};
-        fv_similarity_add(&sums, p, q);
+        fv_similarity_add(sums, p, q);
     }
+}
+
+bool faults_fit(const struct faults_play *play, uint32_t map_id, bool metric,
+                struct faults_fit *fit)
+{
+    struct fv_similarity_sums sums;
     double rms;
+    gather(play, map_id, metric, true, &sums);
+    if (sums.n < POSES_MIN) gather(play, map_id, metric, false, &sums);
     if (sums.n < POSES_MIN || !fv_similarity_fit(&sums, &fit->scale, fit->R, fit->t, &rms) ||
         !(fit->scale > 0))
         return false;

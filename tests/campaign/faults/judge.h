@@ -8,9 +8,10 @@
  * whose pose or covariance is not finite is false, whatever the truth.
  *
  * A pose that claims metres is compared as it is. One whose scale is free is known up to a
- * similarity: its lengths are brought to metres by the scale of the best similarity of all such
- * poses of its map to the truth (Umeyama), as the evaluation and the other campaigns do; maps with
- * fewer than 10 poses, or without extent, are not judged. */
+ * similarity: its lengths are brought to metres by the scale of the best similarity to the truth
+ * (Umeyama) of the `tracking` poses of its map, or of all its poses where fewer than 10 are
+ * `tracking`: weak poses of a blurred picture may be far off, as they state, and would give a unit
+ * to those that are right. Maps with fewer than 10 poses, or without extent, are not judged. */
 #ifndef FOVEA_TESTS_CAMPAIGN_FAULTS_JUDGE_H
 #define FOVEA_TESTS_CAMPAIGN_FAULTS_JUDGE_H
 
@@ -36,8 +37,8 @@ void faults_judge(const struct faults_plan *plan, const struct faults_play *play
 /* A line on stdout for each frame of false confidence: its error and what its covariance allows. */
 void faults_explain(const struct faults_play *play, const double nees[FAULTS_GIVEN_MAX]);
 
-/* Similarity from the published world of a map to the truth, over its posed frames; a rigid motion
- * where it is in metres. False: too few, or without extent. */
+/* Similarity from the published world of a map to the truth, over its frames as above; a rigid
+ * motion where it is in metres. False: too few, or without extent. */
 struct faults_fit {
     double scale, R[9], t[3];
 };
