@@ -95,7 +95,7 @@ ROOMS     := base image features geometry stereo inertial odometry scale map nn 
 CORE_C    := $(KERNELS) $(foreach r,$(ROOMS),$(wildcard src/$(r)/*.c))
 CORE_C    := $(filter-out $(if $(filter no,$(SURF)),src/features/surf%.c),$(CORE_C))
 # What few loops run stands at the end, for the same reason: second cameras, free space, saved maps, features and operations of the commands.
-LAST_C    := $(filter src/kernels/%_c.c src/grid/% src/stereo/% src/inertial/% src/%/distances.c src/%/free_space.c src/map/take.c src/map/archive_% src/%/keep.c $(addprefix src/features/,extract.c harris.c patch.c quadratic.c ranked.c response.c scale_space.c sift%.c strongest.c surf%.c) \
+LAST_C    := $(filter src/kernels/%_c.c src/grid/% src/stereo/% src/inertial/% src/%/distances.c src/%/free_space.c src/odometry/surface.c src/map/take.c src/map/archive_% src/%/keep.c $(addprefix src/features/,extract.c harris.c patch.c quadratic.c ranked.c response.c scale_space.c sift%.c strongest.c surf%.c) \
              $(addprefix src/image/,contrast.c edges.c filters.c hysteresis.c preprocess.c region.c segments.c tables.c white_balance.c) \
              $(addprefix src/kernels/x86/,edge_% filter_% response_% bilateral_%),$(CORE_C))
 CORE_C    := $(filter-out $(LAST_C),$(CORE_C)) $(LAST_C)

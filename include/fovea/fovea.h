@@ -121,6 +121,9 @@ struct fovea_calibration_config {
  * metres: until the scale is known there is no grid. It shares the units of FOVEA_JOB_DETECT. */
 struct fovea_grid_job_config {
     bool enabled; /* default false */
+    /* default true: points of landmarks that are tracked, and of two cameras' distances, mark cells
+     * as well (struct fovea_grid_point) */
+    bool landmarks;
     struct fovea_grid_config grid;
     /* enum fovea_grid_label of each class of the network, default FOVEA_GRID_OBSTACLE for all; the
      * command takes the classes of grid.floor, grid.movable and grid.ignored */

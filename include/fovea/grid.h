@@ -7,6 +7,19 @@
  * Autonomous Robots 2013), and forget with time. The grid is square, level, fixed to the odometry
  * frame, and follows the robot cell by cell; what it leaves is forgotten.
  *
+ * Points of surfaces that the same frame showed, landmarks or distances of two cameras, add what a
+ * mask missed. A point that stands 5 cm to 1 m above the floor by 3 standard deviations, the
+ * floor's possible slope included, and whose distance is known to half a cell, is evidence for
+ * occupied, as much as an obstacle of the mask; it counts for the cell a third of a cell behind it,
+ * where what it is a surface of lies. A point below the floor by as much shows that there is no
+ * floor where the line of sight passes it: that cell counts as occupied (stairs; but so does floor
+ * that mirrors). One point may be a wrong match: a cell counts only where another point of the same
+ * frame stands in it or in one of the eight beside it. Where the mask has something movable or
+ * ignored a point says nothing: the first is in the mask, the second may be the robot. Points are
+ * never evidence for free. Those on the floor add nothing to what the mask shows around them, and
+ * do not show that nothing stands beside them in their cell; and between a point and the camera
+ * sight is free at the height of the ray, not down at the floor.
+ *
  * The floor is level at a known height. An obstacle that hangs above the floor, or whose foot is
  * outside of the image, appears where its visible lower edge meets the floor. Cells of the robot's
  * own radius are free, unless an obstacle is seen there. Floor that ends is an obstacle only where
@@ -40,6 +53,7 @@ extern "C" {
 struct fovea_grid;
 
 enum { FOVEA_GRID_UNKNOWN = -1 };
+enum { FOVEA_GRID_POINTS_MAX = 8192 }; /* of one view */
 
 /* Probabilities below and above which a cell counts as known to be free or occupied. */
 #define FOVEA_GRID_FREE_BELOW 0.35
@@ -64,6 +78,13 @@ struct fovea_grid_config {
     double movable_half_life_s; /* [0.1, 10000], default 2: where something movable was seen */
 };
 
+/* A point of a surface that the camera saw in the frame of the mask: a landmark, or a feature whose
+ * distance two cameras measured. */
+struct fovea_grid_point {
+    float position_m[3];     /* in the odometry frame */
+    float along_m, across_m; /* one standard deviation: along the line of sight, and across it */
+};
+
 /* A mask, and where it was seen from. Frames are right-handed, z of the odometry frame is up. */
 struct fovea_grid_view {
     int64_t stamp_ns; /* must not fall from update to update */
@@ -74,6 +95,8 @@ struct fovea_grid_view {
     double position_m[2];  /* of the body in the odometry frame: the grid's centre */
     double yaw_rad;        /* of the body, for the scan */
     double floor_m;        /* height of the floor in the odometry frame */
+    const struct fovea_grid_point *points; /* what else that frame showed; NULL: nothing */
+    uint32_t point_count;                  /* at most FOVEA_GRID_POINTS_MAX */
 };
 
 /* Where the cells are. */
@@ -94,9 +117,10 @@ enum fovea_status fovea_grid_init(struct fovea_grid **grid, const struct fovea_g
                                   void *memory, size_t bytes, struct fovea_error *error);
 
 /* Take what a mask shows; some 0.3 ms with the defaults, and in proportion to the cells and to the
- * rays' steps. FOVEA_ERROR_ARGUMENT: there is no mask yet, the pose holds no numbers, no rotation
- * or is beyond 1e6 m, the camera is not at least 1 cm above the floor, the stamp is negative or
- * falls; nothing is taken. */
+ * rays' steps; some 0.1 ms for 1,000 points. FOVEA_ERROR_ARGUMENT: there is no mask yet, the pose
+ * holds no numbers, no rotation or is beyond 1e6 m, the camera is not at least 1 cm above the
+ * floor, the stamp is negative or falls, there are too many points; nothing is taken. A point that
+ * holds no numbers says nothing. */
 enum fovea_status fovea_grid_update(struct fovea_grid *grid, const struct fovea_grid_view *view);
 
 /* Every cell becomes unknown. */

@@ -16,7 +16,13 @@
 extern "C" {
 #endif
 
-enum fv_grid_phase { FV_GRID_IDLE = 0, FV_GRID_DECAY, FV_GRID_RAYS, FV_GRID_APPLY };
+enum fv_grid_phase {
+    FV_GRID_IDLE = 0,
+    FV_GRID_DECAY,
+    FV_GRID_POINTS_TAKEN,
+    FV_GRID_RAYS,
+    FV_GRID_APPLY
+};
 
 /* No addresses and no padding: copied and hashed as bytes. */
 struct fv_grid_state {
@@ -31,7 +37,8 @@ struct fv_grid_state {
     int32_t scanned;    /* rays of the scan */
     int32_t free_below; /* log-odds in thousandths, as the next */
     int32_t occupied_above;
-    uint32_t phase;       /* enum fv_grid_phase */
+    uint32_t phase;           /* enum fv_grid_phase */
+    uint32_t point, reserved; /* the next one */
     uint32_t begun, made; /* an update came since the last fv_grid_forget; the tables are filled */
 };
 

@@ -5,14 +5,12 @@
 #include <string.h>
 
 #include "base/elementary.h"
+#include "grid/cells.h"
 
 /* Log-odds in thousandths; OctoMap's (section 3.2): 0.85, -0.4, from -2 to 3.5. */
 enum { HIT = 850, MISS = -400, LEAST = -2000, MOST = 3500 };
 enum { TABLE_STEP = 10, TABLE_SIZE = (MOST - LEAST) / TABLE_STEP + 1, COARSE = 8, RAY_STEPS = 2 };
 enum { ONE = 65536 }; /* of what stays in a decay */
-
-/* What one update says of a cell; the larger number wins. */
-enum { MARK_NONE = 0, MARK_FREE, MARK_OCCUPIED, MARK_MOVABLE };
 
 /* ---- set-up ---------------------------------------------------------------------------------- */
 
@@ -77,43 +75,9 @@ static void make_tables(struct fv_grid *g)
 
 /* ---- cells ----------------------------------------------------------------------------------- */
 
-static int64_t whole(double value) /* rounded down */
-{
-    const int64_t part = (int64_t)value;
-    return part - (value < (double)part);
-}
-
-static int64_t side_of(const struct fv_grid *g)
-{
-    return g->config.side_cells;
-}
-
-static size_t wrapped(int64_t cell, int64_t side)
-{
-    const int64_t rest = cell % side;
-    return (size_t)(rest < 0 ? rest + side : rest);
-}
-
-/* Where cell (x, y) of the odometry frame is kept; -1: the grid does not reach so far. */
-static int64_t place_of(const struct fv_grid *g, int64_t x, int64_t y)
-{
-    const int64_t side = side_of(g);
-    const int64_t column = x - g->state->corner[0], row = y - g->state->corner[1];
-    if (column < 0 || column >= side || row < 0 || row >= side) return -1;
-    const int64_t kept_x = column + g->state->corner_kept[0],
-                  kept_y = row + g->state->corner_kept[1];
-    return (kept_y < side ? kept_y : kept_y - side) * side +
-           (kept_x < side ? kept_x : kept_x - side);
-}
-
-static int64_t place_at(const struct fv_grid *g, double x_m, double y_m)
-{
-    return place_of(g, whole(x_m / g->config.resolution_m), whole(y_m / g->config.resolution_m));
-}
-
 void fv_grid_forget(struct fv_grid *g)
 {
-    const size_t cells = (size_t)(side_of(g) * side_of(g));
+    const size_t cells = (size_t)(fv_grid_side(g) * fv_grid_side(g));
     memset(g->odds, 0, cells * sizeof *g->odds);
     memset(g->movable, 0, cells);
     memset(g->marks, 0, cells);
@@ -131,11 +95,12 @@ static void clear(struct fv_grid *g, size_t at)
 /* Follow the body along one axis: cells that come in are unknown. */
 static void follow(struct fv_grid *g, int axis)
 {
-    const int64_t side = side_of(g), old = g->state->corner[axis],
-                  corner = whole(g->state->position_m[axis] / g->config.resolution_m) - side / 2;
+    const int64_t side = fv_grid_side(g), old = g->state->corner[axis],
+                  corner =
+                      fv_grid_whole(g->state->position_m[axis] / g->config.resolution_m) - side / 2;
     int64_t first = corner > old ? old + side : corner, last = corner > old ? corner + side : old;
     g->state->corner[axis] = corner;
-    g->state->corner_kept[axis] = (int64_t)wrapped(corner, side);
+    g->state->corner_kept[axis] = (int64_t)fv_grid_wrapped(corner, side);
     if (!g->state->begun) return; /* all are unknown */
     if (last - first >= side) {   /* of the old ones none stays */
         memset(g->odds, 0, (size_t)(side * side) * sizeof *g->odds);
@@ -144,8 +109,8 @@ static void follow(struct fv_grid *g, int axis)
     }
     for (int64_t line = first; line < last; line++)
         for (int64_t i = 0; i < side; i++)
-            clear(g, axis == 0 ? (size_t)(i * side) + wrapped(line, side)
-                               : wrapped(line, side) * (size_t)side + (size_t)i);
+            clear(g, axis == 0 ? (size_t)(i * side) + fv_grid_wrapped(line, side)
+                               : fv_grid_wrapped(line, side) * (size_t)side + (size_t)i);
 }
 
 /* The parts that stay by now, in steps of a twentieth of the half-life: smaller ones would round
@@ -180,15 +145,6 @@ static void decay(struct fv_grid *g, int64_t from, int64_t to)
 
 /* ---- rays ------------------------------------------------------------------------------------ */
 
-struct look {
-    const struct fovea_grid_view *view;
-    double from[2];        /* below the camera */
-    double R[3][3], up[3]; /* of the camera from the odometry frame; a floor point at `from` */
-    double inverse[2];     /* pixels of the mask per pixel of the image */
-    double outside;        /* (x^2 + y^2) / z^2 from which on nothing is in the image */
-    uint8_t of[256];       /* label of a byte of the mask */
-};
-
 /* The largest (x^2 + y^2) / z^2 of the image's corners, with a tenth more of the radius for what a
  * lens moves sideways; infinite where a corner has no direction or looks backwards. */
 static double outside_of(const struct fovea_camera *camera)
@@ -205,11 +161,11 @@ static double outside_of(const struct fovea_camera *camera)
     return 1.21 * most;
 }
 
-static struct look look_of(const struct fovea_grid_view *view)
+struct fv_grid_look fv_grid_look_of(const struct fovea_grid_view *view)
 {
     const struct fovea_segmentation *s = view->seen;
     const double *T = view->T_odom_cam, drop = view->floor_m - T[11];
-    struct look look = {.view = view, .from = {T[3], T[7]}};
+    struct fv_grid_look look = {.view = view, .from = {T[3], T[7]}};
     look.outside = outside_of(view->camera);
     for (int row = 0; row < 3; row++) {
         for (int k = 0; k < 3; k++)
@@ -230,7 +186,7 @@ struct ray {
     double x, y, in_camera[3];
 };
 
-static struct ray ray_of(const struct look *look, const double way[2], double step)
+static struct ray ray_of(const struct fv_grid_look *look, const double way[2], double step)
 {
     struct ray ray = {.x = way[0] * step, .y = way[1] * step};
     for (int row = 0; row < 3; row++)
@@ -238,13 +194,10 @@ static struct ray ray_of(const struct look *look, const double way[2], double st
     return ray;
 }
 
-/* The label of the floor's point after i steps; -1: it is not in the image. */
-static int label_at(const struct look *look, const struct ray *ray, int32_t i)
+/* The label of a point of the camera's frame; -1: it is not in the image. */
+int fv_grid_label(const struct fv_grid_look *look, const double point[3])
 {
     const struct fovea_segmentation *s = look->view->seen;
-    const double point[3] = {look->up[0] + ray->in_camera[0] * i,
-                             look->up[1] + ray->in_camera[1] * i,
-                             look->up[2] + ray->in_camera[2] * i};
     double pixel[2];
     const double across = point[0] * point[0] + point[1] * point[1];
     if (look->outside < __builtin_inf() &&
@@ -257,14 +210,17 @@ static int label_at(const struct look *look, const struct ray *ray, int32_t i)
     return look->of[s->pixels[(int64_t)row * s->width + (int64_t)column]];
 }
 
-static void mark(struct fv_grid *g, double x_m, double y_m, uint8_t kind)
+/* That of the floor's point after i steps. */
+static int label_at(const struct fv_grid_look *look, const struct ray *ray, int32_t i)
 {
-    const int64_t at = place_at(g, x_m, y_m);
-    if (at >= 0 && g->marks[at] < kind) g->marks[at] = kind;
+    const double point[3] = {look->up[0] + ray->in_camera[0] * i,
+                             look->up[1] + ray->in_camera[1] * i,
+                             look->up[2] + ray->in_camera[2] * i};
+    return fv_grid_label(look, point);
 }
 
 /* The first step of a ray at which it is in the image, in large steps at first. */
-static int32_t view_begin(const struct look *look, const struct ray *ray, int32_t steps)
+static int32_t view_begin(const struct fv_grid_look *look, const struct ray *ray, int32_t steps)
 {
     int32_t i = 0;
     while (i <= steps && label_at(look, ray, i) < 0)
@@ -281,7 +237,7 @@ static int32_t steps_of(const struct fv_grid *g)
 
 /* Outwards until an obstacle, the end of the view or of the range; steps of half a cell. False: the
  * lookups of this piece are used up, and the ray goes on. */
-static bool follow_ray(struct fv_grid *g, const struct look *look, int32_t *lookups)
+static bool follow_ray(struct fv_grid *g, const struct fv_grid_look *look, int32_t *lookups)
 {
     struct fv_grid_state *s = g->state;
     const int32_t steps = steps_of(g);
@@ -294,10 +250,10 @@ static bool follow_ray(struct fv_grid *g, const struct look *look, int32_t *look
         if (--*lookups < 0) return false;
         const int label = label_at(look, &ray, s->step);
         if (label < 0 || label == FOVEA_GRID_IGNORED) return true;
-        mark(g, look->from[0] + ray.x * s->step, look->from[1] + ray.y * s->step,
-             label == FOVEA_GRID_FLOOR     ? MARK_FREE
-             : label == FOVEA_GRID_MOVABLE ? MARK_MOVABLE
-                                           : MARK_OCCUPIED);
+        fv_grid_mark(g, look->from[0] + ray.x * s->step, look->from[1] + ray.y * s->step,
+                     label == FOVEA_GRID_FLOOR     ? FV_GRID_MARK_FREE
+                     : label == FOVEA_GRID_MOVABLE ? FV_GRID_MARK_MOVABLE
+                                                   : FV_GRID_MARK_OCCUPIED);
         if (label != FOVEA_GRID_FLOOR) return true;
     }
     return true;
@@ -306,7 +262,7 @@ static bool follow_ray(struct fv_grid *g, const struct look *look, int32_t *look
 static bool follow_rays(struct fv_grid *g, const struct fovea_grid_view *view)
 {
     struct fv_grid_state *s = g->state;
-    const struct look look = look_of(view);
+    const struct fv_grid_look look = fv_grid_look_of(view);
     int32_t lookups = FV_GRID_LOOKUPS;
     while (s->ray < (int32_t)g->config.rays && lookups > 0) {
         if (!follow_ray(g, &look, &lookups)) return false;
@@ -320,14 +276,15 @@ static void stand(struct fv_grid *g)
 {
     const double r = g->config.robot_radius_m, cell = g->config.resolution_m;
     const int64_t reach = (int64_t)(r / cell) + 1;
-    const int64_t cx = whole(g->state->position_m[0] / cell),
-                  cy = whole(g->state->position_m[1] / cell);
+    const int64_t cx = fv_grid_whole(g->state->position_m[0] / cell),
+                  cy = fv_grid_whole(g->state->position_m[1] / cell);
     for (int64_t y = cy - reach; y <= cy + reach; y++) {
         for (int64_t x = cx - reach; x <= cx + reach; x++) {
             const double dx = ((double)x + 0.5) * cell - g->state->position_m[0],
                          dy = ((double)y + 0.5) * cell - g->state->position_m[1];
             if (dx * dx + dy * dy <= r * r)
-                mark(g, ((double)x + 0.5) * cell, ((double)y + 0.5) * cell, MARK_FREE);
+                fv_grid_mark(g, ((double)x + 0.5) * cell, ((double)y + 0.5) * cell,
+                             FV_GRID_MARK_FREE);
         }
     }
 }
@@ -335,13 +292,13 @@ static void stand(struct fv_grid *g)
 static void apply(struct fv_grid *g, int64_t from, int64_t to)
 {
     for (int64_t i = from; i < to; i++) {
-        const uint8_t kind = g->marks[i];
-        if (kind == MARK_NONE) continue;
-        const int32_t odds = g->odds[i] + (kind == MARK_FREE ? MISS : HIT);
+        const uint8_t kind = g->marks[i] & FV_GRID_MARK_KIND;
+        g->marks[i] = FV_GRID_MARK_NONE;
+        if (kind == FV_GRID_MARK_NONE) continue;
+        const int32_t odds = g->odds[i] + (kind == FV_GRID_MARK_FREE ? MISS : HIT);
         g->odds[i] = (int16_t)(odds < LEAST ? LEAST : odds > MOST ? MOST : odds);
-        if (kind != MARK_FREE) g->movable[i] = kind == MARK_MOVABLE;
-        if (kind == MARK_FREE && g->odds[i] < 0) g->movable[i] = 0;
-        g->marks[i] = MARK_NONE;
+        if (kind != FV_GRID_MARK_FREE) g->movable[i] = kind == FV_GRID_MARK_MOVABLE;
+        if (kind == FV_GRID_MARK_FREE && g->odds[i] < 0) g->movable[i] = 0;
     }
 }
 
@@ -375,9 +332,10 @@ static bool shows_floor(const struct fovea_grid_view *view)
 
 static bool is_usable(const struct fv_grid *g, const struct fovea_grid_view *view)
 {
-    bool good = plain(view->position_m[0]) && plain(view->position_m[1]) && plain(view->yaw_rad) &&
-                plain(view->floor_m) && view->stamp_ns >= 0 &&
-                (!g->state->begun || view->stamp_ns >= g->state->stamp_ns);
+    bool good = view->point_count <= FOVEA_GRID_POINTS_MAX &&
+                (view->points != NULL || view->point_count == 0) && plain(view->position_m[0]) &&
+                plain(view->position_m[1]) && plain(view->yaw_rad) && plain(view->floor_m) &&
+                view->stamp_ns >= 0 && (!g->state->begun || view->stamp_ns >= g->state->stamp_ns);
     for (int i = 0; i < 12; i++)
         good = good && plain(view->T_odom_cam[i]);
     return good && is_rotation(view->T_odom_cam) && shows_floor(view);
@@ -388,7 +346,7 @@ bool fv_grid_begin(struct fv_grid *g, const struct fovea_grid_view *view)
     struct fv_grid_state *s = g->state;
     if (!is_usable(g, view)) return false;
     make_tables(g);
-    if (s->phase != FV_GRID_IDLE) memset(g->marks, 0, (size_t)(side_of(g) * side_of(g)));
+    if (s->phase != FV_GRID_IDLE) memset(g->marks, 0, (size_t)(fv_grid_side(g) * fv_grid_side(g)));
     if (!s->begun) s->decayed_ns[0] = s->decayed_ns[1] = view->stamp_ns;
     s->stamp_ns = view->stamp_ns;
     s->position_m[0] = view->position_m[0];
@@ -399,6 +357,7 @@ bool fv_grid_begin(struct fv_grid *g, const struct fovea_grid_view *view)
     s->begun = 1;
     begin_decay(g, view->stamp_ns);
     s->cell = 0;
+    s->point = 0;
     s->ray = 0;
     s->step = -1;
     s->phase = FV_GRID_DECAY;
@@ -408,7 +367,7 @@ bool fv_grid_begin(struct fv_grid *g, const struct fovea_grid_view *view)
 /* The next cells of a phase that goes over all; true: those are the last. */
 static bool some_cells(struct fv_grid *g, int64_t *from, int64_t *to)
 {
-    const int64_t cells = side_of(g) * side_of(g);
+    const int64_t cells = fv_grid_side(g) * fv_grid_side(g);
     *from = g->state->cell;
     *to = cells - *from < FV_GRID_CELLS ? cells : *from + FV_GRID_CELLS;
     g->state->cell = *to < cells ? *to : 0;
@@ -424,7 +383,11 @@ bool fv_grid_advance(struct fv_grid *g, const struct fovea_grid_view *view)
     case FV_GRID_DECAY:
         last = some_cells(g, &from, &to);
         decay(g, from, to);
-        if (last) s->phase = FV_GRID_RAYS;
+        if (last) s->phase = view->point_count > 0 ? FV_GRID_POINTS_TAKEN : FV_GRID_RAYS;
+        return false;
+    case FV_GRID_POINTS_TAKEN:
+        s->point = fv_grid_take_points(g, view, s->point);
+        if (s->point >= view->point_count) s->phase = FV_GRID_RAYS;
         return false;
     case FV_GRID_RAYS:
         if (!follow_rays(g, view)) return false;
@@ -457,11 +420,11 @@ struct fovea_grid_place fv_grid_place(const struct fv_grid *g)
 
 void fv_grid_rows(const struct fv_grid *g, int64_t row_first, int64_t row_count, int8_t *cells)
 {
-    const int64_t side = side_of(g);
+    const int64_t side = fv_grid_side(g);
     for (int64_t y = row_first; y < row_first + row_count; y++) {
         const int64_t row = g->state->corner[1] + y, column = g->state->corner[0];
         for (int64_t x = 0; x < side; x++) {
-            const int32_t odds = g->odds[place_of(g, column + x, row)];
+            const int32_t odds = g->odds[fv_grid_place_of(g, column + x, row)];
             *cells++ = odds == 0 ? FOVEA_GRID_UNKNOWN
                                  : g->percent[(odds - LEAST + TABLE_STEP / 2) / TABLE_STEP];
         }
@@ -479,7 +442,8 @@ static float range_of(const struct fv_grid *g, double dx, double dy, int32_t ste
     const struct fv_grid_state *s = g->state;
     float range = s->begun ? __builtin_inff() : __builtin_nanf("");
     for (int32_t k = 0; k <= steps; k++) {
-        const int64_t at = place_at(g, s->position_m[0] + dx * k, s->position_m[1] + dy * k);
+        const int64_t at =
+            fv_grid_place_at(g, s->position_m[0] + dx * k, s->position_m[1] + dy * k);
         const int32_t odds = at < 0 ? 0 : g->odds[at];
         if (odds > s->occupied_above) return (float)(g->config.resolution_m / RAY_STEPS * k);
         if (odds >= s->free_below) range = __builtin_nanf("");

@@ -3,15 +3,21 @@
 #include <string.h>
 
 #include "base/elementary.h"
+#include "geometry/vec.h"
+#include "odometry/surface.h"
 
 void fv_free_space_carve(struct fv_free_space *stage, const struct fovea_grid_job_config *config,
-                         struct fv_arena *persistent, struct fv_arena *job, struct fv_arena *frame)
+                         uint32_t features, struct fv_arena *persistent, struct fv_arena *job,
+                         struct fv_arena *frame)
 {
     stage->enabled = config->enabled;
     if (!stage->enabled) return;
     const struct fovea_grid_config *grid = &config->grid;
     stage->state = fv_arena_take(persistent, 1, sizeof *stage->state);
     fv_grid_carve(&stage->grid, grid, persistent);
+    stage->points_max = features < FOVEA_GRID_POINTS_MAX ? features : FOVEA_GRID_POINTS_MAX;
+    stage->points =
+        config->landmarks ? fv_arena_take(job, stage->points_max, sizeof *stage->points) : NULL;
     stage->ranges = fv_arena_take(job, grid->rays, sizeof *stage->ranges);
     stage->cells = fv_arena_take(frame, (size_t)fv_free_space_rows(grid) * grid->side_cells, 1);
 }
@@ -77,8 +83,41 @@ void fv_free_space_follow(struct fv_free_space *stage, const struct fv_publish *
     if (!is_metric(pose)) say_empty(stage, publish->state->stamp_ns);
 }
 
+/* What is not known of the scale lies along the line of sight. */
+static struct fovea_grid_point in_metres(const struct fv_surface_point *from,
+                                         const struct fovea_pose *pose,
+                                         const struct fv_se3 *T_odom_cam)
+{
+    double q[3], p[3];
+    for (int k = 0; k < 3; k++)
+        q[k] = pose->scale * (double)from->position[k];
+    fv_se3_apply(T_odom_cam, q, p);
+    const double along = pose->scale * (double)from->along,
+                 by_unit = pose->scale_sigma * fv_norm3(q);
+    return (struct fovea_grid_point){.position_m = {(float)p[0], (float)p[1], (float)p[2]},
+                                     .along_m =
+                                         (float)__builtin_sqrt(along * along + by_unit * by_unit),
+                                     .across_m = (float)(pose->scale * (double)from->across)};
+}
+
+/* The points of the frame; returns their number. */
+static uint32_t note_points(struct fv_free_space *stage, const struct fv_odometry *odometry,
+                            const struct fovea_pose *pose, const struct fv_se3 *T_odom_cam)
+{
+    enum { PIECE = 64 };
+    struct fv_surface_point piece[PIECE];
+    uint32_t next = 0, count = 0, found = PIECE;
+    while (found > 0 && count < stage->points_max) {
+        const uint32_t left = stage->points_max - count;
+        found = fv_odometry_surface(odometry, &next, piece, left < PIECE ? left : PIECE);
+        for (uint32_t i = 0; i < found; i++)
+            stage->points[count++] = in_metres(&piece[i], pose, T_odom_cam);
+    }
+    return count;
+}
+
 void fv_free_space_note(struct fv_free_space *stage, const struct fv_publish *publish,
-                        const struct fv_frame_id *frame)
+                        const struct fv_odometry *odometry, const struct fv_frame_id *frame)
 {
     if (!stage->enabled) return;
     struct fv_free_space_state *s = stage->state;
@@ -93,6 +132,7 @@ void fv_free_space_note(struct fv_free_space *stage, const struct fv_publish *pu
     s->noted.position_m[1] = T_odom_body.t[1];
     s->noted.yaw_rad = fv_atan2(T_odom_body.R[3], T_odom_body.R[0]);
     s->noted.floor_m = T_odom_body.t[2];
+    if (stage->points != NULL) s->noted.points = note_points(stage, odometry, pose, &T_odom_cam);
     s->world = world_of(publish);
 }
 
@@ -121,7 +161,9 @@ static struct fovea_grid_view view_of(const struct fv_free_space *stage,
                                    .camera = camera,
                                    .position_m = {s->pose.position_m[0], s->pose.position_m[1]},
                                    .yaw_rad = s->pose.yaw_rad,
-                                   .floor_m = s->pose.floor_m};
+                                   .floor_m = s->pose.floor_m,
+                                   .points = stage->points,
+                                   .point_count = s->pose.points};
     memcpy(view.T_odom_cam, s->pose.T_odom_cam, sizeof view.T_odom_cam);
     return view;
 }

@@ -1,12 +1,12 @@
 /* Free space in the loop: the grid of fovea/grid.h from the masks of a network and the poses that
  * they were seen from.
  *
- * fv_free_space_note remembers the pose of a frame that the network takes; when its mask is
- * complete, fv_free_space_begin takes it, and units update the grid, send it, and send the scan.
- * Until the update is done the network must keep the mask (fv_free_space_reads). A loss of the
- * pose, and a change of the frame or the unit of poses, make every cell unknown at once, which is
- * sent, and while there is no pose in metres again every second of the frames' time: a packet may
- * be lost. */
+ * fv_free_space_note remembers the pose of a frame that the network takes, and the points of
+ * surfaces that it showed; when its mask is complete, fv_free_space_begin takes it, and units
+ * update the grid, send it, and send the scan. Until the update is done the network must keep the
+ * mask (fv_free_space_reads). A loss of the pose, and a change of the frame or the unit of poses,
+ * make every cell unknown at once, which is sent, and while there is no pose in metres again every
+ * second of the frames' time: a packet may be lost. */
 #ifndef FOVEA_RUNTIME_FREE_SPACE_H
 #define FOVEA_RUNTIME_FREE_SPACE_H
 
@@ -34,7 +34,8 @@ enum fv_free_space_emptied {
 /* Where a frame was seen from. */
 struct fv_free_space_pose {
     double T_odom_cam[12], position_m[2], yaw_rad, floor_m;
-    uint32_t usable, reserved; /* posed, in metres */
+    uint32_t usable; /* posed, in metres */
+    uint32_t points; /* that the frame showed */
 };
 
 struct fv_free_space_world {
@@ -60,6 +61,10 @@ struct fv_free_space {
     bool enabled;
     struct fv_grid grid;
     struct fv_free_space_state *state;
+    /* of the noted frame, then of the update: no frame is noted while one is under way; NULL: not
+     * wanted */
+    struct fovea_grid_point *points;
+    uint32_t points_max;
     float *ranges; /* of the scan */
     int8_t *cells; /* rows of one message */
 };
@@ -71,9 +76,10 @@ static inline uint32_t fv_free_space_rows(const struct fovea_grid_config *config
     return most < config->side_cells ? most : config->side_cells;
 }
 
-/* Nothing where the configuration has it off. Init-only. */
+/* Nothing where the configuration has it off. `features`: the most that a frame has. Init-only. */
 void fv_free_space_carve(struct fv_free_space *stage, const struct fovea_grid_job_config *config,
-                         struct fv_arena *persistent, struct fv_arena *job, struct fv_arena *frame);
+                         uint32_t features, struct fv_arena *persistent, struct fv_arena *job,
+                         struct fv_arena *frame);
 
 /* All that follows is real-time safe, and does nothing where it is off. */
 
@@ -81,9 +87,9 @@ void fv_free_space_carve(struct fv_free_space *stage, const struct fovea_grid_jo
 void fv_free_space_reset(struct fv_free_space *stage);
 /* After a pose, or its loss, is published. */
 void fv_free_space_follow(struct fv_free_space *stage, const struct fv_publish *publish);
-/* The network takes this frame. */
+/* The network takes this frame. Bounded by its features. */
 void fv_free_space_note(struct fv_free_space *stage, const struct fv_publish *publish,
-                        const struct fv_frame_id *frame);
+                        const struct fv_odometry *odometry, const struct fv_frame_id *frame);
 
 /* The grid still needs the network's mask: it is being read, or is new. `inferences`: those that
  * the network has completed. */

@@ -155,7 +155,8 @@ static void carve(struct fovea *rt, struct fv_carving *carving)
     fv_carving_book(carving, "detection2");
     fv_object_stage_carve(&rt->objects, config, &rt->detection, persistent, frame);
     fv_carving_book(carving, "objects");
-    fv_free_space_carve(&rt->free_space, &config->grid_job, persistent, job, frame);
+    fv_free_space_carve(&rt->free_space, &config->grid_job, config->features.count_max, persistent,
+                        job, frame);
     fv_carving_book(carving, "free space");
 }
 
@@ -174,7 +175,7 @@ static bool offer_to(struct fovea *rt, struct fv_detection *detection,
                             fv_preprocess_balances(&rt->config.image.preprocess)))
         return false;
     if (detection == labeller(rt) && fv_detection_sends(detection, FV_DETECTION_SEGMENTATION))
-        fv_free_space_note(&rt->free_space, &rt->publish, &rt->state->frame);
+        fv_free_space_note(&rt->free_space, &rt->publish, &rt->odometry, &rt->state->frame);
     return true;
 }
 

@@ -6,10 +6,12 @@
  * as much). Of an occupied cell its surface must have been seen: where the floor beside it alone
  * was, as beyond the corner of a box, the cell is left out.
  *
- * Masks are the truth's; poses are the truth's, or of two cameras. With FOVEA_SEGMENTER=FILE, a
- * network whose classes are floor, wall, obstacle, movable and other, masks of the passes with two
- * cameras are that network's, run in the loop. FOVEA_LONG=N: N passes of each kind at 640 x 480 and
- * 30 Hz. FOVEA_PICTURES=DIR: the last grid of each pass. */
+ * Masks are the truth's; poses are the truth's, or of two cameras. Of two cameras the grid takes
+ * the points of the surfaces that odometry knows too; a second grid, of masks alone, is held beside
+ * it: points may not make it worse. With FOVEA_SEGMENTER=FILE, a network whose classes are floor,
+ * wall, obstacle, movable and other, masks of the passes with two cameras are that network's, run
+ * in the loop. FOVEA_LONG=N: N passes of each kind at 640 x 480 and 30 Hz. FOVEA_PICTURES=DIR: the
+ * last grid of each pass. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -24,9 +26,13 @@
 #include "common/sim_rig.h"
 #include "fovea/grid.h"
 #include "geometry/se3.h"
+#include "geometry/vec.h"
+#include "odometry/surface.h"
+#include "runtime/state.h"
 #include "support/picture.h"
 
 enum { CELLS_MAX = 128 * 128, SEEN_FRAMES = 3, SEED_FIRST = 1000 };
+enum { POINTS_MAX = 1000, FRAMES_KEPT = 32 }; /* a mask may be some frames old */
 enum { FLOOR = 1, SURFACE = 2 }; /* what a frame shows of a cell; under the floor too */
 static const double range_m = 3;
 
@@ -37,7 +43,12 @@ static struct {
     uint8_t still[CELLS_MAX], moving[CELLS_MAX], was[CELLS_MAX], touched[CELLS_MAX];
     uint16_t floor_seen[CELLS_MAX], surface_seen[CELLS_MAX]; /* frames, since it is as it is */
     double T_odom_world[12];                                 /* as of the last frame */
-    struct fovea_grid *grid;
+    struct fovea_grid *grid, *of_masks;                      /* with points; without */
+    struct {
+        struct fv_surface_point list[POINTS_MAX];
+        uint32_t count;
+    } surface[FRAMES_KEPT];       /* by frame */
+    int64_t points, points_right; /* of all frames */
     int8_t cells[256 * 256];
     struct fovea_grid_place at;
     bool stereo, network;
@@ -47,7 +58,7 @@ static struct {
 } pass;
 
 struct figures {
-    int64_t cells, known, united, common, occupied, free_wrongly, unmarked;
+    int64_t cells, known, united, common, occupied, marked, free_wrongly, unmarked;
 };
 
 /* ---- truth ----------------------------------------------------------------------------------- */
@@ -182,13 +193,53 @@ static bool pose_of(int frame, struct fv_se3 *T_odom_cam)
     return true;
 }
 
+/* Points lie on what is seen along their sight: within 3 of their standard deviations and 2 cm. */
+static void keep_surface(int frame, const struct fovea_truth *truth)
+{
+    const struct fovea_camera *camera = &pass.rig.source->info.rig.cameras[0].camera;
+    uint32_t next = 0, count;
+    struct fv_surface_point *list = pass.surface[frame % FRAMES_KEPT].list;
+    count = fv_odometry_surface(&pass.rig.rt->odometry, &next, list, POINTS_MAX);
+    pass.surface[frame % FRAMES_KEPT].count = count;
+    for (uint32_t i = 0; i < count; i++) {
+        const double q[3] = {(double)list[i].position[0], (double)list[i].position[1],
+                             (double)list[i].position[2]};
+        double pixel[2];
+        if (fovea_camera_project(camera, q, pixel, NULL) != FOVEA_OK) continue;
+        const int32_t x = (int32_t)(pixel[0] + 0.5), y = (int32_t)(pixel[1] + 0.5);
+        if (x < 0 || y < 0 || x >= camera->width || y >= camera->height) continue;
+        const double depth = (double)truth->depth_m[(int64_t)y * camera->width + x];
+        pass.points++;
+        pass.points_right += fv_abs(depth - q[2]) <= 3 * (double)list[i].along + 0.02;
+    }
+}
+
+/* Those of a frame in the odometry frame; lengths are metres. */
+static uint32_t points_of(int frame, const struct fv_se3 *T_odom_cam,
+                          struct fovea_grid_point points[POINTS_MAX])
+{
+    const uint32_t count = pass.stereo ? pass.surface[frame % FRAMES_KEPT].count : 0;
+    for (uint32_t i = 0; i < count; i++) {
+        const struct fv_surface_point *from = &pass.surface[frame % FRAMES_KEPT].list[i];
+        const double q[3] = {(double)from->position[0], (double)from->position[1],
+                             (double)from->position[2]};
+        double p[3];
+        fv_se3_apply(T_odom_cam, q, p);
+        points[i] = (struct fovea_grid_point){
+            {(float)p[0], (float)p[1], (float)p[2]}, from->along, from->across};
+    }
+    return count;
+}
+
 static void update(int frame, int64_t stamp_ns, const struct fovea_segmentation *seen,
                    const uint8_t *labels)
 {
+    static struct fovea_grid_point points[POINTS_MAX];
     struct fv_se3 T_odom_cam, T_cam_body, T_odom_body, back;
     struct fovea_grid_view view = {.stamp_ns = stamp_ns, .seen = seen, .labels = labels};
     if (!pose_of(frame, &T_odom_cam)) {
         fovea_grid_forget(pass.grid);
+        fovea_grid_forget(pass.of_masks);
         return;
     }
     view.camera = &pass.rig.source->info.rig.cameras[0].camera;
@@ -199,6 +250,9 @@ static void update(int frame, int64_t stamp_ns, const struct fovea_segmentation 
     memcpy(view.position_m, T_odom_body.t, sizeof view.position_m);
     view.yaw_rad = fv_atan2(T_odom_body.R[3], T_odom_body.R[0]);
     view.floor_m = T_odom_body.t[2];
+    assert_int_equal(fovea_grid_update(pass.of_masks, &view), FOVEA_OK);
+    view.points = points;
+    view.point_count = points_of(frame, &T_odom_cam, points);
     assert_int_equal(fovea_grid_update(pass.grid, &view), FOVEA_OK);
     fv_se3_from_rows(pass.rig.truth[frame], &back);
     fv_se3_invert(&back, &back);
@@ -242,9 +296,10 @@ static void count_about(int32_t cell, int *free, int *occupied)
         }
 }
 
-static struct figures judge(void)
+static struct figures judge(const struct fovea_grid *grid)
 {
     struct figures f = {0};
+    fovea_grid_cells(grid, pass.cells, &pass.at);
     for (int32_t i = 0; i < cells_of(); i++) {
         if (!is_seen(i)) continue;
         const enum sim_cell truth = truth_of(i);
@@ -254,6 +309,7 @@ static struct figures judge(void)
         f.united += free || truth == SIM_CELL_FLOOR;
         f.common += free && truth == SIM_CELL_FLOOR;
         f.occupied += truth != SIM_CELL_FLOOR;
+        f.marked += truth != SIM_CELL_FLOOR && is_occupied(called(i));
         if (truth == SIM_CELL_FLOOR || !free) continue;
         int free_about, occupied_about;
         count_about(i, &free_about, &occupied_about);
@@ -295,7 +351,7 @@ static void draw(const char *folder, int seed)
 
 /* ---- passes ---------------------------------------------------------------------------------- */
 
-static void *make_grid(void)
+static void *make_grid(struct fovea_grid **grid)
 {
     struct fovea_grid_config config;
     struct fovea_error error;
@@ -304,7 +360,7 @@ static void *make_grid(void)
     config.side_cells = 256; /* the hall stays in it */
     assert_int_equal(fovea_grid_size(&config, &bytes, &error), FOVEA_OK);
     void *memory = aligned_alloc(64, (bytes + 63) / 64 * 64);
-    assert_int_equal(fovea_grid_init(&pass.grid, &config, memory, bytes, &error), FOVEA_OK);
+    assert_int_equal(fovea_grid_init(grid, &config, memory, bytes, &error), FOVEA_OK);
     return memory;
 }
 
@@ -331,6 +387,7 @@ static void drive(void)
             sim_mask_of(&truth, &pass.rig.source->info.rig.cameras[0].camera);
         if (pass.stereo) {
             sim_rig_process(&pass.rig);
+            keep_surface(frame, &truth);
         } else {
             pass.rig.ops->requeue(pass.rig.source, &pass.rig.frame);
             pass.rig.frames++;
@@ -340,10 +397,23 @@ static void drive(void)
         else
             update(frame, stamp_ns, &seen, truth_labels);
     }
-    fovea_grid_cells(pass.grid, pass.cells, &pass.at);
 }
 
-static struct figures whole_pass(int seed, const char *options, bool stereo)
+static void print(int seed, const char *kind, const struct figures *f)
+{
+    print_message(
+        "seed %d, poses by %s, masks by %s%s, %d frames: IoU %.3f, known %.1f %% of %d "
+        "cells, %d of %d occupied marked, %d called free (%d with nothing occupied beside "
+        "them)\n",
+        seed, pass.stereo ? "two cameras" : "truth", pass.network ? "a network" : "truth", kind,
+        pass.rig.frames, (double)f->common / (double)f->united,
+        100.0 * (double)f->known / (double)f->cells, (int)f->cells, (int)f->marked,
+        (int)f->occupied, (int)f->free_wrongly, (int)f->unmarked);
+}
+
+/* Figures of the pass, and of its masks alone. */
+static void whole_pass(int seed, const char *options, bool stereo, struct figures *f,
+                       struct figures *of_masks)
 {
     char uri[128];
     snprintf(uri, sizeof uri, "sim:drive?seed=%d%s%s", seed, options,
@@ -353,32 +423,39 @@ static struct figures whole_pass(int seed, const char *options, bool stereo)
     pass.rig.config.rig = pass.rig.ops->info(pass.rig.source)->rig;
     pass.network = stereo && read_network();
     if (stereo) sim_rig_build(&pass.rig);
-    void *memory = make_grid();
+    void *memory = make_grid(&pass.grid), *memory_of_masks = make_grid(&pass.of_masks);
+    pass.points = pass.points_right = 0;
     begin_truth();
     drive();
-    const struct figures f = judge();
+    if (stereo) {
+        print_message("seed %d: %d points, %d where they should be\n", seed, (int)pass.points,
+                      (int)pass.points_right);
+        assert_true(pass.points > 100 * pass.rig.frames);
+        assert_true((double)pass.points_right >= 0.9 * (double)pass.points);
+    }
+    *of_masks = judge(pass.of_masks);
+    *f = judge(pass.grid);
     if (getenv("FOVEA_PICTURES") != NULL) draw(getenv("FOVEA_PICTURES"), seed);
-    print_message(
-        "seed %d, poses by %s, masks by %s, %d frames: IoU %.3f, known %.1f %% of %d cells, %d of %d "
-        "occupied called free (%d with nothing occupied beside them)\n",
-        seed, stereo ? "two cameras" : "truth", pass.network ? "a network" : "truth",
-        pass.rig.frames, (double)f.common / (double)f.united,
-        100.0 * (double)f.known / (double)f.cells, (int)f.cells, (int)f.free_wrongly,
-        (int)f.occupied, (int)f.unmarked);
+    if (stereo) print(seed, " alone", of_masks);
+    print(seed, stereo ? " and points" : "", f);
     sim_rig_close(&pass.rig);
     pass.rig.rt = NULL;
     free(memory);
+    free(memory_of_masks);
     free(pass.ray);
-    return f;
 }
 
 static void passes(int first, int count, const char *options, bool stereo)
 {
     for (int seed = first; seed < first + count; seed++) {
-        const struct figures f = whole_pass(seed, options, stereo);
+        struct figures f, of_masks;
+        whole_pass(seed, options, stereo, &f, &of_masks);
         assert_true(f.cells > 1000 && f.occupied > 100);
         assert_true((double)f.common >= 0.85 * (double)f.united);
         assert_true((double)f.known >= 0.85 * (double)f.cells);
+        assert_true(f.free_wrongly <= of_masks.free_wrongly && f.marked >= of_masks.marked);
+        assert_true((double)f.common * (double)of_masks.united >=
+                    ((double)of_masks.common - 0.01 * (double)of_masks.united) * (double)f.united);
         assert_true((double)f.free_wrongly <= 0.01 * (double)f.occupied);
     }
 }

@@ -16,6 +16,7 @@
 #include "common/sim_rig.h"
 #include "geometry/se3.h"
 #include "nn/model.h"
+#include "odometry/surface.h"
 #include "runtime/state.h"
 #include "support/picture.h"
 
@@ -142,14 +143,46 @@ static struct fovea_sample wheels(void)
 }
 
 /* What a run has of a mask: where it was seen from, by the frame's stamp. */
+enum { POINTS_MAX = 1000 };
 struct seen_from {
     int64_t stamp_ns;
     struct fovea_pose pose;
+    struct fv_surface_point points[POINTS_MAX];
+    uint32_t point_count;
 };
 
-static struct fovea_grid_view view_of(const struct fovea_pose *pose,
+static void remember_frame(struct seen_from *from)
+{
+    uint32_t next = 0;
+    from->stamp_ns = rig.frame.stamp_ns;
+    fovea_pose_get(rig.rt, &from->pose);
+    from->point_count = fv_odometry_surface(&rig.rt->odometry, &next, from->points, POINTS_MAX);
+}
+
+/* Its points in metres; the scale is the pose's. */
+static uint32_t points_of(const struct seen_from *from, const struct fv_se3 *T_odom_cam,
+                          struct fovea_grid_point points[POINTS_MAX])
+{
+    for (uint32_t i = 0; i < from->point_count; i++) {
+        const double metres = from->pose.scale;
+        double q[3], p[3];
+        for (int k = 0; k < 3; k++)
+            q[k] = metres * (double)from->points[i].position[k];
+        fv_se3_apply(T_odom_cam, q, p);
+        const double along = metres * (double)from->points[i].along,
+                     unit = from->pose.scale_sigma * fv_norm3(q);
+        points[i] = (struct fovea_grid_point){{(float)p[0], (float)p[1], (float)p[2]},
+                                              (float)__builtin_sqrt(along * along + unit * unit),
+                                              (float)(metres * (double)from->points[i].across)};
+    }
+    return from->point_count;
+}
+
+static struct fovea_grid_view view_of(const struct seen_from *from,
                                       const struct fovea_segmentation *seen)
 {
+    static struct fovea_grid_point points[POINTS_MAX];
+    const struct fovea_pose *pose = &from->pose;
     struct fv_se3 B, back, T_odom_cam, T_odom_body;
     struct fovea_grid_view view = {.stamp_ns = seen->stamp_ns,
                                    .seen = seen,
@@ -165,6 +198,8 @@ static struct fovea_grid_view view_of(const struct fovea_pose *pose,
     view.position_m[1] = T_odom_body.t[1];
     view.yaw_rad = fv_atan2(T_odom_body.R[3], T_odom_body.R[0]);
     view.floor_m = T_odom_body.t[2];
+    view.points = points;
+    view.point_count = rig.config.grid_job.landmarks ? points_of(from, &T_odom_cam, points) : 0;
     return view;
 }
 
@@ -190,7 +225,7 @@ static void update_beside(const struct seen_from *poses, uint64_t *inferences)
         if (poses[i].stamp_ns != seen.stamp_ns || !poses[i].pose.posed ||
             poses[i].pose.scale_source == FOVEA_SCALE_FREE)
             continue;
-        const struct fovea_grid_view view = view_of(&poses[i].pose, &seen);
+        const struct fovea_grid_view view = view_of(&poses[i], &seen);
         assert_int_equal(fovea_grid_update(beside, &view), FOVEA_OK);
     }
 }
@@ -229,8 +264,7 @@ static void run_with(uint32_t units, int calls, int dark, bool copied, struct ru
         rig.inputs.grants.units[FOVEA_JOB_DETECT] = units;
         (void)fovea_step(rig.rt, &rig.inputs, &outputs);
         take_messages(&outputs, run);
-        poses[n].stamp_ns = rig.frame.stamp_ns;
-        fovea_pose_get(rig.rt, &poses[n].pose);
+        remember_frame(&poses[n]);
         rig.pose[rig.frames++] = poses[n].pose;
         rig.ops->requeue(rig.source, &rig.frame);
         for (int i = 0; i < calls; i++) {

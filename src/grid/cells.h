@@ -1,0 +1,72 @@
+/* Between the files of the grid: its cells, what an update marks in them, and the labels that it
+ * looks up. */
+#ifndef FOVEA_GRID_CELLS_H
+#define FOVEA_GRID_CELLS_H
+
+#include "grid/grid.h"
+
+/* What one update says of a cell; the larger number wins. Beside it: a point stands in it. */
+enum { FV_GRID_MARK_NONE = 0, FV_GRID_MARK_FREE, FV_GRID_MARK_OCCUPIED, FV_GRID_MARK_MOVABLE };
+enum { FV_GRID_MARK_KIND = 3, FV_GRID_MARK_POINT = 4 };
+
+static inline int64_t fv_grid_whole(double value) /* rounded down */
+{
+    const int64_t part = (int64_t)value;
+    return part - (value < (double)part);
+}
+
+static inline int64_t fv_grid_side(const struct fv_grid *g)
+{
+    return g->config.side_cells;
+}
+
+static inline size_t fv_grid_wrapped(int64_t cell, int64_t side)
+{
+    const int64_t rest = cell % side;
+    return (size_t)(rest < 0 ? rest + side : rest);
+}
+
+/* Where cell (x, y) of the odometry frame is kept; -1: the grid does not reach so far. */
+static inline int64_t fv_grid_place_of(const struct fv_grid *g, int64_t x, int64_t y)
+{
+    const int64_t side = fv_grid_side(g);
+    const int64_t column = x - g->state->corner[0], row = y - g->state->corner[1];
+    if (column < 0 || column >= side || row < 0 || row >= side) return -1;
+    const int64_t kept_x = column + g->state->corner_kept[0],
+                  kept_y = row + g->state->corner_kept[1];
+    return (kept_y < side ? kept_y : kept_y - side) * side +
+           (kept_x < side ? kept_x : kept_x - side);
+}
+
+static inline int64_t fv_grid_place_at(const struct fv_grid *g, double x_m, double y_m)
+{
+    return fv_grid_place_of(g, fv_grid_whole(x_m / g->config.resolution_m),
+                            fv_grid_whole(y_m / g->config.resolution_m));
+}
+
+static inline void fv_grid_mark(struct fv_grid *g, double x_m, double y_m, uint8_t kind)
+{
+    const int64_t at = fv_grid_place_at(g, x_m, y_m);
+    if (at >= 0 && (g->marks[at] & FV_GRID_MARK_KIND) < kind)
+        g->marks[at] = (uint8_t)((g->marks[at] & ~FV_GRID_MARK_KIND) | kind);
+}
+
+struct fv_grid_look {
+    const struct fovea_grid_view *view;
+    double from[2];        /* below the camera */
+    double R[3][3], up[3]; /* of the camera from the odometry frame; a floor point at `from` */
+    double inverse[2];     /* pixels of the mask per pixel of the image */
+    double outside;        /* (x^2 + y^2) / z^2 from which on nothing is in the image */
+    uint8_t of[256];       /* label of a byte of the mask */
+};
+
+struct fv_grid_look fv_grid_look_of(const struct fovea_grid_view *view);
+/* The label of a point of the camera's frame; -1: it is not in the image. */
+int fv_grid_label(const struct fv_grid_look *look, const double point[3]);
+
+/* Take points from `first` on, at most FV_GRID_POINTS (landmarks.c); returns the next one. */
+enum { FV_GRID_POINTS = 1024 };
+uint32_t fv_grid_take_points(struct fv_grid *grid, const struct fovea_grid_view *view,
+                             uint32_t first);
+
+#endif

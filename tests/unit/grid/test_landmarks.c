@@ -1,0 +1,273 @@
+/* What points of surfaces add to the grid: two that stand in a cell, or in cells beside each other,
+ * make it occupied though the mask shows floor; one does not, nor do those on the floor, far ones,
+ * high ones, uncertain ones, and those of what may move. No point makes a cell free. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+#include <math.h>
+#include <stdbool.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "fovea/grid.h"
+
+enum { W = 80, H = 60, POINTS = 4, CELLS = 128 * 128 };
+enum { SKY, FLOOR, WALL, CART, CLASSES };
+static const double height = 0.8, tilt = 0.3;
+static const int64_t SECOND = 1000000000;
+
+static const uint8_t labels[256] = {[SKY] = FOVEA_GRID_IGNORED,
+                                    [FLOOR] = FOVEA_GRID_FLOOR,
+                                    [WALL] = FOVEA_GRID_OBSTACLE,
+                                    [CART] = FOVEA_GRID_MOVABLE};
+static struct fovea_camera camera = {
+    .width = 4 * W, .height = 4 * H, .fx = 200, .fy = 200, .cx = 159.5, .cy = 119.5};
+static struct fovea_segmentation_class list[CLASSES];
+static uint8_t mask[W * H], identity[256];
+static struct fovea_segmentation seen = {.width = W,
+                                         .height = H,
+                                         .image_width = 4 * W,
+                                         .image_height = 4 * H,
+                                         .raw_scale = {4, 4},
+                                         .raw_offset = {1.5, 1.5},
+                                         .count = CLASSES,
+                                         .list = list,
+                                         .pixels = mask,
+                                         .index = identity};
+static struct fovea_grid_config config;
+static struct fovea_grid *grid;
+static void *memory;
+static int8_t cells[CELLS];
+static struct fovea_grid_place place;
+
+static int setup(void **state)
+{
+    (void)state;
+    size_t bytes;
+    struct fovea_error error;
+    for (int i = 0; i < 256; i++)
+        identity[i] = (uint8_t)i;
+    for (int i = 0; i < CLASSES; i++)
+        list[i].class_id = i;
+    assert_int_equal(fovea_camera_prepare(&camera, &error), FOVEA_OK);
+    fovea_grid_config_default(&config);
+    assert_int_equal(fovea_grid_size(&config, &bytes, &error), FOVEA_OK);
+    memory = aligned_alloc(64, (bytes + 63) / 64 * 64);
+    assert_int_equal(fovea_grid_init(&grid, &config, memory, bytes, &error), FOVEA_OK);
+    return 0;
+}
+
+static int teardown(void **state)
+{
+    (void)state;
+    free(memory);
+    return 0;
+}
+
+/* A camera over the origin that looks along x and down. */
+static struct fovea_grid_view ahead(int class_id, int64_t stamp_ns,
+                                    const struct fovea_grid_point *points, uint32_t count)
+{
+    memset(mask, class_id, sizeof mask);
+    return (struct fovea_grid_view){
+        .stamp_ns = stamp_ns,
+        .seen = &seen,
+        .labels = labels,
+        .camera = &camera,
+        .T_odom_cam = {0, -sin(tilt), cos(tilt), 0, -1, 0, 0, 0, 0, -cos(tilt), -sin(tilt), height},
+        .points = points,
+        .point_count = count};
+}
+
+/* Five views of the points, where the mask shows nothing but this class. */
+static void look(int class_id, const struct fovea_grid_point *points, uint32_t count)
+{
+    fovea_grid_forget(grid);
+    for (int i = 0; i < 5; i++) {
+        const struct fovea_grid_view view = ahead(class_id, i * SECOND / 10, points, count);
+        assert_int_equal(fovea_grid_update(grid, &view), FOVEA_OK);
+    }
+    fovea_grid_cells(grid, cells, &place);
+}
+
+static int cell_at(double x, double y)
+{
+    const int column = (int)floor((x - place.origin_m[0]) / place.resolution_m + 1e-9),
+              row = (int)floor((y - place.origin_m[1]) / place.resolution_m + 1e-9);
+    return cells[row * (int)place.width + column];
+}
+
+static bool is_free(int percent)
+{
+    return percent >= 0 && percent < 100 * FOVEA_GRID_FREE_BELOW;
+}
+
+static bool is_occupied(int percent)
+{
+    return percent > 100 * FOVEA_GRID_OCCUPIED_ABOVE;
+}
+
+static int occupied(void)
+{
+    int count = 0;
+    for (int i = 0; i < CELLS; i++)
+        count += is_occupied(cells[i]);
+    return count;
+}
+
+static struct fovea_grid_point at(double x, double y, double z)
+{
+    return (struct fovea_grid_point){{(float)x, (float)y, (float)z}, 0.01f, 0.005f};
+}
+
+static void two_points_of_a_wall_mark_its_cell(void **state)
+{
+    (void)state;
+    const struct fovea_grid_point wall[2] = {at(2.02, 0.03, 0.4), at(2.02, 0.06, 0.6)};
+    look(FLOOR, wall, 2);
+    assert_true(is_occupied(cell_at(2.05, 0.05)));
+    assert_int_equal(occupied(), 1);
+    assert_true(is_free(cell_at(1.95, 0.05)) && is_free(cell_at(2.05, 0.15)));
+    assert_true(is_free(cell_at(2.55, 0.05))); /* a mask shows floor behind it: it may be low */
+    const struct fovea_grid_point beside[2] = {at(2.02, 0.03, 0.4), at(2.02, 0.13, 0.6)};
+    look(FLOOR, beside, 2);
+    assert_true(is_occupied(cell_at(2.05, 0.05)) && is_occupied(cell_at(2.05, 0.15)));
+    assert_int_equal(occupied(), 2);
+    look(FLOOR, NULL, 0);
+    assert_int_equal(occupied(), 0);
+}
+
+static void one_point_marks_nothing(void **state)
+{
+    (void)state;
+    const struct fovea_grid_point apart[3] = {at(2.02, 0.05, 0.5), at(2.02, 0.35, 0.5),
+                                              at(2.42, 0.05, 0.5)};
+    look(FLOOR, apart, 1);
+    assert_true(is_free(cell_at(2.05, 0.05)));
+    look(FLOOR, apart, 3);
+    assert_int_equal(occupied(), 0);
+}
+
+/* A pair that differs from one that counts in one thing. */
+static void what_is_not_surely_an_obstacle_marks_nothing(void **state)
+{
+    (void)state;
+    const double z[] = {0, 0.04, 0.12, 0.95, 1.3};
+    struct fovea_grid_point pair[2];
+    for (size_t i = 0; i < sizeof z / sizeof *z; i++) {
+        pair[0] = at(2.02, 0.03, z[i]);
+        pair[1] = at(2.02, 0.06, z[i]);
+        look(FLOOR, pair, 2);
+        assert_int_equal(occupied(), 0);
+        assert_true(is_free(cell_at(2.05, 0.05)));
+    }
+    pair[0] = at(2.02, 0.03, 0.4);
+    pair[1] = at(2.02, 0.06, 0.4);
+    look(FLOOR, pair, 2);
+    assert_int_equal(occupied(), 1);
+    pair[1].along_m = 0.06f; /* more than half a cell */
+    look(FLOOR, pair, 2);
+    assert_int_equal(occupied(), 0);
+    pair[1] = at(2.02, 0.06, 0.4);
+    pair[1].across_m = 0.12f; /* it may lie on the floor */
+    look(FLOOR, pair, 2);
+    assert_int_equal(occupied(), 0);
+    pair[0] = at(5.02, 0.03, 0.4); /* out of range */
+    pair[1] = at(5.02, 0.06, 0.4);
+    look(FLOOR, pair, 2);
+    assert_int_equal(occupied(), 0);
+    pair[0] = at(NAN, 0.03, 0.4);
+    pair[1] = at(2.02, 0.06, NAN);
+    look(FLOOR, pair, 2);
+    assert_int_equal(occupied(), 0);
+}
+
+/* The mask has what may move, and forgets it sooner; what is ignored may be the robot. */
+static void points_of_what_moves_or_is_ignored_mark_nothing(void **state)
+{
+    (void)state;
+    const struct fovea_grid_point wall[2] = {at(2.02, 0.03, 0.4), at(2.02, 0.06, 0.4)};
+    look(SKY, wall, 2);
+    assert_int_equal(occupied(), 0);
+    look(CART, wall, 2);
+    assert_false(is_occupied(cell_at(2.05, 0.05)));
+}
+
+static void points_make_no_cell_free(void **state)
+{
+    (void)state;
+    struct fovea_grid_point floor[POINTS];
+    for (int i = 0; i < POINTS; i++)
+        floor[i] = at(2 + 0.02 * i, 0.05, 0);
+    look(SKY, floor, POINTS);
+    assert_int_equal(cell_at(2.05, 0.05), FOVEA_GRID_UNKNOWN);
+}
+
+/* 0.4 m below the floor and 3 m ahead: the sight passes the floor 2 m ahead. */
+static void floor_that_ends_is_occupied(void **state)
+{
+    (void)state;
+    const struct fovea_grid_point pit[2] = {at(3.06, 0.03, -0.4), at(3.06, 0.09, -0.4)};
+    look(FLOOR, pit, 2);
+    assert_int_equal(occupied(), 1);
+    assert_true(is_occupied(cell_at(2.04, 0.04)));
+    look(FLOOR, pit, 1);
+    assert_int_equal(occupied(), 0);
+    const struct fovea_grid_point slope[2] = {at(3.06, 0.03, -0.2), at(3.06, 0.09, -0.2)};
+    look(FLOOR, slope, 2); /* as a ramp of 6 % */
+    assert_int_equal(occupied(), 0);
+}
+
+static void what_points_said_is_forgotten_as_the_rest(void **state)
+{
+    (void)state;
+    const struct fovea_grid_point wall[2] = {at(2.02, 0.03, 0.4), at(2.02, 0.06, 0.4)};
+    look(FLOOR, wall, 2);
+    struct fovea_grid_view view = ahead(SKY, 1000 * SECOND, NULL, 0);
+    assert_int_equal(fovea_grid_update(grid, &view), FOVEA_OK);
+    fovea_grid_cells(grid, cells, &place);
+    assert_int_equal(occupied(), 0);
+    look(FLOOR, wall, 2);
+    fovea_grid_forget(grid);
+    fovea_grid_cells(grid, cells, &place);
+    for (int i = 0; i < CELLS; i++)
+        assert_int_equal(cells[i], FOVEA_GRID_UNKNOWN);
+    look(FLOOR, NULL, 0); /* no point of an earlier view counts as another one */
+    look(FLOOR, wall, 1);
+    assert_int_equal(occupied(), 0);
+}
+
+static void points_of_all_pieces_count_and_too_many_are_refused(void **state)
+{
+    (void)state;
+    struct fovea_grid_point *many = calloc(FOVEA_GRID_POINTS_MAX + 1, sizeof *many);
+    many[0] = at(2.02, 0.03, 0.4);
+    many[FOVEA_GRID_POINTS_MAX - 1] = at(2.02, 0.06, 0.4);
+    look(FLOOR, many, FOVEA_GRID_POINTS_MAX);
+    assert_int_equal(occupied(), 1);
+    struct fovea_grid_view view = ahead(FLOOR, SECOND, many, FOVEA_GRID_POINTS_MAX + 1);
+    assert_int_equal(fovea_grid_update(grid, &view), FOVEA_ERROR_ARGUMENT);
+    view.points = NULL;
+    view.point_count = 1;
+    assert_int_equal(fovea_grid_update(grid, &view), FOVEA_ERROR_ARGUMENT);
+    free(many);
+}
+
+int main(void)
+{
+#define TEST(name) cmocka_unit_test_setup_teardown(name, setup, teardown)
+    const struct CMUnitTest tests[] = {
+        TEST(two_points_of_a_wall_mark_its_cell),
+        TEST(one_point_marks_nothing),
+        TEST(what_is_not_surely_an_obstacle_marks_nothing),
+        TEST(points_of_what_moves_or_is_ignored_mark_nothing),
+        TEST(points_make_no_cell_free),
+        TEST(floor_that_ends_is_occupied),
+        TEST(what_points_said_is_forgotten_as_the_rest),
+        TEST(points_of_all_pieces_count_and_too_many_are_refused),
+    };
+#undef TEST
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
