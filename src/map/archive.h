@@ -11,6 +11,8 @@
  *                sees stands
  *     edges      of closures, 16 bytes each
  *     scales     of maps whose unit is known in metres, FV_ARCHIVE_SCALE_BYTES each
+ *     grid       in versions 5 and 6, which are 3 and 4 with it: what was known of the floor,
+ *                FV_ARCHIVE_GRID_BYTES and a byte for each cell
  *     checksum   8 bytes, FNV-1a of all before
  *
  * Bearings, grids, redundancy and the place index are not stored: they follow from the rest.
@@ -38,6 +40,8 @@ extern "C" {
 enum {
     FV_ARCHIVE_VERSION = 3, /* 1 had no scales, 2 features in any order and descriptors twice */
     FV_ARCHIVE_VERSION_DISTANCES = 4, /* of maps whose features may have measured distances */
+    FV_ARCHIVE_VERSION_GRID = 5,      /* as 3, with a grid; 6: as 4, with a grid */
+    FV_ARCHIVE_VERSION_LAST = 6,
     FV_ARCHIVE_HEADER_BYTES = 192,
     FV_ARCHIVE_LANDMARK_BYTES = 64,
     FV_ARCHIVE_OBSERVER_BYTES = 4,
@@ -47,13 +51,38 @@ enum {
     FV_ARCHIVE_EDGE_BYTES = 16,
     FV_ARCHIVE_SCALE_BYTES = 24,
     FV_ARCHIVE_SCALES_MAX = FV_MAP_WORLDS_MAX + 1,
+    FV_ARCHIVE_GRID_BYTES = 120,
+    FV_ARCHIVE_GRID_SIDE_MIN = 16,
+    FV_ARCHIVE_GRID_SIDE_MAX = 512,
     FV_ARCHIVE_CHECKSUM_BYTES = 8,
     FV_ARCHIVE_UNIT_LANDMARKS = 512, /* slots read in a unit */
     FV_ARCHIVE_UNIT_FEATURES = 1024  /* written in a unit */
 };
 
-/* Most bytes that a map within these limits takes. */
+/* Most bytes that a map within these limits takes, whatever grid it holds. */
 size_t fv_archive_bytes_max(const struct fv_map_limits *limits);
+/* Those of a grid. */
+static inline size_t fv_archive_grid_bytes(uint32_t side)
+{
+    return FV_ARCHIVE_GRID_BYTES + (size_t)side * side;
+}
+
+/* A grid of what was known of the floor (fovea/grid.h), saved with the map that it belongs to. Its
+ * cells follow row by row, x first: percent occupied, 0 to 34 or 66 to 100, or -1: not known. No
+ * padding. */
+struct fv_archive_grid {
+    uint32_t map_id;     /* of the map */
+    uint32_t side;       /* cells along each side; 0: there is no grid */
+    double resolution_m; /* side of a cell */
+    /* Takes points of the grid to the map's own frame and unit, which are those of its keyframes:
+     * metres from the outer corner of cell (0, 0), x along a row, z up from the floor. */
+    struct fv_sim3 S_map_grid;
+};
+/* Whether a byte is one of a cell. */
+static inline bool fv_archive_cell(int8_t percent)
+{
+    return percent >= -1 && percent <= 100 && (percent < 35 || percent > 65);
+}
 
 /* ---- writing --------------------------------------------------------------------------------- */
 
@@ -62,7 +91,8 @@ enum fv_archive_phase {
     FV_ARCHIVE_LANDMARKS = 1,
     FV_ARCHIVE_KEYFRAMES = 2,
     FV_ARCHIVE_EDGES = 3,
-    FV_ARCHIVE_DONE = 4 /* all is written; fv_archive_take ends it */
+    FV_ARCHIVE_DONE = 4, /* all is written; fv_archive_take ends it */
+    FV_ARCHIVE_GRID = 5  /* where one was asked for: its owner writes it, between 3 and 4 */
 };
 
 struct fv_archive_state {
@@ -74,6 +104,7 @@ struct fv_archive_state {
     uint32_t generation;    /* of the keyframe in work */
     uint32_t features;      /* that its record promises */
     uint32_t landmarks, keyframes, edges, scales;
+    uint32_t with_grid, has_grid; /* asked for; written */
 };
 
 void fv_archive_begin(struct fv_archive_state *archive, uint64_t frame_number);
@@ -86,6 +117,13 @@ static inline bool fv_archive_busy(const struct fv_archive_state *archive)
  */
 void fv_archive_unit(struct fv_archive_state *archive, const struct fv_map *map,
                      const struct fovea_camera *camera, uint8_t *out, size_t capacity);
+/* After fv_archive_begin: the phase FV_ARCHIVE_GRID comes, in which the owner of a grid writes its
+ * head once and then all its cells, in pieces, or nothing; the next fv_archive_unit ends it. */
+void fv_archive_want_grid(struct fv_archive_state *archive);
+void fv_archive_grid_head(struct fv_archive_state *archive, const struct fv_archive_grid *grid,
+                          uint8_t *out, size_t capacity);
+void fv_archive_grid_cells(struct fv_archive_state *archive, const int8_t *cells, uint32_t count,
+                           uint8_t *out, size_t capacity);
 /* When all is written: bytes of the file, and idle again; 0 else. */
 size_t fv_archive_take(struct fv_archive_state *archive);
 /* Put the checksum at the end of a written file. A pass over all bytes: not for the loop. */
@@ -101,6 +139,8 @@ struct fv_archive_info {
     uint32_t landmark_slots, keyframe_slots, features_max; /* that reading it needs */
     uint32_t map_id, map_next;
     uint64_t keyframe_number, frame_number;
+    struct fv_archive_grid grid; /* filled by fv_archive_read */
+    size_t grid_at;              /* where its cells begin in the file */
 };
 
 /* The count that the first bytes of a file of `bytes` bytes state, at least FV_ARCHIVE_HEADER_BYTES

@@ -106,7 +106,17 @@ enum { SIZE_AT = 16, LANDMARKS_AT = 136 };
 
 static bool known_version(uint32_t version)
 {
-    return version == FV_ARCHIVE_VERSION || version == FV_ARCHIVE_VERSION_DISTANCES;
+    return version >= FV_ARCHIVE_VERSION && version <= FV_ARCHIVE_VERSION_LAST;
+}
+
+static bool has_grid(uint32_t version)
+{
+    return version >= FV_ARCHIVE_VERSION_GRID;
+}
+
+static bool has_distances(uint32_t version)
+{
+    return version == FV_ARCHIVE_VERSION_DISTANCES || version == FV_ARCHIVE_VERSION_LAST;
 }
 
 static void read_envelope(struct reader *r, uint32_t *version_of)
@@ -125,10 +135,10 @@ static void read_envelope(struct reader *r, uint32_t *version_of)
         refuse(r, 12, "byte order mark", order, "that of a little-endian file");
     if (version < FV_ARCHIVE_VERSION)
         refuse(r, 8, "version of the map format", version,
-               "3 or 4: only the Fovea before 0.1 that saved it reads it, map the place again");
-    else if (version > FV_ARCHIVE_VERSION_DISTANCES)
+               "3 to 6: only the Fovea before 0.1 that saved it reads it, map the place again");
+    else if (version > FV_ARCHIVE_VERSION_LAST)
         refuse(r, 8, "version of the map format", version,
-               "3 or 4: a later Fovea saved it and reads it, or map the place again");
+               "3 to 6: a later Fovea saved it and reads it, or map the place again");
     *version_of = version;
     if (order != 0x01020304) refuse(r, 12, "byte order mark", order, "16909060");
     const uint64_t bytes = get(r, 8);
@@ -260,7 +270,7 @@ static void refuse_rotation(struct reader *r, size_t at, const char *what, doubl
                                 r->name, at, what, found, expected);
 }
 
-static void read_pose(struct reader *r, struct fv_se3 *T)
+static void read_rotation(struct reader *r, double R[9])
 {
     static const char *const products[3][3] = {
         {"product of rows 0 and 0", "product of rows 0 and 1", "product of rows 0 and 2"},
@@ -269,16 +279,20 @@ static void read_pose(struct reader *r, struct fv_se3 *T)
     const size_t at = r->at;
     double across[3];
     for (int i = 0; i < 9; i++)
-        T->R[i] = get_double(r, 1.001, "rotation");
-    for (int i = 0; i < 3; i++)
-        T->t[i] = get_double(r, 1e12, "translation");
+        R[i] = get_double(r, 1.001, "rotation");
     for (int a = 0; a < 3; a++)
         for (int b = a; b < 3; b++) {
-            const double product = fv_dot3(T->R + 3 * a, T->R + 3 * b), off = product - (a == b);
+            const double product = fv_dot3(R + 3 * a, R + 3 * b), off = product - (a == b);
             if (off > 1e-6 || off < -1e-6) refuse_rotation(r, at, products[a][b], product, a == b);
         }
-    fv_cross3(T->R, T->R + 3, across);
-    if (fv_dot3(across, T->R + 6) < 0) refuse_rotation(r, at, "determinant", -1, 1);
+    fv_cross3(R, R + 3, across);
+    if (fv_dot3(across, R + 6) < 0) refuse_rotation(r, at, "determinant", -1, 1);
+}
+
+static void read_translation(struct reader *r, double t[3])
+{
+    for (int i = 0; i < 3; i++)
+        t[i] = get_double(r, 1e12, "translation");
 }
 
 /* Of a map whose features have none, they are read and left. */
@@ -331,7 +345,8 @@ static void read_keyframe(struct reader *r, struct fv_map *map, bool measured)
     k->map_id = get_u32(r);
     k->parent = (int32_t)get_u32(r);
     k->depth = get_double(r, 1e12, "depth");
-    read_pose(r, &k->T_cam_world);
+    read_rotation(r, k->T_cam_world.R);
+    read_translation(r, k->T_cam_world.t);
     const size_t features_at = r->at;
     const uint32_t features = get_u32(r);
     k->held = get_u32(r) != 0;
@@ -389,6 +404,35 @@ static void read_scale(struct reader *r, struct fv_map *map)
         s->scale = odom.scale;
     else
         s->left[s->left_count++] = odom;
+}
+
+/* Its cells stay where they are in the file. */
+static void read_grid(struct reader *r, const struct fv_map *map, struct fv_archive_info *info)
+{
+    struct fv_archive_grid grid;
+    const size_t at = r->at;
+    grid.map_id = get_index(r, map->state->map_next, "map of the grid", "less than the next map's");
+    grid.side = get_u32(r);
+    grid.resolution_m = get_double(r, 1, "side of a cell");
+    grid.S_map_grid.s = get_double(r, 1e9, "scale of the grid");
+    read_rotation(r, grid.S_map_grid.R);
+    read_translation(r, grid.S_map_grid.t);
+    if (grid.side < FV_ARCHIVE_GRID_SIDE_MIN || grid.side > FV_ARCHIVE_GRID_SIDE_MAX)
+        refuse(r, at + 4, "side of the grid", grid.side, "16 to 512 cells");
+    if (!(grid.resolution_m >= 0.02)) refuse(r, at + 8, "side of a cell", 0, "0.02 to 1 m");
+    if (!(grid.S_map_grid.s >= 1e-9)) refuse(r, at + 16, "scale of the grid", 0, "more than 0");
+    const size_t cells = (size_t)grid.side * grid.side;
+    if (r->status == FOVEA_OK && r->bytes - r->at < cells)
+        refuse(r, r->at, "bytes left", (int64_t)(r->bytes - r->at),
+               "more: the grid has more cells than there are");
+    for (size_t i = 0; i < cells && r->status == FOVEA_OK; i++)
+        if (!fv_archive_cell((int8_t)r->data[r->at + i]))
+            refuse(r, r->at + i, "cell of the grid", (int8_t)r->data[r->at + i],
+                   "-1, 0 to 34 or 66 to 100");
+    if (r->status != FOVEA_OK) return;
+    info->grid = grid;
+    info->grid_at = r->at;
+    r->at += cells;
 }
 
 /* ---- making it whole ------------------------------------------------------------------------- */
@@ -491,15 +535,17 @@ enum fovea_status fv_archive_read(const uint8_t *data, size_t bytes, const char 
     for (uint32_t i = 0; i < info->landmarks && r.status == FOVEA_OK; i++)
         read_landmark(&r, map);
     for (uint32_t i = 0; i < info->keyframes && r.status == FOVEA_OK; i++)
-        read_keyframe(&r, map, info->version == FV_ARCHIVE_VERSION_DISTANCES);
+        read_keyframe(&r, map, has_distances(info->version));
     for (uint32_t i = 0; i < info->edges && r.status == FOVEA_OK; i++)
         read_edge(&r, map);
     for (uint32_t i = 0; i < info->scales && r.status == FOVEA_OK; i++)
         read_scale(&r, map);
+    if (has_grid(info->version)) read_grid(&r, map, info);
     if (r.at != r.bytes) refuse(&r, r.at, "bytes left", (int64_t)(r.bytes - r.at), "none");
     if (r.status == FOVEA_OK)
         mend(map);
     else
         fv_map_reset(map);
+    if (r.status != FOVEA_OK) info->grid.side = 0;
     return r.status;
 }

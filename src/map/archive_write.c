@@ -14,7 +14,8 @@ size_t fv_archive_bytes_max(const struct fv_map_limits *limits)
     const size_t keyframe = FV_ARCHIVE_KEYFRAME_BYTES + (size_t)limits->features * feature;
     return FV_ARCHIVE_HEADER_BYTES + limits->landmarks * landmark + limits->keyframes * keyframe +
            FV_MAP_EDGES_MAX * FV_ARCHIVE_EDGE_BYTES +
-           FV_ARCHIVE_SCALES_MAX * FV_ARCHIVE_SCALE_BYTES + FV_ARCHIVE_CHECKSUM_BYTES;
+           FV_ARCHIVE_SCALES_MAX * FV_ARCHIVE_SCALE_BYTES +
+           fv_archive_grid_bytes(FV_ARCHIVE_GRID_SIDE_MAX) + FV_ARCHIVE_CHECKSUM_BYTES;
 }
 
 /* ---- bytes ----------------------------------------------------------------------------------- */
@@ -125,7 +126,10 @@ static void write_header(struct pen *pen, const struct fv_archive_state *archive
                          uint64_t bytes)
 {
     put_bytes(pen, (const uint8_t *)"FOVEAMAP", 8);
-    put(pen, map->distances != NULL ? FV_ARCHIVE_VERSION_DISTANCES : FV_ARCHIVE_VERSION, 4);
+    put(pen,
+        (map->distances != NULL ? FV_ARCHIVE_VERSION_DISTANCES : FV_ARCHIVE_VERSION) +
+            (archive->has_grid ? FV_ARCHIVE_VERSION_GRID - FV_ARCHIVE_VERSION : 0),
+        4);
     put(pen, 0x01020304, 4);
     put(pen, bytes, 8);
     put(pen, (uint32_t)camera->width, 4);
@@ -233,7 +237,16 @@ static void write_scales(struct fv_archive_state *archive, const struct fv_map *
         if (s->left[i].map_id != s->map_id) write_scale(archive, map, pen, &s->left[i]);
 }
 
-/* Edges, scales, and with them all counts of the header. */
+/* All counts of the header are known. */
+static void end(struct fv_archive_state *archive, const struct fv_map *map,
+                const struct fovea_camera *camera, struct pen *pen)
+{
+    struct pen head = {pen->out, pen->capacity, 0};
+    pen->at += FV_ARCHIVE_CHECKSUM_BYTES;
+    write_header(&head, archive, map, camera, pen->at);
+    archive->phase = FV_ARCHIVE_DONE;
+}
+
 static void edges_unit(struct fv_archive_state *archive, const struct fv_map *map,
                        const struct fovea_camera *camera, struct pen *pen)
 {
@@ -248,10 +261,10 @@ static void edges_unit(struct fv_archive_state *archive, const struct fv_map *ma
         archive->edges++;
     }
     write_scales(archive, map, pen);
-    pen->at += FV_ARCHIVE_CHECKSUM_BYTES;
-    struct pen head = {pen->out, pen->capacity, 0};
-    write_header(&head, archive, map, camera, pen->at);
-    archive->phase = FV_ARCHIVE_DONE;
+    if (archive->with_grid)
+        archive->phase = FV_ARCHIVE_GRID;
+    else
+        end(archive, map, camera, pen);
 }
 
 void fv_archive_unit(struct fv_archive_state *archive, const struct fv_map *map,
@@ -264,6 +277,37 @@ void fv_archive_unit(struct fv_archive_state *archive, const struct fv_map *map,
         keyframes_unit(archive, map, &pen);
     else if (archive->phase == FV_ARCHIVE_EDGES)
         edges_unit(archive, map, camera, &pen);
+    else if (archive->phase == FV_ARCHIVE_GRID)
+        end(archive, map, camera, &pen);
+    archive->at = pen.at;
+}
+
+/* ---- the grid -------------------------------------------------------------------------------- */
+
+void fv_archive_want_grid(struct fv_archive_state *archive)
+{
+    archive->with_grid = 1;
+}
+
+void fv_archive_grid_head(struct fv_archive_state *archive, const struct fv_archive_grid *grid,
+                          uint8_t *out, size_t capacity)
+{
+    struct pen pen = {out, capacity, archive->at};
+    put(&pen, grid->map_id, 4);
+    put(&pen, grid->side, 4);
+    put_double(&pen, grid->resolution_m);
+    put_double(&pen, grid->S_map_grid.s);
+    put_doubles(&pen, grid->S_map_grid.R, 9);
+    put_doubles(&pen, grid->S_map_grid.t, 3);
+    archive->has_grid = 1;
+    archive->at = pen.at;
+}
+
+void fv_archive_grid_cells(struct fv_archive_state *archive, const int8_t *cells, uint32_t count,
+                           uint8_t *out, size_t capacity)
+{
+    struct pen pen = {out, capacity, archive->at};
+    put_bytes(&pen, (const uint8_t *)cells, count);
     archive->at = pen.at;
 }
 

@@ -203,6 +203,9 @@ void fv_map_reset(struct fv_map *map);
 /* Maps that are taken whole (take.c). `from` was read from a file: give its maps and keyframes
  * numbers without gaps, from 0 on, and forget maps without keyframes. Init-only. */
 void fv_map_settle(struct fv_map *from);
+/* Before that: the number that a map of the file will have; UINT32_MAX: it has no keyframes, and is
+ * not the current one. Init-only. */
+uint32_t fv_map_settled_id(const struct fv_map *from, uint32_t map_id);
 /* Take a settled map of the same limits in place of what is there. Its maps and keyframes are
  * numbered on from those that there were, generations rise as with fv_map_reset, and frames of
  * landmarks become `frames_later` more. Bounded by the limits. */

@@ -33,6 +33,15 @@ static uint32_t rank_of(const struct ids *ids, uint32_t id)
     return rank;
 }
 
+uint32_t fv_map_settled_id(const struct fv_map *from, uint32_t map_id)
+{
+    struct ids ids;
+    find_ids(from, &ids);
+    for (uint32_t i = 0; i < ids.count; i++)
+        if (ids.id[i] == map_id) return rank_of(&ids, map_id);
+    return UINT32_MAX;
+}
+
 /* Maps that were left and have keyframes, by their new ids. */
 static void settle_left(struct fv_map *map, const struct ids *ids)
 {

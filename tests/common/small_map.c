@@ -100,16 +100,47 @@ void small_map_grow(struct small_map *small, struct fv_random *random)
 
 uint8_t *small_map_save(const struct small_map *small, size_t *bytes)
 {
+    return small_map_save_with(small, NULL, NULL, 0, bytes);
+}
+
+uint8_t *small_map_save_with(const struct small_map *small, const struct fv_archive_grid *grid,
+                             const int8_t *cells, uint32_t piece, size_t *bytes)
+{
+    const uint32_t count = grid != NULL ? grid->side * grid->side : 0;
     const size_t capacity = fv_archive_bytes_max(&small->map.limits);
     uint8_t *data = malloc(capacity);
     struct fv_archive_state archive = {0};
     fv_archive_begin(&archive, 77);
-    while (fv_archive_busy(&archive))
+    if (grid != NULL) fv_archive_want_grid(&archive);
+    while (fv_archive_busy(&archive)) {
+        if (archive.phase == FV_ARCHIVE_GRID && grid->side > 0) {
+            fv_archive_grid_head(&archive, grid, data, capacity);
+            for (uint32_t at = 0; at < count; at += piece)
+                fv_archive_grid_cells(&archive, cells + at, count - at < piece ? count - at : piece,
+                                      data, capacity);
+        }
         fv_archive_unit(&archive, &small->map, &small->camera, data, capacity);
+    }
     *bytes = fv_archive_take(&archive);
     if (*bytes > capacity) abort();
     fv_archive_seal(data, *bytes);
     return data;
+}
+
+struct fv_archive_grid small_map_grid(const struct small_map *small, uint32_t side,
+                                      struct fv_random *random, int8_t *cells)
+{
+    const double turn[3] = {0.1, -0.2, fv_random_unit(random)};
+    struct fv_archive_grid grid = {.map_id = small->map.state->map_id,
+                                   .side = side,
+                                   .resolution_m = 0.05,
+                                   .S_map_grid = {.t = {1.5, -2.25, 0.5}, .s = 0.75}};
+    fv_so3_exp(turn, grid.S_map_grid.R);
+    for (uint32_t i = 0; i < side * side; i++) {
+        const int8_t percent = (int8_t)(fv_random_below(random, 102)) - 1;
+        cells[i] = fv_archive_cell(percent) ? percent : -1;
+    }
+    return grid;
 }
 
 static const char *keyframe_trouble(const struct fv_map *map, uint32_t slot)

@@ -24,6 +24,12 @@ void small_map_free(struct small_map *small);
 void small_map_grow(struct small_map *small, struct fv_random *random);
 /* The map as sealed bytes from malloc. */
 uint8_t *small_map_save(const struct small_map *small, size_t *bytes);
+/* The same with a grid; its cells are written `piece` at a time. */
+uint8_t *small_map_save_with(const struct small_map *small, const struct fv_archive_grid *grid,
+                             const int8_t *cells, uint32_t piece, size_t *bytes);
+/* A made-up grid of the current map and its side x side cells. */
+struct fv_archive_grid small_map_grid(const struct small_map *small, uint32_t side,
+                                      struct fv_random *random, int8_t *cells);
 /* NULL when links, counts and lists agree; else what does not. */
 const char *small_map_trouble(const struct fv_map *map);
 

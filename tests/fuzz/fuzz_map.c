@@ -20,7 +20,13 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t bytes)
             copy[16 + i] = (uint8_t)((uint64_t)bytes >> (8 * i));
         fv_archive_seal(copy, bytes);
     }
-    (void)fv_archive_read(copy, bytes, "map", &small.map, &info, &error);
+    if (fv_archive_read(copy, bytes, "map", &small.map, &info, &error) != FOVEA_OK &&
+        info.grid.side != 0)
+        abort();
+    for (uint32_t i = 0; i < info.grid.side * info.grid.side; i++) /* all there, and sound */
+        if (info.grid_at + i + FV_ARCHIVE_CHECKSUM_BYTES >= bytes ||
+            !fv_archive_cell((int8_t)copy[info.grid_at + i]))
+            abort();
     if (small_map_trouble(&small.map) != NULL) abort();
     free(copy);
     return 0;

@@ -76,6 +76,12 @@ static void write_maps(const char *corpus)
         free(data);
         small_map_grow(&small, &random);
     }
+    int8_t cells[16 * 16];
+    size_t bytes;
+    const struct fv_archive_grid grid = small_map_grid(&small, 16, &random, cells);
+    uint8_t *data = small_map_save_with(&small, &grid, cells, sizeof cells, &bytes);
+    fv_test_write(fv_test_path(corpus, "fuzz_map/grid.map"), data, bytes);
+    free(data);
     small_map_free(&small);
 }
 

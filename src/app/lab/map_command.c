@@ -58,6 +58,10 @@ static void info_print(const struct fv_map_open *open, const char *path)
            map->limits.keyframes, (unsigned)open->info.frame_number);
     printf("  landmarks  %u (slots for %u), closures %u\n", map->state->landmark_count,
            map->limits.landmarks, map->state->edge_count);
+    const struct fv_archive_grid *grid = &open->info.grid;
+    if (grid->side > 0)
+        printf("  grid       %u x %u cells of %.3g m in map %u, %u free, %u occupied\n", grid->side,
+               grid->side, grid->resolution_m, grid->map_id, open->grid_free, open->grid_occupied);
     for (uint32_t id = 0; any && next_map(open, &id); id++) {
         const uint32_t count = fv_map_open_order(open, id, slots);
         uint32_t landmarks = 0;

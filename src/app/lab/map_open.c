@@ -39,6 +39,16 @@ static enum fovea_status check_sizes(const char *path, const struct fv_archive_i
     return FOVEA_OK;
 }
 
+static void count_grid(struct fv_map_open *open, const uint8_t *data)
+{
+    const uint32_t cells = open->info.grid.side * open->info.grid.side;
+    for (uint32_t i = 0; i < cells; i++) {
+        const int8_t percent = (int8_t)data[open->info.grid_at + i];
+        open->grid_free += percent >= 0 && percent < 50;
+        open->grid_occupied += percent > 50;
+    }
+}
+
 static enum fovea_status fill(struct fv_map_open *open, const char *path, const uint8_t *data,
                               size_t bytes, struct fovea_error *error)
 {
@@ -61,7 +71,9 @@ static enum fovea_status fill(struct fv_map_open *open, const char *path, const 
     carve(open, &arena);
     open->camera = open->info.camera;
     fv_bearing_init(&open->bearings, &open->camera);
-    return fv_archive_read(data, bytes, path, &open->map, &open->info, error);
+    status = fv_archive_read(data, bytes, path, &open->map, &open->info, error);
+    if (status == FOVEA_OK) count_grid(open, data);
+    return status;
 }
 
 enum fovea_status fv_map_open_bytes(const uint8_t *data, size_t bytes, const char *name,

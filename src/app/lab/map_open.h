@@ -14,7 +14,8 @@ struct fv_map_open {
     struct fv_map map;
     struct fv_bearing_table bearings;
     size_t file_bytes;
-    uint64_t hash; /* of the file, as a recording names it */
+    uint64_t hash;                     /* of the file, as a recording names it */
+    uint32_t grid_free, grid_occupied; /* cells of its grid */
     void *memory;
 };
 

@@ -354,11 +354,11 @@ static void test_foreign_files_are_refused(void **state)
     } cases[] = {
         {0, 'G', "byte 0: first byte"},
         {8, 1,
-         "byte 8: version of the map format: found 1, expected 3 or 4: only the Fovea before 0.1"},
+         "byte 8: version of the map format: found 1, expected 3 to 6: only the Fovea before 0.1"},
         {8, 2,
-         "byte 8: version of the map format: found 2, expected 3 or 4: only the Fovea before 0.1"},
-        {8, 5,
-         "byte 8: version of the map format: found 5, expected 3 or 4: a later Fovea saved it"},
+         "byte 8: version of the map format: found 2, expected 3 to 6: only the Fovea before 0.1"},
+        {8, 7,
+         "byte 8: version of the map format: found 7, expected 3 to 6: a later Fovea saved it"},
     };
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
         const uint8_t kept = data[cases[i].at];

@@ -12,6 +12,7 @@
 #include <cmocka.h>
 
 #include "app/lab/commands.h"
+#include "app/lab/map_open.h"
 #include "app/config/map_file.h"
 #include "common/datasets.h"
 #include "common/small_map.h"
@@ -111,6 +112,43 @@ static void test_many_maps(void **state)
     alarm(0);
 }
 
+/* What a map's grid holds is counted. */
+static void test_grid(void **state)
+{
+    (void)state;
+    enum { SIDE = 30 };
+    struct small_map small;
+    struct fv_random random;
+    struct fv_map_open open;
+    struct fovea_error error;
+    int8_t cells[SIDE * SIDE];
+    uint32_t free_cells = 0, occupied = 0;
+    size_t bytes;
+    char path[FV_TEST_PATH_BYTES + 16];
+    snprintf(path, sizeof path, "%s/grid.map", folder);
+    fv_random_seed(&random, 4);
+    small_map_make(&small);
+    for (int k = 0; k < 3; k++)
+        small_map_grow(&small, &random);
+    const struct fv_archive_grid grid = small_map_grid(&small, SIDE, &random, cells);
+    for (int i = 0; i < SIDE * SIDE; i++) {
+        free_cells += cells[i] >= 0 && cells[i] < 35;
+        occupied += cells[i] > 65;
+    }
+    uint8_t *data = small_map_save_with(&small, &grid, cells, SIDE, &bytes);
+    assert_int_equal(write_map(path, data, bytes), FOVEA_OK);
+    free(data);
+    small_map_free(&small);
+    assert_int_equal(call("info", path, NULL, NULL, NULL, NULL), FV_EXIT_OK);
+    if (fv_map_open(path, &open, &error) != FOVEA_OK) fail_msg("%s", error.text);
+    assert_true(open.info.grid.side == SIDE && free_cells > 100 && occupied > 100);
+    assert_true(open.grid_free == free_cells && open.grid_occupied == occupied);
+    fv_map_open_free(&open);
+    if (fv_map_open(map, &open, &error) != FOVEA_OK) fail_msg("%s", error.text);
+    assert_true(open.info.grid.side == 0 && open.grid_free == 0 && open.grid_occupied == 0);
+    fv_map_open_free(&open);
+}
+
 static int set_up(void **state)
 {
     struct small_map small;
@@ -140,6 +178,7 @@ int main(void)
         cmocka_unit_test(test_info_export_draw),
         cmocka_unit_test(test_wrong_words),
         cmocka_unit_test(test_many_maps),
+        cmocka_unit_test(test_grid),
     };
     return cmocka_run_group_tests(tests, set_up, fv_test_place_tear_down);
 }
