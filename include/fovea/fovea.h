@@ -487,7 +487,10 @@ void fovea_governor_learn(struct fovea_governor *governor, int64_t step_ns, int6
 
 /* ---- saving maps ----------------------------------------------------------------------------- */
 
-/* Most bytes that a saved map of this configuration takes. Any thread. */
+/* A saved map holds the grid of free space as well, where there is one with cells that are known
+ * and static: a runtime that loads it takes it up once it is posed in that map, in metres.
+ *
+ * Most bytes that a saved map of this configuration takes. Any thread. */
 size_t fovea_map_bytes_max(const struct fovea_config *config);
 
 /* The caller's buffer for FOVEA_COMMAND_SAVE, not to be touched until outputs.map_bytes is not 0;
@@ -507,7 +510,7 @@ size_t fovea_map_save(struct fovea *rt, uint8_t *buffer, size_t bytes);
 /* ---- loading maps while the loop runs -------------------------------------------------------- */
 
 /* Bytes that fovea_map_prepare needs for a runtime of this configuration: as many as its map takes
- * in the block. Any thread. */
+ * in the block, and a byte for each cell of its grid. Any thread. */
 size_t fovea_map_prepared_bytes(const struct fovea_config *config);
 
 /* Read and check a map file into memory of the caller's (FOVEA_BLOCK_ALIGNMENT aligned, at least

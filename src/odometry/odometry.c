@@ -132,13 +132,12 @@ static void look_in_map(struct fv_odometry *o)
 
 enum fovea_status fv_odometry_load(struct fv_odometry *o, const struct fv_kernels *kernels,
                                    const uint8_t *data, size_t bytes, const char *name,
-                                   struct fovea_error *error)
+                                   struct fv_archive_info *info, struct fovea_error *error)
 {
     struct fv_odometry_state *s = o->state;
-    struct fv_archive_info info;
-    const enum fovea_status status = fv_archive_read(data, bytes, name, &o->map, &info, error);
+    const enum fovea_status status = fv_archive_read(data, bytes, name, &o->map, info, error);
     if (status != FOVEA_OK || o->map.state->keyframe_count == 0) return status;
-    s->frame_number = s->keyframe_frame = info.frame_number;
+    s->frame_number = s->keyframe_frame = info->frame_number;
     look_in_map(o);
     while (fv_odometry_index_waiting(o))
         fv_odometry_index_unit(o, kernels);

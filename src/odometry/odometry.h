@@ -146,16 +146,22 @@ bool fv_odometry_closure_waiting(const struct fv_odometry *odometry);
 void fv_odometry_save_to(struct fv_odometry *odometry, uint8_t *buffer, size_t bytes);
 /* Begin to save the map, unless a save is under way: the job does it first, in units. */
 void fv_odometry_save_begin(struct fv_odometry *odometry);
+/* A save is asked for that waits for a grid at its end: its owner calls the two that follow, as
+ * archive.h says, or none; the next unit ends it. */
+void fv_odometry_save_want_grid(struct fv_odometry *odometry);
+bool fv_odometry_save_at_grid(const struct fv_odometry *odometry);
+void fv_odometry_save_grid_head(struct fv_odometry *odometry, const struct fv_archive_grid *grid);
+void fv_odometry_save_grid_cells(struct fv_odometry *odometry, const int8_t *cells, uint32_t count);
 /* Give up a save that is under way. */
 void fv_odometry_save_drop(struct fv_odometry *odometry);
 bool fv_odometry_saving(const struct fv_odometry *odometry);
 /* Bytes of a save that is complete, once; 0: none, or not yet. */
 size_t fv_odometry_save_take(struct fv_odometry *odometry);
 /* Take a saved map instead of an empty one; the state is `lost` until the camera is found in it.
- * Errors as fv_archive_read. Init-only. */
+ * `info` is what the file says. Errors as fv_archive_read. Init-only. */
 enum fovea_status fv_odometry_load(struct fv_odometry *odometry, const struct fv_kernels *kernels,
                                    const uint8_t *data, size_t bytes, const char *name,
-                                   struct fovea_error *error);
+                                   struct fv_archive_info *info, struct fovea_error *error);
 
 /* Take a settled map (map.h) of the same limits while frames come: the reset counter rises, and the
  * state is `lost` until the camera is found in it. Its place index is made by the job. The file was

@@ -67,6 +67,26 @@ void fv_odometry_save_begin(struct fv_odometry *o)
     fv_archive_begin(o->saver.archive, o->state->frame_number);
 }
 
+void fv_odometry_save_want_grid(struct fv_odometry *o)
+{
+    fv_archive_want_grid(o->saver.archive);
+}
+
+bool fv_odometry_save_at_grid(const struct fv_odometry *o)
+{
+    return o->saver.archive->phase == FV_ARCHIVE_GRID;
+}
+
+void fv_odometry_save_grid_head(struct fv_odometry *o, const struct fv_archive_grid *grid)
+{
+    fv_archive_grid_head(o->saver.archive, grid, o->saver.buffer, o->saver.capacity);
+}
+
+void fv_odometry_save_grid_cells(struct fv_odometry *o, const int8_t *cells, uint32_t count)
+{
+    fv_archive_grid_cells(o->saver.archive, cells, count, o->saver.buffer, o->saver.capacity);
+}
+
 void fv_odometry_save_drop(struct fv_odometry *o)
 {
     *o->saver.archive = (struct fv_archive_state){0};

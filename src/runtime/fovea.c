@@ -3,6 +3,7 @@
 
 #include "runtime/encode_pose.h"
 #include "runtime/jobs.h"
+#include "runtime/kept_grid.h"
 #include "runtime/live.h"
 #include "runtime/ready_map.h"
 #include "runtime/state.h"
@@ -55,8 +56,11 @@ static void take_commands(struct fovea *rt, uint32_t commands)
     if (commands & FOVEA_COMMAND_RESET) reset(rt);
     if (commands & FOVEA_COMMAND_PAUSE) rt->state->paused = 1;
     if (commands & FOVEA_COMMAND_RESUME) rt->state->paused = 0;
-    if ((commands & FOVEA_COMMAND_SAVE) && rt->config.odometry.enabled)
+    if ((commands & FOVEA_COMMAND_SAVE) && rt->config.odometry.enabled &&
+        !fv_odometry_saving(&rt->odometry)) {
         fv_odometry_save_begin(&rt->odometry);
+        fv_kept_grid_save_begin(&rt->free_space, &rt->odometry);
+    }
 }
 
 static void take_map(struct fovea *rt, const struct fovea_ready_map *ready)
@@ -64,6 +68,10 @@ static void take_map(struct fovea *rt, const struct fovea_ready_map *ready)
     if (!rt->config.odometry.enabled || !fv_map_same_limits(&rt->odometry.map, &ready->map)) return;
     end_sense(rt);
     fv_odometry_take_map(&rt->odometry, &ready->map, ready->frame_number);
+    struct fv_archive_grid grid = ready->grid;
+    grid.map_id +=
+        fv_map_current_id(fv_odometry_map(&rt->odometry)) - fv_map_current_id(&ready->map);
+    fv_kept_grid_take(&rt->free_space, &grid, ready->cells);
 }
 
 /* Whether an image is one of a camera of the rig. */

@@ -5,6 +5,7 @@
 #include "base/elementary.h"
 #include "geometry/vec.h"
 #include "odometry/surface.h"
+#include "runtime/kept_grid.h"
 
 void fv_free_space_carve(struct fv_free_space *stage, const struct fovea_grid_job_config *config,
                          uint32_t features, struct fv_arena *persistent, struct fv_arena *job,
@@ -14,10 +15,12 @@ void fv_free_space_carve(struct fv_free_space *stage, const struct fovea_grid_jo
     if (!stage->enabled) return;
     const struct fovea_grid_config *grid = &config->grid;
     stage->state = fv_arena_take(persistent, 1, sizeof *stage->state);
+    stage->kept = fv_arena_take(persistent, 1, sizeof *stage->kept);
     fv_grid_carve(&stage->grid, grid, persistent);
     stage->points_max = features < FOVEA_GRID_POINTS_MAX ? features : FOVEA_GRID_POINTS_MAX;
     stage->points =
         config->landmarks ? fv_arena_take(job, stage->points_max, sizeof *stage->points) : NULL;
+    fv_grid_recall_carve(&stage->recall, grid, persistent);
     stage->ranges = fv_arena_take(job, grid->rays, sizeof *stage->ranges);
     stage->cells = fv_arena_take(frame, (size_t)fv_free_space_rows(grid) * grid->side_cells, 1);
 }
@@ -35,6 +38,7 @@ void fv_free_space_reset(struct fv_free_space *stage)
     stage->state->noted.usable = 0;
     if (!stage->grid.state->begun) return;
     fv_grid_forget(&stage->grid);
+    fv_grid_recall_forget(&stage->recall);
     stage->state->emptied = FV_FREE_SPACE_EMPTIED;
     send_anew(stage);
 }
@@ -64,7 +68,7 @@ static struct fv_free_space_world world_of(const struct fv_publish *publish)
                                         fv_publish_last_change(publish).count, 0};
 }
 
-static bool same(struct fv_free_space_world a, struct fv_free_space_world b)
+bool fv_free_space_same(struct fv_free_space_world a, struct fv_free_space_world b)
 {
     return a.reset_counter == b.reset_counter && a.map_id == b.map_id && a.changes == b.changes;
 }
@@ -78,7 +82,7 @@ void fv_free_space_follow(struct fv_free_space *stage, const struct fv_publish *
 {
     if (!stage->enabled) return;
     const struct fovea_pose *pose = fv_publish_pose(publish);
-    if (!is_metric(pose) || !same(world_of(publish), stage->state->world))
+    if (!is_metric(pose) || !fv_free_space_same(world_of(publish), stage->state->world))
         fv_free_space_reset(stage);
     if (!is_metric(pose)) say_empty(stage, publish->state->stamp_ns);
 }
@@ -116,6 +120,12 @@ static uint32_t note_points(struct fv_free_space *stage, const struct fv_odometr
     return count;
 }
 
+bool fv_free_space_vouched(const struct fv_free_space *stage, const struct fv_publish *publish)
+{
+    return stage->grid.state->begun && is_metric(fv_publish_pose(publish)) &&
+           fv_free_space_same(world_of(publish), stage->state->world);
+}
+
 void fv_free_space_note(struct fv_free_space *stage, const struct fv_publish *publish,
                         const struct fv_odometry *odometry, const struct fv_frame_id *frame)
 {
@@ -133,6 +143,8 @@ void fv_free_space_note(struct fv_free_space *stage, const struct fv_publish *pu
     s->noted.yaw_rad = fv_atan2(T_odom_body.R[3], T_odom_body.R[0]);
     s->noted.floor_m = T_odom_body.t[2];
     if (stage->points != NULL) s->noted.points = note_points(stage, odometry, pose, &T_odom_cam);
+    s->noted.S_own_odom = fv_kept_grid_own(publish);
+    s->noted.map_id = fv_map_current_id(fv_odometry_map(odometry));
     s->world = world_of(publish);
 }
 
@@ -192,8 +204,14 @@ bool fv_free_space_unit(struct fv_free_space *stage, const struct fovea_segmenta
     if (s->phase == FV_FREE_SPACE_UPDATING) {
         const struct fovea_grid_view view = view_of(stage, seen, camera, labels);
         if (!fv_grid_advance(&stage->grid, &view)) return false;
-        fv_grid_scan_begin(&stage->grid);
-        s->phase = FV_FREE_SPACE_SCANNING;
+        if (fv_kept_grid_recall(stage))
+            s->phase = FV_FREE_SPACE_RECALLING;
+        else
+            send_anew(stage);
+        return false;
+    }
+    if (s->phase == FV_FREE_SPACE_RECALLING) {
+        if (fv_grid_recall_advance(&stage->recall, &stage->grid)) send_anew(stage);
         return false;
     }
     if (s->phase == FV_FREE_SPACE_SCANNING) {

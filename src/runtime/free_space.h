@@ -11,13 +11,15 @@
 #define FOVEA_RUNTIME_FREE_SPACE_H
 
 #include "fovea/fovea.h"
-#include "grid/grid.h"
+#include "grid/recall.h"
+#include "map/archive.h"
 #include "runtime/frame_id.h"
 #include "runtime/publish.h"
 
 enum fv_free_space_phase {
     FV_FREE_SPACE_IDLE = 0,
     FV_FREE_SPACE_UPDATING,
+    FV_FREE_SPACE_RECALLING,
     FV_FREE_SPACE_SCANNING,
     FV_FREE_SPACE_SENDING_GRID,
     FV_FREE_SPACE_SENDING_SCAN
@@ -34,8 +36,11 @@ enum fv_free_space_emptied {
 /* Where a frame was seen from. */
 struct fv_free_space_pose {
     double T_odom_cam[12], position_m[2], yaw_rad, floor_m;
-    uint32_t usable; /* posed, in metres */
-    uint32_t points; /* that the frame showed */
+    struct fv_sim3 S_own_odom; /* to the map's own frame and unit */
+    uint32_t usable;           /* posed, in metres */
+    uint32_t points;           /* that the frame showed */
+    uint32_t map_id;           /* of the map that S_own_odom leads to */
+    uint32_t unused;
 };
 
 struct fv_free_space_world {
@@ -57,10 +62,20 @@ struct fv_free_space_state {
     uint32_t unused;
 };
 
+/* The grid of a loaded map, and the save under way (kept_grid.c). No addresses and no padding. */
+struct fv_kept_grid_state {
+    struct fv_archive_grid loaded; /* its cells are those of the recall; side 0: none */
+    int64_t corner[2], row;        /* of the grid as it is saved; the next row */
+    struct fv_free_space_world world;
+    uint32_t save, unused;
+};
+
 struct fv_free_space {
     bool enabled;
     struct fv_grid grid;
+    struct fv_grid_recall recall;
     struct fv_free_space_state *state;
+    struct fv_kept_grid_state *kept;
     /* of the noted frame, then of the update: no frame is noted while one is under way; NULL: not
      * wanted */
     struct fovea_grid_point *points;
@@ -90,6 +105,9 @@ void fv_free_space_follow(struct fv_free_space *stage, const struct fv_publish *
 /* The network takes this frame. Bounded by its features. */
 void fv_free_space_note(struct fv_free_space *stage, const struct fv_publish *publish,
                         const struct fv_odometry *odometry, const struct fv_frame_id *frame);
+/* Whether there is a grid, and its cells are in `odom` as the last pose is, and in metres. */
+bool fv_free_space_vouched(const struct fv_free_space *stage, const struct fv_publish *publish);
+bool fv_free_space_same(struct fv_free_space_world a, struct fv_free_space_world b);
 
 /* The grid still needs the network's mask: it is being read, or is new. `inferences`: those that
  * the network has completed. */

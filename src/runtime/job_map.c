@@ -1,6 +1,7 @@
 /* The map's job: saving, new landmarks, the window, the place index, the inertial estimate, and the
  * scale by the floor. */
 #include "runtime/jobs.h"
+#include "runtime/kept_grid.h"
 
 static bool waiting(const struct fovea *rt)
 {
@@ -18,7 +19,7 @@ static uint32_t advance(struct fovea *rt, uint32_t units, struct fovea_outputs *
             fv_inertial_stage_unit(&rt->inertial, &rt->odometry);
         else if (fv_scale_waiting(&rt->scale, &rt->odometry))
             fv_scale_unit(&rt->scale, &rt->odometry);
-        else
+        else if (!fv_kept_grid_save_unit(&rt->free_space, &rt->publish, &rt->odometry))
             fv_odometry_unit(&rt->odometry, &rt->kernels);
     }
     outputs->map_bytes = fv_odometry_save_take(&rt->odometry);

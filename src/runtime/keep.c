@@ -3,6 +3,7 @@
 
 #include "base/hash.h"
 #include "runtime/config.h"
+#include "runtime/kept_grid.h"
 #include "runtime/ready_map.h"
 #include "runtime/state.h"
 
@@ -36,8 +37,10 @@ size_t fovea_map_save(struct fovea *rt, uint8_t *buffer, size_t bytes)
     fv_odometry_save_drop(&rt->odometry);
     fovea_map_save_to(rt, buffer, bytes);
     fv_odometry_save_begin(&rt->odometry);
+    fv_kept_grid_save_begin(&rt->free_space, &rt->odometry);
     while (fv_odometry_saving(&rt->odometry))
-        (void)fv_odometry_unit(&rt->odometry, &rt->kernels);
+        if (!fv_kept_grid_save_unit(&rt->free_space, &rt->publish, &rt->odometry))
+            (void)fv_odometry_unit(&rt->odometry, &rt->kernels);
     const size_t saved = fv_odometry_save_take(&rt->odometry);
     fovea_map_save_to(rt, NULL, 0);
     if (saved > bytes) return 0;
@@ -47,6 +50,13 @@ size_t fovea_map_save(struct fovea *rt, uint8_t *buffer, size_t bytes)
 
 /* ---- loading --------------------------------------------------------------------------------- */
 
+/* That a run keeps of a map. */
+static size_t grid_cells(const struct fovea_config *config)
+{
+    const struct fovea_grid_job_config *job = &config->grid_job;
+    return job->enabled ? (size_t)job->grid.side_cells * job->grid.side_cells : 0;
+}
+
 size_t fovea_map_prepared_bytes(const struct fovea_config *config)
 {
     const struct fv_map_limits limits = limits_of(config);
@@ -55,6 +65,7 @@ size_t fovea_map_prepared_bytes(const struct fovea_config *config)
     fv_arena_count(&arena);
     (void)fv_arena_take(&arena, 1, sizeof(struct fovea_ready_map));
     fv_map_carve(&map, &limits, &config->rig.cameras[0].camera, NULL, &arena);
+    (void)fv_arena_take(&arena, grid_cells(config), 1);
     return arena.used;
 }
 
@@ -66,6 +77,7 @@ enum fovea_status fovea_map_prepare(const struct fovea *rt, void *memory, size_t
     struct fv_arena arena;
     struct fv_map map = {0};
     struct fv_archive_info info;
+    struct fv_archive_grid grid;
     if (!rt->config.odometry.enabled)
         return fovea_error_set(error, FOVEA_ERROR_UNSUPPORTED,
                                "%.200s: found no odometry, expected odometry.enabled true", name);
@@ -76,14 +88,22 @@ enum fovea_status fovea_map_prepare(const struct fovea *rt, void *memory, size_t
     fv_arena_init(&arena, memory, bytes);
     struct fovea_ready_map *made = fv_arena_take(&arena, 1, sizeof *made);
     fv_map_carve(&map, &odometry->map.limits, &odometry->camera, &odometry->bearings, &arena);
+    made->cells = fv_arena_take(&arena, grid_cells(&rt->started), 1);
     status = fv_archive_read(data, data_bytes, name, &map, &info, error);
     if (status == FOVEA_OK && map.state->keyframe_count == 0)
         status =
             fovea_error_set(error, FOVEA_ERROR_INPUT,
                             "%.200s: found a map without keyframes, expected at least one", name);
     if (status != FOVEA_OK) return status;
+    fv_kept_grid_crop(&info, data,
+                      rt->free_space.enabled ? rt->started.grid_job.grid.side_cells : 0, &grid,
+                      made->cells);
+    grid.map_id = fv_map_settled_id(&map, grid.map_id);
+    if (grid.map_id == UINT32_MAX) grid.side = 0;
     fv_map_settle(&map);
     *made = (struct fovea_ready_map){.map = map,
+                                     .grid = grid,
+                                     .cells = made->cells,
                                      .frame_number = info.frame_number,
                                      .hash = fv_hash(FV_HASH_START, data, data_bytes)};
     *ready = made;

@@ -5,6 +5,7 @@
 #include "message/lockstep.h"
 #include "runtime/config.h"
 #include "runtime/jobs.h"
+#include "runtime/kept_grid.h"
 #include "runtime/live.h"
 
 enum { PERSISTENT = FOVEA_MEMORY_PERSISTENT, JOB = FOVEA_MEMORY_JOB, FRAME = FOVEA_MEMORY_FRAME };
@@ -275,6 +276,22 @@ static void place(struct fovea *rt, bool keep)
 _Static_assert((int)FOVEA_BLOCK_ALIGNMENT == (int)FV_CACHE_LINE_BYTES,
                "what the caller is asked for is what is checked");
 
+/* The map and the grid that its file holds. */
+static enum fovea_status load_map(struct fovea *rt, const struct fovea_config *config,
+                                  struct fovea_error *error)
+{
+    struct fv_archive_info info;
+    struct fv_archive_grid grid;
+    const enum fovea_status status =
+        fv_odometry_load(&rt->odometry, &rt->kernels, config->map, config->map_bytes,
+                         config->map_name != NULL ? config->map_name : "map", &info, error);
+    if (status != FOVEA_OK || !rt->free_space.enabled) return status;
+    fv_kept_grid_crop(&info, config->map, config->grid_job.grid.side_cells, &grid,
+                      rt->free_space.recall.percent);
+    fv_kept_grid_take(&rt->free_space, &grid, rt->free_space.recall.percent);
+    return FOVEA_OK;
+}
+
 enum fovea_status fovea_init(void *memory, size_t bytes, const struct fovea_config *config,
                              struct fovea **rt, struct fovea_error *error)
 {
@@ -307,10 +324,7 @@ enum fovea_status fovea_init(void *memory, size_t bytes, const struct fovea_conf
         if (built->stereo_used) fv_stereo_init(&built->stereo);
         fv_scale_init(&built->scale, config->seed);
         if (built->inertial.enabled) fv_inertial_stage_init(&built->inertial);
-        if (config->map != NULL)
-            status =
-                fv_odometry_load(&built->odometry, &built->kernels, config->map, config->map_bytes,
-                                 config->map_name != NULL ? config->map_name : "map", error);
+        if (config->map != NULL) status = load_map(built, config, error);
         if (status != FOVEA_OK) return status;
     }
     built->config.map = NULL; /* the caller's, and read */

@@ -144,7 +144,7 @@ static void it_lies_where_it_was(void **state)
         uint32_t side;
         double resolution_m, x, y, turn, scale;
     } cases[] = {{32, 0.1, -1.6, -1.6, 0, 1},       {32, 0.1, 0.3, -1, 0, 1},
-                 {32, 0.1, -0.3, -1.8, 0.6435, 1},   {20, 0.1, 1.1, -0.4, 2.5, 1},
+                 {32, 0.1, -0.3, -1.8, 0.6435, 1},  {20, 0.1, 1.1, -0.4, 2.5, 1},
                  {32, 0.1, -1.2, -1.7, -1.1, 1.02}, {25, 0.16, -1.9, -2.1, 0.3, 1}};
     for (size_t n = 0; n < sizeof cases / sizeof cases[0]; n++) {
         const double cell = cases[n].resolution_m;
