@@ -161,8 +161,8 @@ void fv_odometry_take_map(struct fv_odometry *o, const struct fv_map *from, uint
 static void odometry_fill_view(struct fv_odometry *o, const struct fv_odometry_input *input)
 {
     const uint32_t current = fv_map_current(&o->map);
-    fv_map_fill_frame(&o->map, current, input->features, input->descriptors, input->count,
-                      o->distances.from);
+    fv_map_fill_frame(&o->map, current, input->placed != NULL ? input->placed : input->features,
+                      input->descriptors, input->count, o->distances.from);
     o->map.keyframes[current].stamp_ns = input->stamp_ns;
     fv_odometry_take_distances(o, input);
 }

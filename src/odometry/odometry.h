@@ -107,6 +107,8 @@ struct fv_odometry_input {
     uint32_t count;
     const struct fovea_feature *features;
     const uint8_t *descriptors; /* 32 bytes each */
+    /* where a global shutter would have seen them (rolling.h); NULL: where they are */
+    const struct fovea_feature *placed;
     /* measured, by feature, metres; NULL: none. Only where they were carved for */
     const struct fv_inverse_distance *distances;
     struct fv_motion_hint hint; /* all zero: none */

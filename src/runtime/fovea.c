@@ -1,6 +1,7 @@
 /* The loop: one step per frame, then work. */
 #include <string.h>
 
+#include "odometry/rolling.h"
 #include "runtime/encode_pose.h"
 #include "runtime/jobs.h"
 #include "runtime/kept_grid.h"
@@ -174,6 +175,16 @@ static bool measure_distances(struct fovea *rt, const struct fovea_inputs *input
     return true;
 }
 
+/* Features of a rolling shutter, where a global one would have seen them. */
+static void place(struct fovea *rt, struct fv_odometry_input *input)
+{
+    struct fv_rolling rolling = {.readout_s = 1e-9 * (double)rt->config.rig.cameras[0].readout_ns};
+    if (rt->placed == NULL || !fv_inertial_stage_rate(&rt->inertial, input->stamp_ns, rolling.rate))
+        return;
+    fv_odometry_place(&rt->odometry, &rolling, input, rt->placed);
+    input->placed = rt->placed;
+}
+
 static void process(struct fovea *rt, const struct fovea_inputs *inputs)
 {
     struct instant begin = stage_begin(rt);
@@ -199,6 +210,7 @@ static void process(struct fovea *rt, const struct fovea_inputs *inputs)
                                       .descriptors = found.descriptors,
                                       .distances = measured ? rt->stereo.measured : NULL};
     fv_inertial_stage_predict(&rt->inertial, &rt->odometry, input.stamp_ns, &input.hint);
+    place(rt, &input);
     fv_odometry_step(&rt->odometry, &rt->kernels, &input);
     publish_pose(rt);
     stage_end(rt, FOVEA_STAGE_ODOMETRY, begin);

@@ -166,6 +166,10 @@ static void carve(struct fovea *rt, struct fv_carving *carving)
                                     &arenas[PERSISTENT]);
             rt->sense = fv_arena_take(&arenas[FRAME], 1, sizeof *rt->sense);
         }
+        rt->placed = NULL;
+        if (fv_config_inertial(config) && first->has_readout && first->readout_ns > 0)
+            rt->placed =
+                fv_arena_take(&arenas[FRAME], config->features.count_max, sizeof *rt->placed);
         fv_carving_book(carving, "inertial");
         /* The mask of boxes is used before odometry's step and shares memory with what is taken
          * from here on, none of which outlasts a step. */

@@ -82,9 +82,10 @@ struct fovea {
     struct fv_front_end second_front_end;
     struct fv_stereo stereo;
     bool stereo_used;
-    uint32_t distances;     /* measured in the last frame; follows from it */
-    struct fv_imu_gate imu; /* where the rig has an inertial sensor */
-    struct fv_sense *sense; /* where odometry uses it; not hashed */
+    uint32_t distances;           /* measured in the last frame; follows from it */
+    struct fovea_feature *placed; /* of a rolling shutter beside an inertial sensor; else NULL */
+    struct fv_imu_gate imu;       /* where the rig has an inertial sensor */
+    struct fv_sense *sense;       /* where odometry uses it; not hashed */
     struct fv_odometry odometry;
     struct fv_detection detection, detection2; /* objects use the first */
     struct fv_object_stage objects;

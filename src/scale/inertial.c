@@ -18,7 +18,7 @@ static const double claim_time_s = 3;
 static const double settled_sigma = 0.02, settled_s = 6; /* of gravity: the sooner of both */
 static const double sigma_least = 0.005;        /* models of lenses and sensors are not better */
 static const double gyro_bias_sigma_max = 0.01; /* to predict turns by, rad/s */
-static const int64_t coasting_max_ns = 2000000000;
+static const int64_t coasting_max_ns = 2000000000, rate_age_max_ns = 20000000;
 static const double gravity_m_s2 = 9.80665;
 /* ADIS16448, where a rig states no densities. */
 static const double gyro_noise = 1.7e-4, acceleration_noise = 2e-3, acceleration_walk = 3e-3;
@@ -189,6 +189,18 @@ void fv_inertial_stage_predict(struct fv_inertial_stage *stage, const struct fv_
     for (int i = 0; i < 3; i++)
         hint->T_now_last.t[i] *= hint->whole ? map_scale / s->known.scale : 0;
     fv_se3_invert(&hint->T_now_last, &hint->T_now_last);
+}
+
+bool fv_inertial_stage_rate(const struct fv_inertial_stage *stage, int64_t stamp_ns, double rate[3])
+{
+    const struct fv_inertial_live *live = &stage->state->live;
+    double turned[3];
+    if (!stage->enabled || !live->any_sample ||
+        fv_stamp_since(stamp_ns, live->sample_ns) > rate_age_max_ns)
+        return false;
+    fv_subtract3(live->gyro, stage->state->known.biases.gyro, turned);
+    fv_rotate3(stage->estimator.config.T_cam_imu.R, turned, rate);
+    return true;
 }
 
 /* Velocity and rate of the camera for those who publish them. */

@@ -83,6 +83,10 @@ void fv_inertial_stage_observe(struct fv_inertial_stage *stage, const struct fv_
 /* Before a frame: what the samples say of the motion since the last pose. */
 void fv_inertial_stage_predict(struct fv_inertial_stage *stage, const struct fv_odometry *odometry,
                                int64_t stamp_ns, struct fv_motion_hint *hint);
+/* How the camera turns about its own axes at a frame's instant, rad/s, by the last sample before
+ * it; after fv_inertial_stage_predict. False: no sample in the 20 ms before. */
+bool fv_inertial_stage_rate(const struct fv_inertial_stage *stage, int64_t stamp_ns,
+                            double rate[3]);
 /* After each frame. */
 void fv_inertial_stage_step(struct fv_inertial_stage *stage, const struct fv_odometry *odometry,
                             int64_t stamp_ns);

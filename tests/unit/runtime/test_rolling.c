@@ -1,0 +1,117 @@
+/* Rolling shutter: with two cameras and an inertial sensor, a camera whose readout is stated goes
+ * its way nearly as with a global shutter; without a stated readout it does not. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "common/sim_rig.h"
+#include "fovea/fovea.h"
+#include "geometry/se3.h"
+#include "geometry/vec.h"
+
+enum { FRAMES = 90, APART = 10 };
+
+static struct sim_rig rig;
+
+static void run(const char *uri, bool stated)
+{
+    static struct fovea_sample list[FOVEA_INPUT_SAMPLES_MAX];
+    sim_rig_open(&rig, uri, 0, FRAMES);
+    rig.config.rig = rig.ops->info(rig.source)->rig;
+    for (uint32_t i = 0; i < rig.config.rig.camera_count; i++)
+        rig.config.rig.cameras[i].has_readout &= stated;
+    rig.config.odometry.keyframes = 40;
+    sim_rig_build(&rig);
+    while (sim_rig_next(&rig)) {
+        rig.inputs.sample_count =
+            rig.ops->samples(rig.source, &rig.frame, list, FOVEA_INPUT_SAMPLES_MAX);
+        rig.inputs.samples = list;
+        sim_rig_process(&rig);
+    }
+    assert_int_equal(rig.frames, FRAMES);
+}
+
+/* Motion from frame a to frame b, as seen at a. */
+static struct fv_se3 between(const double a[12], const double b[12])
+{
+    struct fv_se3 T_a, T_b, inverse, out;
+    fv_se3_from_rows(a, &T_a);
+    fv_se3_from_rows(b, &T_b);
+    fv_se3_invert(&T_a, &inverse);
+    fv_se3_compose(&inverse, &T_b, &out);
+    return out;
+}
+
+struct errors {
+    double m, rad; /* root mean square over APART frames */
+};
+
+static struct errors errors_of(const char *uri, bool stated)
+{
+    struct errors e = {0};
+    int count = 0;
+    run(uri, stated);
+    for (int n = APART; n < FRAMES; n++) {
+        const struct fovea_pose *a = &rig.pose[n - APART], *b = &rig.pose[n];
+        if (!a->posed || !b->posed || a->reset_counter != b->reset_counter) continue;
+        const struct fv_se3 found = between(a->T_world_cam, b->T_world_cam),
+                            truth = between(rig.truth[n - APART], rig.truth[n]);
+        double t[3], R[9], w[3];
+        fv_subtract3(found.t, truth.t, t);
+        for (int r = 0; r < 3; r++)
+            for (int c = 0; c < 3; c++)
+                R[3 * r + c] = truth.R[r] * found.R[c] + truth.R[3 + r] * found.R[3 + c] +
+                               truth.R[6 + r] * found.R[6 + c];
+        fv_so3_log(R, w);
+        e.m += fv_dot3(t, t);
+        e.rad += fv_dot3(w, w);
+        count++;
+    }
+    sim_rig_close(&rig);
+    assert_true(count > FRAMES / 2);
+    e.m = sqrt(e.m / count);
+    e.rad = sqrt(e.rad / count);
+    print_message("  %s, readout %s: %.2f mm, %.2f mrad over %d frames\n", uri,
+                  stated ? "stated" : "not stated", 1e3 * e.m, 1e3 * e.rad, APART);
+    return e;
+}
+
+/* `times`: by how much the error is less where the readout is stated. */
+static void the_way_is_that_of_a_global_shutter(const char *scene, double times)
+{
+    char uri[160];
+    (void)snprintf(uri, sizeof uri,
+                   "sim:%s?width=400&height=300&rate=20&imu=200&baseline=0.11&seed=4", scene);
+    const struct errors global = errors_of(uri, true);
+    (void)strcat(uri, "&rolling=1&readout=20");
+    const struct errors rolling = errors_of(uri, true), unknown = errors_of(uri, false);
+    assert_true(rolling.m < 2 * global.m + 0.001 && rolling.rad < 2 * global.rad + 0.0005);
+    assert_true(unknown.m > times * rolling.m);
+}
+
+static void fast_turns(void **state)
+{
+    (void)state;
+    the_way_is_that_of_a_global_shutter("fast", 3);
+}
+
+static void a_way_sideways(void **state)
+{
+    (void)state;
+    the_way_is_that_of_a_global_shutter("orbit", 1.2);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(fast_turns),
+        cmocka_unit_test(a_way_sideways),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
