@@ -20,10 +20,23 @@
  * do not show that nothing stands beside them in their cell; and between a point and the camera
  * sight is free at the height of the ray, not down at the floor.
  *
- * The floor is level at a known height. An obstacle that hangs above the floor, or whose foot is
- * outside of the image, appears where its visible lower edge meets the floor. Cells of the robot's
- * own radius are free, unless an obstacle is seen there. Floor that ends is an obstacle only where
- * the mask says so.
+ * The floor is a plane that the view states, with its covariance. An obstacle that hangs above the
+ * floor, or whose foot is outside of the image, appears where its visible lower edge meets the
+ * floor. Cells of the robot's own radius are free, unless an obstacle is seen there. Floor that
+ * ends is an obstacle only where the mask says so.
+ *
+ * A pixel at distance r from the foot of the camera, which is H above the plane there, lies wrong
+ * by
+ *
+ *     sigma_r = r / H sigma_z,  sigma_z^2 = [dx dy 1] C [dx dy 1]'
+ *
+ * where C is the covariance of the plane (slopes, height) and (dx, dy) the pixel's place from the
+ * body: r sigma_height / H, and with a tilt r^2 sigma_tilt / H. All pixels of a ray err together,
+ * and so do all views by one plane: more of them add no certainty. Hence floor is evidence for free
+ * only where it would still be seen as floor sigma_r further out: from the first obstacle, or the
+ * end of what is seen, cells within sigma_r say nothing (sigma_r below half a cell counts as none).
+ * An obstacle's evidence is the part of it that is in its cell, resolution_m / (sqrt(2 pi)
+ * sigma_r), at most 1, in eighths: none beyond 6.4 cells.
  *
  * Works on memory of the caller:
  *
@@ -94,7 +107,10 @@ struct fovea_grid_view {
     double T_odom_cam[12]; /* three rows of [R t], metres; z of the camera is forward, y down */
     double position_m[2];  /* of the body in the odometry frame: the grid's centre */
     double yaw_rad;        /* of the body, for the scan */
-    double floor_m;        /* height of the floor in the odometry frame */
+    double floor_m;        /* height of the floor in the odometry frame, at position_m */
+    double floor_slope[2]; /* its rise along x and y of the odometry frame, m/m; 0: level */
+    /* Of both slopes and floor_m: upper triangle by rows; zeros: it is exact. */
+    double floor_covariance[6];
     const struct fovea_grid_point *points; /* what else that frame showed; NULL: nothing */
     uint32_t point_count;                  /* at most FOVEA_GRID_POINTS_MAX */
 };
@@ -119,8 +135,8 @@ enum fovea_status fovea_grid_init(struct fovea_grid **grid, const struct fovea_g
 /* Take what a mask shows; some 0.3 ms with the defaults, and in proportion to the cells and to the
  * rays' steps; some 0.1 ms for 1,000 points. FOVEA_ERROR_ARGUMENT: there is no mask yet, the pose
  * holds no numbers, no rotation or is beyond 1e6 m, the camera is not at least 1 cm above the
- * floor, the stamp is negative or falls, there are too many points; nothing is taken. A point that
- * holds no numbers says nothing. */
+ * floor, a slope is beyond 1, a variance negative, the stamp is negative or falls, there are too
+ * many points; nothing is taken. A point that holds no numbers says nothing. */
 enum fovea_status fovea_grid_update(struct fovea_grid *grid, const struct fovea_grid_view *view);
 
 /* Every cell becomes unknown. */

@@ -84,17 +84,17 @@ static bool floor_hypothesis(const struct fv_floor_point *points, uint32_t count
 
 /* Weighted least squares over the inliers. The plane is x p = 1 with x = down / height: along the
  * ray p / |p| its inverse distance is x p / |p|, which is held to 1 / |p|, relative to what the
- * plane says; the prior holds x to prior->down / height across the direction. `information`: of x.
- * False when the system is singular. */
+ * plane says; the prior holds x to prior->down / height across the direction. `information`: of x;
+ * `alone`: the same without the prior. False when the system is singular. */
 static bool floor_refine(const struct fv_floor_point *points, uint32_t count,
                          const struct fv_floor_prior *prior, double down[3], double *height,
-                         double information[9], uint32_t *inliers)
+                         double information[9], double alone[6], uint32_t *inliers)
 {
-    double A[9] = {0}, b[3] = {0},
+    double A[9] = {0}, b[3] = {0}, held[9],
            weight = 1 / (prior->sigma_rad * prior->sigma_rad) * *height * *height;
     for (int r = 0; r < 3; r++)
         for (int c = 0; c < 3; c++)
-            A[3 * r + c] = weight * ((r == c) - prior->down[r] * prior->down[c]);
+            A[3 * r + c] = held[3 * r + c] = weight * ((r == c) - prior->down[r] * prior->down[c]);
     *inliers = 0;
     for (uint32_t i = 0; i < count; i++) {
         const double *p = points[i].p;
@@ -111,6 +111,9 @@ static bool floor_refine(const struct fv_floor_point *points, uint32_t count,
     }
     for (int i = 0; i < 9; i++)
         information[i] = A[i];
+    for (int r = 0, k = 0; r < 3; r++)
+        for (int c = r; c < 3; c++, k++)
+            alone[k] = A[3 * r + c] - held[3 * r + c];
     if (!fv_ldlt_solve(A, 3, b)) return false;
     double norm = fv_norm3(b);
     if (!(norm > 1e-12)) return false;
@@ -150,7 +153,7 @@ bool fv_floor_estimate(const struct fv_floor_point *points, uint32_t count,
     if (!(found.height > 0)) return false;
     for (int k = 0; k < REFINEMENTS; k++)
         if (!floor_refine(points, count, prior, found.down, &found.height, information,
-                          &found.inliers))
+                          found.information, &found.inliers))
             return false;
     if (fv_dot3(found.down, prior->down) < fv_cos(prior->off_max_rad)) return false;
     found.support = floor_score(points, count, found.down, found.height);
@@ -163,4 +166,30 @@ bool fv_floor_estimate(const struct fv_floor_point *points, uint32_t count,
         return false;
     *plane = found;
     return true;
+}
+
+double fv_floor_spread(const struct fv_floor_point *points, uint32_t count,
+                       const struct fv_floor *plane)
+{
+    enum { HALVINGS = 16 };
+    double low = 0, high = gate;
+    uint32_t in = 0;
+    for (int step = 0; step <= HALVINGS; step++) {
+        const double middle = step == 0 ? gate : 0.5 * (low + high);
+        uint32_t below = 0;
+        for (uint32_t i = 0; i < count; i++)
+            below += fv_abs(floor_residual(plane->down, plane->height, &points[i])) < middle;
+        if (step == 0)
+            in = below;
+        else
+            *(2 * below > in ? &high : &low) = middle;
+    }
+    return in == 0 ? 0 : 1.4826 * 0.5 * (low + high);
+}
+
+void fv_floor_in_metres(struct fv_floor *plane, double metres)
+{
+    plane->height *= metres;
+    for (int i = 0; i < 6; i++)
+        plane->information[i] *= metres * metres;
 }

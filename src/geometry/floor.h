@@ -33,9 +33,11 @@ struct fv_floor_prior {
 };
 
 struct fv_floor {
-    double down[3]; /* unit */
-    double height;  /* distance of the camera from the plane, in the points' unit */
-    double sigma;   /* one standard deviation of the height, relative */
+    double down[3];        /* unit */
+    double height;         /* distance of the camera from the plane, in the points' unit */
+    double sigma;          /* one standard deviation of the height, relative */
+    double information[6]; /* of down / height by the points alone, without the prior: the upper
+                              triangle by rows; singular where they leave a direction open */
     uint32_t inliers;
     double support; /* weight of the inliers less that of what lies below, the best known points
                        counting 1 */
@@ -47,6 +49,14 @@ struct fv_floor {
 bool fv_floor_estimate(const struct fv_floor_point *points, uint32_t count,
                        const struct fv_floor_prior *prior, uint32_t samples, uint32_t inliers_min,
                        struct fv_random *random, struct fv_floor *plane);
+
+/* How far points are from a plane, of those near enough to be in it: 1.48 times the median
+ * distance, in their standard deviations. 1 where these are stated right; 0: no point is near. */
+double fv_floor_spread(const struct fv_floor_point *points, uint32_t count,
+                       const struct fv_floor *plane);
+
+/* The same plane where a unit of length is `metres` of another. */
+void fv_floor_in_metres(struct fv_floor *plane, double metres);
 
 #ifdef __cplusplus
 }

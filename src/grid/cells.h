@@ -5,9 +5,16 @@
 
 #include "grid/grid.h"
 
-/* What one update says of a cell; the larger number wins. Beside it: a point stands in it. */
-enum { FV_GRID_MARK_NONE = 0, FV_GRID_MARK_FREE, FV_GRID_MARK_OCCUPIED, FV_GRID_MARK_MOVABLE };
-enum { FV_GRID_MARK_KIND = 3, FV_GRID_MARK_POINT = 4 };
+/* What one update says of a cell; the larger number wins. Of an obstacle: twice the eighths of its
+ * evidence that are in the cell, and 1 where it may move. Beside it: a point stands in it. */
+enum {
+    FV_GRID_MARK_NONE = 0,
+    FV_GRID_MARK_FREE = 1,
+    FV_GRID_MARK_EIGHTHS = 8,
+    FV_GRID_MARK_OCCUPIED = 2 * FV_GRID_MARK_EIGHTHS,
+    FV_GRID_MARK_KIND = 31,
+    FV_GRID_MARK_POINT = 32
+};
 
 static inline int64_t fv_grid_whole(double value) /* rounded down */
 {
@@ -56,9 +63,26 @@ struct fv_grid_look {
     double from[2];        /* below the camera */
     double R[3][3], up[3]; /* of the camera from the odometry frame; a floor point at `from` */
     double inverse[2];     /* pixels of the mask per pixel of the image */
+    double inverse_height; /* of the camera over the floor below it */
+    double beside[2];      /* of the camera from the body */
     double outside;        /* (x^2 + y^2) / z^2 from which on nothing is in the image */
     uint8_t of[256];       /* label of a byte of the mask */
 };
+
+/* Height of the floor in the odometry frame, and the variance of it. */
+static inline double fv_grid_floor_at(const struct fovea_grid_view *view, double x_m, double y_m)
+{
+    return view->floor_m + view->floor_slope[0] * (x_m - view->position_m[0]) +
+           view->floor_slope[1] * (y_m - view->position_m[1]);
+}
+
+static inline double fv_grid_floor_variance(const struct fovea_grid_view *view, double x_m,
+                                            double y_m)
+{
+    const double *C = view->floor_covariance, x = x_m - view->position_m[0],
+                 y = y_m - view->position_m[1];
+    return x * (C[0] * x + 2 * C[1] * y + 2 * C[2]) + y * (C[3] * y + 2 * C[4]) + C[5];
+}
 
 struct fv_grid_look fv_grid_look_of(const struct fovea_grid_view *view);
 /* The label of a point of the camera's frame; -1: it is not in the image. */

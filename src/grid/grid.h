@@ -34,11 +34,12 @@ struct fv_grid_state {
     int64_t cell;       /* of the phases that go over all cells: the next one */
     int32_t left[2];    /* of the decay under way: the part that stays, in 65536ths */
     int32_t ray, step;  /* of the rays: the next one, and its next step; -1: not begun */
+    int32_t free;       /* and its first step that is floor and not yet marked as free */
     int32_t scanned;    /* rays of the scan */
     int32_t free_below; /* log-odds in thousandths, as the next */
     int32_t occupied_above;
-    uint32_t phase;           /* enum fv_grid_phase */
-    uint32_t point, reserved; /* the next one */
+    uint32_t phase;       /* enum fv_grid_phase */
+    uint32_t point;       /* the next one */
     uint32_t begun, made; /* an update came since the last fv_grid_forget; the tables are filled */
 };
 

@@ -28,10 +28,11 @@ static struct stands stands_of(const struct fv_grid_look *look, const struct fov
     s.ahead_m[0] = way[0];
     s.ahead_m[1] = way[1];
     s.distance_m = __builtin_sqrt(flat2);
-    s.height_m = (double)p->position_m[2] - look->view->floor_m;
-    s.height_sigma_m =
-        __builtin_sqrt((along * along * way[2] * way[2] + across * across * flat2) / d2 +
-                       floor_slope * floor_slope * flat2);
+    const double x = (double)p->position_m[0], y = (double)p->position_m[1];
+    s.height_m = (double)p->position_m[2] - fv_grid_floor_at(look->view, x, y);
+    s.height_sigma_m = __builtin_sqrt(
+        (along * along * way[2] * way[2] + across * across * flat2) / d2 +
+        floor_slope * floor_slope * flat2 + fv_grid_floor_variance(look->view, x, y));
     return s;
 }
 
@@ -74,7 +75,7 @@ static void take(struct fv_grid *g, const struct fv_grid_look *look,
                  const struct fovea_grid_point *p)
 {
     const struct stands s = stands_of(look, p);
-    const double camera_m = look->view->T_odom_cam[11] - look->view->floor_m;
+    const double camera_m = 1 / look->inverse_height;
     double part; /* of the way to the point */
     if (is_below(&s))
         part = camera_m / (camera_m - s.height_m);

@@ -164,13 +164,16 @@ static double outside_of(const struct fovea_camera *camera)
 struct fv_grid_look fv_grid_look_of(const struct fovea_grid_view *view)
 {
     const struct fovea_segmentation *s = view->seen;
-    const double *T = view->T_odom_cam, drop = view->floor_m - T[11];
-    struct fv_grid_look look = {.view = view, .from = {T[3], T[7]}};
+    const double *T = view->T_odom_cam, height = T[11] - fv_grid_floor_at(view, T[3], T[7]);
+    struct fv_grid_look look = {.view = view,
+                                .from = {T[3], T[7]},
+                                .inverse_height = 1 / height,
+                                .beside = {T[3] - view->position_m[0], T[7] - view->position_m[1]}};
     look.outside = outside_of(view->camera);
     for (int row = 0; row < 3; row++) {
         for (int k = 0; k < 3; k++)
             look.R[row][k] = T[4 * k + row];
-        look.up[row] = look.R[row][2] * drop;
+        look.up[row] = -look.R[row][2] * height;
         if (row < 2) look.inverse[row] = 1 / s->raw_scale[row];
     }
     for (int i = 0; i < 256; i++) {
@@ -181,17 +184,34 @@ struct fv_grid_look fv_grid_look_of(const struct fovea_grid_view *view)
     return look;
 }
 
-/* A ray over the floor from below the camera: one step, in the odometry frame and the camera's. */
+/* A ray over the floor from below the camera: one step, in the odometry frame and the camera's, and
+ * the variance of the floor's height after i steps, v[0] + 2 v[1] i + v[2] i^2. */
 struct ray {
-    double x, y, in_camera[3];
+    double x, y, in_camera[3], v[3];
 };
 
 static struct ray ray_of(const struct fv_grid_look *look, const double way[2], double step)
 {
+    const struct fovea_grid_view *view = look->view;
     struct ray ray = {.x = way[0] * step, .y = way[1] * step};
+    const double rise = view->floor_slope[0] * ray.x + view->floor_slope[1] * ray.y,
+                 *C = view->floor_covariance, *b = look->beside;
     for (int row = 0; row < 3; row++)
-        ray.in_camera[row] = look->R[row][0] * ray.x + look->R[row][1] * ray.y;
+        ray.in_camera[row] =
+            look->R[row][0] * ray.x + look->R[row][1] * ray.y + look->R[row][2] * rise;
+    const double C_way[3] = {C[0] * ray.x + C[1] * ray.y, C[1] * ray.x + C[3] * ray.y,
+                             C[2] * ray.x + C[4] * ray.y};
+    ray.v[0] = fv_grid_floor_variance(view, look->from[0], look->from[1]);
+    ray.v[1] = b[0] * C_way[0] + b[1] * C_way[1] + C_way[2];
+    ray.v[2] = ray.x * C_way[0] + ray.y * C_way[1];
     return ray;
+}
+
+/* The variance of the distance of the floor's point after i steps, in steps. */
+static double variance_at(const struct fv_grid_look *look, const struct ray *ray, int32_t i)
+{
+    const double steps = i * look->inverse_height;
+    return steps * steps * (ray->v[0] + i * (2 * ray->v[1] + i * ray->v[2]));
 }
 
 /* The label of a point of the camera's frame; -1: it is not in the image. */
@@ -235,6 +255,33 @@ static int32_t steps_of(const struct fv_grid *g)
     return (int32_t)(g->config.range_m / (g->config.resolution_m / RAY_STEPS));
 }
 
+/* Free from where the last call ended up to the steps that would be floor if this one were nearer
+ * by its sigma. */
+static void free_up_to(struct fv_grid *g, const struct fv_grid_look *look, const struct ray *ray,
+                       int32_t step)
+{
+    struct fv_grid_state *s = g->state;
+    for (; s->free <= step; s->free++) {
+        const double variance = variance_at(look, ray, s->free), way = step - s->free;
+        if (variance >= 1 && variance > way * way) return;
+        fv_grid_mark(g, look->from[0] + ray->x * s->free, look->from[1] + ray->y * s->free,
+                     FV_GRID_MARK_FREE);
+    }
+}
+
+/* The part of its evidence that is in its cell, in eighths. */
+static uint8_t mark_of(const struct fv_grid_look *look, const struct ray *ray, int32_t step,
+                       int label)
+{
+    const double root_of_turn = 2.5066282746310002, variance = variance_at(look, ray, step),
+                 sigma = variance > 0 ? __builtin_sqrt(variance) : 0,
+                 part = FV_GRID_MARK_EIGHTHS * RAY_STEPS / root_of_turn;
+    const int eighths =
+        sigma * FV_GRID_MARK_EIGHTHS <= part ? FV_GRID_MARK_EIGHTHS : (int)(part / sigma + 0.5);
+    return eighths == 0 ? FV_GRID_MARK_NONE
+                        : (uint8_t)(2 * eighths + (label == FOVEA_GRID_MOVABLE));
+}
+
 /* Outwards until an obstacle, the end of the view or of the range; steps of half a cell. False: the
  * lookups of this piece are used up, and the ray goes on. */
 static bool follow_ray(struct fv_grid *g, const struct fv_grid_look *look, int32_t *lookups)
@@ -243,18 +290,19 @@ static bool follow_ray(struct fv_grid *g, const struct fv_grid_look *look, int32
     const int32_t steps = steps_of(g);
     const struct ray ray = ray_of(look, g->rays[s->ray], g->config.resolution_m / RAY_STEPS);
     if (s->step < 0) {
-        s->step = view_begin(look, &ray, steps);
+        s->step = s->free = view_begin(look, &ray, steps);
         *lookups -= (s->step < steps ? s->step : steps) / COARSE + COARSE; /* at most */
     }
     for (; s->step <= steps; s->step++) {
         if (--*lookups < 0) return false;
         const int label = label_at(look, &ray, s->step);
         if (label < 0 || label == FOVEA_GRID_IGNORED) return true;
-        fv_grid_mark(g, look->from[0] + ray.x * s->step, look->from[1] + ray.y * s->step,
-                     label == FOVEA_GRID_FLOOR     ? FV_GRID_MARK_FREE
-                     : label == FOVEA_GRID_MOVABLE ? FV_GRID_MARK_MOVABLE
-                                                   : FV_GRID_MARK_OCCUPIED);
-        if (label != FOVEA_GRID_FLOOR) return true;
+        if (label != FOVEA_GRID_FLOOR) {
+            fv_grid_mark(g, look->from[0] + ray.x * s->step, look->from[1] + ray.y * s->step,
+                         mark_of(look, &ray, s->step, label));
+            return true;
+        }
+        free_up_to(g, look, &ray, s->step);
     }
     return true;
 }
@@ -295,9 +343,11 @@ static void apply(struct fv_grid *g, int64_t from, int64_t to)
         const uint8_t kind = g->marks[i] & FV_GRID_MARK_KIND;
         g->marks[i] = FV_GRID_MARK_NONE;
         if (kind == FV_GRID_MARK_NONE) continue;
-        const int32_t odds = g->odds[i] + (kind == FV_GRID_MARK_FREE ? MISS : HIT);
+        const int32_t odds =
+            g->odds[i] +
+            (kind == FV_GRID_MARK_FREE ? MISS : HIT * (kind / 2) / FV_GRID_MARK_EIGHTHS);
         g->odds[i] = (int16_t)(odds < LEAST ? LEAST : odds > MOST ? MOST : odds);
-        if (kind != FV_GRID_MARK_FREE) g->movable[i] = kind == FV_GRID_MARK_MOVABLE;
+        if (kind != FV_GRID_MARK_FREE) g->movable[i] = kind % 2;
         if (kind == FV_GRID_MARK_FREE && g->odds[i] < 0) g->movable[i] = 0;
     }
 }
@@ -327,14 +377,27 @@ static bool shows_floor(const struct fovea_grid_view *view)
     const struct fovea_segmentation *s = view->seen;
     const double least_m = 0.01;
     return s != NULL && s->pixels != NULL && s->index != NULL && s->width > 0 && s->height > 0 &&
-           view->T_odom_cam[11] - view->floor_m >= least_m;
+           view->T_odom_cam[11] -
+                   fv_grid_floor_at(view, view->T_odom_cam[3], view->T_odom_cam[7]) >=
+               least_m;
+}
+
+/* A plane that a robot may stand on. */
+static bool is_floor(const struct fovea_grid_view *view)
+{
+    const double *slope = view->floor_slope, *C = view->floor_covariance;
+    bool good = plain(view->floor_m) && slope[0] >= -1 && slope[0] <= 1 && slope[1] >= -1 &&
+                slope[1] <= 1 && C[0] >= 0 && C[3] >= 0 && C[5] >= 0;
+    for (int i = 0; i < 6; i++)
+        good = good && plain(C[i]);
+    return good;
 }
 
 static bool is_usable(const struct fv_grid *g, const struct fovea_grid_view *view)
 {
     bool good = view->point_count <= FOVEA_GRID_POINTS_MAX &&
                 (view->points != NULL || view->point_count == 0) && plain(view->position_m[0]) &&
-                plain(view->position_m[1]) && plain(view->yaw_rad) && plain(view->floor_m) &&
+                plain(view->position_m[1]) && plain(view->yaw_rad) && is_floor(view) &&
                 view->stamp_ns >= 0 && (!g->state->begun || view->stamp_ns >= g->state->stamp_ns);
     for (int i = 0; i < 12; i++)
         good = good && plain(view->T_odom_cam[i]);

@@ -23,7 +23,8 @@ size_t fv_message_grid_size_max(uint32_t cells)
 uint32_t fv_message_grid_encode(const struct fv_message_grid *in, uint8_t *buffer, size_t capacity)
 {
     const struct fovea_grid_place *place = in->place;
-    const fovea_grid_t message = {
+    const struct fovea_ground *ground = in->ground;
+    fovea_grid_t message = {
         .stamp = in->stamp,
         .reset_counter = (int32_t)in->reset_counter,
         .map_id = (int32_t)in->map_id,
@@ -31,8 +32,10 @@ uint32_t fv_message_grid_encode(const struct fv_message_grid *in, uint8_t *buffe
         .resolution_m = place->resolution_m,
         .width = (int32_t)place->width,
         .height = (int32_t)place->height,
-        .origin_position = {place->origin_m[0], place->origin_m[1], in->floor_m},
+        .origin_position = {place->origin_m[0], place->origin_m[1], ground->height_m},
         .origin_orientation = {1, 0, 0, 0},
+        .ground_position = {ground->position_m[0], ground->position_m[1], ground->height_m},
+        .ground_slope = {(float)ground->slope[0], (float)ground->slope[1]},
         .free_below = (float)FOVEA_GRID_FREE_BELOW,
         .occupied_above = (float)FOVEA_GRID_OCCUPIED_ABOVE,
         .first_row = in->first_row,
@@ -40,6 +43,8 @@ uint32_t fv_message_grid_encode(const struct fv_message_grid *in, uint8_t *buffe
         .cell_count = in->row_count * (int32_t)place->width,
         .cells = (int8_t *)in->cells,
     };
+    for (int i = 0; i < 6; i++)
+        message.ground_covariance[i] = (float)ground->covariance[i];
     return fv_wire_encoded(fovea_grid_t_encode(buffer, 0, fv_wire_capacity(capacity), &message));
 }
 

@@ -258,7 +258,7 @@ struct fv_message_grid {
     fovea_stamp_t stamp; /* of the image whose mask came last */
     uint32_t reset_counter, map_id;
     const struct fovea_grid_place *place;
-    double floor_m; /* height of the floor in `odom` */
+    const struct fovea_ground *ground;
     int32_t first_row, row_count;
     const int8_t *cells;
 };

@@ -360,6 +360,14 @@ bool fovea_free_space_get(const struct fovea *rt, int8_t *cells, struct fovea_gr
     return true;
 }
 
+bool fovea_ground_get(const struct fovea *rt, struct fovea_ground *ground)
+{
+    if (!rt->free_space.enabled || !rt->free_space.grid.state->begun) return false;
+    *ground = rt->free_space.state->ground;
+    fv_ground_stage_mount(&rt->ground, ground);
+    return true;
+}
+
 void fovea_objects_get(const struct fovea *rt, struct fovea_objects *objects)
 {
     memset(objects, 0, sizeof *objects);

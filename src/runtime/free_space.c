@@ -36,6 +36,7 @@ void fv_free_space_reset(struct fv_free_space *stage)
 {
     if (!stage->enabled) return;
     stage->state->noted.usable = 0;
+    if (stage->state->phase == FV_FREE_SPACE_WAITING) stage->state->phase = FV_FREE_SPACE_IDLE;
     if (!stage->grid.state->begun) return;
     fv_grid_forget(&stage->grid);
     fv_grid_recall_forget(&stage->recall);
@@ -61,7 +62,7 @@ static void say_empty(struct fv_free_space *stage, int64_t stamp_ns)
 
 /* What cells are in: lengths in metres, in the parent frame of the poses, which changes its unit
  * and its axes too (gravity may be known after metres). */
-static struct fv_free_space_world world_of(const struct fv_publish *publish)
+struct fv_free_space_world fv_free_space_world_of(const struct fv_publish *publish)
 {
     const struct fovea_pose *pose = fv_publish_pose(publish);
     return (struct fv_free_space_world){pose->reset_counter, pose->map_id,
@@ -73,18 +74,19 @@ bool fv_free_space_same(struct fv_free_space_world a, struct fv_free_space_world
     return a.reset_counter == b.reset_counter && a.map_id == b.map_id && a.changes == b.changes;
 }
 
-static bool is_metric(const struct fovea_pose *pose)
+bool fv_free_space_metric(const struct fv_publish *publish)
 {
+    const struct fovea_pose *pose = fv_publish_pose(publish);
     return pose->posed && pose->scale_source != FOVEA_SCALE_FREE;
 }
 
 void fv_free_space_follow(struct fv_free_space *stage, const struct fv_publish *publish)
 {
     if (!stage->enabled) return;
-    const struct fovea_pose *pose = fv_publish_pose(publish);
-    if (!is_metric(pose) || !fv_free_space_same(world_of(publish), stage->state->world))
+    if (!fv_free_space_metric(publish) ||
+        !fv_free_space_same(fv_free_space_world_of(publish), stage->state->world))
         fv_free_space_reset(stage);
-    if (!is_metric(pose)) say_empty(stage, publish->state->stamp_ns);
+    if (!fv_free_space_metric(publish)) say_empty(stage, publish->state->stamp_ns);
 }
 
 /* What is not known of the scale lies along the line of sight. */
@@ -122,8 +124,8 @@ static uint32_t note_points(struct fv_free_space *stage, const struct fv_odometr
 
 bool fv_free_space_vouched(const struct fv_free_space *stage, const struct fv_publish *publish)
 {
-    return stage->grid.state->begun && is_metric(fv_publish_pose(publish)) &&
-           fv_free_space_same(world_of(publish), stage->state->world);
+    return stage->grid.state->begun && fv_free_space_metric(publish) &&
+           fv_free_space_same(fv_free_space_world_of(publish), stage->state->world);
 }
 
 void fv_free_space_note(struct fv_free_space *stage, const struct fv_publish *publish,
@@ -133,7 +135,7 @@ void fv_free_space_note(struct fv_free_space *stage, const struct fv_publish *pu
     struct fv_free_space_state *s = stage->state;
     const struct fovea_pose *pose = fv_publish_pose(publish);
     s->noted_frame = *frame;
-    s->noted = (struct fv_free_space_pose){.usable = is_metric(pose)};
+    s->noted = (struct fv_free_space_pose){.usable = fv_free_space_metric(publish)};
     if (!s->noted.usable) return;
     const struct fv_se3 T_odom_cam = fv_publish_child_pose(publish, FV_PUBLISH_CAMERA),
                         T_odom_body = fv_publish_child_pose(publish, FV_PUBLISH_BODY);
@@ -145,7 +147,7 @@ void fv_free_space_note(struct fv_free_space *stage, const struct fv_publish *pu
     if (stage->points != NULL) s->noted.points = note_points(stage, odometry, pose, &T_odom_cam);
     s->noted.S_own_odom = fv_kept_grid_own(publish);
     s->noted.map_id = fv_map_current_id(fv_odometry_map(odometry));
-    s->world = world_of(publish);
+    s->world = fv_free_space_world_of(publish);
 }
 
 /* ---- the update ------------------------------------------------------------------------------ */
@@ -159,7 +161,8 @@ bool fv_free_space_reads(const struct fv_free_space *stage, uint64_t inferences)
 {
     if (!stage->enabled) return false;
     const struct fv_free_space_state *s = stage->state;
-    return s->phase == FV_FREE_SPACE_UPDATING || (s->noted.usable && inferences != s->inferences);
+    return s->phase == FV_FREE_SPACE_WAITING || s->phase == FV_FREE_SPACE_UPDATING ||
+           (s->noted.usable && inferences != s->inferences);
 }
 
 static struct fovea_grid_view view_of(const struct fv_free_space *stage,
@@ -173,15 +176,16 @@ static struct fovea_grid_view view_of(const struct fv_free_space *stage,
                                    .camera = camera,
                                    .position_m = {s->pose.position_m[0], s->pose.position_m[1]},
                                    .yaw_rad = s->pose.yaw_rad,
-                                   .floor_m = s->pose.floor_m,
+                                   .floor_m = s->ground.height_m,
                                    .points = stage->points,
                                    .point_count = s->pose.points};
     memcpy(view.T_odom_cam, s->pose.T_odom_cam, sizeof view.T_odom_cam);
+    memcpy(view.floor_slope, s->ground.slope, sizeof view.floor_slope);
+    memcpy(view.floor_covariance, s->ground.covariance, sizeof view.floor_covariance);
     return view;
 }
 
-void fv_free_space_begin(struct fv_free_space *stage, const struct fovea_segmentation *seen,
-                         const struct fovea_camera *camera, const uint8_t labels[256])
+void fv_free_space_begin(struct fv_free_space *stage, const struct fovea_segmentation *seen)
 {
     struct fv_free_space_state *s = stage->state;
     if (!stage->enabled || s->phase != FV_FREE_SPACE_IDLE || seen->inferences == s->inferences)
@@ -191,7 +195,31 @@ void fv_free_space_begin(struct fv_free_space *stage, const struct fovea_segment
     s->frame = s->noted_frame;
     s->pose = s->noted;
     s->noted.usable = 0;
+    s->phase = FV_FREE_SPACE_WAITING;
+}
+
+const struct fv_free_space_pose *fv_free_space_taken(const struct fv_free_space *stage)
+{
+    return stage->enabled && stage->state->phase == FV_FREE_SPACE_WAITING ? &stage->state->pose
+                                                                          : NULL;
+}
+
+void fv_free_space_lay(struct fv_free_space *stage, const struct fv_ground_plane *floor,
+                       const struct fovea_segmentation *seen, const struct fovea_camera *camera,
+                       const uint8_t labels[256])
+{
+    struct fv_free_space_state *s = stage->state;
+    const double tilt2 = 0.1 * 0.1, height2 = 0.1 * 0.1; /* a body that leans stands somehow */
+    const struct fv_ground_plane body = {.height_m = s->pose.floor_m,
+                                         .covariance = {tilt2, 0, 0, tilt2, 0, height2}},
+                                 *plane = floor != NULL ? floor : &body;
+    s->ground = (struct fovea_ground){.stamp_ns = s->frame.stamp_ns,
+                                      .position_m = {s->pose.position_m[0], s->pose.position_m[1]},
+                                      .height_m = plane->height_m,
+                                      .slope = {plane->slope[0], plane->slope[1]}};
+    memcpy(s->ground.covariance, plane->covariance, sizeof s->ground.covariance);
     const struct fovea_grid_view view = view_of(stage, seen, camera, labels);
+    s->phase = FV_FREE_SPACE_IDLE;
     if (!fv_grid_begin(&stage->grid, &view)) return;
     s->phase = FV_FREE_SPACE_UPDATING;
     s->emptied = FV_FREE_SPACE_FILLED;
@@ -240,7 +268,7 @@ static uint32_t encode_grid(struct fv_free_space *stage, uint8_t *buffer, size_t
                                             .reset_counter = s->world.reset_counter,
                                             .map_id = s->world.map_id,
                                             .place = &place,
-                                            .floor_m = s->pose.floor_m,
+                                            .ground = &s->ground,
                                             .first_row = s->sent,
                                             .row_count = left < most ? left : most,
                                             .cells = stage->cells};

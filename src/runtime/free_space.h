@@ -2,7 +2,8 @@
  * they were seen from.
  *
  * fv_free_space_note remembers the pose of a frame that the network takes, and the points of
- * surfaces that it showed; when its mask is complete, fv_free_space_begin takes it, and units
+ * surfaces that it showed; when its mask is complete, fv_free_space_begin takes it,
+ * fv_free_space_lay says where the floor is, and units
  * update the grid, send it, and send the scan. Until the update is done the network must keep the
  * mask (fv_free_space_reads). A loss of the pose, and a change of the frame or the unit of poses,
  * make every cell unknown at once, which is sent, and while there is no pose in metres again every
@@ -11,6 +12,7 @@
 #define FOVEA_RUNTIME_FREE_SPACE_H
 
 #include "fovea/fovea.h"
+#include "geometry/ground.h"
 #include "grid/recall.h"
 #include "map/archive.h"
 #include "runtime/frame_id.h"
@@ -18,6 +20,7 @@
 
 enum fv_free_space_phase {
     FV_FREE_SPACE_IDLE = 0,
+    FV_FREE_SPACE_WAITING, /* for the floor that its mask is laid on */
     FV_FREE_SPACE_UPDATING,
     FV_FREE_SPACE_RECALLING,
     FV_FREE_SPACE_SCANNING,
@@ -55,6 +58,7 @@ struct fv_free_space_state {
     struct fv_free_space_pose noted, pose;
     uint64_t inferences;              /* of the network, as of the last mask taken */
     struct fv_free_space_world world; /* that the cells are in */
+    struct fovea_ground ground;       /* of the last update; without its mount */
     int64_t emptied_ns;               /* of the frame when last it was sent that nothing is known */
     uint32_t emptied;                 /* enum fv_free_space_emptied */
     uint32_t phase;                   /* enum fv_free_space_phase */
@@ -91,6 +95,10 @@ static inline uint32_t fv_free_space_rows(const struct fovea_grid_config *config
     return most < config->side_cells ? most : config->side_cells;
 }
 
+/* Lengths of the last pose are metres. */
+bool fv_free_space_metric(const struct fv_publish *publish);
+struct fv_free_space_world fv_free_space_world_of(const struct fv_publish *publish);
+
 /* Nothing where the configuration has it off. `features`: the most that a frame has. Init-only. */
 void fv_free_space_carve(struct fv_free_space *stage, const struct fovea_grid_job_config *config,
                          uint32_t features, struct fv_arena *persistent, struct fv_arena *job,
@@ -113,13 +121,18 @@ bool fv_free_space_same(struct fv_free_space_world a, struct fv_free_space_world
  * the network has completed. */
 bool fv_free_space_reads(const struct fv_free_space *stage, uint64_t inferences);
 bool fv_free_space_waiting(const struct fv_free_space *stage);
-/* Take a complete mask of the frame that was noted; one that was taken before is left. `camera`
- * saw it, `labels` are those of the configuration. */
-void fv_free_space_begin(struct fv_free_space *stage, const struct fovea_segmentation *seen,
-                         const struct fovea_camera *camera, const uint8_t labels[256]);
-
-/* Do a unit. True: a message is ready, and fv_free_space_encode encodes it. `seen`, `camera` and
- * `labels` are those that it began with; they are read only while fv_free_space_reads. */
+/* Take a complete mask of the frame that was noted; one that was taken before is left. */
+void fv_free_space_begin(struct fv_free_space *stage, const struct fovea_segmentation *seen);
+/* It was taken, and waits for the floor, for which the pose that it was seen from is looked at. */
+const struct fv_free_space_pose *fv_free_space_taken(const struct fv_free_space *stage);
+/* The floor over the body's position at that pose; NULL: not known (the body leans), which is
+ * the height of the body's z = 0, level, give or take 0.1 rad and 0.1 m. */
+void fv_free_space_lay(struct fv_free_space *stage, const struct fv_ground_plane *floor,
+                       const struct fovea_segmentation *seen, const struct fovea_camera *camera,
+                       const uint8_t labels[256]);
+/* Do a unit of an update that has its floor. True: a message is ready, and fv_free_space_encode
+ * encodes it. `seen`, `camera` and `labels` are those that it began with; they are read only while
+ * fv_free_space_reads. */
 bool fv_free_space_unit(struct fv_free_space *stage, const struct fovea_segmentation *seen,
                         const struct fovea_camera *camera, const uint8_t labels[256]);
 /* The kind of the message that is ready. */

@@ -92,6 +92,29 @@ static bool is_kept(struct fovea *rt, const struct fv_detection *detection)
            fv_free_space_reads(&rt->free_space, detection->state->inferences);
 }
 
+/* A mask that was taken is laid on the floor, which landmarks on it measure first where that is
+ * due. Returns the units done. */
+static uint32_t lay_on_ground(struct fovea *rt, const struct fovea_segmentation *seen,
+                              uint32_t units)
+{
+    const struct fv_free_space_pose *pose = fv_free_space_taken(&rt->free_space);
+    struct fv_ground_mask mask = {.seen = seen,
+                                  .labels = rt->config.grid_job.labels,
+                                  .camera = &rt->config.rig.cameras[0].camera};
+    struct fv_ground_plane floor;
+    uint32_t done = 0;
+    if (pose == NULL) return 0;
+    fv_se3_from_rows(pose->T_odom_cam, &mask.T_odom_cam);
+    for (; done < units; done++)
+        if (!fv_ground_stage_look(&rt->ground, &mask, &rt->odometry, &rt->scale, &rt->publish)) {
+            const bool known = fv_ground_stage_at(&rt->ground, pose->position_m, &floor);
+            fv_free_space_lay(&rt->free_space, known ? &floor : NULL, seen, mask.camera,
+                              mask.labels);
+            break;
+        }
+    return done;
+}
+
 static uint32_t advance_free_space(struct fovea *rt, uint32_t units, struct fovea_outputs *outputs)
 {
     struct fv_free_space *stage = &rt->free_space;
@@ -99,9 +122,8 @@ static uint32_t advance_free_space(struct fovea *rt, uint32_t units, struct fove
     const uint8_t *labels = rt->config.grid_job.labels;
     struct fovea_segmentation seen;
     if (!stage->enabled) return 0;
-    if (fv_detection_has_mask(labeller(rt), &seen))
-        fv_free_space_begin(stage, &seen, camera, labels);
-    uint32_t done = 0;
+    if (fv_detection_has_mask(labeller(rt), &seen)) fv_free_space_begin(stage, &seen);
+    uint32_t done = lay_on_ground(rt, &seen, units);
     while (done < units && fv_free_space_waiting(stage)) {
         done++;
         if (!fv_free_space_unit(stage, &seen, camera, labels)) continue;
@@ -157,6 +179,7 @@ static void carve(struct fovea *rt, struct fv_carving *carving)
     fv_carving_book(carving, "objects");
     fv_free_space_carve(&rt->free_space, &config->grid_job, config->features.count_max, persistent,
                         job, frame);
+    fv_ground_stage_carve(&rt->ground, &config->grid_job, persistent, job);
     fv_carving_book(carving, "free space");
 }
 
@@ -182,6 +205,7 @@ static bool offer_to(struct fovea *rt, struct fv_detection *detection,
 static void offer(struct fovea *rt, const struct fovea_frame *frame)
 {
     const uint64_t number = rt->state->frames_processed - 1;
+    fv_ground_stage_follow(&rt->ground, &rt->publish, fv_inertial_stage_known(&rt->inertial));
     fv_free_space_follow(&rt->free_space, &rt->publish);
     if (is_due(&rt->config.detect2, number)) offer_to(rt, &rt->detection2, frame);
     if (!is_due(&rt->config.detect, number) || !offer_to(rt, &rt->detection, frame)) return;
@@ -196,6 +220,7 @@ static void reset(struct fovea *rt)
     fv_detection_reset(&rt->detection2);
     fv_object_stage_reset(&rt->objects);
     fv_free_space_reset(&rt->free_space);
+    fv_ground_stage_reset(&rt->ground);
 }
 
 /* Min: a millisecond, 300 million multiply-accumulates within 20 frames. Fixed: the shipped

@@ -97,7 +97,8 @@ static void begin(struct fv_free_space *stage, const struct fv_publish *publish,
     kept->save = SAVE_WRITTEN;
     if (fv_free_space_vouched(stage, publish) && fv_grid_recall_any(&stage->grid)) {
         const struct fovea_grid_place place = fv_grid_place(&stage->grid);
-        const double corner[3] = {place.origin_m[0], place.origin_m[1], stage->state->pose.floor_m};
+        const double corner[3] = {place.origin_m[0], place.origin_m[1],
+                                  stage->state->ground.height_m};
         struct fv_archive_grid head = {.map_id = fv_map_current_id(map),
                                        .side = place.width,
                                        .resolution_m = place.resolution_m,

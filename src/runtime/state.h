@@ -17,6 +17,7 @@
 #include "runtime/sense.h"
 #include "runtime/frame_id.h"
 #include "runtime/free_space.h"
+#include "runtime/ground.h"
 #include "runtime/lockstep.h"
 #include "runtime/preview.h"
 #include "runtime/publish.h"
@@ -90,6 +91,7 @@ struct fovea {
     struct fv_detection detection, detection2; /* objects use the first */
     struct fv_object_stage objects;
     struct fv_free_space free_space;   /* from the first of the networks that labels pixels */
+    struct fv_ground_stage ground;     /* that it lies on */
     struct fv_inertial_stage inertial; /* where fv_config_inertial */
     struct fv_scale scale;
     struct fv_publish publish;

@@ -9,6 +9,7 @@ static const double flat_sigma =
     0.02; /* of the floor right below, relative to the camera's height */
 static const double slope_sigma_rad = 0.01; /* of the floor ahead against that below */
 static const double sigma_most = 0.3; /* of a point's distance, relative; worse ones say nothing */
+static const double sharp_sigma_least = 0.01; /* relative, as flat_sigma */
 static const double prior_sigma_rad = 0.05,
                     prior_off_max_rad = 0.2; /* robots nod, and ramps begin */
 
@@ -30,13 +31,14 @@ static double landmark_parallax2(const struct fv_map *map, const struct fv_landm
 
 /* A landmark as a point of the floor; false when it is none, or says nothing. Its height errs along
  * the ray by what triangulation leaves open, and across by what the floor's shape does. */
-static bool landmark_as_point(const struct fv_scale *scale, const struct fv_odometry *odometry,
+static bool landmark_as_point(const struct fv_floor_look *look, const struct fv_odometry *odometry,
                               const struct fv_se3 *T_cam_world, const struct fv_landmark *l,
                               struct fv_floor_point *point)
 {
     fv_se3_apply(T_cam_world, l->point, point->p);
-    double distance = fv_norm3(point->p), depth = fv_dot3(scale->down, point->p);
+    double distance = fv_norm3(point->p), depth = fv_dot3(look->down, point->p);
     if (!(depth > depression_least * distance)) return false;
+    if (look->takes != NULL && !look->takes(look->context, point->p)) return false;
     double pixel_rad = fv_level_scale(l->level) / fv_odometry_focal_px(odometry),
            parallax2 = landmark_parallax2(fv_odometry_map(odometry), l);
     double along2 = 2 * pixel_rad * pixel_rad / (parallax2 + 1e-12);
@@ -46,8 +48,7 @@ static bool landmark_as_point(const struct fv_scale *scale, const struct fv_odom
     return true;
 }
 
-bool fv_scale_find_floor(struct fv_scale *scale, const struct fv_odometry *odometry,
-                         struct fv_floor *floor)
+uint32_t fv_scale_gather_floor(const struct fv_odometry *odometry, const struct fv_floor_look *look)
 {
     const struct fv_map *map = fv_odometry_map(odometry);
     const struct fv_se3 *T_cam_world = &map->keyframes[fv_map_current(map)].T_cam_world;
@@ -58,16 +59,40 @@ bool fv_scale_find_floor(struct fv_scale *scale, const struct fv_odometry *odome
         if (!l->used || l->observer_count < 2 ||
             map->keyframes[l->observers[0].keyframe].map_id != map->state->map_id)
             continue;
-        if (!landmark_as_point(scale, odometry, T_cam_world, l, &point)) continue;
+        if (!landmark_as_point(look, odometry, T_cam_world, l, &point)) continue;
         /* Reservoir: every point is kept with the same probability (J. Vitter, 1985). */
-        uint32_t at =
-            met < FV_FLOOR_POINTS_MAX ? met : fv_random_below(&scale->state->random, met + 1);
+        uint32_t at = met < look->points_max ? met : fv_random_below(look->random, met + 1);
         met++;
-        if (at < FV_FLOOR_POINTS_MAX) scale->points[at] = point;
+        if (at < look->points_max) look->points[at] = point;
     }
-    const uint32_t count = met < FV_FLOOR_POINTS_MAX ? met : FV_FLOOR_POINTS_MAX;
+    return met < look->points_max ? met : look->points_max;
+}
+
+bool fv_scale_fit_floor(const struct fv_floor_look *look, uint32_t count, struct fv_floor *floor)
+{
     struct fv_floor_prior prior = {.sigma_rad = prior_sigma_rad, .off_max_rad = prior_off_max_rad};
-    fv_copy3(scale->down, prior.down);
-    return fv_floor_estimate(scale->points, count, &prior, SAMPLES, INLIERS_MIN,
-                             &scale->state->random, floor);
+    fv_copy3(look->down, prior.down);
+    return fv_floor_estimate(look->points, count, &prior, look->samples, INLIERS_MIN, look->random,
+                             floor);
+}
+
+void fv_scale_sharpen_floor(const struct fv_floor_look *look, uint32_t count,
+                            const struct fv_floor *floor)
+{
+    const double spread = fv_floor_spread(look->points, count, floor);
+    for (uint32_t i = 0; i < count && spread < 1; i++) {
+        double *sigma = &look->points[i].sigma;
+        *sigma = *sigma * spread > sharp_sigma_least ? *sigma * spread : sharp_sigma_least;
+    }
+}
+
+bool fv_scale_find_floor(struct fv_scale *scale, const struct fv_odometry *odometry,
+                         struct fv_floor *floor)
+{
+    struct fv_floor_look look = {.random = &scale->state->random,
+                                 .points = scale->points,
+                                 .points_max = FV_FLOOR_POINTS_MAX,
+                                 .samples = SAMPLES};
+    fv_copy3(scale->down, look.down);
+    return fv_scale_fit_floor(&look, fv_scale_gather_floor(odometry, &look), floor);
 }

@@ -106,6 +106,27 @@ struct fv_scale_value fv_scale_get(const struct fv_scale *scale);
 bool fv_scale_waiting(const struct fv_scale *scale, const struct fv_odometry *odometry);
 void fv_scale_unit(struct fv_scale *scale, const struct fv_odometry *odometry);
 
+/* How the floor is looked for among the landmarks of the current map. */
+struct fv_floor_look {
+    double down[3]; /* where it is expected, in the camera's frame: a unit vector */
+    struct fv_random *random;
+    struct fv_floor_point *points; /* scratch of points_max */
+    uint32_t points_max, samples;
+    /* Whether a point of the camera's frame, in units of the map, may be floor; NULL: all. */
+    bool (*takes)(const void *context, const double point[3]);
+    const void *context;
+};
+/* Gather landmarks that may be floor, as the last frame sees them, in units of the map; returns how
+ * many. */
+uint32_t fv_scale_gather_floor(const struct fv_odometry *odometry,
+                               const struct fv_floor_look *look);
+/* Fit the floor (geometry/floor.h) to them; false when none is found. */
+bool fv_scale_fit_floor(const struct fv_floor_look *look, uint32_t count, struct fv_floor *floor);
+/* Take for sigmas of the points what a fit shows, where that is less than they state, for another
+ * fit: two cameras place points better than the way between keyframes says. */
+void fv_scale_sharpen_floor(const struct fv_floor_look *look, uint32_t count,
+                            const struct fv_floor *floor);
+
 /* ---- between the files of the stage */
 
 /* Fit the floor to the map as the current frame sees it; false when none is found. */

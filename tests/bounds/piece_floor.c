@@ -17,7 +17,9 @@ static void look(void *context)
 {
     struct flooring *f = context;
     struct fv_scale *scale = &f->rt->scale;
-    (void)landmark_as_point(scale, &f->rt->odometry, &f->rt->odometry.map.keyframes[0].T_cam_world,
+    struct fv_floor_look where = {.takes = NULL};
+    fv_copy3(scale->down, where.down);
+    (void)landmark_as_point(&where, &f->rt->odometry, &f->rt->odometry.map.keyframes[0].T_cam_world,
                             f->landmark, &f->point);
     scale->points[fv_random_below(&scale->state->random, FV_FLOOR_POINTS_MAX)] = f->point;
 }

@@ -195,6 +195,23 @@ static enum fovea_status grid_draw(struct fv_run *run, struct fovea_error *error
                               error);
 }
 
+/* How the floor lies against what T_body_cam says. */
+static void print_floor(const struct fovea *rt)
+{
+    const double degrees = 57.29577951308232;
+    struct fovea_ground ground;
+    if (!fovea_ground_get(rt, &ground)) return;
+    printf(
+        "  floor: rises forward by %.2f degrees (+-%.2f), to the left by %.2f (+-%.2f), and is %.1f "
+        "mm (+-%.1f) above what T_body_cam says; %" PRIu32 " planes of landmarks",
+        degrees * ground.mount_slope[0], degrees * ground.mount_sigma[0],
+        degrees * ground.mount_slope[1], degrees * ground.mount_sigma[1],
+        1000 * ground.mount_height_m, 1000 * ground.mount_sigma[2], ground.landmarks_taken);
+    if (ground.landmarks_refused > 0)
+        printf(", %" PRIu32 " refused as another plane", ground.landmarks_refused);
+    printf("\n");
+}
+
 static void found_print(const struct fv_run *run)
 {
     if (run->settings.model[0] == '\0') return;
@@ -214,6 +231,7 @@ static void found_print(const struct fv_run *run)
         printf("  free space: %" PRIu32 " cells free, %" PRIu32 " occupied%s%s\n", grid->free,
                grid->occupied, run->grid_path != NULL ? ", drawn in " : "",
                run->grid_path != NULL ? run->grid_path : "");
+    print_floor(run->loop.rt);
 }
 
 static enum fv_exit path_failed(const char *file, const struct fv_trajectory_summary *summary)

@@ -466,6 +466,88 @@ static void the_camera_and_not_the_body_looks_and_the_floor_lies_where_it_does(v
     assert_true(fabsf(ranges[0] - 2.0f) < 0.11f); /* from the body */
 }
 
+/* The world leans against the odometry frame: with the floor's slopes cells lie where they lay, and
+ * with a level floor they do not. */
+static void a_floor_may_slope(void **state)
+{
+    (void)state;
+    const double lean = 0.06, c = cos(lean), s = sin(lean);
+    add_box(2.5, 2.9, -1, 1, 0.5, WALL);
+    for (int level = 0; level < 2; level++) {
+        struct fovea_grid_view view = view_from(0, 0, 0, 0.35, 0);
+        draw(&view);
+        double T[12];
+        memcpy(T, view.T_odom_cam, sizeof T);
+        for (int k = 0; k < 4; k++) { /* about y: what lies ahead is higher */
+            view.T_odom_cam[k] = c * T[k] - s * T[8 + k];
+            view.T_odom_cam[8 + k] = s * T[k] + c * T[8 + k];
+        }
+        view.position_m[0] = 1; /* the body need not be below the camera */
+        view.floor_slope[0] = level ? 0 : tan(lean);
+        view.floor_m = level ? 0 : tan(lean);
+        fovea_grid_forget(grid);
+        assert_int_equal(fovea_grid_update(grid, &view), FOVEA_OK);
+        read_cells();
+        int wall = 0;
+        for (double x = 1.05; x < 5; x += 0.1)
+            if (is_occupied(cell_at(x, 0.05)) && wall == 0) wall = (int)(10 * x);
+        if (level) {
+            assert_true(wall == 0 || wall > 27);
+        } else {
+            assert_true(wall == 24 || wall == 25);
+            for (double x = 1.05; x < 2.3; x += 0.1)
+                assert_int_equal(cell_at(x, 0.05), 40);
+        }
+    }
+}
+
+/* A degree of tilt: sigma_r = r^2 sigma / H. Nothing is said that near to the wall, its own
+ * evidence is the part in one cell, and the floor that is nearer is as free as ever. */
+static void what_is_uncertain_gives_less_evidence(void **state)
+{
+    (void)state;
+    const double sigma = 0.0175, r = 2.5, sigma_r = r * r * sigma / 0.8;
+    add_box(2.5, 2.9, -1, 1, 0.5, WALL);
+    struct fovea_grid_view view = view_from(0, 0, 0, 0.35, 0);
+    view.floor_covariance[0] = view.floor_covariance[3] = sigma * sigma;
+    draw(&view);
+    assert_int_equal(fovea_grid_update(grid, &view), FOVEA_OK);
+    read_cells();
+    for (double x = 0.95; x < 2.5 - sigma_r - 0.1; x += 0.1)
+        assert_int_equal(cell_at(x, 0.05), 40);
+    assert_false(cell_at(2.45, 0.05) == 40);
+    const int eighths = (int)(8 * 0.1 / (2.5066 * sigma_r) + 0.5),
+              once = (int)(100 / (1 + exp(-0.85 * eighths / 8)) + 0.5);
+    assert_true(eighths == 2 && once < 60);
+    assert_in_range(cell_at(2.55, 0.05), once - 1, once + 1);
+    for (int i = 0; i < 5; i++) {
+        view.stamp_ns++;
+        assert_int_equal(fovea_grid_update(grid, &view), FOVEA_OK);
+    }
+    read_cells();
+    assert_true(is_occupied(cell_at(2.55, 0.05)));
+    assert_false(is_free(cell_at(2.45, 0.05)));
+    assert_true(is_free(cell_at(2.25, 0.05)));
+    /* Ten degrees: nothing of the wall, and floor only near by. */
+    fovea_grid_forget(grid);
+    view.floor_covariance[0] = view.floor_covariance[3] = 100 * sigma * sigma;
+    assert_int_equal(fovea_grid_update(grid, &view), FOVEA_OK);
+    read_cells();
+    assert_int_equal(cell_at(2.55, 0.05), FOVEA_GRID_UNKNOWN);
+    assert_int_equal(cell_at(1.95, 0.05), FOVEA_GRID_UNKNOWN);
+    assert_int_equal(cell_at(1.05, 0.05), 40);
+    /* A height alone: sigma_r = r sigma_height / H. */
+    fovea_grid_forget(grid);
+    memset(view.floor_covariance, 0, sizeof view.floor_covariance);
+    view.floor_covariance[5] = 0.08 * 0.08;
+    assert_int_equal(fovea_grid_update(grid, &view), FOVEA_OK);
+    read_cells();
+    assert_int_equal(cell_at(2.35, 0.05), FOVEA_GRID_UNKNOWN);
+    assert_int_equal(cell_at(2.05, 0.05), 40);
+    view.floor_covariance[5] = -1;
+    assert_int_equal(fovea_grid_update(grid, &view), FOVEA_ERROR_ARGUMENT);
+}
+
 /* Whatever the grid leaves is unknown when it comes back, along either axis. */
 static void what_is_left_is_forgotten_along_both_axes(void **state)
 {
@@ -550,6 +632,8 @@ int main(void)
         cmocka_unit_test_setup_teardown(evidence_adds_up_as_log_odds, setup, teardown),
         cmocka_unit_test_setup_teardown(
             the_camera_and_not_the_body_looks_and_the_floor_lies_where_it_does, setup, teardown),
+        cmocka_unit_test_setup_teardown(a_floor_may_slope, setup, teardown),
+        cmocka_unit_test_setup_teardown(what_is_uncertain_gives_less_evidence, setup, teardown),
         cmocka_unit_test_setup_teardown(what_is_left_is_forgotten_along_both_axes, setup, teardown),
         cmocka_unit_test_setup_teardown(an_update_takes_at_most_0_4_ms, setup, teardown),
     };

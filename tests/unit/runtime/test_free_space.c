@@ -197,7 +197,13 @@ static struct fovea_grid_view view_of(const struct seen_from *from,
     view.position_m[0] = T_odom_body.t[0];
     view.position_m[1] = T_odom_body.t[1];
     view.yaw_rad = fv_atan2(T_odom_body.R[3], T_odom_body.R[0]);
-    view.floor_m = T_odom_body.t[2];
+    struct fovea_ground ground;
+    assert_true(fovea_ground_get(rig.rt, &ground) && ground.stamp_ns == seen->stamp_ns);
+    assert_true(ground.position_m[0] == view.position_m[0]);
+    view.floor_m = ground.height_m;
+    memcpy(view.floor_slope, ground.slope, sizeof view.floor_slope);
+    memcpy(view.floor_covariance, ground.covariance, sizeof view.floor_covariance);
+    assert_true(ground.covariance[5] > 0);
     view.points = points;
     view.point_count = rig.config.grid_job.landmarks ? points_of(from, &T_odom_cam, points) : 0;
     return view;
@@ -214,12 +220,19 @@ static void make_beside(void)
         fovea_grid_init(&beside, &rig.config.grid_job.grid, beside_memory, bytes, NULL), FOVEA_OK);
 }
 
+/* The loop has laid the mask on its floor. */
+static bool is_laid(const struct fovea_segmentation *seen)
+{
+    struct fovea_ground ground;
+    return fovea_ground_get(rig.rt, &ground) && ground.stamp_ns == seen->stamp_ns;
+}
+
 /* The grid beside takes each new mask of a frame that was posed in metres. */
 static void update_beside(const struct seen_from *poses, uint64_t *inferences)
 {
     struct fovea_segmentation seen;
     fovea_segmentation_get(rig.rt, 0, &seen);
-    if (seen.inferences == *inferences) return;
+    if (seen.inferences == *inferences || !is_laid(&seen)) return;
     *inferences = seen.inferences;
     for (int i = 0; i < FRAMES; i++) {
         if (poses[i].stamp_ns != seen.stamp_ns || !poses[i].pose.posed ||

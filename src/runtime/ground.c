@@ -1,0 +1,202 @@
+#include "runtime/ground.h"
+
+#include <string.h>
+
+#include "geometry/vec.h"
+
+enum { POINTS = 256, SAMPLES = 64 }; /* a fit is a unit of some 0.2 ms */
+
+static const double look_each_m = 0.5;
+
+void fv_ground_stage_carve(struct fv_ground_stage *stage,
+                           const struct fovea_grid_job_config *config, struct fv_arena *persistent,
+                           struct fv_arena *job)
+{
+    stage->enabled = config->enabled;
+    if (!stage->enabled) return;
+    stage->config = *config;
+    stage->state = fv_arena_take(persistent, 1, sizeof *stage->state);
+    stage->points = fv_arena_take(job, POINTS, sizeof *stage->points);
+}
+
+void fv_ground_stage_reset(struct fv_ground_stage *stage)
+{
+    if (stage->enabled) memset(stage->state, 0, sizeof *stage->state);
+}
+
+/* ---- poses ----------------------------------------------------------------------------------- */
+
+static void begin(struct fv_ground_stage *stage)
+{
+    const double rad_per_deg = 0.017453292519943295;
+    struct fv_ground_stage_state *s = stage->state;
+    if (s->begun) return;
+    s->begun = 1;
+    fv_random_seed(&s->random, 1);
+    fv_ground_init(&s->ground, stage->config.tilt_sigma_deg * rad_per_deg,
+                   stage->config.height_sigma_m);
+}
+
+/* Gravity by its last estimate, in the axes that an earlier one gave to odom. */
+static void level(struct fv_ground_stage *stage, const struct fv_publish *publish,
+                  const struct fv_inertial_known *inertial)
+{
+    double g[3];
+    if (inertial == NULL || !inertial->settled || !publish->state->is_upright) return;
+    fv_publish_turn(publish, inertial->gravity, g);
+    if (!(g[2] < 0)) return;
+    const double slope[2] = {-g[0] / g[2], -g[1] / g[2]};
+    fv_ground_level(&stage->state->ground, slope, inertial->gravity_sigma);
+}
+
+void fv_ground_stage_follow(struct fv_ground_stage *stage, const struct fv_publish *publish,
+                            const struct fv_inertial_known *inertial)
+{
+    if (!stage->enabled) return;
+    struct fv_ground_stage_state *s = stage->state;
+    if (!fv_free_space_metric(publish)) return;
+    begin(stage);
+    const struct fv_free_space_world world = fv_free_space_world_of(publish);
+    if (memcmp(&world, &s->world, sizeof world) != 0) {
+        s->world = world;
+        s->looked = 0;
+        s->phase = FV_GROUND_IDLE;
+        fv_ground_place(&s->ground);
+    }
+    const struct fv_se3 T_odom_body = fv_publish_child_pose(publish, FV_PUBLISH_BODY);
+    fv_ground_drive(&s->ground, &T_odom_body);
+    level(stage, publish, inertial);
+}
+
+bool fv_ground_stage_at(const struct fv_ground_stage *stage, const double position[2],
+                        struct fv_ground_plane *plane)
+{
+    return stage->enabled && fv_ground_at(&stage->state->ground, position, plane);
+}
+
+void fv_ground_stage_mount(const struct fv_ground_stage *stage, struct fovea_ground *ground)
+{
+    const struct fv_ground *g = &stage->state->ground;
+    ground->mount_slope[0] = g->x[3];
+    ground->mount_slope[1] = g->x[4];
+    ground->mount_height_m = g->x[5];
+    for (int i = 0; i < 3; i++)
+        ground->mount_sigma[i] = __builtin_sqrt(g->P[(FV_GROUND_SIZE + 1) * (i + 3)]);
+    ground->landmarks_taken = g->taken;
+    ground->landmarks_refused = g->refused;
+}
+
+/* ---- landmarks ------------------------------------------------------------------------------- */
+
+/* A mask as points of the last frame's camera, in units of the map, see it. */
+struct floor_pixels {
+    const struct fv_ground_mask *mask;
+    struct fv_se3 T_seen_now; /* camera, from the last frame's */
+    double metres;            /* per unit of the map */
+    bool floor[256];          /* whether a byte of the mask is */
+};
+
+static bool lies_on_floor(const void *context, const double point[3])
+{
+    const struct floor_pixels *pixels = context;
+    const struct fovea_segmentation *seen = pixels->mask->seen;
+    double p[3], pixel[2];
+    for (int i = 0; i < 3; i++)
+        p[i] = pixels->metres * point[i];
+    fv_se3_apply(&pixels->T_seen_now, p, p);
+    if (!(p[2] > 0) || fovea_camera_project(pixels->mask->camera, p, pixel, NULL) != FOVEA_OK)
+        return false;
+    const double column = (pixel[0] - seen->raw_offset[0]) / seen->raw_scale[0] + 0.5,
+                 row = (pixel[1] - seen->raw_offset[1]) / seen->raw_scale[1] + 0.5;
+    if (!(column >= 0 && column < seen->width && row >= 0 && row < seen->height)) return false;
+    return pixels->floor[seen->pixels[(int64_t)row * seen->width + (int64_t)column]];
+}
+
+static struct floor_pixels pixels_of(const struct fv_ground_mask *mask,
+                                     const struct fv_se3 *T_odom_cam, double metres)
+{
+    const struct fovea_segmentation *seen = mask->seen;
+    struct floor_pixels pixels = {.mask = mask, .metres = metres};
+    fv_se3_invert(&mask->T_odom_cam, &pixels.T_seen_now);
+    fv_se3_compose(&pixels.T_seen_now, T_odom_cam, &pixels.T_seen_now);
+    for (int i = 0; i < 256; i++) {
+        const uint8_t place = seen->index[i];
+        const int32_t class_id = place < seen->count ? seen->list[place].class_id : -1;
+        pixels.floor[i] =
+            class_id >= 0 && class_id < 256 && mask->labels[class_id] == FOVEA_GRID_FLOOR;
+    }
+    return pixels;
+}
+
+static bool is_due(const struct fv_ground_stage *stage, const struct fv_publish *publish)
+{
+    const struct fv_ground_stage_state *s = stage->state;
+    return fv_free_space_metric(publish) &&
+           fv_publish_pose(publish)->state != FOVEA_TRACKING_COASTING && s->ground.placed &&
+           (!s->looked || s->ground.driven_m - s->looked_m >= look_each_m);
+}
+
+static struct fv_floor_look look_of(const struct fv_ground_stage *stage)
+{
+    struct fv_ground_stage_state *s = stage->state;
+    struct fv_floor_look look = {
+        .random = &s->random, .points = stage->points, .points_max = POINTS, .samples = SAMPLES};
+    fv_copy3(s->down, look.down);
+    return look;
+}
+
+/* Points of the floor as the last frame sees them. */
+static void gather(struct fv_ground_stage *stage, const struct fv_ground_mask *mask,
+                   const struct fv_odometry *odometry, const struct fv_scale *scale,
+                   const struct fv_publish *publish)
+{
+    struct fv_ground_stage_state *s = stage->state;
+    const struct fv_scale_value value = fv_scale_get(scale);
+    s->T_odom_cam = fv_publish_child_pose(publish, FV_PUBLISH_CAMERA);
+    s->metres = value.metres;
+    s->height_sigma = value.source == FOVEA_SCALE_CAMERA_HEIGHT ? __builtin_inf() : value.sigma;
+    fv_ground_down(&s->ground, &s->T_odom_cam, s->down);
+    const struct floor_pixels pixels = pixels_of(mask, &s->T_odom_cam, s->metres);
+    struct fv_floor_look look = look_of(stage);
+    look.takes = lies_on_floor;
+    look.context = &pixels;
+    s->count = fv_scale_gather_floor(odometry, &look);
+    s->phase = FV_GROUND_GATHERED;
+}
+
+/* A first fit shows how well the points are known, a second one measures the floor. */
+static void fit(struct fv_ground_stage *stage)
+{
+    struct fv_ground_stage_state *s = stage->state;
+    const struct fv_floor_look look = look_of(stage);
+    const bool first = s->phase == FV_GROUND_GATHERED;
+    struct fv_floor floor;
+    s->phase = FV_GROUND_IDLE;
+    if (!fv_scale_fit_floor(&look, s->count, &floor)) return; /* again with the next mask */
+    if (first) {
+        fv_scale_sharpen_floor(&look, s->count, &floor);
+        fv_copy3(floor.down, s->down);
+        s->phase = FV_GROUND_SHARPENED;
+        return;
+    }
+    s->looked = 1;
+    s->looked_m = s->ground.driven_m;
+    fv_floor_in_metres(&floor, s->metres);
+    fv_ground_see(&s->ground, &s->T_odom_cam, &floor, s->height_sigma);
+}
+
+bool fv_ground_stage_look(struct fv_ground_stage *stage, const struct fv_ground_mask *mask,
+                          const struct fv_odometry *odometry, const struct fv_scale *scale,
+                          const struct fv_publish *publish)
+{
+    if (!stage->enabled) return false;
+    struct fv_ground_stage_state *s = stage->state;
+    if (s->phase != FV_GROUND_IDLE) {
+        fit(stage);
+        return true;
+    }
+    if (s->seen_ns == mask->seen->stamp_ns || !is_due(stage, publish)) return false;
+    s->seen_ns = mask->seen->stamp_ns;
+    gather(stage, mask, odometry, scale, publish);
+    return true;
+}
