@@ -412,6 +412,10 @@ void fovea_segmentation_get(const struct fovea *rt, uint32_t network,
  * fovea_grid_cells; `cells` holds config.grid_job.grid.side_cells squared. False: there is none
  * yet, or the pose is lost, and nothing is written. Any time between calls. */
 bool fovea_free_space_get(const struct fovea *rt, int8_t *cells, struct fovea_grid_place *place);
+/* The same of heights, as fovea_grid_heights; `counts` may be NULL. False also where they are off.
+ */
+bool fovea_free_space_heights(const struct fovea *rt, int16_t *heights_mm, uint8_t *counts,
+                              struct fovea_grid_place *place);
 
 /* The floor under the robot: a plane of `odom`, z = height_m + slope (p - position_m), and what of
  * it goes with the robot, its mount: the same plane in the axes of the body (x forward, y left) as

@@ -52,6 +52,7 @@
 #ifndef FOVEA_GRID_H
 #define FOVEA_GRID_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -65,7 +66,7 @@ extern "C" {
 
 struct fovea_grid;
 
-enum { FOVEA_GRID_UNKNOWN = -1 };
+enum { FOVEA_GRID_UNKNOWN = -1, FOVEA_GRID_HEIGHT_UNKNOWN = -32768 };
 enum { FOVEA_GRID_POINTS_MAX = 8192 }; /* of one view */
 
 /* Probabilities below and above which a cell counts as known to be free or occupied. */
@@ -89,6 +90,8 @@ struct fovea_grid_config {
     double robot_radius_m; /* [0, 10], default 0.2 */
     double half_life_s;    /* [0.1, 10000], default 60: log-odds of a cell halve in this time */
     double movable_half_life_s; /* [0.1, 10000], default 2: where something movable was seen */
+    bool heights;               /* default false: keep fovea_grid_heights */
+    double heights_max_m;       /* [0.1, 10], default 1.5: surfaces above it are left out */
 };
 
 /* A point of a surface that the camera saw in the frame of the mask: a landmark, or a feature whose
@@ -145,6 +148,21 @@ void fovea_grid_forget(struct fovea_grid *grid);
 /* Fill width x height cells, row by row from the origin, x first: 0 (free) to 100 (occupied)
  * percent, or FOVEA_GRID_UNKNOWN, as ROS's OccupancyGrid. */
 void fovea_grid_cells(const struct fovea_grid *grid, int8_t *cells, struct fovea_grid_place *place);
+
+/* Fill width x height cells in the same order, each with the height of the highest surface below
+ * heights_max_m that points of views showed in it, in millimetres over the floor as it was then, or
+ * FOVEA_GRID_HEIGHT_UNKNOWN; and with how many points say so, up to 15. `counts` may be NULL.
+ * False: the configuration has them off, and nothing is filled.
+ *
+ * A point counts whose distance is known to half a cell, whose height is known to 5 cm (one
+ * standard deviation, with 0.5 % of its distance for the floor's slope), and where the mask has
+ * floor or an obstacle. A height is known once two points agree on it within 5 cm, and is their
+ * mean; a higher surface takes its place once two points agree on that. Counts halve in the cell's
+ * half-life, and below one the height is forgotten; floor that a mask shows in the cell takes half
+ * a point from a height of more than 5 cm. What leaves the grid, and everything at
+ * fovea_grid_forget, is unknown. Heights are where points are: a plain wall or floor has none. */
+bool fovea_grid_heights(const struct fovea_grid *grid, int16_t *heights_mm, uint8_t *counts,
+                        struct fovea_grid_place *place);
 
 /* Fill `rays` ranges from the body of the last update: ray i points at an angle of 2 pi i / rays
  * from the body's x axis to its y axis. Metres to the nearest cell known to be occupied; infinity:

@@ -93,4 +93,20 @@ enum { FV_GRID_POINTS = 1024 };
 uint32_t fv_grid_take_points(struct fv_grid *grid, const struct fovea_grid_view *view,
                              uint32_t first);
 
+/* Heights (heights.c). Another point says that a surface in the cell kept at `at` is so high. */
+void fv_grid_height_add(struct fv_grid *grid, int64_t at, double height_m);
+/* What stays of a count after a decay, in 65536ths. */
+static inline void fv_grid_height_decay(struct fv_grid_height *h, int32_t left)
+{
+    h->top = (uint16_t)(((uint32_t)h->top * (uint32_t)left + 32768) >> 16);
+    h->next = (uint16_t)(((uint32_t)h->next * (uint32_t)left + 32768) >> 16);
+}
+/* A mask shows floor in the cell. */
+static inline void fv_grid_height_floor(struct fv_grid_height *h)
+{
+    const uint16_t miss = FV_GRID_HEIGHT_ONE / 2;
+    if (h->top_mm > 50) h->top = h->top > miss ? (uint16_t)(h->top - miss) : 0;
+    if (h->next_mm > 50) h->next = h->next > miss ? (uint16_t)(h->next - miss) : 0;
+}
+
 #endif

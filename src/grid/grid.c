@@ -15,7 +15,8 @@ void fovea_grid_config_default(struct fovea_grid_config *config)
                                          .rays = 360,
                                          .robot_radius_m = 0.2,
                                          .half_life_s = 60,
-                                         .movable_half_life_s = 2};
+                                         .movable_half_life_s = 2,
+                                         .heights_max_m = 1.5};
 }
 
 static struct fovea_grid *carve(const struct fovea_grid_config *config, struct fv_arena *arena)
@@ -70,6 +71,15 @@ void fovea_grid_cells(const struct fovea_grid *g, int8_t *cells, struct fovea_gr
 {
     *place = fv_grid_place(&g->grid);
     fv_grid_rows(&g->grid, 0, place->height, cells);
+}
+
+bool fovea_grid_heights(const struct fovea_grid *g, int16_t *heights_mm, uint8_t *counts,
+                        struct fovea_grid_place *place)
+{
+    if (g->grid.heights == NULL) return false;
+    *place = fv_grid_place(&g->grid);
+    fv_grid_height_rows(&g->grid, 0, place->height, heights_mm, counts);
+    return true;
 }
 
 void fovea_grid_scan(struct fovea_grid *g, float *ranges_m)

@@ -43,14 +43,22 @@ struct fv_grid_state {
     uint32_t begun, made; /* an update came since the last fv_grid_forget; the tables are filled */
 };
 
+/* Counts are in FV_GRID_HEIGHT_ONE-ths of a point. No padding. */
+struct fv_grid_height {
+    int16_t top_mm, next_mm; /* a height that is known; one that would take its place */
+    uint16_t top, next;      /* points that say so; below one: none */
+};
+enum { FV_GRID_HEIGHT_ONE = 256 };
+
 struct fv_grid {
     struct fovea_grid_config config;
     struct fv_grid_state *state;
-    int16_t *odds;     /* cell (x, y) of the odometry frame is at (x mod side, y mod side) */
-    uint8_t *movable;  /* where the last obstacle that was seen may move */
-    uint8_t *marks;    /* of the update under way */
-    double (*rays)[2]; /* cosine, sine */
-    int8_t *percent;   /* probability by log-odds */
+    int16_t *odds;    /* cell (x, y) of the odometry frame is at (x mod side, y mod side) */
+    uint8_t *movable; /* where the last obstacle that was seen may move */
+    uint8_t *marks;   /* of the update under way */
+    struct fv_grid_height *heights; /* NULL: not wanted */
+    double (*rays)[2];              /* cosine, sine */
+    int8_t *percent;                /* probability by log-odds */
 };
 
 /* Errors begin with the member: "grid.range_m: ...". */
@@ -79,6 +87,9 @@ bool fv_grid_scan_advance(struct fv_grid *grid, float *ranges_m);
 
 /* Fill rows of cells as fovea_grid_cells does, row_first to row_first + row_count - 1. */
 void fv_grid_rows(const struct fv_grid *grid, int64_t row_first, int64_t row_count, int8_t *cells);
+/* The same of heights and their counts (NULL: not wanted); grid->heights is not NULL. */
+void fv_grid_height_rows(const struct fv_grid *grid, int64_t row_first, int64_t row_count,
+                         int16_t *heights_mm, uint8_t *counts);
 struct fovea_grid_place fv_grid_place(const struct fv_grid *grid);
 
 #ifdef __cplusplus

@@ -25,7 +25,8 @@ enum fovea_status fv_grid_check(const struct fovea_grid_config *c, struct fovea_
                    {"rays", c->rays, 16, 1440},
                    {"robot_radius_m", c->robot_radius_m, 0, 10},
                    {"half_life_s", c->half_life_s, 0.1, 10000},
-                   {"movable_half_life_s", c->movable_half_life_s, 0.1, 10000}};
+                   {"movable_half_life_s", c->movable_half_life_s, 0.1, 10000},
+                   {"heights_max_m", c->heights_max_m, 0.1, 10}};
     for (size_t i = 0; i < sizeof members / sizeof *members; i++)
         if (!(members[i].value >= members[i].least && members[i].value <= members[i].most))
             return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
@@ -48,6 +49,7 @@ void fv_grid_carve(struct fv_grid *grid, const struct fovea_grid_config *config,
     grid->odds = fv_arena_take(arena, cells, sizeof *grid->odds);
     grid->movable = fv_arena_take(arena, cells, 1);
     grid->marks = fv_arena_take(arena, cells, 1);
+    grid->heights = config->heights ? fv_arena_take(arena, cells, sizeof *grid->heights) : NULL;
     grid->rays = fv_arena_take(arena, config->rays, sizeof *grid->rays);
     grid->percent = fv_arena_take(arena, TABLE_SIZE, 1);
 }
@@ -81,6 +83,7 @@ void fv_grid_forget(struct fv_grid *g)
     memset(g->odds, 0, cells * sizeof *g->odds);
     memset(g->movable, 0, cells);
     memset(g->marks, 0, cells);
+    if (g->heights != NULL) memset(g->heights, 0, cells * sizeof *g->heights);
     g->state->begun = 0;
     g->state->phase = FV_GRID_IDLE;
     g->state->stamp_ns = 0;
@@ -90,6 +93,7 @@ static void clear(struct fv_grid *g, size_t at)
 {
     g->odds[at] = 0;
     g->movable[at] = 0;
+    if (g->heights != NULL) g->heights[at] = (struct fv_grid_height){0};
 }
 
 /* Follow the body along one axis: cells that come in are unknown. */
@@ -105,6 +109,7 @@ static void follow(struct fv_grid *g, int axis)
     if (last - first >= side) {   /* of the old ones none stays */
         memset(g->odds, 0, (size_t)(side * side) * sizeof *g->odds);
         memset(g->movable, 0, (size_t)(side * side));
+        if (g->heights != NULL) memset(g->heights, 0, (size_t)(side * side) * sizeof *g->heights);
         return;
     }
     for (int64_t line = first; line < last; line++)
@@ -138,6 +143,8 @@ static void decay(struct fv_grid *g, int64_t from, int64_t to)
     const int32_t *left = g->state->left;
     if (left[0] == ONE && left[1] == ONE) return;
     for (int64_t i = from; i < to; i++) {
+        if (g->heights != NULL)
+            fv_grid_height_decay(&g->heights[i], g->movable[i] != 0 ? left[1] : left[0]);
         const int32_t product = g->odds[i] * (g->movable[i] != 0 ? left[1] : left[0]);
         g->odds[i] = (int16_t)((product + (product < 0 ? -ONE / 2 : ONE / 2)) / ONE);
     }
@@ -347,6 +354,7 @@ static void apply(struct fv_grid *g, int64_t from, int64_t to)
             g->odds[i] +
             (kind == FV_GRID_MARK_FREE ? MISS : HIT * (kind / 2) / FV_GRID_MARK_EIGHTHS);
         g->odds[i] = (int16_t)(odds < LEAST ? LEAST : odds > MOST ? MOST : odds);
+        if (kind == FV_GRID_MARK_FREE && g->heights != NULL) fv_grid_height_floor(&g->heights[i]);
         if (kind != FV_GRID_MARK_FREE) g->movable[i] = kind % 2;
         if (kind == FV_GRID_MARK_FREE && g->odds[i] < 0) g->movable[i] = 0;
     }

@@ -368,6 +368,16 @@ bool fovea_ground_get(const struct fovea *rt, struct fovea_ground *ground)
     return true;
 }
 
+bool fovea_free_space_heights(const struct fovea *rt, int16_t *heights_mm, uint8_t *counts,
+                              struct fovea_grid_place *place)
+{
+    const struct fv_grid *grid = &rt->free_space.grid;
+    if (!rt->free_space.enabled || !grid->state->begun || grid->heights == NULL) return false;
+    *place = fv_grid_place(grid);
+    fv_grid_height_rows(grid, 0, place->height, heights_mm, counts);
+    return true;
+}
+
 void fovea_objects_get(const struct fovea *rt, struct fovea_objects *objects)
 {
     memset(objects, 0, sizeof *objects);

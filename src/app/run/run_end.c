@@ -191,8 +191,11 @@ static enum fovea_status grid_draw(struct fv_run *run, struct fovea_error *error
 {
     const struct fovea_grid_job_config *job = &run->settings.runtime.grid_job;
     if (!job->enabled) return FOVEA_OK;
-    return fv_grid_file_write(run->grid_path, run->loop.rt, job->grid.side_cells, &run->grid,
-                              error);
+    enum fovea_status status =
+        fv_grid_file_write(run->grid_path, run->loop.rt, job->grid.side_cells, &run->grid, error);
+    if (status == FOVEA_OK && run->grid_path != NULL)
+        status = fv_grid_file_write_heights(run->grid_path, run->loop.rt, &job->grid, error);
+    return status;
 }
 
 /* How the floor lies against what T_body_cam says. */

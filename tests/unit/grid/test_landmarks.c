@@ -53,6 +53,7 @@ static int setup(void **state)
         list[i].class_id = i;
     assert_int_equal(fovea_camera_prepare(&camera, &error), FOVEA_OK);
     fovea_grid_config_default(&config);
+    config.heights = true;
     assert_int_equal(fovea_grid_size(&config, &bytes, &error), FOVEA_OK);
     memory = aligned_alloc(64, (bytes + 63) / 64 * 64);
     assert_int_equal(fovea_grid_init(&grid, &config, memory, bytes, &error), FOVEA_OK);
@@ -255,6 +256,97 @@ static void points_of_all_pieces_count_and_too_many_are_refused(void **state)
     free(many);
 }
 
+/* ---- heights --------------------------------------------------------------------------------- */
+
+static int16_t heights[CELLS];
+static uint8_t counts[CELLS];
+
+static int height_at(double x, double y)
+{
+    assert_true(fovea_grid_heights(grid, heights, counts, &place));
+    const int column = (int)floor((x - place.origin_m[0]) / place.resolution_m + 1e-9),
+              row = (int)floor((y - place.origin_m[1]) / place.resolution_m + 1e-9);
+    const int i = row * (int)place.width + column;
+    assert_true((heights[i] == FOVEA_GRID_HEIGHT_UNKNOWN) == (counts[i] == 0));
+    return heights[i];
+}
+
+/* One view. */
+static void see(int class_id, int64_t stamp_ns, const struct fovea_grid_point *points,
+                uint32_t count)
+{
+    const struct fovea_grid_view view = ahead(class_id, stamp_ns, points, count);
+    assert_int_equal(fovea_grid_update(grid, &view), FOVEA_OK);
+}
+
+static void a_height_is_the_highest_that_two_points_agree_on(void **state)
+{
+    (void)state;
+    const struct fovea_grid_point low = at(2.02, 0.03, 0.3), high = at(2.02, 0.06, 0.61),
+                                  higher = at(2.02, 0.04, 0.63), over = at(2.02, 0.05, 1.6);
+    see(WALL, 0, &low, 1);
+    assert_int_equal(height_at(2.05, 0.05), FOVEA_GRID_HEIGHT_UNKNOWN);
+    see(WALL, 0, &low, 1);
+    assert_int_equal(height_at(2.05, 0.05), 300);
+    see(WALL, 0, &high, 1); /* one point may be wrong */
+    assert_int_equal(height_at(2.05, 0.05), 300);
+    see(WALL, 0, &higher, 1);
+    assert_int_equal(height_at(2.05, 0.05), 620);
+    for (int i = 0; i < 3; i++) {
+        see(WALL, 0, &low, 1);
+        see(WALL, 0, &over, 1); /* above heights_max_m */
+    }
+    assert_int_equal(height_at(2.05, 0.05), 620);
+    assert_int_equal(height_at(2.15, 0.05), FOVEA_GRID_HEIGHT_UNKNOWN);
+    const struct fovea_grid_point floor[2] = {at(1.52, 0.03, 0.01), at(1.52, 0.05, -0.01)};
+    see(FLOOR, 0, floor, 2);
+    assert_int_equal(height_at(1.55, 0.05), 0);
+}
+
+static void what_is_uncertain_or_moves_has_no_height(void **state)
+{
+    (void)state;
+    struct fovea_grid_point pair[2] = {at(2.02, 0.03, 0.4), at(2.02, 0.06, 0.4)};
+    look(CART, pair, 2);
+    assert_int_equal(height_at(2.05, 0.05), FOVEA_GRID_HEIGHT_UNKNOWN);
+    pair[0].along_m = pair[1].along_m = 0.06f;
+    look(WALL, pair, 2);
+    assert_int_equal(height_at(2.05, 0.05), FOVEA_GRID_HEIGHT_UNKNOWN);
+    pair[0].along_m = pair[1].along_m = 0.01f;
+    pair[0].across_m = pair[1].across_m = 0.06f;
+    look(WALL, pair, 2);
+    assert_int_equal(height_at(2.05, 0.05), FOVEA_GRID_HEIGHT_UNKNOWN);
+    pair[0].across_m = pair[1].across_m = 0.01f;
+    look(WALL, pair, 2);
+    assert_int_equal(height_at(2.05, 0.05), 400);
+}
+
+static void heights_are_forgotten_as_cells_are(void **state)
+{
+    (void)state;
+    const struct fovea_grid_point pair[2] = {at(2.02, 0.03, 0.4), at(2.02, 0.06, 0.4)};
+    see(WALL, 0, pair, 2);
+    see(SKY, 59 * SECOND, NULL, 0); /* of two points one is left after the half-life */
+    assert_int_equal(height_at(2.05, 0.05), 400);
+    see(SKY, 66 * SECOND, NULL, 0);
+    assert_int_equal(height_at(2.05, 0.05), FOVEA_GRID_HEIGHT_UNKNOWN);
+    look(WALL, pair, 2);
+    fovea_grid_forget(grid);
+    assert_int_equal(height_at(2.05, 0.05), FOVEA_GRID_HEIGHT_UNKNOWN);
+    look(WALL, pair, 2);
+    struct fovea_grid_view away = ahead(SKY, SECOND, NULL, 0);
+    away.T_odom_cam[3] = away.position_m[0] = -6; /* the cell leaves the window, and comes back */
+    assert_int_equal(fovea_grid_update(grid, &away), FOVEA_OK);
+    see(SKY, SECOND, NULL, 0);
+    assert_int_equal(height_at(2.05, 0.05), FOVEA_GRID_HEIGHT_UNKNOWN);
+    look(WALL, pair, 2); /* ten points */
+    for (int i = 0; i < 25; i++) {
+        see(FLOOR, SECOND, NULL, 0); /* what stood there is gone */
+        if (i == 10) assert_int_equal(height_at(2.05, 0.05), 400);
+    }
+    assert_int_equal(height_at(2.05, 0.05), FOVEA_GRID_HEIGHT_UNKNOWN);
+}
+
 int main(void)
 {
 #define TEST(name) cmocka_unit_test_setup_teardown(name, setup, teardown)
@@ -266,6 +358,9 @@ int main(void)
         TEST(points_make_no_cell_free),
         TEST(floor_that_ends_is_occupied),
         TEST(what_points_said_is_forgotten_as_the_rest),
+        TEST(a_height_is_the_highest_that_two_points_agree_on),
+        TEST(what_is_uncertain_or_moves_has_no_height),
+        TEST(heights_are_forgotten_as_cells_are),
         TEST(points_of_all_pieces_count_and_too_many_are_refused),
     };
 #undef TEST

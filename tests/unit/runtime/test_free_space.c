@@ -6,6 +6,7 @@
 #include <stddef.h>
 #include <stdint.h>
 #include <cmocka.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
@@ -118,6 +119,7 @@ static void open_rig(const char *way)
     job->grid.side_cells = SIDE; /* in two messages */
     job->grid.range_m = 6;
     job->grid.rays = RAYS;
+    job->grid.heights = true;
     memset(job->labels, FOVEA_GRID_FLOOR, sizeof job->labels);
     job->labels[1] = FOVEA_GRID_OBSTACLE;
     job->labels[2] = FOVEA_GRID_MOVABLE;
@@ -333,6 +335,40 @@ static void check_picture(const int8_t *cells)
     free((void *)(uintptr_t)image.data);
 }
 
+/* Heights of the run are those of the grid beside, and so is their picture. */
+static void check_heights(void)
+{
+    static int16_t own[SIDE * SIDE], of_beside[SIDE * SIDE];
+    static uint8_t counts[2][SIDE * SIDE];
+    char path[] = "/tmp/fovea-grid-XXXXXX.png", drawn[sizeof path + 16];
+    struct fovea_grid_place place;
+    struct fovea_error error;
+    struct fovea_image image;
+    int known = 0;
+    assert_true(fovea_free_space_heights(rig.rt, own, counts[0], &place));
+    assert_true(fovea_grid_heights(beside, of_beside, counts[1], &place));
+    assert_memory_equal(own, of_beside, sizeof own);
+    assert_memory_equal(counts[0], counts[1], sizeof counts[0]);
+    close(mkstemps(path, 4));
+    unlink(path);
+    assert_int_equal(fv_grid_file_write_heights(path, rig.rt, &rig.config.grid_job.grid, &error),
+                     FOVEA_OK);
+    snprintf(drawn, sizeof drawn, "%.*s-heights.png", (int)strlen(path) - 4, path);
+    assert_int_equal(fv_picture_read(drawn, &image, &error), FOVEA_OK);
+    unlink(drawn);
+    assert_true(image.width == SIDE && image.height == SIDE);
+    for (int i = 0; i < SIDE * SIDE; i++) {
+        const int height = own[i], grey = image.data[(SIDE - 1 - i / SIDE) * SIDE + i % SIDE];
+        known += height != FOVEA_GRID_HEIGHT_UNKNOWN;
+        assert_true((grey == 0) == (height == FOVEA_GRID_HEIGHT_UNKNOWN));
+        if (grey == 0) continue;
+        assert_true(abs(height) < 1500 && (grey >= 64) == (height * 63 > -1500));
+    }
+    print_message("%d heights known\n", known);
+    assert_true(known > 5);
+    free((void *)(uintptr_t)image.data);
+}
+
 /* ---- tests ----------------------------------------------------------------------------------- */
 
 static void what_is_sent_is_the_grid_of_the_masks_and_poses(void **state)
@@ -356,6 +392,7 @@ static void what_is_sent_is_the_grid_of_the_masks_and_poses(void **state)
     assert_memory_equal(got, cells, sizeof cells);
     assert_memory_equal(&own, &place, sizeof own);
     check_picture(cells);
+    check_heights();
     end_run();
 }
 
