@@ -464,13 +464,8 @@ static void runs_of_other_grids_load_it(void **state)
     sim_rig_close(&rig);
 
     open_rig(START, 6);
-    rig.config.grid_job.grid = (struct fovea_grid_config){.resolution_m = 0.2,
-                                                          .side_cells = 64,
-                                                          .range_m = 5,
-                                                          .rays = 360,
-                                                          .robot_radius_m = 0.2,
-                                                          .half_life_s = 60,
-                                                          .movable_half_life_s = 2};
+    rig.config.grid_job.grid.resolution_m = 0.2;
+    rig.config.grid_job.grid.side_cells = 64;
     load(saved, saved_bytes);
     sim_rig_build(&rig);
     (void)first_grid(&grid);
