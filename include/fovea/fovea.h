@@ -433,8 +433,9 @@ struct fovea_ground {
     uint32_t landmarks_refused; /* and that were too far from what was expected */
 };
 
-/* The floor that the last mask was laid on, the mount as of now. False: there is no grid, and
- * nothing is written. Any time between calls. */
+/* The floor that the last mask was laid on (stamp_ns 0: none was), and the mount as of now, which
+ * stays known while the pose is lost. False: there was no pose in metres yet, or there is no grid
+ * in this run; nothing is written. Any time between calls. */
 bool fovea_ground_get(const struct fovea *rt, struct fovea_ground *ground);
 
 /* The objects as of the last completed inference; `updates` is 0 without one. Valid until the next

@@ -21,7 +21,6 @@ static void propose(struct fv_grid_height *h, int32_t mm)
 {
     if (h->next >= ONE / 2 && is_near(mm, h->next_mm)) {
         join(&h->next_mm, &h->next, mm);
-        if (h->next < 3 * ONE / 2) return;
         h->top_mm = h->next_mm;
         h->top = h->next;
         h->next = 0;

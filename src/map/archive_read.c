@@ -25,6 +25,15 @@ static void refuse(struct reader *r, size_t at, const char *what, int64_t found,
                                 (long long)found, expected);
 }
 
+static void refuse_real(struct reader *r, size_t at, const char *what, double found,
+                        const char *expected)
+{
+    if (r->status != FOVEA_OK) return;
+    r->status =
+        fovea_error_set(r->error, FOVEA_ERROR_INPUT, "%.200s: byte %zu: %s: found %g, expected %s",
+                        r->name, at, what, found, expected);
+}
+
 static uint64_t get(struct reader *r, int bytes)
 {
     uint64_t value = 0;
@@ -419,8 +428,10 @@ static void read_grid(struct reader *r, const struct fv_map *map, struct fv_arch
     read_translation(r, grid.S_map_grid.t);
     if (grid.side < FV_ARCHIVE_GRID_SIDE_MIN || grid.side > FV_ARCHIVE_GRID_SIDE_MAX)
         refuse(r, at + 4, "side of the grid", grid.side, "16 to 512 cells");
-    if (!(grid.resolution_m >= 0.02)) refuse(r, at + 8, "side of a cell", 0, "0.02 to 1 m");
-    if (!(grid.S_map_grid.s >= 1e-9)) refuse(r, at + 16, "scale of the grid", 0, "more than 0");
+    if (!(grid.resolution_m >= 0.02))
+        refuse_real(r, at + 8, "side of a cell", grid.resolution_m, "0.02 to 1 m");
+    if (!(grid.S_map_grid.s >= 1e-9))
+        refuse_real(r, at + 16, "scale of the grid", grid.S_map_grid.s, "more than 0");
     const size_t cells = (size_t)grid.side * grid.side;
     if (r->status == FOVEA_OK && r->bytes - r->at < cells)
         refuse(r, r->at, "bytes left", (int64_t)(r->bytes - r->at),

@@ -26,7 +26,12 @@ static double landmark_weight(const struct sight *s, const struct fv_landmark *l
     if (l->observer_count >= 2) return l->observer_count * spread * spread / (ray_rad * ray_rad);
     if (l->observer_count == 0 || s->measured == NULL) return 0;
     const struct fv_observer only = l->observers[0];
-    return weight_of(&fv_map_distances(s->map, only.keyframe)[only.feature], distance);
+    const struct fv_inverse_distance *m = &fv_map_distances(s->map, only.keyframe)[only.feature];
+    const double value2 = (double)m->value * (double)m->value;
+    if (s->map->keyframes[only.keyframe].stamp_ns == s->frame.keyframe->stamp_ns)
+        return 0; /* of this frame, whose measurement is added */
+    /* Its error in metres stays, from wherever it is seen. */
+    return (double)m->weight * value2 * value2 * distance * distance;
 }
 
 /* False: what is measured contradicts it. */

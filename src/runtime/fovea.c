@@ -73,6 +73,8 @@ static void take_map(struct fovea *rt, const struct fovea_ready_map *ready)
     grid.map_id +=
         fv_map_current_id(fv_odometry_map(&rt->odometry)) - fv_map_current_id(&ready->map);
     fv_kept_grid_take(&rt->free_space, &grid, ready->cells);
+    /* A save that was under way has begun anew, with the map taken. */
+    if (fv_odometry_saving(&rt->odometry)) fv_kept_grid_save_begin(&rt->free_space, &rt->odometry);
 }
 
 /* Whether an image is one of a camera of the rig. */
@@ -362,7 +364,7 @@ bool fovea_free_space_get(const struct fovea *rt, int8_t *cells, struct fovea_gr
 
 bool fovea_ground_get(const struct fovea *rt, struct fovea_ground *ground)
 {
-    if (!rt->free_space.enabled || !rt->free_space.grid.state->begun) return false;
+    if (!rt->free_space.enabled || !rt->ground.state->begun) return false;
     *ground = rt->free_space.state->ground;
     fv_ground_stage_mount(&rt->ground, ground);
     return true;

@@ -4,7 +4,8 @@
 
 #include "geometry/vec.h"
 
-enum { POINTS = 256, SAMPLES = 64 }; /* a fit is a unit of some 0.2 ms */
+/* A fit is a unit of some 0.2 ms, SLOTS of the map one of at most as much. */
+enum { POINTS = 256, SAMPLES = 64, SLOTS = 400 };
 
 static const double look_each_m = 0.5;
 
@@ -57,7 +58,7 @@ void fv_ground_stage_follow(struct fv_ground_stage *stage, const struct fv_publi
     if (!fv_free_space_metric(publish)) return;
     begin(stage);
     const struct fv_free_space_world world = fv_free_space_world_of(publish);
-    if (memcmp(&world, &s->world, sizeof world) != 0) {
+    if (!fv_free_space_same(world, s->world)) {
         s->world = world;
         s->looked = 0;
         s->phase = FV_GROUND_IDLE;
@@ -145,10 +146,9 @@ static struct fv_floor_look look_of(const struct fv_ground_stage *stage)
     return look;
 }
 
-/* Points of the floor as the last frame sees them. */
-static void gather(struct fv_ground_stage *stage, const struct fv_ground_mask *mask,
-                   const struct fv_odometry *odometry, const struct fv_scale *scale,
-                   const struct fv_publish *publish)
+/* From where the last frame sees the floor. */
+static void gather_begin(struct fv_ground_stage *stage, const struct fv_odometry *odometry,
+                         const struct fv_scale *scale, const struct fv_publish *publish)
 {
     struct fv_ground_stage_state *s = stage->state;
     const struct fv_scale_value value = fv_scale_get(scale);
@@ -156,12 +156,22 @@ static void gather(struct fv_ground_stage *stage, const struct fv_ground_mask *m
     s->metres = value.metres;
     s->height_sigma = value.source == FOVEA_SCALE_CAMERA_HEIGHT ? __builtin_inf() : value.sigma;
     fv_ground_down(&s->ground, &s->T_odom_cam, s->down);
+    s->gather = fv_scale_gather_begin(odometry);
+    s->phase = FV_GROUND_GATHERING;
+    s->looked = 1;
+    s->looked_m = s->ground.driven_m;
+}
+
+/* Points of the floor, a piece. */
+static void gather(struct fv_ground_stage *stage, const struct fv_ground_mask *mask,
+                   const struct fv_odometry *odometry)
+{
+    struct fv_ground_stage_state *s = stage->state;
     const struct floor_pixels pixels = pixels_of(mask, &s->T_odom_cam, s->metres);
     struct fv_floor_look look = look_of(stage);
     look.takes = lies_on_floor;
     look.context = &pixels;
-    s->count = fv_scale_gather_floor(odometry, &look);
-    s->phase = FV_GROUND_GATHERED;
+    if (fv_scale_gather_floor(odometry, &look, SLOTS, &s->gather)) s->phase = FV_GROUND_GATHERED;
 }
 
 /* A first fit shows how well the points are known, a second one measures the floor. */
@@ -172,17 +182,15 @@ static void fit(struct fv_ground_stage *stage)
     const bool first = s->phase == FV_GROUND_GATHERED;
     struct fv_floor floor;
     s->phase = FV_GROUND_IDLE;
-    if (!fv_scale_fit_floor(&look, s->count, &floor)) return; /* again with the next mask */
+    if (!fv_scale_fit_floor(&look, s->gather.count, &floor)) return;
     if (first) {
-        fv_scale_sharpen_floor(&look, s->count, &floor);
+        fv_scale_sharpen_floor(&look, s->gather.count, &floor);
         fv_copy3(floor.down, s->down);
         s->phase = FV_GROUND_SHARPENED;
         return;
     }
-    s->looked = 1;
-    s->looked_m = s->ground.driven_m;
     fv_floor_in_metres(&floor, s->metres);
-    fv_ground_see(&s->ground, &s->T_odom_cam, &floor, s->height_sigma);
+    (void)fv_ground_see(&s->ground, &s->T_odom_cam, &floor, s->height_sigma);
 }
 
 bool fv_ground_stage_look(struct fv_ground_stage *stage, const struct fv_ground_mask *mask,
@@ -191,12 +199,17 @@ bool fv_ground_stage_look(struct fv_ground_stage *stage, const struct fv_ground_
 {
     if (!stage->enabled) return false;
     struct fv_ground_stage_state *s = stage->state;
-    if (s->phase != FV_GROUND_IDLE) {
+    if (s->phase >= FV_GROUND_GATHERED) {
         fit(stage);
         return true;
     }
-    if (s->seen_ns == mask->seen->stamp_ns || !is_due(stage, publish)) return false;
-    s->seen_ns = mask->seen->stamp_ns;
-    gather(stage, mask, odometry, scale, publish);
+    if (s->phase == FV_GROUND_GATHERING && s->seen_ns != mask->seen->stamp_ns)
+        s->phase = FV_GROUND_IDLE; /* what was gathered is of another mask */
+    if (s->phase == FV_GROUND_IDLE) {
+        if (s->seen_ns == mask->seen->stamp_ns || !is_due(stage, publish)) return false;
+        s->seen_ns = mask->seen->stamp_ns;
+        gather_begin(stage, odometry, scale, publish);
+    }
+    gather(stage, mask, odometry);
     return true;
 }

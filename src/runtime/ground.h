@@ -17,21 +17,28 @@
 #include "scale/inertial.h"
 #include "scale/scale.h"
 
-/* Landmarks being looked at: points gathered, then the first fit, then the second. */
-enum fv_ground_phase { FV_GROUND_IDLE = 0, FV_GROUND_GATHERED, FV_GROUND_SHARPENED };
+/* Landmarks being looked at: points are gathered, in pieces, then the first fit, then the second.
+ */
+enum fv_ground_phase {
+    FV_GROUND_IDLE = 0,
+    FV_GROUND_GATHERING,
+    FV_GROUND_GATHERED,
+    FV_GROUND_SHARPENED
+};
 
 /* No addresses and no padding: copied and hashed as bytes. */
 struct fv_ground_stage_state {
     struct fv_ground ground;
     struct fv_random random;
     struct fv_free_space_world world; /* that the floor is in */
-    double looked_m;                  /* of the way, when a plane was last fitted */
+    double looked_m;                  /* of the way, when a plane was last looked for */
     int64_t seen_ns;                  /* mask that landmarks were last looked at with */
     struct fv_se3 T_odom_cam;         /* that they are seen from, metres */
     double metres, height_sigma;      /* of their unit, and relative */
     double down[3];                   /* where the floor is expected from there */
-    uint32_t phase, count;            /* enum fv_ground_phase; points */
-    uint32_t looked, begun;           /* a plane was fitted in this world; the mount is known */
+    struct fv_floor_gather gather;
+    uint32_t phase, reserved; /* enum fv_ground_phase; zero */
+    uint32_t looked, begun;   /* a plane was looked for in this world; the mount is known */
 };
 
 struct fv_ground_stage {
@@ -52,7 +59,7 @@ struct fv_ground_mask {
 /* Nothing where there is no grid. Init-only. */
 void fv_ground_stage_carve(struct fv_ground_stage *stage,
                            const struct fovea_grid_job_config *config, struct fv_arena *persistent,
-                           struct fv_arena *frame);
+                           struct fv_arena *job);
 
 /* All that follows is real-time safe, and does nothing where it is off. */
 

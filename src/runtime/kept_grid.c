@@ -58,7 +58,7 @@ bool fv_kept_grid_recall(struct fv_free_space *stage)
             rows[4 * r + c] = S.s * S.R[3 * r + c];
         rows[4 * r + 3] = S.t[r];
     }
-    return fv_grid_recall_begin(&stage->recall, &stage->grid, rows, pose->floor_m);
+    return fv_grid_recall_begin(&stage->recall, &stage->grid, rows, stage->state->ground.height_m);
 }
 
 /* ---- saving ---------------------------------------------------------------------------------- */
@@ -103,6 +103,7 @@ static void begin(struct fv_free_space *stage, const struct fv_publish *publish,
                                        .side = place.width,
                                        .resolution_m = place.resolution_m,
                                        .S_map_grid = own_now(publish, odometry)};
+        fv_so3_orthonormalise(head.S_map_grid.R); /* T_body_cam is one to four digits */
         fv_sim3_apply(&head.S_map_grid, corner, head.S_map_grid.t);
         kept->save = SAVE_GRID;
         kept->corner[0] = stage->grid.state->corner[0];

@@ -48,24 +48,33 @@ static bool landmark_as_point(const struct fv_floor_look *look, const struct fv_
     return true;
 }
 
-uint32_t fv_scale_gather_floor(const struct fv_odometry *odometry, const struct fv_floor_look *look)
+struct fv_floor_gather fv_scale_gather_begin(const struct fv_odometry *odometry)
 {
     const struct fv_map *map = fv_odometry_map(odometry);
-    const struct fv_se3 *T_cam_world = &map->keyframes[fv_map_current(map)].T_cam_world;
-    uint32_t met = 0;
-    for (uint32_t i = 0; i < map->state->landmark_top; i++) {
+    return (struct fv_floor_gather){.T_cam_world = map->keyframes[fv_map_current(map)].T_cam_world};
+}
+
+bool fv_scale_gather_floor(const struct fv_odometry *odometry, const struct fv_floor_look *look,
+                           uint32_t slots, struct fv_floor_gather *gather)
+{
+    const struct fv_map *map = fv_odometry_map(odometry);
+    const uint32_t top = map->state->landmark_top;
+    for (; gather->next < top && slots > 0; gather->next++, slots--) {
         struct fv_floor_point point;
-        const struct fv_landmark *l = &map->landmarks[i];
+        const struct fv_landmark *l = &map->landmarks[gather->next];
         if (!l->used || l->observer_count < 2 ||
             map->keyframes[l->observers[0].keyframe].map_id != map->state->map_id)
             continue;
-        if (!landmark_as_point(look, odometry, T_cam_world, l, &point)) continue;
+        if (!landmark_as_point(look, odometry, &gather->T_cam_world, l, &point)) continue;
         /* Reservoir: every point is kept with the same probability (J. Vitter, 1985). */
-        uint32_t at = met < look->points_max ? met : fv_random_below(look->random, met + 1);
-        met++;
+        const uint32_t at = gather->met < look->points_max
+                                ? gather->met
+                                : fv_random_below(look->random, gather->met + 1);
+        gather->met++;
         if (at < look->points_max) look->points[at] = point;
     }
-    return met < look->points_max ? met : look->points_max;
+    gather->count = gather->met < look->points_max ? gather->met : look->points_max;
+    return gather->next >= top;
 }
 
 bool fv_scale_fit_floor(const struct fv_floor_look *look, uint32_t count, struct fv_floor *floor)
@@ -93,6 +102,8 @@ bool fv_scale_find_floor(struct fv_scale *scale, const struct fv_odometry *odome
                                  .points = scale->points,
                                  .points_max = FV_FLOOR_POINTS_MAX,
                                  .samples = SAMPLES};
+    struct fv_floor_gather gather = fv_scale_gather_begin(odometry);
     fv_copy3(scale->down, look.down);
-    return fv_scale_fit_floor(&look, fv_scale_gather_floor(odometry, &look), floor);
+    (void)fv_scale_gather_floor(odometry, &look, UINT32_MAX, &gather);
+    return fv_scale_fit_floor(&look, gather.count, floor);
 }

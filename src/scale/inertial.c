@@ -18,6 +18,7 @@ static const double claim_time_s = 3;
 static const double settled_sigma = 0.02, settled_s = 6; /* of gravity: the sooner of both */
 static const double sigma_least = 0.005;        /* models of lenses and sensors are not better */
 static const double gyro_bias_sigma_max = 0.01; /* to predict turns by, rad/s */
+static const double gyro_bias_most = 0.2;       /* twice that of cheap sensors, rad/s */
 static const int64_t coasting_max_ns = 2000000000, rate_age_max_ns = 20000000;
 static const double gravity_m_s2 = 9.80665;
 /* ADIS16448, where a rig states no densities. */
@@ -198,9 +199,9 @@ bool fv_inertial_stage_rate(const struct fv_inertial_stage *stage, int64_t stamp
     if (!stage->enabled || !live->any_sample ||
         fv_stamp_since(stamp_ns, live->sample_ns) > rate_age_max_ns)
         return false;
-    fv_subtract3(live->gyro, stage->state->known.biases.gyro, turned);
+    fv_subtract3(live->gyro, live->sum.biases.gyro, turned);
     fv_rotate3(stage->estimator.config.T_cam_imu.R, turned, rate);
-    return true;
+    return turns_known(stage) || fv_norm3(rate) > gyro_bias_most;
 }
 
 /* Velocity and rate of the camera for those who publish them. */

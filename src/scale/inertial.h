@@ -84,7 +84,8 @@ void fv_inertial_stage_observe(struct fv_inertial_stage *stage, const struct fv_
 void fv_inertial_stage_predict(struct fv_inertial_stage *stage, const struct fv_odometry *odometry,
                                int64_t stamp_ns, struct fv_motion_hint *hint);
 /* How the camera turns about its own axes at a frame's instant, rad/s, by the last sample before
- * it; after fv_inertial_stage_predict. False: no sample in the 20 ms before. */
+ * it; after fv_inertial_stage_predict. False: no sample in the 20 ms before; or the sensor's bias
+ * is not known yet, and the turn is so slow that it could be the bias. */
 bool fv_inertial_stage_rate(const struct fv_inertial_stage *stage, int64_t stamp_ns,
                             double rate[3]);
 /* After each frame. */

@@ -116,10 +116,17 @@ struct fv_floor_look {
     bool (*takes)(const void *context, const double point[3]);
     const void *context;
 };
-/* Gather landmarks that may be floor, as the last frame sees them, in units of the map; returns how
- * many. */
-uint32_t fv_scale_gather_floor(const struct fv_odometry *odometry,
-                               const struct fv_floor_look *look);
+/* Gather landmarks that may be floor, as a camera of the map sees them, in units of the map: a
+ * piece of `slots` of the map's from gather->next on. True: that was the last; gather->count
+ * points. */
+struct fv_floor_gather {
+    struct fv_se3 T_cam_world;
+    uint32_t next, met, count, reserved; /* slot; landmarks that may be floor; points kept; zero */
+};
+bool fv_scale_gather_floor(const struct fv_odometry *odometry, const struct fv_floor_look *look,
+                           uint32_t slots, struct fv_floor_gather *gather);
+/* To begin with: as the last frame sees them. */
+struct fv_floor_gather fv_scale_gather_begin(const struct fv_odometry *odometry);
 /* Fit the floor (geometry/floor.h) to them; false when none is found. */
 bool fv_scale_fit_floor(const struct fv_floor_look *look, uint32_t count, struct fv_floor *floor);
 /* Take for sigmas of the points what a fit shows, where that is less than they state, for another

@@ -64,7 +64,7 @@ def fetched(build):
     """The .tflite files of the packages by the beginning of their SHA-256."""
     folder = os.path.join(build, "public")
     for package in PACKAGES:
-        if not glob.glob(os.path.join(folder, package.split("==")[0].replace("-", "_") + "-*.whl")):
+        if not glob.glob(os.path.join(folder, package.replace("-", "_").replace("==", "-") + "-*.whl")):
             status = subprocess.run([sys.executable, "-m", "pip", "download", "-q", "--disable-pip-version-check", "--no-deps", "-d", folder,
                                      package], check=False).returncode
             if status:
@@ -139,7 +139,7 @@ def main():
         wrong += not right
         print(f"{'holds ' if right else 'WRONG '} {name}: {text}" + ("" if right else f"; expected {expected}"), flush=True)
     print(f"{there} networks, {wrong} wrong")
-    return 1 if wrong else 0
+    return 1 if wrong or not there else 0
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
  * network in a hall of `sim:drive`: the first run saves its map with its grid; later ones begin
  * elsewhere in the hall, know what it knew as soon as they know where they are, and correct what
  * has changed since. FOVEA_PICTURES=DIR: grids of the runs. */
+#include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -52,6 +53,9 @@ static void open_rig(int start, int frames)
     job->labels[FLOOR] = FOVEA_GRID_FLOOR;
     job->labels[MOVABLE] = FOVEA_GRID_MOVABLE;
     job->labels[OTHER] = FOVEA_GRID_IGNORED;
+    double *rows = rig.config.rig.cameras[0].T_body_cam; /* as one writes it: three digits */
+    for (int k = 0; k < 12; k++)
+        rows[k] = floor(1000 * rows[k] + 0.5) / 1000;
 }
 
 static void load(const uint8_t *map, size_t bytes)

@@ -95,6 +95,17 @@ static void the_way_is_that_of_a_global_shutter(const char *scene, double times)
     assert_true(unknown.m > times * rolling.m);
 }
 
+/* A sensor's bias is no turn: pictures of a camera that hardly turns are not moved by it. */
+static void a_bias_moves_nothing(void **state)
+{
+    (void)state;
+    const char *uri =
+        "sim:corridor?width=400&height=300&rate=20&imu=200&baseline=0.11&seed=4&rolling=1"
+        "&readout=40&gyro_bias=0.1";
+    const struct errors biased = errors_of(uri, true), unknown = errors_of(uri, false);
+    assert_true(biased.m < 1.15 * unknown.m && biased.rad < 1.15 * unknown.rad);
+}
+
 static void fast_turns(void **state)
 {
     (void)state;
@@ -112,6 +123,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(fast_turns),
         cmocka_unit_test(a_way_sideways),
+        cmocka_unit_test(a_bias_moves_nothing),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
