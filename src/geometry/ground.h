@@ -20,7 +20,7 @@
  *   is the floor in `odom`, tilt and height, with the fit's covariance and, beside it, what floors
  *   are not flat by; what all fits share (a map that is bent) bounds both sigmas from below, at
  *   0.005 (0.3 degrees) and 6 mm. Beyond 99.9 % of what is expected it is another plane (a table,
- * a wall) and is refused.
+ *   a wall) and is refused.
  * - Gravity (fv_ground_level), where it is known in `odom`: floors are level but for a slope of
  *   0.03 (1.7 degrees) that is another one each 2 m. It bounds the tilt of the floor, and through
  *   it that of the mount; it says nothing of the height, and a ramp is no contradiction.

@@ -5,6 +5,9 @@
 
 #include "grid/grid.h"
 
+/* Log-odds of one view, in thousandths: OctoMap's (section 3.2), 0.85 and -0.4. */
+enum { FV_GRID_HIT = 850, FV_GRID_MISS = -400 };
+
 /* What one update says of a cell; the larger number wins. Of an obstacle: twice the eighths of its
  * evidence that are in the cell, and 1 where it may move. Beside it: a point stands in it. */
 enum {
@@ -33,16 +36,21 @@ static inline size_t fv_grid_wrapped(int64_t cell, int64_t side)
     return (size_t)(rest < 0 ? rest + side : rest);
 }
 
+/* Where a cell is kept, by its column and row from the corner. */
+static inline int64_t fv_grid_kept(const struct fv_grid *g, int64_t column, int64_t row)
+{
+    const int64_t side = fv_grid_side(g), x = column + g->state->corner_kept[0],
+                  y = row + g->state->corner_kept[1];
+    return (y < side ? y : y - side) * side + (x < side ? x : x - side);
+}
+
 /* Where cell (x, y) of the odometry frame is kept; -1: the grid does not reach so far. */
 static inline int64_t fv_grid_place_of(const struct fv_grid *g, int64_t x, int64_t y)
 {
     const int64_t side = fv_grid_side(g);
     const int64_t column = x - g->state->corner[0], row = y - g->state->corner[1];
     if (column < 0 || column >= side || row < 0 || row >= side) return -1;
-    const int64_t kept_x = column + g->state->corner_kept[0],
-                  kept_y = row + g->state->corner_kept[1];
-    return (kept_y < side ? kept_y : kept_y - side) * side +
-           (kept_x < side ? kept_x : kept_x - side);
+    return fv_grid_kept(g, column, row);
 }
 
 static inline int64_t fv_grid_place_at(const struct fv_grid *g, double x_m, double y_m)
@@ -58,17 +66,6 @@ static inline void fv_grid_mark(struct fv_grid *g, double x_m, double y_m, uint8
         g->marks[at] = (uint8_t)((g->marks[at] & ~FV_GRID_MARK_KIND) | kind);
 }
 
-struct fv_grid_look {
-    const struct fovea_grid_view *view;
-    double from[2];        /* below the camera */
-    double R[3][3], up[3]; /* of the camera from the odometry frame; a floor point at `from` */
-    double inverse[2];     /* pixels of the mask per pixel of the image */
-    double inverse_height; /* of the camera over the floor below it */
-    double beside[2];      /* of the camera from the body */
-    double outside;        /* (x^2 + y^2) / z^2 from which on nothing is in the image */
-    uint8_t of[256];       /* label of a byte of the mask */
-};
-
 /* Height of the floor in the odometry frame, and the variance of it. */
 static inline double fv_grid_floor_at(const struct fovea_grid_view *view, double x_m, double y_m)
 {
@@ -83,10 +80,6 @@ static inline double fv_grid_floor_variance(const struct fovea_grid_view *view, 
                  y = y_m - view->position_m[1];
     return x * (C[0] * x + 2 * C[1] * y + 2 * C[2]) + y * (C[3] * y + 2 * C[4]) + C[5];
 }
-
-struct fv_grid_look fv_grid_look_of(const struct fovea_grid_view *view);
-/* The label of a point of the camera's frame; -1: it is not in the image. */
-int fv_grid_label(const struct fv_grid_look *look, const double point[3]);
 
 /* Take points from `first` on, at most FV_GRID_POINTS (landmarks.c); returns the next one. */
 enum { FV_GRID_POINTS = 1024 };

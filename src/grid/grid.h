@@ -85,6 +85,23 @@ enum { FV_GRID_SCAN_STEPS = 16384 };
 void fv_grid_scan_begin(struct fv_grid *grid);
 bool fv_grid_scan_advance(struct fv_grid *grid, float *ranges_m);
 
+/* A view made ready to look up what its mask shows. */
+struct fv_grid_look {
+    const struct fovea_grid_view *view;
+    double from[2];        /* below the camera */
+    double R[3][3], up[3]; /* of the camera from the odometry frame; a floor point at `from` */
+    double inverse[2];     /* pixels of the mask per pixel of the image */
+    double inverse_height; /* of the camera over the floor below it */
+    double beside[2];      /* of the camera from the body */
+    double outside;        /* (x^2 + y^2) / z^2 from which on nothing is in the image */
+    uint8_t of[256];       /* label of a byte of the mask */
+};
+
+struct fv_grid_look fv_grid_look_of(const struct fovea_grid_view *view);
+/* The label of a point of the camera's frame, whatever the floor of the view; -1: it is not in the
+ * image. */
+int fv_grid_label(const struct fv_grid_look *look, const double point[3]);
+
 /* Fill rows of cells as fovea_grid_cells does, row_first to row_first + row_count - 1. */
 void fv_grid_rows(const struct fv_grid *grid, int64_t row_first, int64_t row_count, int8_t *cells);
 /* The same of heights and their counts (NULL: not wanted); grid->heights is not NULL. */

@@ -2,9 +2,9 @@
 
 #include <string.h>
 
-/* Log-odds in thousandths, as an update adds them (update.c): two views of floor, one of an
- * obstacle. */
-enum { FREE = -800, OCCUPIED = 850 };
+#include "grid/cells.h"
+
+enum { FREE = 2 * FV_GRID_MISS, OCCUPIED = FV_GRID_HIT };
 enum { SAMPLES_MAX = 4 };
 static const double height_max_m = 0.3, upright_min = 0.96;
 
@@ -97,17 +97,10 @@ bool fv_grid_recall_begin(struct fv_grid_recall *recall, const struct fv_grid *g
     return true;
 }
 
-static size_t place_of(const struct fv_grid *grid, int64_t column, int64_t row)
-{
-    const int64_t side = grid->config.side_cells, x = column + grid->state->corner_kept[0],
-                  y = row + grid->state->corner_kept[1];
-    return (size_t)((y < side ? y : y - side) * side + (x < side ? x : x - side));
-}
-
 static void offer(const struct fv_grid_recall *recall, struct fv_grid *grid, int64_t column,
                   int64_t row)
 {
-    const size_t at = place_of(grid, column, row);
+    const int64_t at = fv_grid_kept(grid, column, row);
     const struct fv_grid_state *g = grid->state;
     if (grid->odds[at] < g->free_below || grid->odds[at] > g->occupied_above) return;
     const int32_t kept = kept_in(recall, column + g->corner[0], row + g->corner[1]);
@@ -153,7 +146,8 @@ bool fv_grid_recall_advance(struct fv_grid_recall *recall, struct fv_grid *grid)
 
 static bool is_known(int8_t percent)
 {
-    return percent >= 0 && (percent < 35 || percent > 65);
+    return percent >= 0 &&
+           (percent < 100 * FOVEA_GRID_FREE_BELOW || percent > 100 * FOVEA_GRID_OCCUPIED_ABOVE);
 }
 
 bool fv_grid_recall_any(const struct fv_grid *grid)
@@ -180,7 +174,7 @@ void fv_grid_recall_rows(const struct fv_grid *grid, const int64_t corner[2], in
         for (int64_t column = 0; column < side; column++) {
             const int64_t at = column + right;
             if (at >= 0 && at < side && is_known(now[at]) &&
-                !grid->movable[place_of(grid, at, row + up)])
+                !grid->movable[fv_grid_kept(grid, at, row + up)])
                 cells[column] = now[at];
         }
     }

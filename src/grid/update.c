@@ -7,8 +7,8 @@
 #include "base/elementary.h"
 #include "grid/cells.h"
 
-/* Log-odds in thousandths; OctoMap's (section 3.2): 0.85, -0.4, from -2 to 3.5. */
-enum { HIT = 850, MISS = -400, LEAST = -2000, MOST = 3500 };
+/* Log-odds in thousandths; OctoMap's limits: from -2 to 3.5. */
+enum { HIT = FV_GRID_HIT, MISS = FV_GRID_MISS, LEAST = -2000, MOST = 3500 };
 enum { TABLE_STEP = 10, TABLE_SIZE = (MOST - LEAST) / TABLE_STEP + 1, COARSE = 8, RAY_STEPS = 2 };
 enum { ONE = 65536 }; /* of what stays in a decay */
 

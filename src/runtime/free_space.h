@@ -3,11 +3,11 @@
  *
  * fv_free_space_note remembers the pose of a frame that the network takes, and the points of
  * surfaces that it showed; when its mask is complete, fv_free_space_begin takes it,
- * fv_free_space_lay says where the floor is, and units
- * update the grid, send it, and send the scan. Until the update is done the network must keep the
- * mask (fv_free_space_reads). A loss of the pose, and a change of the frame or the unit of poses,
- * make every cell unknown at once, which is sent, and while there is no pose in metres again every
- * second of the frames' time: a packet may be lost. */
+ * fv_free_space_lay says where the floor is, and units update the grid, send it, and send the scan.
+ * Until the update is done the network must keep the mask (fv_free_space_reads). A loss of the
+ * pose, and a change of the frame or the unit of poses, make every cell unknown at once, which is
+ * sent, and while there is no pose in metres again every second of the frames' time: a packet may
+ * be lost. */
 #ifndef FOVEA_RUNTIME_FREE_SPACE_H
 #define FOVEA_RUNTIME_FREE_SPACE_H
 

@@ -4,8 +4,7 @@
 
 #include "geometry/vec.h"
 
-/* A fit is a unit of some 0.2 ms, SLOTS of the map one of at most as much. */
-enum { POINTS = 256, SAMPLES = 64, SLOTS = 400 };
+enum { POINTS = 256, SAMPLES = 64 }; /* a fit is a unit of some 0.2 ms */
 
 static const double look_each_m = 0.5;
 
@@ -91,41 +90,29 @@ void fv_ground_stage_mount(const struct fv_ground_stage *stage, struct fovea_gro
 
 /* A mask as points of the last frame's camera, in units of the map, see it. */
 struct floor_pixels {
-    const struct fv_ground_mask *mask;
+    struct fv_grid_look look;
     struct fv_se3 T_seen_now; /* camera, from the last frame's */
     double metres;            /* per unit of the map */
-    bool floor[256];          /* whether a byte of the mask is */
 };
 
 static bool lies_on_floor(const void *context, const double point[3])
 {
     const struct floor_pixels *pixels = context;
-    const struct fovea_segmentation *seen = pixels->mask->seen;
-    double p[3], pixel[2];
+    double p[3];
     for (int i = 0; i < 3; i++)
         p[i] = pixels->metres * point[i];
     fv_se3_apply(&pixels->T_seen_now, p, p);
-    if (!(p[2] > 0) || fovea_camera_project(pixels->mask->camera, p, pixel, NULL) != FOVEA_OK)
-        return false;
-    const double column = (pixel[0] - seen->raw_offset[0]) / seen->raw_scale[0] + 0.5,
-                 row = (pixel[1] - seen->raw_offset[1]) / seen->raw_scale[1] + 0.5;
-    if (!(column >= 0 && column < seen->width && row >= 0 && row < seen->height)) return false;
-    return pixels->floor[seen->pixels[(int64_t)row * seen->width + (int64_t)column]];
+    return fv_grid_label(&pixels->look, p) == FOVEA_GRID_FLOOR;
 }
 
-static struct floor_pixels pixels_of(const struct fv_ground_mask *mask,
+static struct floor_pixels pixels_of(const struct fovea_grid_view *view,
                                      const struct fv_se3 *T_odom_cam, double metres)
 {
-    const struct fovea_segmentation *seen = mask->seen;
-    struct floor_pixels pixels = {.mask = mask, .metres = metres};
-    fv_se3_invert(&mask->T_odom_cam, &pixels.T_seen_now);
-    fv_se3_compose(&pixels.T_seen_now, T_odom_cam, &pixels.T_seen_now);
-    for (int i = 0; i < 256; i++) {
-        const uint8_t place = seen->index[i];
-        const int32_t class_id = place < seen->count ? seen->list[place].class_id : -1;
-        pixels.floor[i] =
-            class_id >= 0 && class_id < 256 && mask->labels[class_id] == FOVEA_GRID_FLOOR;
-    }
+    struct floor_pixels pixels = {.look = fv_grid_look_of(view), .metres = metres};
+    struct fv_se3 T;
+    fv_se3_from_rows(view->T_odom_cam, &T);
+    fv_se3_invert(&T, &T);
+    fv_se3_compose(&T, T_odom_cam, &pixels.T_seen_now);
     return pixels;
 }
 
@@ -163,15 +150,15 @@ static void gather_begin(struct fv_ground_stage *stage, const struct fv_odometry
 }
 
 /* Points of the floor, a piece. */
-static void gather(struct fv_ground_stage *stage, const struct fv_ground_mask *mask,
+static void gather(struct fv_ground_stage *stage, const struct fovea_grid_view *view,
                    const struct fv_odometry *odometry)
 {
     struct fv_ground_stage_state *s = stage->state;
-    const struct floor_pixels pixels = pixels_of(mask, &s->T_odom_cam, s->metres);
+    const struct floor_pixels pixels = pixels_of(view, &s->T_odom_cam, s->metres);
     struct fv_floor_look look = look_of(stage);
     look.takes = lies_on_floor;
     look.context = &pixels;
-    if (fv_scale_gather_floor(odometry, &look, SLOTS, &s->gather)) s->phase = FV_GROUND_GATHERED;
+    if (fv_scale_gather_floor(odometry, &look, &s->gather)) s->phase = FV_GROUND_GATHERED;
 }
 
 /* A first fit shows how well the points are known, a second one measures the floor. */
@@ -193,7 +180,7 @@ static void fit(struct fv_ground_stage *stage)
     (void)fv_ground_see(&s->ground, &s->T_odom_cam, &floor, s->height_sigma);
 }
 
-bool fv_ground_stage_look(struct fv_ground_stage *stage, const struct fv_ground_mask *mask,
+bool fv_ground_stage_look(struct fv_ground_stage *stage, const struct fovea_grid_view *view,
                           const struct fv_odometry *odometry, const struct fv_scale *scale,
                           const struct fv_publish *publish)
 {
@@ -203,13 +190,13 @@ bool fv_ground_stage_look(struct fv_ground_stage *stage, const struct fv_ground_
         fit(stage);
         return true;
     }
-    if (s->phase == FV_GROUND_GATHERING && s->seen_ns != mask->seen->stamp_ns)
+    if (s->phase == FV_GROUND_GATHERING && s->seen_ns != view->seen->stamp_ns)
         s->phase = FV_GROUND_IDLE; /* what was gathered is of another mask */
     if (s->phase == FV_GROUND_IDLE) {
-        if (s->seen_ns == mask->seen->stamp_ns || !is_due(stage, publish)) return false;
-        s->seen_ns = mask->seen->stamp_ns;
+        if (s->seen_ns == view->seen->stamp_ns || !is_due(stage, publish)) return false;
+        s->seen_ns = view->seen->stamp_ns;
         gather_begin(stage, odometry, scale, publish);
     }
-    gather(stage, mask, odometry);
+    gather(stage, view, odometry);
     return true;
 }

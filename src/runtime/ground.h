@@ -48,14 +48,6 @@ struct fv_ground_stage {
     struct fv_floor_point *points; /* of the landmarks being looked at */
 };
 
-/* A mask and where it was seen from. */
-struct fv_ground_mask {
-    const struct fovea_segmentation *seen;
-    const uint8_t *labels; /* [256] */
-    const struct fovea_camera *camera;
-    struct fv_se3 T_odom_cam;
-};
-
 /* Nothing where there is no grid. Init-only. */
 void fv_ground_stage_carve(struct fv_ground_stage *stage,
                            const struct fovea_grid_job_config *config, struct fv_arena *persistent,
@@ -69,8 +61,8 @@ void fv_ground_stage_reset(struct fv_ground_stage *stage);
 void fv_ground_stage_follow(struct fv_ground_stage *stage, const struct fv_publish *publish,
                             const struct fv_inertial_known *inertial);
 /* One unit that looks at the landmarks, where they are due; false: they are not, nothing is done.
- */
-bool fv_ground_stage_look(struct fv_ground_stage *stage, const struct fv_ground_mask *mask,
+ * `view`: a mask and where it was seen from; its floor is not read. */
+bool fv_ground_stage_look(struct fv_ground_stage *stage, const struct fovea_grid_view *view,
                           const struct fv_odometry *odometry, const struct fv_scale *scale,
                           const struct fv_publish *publish);
 

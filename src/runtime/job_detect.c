@@ -98,18 +98,18 @@ static uint32_t lay_on_ground(struct fovea *rt, const struct fovea_segmentation 
                               uint32_t units)
 {
     const struct fv_free_space_pose *pose = fv_free_space_taken(&rt->free_space);
-    struct fv_ground_mask mask = {.seen = seen,
-                                  .labels = rt->config.grid_job.labels,
-                                  .camera = &rt->config.rig.cameras[0].camera};
+    struct fovea_grid_view view = {.seen = seen,
+                                   .labels = rt->config.grid_job.labels,
+                                   .camera = &rt->config.rig.cameras[0].camera};
     struct fv_ground_plane floor;
     uint32_t done = 0;
     if (pose == NULL) return 0;
-    fv_se3_from_rows(pose->T_odom_cam, &mask.T_odom_cam);
+    memcpy(view.T_odom_cam, pose->T_odom_cam, sizeof view.T_odom_cam);
     for (; done < units; done++)
-        if (!fv_ground_stage_look(&rt->ground, &mask, &rt->odometry, &rt->scale, &rt->publish)) {
+        if (!fv_ground_stage_look(&rt->ground, &view, &rt->odometry, &rt->scale, &rt->publish)) {
             const bool known = fv_ground_stage_at(&rt->ground, pose->position_m, &floor);
-            fv_free_space_lay(&rt->free_space, known ? &floor : NULL, seen, mask.camera,
-                              mask.labels);
+            fv_free_space_lay(&rt->free_space, known ? &floor : NULL, seen, view.camera,
+                              view.labels);
             break;
         }
     return done;

@@ -179,7 +179,7 @@ static void carve(struct fovea *rt, struct fv_carving *carving)
                           &arenas[JOB], &arenas[FRAME]);
         fv_carving_book(carving, "odometry");
         fv_scale_carve(&rt->scale, &config->scale, first->T_body_cam, &arenas[PERSISTENT],
-                       &arenas[FRAME]);
+                       &arenas[JOB]);
         fv_carving_book(carving, "scale");
         fv_publish_carve(&rt->publish, first->T_body_cam, &arenas[PERSISTENT]);
         fv_relative_carve(&rt->relative, &arenas[PERSISTENT]);

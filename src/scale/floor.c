@@ -55,11 +55,11 @@ struct fv_floor_gather fv_scale_gather_begin(const struct fv_odometry *odometry)
 }
 
 bool fv_scale_gather_floor(const struct fv_odometry *odometry, const struct fv_floor_look *look,
-                           uint32_t slots, struct fv_floor_gather *gather)
+                           struct fv_floor_gather *gather)
 {
     const struct fv_map *map = fv_odometry_map(odometry);
-    const uint32_t top = map->state->landmark_top;
-    for (; gather->next < top && slots > 0; gather->next++, slots--) {
+    const uint32_t top = map->state->landmark_top; /* of another map it may be less */
+    for (uint32_t i = 0; i < FV_FLOOR_SLOTS && gather->next < top; i++, gather->next++) {
         struct fv_floor_point point;
         const struct fv_landmark *l = &map->landmarks[gather->next];
         if (!l->used || l->observer_count < 2 ||
@@ -96,14 +96,17 @@ void fv_scale_sharpen_floor(const struct fv_floor_look *look, uint32_t count,
 }
 
 bool fv_scale_find_floor(struct fv_scale *scale, const struct fv_odometry *odometry,
-                         struct fv_floor *floor)
+                         struct fv_floor *floor, bool *found)
 {
-    struct fv_floor_look look = {.random = &scale->state->random,
+    struct fv_scale_state *s = scale->state;
+    struct fv_floor_look look = {.random = &s->random,
                                  .points = scale->points,
                                  .points_max = FV_FLOOR_POINTS_MAX,
                                  .samples = SAMPLES};
-    struct fv_floor_gather gather = fv_scale_gather_begin(odometry);
     fv_copy3(scale->down, look.down);
-    (void)fv_scale_gather_floor(odometry, &look, UINT32_MAX, &gather);
-    return fv_scale_fit_floor(&look, gather.count, floor);
+    if (!s->gathering) s->gather = fv_scale_gather_begin(odometry);
+    s->gathering = !fv_scale_gather_floor(odometry, &look, &s->gather);
+    if (s->gathering) return false;
+    *found = fv_scale_fit_floor(&look, s->gather.count, floor);
+    return true;
 }

@@ -13,8 +13,7 @@ static const double floor_sigma_least = 0.03;
 static const double surprise = 3; /* standard deviations; measurements further off count for less */
 
 void fv_scale_carve(struct fv_scale *scale, const struct fovea_scale_config *config,
-                    const double T_body_cam[12], struct fv_arena *persistent,
-                    struct fv_arena *frame)
+                    const double T_body_cam[12], struct fv_arena *persistent, struct fv_arena *job)
 {
     memset(scale, 0, sizeof *scale);
     scale->config = *config;
@@ -26,7 +25,7 @@ void fv_scale_carve(struct fv_scale *scale, const struct fovea_scale_config *con
     for (int i = 0; i < 3; i++)
         scale->down[i] = turned ? -R[6 + i] : i == 1;
     scale->state = fv_arena_take(persistent, 1, sizeof *scale->state);
-    scale->points = fv_arena_take_raw(frame, FV_FLOOR_POINTS_MAX, sizeof *scale->points);
+    scale->points = fv_arena_take(job, FV_FLOOR_POINTS_MAX, sizeof *scale->points);
 }
 
 void fv_scale_init(struct fv_scale *scale, uint64_t seed)
@@ -45,7 +44,7 @@ static void scale_enter(struct fv_scale_state *s, uint32_t map, const struct fv_
     s->log_scale = s->prior = s->known ? brought->scale.log_scale - fv_log(s->map_scale) : 0;
     s->variance = s->prior_variance = brought->scale.variance;
     s->station_count = 0;
-    s->station_next = s->fitted = 0;
+    s->station_next = s->fitted = s->gathering = 0;
     s->map = map;
 }
 
@@ -81,8 +80,11 @@ static void scale_measure(struct fv_scale *scale, enum fovea_scale_source source
 void fv_scale_unit(struct fv_scale *scale, const struct fv_odometry *odometry)
 {
     struct fv_floor floor;
-    scale->state->fitted = fv_odometry_map(odometry)->state->keyframe_number;
-    if (!fv_scale_find_floor(scale, odometry, &floor)) {
+    bool found;
+    if (!scale->state->gathering)
+        scale->state->fitted = fv_odometry_map(odometry)->state->keyframe_number;
+    if (!fv_scale_find_floor(scale, odometry, &floor, &found)) return;
+    if (!found) {
         scale->state->variance += scale->state->known ? drift * drift : 0;
         return;
     }
@@ -97,8 +99,10 @@ bool fv_scale_waiting(const struct fv_scale *scale, const struct fv_odometry *od
     const struct fovea_pose *pose = fv_odometry_pose(odometry);
     uint64_t behind = fv_odometry_map(odometry)->state->keyframe_number - s->fitted;
     if (scale->config.source != FOVEA_SCALE_CAMERA_HEIGHT || !pose->posed ||
-        s->map != pose->map_id || behind == 0 || given_by_stereo(odometry))
+        s->map != pose->map_id || given_by_stereo(odometry))
         return false;
+    if (s->gathering) return true;
+    if (behind == 0) return false;
     /* After the window has converged, unless it never does. */
     return behind >= KEYFRAMES_BEHIND_MAX || !fv_odometry_job_waiting(odometry);
 }
@@ -147,8 +151,12 @@ void fv_scale_step(struct fv_scale *scale, struct fv_odometry *odometry,
     scale_follow(s, map->S_map_world.s);
     if (!pose->posed || given_by_stereo(odometry)) return;
     /* What a map's first pose says of the floor is used at once. */
-    if (!s->started && scale->config.source == FOVEA_SCALE_CAMERA_HEIGHT)
-        fv_scale_unit(scale, odometry);
+    if (!s->started && scale->config.source == FOVEA_SCALE_CAMERA_HEIGHT) {
+        s->gathering = 0;
+        do
+            fv_scale_unit(scale, odometry);
+        while (s->gathering);
+    }
     if (scale->config.source == FOVEA_SCALE_WHEEL_ODOMETRY) fv_scale_walk(scale, odometry);
     if (inertial != NULL)
         take_inertial(s, inertial);

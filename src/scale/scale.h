@@ -48,6 +48,15 @@ struct fv_scale_station {
     struct fv_scale_position position;
 };
 
+/* Landmarks of the map that are looked at in a unit, when the floor is looked for. */
+enum { FV_FLOOR_SLOTS = 400 };
+
+/* Landmarks being gathered that may be floor. */
+struct fv_floor_gather {
+    struct fv_se3 T_cam_world;
+    uint32_t next, met, count, reserved; /* slot; landmarks that may be floor; points kept; zero */
+};
+
 struct fv_scale_state {
     bool started; /* the map has given a pose */
     bool known;
@@ -58,6 +67,8 @@ struct fv_scale_state {
     uint32_t map;     /* that all this belongs to */
 
     /* camera_height */
+    struct fv_floor_gather gather;
+    uint64_t gathering; /* landmarks are being gathered */
     struct fv_random random;
     uint64_t fitted; /* number of the map's next keyframe when the floor was last fitted */
 
@@ -76,12 +87,11 @@ struct fv_scale {
     double down[3]; /* of the floor, camera frame: body -z, or camera y where T_body_cam turns
                        nothing */
     struct fv_scale_state *state;
-    struct fv_floor_point *points; /* FV_FLOOR_POINTS_MAX */
+    struct fv_floor_point *points; /* FV_FLOOR_POINTS_MAX, of the gather under way */
 };
 
 void fv_scale_carve(struct fv_scale *scale, const struct fovea_scale_config *config,
-                    const double T_body_cam[12], struct fv_arena *persistent,
-                    struct fv_arena *frame);
+                    const double T_body_cam[12], struct fv_arena *persistent, struct fv_arena *job);
 void fv_scale_init(struct fv_scale *scale, uint64_t seed);
 
 /* Wheel odometry among the samples that have come, in order of time; the rest of them is ignored,
@@ -102,7 +112,8 @@ struct fv_scale_value {
 };
 struct fv_scale_value fv_scale_get(const struct fv_scale *scale);
 
-/* Whether the floor waits to be fitted, and one unit that fits it. */
+/* Whether the floor waits to be fitted, and one unit of that: FV_FLOOR_SLOTS landmarks are looked
+ * at, and the floor is fitted to what all units found. */
 bool fv_scale_waiting(const struct fv_scale *scale, const struct fv_odometry *odometry);
 void fv_scale_unit(struct fv_scale *scale, const struct fv_odometry *odometry);
 
@@ -117,14 +128,10 @@ struct fv_floor_look {
     const void *context;
 };
 /* Gather landmarks that may be floor, as a camera of the map sees them, in units of the map: a
- * piece of `slots` of the map's from gather->next on. True: that was the last; gather->count
- * points. */
-struct fv_floor_gather {
-    struct fv_se3 T_cam_world;
-    uint32_t next, met, count, reserved; /* slot; landmarks that may be floor; points kept; zero */
-};
+ * piece of FV_FLOOR_SLOTS of the map's from gather->next on. True: that was the last;
+ * gather->count points. */
 bool fv_scale_gather_floor(const struct fv_odometry *odometry, const struct fv_floor_look *look,
-                           uint32_t slots, struct fv_floor_gather *gather);
+                           struct fv_floor_gather *gather);
 /* To begin with: as the last frame sees them. */
 struct fv_floor_gather fv_scale_gather_begin(const struct fv_odometry *odometry);
 /* Fit the floor (geometry/floor.h) to them; false when none is found. */
@@ -136,9 +143,10 @@ void fv_scale_sharpen_floor(const struct fv_floor_look *look, uint32_t count,
 
 /* ---- between the files of the stage */
 
-/* Fit the floor to the map as the current frame sees it; false when none is found. */
+/* A unit of looking for the floor in the map as a frame sees it. True: it is complete, and `found`
+ * says whether there is a floor. */
 bool fv_scale_find_floor(struct fv_scale *scale, const struct fv_odometry *odometry,
-                         struct fv_floor *floor);
+                         struct fv_floor *floor, bool *found);
 /* Logarithm of metres per unit of the map, and its variance, by the distances that two cameras
  * measured in the current frame; false where they are too few. */
 bool fv_scale_compare_distances(const struct fv_odometry *odometry, double *log_scale,

@@ -60,13 +60,13 @@ static void derive_window(const struct capacities *c)
 
 static void derive_rest_of_map(const struct capacities *c)
 {
-    const double features = c->features, landmarks = c->landmarks;
+    const double features = c->features;
     struct bound *b = bound_of("map: index");
     TERM(b, BOUND_ALWAYS, 1, words_256);
     TERM(b, BOUND_ALWAYS, 1, words_inserted);
     TERM(b, BOUND_ALWAYS, 1, closure_offered);
     b = bound_of("map: floor");
-    TERM(b, BOUND_ALWAYS, landmarks, floor_looked);
+    TERM(b, BOUND_ALWAYS, FV_FLOOR_SLOTS, floor_looked);
     TERM(b, BOUND_ALWAYS, 1, floor_estimated);
     b = bound_of("map: saving");
     b->ways[1] = "landmarks";

@@ -288,12 +288,9 @@ static void judge_ground(const struct fovea_grid_view *view)
 
 static void find_ground(struct fovea_grid_view *view)
 {
-    struct fv_ground_mask mask = {
-        .seen = view->seen, .labels = view->labels, .camera = view->camera};
     struct fv_ground_plane floor;
     if (!pass.grounded) return;
-    fv_se3_from_rows(view->T_odom_cam, &mask.T_odom_cam);
-    while (fv_ground_stage_look(&pass.ground, &mask, &pass.rig.rt->odometry, &pass.rig.rt->scale,
+    while (fv_ground_stage_look(&pass.ground, view, &pass.rig.rt->odometry, &pass.rig.rt->scale,
                                 &pass.rig.rt->publish))
         ;
     if (!fv_ground_stage_at(&pass.ground, view->position_m, &floor)) return;
