@@ -13,11 +13,10 @@
 #include <string.h>
 #include <time.h>
 
-#include "fovea/grid.h"
+#include "common/grid_mask.h"
 
 enum { W = 160, H = 120, BOXES_MAX = 6 };
 static const int64_t SECOND = 1000000000;
-enum { SKY, FLOOR, WALL, CART, CLASSES };
 
 /* x0 x1 y0 y1 height, class */
 struct box {
@@ -27,24 +26,7 @@ struct box {
 static struct box boxes[BOXES_MAX];
 static int box_count;
 
-static const uint8_t labels[256] = {[SKY] = FOVEA_GRID_IGNORED,
-                                    [FLOOR] = FOVEA_GRID_FLOOR,
-                                    [WALL] = FOVEA_GRID_OBSTACLE,
-                                    [CART] = FOVEA_GRID_MOVABLE};
-static struct fovea_camera camera = {
-    .width = 2 * W, .height = 2 * H, .fx = 200, .fy = 200, .cx = 159.5, .cy = 119.5};
-static struct fovea_segmentation_class list[CLASSES];
-static uint8_t mask[W * H], identity[256];
-static struct fovea_segmentation seen = {.width = W,
-                                         .height = H,
-                                         .image_width = 2 * W,
-                                         .image_height = 2 * H,
-                                         .raw_scale = {2, 2},
-                                         .raw_offset = {0.5, 0.5},
-                                         .count = CLASSES,
-                                         .list = list,
-                                         .pixels = mask,
-                                         .index = identity};
+static uint8_t mask[W * H];
 static struct fovea_grid_config config;
 static struct fovea_grid *grid;
 static void *memory;
@@ -63,11 +45,7 @@ static void make(void)
 static int setup(void **state)
 {
     (void)state;
-    for (int i = 0; i < 256; i++)
-        identity[i] = (uint8_t)i;
-    for (int i = 0; i < CLASSES; i++)
-        list[i].class_id = i;
-    assert_int_equal(fovea_camera_prepare(&camera, &error), FOVEA_OK);
+    grid_mask_make(mask, W, H, 2, 200);
     fovea_grid_config_default(&config);
     make();
     box_count = 0;
@@ -170,23 +148,9 @@ static void read_cells(void)
     fovea_grid_cells(grid, cells, &place);
 }
 
-/* Percent of the cell that holds a point; -2: outside. */
 static int cell_at(double x, double y)
 {
-    const double column = floor((x - place.origin_m[0]) / place.resolution_m + 1e-9),
-                 row = floor((y - place.origin_m[1]) / place.resolution_m + 1e-9);
-    if (column < 0 || row < 0 || column >= place.width || row >= place.height) return -2;
-    return cells[(int)row * (int)place.width + (int)column];
-}
-
-static bool is_free(int percent)
-{
-    return percent >= 0 && percent < 100 * FOVEA_GRID_FREE_BELOW;
-}
-
-static bool is_occupied(int percent)
-{
-    return percent > 100 * FOVEA_GRID_OCCUPIED_ABOVE;
+    return grid_mask_cell(cells, &place, x, y);
 }
 
 static bool in_box(double x, double y, double margin)

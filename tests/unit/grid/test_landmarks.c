@@ -11,31 +11,13 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "fovea/grid.h"
+#include "common/grid_mask.h"
 
 enum { W = 80, H = 60, POINTS = 4, CELLS = 128 * 128 };
-enum { SKY, FLOOR, WALL, CART, CLASSES };
 static const double height = 0.8, tilt = 0.3;
 static const int64_t SECOND = 1000000000;
 
-static const uint8_t labels[256] = {[SKY] = FOVEA_GRID_IGNORED,
-                                    [FLOOR] = FOVEA_GRID_FLOOR,
-                                    [WALL] = FOVEA_GRID_OBSTACLE,
-                                    [CART] = FOVEA_GRID_MOVABLE};
-static struct fovea_camera camera = {
-    .width = 4 * W, .height = 4 * H, .fx = 200, .fy = 200, .cx = 159.5, .cy = 119.5};
-static struct fovea_segmentation_class list[CLASSES];
-static uint8_t mask[W * H], identity[256];
-static struct fovea_segmentation seen = {.width = W,
-                                         .height = H,
-                                         .image_width = 4 * W,
-                                         .image_height = 4 * H,
-                                         .raw_scale = {4, 4},
-                                         .raw_offset = {1.5, 1.5},
-                                         .count = CLASSES,
-                                         .list = list,
-                                         .pixels = mask,
-                                         .index = identity};
+static uint8_t mask[W * H];
 static struct fovea_grid_config config;
 static struct fovea_grid *grid;
 static void *memory;
@@ -47,11 +29,7 @@ static int setup(void **state)
     (void)state;
     size_t bytes;
     struct fovea_error error;
-    for (int i = 0; i < 256; i++)
-        identity[i] = (uint8_t)i;
-    for (int i = 0; i < CLASSES; i++)
-        list[i].class_id = i;
-    assert_int_equal(fovea_camera_prepare(&camera, &error), FOVEA_OK);
+    grid_mask_make(mask, W, H, 4, 200);
     fovea_grid_config_default(&config);
     config.heights = true;
     assert_int_equal(fovea_grid_size(&config, &bytes, &error), FOVEA_OK);
@@ -95,19 +73,7 @@ static void look(int class_id, const struct fovea_grid_point *points, uint32_t c
 
 static int cell_at(double x, double y)
 {
-    const int column = (int)floor((x - place.origin_m[0]) / place.resolution_m + 1e-9),
-              row = (int)floor((y - place.origin_m[1]) / place.resolution_m + 1e-9);
-    return cells[row * (int)place.width + column];
-}
-
-static bool is_free(int percent)
-{
-    return percent >= 0 && percent < 100 * FOVEA_GRID_FREE_BELOW;
-}
-
-static bool is_occupied(int percent)
-{
-    return percent > 100 * FOVEA_GRID_OCCUPIED_ABOVE;
+    return grid_mask_cell(cells, &place, x, y);
 }
 
 static int occupied(void)

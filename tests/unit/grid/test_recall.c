@@ -11,26 +11,13 @@
 #include <string.h>
 
 #include "base/elementary.h"
+#include "common/grid_mask.h"
 #include "grid/recall.h"
 
-enum { W = 80, H = 60, IGNORED = 0, FLOOR, WALL, CART, CLASSES, MOST = 512 };
+enum { W = 80, H = 60, MOST = 512 };
 static const int64_t SECOND = 1000000000;
 
-static const uint8_t labels[256] = {
-    [FLOOR] = FOVEA_GRID_FLOOR, [WALL] = FOVEA_GRID_OBSTACLE, [CART] = FOVEA_GRID_MOVABLE};
-static struct fovea_camera camera = {
-    .width = W, .height = H, .fx = 40, .fy = 40, .cx = 39.5, .cy = 29.5};
-static struct fovea_segmentation_class list[CLASSES];
-static uint8_t mask[W * H], identity[256];
-static struct fovea_segmentation seen = {.width = W,
-                                         .height = H,
-                                         .image_width = W,
-                                         .image_height = H,
-                                         .raw_scale = {1, 1},
-                                         .count = CLASSES,
-                                         .list = list,
-                                         .pixels = mask,
-                                         .index = identity};
+static uint8_t mask[W * H];
 static struct fovea_grid_config config;
 static struct fv_grid grid;
 static struct fv_grid_recall recall;
@@ -59,17 +46,14 @@ static void make(void)
 static int setup(void **state)
 {
     (void)state;
-    for (int i = 0; i < 256; i++)
-        identity[i] = (uint8_t)i;
-    for (int i = 0; i < CLASSES; i++)
-        list[i].class_id = i;
+    grid_mask_make(mask, W, H, 1, 40);
     fovea_grid_config_default(&config);
     config.side_cells = 32;
     config.range_m = 1.6;
     config.robot_radius_m = 0;
     fv_random_seed(&dice, 3);
     make();
-    return fovea_camera_prepare(&camera, NULL) == FOVEA_OK ? 0 : -1;
+    return 0;
 }
 
 static int teardown(void **state)
@@ -154,7 +138,7 @@ static void it_lies_where_it_was(void **state)
         fill(side);
         fv_grid_recall_keep(&recall, side, cell, kept);
         const double *P = lies(cases[n].x, cases[n].y, cases[n].turn, cases[n].scale);
-        assert_int_equal(update(SECOND, 0.02, 0.05, IGNORED, P), 1);
+        assert_int_equal(update(SECOND, 0.02, 0.05, SKY, P), 1);
         all_cells();
         for (int y = 0; y < 32; y++)
             for (int x = 0; x < 32; x++) {
@@ -185,7 +169,7 @@ static void it_gives_way_to_what_is_seen(void **state)
         memset(kept, occupied ? 100 : 0, sizeof kept);
         fv_grid_recall_keep(&recall, 32, 0.1, kept);
         const double *P = lies(-1.6, -1.6, 0, 1);
-        update(SECOND, 0.06, 0.05, IGNORED, P);
+        update(SECOND, 0.06, 0.05, SKY, P);
         assert_int_equal(kind(all_cells()[middle]), occupied ? 2 : 1);
         for (int views = 1; views <= needed; views++) {
             assert_int_equal(update(SECOND + views, 0.06, 0.05, class_id, P), -1);
@@ -219,22 +203,22 @@ static void it_comes_once_and_is_forgotten_as_the_rest(void **state)
     make();
     memset(kept, 100, sizeof kept);
     fv_grid_recall_keep(&recall, 32, 0.1, kept); /* x from -3.2 to 0 */
-    assert_int_equal(update(SECOND, 0.06, 0.05, IGNORED, P), 1);
+    assert_int_equal(update(SECOND, 0.06, 0.05, SKY, P), 1);
     assert_int_equal(kind(all_cells()[0]), 2);
     assert_int_equal(cells[16], FOVEA_GRID_UNKNOWN);
-    assert_int_equal(update(3 * SECOND, 0.06, 0.05, IGNORED, P), -1);
+    assert_int_equal(update(3 * SECOND, 0.06, 0.05, SKY, P), -1);
     assert_int_equal(kind(all_cells()[0]), 3);
-    assert_int_equal(update(60 * SECOND, 0.06, 0.05, IGNORED, P), -1);
+    assert_int_equal(update(60 * SECOND, 0.06, 0.05, SKY, P), -1);
     assert_int_equal(all_cells()[0], FOVEA_GRID_UNKNOWN);
     /* Two columns come in at the left, and get theirs; the others have had it. */
-    assert_int_equal(update(61 * SECOND, -0.15, 0.05, IGNORED, P), 1);
+    assert_int_equal(update(61 * SECOND, -0.15, 0.05, SKY, P), 1);
     all_cells();
     for (int x = 0; x < 32; x++)
         assert_int_equal(kind(cells[32 * 7 + x]), x < 2 ? 2 : 0);
     /* Back, and there again; and a row above. */
-    assert_int_equal(update(61 * SECOND + 1, 0.06, 0.05, IGNORED, P), 1);
+    assert_int_equal(update(61 * SECOND + 1, 0.06, 0.05, SKY, P), 1);
     assert_int_equal(all_cells()[32 * 7], FOVEA_GRID_UNKNOWN);
-    assert_int_equal(update(61 * SECOND + 2, -0.15, 0.15, IGNORED, P), 1);
+    assert_int_equal(update(61 * SECOND + 2, -0.15, 0.15, SKY, P), 1);
     all_cells();
     for (int x = 0; x < 32; x++)
         assert_int_equal(kind(cells[32 * 7 + x]), x < 2 ? 2 : 0);
@@ -242,7 +226,7 @@ static void it_comes_once_and_is_forgotten_as_the_rest(void **state)
         assert_int_equal(cells[32 * 31 + x], FOVEA_GRID_UNKNOWN);
     fv_grid_forget(&grid);
     fv_grid_recall_forget(&recall);
-    assert_int_equal(update(62 * SECOND, 0.06, 0.05, IGNORED, P), 1);
+    assert_int_equal(update(62 * SECOND, 0.06, 0.05, SKY, P), 1);
     assert_int_equal(kind(all_cells()[0]), 2);
 }
 
@@ -258,7 +242,7 @@ static void finer_cells_hide_no_obstacle(void **state)
         kept[side * (part + 1) + 2 * part] = 90;     /* in cell (2, 1) */
         kept[side * (4 * part) + 3 * part + 1] = -1; /* in cell (3, 4) */
         fv_grid_recall_keep(&recall, (uint32_t)side, 0.1 / part, kept);
-        update(SECOND, 0.06, 0.05, IGNORED, P);
+        update(SECOND, 0.06, 0.05, SKY, P);
         all_cells();
         assert_int_equal(kind(cells[32 * 9 + 10]), 2);
         assert_int_equal(kind(cells[32 * 12 + 11]), 0);
@@ -267,7 +251,7 @@ static void finer_cells_hide_no_obstacle(void **state)
     }
     make();
     fv_grid_recall_keep(&recall, 32, 0.02, kept); /* a fifth */
-    assert_int_equal(update(SECOND, 0.06, 0.05, IGNORED, P), -1);
+    assert_int_equal(update(SECOND, 0.06, 0.05, SKY, P), -1);
 }
 
 static void another_floor_is_not_taken(void **state)
@@ -280,14 +264,14 @@ static void another_floor_is_not_taken(void **state)
         const double P[12] = {1, 0, 0, 1.6, 0, c, s, 1.6, 0, -s, c, up};
         make();
         fv_grid_recall_keep(&recall, 32, 0.1, kept);
-        assert_int_equal(update(SECOND, 0.06, 0.05, IGNORED, P), n == 1 ? -1 : 1);
+        assert_int_equal(update(SECOND, 0.06, 0.05, SKY, P), n == 1 ? -1 : 1);
         assert_int_equal(kind(all_cells()[32 * 16 + 16]), n == 0 || n == 2 ? 1 : 0);
         if (n == 0) assert_int_equal(kind(cells[32 * 30 + 16]), 1); /* .3 m at 1.5 m */
     }
     const double none[12] = {NAN, 0, 0, 0, 0, NAN, 0, 0, 0, 0, NAN, 0};
     make();
     fv_grid_recall_keep(&recall, 32, 0.1, kept);
-    assert_int_equal(update(SECOND, 0.06, 0.05, IGNORED, none), -1);
+    assert_int_equal(update(SECOND, 0.06, 0.05, SKY, none), -1);
 }
 
 /* The largest grid, in pieces: the same as of pieces that a smaller one makes at once. */
@@ -299,13 +283,13 @@ static void the_work_is_in_pieces(void **state)
     fill(MOST);
     fv_grid_recall_keep(&recall, MOST, 0.1, kept);
     const double *P = lies(-25.6, -25.6, 0, 1);
-    const int pieces = update(SECOND, 0.06, 0.05, IGNORED, P);
+    const int pieces = update(SECOND, 0.06, 0.05, SKY, P);
     assert_in_range(pieces, MOST * MOST / FV_GRID_RECALL_SAMPLES,
                     MOST * MOST / FV_GRID_RECALL_SAMPLES + 1);
     all_cells();
     for (int i = 0; i < MOST * MOST; i++)
         assert_int_equal(kind(cells[i]), kind(kept[i]));
-    assert_int_equal(update(SECOND + 1, 0.15, 0.05, IGNORED, P), 1); /* one column */
+    assert_int_equal(update(SECOND + 1, 0.15, 0.05, SKY, P), 1); /* one column */
 }
 
 static void what_is_known_and_static_is_saved(void **state)
@@ -335,7 +319,7 @@ static void what_is_known_and_static_is_saved(void **state)
     }
     assert_true(known > 100);
     /* The grid moves on, 13 cells along x and 3 along y, and what has left it is not known. */
-    update(SECOND, 1.35, 0.35, IGNORED, P);
+    update(SECOND, 1.35, 0.35, SKY, P);
     fv_grid_recall_rows(&grid, corner, 0, 20, later);
     fv_grid_recall_rows(&grid, corner, 20, 12, later + 20 * 32);
     for (int y = 0; y < 32; y++)

@@ -557,6 +557,40 @@ static void it_comes_with_a_map_that_a_run_takes(void **state)
     sim_rig_close(&rig);
 }
 
+/* A save that is under way when a map is taken begins anew, with that map and its grid. */
+static void a_save_goes_on_with_the_map_taken(void **state)
+{
+    (void)state;
+    const struct fovea_ready_map *ready;
+    struct fovea_error error;
+    size_t made = 0;
+    open_rig(START, 20);
+    sim_rig_build(&rig);
+    const size_t bytes = fovea_map_prepared_bytes(&rig.config),
+                 capacity = fovea_map_bytes_max(&rig.config);
+    void *memory = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, (bytes + 63) / 64 * 64);
+    uint8_t *map = malloc(capacity);
+    if (fovea_map_prepare(rig.rt, memory, bytes, saved, saved_bytes, "a.map", &ready, &error))
+        fail_msg("%s", error.text);
+    fovea_map_save_to(rig.rt, map, capacity);
+    while (sim_rig_next(&rig)) {
+        if (rig.frames == 6) rig.inputs.commands = FOVEA_COMMAND_SAVE;
+        if (rig.frames == 7) rig.inputs.map = ready;
+        rig.inputs.grants.units[FOVEA_JOB_DETECT] = 400;
+        rig.inputs.grants.units[FOVEA_JOB_MAP] = rig.frames < 7 ? 1 : 2000;
+        sim_rig_process(&rig);
+        assert_true(rig.frames > 7 || rig.work.map_bytes == 0); /* it was under way */
+        if (rig.work.map_bytes > 0 && made == 0) made = rig.work.map_bytes;
+    }
+    assert_true(made > 0);
+    fovea_map_seal(map, made);
+    assert_true(map[8] == 5 || map[8] == 6);
+    assert_true(count_known(cells_of(map, made, SIDE), CELLS) > 1500);
+    free(map);
+    free(memory);
+    sim_rig_close(&rig);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -569,6 +603,7 @@ int main(void)
         cmocka_unit_test(runs_of_other_grids_load_it),
         cmocka_unit_test(it_is_the_same_again),
         cmocka_unit_test(it_comes_with_a_map_that_a_run_takes),
+        cmocka_unit_test(a_save_goes_on_with_the_map_taken),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }

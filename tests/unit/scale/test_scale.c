@@ -443,9 +443,39 @@ static void nothing_is_taken_in_boxes(void **state)
     assert_int_equal(masked, 0);
 }
 
+/* However the landmarks are gathered, a unit looks at FV_FLOOR_SLOTS of them, and all are met. */
+static void the_floor_is_looked_for_in_pieces(void **state)
+{
+    (void)state;
+    static struct fv_floor_point points[FV_FLOOR_POINTS_MAX];
+    struct fv_random random;
+    fv_random_seed(&random, 1);
+    sim_rig_open(&rig, "sim:corridor?width=400&height=300", 0, 90);
+    sim_rig_build(&rig);
+    while (sim_rig_next(&rig))
+        sim_rig_process(&rig);
+    const struct fv_odometry *o = &rig.rt->odometry;
+    const struct fv_floor_look look = {
+        .down = {0, 1, 0}, .random = &random, .points = points, .points_max = FV_FLOOR_POINTS_MAX};
+    struct fv_floor_gather gather = fv_scale_gather_begin(o);
+    const uint32_t top = fv_odometry_map(o)->state->landmark_top;
+    uint32_t pieces = 0, met = 0;
+    for (bool done = false; !done; pieces++) {
+        const uint32_t before = gather.next;
+        done = fv_scale_gather_floor(o, &look, &gather);
+        assert_true(gather.next - before <= FV_FLOOR_SLOTS && gather.met >= met);
+        met = gather.met;
+    }
+    assert_true(top > 2 * FV_FLOOR_SLOTS && gather.next == top);
+    assert_int_equal(pieces, (top + FV_FLOOR_SLOTS - 1) / FV_FLOOR_SLOTS);
+    assert_true(gather.count > 20 && gather.count <= FV_FLOOR_POINTS_MAX);
+    sim_rig_close(&rig);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(the_floor_is_looked_for_in_pieces),
         cmocka_unit_test(odometry_gives_metres),
         cmocka_unit_test(a_wrong_stamp_does_not_end_odometry),
         cmocka_unit_test(a_saved_map_keeps_its_scale),
