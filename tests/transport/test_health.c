@@ -64,7 +64,7 @@ static void run(const char *root)
 {
     shell(
         "FOVEA_SYS_ROOT=%s/%s %s/fovea run --source 'sim:orbit?width=160&height=120' --rate real --frames 60 --quiet"
-        " --picture none --set 'lcm_url=file://%s/sent.log?mode=w' --set loop.priority=0 --record %s/run.log"
+        " --picture none --set 'lcm_url=file://%s/sent.log?mode=w' --set loop.priority=0 --set record_buffer=1000 --record %s/run.log"
         " && %s/fovea replay %s/run.log --verify >%s/said",
         folder, root, build, folder, folder, build, folder, folder);
 }

@@ -29,7 +29,7 @@ def reader():
 
 def run(*more):
     words = [os.path.join(build, "fovea"), "run", "--source", "sim:orbit?frames=1000000&rate=12", "--rate", "real", "--quiet", "--picture",
-             "none", "--model", "src/detect/shipped.fvm", "--set", "record_buffer=64", "--set", "web.socket=" + os.path.join(folder, "feed"), *more]
+             "none", "--model", "src/detect/shipped.fvm", "--set", "record_buffer=200", "--set", "web.socket=" + os.path.join(folder, "feed"), *more]
     return subprocess.Popen(words, env={**os.environ, "FOVEA_SYS_ROOT": heat()})
 
 
