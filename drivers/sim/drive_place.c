@@ -112,7 +112,7 @@ static void put_pit(struct hall *h, int32_t floor)
                  v[3] = {0, p[3] - p[2], 0};
     fv_sim_world_face(world, origin, u, v, texture, 0.4);
     for (int32_t i = first; i < world->face_count; i++)
-        world->face[i].truth_class = FOVEA_TRUTH_OBSTACLE;
+        world->face[i].truth_class = FOVEA_TRUTH_PIT;
 }
 
 /* ---- what stands there ----------------------------------------------------------------------- */

@@ -82,6 +82,7 @@ enum fovea_truth_class {
     FOVEA_TRUTH_FLOOR = 5, /* the ground, of roads too */
     FOVEA_TRUTH_WALL = 6,  /* of rooms and houses; doorposts; fences */
     FOVEA_TRUTH_OBSTACLE = 7,
+    FOVEA_TRUTH_PIT = 8, /* the inside of a hole in the floor */
     FOVEA_TRUTH_CLASS_COUNT
 };
 

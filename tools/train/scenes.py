@@ -21,6 +21,7 @@ CROWDED = Kind({"wander": 9, "orbit": 4, "tour": 2, "corridor": 1, "fast": 1, "s
 PLACES = Kind({"wander": 6, "orbit": 4, "tour": 5, "corridor": 3, "fast": 1, "still": 1, "road": 2}, (0, 6, 12, 24, 40))
 DRIVES = Kind({"drive": 1}, (0, 3, 6, 8))
 ROADS = Kind({"road": 1}, (0, 3, 6, 8))
+PITS = Kind({"drive": 1}, (0, 0, 3), (10**6, 2 * 10**6))
 UNSEEN = Kind(PLACES.trajectories | {"drive": 6}, PLACES.objects, (7 * 10**6, 8 * 10**6))
 
 
@@ -74,6 +75,8 @@ def render_many(fovea, folder, worlds, frames, seed, kind=CROWDED):
         uri, step = options(rng, kind), rng.randrange(20, 45)
         if "sim:road" in uri:
             step //= 6  # of the few frames of a drive
+        elif kind is PITS:
+            step //= 3
         target = os.path.join(folder, f"{seed}-{world:04d}")
         if not os.path.exists(os.path.join(target, "truth.json")):
             subprocess.run(["rm", "-rf", target], check=True)

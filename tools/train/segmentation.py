@@ -19,11 +19,13 @@ import weights as weights_module
 
 CLASSES = ["floor", "wall", "obstacle", "movable", "other"]
 COLOURS = ["#50b450", "#50a0c8", "#dc3c3c", "#ffc800", "#8c8c8c"]
-OF_EXPORT = np.array([4, 3, 3, 3, 3, 0, 1, 2], np.uint8)  # background; ball, cone, box, person; floor, wall, obstacle
+OF_EXPORT = np.array([4, 3, 3, 3, 3, 0, 1, 2, 2], np.uint8)  # background; ball, cone, box, person; floor, wall, obstacle, pit
+PIT, PIT_PIXELS = 8, 300  # of export; so many are worth learning from
 MOVABLE = CLASSES.index("movable")
 WEIGHTS = os.path.join(os.path.dirname(weights_module.SHIPPED), "segmenter.npz")
 SHOWN_EVERY = 1000  # steps
 PLACES = [("places", scenes_module.PLACES, 50), ("drives", scenes_module.DRIVES, 36), ("roads", scenes_module.ROADS, 14)]  # of 100 worlds
+PITS = 40  # more halls for 100 worlds, of which the frames that show a pit are taken: few others do
 
 
 def labelled(scenes):
@@ -78,7 +80,8 @@ def train_shipped(arguments):
         found = []
         for folder, kind, share in PLACES:
             found += scenes_module.render_many(arguments.fovea, os.path.join(arguments.work, folder), -(-worlds * share // 100), 12, seed, kind)
-        return labelled(found)
+        halls = scenes_module.render_many(arguments.fovea, os.path.join(arguments.work, "pits"), -(-worlds * PITS // 100), 36, seed, scenes_module.PITS)
+        return labelled(found + [scene for scene in halls if (scene[1] == PIT).sum() >= PIT_PIXELS])
 
     scenes, held_out = rendered(arguments.worlds, arguments.data_seed), rendered(max(4, arguments.worlds // 12), arguments.data_seed + 1)
     samples = whole(held_out, 200, 11)

@@ -25,11 +25,11 @@
 #include "fovea/source.h"
 
 static const char *const class_names[FOVEA_TRUTH_CLASS_COUNT] = {
-    "background", "ball", "cone", "box", "person", "floor", "wall", "obstacle"};
+    "background", "ball", "cone", "box", "person", "floor", "wall", "obstacle", "pit"};
 
 /* What each is to a network with classes as `segmenter.fvm` has them. */
 static const char *const pixel_class[FOVEA_TRUTH_CLASS_COUNT] = {
-    "other", "movable", "movable", "movable", "movable", "floor", "wall", "obstacle"};
+    "other", "movable", "movable", "movable", "movable", "floor", "wall", "obstacle", "obstacle"};
 
 enum { PATH_BYTES = 1024 };
 

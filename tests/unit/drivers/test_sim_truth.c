@@ -153,14 +153,14 @@ static void test_depth_and_classes(void **state)
 }
 
 /* Of what stands still by where it is: floor is what lies on the ground, walls and obstacles rise
- * from it, the ceiling is none of them; and each of them is seen. */
+ * from it, pits are below it, the ceiling is none of them; and each of them is seen. */
 static void test_classes_of_what_stands(void **state)
 {
     static const struct {
         const char *address;
         double ceiling_m;
-    } worlds[] = {
-        {"orbit?seed=2", 2.8}, {"tour?seed=5", 2.7}, {"corridor", 2.7}, {"wander?seed=4", 5.5}};
+    } worlds[] = {{"orbit?seed=2", 2.8},  {"tour?seed=5", 2.7},  {"corridor", 2.7},
+                  {"wander?seed=4", 5.5}, {"drive?seed=6", 2.7}, {"drive?seed=7", 2.7}};
     int all[FOVEA_TRUTH_CLASS_COUNT] = {0};
     (void)state;
     for (size_t i = 0; i < sizeof worlds / sizeof worlds[0]; i++) {
@@ -189,6 +189,7 @@ static void test_classes_of_what_stands(void **state)
         assert_int_equal(high[FOVEA_TRUTH_BACKGROUND], seen[FOVEA_TRUTH_BACKGROUND]);
         assert_true(100 * low[FOVEA_TRUTH_WALL] <= seen[FOVEA_TRUTH_WALL]);
         assert_true(100 * low[FOVEA_TRUTH_OBSTACLE] <= seen[FOVEA_TRUTH_OBSTACLE]);
+        assert_int_equal(low[FOVEA_TRUTH_PIT], seen[FOVEA_TRUTH_PIT]);
         sim_source_close(source);
     }
     for (int kind = 0; kind < FOVEA_TRUTH_CLASS_COUNT; kind++)

@@ -69,7 +69,7 @@ static void check_map(void)
 {
     static const char expected[] = "0 other # background\n1 movable # ball\n2 movable # cone\n"
                                    "3 movable # box\n4 movable # person\n5 floor # floor\n"
-                                   "6 wall # wall\n7 obstacle # obstacle\n";
+                                   "6 wall # wall\n7 obstacle # obstacle\n8 obstacle # pit\n";
     char path[128], found[sizeof expected + 1] = "";
     snprintf(path, sizeof path, "%s/classes-map.txt", target);
     FILE *file = fopen(path, "r");
