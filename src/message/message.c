@@ -64,6 +64,7 @@ void fv_message_channel(const char *prefix, enum fv_message_kind kind, char *nam
         [FV_MESSAGE_CALIBRATION_WARNING] = "CALIBRATION_WARNING",
         [FV_MESSAGE_GRID] = "GRID",
         [FV_MESSAGE_SCAN] = "SCAN",
+        [FV_MESSAGE_GRID_HEIGHTS] = "GRID_HEIGHTS",
         [FV_MESSAGE_LOCKSTEP] = "LOCKSTEP",
         [FV_MESSAGE_BOT_CORE_POSE] = "BOT_CORE_POSE",
     };

@@ -49,6 +49,7 @@ enum fv_message_kind {
     FV_MESSAGE_CALIBRATION_WARNING,
     FV_MESSAGE_GRID, /* free space, where a network labels pixels */
     FV_MESSAGE_SCAN,
+    FV_MESSAGE_GRID_HEIGHTS,     /* where grid.heights asks for it */
     FV_MESSAGE_LOCKSTEP,         /* where lockstep_every asks for it */
     FV_MESSAGE_COMMAND,          /* in */
     FV_MESSAGE_COMMAND_RESULT,   /* of the application */
@@ -251,7 +252,7 @@ size_t fv_message_calibration_size_max(void);
 uint32_t fv_message_calibration_encode(const struct fv_message_calibration *in, uint8_t *buffer,
                                        size_t capacity);
 
-enum { FV_MESSAGE_GRID_CELLS_MAX = 56000 };
+enum { FV_MESSAGE_GRID_CELLS_MAX = 56000, FV_MESSAGE_HEIGHTS_CELLS_MAX = 18000 };
 
 /* Rows of a grid of free space, at most FV_MESSAGE_GRID_CELLS_MAX cells of them. */
 struct fv_message_grid {
@@ -265,6 +266,21 @@ struct fv_message_grid {
 /* For messages of up to `cells` cells. */
 size_t fv_message_grid_size_max(uint32_t cells);
 uint32_t fv_message_grid_encode(const struct fv_message_grid *in, uint8_t *buffer, size_t capacity);
+
+/* Rows of its heights, at most FV_MESSAGE_HEIGHTS_CELLS_MAX cells of them. */
+struct fv_message_heights {
+    fovea_stamp_t stamp;
+    uint32_t reset_counter, map_id;
+    const struct fovea_grid_place *place;
+    double floor_m; /* the height of the origin */
+    int32_t first_row, row_count;
+    const int16_t *heights_mm;
+    const uint8_t *counts;
+};
+/* For messages of up to `cells` cells. */
+size_t fv_message_heights_size_max(uint32_t cells);
+uint32_t fv_message_heights_encode(const struct fv_message_heights *in, uint8_t *buffer,
+                                   size_t capacity);
 
 /* The nearest obstacle by direction, over a whole turn from the body's x axis to its y axis. */
 struct fv_message_scan {

@@ -23,6 +23,10 @@ void fv_free_space_carve(struct fv_free_space *stage, const struct fovea_grid_jo
     fv_grid_recall_carve(&stage->recall, grid, persistent);
     stage->ranges = fv_arena_take(job, grid->rays, sizeof *stage->ranges);
     stage->cells = fv_arena_take(frame, (size_t)fv_free_space_rows(grid) * grid->side_cells, 1);
+    if (!grid->heights) return;
+    const size_t heights = (size_t)fv_free_space_height_rows(grid) * grid->side_cells;
+    stage->heights_mm = fv_arena_take(frame, heights, sizeof *stage->heights_mm);
+    stage->height_counts = fv_arena_take(frame, heights, 1);
 }
 
 /* Send what there is, with the stamp of the last mask. */
@@ -255,7 +259,40 @@ bool fv_free_space_unit(struct fv_free_space *stage, const struct fovea_segmenta
 
 enum fv_message_kind fv_free_space_kind(const struct fv_free_space *stage)
 {
-    return stage->state->phase == FV_FREE_SPACE_SENDING_GRID ? FV_MESSAGE_GRID : FV_MESSAGE_SCAN;
+    const uint32_t phase = stage->state->phase;
+    return phase == FV_FREE_SPACE_SENDING_GRID      ? FV_MESSAGE_GRID
+           : phase == FV_FREE_SPACE_SENDING_HEIGHTS ? FV_MESSAGE_GRID_HEIGHTS
+                                                    : FV_MESSAGE_SCAN;
+}
+
+/* Rows were sent of `side`. True: these were the last. */
+static bool are_last(struct fv_free_space_state *s, int32_t rows, uint32_t side)
+{
+    s->sent += rows;
+    if (s->sent < (int32_t)side) return false;
+    s->sent = 0;
+    return true;
+}
+
+static uint32_t encode_heights(struct fv_free_space *stage, uint8_t *buffer, size_t capacity)
+{
+    struct fv_free_space_state *s = stage->state;
+    const struct fovea_grid_place place = fv_grid_place(&stage->grid);
+    const int32_t left = (int32_t)place.height - s->sent,
+                  most = (int32_t)fv_free_space_height_rows(&stage->grid.config);
+    const struct fv_message_heights message = {.stamp = fv_frame_id_stamp(&s->frame),
+                                               .reset_counter = s->world.reset_counter,
+                                               .map_id = s->world.map_id,
+                                               .place = &place,
+                                               .floor_m = s->ground.height_m,
+                                               .first_row = s->sent,
+                                               .row_count = left < most ? left : most,
+                                               .heights_mm = stage->heights_mm,
+                                               .counts = stage->height_counts};
+    fv_grid_height_rows(&stage->grid, s->sent, message.row_count, stage->heights_mm,
+                        stage->height_counts);
+    if (are_last(s, message.row_count, place.height)) s->phase = FV_FREE_SPACE_IDLE;
+    return fv_message_heights_encode(&message, buffer, capacity);
 }
 
 static uint32_t encode_grid(struct fv_free_space *stage, uint8_t *buffer, size_t capacity)
@@ -273,8 +310,7 @@ static uint32_t encode_grid(struct fv_free_space *stage, uint8_t *buffer, size_t
                                             .row_count = left < most ? left : most,
                                             .cells = stage->cells};
     fv_grid_rows(&stage->grid, s->sent, message.row_count, stage->cells);
-    s->sent += message.row_count;
-    if (message.row_count == left) s->phase = FV_FREE_SPACE_SENDING_SCAN;
+    if (are_last(s, message.row_count, place.height)) s->phase = FV_FREE_SPACE_SENDING_SCAN;
     return fv_message_grid_encode(&message, buffer, capacity);
 }
 
@@ -282,10 +318,11 @@ uint32_t fv_free_space_encode(struct fv_free_space *stage, uint8_t *buffer, size
 {
     struct fv_free_space_state *s = stage->state;
     if (s->phase == FV_FREE_SPACE_SENDING_GRID) return encode_grid(stage, buffer, capacity);
+    if (s->phase == FV_FREE_SPACE_SENDING_HEIGHTS) return encode_heights(stage, buffer, capacity);
     const struct fv_message_scan message = {.stamp = fv_frame_id_stamp(&s->frame),
                                             .range_max_m = (float)stage->grid.config.range_m,
                                             .count = stage->grid.config.rays,
                                             .range_m = stage->ranges};
-    s->phase = FV_FREE_SPACE_IDLE;
+    s->phase = stage->heights_mm != NULL ? FV_FREE_SPACE_SENDING_HEIGHTS : FV_FREE_SPACE_IDLE;
     return fv_message_scan_encode(&message, buffer, capacity);
 }

@@ -3,11 +3,11 @@
  *
  * fv_free_space_note remembers the pose of a frame that the network takes, and the points of
  * surfaces that it showed; when its mask is complete, fv_free_space_begin takes it,
- * fv_free_space_lay says where the floor is, and units update the grid, send it, and send the scan.
- * Until the update is done the network must keep the mask (fv_free_space_reads). A loss of the
- * pose, and a change of the frame or the unit of poses, make every cell unknown at once, which is
- * sent, and while there is no pose in metres again every second of the frames' time: a packet may
- * be lost. */
+ * fv_free_space_lay says where the floor is, and units update the grid, send it, the scan, and
+ * heights. Until the update is done the network must keep the mask (fv_free_space_reads). A loss of
+ * the pose, and a change of the frame or the unit of poses, make every cell unknown at once, which
+ * is sent, and while there is no pose in metres again every second of the frames' time: a packet
+ * may be lost. */
 #ifndef FOVEA_RUNTIME_FREE_SPACE_H
 #define FOVEA_RUNTIME_FREE_SPACE_H
 
@@ -25,7 +25,8 @@ enum fv_free_space_phase {
     FV_FREE_SPACE_RECALLING,
     FV_FREE_SPACE_SCANNING,
     FV_FREE_SPACE_SENDING_GRID,
-    FV_FREE_SPACE_SENDING_SCAN
+    FV_FREE_SPACE_SENDING_SCAN,
+    FV_FREE_SPACE_SENDING_HEIGHTS
 };
 
 /* Whether it was sent that nothing is known, and nothing else since; with the frame's time, or
@@ -84,14 +85,23 @@ struct fv_free_space {
      * wanted */
     struct fovea_grid_point *points;
     uint32_t points_max;
-    float *ranges; /* of the scan */
-    int8_t *cells; /* rows of one message */
+    float *ranges;       /* of the scan */
+    int8_t *cells;       /* rows of one message */
+    int16_t *heights_mm; /* likewise; NULL: not sent */
+    uint8_t *height_counts;
 };
 
 /* Rows of one message. */
 static inline uint32_t fv_free_space_rows(const struct fovea_grid_config *config)
 {
     const uint32_t most = FV_MESSAGE_GRID_CELLS_MAX / config->side_cells;
+    return most < config->side_cells ? most : config->side_cells;
+}
+
+/* Rows of one message of heights. */
+static inline uint32_t fv_free_space_height_rows(const struct fovea_grid_config *config)
+{
+    const uint32_t most = FV_MESSAGE_HEIGHTS_CELLS_MAX / config->side_cells;
     return most < config->side_cells ? most : config->side_cells;
 }
 

@@ -132,8 +132,8 @@ static uint32_t advance_free_space(struct fovea *rt, uint32_t units, struct fove
             rt, kind,
             fv_free_space_encode(stage, rt->outbox.buffer[kind], rt->outbox.capacity[kind]),
             outputs);
-        /* One part of the grid per work call: its buffer is in use until the next. */
-        if (kind == fv_free_space_kind(stage) && kind == FV_MESSAGE_GRID) break;
+        /* One part of a kind per work call: its buffer is in use until the next. */
+        if (kind == fv_free_space_kind(stage)) break;
     }
     return done;
 }

@@ -70,6 +70,11 @@ static void carve_outbox(struct fovea *rt, struct fv_arena *arena)
         const struct fovea_grid_config *grid = &rt->config.grid_job.grid;
         carve_buffer(outbox, FV_MESSAGE_GRID,
                      fv_message_grid_size_max(fv_free_space_rows(grid) * grid->side_cells), arena);
+        if (grid->heights)
+            carve_buffer(
+                outbox, FV_MESSAGE_GRID_HEIGHTS,
+                fv_message_heights_size_max(fv_free_space_height_rows(grid) * grid->side_cells),
+                arena);
         carve_buffer(outbox, FV_MESSAGE_SCAN, fv_message_scan_size_max(grid->rays), arena);
     }
     if (rt->config.lockstep_every > 0)

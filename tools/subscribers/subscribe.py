@@ -65,6 +65,7 @@ TELL = {
     "STATISTICS": (fovea.statistics_t, lambda m: f"{m.frames_in} frames in, {m.frames_processed} processed"),
     "CALIBRATION_WARNING": (fovea.calibration_warning_t, lambda m: f"state {m.state}, residuals {m.rms_px:.2f} px, {m.expected_px:.2f} px with the focal length that fits {m.reason}"),
     "GRID": (fovea.grid_t, lambda m: f"{m.width} x {m.height} cells of {m.resolution_m} m, rows {m.first_row} to {m.first_row + m.row_count - 1}, {sum(0 <= c < 100 * m.free_below for c in m.cells)} free, {sum(c > 100 * m.occupied_above for c in m.cells)} occupied"),
+    "GRID_HEIGHTS": (fovea.height_grid_t, lambda m: f"rows {m.first_row} to {m.first_row + m.row_count - 1}, {sum(h != m.UNKNOWN for h in m.height_mm)} heights known, the highest {max((h for h in m.height_mm if h != m.UNKNOWN), default=0)} mm"),
     "SCAN": (fovea.scan_t, lambda m: f"{m.count} ranges, the nearest obstacle at {min((r for r in m.range_m if r == r), default=float('nan')):.2f} m"),
     "EDGES": (fovea.edges_t, lambda m: f"{m.method} of {m.width} x {m.height}, rows {m.first_row} to {m.first_row + m.row_count - 1}, {m.segment_count} segments"),
     "PREVIEW": (fovea.preview_t, lambda m: f"{m.width} x {m.height}, {m.size_bytes} bytes of JPEG"),

@@ -17,6 +17,7 @@
 #include "fovea_settings_result_t.h"
 #include "fovea_edges_t.h"
 #include "fovea_grid_t.h"
+#include "fovea_height_grid_t.h"
 #include "fovea_health_t.h"
 #include "fovea_keypoints_t.h"
 #include "fovea_lockstep_t.h"
@@ -130,6 +131,9 @@ static void grids_and_scans_fit(void **state)
     const fovea_grid_t grid = {.frame = longest(23), .cell_count = FOVEA_GRID_T_CELLS_MAX};
     const fovea_scan_t scan = {.frame = longest(23), .count = FOVEA_SCAN_T_COUNT_MAX};
     assert_fits("grid_t", fovea_grid_t_encoded_size(&grid));
+    const fovea_height_grid_t heights = {.frame = longest(23),
+                                         .cell_count = FOVEA_HEIGHT_GRID_T_CELLS_MAX};
+    assert_fits("height_grid_t", fovea_height_grid_t_encoded_size(&heights));
     assert_fits("scan_t", fovea_scan_t_encoded_size(&scan));
 }
 

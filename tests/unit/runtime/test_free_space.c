@@ -22,6 +22,7 @@
 #include "support/picture.h"
 
 #include "fovea_grid_t.h"
+#include "fovea_height_grid_t.h"
 #include "fovea_scan_t.h"
 
 #define WAY "sim:orbit?width=320&height=240&lens=pinhole&fov=70&rate=10"
@@ -39,9 +40,11 @@ static _Alignas(64) uint8_t model[1 << 18];
 struct run {
     int8_t cells[SIDE * SIDE];
     float ranges[RAYS];
+    int16_t heights_mm[SIDE * SIDE];
+    uint8_t height_counts[SIDE * SIDE];
     int64_t grid_stamp_ns, scan_stamp_ns;
     double origin[3];
-    int grids, scans, known;
+    int grids, height_grids, scans, known;
     int empty;    /* grids without a known cell after one with some */
     int compared; /* grids that were compared with that beside, as they came */
 };
@@ -84,6 +87,22 @@ static void take_grid(const struct fovea_message *message, struct run *run)
     fovea_grid_t_decode_cleanup(&m);
 }
 
+static void take_heights(const struct fovea_message *message, struct run *run)
+{
+    fovea_height_grid_t m;
+    assert_true(fovea_height_grid_t_decode(message->data, 0, (int)message->bytes, &m) > 0);
+    assert_true(m.width == SIDE && m.height == SIDE && m.resolution_m == 0.05);
+    assert_true(m.cell_count == m.row_count * SIDE &&
+                m.cell_count <= FOVEA_HEIGHT_GRID_T_CELLS_MAX);
+    assert_true(m.stamp.time_ns == run->grid_stamp_ns);
+    assert_memory_equal(m.origin_position, run->origin, sizeof run->origin);
+    const size_t from = (size_t)m.first_row * SIDE, count = (size_t)m.cell_count;
+    memcpy(run->heights_mm + from, m.height_mm, count * sizeof m.height_mm[0]);
+    memcpy(run->height_counts + from, m.point_count, count);
+    run->height_grids += m.first_row + m.row_count == SIDE;
+    fovea_height_grid_t_decode_cleanup(&m);
+}
+
 static void take_scan(const struct fovea_message *message, struct run *run)
 {
     fovea_scan_t m;
@@ -101,6 +120,8 @@ static void take_messages(const struct fovea_outputs *outputs, struct run *run)
     for (uint32_t i = 0; i < outputs->message_count; i++) {
         if (strcmp(outputs->messages[i].channel, "FOVEA_GRID") == 0)
             take_grid(&outputs->messages[i], run);
+        if (strcmp(outputs->messages[i].channel, "FOVEA_GRID_HEIGHTS") == 0)
+            take_heights(&outputs->messages[i], run);
         if (strcmp(outputs->messages[i].channel, "FOVEA_SCAN") == 0)
             take_scan(&outputs->messages[i], run);
     }
@@ -335,8 +356,8 @@ static void check_picture(const int8_t *cells)
     free((void *)(uintptr_t)image.data);
 }
 
-/* Heights of the run are those of the grid beside, and so is their picture. */
-static void check_heights(void)
+/* Heights of the run are those of the grid beside; so are those sent, and so is their picture. */
+static void check_heights(const struct run *run)
 {
     static int16_t own[SIDE * SIDE], of_beside[SIDE * SIDE];
     static uint8_t counts[2][SIDE * SIDE];
@@ -349,6 +370,9 @@ static void check_heights(void)
     assert_true(fovea_grid_heights(beside, of_beside, counts[1], &place));
     assert_memory_equal(own, of_beside, sizeof own);
     assert_memory_equal(counts[0], counts[1], sizeof counts[0]);
+    assert_int_equal(run->height_grids, run->grids);
+    assert_memory_equal(run->heights_mm, own, sizeof own);
+    assert_memory_equal(run->height_counts, counts[0], sizeof counts[0]);
     close(mkstemps(path, 4));
     unlink(path);
     assert_int_equal(fv_grid_file_write_heights(path, rig.rt, &rig.config.grid_job.grid, &error),
@@ -378,7 +402,7 @@ static void what_is_sent_is_the_grid_of_the_masks_and_poses(void **state)
     static int8_t cells[SIDE * SIDE], got[SIDE * SIDE];
     float ranges[RAYS];
     struct fovea_grid_place place, own;
-    run_with(400, 4, FRAMES, false, &run);
+    run_with(400, 10, FRAMES, false, &run); /* heights come in several messages */
     fovea_grid_cells(beside, cells, &place);
     fovea_grid_scan(beside, ranges);
     print_message("%d grids, %d scans, %d cells known\n", run.grids, run.scans, run.known);
@@ -392,7 +416,7 @@ static void what_is_sent_is_the_grid_of_the_masks_and_poses(void **state)
     assert_memory_equal(got, cells, sizeof cells);
     assert_memory_equal(&own, &place, sizeof own);
     check_picture(cells);
-    check_heights();
+    check_heights(&run);
     end_run();
 }
 
