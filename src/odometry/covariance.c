@@ -28,7 +28,10 @@ static const double together_max =
     3; /* parts' variance over that of the errors: more, and something moves, or the map is bent */
 static const double young_spread_px =
     20; /* below it, landmarks' errors have much in common; above, less and less */
-static const double much_larger = 2; /* less is chance */
+static const double much_larger = 2;                    /* less is chance */
+static const double focal_sigmas = 4, focal_max = 0.01; /* in good runs it stays below half of it */
+static const double focal_shown =
+    0.25; /* least of a change that the inliers of a fit without it show */
 static const double bend_max = 0.1, bend_fraction = 0.17;
 static const double doubt_fraction =
     0.05; /* of the way, where the pictures do not bear the map out */
@@ -254,13 +257,14 @@ static void add_distance_error(const struct fv_inverse_distance *measured, const
     fv_pose_part_add(part, fv_inverse_distance_robust(measured, e), e, row);
 }
 
-/* The inliers' errors by part of the image. */
+/* The inliers' errors by part of the image, and by the focal length. */
 static void collect_parts(const struct fv_map *map, const struct fv_map_frame *frame,
-                          struct fv_pose_part parts[FV_MAP_PARTS])
+                          struct fv_pose_part parts[FV_MAP_PARTS], struct fv_pose_focal *focal)
 {
     const struct fv_se3 *T = &frame->keyframe->T_cam_world;
     const struct fv_inverse_distance *distances = distances_of(map, fv_map_current(map));
     memset(parts, 0, FV_MAP_PARTS * sizeof *parts);
+    memset(focal, 0, sizeof *focal);
     for (uint32_t f = 0; f < frame->keyframe->features; f++) {
         double q[3], e[2], J[6], row[6];
         struct fv_observation s;
@@ -268,11 +272,15 @@ static void collect_parts(const struct fv_map *map, const struct fv_map_frame *f
         fv_observation_from(&frame->keypoints[f], map->landmarks[frame->landmark[f]].point, &s);
         fv_se3_apply(T, s.point, q);
         if (!fv_observation_error(s.bearing, s.A, q, e, J)) continue;
-        struct fv_pose_part *part = &parts[fv_map_part(map, &frame->points[f])];
+        const struct fv_pixel *pixel = &frame->points[f];
+        struct fv_pose_part *part = &parts[fv_map_part(map, pixel)];
+        const double by_focal[2] = {pixel->x * map->pixel_px - map->camera->cx,
+                                    pixel->y * map->pixel_px - map->camera->cy};
         for (int r = 0; r < 2; r++) {
             fv_copy3(J + 3 * r, row);
             fv_cross3(q, row, row + 3);
             fv_pose_part_add(part, s.weight, e[r], row);
+            fv_pose_focal_add(focal, s.weight, e[r], row, by_focal[r]);
         }
         if (distances != NULL) add_distance_error(&distances[f], s.bearing, q, part);
     }
@@ -409,6 +417,23 @@ static void larger_parts(const struct fv_odometry *o, const struct fv_se3 *T_fra
         memcpy(parts, carried, sizeof carried);
 }
 
+/* Whether the picture shows the map as by another focal length; what the pose would move by with it
+ * is added to the covariance. */
+static bool other_focal(const struct fv_pose_fit *fit, const struct fv_pose_part *parts,
+                        const struct fv_pose_focal *focal, double variance, double covariance[21])
+{
+    double pull[6] = {0}, change, sigma, moved[6];
+    for (int p = 0; p < FV_MAP_PARTS; p++)
+        for (int k = 0; k < 6; k++)
+            pull[k] += parts[p].pull[k];
+    if (!fv_pose_focal_solve(fit, focal, pull, &change, &sigma, moved)) return false;
+    if (!(__builtin_fabs(change) > focal_sigmas * sigma * __builtin_sqrt(variance))) return false;
+    for (int row = 0, k = 0; row < 6; row++)
+        for (int column = row; column < 6; column++, k++)
+            covariance[k] += moved[row] * moved[column] / (focal_shown * focal_shown);
+    return __builtin_fabs(change) > focal_max;
+}
+
 bool fv_covariance_write(struct fv_odometry *o, const struct fv_map_frame *frame,
                          const struct fv_pose_fit *fit)
 {
@@ -417,7 +442,8 @@ bool fv_covariance_write(struct fv_odometry *o, const struct fv_map_frame *frame
            parts_variance;
     if (variance < FV_MAP_VARIANCE_MIN) variance = FV_MAP_VARIANCE_MIN;
     struct fv_pose_part part[FV_MAP_PARTS];
-    collect_parts(&o->map, frame, part);
+    struct fv_pose_focal focal;
+    collect_parts(&o->map, frame, part, &focal);
     const bool spread = fv_pose_jackknife(fit, part, FV_MAP_PARTS, parts, &parts_variance);
     const double bend = map_bend(&o->map, o->focal_px, frame, __builtin_sqrt(variance));
     bool reliable = spread && (parts_variance < together_max * variance ||
@@ -432,6 +458,7 @@ bool fv_covariance_write(struct fv_odometry *o, const struct fv_map_frame *frame
     larger_parts(o, &T_frame_ref, parts);
     for (int k = 0; k < 21; k++)
         covariance[k] = own_fraction * covariance[k] + parts[k];
+    if (other_focal(fit, part, &focal, variance, covariance)) reliable = false;
     const bool doubt = fv_agreement_verdict(&o->state->agreement) != FV_AGREEMENT_GOOD;
     const double open = bend_fraction * bend + (doubt ? doubt_fraction : 0),
                  drift = open * fv_norm3(T_frame_ref.t),

@@ -31,10 +31,17 @@
  *
  * So is a twentieth of the way where the pictures leave the map in doubt (agreement.h).
  *
+ * A lens that zooms, or that its focus changes, shows the map as by another focal length. With
+ * depth in view that is not the same as a step ahead: the focal length as a seventh unknown says by
+ * how much (fv_pose_focal_solve). Where it is another by five sigmas, what the pose would move by
+ * with it is added. On good runs it is another by .05 to .2 %, in the handheld recording, whose
+ * calibration is a guess, by .4 %.
+ *
  * Not to be relied on, whatever its size: while the map is young (fewer than ten keyframes) and
  * that bend is 10 % or more; where the parts' variance is three times that of the errors or more,
  * unless five keyframes or more agree with the map (agreement.h): then what pulls is a thing that
- * moves or a lens, and is counted above; and where the pose hangs on one part alone. */
+ * moves or a lens, and is counted above; where the focal length is another by more than 1 %; and
+ * where the pose hangs on one part alone. */
 #ifndef FOVEA_ODOMETRY_COVARIANCE_H
 #define FOVEA_ODOMETRY_COVARIANCE_H
 

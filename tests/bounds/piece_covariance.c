@@ -12,13 +12,14 @@ struct covarying {
     struct fv_map_frame frame;
     struct fv_pose_fit fit;
     struct fv_pose_part parts[FV_MAP_PARTS];
+    struct fv_pose_focal focal;
     double covariance[21], variance;
 };
 
 static void collect(void *context)
 {
     struct covarying *c = context;
-    collect_parts(&c->o->map, &c->frame, c->parts);
+    collect_parts(&c->o->map, &c->frame, c->parts, &c->focal);
     c->variance = map_bend(&c->o->map, c->o->focal_px, &c->frame, 0.1);
 }
 
@@ -32,6 +33,7 @@ static void jackknife(void *context)
 {
     struct covarying *c = context;
     MUST(fv_pose_jackknife(&c->fit, c->parts, FV_MAP_PARTS, c->covariance, &c->variance));
+    MUST(other_focal(&c->fit, c->parts, &c->focal, 0, c->covariance));
 }
 
 /* Parts of one weight each. */
@@ -41,12 +43,15 @@ static void make_parts(struct covarying *c)
     fv_random_seed(&random, 3);
     memset(&c->fit, 0, sizeof c->fit);
     memset(c->parts, 0, sizeof c->parts);
+    memset(&c->focal, 0, sizeof c->focal);
     for (int p = 0; p < FV_MAP_PARTS; p++)
         for (int n = 0; n < 20; n++) {
             double row[6];
             for (int k = 0; k < 6; k++)
                 row[k] = fv_random_normal(&random);
-            fv_pose_part_add(&c->parts[p], 1, fv_random_normal(&random), row);
+            const double error = fv_random_normal(&random);
+            fv_pose_part_add(&c->parts[p], 1, error, row);
+            fv_pose_focal_add(&c->focal, 1, error, row, -error);
         }
     for (int p = 0; p < FV_MAP_PARTS; p++)
         for (int k = 0; k < 36; k++)

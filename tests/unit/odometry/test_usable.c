@@ -98,6 +98,35 @@ static void blurred_pictures_are_weak(void **state)
     check_faulty("blur&sigma=2", false);
 }
 
+/* A lens that zooms by 3 % seems to step ahead. Where frames of it are called sure, their
+ * covariance admits that. */
+static void a_lens_that_zooms_is_told(void **state)
+{
+    char uri[160];
+    int sure = 0, before = 0;
+    (void)state;
+    snprintf(uri, sizeof uri,
+             "fault:sim:orbit?width=400&height=300?kind=zoom&factor=1.03&first=%d&shortest=%d&"
+             "longest=%d&count=1",
+             FIRST, LENGTH, LENGTH);
+    run(uri, FIRST + LENGTH + AFTER);
+    const uint64_t keyframe = rig.pose[FIRST - 1].reference_keyframe;
+    for (int n = FIRST - 20; n < FIRST + LENGTH; n++) {
+        double sigma, way;
+        const double off = way_off(FIRST - 21, n, &sigma, &way);
+        if (rig.pose[n].state != FOVEA_TRACKING_OK || rig.pose[n].reference_keyframe > keyframe)
+            continue;
+        assert_true(off < 4 * sigma + 0.03 * way);
+        sure += n >= FIRST;
+        before += n < FIRST;
+    }
+    print_message("before the lens zooms %d of 20 frames are sure, then %d of %d\n", before, sure,
+                  LENGTH);
+    assert_in_range(before, 18, 20);
+    assert_in_range(sure, 0, LENGTH - 4);
+    sim_rig_close(&rig);
+}
+
 /* Starts and stops of a robot, which brakes; with noise, as every camera has. */
 static void standing_is_not_frozen(void **state)
 {
@@ -234,9 +263,9 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(frozen_pictures_are_weak),  cmocka_unit_test(blurred_pictures_are_weak),
-        cmocka_unit_test(standing_is_not_frozen),    cmocka_unit_test(old_features_tell),
-        cmocka_unit_test(a_gap_is_no_freeze),        cmocka_unit_test(creeping_is_no_freeze),
-        cmocka_unit_test(patched_pictures_are_weak),
+        cmocka_unit_test(a_lens_that_zooms_is_told), cmocka_unit_test(standing_is_not_frozen),
+        cmocka_unit_test(old_features_tell),         cmocka_unit_test(a_gap_is_no_freeze),
+        cmocka_unit_test(creeping_is_no_freeze),     cmocka_unit_test(patched_pictures_are_weak),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
