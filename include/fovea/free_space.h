@@ -16,10 +16,10 @@ struct fovea;
 
 /* Configuration: a grid of the floor (fovea/grid.h) from the masks of the first network
  * that labels pixels, detect.model or else detect2.model, and the poses that the masks were seen
- * from; sent as grid_t and scan_t after each mask. The floor begins as z = 0 of the body, under the
- * robot: T_body_cam states the height of the camera over it. From there on it is estimated (struct
- * fovea_ground). Lengths must be metres: until the scale is known there is no grid. It shares the
- * units of FOVEA_JOB_DETECT. */
+ * from; sent as grid_t and scan_t (and height_grid_t) after each mask. The floor begins as z = 0 of
+ * the body, under the robot: T_body_cam states the height of the camera over it. From there on it
+ * is estimated (struct fovea_ground). Lengths must be metres: until the scale is known there is no
+ * grid. It shares the units of FOVEA_JOB_DETECT. */
 struct fovea_grid_job_config {
     bool enabled; /* default false */
     /* default true: points of landmarks that are tracked, and of two cameras' distances, mark cells

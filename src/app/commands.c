@@ -115,9 +115,9 @@ const struct fv_command fv_commands[] = {
      "DIR gets one PNG per frame and, where the source knows the truth, COCO annotations. With "
      "--masks it also gets NAME.mask.png, whose grey levels are classes: 0 background (ceilings, the "
      "sky), 1 ball, 2 cone, 3 box, 4 person, 5 floor, 6 wall, 7 obstacle (furniture and whatever "
-     "else stands or hangs), 8 pit (the inside of a hole in the floor); and classes-map.txt, which says for 'fovea segment --evaluate DIR "
-     "--classes-map DIR/classes-map.txt' what each of them is: floor, wall, obstacle (7, 8), movable "
-     "(1 to 4) or other (0).",
+     "else stands or hangs), 8 pit (the inside of a hole in the floor); and classes-map.txt, which "
+     "says for 'fovea segment --evaluate DIR --classes-map DIR/classes-map.txt' what each of them "
+     "is: floor, wall, obstacle (7, 8), movable (1 to 4) or other (0).",
      "fovea export --source sim: --frames 100 frames\nfovea export --masks --source sim:wander --frames 100 labelled"},
     {"map", "print what a saved map holds, export it, draw it", fv_command_map,
      "FILE was written by 'fovea run --save-map'. info prints its keyframes, landmarks and camera; "

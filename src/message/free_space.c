@@ -1,4 +1,4 @@
-/* Free space as LCM bytes: the grid and the scan. */
+/* Free space as LCM bytes: the grid, the scan and heights. */
 #include <assert.h>
 #include <string.h>
 

@@ -248,13 +248,18 @@ static void hold_scale(const struct fv_map *map, uint32_t newest, const struct f
     fv_normal_add_one(&normal, 0, j->size, way, weighted, NULL, 1, NULL);
 }
 
+/* Lenses that zoom alike show a disparity that is larger as the focal length is. */
 static void add_distance_error(const struct fv_inverse_distance *measured, const double bearing[3],
-                               const double q[3], struct fv_pose_part *part)
+                               const double q[3], struct fv_pose_part *part,
+                               struct fv_pose_focal *focal)
 {
     double e, row[6];
     if (!fv_inverse_distance_error(measured, bearing, q, &e, row)) return;
+    const double weight = fv_inverse_distance_robust(measured, e),
+                 by_focal = e + (double)measured->value;
     fv_cross3(q, row, row + 3);
-    fv_pose_part_add(part, fv_inverse_distance_robust(measured, e), e, row);
+    fv_pose_part_add(part, weight, e, row);
+    fv_pose_focal_add(focal, weight, e, row, by_focal);
 }
 
 /* The inliers' errors by part of the image, and by the focal length. */
@@ -274,15 +279,16 @@ static void collect_parts(const struct fv_map *map, const struct fv_map_frame *f
         if (!fv_observation_error(s.bearing, s.A, q, e, J)) continue;
         const struct fv_pixel *pixel = &frame->points[f];
         struct fv_pose_part *part = &parts[fv_map_part(map, pixel)];
+        /* At the predicted pixel, e from the seen one, whose noise would be in both factors. */
         const double by_focal[2] = {pixel->x * map->pixel_px - map->camera->cx,
                                     pixel->y * map->pixel_px - map->camera->cy};
         for (int r = 0; r < 2; r++) {
             fv_copy3(J + 3 * r, row);
             fv_cross3(q, row, row + 3);
             fv_pose_part_add(part, s.weight, e[r], row);
-            fv_pose_focal_add(focal, s.weight, e[r], row, by_focal[r]);
+            fv_pose_focal_add(focal, s.weight, e[r], row, by_focal[r] + e[r]);
         }
-        if (distances != NULL) add_distance_error(&distances[f], s.bearing, q, part);
+        if (distances != NULL) add_distance_error(&distances[f], s.bearing, q, part, focal);
     }
 }
 
@@ -417,8 +423,8 @@ static void larger_parts(const struct fv_odometry *o, const struct fv_se3 *T_fra
         memcpy(parts, carried, sizeof carried);
 }
 
-/* Whether the picture shows the map as by another focal length; what the pose would move by with it
- * is added to the covariance. */
+/* Adds to the covariance what the pose would move by with another focal length, where the picture
+ * shows the map as by one. True: it is another by more than focal_max. */
 static bool other_focal(const struct fv_pose_fit *fit, const struct fv_pose_part *parts,
                         const struct fv_pose_focal *focal, double variance, double covariance[21])
 {

@@ -55,7 +55,9 @@ static void say_empty(struct fv_free_space *stage, int64_t stamp_ns)
     struct fv_free_space_state *s = stage->state;
     if (s->emptied == FV_FREE_SPACE_FILLED) return;
     if (s->emptied == FV_FREE_SPACE_EMPTIED_TIMED) {
-        if (s->phase != FV_FREE_SPACE_IDLE || stamp_ns - s->emptied_ns < period_ns) return;
+        const bool busy =
+            s->phase != FV_FREE_SPACE_IDLE && s->phase != FV_FREE_SPACE_SENDING_HEIGHTS;
+        if (busy || stamp_ns - s->emptied_ns < period_ns) return;
         send_anew(stage);
     }
     s->emptied = FV_FREE_SPACE_EMPTIED_TIMED;

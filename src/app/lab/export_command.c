@@ -3,9 +3,9 @@
  *
  * DIR/000000.png ..., of a rig DIR/000000.cam1.png ... too (where the camera gave an image),
  * DIR/truth.json and, with --masks, DIR/000000.mask.png (the class of every pixel: objects, floor,
- * wall, obstacle, or 0; `mask_classes` of the truth names them) and DIR/classes-map.txt, which says
- * for `fovea segment --evaluate` what each is to a network that labels pixels. The truth is that of
- * the first camera, whose images alone it lists. For training and evaluating detectors and
+ * wall, obstacle, pit, or 0; `mask_classes` of the truth names them) and DIR/classes-map.txt, which
+ * says for `fovea segment --evaluate` what each is to a network that labels pixels. The truth is
+ * that of the first camera, whose images alone it lists. For training and evaluating detectors and
  * multi-object tracking. Boxes are COCO's: [left, top, width, height], (0, 0) the corner of the
  * first pixel; `track_id` is constant over the run and `visible` the visible fraction. */
 #include <errno.h>

@@ -122,7 +122,7 @@ static void frames_wait_while_the_state_is_written(void **state)
     (void)state;
     begin();
     turn();
-    assert_true(recordings.setup.state_bytes > 40 * sizeof pixels);
+    assert_true(recordings.setup.state_bytes > 120 * sizeof pixels);
     for (size_t bytes = 0; bytes < recordings.setup.state_bytes / 2; bytes += sizeof pixels)
         turn();
     assert_int_equal(atomic_load(&recordings.stage), FV_RECORDINGS_RECORDS);
