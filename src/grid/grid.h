@@ -95,8 +95,13 @@ struct fv_grid_look {
     double beside[2];      /* of the camera from the body */
     double outside;        /* (x^2 + y^2) / z^2 from which on nothing is in the image */
     uint8_t of[256];       /* label of a byte of the mask */
+    uint8_t least;         /* confidence of floor, 0 to 255, below which it is FV_GRID_UNSURE */
 };
 
+/* A label beside enum fovea_grid_label: floor, perhaps. */
+enum { FV_GRID_UNSURE = 4 };
+
+/* With a `least` of 0. */
 struct fv_grid_look fv_grid_look_of(const struct fovea_grid_view *view);
 /* The label of a point of the camera's frame, whatever the floor of the view; -1: it is not in the
  * image. */

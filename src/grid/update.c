@@ -26,6 +26,7 @@ enum fovea_status fv_grid_check(const struct fovea_grid_config *c, struct fovea_
                    {"robot_radius_m", c->robot_radius_m, 0, 10},
                    {"half_life_s", c->half_life_s, 0.1, 10000},
                    {"movable_half_life_s", c->movable_half_life_s, 0.1, 10000},
+                   {"floor_confidence", c->floor_confidence, 0, 1},
                    {"heights_max_m", c->heights_max_m, 0.1, 10}};
     for (size_t i = 0; i < sizeof members / sizeof *members; i++)
         if (!(members[i].value >= members[i].least && members[i].value <= members[i].most))
@@ -234,7 +235,11 @@ int fv_grid_label(const struct fv_grid_look *look, const double point[3])
     const double column = (pixel[0] - s->raw_offset[0]) * look->inverse[0] + 0.5,
                  row = (pixel[1] - s->raw_offset[1]) * look->inverse[1] + 0.5;
     if (!(column >= 0 && column < s->width && row >= 0 && row < s->height)) return -1;
-    return look->of[s->pixels[(int64_t)row * s->width + (int64_t)column]];
+    const int64_t at = (int64_t)row * s->width + (int64_t)column;
+    const int label = look->of[s->pixels[at]];
+    return label == FOVEA_GRID_FLOOR && s->confidence != NULL && s->confidence[at] < look->least
+               ? FV_GRID_UNSURE
+               : label;
 }
 
 /* That of the floor's point after i steps. */
@@ -304,6 +309,10 @@ static bool follow_ray(struct fv_grid *g, const struct fv_grid_look *look, int32
         if (--*lookups < 0) return false;
         const int label = label_at(look, &ray, s->step);
         if (label < 0 || label == FOVEA_GRID_IGNORED) return true;
+        if (label == FV_GRID_UNSURE) {
+            s->free = s->step + 1;
+            continue;
+        }
         if (label != FOVEA_GRID_FLOOR) {
             fv_grid_mark(g, look->from[0] + ray.x * s->step, look->from[1] + ray.y * s->step,
                          mark_of(look, &ray, s->step, label));
@@ -317,7 +326,8 @@ static bool follow_ray(struct fv_grid *g, const struct fv_grid_look *look, int32
 static bool follow_rays(struct fv_grid *g, const struct fovea_grid_view *view)
 {
     struct fv_grid_state *s = g->state;
-    const struct fv_grid_look look = fv_grid_look_of(view);
+    struct fv_grid_look look = fv_grid_look_of(view);
+    look.least = (uint8_t)(255 * g->config.floor_confidence + 0.5);
     int32_t lookups = FV_GRID_LOOKUPS;
     while (s->ray < (int32_t)g->config.rays && lookups > 0) {
         if (!follow_ray(g, &look, &lookups)) return false;
