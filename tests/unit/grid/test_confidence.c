@@ -52,8 +52,8 @@ static void look(double least, const uint8_t *sure)
                                              .seen = &seen,
                                              .labels = labels,
                                              .camera = &camera,
-                                             .T_odom_cam = {0, -sin(tilt), cos(tilt), 0, -1, 0, 0, 0,
-                                                            0, -cos(tilt), -sin(tilt), height}};
+                                             .T_odom_cam = {0, -sin(tilt), cos(tilt), 0, -1, 0, 0,
+                                                            0, 0, -cos(tilt), -sin(tilt), height}};
         assert_int_equal(fovea_grid_update(grid, &view), FOVEA_OK);
     }
     seen.confidence = NULL;
