@@ -60,8 +60,9 @@ static int32_t kept_in(const struct fv_grid_recall *recall, int64_t x, int64_t y
     int32_t most = 0, least = 0;
     bool all = true;
     for (int32_t i = 0; i < n * n; i++) {
+        const int32_t column = i % n, row = i / n;
         const int32_t found =
-            kept_at(recall, (double)x + (i % n + 0.5) / n, (double)y + (i / n + 0.5) / n);
+            kept_at(recall, (double)x + (column + 0.5) / n, (double)y + (row + 0.5) / n);
         most = found > most ? found : most;
         least = found < least ? found : least;
         all = all && found != 0;
