@@ -122,7 +122,8 @@ FV_INLINE __m512i pack_lanes(__m512i a, __m512i b, __m512i c, __m512i d, __m512i
     return _mm512_min_epu8(_mm512_max_epu8(_mm512_packus_epi16(ab, cd), low), high);
 }
 
-/* Table lookup of 64 bytes. With VBMI in registers, else through memory. */
+/* Table lookup of 64 bytes. With VBMI by bytes, else by words: a word holds the entries of two
+ * neighbouring indices, and a shift takes that of the lower bit. */
 struct table64 {
     __m512i part[4];
 };
@@ -133,21 +134,38 @@ FV_INLINE void load_table(struct table64 *t, const uint8_t *table)
         t->part[i] = table == NULL ? _mm512_setzero_si512() : _mm512_loadu_si512(table + 64 * i);
 }
 
-FV_INLINE __m512i look_up(__m512i index, const struct table64 *t, const uint8_t *table)
-{
 #ifdef __AVX512VBMI__
-    (void)table;
+
+FV_INLINE __m512i look_up(__m512i index, const struct table64 *t)
+{
     const __m512i low = _mm512_permutex2var_epi8(t->part[0], index, t->part[1]);
     const __m512i high = _mm512_permutex2var_epi8(t->part[2], index, t->part[3]);
     return _mm512_mask_mov_epi8(low, _mm512_movepi8_mask(index), high);
-#else
-    (void)t;
-    uint8_t bytes[64];
-    _mm512_storeu_si512(bytes, index);
-    for (int i = 0; i < 64; i++)
-        bytes[i] = table[bytes[i]];
-    return _mm512_loadu_si512(bytes);
-#endif
 }
+
+#else
+
+/* `word`: which of the table's words, in the six lowest bits of each lane; `upper`: its second
+ * half. */
+FV_INLINE __m512i look_up_words(__m512i word, __mmask32 upper, const struct table64 *t)
+{
+    const __m512i low = _mm512_permutex2var_epi16(t->part[0], word, t->part[1]);
+    const __m512i high = _mm512_permutex2var_epi16(t->part[2], word, t->part[3]);
+    return _mm512_mask_mov_epi16(low, upper, high);
+}
+
+FV_INLINE __m512i look_up(__m512i index, const struct table64 *t)
+{
+    const __m512i eight = _mm512_set1_epi16(8);
+    const __m512i even = look_up_words(_mm512_srli_epi16(index, 1),
+                                       _mm512_test_epi16_mask(index, _mm512_set1_epi16(0x80)), t);
+    const __m512i odd = look_up_words(_mm512_srli_epi16(index, 9), _mm512_movepi16_mask(index), t);
+    const __m512i down = _mm512_and_si512(_mm512_slli_epi16(index, 3), eight);
+    const __m512i up = _mm512_andnot_si512(_mm512_srli_epi16(index, 5), eight);
+    return _mm512_mask_mov_epi8(_mm512_srlv_epi16(even, down), UINT64_C(0xAAAAAAAAAAAAAAAA),
+                                _mm512_sllv_epi16(odd, up));
+}
+
+#endif
 
 #endif

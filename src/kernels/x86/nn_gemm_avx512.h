@@ -129,7 +129,7 @@ FV_INLINE void tile_u8(const struct tile_job *j, const struct store_job *s, cons
             r[b] = used ? acc[row * BLOCKS + b % BLOCKS] : r[0];
         }
         __m512i bytes = pack_lanes(r[0], r[1], r[2], r[3], s->zero, s->low, s->high);
-        if (s->lookup != NULL) bytes = look_up(bytes, &s->table, s->lookup);
+        if (s->lookup != NULL) bytes = look_up(bytes, &s->table);
         store_bytes(s, _mm512_permutexvar_epi32(s->order, bytes), i, j->rows - i, BLOCKS);
     }
 }
