@@ -114,7 +114,7 @@ FV_INLINE void finish(const struct lanes *l, const struct fv_nn_depthwise *d, co
         requantize_down(acc[0], &l->scale[0], above), requantize_down(acc[1], &l->scale[1], above),
         requantize_down(acc[2], &l->scale[2], above), requantize_down(acc[3], &l->scale[3], above),
         l->zero, l->low, l->high);
-    if (d->table != NULL) bytes = look_up(bytes, &l->table, d->table);
+    if (d->table != NULL) bytes = look_up(bytes, &l->table);
     _mm512_mask_storeu_epi8(out, mask, bytes);
 }
 
@@ -260,16 +260,18 @@ static inline void copy_flat(const struct fv_nn_depthwise *d, const uint8_t *row
                (size_t)((all - left - middle) * d->channels));
         return;
     }
-    for (int32_t i = 0; i < all; i++) {
-        uint8_t *at = to + i % d->stride_x * part + (ptrdiff_t)(i / d->stride_x) * d->channels;
-        const int32_t x = i - d->pad_left;
-        if (x < 0 || x >= d->in_w)
-            memset(at, d->zero_in, (size_t)d->channels);
-        else if (d->channels <= 64)
-            _mm512_mask_storeu_epi8(
-                at, mask, _mm512_maskz_loadu_epi8(mask, row + (ptrdiff_t)x * d->in_stride));
-        else
-            memcpy(at, row + (ptrdiff_t)x * d->in_stride, (size_t)d->channels);
+    for (int32_t phase = 0; phase < d->stride_x; phase++) {
+        uint8_t *at = to + phase * part;
+        for (int32_t i = phase; i < all; i += d->stride_x, at += d->channels) {
+            const int32_t x = i - d->pad_left;
+            if (x < 0 || x >= d->in_w)
+                memset(at, d->zero_in, (size_t)d->channels);
+            else if (d->channels <= 64)
+                _mm512_mask_storeu_epi8(
+                    at, mask, _mm512_maskz_loadu_epi8(mask, row + (ptrdiff_t)x * d->in_stride));
+            else
+                memcpy(at, row + (ptrdiff_t)x * d->in_stride, (size_t)d->channels);
+        }
     }
 }
 
