@@ -34,60 +34,85 @@ static inline void copy_run(uint8_t *to, const uint8_t *from, int32_t bytes)
         memcpy(to + i, from + i, 16);
 }
 
-/* One kernel row of one output pixel at a border or with gaps: kw pixels of in_c bytes, zero_in
- * outside the image. */
-static void gather_run(const struct fv_op_conv *c, const uint8_t *line, int32_t ix, uint8_t *to)
+/* Fill in pieces of 16 bytes, likewise. */
+static inline void fill_run(uint8_t *to, uint8_t value, int32_t bytes)
 {
-    const struct fv_op_image *im = &c->image;
-    for (int32_t kx = 0; kx < c->window.kw; kx++, ix += c->window.dilation_x, to += im->in_c) {
-        if (line == NULL || ix < 0 || ix >= im->in_w)
-            memset(to, c->zero_in, (size_t)im->in_c);
-        else
-            copy_run(to, line + (ptrdiff_t)ix * im->in_stride, im->in_c);
-    }
+    for (int32_t i = 0; i < bytes; i += 16)
+        memset(to + i, value, 16);
 }
 
-/* Kernel row ky of `count` neighbouring output pixels of one row, the first at x. */
-static void gather_line(const struct fv_nn_call *call, const uint8_t *image, int32_t y, int32_t x,
-                        int32_t ky, int32_t count, uint8_t *rows, ptrdiff_t pitch)
+/* What gathering asks of a convolution, once for all its rows. */
+struct gathering {
+    const struct fv_nn_call *call;
+    const struct fv_op_conv *c;
+    int32_t begin, end; /* of the output columns whose kernel rows are one run inside the image */
+};
+
+static struct gathering gathering_of(const struct fv_nn_call *call)
 {
     const struct fv_op_conv *c = &call->op->u.conv;
     const struct fv_op_image *im = &c->image;
     const struct fv_op_window *w = &c->window;
-    const int whole =
-        w->dilation_x == 1 && im->in_stride == im->in_c; /* a kernel row is one run of bytes */
+    struct gathering g = {.call = call, .c = c};
+    const int32_t room = im->in_w - w->kw + w->pad_left; /* stride_x x for the last that fits */
+    if (w->dilation_x == 1 && im->in_stride == im->in_c && room >= 0) {
+        g.begin = (w->pad_left + w->stride_x - 1) / w->stride_x;
+        g.end = room / w->stride_x + 1;
+    }
+    return g;
+}
+
+/* One kernel row of one output pixel at a border or with gaps: kw pixels of in_c bytes, zero_in
+ * outside the image. Columns left of the image, inside, and right of it follow each other. */
+static void gather_run(const struct gathering *g, const uint8_t *line, int32_t ix, uint8_t *to)
+{
+    const struct fv_op_image *im = &g->c->image;
+    const struct fv_op_window *w = &g->c->window;
+    int32_t kx = 0;
+    for (; kx < w->kw && (line == NULL || ix < 0); kx++, ix += w->dilation_x, to += im->in_c)
+        fill_run(to, g->c->zero_in, im->in_c);
+    for (; kx < w->kw && ix < im->in_w; kx++, ix += w->dilation_x, to += im->in_c)
+        copy_run(to, line + (ptrdiff_t)ix * im->in_stride, im->in_c);
+    fill_run(to, g->c->zero_in, (w->kw - kx) * im->in_c);
+}
+
+/* Kernel row ky of `count` neighbouring output pixels of one row, the first at x. */
+static void gather_line(const struct gathering *g, const uint8_t *image, int32_t y, int32_t x,
+                        int32_t ky, int32_t count, uint8_t *rows, ptrdiff_t pitch)
+{
+    const struct fv_op_image *im = &g->c->image;
+    const struct fv_op_window *w = &g->c->window;
     const int32_t run = w->kw * im->in_c, iy = y * w->stride_y - w->pad_top + ky * w->dilation_y;
     const uint8_t *line =
         iy < 0 || iy >= im->in_h ? NULL : image + (ptrdiff_t)iy * im->in_w * im->in_stride;
     uint8_t *to = rows + (ptrdiff_t)ky * run;
-    for (int32_t i = 0, some; i < count; i += some, to += some * pitch) {
-        const int32_t ix = (x + i) * w->stride_x - w->pad_left;
-        const int inside = whole && line != NULL && ix >= 0 && ix + w->kw <= im->in_w;
-        some = 1;
-        if (inside) { /* as many as follow without touching the right border */
-            const int32_t fit = (im->in_w - w->kw - ix) / w->stride_x + 1;
-            some = fit < count - i ? fit : count - i;
-            call->kernels->nn_gather_u8(line + (ptrdiff_t)ix * im->in_stride,
-                                        (ptrdiff_t)w->stride_x * im->in_stride, to, pitch, run,
-                                        some);
+    for (const int32_t end = x + count; x < end;) {
+        const int32_t ix = x * w->stride_x - w->pad_left;
+        int32_t some = 1;
+        if (line != NULL && x >= g->begin && x < g->end) {
+            some = (end < g->end ? end : g->end) - x;
+            g->call->kernels->nn_gather_u8(line + (ptrdiff_t)ix * im->in_stride,
+                                           (ptrdiff_t)w->stride_x * im->in_stride, to, pitch, run,
+                                           some);
         } else {
-            gather_run(c, line, ix, to);
+            gather_run(g, line, ix, to);
         }
+        x += some;
+        to += some * pitch;
     }
 }
 
-static void gather(const struct fv_nn_call *call, int32_t first, int32_t count, uint8_t *rows,
+static void gather(const struct gathering *g, int32_t first, int32_t count, uint8_t *rows,
                    ptrdiff_t pitch)
 {
-    const struct fv_op_conv *c = &call->op->u.conv;
-    const struct fv_op_image *im = &c->image;
+    const struct fv_op_image *im = &g->c->image;
     int32_t x = first % im->out_w, y = first / im->out_w % im->out_h,
             n = first / im->out_w / im->out_h;
     while (count > 0) {
         const int32_t part = im->out_w - x < count ? im->out_w - x : count;
-        const uint8_t *image = call->in[0] + (ptrdiff_t)n * im->in_h * im->in_w * im->in_stride;
-        for (int32_t ky = 0; ky < c->window.kh; ky++)
-            gather_line(call, image, y, x, ky, part, rows, pitch);
+        const uint8_t *image = g->call->in[0] + (ptrdiff_t)n * im->in_h * im->in_w * im->in_stride;
+        for (int32_t ky = 0; ky < g->c->window.kh; ky++)
+            gather_line(g, image, y, x, ky, part, rows, pitch);
         rows += part * pitch;
         count -= part;
         x = 0;
@@ -175,9 +200,10 @@ void fv_nn_op_conv(const struct fv_nn_call *call, int32_t begin, int32_t end)
         }
         return;
     }
+    const struct gathering g = gathering_of(call);
     for (int32_t p = first; p < last; p += FV_MODEL_CONV_PIXELS) {
         const int32_t count = last - p < FV_MODEL_CONV_PIXELS ? last - p : FV_MODEL_CONV_PIXELS;
-        gather(call, p, count, call->scratch, pitch);
+        gather(&g, p, count, call->scratch, pitch);
         multiply(call, &gemm, call->scratch, pitch, p, count);
     }
 }
