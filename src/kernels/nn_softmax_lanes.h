@@ -84,11 +84,47 @@ FV_INLINE void row_out(const int32_t *exps, const uint8_t *in, uint8_t *out, int
     }
 }
 
+/* LANES rows that are shorter than two vectors, of which the first `count` are there: a lane holds
+ * a row, so that the steps of all are done beside each other. */
+FV_INLINE void narrow_rows(const int32_t *exps, const uint8_t *in, uint8_t *out, int32_t depth,
+                           int32_t count)
+{
+    int32_t values[2 * LANES][LANES], sums[LANES], scales[LANES], exponents[LANES], halves[LANES];
+    lanes largest = all_of(0), sum = all_of(0);
+    for (int32_t c = 0; c < depth; c++) {
+        for (int32_t r = 0; r < LANES; r++)
+            values[c][r] = r < count ? in[r * depth + c] : 0;
+        largest = larger(largest, load(values[c]));
+    }
+    for (int32_t c = 0; c < depth; c++) {
+        store(values[c], minus(largest, load(values[c])));
+        for (int32_t r = 0; r < LANES; r++)
+            values[c][r] = exps[values[c][r]];
+        sum = plus(sum, shifted(plus(above_zero(load(values[c])), all_of(1 << 11)), 12));
+    }
+    store(sums, sum);
+    reciprocals(sums, scales, exponents);
+    for (int32_t r = 0; r < LANES; r++)
+        halves[r] = (int32_t)((1u << exponents[r]) >> 1);
+    const lanes factor = load(scales), right = load(exponents), bias = load(halves);
+    for (int32_t c = 0; c < depth; c++) {
+        const lanes value = plus(above_zero(high_product(load(values[c]), factor)), bias);
+        store(values[c], smaller(shifted_each(value, right), all_of(255)));
+        for (int32_t r = 0; r < count; r++)
+            out[r * depth + c] = (uint8_t)values[c][r];
+    }
+}
+
 FV_INLINE void softmax(const int32_t *exps, const uint8_t *in, uint8_t *out, int32_t depth,
                        int32_t rows)
 {
     for (int32_t first = 0; first < rows; first += LANES) {
         const int32_t count = rows - first < LANES ? rows - first : LANES;
+        if (depth < 2 * LANES) {
+            const ptrdiff_t at = (ptrdiff_t)first * depth;
+            narrow_rows(exps, in + at, out + at, depth, count);
+            continue;
+        }
         int32_t largest[LANES], sums[LANES], scales[LANES], exponents[LANES];
         for (int32_t r = 0; r < LANES; r++) {
             const uint8_t *row = in + (ptrdiff_t)(first + r) * depth;

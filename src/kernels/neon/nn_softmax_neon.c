@@ -37,6 +37,11 @@ FV_INLINE lanes smaller(lanes a, lanes b)
     return vminq_s32(a, b);
 }
 
+FV_INLINE lanes larger(lanes a, lanes b)
+{
+    return vmaxq_s32(a, b);
+}
+
 FV_INLINE lanes above_zero(lanes v)
 {
     return vmaxq_s32(v, vdupq_n_s32(0));
@@ -46,6 +51,11 @@ FV_INLINE lanes above_zero(lanes v)
 FV_INLINE lanes shifted(lanes v, int32_t bits)
 {
     return vreinterpretq_s32_u32(vshlq_u32(vreinterpretq_u32_s32(v), vdupq_n_s32(-bits)));
+}
+
+FV_INLINE lanes shifted_each(lanes v, lanes bits)
+{
+    return vreinterpretq_s32_u32(vshlq_u32(vreinterpretq_u32_s32(v), vnegq_s32(bits)));
 }
 
 FV_INLINE lanes high_product(lanes a, lanes b)

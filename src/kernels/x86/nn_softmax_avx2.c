@@ -36,6 +36,11 @@ FV_INLINE lanes smaller(lanes a, lanes b)
     return _mm256_min_epi32(a, b);
 }
 
+FV_INLINE lanes larger(lanes a, lanes b)
+{
+    return _mm256_max_epi32(a, b);
+}
+
 FV_INLINE lanes above_zero(lanes v)
 {
     return _mm256_max_epi32(v, _mm256_setzero_si256());
@@ -45,6 +50,11 @@ FV_INLINE lanes above_zero(lanes v)
 FV_INLINE lanes shifted(lanes v, int32_t bits)
 {
     return _mm256_srl_epi32(v, _mm_cvtsi32_si128(bits));
+}
+
+FV_INLINE lanes shifted_each(lanes v, lanes bits)
+{
+    return _mm256_srlv_epi32(v, bits);
 }
 
 /* fv_nn_high_product, of two that are not both -2^31. */

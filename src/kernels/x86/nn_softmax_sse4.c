@@ -37,6 +37,11 @@ FV_INLINE lanes smaller(lanes a, lanes b)
     return _mm_min_epi32(a, b);
 }
 
+FV_INLINE lanes larger(lanes a, lanes b)
+{
+    return _mm_max_epi32(a, b);
+}
+
 FV_INLINE lanes above_zero(lanes v)
 {
     return _mm_max_epi32(v, _mm_setzero_si128());
@@ -46,6 +51,16 @@ FV_INLINE lanes above_zero(lanes v)
 FV_INLINE lanes shifted(lanes v, int32_t bits)
 {
     return _mm_srl_epi32(v, _mm_cvtsi32_si128(bits));
+}
+
+FV_INLINE lanes shifted_each(lanes v, lanes bits)
+{
+    const __m128i word = _mm_set_epi64x(0, 0xFFFFFFFF);
+    const __m128i a = _mm_srl_epi32(v, _mm_and_si128(bits, word)),
+                  b = _mm_srl_epi32(v, _mm_srli_epi64(bits, 32)),
+                  c = _mm_srl_epi32(v, _mm_and_si128(_mm_srli_si128(bits, 8), word)),
+                  d = _mm_srl_epi32(v, _mm_srli_si128(bits, 12));
+    return _mm_blend_epi16(_mm_blend_epi16(a, b, 0x0C), _mm_blend_epi16(c, d, 0xC0), 0xF0);
 }
 
 /* fv_nn_high_product, of two that are not both -2^31. */
