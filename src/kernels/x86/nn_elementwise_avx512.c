@@ -243,6 +243,12 @@ void fv_k_nn_blend_u8__avx512(const struct fv_nn_blend *p, const uint8_t *top,
 void fv_k_nn_gather_u8__avx512(const uint8_t *in, ptrdiff_t step, uint8_t *out, ptrdiff_t pitch,
                                int32_t run, int32_t count)
 {
+    if (run <= 16) { /* of pictures, whose pixels have one value or three */
+        for (int32_t i = 0; i < count; i++, in += step, out += pitch)
+            _mm_storeu_si128((__m128i *)(void *)out,
+                             _mm_loadu_si128((const __m128i *)(const void *)in));
+        return;
+    }
     const int32_t whole = run / 64 * 64;
     const __mmask64 rest = run == whole ? 0 : ~UINT64_C(0) >> (64 - (run - whole));
     for (int32_t i = 0; i < count; i++, in += step, out += pitch) {
