@@ -3,6 +3,7 @@
 #   BUILD=dir      where everything goes (default build)
 #   CC= CXX=       compilers (gcc and clang are kept warning-free)
 #   V=1            show whole commands
+#   TEST_DEBUG=1   link tests with what a debugger wants: five times the disk
 #   SAN=asan|tsan|fuzz  sanitizer build (use with its own BUILD)
 #   CROSS=aarch64-linux-gnu-   cross build, tests run by EMULATOR
 #   SYSROOT=dir    of a cross build: what it is linked with (default BUILD/sysroot, by tools/make_sysroot.sh)
@@ -57,15 +58,16 @@ OPT      := -O3 -g
 FORTIFY  := $(shell printf '\043include <features.h>\n__USE_FORTIFY_LEVEL\n' | $(CC) -O2 -U_FORTIFY_SOURCE -D_FORTIFY_SOURCE=3 -w -E -P - 2>/dev/null | tail -n 1)
 HARDEN   := $(if $(SAN),,-fstack-protector-strong -U_FORTIFY_SOURCE -D_FORTIFY_SOURCE=$(or $(FORTIFY),2))
 HARDLINK := -Wl,-z,relro,-z,now,-z,noexecstack
+# Of sanitized programs the lines alone: what their reports show, and a third of the disk.
 ifeq ($(SAN),asan)
-OPT      := -O1 -g -fno-omit-frame-pointer -fsanitize=address,undefined -fno-sanitize-recover=all -DFOVEA_SANITIZED=1
+OPT      := -O1 -g1 -fno-omit-frame-pointer -fsanitize=address,undefined -fno-sanitize-recover=all -DFOVEA_SANITIZED=1
 endif
 ifeq ($(SAN),fuzz)
-OPT      := -O1 -g -fno-omit-frame-pointer -fsanitize=address,undefined,fuzzer-no-link -fno-sanitize-recover=all \
+OPT      := -O1 -g1 -fno-omit-frame-pointer -fsanitize=address,undefined,fuzzer-no-link -fno-sanitize-recover=all \
             -DFOVEA_SANITIZED=1 -DFUZZING_BUILD_MODE_UNSAFE_FOR_PRODUCTION
 endif
 ifeq ($(SAN),tsan)
-OPT      := -O1 -g -fno-omit-frame-pointer -fsanitize=thread -DFOVEA_SANITIZED=1
+OPT      := -O1 -g1 -fno-omit-frame-pointer -fsanitize=thread -DFOVEA_SANITIZED=1
 endif
 INCLUDES := -Iinclude -Isrc -I$(BUILD)/generated $(SYSFLAGS)
 COMMON   := $(OPT) $(HARDEN) $(FP) $(WARN) $(INCLUDES) -fPIC -fstack-usage -pthread -MMD -MP -D_GNU_SOURCE
@@ -633,10 +635,11 @@ $(BUILD)/venv-import/ready:
 	@{ python3 -m venv $(BUILD)/venv-import && timeout 180 $(BUILD)/venv-import/bin/pip install -q --disable-pip-version-check tflite numpy flatbuffers \
 	    && touch $@; } || echo "found no Python packages tflite and numpy: no network will be imported in tests"
 
+# Tests are many, and each holds the whole library: what a debugger wants is left out of them, unless TEST_DEBUG is set.
 $(BUILD)/tests/%: $(BUILD)/obj/tests/%.o $(TEST_HELP) $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
 	@mkdir -p $(@D)
 	@echo "  link $@"
-	$(Q)$(CXX) $(LDFLAGS) -pie -o $@ $< $(TEST_MORE) $(TEST_HELP) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group \
+	$(Q)$(CXX) $(LDFLAGS) $(if $(SAN)$(TEST_DEBUG),,-Wl,--strip-debug) -pie -o $@ $< $(TEST_MORE) $(TEST_HELP) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group \
 	    -lcmocka $(LIBS_APP) $(if $(filter tests/%.cpp,$(wildcard tests/$*.cpp)),$(OPENCV_LIBS)) $(ORACLE_LIBS) -lm
 # What bounds are made of and checked with, in one program that runs under qemu with a counting plug-in (tools/bounds.py). It includes
 # sources of the library, whose own objects are then not linked.
