@@ -7,7 +7,6 @@
 #include "geometry/vec.h"
 #include "geometry/chi_square.h"
 
-static const double nothing_left = 1e-6; /* of an unknown beside the pose, relative */
 static const double noise_variance_min =
     0.08; /* px^2 of level 0: matches are not better than that */
 
@@ -294,33 +293,5 @@ bool fv_pose_jackknife(const struct fv_pose_fit *fit, const struct fv_pose_part 
                     (column == row ? 1 : 2) * product * fit->information[6 * row + column] / 6;
             }
     }
-    return true;
-}
-
-void fv_pose_focal_add(struct fv_pose_focal *focal, double weight, double error,
-                       const double row[6], double by_focal)
-{
-    for (int k = 0; k < 6; k++)
-        focal->by_pose[k] += weight * row[k] * by_focal;
-    focal->own += weight * by_focal * by_focal;
-    focal->pull += weight * by_focal * error;
-}
-
-bool fv_pose_focal_solve(const struct fv_pose_fit *fit, const struct fv_pose_focal *focal,
-                         const double pull[6], double *change, double *sigma, double moved[6])
-{
-    double H[36], by_pose[6], left = focal->own, gradient = focal->pull;
-    memcpy(H, fit->information, sizeof H);
-    memcpy(by_pose, focal->by_pose, sizeof by_pose);
-    if (!fv_ldlt_solve(H, 6, by_pose)) return false;
-    for (int k = 0; k < 6; k++) {
-        left -= by_pose[k] * focal->by_pose[k];
-        gradient -= by_pose[k] * pull[k];
-    }
-    if (!(left > nothing_left * focal->own)) return false;
-    *change = -gradient / left;
-    *sigma = 1 / __builtin_sqrt(left);
-    for (int k = 0; k < 6; k++)
-        moved[k] = -by_pose[k] * *change;
     return true;
 }

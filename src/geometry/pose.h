@@ -91,22 +91,6 @@ void fv_pose_part_add(struct fv_pose_part *part, double weight, double error, co
 bool fv_pose_jackknife(const struct fv_pose_fit *fit, const struct fv_pose_part *parts,
                        uint32_t count, double covariance[21], double *variance);
 
-/* The focal length as a seventh unknown beside the pose of a fit; begins as zeros. */
-struct fv_pose_focal {
-    double by_pose[6], own, pull;
-};
-
-/* An error, its derivative by the pose, and that by a relative change of the focal length: how far
- * the pixel lies from the principal point. */
-void fv_pose_focal_add(struct fv_pose_focal *focal, double weight, double error,
-                       const double row[6], double by_focal);
-
-/* The change with which the errors of a fit are least, its sigma for errors of variance 1, and what
- * the pose moves by with it. `pull`: of all errors of the fit. Points at one depth tell nothing of
- * it, and then the sigma is large. False: it is not determined at all. */
-bool fv_pose_focal_solve(const struct fv_pose_fit *fit, const struct fv_pose_focal *focal,
-                         const double pull[6], double *change, double *sigma, double moved[6]);
-
 /* Go on from fv_pose_refine's pose and fit, with the limit that the noise found allows: 9.21
  * (chi-square, 99 %, 2 dof) times its variance, and never more than before. Where matches are good
  * to a third of a pixel, what is a pixel off is a thing that moves. Two steps. False when the

@@ -5,6 +5,7 @@
 
 #include "geometry/normal_equations.h"
 #include "geometry/vec.h"
+#include "odometry/lens.h"
 #include "odometry/odometry.h"
 #include "geometry/chi_square.h"
 
@@ -248,28 +249,22 @@ static void hold_scale(const struct fv_map *map, uint32_t newest, const struct f
     fv_normal_add_one(&normal, 0, j->size, way, weighted, NULL, 1, NULL);
 }
 
-/* Lenses that zoom alike show a disparity that is larger as the focal length is. */
 static void add_distance_error(const struct fv_inverse_distance *measured, const double bearing[3],
-                               const double q[3], struct fv_pose_part *part,
-                               struct fv_pose_focal *focal)
+                               const double q[3], struct fv_pose_part *part)
 {
     double e, row[6];
     if (!fv_inverse_distance_error(measured, bearing, q, &e, row)) return;
-    const double weight = fv_inverse_distance_robust(measured, e),
-                 by_focal = e + (double)measured->value;
     fv_cross3(q, row, row + 3);
-    fv_pose_part_add(part, weight, e, row);
-    fv_pose_focal_add(focal, weight, e, row, by_focal);
+    fv_pose_part_add(part, fv_inverse_distance_robust(measured, e), e, row);
 }
 
-/* The inliers' errors by part of the image, and by the focal length. */
+/* The inliers' errors by part of the image. */
 static void collect_parts(const struct fv_map *map, const struct fv_map_frame *frame,
-                          struct fv_pose_part parts[FV_MAP_PARTS], struct fv_pose_focal *focal)
+                          struct fv_pose_part parts[FV_MAP_PARTS])
 {
     const struct fv_se3 *T = &frame->keyframe->T_cam_world;
     const struct fv_inverse_distance *distances = distances_of(map, fv_map_current(map));
     memset(parts, 0, FV_MAP_PARTS * sizeof *parts);
-    memset(focal, 0, sizeof *focal);
     for (uint32_t f = 0; f < frame->keyframe->features; f++) {
         double q[3], e[2], J[6], row[6];
         struct fv_observation s;
@@ -277,18 +272,13 @@ static void collect_parts(const struct fv_map *map, const struct fv_map_frame *f
         fv_observation_from(&frame->keypoints[f], map->landmarks[frame->landmark[f]].point, &s);
         fv_se3_apply(T, s.point, q);
         if (!fv_observation_error(s.bearing, s.A, q, e, J)) continue;
-        const struct fv_pixel *pixel = &frame->points[f];
-        struct fv_pose_part *part = &parts[fv_map_part(map, pixel)];
-        /* At the predicted pixel, e from the seen one, whose noise would be in both factors. */
-        const double by_focal[2] = {pixel->x * map->pixel_px - map->camera->cx,
-                                    pixel->y * map->pixel_px - map->camera->cy};
+        struct fv_pose_part *part = &parts[fv_map_part(map, &frame->points[f])];
         for (int r = 0; r < 2; r++) {
             fv_copy3(J + 3 * r, row);
             fv_cross3(q, row, row + 3);
             fv_pose_part_add(part, s.weight, e[r], row);
-            fv_pose_focal_add(focal, s.weight, e[r], row, by_focal[r] + e[r]);
         }
-        if (distances != NULL) add_distance_error(&distances[f], s.bearing, q, part, focal);
+        if (distances != NULL) add_distance_error(&distances[f], s.bearing, q, part);
     }
 }
 
@@ -425,19 +415,17 @@ static void larger_parts(const struct fv_odometry *o, const struct fv_se3 *T_fra
 
 /* Adds to the covariance what the pose would move by with another focal length, where the picture
  * shows the map as by one. True: it is another by more than focal_max. */
-static bool other_focal(const struct fv_pose_fit *fit, const struct fv_pose_part *parts,
-                        const struct fv_pose_focal *focal, double variance, double covariance[21])
+static bool other_focal(const struct fv_odometry *o, double variance, double covariance[21])
 {
-    double pull[6] = {0}, change, sigma, moved[6];
-    for (int p = 0; p < FV_MAP_PARTS; p++)
-        for (int k = 0; k < 6; k++)
-            pull[k] += parts[p].pull[k];
-    if (!fv_pose_focal_solve(fit, focal, pull, &change, &sigma, moved)) return false;
-    if (!(__builtin_fabs(change) > focal_sigmas * sigma * __builtin_sqrt(variance))) return false;
+    const struct fv_inverse_distance *distances = distances_of(&o->map, fv_map_current(&o->map));
+    struct fv_lens_frame lens;
+    if (!fv_lens_frame_current(o, distances, 1, &lens)) return false;
+    const double change = __builtin_fabs(lens.change);
+    if (!(change > focal_sigmas * lens.sigma_unit * __builtin_sqrt(variance))) return false;
     for (int row = 0, k = 0; row < 6; row++)
         for (int column = row; column < 6; column++, k++)
-            covariance[k] += moved[row] * moved[column] / (focal_shown * focal_shown);
-    return __builtin_fabs(change) > focal_max;
+            covariance[k] += lens.moved[row] * lens.moved[column] / (focal_shown * focal_shown);
+    return change > focal_max;
 }
 
 bool fv_covariance_write(struct fv_odometry *o, const struct fv_map_frame *frame,
@@ -448,8 +436,7 @@ bool fv_covariance_write(struct fv_odometry *o, const struct fv_map_frame *frame
            parts_variance;
     if (variance < FV_MAP_VARIANCE_MIN) variance = FV_MAP_VARIANCE_MIN;
     struct fv_pose_part part[FV_MAP_PARTS];
-    struct fv_pose_focal focal;
-    collect_parts(&o->map, frame, part, &focal);
+    collect_parts(&o->map, frame, part);
     const bool spread = fv_pose_jackknife(fit, part, FV_MAP_PARTS, parts, &parts_variance);
     const double bend = map_bend(&o->map, o->focal_px, frame, __builtin_sqrt(variance));
     bool reliable = spread && (parts_variance < together_max * variance ||
@@ -464,7 +451,7 @@ bool fv_covariance_write(struct fv_odometry *o, const struct fv_map_frame *frame
     larger_parts(o, &T_frame_ref, parts);
     for (int k = 0; k < 21; k++)
         covariance[k] = own_fraction * covariance[k] + parts[k];
-    if (other_focal(fit, part, &focal, variance, covariance)) reliable = false;
+    if (other_focal(o, variance, covariance)) reliable = false;
     const bool doubt = fv_agreement_verdict(&o->state->agreement) != FV_AGREEMENT_GOOD;
     const double open = bend_fraction * bend + (doubt ? doubt_fraction : 0),
                  drift = open * fv_norm3(T_frame_ref.t),

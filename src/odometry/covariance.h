@@ -32,12 +32,11 @@
  * So is a twentieth of the way where the pictures leave the map in doubt (agreement.h).
  *
  * A lens that zooms, or that its focus changes, shows the map as by another focal length. With
- * depth in view that is not the same as a step ahead: the focal length as a seventh unknown says by
- * how much (fv_pose_focal_solve). Where it is another by four sigmas, four times what the pose
+ * depth in view that is not the same as a step ahead: the measure of the calibration's watch says
+ * by how much (fv_lens_frame_current). Where it is another by four sigmas, four times what the pose
  * would move by with it is added, since the inliers of a fit without it show a part of it alone. On
  * good runs it is another by .05 to .2 %, in the handheld recording, whose calibration is a guess,
- * by .4
- * %. (lens.h asks for the same over many frames, to find a calibration that is wrong for good.)
+ * by .4 %. (The watch asks over many frames, to find a calibration that is wrong for good.)
  *
  * Not to be relied on, whatever its size: while the map is young (fewer than ten keyframes) and
  * that bend is 10 % or more; where the parts' variance is three times that of the errors or more,

@@ -31,7 +31,7 @@ extern "C" {
 enum {
     FV_LENS_KEYFRAMES = 8,
     FV_LENS_SIZE = 6 * FV_LENS_KEYFRAMES + 1, /* of the normal equations: poses, focal length */
-    FV_LENS_FRAME_POINTS = 200                /* landmarks of a frame that are used, at most */
+    FV_LENS_FRAME_POINTS = 200 /* landmarks of a frame that the watch uses, at most */
 };
 
 struct fv_odometry;
@@ -40,6 +40,8 @@ struct fv_odometry;
 
 struct fv_lens_frame {
     double change, sigma;
+    double sigma_unit; /* of errors of variance 1 px^2 */
+    double moved[6];   /* what the pose moves by with that change, order as in fv_se3_move */
     double error2,
         error2_fitted; /* px^2, sums over `points`: as it is; focal length and pose freed */
     uint32_t points;
@@ -47,8 +49,15 @@ struct fv_lens_frame {
     float part_sum_px[FV_MAP_PARTS][2]; /* of seen - predicted, x y */
 };
 
-/* Measure the last frame. False: it has no pose, or too few landmarks. Bounded by
- * FV_LENS_FRAME_POINTS. */
+/* Measure the current frame as its pose and landmarks stand, by every `stride`-th of them, also
+ * where the picture is weak. `distances`, unless NULL, are those that a second camera measured of
+ * its features, whose lens is taken to change alike. Points at one depth tell nothing of the focal
+ * length, and then the sigmas are large. False: it is not determined at all. */
+bool fv_lens_frame_current(const struct fv_odometry *odometry,
+                           const struct fv_inverse_distance *distances, uint32_t stride,
+                           struct fv_lens_frame *frame);
+/* The same of the last frame, by its pixels alone, of FV_LENS_FRAME_POINTS landmarks at most.
+ * False: it has no pose, is frozen, or has too few landmarks. */
 bool fv_lens_frame_measure(const struct fv_odometry *odometry, struct fv_lens_frame *frame);
 
 /* ---- a window -------------------------------------------------------------------------------- */

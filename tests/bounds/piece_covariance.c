@@ -12,14 +12,13 @@ struct covarying {
     struct fv_map_frame frame;
     struct fv_pose_fit fit;
     struct fv_pose_part parts[FV_MAP_PARTS];
-    struct fv_pose_focal focal;
     double covariance[21], variance;
 };
 
 static void collect(void *context)
 {
     struct covarying *c = context;
-    collect_parts(&c->o->map, &c->frame, c->parts, &c->focal);
+    collect_parts(&c->o->map, &c->frame, c->parts);
     c->variance = map_bend(&c->o->map, c->o->focal_px, &c->frame, 0.1);
 }
 
@@ -33,7 +32,12 @@ static void jackknife(void *context)
 {
     struct covarying *c = context;
     MUST(fv_pose_jackknife(&c->fit, c->parts, FV_MAP_PARTS, c->covariance, &c->variance));
-    MUST(other_focal(&c->fit, c->parts, &c->focal, 0, c->covariance));
+}
+
+static void lens_current(void *context)
+{
+    struct covarying *c = context;
+    (void)other_focal(c->o, 0, c->covariance);
 }
 
 /* Parts of one weight each. */
@@ -43,15 +47,12 @@ static void make_parts(struct covarying *c)
     fv_random_seed(&random, 3);
     memset(&c->fit, 0, sizeof c->fit);
     memset(c->parts, 0, sizeof c->parts);
-    memset(&c->focal, 0, sizeof c->focal);
     for (int p = 0; p < FV_MAP_PARTS; p++)
         for (int n = 0; n < 20; n++) {
             double row[6];
             for (int k = 0; k < 6; k++)
                 row[k] = fv_random_normal(&random);
-            const double error = fv_random_normal(&random);
-            fv_pose_part_add(&c->parts[p], 1, error, row);
-            fv_pose_focal_add(&c->focal, 1, error, row, -error);
+            fv_pose_part_add(&c->parts[p], 1, fv_random_normal(&random), row);
         }
     for (int p = 0; p < FV_MAP_PARTS; p++)
         for (int k = 0; k < 36; k++)
@@ -72,6 +73,7 @@ void pieces_of_covariance(struct fovea *rt)
         c.frame.landmark[f] = newest.landmark[f];
     NOTE(parts_collected, collect, &c, 1);
     NOTE(joint, joint, &c, 1);
+    NOTE(lens_current, lens_current, &c, 1);
     make_parts(&c);
     NOTE(jackknife, jackknife, &c, 1);
 }

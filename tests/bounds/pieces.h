@@ -33,7 +33,8 @@
     ROW(projected, "a point projected")                                                            \
     ROW(remembered, "matches remembered for the next frame")                                       \
     ROW(parts_collected, "errors by part of the image")                                            \
-    ROW(jackknife, "the jackknife over the parts of the image, and the focal length")              \
+    ROW(jackknife, "the jackknife over the parts of the image")                                    \
+    ROW(lens_current, "the focal length of the frame")                                             \
     ROW(joint, "the joint problem of the pose, most poses and observers")                          \
     ROW(depth, "the median depth, by halving")                                                     \
     ROW(published, "the pose, its covariance and its rates for those outside")                     \

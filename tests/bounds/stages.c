@@ -125,6 +125,7 @@ static void add_rest(struct bound *b, uint32_t way, const struct capacities *c)
     TERM(b, way, 4 * features, projected); /* of two poses twice, where none is in the image */
     TERM(b, way, 1, parts_collected);
     TERM(b, way, 1, jackknife);
+    TERM(b, way, 1, lens_current);
     TERM(b, way, 1, joint);
     TERM(b, way, 1, remembered);
     TERM(b, way, 2, depth);
@@ -229,6 +230,7 @@ static void derive_first_map(struct bound *b, uint32_t way, const struct capacit
     REFINED(b, way, 1, 1, 3, 0);
     TERM(b, way, 1, parts_collected);
     TERM(b, way, 1, jackknife);
+    TERM(b, way, 1, lens_current);
     TERM(b, way, 1, joint);
 }
 

@@ -243,86 +243,6 @@ static void parts_are_left_out(void **)
     assert_false(fv_pose_jackknife(&fit, parts, PARTS, covariance, &variance));
 }
 
-/* Points seen by a lens whose focal length is longer by `change`, through the camera as it was
- * calibrated. `flat`: all at one depth. */
-static void make_zoomed(const fovea_camera &camera, fv_random *random, double change, bool flat,
-                        fv_observation observations[COUNT])
-{
-    for (int i = 0; i < COUNT; i++) {
-        fv_observation &s = observations[i];
-        double pixel[2] = {uniform(random, 50, 700), uniform(random, 40, 440)}, b[3];
-        assert_int_equal(fovea_camera_unproject(&camera, pixel, b, NULL), FOVEA_OK);
-        const double depth = flat ? 5 : uniform(random, 2, 12);
-        for (int k = 0; k < 3; k++)
-            s.point[k] = depth * b[k] / b[2];
-        pixel[0] += change * (pixel[0] - camera.cx) + .3 * fv_random_normal(random);
-        pixel[1] += change * (pixel[1] - camera.cy) + .3 * fv_random_normal(random);
-        assert_int_equal(fovea_camera_unproject(&camera, pixel, s.bearing, NULL), FOVEA_OK);
-        assert_int_equal(fovea_camera_project(&camera, s.bearing, pixel, s.A), FOVEA_OK);
-        s.weight = 1 / (.3 * .3);
-        s.inlier = true;
-    }
-}
-
-/* A step of the pose from the identity, all observations in, and what is said of the focal
- * length. */
-static bool focal_of(const fovea_camera &camera, fv_observation observations[COUNT], double *change,
-                     double *sigma, double moved[6])
-{
-    fv_pose_fit fit = {};
-    fv_pose_part all = {};
-    fv_pose_focal focal = {};
-    fv_se3 T = {{1, 0, 0, 0, 1, 0, 0, 0, 1}, {0, 0, 0}};
-    assert_true(fv_pose_refine(observations, NULL, COUNT, 1, 6, &T, &fit));
-    memset(fit.information, 0, sizeof fit.information);
-    for (int i = 0; i < COUNT; i++) {
-        const fv_observation &s = observations[i];
-        double q[3], e[2], J[6], row[6], pixel[2];
-        fv_se3_apply(&T, s.point, q);
-        assert_true(fv_observation_error(s.bearing, s.A, q, e, J));
-        assert_int_equal(fovea_camera_project(&camera, s.bearing, pixel, NULL), FOVEA_OK);
-        const double by_focal[2] = {pixel[0] - camera.cx, pixel[1] - camera.cy};
-        for (int r = 0; r < 2; r++) {
-            fv_copy3(J + 3 * r, row);
-            fv_cross3(q, row, row + 3);
-            fv_pose_part_add(&all, s.weight, e[r], row);
-            fv_pose_focal_add(&focal, s.weight, e[r], row, by_focal[r]);
-        }
-    }
-    for (int r = 0; r < 6; r++)
-        for (int c = 0; c < 6; c++)
-            fit.information[6 * r + c] = all.information[r > c ? 6 * r + c : 6 * c + r];
-    return fv_pose_focal_solve(&fit, &focal, all.pull, change, sigma, moved);
-}
-
-/* Another focal length is found within its sigma, and what it did to the pose; without depth in
- * view it cannot be told from a step ahead, and that is said. */
-static void another_focal_length_is_told(void **)
-{
-    const fovea_camera camera = drone_camera();
-    static fv_observation observations[COUNT];
-    fv_random random;
-    fv_random_seed(&random, 36);
-    double square = 0, change, sigma, moved[6];
-    for (int trial = 0; trial < 40; trial++) {
-        const double truth = trial % 4 * .01 - .01;
-        make_zoomed(camera, &random, truth, false, observations);
-        assert_true(focal_of(camera, observations, &change, &sigma, moved));
-        assert_true(sigma < .001);
-        if (truth == 0) square += change * change / (sigma * sigma) / 10;
-        assert_true(fabs(change - truth) < .1 * fabs(truth) + 4 * sigma); /* it is linearised */
-        /* A longer focal length was taken for a step ahead: it is taken back. */
-        if (truth != 0) assert_true((moved[2] > 0) == (truth > 0) && fabs(moved[2]) > .01);
-    }
-    printf("focal length: squared error over variance %.2f\n", square);
-    assert_true(square > .3 && square < 2);
-    fovea_camera pinhole = camera; /* with a lens' distortion even that differs */
-    memset(pinhole.k, 0, sizeof pinhole.k);
-    assert_int_equal(fovea_camera_prepare(&pinhole, NULL), FOVEA_OK);
-    make_zoomed(pinhole, &random, .02, true, observations);
-    if (focal_of(pinhole, observations, &change, &sigma, moved)) assert_true(sigma > .005);
-}
-
 static void faster_than_opencv(void **)
 {
     cv::setNumThreads(1);
@@ -403,7 +323,6 @@ int main(void)
         cmocka_unit_test(sampling_and_refinement_find_the_pose),
         cmocka_unit_test(information_is_consistent),
         cmocka_unit_test(parts_are_left_out),
-        cmocka_unit_test(another_focal_length_is_told),
         cmocka_unit_test(faster_than_opencv),
         cmocka_unit_test(triangulation_is_exact_and_splits_errors),
     };

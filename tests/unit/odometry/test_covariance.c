@@ -1,0 +1,183 @@
+/* What the covariance of a frame makes of a lens that has another focal length: a real frame of two
+ * simulated cameras, whose features are moved as a zoom moves them. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "common/sim_rig.h"
+#include "odometry/covariance.h"
+#include "odometry/lens.h"
+#include "odometry/localise.h"
+#include "runtime/state.h"
+
+enum { FRAMES = 40, FEATURES_MAX = 4096 };
+
+/* The frame as it was seen. */
+static struct {
+    struct fv_odometry *o;
+    struct fv_map_frame frame;
+    struct fv_inverse_distance *distances;
+    struct fv_se3 T;
+    struct fv_pixel points[FEATURES_MAX];
+    int16_t landmark[FEATURES_MAX];
+    struct fv_inverse_distance measured[FEATURES_MAX];
+} seen;
+
+static struct sim_rig rig;
+
+static int set_up(void **state)
+{
+    (void)state;
+    sim_rig_open(&rig, "sim:corridor?width=400&height=300&rate=20&baseline=0.11&seed=2", 0, FRAMES);
+    rig.config.rig = rig.ops->info(rig.source)->rig;
+    sim_rig_build(&rig);
+    while (sim_rig_next(&rig))
+        sim_rig_process(&rig);
+    struct fv_odometry *o = seen.o = &rig.rt->odometry;
+    const uint32_t current = fv_map_current(&o->map);
+    seen.frame = fv_map_frame_at(&o->map, current);
+    seen.distances = fv_map_distances(&o->map, current);
+    const uint32_t count = seen.frame.keyframe->features;
+    assert_true(o->state->pose.posed && fv_map_metric(&o->map) && count < FEATURES_MAX);
+    seen.T = seen.frame.keyframe->T_cam_world;
+    memcpy(seen.points, seen.frame.points, count * sizeof *seen.points);
+    memcpy(seen.landmark, seen.frame.landmark, count * sizeof *seen.landmark);
+    memcpy(seen.measured, seen.distances, count * sizeof *seen.measured);
+    return 0;
+}
+
+static int tear_down(void **state)
+{
+    (void)state;
+    sim_rig_close(&rig);
+    return 0;
+}
+
+/* The frame as lenses see it whose focal length is exp(`change`) times as long, and the pose that
+ * it then seems to have. */
+static void zoom(double change, struct fv_pose_fit *fit)
+{
+    const struct fv_map *map = &seen.o->map;
+    const struct fovea_camera *camera = map->camera;
+    const double factor = exp(change);
+    for (uint32_t f = 0; f < seen.frame.keyframe->features; f++) {
+        const struct fv_pixel *from = &seen.points[f];
+        struct fv_pixel *to = &seen.frame.points[f];
+        *to = *from;
+        to->x = (uint16_t)lround((camera->cx + factor * (from->x * map->pixel_px - camera->cx)) /
+                                 map->pixel_px);
+        to->y = (uint16_t)lround((camera->cy + factor * (from->y * map->pixel_px - camera->cy)) /
+                                 map->pixel_px);
+        seen.frame.landmark[f] = seen.landmark[f];
+        if (!fv_map_keypoint(map, to, &seen.frame.keypoints[f]))
+            seen.frame.landmark[f] = FV_MAP_NONE;
+        seen.distances[f] = seen.measured[f];
+        seen.distances[f].value *= (float)factor;
+    }
+    struct fv_se3 T = seen.T;
+    seen.o->localiser.measures = true;
+    const uint32_t inliers =
+        fv_localiser_refine(&seen.o->localiser, map, &seen.frame, 3, 5, &T, fit);
+    assert_true(inliers > 20);
+    seen.o->state->pose.inliers = inliers;
+    seen.frame.keyframe->T_cam_world = T;
+}
+
+static double way(const struct fv_se3 *a, const struct fv_se3 *b)
+{
+    struct fv_se3 inverse, between;
+    fv_se3_invert(b, &inverse);
+    fv_se3_compose(a, &inverse, &between);
+    return fv_norm3(between.t);
+}
+
+/* With measured distances and without, it is found, and so is what the pose was moved by. */
+static void the_focal_length_of_a_frame_is_found(void **state)
+{
+    struct fv_pose_fit fit;
+    struct fv_lens_frame before, lens;
+    (void)state;
+    for (int k = 0; k < 2; k++) {
+        const struct fv_inverse_distance *distances = k == 1 ? seen.distances : NULL;
+        zoom(0, &fit);
+        assert_true(fv_lens_frame_current(seen.o, distances, 1, &before));
+        assert_true(fabs(before.change) < 3 * before.sigma && before.sigma < 0.001);
+        for (int tenths = -15; tenths <= 15; tenths += 5) {
+            const double truth = 1e-3 * tenths;
+            zoom(truth, &fit);
+            assert_true(fv_lens_frame_current(seen.o, distances, 1, &lens));
+            assert_true(fabs(lens.change - before.change - truth) < 0.05 * fabs(truth) + 1e-4);
+            assert_true(fabs(lens.sigma - before.sigma) < 0.1 * before.sigma);
+            struct fv_se3 T = seen.frame.keyframe->T_cam_world;
+            const double off = way(&T, &seen.T);
+            fv_se3_move(&T, lens.moved);
+            assert_true(way(&T, &seen.T) < 0.1 * off + 0.002);
+        }
+    }
+}
+
+/* Only some of the landmarks: as good as they are many. */
+static void a_stride_takes_some_of_the_landmarks(void **state)
+{
+    struct fv_pose_fit fit;
+    struct fv_lens_frame all, some;
+    (void)state;
+    zoom(0.01, &fit);
+    assert_true(fv_lens_frame_current(seen.o, NULL, 1, &all));
+    assert_true(fv_lens_frame_current(seen.o, NULL, 4, &some));
+    assert_in_range(4 * some.points, all.points, all.points + 3);
+    assert_true(fabs(some.sigma_unit / all.sigma_unit - 2) < 0.3);
+    assert_true(fv_lens_frame_measure(seen.o, &some));
+    assert_in_range(some.points, FV_LENS_FRAME_POINTS / 2, FV_LENS_FRAME_POINTS);
+}
+
+/* Not to be relied on where it is another by more than 1 % and four sigmas; from four sigmas on,
+ * four times what the pose moves by is in the covariance; what the parts of the image show grows
+ * too, by much less. */
+static void another_focal_length_is_admitted(void **state)
+{
+    struct fv_pose_fit fit;
+    struct fv_lens_frame lens;
+    double plain[21], *covariance = seen.o->state->pose.covariance;
+    int same = 0, admitted = 0, weak = 0;
+    (void)state;
+    zoom(0, &fit);
+    assert_true(fv_covariance_write(seen.o, &seen.frame, &fit));
+    memcpy(plain, covariance, sizeof plain);
+    for (int tenths = -18; tenths <= 18; tenths++) {
+        zoom(1e-3 * tenths, &fit);
+        assert_true(fv_lens_frame_current(seen.o, seen.distances, 1, &lens));
+        const bool reliable = fv_covariance_write(seen.o, &seen.frame, &fit);
+        const double change = fabs(lens.change),
+                     sigma = lens.sigma_unit * sqrt(fv_pose_variance(&fit));
+        const bool other = change > 4 * sigma;
+        assert_true(reliable == !(other && change > 0.01));
+        for (int row = 0, k = 0; row < 6; row++)
+            for (int column = row; column < 6; column++, k++) {
+                const double added = other ? 16 * lens.moved[row] * lens.moved[column] : 0,
+                             size = sqrt(plain[row * (13 - row) / 2] *
+                                         plain[column * (13 - column) / 2]);
+                assert_true(fabs(covariance[k] - added) < 16 * size);
+            }
+        same += !other;
+        admitted += other && reliable;
+        weak += !reliable;
+    }
+    print_message("%d times the same, %d times admitted, %d times weak\n", same, admitted, weak);
+    assert_true(same >= 4 && admitted >= 8 && weak >= 10);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(the_focal_length_of_a_frame_is_found),
+        cmocka_unit_test(a_stride_takes_some_of_the_landmarks),
+        cmocka_unit_test(another_focal_length_is_admitted),
+    };
+    return cmocka_run_group_tests(tests, set_up, tear_down);
+}
