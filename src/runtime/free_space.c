@@ -267,52 +267,60 @@ enum fv_message_kind fv_free_space_kind(const struct fv_free_space *stage)
                                                     : FV_MESSAGE_SCAN;
 }
 
-/* Rows were sent of `side`. True: these were the last. */
-static bool are_last(struct fv_free_space_state *s, int32_t rows, uint32_t side)
+/* Rows of the grid that a message takes: those after the ones that were sent. */
+struct rows {
+    struct fovea_grid_place place;
+    int32_t first, count;
+};
+
+/* `most`: that fit. After the last of them, `then` is the phase. */
+static struct rows take_rows(struct fv_free_space *stage, uint32_t most,
+                             enum fv_free_space_phase then)
 {
-    s->sent += rows;
-    if (s->sent < (int32_t)side) return false;
+    struct fv_free_space_state *s = stage->state;
+    struct rows rows = {fv_grid_place(&stage->grid), s->sent, (int32_t)most};
+    const int32_t left = (int32_t)rows.place.height - rows.first;
+    s->sent += rows.count;
+    if (rows.count < left) return rows;
+    rows.count = left;
     s->sent = 0;
-    return true;
+    s->phase = then;
+    return rows;
 }
 
 static uint32_t encode_heights(struct fv_free_space *stage, uint8_t *buffer, size_t capacity)
 {
-    struct fv_free_space_state *s = stage->state;
-    const struct fovea_grid_place place = fv_grid_place(&stage->grid);
-    const int32_t left = (int32_t)place.height - s->sent,
-                  most = (int32_t)fv_free_space_height_rows(&stage->grid.config);
+    const struct fv_free_space_state *s = stage->state;
+    const struct rows rows =
+        take_rows(stage, fv_free_space_height_rows(&stage->grid.config), FV_FREE_SPACE_IDLE);
     const struct fv_message_heights message = {.stamp = fv_frame_id_stamp(&s->frame),
                                                .reset_counter = s->world.reset_counter,
                                                .map_id = s->world.map_id,
-                                               .place = &place,
+                                               .place = &rows.place,
                                                .floor_m = s->ground.height_m,
-                                               .first_row = s->sent,
-                                               .row_count = left < most ? left : most,
+                                               .first_row = rows.first,
+                                               .row_count = rows.count,
                                                .heights_mm = stage->heights_mm,
                                                .counts = stage->height_counts};
-    fv_grid_height_rows(&stage->grid, s->sent, message.row_count, stage->heights_mm,
+    fv_grid_height_rows(&stage->grid, rows.first, rows.count, stage->heights_mm,
                         stage->height_counts);
-    if (are_last(s, message.row_count, place.height)) s->phase = FV_FREE_SPACE_IDLE;
     return fv_message_heights_encode(&message, buffer, capacity);
 }
 
 static uint32_t encode_grid(struct fv_free_space *stage, uint8_t *buffer, size_t capacity)
 {
-    struct fv_free_space_state *s = stage->state;
-    const struct fovea_grid_place place = fv_grid_place(&stage->grid);
-    const int32_t left = (int32_t)place.height - s->sent,
-                  most = (int32_t)fv_free_space_rows(&stage->grid.config);
+    const struct fv_free_space_state *s = stage->state;
+    const struct rows rows =
+        take_rows(stage, fv_free_space_rows(&stage->grid.config), FV_FREE_SPACE_SENDING_SCAN);
     const struct fv_message_grid message = {.stamp = fv_frame_id_stamp(&s->frame),
                                             .reset_counter = s->world.reset_counter,
                                             .map_id = s->world.map_id,
-                                            .place = &place,
+                                            .place = &rows.place,
                                             .ground = &s->ground,
-                                            .first_row = s->sent,
-                                            .row_count = left < most ? left : most,
+                                            .first_row = rows.first,
+                                            .row_count = rows.count,
                                             .cells = stage->cells};
-    fv_grid_rows(&stage->grid, s->sent, message.row_count, stage->cells);
-    if (are_last(s, message.row_count, place.height)) s->phase = FV_FREE_SPACE_SENDING_SCAN;
+    fv_grid_rows(&stage->grid, rows.first, rows.count, stage->cells);
     return fv_message_grid_encode(&message, buffer, capacity);
 }
 
