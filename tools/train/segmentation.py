@@ -25,7 +25,7 @@ MOVABLE = CLASSES.index("movable")
 WEIGHTS = os.path.join(os.path.dirname(weights_module.SHIPPED), "segmenter.npz")
 SHOWN_EVERY = 1000  # steps
 PLACES = [("places", scenes_module.PLACES, 50), ("drives", scenes_module.DRIVES, 36), ("roads", scenes_module.ROADS, 14)]  # of 100 worlds
-PIT_TIMES = 2  # as often as other frames are these drawn
+PIT_TIMES = 2  # as often as other frames are these drawn to learn from; those held out count once
 PITS = 40  # more halls for 100 worlds, of which the frames that show a pit are taken: few others do
 
 
@@ -77,14 +77,14 @@ def train_shipped(arguments):
     photos = backgrounds.read(photos_folder)
     photographs = augment.Backgrounds(photos, [], np.full(len(photos), 1 / len(photos)))
 
-    def rendered(worlds, seed):
+    def rendered(worlds, seed, pit_times=1):
         found = []
         for folder, kind, share in PLACES:
             found += scenes_module.render_many(arguments.fovea, os.path.join(arguments.work, folder), -(-worlds * share // 100), 12, seed, kind)
         halls = scenes_module.render_many(arguments.fovea, os.path.join(arguments.work, "pits"), -(-worlds * PITS // 100), 36, seed, scenes_module.PITS)
-        return labelled(found + PIT_TIMES * [scene for scene in halls if (scene[1] == PIT).sum() >= PIT_PIXELS])
+        return labelled(found + pit_times * [scene for scene in halls if (scene[1] == PIT).sum() >= PIT_PIXELS])
 
-    scenes, held_out = rendered(arguments.worlds, arguments.data_seed), rendered(max(4, arguments.worlds // 12), arguments.data_seed + 1)
+    scenes, held_out = rendered(arguments.worlds, arguments.data_seed, PIT_TIMES), rendered(max(4, arguments.worlds // 12), arguments.data_seed + 1)
     samples = whole(held_out, 200, 11)
     shares = ", ".join(f"{name} {share:.3f}" for name, share in zip(CLASSES, pixels.shares(scenes, len(CLASSES))))
     print(f"{len(photos)} photographs, {len(scenes)} scenes, {len(held_out)} held out; of all pixels {shares}", flush=True)
