@@ -55,7 +55,8 @@ void fv_web_player_state(const struct fv_web_player *player, struct fv_web_playb
 void fv_web_player_pause(struct fv_web_player *player, bool paused);
 /* At most 8, at least 1/8; beyond that it is the nearest of them. */
 void fv_web_player_speed(struct fv_web_player *player, double speed);
-/* Go to the last indexed frame at or before a position; beyond the ends to these. */
+/* Go to the last indexed frame that begins before a position or within its millisecond; beyond the
+ * ends to these. */
 void fv_web_player_seek(struct fv_web_player *player, int64_t position_ms);
 
 #endif

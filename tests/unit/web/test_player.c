@@ -182,6 +182,38 @@ static size_t frame_at(int n)
     return 0;
 }
 
+static void write_changed(const uint8_t *bytes)
+{
+    FILE *file = fopen(changed, "wb");
+    assert_non_null(file);
+    assert_int_equal(fwrite(bytes, 1, whole_bytes, file), whole_bytes);
+    fclose(file);
+}
+
+/* A position is told in ms, frames come between them: to go where it stands shows what it shows. */
+static void it_stays_where_it_stands(void **state)
+{
+    struct fv_web_playback playback;
+    int64_t last = -1;
+    uint8_t *copy = malloc(whole_bytes), *time;
+    (void)state;
+    memcpy(copy, whole, whole_bytes);
+    time = copy + frame_at(5) + 12;
+    fv_wire_write(time, fv_wire_read(time, 8) + 333, 8);
+    write_changed(copy);
+    struct fv_web_player *player = open_player(changed);
+    fv_web_player_pause(player, true);
+    fv_web_player_seek(player, 5 * PERIOD_MS + 1);
+    for (int i = 0; i < 3; i++) {
+        assert_int_equal(play(player, fv_clock_ns(CLOCK_MONOTONIC), &last), 1);
+        assert_int_equal(last, 5);
+        fv_web_player_state(player, &playback);
+        fv_web_player_seek(player, playback.position_ms);
+    }
+    fv_web_player_close(player);
+    free(copy);
+}
+
 /* A stamp that nothing can be computed with is damage, and what is before it is played. */
 static void stamps_without_bounds_are_damage(void **state)
 {
@@ -197,9 +229,7 @@ static void stamps_without_bounds_are_damage(void **state)
         for (int byte = 0; byte < 8; byte++)
             copy[frame_at(i < 4 ? 5 : 0) + 12 + (size_t)byte] =
                 (uint8_t)(stamps[i % 4] >> (56 - 8 * byte));
-        FILE *file = fopen(changed, "wb");
-        assert_int_equal(fwrite(copy, 1, whole_bytes, file), whole_bytes);
-        fclose(file);
+        write_changed(copy);
         const enum fovea_status status = fv_web_player_open(changed, &player, &damage, &error);
         assert_int_equal(status, i < 4 ? FOVEA_OK : FOVEA_ERROR_INPUT);
         assert_non_null(strstr(i < 4 ? damage.text : error.text, "found an event of the time"));
@@ -247,6 +277,7 @@ int main(void)
         cmocka_unit_test(the_relay_shows_it),
         cmocka_unit_test(the_relay_shows_every_camera),
         cmocka_unit_test(damage_ends_in_one_line),
+        cmocka_unit_test(it_stays_where_it_stands),
         cmocka_unit_test(stamps_without_bounds_are_damage),
         cmocka_unit_test(a_state_is_not_held),
     };
