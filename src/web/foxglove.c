@@ -322,7 +322,7 @@ static size_t next_view(struct fv_foxglove_client *client, struct fv_foxglove_vi
 static size_t next_line(struct fv_foxglove_client *client, const struct fv_foxglove_views *views,
                         uint8_t *to)
 {
-    if (client->log_sent > views->log_count) client->log_sent = 0; /* another run */
+    if (client->log_sent < views->log_first) client->log_sent = views->log_first;
     if (views->log_channel < 0 || !client->subscribed[views->log_channel].is ||
         client->log_sent == views->log_count)
         return 0;

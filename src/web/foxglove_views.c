@@ -399,7 +399,7 @@ static void forget(struct fv_foxglove_views *views)
     views->landmarks = NULL;
     views->cells = NULL;
     views->landmark_slots = 0;
-    views->log_count = 0;
+    views->log_first = views->log_count;
     views->time_ns = 0;
     views->pose_state = -1;
     for (int i = 0; i < FOVEA_CAMERAS_MAX; i++)

@@ -59,7 +59,8 @@ struct fv_foxglove_views {
 
     int64_t time_ns; /* the newest stamp, in UTC where that is known */
 
-    uint64_t log_count; /* lines since the run began; the last FV_FOXGLOVE_LOG_MAX are kept */
+    uint64_t log_count, log_first; /* lines, and those before this run; the last
+                                    * FV_FOXGLOVE_LOG_MAX are kept */
     struct {
         int64_t time_ns;
         uint32_t bytes;

@@ -267,10 +267,28 @@ static void the_log_says_changes_alone(void **state)
     while (data_of(2))
         lines++;
     assert_int_equal(lines, FV_FOXGLOVE_LOG_MAX);
-    fv_foxglove_views_begin(&views, "R"); /* another run */
+}
+
+/* What comes does not follow on what came, as after a seek: as many lines as were sent before. */
+static void the_log_begins_again(void **state)
+{
+    fovea_pose_t pose = pose_of(SECOND);
+    (void)state;
+    take_pose(&pose);
+    subscribe("/R/log", 2);
+    assert_true(data_of(2));
+    assert_text(field(payload(), 3, 0), "pose: tracking");
+    fv_foxglove_views_begin(&views, "R");
+    pose.state = FOVEA_POSE_T_STATE_LOST;
     take_pose(&pose);
     assert_true(data_of(2));
     assert_text(field(payload(), 3, 0), "pose: lost");
+    assert_false(data_of(2));
+    say("{\"op\":\"unsubscribe\",\"subscriptionIds\":[2]}");
+    subscribe("/R/log", 3); /* lines of this run alone */
+    assert_true(data_of(3));
+    assert_text(field(payload(), 3, 0), "pose: lost");
+    assert_false(data_of(3));
 }
 
 static void who_is_slow_gets_the_newest(void **state)
@@ -501,6 +519,7 @@ int main(void)
         cmocka_unit_test_setup_teardown(a_turned_box_is_half_a_pixel_further, begin, end),
         cmocka_unit_test_setup_teardown(the_map_is_all_landmarks_so_far, begin, end),
         cmocka_unit_test_setup_teardown(the_log_says_changes_alone, begin, end),
+        cmocka_unit_test_setup_teardown(the_log_begins_again, begin, end),
         cmocka_unit_test_setup_teardown(who_is_slow_gets_the_newest, begin, end),
         cmocka_unit_test_setup_teardown(none_keeps_the_others_waiting, begin, end),
         cmocka_unit_test_setup_teardown(a_large_view_leaves_the_link_to_poses, begin, end),
