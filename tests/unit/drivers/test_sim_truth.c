@@ -153,23 +153,26 @@ static void test_depth_and_classes(void **state)
 }
 
 /* Of what stands still by where it is: floor is what lies on the ground, walls and obstacles rise
- * from it, pits are below it, the ceiling is none of them; and each of them is seen. */
+ * from it, pits are below it and all that is below it is one, the ceiling is none of them; and each
+ * of them is seen. */
 static void test_classes_of_what_stands(void **state)
 {
     static const struct {
         const char *address;
         double ceiling_m;
-    } worlds[] = {{"orbit?seed=2", 2.8},  {"tour?seed=5", 2.7},  {"corridor", 2.7},
-                  {"wander?seed=4", 5.5}, {"drive?seed=6", 2.7}, {"drive?seed=7", 2.7}};
+        int frame;
+    } worlds[] = {{"orbit?seed=2", 2.8, 60},  {"tour?seed=5", 2.7, 60},  {"corridor", 2.7, 60},
+                  {"wander?seed=4", 5.5, 60}, {"drive?seed=6", 2.7, 60}, {"drive?seed=7", 2.7, 60},
+                  {"drive?seed=3", 2.7, 190}}; /* there the bottom of a pit is seen */
     int all[FOVEA_TRUTH_CLASS_COUNT] = {0};
     (void)state;
     for (size_t i = 0; i < sizeof worlds / sizeof worlds[0]; i++) {
         struct fovea_frame frame;
         static struct fovea_truth truth;
-        struct fovea_source *source = open_at(worlds[i].address, 60, &frame);
+        struct fovea_source *source = open_at(worlds[i].address, worlds[i].frame, &frame);
         const struct fovea_camera *camera = &source->info.rig.cameras[0].camera;
         int seen[FOVEA_TRUTH_CLASS_COUNT] = {0}, low[FOVEA_TRUTH_CLASS_COUNT] = {0},
-            high[FOVEA_TRUTH_CLASS_COUNT] = {0};
+            high[FOVEA_TRUTH_CLASS_COUNT] = {0}, below[FOVEA_TRUTH_CLASS_COUNT] = {0};
         assert_int_equal(fv_source_sim.truth(source, &frame, &truth), FOVEA_OK);
         const double *T = truth.T_world_cam;
         for (int32_t at = 0; at < camera->width * camera->height; at++) {
@@ -183,13 +186,16 @@ static void test_classes_of_what_stands(void **state)
             seen[kind]++;
             all[kind]++;
             low[kind] += z < 0.001;
+            below[kind] += z < -0.001;
             high[kind] += z > worlds[i].ceiling_m - 0.001;
         }
         assert_int_equal(low[FOVEA_TRUTH_FLOOR], seen[FOVEA_TRUTH_FLOOR]);
         assert_int_equal(high[FOVEA_TRUTH_BACKGROUND], seen[FOVEA_TRUTH_BACKGROUND]);
         assert_true(100 * low[FOVEA_TRUTH_WALL] <= seen[FOVEA_TRUTH_WALL]);
         assert_true(100 * low[FOVEA_TRUTH_OBSTACLE] <= seen[FOVEA_TRUTH_OBSTACLE]);
-        assert_int_equal(low[FOVEA_TRUTH_PIT], seen[FOVEA_TRUTH_PIT]);
+        for (int kind = 0; kind < FOVEA_TRUTH_PIT; kind++)
+            assert_int_equal(below[kind], 0);
+        assert_true(100 * below[FOVEA_TRUTH_PIT] >= 99 * seen[FOVEA_TRUTH_PIT]);
         sim_source_close(source);
     }
     for (int kind = 0; kind < FOVEA_TRUTH_CLASS_COUNT; kind++)

@@ -96,17 +96,21 @@ static double way(const struct fv_se3 *a, const struct fv_se3 *b)
     return fv_norm3(between.t);
 }
 
-/* With measured distances and without, it is found, and so is what the pose was moved by. */
+/* With measured distances and without, it is found, and so is what the pose was moved by; with them
+ * it is surer. */
 static void the_focal_length_of_a_frame_is_found(void **state)
 {
     struct fv_pose_fit fit;
     struct fv_lens_frame before, lens;
+    double without = 0;
     (void)state;
     for (int k = 0; k < 2; k++) {
         const struct fv_inverse_distance *distances = k == 1 ? seen.distances : NULL;
         zoom(0, &fit);
         assert_true(fv_lens_frame_current(seen.o, distances, 1, &before));
         assert_true(fabs(before.change) < 3 * before.sigma && before.sigma < 0.001);
+        if (k == 1) assert_true(before.sigma_unit < 0.96 * without);
+        without = before.sigma_unit;
         for (int tenths = -15; tenths <= 15; tenths += 5) {
             const double truth = 1e-3 * tenths;
             zoom(truth, &fit);
@@ -134,6 +138,31 @@ static void a_stride_takes_some_of_the_landmarks(void **state)
     assert_true(fabs(some.sigma_unit / all.sigma_unit - 2) < 0.3);
     assert_true(fv_lens_frame_measure(seen.o, &some));
     assert_in_range(some.points, FV_LENS_FRAME_POINTS / 2, FV_LENS_FRAME_POINTS);
+}
+
+/* Of a frozen frame, of one without a pose and of one with few landmarks the watch takes none. */
+static void the_watch_takes_good_frames_alone(void **state)
+{
+    struct fv_pose_fit fit;
+    struct fv_lens_frame lens;
+    struct fv_odometry_state *s = seen.o->state;
+    (void)state;
+    zoom(0, &fit);
+    assert_true(fv_lens_frame_measure(seen.o, &lens));
+    s->usable.frozen = true;
+    assert_false(fv_lens_frame_measure(seen.o, &lens));
+    s->usable.frozen = false;
+    s->pose.posed = false;
+    assert_false(fv_lens_frame_measure(seen.o, &lens));
+    s->pose.posed = true;
+    for (uint32_t left = 45; left >= 35; left -= 10) {
+        uint32_t kept = 0;
+        for (uint32_t f = 0; f < seen.frame.keyframe->features; f++)
+            if (seen.frame.landmark[f] != FV_MAP_NONE && ++kept > left)
+                seen.frame.landmark[f] = FV_MAP_NONE;
+        s->pose.inliers = left;
+        assert_int_equal(fv_lens_frame_measure(seen.o, &lens), left > 40);
+    }
 }
 
 /* Not to be relied on where it is another by more than 1 % and four sigmas; from four sigmas on,
@@ -176,6 +205,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_focal_length_of_a_frame_is_found),
+        cmocka_unit_test(the_watch_takes_good_frames_alone),
         cmocka_unit_test(a_stride_takes_some_of_the_landmarks),
         cmocka_unit_test(another_focal_length_is_admitted),
     };

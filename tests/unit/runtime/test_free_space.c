@@ -34,6 +34,7 @@ enum {
 static const double T_body_cam[12] = {0, 0, 1, 0.4, -1, 0, 0, 0.1, 0, -1, 0, 0.8};
 
 static struct sim_rig rig;
+static bool with_heights = true;
 static _Alignas(64) uint8_t model[1 << 18];
 
 /* Results of a run: what the messages say last, and how often. */
@@ -44,6 +45,7 @@ struct run {
     uint8_t height_counts[SIDE * SIDE];
     int64_t grid_stamp_ns, scan_stamp_ns;
     double origin[3];
+    int32_t reset_counter, map_id, grid_row, height_row; /* the rows that come next */
     int grids, height_grids, scans, known;
     int empty;    /* grids without a known cell after one with some */
     int compared; /* grids that were compared with that beside, as they came */
@@ -70,12 +72,30 @@ static int count_known(const int8_t *cells)
     return known;
 }
 
+/* Rows come in order; what was under way may be begun anew. Returns the next. */
+static int32_t row_after(int32_t expected, int32_t first, int32_t count)
+{
+    assert_true(count > 0 && first + count <= SIDE && (first == expected || first == 0));
+    return (first + count) % SIDE;
+}
+
+/* The grid is level in `odom`. */
+static void assert_level(const double orientation[4])
+{
+    assert_true(orientation[0] == 1 && orientation[1] == 0 && orientation[2] == 0 &&
+                orientation[3] == 0);
+}
+
 static void take_grid(const struct fovea_message *message, struct run *run)
 {
     fovea_grid_t m;
     assert_true(fovea_grid_t_decode(message->data, 0, (int)message->bytes, &m) > 0);
     assert_true(m.width == SIDE && m.height == SIDE && m.resolution_m == 0.05);
     assert_string_equal(m.frame, "odom");
+    assert_level(m.origin_orientation);
+    run->reset_counter = m.reset_counter;
+    run->map_id = m.map_id;
+    run->grid_row = row_after(run->grid_row, m.first_row, m.row_count);
     assert_true(m.cell_count == m.row_count * SIDE && m.cell_count <= FOVEA_GRID_T_CELLS_MAX);
     memcpy(run->cells + m.first_row * SIDE, m.cells, (size_t)m.cell_count);
     memcpy(run->origin, m.origin_position, sizeof run->origin);
@@ -94,7 +114,11 @@ static void take_heights(const struct fovea_message *message, struct run *run)
     assert_true(m.width == SIDE && m.height == SIDE && m.resolution_m == 0.05);
     assert_true(m.cell_count == m.row_count * SIDE &&
                 m.cell_count <= FOVEA_HEIGHT_GRID_T_CELLS_MAX);
-    assert_true(m.stamp.time_ns == run->grid_stamp_ns);
+    assert_string_equal(m.frame, "odom");
+    assert_level(m.origin_orientation);
+    assert_true(m.reset_counter == run->reset_counter && m.map_id == run->map_id);
+    assert_true(m.stamp.time_ns == run->grid_stamp_ns && m.stamp.time_ns == run->scan_stamp_ns);
+    run->height_row = row_after(run->height_row, m.first_row, m.row_count);
     assert_memory_equal(m.origin_position, run->origin, sizeof run->origin);
     const size_t from = (size_t)m.first_row * SIDE, count = (size_t)m.cell_count;
     memcpy(run->heights_mm + from, m.height_mm, count * sizeof m.height_mm[0]);
@@ -140,7 +164,7 @@ static void open_rig(const char *way)
     job->grid.side_cells = SIDE; /* in two messages */
     job->grid.range_m = 6;
     job->grid.rays = RAYS;
-    job->grid.heights = true;
+    job->grid.heights = with_heights;
     memset(job->labels, FOVEA_GRID_FLOOR, sizeof job->labels);
     job->labels[1] = FOVEA_GRID_OBSTACLE;
     job->labels[2] = FOVEA_GRID_MOVABLE;
@@ -346,7 +370,7 @@ static void check_picture(const int8_t *cells)
     assert_true(image.width == SIDE && image.height == SIDE);
     for (int y = 0; y < SIDE; y++)
         for (int x = 0; x < SIDE; x++) {
-            const int percent = cells[y * SIDE + x];
+            const int8_t percent = cells[y * SIDE + x];
             const uint8_t grey = image.data[(SIDE - 1 - y) * SIDE + x];
             assert_int_equal(grey, percent > 65 ? 0 : percent >= 0 && percent < 35 ? 254 : 205);
             found[grey]++;
@@ -415,6 +439,9 @@ static void what_is_sent_is_the_grid_of_the_masks_and_poses(void **state)
     assert_true(fovea_free_space_get(rig.rt, got, &own));
     assert_memory_equal(got, cells, sizeof cells);
     assert_memory_equal(&own, &place, sizeof own);
+    const struct fovea_pose *pose = &rig.pose[FRAMES - 1];
+    assert_true(run.reset_counter == (int32_t)pose->reset_counter);
+    assert_true(run.map_id == (int32_t)pose->map_id);
     check_picture(cells);
     check_heights(&run);
     end_run();
@@ -453,19 +480,56 @@ static void a_lost_pose_leaves_nothing_known(void **state)
     assert_int_equal(rig.pose[FRAMES - 1].state, FOVEA_TRACKING_LOST);
     assert_int_equal(run.known, 0);
     for (int i = 0; i < RAYS; i++)
-        assert_true(run.ranges[i] != run.ranges[i]); /* NaN */
+        assert_true(run.ranges[i] != run.ranges[i]);     /* NaN */
+    assert_in_range(run.grids - run.height_grids, 0, 1); /* those of the last grid were dropped */
+    assert_int_equal(run.height_row, 0);
+    for (int i = 0; i < SIDE * SIDE; i++)
+        assert_int_equal(run.heights_mm[i], FOVEA_GRID_HEIGHT_UNKNOWN);
     assert_false(fovea_free_space_get(rig.rt, cells, &place));
     end_run();
 }
 
+/* Heights that are being sent do not keep the empty grid waiting: it is sent, as a whole, and
+ * heights begin anew after it. */
+static void heights_make_way_for_the_empty_grid(void **state)
+{
+    (void)state;
+    static struct run run;
+    struct fovea_outputs outputs;
+    run_with(400, 4, FRAMES - 10, false, &run);
+    struct fv_free_space_state *s = rig.rt->free_space.state;
+    const int64_t second_ns = 1000000000;
+    for (int heights = 0; heights < 2; heights++) {
+        s->phase = heights ? FV_FREE_SPACE_SENDING_HEIGHTS : FV_FREE_SPACE_SENDING_SCAN;
+        s->sent = heights ? 70 : 0;
+        s->emptied_ns = rig.rt->publish.state->stamp_ns - second_ns;
+        fv_free_space_follow(&rig.rt->free_space, &rig.rt->publish);
+        assert_int_equal(s->phase, heights ? FV_FREE_SPACE_SCANNING : FV_FREE_SPACE_SENDING_SCAN);
+    }
+    const int before = run.grids, heights_before = run.height_grids;
+    s->world.reset_counter = 7;
+    s->world.map_id = 9;
+    run.grid_row = run.height_row = 0;
+    rig.inputs.grants.units[FOVEA_JOB_DETECT] = 400;
+    for (int i = 0; i < 8; i++) {
+        (void)fovea_work(rig.rt, &rig.inputs.grants, &outputs);
+        take_messages(&outputs, &run);
+    }
+    assert_true(run.grids == before + 1 && run.height_grids == heights_before + 1);
+    assert_true(run.reset_counter == 7 && run.map_id == 9);
+    end_run();
+}
+
 /* A packet may be lost: while the pose is, the empty grid and its scan come again with every second
- * of the frames' time, and no more often. */
+ * of the frames' time, and no more often. Heights that are not asked for are not sent. */
 static void while_it_stays_lost_that_is_said_every_second(void **state)
 {
     (void)state;
     enum { DARK = 60 };
     static struct run run;
+    with_heights = false;
     run_with(400, 4, DARK, false, &run);
+    with_heights = true;
     int lost = DARK; /* the first frame without a pose */
     while (rig.pose[lost].posed)
         lost++;
@@ -475,6 +539,7 @@ static void while_it_stays_lost_that_is_said_every_second(void **state)
     assert_int_equal(run.known, 0);
     assert_int_equal(run.empty, 1 + seconds);
     assert_int_equal(run.scans, run.grids);
+    assert_int_equal(run.height_grids, 0);
     end_run();
 }
 
@@ -552,6 +617,7 @@ int main(void)
         cmocka_unit_test(with_few_units_the_same_grid_comes_later),
         cmocka_unit_test(copies_go_on_alike),
         cmocka_unit_test(a_lost_pose_leaves_nothing_known),
+        cmocka_unit_test(heights_make_way_for_the_empty_grid),
         cmocka_unit_test(while_it_stays_lost_that_is_said_every_second),
         cmocka_unit_test(a_reset_and_a_camera_that_is_gone_leave_nothing_known),
         cmocka_unit_test(nothing_is_known_once_odom_has_changed),

@@ -124,6 +124,28 @@ static void writes_frames_masks_and_truth(void **state)
     check_map();
 }
 
+/* A frame that looks into a pit: the mask has it, as the source says. */
+static void masks_have_pits(void **state)
+{
+    (void)state;
+    enum { W = 160, H = 120 };
+    char path[128];
+    struct fovea_image image;
+    struct fovea_error error;
+    int pit = 0;
+    snprintf(target, sizeof target, "%s/pit", folder);
+    assert_int_equal(export_frames("sim:drive?width=160&height=120&seed=6&time=2", "1"),
+                     FV_EXIT_OK);
+    snprintf(path, sizeof path, "%s/000000.mask.png", target);
+    assert_int_equal(fv_picture_read(path, &image, &error), FOVEA_OK);
+    for (int i = 0; i < W * H; i++)
+        pit += image.data[i] == FOVEA_TRUTH_PIT;
+    print_message("%d of %d pixels are of a pit\n", pit, W * H);
+    assert_true(pit > 100);
+    free((void *)(uintptr_t)image.data);
+    snprintf(target, sizeof target, "%s/frames", folder);
+}
+
 /* Of a rig every camera's images are written, at their own sizes; an absent one leaves no file. */
 static void writes_every_camera_of_a_rig(void **state)
 {
@@ -178,6 +200,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(writes_frames_masks_and_truth),
+        cmocka_unit_test(masks_have_pits),
         cmocka_unit_test(writes_every_camera_of_a_rig),
         cmocka_unit_test(refuses_wrong_input),
     };
