@@ -26,7 +26,7 @@ bool fv_files_same(const char *one, const char *other, bool follow);
 
 /* As fv_files_apart for what a source reads, one file or folder at a time: of a folder, every file
  * in it counts. One stat per file, so that a million of frames may be looked at. */
-enum { FV_FILES_WATCHED_MAX = 32 };
+enum { FV_FILES_WATCHED_MAX = 40 };
 
 struct fv_files_identity {
     bool there;

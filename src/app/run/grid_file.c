@@ -7,7 +7,7 @@
 #include "support/picture.h"
 
 enum { GREY_FREE = 254, GREY_OCCUPIED = 0, GREY_UNKNOWN = 205 };
-enum { GREY_NO_HEIGHT = 0, GREY_FLOOR = 64, GREY_HIGH = 255, GREY_LOW = 1, PATH_BYTES = 4096 };
+enum { GREY_NO_HEIGHT = 0, GREY_FLOOR = 64, GREY_HIGH = 255, GREY_LOW = 1 };
 
 static enum fovea_status write_square(const char *path, const uint8_t *pixels, size_t side,
                                       struct fovea_error *error)
@@ -68,14 +68,14 @@ static uint8_t grey_of_height(int32_t height_mm, int32_t most_mm)
     return (uint8_t)(GREY_FLOOR + range * height_mm / most_mm);
 }
 
-/* The path with -heights before its ending. False: it is too long. */
-static bool beside(const char *path, char name[PATH_BYTES])
+bool fv_grid_file_heights(const char *path, char heights[FV_GRID_FILE_PATH_BYTES])
 {
     const char *dot = strrchr(path, '.'), *slash = strrchr(path, '/');
     const int stem =
         (int)(dot != NULL && (slash == NULL || dot > slash) ? (size_t)(dot - path) : strlen(path));
-    const int length = snprintf(name, PATH_BYTES, "%.*s-heights%s", stem, path, path + stem);
-    return length > 0 && length < PATH_BYTES;
+    const int length =
+        snprintf(heights, FV_GRID_FILE_PATH_BYTES, "%.*s-heights%s", stem, path, path + stem);
+    return length > 0 && length < FV_GRID_FILE_PATH_BYTES;
 }
 
 enum fovea_status fv_grid_file_write_heights(const char *path, const struct fovea *rt,
@@ -84,10 +84,10 @@ enum fovea_status fv_grid_file_write_heights(const char *path, const struct fove
 {
     const size_t side = config->side_cells;
     const int32_t most_mm = (int32_t)(config->heights_max_m * 1000 + 0.5);
-    char name[PATH_BYTES];
+    char name[FV_GRID_FILE_PATH_BYTES];
     struct fovea_grid_place place;
     if (!config->heights) return FOVEA_OK;
-    if (!beside(path, name))
+    if (!fv_grid_file_heights(path, name))
         return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "%s: too long a path", path);
     int16_t *heights = malloc(side * side * sizeof *heights);
     uint8_t *pixels = malloc(side * side);

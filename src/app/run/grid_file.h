@@ -16,8 +16,14 @@ struct fv_grid_counts {
 enum fovea_status fv_grid_file_write(const char *path, const struct fovea *rt, uint32_t side_cells,
                                      struct fv_grid_counts *counts, struct fovea_error *error);
 
-/* Where heights are kept, write them beside the grid, to its path with -heights before the ending:
- * 0 is not known, 64 the floor, 255 grid.heights_max_m above it, 1 as far below. Likewise. */
+enum { FV_GRID_FILE_PATH_BYTES = 4096 };
+
+/* Where heights are written beside a grid: its path with -heights before the ending. False: that is
+ * too long. */
+bool fv_grid_file_heights(const char *path, char heights[FV_GRID_FILE_PATH_BYTES]);
+
+/* Where heights are kept, write them there: 0 is not known, 64 the floor, 255 grid.heights_max_m
+ * above it, 1 as far below. Likewise. */
 enum fovea_status fv_grid_file_write_heights(const char *path, const struct fovea *rt,
                                              const struct fovea_grid_config *config,
                                              struct fovea_error *error);

@@ -7,12 +7,13 @@
 #include "app/config/map_file.h"
 #include "app/network/transport_url.h"
 #include "app/record/recording_file.h"
+#include "app/run/grid_file.h"
 #include "support/files.h"
 #include "support/say.h"
 
 enum {
     MAPS_MAX = 2 * FV_MAP_FILE_KEEP_MAX,
-    WRITTEN_MAX = 12,
+    WRITTEN_MAX = 13,
     WRITTEN_RECORD = 0,
     MAP_NAME_BYTES = FV_SETTINGS_PATH_BYTES + 16
 };
@@ -21,6 +22,7 @@ enum {
 struct written {
     struct fv_file files[WRITTEN_MAX + MAPS_MAX + 1];
     char log[FV_TRANSPORT_URL_BYTES];
+    char heights[FV_GRID_FILE_PATH_BYTES];
     char maps[MAPS_MAX][MAP_NAME_BYTES];
 };
 
@@ -46,6 +48,9 @@ static int list_written(const struct fv_run *run, struct written *written)
     int count = sizeof files / sizeof files[0];
     memset(written->files, 0, sizeof written->files);
     memcpy(written->files, files, sizeof files);
+    if (run->grid_path != NULL && run->settings.runtime.grid_job.grid.heights &&
+        fv_grid_file_heights(run->grid_path, written->heights))
+        written->files[count++] = (struct fv_file){"--grid", written->heights};
     if (fv_transport_file(run->settings.lcm_url, written->log))
         written->files[count++] = (struct fv_file){"lcm_url", written->log};
     return count;

@@ -24,7 +24,7 @@ enum { TEXT_MAX = 4096, FILES_MAX = 128, SECONDS_MAX = 60 };
 
 static char *const folder = fv_test_place;
 static char line[TEXT_MAX];
-static const char *load; /* a setting more for the next run; NULL: none */
+static const char *settings[5]; /* more of them for the next run, up to NULL */
 
 /* Run `fovea run` in a process of its own; what it says on stderr is in `line`. */
 static int run(const char *source, const char *option, const char *path)
@@ -34,17 +34,14 @@ static int run(const char *source, const char *option, const char *path)
     fflush(NULL);
     const pid_t child = fork();
     if (child == 0) {
-        const char *words[] = {"fovea",    "run",
-                               "--source", source,
-                               "--quiet",  "--camera",
-                               "camera",   "--set",
-                               "lcm_url=", "--frames",
-                               "2",        option,
-                               path,       load != NULL ? "--set" : NULL,
-                               load,       NULL};
-        int count = 0;
-        while (words[count] != NULL)
-            count++;
+        const char *words[24] = {"fovea",    "run",    "--source", source,     "--quiet",
+                                 "--camera", "camera", "--set",    "lcm_url=", "--frames",
+                                 "2",        option,   path};
+        int count = 13;
+        for (int i = 0; settings[i] != NULL; i++) {
+            words[count++] = "--set";
+            words[count++] = settings[i];
+        }
         alarm(SECONDS_MAX);
         dup2(ends[1], STDERR_FILENO);
         close(ends[0]);
@@ -205,6 +202,26 @@ static void an_output_beside_a_data_set_is_written(void **state)
     assert_int_equal(access(stats, F_OK), 0);
 }
 
+/* Heights are written beside the grid, to a name that nobody gave. */
+static void heights_are_not_written_over_what_is_read(void **state)
+{
+    char source[FV_TEST_PATH_BYTES + 96];
+    (void)state;
+    fv_test_write_text(fv_test_path(folder, "g-heights.png"), "a mask");
+    snprintf(source, sizeof source, "euroc:%s/beside", folder);
+    settings[0] = "mask=g-heights.png"; /* no mask: each run ends with an error */
+    settings[1] = "T_body_cam=[[0, 0, 1, 0.3], [-1, 0, 0, 0], [0, -1, 0, 0.5]]";
+    settings[2] = "grid.enabled=true";
+    for (int kept = 0; kept < 2; kept++) {
+        settings[3] = kept ? "grid.heights=true" : NULL;
+        const uint64_t before = take_stock(folder);
+        assert_int_equal(run(source, "--grid", "g.png"), FV_EXIT_WRONG);
+        assert_int_equal(strstr(line, "the file of mask") != NULL, kept);
+        assert_true(take_stock(folder) == before);
+    }
+    memset(settings, 0, sizeof settings);
+}
+
 /* ---- maps ------------------------------------------------------------------------------------ */
 
 /* `--map LOADED --save-map m`; the files are no maps, so that every run ends with an error. */
@@ -214,9 +231,9 @@ static void assert_loaded(const char *loaded, bool refused)
     const uint64_t before = take_stock(folder);
     snprintf(config, sizeof config, "map.load=%s", loaded);
     snprintf(source, sizeof source, "euroc:%s/beside", folder);
-    load = config;
+    settings[0] = config;
     const int end = run(source, "--save-map", "m");
-    load = NULL;
+    settings[0] = NULL;
     const bool said = strstr(line, "--save-map") != NULL;
     if (refused) assert_non_null(strstr(line, "the file of --map"));
     if (end != FV_EXIT_WRONG || said != refused)
@@ -262,6 +279,7 @@ int main(void)
         cmocka_unit_test(a_folder_of_images_takes_no_output),
         cmocka_unit_test(a_folder_of_images_takes_no_recordings),
         cmocka_unit_test(an_output_beside_a_data_set_is_written),
+        cmocka_unit_test(heights_are_not_written_over_what_is_read),
         cmocka_unit_test(a_loaded_map_is_not_renamed_away),
     };
     return cmocka_run_group_tests(tests, set_up, fv_test_place_tear_down);
