@@ -606,7 +606,7 @@ TEST_HELP := $(call objs,$(filter-out tests/common/wrong_case.c tests/common/pro
 # The jar is tested where there is a Java to build it: 200 MB that no other test needs.
 JAR       := $(if $(and $(wildcard /usr/share/java/lcm.jar),$(shell command -v javac)),$(BUILD)/fovea-types.jar)
 .PHONY: tests
-tests: $(TESTS) $(EXAMPLES) $(if $(WEB),$(BUILD)/tests/campaign/blinks) $(BUILD)/subscribe $(BUILD)/command $(BUILD)/python/fovea/__init__.py $(if $(CROSS)$(SAN),,$(BUILD)/subscribe-cpp $(BUILD)/venv-lcm/ready $(BUILD)/venv-import/ready $(BUILD)/venv-mahotas/ready $(BUILD)/mcap-venv/ready $(if $(WEB),$(BUILD)/browser-venv/ready $(BUILD)/foxglove-venv/ready) $(JAR))
+tests: $(TESTS) $(EXAMPLES) $(if $(WEB),$(BUILD)/tests/campaign/blinks) $(BUILD)/subscribe $(BUILD)/command $(BUILD)/python/fovea/__init__.py $(if $(CROSS)$(SAN),,$(BUILD)/subscribe-cpp $(BUILD)/venv-lcm/ready $(BUILD)/venv-import/ready $(BUILD)/venv-mahotas/ready $(BUILD)/mcap-venv/ready $(BUILD)/mavlink-venv/ready $(if $(WEB),$(BUILD)/browser-venv/ready $(BUILD)/foxglove-venv/ready) $(JAR))
 
 # LCM for the Python subscriber comes from PyPI; where that cannot be reached its test says so and is skipped.
 $(BUILD)/venv-lcm/ready:
@@ -616,6 +616,10 @@ $(BUILD)/venv-lcm/ready:
 # What tools/mcap.py needs.
 $(BUILD)/mcap-venv/ready:
 	@tools/mcap_python.sh $(BUILD) >/dev/null || echo "found no Python package mcap: tools/mcap.py will not be tested"
+
+# What tools/examples/obstacle_distance.py needs.
+$(BUILD)/mavlink-venv/ready:
+	@tools/mavlink_python.sh $(BUILD) >/dev/null || echo "found no Python packages lcm and pymavlink: obstacle_distance.py will not be tested"
 
 # What drives a browser through the page.
 $(BUILD)/browser-venv/ready:
