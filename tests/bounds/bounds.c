@@ -15,6 +15,7 @@
 
 #include "bounds/counter.h"
 #include "bounds/full_map.h"
+#include "bounds/grid_case.h"
 #include "bounds/runs.h"
 #include "bounds/stages.h"
 #include "bounds/table.h"
@@ -36,7 +37,10 @@ static void tell_capacities(const struct capacities *c)
                 {"per_cell", c->per_cell},
                 {"keyframes", c->keyframes},
                 {"landmarks", c->landmarks},
-                {"window", c->window}};
+                {"window", c->window},
+                {"grid_side", c->grid_side},
+                {"grid_rays", c->grid_rays},
+                {"grid_steps", c->grid_steps}};
     for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++)
         printf("capacity\t%s\t%.0f\n", rows[i].name, rows[i].value);
 }
@@ -113,8 +117,12 @@ int main(int argc, char **argv)
     two_cameras_config(&config, size.width, size.height);
     config.features.count_max = rt->config.features.count_max;
     struct fovea *two = full_map_runtime(&config);
-    const struct capacities capacities = capacities_of(rt);
-    pieces_measure(rt, two);
+    grid_case_config(&config, size.width, size.height);
+    runs_limit(&config, &size);
+    struct fovea *grid = full_map_runtime(&config);
+    const struct capacities capacities = capacities_of(rt, grid);
+    pieces_measure(rt, two, grid);
+    free(grid);
     free(two);
     free(rt);
     stages_derive(&capacities);

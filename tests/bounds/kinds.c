@@ -23,6 +23,7 @@ static const char *kind_of_map(const struct fovea *rt)
     const struct fv_odometry_state *s = o->state;
     if (fv_inertial_stage_waiting(&rt->inertial) && !fv_odometry_saving(o)) return "map: inertial";
     if (fv_scale_waiting(&rt->scale, o)) return "map: floor";
+    if (rt->free_space.enabled && fv_odometry_save_at_grid(o)) return "map: grid saved";
     if (fv_archive_busy(o->saver.archive)) return "map: saving";
     if (s->creation.pending_count > 0 || s->creation.phase != FV_CREATION_IDLE)
         return kind_of_creation(&s->creation);
@@ -48,8 +49,50 @@ static const char *kind_of_closure(const struct fv_closure *closure)
     return names[closure->state->phase];
 }
 
+/* While the mask waits: the floor that it is laid on is measured, where that is due. */
+static const char *kind_of_ground(const struct fovea *rt)
+{
+    const struct fv_ground_stage_state *ground = rt->ground.state;
+    if (ground->phase >= FV_GROUND_GATHERED) return "free space: floor fitted";
+    return ground->phase == FV_GROUND_GATHERING &&
+                   ground->seen_ns == rt->free_space.state->frame.stamp_ns
+               ? "free space: landmarks on floor"
+               : "free space: mask taken";
+}
+
+static const char *kind_of_free_space(const struct fovea *rt)
+{
+    switch (rt->free_space.state->phase) {
+    case FV_FREE_SPACE_WAITING:
+        return kind_of_ground(rt);
+    case FV_FREE_SPACE_RECALLING:
+        return "free space: recall";
+    case FV_FREE_SPACE_SCANNING:
+        return "free space: scan";
+    case FV_FREE_SPACE_SENDING_GRID:
+        return "free space: grid sent";
+    case FV_FREE_SPACE_SENDING_SCAN:
+        return "free space: scan sent";
+    case FV_FREE_SPACE_SENDING_HEIGHTS:
+        return "free space: heights sent";
+    default:
+        break;
+    }
+    switch (rt->free_space.grid.state->phase) {
+    case FV_GRID_DECAY:
+        return "free space: cells forget";
+    case FV_GRID_POINTS_TAKEN:
+        return "free space: points";
+    case FV_GRID_RAYS:
+        return "free space: rays";
+    default:
+        return "free space: evidence";
+    }
+}
+
 static const char *kind_of_detection(const struct fovea *rt)
 {
+    if (fv_free_space_waiting(&rt->free_space)) return kind_of_free_space(rt);
     const struct fv_detection *d = &rt->detection;
     if (d->state->mapping != FV_DETECTION_IDLE) return "detect: boxes and objects";
     switch (d->memory.job->nn.phase) {

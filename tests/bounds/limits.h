@@ -44,7 +44,9 @@ enum {
     STEREO_STEPS = 5,
     /* odometry/lens_window.c */
     LENS_SLOTS = 1500,
-    LENS_POINTS = 20
+    LENS_POINTS = 20,
+    /* grid/update.c */
+    GRID_COARSE = 8
 };
 
 #define LIMIT(here, there)                                                                         \

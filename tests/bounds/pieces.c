@@ -29,8 +29,11 @@ _Noreturn void piece_wrong(const char *file, int line, const char *what)
     exit(1);
 }
 
-void pieces_measure(struct fovea *rt, struct fovea *two)
+void pieces_measure(struct fovea *rt, struct fovea *two, struct fovea *grid)
 {
+    pieces_of_ground(grid);
+    pieces_of_grid(grid);
+    pieces_of_free_space(grid);
     pieces_of_stereo(two);
     pieces_of_stereo_match(two);
     pieces_of_stereo_align(two);

@@ -157,6 +157,31 @@
     ROW(segments_found, "a unit of line segments, the dearest of six pictures")                    \
     ROW(edges_sent, "rows of edges, and segments, sent")                                           \
     ROW(objects_assigned, "most detections assigned to most objects")                              \
+    /* free space */                                                                               \
+    ROW(ground_followed, "the floor carried on with a pose")                                       \
+    ROW(space_noted, "points of most landmarks noted for a mask")                                  \
+    ROW(grid_forgotten, "all cells forgotten")                                                     \
+    ROW(space_asked, "a unit of free space in which nothing is left")                              \
+    ROW(ground_begun, "landmarks begun to be gathered")                                            \
+    ROW(ground_gathered, "a unit of landmarks looked at, all on pixels of floor")                  \
+    ROW(ground_fitted, "a fit of the floor to most points")                                        \
+    ROW(grid_laid, "a mask laid, the robot gone by all cells but one, along both axes")            \
+    ROW(cell_decayed, "a cell with a height that forgets")                                         \
+    ROW(mask_looked, "a mask made ready to be looked up")                                          \
+    ROW(point_taken, "a point above the floor, or below, with others all around")                  \
+    ROW(ray_looked, "a step of a ray over floor")                                                  \
+    ROW(ray_freed, "a step of a ray that becomes free later")                                      \
+    ROW(ray_begun, "a ray that ends where it begins")                                              \
+    ROW(cell_stood, "a cell that the robot may stand in")                                          \
+    ROW(cell_applied, "a cell that takes its evidence")                                            \
+    ROW(recall_begun, "a recall begun")                                                            \
+    ROW(grid_recalled, "a unit of kept cells offered, as fine as the grid, or four times")         \
+    ROW(grid_scanned, "a unit of the scan, the dearest of five grids")                             \
+    ROW(grid_sent, "rows of cells sent")                                                           \
+    ROW(scan_sent, "a scan sent")                                                                  \
+    ROW(heights_sent, "rows of heights sent")                                                      \
+    ROW(grid_searched, "a grid searched for what is known")                                        \
+    ROW(grid_saved, "rows of cells saved")                                                         \
     ROW(clock, "the readings of the clock, and a job asked in vain")
 
 enum piece {
@@ -173,8 +198,8 @@ void piece_note(enum piece piece, double instructions);
 
 struct fovea;
 
-/* Measure all, on a runtime that they use up; `two` has two cameras. */
-void pieces_measure(struct fovea *rt, struct fovea *two);
+/* Measure all, on a runtime that they use up; `two` has two cameras, `grid` that of grid_case.h. */
+void pieces_measure(struct fovea *rt, struct fovea *two, struct fovea *grid);
 
 /* By file. */
 void pieces_of_features(struct fovea *rt);
@@ -202,6 +227,9 @@ void pieces_of_stereo(struct fovea *rt);
 void pieces_of_stereo_match(struct fovea *rt);
 void pieces_of_stereo_align(struct fovea *rt);
 void pieces_of_floor(struct fovea *rt);
+void pieces_of_ground(struct fovea *rt);
+void pieces_of_grid(struct fovea *rt);
+void pieces_of_free_space(struct fovea *rt);
 void pieces_of_closure(struct fovea *rt);
 void pieces_of_similarity(struct fovea *rt);
 void pieces_of_closure_search(struct fovea *rt);

@@ -16,6 +16,8 @@ struct runs_size {
 
 struct fovea_config;
 
+/* Capacities as the size asks for them. */
+void runs_limit(struct fovea_config *config, const struct runs_size *size);
 /* The configuration of the runs, with a detector. */
 void runs_configure(struct fovea_config *config, const struct runs_size *size);
 void runs_play(const struct runs_size *size);

@@ -9,9 +9,17 @@ static double least(double a, double b)
     return a < b ? a : b;
 }
 
-struct capacities capacities_of(const struct fovea *rt)
+/* Of the cells that it stands in or may touch. */
+static double robot_cells(const struct fovea_grid_config *grid)
+{
+    const double across = 2 * ((int32_t)(grid->robot_radius_m / grid->resolution_m) + 1) + 1;
+    return across * across;
+}
+
+struct capacities capacities_of(const struct fovea *rt, const struct fovea *grid)
 {
     const struct fovea_config *config = &rt->config;
+    const struct fovea_grid_config *cells = &grid->config.grid_job.grid;
     const struct fv_pyramid *pyramid = &rt->front_end.images.main;
     struct capacities c = {.width = config->rig.cameras[0].camera.width,
                            .height = config->rig.cameras[0].camera.height,
@@ -20,7 +28,11 @@ struct capacities capacities_of(const struct fovea *rt)
                            .landmarks = config->odometry.landmarks,
                            .window = config->odometry.window,
                            .per_cell = config->features.per_cell,
-                           .model = (double)config->detect.model_bytes};
+                           .model = (double)config->detect.model_bytes,
+                           .grid_side = cells->side_cells,
+                           .grid_rays = cells->rays,
+                           .grid_steps = (int32_t)(2 * cells->range_m / cells->resolution_m),
+                           .grid_robot = robot_cells(cells)};
     for (uint32_t i = 0; i < pyramid->levels; i++) {
         c.level_pixels += (double)pyramid->level[i].width * pyramid->level[i].height;
         c.level_rows += pyramid->level[i].height;
@@ -246,19 +258,29 @@ static void derive_odometry(const struct capacities *c)
     derive_first_map(b, 3, c);
 }
 
-/* Messages, and what the step does besides its stages: inputs, and what jobs are asked for. */
+/* What the step does besides its stages: inputs, and what jobs are asked for. */
+static void add_rest_of_step(struct bound *b, const struct capacities *c)
+{
+    TERM(b, BOUND_ALWAYS, 1, inputs_taken);
+    TERM(b, BOUND_ALWAYS, 1, samples_observed);
+    TERM(b, BOUND_ALWAYS, 1, jobs_asked);
+    TERM(b, BOUND_ALWAYS, 1, lens_frame);
+    if (c->model > 0) TERM(b, BOUND_ALWAYS, 1, picture_copied);
+}
+
+/* Messages, and the rest. */
 static void derive_others(const struct capacities *c)
 {
     struct bound *b = bound_of("stereo"); /* one camera: nothing */
     TERM(b, BOUND_ALWAYS, 0, clock);
     b = bound_of("encode");
     TERM(b, BOUND_ALWAYS, 1, encoded);
-    b = bound_of("the rest of the step");
-    TERM(b, BOUND_ALWAYS, 1, inputs_taken);
-    TERM(b, BOUND_ALWAYS, 1, samples_observed);
-    TERM(b, BOUND_ALWAYS, 1, jobs_asked);
-    TERM(b, BOUND_ALWAYS, 1, lens_frame);
-    if (c->model > 0) TERM(b, BOUND_ALWAYS, 1, picture_copied);
+    add_rest_of_step(bound_of("the rest of the step"), c);
+    b = bound_of("the rest of the step: free space");
+    add_rest_of_step(b, c);
+    TERM(b, BOUND_ALWAYS, 1, ground_followed);
+    TERM(b, BOUND_ALWAYS, 1, grid_forgotten);
+    TERM(b, BOUND_ALWAYS, 1, space_noted);
 }
 
 void stages_derive(const struct capacities *c)

@@ -14,9 +14,13 @@ struct capacities {
     double window;                   /* odometry.window */
     double per_cell;                 /* features.per_cell */
     double model;                    /* bytes of detect.model, 0: none */
+    double grid_side, grid_rays;     /* grid.side_cells, grid.rays */
+    double grid_steps;               /* of a ray */
+    double grid_robot;               /* cells around the robot */
 };
 
-struct capacities capacities_of(const struct fovea *rt);
+/* `grid`: the runtime that has one. */
+struct capacities capacities_of(const struct fovea *rt, const struct fovea *grid);
 void stages_derive(const struct capacities *capacities);
 void units_derive(const struct capacities *capacities);
 

@@ -2,6 +2,7 @@
 #include "bounds/limits.h"
 #include "bounds/stages.h"
 #include "bounds/table.h"
+#include "grid/cells.h"
 
 static double least(double a, double b)
 {
@@ -158,6 +159,72 @@ static void derive_others(const struct capacities *c)
     TERM(b, BOUND_ALWAYS, 1, objects_assigned);
 }
 
+/* A mask, and the floor that it is laid on. */
+static void derive_ground(const struct capacities *c)
+{
+    const double grid_cells = c->grid_side * c->grid_side;
+    struct bound *b = bound_of("free space: mask taken");
+    b->ways[1] = "landmarks are due";
+    b->ways[2] = "laid on the floor, and the first cells forget";
+    TERM(b, BOUND_ALWAYS, 1, space_asked);
+    TERM(b, 1, 1, ground_begun);
+    TERM(b, 1, 1, ground_gathered);
+    TERM(b, 2, 1, grid_laid);
+    TERM(b, 2, least(grid_cells, FV_GRID_CELLS), cell_decayed);
+    b = bound_of("free space: landmarks on floor");
+    TERM(b, BOUND_ALWAYS, 1, space_asked);
+    TERM(b, BOUND_ALWAYS, 1, ground_gathered);
+    b = bound_of("free space: floor fitted");
+    TERM(b, BOUND_ALWAYS, 1, space_asked);
+    TERM(b, BOUND_ALWAYS, 1, ground_fitted);
+}
+
+/* An update of the grid. */
+static void derive_grid(const struct capacities *c)
+{
+    const double grid_cells = c->grid_side * c->grid_side, grid_steps = c->grid_steps,
+                 grid_robot = c->grid_robot, features = c->features;
+    struct bound *b = bound_of("free space: cells forget");
+    TERM(b, BOUND_ALWAYS, 1, space_asked);
+    TERM(b, BOUND_ALWAYS, least(grid_cells, FV_GRID_CELLS), cell_decayed);
+    b = bound_of("free space: points");
+    TERM(b, BOUND_ALWAYS, 1, space_asked);
+    TERM(b, BOUND_ALWAYS, 1, mask_looked);
+    TERM(b, BOUND_ALWAYS, least(features, FV_GRID_POINTS), point_taken);
+    b = bound_of("free space: rays");
+    TERM(b, BOUND_ALWAYS, 1, space_asked);
+    TERM(b, BOUND_ALWAYS, 1, mask_looked);
+    /* The last ray may begin with one lookup left. */
+    TERM(b, BOUND_ALWAYS, FV_GRID_LOOKUPS + grid_steps / GRID_COARSE + GRID_COARSE, ray_looked);
+    TERM(b, BOUND_ALWAYS, grid_steps, ray_freed); /* looked up in units before */
+    TERM(b, BOUND_ALWAYS, FV_GRID_LOOKUPS / (GRID_COARSE + 1) + 1, ray_begun);
+    TERM(b, BOUND_ALWAYS, grid_robot, cell_stood);
+    b = bound_of("free space: evidence");
+    TERM(b, BOUND_ALWAYS, 1, space_asked);
+    TERM(b, BOUND_ALWAYS, least(grid_cells, FV_GRID_CELLS), cell_applied);
+    TERM(b, BOUND_ALWAYS, 1, recall_begun);
+}
+
+/* What follows it, and saving. */
+static void derive_free_space(void)
+{
+    struct bound *b = bound_of("free space: recall");
+    TERM(b, BOUND_ALWAYS, 1, grid_recalled);
+    b = bound_of("free space: scan");
+    TERM(b, BOUND_ALWAYS, 1, grid_scanned);
+    b = bound_of("free space: grid sent");
+    TERM(b, BOUND_ALWAYS, 1, grid_sent);
+    b = bound_of("free space: scan sent");
+    TERM(b, BOUND_ALWAYS, 1, scan_sent);
+    b = bound_of("free space: heights sent");
+    TERM(b, BOUND_ALWAYS, 1, heights_sent);
+    b = bound_of("map: grid saved");
+    b->ways[1] = "the grid searched for what is known";
+    b->ways[2] = "rows";
+    TERM(b, 1, 1, grid_searched);
+    TERM(b, 2, 1, grid_saved);
+}
+
 void units_derive(const struct capacities *c)
 {
     derive_creation(c);
@@ -167,4 +234,7 @@ void units_derive(const struct capacities *c)
     derive_closure(c);
     derive_correction();
     derive_others(c);
+    derive_ground(c);
+    derive_grid(c);
+    derive_free_space();
 }
