@@ -237,8 +237,10 @@ bool fv_detect_mask_classes(const struct fv_head_job *j, struct fv_detect_mask *
     int32_t left = LABELS_PER_UNIT / channels + 1;
     const int64_t end = (int64_t)y.last * mask->width;
     if (*at < (int64_t)y.first * mask->width) *at = (int64_t)y.first * mask->width;
+    int32_t next = *at < end ? (int32_t)(*at % mask->width) : 0;
     for (; *at < end && left > 0; ++*at, --left) {
-        const int32_t column = (int32_t)(*at % mask->width);
+        const int32_t column = next;
+        next = next + 1 < mask->width ? next + 1 : 0;
         if (column < x.first || column >= x.last) continue;
         float score;
         const int32_t class_id = class_of(j, o, channels, *at, &score);
