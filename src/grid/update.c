@@ -90,11 +90,22 @@ void fv_grid_forget(struct fv_grid *g)
     g->state->stamp_ns = 0;
 }
 
-static void clear(struct fv_grid *g, size_t at)
+static void clear(struct fv_grid *g, size_t from, size_t count)
 {
-    g->odds[at] = 0;
-    g->movable[at] = 0;
-    if (g->heights != NULL) g->heights[at] = (struct fv_grid_height){0};
+    memset(g->odds + from, 0, count * sizeof *g->odds);
+    memset(g->movable + from, 0, count);
+    if (g->heights != NULL) memset(g->heights + from, 0, count * sizeof *g->heights);
+}
+
+/* `count` cells of a line of `side` that begins at `start`, from `first` on: what passes its end is
+ * kept at its beginning. */
+static void clear_wrapped(struct fv_grid *g, size_t start, int64_t first, int64_t count,
+                          int64_t side)
+{
+    const int64_t at = (int64_t)fv_grid_wrapped(first, side),
+                  whole = count < side - at ? count : side - at;
+    clear(g, start + (size_t)at, (size_t)whole);
+    clear(g, start, (size_t)(count - whole));
 }
 
 /* Follow the body along one axis: cells that come in are unknown. */
@@ -106,17 +117,14 @@ static void follow(struct fv_grid *g, int axis)
     int64_t first = corner > old ? old + side : corner, last = corner > old ? corner + side : old;
     g->state->corner[axis] = corner;
     g->state->corner_kept[axis] = (int64_t)fv_grid_wrapped(corner, side);
-    if (!g->state->begun) return; /* all are unknown */
-    if (last - first >= side) {   /* of the old ones none stays */
-        memset(g->odds, 0, (size_t)(side * side) * sizeof *g->odds);
-        memset(g->movable, 0, (size_t)(side * side));
-        if (g->heights != NULL) memset(g->heights, 0, (size_t)(side * side) * sizeof *g->heights);
-        return;
-    }
-    for (int64_t line = first; line < last; line++)
-        for (int64_t i = 0; i < side; i++)
-            clear(g, axis == 0 ? (size_t)(i * side) + fv_grid_wrapped(line, side)
-                               : fv_grid_wrapped(line, side) * (size_t)side + (size_t)i);
+    if (!g->state->begun) return;                  /* all are unknown */
+    if (last - first >= side) first = last - side; /* of the old ones none stays */
+    if (axis == 0)
+        for (int64_t row = 0; row < side; row++)
+            clear_wrapped(g, (size_t)(row * side), first, last - first, side);
+    else
+        for (int64_t line = first; line < last; line++)
+            clear(g, fv_grid_wrapped(line, side) * (size_t)side, (size_t)side);
 }
 
 /* The parts that stay by now, in steps of a twentieth of the half-life: smaller ones would round
@@ -337,14 +345,27 @@ static bool follow_rays(struct fv_grid *g, const struct fovea_grid_view *view)
     return s->ray == (int32_t)g->config.rays;
 }
 
+struct span {
+    int64_t first, last; /* last exclusive */
+};
+
+/* Of the cells at most `reach` from one along an axis those of the grid. */
+static struct span reached(const struct fv_grid *g, int axis, int64_t cell, int64_t reach)
+{
+    const int64_t first = g->state->corner[axis], last = first + fv_grid_side(g);
+    return (struct span){cell - reach > first ? cell - reach : first,
+                         cell + reach + 1 < last ? cell + reach + 1 : last};
+}
+
 static void stand(struct fv_grid *g)
 {
     const double r = g->config.robot_radius_m, cell = g->config.resolution_m;
     const int64_t reach = (int64_t)(r / cell) + 1;
     const int64_t cx = fv_grid_whole(g->state->position_m[0] / cell),
                   cy = fv_grid_whole(g->state->position_m[1] / cell);
-    for (int64_t y = cy - reach; y <= cy + reach; y++) {
-        for (int64_t x = cx - reach; x <= cx + reach; x++) {
+    const struct span rows = reached(g, 1, cy, reach), columns = reached(g, 0, cx, reach);
+    for (int64_t y = rows.first; y < rows.last; y++) {
+        for (int64_t x = columns.first; x < columns.last; x++) {
             const double dx = ((double)x + 0.5) * cell - g->state->position_m[0],
                          dy = ((double)y + 0.5) * cell - g->state->position_m[1];
             if (dx * dx + dy * dy <= r * r)
