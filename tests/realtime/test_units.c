@@ -16,7 +16,7 @@
 #include "drivers/table.h"
 #include "fovea/source.h"
 
-enum { REPEATS_MAX = 16, UNITS_MAX = 100000, UNIT_NS = 250000, UNIT_MAX_NS = 4 * UNIT_NS };
+enum { REPEATS_MAX = 40, UNITS_MAX = 100000, UNIT_NS = 250000, UNIT_MAX_NS = 4 * UNIT_NS };
 
 static struct fv_histogram histograms[FOVEA_JOB_COUNT];
 static struct unit {
