@@ -597,7 +597,8 @@ $(BUILD)/fovea.pc: tools/fovea.pc.in include/fovea/fovea.h
 	$(Q)sed 's|@PREFIX@|$(PREFIX)|; s|@LIBDIR@|$(LIBDIR)|; s|@VERSION@|$(VERSION)|' $< >$@
 
 # ---- tests: every tests/**/test_*.c(pp) is one program ------------------------------------------------------------
-TESTS_C   := $(shell find tests -name 'test_*.c' 2>/dev/null | sort)
+# FOVEA_TURN=N: of those in C an Nth alone, another one with each commit (tools/turn.sh).
+TESTS_C   := $(shell find tests -name 'test_*.c' 2>/dev/null | sort $(if $(FOVEA_TURN),| tools/turn.sh $(FOVEA_TURN)))
 TESTS_CXX := $(if $(CROSS)$(SAN),,$(shell find tests -name 'test_*.cpp' 2>/dev/null | sort))  # need OpenCV
 TESTS     := $(patsubst tests/%.c,$(BUILD)/tests/%,$(TESTS_C)) $(patsubst tests/%.cpp,$(BUILD)/tests/%,$(TESTS_CXX))
 # Of the page, where its program is built.
