@@ -3,7 +3,8 @@
 #   BUILD=dir      where everything goes (default build)
 #   CC= CXX=       compilers (gcc and clang are kept warning-free)
 #   V=1            show whole commands
-#   TEST_DEBUG=1   link tests with what a debugger wants: five times the disk
+#   TEST_DEBUG=1   link tests with what a debugger needs: 20 MB each, not 3
+#   FOVEA_TURN=N   of the tests in C every Nth only, other ones with each commit (tools/turn.sh)
 #   SAN=asan|tsan|fuzz  sanitizer build (use with its own BUILD)
 #   CROSS=aarch64-linux-gnu-   cross build, tests run by EMULATOR
 #   SYSROOT=dir    of a cross build: what it is linked with (default BUILD/sysroot, by tools/make_sysroot.sh)
@@ -58,7 +59,7 @@ OPT      := -O3 -g
 FORTIFY  := $(shell printf '\043include <features.h>\n__USE_FORTIFY_LEVEL\n' | $(CC) -O2 -U_FORTIFY_SOURCE -D_FORTIFY_SOURCE=3 -w -E -P - 2>/dev/null | tail -n 1)
 HARDEN   := $(if $(SAN),,-fstack-protector-strong -U_FORTIFY_SOURCE -D_FORTIFY_SOURCE=$(or $(FORTIFY),2))
 HARDLINK := -Wl,-z,relro,-z,now,-z,noexecstack
-# Of sanitized programs the lines alone: what their reports show, and a third of the disk.
+# Sanitized programs keep line numbers only: their reports show no more, and disk is short where CI runs.
 ifeq ($(SAN),asan)
 OPT      := -O1 -g1 -fno-omit-frame-pointer -fsanitize=address,undefined -fno-sanitize-recover=all -DFOVEA_SANITIZED=1
 endif
@@ -597,7 +598,6 @@ $(BUILD)/fovea.pc: tools/fovea.pc.in include/fovea/fovea.h
 	$(Q)sed 's|@PREFIX@|$(PREFIX)|; s|@LIBDIR@|$(LIBDIR)|; s|@VERSION@|$(VERSION)|' $< >$@
 
 # ---- tests: every tests/**/test_*.c(pp) is one program ------------------------------------------------------------
-# FOVEA_TURN=N: of those in C an Nth alone, another one with each commit (tools/turn.sh).
 TESTS_C   := $(shell find tests -name 'test_*.c' 2>/dev/null | sort $(if $(FOVEA_TURN),| tools/turn.sh $(FOVEA_TURN)))
 TESTS_CXX := $(if $(CROSS)$(SAN),,$(shell find tests -name 'test_*.cpp' 2>/dev/null | sort))  # need OpenCV
 TESTS     := $(patsubst tests/%.c,$(BUILD)/tests/%,$(TESTS_C)) $(patsubst tests/%.cpp,$(BUILD)/tests/%,$(TESTS_CXX))
@@ -640,7 +640,7 @@ $(BUILD)/venv-import/ready:
 	@{ python3 -m venv $(BUILD)/venv-import && timeout 180 $(BUILD)/venv-import/bin/pip install -q --disable-pip-version-check tflite numpy flatbuffers \
 	    && touch $@; } || echo "found no Python packages tflite and numpy: no network will be imported in tests"
 
-# Tests are many, and each holds the whole library: what a debugger wants is left out of them, unless TEST_DEBUG is set.
+# Tests are many, and each holds the whole library: what a debugger needs is left out of them, unless TEST_DEBUG is set.
 $(BUILD)/tests/%: $(BUILD)/obj/tests/%.o $(TEST_HELP) $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
 	@mkdir -p $(@D)
 	@echo "  link $@"

@@ -2,7 +2,7 @@
 # clang-tidy over our sources with the checks of .clang-tidy; any finding fails. One file at a time: with several,
 # clang-tidy 14 takes every va_list after the first file for uninitialised. Files that were clean before and whose
 # preprocessed text is the same are not looked at again (build/tidy). Needs the generated headers of a build.
-# Usage: tools/check_tidy.sh [FILE...]     FOVEA_TURN=N: of all sources an Nth, another one with each commit (tools/turn.sh)
+# Usage: tools/check_tidy.sh [FILE...]     FOVEA_TURN=N: every Nth of all sources, other ones with each commit (tools/turn.sh)
 set -eu
 flags="-std=c11 -D_GNU_SOURCE -Iinclude -Isrc -Ibuild/generated -Itests -fsigned-char -I. -isystem /usr/include/freetype2"
 mkdir -p build/tidy

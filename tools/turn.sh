@@ -1,7 +1,6 @@
 #!/bin/sh
-# A part of a list of names, for what takes too long in every run of CI: each PARTS-th, begun at another place with each commit, so
-# that all have their turn; and those that changed in the last 40 commits, where the history is there. What is left out is counted on
-# standard error; the campaign runs all.
+# Print a part of a list of names, for what takes too long in every run of CI: every PARTS-th, beginning one name later with each
+# commit, and those that changed in the last 40 commits, where the clone has them. The number left out goes to standard error.
 # Usage: tools/turn.sh PARTS <NAMES     names of sources, one a line, as git has them
 set -eu
 parts=$1

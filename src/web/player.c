@@ -287,7 +287,7 @@ void fv_web_player_seek(struct fv_web_player *player, int64_t position_ms)
     fv_web_player_state(player, &state);
     if (position_ms > state.length_ms) position_ms = state.length_ms;
     if (position_ms < 0) position_ms = 0;
-    /* A position is told in whole ms: the frame on which it stands may come later within it. */
+    /* A position is in whole ms: the frame shown there may begin later within that ms. */
     const int64_t wanted_us = player->places[0].time_us + position_ms * 1000 + 999;
     for (uint32_t i = 0; i < player->count; i++)
         if (player->places[i].time_us <= wanted_us) at = i;

@@ -9,22 +9,28 @@
 #include "fovea/source.h"
 #include "geometry/vec.h"
 
-void full_map_config(struct fovea_config *config, int32_t width, int32_t height)
+struct fovea_rig full_map_rig(const char *uri)
 {
     const struct fovea_source_selection none = {.step = 1};
     const struct fovea_source_ops *ops;
     struct fovea_source *source;
     struct fovea_error error;
     const char *address;
-    char uri[64];
-    snprintf(uri, sizeof uri, "sim:corridor?width=%d&height=%d", (int)width, (int)height);
-    fovea_config_default(config);
     if (fv_source_find(uri, &ops, &address, &error) || ops->open(address, &none, &source, &error)) {
         fprintf(stderr, "%s\n", error.text);
         exit(2);
     }
-    config->rig.cameras[0].camera = ops->info(source)->rig.cameras[0].camera;
+    const struct fovea_rig rig = ops->info(source)->rig;
     ops->close(source);
+    return rig;
+}
+
+void full_map_config(struct fovea_config *config, int32_t width, int32_t height)
+{
+    char uri[64];
+    snprintf(uri, sizeof uri, "sim:corridor?width=%d&height=%d", (int)width, (int)height);
+    fovea_config_default(config);
+    config->rig.cameras[0].camera = full_map_rig(uri).cameras[0].camera;
     config->detect.model = detector_model(&config->detect.model_bytes);
 }
 

@@ -13,6 +13,8 @@ enum { CROWD_MATCHES = 96 }; /* candidates that a search takes at most (map/keyf
 /* A runtime of the configuration, from malloc; free(rt) gives it back. NULL, after a line on
  * stderr: refused. */
 struct fovea *full_map_runtime(const struct fovea_config *config);
+/* The cameras of a source. Ends the program, after a line on stderr, where it cannot be opened. */
+struct fovea_rig full_map_rig(const char *uri);
 /* The default configuration for the simulated camera of a size, with a detector. */
 void full_map_config(struct fovea_config *config, int32_t width, int32_t height);
 

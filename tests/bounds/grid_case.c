@@ -4,9 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "bounds/full_map.h"
 #include "common/detector.h"
-#include "drivers/table.h"
-#include "fovea/source.h"
 #include "nn/model.h"
 
 enum { IGNORED, FLOOR, OBSTACLE, MOVABLE, CLASSES };
@@ -46,20 +45,10 @@ void grid_case_uri(char *uri, size_t capacity, int32_t width, int32_t height)
 
 void grid_case_config(struct fovea_config *config, int32_t width, int32_t height)
 {
-    const struct fovea_source_selection none = {.step = 1};
-    const struct fovea_source_ops *ops;
-    struct fovea_source *source;
-    struct fovea_error error;
-    const char *address;
     char uri[96];
     grid_case_uri(uri, sizeof uri, width, height);
     fovea_config_default(config);
-    if (fv_source_find(uri, &ops, &address, &error) || ops->open(address, &none, &source, &error)) {
-        fprintf(stderr, "%s\n", error.text);
-        exit(2);
-    }
-    config->rig = ops->info(source)->rig;
-    ops->close(source);
+    config->rig = full_map_rig(uri);
     config->detect.model = segmenter(&config->detect.model_bytes);
     config->scale.source = FOVEA_SCALE_CAMERA_HEIGHT;
     config->scale.camera_height_m = config->rig.cameras[0].T_body_cam[11];

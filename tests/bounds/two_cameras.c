@@ -4,26 +4,15 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "drivers/table.h"
-#include "fovea/source.h"
+#include "bounds/full_map.h"
 
 void two_cameras_config(struct fovea_config *config, int32_t width, int32_t height)
 {
-    const struct fovea_source_selection none = {.step = 1};
-    const struct fovea_source_ops *ops;
-    struct fovea_source *source;
-    struct fovea_error error;
-    const char *address;
     char uri[96];
     snprintf(uri, sizeof uri, "sim:corridor?width=%d&height=%d&baseline=0.11", (int)width,
              (int)height);
     fovea_config_default(config);
-    if (fv_source_find(uri, &ops, &address, &error) || ops->open(address, &none, &source, &error)) {
-        fprintf(stderr, "%s\n", error.text);
-        exit(2);
-    }
-    config->rig = ops->info(source)->rig;
-    ops->close(source);
+    config->rig = full_map_rig(uri);
 }
 
 static void fill_noise(const struct fv_pyramid *pyramid)

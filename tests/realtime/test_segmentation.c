@@ -201,7 +201,7 @@ static bool is_timed(void)
 static void no_unit_takes_more_than_a_quarter_of_a_millisecond(void **state)
 {
     (void)state;
-    enum { RUNS_MAX = 900, UNITS_MAX = 2000 }; /* half a minute, while something holds them up */
+    enum { RUNS_MAX = 900, UNITS_MAX = 2000 }; /* half a minute, while others hold it up */
     static int64_t least[UNITS_MAX];
     if (!is_timed()) return;
     const struct fovea_image image = read_picture("street_camvid/img/0016E5_08149.png");

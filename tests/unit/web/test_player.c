@@ -190,7 +190,8 @@ static void write_changed(const uint8_t *bytes)
     fclose(file);
 }
 
-/* A position is told in ms, frames come between them: to go where it stands shows what it shows. */
+/* A position is in whole ms, and a frame may begin between two: a seek to the position where the
+ * player stands shows the same frame. */
 static void it_stays_where_it_stands(void **state)
 {
     struct fv_web_playback playback;
