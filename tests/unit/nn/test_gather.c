@@ -1,0 +1,127 @@
+/* What a convolution gives to the matrix product: of each output pixel the inputs under its kernel,
+ * or what stands for zero outside of the image, for windows drawn at random: borders, strides,
+ * dilation, pictures that lie in larger ones, and images smaller than the kernel. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+#include <string.h>
+
+#include "base/elementary.h"
+#include "kernels/cpu.h"
+#include "nn/run.h"
+
+enum { SIDE_MAX = 70, STRIDE_MAX = 24, K_MAX = 5 * 5 * STRIDE_MAX, ROUNDS = 600, ZERO = 131 };
+enum { PIXELS_MAX = SIDE_MAX * SIDE_MAX, SLACK = 64 };
+
+static uint8_t image[PIXELS_MAX * STRIDE_MAX + SLACK], out[PIXELS_MAX];
+static uint8_t found[PIXELS_MAX][K_MAX];
+static _Alignas(64) uint8_t scratch[FV_MODEL_CONV_PIXELS * (K_MAX + 160)];
+static int times[PIXELS_MAX];
+
+/* In place of the product: takes the rows. */
+static void take_rows(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda, uint8_t *to,
+                      ptrdiff_t ldo, int32_t m)
+{
+    assert_int_equal(ldo, 1);
+    for (int32_t i = 0; i < m; i++) {
+        memcpy(found[to - out + i], a + i * lda, (size_t)g->k);
+        times[to - out + i]++;
+    }
+}
+
+static struct fv_random source;
+
+static int32_t draw(int32_t least, int32_t most)
+{
+    return least + (int32_t)fv_random_below(&source, (uint32_t)(most - least + 1));
+}
+
+static struct fv_op_conv draw_conv(void)
+{
+    const struct fv_op_window w = {.kh = draw(1, 5),
+                                   .kw = draw(1, 5),
+                                   .stride_y = draw(1, 3),
+                                   .stride_x = draw(1, 3),
+                                   .dilation_y = draw(0, 3) == 0 ? 2 : 1,
+                                   .dilation_x = draw(0, 3) == 0 ? 2 : 1,
+                                   .pad_top = draw(0, 3),
+                                   .pad_left = draw(0, 3)};
+    const int32_t channels = draw(1, 20),
+                  most = draw(0, 3) == 0 ? 6 : SIDE_MAX; /* often smaller than the kernel */
+    struct fv_op_image im = {.batch = 1,
+                             .in_h = draw(1, 12),
+                             .in_w = draw(1, most),
+                             .in_c = channels,
+                             .in_stride = draw(0, 3) == 0 ? channels + 4 : channels,
+                             .out_h = draw(1, 12),
+                             .out_c = 1,
+                             .out_stride = 1};
+    im.out_w = draw(1, (im.in_w + 2 * w.pad_left) / w.stride_x + 1);
+    return (struct fv_op_conv){
+        .image = im,
+        .window = w,
+        .k = w.kh * w.kw * channels,
+        .k4 = (w.kh * w.kw * channels + 3) / 4,
+        .zero_in = ZERO,
+    };
+}
+
+static uint8_t input_at(const struct fv_op_conv *c, int32_t y, int32_t x, int32_t channel)
+{
+    const struct fv_op_image *im = &c->image;
+    return y < 0 || y >= im->in_h || x < 0 || x >= im->in_w
+               ? ZERO
+               : image[(y * im->in_w + x) * im->in_stride + channel];
+}
+
+static void check_pixel(const struct fv_op_conv *c, int32_t y, int32_t x)
+{
+    const struct fv_op_window *w = &c->window;
+    const uint8_t *row = found[y * c->image.out_w + x];
+    for (int32_t ky = 0; ky < w->kh; ky++)
+        for (int32_t kx = 0; kx < w->kw; kx++)
+            for (int32_t channel = 0; channel < c->image.in_c; channel++)
+                assert_int_equal(
+                    *row++, input_at(c, y * w->stride_y - w->pad_top + ky * w->dilation_y,
+                                     x * w->stride_x - w->pad_left + kx * w->dilation_x, channel));
+}
+
+static void rows_hold_the_inputs_of_their_pixels(void **state)
+{
+    static const uint8_t base[64];
+    const struct fv_model model = {.base = base};
+    struct fv_kernels kernels;
+    (void)state;
+    fv_random_seed(&source, 11);
+    for (size_t i = 0; i < sizeof image; i++)
+        image[i] = (uint8_t)fv_random_u32(&source);
+    for (int round = 0; round < ROUNDS; round++) {
+        const struct fv_model_op op = {.u.conv = draw_conv()};
+        const struct fv_op_image *im = &op.u.conv.image;
+        fv_kernels_init(&kernels, round % 2 == 0 ? FV_CPU_C : fv_cpu_best(fv_cpu_detect()));
+        kernels.nn_gemm_u8 = take_rows;
+        const struct fv_nn_call call = {.model = &model,
+                                        .kernels = &kernels,
+                                        .op = &op,
+                                        .in = {image},
+                                        .out = {out},
+                                        .scratch = scratch};
+        memset(times, 0, sizeof times);
+        const int32_t half = draw(0, im->out_h);
+        fv_nn_op_conv(&call, 0, half);
+        fv_nn_op_conv(&call, half, im->out_h);
+        for (int32_t y = 0; y < im->out_h; y++)
+            for (int32_t x = 0; x < im->out_w; x++) {
+                assert_int_equal(times[y * im->out_w + x], 1);
+                check_pixel(&op.u.conv, y, x);
+            }
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(rows_hold_the_inputs_of_their_pixels)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
