@@ -12,7 +12,7 @@
 #include "detect/decode.h"
 #include "detect/segmentation.h"
 
-enum { SIDE_MAX = 64, CLASSES = 5, COLOURS = 3 };
+enum { SIDE_MAX = 150, CLASSES = 5, COLOURS = 3 };
 
 /* A file's head with colours and labels behind it. */
 static struct {
@@ -133,6 +133,28 @@ static void one_score_is_a_class_from_its_threshold_on(void **state)
     }
 }
 
+/* A mask of more than a unit, beside a picture that is narrower than the input: what lies left and
+ * right of it has no class, in the rows too in which a unit ends. */
+static void what_is_beside_the_picture_has_no_class(void **state)
+{
+    (void)state;
+    enum { W = 150, H = 130 };
+    struct fovea_segmentation seen;
+    describe(W, H, W, H, 1);
+    file.header.preprocess.fit = FV_FIT_LETTERBOX;
+    memset(arena, 200, W * H);
+    const struct fv_nn_input_fit fit = fit_of(H / 2, H);
+    assert_true(fit.left > 20 && fit.width < W - 40);
+    see(&fit, &seen);
+    for (int32_t at = 0; at < W * H; at++) {
+        const int32_t x = at % W;
+        assert_int_equal(seen.pixels[at], seen.pixels[x]); /* each row as the first */
+        if (x < fit.left - 1 || x > fit.left + fit.width)
+            assert_int_equal(seen.pixels[at], FOVEA_SEGMENTATION_NONE);
+        if (x > fit.left && x < fit.left + fit.width - 1) assert_int_equal(seen.pixels[at], 0);
+    }
+}
+
 static void expect_colour(int32_t class_id, int32_t object, uint32_t rgb)
 {
     uint8_t found[3];
@@ -222,6 +244,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_pixel_has_its_best_class_with_its_confidence_and_area),
         cmocka_unit_test(one_score_is_a_class_from_its_threshold_on),
+        cmocka_unit_test(what_is_beside_the_picture_has_no_class),
         cmocka_unit_test(colours_are_the_files_or_vocs),
         cmocka_unit_test(the_mask_at_the_size_of_the_image_follows_its_rule),
     };
