@@ -10,7 +10,8 @@ enum {
     DISTANCE_MAX = 64,  /* Hamming */
     MATCHES_MIN = 30,   /* fewer say nothing */
     CHECKS_MIN = 3,     /* before a map is given up */
-    CONFIRM_CHECKS = 2, /* before one is published that follows it */
+    CONFIRM_CHECKS = 2, /* before a suspect map is published with its first confident pose */
+    SURE_CHECKS = 3,    /* the same without one, where the measure is clear */
     DOUBTS_MAX = 4,     /* in a row, and a map is given up */
     CHECKS_SETTLED = 5,
     YOUNG_KEYFRAMES = 32 /* of a map that is given up whole */
@@ -22,6 +23,8 @@ static const float fade = 0.7f;
 /* Chosen on odd seeds of sim:road, and so that recordings keep their distance. */
 static const float settled_min = 0.83f, near_good_min = 0.82f, near_least = 0.8f;
 static const float fit_good_min = 0.8f, fit_least = 0.75f;
+static const float clear_min = 0.95f; /* near of a first check. Recordings have .96 and more */
+static const float sure_min = 0.93f;
 static const float known_min = 0.6f, near_known_min = 0.88f; /* one of both at least */
 
 void fv_agreement_carve(struct fv_agreement *g, uint32_t features_max, struct fv_arena *job)
@@ -58,9 +61,15 @@ enum fv_agreement_verdict fv_agreement_verdict(const struct fv_agreement_state *
                           : FV_AGREEMENT_GOOD;
 }
 
-bool fv_agreement_withholds(struct fv_agreement_state *s)
+void fv_agreement_confirm(struct fv_agreement_state *s)
 {
     if (s->checks >= CONFIRM_CHECKS && !in_doubt(s)) s->suspect = false;
+}
+
+bool fv_agreement_withholds(struct fv_agreement_state *s)
+{
+    if (s->checks >= SURE_CHECKS && !in_doubt(s) && s->near >= sure_min * s->about)
+        s->suspect = false;
     return s->suspect;
 }
 
@@ -71,10 +80,16 @@ bool fv_agreement_settled(const struct fv_agreement_state *s)
 
 void fv_agreement_forget(struct fv_agreement_state *s)
 {
-    s->busy = false;
+    s->busy = s->fresh = false;
     s->near = s->about = s->all = s->known = 0;
     s->checks = s->doubts = 0;
     s->bad_from = 0;
+}
+
+void fv_agreement_begin(struct fv_agreement_state *s)
+{
+    fv_agreement_forget(s);
+    s->fresh = true;
 }
 
 /* Squared error (rad^2) of the later ray against the earlier one, wherever on that the point lies:
@@ -139,6 +154,8 @@ static void judge(struct fv_odometry *o, const struct fv_map_frame *a, const str
     s->all = fade * s->all + (float)matches;
     s->known = fade * s->known + (float)known;
     s->checks++;
+    if (s->fresh && (in_doubt(s) || s->near < clear_min * s->about)) s->suspect = true;
+    s->fresh = false;
     s->doubts = misfits(s) ? s->doubts + 1 : 0;
     if (fv_agreement_verdict(s) == FV_AGREEMENT_GOOD) s->bad_from = b->keyframe->number + 1;
 }

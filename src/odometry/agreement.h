@@ -19,8 +19,12 @@
  * In doubt no pose is `tracking`. Where near or fit are low, after three keyframes, the map is
  * given up, and where one of these two stays in doubt for four: all of it while it is young, later
  * the keyframes since the measures were last good. They leave the map one per unit, and are not
- * entered again meanwhile. What misled one map misleads the next: a map that follows one given up
- * is published when two keyframes have found it right.
+ * entered again meanwhile.
+ *
+ * A map is suspect, and its poses are withheld, where it follows one given up, since what misled
+ * one misleads the next, and where its first keyframe agrees less clearly than on any recording
+ * (near below .95, or doubt). It is published with its first pose that is confident by all else,
+ * after two keyframes that leave no doubt; or after three that agree clearly (near of .93).
  *
  * A job in units: FV_AGREEMENT_UNIT features are matched in each. Real-time safe, no addresses in
  * the state. */
@@ -48,7 +52,8 @@ struct fv_agreement_state {
     uint32_t checks;               /* of this map */
     uint32_t doubts;   /* of the last checks, how many in a row had near or fit too low */
     uint64_t bad_from; /* keyframes from this number on came after the measure was last good */
-    bool suspect;      /* it follows one given up, and is not confirmed yet */
+    bool fresh;        /* made from several views, and not checked yet */
+    bool suspect;      /* its poses are withheld until it is confirmed */
     bool dropping;     /* keyframes of drop_map from number drop_from on are to go */
     uint32_t drop_map;
     uint64_t drop_from;
@@ -70,10 +75,14 @@ void fv_agreement_carve(struct fv_agreement *agreement, uint32_t features_max,
 enum fv_agreement_verdict fv_agreement_verdict(const struct fv_agreement_state *state);
 /* Enough keyframes agree well: what pulls at single poses moves, and the map is not bent. */
 bool fv_agreement_settled(const struct fv_agreement_state *state);
-/* Whether poses are to be withheld, since the map may repeat the error of the one before. */
+/* A pose of this map is confident by all else. */
+void fv_agreement_confirm(struct fv_agreement_state *state);
+/* Whether poses are to be withheld, since the map is suspect. */
 bool fv_agreement_withholds(struct fv_agreement_state *state);
 /* Another map: nothing is known of it. */
 void fv_agreement_forget(struct fv_agreement_state *state);
+/* The same for a map that was just made from several views: its first check counts. */
+void fv_agreement_begin(struct fv_agreement_state *state);
 
 /* A keyframe was finished: to be checked against its parent. Replaces one that still waits. */
 void fv_odometry_agreement_queue(struct fv_odometry *odometry, uint32_t keyframe);

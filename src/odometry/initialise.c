@@ -363,7 +363,7 @@ static void make_first_map(struct fv_odometry *o, uint32_t tracks,
     if (o->map.state->keyframe_count > 0) fv_map_begin_another(&o->map);
     fv_map_make_room(&o->map, tracks, s->frame_number);
     s->first_keyframe = o->map.state->keyframe_number;
-    fv_agreement_forget(&s->agreement);
+    fv_agreement_begin(&s->agreement);
     fv_usable_forget(&s->usable);
     for (uint32_t v = 0; v < b->view_count; v++) {
         struct fv_se3 *T = &o->map.keyframes[b->slots[v]].T_cam_world;

@@ -335,6 +335,7 @@ void fv_odometry_step(struct fv_odometry *o, const struct fv_kernels *kernels,
         write_pose(o);
     }
     s->pose.state = s->state;
+    if (s->state == FOVEA_TRACKING_OK) fv_agreement_confirm(&s->agreement);
     if (fv_agreement_withholds(&s->agreement)) withhold(&s->pose); /* odometry itself goes on */
     write_map(o);
 }

@@ -1,6 +1,6 @@
 /* Agreement of the pictures with the map: good on a right map; on one whose keyframes are put wrong
- * it falls, no pose is `tracking`, and the map is given up. And drives on which maps went wrong:
- * none is published as tracking. */
+ * it falls, no pose is `tracking`, and the map is given up. A map that begins in doubt is withheld.
+ * And drives on which maps went wrong: none is published as tracking. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -121,6 +121,74 @@ static void each_measure_counts(void **state)
     }
 }
 
+/* A suspect map is published with a confident pose after two checks, or after three that are clear.
+ */
+static void a_suspect_map_is_confirmed(void **state)
+{
+    (void)state;
+    const struct {
+        struct fv_agreement_state measured;
+        bool confident, published;
+    } cases[] = {
+        {{.near = 94, .about = 100, .all = 105, .known = 90, .checks = 2}, false, false},
+        {{.near = 94, .about = 100, .all = 105, .known = 90, .checks = 3}, false, true},
+        {{.near = 92, .about = 100, .all = 105, .known = 90, .checks = 9}, false, false},
+        {{.near = 92, .about = 100, .all = 105, .known = 90, .checks = 1}, true, false},
+        {{.near = 92, .about = 100, .all = 105, .known = 90, .checks = 2}, true, true},
+        {{.near = 81, .about = 100, .all = 105, .known = 90, .checks = 9}, true, false},
+    };
+    for (size_t k = 0; k < sizeof cases / sizeof cases[0]; k++) {
+        struct fv_agreement_state s = cases[k].measured;
+        s.suspect = true;
+        if (cases[k].confident) fv_agreement_confirm(&s);
+        assert_int_equal(fv_agreement_withholds(&s), !cases[k].published);
+        assert_int_equal(s.suspect, !cases[k].published);
+    }
+}
+
+/* The first check of a map that was made from several views decides whether it is suspect; of a map
+ * that is entered again it does not. */
+static void a_first_check_counts(void **state)
+{
+    (void)state;
+    sim_rig_open(&rig, "sim:orbit?width=400&height=300", 0, FRAMES);
+    sim_rig_build(&rig);
+    run_to(FRAMES / 2);
+    struct fv_odometry *o = &rig.rt->odometry;
+    struct fv_agreement_state *g = &o->state->agreement;
+    assert_true(rig.pose[rig.frames - 1].posed && !g->suspect);
+    fv_agreement_begin(g);
+    assert_true(g->fresh && !fv_agreement_withholds(g));
+    check_newest(o);
+    assert_false(g->fresh || fv_agreement_withholds(g));
+    fv_agreement_forget(g);
+    spoil_newest(o);
+    check_newest(o);
+    assert_false(fv_agreement_withholds(g));
+    fv_agreement_begin(g);
+    check_newest(o);
+    assert_true(!g->fresh && fv_agreement_withholds(g));
+    sim_rig_close(&rig);
+}
+
+/* A lorry that hardly moves against the camera fills a third of the picture, and the first map
+ * hangs on it: nothing but its first pose, which is `weak`, is published. */
+static void a_map_of_a_lorry_is_withheld(void **state)
+{
+    (void)state;
+    int posed = 0;
+    sim_rig_open(&rig, "sim:road?seed=72", 0, 39);
+    sim_rig_build(&rig);
+    run_to(39);
+    for (int n = 0; n < rig.frames; n++) {
+        posed += rig.pose[n].posed;
+        assert_true(rig.pose[n].state != FOVEA_TRACKING_OK);
+    }
+    printf("sim:road?seed=72: %d frames posed\n", posed);
+    assert_true(posed <= 1);
+    sim_rig_close(&rig);
+}
+
 /* Way of the estimate over that of the truth in the ten frames up to one; 0: not of one map. */
 static double scale_at(int n)
 {
@@ -169,6 +237,9 @@ int main(void)
         cmocka_unit_test(a_right_map_agrees),
         cmocka_unit_test(a_wrong_map_is_given_up),
         cmocka_unit_test(each_measure_counts),
+        cmocka_unit_test(a_suspect_map_is_confirmed),
+        cmocka_unit_test(a_first_check_counts),
+        cmocka_unit_test(a_map_of_a_lorry_is_withheld),
         cmocka_unit_test(no_wrong_map_of_a_drive_is_confident),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
