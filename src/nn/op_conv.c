@@ -3,7 +3,7 @@
 #include <string.h>
 
 #include "kernels/nn_requantize.h"
-#include "nn/run.h"
+#include "nn/conv.h"
 
 static struct fv_nn_gemm gemm_of(const struct fv_nn_call *call)
 {
@@ -41,19 +41,12 @@ static inline void fill_run(uint8_t *to, uint8_t value, int32_t bytes)
         memset(to + i, value, 16);
 }
 
-/* What gathering asks of a convolution, once for all its rows. */
-struct gathering {
-    const struct fv_nn_call *call;
-    const struct fv_op_conv *c;
-    int32_t begin, end; /* of the output columns whose kernel rows are one run inside the image */
-};
-
-static struct gathering gathering_of(const struct fv_nn_call *call)
+static struct fv_nn_gathering gathering_of(const struct fv_nn_call *call)
 {
     const struct fv_op_conv *c = &call->op->u.conv;
     const struct fv_op_image *im = &c->image;
     const struct fv_op_window *w = &c->window;
-    struct gathering g = {.call = call, .c = c};
+    struct fv_nn_gathering g = {.call = call, .c = c};
     const int32_t room = im->in_w - w->kw + w->pad_left; /* stride_x x for the last that fits */
     if (w->dilation_x == 1 && im->in_stride == im->in_c && room >= 0) {
         g.begin = (w->pad_left + w->stride_x - 1) / w->stride_x;
@@ -64,20 +57,30 @@ static struct gathering gathering_of(const struct fv_nn_call *call)
 
 /* One kernel row of one output pixel at a border or with gaps: kw pixels of in_c bytes, zero_in
  * outside the image. Columns left of the image, inside, and right of it follow each other. */
-static void gather_run(const struct gathering *g, const uint8_t *line, int32_t ix, uint8_t *to)
+static void gather_run(const struct fv_nn_gathering *g, const uint8_t *line, int32_t ix,
+                       uint8_t *to)
 {
     const struct fv_op_image *im = &g->c->image;
     const struct fv_op_window *w = &g->c->window;
     int32_t kx = 0;
-    for (; kx < w->kw && (line == NULL || ix < 0); kx++, ix += w->dilation_x, to += im->in_c)
-        fill_run(to, g->c->zero_in, im->in_c);
+    for (; kx < w->kw && (line == NULL || ix < 0); kx++, ix += w->dilation_x)
+        ;
+    fill_run(to, g->c->zero_in, kx * im->in_c);
+    to += kx * im->in_c;
+    if (w->dilation_x == 1 && im->in_stride == im->in_c && kx < w->kw && ix < im->in_w) {
+        const int32_t left = w->kw - kx, some = left < im->in_w - ix ? left : im->in_w - ix;
+        copy_run(to, line + (ptrdiff_t)ix * im->in_stride, some * im->in_c);
+        to += some * im->in_c;
+        kx += some;
+        ix += some;
+    }
     for (; kx < w->kw && ix < im->in_w; kx++, ix += w->dilation_x, to += im->in_c)
         copy_run(to, line + (ptrdiff_t)ix * im->in_stride, im->in_c);
     fill_run(to, g->c->zero_in, (w->kw - kx) * im->in_c);
 }
 
 /* Kernel row ky of `count` neighbouring output pixels of one row, the first at x. */
-static void gather_line(const struct gathering *g, const uint8_t *image, int32_t y, int32_t x,
+static void gather_line(const struct fv_nn_gathering *g, const uint8_t *image, int32_t y, int32_t x,
                         int32_t ky, int32_t count, uint8_t *rows, ptrdiff_t pitch)
 {
     const struct fv_op_image *im = &g->c->image;
@@ -102,8 +105,8 @@ static void gather_line(const struct gathering *g, const uint8_t *image, int32_t
     }
 }
 
-static void gather(const struct gathering *g, int32_t first, int32_t count, uint8_t *rows,
-                   ptrdiff_t pitch)
+void fv_nn_gather(const struct fv_nn_gathering *g, int32_t first, int32_t count, uint8_t *rows,
+                  ptrdiff_t pitch)
 {
     const struct fv_op_image *im = &g->c->image;
     int32_t x = first % im->out_w, y = first / im->out_w % im->out_h,
@@ -200,10 +203,11 @@ void fv_nn_op_conv(const struct fv_nn_call *call, int32_t begin, int32_t end)
         }
         return;
     }
-    const struct gathering g = gathering_of(call);
+    const struct fv_nn_gathering g = gathering_of(call);
+    if (fv_nn_conv_apart(&g, &gemm, begin, end, pitch)) return;
     for (int32_t p = first; p < last; p += FV_MODEL_CONV_PIXELS) {
         const int32_t count = last - p < FV_MODEL_CONV_PIXELS ? last - p : FV_MODEL_CONV_PIXELS;
-        gather(&g, p, count, call->scratch, pitch);
+        fv_nn_gather(&g, p, count, call->scratch, pitch);
         multiply(call, &gemm, call->scratch, pitch, p, count);
     }
 }

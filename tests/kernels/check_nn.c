@@ -138,6 +138,36 @@ void check_nn_gemm_u8(struct check *check, fv_k_nn_gemm_u8_fn *reference,
     check_equal(check, "out", expected, found, bytes);
 }
 
+/* Groups of inputs anywhere in a buffer, over each other too. */
+void check_nn_apart_u8(struct check *check, fv_k_nn_apart_u8_fn *reference,
+                       fv_k_nn_apart_u8_fn *variant)
+{
+    enum { SPAN = 3000, MOST = 100, ROWS = 160, GROUPS = 60 };
+    const int32_t k4 = check_between(check, 1, GROUPS), n = check_between(check, 1, 150);
+    const int32_t m = check_between(check, 1, check_between(check, 0, 9) ? 40 : ROWS);
+    struct fv_nn_gemm g = draw_gemm(check, 4 * k4, n);
+    g.row_sum_factor = 0;
+    uint8_t *a = check_buffer(check, SPAN, 1, 0);
+    fill_inputs(check, a, SPAN);
+    const ptrdiff_t ldo = n + check_between(check, 0, 9);
+    const size_t bytes = (size_t)((m - 1) * ldo + n);
+    uint8_t *expected = check_buffer(check, bytes, 1, 0), *found = check_buffer(check, bytes, 1, 0);
+    const uint8_t *in[ROWS];
+    uint8_t *expected_at[ROWS], *found_at[ROWS];
+    int32_t offsets[GROUPS];
+    for (int32_t i = 0; i < k4; i++)
+        offsets[i] = check_between(check, -MOST, MOST - 4);
+    for (int32_t i = 0; i < m; i++) {
+        in[i] = a + MOST + check_between(check, 0, SPAN - 2 * MOST);
+        const int32_t to = i * 7 % m; /* each once, in another order where 7 does not divide m */
+        expected_at[i] = expected + (m % 7 == 0 ? i : to) * ldo;
+        found_at[i] = found + (m % 7 == 0 ? i : to) * ldo;
+    }
+    reference(&g, in, offsets, expected_at, m);
+    variant(&g, in, offsets, found_at, m);
+    check_equal(check, "out", expected, found, bytes);
+}
+
 void check_nn_gemm_i32(struct check *check, fv_k_nn_gemm_i32_fn *reference,
                        fv_k_nn_gemm_i32_fn *variant)
 {
@@ -182,6 +212,22 @@ void bench_nn_gemm_u8(struct check *check, fv_k_nn_gemm_u8_fn *variant)
 {
     const struct bench_gemm *b = bench_gemm_inputs(check);
     variant(&b->g, b->a, 256, bench_scratch(), 256, 361);
+}
+
+void bench_nn_apart_u8(struct check *check, fv_k_nn_apart_u8_fn *variant)
+{
+    enum { M = 361, K = 256 };
+    const struct bench_gemm *b = bench_gemm_inputs(check);
+    const uint8_t *in[M];
+    uint8_t *out[M];
+    int32_t offsets[K / 4];
+    for (int32_t i = 0; i < K / 4; i++)
+        offsets[i] = 4 * i;
+    for (int32_t i = 0; i < M; i++) {
+        in[i] = b->a + i * K;
+        out[i] = bench_scratch() + i * 256;
+    }
+    variant(&b->g, in, offsets, out, M);
 }
 
 void bench_nn_gemm_i32(struct check *check, fv_k_nn_gemm_i32_fn *variant)

@@ -6,16 +6,19 @@
 #include "kernels/kernels.h"
 #include "kernels/x86/nn_avx512.h"
 
-enum { CHUNK_ROWS = 48, CHUNK_ROWS_MAX = 72, TILE_ROWS_MAX = 12 };
+enum { CHUNK_ROWS = 48, CHUNK_ROWS_MAX = 72, TILE_ROWS_MAX = 12, ROWS_HELD = 9 };
 
+/* A tile: ROWS rows from `in` on, all of which are read. */
 struct tile_job {
     const struct fv_nn_gemm *g;
-    const uint8_t *a;
-    ptrdiff_t lda;
-    const int8_t *weights; /* of the first block */
-    const int32_t *bias;
-    const int32_t *row_sums; /* times the factor, by row; NULL: none */
-    int32_t rows;            /* valid rows, at most ROWS */
+    const uint8_t *const *in;
+    const int32_t *offsets;  /* of groups of four inputs; NULL: they follow each other */
+    const int8_t *weights;   /* of the first block */
+    const int32_t *bias;     /* likewise */
+    const int32_t *row_sums; /* times the factor, by row */
+    uint8_t *const *out;
+    ptrdiff_t column; /* of the outputs */
+    int32_t rows;     /* of which outputs are wanted */
 };
 
 FV_INLINE __m512i broadcast4(const uint8_t *bytes)
@@ -25,34 +28,54 @@ FV_INLINE __m512i broadcast4(const uint8_t *bytes)
     return _mm512_set1_epi32(word);
 }
 
-FV_INLINE void accumulate(const struct tile_job *j, const int ROWS, const int BLOCKS, __m512i *acc)
+/* The products of one group of four inputs, `at` bytes past each row. The address of the last rows
+ * is read each time: there are not registers enough for all, and compilers would move addresses
+ * from and to vector registers, which takes the place of products. */
+FV_INLINE void accumulate_group(const uint8_t *const *row, const uint8_t *const volatile *rest,
+                                ptrdiff_t at, const int8_t *w, ptrdiff_t block, const int ROWS,
+                                const int BLOCKS, __m512i *acc)
 {
-    const uint8_t *row[TILE_ROWS_MAX];
+    __m512i v[4];
+#pragma GCC unroll 4
+    for (int b = 0; b < BLOCKS; b++)
+        v[b] = _mm512_load_si512(w + b * block);
+#pragma GCC unroll 12
+    for (int i = 0; i < ROWS; i++) {
+        const uint8_t *from = i < ROWS_HELD ? row[i] : rest[i - ROWS_HELD];
+        const __m512i x = broadcast4(from + at);
+#pragma GCC unroll 4
+        for (int b = 0; b < BLOCKS; b++)
+            acc[i * BLOCKS + b] = _mm512_dpbusd_epi32(acc[i * BLOCKS + b], x, v[b]);
+    }
+}
+
+/* `APART`: groups of inputs lie apart. */
+FV_INLINE void accumulate(const struct tile_job *j, const int ROWS, const int BLOCKS,
+                          const int APART, __m512i *acc)
+{
+    const uint8_t *row[ROWS_HELD], *volatile rest[TILE_ROWS_MAX - ROWS_HELD];
     const ptrdiff_t block = (ptrdiff_t)j->g->k4 * 64;
 #pragma GCC unroll 12
     for (int i = 0; i < ROWS; i++) {
-        const int at = i < j->rows ? i : j->rows - 1;
-        row[i] = j->a + at * j->lda;
-        const __m512i sum = _mm512_set1_epi32(j->row_sums == NULL ? 0 : j->row_sums[at]);
+        if (i < ROWS_HELD)
+            row[i] = j->in[i];
+        else
+            rest[i - ROWS_HELD] = j->in[i];
+        const __m512i sum = _mm512_set1_epi32(j->row_sums[i]);
 #pragma GCC unroll 4
         for (int b = 0; b < BLOCKS; b++)
             acc[i * BLOCKS + b] = _mm512_add_epi32(_mm512_load_si512(j->bias + 16 * b), sum);
     }
     const int8_t *w = j->weights;
-    const ptrdiff_t bytes = (ptrdiff_t)j->g->k4 * 4;
-    for (ptrdiff_t k = 0; k < bytes; k += 4, w += 64) {
-        __m512i v[4];
-#pragma GCC unroll 4
-        for (int b = 0; b < BLOCKS; b++)
-            v[b] = _mm512_load_si512(w + b * block);
-#pragma GCC unroll 12
-        for (int i = 0; i < ROWS; i++) {
-            const __m512i x = broadcast4(row[i] + k);
-#pragma GCC unroll 4
-            for (int b = 0; b < BLOCKS; b++)
-                acc[i * BLOCKS + b] = _mm512_dpbusd_epi32(acc[i * BLOCKS + b], x, v[b]);
-        }
+    if (APART) {
+        const int32_t *end = j->offsets + j->g->k4;
+        for (const int32_t *offset = j->offsets; offset < end; offset++, w += 64)
+            accumulate_group(row, rest, *offset, w, block, ROWS, BLOCKS, acc);
+        return;
     }
+    const ptrdiff_t bytes = (ptrdiff_t)j->g->k4 * 4;
+    for (ptrdiff_t k = 0; k < bytes; k += 4, w += 64)
+        accumulate_group(row, rest, k, w, block, ROWS, BLOCKS, acc);
 }
 
 struct store_job {
@@ -60,33 +83,30 @@ struct store_job {
     struct table64 table;
     __m512i zero, low, high, order;
     __mmask64 mask;
-    uint8_t *out;
-    ptrdiff_t ldo;
     const uint8_t *lookup;
 };
 
 /* `group` rows of BLOCKS blocks fill one register of bytes. */
-FV_INLINE void store_bytes(const struct store_job *s, __m512i bytes, int32_t first, int32_t rows,
-                           const int BLOCKS)
+FV_INLINE void store_bytes(__mmask64 mask, __m512i bytes, uint8_t *const *out, ptrdiff_t column,
+                           int32_t rows, const int BLOCKS)
 {
-    uint8_t *out = s->out + first * s->ldo;
     if (BLOCKS >= 3) {
-        _mm512_mask_storeu_epi8(out, s->mask, bytes);
+        _mm512_mask_storeu_epi8(out[0] + column, mask, bytes);
     } else if (BLOCKS == 2) {
-        _mm256_mask_storeu_epi8(out, (__mmask32)s->mask, _mm512_castsi512_si256(bytes));
+        _mm256_mask_storeu_epi8(out[0] + column, (__mmask32)mask, _mm512_castsi512_si256(bytes));
         if (rows > 1)
-            _mm256_mask_storeu_epi8(out + s->ldo, (__mmask32)s->mask,
+            _mm256_mask_storeu_epi8(out[1] + column, (__mmask32)mask,
                                     _mm512_extracti64x4_epi64(bytes, 1));
     } else {
-        _mm_mask_storeu_epi8(out, (__mmask16)s->mask, _mm512_castsi512_si128(bytes));
+        _mm_mask_storeu_epi8(out[0] + column, (__mmask16)mask, _mm512_castsi512_si128(bytes));
         if (rows > 1)
-            _mm_mask_storeu_epi8(out + s->ldo, (__mmask16)s->mask,
+            _mm_mask_storeu_epi8(out[1] + column, (__mmask16)mask,
                                  _mm512_extracti32x4_epi32(bytes, 1));
         if (rows > 2)
-            _mm_mask_storeu_epi8(out + 2 * s->ldo, (__mmask16)s->mask,
+            _mm_mask_storeu_epi8(out[2] + column, (__mmask16)mask,
                                  _mm512_extracti32x4_epi32(bytes, 2));
         if (rows > 3)
-            _mm_mask_storeu_epi8(out + 3 * s->ldo, (__mmask16)s->mask,
+            _mm_mask_storeu_epi8(out[3] + column, (__mmask16)mask,
                                  _mm512_extracti32x4_epi32(bytes, 3));
     }
 }
@@ -102,11 +122,11 @@ FV_INLINE void scale_block(__m512i *acc, const struct down16 *constants, const i
 }
 
 FV_INLINE void tile_u8(const struct tile_job *j, const struct store_job *s, const int ROWS,
-                       const int BLOCKS, const int above)
+                       const int BLOCKS, const int APART, const int above)
 {
     const int group = BLOCKS == 1 ? 4 : BLOCKS == 2 ? 2 : 1;
     __m512i acc[24];
-    accumulate(j, ROWS, BLOCKS, acc);
+    accumulate(j, ROWS, BLOCKS, APART, acc);
 #ifndef __clang__
     /* From here on other registers: else gcc, which has none left below, keeps some of the
      * accumulators in memory, in the innermost loop too. */
@@ -130,7 +150,8 @@ FV_INLINE void tile_u8(const struct tile_job *j, const struct store_job *s, cons
         }
         __m512i bytes = pack_lanes(r[0], r[1], r[2], r[3], s->zero, s->low, s->high);
         if (s->lookup != NULL) bytes = look_up(bytes, &s->table);
-        store_bytes(s, _mm512_permutexvar_epi32(s->order, bytes), i, j->rows - i, BLOCKS);
+        store_bytes(s->mask, _mm512_permutexvar_epi32(s->order, bytes), j->out + i, j->column,
+                    j->rows - i, BLOCKS);
     }
 }
 
@@ -152,30 +173,42 @@ static inline void sum_rows(const struct fv_nn_gemm *g, const uint8_t *a, ptrdif
     }
 }
 
-FV_INLINE void column_u8(struct tile_job *j, struct store_job *s, const uint8_t *a,
-                         const int32_t *sums, int32_t m, uint8_t *out, const int ROWS,
-                         const int BLOCKS, const int above)
+/* Rows that are done together: at least as many `in` and `sums` as a tile has rows. */
+struct chunk {
+    const uint8_t *const *in;
+    uint8_t *const *out;
+    const int32_t *sums;
+    int32_t m;
+};
+
+FV_INLINE void column_u8(struct tile_job *j, const struct store_job *s, const struct chunk *c,
+                         const int ROWS, const int BLOCKS, const int APART, const int above)
 {
+    const int32_t m = c->m;
     for (int32_t i = 0; i < m; i += ROWS) {
         const int32_t at =
             i + ROWS > m && m >= ROWS ? m - ROWS : i; /* the last tile overlaps the one before */
-        j->a = a + at * j->lda;
-        j->row_sums = sums == NULL ? NULL : sums + at;
+        j->in = c->in + at;
+        j->row_sums = c->sums + at;
+        j->out = c->out + at;
         j->rows = m - at < ROWS ? m - at : ROWS;
-        s->out = out + at * s->ldo;
-        tile_u8(j, s, ROWS, BLOCKS, above);
+        tile_u8(j, s, ROWS, BLOCKS, APART, above);
     }
 }
 
 #define COLUMN(rows, blocks)                                                                       \
     static __attribute__((noinline)) void column_##rows##x##blocks(                                \
-        struct tile_job *j, struct store_job *s, const uint8_t *a, const int32_t *sums, int32_t m, \
-        uint8_t *out, int above)                                                                   \
+        struct tile_job *j, const struct store_job *s, const struct chunk *c)                      \
     {                                                                                              \
-        if (above)                                                                                 \
-            column_u8(j, s, a, sums, m, out, rows, blocks, 1);                                     \
+        const int above = j->g->act_min >= j->g->zero_out, apart = j->offsets != NULL;             \
+        if (apart && above)                                                                        \
+            column_u8(j, s, c, rows, blocks, 1, 1);                                                \
+        else if (apart)                                                                            \
+            column_u8(j, s, c, rows, blocks, 1, 0);                                                \
+        else if (above)                                                                            \
+            column_u8(j, s, c, rows, blocks, 0, 1);                                                \
         else                                                                                       \
-            column_u8(j, s, a, sums, m, out, rows, blocks, 0);                                     \
+            column_u8(j, s, c, rows, blocks, 0, 0);                                                \
     }
 COLUMN(6, 4)
 COLUMN(2, 4)
@@ -186,24 +219,58 @@ COLUMN(2, 2)
 COLUMN(12, 1)
 COLUMN(2, 1)
 
-static inline void column(int32_t blocks, struct tile_job *j, struct store_job *s, const uint8_t *a,
-                          const int32_t *sums, int32_t m, uint8_t *out, int above)
+static inline void column(int32_t blocks, struct tile_job *j, const struct store_job *s,
+                          const struct chunk *c)
 {
-    const int few = m <= 2;
+    const int few = c->m <= 2;
     if (blocks == 4)
-        (few ? column_2x4 : column_6x4)(j, s, a, sums, m, out, above);
+        (few ? column_2x4 : column_6x4)(j, s, c);
     else if (blocks == 3)
-        (few ? column_2x3 : column_8x3)(j, s, a, sums, m, out, above);
+        (few ? column_2x3 : column_8x3)(j, s, c);
     else if (blocks == 2)
-        (few ? column_2x2 : column_12x2)(j, s, a, sums, m, out, above);
+        (few ? column_2x2 : column_12x2)(j, s, c);
     else
-        (few ? column_2x1 : column_12x1)(j, s, a, sums, m, out, above);
+        (few ? column_2x1 : column_12x1)(j, s, c);
 }
 
 /* Blocks for the next column of tiles: fours, and what is left in equal parts. */
 static inline int32_t next_blocks(int32_t left)
 {
     return left == 5 ? 3 : left >= 4 ? 4 : left;
+}
+
+static inline void init_store(struct store_job *s, const struct fv_nn_gemm *g)
+{
+    s->zero = _mm512_set1_epi16((short)g->zero_out);
+    s->low = _mm512_set1_epi8((char)g->act_min);
+    s->high = _mm512_set1_epi8((char)g->act_max);
+    s->order = _mm512_setr_epi32(0, 4, 8, 12, 1, 5, 9, 13, 2, 6, 10, 14, 3, 7, 11, 15);
+    s->lookup = g->table;
+    load_table(&s->table, g->table);
+}
+
+/* All channels of a chunk, a column of tiles after the other. */
+static inline void columns(struct tile_job *j, struct store_job *s, const struct chunk *chunk)
+{
+    const struct fv_nn_gemm *g = j->g;
+    const int32_t blocks = (g->n + 15) / 16;
+    for (int32_t b = 0, count; b < blocks; b += count) {
+        count = next_blocks(blocks - b);
+        const int32_t width = g->n - 16 * b < 16 * count ? g->n - 16 * b : 16 * count;
+        for (int32_t c = 0; c < count; c++)
+            load_down(&s->scale[c], g->multiplier + 16 * (b + c), g->shift + 16 * (b + c));
+        s->mask = ~UINT64_C(0) >> (64 - width);
+        j->weights = g->weights + (ptrdiff_t)b * g->k4 * 64;
+        j->bias = g->bias + 16 * b;
+        j->column = 16 * b;
+        column(count, j, s, chunk);
+    }
+}
+
+/* Rows of the next chunk. */
+static inline int32_t next_rows(int32_t left)
+{
+    return left <= CHUNK_ROWS_MAX ? left : CHUNK_ROWS;
 }
 
 static inline void gemm_u8(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda,
@@ -213,32 +280,47 @@ static inline void gemm_u8(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff
         fv_k_nn_gemm_u8__avx2(g, a, lda, out, ldo, m);
         return;
     }
-    const int32_t blocks = (g->n + 15) / 16;
-    const int above = g->act_min >= g->zero_out;
-    struct tile_job j = {.g = g, .lda = lda};
+    struct tile_job j = {.g = g};
     struct store_job s;
-    int32_t sums[CHUNK_ROWS_MAX];
-    s.zero = _mm512_set1_epi16((short)g->zero_out);
-    s.low = _mm512_set1_epi8((char)g->act_min);
-    s.high = _mm512_set1_epi8((char)g->act_max);
-    s.order = _mm512_setr_epi32(0, 4, 8, 12, 1, 5, 9, 13, 2, 6, 10, 14, 3, 7, 11, 15);
-    s.ldo = ldo;
-    s.lookup = g->table;
-    load_table(&s.table, g->table);
+    const uint8_t *from[CHUNK_ROWS_MAX];
+    uint8_t *to[CHUNK_ROWS_MAX];
+    int32_t sums[CHUNK_ROWS_MAX] = {0};
+    init_store(&s, g);
     for (int32_t i = 0, rows; i < m; i += rows) {
-        rows = m - i <= CHUNK_ROWS_MAX ? m - i : CHUNK_ROWS;
-        if (g->row_sum_factor != 0) sum_rows(g, a + i * lda, lda, rows, sums);
-        for (int32_t b = 0, count; b < blocks; b += count) {
-            count = next_blocks(blocks - b);
-            const int32_t width = g->n - 16 * b < 16 * count ? g->n - 16 * b : 16 * count;
-            for (int32_t c = 0; c < count; c++)
-                load_down(&s.scale[c], g->multiplier + 16 * (b + c), g->shift + 16 * (b + c));
-            s.mask = ~UINT64_C(0) >> (64 - width);
-            j.weights = g->weights + (ptrdiff_t)b * g->k4 * 64;
-            j.bias = g->bias + 16 * b;
-            column(count, &j, &s, a + i * lda, g->row_sum_factor != 0 ? sums : NULL, rows,
-                   out + i * ldo + 16 * b, above);
+        rows = next_rows(m - i);
+        for (int32_t r = 0; r < rows; r++) {
+            from[r] = a + (i + r) * lda;
+            to[r] = out + (i + r) * ldo;
         }
+        for (int32_t r = rows; r < TILE_ROWS_MAX; r++) /* read in place of what is not there */
+            from[r] = from[rows - 1];
+        if (g->row_sum_factor != 0) sum_rows(g, a + i * lda, lda, rows, sums);
+        const struct chunk chunk = {.in = from, .out = to, .sums = sums, .m = rows};
+        columns(&j, &s, &chunk);
+    }
+}
+
+static inline void apart_u8(const struct fv_nn_gemm *g, const uint8_t *const *in,
+                            const int32_t *offsets, uint8_t *const *out, int32_t m)
+{
+    if (!all_down(g->multiplier, g->shift, g->n)) {
+        fv_k_nn_apart_u8__c(g, in, offsets, out, m);
+        return;
+    }
+    struct tile_job j = {.g = g, .offsets = offsets};
+    struct store_job s;
+    const uint8_t *few[TILE_ROWS_MAX];
+    const int32_t sums[CHUNK_ROWS_MAX] = {0};
+    init_store(&s, g);
+    if (m < TILE_ROWS_MAX) {
+        for (int32_t r = 0; r < TILE_ROWS_MAX; r++)
+            few[r] = in[r < m ? r : m - 1];
+        in = few;
+    }
+    for (int32_t i = 0, rows; i < m; i += rows) {
+        rows = next_rows(m - i);
+        const struct chunk chunk = {.in = in + i, .out = out + i, .sums = sums, .m = rows};
+        columns(&j, &s, &chunk);
     }
 }
 

@@ -1,6 +1,7 @@
-/* What a convolution gives to the matrix product: of each output pixel the inputs under its kernel,
- * or what stands for zero outside of the image, for windows drawn at random: borders, strides,
- * dilation, pictures that lie in larger ones, and images smaller than the kernel. */
+/* What a convolution gives to the matrix product, gathered or where it lies: of each output pixel
+ * the inputs under its kernel, or what stands for zero outside of the image, for windows drawn at
+ * random: borders, strides, dilation, pictures that lie in larger ones, and images smaller than the
+ * kernel. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -19,6 +20,8 @@ static uint8_t image[PIXELS_MAX * STRIDE_MAX + SLACK], out[PIXELS_MAX];
 static uint8_t found[PIXELS_MAX][K_MAX];
 static _Alignas(64) uint8_t scratch[FV_MODEL_CONV_PIXELS * (K_MAX + 160)];
 static int times[PIXELS_MAX];
+static _Alignas(64) uint8_t base[64 + (K_MAX + 3) / 4 * 64]; /* of the file: parameters, weights */
+static struct fv_model_tensor scratch_record;
 
 /* In place of the product: takes the rows. */
 static void take_rows(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda, uint8_t *to,
@@ -28,6 +31,20 @@ static void take_rows(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t ld
     for (int32_t i = 0; i < m; i++) {
         memcpy(found[to - out + i], a + i * lda, (size_t)g->k);
         times[to - out + i]++;
+    }
+}
+
+/* Likewise in place of the product of inputs that lie apart: takes those with a weight. */
+static void take_apart(const struct fv_nn_gemm *g, const uint8_t *const *in, const int32_t *offsets,
+                       uint8_t *const *to, int32_t m)
+{
+    for (int32_t i = 0; i < m; i++) {
+        uint8_t *row = found[to[i] - out];
+        for (int32_t k = 0; k < 4 * g->k4; k++) {
+            if (g->weights[k / 4 * 64 + k % 4] != 0) *row++ = in[i][offsets[k / 4] + k % 4];
+        }
+        assert_int_equal(row - found[to[i] - out], g->k);
+        times[to[i] - out]++;
     }
 }
 
@@ -65,6 +82,7 @@ static struct fv_op_conv draw_conv(void)
         .k = w.kh * w.kw * channels,
         .k4 = (w.kh * w.kw * channels + 3) / 4,
         .zero_in = ZERO,
+        .weights = 64,
     };
 }
 
@@ -88,10 +106,19 @@ static void check_pixel(const struct fv_op_conv *c, int32_t y, int32_t x)
                                      x * w->stride_x - w->pad_left + kx * w->dilation_x, channel));
 }
 
+/* A weight of one for each of the k inputs of the channel; the scratch that the loader asks for. */
+static void set_weights(const struct fv_op_conv *c)
+{
+    memset(base, 0, sizeof base);
+    for (int32_t k = 0; k < c->k; k++)
+        base[c->weights + k / 4 * 64 + k % 4] = 1;
+    scratch_record.bytes =
+        FV_MODEL_CONV_PIXELS * ((c->k4 * 4 + 15 + 63) / 64 * 64) + FV_MODEL_SLACK_BYTES;
+}
+
 static void rows_hold_the_inputs_of_their_pixels(void **state)
 {
-    static const uint8_t base[64];
-    const struct fv_model model = {.base = base};
+    const struct fv_model model = {.base = base, .tensors = &scratch_record};
     struct fv_kernels kernels;
     (void)state;
     fv_random_seed(&source, 11);
@@ -102,6 +129,8 @@ static void rows_hold_the_inputs_of_their_pixels(void **state)
         const struct fv_op_image *im = &op.u.conv.image;
         fv_kernels_init(&kernels, round % 2 == 0 ? FV_CPU_C : fv_cpu_best(fv_cpu_detect()));
         kernels.nn_gemm_u8 = take_rows;
+        kernels.nn_apart_u8 = round % 3 == 0 ? fv_k_nn_apart_u8__c : take_apart;
+        set_weights(&op.u.conv);
         const struct fv_nn_call call = {.model = &model,
                                         .kernels = &kernels,
                                         .op = &op,
