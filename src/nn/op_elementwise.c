@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "kernels/nn_requantize.h"
+#include "nn/copy.h"
 #include "nn/run.h"
 
 enum { CHUNK = 4096, FILL_CHUNK = 16384, SPREAD = 256 };
@@ -210,18 +211,23 @@ static void copy_row(const struct fv_op_copy *p, const uint8_t *table,
                      const struct fv_kernels *kernels, const uint8_t *src, uint8_t *dst)
 {
     const int32_t count = p->dims[5], size = p->element_bytes;
-    const int packed = p->src[5] == size && p->dst[5] == size;
-    if (packed && table == NULL) {
-        memmove(dst, src, (size_t)count * (size_t)size);
-    } else if (packed) {
+    if (p->src[5] == size && p->dst[5] == size) {
         kernels->nn_table_u8(table, src, dst, count);
     } else if (size == 1) {
         for (int32_t i = 0; i < count; i++, src += p->src[5], dst += p->dst[5])
             *dst = table == NULL ? *src : table[*src];
     } else {
         for (int32_t i = 0; i < count; i++, src += p->src[5], dst += p->dst[5])
-            memmove(dst, src, (size_t)size);
+            fv_nn_copy(dst, src, (size_t)size);
     }
+}
+
+/* Rows of packed bytes, each from `step_in` past the one before. */
+static void copy_packed(uint8_t *dst, ptrdiff_t step_out, const uint8_t *src, ptrdiff_t step_in,
+                        size_t bytes, int32_t rows)
+{
+    for (int32_t i = 0; i < rows; i++, src += step_in, dst += step_out)
+        fv_nn_copy(dst, src, bytes);
 }
 
 /* Rows that share all axes but the last two form a matrix; when bytes run along opposite axes it is
@@ -238,6 +244,9 @@ void fv_nn_op_copy(const struct fv_nn_call *call, int32_t begin, int32_t end)
     const int32_t *strides[2] = {p->src, p->dst};
     const uint8_t *table = p->table == 0 ? NULL : call->model->base + p->table;
     const int transpose = is_transpose(p);
+    const int packed =
+        table == NULL && p->src[5] == p->element_bytes && p->dst[5] == p->element_bytes;
+    const size_t bytes = (size_t)p->dims[5] * (size_t)p->element_bytes;
     for (int32_t row = begin, rows; row < end;
          row += rows) { /* rows up to the end of axis 4 at once */
         ptrdiff_t at[2];
@@ -248,6 +257,10 @@ void fv_nn_op_copy(const struct fv_nn_call *call, int32_t begin, int32_t end)
         rows = left < end - row ? left : end - row;
         if (transpose) {
             call->kernels->nn_transpose_u8(src, p->src[5], dst, p->dst[4], p->dims[5], rows);
+            continue;
+        }
+        if (packed) {
+            copy_packed(dst, p->dst[4], src, p->src[4], bytes, rows);
             continue;
         }
         for (int32_t i = 0; i < rows; i++, src += p->src[4], dst += p->dst[4])

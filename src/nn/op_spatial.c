@@ -2,6 +2,7 @@
 #include <string.h>
 
 #include "kernels/nn_requantize.h"
+#include "nn/copy.h"
 #include "nn/run.h"
 
 /* The window's part inside the image: kernel indices [first, last). */
@@ -209,6 +210,17 @@ static void blend_float(const uint8_t *const corner[4], float dy, float dx, uint
     }
 }
 
+/* One row of nearest neighbours from `line`. */
+static void nearest_row(const struct fv_op_image *im, const struct entry *columns,
+                        const uint8_t *line, uint8_t *out)
+{
+    const ptrdiff_t step_in = im->in_stride, step_out = im->out_stride;
+    const size_t bytes = (size_t)im->in_c;
+    const int32_t count = im->out_w;
+    for (int32_t i = 0; i < count; i++, out += step_out)
+        fv_nn_copy(out, line + columns[i].low * step_in, bytes);
+}
+
 void fv_nn_op_resize(const struct fv_nn_call *call, int32_t begin, int32_t end)
 {
     const struct fv_op_resize *p = &call->op->u.resize;
@@ -233,16 +245,17 @@ void fv_nn_op_resize(const struct fv_nn_call *call, int32_t begin, int32_t end)
                                        y->weight, out);
             continue;
         }
+        if (p->mode == FV_RESIZE_NEAREST) {
+            nearest_row(im, columns, image + y->low * line, out);
+            continue;
+        }
         for (int32_t i = 0; i < im->out_w; i++, out += im->out_stride) {
             const struct entry *x = &columns[i];
             const uint8_t *left = image + (ptrdiff_t)x->low * im->in_stride,
                           *right = image + (ptrdiff_t)x->high * im->in_stride;
             const uint8_t *const corner[4] = {left + y->low * line, left + y->high * line,
                                               right + y->low * line, right + y->high * line};
-            if (p->mode == FV_RESIZE_NEAREST)
-                memcpy(out, corner[0], (size_t)im->in_c);
-            else
-                blend_float(corner, weight_of(y), weight_of(x), out, im->in_c);
+            blend_float(corner, weight_of(y), weight_of(x), out, im->in_c);
         }
     }
 }
