@@ -12,10 +12,10 @@ struct fv_nn_gathering {
     int32_t begin, end; /* of the output columns whose kernel rows are one run inside the image */
 };
 
-/* The inputs of `count` output pixels from `first` on, in rows of k bytes, `pitch` apart; writes up
- * to 15 bytes past k. */
-void fv_nn_gather(const struct fv_nn_gathering *g, int32_t first, int32_t count, uint8_t *rows,
-                  ptrdiff_t pitch);
+/* The inputs of `count` pixels of output row `row`, counted over all images, from column x on: in
+ * rows of k bytes, `pitch` apart; writes up to 15 bytes past k. */
+void fv_nn_gather(const struct fv_nn_gathering *g, int32_t row, int32_t x, int32_t count,
+                  uint8_t *rows, ptrdiff_t pitch);
 
 /* Rows [begin, end) of a convolution without gathering, but at borders. 0: it was not done, as
  * gathering is faster here. */

@@ -147,8 +147,7 @@ static void add_borders(struct apart *a, int32_t row, int32_t x, int32_t count, 
     struct batch *b = &a->borders;
     for (int32_t some; count > 0; count -= some, x += some) {
         some = room_of(b, count);
-        fv_nn_gather(a->g, row * a->g->c->image.out_w + x, some, a->rows + b->count * a->pitch,
-                     a->pitch);
+        fv_nn_gather(a->g, row, x, some, a->rows + b->count * a->pitch, a->pitch);
         for (int32_t i = 0; i < some; i++, b->count++) {
             b->in[b->count] = a->rows + b->count * a->pitch;
             b->out[b->count] = out + (ptrdiff_t)(x + i) * step;

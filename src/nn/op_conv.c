@@ -105,24 +105,26 @@ static void gather_line(const struct fv_nn_gathering *g, const uint8_t *image, i
     }
 }
 
-void fv_nn_gather(const struct fv_nn_gathering *g, int32_t first, int32_t count, uint8_t *rows,
-                  ptrdiff_t pitch)
+void fv_nn_gather(const struct fv_nn_gathering *g, int32_t row, int32_t x, int32_t count,
+                  uint8_t *rows, ptrdiff_t pitch)
 {
     const struct fv_op_image *im = &g->c->image;
-    int32_t x = first % im->out_w, y = first / im->out_w % im->out_h,
-            n = first / im->out_w / im->out_h;
-    while (count > 0) {
-        const int32_t part = im->out_w - x < count ? im->out_w - x : count;
-        const uint8_t *image = g->call->in[0] + (ptrdiff_t)n * im->in_h * im->in_w * im->in_stride;
-        for (int32_t ky = 0; ky < g->c->window.kh; ky++)
-            gather_line(g, image, y, x, ky, part, rows, pitch);
+    const int32_t y = row % im->out_h, n = row / im->out_h;
+    const uint8_t *image = g->call->in[0] + (ptrdiff_t)n * im->in_h * im->in_w * im->in_stride;
+    for (int32_t ky = 0; ky < g->c->window.kh; ky++)
+        gather_line(g, image, y, x, ky, count, rows, pitch);
+}
+
+/* Of pixels from `first` on, in as many rows of the image as they take. */
+static void gather(const struct fv_nn_gathering *g, int32_t first, int32_t count, uint8_t *rows,
+                   ptrdiff_t pitch)
+{
+    const int32_t width = g->c->image.out_w;
+    for (int32_t x = first % width, row = first / width, part; count > 0; count -= part, row++) {
+        part = width - x < count ? width - x : count;
+        fv_nn_gather(g, row, x, part, rows, pitch);
         rows += part * pitch;
-        count -= part;
         x = 0;
-        if (++y == im->out_h) {
-            y = 0;
-            ++n;
-        }
     }
 }
 
@@ -207,7 +209,7 @@ void fv_nn_op_conv(const struct fv_nn_call *call, int32_t begin, int32_t end)
     if (fv_nn_conv_apart(&g, &gemm, begin, end, pitch)) return;
     for (int32_t p = first; p < last; p += FV_MODEL_CONV_PIXELS) {
         const int32_t count = last - p < FV_MODEL_CONV_PIXELS ? last - p : FV_MODEL_CONV_PIXELS;
-        fv_nn_gather(&g, p, count, call->scratch, pitch);
+        gather(&g, p, count, call->scratch, pitch);
         multiply(call, &gemm, call->scratch, pitch, p, count);
     }
 }
