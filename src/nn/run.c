@@ -41,13 +41,17 @@ static int32_t unit_rows(const struct fv_model_op *op)
     return rows < 1 ? 1 : rows;
 }
 
+/* Units that `rows` rows of an operator take. */
+static uint32_t units_of(const struct fv_model_op *op, int32_t rows)
+{
+    return (uint32_t)((rows - 1) / unit_rows(op) + 1);
+}
+
 uint32_t fv_nn_units(const struct fv_model *model)
 {
     uint32_t units = 0;
-    for (uint32_t i = 0; i < model->header->op_count; i++) {
-        const int32_t rows = unit_rows(&model->ops[i]);
-        units += (uint32_t)((model->ops[i].rows - 1) / rows + 1);
-    }
+    for (uint32_t i = 0; i < model->header->op_count; i++)
+        units += units_of(&model->ops[i], model->ops[i].rows);
     return units;
 }
 
@@ -70,21 +74,25 @@ static void prepare(const struct fv_model *model, const struct fv_kernels *kerne
     if (op->scratch >= 0) call->scratch = fv_nn_tensor(model, arena, op->scratch);
 }
 
+/* The units of an operator that are granted at once run in one call: their rows share what is
+ * prepared for a call, and weights that do not fit the caches are read once for all. */
 enum fovea_status fv_nn_run(const struct fv_model *model, const struct fv_kernels *kernels,
                             uint8_t *arena, struct fv_nn_progress *progress, uint32_t units,
                             uint32_t *done)
 {
     const int32_t op_count = (int32_t)model->header->op_count;
     uint32_t count = 0;
-    for (; count < units && progress->op < op_count; count++) {
+    while (count < units && progress->op < op_count) {
         const struct fv_model_op *op = &model->ops[progress->op];
         struct fv_nn_call call;
         prepare(model, kernels, arena, op, &call);
-        const int32_t rows = unit_rows(op);
-        const int32_t end = rows < op->rows - progress->row ? progress->row + rows : op->rows;
+        const uint32_t left = units_of(op, op->rows - progress->row),
+                       some = units - count < left ? units - count : left;
+        const int32_t end = some == left ? op->rows : progress->row + (int32_t)some * unit_rows(op);
         operators[op->kind](&call, progress->row, end);
         progress->row = end;
         if (end == op->rows) *progress = (struct fv_nn_progress){.op = progress->op + 1, .row = 0};
+        count += some;
     }
     *done = count;
     return progress->op < op_count ? FOVEA_AGAIN : FOVEA_OK;
