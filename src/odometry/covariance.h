@@ -33,10 +33,13 @@
  *
  * A lens that zooms, or that its focus changes, shows the map as by another focal length. With
  * depth in view that is not the same as a step ahead: the measure of the calibration's watch says
- * by how much (fv_lens_frame_current). Where it is another by four sigmas, four times what the pose
- * would move by with it is added, since the inliers of a fit without it show a part of it alone. On
- * good runs it is another by .05 to .2 %, in the handheld recording, whose calibration is a guess,
- * by .4 %. (The watch asks over many frames, to find a calibration that is wrong for good.)
+ * by how much (fv_lens_frame_current). Where it is another by three sigmas, what the pose would
+ * move by with it is added, and from four sigmas on four times that, since the inliers of a fit
+ * without it show a part of it alone. A small change is seen in the mean of several frames, which
+ * counts from five of its sigmas on. What was added of the reference keyframe, when it was the
+ * current frame, is added of all frames that refer to it. On good runs the focal length is another
+ * by .05 to .2 %, in the handheld recording, whose calibration is a guess, by .4 %. (The watch asks
+ * over many frames, to find a calibration that is wrong for good.)
  *
  * Not to be relied on, whatever its size: while the map is young (fewer than ten keyframes) and
  * that bend is 10 % or more; where the parts' variance is three times that of the errors or more,
@@ -56,6 +59,12 @@ extern "C" {
 
 enum { FV_COVARIANCE_POSES_MAX = 8 };
 
+/* What is known from frames before. */
+struct fv_covariance_state {
+    double change_sum, change_weight; /* of focal lengths, by 1 / sigma^2, faded */
+    double lens[21];                  /* what another focal length added to the last frame's */
+};
+
 struct fv_covariance {
     double *joint; /* frame part: normal equations of at most FV_COVARIANCE_POSES_MAX poses */
 };
@@ -63,6 +72,9 @@ struct fv_covariance {
 struct fv_odometry;
 
 void fv_covariance_carve(struct fv_covariance *covariance, struct fv_arena *frame);
+
+/* A frame begins, of which nothing is known yet. */
+void fv_covariance_begin(struct fv_covariance_state *state);
 
 /* Write the covariance to state->pose, lengths in the map's unit. False: it is not to be relied on.
  * Real-time safe. */

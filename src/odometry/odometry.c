@@ -58,6 +58,7 @@ static void begin_in_map(struct fv_odometry *o)
     memset(&s->creation, 0, sizeof s->creation);
     memset(&s->agreement, 0, sizeof s->agreement);
     memset(&s->usable, 0, sizeof s->usable);
+    memset(&s->covariance, 0, sizeof s->covariance);
     if (o->config.localise_only) s->state = FOVEA_TRACKING_LOST;
     if (fv_odometry_saving(o)) { /* half of one map and half of another are none */
         fv_odometry_save_drop(o);
@@ -226,8 +227,9 @@ static void add_correction(struct fv_odometry *o, const struct fv_sim3 *S_odom_m
     if (s->reference.slot != slot || s->reference.generation != generation) {
         const bool is_own =
             o->map.keyframes[slot].stamp_ns == o->map.keyframes[fv_map_current(&o->map)].stamp_ns;
-        s->reference = (struct fv_reference_state){slot, generation, T_odom_ref, {0}};
+        s->reference = (struct fv_reference_state){slot, generation, T_odom_ref, {0}, {0}};
         if (is_own) memcpy(s->reference.parts, s->parts, sizeof s->parts);
+        if (is_own) memcpy(s->reference.lens, s->covariance.lens, sizeof s->covariance.lens);
     }
     fv_se3_invert(&T_odom_ref, &inverse);
     fv_se3_compose(&inverse, T_odom_cam, &now);
@@ -322,6 +324,7 @@ void fv_odometry_step(struct fv_odometry *o, const struct fv_kernels *kernels,
     struct fv_odometry_state *s = o->state;
     memset(&s->pose, 0, sizeof s->pose);
     memset(s->parts, 0, sizeof s->parts);
+    fv_covariance_begin(&s->covariance);
     s->frame_number++;
     s->localise.hint = input->hint;
     odometry_fill_view(o, input);

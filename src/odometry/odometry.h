@@ -44,11 +44,12 @@ struct fv_still_state {
 };
 
 /* Keyframe that the last pose hangs on, and T_world_cam as published with its own frame; what the
- * parts of that frame's image showed (covariance.h), zeros where it is not known. */
+ * parts of that frame's image showed, and what its focal length added (covariance.h), zeros where
+ * it is not known. */
 struct fv_reference_state {
     uint32_t slot, generation;
     struct fv_se3 published;
-    double parts[21];
+    double parts[21], lens[21];
 };
 
 struct fv_odometry_state {
@@ -68,6 +69,7 @@ struct fv_odometry_state {
     struct fv_agreement_state agreement;
     struct fv_usable_state usable;
     struct fv_reference_state reference;
+    struct fv_covariance_state covariance;
     double parts[21];       /* what those of the last frame's image showed */
     struct fovea_pose pose; /* of the last frame */
 };
