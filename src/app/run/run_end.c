@@ -100,6 +100,10 @@ static enum fv_exit picture_draw(struct fv_run *run, const struct fv_report *rep
 static void error_print(const char *of, const struct fv_trajectory_summary *path)
 {
     if (!isfinite(path->error_m)) return;
+    if (!(path->truth_length_m > 0)) { /* it has no length to compare with */
+        printf("; %sRMS error %.4g m, by the truth the camera stood still", of, path->error_m);
+        return;
+    }
     printf("; %sRMS error %.4g m (%.2f %%) of a path of %.4g m, %s", of, path->error_m,
            100.0 * path->error_m / path->truth_length_m, path->truth_length_m,
            path->maps == 1 ? "aligned" : "each map aligned by itself");

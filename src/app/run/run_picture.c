@@ -77,7 +77,7 @@ static void head(struct fv_canvas *canvas, const struct fv_run_picture *picture)
                  "%d x %d, %" PRIu64 " frames in %.1f s, kernel set %s; posed %" PRIu64 " frames",
                  report->width, report->height, counts->processed, seconds_of(picture->watch),
                  report->kernel_set, counts->posed);
-    if (isfinite(path->error_m))
+    if (isfinite(path->error_m) && path->truth_length_m > 0)
         snprintf(line + length, sizeof line - (size_t)length,
                  "; RMS error %.4g m (%.2f %%) over %.4g m", path->error_m,
                  100.0 * path->error_m / path->truth_length_m, path->truth_length_m);
