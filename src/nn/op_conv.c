@@ -189,6 +189,13 @@ static void multiply(const struct fv_nn_call *call, const struct fv_nn_gemm *gem
     }
 }
 
+/* What is left in the scratch depends on the kernel set, and the state of a run must not
+ * (lock-step). */
+static void clear_scratch(const struct fv_nn_call *call)
+{
+    memset(call->scratch, 0, (size_t)call->model->tensors[call->op->scratch].bytes);
+}
+
 void fv_nn_op_conv(const struct fv_nn_call *call, int32_t begin, int32_t end)
 {
     const struct fv_op_conv *c = &call->op->u.conv;
@@ -206,12 +213,14 @@ void fv_nn_op_conv(const struct fv_nn_call *call, int32_t begin, int32_t end)
         return;
     }
     const struct fv_nn_gathering g = gathering_of(call);
-    if (fv_nn_conv_apart(&g, &gemm, begin, end, pitch)) return;
-    for (int32_t p = first; p < last; p += FV_MODEL_CONV_PIXELS) {
-        const int32_t count = last - p < FV_MODEL_CONV_PIXELS ? last - p : FV_MODEL_CONV_PIXELS;
-        gather(&g, p, count, call->scratch, pitch);
-        multiply(call, &gemm, call->scratch, pitch, p, count);
+    if (!fv_nn_conv_apart(&g, &gemm, begin, end, pitch)) {
+        for (int32_t p = first; p < last; p += FV_MODEL_CONV_PIXELS) {
+            const int32_t count = last - p < FV_MODEL_CONV_PIXELS ? last - p : FV_MODEL_CONV_PIXELS;
+            gather(&g, p, count, call->scratch, pitch);
+            multiply(call, &gemm, call->scratch, pitch, p, count);
+        }
     }
+    clear_scratch(call);
 }
 
 void fv_nn_op_depthwise(const struct fv_nn_call *call, int32_t begin, int32_t end)
