@@ -16,6 +16,8 @@ static void follow_correction(struct fv_odometry *o, const struct fv_sim3 *S_new
     for (int k = 0; k < 3; k++)
         s->localise.motion.T_now_before.t[k] *= S_new_old->s;
     fv_sim3_apply(S_new_old, s->still.position, s->still.position);
+    fv_covariance_rescale(s->reference.parts, S_new_old->s);
+    fv_covariance_rescale(s->reference.lens, S_new_old->s);
     if (o->window.state->phase == FV_WINDOW_IDLE) return;
     fv_window_abort(&o->window); /* its copy is of the map before */
     s->job_wanted = true;

@@ -466,6 +466,13 @@ static void add_reference_lens(const struct fv_odometry *o, const struct fv_se3 
         covariance[k] += carried[k];
 }
 
+void fv_covariance_rescale(double covariance[21], double factor)
+{
+    for (int row = 0, k = 0; row < 6; row++)
+        for (int column = row; column < 6; column++, k++)
+            covariance[k] *= (row < 3 ? factor : 1) * (column < 3 ? factor : 1);
+}
+
 void fv_covariance_begin(struct fv_covariance_state *s)
 {
     memset(s->lens, 0, sizeof s->lens);

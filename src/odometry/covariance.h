@@ -73,6 +73,8 @@ struct fv_odometry;
 
 void fv_covariance_carve(struct fv_covariance *covariance, struct fv_arena *frame);
 
+/* Lengths get another unit: `factor` of the old one's numbers. */
+void fv_covariance_rescale(double covariance[21], double factor);
 /* A frame begins, of which nothing is known yet. */
 void fv_covariance_begin(struct fv_covariance_state *state);
 

@@ -258,9 +258,7 @@ static void write_pose(struct fv_odometry *o)
     write_rows(T_odom_cam.R, T_odom_cam.t, pose->T_world_cam);
     write_rows(S_map_world->R, S_map_world->t, pose->T_map_world);
     pose->map_scale = S_map_world->s;
-    for (int row = 0, k = 0; row < 6; row++) /* lengths are the map's so far */
-        for (int column = row; column < 6; column++, k++)
-            pose->covariance[k] *= (row < 3 ? S_odom_map.s : 1) * (column < 3 ? S_odom_map.s : 1);
+    fv_covariance_rescale(pose->covariance, S_odom_map.s); /* lengths are the map's so far */
     add_correction(o, &S_odom_map, &T_odom_cam);
     pose->posed = true;
 }

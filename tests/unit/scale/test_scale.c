@@ -152,6 +152,8 @@ static void grow_map(double factor)
         o->map.state->S_map_world.t[k] *= factor;
     }
     o->map.state->S_map_world.s *= factor;
+    fv_covariance_rescale(o->state->reference.parts, factor);
+    fv_covariance_rescale(o->state->reference.lens, factor);
     fv_window_abort(&o->window);
     o->state->job_wanted = true;
 }
