@@ -75,14 +75,19 @@ static bool is_heard(void)
     return found;
 }
 
-static void start(void)
+static void start_waiting(const char *timeout_s)
 {
-    static const char *const arguments[] = {"--live", "LEFT",      "RIGHT", "--iterations",
-                                            "8",      "--timeout", "1",     NULL};
+    const char *const arguments[] = {"--live", "LEFT",      "RIGHT",   "--iterations",
+                                     "8",      "--timeout", timeout_s, NULL};
     watched_start(&watched, "compare", arguments);
     for (int i = 0; i < 6000 && !is_heard(); i++)
         usleep(10000);
     assert_true(is_heard());
+}
+
+static void start(void)
+{
+    start_waiting("1");
 }
 
 /* It prints one line with these words, without what a terminal would obey, and ends so. */
@@ -144,7 +149,7 @@ static void the_first_difference_is_named(void **state)
 static void what_one_run_did_not_send_is_said(void **state)
 {
     (void)state;
-    start();
+    start_waiting("8"); /* longer than sending takes, also beside other programs */
     for (int64_t n = 0; n < 3; n++)
         send_both(n);
     for (int64_t n = 3; n < 303; n++) { /* more than wait for a partner */
