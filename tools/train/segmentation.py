@@ -10,6 +10,7 @@ import backgrounds
 import convert
 import fit
 import label_pictures
+import options
 import overlap
 import own
 import pixels
@@ -22,7 +23,6 @@ COLOURS = ["#50b450", "#50a0c8", "#dc3c3c", "#ffc800", "#8c8c8c"]
 OF_EXPORT = np.array([4, 3, 3, 3, 3, 0, 1, 2, 2], np.uint8)  # background; ball, cone, box, person; floor, wall, obstacle, pit
 PIT, PIT_PIXELS = 8, 300  # of export; so many are worth learning from
 MOVABLE = CLASSES.index("movable")
-WEIGHTS = os.path.join(os.path.dirname(weights_module.SHIPPED), "segmenter.npz")
 SHOWN_EVERY = 1000  # steps
 PLACES = [("places", scenes_module.PLACES, 50), ("drives", scenes_module.DRIVES, 36), ("roads", scenes_module.ROADS, 14)]  # of 100 worlds
 PIT_TIMES = 2  # as often as other frames are these drawn to learn from; those held out count once
@@ -121,6 +121,6 @@ def train_own(arguments, begun):
     def end(model, learn, held_out):
         finish(model, learn, whole(held_out, len(held_out), 11), names, colours, arguments.output, task_of(learn, len(names)))
 
-    own.train(own.Kind("thousand pixels", lambda scenes: pictures_shown(scenes, len(names)), segmenter.build, WEIGHTS,
+    own.train(own.Kind("thousand pixels", lambda scenes: pictures_shown(scenes, len(names)), segmenter.build, options.SEGMENTER_WEIGHTS,
                        lambda learn: task_of(learn, len(names)), lambda watch: whole(watch, len(watch), 11), end),
               names, scenes, paths, others, arguments, begun)

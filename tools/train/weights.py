@@ -5,8 +5,9 @@ import keras
 import numpy as np
 
 from labels import LabelProblem
+from options import DETECTOR_WEIGHTS
 
-SHIPPED = os.path.join(os.path.dirname(os.path.abspath(__file__)), "weights.npz")
+SHIPPED = DETECTOR_WEIGHTS
 CALIBRATION_IMAGES = 200  # at most; two of each picture are enough
 
 
