@@ -197,10 +197,12 @@ int main(int argc, char **argv)
     struct fovea_error error;
     double goal[2];
     char channel[64];
-    if (!read_options(argc, argv, goal)) {
-        fprintf(stderr, "usage: navigate X Y [--url URL] [--prefix FOVEA] [--radius M] [--speed "
-                        "M_S] [--turning RAD_S] [--key FILE] [--run-id N] [--sender N]\n");
-        return 2;
+    const bool help = argc == 2 && strcmp(argv[1], "--help") == 0;
+    if (help || !read_options(argc, argv, goal)) {
+        fprintf(help ? stdout : stderr,
+                "usage: navigate X Y [--url URL] [--prefix FOVEA] [--radius M] [--speed M_S] "
+                "[--turning RAD_S] [--key FILE] [--run-id N] [--sender N]\n");
+        return help ? 0 : 2;
     }
     if (self.key_path != NULL && fv_command_key_read(self.key_path, self.key, &error) < 0) {
         fprintf(stderr, "navigate: --key: %s\n", error.text);
