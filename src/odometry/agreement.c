@@ -23,8 +23,9 @@ static const float fade = 0.7f;
 /* Chosen on odd seeds of sim:road, and so that recordings keep their distance. */
 static const float settled_min = 0.83f, near_good_min = 0.82f, near_least = 0.8f;
 static const float fit_good_min = 0.8f, fit_least = 0.75f;
-static const float clear_min = 0.95f; /* near of a first check. Recordings have .96 and more */
-static const float sure_min = 0.93f;
+/* Near of a first check, where recordings have .9 and more but for one start of kitti01_a, and of
+ * the check that is sure; chosen on seeds 1 to 100. */
+static const float clear_min = 0.9f, sure_min = 0.93f;
 static const float known_min = 0.6f, near_known_min = 0.88f; /* one of both at least */
 
 void fv_agreement_carve(struct fv_agreement *g, uint32_t features_max, struct fv_arena *job)

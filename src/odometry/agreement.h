@@ -22,8 +22,8 @@
  * entered again meanwhile.
  *
  * A map is suspect, and its poses are withheld, where it follows one given up, since what misled
- * one misleads the next, and where its first keyframe agrees less clearly than on any recording
- * (near below .95, or doubt). It is published with its first pose that is confident by all else,
+ * one misleads the next, and where its first keyframe agrees less clearly than on the recordings
+ * (near below .9, or doubt). It is published with its first pose that is confident by all else,
  * after two keyframes that leave no doubt; or after three that agree clearly (near of .93).
  *
  * A job in units: FV_AGREEMENT_UNIT features are matched in each. Real-time safe, no addresses in

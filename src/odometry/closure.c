@@ -9,8 +9,7 @@ bool fv_odometry_closure_waiting(const struct fv_odometry *o)
            !fv_archive_busy(o->saver.archive);
 }
 
-/* Lengths of the current frame's world have another unit, and its points other positions. */
-static void follow_correction(struct fv_odometry *o, const struct fv_sim3 *S_new_old)
+void fv_odometry_follow_correction(struct fv_odometry *o, const struct fv_sim3 *S_new_old)
 {
     struct fv_odometry_state *s = o->state;
     for (int k = 0; k < 3; k++)
@@ -27,7 +26,7 @@ bool fv_odometry_closure_unit(struct fv_odometry *o, const struct fv_kernels *ke
 {
     struct fv_closure_outcome outcome;
     const bool left = fv_closure_unit(&o->closure, &o->map, kernels, &outcome);
-    if (outcome.committed) follow_correction(o, &outcome.S_new_current);
+    if (outcome.committed) fv_odometry_follow_correction(o, &outcome.S_new_current);
     if (outcome.fused) o->state->job_wanted = true;
     return left;
 }

@@ -208,6 +208,8 @@ void fv_odometry_confirm(struct fv_odometry *odometry);
 /* Whether the current frame should become a keyframe, and making it one. */
 bool fv_odometry_keyframe_needed(struct fv_odometry *odometry, uint32_t inliers);
 void fv_odometry_make_keyframe(struct fv_odometry *odometry);
+/* Lengths of the current frame's world have another unit, and its points other positions. */
+void fv_odometry_follow_correction(struct fv_odometry *odometry, const struct fv_sim3 *S_new_old);
 /* Median depth of the landmarks that the current frame sees. */
 double fv_odometry_current_depth(const struct fv_odometry *odometry);
 #ifdef __cplusplus

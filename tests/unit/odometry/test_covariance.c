@@ -256,6 +256,41 @@ static void the_reference_keeps_what_its_focal_length_added(void **state)
     *reference = kept;
 }
 
+/* A keyframe that becomes the reference with its own frame keeps what was added of that; a
+ * correction that changes the map's unit changes it likewise. Goes on with the run: the last. */
+static void a_new_reference_takes_what_was_added(void **state)
+{
+    struct fv_sim3 grown;
+    int own = 0, added = 0;
+    (void)state;
+    sim_rig_close(&rig);
+    sim_rig_open(&rig,
+                 "fault:sim:corridor?width=400&height=300&rate=20&baseline=0.11&seed=2?kind=zoom&"
+                 "factor=1.008&first=30&shortest=40&longest=40&count=1",
+                 0, 70);
+    rig.config.rig = rig.ops->info(rig.source)->rig;
+    sim_rig_build(&rig);
+    struct fv_odometry_state *s = rig.rt->odometry.state;
+    while (sim_rig_next(&rig)) {
+        const uint32_t slot = s->reference.slot, generation = s->reference.generation;
+        sim_rig_process(&rig);
+        if (s->reference.slot == slot && s->reference.generation == generation) continue;
+        assert_memory_equal(s->reference.lens, s->covariance.lens, sizeof s->reference.lens);
+        own++;
+        added += s->reference.lens[0] > 0;
+    }
+    print_message("%d keyframes, another focal length added of %d\n", own, added);
+    assert_true(own > 5 && added > 1);
+    for (int k = 0; k < 21; k++)
+        s->reference.parts[k] = s->reference.lens[k] = 1;
+    fv_sim3_identity(&grown);
+    grown.s = 3;
+    fv_odometry_follow_correction(&rig.rt->odometry, &grown);
+    const double *const both[] = {s->reference.parts, s->reference.lens};
+    for (int i = 0; i < 2; i++) /* of x and x, x and rx, rz and rz */
+        assert_true(both[i][0] == 9 && both[i][3] == 3 && both[i][20] == 1);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -265,6 +300,7 @@ int main(void)
         cmocka_unit_test(another_focal_length_is_admitted),
         cmocka_unit_test(a_small_change_is_seen_in_several_frames),
         cmocka_unit_test(the_reference_keeps_what_its_focal_length_added),
+        cmocka_unit_test(a_new_reference_takes_what_was_added),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }

@@ -146,15 +146,13 @@ static void grow_map(double factor)
             o->map.keyframes[v].T_cam_world.t[k] *= factor;
         o->map.keyframes[v].depth *= factor;
     }
-    for (int k = 0; k < 3; k++) {
-        o->state->localise.motion.T_now_before.t[k] *= factor;
-        o->state->still.position[k] *= factor;
+    for (int k = 0; k < 3; k++)
         o->map.state->S_map_world.t[k] *= factor;
-    }
     o->map.state->S_map_world.s *= factor;
-    fv_covariance_rescale(o->state->reference.parts, factor);
-    fv_covariance_rescale(o->state->reference.lens, factor);
-    fv_window_abort(&o->window);
+    struct fv_sim3 grown;
+    fv_sim3_identity(&grown);
+    grown.s = factor;
+    fv_odometry_follow_correction(o, &grown);
     o->state->job_wanted = true;
 }
 
