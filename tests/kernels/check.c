@@ -163,3 +163,11 @@ uint8_t *bench_scratch(void)
     if (scratch == NULL) abort();
     return scratch;
 }
+
+void check_draw_range(struct check *check, int32_t *zero, int32_t *low, int32_t *high)
+{
+    *zero = check_between(check, 0, 3) ? check_between(check, 0, 255)
+                                       : 255 * check_between(check, 0, 1);
+    *low = check_between(check, 0, 1) ? 0 : *zero;
+    *high = check_between(check, 0, 2) ? 255 : check_between(check, *low, 255);
+}

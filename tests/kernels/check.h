@@ -44,6 +44,8 @@ struct check {
 uint32_t check_random(struct check *check);
 /* Uniform in [low, high]. */
 int32_t check_between(struct check *check, int32_t low, int32_t high);
+/* Zero and bounds of the output of an int8 operator. */
+void check_draw_range(struct check *check, int32_t *zero, int32_t *low, int32_t *high);
 
 /* A zeroed buffer in its own mapping, `alignment` (a power of two, at most 64) aligned, with
  * inaccessible pages before and after. At random the end of the buffer (plus `slack` bytes that the

@@ -24,14 +24,6 @@ static void fill_scaling(struct check *check, int32_t *bias, int32_t *multiplier
     }
 }
 
-static void draw_range(struct check *check, int32_t *zero, int32_t *low, int32_t *high)
-{
-    *zero = check_between(check, 0, 3) ? check_between(check, 0, 255)
-                                       : 255 * check_between(check, 0, 1);
-    *low = check_between(check, 0, 1) ? 0 : *zero;
-    *high = check_between(check, 0, 2) ? 255 : check_between(check, *low, 255);
-}
-
 /* Small weights, positive, negative or both, whose sums reach the ends of 16 bits after some. */
 static void fill_small(struct check *check, int8_t *weights, int32_t count)
 {
@@ -101,7 +93,7 @@ static struct fv_nn_gemm draw_gemm(struct check *check, int32_t k, int32_t n)
                            .bias = bias,
                            .multiplier = multiplier,
                            .shift = shift};
-    draw_range(check, &g.zero_out, &g.act_min, &g.act_max);
+    check_draw_range(check, &g.zero_out, &g.act_min, &g.act_max);
     g.row_sum_factor = check_between(check, 0, 1) ? 0 : check_between(check, -256, 256);
     if (check_between(check, 0, 3) == 0) {
         uint8_t *table = check_buffer(check, 256, 1, 0);
@@ -268,7 +260,7 @@ static struct fv_nn_depthwise draw_depthwise(struct check *check)
     d.multiplier = multiplier;
     d.shift = shift;
     d.zero_in = check_between(check, 0, 255);
-    draw_range(check, &d.zero_out, &d.act_min, &d.act_max);
+    check_draw_range(check, &d.zero_out, &d.act_min, &d.act_max);
     return d;
 }
 
@@ -353,151 +345,6 @@ void bench_nn_table_u8(struct check *check, fv_k_nn_table_u8_fn *variant)
     static const uint8_t table[256] = {1, 2, 3};
     snprintf(check->size, sizeof check->size, "65536");
     variant(table, bench_scratch(), bench_scratch() + (1 << 20), 65536);
-}
-
-static struct fv_nn_add draw_add(struct check *check)
-{
-    struct fv_nn_add p = {.zero_a = check_between(check, 0, 255),
-                          .zero_b = check_between(check, 0, 255)};
-    draw_range(check, &p.zero_out, &p.act_min, &p.act_max);
-    p.m_a = (int32_t)(0x40000000u + check_random(check) % 0x40000000u);
-    p.m_b = (int32_t)(0x40000000u + check_random(check) % 0x40000000u);
-    p.m_out = (int32_t)(0x40000000u + check_random(check) % 0x40000000u);
-    p.s_a = check_between(check, 0, 3) == 0 ? check_between(check, -20, 0)
-                                            : check_between(check, -3, 0);
-    p.s_b = check_between(check, 0, 3) == 0 ? check_between(check, -20, 0)
-                                            : check_between(check, -3, 0);
-    p.s_out = check_between(check, -22, -16);
-    const int32_t half =
-        check_between(check, 0, 3); /* the input of the larger scale has the factor one half */
-    if (half == 1) p.m_a = 1 << 30, p.s_a = 0;
-    if (half == 2) p.m_b = 1 << 30, p.s_b = 0;
-    return p;
-}
-
-void check_nn_add_u8(struct check *check, fv_k_nn_add_u8_fn *reference, fv_k_nn_add_u8_fn *variant)
-{
-    const int32_t count =
-        check_between(check, 0, 1) ? check_between(check, 1, 300) : 16 * check_between(check, 1, 2);
-    const int32_t rows = check_between(check, 1, 9);
-    const ptrdiff_t lda = count + check_between(check, 0, 20),
-                    ldb = count + check_between(check, 0, 20);
-    const size_t bytes_a = (size_t)((rows - 1) * lda + count),
-                 bytes_b = (size_t)((rows - 1) * ldb + count);
-    const struct fv_nn_add p = draw_add(check);
-    uint8_t *a = check_buffer(check, bytes_a, 1, 0), *b = check_buffer(check, bytes_b, 1, 0);
-    uint8_t *expected = check_buffer(check, bytes_a, 1, 0),
-            *found = check_buffer(check, bytes_a, 1, 0);
-    check_fill(check, a, bytes_a);
-    check_fill(check, b, bytes_b);
-    const int in_place = check_between(check, 0, 1);
-    if (in_place) {
-        memcpy(found, a, bytes_a);
-        memcpy(expected, a, bytes_a);
-    }
-    reference(&p, a, lda, b, ldb, expected, lda, rows, count);
-    variant(&p, in_place ? found : a, lda, b, ldb, found, lda, rows, count);
-    check_equal(check, "out", expected, found, bytes_a);
-}
-
-void bench_nn_add_u8(struct check *check, fv_k_nn_add_u8_fn *variant)
-{
-    const struct fv_nn_add p = draw_add(check);
-    snprintf(check->size, sizeof check->size, "65536");
-    variant(&p, bench_scratch(), 256, bench_scratch() + (1 << 20), 256, bench_scratch() + (2 << 20),
-            256, 256, 256);
-}
-
-/* Their shifts reach further than those of sums: products are small. */
-static struct fv_nn_add draw_product(struct check *check)
-{
-    struct fv_nn_add p = draw_add(check);
-    const int far = check_between(check, 0, 7) == 0; /* all that the model's check lets through */
-    p.s_a = far ? check_between(check, -31, 30) : check_between(check, -8, 3);
-    p.s_out = far ? check_between(check, -31, 30) : check_between(check, -20, 2);
-    return p;
-}
-
-static void check_products(struct check *check, fv_k_nn_add_u8_fn *reference,
-                           fv_k_nn_add_u8_fn *variant)
-{
-    const int32_t count = check_between(check, 1, 300), rows = check_between(check, 1, 5);
-    const ptrdiff_t lda = count + check_between(check, 0, 20),
-                    ldb = check_between(check, 0, 1) ? 0 : lda;
-    const size_t bytes = (size_t)((rows - 1) * lda + count);
-    const struct fv_nn_add p = draw_product(check);
-    uint8_t *a = check_buffer(check, bytes, 1, 0),
-            *b = check_buffer(check, ldb == 0 ? (size_t)count : bytes, 1, 0);
-    uint8_t *expected = check_buffer(check, bytes, 1, 0), *found = check_buffer(check, bytes, 1, 0);
-    check_fill(check, a, bytes);
-    check_fill(check, b, ldb == 0 ? (size_t)count : bytes);
-    memcpy(found, a, bytes);
-    memcpy(expected, a, bytes);
-    reference(&p, a, lda, b, ldb, expected, lda, rows, count);
-    variant(&p, found, lda, b, ldb, found, lda, rows, count);
-    check_equal(check, "out", expected, found, bytes);
-}
-
-void check_nn_sub_u8(struct check *check, fv_k_nn_sub_u8_fn *reference, fv_k_nn_sub_u8_fn *variant)
-{
-    check_nn_add_u8(check, reference, variant);
-}
-
-void bench_nn_sub_u8(struct check *check, fv_k_nn_sub_u8_fn *variant)
-{
-    bench_nn_add_u8(check, variant);
-}
-
-void check_nn_mul_u8(struct check *check, fv_k_nn_mul_u8_fn *reference, fv_k_nn_mul_u8_fn *variant)
-{
-    check_products(check, reference, variant);
-}
-
-void bench_nn_mul_u8(struct check *check, fv_k_nn_mul_u8_fn *variant)
-{
-    bench_nn_add_u8(check, variant);
-}
-
-void check_nn_prelu_u8(struct check *check, fv_k_nn_prelu_u8_fn *reference,
-                       fv_k_nn_prelu_u8_fn *variant)
-{
-    check_products(check, reference, variant);
-}
-
-void bench_nn_prelu_u8(struct check *check, fv_k_nn_prelu_u8_fn *variant)
-{
-    bench_nn_add_u8(check, variant);
-}
-
-void check_nn_max_u8(struct check *check, fv_k_nn_max_u8_fn *reference, fv_k_nn_max_u8_fn *variant)
-{
-    const int32_t count = check_between(check, 1, 300);
-    uint8_t *a = check_buffer(check, (size_t)count, 1, 0),
-            *b = check_buffer(check, (size_t)count, 1, 0);
-    uint8_t *expected = check_buffer(check, (size_t)count, 1, 0),
-            *found = check_buffer(check, (size_t)count, 1, 0);
-    check_fill(check, a, (size_t)count);
-    check_fill(check, b, (size_t)count);
-    memcpy(found, a, (size_t)count);
-    reference(a, b, expected, count);
-    variant(found, b, found, count);
-    check_equal(check, "out", expected, found, (size_t)count);
-}
-
-void bench_nn_max_u8(struct check *check, fv_k_nn_max_u8_fn *variant)
-{
-    snprintf(check->size, sizeof check->size, "65536");
-    variant(bench_scratch(), bench_scratch() + (1 << 20), bench_scratch() + (2 << 20), 65536);
-}
-
-void check_nn_min_u8(struct check *check, fv_k_nn_min_u8_fn *reference, fv_k_nn_min_u8_fn *variant)
-{
-    check_nn_max_u8(check, reference, variant);
-}
-
-void bench_nn_min_u8(struct check *check, fv_k_nn_min_u8_fn *variant)
-{
-    bench_nn_max_u8(check, variant);
 }
 
 void check_nn_transpose_u8(struct check *check, fv_k_nn_transpose_u8_fn *reference,

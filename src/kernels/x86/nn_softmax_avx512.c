@@ -86,8 +86,7 @@ FV_INLINE __m512i reciprocals(__m512i sums, __m512i *exponent)
         const __m512i error = _mm512_sub_epi32(_mm512_set1_epi32(1 << 29), high_product(half, y));
         y = _mm512_add_epi32(y, _mm512_slli_epi32(high_product(y, error), 2));
     }
-    y = _mm512_min_epi32(y, _mm512_set1_epi32(1 << 30)); /* twice that is 2^31: one is taken off */
-    const __m512i twice = _mm512_add_epi32(y, y);
+    const __m512i twice = _mm512_add_epi32(y, y); /* at most 2^31, from which one is taken off */
     return _mm512_sub_epi32(twice, _mm512_srli_epi32(twice, 31));
 }
 
