@@ -135,6 +135,11 @@ struct fovea_imu_status {
     int64_t stamp_ns; /* of the last sample that was taken; of the sensor's clock */
     double rate_hz;   /* as observed; 0: not yet */
     struct fovea_imu_counts counts;
+    /* How late the camera's stamps are against the sensor's beyond the rig's time_offset_ns, as
+     * odometry finds it, one standard deviation of that (30 ms while nothing shows it; 0: odometry
+     * does not use the sensor), and by how much samples are moved: 0 while the rig's offset fits.
+     */
+    double time_offset_s, time_offset_sigma_s, time_offset_used_s;
 };
 
 #ifdef __cplusplus

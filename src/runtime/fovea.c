@@ -132,6 +132,7 @@ static void offer_sense(struct fovea *rt)
         anchor.change_count = fv_publish_last_change(&rt->publish).count;
         anchor.T_odom_body = fv_publish_child_pose(&rt->publish, FV_PUBLISH_BODY);
         anchor.biases = known->biases;
+        anchor.moved_ns = rt->inertial.clock->moved_ns;
         memcpy(anchor.velocity, rates->velocity, sizeof anchor.velocity);
         memcpy(anchor.angular_rate, rates->rotation_rate, sizeof anchor.angular_rate);
         fv_publish_turn(&rt->publish, known->gravity, anchor.gravity);
@@ -396,6 +397,11 @@ void fovea_imu_status_get(const struct fovea *rt, struct fovea_imu_status *statu
 {
     memset(status, 0, sizeof *status);
     if (rt->config.rig.has_imu) fv_imu_gate_status(&rt->imu, status);
+    struct fv_inertial_stage_offset offset;
+    if (!rt->config.odometry.enabled || !fv_inertial_stage_offset(&rt->inertial, &offset)) return;
+    status->time_offset_s = offset.offset_s;
+    status->time_offset_sigma_s = offset.sigma_s;
+    status->time_offset_used_s = offset.used_s;
 }
 
 uint32_t fovea_keyframes_get(const struct fovea *rt, struct fovea_keyframe *list,

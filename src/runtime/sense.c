@@ -19,6 +19,7 @@ static bool keep(struct fv_sense *sense, const struct fovea_rig_imu *rig,
 {
     struct fv_imu_reading next;
     if (!fv_imu_possible(sample) || !fv_imu_read(rig, sample, &next)) return false;
+    if (__builtin_add_overflow(next.stamp_ns, sense->anchor.moved_ns, &next.stamp_ns)) return false;
     int64_t back_ns = -1;
     if (sense->count > 0) {
         const int64_t last_ns = kept_at(sense, sense->count - 1)->stamp_ns;
@@ -115,6 +116,7 @@ static void write_pose(struct fv_sense *sense, const struct fovea_rig_imu *rig,
 void fv_sense_init(struct fv_sense *sense)
 {
     sense->loops = 0;
+    sense->anchor.moved_ns = 0;
     atomic_init(&sense->between, 1);
     sense->own = 2;
 }

@@ -44,6 +44,7 @@ struct fv_sense_anchor {
     double angular_rate[3]; /* in the body's axes */
     double gravity[3];      /* m/s^2 */
     struct fv_imu_biases biases;
+    int64_t moved_ns; /* added to samples' stamps besides what the rig states */
 };
 
 struct fv_sense {

@@ -21,6 +21,9 @@ static const double gyro_bias_sigma_max = 0.01; /* to predict turns by, rad/s */
 static const double gyro_bias_most = 0.2;       /* twice that of cheap sensors, rad/s */
 static const int64_t coasting_max_ns = 2000000000, rate_age_max_ns = 20000000;
 static const double gravity_m_s2 = 9.80665;
+/* Of what came of samples by a wrong clock: scale (relative), gravity (rad), biases. */
+static const double doubted_sigma = 0.5, doubted_gravity_sigma = 0.2;
+static const double doubted_bias_sigma[2] = {0.1, 0.3};
 /* ADIS16448, where a rig states no densities. */
 static const double gyro_noise = 1.7e-4, acceleration_noise = 2e-3, acceleration_walk = 3e-3;
 
@@ -49,16 +52,20 @@ void fv_inertial_stage_carve(struct fv_inertial_stage *stage, const struct fovea
     fv_se3_compose(&T_body_cam, &T_body_imu, &config.T_cam_imu);
     fv_inertial_carve(&stage->estimator, &config, persistent);
     stage->state = fv_arena_take(persistent, 1, sizeof *stage->state);
+    stage->clock = fv_arena_take(persistent, 1, sizeof *stage->clock);
 }
 
 void fv_inertial_stage_init(struct fv_inertial_stage *stage)
 {
     fv_inertial_init(&stage->estimator);
+    fv_imu_clock_init(&stage->clock->found);
+    stage->clock->moved_ns = 0;
 }
 
 /* ---- samples --------------------------------------------------------------------------------- */
 
-static void jump(struct fv_inertial_stage *stage)
+/* Samples do not go on from those before. */
+static void break_off(struct fv_inertial_stage *stage)
 {
     fv_inertial_jump(&stage->estimator);
     stage->state->live.any_sample = stage->state->live.begun = false;
@@ -71,7 +78,14 @@ void fv_inertial_stage_observe(struct fv_inertial_stage *stage, const struct fv_
     for (uint32_t i = 0; i < gate->count; i++) {
         struct fv_imu_reading reading;
         if (!fv_imu_read(&stage->imu, &gate->clean[i].sample, &reading)) continue;
-        if (gate->clean[i].notes & FV_IMU_AFTER_JUMP) jump(stage);
+        if (gate->clean[i].notes & FV_IMU_AFTER_JUMP) {
+            break_off(stage);
+            fv_imu_clock_jump(&stage->clock->found);
+            stage->clock->moved_ns = 0;
+        }
+        fv_imu_clock_take(&stage->clock->found, &reading);
+        if (__builtin_add_overflow(reading.stamp_ns, stage->clock->moved_ns, &reading.stamp_ns))
+            continue;
         fv_inertial_take(&stage->estimator, reading.stamp_ns, reading.gyro, reading.acceleration);
         fv_inertial_live_take(&stage->state->live, &stage->estimator.state->noise, &reading);
     }
@@ -88,6 +102,13 @@ static double mean_sigma(const double covariance[21], int first)
     return __builtin_sqrt(sum / 3);
 }
 
+static void restart(struct fv_inertial_stage *stage)
+{
+    const bool metric = stage->state->metric;
+    fv_inertial_restart(&stage->estimator, metric ? stereo_sigma : 0,
+                        metric ? stereo_drift * stereo_drift : mono_drift * mono_drift);
+}
+
 /* Another map, or another world: what is known of the biases stays. */
 static void enter(struct fv_inertial_stage *stage, const struct fv_odometry *odometry)
 {
@@ -100,8 +121,31 @@ static void enter(struct fv_inertial_stage *stage, const struct fv_odometry *odo
     s->map = fv_odometry_pose(odometry)->map_id;
     s->reset_counter = fv_odometry_reset_counter(odometry);
     s->metric = fv_map_metric(fv_odometry_map(odometry));
-    fv_inertial_restart(&stage->estimator, s->metric ? stereo_sigma : 0,
-                        s->metric ? stereo_drift * stereo_drift : mono_drift * mono_drift);
+    restart(stage);
+    fv_imu_clock_restart(&stage->clock->found);
+}
+
+/* Samples go by another clock from now on: begin anew, and doubt what is claimed. */
+static void doubt(struct fv_inertial_stage *stage)
+{
+    static const int diagonal[6] = {0, 6, 11, 15, 18, 20};
+    struct fv_inertial_stage_state *s = stage->state;
+    fv_inertial_init(&stage->estimator);
+    restart(stage);
+    break_off(stage);
+    s->live.moving = s->known.moving = false;
+    s->station_ns = 0;
+    s->cuts = 0;
+    s->agreeing = 0;
+    s->anew = true;
+    if (!s->known.claimed) return;
+    s->doubted = true;
+    s->claimed_sigma = s->known.scale_sigma = doubted_sigma;
+    s->known.gravity_sigma = doubted_gravity_sigma;
+    memset(s->known.bias_covariance, 0, sizeof s->known.bias_covariance);
+    for (int i = 0; i < 6; i++)
+        s->known.bias_covariance[diagonal[i]] =
+            doubted_bias_sigma[i / 3] * doubted_bias_sigma[i / 3];
 }
 
 /* Depth of what the newest keyframe sees, in the unit of world. */
@@ -251,7 +295,7 @@ static void follow_pose(struct fv_inertial_stage *stage, const struct fovea_pose
     fv_inertial_live_pose(&s->live, stamp_ns, &T, sigma, led ? &sum : NULL,
                           claimed ? s->known.gravity : NULL, &biases);
     s->known.coasting = s->known.moving = false;
-    if (claimed) write_moving(stage, &T, s->live.velocity);
+    if (claimed && !s->doubted) write_moving(stage, &T, s->live.velocity);
 }
 
 /* ---- without a picture ----------------------------------------------------------------------- */
@@ -358,7 +402,7 @@ static void coast(struct fv_inertial_stage *stage, const struct fv_odometry *odo
     struct fv_se3 T_world_imu;
     double velocity[3];
     s->known.coasting = s->known.moving = false;
-    if (!s->known.claimed || !s->live.moving || !same_world(s, odometry) ||
+    if (!s->known.claimed || s->doubted || !s->live.moving || !same_world(s, odometry) ||
         fv_odometry_withholds(odometry) ||
         fv_stamp_since(stamp_ns, s->live.pose_ns) > coasting_max_ns ||
         !fv_inertial_result(&stage->estimator)->known ||
@@ -398,6 +442,10 @@ void fv_inertial_stage_step(struct fv_inertial_stage *stage, const struct fv_odo
         s->reset_counter != fv_odometry_reset_counter(odometry))
         enter(stage, odometry);
     follow_pose(stage, pose, stamp_ns);
+    if (fv_inertial_stage_compare_clocks(stage, pose, stamp_ns)) {
+        doubt(stage);
+        return;
+    }
     if (s->station_ns != 0 && fv_stamp_since(stamp_ns, s->station_ns) < station_apart_ns) return;
     add_station(stage, odometry, stamp_ns);
 }
@@ -490,7 +538,7 @@ static void judge(struct fv_inertial_stage *stage)
         (s->known.claimed && !s->anew) ||
         (s->agreeing >= FV_INERTIAL_AGREEING && (s->metric || e->time_s >= claim_time_s));
     if (!seasoned || !(good || better)) return;
-    s->anew = false;
+    s->anew = s->doubted = false;
     write_known(&s->known, e);
     correct_velocity(stage, e);
     s->claimed_ns = e->stamp_ns;

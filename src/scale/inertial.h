@@ -13,6 +13,12 @@
  * from there, the published velocity is this one, and while the pictures show nothing, the pose
  * goes on by the samples for up to 2 s.
  *
+ * The offset between the clocks of camera and sensor is estimated beside that, always
+ * (inertial/clock.h). Where it is found to be another than the rig states, by more than noise and
+ * by 1.5 ms, samples are moved by it from then on. Beyond 3 ms all that came of them begins anew,
+ * and what was claimed is in doubt until the estimate has shown itself again. With a right clock
+ * nothing of it happens.
+ *
  * State holds no addresses. Real-time safe: every function is bounded; no heap. */
 #ifndef FOVEA_SCALE_INERTIAL_H
 #define FOVEA_SCALE_INERTIAL_H
@@ -20,6 +26,7 @@
 #include "base/arena.h"
 #include "fovea/rig.h"
 #include "fovea/sensor.h"
+#include "inertial/clock.h"
 #include "inertial/estimator.h"
 #include "inertial/gate.h"
 #include "inertial/live.h"
@@ -51,6 +58,12 @@ struct fv_inertial_known {
     double covariance[21];    /* of T_last_now, as that of struct fovea_pose */
 };
 
+/* Of clocks; it outlasts maps. */
+struct fv_inertial_stage_clock {
+    struct fv_imu_clock found;
+    int64_t moved_ns; /* added to samples' stamps besides what the rig states */
+};
+
 struct fv_inertial_stage_state {
     struct fv_inertial_known known;
     uint32_t map, reset_counter; /* that all this belongs to */
@@ -64,6 +77,7 @@ struct fv_inertial_stage_state {
     double claimed_sigma;    /* and its sigma of the scale */
     uint32_t agreeing;       /* estimates that agreed with the one before */
     double log_scale, sigma; /* of the one before */
+    bool doubted;            /* what is claimed came of samples by a wrong clock */
 };
 
 struct fv_inertial_stage {
@@ -71,6 +85,7 @@ struct fv_inertial_stage {
     struct fovea_rig_imu imu;
     struct fv_inertial estimator;
     struct fv_inertial_stage_state *state;
+    struct fv_inertial_stage_clock *clock;
 };
 
 /* `noise_factor`: how many times larger the sensor's noise is than its data sheet says. */
@@ -97,6 +112,21 @@ void fv_inertial_stage_unit(struct fv_inertial_stage *stage, const struct fv_odo
 
 /* NULL: nothing is claimed. */
 const struct fv_inertial_known *fv_inertial_stage_known(const struct fv_inertial_stage *stage);
+
+/* How far the clocks are apart beyond what the rig states, seconds to add to a sample's stamp, and
+ * how many of them are added. False: no inertial stage. */
+struct fv_inertial_stage_offset {
+    double offset_s, sigma_s, used_s;
+};
+bool fv_inertial_stage_offset(const struct fv_inertial_stage *stage,
+                              struct fv_inertial_stage_offset *offset);
+
+/* ---- between the stage's own files ----------------------------------------------------------- */
+
+/* After a frame with a pose: from now on samples are moved by clock->moved_ns. True: that is so far
+ * from what it was that nothing of before holds. */
+bool fv_inertial_stage_compare_clocks(struct fv_inertial_stage *stage,
+                                      const struct fovea_pose *pose, int64_t stamp_ns);
 
 #ifdef __cplusplus
 }

@@ -100,6 +100,11 @@ static void imu_note(struct fv_watch *watch, const struct fovea *rt)
     struct fovea_imu_status imu;
     fovea_imu_status_get(rt, &imu);
     atomic_store_explicit(&watch->imu_state, (int)imu.state, memory_order_relaxed);
+    const int64_t moved_ns = (int64_t)(imu.time_offset_used_s * 1e9);
+    if (moved_ns == atomic_load_explicit(&watch->imu_moved_ns, memory_order_relaxed)) return;
+    atomic_store_explicit(&watch->imu_moved_sigma_ns, (int64_t)(imu.time_offset_sigma_s * 1e9),
+                          memory_order_relaxed);
+    atomic_store_explicit(&watch->imu_moved_ns, moved_ns, memory_order_release);
 }
 
 static void calibration_note(struct fv_watch *watch, const struct fovea *rt)

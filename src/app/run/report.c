@@ -1,6 +1,7 @@
 #include "app/run/report.h"
 
 #include <inttypes.h>
+#include <math.h>
 #include <string.h>
 
 #include "app/run/heap.h"
@@ -95,6 +96,11 @@ static void imu_json(FILE *file, const struct fovea_imu_status *imu)
             fovea_imu_state_name(imu->state), imu->rate_hz);
     for (int i = 0; i < IMU_ROWS; i++)
         fprintf(file, ", \"%s\": %" PRIu64, rows[i].name, rows[i].count);
+    if (imu->time_offset_sigma_s > 0)
+        fprintf(file,
+                ", \"time_offset_s\": %.6f, \"time_offset_sigma_s\": %.6f, "
+                "\"time_offset_used_s\": %.6f",
+                imu->time_offset_s, imu->time_offset_sigma_s, imu->time_offset_used_s);
     fprintf(file, "},\n");
 }
 
@@ -190,6 +196,18 @@ static void troubles(FILE *file, const struct fv_loop *loop)
         fprintf(file, "  the camera came back %" PRIu64 " times\n", source->recovered);
 }
 
+/* Where the offset that the rig states is not the one that is seen. */
+static void imu_clock(FILE *file, const struct fovea_imu_status *imu)
+{
+    const double off_ms = fabs(imu->time_offset_s) * 1e3, sigma_ms = imu->time_offset_sigma_s * 1e3;
+    if (imu->time_offset_used_s == 0 && (off_ms < 1 || off_ms < 4 * sigma_ms)) return;
+    fprintf(file,
+            "  the camera's stamps are %.1f ms %s against the inertial sensor's (sigma %.1f)%s: "
+            "add %.0f to time_offset_ns of its calibration\n",
+            off_ms, imu->time_offset_s < 0 ? "early" : "late", sigma_ms,
+            imu->time_offset_used_s == 0 ? "" : ", samples were moved", imu->time_offset_s * 1e9);
+}
+
 static void imu_troubles(FILE *file, const struct fovea_imu_status *imu)
 {
     struct imu_row rows[IMU_ROWS];
@@ -204,6 +222,7 @@ static void imu_troubles(FILE *file, const struct fovea_imu_status *imu)
     if (imu->counts.jumps > 0)
         fprintf(file, "; its clock leapt %" PRIu64 " times", imu->counts.jumps);
     fprintf(file, "\n");
+    imu_clock(file, imu);
 }
 
 void fv_report_summary(FILE *file, const struct fv_report *report)

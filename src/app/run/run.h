@@ -89,6 +89,7 @@ struct fv_run {
     struct fv_watch watch;
     uint32_t calibration_said; /* verdicts on the calibration */
     int imu_said;              /* enum fovea_imu_state */
+    int64_t imu_moved_said;    /* nanoseconds, of the clocks' offset that is used */
     struct fv_snapshot snapshot;
     struct fv_final *final;
     struct fv_keeper keeper;

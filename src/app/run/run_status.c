@@ -1,7 +1,9 @@
 /* What a run says while it goes on: the status of a terminal, and a line per change of state. */
 #include <inttypes.h>
+#include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "app/run/run.h"
@@ -44,6 +46,19 @@ static void imu_say(struct fv_run *run)
                 fovea_imu_state_name((enum fovea_imu_state)state));
 }
 
+/* The offset between the clocks is another than the rig states, and is used. */
+static void imu_moved_say(struct fv_run *run)
+{
+    const int64_t moved_ns = atomic_load(&run->watch.imu_moved_ns);
+    if (llabs(moved_ns - run->imu_moved_said) < 1000000) return; /* it is followed */
+    run->imu_moved_said = moved_ns;
+    if (run->quiet) return;
+    fv_say_word(FV_SAY_YELLOW, "inertial sensor",
+                ": the camera's stamps are %.1f ms %s against it (sigma %.1f): samples are moved",
+                fabs((double)moved_ns * 1e-6), moved_ns < 0 ? "early" : "late",
+                (double)atomic_load(&run->watch.imu_moved_sigma_ns) * 1e-6);
+}
+
 /* A terminal that takes nothing costs one wait per call, since files are written meanwhile. */
 void fv_run_changes_say(struct fv_run *run)
 {
@@ -57,6 +72,7 @@ void fv_run_changes_say(struct fv_run *run)
     if (lost > 0 && taken)
         fv_say("%" PRIu64 " more changes of state: they came too fast to be listed", lost);
     imu_say(run);
+    imu_moved_say(run);
     const char *reason = fv_watch_calibration(&run->watch, &run->calibration_said);
     if (reason != NULL && !run->quiet) fv_say_word(FV_SAY_RED, "calibration", ": %s", reason);
 }

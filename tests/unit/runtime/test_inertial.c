@@ -224,6 +224,33 @@ static void what_cannot_be_is_refused(void **state)
     assert_non_null(strstr(error.text, "with a scale source"));
 }
 
+/* Samples whose stamps are off by what the rig does not state are moved by as much; others are not.
+ */
+static void a_wrong_clock_is_found(void **state)
+{
+    (void)state;
+    static const char *const uris[3] = {
+        "sim:orbit?" SHAPE "seed=4&imu_offset=12",
+        "sim:orbit?" SHAPE "seed=4&imu_offset=12&imu_offset_known=0",
+        "sim:orbit?" SHAPE "seed=4&imu_offset=-18&imu_offset_known=0"};
+    static const double offsets_s[3] = {0, 0.012, -0.018};
+    for (int i = 0; i < 3; i++) {
+        struct fovea_imu_status imu;
+        open_rig(uris[i], 260, FOVEA_SENSORS_AUTO);
+        while (next(true))
+            take_body();
+        fovea_imu_status_get(rig.rt, &imu);
+        assert_true(imu.time_offset_sigma_s > 1e-5 && imu.time_offset_sigma_s < 1e-3);
+        assert_true(fabs(imu.time_offset_s - offsets_s[i]) < 1e-3);
+        assert_true(i == 0 ? imu.time_offset_used_s == 0
+                           : fabs(imu.time_offset_used_s - offsets_s[i]) < 2.5e-3);
+        assert_int_equal(body.scale_state, FOVEA_POSE_T_SCALE_METRIC);
+        assert_true(body.scale_sigma < 0.045); /* what came of the wrong clock is replaced */
+        assert_true(gravity_error() < 1.5);
+        sim_rig_close(&rig);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -232,6 +259,7 @@ int main(void)
         cmocka_unit_test(no_metres_without_motion),
         cmocka_unit_test(mono_keeps_its_bits),
         cmocka_unit_test(what_cannot_be_is_refused),
+        cmocka_unit_test(a_wrong_clock_is_found),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -106,6 +106,22 @@ static void a_pose_that_comes_late_is_carried_on_at_once(void **state)
     assert_false(fv_sense_take(&sense, &at_body, &later, &pose)); /* until the next pose */
 }
 
+/* The offset between the clocks that the loop found moves samples from its pose on. */
+static void samples_are_moved_as_the_loop_has_them(void **state)
+{
+    (void)state;
+    struct fv_sense_pose pose = {.stamp_ns = 0};
+    fresh();
+    struct fv_sense_anchor anchor = moving_at(0);
+    anchor.moved_ns = 12000000;
+    const struct fovea_imu_sample first = still_at(5000000), next = still_at(10000000);
+    fv_sense_offer(&sense, &anchor);
+    (void)fv_sense_take(&sense, &at_body, &first, &pose);
+    assert_true(fv_sense_take(&sense, &at_body, &next, &pose));
+    assert_true(pose.stamp_ns == 22000000);
+    assert_true(fabs(pose.T_odom_body.t[0] - 0.022) < 1e-9);
+}
+
 static void it_ends_two_seconds_after_the_last_pose(void **state)
 {
     (void)state;
@@ -301,6 +317,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(an_arm_and_biases_are_taken_away),
         cmocka_unit_test(a_pose_that_comes_late_is_carried_on_at_once),
+        cmocka_unit_test(samples_are_moved_as_the_loop_has_them),
         cmocka_unit_test(it_ends_two_seconds_after_the_last_pose),
         cmocka_unit_test(a_clock_that_was_set_back_is_followed),
         cmocka_unit_test(it_leads_from_frame_to_frame),

@@ -1,0 +1,60 @@
+/* The clocks of camera and inertial sensor, from frame to frame. */
+#include <string.h>
+
+#include "geometry/vec.h"
+#include "scale/inertial.h"
+
+/* Of an offset that samples are moved by: on odd seeds of sim:orbit, wander and corridor no error
+ * is beyond 2.2 sigmas then. From then on the offset is followed in smaller steps. */
+static const double move_sigma_s = 1e-3, move_least_s = 1.5e-3, move_sigmas = 4;
+static const double follow_least_s = 0.5e-3, follow_sigmas = 2;
+/* Of a step that leaves nothing of what came of the samples before. */
+static const double doubt_least_s = 3e-3;
+
+/* The turn's covariance of a pose, on the sensor's side: those of cameras are on their own. */
+static void turn_covariance(const struct fv_se3 *T_cam_imu, const double pose[21], double out[9])
+{
+    static const int places[9] = {15, 16, 17, 16, 18, 19, 17, 19, 20};
+    double C[9], CR[9];
+    for (int i = 0; i < 9; i++)
+        C[i] = pose[places[i]];
+    fv_multiply33(C, T_cam_imu->R, CR);
+    for (int r = 0; r < 3; r++)
+        for (int c = 0; c < 3; c++)
+            out[3 * r + c] = T_cam_imu->R[r] * CR[c] + T_cam_imu->R[3 + r] * CR[3 + c] +
+                             T_cam_imu->R[6 + r] * CR[6 + c];
+}
+
+bool fv_inertial_stage_compare_clocks(struct fv_inertial_stage *stage,
+                                      const struct fovea_pose *pose, int64_t stamp_ns)
+{
+    const struct fv_inertial_config *config = &stage->estimator.config;
+    struct fv_inertial_stage_clock *clock = stage->clock;
+    const struct fv_imu_clock_noise noise = {stage->estimator.state->noise.gyro,
+                                             stage->imu.gyro_walk * stage->imu.gyro_walk};
+    struct fv_imu_clock_frame frame = {.stamp_ns = stamp_ns};
+    struct fv_se3 T_world_cam;
+    fv_se3_from_rows(pose->T_world_cam, &T_world_cam);
+    fv_multiply33(T_world_cam.R, config->T_cam_imu.R, frame.R);
+    turn_covariance(&config->T_cam_imu, pose->covariance, frame.covariance);
+    fv_imu_clock_frame(&clock->found, &noise, &frame);
+    const double sigma_s = fv_imu_clock_sigma(&clock->found),
+                 off_s = fv_abs(clock->found.offset_s - (double)clock->moved_ns * 1e-9);
+    const bool followed = clock->moved_ns != 0;
+    if (sigma_s > move_sigma_s || off_s < (followed ? follow_least_s : move_least_s) ||
+        off_s < (followed ? follow_sigmas : move_sigmas) * sigma_s)
+        return false;
+    clock->moved_ns = (int64_t)(clock->found.offset_s * 1e9);
+    return off_s > doubt_least_s;
+}
+
+bool fv_inertial_stage_offset(const struct fv_inertial_stage *stage,
+                              struct fv_inertial_stage_offset *offset)
+{
+    memset(offset, 0, sizeof *offset);
+    if (!stage->enabled) return false;
+    offset->offset_s = stage->clock->found.offset_s;
+    offset->sigma_s = fv_imu_clock_sigma(&stage->clock->found);
+    offset->used_s = (double)stage->clock->moved_ns * 1e-9;
+    return true;
+}
