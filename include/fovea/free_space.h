@@ -30,7 +30,7 @@ struct fovea_grid_job_config {
     double tilt_sigma_deg; /* [0.01, 10], default 1 */
     double height_sigma_m; /* [0.0001, 1], default 0.03 */
     /* enum fovea_grid_label of each class of the network, default FOVEA_GRID_OBSTACLE for all; the
-     * command takes the classes of grid.floor, grid.movable and grid.ignored */
+     * command takes the classes of grid.floor, grid.movable, grid.beyond and grid.ignored */
     uint8_t labels[256];
 };
 

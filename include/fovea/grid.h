@@ -3,7 +3,9 @@
  *
  * Along rays over the floor, from below the camera outwards, each point is looked up in the mask:
  * floor is evidence for free, the first obstacle is evidence for occupied, and what lies behind it
- * is not known. Cells hold log-odds with the increments and limits of OctoMap (Hornung et al.,
+ * is not known. Floor that is followed by a class that lies beyond it (the sky over a quay, what a
+ * network calls other) ends there: a drop-off, which is evidence for occupied too. Cells hold
+ * log-odds with the increments and limits of OctoMap (Hornung et al.,
  * Autonomous Robots 2013), and forget with time. The grid is square, level, fixed to the odometry
  * frame, and follows the robot cell by cell; what it leaves is forgotten.
  *
@@ -22,8 +24,14 @@
  *
  * The floor is a plane that the view states, with its covariance. An obstacle that hangs above the
  * floor, or whose foot is outside of the image, appears where its visible lower edge meets the
- * floor. Cells of the robot's own radius are free, unless an obstacle is seen there. Floor that
- * ends is an obstacle only where the mask says so.
+ * floor. Cells of the robot's own radius are free, unless an obstacle is seen there.
+ *
+ * Floor ends where a ray that has shown floor comes to what lies beyond it, and two pixels of the
+ * mask further still shows that or an obstacle: one pixel alone, at the border of the picture or
+ * amid floor, is the network's own roughness and says nothing, no more than a ray that begins
+ * beyond. What the mask says of such an end is taken to be wrong by one of its pixels, one standard
+ * deviation, which counts with the floor's as below: far ends count in parts, and floor that
+ * reaches the horizon has none.
  *
  * A pixel at distance r from the foot of the camera, which is H above the plane there, lies wrong
  * by
@@ -36,7 +44,8 @@
  * only where it would still be seen as floor sigma_r further out: from the first obstacle, or the
  * end of what is seen, cells within sigma_r say nothing (sigma_r below half a cell counts as none).
  * An obstacle's evidence is the part of it that is in its cell, resolution_m / (sqrt(2 pi)
- * sigma_r), at most 1, in eighths: none beyond 6.4 cells.
+ * sigma_r), at most 1, in eighths: none beyond 6.4 cells. Where floor ends sigma_r^2 has the square
+ * of what a pixel of the mask spans on the floor added.
  *
  * Works on memory of the caller:
  *
@@ -75,10 +84,11 @@ enum { FOVEA_GRID_POINTS_MAX = 8192 }; /* of one view */
 
 /* What a class of the network is to the robot. */
 enum fovea_grid_label {
-    FOVEA_GRID_IGNORED = 0, /* nothing is known there or behind it: sky, the robot itself */
+    FOVEA_GRID_IGNORED = 0, /* nothing is known there or behind it: the robot itself */
     FOVEA_GRID_FLOOR = 1,
-    FOVEA_GRID_OBSTACLE = 2, /* also floor that ends */
-    FOVEA_GRID_MOVABLE = 3   /* an obstacle that is forgotten sooner */
+    FOVEA_GRID_OBSTACLE = 2, /* also the inside of a pit */
+    FOVEA_GRID_MOVABLE = 3,  /* an obstacle that is forgotten sooner */
+    FOVEA_GRID_BEYOND = 4    /* never floor: where it follows floor, that ends. Sky, other */
 };
 
 struct fovea_grid_config {

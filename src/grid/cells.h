@@ -81,6 +81,16 @@ static inline double fv_grid_floor_variance(const struct fovea_grid_view *view, 
     return x * (C[0] * x + 2 * C[1] * y + 2 * C[2]) + y * (C[3] * y + 2 * C[4]) + C[5];
 }
 
+/* Steps of a ray, half a cell each: up to the range. */
+enum { FV_GRID_RAY_STEPS = 2 };
+static inline int32_t fv_grid_steps(const struct fv_grid *g)
+{
+    return (int32_t)(g->config.range_m / (g->config.resolution_m / FV_GRID_RAY_STEPS));
+}
+
+/* Follow the next rays, up to FV_GRID_LOOKUPS labels (rays.c); true: all have been. */
+bool fv_grid_follow_rays(struct fv_grid *grid, const struct fovea_grid_view *view);
+
 /* Take points from `first` on, at most FV_GRID_POINTS (landmarks.c); returns the next one. */
 enum { FV_GRID_POINTS = 1024 };
 uint32_t fv_grid_take_points(struct fv_grid *grid, const struct fovea_grid_view *view,

@@ -40,7 +40,8 @@ struct fv_grid_state {
     int32_t occupied_above;
     uint32_t phase;       /* enum fv_grid_phase */
     uint32_t point;       /* the next one */
-    uint32_t begun, made; /* an update came since the last fv_grid_forget; the tables are filled */
+    uint32_t begun;       /* an update came since the last fv_grid_forget */
+    uint16_t made, floor; /* the tables are filled; the ray has shown floor */
 };
 
 /* Counts are in FV_GRID_HEIGHT_ONE-ths of a point. No padding. */
@@ -98,8 +99,8 @@ struct fv_grid_look {
     uint8_t least;         /* confidence of floor, 0 to 255, below which it is FV_GRID_UNSURE */
 };
 
-/* A label beside enum fovea_grid_label: floor, perhaps. */
-enum { FV_GRID_UNSURE = 4 };
+/* A label beside enum fovea_grid_label, and no byte: floor, perhaps. */
+enum { FV_GRID_UNSURE = 256 };
 
 /* With a `least` of 0. */
 struct fv_grid_look fv_grid_look_of(const struct fovea_grid_view *view);

@@ -95,7 +95,8 @@ static void take(struct fv_grid *g, const struct fv_grid_look *look,
                high = has_height(g, p, &s);
     if (!stands && !high) return;
     const int label = fv_grid_label(look, s.in_camera);
-    if (label != FOVEA_GRID_FLOOR && label != FOVEA_GRID_OBSTACLE) return;
+    if (label != FOVEA_GRID_FLOOR && label != FOVEA_GRID_OBSTACLE && label != FOVEA_GRID_BEYOND)
+        return;
     /* Of the way to the point. */
     const double part = below ? camera_m / (camera_m - s.height_m) : behind,
                  own = s.height_m > low_m ? behind : 1;

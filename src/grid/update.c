@@ -1,5 +1,5 @@
-/* An update of the grid in pieces (grid.h): what the cells forget, rays over the floor, evidence.
- */
+/* An update of the grid in pieces (grid.h): what the cells forget, and the evidence that they take;
+ * and the grid's results. */
 #include "grid/grid.h"
 
 #include <string.h>
@@ -9,7 +9,7 @@
 
 /* Log-odds in thousandths; OctoMap's limits: from -2 to 3.5. */
 enum { HIT = FV_GRID_HIT, MISS = FV_GRID_MISS, LEAST = -2000, MOST = 3500 };
-enum { TABLE_STEP = 10, TABLE_SIZE = (MOST - LEAST) / TABLE_STEP + 1, COARSE = 8, RAY_STEPS = 2 };
+enum { TABLE_STEP = 10, TABLE_SIZE = (MOST - LEAST) / TABLE_STEP + 1 };
 enum { ONE = 65536 }; /* of what stays in a decay */
 
 /* ---- set-up ---------------------------------------------------------------------------------- */
@@ -147,202 +147,30 @@ static void begin_decay(struct fv_grid *g, int64_t stamp_ns)
     }
 }
 
+/* Whether GROUP bytes are all 0: most cells have no mark, and nothing that moves. */
+enum { GROUP = 8 };
+static bool are_zeros(const uint8_t *bytes)
+{
+    uint64_t group;
+    memcpy(&group, bytes, GROUP);
+    return group == 0;
+}
+
+/* A part of ONE changes nothing. */
 static void decay(struct fv_grid *g, int64_t from, int64_t to)
 {
     const int32_t *left = g->state->left;
     if (left[0] == ONE && left[1] == ONE) return;
     for (int64_t i = from; i < to; i++) {
+        if (left[0] == ONE)
+            while (i + GROUP <= to && are_zeros(g->movable + i))
+                i += GROUP;
+        if (i == to) return;
         if (g->heights != NULL)
             fv_grid_height_decay(&g->heights[i], g->movable[i] != 0 ? left[1] : left[0]);
         const int32_t product = g->odds[i] * (g->movable[i] != 0 ? left[1] : left[0]);
         g->odds[i] = (int16_t)((product + (product < 0 ? -ONE / 2 : ONE / 2)) / ONE);
     }
-}
-
-/* ---- rays ------------------------------------------------------------------------------------ */
-
-/* The largest (x^2 + y^2) / z^2 of the image's corners, with a tenth more of the radius for what a
- * lens moves sideways; infinite where a corner has no direction or looks backwards. */
-static double outside_of(const struct fovea_camera *camera)
-{
-    double most = 0;
-    for (int i = 0; i < 4; i++) {
-        const double pixel[2] = {(i & 1) * camera->width - 0.5, (i >> 1) * camera->height - 0.5};
-        double b[3];
-        if (fovea_camera_unproject(camera, pixel, b, NULL) != FOVEA_OK || !(b[2] > 0))
-            return __builtin_inf();
-        const double here = (b[0] * b[0] + b[1] * b[1]) / (b[2] * b[2]);
-        most = here > most ? here : most;
-    }
-    return 1.21 * most;
-}
-
-struct fv_grid_look fv_grid_look_of(const struct fovea_grid_view *view)
-{
-    const struct fovea_segmentation *s = view->seen;
-    const double *T = view->T_odom_cam, height = T[11] - fv_grid_floor_at(view, T[3], T[7]);
-    struct fv_grid_look look = {.view = view,
-                                .from = {T[3], T[7]},
-                                .inverse_height = 1 / height,
-                                .beside = {T[3] - view->position_m[0], T[7] - view->position_m[1]}};
-    look.outside = outside_of(view->camera);
-    for (int row = 0; row < 3; row++) {
-        for (int k = 0; k < 3; k++)
-            look.R[row][k] = T[4 * k + row];
-        look.up[row] = -look.R[row][2] * height;
-        if (row < 2) look.inverse[row] = 1 / s->raw_scale[row];
-    }
-    for (int i = 0; i < 256; i++) {
-        const uint8_t place = s->index[i];
-        const int32_t class_id = place < s->count ? s->list[place].class_id : -1;
-        look.of[i] = class_id >= 0 && class_id < 256 ? view->labels[class_id] : FOVEA_GRID_IGNORED;
-    }
-    return look;
-}
-
-/* A ray over the floor from below the camera: one step, in the odometry frame and the camera's, and
- * the variance of the floor's height after i steps, v[0] + 2 v[1] i + v[2] i^2. */
-struct ray {
-    double x, y, in_camera[3], v[3];
-};
-
-static struct ray ray_of(const struct fv_grid_look *look, const double way[2], double step)
-{
-    const struct fovea_grid_view *view = look->view;
-    struct ray ray = {.x = way[0] * step, .y = way[1] * step};
-    const double rise = view->floor_slope[0] * ray.x + view->floor_slope[1] * ray.y,
-                 *C = view->floor_covariance, *b = look->beside;
-    for (int row = 0; row < 3; row++)
-        ray.in_camera[row] =
-            look->R[row][0] * ray.x + look->R[row][1] * ray.y + look->R[row][2] * rise;
-    const double C_way[3] = {C[0] * ray.x + C[1] * ray.y, C[1] * ray.x + C[3] * ray.y,
-                             C[2] * ray.x + C[4] * ray.y};
-    ray.v[0] = fv_grid_floor_variance(view, look->from[0], look->from[1]);
-    ray.v[1] = b[0] * C_way[0] + b[1] * C_way[1] + C_way[2];
-    ray.v[2] = ray.x * C_way[0] + ray.y * C_way[1];
-    return ray;
-}
-
-/* The variance of the distance of the floor's point after i steps, in steps. */
-static double variance_at(const struct fv_grid_look *look, const struct ray *ray, int32_t i)
-{
-    const double steps = i * look->inverse_height;
-    return steps * steps * (ray->v[0] + i * (2 * ray->v[1] + i * ray->v[2]));
-}
-
-/* The label of a point of the camera's frame; -1: it is not in the image. */
-int fv_grid_label(const struct fv_grid_look *look, const double point[3])
-{
-    const struct fovea_segmentation *s = look->view->seen;
-    double pixel[2];
-    const double across = point[0] * point[0] + point[1] * point[1];
-    if (look->outside < __builtin_inf() &&
-        !(point[2] > 0 && across <= look->outside * point[2] * point[2]))
-        return -1; /* as most points: less work than to project them */
-    if (fovea_camera_project(look->view->camera, point, pixel, NULL) != FOVEA_OK) return -1;
-    const double column = (pixel[0] - s->raw_offset[0]) * look->inverse[0] + 0.5,
-                 row = (pixel[1] - s->raw_offset[1]) * look->inverse[1] + 0.5;
-    if (!(column >= 0 && column < s->width && row >= 0 && row < s->height)) return -1;
-    const int64_t at = (int64_t)row * s->width + (int64_t)column;
-    const int label = look->of[s->pixels[at]];
-    return label == FOVEA_GRID_FLOOR && s->confidence != NULL && s->confidence[at] < look->least
-               ? FV_GRID_UNSURE
-               : label;
-}
-
-/* That of the floor's point after i steps. */
-static int label_at(const struct fv_grid_look *look, const struct ray *ray, int32_t i)
-{
-    const double point[3] = {look->up[0] + ray->in_camera[0] * i,
-                             look->up[1] + ray->in_camera[1] * i,
-                             look->up[2] + ray->in_camera[2] * i};
-    return fv_grid_label(look, point);
-}
-
-/* The first step of a ray at which it is in the image, in large steps at first. */
-static int32_t view_begin(const struct fv_grid_look *look, const struct ray *ray, int32_t steps)
-{
-    int32_t i = 0;
-    while (i <= steps && label_at(look, ray, i) < 0)
-        i += COARSE;
-    while (i > 0 && i <= steps && label_at(look, ray, i - 1) >= 0)
-        i--;
-    return i;
-}
-
-static int32_t steps_of(const struct fv_grid *g)
-{
-    return (int32_t)(g->config.range_m / (g->config.resolution_m / RAY_STEPS));
-}
-
-/* Free from where the last call ended up to the steps that would be floor if this one were nearer
- * by its sigma. */
-static void free_up_to(struct fv_grid *g, const struct fv_grid_look *look, const struct ray *ray,
-                       int32_t step)
-{
-    struct fv_grid_state *s = g->state;
-    for (; s->free <= step; s->free++) {
-        const double variance = variance_at(look, ray, s->free), way = step - s->free;
-        if (variance >= 1 && variance > way * way) return;
-        fv_grid_mark(g, look->from[0] + ray->x * s->free, look->from[1] + ray->y * s->free,
-                     FV_GRID_MARK_FREE);
-    }
-}
-
-/* The part of its evidence that is in its cell, in eighths. */
-static uint8_t mark_of(const struct fv_grid_look *look, const struct ray *ray, int32_t step,
-                       int label)
-{
-    const double root_of_turn = 2.5066282746310002, variance = variance_at(look, ray, step),
-                 sigma = variance > 0 ? __builtin_sqrt(variance) : 0,
-                 part = FV_GRID_MARK_EIGHTHS * RAY_STEPS / root_of_turn;
-    const int eighths =
-        sigma * FV_GRID_MARK_EIGHTHS <= part ? FV_GRID_MARK_EIGHTHS : (int)(part / sigma + 0.5);
-    return eighths == 0 ? FV_GRID_MARK_NONE
-                        : (uint8_t)(2 * eighths + (label == FOVEA_GRID_MOVABLE));
-}
-
-/* Outwards until an obstacle, the end of the view or of the range; steps of half a cell. False: the
- * lookups of this piece are used up, and the ray goes on. */
-static bool follow_ray(struct fv_grid *g, const struct fv_grid_look *look, int32_t *lookups)
-{
-    struct fv_grid_state *s = g->state;
-    const int32_t steps = steps_of(g);
-    const struct ray ray = ray_of(look, g->rays[s->ray], g->config.resolution_m / RAY_STEPS);
-    if (s->step < 0) {
-        s->step = s->free = view_begin(look, &ray, steps);
-        *lookups -= (s->step < steps ? s->step : steps) / COARSE + COARSE; /* at most */
-    }
-    for (; s->step <= steps; s->step++) {
-        if (--*lookups < 0) return false;
-        const int label = label_at(look, &ray, s->step);
-        if (label < 0 || label == FOVEA_GRID_IGNORED) return true;
-        if (label == FV_GRID_UNSURE) {
-            s->free = s->step + 1;
-            continue;
-        }
-        if (label != FOVEA_GRID_FLOOR) {
-            fv_grid_mark(g, look->from[0] + ray.x * s->step, look->from[1] + ray.y * s->step,
-                         mark_of(look, &ray, s->step, label));
-            return true;
-        }
-        free_up_to(g, look, &ray, s->step);
-    }
-    return true;
-}
-
-static bool follow_rays(struct fv_grid *g, const struct fovea_grid_view *view)
-{
-    struct fv_grid_state *s = g->state;
-    struct fv_grid_look look = fv_grid_look_of(view);
-    look.least = (uint8_t)(255 * g->config.floor_confidence + 0.5);
-    int32_t lookups = FV_GRID_LOOKUPS;
-    while (s->ray < (int32_t)g->config.rays && lookups > 0) {
-        if (!follow_ray(g, &look, &lookups)) return false;
-        s->ray++;
-        s->step = -1;
-    }
-    return s->ray == (int32_t)g->config.rays;
 }
 
 struct span {
@@ -378,6 +206,9 @@ static void stand(struct fv_grid *g)
 static void apply(struct fv_grid *g, int64_t from, int64_t to)
 {
     for (int64_t i = from; i < to; i++) {
+        while (i + GROUP <= to && are_zeros(g->marks + i))
+            i += GROUP;
+        if (i == to) return;
         const uint8_t kind = g->marks[i] & FV_GRID_MARK_KIND;
         g->marks[i] = FV_GRID_MARK_NONE;
         if (kind == FV_GRID_MARK_NONE) continue;
@@ -492,7 +323,7 @@ bool fv_grid_advance(struct fv_grid *g, const struct fovea_grid_view *view)
         if (s->point >= view->point_count) s->phase = FV_GRID_RAYS;
         return false;
     case FV_GRID_RAYS:
-        if (!follow_rays(g, view)) return false;
+        if (!fv_grid_follow_rays(g, view)) return false;
         stand(g);
         s->phase = FV_GRID_APPLY;
         return false;
@@ -547,7 +378,8 @@ static float range_of(const struct fv_grid *g, double dx, double dy, int32_t ste
         const int64_t at =
             fv_grid_place_at(g, s->position_m[0] + dx * k, s->position_m[1] + dy * k);
         const int32_t odds = at < 0 ? 0 : g->odds[at];
-        if (odds > s->occupied_above) return (float)(g->config.resolution_m / RAY_STEPS * k);
+        if (odds > s->occupied_above)
+            return (float)(g->config.resolution_m / FV_GRID_RAY_STEPS * k);
         if (odds >= s->free_below) range = __builtin_nanf("");
     }
     return range;
@@ -556,9 +388,9 @@ static float range_of(const struct fv_grid *g, double dx, double dy, int32_t ste
 bool fv_grid_scan_advance(struct fv_grid *g, float *ranges_m)
 {
     struct fv_grid_state *s = g->state;
-    const double step = g->config.resolution_m / RAY_STEPS, cosine = fv_cos(s->yaw_rad),
+    const double step = g->config.resolution_m / FV_GRID_RAY_STEPS, cosine = fv_cos(s->yaw_rad),
                  sine = fv_sin(s->yaw_rad);
-    const int32_t steps = steps_of(g), rays = (int32_t)g->config.rays;
+    const int32_t steps = fv_grid_steps(g), rays = (int32_t)g->config.rays;
     for (int32_t left = FV_GRID_SCAN_STEPS; s->scanned < rays && left > 0; left -= steps + 1) {
         const double *ray = g->rays[s->scanned];
         ranges_m[s->scanned++] = range_of(g, (cosine * ray[0] - sine * ray[1]) * step,

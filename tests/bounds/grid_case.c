@@ -8,7 +8,7 @@
 #include "common/detector.h"
 #include "nn/model.h"
 
-enum { IGNORED, FLOOR, OBSTACLE, MOVABLE, CLASSES };
+enum { IGNORED, FLOOR, OBSTACLE, MOVABLE, BEYOND, CLASSES };
 
 /* The small detector's file with another decoder. */
 static const void *segmenter(size_t *bytes)
@@ -36,6 +36,7 @@ static void ask_for_most(struct fovea_grid_job_config *job)
     job->labels[OBSTACLE] = FOVEA_GRID_OBSTACLE;
     job->labels[MOVABLE] = FOVEA_GRID_MOVABLE;
     job->labels[IGNORED] = FOVEA_GRID_IGNORED;
+    job->labels[BEYOND] = FOVEA_GRID_BEYOND;
 }
 
 void grid_case_uri(char *uri, size_t capacity, int32_t width, int32_t height)
@@ -57,8 +58,9 @@ void grid_case_config(struct fovea_config *config, int32_t width, int32_t height
 
 /* ---- masks ----------------------------------------------------------------------------------- */
 
-static uint8_t class_of(enum grid_case_mask mask, int32_t x, int32_t y)
+static uint8_t class_of(enum grid_case_mask mask, int32_t x, int32_t y, int32_t rows)
 {
+    if (mask == GRID_CASE_ENDS) return y < rows * 9 / 10 ? BEYOND : FLOOR;
     if (mask == GRID_CASE_ALTERNATE) return (uint8_t)((x + 3 * y) % CLASSES);
     return mask == GRID_CASE_OBSTACLES ? OBSTACLE : FLOOR;
 }
@@ -88,7 +90,7 @@ void grid_case_view(const struct fovea *rt, enum grid_case_mask mask, bool below
         list[i].class_id = i;
     for (int32_t y = 0; y < rows; y++)
         for (int32_t x = 0; x < width; x++) {
-            pixels[y * width + x] = class_of(mask, x, y);
+            pixels[y * width + x] = class_of(mask, x, y, rows);
             confidence[y * width + x] = is_sure(mask, y) ? 255 : 0;
         }
     seen = (struct fovea_segmentation){.inferences = 1,

@@ -19,6 +19,7 @@ enum grid_case_mask {
     GRID_CASE_UNSURE,    /* floor */
     GRID_CASE_SOME_SURE, /* floor, surely in every other row */
     GRID_CASE_ALTERNATE, /* all classes, from pixel to pixel */
+    GRID_CASE_ENDS,      /* floor in the lowest tenth of the rows, and what lies beyond it above */
     GRID_CASE_MASKS
 };
 

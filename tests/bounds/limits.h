@@ -45,8 +45,9 @@ enum {
     /* odometry/lens_window.c */
     LENS_SLOTS = 1500,
     LENS_POINTS = 20,
-    /* grid/update.c */
-    GRID_COARSE = 8
+    /* grid/rays.c */
+    GRID_COARSE = 8,
+    GRID_END_LOOKUPS = 3
 };
 
 #define LIMIT(here, there)                                                                         \

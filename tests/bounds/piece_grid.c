@@ -1,4 +1,5 @@
 /* Of an update of the grid of free space: of its cells, and of rays over what masks show. */
+#include "grid/rays.c"
 #include "grid/update.c"
 
 #include <stdlib.h>
@@ -9,6 +10,7 @@
 #include "bounds/pieces.h"
 
 LIMIT(GRID_COARSE, COARSE);
+LIMIT(GRID_END_LOOKUPS, END_LOOKUPS);
 
 struct gridding {
     struct fovea *rt;
@@ -163,14 +165,14 @@ static void freed(void *context)
 {
     struct gridding *w = context;
     w->g->state->free = 0;
-    free_up_to(w->g, &w->look, &w->ray, steps_of(w->g));
+    free_up_to(w->g, &w->look, &w->ray, fv_grid_steps(w->g));
 }
 
 /* Over floor that is seen to the end of the range, its height known or not. */
 static void of_long_rays(struct gridding *w)
 {
     struct fv_grid_state *s = w->g->state;
-    const int32_t steps = steps_of(w->g);
+    const int32_t steps = fv_grid_steps(w->g);
     for (int mask = GRID_CASE_FLOOR; mask <= GRID_CASE_SOME_SURE; mask++)
         for (int unknown = 0; unknown < 3; unknown++) {
             if (mask == GRID_CASE_OBSTACLES) continue;
@@ -183,7 +185,7 @@ static void of_long_rays(struct gridding *w)
             ray_followed(w);
             MUST(s->step == steps + 1);
             const struct ray ray =
-                ray_of(&w->look, w->g->rays[0], w->g->config.resolution_m / RAY_STEPS);
+                ray_of(&w->look, w->g->rays[0], w->g->config.resolution_m / FV_GRID_RAY_STEPS);
             s->step = s->free = view_begin(&w->look, &ray, steps);
             MUST(s->step < steps / 4);
             const double walked = steps + 1 - s->step;
@@ -191,6 +193,28 @@ static void of_long_rays(struct gridding *w)
             w->ray = ray;
             NOTE(ray_freed, freed, w, steps + 1);
         }
+}
+
+/* Over floor that ends after some steps. */
+static void of_ended_rays(struct gridding *w)
+{
+    struct fv_grid_state *s = w->g->state;
+    const int32_t steps = fv_grid_steps(w->g);
+    for (int unknown = 0; unknown < 2; unknown++) {
+        grid_case_view(w->rt, GRID_CASE_ENDS, false, &w->view);
+        w->view.floor_covariance[5] = unknown * 1e-4;
+        look_made(w);
+        s->ray = 0; /* straight ahead */
+        const struct ray ray =
+            ray_of(&w->look, w->g->rays[0], w->g->config.resolution_m / FV_GRID_RAY_STEPS);
+        const int32_t begin = view_begin(&w->look, &ray, steps);
+        s->step = -1;
+        ray_followed(w);
+        MUST(s->floor && s->step > begin && s->step < steps);
+        const double walked = s->step - begin + 1;
+        s->step = s->free = begin;
+        NOTE(ray_looked, ray_followed, w, walked + END_LOOKUPS);
+    }
 }
 
 /* An obstacle right below the camera, so that each ray ends where it begins. */
@@ -224,5 +248,6 @@ void pieces_of_grid(struct fovea *rt)
     of_cells(&w);
     of_points(&w);
     of_long_rays(&w);
+    of_ended_rays(&w);
     of_short_rays(&w);
 }

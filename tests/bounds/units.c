@@ -194,8 +194,9 @@ static void derive_grid(const struct capacities *c)
     b = bound_of("free space: rays");
     TERM(b, BOUND_ALWAYS, 1, space_asked);
     TERM(b, BOUND_ALWAYS, 1, mask_looked);
-    /* The last ray may begin with one lookup left. */
-    TERM(b, BOUND_ALWAYS, FV_GRID_LOOKUPS + grid_steps / GRID_COARSE + GRID_COARSE, ray_looked);
+    /* The last ray may begin with one lookup left, or its floor may end with none. */
+    TERM(b, BOUND_ALWAYS,
+         FV_GRID_LOOKUPS + grid_steps / GRID_COARSE + GRID_COARSE + GRID_END_LOOKUPS, ray_looked);
     TERM(b, BOUND_ALWAYS, grid_steps, ray_freed); /* looked up in units before */
     TERM(b, BOUND_ALWAYS, FV_GRID_LOOKUPS / (GRID_COARSE + 1) + 1, ray_begun);
     TERM(b, BOUND_ALWAYS, grid_robot, cell_stood);

@@ -1,4 +1,4 @@
-/* For tests of the grid: a mask of four classes as a pinhole camera without distortion sees it, and
+/* For tests of the grid: a mask of five classes as a pinhole camera without distortion sees it, and
  * what cells say. */
 #ifndef FOVEA_TESTS_COMMON_GRID_MASK_H
 #define FOVEA_TESTS_COMMON_GRID_MASK_H
@@ -9,12 +9,13 @@
 
 #include "fovea/grid.h"
 
-enum { SKY, FLOOR, WALL, CART, CLASSES };
+enum { SKY, FLOOR, WALL, CART, AIR, CLASSES }; /* SKY is ignored, AIR lies beyond the floor */
 
 static const uint8_t labels[256] = {[SKY] = FOVEA_GRID_IGNORED,
                                     [FLOOR] = FOVEA_GRID_FLOOR,
                                     [WALL] = FOVEA_GRID_OBSTACLE,
-                                    [CART] = FOVEA_GRID_MOVABLE};
+                                    [CART] = FOVEA_GRID_MOVABLE,
+                                    [AIR] = FOVEA_GRID_BEYOND};
 static struct fovea_camera camera;
 static struct fovea_segmentation seen;
 

@@ -145,21 +145,19 @@ enum fovea_status fv_classes_resolve(struct fv_settings *settings, const struct 
 static const char *const floors[] = {"floor", "road",     "ground", "sidewalk", "pavement",
                                      "lane",  "parking",  "rug",    "carpet",   "crosswalk",
                                      "Road",  "Pavement", "path",   "earth",    "field"};
-static const char *const nothing[] = {"sky",
-                                      "Sky",
-                                      "void",
+static const char *const never_floor[] = {"sky", "Sky", "background", "other"};
+/* They may be floor, or the robot. */
+static const char *const nothing[] = {"void",
                                       "Void",
                                       "unlabeled",
                                       "unlabelled",
                                       "unlabelled void",
                                       "ego vehicle",
-                                      "background",
-                                      "other",
                                       "rectification border"};
 static const char *const more_moves[] = {"rider", "caravan", "trailer",    "movable",   "animal",
                                          "Car",   "Person",  "Pedestrian", "Bicyclist", "cart"};
 
-/* One of the three lists: its key, its entries, the names that `auto` stands for. */
+/* One of the four lists: its key, its entries, the names that `auto` stands for. */
 struct labelled {
     const char *key, *list;
     enum fovea_grid_label label;
@@ -219,6 +217,10 @@ enum fovea_status fv_classes_resolve_grid(struct fv_settings *settings,
          settings->grid_movable,
          FOVEA_GRID_MOVABLE,
          {{moves, COUNT_OF(moves)}, {more_moves, COUNT_OF(more_moves)}}},
+        {"grid.beyond",
+         settings->grid_beyond,
+         FOVEA_GRID_BEYOND,
+         {{never_floor, COUNT_OF(never_floor)}}},
         {"grid.ignored",
          settings->grid_ignored,
          FOVEA_GRID_IGNORED,

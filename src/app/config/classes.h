@@ -12,9 +12,9 @@
 enum fovea_status fv_classes_resolve(struct fv_settings *settings, const struct fv_model *model,
                                      struct fovea_error *error);
 
-/* Fill settings->runtime.grid_job's labels from settings->grid_floor, grid_movable and grid_ignored
- * for the first of the networks that labels pixels; nothing where the grid is off. `model2` may be
- * NULL. FOVEA_ERROR_INPUT: `error` begins with the key. */
+/* Fill settings->runtime.grid_job's labels from settings->grid_floor, grid_movable, grid_beyond and
+ * grid_ignored for the first of the networks that labels pixels; nothing where the grid is off.
+ * `model2` may be NULL. FOVEA_ERROR_INPUT: `error` begins with the key. */
 enum fovea_status fv_classes_resolve_grid(struct fv_settings *settings,
                                           const struct fv_model *model,
                                           const struct fv_model *model2, struct fovea_error *error);

@@ -68,7 +68,7 @@ struct fv_settings {
     double health_heat_limit_c;                     /* 0: as the machine states it */
     uint32_t record_buffer;          /* frames that may wait for the disk in real time */
     char movable[256], heights[512]; /* lists of classes (app/classes.h) */
-    char grid_floor[512], grid_movable[512], grid_ignored[512]; /* likewise */
+    char grid_floor[512], grid_movable[512], grid_beyond[512], grid_ignored[512]; /* likewise */
     /* "": no detection; the runtime gets its bytes when the source is open */
     char model[FV_SETTINGS_PATH_BYTES], model2[FV_SETTINGS_PATH_BYTES];
     uint32_t priority; /* SCHED_FIFO; 0: ordinary scheduling */

@@ -52,7 +52,7 @@ static void open_rig(int start, int frames)
     memset(job->labels, FOVEA_GRID_OBSTACLE, sizeof job->labels);
     job->labels[FLOOR] = FOVEA_GRID_FLOOR;
     job->labels[MOVABLE] = FOVEA_GRID_MOVABLE;
-    job->labels[OTHER] = FOVEA_GRID_IGNORED;
+    job->labels[OTHER] = FOVEA_GRID_BEYOND;
     double *rows = rig.config.rig.cameras[0].T_body_cam; /* as one writes it: three digits */
     for (int k = 0; k < 12; k++)
         rows[k] = floor(1000 * rows[k] + 0.5) / 1000;

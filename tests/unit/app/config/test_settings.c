@@ -413,7 +413,7 @@ static void test_classes_of_the_shipped_segmenter(void **state)
 {
     (void)state;
     static const uint8_t expected[] = {FOVEA_GRID_FLOOR, FOVEA_GRID_OBSTACLE, FOVEA_GRID_OBSTACLE,
-                                       FOVEA_GRID_MOVABLE, FOVEA_GRID_IGNORED};
+                                       FOVEA_GRID_MOVABLE, FOVEA_GRID_BEYOND};
     struct fv_model_file file;
     fv_settings_default(&settings);
     settings.runtime.grid_job.enabled = true;
@@ -441,6 +441,15 @@ static void test_classes_of_the_shipped_segmenter(void **state)
     strcpy(settings.grid_ignored, "wall auto");
     assert_int_equal(fv_classes_resolve_grid(&settings, &file.model, NULL, &error), FOVEA_OK);
     assert_int_equal(settings.runtime.grid_job.labels[1], FOVEA_GRID_IGNORED);
+    strcpy(settings.grid_ignored, "other auto"); /* as where the robot's arm is */
+    assert_int_equal(fv_classes_resolve_grid(&settings, &file.model, NULL, &error), FOVEA_OK);
+    assert_int_equal(settings.runtime.grid_job.labels[4], FOVEA_GRID_IGNORED);
+    strcpy(settings.grid_beyond, "other");
+    assert_int_equal(fv_classes_resolve_grid(&settings, &file.model, NULL, &error),
+                     FOVEA_ERROR_INPUT);
+    assert_non_null(strstr(error.text, "grid.ignored: found 'other', expected each class in one"));
+    strcpy(settings.grid_ignored, "wall auto");
+    strcpy(settings.grid_beyond, "auto");
     strcpy(settings.grid_movable, "wall");
     assert_int_equal(fv_classes_resolve_grid(&settings, &file.model, NULL, &error),
                      FOVEA_ERROR_INPUT);
