@@ -42,7 +42,19 @@ static bool radial_scale(const double *k, double r2, double *scale, double *deri
     return true;
 }
 
-/* Distort a point of the plane at distance 1; `j` is the 2x2 derivative, row-major. */
+/* Distort a point of the plane at distance 1. */
+static bool radtan_place(const double *k, double x, double y, double out[2])
+{
+    const double r2 = x * x + y * y, below = 1 + r2 * (k[5] + r2 * (k[6] + r2 * k[7])), p1 = k[2],
+                 p2 = k[3];
+    if (!(below > 1e-9)) return false;
+    const double scale = (1 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]))) / below;
+    out[0] = x * scale + 2 * p1 * x * y + p2 * (r2 + 2 * x * x);
+    out[1] = y * scale + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y;
+    return true;
+}
+
+/* The same, bit for bit, and the 2x2 derivative `j`, row-major, which is half of the work. */
 static bool radtan_distort(const double *k, double x, double y, double out[2], double j[4])
 {
     double r2 = x * x + y * y, scale, derivative;
@@ -125,7 +137,8 @@ static enum fovea_status radtan_project(const struct fovea_camera *camera, const
         if (!(r2 <= radius_max * radius_max)) return FOVEA_ERROR_ARGUMENT;
     }
     double out[2], j[4];
-    if (!radtan_distort(camera->k, x, y, out, j)) return FOVEA_ERROR_ARGUMENT;
+    if (!(jacobian ? radtan_distort(camera->k, x, y, out, j) : radtan_place(camera->k, x, y, out)))
+        return FOVEA_ERROR_ARGUMENT;
     pixel[0] = camera->fx * out[0] + camera->cx;
     pixel[1] = camera->fy * out[1] + camera->cy;
     if (jacobian) {

@@ -555,12 +555,13 @@ static int64_t projections_ns(int count)
 }
 
 /* 0.4 ms is the bar (docs/measured.md). Judged is the ratio to projections, which is that bar on an
- * AMD EPYC (Zen 3), where ten thousand of them take .218 ms. */
+ * AMD EPYC (Zen 3), where ten thousand of them took .218 ms with derivatives that nobody asked for,
+ * and take 0.75 of it without, as on an Intel Xeon. */
 static void an_update_takes_at_most_0_4_ms(void **state)
 {
     (void)state;
     enum { RUNS = 400, PROJECTIONS = 10000 };
-    const double ratio_max = 0.4 / 0.218;
+    const double ratio_max = 0.4 / (0.75 * 0.218);
     int64_t least = INT64_MAX, least_beside = INT64_MAX;
     if (getenv("FOVEA_TIMED") == NULL) {
         printf("SKIPPED time of an update: judged in the ordinary build\n");
