@@ -55,6 +55,7 @@
  *     fovea_grid_forget(grid);                when the pose is lost or begins anew
  *     fovea_grid_cells(grid, cells, &place);
  *     fovea_grid_scan(grid, ranges_m);
+ *     fovea_scan_nearest(&scan, &sectors, nearest_m);
  *
  * The same bits on every processor. Real-time safe but for size and init. Not for two threads at a
  * time. */
@@ -181,6 +182,30 @@ bool fovea_grid_heights(const struct fovea_grid *grid, int16_t *heights_mm, uint
  * from the body's x axis to its y axis. Metres to the nearest cell known to be occupied; infinity:
  * known to be free as far as range_m; NaN: neither. */
 void fovea_grid_scan(struct fovea_grid *grid, float *ranges_m);
+
+/* A scan: ray i points at an angle of first_rad + i step_rad from the body's x axis to its y axis.
+ * Of fovea_grid_scan these are 0 and 2 pi / rays; SCAN (scan_t) has them as angle_first and
+ * angle_step, with range_m and count. */
+struct fovea_scan {
+    double first_rad, step_rad; /* [-100, 100], [-2 pi, 2 pi] */
+    uint32_t count;             /* of rays, at most 65536 */
+    const float *ranges_m;      /* as fovea_grid_scan has them */
+};
+
+/* Sectors around the body. The middle of sector k is at first_rad + k step_rad: a negative step
+ * goes clockwise, seen from above. They are as wide as the step, and reach at most once around:
+ * {0, -2 pi / 72, 72} are those of MAVLink's OBSTACLE_DISTANCE. */
+struct fovea_scan_sectors {
+    double first_rad, step_rad; /* [-100, 100]; [0.001, 2 pi], or negative */
+    uint32_t count;
+};
+
+/* Fill `nearest_m` with the nearest obstacle of each sector. Infinity: there is none as far as the
+ * scan reaches; NaN: not known, as where any of its rays is not known (NaN or negative) and none
+ * shows an obstacle, or no ray is in it. FOVEA_ERROR_ARGUMENT: a number is beyond its limits, and
+ * nothing is filled. */
+enum fovea_status fovea_scan_nearest(const struct fovea_scan *scan,
+                                     const struct fovea_scan_sectors *sectors, float *nearest_m);
 
 #ifdef __cplusplus
 }
