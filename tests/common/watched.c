@@ -2,7 +2,6 @@
 
 #include <arpa/inet.h>
 #include <errno.h>
-#include <libgen.h>
 #include <netinet/in.h>
 #include <poll.h>
 #include <setjmp.h>
@@ -16,13 +15,14 @@
 
 #include <cmocka.h>
 
+#include "common/build_folder.h"
 #include "common/own_network.h"
 
 #include "fovea_preview_t.h"
 
 enum { ARGUMENTS_MAX = 30, SILENCE_MS = 120000 };
 
-static char program[600];
+static char program[1100];
 
 static bool can_start_children(void)
 {
@@ -40,11 +40,7 @@ static bool can_start_children(void)
 
 bool watched_possible(const char *test)
 {
-    char path[512];
-    const ssize_t length = readlink("/proc/self/exe", path, sizeof path - 1);
-    if (length <= 0) return false;
-    path[length] = '\0';
-    snprintf(program, sizeof program, "%s/fovea", dirname(dirname(dirname(path))));
+    snprintf(program, sizeof program, "%s/fovea", build_folder());
     const char *missing = !can_start_children() ? "programs of this architecture cannot be started"
                           : !own_network_enter() || !own_network_mend()
                               ? "no network namespace of its own"

@@ -1,7 +1,6 @@
 #include "common/web_client.h"
 
 #include <arpa/inet.h>
-#include <libgen.h>
 #include <netinet/in.h>
 #include <signal.h>
 #include <stdio.h>
@@ -13,15 +12,13 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-static char program[600];
+#include "common/build_folder.h"
+
+static char program[1100];
 
 bool web_possible(const char *test)
 {
-    char path[512];
-    const ssize_t length = readlink("/proc/self/exe", path, sizeof path - 1);
-    if (length <= 0) return false;
-    path[length] = '\0';
-    snprintf(program, sizeof program, "%s/fovea-web", dirname(dirname(dirname(path))));
+    snprintf(program, sizeof program, "%s/fovea-web", build_folder());
     if (access(program, X_OK) == 0) return true;
     printf("SKIPPED %s: fovea-web is not built (libwebsockets-dev)\n", test);
     return false;

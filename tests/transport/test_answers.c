@@ -1,7 +1,6 @@
 /* Answers to commands, in a network of the test's own: each command that is taken gets one, in the
  * order of what happened, refused ones get the reason, and a flood of wrong ones gets few. The
  * programs that users copy send the commands to `fovea run` and print the answers. */
-#include <libgen.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -18,14 +17,13 @@
 #include "app/network/transport.h"
 #include "app/run/answers.h"
 #include "app/run/keeper.h"
+#include "common/build_folder.h"
 #include "common/watched.h"
 
 #include "fovea_command_result_t.h"
 #include "fovea_command_t.h"
 
 #define URL "udpm://239.255.76.67:7667"
-
-static char build[512];
 
 static void sleep_ms(int ms)
 {
@@ -248,9 +246,9 @@ static void programs_print_the_answers_of_a_run(void **state)
     assert_non_null(mkdtemp(folder));
     snprintf(map, sizeof map, "%s/m.fvmap", folder);
     snprintf(save, sizeof save, "map.save=%s", map);
-    snprintf(tools[0], sizeof tools[0], "%s/command", build);
+    snprintf(tools[0], sizeof tools[0], "%s/command", build_folder());
     snprintf(tools[1], sizeof tools[1], "python3 tools/subscribers/command.py --types %s/python",
-             build);
+             build_folder());
     const char *const arguments[] = {"--source",
                                      "sim:orbit?width=160&height=120&frames=100000",
                                      "--rate",
@@ -292,7 +290,8 @@ static void programs_print_the_answers_of_a_run(void **state)
 static bool replays(const char *path, const char *option)
 {
     char command[1400], line[512] = "", last[512] = "";
-    snprintf(command, sizeof command, "%s/fovea replay %s --verify %s 2>&1", build, path, option);
+    snprintf(command, sizeof command, "%s/fovea replay %s --verify %s 2>&1", build_folder(), path,
+             option);
     FILE *pipe = popen(command, "r");
     assert_non_null(pipe);
     while (fgets(line, sizeof line, pipe) != NULL)
@@ -322,7 +321,8 @@ static void recordings_by_command_replay(void **state)
     assert_non_null(mkdtemp(folder));
     snprintf(whole, sizeof whole, "%s/whole.lcm", folder);
     snprintf(kept, sizeof kept, "record_folder=%s/records", folder);
-    snprintf(tool, sizeof tool, "python3 tools/subscribers/command.py --types %s/python", build);
+    snprintf(tool, sizeof tool, "python3 tools/subscribers/command.py --types %s/python",
+             build_folder());
     const char *const arguments[] = {"--source",
                                      "sim:tour?width=160&height=120&frames=100000",
                                      "--rate",
@@ -406,7 +406,8 @@ static void settings_are_restored(void **state)
     snprintf(file, sizeof file, "%s/other.yaml", folder);
     snprintf(config, sizeof config, "%s/config.yaml", folder);
     snprintf(words, sizeof words, "restore:%s", file);
-    snprintf(tool, sizeof tool, "python3 tools/subscribers/command.py --types %s/python", build);
+    snprintf(tool, sizeof tool, "python3 tools/subscribers/command.py --types %s/python",
+             build_folder());
     put_text(camera, camera_text);
     snprintf(config_text, sizeof config_text, "camera: %s\nparameters.file: %s\n", camera, kept);
     put_text(config, config_text);
@@ -442,10 +443,8 @@ static void settings_are_restored(void **state)
     watched_remove(folder);
 }
 
-int main(int argc, char **argv)
+int main(void)
 {
-    (void)argc;
-    snprintf(build, sizeof build, "%s/../..", dirname(argv[0]));
     if (!watched_possible("test_answers")) return 0;
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(a_command_is_done_when_the_step_has_taken_it, open_both,

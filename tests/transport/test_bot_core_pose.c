@@ -4,13 +4,12 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
-#include <libgen.h>
 #include <stdio.h>
 #include <stdlib.h>
 
 #include <cmocka.h>
 
-static char build[512]; /* folder that this program was built into */
+#include "common/build_folder.h"
 
 static void poses_are_as_libbot2_lays_them_out(void **state)
 {
@@ -19,16 +18,12 @@ static void poses_are_as_libbot2_lays_them_out(void **state)
     snprintf(
         command, sizeof command,
         "%s/fovea run --source 'sim:orbit?width=320&height=240&frames=60' --quiet --picture none --set lcm_url= --set scale.allow_unscaled=true --set loop.priority=0 --record %s/bot_core_pose.lcm && python3 tests/transport/bot_core_pose.py %s/bot_core_pose.lcm",
-        build, build, build);
+        build_folder(), build_folder(), build_folder());
     assert_int_equal(system(command), 0);
 }
 
-int main(int argc, char **argv)
+int main(void)
 {
-    (void)argc;
-    char path[512];
-    snprintf(path, sizeof path, "%s", argv[0]); /* BUILD/tests/transport/NAME */
-    snprintf(build, sizeof build, "%s", dirname(dirname(dirname(path))));
     if (getenv("FOVEA_EMULATED") != NULL) {
         puts("SKIPPED test_bot_core_pose: it starts the program itself");
         return 0;

@@ -5,7 +5,6 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
-#include <libgen.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -15,6 +14,7 @@
 
 #include <cmocka.h>
 
+#include "common/build_folder.h"
 #include "common/own_network.h"
 #include "common/sim_rig.h"
 
@@ -22,13 +22,12 @@
 
 enum { FRAMES = 60, MESSAGES = 20, SECONDS_MAX = 300 };
 
-static char build[512]; /* folder that this program was built into */
 static char frames_path[] = "/tmp/fovea_examples_XXXXXX";
 static struct sim_rig rig;
 
 static bool there(const char *program, char path[640])
 {
-    snprintf(path, 640, "%s/%s", build, program);
+    snprintf(path, 640, "%s/%s", build_folder(), program);
     if (access(path, X_OK) == 0) return true;
     print_message("SKIPPED %s: not built\n", program);
     return false;
@@ -189,11 +188,12 @@ static void test_the_subscriber_in_python_prints_poses(void **state)
 {
     (void)state;
     char python[640], types[640], ready[640];
-    snprintf(ready, sizeof ready, "%s/venv-lcm/ready", build);
-    snprintf(types, sizeof types, "%s/python", build);
+    snprintf(ready, sizeof ready, "%s/venv-lcm/ready", build_folder());
+    snprintf(types, sizeof types, "%s/python", build_folder());
     setenv("FOVEA_TYPES", types, 1);
     if (access(ready, R_OK) != 0)
-        print_message("SKIPPED subscriber.py: no Python package lcm in %s/venv-lcm\n", build);
+        print_message("SKIPPED subscriber.py: no Python package lcm in %s/venv-lcm\n",
+                      build_folder());
     if (!network || access(ready, R_OK) != 0 || !there("venv-lcm/bin/python", python)) skip();
     const char *const words[] = {python, "tools/examples/subscriber.py", URL, "20", NULL};
     subscriber_prints(words);
@@ -214,12 +214,8 @@ static int tear_down(void **state)
     return unlink(frames_path);
 }
 
-int main(int argc, char **argv)
+int main(void)
 {
-    char path[512];
-    (void)argc;
-    snprintf(path, sizeof path, "%s", argv[0]);
-    snprintf(build, sizeof build, "%s/../..", dirname(path));
     if (getenv("FOVEA_EMULATED") != NULL) { /* a child would need the kernel to know the format */
         print_message("SKIPPED: emulated, programs cannot be started\n");
         return 0;

@@ -6,7 +6,6 @@
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
-#include <libgen.h>
 #include <limits.h>
 #include <signal.h>
 #include <stdio.h>
@@ -17,6 +16,7 @@
 
 #include <cmocka.h>
 
+#include "common/build_folder.h"
 #include "common/watched.h"
 #include "support/lcmlog.h"
 #include "support/picture.h"
@@ -31,7 +31,7 @@ enum { TEXT_BYTES = 1 << 16 };
 #define FRAMES_TEXT "900"
 #endif
 
-static char build[PATH_MAX], folder[] = "/tmp/fovea_feed_run_XXXXXX", path[64];
+static char folder[] = "/tmp/fovea_feed_run_XXXXXX", path[64];
 static struct watched watched;
 static struct fovea_error error;
 
@@ -55,7 +55,7 @@ static int tear_down(void **state)
 static int fovea(const char *words, char text[TEXT_BYTES])
 {
     char command[PATH_MAX + 2048];
-    size_t used = (size_t)snprintf(command, sizeof command, "%s/fovea ", build);
+    size_t used = (size_t)snprintf(command, sizeof command, "%s/fovea ", build_folder());
     for (const char *at = words; *at != '\0' && used < sizeof command - 80; at++)
         used += (size_t)(*at == '@' ? sprintf(command + used, "%s", folder)
                                     : sprintf(command + used, "%c", *at));
@@ -219,12 +219,8 @@ static void a_feed_changes_no_result(void **state)
     free(tracks[1]);
 }
 
-int main(int argc, char **argv)
+int main(void)
 {
-    (void)argc;
-    char given[512];
-    snprintf(given, sizeof given, "%s", argv[0]);
-    if (realpath(dirname(dirname(dirname(given))), build) == NULL) return 1;
     if (!watched_possible("test_feed_run")) return 0;
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(commands_read_a_run_without_lcm),

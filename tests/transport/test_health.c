@@ -1,7 +1,6 @@
 /* The health of a whole run: on a machine whose sysfs says that it is hot, less work is granted and
  * health_t says so; the recording replays to the bit all the same. On one that says nothing, all
  * parts of the host are well. */
-#include <libgen.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -13,11 +12,12 @@
 
 #include <cmocka.h>
 
+#include "common/build_folder.h"
+
 #include "fovea_grants_t.h"
 #include "fovea_health_t.h"
 #include "support/lcmlog.h"
 
-static char build[512]; /* folder that this program was built into */
 static char folder[] = "/tmp/fovea_health_XXXXXX";
 
 static void shell(const char *format, ...) __attribute__((format(printf, 1, 2)));
@@ -66,7 +66,7 @@ static void run(const char *root)
         "FOVEA_SYS_ROOT=%s/%s %s/fovea run --source 'sim:orbit?width=160&height=120' --rate real --frames 60 --quiet"
         " --picture none --set 'lcm_url=file://%s/sent.log?mode=w' --set loop.priority=0 --set record_buffer=1000 --record %s/run.log"
         " && %s/fovea replay %s/run.log --verify >%s/said",
-        folder, root, build, folder, folder, build, folder, folder);
+        folder, root, build_folder(), folder, folder, build_folder(), folder, folder);
 }
 
 /* What the jobs of the recording were granted together in the first work that had time to give
@@ -138,24 +138,21 @@ static void counters_survive_a_kill(void **unused)
     const char *run =
         "fovea run --source 'sim:orbit?width=160&height=120' --rate real --quiet --picture none --set lcm_url="
         " --set loop.priority=0 --set health.state_file=";
-    shell("%s/%s%s/state --frames 30", build, run, folder);
+    shell("%s/%s%s/state --frames 30", build_folder(), run, folder);
     shell(
         "%s/%s%s/state & pid=$!; for i in $(seq 600); do grep -q 'starts: 2' %s/state && break; sleep 0.1; done; kill -9 $pid",
-        build, run, folder, folder);
+        build_folder(), run, folder, folder);
     shell("grep '^frames: [1-9]' %s/state >%s/before", folder, folder);
-    shell("%s/%s%s/state --frames 30", build, run, folder);
+    shell("%s/%s%s/state --frames 30", build_folder(), run, folder);
     shell("grep -qx 'starts: 3' %s/state && grep -qx 'ends: 2' %s/state", folder, folder);
     shell(
         "before=$(cut -d' ' -f2 %s/before) && after=$(sed -n 's/^frames: //p' %s/state) && test $after -gt $before",
         folder, folder);
 }
 
-int main(int argc, char **argv)
+int main(void)
 {
-    (void)argc;
-    char path[512];
-    snprintf(path, sizeof path, "%s", argv[0]); /* BUILD/tests/transport/NAME */
-    snprintf(build, sizeof build, "%s", dirname(dirname(dirname(path))));
+    char command[96];
     if (getenv("FOVEA_EMULATED") != NULL) {
         puts("SKIPPED: the program is not started under an emulator");
         return 0;
@@ -167,6 +164,6 @@ int main(int argc, char **argv)
         cmocka_unit_test(counters_survive_a_kill),
     };
     const int failed = cmocka_run_group_tests_name("health of a run", tests, NULL, NULL);
-    snprintf(path, sizeof path, "rm -r %s", folder);
-    return system(path) != 0 || failed != 0;
+    snprintf(command, sizeof command, "rm -r %s", folder);
+    return system(command) != 0 || failed != 0;
 }

@@ -2,7 +2,6 @@
  * copy: the camera is found in the map; wrong, damaged, too large and foreign ones are refused and
  * change nothing; recordings of it replay bit for bit, and one whose map was tampered with does
  * not. */
-#include <libgen.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -15,12 +14,13 @@
 
 #include <cmocka.h>
 
+#include "common/build_folder.h"
 #include "common/watched.h"
 #include "support/lcmlog.h"
 
 #include "fovea_pose_t.h"
 
-static char build[512], folder[64], tool[700];
+static char folder[64], tool[700];
 
 static int ask(const char *words, char *text, size_t bytes)
 {
@@ -46,7 +46,7 @@ static void make_map(const char *source, const char *name, const char *options)
     snprintf(line, sizeof line,
              "%s/fovea run --source '%s' --rate max --quiet --picture none --set listen=none --set "
              "lcm_url= --save-map %s/maps/%s %s 2>&1",
-             build, source, folder, name, options);
+             build_folder(), source, folder, name, options);
     if (watched_shell(line, text, sizeof text) != 0) fail_msg("%s: %s", line, text);
 }
 
@@ -80,8 +80,8 @@ static void spoil(const char *from, const char *to, long cut)
 static void replay(const char *file, const char *option, int code, const char *said)
 {
     char line[1400], text[4096];
-    snprintf(line, sizeof line, "%s/fovea replay %s/%s --verify %s 2>&1", build, folder, file,
-             option);
+    snprintf(line, sizeof line, "%s/fovea replay %s/%s --verify %s 2>&1", build_folder(), folder,
+             file, option);
     const int found = watched_shell(line, text, sizeof text);
     if (found != code || strstr(text, said) == NULL)
         fail_msg("%s: found %d: %sexpected %d: %s", line, found, text, code, said);
@@ -123,7 +123,8 @@ static void wait_for_tracking(void)
 {
     char line[1400], text[64];
     snprintf(line, sizeof line,
-             "timeout 60 %s/fovea echo R_POSE --count 20 2>&1 | grep -c '\"state\": 1,'", build);
+             "timeout 60 %s/fovea echo R_POSE --count 20 2>&1 | grep -c '\"state\": 1,'",
+             build_folder());
     for (int i = 0; i < 20; i++)
         if (watched_shell(line, text, sizeof text) == 0 && strtol(text, NULL, 10) > 15) return;
 }
@@ -135,7 +136,8 @@ static void maps_are_loaded_and_replayed(void **state)
     (void)state;
     snprintf(folder, sizeof folder, "/tmp/fovea_maps_XXXXXX");
     assert_non_null(mkdtemp(folder));
-    snprintf(tool, sizeof tool, "python3 tools/subscribers/command.py --types %s/python", build);
+    snprintf(tool, sizeof tool, "python3 tools/subscribers/command.py --types %s/python",
+             build_folder());
     snprintf(maps, sizeof maps, "map.folder=%s/maps", folder);
     snprintf(kept, sizeof kept, "record_folder=%s/records", folder);
     snprintf(whole, sizeof whole, "%s/whole.lcm", folder);
@@ -203,10 +205,8 @@ static void maps_are_loaded_and_replayed(void **state)
     watched_remove(folder);
 }
 
-int main(int argc, char **argv)
+int main(void)
 {
-    (void)argc;
-    snprintf(build, sizeof build, "%s/../..", dirname(argv[0]));
     if (!watched_possible("test_map_loads")) return 0;
     const struct CMUnitTest tests[] = {cmocka_unit_test(maps_are_loaded_and_replayed)};
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -5,14 +5,13 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
-#include <libgen.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <unistd.h>
 
 #include <cmocka.h>
 
-static char build[512]; /* folder that this program was built into */
+#include "common/build_folder.h"
 
 static void a_recording_survives_mcap_and_is_shown_rightly(void **state)
 {
@@ -23,20 +22,17 @@ static void a_recording_survives_mcap_and_is_shown_rightly(void **state)
         command, sizeof command,
         "%s/fovea run --source 'sim:orbit?width=320&height=240&frames=90' --model src/detect/shipped.fvm --quiet --picture none --set lcm_url= --set loop.priority=0 --set preview.period_frames=10 --set map_every=1 --record %s/run.lcm"
         " && mkdir %s/made && %s/mcap-venv/bin/python tests/transport/mcap_check.py %s/run.lcm %s/made",
-        build, folder, folder, build, folder, folder);
+        build_folder(), folder, folder, build_folder(), folder, folder);
     const int status = system(command);
     snprintf(command, sizeof command, "rm -r %s", folder);
     assert_int_equal(system(command), 0);
     assert_int_equal(status, 0);
 }
 
-int main(int argc, char **argv)
+int main(void)
 {
-    (void)argc;
-    char path[512], ready[600];
-    snprintf(path, sizeof path, "%s", argv[0]); /* BUILD/tests/transport/NAME */
-    snprintf(build, sizeof build, "%s", dirname(dirname(dirname(path))));
-    snprintf(ready, sizeof ready, "%s/mcap-venv/ready", build);
+    char ready[600];
+    snprintf(ready, sizeof ready, "%s/mcap-venv/ready", build_folder());
     if (getenv("FOVEA_EMULATED") != NULL || access(ready, F_OK) != 0) {
         printf(
             "SKIPPED test_mcap: it starts programs, and needs the Python of tools/mcap_python.sh\n");

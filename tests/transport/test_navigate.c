@@ -7,7 +7,6 @@
 #include <stddef.h>
 #include <stdint.h>
 #include <arpa/inet.h>
-#include <libgen.h>
 #include <math.h>
 #include <netinet/in.h>
 #include <signal.h>
@@ -21,6 +20,7 @@
 
 #include <cmocka.h>
 
+#include "common/build_folder.h"
 #include "common/own_network.h"
 
 #include "fovea_grid_t.h"
@@ -33,7 +33,7 @@
 
 enum { SIDE = 100, FRAMES = 45, SECONDS_MAX = 200 };
 
-static char build[512], folder[] = "/tmp/fovea_navigate_XXXXXX";
+static char folder[] = "/tmp/fovea_navigate_XXXXXX";
 
 static FILE *start(const char *const words[], pid_t *id)
 {
@@ -94,8 +94,8 @@ static void drive(const char *name, bool keyed)
     char key[128], command_key[128];
     pid_t navigator, runtime;
     int status, taken = -1;
-    snprintf(navigate, sizeof navigate, "%s/examples/navigate", build);
-    snprintf(fovea, sizeof fovea, "%s/fovea", build);
+    snprintf(navigate, sizeof navigate, "%s/examples/navigate", build_folder());
+    snprintf(fovea, sizeof fovea, "%s/fovea", build_folder());
     snprintf(recording, sizeof recording, "%s/%s.log", folder, name);
     snprintf(trajectory, sizeof trajectory, "%s/%s.tum", folder, name);
     snprintf(key, sizeof key, "%s", key_path(""));
@@ -179,7 +179,8 @@ static void a_run_is_driven_in_lock_step_and_repeats(void **state)
     assert_memory_equal(one, two, bytes);
     print_message("driven %.3f m\n", way);
     assert_true(way > 0.5 && way < 0.9);
-    snprintf(command, sizeof command, "%s/fovea replay %s/one.log >/dev/null", build, folder);
+    snprintf(command, sizeof command, "%s/fovea replay %s/one.log >/dev/null", build_folder(),
+             folder);
     assert_int_equal(WEXITSTATUS(system(command)), 0);
     snprintf(command, sizeof command, "grep -ac FOVEA_VELOCITY %s/one.log >/dev/null", folder);
     assert_int_equal(WEXITSTATUS(system(command)), 0);
@@ -193,14 +194,14 @@ static void a_run_with_a_key_takes_nothing_that_is_not_signed(void **state)
     int taken = 0;
     bool ended = false;
     (void)state;
-    snprintf(navigate, sizeof navigate, "%s/examples/navigate", build);
+    snprintf(navigate, sizeof navigate, "%s/examples/navigate", build_folder());
     const char *const controller[] = {navigate, "0.8", "0", "--url", URL, NULL};
     FILE *heard = start(controller, &navigator);
     assert_non_null(fgets(line, sizeof line, heard));
     snprintf(command, sizeof command,
              "%s/fovea run --source '" DRIVE "&patience=1' --frames 3 --picture none"
              " --set 'lcm_url=" URL "' --set %s 2>&1",
-             build, key_path("command_key="));
+             build_folder(), key_path("command_key="));
     FILE *said = popen(command, "r"); /* NOLINT(bugprone-command-processor) */
     assert_non_null(said);
     while (fgets(line, sizeof line, said) != NULL) {
@@ -232,12 +233,13 @@ static void wrong_arguments_are_refused(void **state)
 {
     char command[1024];
     (void)state;
-    snprintf(command, sizeof command, "%s/examples/navigate 1 nan 2>/dev/null", build);
+    snprintf(command, sizeof command, "%s/examples/navigate 1 nan 2>/dev/null", build_folder());
     assert_int_equal(WEXITSTATUS(system(command)), 2);
-    snprintf(command, sizeof command, "%s/examples/navigate 1 2 --speed 0 2>/dev/null", build);
+    snprintf(command, sizeof command, "%s/examples/navigate 1 2 --speed 0 2>/dev/null",
+             build_folder());
     assert_int_equal(WEXITSTATUS(system(command)), 2);
     snprintf(command, sizeof command, "%s/examples/navigate 1 2 --key /dev/null 2>/dev/null",
-             build);
+             build_folder());
     assert_int_equal(WEXITSTATUS(system(command)), 2);
 }
 
@@ -249,12 +251,8 @@ static int tear_down(void **state)
     return system(command);
 }
 
-int main(int argc, char **argv)
+int main(void)
 {
-    char path[512];
-    (void)argc;
-    snprintf(path, sizeof path, "%s", argv[0]);
-    snprintf(build, sizeof build, "%s/../..", dirname(path));
     if (getenv("FOVEA_EMULATED") != NULL) { /* a child would need the kernel to know the format */
         print_message("SKIPPED: emulated, programs cannot be started\n");
         return 0;

@@ -5,16 +5,14 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
-#include <libgen.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <unistd.h>
 
 #include <cmocka.h>
 
+#include "common/build_folder.h"
 #include "common/own_network.h"
-
-static char build[512]; /* folder that this program was built into */
 
 static void check(const char *part)
 {
@@ -22,7 +20,7 @@ static void check(const char *part)
     snprintf(
         command, sizeof command,
         "timeout 300 %s/mavlink-venv/bin/python tests/transport/obstacle_distance_check.py %s %s",
-        build, build, part);
+        build_folder(), build_folder(), part);
     assert_int_equal(system(command), 0);
 }
 
@@ -44,13 +42,10 @@ static void wrong_arguments_are_refused_in_a_line(void **state)
     check("arguments");
 }
 
-int main(int argc, char **argv)
+int main(void)
 {
-    char path[512], ready[640];
-    (void)argc;
-    snprintf(path, sizeof path, "%s", argv[0]); /* BUILD/tests/transport/NAME */
-    snprintf(build, sizeof build, "%s", dirname(dirname(dirname(path))));
-    snprintf(ready, sizeof ready, "%s/mavlink-venv/ready", build);
+    char ready[640];
+    snprintf(ready, sizeof ready, "%s/mavlink-venv/ready", build_folder());
     if (getenv("FOVEA_EMULATED") != NULL) {
         puts("SKIPPED test_obstacle_distance: emulated, programs cannot be started");
         return 0;
@@ -58,7 +53,7 @@ int main(int argc, char **argv)
     if (access(ready, R_OK) != 0) {
         printf("SKIPPED obstacle_distance.py: no Python packages lcm and pymavlink in "
                "%s/mavlink-venv\n",
-               build);
+               build_folder());
         return 0;
     }
     if (!own_network_enter() || !own_network_mend()) {

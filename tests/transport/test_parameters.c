@@ -1,7 +1,6 @@
 /* Live parameters of a whole run, in a network of the test's own: each request gets an answer, a
  * recording with twenty changes replays bit for bit, what is kept holds at the next start, and
  * wrong requests change nothing. */
-#include <libgen.h>
 #include <setjmp.h>
 #include <signal.h>
 #include <stdarg.h>
@@ -16,6 +15,7 @@
 #include <cmocka.h>
 
 #include "app/network/receiver.h"
+#include "common/build_folder.h"
 #include "common/watched.h"
 #include "drivers/table.h"
 
@@ -30,7 +30,7 @@ enum {
     NEEDS_RESTART = FOVEA_PARAMETER_RESULT_T_RESULT_NEEDS_RESTART
 };
 
-static char build[512], folder[] = "/tmp/fovea_parameters_XXXXXX", kept[96], log_path[96];
+static char folder[] = "/tmp/fovea_parameters_XXXXXX", kept[96], log_path[96];
 static struct watched watched;
 static struct fv_receiver *receiver;
 static int64_t last_id;
@@ -155,7 +155,7 @@ static int close_all(void **state)
 static int run_command(const char *words, char *text, size_t bytes)
 {
     char command[1400];
-    snprintf(command, sizeof command, "%s/%s 2>&1", build, words);
+    snprintf(command, sizeof command, "%s/%s 2>&1", build_folder(), words);
     return watched_shell(command, text, bytes);
 }
 
@@ -458,17 +458,15 @@ static void test_the_program_that_users_copy_changes_parameters(void **state)
         snprintf(command, sizeof command,
                  "python3 tools/subscribers/command.py --types %s/python --prefix P --wait 60 "
                  "'%s' 2>&1",
-                 build, asked[i][0]);
+                 build_folder(), asked[i][0]);
         assert_int_equal(watched_shell(command, line, sizeof line), asked[i][2][0] - '0');
         assert_string_equal(line, asked[i][1]);
     }
     stop();
 }
 
-int main(int argc, char **argv)
+int main(void)
 {
-    (void)argc;
-    snprintf(build, sizeof build, "%s/../..", dirname(argv[0]));
     if (!watched_possible("test_parameters")) return 0;
     signal(SIGHUP, SIG_DFL); /* ignored under nohup, and by the programs that it starts */
     const struct CMUnitTest tests[] = {

@@ -4,7 +4,6 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
-#include <libgen.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -12,11 +11,12 @@
 
 #include <cmocka.h>
 
+#include "common/build_folder.h"
+
 #include "support/lcmlog.h"
 
 #include "fovea_pose_t.h"
 
-static char build[512]; /* folder that this program was built into */
 static char recording[600];
 
 static int make_recording(void **state)
@@ -26,7 +26,7 @@ static int make_recording(void **state)
     snprintf(
         command, sizeof command,
         "%s/fovea run --source 'sim:orbit?width=320&height=240&frames=60' --model src/detect/shipped.fvm --quiet --picture none --set lcm_url= --set loop.priority=0 --record %s",
-        build, recording);
+        build_folder(), recording);
     return system(command) == 0 ? 0 : -1;
 }
 
@@ -111,13 +111,9 @@ static void the_numbers_are_those_of_the_decoders(void **state)
     fv_lcmlog_close(log);
 }
 
-int main(int argc, char **argv)
+int main(void)
 {
-    (void)argc;
-    char path[512];
-    snprintf(path, sizeof path, "%s", argv[0]); /* BUILD/tests/transport/NAME */
-    snprintf(build, sizeof build, "%s", dirname(dirname(dirname(path))));
-    snprintf(recording, sizeof recording, "%s/read_recording.lcm", build);
+    snprintf(recording, sizeof recording, "%s/read_recording.lcm", build_folder());
     if (getenv("FOVEA_EMULATED") != NULL) {
         puts("SKIPPED test_read_recording: it starts the program itself");
         return 0;

@@ -6,7 +6,6 @@
 #include <stddef.h>
 #include <arpa/inet.h>
 #include <fcntl.h>
-#include <libgen.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -19,14 +18,13 @@
 #include <cmocka.h>
 
 #include "app/network/receiver.h"
+#include "common/build_folder.h"
 #include "common/two_hosts.h"
 
 #define GROUP "239.255.76.67"
 #define URL "udpm://" GROUP ":7667"
 
 enum { PORT = 7667, WAIT_MS = 2000 };
-
-static char build[512]; /* folder that this program was built into */
 
 /* ---- receivers that count -------------------------------------------------------------------- */
 
@@ -313,9 +311,10 @@ static void test_programs_with_liblcm_are_heard(void **state)
     char command[1200], ready[600];
     struct ears ears;
     (void)state;
-    snprintf(ready, sizeof ready, "%s/venv-lcm/ready", build);
+    snprintf(ready, sizeof ready, "%s/venv-lcm/ready", build_folder());
     if (access(ready, R_OK) != 0) {
-        print_message("SKIPPED a sender in Python: no package lcm in %s/venv-lcm\n", build);
+        print_message("SKIPPED a sender in Python: no package lcm in %s/venv-lcm\n",
+                      build_folder());
         skip();
     }
     for (int lo = 0; lo < 2; lo++) {
@@ -325,7 +324,7 @@ static void test_programs_with_liblcm_are_heard(void **state)
             snprintf(command, sizeof command,
                      "%s/venv-lcm/bin/python -c \"import lcm; c = lcm.LCM('" URL "?ttl=%d'); "
                      "c.publish('T.\xc3\xa4_COMMAND', b'abc'); c.publish('A' * 63, b'foreign')\"",
-                     build, ttl);
+                     build_folder(), ttl);
             run(command);
             expect(&ears, 1 + (uint32_t)ttl, 0);
         }
@@ -495,10 +494,8 @@ static void test_nothing_is_opened_where_nothing_is_to_be_heard(void **state)
     assert_int_equal(fv_receiver_open(&wrong, &receiver, &error), FOVEA_ERROR_INPUT);
 }
 
-int main(int argc, char **argv)
+int main(void)
 {
-    (void)argc;
-    snprintf(build, sizeof build, "%s/../..", dirname(argv[0]));
     if (getenv("FOVEA_EMULATED") != NULL || !two_hosts_enter()) {
         printf("SKIPPED test_receiver: no two network namespaces here, or no program ip\n");
         return 0;

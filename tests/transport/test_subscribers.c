@@ -5,7 +5,6 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
-#include <libgen.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -17,6 +16,7 @@
 #include <cmocka.h>
 
 #include "app/network/transport.h"
+#include "common/build_folder.h"
 #include "common/detector.h"
 #include "common/own_network.h"
 #include "fovea/fovea.h"
@@ -35,8 +35,6 @@ enum { CHANNELS = 9 };
 static const char *const suffixes[CHANNELS] = {"FEATURES", "CAMERA_STATUS", "STATISTICS",
                                                "PREVIEW",  "POSE",          "CAMERA_POSE",
                                                "MAP",      "DETECTIONS",    "OBJECTS"};
-
-static char build[512]; /* folder that this program was built into */
 
 /* ---- subscribers ----------------------------------------------------------------------------- */
 
@@ -219,11 +217,11 @@ static void test_every_message(void **state)
 {
     (void)state;
     char in_c[640], in_cpp[640], python[640], types[640], ready[640];
-    snprintf(in_c, sizeof in_c, "%s/subscribe", build);
-    snprintf(in_cpp, sizeof in_cpp, "%s/subscribe-cpp", build);
-    snprintf(python, sizeof python, "%s/venv-lcm/bin/python", build);
-    snprintf(types, sizeof types, "%s/python", build);
-    snprintf(ready, sizeof ready, "%s/venv-lcm/ready", build);
+    snprintf(in_c, sizeof in_c, "%s/subscribe", build_folder());
+    snprintf(in_cpp, sizeof in_cpp, "%s/subscribe-cpp", build_folder());
+    snprintf(python, sizeof python, "%s/venv-lcm/bin/python", build_folder());
+    snprintf(types, sizeof types, "%s/python", build_folder());
+    snprintf(ready, sizeof ready, "%s/venv-lcm/ready", build_folder());
     char *const c_arguments[] = {in_c, (char *)"--quiet", (char *)"--idle", (char *)IDLE_S, NULL};
     char *const cpp_arguments[] = {in_cpp, (char *)"--quiet", (char *)"--idle", (char *)IDLE_S,
                                    NULL};
@@ -257,9 +255,9 @@ static void test_a_signal_ends_python_in_order(void **state)
     char python[640], types[640], ready[640];
     int status;
     (void)state;
-    snprintf(python, sizeof python, "%s/venv-lcm/bin/python", build);
-    snprintf(types, sizeof types, "%s/python", build);
-    snprintf(ready, sizeof ready, "%s/venv-lcm/ready", build);
+    snprintf(python, sizeof python, "%s/venv-lcm/bin/python", build_folder());
+    snprintf(types, sizeof types, "%s/python", build_folder());
+    snprintf(ready, sizeof ready, "%s/venv-lcm/ready", build_folder());
     char *const arguments[] = {python, (char *)"tools/subscribers/subscribe.py", (char *)"--types",
                                types, NULL};
     if (!can_start("Python", ready)) skip();
@@ -277,7 +275,7 @@ static void test_every_message_in_java(void **state)
 {
     (void)state;
     char types[640], path[1400];
-    snprintf(types, sizeof types, "%s/fovea-types.jar", build);
+    snprintf(types, sizeof types, "%s/fovea-types.jar", build_folder());
     snprintf(path, sizeof path, "%s:" LCM_JAR, types);
     char *const arguments[] = {
         (char *)"java",   (char *)"-cp", path, (char *)"tools/subscribers/Subscribe.java",
@@ -297,7 +295,7 @@ static bool can_start_children(void)
 {
     int status = 0;
     char program[640];
-    snprintf(program, sizeof program, "%s/subscribe", build);
+    snprintf(program, sizeof program, "%s/subscribe", build_folder());
     pid_t child = fork();
     if (child == 0) {
         close(STDERR_FILENO);
@@ -308,15 +306,8 @@ static bool can_start_children(void)
     return WIFEXITED(status) && WEXITSTATUS(status) == 2; /* usage */
 }
 
-int main(int argc, char **argv)
+int main(void)
 {
-    char path[512];
-    ssize_t length = readlink("/proc/self/exe", path, sizeof path - 1);
-    (void)argc;
-    (void)argv;
-    if (length <= 0) return 1;
-    path[length] = '\0';
-    snprintf(build, sizeof build, "%s", dirname(dirname(dirname(path))));
     if (!can_start_children()) {
         printf(
             "SKIPPED test_subscribers: programs of this architecture cannot be started from an emulator\n");

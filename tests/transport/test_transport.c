@@ -5,7 +5,6 @@
 #include <stddef.h>
 #include <stdint.h>
 #include <fcntl.h>
-#include <libgen.h>
 #include <math.h>
 #include <pthread.h>
 #include <stdio.h>
@@ -19,6 +18,7 @@
 
 #include "app/run/heap.h"
 #include "app/network/transport.h"
+#include "common/build_folder.h"
 #include "common/own_network.h"
 
 #include "bot_core_pose_t.h"
@@ -29,7 +29,6 @@
     "T.\xc3\xa4" /* a mark and a letter beyond ASCII, as channels of other programs may have */
 
 static bool own_network;
-static char build[512]; /* folder that this program was built into */
 
 static void sleep_ms(long ms)
 {
@@ -477,9 +476,9 @@ static void test_tools_send_what_is_taken(void **state)
     if (fv_transport_open(URL, 0, &transport, &error) != FOVEA_OK ||
         fv_transport_listen(transport, &ears, &error) != FOVEA_OK)
         fail_msg("%s", error.text);
-    snprintf(tools[0], sizeof tools[0], "%s/command", build);
+    snprintf(tools[0], sizeof tools[0], "%s/command", build_folder());
     snprintf(tools[1], sizeof tools[1], "python3 tools/subscribers/command.py --types %s/python",
-             build);
+             build_folder());
     for (int i = 0; i < 2; i++) {
         char command[3000];
         struct fv_transport_counts counts;
@@ -507,10 +506,8 @@ static void test_tools_send_what_is_taken(void **state)
     rmdir(folder);
 }
 
-int main(int argc, char **argv)
+int main(void)
 {
-    (void)argc;
-    snprintf(build, sizeof build, "%s/../..", dirname(argv[0]));
     own_network = own_network_enter();
     struct fovea_error error;
     if (!own_network && fv_transport_check(URL, 0, &error) != FOVEA_OK) {

@@ -17,6 +17,7 @@
 
 #include <cmocka.h>
 
+#include "common/build_folder.h"
 #include "common/short_run.h"
 #include "common/web_case.h"
 
@@ -172,12 +173,10 @@ static void options_of_a_run_are_refused(const char *option, const char *value)
 {
     static const char *const of_run[] = {"--lcm-url", "--command-key", "--feed"};
     const int count = strcmp(option, "--lcm") == 0 ? 2 : 3;
-    char path[600] = "", command[800], line[300];
-    assert_true(readlink("/proc/self/exe", path, sizeof path - 1) > 0);
-    *strstr(path, "/tests/") = '\0';
+    char command[1300], line[300];
     for (int i = 0; i < count; i++) {
-        snprintf(command, sizeof command, "%s/fovea-web %s %s %s x 2>&1", path, option, value,
-                 of_run[i]);
+        snprintf(command, sizeof command, "%s/fovea-web %s %s %s x 2>&1", build_folder(), option,
+                 value, of_run[i]);
         FILE *pipe = popen(command, "r");
         assert_non_null(pipe);
         assert_non_null(fgets(line, sizeof line, pipe));
@@ -189,11 +188,9 @@ static void options_of_a_run_are_refused(const char *option, const char *value)
 
 static void a_wrong_origin_is_refused(void)
 {
-    char path[600] = "", command[800], line[300];
-    assert_true(readlink("/proc/self/exe", path, sizeof path - 1) > 0);
-    *strstr(path, "/tests/") = '\0';
+    char command[1300], line[300];
     snprintf(command, sizeof command,
-             "timeout 5 %s/fovea-web --origins 'https://a https://b/page' 2>&1", path);
+             "timeout 5 %s/fovea-web --origins 'https://a https://b/page' 2>&1", build_folder());
     FILE *pipe = popen(command, "r");
     assert_non_null(pipe);
     assert_non_null(fgets(line, sizeof line, pipe));
@@ -328,11 +325,8 @@ static void a_network_needs_a_token(void **state)
         int status = 0;
         const pid_t process = fork();
         if (process == 0) {
-            char path[600];
-            const ssize_t length = readlink("/proc/self/exe", path, sizeof path - 1);
-            path[length > 0 ? length : 0] = '\0';
-            *strstr(path, "/tests/") = '\0';
-            strcat(path, "/fovea-web");
+            char path[1100];
+            snprintf(path, sizeof path, "%s/fovea-web", build_folder());
             execl(path, path, arguments[0], arguments[1], arguments[2], arguments[3], (char *)NULL);
             _exit(127);
         }

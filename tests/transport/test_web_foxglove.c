@@ -1,6 +1,5 @@
 /* Foxglove's websocket protocol of fovea-web: who is let in, what is refused, damaged and endless
  * words, a client that does not read. FOVEA_LONG=N sends N damaged frames. */
-#include <libgen.h>
 #include <netinet/in.h>
 #include <arpa/inet.h>
 #include <stdio.h>
@@ -10,6 +9,7 @@
 #include <unistd.h>
 
 #include "base/elementary.h"
+#include "common/build_folder.h"
 #include "common/web_case.h"
 
 #define SDK "foxglove.sdk.v1"
@@ -360,13 +360,10 @@ static void who_does_not_read_slows_nobody(void **state)
     end();
 }
 
-int main(int argc, char **argv)
+int main(void)
 {
-    (void)argc;
-    char path[512], command[1200];
+    char command[1200];
     if (!web_possible("test_web_foxglove") || !watched_possible("test_web_foxglove")) return 0;
-    snprintf(path, sizeof path, "%s", argv[0]); /* BUILD/tests/transport/NAME */
-    const char *build = dirname(dirname(dirname(path)));
     if (mkdtemp(folder) == NULL) return 1;
     snprintf(token_path, sizeof token_path, "%s/token", folder);
     snprintf(socket_path, sizeof socket_path, "%s/feed", folder);
@@ -375,7 +372,7 @@ int main(int argc, char **argv)
              "%s/fovea run --source 'sim:orbit?width=320&height=240&frames=150' "
              "--quiet --picture none --set lcm_url= --set loop.priority=0 "
              "--record %s",
-             build, recording);
+             build_folder(), recording);
     if (system(command) != 0) return 1;
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_teardown(pages_come_from_listed_origins, tear_down),

@@ -1,21 +1,21 @@
 /* Foxglove's websocket protocol of fovea-web as programs of others see it, by foxglove_check.py and
  * foxglove_client.cjs beside this: clients of PyPI and npm, answers held against those of
  * foxglove-sdk's server, and messages against those of tools/foxglove/views.py. */
-#include <libgen.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
+#include "common/build_folder.h"
 #include "common/web_case.h"
 
-static char folder[] = "/tmp/fovea_foxglove_XXXXXX", build[512];
+static char folder[] = "/tmp/fovea_foxglove_XXXXXX";
 static char socket_path[64], recording[64], further[64];
 
 static bool has(const char *what)
 {
     char path[600];
-    snprintf(path, sizeof path, "%s/foxglove-venv/%s", build, what);
+    snprintf(path, sizeof path, "%s/foxglove-venv/%s", build_folder(), what);
     if (getenv("FOVEA_EMULATED") == NULL && access(path, F_OK) == 0) return true;
     printf(
         "SKIPPED test_web_foxglove_clients: in part: it needs what tools/foxglove_python.sh gets (%s)\n",
@@ -27,7 +27,8 @@ static void check(const char *arguments)
 {
     char command[1600];
     snprintf(command, sizeof command,
-             "%s/foxglove-venv/bin/python tests/transport/foxglove_check.py %s", build, arguments);
+             "%s/foxglove-venv/bin/python tests/transport/foxglove_check.py %s", build_folder(),
+             arguments);
     assert_int_equal(system(command), 0);
 }
 
@@ -41,7 +42,7 @@ static void messages_are_those_of_views_py(void **state)
              "%s/fovea run --source 'sim:orbit?width=320&height=240&frames=110' --model "
              "src/detect/shipped.fvm --quiet --picture none --set lcm_url= --set loop.priority=0 "
              "--set preview.period_frames=10 --set map_every=1 --record %s",
-             build, recording);
+             build_folder(), recording);
     assert_int_equal(system(command), 0);
     snprintf(words, sizeof words, "make %s %s", recording, further);
     check(words);
@@ -113,20 +114,18 @@ static void the_client_of_npm_understands_it(void **state)
     if (!has("npm-ready")) return;
     start_run(page);
     snprintf(command, sizeof command,
-             "node tests/transport/foxglove_client.cjs %s/foxglove-venv/node_modules", build);
+             "node tests/transport/foxglove_client.cjs %s/foxglove-venv/node_modules",
+             build_folder());
     assert_int_equal(system(command), 0);
     end_run();
 }
 
-int main(int argc, char **argv)
+int main(void)
 {
-    (void)argc;
-    char path[512], command[200];
+    char command[200];
     if (!web_possible("test_web_foxglove_clients") ||
         !watched_possible("test_web_foxglove_clients"))
         return 0;
-    snprintf(path, sizeof path, "%s", argv[0]); /* BUILD/tests/transport/NAME */
-    snprintf(build, sizeof build, "%s", dirname(dirname(dirname(path))));
     if (mkdtemp(folder) == NULL) return 1;
     snprintf(socket_path, sizeof socket_path, "%s/feed", folder);
     snprintf(recording, sizeof recording, "%s/run.lcm", folder);

@@ -4,17 +4,15 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
-#include <libgen.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <unistd.h>
 
 #include <cmocka.h>
 
+#include "common/build_folder.h"
 #include "common/watched.h"
 #include "common/web_client.h"
-
-static char build[512]; /* folder that this program was built into */
 
 static void a_browser_shows_the_run(void **state)
 {
@@ -22,20 +20,18 @@ static void a_browser_shows_the_run(void **state)
     char folder[] = "/tmp/fovea_page_XXXXXX", command[2000];
     assert_non_null(mkdtemp(folder));
     snprintf(command, sizeof command,
-             "%s/browser-venv/bin/python tests/transport/web_page.py %s %s", build, build, folder);
+             "%s/browser-venv/bin/python tests/transport/web_page.py %s %s", build_folder(),
+             build_folder(), folder);
     const int status = system(command);
     snprintf(command, sizeof command, "rm -r %s", folder);
     assert_int_equal(system(command), 0);
     assert_int_equal(status, 0);
 }
 
-int main(int argc, char **argv)
+int main(void)
 {
-    (void)argc;
-    char path[512], ready[600];
-    snprintf(path, sizeof path, "%s", argv[0]); /* BUILD/tests/transport/NAME */
-    snprintf(build, sizeof build, "%s", dirname(dirname(dirname(path))));
-    snprintf(ready, sizeof ready, "%s/browser-venv/ready", build);
+    char ready[600];
+    snprintf(ready, sizeof ready, "%s/browser-venv/ready", build_folder());
     if (getenv("FOVEA_EMULATED") != NULL || access(ready, F_OK) != 0 ||
         access("/usr/bin/chromium", X_OK) != 0 || access("/usr/bin/chromedriver", X_OK) != 0) {
         printf("SKIPPED test_web_page: it needs chromium, chromium-driver and the Python of "
