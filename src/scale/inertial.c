@@ -46,6 +46,9 @@ void fv_inertial_stage_carve(struct fv_inertial_stage *stage, const struct fovea
     memset(stage, 0, sizeof *stage);
     stage->enabled = true;
     stage->imu = *imu;
+    stage->gyro_noise = __builtin_sqrt(square_of(imu->gyro_noise, gyro_noise, 1));
+    stage->acceleration_noise =
+        __builtin_sqrt(square_of(imu->acceleration_noise, acceleration_noise, 1));
     fv_se3_from_rows(rig->cameras[0].T_body_cam, &T_body_cam);
     fv_se3_from_rows(imu->T_body_imu, &T_body_imu);
     fv_se3_invert(&T_body_cam, &T_body_cam);
@@ -58,6 +61,7 @@ void fv_inertial_stage_carve(struct fv_inertial_stage *stage, const struct fovea
 void fv_inertial_stage_init(struct fv_inertial_stage *stage)
 {
     fv_inertial_init(&stage->estimator);
+    fv_imu_still_init(&stage->state->still);
     fv_imu_clock_init(&stage->clock->found);
     stage->clock->moved_ns = 0;
 }
@@ -86,6 +90,7 @@ void fv_inertial_stage_observe(struct fv_inertial_stage *stage, const struct fv_
         fv_imu_clock_take(&stage->clock->found, &reading);
         if (__builtin_add_overflow(reading.stamp_ns, stage->clock->moved_ns, &reading.stamp_ns))
             continue;
+        fv_inertial_stage_still_take(stage, &reading);
         fv_inertial_take(&stage->estimator, reading.stamp_ns, reading.gyro, reading.acceleration);
         fv_inertial_live_take(&stage->state->live, &stage->estimator.state->noise, &reading);
     }
@@ -114,8 +119,11 @@ static void enter(struct fv_inertial_stage *stage, const struct fv_odometry *odo
 {
     struct fv_inertial_stage_state *s = stage->state;
     const struct fv_inertial_live live = s->live;
+    const struct fv_imu_still still = s->still;
     memset(s, 0, sizeof *s);
     s->live = live;
+    s->still = still;
+    fv_imu_still_forget(&s->still);
     s->live.begun = s->live.moving = false;
     s->begun = true;
     s->map = fv_odometry_pose(odometry)->map_id;
@@ -159,7 +167,7 @@ static void add_station(struct fv_inertial_stage *stage, const struct fv_odometr
 {
     const struct fovea_pose *pose = fv_odometry_pose(odometry);
     const struct fv_odometry_reference reference = fv_odometry_reference(odometry);
-    const double least = position_sigma_least * depth_of(odometry),
+    const double depth = depth_of(odometry), least = position_sigma_least * depth,
                  position = position_share * mean_sigma(pose->covariance, 0),
                  turn = mean_sigma(pose->covariance, 3);
     const struct fv_inertial_owner of = {reference.slot, reference.number,
@@ -170,6 +178,7 @@ static void add_station(struct fv_inertial_stage *stage, const struct fv_odometr
     fv_se3_from_rows(pose->T_world_cam, &given.T_world_cam);
     fv_inertial_add_station(&stage->estimator, stamp_ns, &of, &given);
     stage->state->station_ns = stamp_ns;
+    stage->state->depth = depth;
     fv_copy3(
         stage->state->live.velocity,
         fv_inertial_station_at(&stage->estimator, fv_inertial_station_count(&stage->estimator) - 1)
@@ -292,8 +301,10 @@ static void follow_pose(struct fv_inertial_stage *stage, const struct fovea_pose
     s->live.T_world_imu = sensor_at(stage, &s->T_world_cam, scale);
     fv_se3_from_rows(pose->T_world_cam, &s->T_world_cam);
     const struct fv_se3 T = sensor_at(stage, &s->T_world_cam, scale);
+    fv_inertial_stage_still_see(stage, pose, stamp_ns, &T);
     fv_inertial_live_pose(&s->live, stamp_ns, &T, sigma, led ? &sum : NULL,
                           claimed ? s->known.gravity : NULL, &biases);
+    fv_inertial_stage_still_stop(stage);
     s->known.coasting = s->known.moving = false;
     if (claimed && !s->doubted) write_moving(stage, &T, s->live.velocity);
 }
@@ -413,6 +424,7 @@ static void coast(struct fv_inertial_stage *stage, const struct fv_odometry *odo
     coast_covariance_of_camera(stage, &sum, T_world_imu.R, s->known.covariance);
     write_moving(stage, &T_world_imu, velocity);
     s->known.velocity_sigma = coast_velocity_sigma(stage, &sum);
+    fv_inertial_stage_still_stay(stage, stamp_ns);
     s->known.coasting = true;
 }
 

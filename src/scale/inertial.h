@@ -13,6 +13,9 @@
  * from there, the published velocity is this one, and while the pictures show nothing, the pose
  * goes on by the samples for up to 2 s.
  *
+ * Where pictures and samples show that the camera stands (inertial/still.h), its velocity is 0,
+ * and while the pictures show nothing, it stays where it is as long as the samples are quiet.
+ *
  * The offset between the clocks of camera and sensor is estimated beside that, always
  * (inertial/clock.h). Where it is found to be another than the rig states, by more than noise and
  * by 1.5 ms, samples are moved by it from then on. Beyond 3 ms all that came of them begins anew,
@@ -30,6 +33,7 @@
 #include "inertial/estimator.h"
 #include "inertial/gate.h"
 #include "inertial/live.h"
+#include "inertial/still.h"
 #include "odometry/odometry.h"
 
 #ifdef __cplusplus
@@ -77,12 +81,15 @@ struct fv_inertial_stage_state {
     double claimed_sigma;    /* and its sigma of the scale */
     uint32_t agreeing;       /* estimates that agreed with the one before */
     double log_scale, sigma; /* of the one before */
-    bool doubted;            /* what is claimed came of samples by a wrong clock */
+    struct fv_imu_still still;
+    double depth; /* at the last station, in world's unit */
+    bool doubted; /* what is claimed came of samples by a wrong clock */
 };
 
 struct fv_inertial_stage {
     bool enabled;
     struct fovea_rig_imu imu;
+    double gyro_noise, acceleration_noise; /* densities, as stated or usual */
     struct fv_inertial estimator;
     struct fv_inertial_stage_state *state;
     struct fv_inertial_stage_clock *clock;
@@ -127,6 +134,16 @@ bool fv_inertial_stage_offset(const struct fv_inertial_stage *stage,
  * from what it was that nothing of before holds. */
 bool fv_inertial_stage_compare_clocks(struct fv_inertial_stage *stage,
                                       const struct fovea_pose *pose, int64_t stamp_ns);
+
+/* A sample; a frame with a pose, where the sensor is at T_world_imu (metres), before the filter of
+ * frames takes it; the filter after that; and a frame without one, whose motion by the samples is
+ * in `known`. */
+void fv_inertial_stage_still_take(struct fv_inertial_stage *stage,
+                                  const struct fv_imu_reading *reading);
+void fv_inertial_stage_still_see(struct fv_inertial_stage *stage, const struct fovea_pose *pose,
+                                 int64_t stamp_ns, const struct fv_se3 *T_world_imu);
+void fv_inertial_stage_still_stop(struct fv_inertial_stage *stage);
+void fv_inertial_stage_still_stay(struct fv_inertial_stage *stage, int64_t stamp_ns);
 
 #ifdef __cplusplus
 }

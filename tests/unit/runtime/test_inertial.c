@@ -15,6 +15,7 @@
 #include "fovea_pose_t.h"
 #include "geometry/se3.h"
 #include "geometry/vec.h"
+#include "runtime/state.h"
 
 static struct sim_rig rig;
 static fovea_pose_t body, before;
@@ -251,6 +252,64 @@ static void a_wrong_clock_is_found(void **state)
     }
 }
 
+/* How far the camera went in the last step, by the truth. */
+static double gone(void)
+{
+    double off = 0;
+    for (int i = 0; i < 3; i++) {
+        const double d =
+            rig.truth[rig.frames - 1][4 * i + 3] - rig.truth[rig.frames - 2][4 * i + 3];
+        off += d * d;
+    }
+    return sqrt(off);
+}
+
+/* Standing is said where the camera stands; in the dark it stays there then. */
+static void who_stands_stays(void **state)
+{
+    (void)state;
+    int standing = 0;
+    open_rig("sim:stand?" SHAPE "seed=4", 250, FOVEA_SENSORS_AUTO);
+    while (rig.frames < 220 && next(true)) {
+        if (!rig.rt->inertial.state->still.standing) continue;
+        standing++;
+        assert_true(gone() < 1e-9);
+    }
+    assert_true(standing > 40);
+    take_body();
+    before = body;
+    dark = calloc(1, 400 * 300);
+    assert_non_null(dark);
+    while (next(true)) {
+        take_body();
+        assert_int_equal(body.state, FOVEA_POSE_T_STATE_COASTING);
+        for (int i = 0; i < 3; i++) /* by samples alone 10 mm off after 1.5 s */
+            assert_true(body.position[i] == before.position[i] && fabs(body.velocity[i]) < 1e-12);
+        assert_true(body.covariance[0] > 0 && body.covariance[0] < 1e-3);
+    }
+    free(dark);
+    sim_rig_close(&rig);
+}
+
+/* Short stops on a way, and ways that are slow. */
+static void who_moves_does_not_stand(void **state)
+{
+    (void)state;
+    static const char *const uris[2] = {"sim:stopgo?" SHAPE "seed=4",
+                                        "sim:corridor?" SHAPE "seed=4"};
+    for (int i = 0; i < 2; i++) {
+        int standing = 0;
+        open_rig(uris[i], 300, FOVEA_SENSORS_AUTO);
+        while (next(true)) {
+            if (rig.frames < 2 || !rig.rt->inertial.state->still.standing) continue;
+            standing++;
+            assert_true(gone() < 2e-3); /* 4 cm/s: it has just begun to move */
+        }
+        assert_true(i == 0 ? standing > 10 : standing == 0);
+        sim_rig_close(&rig);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -260,6 +319,8 @@ int main(void)
         cmocka_unit_test(mono_keeps_its_bits),
         cmocka_unit_test(what_cannot_be_is_refused),
         cmocka_unit_test(a_wrong_clock_is_found),
+        cmocka_unit_test(who_stands_stays),
+        cmocka_unit_test(who_moves_does_not_stand),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
