@@ -130,7 +130,8 @@ static bool decide(const struct fovea_source *source, const struct fovea_frame *
                        at.origin_m))
         return false;
     *motion =
-        navigate_steer(&planner, T_world_body.t, fv_atan2(T_world_body.R[3], T_world_body.R[0]));
+        navigate_steer(&planner, T_world_body.t, fv_atan2(T_world_body.R[3], T_world_body.R[0]),
+                       (double)frame->stamp_ns * 1e-9);
     return true;
 }
 

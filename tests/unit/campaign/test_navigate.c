@@ -38,6 +38,12 @@ static void plan(void)
     assert_true(navigate_plan(&planner, cells, SIDE, SIDE, 0.1, origin));
 }
 
+/* On the x axis, a twentieth of a second later. */
+static struct navigate_motion steer_at(double x, double yaw)
+{
+    return navigate_steer(&planner, (const double[2]){x, 0}, yaw, planner.now_s + 0.05);
+}
+
 /* Drives on until it arrives; `*farthest`: the largest |y|. Keeps off what is occupied all the way.
  */
 static bool arrives(double *farthest)
@@ -45,7 +51,7 @@ static bool arrives(double *farthest)
     double at[2] = {0, 0}, yaw = 0;
     *farthest = 0;
     for (int step = 0; step < 2000; step++) {
-        const struct navigate_motion motion = navigate_steer(&planner, at, yaw);
+        const struct navigate_motion motion = navigate_steer(&planner, at, yaw, step * 0.05);
         if (motion.arrived) return true;
         assert_true(motion.speed_m_s >= 0 && motion.speed_m_s <= 0.5);
         assert_true(fabs(motion.turning_rad_s) <= 1.2);
@@ -82,7 +88,7 @@ static void it_goes_round_a_wall(void **state)
     assert_true(arrives(&farthest) && farthest > 1.7 && farthest < 2.6);
     fill(1.4, 1.6, -5, 5, OCCUPIED); /* no way at all: it stands */
     plan();
-    assert_true(navigate_steer(&planner, (const double[2]){0, 0}, 0).speed_m_s == 0);
+    assert_true(steer_at(0, 0).speed_m_s == 0);
 }
 
 static void a_gap_wider_than_the_robot_is_passed(void **state)
@@ -127,11 +133,78 @@ static void what_is_not_known_is_entered_slowly(void **state)
     fill(-1, 0.5, -1, 1, FREE);
     plan();
     for (int step = 0; step < 15; step++)
-        fastest = fmax(fastest, navigate_steer(&planner, (const double[2]){0.42, 0}, 0).speed_m_s);
+        fastest = fmax(fastest, steer_at(0.42, 0).speed_m_s);
     assert_true(fastest == 0);
     for (int step = 0; step < 15; step++)
-        fastest = fmax(fastest, navigate_steer(&planner, (const double[2]){0.42, 0}, 0).speed_m_s);
+        fastest = fmax(fastest, steer_at(0.42, 0).speed_m_s);
     assert_true(fastest > 0.05 && fastest < 0.2);
+}
+
+/* Something stands at x = 1 that the grid calls free floor, 0.6 m wide. The robot comes to stand at
+ * it once, backs off and goes round it, as one that turns on at a wall never would. */
+static void what_holds_the_robot_is_kept_in_mind_and_passed(void **state)
+{
+    double at[2] = {0, 0}, yaw = 0, back = 0, time_s = 0;
+    bool arrived = false;
+    (void)state;
+    begin(3, 0, FREE);
+    for (int step = 0; step < 800 && !arrived; step++, time_s += 0.05) {
+        if (step % 6 == 0) plan(); /* the grid goes on to call it free */
+        const struct navigate_motion motion = navigate_steer(&planner, at, yaw, time_s);
+        arrived = motion.arrived;
+        yaw += motion.turning_rad_s * 0.05;
+        const double x = at[0] + motion.speed_m_s * 0.05 * cos(yaw),
+                     y = at[1] + motion.speed_m_s * 0.05 * sin(yaw);
+        const double in_x = fmax(fmax(1 - x, x - 1.3), 0), in_y = fmax(fabs(y + 0.1) - 0.3, 0);
+        back = fmin(back, motion.speed_m_s);
+        if (hypot(in_x, in_y) < 0.2) continue; /* it stands */
+        at[0] = x;
+        at[1] = y;
+    }
+    print_message("at the goal after %.1f s, %d touches\n", time_s, (int)planner.touches);
+    assert_true(arrived && back < 0);
+    assert_in_range(planner.touches, 1, 3);
+    assert_true(time_s < 25);
+}
+
+/* What was touched is gone after a while: the straight way is taken again, and a new frame has none
+ * of it from the first. */
+static void what_held_the_robot_is_forgotten(void **state)
+{
+    double farthest;
+    (void)state;
+    for (int anew = 0; anew < 2; anew++) {
+        begin(3, 0, FREE);
+        plan();
+        for (int step = 0; step < 30; step++)
+            (void)steer_at(0, 0);
+        assert_int_equal(planner.touches, 1);
+        plan();
+        assert_true(planner.kind[50 * SIDE + 52] == NAVIGATE_OCCUPIED); /* ahead of its edge */
+        if (anew)
+            navigate_forget(&planner);
+        else
+            planner.now_s += 31;
+        plan();
+        assert_true(planner.kind[50 * SIDE + 52] == NAVIGATE_FREE);
+        planner.due_m = 0;
+        assert_true(arrives(&farthest) && farthest < 0.15);
+    }
+}
+
+/* A turn on the spot and a wait are no touches; nor is a robot that is slower than it was asked. */
+static void standing_as_asked_is_no_touch(void **state)
+{
+    (void)state;
+    begin(-3, 0, FREE);
+    plan();
+    for (int step = 0; step < 200; step++)
+        assert_true(steer_at(0, 0).speed_m_s == 0);
+    begin(3, 0, FREE);
+    plan();
+    for (int step = 0; step < 100; step++)
+        (void)steer_at(step * 0.05 * 0.1, 0);
+    assert_int_equal(planner.touches, 0);
 }
 
 static void a_goal_beyond_the_grid_is_driven_towards(void **state)
@@ -139,8 +212,8 @@ static void a_goal_beyond_the_grid_is_driven_towards(void **state)
     (void)state;
     begin(9, 0, FREE);
     plan();
-    const struct navigate_motion ahead = navigate_steer(&planner, (const double[2]){0, 0}, 0);
-    const struct navigate_motion back = navigate_steer(&planner, (const double[2]){0, 0}, 3);
+    const struct navigate_motion ahead = steer_at(0, 0);
+    const struct navigate_motion back = steer_at(0, 3);
     assert_true(ahead.speed_m_s > 0.3 && back.speed_m_s == 0 && fabs(back.turning_rad_s) == 1.2);
     assert_false(navigate_plan(&planner, cells, 300, 300, 0.1, origin));
 }
@@ -220,6 +293,9 @@ int main(void)
         cmocka_unit_test(a_gap_narrower_than_the_robot_is_not),
         cmocka_unit_test(a_free_way_is_preferred_to_an_unknown_one),
         cmocka_unit_test(what_is_not_known_is_entered_slowly),
+        cmocka_unit_test(what_holds_the_robot_is_kept_in_mind_and_passed),
+        cmocka_unit_test(what_held_the_robot_is_forgotten),
+        cmocka_unit_test(standing_as_asked_is_no_touch),
         cmocka_unit_test(a_goal_beyond_the_grid_is_driven_towards),
         cmocka_unit_test(a_grid_is_whole_when_all_its_rows_came),
         cmocka_unit_test(grids_that_cannot_be_are_left_out),

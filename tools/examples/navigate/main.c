@@ -104,6 +104,7 @@ static void on_grid(const lcm_recv_buf_t *packet, const char *channel, const fov
     (void)context;
     if (!navigate_take(&self.grid, piece)) return;
     self.grids++;
+    if (memcmp(&self.place, &grid->frame, sizeof self.place) != 0) navigate_forget(&self.planner);
     self.place = grid->frame;
     self.planned = navigate_plan(&self.planner, grid->cells, grid->width, grid->height,
                                  grid->cell_m, grid->origin);
@@ -128,7 +129,8 @@ static void on_pose(const lcm_recv_buf_t *packet, const char *channel, const fov
     if (is_usable(pose) && self.planned && navigate_is_for(&self.place, pose)) {
         const double yaw =
             atan2(2 * (q[0] * q[3] + q[1] * q[2]), 1 - 2 * (q[2] * q[2] + q[3] * q[3]));
-        motion = navigate_steer(&self.planner, pose->position, yaw);
+        motion =
+            navigate_steer(&self.planner, pose->position, yaw, (double)pose->stamp.time_ns * 1e-9);
         self.arrived = self.arrived || motion.arrived;
     } else {
         self.stood++;
@@ -224,8 +226,9 @@ int main(int argc, char **argv)
     fflush(stdout);
     drive();
     printf("%s after %" PRId64 " poses, of which %" PRId64 " could not be steered by; %" PRId64
-           " grids\n",
-           self.arrived ? "at the goal" : "not at the goal", self.poses, self.stood, self.grids);
+           " grids; stood against its command %" PRId64 " times\n",
+           self.arrived ? "at the goal" : "not at the goal", self.poses, self.stood, self.grids,
+           self.planner.touches);
     unsubscribe_from_runs(true);
     fovea_grid_t_unsubscribe(self.lcm, grids);
     fovea_pose_t_unsubscribe(self.lcm, poses);

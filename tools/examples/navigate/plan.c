@@ -7,6 +7,11 @@ static const float no_way = 1e8f;
 static const double margin_m = 0.12, wide_m = 0.6; /* beyond the radius: kept, and preferred */
 static const double unknown_price = 3, squeeze_price = 60;
 static const double look_m = 0.35, goal_m = 0.2, creep_m_s = 0.12;
+/* So much asked for and so little of it driven is a touch; how long it is kept in mind, what of the
+ * robot's edge it may be at, to either side of ahead, and how deep it is taken to be. */
+static const double touch_due_m = 0.4, touch_moved_m = 0.05, touch_s = 30, touch_rad = 1.2,
+                    touch_deep_m = 0.1;
+static const double back_m = 0.25, back_m_s = 0.2, back_s = 3, step_s_most = 0.5;
 enum { FREE_BELOW = 35, OCCUPIED_ABOVE = 65, LOOK_STEPS = 20 };
 
 void navigate_init(struct navigate *n, const struct navigate_robot *robot, const double goal[2])
@@ -117,18 +122,36 @@ static void spread(struct navigate *n)
     }
 }
 
-bool navigate_plan(struct navigate *n, const int8_t *cells, int32_t width, int32_t height,
-                   double cell_m, const double origin[2])
+/* ---- what the grid does not show --------------------------------------------------------------
+ */
+
+static double turned(double angle) /* to [-pi, pi] */
 {
-    if (width < 1 || height < 1 || width > NAVIGATE_CELLS_MAX / height) return false;
-    n->width = width;
-    n->height = height;
-    n->cell_m = cell_m;
-    memcpy(n->origin, origin, sizeof n->origin);
+    return remainder(angle, 6.283185307179586);
+}
+
+/* The cells just ahead of the robot's edge, as it stood there. */
+static void mark_touch(struct navigate *n, const struct navigate_touch *touch)
+{
+    for (int32_t i = 0; i < n->width * n->height; i++) {
+        const double x = middle(n, i, 0) - touch->position[0],
+                     y = middle(n, i, 1) - touch->position[1], beyond = hypot(x, y);
+        if (beyond < n->robot.radius_m || beyond > n->robot.radius_m + touch_deep_m) continue;
+        if (fabs(turned(atan2(y, x) - touch->yaw)) < touch_rad) n->kind[i] = NAVIGATE_OCCUPIED;
+    }
+}
+
+static void mark_touches(struct navigate *n)
+{
+    for (int64_t i = 0; i < n->touches && i < NAVIGATE_TOUCHES_MAX; i++)
+        if (n->touch[i].until_s > n->now_s) mark_touch(n, &n->touch[i]);
+}
+
+/* The way to the goal from all cells, by their kinds. */
+static void find_ways(struct navigate *n)
+{
+    const int32_t width = n->width, height = n->height;
     for (int32_t i = 0; i < width * height; i++) {
-        n->kind[i] = cells[i] > OCCUPIED_ABOVE                ? NAVIGATE_OCCUPIED
-                     : cells[i] >= 0 && cells[i] < FREE_BELOW ? NAVIGATE_FREE
-                                                              : NAVIGATE_UNKNOWN;
         n->cost[i] = no_way;
         n->place[i] = -1;
     }
@@ -144,6 +167,22 @@ bool navigate_plan(struct navigate *n, const int8_t *cells, int32_t width, int32
         offer(n, i, (float)(unknown_price * way));
     }
     spread(n);
+}
+
+bool navigate_plan(struct navigate *n, const int8_t *cells, int32_t width, int32_t height,
+                   double cell_m, const double origin[2])
+{
+    if (width < 1 || height < 1 || width > NAVIGATE_CELLS_MAX / height) return false;
+    n->width = width;
+    n->height = height;
+    n->cell_m = cell_m;
+    memcpy(n->origin, origin, sizeof n->origin);
+    for (int32_t i = 0; i < width * height; i++)
+        n->kind[i] = cells[i] > OCCUPIED_ABOVE                ? NAVIGATE_OCCUPIED
+                     : cells[i] >= 0 && cells[i] < FREE_BELOW ? NAVIGATE_FREE
+                                                              : NAVIGATE_UNKNOWN;
+    mark_touches(n);
+    find_ways(n);
     return true;
 }
 
@@ -161,11 +200,6 @@ static int32_t step_down(const struct navigate *n, int32_t cell)
             if (n->cost[next] < n->cost[best]) best = next;
         }
     return best;
-}
-
-static double turned(double angle) /* to [-pi, pi] */
-{
-    return remainder(angle, 6.283185307179586);
 }
 
 /* How far the robot may go straight ahead over cells that are known to be free; `*blocked`: up to
@@ -191,7 +225,67 @@ static double between(double value, double low, double high)
     return value < low ? low : value > high ? high : value;
 }
 
-struct navigate_motion navigate_steer(struct navigate *n, const double position[2], double yaw)
+/* Whether the last commands should have moved the robot, and did not. */
+static bool is_held(struct navigate *n, const double position[2], double time_s)
+{
+    const double step_s = time_s - n->now_s;
+    const bool drives = n->asked.speed_m_s > 0 && step_s > 0 && step_s < step_s_most;
+    n->now_s = time_s;
+    if (step_s < 0) navigate_forget(n); /* of another clock */
+    if (hypot(position[0] - n->stood[0], position[1] - n->stood[1]) > touch_moved_m ||
+        n->due_m == 0) {
+        memcpy(n->stood, position, sizeof n->stood);
+        n->due_m = 0;
+    }
+    if (drives) n->due_m += n->asked.speed_m_s * step_s;
+    return n->due_m > touch_due_m;
+}
+
+static void take_touch(struct navigate *n, const double position[2], double yaw)
+{
+    n->touch[n->touches++ % NAVIGATE_TOUCHES_MAX] =
+        (struct navigate_touch){{position[0], position[1]}, yaw, n->now_s + touch_s};
+    n->backs_until_s = n->now_s + back_s;
+    n->due_m = 0;
+    mark_touches(n);
+    find_ways(n);
+}
+
+/* Whether the robot's width is free behind it, for as far as it goes until it stands. */
+static bool may_back(const struct navigate *n, const double position[2], double yaw)
+{
+    const double radius = n->robot.radius_m, end = radius + margin_m;
+    for (int32_t side = -1; side <= 1; side++)
+        for (double way = 0; way < end; way += 0.5 * n->cell_m) {
+            const double x = position[0] - way * cos(yaw) - side * radius * sin(yaw),
+                         y = position[1] - way * sin(yaw) + side * radius * cos(yaw);
+            const int32_t cell = cell_at(n, x, y);
+            if (way > (side == 0 ? 0 : margin_m) && (cell < 0 || n->kind[cell] != NAVIGATE_FREE))
+                return false;
+        }
+    return true;
+}
+
+/* Off from the last touch, for as long as that takes and is possible. */
+static bool backs(struct navigate *n, const double position[2], double yaw)
+{
+    if (n->now_s >= n->backs_until_s) return false;
+    const double *from = n->touch[(n->touches - 1) % NAVIGATE_TOUCHES_MAX].position;
+    const bool on =
+        hypot(position[0] - from[0], position[1] - from[1]) < back_m && may_back(n, position, yaw);
+    if (!on) n->backs_until_s = n->now_s;
+    return on;
+}
+
+void navigate_forget(struct navigate *n)
+{
+    n->touches = 0;
+    n->backs_until_s = n->now_s;
+    n->due_m = 0;
+}
+
+/* Along the way that was planned. */
+static struct navigate_motion pursue(struct navigate *n, const double position[2], double yaw)
 {
     const double left = hypot(n->goal[0] - position[0], n->goal[1] - position[1]);
     const int32_t here = cell_at(n, position[0], position[1]);
@@ -213,4 +307,13 @@ struct navigate_motion navigate_steer(struct navigate *n, const double position[
     if (n->looked > LOOK_STEPS) speed = creep_m_s;
     return (struct navigate_motion){
         speed, between(2 * off, -n->robot.turning_rad_s, n->robot.turning_rad_s), false};
+}
+
+struct navigate_motion navigate_steer(struct navigate *n, const double position[2], double yaw,
+                                      double time_s)
+{
+    if (is_held(n, position, time_s)) take_touch(n, position, yaw);
+    n->asked = backs(n, position, yaw) ? (struct navigate_motion){.speed_m_s = -back_m_s}
+                                       : pursue(n, position, yaw);
+    return n->asked;
 }

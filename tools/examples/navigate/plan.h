@@ -1,17 +1,29 @@
 /* A planner on the grid of free space, small enough to read: Dijkstra's algorithm from the goal
  * over cells that are widened by the robot's radius, and a pursuit of the way it finds. What is
  * occupied is never entered; what is not known may be planned through at a price, but is entered
- * only when it has been seen to be free, or slowly where it cannot be seen from anywhere nearer. */
+ * only when it has been seen to be free, or slowly where it cannot be seen from anywhere nearer.
+ * Where the robot was asked to drive and stood, something is that the grid does not show: the
+ * planner keeps it in mind for a while as an obstacle ahead, backs off and plans anew. */
 #ifndef FOVEA_EXAMPLES_NAVIGATE_PLAN_H
 #define FOVEA_EXAMPLES_NAVIGATE_PLAN_H
 
 #include <stdbool.h>
 #include <stdint.h>
 
-enum { NAVIGATE_CELLS_MAX = 256 * 256 };
+enum { NAVIGATE_CELLS_MAX = 256 * 256, NAVIGATE_TOUCHES_MAX = 16 };
 
 struct navigate_robot {
     double radius_m, speed_m_s, turning_rad_s; /* disc; limits that it is asked for */
+};
+
+/* Where the robot stood against its command. */
+struct navigate_touch {
+    double position[2], yaw, until_s;
+};
+
+struct navigate_motion {
+    double speed_m_s, turning_rad_s;
+    bool arrived;
 };
 
 struct navigate {
@@ -24,20 +36,26 @@ struct navigate {
     float cost[NAVIGATE_CELLS_MAX];   /* of the way to the goal; large: there is none */
     int32_t heap[NAVIGATE_CELLS_MAX], place[NAVIGATE_CELLS_MAX], queued;
     int32_t looked; /* steps for which it has looked at what it cannot see */
+    /* What it was asked for at the last step, and what came of it: the way that it should have gone
+     * since it was at `stood`. */
+    struct navigate_motion asked;
+    double now_s, stood[2], due_m;
+    struct navigate_touch touch[NAVIGATE_TOUCHES_MAX]; /* a ring, by their number */
+    int64_t touches;                                   /* ever */
+    double backs_until_s;                              /* off from the last of them */
 };
 
 enum navigate_kind { NAVIGATE_UNKNOWN, NAVIGATE_FREE, NAVIGATE_OCCUPIED };
-
-struct navigate_motion {
-    double speed_m_s, turning_rad_s;
-    bool arrived;
-};
 
 void navigate_init(struct navigate *n, const struct navigate_robot *robot, const double goal[2]);
 /* Take a grid, as fovea.grid_t has it, and plan anew. Larger than NAVIGATE_CELLS_MAX: false. */
 bool navigate_plan(struct navigate *n, const int8_t *cells, int32_t width, int32_t height,
                    double cell_m, const double origin[2]);
-/* What to do at a place, by the last plan. */
-struct navigate_motion navigate_steer(struct navigate *n, const double position[2], double yaw);
+/* What to do at a place, by the last plan. `time_s`: of the pose, on any clock that goes forward.
+ */
+struct navigate_motion navigate_steer(struct navigate *n, const double position[2], double yaw,
+                                      double time_s);
+/* The grid's frame is another from now on: what is kept in mind lies nowhere in it. */
+void navigate_forget(struct navigate *n);
 
 #endif
