@@ -349,6 +349,10 @@ static enum fovea_status check_grid(const struct fovea_config *config, struct fo
 {
     const struct fovea_grid_job_config *job = &config->grid_job;
     const double height = config->rig.cameras[0].T_body_cam[11], least_m = 0.01;
+    if (!job->enabled && job->grid.heights)
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                               "grid.heights: found true, expected grid.enabled to be true too: "
+                               "heights are those of its cells");
     if (!job->enabled) return FOVEA_OK;
     if (!config->odometry.enabled)
         return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,

@@ -10,6 +10,7 @@
 #include "app/config/options.h"
 #include "support/say.h"
 #include "support/output.h"
+#include "support/picture.h"
 #include "base/elementary.h"
 #include "fovea/odometry.h"
 #include "support/text.h"
@@ -236,6 +237,7 @@ int fv_command_map(int argc, char **argv)
         {"--ply", asked.ply}, {"--tum", asked.tum}, {"OUT.png", asked.picture}, {0}};
     const struct fv_file read[] = {{"FILE", asked.file}, {0}};
     if (fv_files_apart(written, read, &error) != FOVEA_OK ||
+        fv_picture_check_name("OUT.png", asked.picture, &error) != FOVEA_OK ||
         fv_map_open(asked.file, &open, &error) != FOVEA_OK)
         return fv_say_wrong("%s", error.text);
     const enum fv_exit end = carry_out(&asked, &open);

@@ -166,6 +166,7 @@ int fv_command_rectify(int argc, char **argv)
         {"OUT", argv[first + 1]}, {"--write-camera", request.calibration}, {0}};
     const struct fv_file read[] = {{"IN", argv[first]}, {"--camera", request.camera}, {0}};
     enum fovea_status status = fv_files_apart(written, read, &error);
+    if (status == FOVEA_OK) status = fv_picture_check_name("OUT", argv[first + 1], &error);
     if (status == FOVEA_OK) status = rectify(&request, argv[first], argv[first + 1], &error);
     if (status == FOVEA_OK) return FV_EXIT_OK;
     return status == FOVEA_ERROR_SYSTEM ? fv_say_failed("%s", error.text)

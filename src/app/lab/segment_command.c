@@ -137,6 +137,9 @@ static enum fovea_status check(const struct asked *asked, char **paths, int coun
                                "segment: %s: found without %s, expected both",
                                asked->map == NULL ? "--evaluate" : "--classes-map",
                                asked->map == NULL ? "--classes-map" : "--evaluate");
+    if (fv_picture_check_name("segment: --draw", asked->draw, error) != FOVEA_OK ||
+        fv_picture_check_name("segment: --mask", asked->mask, error) != FOVEA_OK)
+        return FOVEA_ERROR_INPUT;
     char labels[1024] = "";
     if (single != NULL && asked->labels != NULL &&
         label_path(asked->labels, paths[0], labels, error) != FOVEA_OK)

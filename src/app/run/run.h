@@ -116,7 +116,8 @@ enum fovea_status fv_run_files_apart(const struct fv_run *run, struct fovea_erro
 /* Whether all outputs can be written; said before an hour's run, and before any file is replaced.
  * Complaints go to stderr. */
 enum fv_exit fv_run_files_check(const struct fv_run *run);
-/* With the source open, before any file is replaced: no output is a file that the source reads. */
+/* With the source open, before any file is replaced: no output is a file that the source reads,
+ * and pictures have names of PNG. */
 enum fovea_status fv_run_files_source(struct fv_run *run, struct fovea_error *error);
 
 /* run_status.c, on the thread that watches the loop: one line per change of the pose's state, and

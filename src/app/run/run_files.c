@@ -9,6 +9,7 @@
 #include "app/record/recording_file.h"
 #include "app/run/grid_file.h"
 #include "support/files.h"
+#include "support/picture.h"
 #include "support/say.h"
 
 enum {
@@ -138,14 +139,26 @@ static void picture_unasked(struct fv_run *run)
     run->picture_path = "none";
 }
 
+static enum fovea_status pictures_named(const struct written *written, struct fovea_error *error)
+{
+    enum fovea_status status = FOVEA_OK;
+    for (const struct fv_file *file = written->files;
+         status == FOVEA_OK && file - written->files < WRITTEN_MAX; file++)
+        if (file->option != NULL &&
+            (strcmp(file->option, "--picture") == 0 || strcmp(file->option, "--grid") == 0))
+            status = fv_picture_check_name(file->option, file->path, error);
+    return status;
+}
+
 enum fovea_status fv_run_files_source(struct fv_run *run, struct fovea_error *error)
 {
     struct written written;
     struct fv_files_watch watch;
     char added[FV_SETTINGS_PATH_BYTES + 2];
-    if (run->setup.ops->reads == NULL) return FOVEA_OK;
-    picture_unasked(run);
-    list_maps(run, &written, list_written(run, &written));
+    if (run->setup.ops->reads != NULL) picture_unasked(run);
+    const int count = list_written(run, &written);
+    if (run->setup.ops->reads == NULL) return pictures_named(&written, error);
+    list_maps(run, &written, count);
     /* A numbered recording replaces none: only the removal of old ones can meet a file of the
      * source. Without it one file is added to the folder, which the source may not take whole. */
     if (fv_recording_file_numbered(run->settings.record) && run->settings.record_keep == 0) {
@@ -154,7 +167,7 @@ enum fovea_status fv_run_files_source(struct fv_run *run, struct fovea_error *er
     }
     fv_files_watch(&watch, written.files, "--source", error);
     run->setup.ops->reads(run->setup.source, fv_files_visit, &watch);
-    return watch.status;
+    return watch.status == FOVEA_OK ? pictures_named(&written, error) : watch.status;
 }
 
 /* Better said now than after an hour, and before any result of an earlier run is cut. */

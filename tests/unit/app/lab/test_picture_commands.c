@@ -371,6 +371,23 @@ static void what_is_read_is_never_written_over(void **state)
     }
 }
 
+/* PNG in a file whose name says JPEG would be taken for what it is not. */
+static void names_of_other_pictures_are_refused(void **state)
+{
+    (void)state;
+    char other[96];
+    snprintf(other, sizeof other, "%s/out.jpg", folder);
+    assert_int_equal(CALL(fv_command_rectify, "rectify", in, other, "--camera", camera),
+                     FV_EXIT_WRONG);
+    assert_int_equal(CALL(fv_command_segment, "segment", "--model", "src/detect/segmenter.fvm",
+                          "--draw", other, in),
+                     FV_EXIT_WRONG);
+    assert_int_equal(CALL(fv_command_segment, "segment", "--model", "src/detect/segmenter.fvm",
+                          "--mask", other, in),
+                     FV_EXIT_WRONG);
+    assert_int_not_equal(access(other, F_OK), 0);
+}
+
 /* Standard output of the child is full: it ends with the status of what could not be written. */
 static void lost_output_is_reported(void **state)
 {
@@ -437,6 +454,7 @@ int main(void)
         cmocka_unit_test(all_formats_give_the_same_pixels),
         cmocka_unit_test(white_balance_is_an_operation),
         cmocka_unit_test(what_is_read_is_never_written_over),
+        cmocka_unit_test(names_of_other_pictures_are_refused),
         cmocka_unit_test(lost_output_is_reported),
         cmocka_unit_test(networks_without_boxes_are_reported), /* writes over the camera */
     };

@@ -222,6 +222,21 @@ static void heights_are_not_written_over_what_is_read(void **state)
     memset(settings, 0, sizeof settings);
 }
 
+/* Pictures are PNG: said before anything is written, not when an hour has gone. */
+static void names_of_other_pictures_are_refused(void **state)
+{
+    char source[FV_TEST_PATH_BYTES + 32], root[64];
+    (void)state;
+    snprintf(root, sizeof root, "%.40s/named", folder);
+    fv_test_make_folder(root);
+    snprintf(source, sizeof source, "euroc:%s", fv_test_euroc(root));
+    const uint64_t before = take_stock(folder);
+    assert_int_equal(run(source, "--picture", "drawn.JPG"), FV_EXIT_WRONG);
+    if (strstr(line, "--picture: found drawn.JPG, expected a name that ends in .png") == NULL)
+        fail_msg("%s", line);
+    assert_true(take_stock(folder) == before);
+}
+
 /* ---- maps ------------------------------------------------------------------------------------ */
 
 /* `--map LOADED --save-map m`; the files are no maps, so that every run ends with an error. */
@@ -280,6 +295,7 @@ int main(void)
         cmocka_unit_test(a_folder_of_images_takes_no_recordings),
         cmocka_unit_test(an_output_beside_a_data_set_is_written),
         cmocka_unit_test(heights_are_not_written_over_what_is_read),
+        cmocka_unit_test(names_of_other_pictures_are_refused),
         cmocka_unit_test(a_loaded_map_is_not_renamed_away),
     };
     return cmocka_run_group_tests(tests, set_up, fv_test_place_tear_down);
