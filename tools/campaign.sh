@@ -150,6 +150,18 @@ free_space() { # free_space PASSES
     make --no-print-directory "$build/tests/unit/drivers/test_sim_free_space" && FOVEA_LONG=$1 "$build/tests/unit/drivers/test_sim_free_space"
 }
 
+# The same by the shipped network: its masks in the loop, poses of two cameras.
+free_space_network() { # free_space_network PASSES
+    test=$build/tests/unit/drivers/test_sim_free_space
+    make --no-print-directory "$test" && FOVEA_SEGMENTER=src/detect/segmenter.fvm FOVEA_ONLY='*two_cameras' FOVEA_LONG=$1 "$test"
+}
+
+# Drives by the whole program and the planner that users copy, with masks of the shipped network.
+drive_network() { # drive_network FIRST HALLS NEEDED
+    [ -z "$sample" ] || rm -f "$done_folder/halls.txt"
+    make --no-print-directory all examples && python3 tests/campaign/halls.py "$build" "$done_folder/halls.txt" "$@"
+}
+
 # Sweeps of tools/evaluate: interrupted, with a worker killed, two versions side by side.
 sweeps() {
     make --no-print-directory "$build/venv-sweep/ready" && "$build/venv-sweep/bin/python" tests/evaluate/sweeps.py
@@ -186,6 +198,7 @@ if [ -n "$sample" ]; then
     part packets packets 50000
     part fuzz make --no-print-directory fuzz FUZZ_SECONDS="${FUZZ_SECONDS:-6}"
     part networks tools/check_networks.sh "$build" 1 best
+    part drive-network drive_network 7001 1 1
 else
     part realtime realtime 36000
     part hour $build/tests/campaign/wander 108000
@@ -208,6 +221,8 @@ else
     part revisits tools/evaluate/revisits.sh
     part sweeps sweeps
     part free_space free_space 20
+    part free_space-network free_space_network 20
+    part drive-network drive_network 7001 100 95
     part drive $build/tests/campaign/drive --first 6001 --worlds 100 --needed 95
     part drive-stereo $build/tests/campaign/drive --first 7001 --worlds 100 --needed 95 --stereo 1
     part packets packets 1000000

@@ -13,7 +13,8 @@
  * the points of the surfaces that odometry knows too; a second grid, of masks alone, is held beside
  * it: points may not make it worse. With FOVEA_SEGMENTER=FILE, a network whose classes are floor,
  * wall, obstacle, movable and other, masks of the passes with two cameras are that network's, run
- * in the loop. FOVEA_LONG=N: N passes of each kind at 640 x 480 and 30 Hz. FOVEA_PICTURES=DIR: the
+ * in the loop, and the limit of what is called free wrongly holds for all passes together.
+ * FOVEA_LONG=N: N passes of each kind at 640 x 480 and 30 Hz. FOVEA_PICTURES=DIR: the
  * last grid of each pass. FOVEA_ONLY=PATTERN: these tests alone. */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -533,6 +534,8 @@ static void whole_pass(int seed, const char *options, bool stereo, struct figure
 
 static void passes(int first, int count, const char *options, bool stereo)
 {
+    const bool pooled = getenv("FOVEA_SEGMENTER") != NULL;
+    int64_t occupied = 0, free_wrongly = 0;
     for (int seed = first; seed < first + count; seed++) {
         struct figures f, of_masks;
         whole_pass(seed, options, stereo, &f, &of_masks);
@@ -542,8 +545,14 @@ static void passes(int first, int count, const char *options, bool stereo)
         assert_true(f.free_wrongly <= of_masks.free_wrongly && f.marked >= of_masks.marked);
         assert_true((double)f.common * (double)of_masks.united >=
                     ((double)of_masks.common - 0.01 * (double)of_masks.united) * (double)f.united);
-        assert_true((double)f.free_wrongly <= 0.01 * (double)f.occupied);
+        occupied = f.occupied + (pooled ? occupied : 0);
+        free_wrongly = f.free_wrongly + (pooled ? free_wrongly : 0);
+        if (!pooled || seed + 1 == first + count)
+            assert_true((double)free_wrongly <= 0.01 * (double)occupied);
     }
+    if (count > 1 && pooled)
+        print_message("all passes: %d of %d occupied cells called free\n", (int)free_wrongly,
+                      (int)occupied);
 }
 
 static int long_passes(void)

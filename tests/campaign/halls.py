@@ -1,0 +1,76 @@
+#!/usr/bin/env python3
+"""Drives through unseen halls by the whole program: `fovea run` on sim:drive with two cameras, masks of the shipped network and the grid, and
+`navigate`, which sends velocity commands over LCM, in lock-step. A hall that is in RECORD is not driven again.
+
+Usage: halls.py BUILD RECORD FIRST HALLS NEEDED [FRAMES]     exit 0: in NEEDED of the halls FIRST, FIRST + 1 ... the goal was reached without a contact
+within 3 times the shortest way's time. FRAMES (6000): the run ends then, wherever the robot is.
+"""
+import os
+import re
+import subprocess
+import sys
+import time
+
+LATE = 3
+OPTIONS = ["--model", "src/detect/segmenter.fvm", "--set", "grid.enabled=true", "--set", "preview.period_frames=0", "--picture", "none",
+           "--set", "T_body_cam=[[0,-0.34202,0.939693,0.1],[-1,0,0,0],[0,-0.939693,-0.34202,0.8]]"]
+GOAL = re.compile(r"the goal is (-?[\d.]+) m ahead of the start and (-?[\d.]+) m to its left")
+END = re.compile(r"at the goal after ([\d.]+) s, contacts (\d+); the shortest way takes ([\d.]+) s")
+
+
+def goal_of(log, run):
+    """X and Y of the goal, which the run's first line states."""
+    for _ in range(300):
+        with open(log, encoding="utf-8") as file:
+            found = GOAL.search(file.read())
+        if found:
+            return found.groups()
+        if run.poll() is not None:
+            break
+        time.sleep(0.1)
+    with open(log, encoding="utf-8") as file:
+        sys.exit(f"halls.py: {log}: found no goal, expected the run's first line to state it: {file.read()[-300:]}")
+
+
+def drive(build, seed, frames, log):
+    """One hall: the seconds to the goal and of the shortest way, and contacts; None: the goal was not reached."""
+    url = f"udpm://239.255.77.2:{20000 + seed % 20000}?ttl=0"
+    source = f"sim:drive?commands=1&baseline=0.12&rate=10&seed={seed}"
+    with open(log, "w", encoding="utf-8") as file:
+        run = subprocess.Popen([f"{build}/fovea", "run", "--source", source, *OPTIONS, "--set", f"lcm_url={url}", "--frames", str(frames)],
+                               stdout=subprocess.DEVNULL, stderr=file)
+    planner = subprocess.Popen([f"{build}/examples/navigate", *goal_of(log, run), "--url", url], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    run.wait()
+    planner.terminate()
+    planner.wait()
+    with open(log, encoding="utf-8") as file:
+        found = END.search(file.read())
+    return (float(found[1]), float(found[3]), int(found[2])) if found else None
+
+
+def main():
+    if len(sys.argv) not in (6, 7):
+        sys.exit(__doc__)
+    build, record = sys.argv[1:3]
+    first, halls, needed = map(int, sys.argv[3:6])
+    frames = int(sys.argv[6]) if len(sys.argv) == 7 else 6000
+    done = {}
+    if os.path.exists(record):
+        with open(record, encoding="utf-8") as file:
+            done = {int(line.split()[0]): line for line in file}
+    for seed in range(first, first + halls):
+        if seed not in done:
+            end = drive(build, seed, frames, f"{record}.run")
+            done[seed] = f"{seed} {end[0]} {end[1]} {end[2]}\n" if end else f"{seed} no goal\n"
+            with open(record, "a", encoding="utf-8") as file:
+                file.write(done[seed])
+        print(done[seed], end="", flush=True)
+    ends = [done[seed].split()[1:] for seed in range(first, first + halls)]
+    ends = [(float(e[0]), float(e[1]), int(e[2])) for e in ends if e[0] != "no"]
+    good = sum(contacts == 0 and took <= LATE * shortest for took, shortest, contacts in ends)
+    print(f"{halls} halls: {len(ends)} at the goal, {sum(e[2] == 0 for e in ends)} of them without a contact, {good} of these in time; expected {needed}")
+    sys.exit(0 if good >= needed else 1)
+
+
+if __name__ == "__main__":
+    main()
