@@ -6,7 +6,7 @@
 #include "geometry/vec.h"
 #include "inertial/stamp.h"
 
-enum { SIZE = FV_IMU_CLOCK_SIZE, TURN = 0, BIAS = 3, OFFSET = 6, REFUSED_MAX = 5 };
+enum { SIZE = FV_IMU_CLOCK_SIZE, TURN = 0, BIAS = 3, OFFSET = 6, MOUNT = 7, REFUSED_MAX = 5 };
 
 static const int64_t gap_max_ns = 60000000;
 static const double offset_sigma_begin_s = 0.03, offset_max_s = 0.1;
@@ -16,8 +16,10 @@ static const double bias_sigma_begin = 0.1, attitude_sigma_begin = 1;
 static const double turn_sigma_least = 2e-4, world_drift = 7e-4;
 static const double bias_walk_least =
     1e-4; /* rad/s by root s: of the gyro, or of what stands for it */
-static const double offset_drift = 1e-5;   /* s by root s: clocks that run apart */
-static const double doubt_factor = 3;      /* of the sigma, where frames do not fit */
+static const double offset_drift = 1e-5; /* s by root s: clocks that run apart */
+static const double doubt_factor = 3;    /* of the sigma, where frames do not fit */
+/* Errors of gyro and camera that grow with the turn, rad after 1 rad: scale, misalignment. */
+static const double turn_error = 0.003;
 static const double innovation_max = 16.3; /* chi square of 3 at 0.1 % */
 
 static double *at(struct fv_imu_clock *clock, int row, int column)
@@ -34,17 +36,21 @@ static void forget(struct fv_imu_clock *clock, int first, int count, double sigm
     }
 }
 
+static const double identity[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+
 static void begin_sum(struct fv_imu_clock *clock)
 {
-    static const double identity[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
     clock->time_s = 0;
     memcpy(clock->turn, identity, sizeof identity);
     memset(clock->turn_bias, 0, sizeof clock->turn_bias);
 }
 
-void fv_imu_clock_init(struct fv_imu_clock *clock)
+void fv_imu_clock_init(struct fv_imu_clock *clock, double mount_sigma)
 {
     memset(clock, 0, sizeof *clock);
+    clock->mount_sigma = mount_sigma;
+    memcpy(clock->mount, identity, sizeof identity);
+    forget(clock, MOUNT, 3, mount_sigma);
     forget(clock, BIAS, 3, bias_sigma_begin);
     forget(clock, OFFSET, 1, offset_sigma_begin_s);
     fv_imu_clock_restart(clock);
@@ -68,6 +74,23 @@ void fv_imu_clock_jump(struct fv_imu_clock *clock)
 double fv_imu_clock_sigma(const struct fv_imu_clock *clock)
 {
     return __builtin_sqrt(clock->P[OFFSET * (SIZE + 1)]);
+}
+
+void fv_imu_clock_mount(const struct fv_imu_clock *clock, struct fv_imu_clock_mount *mount)
+{
+    double variance = 0, diagonal = 0;
+    fv_so3_log(clock->mount, mount->error);
+    mount->angle = __builtin_sqrt(fv_dot3(mount->error, mount->error));
+    for (int i = 0; i < 3; i++) {
+        for (int k = 0; k < 3; k++)
+            variance +=
+                mount->error[i] * clock->P[(MOUNT + i) * SIZE + MOUNT + k] * mount->error[k];
+        const double own = clock->P[(MOUNT + i) * (SIZE + 1)];
+        mount->sigma[i] = __builtin_sqrt(own);
+        diagonal = own > diagonal ? own : diagonal;
+    }
+    mount->angle_sigma =
+        __builtin_sqrt(mount->angle > 0 ? variance / (mount->angle * mount->angle) : diagonal);
 }
 
 /* ---- samples --------------------------------------------------------------------------------- */
@@ -180,6 +203,13 @@ static void propagate(struct fv_imu_clock *clock, const struct fv_imu_clock_nois
         *at(clock, TURN + i, TURN + i) += t * (noise->gyro + world_drift * world_drift);
         *at(clock, BIAS + i, BIAS + i) += t * walk;
     }
+    if (clock->mount_sigma > 0) {
+        double rate[3];
+        fv_subtract3(clock->rate, clock->bias, rate);
+        const double turned = t * __builtin_sqrt(fv_dot3(rate, rate));
+        for (int i = 0; i < 3; i++)
+            *at(clock, TURN + i, TURN + i) += turned * turn_error * turn_error;
+    }
     *at(clock, OFFSET, OFFSET) += t * offset_drift * offset_drift;
     fv_multiply33(clock->attitude, clock->turn, attitude);
     memcpy(clock->attitude, attitude, sizeof attitude);
@@ -201,12 +231,21 @@ static bool invert(const double S[9], double inverse[9])
     return true;
 }
 
+static void turn_by(double R[9], const double step[3])
+{
+    double E[9], turned[9];
+    fv_so3_exp(step, E);
+    fv_multiply33(R, E, turned);
+    memcpy(R, turned, sizeof turned);
+}
+
 static void move(struct fv_imu_clock *clock, const double step[SIZE])
 {
-    double E[9], attitude[9];
-    fv_so3_exp(step + TURN, E);
-    fv_multiply33(clock->attitude, E, attitude);
-    memcpy(clock->attitude, attitude, sizeof attitude);
+    turn_by(clock->attitude, step + TURN);
+    if (clock->mount_sigma > 0) {
+        turn_by(clock->mount, step + MOUNT);
+        fv_so3_orthonormalise(clock->mount);
+    }
     for (int i = 0; i < 3; i++)
         clock->bias[i] += step[BIAS + i];
     clock->offset_s += step[OFFSET];
@@ -232,24 +271,35 @@ static void correct(struct fv_imu_clock *clock, const double PH[SIZE * 3], const
     move(clock, step);
 }
 
-/* The frame shows error - rate times the offset's error. False: it does not fit. */
+/* R_world_imu of a frame by the mount so far. */
+static void attitude_of(const struct fv_imu_clock *clock, const struct fv_imu_clock_frame *frame,
+                        double R[9])
+{
+    memcpy(R, frame->R, sizeof frame->R);
+    if (clock->mount_sigma > 0) fv_multiply33(frame->R, clock->mount, R);
+}
+
+/* The frame shows error - rate times the offset's error - the mount's error. False: it does not
+ * fit. */
 static bool measure(struct fv_imu_clock *clock, const struct fv_imu_clock_frame *frame)
 {
-    double rate[3], PH[SIZE * 3], S[9], inverse[9], difference[9], r[3], weighted[3];
+    double rate[3], seen[9], PH[SIZE * 3], S[9], inverse[9], difference[9], r[3], weighted[3];
+    attitude_of(clock, frame, seen);
     fv_subtract3(clock->rate, clock->bias, rate);
     for (int i = 0; i < SIZE; i++)
         for (int c = 0; c < 3; c++)
-            PH[3 * i + c] = *at(clock, i, TURN + c) - *at(clock, i, OFFSET) * rate[c];
+            PH[3 * i + c] = *at(clock, i, TURN + c) - *at(clock, i, OFFSET) * rate[c] -
+                            *at(clock, i, MOUNT + c);
     for (int i = 0; i < 3; i++)
         for (int c = 0; c < 3; c++)
-            S[3 * i + c] = PH[3 * (TURN + i) + c] - rate[i] * PH[3 * OFFSET + c] +
-                           frame->covariance[3 * i + c] +
+            S[3 * i + c] = PH[3 * (TURN + i) + c] - rate[i] * PH[3 * OFFSET + c] -
+                           PH[3 * (MOUNT + i) + c] + frame->covariance[3 * i + c] +
                            (i == c ? turn_sigma_least * turn_sigma_least : 0);
     for (int i = 0; i < 3; i++)
         for (int c = 0; c < 3; c++)
-            difference[3 * i + c] = clock->attitude[i] * frame->R[c] +
-                                    clock->attitude[3 + i] * frame->R[3 + c] +
-                                    clock->attitude[6 + i] * frame->R[6 + c];
+            difference[3 * i + c] = clock->attitude[i] * seen[c] +
+                                    clock->attitude[3 + i] * seen[3 + c] +
+                                    clock->attitude[6 + i] * seen[6 + c];
     fv_so3_log(difference, r);
     if (!invert(S, inverse)) return false;
     fv_rotate3(inverse, r, weighted);
@@ -275,12 +325,25 @@ static void begin(struct fv_imu_clock *clock, const struct fv_imu_clock_frame *f
     while (clock->sample_count > 1 && sample_at(clock, 1)->stamp_ns <= at_ns)
         drop_sample(clock);
     if (clock->sample_count < 1 || sample_at(clock, 0)->stamp_ns > at_ns) return;
-    memcpy(clock->attitude, frame->R, sizeof frame->R);
+    attitude_of(clock, frame, clock->attitude);
     fv_copy3(sample_at(clock, 0)->gyro, clock->rate);
     begin_sum(clock);
     clock->reached_ns = at_ns;
     clock->begun = 1;
     (void)measure(clock, frame);
+}
+
+static void doubt_mount(struct fv_imu_clock *clock)
+{
+    const double most = clock->mount_sigma * clock->mount_sigma;
+    double P[3];
+    for (int i = 0; i < 3; i++) {
+        P[i] = *at(clock, MOUNT + i, MOUNT + i) * doubt_factor * doubt_factor;
+        P[i] = P[i] < most ? P[i] : most;
+    }
+    forget(clock, MOUNT, 3, 0);
+    for (int i = 0; i < 3; i++)
+        *at(clock, MOUNT + i, MOUNT + i) = P[i];
 }
 
 /* What led to frames that do not fit may be wrong too. */
@@ -290,6 +353,7 @@ static void doubt(struct fv_imu_clock *clock)
                  most = offset_sigma_begin_s * offset_sigma_begin_s;
     forget(clock, OFFSET, 1, __builtin_sqrt(P < most ? P : most));
     forget(clock, BIAS, 3, bias_sigma_begin);
+    if (clock->mount_sigma > 0) doubt_mount(clock);
 }
 
 static void use(struct fv_imu_clock *clock, const struct fv_imu_clock_noise *noise,

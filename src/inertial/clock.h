@@ -1,5 +1,5 @@
 /* How far the clocks of camera and inertial sensor are apart, beyond the offset that the rig
- * states: found online from turns.
+ * states, and by which rotation the sensor is off its stated place: found online from turns.
  *
  * While the sensor turns at a changing rate, the camera's attitudes follow those that the gyro
  * sums up only where the stamps of both are of one clock: an offset of dt shows as the rate times
@@ -12,11 +12,24 @@
  * them the attitude begins anew, the bias and the offset stay. A turn at a constant rate looks as
  * another attitude does, and standing as nothing: the sigma stays large.
  *
+ * A clock with a `mount_sigma` also estimates the mount error: the rotation R_stated_true between
+ * the sensor's frame as the rig states it and the true one, three more states, in rad, in the
+ * sensor's axes (R_cam_true = R_cam_stated R_stated_true; to first order the axes of both frames
+ * are the same). A frame's attitude is that of the stated frame; the gyro turns the true one. With
+ * errors e of the attitude and d of the mount, both on the right, a frame shows e - d, and a turn E
+ * between two frames shows (E^T - I) d: nothing of d along the axis of E. So the sigma about an
+ * axis stays large until the sensor turns about another one (hand-eye calibration: R. Tsai, R.
+ * Lenz, 1989). A scale error of gyro or lens adds errors in proportion to the turn, and so does
+ * the noise of this filter.
+ *
+ * A `mount_sigma` of 0 states that the mount is right; the offset then has the same bits as that of
+ * a filter without the three states.
+ *
  * Units: seconds, rad, rad/s; the sign is that of fovea_rig_imu.time_offset_ns: `offset_s` is to
- * be added to a sample's stamp besides. Attitudes are of the sensor's frame in `world`, errors on
- * the right. Frames wait until the samples have reached them. State holds no addresses. Real-time
- * safe: fixed memory, some 2,000 multiplications a frame and 200 a sample; same bits on every
- * machine. */
+ * be added to a sample's stamp besides. Attitudes are of the sensor's true frame in `world`,
+ * errors on the right. Frames wait until the samples have reached them. State holds no addresses.
+ * Real-time safe: fixed memory, some 4,000 multiplications a frame and 200 a sample; same bits on
+ * every machine. */
 #ifndef FOVEA_INERTIAL_CLOCK_H
 #define FOVEA_INERTIAL_CLOCK_H
 
@@ -32,7 +45,7 @@ extern "C" {
 enum {
     FV_IMU_CLOCK_SAMPLES_MAX = 256, /* that wait for a frame; the oldest is used at once then */
     FV_IMU_CLOCK_FRAMES_MAX = 8,    /* that wait for samples; the oldest is left out then */
-    FV_IMU_CLOCK_SIZE = 7           /* errors of the attitude and of the bias; offset */
+    FV_IMU_CLOCK_SIZE = 10          /* errors of the attitude and of the bias; offset; mount */
 };
 
 struct fv_imu_clock_sample {
@@ -43,7 +56,7 @@ struct fv_imu_clock_sample {
 /* Where the camera is turned to, as the sensor would be. */
 struct fv_imu_clock_frame {
     int64_t stamp_ns;
-    double R[9];          /* R_world_imu */
+    double R[9];          /* R_world_imu, by the stated mount */
     double covariance[9]; /* of a small turn on its right, in the sensor's frame, rad^2 */
 };
 
@@ -54,6 +67,8 @@ struct fv_imu_clock {
     int64_t reached_ns; /* samples are summed up to here, on the stated clock */
     double attitude[9]; /* R_world_imu at the last frame */
     double bias[3], offset_s;
+    double mount_sigma; /* at the beginning, rad, per axis; 0: the mount is right */
+    double mount[9];    /* R_stated_true */
     double P[FV_IMU_CLOCK_SIZE * FV_IMU_CLOCK_SIZE];
     /* since the last frame */
     double time_s, turn[9], turn_bias[9]; /* the derivative of its error on the right */
@@ -68,7 +83,7 @@ struct fv_imu_clock_noise {
     double gyro, gyro_walk;
 };
 
-void fv_imu_clock_init(struct fv_imu_clock *clock);
+void fv_imu_clock_init(struct fv_imu_clock *clock, double mount_sigma);
 /* The camera's world became another: its attitudes begin anew. */
 void fv_imu_clock_restart(struct fv_imu_clock *clock);
 /* The sensor's clock leapt: what is known of the offset is void, unlike the bias. */
@@ -80,6 +95,12 @@ void fv_imu_clock_frame(struct fv_imu_clock *clock, const struct fv_imu_clock_no
                         const struct fv_imu_clock_frame *frame);
 /* One standard deviation of offset_s. */
 double fv_imu_clock_sigma(const struct fv_imu_clock *clock);
+
+struct fv_imu_clock_mount {
+    double error[3], sigma[3]; /* log(R_stated_true), rad, and one standard deviation per axis */
+    double angle, angle_sigma; /* of `error`, and one standard deviation along it */
+};
+void fv_imu_clock_mount(const struct fv_imu_clock *clock, struct fv_imu_clock_mount *mount);
 
 #ifdef __cplusplus
 }

@@ -1,6 +1,7 @@
 /* The loop: one step per frame, then work. */
 #include <string.h>
 
+#include "geometry/vec.h"
 #include "odometry/rolling.h"
 #include "runtime/encode_pose.h"
 #include "runtime/jobs.h"
@@ -402,6 +403,12 @@ void fovea_imu_status_get(const struct fovea *rt, struct fovea_imu_status *statu
     status->time_offset_s = offset.offset_s;
     status->time_offset_sigma_s = offset.sigma_s;
     status->time_offset_used_s = offset.used_s;
+    struct fv_inertial_stage_mount mount;
+    if (!fv_inertial_stage_mount(&rt->inertial, &mount)) return;
+    fv_copy3(mount.found.error, status->mount_error);
+    fv_copy3(mount.found.sigma, status->mount_sigma);
+    status->mount_angle_sigma = mount.found.angle_sigma;
+    status->mount_wrong = mount.wrong;
 }
 
 uint32_t fovea_keyframes_get(const struct fovea *rt, struct fovea_keyframe *list,

@@ -62,8 +62,7 @@ void fv_inertial_stage_init(struct fv_inertial_stage *stage)
 {
     fv_inertial_init(&stage->estimator);
     fv_imu_still_init(&stage->state->still);
-    fv_imu_clock_init(&stage->clock->found);
-    stage->clock->moved_ns = 0;
+    fv_inertial_stage_init_clocks(stage);
 }
 
 /* ---- samples --------------------------------------------------------------------------------- */
@@ -85,9 +84,11 @@ void fv_inertial_stage_observe(struct fv_inertial_stage *stage, const struct fv_
         if (gate->clean[i].notes & FV_IMU_AFTER_JUMP) {
             break_off(stage);
             fv_imu_clock_jump(&stage->clock->found);
+            fv_imu_clock_jump(&stage->clock->mounted);
             stage->clock->moved_ns = 0;
         }
         fv_imu_clock_take(&stage->clock->found, &reading);
+        fv_imu_clock_take(&stage->clock->mounted, &reading);
         if (__builtin_add_overflow(reading.stamp_ns, stage->clock->moved_ns, &reading.stamp_ns))
             continue;
         fv_inertial_stage_still_take(stage, &reading);
@@ -131,6 +132,7 @@ static void enter(struct fv_inertial_stage *stage, const struct fv_odometry *odo
     s->metric = fv_map_metric(fv_odometry_map(odometry));
     restart(stage);
     fv_imu_clock_restart(&stage->clock->found);
+    fv_imu_clock_restart(&stage->clock->mounted);
 }
 
 /* Samples go by another clock from now on: begin anew, and doubt what is claimed. */

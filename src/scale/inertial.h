@@ -62,10 +62,13 @@ struct fv_inertial_known {
     double covariance[21];    /* of T_last_now, as that of struct fovea_pose */
 };
 
-/* Of clocks; it outlasts maps. */
+/* Of clocks and mount; it outlasts maps. The offset comes of a filter that takes the mount as
+ * stated until the mount is wrong, then of the one that estimates both. */
 struct fv_inertial_stage_clock {
-    struct fv_imu_clock found;
-    int64_t moved_ns; /* added to samples' stamps besides what the rig states */
+    struct fv_imu_clock found, mounted;
+    int64_t moved_ns;       /* added to samples' stamps besides what the rig states */
+    int64_t mount_since_ns; /* since when the mount is significantly off; 0: it is not */
+    bool mount_wrong;       /* it was for a while, and stays so */
 };
 
 struct fv_inertial_stage_state {
@@ -128,8 +131,17 @@ struct fv_inertial_stage_offset {
 bool fv_inertial_stage_offset(const struct fv_inertial_stage *stage,
                               struct fv_inertial_stage_offset *offset);
 
+/* By which rotation the sensor is off the rig's T_body_imu. False: no inertial stage. */
+struct fv_inertial_stage_mount {
+    struct fv_imu_clock_mount found;
+    bool wrong; /* significantly, at some time: calibrate again */
+};
+bool fv_inertial_stage_mount(const struct fv_inertial_stage *stage,
+                             struct fv_inertial_stage_mount *mount);
+
 /* ---- between the stage's own files ----------------------------------------------------------- */
 
+void fv_inertial_stage_init_clocks(struct fv_inertial_stage *stage);
 /* After a frame with a pose: from now on samples are moved by clock->moved_ns. True: that is so far
  * from what it was that nothing of before holds. */
 bool fv_inertial_stage_compare_clocks(struct fv_inertial_stage *stage,

@@ -1,5 +1,6 @@
 #include "app/run/pose_watch.h"
 
+#include <math.h>
 #include <string.h>
 
 #include "app/run/timing.h"
@@ -95,10 +96,24 @@ static void time_note(struct fv_watch *watch, const struct fovea_inputs *inputs)
     if (!__builtin_sub_overflow(now_ns, watch->last_ns, &gap) && gap > 0) watch->last_ns = now_ns;
 }
 
+/* Once: what is known when the mount is first wrong. */
+static void mount_note(struct fv_watch *watch, const struct fovea_imu_status *imu)
+{
+    const double mdeg = 1e3 * 180 / 3.14159265358979323846, *e = imu->mount_error;
+    if (!imu->mount_wrong || atomic_load_explicit(&watch->imu_turned_mdeg, memory_order_relaxed))
+        return;
+    atomic_store_explicit(&watch->imu_turned_sigma_mdeg, (int64_t)(imu->mount_angle_sigma * mdeg),
+                          memory_order_relaxed);
+    atomic_store_explicit(&watch->imu_turned_mdeg,
+                          (int64_t)(sqrt(e[0] * e[0] + e[1] * e[1] + e[2] * e[2]) * mdeg),
+                          memory_order_release);
+}
+
 static void imu_note(struct fv_watch *watch, const struct fovea *rt)
 {
     struct fovea_imu_status imu;
     fovea_imu_status_get(rt, &imu);
+    mount_note(watch, &imu);
     atomic_store_explicit(&watch->imu_state, (int)imu.state, memory_order_relaxed);
     const int64_t moved_ns = (int64_t)(imu.time_offset_used_s * 1e9);
     if (moved_ns == atomic_load_explicit(&watch->imu_moved_ns, memory_order_relaxed)) return;

@@ -58,7 +58,8 @@ struct fv_watch {
     _Atomic uint64_t changes_lost; /* that found no room */
     _Atomic int now_state, source_state, imu_state;
     _Atomic int64_t imu_moved_ns, imu_moved_sigma_ns; /* samples, against what the rig states */
-    _Atomic int64_t lasts_ns;                         /* how long the state has lasted */
+    _Atomic int64_t imu_turned_mdeg, imu_turned_sigma_mdeg; /* of its mount, where wrong; or 0 */
+    _Atomic int64_t lasts_ns;                               /* how long the state has lasted */
     _Atomic uint32_t landmarks, keyframes, closures, merges, detections;
     _Atomic int calibration;               /* enum fovea_calibration_state */
     _Atomic uint32_t calibration_verdicts; /* other than OK, so far */

@@ -101,6 +101,12 @@ static void imu_json(FILE *file, const struct fovea_imu_status *imu)
                 ", \"time_offset_s\": %.6f, \"time_offset_sigma_s\": %.6f, "
                 "\"time_offset_used_s\": %.6f",
                 imu->time_offset_s, imu->time_offset_sigma_s, imu->time_offset_used_s);
+    if (imu->mount_angle_sigma > 0)
+        fprintf(file,
+                ", \"mount_error\": [%.6f, %.6f, %.6f], \"mount_sigma\": [%.6f, %.6f, %.6f], "
+                "\"mount_wrong\": %s",
+                imu->mount_error[0], imu->mount_error[1], imu->mount_error[2], imu->mount_sigma[0],
+                imu->mount_sigma[1], imu->mount_sigma[2], imu->mount_wrong ? "true" : "false");
     fprintf(file, "},\n");
 }
 
@@ -208,7 +214,19 @@ static void imu_clock(FILE *file, const struct fovea_imu_status *imu)
             imu->time_offset_used_s == 0 ? "" : ", samples were moved", imu->time_offset_s * 1e9);
 }
 
-static void imu_troubles(FILE *file, const struct fovea_imu_status *imu)
+static void imu_mount(FILE *file, const struct fovea_imu_status *imu, const char *calibration)
+{
+    const double degrees = 180 / 3.14159265358979323846, *e = imu->mount_error;
+    if (!imu->mount_wrong) return;
+    fprintf(
+        file,
+        "  the inertial sensor is turned by %.1f degrees (sigma %.1f) against T_body_imu of %s: "
+        "calibrate again\n",
+        sqrt(e[0] * e[0] + e[1] * e[1] + e[2] * e[2]) * degrees, imu->mount_angle_sigma * degrees,
+        calibration);
+}
+
+static void imu_troubles(FILE *file, const struct fovea_imu_status *imu, const char *calibration)
 {
     struct imu_row rows[IMU_ROWS];
     if (imu->state == FOVEA_IMU_NONE) return;
@@ -223,6 +241,7 @@ static void imu_troubles(FILE *file, const struct fovea_imu_status *imu)
         fprintf(file, "; its clock leapt %" PRIu64 " times", imu->counts.jumps);
     fprintf(file, "\n");
     imu_clock(file, imu);
+    imu_mount(file, imu, calibration);
 }
 
 void fv_report_summary(FILE *file, const struct fv_report *report)
@@ -234,7 +253,7 @@ void fv_report_summary(FILE *file, const struct fv_report *report)
             report->source, report->width, report->height, loop->counts.processed, seconds,
             seconds > 0.0 ? (double)loop->counts.processed / seconds : 0.0, report->kernel_set);
     troubles(file, loop);
-    imu_troubles(file, &report->imu);
+    imu_troubles(file, &report->imu, report->imu_calibration);
     fprintf(file, "  %-10s %8s %8s %8s %8s   ms of processor time\n", "", "mean", "p50", "p99",
             "max");
     for (int i = 0; i < FOVEA_STAGE_COUNT; i++)

@@ -16,6 +16,7 @@ struct fv_report {
     size_t block_bytes;
     uint64_t resident_bytes, resident_max_bytes, anonymous_bytes;
     struct fovea_imu_status imu;          /* at the end */
+    const char *imu_calibration;          /* the file or source that states its place */
     const struct fv_transport_sent *sent; /* after fv_transport_finish */
 };
 
@@ -29,7 +30,8 @@ void fv_report_summary(FILE *file, const struct fv_report *report);
 /* JSON: frames {in processed dropped posed lost ...}; stages by name, step, work, frame, each
  * with mean_ns p50_ns p99_ns max_ns of the loop thread's CPU time and the same of wall time as
  * wall_*; memory; lcm: per channel the messages offered, sent and dropped by reason;
- * imu, where the rig has an inertial sensor: its state and what became of its samples;
+ * imu, where the rig has an inertial sensor: its state, what became of its samples, and how far
+ * its clock and its mount are off, as in struct fovea_imu_status;
  * heap_calls_after_init (null where this build cannot count). Frames that were
  * dropped came too late or were lost by the source; posed and lost count frames with and without
  * a pose, of those for which one was sought. */

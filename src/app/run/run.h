@@ -89,6 +89,7 @@ struct fv_run {
     struct fv_watch watch;
     uint32_t calibration_said; /* verdicts on the calibration */
     int imu_said;              /* enum fovea_imu_state */
+    bool imu_turned_said;      /* that its mount is wrong */
     int64_t imu_moved_said;    /* nanoseconds, of the clocks' offset that is used */
     struct fv_snapshot snapshot;
     struct fv_final *final;
@@ -127,6 +128,8 @@ struct fv_run_pace {
     uint64_t frames; /* taken by then */
 };
 void fv_run_changes_say(struct fv_run *run);
+/* The file that states where the inertial sensor is, or the source that does. */
+const char *fv_run_imu_calibration(const struct fv_run *run);
 void fv_run_status_show(struct fv_run *run, struct fv_run_pace *pace);
 
 /* run_reload.c. Before set-up: keep the settings, where a service manager may ask to read them

@@ -334,6 +334,7 @@ enum fv_exit fv_run_report(struct fv_run *run)
     struct fv_report report = {
         .sent = &sent,
         .source = run->settings.source,
+        .imu_calibration = fv_run_imu_calibration(run),
         .kernel_set = fovea_cpu_name(run->loop.rt),
         .width = run->settings.runtime.rig.cameras[0].camera.width,
         .height = run->settings.runtime.rig.cameras[0].camera.height,

@@ -59,6 +59,25 @@ static void imu_moved_say(struct fv_run *run)
                 (double)atomic_load(&run->watch.imu_moved_sigma_ns) * 1e-6);
 }
 
+const char *fv_run_imu_calibration(const struct fv_run *run)
+{
+    return run->settings.imu_file[0] != '\0' ? run->settings.imu_file : run->settings.source;
+}
+
+/* The rotation of the sensor's mount is another than the rig states. */
+static void imu_turned_say(struct fv_run *run)
+{
+    const int64_t turned_mdeg = atomic_load(&run->watch.imu_turned_mdeg);
+    if (turned_mdeg == 0 || run->imu_turned_said) return;
+    run->imu_turned_said = true;
+    if (run->quiet) return;
+    fv_say_word(FV_SAY_RED, "inertial sensor",
+                " is turned by %.1f degrees (sigma %.1f) against T_body_imu of %s: calibrate again",
+                (double)turned_mdeg * 1e-3,
+                (double)atomic_load(&run->watch.imu_turned_sigma_mdeg) * 1e-3,
+                fv_run_imu_calibration(run));
+}
+
 /* A terminal that takes nothing costs one wait per call, since files are written meanwhile. */
 void fv_run_changes_say(struct fv_run *run)
 {
@@ -73,6 +92,7 @@ void fv_run_changes_say(struct fv_run *run)
         fv_say("%" PRIu64 " more changes of state: they came too fast to be listed", lost);
     imu_say(run);
     imu_moved_say(run);
+    imu_turned_say(run);
     const char *reason = fv_watch_calibration(&run->watch, &run->calibration_said);
     if (reason != NULL && !run->quiet) fv_say_word(FV_SAY_RED, "calibration", ": %s", reason);
 }

@@ -20,13 +20,14 @@ static const double gyro_noise = 1.7e-4, frame_sigma = 1e-3;
 static const struct fv_imu_clock_noise noise = {1.7e-4 * 1.7e-4, 2e-5 * 2e-5};
 static const double bias[3] = {0.02, -0.01, 0.03};
 
-enum motion { STAND, EVEN, SHAKEN };
+enum motion { STAND, EVEN, SHAKEN, ROLLED };
 
 /* Rate at a time on the camera's clock, rad/s. */
 static void rate_at(enum motion motion, double t, double rate[3])
 {
     for (int i = 0; i < 3; i++) {
         rate[i] = motion == STAND ? 0 : 0.3 * (i + 1);
+        if (motion == ROLLED) rate[i] = i == 0 ? 0.5 * sin(1.1 * t) : 0;
         if (motion == SHAKEN) rate[i] = 0.5 * sin((1.1 + 0.7 * i) * t + i);
     }
 }
@@ -35,18 +36,28 @@ struct world {
     struct fv_imu_clock clock;
     struct fv_random random;
     enum motion motion;
-    double R[9]; /* of the sensor now */
+    double R[9];     /* of the sensor now, as it is stated to be mounted */
+    double mount[9]; /* R_stated_true */
+    double scale;    /* of what the gyro says */
     int64_t now_ns;
 };
 
-static void begin(struct world *world, enum motion motion, uint64_t seed)
+static void begin_mounted(struct world *world, enum motion motion, uint64_t seed,
+                          double mount_sigma)
 {
     static const double identity[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
     memset(world, 0, sizeof *world);
-    fv_imu_clock_init(&world->clock);
+    fv_imu_clock_init(&world->clock, mount_sigma);
+    memcpy(world->mount, identity, sizeof identity);
+    world->scale = 1;
     fv_random_seed(&world->random, seed);
     world->motion = motion;
     memcpy(world->R, identity, sizeof identity);
+}
+
+static void begin(struct world *world, enum motion motion, uint64_t seed)
+{
+    begin_mounted(world, motion, seed, 0);
 }
 
 static void turn_on(struct world *world, int64_t step_ns)
@@ -67,9 +78,12 @@ static void turn_on(struct world *world, int64_t step_ns)
 static void sample(struct world *world, double offset_s)
 {
     struct fv_imu_reading reading = {.stamp_ns = world->now_ns - (int64_t)(offset_s * 1e9)};
-    rate_at(world->motion, (double)world->now_ns * 1e-9, reading.gyro);
+    double stated[3];
+    rate_at(world->motion, (double)world->now_ns * 1e-9, stated);
+    fv_rotate_back3(world->mount, stated, reading.gyro);
     for (int i = 0; i < 3; i++)
-        reading.gyro[i] += bias[i] + gyro_noise * sqrt(200) * fv_random_normal(&world->random);
+        reading.gyro[i] = world->scale * reading.gyro[i] + bias[i] +
+                          gyro_noise * sqrt(200) * fv_random_normal(&world->random);
     fv_imu_clock_take(&world->clock, &reading);
 }
 
@@ -188,6 +202,98 @@ static void test_samples_without_frames(void **state)
     assert_true(fv_imu_clock_sigma(&world.clock) < 1e-3);
 }
 
+/* ---- the mount ------------------------------------------------------------------------------- */
+
+static const double degree = 3.14159265358979 / 180, mount_sigma = 0.1;
+
+static void begin_turned(struct world *world, enum motion motion, uint64_t seed,
+                         const double turned[3])
+{
+    begin_mounted(world, motion, seed, mount_sigma);
+    fv_so3_exp(turned, world->mount);
+}
+
+/* Squared error over variance, summed over the axes; *off: the error, rad. */
+static double mount_nees(const struct world *world, const double turned[3], double *off)
+{
+    struct fv_imu_clock_mount mount;
+    double sum = 0, squared = 0;
+    fv_imu_clock_mount(&world->clock, &mount);
+    for (int i = 0; i < 3; i++) {
+        const double d = mount.error[i] - turned[i];
+        squared += d * d;
+        sum += d * d / (mount.sigma[i] * mount.sigma[i]);
+    }
+    *off = sqrt(squared);
+    return sum;
+}
+
+/* Together with the offset between the clocks. */
+static void test_a_wrong_mount_is_found_within_its_sigma(void **state)
+{
+    (void)state;
+    double nees = 0;
+    for (uint64_t seed = 1; seed <= 30; seed++) {
+        static struct world world;
+        struct fv_imu_clock_mount mount;
+        double turned[3] = {0}, off;
+        const double angle = (seed & 1 ? 5 : -5) * degree, offset_s = 1e-3 * ((double)seed - 15);
+        turned[seed % 3] = seed > 27 ? 3 * angle : angle;
+        begin_turned(&world, SHAKEN, seed, turned);
+        go(&world, 10, offset_s, 1e9);
+        nees += mount_nees(&world, turned, &off) / 30;
+        fv_imu_clock_mount(&world.clock, &mount);
+        assert_true(off < 1 * degree);
+        assert_true(mount.angle_sigma < 0.5 * degree);
+        assert_true(fv_abs(mount.angle - fv_abs(turned[seed % 3])) < 4 * mount.angle_sigma);
+        assert_true(error_of(&world, offset_s) < 4 * fv_imu_clock_sigma(&world.clock));
+        assert_true(fv_imu_clock_sigma(&world.clock) < 5e-3);
+    }
+    assert_true(nees < 4.5);
+}
+
+/* Neither the offset between the clocks nor a gyro that says 1 % too much is taken for a turn. */
+static void test_a_right_mount_stays_right(void **state)
+{
+    (void)state;
+    static const double none[3] = {0};
+    for (uint64_t seed = 1; seed <= 30; seed++) {
+        static struct world world;
+        double off;
+        begin_turned(&world, SHAKEN, seed, none);
+        world.scale = seed % 3 == 0 ? 1.01 : 1;
+        for (int n = 0; n < 10; n++) {
+            go(&world, 2, 1e-3 * ((double)seed - 15), 1e9);
+            assert_true(mount_nees(&world, none, &off) < 16);
+        }
+        assert_true(off < 0.7 * degree);
+    }
+}
+
+/* A turn about one axis shows the two errors across it, and standing none. */
+static void test_one_axis_shows_nothing_about_itself(void **state)
+{
+    (void)state;
+    static const double turned[3] = {0.05, -0.03, 0.06};
+    static struct world world;
+    struct fv_imu_clock_mount mount;
+    double off;
+    begin_turned(&world, STAND, 4, turned);
+    go(&world, 10, 0, 1e9);
+    fv_imu_clock_mount(&world.clock, &mount);
+    for (int i = 0; i < 3; i++)
+        assert_true(mount.sigma[i] > 0.9 * mount_sigma);
+    world.motion = ROLLED;
+    go(&world, 10, 0, 1e9);
+    fv_imu_clock_mount(&world.clock, &mount);
+    assert_true(mount.sigma[0] > 0.5 * mount_sigma);
+    assert_true(mount.sigma[1] < 1 * degree && mount.sigma[2] < 1 * degree);
+    assert_true(mount_nees(&world, turned, &off) < 16);
+    world.motion = SHAKEN;
+    go(&world, 10, 0, 1e9);
+    assert_true(mount_nees(&world, turned, &off) < 16 && off < 0.7 * degree);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -196,6 +302,9 @@ int main(void)
         cmocka_unit_test(test_wrong_frames_are_left_out),
         cmocka_unit_test(test_gaps_worlds_and_leaps),
         cmocka_unit_test(test_samples_without_frames),
+        cmocka_unit_test(test_a_wrong_mount_is_found_within_its_sigma),
+        cmocka_unit_test(test_a_right_mount_stays_right),
+        cmocka_unit_test(test_one_axis_shows_nothing_about_itself),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -23,15 +23,29 @@ static uint8_t *dark; /* instead of the pictures, unless NULL */
 
 #define SHAPE "width=400&height=300&rate=20&imu=200&gyro_bias=0.02&acceleration_bias=0.05&"
 
-static void open_rig(const char *uri, int frames, enum fovea_sensors sensors)
+/* `turned`: by which rotation the sensor's stated attitude is off, rad. */
+static void open_turned(const char *uri, int frames, enum fovea_sensors sensors,
+                        const double turned[3])
 {
+    const double back[3] = {-turned[0], -turned[1], -turned[2]};
+    struct fv_se3 T, off = {.t = {0}};
     dark = NULL;
     sim_rig_open(&rig, uri, 0, frames);
     rig.config.rig = rig.ops->info(rig.source)->rig;
     rig.config.odometry.sensors = sensors;
     rig.config.odometry.imu_noise_factor = 2;
     rig.config.odometry.keyframes = 40;
+    fv_se3_from_rows(rig.config.rig.imu.T_body_imu, &T);
+    fv_so3_exp(back, off.R);
+    fv_se3_compose(&T, &off, &T);
+    fv_se3_to_rows(&T, rig.config.rig.imu.T_body_imu);
     sim_rig_build(&rig);
+}
+
+static void open_rig(const char *uri, int frames, enum fovea_sensors sensors)
+{
+    static const double none[3] = {0};
+    open_turned(uri, frames, sensors, none);
 }
 
 /* The pose message of the last step. */
@@ -252,6 +266,30 @@ static void a_wrong_clock_is_found(void **state)
     }
 }
 
+/* A mount that is stated wrong by 5 degrees is named within 10 s, and a right one is not, even if
+ * its clock is wrong; the wrong one is not taken for a wrong clock. */
+static void a_wrong_mount_is_named(void **state)
+{
+    (void)state;
+    static const char *const uris[4] = {
+        "sim:orbit?" SHAPE "seed=4", "sim:wander?" SHAPE "seed=4", "sim:orbit?" SHAPE "seed=4",
+        "sim:orbit?" SHAPE "seed=4&imu_offset=12&imu_offset_known=0"};
+    static const double turned[4][3] = {{0.0873, 0, 0}, {0, 0, -0.0873}, {0}, {0}};
+    for (int i = 0; i < 4; i++) {
+        struct fovea_imu_status imu;
+        open_turned(uris[i], 200, FOVEA_SENSORS_AUTO, turned[i]);
+        while (next(true))
+            continue;
+        fovea_imu_status_get(rig.rt, &imu);
+        assert_true(imu.mount_wrong == (i < 2));
+        assert_true(imu.mount_angle_sigma > 0 && imu.mount_angle_sigma < 0.0175);
+        for (int k = 0; k < 3; k++)
+            assert_true(fabs(imu.mount_error[k] - turned[i][k]) < 0.0175);
+        assert_true(i == 3 || imu.time_offset_used_s == 0);
+        sim_rig_close(&rig);
+    }
+}
+
 /* How far the camera went in the last step, by the truth. */
 static double gone(void)
 {
@@ -319,6 +357,7 @@ int main(void)
         cmocka_unit_test(mono_keeps_its_bits),
         cmocka_unit_test(what_cannot_be_is_refused),
         cmocka_unit_test(a_wrong_clock_is_found),
+        cmocka_unit_test(a_wrong_mount_is_named),
         cmocka_unit_test(who_stands_stays),
         cmocka_unit_test(who_moves_does_not_stand),
     };
