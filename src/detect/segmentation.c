@@ -119,19 +119,39 @@ void fovea_segmentation_enlarge(const struct fovea_segmentation *s, const uint8_
     }
 }
 
-void fv_segmentation_outline(const struct fovea_segmentation *s, uint8_t *pixels, int32_t width,
+/* What a pixel of each value of the mask is drawn with: (picture * keep + add) / 256. */
+struct tint {
+    uint16_t keep, add;
+};
+
+static void find_tints(const struct fovea_segmentation *s, struct tint tints[256])
+{
+    enum { PART = 102 }; /* of 256: two fifths */
+    for (int i = 0; i < 256; i++) {
+        tints[i] = (struct tint){256, 0};
+        if (s->index[i] >= s->count) continue;
+        const struct fovea_segmentation_class *c = &s->list[s->index[i]];
+        const uint32_t luma = (77U * c->red + 150U * c->green + 29U * c->blue) >> 8;
+        tints[i] = (struct tint){256 - PART, (uint16_t)(luma * PART)};
+    }
+}
+
+void fv_segmentation_overlay(const struct fovea_segmentation *s, uint8_t *pixels, int32_t width,
                              int32_t height, int32_t begin, int32_t end)
 {
     const struct fovea_segmentation_fit *f = &s->fit;
     const int32_t before = begin > 0 ? begin - 1 : 0;
     struct walk row = walk_of(f->top, f->height, height, s->height, f->input_height, before);
     const uint8_t *above = s->pixels + row.whole * s->width;
+    struct tint tints[256];
+    find_tints(s, tints);
     for (int32_t y = before; y < end; y++, next(&row)) {
         const uint8_t *from = s->pixels + row.whole * s->width;
         struct walk column = walk_of(f->left, f->width, width, s->width, f->input_width, 0);
         uint8_t *to = pixels + (ptrdiff_t)y * width, left = s->index[from[column.whole]];
         for (int32_t x = 0; x < width && y >= begin; x++, next(&column)) {
-            const uint8_t here = s->index[from[column.whole]];
+            const uint8_t value = from[column.whole], here = s->index[value];
+            to[x] = (uint8_t)((to[x] * tints[value].keep + tints[value].add) >> 8);
             if (here != left || here != s->index[above[column.whole]])
                 to[x] = to[x] < 128 ? 255 : 0;
             left = here;

@@ -69,7 +69,7 @@ static void draw_mask(struct fv_preview *preview, const struct fv_plane *picture
 {
     const int32_t rows = DRAWN_PER_UNIT / picture->width + 1, first = preview->state->drawn,
                   end = picture->height - first > rows ? first + rows : picture->height;
-    fv_segmentation_outline(mask, picture->pixels, picture->width, picture->height, first, end);
+    fv_segmentation_overlay(mask, picture->pixels, picture->width, picture->height, first, end);
     preview->state->drawn = end;
 }
 
