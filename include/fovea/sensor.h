@@ -143,10 +143,11 @@ struct fovea_imu_status {
     double time_offset_s, time_offset_sigma_s, time_offset_used_s;
     /* By which rotation the sensor is off the rig's T_body_imu = (R, t), as odometry finds it: its
      * true attitude is R exp(mount_error); rad, axis times angle, in the sensor's axes. One
-     * standard deviation per axis (0.1 while nothing shows it; 0: odometry does not use the sensor)
-     * and of the angle along its axis. The sensor's place is used as stated all the same.
+     * standard deviation per axis (0.1 while nothing shows it; 0: odometry does not use the
+     * sensor); the angle, and one standard deviation of it. The sensor's place is used as stated
+     * all the same.
      * `mount_wrong`: the angle was beyond 2 degrees and 5 sigmas for 1 s; it stays so. */
-    double mount_error[3], mount_sigma[3], mount_angle_sigma;
+    double mount_error[3], mount_sigma[3], mount_angle, mount_angle_sigma;
     bool mount_wrong;
 };
 

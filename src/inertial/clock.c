@@ -2,6 +2,7 @@
 
 #include <string.h>
 
+#include "geometry/linear.h"
 #include "geometry/se3.h"
 #include "geometry/vec.h"
 #include "inertial/stamp.h"
@@ -217,20 +218,6 @@ static void propagate(struct fv_imu_clock *clock, const struct fv_imu_clock_nois
     begin_sum(clock);
 }
 
-/* Inverse of a symmetric 3x3; false: singular. */
-static bool invert(const double S[9], double inverse[9])
-{
-    double columns[9];
-    fv_cross3(S + 3, S + 6, columns);
-    fv_cross3(S + 6, S, columns + 3);
-    fv_cross3(S, S + 3, columns + 6);
-    const double determinant = fv_dot3(S, columns);
-    if (!(determinant > 0)) return false;
-    for (int i = 0; i < 9; i++)
-        inverse[i] = columns[i] / determinant;
-    return true;
-}
-
 static void turn_by(double R[9], const double step[3])
 {
     double E[9], turned[9];
@@ -283,7 +270,7 @@ static void attitude_of(const struct fv_imu_clock *clock, const struct fv_imu_cl
  * fit. */
 static bool measure(struct fv_imu_clock *clock, const struct fv_imu_clock_frame *frame)
 {
-    double rate[3], seen[9], PH[SIZE * 3], S[9], inverse[9], difference[9], r[3], weighted[3];
+    double rate[3], seen[9], PH[SIZE * 3], S[9], I[6], difference[9], r[3], weighted[3];
     attitude_of(clock, frame, seen);
     fv_subtract3(clock->rate, clock->bias, rate);
     for (int i = 0; i < SIZE; i++)
@@ -301,7 +288,9 @@ static bool measure(struct fv_imu_clock *clock, const struct fv_imu_clock_frame 
                                     clock->attitude[3 + i] * seen[3 + c] +
                                     clock->attitude[6 + i] * seen[6 + c];
     fv_so3_log(difference, r);
-    if (!invert(S, inverse)) return false;
+    const double packed[6] = {S[0], S[1], S[2], S[4], S[5], S[8]};
+    if (!fv_invert_symmetric3(packed, I)) return false;
+    const double inverse[9] = {I[0], I[1], I[2], I[1], I[3], I[4], I[2], I[4], I[5]};
     fv_rotate3(inverse, r, weighted);
     if (!(fv_dot3(r, weighted) < innovation_max)) return false;
     correct(clock, PH, inverse, r);

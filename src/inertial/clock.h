@@ -8,8 +8,8 @@
  * offset so far. This is the temporal calibration of M. Li, A. Mourikis, "Online temporal
  * calibration for camera-IMU systems" (IJRR 2014), with attitudes alone: positions would need
  * metres and gravity. The camera's world may turn slowly against a fixed one (the map is
- * optimised), as a random walk. A frame whose innovation is too large is left out; after some of
- * them the attitude begins anew, the bias and the offset stay. A turn at a constant rate looks as
+ * optimised), as a random walk. A frame whose innovation is too large is left out; after five in
+ * succession the attitude begins anew, and bias and offset stay with larger sigmas. A turn at a constant rate looks as
  * another attitude does, and standing as nothing: the sigma stays large.
  *
  * A clock with a `mount_sigma` also estimates the mount error: the rotation R_stated_true between

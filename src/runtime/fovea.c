@@ -407,6 +407,7 @@ void fovea_imu_status_get(const struct fovea *rt, struct fovea_imu_status *statu
     if (!fv_inertial_stage_mount(&rt->inertial, &mount)) return;
     fv_copy3(mount.found.error, status->mount_error);
     fv_copy3(mount.found.sigma, status->mount_sigma);
+    status->mount_angle = mount.found.angle;
     status->mount_angle_sigma = mount.found.angle_sigma;
     status->mount_wrong = mount.wrong;
 }

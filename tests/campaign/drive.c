@@ -31,13 +31,6 @@ static struct fovea *rt;           /* NULL: poses are the truth's */
 static struct fv_se3 T_world_odom; /* of the runtime's poses, by the first of them */
 static bool begun;
 
-static const uint8_t labels[256] = {
-    [FOVEA_TRUTH_BACKGROUND] = FOVEA_GRID_BEYOND, [FOVEA_TRUTH_BALL] = FOVEA_GRID_MOVABLE,
-    [FOVEA_TRUTH_CONE] = FOVEA_GRID_MOVABLE,      [FOVEA_TRUTH_BOX] = FOVEA_GRID_MOVABLE,
-    [FOVEA_TRUTH_PERSON] = FOVEA_GRID_MOVABLE,    [FOVEA_TRUTH_FLOOR] = FOVEA_GRID_FLOOR,
-    [FOVEA_TRUTH_WALL] = FOVEA_GRID_OBSTACLE,     [FOVEA_TRUTH_OBSTACLE] = FOVEA_GRID_OBSTACLE,
-    [FOVEA_TRUTH_PIT] = FOVEA_GRID_OBSTACLE};
-
 static void *make_grid(void)
 {
     struct fovea_grid_config cells;
@@ -100,7 +93,7 @@ static bool update(const struct fovea_source *source, const struct fovea_frame *
     const struct fovea_segmentation seen = sim_mask_of(truth, camera);
     struct fovea_grid_view view = {.stamp_ns = frame->stamp_ns,
                                    .seen = &seen,
-                                   .labels = labels,
+                                   .labels = sim_labels,
                                    .camera = camera,
                                    .position_m = {T_world_body->t[0], T_world_body->t[1]},
                                    .yaw_rad = fv_atan2(T_world_body->R[3], T_world_body->R[0]),

@@ -69,4 +69,13 @@ static inline bool is_occupied(int percent)
     return percent > 100 * FOVEA_GRID_OCCUPIED_ABOVE;
 }
 
+/* How many cells are. */
+static inline int grid_mask_occupied(const int8_t *cells, const struct fovea_grid_place *place)
+{
+    int count = 0;
+    for (int i = 0; i < (int)place->width * (int)place->height; i++)
+        count += is_occupied(cells[i]);
+    return count;
+}
+
 #endif

@@ -1,5 +1,7 @@
 #include "common/sim_cells.h"
 
+#include "fovea/grid.h"
+
 static const double sample_m = 0.01; /* between samples of a surface */
 
 static void mark_occupied(const struct sim_cells *grid, const double p[3], uint8_t *cells)
@@ -117,3 +119,10 @@ struct fovea_segmentation sim_mask_of(const struct fovea_truth *truth,
                                        .pixels = truth->class_mask,
                                        .index = index};
 }
+
+const uint8_t sim_labels[256] = {
+    [FOVEA_TRUTH_BACKGROUND] = FOVEA_GRID_BEYOND, [FOVEA_TRUTH_BALL] = FOVEA_GRID_MOVABLE,
+    [FOVEA_TRUTH_CONE] = FOVEA_GRID_MOVABLE,      [FOVEA_TRUTH_BOX] = FOVEA_GRID_MOVABLE,
+    [FOVEA_TRUTH_PERSON] = FOVEA_GRID_MOVABLE,    [FOVEA_TRUTH_FLOOR] = FOVEA_GRID_FLOOR,
+    [FOVEA_TRUTH_WALL] = FOVEA_GRID_OBSTACLE,     [FOVEA_TRUTH_OBSTACLE] = FOVEA_GRID_OBSTACLE,
+    [FOVEA_TRUTH_PIT] = FOVEA_GRID_OBSTACLE};

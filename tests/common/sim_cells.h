@@ -31,4 +31,7 @@ void sim_cells_find(const struct fv_sim_world *world, const struct sim_cells *gr
 struct fovea_segmentation sim_mask_of(const struct fovea_truth *truth,
                                       const struct fovea_camera *camera);
 
+/* What each of these classes is to a robot (enum fovea_grid_label). */
+extern const uint8_t sim_labels[256];
+
 #endif

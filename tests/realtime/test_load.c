@@ -9,12 +9,9 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 #include "app/config/model_file.h"
-#ifndef FOVEA_SANITIZED /* sanitizers bring their own heap */
-#include "common/heap_calls.h"
-#endif
+#include "common/governed.h"
 #include "common/sim_rig.h"
 
 enum { FRAMES = 150, FRAMES_UNTIMED = 80, TRIES = 4, PERIOD_NS = 1000000000 / 30 };
@@ -22,27 +19,6 @@ enum { FRAMES = 150, FRAMES_UNTIMED = 80, TRIES = 4, PERIOD_NS = 1000000000 / 30
 static const double share_max = 0.6;
 static struct fv_model_file detector, labeller;
 static struct sim_rig rig;
-static int heap_calls;
-static bool counting;
-
-#ifndef FOVEA_SANITIZED
-static void on_heap_call(void)
-{
-    heap_calls += counting;
-}
-static void on_heap_free(void)
-{
-    heap_calls += counting;
-}
-#endif
-
-static int64_t cpu_ns(void)
-{
-    struct timespec now;
-    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-    return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
-}
-
 static enum fovea_grid_label label_of(const char *name)
 {
     return strcmp(name, "floor") == 0     ? FOVEA_GRID_FLOOR
@@ -67,26 +43,6 @@ static void open_all(struct fovea_governor *governor, int frames)
     fovea_governor_init(governor, config, PERIOD_NS);
 }
 
-/* CPU time of the step and of the work behind it: by the governor, or, where times are not judged,
- * by fixed grants, as slow builds would be granted next to nothing. */
-static int64_t process(struct fovea_governor *governor, bool timed)
-{
-    if (timed) fovea_governor_next(governor, &rig.config, &rig.inputs.grants);
-    struct fovea_grants grants = rig.inputs.grants;
-    counting = true;
-    const int64_t begin = cpu_ns();
-    fovea_step(rig.rt, &rig.inputs, &rig.outputs);
-    const int64_t step = cpu_ns() - begin;
-    if (timed) fovea_governor_work(governor, step, rig.outputs.jobs_waiting, &grants);
-    const int64_t middle = cpu_ns();
-    fovea_work(rig.rt, &grants, &rig.outputs);
-    const int64_t work = cpu_ns() - middle;
-    counting = false;
-    if (timed) fovea_governor_learn(governor, step, work, &rig.outputs);
-    rig.ops->requeue(rig.source, &rig.frame);
-    return step + work;
-}
-
 static void the_whole_runtime_takes_at_most_three_fifths_of_a_core(void **state)
 {
     (void)state;
@@ -103,7 +59,9 @@ static void the_whole_runtime_takes_at_most_three_fifths_of_a_core(void **state)
         int grids = 0, posed = 0;
         open_all(&governor, frames);
         while (sim_rig_next(&rig)) {
-            sum_ns += process(&governor, timed);
+            /* Slow builds would be granted next to nothing. */
+            sum_ns += govern(rig.rt, &rig.config, timed ? &governor : NULL, &rig.inputs);
+            rig.ops->requeue(rig.source, &rig.frame);
             fovea_pose_get(rig.rt, &rig.pose[rig.frames]);
             posed += rig.pose[rig.frames++].posed;
             grids += fovea_free_space_get(rig.rt, cells, &place);

@@ -10,14 +10,11 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 #include <unistd.h>
 
 #include "app/config/model_file.h"
 #include "app/lab/inference.h"
-#ifndef FOVEA_SANITIZED /* sanitizers bring their own heap */
-#include "common/heap_calls.h"
-#endif
+#include "common/governed.h"
 #include "common/imported.h"
 #include "drivers/table.h"
 #include "fovea/fovea.h"
@@ -30,26 +27,6 @@ enum { ITERATIONS_MAX = 3000, FIRST_NS = 1000000 };
 static struct fv_model_file labeller, detector;
 static char path[] = "/tmp/fovea-labeller-XXXXXX";
 static struct fovea_error error;
-
-static int64_t cpu_ns(void)
-{
-    struct timespec now;
-    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-    return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
-}
-
-static int heap_calls;
-static bool counting;
-#ifndef FOVEA_SANITIZED
-static void on_heap_call(void)
-{
-    heap_calls += counting;
-}
-static void on_heap_free(void)
-{
-    heap_calls += counting;
-}
-#endif
 
 struct made {
     void *memory;
@@ -252,19 +229,9 @@ static int overrun(struct made *made, const struct fovea_source_ops *ops,
     *longest_ns = 0;
     while (ops->dequeue(source, INT64_MAX, &frame) == FOVEA_OK) {
         struct fovea_inputs inputs = {.frame = &frame, .now_ns = frame.stamp_ns};
-        struct fovea_outputs outputs;
-        fovea_governor_next(governor, &made->config, &inputs.grants);
-        struct fovea_grants grants = inputs.grants;
-        const int64_t begin = cpu_ns();
-        fovea_step(made->rt, &inputs, &outputs);
-        const int64_t step = cpu_ns() - begin;
-        fovea_governor_work(governor, step, outputs.jobs_waiting, &grants);
-        const int64_t middle = cpu_ns();
-        fovea_work(made->rt, &grants, &outputs);
-        const int64_t work = cpu_ns() - middle;
-        fovea_governor_learn(governor, step, work, &outputs);
-        over += step + work > governor->period_ns;
-        *longest_ns = step + work > *longest_ns ? step + work : *longest_ns;
+        const int64_t took = govern(made->rt, &made->config, governor, &inputs);
+        over += took > governor->period_ns;
+        *longest_ns = took > *longest_ns ? took : *longest_ns;
         ops->requeue(source, &frame);
     }
     return over;

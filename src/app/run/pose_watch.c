@@ -1,9 +1,9 @@
 #include "app/run/pose_watch.h"
 
-#include <math.h>
 #include <string.h>
 
 #include "app/run/timing.h"
+#include "base/elementary.h"
 
 void fv_watch_open(struct fv_watch *watch, bool odometry, bool by_clock)
 {
@@ -99,13 +99,12 @@ static void time_note(struct fv_watch *watch, const struct fovea_inputs *inputs)
 /* Once: what is known when the mount is first wrong. */
 static void mount_note(struct fv_watch *watch, const struct fovea_imu_status *imu)
 {
-    const double mdeg = 1e3 * 180 / 3.14159265358979323846, *e = imu->mount_error;
+    const double mdeg = 1e3 * 180 / FV_PI;
     if (!imu->mount_wrong || atomic_load_explicit(&watch->imu_turned_mdeg, memory_order_relaxed))
         return;
     atomic_store_explicit(&watch->imu_turned_sigma_mdeg, (int64_t)(imu->mount_angle_sigma * mdeg),
                           memory_order_relaxed);
-    atomic_store_explicit(&watch->imu_turned_mdeg,
-                          (int64_t)(sqrt(e[0] * e[0] + e[1] * e[1] + e[2] * e[2]) * mdeg),
+    atomic_store_explicit(&watch->imu_turned_mdeg, (int64_t)(imu->mount_angle * mdeg),
                           memory_order_release);
 }
 

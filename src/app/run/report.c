@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "app/run/heap.h"
+#include "base/elementary.h"
 #include "support/json.h"
 
 void fv_report_parts(const struct fovea_memory_table *table,
@@ -216,14 +217,13 @@ static void imu_clock(FILE *file, const struct fovea_imu_status *imu)
 
 static void imu_mount(FILE *file, const struct fovea_imu_status *imu, const char *calibration)
 {
-    const double degrees = 180 / 3.14159265358979323846, *e = imu->mount_error;
+    const double degrees = 180 / FV_PI;
     if (!imu->mount_wrong) return;
     fprintf(
         file,
         "  the inertial sensor is turned by %.1f degrees (sigma %.1f) against T_body_imu of %s: "
         "calibrate again\n",
-        sqrt(e[0] * e[0] + e[1] * e[1] + e[2] * e[2]) * degrees, imu->mount_angle_sigma * degrees,
-        calibration);
+        imu->mount_angle * degrees, imu->mount_angle_sigma * degrees, calibration);
 }
 
 static void imu_troubles(FILE *file, const struct fovea_imu_status *imu, const char *calibration)

@@ -29,12 +29,9 @@ static uint8_t labels[GRIDS][256];
 
 static void make_labels(int k)
 {
-    memset(labels[k], FOVEA_GRID_MOVABLE, sizeof labels[k]);
-    labels[k][FOVEA_TRUTH_FLOOR] = FOVEA_GRID_FLOOR;
-    labels[k][FOVEA_TRUTH_WALL] = labels[k][FOVEA_TRUTH_OBSTACLE] = FOVEA_GRID_OBSTACLE;
-    labels[k][FOVEA_TRUTH_BACKGROUND] = labels[k][FOVEA_TRUTH_PIT] =
-        k == AS_BEYOND ? FOVEA_GRID_BEYOND : FOVEA_GRID_IGNORED;
-    if (k == AS_OBSTACLE) labels[k][FOVEA_TRUTH_PIT] = FOVEA_GRID_OBSTACLE;
+    memcpy(labels[k], sim_labels, sizeof labels[k]);
+    labels[k][FOVEA_TRUTH_BACKGROUND] = k == AS_BEYOND ? FOVEA_GRID_BEYOND : FOVEA_GRID_IGNORED;
+    if (k != AS_OBSTACLE) labels[k][FOVEA_TRUTH_PIT] = labels[k][FOVEA_TRUTH_BACKGROUND];
 }
 
 static void make_grid(int k)

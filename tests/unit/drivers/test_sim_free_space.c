@@ -162,13 +162,6 @@ static bool is_seen(int32_t cell)
 
 /* ---- masks ----------------------------------------------------------------------------------- */
 
-static const uint8_t truth_labels[256] = {
-    [FOVEA_TRUTH_BACKGROUND] = FOVEA_GRID_BEYOND, [FOVEA_TRUTH_BALL] = FOVEA_GRID_MOVABLE,
-    [FOVEA_TRUTH_CONE] = FOVEA_GRID_MOVABLE,      [FOVEA_TRUTH_BOX] = FOVEA_GRID_MOVABLE,
-    [FOVEA_TRUTH_PERSON] = FOVEA_GRID_MOVABLE,    [FOVEA_TRUTH_FLOOR] = FOVEA_GRID_FLOOR,
-    [FOVEA_TRUTH_WALL] = FOVEA_GRID_OBSTACLE,     [FOVEA_TRUTH_OBSTACLE] = FOVEA_GRID_OBSTACLE,
-    [FOVEA_TRUTH_PIT] = FOVEA_GRID_OBSTACLE};
-
 static const uint8_t network_labels[256] = {FOVEA_GRID_FLOOR, FOVEA_GRID_OBSTACLE,
                                             FOVEA_GRID_OBSTACLE, FOVEA_GRID_MOVABLE,
                                             FOVEA_GRID_BEYOND};
@@ -472,7 +465,7 @@ static void drive(void)
         if (pass.network)
             update_by_network();
         else
-            update(frame, stamp_ns, &seen, truth_labels);
+            update(frame, stamp_ns, &seen, sim_labels);
     }
 }
 

@@ -11,14 +11,13 @@
 #include <string.h>
 
 #include "common/grid_mask.h"
+#include "common/made_grid.h"
 #include "fovea/fovea.h"
 
 enum { W = 80, H = 60, CELLS = 128 * 128, SURE = 254, UNSURE = 200 };
 static const double height = 0.8, tilt = 0.3;
 
 static uint8_t mask[W * H], confidence[W * H];
-static struct fovea_grid_config config;
-static struct fovea_grid *grid;
 static int8_t cells[CELLS];
 static struct fovea_grid_place place;
 
@@ -40,13 +39,9 @@ static const struct band unsure_floor = {2, 2.5, UNSURE, FLOOR};
 
 static void look_at(const struct band *band, double least, const uint8_t *sure)
 {
-    size_t bytes;
-    struct fovea_error error;
     fovea_grid_config_default(&config);
     config.floor_confidence = least;
-    assert_int_equal(fovea_grid_size(&config, &bytes, &error), FOVEA_OK);
-    void *memory = aligned_alloc(64, (bytes + 63) / 64 * 64);
-    assert_int_equal(fovea_grid_init(&grid, &config, memory, bytes, &error), FOVEA_OK);
+    make_grid();
     grid_mask_make(mask, W, H, 4, 200);
     memset(mask, FLOOR, sizeof mask);
     memset(confidence, SURE, sizeof confidence);
@@ -66,7 +61,7 @@ static void look_at(const struct band *band, double least, const uint8_t *sure)
     }
     seen.confidence = NULL;
     fovea_grid_cells(grid, cells, &place);
-    free(memory);
+    free_grid(NULL);
 }
 
 static int cell_at(double x)

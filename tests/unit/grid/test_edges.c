@@ -11,33 +11,21 @@
 #include <string.h>
 
 #include "common/grid_mask.h"
+#include "common/made_grid.h"
 
 enum { W = 160, H = 120, CELLS = 128 * 128, SURE = 254, UNSURE = 200 };
 static const double height = 0.8, tilt = 0.3;
 
 static uint8_t mask[W * H], confidence[W * H];
-static struct fovea_grid_config config;
-static struct fovea_grid *grid;
-static void *memory;
 static int8_t cells[CELLS];
 static struct fovea_grid_place place;
 static struct fovea_grid_view view;
-
-static void make(void)
-{
-    struct fovea_error error;
-    size_t bytes;
-    free(memory);
-    assert_int_equal(fovea_grid_size(&config, &bytes, &error), FOVEA_OK);
-    memory = aligned_alloc(64, (bytes + 63) / 64 * 64);
-    assert_int_equal(fovea_grid_init(&grid, &config, memory, bytes, &error), FOVEA_OK);
-}
 
 static int setup(void **state)
 {
     (void)state;
     fovea_grid_config_default(&config);
-    make();
+    make_grid();
     grid_mask_make(mask, W, H, 2, 200);
     memset(confidence, SURE, sizeof confidence);
     view = (struct fovea_grid_view){.seen = &seen,
@@ -45,14 +33,6 @@ static int setup(void **state)
                                     .camera = &camera,
                                     .T_odom_cam = {0, -sin(tilt), cos(tilt), 0, -1, 0, 0, 0, 0,
                                                    -cos(tilt), -sin(tilt), height}};
-    return 0;
-}
-
-static int teardown(void **state)
-{
-    (void)state;
-    free(memory);
-    memory = NULL;
     return 0;
 }
 
@@ -103,10 +83,7 @@ static int cell_at(double x, double y)
 
 static int occupied(void)
 {
-    int count = 0;
-    for (int i = 0; i < CELLS; i++)
-        count += is_occupied(cells[i]);
-    return count;
+    return grid_mask_occupied(cells, &place);
 }
 
 /* Wherever the edge lies to the cells: it is occupied, the floor before it is free, and nothing is
@@ -176,7 +153,7 @@ static void a_horizon_is_no_end(void **state)
     (void)state;
     config.resolution_m = 1;
     config.range_m = 60;
-    make();
+    make_grid();
     draw(1e6, AIR);
     int horizon = 0;
     while (mask[horizon * W + W / 2] == AIR)
@@ -288,15 +265,15 @@ static void points_beyond_floor_count(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(floor_that_ends_is_an_obstacle, setup, teardown),
-        cmocka_unit_test_setup_teardown(near_ends_count_as_obstacles_do, setup, teardown),
-        cmocka_unit_test_setup_teardown(far_ends_count_in_parts, setup, teardown),
-        cmocka_unit_test_setup_teardown(a_horizon_is_no_end, setup, teardown),
-        cmocka_unit_test_setup_teardown(rays_that_begin_beyond_say_nothing, setup, teardown),
-        cmocka_unit_test_setup_teardown(one_pixel_is_no_end, setup, teardown),
-        cmocka_unit_test_setup_teardown(only_believed_floor_ends, setup, teardown),
-        cmocka_unit_test_setup_teardown(what_the_floor_leaves_open_counts, setup, teardown),
-        cmocka_unit_test_setup_teardown(points_beyond_floor_count, setup, teardown),
+        cmocka_unit_test_setup_teardown(floor_that_ends_is_an_obstacle, setup, free_grid),
+        cmocka_unit_test_setup_teardown(near_ends_count_as_obstacles_do, setup, free_grid),
+        cmocka_unit_test_setup_teardown(far_ends_count_in_parts, setup, free_grid),
+        cmocka_unit_test_setup_teardown(a_horizon_is_no_end, setup, free_grid),
+        cmocka_unit_test_setup_teardown(rays_that_begin_beyond_say_nothing, setup, free_grid),
+        cmocka_unit_test_setup_teardown(one_pixel_is_no_end, setup, free_grid),
+        cmocka_unit_test_setup_teardown(only_believed_floor_ends, setup, free_grid),
+        cmocka_unit_test_setup_teardown(what_the_floor_leaves_open_counts, setup, free_grid),
+        cmocka_unit_test_setup_teardown(points_beyond_floor_count, setup, free_grid),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -10,38 +10,23 @@
 #include <string.h>
 
 #include "common/grid_mask.h"
+#include "common/made_grid.h"
 #include "grid/cells.h"
 
 enum { W = 16, H = 12, SIDE = 16 };
 
 static uint8_t mask[W * H];
-static struct fovea_grid_config config;
-static struct fovea_grid *grid;
-static void *memory;
 
 static void make(double robot_radius_m)
 {
-    size_t bytes;
-    struct fovea_error error;
     fovea_grid_config_default(&config);
     config.side_cells = SIDE;
     config.range_m = 0.5;
     config.robot_radius_m = robot_radius_m;
     config.heights = true;
-    free(memory);
-    assert_int_equal(fovea_grid_size(&config, &bytes, &error), FOVEA_OK);
-    memory = aligned_alloc(64, (bytes + 63) / 64 * 64);
-    assert_int_equal(fovea_grid_init(&grid, &config, memory, bytes, &error), FOVEA_OK);
+    make_grid();
     grid_mask_make(mask, W, H, 1, 20);
     memset(mask, SKY, sizeof mask);
-}
-
-static int tear_down(void **state)
-{
-    (void)state;
-    free(memory);
-    memory = NULL;
-    return 0;
 }
 
 /* The robot a third into cell (x, y), where a mask shows nothing; no time has passed. */
@@ -135,8 +120,8 @@ static void it_stands_on_cells_of_the_grid(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test_teardown(cells_stay_or_are_unknown, tear_down),
-        cmocka_unit_test_teardown(it_stands_on_cells_of_the_grid, tear_down),
+        cmocka_unit_test_teardown(cells_stay_or_are_unknown, free_grid),
+        cmocka_unit_test_teardown(it_stands_on_cells_of_the_grid, free_grid),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -14,6 +14,7 @@
 #include <time.h>
 
 #include "common/grid_mask.h"
+#include "common/made_grid.h"
 
 enum { W = 160, H = 120, BOXES_MAX = 6 };
 static const int64_t SECOND = 1000000000;
@@ -27,36 +28,15 @@ static struct box boxes[BOXES_MAX];
 static int box_count;
 
 static uint8_t mask[W * H];
-static struct fovea_grid_config config;
-static struct fovea_grid *grid;
-static void *memory;
 static struct fovea_error error;
-
-static void make(void)
-{
-    size_t bytes;
-    free(memory);
-    assert_int_equal(fovea_grid_size(&config, &bytes, &error), FOVEA_OK);
-    memory = aligned_alloc(64, (bytes + 63) / 64 * 64);
-    memset(memory, 0x5a, bytes);
-    assert_int_equal(fovea_grid_init(&grid, &config, memory, bytes, &error), FOVEA_OK);
-}
 
 static int setup(void **state)
 {
     (void)state;
     grid_mask_make(mask, W, H, 2, 200);
     fovea_grid_config_default(&config);
-    make();
+    make_grid();
     box_count = 0;
-    return 0;
-}
-
-static int teardown(void **state)
-{
-    (void)state;
-    free(memory);
-    memory = NULL;
     return 0;
 }
 
@@ -369,7 +349,7 @@ static void wrong_configurations_and_poses_are_refused(void **state)
     wrong.range_m = NAN;
     assert_int_equal(fovea_grid_size(&wrong, &bytes, &error), FOVEA_ERROR_ARGUMENT);
     assert_int_equal(fovea_grid_size(&config, &bytes, &error), FOVEA_OK);
-    assert_int_equal(fovea_grid_init(&grid, &config, memory, bytes - 1, &error),
+    assert_int_equal(fovea_grid_init(&grid, &config, grid_memory, bytes - 1, &error),
                      FOVEA_ERROR_MEMORY);
     struct fovea_grid_view view = view_from(0, 0, 0, 0.4, 0);
     view.stamp_ns = 5;
@@ -397,7 +377,7 @@ static void evidence_adds_up_as_log_odds(void **state)
 {
     (void)state;
     config.half_life_s = 10000;
-    make();
+    make_grid();
     add_box(2.02, 2.4, -3, 3, 2, WALL);
     look(0, 0, 0, 0.3, 0, 0);
     read_cells();
@@ -517,7 +497,7 @@ static void what_is_left_is_forgotten_along_both_axes(void **state)
 {
     (void)state;
     for (int axis = 0; axis < 2; axis++) {
-        make();
+        make_grid();
         for (int i = 0; i < 3; i++)
             look(0, 0, axis == 0 ? 0 : 1.5708, 0.35, 0, i * SECOND / 30);
         read_cells();
@@ -585,22 +565,22 @@ static void an_update_takes_at_most_0_4_ms(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(floor_is_free_and_boxes_are_not, setup, teardown),
-        cmocka_unit_test_setup_teardown(the_scan_is_the_nearest_obstacle, setup, teardown),
+        cmocka_unit_test_setup_teardown(floor_is_free_and_boxes_are_not, setup, free_grid),
+        cmocka_unit_test_setup_teardown(the_scan_is_the_nearest_obstacle, setup, free_grid),
         cmocka_unit_test_setup_teardown(cells_stay_where_they_are_while_the_robot_moves, setup,
-                                        teardown),
+                                        free_grid),
         cmocka_unit_test_setup_teardown(
-            what_may_move_is_forgotten_first_and_a_lost_pose_leaves_nothing, setup, teardown),
-        cmocka_unit_test_setup_teardown(log_odds_halve_in_the_half_life, setup, teardown),
+            what_may_move_is_forgotten_first_and_a_lost_pose_leaves_nothing, setup, free_grid),
+        cmocka_unit_test_setup_teardown(log_odds_halve_in_the_half_life, setup, free_grid),
         cmocka_unit_test_setup_teardown(wrong_configurations_and_poses_are_refused, setup,
-                                        teardown),
-        cmocka_unit_test_setup_teardown(evidence_adds_up_as_log_odds, setup, teardown),
+                                        free_grid),
+        cmocka_unit_test_setup_teardown(evidence_adds_up_as_log_odds, setup, free_grid),
         cmocka_unit_test_setup_teardown(
-            the_camera_and_not_the_body_looks_and_the_floor_lies_where_it_does, setup, teardown),
-        cmocka_unit_test_setup_teardown(a_floor_may_slope, setup, teardown),
-        cmocka_unit_test_setup_teardown(what_is_uncertain_gives_less_evidence, setup, teardown),
-        cmocka_unit_test_setup_teardown(what_is_left_is_forgotten_along_both_axes, setup, teardown),
-        cmocka_unit_test_setup_teardown(an_update_takes_at_most_0_4_ms, setup, teardown),
+            the_camera_and_not_the_body_looks_and_the_floor_lies_where_it_does, setup, free_grid),
+        cmocka_unit_test_setup_teardown(a_floor_may_slope, setup, free_grid),
+        cmocka_unit_test_setup_teardown(what_is_uncertain_gives_less_evidence, setup, free_grid),
+        cmocka_unit_test_setup_teardown(what_is_left_is_forgotten_along_both_axes, setup, free_grid),
+        cmocka_unit_test_setup_teardown(an_update_takes_at_most_0_4_ms, setup, free_grid),
     };
     const int failed = cmocka_run_group_tests(tests, NULL, NULL);
     free(cells);

@@ -12,36 +12,23 @@
 #include <string.h>
 
 #include "common/grid_mask.h"
+#include "common/made_grid.h"
 
 enum { W = 80, H = 60, POINTS = 4, CELLS = 128 * 128 };
 static const double height = 0.8, tilt = 0.3;
 static const int64_t SECOND = 1000000000;
 
 static uint8_t mask[W * H];
-static struct fovea_grid_config config;
-static struct fovea_grid *grid;
-static void *memory;
 static int8_t cells[CELLS];
 static struct fovea_grid_place place;
 
 static int setup(void **state)
 {
     (void)state;
-    size_t bytes;
-    struct fovea_error error;
     grid_mask_make(mask, W, H, 4, 200);
     fovea_grid_config_default(&config);
     config.heights = true;
-    assert_int_equal(fovea_grid_size(&config, &bytes, &error), FOVEA_OK);
-    memory = aligned_alloc(64, (bytes + 63) / 64 * 64);
-    assert_int_equal(fovea_grid_init(&grid, &config, memory, bytes, &error), FOVEA_OK);
-    return 0;
-}
-
-static int teardown(void **state)
-{
-    (void)state;
-    free(memory);
+    make_grid();
     return 0;
 }
 
@@ -78,10 +65,7 @@ static int cell_at(double x, double y)
 
 static int occupied(void)
 {
-    int count = 0;
-    for (int i = 0; i < CELLS; i++)
-        count += is_occupied(cells[i]);
-    return count;
+    return grid_mask_occupied(cells, &place);
 }
 
 static struct fovea_grid_point at(double x, double y, double z)
@@ -315,7 +299,7 @@ static void heights_are_forgotten_as_cells_are(void **state)
 
 int main(void)
 {
-#define TEST(name) cmocka_unit_test_setup_teardown(name, setup, teardown)
+#define TEST(name) cmocka_unit_test_setup_teardown(name, setup, free_grid)
     const struct CMUnitTest tests[] = {
         TEST(two_points_of_a_wall_mark_its_cell),
         TEST(one_point_marks_nothing),
