@@ -9,8 +9,8 @@
  * calibration for camera-IMU systems" (IJRR 2014), with attitudes alone: positions would need
  * metres and gravity. The camera's world may turn slowly against a fixed one (the map is
  * optimised), as a random walk. A frame whose innovation is too large is left out; after five in
- * succession the attitude begins anew, and bias and offset stay with larger sigmas. A turn at a constant rate looks as
- * another attitude does, and standing as nothing: the sigma stays large.
+ * succession the attitude begins anew, and bias and offset stay with larger sigmas. A turn at a
+ * constant rate looks as another attitude does, and standing as nothing: the sigma stays large.
  *
  * A clock with a `mount_sigma` also estimates the mount error: the rotation R_stated_true between
  * the sensor's frame as the rig states it and the true one, three more states, in rad, in the
