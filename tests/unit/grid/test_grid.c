@@ -579,7 +579,8 @@ int main(void)
             the_camera_and_not_the_body_looks_and_the_floor_lies_where_it_does, setup, free_grid),
         cmocka_unit_test_setup_teardown(a_floor_may_slope, setup, free_grid),
         cmocka_unit_test_setup_teardown(what_is_uncertain_gives_less_evidence, setup, free_grid),
-        cmocka_unit_test_setup_teardown(what_is_left_is_forgotten_along_both_axes, setup, free_grid),
+        cmocka_unit_test_setup_teardown(what_is_left_is_forgotten_along_both_axes, setup,
+                                        free_grid),
         cmocka_unit_test_setup_teardown(an_update_takes_at_most_0_4_ms, setup, free_grid),
     };
     const int failed = cmocka_run_group_tests(tests, NULL, NULL);
