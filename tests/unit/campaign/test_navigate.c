@@ -284,6 +284,19 @@ static void grids_that_cannot_be_are_left_out(void **state)
     assert_false(take(odd));
 }
 
+/* Nobody knows what became of a command while poses were away for seconds. */
+static void a_gap_of_poses_is_no_touch(void **state)
+{
+    (void)state;
+    begin(3, 0, FREE);
+    plan();
+    (void)steer_at(0, 0);
+    assert_true(steer_at(0, 0).speed_m_s > 0);
+    (void)navigate_steer(&planner, (const double[2]){0, 0}, 0, planner.now_s + 5);
+    (void)steer_at(0, 0);
+    assert_int_equal(planner.touches, 0);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -299,6 +312,7 @@ int main(void)
         cmocka_unit_test(a_goal_beyond_the_grid_is_driven_towards),
         cmocka_unit_test(a_grid_is_whole_when_all_its_rows_came),
         cmocka_unit_test(grids_that_cannot_be_are_left_out),
+        cmocka_unit_test(a_gap_of_poses_is_no_touch),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

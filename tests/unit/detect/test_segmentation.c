@@ -239,6 +239,29 @@ static void the_mask_at_the_size_of_the_image_follows_its_rule(void **state)
     expect_rule(16, 16, 64, 64, FV_FIT_LETTERBOX, 33, 32);
 }
 
+/* Rows of a picture: a class of colour, a class beside it, and pixels that have none. */
+static void what_has_no_class_keeps_its_pixels(void **state)
+{
+    (void)state;
+    enum { WIDTH = 6 };
+    static const uint8_t values[WIDTH] = {0, 0, 1, 1, 2, 2};
+    static const struct fovea_segmentation_class list[2] = {{.red = 200, .green = 200, .blue = 200},
+                                                            {.red = 0, .green = 0, .blue = 0}};
+    static uint8_t index[256] = {0, 1, FOVEA_SEGMENTATION_NONE};
+    const struct fovea_segmentation seen = {
+        .width = WIDTH,
+        .height = 1,
+        .fit = {.width = WIDTH, .height = 1, .input_width = WIDTH, .input_height = 1},
+        .count = 2,
+        .list = list,
+        .pixels = values,
+        .index = index};
+    uint8_t picture[WIDTH] = {100, 100, 100, 100, 100, 100};
+    fv_segmentation_overlay(&seen, picture, WIDTH, 1, 0, 1);
+    const uint8_t expected[WIDTH] = {139, 139, 255, 60, 255, 100}; /* borders are white */
+    assert_memory_equal(picture, expected, WIDTH);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -247,6 +270,7 @@ int main(void)
         cmocka_unit_test(what_is_beside_the_picture_has_no_class),
         cmocka_unit_test(colours_are_the_files_or_vocs),
         cmocka_unit_test(the_mask_at_the_size_of_the_image_follows_its_rule),
+        cmocka_unit_test(what_has_no_class_keeps_its_pixels),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

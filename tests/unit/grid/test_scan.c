@@ -140,6 +140,22 @@ static void impossible_numbers_are_refused(void **state)
     assert_int_equal(fovea_scan_nearest(&good, &whole, nearest), FOVEA_OK);
 }
 
+/* A width as a message rounds it: the rest of a turn behind the last sector is the first one's. */
+static void the_rest_of_a_turn_is_the_first_sectors(void **state)
+{
+    (void)state;
+    const double width = turn / SECTORS * (1 - 1e-7);
+    const struct fovea_scan_sectors sectors = {0, width, SECTORS};
+    const struct fovea_scan scan = scan_of(-0.5 * width - 1e-8, turn, 1);
+    for (int k = 0; k < SECTORS; k++)
+        nearest[k] = 7;
+    ranges[0] = 2;
+    assert_int_equal(fovea_scan_nearest(&scan, &sectors, nearest), FOVEA_OK);
+    assert_true(nearest[0] == 2);
+    for (int k = 1; k < SECTORS; k++)
+        assert_true(isnan(nearest[k]));
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -147,6 +163,7 @@ int main(void)
         cmocka_unit_test(what_is_not_known_stays_so),
         cmocka_unit_test(scans_of_all_kinds),
         cmocka_unit_test(impossible_numbers_are_refused),
+        cmocka_unit_test(the_rest_of_a_turn_is_the_first_sectors),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

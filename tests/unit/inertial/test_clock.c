@@ -294,6 +294,37 @@ static void test_one_axis_shows_nothing_about_itself(void **state)
     assert_true(mount_nees(&world, turned, &off) < 16 && off < 0.7 * degree);
 }
 
+/* Between samples that are half a second apart nobody knows the turn: attitudes begin anew, and no
+ * frame is refused for it. */
+static void test_missing_samples_are_not_made_up(void **state)
+{
+    (void)state;
+    static struct world world;
+    begin(&world, SHAKEN, 4);
+    go(&world, 10, 0.005, 1e9);
+    const uint64_t frames = world.clock.frames;
+    for (int n = 0; n < 120; n++) /* 0.6 s */
+        turn_on(&world, SAMPLE_NS);
+    go(&world, 0.06, 0.005, 1e9);
+    assert_int_equal(world.clock.refused, 0);
+    go(&world, 2, 0.005, 1e9);
+    assert_true(world.clock.frames > frames + 30);
+    assert_true(error_of(&world, 0.005) < 1e-3);
+}
+
+/* A clock that is suddenly another, which nobody says: frames do not fit, so offset and bias are
+ * doubted, and the new one is found. */
+static void test_another_clock_is_found_again(void **state)
+{
+    (void)state;
+    static struct world world;
+    begin(&world, SHAKEN, 9);
+    go(&world, 15, 0, 1e9);
+    assert_true(fv_imu_clock_sigma(&world.clock) < 5e-4);
+    go(&world, 6, 0.02, 1e9);
+    assert_true(error_of(&world, 0.02) < 1.5e-3);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -305,6 +336,8 @@ int main(void)
         cmocka_unit_test(test_a_wrong_mount_is_found_within_its_sigma),
         cmocka_unit_test(test_a_right_mount_stays_right),
         cmocka_unit_test(test_one_axis_shows_nothing_about_itself),
+        cmocka_unit_test(test_missing_samples_are_not_made_up),
+        cmocka_unit_test(test_another_clock_is_found_again),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -120,12 +120,96 @@ static void test_it_stands_on_without_pictures_until_a_force(void **state)
     assert_false(walk.still.standing); /* .1 m/s^2, within half a second */
 }
 
+/* Samples at rest, with `more` on one gyro axis; the pictures stay where they are. */
+static void rest(struct walk *walk, int samples, double (*more)(int n))
+{
+    struct fv_imu_still_seen seen = {
+        .depth = 3, .velocity = 0, .velocity_sigma = 0.02, .of_use = true};
+    fv_se3_identity(&seen.T_world_imu);
+    for (int n = 0; n < samples; n++, walk->now_ns += SAMPLE_NS) {
+        struct fv_imu_reading sample = {.stamp_ns = walk->now_ns};
+        for (int i = 0; i < 3; i++) {
+            sample.gyro[i] = noise.gyro * fv_random_normal(&walk->random);
+            sample.acceleration[i] = 5 + noise.acceleration * fv_random_normal(&walk->random);
+        }
+        sample.gyro[1] += more == NULL ? 0 : more(n);
+        fv_imu_still_take(&walk->still, &noise, &sample);
+        seen.stamp_ns = walk->now_ns;
+        if (walk->now_ns % FRAME_NS != 0) continue;
+        fv_imu_still_see(&walk->still, &seen);
+        walk->standing += walk->still.standing;
+    }
+}
+
+static double shaking(int n)
+{
+    return 2.5 * noise.gyro * sin(1.3 * n); /* no sample alone is far off */
+}
+
+static double jerk(int n)
+{
+    return n == 0 ? 12 * noise.gyro : 0;
+}
+
+static void test_what_shakes_does_not_stand(void **state)
+{
+    (void)state;
+    struct walk walk;
+    begin(&walk, 5);
+    rest(&walk, 400, NULL);
+    assert_true(walk.standing > 15);
+    begin(&walk, 5);
+    rest(&walk, 400, shaking);
+    assert_int_equal(walk.standing, 0);
+}
+
+static void test_a_jerk_and_a_gap_end_it_at_once(void **state)
+{
+    (void)state;
+    struct walk walk;
+    begin(&walk, 6);
+    rest(&walk, 421, NULL); /* in the middle of a block */
+    assert_true(walk.still.standing);
+    rest(&walk, 1, jerk);
+    assert_false(walk.still.standing);
+    rest(&walk, 400, NULL);
+    assert_true(walk.still.standing);
+    walk.now_ns += 100000000;
+    rest(&walk, 1, NULL);
+    assert_false(walk.still.standing);
+}
+
+/* Quiet from the first sample on, as in a cruise: a velocity of 8 cm/s is none that may be 0. */
+static void test_a_known_velocity_needs_a_force_to_end(void **state)
+{
+    (void)state;
+    for (int slow = 0; slow < 2; slow++) {
+        struct walk walk;
+        begin(&walk, 7);
+        struct fv_imu_still_seen seen = {.stamp_ns = 1,
+                                         .depth = 3,
+                                         .velocity = slow ? 0.04 : 0.08,
+                                         .velocity_sigma = 0.02,
+                                         .of_use = true};
+        fv_se3_identity(&seen.T_world_imu);
+        walk.now_ns = FRAME_NS;
+        rest(&walk, 10, NULL); /* what begins has stirred */
+        seen.stamp_ns = walk.now_ns;
+        fv_imu_still_see(&walk.still, &seen);
+        rest(&walk, 600, NULL);
+        assert_int_equal(walk.standing > 0, slow);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_a_stop_is_known),
         cmocka_unit_test(test_a_cruise_is_not),
         cmocka_unit_test(test_it_stands_on_without_pictures_until_a_force),
+        cmocka_unit_test(test_what_shakes_does_not_stand),
+        cmocka_unit_test(test_a_jerk_and_a_gap_end_it_at_once),
+        cmocka_unit_test(test_a_known_velocity_needs_a_force_to_end),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

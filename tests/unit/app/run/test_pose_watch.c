@@ -11,6 +11,8 @@
 
 #include "app/run/pose_watch.h"
 #include "common/sim_rig.h"
+#include "geometry/se3.h"
+#include "runtime/state.h"
 
 static struct sim_rig rig;
 static struct fv_watch watch;
@@ -138,6 +140,25 @@ static void test_a_run_without_frames_says_so(void **state)
     assert_string_equal(fv_watch_why_no_pose(&watch, false), "no frame was processed");
 }
 
+/* What the loop finds of the mount is noted once, in thousandths of a degree. */
+static void test_a_wrong_mount_is_noted(void **state)
+{
+    (void)state;
+    sim_rig_open(&rig, "sim:orbit?width=320&height=240&rate=20&imu=200", 0, FRAMES);
+    rig.config.rig = rig.ops->info(rig.source)->rig;
+    sim_rig_build(&rig);
+    fv_watch_open(&watch, true, false);
+    iterate(0);
+    assert_int_equal(atomic_load(&watch.imu_turned_mdeg), 0);
+    rig.rt->inertial.clock->mount_wrong = true;
+    fv_so3_exp((const double[3]){0, 0.1, 0}, rig.rt->inertial.clock->mounted.mount);
+    iterate(0);
+    assert_in_range(atomic_load(&watch.imu_turned_mdeg), 5700, 5760);
+    assert_true(atomic_load(&watch.imu_turned_sigma_mdeg) > 0);
+    fv_watch_close(&watch);
+    sim_rig_close(&rig);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -145,6 +166,7 @@ int main(void)
         cmocka_unit_test(test_the_ribbon_keeps_the_worst_state_of_a_bin),
         cmocka_unit_test(test_changes_that_nobody_takes_are_counted),
         cmocka_unit_test(test_a_run_without_frames_says_so),
+        cmocka_unit_test(test_a_wrong_mount_is_noted),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -13,6 +13,7 @@
 #include <unistd.h>
 
 #include "app/command.h"
+#include "app/run/report.h"
 
 static char text[65536];
 
@@ -61,11 +62,45 @@ static void a_path_has_one(void **state)
     assert_null(strstr(text, "stood still"));
 }
 
+/* What is wrong with the sensor's calibration, and nothing where it is right. */
+static void a_calibration_that_is_wrong_is_said(void **state)
+{
+    (void)state;
+    static struct fv_timings timings;
+    static struct fv_loop loop;
+    struct fv_report report = {.source = "s", .kernel_set = "c", .loop = &loop};
+    loop.timings = &timings;
+    report.imu_calibration = "imu.yaml";
+    report.imu = (struct fovea_imu_status){.state = FOVEA_IMU_OK,
+                                           .time_offset_s = -0.0123,
+                                           .time_offset_sigma_s = 0.0004,
+                                           .mount_angle = 0.0873,
+                                           .mount_angle_sigma = 0.0087,
+                                           .mount_wrong = true};
+    for (int right = 0; right < 2; right++) {
+        FILE *file = fmemopen(text, sizeof text, "w");
+        if (right) {
+            report.imu.time_offset_s = -0.0009;
+            report.imu.mount_wrong = false;
+        }
+        fv_report_summary(file, &report);
+        assert_int_equal(fclose(file), 0);
+        assert_int_equal(strstr(text, "stamps are 12.3 ms early against the inertial sensor's "
+                                      "(sigma 0.4): add -12300000 to time_offset_ns") != NULL,
+                         !right);
+        assert_int_equal(strstr(text, "turned by 5.0 degrees (sigma 0.5) against T_body_imu of "
+                                      "imu.yaml: calibrate again") != NULL,
+                         !right);
+        assert_int_equal(strstr(text, "time_offset_ns") != NULL, !right);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_path_without_length_has_no_percentage),
         cmocka_unit_test(a_path_has_one),
+        cmocka_unit_test(a_calibration_that_is_wrong_is_said),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
