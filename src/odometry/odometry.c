@@ -263,9 +263,11 @@ static void write_pose(struct fv_odometry *o)
     pose->posed = true;
 }
 
-/* A metric map from this frame, or one from several. */
+/* A metric map from this frame, or one from several. A picture that is old in part is none of them:
+ * between it and a whole one a part of the world stands, and the rest has moved. */
 static bool begin_map(struct fv_odometry *o, const struct fv_kernels *kernels)
 {
+    if (o->state->usable.patched) return false;
     return fv_odometry_begin_metric(o) || fv_odometry_initialise(o, kernels);
 }
 

@@ -19,8 +19,8 @@
  * is older, and counts as new. A link that broke off does so again, and what a few old rows leave
  * shows in too few features: three pictures behind a patched one count as patched.
  *
- * Poses of such pictures are `weak`, and none becomes a keyframe. Real-time safe, no addresses in
- * the state. */
+ * Poses of such pictures are `weak`, none becomes a keyframe, and no map begins with a patched one.
+ * Real-time safe, no addresses in the state. */
 #ifndef FOVEA_ODOMETRY_USABLE_H
 #define FOVEA_ODOMETRY_USABLE_H
 
