@@ -17,8 +17,9 @@ part() { # part NAME COMMAND...
     shift
     case $parts in "  " | *" $name "*) ;; *) return ;; esac
     [ -z "$sample" ] && [ -f "$done_folder/$name" ] && { echo "done before  $name"; return; }
+    begin=$(date +%s)
     if "$@" >"$done_folder/$name.log" 2>&1; then
-        echo "ok           $name"
+        echo "ok           $name, $(($(date +%s) - begin)) s"
         [ -n "$sample" ] || touch "$done_folder/$name"
     else
         echo "FAILED       $name"
@@ -190,11 +191,11 @@ if [ -n "$sample" ]; then
     part cameras cameras 100 2000
     part everywhere tests/replay/everywhere.sh 100
     part bisect tests/replay/bisect.sh
-    part kills kills 200
+    part kills kills 60
     part kidnap tools/evaluate/kidnap.sh 2
     seed=${FAULTS_SEED:-$(date +%s)}
     case $parts in "  " | *" faults "*) echo "faults       seeds from $seed on (FAULTS_SEED=$seed repeats them)" ;; esac
-    part faults faults 45 "$seed" --sample
+    part faults faults 28 "$seed" --sample
     part packets packets 50000
     part fuzz make --no-print-directory fuzz FUZZ_SECONDS="${FUZZ_SECONDS:-6}"
     part networks tools/check_networks.sh "$build" 1 best

@@ -251,7 +251,7 @@ settle
 start "$tool" write /dev/video10 GREY 320 240 "$frames/sim.raw" 0.5 0 after="$HIL_results/loopback.lcm"
 check 'fovea check says that the camera answers' says 'v4l2:/dev/video10 answers: 320 x 240 grey8' check_camera /dev/video10
 check 'whole runtime through v4l2loopback: runs and is recorded' \
-    run_fovea loopback.lcm --source v4l2:/dev/video10 --rate max --frames 30
+    run_fovea loopback.lcm --source v4l2:/dev/video10 --rate max --frames 16
 finish
 check 'fovea check says that the camera gives nothing' \
     says 'gives no pictures\|gives no frame' fails check_camera /dev/video10
@@ -351,15 +351,15 @@ settle
 part_usb_runtime() {
 plug GREY "$frames/sim.raw" 0.5 after="$HIL_results/usb.lcm"
 check 'whole runtime through the USB camera: runs and is recorded' \
-    run_fovea usb.lcm --source "v4l2:$usb" --rate max --frames 30
+    run_fovea usb.lcm --source "v4l2:$usb" --rate max --frames 16
 unplug
 outage() { # the camera goes away in the middle of a run and comes back; its first frame waits for the loop to see that
     (while [ -e $usb_id ]; do nap 0.2; done; nap 4; bash usb-plug.sh waits=1500) &
-    run_fovea outage.lcm --source "v4l2:$usb" --frames 40 && wait &&
+    run_fovea outage.lcm --source "v4l2:$usb" --frames 30 && wait &&
         "$tool" states "$HIL_results/outage.lcm" state=ok state=gone state=returning state=ok pose=1 pose=3 pose=1 rate=2
 }
 echo "GREY $frames/sim.raw 2 after=$HIL_results/outage.lcm" >usb.what
-bash usb-plug.sh leaves=20
+bash usb-plug.sh leaves=14
 settle
 check 'an outage in a run: states on LCM, the loop keeps its rate, lost in time, found again' outage
 unplug
