@@ -452,18 +452,27 @@ static bool other_focal(const struct fv_odometry *o, double variance, double cov
             covariance[k] += s->lens[k];
         }
     const double own = __builtin_fabs(lens.change);
-    return own > focal_sigmas * sigma && own > focal_max;
+    const bool is_clear = own > focal_sigmas * sigma;
+    s->focal = is_clear ? own : counted;
+    return is_clear && own > focal_max;
 }
 
-/* What another focal length moved the reference keyframe by. */
+/* What another focal length moved the reference keyframe by, and what it makes of the turn since: a
+ * map that is made anew by that lens takes turns for as much longer or shorter. */
 static void add_reference_lens(const struct fv_odometry *o, const struct fv_se3 *T_frame_ref,
                                double covariance[21])
 {
-    double carried[21];
+    enum { TURN_FIRST = 15 }; /* of the upper triangle */
+    double carried[21], turn[3];
     if (!reference_known(o)) return;
     fv_se3_carry_covariance(T_frame_ref, o->state->reference.lens, carried);
     for (int k = 0; k < 21; k++)
         covariance[k] += carried[k];
+    fv_so3_log(T_frame_ref->R, turn);
+    const double focal = o->state->reference.focal, across[2] = {focal * turn[0], focal * turn[1]};
+    covariance[TURN_FIRST] += across[0] * across[0];
+    covariance[TURN_FIRST + 1] += across[0] * across[1];
+    covariance[TURN_FIRST + 3] += across[1] * across[1];
 }
 
 void fv_covariance_rescale(double covariance[21], double factor)
@@ -476,6 +485,7 @@ void fv_covariance_rescale(double covariance[21], double factor)
 void fv_covariance_begin(struct fv_covariance_state *s)
 {
     memset(s->lens, 0, sizeof s->lens);
+    s->focal = 0;
 }
 
 bool fv_covariance_write(struct fv_odometry *o, const struct fv_map_frame *frame,

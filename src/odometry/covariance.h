@@ -37,7 +37,8 @@
  * move by with it is added, and from four sigmas on four times that, since the inliers of a fit
  * without it show a part of it alone. A small change is seen in the mean of several frames, which
  * counts from five of its sigmas on. What was added of the reference keyframe, when it was the
- * current frame, is added of all frames that refer to it. On good runs the focal length is another
+ * current frame, is added of all frames that refer to it; and since turns are measured by the focal
+ * length, that change times the turn since. On good runs the focal length is another
  * by .05 to .2 %, in the handheld recording, whose calibration is a guess, by .4 %. (The watch asks
  * over many frames, to find a calibration that is wrong for good.)
  *
@@ -62,7 +63,8 @@ enum { FV_COVARIANCE_POSES_MAX = 8 };
 /* What is known from frames before. */
 struct fv_covariance_state {
     double change_sum, change_weight; /* of focal lengths, by 1 / sigma^2, faded */
-    double lens[21];                  /* what another focal length added to the last frame's */
+    double lens[21];                  /* what another focal length added to the last frame's, */
+    double focal;                     /* and that change, by the pictures; 0: none */
 };
 
 struct fv_covariance {

@@ -227,9 +227,10 @@ static void add_correction(struct fv_odometry *o, const struct fv_sim3 *S_odom_m
     if (s->reference.slot != slot || s->reference.generation != generation) {
         const bool is_own =
             o->map.keyframes[slot].stamp_ns == o->map.keyframes[fv_map_current(&o->map)].stamp_ns;
-        s->reference = (struct fv_reference_state){slot, generation, T_odom_ref, {0}, {0}};
+        s->reference = (struct fv_reference_state){slot, generation, T_odom_ref, {0}, {0}, 0};
         if (is_own) memcpy(s->reference.parts, s->parts, sizeof s->parts);
         if (is_own) memcpy(s->reference.lens, s->covariance.lens, sizeof s->covariance.lens);
+        if (is_own) s->reference.focal = s->covariance.focal;
     }
     fv_se3_invert(&T_odom_ref, &inverse);
     fv_se3_compose(&inverse, T_odom_cam, &now);

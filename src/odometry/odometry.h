@@ -50,6 +50,7 @@ struct fv_reference_state {
     uint32_t slot, generation;
     struct fv_se3 published;
     double parts[21], lens[21];
+    double focal; /* the change of the focal length that was seen there */
 };
 
 struct fv_odometry_state {

@@ -256,6 +256,38 @@ static void the_reference_keeps_what_its_focal_length_added(void **state)
     *reference = kept;
 }
 
+/* Turns since a keyframe of another focal length are off by as much as that is. */
+static void the_turn_since_such_a_reference_is_in_doubt(void **state)
+{
+    enum { RX = 15, RY = 18, RZ = 20 };
+    const double focal = 0.03;
+    struct fv_odometry_state *s = seen.o->state;
+    const struct fv_reference_state kept = s->reference;
+    const struct fv_keyframe *reference = &seen.o->map.keyframes[s->newest];
+    struct fv_lens_frame lens;
+    struct fv_se3 inverse, since;
+    double sigma, without[21], turn[3];
+    const double *covariance = s->pose.covariance;
+    (void)state;
+    s->reference.slot = s->newest;
+    s->reference.generation = reference->generation;
+    memset(s->reference.lens, 0, sizeof s->reference.lens);
+    s->reference.focal = 0;
+    (void)write_zoomed(0, &lens, &sigma);
+    memcpy(without, covariance, sizeof without);
+    s->reference.focal = focal;
+    (void)write_zoomed(0, &lens, &sigma);
+    fv_se3_invert(&reference->T_cam_world, &inverse);
+    fv_se3_compose(&seen.frame.keyframe->T_cam_world, &inverse, &since);
+    fv_so3_log(since.R, turn);
+    const double across2 = turn[0] * turn[0] + turn[1] * turn[1],
+                 added = covariance[RX] + covariance[RY] - without[RX] - without[RY];
+    print_message("turned by %.4f rad across the axis\n", sqrt(across2));
+    assert_true(across2 > 1e-6 && fabs(added / (focal * focal * across2) - 1) < 1e-6);
+    assert_true(covariance[RZ] == without[RZ] && covariance[0] == without[0]);
+    s->reference = kept;
+}
+
 /* A keyframe that becomes the reference with its own frame keeps what was added of that; a
  * correction that changes the map's unit changes it likewise. Goes on with the run: the last. */
 static void a_new_reference_takes_what_was_added(void **state)
@@ -276,6 +308,7 @@ static void a_new_reference_takes_what_was_added(void **state)
         sim_rig_process(&rig);
         if (s->reference.slot == slot && s->reference.generation == generation) continue;
         assert_memory_equal(s->reference.lens, s->covariance.lens, sizeof s->reference.lens);
+        assert_true(s->reference.focal == s->covariance.focal);
         own++;
         added += s->reference.lens[0] > 0;
     }
@@ -300,6 +333,7 @@ int main(void)
         cmocka_unit_test(another_focal_length_is_admitted),
         cmocka_unit_test(a_small_change_is_seen_in_several_frames),
         cmocka_unit_test(the_reference_keeps_what_its_focal_length_added),
+        cmocka_unit_test(the_turn_since_such_a_reference_is_in_doubt),
         cmocka_unit_test(a_new_reference_takes_what_was_added),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
