@@ -143,9 +143,13 @@ struct fv_archive_info {
     size_t grid_at;              /* where its cells begin in the file */
 };
 
-/* The count that the first bytes of a file of `bytes` bytes state, at least FV_ARCHIVE_HEADER_BYTES
- * of them. False: it is no map of these versions, or it is cut. */
-bool fv_archive_landmarks(const uint8_t *header, uint64_t bytes, uint32_t *landmarks);
+/* What the first bytes of a file of `bytes` bytes state, at least FV_ARCHIVE_HEADER_BYTES of them.
+ * False: it is no map of these versions, or it is cut. */
+struct fv_archive_outline {
+    uint32_t landmarks;
+    bool has_grid;
+};
+bool fv_archive_outline(const uint8_t *header, uint64_t bytes, struct fv_archive_outline *outline);
 
 /* Check size, magic, version, byte order and checksum, and read the header. `name` is for errors,
  * which are FOVEA_ERROR_INPUT and name the byte. Init-only. */

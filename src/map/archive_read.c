@@ -203,14 +203,16 @@ static void read_header(struct reader *r, struct fv_archive_info *info)
     if (info->scales > FV_ARCHIVE_SCALES_MAX) refuse(r, 164, "scales", info->scales, "at most 9");
 }
 
-bool fv_archive_landmarks(const uint8_t *header, uint64_t bytes, uint32_t *landmarks)
+bool fv_archive_outline(const uint8_t *header, uint64_t bytes, struct fv_archive_outline *outline)
 {
     struct reader r = {.data = header, .bytes = FV_ARCHIVE_HEADER_BYTES, .at = 8};
-    if (memcmp(header, "FOVEAMAP", 8) != 0 || !known_version(get_u32(&r))) return false;
+    if (memcmp(header, "FOVEAMAP", 8) != 0) return false;
+    const uint32_t version = get_u32(&r);
+    if (!known_version(version)) return false;
     r.at = SIZE_AT;
     if (get(&r, 8) != bytes) return false;
     r.at = LANDMARKS_AT;
-    *landmarks = get_u32(&r);
+    *outline = (struct fv_archive_outline){get_u32(&r), has_grid(version)};
     return true;
 }
 

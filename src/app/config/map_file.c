@@ -122,7 +122,7 @@ static bool hash_file(int file, uint64_t bytes, uint64_t *hash)
 }
 
 /* Whether the open file is a map, as long as its header states and with the checksum at its end. */
-static bool is_whole(int file, uint32_t *landmarks)
+static bool is_whole(int file, struct fv_archive_outline *outline)
 {
     uint8_t header[FV_ARCHIVE_HEADER_BYTES], end[FV_ARCHIVE_CHECKSUM_BYTES];
     struct stat there;
@@ -130,7 +130,7 @@ static bool is_whole(int file, uint32_t *landmarks)
     if (fstat(file, &there) != 0 || !S_ISREG(there.st_mode) ||
         read(file, header, sizeof header) != (ssize_t)sizeof header ||
         (bytes = (uint64_t)there.st_size) < sizeof header + sizeof end ||
-        !fv_archive_landmarks(header, bytes, landmarks))
+        !fv_archive_outline(header, bytes, outline))
         return false;
     hash = fv_hash(hash, header, sizeof header);
     if (!hash_file(file, bytes - sizeof header - sizeof end, &hash) ||
@@ -142,13 +142,19 @@ static bool is_whole(int file, uint32_t *landmarks)
 }
 
 /* Of the map at PATH; false: there is none that can be read. */
-static bool landmarks_at(const char *path, uint32_t *landmarks)
+static bool outline_at(const char *path, struct fv_archive_outline *outline)
 {
     const int file = open(path, O_RDONLY | O_NONBLOCK | O_NOFOLLOW | O_CLOEXEC);
     if (file < 0) return false;
-    const bool whole = is_whole(file, landmarks);
+    const bool whole = is_whole(file, outline);
     close(file);
     return whole;
+}
+
+/* So much less than the map that is there that it does not take its place. */
+static bool holds_less(const struct fv_archive_outline *map, const struct fv_archive_outline *there)
+{
+    return 2 * (uint64_t)map->landmarks < there->landmarks || (there->has_grid && !map->has_grid);
 }
 
 static enum fovea_status save_at(struct fv_output *output, uint32_t keep, const uint8_t *data,
@@ -172,9 +178,8 @@ enum fovea_status fv_map_file_save(const char *path, const struct fv_map_file_ru
     if (open_when_free(&output, path, error) != FOVEA_OK) return FOVEA_ERROR_SYSTEM;
     /* From here on nobody else saves there. */
     saved->beside = !rules->overwrite && bytes >= FV_ARCHIVE_HEADER_BYTES &&
-                    fv_archive_landmarks(data, bytes, &saved->landmarks) &&
-                    landmarks_at(path, &saved->landmarks_there) &&
-                    2 * (uint64_t)saved->landmarks < saved->landmarks_there;
+                    fv_archive_outline(data, bytes, &saved->map) &&
+                    outline_at(path, &saved->there) && holds_less(&saved->map, &saved->there);
     if (!saved->beside) return save_at(&output, rules->keep, data, bytes, error);
     fv_output_discard(&output);
     if (snprintf(small, sizeof small, "%s" FV_MAP_FILE_SMALL, path) >= (int)sizeof small)

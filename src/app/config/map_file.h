@@ -9,6 +9,7 @@
 #include <stdint.h>
 
 #include "fovea/status.h"
+#include "map/archive.h"
 
 /* Whether a file can be put there at the end of a run, under each name that a save may give it,
  * without touching what is there.
@@ -19,9 +20,10 @@ enum fovea_status fv_map_file_probe(const char *path, struct fovea_error *error)
  * one before that, `keep` of them with PATH itself (1: none is kept). PATH leads to a whole map at
  * every instant, also when the process or the machine dies; then at most one old map stands twice.
  *
- * A map with under half of the landmarks of the one at PATH goes to PATH.small, and what was there
- * to PATH.small.1 and so on, unless `overwrite`: a run that was lost, or a reset before a save,
- * shall not push out what was built in hours. A file that is cut or damaged counts as no map.
+ * A map with under half of the landmarks of the one at PATH, or without a grid of free space where
+ * that has one, goes to PATH.small, and what was there to PATH.small.1 and so on, unless
+ * `overwrite`: a run that was lost, a reset before a save, or a run without the grid shall not push
+ * out what was built in hours. A file that is cut or damaged counts as no map.
  *
  * The temporary name is PATH.part; one that an earlier death left is removed. While another program
  * saves there, it is waited for, at most 2 s. No heap call.
@@ -32,8 +34,8 @@ struct fv_map_file_rules {
 };
 
 struct fv_map_file_saved {
-    bool beside; /* at PATH.small; the counts say why */
-    uint32_t landmarks, landmarks_there;
+    bool beside;                          /* at PATH.small; what both hold says why */
+    struct fv_archive_outline map, there; /* the map, and the one at PATH before */
 };
 
 enum { FV_MAP_FILE_KEEP_MAX = 10 };

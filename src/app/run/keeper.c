@@ -76,6 +76,20 @@ void fv_keeper_work(struct fv_keeper *keeper, const struct fovea_outputs *output
 
 /* ---- watching thread ------------------------------------------------------------------------- */
 
+static void say_beside(const char *path, const struct fv_map_file_saved *saved)
+{
+    if (saved->there.has_grid && !saved->map.has_grid)
+        fv_say(
+            "%s: found a grid of free space in this map and none in the new one: the new one is saved as %s" FV_MAP_FILE_SMALL
+            "; grid.enabled: true takes the grid up, map.overwrite: true replaces the other",
+            path, path);
+    else
+        fv_say(
+            "%s: found %u landmarks in this map and %u in the new one, less than half: the new one is saved as %s" FV_MAP_FILE_SMALL
+            "; map.overwrite: true replaces the other",
+            path, (unsigned)saved->there.landmarks, (unsigned)saved->map.landmarks, path);
+}
+
 static enum fovea_status save(const struct fv_keeper *keeper, bool overwrite, size_t bytes,
                               struct fovea_error *error)
 {
@@ -85,12 +99,7 @@ static enum fovea_status save(const struct fv_keeper *keeper, bool overwrite, si
     struct fv_map_file_saved saved;
     const enum fovea_status status =
         fv_map_file_save(settings->map_save, &rules, keeper->buffer, bytes, &saved, error);
-    if (status == FOVEA_OK && saved.beside)
-        fv_say(
-            "%s: found %u landmarks in this map and %u in the new one, less than half: the new one is saved as %s" FV_MAP_FILE_SMALL
-            "; map.overwrite: true replaces the other",
-            settings->map_save, (unsigned)saved.landmarks_there, (unsigned)saved.landmarks,
-            settings->map_save);
+    if (status == FOVEA_OK && saved.beside) say_beside(settings->map_save, &saved);
     return status;
 }
 

@@ -225,20 +225,20 @@ static void list(struct fv_map_loads *loads, DIR *folder)
     for (int i = 0; i < ENTRIES_MAX; i++) {
         uint8_t head[FV_ARCHIVE_HEADER_BYTES];
         struct stat there;
-        uint32_t landmarks;
+        struct fv_archive_outline map;
         struct dirent *entry = readdir(folder);
         if (entry == NULL) break;
         const int file =
             is_name(entry->d_name) ? fv_folder_open_file(dirfd(folder), entry->d_name, &there) : -1;
         if (file < 0) continue;
         if (read_whole(file, head, sizeof head) &&
-            fv_archive_landmarks(head, (uint64_t)there.st_size, &landmarks))
+            fv_archive_outline(head, (uint64_t)there.st_size, &map))
             insert(files, &message.count,
                    (fovea_map_file_t){.name = entry->d_name,
                                       .bytes = there.st_size,
                                       .utime = there.st_mtim.tv_sec * INT64_C(1000000) +
                                                there.st_mtim.tv_nsec / 1000,
-                                      .landmarks = (int32_t)landmarks});
+                                      .landmarks = (int32_t)map.landmarks});
         close(file);
     }
     const int bytes =

@@ -395,10 +395,10 @@ static void a_save_under_way_is_of_the_map_after_a_reset(void **state)
         saved = rig.work.map_bytes;
         assert_true(n == 21 || saved == 0);
     }
-    uint32_t landmarks = UINT32_MAX;
+    struct fv_archive_outline outline = {.landmarks = UINT32_MAX};
     assert_int_equal(saved, FV_ARCHIVE_HEADER_BYTES + FV_ARCHIVE_CHECKSUM_BYTES); /* none yet */
-    assert_true(fv_archive_landmarks(buffer, saved, &landmarks));
-    assert_int_equal(landmarks, 0);
+    assert_true(fv_archive_outline(buffer, saved, &outline));
+    assert_int_equal(outline.landmarks, 0);
     free(buffer);
     sim_rig_close(&rig);
 }

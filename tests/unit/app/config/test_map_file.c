@@ -31,8 +31,10 @@ struct file {
     size_t bytes;
 };
 
-static struct file make_file(uint32_t keyframes)
+static struct file make_file_with(uint32_t keyframes, bool with_grid)
 {
+    enum { SIDE = 4 };
+    int8_t cells[SIDE * SIDE];
     struct small_map small;
     struct fv_random random;
     struct file file;
@@ -40,9 +42,16 @@ static struct file make_file(uint32_t keyframes)
     small_map_make(&small);
     for (uint32_t k = 0; k < keyframes; k++)
         small_map_grow(&small, &random);
-    file.data = small_map_save(&small, &file.bytes);
+    const struct fv_archive_grid grid = small_map_grid(&small, SIDE, &random, cells);
+    file.data = with_grid ? small_map_save_with(&small, &grid, cells, SIDE, &file.bytes)
+                          : small_map_save(&small, &file.bytes);
     small_map_free(&small);
     return file;
+}
+
+static struct file make_file(uint32_t keyframes)
+{
+    return make_file_with(keyframes, false);
 }
 
 /* Whatever was there, and without keeping it. */
@@ -235,6 +244,27 @@ static void a_map_with_under_half_of_the_landmarks_is_saved_beside(void **state)
     free(empty.data);
 }
 
+static void a_map_without_the_grid_of_the_other_is_saved_beside(void **state)
+{
+    (void)state;
+    struct file mapped = make_file_with(5, true), again = make_file_with(4, true),
+                blind = make_file(9);
+    begin_anew();
+    save(&mapped, 3, false, false);
+    save(&blind, 3, false, true);
+    assert_is("", &mapped);
+    assert_is(".small", &blind);
+    save(&again, 3, false, false);
+    assert_is("", &again);
+    assert_is(".1", &mapped);
+    save(&blind, 3, true, false);
+    assert_is("", &blind);
+    save(&again, 3, false, true); /* under half of the landmarks, though with a grid */
+    free(mapped.data);
+    free(again.data);
+    free(blind.data);
+}
+
 static void spoil(const struct file *file, size_t bytes, size_t flipped)
 {
     struct fovea_error error;
@@ -391,6 +421,7 @@ int main(void)
         cmocka_unit_test(test_errors),
         cmocka_unit_test(the_last_maps_are_kept),
         cmocka_unit_test(a_map_with_under_half_of_the_landmarks_is_saved_beside),
+        cmocka_unit_test(a_map_without_the_grid_of_the_other_is_saved_beside),
         cmocka_unit_test(a_damaged_map_counts_as_none),
         cmocka_unit_test(a_name_that_grows_too_long_is_refused_at_once),
         cmocka_unit_test(kills_lose_no_kept_map),
