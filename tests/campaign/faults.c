@@ -22,7 +22,7 @@
  * - False confidence, of tracking frames: at most 0.5 % for each kind of fault. A frame is false
  *   whose pose against its reference keyframe has a NEES over 22.5, or is not finite. Poses in
  *   metres are compared as they are. Those of free scale take their unit, and nothing else, from
- *   the similarity of their map to the truth.
+ *   the truth: one for each map.
  * - Tracking frames: for each kind at least 30 % of those of the same source without faults.
  * - Frames: after a return of the source one is processed within 1 s of its time, in 99 %.
  * - Map: it loads, and a run without faults on the same place finds itself in it within 60 frames,

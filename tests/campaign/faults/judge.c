@@ -31,6 +31,14 @@ static bool is_finite(const struct fovea_pose *pose)
            all_finite(pose->covariance, 21);
 }
 
+/* Whether a frame's pose is of this map and has a truth; `sure`: only in state `tracking`. */
+static bool takes_part(const struct faults_frame *frame, uint32_t map_id, bool metric, bool sure)
+{
+    const struct fovea_pose *pose = &frame->pose;
+    return frame->processed && pose->posed && frame->has_truth && pose->map_id == map_id &&
+           is_metric(pose) == metric && !(sure && pose->state != FOVEA_TRACKING_OK);
+}
+
 /* Positions of a map's poses and of the truth; `sure`: of those in state `tracking` only. */
 static void gather(const struct faults_play *play, uint32_t map_id, bool metric, bool sure,
                    struct fv_similarity_sums *sums)
@@ -39,10 +47,7 @@ static void gather(const struct faults_play *play, uint32_t map_id, bool metric,
     for (uint32_t i = 0; i < play->count; i++) {
         const struct faults_frame *frame = &play->frame[i];
         const double *T = frame->pose.T_world_cam;
-        if (!frame->processed || !frame->pose.posed || !frame->has_truth ||
-            frame->pose.map_id != map_id || is_metric(&frame->pose) != metric ||
-            (sure && frame->pose.state != FOVEA_TRACKING_OK) || !all_finite(T, 12))
-            continue;
+        if (!takes_part(frame, map_id, metric, sure) || !all_finite(T, 12)) continue;
         const double p[3] = {T[3], T[7], T[11]},
                      q[3] = {frame->truth[3], frame->truth[7], frame->truth[11]};
         fv_similarity_add(sums, p, q);
@@ -87,17 +92,17 @@ static void logarithm(const struct fv_se3 *T, double error[6])
         error[i] = T->t[i] - 0.5 * crossed[i] + factor * twice[i];
 }
 
-/* Infinite where the covariance is none. */
-static double squared_error(const double covariance[21], const double error[6])
+/* a^T S^-1 b; infinite where the covariance is none. */
+static double weighed(const double covariance[21], const double a[6], const double b[6])
 {
     double S[36], solved[6], sum = 0;
     for (int row = 0, k = 0; row < 6; row++)
         for (int column = row; column < 6; column++, k++)
             S[6 * row + column] = S[6 * column + row] = covariance[k];
-    memcpy(solved, error, sizeof solved);
+    memcpy(solved, b, sizeof solved);
     if (!fv_ldlt_solve(S, 6, solved)) return INFINITY;
     for (int i = 0; i < 6; i++)
-        sum += error[i] * solved[i];
+        sum += a[i] * solved[i];
     return sum;
 }
 
@@ -108,23 +113,14 @@ static const struct faults_frame *at_stamp(const struct faults_play *play, int64
     return NULL;
 }
 
-/* Metres per unit of the published world: 1, or by the similarity of the map. 0: not known. */
-static double metres_of(const struct faults_play *play, const struct fovea_pose *pose)
-{
-    struct faults_fit fit;
-    if (is_metric(pose)) return 1;
-    return faults_fit(play, pose->map_id, false, &fit) ? fit.scale : 0;
-}
-
-/* NEES of a frame's pose relative to its reference keyframe; infinite: it is none at all; NaN: it
- * cannot be judged. `vector`: its error, in metres and rad. */
-static double nees_of(const struct faults_play *play, const struct faults_frame *frame,
-                      double vector[6])
+/* Error of a frame's pose relative to its reference keyframe, in the published unit and rad, where
+ * a metre has `units` of them. False: there is nothing to compare with. */
+static bool error_of(const struct faults_play *play, const struct faults_frame *frame, double units,
+                     double vector[6])
 {
     const struct fovea_pose *pose = &frame->pose;
     const struct faults_frame *keyframe = at_stamp(play, pose->keyframe_stamp_ns);
-    const double metres = metres_of(play, pose);
-    if (keyframe == NULL || keyframe == frame || !keyframe->has_truth || !(metres > 0)) return NAN;
+    if (keyframe == NULL || keyframe == frame || !keyframe->has_truth) return false;
     /* The published unit per unit of the map, as in the message's T_keyframe_child. */
     const double unit = is_metric(pose) ? pose->scale : 1 / pose->map_scale;
     struct fv_se3 T_keyframe_cam, T_world_keyframe, T_world_cam, truth, error;
@@ -135,12 +131,59 @@ static double nees_of(const struct faults_play *play, const struct faults_frame 
     fv_se3_compose(&truth, &T_world_cam, &truth);
     for (int i = 0; i < 3; i++) {
         T_keyframe_cam.t[i] *= unit;
-        truth.t[i] /= metres;
+        truth.t[i] *= units;
     }
     fv_se3_invert(&T_keyframe_cam, &error);
     fv_se3_compose(&error, &truth, &error);
     logarithm(&error, vector);
-    const double nees = squared_error(pose->covariance, vector);
+    return true;
+}
+
+/* Units per metre of a map in a unit of its own, by which its poses relative to their keyframes are
+ * nearest to the truth, each weighed by its covariance: their errors are linear in it. `sure`: of
+ * poses in state `tracking` only. */
+static bool fit_units(const struct faults_play *play, uint32_t map_id, bool sure, double *units)
+{
+    double square = 0, product = 0;
+    uint32_t count = 0;
+    for (uint32_t i = 0; i < play->count; i++) {
+        const struct faults_frame *frame = &play->frame[i];
+        const struct fovea_pose *pose = &frame->pose;
+        double none[6], one[6];
+        if (!takes_part(frame, map_id, false, sure) || !is_finite(pose) ||
+            !error_of(play, frame, 0, none) || !error_of(play, frame, 1, one))
+            continue;
+        for (int k = 0; k < 6; k++)
+            one[k] -= none[k];
+        const double own = weighed(pose->covariance, one, one);
+        if (!isfinite(own)) continue;
+        square += own;
+        product -= weighed(pose->covariance, none, one);
+        count++;
+    }
+    *units = product / square;
+    return count >= POSES_MIN && *units > 0 && isfinite(*units);
+}
+
+/* Metres per unit of the published world. 0: not known. */
+static double metres_of(const struct faults_play *play, const struct fovea_pose *pose)
+{
+    struct faults_fit fit;
+    double units;
+    if (is_metric(pose)) return 1;
+    if (fit_units(play, pose->map_id, true, &units) || fit_units(play, pose->map_id, false, &units))
+        return 1 / units;
+    return faults_fit(play, pose->map_id, false, &fit) ? fit.scale : 0;
+}
+
+/* NEES of a frame's pose relative to its reference keyframe; infinite: it is none at all; NaN: it
+ * cannot be judged. `vector`: its error, in metres and rad. */
+static double nees_of(const struct faults_play *play, const struct faults_frame *frame,
+                      double vector[6])
+{
+    const double metres = metres_of(play, &frame->pose);
+    if (!(metres > 0) || !error_of(play, frame, 1 / metres, vector)) return NAN;
+    const double nees = weighed(frame->pose.covariance, vector, vector);
     for (int i = 0; i < 3; i++)
         vector[i] *= metres;
     return isnan(nees) ? INFINITY : nees;

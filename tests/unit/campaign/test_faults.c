@@ -71,6 +71,43 @@ static void a_right_walk_is_right(void **unused)
     assert_int_equal(verdict.wrong, 0);
 }
 
+/* From frame `from` on, lengths are `factor` times as many of the unit, and the path of the world
+ * goes on `aside` of where it was. */
+static void bend(int from, double factor, double aside)
+{
+    for (int i = from; i < FRAMES; i++) {
+        struct fovea_pose *pose = &play.frame[i].pose;
+        for (int k = 3; k < 12; k += 4) {
+            pose->T_world_cam[k] *= factor;
+            pose->T_keyframe_cam[k] *= factor;
+        }
+        pose->T_world_cam[7] += aside;
+    }
+}
+
+/* A unit of its own is judged by what is said of poses since their keyframes: a path that has
+ * leapt, which those before and behind do not deny, has the same unit all along; one that changes
+ * is false. */
+static void a_unit_is_that_of_relative_poses(void **unused)
+{
+    (void)unused;
+    struct faults_verdict verdict;
+    walk(FOVEA_SCALE_FREE);
+    bend(0, 3, 0);
+    judge(&verdict, true);
+    assert_int_equal(verdict.judged, FRAMES - FRAMES / 10);
+    assert_int_equal(verdict.wrong, 0);
+    walk(FOVEA_SCALE_FREE);
+    bend(FRAMES / 2, 1, 3);
+    judge(&verdict, true);
+    assert_int_equal(verdict.judged, FRAMES - FRAMES / 10);
+    assert_int_equal(verdict.wrong, 0);
+    walk(FOVEA_SCALE_FREE);
+    bend(FRAMES / 2, 1.2, 0);
+    judge(&verdict, true);
+    assert_true(verdict.wrong > FRAMES / 4);
+}
+
 /* A walk whose stamps leap in some windows. Frames whose stamps are not after that of the last
  * processed one are refused, as the runtime does. */
 static void leap(const struct faults_plan *plan)
@@ -308,6 +345,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_right_walk_is_right),
+        cmocka_unit_test(a_unit_is_that_of_relative_poses),
         cmocka_unit_test(what_is_not_finite_is_false),
         cmocka_unit_test(leaping_stamps_are_no_wait),
         cmocka_unit_test(nothing_misses_the_bars),
