@@ -209,9 +209,10 @@ static void stalled_run(const char *const words[], const char *line, const char 
 
 static void test_a_stalled_recording_ends(void **state)
 {
-    const char *const real[] = {RUN("sim:still"), "--rate",      "real",
-                                "--record",       "/dev/stdout", NULL};
-    const char *const fast[] = {RUN("sim:still"), "--rate", "max", "--record", "/dev/stdout", NULL};
+    const char *const real[] = {
+        RUN("sim:still?width=320&height=240"), "--rate", "real", "--record", "/dev/stdout", NULL};
+    const char *const fast[] = {
+        RUN("sim:still?width=320&height=240"), "--rate", "max", "--record", "/dev/stdout", NULL};
     const char line[] = "/dev/stdout: has taken nothing for ",
                lost[] = "lost: the end of the recording /dev/stdout";
     (void)state;
@@ -308,7 +309,7 @@ static void test_a_log_that_does_not_last_fails_the_run(void **state)
 /* Too few descriptors are no fault of the network. */
 static void test_too_few_descriptors_are_named(void **state)
 {
-    const char *const words[] = {"check", "--source", "sim:still", NULL};
+    const char *const words[] = {"check", "--source", "sim:still?width=96&height=64", NULL};
     char text[1 << 14];
     (void)state;
     for (int limit = 5; limit < 8; limit++) {
@@ -348,9 +349,10 @@ static void test_other_commands_end_by_signals(void **state)
     snprintf(made, sizeof made, "%s/made", folder);
     snprintf(log, sizeof log, "%s/sent.lcm", folder);
     snprintf(sent, sizeof sent, "file://%s?mode=w", log);
-    /* Half a minute of small frames: a replay by the clock does not end before its signal. */
+    /* A quarter of a minute of small frames: a replay by the clock does not end before its signal.
+     */
     const char *const record[] = {
-        RUN("sim:still?width=160&height=120"), "--frames", "900", "--record", recording, NULL};
+        RUN("sim:still?width=160&height=120"), "--frames", "450", "--record", recording, NULL};
     const char *const replay[] = {"replay", "--rate", "real", "--lcm-url", sent, recording, NULL};
     const char *const export[] = {"export", "--source", "sim:still", "--frames",
                                   "100000", made,       NULL};

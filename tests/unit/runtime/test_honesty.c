@@ -75,7 +75,7 @@ static void standing_still_does_not_drift(void **state)
     (void)state;
     const int stands = 210; /* a second after the last motion */
     double depth_m = scene_depth_m(1);
-    run("stand", 1, 0, all ? 9180 : 400);
+    run("stand", 1, 0, all ? 9180 : 330);
     double first[12], place[12], drift = 0, shake = 0;
     double metres = 1 / sim_rig_scale(&rig, 60, 180);
     mean_place(stands, first);
@@ -240,7 +240,7 @@ static void the_covariance_is_honest(void **state)
 {
     (void)state;
     struct confidence all_seeds = {0};
-    const int seeds = all ? 50 : 8;
+    const int seeds = all ? 50 : 6;
     for (int seed = 1; seed <= seeds; seed++) {
         run("orbit", seed, 0, all ? 900 : 110);
         const struct confidence c = rate_confidence();

@@ -297,7 +297,7 @@ static void a_wrong_mount_is_named(void **state)
     static const double turned[2][3] = {{0.0873, 0, 0}, {0, 0, -0.0873}};
     for (int i = 0; i < 2; i++) {
         struct fovea_imu_status imu;
-        open_turned(uris[i], 200, FOVEA_SENSORS_AUTO, turned[i]);
+        open_turned(uris[i], 160, FOVEA_SENSORS_AUTO, turned[i]);
         while (next(true))
             continue;
         fovea_imu_status_get(rig.rt, &imu);
@@ -356,7 +356,7 @@ static void who_moves_does_not_stand(void **state)
                                         "sim:corridor?" SHAPE "seed=4"};
     for (int i = 0; i < 2; i++) {
         int standing = 0;
-        open_rig(uris[i], 300, FOVEA_SENSORS_AUTO);
+        open_rig(uris[i], i == 0 ? 300 : 150, FOVEA_SENSORS_AUTO);
         while (next(true)) {
             if (rig.frames < 2 || !rig.rt->inertial.state->still.standing) continue;
             standing++;
