@@ -170,7 +170,18 @@ run:  ## install what is missing, build, and run the tour on the simulated camer
 test:  ## install what is missing, build, and run the tests
 	@tools/install.sh build test
 	@$(MAKE) --no-print-directory -j$(JOBS) all tests
-	@tools/run_tests.sh $(BUILD) $(EMULATOR)
+	@FOVEA_TESTS_WITHOUT="$(JUDGING)" tools/run_tests.sh $(BUILD) $(EMULATOR)
+
+# Tests that judge errors over minutes of simulated frames, or over many pictures of boards: 10 s of processor time and more each.
+# `make test` runs all others, in under five minutes on two processors; CI runs these beside its other steps.
+JUDGING := $(addprefix unit/calibrate/test_,bad_sets camera check guide hand_eye imu inertial inertial_command rig sim_board) \
+           $(addprefix unit/runtime/test_,honesty inertial rolling stereo) $(addprefix unit/odometry/test_,agreement odometry usable) \
+           unit/scale/test_scale oracle/test_features_opencv
+.PHONY: judge
+judge:  ## install what is missing, build, and run the tests that judge errors over many frames, which `make test` leaves out
+	@tools/install.sh build test
+	@$(MAKE) --no-print-directory -j$(JOBS) all $(JUDGING:%=$(BUILD)/tests/%)
+	@FOVEA_TESTS="$(JUDGING)" tools/run_tests.sh $(BUILD) $(EMULATOR)
 
 # Everything else that must hold: other compiler, layers, symbols, style, sanitizers. Under tsan, which is some ten times
 # slower, run the tests of code with more than one thread: the loop, the readers, live cameras, the recorder, sender and receiver of LCM.

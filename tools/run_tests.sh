@@ -2,7 +2,8 @@
 # Run the test programs of a build: one more at a time than there are processors, since many wait; beside them those of networks, which
 # may share one network, one after the other; in the end those that judge speed, alone. Say which failed, what was skipped and which
 # took most processor time.
-# Usage: tools/run_tests.sh BUILD [EMULATOR...]     FOVEA_TESTS="unit/base/test_ring ..." runs only these, FOVEA_TESTS_WITHOUT="..." all but these
+# Usage: tools/run_tests.sh BUILD [EMULATOR...]     FOVEA_TESTS="unit/base/test_ring ..." runs only these, FOVEA_TESTS_WITHOUT="..." all but these;
+# FOVEA_TEST_JOBS=N: so many beside each other
 set -u
 
 if [ "$1" = --one ]; then # --one BUILD TEST [EMULATOR...]
@@ -43,7 +44,7 @@ together=$(echo "$tests" | grep -vxF "${alone:-none}" | grep -vxF "${networked:-
 rm -rf "$build/test-log"
 mkdir -p "$build/test-log"
 for test in $networked; do "$0" --one "$build" "$test" "$@"; done &
-printf '%s\n' $together | xargs -P $(($(nproc) + 1)) -I '{}' "$0" --one "$build" '{}' "$@"
+printf '%s\n' $together | xargs -P "${FOVEA_TEST_JOBS:-$(($(nproc) + 1))}" -I '{}' "$0" --one "$build" '{}' "$@"
 wait
 for test in $alone; do "$0" --one "$build" "$test" "$@"; done
 
