@@ -64,6 +64,22 @@ static bool fill_tile(struct fv_sim_raster *raster, const struct fovea_camera *c
     return true;
 }
 
+/* Whether all pixels on the edge of the image, margin included, are seen: those inside are nearer
+ * to the axis. */
+static bool edge_is_seen(const struct fovea_camera *camera)
+{
+    double x, y;
+    for (int32_t px = -1; px < camera->width; px++)
+        if (!normalised(camera, px, -1, &x, &y) ||
+            !normalised(camera, px, camera->height - 1, &x, &y))
+            return false;
+    for (int32_t py = -1; py < camera->height; py++)
+        if (!normalised(camera, -1, py, &x, &y) ||
+            !normalised(camera, camera->width - 1, py, &x, &y))
+            return false;
+    return true;
+}
+
 bool fv_sim_raster_create(struct fv_sim_raster *raster, const struct fovea_camera *camera)
 {
     raster->width = camera->width;
@@ -75,14 +91,18 @@ bool fv_sim_raster_create(struct fv_sim_raster *raster, const struct fovea_camer
     raster->y = malloc(tiles * FV_SIM_TILE_PIXELS * sizeof(float));
     raster->bound = malloc(tiles * sizeof *raster->bound);
     raster->pixel_area = malloc(tiles * sizeof(float));
-    if (raster->x == NULL || raster->y == NULL || raster->bound == NULL ||
-        raster->pixel_area == NULL)
-        return false;
-    for (int32_t ty = 0; ty < raster->tiles_y; ty++) {
+    return raster->x != NULL && raster->y != NULL && raster->bound != NULL &&
+           raster->pixel_area != NULL && edge_is_seen(camera);
+}
+
+bool fv_sim_raster_fill(struct fv_sim_raster *raster, const struct fovea_camera *camera)
+{
+    for (int32_t ty = 0; ty < raster->tiles_y && !raster->filled; ty++) {
         for (int32_t tx = 0; tx < raster->tiles_x; tx++) {
             if (!fill_tile(raster, camera, tx, ty)) return false;
         }
     }
+    raster->filled = true;
     return true;
 }
 

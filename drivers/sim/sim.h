@@ -339,6 +339,7 @@ struct fv_sim_raster {
     struct fv_sim_rect *bound; /* of each tile, a pixel of margin included */
     float *pixel_area; /* of each tile: normalised area of a pixel at its middle, times the root of
                           |ray| */
+    bool filled;
 };
 
 struct fv_sim_scene {
@@ -346,7 +347,10 @@ struct fv_sim_scene {
     struct fv_sim_surface surface[FV_SIM_SURFACES_MAX];
 };
 
+/* False: no memory, or a camera that looks too far aside. */
 bool fv_sim_raster_create(struct fv_sim_raster *raster, const struct fovea_camera *camera);
+/* Once, before the first picture: it takes longer than all else of opening a source. */
+bool fv_sim_raster_fill(struct fv_sim_raster *raster, const struct fovea_camera *camera);
 void fv_sim_raster_free(struct fv_sim_raster *raster);
 /* Turn the world into surfaces for one camera pose; what cannot be seen is left out. */
 void fv_sim_scene_set(struct fv_sim_scene *scene, const struct fv_sim_world *world,

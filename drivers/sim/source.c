@@ -211,6 +211,14 @@ static enum fovea_status begin_driven(struct fovea_source *source, struct fovea_
     return FOVEA_OK;
 }
 
+static enum fovea_status refuse_fov(const struct fovea_source *source, struct fovea_error *error)
+{
+    return fovea_error_set(
+        error, FOVEA_ERROR_INPUT,
+        "sim: fov: found %g, but the corners of a %d x %d image look too far aside; expected less",
+        source->options.fov_deg, (int)source->options.width, (int)source->options.height);
+}
+
 static enum fovea_status sim_open(const char *address,
                                   const struct fovea_source_selection *selection,
                                   struct fovea_source **out, struct fovea_error *error)
@@ -237,10 +245,7 @@ static enum fovea_status sim_open(const char *address,
     if (status == FOVEA_OK) status = fv_sim_body_sensors_open(source, error);
     if (status == FOVEA_OK &&
         !fv_sim_raster_create(&source->raster, &source->info.rig.cameras[0].camera))
-        status = fovea_error_set(
-            error, FOVEA_ERROR_INPUT,
-            "sim: fov: found %g, but the corners of a %d x %d image look too far aside; expected less",
-            options.fov_deg, (int)options.width, (int)options.height);
+        status = refuse_fov(source, error);
     if (status == FOVEA_OK && !allocate(source))
         status = fovea_error_set(error, FOVEA_ERROR_SYSTEM, "sim: out of memory");
     if (status != FOVEA_OK) {
@@ -276,7 +281,8 @@ static const struct fovea_source_info *sim_info(const struct fovea_source *sourc
 
 static enum fovea_status sim_start(struct fovea_source *source, struct fovea_error *error)
 {
-    (void)error;
+    if (!fv_sim_raster_fill(&source->raster, &source->info.rig.cameras[0].camera))
+        return refuse_fov(source, error);
     source->started = true;
     return FOVEA_OK;
 }
