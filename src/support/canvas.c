@@ -81,8 +81,11 @@ void fv_canvas_fill(struct fv_canvas *canvas, int left, int top, int width, int 
     int right = clamp(left + width, 0, canvas->width),
         bottom = clamp(top + height, 0, canvas->height);
     for (int y = clamp(top, 0, canvas->height); y < bottom; y++)
-        for (int x = clamp(left, 0, canvas->width); x < right; x++)
-            blend(canvas, x, y, colour, 1.0F);
+        for (int x = clamp(left, 0, canvas->width); x < right; x++) {
+            uint8_t *to = pixel_at(canvas, x, y);
+            for (int c = 0; c < 3; c++)
+                to[c] = (uint8_t)(colour >> (16 - 8 * c));
+        }
 }
 
 void fv_canvas_line(struct fv_canvas *canvas, float x0, float y0, float x1, float y1,
@@ -228,5 +231,5 @@ enum fovea_status fv_canvas_write(const struct fv_canvas *canvas, const char *pa
     const struct fovea_image image = {canvas->rgb,       canvas->width,
                                       canvas->height,    stride,
                                       FOVEA_PIXEL_RGB24, (size_t)stride * (size_t)canvas->height};
-    return fv_picture_write(path, &image, error);
+    return fv_picture_write_drawn(path, &image, error);
 }

@@ -145,10 +145,11 @@ enum fovea_status fv_picture_check_name(const char *option, const char *path,
     return FOVEA_OK;
 }
 
-enum fovea_status fv_picture_write(const char *path, const struct fovea_image *image,
-                                   struct fovea_error *error)
+static enum fovea_status write_with(png_uint_32 flags, const char *path,
+                                    const struct fovea_image *image, struct fovea_error *error)
 {
     png_image png = png_of(image);
+    png.flags = flags;
     struct fv_output output;
     if (fv_output_open(&output, path, FV_OUTPUT_WHOLE, error) != FOVEA_OK)
         return FOVEA_ERROR_SYSTEM;
@@ -161,4 +162,16 @@ enum fovea_status fv_picture_write(const char *path, const struct fovea_image *i
     fv_output_discard(&output);
     return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%.300s: cannot be written: %s", path,
                            reason != 0 ? strerror(reason) : png.message);
+}
+
+enum fovea_status fv_picture_write(const char *path, const struct fovea_image *image,
+                                   struct fovea_error *error)
+{
+    return write_with(0, path, image, error);
+}
+
+enum fovea_status fv_picture_write_drawn(const char *path, const struct fovea_image *image,
+                                         struct fovea_error *error)
+{
+    return write_with(PNG_IMAGE_FLAG_FAST, path, image, error);
 }

@@ -29,6 +29,11 @@ enum fovea_status fv_picture_check_name(const char *option, const char *path,
 enum fovea_status fv_picture_write(const char *path, const struct fovea_image *image,
                                    struct fovea_error *error);
 
+/* The same of a drawing, whose areas of one colour are small in any way of packing: in the fastest
+ * way. */
+enum fovea_status fv_picture_write_drawn(const char *path, const struct fovea_image *image,
+                                         struct fovea_error *error);
+
 /* The bytes of a PNG of a grey8 or rgb24 image. `*png` is from malloc, to be given to free(); NULL:
  * no memory. */
 void fv_picture_encode(const struct fovea_image *image, unsigned char **png, size_t *bytes);

@@ -70,8 +70,10 @@ static void image_draw(struct fv_canvas *canvas, const struct fovea_image *image
                                              (size_t)(place->left + x));
             const float from_x = ((float)x + 0.5F) / place->scale - 0.5F,
                         from_y = ((float)y + 0.5F) / place->scale - 0.5F;
-            for (int c = 0; c < 3; c++)
-                to[c] = (uint8_t)(sample(image, step, step == 3 ? c : 0, from_x, from_y) + 0.5F);
+            for (int c = 0; c < step; c++)
+                to[c] = (uint8_t)(sample(image, step, c, from_x, from_y) + 0.5F);
+            for (int c = step; c < 3; c++)
+                to[c] = to[0];
         }
 }
 
