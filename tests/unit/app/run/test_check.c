@@ -17,6 +17,9 @@
 #include "app/command.h"
 #include "common/datasets.h"
 
+/* What is said of pictures is said of small ones, too. */
+#define SMALL "sim:still?width=160&height=120"
+
 enum { TEXT_MAX = 1 << 15, ARGUMENTS_MAX = 16, SECONDS_MAX = 60 };
 
 static char out[TEXT_MAX], err[TEXT_MAX];
@@ -133,7 +136,7 @@ static void test_who_may_command_is_said(void **state)
     char command[256];
     (void)state;
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
-        snprintf(command, sizeof command, "fovea check --source sim:still --set %s", cases[i].sets);
+        snprintf(command, sizeof command, "fovea check --source " SMALL " --set %s", cases[i].sets);
         const int status = check(command);
         if (cases[i].status != 0) assert_int_equal(status, cases[i].status);
         assert_tells(out, cases[i].line);
@@ -144,9 +147,9 @@ static void test_frame_rate(void **state)
 {
     (void)state;
     assert_int_equal(
-        check("fovea check --bench --source sim:still?frames=40 --set lcm_url=memq://"), 0);
+        check("fovea check --bench --source " SMALL "&frames=40 --set lcm_url=memq://"), 0);
     assert_tells(out, "this board can hold");
-    assert_tells(out, "of 40 frames at 640 x 480");
+    assert_tells(out, "of 40 frames at 160 x 120");
 }
 
 /* A camera that is not there is one line of the report, not the end of it. */
@@ -220,7 +223,7 @@ static void test_kernels(void **state)
 {
     (void)state;
     setenv("FOVEA_CPU", "c", 1);
-    assert_int_equal(check("fovea check --source sim:still --set lcm_url=memq://"), 0);
+    assert_int_equal(check("fovea check --source " SMALL " --set lcm_url=memq://"), 0);
     assert_tells(out, "\nwarning  kernels      set c, though this processor has ");
     setenv("FOVEA_CPU", "mmx", 1);
     assert_int_equal(check("fovea check --source v4l2:/dev/fovea_none --set lcm_url=memq://"), 2);
@@ -232,7 +235,7 @@ static void test_without_rights(void **state)
 {
     (void)state;
     as_nobody = true;
-    assert_int_equal(check("fovea check --source sim:still --set lcm_url=memq://"), 0);
+    assert_int_equal(check("fovea check --source " SMALL " --set lcm_url=memq://"), 0);
     assert_tells(
         out,
         "\nwarning  scheduling   no SCHED_FIFO: not permitted; 'ulimit -r 40' or CAP_SYS_NICE would permit it");
@@ -240,19 +243,18 @@ static void test_without_rights(void **state)
     assert_tells(out, "\nwarning  memory lock  memory is not locked: ");
 #endif
     /* One thing missing must not hide the other. */
-    assert_int_equal(check("fovea check --source sim:still --set lcm_url= --set loop.cpu=1000"), 0);
+    assert_int_equal(check("fovea check --source " SMALL " --set lcm_url= --set loop.cpu=1000"), 0);
     assert_tells(out, "\nwarning  scheduling   ");
     assert_tells(out, "no SCHED_FIFO: not permitted");
     assert_tells(out, "not bound to processor 1000");
-    assert_int_equal(
-        check(
-            "fovea run --source sim:still --set lcm_url= --set loop.cpu=1000 --frames 1 --picture none --quiet"),
-        0);
+    assert_int_equal(check("fovea run --source " SMALL
+                           " --set lcm_url= --set loop.cpu=1000 --frames 1 --picture none --quiet"),
+                     0);
     assert_tells(err, "no SCHED_FIFO: not permitted");
     assert_tells(err, "not bound to processor 1000");
     /* Wrong input is one line here too. */
     setenv("FOVEA_CPU", "mmx", 1);
-    assert_int_equal(check("fovea run --source sim:still --set lcm_url= --frames 1 --picture none"),
+    assert_int_equal(check("fovea run --source " SMALL " --set lcm_url= --frames 1 --picture none"),
                      2);
     assert_tells(err, "FOVEA_CPU: found 'mmx'");
     assert_string_equal(strchr(err, '\n'), "\n");

@@ -7,9 +7,9 @@
 #include <stdint.h>
 
 #include <cmocka.h>
-#include <sched.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "app/run/fast_pose.h"
 #include "common/sim_rig.h"
@@ -23,6 +23,12 @@ static struct fovea_sample list[FOVEA_INPUT_SAMPLES_MAX];
 
 /* ---- the thread of a sensor ------------------------------------------------------------------ */
 
+/* Short beside a step, and the processor is free for it. */
+static void rest(void)
+{
+    usleep(50);
+}
+
 static struct {
     struct fovea_imu_sample samples[FOVEA_INPUT_SAMPLES_MAX];
     uint32_t count;
@@ -35,7 +41,7 @@ static void *sense_all(void *context)
 {
     for (unsigned list_number = 1;; list_number++) {
         while (atomic_load(&sensor.asked) < list_number)
-            sched_yield();
+            rest();
         for (uint32_t i = 0; i < sensor.count; i++) {
             fv_fast_pose_take(context, &sensor.samples[i]);
             atomic_store(&sensor.taken, i + 1);
@@ -51,7 +57,7 @@ static void *sense_all(void *context)
 static void give(const struct fovea_sample *samples, uint32_t count, bool last)
 {
     while (atomic_load(&sensor.done) < atomic_load(&sensor.asked))
-        sched_yield();
+        rest();
     sensor.count = 0;
     for (uint32_t i = 0; i < count; i++)
         if (samples[i].kind == FOVEA_SAMPLE_IMU) sensor.samples[sensor.count++] = samples[i].imu;
@@ -59,7 +65,7 @@ static void give(const struct fovea_sample *samples, uint32_t count, bool last)
     atomic_store(&sensor.taken, 0);
     atomic_fetch_add(&sensor.asked, 1);
     while (atomic_load(&sensor.taken) < sensor.count / 2)
-        sched_yield();
+        rest();
 }
 
 /* ---- a run ----------------------------------------------------------------------------------- */
@@ -69,6 +75,7 @@ static void open_rig(void)
     sim_rig_open(&rig, "sim:orbit?width=320&height=240&rate=20&imu=200&baseline=0.12", 0, FRAMES);
     rig.config.rig = rig.ops->info(rig.source)->rig;
     rig.config.odometry.keyframes = 40;
+    rig.config.features.count_max = 500;
     sim_rig_build(&rig);
 }
 

@@ -18,6 +18,9 @@
 #include "app/lab/lettering.h"
 #include "app/run/run_picture.h"
 
+/* The sheet is as large for small images. */
+#define SMALL "?width=320&height=240"
+
 enum { WIDTH = 1600, WORDS_MAX = 24 };
 
 static char path[] = "/tmp/fovea_picture_XXXXXX";
@@ -29,7 +32,7 @@ static void picture_of(const char *const more[])
 {
     const char *words[WORDS_MAX + 1] = {"fovea",    "run",       "--quiet", "--set",
                                         "lcm_url=", "--picture", path,      "--rate",
-                                        "max",      "--frames",  "90",      "--source"};
+                                        "max",      "--frames",  "50",      "--source"};
     int count = 12, status = -1;
     for (int i = 0; more[i] != NULL && count < WORDS_MAX; i++)
         words[count++] = more[i];
@@ -63,7 +66,7 @@ static int count_of(uint32_t colour, int left, int right)
 static void test_a_run_with_everything_has_two_rows_of_two_parts(void **state)
 {
     (void)state;
-    const char *const more[] = {"sim:tour", "--model", "src/detect/shipped.fvm", NULL};
+    const char *const more[] = {"sim:tour" SMALL, "--model", "src/detect/shipped.fvm", NULL};
     picture_of(more);
     assert_in_range(height, 1100, 1400);
     assert_in_range(count_of(0x39d353, 0, WIDTH / 2), 300, 100000);            /* features */
@@ -75,9 +78,9 @@ static void test_a_run_with_everything_has_two_rows_of_two_parts(void **state)
 static void test_what_a_run_does_not_have_is_left_out(void **state)
 {
     (void)state;
-    const char *const alone[] = {"sim:orbit", NULL};
-    const char *const blind[] = {"sim:orbit", "--set", "odometry.enabled=false", NULL};
-    const char *const rotated[] = {"sim:rotate", NULL}; /* never posed: no path */
+    const char *const alone[] = {"sim:orbit" SMALL, NULL};
+    const char *const blind[] = {"sim:orbit" SMALL, "--set", "odometry.enabled=false", NULL};
+    const char *const rotated[] = {"sim:rotate" SMALL, NULL}; /* never posed: no path */
     picture_of(alone);
     const int whole = height;
     assert_in_range(count_of(FV_PICTURE_OURS, WIDTH / 2, WIDTH), 50, 100000);

@@ -32,15 +32,18 @@ struct place {
     const char *no_colour, *term;
 };
 
-/* Pictures that take an instrumented program little time. */
+/* Small pictures, and half of the features: what is drawn and posed is judged elsewhere. */
 #define ORBIT "sim:orbit?width=320&height=240"
+#define HALF "features.count_max=500"
 
-/* Frames of a run that shows its status several times, every quarter of a second. */
+/* Seconds of a camera, in which the status is shown every quarter of a second. */
 #ifdef FOVEA_SANITIZED
-#define LONG "120"
+#define LIVE_RATE "6"
 #else
-#define LONG "400"
+#define LIVE_RATE "15"
 #endif
+#define LIVE ORBIT "&rate=" LIVE_RATE
+#define LIVE_FRAMES "45"
 
 static const struct place wide = {COLUMNS_WIDE, NULL, "xterm"}, no_terminal = {0, NULL, "xterm"};
 
@@ -105,12 +108,23 @@ static int run(const struct place *place, const char *const words[])
     return WIFEXITED(status) ? WEXITSTATUS(status) : 100 + WTERMSIG(status);
 }
 
+static int run_at(const struct place *place, const char *source, const char *frames,
+                  const char *rate)
+{
+    const char *const words[] = {"fovea",    "run",   "--source",  source,   "--set",
+                                 "lcm_url=", "--set", HALF,        "--rate", rate,
+                                 "--frames", frames,  "--picture", "none",   NULL};
+    return run(place, words);
+}
+
 static int run_source(const struct place *place, const char *source, const char *frames)
 {
-    const char *const words[] = {"fovea",     "run",    "--source", source,     "--set",
-                                 "lcm_url=",  "--rate", "max",      "--frames", frames,
-                                 "--picture", "none",   NULL};
-    return run(place, words);
+    return run_at(place, source, frames, "max");
+}
+
+static int run_live(const struct place *place)
+{
+    return run_at(place, LIVE, LIVE_FRAMES, "real");
 }
 
 static void expect(const char *part)
@@ -131,7 +145,7 @@ static void expect_none(const char *part)
 static void test_a_terminal_shows_state_frames_and_map(void **state)
 {
     (void)state;
-    assert_int_equal(run_source(&wide, "sim:orbit?rate=15", LONG), 0);
+    assert_int_equal(run_live(&wide), 0);
     double seconds;
     unsigned frame, landmarks, keyframes, frames;
     double rate;
@@ -145,9 +159,9 @@ static void test_a_terminal_shows_state_frames_and_map(void **state)
                                     "landmarks  %u keyframes",
                        &seconds, &frame, &frames, &rate, &landmarks, &keyframes);
     }
-    assert_int_equal(frames, atoi(LONG));
+    assert_int_equal(frames, atoi(LIVE_FRAMES));
     assert_in_range(frame, 1, frames);
-    assert_true(seconds >= 0.0 && seconds <= frame / 15.0);
+    assert_true(seconds >= 0.0 && seconds <= frame / atof(LIVE_RATE));
     assert_in_range(landmarks, 100, 20000);
     assert_in_range(keyframes, 2, 256);
 }
@@ -155,7 +169,7 @@ static void test_a_terminal_shows_state_frames_and_map(void **state)
 static void test_a_change_of_state_is_one_line(void **state)
 {
     (void)state;
-    assert_int_equal(run_source(&no_terminal, ORBIT, "60"), 0);
+    assert_int_equal(run_source(&no_terminal, ORBIT, "35"), 0);
     assert_memory_equal(text, "starting from frame 1 on, at 0.000 s\n", 37);
     expect("\nweak from frame ");
     expect(" starting\n");
@@ -167,7 +181,7 @@ static void test_a_change_of_state_is_one_line(void **state)
 static void test_what_is_no_terminal_gets_neither_status_nor_colour(void **state)
 {
     (void)state;
-    assert_int_equal(run_source(&no_terminal, ORBIT, "60"), 0);
+    assert_int_equal(run_source(&no_terminal, ORBIT, "35"), 0);
     expect_none("\r");
     expect_none("\033");
     expect_none("Hz  ");
@@ -178,12 +192,12 @@ static void test_colours_are_left_out_on_request(void **state)
     (void)state;
     const struct place asked = {COLUMNS_WIDE, "1", "xterm"}, empty = {COLUMNS_WIDE, "", "xterm"},
                        dumb = {COLUMNS_WIDE, NULL, "dumb"};
-    assert_int_equal(run_source(&asked, ORBIT, "60"), 0);
+    assert_int_equal(run_source(&asked, ORBIT, "35"), 0);
     expect_none("\033[3");
     expect("tracking from frame ");
-    assert_int_equal(run_source(&dumb, ORBIT, "60"), 0);
+    assert_int_equal(run_source(&dumb, ORBIT, "35"), 0);
     expect_none("\033[3");
-    assert_int_equal(run_source(&empty, ORBIT, "60"), 0); /* as no-color.org says */
+    assert_int_equal(run_source(&empty, ORBIT, "35"), 0); /* as no-color.org says */
     expect(GREEN "tracking\033[0m from frame ");
 }
 
@@ -191,7 +205,7 @@ static void test_a_narrow_terminal_gets_whole_fields(void **state)
 {
     (void)state;
     const struct place narrow = {44, "1", "xterm"};
-    assert_int_equal(run_source(&narrow, "sim:orbit", LONG), 0);
+    assert_int_equal(run_live(&narrow), 0);
     int seen = 0;
     for (const char *at = text; (at = strstr(at, STATUS)) != NULL;) {
         at += strlen(STATUS);
@@ -247,10 +261,10 @@ static void test_the_summary_says_why_nothing_was_posed(void **state)
     blank_pictures();
     assert_int_equal(run_source(&no_terminal, "images:blank*.png", "40"), 0);
     expect("why no pose: too few corners in the images");
-    assert_int_equal(run_source(&no_terminal, "sim:rotate?width=320&height=240", "120"), 0);
+    assert_int_equal(run_source(&no_terminal, "sim:rotate?width=320&height=240", "60"), 0);
     expect("why no pose: never enough parallax");
     expect("\n  scale: unknown, as no frame has a pose\n");
-    assert_int_equal(run_source(&no_terminal, ORBIT, "60"), 0);
+    assert_int_equal(run_source(&no_terminal, ORBIT, "35"), 0);
     expect_none("why no pose");
     expect("scale: unknown; the unit is the median depth at the start of each map");
 }
@@ -262,9 +276,10 @@ static void test_the_summary_says_how_well_scale_is_known(void **state)
                                  "--source",  ORBIT,
                                  "--set",     "lcm_url=",
                                  "--picture", "none",
-                                 "--frames",  "300",
+                                 "--frames",  "60",
                                  "--rate",    "max",
                                  "--set",     "scale.source=wheel_odometry",
+                                 "--set",     HALF,
                                  NULL};
     assert_int_equal(run(&no_terminal, words), 0);
     expect("scale: metres, from wheel odometry, to ");
@@ -276,9 +291,9 @@ static void test_the_summary_says_how_well_scale_is_known(void **state)
 static void test_replay_and_export_show_how_far_they_are(void **state)
 {
     (void)state;
-    const char *const record[] = {"fovea",    "run",       "--source", ORBIT,      "--set",
-                                  "lcm_url=", "--picture", "none",     "--frames", "40",
-                                  "--rate",   "max",       "--record", "a.lcm",    NULL};
+    const char *const record[] = {"fovea",     "run",   "--source", ORBIT, "--set",  "lcm_url=",
+                                  "--picture", "none",  "--frames", "40",  "--rate", "max",
+                                  "--record",  "a.lcm", "--set",    HALF,  NULL};
     const char *const replay[] = {"fovea", "replay", "a.lcm", NULL};
     const char *const export[] = {"fovea",    "export", "--source", ORBIT,
                                   "--frames", "10",     "frames",   NULL};
