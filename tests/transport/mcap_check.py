@@ -9,19 +9,24 @@ import subprocess
 import sys
 
 import mcap.reader
+import mcap.writer  # noqa: F401
 from mcap_protobuf.decoder import DecoderFactory
 
 here = os.path.dirname(os.path.abspath(__file__))
 tools = os.path.join(here, "..", "..", "tools")
-sys.path.append(os.path.join(tools, "subscribers"))
+sys.path += [os.path.join(tools, "subscribers"), os.path.join(here, "..", "common")]
 import read_recording  # noqa: E402
+from tool_copy import run_copy  # noqa: E402
 
 recording, folder = sys.argv[1:]
 made, again, kept = (os.path.join(folder, name) for name in ("made.mcap", "again.lcm", "kept"))
 
 
+tool = os.path.join(tools, "mcap.py")
+
+
 def run(*arguments):
-    return subprocess.run([sys.executable, os.path.join(tools, "mcap.py"), *arguments], capture_output=True, text=True)
+    return subprocess.run([sys.executable, tool, *arguments], capture_output=True, text=True)
 
 
 def expect(holds, what):
@@ -154,7 +159,7 @@ NAMES = ("cam0/image", "cam0/preview", "cam0/features", "cam0/detections", "cam0
 def check_refused(arguments, words):
     with open(kept, "w", encoding="ascii") as file:
         file.write("kept")
-    done = run(*arguments, kept)
+    done = run_copy(tool, *arguments, kept)
     line = done.stderr.strip()
     expect(done.returncode != 0 and "\n" not in line and all(word in line for word in words), f"{arguments}: exit {done.returncode}: {done.stderr}")
     expect(open(kept, encoding="ascii").read() == "kept", f"{arguments}: the file that was there is lost")
@@ -176,7 +181,7 @@ for at in range(1000, os.path.getsize(made) - 1000, os.path.getsize(made) // 15)
     with open(again, "wb") as file:
         file.write(damaged)
     back = os.path.join(folder, "back")
-    done = run(again, back)
+    done = run_copy(tool, again, back)
     expect(done.returncode == 0 or len(done.stderr.strip().splitlines()) == 1, f"byte {at}: {done.stderr}")
     expect(done.returncode != 0 or open(back, "rb").read() == open(recording, "rb").read(), f"byte {at}: a wrong recording")
     if os.path.exists(back):
@@ -186,12 +191,12 @@ text, cut, cut_log, views_only = (os.path.join(folder, name) for name in ("text"
 open(text, "w", encoding="ascii").write("no recording")
 open(cut, "wb").write(open(made, "rb").read()[:-1000])
 open(cut_log, "wb").write(open(recording, "rb").read()[:-10])
-expect(run("--views-only", recording, views_only).returncode == 0, "--views-only")
+expect(run_copy(tool, "--views-only", recording, views_only).returncode == 0, "--views-only")
 present = [made, again, kept, text, cut, cut_log, views_only]
 check_refused([text], ["text", "byte 0", "expected"])
 check_refused([cut], ["cut.mcap", "damaged"])
 check_refused([cut_log], ["cut.lcm", "cut off"])
 check_refused([views_only], ["views.mcap", "expected a recording"])
 check_refused([os.path.join(folder, "none")], ["none", "No such file"])
-same = run(made, made)
+same = run_copy(tool, made, made)
 expect(same.returncode != 0 and "expected another file" in same.stderr, "the input was to be replaced")

@@ -16,10 +16,11 @@ here = os.path.dirname(os.path.abspath(__file__))
 build, part = sys.argv[1:]
 types = os.path.join(build, "python")
 example = os.path.join(here, "..", "..", "tools", "examples", "obstacle_distance.py")
-sys.path[:0] = [types, os.path.dirname(example)]
+sys.path[:0] = [types, os.path.dirname(example), os.path.join(here, "..", "common")]
 import lcm  # noqa: E402
 from fovea import grid_t, pose_t, scan_t  # noqa: E402
 from pymavlink import mavutil  # noqa: E402
+from tool_copy import run_copy  # noqa: E402
 
 URL, PORT, PATIENCE_S = "udpm://239.255.76.67:7667?ttl=0&recv_buf_size=8388608", 14550, 60
 UNKNOWN = 65535
@@ -33,12 +34,12 @@ def expect(holds, what):
 def expected(scan, sector_deg=5):
     """By unit vectors: a ray is in the sector whose middle is within half a sector of it. Forward is x, right is -y."""
     most = int(scan.range_max_m * 100)
-    distances = []
+    distances, least = [], math.cos(math.radians(sector_deg / 2))
+    angles = (scan.angle_first + k * scan.angle_step for k in range(len(scan.range_m)))
+    rays = [(math.cos(angle), math.sin(angle), r) for angle, r in zip(angles, scan.range_m)]
     for sector in range(360 // sector_deg):
         forward, right = math.cos(math.radians(sector * sector_deg)), math.sin(math.radians(sector * sector_deg))
-        inside = [r for k, r in enumerate(scan.range_m)
-                  if forward * math.cos(scan.angle_first + k * scan.angle_step) - right * math.sin(scan.angle_first + k * scan.angle_step)
-                  > math.cos(math.radians(sector_deg / 2))]
+        inside = [r for x, y, r in rays if forward * x - right * y > least]
         obstacles = [max(r, scan.range_min_m) for r in inside if not math.isnan(r) and r < math.inf]
         if obstacles:
             distances.append(max(math.floor(min(obstacles) * 100), 1))
@@ -163,7 +164,7 @@ def run_of_the_program():
         bus.subscribe("FOVEA_" + suffix, take).set_queue_capacity(1000)
     fovea = subprocess.Popen([
         os.path.join(build, "fovea"), "run", "--source",
-        "fault:sim:drive?seed=7&width=640&height=480&rate=10&baseline=0.12?kind=black&first=60&shortest=60&longest=60&count=1&fraction=1",
+        "fault:sim:drive?seed=7&width=320&height=240&rate=10&baseline=0.12?kind=black&first=60&shortest=60&longest=60&count=1&fraction=1",
         "--frames", "110", "--picture", "none", "--quiet", "--model", "src/detect/segmenter.fvm", "--set", "grid.enabled=true",
         "--set", "lcm_url=udpm://239.255.76.67:7667", "--set", "loop.priority=0",
         "--set", "features_every=0", "--set", "map_every=0", "--set", "preview.period_frames=0", "--set",
@@ -200,10 +201,11 @@ def run_of_the_program():
 
 
 def arguments():
+    os.environ["FOVEA_TYPES"] = types
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
     for words in (["--to", "udpout:"], ["--to", "udpout:no..name:14550"], ["--to", "udpout:127.0.0.1:x"], ["--to", "/dev/null"],
                   ["--url", "here"], ["--system", "0"], ["--sector-deg", "3"], ["--what"]):
-        run = subprocess.run([sys.executable, example, *words], capture_output=True, text=True, timeout=PATIENCE_S,
-                             env=dict(os.environ, FOVEA_TYPES=types))
+        run = run_copy(example, *words)
         expect(run.returncode in (1, 2) and run.stdout == "" and run.stderr.count("\n") == 1 and run.stderr.startswith("obstacle_distance.py: "),
                f"{words}: exit code {run.returncode}: {run.stdout}{run.stderr}")
 

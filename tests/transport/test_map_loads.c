@@ -154,7 +154,7 @@ static void maps_are_loaded_and_replayed(void **state)
     assert_int_equal(mkdir(line, 0700), 0);
 
     const char *const arguments[] = {"--source",
-                                     "sim:stand?width=320&height=240",
+                                     "sim:stand?width=320&height=240&rate=10",
                                      "--rate",
                                      "real",
                                      "--quiet",

@@ -102,7 +102,7 @@ static void start(bool records)
     snprintf(file, sizeof file, "parameters.file=%s", kept);
     snprintf(record, sizeof record, "record=%s", records ? log_path : "");
     const char *const arguments[] = {"--source",
-                                     "sim:orbit?width=160&height=120&frames=100000",
+                                     "sim:orbit?width=160&height=120&rate=15&frames=100000",
                                      "--rate",
                                      "real",
                                      "--quiet",
@@ -118,6 +118,8 @@ static void start(bool records)
                                      file,
                                      "--set",
                                      record,
+                                     "--set", /* only a replay judges what becomes of the frames */
+                                     records ? "odometry.enabled=true" : "odometry.enabled=false",
                                      NULL};
     watched_start(&watched, "run", arguments);
 }
@@ -293,8 +295,8 @@ static void test_wrong_requests_change_nothing(void **state)
     expect("features.treshold", "25", REFUSED, "", "unknown key");
     expect("seed", "7", REFUSED, "1", "read at the start");
     expect("lcm_url", "udpm://239.255.76.67:1", REFUSED, "\"" URL "\"", "read at the start");
-    expect("camera_exposure_ms", "34", REFUSED, "0",
-           "sim: exposure (ms): found 34, expected [0.05");
+    expect("camera_exposure_ms", "67", REFUSED, "0",
+           "sim: exposure (ms): found 67, expected [0.05");
     expect("camera_exposure_ms", "10001", REFUSED, "0", "camera_exposure_ms: found '10001'");
     expect("camera_gain", "17", REFUSED, "-1", "sim: gain: found 17, expected [0.0625, 16]");
     expect("camera_gain", "2", DONE, "2", "");
@@ -355,10 +357,11 @@ static void test_what_is_kept_holds_at_the_next_start(void **state)
         assert_non_null(kept_file);
         fputs(wrong[i][0], kept_file);
         fclose(kept_file);
-        snprintf(words, sizeof words,
-                 "fovea run --source sim: --frames 1 --quiet --picture none --set lcm_url= "
-                 "--set parameters.file=%s",
-                 kept);
+        snprintf(
+            words, sizeof words,
+            "fovea run --source 'sim:?width=160&height=120' --frames 1 --quiet --picture none --set lcm_url= "
+            "--set parameters.file=%s",
+            kept);
         assert_int_equal(run_command(words, text, sizeof text), 0);
         if (strstr(text, wrong[i][1]) == NULL || strstr(text, "left out") == NULL)
             fail_msg("found %s, expected %s", text, wrong[i][1]);
@@ -400,7 +403,7 @@ static void write_config(const char *path, const char *text)
 static void test_a_service_reads_its_configuration_again(void **state)
 {
     static const char both[] =
-        "source: sim:orbit?width=160&height=120&frames=100000\nchannel_prefix: P\nrate: real\n"
+        "source: sim:orbit?width=160&height=120&rate=15&frames=100000\nchannel_prefix: P\nrate: real\n"
         "record_buffer: 1000\n";
     char config[128], text[512], words[256], output[4096];
     (void)state;

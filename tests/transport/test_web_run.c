@@ -15,7 +15,7 @@
 
 #define OURS "Origin: http://127.0.0.1:7680\r\n"
 
-enum { PACKET_BYTES = 1 << 20, WIDTH = 160, HEIGHT = 120 };
+enum { PACKET_BYTES = 1 << 20, WIDTH = 320, HEIGHT = 240 };
 
 static char folder[] = "/tmp/fovea_web_run_XXXXXX", token_path[64], socket_path[64];
 static uint8_t packet[PACKET_BYTES];
@@ -27,12 +27,14 @@ static void start_run(bool with_page)
     char feed[96];
     snprintf(feed, sizeof feed, "web.socket=%s", socket_path);
     const char *const arguments[] = {"--source",
-                                     "sim:orbit?width=160&height=120&frames=1000000",
+                                     "sim:orbit?width=320&height=240&frames=1000000",
                                      "--rate",
                                      "real",
                                      "--quiet",
                                      "--picture",
                                      "none",
+                                     "--set",
+                                     "features.count_max=500",
                                      "--set",
                                      feed,
                                      "--set",
@@ -142,7 +144,7 @@ static void a_page_that_acknowledges_nothing_gets_two_pictures(void **state)
     const int page = open_page("");
     until_text(page, "\"running\":true");
     assert_non_null(strstr((char *)packet, "\"prefix\":\"R\""));
-    while (poses < 90) {
+    while (poses < 45) {
         if (next(page, &kind) == 2 && kind == 2) {
             assert_picture();
             assert_true(number(4, 4) > last);
@@ -168,7 +170,7 @@ static void a_page_that_acknowledges_nothing_gets_two_pictures(void **state)
         pictures++;
     }
     assert_true(web_say(page, "pictures 0")); /* a hidden page */
-    for (poses = 0; poses < 60;) {
+    for (poses = 0; poses < 40;) {
         (void)next(page, &kind);
         if (kind == 1 && is_message("POSE", &message, &message_bytes)) poses++;
         if (kind == 2 && poses > 10) fail_msg("a hidden page got a picture");
