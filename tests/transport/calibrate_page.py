@@ -37,7 +37,7 @@ def until(driver, text, what):
         found = driver.execute_script("return " + text)
         if found:
             return found
-        time.sleep(0.05)
+        time.sleep(0.1)
     raise SystemExit(f"calibrate_page.py: {what}: not within {PATIENCE_S} s; log: {driver.get_log('browser')[:5]}")
 
 
@@ -66,7 +66,7 @@ def status_of(address, host):
 
 def start(out):
     """Calibrate, and return the process and the address of its page. It prints to a pipe, all into one."""
-    words = [os.path.join(build, "fovea-calibrate"), "camera", "--source", "sim:board?rate=4&seed=4", "--target", "chessboard:9x6:0.03",
+    words = [os.path.join(build, "fovea-calibrate"), "camera", "--source", "sim:board?rate=4&seed=4&width=320&height=240", "--target", "chessboard:9x6:0.03",
              "--model", "radtan", "--page", "0", "--out", os.path.join(folder, out)]
     process = subprocess.Popen(words, stderr=subprocess.STDOUT, stdout=subprocess.PIPE, text=True)
     started.append(process)
@@ -115,12 +115,11 @@ def interrupt_while_it_waits():
     assert "camera_matrix" in camera_file("alone.yaml")
 
 
-def follow_in_a_browser():
+def follow_in_a_browser(driver):
     """From any time on to the verdict; what is printed has the instructions from the first on."""
     process, address = start("camera.yaml")
     done = threading.Event()
     threading.Thread(target=keep, args=(address, done), daemon=True).start()
-    driver = browser()
     try:
         driver.get(address)
         until(driver, "document.getElementById('picture').naturalWidth > 0", "a picture")
@@ -141,7 +140,7 @@ def follow_in_a_browser():
         assert not errors, errors
     finally:
         done.set()
-        driver.quit()
+        driver.get("about:blank")
     said = process.communicate(timeout=PATIENCE_S)[0]  # nobody looks any more
     assert process.returncode == 0, process.returncode
     instructions = re.findall(r"next: board to the (.* of the picture.* nearer to the camera.*)", said)
@@ -163,7 +162,7 @@ def start_run():
     camera, feed = os.path.join(folder, "start.yaml"), os.path.join(folder, "feed")
     with open(camera, "w", encoding="utf-8") as file:
         file.write(CAMERA)
-    started.append(subprocess.Popen([os.path.join(build, "fovea"), "run", "--source", "sim:board?rate=12&frames=1000000", "--rate", "real", "--quiet", "--picture", "none", "--set", "camera=" + camera, "--set", "web.socket=" + feed,
+    started.append(subprocess.Popen([os.path.join(build, "fovea"), "run", "--source", "sim:board?rate=4&frames=1000000", "--rate", "real", "--quiet", "--picture", "none", "--set", "camera=" + camera, "--set", "web.socket=" + feed,
                                      "--set", "parameters.file=" + os.path.join(folder, "kept.yaml"), "--set", "odometry.enabled=false"]))
     os.mkdir(os.path.join(folder, "results"))
     process = subprocess.Popen([os.path.join(build, "fovea-web"), "--feed", feed, "--port", "0", "--calibrations", os.path.join(folder, "results"), "--name", "robot.one", "--name", "robot.two"],
@@ -200,43 +199,47 @@ def result_of_process():
     raise SystemExit("calibrate_page.py: no process of fovea-calibrate")
 
 
-def from_the_page_of_a_run():
+def from_the_page_of_a_run(driver):
     """Begun and ended there, and its result to the run. How far it comes is the machine's matter: the result is this test's."""
     live = start_run()
-    driver = browser()
+    address = begin(driver, live)
+    until_served(address.replace("robot.two", "127.0.0.1"))
+    path = result_of_process()
+    assert os.path.dirname(path) == os.path.join(folder, "results"), path
+    driver.get(address)
+    until(driver, "document.getElementById('picture').naturalWidth > 0", "a picture of the run")
+    driver.get(live)
+    until(driver, "!document.getElementById('end-calibration').disabled", "the button for the end")
+    driver.execute_script("document.getElementById('end-calibration').click()")
+    said = "document.getElementById('calibration-said').textContent"
+    until(driver, said + ".startsWith('ended with status ') || " + said + ".startsWith('made ')", "the end of the calibration")
+    with open(path, "w", encoding="utf-8") as file:
+        file.write(CAMERA.replace("400", "401"))
+    driver.get(live)
+    until(driver, "!document.getElementById('use-calibration').disabled", "the result")
+    driver.execute_script("document.getElementById('use-calibration').click()")
+    answer = until(driver, "(" + said + ".match(/^(?!made ).+/) || [])[0]", "the answer of the run")
+    assert answer == os.path.basename(path) + ": 0 took hold, 0 and the calibration with the next start", answer
+    with open(os.path.join(folder, "kept.yaml"), encoding="utf-8") as file:
+        assert "401" in file.read().split("---\n")[1]
+    errors = [line for line in driver.get_log("browser") if line["level"] == "SEVERE"]
+    assert not errors, errors
+
+
+def main():
+    driver = None
     try:
-        address = begin(driver, live)
-        until_served(address.replace("robot.two", "127.0.0.1"))
-        path = result_of_process()
-        assert os.path.dirname(path) == os.path.join(folder, "results"), path
-        driver.get(address)
-        until(driver, "document.getElementById('picture').naturalWidth > 0", "a picture of the run")
-        driver.get(live)
-        until(driver, "!document.getElementById('end-calibration').disabled", "the button for the end")
-        driver.execute_script("document.getElementById('end-calibration').click()")
-        said = "document.getElementById('calibration-said').textContent"
-        until(driver, said + ".startsWith('ended with status ') || " + said + ".startsWith('made ')", "the end of the calibration")
-        with open(path, "w", encoding="utf-8") as file:
-            file.write(CAMERA.replace("400", "401"))
-        driver.get(live)
-        until(driver, "!document.getElementById('use-calibration').disabled", "the result")
-        driver.execute_script("document.getElementById('use-calibration').click()")
-        answer = until(driver, "(" + said + ".match(/^(?!made ).+/) || [])[0]", "the answer of the run")
-        assert answer == os.path.basename(path) + ": 0 took hold, 0 and the calibration with the next start", answer
-        with open(os.path.join(folder, "kept.yaml"), encoding="utf-8") as file:
-            assert "401" in file.read().split("---\n")[1]
-        errors = [line for line in driver.get_log("browser") if line["level"] == "SEVERE"]
-        assert not errors, errors
+        interrupt_while_it_waits()
+        driver = browser()
+        follow_in_a_browser(driver)
+        from_the_page_of_a_run(driver)
     finally:
-        driver.quit()
+        if driver is not None:
+            driver.quit()
+        for one in started:
+            one.kill()
+            one.wait()
 
 
 started = []
-try:
-    interrupt_while_it_waits()
-    follow_in_a_browser()
-    from_the_page_of_a_run()
-finally:
-    for one in started:
-        one.kill()
-        one.wait()
+main()

@@ -28,8 +28,9 @@ def reader():
 
 
 def run(*more):
-    words = [os.path.join(build, "fovea"), "run", "--source", "sim:orbit?frames=1000000&rate=12", "--rate", "real", "--quiet", "--picture",
-             "none", "--model", "src/detect/shipped.fvm", "--set", "record_buffer=200", "--set", "web.socket=" + os.path.join(folder, "feed"), *more]
+    """A run whose frames are few and half as full of features: drawing by the processor alone is what costs here."""
+    words = [os.path.join(build, "fovea"), "run", "--source", "sim:orbit?frames=1000000&rate=5", "--rate", "real", "--quiet", "--picture",
+             "none", "--model", "src/detect/shipped.fvm", "--set", "features.count_max=500", "--set", "map_every=2", "--set", "record_buffer=200", "--set", "web.socket=" + os.path.join(folder, "feed"), *more]
     return subprocess.Popen(words, env={**os.environ, "FOVEA_SYS_ROOT": heat()})
 
 
@@ -86,7 +87,7 @@ class Page:
             found = self.js("return " + text)
             if found:
                 return found
-            time.sleep(0.05)
+            time.sleep(0.1)
         raise SystemExit(f"web_page.py: {what}: not within {PATIENCE_S} s; log: {self.driver.get_log('browser')[:5]}")
 
     def text(self, name):
@@ -126,7 +127,7 @@ def check_accessible(page):
     script = os.path.join(os.path.dirname(axe_core_python.__file__), "axe.min.js")
     with open(script, encoding="utf-8") as file:
         page.js(file.read())
-    found = page.driver.execute_async_script("const done = arguments[0]; axe.run().then((result) => done(result.violations))")
+    found = page.driver.execute_async_script("const done = arguments[0]; axe.run({ resultTypes: ['violations'] }).then((result) => done(result.violations))")
     bad = [(rule["id"], [node["html"][:120] for node in rule["nodes"]]) for rule in found if rule["impact"] in ("serious", "critical")]
     assert not bad, bad
 

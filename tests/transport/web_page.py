@@ -439,6 +439,13 @@ def check_login(token):
         page.close()
 
 
+def await_frames(recording, count):
+    until = time.monotonic() + PATIENCE_S
+    while os.path.getsize(recording) < count * 640 * 480:
+        assert time.monotonic() < until, "the recording does not grow"
+        time.sleep(0.1)
+
+
 def check_playback(recording):
     """A recording on the same page: its own frames at the right positions, paused, at another speed, to its end; cut off, up to there."""
     with open(recording, "rb") as file:
@@ -499,7 +506,7 @@ def check_playback(recording):
 
 
 def main():
-    recording = os.path.join(folder, "run.lcm")
+    recording, shorter = (os.path.join(folder, name) for name in ("run.lcm", "again.lcm"))
     kept, records, maps = (os.path.join(folder, name) for name in ("kept.yaml", "records", "maps"))
     os.mkdir(maps)
     robot = run("--set", "record_folder=" + records, "--record", recording, "--save-map", os.path.join(maps, "map"), "--set", "map.folder=" + maps, "--set", "parameters.file=" + kept)
@@ -528,12 +535,13 @@ def main():
         check_plots(page)
         check_widths(page)
         check_accessible(page)
+        page.size()  # smaller, as are then the views
         check_commands(page)
         check_console(page)
         end(robot)
         page.until("document.getElementById('link').textContent === 'no run'", "the end of the run")
         check_against_recording(found, recording)
-        robot = run()
+        robot = run("--record", shorter)
         page.until("document.getElementById('link').textContent === 'live' && document.getElementById('state').dataset.state === 'tracking'",
                    "the run that began again")
         first = page.until("fovea.live.picture && fovea.live.picture.number", "a picture of the run that began again")
@@ -545,9 +553,10 @@ def main():
         server = web("--token", token, "--name", "robot.local")
         time.sleep(1)
         check_login(token)
+        await_frames(shorter, 50)
         end(robot)
         end(server)
-        check_playback(recording)
+        check_playback(shorter)
         check_robots()
     finally:
         Page.quit()

@@ -32,7 +32,7 @@ def check_robots():
 
     def small_run(more):
         return subprocess.Popen([os.path.join(build, "fovea"), "run", "--source", "sim:orbit?frames=1000000&rate=5&width=320&height=240" + more, "--rate",
-                                 "real", "--quiet", "--picture", "none", "--set", "channel_prefix=SMALL", "--set", "web.socket=" + small, "--set", "preview.cameras=4", "--set", "preview.period_frames=2", "--set", "preview.level=0"])
+                                 "real", "--quiet", "--picture", "none", "--set", "channel_prefix=SMALL", "--set", "web.socket=" + small, "--set", "features.count_max=500", "--set", "preview.cameras=4", "--set", "preview.period_frames=2", "--set", "preview.level=0"])
 
     robots = [run("--set", "preview.level=1", "--set", "preview.period_frames=3"), small_run("&baseline=0.1")]
     blink = os.path.join(folder, "light.sock")
