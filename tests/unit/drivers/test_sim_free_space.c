@@ -14,8 +14,8 @@
  * it: points may not make it worse. With FOVEA_SEGMENTER=FILE, a network whose classes are floor,
  * wall, obstacle, movable and other, masks of the passes with two cameras are that network's, run
  * in the loop, and the limit of what is called free wrongly holds for all passes together.
- * FOVEA_LONG=N: N passes of each kind at 640 x 480 and 30 Hz. FOVEA_PICTURES=DIR: the
- * last grid of each pass. FOVEA_ONLY=PATTERN: these tests alone. */
+ * FOVEA_LONG=N: N passes of each kind at 640 x 480 and 30 Hz, of seeds from FOVEA_FIRST (1000) on.
+ * FOVEA_PICTURES=DIR: the last grid of each pass. FOVEA_ONLY=PATTERN: these tests alone. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -36,7 +36,7 @@
 #include "runtime/state.h"
 #include "support/picture.h"
 
-enum { CELLS_MAX = 128 * 128, SEEN_FRAMES = 3, SEED_FIRST = 1000 };
+enum { CELLS_MAX = 128 * 128, SEEN_FRAMES = 3 };
 enum { POINTS_MAX = 1000, FRAMES_KEPT = 32 }; /* a mask may be some frames old */
 enum { FLOOR = 1, SURFACE = 2 }; /* what a frame shows of a cell; under the floor too */
 static const double range_m = 3;
@@ -551,21 +551,27 @@ static void passes(int first, int count, const char *options, bool stereo)
 static int long_passes(void)
 {
     const char *text = getenv("FOVEA_LONG");
-    return text != NULL ? atoi(text) : 0;
+    return text != NULL ? (int)strtol(text, NULL, 10) : 0;
+}
+
+static int first_seed(void)
+{
+    const char *text = getenv("FOVEA_FIRST");
+    return text != NULL ? (int)strtol(text, NULL, 10) : 1000;
 }
 
 static void floor_is_free_and_obstacles_are_not(void **state)
 {
     (void)state;
     passes(2002, 2, "&width=320&height=240&rate=4", false);
-    passes(SEED_FIRST, long_passes(), "", false);
+    passes(first_seed(), long_passes(), "", false);
 }
 
 static void the_same_holds_for_poses_of_two_cameras(void **state)
 {
     (void)state;
     passes(1005, 1, "&width=320&height=240&rate=10", true);
-    passes(SEED_FIRST, long_passes(), "", true);
+    passes(first_seed(), long_passes(), "", true);
 }
 
 /* The tilt and the height of T_body_cam wrong: the grid on the floor that is estimated is as good
@@ -581,10 +587,10 @@ static void a_wrong_mount_does_no_harm_where_the_floor_is_estimated(void **state
     passes(1005, 1, options, true);
     assert_true(pass.ground_state.ground.taken >= 8);
     assert_true(pass.squares < 3 * pass.squared);
-    passes(SEED_FIRST, long_passes(), options, true);
+    passes(first_seed(), long_passes(), options, true);
     pass.grounded = false;
     struct figures f, of_masks;
-    for (int seed = SEED_FIRST; seed < SEED_FIRST + long_passes(); seed++)
+    for (int seed = first_seed(); seed < first_seed() + long_passes(); seed++)
         whole_pass(seed, options, true, &f, &of_masks);
     pass.tilt_deg[1] = pass.raised_m = 0;
 }
