@@ -162,6 +162,9 @@ def labelled_pictures():
     whole[:240] = 1
     whole[:2, :4], whole[236:240, 4:6] = 0, overlap.NONE
     cells = pixels.cells(whole, 2)
+    finer = [(np.zeros((8, 8), np.uint8), np.repeat(np.array([0, 1, 2, overlap.NONE], np.uint8), 16).reshape(8, 8))]
+    weights = pixels.class_weights(finer, np.array([0, 1, 1]))
+    holds("labels of one class weigh as the class does", np.allclose(weights, [weights[0], weights[0] / 2**0.5, weights[0] / 2**0.5]), weights)
     holds("a cell has its most frequent class", cells[0, 0] == 0 and cells[0, 1] == 1 and cells[59, 1] == 1 and cells[60, 0] == overlap.NONE, cells[:2, :2])
 
 

@@ -48,6 +48,7 @@ def parse(words=None):
     for command in (own, shipped):
         command.add_argument("--score", type=float, default=0.3, help="score threshold written into the model, default 0.3")
     segmenter = add_shipped(commands, "shipped-segmentation", "the network that labels pixels", "build/train/segmenter.fvm", SEGMENTER_WEIGHTS, 560, 3)
+    segmenter.add_argument("--part", type=float, default=1.0, help="end so far of the way from the weights that the training began with to those that it made, default 1: all of it")
     for command in (own, shipped, pixels, segmenter):
         command.add_argument("--seed", type=int, default=1)
     return parser.parse_args(words)

@@ -67,14 +67,15 @@ def equally(scenes):
     return np.full(len(scenes), 1 / len(scenes))
 
 
-def shares(scenes, classes):
-    """The share of each class in the known pixels of all scenes."""
-    counts = sum(np.bincount(labels[::2, ::2].ravel(), minlength=256)[:classes] for _, labels in scenes).astype(np.float64)
+def shares(scenes, of):
+    """The share of each class in the known pixels of all scenes; `of`: the class of each label."""
+    counts = sum(np.bincount(labels[::2, ::2].ravel(), minlength=256)[:len(of)] for _, labels in scenes)
+    counts = np.bincount(of, counts)
     return counts / max(counts.sum(), 1.0)
 
 
-def class_weights(scenes, classes):
-    """A class counts by one over the root of its share, so that rare ones are not lost; 1 on average over the pixels."""
-    share = shares(scenes, classes)
+def class_weights(scenes, of):
+    """Of each label: its class counts by one over the root of its share, so that rare ones are not lost; 1 on average over the pixels."""
+    share = shares(scenes, of)
     weights = np.where(share > 0, 1 / np.sqrt(np.maximum(share, 1e-3)), 0.0)
-    return weights / (weights * share).sum()
+    return (weights / (weights * share).sum())[of]

@@ -20,18 +20,27 @@ import weights as weights_module
 
 CLASSES = ["floor", "wall", "obstacle", "movable", "other"]
 COLOURS = ["#50b450", "#50a0c8", "#dc3c3c", "#ffc800", "#8c8c8c"]
-OF_EXPORT = np.array([4, 3, 3, 3, 3, 0, 1, 2, 2], np.uint8)  # background; ball, cone, box, person; floor, wall, obstacle, pit
-PIT, PIT_PIXELS = 8, 300  # of export; so many are worth learning from
-MOVABLE = CLASSES.index("movable")
+OF_EXPORT = np.array([4, 3, 3, 3, 3, 0, 1, 2, 5], np.uint8)  # background; ball, cone, box, person; floor, wall, obstacle, pit
+MOVABLE, PIT = CLASSES.index("movable"), len(CLASSES)
+OF_LABELS = np.array([0, 1, 2, 3, 4, 2])  # the class of each label: a pit is an obstacle
+PIT_PIXELS = 300  # so many are worth learning from
+PIT_WEIGHT = 3.0  # of a pit's pixels in the loss, for one of other obstacles: who calls a pit floor drives into it
 SHOWN_EVERY = 1000  # steps
 PLACES = [("places", scenes_module.PLACES, 50), ("drives", scenes_module.DRIVES, 36), ("roads", scenes_module.ROADS, 14)]  # of 100 worlds
 PIT_TIMES = 2  # as often as other frames are these drawn to learn from; those held out count once
-PITS = 40  # more halls for 100 worlds, of which the frames that show a pit are taken: few others do
+PITS = 50  # more halls for 100 worlds, of which the frames that show a pit are taken: few others do
 
 
 def labelled(scenes):
     """(grey, labels) of rendered scenes."""
     return [(image, OF_EXPORT[mask]) for image, mask, _ in scenes]
+
+
+def of_classes(labels):
+    """Labels of classes alone: a pit is an obstacle."""
+    table = np.full(256, overlap.NONE, np.uint8)
+    table[:len(OF_LABELS)] = OF_LABELS
+    return table[labels]
 
 
 def whole(scenes, count, seed):
@@ -40,10 +49,13 @@ def whole(scenes, count, seed):
     return [pixels.place(rng, *scenes[i], fixed=True) for i in rng.permutation(len(scenes))[:count]]
 
 
-def task_of(scenes, classes, movable=None):
+def task_of(scenes, classes, movable=None, of=None, times=None):
+    """Where labels are finer than classes `of` is the class of each, `times` how often a pixel of it counts as much as its class does."""
     def targets(labels, count):
         return pixels.cells(labels, count)
-    return fit.Task(pixels.sampler(movable), pixels.equally, targets, segmenter.loss_of(pixels.class_weights(scenes, classes)))
+    of = np.arange(classes) if of is None else of
+    weights = pixels.class_weights(scenes, of) * (1.0 if times is None else times)
+    return fit.Task(pixels.sampler(movable), pixels.equally, targets, segmenter.loss_of(weights, of))
 
 
 def finish(trained, scenes, samples, names, colours, output, task, photographs=None):
@@ -82,15 +94,15 @@ def train_shipped(arguments):
         for folder, kind, share in PLACES:
             found += scenes_module.render_many(arguments.fovea, os.path.join(arguments.work, folder), -(-worlds * share // 100), 12, seed, kind)
         halls = scenes_module.render_many(arguments.fovea, os.path.join(arguments.work, "pits"), -(-worlds * PITS // 100), 36, seed, scenes_module.PITS)
-        return labelled(found + pit_times * [scene for scene in halls if (scene[1] == PIT).sum() >= PIT_PIXELS])
+        return labelled(found) + pit_times * [(image, labels) for image, labels in labelled(halls) if (labels == PIT).sum() >= PIT_PIXELS]
 
     scenes, held_out = rendered(arguments.worlds, arguments.data_seed, PIT_TIMES), rendered(max(4, arguments.worlds // 12), arguments.data_seed + 1)
-    samples = whole(held_out, 200, 11)
-    shares = ", ".join(f"{name} {share:.3f}" for name, share in zip(CLASSES, pixels.shares(scenes, len(CLASSES))))
+    samples = [(image, of_classes(labels)) for image, labels in whole(held_out, 200, 11)]
+    shares = ", ".join(f"{name} {share:.3f}" for name, share in zip(CLASSES, pixels.shares(scenes, OF_LABELS)))
     print(f"{len(photos)} photographs, {len(scenes)} scenes, {len(held_out)} held out; of all pixels {shares}", flush=True)
     model = segmenter.build(len(CLASSES))
     weights_module.load(model, arguments.weights if arguments.resume and os.path.exists(arguments.weights) else weights_module.SHIPPED)
-    task = task_of(scenes, len(CLASSES), MOVABLE)
+    task = task_of(scenes, len(CLASSES), MOVABLE, OF_LABELS, np.where(np.arange(len(OF_LABELS)) == PIT, PIT_WEIGHT, 1.0))
 
     def keep(step):
         weights_module.save(model, arguments.weights)
@@ -98,9 +110,11 @@ def train_shipped(arguments):
             seen = overlap.counts(lambda image: convert.run_float(model, image), samples[:60], len(CLASSES))
             print(f"step {step}: IoU on held out scenes " + ", ".join(f"{n} {v:.3f}" for n, v in zip(CLASSES, overlap.of_counts(seen.sum(0)))), flush=True)
 
-    begun = time.monotonic()
-    made = fit.fit(model, scenes, photographs, len(CLASSES), arguments.steps, batch=arguments.batch, rate=arguments.rate, seed=arguments.seed, minutes=arguments.minutes,
+    begun, begun_with = time.monotonic(), [np.array(w) for w in model.get_weights()]
+    made = fit.fit(model, scenes, photographs, len(OF_LABELS), arguments.steps, batch=arguments.batch, rate=arguments.rate, seed=arguments.seed, minutes=arguments.minutes,
                    report=lambda line: print(line, flush=True), keep=keep, task=task)
+    if arguments.part < 1:
+        fit.go_back(model, begun_with, arguments.part, scenes, photographs, len(OF_LABELS), task)
     weights_module.save(model, arguments.weights)
     print(f"{made} steps in {(time.monotonic() - begun) / 60:.1f} minutes, {sum(os.times()[:4]) / 60:.1f} of a processor", flush=True)
     finish(model, scenes, samples, CLASSES, COLOURS, arguments.output, task, photographs)

@@ -32,14 +32,15 @@ def build(classes, probabilities=False):
     return keras.Model(image, x, name="fovea_segmenter")
 
 
-def loss_of(weights):
-    """Cross entropy, each class by its weight, and one minus the mean over classes of a soft overlap (Rahman and Wang 2016), which is what is judged."""
-    weights = tf.constant(weights, tf.float32)
-    classes = int(weights.shape[0])
+def loss_of(weights, of):
+    """Cross entropy, each label by its weight, and one minus the mean over classes of a soft overlap (Rahman and Wang 2016), which is what is judged.
+    `of`: the class of each label, of which several may be of one."""
+    weights, classes = tf.constant(weights, tf.float32), tf.one_hot(of, int(max(of)) + 1)
 
     def loss(labels, output):
-        truth = tf.one_hot(tf.cast(labels, tf.int32), classes)  # overlap.NONE: all zeros
-        entropy = -tf.reduce_sum(truth * weights * tf.nn.log_softmax(output), -1)
+        marks = tf.one_hot(tf.cast(labels, tf.int32), len(of))  # overlap.NONE: all zeros
+        truth, weight = tf.matmul(marks, classes), tf.reduce_sum(marks * weights, -1, keepdims=True)
+        entropy = -tf.reduce_sum(truth * weight * tf.nn.log_softmax(output), -1)
         known = tf.reduce_sum(truth, -1, keepdims=True)
         share = tf.nn.softmax(output) * known
         both = tf.reduce_sum(truth * share, (0, 1, 2))
@@ -48,6 +49,6 @@ def loss_of(weights):
         present = tf.cast(there > 0, tf.float32)
         missed = 1 - tf.reduce_sum(overlap * present) / tf.maximum(tf.reduce_sum(present), 1.0)
         held = 1e-4 * tf.reduce_mean(tf.square(output))  # keeps the range of the quantised scores small
-        return tf.reduce_sum(entropy) / tf.maximum(tf.reduce_sum(truth * weights), 1.0) + 0.5 * missed + held
+        return tf.reduce_sum(entropy) / tf.maximum(tf.reduce_sum(weight), 1.0) + 0.5 * missed + held
 
     return loss
