@@ -4,7 +4,9 @@
 #include <string.h>
 
 static const float no_way = 1e8f;
-static const double margin_m = 0.12, wide_m = 0.6; /* beyond the radius: kept, and preferred */
+/* Beyond the radius: kept, and preferred, for an edge may be a cell or two nearer than the grid has
+ * it: what the nearest way that is kept costs more. */
+static const double margin_m = 0.12, wide_m = 0.6, near_price = 8;
 static const double unknown_price = 3, squeeze_price = 60;
 static const double look_m = 0.35, goal_m = 0.2, creep_m_s = 0.12;
 /* So much asked for and so little of it driven is a touch; how long it is kept in mind, what of the
@@ -53,10 +55,12 @@ static double price_of(const struct navigate *n, int32_t cell)
 {
     const double gap = (double)n->gap[cell], least = n->robot.radius_m + margin_m;
     double price = n->kind[cell] == NAVIGATE_UNKNOWN ? unknown_price : 1;
-    if (gap < least)
+    if (gap < least) {
         price *= squeeze_price;
-    else if (gap < least + wide_m)
-        price *= 1 + 3 * (least + wide_m - gap) / wide_m;
+    } else if (gap < least + wide_m) {
+        const double near = (least + wide_m - gap) / wide_m;
+        price *= 1 + near_price * near * near;
+    }
     return price;
 }
 
