@@ -529,14 +529,13 @@ def main():
         check_path(page)
         check_hands(page)
         check_layers(page)
+        check_commands(page)  # while the map is small: the camera is found in it sooner
         check_parameters(page, kept)
         check_settings(page, kept)
         check_recording(page, records)
         check_plots(page)
         check_widths(page)
         check_accessible(page)
-        page.size()  # smaller, as are then the views
-        check_commands(page)
         check_console(page)
         end(robot)
         page.until("document.getElementById('link').textContent === 'no run'", "the end of the run")
