@@ -4,7 +4,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <cstring>
 #include <tuple>
+#include <utility>
 #include <vector>
 
 #include <opencv2/features2d.hpp>
@@ -59,6 +62,7 @@ inline int repeated(const FeatureSet &set_a, const FeatureSet &set_b, const cv::
         const cv::Point2d q = through(H, a[i]);
         const double size = sized ? set_a.sizes[i] * growth(H, a[i]) : 0;
         for (size_t k = 0; k < b.size(); k++) {
+            if (std::abs(q.x - b[k].x) >= 2.5 || std::abs(q.y - b[k].y) >= 2.5) continue;
             if (sized && !alike(size, set_b.sizes[k])) continue;
             const double error = std::max(cv::norm(q - b[k]), cv::norm(a[i] - b_in_a[k]));
             if (error < 2.5) pairs.emplace_back(error, i, k);
@@ -85,16 +89,65 @@ inline int inside(const std::vector<cv::Point2d> &points, const cv::Matx33d &H, 
     return count;
 }
 
+/* Distances of the rows of `a` from those of `b`, a row for each of `b`; squares where not Hamming.
+ */
+inline cv::Mat distances(const cv::Mat &a, const cv::Mat &b, int norm)
+{
+    cv::Mat found;
+    if (norm != cv::NORM_HAMMING) { /* |a - b|^2 = |a|^2 + |b|^2 - 2 a b */
+        cv::Mat of_a, of_b;
+        cv::reduce(a.mul(a), of_a, 1, cv::REDUCE_SUM);
+        cv::reduce(b.mul(b), of_b, 1, cv::REDUCE_SUM);
+        cv::gemm(b, a, -2, cv::repeat(of_a.t(), b.rows, 1) + cv::repeat(of_b, 1, a.rows), 1, found,
+                 cv::GEMM_2_T);
+        return found;
+    }
+    found.create(b.rows, a.rows, CV_32F);
+    for (int k = 0; k < b.rows; k++) {
+        for (int i = 0; i < a.rows; i++) {
+            int bits = 0;
+            for (int at = 0; at < a.cols; at += 8) { /* descriptors have 32 bytes */
+                uint64_t x, y;
+                std::memcpy(&x, a.ptr(i) + at, sizeof x);
+                std::memcpy(&y, b.ptr(k) + at, sizeof y);
+                bits += __builtin_popcountll(x ^ y);
+            }
+            found.at<float>(k, i) = static_cast<float>(bits);
+        }
+    }
+    return found;
+}
+
+/* Mutual nearest neighbours, as cv::BFMatcher with its cross-check finds them, in less time. */
+inline std::vector<std::pair<size_t, size_t>> mutual(const cv::Mat &a, const cv::Mat &b, int norm)
+{
+    const cv::Mat all = distances(a, b, norm);
+    std::vector<float> best(static_cast<size_t>(a.rows), INFINITY);
+    std::vector<size_t> of_a(static_cast<size_t>(a.rows)), of_b;
+    for (int k = 0; k < b.rows; k++) {
+        const float *row = all.ptr<float>(k);
+        of_b.push_back(static_cast<size_t>(std::min_element(row, row + a.rows) - row));
+        for (size_t i = 0; i < of_a.size(); i++) {
+            if (!(row[i] < best[i])) continue;
+            best[i] = row[i];
+            of_a[i] = static_cast<size_t>(k);
+        }
+    }
+    std::vector<std::pair<size_t, size_t>> pairs;
+    for (size_t i = 0; i < of_a.size(); i++)
+        if (of_b[of_a[i]] == i) pairs.emplace_back(i, of_a[i]);
+    return pairs;
+}
+
 inline FeatureScore score(const FeatureSet &a, const FeatureSet &b, int norm, const cv::Matx33d &H,
                           cv::Size size_a, cv::Size size_b)
 {
-    std::vector<cv::DMatch> matches;
+    std::vector<std::pair<size_t, size_t>> matches;
     if (!a.points.empty() && !b.points.empty())
-        cv::BFMatcher(norm, true).match(a.descriptors, b.descriptors, matches);
+        matches = mutual(a.descriptors, b.descriptors, norm);
     int right = 0;
-    for (const auto &m : matches) {
-        const cv::Point2d p = a.points[static_cast<size_t>(m.queryIdx)],
-                          q = b.points[static_cast<size_t>(m.trainIdx)];
+    for (const auto &[i, k] : matches) {
+        const cv::Point2d p = a.points[i], q = b.points[k];
         right += std::max(cv::norm(through(H, p) - q), cv::norm(through(H.inv(), q) - p)) < 2.5;
     }
     const double both =

@@ -28,9 +28,12 @@ def read_pgm(path):
 def main():
     count = int(sys.argv[1])
     for path in sys.argv[2:]:
-        # Every point is asked for; a row is y, x, scale, score, laplacian, angle and the descriptor.
-        found = surf.surf(read_pgm(path), max_points=100000)
-        found = found[numpy.argsort(-found[:, 3], kind="stable")][:count]
+        # Every point is asked for, the strongest are described, less those at the border; a row is
+        # y, x, scale, score, laplacian, angle and the descriptor.
+        picture = read_pgm(path)
+        points = surf.interest_points(picture, max_points=100000)
+        points = points[numpy.argsort(-points[:, 3], kind="stable")][:2 * count]
+        found = surf.descriptors(picture, points)[:count]
         numpy.savetxt(path + ".surf", found[:, [1, 0] + list(range(6, 70))], fmt="%.9g")
 
 

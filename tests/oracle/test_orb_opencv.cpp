@@ -7,7 +7,7 @@
  *  - cv::ORB::compute itself, whose blur of a sub-image is floating point, gives nearly the same
  *    bits.
  *
- *   test_orb_opencv [FOLDER [LIMIT]]     default: up to 24 images of $FOVEA_DATA */
+ *   test_orb_opencv [FOLDER [LIMIT]]     default: up to 12 images of $FOVEA_DATA */
 #include "oracle/images.h"
 
 #include <cmath>
@@ -212,7 +212,7 @@ bool check_image(const cv::Mat &image, const std::vector<struct fv_kernels> &set
 
 int main(int argc, char **argv)
 {
-    const std::vector<std::string> names = images_of(argc, argv, 24);
+    const std::vector<std::string> names = images_of(argc, argv, 12);
 
     std::vector<struct fv_kernels> sets;
     for (int set = 0; set < FV_CPU_SET_COUNT; set++) {

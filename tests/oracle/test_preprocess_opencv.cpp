@@ -1,7 +1,8 @@
 /* Preprocessing beside OpenCV on real images of odd sizes, with every kernel set of this processor:
  * equal to the bit where fovea/preprocess.h says so, else within one grey level.
  *
- *   test_preprocess_opencv [FOLDER [LIMIT]]     default: 3 images of $FOVEA_DATA; LIMIT 0: all */
+ *   test_preprocess_opencv [FOLDER [LIMIT]]     default: 3 images of $FOVEA_DATA, of which
+ *   the first is taken whole, of the others parts; LIMIT 0: all */
 #include "oracle/images.h"
 
 #include <cmath>
@@ -172,10 +173,11 @@ void add_tables(std::vector<Comparison> &all)
         }
 }
 
-/* The image, and parts of it whose sizes no vector divides. */
-std::vector<cv::Mat> parts_of(const cv::Mat &image)
+/* Parts of the image whose sizes no vector divides, and itself where `whole`. */
+std::vector<cv::Mat> parts_of(const cv::Mat &image, bool whole)
 {
-    std::vector<cv::Mat> parts = {image};
+    std::vector<cv::Mat> parts;
+    if (whole) parts.push_back(image);
     for (cv::Size size : {cv::Size(331, 217), cv::Size(97, 65), cv::Size(64, 255)})
         if (image.cols > size.width + 7 && image.rows > size.height + 5)
             parts.push_back(image(cv::Rect(7, 5, size.width, size.height)).clone());
@@ -230,7 +232,8 @@ int main(int argc, char **argv)
     for (const Comparison &c : all) {
         int worst = 0;
         for (size_t i = 0; i < images.size(); i++)
-            for (const cv::Mat &part : parts_of(images[i]))
+            for (const cv::Mat &part :
+                 parts_of(images[i], argc > 1 || i == 0 || i + 1 == images.size()))
                 good = compare(c, i < names.size() ? names[i] : "one level", part, sets, worst) &&
                        good;
         std::printf("%-44s worst difference %d\n", c.name.c_str(), worst);

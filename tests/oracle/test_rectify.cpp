@@ -32,17 +32,29 @@ struct fovea_camera camera_of(enum fovea_lens lens, int width, int height, doubl
     return camera;
 }
 
-cv::Mat resampled(const struct fovea_camera &camera, const struct fv_rectified &rectified,
-                  const cv::Mat &image, const struct fv_kernels &kernels)
+/* One rectification, whose map is made once for all kernel sets. */
+class Resampler
 {
-    struct fv_rectify rectify;
-    bench::Block block(
-        [&](struct fv_arena *arena) { fv_rectify_carve(&rectify, &camera, &rectified, arena); });
-    cv::Mat out(rectified.height, rectify.stride_bytes, CV_8U);
-    const struct fv_plane source = bench::plane(image), result = bench::plane(out);
-    fv_rectify_run(&rectify, &kernels, &source, &result);
-    return out.colRange(0, rectified.width).clone();
-}
+  public:
+    Resampler(const struct fovea_camera &camera, const struct fv_rectified &to)
+        : rectified(to), block([&](struct fv_arena *arena) {
+              fv_rectify_carve(&rectify, &camera, &rectified, arena);
+          })
+    {
+    }
+    cv::Mat operator()(const cv::Mat &image, const struct fv_kernels &kernels)
+    {
+        cv::Mat out(rectified.height, rectify.stride_bytes, CV_8U);
+        const struct fv_plane source = bench::plane(image), result = bench::plane(out);
+        fv_rectify_run(&rectify, &kernels, &source, &result);
+        return out.colRange(0, rectified.width).clone();
+    }
+
+  private:
+    struct fv_rectified rectified;
+    struct fv_rectify rectify = {};
+    bench::Block block;
+};
 
 double bilinear(const cv::Mat &image, double x, double y)
 {
@@ -80,9 +92,10 @@ bool check_exact(const char *name, const struct fovea_camera &camera, enum fv_re
         return false;
     }
     const cv::Mat image = smooth_image(camera.width, camera.height);
-    const cv::Mat out = resampled(camera, rectified, image, sets.front());
+    Resampler resampled(camera, rectified);
+    const cv::Mat out = resampled(image, sets.front());
     for (const auto &kernels : sets)
-        if (cv::norm(out, resampled(camera, rectified, image, kernels), cv::NORM_INF) != 0) {
+        if (cv::norm(out, resampled(image, kernels), cv::NORM_INF) != 0) {
             std::printf("FAILED %s: kernels %s differ\n", name, fv_cpu_set_name(kernels.set));
             return false;
         }
@@ -114,7 +127,7 @@ bool check_identity(const struct fv_kernels &kernels)
     const struct fv_rectified rectified = {FV_RECTIFIED_PINHOLE, 333, 222, 300, 300, 160, 110};
     cv::Mat image(222, 333, CV_8U);
     cv::RNG(4).fill(image, cv::RNG::UNIFORM, 0, 256);
-    const cv::Mat out = resampled(camera, rectified, image, kernels);
+    const cv::Mat out = Resampler(camera, rectified)(image, kernels);
     const cv::Rect inner(0, 0, 332, 221);
     if (cv::norm(out(inner), image(inner), cv::NORM_INF) == 0) return true;
     std::printf("FAILED identity\n");
@@ -150,7 +163,7 @@ bool check_remap(const struct fv_kernels &kernels)
     cv::convertMaps(x, y, map_1, map_2, CV_16SC2);
     cv::remap(image, fixed, map_1, map_2, cv::INTER_LINEAR);
     cv::Mat ours;
-    resampled(camera, rectified, image, kernels).convertTo(ours, CV_32F);
+    Resampler(camera, rectified)(image, kernels).convertTo(ours, CV_32F);
     fixed.convertTo(fixed, CV_32F);
     const cv::Rect inner(1, 1, 750, 478);
     const double error = cv::norm(ours(inner), exact(inner), cv::NORM_L1) / inner.area();

@@ -62,38 +62,47 @@ Segments theirs(const cv::Mat &image)
     return segments;
 }
 
-cv::Point2d along(const cv::Vec4f &s, double *length)
-{
-    const cv::Point2d d(s[2] - s[0], s[3] - s[1]);
-    *length = std::hypot(d.x, d.y);
-    return *length > 0 ? d / *length : cv::Point2d(1, 0);
-}
-
-bool covers(const cv::Vec4f &s, const cv::Point2d &at, const cv::Point2d &direction)
-{
+struct Line {
+    cv::Point2d from, along; /* a unit vector */
     double length;
-    const cv::Point2d d = along(s, &length), r = at - cv::Point2d(s[0], s[1]);
-    if (std::abs(d.dot(direction)) < std::cos(angle_degrees * CV_PI / 180)) return false;
-    const double t = std::min(std::max(r.dot(d), 0.0), length);
-    const cv::Point2d off = r - t * d;
-    return std::hypot(off.x, off.y) <= distance_px;
-}
+    cv::Rect2d around; /* all places that it may cover */
+
+    explicit Line(const cv::Vec4f &s) : from(s[0], s[1]), along(s[2] - s[0], s[3] - s[1])
+    {
+        length = std::hypot(along.x, along.y);
+        around = {std::min(from.x, from.x + along.x) - distance_px - 1,
+                  std::min(from.y, from.y + along.y) - distance_px - 1,
+                  std::abs(along.x) + 2 * (distance_px + 1),
+                  std::abs(along.y) + 2 * (distance_px + 1)};
+        along = length > 0 ? along / length : cv::Point2d(1, 0);
+    }
+    bool covers(const cv::Point2d &at) const
+    {
+        const cv::Point2d r = at - from;
+        const double t = std::min(std::max(r.dot(along), 0.0), length);
+        const cv::Point2d off = r - t * along;
+        return std::hypot(off.x, off.y) <= distance_px;
+    }
+};
 
 /* The fraction of the length of `a` that `b` covers. */
 double covered(const Segments &a, const Segments &b)
 {
+    const double parallel = std::cos(angle_degrees * CV_PI / 180);
+    const std::vector<Line> others(b.begin(), b.end());
     double hits = 0, points = 0;
     for (const cv::Vec4f &s : a) {
-        double length;
-        const cv::Point2d d = along(s, &length);
-        for (double t = .5; t < length; t += 1) {
-            const cv::Point2d at = cv::Point2d(s[0], s[1]) + t * d;
+        const Line line(s);
+        std::vector<const Line *> near;
+        for (const Line &other : others)
+            if (std::abs(other.along.dot(line.along)) >= parallel &&
+                (other.around & line.around).area() > 0)
+                near.push_back(&other);
+        for (double t = .5; t < line.length; t += 1) {
+            const cv::Point2d at = line.from + t * line.along;
             points++;
-            for (const cv::Vec4f &other : b) {
-                if (!covers(other, at, d)) continue;
-                hits++;
-                break;
-            }
+            hits += std::any_of(near.begin(), near.end(),
+                                [&](const Line *other) { return other->covers(at); });
         }
     }
     return points > 0 ? hits / points : b.empty() ? 1 : 0;
