@@ -69,14 +69,30 @@ static bool radtan_distort(const double *k, double x, double y, double out[2], d
     return true;
 }
 
-/* One-to-one at this angle: the derivative keeps its orientation in every direction. */
-static bool radtan_monotone(const double *k, double angle_rad)
+/* Directions about the axis in which a camera is looked at; one where it is the same in all. */
+struct azimuths {
+    int count;
+    double cosine[AZIMUTHS], sine[AZIMUTHS];
+};
+
+static void azimuths_of(const double *k, struct azimuths *of)
 {
-    double r = fv_tan(angle_rad), first = fv_atan2(k[2], k[3]);
-    int azimuths = k[2] != 0 || k[3] != 0 ? AZIMUTHS : 1;
-    for (int i = 0; i < azimuths; i++) {
-        double azimuth = first + i * (2 * FV_PI / AZIMUTHS), out[2], j[4];
-        if (!radtan_distort(k, r * fv_cos(azimuth), r * fv_sin(azimuth), out, j)) return false;
+    const double first = fv_atan2(k[2], k[3]);
+    of->count = k[2] != 0 || k[3] != 0 ? AZIMUTHS : 1;
+    for (int i = 0; i < of->count; i++) {
+        const double azimuth = first + i * (2 * FV_PI / AZIMUTHS);
+        of->cosine[i] = fv_cos(azimuth);
+        of->sine[i] = fv_sin(azimuth);
+    }
+}
+
+/* One-to-one at this angle: the derivative keeps its orientation in every direction. */
+static bool radtan_monotone(const double *k, const struct azimuths *in, double angle_rad)
+{
+    double r = fv_tan(angle_rad);
+    for (int i = 0; i < in->count; i++) {
+        double out[2], j[4];
+        if (!radtan_distort(k, r * in->cosine[i], r * in->sine[i], out, j)) return false;
         if (!(j[0] * j[3] - j[1] * j[2] > 0 && j[0] + j[3] > 0)) return false;
     }
     return true;
@@ -260,9 +276,9 @@ static enum fovea_status equidistant_unproject(const struct fovea_camera *camera
 
 /* ---- both ------------------------------------------------------------------------------------ */
 
-static bool monotone(const struct fovea_camera *camera, double angle_rad)
+static bool monotone(const struct fovea_camera *camera, const struct azimuths *in, double angle_rad)
 {
-    if (camera->lens == FOVEA_LENS_RADTAN) return radtan_monotone(camera->k, angle_rad);
+    if (camera->lens == FOVEA_LENS_RADTAN) return radtan_monotone(camera->k, in, angle_rad);
     double slope;
     (void)equidistant_distort(camera->k, angle_rad, &slope);
     return slope > 0;
@@ -327,14 +343,16 @@ enum fovea_status fovea_camera_prepare(struct fovea_camera *camera, struct fovea
     double limit = camera->lens == FOVEA_LENS_RADTAN ? field_limit_radtan_rad : FV_PI;
     double low = 0, high = limit;
     bool folds = false;
+    struct azimuths azimuths;
+    azimuths_of(camera->k, &azimuths);
     for (int i = 1; i <= SCAN_STEPS && !folds; i++) {
         double angle = limit * i / SCAN_STEPS;
-        folds = !monotone(camera, angle);
+        folds = !monotone(camera, &azimuths, angle);
         *(folds ? &high : &low) = angle;
     }
     for (int i = 0; i < BISECTIONS && folds; i++) {
         double middle = 0.5 * (low + high);
-        *(monotone(camera, middle) ? &low : &high) = middle;
+        *(monotone(camera, &azimuths, middle) ? &low : &high) = middle;
     }
     if (low < field_min_rad)
         return fovea_error_set(
