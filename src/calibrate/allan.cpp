@@ -112,43 +112,74 @@ AllanFit fit_once(const std::vector<double> &values, double rate_hz)
     return fit;
 }
 
-/* White noise and a walk as were found, again. */
+/* White noise and a walk as were found, again; `gauss` has two numbers a value where there is a
+ * walk, otherwise one. */
 std::vector<double> simulate(const AllanFit &fit, size_t count, double rate_hz,
-                             std::mt19937_64 &bits)
+                             const std::vector<double> &gauss)
 {
-    std::normal_distribution<double> gauss;
     std::vector<double> values(count);
     double bias = 0;
+    const double *next = gauss.data();
     for (double &value : values) {
-        value = bias + fit.white * std::sqrt(rate_hz) * gauss(bits);
-        if (fit.walk > 0) bias += fit.walk / std::sqrt(rate_hz) * gauss(bits);
+        value = bias + fit.white * std::sqrt(rate_hz) * *next++;
+        if (fit.walk > 0) bias += fit.walk / std::sqrt(rate_hz) * *next++;
     }
     return values;
 }
 
-} // namespace
-
-AllanFit fit_allan(const std::vector<double> &values, double rate_hz)
+void draw(std::mt19937_64 &bits, std::vector<double> &gauss)
 {
-    AllanFit fit = fit_once(values, rate_hz);
-    std::mt19937_64 bits(1);
-    double white2 = 0, walk2 = 0;
-    for (int i = 0; i < REPEATS; i++) {
-        const AllanFit again = fit_once(simulate(fit, values.size(), rate_hz, bits), rate_hz);
-        white2 += (again.white - fit.white) * (again.white - fit.white) / REPEATS;
-        walk2 += (again.walk - fit.walk) * (again.walk - fit.walk) / REPEATS;
+    std::normal_distribution<double> normal;
+    for (double &number : gauss)
+        number = normal(bits);
+}
+
+/* How far the fits of simulated values are off, all of one length. Those with and without a walk
+ * share their random numbers, which take longer to draw than to use. */
+void simulate_deviations(std::vector<AllanFit> &fits, size_t count, double rate_hz)
+{
+    std::vector<double> white2(fits.size()), walk2(fits.size());
+    for (const bool walks : {false, true}) {
+        const auto concerned = [&](const AllanFit &fit) { return (fit.walk > 0) == walks; };
+        if (std::none_of(fits.begin(), fits.end(), concerned)) continue;
+        std::mt19937_64 bits(1);
+        std::vector<double> gauss((walks ? 2 : 1) * count);
+        for (int i = 0; i < REPEATS; i++) {
+            draw(bits, gauss);
+            for (size_t f = 0; f < fits.size(); f++) {
+                const AllanFit &fit = fits[f];
+                if (!concerned(fit)) continue;
+                const AllanFit again = fit_once(simulate(fit, count, rate_hz, gauss), rate_hz);
+                white2[f] += (again.white - fit.white) * (again.white - fit.white) / REPEATS;
+                walk2[f] += (again.walk - fit.walk) * (again.walk - fit.walk) / REPEATS;
+            }
+        }
     }
-    fit.white_stdev = std::sqrt(white2);
-    fit.walk_stdev = fit.walk > 0 ? std::sqrt(walk2) : 0;
-    /* What the longest time would have shown: two deviations of its variance. */
+    for (size_t f = 0; f < fits.size(); f++) {
+        fits[f].white_stdev = std::sqrt(white2[f]);
+        fits[f].walk_stdev = fits[f].walk > 0 ? std::sqrt(walk2[f]) : 0;
+    }
+}
+
+/* What the longest time would have shown: two deviations of its variance. */
+void bound_walk(AllanFit &fit)
+{
     const AllanPoint &last = fit.points.back();
     const double room = fit.variance(last.tau_s) * (1 + 2 * std::sqrt(2 / last.freedom));
     fit.walk_most = fit.walk > 0 ? fit.walk + 2 * fit.walk_stdev : std::sqrt(3 * room / last.tau_s);
-    return fit;
 }
 
-namespace
+/* Of axes of one length, `rate_hz` values a second. */
+std::vector<AllanFit> fit_allan(const std::vector<std::vector<double>> &axes, double rate_hz)
 {
+    std::vector<AllanFit> fits;
+    for (const std::vector<double> &values : axes)
+        fits.push_back(fit_once(values, rate_hz));
+    simulate_deviations(fits, axes[0].size(), rate_hz);
+    for (AllanFit &fit : fits)
+        bound_walk(fit);
+    return fits;
+}
 
 /* Where the noise within a second is much more than in others, or the mean moves; negative:
  * nowhere.
@@ -231,8 +262,9 @@ bool measure_imu(const std::vector<fovea_imu_sample> &samples, ImuNoise &noise, 
             i > 0 &&
             (double)(samples[i].stamp_ns - samples[i - 1].stamp_ns) * 1e-9 * noise.rate_hz > 1.5;
     }
+    const std::vector<AllanFit> fits = fit_allan(axes, noise.rate_hz);
     for (size_t a = 0; a < 6; a++) {
-        noise.axes[a] = fit_allan(axes[a], noise.rate_hz);
+        noise.axes[a] = fits[a];
         double mean = 0;
         for (const double value : axes[a])
             mean += value / (double)samples.size();

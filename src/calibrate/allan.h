@@ -27,9 +27,6 @@ struct AllanFit {
     double variance(double tau_s) const; /* of the fit */
 };
 
-/* Values at even times, `rate_hz` of them a second; at least 100. */
-AllanFit fit_allan(const std::vector<double> &values, double rate_hz);
-
 enum { GYRO, ACCELERATION, IMU_PARTS };
 
 struct ImuNoise {
