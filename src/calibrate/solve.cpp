@@ -232,33 +232,38 @@ void parameter_covariance(const State &state, const Normal &normal, Solution &so
     }
 }
 
+/* Covariance of the free camera parameters and of the mean rotation of the boards. */
+Eigen::MatrixXd mean_rotation_covariance(const State &state, const Normal &normal)
+{
+    const auto free = (Eigen::Index)normal.free_parameters.size();
+    Eigen::MatrixXd change = Eigen::MatrixXd::Zero(free + 3, normal.covariance.cols());
+    change.topLeftCorner(free, free).setIdentity();
+    for (size_t i = 0; i < normal.views.size(); i++) {
+        const Pose &pose = state.poses[normal.views[i]];
+        change.block<3, 3>(free, normal.poses_at + 6 * (int)i) =
+            left_jacobian({pose[0], pose[1], pose[2]}) / (double)normal.views.size();
+    }
+    return change * normal.covariance * change.transpose();
+}
+
 /* Projection of a direction fixed in the scene, which the boards define: when the camera's
  * parameters change, so do the boards' rotations, and their mean change moves the direction. As
  * mrcal's "mean-pcam" at infinity (https://mrcal.secretsauce.net/uncertainty.html). */
-double projection_stdev(const State &state, const Normal &normal, const fovea_camera &camera,
-                        const Pixel &pixel)
+double projection_stdev(const State &state, const Normal &normal, const Eigen::MatrixXd &spreads,
+                        const fovea_camera &camera, const Pixel &pixel)
 {
     double bearing[3], seen[2];
     ProjectionDerivatives by;
     if (fovea_camera_unproject(&camera, pixel.data(), bearing, nullptr) != FOVEA_OK) return NAN;
     if (!project_derivatives(state.options.model, state.camera.data(), bearing, seen, by))
         return NAN;
-    Eigen::Matrix<double, 2, Eigen::Dynamic> change =
-        Eigen::Matrix<double, 2, Eigen::Dynamic>::Zero(2, normal.covariance.cols());
+    const auto free = (Eigen::Index)normal.free_parameters.size();
+    Eigen::Matrix<double, 2, Eigen::Dynamic> change(2, free + 3);
+    for (Eigen::Index i = 0; i < free; i++)
+        change.col(i) = by.by_camera.col(normal.free_parameters[(size_t)i]);
     /* A rotation by r moves the bearing b by r x b = -[b]x r. */
-    const Eigen::Matrix3d cross = -cross_matrix(Eigen::Vector3d(bearing));
-    for (int axis = 0; axis < 2; axis++) {
-        for (size_t i = 0; i < normal.free_parameters.size(); i++)
-            change(axis, (int)i) = by.by_camera(axis, normal.free_parameters[i]);
-        const Eigen::RowVector3d by_point = by.by_point.row(axis);
-        for (size_t i = 0; i < normal.views.size(); i++) {
-            const Pose &pose = state.poses[normal.views[i]];
-            change.block<1, 3>(axis, normal.poses_at + 6 * (int)i) =
-                by_point * cross * left_jacobian({pose[0], pose[1], pose[2]}) /
-                (double)normal.views.size();
-        }
-    }
-    const Eigen::Matrix2d spread = change * normal.covariance * change.transpose();
+    change.rightCols<3>() = -by.by_point * cross_matrix(Eigen::Vector3d(bearing));
+    const Eigen::Matrix2d spread = change * spreads * change.transpose();
     return std::sqrt(Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(spread).eigenvalues()[1]);
 }
 
@@ -269,10 +274,11 @@ void uncertainty_of(const State &state, const Normal &normal, fovea_camera camer
     map.rows = rows;
     map.stdev_px.assign((size_t)(map.columns * map.rows), NAN);
     if (fovea_camera_prepare(&camera, nullptr) != FOVEA_OK) return;
+    const Eigen::MatrixXd spreads = mean_rotation_covariance(state, normal);
     for (int j = 0; j < map.rows; j++)
         for (int i = 0; i < map.columns; i++)
             map.stdev_px[(size_t)(j * map.columns + i)] =
-                projection_stdev(state, normal, camera,
+                projection_stdev(state, normal, spreads, camera,
                                  {(i + .5) * camera.width / map.columns - .5,
                                   (j + .5) * camera.height / map.rows - .5});
 }
