@@ -6,6 +6,7 @@
 #include "calibrate/corners.h"
 
 #include <algorithm>
+#include <climits>
 
 namespace calibrate
 {
@@ -122,8 +123,12 @@ bool find_chessboard(const Grey &image, const Board &board, Refinement refinemen
     if (!find(first | cv::CALIB_CB_FAST_CHECK)) {
         int more, fewer;
         if (chessboard_size(image, more, fewer)) { /* finds blurred ones, too */
-            if (!same_size(board, more, fewer) ||
-                !cv::findChessboardCornersSB(picture, size, found, cv::CALIB_CB_NORMALIZE_IMAGE))
+            if (!same_size(board, more, fewer)) {
+                view.shown_columns = more;
+                view.shown_rows = fewer;
+                return false;
+            }
+            if (!cv::findChessboardCornersSB(picture, size, found, cv::CALIB_CB_NORMALIZE_IMAGE))
                 return false;
         } else if (!find(usual | cv::CALIB_CB_FAST_CHECK) && !find(usual)) {
             return false;
@@ -174,7 +179,8 @@ cv::Ptr<cv::aruco::Dictionary> dictionary_of(int dictionary)
 
 } // namespace
 
-std::vector<Marker> find_markers(const Grey &image, int dictionary, int border)
+std::vector<Marker> find_markers(const Grey &image, int dictionary, int border, int ids,
+                                 size_t enough)
 {
     constexpr int twice_pixels_max = 1300000;
     const auto how = cv::makePtr<cv::aruco::DetectorParameters>();
@@ -185,16 +191,18 @@ std::vector<Marker> find_markers(const Grey &image, int dictionary, int border)
     how->cornerRefinementWinSize = 3; /* to each side: less than the cells of small markers */
     std::vector<Marker> markers;
     const cv::Mat picture = picture_of(image);
+    const auto wanted = [&](const Marker &marker) { return marker.id < ids; };
     /* At twice the size, too, where small cells are recognised more often. */
     for (const int scale : {1, 2}) {
         std::vector<std::vector<cv::Point2f>> corners;
-        std::vector<int> ids;
+        std::vector<int> found;
         cv::Mat scaled = picture;
         if (scale > 1 && image.width * image.height > twice_pixels_max) break;
+        if ((size_t)std::count_if(markers.begin(), markers.end(), wanted) >= enough) break;
         if (scale > 1) cv::resize(picture, scaled, cv::Size(), scale, scale, cv::INTER_CUBIC);
-        cv::aruco::detectMarkers(scaled, dictionary_of(dictionary), corners, ids, how);
-        for (size_t i = 0; i < ids.size(); i++) {
-            Marker marker = {ids[i], {}};
+        cv::aruco::detectMarkers(scaled, dictionary_of(dictionary), corners, found, how);
+        for (size_t i = 0; i < found.size(); i++) {
+            Marker marker = {found[i], {}};
             for (size_t k = 0; k < 4; k++)
                 marker.corners[k] = {(corners[i][k].x + .5) / scale - .5,
                                      (corners[i][k].y + .5) / scale - .5};
@@ -228,10 +236,39 @@ int marker_count(int dictionary)
 namespace
 {
 
+/* Whether the squares may go on beyond a board that was found: half of the places where the next
+ * corners beyond one of its sides would lie have one. */
+bool may_go_on(const Grey &image, const Board &board, const std::vector<Pixel> &corners)
+{
+    constexpr double half_max_px = 5.5, half_min_px = 2, half_share = .4;
+    const int across = board.columns, last = across * (board.rows - 1);
+    const struct {
+        int first, next, inwards, count;
+    } sides[] = {{0, 1, across, across},
+                 {last, 1, -across, across},
+                 {0, across, 1, board.rows},
+                 {across - 1, across, -1, board.rows}};
+    for (const auto &side : sides) {
+        int crossings = 0;
+        for (int k = 0; k < side.count; k++) {
+            const Pixel *at = &corners[(size_t)(side.first + k * side.next)];
+            const Pixel &a = at[0], &b = at[side.inwards], &c = at[2 * side.inwards];
+            Pixel beyond = {3 * (a[0] - b[0]) + c[0], 3 * (a[1] - b[1]) + c[1]};
+            const double half =
+                std::clamp(half_share * distance(a, beyond), half_min_px, half_max_px);
+            crossings += refine_corner(image, half, beyond);
+        }
+        if (2 * crossings >= side.count) return true;
+    }
+    return false;
+}
+
 void explain_chessboard(const Grey &image, const Board &board, View &view)
 {
-    int more = 0, fewer = 0;
-    if (!chessboard_size(image, more, fewer) || same_size(board, more, fewer)) return;
+    int more = view.shown_columns, fewer = view.shown_rows;
+    if (!view.corners.empty() && !may_go_on(image, board, view.corners)) return;
+    if (more == 0 && !chessboard_size(image, more, fewer)) return;
+    if (same_size(board, more, fewer)) return;
     /* Of a board that was found, a part may have been seen. */
     if (!view.corners.empty() && more <= std::max(board.columns, board.rows) &&
         fewer <= std::min(board.columns, board.rows))
@@ -250,8 +287,9 @@ void explain_markers(const Grey &image, const Board &board, View &view)
     cv::Mat flipped;
     cv::flip(picture_of(image), flipped, 1);
     const Grey mirror = {flipped.data, image.width, image.height, (int)flipped.step};
-    const std::vector<Marker> markers = find_markers(
-        mirror, grid ? (int)APRILGRID_DICTIONARY : board.dictionary, grid ? APRILGRID_BORDER : 1);
+    const std::vector<Marker> markers =
+        find_markers(mirror, grid ? (int)APRILGRID_DICTIONARY : board.dictionary,
+                     grid ? APRILGRID_BORDER : 1, INT_MAX, markers_min);
     if (markers.size() < markers_min) return;
     view.mirrored = true;
     view.left_out = "the picture is mirrored: its markers are found when it is flipped";
@@ -270,12 +308,12 @@ void explain_board(const Grey &image, const Board &board, View &view)
 void detect_board(const Grey &image, const Board &board, Refinement refinement, View &view)
 {
     view.corners.clear();
-    if (board.pattern == Pattern::charuco) {
-        detect_by_markers(image, board, find_markers(image, board.dictionary, 1), view);
-        return;
-    }
-    if (board.pattern == Pattern::aprilgrid) {
-        detect_by_markers(image, board, find_markers(image, APRILGRID_DICTIONARY, APRILGRID_BORDER),
+    if (board.pattern == Pattern::charuco || board.pattern == Pattern::aprilgrid) {
+        const bool grid = board.pattern == Pattern::aprilgrid;
+        const int ids = board.columns * board.rows / (grid ? 1 : 2);
+        detect_by_markers(image, board,
+                          find_markers(image, grid ? (int)APRILGRID_DICTIONARY : board.dictionary,
+                                       grid ? APRILGRID_BORDER : 1, ids, (size_t)ids),
                           view);
         return;
     }

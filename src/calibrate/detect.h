@@ -23,7 +23,8 @@ enum class Refinement { OWN, OPENCV_11 };
 void detect_board(const Grey &image, const Board &board, Refinement refinement, View &view);
 
 /* Why a picture may show another board: fills shown_columns, shown_rows and mirrored, and left_out
- * where that explains it. After detect_board; takes some 50 ms. */
+ * where that explains it. After detect_board; where no board was found, or the squares may go on
+ * beyond it, it takes some 50 ms. */
 void explain_board(const Grey &image, const Board &board, View &view);
 
 /* A marker in a picture: its corners in the order in which they are printed, from the top left one
@@ -33,8 +34,10 @@ struct Marker {
     std::array<Pixel, 4> corners;
 };
 
-/* Markers of OpenCV's dictionary of that number, with a black border of `border` bits. */
-std::vector<Marker> find_markers(const Grey &image, int dictionary, int border);
+/* Markers of OpenCV's dictionary of that number, with a black border of `border` bits. The search
+ * ends when `enough` with numbers below `ids` are found. */
+std::vector<Marker> find_markers(const Grey &image, int dictionary, int border, int ids,
+                                 size_t enough);
 
 /* Cells of a marker as printed, with its border: side times side, row by row, 1 is white. */
 std::vector<uint8_t> marker_cells(int dictionary, int id, int border, int &side);
