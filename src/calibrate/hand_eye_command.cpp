@@ -109,16 +109,17 @@ int match(const Given &given, const std::vector<View> &views, const fv_poses &po
 
 constexpr double IDENTITY[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
 
-int match_file(const Given &given, const std::vector<View> &views, std::vector<BodyPose> &found)
-{
-    fv_poses poses = {};
-    fovea_error error;
-    if (fv_poses_read(given.poses.c_str(), FV_POSES_TUM, IDENTITY, &poses, &error) != FOVEA_OK)
-        return fv_say_wrong("%s", error.text);
-    const int status = match(given, views, poses, found);
-    fv_poses_free(&poses);
-    return status;
-}
+/* Poses of a file, or none. */
+struct FilePoses {
+    fv_poses list = {};
+    FilePoses() = default;
+    FilePoses(const FilePoses &) = delete;
+    FilePoses &operator=(const FilePoses &) = delete;
+    ~FilePoses()
+    {
+        fv_poses_free(&list);
+    }
+};
 
 int match_heard(const Given &given, const Collection &collection, HeardPoses &heard,
                 std::vector<BodyPose> &found)
@@ -144,11 +145,15 @@ int collect_posed(const Given &given, const Board &board, int views_max, Collect
     const char *channel = given.channel();
     if (channel != nullptr && heard.open(given.lcm_url, given.listen, channel, &error) != FOVEA_OK)
         return fv_say_wrong("%s", error.text);
+    FilePoses file; /* a wrong one is named before pictures are searched */
+    if (channel == nullptr &&
+        fv_poses_read(given.poses.c_str(), FV_POSES_TUM, IDENTITY, &file.list, &error) != FOVEA_OK)
+        return fv_say_wrong("%s", error.text);
     const int status =
         collect_known(given.source, given.camera, board, views_max, collection, camera);
     if (status != FV_EXIT_OK) return status;
     return channel != nullptr ? match_heard(given, collection, heard, poses)
-                              : match_file(given, collection.views, poses);
+                              : match(given, collection.views, file.list, poses);
 }
 
 std::string configuration(const HandEyeReport &report)

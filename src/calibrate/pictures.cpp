@@ -189,7 +189,8 @@ class Guided
 /* Of `cameras` cameras, 0: of all that the source has. */
 fovea_status collect_source(const std::string &uri, const Board &board, Refinement refinement,
                             int views_max, size_t cameras, const Guidance *guidance,
-                            std::vector<Collection> &collections, fovea_error *error)
+                            const SizeCheck &check, std::vector<Collection> &collections,
+                            fovea_error *error)
 {
     Frames frames;
     fovea_status status = open_frames(uri, frames, error);
@@ -197,6 +198,7 @@ fovea_status collect_source(const std::string &uri, const Board &board, Refineme
     const fovea_source_info *info = frames.ops->info(frames.source);
     Finder finder(*info, cameras, board, refinement);
     status = finder.begin(error);
+    if (status == FOVEA_OK && check) status = check(finder.sizes(), error);
     if (status == FOVEA_OK) status = frames.ops->start(frames.source, error);
     if (status != FOVEA_OK) return status;
     collections = finder.sizes();
@@ -247,13 +249,25 @@ bool is_folder(const std::string &source)
     return stat(source.c_str(), &about) == 0 && S_ISDIR(about.st_mode);
 }
 
-/* Whether all frames of a source are taken: a recording of at most that many. */
-fovea_status check_recording(const std::string &uri, int views_max, fovea_error *error)
+/* How many pictures of a source are taken: of a folder, or a recording of at most that many, all.
+ */
+fovea_status count_pictures(const std::string &uri, int views_max, size_t &pictures,
+                            fovea_error *error)
 {
+    dirent **entries;
+    if (is_folder(uri)) {
+        const int found = scandir(uri.c_str(), &entries, is_picture, nullptr);
+        pictures = (size_t)std::max(0, found);
+        for (int i = 0; i < found; i++)
+            std::free(entries[i]);
+        if (found >= 0) std::free(entries);
+        return FOVEA_OK;
+    }
     Frames frames;
     const fovea_status status = open_frames(uri, frames, error);
     if (status != FOVEA_OK) return status;
     const uint64_t count = frames.ops->info(frames.source)->frame_count;
+    pictures = (size_t)count;
     if (count > 0 && count <= (uint64_t)views_max) return FOVEA_OK;
     return fovea_error_set(error, FOVEA_ERROR_INPUT,
                            "%.300s: found a source %s, expected for each camera a folder or a "
@@ -346,13 +360,13 @@ namespace
 {
 
 fovea_status collect_one(const std::string &source, const Board &board, Refinement refinement,
-                         int views_max, const Guidance *guidance, Collection &collection,
-                         fovea_error *error)
+                         int views_max, const Guidance *guidance, const SizeCheck &check,
+                         Collection &collection, fovea_error *error)
 {
     if (is_folder(source)) return collect_folder(source, board, refinement, collection, error);
     std::vector<Collection> one;
     const fovea_status status =
-        collect_source(source, board, refinement, views_max, 1, guidance, one, error);
+        collect_source(source, board, refinement, views_max, 1, guidance, check, one, error);
     if (!one.empty()) collection = one[0];
     return status;
 }
@@ -360,16 +374,17 @@ fovea_status collect_one(const std::string &source, const Board &board, Refineme
 } // namespace
 
 fovea_status collect(const std::string &source, const Board &board, Refinement refinement,
-                     int views_max, Collection &collection, fovea_error *error)
+                     int views_max, Collection &collection, fovea_error *error,
+                     const SizeCheck &check)
 {
-    return collect_one(source, board, refinement, views_max, nullptr, collection, error);
+    return collect_one(source, board, refinement, views_max, nullptr, check, collection, error);
 }
 
 fovea_status collect_guided(const std::string &source, const Board &board, Refinement refinement,
                             int views_max, const Guidance &guidance, Collection &collection,
                             fovea_error *error)
 {
-    return collect_one(source, board, refinement, views_max, &guidance, collection, error);
+    return collect_one(source, board, refinement, views_max, &guidance, nullptr, collection, error);
 }
 
 fovea_status expect_guidance(const std::string &source, int views_max, fovea_error *error)
@@ -390,33 +405,58 @@ fovea_status expect_guidance(const std::string &source, int views_max, fovea_err
                            source.c_str(), (unsigned long long)count, views_max);
 }
 
-fovea_status collect_rig(const std::vector<std::string> &sources, const Board &board, int views_max,
-                         std::vector<Collection> &collections, fovea_error *error)
+namespace
 {
-    if (sources.size() == 1 && !is_folder(sources[0])) {
-        const fovea_status status = collect_source(sources[0], board, Refinement::OWN, views_max, 0,
-                                                   nullptr, collections, error);
-        if (status != FOVEA_OK || collections.size() > 1) return status;
+
+fovea_status one_camera(const std::string &source, fovea_error *error)
+{
+    return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                           "%.300s: found one camera, expected two or more: a source with "
+                           "several, or --source once for each",
+                           source.c_str());
+}
+
+fovea_status expect_as_many(const std::string &source, size_t found, const std::string &first,
+                            size_t expected, fovea_error *error)
+{
+    if (found == expected) return FOVEA_OK;
+    return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                           "%.200s: found %zu pictures, expected %zu as in %.200s: one of each "
+                           "camera at each instant",
+                           source.c_str(), found, expected, first.c_str());
+}
+
+} // namespace
+
+fovea_status collect_rig(const std::vector<std::string> &sources, const Board &board, int views_max,
+                         std::vector<Collection> &collections, fovea_error *error,
+                         const SizeCheck &check)
+{
+    const std::string &first = sources[0];
+    if (sources.size() == 1 && is_folder(first)) return one_camera(first, error);
+    if (sources.size() == 1) {
+        const auto several = [&](const std::vector<Collection> &sizes, fovea_error *why) {
+            if (sizes.size() < 2) return one_camera(first, why);
+            return check ? check(sizes, why) : FOVEA_OK;
+        };
+        return collect_source(first, board, Refinement::OWN, views_max, 0, nullptr, several,
+                              collections, error);
     }
-    if (sources.size() == 1)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                               "%.300s: found one camera, expected two or more: a source with "
-                               "several, or --source once for each",
-                               sources[0].c_str());
+    std::vector<size_t> counts(sources.size());
+    for (size_t k = 0; k < sources.size(); k++) {
+        fovea_status status = count_pictures(sources[k], views_max, counts[k], error);
+        if (status == FOVEA_OK)
+            status = expect_as_many(sources[k], counts[k], first, counts[0], error);
+        if (status != FOVEA_OK) return status;
+    }
     for (const std::string &source : sources) {
         Collection collection;
-        fovea_status status =
-            is_folder(source) ? FOVEA_OK : check_recording(source, views_max, error);
-        if (status == FOVEA_OK)
-            status = collect(source, board, Refinement::OWN, views_max, collection, error);
+        fovea_status status = collect(source, board, Refinement::OWN, views_max, collection, error);
         if (status != FOVEA_OK) return status;
         collections.push_back(collection);
-        if (collection.views.size() != collections[0].views.size())
-            return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                                   "%.200s: found %zu pictures, expected %zu as in %.200s: one of "
-                                   "each camera at each instant",
-                                   source.c_str(), collection.views.size(),
-                                   collections[0].views.size(), sources[0].c_str());
+        status = expect_as_many(source, collection.views.size(), first, collections[0].views.size(),
+                                error);
+        if (status != FOVEA_OK) return status;
     }
     return FOVEA_OK;
 }

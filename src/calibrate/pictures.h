@@ -2,6 +2,8 @@
 #ifndef FOVEA_CALIBRATE_PICTURES_H
 #define FOVEA_CALIBRATE_PICTURES_H
 
+#include <functional>
+
 #include "calibrate/detect.h"
 #include "calibrate/guide.h"
 #include "fovea/source.h"
@@ -51,12 +53,17 @@ class Interruption
     bool came() const;
 };
 
+/* Refuses a source by the sizes of its cameras' images, before pictures are taken of it; they are
+ * not known of a folder. */
+using SizeCheck = std::function<fovea_status(const std::vector<Collection> &, fovea_error *)>;
+
 /* `source` is a folder of PNG, JPEG and BMP files or the URI of a source. All pictures of a folder,
  * and all frames of a recording of at most `views_max`, are taken; of other sources, the first
  * `views_max` frames whose board is new and, of a live camera, still. FOVEA_ERROR_INPUT: there is
  * none, or it cannot be read. */
 fovea_status collect(const std::string &source, const Board &board, Refinement refinement,
-                     int views_max, Collection &collection, fovea_error *error);
+                     int views_max, Collection &collection, fovea_error *error,
+                     const SizeCheck &check = nullptr);
 /* The same; of a source with more frames, at most `views_max` that the guide takes, until it is
  * done. */
 fovea_status collect_guided(const std::string &source, const Board &board, Refinement refinement,
@@ -68,9 +75,11 @@ fovea_status expect_guidance(const std::string &source, int views_max, fovea_err
 
 /* Pictures that the cameras of a rig take at the same instants: views of one index belong together.
  * One source with several cameras, or for each camera a folder or a recording of its own, of which
- * all pictures are taken in order. FOVEA_ERROR_INPUT as above, and where they are not as many. */
+ * all pictures are taken in order. FOVEA_ERROR_INPUT as above, and where they are not as many;
+ * `check` is asked of one source alone. */
 fovea_status collect_rig(const std::vector<std::string> &sources, const Board &board, int views_max,
-                         std::vector<Collection> &collections, fovea_error *error);
+                         std::vector<Collection> &collections, fovea_error *error,
+                         const SizeCheck &check = nullptr);
 
 /* Name each file that a source reads: `visit` as of support/files.h. A source that cannot be opened
  * names none; that is said when its pictures are taken. */

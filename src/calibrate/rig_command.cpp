@@ -83,14 +83,23 @@ bool kalibr_has(const RigInput &input)
     return input.model == Model::equidistant || (k[4] == 0 && k[5] == 0 && k[6] == 0 && k[7] == 0);
 }
 
+/* Whether files are given for all cameras of the rig, or for none. */
+fovea_status expect_cameras(const Given &given, size_t cameras, fovea_error *error)
+{
+    if (given.cameras.empty() || given.cameras.size() == cameras) return FOVEA_OK;
+    return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                           "fovea-calibrate rig: found --camera %zu times, expected once for each "
+                           "of %zu cameras, or not at all",
+                           given.cameras.size(), cameras);
+}
+
 /* The lens of each camera from its file, where files are given. */
 int read_cameras(const Given &given, std::vector<RigInput> &inputs)
 {
+    fovea_error error;
     if (given.cameras.empty()) return FV_EXIT_OK;
-    if (given.cameras.size() != inputs.size())
-        return fv_say_wrong("fovea-calibrate rig: found --camera %zu times, expected once for each "
-                            "of %zu cameras, or not at all",
-                            given.cameras.size(), inputs.size());
+    if (expect_cameras(given, inputs.size(), &error) != FOVEA_OK)
+        return fv_say_wrong("%s", error.text);
     for (size_t k = 0; k < inputs.size(); k++) {
         RigInput &input = inputs[k];
         const int status =
@@ -211,7 +220,12 @@ int collect_pictures(const Given &given, int views_max, RigReport &report, Movin
         return collect_inertial(given.imu, given.sources[0], report.board, views_max, moving,
                                 collections, *report.inertial);
     }
-    if (collect_rig(given.sources, report.board, views_max, collections, &why) != FOVEA_OK)
+    const auto as_many = [&](const std::vector<Collection> &sizes, fovea_error *error) {
+        return expect_cameras(given, sizes.size(), error);
+    };
+    if (given.sources.size() > 1 && expect_cameras(given, given.sources.size(), &why) != FOVEA_OK)
+        return fv_say_wrong("%s", why.text);
+    if (collect_rig(given.sources, report.board, views_max, collections, &why, as_many) != FOVEA_OK)
         return fv_say_wrong("%s", why.text);
     return FV_EXIT_OK;
 }
