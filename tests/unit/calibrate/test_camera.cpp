@@ -49,6 +49,16 @@ static Collection left_views(Refinement refinement, Board &board)
                     board);
 }
 
+/* By our own corners, which are found once for all cases. */
+static Collection own_left_views(Board &board)
+{
+    static Board found_board;
+    static Collection found;
+    if (found.views.empty()) found = left_views(Refinement::OWN, found_board);
+    board = found_board;
+    return found;
+}
+
 static Solution solved(const Board &board, const Collection &collection,
                        const SolveOptions &options)
 {
@@ -82,7 +92,7 @@ static void opencvs_corners_give_the_published_camera(void **)
 static void own_corners_have_half_the_error(void **)
 {
     Board board;
-    const Collection collection = left_views(Refinement::OWN, board);
+    const Collection collection = own_left_views(board);
     assert_int_equal(collection.views.size(), 13);
     const Solution solution = solved(board, collection, SolveOptions());
     assert_true(solution.rms_px <= .22);
@@ -116,7 +126,7 @@ static void a_fisheye_agrees_with_an_independent_fit(void **)
 static void corners_and_views_that_are_wrong_are_named(void **)
 {
     Board board;
-    Collection collection = left_views(Refinement::OWN, board);
+    Collection collection = own_left_views(board);
     const Solution clean = solved(board, collection, SolveOptions());
     collection.views[2].corners[17][0] += 6; /* one corner elsewhere */
     for (size_t i = 0; i < 54; i++)          /* and a board that is bent */
@@ -133,7 +143,7 @@ static void corners_and_views_that_are_wrong_are_named(void **)
 static void few_or_frontal_views_are_not_trusted(void **)
 {
     Board board;
-    Collection collection = left_views(Refinement::OWN, board);
+    Collection collection = own_left_views(board);
     for (size_t v = 2; v < collection.views.size(); v++)
         collection.views[v].left_out = "of the test";
     Solution solution;
@@ -148,7 +158,7 @@ static void few_or_frontal_views_are_not_trusted(void **)
 static void a_board_that_is_rarely_found_is_doubted(void **)
 {
     Board board;
-    Collection collection = left_views(Refinement::OWN, board);
+    Collection collection = own_left_views(board);
     View none;
     none.left_out = "no board";
     collection.views.resize(3 * collection.views.size(), none);
@@ -173,7 +183,7 @@ static void a_blurred_view_is_left_out(void **)
 static void the_camera_file_reads_as_the_same_camera(void **)
 {
     Board board;
-    const Collection collection = left_views(Refinement::OWN, board);
+    const Collection collection = own_left_views(board);
     Report report;
     report.board = board;
     report.views = collection.views;

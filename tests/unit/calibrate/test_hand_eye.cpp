@@ -292,6 +292,7 @@ void hear_poses(std::vector<std::string> words, const std::string &lines, const 
         T_body_cam[i] = std::strtod(at + 1, const_cast<char **>(&at));
     std::free(text);
     *value("--poses") = "lcm:SILENT";
+    *value("--views") = "3";
     assert_int_equal(run(words), 2);
 }
 
@@ -357,10 +358,12 @@ void the_command_finds_the_simulated_camera(void **)
     const std::string written =
         fv_text_read(out.c_str(), 100000, &text, &bytes, &error) == FOVEA_OK ? text : "";
     std::free(text);
+    std::vector<std::string> few = words;
+    *(std::find(few.begin(), few.end(), "--views") + 1) = "3";
     write(poses, "1.0 0 0 0 0 0 0\n");
-    assert_int_equal(run(words), 2);
+    assert_int_equal(run(few), 2);
     write(poses, "1e6 0 0 0 0 0 0 1\n"); /* of another clock */
-    assert_int_equal(run(words), 2);
+    assert_int_equal(run(few), 2);
     for (const std::string &file : {camera, poses, out, json, report})
         unlink(file.c_str());
     assert_int_equal(rmdir(folder), 0);

@@ -66,7 +66,9 @@ void compare(const char *pattern, const char *target, Refinement refinement)
         printf("SKIPPED calibration of %s: it is not there\n", folder.c_str());
         skip();
     }
-    if (std::system("/usr/bin/python3 -c 'import mrcal' 2>/dev/null") != 0) {
+    static const bool installed =
+        std::system("/usr/bin/python3 -c 'import mrcal' 2>/dev/null") == 0;
+    if (!installed) {
         printf("SKIPPED comparison with mrcal: Debian's python3-mrcal is not installed\n");
         skip();
     }
