@@ -214,6 +214,36 @@ static void another_board_is_named(void **)
     }
 }
 
+/* Where the stated board is found in a part of a larger one, beyond any of its sides; not where it
+ * is the whole. */
+static void the_rest_of_a_larger_board_is_seen(void **)
+{
+    const Board shown = board_of("chessboard:9x6:0.025");
+    const Drawing drawing = drawing_of(shown);
+    for (const bool fisheye : {false, true}) {
+        const fovea_camera camera = camera_of(fisheye);
+        const BoardPlace place = place_of(drawing, camera, -.1, .05, .65, -.2, .6);
+        std::vector<uint8_t> picture = board_picture(drawing, camera, place);
+        cv::Mat pixels(HEIGHT, WIDTH, CV_8UC1, picture.data());
+        cv::GaussianBlur(pixels, pixels, cv::Size(7, 7), .7);
+        const std::vector<Pixel> all = true_pixels(shown, camera, place);
+        /* without the last column, the first one, the last row, the first one; whole */
+        for (int part = 0; part < 5; part++) {
+            Board stated = shown;
+            View view;
+            stated.columns -= part < 2;
+            stated.rows -= part == 2 || part == 3;
+            for (int j = 0; j < stated.rows; j++)
+                for (int i = 0; i < stated.columns; i++)
+                    view.corners.push_back(
+                        all[(size_t)((j + (part == 3)) * shown.columns + i + (part == 1))]);
+            explain_board({picture.data(), WIDTH, HEIGHT, WIDTH}, stated, view);
+            assert_int_equal(view.shown_columns, part < 4 ? 9 : 0);
+            assert_int_equal(view.shown_rows, part < 4 ? 6 : 0);
+        }
+    }
+}
+
 /* As OpenCV before 4.6 drew boards with an even number of rows. */
 static void the_older_layout_of_charuco_is_found_and_named(void **)
 {
@@ -278,6 +308,7 @@ int main()
         cmocka_unit_test(every_board_is_found_in_its_picture),
         cmocka_unit_test(boards_with_markers_may_be_partly_hidden),
         cmocka_unit_test(another_board_is_named),
+        cmocka_unit_test(the_rest_of_a_larger_board_is_seen),
         cmocka_unit_test(the_older_layout_of_charuco_is_found_and_named),
         cmocka_unit_test(drawings_are_those_of_opencv),
         cmocka_unit_test(texts_of_boards_come_back),
