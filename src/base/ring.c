@@ -77,3 +77,9 @@ size_t fv_ring_room(struct fv_ring *ring)
     room(ring, &after, &front);
     return after > front ? after : front;
 }
+
+bool fv_ring_empty(const struct fv_ring *ring)
+{
+    return atomic_load_explicit(&ring->tail, memory_order_acquire) ==
+           atomic_load_explicit(&ring->head, memory_order_relaxed);
+}

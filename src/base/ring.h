@@ -15,6 +15,7 @@
 #endif
 
 #include <stdatomic.h>
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -48,5 +49,7 @@ void fv_ring_release(struct fv_ring *ring, size_t bytes);
 /* Largest reservation that would succeed now. Either side; from the consumer's side it is a lower
  * bound only when the producer is idle. */
 size_t fv_ring_room(struct fv_ring *ring);
+/* Producer: whether all that was committed has been given back. */
+bool fv_ring_empty(const struct fv_ring *ring);
 
 #endif

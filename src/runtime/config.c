@@ -354,6 +354,10 @@ static enum fovea_status check_grid(const struct fovea_config *config, struct fo
                                "grid.heights: found true, expected grid.enabled to be true too: "
                                "heights are those of its cells");
     if (!job->enabled) return FOVEA_OK;
+    if (job->grid.heights && !job->landmarks)
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                               "grid.heights: found true with grid.landmarks false, expected that "
+                               "true: heights are of its points");
     if (!config->odometry.enabled)
         return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
                                "grid.enabled: found odometry.enabled false, expected true: the "

@@ -150,7 +150,7 @@ static void run(struct fovea *rt, const struct fovea_config *config, struct fv_t
         struct fovea_outputs outputs;
         fovea_grants_fixed(config, &inputs.grants);
         if (follower == NULL) clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &due, NULL);
-        while (!fv_transport_room(transport)) /* the sender had no processor */
+        while (!fv_transport_room(transport, false)) /* the sender had no processor */
             (void)clock_nanosleep(CLOCK_MONOTONIC, 0, &(struct timespec){.tv_nsec = 1000000}, NULL);
         fovea_step(rt, &inputs, &outputs);
         count_and_publish(transport, &outputs, sent);

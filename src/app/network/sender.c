@@ -191,13 +191,21 @@ static void sleep_ns(int64_t ns)
     nanosleep(&pause, NULL);
 }
 
-bool fv_sender_room(struct fv_sender *sender)
+/* Of one of the loop's rings. */
+static bool has_room(struct fv_sender *sender, enum fv_sender_class class, bool settled)
+{
+    struct fv_ring *ring = &sender->rings[class];
+    return settled && class < FV_SENDER_FEATURES ? fv_ring_empty(ring)
+                                                 : fv_ring_room(ring) >= ring_bytes[class] / 8 * 3;
+}
+
+bool fv_sender_room(struct fv_sender *sender, bool settled)
 {
     const int64_t now_ns = fv_clock_ns(CLOCK_MONOTONIC);
     bool room = true;
     for (int class = 0; class < FV_SENDER_CLASSES; class ++)
         room = room && (!is_loops((enum fv_sender_class) class) ||
-                        fv_ring_room(&sender->rings[class]) >= ring_bytes[class] / 8 * 3);
+                        has_room(sender, (enum fv_sender_class) class, settled));
     if (room) sender->full_ns = 0;
     if (!room && sender->full_ns == 0) sender->full_ns = now_ns;
     return room || now_ns - sender->full_ns > room_wait_ns;

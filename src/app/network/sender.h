@@ -50,8 +50,9 @@ void fv_sender_put_from(struct fv_sender *sender, enum fv_transport_thread threa
 
 /* Whether each of the loop's rings is about half empty, or this has been asked in vain for a
  * second, as where a server does not read. For frames that do not come by the clock: to be asked
- * before an iteration. Loop thread. */
-bool fv_sender_room(struct fv_sender *sender);
+ * before an iteration. `settled`: besides, all is sent but features and previews, so that no state
+ * of the next iteration overtakes what was made in this one. Loop thread. */
+bool fv_sender_room(struct fv_sender *sender, bool settled);
 
 /* Send what is left, for at most FV_SENDER_FINISH_MS; drop the rest; end the thread. Where a disk
  * or pipe does not return from a write, the thread is left behind and false is returned. Afterwards

@@ -107,9 +107,9 @@ uint32_t fv_transport_wheel_odometry(struct fv_transport *transport,
                              : 0;
 }
 
-bool fv_transport_room(struct fv_transport *transport)
+bool fv_transport_room(struct fv_transport *transport, bool settled)
 {
-    return transport == NULL || fv_sender_room(transport->sender);
+    return transport == NULL || fv_sender_room(transport->sender, settled);
 }
 
 void fv_transport_finish(struct fv_transport *transport)

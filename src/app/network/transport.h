@@ -72,8 +72,9 @@ void fv_transport_put_from(struct fv_transport *transport, enum fv_transport_thr
                            const struct fovea_message *message);
 
 /* Whether there is room for an iteration, or it was asked for in vain for a second. Where frames do
- * not come by the clock: ask before an iteration. Loop thread. */
-bool fv_transport_room(struct fv_transport *transport);
+ * not come by the clock: ask before an iteration. `settled`: and all is sent (fv_sender_room). Loop
+ * thread. */
+bool fv_transport_room(struct fv_transport *transport, bool settled);
 
 /* Send what waits, for at most a second and a half, and end sending: counts are exact then.
  * Init-only. */

@@ -46,7 +46,7 @@ static void send(void *context, int64_t now_ns, const struct fovea_outputs *outp
         const struct timespec wait = fv_clock_timespec(wait_ns);
         if (wait_ns > 0 && wait_ns < 10 * FV_SECOND_NS) nanosleep(&wait, NULL);
     }
-    while (!fv_transport_room(sending->transport))
+    while (!fv_transport_room(sending->transport, false))
         nanosleep(&(struct timespec){.tv_nsec = 1000000}, NULL);
     fv_transport_publish(sending->transport, outputs);
 }

@@ -28,10 +28,13 @@
 static void pace(void *context)
 {
     struct fv_run *run = context;
+    /* Who drives in lock-step has the grid of a frame before the pose of the next, on a busy
+     * machine, too: the same bits again. */
+    const bool settled = fv_velocity_input_drives(&run->velocities);
     while (!atomic_load_explicit(&run->shared.stop, memory_order_relaxed) &&
            (!fv_recorder_room(run->recorder) ||
             !fv_recorder_room(fv_recordings_recorder(&run->recordings)) ||
-            !fv_transport_room(run->transport) || !fv_trajectory_room(run->trajectory) ||
+            !fv_transport_room(run->transport, settled) || !fv_trajectory_room(run->trajectory) ||
             !fv_trajectory_room(run->truth) || !fv_final_room(run->final) ||
             !fv_results_room(run->results))) {
         atomic_fetch_add_explicit(&run->shared.beats, 1, memory_order_relaxed);

@@ -109,6 +109,11 @@ struct fv_receiver_channel fv_velocity_input_row(struct fv_velocity_input *input
                                   take, input);
 }
 
+bool fv_velocity_input_drives(const struct fv_velocity_input *input)
+{
+    return atomic_load_explicit(&input->taken, memory_order_relaxed) > 0;
+}
+
 void fv_velocity_input_end(struct fv_velocity_input *input)
 {
     if (input->source == NULL) return;

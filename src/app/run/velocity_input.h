@@ -27,6 +27,8 @@ void fv_velocity_input_open(struct fv_velocity_input *input, struct fv_requests 
                             const char *prefix);
 /* The row of the receiver's table. */
 struct fv_receiver_channel fv_velocity_input_row(struct fv_velocity_input *input);
+/* Whether the source has taken a command: what it gives next depends on what is sent. */
+bool fv_velocity_input_drives(const struct fv_velocity_input *input);
 /* From now on nothing reaches the source, which may then be stopped. Not on the loop thread. */
 void fv_velocity_input_end(struct fv_velocity_input *input);
 /* A line of what came; nothing where nothing did. */

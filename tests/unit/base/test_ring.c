@@ -29,6 +29,7 @@ static void test_fill_and_drain(void **state)
     }
     assert_null(fv_ring_reserve(&ring, 1));
     assert_int_equal(fv_ring_room(&ring), 0);
+    assert_false(fv_ring_empty(&ring));
     const uint8_t *data = fv_ring_peek(&ring, &bytes);
     assert_int_equal(bytes, 99);
     assert_int_equal(data[98], 2);
@@ -48,6 +49,7 @@ static void test_fill_and_drain(void **state)
     assert_int_equal(bytes, 32);
     fv_ring_release(&ring, bytes);
     assert_null(fv_ring_peek(&ring, &bytes));
+    assert_true(fv_ring_empty(&ring));
     assert_non_null(fv_ring_reserve(&ring, 50)); /* half the capacity into an empty ring */
 }
 

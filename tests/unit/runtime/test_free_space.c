@@ -609,6 +609,10 @@ static void a_camera_on_the_floor_is_refused(void **state)
     assert_int_equal(fovea_size(&rig.config, &bytes, &error), FOVEA_ERROR_ARGUMENT);
     assert_non_null(strstr(error.text, "grid.heights: found true, expected grid.enabled"));
     rig.config.grid_job.enabled = true;
+    rig.config.grid_job.landmarks = false;
+    assert_int_equal(fovea_size(&rig.config, &bytes, &error), FOVEA_ERROR_ARGUMENT);
+    assert_non_null(strstr(error.text, "grid.heights: found true with grid.landmarks false"));
+    rig.config.grid_job.landmarks = true;
     rig.config.grid_job.grid.range_m = 6.5;
     assert_int_equal(fovea_size(&rig.config, &bytes, &error), FOVEA_ERROR_ARGUMENT);
     assert_non_null(strstr(error.text, "grid.range_m: found 6.5, expected at most half the side"));

@@ -92,6 +92,8 @@ static void a_server_that_never_reads_is_the_reason_of_drops(void **state)
     const int server = open_server(4, &address, url);
     assert_int_equal(fv_transport_open(url, 0, &transport, &error), FOVEA_OK);
     publish(transport, "FOVEA_MAP"); /* the sender greets when there is something to send */
+    assert_true(fv_transport_room(transport, false));
+    assert_false(fv_transport_room(transport, true)); /* it waits for the server's greeting */
     const int peer = greet(server);
     uint64_t before = 0, after = 0;
     for (int round = 0; round < ROUNDS && after - before < ROUND_MESSAGES; round++) {
