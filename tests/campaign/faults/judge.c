@@ -9,7 +9,7 @@
 #include "geometry/se3.h"
 #include "geometry/vec.h"
 
-enum { POSES_MIN = 10 };
+enum { POSES_MIN = 10, SURE_MIN = 3 };
 static const double nees_max = 22.5;
 static const int64_t flow_ns = 1000000000;
 
@@ -92,17 +92,17 @@ static void logarithm(const struct fv_se3 *T, double error[6])
         error[i] = T->t[i] - 0.5 * crossed[i] + factor * twice[i];
 }
 
-/* a^T S^-1 b; infinite where the covariance is none. */
-static double weighed(const double covariance[21], const double a[6], const double b[6])
+/* Infinite where the covariance is none. */
+static double squared_error(const double covariance[21], const double error[6])
 {
     double S[36], solved[6], sum = 0;
     for (int row = 0, k = 0; row < 6; row++)
         for (int column = row; column < 6; column++, k++)
             S[6 * row + column] = S[6 * column + row] = covariance[k];
-    memcpy(solved, b, sizeof solved);
+    memcpy(solved, error, sizeof solved);
     if (!fv_ldlt_solve(S, 6, solved)) return INFINITY;
     for (int i = 0; i < 6; i++)
-        sum += a[i] * solved[i];
+        sum += error[i] * solved[i];
     return sum;
 }
 
@@ -140,8 +140,8 @@ static bool error_of(const struct faults_play *play, const struct faults_frame *
 }
 
 /* Units per metre of a map in a unit of its own, by which its poses relative to their keyframes are
- * nearest to the truth, each weighed by its covariance: their errors are linear in it. `sure`: of
- * poses in state `tracking` only. */
+ * nearest to the truth in the sum of squared distances: covariances, which are judged by it, have
+ * no part in it. `sure`: of poses in state `tracking` only. */
 static bool fit_units(const struct faults_play *play, uint32_t map_id, bool sure, double *units)
 {
     double square = 0, product = 0;
@@ -153,16 +153,15 @@ static bool fit_units(const struct faults_play *play, uint32_t map_id, bool sure
         if (!takes_part(frame, map_id, false, sure) || !is_finite(pose) ||
             !error_of(play, frame, 0, none) || !error_of(play, frame, 1, one))
             continue;
-        for (int k = 0; k < 6; k++)
-            one[k] -= none[k];
-        const double own = weighed(pose->covariance, one, one);
-        if (!isfinite(own)) continue;
-        square += own;
-        product -= weighed(pose->covariance, none, one);
+        for (int k = 0; k < 3; k++) {
+            const double length = one[k] - none[k]; /* of a metre */
+            square += length * length;
+            product -= none[k] * length;
+        }
         count++;
     }
     *units = product / square;
-    return count >= POSES_MIN && *units > 0 && isfinite(*units);
+    return count >= (sure ? SURE_MIN : POSES_MIN) && *units > 0 && isfinite(*units);
 }
 
 /* Metres per unit of the published world. 0: not known. */
@@ -183,7 +182,7 @@ static double nees_of(const struct faults_play *play, const struct faults_frame 
 {
     const double metres = metres_of(play, &frame->pose);
     if (!(metres > 0) || !error_of(play, frame, 1 / metres, vector)) return NAN;
-    const double nees = weighed(frame->pose.covariance, vector, vector);
+    const double nees = squared_error(frame->pose.covariance, vector);
     for (int i = 0; i < 3; i++)
         vector[i] *= metres;
     return isnan(nees) ? INFINITY : nees;

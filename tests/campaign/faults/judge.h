@@ -9,8 +9,9 @@
  *
  * A pose that claims metres is compared as it is. One whose scale is free is known up to the unit,
  * one for each map: the one by which the `tracking` poses of the map, relative to their keyframes,
- * are nearest to the truth, each weighed by its covariance; or all its poses, where fewer than 10
- * are `tracking`. A similarity of the whole path to the truth would not do: where the path leaps,
+ * are nearest to the truth in the sum of squared distances; or all its poses, where fewer than 3
+ * are `tracking`. The covariances, which are judged by it, have no part in it. A similarity of the
+ * whole path to the truth would not do: where the path leaps,
  * as it states, or is noisy, that makes the unit too long, by 20 % in a run whose lens zooms, 40
  * times in one that is blurred, and calls frames false that are right. It stands in where that unit
  * is not determined. Maps with fewer than 10 poses, or without extent, are not judged. */
