@@ -172,7 +172,7 @@ test:  ## install what is missing, build, and run the tests
 	@$(MAKE) --no-print-directory -j$(JOBS) all tests
 	@FOVEA_TESTS_WITHOUT="$(JUDGING)" tools/run_tests.sh $(BUILD) $(EMULATOR)
 
-# Tests that judge errors over minutes of simulated frames, or over many pictures of boards: 10 s of processor time and more each.
+# Tests that judge errors over minutes of simulated frames, or over many pictures of boards: 5 to 40 s of processor time each.
 # `make test` runs all others, in under five minutes on two processors; CI runs these beside its other steps.
 JUDGING := $(addprefix unit/calibrate/test_,bad_sets camera check guide hand_eye imu inertial inertial_command rig sim_board) \
            $(addprefix unit/runtime/test_,honesty inertial rolling stereo) $(addprefix unit/odometry/test_,agreement odometry usable) \

@@ -112,12 +112,8 @@ int command_check(int argc, char **argv)
     if (fv_calibration_read(file.c_str(), which.empty() ? nullptr : which.c_str(), &calibration,
                             &error) != FOVEA_OK)
         return fv_say_wrong("%s", error.text);
-    const auto fits = [&](const std::vector<Collection> &sizes, fovea_error *why) {
-        fovea_camera camera = calibration.camera;
-        return fv_calibration_fit(&camera, sizes[0].width, sizes[0].height, false, file.c_str(),
-                                  why);
-    };
-    if (collect(source, board, Refinement::OWN, VIEWS_MAX, collection, &error, fits) != FOVEA_OK)
+    if (collect(source, board, Refinement::OWN, VIEWS_MAX, collection, &error,
+                size_of(calibration.camera, file)) != FOVEA_OK)
         return fv_say_wrong("%s", error.text);
     if (collection.width == 0)
         return fv_say_wrong("%s: found no board in its pictures, expected %s", source.c_str(),

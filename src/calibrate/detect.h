@@ -19,7 +19,8 @@ struct Grey {
 enum class Refinement { OWN, OPENCV_11 };
 
 /* Find the points of a board, row by row, with columns and rows turning as x and y of the image do;
- * fills corners, edge_px and note, or left_out. Boards with markers may be partly hidden. */
+ * fills corners, edge_px and note, or left_out; shown_columns and shown_rows where its search met a
+ * chessboard of another size. Boards with markers may be partly hidden. */
 void detect_board(const Grey &image, const Board &board, Refinement refinement, View &view);
 
 /* Why a picture may show another board: fills shown_columns, shown_rows and mirrored, and left_out

@@ -58,12 +58,8 @@ int collect_known(const std::string &source, const std::string &file, const Boar
     fv_calibration calibration; /* a wrong file is named before pictures are searched */
     if (fv_calibration_read(file.c_str(), nullptr, &calibration, &error) != FOVEA_OK)
         return fv_say_wrong("%s", error.text);
-    const auto fits = [&](const std::vector<Collection> &sizes, fovea_error *why) {
-        fovea_camera known = calibration.camera;
-        return fv_calibration_fit(&known, sizes[0].width, sizes[0].height, false, file.c_str(),
-                                  why);
-    };
-    if (collect(source, board, Refinement::OWN, views_max, collection, &error, fits) != FOVEA_OK)
+    if (collect(source, board, Refinement::OWN, views_max, collection, &error,
+                size_of(calibration.camera, file)) != FOVEA_OK)
         return fv_say_wrong("%s", error.text);
     if (collection.width == 0)
         return fv_say_wrong("%s: found no board in its pictures, expected %s", source.c_str(),

@@ -11,6 +11,7 @@
 
 #include "calibrate/frames.h"
 #include "drivers/table.h"
+#include "support/calibration.h"
 #include "support/text.h"
 extern "C" {
 #include "support/picture.h"
@@ -372,6 +373,15 @@ fovea_status collect_one(const std::string &source, const Board &board, Refineme
 }
 
 } // namespace
+
+SizeCheck size_of(const fovea_camera &camera, const std::string &file)
+{
+    return [=](const std::vector<Collection> &sizes, fovea_error *error) {
+        fovea_camera fitted = camera;
+        return fv_calibration_fit(&fitted, sizes[0].width, sizes[0].height, false, file.c_str(),
+                                  error);
+    };
+}
 
 fovea_status collect(const std::string &source, const Board &board, Refinement refinement,
                      int views_max, Collection &collection, fovea_error *error,

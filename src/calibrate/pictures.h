@@ -56,6 +56,9 @@ class Interruption
 /* Refuses a source by the sizes of its cameras' images, before pictures are taken of it; they are
  * not known of a folder. */
 using SizeCheck = std::function<fovea_status(const std::vector<Collection> &, fovea_error *)>;
+/* That the first camera's are those of `camera`, or that it can be brought to them; `file`, for
+ * errors, is where that is from. */
+SizeCheck size_of(const fovea_camera &camera, const std::string &file);
 
 /* `source` is a folder of PNG, JPEG and BMP files or the URI of a source. All pictures of a folder,
  * and all frames of a recording of at most `views_max`, are taken; of other sources, the first

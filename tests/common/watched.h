@@ -19,6 +19,10 @@ struct watched {
 /* Once, before any thread exists. False, and a line with SKIPPED: not possible here. */
 bool watched_possible(const char *test);
 
+/* Arguments of `fovea run` in a test: a source by the clock, nothing on the terminal, no picture.
+ */
+#define WATCHED_RUN(source) "--source", source, "--rate", "real", "--quiet", "--picture", "none"
+
 /* Become `fovea COMMAND ARGUMENTS...`: in a child. */
 void watched_exec(const char *command, const char *const *arguments) __attribute__((noreturn));
 /* `fovea COMMAND ARGUMENTS...`, of the folder that the test was built into. */

@@ -320,24 +320,19 @@ static void recordings_by_command_replay(void **state)
     snprintf(tools[0], sizeof tools[0], "%s/command", build_folder());
     snprintf(tools[1], sizeof tools[1], "python3 tools/subscribers/command.py --types %s/python",
              build_folder());
-    const char *const arguments[] = {"--source",
-                                     "sim:tour?width=320&height=240&rate=12&frames=100000",
-                                     "--rate",
-                                     "real",
-                                     "--quiet",
-                                     "--picture",
-                                     "none",
-                                     "--set",
-                                     HALF,
-                                     "--set",
-                                     kept,
-                                     "--set",
-                                     "channel_prefix=R",
-                                     "--set",
-                                     "record_buffer=1000", /* of a disk that is busy */
-                                     "--record",
-                                     whole,
-                                     NULL};
+    const char *const arguments[] = {
+        WATCHED_RUN("sim:tour?width=320&height=240&rate=12&frames=100000"),
+        "--set",
+        HALF,
+        "--set",
+        kept,
+        "--set",
+        "channel_prefix=R",
+        "--set",
+        "record_buffer=1000", /* of a disk that is busy */
+        "--record",
+        whole,
+        NULL};
     watched_start(&watched, "run", arguments);
     int code = 3; /* until the run listens */
     for (int i = 0; i < 60 && code == 3; i++) {
@@ -411,18 +406,13 @@ static void settings_are_restored(void **state)
     put_text(camera, camera_text);
     snprintf(config_text, sizeof config_text, "camera: %s\nparameters.file: %s\n", camera, kept);
     put_text(config, config_text);
-    const char *const arguments[] = {"--config",
-                                     config,
-                                     "--source",
-                                     "sim:orbit?width=160&height=120&rate=10&frames=100000",
-                                     "--rate",
-                                     "real",
-                                     "--quiet",
-                                     "--picture",
-                                     "none",
-                                     "--set",
-                                     "channel_prefix=R",
-                                     NULL};
+    const char *const arguments[] = {
+        "--config",
+        config,
+        WATCHED_RUN("sim:orbit?width=160&height=120&rate=10&frames=100000"),
+        "--set",
+        "channel_prefix=R",
+        NULL};
     watched_start(&watched, "run", arguments);
     char *text = back_up(tool);
     replace(text, "121.5", "122.5");

@@ -153,13 +153,7 @@ static void maps_are_loaded_and_replayed(void **state)
     snprintf(line, sizeof line, "%s/maps/.hidden", folder);
     assert_int_equal(mkdir(line, 0700), 0);
 
-    const char *const arguments[] = {"--source",
-                                     "sim:stand?width=320&height=240&rate=10",
-                                     "--rate",
-                                     "real",
-                                     "--quiet",
-                                     "--picture",
-                                     "none",
+    const char *const arguments[] = {WATCHED_RUN("sim:stand?width=320&height=240&rate=10"),
                                      "--set",
                                      maps,
                                      "--set",

@@ -101,26 +101,21 @@ static void start(bool records)
     char file[128], record[128];
     snprintf(file, sizeof file, "parameters.file=%s", kept);
     snprintf(record, sizeof record, "record=%s", records ? log_path : "");
-    const char *const arguments[] = {"--source",
-                                     "sim:orbit?width=160&height=120&rate=15&frames=100000",
-                                     "--rate",
-                                     "real",
-                                     "--quiet",
-                                     "--picture",
-                                     "none",
-                                     "--set",
-                                     "channel_prefix=P",
-                                     "--set",
-                                     "image.operations=[sharpen]",
-                                     "--set",
-                                     "record_buffer=1000",
-                                     "--set",
-                                     file,
-                                     "--set",
-                                     record,
-                                     "--set", /* only a replay judges what becomes of the frames */
-                                     records ? "odometry.enabled=true" : "odometry.enabled=false",
-                                     NULL};
+    const char *const arguments[] = {
+        WATCHED_RUN("sim:orbit?width=160&height=120&rate=15&frames=100000"),
+        "--set",
+        "channel_prefix=P",
+        "--set",
+        "image.operations=[sharpen]",
+        "--set",
+        "record_buffer=1000",
+        "--set",
+        file,
+        "--set",
+        record,
+        "--set", /* only a replay judges what becomes of the frames */
+        records ? "odometry.enabled=true" : "odometry.enabled=false",
+        NULL};
     watched_start(&watched, "run", arguments);
 }
 

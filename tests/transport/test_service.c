@@ -140,11 +140,8 @@ static void a_name_that_is_none_is_ignored(void **state)
 static void a_run_is_ready_alive_and_stopping(void **state)
 {
     static struct watched watched;
-    const char *const arguments[] = {"--source", "sim:orbit?width=160&height=120&frames=100000",
-                                     "--rate",   "real",
-                                     "--quiet",  "--picture",
-                                     "none",     "--set",
-                                     "lcm_url=", NULL};
+    const char *const arguments[] = {WATCHED_RUN("sim:orbit?width=160&height=120&frames=100000"),
+                                     "--set", "lcm_url=", NULL};
     (void)state;
     setenv("WATCHDOG_USEC", "600000", 1);
     watched_start(&watched, "run", arguments);

@@ -10,6 +10,7 @@
 
 #include "base/elementary.h"
 #include "common/build_folder.h"
+#include "common/watched.h"
 #include "common/web_case.h"
 
 #define SDK "foxglove.sdk.v1"
@@ -202,20 +203,15 @@ static void an_address_says_which_robot(void **state)
     const char *const arguments[] = {"--feed",   socket_path, "--feed",
                                      other_path, "--lcm",     "udpm://239.255.76.67:7667",
                                      "--prefix", "H",         NULL};
-    const char *const run[] = {"--source",
-                               "sim:orbit?width=160&height=120&baseline=0.1&frames=1000000",
-                               "--rate",
-                               "real",
-                               "--quiet",
-                               "--picture",
-                               "none",
-                               "--set",
-                               "loop.priority=0",
-                               "--set",
-                               "channel_prefix=T",
-                               "--set",
-                               feed,
-                               NULL};
+    const char *const run[] = {
+        WATCHED_RUN("sim:orbit?width=160&height=120&baseline=0.1&frames=1000000"),
+        "--set",
+        "loop.priority=0",
+        "--set",
+        "channel_prefix=T",
+        "--set",
+        feed,
+        NULL};
     start(arguments);
     assert_int_equal(status_of(SDK, "/?robot=3", ""), 404);
     assert_int_equal(status_of(SDK, "/?robot=4294967296", ""), 404);

@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include "common/build_folder.h"
+#include "common/watched.h"
 #include "common/web_case.h"
 
 static char folder[] = "/tmp/fovea_foxglove_XXXXXX";
@@ -57,13 +58,7 @@ static void start_run(const char *const *more)
 {
     char feed[96];
     snprintf(feed, sizeof feed, "web.socket=%s", socket_path);
-    const char *arguments[32] = {"--source",
-                                 "sim:orbit?width=320&height=240&frames=1000000",
-                                 "--rate",
-                                 "real",
-                                 "--quiet",
-                                 "--picture",
-                                 "none",
+    const char *arguments[32] = {WATCHED_RUN("sim:orbit?width=320&height=240&frames=1000000"),
                                  "--set",
                                  "loop.priority=0",
                                  "--set",

@@ -6,6 +6,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include "common/watched.h"
 #include "common/web_case.h"
 #include "message/fields.h"
 #include "support/decode.h"
@@ -26,13 +27,7 @@ static void start_run(bool with_page)
 {
     char feed[96];
     snprintf(feed, sizeof feed, "web.socket=%s", socket_path);
-    const char *const arguments[] = {"--source",
-                                     "sim:orbit?width=320&height=240&frames=1000000",
-                                     "--rate",
-                                     "real",
-                                     "--quiet",
-                                     "--picture",
-                                     "none",
+    const char *const arguments[] = {WATCHED_RUN("sim:orbit?width=320&height=240&frames=1000000"),
                                      "--set",
                                      "features.count_max=500",
                                      "--set",

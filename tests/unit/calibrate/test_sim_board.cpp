@@ -115,6 +115,27 @@ static void a_page_is_refused_where_it_has_nothing_to_guide_or_its_token_would_b
     assert_int_equal(rmdir(folder), 0); /* neither file was made */
 }
 
+/* Not after all of them were searched. */
+static void a_source_of_another_size_is_refused_before_any_picture(void **)
+{
+    const std::string uri = "sim:board?seed=1&width=320&height=240";
+    Board board;
+    std::string error;
+    fovea_error why;
+    Collection collection, right;
+    fovea_camera other = true_camera(uri);
+    right.width = other.width;
+    right.height = other.height;
+    assert_int_equal(size_of(other, "its.yaml")({right}, &why), FOVEA_OK);
+    other.width += 2;
+    assert_true(board_parse(target, board, error));
+    assert_int_equal(
+        collect(uri, board, Refinement::OWN, 40, collection, &why, size_of(other, "other.yaml")),
+        FOVEA_ERROR_INPUT);
+    assert_non_null(std::strstr(why.text, "other.yaml"));
+    assert_true(collection.views.empty());
+}
+
 static void a_true_fisheye_is_found(void **)
 {
     assert_found("sim:board?rate=2&seed=6&lens=equidistant", "equidistant");
@@ -146,6 +167,7 @@ int main()
         cmocka_unit_test(the_true_camera_is_found),
         cmocka_unit_test(
             a_page_is_refused_where_it_has_nothing_to_guide_or_its_token_would_be_lost),
+        cmocka_unit_test(a_source_of_another_size_is_refused_before_any_picture),
         cmocka_unit_test(a_true_fisheye_is_found),
         cmocka_unit_test(a_knocked_lens_is_found),
     };

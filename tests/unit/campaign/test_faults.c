@@ -108,6 +108,32 @@ static void a_unit_is_that_of_relative_poses(void **unused)
     assert_true(verdict.wrong > FRAMES / 4);
 }
 
+/* A few poses that are sure have their unit to themselves: weak ones far off, as they state, have
+ * no part in it. Nor has how sure each of them is. */
+static void weak_poses_give_no_unit_to_sure_ones(void **unused)
+{
+    enum { SURE = 4, UNSURE = 100 };
+    (void)unused;
+    struct faults_verdict verdict;
+    walk(FOVEA_SCALE_FREE);
+    bend(0, 3, 0);
+    for (int i = SURE; i < FRAMES; i++)
+        play.frame[i].pose.state = FOVEA_TRACKING_WEAK;
+    bend(SURE, 20, 0);
+    judge(&verdict, true);
+    assert_int_equal(verdict.judged, SURE - 1); /* the first is its own keyframe */
+    assert_int_equal(verdict.wrong, 0);
+    walk(FOVEA_SCALE_FREE);
+    bend(FRAMES / 2, 1.2, 0);
+    judge(&verdict, true);
+    const uint32_t wrong = verdict.wrong;
+    for (int i = 0; i < FRAMES / 2; i++)
+        for (int k = 0; k < 21; k++)
+            play.frame[i].pose.covariance[k] *= UNSURE; /* these would count for nothing */
+    judge(&verdict, true);
+    assert_true(wrong > FRAMES / 4 && verdict.wrong > 0);
+}
+
 /* A walk whose stamps leap in some windows. Frames whose stamps are not after that of the last
  * processed one are refused, as the runtime does. */
 static void leap(const struct faults_plan *plan)
@@ -346,6 +372,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_right_walk_is_right),
         cmocka_unit_test(a_unit_is_that_of_relative_poses),
+        cmocka_unit_test(weak_poses_give_no_unit_to_sure_ones),
         cmocka_unit_test(what_is_not_finite_is_false),
         cmocka_unit_test(leaping_stamps_are_no_wait),
         cmocka_unit_test(nothing_misses_the_bars),

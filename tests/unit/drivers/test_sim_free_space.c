@@ -548,30 +548,27 @@ static void passes(int first, int count, const char *options, bool stereo)
                       (int)occupied);
 }
 
-static int long_passes(void)
+static int asked(const char *name, int otherwise)
 {
-    const char *text = getenv("FOVEA_LONG");
-    return text != NULL ? (int)strtol(text, NULL, 10) : 0;
+    const char *text = getenv(name);
+    return text != NULL ? (int)strtol(text, NULL, 10) : otherwise;
 }
 
-static int first_seed(void)
-{
-    const char *text = getenv("FOVEA_FIRST");
-    return text != NULL ? (int)strtol(text, NULL, 10) : 1000;
-}
+/* The long ones: the first seed, and how many. */
+#define LONG_PASSES asked("FOVEA_FIRST", 1000), asked("FOVEA_LONG", 0)
 
 static void floor_is_free_and_obstacles_are_not(void **state)
 {
     (void)state;
     passes(2002, 2, "&width=320&height=240&rate=4", false);
-    passes(first_seed(), long_passes(), "", false);
+    passes(LONG_PASSES, "", false);
 }
 
 static void the_same_holds_for_poses_of_two_cameras(void **state)
 {
     (void)state;
     passes(1005, 1, "&width=320&height=240&rate=10", true);
-    passes(first_seed(), long_passes(), "", true);
+    passes(LONG_PASSES, "", true);
 }
 
 /* The tilt and the height of T_body_cam wrong: the grid on the floor that is estimated is as good
@@ -587,11 +584,12 @@ static void a_wrong_mount_does_no_harm_where_the_floor_is_estimated(void **state
     passes(1005, 1, options, true);
     assert_true(pass.ground_state.ground.taken >= 8);
     assert_true(pass.squares < 3 * pass.squared);
-    passes(first_seed(), long_passes(), options, true);
+    passes(LONG_PASSES, options, true);
     pass.grounded = false;
     struct figures f, of_masks;
-    for (int seed = first_seed(); seed < first_seed() + long_passes(); seed++)
-        whole_pass(seed, options, true, &f, &of_masks);
+    const int passes_of[2] = {LONG_PASSES};
+    for (int n = 0; n < passes_of[1]; n++)
+        whole_pass(passes_of[0] + n, options, true, &f, &of_masks);
     pass.tilt_deg[1] = pass.raised_m = 0;
 }
 

@@ -14,6 +14,7 @@
 #include "app/run/grid_file.h"
 #include "base/elementary.h"
 #include "common/detector.h"
+#include "common/sent_grid.h"
 #include "common/sim_rig.h"
 #include "geometry/se3.h"
 #include "nn/model.h"
@@ -21,35 +22,17 @@
 #include "runtime/state.h"
 #include "support/picture.h"
 
-#include "fovea_grid_t.h"
-#include "fovea_height_grid_t.h"
-#include "fovea_scan_t.h"
-
 #define WAY "sim:orbit?width=320&height=240&lens=pinhole&fov=70&rate=10"
 enum {
     FRAMES = 120,
-    SIDE = 256,
-    RAYS = 90,
+    SIDE = SENT_SIDE,
+    RAYS = SENT_RAYS,
 };
 static const double T_body_cam[12] = {0, 0, 1, 0.4, -1, 0, 0, 0.1, 0, -1, 0, 0.8};
 
 static struct sim_rig rig;
 static bool with_heights = true;
 static _Alignas(64) uint8_t model[1 << 18];
-
-/* Results of a run: what the messages say last, and how often. */
-struct run {
-    int8_t cells[SIDE * SIDE];
-    float ranges[RAYS];
-    int16_t heights_mm[SIDE * SIDE];
-    uint8_t height_counts[SIDE * SIDE];
-    int64_t grid_stamp_ns, scan_stamp_ns;
-    double origin[3];
-    int32_t reset_counter, map_id, grid_row, height_row; /* the rows that come next */
-    int grids, height_grids, scans, known;
-    int empty;    /* grids without a known cell after one with some */
-    int compared; /* grids that were compared with that beside, as they came */
-};
 
 /* The golden network as one that labels pixels; returns its bytes. */
 static size_t make_model(void)
@@ -62,93 +45,6 @@ static size_t make_model(void)
     header->decode = (struct fv_model_decode){.kind = FV_DECODER_SEGMENT};
     header->checksum = fv_model_checksum(model + 16, bytes - 16);
     return bytes;
-}
-
-static int count_known(const int8_t *cells)
-{
-    int known = 0;
-    for (int i = 0; i < SIDE * SIDE; i++)
-        known += cells[i] != FOVEA_GRID_UNKNOWN;
-    return known;
-}
-
-/* Rows come in order; what was under way may be begun anew. Returns the next. */
-static int32_t row_after(int32_t expected, int32_t first, int32_t count)
-{
-    assert_true(count > 0 && first + count <= SIDE && (first == expected || first == 0));
-    return (first + count) % SIDE;
-}
-
-/* The grid is level in `odom`. */
-static void assert_level(const double orientation[4])
-{
-    assert_true(orientation[0] == 1 && orientation[1] == 0 && orientation[2] == 0 &&
-                orientation[3] == 0);
-}
-
-static void take_grid(const struct fovea_message *message, struct run *run)
-{
-    fovea_grid_t m;
-    assert_true(fovea_grid_t_decode(message->data, 0, (int)message->bytes, &m) > 0);
-    assert_true(m.width == SIDE && m.height == SIDE && m.resolution_m == 0.05);
-    assert_string_equal(m.frame, "odom");
-    assert_level(m.origin_orientation);
-    run->reset_counter = m.reset_counter;
-    run->map_id = m.map_id;
-    run->grid_row = row_after(run->grid_row, m.first_row, m.row_count);
-    assert_true(m.cell_count == m.row_count * SIDE && m.cell_count <= FOVEA_GRID_T_CELLS_MAX);
-    memcpy(run->cells + m.first_row * SIDE, m.cells, (size_t)m.cell_count);
-    memcpy(run->origin, m.origin_position, sizeof run->origin);
-    if (m.first_row + m.row_count == SIDE) {
-        run->grids++;
-        run->empty += run->grids > 1 && count_known(run->cells) == 0;
-    }
-    run->grid_stamp_ns = m.stamp.time_ns;
-    fovea_grid_t_decode_cleanup(&m);
-}
-
-static void take_heights(const struct fovea_message *message, struct run *run)
-{
-    fovea_height_grid_t m;
-    assert_true(fovea_height_grid_t_decode(message->data, 0, (int)message->bytes, &m) > 0);
-    assert_true(m.width == SIDE && m.height == SIDE && m.resolution_m == 0.05);
-    assert_true(m.cell_count == m.row_count * SIDE &&
-                m.cell_count <= FOVEA_HEIGHT_GRID_T_CELLS_MAX);
-    assert_string_equal(m.frame, "odom");
-    assert_level(m.origin_orientation);
-    assert_true(m.reset_counter == run->reset_counter && m.map_id == run->map_id);
-    assert_true(m.stamp.time_ns == run->grid_stamp_ns && m.stamp.time_ns == run->scan_stamp_ns);
-    run->height_row = row_after(run->height_row, m.first_row, m.row_count);
-    assert_memory_equal(m.origin_position, run->origin, sizeof run->origin);
-    const size_t from = (size_t)m.first_row * SIDE, count = (size_t)m.cell_count;
-    memcpy(run->heights_mm + from, m.height_mm, count * sizeof m.height_mm[0]);
-    memcpy(run->height_counts + from, m.point_count, count);
-    run->height_grids += m.first_row + m.row_count == SIDE;
-    fovea_height_grid_t_decode_cleanup(&m);
-}
-
-static void take_scan(const struct fovea_message *message, struct run *run)
-{
-    fovea_scan_t m;
-    assert_true(fovea_scan_t_decode(message->data, 0, (int)message->bytes, &m) > 0);
-    assert_true(m.count == RAYS && m.angle_first == 0.0f && m.range_max_m == 6.0f);
-    assert_true(m.angle_step > 0.0698f && m.angle_step < 0.0699f); /* 4 degrees */
-    memcpy(run->ranges, m.range_m, sizeof run->ranges);
-    run->scans++;
-    run->scan_stamp_ns = m.stamp.time_ns;
-    fovea_scan_t_decode_cleanup(&m);
-}
-
-static void take_messages(const struct fovea_outputs *outputs, struct run *run)
-{
-    for (uint32_t i = 0; i < outputs->message_count; i++) {
-        if (strcmp(outputs->messages[i].channel, "FOVEA_GRID") == 0)
-            take_grid(&outputs->messages[i], run);
-        if (strcmp(outputs->messages[i].channel, "FOVEA_GRID_HEIGHTS") == 0)
-            take_heights(&outputs->messages[i], run);
-        if (strcmp(outputs->messages[i].channel, "FOVEA_SCAN") == 0)
-            take_scan(&outputs->messages[i], run);
-    }
 }
 
 static void open_rig(const char *way)
@@ -292,7 +188,7 @@ static void update_beside(const struct seen_from *poses, uint64_t *inferences)
 
 /* A grid that is complete is the one beside, where that is of the same mask; after a loss nothing
  * is known. */
-static void compare(struct run *run)
+static void compare(struct sent_grid *run)
 {
     static int8_t cells[SIDE * SIDE];
     struct fovea_grid_place place;
@@ -304,7 +200,7 @@ static void compare(struct run *run)
 
 /* The whole run, with `units` of the networks' job per work call and `calls` of them per frame; the
  * grid beside is kept with it. `dark`: frames from there on are black. */
-static void run_with(uint32_t units, int calls, int dark, bool copied, struct run *run)
+static void run_with(uint32_t units, int calls, int dark, bool copied, struct sent_grid *run)
 {
     static struct seen_from poses[FRAMES];
     static uint8_t black[320 * 240];
@@ -323,14 +219,14 @@ static void run_with(uint32_t units, int calls, int dark, bool copied, struct ru
         if (n >= dark) rig.frame.images[0].data = black;
         rig.inputs.grants.units[FOVEA_JOB_DETECT] = units;
         (void)fovea_step(rig.rt, &rig.inputs, &outputs);
-        take_messages(&outputs, run);
+        sent_grid_take(&outputs, run);
         remember_frame(&poses[n]);
         rig.pose[rig.frames++] = poses[n].pose;
         rig.ops->requeue(rig.source, &rig.frame);
         for (int i = 0; i < calls; i++) {
             (void)fovea_work(rig.rt, &rig.inputs.grants, &outputs);
             const int before = run->grids;
-            take_messages(&outputs, run);
+            sent_grid_take(&outputs, run);
             update_beside(poses, &inferences);
             if (run->grids > before) compare(run);
         }
@@ -345,7 +241,7 @@ static void run_with(uint32_t units, int calls, int dark, bool copied, struct ru
             memset(other, 0x5a, bytes);
         }
     }
-    run->known = count_known(run->cells);
+    run->known = sent_grid_known(run->cells);
     free(other);
 }
 
@@ -381,7 +277,7 @@ static void check_picture(const int8_t *cells)
 }
 
 /* Heights of the run are those of the grid beside; so are those sent, and so is their picture. */
-static void check_heights(const struct run *run)
+static void check_heights(const struct sent_grid *run)
 {
     static int16_t own[SIDE * SIDE], of_beside[SIDE * SIDE];
     static uint8_t counts[2][SIDE * SIDE];
@@ -422,7 +318,7 @@ static void check_heights(const struct run *run)
 static void what_is_sent_is_the_grid_of_the_masks_and_poses(void **state)
 {
     (void)state;
-    static struct run run;
+    static struct sent_grid run;
     static int8_t cells[SIDE * SIDE], got[SIDE * SIDE];
     float ranges[RAYS];
     struct fovea_grid_place place, own;
@@ -451,7 +347,7 @@ static void what_is_sent_is_the_grid_of_the_masks_and_poses(void **state)
 static void with_few_units_the_same_grid_comes_later(void **state)
 {
     (void)state;
-    static struct run run;
+    static struct sent_grid run;
     run_with(5, 1, FRAMES, false, &run);
     print_message("with 5 units per frame: %d grids, %d compared\n", run.grids, run.compared);
     assert_true(run.grids > 10 && run.compared > run.grids / 2);
@@ -461,7 +357,7 @@ static void with_few_units_the_same_grid_comes_later(void **state)
 static void copies_go_on_alike(void **state)
 {
     (void)state;
-    static struct run run, copied;
+    static struct sent_grid run, copied;
     run_with(37, 2, FRAMES, false, &run);
     end_run();
     run_with(37, 2, FRAMES, true, &copied);
@@ -472,7 +368,7 @@ static void copies_go_on_alike(void **state)
 static void a_lost_pose_leaves_nothing_known(void **state)
 {
     (void)state;
-    static struct run run;
+    static struct sent_grid run;
     static int8_t cells[SIDE * SIDE];
     struct fovea_grid_place place;
     run_with(400, 4, FRAMES - 10, false, &run);
@@ -494,7 +390,7 @@ static void a_lost_pose_leaves_nothing_known(void **state)
 static void heights_make_way_for_the_empty_grid(void **state)
 {
     (void)state;
-    static struct run run;
+    static struct sent_grid run;
     struct fovea_outputs outputs;
     run_with(400, 4, FRAMES - 10, false, &run);
     struct fv_free_space_state *s = rig.rt->free_space.state;
@@ -513,7 +409,7 @@ static void heights_make_way_for_the_empty_grid(void **state)
     rig.inputs.grants.units[FOVEA_JOB_DETECT] = 400;
     for (int i = 0; i < 8; i++) {
         (void)fovea_work(rig.rt, &rig.inputs.grants, &outputs);
-        take_messages(&outputs, &run);
+        sent_grid_take(&outputs, &run);
     }
     assert_true(run.grids == before + 1 && run.height_grids == heights_before + 1);
     assert_true(run.reset_counter == 7 && run.map_id == 9);
@@ -526,7 +422,7 @@ static void while_it_stays_lost_that_is_said_every_second(void **state)
 {
     (void)state;
     enum { DARK = 60 };
-    static struct run run;
+    static struct sent_grid run;
     with_heights = false;
     run_with(400, 4, DARK, false, &run);
     with_heights = true;
@@ -548,7 +444,7 @@ static void a_reset_and_a_camera_that_is_gone_leave_nothing_known(void **state)
 {
     (void)state;
     for (int gone = 0; gone < 2; gone++) {
-        static struct run run;
+        static struct sent_grid run;
         static int8_t cells[SIDE * SIDE];
         struct fovea_grid_place place;
         struct fovea_outputs outputs;
@@ -565,7 +461,7 @@ static void a_reset_and_a_camera_that_is_gone_leave_nothing_known(void **state)
         const int before = run.grids;
         for (int i = 0; i < 8; i++) {
             (void)fovea_work(rig.rt, &inputs.grants, &outputs);
-            take_messages(&outputs, &run);
+            sent_grid_take(&outputs, &run);
         }
         assert_int_equal(run.grids, before + 1);
         for (int i = 0; i < SIDE * SIDE; i++)
@@ -578,7 +474,7 @@ static void a_reset_and_a_camera_that_is_gone_leave_nothing_known(void **state)
 static void nothing_is_known_once_odom_has_changed(void **state)
 {
     (void)state;
-    static struct run run;
+    static struct sent_grid run;
     static int8_t cells[SIDE * SIDE];
     struct fovea_grid_place place;
     run_with(400, 4, FRAMES, false, &run);

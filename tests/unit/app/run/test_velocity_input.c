@@ -83,8 +83,10 @@ static void commands_of_this_host_reach_the_source(void **state)
     (void)state;
     open_input(&ops, 0, false);
     assert_string_equal(fv_velocity_input_row(&input).name, "ROBOT_VELOCITY_COMMAND");
+    assert_false(fv_velocity_input_drives(&input));
     send(&ahead, false, true, 0);
     assert_int_equal(drives, 1);
+    assert_true(fv_velocity_input_drives(&input));
     assert_true(driven.sequence == 12 && driven.velocity_m_s[0] == 0.4 &&
                 driven.angular_rate[2] == -0.5);
     answer = FOVEA_AGAIN;
@@ -107,6 +109,7 @@ static void what_is_not_a_motion_is_malformed(void **state)
     send(&wrong, false, true, 0);
     send(&ahead, false, true, 3);
     assert_int_equal(drives, 0);
+    assert_false(fv_velocity_input_drives(&input));
     expect_counts(0, 0, 3, 0);
 }
 
