@@ -182,7 +182,7 @@ static void *send_many(void *context)
     struct sender *sender = context;
     fv_heap_arm();
     for (int i = 0; i < 1000; i++) {
-        while (!fv_transport_room(sender->transport))
+        while (!fv_transport_room(sender->transport, false))
             sleep_ms(1);
         fv_transport_publish(sender->transport, sender->outputs);
         (void)commands_of(sender->transport);
