@@ -53,6 +53,20 @@ static enum fovea_status check_stems(char **paths, int count, const char *folder
     return status;
 }
 
+/* The folder of the drawings, into which they can be written. */
+static enum fovea_status make_folder(const char *folder, struct fovea_error *error)
+{
+    char slashed[1024];
+    const char *blame;
+    const struct fv_file written[] = {{"--draw", slashed}, {0}};
+    if (mkdir(folder, 0777) != 0 && errno != EEXIST)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "--draw %.300s: the folder cannot be made: %s", folder,
+                               strerror(errno));
+    snprintf(slashed, sizeof slashed, "%.600s/", folder);
+    return fv_files_writable(written, &blame, error);
+}
+
 /* dir/name.png with what was found. */
 static enum fovea_status draw(const struct fv_inference *engine, const char *path,
                               const struct fovea_image *image, const char *folder,
@@ -98,11 +112,9 @@ int fv_command_detect(int argc, char **argv)
         return fv_say_wrong("%s", error.text);
     }
     int status = FV_EXIT_OK;
-    if (folder != NULL && check_stems(argv + first, argc - first, folder, &error) != FOVEA_OK)
+    if (folder != NULL && (check_stems(argv + first, argc - first, folder, &error) != FOVEA_OK ||
+                           make_folder(folder, &error) != FOVEA_OK))
         status = fv_say_wrong("%s", error.text);
-    else if (folder != NULL && mkdir(folder, 0777) != 0 && errno != EEXIST)
-        status =
-            fv_say_wrong("--draw %.300s: the folder cannot be made: %s", folder, strerror(errno));
     if (fv_detect_gives(&engine.file.model) == 0)
         fv_say("%s: its decoder is %s, the lists stay empty: fovea model run gives its outputs",
                model, fv_detect_decoder_name(&engine.file.model));

@@ -206,12 +206,14 @@ int fv_model_run(const char *path, char **files, int count, const char *out)
 {
     struct engine e = {.outputs = 0};
     struct fovea_error error;
+    const char *blame;
     const struct fv_file written[] = {{"--out", out}, {0}}, read[] = {{"FILE", path}, {0}};
     enum fovea_status status = fv_files_apart(written, read, &error);
     for (int i = 0; i < count && status == FOVEA_OK; i++) {
         const struct fv_file input[] = {{"INPUT", files[i]}, {0}};
         status = fv_files_apart(written, input, &error);
     }
+    if (status == FOVEA_OK) status = fv_files_writable(written, &blame, &error);
     if (status == FOVEA_OK) status = engine_open(&e, path, count, &error);
     const int runs = status == FOVEA_OK ? count / (int)e.inputs : 0;
     for (int i = 0; i < runs && status == FOVEA_OK; i++)

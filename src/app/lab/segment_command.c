@@ -150,7 +150,10 @@ static enum fovea_status check(const struct asked *asked, char **paths, int coun
                                    {"--model", asked->model},
                                    {"--classes-map", asked->map},
                                    {0}};
-    return single == NULL ? FOVEA_OK : fv_files_apart(written, read, error);
+    if (single == NULL) return FOVEA_OK;
+    const char *blame;
+    const enum fovea_status status = fv_files_apart(written, read, error);
+    return status == FOVEA_OK ? fv_files_writable(written, &blame, error) : status;
 }
 
 static enum fovea_status run(struct fv_inference *engine, const struct asked *asked, char **paths,

@@ -1,11 +1,14 @@
 /* fovea segment: masks and drawings of any network that labels pixels, the matrix of label pictures
  * beside one counted here, wrong maps and labels refused; and on real pictures with a real network
- * the matrix that a script of numpy finds. */
+ * the matrix that a script of numpy finds. What the commands that run a network on pictures cannot
+ * write, they refuse before it runs. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
 #include <cmocka.h>
+#include <errno.h>
+#include <fcntl.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -50,15 +53,20 @@ static int call(int (*command)(int, char **), const char *const *words)
 }
 #define SEGMENT(...) call(fv_command_segment, (const char *const[]){"segment", __VA_ARGS__, NULL})
 
-static const char *said(void)
+static const char *read_text(const char *path)
 {
     static char read[TEXT_MAX];
-    FILE *file = fopen(text, "r");
+    FILE *file = fopen(path, "r");
     assert_non_null(file);
     const size_t bytes = fread(read, 1, sizeof read - 1, file);
     fclose(file);
     read[bytes] = '\0';
     return read;
+}
+
+static const char *said(void)
+{
+    return read_text(text);
 }
 
 static void write_picture(const char *path, int width, int height, const uint8_t *pixels)
@@ -265,6 +273,49 @@ static void wrong_maps_labels_and_networks_are_refused(void **state)
     assert_int_equal(SEGMENT("--model", "src/detect/shipped.fvm", picture), 2);
 }
 
+/* The command ends before it runs a network: one line says why `path` cannot be written. */
+static void refuses(int (*command)(int, char **), const char *const *words, const char *path,
+                    int why)
+{
+    char errors[PATH_BYTES], line[PATH_BYTES + 80];
+    snprintf(errors, sizeof errors, "%s/errors.txt", folder);
+    snprintf(line, sizeof line, "%s: cannot be written: %s\n", path, strerror(why));
+    const int kept = dup(2), file = open(errors, O_WRONLY | O_CREAT | O_TRUNC, 0600);
+    assert_true(kept >= 0 && dup2(file, 2) >= 0);
+    const int status = call(command, words);
+    assert_true(dup2(kept, 2) >= 0);
+    close(kept);
+    close(file);
+    assert_int_equal(status, 2);
+    assert_string_equal(said(), "");
+    assert_string_equal(read_text(errors), line);
+}
+#define REFUSES(command, path, why, ...)                                                           \
+    refuses(command, (const char *const[]){__VA_ARGS__, NULL}, path, why)
+
+static void what_cannot_be_written_is_refused_before_the_network_runs(void **state)
+{
+    (void)state;
+    char absent[PATH_BYTES], beside[PATH_BYTES + 8];
+    snprintf(absent, sizeof absent, "%s/absent/out.png", folder);
+    snprintf(beside, sizeof beside, "%s/a.png", picture); /* the picture is no folder */
+    write_file(mask, "kept", 4);
+    unlink(drawn);
+    REFUSES(fv_command_segment, absent, ENOENT, "segment", "--model", model, picture, "--draw",
+            absent, "--mask", mask);
+    assert_string_equal(read_text(mask), "kept");
+    REFUSES(fv_command_segment, absent, ENOENT, "segment", "--model", model, picture, "--draw",
+            drawn, "--mask", absent);
+    assert_int_not_equal(access(drawn, F_OK), 0);
+    REFUSES(fv_command_segment, beside, ENOTDIR, "segment", "--model", model, picture, "--mask",
+            beside);
+    REFUSES(fv_command_model, absent, ENOENT, "model", "run", model, picture, "--out", absent);
+    snprintf(beside, sizeof beside, "%s/", mask);
+    REFUSES(fv_command_detect, beside, ENOTDIR, "detect", "--model", model, picture, "--draw",
+            mask);
+    assert_string_equal(read_text(mask), "kept");
+}
+
 /* ---- a real network -------------------------------------------------------------------------- */
 
 static int shell(const char *format, const char *a, const char *b, const char *c)
@@ -335,6 +386,7 @@ int main(void)
         cmocka_unit_test(masks_of_exports_are_labels),
         cmocka_unit_test(exported_folders_judge_the_shipped_network),
         cmocka_unit_test(wrong_maps_labels_and_networks_are_refused),
+        cmocka_unit_test(what_cannot_be_written_is_refused_before_the_network_runs),
         cmocka_unit_test(streets_give_the_matrix_of_an_independent_script),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
