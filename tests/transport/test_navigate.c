@@ -229,18 +229,44 @@ static int set_up(void **state)
     return 0;
 }
 
+/* In one line, which names the argument. */
 static void wrong_arguments_are_refused(void **state)
 {
-    char command[1024];
+    static const struct {
+        const char *words, *line;
+    } wrong[] = {
+        {"", "X: found no value, expected a number of metres"},
+        {"8", "Y: found no value, expected a number of metres"},
+        {"1 nan", "Y: found 'nan', expected a number of metres"},
+        {"--speed 1 8 -2", "X: found '--speed', expected a number of metres"},
+        {"1 2 --speed 0", "--speed: found '0', expected a number above 0"},
+        {"1 2 --radius .2m", "--radius: found '.2m', expected a number above 0"},
+        {"1 2 --turning", "--turning: found no value, expected a number above 0"},
+        {"1 2 --prefix ''", "--prefix: found '', expected 1 to 31 bytes"},
+        {"1 2 --prefix A2345678901234567890123456789012",
+         "--prefix: found 'A2345678901234567890123456789012', expected 1 to 31 bytes"},
+        {"1 2 --faster 3", "found '--faster', expected --url, --prefix, --radius, --speed, "
+                           "--turning, --key, --run-id or --sender"},
+        {"1 2 --key /dev/null --sender 1.5", "--sender: found '1.5', expected a whole number"},
+        {"1 2 --run-id 0", "--run-id: found '0', expected a whole number other than 0"},
+        {"1 2 --run-id -7", "--run-id: found without --key, expected both"},
+        {"1 2 --key /dev/null", "--key: command_key: /dev/null: found no ordinary file"},
+        {"1 2 --url nowhere",
+         "--url: lcm_url: found \"nowhere\", expected an LCM URL like udpm://239.255.76.67:7667\n"},
+    };
     (void)state;
-    snprintf(command, sizeof command, "%s/examples/navigate 1 nan 2>/dev/null", build_folder());
-    assert_int_equal(WEXITSTATUS(system(command)), 2);
-    snprintf(command, sizeof command, "%s/examples/navigate 1 2 --speed 0 2>/dev/null",
-             build_folder());
-    assert_int_equal(WEXITSTATUS(system(command)), 2);
-    snprintf(command, sizeof command, "%s/examples/navigate 1 2 --key /dev/null 2>/dev/null",
-             build_folder());
-    assert_int_equal(WEXITSTATUS(system(command)), 2);
+    for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {
+        char command[1024], line[512] = "", expected[512], more[16];
+        snprintf(command, sizeof command, "%s/examples/navigate %s 2>&1", build_folder(),
+                 wrong[i].words);
+        snprintf(expected, sizeof expected, "navigate: %s", wrong[i].line);
+        FILE *said = popen(command, "r"); /* NOLINT(bugprone-command-processor) */
+        assert_non_null(said);
+        assert_non_null(fgets(line, sizeof line, said));
+        if (strncmp(line, expected, strlen(expected)) != 0) fail_msg("%s", line);
+        assert_null(fgets(more, sizeof more, said));
+        assert_int_equal(WEXITSTATUS(pclose(said)), 2);
+    }
 }
 
 static int tear_down(void **state)

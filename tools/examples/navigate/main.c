@@ -22,14 +22,16 @@
 #include <math.h>
 #include <stdbool.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 #include <time.h>
 
 #include <lcm/lcm.h>
 
 #include "app/network/command_gate.h"
+#include "app/network/transport_url.h"
+#include "support/say.h"
 
+#include "arguments.h"
 #include "pieces.h"
 #include "plan.h"
 
@@ -41,19 +43,18 @@ enum { QUIET_MS = 2000, QUIET_MOST = 15 };
 
 static struct {
     lcm_t *lcm;
-    const char *url, *prefix, *key_path;
+    struct navigate_arguments asked;
     char command_channel[64];
     uint8_t key[FV_SIPHASH_KEY_BYTES];
-    int64_t run_id, sender, counter; /* with a key; run_id 0: not known yet */
-    struct navigate_motion motion;   /* the last that was asked for */
-    struct navigate_robot robot;
+    int64_t run_id, counter;       /* with a key; run_id 0: not known yet */
+    struct navigate_motion motion; /* the last that was asked for */
     struct navigate planner;
     struct navigate_grid grid;        /* as its pieces come */
     struct navigate_frame place;      /* of the grid that was planned on */
     fovea_run_t_subscription_t *runs; /* while the run to sign for is not known */
     bool planned, arrived;
     int64_t frame, poses, grids, stood;
-} self = {.prefix = "FOVEA", .robot = {0.2, 0.5, 1.2}, .sender = 1};
+} self = {.asked = {.prefix = "FOVEA", .robot = {0.2, 0.5, 1.2}, .sender = 1}};
 
 /* For this run alone, once, and by who knows the key: the message is encoded with mac 0, and then
  * with the code of these bytes. */
@@ -62,7 +63,7 @@ static void sign(fovea_velocity_command_t *command, int64_t now_ns)
     uint8_t data[256];
     self.counter = now_ns > self.counter ? now_ns : self.counter + 1; /* it must rise */
     command->run_id = self.run_id;
-    command->sender = self.sender;
+    command->sender = self.asked.sender;
     command->counter = self.counter;
     const int bytes = fovea_velocity_command_t_encode(data, 0, sizeof data, command);
     if (bytes > 0) command->mac = (int64_t)fv_siphash(self.key, data, (size_t)bytes, 0);
@@ -72,13 +73,13 @@ static void ask(int64_t sequence, struct navigate_motion motion)
 {
     struct timespec now;
     self.motion = motion;
-    if (self.key_path != NULL && self.run_id == 0) return; /* on_run asks */
+    if (self.asked.key_path != NULL && self.run_id == 0) return; /* on_run asks */
     clock_gettime(CLOCK_REALTIME, &now);
     fovea_velocity_command_t command = {.utime = now.tv_sec * INT64_C(1000000) + now.tv_nsec / 1000,
                                         .sequence = sequence,
                                         .velocity_m_s = {motion.speed_m_s, 0, 0},
                                         .angular_rate = {0, 0, motion.turning_rad_s}};
-    if (self.key_path != NULL) sign(&command, now.tv_sec * INT64_C(1000000000) + now.tv_nsec);
+    if (self.asked.key_path != NULL) sign(&command, now.tv_sec * INT64_C(1000000000) + now.tv_nsec);
     fovea_velocity_command_t_publish(self.lcm, self.command_channel, &command);
 }
 
@@ -138,39 +139,6 @@ static void on_pose(const lcm_recv_buf_t *packet, const char *channel, const fov
     ask(self.frame, motion);
 }
 
-static bool read_options(int argc, char **argv, double goal[2])
-{
-    if (argc < 3 || argc % 2 == 0) return false;
-    for (int k = 0; k < 2; k++) {
-        char *end;
-        goal[k] = strtod(argv[1 + k], &end);
-        if (*end != '\0' || !isfinite(goal[k])) return false;
-    }
-    for (int i = 3; i < argc; i += 2) {
-        const double number = strtod(argv[i + 1], NULL);
-        if (strcmp(argv[i], "--url") == 0)
-            self.url = argv[i + 1];
-        else if (strcmp(argv[i], "--prefix") == 0)
-            self.prefix = argv[i + 1];
-        else if (strcmp(argv[i], "--key") == 0)
-            self.key_path = argv[i + 1];
-        else if (strcmp(argv[i], "--run-id") == 0)
-            self.run_id = strtoll(argv[i + 1], NULL, 10);
-        else if (strcmp(argv[i], "--sender") == 0)
-            self.sender = strtoll(argv[i + 1], NULL, 10);
-        else if (strcmp(argv[i], "--radius") == 0)
-            self.robot.radius_m = number;
-        else if (strcmp(argv[i], "--speed") == 0)
-            self.robot.speed_m_s = number;
-        else if (strcmp(argv[i], "--turning") == 0)
-            self.robot.turning_rad_s = number;
-        else
-            return false;
-    }
-    return self.robot.radius_m > 0 && self.robot.speed_m_s > 0 && self.robot.turning_rad_s > 0 &&
-           strlen(self.prefix) < 32;
-}
-
 /* Heard until the run is known: it is sent once a second, which would hide the silence of poses. */
 static void unsubscribe_from_runs(bool now)
 {
@@ -196,31 +164,36 @@ static void drive(void)
 
 int main(int argc, char **argv)
 {
+    const struct navigate_arguments *asked = &self.asked;
     struct fovea_error error;
-    double goal[2];
     char channel[64];
-    const bool help = argc == 2 && strcmp(argv[1], "--help") == 0;
-    if (help || !read_options(argc, argv, goal)) {
-        fprintf(help ? stdout : stderr,
-                "usage: navigate X Y [--url URL] [--prefix FOVEA] [--radius M] [--speed M_S] "
-                "[--turning RAD_S] [--key FILE] [--run-id N] [--sender N]\n");
-        return help ? 0 : 2;
+    if (argc == 2 && strcmp(argv[1], "--help") == 0) {
+        printf("usage: navigate X Y [--url URL] [--prefix FOVEA] [--radius M] [--speed M_S] "
+               "[--turning RAD_S] [--key FILE [--run-id N] [--sender N]]\n");
+        return FV_EXIT_OK;
     }
-    if (self.key_path != NULL && fv_command_key_read(self.key_path, self.key, &error) < 0) {
-        fprintf(stderr, "navigate: --key: %s\n", error.text);
-        return 2;
-    }
-    self.lcm = lcm_create(self.url);
-    if (self.lcm == NULL) return 1;
-    navigate_init(&self.planner, &self.robot, goal);
-    snprintf(self.command_channel, sizeof self.command_channel, "%s_VELOCITY_COMMAND", self.prefix);
-    snprintf(channel, sizeof channel, "%s_GRID", self.prefix);
+    if (!navigate_arguments_read(&self.asked, argc, argv)) return FV_EXIT_WRONG;
+    if (asked->url != NULL && fv_transport_url_check(asked->url, &error) != FOVEA_OK)
+        return fv_say_wrong("navigate: --url: %s", error.text);
+    if (asked->url != NULL && fv_transport_reachable(asked->url, &error) != FOVEA_OK)
+        return fv_say_failed("navigate: --url: %s", error.text);
+    if (asked->key_path != NULL && fv_command_key_read(asked->key_path, self.key, &error) < 0)
+        return fv_say_wrong("navigate: --key: %s", error.text);
+    self.run_id = asked->run_id;
+    self.lcm = lcm_create(asked->url);
+    if (self.lcm == NULL)
+        return fv_say_failed("navigate: %s: LCM cannot be opened",
+                             asked->url != NULL ? asked->url : "default URL");
+    navigate_init(&self.planner, &asked->robot, asked->goal);
+    snprintf(self.command_channel, sizeof self.command_channel, "%s_VELOCITY_COMMAND",
+             asked->prefix);
+    snprintf(channel, sizeof channel, "%s_GRID", asked->prefix);
     fovea_grid_t_subscription_t *grids = fovea_grid_t_subscribe(self.lcm, channel, on_grid, NULL);
-    snprintf(channel, sizeof channel, "%s_POSE", self.prefix);
+    snprintf(channel, sizeof channel, "%s_POSE", asked->prefix);
     fovea_pose_t_subscription_t *poses = fovea_pose_t_subscribe(self.lcm, channel, on_pose, NULL);
-    if (grids == NULL || poses == NULL) return 1;
-    snprintf(channel, sizeof channel, "%s_RUN", self.prefix);
-    if (self.key_path != NULL && self.run_id == 0)
+    if (grids == NULL || poses == NULL) return FV_EXIT_FAILED;
+    snprintf(channel, sizeof channel, "%s_RUN", asked->prefix);
+    if (asked->key_path != NULL && self.run_id == 0)
         self.runs = fovea_run_t_subscribe(self.lcm, channel, on_run, NULL);
     printf("listening\n");
     fflush(stdout);
@@ -233,5 +206,5 @@ int main(int argc, char **argv)
     fovea_grid_t_unsubscribe(self.lcm, grids);
     fovea_pose_t_unsubscribe(self.lcm, poses);
     lcm_destroy(self.lcm);
-    return self.arrived ? 0 : 1;
+    return self.arrived ? FV_EXIT_OK : FV_EXIT_FAILED;
 }
