@@ -124,6 +124,17 @@ struct tint {
     uint16_t keep, add;
 };
 
+/* Of the classes of a network, by their number: 0, 255, 128, 64, 192, 32, 160 and so on. Colours
+ * that differ may have one brightness, as most of VOC's have. */
+static uint8_t brightness_of(int32_t number)
+{
+    if (number < 2) return number == 1 ? 255 : 0;
+    uint32_t reversed = 0;
+    for (int bit = 0; bit < 8; bit++)
+        reversed |= ((uint32_t)(number - 1) >> bit & 1) << (7 - bit);
+    return (uint8_t)reversed;
+}
+
 static void find_tints(const struct fovea_segmentation *s, struct tint tints[256])
 {
     enum { PART = 102 }; /* of 256: two fifths */
@@ -131,8 +142,8 @@ static void find_tints(const struct fovea_segmentation *s, struct tint tints[256
         tints[i] = (struct tint){256, 0};
         if (s->index[i] >= s->count) continue;
         const struct fovea_segmentation_class *c = &s->list[s->index[i]];
-        const uint32_t luma = (77U * c->red + 150U * c->green + 29U * c->blue) >> 8;
-        tints[i] = (struct tint){256 - PART, (uint16_t)(luma * PART)};
+        const uint8_t brightness = brightness_of(c->object < 0 ? c->class_id : c->object);
+        tints[i] = (struct tint){256 - PART, (uint16_t)(brightness * PART)};
     }
 }
 

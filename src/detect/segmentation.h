@@ -25,9 +25,10 @@ void fv_segmentation_view(const struct fv_model *model, const struct fv_nn_input
                           const uint8_t *confidence, struct fovea_segmentation *segmentation);
 
 /* Lay the classes over rows [begin, end) of a grey picture of the same view, of any size, without
- * padding: each pixel goes two fifths of the way to the luma (BT.601) of its class's colour, and a
- * pixel of another class than that left of or above it becomes black or white, whichever is
- * farther. Pixels whose class has no entry in the list keep what they have. */
+ * padding: each pixel goes two fifths of the way to a brightness that its class (or object) has by
+ * its number, the first ones the farthest apart, and a pixel of another class than that left of or
+ * above it becomes black or white, whichever is farther. Pixels whose class has no entry in the
+ * list keep what they have. */
 void fv_segmentation_overlay(const struct fovea_segmentation *segmentation, uint8_t *pixels,
                              int32_t width, int32_t height, int32_t begin, int32_t end);
 

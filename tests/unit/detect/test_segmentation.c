@@ -239,14 +239,14 @@ static void the_mask_at_the_size_of_the_image_follows_its_rule(void **state)
     expect_rule(16, 16, 64, 64, FV_FIT_LETTERBOX, 33, 32);
 }
 
-/* Rows of a picture: a class of colour, a class beside it, and pixels that have none. */
+/* Rows of a picture: a bright class, a dark class beside it, and pixels that have none. */
 static void what_has_no_class_keeps_its_pixels(void **state)
 {
     (void)state;
     enum { WIDTH = 6 };
     static const uint8_t values[WIDTH] = {0, 0, 1, 1, 2, 2};
-    static const struct fovea_segmentation_class list[2] = {{.red = 200, .green = 200, .blue = 200},
-                                                            {.red = 0, .green = 0, .blue = 0}};
+    static const struct fovea_segmentation_class list[2] = {{.class_id = 1, .object = -1},
+                                                            {.class_id = 0, .object = -1}};
     static uint8_t index[256] = {0, 1, FOVEA_SEGMENTATION_NONE};
     const struct fovea_segmentation seen = {
         .width = WIDTH,
@@ -258,8 +258,50 @@ static void what_has_no_class_keeps_its_pixels(void **state)
         .index = index};
     uint8_t picture[WIDTH] = {100, 100, 100, 100, 100, 100};
     fv_segmentation_overlay(&seen, picture, WIDTH, 1, 0, 1);
-    const uint8_t expected[WIDTH] = {139, 139, 255, 60, 255, 100}; /* borders are white */
+    const uint8_t expected[WIDTH] = {161, 161, 255, 60, 255, 100}; /* borders are white */
     assert_memory_equal(picture, expected, WIDTH);
+}
+
+/* As the segmenter that comes with Fovea has them: in colours of which three are equally bright.
+ * Each is as bright in one mask as in the next, whichever classes that has, in any order. */
+static void classes_are_told_apart_in_grey(void **state)
+{
+    (void)state;
+    enum { WIDTH = 2 * CLASSES };
+    static const uint8_t colours[CLASSES][3] = {
+        {128, 0, 0}, {0, 128, 0}, {128, 128, 0}, {0, 0, 128}, {128, 0, 128}};
+    uint8_t seen_as[2][CLASSES];
+    for (int turned = 0; turned < 2; turned++) {
+        struct fovea_segmentation_class list[CLASSES];
+        uint8_t values[WIDTH], index[256], picture[WIDTH];
+        memset(index, FOVEA_SEGMENTATION_NONE, sizeof index);
+        memset(picture, 100, sizeof picture);
+        for (int c = 0; c < CLASSES; c++) {
+            const int place = turned ? CLASSES - 1 - c : c;
+            values[2 * c] = values[2 * c + 1] = (uint8_t)c;
+            index[c] = (uint8_t)place;
+            list[place] = (struct fovea_segmentation_class){.class_id = c,
+                                                            .object = -1,
+                                                            .red = colours[c][0],
+                                                            .green = colours[c][1],
+                                                            .blue = colours[c][2]};
+        }
+        const struct fovea_segmentation seen = {
+            .width = WIDTH,
+            .height = 1,
+            .fit = {.width = WIDTH, .height = 1, .input_width = WIDTH, .input_height = 1},
+            .count = CLASSES,
+            .list = list,
+            .pixels = values,
+            .index = index};
+        fv_segmentation_overlay(&seen, picture, WIDTH, 1, 0, 1);
+        for (int c = 0; c < CLASSES; c++)
+            seen_as[turned][c] = picture[2 * c + 1]; /* beside the border */
+    }
+    assert_memory_equal(seen_as[0], seen_as[1], CLASSES);
+    for (int a = 0; a < CLASSES; a++)
+        for (int b = 0; b < a; b++)
+            assert_true(abs(seen_as[0][a] - seen_as[0][b]) >= 25);
 }
 
 int main(void)
@@ -271,6 +313,7 @@ int main(void)
         cmocka_unit_test(colours_are_the_files_or_vocs),
         cmocka_unit_test(the_mask_at_the_size_of_the_image_follows_its_rule),
         cmocka_unit_test(what_has_no_class_keeps_its_pixels),
+        cmocka_unit_test(classes_are_told_apart_in_grey),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,5 +1,5 @@
-/* Masks in the loop: classes are laid over previews where the mask has them, each as bright as its
- * colour, with borders between them. */
+/* Masks in the loop: classes are laid over previews where the mask has them, each with a brightness
+ * of its own, with borders between them. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -35,7 +35,7 @@ static size_t make_model(void)
     return bytes;
 }
 
-static int luma[256]; /* of the colour of each place of the mask's list; -1: there is none */
+static int brightness[256]; /* of each place of the mask's list; -1: there is none */
 
 /* Pixels of the last preview of level 0; `places`: the mask at its size. */
 static void last_preview(bool drawn, uint8_t *pixels, uint8_t *places)
@@ -84,10 +84,12 @@ static void last_preview(bool drawn, uint8_t *pixels, uint8_t *places)
     fovea_segmentation_get(rt, 0, &seen);
     assert_true(seen.inferences > 2 && seen.count > 1);
     fovea_segmentation_enlarge(&seen, NULL, places);
+    static const int of_class[] = {0, 255, 128, 64, 192, 32};
     for (uint32_t i = 0; i < 256; i++) {
-        const struct fovea_segmentation_class *c = &seen.list[i < seen.count ? i : 0];
-        luma[i] =
-            i < seen.count ? (int)lround(.299 * c->red + .587 * c->green + .114 * c->blue) : -1;
+        brightness[i] = -1;
+        if (i >= seen.count) continue;
+        assert_in_range(seen.list[i].class_id, 0, sizeof of_class / sizeof *of_class - 1);
+        brightness[i] = of_class[seen.list[i].class_id];
     }
     free(memory);
 }
@@ -95,7 +97,7 @@ static void last_preview(bool drawn, uint8_t *pixels, uint8_t *places)
 /* Two fifths of the way to its class's. */
 static int laid_over(int pixel, uint8_t place)
 {
-    return luma[place] < 0 ? pixel : (int)lround(.6 * pixel + .4 * luma[place]);
+    return brightness[place] < 0 ? pixel : (int)lround(.6 * pixel + .4 * brightness[place]);
 }
 
 static bool is_border(const uint8_t *places, int x, int y)
