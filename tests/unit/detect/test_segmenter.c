@@ -128,6 +128,7 @@ static void finds_floor_walls_and_what_stands_and_moves(void **state)
 {
     (void)state;
     double sum = 0.0;
+    assert_string_equal(fv_model_name(&file.model), "segmenter"); /* in its messages */
     for (int c = 0; c < CLASSES; c++)
         assert_string_equal(fv_detect_label(&file.model, c), names[c]);
     for (size_t w = 0; w < sizeof worlds / sizeof *worlds; w++)

@@ -83,6 +83,7 @@ static void finds_rendered_objects(void **state)
     const char *address;
     const struct fovea_source_selection selection = {.step = 60, .frames = FRAMES};
     assert_int_equal(fv_model_file_read(model_path, &file, &error), FOVEA_OK);
+    assert_string_equal(fv_model_name(&file.model), "detector"); /* in its messages */
     enum fv_cpu_set set;
     assert_int_equal(fv_cpu_from_environment(&set, &error), FOVEA_OK);
     fv_kernels_init(&kernels, set);
