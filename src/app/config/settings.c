@@ -473,6 +473,26 @@ void fv_settings_blame(const struct fv_settings *settings, const char *key,
                     named ? "" : key, named ? "" : ": ", text);
 }
 
+/* Keys that would do nothing without another. */
+static enum fovea_status check_pairs(const struct fv_settings *settings, struct fovea_error *error)
+{
+    const bool load = settings->map_load[0] != '\0', save = settings->map_save[0] != '\0';
+    if (settings->model2[0] != '\0' && settings->model[0] == '\0')
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "detect2.model: found '%.200s' without detect.model, expected both",
+                               settings->model2);
+    if (settings->imu_file[0] != '\0' && settings->imu[0] == '\0')
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "imu_file: found '%.200s' without imu, expected both or neither",
+                               settings->imu_file);
+    if (!settings->runtime.odometry.enabled && (load || save))
+        return fovea_error_set(
+            error, FOVEA_ERROR_INPUT,
+            "map.%s: found '%.200s' without odometry, expected odometry.enabled true",
+            load ? "load" : "save", load ? settings->map_load : settings->map_save);
+    return FOVEA_OK;
+}
+
 enum fovea_status fv_settings_check(const struct fv_settings *settings, struct fovea_error *error)
 {
     struct fovea_config runtime = settings->runtime;
@@ -487,7 +507,6 @@ enum fovea_status fv_settings_check(const struct fv_settings *settings, struct f
     /* Nor is the rest of the rig: fovea_size holds it against what odometry is to use. */
     if ((unsigned)runtime.odometry.sensors <= FOVEA_SENSORS_STEREO_INERTIAL)
         runtime.odometry.sensors = FOVEA_SENSORS_AUTO;
-    const bool load = settings->map_load[0] != '\0', save = settings->map_save[0] != '\0';
     enum fovea_status status = fv_config_check(&runtime, error);
     if (status == FOVEA_OK && settings->lcm_url[0] != '\0')
         status = fv_transport_url_check(settings->lcm_url, error);
@@ -498,15 +517,7 @@ enum fovea_status fv_settings_check(const struct fv_settings *settings, struct f
                             "an interface",
                             settings->listen);
     if (status == FOVEA_OK) status = fv_classes_check(settings, error);
-    if (status == FOVEA_OK && settings->model2[0] != '\0' && settings->model[0] == '\0')
-        status = fovea_error_set(
-            error, FOVEA_ERROR_INPUT,
-            "detect2.model: found '%.200s' without detect.model, expected both", settings->model2);
-    if (status == FOVEA_OK && !runtime.odometry.enabled && (load || save))
-        status = fovea_error_set(
-            error, FOVEA_ERROR_INPUT,
-            "map.%s: found '%.200s' without odometry, expected odometry.enabled true",
-            load ? "load" : "save", load ? settings->map_load : settings->map_save);
+    if (status == FOVEA_OK) status = check_pairs(settings, error);
     if (status == FOVEA_OK) return FOVEA_OK;
     fv_settings_locate(settings, error);
     return FOVEA_ERROR_INPUT;

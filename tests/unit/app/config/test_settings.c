@@ -218,6 +218,11 @@ static void test_wrong_together(void **state)
          {"robot.yaml:3:", "objects.heights", "'person'", "class:metres"}},
         {"objects:\n  heights: person:1.7 ball:0\n",
          {"robot.yaml:2:", "objects.heights", "'ball:0'", "class:metres"}},
+        {"seed: 1\nimu_file: imu.yaml\n",
+         {"robot.yaml:2: imu_file: found 'imu.yaml' without imu, expected both or neither"}},
+        {"detect2:\n  model: a.fvm\n", {"robot.yaml:2: detect2.model: found 'a.fvm' without"}},
+        {"odometry:\n  enabled: false\nmap:\n  save: a.map\n",
+         {"robot.yaml:4: map.save: found 'a.map' without odometry"}},
         {"objects:\n  movable: 128\n", {"robot.yaml:2:", "objects.movable", "'128'", "127"}},
     };
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
