@@ -1,8 +1,11 @@
 #include "support/stall.h"
 
+#include <fcntl.h>
 #include <pthread.h>
 #include <stdio.h>
+#include <string.h>
 #include <time.h>
+#include <unistd.h>
 
 static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
 static struct fv_stall calls[FV_STALL_CALLS_MAX];
@@ -23,6 +26,23 @@ static int64_t cpu_ns_of(clockid_t clock)
     return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
 }
 
+/* Whether a thread of this program runs, or would if there were a processor for it; not the one
+ * that asks. */
+static bool is_ready(int32_t thread)
+{
+    char path[64], text[256];
+    if (thread == gettid()) return false;
+    snprintf(path, sizeof path, "/proc/self/task/%d/stat", (int)thread);
+    const int fd = open(path, O_RDONLY | O_CLOEXEC);
+    if (fd < 0) return false;
+    const ssize_t bytes = read(fd, text, sizeof text - 1);
+    close(fd);
+    if (bytes <= 0) return false;
+    text[bytes] = 0;
+    const char *name_end = strrchr(text, ')'); /* proc(5): its number, (name), its state */
+    return name_end != NULL && strncmp(name_end, ") R", 3) == 0;
+}
+
 /* The call is fresh from now on; with the lock held. */
 static void renew(struct fv_stall *call)
 {
@@ -33,7 +53,8 @@ static void renew(struct fv_stall *call)
 static void renew_if_computing(struct fv_stall *call)
 {
     const int64_t cpu_ns = call->cpu_ns < 0 ? -1 : cpu_ns_of(call->cpu);
-    if (cpu_ns >= 0 && cpu_ns - call->cpu_ns >= FV_STALL_COMPUTES_NS) renew(call);
+    if ((cpu_ns >= 0 && cpu_ns - call->cpu_ns >= FV_STALL_COMPUTES_NS) || is_ready(call->thread))
+        renew(call);
 }
 
 int fv_stall_enter(const char *name)
@@ -44,6 +65,7 @@ int fv_stall_enter(const char *name)
         place++;
     if (place < FV_STALL_CALLS_MAX) {
         calls[place].id = ++last_id;
+        calls[place].thread = gettid();
         const bool timed = pthread_getcpuclockid(pthread_self(), &calls[place].cpu) == 0;
         renew(&calls[place]);
         if (!timed) calls[place].cpu_ns = -1;

@@ -17,6 +17,7 @@ struct fv_stall {
     char name[FV_STALL_NAME_BYTES]; /* of what is written, cut where it is longer */
     int64_t since_ns; /* CLOCK_MONOTONIC: entered, moved, or last seen to compute, what came last */
     clockid_t cpu;    /* processor time of the thread that makes it */
+    int32_t thread;   /* its number in the system */
     int64_t cpu_ns;   /* of that clock at since_ns; -1: not known */
 };
 
@@ -28,8 +29,9 @@ void fv_stall_leave(int place);
 void fv_stall_move(int place);
 
 /* The call that has waited longest. A thread that takes processor time does not wait, it prepares
- * what it writes: a picture may take seconds on a slow board. So a call counts as entered now
- * whenever its thread has computed for FV_STALL_COMPUTES_NS since. false: none is under way.
+ * what it writes: a picture may take seconds on a slow board, and longer where other programs have
+ * the processor. So a call counts as entered now whenever its thread has computed for
+ * FV_STALL_COMPUTES_NS since, or is ready to. false: none is under way.
  * `moved_ns`: when any thread last called fv_stall_move; 0: never. That a call returned says
  * nothing: it may have looked only.
  */

@@ -6,6 +6,10 @@
 
 #include <cmocka.h>
 
+#include <pthread.h>
+#include <sched.h>
+#include <stdatomic.h>
+#include <stdio.h>
 #include <string.h>
 #include <time.h>
 
@@ -58,6 +62,65 @@ static void test_a_call_that_computes_stays_young(void **state)
     fv_stall_leave(call);
 }
 
+/* A thread that has no processor, for another that goes first has the only one that it may use. */
+struct starved {
+    int call;
+    atomic_bool entered, stop;
+};
+
+static void *compute(void *context)
+{
+    struct starved *starved = context;
+    starved->call = fv_stall_enter("picture.png");
+    atomic_store(&starved->entered, true);
+    while (!atomic_load(&starved->stop))
+        ;
+    fv_stall_leave(starved->call);
+    return NULL;
+}
+
+static void stay_on(int cpu)
+{
+    cpu_set_t set;
+    CPU_ZERO(&set);
+    CPU_SET(cpu, &set);
+    assert_int_equal(pthread_setaffinity_np(pthread_self(), sizeof set, &set), 0);
+}
+
+static void test_a_call_that_waits_for_the_processor_stays_young(void **state)
+{
+    (void)state;
+    struct starved starved = {.call = -1};
+    struct fv_stall first, later;
+    int64_t moved_ns;
+    cpu_set_t all;
+    pthread_t thread;
+    const struct sched_param idle = {0}, before = {.sched_priority = 1};
+    assert_int_equal(pthread_getaffinity_np(pthread_self(), sizeof all, &all), 0);
+    if (pthread_setschedparam(pthread_self(), SCHED_FIFO, &before) != 0) {
+        printf("SKIPPED a thread without a processor: real-time scheduling is not permitted\n");
+        return;
+    }
+    assert_int_equal(pthread_setschedparam(pthread_self(), SCHED_OTHER, &idle), 0);
+    stay_on(sched_getcpu());
+    assert_int_equal(pthread_create(&thread, NULL, compute, &starved), 0);
+    while (!atomic_load(&starved.entered))
+        sched_yield();
+    assert_int_equal(pthread_setschedparam(pthread_self(), SCHED_FIFO, &before), 0);
+    assert_true(fv_stall_longest(&first, &moved_ns));
+    const int64_t begin_ns = clock_ns(CLOCK_MONOTONIC), cpu_ns = clock_ns(first.cpu);
+    while (clock_ns(CLOCK_MONOTONIC) - begin_ns < 100000000)
+        ;
+    const int64_t had_ns = clock_ns(first.cpu) - cpu_ns;
+    assert_true(fv_stall_longest(&later, &moved_ns));
+    assert_int_equal(pthread_setschedparam(pthread_self(), SCHED_OTHER, &idle), 0);
+    atomic_store(&starved.stop, true);
+    pthread_join(thread, NULL);
+    assert_int_equal(pthread_setaffinity_np(pthread_self(), sizeof all, &all), 0);
+    assert_true(had_ns < FV_STALL_COMPUTES_NS);
+    assert_true(later.since_ns >= first.since_ns + 100000000);
+}
+
 /* More calls than the table holds: those beyond are not watched, and harm nothing. */
 static void test_a_full_table_takes_no_more(void **state)
 {
@@ -79,6 +142,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_a_call_that_waits_grows_old),
         cmocka_unit_test(test_a_call_that_computes_stays_young),
+        cmocka_unit_test(test_a_call_that_waits_for_the_processor_stays_young),
         cmocka_unit_test(test_a_full_table_takes_no_more),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
