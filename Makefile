@@ -677,7 +677,7 @@ $(PROGRAM_TESTS): $(call objs,tests/common/program.c)
 $(PROGRAM_TESTS): TEST_MORE := $(call objs,tests/common/program.c)
 # The planner of an example, and a campaign that drives by it.
 PLANNER_TESTS := $(BUILD)/tests/campaign/drive $(BUILD)/tests/unit/campaign/test_navigate $(BUILD)/tests/unit/campaign/test_dstar_lite
-PLANNER_O := $(call objs,$(addprefix tools/examples/navigate/,dstar_lite.c pieces.c plan.c))
+PLANNER_O := $(call objs,$(addprefix tools/examples/navigate/,dstar_lite.c map.c pieces.c plan.c steer.c ways.c))
 $(PLANNER_TESTS): $(PLANNER_O)
 $(PLANNER_TESTS): TEST_MORE := $(PLANNER_O)
 # The campaign of fault schedules, one file per part, is one program; a test judges its judging.

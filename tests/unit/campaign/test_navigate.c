@@ -11,6 +11,7 @@
 
 #include "../../../tools/examples/navigate/pieces.h"
 #include "../../../tools/examples/navigate/plan.h"
+#include "base/elementary.h"
 
 enum { SIDE = 100, FREE = 10, OCCUPIED = 90, UNKNOWN = -1 };
 static const double origin[2] = {-5, -5};
@@ -218,6 +219,86 @@ static void a_goal_beyond_the_grid_is_driven_towards(void **state)
     assert_false(navigate_plan(&planner, cells, 300, 300, 0.1, origin));
 }
 
+/* A world of 30 m, of which the grid shows 10 m around the robot, what is nearer than 3 m or was,
+ * with the errors of a frame. */
+static int8_t world[3 * SIDE][3 * SIDE];
+static bool shown[3 * SIDE][3 * SIDE];
+static struct fv_random draws;
+
+static void draw_world(void)
+{
+    memset(world, FREE, sizeof world);
+    memset(shown, 0, sizeof shown);
+    for (int block = 0; block < 500; block++) {
+        const uint32_t x = fv_random_below(&draws, 3 * SIDE - 8),
+                       y = fv_random_below(&draws, 3 * SIDE - 8);
+        const uint32_t length = 1 + fv_random_below(&draws, 8);
+        for (uint32_t i = 0; i < 8; i++)
+            memset(&world[y + i][x], OCCUPIED, length);
+    }
+    for (int i = 0; i < 20 * 20; i++)
+        world[3 * SIDE / 2 - 10 + i / 20][3 * SIDE / 2 - 10 + i % 20] = FREE;
+}
+
+/* The grid around a place, from the cell `corner` of the world. */
+static void show(const double at[2], const int corner[2])
+{
+    for (int i = 0; i < SIDE * SIDE; i++) {
+        const int x = corner[0] + i % SIDE, y = corner[1] + i / SIDE;
+        const double dx = x * 0.1 - 15 - at[0], dy = y * 0.1 - 15 - at[1];
+        shown[y][x] = shown[y][x] || hypot(dx, dy) < 3;
+        cells[i] = !shown[y][x] || fv_random_below(&draws, 5000) == 0 ? UNKNOWN : world[y][x];
+    }
+}
+
+/* A planner that goes on with its search, and one that has the same in mind but begins anew with
+ * each grid, ask for the same by the same costs. `looks`: cells that each looked at. */
+static void drive_two(const double goal[2], int64_t looks[2])
+{
+    static struct navigate other;
+    const struct navigate_robot robot = {0.2, 0.5, 1.2};
+    double at[2] = {0, 0}, yaw = 0;
+    navigate_init(&planner, &robot, goal);
+    for (int step = 0; step < 150; step++) {
+        const int corner[2] = {(int)floor(at[0] * 10) + 100, (int)floor(at[1] * 10) + 100};
+        const double from[2] = {corner[0] * 0.1 - 15, corner[1] * 0.1 - 15};
+        show(at, corner);
+        if (step % 50 == 49) navigate_forget(&planner);
+        const int64_t before = planner.ways.looks;
+        other = planner;
+        other.begun = false;
+        assert_true(navigate_plan(&planner, cells, SIDE, SIDE, 0.1, from));
+        assert_true(navigate_plan(&other, cells, SIDE, SIDE, 0.1, from));
+        const struct navigate_motion motion = navigate_steer(&planner, at, yaw, step * 0.1),
+                                     same = navigate_steer(&other, at, yaw, step * 0.1);
+        assert_true(motion.speed_m_s == same.speed_m_s);
+        assert_true(motion.turning_rad_s == same.turning_rad_s && motion.arrived == same.arrived);
+        if (motion.speed_m_s >= 0 && !motion.arrived) /* it does not search to back off */
+            assert_int_equal(planner.ways.g[planner.ways.from], other.ways.g[other.ways.from]);
+        looks[0] += planner.ways.looks - before;
+        looks[1] += other.ways.looks - before;
+        yaw += motion.turning_rad_s * 0.1;
+        if (step % 50 > 25) continue; /* something holds it */
+        at[0] += 2 * motion.speed_m_s * 0.1 * cos(yaw);
+        at[1] += 2 * motion.speed_m_s * 0.1 * sin(yaw);
+    }
+    assert_true(hypot(at[0], at[1]) > 1);
+}
+
+static void a_search_that_goes_on_finds_what_one_anew_does(void **state)
+{
+    const double goals[][2] = {{4, 2}, {-5.6, -1}, {3, 5.5}, {12, -9}};
+    int64_t looks[2] = {0, 0};
+    (void)state;
+    fv_random_seed(&draws, 1);
+    for (int i = 0; i < 4; i++) {
+        draw_world();
+        drive_two(goals[i], looks);
+    }
+    print_message("cells looked at: %lld, anew %lld\n", (long long)looks[0], (long long)looks[1]);
+    assert_true(3 * looks[0] < 2 * looks[1]); /* though half of what it sees is new */
+}
+
 /* Rows `first` to `first + count - 1` of a grid of 100 by 100, with the stamp given. */
 static fovea_grid_t piece(int64_t sequence, int32_t first, int32_t count)
 {
@@ -310,6 +391,7 @@ int main(void)
         cmocka_unit_test(what_held_the_robot_is_forgotten),
         cmocka_unit_test(standing_as_asked_is_no_touch),
         cmocka_unit_test(a_goal_beyond_the_grid_is_driven_towards),
+        cmocka_unit_test(a_search_that_goes_on_finds_what_one_anew_does),
         cmocka_unit_test(a_grid_is_whole_when_all_its_rows_came),
         cmocka_unit_test(grids_that_cannot_be_are_left_out),
         cmocka_unit_test(a_gap_of_poses_is_no_touch),

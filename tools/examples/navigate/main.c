@@ -13,7 +13,7 @@
  *
  * Every pose is answered, so that sim:drive goes on in lock-step. Without a pose in metres, and
  * when nothing comes for two seconds, the robot is asked to stand. Exit 0: at the goal. The planner
- * is in plan.c.
+ * begins in plan.h.
  *
  * A run with command_key takes only what was signed with its key: --key names the file. The number
  * of the run that is meant is heard on PREFIX_RUN, or given by --run-id; each program that shares

@@ -1,16 +1,23 @@
-/* A planner on the grid of free space, small enough to read: Dijkstra's algorithm from the goal
- * over cells that are widened by the robot's radius, and a pursuit of the way it finds. What is
- * occupied is never entered; what is not known may be planned through at a price, but is entered
- * only when it has been seen to be free, or slowly where it cannot be seen from anywhere nearer.
- * Where the robot was asked to drive and stood, something is that the grid does not show: the
- * planner keeps it in mind for a while as an obstacle ahead, backs off and plans anew. */
+/* A planner on the grid of free space, small enough to read: D* Lite from the goal over cells that
+ * are widened by the robot's radius (map.h, ways.h, dstar_lite.h), and a pursuit of the way it
+ * finds (steer.c). What is occupied is never entered; what is not known may be planned through at a
+ * price, but is entered only when it has been seen to be free, or slowly where it cannot be seen
+ * from anywhere nearer. Where the robot was asked to drive and stood, something is that the grid
+ * does not show: the planner keeps it in mind for a while as an obstacle ahead, backs off and plans
+ * anew. */
 #ifndef FOVEA_EXAMPLES_NAVIGATE_PLAN_H
 #define FOVEA_EXAMPLES_NAVIGATE_PLAN_H
 
 #include <stdbool.h>
 #include <stdint.h>
 
-enum { NAVIGATE_CELLS_MAX = 256 * 256, NAVIGATE_TOUCHES_MAX = 16 };
+#include "dstar_lite.h"
+
+enum {
+    NAVIGATE_SIDE_MAX = DSTAR_SIDE - 1,
+    NAVIGATE_CELLS_MAX = NAVIGATE_SIDE_MAX * NAVIGATE_SIDE_MAX,
+    NAVIGATE_TOUCHES_MAX = 16
+};
 
 struct navigate_robot {
     double radius_m, speed_m_s, turning_rad_s; /* disc; limits that it is asked for */
@@ -33,9 +40,10 @@ struct navigate {
     double cell_m, origin[2];
     uint8_t kind[NAVIGATE_CELLS_MAX]; /* of each cell: enum navigate_kind */
     float gap[NAVIGATE_CELLS_MAX];    /* metres from its middle to the next occupied cell's */
-    float cost[NAVIGATE_CELLS_MAX];   /* of the way to the goal; large: there is none */
-    int32_t heap[NAVIGATE_CELLS_MAX], place[NAVIGATE_CELLS_MAX], queued;
-    int32_t looked; /* steps for which it has looked at what it cannot see */
+    struct dstar ways;                /* the search over these cells */
+    int32_t corner[2];                /* where the search has the grid's first cell */
+    bool begun;                       /* the next grid may go on where the last was */
+    int32_t looked;                   /* steps for which it has looked at what it cannot see */
     /* What it was asked for at the last step, and what came of it: the way that it should have gone
      * since it was at `stood`. */
     struct navigate_motion asked;
@@ -48,7 +56,7 @@ struct navigate {
 enum navigate_kind { NAVIGATE_UNKNOWN, NAVIGATE_FREE, NAVIGATE_OCCUPIED };
 
 void navigate_init(struct navigate *n, const struct navigate_robot *robot, const double goal[2]);
-/* Take a grid, as fovea.grid_t has it, and plan anew. Larger than NAVIGATE_CELLS_MAX: false. */
+/* Take a grid, as fovea.grid_t has it. A side longer than NAVIGATE_SIDE_MAX: false. */
 bool navigate_plan(struct navigate *n, const int8_t *cells, int32_t width, int32_t height,
                    double cell_m, const double origin[2]);
 /* What to do at a place, by the last plan. `time_s`: of the pose, on any clock that goes forward.

@@ -1,0 +1,109 @@
+#include "map.h"
+
+#include <math.h>
+#include <string.h>
+
+/* Beyond the radius: kept, and preferred, for an edge may be a cell or two nearer than the grid has
+ * it: what the nearest way that is kept costs more. */
+static const double wide_m = 0.6, near_price = 8, unknown_price = 3, squeeze_price = 60;
+/* What of the robot's edge a touch may be at, to either side of ahead, and how deep it is taken to
+ * be. */
+static const double touch_rad = 1.2, touch_deep_m = 0.1;
+enum { FREE_BELOW = 35, OCCUPIED_ABOVE = 65 };
+
+static void lower(float *to, float from)
+{
+    if (from < *to) *to = from;
+}
+
+/* Distances to occupied cells, over straight and diagonal steps: a pass from each end. */
+static void find_gaps(struct navigate *n)
+{
+    const int32_t w = n->width, cells = w * n->height;
+    const float straight = (float)n->cell_m, across = straight * 1.41421356f;
+    for (int32_t i = 0; i < cells; i++)
+        n->gap[i] = n->kind[i] == NAVIGATE_OCCUPIED ? 0 : 1e6f;
+    for (int32_t pass = 0; pass < 2; pass++)
+        for (int32_t k = 0; k < cells; k++) {
+            const int32_t i = pass == 0 ? k : cells - 1 - k, back = pass == 0 ? -1 : 1;
+            const int32_t x = i % w, before = i + back * w;
+            const bool inside = before >= 0 && before < cells;
+            if (x + back >= 0 && x + back < w) lower(&n->gap[i], n->gap[i + back] + straight);
+            if (inside) lower(&n->gap[i], n->gap[before] + straight);
+            if (inside && x > 0) lower(&n->gap[i], n->gap[before - 1] + across);
+            if (inside && x + 1 < w) lower(&n->gap[i], n->gap[before + 1] + across);
+        }
+}
+
+/* Nearer to what is occupied than the robot's radius allows it is a squeeze: only to get out of
+ * where the robot already is. */
+double navigate_price(const struct navigate *n, int32_t cell)
+{
+    const double gap = (double)n->gap[cell], least = n->robot.radius_m + navigate_margin_m;
+    if (n->kind[cell] == NAVIGATE_OCCUPIED) return 0;
+    double price = n->kind[cell] == NAVIGATE_UNKNOWN ? unknown_price : 1;
+    if (gap < least) {
+        price *= squeeze_price;
+    } else if (gap < least + wide_m) {
+        const double near = (least + wide_m - gap) / wide_m;
+        price *= 1 + near_price * near * near;
+    }
+    return price;
+}
+
+int32_t navigate_cell(const struct navigate *n, double x, double y)
+{
+    const double column = floor((x - n->origin[0]) / n->cell_m),
+                 row = floor((y - n->origin[1]) / n->cell_m);
+    if (column < 0 || row < 0 || column >= n->width || row >= n->height) return -1;
+    return (int32_t)row * n->width + (int32_t)column;
+}
+
+double navigate_middle(const struct navigate *n, int32_t cell, int axis)
+{
+    return n->origin[axis] + ((axis == 0 ? cell % n->width : cell / n->width) + 0.5) * n->cell_m;
+}
+
+double navigate_exit(const struct navigate *n, int32_t cell, int32_t goal)
+{
+    if (goal >= 0) return cell == goal ? 0 : -1;
+    const int32_t x = cell % n->width, y = cell / n->width;
+    const bool edge = x == 0 || y == 0 || x + 1 == n->width || y + 1 == n->height;
+    if (!edge || n->kind[cell] == NAVIGATE_OCCUPIED) return -1;
+    return unknown_price * /* as is what lies beyond the edge */
+           hypot(navigate_middle(n, cell, 0) - n->goal[0],
+                 navigate_middle(n, cell, 1) - n->goal[1]);
+}
+
+double navigate_turned(double angle)
+{
+    return remainder(angle, 6.283185307179586);
+}
+
+/* The cells just ahead of the robot's edge, as it stood there. */
+static void mark_touch(struct navigate *n, const struct navigate_touch *touch)
+{
+    for (int32_t i = 0; i < n->width * n->height; i++) {
+        const double x = navigate_middle(n, i, 0) - touch->position[0],
+                     y = navigate_middle(n, i, 1) - touch->position[1], beyond = hypot(x, y);
+        if (beyond < n->robot.radius_m || beyond > n->robot.radius_m + touch_deep_m) continue;
+        if (fabs(navigate_turned(atan2(y, x) - touch->yaw)) < touch_rad)
+            n->kind[i] = NAVIGATE_OCCUPIED;
+    }
+}
+
+void navigate_map_touches(struct navigate *n)
+{
+    for (int64_t i = 0; i < n->touches && i < NAVIGATE_TOUCHES_MAX; i++)
+        if (n->touch[i].until_s > n->now_s) mark_touch(n, &n->touch[i]);
+    find_gaps(n);
+}
+
+void navigate_map(struct navigate *n, const int8_t *cells)
+{
+    for (int32_t i = 0; i < n->width * n->height; i++)
+        n->kind[i] = cells[i] > OCCUPIED_ABOVE                ? NAVIGATE_OCCUPIED
+                     : cells[i] >= 0 && cells[i] < FREE_BELOW ? NAVIGATE_FREE
+                                                              : NAVIGATE_UNKNOWN;
+    navigate_map_touches(n);
+}

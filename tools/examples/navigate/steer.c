@@ -1,0 +1,123 @@
+/* Steering: a pursuit of the way that was planned, and what is done when the robot is held. */
+#include <math.h>
+#include <string.h>
+
+#include "map.h"
+#include "ways.h"
+
+static const double look_m = 0.35, goal_m = 0.2, creep_m_s = 0.12;
+/* So much asked for and so little of it driven is a touch; how long it is kept in mind. */
+static const double touch_due_m = 0.4, touch_moved_m = 0.05, touch_s = 30;
+static const double back_m = 0.25, back_m_s = 0.2, back_s = 3, step_s_most = 0.5;
+enum { LOOK_STEPS = 20 };
+
+/* How far the robot may go straight ahead over cells that are known to be free; `*blocked`: up to
+ * what is occupied. */
+static double free_ahead(const struct navigate *n, const double position[2], double yaw,
+                         bool *blocked)
+{
+    const double step = 0.5 * n->cell_m, reach = 1.0;
+    *blocked = false;
+    for (int32_t i = 0; i * step < reach; i++) {
+        const double way = i * step;
+        const int32_t cell =
+            navigate_cell(n, position[0] + way * cos(yaw), position[1] + way * sin(yaw));
+        if (cell < 0 || n->kind[cell] == NAVIGATE_UNKNOWN) return way;
+        if ((double)n->gap[cell] < n->robot.radius_m + 0.5 * navigate_margin_m && way > 0.1) {
+            *blocked = true;
+            return way;
+        }
+    }
+    return reach;
+}
+
+static double between(double value, double low, double high)
+{
+    return value < low ? low : value > high ? high : value;
+}
+
+/* Whether the last commands should have moved the robot, and did not. */
+static bool is_held(struct navigate *n, const double position[2], double time_s)
+{
+    const double step_s = time_s - n->now_s;
+    const bool drives = n->asked.speed_m_s > 0 && step_s > 0 && step_s < step_s_most;
+    n->now_s = time_s;
+    if (step_s < 0) navigate_forget(n); /* of another clock */
+    if (hypot(position[0] - n->stood[0], position[1] - n->stood[1]) > touch_moved_m ||
+        n->due_m == 0) {
+        memcpy(n->stood, position, sizeof n->stood);
+        n->due_m = 0;
+    }
+    if (drives) n->due_m += n->asked.speed_m_s * step_s;
+    return n->due_m > touch_due_m;
+}
+
+static void take_touch(struct navigate *n, const double position[2], double yaw)
+{
+    n->touch[n->touches++ % NAVIGATE_TOUCHES_MAX] =
+        (struct navigate_touch){{position[0], position[1]}, yaw, n->now_s + touch_s};
+    n->backs_until_s = n->now_s + back_s;
+    n->due_m = 0;
+    navigate_map_touches(n);
+    navigate_ways_change(n);
+}
+
+/* Whether the robot's width is free behind it, for as far as it goes until it stands. */
+static bool may_back(const struct navigate *n, const double position[2], double yaw)
+{
+    const double radius = n->robot.radius_m, end = radius + navigate_margin_m,
+                 step = 0.5 * n->cell_m;
+    for (int32_t side = -1; side <= 1; side++)
+        for (int32_t i = 0; i * step < end; i++) {
+            const double way = i * step,
+                         x = position[0] - way * cos(yaw) - side * radius * sin(yaw),
+                         y = position[1] - way * sin(yaw) + side * radius * cos(yaw);
+            const int32_t cell = navigate_cell(n, x, y);
+            if (way > (side == 0 ? 0 : navigate_margin_m) &&
+                (cell < 0 || n->kind[cell] != NAVIGATE_FREE))
+                return false;
+        }
+    return true;
+}
+
+/* Off from the last touch, for as long as that takes and is possible. */
+static bool backs(struct navigate *n, const double position[2], double yaw)
+{
+    if (n->now_s >= n->backs_until_s) return false;
+    const double *from = n->touch[(n->touches - 1) % NAVIGATE_TOUCHES_MAX].position;
+    const bool on =
+        hypot(position[0] - from[0], position[1] - from[1]) < back_m && may_back(n, position, yaw);
+    if (!on) n->backs_until_s = n->now_s;
+    return on;
+}
+
+/* Along the way that was planned. */
+static struct navigate_motion pursue(struct navigate *n, const double position[2], double yaw)
+{
+    const double left = hypot(n->goal[0] - position[0], n->goal[1] - position[1]);
+    bool blocked;
+    if (left < goal_m) return (struct navigate_motion){.arrived = true};
+    const int32_t target = navigate_ways_ahead(n, position, look_m);
+    if (target < 0) return (struct navigate_motion){0};
+    double to[2] = {navigate_middle(n, target, 0), navigate_middle(n, target, 1)};
+    if (left < look_m) memcpy(to, n->goal, sizeof to);
+    const double off = navigate_turned(atan2(to[1] - position[1], to[0] - position[0]) - yaw);
+    const double ahead = free_ahead(n, position, yaw, &blocked);
+    double speed = n->robot.speed_m_s * between(1 - fabs(off) / 0.5, 0, 1);
+    speed = between(speed, 0, between(ahead - 0.1, 0, 1)); /* it stops within what is free */
+    /* Nothing more can be seen of what is ahead: on, slowly. */
+    const bool stuck = speed < 0.02 && fabs(off) < 0.25 && !blocked;
+    n->looked = stuck ? n->looked + 1 : 0;
+    if (n->looked > LOOK_STEPS) speed = creep_m_s;
+    return (struct navigate_motion){
+        speed, between(2 * off, -n->robot.turning_rad_s, n->robot.turning_rad_s), false};
+}
+
+struct navigate_motion navigate_steer(struct navigate *n, const double position[2], double yaw,
+                                      double time_s)
+{
+    if (is_held(n, position, time_s)) take_touch(n, position, yaw);
+    n->asked = backs(n, position, yaw) ? (struct navigate_motion){.speed_m_s = -back_m_s}
+                                       : pursue(n, position, yaw);
+    return n->asked;
+}

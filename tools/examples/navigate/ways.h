@@ -1,0 +1,15 @@
+/* Ways over the map: what the search is told of it, and what it finds. */
+#ifndef NAVIGATE_WAYS_H
+#define NAVIGATE_WAYS_H
+
+#include "plan.h"
+
+/* The grid lies here from now on: the search goes on, or begins anew where it cannot. */
+void navigate_ways_move(struct navigate *n, int32_t width, int32_t height, double cell_m,
+                        const double origin[2]);
+/* Tell the search what has changed in the map. */
+void navigate_ways_change(struct navigate *n);
+/* The cell that lies so far down the way from a place; -1: there is no way. */
+int32_t navigate_ways_ahead(struct navigate *n, const double position[2], double look_m);
+
+#endif
