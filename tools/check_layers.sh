@@ -20,7 +20,7 @@ allowed() { # rooms that a room may include besides itself
     scale)    echo "base kernels geometry inertial map odometry" ;;
     detect)   echo "base kernels nn" ;;
     objects)    echo "base geometry" ;;
-    grid)     echo "base" ;;
+    grid)     echo "base geometry" ;;
     message)  echo "" ;;
     runtime)  echo "$core message" ;;
     support)  echo "base" ;;

@@ -94,7 +94,7 @@ enum fovea_grid_label {
 
 struct fovea_grid_config {
     double resolution_m; /* [0.02, 1], default 0.1: side of a cell */
-    uint32_t side_cells; /* [16, 512], default 128: cells along each side */
+    uint32_t side_cells; /* [16, 512], default 192: cells along each side */
     /* [0.5, 100], default 5, at most half the side: farthest floor that is believed */
     double range_m;
     uint32_t rays;         /* [16, 1440], default 360: directions, evenly over a turn */

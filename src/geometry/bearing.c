@@ -1,6 +1,7 @@
 #include "geometry/bearing.h"
 
 #include "base/elementary.h"
+#include "geometry/pair.h"
 #include "geometry/vec.h"
 
 void fv_bearing_carve(struct fv_bearing_table *table, int32_t width, int32_t height,
@@ -90,9 +91,6 @@ bool fv_bearing_of(const struct fv_bearing_table *table, const struct fovea_came
 }
 
 /* ---- two points at a time: the same operations in the same order, lane by lane --------------- */
-
-typedef double fv_pair __attribute__((vector_size(16)));
-typedef int64_t fv_flags __attribute__((vector_size(16))); /* -1 true, 0 false */
 
 static inline fv_pair pair_root(fv_pair a)
 {

@@ -59,11 +59,37 @@ static inline int64_t fv_grid_place_at(const struct fv_grid *g, double x_m, doub
                             fv_grid_whole(y_m / g->config.resolution_m));
 }
 
+/* The marks and where cells are kept, for loops. */
+struct fv_grid_window {
+    uint8_t *marks;
+    int64_t side, corner[2], kept[2];
+};
+
+static inline struct fv_grid_window fv_grid_window_of(const struct fv_grid *g)
+{
+    const struct fv_grid_state *s = g->state;
+    return (struct fv_grid_window){g->marks,
+                                   fv_grid_side(g),
+                                   {s->corner[0], s->corner[1]},
+                                   {s->corner_kept[0], s->corner_kept[1]}};
+}
+
+static inline void fv_grid_mark_in(const struct fv_grid_window *in, int64_t x, int64_t y,
+                                   uint8_t kind)
+{
+    const int64_t column = x - in->corner[0], row = y - in->corner[1], side = in->side;
+    if (column < 0 || column >= side || row < 0 || row >= side) return;
+    const int64_t kept_x = column + in->kept[0], kept_y = row + in->kept[1];
+    uint8_t *mark = in->marks + (kept_y < side ? kept_y : kept_y - side) * side +
+                    (kept_x < side ? kept_x : kept_x - side);
+    if ((*mark & FV_GRID_MARK_KIND) < kind) *mark = (uint8_t)((*mark & ~FV_GRID_MARK_KIND) | kind);
+}
+
 static inline void fv_grid_mark(struct fv_grid *g, double x_m, double y_m, uint8_t kind)
 {
-    const int64_t at = fv_grid_place_at(g, x_m, y_m);
-    if (at >= 0 && (g->marks[at] & FV_GRID_MARK_KIND) < kind)
-        g->marks[at] = (uint8_t)((g->marks[at] & ~FV_GRID_MARK_KIND) | kind);
+    const struct fv_grid_window in = fv_grid_window_of(g);
+    fv_grid_mark_in(&in, fv_grid_whole(x_m / g->config.resolution_m),
+                    fv_grid_whole(y_m / g->config.resolution_m), kind);
 }
 
 /* Height of the floor in the odometry frame, and the variance of it. */
@@ -87,6 +113,14 @@ static inline int32_t fv_grid_steps(const struct fv_grid *g)
 {
     return (int32_t)(g->config.range_m / (g->config.resolution_m / FV_GRID_RAY_STEPS));
 }
+
+/* Where the mask has a point of the camera's frame, in its pixels; false: it is not in the image
+ * (labels.c). */
+bool fv_grid_in_mask(const struct fv_grid_look *look, const double point[3], double at[2]);
+/* fv_grid_label of the floor's points after `first` steps of `along`, and the next ones. */
+enum { FV_GRID_AHEAD = 2 * FV_PROJECT_PAIRS };
+void fv_grid_labels(const struct fv_grid_look *look, const double along[3], int32_t first,
+                    int16_t labels[FV_GRID_AHEAD]);
 
 /* Follow the next rays, up to FV_GRID_LOOKUPS labels (rays.c); true: all have been. */
 bool fv_grid_follow_rays(struct fv_grid *grid, const struct fovea_grid_view *view);

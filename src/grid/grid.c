@@ -10,7 +10,7 @@ struct fovea_grid {
 void fovea_grid_config_default(struct fovea_grid_config *config)
 {
     *config = (struct fovea_grid_config){.resolution_m = 0.1,
-                                         .side_cells = 128,
+                                         .side_cells = 192,
                                          .range_m = 5,
                                          .rays = 360,
                                          .robot_radius_m = 0.2,

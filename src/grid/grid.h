@@ -11,6 +11,7 @@
 
 #include "base/arena.h"
 #include "fovea/grid.h"
+#include "geometry/project.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -89,14 +90,14 @@ bool fv_grid_scan_advance(struct fv_grid *grid, float *ranges_m);
 /* A view made ready to look up what its mask shows. */
 struct fv_grid_look {
     const struct fovea_grid_view *view;
-    double from[2];        /* below the camera */
-    double R[3][3], up[3]; /* of the camera from the odometry frame; a floor point at `from` */
-    double inverse[2];     /* pixels of the mask per pixel of the image */
-    double inverse_height; /* of the camera over the floor below it */
-    double beside[2];      /* of the camera from the body */
-    double outside;        /* (x^2 + y^2) / z^2 from which on nothing is in the image */
-    uint8_t of[256];       /* label of a byte of the mask */
-    uint8_t least;         /* confidence of floor, 0 to 255, below which it is FV_GRID_UNSURE */
+    double from[2];            /* below the camera */
+    double R[3][3], up[3];     /* of the camera from the odometry frame; a floor point at `from` */
+    struct fv_project project; /* of the camera; its pixels are those of the mask */
+    double inverse_height;     /* of the camera over the floor below it */
+    double beside[2];          /* of the camera from the body */
+    double outside;            /* (x^2 + y^2) / z^2 from which on nothing is in the image */
+    uint8_t of[256];           /* label of a byte of the mask */
+    uint8_t least;             /* confidence of floor, 0 to 255, below which it is FV_GRID_UNSURE */
 };
 
 /* A label beside enum fovea_grid_label, and no byte: floor, perhaps. */

@@ -9,7 +9,7 @@
 #include "bounds/limits.h"
 #include "bounds/pieces.h"
 
-LIMIT(GRID_COARSE, COARSE);
+LIMIT(GRID_COARSE, FV_GRID_AHEAD);
 LIMIT(GRID_END_LOOKUPS, END_LOOKUPS);
 
 struct gridding {

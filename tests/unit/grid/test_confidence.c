@@ -14,7 +14,7 @@
 #include "common/made_grid.h"
 #include "fovea/fovea.h"
 
-enum { W = 80, H = 60, CELLS = 128 * 128, SURE = 254, UNSURE = 200 };
+enum { W = 80, H = 60, SIDE = 128, CELLS = SIDE * SIDE, SURE = 254, UNSURE = 200 };
 static const double height = 0.8, tilt = 0.3;
 
 static uint8_t mask[W * H], confidence[W * H];
@@ -40,6 +40,7 @@ static const struct band unsure_floor = {2, 2.5, UNSURE, FLOOR};
 static void look_at(const struct band *band, double least, const uint8_t *sure)
 {
     fovea_grid_config_default(&config);
+    config.side_cells = SIDE;
     config.floor_confidence = least;
     make_grid();
     grid_mask_make(mask, W, H, 4, 200);
@@ -89,7 +90,7 @@ static void none_of_its_cells_is_free(void **state)
         look_at(&band, 0.98, confidence);
         const int far = row_of(band.far_m), near = row_of(band.near_m);
         for (int i = 0; i < CELLS; i++) {
-            const double x = place.origin_m[0] + i % 128 * place.resolution_m;
+            const double x = place.origin_m[0] + i % SIDE * place.resolution_m;
             if (x < 1.5 || x > 5) continue;
             if (row_of(x) > near || row_of(x + place.resolution_m) < far) continue;
             assert_int_equal(cells[i], FOVEA_GRID_UNKNOWN);

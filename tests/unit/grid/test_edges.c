@@ -13,7 +13,7 @@
 #include "common/grid_mask.h"
 #include "common/made_grid.h"
 
-enum { W = 160, H = 120, CELLS = 128 * 128, SURE = 254, UNSURE = 200 };
+enum { W = 160, H = 120, SIDE = 128, CELLS = SIDE * SIDE, SURE = 254, UNSURE = 200 };
 static const double height = 0.8, tilt = 0.3;
 
 static uint8_t mask[W * H], confidence[W * H];
@@ -25,6 +25,7 @@ static int setup(void **state)
 {
     (void)state;
     fovea_grid_config_default(&config);
+    config.side_cells = SIDE;
     make_grid();
     grid_mask_make(mask, W, H, 2, 200);
     memset(confidence, SURE, sizeof confidence);
@@ -122,8 +123,8 @@ static void near_ends_count_as_obstacles_do(void **state)
     draw(1.32, AIR);
     look(1);
     for (int i = 0; i < CELLS; i++) {
-        const double x = place.origin_m[0] + (i % 128 + 0.5) * 0.1,
-                     y = place.origin_m[1] + ((int)(i / 128) + 0.5) * 0.1;
+        const double x = place.origin_m[0] + (i % SIDE + 0.5) * 0.1,
+                     y = place.origin_m[1] + ((int)(i / SIDE) + 0.5) * 0.1;
         if (fabs(x) < 1.5 && fabs(y) < 0.4) assert_int_equal(cells[i], of_wall[i]);
     }
 }

@@ -14,7 +14,7 @@
 #include "common/grid_mask.h"
 #include "common/made_grid.h"
 
-enum { W = 80, H = 60, POINTS = 4, CELLS = 128 * 128 };
+enum { W = 80, H = 60, POINTS = 4, SIDE = 128, CELLS = SIDE * SIDE };
 static const double height = 0.8, tilt = 0.3;
 static const int64_t SECOND = 1000000000;
 
@@ -27,6 +27,7 @@ static int setup(void **state)
     (void)state;
     grid_mask_make(mask, W, H, 4, 200);
     fovea_grid_config_default(&config);
+    config.side_cells = SIDE;
     config.heights = true;
     make_grid();
     return 0;

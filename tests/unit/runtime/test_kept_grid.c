@@ -48,6 +48,7 @@ static void open_rig(int start, int frames)
     rig.config.detect.model = model.data;
     rig.config.detect.model_bytes = model.bytes;
     struct fovea_grid_job_config *job = &rig.config.grid_job;
+    job->grid.side_cells = SIDE;
     job->enabled = true;
     memset(job->labels, FOVEA_GRID_OBSTACLE, sizeof job->labels);
     job->labels[FLOOR] = FOVEA_GRID_FLOOR;
