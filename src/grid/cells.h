@@ -126,7 +126,7 @@ void fv_grid_labels(const struct fv_grid_look *look, const double along[3], int3
 bool fv_grid_follow_rays(struct fv_grid *grid, const struct fovea_grid_view *view);
 
 /* Take points from `first` on, at most FV_GRID_POINTS (landmarks.c); returns the next one. */
-enum { FV_GRID_POINTS = 1024 };
+enum { FV_GRID_POINTS = 448 };
 uint32_t fv_grid_take_points(struct fv_grid *grid, const struct fovea_grid_view *view,
                              uint32_t first);
 

@@ -60,7 +60,7 @@ struct fv_grid {
     uint8_t *marks;   /* of the update under way */
     struct fv_grid_height *heights; /* NULL: not wanted */
     double (*rays)[2];              /* cosine, sine */
-    int8_t *percent;                /* probability by log-odds */
+    int8_t *percent;                /* probability by log-odds, from the least */
 };
 
 /* Errors begin with the member: "grid.range_m: ...". */
@@ -78,12 +78,12 @@ void fv_grid_forget(struct fv_grid *grid);
 bool fv_grid_begin(struct fv_grid *grid, const struct fovea_grid_view *view);
 /* A piece of it: up to FV_GRID_LOOKUPS labels or FV_GRID_CELLS cells. `view` is the one that it
  * began with. True: the update is complete. */
-enum { FV_GRID_LOOKUPS = 2500, FV_GRID_CELLS = 32768 };
+enum { FV_GRID_LOOKUPS = 1200, FV_GRID_CELLS = 6144 };
 bool fv_grid_advance(struct fv_grid *grid, const struct fovea_grid_view *view);
 
 /* Begin a scan, then fill `ranges_m` in pieces of up to FV_GRID_SCAN_STEPS steps of rays; true: it
  * is complete. */
-enum { FV_GRID_SCAN_STEPS = 16384 };
+enum { FV_GRID_SCAN_STEPS = 7680 };
 void fv_grid_scan_begin(struct fv_grid *grid);
 bool fv_grid_scan_advance(struct fv_grid *grid, float *ranges_m);
 

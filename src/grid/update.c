@@ -9,7 +9,7 @@
 
 /* Log-odds in thousandths; OctoMap's limits: from -2 to 3.5. */
 enum { HIT = FV_GRID_HIT, MISS = FV_GRID_MISS, LEAST = -2000, MOST = 3500 };
-enum { TABLE_STEP = 10, TABLE_SIZE = (MOST - LEAST) / TABLE_STEP + 1 };
+enum { TABLE_SIZE = MOST - LEAST + 1, TABLE_STEP = 10 };
 enum { ONE = 65536 }; /* of what stays in a decay */
 
 /* ---- set-up ---------------------------------------------------------------------------------- */
@@ -60,8 +60,23 @@ static int32_t log_odds(double probability)
     return (int32_t)(1000 * fv_log(probability / (1 - probability)));
 }
 
+/* Of all log-odds, in steps of TABLE_STEP, which no percent is as fine as; of 0 nothing is known.
+ */
+static void fill_percent(int8_t *percent)
+{
+    int8_t here = 0;
+    for (int i = 0; i < TABLE_SIZE; i++) {
+        const int at = i + TABLE_STEP / 2;
+        if (i == 0 || at % TABLE_STEP == 0)
+            here =
+                (int8_t)(100 / (1 + fv_exp(-0.001 * (LEAST + at / TABLE_STEP * TABLE_STEP))) + 0.5);
+        percent[i] = here;
+    }
+    percent[-LEAST] = FOVEA_GRID_UNKNOWN;
+}
+
 /* Filled when first used: carving takes memory and nothing else. */
-static void make_tables(struct fv_grid *g)
+static void make_tables(const struct fv_grid *g)
 {
     const double turn = 6.283185307179586;
     if (g->state->made) return;
@@ -69,8 +84,7 @@ static void make_tables(struct fv_grid *g)
         g->rays[i][0] = fv_cos(turn * i / g->config.rays);
         g->rays[i][1] = fv_sin(turn * i / g->config.rays);
     }
-    for (int i = 0; i < TABLE_SIZE; i++)
-        g->percent[i] = (int8_t)(100 / (1 + fv_exp(-0.001 * (LEAST + i * TABLE_STEP))) + 0.5);
+    fill_percent(g->percent);
     g->state->free_below = log_odds(FOVEA_GRID_FREE_BELOW);
     g->state->occupied_above = log_odds(FOVEA_GRID_OCCUPIED_ABOVE);
     g->state->made = 1;
@@ -274,6 +288,11 @@ static bool is_usable(const struct fv_grid *g, const struct fovea_grid_view *vie
     return good && is_rotation(view->T_odom_cam) && shows_floor(view);
 }
 
+static uint32_t after_decay(const struct fovea_grid_view *view)
+{
+    return view->point_count > 0 ? FV_GRID_POINTS_TAKEN : FV_GRID_RAYS;
+}
+
 bool fv_grid_begin(struct fv_grid *g, const struct fovea_grid_view *view)
 {
     struct fv_grid_state *s = g->state;
@@ -293,7 +312,7 @@ bool fv_grid_begin(struct fv_grid *g, const struct fovea_grid_view *view)
     s->point = 0;
     s->ray = 0;
     s->step = -1;
-    s->phase = FV_GRID_DECAY;
+    s->phase = s->left[0] == ONE && s->left[1] == ONE ? after_decay(view) : FV_GRID_DECAY;
     return true;
 }
 
@@ -316,7 +335,7 @@ bool fv_grid_advance(struct fv_grid *g, const struct fovea_grid_view *view)
     case FV_GRID_DECAY:
         last = some_cells(g, &from, &to);
         decay(g, from, to);
-        if (last) s->phase = view->point_count > 0 ? FV_GRID_POINTS_TAKEN : FV_GRID_RAYS;
+        if (last) s->phase = after_decay(view);
         return false;
     case FV_GRID_POINTS_TAKEN:
         s->point = fv_grid_take_points(g, view, s->point);
@@ -353,14 +372,15 @@ struct fovea_grid_place fv_grid_place(const struct fv_grid *g)
 
 void fv_grid_rows(const struct fv_grid *g, int64_t row_first, int64_t row_count, int8_t *cells)
 {
-    const int64_t side = fv_grid_side(g);
-    for (int64_t y = row_first; y < row_first + row_count; y++) {
-        const int64_t row = g->state->corner[1] + y, column = g->state->corner[0];
-        for (int64_t x = 0; x < side; x++) {
-            const int32_t odds = g->odds[fv_grid_place_of(g, column + x, row)];
-            *cells++ = odds == 0 ? FOVEA_GRID_UNKNOWN
-                                 : g->percent[(odds - LEAST + TABLE_STEP / 2) / TABLE_STEP];
-        }
+    const int64_t side = fv_grid_side(g), first = g->state->corner_kept[0];
+    const int8_t *percent = g->percent - LEAST;
+    make_tables(g);
+    for (int64_t y = row_first; y < row_first + row_count; y++, cells += side) {
+        const int16_t *odds = g->odds + fv_grid_kept(g, 0, y) - first; /* of the line */
+        for (int64_t x = first; x < side; x++)
+            cells[x - first] = percent[odds[x]];
+        for (int64_t x = 0; x < first; x++)
+            cells[side - first + x] = percent[odds[x]];
     }
 }
 

@@ -348,8 +348,8 @@ static void with_few_units_the_same_grid_comes_later(void **state)
 {
     (void)state;
     static struct sent_grid run;
-    run_with(5, 1, FRAMES, false, &run);
-    print_message("with 5 units per frame: %d grids, %d compared\n", run.grids, run.compared);
+    run_with(12, 1, FRAMES, false, &run);
+    print_message("with 12 units per frame: %d grids, %d compared\n", run.grids, run.compared);
     assert_true(run.grids > 10 && run.compared > run.grids / 2);
     end_run();
 }
