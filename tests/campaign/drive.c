@@ -106,7 +106,7 @@ static bool update(const struct fovea_source *source, const struct fovea_frame *
 static bool decide(const struct fovea_source *source, const struct fovea_frame *frame,
                    const struct fovea_truth *truth, struct navigate_motion *motion)
 {
-    static int8_t cells[128 * 128];
+    static int8_t cells[512 * 512]; /* as many as a grid may have */
     struct fovea_grid_place at;
     struct fv_se3 T_cam_body, T_world_cam, T_world_body;
     *motion = (struct navigate_motion){0};
