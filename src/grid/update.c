@@ -66,10 +66,9 @@ static void fill_percent(int8_t *percent)
 {
     int8_t here = 0;
     for (int i = 0; i < TABLE_SIZE; i++) {
-        const int at = i + TABLE_STEP / 2;
-        if (i == 0 || at % TABLE_STEP == 0)
-            here =
-                (int8_t)(100 / (1 + fv_exp(-0.001 * (LEAST + at / TABLE_STEP * TABLE_STEP))) + 0.5);
+        const int step = (i + TABLE_STEP / 2) / TABLE_STEP, odds = LEAST + step * TABLE_STEP;
+        if (i == 0 || odds == LEAST + i + TABLE_STEP / 2)
+            here = (int8_t)(100 / (1 + fv_exp(-0.001 * odds)) + 0.5);
         percent[i] = here;
     }
     percent[-LEAST] = FOVEA_GRID_UNKNOWN;
