@@ -60,6 +60,7 @@ struct fv_fault_schedule {
     const struct fv_fault_options *options;
     struct fv_fault_window window; /* the last one looked at */
     uint64_t number;               /* of it, from 0; the first is made by fv_fault_schedule_open */
+    uint64_t since;                /* end of the one before it, whose gap the next frames are in */
     uint64_t state;                /* of the draws behind it */
 };
 

@@ -34,6 +34,7 @@ static uint64_t gap_draw(const struct fv_fault_schedule *schedule)
 static void schedule_rewind(struct fv_fault_schedule *schedule)
 {
     schedule->number = 0;
+    schedule->since = 0;
     schedule->state = schedule->options->seed;
     window_draw(schedule, schedule->options->first);
 }
@@ -49,8 +50,9 @@ bool fv_fault_schedule_at(struct fv_fault_schedule *schedule, uint64_t index,
                           struct fv_fault_window *window)
 {
     const uint64_t count = schedule->options->count;
-    if (index < schedule->window.begin) schedule_rewind(schedule);
+    if (index < schedule->since) schedule_rewind(schedule);
     while (index >= schedule->window.end && (count == 0 || schedule->number + 1 < count)) {
+        schedule->since = schedule->window.end;
         window_draw(schedule, schedule->window.end + gap_draw(schedule));
         schedule->number++;
     }
