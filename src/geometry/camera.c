@@ -37,6 +37,11 @@ static bool radial_scale(const double *k, double r2, double *scale, double *deri
     double above_derivative = k[0] + r2 * (2 * k[1] + r2 * 3 * k[4]);
     double below_derivative = k[5] + r2 * (2 * k[6] + r2 * 3 * k[7]);
     if (!(below > 1e-9)) return false;
+    if (below == 1 && below_derivative == 0) { /* as mostly; without the divisions by 1 */
+        *scale = above;
+        *derivative = above_derivative;
+        return true;
+    }
     *scale = above / below;
     *derivative = (above_derivative - *scale * below_derivative) / below;
     return true;
@@ -98,21 +103,44 @@ static bool radtan_monotone(const double *k, const struct azimuths *in, double a
     return true;
 }
 
-/* Radius on the undistorted plane whose purely radial distortion gives `distorted`: Newton kept
- * inside a bracket. */
-static double radtan_radius(const double *k, double distorted, double radius_max)
+/* The field's edge on the undistorted plane. A tangent is larger than its angle, and only where
+ * that does not tell is it needed. */
+static double radius_max(const struct fovea_camera *camera)
 {
-    double low = 0, high = radius_max, r = distorted < radius_max ? distorted : radius_max, scale,
-           derivative;
+    return fv_tan(camera->field_max_rad);
+}
+
+static bool radius_inside(const struct fovea_camera *camera, double r)
+{
+    return r <= camera->field_max_rad || r <= radius_max(camera);
+}
+
+/* Of a point at the squared distance r2 from the axis. */
+static bool plane_inside(const struct fovea_camera *camera, double r2, double slack)
+{
+    const double field = camera->field_max_rad;
+    if (r2 <= field * field) return true;
+    const double edge = radius_max(camera);
+    return r2 <= edge * edge * (1 + slack);
+}
+
+/* Radius on the undistorted plane whose purely radial distortion gives `distorted`: Newton kept
+ * inside a bracket, whose upper end is the field's edge until one is found. */
+static double radtan_radius(const struct fovea_camera *camera, double distorted)
+{
+    double low = 0, high = -1, scale, derivative;
+    double r = radius_inside(camera, distorted) ? distorted : radius_max(camera);
     for (int i = 0; i < RADIAL_STEPS; i++) {
-        if (!radial_scale(k, r * r, &scale, &derivative)) return high;
+        if (!radial_scale(camera->k, r * r, &scale, &derivative))
+            return high < 0 ? radius_max(camera) : high;
         double error = r * scale - distorted, slope = scale + 2 * r * r * derivative;
         if (error > 0)
             high = r;
         else
             low = r;
         double next = r - error / slope;
-        if (!(slope > 0 && next >= low && next <= high)) next = 0.5 * (low + high);
+        if (!(slope > 0 && next >= low && (high < 0 ? radius_inside(camera, next) : next <= high)))
+            next = 0.5 * (low + (high < 0 ? radius_max(camera) : high));
         double step = next - r;
         r = next;
         if (step < 1e-13 * (1 + r) && step > -1e-13 * (1 + r)) break;
@@ -125,8 +153,8 @@ static bool radtan_undistort(const struct fovea_camera *camera, double u, double
                              double j[4])
 {
     const double *k = camera->k;
-    double radius_max = fv_tan(camera->field_max_rad), distorted = __builtin_sqrt(u * u + v * v);
-    double ratio = distorted > 0 ? radtan_radius(k, distorted, radius_max) / distorted : 1;
+    double distorted = __builtin_sqrt(u * u + v * v);
+    double ratio = distorted > 0 ? radtan_radius(camera, distorted) / distorted : 1;
     double x = u * ratio, y = v * ratio, got[2];
     bool close = false;
     for (int i = 0; i < PLANE_STEPS; i++) {
@@ -139,7 +167,7 @@ static bool radtan_undistort(const struct fovea_camera *camera, double u, double
     }
     out[0] = x;
     out[1] = y;
-    return close && x * x + y * y <= radius_max * radius_max * (1 + 1e-12);
+    return close && plane_inside(camera, x * x + y * y, 1e-12);
 }
 
 static enum fovea_status radtan_project(const struct fovea_camera *camera, const double p[3],
@@ -147,11 +175,7 @@ static enum fovea_status radtan_project(const struct fovea_camera *camera, const
 {
     if (!(p[2] > 0)) return FOVEA_ERROR_ARGUMENT;
     double w = 1 / p[2], x = p[0] * w, y = p[1] * w, r2 = x * x + y * y;
-    double field = camera->field_max_rad;
-    if (!(r2 <= field * field)) { /* tan a > a: only then is the tangent needed to tell */
-        double radius_max = fv_tan(field);
-        if (!(r2 <= radius_max * radius_max)) return FOVEA_ERROR_ARGUMENT;
-    }
+    if (!plane_inside(camera, r2, 0)) return FOVEA_ERROR_ARGUMENT;
     double out[2], j[4];
     if (!(jacobian ? radtan_distort(camera->k, x, y, out, j) : radtan_place(camera->k, x, y, out)))
         return FOVEA_ERROR_ARGUMENT;
