@@ -1,6 +1,7 @@
 #include "sim.h"
 
 #include <stdlib.h>
+#include <string.h>
 
 /* ---- raster: a bearing for every pixel ------------------------------------------------------- */
 
@@ -17,23 +18,56 @@ static bool normalised(const struct fovea_camera *camera, double px, double py, 
     return true;
 }
 
-static bool fill_tile(struct fv_sim_raster *raster, const struct fovea_camera *camera, int32_t tx,
-                      int32_t ty)
+/* Normalised coordinates of the pixels of a row of tiles, with one pixel of margin all round for
+ * samples between pixels. */
+enum { STRIP_ROWS = FV_SIM_TILE + 2 };
+
+struct strip {
+    double (*at)[2]; /* STRIP_ROWS rows of `columns` */
+    int32_t columns; /* from pixel -1 on */
+};
+
+static bool fill_row(const struct strip *strip, const struct fovea_camera *camera, int32_t row,
+                     int32_t py)
+{
+    double(*at)[2] = strip->at + (size_t)row * (size_t)strip->columns;
+    for (int32_t i = 0; i < strip->columns; i++)
+        if (!normalised(camera, i - 1, py, &at[i][0], &at[i][1])) return false;
+    return true;
+}
+
+/* The last two rows of a strip are the first two of the next. Rows past the image repeat its last
+ * one. */
+static bool fill_strip(const struct strip *strip, const struct fovea_camera *camera, int32_t ty)
+{
+    const size_t row_bytes = (size_t)strip->columns * sizeof *strip->at;
+    uint8_t *rows = (uint8_t *)strip->at;
+    if (ty > 0) memmove(rows, rows + FV_SIM_TILE * row_bytes, 2 * row_bytes);
+    for (int32_t row = ty > 0 ? 2 : 0; row < STRIP_ROWS; row++) {
+        const int32_t py = ty * FV_SIM_TILE + row - 1;
+        if (py >= camera->height)
+            memcpy(rows + (size_t)row * row_bytes, rows + (size_t)(row - 1) * row_bytes, row_bytes);
+        else if (!fill_row(strip, camera, row, py))
+            return false;
+    }
+    return true;
+}
+
+static bool fill_tile(struct fv_sim_raster *raster, const struct fovea_camera *camera,
+                      const struct strip *strip, int32_t tx, int32_t ty)
 {
     const int32_t tile = ty * raster->tiles_x + tx;
     float *x = raster->x + (size_t)tile * FV_SIM_TILE_PIXELS,
           *y = raster->y + (size_t)tile * FV_SIM_TILE_PIXELS;
     struct fv_sim_rect bound = {1e9f, -1e9f, 1e9f, -1e9f};
-    double nx, ny, mx = 0.0, my = 0.0;
-    /* One pixel of margin all round, for samples between pixels. Pixels past the image repeat its
-     * edge. */
+    double mx = 0.0, my = 0.0;
+    /* Pixels past the image repeat its edge. */
     for (int32_t r = -1; r <= FV_SIM_TILE; r++) {
         for (int32_t c = -1; c <= FV_SIM_TILE; c++) {
-            int32_t px = tx * FV_SIM_TILE + c, py = ty * FV_SIM_TILE + r;
-            px = px < raster->width ? px : raster->width - 1;
-            py = py < raster->height ? py : raster->height - 1;
-            if (!normalised(camera, px, py, &nx, &ny)) return false;
-            const float fx = (float)nx, fy = (float)ny;
+            const int32_t column = tx * FV_SIM_TILE + c + 1, last = strip->columns - 1;
+            const double *at =
+                strip->at[(r + 1) * strip->columns + (column < last ? column : last)];
+            const float fx = (float)at[0], fy = (float)at[1];
             if (fx < bound.x_min) bound.x_min = fx;
             if (fx > bound.x_max) bound.x_max = fx;
             if (fy < bound.y_min) bound.y_min = fy;
@@ -42,8 +76,8 @@ static bool fill_tile(struct fv_sim_raster *raster, const struct fovea_camera *c
             x[r * FV_SIM_TILE + c] = fx;
             y[r * FV_SIM_TILE + c] = fy;
             if (r == FV_SIM_TILE / 2 && c == FV_SIM_TILE / 2) {
-                mx = nx;
-                my = ny;
+                mx = at[0];
+                my = at[1];
             }
         }
     }
@@ -97,13 +131,18 @@ bool fv_sim_raster_create(struct fv_sim_raster *raster, const struct fovea_camer
 
 bool fv_sim_raster_fill(struct fv_sim_raster *raster, const struct fovea_camera *camera)
 {
-    for (int32_t ty = 0; ty < raster->tiles_y && !raster->filled; ty++) {
-        for (int32_t tx = 0; tx < raster->tiles_x; tx++) {
-            if (!fill_tile(raster, camera, tx, ty)) return false;
-        }
+    struct strip strip = {NULL, raster->width + 1};
+    if (raster->filled) return true;
+    strip.at = malloc((size_t)STRIP_ROWS * (size_t)strip.columns * sizeof *strip.at);
+    bool seen = strip.at != NULL;
+    for (int32_t ty = 0; ty < raster->tiles_y && seen; ty++) {
+        seen = fill_strip(&strip, camera, ty);
+        for (int32_t tx = 0; tx < raster->tiles_x && seen; tx++)
+            seen = fill_tile(raster, camera, &strip, tx, ty);
     }
-    raster->filled = true;
-    return true;
+    free(strip.at);
+    raster->filled = seen;
+    return seen;
 }
 
 void fv_sim_raster_free(struct fv_sim_raster *raster)
