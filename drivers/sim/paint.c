@@ -93,16 +93,20 @@ static int32_t lattice(int32_t x, int32_t y, uint32_t seed)
     return (int32_t)(h & 255u) - 128;
 }
 
-enum { STRIP = 512, BAND = 16 };
+enum { STRIP = 512, BAND = 16, OCTAVES_MAX = 16, SPREAD = 8 };
 
-/* Part of a row of one octave: for each texel its cell and the fade across it, for each cell the
- * lattice values at the corners above and below, of its left side. */
 struct octave {
-    int32_t size, amplitude;
+    int32_t size, amplitude; /* the latter at most 127 */
     uint32_t seed;
-    int32_t cell[STRIP], fade[STRIP];
+    int16_t fade[STRIP]; /* across a cell, for each texel of the strip of columns that is painted */
+};
+
+/* Part of a row of an octave's cells: the lattice values at the corners above and below, of the
+ * left side of each; and of one row of its texels the value at the left side of each texel's cell,
+ * and the slope across that. */
+struct cells {
     int32_t above[STRIP + 2], below[STRIP + 2];
-    int32_t value[STRIP + 2], slope[STRIP + 2]; /* of one row of texels */
+    int16_t value[SPREAD + STRIP + SPREAD], slope[SPREAD + STRIP + SPREAD];
 };
 
 /* Cubic fade between lattice values, 8-bit fractions. */
@@ -114,44 +118,81 @@ static int32_t fade(int32_t at, int32_t size)
 
 static void octave_begin(struct octave *o, int32_t x0, int32_t count)
 {
-    for (int32_t i = 0; i < count; i++) {
-        o->cell[i] = (x0 + i) / o->size - x0 / o->size;
-        o->fade[i] = fade(x0 + i, o->size);
-    }
+    for (int32_t i = 0; i < count; i++)
+        o->fade[i] = (int16_t)fade(x0 + i, o->size);
 }
 
-/* The corners of a row of cells. */
-FV_WIDE static void octave_cells(struct octave *o, int32_t first, int32_t cells, int32_t cy)
+FV_WIDE static void find_corners(struct cells *c, int32_t first, int32_t count, int32_t cy,
+                                 uint32_t seed)
 {
-    for (int32_t k = 0; k < cells + 1; k++) {
-        o->above[k] = lattice(first + k, cy, o->seed);
-        o->below[k] = lattice(first + k, cy + 1, o->seed);
+    for (int32_t k = 0; k < count + 1; k++) {
+        c->above[k] = lattice(first + k, cy, seed);
+        c->below[k] = lattice(first + k, cy + 1, seed);
     }
 }
 
-/* One row of texels, added in units of 1/256 grey level. */
-FV_WIDE static void octave_row(struct octave *o, int32_t *restrict sum, int32_t count,
-                               int32_t cells, int32_t down)
+FV_IN_WIDE void repeat(int16_t *restrict to, int16_t value)
 {
-    for (int32_t k = 0; k < cells + 1; k++)
-        o->value[k] = o->above[k] * 256 + (o->below[k] - o->above[k]) * down;
-    for (int32_t k = 0; k < cells; k++)
-        o->slope[k] = (o->value[k + 1] - o->value[k]) / 256;
-    for (int32_t i = 0; i < count; i++) {
-        const int32_t k = o->cell[i];
-        sum[i] += ((o->value[k] + o->slope[k] * o->fade[i]) / 128) * o->amplitude;
+    for (int32_t i = 0; i < SPREAD; i++)
+        to[i] = value;
+}
+
+/* Give each cell's value and slope to its texels, the first cell's from `at` texels before the
+ * strip on. SPREAD texels are written at once: what is too much the next cell overwrites. */
+FV_IN_WIDE void spread(struct cells *c, int32_t count, int32_t size, int32_t at, int32_t down)
+{
+    int32_t value = c->above[0] * 256 + (c->below[0] - c->above[0]) * down;
+    for (int32_t k = 0; k < count; k++) {
+        const int32_t next = c->above[k + 1] * 256 + (c->below[k + 1] - c->above[k + 1]) * down;
+        const int32_t begin = SPREAD + k * size - at, end = begin + size;
+        for (int32_t i = begin < 0 ? 0 : begin; i < end && i < SPREAD + STRIP; i += SPREAD) {
+            repeat(c->value + i, (int16_t)value);
+            repeat(c->slope + i, (int16_t)((next - value) / 256));
+        }
+        value = next;
     }
 }
 
-static void octave_add(struct octave *o, int32_t sum[BAND][STRIP], int32_t x0, int32_t count,
+/* One row of texels, added in units of 1/256 grey level. What is between two lattice values fits in
+ * 16 bits, though the product may not. */
+FV_WIDE static void octave_row(const struct octave *o, struct cells *c, int32_t *restrict sum,
+                               int32_t count, int32_t cell_count, int32_t at, int32_t down)
+{
+    const int16_t *value = c->value + SPREAD, *slope = c->slope + SPREAD;
+    const int16_t amplitude = (int16_t)o->amplitude;
+    spread(c, cell_count, o->size, at, down);
+    for (int32_t i = 0; i < count; i++) {
+        const int16_t here = (int16_t)(value[i] + (int16_t)(slope[i] * o->fade[i]));
+        sum[i] += (int16_t)((int16_t)(here / 128) * amplitude);
+    }
+}
+
+static void octave_add(const struct octave *o, int32_t sum[BAND][STRIP], int32_t x0, int32_t count,
                        int32_t y0, int32_t rows)
 {
-    const int32_t cells = (x0 + count - 1) / o->size - x0 / o->size + 1;
-    octave_begin(o, x0, count);
+    const int32_t first = x0 / o->size, cell_count = (x0 + count - 1) / o->size - first + 1;
+    struct cells cells;
     for (int32_t y = y0; y < y0 + rows; y++) {
-        if (y == y0 || y % o->size == 0) octave_cells(o, x0 / o->size, cells, y / o->size);
-        octave_row(o, sum[y - y0], count, cells, fade(y, o->size));
+        if (y == y0 || y % o->size == 0)
+            find_corners(&cells, first, cell_count, y / o->size, o->seed);
+        octave_row(o, &cells, sum[y - y0], count, cell_count, x0 - first * o->size,
+                   fade(y, o->size));
     }
+}
+
+/* Cells from `cell` texels down to `finest`, each octave `fall`/256 of the one before. Returns how
+ * many there are. */
+static int32_t make_octaves(struct octave octaves[OCTAVES_MAX], int32_t cell, int32_t finest,
+                            int32_t amplitude, int32_t fall, uint32_t seed)
+{
+    int32_t count = 0;
+    for (int32_t size = cell; size >= finest && amplitude > 0 && count < OCTAVES_MAX; size /= 2) {
+        octaves[count].size = size;
+        octaves[count].amplitude = amplitude;
+        octaves[count++].seed = seed + (uint32_t)size * 0x27D4EB2Fu;
+        amplitude = amplitude * fall / 256;
+    }
+    return count;
 }
 
 FV_WIDE static void add_noise(uint8_t *restrict row, const int32_t *restrict sum, int32_t count)
@@ -164,24 +205,22 @@ void fv_sim_noise(struct fv_sim_brush *brush, int32_t x0, int32_t y0, int32_t x1
                   int32_t cell, int32_t finest, int32_t amplitude, int32_t fall)
 {
     int32_t sum[BAND][STRIP];
-    struct octave o;
-    const uint32_t seed = fv_random_u32(&brush->random);
+    struct octave octaves[OCTAVES_MAX];
+    const int32_t octave_count = make_octaves(octaves, cell, finest < 1 ? 1 : finest, amplitude,
+                                              fall, fv_random_u32(&brush->random));
     x0 = fv_sim_clamp(x0, 0, brush->width);
     x1 = fv_sim_clamp(x1, 0, brush->width);
     y0 = fv_sim_clamp(y0, 0, brush->height);
     y1 = fv_sim_clamp(y1, 0, brush->height);
-    if (finest < 1) finest = 1;
     for (int32_t left = x0; left < x1; left += STRIP) {
         const int32_t count = left + STRIP < x1 ? STRIP : x1 - left;
+        for (int32_t i = 0; i < octave_count; i++)
+            octave_begin(&octaves[i], left, count);
         for (int32_t top = y0; top < y1; top += BAND) {
             const int32_t rows = top + BAND < y1 ? BAND : y1 - top;
             memset(sum, 0, sizeof sum);
-            o.amplitude = amplitude;
-            for (o.size = cell; o.size >= finest && o.amplitude > 0;
-                 o.size /= 2, o.amplitude = o.amplitude * fall / 256) {
-                o.seed = seed + (uint32_t)o.size * 0x27D4EB2Fu;
-                octave_add(&o, sum, left, count, top, rows);
-            }
+            for (int32_t i = 0; i < octave_count; i++)
+                octave_add(&octaves[i], sum, left, count, top, rows);
             for (int32_t y = top; y < top + rows; y++)
                 add_noise(brush->texels + (size_t)y * (size_t)brush->stride + left, sum[y - top],
                           count);

@@ -76,23 +76,37 @@ FV_WIDE static void weigh_rows(int32_t *restrict sum, const uint8_t *const row[3
         sum[i] = sum[inside - 1];
 }
 
+/* Groups of texels of a row, of which each takes five from seven sums. */
+FV_WIDE static void reduce_groups(uint8_t *restrict out, const int32_t *restrict sum,
+                                  int32_t groups)
+{
+    for (int32_t i = 0; i < groups; i++) {
+        const int32_t *s = sum + 7 * i;
+        uint8_t *to = out + 5 * i;
+        to[0] = (uint8_t)((5 * s[0] + 2 * s[1] + 24) / 49);
+        to[1] = (uint8_t)((3 * s[1] + 4 * s[2] + 24) / 49);
+        to[2] = (uint8_t)((s[2] + 5 * s[3] + s[4] + 24) / 49);
+        to[3] = (uint8_t)((4 * s[4] + 3 * s[5] + 24) / 49);
+        to[4] = (uint8_t)((2 * s[5] + 5 * s[6] + 24) / 49);
+    }
+}
+
 static void reduce_seven_to_five(const struct fv_sim_level *from, struct fv_sim_level *to)
 {
-    int32_t sum[7 * GROUPS + 2], first[5], wx[5][3], wy[3];
-    for (int32_t i = 0; i < 5; i++)
-        first[i] = seven_to_five(i, wx[i]);
+    int32_t sum[7 * GROUPS + 2], weight[3];
+    uint8_t part[5 * GROUPS];
     for (int32_t y = 0; y < to->height; y++) {
         uint8_t *out = (uint8_t *)to->texels + (size_t)y * (size_t)to->stride;
-        const int32_t y0 = seven_to_five(y, wy);
+        const int32_t y0 = seven_to_five(y, weight);
         const uint8_t *row[3];
         for (int32_t j = 0; j < 3; j++)
             row[j] = from->texels +
                      (size_t)fv_sim_clamp(y0 + j, 0, from->height - 1) * (size_t)from->stride;
-        for (int32_t x = 0; x < to->width; x++) {
-            const int32_t group = x / 5 % GROUPS, i = x % 5;
-            if (group == 0 && i == 0) weigh_rows(sum, row, wy, x / 5 * 7, from->width);
-            const int32_t *s = sum + 7 * group + first[i];
-            out[x] = (uint8_t)((wx[i][0] * s[0] + wx[i][1] * s[1] + wx[i][2] * s[2] + 24) / 49);
+        for (int32_t x = 0; x < to->width; x += 5 * GROUPS) {
+            const int32_t count = to->width - x < 5 * GROUPS ? to->width - x : 5 * GROUPS;
+            weigh_rows(sum, row, weight, x / 5 * 7, from->width);
+            reduce_groups(part, sum, (count + 4) / 5);
+            memcpy(out + x, part, (size_t)count);
         }
     }
 }
