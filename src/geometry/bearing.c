@@ -1,7 +1,7 @@
 #include "geometry/bearing.h"
 
 #include "base/elementary.h"
-#include "geometry/pair.h"
+#include "geometry/project.h"
 #include "geometry/vec.h"
 
 void fv_bearing_carve(struct fv_bearing_table *table, int32_t width, int32_t height,
@@ -159,14 +159,14 @@ static inline fv_flags pair_project(const struct fovea_camera *camera, bool rati
     const fv_pair w = 1 / p[2], x = p[0] * w, y = p[1] * w, r2 = x * x + y * y;
     fv_pair scale, derivative;
     const fv_flags positive = pair_radial_scale(k, rational, r2, &scale, &derivative);
-    const fv_pair x_out = x * scale + 2 * p1 * x * y + p2 * (r2 + 2 * x * x);
-    const fv_pair y_out = y * scale + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y;
+    fv_pair place[2];
+    fv_pair_place(k, x, y, r2, scale, place);
     const fv_pair xx = scale + 2 * x * x * derivative + 2 * p1 * y + 6 * p2 * x;
     const fv_pair xy = 2 * x * y * derivative + 2 * p1 * x + 2 * p2 * y;
     const fv_pair yy = scale + 2 * y * y * derivative + 6 * p1 * y + 2 * p2 * x;
     const fv_pair fx = camera->fx * w, fy = camera->fy * w;
-    pixel[0] = camera->fx * x_out + camera->cx;
-    pixel[1] = camera->fy * y_out + camera->cy;
+    pixel[0] = camera->fx * place[0] + camera->cx;
+    pixel[1] = camera->fy * place[1] + camera->cy;
     J[0] = fx * xx;
     J[1] = fx * xy;
     J[2] = -fx * (xx * x + xy * y);

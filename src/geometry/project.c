@@ -16,12 +16,12 @@ struct fv_project fv_project_of(const struct fovea_camera *camera)
                                .rational = k[5] != 0 || k[6] != 0 || k[7] != 0};
 }
 
-/* The operations of camera.c in their order. Without rational terms it divides by 1. */
+/* Likewise. Without rational terms camera.c divides by 1. */
 static void radtan_points(const struct fv_project *project, fv_pair points[3][N],
                           fv_pair pixels[2][N], fv_flags seen[N])
 {
     const struct fovea_camera *camera = &project->camera;
-    const double *k = camera->k, p1 = k[2], p2 = k[3];
+    const double *k = camera->k;
     for (int i = 0; i < N; i++) {
         const fv_pair w = 1 / points[2][i], x = points[0][i] * w, y = points[1][i] * w,
                       r2 = x * x + y * y;
@@ -32,10 +32,10 @@ static void radtan_points(const struct fv_project *project, fv_pair points[3][N]
             scale /= below;
             seen[i] &= below > 1e-9;
         }
-        pixels[0][i] =
-            camera->fx * (x * scale + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)) + camera->cx;
-        pixels[1][i] =
-            camera->fy * (y * scale + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y) + camera->cy;
+        fv_pair place[2];
+        fv_pair_place(k, x, y, r2, scale, place);
+        pixels[0][i] = camera->fx * place[0] + camera->cx;
+        pixels[1][i] = camera->fy * place[1] + camera->cy;
     }
 }
 

@@ -13,6 +13,16 @@ extern "C" {
 
 enum { FV_PROJECT_PAIRS = 4 };
 
+/* A point of the plane at distance 1 as a radial-tangential lens places it, by r2 = x x + y y and
+ * the radial factor there: the operations of camera.c in their order. */
+static inline void fv_pair_place(const double *k, fv_pair x, fv_pair y, fv_pair r2, fv_pair scale,
+                                 fv_pair out[2])
+{
+    const double p1 = k[2], p2 = k[3];
+    out[0] = x * scale + 2 * p1 * x * y + p2 * (r2 + 2 * x * x);
+    out[1] = y * scale + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y;
+}
+
 /* A camera made ready, which costs a tangent. */
 struct fv_project {
     struct fovea_camera camera;
