@@ -26,21 +26,21 @@ static int64_t cpu_ns_of(clockid_t clock)
     return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
 }
 
-/* Whether a thread of this program runs, or would if there were a processor for it; not the one
- * that asks. */
-static bool is_ready(int32_t thread)
+/* What a thread of this program does, as proc(5) names it: R, it runs, or would if there were a
+ * processor for it; D, it waits for a disk. ?: not known, or it is the one that asks. */
+static char state_of(int32_t thread)
 {
     char path[64], text[256];
-    if (thread == gettid()) return false;
+    if (thread == gettid()) return '?';
     snprintf(path, sizeof path, "/proc/self/task/%d/stat", (int)thread);
     const int fd = open(path, O_RDONLY | O_CLOEXEC);
-    if (fd < 0) return false;
+    if (fd < 0) return '?';
     const ssize_t bytes = read(fd, text, sizeof text - 1);
     close(fd);
-    if (bytes <= 0) return false;
+    if (bytes <= 0) return '?';
     text[bytes] = 0;
-    const char *name_end = strrchr(text, ')'); /* proc(5): its number, (name), its state */
-    return name_end != NULL && strncmp(name_end, ") R", 3) == 0;
+    const char *name_end = strrchr(text, ')'); /* its number, (name), its state */
+    return name_end != NULL && name_end[1] == ' ' ? name_end[2] : '?';
 }
 
 /* The call is fresh from now on; with the lock held. */
@@ -48,13 +48,15 @@ static void renew(struct fv_stall *call)
 {
     call->since_ns = now_ns();
     call->cpu_ns = cpu_ns_of(call->cpu);
+    call->disk = false;
 }
 
-static void renew_if_computing(struct fv_stall *call)
+static void see(struct fv_stall *call)
 {
     const int64_t cpu_ns = call->cpu_ns < 0 ? -1 : cpu_ns_of(call->cpu);
-    if ((cpu_ns >= 0 && cpu_ns - call->cpu_ns >= FV_STALL_COMPUTES_NS) || is_ready(call->thread))
-        renew(call);
+    const char state = state_of(call->thread);
+    if ((cpu_ns >= 0 && cpu_ns - call->cpu_ns >= FV_STALL_COMPUTES_NS) || state == 'R') renew(call);
+    if (state == 'D') call->disk = true;
 }
 
 int fv_stall_enter(const char *name)
@@ -100,7 +102,7 @@ bool fv_stall_longest(struct fv_stall *call, int64_t *moved_ns)
     pthread_mutex_lock(&lock);
     for (int i = 0; i < FV_STALL_CALLS_MAX; i++) {
         if (calls[i].id == 0) continue;
-        renew_if_computing(&calls[i]);
+        see(&calls[i]);
         if (longest == NULL || calls[i].since_ns < longest->since_ns) longest = &calls[i];
     }
     if (longest != NULL) *call = *longest;

@@ -19,6 +19,7 @@ struct fv_stall {
     clockid_t cpu;    /* processor time of the thread that makes it */
     int32_t thread;   /* its number in the system */
     int64_t cpu_ns;   /* of that clock at since_ns; -1: not known */
+    bool disk;        /* seen since then to wait inside the kernel for a disk */
 };
 
 /* A call that writes `name`: an option or the path of a file. Returns its place in the table, or
@@ -31,7 +32,8 @@ void fv_stall_move(int place);
 /* The call that has waited longest. A thread that takes processor time does not wait, it prepares
  * what it writes: a picture may take seconds on a slow board, and longer where other programs have
  * the processor. So a call counts as entered now whenever its thread has computed for
- * FV_STALL_COMPUTES_NS since, or is ready to. false: none is under way.
+ * FV_STALL_COMPUTES_NS since, or is ready to. A disk that other programs keep busy, or a slow card,
+ * takes seconds for what it will take in the end: `disk`. false: none is under way.
  * `moved_ns`: when any thread last called fv_stall_move; 0: never. That a call returned says
  * nothing: it may have looked only.
  */

@@ -128,7 +128,8 @@ static void look(struct watch *watch, int64_t now)
     const bool waits = fv_stall_longest(&call, &moved_ns);
     report(watch, &call, now);
     if (watch->first == 0 || now - watch->first_ns < patience_ns) return;
-    if (waits && now - call.since_ns >= patience_ns && now - moved_ns >= patience_ns)
+    const int64_t call_ns = call.disk ? FV_SIGNALS_DISK_MS * 1000000LL : patience_ns;
+    if (waits && now - call.since_ns >= call_ns && now - moved_ns >= call_ns)
         end_stalled(watch, &call, now);
     if (!atomic_load(&opened)) end_by(watch->first);
 }

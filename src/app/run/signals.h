@@ -8,8 +8,9 @@
  * SIGUSR1, SIGUSR2 and SIGPIPE are ignored.
  *
  * A call of support/stall.h that has waited for FV_SIGNALS_STALL_MS is named in a line on stderr.
- * After a signal, when one has waited for FV_SIGNALS_PATIENCE_MS and nothing else was written in
- * that time, the program ends with FV_EXIT_FAILED and a line that says what is lost. The same time
+ * After a signal, when one has waited for FV_SIGNALS_PATIENCE_MS, or for a disk for
+ * FV_SIGNALS_DISK_MS, and nothing else was written in that time, the program ends with
+ * FV_EXIT_FAILED and a line that says what is lost. FV_SIGNALS_PATIENCE_MS
  * is left to what is still being opened when the signal comes; then the signal ends the program. */
 #ifndef FOVEA_APP_RUN_SIGNALS_H
 #define FOVEA_APP_RUN_SIGNALS_H
@@ -19,7 +20,12 @@
 
 #include "fovea/status.h"
 
-enum { FV_SIGNALS_TWICE_MS = 200, FV_SIGNALS_STALL_MS = 1000, FV_SIGNALS_PATIENCE_MS = 2000 };
+enum {
+    FV_SIGNALS_TWICE_MS = 200,
+    FV_SIGNALS_STALL_MS = 1000,
+    FV_SIGNALS_PATIENCE_MS = 2000,
+    FV_SIGNALS_DISK_MS = 15000
+};
 
 /* Called on the watching thread while others are stuck: no heap, no stdio, no lock. */
 struct fv_signals {

@@ -11,7 +11,9 @@
 #include <stdatomic.h>
 #include <stdio.h>
 #include <string.h>
+#include <sys/wait.h>
 #include <time.h>
+#include <unistd.h>
 
 #include "support/stall.h"
 
@@ -121,6 +123,42 @@ static void test_a_call_that_waits_for_the_processor_stays_young(void **state)
     assert_true(later.since_ns >= first.since_ns + 100000000);
 }
 
+/* Whoever called vfork waits as for a disk until the child is gone. */
+static void *wait_in_the_kernel(void *context)
+{
+    const int call = fv_stall_enter("a.lcm");
+    const pid_t child = vfork();
+    if (child == 0) {
+        nanosleep(&(struct timespec){.tv_nsec = 300000000}, NULL);
+        _exit(0);
+    }
+    waitpid(child, NULL, 0);
+    fv_stall_leave(call);
+    return context;
+}
+
+static void test_who_waits_for_a_disk_is_known(void **state)
+{
+    (void)state;
+    struct fv_stall call;
+    int64_t moved_ns;
+    bool under_way = false, disk = false;
+    pthread_t thread;
+    const int own = fv_stall_enter("a pipe");
+    assert_true(fv_stall_longest(&call, &moved_ns));
+    assert_false(call.disk);
+    fv_stall_leave(own);
+    assert_int_equal(pthread_create(&thread, NULL, wait_in_the_kernel, NULL), 0);
+    for (int i = 0; i < 2000 && !disk && (i < 1000 || under_way); i++) {
+        under_way = fv_stall_longest(&call, &moved_ns);
+        disk = under_way && call.disk;
+        nanosleep(&(struct timespec){.tv_nsec = 1000000}, NULL);
+    }
+    pthread_join(thread, NULL);
+    assert_true(disk);
+    assert_string_equal(call.name, "a.lcm");
+}
+
 /* More calls than the table holds: those beyond are not watched, and harm nothing. */
 static void test_a_full_table_takes_no_more(void **state)
 {
@@ -143,6 +181,7 @@ int main(void)
         cmocka_unit_test(test_a_call_that_waits_grows_old),
         cmocka_unit_test(test_a_call_that_computes_stays_young),
         cmocka_unit_test(test_a_call_that_waits_for_the_processor_stays_young),
+        cmocka_unit_test(test_who_waits_for_a_disk_is_known),
         cmocka_unit_test(test_a_full_table_takes_no_more),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
