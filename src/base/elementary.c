@@ -124,7 +124,9 @@ double fv_atan2(double y, double x)
         small *= 0x1p100;
     }
     /* atan(s/l) = atan(c) + atan((s - c l) / (l + c s)), with c the nearest quarter: |t| <= 1/8. */
-    int k = (int)(small / large * 4.0 + 0.5);
+    const double ratio = small / large;
+    if (!(ratio <= 1)) return __builtin_nan(""); /* no number, or both infinite */
+    int k = (int)(ratio * 4.0 + 0.5);
     double c = 0.25 * k;
     double t = (small - c * large) / (large + c * small), z = t * t;
     double rest = t + (t * z * polynomial(atan_series, 9, z) + atan_tail[k]), head = atan_head[k];

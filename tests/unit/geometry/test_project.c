@@ -76,10 +76,39 @@ static void pixels_are_those_of_one_at_a_time(void **state)
     }
 }
 
+/* Of whatever lens. */
+static void what_is_no_number_is_refused(void **state)
+{
+    (void)state;
+    const double inf = __builtin_inf(), nan = __builtin_nan(""),
+                 wrong[][3] = {{nan, 0, 1},   {0, nan, 1},   {0, 0, nan},
+                               {inf, 0, inf}, {inf, inf, 1}, {0, 0, -inf}};
+    for (int lens = 0; lens < 2; lens++) {
+        struct fovea_camera camera = {
+            .width = 640, .height = 480, .fx = 300, .fy = 300, .cx = 320, .cy = 240};
+        camera.lens = lens == 0 ? FOVEA_LENS_RADTAN : FOVEA_LENS_EQUIDISTANT;
+        assert_int_equal(fovea_camera_prepare(&camera, NULL), FOVEA_OK);
+        const struct fv_project project = fv_project_of(&camera);
+        for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {
+            fv_pair points[3][FV_PROJECT_PAIRS], pixels[2][FV_PROJECT_PAIRS];
+            fv_flags seen[FV_PROJECT_PAIRS];
+            double pixel[2];
+            for (int k = 0; k < 3; k++)
+                for (int pair = 0; pair < FV_PROJECT_PAIRS; pair++)
+                    points[k][pair] = (fv_pair){wrong[i][k], wrong[i][k]};
+            fv_project_points(&project, points, pixels, seen);
+            assert_int_equal(fovea_camera_project(&camera, wrong[i], pixel, NULL),
+                             FOVEA_ERROR_ARGUMENT);
+            assert_int_equal(seen[0][0], 0);
+        }
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(pixels_are_those_of_one_at_a_time),
+        cmocka_unit_test(what_is_no_number_is_refused),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
