@@ -23,11 +23,11 @@ extern "C" {
 const char *fovea_message_type(const uint8_t *data, size_t bytes);
 
 /* Write a message as one JSON object on one line, its members named as the fields of its type,
- * after a member "type". Numbers keep their value; NaN and infinities, which JSON lacks, are null;
- * bytes of a string that are not UTF-8 become U+FFFD. `*length` is the length of the whole text
- * without its zero, also when the text does not fit `capacity` and is cut; then call again with
- * more room. FOVEA_ERROR_INPUT: the type of the message is unknown, or the message is not
- * well-formed; `error` names the byte. */
+ * after a member "type". Numbers keep their value; NaN is null, and
+ * infinity, which JSON lacks too, 1e999, which readers take for it; bytes of a string that are not
+ * UTF-8 become U+FFFD. `*length` is the length of the whole text without its zero, also when the
+ * text does not fit `capacity` and is cut; then call again with more room. FOVEA_ERROR_INPUT: the
+ * type of the message is unknown, or the message is not well-formed; `error` names the byte. */
 enum fovea_status fovea_message_json(const uint8_t *data, size_t bytes, char *text, size_t capacity,
                                      size_t *length, struct fovea_error *error);
 

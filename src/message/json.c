@@ -114,8 +114,10 @@ static void put_number(struct writer *out, enum fovea_wire wire, const uint8_t *
         memcpy(&value, &bits, sizeof value);
     if (wire == FOVEA_WIRE_BOOLEAN)
         used = snprintf(text, sizeof text, "%s", bits != 0 ? "true" : "false");
-    else if (!__builtin_isfinite(value))
+    else if (__builtin_isnan(value))
         used = snprintf(text, sizeof text, "null");
+    else if (__builtin_isinf(value))
+        used = snprintf(text, sizeof text, "%s", value < 0 ? "-1e999" : "1e999");
     else if (wire == FOVEA_WIRE_FLOAT || wire == FOVEA_WIRE_DOUBLE) {
         snprintf(text, sizeof text, "%.*g", wire == FOVEA_WIRE_FLOAT ? 9 : 17, value);
         used = with_point(text);

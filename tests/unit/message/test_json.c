@@ -1,4 +1,4 @@
-/* Messages as JSON: every value in its place, what JSON cannot say as null, and nothing written
+/* Messages as JSON: every value in its place, what is no number as null, and nothing written
  * beyond the room given. */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -57,7 +57,7 @@ static void numbers_arrays_and_rows(void **state)
         "{\"type\": \"fovea.features_t\", \"stamp\": {\"time_ns\": -9223372036854775808, \"clock\": -1, "
         "\"meaning\": 3, \"utc_offset_ns\": 0, \"sequence\": 9223372036854775807}, \"camera\": 0, "
         "\"reset_counter\": -7, \"width\": 640, \"height\": 0, \"asked\": 0, \"method\": \"fast\", "
-        "\"total\": 2, \"first\": 0, \"count\": 2, \"p_px\": [[1.5, -0.25], [null, null]], \"size_px\": [31, "
+        "\"total\": 2, \"first\": 0, \"count\": 2, \"p_px\": [[1.5, -0.25], [null, 1e999]], \"size_px\": [31, "
         "0.100000001], \"orientation\": [0, 0], \"response\": [0, 0], \"level\": [0, 255]}");
     assert_string_equal(fovea_message_type(data, sizeof data), "fovea.features_t");
 }
