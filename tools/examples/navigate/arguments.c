@@ -16,7 +16,7 @@ struct argument {
 
 static const char *const expected[] = {
     [PREFIX] = "1 to 31 bytes",      [TEXT] = "a text",
-    [NUMBER] = "a number of metres", [POSITIVE] = "a number above 0",
+    [NUMBER] = "a number of metres", [POSITIVE] = "a number above 0, at most 100",
     [WHOLE] = "a whole number",      [NOT_ZERO] = "a whole number other than 0",
 };
 
@@ -33,7 +33,7 @@ static bool fits(const struct argument *argument, const char *value)
     case NUMBER:
         return fv_text_number(value, number);
     case POSITIVE:
-        return fv_text_number(value, number) && *number > 0;
+        return fv_text_number(value, number) && *number > 0 && *number <= 100;
     case WHOLE:
         return fv_text_integer(value, whole);
     case NOT_ZERO:

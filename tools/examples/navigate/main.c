@@ -40,6 +40,7 @@
 #include "fovea_velocity_command_t.h"
 
 enum { QUIET_MS = 2000, QUIET_MOST = 15 };
+static const int64_t grid_age_most_ns = 2000000000; /* what came since then is not in it */
 
 static struct {
     lcm_t *lcm;
@@ -52,8 +53,8 @@ static struct {
     struct navigate_grid grid;        /* as its pieces come */
     struct navigate_frame place;      /* of the grid that was planned on */
     fovea_run_t_subscription_t *runs; /* while the run to sign for is not known */
-    bool planned, arrived;
-    int64_t frame, poses, grids, stood;
+    bool planned, arrived, too_large; /* a grid was, which is said once */
+    int64_t grid_ns, frame, poses, grids, stood;
 } self = {.asked = {.prefix = "FOVEA", .robot = {0.2, 0.5, 1.2}, .sender = 1}};
 
 /* For this run alone, once, and by who knows the key: the message is encoded with mac 0, and then
@@ -95,6 +96,18 @@ static void on_run(const lcm_recv_buf_t *packet, const char *channel, const fove
     if (self.poses > 0) ask(self.frame, self.motion);
 }
 
+/* Once: nothing else tells why the robot stands. */
+static void say_if_too_large(const fovea_grid_t *piece)
+{
+    const int32_t most = NAVIGATE_SIDE_MAX;
+    if (self.too_large || (piece->width <= most && piece->height <= most)) return;
+    self.too_large = true;
+    fprintf(
+        stderr,
+        "navigate: GRID: found %d x %d cells, expected at most %d on a side (grid.side_cells)\n",
+        (int)piece->width, (int)piece->height, (int)most);
+}
+
 /* A grid is planned on when it is whole. */
 static void on_grid(const lcm_recv_buf_t *packet, const char *channel, const fovea_grid_t *piece,
                     void *context)
@@ -103,8 +116,12 @@ static void on_grid(const lcm_recv_buf_t *packet, const char *channel, const fov
     (void)packet;
     (void)channel;
     (void)context;
-    if (!navigate_take(&self.grid, piece)) return;
+    if (!navigate_take(&self.grid, piece)) {
+        say_if_too_large(piece);
+        return;
+    }
     self.grids++;
+    self.grid_ns = grid->time_ns;
     if (memcmp(&self.place, &grid->frame, sizeof self.place) != 0) navigate_forget(&self.planner);
     self.place = grid->frame;
     self.planned = navigate_plan(&self.planner, grid->cells, grid->width, grid->height,
@@ -127,7 +144,8 @@ static void on_pose(const lcm_recv_buf_t *packet, const char *channel, const fov
     (void)context;
     self.poses++;
     self.frame = pose->stamp.sequence;
-    if (is_usable(pose) && self.planned && navigate_is_for(&self.place, pose)) {
+    const bool fresh = pose->stamp.time_ns - self.grid_ns <= grid_age_most_ns;
+    if (is_usable(pose) && fresh && self.planned && navigate_is_for(&self.place, pose)) {
         const double yaw =
             atan2(2 * (q[0] * q[3] + q[1] * q[2]), 1 - 2 * (q[2] * q[2] + q[3] * q[3]));
         motion =

@@ -6,9 +6,9 @@
 
 static bool is_possible(const fovea_grid_t *piece)
 {
-    if (piece->width < 1 || piece->height < 1 ||
-        piece->width > NAVIGATE_CELLS_MAX / piece->height || piece->first_row < 0 ||
-        piece->row_count < 1 || piece->row_count > piece->height - piece->first_row)
+    if (piece->width < 1 || piece->height < 1 || piece->width > NAVIGATE_SIDE_MAX ||
+        piece->height > NAVIGATE_SIDE_MAX || piece->first_row < 0 || piece->row_count < 1 ||
+        piece->row_count > piece->height - piece->first_row)
         return false;
     return piece->cell_count == piece->width * piece->row_count && piece->resolution_m >= 0.01 &&
            piece->resolution_m <= 1 && isfinite(piece->origin_position[0]) &&
@@ -23,6 +23,7 @@ static void begin(struct navigate_grid *grid, const fovea_grid_t *piece)
     grid->cell_m = piece->resolution_m;
     memcpy(grid->origin, piece->origin_position, sizeof grid->origin);
     grid->sequence = piece->stamp.sequence;
+    grid->time_ns = piece->stamp.time_ns;
     grid->rows = 0;
 }
 

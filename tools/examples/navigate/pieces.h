@@ -17,8 +17,8 @@ struct navigate_grid {
     int32_t width, height;
     double cell_m, origin[2];
     int8_t cells[NAVIGATE_CELLS_MAX];
-    int64_t sequence; /* of its frame */
-    int32_t rows;     /* that have come, from the first on */
+    int64_t sequence, time_ns; /* of its frame */
+    int32_t rows;              /* that have come, from the first on */
 };
 
 /* Take a message; true when it completes a grid. A piece that does not follow the one before, or
