@@ -54,7 +54,7 @@ static struct {
     struct navigate_frame place;      /* of the grid that was planned on */
     fovea_run_t_subscription_t *runs; /* while the run to sign for is not known */
     bool planned, arrived, too_large; /* a grid was, which is said once */
-    int64_t grid_ns, frame, poses, grids, stood;
+    int64_t grid_ns, frame, poses, grids, stood, silences;
 } self = {.asked = {.prefix = "FOVEA", .robot = {0.2, 0.5, 1.2}, .sender = 1}};
 
 /* For this run alone, once, and by who knows the key: the message is encoded with mac 0, and then
@@ -175,7 +175,10 @@ static void drive(void)
         const int handled = lcm_handle_timeout(self.lcm, QUIET_MS);
         if (handled < 0) return;
         quiet = handled > 0 || self.poses == 0 ? 0 : quiet + 1;
-        if (handled == 0) ask(-1, (struct navigate_motion){0});
+        if (handled == 0) {
+            self.silences++;
+            ask(-1, (struct navigate_motion){0});
+        }
         unsubscribe_from_runs(self.run_id != 0);
     }
 }
@@ -217,9 +220,10 @@ int main(int argc, char **argv)
     fflush(stdout);
     drive();
     printf("%s after %" PRId64 " poses, of which %" PRId64 " could not be steered by; %" PRId64
-           " grids; stood against its command %" PRId64 " times\n",
+           " grids; stood against its command %" PRId64
+           " times; asked to stand after silence %" PRId64 " times\n",
            self.arrived ? "at the goal" : "not at the goal", self.poses, self.stood, self.grids,
-           self.planner.touches);
+           self.planner.touches, self.silences);
     unsubscribe_from_runs(true);
     fovea_grid_t_unsubscribe(self.lcm, grids);
     fovea_pose_t_unsubscribe(self.lcm, poses);
