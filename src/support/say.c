@@ -9,6 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/ioctl.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include "support/stall.h"
@@ -65,6 +66,22 @@ static const char *escape(enum fv_say_colour colour)
     return colour != FV_SAY_PLAIN && coloured() ? escapes[colour] : "";
 }
 
+enum level { ERROR = 3, WARNING = 4, NOTE = 6 }; /* of syslog(3) */
+
+/* What the journal reads of a line's level, where stderr is the journal's (systemd.exec(5),
+ * JOURNAL_STREAM). */
+static const char *prefix(enum level level)
+{
+    static const char *const prefixes[] = {[ERROR] = "<3>", [WARNING] = "<4>", [NOTE] = "<6>"};
+    const char *stream = getenv("JOURNAL_STREAM");
+    char own[64];
+    struct stat about;
+    if (stream == NULL || fstat(STDERR_FILENO, &about) != 0) return "";
+    snprintf(own, sizeof own, "%llu:%llu", (unsigned long long)about.st_dev,
+             (unsigned long long)about.st_ino);
+    return strcmp(own, stream) == 0 ? prefixes[level] : "";
+}
+
 /* Write a line whose first `word_bytes` bytes are in colour. */
 static void put(const char *before, enum fv_say_colour colour, int word_bytes, const char *line,
                 const char *after)
@@ -77,7 +94,8 @@ static void put(const char *before, enum fv_say_colour colour, int word_bytes, c
 }
 
 /* False: stderr took nothing, and the line is left out. */
-static bool say(enum fv_say_colour colour, const char *word, const char *format, va_list arguments)
+static bool say(enum level level, enum fv_say_colour colour, const char *word, const char *format,
+                va_list arguments)
 {
     enum { WAIT_MS = 200 };
     char line[LINE_BYTES];
@@ -85,7 +103,8 @@ static bool say(enum fv_say_colour colour, const char *word, const char *format,
     vsnprintf(line + bytes, sizeof line - (size_t)bytes, format, arguments);
     fv_say_clean(line);
     if (!takes_lines(WAIT_MS)) return false;
-    put(clear(false), colour, bytes, line, "\n");
+    const char *before = clear(false);
+    put(before[0] != '\0' ? before : prefix(level), colour, bytes, line, "\n");
     return true;
 }
 
@@ -142,7 +161,11 @@ bool fv_say_word(enum fv_say_colour colour, const char *word, const char *format
 {
     va_list arguments;
     va_start(arguments, format);
-    const bool taken = say(colour, word, format, arguments);
+    static const enum level levels[] = {[FV_SAY_PLAIN] = NOTE,
+                                        [FV_SAY_GREEN] = NOTE,
+                                        [FV_SAY_YELLOW] = WARNING,
+                                        [FV_SAY_RED] = ERROR};
+    const bool taken = say(levels[colour], colour, word, format, arguments);
     va_end(arguments);
     return taken;
 }
@@ -151,7 +174,15 @@ void fv_say(const char *format, ...)
 {
     va_list arguments;
     va_start(arguments, format);
-    (void)say(FV_SAY_PLAIN, "", format, arguments);
+    (void)say(WARNING, FV_SAY_PLAIN, "", format, arguments);
+    va_end(arguments);
+}
+
+void fv_say_note(const char *format, ...)
+{
+    va_list arguments;
+    va_start(arguments, format);
+    (void)say(NOTE, FV_SAY_PLAIN, "", format, arguments);
     va_end(arguments);
 }
 
@@ -159,7 +190,7 @@ enum fv_exit fv_say_wrong(const char *format, ...)
 {
     va_list arguments;
     va_start(arguments, format);
-    (void)say(FV_SAY_PLAIN, "", format, arguments);
+    (void)say(ERROR, FV_SAY_PLAIN, "", format, arguments);
     va_end(arguments);
     return FV_EXIT_WRONG;
 }
@@ -168,7 +199,7 @@ enum fv_exit fv_say_failed(const char *format, ...)
 {
     va_list arguments;
     va_start(arguments, format);
-    (void)say(FV_SAY_PLAIN, "", format, arguments);
+    (void)say(ERROR, FV_SAY_PLAIN, "", format, arguments);
     va_end(arguments);
     return FV_EXIT_FAILED;
 }

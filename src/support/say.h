@@ -1,5 +1,9 @@
 /* One line to a person on stderr. Whatever the text quotes from files or arguments, it stays one
- * line: control bytes are shown as '?' and the line is cut at 1023 bytes. Off the loop thread. */
+ * line: control bytes are shown as '?' and the line is cut at 1023 bytes. Off the loop thread.
+ *
+ * Where stderr is systemd's journal (JOURNAL_STREAM), the line gets its level: that of fv_say and
+ * of words in yellow is a warning, of fv_say_wrong, fv_say_failed and words in red an error, of all
+ * others information. */
 #ifndef FOVEA_SUPPORT_SAY_H
 #define FOVEA_SUPPORT_SAY_H
 
@@ -19,7 +23,8 @@ enum fv_exit {
 #endif
 #define FV_SAY_FORMAT FV_SAY_FORMAT_AT(1, 2)
 
-void fv_say(const char *format, ...) FV_SAY_FORMAT;
+void fv_say(const char *format, ...) FV_SAY_FORMAT;      /* something is not as it should be */
+void fv_say_note(const char *format, ...) FV_SAY_FORMAT; /* all is well */
 /* The same, returning the exit status to leave with. */
 enum fv_exit fv_say_wrong(const char *format, ...) FV_SAY_FORMAT;  /* FV_EXIT_WRONG */
 enum fv_exit fv_say_failed(const char *format, ...) FV_SAY_FORMAT; /* FV_EXIT_FAILED */

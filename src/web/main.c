@@ -208,8 +208,8 @@ static enum fovea_status certificate_open(struct web *web, struct fovea_error *e
         status = fv_web_certificate_make(&web->certificate, web->names.values, web->names.count,
                                          web->address, &made, error);
     if (status == FOVEA_OK && made)
-        fv_say("fovea-web: made %s, which browsers ask about once, since it signs itself",
-               web->certificate.file);
+        fv_say_note("fovea-web: made %s, which browsers ask about once, since it signs itself",
+                    web->certificate.file);
     return status == FOVEA_OK ? fv_web_certificate_check(&web->certificate, error) : status;
 }
 
@@ -219,7 +219,8 @@ static enum fovea_status tokens_open(struct web *web, struct fovea_error *error)
     if (web->token == NULL) return FOVEA_OK;
     const enum fovea_status status = fv_web_tokens_read(web->token, &web->tokens, &made, error);
     if (status == FOVEA_OK && made)
-        fv_say("fovea-web: made %s: its first token is to view, its second to operate", web->token);
+        fv_say_note("fovea-web: made %s: its first token is to view, its second to operate",
+                    web->token);
     return status;
 }
 
@@ -251,8 +252,8 @@ static enum fovea_status serve(struct web *web, struct fovea_error *error)
                                                    : web->address;
     atomic_store(&served, server);
     const bool encrypted = web->certificate.file != NULL;
-    fv_say("fovea-web: http%s://%s:%u/", encrypted ? "s" : "", host,
-           (unsigned)fv_web_server_port(server));
+    fv_say_note("fovea-web: http%s://%s:%u/", encrypted ? "s" : "", host,
+                (unsigned)fv_web_server_port(server));
     fv_web_server_warn(server, "fovea-web: ");
     if (!fv_web_server_run(server))
         status = fovea_error_set(error, FOVEA_ERROR_SYSTEM, "the server failed");

@@ -35,7 +35,7 @@ static enum fovea_status open_server(struct fv_web_pages *pages, struct fovea_er
     if (status == FOVEA_OK && certificate.file != NULL)
         status = fv_web_certificate_check(&certificate, error);
     if (status != FOVEA_OK) return status;
-    if (made) fv_say("made %s: either of its tokens opens the page", setup->token);
+    if (made) fv_say_note("made %s: either of its tokens opens the page", setup->token);
     pages->names[0] = setup->name;
     const struct fv_web_setup whole = {.address = setup->address,
                                        .port = setup->port,
@@ -47,11 +47,11 @@ static enum fovea_status open_server(struct fv_web_pages *pages, struct fovea_er
     status = fv_web_server_open(&whole, &pages->server, error);
     if (status != FOVEA_OK) return status;
     const bool all = strcmp(setup->address, "0.0.0.0") == 0;
-    fv_say("page: http%s://%s:%u/", certificate.file != NULL ? "s" : "",
-           all && setup->name != NULL ? setup->name
-           : all                      ? "127.0.0.1"
-                                      : setup->address,
-           (unsigned)fv_web_server_port(pages->server));
+    fv_say_note("page: http%s://%s:%u/", certificate.file != NULL ? "s" : "",
+                all && setup->name != NULL ? setup->name
+                : all                      ? "127.0.0.1"
+                                           : setup->address,
+                (unsigned)fv_web_server_port(pages->server));
     fv_web_server_warn(pages->server, "");
     return FOVEA_OK;
 }

@@ -337,7 +337,7 @@ void fv_backup_tend(struct fv_backup *backup)
     backup->answer_bytes = bytes > 0 ? (uint32_t)bytes : 0;
     free(given);
     if (backup->text[0] != '\0' && result == FOVEA_SETTINGS_RESULT_T_RESULT_DONE)
-        fv_say("fovea run: settings were restored: %s", backup->reason);
+        fv_say_note("fovea run: settings were restored: %s", backup->reason);
     atomic_store(&backup->stage, FV_BACKUP_ANSWERED);
 }
 

@@ -274,7 +274,7 @@ void fv_map_loads_tend(struct fv_map_loads *loads)
 {
     if (loads->requests == NULL || atomic_load(&loads->stage) != FV_MAP_LOADS_ASKED) return;
     const bool ready = work(loads);
-    if (ready) fv_say("fovea run: loads the map %s", loads->file);
+    if (ready) fv_say_note("fovea run: loads the map %s", loads->file);
     atomic_store(&loads->stage, ready ? FV_MAP_LOADS_READY : FV_MAP_LOADS_ANSWERED);
 }
 

@@ -219,9 +219,9 @@ static void close_file(struct fv_recordings *recordings)
     snprintf(recordings->failure, sizeof recordings->failure, "%s", whole ? "" : summary.reason);
     snprintf(recordings->reason, sizeof recordings->reason, "%s",
              whole ? recordings->low : summary.reason);
-    fv_say("%s: recorded %llu events (%llu bytes)%s", summary.path,
-           (unsigned long long)summary.events, (unsigned long long)summary.bytes,
-           whole ? "" : ", not all");
+    (whole ? fv_say_note : fv_say)("%s: recorded %llu events (%llu bytes)%s", summary.path,
+                                   (unsigned long long)summary.events,
+                                   (unsigned long long)summary.bytes, whole ? "" : ", not all");
     pass(recordings, FV_RECORDINGS_READY);
 }
 

@@ -559,7 +559,7 @@ int fv_command_run(int argc, char **argv)
     if (result == FV_OPTIONS_HELP) fv_setup_sources_print();
     if (result != FV_OPTIONS_READ) return result == FV_OPTIONS_HELP ? FV_EXIT_OK : FV_EXIT_WRONG;
     enum fovea_status status = settings_read(&run, &error);
-    if (status != FOVEA_OK) return (fv_say("%s", error.text), fv_setup_exit(status));
+    if (status != FOVEA_OK) return (fv_say_failed("%s", error.text), fv_setup_exit(status));
     enum fv_exit end = fv_run_files_check(&run);
     if (end != FV_EXIT_OK) return (fv_web_page_end(run.web_page), end);
     status = fv_run_keep_settings(&run, &error);
@@ -580,7 +580,7 @@ int fv_command_run(int argc, char **argv)
     if (status == FOVEA_OK)
         end = fv_run_report(&run);
     else
-        end = (fv_say("%s", error.text), fv_setup_exit(status));
+        end = (fv_say_failed("%s", error.text), fv_setup_exit(status));
     const enum fv_exit recorded = fv_run_end_recording(&run);
     if (end == FV_EXIT_OK) end = recorded;
     close_all(&run);

@@ -24,9 +24,9 @@ static enum fovea_status history_open(struct fv_run *run, struct fovea_error *er
     if (status != FOVEA_OK) return status;
     char runs[FV_TEXT_COUNT_BYTES];
     if (!run->quiet && history->starts > 0)
-        fv_say("%.200s: %s before, %" PRIu64 " of them not ended in order; %.1f hours", path,
-               fv_text_count(history->starts, "run", runs), history->starts - history->ends,
-               (double)history->seconds / 3600);
+        fv_say_note("%.200s: %s before, %" PRIu64 " of them not ended in order; %.1f hours", path,
+                    fv_text_count(history->starts, "run", runs), history->starts - history->ends,
+                    (double)history->seconds / 3600);
     history->starts++;
     return fv_history_write(path, history, error);
 }

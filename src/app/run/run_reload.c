@@ -49,7 +49,7 @@ void fv_run_reload(struct fv_run *run)
     if (!atomic_exchange(&run->reload, false)) return;
     fv_service_reloading(&run->service);
     if (reload(run, &count, &error) == FOVEA_OK)
-        fv_say("fovea run: the configuration was read again: %u parameters changed", count);
+        fv_say_note("fovea run: the configuration was read again: %u parameters changed", count);
     else
         fv_say("fovea run: %s; the configuration stays as it was", error.text);
     fv_service_ready(&run->service);

@@ -8,7 +8,9 @@
 
 #include <fcntl.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include "support/say.h"
@@ -121,6 +123,50 @@ static void test_a_word_that_nobody_takes_is_refused(void **state)
     assert_false(taken);
 }
 
+static void of_levels(void)
+{
+    fv_say("a camera is gone");
+    fv_say_note("a recording was closed");
+    (void)fv_say_wrong("a key is wrong");
+    (void)fv_say_failed("a disk is full");
+    fv_say_word(FV_SAY_RED, "lost", " from frame %d on", 7);
+    fv_say_word(FV_SAY_YELLOW, "weak", " from frame %d on", 8);
+    fv_say_word(FV_SAY_GREEN, "tracking", " from frame %d on", 9);
+}
+
+/* JOURNAL_STREAM names standard error. */
+static void to_the_journal(void)
+{
+    char stream[64];
+    struct stat about;
+    assert_int_equal(fstat(STDERR_FILENO, &about), 0);
+    snprintf(stream, sizeof stream, "%llu:%llu", (unsigned long long)about.st_dev,
+             (unsigned long long)about.st_ino);
+    setenv("JOURNAL_STREAM", stream, 1);
+    of_levels();
+}
+
+static void to_another_file(void)
+{
+    setenv("JOURNAL_STREAM", "1:1", 1);
+    of_levels();
+}
+
+static void test_the_journal_is_told_the_level(void **state)
+{
+    (void)state;
+    (void)said(no_status);
+    assert_string_equal(said(to_the_journal),
+                        "<4>a camera is gone\n<6>a recording was closed\n<3>a key is wrong\n"
+                        "<3>a disk is full\n<3>lost from frame 7 on\n<4>weak from frame 8 on\n"
+                        "<6>tracking from frame 9 on\n");
+    assert_string_equal(said(to_another_file),
+                        "a camera is gone\na recording was closed\na key is wrong\n"
+                        "a disk is full\nlost from frame 7 on\nweak from frame 8 on\n"
+                        "tracking from frame 9 on\n");
+    unsetenv("JOURNAL_STREAM");
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -129,6 +175,7 @@ int main(void)
         cmocka_unit_test(test_status_is_cut),
         cmocka_unit_test(test_a_word_has_no_colour_where_there_is_no_terminal),
         cmocka_unit_test(test_a_word_that_nobody_takes_is_refused),
+        cmocka_unit_test(test_the_journal_is_told_the_level),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
