@@ -71,6 +71,19 @@ void fv_fault_schedule_open(struct fv_fault_schedule *schedule,
 bool fv_fault_schedule_at(struct fv_fault_schedule *schedule, uint64_t index,
                           struct fv_fault_window *window);
 
+/* ---- stamps ---------------------------------------------------------------------------------- */
+
+struct fv_fault_stamp {
+    bool any;
+    int64_t last_ns; /* of the last frame before the fault, else of its first */
+};
+
+/* Remember the stamp of a frame without a fault. */
+void fv_fault_stamp_pass(struct fv_fault_stamp *stamp, int64_t stamp_ns);
+/* The stamp of a faulty frame; `seed`: of this frame alone. */
+int64_t fv_fault_stamp(const struct fv_fault_options *options, uint64_t seed,
+                       struct fv_fault_stamp *stamp, int64_t stamp_ns);
+
 /* ---- faults ---------------------------------------------------------------------------------- */
 
 struct fv_fault_picture {

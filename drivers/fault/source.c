@@ -1,4 +1,5 @@
-/* Another source with faults: `fault:URI?kind=KIND[,KIND...][&OPTION=VALUE...]`.
+/* Another source with faults: `fault:URI?kind=KIND[,KIND...][&OPTION=VALUE...]`, or
+ * `fault:URI?file=PATH` with a schedule in each line of a file (file.h).
  *
  *     fault:kitti:DIR?kind=freeze,noise&first=40&shortest=15&longest=15&count=1
  *     fault:sim:orbit?seed=3?kind=blur&seed=7
@@ -20,6 +21,7 @@
 #include "../table.h"
 #include "base/elementary.h"
 #include "fault.h"
+#include "file.h"
 #include "samples.h"
 
 enum { ADDRESS_MAX = 4096 };
@@ -72,6 +74,8 @@ struct fovea_source { /* NOLINT(clang-analyzer-optin.performance.Padding): in or
     uint64_t count; /* frames taken */
     uint64_t lost, returns;
     bool away, inner_ended, ended;
+    struct fv_fault_stamp stamp;
+    char *file; /* of schedules, this one's among them; NULL: none */
 };
 
 static bool has_between(const struct fovea_source *source, int from, int to)
@@ -100,6 +104,7 @@ static void fault_close(struct fovea_source *source)
         free(source->last[i]);
     }
     free(source->scratch);
+    free(source->file);
     free(source);
 }
 
@@ -202,6 +207,23 @@ static bool fault_takes_device(const char *address)
     return address_cut(address, uri, &faults_of) && fv_source_takes_device(uri);
 }
 
+/* As many sources within each other as the file has lines; the outermost keeps its name. */
+static enum fovea_status file_open(char address[ADDRESS_MAX], const char *path,
+                                   const struct fovea_source_selection *selection,
+                                   struct fovea_source **source, struct fovea_error *error)
+{
+    char *file = strdup(path);
+    if (file == NULL) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "fault: out of memory");
+    enum fovea_status status = fv_fault_file_read(file, address, ADDRESS_MAX, error);
+    if (status == FOVEA_OK)
+        status = fv_source_fault.open(address + strlen("fault:"), selection, source, error);
+    if (status == FOVEA_OK)
+        (*source)->file = file;
+    else
+        free(file);
+    return status;
+}
+
 static enum fovea_status fault_open(const char *address,
                                     const struct fovea_source_selection *selection,
                                     struct fovea_source **source, struct fovea_error *error)
@@ -212,6 +234,8 @@ static enum fovea_status fault_open(const char *address,
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "fault: found a URI of more than %d bytes, expected less",
                                ADDRESS_MAX - 1);
+    if (strncmp(faults_of, "file=", strlen("file=")) == 0)
+        return file_open(uri, faults_of + strlen("file="), selection, source, error);
     struct fovea_source *opened = calloc(1, sizeof *opened);
     if (opened == NULL) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "fault: out of memory");
     enum fovea_status status = fv_fault_options_parse(faults_of, &opened->options, error);
@@ -259,6 +283,7 @@ static void pack(const struct fovea_source *source, uint32_t i, const struct fov
 
 static void keep_last(struct fovea_source *source, const struct fovea_frame *frame)
 {
+    fv_fault_stamp_pass(&source->stamp, frame->stamp_ns);
     for (uint32_t i = 0; i < frame->image_count && source->needs_last; i++) {
         if (frame->images[i].data == NULL) continue;
         pack(source, i, &frame->images[i], source->last[i]);
@@ -365,19 +390,6 @@ static enum fovea_status next_take(struct fovea_source *source, int64_t deadline
     }
 }
 
-/* Stamps of a faulty frame. */
-static void stamp_spoil(const struct fovea_source *source, const struct taken *taken,
-                        struct fovea_frame *frame)
-{
-    double moved_ms = 0;
-    struct fv_random random;
-    fv_random_seed(&random, picture_seed(taken, FOVEA_CAMERAS_MAX));
-    if (fv_fault_has(&source->options, FV_FAULT_jitter))
-        moved_ms += source->options.spread_ms * (2 * fv_random_unit(&random) - 1);
-    if (fv_fault_has(&source->options, FV_FAULT_jump)) moved_ms += source->options.leap_ms;
-    frame->stamp_ns += fv_clock_from_ms(moved_ms);
-}
-
 /* Whether a fault strikes camera i. */
 static bool strikes(const struct fovea_source *source, uint32_t i)
 {
@@ -386,7 +398,9 @@ static bool strikes(const struct fovea_source *source, uint32_t i)
 
 static void frame_spoil(struct fovea_source *source, struct held *held, struct fovea_frame *frame)
 {
-    stamp_spoil(source, &held->taken, frame);
+    frame->stamp_ns =
+        fv_fault_stamp(&source->options, picture_seed(&held->taken, FOVEA_CAMERAS_MAX),
+                       &source->stamp, frame->stamp_ns);
     for (uint32_t i = 0; i < frame->image_count; i++) {
         struct fovea_image *image = &frame->images[i];
         if (image->data == NULL || !strikes(source, i)) continue;
@@ -540,13 +554,14 @@ static enum fovea_status fault_failure(const struct fovea_source *source, struct
 static void fault_reads(const struct fovea_source *source,
                         void (*visit)(void *context, const char *path), void *context)
 {
+    if (source->file != NULL) visit(context, source->file);
     if (source->ops->reads != NULL) source->ops->reads(source->inner, visit, context);
 }
 
 const struct fovea_source_ops fv_source_fault = {
     .name = "fault",
     .help =
-        "URI?kind=KIND[,KIND...][&OPTION=VALUE...]  another source with faults by a seeded schedule:"
+        "URI?kind=KIND[,KIND...][&OPTION=VALUE...]  another source with faults by a seeded schedule, or by those of a file (URI?file=PATH):"
 #define FV_FAULT(name, needs_last) " " #name
 #define FV_FAULT_OTHER(name) " " #name
 #include "faults.def"

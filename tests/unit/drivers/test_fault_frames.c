@@ -208,6 +208,19 @@ static void stamps_jitter_and_leap(void **state)
                     (in_window(i) ? -700000000 : 0));
 }
 
+static void stamps_are_held(void **state)
+{
+    (void)state;
+    play_all("kind=hold" WINDOW);
+    assert_int_equal(faulty.count, FRAMES);
+    for (uint32_t i = 0; i < FRAMES; i++)
+        assert_true(faulty.come[i].stamp_ns == own.come[in_window(i) ? FIRST - 1 : i].stamp_ns);
+    play_all("kind=hold,jump&leap=-700&first=0&shortest=5&longest=5&count=1"); /* none before */
+    for (uint32_t i = 0; i < FRAMES; i++)
+        assert_true(faulty.come[i].stamp_ns ==
+                    (i < 5 ? own.come[0].stamp_ns - 700000000 : own.come[i].stamp_ns));
+}
+
 /* Frames without pictures, so that the loop goes on by the clock of the source and with samples. */
 static void unplugged_cameras_give_no_picture(void **state)
 {
@@ -438,6 +451,7 @@ int main(void)
         cmocka_unit_test(delayed_frames_come_after_later_samples),
         cmocka_unit_test(reordered_frames_change_places_in_pairs),
         cmocka_unit_test(stamps_jitter_and_leap),
+        cmocka_unit_test(stamps_are_held),
         cmocka_unit_test(unplugged_cameras_give_no_picture),
         cmocka_unit_test(single_samples_are_struck),
         cmocka_unit_test(values_and_stamps_are_spoiled),
