@@ -1,4 +1,3 @@
-#include "drivers/table.h"
 #include "common/sim_rig.h"
 
 #include <setjmp.h>
@@ -11,20 +10,43 @@
 #include <string.h>
 
 #include "app/run/trajectory.h"
+#include "common/kept_source.h"
+#include "drivers/table.h"
+
+static void open_source(struct sim_rig *rig, const struct fovea_source_ops *ops,
+                        const char *address, int start, int frames)
+{
+    struct fovea_error error;
+    const struct fovea_source_selection selection = {
+        .start = (uint64_t)start, .step = 1, .frames = (uint64_t)frames};
+    /* Of poses and truth, 6 MB, what a run can fill. */
+    const size_t most =
+        frames > 0 && frames < SIM_RIG_FRAMES_MAX ? (size_t)frames : SIM_RIG_FRAMES_MAX;
+    memset(rig, 0, offsetof(struct sim_rig, pose));
+    memset(rig->pose, 0, most * sizeof *rig->pose);
+    memset(rig->truth, 0, most * sizeof *rig->truth);
+    rig->ops = ops;
+    if (frames > SIM_RIG_FRAMES_MAX ||
+        ops->open(address, &selection, &rig->source, &error) != FOVEA_OK ||
+        ops->start(rig->source, &error) != FOVEA_OK)
+        fail_msg("%s", error.text);
+    fovea_config_default(&rig->config);
+    rig->config.rig.cameras[0].camera = ops->info(rig->source)->rig.cameras[0].camera;
+}
 
 void sim_rig_open(struct sim_rig *rig, const char *uri, int start, int frames)
 {
     const char *address;
+    const struct fovea_source_ops *ops;
     struct fovea_error error;
-    const struct fovea_source_selection selection = {
-        .start = (uint64_t)start, .step = 1, .frames = (uint64_t)frames};
-    memset(rig, 0, sizeof *rig);
-    if (frames > SIM_RIG_FRAMES_MAX || fv_source_find(uri, &rig->ops, &address, &error) ||
-        rig->ops->open(address, &selection, &rig->source, &error) ||
-        rig->ops->start(rig->source, &error))
-        fail_msg("%s", error.text);
-    fovea_config_default(&rig->config);
-    rig->config.rig.cameras[0].camera = rig->ops->info(rig->source)->rig.cameras[0].camera;
+    if (fv_source_find(uri, &ops, &address, &error) != FOVEA_OK) fail_msg("%s", error.text);
+    open_source(rig, ops, address, start, frames);
+}
+
+void sim_rig_open_kept(struct sim_rig *rig, const char *uri, int start, int frames)
+{
+    assert_int_equal(strncmp(uri, "sim:", 4), 0);
+    open_source(rig, &kept_sim, uri + 4, start, frames);
 }
 
 void sim_rig_build(struct sim_rig *rig)

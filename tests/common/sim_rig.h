@@ -23,7 +23,11 @@ struct sim_rig {
     double truth[SIM_RIG_FRAMES_MAX][12];
 };
 
+/* From frame `start` on; `frames` 0: to its end. */
 void sim_rig_open(struct sim_rig *rig, const char *uri, int start, int frames);
+/* The same for several runs over the same frames of `sim:`, which are rendered once
+ * (kept_source.h). */
+void sim_rig_open_kept(struct sim_rig *rig, const char *uri, int start, int frames);
 void sim_rig_build(struct sim_rig *rig);
 /* Take a frame and prepare the inputs; false at the end. */
 bool sim_rig_next(struct sim_rig *rig);

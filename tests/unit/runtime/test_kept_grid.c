@@ -43,7 +43,7 @@ static struct grid first_run;
 
 static void open_rig(int start, int frames)
 {
-    sim_rig_open(&rig, HALL, start, frames);
+    sim_rig_open_kept(&rig, HALL, start, frames);
     rig.config.rig = rig.ops->info(rig.source)->rig;
     rig.config.detect.model = model.data;
     rig.config.detect.model_bytes = model.bytes;

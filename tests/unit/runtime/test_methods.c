@@ -18,9 +18,16 @@ enum { METHODS = FOVEA_FEATURES_SHI_TOMASI + 1, FRAMES = 80 };
 
 static struct sim_rig rig;
 
-static void open_rig(const char *uri, int start, int frames, int method)
+/* What each method made of the same frames. */
+static struct {
+    uint8_t *map; /* sealed, from malloc */
+    size_t bytes;
+    double T_world_cam[FRAMES][12];
+} made[METHODS];
+
+static void open_rig(int start, int frames, int method)
 {
-    sim_rig_open(&rig, uri, start, frames);
+    sim_rig_open_kept(&rig, "sim:orbit?width=320&height=240", start, frames);
     rig.config.features.method = (enum fovea_feature_method)method;
     rig.config.preview.period_frames = 0;
 }
@@ -35,11 +42,25 @@ static int play(void)
     return posed;
 }
 
+static void keep(int method)
+{
+    const size_t capacity = fovea_map_bytes_max(&rig.config);
+    uint8_t *map = malloc(capacity);
+    assert_non_null(map);
+    made[method].bytes = fovea_map_save(rig.rt, map, capacity);
+    assert_true(made[method].bytes > 0);
+    fovea_map_seal(map, made[method].bytes);
+    made[method].map = map;
+    for (int n = 0; n < FRAMES; n++)
+        memcpy(made[method].T_world_cam[n], rig.pose[n].T_world_cam,
+               sizeof made[method].T_world_cam[n]);
+}
+
 static void each_follows_the_camera(void **state)
 {
     (void)state;
     for (int m = 0; m < METHODS; m++) {
-        open_rig("sim:orbit?width=320&height=240", 0, FRAMES, m);
+        open_rig(0, FRAMES, m);
         sim_rig_build(&rig);
         const int posed = play();
         const double error = sim_rig_path_error(&rig);
@@ -50,6 +71,7 @@ static void each_follows_the_camera(void **state)
         for (int n = 12; n < FRAMES; n++)
             assert_true(rig.pose[n].posed);
         assert_true(error < 0.01);
+        keep(m);
         sim_rig_close(&rig);
     }
 }
@@ -60,7 +82,7 @@ static uint64_t hash_of(int method, const char *set)
         setenv("FOVEA_CPU", set, 1);
     else
         unsetenv("FOVEA_CPU");
-    open_rig("sim:orbit?width=320&height=240", 0, 24, method);
+    open_rig(0, 24, method);
     rig.config.features.count_max = 400;
     sim_rig_build(&rig);
     unsetenv("FOVEA_CPU");
@@ -91,37 +113,33 @@ static void a_map_of_one_localises_another(void **state)
     static const int pairs[][2] = {{FOVEA_FEATURES_FAST, FOVEA_FEATURES_HARRIS},
                                    {FOVEA_FEATURES_FAST, FOVEA_FEATURES_ORB},
                                    {FOVEA_FEATURES_SHI_TOMASI, FOVEA_FEATURES_FAST}};
-    static double made[FRAMES][12];
     for (size_t p = 0; p < sizeof pairs / sizeof pairs[0]; p++) {
-        open_rig("sim:orbit?width=320&height=240", 0, FRAMES, pairs[p][0]);
-        sim_rig_build(&rig);
-        play();
-        for (int n = 0; n < FRAMES; n++)
-            memcpy(made[n], rig.pose[n].T_world_cam, sizeof made[n]);
-        const size_t capacity = fovea_map_bytes_max(&rig.config);
-        uint8_t *map = malloc(capacity);
-        assert_non_null(map);
-        const size_t bytes = fovea_map_save(rig.rt, map, capacity);
-        sim_rig_close(&rig);
-        fovea_map_seal(map, bytes);
-
-        open_rig("sim:orbit?width=320&height=240", FROM, AGAIN, pairs[p][1]);
-        rig.config.map = map;
-        rig.config.map_bytes = bytes;
+        const int by = pairs[p][0];
+        assert_non_null(made[by].map);
+        open_rig(FROM, AGAIN, pairs[p][1]);
+        rig.config.map = made[by].map;
+        rig.config.map_bytes = made[by].bytes;
         rig.config.odometry.localise_only = true;
         sim_rig_build(&rig);
         const int posed = play();
         print_message("map of %s, found by %s: %d of %d frames\n",
-                      fovea_feature_method_name((enum fovea_feature_method)pairs[p][0]),
+                      fovea_feature_method_name((enum fovea_feature_method)by),
                       fovea_feature_method_name((enum fovea_feature_method)pairs[p][1]), posed,
                       AGAIN);
         assert_in_range(posed, AGAIN - 2, AGAIN);
-        const double way = sim_rig_moved(made[FROM], made[FROM + AGAIN - 1]);
+        const double(*T)[12] = made[by].T_world_cam + FROM, way = sim_rig_moved(T[0], T[AGAIN - 1]);
         for (int n = 2; n < AGAIN; n++)
-            assert_true(sim_rig_moved(rig.pose[n].T_world_cam, made[FROM + n]) < .05 * way);
+            assert_true(sim_rig_moved(rig.pose[n].T_world_cam, T[n]) < .05 * way);
         sim_rig_close(&rig);
-        free(map);
     }
+}
+
+static int tear_down(void **state)
+{
+    (void)state;
+    for (int m = 0; m < METHODS; m++)
+        free(made[m].map);
+    return 0;
 }
 
 static void others_are_refused(void **state)
@@ -162,5 +180,5 @@ int main(void)
         puts("SKIPPED the simulated ways of test_methods: minutes under an emulator");
         return cmocka_run_group_tests(refused, NULL, NULL);
     }
-    return cmocka_run_group_tests(tests, NULL, NULL);
+    return cmocka_run_group_tests(tests, NULL, tear_down);
 }
