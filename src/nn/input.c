@@ -202,14 +202,73 @@ static void fill_column(const struct fv_model *model, const struct tables *table
     }
 }
 
+/* Grey to grey, as most cameras and networks are: columns of one strip of a block. The divisions of
+ * a column are made once for all rows. */
+enum { STRIP_COLUMNS = 64 };
+
+struct strip {
+    int32_t begin, count; /* of the input's columns */
+    int32_t first, end;   /* those of them that the image shows, counted from `begin` */
+    int32_t left[STRIP_COLUMNS], right[STRIP_COLUMNS], wx[STRIP_COLUMNS];
+};
+
+static void strip_begin(const struct fovea_image *image, const struct fv_nn_input_fit *fit,
+                        int32_t begin, int32_t end, struct strip *s)
+{
+    s->begin = begin;
+    s->count = end - begin < STRIP_COLUMNS ? end - begin : STRIP_COLUMNS;
+    const int32_t first = fit->left - begin, last = fit->left + fit->width - begin;
+    s->first = first < 0 ? 0 : first < s->count ? first : s->count;
+    s->end = last < s->first ? s->first : last < s->count ? last : s->count;
+    for (int32_t i = s->first; i < s->end; i++)
+        source_of(begin + i - fit->left, fit->width, image->width, &s->left[i], &s->right[i],
+                  &s->wx[i]);
+}
+
+static void fill_grey_row(const uint8_t table[256], const struct strip *s, const uint8_t *upper,
+                          const uint8_t *lower, int32_t wy, uint8_t *to)
+{
+    for (int32_t i = s->first; i < s->end; i++) {
+        const int32_t left = s->left[i], right = s->right[i], wx = s->wx[i];
+        const int32_t a = upper[left] * (WEIGHT_ONE - wx) + upper[right] * wx,
+                      b = lower[left] * (WEIGHT_ONE - wx) + lower[right] * wx;
+        const int64_t sum = (int64_t)a * (WEIGHT_ONE - wy) + (int64_t)b * wy;
+        to[i] = table[(sum + (INT64_C(1) << (2 * WEIGHT_BITS - 1))) >> (2 * WEIGHT_BITS)];
+    }
+}
+
+static void fill_grey(const struct fv_model *model, const uint8_t table[256],
+                      const struct fovea_image *image, const struct fv_nn_input_fit *fit,
+                      const struct block *b, uint8_t *input)
+{
+    const struct fv_model_preprocess *p = &model->header->preprocess;
+    const uint8_t pad = table[(uint8_t)p->pad];
+    struct strip strip;
+    for (int32_t x = 0; x < p->width; x += strip.count) {
+        strip_begin(image, fit, x, p->width, &strip);
+        for (int32_t i = 0; i < b->count; i++) {
+            uint8_t *to = input + (ptrdiff_t)(b->begin + i) * p->width + x;
+            memset(to, pad, (size_t)strip.count);
+            if (b->shown[i])
+                fill_grey_row(
+                    table, &strip, image->data + (ptrdiff_t)b->up[i] * image->stride_bytes,
+                    image->data + (ptrdiff_t)b->down[i] * image->stride_bytes, b->wy[i], to);
+        }
+    }
+}
+
+static bool is_grey(const struct fv_model *model, const struct fovea_image *image)
+{
+    return image->format == FOVEA_PIXEL_GREY8 && model->header->preprocess.channels == 1 &&
+           model->tensors[model->inputs[0]].type == FV_TYPE_U8;
+}
+
 /* A grey frame of the network's own size needs no interpolation: most cameras' case, and thirty
  * times faster. */
 static bool is_direct(const struct fv_model *model, const struct fovea_image *image,
                       const struct fv_nn_input_fit *fit)
 {
-    return image->format == FOVEA_PIXEL_GREY8 && model->header->preprocess.channels == 1 &&
-           fit->width == image->width && fit->height == image->height &&
-           model->tensors[model->inputs[0]].type == FV_TYPE_U8;
+    return is_grey(model, image) && fit->width == image->width && fit->height == image->height;
 }
 
 int32_t fv_nn_rows_per_unit(const struct fv_model *model, const struct fovea_image *image,
@@ -250,6 +309,10 @@ void fv_nn_fill(const struct fv_model *model, const struct fovea_image *image,
     }
     for (int32_t y = begin; y < end; y += block.count) {
         block_begin(image, fit, y, end, &block);
+        if (is_grey(model, image)) {
+            fill_grey(model, tables.byte[0], image, fit, &block, input);
+            continue;
+        }
         for (int32_t x = 0; x < model->header->preprocess.width; x++)
             fill_column(model, &tables, image, fit, &block, x, input);
     }
