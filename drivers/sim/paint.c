@@ -93,7 +93,7 @@ static int32_t lattice(int32_t x, int32_t y, uint32_t seed)
     return (int32_t)(h & 255u) - 128;
 }
 
-enum { STRIP = 512, BAND = 16, OCTAVES_MAX = 16, SPREAD = 8 };
+enum { STRIP = 512, BAND = 16, OCTAVES_MAX = 16, SPREAD = 16 };
 
 struct octave {
     int32_t size, amplitude; /* the latter at most 127 */
@@ -102,10 +102,11 @@ struct octave {
 };
 
 /* Part of a row of an octave's cells: the lattice values at the corners above and below, of the
- * left side of each; and of one row of its texels the value at the left side of each texel's cell,
- * and the slope across that. */
+ * left side of each; and of one row of its texels the value at the left side of each cell, and the
+ * slope across it, by cell and given to each of its texels. */
 struct cells {
     int32_t above[STRIP + 2], below[STRIP + 2];
+    int16_t cell_value[STRIP + 2], cell_slope[STRIP + 2];
     int16_t value[SPREAD + STRIP + SPREAD], slope[SPREAD + STRIP + SPREAD];
 };
 
@@ -137,19 +138,42 @@ FV_IN_WIDE void repeat(int16_t *restrict to, int16_t value)
         to[i] = value;
 }
 
-/* Give each cell's value and slope to its texels, the first cell's from `at` texels before the
- * strip on. SPREAD texels are written at once: what is too much the next cell overwrites. */
-FV_IN_WIDE void spread(struct cells *c, int32_t count, int32_t size, int32_t at, int32_t down)
+FV_IN_WIDE void find_values(struct cells *c, int32_t count, int32_t down)
 {
-    int32_t value = c->above[0] * 256 + (c->below[0] - c->above[0]) * down;
     for (int32_t k = 0; k < count; k++) {
-        const int32_t next = c->above[k + 1] * 256 + (c->below[k + 1] - c->above[k + 1]) * down;
+        const int32_t here = c->above[k] * 256 + (c->below[k] - c->above[k]) * down,
+                      next = c->above[k + 1] * 256 + (c->below[k + 1] - c->above[k + 1]) * down;
+        c->cell_value[k] = (int16_t)here;
+        c->cell_slope[k] = (int16_t)((next - here) / 256);
+    }
+}
+
+/* Give what each cell has to its texels, the first cell's from `at` texels before the strip on.
+ * SPREAD texels are written at once: what is too much the next cell overwrites. Most cells have 2
+ * or 4 texels, which vectors spread many at a time. */
+FV_IN_WIDE void spread(int16_t *restrict texels, const int16_t *restrict cells, int32_t count,
+                       int32_t size, int32_t at)
+{
+    int16_t *to = texels + SPREAD - at;
+    if (size == 2) {
+        for (int32_t k = 0; k < count; k++)
+            to[2 * k] = to[2 * k + 1] = cells[k];
+        return;
+    }
+    if (size == 4) {
+        for (int32_t k = 0; k < count; k++)
+            to[4 * k] = to[4 * k + 1] = to[4 * k + 2] = to[4 * k + 3] = cells[k];
+        return;
+    }
+    if (size <= SPREAD) {
+        for (int32_t k = 0; k < count; k++)
+            repeat(to + k * size, cells[k]);
+        return;
+    }
+    for (int32_t k = 0; k < count; k++) {
         const int32_t begin = SPREAD + k * size - at, end = begin + size;
-        for (int32_t i = begin < 0 ? 0 : begin; i < end && i < SPREAD + STRIP; i += SPREAD) {
-            repeat(c->value + i, (int16_t)value);
-            repeat(c->slope + i, (int16_t)((next - value) / 256));
-        }
-        value = next;
+        for (int32_t i = begin < 0 ? 0 : begin; i < end && i < SPREAD + STRIP; i += SPREAD)
+            repeat(texels + i, cells[k]);
     }
 }
 
@@ -160,7 +184,9 @@ FV_WIDE static void octave_row(const struct octave *o, struct cells *c, int32_t 
 {
     const int16_t *value = c->value + SPREAD, *slope = c->slope + SPREAD;
     const int16_t amplitude = (int16_t)o->amplitude;
-    spread(c, cell_count, o->size, at, down);
+    find_values(c, cell_count, down);
+    spread(c->value, c->cell_value, cell_count, o->size, at);
+    spread(c->slope, c->cell_slope, cell_count, o->size, at);
     for (int32_t i = 0; i < count; i++) {
         const int16_t here = (int16_t)(value[i] + (int16_t)(slope[i] * o->fade[i]));
         sum[i] += (int16_t)((int16_t)(here / 128) * amplitude);
@@ -218,7 +244,8 @@ void fv_sim_noise(struct fv_sim_brush *brush, int32_t x0, int32_t y0, int32_t x1
             octave_begin(&octaves[i], left, count);
         for (int32_t top = y0; top < y1; top += BAND) {
             const int32_t rows = top + BAND < y1 ? BAND : y1 - top;
-            memset(sum, 0, sizeof sum);
+            for (int32_t y = 0; y < rows; y++)
+                memset(sum[y], 0, (size_t)count * sizeof sum[y][0]);
             for (int32_t i = 0; i < octave_count; i++)
                 octave_add(&octaves[i], sum, left, count, top, rows);
             for (int32_t y = top; y < top + rows; y++)
