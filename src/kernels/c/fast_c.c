@@ -17,28 +17,37 @@ static int32_t larger(int32_t a, int32_t b)
     return a > b ? a : b;
 }
 
-/* Nine contiguous pixels hold at least one of every opposite pair: most pixels fail here. */
-static bool may_be_corner(const int32_t difference[16], int32_t threshold)
+/* Nine contiguous pixels hold at least one of every opposite pair: most pixels fail here, of these
+ * most at the first pair or the second. */
+static bool may_be_corner(const uint8_t *pixel, const ptrdiff_t offset[16], int32_t threshold)
 {
+    static const uint8_t order[8] = {0, 4, 2, 6, 1, 3, 5, 7};
+    const int32_t bright = *pixel + threshold, dark = *pixel - threshold;
     bool brighter = true, darker = true;
-    for (int k = 0; k < 8; k++) {
-        brighter &= larger(difference[k], difference[k + 8]) > threshold;
-        darker &= smaller(difference[k], difference[k + 8]) < -threshold;
+    for (int k = 0; k < 8 && (brighter || darker); k++) {
+        const int32_t a = pixel[offset[order[k]]], b = pixel[offset[order[k] + 8]];
+        brighter &= larger(a, b) > bright;
+        darker &= smaller(a, b) < dark;
     }
     return brighter || darker;
 }
 
-/* One more than the largest threshold: over all arcs, the best of the arc's weakest pixel. */
+/* One more than the largest threshold: over all arcs, the best of the arc's weakest pixel. An arc
+ * of nine is one of eight, which is twice four, and a pixel. */
 static int32_t strength(const int32_t difference[16])
 {
-    int32_t best = 0;
-    for (int start = 0; start < 16; start++) {
-        int32_t low = 255, high = -255;
-        for (int k = 0; k < 9; k++) {
-            low = smaller(low, difference[(start + k) & 15]);
-            high = larger(high, difference[(start + k) & 15]);
+    int32_t low[24], high[24], best = 0;
+    for (int i = 0; i < 24; i++)
+        low[i] = high[i] = difference[i & 15];
+    for (int reach = 1; reach < 8; reach *= 2) {
+        for (int i = 0; i + reach < 24; i++) {
+            low[i] = smaller(low[i], low[i + reach]);
+            high[i] = larger(high[i], high[i + reach]);
         }
-        best = larger(best, larger(low, -high));
+    }
+    for (int i = 0; i < 16; i++) {
+        const int32_t last = difference[(i + 8) & 15];
+        best = larger(best, larger(smaller(low[i], last), -larger(high[i], last)));
     }
     return best;
 }
@@ -46,12 +55,15 @@ static int32_t strength(const int32_t difference[16])
 void fv_k_fast_score_u8__c(uint8_t *scores, const uint8_t *pixels, ptrdiff_t stride_bytes,
                            int32_t count, int32_t threshold)
 {
+    ptrdiff_t offset[16];
+    for (int k = 0; k < 16; k++)
+        offset[k] = circle[k][0] + circle[k][1] * stride_bytes;
     for (int32_t i = 0; i < count; i++) {
         int32_t difference[16];
-        for (int k = 0; k < 16; k++)
-            difference[k] = pixels[i + circle[k][0] + circle[k][1] * stride_bytes] - pixels[i];
         scores[i] = 0;
-        if (!may_be_corner(difference, threshold)) continue;
+        if (!may_be_corner(pixels + i, offset, threshold)) continue;
+        for (int k = 0; k < 16; k++)
+            difference[k] = pixels[i + offset[k]] - pixels[i];
         const int32_t best = strength(difference);
         if (best > threshold) scores[i] = (uint8_t)(best - 1);
     }

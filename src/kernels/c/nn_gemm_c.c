@@ -1,14 +1,30 @@
 #include "kernels/kernels.h"
 #include "kernels/nn_requantize.h"
 
-static int32_t accumulate(const struct fv_nn_gemm *g, const uint8_t *row, int32_t row_sum,
-                          int32_t channel)
+enum { BLOCK = 16 }; /* channels whose weights lie together */
+
+static void begin(const struct fv_nn_gemm *g, int32_t block, uint32_t more, uint32_t acc[BLOCK])
 {
-    const int8_t *w = g->weights + ((ptrdiff_t)(channel / 16) * g->k4 * 16 + channel % 16) * 4;
-    uint32_t sum = (uint32_t)g->bias[channel] + (uint32_t)g->row_sum_factor * (uint32_t)row_sum;
-    for (int32_t k = 0; k < g->k; k++)
-        sum += (uint32_t)(row[k] * w[(ptrdiff_t)(k / 4) * 64 + k % 4]);
-    return (int32_t)sum;
+    for (int32_t c = 0; c < BLOCK; c++)
+        acc[c] = (uint32_t)g->bias[block * BLOCK + c] + more;
+}
+
+/* Four inputs times their weights of each channel of the block. */
+static inline void add_four(uint32_t acc[BLOCK], const uint8_t *four, const int8_t *w)
+{
+    const int32_t x0 = four[0], x1 = four[1], x2 = four[2], x3 = four[3];
+    for (int32_t c = 0; c < BLOCK; c++, w += 4)
+        acc[c] += (uint32_t)(x0 * w[0] + x1 * w[1] + x2 * w[2] + x3 * w[3]);
+}
+
+/* Accumulators of a row and the channels of a block; past k the weights are zero. */
+static void accumulate(const struct fv_nn_gemm *g, const uint8_t *row, int32_t row_sum,
+                       int32_t block, uint32_t acc[BLOCK])
+{
+    const int8_t *w = g->weights + (ptrdiff_t)block * g->k4 * 4 * BLOCK;
+    begin(g, block, (uint32_t)g->row_sum_factor * (uint32_t)row_sum, acc);
+    for (int32_t j = 0; j < g->k4; j++)
+        add_four(acc, row + (ptrdiff_t)j * 4, w + (ptrdiff_t)j * 4 * BLOCK);
 }
 
 static int32_t sum_of(const struct fv_nn_gemm *g, const uint8_t *row)
@@ -30,11 +46,12 @@ static uint8_t output_of(const struct fv_nn_gemm *g, int32_t acc, int32_t channe
 void fv_k_nn_gemm_u8__c(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda, uint8_t *out,
                         ptrdiff_t ldo, int32_t m)
 {
+    uint32_t acc[BLOCK];
     for (int32_t i = 0; i < m; i++) {
         const int32_t row_sum = sum_of(g, a + i * lda);
         for (int32_t c = 0; c < g->n; c++) {
-            const int32_t acc = accumulate(g, a + i * lda, row_sum, c);
-            out[i * ldo + c] = output_of(g, acc, c);
+            if (c % BLOCK == 0) accumulate(g, a + i * lda, row_sum, c / BLOCK, acc);
+            out[i * ldo + c] = output_of(g, (int32_t)acc[c % BLOCK], c);
         }
     }
 }
@@ -44,29 +61,30 @@ void fv_k_nn_gemm_i32__c(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t
 {
     for (int32_t i = 0; i < m; i++) {
         const int32_t row_sum = sum_of(g, a + i * lda);
-        for (int32_t c = 0; c < (g->n + 15) / 16 * 16; c++)
-            out[i * ldo + c] = accumulate(g, a + i * lda, row_sum, c);
+        for (int32_t block = 0; block < (g->n + BLOCK - 1) / BLOCK; block++)
+            accumulate(g, a + i * lda, row_sum, block,
+                       (uint32_t *)out + i * ldo + (ptrdiff_t)block * BLOCK);
     }
 }
 
-/* Accumulator of one row and channel whose groups of inputs lie apart. */
-static int32_t accumulate_apart(const struct fv_nn_gemm *g, const uint8_t *in,
-                                const int32_t *offsets, int32_t channel)
+/* Accumulators of a row whose groups of inputs lie apart. */
+static void accumulate_apart(const struct fv_nn_gemm *g, const uint8_t *in, const int32_t *offsets,
+                             int32_t block, uint32_t acc[BLOCK])
 {
-    const int8_t *w = g->weights + ((ptrdiff_t)(channel / 16) * g->k4 * 16 + channel % 16) * 4;
-    uint32_t sum = (uint32_t)g->bias[channel];
-    for (int32_t j = 0; j < g->k4; j++, w += 64) {
-        for (int32_t i = 0; i < 4; i++)
-            sum += (uint32_t)(in[offsets[j] + i] * w[i]);
-    }
-    return (int32_t)sum;
+    const int8_t *w = g->weights + (ptrdiff_t)block * g->k4 * 4 * BLOCK;
+    begin(g, block, 0, acc);
+    for (int32_t j = 0; j < g->k4; j++)
+        add_four(acc, in + offsets[j], w + (ptrdiff_t)j * 4 * BLOCK);
 }
 
 void fv_k_nn_apart_u8__c(const struct fv_nn_gemm *g, const uint8_t *const *in,
                          const int32_t *offsets, uint8_t *const *out, int32_t m)
 {
+    uint32_t acc[BLOCK];
     for (int32_t i = 0; i < m; i++) {
-        for (int32_t c = 0; c < g->n; c++)
-            out[i][c] = output_of(g, accumulate_apart(g, in[i], offsets, c), c);
+        for (int32_t c = 0; c < g->n; c++) {
+            if (c % BLOCK == 0) accumulate_apart(g, in[i], offsets, c / BLOCK, acc);
+            out[i][c] = output_of(g, (int32_t)acc[c % BLOCK], c);
+        }
     }
 }
