@@ -532,9 +532,9 @@ struct fovea_stats {
 };
 void fovea_stats_get(const struct fovea *rt, struct fovea_stats *stats);
 
-/* 64-bit FNV-1a hash of everything in the state that may influence later results. Equal histories
- * give equal hashes on all processors of the same word size and byte order. Bounded time; not for
- * every frame. Loop thread. */
+/* 64-bit hash of everything in the state that may influence later results; no defence against an
+ * adversary. Equal histories give equal hashes on all processors of the same word size and byte
+ * order. Bounded time; not for every frame. Loop thread. */
 uint64_t fovea_state_hash(const struct fovea *rt);
 
 /* Copy a runtime into another block of at least the same size, which may then be stepped on its

@@ -360,8 +360,9 @@ enum fovea_status fovea_copy(const struct fovea *rt, void *memory, size_t bytes,
 
 uint64_t fovea_state_hash(const struct fovea *rt)
 {
-    uint64_t hash = fv_hash(FV_HASH_START, rt->part_base[PERSISTENT], rt->part_bytes[PERSISTENT]);
-    return fv_hash(hash, rt->part_base[JOB], rt->part_bytes[JOB]);
+    const uint64_t hash =
+        fv_hash_state(FV_HASH_START, rt->part_base[PERSISTENT], rt->part_bytes[PERSISTENT]);
+    return fv_hash_state(hash, rt->part_base[JOB], rt->part_bytes[JOB]);
 }
 
 /* ---- the state as bytes ---------------------------------------------------------------------- */
