@@ -1,6 +1,6 @@
 #include "kernels/kernels.h"
 
-#include <stdbool.h>
+#include <string.h>
 
 /* The circle, from the top clockwise. */
 static const int8_t circle[16][2] = {{0, -3}, {1, -3},  {2, -2},  {3, -1}, {3, 0},  {3, 1},
@@ -17,37 +17,41 @@ static int32_t larger(int32_t a, int32_t b)
     return a > b ? a : b;
 }
 
-/* Nine contiguous pixels hold at least one of every opposite pair: most pixels fail here, of these
- * most at the first pair or the second. */
-static bool may_be_corner(const uint8_t *pixel, const ptrdiff_t offset[16], int32_t threshold)
+enum { STRETCH = 64 }; /* pixels looked at together, so that the compiler can use vectors */
+
+/* Nine contiguous pixels hold at least one of every opposite pair: those of a corner are brighter
+ * than `low`, the least of the pairs' brighter ones, or darker than `high`, the most of the darker
+ * ones. Not inlined: GCC would exchange the loops and use no vectors. */
+__attribute__((noinline)) static void take_pair(uint8_t *restrict low, uint8_t *restrict high,
+                                                const uint8_t *restrict a,
+                                                const uint8_t *restrict b, int32_t count)
 {
-    static const uint8_t order[8] = {0, 4, 2, 6, 1, 3, 5, 7};
-    const int32_t bright = *pixel + threshold, dark = *pixel - threshold;
-    bool brighter = true, darker = true;
-    for (int k = 0; k < 8 && (brighter || darker); k++) {
-        const int32_t a = pixel[offset[order[k]]], b = pixel[offset[order[k] + 8]];
-        brighter &= larger(a, b) > bright;
-        darker &= smaller(a, b) < dark;
+    for (int32_t i = 0; i < count; i++) {
+        const uint8_t p = a[i], q = b[i], most = p > q ? p : q, least = p < q ? p : q,
+                      low_before = low[i], high_before = high[i];
+        low[i] = most < low_before ? most : low_before;
+        high[i] = least > high_before ? least : high_before;
     }
-    return brighter || darker;
 }
 
 /* One more than the largest threshold: over all arcs, the best of the arc's weakest pixel. An arc
  * of nine is one of eight, which is twice four, and a pixel. */
-static int32_t strength(const int32_t difference[16])
+static int32_t strength(const uint8_t *pixel, const ptrdiff_t offset[16])
 {
-    int32_t low[24], high[24], best = 0;
+    uint8_t level[24], low[24], high[24];
+    int32_t best = 0;
     for (int i = 0; i < 24; i++)
-        low[i] = high[i] = difference[i & 15];
+        low[i] = high[i] = level[i] = pixel[offset[i & 15]];
     for (int reach = 1; reach < 8; reach *= 2) {
         for (int i = 0; i + reach < 24; i++) {
-            low[i] = smaller(low[i], low[i + reach]);
-            high[i] = larger(high[i], high[i + reach]);
+            low[i] = low[i] < low[i + reach] ? low[i] : low[i + reach];
+            high[i] = high[i] > high[i + reach] ? high[i] : high[i + reach];
         }
     }
     for (int i = 0; i < 16; i++) {
-        const int32_t last = difference[(i + 8) & 15];
-        best = larger(best, larger(smaller(low[i], last), -larger(high[i], last)));
+        const int32_t last = level[i + 8];
+        best = larger(best, smaller(low[i], last) - *pixel);
+        best = larger(best, *pixel - larger(high[i], last));
     }
     return best;
 }
@@ -58,14 +62,21 @@ void fv_k_fast_score_u8__c(uint8_t *scores, const uint8_t *pixels, ptrdiff_t str
     ptrdiff_t offset[16];
     for (int k = 0; k < 16; k++)
         offset[k] = circle[k][0] + circle[k][1] * stride_bytes;
-    for (int32_t i = 0; i < count; i++) {
-        int32_t difference[16];
-        scores[i] = 0;
-        if (!may_be_corner(pixels + i, offset, threshold)) continue;
-        for (int k = 0; k < 16; k++)
-            difference[k] = pixels[i + offset[k]] - pixels[i];
-        const int32_t best = strength(difference);
-        if (best > threshold) scores[i] = (uint8_t)(best - 1);
+    for (int32_t begin = 0; begin < count; begin += STRETCH) {
+        const int32_t stretch = count - begin < STRETCH ? count - begin : STRETCH;
+        uint8_t low[STRETCH], high[STRETCH];
+        memset(low, 255, sizeof low);
+        memset(high, 0, sizeof high);
+        for (int k = 0; k < 8; k++)
+            take_pair(low, high, pixels + begin + offset[k], pixels + begin + offset[k + 8],
+                      stretch);
+        for (int32_t i = 0; i < stretch; i++) {
+            const uint8_t *pixel = pixels + begin + i;
+            scores[begin + i] = 0;
+            if (low[i] <= *pixel + threshold && high[i] >= *pixel - threshold) continue;
+            const int32_t best = strength(pixel, offset);
+            if (best > threshold) scores[begin + i] = (uint8_t)(best - 1);
+        }
     }
 }
 

@@ -10,11 +10,12 @@ static void begin(const struct fv_nn_gemm *g, int32_t block, uint32_t more, uint
 }
 
 /* Four inputs times their weights of each channel of the block. */
-static inline void add_four(uint32_t acc[BLOCK], const uint8_t *four, const int8_t *w)
+static inline void add_four(uint32_t *restrict acc, const uint8_t *four, const int8_t *w)
 {
     const int32_t x0 = four[0], x1 = four[1], x2 = four[2], x3 = four[3];
-    for (int32_t c = 0; c < BLOCK; c++, w += 4)
-        acc[c] += (uint32_t)(x0 * w[0] + x1 * w[1] + x2 * w[2] + x3 * w[3]);
+    for (int32_t c = 0; c < BLOCK; c++)
+        acc[c] +=
+            (uint32_t)(x0 * w[4 * c] + x1 * w[4 * c + 1] + x2 * w[4 * c + 2] + x3 * w[4 * c + 3]);
 }
 
 /* Accumulators of a row and the channels of a block; past k the weights are zero. */
