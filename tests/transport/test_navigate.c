@@ -221,6 +221,33 @@ static void a_run_with_a_key_takes_nothing_that_is_not_signed(void **state)
     fclose(heard);
 }
 
+/* At any time: it tells what came of the drive, and that the goal was not reached. */
+static void a_signal_ends_it_with_its_last_line(void **state)
+{
+    const int signals[] = {SIGINT, SIGTERM};
+    (void)state;
+    for (size_t i = 0; i < 2; i++) {
+        char navigate[640], line[512] = "";
+        pid_t navigator;
+        int status;
+        snprintf(navigate, sizeof navigate, "%s/examples/navigate", build_folder());
+        const char *const controller[] = {navigate, "0.8", "0", "--url", URL, NULL};
+        FILE *heard = start(controller, &navigator);
+        assert_non_null(fgets(line, sizeof line, heard));
+        assert_int_equal(kill(navigator, signals[i]), 0);
+        assert_non_null(fgets(line, sizeof line, heard));
+        print_message("%s", line);
+        assert_string_equal(line,
+                            "not at the goal after 0 poses, of which 0 could not be steered by; 0 "
+                            "grids; stood against its command 0 times; gave up 0 ways that were "
+                            "too narrow; asked to stand after silence 0 times\n");
+        assert_null(fgets(line, sizeof line, heard));
+        assert_int_equal(waitpid(navigator, &status, 0), navigator);
+        assert_true(WIFEXITED(status) && WEXITSTATUS(status) == 1);
+        fclose(heard);
+    }
+}
+
 static int set_up(void **state)
 {
     (void)state;
@@ -294,6 +321,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_run_is_driven_in_lock_step_and_repeats),
         cmocka_unit_test(a_run_with_a_key_takes_nothing_that_is_not_signed),
+        cmocka_unit_test(a_signal_ends_it_with_its_last_line),
         cmocka_unit_test(wrong_arguments_are_refused),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);

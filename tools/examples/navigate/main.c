@@ -12,14 +12,17 @@
  *         --set grid.enabled=true --set 'T_body_cam=[...]'
  *
  * Every pose is answered, so that sim:drive goes on in lock-step. Without a pose in metres, and
- * when nothing comes for two seconds, the robot is asked to stand. Exit 0: at the goal. The planner
- * begins in plan.h.
+ * when nothing comes for two seconds, the robot is asked to stand, as it is at SIGINT and SIGTERM,
+ * which end the program. Exit 0: at the goal. The planner begins in plan.h.
  *
  * A run with command_key takes only what was signed with its key: --key names the file. The number
  * of the run that is meant is heard on PREFIX_RUN, or given by --run-id; each program that shares
  * the key needs a --sender of its own. */
+#include <errno.h>
 #include <inttypes.h>
 #include <math.h>
+#include <poll.h>
+#include <signal.h>
 #include <stdbool.h>
 #include <stdio.h>
 #include <string.h>
@@ -54,6 +57,7 @@ static struct {
     struct navigate_frame place;      /* of the grid that was planned on */
     fovea_run_t_subscription_t *runs; /* while the run to sign for is not known */
     bool planned, arrived, too_large; /* a grid was, which is said once */
+    sigset_t waiting;                 /* signals that do not come while it waits for a message */
     int64_t grid_ns, frame, poses, grids, stood, silences;
 } self = {.asked = {.prefix = "FOVEA", .robot = {0.2, 0.5, 1.2}, .sender = 1}};
 
@@ -165,15 +169,51 @@ static void unsubscribe_from_runs(bool now)
     self.runs = NULL;
 }
 
-/* Until the run has been silent for long after its first pose, as at its end. A pose or an answer
- * may be lost, or have been sent before this program listened: after two seconds of silence
- * whichever frame waits is answered, so that lock-step goes on. */
+static volatile sig_atomic_t ended;
+
+static void on_end(int number)
+{
+    (void)number;
+    ended = 1;
+}
+
+/* From here on signals come while a message is waited for, and at no other time; call it before LCM
+ * begins a thread of its own. */
+static void take_signals(void)
+{
+    const struct sigaction action = {.sa_handler = on_end};
+    sigset_t signals;
+    sigemptyset(&signals);
+    sigaddset(&signals, SIGINT);
+    sigaddset(&signals, SIGTERM);
+    sigprocmask(SIG_BLOCK, &signals, &self.waiting);
+    sigdelset(&self.waiting, SIGINT);
+    sigdelset(&self.waiting, SIGTERM);
+    sigaction(SIGINT, &action, NULL);
+    sigaction(SIGTERM, &action, NULL);
+}
+
+/* A message, when one comes in that time: 1; else 0, as when a signal comes; -1: LCM failed. */
+static int handle_within(int ms)
+{
+    struct pollfd lcm = {.fd = lcm_get_fileno(self.lcm), .events = POLLIN};
+    const struct timespec most = {ms / 1000, ms % 1000 * 1000000};
+    const int ready = ppoll(&lcm, 1, &most, &self.waiting);
+    if (ready < 0) return errno == EINTR ? 0 : -1;
+    if (ready == 0) return 0;
+    return lcm_handle(self.lcm) < 0 ? -1 : 1;
+}
+
+/* Until the run has been silent for long after its first pose, as at its end, or a signal comes. A
+ * pose or an answer may be lost, or have been sent before this program listened: after two seconds
+ * of silence whichever frame waits is answered, so that lock-step goes on. */
 static void drive(void)
 {
     int quiet = 0;
     while (quiet < (self.arrived ? 2 : QUIET_MOST)) {
-        const int handled = lcm_handle_timeout(self.lcm, QUIET_MS);
+        const int handled = handle_within(QUIET_MS);
         if (handled < 0) return;
+        if (ended) break;
         quiet = handled > 0 || self.poses == 0 ? 0 : quiet + 1;
         if (handled == 0) {
             self.silences++;
@@ -181,6 +221,7 @@ static void drive(void)
         }
         unsubscribe_from_runs(self.run_id != 0);
     }
+    if (ended) ask(-1, (struct navigate_motion){0});
 }
 
 int main(int argc, char **argv)
@@ -201,6 +242,7 @@ int main(int argc, char **argv)
     if (asked->key_path != NULL && fv_command_key_read(asked->key_path, self.key, &error) < 0)
         return fv_say_wrong("navigate: --key: %s", error.text);
     self.run_id = asked->run_id;
+    take_signals();
     self.lcm = lcm_create(asked->url);
     if (self.lcm == NULL)
         return fv_say_failed("navigate: %s: LCM cannot be opened",
@@ -220,10 +262,10 @@ int main(int argc, char **argv)
     fflush(stdout);
     drive();
     printf("%s after %" PRId64 " poses, of which %" PRId64 " could not be steered by; %" PRId64
-           " grids; stood against its command %" PRId64
-           " times; asked to stand after silence %" PRId64 " times\n",
+           " grids; stood against its command %" PRId64 " times; gave up %" PRId64
+           " ways that were too narrow; asked to stand after silence %" PRId64 " times\n",
            self.arrived ? "at the goal" : "not at the goal", self.poses, self.stood, self.grids,
-           self.planner.touches, self.silences);
+           self.planner.touches - self.planner.given_up, self.planner.given_up, self.silences);
     unsubscribe_from_runs(true);
     fovea_grid_t_unsubscribe(self.lcm, grids);
     fovea_pose_t_unsubscribe(self.lcm, poses);

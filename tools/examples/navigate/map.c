@@ -9,46 +9,52 @@ static const double wide_m = 0.6, near_price = 8, unknown_price = 3, squeeze_pri
 /* What of the robot's edge a touch may be at, to either side of ahead, and how deep it is taken to
  * be. */
 static const double touch_rad = 1.2, touch_deep_m = 0.1;
-enum { FREE_BELOW = 35, OCCUPIED_ABOVE = 65 };
+enum { FREE_BELOW = 35, SUSPECTED_ABOVE = 65, OCCUPIED_ABOVE = 88 };
 
 static void lower(float *to, float from)
 {
     if (from < *to) *to = from;
 }
 
-/* Distances to occupied cells, over straight and diagonal steps: a pass from each end. */
-static void find_gaps(struct navigate *n)
+/* A cell's distance by those of its neighbours in the row before it and in its own, `back` -1, or
+ * in the row after it. */
+static void take_nearest(const struct navigate *n, float *gap, int32_t x, int32_t y, int32_t back)
 {
-    const int32_t w = n->width, cells = w * n->height;
     const float straight = (float)n->cell_m, across = straight * 1.41421356f;
-    for (int32_t i = 0; i < cells; i++)
-        n->gap[i] = n->kind[i] == NAVIGATE_OCCUPIED ? 0 : 1e6f;
-    for (int32_t pass = 0; pass < 2; pass++)
-        for (int32_t k = 0; k < cells; k++) {
-            const int32_t i = pass == 0 ? k : cells - 1 - k, back = pass == 0 ? -1 : 1;
-            const int32_t x = i % w, before = i + back * w;
-            const bool inside = before >= 0 && before < cells;
-            if (x + back >= 0 && x + back < w) lower(&n->gap[i], n->gap[i + back] + straight);
-            if (inside) lower(&n->gap[i], n->gap[before] + straight);
-            if (inside && x > 0) lower(&n->gap[i], n->gap[before - 1] + across);
-            if (inside && x + 1 < w) lower(&n->gap[i], n->gap[before + 1] + across);
-        }
+    const int32_t w = n->width, i = y * w + x, before = i + back * w;
+    if (x + back >= 0 && x + back < w) lower(&gap[i], gap[i + back] + straight);
+    if (y + back < 0 || y + back >= n->height) return;
+    lower(&gap[i], gap[before] + straight);
+    if (x > 0) lower(&gap[i], gap[before - 1] + across);
+    if (x + 1 < w) lower(&gap[i], gap[before + 1] + across);
+}
+
+/* Distances to cells of a kind or worse, over straight and diagonal steps: a pass from each end. */
+static void find_gaps(const struct navigate *n, enum navigate_kind kind, float *gap)
+{
+    const int32_t w = n->width, h = n->height;
+    for (int32_t i = 0; i < w * h; i++)
+        gap[i] = n->kind[i] >= kind ? 0 : 1e6f;
+    for (int32_t y = 0; y < h; y++)
+        for (int32_t x = 0; x < w; x++)
+            take_nearest(n, gap, x, y, -1);
+    for (int32_t y = h - 1; y >= 0; y--)
+        for (int32_t x = w - 1; x >= 0; x--)
+            take_nearest(n, gap, x, y, 1);
 }
 
 /* Nearer to what is occupied than the robot's radius allows it is a squeeze: only to get out of
- * where the robot already is. */
+ * where the robot already is. Nearer than that to what is suspected it may be one: from near it
+ * will be seen. */
 double navigate_price(const struct navigate *n, int32_t cell)
 {
     const double gap = (double)n->gap[cell], least = n->robot.radius_m + navigate_margin_m;
-    if (n->kind[cell] == NAVIGATE_OCCUPIED) return 0;
-    double price = n->kind[cell] == NAVIGATE_UNKNOWN ? unknown_price : 1;
-    if (gap < least) {
-        price *= squeeze_price;
-    } else if (gap < least + wide_m) {
-        const double near = (least + wide_m - gap) / wide_m;
-        price *= 1 + near_price * near * near;
-    }
-    return price;
+    if (n->kind[cell] >= NAVIGATE_SUSPECTED) return 0;
+    const double price = n->kind[cell] == NAVIGATE_UNKNOWN ? unknown_price : 1;
+    if ((double)n->hold[cell] < least) return price * squeeze_price;
+    if (gap >= least + wide_m) return price;
+    const double near = (least + wide_m - gap) / wide_m;
+    return price + near_price * near * near;
 }
 
 int32_t navigate_cell(const struct navigate *n, double x, double y)
@@ -69,7 +75,7 @@ double navigate_exit(const struct navigate *n, int32_t cell, int32_t goal)
     if (goal >= 0) return cell == goal ? 0 : -1;
     const int32_t x = cell % n->width, y = cell / n->width;
     const bool edge = x == 0 || y == 0 || x + 1 == n->width || y + 1 == n->height;
-    if (!edge || n->kind[cell] == NAVIGATE_OCCUPIED) return -1;
+    if (!edge || n->kind[cell] >= NAVIGATE_SUSPECTED) return -1;
     return unknown_price * /* as is what lies beyond the edge */
            hypot(navigate_middle(n, cell, 0) - n->goal[0],
                  navigate_middle(n, cell, 1) - n->goal[1]);
@@ -96,14 +102,20 @@ void navigate_map_touches(struct navigate *n)
 {
     for (int64_t i = 0; i < n->touches && i < NAVIGATE_TOUCHES_MAX; i++)
         if (n->touch[i].until_s > n->now_s) mark_touch(n, &n->touch[i]);
-    find_gaps(n);
+    find_gaps(n, NAVIGATE_SUSPECTED, n->gap);
+    find_gaps(n, NAVIGATE_OCCUPIED, n->hold);
+}
+
+static enum navigate_kind kind_of(int8_t value)
+{
+    if (value > OCCUPIED_ABOVE) return NAVIGATE_OCCUPIED;
+    if (value > SUSPECTED_ABOVE) return NAVIGATE_SUSPECTED;
+    return value >= 0 && value < FREE_BELOW ? NAVIGATE_FREE : NAVIGATE_UNKNOWN;
 }
 
 void navigate_map(struct navigate *n, const int8_t *cells)
 {
     for (int32_t i = 0; i < n->width * n->height; i++)
-        n->kind[i] = cells[i] > OCCUPIED_ABOVE                ? NAVIGATE_OCCUPIED
-                     : cells[i] >= 0 && cells[i] < FREE_BELOW ? NAVIGATE_FREE
-                                                              : NAVIGATE_UNKNOWN;
+        n->kind[i] = (uint8_t)kind_of(cells[i]);
     navigate_map_touches(n);
 }

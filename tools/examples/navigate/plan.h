@@ -2,9 +2,10 @@
  * are widened by the robot's radius (map.h, ways.h, dstar_lite.h), and a pursuit of the way it
  * finds (steer.c). What is occupied is never entered; what is not known may be planned through at a
  * price, but is entered only when it has been seen to be free, or slowly where it cannot be seen
- * from anywhere nearer. Where the robot was asked to drive and stood, something is that the grid
- * does not show: the planner keeps it in mind for a while as an obstacle ahead, backs off and plans
- * anew. */
+ * from anywhere nearer. What was seen occupied only once or twice closes no way that passes beside
+ * it: the robot goes there to see it from near, and gives the way up where it stays too narrow.
+ * Where the robot was asked to drive and stood, something is that the grid does not show. Either is
+ * kept in mind for a while as an obstacle ahead; the robot backs off and plans anew. */
 #ifndef FOVEA_EXAMPLES_NAVIGATE_PLAN_H
 #define FOVEA_EXAMPLES_NAVIGATE_PLAN_H
 
@@ -19,11 +20,15 @@ enum {
     NAVIGATE_TOUCHES_MAX = 16
 };
 
+/* From good to bad. Suspected: something was seen there, but not often enough to be sure that it is
+ * not beside. */
+enum navigate_kind { NAVIGATE_FREE, NAVIGATE_UNKNOWN, NAVIGATE_SUSPECTED, NAVIGATE_OCCUPIED };
+
 struct navigate_robot {
     double radius_m, speed_m_s, turning_rad_s; /* disc; limits that it is asked for */
 };
 
-/* Where the robot stood against its command. */
+/* Where the robot stood against its command, or before a way that was too narrow. */
 struct navigate_touch {
     double position[2], yaw, until_s;
 };
@@ -39,21 +44,20 @@ struct navigate {
     int32_t width, height;
     double cell_m, origin[2];
     uint8_t kind[NAVIGATE_CELLS_MAX]; /* of each cell: enum navigate_kind */
-    float gap[NAVIGATE_CELLS_MAX];    /* metres from its middle to the next occupied cell's */
+    float gap[NAVIGATE_CELLS_MAX];    /* metres from its middle to the next one's with something */
+    float hold[NAVIGATE_CELLS_MAX];   /* the same to the next occupied one's */
     struct dstar ways;                /* the search over these cells */
     int32_t corner[2];                /* where the search has the grid's first cell */
     bool begun;                       /* the next grid may go on where the last was */
-    int32_t looked;                   /* steps for which it has looked at what it cannot see */
     /* What it was asked for at the last step, and what came of it: the way that it should have gone
      * since it was at `stood`. */
     struct navigate_motion asked;
-    double now_s, stood[2], due_m;
+    double now_s, step_s, stood[2], due_m;
+    double stands_s; /* for so long it has stood before what it cannot see, or cannot pass */
     struct navigate_touch touch[NAVIGATE_TOUCHES_MAX]; /* a ring, by their number */
-    int64_t touches;                                   /* ever */
-    double backs_until_s;                              /* off from the last of them */
+    int64_t touches, given_up; /* ever; of these, ways that were too narrow */
+    double backs_until_s;      /* off from the last of them */
 };
-
-enum navigate_kind { NAVIGATE_UNKNOWN, NAVIGATE_FREE, NAVIGATE_OCCUPIED };
 
 void navigate_init(struct navigate *n, const struct navigate_robot *robot, const double goal[2]);
 /* Take a grid, as fovea.grid_t has it. A side longer than NAVIGATE_SIDE_MAX: false. */

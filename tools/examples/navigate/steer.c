@@ -5,11 +5,18 @@
 #include "map.h"
 #include "ways.h"
 
-static const double look_m = 0.35, goal_m = 0.2, creep_m_s = 0.12;
+static const double look_m = 0.35, far_m = 1.2, goal_m = 0.2, creep_m_s = 0.12;
+/* Where the way leads so far off the heading it turns on the spot; so much farther where it has
+ * open_m more room than it keeps. */
+static const double turn_rad = 0.5, turn_more_rad = 0.5, open_m = 0.4;
+/* How long it looks at what it cannot see, or at a way that is too narrow, before it goes on slowly
+ * or gives that up. */
+static const double look_s = 1, give_up_s = 2;
+/* It stops within what is free, by this much and so long after what it saw. */
+static const double stop_m = 0.1, stop_s = 0.4, brake_m_s2 = 0.6;
 /* So much asked for and so little of it driven is a touch; how long it is kept in mind. */
 static const double touch_due_m = 0.4, touch_moved_m = 0.05, touch_s = 30;
 static const double back_m = 0.25, back_m_s = 0.2, back_s = 3, step_s_most = 0.5;
-enum { LOOK_STEPS = 20 };
 
 /* How far the robot may go straight ahead over cells that are known to be free; `*blocked`: up to
  * what is occupied. */
@@ -23,9 +30,10 @@ static double free_ahead(const struct navigate *n, const double position[2], dou
         const int32_t cell =
             navigate_cell(n, position[0] + way * cos(yaw), position[1] + way * sin(yaw));
         if (cell < 0 || n->kind[cell] == NAVIGATE_UNKNOWN) return way;
-        if ((double)n->gap[cell] < n->robot.radius_m + 0.5 * navigate_margin_m && way > 0.1) {
+        const double room_m = (double)n->gap[cell] - n->robot.radius_m;
+        if (room_m < 0.5 * navigate_margin_m && way > 0.1) {
             *blocked = true;
-            return way;
+            return way - step; /* for its middle may be as much nearer to that than the cell's */
         }
     }
     return reach;
@@ -40,15 +48,15 @@ static double between(double value, double low, double high)
 static bool is_held(struct navigate *n, const double position[2], double time_s)
 {
     const double step_s = time_s - n->now_s;
-    const bool drives = n->asked.speed_m_s > 0 && step_s > 0 && step_s < step_s_most;
     n->now_s = time_s;
+    n->step_s = step_s > 0 && step_s < step_s_most ? step_s : 0;
     if (step_s < 0) navigate_forget(n); /* of another clock */
     if (hypot(position[0] - n->stood[0], position[1] - n->stood[1]) > touch_moved_m ||
         n->due_m == 0) {
         memcpy(n->stood, position, sizeof n->stood);
         n->due_m = 0;
     }
-    if (drives) n->due_m += n->asked.speed_m_s * step_s;
+    if (n->asked.speed_m_s > 0) n->due_m += n->asked.speed_m_s * n->step_s;
     return n->due_m > touch_due_m;
 }
 
@@ -91,24 +99,45 @@ static bool backs(struct navigate *n, const double position[2], double yaw)
     return on;
 }
 
+/* So fast that it stops within what is free ahead. */
+static double stopping_speed(double ahead_m)
+{
+    const double way = fmax(ahead_m - stop_m, 0);
+    return brake_m_s2 * (sqrt(stop_s * stop_s + 2 * way / brake_m_s2) - stop_s);
+}
+
+/* Of its full speed, where the way leads so far off the heading: in the open it turns as it goes.
+ */
+static double part_of_speed(const struct navigate *n, const double position[2], double off)
+{
+    const int32_t cell = navigate_cell(n, position[0], position[1]);
+    const double room_m =
+        cell < 0 ? 0 : (double)n->gap[cell] - n->robot.radius_m - navigate_margin_m;
+    return between(1 - fabs(off) / (turn_rad + turn_more_rad * between(room_m / open_m, 0, 1)), 0,
+                   1);
+}
+
 /* Along the way that was planned. */
 static struct navigate_motion pursue(struct navigate *n, const double position[2], double yaw)
 {
     const double left = hypot(n->goal[0] - position[0], n->goal[1] - position[1]);
+    double to[2];
     bool blocked;
     if (left < goal_m) return (struct navigate_motion){.arrived = true};
-    const int32_t target = navigate_ways_ahead(n, position, look_m);
-    if (target < 0) return (struct navigate_motion){0};
-    double to[2] = {navigate_middle(n, target, 0), navigate_middle(n, target, 1)};
+    if (!navigate_ways_ahead(n, position, look_m, far_m, to)) return (struct navigate_motion){0};
     if (left < look_m) memcpy(to, n->goal, sizeof to);
     const double off = navigate_turned(atan2(to[1] - position[1], to[0] - position[0]) - yaw);
     const double ahead = free_ahead(n, position, yaw, &blocked);
-    double speed = n->robot.speed_m_s * between(1 - fabs(off) / 0.5, 0, 1);
-    speed = between(speed, 0, between(ahead - 0.1, 0, 1)); /* it stops within what is free */
-    /* Nothing more can be seen of what is ahead: on, slowly. */
-    const bool stuck = speed < 0.02 && fabs(off) < 0.25 && !blocked;
-    n->looked = stuck ? n->looked + 1 : 0;
-    if (n->looked > LOOK_STEPS) speed = creep_m_s;
+    double speed = n->robot.speed_m_s * part_of_speed(n, position, off);
+    speed = fmin(speed, stopping_speed(ahead));
+    const bool stands = speed < 0.02 && fabs(off) < 0.25;
+    n->stands_s = stands ? n->stands_s + n->step_s : 0;
+    if (stands && blocked && n->stands_s > give_up_s) {
+        n->given_up++;
+        take_touch(n, position, yaw);
+    } else if (stands && !blocked && n->stands_s > look_s) {
+        speed = creep_m_s; /* nothing more can be seen of what is ahead */
+    }
     return (struct navigate_motion){
         speed, between(2 * off, -n->robot.turning_rad_s, n->robot.turning_rad_s), false};
 }

@@ -1,6 +1,7 @@
 #include "ways.h"
 
 #include <math.h>
+#include <string.h>
 
 #include "map.h"
 
@@ -96,12 +97,36 @@ static int32_t step_down(const struct navigate *n, int32_t cell)
     return best;
 }
 
-int32_t navigate_ways_ahead(struct navigate *n, const double position[2], double look_m)
+/* What the straight line from a place to the middle of a cell costs; DSTAR_NO_WAY: it is closed. */
+static double line_cost(const struct navigate *n, const double from[2], const double to[2])
 {
-    const int32_t steps = (int32_t)ceil(look_m / n->cell_m);
-    int32_t cell = navigate_cell(n, position[0], position[1]);
-    if (cell < 0 || dstar_find(&n->ways, field_of(n, cell), steps) >= DSTAR_NO_WAY) return -1;
-    for (int32_t step = 0; step < steps; step++)
+    const double length = hypot(to[0] - from[0], to[1] - from[1]);
+    const int32_t parts = (int32_t)ceil(2 * length / n->cell_m);
+    double cost = 0;
+    for (int32_t k = 0; k < parts; k++) {
+        const double f = (k + 0.5) / parts;
+        const int32_t cell =
+            navigate_cell(n, from[0] + f * (to[0] - from[0]), from[1] + f * (to[1] - from[1]));
+        const double price = cell < 0 ? 0 : navigate_price(n, cell);
+        if (price <= 0) return DSTAR_NO_WAY;
+        cost += price * length / parts;
+    }
+    return cost / unit_m;
+}
+
+bool navigate_ways_ahead(struct navigate *n, const double position[2], double look_m, double far_m,
+                         double to[2])
+{
+    const int32_t near = (int32_t)ceil(look_m / n->cell_m), far = (int32_t)ceil(far_m / n->cell_m);
+    const int32_t first = navigate_cell(n, position[0], position[1]);
+    if (first < 0 || dstar_find(&n->ways, field_of(n, first), far) >= DSTAR_NO_WAY) return false;
+    int32_t cell = first;
+    for (int32_t step = 1; step <= far; step++) {
         cell = step_down(n, cell);
-    return cell;
+        const double on[2] = {navigate_middle(n, cell, 0), navigate_middle(n, cell, 1)};
+        const double way = (double)(cost_of(n, first) - cost_of(n, cell)) + 0.5 * n->ways.least;
+        if (step > near && line_cost(n, position, on) > way) break;
+        memcpy(to, on, sizeof on);
+    }
+    return true;
 }

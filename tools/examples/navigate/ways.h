@@ -9,7 +9,9 @@ void navigate_ways_move(struct navigate *n, int32_t width, int32_t height, doubl
                         const double origin[2]);
 /* Tell the search what has changed in the map. */
 void navigate_ways_change(struct navigate *n);
-/* The cell that lies so far down the way from a place; -1: there is no way. */
-int32_t navigate_ways_ahead(struct navigate *n, const double position[2], double look_m);
+/* Where to go from a place: down the way by `look_m`, or on, up to `far_m`, where the straight line
+ * costs no more than the way. False: there is no way. */
+bool navigate_ways_ahead(struct navigate *n, const double position[2], double look_m, double far_m,
+                         double to[2]);
 
 #endif
