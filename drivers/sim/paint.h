@@ -1,7 +1,7 @@
 /* Painting on the base level of a texture: integer arithmetic and seeded draws only. Coordinates
  * are texels, x to the right, y down; everything is cut to the canvas. Internal to the painters
- * (paint.c, posters.c). At most one draw in an expression or argument list: C leaves their order
- * open, and compilers differ. */
+ * (paint.c, noise.c, posters.c). At most one draw in an expression or argument list: C leaves their
+ * order open, and compilers differ. */
 #ifndef FOVEA_DRIVERS_SIM_PAINT_H
 #define FOVEA_DRIVERS_SIM_PAINT_H
 
