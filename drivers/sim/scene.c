@@ -5,19 +5,6 @@
 
 /* ---- raster: a bearing for every pixel ------------------------------------------------------- */
 
-/* Normalised coordinates (x, y) = (X/Z, Y/Z) of a pixel. */
-static bool normalised(const struct fovea_camera *camera, double px, double py, double *x,
-                       double *y)
-{
-    double bearing[3];
-    if (fovea_camera_unproject(camera, (const double[2]){px, py}, bearing, NULL) != FOVEA_OK)
-        return false;
-    if (bearing[2] < 0.1) return false;
-    *x = bearing[0] / bearing[2];
-    *y = bearing[1] / bearing[2];
-    return true;
-}
-
 /* Normalised coordinates of the pixels of a row of tiles, with one pixel of margin all round for
  * samples between pixels. */
 enum { STRIP_ROWS = FV_SIM_TILE + 2 };
@@ -26,15 +13,6 @@ struct strip {
     double (*at)[2]; /* STRIP_ROWS rows of `columns` */
     int32_t columns; /* from pixel -1 on */
 };
-
-static bool fill_row(const struct strip *strip, const struct fovea_camera *camera, int32_t row,
-                     int32_t py)
-{
-    double(*at)[2] = strip->at + (size_t)row * (size_t)strip->columns;
-    for (int32_t i = 0; i < strip->columns; i++)
-        if (!normalised(camera, i - 1, py, &at[i][0], &at[i][1])) return false;
-    return true;
-}
 
 /* The last two rows of a strip are the first two of the next. Rows past the image repeat its last
  * one. */
@@ -47,7 +25,8 @@ static bool fill_strip(const struct strip *strip, const struct fovea_camera *cam
         const int32_t py = ty * FV_SIM_TILE + row - 1;
         if (py >= camera->height)
             memcpy(rows + (size_t)row * row_bytes, rows + (size_t)(row - 1) * row_bytes, row_bytes);
-        else if (!fill_row(strip, camera, row, py))
+        else if (!fv_sim_rays(camera, -1, py, strip->columns,
+                              strip->at + (size_t)row * (size_t)strip->columns))
             return false;
     }
     return true;
@@ -102,14 +81,14 @@ static bool fill_tile(struct fv_sim_raster *raster, const struct fovea_camera *c
  * to the axis. */
 static bool edge_is_seen(const struct fovea_camera *camera)
 {
-    double x, y;
+    double at[2];
     for (int32_t px = -1; px < camera->width; px++)
-        if (!normalised(camera, px, -1, &x, &y) ||
-            !normalised(camera, px, camera->height - 1, &x, &y))
+        if (!fv_sim_rays(camera, px, -1, 1, &at) ||
+            !fv_sim_rays(camera, px, camera->height - 1, 1, &at))
             return false;
     for (int32_t py = -1; py < camera->height; py++)
-        if (!normalised(camera, -1, py, &x, &y) ||
-            !normalised(camera, camera->width - 1, py, &x, &y))
+        if (!fv_sim_rays(camera, -1, py, 1, &at) ||
+            !fv_sim_rays(camera, camera->width - 1, py, 1, &at))
             return false;
     return true;
 }

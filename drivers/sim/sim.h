@@ -347,6 +347,11 @@ struct fv_sim_scene {
     struct fv_sim_surface surface[FV_SIM_SURFACES_MAX];
 };
 
+/* (X/Z, Y/Z) of `count` pixels of a row, from pixel (px, py) on (rays.c). False: one of them is not
+ * seen, or looks too far aside. */
+bool fv_sim_rays(const struct fovea_camera *camera, double px, double py, int32_t count,
+                 double (*at)[2]);
+
 /* False: no memory, or a camera that looks too far aside. */
 bool fv_sim_raster_create(struct fv_sim_raster *raster, const struct fovea_camera *camera);
 /* Once, before the first picture: it takes longer than all else of opening a source. */
