@@ -84,8 +84,11 @@ faults() { # faults SEEDS FIRST [--sample]
 # Processes that save maps and record to numbered files are killed at random moments: nothing that was kept is lost.
 kills() {
     make --no-print-directory "$build/tests/unit/app/config/test_map_file" && FOVEA_KILLS=$1 "$build/tests/unit/app/config/test_map_file" || return 1
-    make --no-print-directory "$build/tests/unit/app/run/test_black_box" &&
-        FOVEA_KILLS=$(($1 < 200 ? $1 : 200)) FOVEA_LONG=$([ -n "$sample" ] || echo 1) "$build/tests/unit/app/run/test_black_box"
+    make --no-print-directory "$build/tests/unit/app/run/test_black_box" || return 1
+    for killed in $(seq 0 200 $(($1 - 1))); do # each time from an empty folder: all that is in it is read after each kill
+        FOVEA_KILLS=$(($1 - killed < 200 ? $1 - killed : 200)) FOVEA_LONG=$([ -n "$sample" ] || echo 1) \
+            "$build/tests/unit/app/run/test_black_box" || return 1
+    done
 }
 
 # The latency that the page of fovea-web shows, against blinks of a light seen in Chromium. It judges times: on a quiet machine.

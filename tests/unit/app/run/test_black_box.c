@@ -2,7 +2,7 @@
  * recordings and one map. A model says what must be there after each: every recording ever seen,
  * with the bytes it had; one more for each run that ended in order, and that one replays; every
  * recording readable, that of a kill up to its last instant; every map that later ones have not
- * pushed out. FOVEA_KILLS: how many runs are killed (6); the campaign says 200. */
+ * pushed out. FOVEA_KILLS: how many runs are killed (6); the campaign says 200, five times. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
