@@ -437,7 +437,7 @@ $(BUILD)/man/fovea-%.1: $(BUILD)/fovea
 $(BUILD)/example.yaml: $(BUILD)/fovea
 	$(Q)$(RUN_HERE) config >$@
 
-UNITS = fovea@.service $(if $(WEB),fovea-web@.service)
+UNITS = fovea@.service $(if $(WEB),fovea-web@.service) $(if $(CALIBRATE),fovea-calibrate@.service)
 install: all man  ## install program, manual pages, libraries, headers, message types and services under PREFIX
 	install -d $(DESTDIR)$(PREFIX)/bin $(DESTDIR)$(LIBDIR)/pkgconfig $(DESTDIR)$(PREFIX)/include/fovea \
 	           $(DESTDIR)$(PREFIX)/share/fovea/lcmtypes $(DESTDIR)$(PREFIX)/share/man/man1

@@ -3,8 +3,8 @@
 set -u
 fail() {
     echo "service: $*"
-    systemctl status fovea@front fovea-web@front --no-pager -l
-    journalctl -u fovea@front -u fovea-web@front --no-pager | tail -n 40
+    systemctl status fovea@front fovea-web@front fovea-calibrate@front --no-pager -l
+    journalctl -u fovea@front -u fovea-web@front -u fovea-calibrate@front --no-pager | tail -n 40
     exit 1
 }
 until_true() { # until_true SECONDS COMMAND
@@ -29,6 +29,11 @@ grep -q '^CapEff:[[:space:]]*0*$' "/proc/$pid/status" && grep -q '^Seccomp:[[:sp
 
 systemctl start fovea-web@front || fail "the page does not start"
 until_true 20 'curl -s -o /dev/null http://127.0.0.1:7680/' || fail "the page does not answer"
+
+systemctl start fovea-calibrate@front || fail "the calibration does not start"
+until_true 30 'curl -s -o /dev/null http://127.0.0.1:7690/' || fail "the page of the calibration does not answer"
+[ "$(systemctl show -p ActiveState --value fovea-calibrate@front)" = active ] || fail "the calibration has ended without a board"
+systemctl stop fovea-calibrate@front || fail "the calibration does not stop"
 
 kill -STOP "$pid"
 until_true 30 "[ \"\$(systemctl show -p NRestarts --value fovea@front)\" = 1 ]" || fail "the watchdog did not start a stopped run again"
