@@ -44,7 +44,7 @@ static void run_to(int frame)
 static void a_right_map_agrees(void **state)
 {
     (void)state;
-    sim_rig_open(&rig, "sim:orbit?width=400&height=300", 0, FRAMES);
+    sim_rig_open_kept(&rig, "sim:orbit?width=400&height=300", 0, FRAMES);
     sim_rig_build(&rig);
     run_to(FRAMES);
     const struct fv_agreement_state *g = &rig.rt->odometry.state->agreement;
@@ -60,7 +60,7 @@ static void a_right_map_agrees(void **state)
 static void a_wrong_map_is_given_up(void **state)
 {
     (void)state;
-    sim_rig_open(&rig, "sim:orbit?width=400&height=300", 0, FRAMES);
+    sim_rig_open_kept(&rig, "sim:orbit?width=400&height=300", 0, FRAMES);
     sim_rig_build(&rig);
     run_to(FRAMES / 2);
     struct fv_odometry *o = &rig.rt->odometry;
@@ -151,7 +151,7 @@ static void a_suspect_map_is_confirmed(void **state)
 static void a_first_check_counts(void **state)
 {
     (void)state;
-    sim_rig_open(&rig, "sim:orbit?width=400&height=300", 0, FRAMES);
+    sim_rig_open_kept(&rig, "sim:orbit?width=400&height=300", 0, FRAMES);
     sim_rig_build(&rig);
     run_to(FRAMES / 2);
     struct fv_odometry *o = &rig.rt->odometry;
@@ -175,7 +175,7 @@ static void a_first_check_counts(void **state)
 static void a_confident_pose_publishes(void **state)
 {
     (void)state;
-    sim_rig_open(&rig, "sim:orbit?width=400&height=300", 0, FRAMES);
+    sim_rig_open_kept(&rig, "sim:orbit?width=400&height=300", 0, FRAMES);
     sim_rig_build(&rig);
     run_to(FRAMES - 2);
     struct fv_agreement_state *g = &rig.rt->odometry.state->agreement;

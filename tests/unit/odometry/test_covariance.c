@@ -33,7 +33,8 @@ static struct sim_rig rig;
 static int set_up(void **state)
 {
     (void)state;
-    sim_rig_open(&rig, "sim:corridor?width=400&height=300&rate=20&baseline=0.11&seed=2", 0, FRAMES);
+    sim_rig_open_kept(&rig, "sim:corridor?width=400&height=300&rate=20&baseline=0.11&seed=2", 0,
+                      FRAMES);
     rig.config.rig = rig.ops->info(rig.source)->rig;
     sim_rig_build(&rig);
     while (sim_rig_next(&rig))

@@ -49,7 +49,7 @@ static size_t make_model(void)
 
 static void open_rig(const char *way)
 {
-    sim_rig_open(&rig, way, 0, FRAMES);
+    sim_rig_open_kept(&rig, way, 0, FRAMES);
     rig.config.scale.source = FOVEA_SCALE_WHEEL_ODOMETRY;
     memcpy(rig.config.rig.cameras[0].T_body_cam, T_body_cam, sizeof T_body_cam);
     rig.config.detect.model = model;
@@ -251,6 +251,49 @@ static void end_run(void)
     sim_rig_close(&rig);
 }
 
+/* The end of a run that several tests go on from, each in a copy of its runtime. */
+static struct ended {
+    int dark;
+    void *memory;
+    size_t bytes;
+    struct sent_grid run;
+    struct sim_rig rig;
+} ended[2] = {{.dark = FRAMES}, {.dark = FRAMES - 10}};
+
+/* `run` and `rig` as a whole run leaves them: ended by free_copy. */
+static void run_to_the_end(int dark, struct sent_grid *run)
+{
+    struct ended *e = &ended[dark == FRAMES ? 0 : 1];
+    assert_int_equal(e->dark, dark);
+    if (e->memory == NULL) {
+        run_with(400, 4, dark, false, &e->run);
+        e->rig = rig;
+        e->bytes = rig.rt->block_bytes;
+        e->memory = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, (e->bytes + 63) / 64 * 64);
+        assert_int_equal(fovea_copy(rig.rt, e->memory, e->bytes, &e->rig.rt), FOVEA_OK);
+        end_run();
+    }
+    rig = e->rig;
+    *run = e->run;
+    assert_int_equal(fovea_copy(e->rig.rt,
+                                aligned_alloc(FOVEA_BLOCK_ALIGNMENT, (e->bytes + 63) / 64 * 64),
+                                e->bytes, &rig.rt),
+                     FOVEA_OK);
+}
+
+static void free_copy(void)
+{
+    free(rig.rt);
+}
+
+static int tear_down(void **state)
+{
+    (void)state;
+    for (int i = 0; i < 2; i++)
+        free(ended[i].memory);
+    return 0;
+}
+
 /* The picture of a run: a pixel for each cell, y up. */
 static void check_picture(const int8_t *cells)
 {
@@ -371,7 +414,7 @@ static void a_lost_pose_leaves_nothing_known(void **state)
     static struct sent_grid run;
     static int8_t cells[SIDE * SIDE];
     struct fovea_grid_place place;
-    run_with(400, 4, FRAMES - 10, false, &run);
+    run_to_the_end(FRAMES - 10, &run);
     assert_true(run.grids > 10);
     assert_int_equal(rig.pose[FRAMES - 1].state, FOVEA_TRACKING_LOST);
     assert_int_equal(run.known, 0);
@@ -382,7 +425,7 @@ static void a_lost_pose_leaves_nothing_known(void **state)
     for (int i = 0; i < SIDE * SIDE; i++)
         assert_int_equal(run.heights_mm[i], FOVEA_GRID_HEIGHT_UNKNOWN);
     assert_false(fovea_free_space_get(rig.rt, cells, &place));
-    end_run();
+    free_copy();
 }
 
 /* Heights that are being sent do not keep the empty grid waiting: it is sent, as a whole, and
@@ -392,7 +435,7 @@ static void heights_make_way_for_the_empty_grid(void **state)
     (void)state;
     static struct sent_grid run;
     struct fovea_outputs outputs;
-    run_with(400, 4, FRAMES - 10, false, &run);
+    run_to_the_end(FRAMES - 10, &run);
     struct fv_free_space_state *s = rig.rt->free_space.state;
     const int64_t second_ns = 1000000000;
     for (int heights = 0; heights < 2; heights++) {
@@ -413,7 +456,7 @@ static void heights_make_way_for_the_empty_grid(void **state)
     }
     assert_true(run.grids == before + 1 && run.height_grids == heights_before + 1);
     assert_true(run.reset_counter == 7 && run.map_id == 9);
-    end_run();
+    free_copy();
 }
 
 /* A packet may be lost: while the pose is, the empty grid and its scan come again with every second
@@ -448,7 +491,7 @@ static void a_reset_and_a_camera_that_is_gone_leave_nothing_known(void **state)
         static int8_t cells[SIDE * SIDE];
         struct fovea_grid_place place;
         struct fovea_outputs outputs;
-        run_with(400, 4, FRAMES, false, &run);
+        run_to_the_end(FRAMES, &run);
         assert_true(run.known > 0 && fovea_free_space_get(rig.rt, cells, &place));
         struct fovea_inputs inputs = {.now_ns = rig.frame.stamp_ns + 1000000000};
         fovea_grants_fixed(&rig.config, &inputs.grants);
@@ -466,7 +509,7 @@ static void a_reset_and_a_camera_that_is_gone_leave_nothing_known(void **state)
         assert_int_equal(run.grids, before + 1);
         for (int i = 0; i < SIDE * SIDE; i++)
             assert_int_equal(run.cells[i], FOVEA_GRID_UNKNOWN);
-        end_run();
+        free_copy();
     }
 }
 
@@ -477,13 +520,13 @@ static void nothing_is_known_once_odom_has_changed(void **state)
     static struct sent_grid run;
     static int8_t cells[SIDE * SIDE];
     struct fovea_grid_place place;
-    run_with(400, 4, FRAMES, false, &run);
+    run_to_the_end(FRAMES, &run);
     for (uint32_t changed = 0; changed < 2; changed++) {
         rig.rt->publish.state->changes += changed;
         fv_free_space_follow(&rig.rt->free_space, &rig.rt->publish);
         assert_int_equal(fovea_free_space_get(rig.rt, cells, &place), !changed);
     }
-    end_run();
+    free_copy();
 }
 
 static void a_camera_on_the_floor_is_refused(void **state)
@@ -528,5 +571,5 @@ int main(void)
         cmocka_unit_test(nothing_is_known_once_odom_has_changed),
         cmocka_unit_test(a_camera_on_the_floor_is_refused),
     };
-    return cmocka_run_group_tests(tests, NULL, NULL);
+    return cmocka_run_group_tests(tests, NULL, tear_down);
 }

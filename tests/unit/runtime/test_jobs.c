@@ -77,7 +77,7 @@ static uint32_t jobs_seen(void)
 
 static void open_with_all_jobs(void)
 {
-    sim_rig_open(&rig, WAY, 0, FRAMES);
+    sim_rig_open_kept(&rig, WAY, 0, FRAMES);
     assert_true(job_switch_all(&rig.config, 4));
 }
 
@@ -159,7 +159,7 @@ static void previews_of(uint32_t cameras, int blind, int last_blind, char shown[
     size_t count = 0;
     for (int i = 0; i < KEPT; i++)
         kept_frames[i].stamp_ns = -1;
-    sim_rig_open(&rig, WAY "&camera2=0.1,0,0&camera3=0,0.1,0", 0, FRAMES);
+    sim_rig_open_kept(&rig, WAY "&camera2=0.1,0,0&camera3=0,0.1,0", 0, FRAMES);
     rig.config.rig = rig.ops->info(rig.source)->rig;
     rig.config.odometry.enabled = false;
     rig.config.preview = (struct fovea_preview_config){

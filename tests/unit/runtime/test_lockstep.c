@@ -35,7 +35,7 @@ static void decode(fovea_lockstep_t *message)
 
 static void open_with_all_jobs(void)
 {
-    sim_rig_open(&rig, "sim:orbit?width=320&height=240", 0, FRAMES);
+    sim_rig_open_kept(&rig, "sim:orbit?width=320&height=240", 0, FRAMES);
     rig.config.lockstep_every = 1;
     rig.config.edge_job.segments = true;
     rig.config.image.preprocess.operations.count = FOVEA_OPERATION_WHITE_BALANCE;
@@ -129,7 +129,7 @@ static int64_t inputs_hash(enum change change)
 {
     static uint8_t pixels[320 * 240];
     fovea_lockstep_t message;
-    sim_rig_open(&rig, "sim:orbit?width=320&height=240", 0, 1);
+    sim_rig_open_kept(&rig, "sim:orbit?width=320&height=240", 0, 1);
     rig.config.lockstep_every = 1;
     sim_rig_build(&rig);
     assert_true(sim_rig_next(&rig));

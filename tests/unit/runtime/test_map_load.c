@@ -27,7 +27,7 @@ static size_t file_bytes;
 
 static void open_rig(const char *uri, int start, int frames)
 {
-    sim_rig_open(&rig, uri, start, frames);
+    sim_rig_open_kept(&rig, uri, start, frames);
     rig.config.preview.period_frames = 0;
     rig.config.features.count_max = 400;
 }

@@ -47,7 +47,7 @@ static void run(const char *cpu, const char *owner, struct hashes *hashes)
 {
     static uint8_t pixels[320 * 240];
     if (cpu != NULL) setenv("FOVEA_CPU", cpu, 1);
-    sim_rig_open(&rig, "sim:orbit?width=320&height=240", 0, FRAMES);
+    sim_rig_open_kept(&rig, "sim:orbit?width=320&height=240", 0, FRAMES);
     rig.config.lockstep_every = 1;
     rig.config.features.count_max = 500;
     rig.config.odometry.keyframes = 16;
