@@ -174,13 +174,19 @@ guest() {
     in_root 'apt-get update -q >/dev/null
              apt-get install -y -q --no-install-recommends systemd-sysv udev kmod iproute2 procps libcamera-ipa >/packages/log 2>&1 &&
              apt-get install -y -q /packages/fovea_*.deb >>/packages/log 2>&1 || { tail -n 20 /packages/log; exit 1; }' # with what it recommends: libcamera
-    cp tools/package/try_guest.sh build/command "$(command -v busybox)" "$root/packages/"
+    cp tools/package/try_guest.sh tools/package/first_pose.sh build/command "$(command -v busybox)" "$root/packages/"
     printf '%s\n' '[Unit]' 'After=multi-user.target' '[Service]' 'Type=oneshot' 'TimeoutStartSec=infinity' \
         'ExecStart=/bin/sh -c "/packages/try_guest.sh >/results/said 2>&1; sync; printf \\\\001 | dd of=/dev/port bs=1 seek=244"' \
         '[Install]' 'WantedBy=multi-user.target' >"$root/etc/systemd/system/trial.service"
-    in_root 'systemctl enable trial.service >/dev/null 2>&1'
+    # One run begins with the machine; what it sends is heard from the start, so that the time of its first pose is known.
+    printf '%s\n' 'rate: real' 'source: sim:orbit?width=240&height=180&rate=2&frames=1000000' >"$root/etc/fovea/boot.yaml"
+    printf '%s\n' '[Unit]' 'Before=fovea@boot.service' 'Requires=multicast.service' 'After=multicast.service' '[Service]' \
+        'ExecStart=/packages/first_pose.sh' '[Install]' 'WantedBy=multi-user.target' >"$root/etc/systemd/system/first-pose.service"
+    printf '%s\n' '[Service]' 'Type=oneshot' 'RemainAfterExit=yes' \
+        'ExecStart=/bin/sh -c "ip link set lo up && ip link set lo multicast on && ip route add 224.0.0.0/4 dev lo"' >"$root/etc/systemd/system/multicast.service"
+    in_root 'systemctl enable trial.service first-pose.service fovea@boot.service >/dev/null 2>&1'
     umount "$root/proc"
-    HIL_ROOT=$root tools/hil/vm.sh build-hil "$work/results" 1800 >"$work/boot" 2>&1 || true
+    HIL_ROOT=$root tools/hil/vm.sh build-hil "$work/results" 3600 >"$work/boot" 2>&1 || true
     mount -t proc proc "$root/proc"
     cat "$work/results/said" 2>/dev/null || tail -n 20 "$work/boot"
     tail -n 1 "$work/results/said" | grep -qx 'guest: ok' || fail "the service did not do what it must in the machine"
