@@ -94,14 +94,16 @@ static const char *kind_of_detection(const struct fovea *rt)
 {
     if (fv_free_space_waiting(&rt->free_space)) return kind_of_free_space(rt);
     const struct fv_detection *d = &rt->detection;
-    if (d->state->mapping != FV_DETECTION_IDLE) return "detect: boxes and objects";
+    const bool labels = d->gives == FV_DETECT_MASK;
+    if (d->state->mapping != FV_DETECTION_IDLE)
+        return labels ? "detect: mask sent" : "detect: boxes and objects";
     switch (d->memory.job->nn.phase) {
     case FV_NN_JOB_FILL:
         return "detect: input";
     case FV_NN_JOB_RUN:
         return "detect: network";
     case FV_NN_JOB_DONE:
-        return "detect: decode";
+        return labels ? "detect: mask decoded" : "detect: decode";
     default:
         return "detect: other";
     }

@@ -59,6 +59,7 @@ void pieces_measure(struct fovea *rt, struct fovea *two, struct fovea *grid)
     pieces_of_edges(rt);
     pieces_of_floor(rt);
     pieces_of_jobs(rt);
+    pieces_of_masks();
     if (rt->config.odometry.closures) {
         pieces_of_closure(rt);
         pieces_of_similarity(rt);

@@ -150,6 +150,8 @@
     ROW(network_input, "a unit of a network's input")                                              \
     ROW(network_unit, "a unit of a network, the dearest of all")                                   \
     ROW(network_decoded, "a unit of a network's outputs, with most candidates")                    \
+    ROW(mask_decoded, "a unit of a mask, the dearest of three outputs of the shipped network")     \
+    ROW(mask_sent, "rows of a mask sent, the dearest of seven masks")                              \
     ROW(boxes_sent, "boxes of a picture mapped, objects updated, messages made")                   \
     ROW(floor_looked, "a landmark looked at for the floor")                                        \
     ROW(floor_estimated, "the floor estimated from 512 points, 96 samples")                        \
@@ -222,6 +224,7 @@ void pieces_of_agreement(struct fovea *rt);
 void pieces_of_archive(struct fovea *rt);
 void pieces_of_lens(struct fovea *rt);
 void pieces_of_jobs(struct fovea *rt);
+void pieces_of_masks(void);
 void pieces_of_edges(struct fovea *rt);
 void pieces_of_stereo(struct fovea *rt);
 void pieces_of_stereo_match(struct fovea *rt);

@@ -21,8 +21,8 @@ enum {
     FLOORS = 8,  /* the scale comes from the floor */
     BRIEF = 16,  /* a brief check plays it too */
     TWO = 32,    /* cameras, whose stage alone is noted: distances add to others */
-    GRIDS = 64,  /* free space, whose units, and the map's, alone are noted beside what the step
-                    does for it: masks add to the network's */
+    GRIDS = 64,  /* free space, whose units, the map's and those of masks alone are noted beside
+                    what the step does for it */
     LOADS = 128  /* the map that the run before saved */
 };
 
@@ -82,7 +82,7 @@ static void note_step(const struct fovea *rt, const struct run *run, uint64_t st
 static bool is_noted(const struct run *run, const char *kind)
 {
     return (run->flags & GRIDS) == 0 || strncmp(kind, "free space:", 11) == 0 ||
-           strncmp(kind, "map:", 4) == 0;
+           strncmp(kind, "map:", 4) == 0 || strncmp(kind, "detect: mask", 12) == 0;
 }
 
 static void do_units(struct fovea *rt, const struct run *run, enum fovea_job job)
