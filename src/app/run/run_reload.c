@@ -8,7 +8,7 @@
 
 enum fovea_status fv_run_keep_settings(struct fv_run *run, struct fovea_error *error)
 {
-    if (getenv("NOTIFY_SOCKET") == NULL) return FOVEA_OK;
+    if (fv_service_manager() == NULL) return FOVEA_OK;
     run->as_read = malloc(sizeof *run->as_read);
     if (run->as_read == NULL)
         return fovea_error_set(error, FOVEA_ERROR_MEMORY, "no memory for the configuration");

@@ -86,9 +86,15 @@ static void period_read(struct fv_service *service)
     if (us * 1000 / 3 < service->period_ns) service->period_ns = us * 1000 / 3;
 }
 
-void fv_service_open(struct fv_service *service, const _Atomic uint64_t *beats)
+const char *fv_service_manager(void)
 {
     const char *name = getenv("NOTIFY_SOCKET");
+    return name != NULL && name[0] != '\0' ? name : NULL;
+}
+
+void fv_service_open(struct fv_service *service, const _Atomic uint64_t *beats)
+{
+    const char *name = fv_service_manager();
     memset(service, 0, sizeof *service);
     service->beats = beats;
     service->socket = -1;

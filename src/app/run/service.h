@@ -32,6 +32,9 @@ struct fv_service {
     bool running;
 };
 
+/* The socket that NOTIFY_SOCKET names; NULL: it is not set, or empty, and there is no manager. */
+const char *fv_service_manager(void);
+
 /* Start to tell the manager that the environment names, from the first beat on. Wrong values in the
  * environment are said, and ignored. `beats` stays the caller's. Init-only. */
 void fv_service_open(struct fv_service *service, const _Atomic uint64_t *beats);
