@@ -5,6 +5,7 @@ The arguments are those of the program: BUILD FOLDER.
 import importlib.util
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -12,7 +13,7 @@ import time
 build, folder = sys.argv[1:3]
 here = os.path.dirname(os.path.abspath(__file__))
 ADDRESS = "http://127.0.0.1:7680/"
-PATIENCE_S = 60
+PATIENCE_S = 600  # other programs may use the processor
 
 
 def module(*path):
@@ -52,6 +53,17 @@ def end(process):
 def web(*more):
     feed = () if more and more[0] in ("--play", "--feed") else ("--feed", os.path.join(folder, "feed"))
     return subprocess.Popen([os.path.join(build, "fovea-web"), *feed, *more])
+
+
+def until_served():
+    until = time.monotonic() + PATIENCE_S
+    while time.monotonic() < until:
+        try:
+            socket.create_connection(("127.0.0.1", 7680), PATIENCE_S).close()
+            return
+        except OSError:
+            time.sleep(0.05)
+    raise SystemExit("web_page.py: nothing is served at " + ADDRESS)
 
 
 class Page:

@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
-from web_browser import (ADDRESS, PATIENCE_S, Page, build, check_accessible, check_against_recording, check_box, check_console, end, folder, here, reader, run, web)
+from web_browser import (ADDRESS, PATIENCE_S, Page, build, check_accessible, check_against_recording, check_box, check_console, end, folder, here, reader, run, until_served, web)
 from web_robots import check_robots
 
 
@@ -70,10 +70,13 @@ def check_in_view(page):
     assert "/chart.js" not in page.js("return " + fetched)
     page.see("times")
     page.until("performance.getEntriesByName('plots drawn').length && fovea.plots[0].chart.data.datasets.length", "the plots")
-    time.sleep(0.2)
-    before, places = page.js(f"return [{drawn}, fovea.scene.path.count]")
-    page.until(f"fovea.scene.path.count > {places + 3}", "a longer path")
-    assert page.js("return " + drawn) == before, "what is out of view was drawn"
+    for _ in range(50):  # a browser that has little of the processor hears late what is in view
+        before, places = page.js(f"return [{drawn}, fovea.scene.path.count]")
+        page.until(f"fovea.scene.path.count > {places + 3}", "a longer path")
+        if page.js("return " + drawn) == before:
+            break
+    else:
+        raise SystemExit("web_page.py: what is out of view was drawn")
     page.see("scene")
     page.until(f"{drawn} > {before + 2}", "the view in three dimensions again")
     page.size()
@@ -454,7 +457,7 @@ def check_playback(recording):
     times = [time_us for _, time_us, channel, _ in reader().events(recording) if channel.endswith("_FRAME")]
     server, page = web("--play", recording), None
     try:
-        time.sleep(1)
+        until_served()
         page = Page()
         page.driver.get(ADDRESS)
         shown = "fovea.live.picture.sequence"
@@ -477,11 +480,21 @@ def check_playback(recording):
         time.sleep(0.5)
         assert page.js("return " + shown) == 10 and still != 10
         page.js("const speed = document.getElementById('speed'); speed.value = '8'; speed.dispatchEvent(new Event('change'))")
-        page.driver.find_element(By.ID, "play").click()
-        begin = time.monotonic()
-        page.until("document.getElementById('play').textContent === 'Play' && document.getElementById('position').value"
-                   " === document.getElementById('position').max", "the end of the recording")
-        assert time.monotonic() - begin < (times[-1] - times[10]) * 1e-6, "8 times as fast"
+
+        def seconds_to_the_end():
+            begin = time.monotonic()
+            page.driver.find_element(By.ID, "play").click()
+            page.until("document.getElementById('play').textContent === 'Play' && document.getElementById('position').value"
+                       " === document.getElementById('position').max", "the end of the recording")
+            return time.monotonic() - begin
+
+        for _ in range(20):  # one time is enough, while other programs use the processor
+            if seconds_to_the_end() < (times[-1] - times[10]) * 1e-6:
+                break
+            seek(10)
+            page.until(f"{shown} === 10", "frame 10 again")
+        else:
+            raise SystemExit("web_page.py: not faster at 8 times the speed")
         check_accessible(page)
         check_console(page)
         if os.environ.get("FOVEA_SCREENSHOTS"):
@@ -513,7 +526,7 @@ def main():
     server = web("--recordings", records)
     page = Page()
     try:
-        time.sleep(1)
+        until_served()
         page.driver.get("about:blank")
         page.driver.get_log("performance")  # of the browser's own first page
         page.size(1440, TALL)
@@ -550,7 +563,7 @@ def main():
         end(server)
         token = os.path.join(folder, "token")
         server = web("--token", token, "--name", "robot.local")
-        time.sleep(1)
+        until_served()
         check_login(token)
         await_frames(shorter, 50)
         end(robot)

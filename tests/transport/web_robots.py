@@ -2,10 +2,9 @@
 import json
 import os
 import subprocess
-import time
 
 from selenium.webdriver.common.by import By
-from web_browser import ADDRESS, Page, build, check_accessible, check_box, check_console, end, folder, module, run, web
+from web_browser import ADDRESS, Page, build, check_accessible, check_box, check_console, end, folder, module, run, until_served, web
 
 
 def check_blinks(page):
@@ -40,7 +39,7 @@ def check_robots():
     server, page = web("--feed", os.path.join(folder, "feed"), "--feed", small, "--feed", blink, "--lcm", "udpm://239.255.76.67:7667", "--prefix", "FOVEA",
                        "--prefix", "SILENT", "--prefix", "SMALL"), None
     try:
-        time.sleep(1)
+        until_served()
         page = Page()
         page.driver.get(ADDRESS)
         said = "[...document.getElementById('robot-choice').options].map((option) => option.text).join(', ')"
