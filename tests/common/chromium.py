@@ -14,5 +14,7 @@ def browser(folder, *more):
         options.add_argument(word)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
     made = webdriver.Chrome(options=options, service=Service("/usr/bin/chromedriver"))
-    made.command_executor.client_config.timeout = 600  # a step of the page may take long while others use the processor
+    made.command_executor.client_config.timeout = 700  # a step of the page may take long while others use the processor
+    made.set_script_timeout(600)
+    made.set_page_load_timeout(600)
     return made
