@@ -108,7 +108,7 @@ static double line_cost(const struct navigate *n, const double from[2], const do
         const int32_t cell =
             navigate_cell(n, from[0] + f * (to[0] - from[0]), from[1] + f * (to[1] - from[1]));
         const double price = cell < 0 ? 0 : navigate_price(n, cell);
-        if (price <= 0) return DSTAR_NO_WAY;
+        if (price <= 0) return (double)DSTAR_NO_WAY;
         cost += price * length / parts;
     }
     return cost / unit_m;
