@@ -245,6 +245,17 @@ static int play(int frames, int64_t way_ns)
     return pictures;
 }
 
+/* Pictures over a fast link until they have this class. What a JPEG takes by the clock counts, too:
+ * where others have the processor, a picture may be late, and its class is another for a while. */
+static void play_to(int picture_class)
+{
+    int tries = 0;
+    do
+        (void)play(6000, 20 * MS);
+    while (client.picture_class != picture_class && ++tries < 20);
+    assert_int_equal(client.picture_class, picture_class);
+}
+
 static void size_and_quality_fall_before_the_rate_and_come_back(void **state)
 {
     (void)state;
@@ -252,8 +263,7 @@ static void size_and_quality_fall_before_the_rate_and_come_back(void **state)
     assert_int_equal(client.picture_class, 0);
     (void)play(300, 700 * MS); /* the link takes 700 ms for two pictures */
     assert_int_equal(client.picture_class, FV_WEB_CLASSES - 1);
-    (void)play(6000, 20 * MS);
-    assert_int_equal(client.picture_class, 0);
+    play_to(0);
 }
 
 static void a_long_way_alone_changes_no_class(void **state)
@@ -275,11 +285,9 @@ static void no_class_is_tried_that_the_link_cannot_carry(void **state)
     (void)fv_web_picture_jpeg(&store.picture, FV_WEB_CLASSES - 3, &larger);
     assert_true(larger > small);
     client.bytes_per_s = (small + larger) / 2 * 20; /* 50 ms for something between */
-    (void)play(6000, 20 * MS);
-    assert_int_equal(client.picture_class, FV_WEB_CLASSES - 2);
+    play_to(FV_WEB_CLASSES - 2);
     client.bytes_per_s = 0;
-    (void)play(6000, 20 * MS);
-    assert_int_equal(client.picture_class, 0);
+    play_to(0);
 }
 
 static void replies_wait_in_their_order(void **state)
