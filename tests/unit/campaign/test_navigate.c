@@ -45,10 +45,19 @@ static struct navigate_motion steer_at(double x, double yaw)
     return navigate_steer(&planner, (const double[2]){x, 0}, yaw, planner.now_s + 0.05);
 }
 
-static double took_s; /* to arrive */
+static double took_s;                    /* to arrive */
+static double cleared_from_x = INFINITY; /* from there on nothing is suspected any more */
+
+static void clear_suspected(void)
+{
+    for (int i = 0; i < SIDE * SIDE; i++)
+        if (cells[i] == SUSPECTED) cells[i] = FREE;
+    cleared_from_x = INFINITY;
+    plan();
+}
 
 /* Drives on until it arrives; `*farthest`: the largest |y|. Keeps off what is occupied all the way,
- * and backs only from what it gave up. */
+ * and backs only from where it was too narrow. */
 static bool arrives(double *farthest)
 {
     double at[2] = {0, 0}, yaw = 0;
@@ -57,7 +66,8 @@ static bool arrives(double *farthest)
         const struct navigate_motion motion = navigate_steer(&planner, at, yaw, step * 0.05);
         took_s = step * 0.05;
         if (motion.arrived) return true;
-        assert_true(motion.speed_m_s >= (planner.touches > 0 ? -0.2 : 0));
+        if (at[0] > cleared_from_x) clear_suspected();
+        assert_true(motion.speed_m_s >= (planner.narrow_until_s > 0 ? -0.2 : 0));
         assert_true(motion.speed_m_s <= 0.5);
         assert_true(fabs(motion.turning_rad_s) <= 1.2);
         yaw += motion.turning_rad_s * 0.05;
@@ -133,41 +143,58 @@ static void a_gap_narrower_than_the_robot_is_not(void **state)
     assert_true(arrives(&farthest) && farthest > 3.7);
 }
 
-/* The middle of a passage of 1.2 m, 0.5 m from the wall on one side. On the other something leaves
- * it a cell less than the robot asks for: it goes round that where it is sure, and to see it from
- * near where it is not, here through, for it is wide enough. */
-static void what_is_suspected_is_looked_at_from_near(void **state)
+/* A wall all along, with a passage of 1.2 m, of which something leaves it two cells less than it
+ * needs; round that it is 20 m. */
+static void begin_narrow(int8_t seen)
 {
-    const int8_t seen[] = {OCCUPIED, SUSPECTED};
-    double farthest;
-    (void)state;
-    for (int i = 0; i < 2; i++) {
-        begin(3, 0, FREE);
-        fill(1.4, 1.6, -5, 3.5, OCCUPIED);
-        fill(1.4, 1.6, -0.6, 0.6, FREE);
-        fill(1.4, 1.6, 0.0, 0.6, seen[i]);
-        plan();
-        assert_true(arrives(&farthest));
-        if (seen[i] == OCCUPIED)
-            assert_true(farthest > 3.7);
-        else
-            assert_true(farthest < 0.6 && planner.touches == 0);
-    }
+    begin(3, 0, FREE);
+    fill(1.4, 1.5, -5, 4.2, OCCUPIED);
+    fill(-4, 1.5, 4.1, 4.2, OCCUPIED);
+    fill(1.4, 1.5, -0.6, 0.6, FREE);
+    fill(1.4, 1.5, -0.2, 0.6, seen);
+    plan();
 }
 
-/* The same, but too narrow for it, however long it looks: it stands before it, gives that way up
- * for a while, and takes the other one. */
+/* Where it is sure it goes round; where it is not, it goes to see from near, here that nothing was
+ * there. */
+static void what_is_suspected_is_looked_at_from_near(void **state)
+{
+    double farthest;
+    (void)state;
+    begin_narrow(OCCUPIED);
+    assert_true(arrives(&farthest) && farthest > 4.2 && planner.touches == 0);
+    begin_narrow(SUSPECTED);
+    cleared_from_x = 0.6;
+    assert_true(arrives(&farthest) && farthest < 0.6 && planner.touches == 0);
+}
+
+/* The same, but it stays too narrow, however long the robot looks: it stands before it, looks from
+ * farther off, gives that way up the second time for a while, and takes the other one. */
 static void what_stays_too_narrow_is_given_up(void **state)
 {
     double farthest;
     (void)state;
-    begin(3, 0, FREE);
-    fill(1.4, 1.5, -5, 4.2, SUSPECTED);
-    fill(1.4, 1.5, -0.2, 0.2, FREE);
-    plan();
-    assert_true(arrives(&farthest) && farthest > 4.4);
-    assert_true(planner.touches == 1 && planner.given_up == 1);
+    begin_narrow(SUSPECTED);
+    assert_true(arrives(&farthest) && farthest > 4.2);
     print_message("at the goal after %.1f s\n", took_s);
+    assert_true(planner.touches == 1 && planner.given_up == 1);
+}
+
+/* What appears beside the robot, nearer than it would go there, holds it where that is sure; where
+ * it is not the robot goes on, but no nearer to it. */
+static void what_is_suspected_beside_it_holds_it_not(void **state)
+{
+    const int8_t seen[] = {OCCUPIED, SUSPECTED};
+    (void)state;
+    for (int i = 0; i < 2; i++)
+        for (int nearer = 0; nearer < 2; nearer++) {
+            begin(3, 0, FREE);
+            fill(-1, 1, 0.2, 0.3, seen[i]);
+            fill(-1, 1, -0.4, -0.2, seen[i]);
+            if (nearer) fill(0.2, 1, 0.1, 0.2, seen[i]);
+            plan();
+            assert_true((steer_at(0, 0).speed_m_s > 0.05) == (seen[i] == SUSPECTED && !nearer));
+        }
 }
 
 /* What is not known costs three times as much as what is free. */
@@ -444,6 +471,7 @@ int main(void)
         cmocka_unit_test(a_gap_narrower_than_the_robot_is_not),
         cmocka_unit_test(what_is_suspected_is_looked_at_from_near),
         cmocka_unit_test(what_stays_too_narrow_is_given_up),
+        cmocka_unit_test(what_is_suspected_beside_it_holds_it_not),
         cmocka_unit_test(a_free_way_is_preferred_to_an_unknown_one),
         cmocka_unit_test(what_is_not_known_is_entered_slowly),
         cmocka_unit_test(what_holds_the_robot_is_kept_in_mind_and_passed),

@@ -5,7 +5,8 @@
 
 /* Beyond the radius: kept, and preferred, for an edge may be a cell or two nearer than the grid has
  * it: what the nearest way that is kept costs more. */
-static const double wide_m = 0.6, near_price = 8, unknown_price = 3, squeeze_price = 60;
+static const double wide_m = 0.6, near_price = 8, unknown_price = 3, suspect_price = 20,
+                    squeeze_price = 60;
 /* What of the robot's edge a touch may be at, to either side of ahead, and how deep it is taken to
  * be. */
 static const double touch_rad = 1.2, touch_deep_m = 0.1;
@@ -43,17 +44,18 @@ static void find_gaps(const struct navigate *n, enum navigate_kind kind, float *
             take_nearest(n, gap, x, y, 1);
 }
 
-/* Nearer to what is occupied than the robot's radius allows it is a squeeze: only to get out of
- * where the robot already is. Nearer than that to what is suspected it may be one: from near it
- * will be seen. */
+/* Nearer to what is occupied than the robot fits it is a squeeze: only to get out of where the
+ * robot already is. So near to what is suspected it may be one: from near it will be seen. */
 double navigate_price(const struct navigate *n, int32_t cell)
 {
-    const double gap = (double)n->gap[cell], least = n->robot.radius_m + navigate_margin_m;
+    const double gap = (double)n->gap[cell], fits = n->robot.radius_m + 0.5 * navigate_margin_m,
+                 wide = n->robot.radius_m + navigate_margin_m + wide_m;
     if (n->kind[cell] >= NAVIGATE_SUSPECTED) return 0;
     const double price = n->kind[cell] == NAVIGATE_UNKNOWN ? unknown_price : 1;
-    if ((double)n->hold[cell] < least) return price * squeeze_price;
-    if (gap >= least + wide_m) return price;
-    const double near = (least + wide_m - gap) / wide_m;
+    if ((double)n->hold[cell] < fits) return price * squeeze_price;
+    if (gap < fits) return price + suspect_price;
+    if (gap >= wide) return price;
+    const double near = (wide - gap) / wide_m;
     return price + near_price * near * near;
 }
 

@@ -26,7 +26,7 @@ bool navigate_plan(struct navigate *n, const int8_t *cells, int32_t width, int32
 void navigate_forget(struct navigate *n)
 {
     n->touches = 0;
-    n->backs_until_s = n->now_s;
+    n->backs_until_s = n->narrow_until_s = n->now_s;
     n->due_m = 0;
     n->begun = false;
 }

@@ -3,9 +3,10 @@
  * finds (steer.c). What is occupied is never entered; what is not known may be planned through at a
  * price, but is entered only when it has been seen to be free, or slowly where it cannot be seen
  * from anywhere nearer. What was seen occupied only once or twice closes no way that passes beside
- * it: the robot goes there to see it from near, and gives the way up where it stays too narrow.
- * Where the robot was asked to drive and stood, something is that the grid does not show. Either is
- * kept in mind for a while as an obstacle ahead; the robot backs off and plans anew. */
+ * it: the robot goes there to see it from near and, where it stands too near, from farther off, and
+ * gives the way up where it stays too narrow. Where the robot was asked to drive and stood,
+ * something is that the grid does not show. Either is kept in mind for a while as an obstacle
+ * ahead; the robot backs off and plans anew. */
 #ifndef FOVEA_EXAMPLES_NAVIGATE_PLAN_H
 #define FOVEA_EXAMPLES_NAVIGATE_PLAN_H
 
@@ -55,8 +56,9 @@ struct navigate {
     double now_s, step_s, stood[2], due_m;
     double stands_s; /* for so long it has stood before what it cannot see, or cannot pass */
     struct navigate_touch touch[NAVIGATE_TOUCHES_MAX]; /* a ring, by their number */
-    int64_t touches, given_up; /* ever; of these, ways that were too narrow */
-    double backs_until_s;      /* off from the last of them */
+    int64_t touches, given_up;                    /* ever; of these, ways that were too narrow */
+    double narrow[2], narrow_until_s;             /* where a way was too narrow, in mind */
+    double backs_from[2], backs_m, backs_until_s; /* it backs off */
 };
 
 void navigate_init(struct navigate *n, const struct navigate_robot *robot, const double goal[2]);

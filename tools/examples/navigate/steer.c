@@ -17,21 +17,35 @@ static const double stop_m = 0.1, stop_s = 0.4, brake_m_s2 = 0.6;
 /* So much asked for and so little of it driven is a touch; how long it is kept in mind. */
 static const double touch_due_m = 0.4, touch_moved_m = 0.05, touch_s = 30;
 static const double back_m = 0.25, back_m_s = 0.2, back_s = 3, step_s_most = 0.5;
+/* From a way that is too narrow it backs farther, for what is beside it the camera does not see. A
+ * second time so near to the first is enough. */
+static const double back_to_look_m = 0.5, again_m = 0.5;
+
+/* Whether a cell is too near to something for a robot that is in the cell `here`: it may always go
+ * where there is more room than it has, and beside what is only suspected where there is no less.
+ */
+static bool is_narrow(const struct navigate *n, int32_t cell, int32_t here)
+{
+    const float least = (float)(n->robot.radius_m + 0.5 * navigate_margin_m);
+    if (n->gap[cell] >= least) return false;
+    if (here < 0) return true;
+    return n->hold[cell] < least ? n->gap[cell] <= n->gap[here] : n->gap[cell] < n->gap[here];
+}
 
 /* How far the robot may go straight ahead over cells that are known to be free; `*blocked`: up to
- * what is occupied. */
+ * where it is too narrow. */
 static double free_ahead(const struct navigate *n, const double position[2], double yaw,
                          bool *blocked)
 {
     const double step = 0.5 * n->cell_m, reach = 1.0;
+    const int32_t here = navigate_cell(n, position[0], position[1]);
     *blocked = false;
     for (int32_t i = 0; i * step < reach; i++) {
         const double way = i * step;
         const int32_t cell =
             navigate_cell(n, position[0] + way * cos(yaw), position[1] + way * sin(yaw));
         if (cell < 0 || n->kind[cell] == NAVIGATE_UNKNOWN) return way;
-        const double room_m = (double)n->gap[cell] - n->robot.radius_m;
-        if (room_m < 0.5 * navigate_margin_m && way > 0.1) {
+        if (is_narrow(n, cell, here) && way > 0.1) {
             *blocked = true;
             return way - step; /* for its middle may be as much nearer to that than the cell's */
         }
@@ -60,14 +74,38 @@ static bool is_held(struct navigate *n, const double position[2], double time_s)
     return n->due_m > touch_due_m;
 }
 
+static void begin_back(struct navigate *n, const double position[2], double way_m)
+{
+    memcpy(n->backs_from, position, sizeof n->backs_from);
+    n->backs_m = way_m;
+    n->backs_until_s = n->now_s + back_s;
+    n->due_m = 0;
+}
+
 static void take_touch(struct navigate *n, const double position[2], double yaw)
 {
     n->touch[n->touches++ % NAVIGATE_TOUCHES_MAX] =
         (struct navigate_touch){{position[0], position[1]}, yaw, n->now_s + touch_s};
-    n->backs_until_s = n->now_s + back_s;
-    n->due_m = 0;
+    begin_back(n, position, back_m);
     navigate_map_touches(n);
     navigate_ways_change(n);
+}
+
+/* A way that stays too narrow: it looks at that from farther off, and the second time keeps it in
+ * mind. */
+static void take_narrow(struct navigate *n, const double position[2], double yaw)
+{
+    const bool again = n->narrow_until_s > n->now_s &&
+                       hypot(position[0] - n->narrow[0], position[1] - n->narrow[1]) < again_m;
+    memcpy(n->narrow, position, sizeof n->narrow);
+    n->narrow_until_s = n->now_s + touch_s;
+    n->stands_s = 0;
+    if (again) {
+        n->given_up++;
+        take_touch(n, position, yaw);
+    } else {
+        begin_back(n, position, back_to_look_m);
+    }
 }
 
 /* Whether the robot's width is free behind it, for as far as it goes until it stands. */
@@ -88,13 +126,12 @@ static bool may_back(const struct navigate *n, const double position[2], double 
     return true;
 }
 
-/* Off from the last touch, for as long as that takes and is possible. */
+/* Off from where it began to, for as long as that takes and is possible. */
 static bool backs(struct navigate *n, const double position[2], double yaw)
 {
     if (n->now_s >= n->backs_until_s) return false;
-    const double *from = n->touch[(n->touches - 1) % NAVIGATE_TOUCHES_MAX].position;
-    const bool on =
-        hypot(position[0] - from[0], position[1] - from[1]) < back_m && may_back(n, position, yaw);
+    const double way = hypot(position[0] - n->backs_from[0], position[1] - n->backs_from[1]);
+    const bool on = way < n->backs_m && may_back(n, position, yaw);
     if (!on) n->backs_until_s = n->now_s;
     return on;
 }
@@ -132,12 +169,9 @@ static struct navigate_motion pursue(struct navigate *n, const double position[2
     speed = fmin(speed, stopping_speed(ahead));
     const bool stands = speed < 0.02 && fabs(off) < 0.25;
     n->stands_s = stands ? n->stands_s + n->step_s : 0;
-    if (stands && blocked && n->stands_s > give_up_s) {
-        n->given_up++;
-        take_touch(n, position, yaw);
-    } else if (stands && !blocked && n->stands_s > look_s) {
-        speed = creep_m_s; /* nothing more can be seen of what is ahead */
-    }
+    if (stands && blocked && n->stands_s > give_up_s) take_narrow(n, position, yaw);
+    /* Nothing more can be seen of what is ahead: on, slowly. */
+    if (stands && !blocked && n->stands_s > look_s) speed = creep_m_s;
     return (struct navigate_motion){
         speed, between(2 * off, -n->robot.turning_rad_s, n->robot.turning_rad_s), false};
 }
