@@ -159,10 +159,10 @@ free_space() { # free_space PASSES
     make --no-print-directory "$build/tests/unit/drivers/test_sim_free_space" && FOVEA_LONG=$1 "$build/tests/unit/drivers/test_sim_free_space"
 }
 
-# The same by the shipped network: its masks in the loop, poses of two cameras.
+# The same by the shipped network: its masks in the loop, poses of two cameras; halls that nothing was chosen by.
 free_space_network() { # free_space_network PASSES
     test=$build/tests/unit/drivers/test_sim_free_space
-    make --no-print-directory "$test" && FOVEA_SEGMENTER=src/detect/segmenter.fvm FOVEA_ONLY='*two_cameras' FOVEA_LONG=$1 "$test"
+    make --no-print-directory "$test" && FOVEA_SEGMENTER=src/detect/segmenter.fvm FOVEA_ONLY='*two_cameras' FOVEA_FIRST=4000 FOVEA_LONG=$1 "$test"
 }
 
 # Drives by the whole program and the planner that users copy, with masks of the shipped network. The sample drives twice: what else the
@@ -172,6 +172,12 @@ drive_network() { # drive_network FIRST HALLS NEEDED
     make --no-print-directory all examples && python3 tests/campaign/halls.py "$build" "$done_folder/halls.txt" "$@" || return 1
     [ -n "$sample" ] || return 0
     python3 tests/campaign/halls.py "$build" "$done_folder/again.txt" "$@" && cmp "$done_folder/halls.txt" "$done_folder/again.txt"
+}
+
+# The shipped network on frames of seeds that training never draws.
+segmenter() { # segmenter FRAMES
+    make --no-print-directory "$build/fovea" "$build/venv-sweep/ready" &&
+        "$build/venv-sweep/bin/python" tools/evaluate/segmentation.py --fovea "$build/fovea" --work "$done_folder/segmenter-frames" --frames "$1" --mean 0.85 --least 0.7
 }
 
 # Sweeps of tools/evaluate: interrupted, with a worker killed, two versions side by side.
@@ -232,9 +238,10 @@ else
     part faults faults 2000 0
     part revisits tools/evaluate/revisits.sh
     part sweeps sweeps
+    part segmenter segmenter 500
     part free_space free_space 20
     part free_space-network free_space_network 20
-    part drive-network drive_network 7001 100 95
+    part drive-network drive_network 9001 100 95
     part drive $build/tests/campaign/drive --first 6001 --worlds 100 --needed 95
     part drive-stereo $build/tests/campaign/drive --first 7001 --worlds 100 --needed 95 --stereo 1
     part packets packets 1000000

@@ -1,7 +1,7 @@
 """Intersection over union of a network that labels pixels as the shipped one does, on rendered frames of seeds that training never draws.
 
-Usage: segmentation.py [--model FILE.fvm] [--fovea build/fovea] [--frames 500] [--work DIR] [--draw DIR]
-Four frames of each of many worlds: `fovea export --masks` renders, `fovea segment --evaluate` judges at the size of the frames; counts are added up."""
+Usage: segmentation.py [--model FILE.fvm] [--fovea build/fovea] [--frames 500] [--work DIR] [--draw DIR] [--mean IOU] [--least IOU]
+Exit 1: over all frames the classes' mean overlap is below --mean, or one class's below --least. Four frames of each of many worlds: `fovea export --masks` renders, `fovea segment --evaluate` judges at the size of the frames; counts are added up."""
 import argparse
 import glob
 import json
@@ -61,6 +61,8 @@ def main():
     parser.add_argument("--frames", type=int, default=500)
     parser.add_argument("--work", default="build/evaluate-segmentation")
     parser.add_argument("--draw", help="draw the classes over a frame of each world into this folder")
+    parser.add_argument("--mean", type=float, default=0, help="the mean over the classes that is expected at least")
+    parser.add_argument("--least", type=float, default=0, help="the overlap of each class that is expected at least")
     arguments = parser.parse_args()
     sums, pictures, names = {}, {}, []
     for trajectory, folder in render(arguments):
@@ -76,6 +78,10 @@ def main():
     print("\nof 1000 pixels of a class (rows) are taken for\n" + f"{'':12}" + " ".join(f"{n:>9}" for n in names[:-1]))
     for name, row in zip(names[:-1], parts):
         print(f"{name:12}" + " ".join(f"{v:9.1f}" for v in row[:-1]))
+    values = overlaps(sums["all"])
+    if not (np.nanmean(values) >= arguments.mean and np.nanmin(values) >= arguments.least):
+        print(f"found a mean of {np.nanmean(values):.4f} and a least of {np.nanmin(values):.4f}, expected {arguments.mean} and {arguments.least} or more")
+        return 1
     return 0
 
 

@@ -172,8 +172,14 @@ static enum fovea_status run(struct fv_inference *engine, const struct asked *as
         status = fv_confusion_open(&confusion, asked->map, &engine->file.model, error);
     for (int i = 0; i < count && status == FOVEA_OK; i++)
         status = take(engine, &confusion, asked, paths[i], error);
-    if (status == FOVEA_OK && asked->labels != NULL) fv_confusion_print(&confusion, asked->json);
-    return status;
+    if (status != FOVEA_OK || asked->labels == NULL) return status;
+    if (confusion.pixels == 0)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "%.300s: found no label of the label pictures in %.300s, expected a "
+                               "class for at least one of their labels",
+                               asked->map, asked->labels);
+    fv_confusion_print(&confusion, asked->json);
+    return FOVEA_OK;
 }
 
 int fv_command_segment(int argc, char **argv)
