@@ -241,7 +241,7 @@ else
     part segmenter segmenter 500
     part free_space free_space 20
     part free_space-network free_space_network 20
-    part drive-network drive_network 9001 100 95
+    part drive-network drive_network 9101 100 95
     part drive $build/tests/campaign/drive --first 6001 --worlds 100 --needed 95
     part drive-stereo $build/tests/campaign/drive --first 7001 --worlds 100 --needed 95 --stereo 1
     part packets packets 1000000
