@@ -49,7 +49,7 @@ def drive(build, seed, frames, log):
     with open(log, "w", encoding="utf-8") as file:
         run = subprocess.Popen([f"{build}/fovea", "run", "--source", source, *OPTIONS, "--frames", str(frames)],
                                stdout=subprocess.DEVNULL, stderr=file)
-    planner = subprocess.Popen([f"{build}/examples/navigate", *goal_of(log, run)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    planner = subprocess.Popen([f"{build}/examples/navigate", *goal_of(log, run), "--patience", "15"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     run.wait()
     planner.terminate()
     planner.wait()

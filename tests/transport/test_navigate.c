@@ -93,15 +93,16 @@ static void drive(const char *name, bool keyed)
     char navigate[640], fovea[640], recording[128], trajectory[128], line[512], last[512] = "";
     char key[128], command_key[128];
     pid_t navigator, runtime;
-    int status, taken = -1, silences = -1;
+    int status, taken = -1, poses = -1, silences = -1;
     snprintf(navigate, sizeof navigate, "%s/examples/navigate", build_folder());
     snprintf(fovea, sizeof fovea, "%s/fovea", build_folder());
     snprintf(recording, sizeof recording, "%s/%s.log", folder, name);
     snprintf(trajectory, sizeof trajectory, "%s/%s.tum", folder, name);
     snprintf(key, sizeof key, "%s", key_path(""));
     snprintf(command_key, sizeof command_key, "%s", key_path("command_key="));
-    const char *const controller[] = {navigate, "0.8", "0", "--url", URL, keyed ? "--key" : NULL,
-                                      key,      NULL};
+    /* A slow machine takes seconds for a frame: silence that long must not change what is asked. */
+    const char *const controller[] = {
+        navigate, "0.8", "0", "--url", URL, "--patience", "15", keyed ? "--key" : NULL, key, NULL};
     FILE *heard = start(controller, &navigator);
     assert_non_null(fgets(line, sizeof line, heard));
     assert_string_equal(line, "listening\n");
@@ -130,12 +131,14 @@ static void drive(const char *name, bool keyed)
         (void)sscanf(line, " velocity commands: %d taken, 0 refused, 0 malformed", &taken);
     assert_int_equal(waitpid(runtime, &status, 0), runtime);
     assert_int_equal(status, 0);
+    assert_int_equal(kill(navigator, SIGTERM), 0);
     while (fgets(line, sizeof line, heard) != NULL)
         snprintf(last, sizeof last, "%s", line);
     assert_int_equal(waitpid(navigator, &status, 0), navigator);
     print_message("%d commands taken; navigate: %s", taken, last);
     assert_int_equal(status, 0);
-    assert_true(strncmp(last, "at the goal after 45 poses", 26) == 0);
+    assert_int_equal(sscanf(last, "at the goal after %d poses", &poses), 1);
+    assert_in_range(poses, FRAMES - 1, FRAMES); /* nobody waits for an answer to the last */
     const char *after = strstr(last, "asked to stand after silence ");
     assert_true(after != NULL && sscanf(after, "asked to stand after silence %d", &silences) == 1);
     /* One for each frame, but the last may come after the end; and what a slow run was sent. */
@@ -276,7 +279,7 @@ static void wrong_arguments_are_refused(void **state)
         {"1 2 --prefix A2345678901234567890123456789012",
          "--prefix: found 'A2345678901234567890123456789012', expected 1 to 31 bytes"},
         {"1 2 --faster 3", "found '--faster', expected --url, --prefix, --radius, --speed, "
-                           "--turning, --key, --run-id or --sender"},
+                           "--turning, --patience, --key, --run-id or --sender"},
         {"1 2 --key /dev/null --sender 1.5", "--sender: found '1.5', expected a whole number"},
         {"1 2 --run-id 0", "--run-id: found '0', expected a whole number other than 0"},
         {"1 2 --run-id -7", "--run-id: found without --key, expected both"},

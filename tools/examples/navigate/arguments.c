@@ -58,7 +58,7 @@ static const struct argument *find(const struct argument *options, const char *n
         options++;
     if (options->name != NULL) return options;
     fv_say_wrong("navigate: found '%s', expected --url, --prefix, --radius, --speed, --turning, "
-                 "--key, --run-id or --sender",
+                 "--patience, --key, --run-id or --sender",
                  name);
     return NULL;
 }
@@ -73,6 +73,7 @@ bool navigate_arguments_read(struct navigate_arguments *arguments, int argc, cha
         {"--radius", POSITIVE, &arguments->robot.radius_m, false},
         {"--speed", POSITIVE, &arguments->robot.speed_m_s, false},
         {"--turning", POSITIVE, &arguments->robot.turning_rad_s, false},
+        {"--patience", POSITIVE, &arguments->patience_s, false},
         {"--key", TEXT, &arguments->key_path, false},
         {"--run-id", NOT_ZERO, &arguments->run_id, true},
         {"--sender", WHOLE, &arguments->sender, true},

@@ -14,6 +14,7 @@ struct navigate_arguments {
     int64_t run_id, sender;              /* with a key; run_id 0: not given */
     double goal[2];
     struct navigate_robot robot;
+    double patience_s; /* of silence, until whichever frame waits is answered */
 };
 
 /* What is not given stays as it is. False: one line on stderr says which argument is wrong, what

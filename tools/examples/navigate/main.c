@@ -2,7 +2,7 @@
  * by LCM, velocity commands go out.
  *
  *     navigate X Y [--url URL] [--prefix FOVEA] [--radius 0.2] [--speed 0.5] [--turning 1.2]
- *         [--key FILE [--run-id N] [--sender 1]]
+ *         [--patience 2] [--key FILE [--run-id N] [--sender 1]]
  *
  * X, Y: the goal in metres in the frame odom, which is where the body was at the start: ahead, and
  * to the left. Start it before the run, or within 20 s of it, for example
@@ -12,8 +12,8 @@
  *         --set grid.enabled=true --set 'T_body_cam=[...]'
  *
  * Every pose is answered, so that sim:drive goes on in lock-step. Without a pose in metres, and
- * when nothing comes for two seconds, the robot is asked to stand, as it is at SIGINT and SIGTERM,
- * which end the program. Exit 0: at the goal. The planner begins in plan.h.
+ * when nothing comes for so many seconds as --patience says, the robot is asked to stand, as it is
+ * at SIGINT and SIGTERM, which end the program. Exit 0: at the goal. The planner begins in plan.h.
  *
  * A run with command_key takes only what was signed with its key: --key names the file. The number
  * of the run that is meant is heard on PREFIX_RUN, or given by --run-id; each program that shares
@@ -42,7 +42,7 @@
 #include "fovea_run_t.h"
 #include "fovea_velocity_command_t.h"
 
-enum { QUIET_MS = 2000, QUIET_MOST = 15 };
+enum { QUIET_MOST = 15 };
 static const int64_t grid_age_most_ns = 2000000000; /* what came since then is not in it */
 
 static struct {
@@ -59,7 +59,7 @@ static struct {
     bool planned, arrived, too_large; /* a grid was, which is said once */
     sigset_t waiting;                 /* signals that do not come while it waits for a message */
     int64_t grid_ns, frame, poses, grids, stood, silences;
-} self = {.asked = {.prefix = "FOVEA", .robot = {0.2, 0.5, 1.2}, .sender = 1}};
+} self = {.asked = {.prefix = "FOVEA", .robot = {0.2, 0.5, 1.2}, .patience_s = 2, .sender = 1}};
 
 /* For this run alone, once, and by who knows the key: the message is encoded with mac 0, and then
  * with the code of these bytes. */
@@ -205,13 +205,13 @@ static int handle_within(int ms)
 }
 
 /* Until the run has been silent for long after its first pose, as at its end, or a signal comes. A
- * pose or an answer may be lost, or have been sent before this program listened: after two seconds
+ * pose or an answer may be lost, or have been sent before this program listened: after some seconds
  * of silence whichever frame waits is answered, so that lock-step goes on. */
 static void drive(void)
 {
     int quiet = 0;
     while (quiet < (self.arrived ? 2 : QUIET_MOST)) {
-        const int handled = handle_within(QUIET_MS);
+        const int handled = handle_within((int)ceil(1000 * self.asked.patience_s));
         if (handled < 0) return;
         if (ended) break;
         quiet = handled > 0 || self.poses == 0 ? 0 : quiet + 1;
@@ -231,7 +231,7 @@ int main(int argc, char **argv)
     char channel[64];
     if (argc == 2 && strcmp(argv[1], "--help") == 0) {
         printf("usage: navigate X Y [--url URL] [--prefix FOVEA] [--radius M] [--speed M_S] "
-               "[--turning RAD_S] [--key FILE [--run-id N] [--sender N]]\n");
+               "[--turning RAD_S] [--patience S] [--key FILE [--run-id N] [--sender N]]\n");
         return FV_EXIT_OK;
     }
     if (!navigate_arguments_read(&self.asked, argc, argv)) return FV_EXIT_WRONG;
