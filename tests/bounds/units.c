@@ -89,7 +89,7 @@ static void derive_closure(const struct capacities *c)
     TERM(b, BOUND_ALWAYS, 1, similarity_judged);
     /* The fewer correspondences, the more samples; each is tested on all of them. */
     TERM(b, BOUND_ALWAYS,
-         CLOSURE_TESTS / (FV_PLACE_MATCHES_MIN + CLOSURE_TESTS_OF_SAMPLE + 0.0) + 1,
+         (double)CLOSURE_TESTS / (FV_PLACE_MATCHES_MIN + CLOSURE_TESTS_OF_SAMPLE) + 1,
          similarity_solved);
     TERM(b, BOUND_ALWAYS, CLOSURE_TESTS + features, similarity_tested);
     b = bound_of("closure: refine");
@@ -203,7 +203,7 @@ static void derive_grid(const struct capacities *c)
     TERM(b, BOUND_ALWAYS,
          FV_GRID_LOOKUPS + grid_steps / GRID_COARSE + GRID_COARSE + GRID_END_LOOKUPS, ray_looked);
     TERM(b, BOUND_ALWAYS, grid_steps, ray_freed); /* looked up in units before */
-    TERM(b, BOUND_ALWAYS, FV_GRID_LOOKUPS / (GRID_COARSE + 1.0) + 1, ray_begun);
+    TERM(b, BOUND_ALWAYS, (double)FV_GRID_LOOKUPS / (GRID_COARSE + 1) + 1, ray_begun);
     TERM(b, BOUND_ALWAYS, grid_robot, cell_stood);
     b = bound_of("free space: evidence");
     TERM(b, BOUND_ALWAYS, 1, space_asked);

@@ -234,7 +234,8 @@ static void a_signal_ends_it_with_its_last_line(void **state)
         pid_t navigator;
         int status;
         snprintf(navigate, sizeof navigate, "%s/examples/navigate", build_folder());
-        const char *const controller[] = {navigate, "0.8", "0", "--url", URL, NULL};
+        const char *const controller[] = {navigate, "0.8",        "0",  "--url",
+                                          URL,      "--patience", "99", NULL};
         FILE *heard = start(controller, &navigator);
         assert_non_null(fgets(line, sizeof line, heard));
         assert_int_equal(kill(navigator, signals[i]), 0);
@@ -249,6 +250,38 @@ static void a_signal_ends_it_with_its_last_line(void **state)
         assert_true(WIFEXITED(status) && WEXITSTATUS(status) == 1);
         fclose(heard);
     }
+}
+
+/* How often it asked the robot to stand within a second in which nothing came. */
+static int silences_within_a_second(const char *patience_s)
+{
+    char navigate[640], line[512] = "";
+    pid_t navigator;
+    int silences = -1;
+    snprintf(navigate, sizeof navigate, "%s/examples/navigate", build_folder());
+    const char *const controller[] = {navigate, "1",          "0",        "--url",
+                                      URL,      "--patience", patience_s, NULL};
+    FILE *heard = start(controller, &navigator);
+    assert_non_null(fgets(line, sizeof line, heard));
+    sleep(1);
+    assert_int_equal(kill(navigator, SIGTERM), 0);
+    assert_non_null(fgets(line, sizeof line, heard));
+    const char *after = strstr(line, "after silence ");
+    assert_true(after != NULL && sscanf(after, "after silence %d", &silences) == 1);
+    assert_int_equal(waitpid(navigator, NULL, 0), navigator);
+    fclose(heard);
+    return silences;
+}
+
+/* A program that has no processor for a second is tried again. */
+static void silence_is_as_long_as_it_is_told(void **state)
+{
+    int silences = 0;
+    (void)state;
+    assert_int_equal(silences_within_a_second("99"), 0);
+    for (int tries = 0; tries < 20 && silences < 3; tries++)
+        silences = silences_within_a_second("0.2");
+    assert_true(silences >= 3);
 }
 
 static int set_up(void **state)
@@ -325,6 +358,7 @@ int main(void)
         cmocka_unit_test(a_run_is_driven_in_lock_step_and_repeats),
         cmocka_unit_test(a_run_with_a_key_takes_nothing_that_is_not_signed),
         cmocka_unit_test(a_signal_ends_it_with_its_last_line),
+        cmocka_unit_test(silence_is_as_long_as_it_is_told),
         cmocka_unit_test(wrong_arguments_are_refused),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);

@@ -46,6 +46,7 @@ static struct navigate_motion steer_at(double x, double yaw)
 }
 
 static double took_s;                    /* to arrive */
+static double farthest_back;             /* in one go */
 static double cleared_from_x = INFINITY; /* from there on nothing is suspected any more */
 
 static void clear_suspected(void)
@@ -60,8 +61,8 @@ static void clear_suspected(void)
  * and backs only from where it was too narrow. */
 static bool arrives(double *farthest)
 {
-    double at[2] = {0, 0}, yaw = 0;
-    *farthest = 0;
+    double at[2] = {0, 0}, yaw = 0, back = 0;
+    *farthest = farthest_back = 0;
     for (int step = 0; step < 2000; step++) {
         const struct navigate_motion motion = navigate_steer(&planner, at, yaw, step * 0.05);
         took_s = step * 0.05;
@@ -69,6 +70,8 @@ static bool arrives(double *farthest)
         if (at[0] > cleared_from_x) clear_suspected();
         assert_true(motion.speed_m_s >= (planner.narrow_until_s > 0 ? -0.2 : 0));
         assert_true(motion.speed_m_s <= 0.5);
+        back = motion.speed_m_s < 0 ? back - motion.speed_m_s * 0.05 : 0;
+        farthest_back = fmax(farthest_back, back);
         assert_true(fabs(motion.turning_rad_s) <= 1.2);
         yaw += motion.turning_rad_s * 0.05;
         at[0] += motion.speed_m_s * 0.05 * cos(yaw);
@@ -168,6 +171,39 @@ static void what_is_suspected_is_looked_at_from_near(void **state)
     assert_true(arrives(&farthest) && farthest < 0.6 && planner.touches == 0);
 }
 
+/* The gap between two suspected cells is too narrow, and a way round is 5 m longer: the robot takes
+ * that, for to look from near has its price, too. */
+static void a_free_way_is_preferred_to_a_suspected_one(void **state)
+{
+    double farthest;
+    (void)state;
+    begin(3, 0, FREE);
+    fill(1.4, 1.5, -5, 2.9, OCCUPIED);
+    fill(1.4, 1.5, 4.4, 5, OCCUPIED);
+    fill(1.4, 1.5, -0.8, 0.9, SUSPECTED);
+    fill(1.4, 1.5, -0.1, 0.2, FREE);
+    plan();
+    assert_true(arrives(&farthest) && farthest > 2.9 && planner.narrow_until_s == 0);
+}
+
+/* At each distance from what is not known it can still stop before that: 0.1 m before, by 0.6 m/s^2
+ * and 0.4 s after it has seen it. */
+static void it_can_stop_within_what_is_free(void **state)
+{
+    double fastest = 0;
+    (void)state;
+    begin(3, 0, FREE);
+    fill(1, 4, -5, 5, UNKNOWN);
+    plan();
+    for (double x = 0; x < 0.9; x += 0.05) {
+        planner.asked = (struct navigate_motion){0};
+        const double v = steer_at(x, 0).speed_m_s;
+        assert_true(0.4 * v + v * v / 1.2 <= fmax(1 - x - 0.1, 0) + 0.051);
+        fastest = fmax(fastest, v);
+    }
+    assert_true(fastest > 0.44); /* it turns a little to the middle of a cell */
+}
+
 /* The same, but it stays too narrow, however long the robot looks: it stands before it, looks from
  * farther off, gives that way up the second time for a while, and takes the other one. */
 static void what_stays_too_narrow_is_given_up(void **state)
@@ -178,6 +214,7 @@ static void what_stays_too_narrow_is_given_up(void **state)
     assert_true(arrives(&farthest) && farthest > 4.2);
     print_message("at the goal after %.1f s\n", took_s);
     assert_true(planner.touches == 1 && planner.given_up == 1);
+    assert_true(farthest_back > 0.4); /* the first time it looks at it from there */
 }
 
 /* What appears beside the robot, nearer than it would go there, holds it where that is sure; where
@@ -470,6 +507,8 @@ int main(void)
         cmocka_unit_test(a_gap_wider_than_the_robot_is_passed),
         cmocka_unit_test(a_gap_narrower_than_the_robot_is_not),
         cmocka_unit_test(what_is_suspected_is_looked_at_from_near),
+        cmocka_unit_test(a_free_way_is_preferred_to_a_suspected_one),
+        cmocka_unit_test(it_can_stop_within_what_is_free),
         cmocka_unit_test(what_stays_too_narrow_is_given_up),
         cmocka_unit_test(what_is_suspected_beside_it_holds_it_not),
         cmocka_unit_test(a_free_way_is_preferred_to_an_unknown_one),

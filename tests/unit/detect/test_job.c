@@ -123,45 +123,70 @@ static void letterbox_keeps_the_shape(void **state)
     assert_true(fit.scale_x == fit.scale_y);
 }
 
-/* Grey frames of the network's own size take a short way; the long one, which other formats take,
- * gives the same. */
-static void grey_of_the_right_size_is_filled_alike(void **state)
+/* The input of a network that takes one channel, of `width` x `height`. */
+struct grey_network {
+    struct fv_model model;
+    struct fv_model_header header;
+    struct fv_model_tensor tensor;
+    int32_t first;
+};
+
+static void make_grey_network(struct grey_network *n, int32_t width, int32_t height, int32_t fit)
 {
+    n->model = model;
+    n->header = *model.header;
+    n->tensor = model.tensors[model.inputs[0]];
+    n->first = 0;
+    n->header.preprocess.fit = fit;
+    n->header.preprocess.channels = 1;
+    n->header.preprocess.width = n->tensor.dims[2] = width;
+    n->header.preprocess.height = n->tensor.dims[1] = height;
+    n->tensor.dims[3] = 1;
+    n->model.header = &n->header;
+    n->model.tensors = &n->tensor;
+    n->model.inputs = &n->first;
+}
+
+/* What it is filled with, in two parts; from malloc. */
+static uint8_t *filled(const struct grey_network *n, const struct fovea_image *seen, size_t bytes)
+{
+    struct fv_nn_input_fit fit;
+    uint8_t *arena = calloc(1, bytes);
+    assert_non_null(arena);
+    assert_int_equal(fv_nn_input_fit_of(&n->model, seen, &fit), FOVEA_OK);
+    fv_nn_fill(&n->model, seen, &fit, NULL, arena, 0, 7);
+    fv_nn_fill(&n->model, seen, &fit, NULL, arena, 7, n->header.preprocess.height);
+    return arena;
+}
+
+/* Grey frames take shorter ways, one of them at the network's own size; the long one, which colours
+ * take, gives the same. */
+static void grey_is_filled_as_colours_are(void **state)
+{
+    enum { MOST = 200, PAD = 5 };
+    static const int32_t sizes[][4] = {/* of the image, of the input */
+                                       {64, 30, 64, 48},    {97, 41, 64, 48}, {31, 77, 150, 50},
+                                       {200, 199, 150, 50}, {1, 1, 9, 8},     {150, 50, 150, 50}};
+    static uint8_t grey[MOST * (MOST + PAD)], colour[MOST * MOST * 3];
+    const size_t bytes = fv_nn_arena_bytes(&model) + (size_t)MOST * MOST;
     (void)state;
-    enum { IN_WIDTH = 64, IN_HEIGHT = 48, SHOWN = 30 };
-    static uint8_t grey[SHOWN][IN_WIDTH + 5], colour[SHOWN][IN_WIDTH][3];
-    struct fv_model_header header = *model.header;
-    struct fv_model boxed = model;
-    struct fv_model_tensor tensor = model.tensors[model.inputs[0]];
-    const int32_t first = 0;
-    header.preprocess.fit = FV_FIT_LETTERBOX;
-    header.preprocess.channels = 1;
-    header.preprocess.width = tensor.dims[2] = IN_WIDTH;
-    header.preprocess.height = tensor.dims[1] = IN_HEIGHT;
-    tensor.dims[3] = 1;
-    boxed.header = &header;
-    boxed.tensors = &tensor;
-    boxed.inputs = &first;
-    for (int y = 0; y < SHOWN; y++) {
-        for (int x = 0; x < IN_WIDTH; x++)
-            memset(colour[y][x], grey[y][x] = (uint8_t)(37 * y + 11 * x + x * y), 3);
+    for (size_t k = 0; k < 2 * (sizeof sizes / sizeof sizes[0]); k++) {
+        const int32_t *size = sizes[k / 2], w = size[0], h = size[1];
+        struct grey_network network;
+        make_grey_network(&network, size[2], size[3], k % 2 ? FV_FIT_LETTERBOX : FV_FIT_STRETCH);
+        for (int32_t y = 0; y < h; y++)
+            for (int32_t x = 0; x < w; x++)
+                memset(colour + (y * w + x) * 3,
+                       grey[y * (w + PAD) + x] = (uint8_t)(37 * y + 11 * x + x * y), 3);
+        const struct fovea_image images[2] = {
+            {grey, w, h, w + PAD, FOVEA_PIXEL_GREY8, sizeof grey},
+            {colour, w, h, 3 * w, FOVEA_PIXEL_RGB24, sizeof colour}};
+        uint8_t *short_way = filled(&network, &images[0], bytes),
+                *long_way = filled(&network, &images[1], bytes);
+        assert_memory_equal(short_way, long_way, bytes);
+        free(short_way);
+        free(long_way);
     }
-    const struct fovea_image images[2] = {
-        {&grey[0][0], IN_WIDTH, SHOWN, IN_WIDTH + 5, FOVEA_PIXEL_GREY8, sizeof grey},
-        {&colour[0][0][0], IN_WIDTH, SHOWN, 3 * IN_WIDTH, FOVEA_PIXEL_RGB24, sizeof colour}};
-    uint8_t *filled[2];
-    const size_t bytes = fv_nn_arena_bytes(&model);
-    for (int i = 0; i < 2; i++) {
-        struct fv_nn_input_fit fit;
-        filled[i] = calloc(1, bytes);
-        assert_int_equal(fv_nn_input_fit_of(&boxed, &images[i], &fit), FOVEA_OK);
-        assert_int_equal(fit.top, (IN_HEIGHT - SHOWN) / 2);
-        fv_nn_fill(&boxed, &images[i], &fit, NULL, filled[i], 0, 7);
-        fv_nn_fill(&boxed, &images[i], &fit, NULL, filled[i], 7, IN_HEIGHT);
-    }
-    assert_memory_equal(filled[0], filled[1], bytes);
-    for (int i = 0; i < 2; i++)
-        free(filled[i]);
 }
 
 int main(void)
@@ -170,7 +195,7 @@ int main(void)
         cmocka_unit_test(slices_give_the_same),
         cmocka_unit_test(what_does_not_fit_is_refused),
         cmocka_unit_test(letterbox_keeps_the_shape),
-        cmocka_unit_test(grey_of_the_right_size_is_filled_alike),
+        cmocka_unit_test(grey_is_filled_as_colours_are),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }

@@ -319,6 +319,30 @@ static void a_copy_goes_on_alone(void **state)
     free(twin.memory);
 }
 
+/* Each byte of the state counts, in both parts; 64 bytes all over it stand for them. */
+static void each_byte_changes_the_hash(void **state)
+{
+    (void)state;
+    struct made a = make(0), b = make(0);
+    const size_t bytes = fovea_state_bytes(a.rt), data_begin = bytes / 64;
+    uint8_t *data = malloc(bytes);
+    assert_non_null(data);
+    fovea_state_save(a.rt, data);
+    const uint64_t hash = fovea_state_hash(a.rt);
+    for (size_t k = 0; k < 64; k++) {
+        const size_t at = data_begin + (bytes - 1 - data_begin) * k / 63;
+        data[at] ^= 0x40;
+        assert_int_equal(fovea_state_load(b.rt, data, bytes, &error), FOVEA_OK);
+        assert_true(fovea_state_hash(b.rt) != hash);
+        data[at] ^= 0x40;
+    }
+    assert_int_equal(fovea_state_load(b.rt, data, bytes, &error), FOVEA_OK);
+    assert_true(fovea_state_hash(b.rt) == hash);
+    free(data);
+    free(a.memory);
+    free(b.memory);
+}
+
 /* A runtime that was given the bytes of another's state goes on as that one does; those of another
  * configuration or length are refused, and change nothing. */
 static void a_state_goes_on_in_another(void **state)
@@ -517,6 +541,7 @@ int main(void)
         cmocka_unit_test(commands_pause_resume_and_reset),
         cmocka_unit_test(results_do_not_depend_on_what_memory_held),
         cmocka_unit_test(a_copy_goes_on_alone),
+        cmocka_unit_test(each_byte_changes_the_hash),
         cmocka_unit_test(a_state_goes_on_in_another),
         cmocka_unit_test(preview_of_noise_comes_too),
         cmocka_unit_test(preview_takes_the_granted_units_and_keeps_its_stamp),

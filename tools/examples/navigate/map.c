@@ -17,8 +17,8 @@ static void lower(float *to, float from)
     if (from < *to) *to = from;
 }
 
-/* A cell's distance by those of its neighbours in the row before it and in its own, `back` -1, or
- * in the row after it. */
+/* Lower a cell's distance to that of a neighbour and the step from there. `back` -1: neighbours
+ * before it, in its row and the row before; 1: those after it. */
 static void take_nearest(const struct navigate *n, float *gap, int32_t x, int32_t y, int32_t back)
 {
     const float straight = (float)n->cell_m, across = straight * 1.41421356f;
@@ -44,8 +44,9 @@ static void find_gaps(const struct navigate *n, enum navigate_kind kind, float *
             take_nearest(n, gap, x, y, 1);
 }
 
-/* Nearer to what is occupied than the robot fits it is a squeeze: only to get out of where the
- * robot already is. So near to what is suspected it may be one: from near it will be seen. */
+/* Where the robot does not fit beside what is occupied, the price is that of a squeeze, which it
+ * pays only to leave a place where it already is. Where it does not fit beside what is suspected
+ * the price is lower: from near the robot will see whether something is there. */
 double navigate_price(const struct navigate *n, int32_t cell)
 {
     const double gap = (double)n->gap[cell], fits = n->robot.radius_m + 0.5 * navigate_margin_m,

@@ -21,8 +21,8 @@ enum {
     NAVIGATE_TOUCHES_MAX = 16
 };
 
-/* From good to bad. Suspected: something was seen there, but not often enough to be sure that it is
- * not beside. */
+/* In ascending order of danger. Suspected: an obstacle was seen once or twice, from afar; it may be
+ * in a cell beside this one. */
 enum navigate_kind { NAVIGATE_FREE, NAVIGATE_UNKNOWN, NAVIGATE_SUSPECTED, NAVIGATE_OCCUPIED };
 
 struct navigate_robot {
@@ -45,8 +45,8 @@ struct navigate {
     int32_t width, height;
     double cell_m, origin[2];
     uint8_t kind[NAVIGATE_CELLS_MAX]; /* of each cell: enum navigate_kind */
-    float gap[NAVIGATE_CELLS_MAX];    /* metres from its middle to the next one's with something */
-    float hold[NAVIGATE_CELLS_MAX];   /* the same to the next occupied one's */
+    float gap[NAVIGATE_CELLS_MAX];    /* m to the nearest cell that is suspected or occupied */
+    float hold[NAVIGATE_CELLS_MAX];   /* m to the nearest cell that is occupied */
     struct dstar ways;                /* the search over these cells */
     int32_t corner[2];                /* where the search has the grid's first cell */
     bool begun;                       /* the next grid may go on where the last was */
@@ -54,11 +54,11 @@ struct navigate {
      * since it was at `stood`. */
     struct navigate_motion asked;
     double now_s, step_s, stood[2], due_m;
-    double stands_s; /* for so long it has stood before what it cannot see, or cannot pass */
+    double stands_s; /* it has stood so long, before unknown cells or a narrow way */
     struct navigate_touch touch[NAVIGATE_TOUCHES_MAX]; /* a ring, by their number */
-    int64_t touches, given_up;                    /* ever; of these, ways that were too narrow */
-    double narrow[2], narrow_until_s;             /* where a way was too narrow, in mind */
-    double backs_from[2], backs_m, backs_until_s; /* it backs off */
+    int64_t touches, given_up;        /* in all; of these, ways given up as too narrow */
+    double narrow[2], narrow_until_s; /* where it last found a way too narrow */
+    double backs_from[2], backs_m, backs_until_s; /* driving back */
 };
 
 void navigate_init(struct navigate *n, const struct navigate_robot *robot, const double goal[2]);

@@ -6,24 +6,23 @@
 #include "ways.h"
 
 static const double look_m = 0.35, far_m = 1.2, goal_m = 0.2, creep_m_s = 0.12;
-/* Where the way leads so far off the heading it turns on the spot; so much farther where it has
- * open_m more room than it keeps. */
+/* It turns on the spot where the way leads off its heading by more than turn_rad, or, where it has
+ * open_m more room than it must keep, by more than turn_rad + turn_more_rad. */
 static const double turn_rad = 0.5, turn_more_rad = 0.5, open_m = 0.4;
 /* How long it looks at what it cannot see, or at a way that is too narrow, before it goes on slowly
  * or gives that up. */
 static const double look_s = 1, give_up_s = 2;
-/* It stops within what is free, by this much and so long after what it saw. */
+/* It can stop stop_m before the end of what is free, when it begins to brake stop_s late. */
 static const double stop_m = 0.1, stop_s = 0.4, brake_m_s2 = 0.6;
 /* So much asked for and so little of it driven is a touch; how long it is kept in mind. */
 static const double touch_due_m = 0.4, touch_moved_m = 0.05, touch_s = 30;
 static const double back_m = 0.25, back_m_s = 0.2, back_s = 3, step_s_most = 0.5;
-/* From a way that is too narrow it backs farther, for what is beside it the camera does not see. A
- * second time so near to the first is enough. */
+/* From a way that is too narrow it backs farther: its camera does not see what is beside it. It
+ * gives the way up when it is too narrow a second time within again_m of the first place. */
 static const double back_to_look_m = 0.5, again_m = 0.5;
 
-/* Whether a cell is too near to something for a robot that is in the cell `here`: it may always go
- * where there is more room than it has, and beside what is only suspected where there is no less.
- */
+/* Whether a cell has too little room for a robot that is now in the cell `here`. A cell with more
+ * room than `here` is always allowed; beside what is only suspected, one with as much, too. */
 static bool is_narrow(const struct navigate *n, int32_t cell, int32_t here)
 {
     const float least = (float)(n->robot.radius_m + 0.5 * navigate_margin_m);
@@ -91,8 +90,8 @@ static void take_touch(struct navigate *n, const double position[2], double yaw)
     navigate_ways_change(n);
 }
 
-/* A way that stays too narrow: it looks at that from farther off, and the second time keeps it in
- * mind. */
+/* A way stays too narrow: the first time the robot backs to look at it, the second time it is
+ * remembered as closed. */
 static void take_narrow(struct navigate *n, const double position[2], double yaw)
 {
     const bool again = n->narrow_until_s > n->now_s &&
@@ -126,7 +125,7 @@ static bool may_back(const struct navigate *n, const double position[2], double 
     return true;
 }
 
-/* Off from where it began to, for as long as that takes and is possible. */
+/* Whether it still drives back: for the way that was asked, while there is room behind it. */
 static bool backs(struct navigate *n, const double position[2], double yaw)
 {
     if (n->now_s >= n->backs_until_s) return false;
@@ -143,8 +142,7 @@ static double stopping_speed(double ahead_m)
     return brake_m_s2 * (sqrt(stop_s * stop_s + 2 * way / brake_m_s2) - stop_s);
 }
 
-/* Of its full speed, where the way leads so far off the heading: in the open it turns as it goes.
- */
+/* The part of the full speed that a way allows which leads off the heading by `off` rad. */
 static double part_of_speed(const struct navigate *n, const double position[2], double off)
 {
     const int32_t cell = navigate_cell(n, position[0], position[1]);

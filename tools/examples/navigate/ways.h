@@ -1,4 +1,5 @@
-/* Ways over the map: what the search is told of it, and what it finds. */
+/* Between map and search: gives the search the cost of each cell, and reads the way that it found.
+ */
 #ifndef NAVIGATE_WAYS_H
 #define NAVIGATE_WAYS_H
 
