@@ -9,10 +9,11 @@
  *
  * wander --soak STEPS [OPTIONS]     at 160 x 120 unless OPTIONS say otherwise. From step 10,000 on
  * (of fewer than 100,000 steps: from a tenth on) every 1,000th step, and the last, must find memory
- * that is in no file, the resident set and open descriptors equal to the byte; and the median of
- * the last tenth of the steps may be at most 1.05 times that of the first tenth behind that step.
- * At least half of the frames must be posed: what sees nothing has nothing that could grow. Other
- * programs slow CPU time down, too: where they come and go, a ratio proves little. */
+ * that is in no file, the resident set and open descriptors equal to the byte; and of ten equal
+ * parts behind that step the last may take at most 1.05 times what the first takes. Other programs
+ * that come and go slow CPU time down, too: of each part the least median of ten stretches counts
+ * (a part of under 20,000 steps is one stretch), and is printed. At least half of the frames must
+ * be posed: what sees nothing has nothing that could grow. */
 #include <dirent.h>
 #include <inttypes.h>
 #include <math.h>
@@ -29,6 +30,8 @@
 #include "drivers/table.h"
 #include "fovea/source.h"
 #include "runtime/state.h"
+
+enum { PARTS = 10, STRETCHES = 10, STRETCH_MIN = 2000 };
 
 static const double ratio_max = 1.05, posed_min = 0.5;
 
@@ -64,6 +67,17 @@ static double median(float *values, size_t count)
 {
     qsort(values, count, sizeof *values, by_value);
     return (double)values[count / 2];
+}
+
+/* The least median of equal stretches of `values`, or of all where these are few; sorts them. */
+static double least_median(float *values, size_t count)
+{
+    const size_t stretches = count < STRETCHES * STRETCH_MIN ? 1 : STRETCHES,
+                 stretch = count / stretches;
+    double least = INFINITY;
+    for (size_t i = 0; i < stretches; i++)
+        least = fmin(least, median(values + i * stretch, stretch));
+    return least;
 }
 
 /* What must not change. */
@@ -169,6 +183,7 @@ static void go(struct walk *walk, size_t early)
         walk->ops->requeue(walk->source, &frame);
         if (n == early) walk->resident_early = resident_bytes();
         if (walk->soak) look(walk, n, early);
+        if (walk->soak && n % 100000 == 99999) fprintf(stderr, "step %zu\n", n + 1);
     }
     walk->resident_end = resident_bytes();
     if (n < walk->frames) die("the source ended early");
@@ -194,23 +209,29 @@ static void say_map(const struct walk *walk)
 static int soak(size_t steps, const char *options)
 {
     struct walk walk = {.frames = steps, .soak = true};
-    const size_t early = steps < 100000 ? steps / 10 : 10000, tenth = steps / 10;
+    const size_t early = steps < 100000 ? steps / PARTS : 10000, part = (steps - early) / PARTS;
     char uri[256];
     (void)snprintf(uri, sizeof uri, "sim:wander?%s",
                    options != NULL ? options : "width=160&height=120");
     begin(&walk, uri);
     go(&walk, early);
-    const double first = median(walk.spent + early, tenth),
-                 last = median(walk.spent + steps - tenth, tenth), ratio = last / first;
+    printf("least median CPU ms per step, by ten parts:");
+    double first = 0, last = 0;
+    for (size_t i = 0; i < PARTS; i++) {
+        last = least_median(walk.spent + early + i * part, part);
+        if (i == 0) first = last;
+        printf(" %.4f", last);
+    }
+    printf("\n");
+    const double ratio = last / first;
     const bool steady = ratio <= ratio_max;
     say_map(&walk);
     printf("step %zu: %" PRIu64 " bytes in no file, %" PRIu64
            " resident, %d descriptors; %zu looks later %s\n",
            early, walk.held.anonymous, walk.held.resident, walk.held.descriptors, walk.looks,
            walk.changed_at == 0 ? "all are equal" : "NOT ALL ARE EQUAL");
-    printf(
-        "median CPU ms per step: %.4f in the first tenth behind it, %.4f in the last (%.3f times)%s\n",
-        first, last, ratio, steady ? "" : ": DRIFT");
+    printf("%.4f in the first of the ten parts behind it, %.4f in the last (%.3f times)%s\n", first,
+           last, ratio, steady ? "" : ": DRIFT");
     end(&walk);
     const bool sees = (double)walk.posed >= posed_min * (double)steps;
     if (!sees) printf("fewer than %.0f %% of the frames are posed\n", 100 * posed_min);
