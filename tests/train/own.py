@@ -10,6 +10,7 @@ import numpy as np
 
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "tools", "train"))
 
+import classes  # noqa: E402
 import judge  # noqa: E402
 import overlap  # noqa: E402
 import split  # noqa: E402
@@ -142,6 +143,16 @@ def overlaps():
     holds("its value stands beside the number of its pixels and pictures", " 256 " in lines[2] and " 4 " in lines[2] and "0.6000" in lines[2], lines[2])
 
 
+def known_classes():
+    """Two groups of three classes; the layer's last axis is group by group."""
+    stored = np.arange(12, dtype=np.float16).reshape(2, 6)
+    fresh = np.full((2, 4), 99.0)
+    made = classes.carried_over(fresh, stored, ["wall", "grass"], ["floor", "wall", "other"], 2)
+    holds("a class keeps what is known of its name, a new one begins", made.tolist() == [[1, 99, 4, 99], [7, 99, 10, 99]], made.tolist())
+    same = classes.carried_over(np.zeros((2, 6)), stored, ["floor", "wall", "other"], ["floor", "wall", "other"], 2)
+    holds("the same classes keep all", (same == stored).all(), same)
+
+
 def labelled_pictures():
     try:
         import pixels
@@ -234,6 +245,7 @@ def main():
     figures()
     samples()
     overlaps()
+    known_classes()
     labelled_pictures()
     label_files()
     return 1 if wrong else 0

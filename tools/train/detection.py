@@ -92,6 +92,6 @@ def train_own(arguments, begun):
     def end(model, learn, held_out):
         finish(model, learn, whole(held_out, len(held_out), 11), names, arguments.output, arguments.score, vary.sample)
 
-    own.train(own.Kind("objects", lambda scenes: split.objects_of([s[2] for s in scenes], len(names)), network.build, weights.SHIPPED,
+    own.train(own.Kind("objects", lambda scenes: split.objects_of([s[2] for s in scenes], len(names)), network.build, weights.SHIPPED, [],
                        lambda _: fit.DETECTION._replace(sample=vary.sample), lambda watch: whole(watch, len(watch), 11), end),
               names, scenes, paths, others, arguments, begun)

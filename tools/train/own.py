@@ -21,6 +21,7 @@ class Kind(NamedTuple):
     measure: Callable  # (scenes): how much of each class each shows, [pictures, classes]
     build: Callable    # (classes): the network
     weights: str       # the file to begin from
+    known: list        # its classes, where those of the same names keep what it knows of them; [] where all are learnt anew
     task: Callable     # (scenes to learn from): fit.Task
     whole: Callable    # (scenes): as the network sees them in use, with their truth
     finish: Callable   # (model, scenes learnt from, scenes held out)
@@ -47,7 +48,10 @@ def train(kind, names, scenes, paths, others, arguments, begun):
         held_out = others[1]
         print(f"judged by {len(held_out)} other pictures")
     model = kind.build(len(names))
-    weights.load(model, kept if before else kind.weights, new_classes=not before)
+    if before:
+        weights.load(model, kept)
+    else:
+        weights.load(model, kind.weights, names, kind.known)
     if len(learn) < FEW_PICTURES:
         for layer in model.layers:
             layer.trainable = layer.name.removesuffix("_norm") not in network.EARLY

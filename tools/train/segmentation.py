@@ -135,6 +135,6 @@ def train_own(arguments, begun):
     def end(model, learn, held_out):
         finish(model, learn, whole(held_out, len(held_out), 11), names, colours, arguments.output, task_of(learn, len(names)))
 
-    own.train(own.Kind("thousand pixels", lambda scenes: pictures_shown(scenes, len(names)), segmenter.build, options.SEGMENTER_WEIGHTS,
+    own.train(own.Kind("thousand pixels", lambda scenes: pictures_shown(scenes, len(names)), segmenter.build, options.SEGMENTER_WEIGHTS, CLASSES,
                        lambda learn: task_of(learn, len(names)), lambda watch: whole(watch, len(watch), 11), end),
               names, scenes, paths, others, arguments, begun)

@@ -4,10 +4,12 @@ import os
 import keras
 import numpy as np
 
+import classes
 from labels import LabelProblem
 from options import DETECTOR_WEIGHTS
 
 SHIPPED = DETECTOR_WEIGHTS
+CELL_PLACES = 4  # of a cell of the last layer, each with all classes (segmenter.py)
 CALIBRATION_IMAGES = 200  # at most; two of each picture are enough
 
 
@@ -19,20 +21,22 @@ def save(model, path, **more):
     os.replace(part, path)
 
 
-def load(model, path, new_classes=False):
-    """Every weight whose name and shape fit. Of a detector's head for other classes, or where they are new, what tells the box and that
-    there is an object; no class is preferred."""
+def load(model, path, names=None, known=()):
+    """Every weight whose name and shape fit. Where the classes are new, `names`: of a detector's head what tells the box and that there is an
+    object, no class is preferred; of a layer that labels pixels the classes that `path` has under the same names, of all `known`."""
     stored = np.load(path)
-    head = next((name.rsplit(".", 1)[0] for name in stored if name.startswith("head")), None)
+    head, pixels = (next((name.rsplit(".", 1)[0] for name in stored if name.startswith(last)), None) for last in ("head", "pixels"))
     for variable in model.weights:
         name = variable.path.replace("/", ".")
         last = name.startswith(("head", "pixels"))
-        if name in stored and stored[name].shape == tuple(variable.shape) and not (new_classes and last):
+        if name in stored and stored[name].shape == tuple(variable.shape) and not (names and last):
             variable.assign(stored[name].astype(np.float32))
         elif name.startswith("head"):
             value = np.zeros(variable.shape, np.float32)
             value[..., :5] = stored[head + name[name.rindex("."):]][..., :5]
             variable.assign(value)
+        elif names and last and known:
+            variable.assign(classes.carried_over(variable.numpy(), stored[pixels + name[name.rindex("."):]], names, known, CELL_PLACES))
 
 
 def earlier(path, names):
