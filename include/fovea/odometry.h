@@ -38,7 +38,8 @@ enum fovea_tracking_state {
 
 /* A frame has a pose only with at least this number of landmarks that agree with it. */
 enum { FOVEA_POSED_INLIERS_MIN = 20 };
-/* A map is started only from two frames with at least this number of matched features. */
+/* A map is started only from two frames with at least this number of matched features; where the
+ * first has fewer than four times as many, with a quarter of them, and at least 50. */
 enum { FOVEA_START_MATCHES_MIN = 80 };
 
 enum fovea_scale_source {

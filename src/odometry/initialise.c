@@ -17,6 +17,9 @@ enum {
     WAITING_FRAMES_MAX = 60 /* then the view has changed too much to hope */
 };
 
+/* Of a view's features, where these are few, that must be matched: MATCHES_WANTED,
+ * FOVEA_START_MATCHES_MIN */
+static const double wanted_of_features = 0.3, start_of_features = 0.25;
 static const double ratio_max = 0.8;
 static const double direction_sigma_max_rad =
     0.05; /* of the baseline; more, and the first map may be bent */
@@ -386,6 +389,15 @@ static void make_first_map(struct fv_odometry *o, uint32_t tracks,
     fv_odometry_queue(o, s->newest);
 }
 
+/* A number of matches, or a share of a view's features where these are few: fewer are found again,
+ * but no fewer than a first map has points. */
+static uint32_t matches_of(const struct fv_map *map, uint32_t view, uint32_t matches, double share)
+{
+    const double few = share * (double)fv_map_frame_at(map, view).keyframe->features;
+    if (few < FV_INITIALISE_POINTS_MIN) return FV_INITIALISE_POINTS_MIN;
+    return few < matches ? (uint32_t)few : matches;
+}
+
 /* Matches of the first view that serves; those that do not are dropped, at most half of them in one
  * frame. */
 static uint32_t match_first(struct fv_odometry *o, const struct fv_kernels *kernels)
@@ -394,7 +406,8 @@ static uint32_t match_first(struct fv_odometry *o, const struct fv_kernels *kern
     for (int attempt = 0; attempt < 2 && s->count > 0; attempt++) {
         uint32_t count =
             match_views(&o->map, &o->matches, kernels, s->slots[0], fv_map_current(&o->map));
-        if (count >= FOVEA_START_MATCHES_MIN) return count;
+        if (count >= matches_of(&o->map, s->slots[0], FOVEA_START_MATCHES_MIN, start_of_features))
+            return count;
         for (uint32_t drop = (s->count + 1) / 2; drop > 0; drop--)
             drop_first(s);
     }
@@ -423,7 +436,8 @@ bool fv_odometry_initialise(struct fv_odometry *o, const struct fv_kernels *kern
         }
     }
     if (s->count > 1 &&
-        (matches < MATCHES_WANTED || o->state->frame_number - s->frames[0] > WAITING_FRAMES_MAX))
+        (matches < matches_of(&o->map, s->slots[0], MATCHES_WANTED, wanted_of_features) ||
+         o->state->frame_number - s->frames[0] > WAITING_FRAMES_MAX))
         drop_first(s);
     hold(o, matches, first);
     o->state->pose.matches = matches;

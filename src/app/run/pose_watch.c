@@ -153,7 +153,8 @@ void fv_watch_step(struct fv_watch *watch, const struct fovea *rt,
     if (processed && state == FV_WATCH_STARTING) {
         watch->starting_frames++;
         watch->starting_features += stats.features;
-        watch->starting_matched += pose.matches >= FOVEA_START_MATCHES_MIN;
+        watch->starting_matched +=
+            pose.matches >= FOVEA_START_MATCHES_MIN || 4 * pose.matches >= stats.features;
     }
     atomic_store_explicit(&watch->now_state, (int)state, memory_order_relaxed);
     atomic_store_explicit(&watch->source_state, (int)inputs->source_state, memory_order_relaxed);

@@ -38,6 +38,7 @@ struct record {
     uint64_t hash;
 };
 static struct record records[2];
+static uint32_t granted = FEATURES; /* of each frame */
 
 struct rig {
     struct fv_kernels kernels;
@@ -126,8 +127,7 @@ static void run(const char *uri, int start, int frames, enum fv_cpu_set set, str
     uint64_t keyframes = 0;
     while (record->frames < frames && ops->dequeue(source, INT64_MAX, &frame) == FOVEA_OK) {
         fv_pyramid_build(&rig.pyramid, &rig.kernels, &frame.images[0]);
-        uint32_t count =
-            fv_features_find(&rig.features, &rig.kernels, &rig.pyramid, NULL, FEATURES);
+        uint32_t count = fv_features_find(&rig.features, &rig.kernels, &rig.pyramid, NULL, granted);
         fv_orb_describe(&rig.orb, &rig.kernels, &rig.pyramid, rig.features.corners, count);
         const struct fv_odometry_input input = {.stamp_ns = frame.stamp_ns,
                                                 .count = count,
@@ -192,6 +192,30 @@ static void an_orbit_is_followed_at_constant_scale(void **state)
     }
     printf("orbit: first pose %d, scale over two seconds from %.4f to %.4f\n", first, low, high);
     assert_true(posed > 150 && high / low < 1.05);
+}
+
+/* A fifth of the usual features, as a small board grants them. */
+static void few_features_begin_a_map(void **state)
+{
+    (void)state;
+    struct record *r = &records[0];
+    granted = 200;
+    run("sim:orbit?width=480&height=360", 0, 120, fv_cpu_best(fv_cpu_detect()), r);
+    granted = FEATURES;
+    int first = 0, posed = 0;
+    while (first < r->frames && !r->pose[first].posed)
+        first++;
+    for (int n = first; n < r->frames; n++)
+        posed += r->pose[n].posed;
+    assert_true(first < r->frames / 2);
+    assert_int_equal(posed, r->frames - first);
+    const double begun =
+                     travelled(r, first, first + 20, false) / travelled(r, first, first + 20, true),
+                 later = travelled(r, r->frames - 21, r->frames - 1, false) /
+                         travelled(r, r->frames - 21, r->frames - 1, true);
+    printf("few features: first pose %d, then a scale %.3f times that at first\n", first,
+           later / begun);
+    assert_true(fabs(log(later / begun)) < 0.05);
 }
 
 /* Normalised squared error of a pose relative to its reference keyframe; `unit` is metres per unit
@@ -311,6 +335,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(an_orbit_is_followed_at_constant_scale),
+        cmocka_unit_test(few_features_begin_a_map),
         cmocka_unit_test(confidence_is_earned),
         cmocka_unit_test(turning_on_the_spot_is_no_translation),
         cmocka_unit_test(being_carried_off_is_noticed),
