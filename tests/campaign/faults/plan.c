@@ -20,6 +20,7 @@ static const char *const names[] = {
 const char *faults_kind_name(uint32_t kind)
 {
     if (kind == FAULTS_KIND_MIXED) return "mixed";
+    if (kind == FAULTS_KIND_HOLD) return names[FV_FAULT_hold];
     return kind < FAULTS_KIND_MIXED ? names[kind] : "none";
 }
 
@@ -145,28 +146,38 @@ static bool of_imu(uint32_t kind)
     return kind >= FV_FAULT_OF_SAMPLES && kind < FV_FAULT_OF_CALLS;
 }
 
+/* Of twenty rounds the last ten have stamps that stand still in place of two kinds at once. */
+enum { TURNS = FAULTS_KIND_MIXED + 1, ROUNDS = 10 };
+
+static uint32_t kind_of(uint64_t seed)
+{
+    const uint32_t turn = (uint32_t)(seed % TURNS);
+    const bool later = seed / TURNS / ROUNDS % 2 == 1;
+    return turn == FAULTS_KIND_MIXED && later ? FAULTS_KIND_HOLD : turn;
+}
+
 void faults_plan_draw(uint64_t seed, const char *folder, struct faults_plan *plan)
 {
-    const uint64_t round = seed / FAULTS_KINDS % 10;
+    const uint64_t round = seed / TURNS % ROUNDS;
     struct fv_random random;
     memset(plan, 0, sizeof *plan);
     plan->seed = seed;
-    plan->kind = (uint32_t)(seed % FAULTS_KINDS);
-    plan->count = plan->kind == FAULTS_KIND_MIXED ? 2 : 1;
+    plan->kind = kind_of(seed);
+    const bool two = plan->kind == FAULTS_KIND_MIXED;
+    plan->count = two ? 2 : 1;
     fv_random_seed(&random, seed);
-    uint32_t kinds[2] = {plan->kind, 0};
-    if (plan->count == 2) {
+    uint32_t kinds[2] = {plan->kind == FAULTS_KIND_HOLD ? FV_FAULT_hold : plan->kind, 0};
+    if (two) {
         kinds[0] = fv_random_below(&random, FV_FAULT_OF_CALLS);
         kinds[1] = fv_random_below(&random, FV_FAULT_OF_CALLS);
     }
-    const bool needs_imu = of_imu(kinds[0]) || (plan->count == 2 && of_imu(kinds[1]));
+    const bool needs_imu = of_imu(kinds[0]) || (two && of_imu(kinds[1]));
     plan->origin = round < 6                ? FAULTS_SIMULATED
                    : round < 9 || needs_imu ? FAULTS_RECORDED
                                             : FAULTS_REAL;
     const uint32_t rig = draw_source(&random, folder, needs_imu, plan);
-    for (uint32_t i = 0; i < plan->count; i++)
+    for (int i = 0; i < (two ? 2 : 1); i++)
         draw_fault(&random, kinds[i], rig & STEREO ? 2 : 1, plan->options[i]);
-    const bool two = plan->count == 2;
     (void)snprintf(plan->uri, sizeof plan->uri, "fault:%s%s?%s%s%s", two ? "fault:" : "",
                    plan->source, plan->options[0], two ? "?" : "", two ? plan->options[1] : "");
 }

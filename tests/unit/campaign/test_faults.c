@@ -15,6 +15,7 @@
 
 #include "../../campaign/faults/child.h"
 #include "../../campaign/faults/judge.h"
+#include "../../campaign/faults/plan.h"
 #include "../../campaign/faults/record.h"
 #include "../../campaign/faults/report.h"
 
@@ -264,6 +265,36 @@ static void nothing_misses_the_bars(void **unused)
     assert_false(holds(runs, false));
 }
 
+/* ---- seeds ----------------------------------------------------------------------------------- */
+
+/* Every kind has seeds, and so has each origin with it, as far as the kind goes with a real
+ * recording; a fault has the name of its kind, and two at once have two. */
+static void every_kind_is_drawn(void **unused)
+{
+    (void)unused;
+    enum { TURNS = FAULTS_KIND_MIXED + 1, SEEDS = 20 * TURNS };
+    static uint32_t drawn[FAULTS_KINDS][FAULTS_REAL + 1];
+    static struct faults_plan plan;
+    char asked[64];
+    memset(drawn, 0, sizeof drawn);
+    for (uint64_t seed = 0; seed < SEEDS; seed++) {
+        faults_plan_draw(seed, "folder", &plan);
+        assert_in_range(plan.kind, 0, FAULTS_KINDS - 1);
+        drawn[plan.kind][plan.origin]++;
+        assert_int_equal(plan.count, plan.kind == FAULTS_KIND_MIXED ? 2 : 1);
+        if (plan.kind != FAULTS_KIND_HOLD) assert_int_equal(plan.kind, seed % TURNS);
+        if (plan.kind == FAULTS_KIND_MIXED) continue;
+        (void)snprintf(asked, sizeof asked, "kind=%s&", faults_kind_name(plan.kind));
+        assert_int_equal(strncmp(plan.options[0], asked, strlen(asked)), 0);
+    }
+    for (uint32_t kind = 0; kind < FAULTS_KINDS; kind++) {
+        const uint32_t all = kind < FAULTS_KIND_MIXED ? 20 : 10;
+        assert_int_equal(drawn[kind][FAULTS_SIMULATED], all * 6 / 10);
+        assert_int_equal(drawn[kind][FAULTS_RECORDED] + drawn[kind][FAULTS_REAL], all * 4 / 10);
+        assert_true(drawn[kind][FAULTS_RECORDED] >= all * 3 / 10);
+    }
+}
+
 /* ---- the record ------------------------------------------------------------------------------ */
 
 static void a_record_is_of_one_build(void **unused)
@@ -376,6 +407,7 @@ int main(void)
         cmocka_unit_test(what_is_not_finite_is_false),
         cmocka_unit_test(leaping_stamps_are_no_wait),
         cmocka_unit_test(nothing_misses_the_bars),
+        cmocka_unit_test(every_kind_is_drawn),
         cmocka_unit_test(a_record_is_of_one_build),
         cmocka_unit_test(wheels_make_another_source),
         cmocka_unit_test(sleepers_are_found),
