@@ -390,7 +390,9 @@ enum fovea_status fv_recorder_close(struct fv_recorder *recorder,
         closed.complete = atomic_load(&recorder->ending) == FV_RECORDER_RUNNING;
         const int call = fv_stall_enter(recorder->path);
         struct fovea_error why;
-        const bool empty = recorder->setup.state != NULL && recorder->written.iterations == 0;
+        /* A numbered one without an iteration would push out one of an earlier run. */
+        const bool empty = recorder->written.iterations == 0 &&
+                           (recorder->setup.state != NULL || recorder->place.numbered);
         const enum fv_recording_holds holds =
             closed.complete && !empty ? FV_RECORDING_ALL : part_held(recorder);
         if (fv_recording_file_close(&recorder->place, holds, &why) != FOVEA_OK && closed.complete) {
@@ -398,6 +400,7 @@ enum fovea_status fv_recorder_close(struct fv_recorder *recorder,
             fv_recorder_say_ended(recorder);
             closed.complete = false;
         }
+        closed.removed = holds == FV_RECORDING_NONE;
         memcpy(closed.path, recorder->place.output.path, sizeof closed.path);
         fv_stall_leave(call);
         closed.events = recorder->written.events;

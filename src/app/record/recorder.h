@@ -101,6 +101,7 @@ struct fv_recorder_summary {
     uint64_t events, bytes; /* written; whole events only, the log's own end among them */
     uint64_t steps_lost;    /* steps that came after the recording had ended */
     bool complete;          /* everything was written */
+    bool removed;           /* it is numbered and held no iteration */
     char reason[FV_RECORDING_END_REASON_BYTES]; /* why not, "" when complete */
     char path[FV_OUTPUT_PATH_BYTES];            /* of the file, as it is called now */
 };

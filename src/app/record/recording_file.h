@@ -13,10 +13,10 @@
  * clock is not; then the time of the start in UTC. `keep` N > 0 bounds the disk: the newest N that
  * ended in order stay, and the newest N that did not. A restart thus never pushes out a crash's
  * recording; only N later ones that did not end in order do. No such one pushes out one that did:
- * restarts on a full disk remove no whole recording. One that ended early with nothing of the run
- * in it is removed itself. A recording that has just ended is not the one that goes, also when it
- * began first. Files that are being written, and files with other names, are never removed. 0: all
- * stay. Several runs may record to one folder. */
+ * restarts on a full disk remove no whole recording. One with no iteration of the run in it is
+ * removed itself, however it ended. A recording that has just ended is not the one that goes, also
+ * when it began first. Files that are being written, and files with other names, are never removed.
+ * 0: all stay. Several runs may record to one folder. */
 #ifndef FOVEA_APP_RECORD_RECORDING_FILE_H
 #define FOVEA_APP_RECORD_RECORDING_FILE_H
 

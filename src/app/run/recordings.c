@@ -214,7 +214,7 @@ static void close_file(struct fv_recordings *recordings)
     fv_recorder_stop(recordings->recorder, reason);
     const bool whole = fv_recorder_close(recordings->recorder, &summary) == FOVEA_OK;
     recordings->recorder = NULL;
-    keep_name(recordings, summary.events > 1 ? summary.path : ""); /* it was removed */
+    keep_name(recordings, summary.removed ? "" : summary.path);
     recordings->bytes = (int64_t)summary.bytes;
     snprintf(recordings->failure, sizeof recordings->failure, "%s", whole ? "" : summary.reason);
     snprintf(recordings->reason, sizeof recordings->reason, "%s",

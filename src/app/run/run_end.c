@@ -306,9 +306,12 @@ static enum fv_exit recording_close(struct fv_run *run, struct fv_recorder_summa
 static void recording_print(const struct fv_recorder_summary *summary)
 {
     const int call = fv_stall_enter("standard output");
-    printf("  recorded %" PRIu64 " events, %.1f MB, in %s%s%s\n", summary->events,
-           (double)summary->bytes * 1e-6, summary->path, summary->complete ? "" : ": incomplete, ",
-           summary->complete ? "" : summary->reason);
+    if (summary->removed && summary->complete)
+        printf("  no iteration was recorded: %s is removed\n", summary->path);
+    else
+        printf("  recorded %" PRIu64 " events, %.1f MB, in %s%s%s\n", summary->events,
+               (double)summary->bytes * 1e-6, summary->path,
+               summary->complete ? "" : ": incomplete, ", summary->complete ? "" : summary->reason);
     fflush(stdout);
     fv_stall_leave(call);
 }

@@ -423,6 +423,22 @@ static void test_limited_numbered(void **state)
     snprintf(path, sizeof path, "%s/log", folder);
 }
 
+/* A run that fails before its first step: in order, and yet of no use. */
+static void test_nothing_numbered(void **state)
+{
+    struct fv_recorder_summary summary;
+    (void)state;
+    snprintf(path, sizeof path, "%s/box/", folder);
+    assert_int_equal(fv_recorder_close(open_recorder(0), &summary), FOVEA_OK);
+    assert_true(summary.removed);
+    assert_int_equal(access(summary.path, F_OK), -1);
+    assert_int_equal(rmdir(path), 0); /* nothing else is left either */
+    snprintf(path, sizeof path, "%s/log", folder);
+    assert_int_equal(fv_recorder_close(open_recorder(0), &summary), FOVEA_OK);
+    assert_false(summary.removed); /* a file of the user's name is whole without any */
+    assert_int_equal(access(path, F_OK), 0);
+}
+
 static void test_full_disk(void **state)
 {
     (void)state;
@@ -548,6 +564,7 @@ int main(void)
         cmocka_unit_test(test_round_trip),
         cmocka_unit_test(test_limited_file),
         cmocka_unit_test(test_limited_numbered),
+        cmocka_unit_test(test_nothing_numbered),
         cmocka_unit_test(test_full_disk),
         cmocka_unit_test(test_slow_disk),
         cmocka_unit_test(test_paced_by_a_slow_disk),
