@@ -133,7 +133,12 @@ all() {
     in_root 'cd /packages && gcc -Wall -o loop loop.c $(pkg-config --cflags --libs fovea) && ldd loop | grep -q "libfovea.so"
              [ "$(head -c $((3 * 320 * 240)) /dev/zero | ./loop 320 240 300 300 160 120 | grep -c " starting$")" = 3 ]'
     answer
+    state=var/lib/private
+    in_root "mkdir -p /$state/fovea-web /$state/fovea-calibrate && ln -sn private/fovea-web /var/lib/fovea-web
+             touch /$state/fovea-web/front.token /$state/fovea-calibrate/front.token /$state/fovea-calibrate/front.yaml"
     upgraded_and_purged fovea libfovea0 libfovea-dev fovea-web fovea-calibrate
+    left=$(cd "$root" && find var/lib -path '*/fovea-*' | sort | tr '\n' ' ')
+    [ "$left" = "$state/fovea-calibrate $state/fovea-calibrate/front.yaml " ] || fail "a purge left $left"
 }
 
 arm64() {

@@ -45,4 +45,5 @@ until_true 10 "journalctl -u fovea@front --no-pager | grep -q 'features.threshol
 systemctl stop fovea@front || fail "it does not stop"
 [ -s /var/lib/fovea/hall.map ] || fail "it saved no map"
 [ "$(stat -c %U /var/lib/fovea/hall.map)" = fovea ] || fail "its map is not its user's"
+grep -qx 'starts: 2' /var/lib/fovea/front.health && grep -qx 'ends: 1' /var/lib/fovea/front.health || fail "its counters did not survive the restart"
 echo 'service: ok'
