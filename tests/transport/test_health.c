@@ -150,6 +150,28 @@ static void counters_survive_a_kill(void **unused)
         folder, folder);
 }
 
+/* A robot does not stand still for counters that are damaged; those stay as they are. As a unit of
+ * systemd it has a place for them by itself. */
+static void a_run_goes_on_without_counters(void **unused)
+{
+    (void)unused;
+    const char *run =
+        "fovea run --source 'sim:orbit?width=160&height=120' --rate real --quiet --picture none --set lcm_url="
+        " --set loop.priority=0 --frames 5";
+    shell("echo junk >%s/damaged", folder);
+    shell("%s/%s --set health.state_file=%s/damaged 2>%s/said", build_folder(), run, folder,
+          folder);
+    shell("grep -q \"damaged: line 1: found 'junk', expected\" %s/said", folder);
+    shell("echo junk | cmp - %s/damaged", folder);
+    /* A wrong name is refused before anything is made. */
+    shell("%s/%s --set health.state_file=%s/none/kept 2>%s/said; test $? = 2", build_folder(), run,
+          folder, folder);
+    shell("grep -q 'health.state_file: .*none/kept: cannot be written' %s/said", folder);
+    shell("echo 'lcm_url: \"\"' >%s/front.yaml", folder);
+    shell("STATE_DIRECTORY=%s %s/%s --config %s/front.yaml", folder, build_folder(), run, folder);
+    shell("grep -qx 'ends: 1' %s/front.health", folder);
+}
+
 int main(void)
 {
     char command[96];
@@ -162,6 +184,7 @@ int main(void)
         cmocka_unit_test(heat_is_told_and_replays),
         cmocka_unit_test(a_machine_that_says_nothing_is_well),
         cmocka_unit_test(counters_survive_a_kill),
+        cmocka_unit_test(a_run_goes_on_without_counters),
     };
     const int failed = cmocka_run_group_tests_name("health of a run", tests, NULL, NULL);
     snprintf(command, sizeof command, "rm -r %s", folder);

@@ -64,7 +64,7 @@ struct fv_settings {
     char record_folder[FV_SETTINGS_PATH_BYTES];     /* "": none */
     uint32_t record_keep;                           /* of numbered recordings; 0: all */
     uint32_t health_silence_ms;                     /* without a frame: the source has failed */
-    char health_state_file[FV_SETTINGS_PATH_BYTES]; /* "": none */
+    char health_state_file[FV_SETTINGS_PATH_BYTES]; /* "": none; "auto": app/run/history.h */
     double health_heat_limit_c;                     /* 0: as the machine states it */
     uint32_t record_buffer;          /* frames that may wait for the disk in real time */
     char movable[256], heights[512]; /* lists of classes (app/classes.h) */

@@ -1,5 +1,6 @@
 #include "app/run/health.h"
 
+#include <inttypes.h>
 #include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
@@ -44,6 +45,9 @@ static void judge_source(const struct fv_health_facts *facts, struct fv_health_p
         spoil(source, FV_HEALTH_FAILED, "no frame for %.1f s", seconds(facts->silent_ns));
     else if (facts->source_state > FOVEA_SOURCE_OK && facts->source_state <= FOVEA_SOURCE_RETURNING)
         spoil(source, FV_HEALTH_DEGRADED, "%s", words[facts->source_state]);
+    else if (facts->silent_camera > 0 && facts->camera_silent_ns > facts->silence_ns)
+        spoil(source, FV_HEALTH_DEGRADED, "camera %" PRIu32 " gives no images, for %.1f s",
+              facts->silent_camera, seconds(facts->camera_silent_ns));
 }
 
 static void judge_pose(const struct fv_health_facts *facts, struct fv_health_part *odometry)

@@ -5,7 +5,8 @@
  *
  *   self_test  failed: the checks of self_test.h did not hold at the start
  *   source     failed: the watchdog: no frame for `silence_ns`, or the camera is gone; degraded: it
- *              is late, stalled or returning
+ *              is late, stalled or returning, or one camera of a rig gives no images for
+ *              `silence_ns`
  *   imu        degraded: anything but `ok`
  *   odometry   failed: lost for longer than `silence_ns`; degraded: weak, lost, coasting, starting
  *              for more than 10 s, paused, or a calibration that does not fit
@@ -46,9 +47,11 @@ struct fv_health_facts {
     const char *self_test; /* what is wrong; "": nothing */
     int64_t silence_ns;    /* of the watchdog */
 
-    int source_state;  /* enum fovea_source_state */
-    int64_t silent_ns; /* since the last picture that was processed */
-    int imu_state;     /* enum fovea_imu_state; FOVEA_IMU_NONE: no part */
+    int source_state;       /* enum fovea_source_state */
+    int64_t silent_ns;      /* since the last picture that was processed */
+    uint32_t silent_camera; /* of a rig the camera that has been silent for longest; 0: no rig */
+    int64_t camera_silent_ns;
+    int imu_state; /* enum fovea_imu_state; FOVEA_IMU_NONE: no part */
 
     enum fv_watch_state pose; /* FV_WATCH_RUNNING: odometry is off */
     int64_t pose_ns;          /* for how long */

@@ -58,6 +58,22 @@ enum fovea_status fv_history_parse(const char *name, char *text, struct fv_histo
 
 _Static_assert(sizeof(struct fv_history) % sizeof(uint64_t) == 0, "counters alone");
 
+void fv_history_path(const char *asked, const char *config, char *path, size_t capacity)
+{
+    const char *folder = getenv("STATE_DIRECTORY"), *slash = strrchr(config, '/'),
+               *name = slash != NULL ? slash + 1 : config;
+    path[0] = '\0';
+    if (strcmp(asked, "auto") != 0) {
+        snprintf(path, capacity, "%s", asked);
+        return;
+    }
+    const char *end = strstr(name, ".yaml");
+    const size_t length = end != NULL ? (size_t)(end - name) : strlen(name);
+    if (folder == NULL || folder[0] == '\0' || length == 0) return;
+    snprintf(path, capacity, "%.*s/%.*s.health", (int)strcspn(folder, ":"), folder, (int)length,
+             name);
+}
+
 enum fovea_status fv_history_read(const char *path, struct fv_history *history,
                                   struct fovea_error *error)
 {
@@ -67,7 +83,7 @@ enum fovea_status fv_history_read(const char *path, struct fv_history *history,
     if (access(path, F_OK) != 0) return FOVEA_OK;
     enum fovea_status status = fv_text_read(path, FILE_BYTES_MAX, &text, &bytes, error);
     if (status != FOVEA_OK) return status;
-    status = fv_history_parse(path, text, history, error);
+    if (bytes > 0) status = fv_history_parse(path, text, history, error);
     free(text);
     return status;
 }

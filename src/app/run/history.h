@@ -4,6 +4,7 @@
 #ifndef FOVEA_APP_RUN_HISTORY_H
 #define FOVEA_APP_RUN_HISTORY_H
 
+#include <stddef.h>
 #include <stdint.h>
 
 #include "fovea/status.h"
@@ -24,8 +25,14 @@ struct fv_history {
 #undef FV_HISTORY_MEMBER
 };
 
-/* Zeros where there is no file. FOVEA_ERROR_INPUT: it cannot be read, or is none of these; `error`
- * names the line, what was found and what was expected. */
+/* Where a run by the configuration file `config` ("": by none) keeps them, the key being `asked`.
+ * Of "auto" it is NAME.health in the first folder of the environment's STATE_DIRECTORY, which
+ * systemd sets for units that have one, and NAME that of `config` without ".yaml"; without either
+ * "". */
+void fv_history_path(const char *asked, const char *config, char *path, size_t capacity);
+
+/* Zeros where there is no file, or an empty one. FOVEA_ERROR_INPUT: it cannot be read, or is none
+ * of these; `error` names the line, what was found and what was expected. */
 enum fovea_status fv_history_read(const char *path, struct fv_history *history,
                                   struct fovea_error *error);
 /* The text of such a file, cut up in place; `name` is for errors. */

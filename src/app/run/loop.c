@@ -134,6 +134,14 @@ static bool has_image(const struct fovea_frame *frame)
     return any;
 }
 
+/* Images of each camera that a step has processed. */
+static void count_images(struct fv_loop *loop, const struct fovea_frame *frame)
+{
+    for (uint32_t i = 0; i < frame->image_count; i++)
+        if (frame->images[i].data != NULL)
+            atomic_fetch_add_explicit(&loop->shared->images[i], 1, memory_order_relaxed);
+}
+
 /* `given`: what the source gave, or NULL. Without any image it is a step without a frame, at the
  * time of its stamp. */
 static void fill_inputs(struct fv_loop *loop, const struct fovea_frame *given, int64_t late_ns,
@@ -228,6 +236,7 @@ static void iteration(struct fv_loop *loop, const struct fovea_frame *given, int
 
     if (loop->real_time) fovea_governor_learn(&loop->governor, step.cpu_ns, work.cpu_ns, &outputs);
     if (status == FOVEA_OK) account(loop, step, work, inputs.latency_ns);
+    if (status == FOVEA_OK) count_images(loop, inputs.frame);
     loop->counts.processed += status == FOVEA_OK;
     loop->counts.posed += status == FOVEA_OK && pose.posed;
     loop->counts.lost += status == FOVEA_OK && pose.state == FOVEA_TRACKING_LOST;

@@ -33,7 +33,8 @@ struct fv_loop_shared {
      * it. Grants follow, and they are recorded. */
     _Atomic uint32_t share;
     _Atomic uint64_t frames, features;
-    _Atomic uint64_t pictures; /* frames that a step has processed */
+    _Atomic uint64_t pictures;                  /* frames that a step has processed */
+    _Atomic uint64_t images[FOVEA_CAMERAS_MAX]; /* of each camera, likewise */
     _Atomic uint64_t dropped; /* by the loop as too late, and by the source, as the loop was busy */
     _Atomic uint64_t beats;   /* rises while the loop runs, with and without frames */
     _Atomic int64_t step_ns;

@@ -203,6 +203,8 @@ static enum fv_options_result options_read(struct fv_run *run, int argc, char **
 static enum fovea_status settings_read(struct fv_run *run, struct fovea_error *error)
 {
     enum fovea_status status = fv_setup_settings(&run->options, &run->settings, error);
+    fv_history_path(run->settings.health_state_file, run->settings.file, run->health.history_path,
+                    sizeof run->health.history_path);
     if (status == FOVEA_OK) status = fv_run_files_apart(run, error);
     if (status == FOVEA_OK)
         status = fv_web_page_start(run->web_port, &run->settings, &run->web_page, error);
@@ -523,8 +525,8 @@ static enum fovea_status run_loop(struct fv_run *run, struct fovea_error *error)
     atomic_store(&run->shared.temperature_c, NAN);
     sem_init(&run->ended, 0, 0);
 
-    enum fovea_status status = fv_run_health_open(run, error);
-    if (status == FOVEA_OK) status = loop->ops->start(loop->source, error);
+    fv_run_health_open(run);
+    enum fovea_status status = loop->ops->start(loop->source, error);
     if (status == FOVEA_OK && run->setup.iio != NULL) status = fv_iio_start(run->setup.iio, error);
     if (status != FOVEA_OK) return status;
     status = fv_realtime_start(&thread, run->settings.priority, run->settings.cpu, loop_body, run,

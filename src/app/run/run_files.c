@@ -31,7 +31,7 @@ _Static_assert(WRITTEN_MAX + MAPS_MAX <= FV_FILES_WATCHED_MAX, "raise FV_FILES_W
 
 static int list_written(const struct fv_run *run, struct written *written)
 {
-    const char *kept = run->settings.parameters_file, *history = run->settings.health_state_file;
+    const char *kept = run->settings.parameters_file, *history = run->health.history_path;
     const bool drawn = run->picture_path != NULL && strcmp(run->picture_path, "none") != 0;
     const struct fv_file files[] = {
         {"--record", run->settings.record},

@@ -14,29 +14,32 @@
 
 static const int64_t keep_ns = 60 * FV_SECOND_NS;
 
-/* Count the start and keep it at once, so that a run that is killed is known by the ends. */
-static enum fovea_status history_open(struct fv_run *run, struct fovea_error *error)
+static void history_keep(struct fv_run *run)
 {
+    struct fovea_error error;
+    const char *path = run->health.history_path;
+    if (path[0] == '\0') return;
+    if (fv_history_write(path, &run->health.history, &error) != FOVEA_OK) fv_say("%s", error.text);
+}
+
+/* Count the start and keep it at once, so that a run that is killed is known by the ends. */
+static void history_open(struct fv_run *run)
+{
+    struct fovea_error error;
     struct fv_history *history = &run->health.history;
-    const char *path = run->settings.health_state_file;
-    if (path[0] == '\0') return FOVEA_OK;
-    enum fovea_status status = fv_history_read(path, history, error);
-    if (status != FOVEA_OK) return status;
-    char runs[FV_TEXT_COUNT_BYTES];
+    char *path = run->health.history_path, runs[FV_TEXT_COUNT_BYTES];
+    if (path[0] == '\0') return;
+    if (fv_history_read(path, history, &error) != FOVEA_OK) {
+        fv_say("%s; the file is left as it is, and counters are not kept", error.text);
+        path[0] = '\0';
+        return;
+    }
     if (!run->quiet && history->starts > 0)
         fv_say_note("%.200s: %s before, %" PRIu64 " of them not ended in order; %.1f hours", path,
                     fv_text_count(history->starts, "run", runs), history->starts - history->ends,
                     (double)history->seconds / 3600);
     history->starts++;
-    return fv_history_write(path, history, error);
-}
-
-static void history_keep(struct fv_run *run)
-{
-    struct fovea_error error;
-    const char *path = run->settings.health_state_file;
-    if (path[0] == '\0') return;
-    if (fv_history_write(path, &run->health.history, &error) != FOVEA_OK) fv_say("%s", error.text);
+    history_keep(run);
 }
 
 /* Whole seconds of what has gone by, and the rest. */
@@ -87,7 +90,7 @@ void fv_run_health_end(struct fv_run *run)
 
 /* ---- health ---------------------------------------------------------------------------------- */
 
-enum fovea_status fv_run_health_open(struct fv_run *run, struct fovea_error *error)
+void fv_run_health_open(struct fv_run *run)
 {
     struct fv_run_health *health = &run->health;
     const char *root = getenv("FOVEA_SYS_ROOT");
@@ -98,7 +101,9 @@ enum fovea_status fv_run_health_open(struct fv_run *run, struct fovea_error *err
     health->stamp = fv_message_stamp(NULL, 0);
     fv_message_channel(run->settings.runtime.channel_prefix, FV_MESSAGE_HEALTH, health->channel);
     health->counted_ns = health->kept_ns = health->looked_ns = health->picture_ns;
-    if (!health->on) return FOVEA_OK;
+    for (int i = 0; i < FOVEA_CAMERAS_MAX; i++)
+        health->image_ns[i] = health->picture_ns;
+    if (!health->on) return;
     fv_transport_reserve(run->transport, FV_TRANSPORT_WATCHER, health->channel);
     /* A hot machine is given less from the first frame on. */
     fv_host_read(health->root, run->settings.health_heat_limit_c, &health->host);
@@ -107,7 +112,7 @@ enum fovea_status fv_run_health_open(struct fv_run *run, struct fovea_error *err
     fv_self_test(health->self_test);
     if (health->self_test[0] != '\0')
         fv_say_word(FV_SAY_RED, "self-test", ": %s", health->self_test);
-    return history_open(run, error);
+    history_open(run);
 }
 
 /* How much a counter has risen since it was last seen. */
@@ -138,6 +143,23 @@ static bool recording_ended(const struct fv_run *run)
            run->recordings.reason[0] != '\0';
 }
 
+/* The camera of a rig that has been silent for longest; 0: there is no rig. */
+static uint32_t most_silent(struct fv_run *run, int64_t now_ns, int64_t *silent_ns)
+{
+    struct fv_run_health *health = &run->health;
+    const uint32_t cameras = run->settings.runtime.rig.camera_count;
+    uint32_t most = 0;
+    *silent_ns = 0;
+    for (uint32_t i = 0; i < cameras; i++) {
+        if (risen(&health->images[i], atomic_load(&run->shared.images[i])) > 0)
+            health->image_ns[i] = now_ns;
+        if (cameras == 1 || now_ns - health->image_ns[i] <= *silent_ns) continue;
+        *silent_ns = now_ns - health->image_ns[i];
+        most = i + 1;
+    }
+    return most;
+}
+
 static void facts_gather(struct fv_run *run, int64_t now_ns, struct fv_health_facts *facts)
 {
     struct fv_run_health *health = &run->health;
@@ -150,11 +172,15 @@ static void facts_gather(struct fv_run *run, int64_t now_ns, struct fv_health_fa
     health->unsent_now = counts.dropped;
     if (risen(&health->inferences, atomic_load(&health->inferences_now)) > 0)
         health->inference_ns = now_ns;
+    int64_t camera_silent_ns;
+    const uint32_t silent_camera = most_silent(run, now_ns, &camera_silent_ns);
     *facts = (struct fv_health_facts){
         .self_test = health->self_test,
         .silence_ns = (int64_t)run->settings.health_silence_ms * 1000000,
         .source_state = atomic_load(&run->watch.source_state),
         .silent_ns = now_ns - health->picture_ns,
+        .silent_camera = silent_camera,
+        .camera_silent_ns = camera_silent_ns,
         .imu_state = atomic_load(&run->watch.imu_state),
         .pose = (enum fv_watch_state)atomic_load(&run->watch.now_state),
         .pose_ns = atomic_load(&run->watch.lasts_ns),

@@ -14,6 +14,7 @@
 
 #include "app/run/health.h"
 #include "app/run/history.h"
+#include "app/config/settings.h"
 #include "app/run/self_test.h"
 #include "fovea_health_t.h"
 #include "message/message.h"
@@ -40,12 +41,15 @@ struct fv_run_health {
     struct fv_host host;
     uint32_t share;
     uint64_t frames, pictures, inferences, beats; /* as last seen */
+    uint64_t images[FOVEA_CAMERAS_MAX];           /* likewise */
+    int64_t image_ns[FOVEA_CAMERAS_MAX];          /* when they last changed */
     uint64_t dropped_now, unsent_now;             /* counts at the last look */
     uint64_t late, unsent;                        /* those that were last sent */
     int64_t picture_ns, inference_ns;             /* when they last changed */
     int64_t looked_ns, stood_ns; /* the last look; for how long the loop has not moved */
     int64_t told_ns;
-    struct fv_history history;    /* where health.state_file is set */
+    char history_path[FV_SETTINGS_PATH_BYTES]; /* as settings say; "": it is not kept */
+    struct fv_history history;
     int64_t counted_ns, kept_ns;  /* when seconds were last counted, and the file written */
     int64_t rest_ns, hot_rest_ns; /* of seconds that are not whole yet */
 
@@ -60,9 +64,9 @@ struct fv_run_health {
 };
 
 /* Before the loop: whether there is health at all, the self-test, and one start more in the
- * history. FOVEA_ERROR_INPUT or FOVEA_ERROR_SYSTEM: its file is damaged or cannot be written.
- * Init-only. */
-enum fovea_status fv_run_health_open(struct fv_run *run, struct fovea_error *error);
+ * history. A robot does not stand still for its counters: a file that is damaged is left as it is,
+ * one that cannot be written is tried again each minute, and a line says so. Init-only. */
+void fv_run_health_open(struct fv_run *run);
 /* Look at everything; the watching thread. */
 void fv_run_health_tend(struct fv_run *run);
 /* The loop has ended: keep the history. */

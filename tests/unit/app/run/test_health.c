@@ -332,6 +332,11 @@ static void test_history(void **state)
     assert_int_equal(fv_history_write(path, &history, &error), FOVEA_OK);
     assert_int_equal(fv_history_read(path, &read, &error), FOVEA_OK);
     assert_memory_equal(&history, &read, sizeof read);
+    put("/history", "");
+    assert_int_equal(fv_history_read(path, &read, &error), FOVEA_OK);
+    assert_int_equal(read.starts, 0);
+    put("/history", "junk\n");
+    assert_int_equal(fv_history_read(path, &read, &error), FOVEA_ERROR_INPUT);
     static const struct {
         const char *text, *said;
     } wrong[] = {
@@ -347,6 +352,32 @@ static void test_history(void **state)
         assert_int_equal(fv_history_parse("history", text, &read, &error), FOVEA_ERROR_INPUT);
         assert_string_equal(error.text, wrong[i].said);
     }
+}
+
+static void test_where_history_is_kept(void **state)
+{
+    (void)state;
+    char path[64];
+    static const struct {
+        const char *folder, *asked, *config, *path;
+    } cases[] = {
+        {"/var/lib/fovea", "auto", "/etc/fovea/front.yaml", "/var/lib/fovea/front.health"},
+        {"/var/lib/fovea:/var/lib/more", "auto", "rig.yaml", "/var/lib/fovea/rig.health"},
+        {"/var/lib/fovea", "auto", "front", "/var/lib/fovea/front.health"},
+        {"/var/lib/fovea", "auto", "", ""},
+        {NULL, "auto", "/etc/fovea/front.yaml", ""},
+        {"/var/lib/fovea", "", "/etc/fovea/front.yaml", ""},
+        {"/var/lib/fovea", "kept", "/etc/fovea/front.yaml", "kept"},
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        if (cases[i].folder != NULL)
+            setenv("STATE_DIRECTORY", cases[i].folder, 1);
+        else
+            unsetenv("STATE_DIRECTORY");
+        fv_history_path(cases[i].asked, cases[i].config, path, sizeof path);
+        assert_string_equal(path, cases[i].path);
+    }
+    unsetenv("STATE_DIRECTORY");
 }
 
 static void test_self_test(void **state)
@@ -468,6 +499,26 @@ static void test_frames_without_pictures(void **state)
     assert_int_equal(told("source")->state, FV_HEALTH_OK);
 }
 
+/* The first camera goes on, so there are frames. */
+static void test_a_silent_camera_of_a_rig(void **state)
+{
+    (void)state;
+    run.settings.runtime.rig.camera_count = 2;
+    run.health.image_ns[0] = run.health.picture_ns;
+    run.health.image_ns[1] = run.health.picture_ns - INT64_C(61000000000);
+    run.shared.images[0] = 7;
+    fv_run_health_tend(&run);
+    assert_int_equal(told("source")->state, FV_HEALTH_DEGRADED);
+    assert_non_null(strstr(told("source")->reason, "camera 2 gives no images, for 61."));
+    run.shared.images[1] = 1;
+    fv_run_health_tend(&run);
+    assert_int_equal(told("source")->state, FV_HEALTH_OK);
+    run.settings.runtime.rig.camera_count = 1; /* the frame's silence is told then */
+    run.health.image_ns[0] -= INT64_C(61000000000);
+    fv_run_health_tend(&run);
+    assert_int_equal(told("source")->state, FV_HEALTH_OK);
+}
+
 /* A recording that was begun by command counts, too. */
 static void test_recordings_by_command(void **state)
 {
@@ -490,6 +541,7 @@ int main(void)
         cmocka_unit_test_setup_teardown(test_a_loop_that_hangs, make_run, remove_root),
         cmocka_unit_test_setup_teardown(test_a_hung_step_is_told, make_run, remove_root),
         cmocka_unit_test_setup_teardown(test_frames_without_pictures, make_run, remove_root),
+        cmocka_unit_test_setup_teardown(test_a_silent_camera_of_a_rig, make_run, remove_root),
         cmocka_unit_test_setup_teardown(test_recordings_by_command, make_run, remove_root),
         cmocka_unit_test_setup_teardown(test_odd_temperatures, make_root, remove_root),
         cmocka_unit_test_setup_teardown(test_critical_alone, make_root, remove_root),
@@ -499,6 +551,7 @@ int main(void)
         cmocka_unit_test(test_parts),
         cmocka_unit_test(test_absent_parts),
         cmocka_unit_test_setup_teardown(test_history, make_root, remove_root),
+        cmocka_unit_test(test_where_history_is_kept),
         cmocka_unit_test(test_self_test),
     };
     return cmocka_run_group_tests_name("health", tests, NULL, NULL);
