@@ -270,6 +270,12 @@ static void a_wrong_clock_is_found(void **state)
             if (used_s == 0 && imu.time_offset_used_s != 0)
                 doubted = body.scale_state != FOVEA_POSE_T_SCALE_METRIC || body.scale_sigma > 0.4;
             used_s = imu.time_offset_used_s;
+            const struct fv_inertial_stage_state *stage = rig.rt->inertial.state;
+            if (!stage->doubted) continue;
+            assert_false(stage->known.moving); /* no velocity comes of what is in doubt, */
+            assert_true(stage->known.gravity_sigma > 0.1 &&
+                        stage->known.bias_covariance[0] > 0.005 &&
+                        stage->known.bias_covariance[20] > 0.05); /* and biases may be anything */
         }
         assert_int_equal(doubted, i > 0); /* by samples of the wrong clock */
         /* What carries poses on between frames moves them likewise. */
